@@ -1,0 +1,27 @@
+/// Little-endian access to unaligned bytes, the byte order of every CANopen field (CiA 301 §7.1.4).
+#pragma once
+
+#include <cstddef>
+#include <cstdint>
+#include <cstring>
+#include <type_traits>
+
+namespace berth {
+
+/// Reads an unsigned integer of `sizeof(T)` bytes at `from`.
+template <class T>
+[[nodiscard]] constexpr T load_le(const std::uint8_t* from) noexcept {
+  static_assert(std::is_unsigned_v<T>);
+  T value = 0;
+  for (std::size_t i = 0; i < sizeof(T); ++i) value = static_cast<T>(value | (static_cast<T>(from[i]) << (8 * i)));
+  return value;
+}
+
+/// Writes `sizeof(T)` bytes at `to`.
+template <class T>
+constexpr void store_le(std::uint8_t* to, T value) noexcept {
+  static_assert(std::is_unsigned_v<T>);
+  for (std::size_t i = 0; i < sizeof(T); ++i) to[i] = static_cast<std::uint8_t>(value >> (8 * i));
+}
+
+}  // namespace berth

@@ -1,0 +1,114 @@
+#include "berth/can/dispatcher.hpp"
+
+#include <algorithm>
+
+namespace berth::can {
+
+Handler::~Handler() {
+  if (dispatcher_ != nullptr) dispatcher_->remove(*this);
+}
+
+Confirmation::~Confirmation() {
+  if (dispatcher_ != nullptr) dispatcher_->withdraw(*this);
+}
+
+Dispatcher::Dispatcher(rt::Executor& executor, Port& port) noexcept : executor_(&executor), port_(&port) {
+  waiting_.reserve(16);
+  refresh();
+}
+
+Dispatcher::~Dispatcher() {
+  port_->listen(nullptr, {});
+  for (const auto& entry : entries_) entry.handler->dispatcher_ = nullptr;
+  for (auto* confirmation : waiting_) {
+    confirmation->dispatcher_ = nullptr;
+    confirmation->tag_ = 0;
+  }
+}
+
+void Dispatcher::add(IdRange range, Handler& handler) {
+  const Entry entry{range, &handler, next_order_++};
+  handler.dispatcher_ = this;
+  const auto at = std::ranges::upper_bound(entries_, range.first, {}, [](const Entry& e) { return e.range.first; });
+  entries_.insert(at, entry);
+  refresh();
+}
+
+void Dispatcher::remove(Handler& handler) noexcept {
+  if (handler.dispatcher_ != this) return;
+  handler.dispatcher_ = nullptr;
+  std::erase_if(entries_, [&](const Entry& e) { return e.handler == &handler; });
+  refresh();
+}
+
+// The port's filter is the sorted, merged list of what the handlers hear.
+void Dispatcher::refresh() noexcept {
+  ++edition_;
+  widest_ = 0;
+  std::vector<IdRange> accept;
+  for (const auto& e : entries_) {
+    widest_ = std::max(widest_, e.range.last - e.range.first);
+    if (!accept.empty() && e.range.first <= accept.back().last + 1) {
+      accept.back().last = std::max(accept.back().last, e.range.last);
+    } else {
+      accept.push_back(e.range);
+    }
+  }
+  port_->listen(this, accept);
+}
+
+void Dispatcher::received(const Frame& frame, rt::Time at) noexcept {
+  const auto key = frame.key();
+  std::uint32_t heard = 0;  // order of the last handler called, plus one
+  for (;;) {
+    const auto edition = edition_;
+    const auto low = key > widest_ ? key - widest_ : 0;
+    auto it = std::ranges::lower_bound(entries_, low, {}, [](const Entry& e) { return e.range.first; });
+    Entry* next = nullptr;
+    for (; it != entries_.end() && it->range.first <= key; ++it) {
+      if (!it->range.contains(key) || it->order < heard) continue;
+      if (next == nullptr || it->order < next->order) next = &*it;
+    }
+    if (next == nullptr) return;
+    heard = next->order + 1;
+    next->handler->received(frame, at);
+    if (edition == edition_ && entries_.size() == 1) return;
+  }
+}
+
+Queued Dispatcher::send(const Frame& frame, Confirmation& confirmation) noexcept {
+  withdraw(confirmation);
+  if (++next_tag_ == 0) next_tag_ = 1;
+  const auto queued = port_->send(frame, next_tag_);
+  if (queued != Queued::yes) return queued;
+  confirmation.dispatcher_ = this;
+  confirmation.tag_ = next_tag_;
+  waiting_.push_back(&confirmation);
+  return Queued::yes;
+}
+
+void Dispatcher::forget(Confirmation& confirmation) noexcept {
+  std::erase(waiting_, &confirmation);
+  confirmation.dispatcher_ = nullptr;
+  confirmation.tag_ = 0;
+}
+
+void Dispatcher::withdraw(Confirmation& confirmation) noexcept {
+  if (confirmation.dispatcher_ != this) return;
+  port_->withdraw(confirmation.tag_);
+  forget(confirmation);
+}
+
+void Dispatcher::sent(std::uint32_t tag, rt::Time at) noexcept {
+  const auto it = std::ranges::find(waiting_, tag, [](const Confirmation* c) { return c->tag_; });
+  if (it == waiting_.end()) return;
+  Confirmation& confirmation = **it;
+  forget(confirmation);
+  confirmation.sent(at);
+}
+
+void Dispatcher::changed(const Status& status, rt::Time at) noexcept {
+  if (status_handler_ != nullptr) status_handler_->changed(status, at);
+}
+
+}  // namespace berth::can

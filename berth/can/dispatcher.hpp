@@ -1,0 +1,108 @@
+/// Shares one port among the services of a node: each hears the identifiers it asked for, and learns when its own
+/// frames are on the wire.
+#pragma once
+
+#include <array>
+#include <cstdint>
+#include <vector>
+
+#include "berth/can/port.hpp"
+
+namespace berth::can {
+
+class Dispatcher;
+
+/// A service's ear. Registered for one range of keys; leaves by itself when destroyed.
+class Handler {
+ public:
+  virtual void received(const Frame& frame, rt::Time at) noexcept = 0;
+  Handler(const Handler&) = delete;
+  Handler& operator=(const Handler&) = delete;
+
+ protected:
+  Handler() = default;
+  ~Handler();
+
+ private:
+  friend class Dispatcher;
+  Dispatcher* dispatcher_ = nullptr;
+};
+
+/// Told when one frame is on the wire. Leaves by itself when destroyed.
+class Confirmation {
+ public:
+  virtual void sent(rt::Time at) noexcept = 0;
+  Confirmation(const Confirmation&) = delete;
+  Confirmation& operator=(const Confirmation&) = delete;
+  [[nodiscard]] bool pending() const noexcept { return tag_ != 0; }
+
+ protected:
+  Confirmation() = default;
+  ~Confirmation();
+
+ private:
+  friend class Dispatcher;
+  Dispatcher* dispatcher_ = nullptr;
+  std::uint32_t tag_ = 0;
+};
+
+/// Error state, bus-off and cable, for whoever must act on them.
+class StatusHandler {
+ public:
+  virtual void changed(const Status& status, rt::Time at) noexcept = 0;
+
+ protected:
+  ~StatusHandler() = default;
+};
+
+/// Owns the listener's place of a port. Handlers are found by binary search over the ranges; several handlers may
+/// hear one key, and hear it in the order in which they were added. Registering may allocate; a frame's way does not.
+/// A handler may add and remove handlers, itself included, while it is called.
+class Dispatcher final : private Listener {
+ public:
+  Dispatcher(rt::Executor& executor, Port& port) noexcept;
+  ~Dispatcher();
+  Dispatcher(const Dispatcher&) = delete;
+  Dispatcher& operator=(const Dispatcher&) = delete;
+
+  [[nodiscard]] rt::Executor& executor() const noexcept { return *executor_; }
+  [[nodiscard]] Port& port() const noexcept { return *port_; }
+
+  /// Lets `handler` hear `range`; it may be added for several ranges.
+  void add(IdRange range, Handler& handler);
+  /// Takes it out of all ranges. Nothing happens when it is in none.
+  void remove(Handler& handler) noexcept;
+  void on_status(StatusHandler* handler) noexcept { status_handler_ = handler; }
+
+  /// Queues a frame that nobody waits for.
+  Queued send(const Frame& frame) noexcept { return port_->send(frame, 0); }
+  /// Queues a frame; `confirmation.sent` is called once when it is on the wire. One frame per confirmation at a time.
+  Queued send(const Frame& frame, Confirmation& confirmation) noexcept;
+  /// Takes the frame back if it is still queued, and forgets the confirmation.
+  void withdraw(Confirmation& confirmation) noexcept;
+
+ private:
+  friend class Confirmation;
+  struct Entry {
+    IdRange range;
+    Handler* handler;
+    std::uint32_t order;
+  };
+  void received(const Frame& frame, rt::Time at) noexcept override;
+  void sent(std::uint32_t tag, rt::Time at) noexcept override;
+  void changed(const Status& status, rt::Time at) noexcept override;
+  void refresh() noexcept;
+  void forget(Confirmation& confirmation) noexcept;
+
+  rt::Executor* executor_;
+  Port* port_;
+  StatusHandler* status_handler_ = nullptr;
+  std::vector<Entry> entries_;  // sorted by range.first, then order
+  std::vector<Confirmation*> waiting_;
+  std::uint32_t widest_ = 0;    // widest range, so that a search knows how far back to look
+  std::uint32_t next_order_ = 0;
+  std::uint32_t next_tag_ = 0;
+  std::uint32_t edition_ = 0;   // counts changes of entries_
+};
+
+}  // namespace berth::can

@@ -1,0 +1,114 @@
+/// One CAN frame: classic or FD, base (11 bit) or extended (29 bit), data or remote.
+#pragma once
+
+#include <array>
+#include <cstdint>
+#include <cstring>
+#include <initializer_list>
+#include <optional>
+#include <span>
+#include <string>
+#include <string_view>
+
+namespace berth::can {
+
+/// Marks an extended identifier wherever an identifier stands as one number (`Frame::key`, `IdRange`); the bit that
+/// SocketCAN uses too.
+inline constexpr std::uint32_t extended_flag = 0x8000'0000U;
+inline constexpr std::uint32_t base_mask = 0x7FFU;
+inline constexpr std::uint32_t extended_mask = 0x1FFF'FFFFU;
+
+/// Copying copies only the bytes in use: a classic frame costs 16 bytes, not 72.
+struct Frame {
+  std::uint32_t id = 0;    ///< 0..7FFh or, when `extended`, 0..1FFF FFFFh
+  bool extended = false;   ///< 29-bit format (IDE)
+  bool remote = false;     ///< remote frame (RTR): `size` is the DLC asked for, no data on the wire
+  bool fd = false;         ///< FD format (FDF); never remote
+  bool brs = false;        ///< FD: data phase at the second bit rate
+  bool esi = false;        ///< FD: sender is error passive
+  std::uint8_t size = 0;   ///< bytes: 0..8, FD also 12, 16, 20, 24, 32, 48, 64
+  std::array<std::uint8_t, 64> data;  ///< the first `size` bytes hold something
+
+  Frame() noexcept { std::memset(data.data(), 0, 8); }
+  Frame(const Frame& other) noexcept { *this = other; }
+  Frame& operator=(const Frame& other) noexcept {
+    id = other.id;
+    extended = other.extended;
+    remote = other.remote;
+    fd = other.fd;
+    brs = other.brs;
+    esi = other.esi;
+    size = other.size;
+    std::memcpy(data.data(), other.data.data(), 8);
+    if (other.size > 8 && this != &other) std::memcpy(data.data() + 8, other.data.data() + 8, other.size - 8U);
+    return *this;
+  }
+  ~Frame() = default;
+
+  /// A data frame in base format. At most 8 bytes are taken.
+  [[nodiscard]] static Frame base(std::uint32_t id, std::span<const std::uint8_t> bytes) noexcept {
+    Frame f;
+    f.id = id & base_mask;
+    f.size = static_cast<std::uint8_t>(bytes.size() < 8 ? bytes.size() : 8);
+    if (f.size > 0) std::memcpy(f.data.data(), bytes.data(), f.size);
+    return f;
+  }
+  [[nodiscard]] static Frame base(std::uint32_t id, std::initializer_list<std::uint8_t> bytes) noexcept {
+    return base(id, std::span(bytes.begin(), bytes.size()));
+  }
+  /// A data frame in extended format.
+  [[nodiscard]] static Frame ext(std::uint32_t id, std::span<const std::uint8_t> bytes) noexcept {
+    Frame f = base(0, bytes);
+    f.id = id & extended_mask;
+    f.extended = true;
+    return f;
+  }
+  [[nodiscard]] static Frame ext(std::uint32_t id, std::initializer_list<std::uint8_t> bytes) noexcept {
+    return ext(id, std::span(bytes.begin(), bytes.size()));
+  }
+  /// A remote frame in base format that asks for `dlc` bytes.
+  [[nodiscard]] static Frame request(std::uint32_t id, std::uint8_t dlc) noexcept {
+    Frame f;
+    f.id = id & base_mask;
+    f.remote = true;
+    f.size = dlc < 8 ? dlc : std::uint8_t{8};
+    return f;
+  }
+
+  /// The bytes that are on the wire: none for a remote frame.
+  [[nodiscard]] std::span<const std::uint8_t> bytes() const noexcept {
+    return {data.data(), remote ? std::size_t{0} : size};
+  }
+  /// Identifier and format as one number: what acceptance filters and dispatch compare.
+  [[nodiscard]] std::uint32_t key() const noexcept { return extended ? id | extended_flag : id; }
+
+  friend bool operator==(const Frame& a, const Frame& b) noexcept {
+    return a.key() == b.key() && a.remote == b.remote && a.fd == b.fd && a.brs == b.brs && a.size == b.size &&
+           (a.remote || std::memcmp(a.data.data(), b.data.data(), a.size) == 0);
+  }
+};
+
+/// candump's short form: `7E5#0401000000000000`, `1F940000#80000000`, `701#R1`. FD: `123##1AABB`.
+[[nodiscard]] std::string to_string(const Frame& frame);
+/// Reads what `to_string` writes; an identifier of more than three digits is extended.
+[[nodiscard]] std::optional<Frame> parse_frame(std::string_view text);
+
+/// Inclusive range of keys (`Frame::key`): what an acceptance filter lets through.
+struct IdRange {
+  std::uint32_t first = 0;
+  std::uint32_t last = 0;
+  [[nodiscard]] constexpr bool contains(std::uint32_t key) const noexcept { return key >= first && key <= last; }
+  friend constexpr bool operator==(IdRange, IdRange) noexcept = default;
+};
+[[nodiscard]] constexpr IdRange only(std::uint32_t key) noexcept { return {key, key}; }
+inline constexpr IdRange all_base{0, base_mask};
+inline constexpr IdRange all_extended{extended_flag, extended_flag | extended_mask};
+
+/// Bit rates in bit/s. CANopen's: 10, 20, 50, 125, 250, 500, 800 and 1000 kbit/s (CiA 301 §4.5).
+struct BitRate {
+  std::uint32_t nominal = 125'000;
+  std::uint32_t data = 0;  ///< FD data phase, 0 = none
+  friend constexpr bool operator==(BitRate, BitRate) noexcept = default;
+};
+
+}  // namespace berth::can

@@ -1,0 +1,196 @@
+#include "berth/rt/executor.hpp"
+
+#include <cassert>
+
+namespace berth::rt {
+
+void Job::cancel() noexcept {
+  if (ready()) Executor::unlink_ready(*this);
+  cancel_timer();
+}
+
+void Job::cancel_timer() noexcept {
+  if (!timed_) return;
+  executor_->remove(*this);
+  timed_ = false;
+}
+
+Executor::Executor() noexcept {
+  for (Job* anchor : {static_cast<Job*>(&node_), static_cast<Job*>(&medium_)}) {
+    anchor->ready_prev_ = anchor->ready_next_ = anchor;
+  }
+}
+
+Executor::~Executor() {
+  // Jobs may outlive the executor; they must not reach back into it.
+  while (root_ != nullptr) root_->cancel_timer();
+  for (Job* anchor : {static_cast<Job*>(&node_), static_cast<Job*>(&medium_)}) {
+    while (anchor->ready_next_ != anchor) unlink_ready(*anchor->ready_next_);
+    anchor->ready_prev_ = anchor->ready_next_ = nullptr;
+  }
+}
+
+void Executor::unlink_ready(Job& job) noexcept {
+  job.ready_prev_->ready_next_ = job.ready_next_;
+  job.ready_next_->ready_prev_ = job.ready_prev_;
+  job.ready_prev_ = job.ready_next_ = nullptr;
+}
+
+void Executor::post(Job& job, Phase phase) noexcept {
+  if (job.ready()) return;
+  Job& anchor = phase == Phase::node ? static_cast<Job&>(node_) : medium_;
+  Job* after = anchor.ready_prev_;
+  if (shuffle_ != 0) {
+    // Into a drawn place of the last few: enough to turn any two neighbours round.
+    shuffle_ = shuffle_ * 6364136223846793005ULL + 1442695040888963407ULL;
+    for (auto skip = (shuffle_ >> 60) & 7U; skip > 0 && after != &anchor; --skip) after = after->ready_prev_;
+  }
+  job.ready_prev_ = after;
+  job.ready_next_ = after->ready_next_;
+  after->ready_next_->ready_prev_ = &job;
+  after->ready_next_ = &job;
+}
+
+Job* Executor::meld(Job* a, Job* b) noexcept {
+  if (a == nullptr) return b;
+  if (b == nullptr) return a;
+  if (before(*b, *a)) {
+    Job* swap = a;
+    a = b;
+    b = swap;
+  }
+  b->before_ = a;
+  b->sibling_ = a->child_;
+  if (a->child_ != nullptr) a->child_->before_ = b;
+  a->child_ = b;
+  return a;
+}
+
+// Two-pass pairing of a list of siblings.
+Job* Executor::combine(Job* first) noexcept {
+  Job* pairs = nullptr;
+  while (first != nullptr) {
+    Job* a = first;
+    Job* b = a->sibling_;
+    first = b != nullptr ? b->sibling_ : nullptr;
+    a->sibling_ = a->before_ = nullptr;
+    if (b != nullptr) b->sibling_ = b->before_ = nullptr;
+    Job* melded = meld(a, b);
+    melded->sibling_ = pairs;
+    pairs = melded;
+  }
+  Job* root = nullptr;
+  while (pairs != nullptr) {
+    Job* rest = pairs->sibling_;
+    pairs->sibling_ = nullptr;
+    root = meld(root, pairs);
+    pairs = rest;
+  }
+  return root;
+}
+
+void Executor::insert(Job& job) noexcept {
+  job.child_ = job.sibling_ = job.before_ = nullptr;
+  job.key_ = job.due_;
+  root_ = meld(root_, &job);
+}
+
+void Executor::remove(Job& job) noexcept {
+  Job* rest = combine(job.child_);
+  job.child_ = nullptr;
+  if (root_ == &job) {
+    root_ = rest;
+    return;
+  }
+  if (job.before_->child_ == &job) {
+    job.before_->child_ = job.sibling_;
+  } else {
+    job.before_->sibling_ = job.sibling_;
+  }
+  if (job.sibling_ != nullptr) job.sibling_->before_ = job.before_;
+  job.sibling_ = job.before_ = nullptr;
+  root_ = meld(root_, rest);
+}
+
+void Executor::at(Time when, Job& job) noexcept {
+  assert(!job.timed_ || job.executor_ == this);
+  if (when < now_) when = now_;
+  job.order_ = ++order_;
+  job.due_ = when;
+  if (job.timed_) {
+    if (when >= job.key_) return;  // found in the heap too early, it is put back then
+    remove(job);
+  }
+  job.timed_ = true;
+  job.executor_ = this;
+  insert(job);
+}
+
+// Puts timers that were moved later back where they belong, until the earliest one is true.
+void Executor::drop_lazy() noexcept {
+  while (root_ != nullptr && root_->due_ != root_->key_) {
+    Job& job = *root_;
+    root_ = combine(job.child_);
+    insert(job);
+  }
+}
+
+std::optional<Time> Executor::next() const noexcept {
+  if (node_.ready_next_ != &node_ || medium_.ready_next_ != &medium_) return now_;
+  const_cast<Executor*>(this)->drop_lazy();  // changes the shape of the heap, not what it says
+  if (root_ == nullptr) return std::nullopt;
+  return root_->due_;
+}
+
+void Executor::make_due_ready() noexcept {
+  drop_lazy();
+  while (root_ != nullptr && root_->due_ <= now_) {
+    Job& job = *root_;
+    root_ = combine(job.child_);
+    job.child_ = nullptr;
+    job.timed_ = false;
+    post(job);
+    drop_lazy();
+  }
+}
+
+void Executor::run_one(Job& anchor) noexcept {
+  Job& job = *anchor.ready_next_;
+  unlink_ready(job);
+  ++jobs_run_;
+  job.run();
+}
+
+void Executor::settle() noexcept {
+  make_due_ready();
+  for (;;) {
+    if (node_.ready_next_ != &node_) {
+      run_one(node_);
+    } else if (root_ != nullptr && root_->key_ <= now_) {
+      make_due_ready();  // timers set for this very instant by the jobs just run
+      if (node_.ready_next_ == &node_ && medium_.ready_next_ == &medium_ && !(root_ != nullptr && root_->key_ <= now_)) return;
+    } else if (medium_.ready_next_ != &medium_) {
+      run_one(medium_);
+    } else {
+      return;
+    }
+  }
+}
+
+bool Executor::step(Time until) noexcept {
+  const auto when = next();
+  if (!when || *when > until) return false;
+  if (*when > now_) now_ = *when;
+  settle();
+  return true;
+}
+
+void Executor::advance(Time until) noexcept {
+  while (step(until)) {
+  }
+  if (until > now_) now_ = until;
+}
+
+void Executor::perturb(std::uint64_t seed) noexcept { shuffle_ = seed | 1U; }
+
+}  // namespace berth::rt

@@ -1,0 +1,128 @@
+/// The one executor. It knows the time it is told, the jobs that wait for a time and the jobs that are ready;
+/// who tells it the time (`sim::World`, `io::Loop`, a fuzzer, a main loop) only calls `next` and `advance`.
+///
+/// One thread. Jobs are intrusive: to queue one never allocates and never fails, and a job that is destroyed
+/// leaves every queue by itself. No job runs inside another: `post` and timers only queue.
+#pragma once
+
+#include <chrono>
+#include <cstdint>
+#include <optional>
+
+namespace berth::rt {
+
+/// Nanoseconds since the world's beginning; never the wall clock.
+using Time = std::chrono::time_point<struct WorldClock, std::chrono::nanoseconds>;
+using Duration = std::chrono::nanoseconds;
+
+/// No deadline.
+inline constexpr Time never = Time::max();
+
+/// `node` jobs of an instant all run before its `medium` jobs: a bus arbitrates when every node has done what it
+/// does at that instant. A medium job that makes node jobs ready lets them run before the next medium job.
+enum class Phase : std::uint8_t { node, medium };
+
+class Executor;
+
+/// Something to run. Belongs to at most one executor at a time; may be ready and have a timer at once.
+class Job {
+ public:
+  /// Called by the executor, never by anyone else. May destroy the job itself.
+  virtual void run() noexcept = 0;
+  Job(const Job&) = delete;
+  Job& operator=(const Job&) = delete;
+
+  /// True while it waits in the ready queue.
+  [[nodiscard]] bool ready() const noexcept { return ready_prev_ != nullptr; }
+  /// True while it waits for a time.
+  [[nodiscard]] bool timed() const noexcept { return timed_; }
+  /// When its timer is due; meaningful while `timed()`.
+  [[nodiscard]] Time due() const noexcept { return due_; }
+  /// Leaves the ready queue and the timers; nothing happens when it is in neither.
+  void cancel() noexcept;
+  /// Leaves the timers only.
+  void cancel_timer() noexcept;
+
+ protected:
+  Job() = default;
+  ~Job() { cancel(); }
+
+ private:
+  friend class Executor;
+  // Ready queue: doubly linked ring.
+  Job* ready_prev_ = nullptr;
+  Job* ready_next_ = nullptr;
+  // Timers: pairing heap. `due_` may be later than `key_` (a lazily moved timer); the heap is ordered by `key_`.
+  Job* child_ = nullptr;
+  Job* sibling_ = nullptr;
+  Job* before_ = nullptr;  // previous sibling, or the parent for a first child
+  Executor* executor_ = nullptr;
+  Time key_{};
+  Time due_{};
+  std::uint64_t order_ = 0;
+  bool timed_ = false;
+};
+
+class Executor {
+ public:
+  Executor() noexcept;
+  ~Executor();
+  Executor(const Executor&) = delete;
+  Executor& operator=(const Executor&) = delete;
+
+  /// The instant whose work is being done.
+  [[nodiscard]] Time now() const noexcept { return now_; }
+
+  /// Makes `job` ready: it runs after the current job returned, in the order of posting. Already ready: nothing.
+  void post(Job& job, Phase phase = Phase::node) noexcept;
+
+  /// Gives `job` a timer, or moves the one it has. Moving it later is O(1). A time not after `now()` is due at once,
+  /// and still only after the current job returned. Equal times fire in the order in which they were set.
+  void at(Time when, Job& job) noexcept;
+  void after(Duration delay, Job& job) noexcept { at(now_ + delay, job); }
+
+  /// Driver: the earliest instant with work, `now()` when jobs are ready, empty when there is nothing to wait for.
+  [[nodiscard]] std::optional<Time> next() const noexcept;
+
+  /// Driver: runs everything that is due up to and including `until`, each at its own instant, and leaves `now()` at
+  /// `until`. A time in the past runs what is ready now. Must not be called from a job.
+  void advance(Time until) noexcept;
+
+  /// Driver: runs the work of one instant, the earliest, if it is not after `until`; false when there is none.
+  bool step(Time until) noexcept;
+
+  /// Tests: from now on the jobs of one instant and phase run in an order drawn from `seed`. Code that needs the
+  /// order of posting is wrong, and this finds it.
+  void perturb(std::uint64_t seed) noexcept;
+
+  /// Jobs run so far.
+  [[nodiscard]] std::uint64_t jobs_run() const noexcept { return jobs_run_; }
+
+ private:
+  friend class Job;
+  class Anchor final : public Job {
+    void run() noexcept override {}
+  };
+  static bool before(const Job& a, const Job& b) noexcept {
+    return a.key_ < b.key_ || (a.key_ == b.key_ && a.order_ < b.order_);
+  }
+  static Job* meld(Job* a, Job* b) noexcept;
+  static Job* combine(Job* first) noexcept;
+  void insert(Job& job) noexcept;
+  void remove(Job& job) noexcept;
+  void settle() noexcept;
+  void drop_lazy() noexcept;
+  void make_due_ready() noexcept;
+  void run_one(Job& anchor) noexcept;
+  static void unlink_ready(Job& job) noexcept;
+
+  Time now_{};
+  std::uint64_t order_ = 0;
+  std::uint64_t jobs_run_ = 0;
+  std::uint64_t shuffle_ = 0;  // state of the perturbation, 0 = none
+  Job* root_ = nullptr;
+  Anchor node_;
+  Anchor medium_;
+};
+
+}  // namespace berth::rt

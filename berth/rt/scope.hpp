@@ -1,0 +1,62 @@
+/// Owns tasks that run side by side. Children never outlive their scope.
+#pragma once
+
+#include "berth/rt/task.hpp"
+
+namespace berth::rt {
+
+class Scope {
+ public:
+  explicit Scope(Executor& executor) noexcept : executor_(&executor) {}
+  ~Scope() { cancel(); }
+  Scope(const Scope&) = delete;
+  Scope& operator=(const Scope&) = delete;
+
+  /// Starts `task` through the executor's queue. It is destroyed when it ends, or with the scope.
+  void spawn(Task<void> task);
+  /// Destroys every child. Not from inside a child.
+  void cancel() noexcept;
+  [[nodiscard]] std::size_t running() const noexcept { return running_; }
+  [[nodiscard]] Executor& executor() const noexcept { return *executor_; }
+
+  /// `co_await scope.join();` waits until no child runs.
+  class Join final : public Operation<Join> {
+   public:
+    explicit Join(Scope& scope) noexcept : scope_(&scope) {}
+    ~Join() {
+      if (scope_->join_ == this) scope_->join_ = nullptr;
+    }
+    bool start() noexcept {
+      if (scope_->running_ == 0) return false;
+      scope_->join_ = this;
+      return true;
+    }
+    void await_resume() const noexcept {}
+
+   private:
+    friend class Scope;
+    Scope* scope_;
+  };
+  /// One joiner at a time.
+  [[nodiscard]] Join join() noexcept { return Join(*this); }
+
+ private:
+  class Child final : public Job {
+   public:
+    Child(Scope& scope, Task<void> task) noexcept : scope_(scope), task_(std::move(task)) {}
+    void run() noexcept override;
+    Scope& scope_;
+    Task<void> task_;
+    bool started_ = false;
+    Child* previous_ = nullptr;
+    Child* next_ = nullptr;
+  };
+  void remove(Child& child) noexcept;
+
+  Executor* executor_;
+  Child* first_ = nullptr;
+  std::size_t running_ = 0;
+  Join* join_ = nullptr;
+};
+
+}  // namespace berth::rt

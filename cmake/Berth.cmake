@@ -1,0 +1,73 @@
+# One target per room, linked as berth/floors.txt says. Sources are found by folder: a new file needs no edit here.
+
+add_library(berth_options INTERFACE)
+target_compile_options(berth_options INTERFACE
+  -Wall -Wextra -Wpedantic -Werror -Wshadow -Wconversion -Wno-sign-conversion -Wdelete-non-virtual-dtor -Wold-style-cast
+  -Wcast-qual -Woverloaded-virtual -Wundef)
+# g++ 12 warns wrongly of uninitialised and out-of-bounds members inside inlined optionals, expecteds and strings.
+if(CMAKE_CXX_COMPILER_ID STREQUAL "GNU")
+  target_compile_options(berth_options INTERFACE -Wno-maybe-uninitialized -Wno-restrict -Wno-stringop-overflow
+    -Wno-array-bounds)
+endif()
+if(CMAKE_CXX_COMPILER_ID MATCHES "Clang")
+  target_compile_options(berth_options INTERFACE -Wno-missing-designated-field-initializers -Wno-unknown-warning-option)
+endif()
+target_include_directories(berth_options INTERFACE ${PROJECT_SOURCE_DIR})
+if(BERTH_BREAK)
+  target_compile_definitions(berth_options INTERFACE BERTH_BREAK=${BERTH_BREAK})
+else()
+  target_compile_definitions(berth_options INTERFACE BERTH_BREAK=0)
+endif()
+
+# Tests are linked with the sanitizer runtime but not instrumented: half of the time for what finds bugs in the product.
+add_library(berth_sanitize INTERFACE)
+add_library(berth_sanitize_link INTERFACE)
+if(BERTH_SANITIZE)
+  string(REPLACE "," ";" berth_sanitizers "${BERTH_SANITIZE}")
+  foreach(which IN LISTS berth_sanitizers)
+    if(which STREQUAL "undefined")
+      # The half of UBSan that finds mistakes here; the rest (alignment, vptr, null) doubles the build for nothing.
+      set(flags -fsanitize=bounds,shift,signed-integer-overflow,integer-divide-by-zero,bool,enum,return,unreachable
+        -fno-sanitize-recover=all)
+    else()
+      set(flags -fsanitize=${which})
+    endif()
+    target_compile_options(berth_sanitize INTERFACE ${flags} -O1 -fno-omit-frame-pointer)
+    target_link_options(berth_sanitize_link INTERFACE ${flags})
+  endforeach()
+  target_compile_definitions(berth_sanitize INTERFACE BERTH_SANITIZED=1)
+endif()
+
+function(berth_rooms)
+  file(STRINGS ${PROJECT_SOURCE_DIR}/berth/floors.txt lines REGEX "^[0-9]")
+  foreach(line IN LISTS lines)
+    string(REGEX MATCH "^[0-9]+ +([a-z]+) *:(.*)$" _ "${line}")
+    set(room ${CMAKE_MATCH_1})
+    separate_arguments(links UNIX_COMMAND "${CMAKE_MATCH_2}")
+    file(GLOB sources CONFIGURE_DEPENDS ${PROJECT_SOURCE_DIR}/berth/${room}/*.cpp)
+    if(NOT sources)
+      set(sources ${PROJECT_SOURCE_DIR}/cmake/empty.cpp)
+    endif()
+    add_library(berth_${room} STATIC ${sources})
+    add_library(berth::${room} ALIAS berth_${room})
+    target_link_libraries(berth_${room} PRIVATE berth_sanitize PUBLIC berth_options berth_sanitize_link)
+    foreach(link IN LISTS links)
+      target_link_libraries(berth_${room} PUBLIC berth_${link})
+    endforeach()
+  endforeach()
+
+  # What each room needs from outside (docs/dependencies.md).
+  find_package(fmt REQUIRED)
+  target_link_libraries(berth_base PUBLIC fmt::fmt)
+  find_package(tomlplusplus REQUIRED)
+  find_package(nlohmann_json REQUIRED)
+  foreach(room design plant)
+    target_link_libraries(berth_${room} PRIVATE tomlplusplus::tomlplusplus)
+  endforeach()
+  find_package(SQLiteCpp REQUIRED)
+  find_package(SQLite3 REQUIRED)
+  target_link_libraries(berth_store PRIVATE SQLiteCpp SQLite::SQLite3)
+  foreach(room store operate)
+    target_link_libraries(berth_${room} PRIVATE nlohmann_json::nlohmann_json)
+  endforeach()
+endfunction()

@@ -1,0 +1,1 @@
+// A room that has no source of its own yet is an empty library.

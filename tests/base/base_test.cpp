@@ -1,0 +1,31 @@
+#include "berth/base/crc.hpp"
+#include "berth/base/ids.hpp"
+
+#include <string_view>
+
+using namespace berth;
+
+TEST(Crc, CheckValues) {
+  constexpr std::string_view text = "123456789";
+  const std::vector<std::uint8_t> bytes(text.begin(), text.end());
+  EXPECT_EQ(crc16(bytes), 0x31C3);  // CiA 301 §7.2.4.3.16
+  EXPECT_EQ(crc32(bytes), 0xCBF43926U);
+}
+
+TEST(LssAddress, S1_11_ChunksAreBigEndianOverTheWholeAddress) {
+  const LssAddress s1{0x01000001, 0x00000001, 0, 0x0A};
+  EXPECT_EQ(s1.chunk(0), 0x0100);
+  EXPECT_EQ(s1.chunk(1), 0x0001);
+  EXPECT_EQ(s1.chunk(3), 0x0001);
+  EXPECT_EQ(s1.chunk(7), 0x000A);
+}
+
+TEST(LssAddress, TextForm) {
+  const LssAddress a{0x01355341, 0x04470003, 0x00020006, 0xFEEDF00D};
+  EXPECT_EQ(to_string(a), "01355341-04470003-00020006-FEEDF00D");
+  EXPECT_EQ(parse_lss_address(to_string(a)), a);
+  EXPECT_EQ(parse_lss_address("0x1-0x2-3-4"), (LssAddress{1, 2, 3, 4}));
+  for (const auto* bad : {"", "1-2-3", "1-2-3-4-5", "1-2-3-", "1-2-3-g", "1-2-3-123456789"}) {
+    EXPECT_FALSE(parse_lss_address(bad)) << bad;
+  }
+}
