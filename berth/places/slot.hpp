@@ -1,0 +1,106 @@
+/// The slot table: the papers' Node_Table (paper 1 §III, Table I; S1.28) made to last. A slot is a place of the machine;
+/// which type belongs there is written by a person, which device sits there is learnt and never forgotten.
+#pragma once
+
+#include <cstdint>
+#include <optional>
+#include <string>
+#include <vector>
+
+#include "berth/base/ids.hpp"
+
+namespace berth::places {
+
+/// A slot's identity in the store, given by the store and kept for ever: not the node-ID, which a person may change.
+struct SlotId {
+  std::int64_t value = 0;
+  friend constexpr auto operator<=>(SlotId, SlotId) noexcept = default;
+};
+
+/// What a person calls a slot. Machine, bus and name together find the same `SlotId` again.
+struct SlotName {
+  std::string machine;
+  std::string bus;
+  std::string name;
+  friend auto operator<=>(const SlotName&, const SlotName&) = default;
+};
+
+/// What to do when new devices and free slots of a type do not match one to one.
+enum class WhenAmbiguous : std::uint8_t { ask, ascending, one_at_a_time, probe, first_seen };
+
+/// How much of the revision number must agree with the slot's.
+enum class RevisionRule : std::uint8_t { any, major, exact };
+
+/// May Berth clear the binding of a silent device by itself, or only a person's `berth replace`?
+enum class Replacement : std::uint8_t { ask, automatic };
+
+/// How a device of this slot gets its node-ID.
+enum class Assign : std::uint8_t { lss, fixed, recipe };
+
+/// One slot as the machine file wants it. `id` and `type` are the paper's Node_ID and Type_Code, fixed in the
+/// pre-assigning phase (S1.2).
+struct SlotSpec {
+  SlotName name;
+  NodeId id;
+  TypeCode type;
+  std::optional<std::uint32_t> revision;  ///< expected revision number, when `rule` is not `any`
+  RevisionRule rule = RevisionRule::any;
+  WhenAmbiguous when_ambiguous = WhenAmbiguous::ask;
+  Replacement replacement = Replacement::ask;
+  Assign assign = Assign::lss;
+  bool optional = false;
+  std::string config;                     ///< file with the device's configuration, empty for none
+};
+
+/// Who sits, or shall sit, where.
+struct Seat {
+  LssAddress device;
+  NodeId id;
+  friend bool operator==(const Seat&, const Seat&) = default;
+};
+
+/// What the store knows of a slot. `asked` is what Berth set out to do, written before the bus is touched; `confirmed`
+/// is what the device was then heard to be. They are two facts: a crash leaves the first without the second, and the
+/// next start does the work again (S1.53).
+struct SlotRecord {
+  SlotId slot;
+  SlotName name;
+  std::optional<Seat> asked;
+  std::optional<Seat> confirmed;
+
+  /// The device that this slot is about: the one asked for, else the one confirmed.
+  [[nodiscard]] std::optional<LssAddress> device() const noexcept {
+    if (asked) return asked->device;
+    if (confirmed) return confirmed->device;
+    return std::nullopt;
+  }
+};
+
+/// One line of the history that is never rewritten.
+struct HistoryEntry {
+  std::int64_t sequence = 0;       ///< ascending over the whole store
+  std::int64_t stamp_ms = 0;       ///< given by the caller: Unix time, or bus time on a simulated bus
+  std::optional<SlotId> slot;      ///< none for what concerns a device alone
+  std::string event;               ///< "declared", "asked", "confirmed", "cleared", "blank asked", "blanked", or a note
+  std::optional<LssAddress> device;
+  NodeId id;
+  std::string reason;
+};
+
+/// What is going on with a slot now. The names stand in `--json` and in the documents.
+enum class SlotState : std::uint8_t {
+  unknown,      ///< not looked yet
+  empty,        ///< nobody is bound and nobody suitable was found
+  binding,      ///< a binding runs
+  question,     ///< a person must say which device belongs here
+  absent,       ///< bound, and silent
+  present,      ///< bound, identified, pre-operational
+  power_cycle,  ///< waits for the device to be switched off and on
+  operational,  ///< started, and heard to be operational
+  failed,       ///< see the reason
+  duplicate,    ///< two devices hold this node-ID or one LSS address: not started
+  wrong_type,   ///< the device at this node-ID is not of the slot's type
+};
+[[nodiscard]] const char* name(SlotState state) noexcept;
+
+}  // namespace berth::places

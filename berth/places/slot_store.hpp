@@ -1,0 +1,75 @@
+/// Where the slot table is kept. `store::Database` keeps it in SQLite, `MemoryStore` in memory.
+///
+/// Every writing call is one transaction: when it returns without an error the fact survives a crash at any later
+/// instant; when the process dies inside it, the next start sees the state before or after, nothing between.
+#pragma once
+
+#include <string_view>
+#include <vector>
+
+#include "berth/base/result.hpp"
+#include "berth/places/slot.hpp"
+
+namespace berth::places {
+
+class SlotStore {
+ public:
+  virtual ~SlotStore() = default;
+
+  /// Finds the slot of this name, or makes it. Idempotent.
+  virtual Result<SlotId> declare(const SlotName& name) = 0;
+  /// All slots of a machine, in the order in which they were declared.
+  virtual Result<std::vector<SlotRecord>> load(std::string_view machine) = 0;
+
+  /// Writes the intention to seat a device, before the first frame that does it. Replaces an earlier intention of the
+  /// slot. The same device asked for or confirmed in another slot of the store is refused (`Errc::duplicate`).
+  virtual Result<void> ask(SlotId slot, const Seat& seat, std::string_view reason) = 0;
+  /// The device was heard under its new node-ID and identified: the intention becomes the binding. `seat` must be what
+  /// was asked for, else `Errc::mismatch`.
+  virtual Result<void> confirm(SlotId slot, const Seat& seat, std::string_view reason) = 0;
+  /// Forgets who sits in the slot, asked and confirmed; the history keeps it.
+  virtual Result<void> clear(SlotId slot, std::string_view reason) = 0;
+
+  /// Writes the intention to take a device's node-ID away, before the first frame that does it.
+  virtual Result<void> ask_blank(const LssAddress& device, std::string_view reason) = 0;
+  /// The device was heard to be without a node-ID, stored.
+  virtual Result<void> confirm_blank(const LssAddress& device, std::string_view reason) = 0;
+  /// Devices whose blanking was asked for and not confirmed.
+  virtual Result<std::vector<LssAddress>> unfinished_blanks() = 0;
+
+  /// Adds a line to the history that changes nothing else.
+  virtual Result<void> note(const HistoryEntry& entry) = 0;
+  /// The history, oldest first; of one slot, or all.
+  virtual Result<std::vector<HistoryEntry>> history(std::optional<SlotId> slot) = 0;
+
+  /// The time that history lines get from now on (`HistoryEntry::stamp_ms`).
+  virtual void stamp(std::int64_t now_ms) noexcept = 0;
+};
+
+/// The same promises without a disk, for tests, `--dry-run` and machines without a store file.
+class MemoryStore final : public SlotStore {
+ public:
+  Result<SlotId> declare(const SlotName& name) override;
+  Result<std::vector<SlotRecord>> load(std::string_view machine) override;
+  Result<void> ask(SlotId slot, const Seat& seat, std::string_view reason) override;
+  Result<void> confirm(SlotId slot, const Seat& seat, std::string_view reason) override;
+  Result<void> clear(SlotId slot, std::string_view reason) override;
+  Result<void> ask_blank(const LssAddress& device, std::string_view reason) override;
+  Result<void> confirm_blank(const LssAddress& device, std::string_view reason) override;
+  Result<std::vector<LssAddress>> unfinished_blanks() override;
+  Result<void> note(const HistoryEntry& entry) override;
+  Result<std::vector<HistoryEntry>> history(std::optional<SlotId> slot) override;
+  void stamp(std::int64_t now_ms) noexcept override { stamp_ms_ = now_ms; }
+
+ private:
+  SlotRecord* find(SlotId slot) noexcept;
+  void log(std::optional<SlotId> slot, std::string_view event, std::optional<LssAddress> device, NodeId id,
+           std::string_view reason);
+
+  std::vector<SlotRecord> slots_;
+  std::vector<LssAddress> blanks_;
+  std::vector<HistoryEntry> history_;
+  std::int64_t stamp_ms_ = 0;
+};
+
+}  // namespace berth::places
