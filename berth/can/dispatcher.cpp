@@ -27,6 +27,7 @@ Dispatcher::~Dispatcher() {
 }
 
 void Dispatcher::add(IdRange range, Handler& handler) {
+  if (handler.dispatcher_ != nullptr && handler.dispatcher_ != this) handler.dispatcher_->remove(handler);
   const Entry entry{range, &handler, next_order_++};
   handler.dispatcher_ = this;
   const auto at = std::ranges::upper_bound(entries_, range.first, {}, [](const Entry& e) { return e.range.first; });
@@ -43,12 +44,12 @@ void Dispatcher::remove(Handler& handler) noexcept {
 
 // The port's filter is the sorted, merged list of what the handlers hear.
 void Dispatcher::refresh() noexcept {
-  ++edition_;
   widest_ = 0;
   std::vector<IdRange> accept;
   for (const auto& e : entries_) {
     widest_ = std::max(widest_, e.range.last - e.range.first);
-    if (!accept.empty() && e.range.first <= accept.back().last + 1) {
+    // `- 1` and not `last + 1`: a range may end at the highest number there is.
+    if (!accept.empty() && (e.range.first == 0 || e.range.first - 1 <= accept.back().last)) {
       accept.back().last = std::max(accept.back().last, e.range.last);
     } else {
       accept.push_back(e.range);
@@ -59,25 +60,27 @@ void Dispatcher::refresh() noexcept {
 
 void Dispatcher::received(const Frame& frame, rt::Time at) noexcept {
   const auto key = frame.key();
-  std::uint32_t heard = 0;  // order of the last handler called, plus one
+  const auto end = next_order_;  // what a handler adds now is not called for this frame
+  std::uint64_t heard = 0;       // order of the last handler called, plus one
   for (;;) {
-    const auto edition = edition_;
     const auto low = key > widest_ ? key - widest_ : 0;
     auto it = std::ranges::lower_bound(entries_, low, {}, [](const Entry& e) { return e.range.first; });
     Entry* next = nullptr;
+    int left = 0;
     for (; it != entries_.end() && it->range.first <= key; ++it) {
-      if (!it->range.contains(key) || it->order < heard) continue;
+      if (!it->range.contains(key) || it->order < heard || it->order >= end) continue;
+      ++left;
       if (next == nullptr || it->order < next->order) next = &*it;
     }
     if (next == nullptr) return;
     heard = next->order + 1;
     next->handler->received(frame, at);
-    if (edition == edition_ && entries_.size() == 1) return;
+    if (left == 1) return;
   }
 }
 
 Queued Dispatcher::send(const Frame& frame, Confirmation& confirmation) noexcept {
-  withdraw(confirmation);
+  if (confirmation.dispatcher_ != nullptr) confirmation.dispatcher_->withdraw(confirmation);
   if (++next_tag_ == 0) next_tag_ = 1;
   const auto queued = port_->send(frame, next_tag_);
   if (queued != Queued::yes) return queued;

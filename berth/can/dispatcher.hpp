@@ -57,7 +57,8 @@ class StatusHandler {
 
 /// Owns the listener's place of a port. Handlers are found by binary search over the ranges; several handlers may
 /// hear one key, and hear it in the order in which they were added. Registering may allocate; a frame's way does not.
-/// A handler may add and remove handlers, itself included, while it is called.
+/// A handler may add and remove handlers, itself included, while it is called; what was added meanwhile hears the next
+/// frame, not this one. It must not destroy the dispatcher.
 class Dispatcher final : private Listener {
  public:
   Dispatcher(rt::Executor& executor, Port& port) noexcept;
@@ -68,7 +69,8 @@ class Dispatcher final : private Listener {
   [[nodiscard]] rt::Executor& executor() const noexcept { return *executor_; }
   [[nodiscard]] Port& port() const noexcept { return *port_; }
 
-  /// Lets `handler` hear `range`; it may be added for several ranges.
+  /// Lets `handler` hear `range`; it may be added for several ranges, and hears a frame once for each that holds it.
+  /// A handler belongs to one dispatcher: adding it to another takes it out of the first.
   void add(IdRange range, Handler& handler);
   /// Takes it out of all ranges. Nothing happens when it is in none.
   void remove(Handler& handler) noexcept;
@@ -86,7 +88,7 @@ class Dispatcher final : private Listener {
   struct Entry {
     IdRange range;
     Handler* handler;
-    std::uint32_t order;
+    std::uint64_t order;
   };
   void received(const Frame& frame, rt::Time at) noexcept override;
   void sent(std::uint32_t tag, rt::Time at) noexcept override;
@@ -100,9 +102,8 @@ class Dispatcher final : private Listener {
   std::vector<Entry> entries_;  // sorted by range.first, then order
   std::vector<Confirmation*> waiting_;
   std::uint32_t widest_ = 0;    // widest range, so that a search knows how far back to look
-  std::uint32_t next_order_ = 0;
+  std::uint64_t next_order_ = 0;
   std::uint32_t next_tag_ = 0;
-  std::uint32_t edition_ = 0;   // counts changes of entries_
 };
 
 }  // namespace berth::can

@@ -92,6 +92,7 @@ Job* Executor::combine(Job* first) noexcept {
 void Executor::insert(Job& job) noexcept {
   job.child_ = job.sibling_ = job.before_ = nullptr;
   job.key_ = job.due_;
+  job.key_order_ = job.order_;
   root_ = meld(root_, &job);
 }
 
@@ -126,9 +127,9 @@ void Executor::at(Time when, Job& job) noexcept {
   insert(job);
 }
 
-// Puts timers that were moved later back where they belong, until the earliest one is true.
+// Puts timers that were set anew where they belong now, until the earliest one is true.
 void Executor::drop_lazy() noexcept {
-  while (root_ != nullptr && root_->due_ != root_->key_) {
+  while (root_ != nullptr && root_->order_ != root_->key_order_) {
     Job& job = *root_;
     root_ = combine(job.child_);
     insert(job);
@@ -168,7 +169,6 @@ void Executor::settle() noexcept {
       run_one(node_);
     } else if (root_ != nullptr && root_->key_ <= now_) {
       make_due_ready();  // timers set for this very instant by the jobs just run
-      if (node_.ready_next_ == &node_ && medium_.ready_next_ == &medium_ && !(root_ != nullptr && root_->key_ <= now_)) return;
     } else if (medium_.ready_next_ != &medium_) {
       run_one(medium_);
     } else {
@@ -186,9 +186,10 @@ bool Executor::step(Time until) noexcept {
 }
 
 void Executor::advance(Time until) noexcept {
+  if (until < now_) until = now_;
   while (step(until)) {
   }
-  if (until > now_) now_ = until;
+  now_ = until;
 }
 
 void Executor::perturb(std::uint64_t seed) noexcept { shuffle_ = seed | 1U; }

@@ -52,13 +52,15 @@ class Job {
   // Ready queue: doubly linked ring.
   Job* ready_prev_ = nullptr;
   Job* ready_next_ = nullptr;
-  // Timers: pairing heap. `due_` may be later than `key_` (a lazily moved timer); the heap is ordered by `key_`.
+  // Timers: pairing heap, ordered by `key_` and `key_order_`. A timer that was set anew keeps its old place (then
+  // `order_` is not `key_order_`) and moves to its true one when it comes to the root.
   Job* child_ = nullptr;
   Job* sibling_ = nullptr;
   Job* before_ = nullptr;  // previous sibling, or the parent for a first child
   Executor* executor_ = nullptr;
   Time key_{};
   Time due_{};
+  std::uint64_t key_order_ = 0;
   std::uint64_t order_ = 0;
   bool timed_ = false;
 };
@@ -77,7 +79,8 @@ class Executor {
   void post(Job& job, Phase phase = Phase::node) noexcept;
 
   /// Gives `job` a timer, or moves the one it has. Moving it later is O(1). A time not after `now()` is due at once,
-  /// and still only after the current job returned. Equal times fire in the order in which they were set.
+  /// and still only after the current job returned. Equal times fire in the order in which they were set, a timer that
+  /// was moved counting as set anew. What is due becomes ready in `Phase::node`.
   void at(Time when, Job& job) noexcept;
   void after(Duration delay, Job& job) noexcept { at(now_ + delay, job); }
 
@@ -104,7 +107,7 @@ class Executor {
     void run() noexcept override {}
   };
   static bool before(const Job& a, const Job& b) noexcept {
-    return a.key_ < b.key_ || (a.key_ == b.key_ && a.order_ < b.order_);
+    return a.key_ < b.key_ || (a.key_ == b.key_ && a.key_order_ < b.key_order_);
   }
   static Job* meld(Job* a, Job* b) noexcept;
   static Job* combine(Job* first) noexcept;

@@ -3,6 +3,7 @@
 namespace berth::rt {
 
 void Scope::spawn(Task<void> task) {
+  if (!task.valid()) return;
   auto* child = new Child(*this, std::move(task));
   child->next_ = first_;
   if (first_ != nullptr) first_->previous_ = child;
@@ -27,7 +28,10 @@ void Scope::remove(Child& child) noexcept {
   }
   if (child.next_ != nullptr) child.next_->previous_ = child.previous_;
   delete &child;
-  if (--running_ == 0 && join_ != nullptr) std::exchange(join_, nullptr)->finish();
+  if (--running_ > 0 || join_ == nullptr) return;
+  Join& join = *std::exchange(join_, nullptr);
+  join.scope_ = nullptr;
+  join.finish();
 }
 
 void Scope::cancel() noexcept {

@@ -12,7 +12,8 @@ class Scope {
   Scope(const Scope&) = delete;
   Scope& operator=(const Scope&) = delete;
 
-  /// Starts `task` through the executor's queue. It is destroyed when it ends, or with the scope.
+  /// Starts `task` through the executor's queue. It is destroyed when it ends, or with the scope. An empty task is
+  /// ignored.
   void spawn(Task<void> task);
   /// Destroys every child. Not from inside a child.
   void cancel() noexcept;
@@ -24,7 +25,7 @@ class Scope {
    public:
     explicit Join(Scope& scope) noexcept : scope_(&scope) {}
     ~Join() {
-      if (scope_->join_ == this) scope_->join_ = nullptr;
+      if (scope_ != nullptr && scope_->join_ == this) scope_->join_ = nullptr;
     }
     bool start() noexcept {
       if (scope_->running_ == 0) return false;
@@ -35,7 +36,7 @@ class Scope {
 
    private:
     friend class Scope;
-    Scope* scope_;
+    Scope* scope_;  // null once the scope has told it: it may be gone by then
   };
   /// One joiner at a time.
   [[nodiscard]] Join join() noexcept { return Join(*this); }

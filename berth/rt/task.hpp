@@ -152,8 +152,8 @@ class [[nodiscard]] Task {
 };
 
 /// Base of an awaitable operation: an object with a state machine and a deadline instead of a coroutine frame. The
-/// derived class says `bool start()` (false: done at once), calls `finish()` once when it is done, and gives its
-/// outcome from `await_resume()`. `Job`-style use without a coroutine: `begin(executor, job)`.
+/// derived class says `bool start()` (false: done at once), calls `finish()` when it is done (from within `start()` is
+/// as good as returning false), and gives its outcome from `await_resume()`. `Job`-style use without a coroutine: `begin(executor, job)`.
 template <class Derived>
 class Operation {
  public:
@@ -168,7 +168,8 @@ class Operation {
   /// Starts it; `waiter` is posted when it ends later. True when it is done already.
   bool begin(Executor& executor, Job& waiter) noexcept {
     executor_ = &executor;
-    if (!static_cast<Derived*>(this)->start()) return true;
+    finished_ = false;
+    if (!static_cast<Derived*>(this)->start() || finished_) return true;
     waiter_ = &waiter;
     return false;
   }
@@ -179,12 +180,14 @@ class Operation {
   [[nodiscard]] Executor& executor() const noexcept { return *executor_; }
   /// Wakes the waiter through the executor's queue. Calls after the first do nothing.
   void finish() noexcept {
+    finished_ = true;
     if (waiter_ != nullptr) executor_->post(*std::exchange(waiter_, nullptr));
   }
 
  private:
   Executor* executor_ = nullptr;
   Job* waiter_ = nullptr;
+  bool finished_ = false;
 };
 
 /// Waits until a time: `co_await rt::sleep_until(when);`, `co_await rt::sleep_for(10ms);`
