@@ -1,0 +1,114 @@
+/// A simulated CAN bus: exactly the results of a bit-by-bit model, computed per frame.
+///
+/// Time runs in bits of each node's bit rate. A frame begins when an idle bus has a node with a frame to send; every
+/// node that is ready before the sample point (7/8) of that start-of-frame bit contends. While nothing is wrong, a
+/// frame costs one arbitration and one delivery; where frames of one identifier collide, nobody acknowledges, a fault
+/// falls or bit rates differ, the segment is played bit by bit until it is quiet again (`bits.hpp`). Rules: Bosch CAN
+/// 2.0, facts page G. Choices where it leaves one: a REC above 127 becomes 127 by a good frame; REC counts up to 255;
+/// a bit error within an error flag starts a new flag; overload frames answer what they see without limit in number
+/// (no node here asks for one itself).
+#pragma once
+
+#include <cstdint>
+#include <memory>
+#include <span>
+#include <string>
+#include <vector>
+
+#include "berth/base/random.hpp"
+#include "berth/can/port.hpp"
+#include "berth/sim/controller.hpp"
+#include "berth/sim/fault.hpp"
+
+namespace berth::sim {
+
+class World;
+class Segment;
+
+/// Counters since the bus was made or `reset_statistics`.
+struct BusStatistics {
+  std::uint64_t frames = 0;        ///< frames that ended well; merged ones count once
+  std::uint64_t bits = 0;          ///< their bits, three of intermission included
+  std::uint64_t starts = 0;        ///< frames begun
+  std::uint64_t error_frames = 0;  ///< frames that an error ended
+  std::uint64_t overload_frames = 0;
+  std::uint64_t collisions = 0;  ///< starts of several senders with one identifier and different content
+  std::uint64_t merged = 0;      ///< frames that several senders sent as one
+  std::uint64_t bitwise = 0;     ///< frames played bit by bit
+  rt::Duration busy{};           ///< time from start of frame to the end of intermission, errors included
+};
+
+class Bus {
+ public:
+  ~Bus();
+  Bus(const Bus&) = delete;
+  Bus& operator=(const Bus&) = delete;
+
+  /// Puts a node on the bus. It takes part at once on an idle bus, else after 11 recessive bits.
+  [[nodiscard]] std::unique_ptr<Controller> attach(const ControllerOptions& options = {});
+
+  /// Every good frame of every segment, at its end. A tap must be removed before it is destroyed.
+  void add_tap(can::Tap& tap);
+  void remove_tap(can::Tap& tap) noexcept;
+
+  /// Cuts the cable: these nodes are a second segment from this instant on. Later cuts move nodes from wherever they
+  /// are to one new segment.
+  void split(std::span<Controller* const> others);
+  /// Mends every cut: all nodes with their cable in are on one segment again. Frames under way collide.
+  void join();
+
+  /// Plans a fault; the number is for `cancel`.
+  unsigned inject(Fault fault);
+  bool cancel(unsigned fault) noexcept;
+  void random_faults(const RandomFaults& faults) noexcept;
+
+  [[nodiscard]] World& world() const noexcept { return *world_; }
+  [[nodiscard]] rt::Executor& executor() const noexcept { return *executor_; }
+  [[nodiscard]] const std::string& name() const noexcept { return name_; }
+  [[nodiscard]] int number() const noexcept { return number_; }
+  /// The bit rate that nodes get which name none; bit/s.
+  [[nodiscard]] std::uint32_t bit_rate() const noexcept { return bit_rate_; }
+  /// Length of one bit at `bit_rate()`, rounded to whole nanoseconds.
+  [[nodiscard]] rt::Duration bit_time() const noexcept;
+  /// The nodes attached now, by number.
+  [[nodiscard]] const std::vector<Controller*>& controllers() const noexcept { return controllers_; }
+  [[nodiscard]] const BusStatistics& statistics() const noexcept { return statistics_; }
+  /// Busy share of the time since the bus was made or `reset_statistics`, 0..1.
+  [[nodiscard]] double load() const noexcept;
+  void reset_statistics() noexcept;
+
+ private:
+  friend class World;
+  friend class Controller;
+  friend class Segment;
+  struct Planned {
+    unsigned number;
+    Fault fault;
+    std::uint32_t skipped = 0;
+    std::uint32_t struck = 0;
+  };
+
+  Bus(World& world, int number, std::string name, std::uint32_t bit_rate);
+  void detach(Controller& controller) noexcept;
+  void good_frame(const can::Frame& frame, rt::Time at, int sender) noexcept;
+  Segment& new_segment();
+  void drop_empty_segments() noexcept;
+
+  World* world_;
+  rt::Executor* executor_;
+  int number_;
+  std::uint32_t bit_rate_;
+  std::string name_;
+  std::vector<Controller*> controllers_;
+  std::vector<std::unique_ptr<Segment>> segments_;
+  std::vector<can::Tap*> taps_;
+  std::vector<Planned> faults_;
+  unsigned next_fault_ = 1;
+  int next_number_ = 0;
+  RandomFaults random_{};
+  Random dice_;
+  BusStatistics statistics_;
+  rt::Time statistics_since_{};
+};
+
+}  // namespace berth::sim
