@@ -1,0 +1,142 @@
+#include "berth/places/binding.hpp"
+
+namespace berth::places {
+
+const char* name(Step step) noexcept {
+  switch (step) {
+    case Step::check_vacant: return "check vacant";
+    case Step::write_ask: return "write asked";
+    case Step::select: return "switch state selective";
+    case Step::inquire: return "inquire node-ID";
+    case Step::configure: return "configure node-ID";
+    case Step::store: return "store configuration";
+    case Step::revert: return "revert node-ID";
+    case Step::release: return "switch state global";
+    case Step::reset: return "reset communication";
+    case Step::await_boot_up: return "await boot-up";
+    case Step::identify: return "identify";
+    case Step::write_confirm: return "write confirmed";
+    case Step::done: return "done";
+    case Step::power_cycle: return "power cycle needed";
+    case Step::failed: return "failed";
+  }
+  return "unknown";
+}
+
+const char* name(Why why) noexcept {
+  switch (why) {
+    case Why::none: return "";
+    case Why::occupied: return "somebody else answers at this node-ID";
+    case Why::not_there: return "nobody answers to this LSS address";
+    case Why::clone: return "two devices answer to this LSS address";
+    case Why::refused: return "the device does not take this node-ID";
+    case Why::not_stored: return "the device could not store its node-ID";
+    case Why::silent: return "the device took the node-ID and was not heard under it";
+    case Why::other_device: return "another device answers under this node-ID";
+    case Why::store_failed: return "the slot table could not be written";
+  }
+  return "";
+}
+
+void Binding::fail(Why why) noexcept {
+  why_ = why;
+  step_ = Step::failed;
+}
+
+// Leaves the device as it was, as far as it still listens, and in LSS waiting state.
+void Binding::give_up(Why why) noexcept {
+  why_ = why;
+  failing_ = true;
+  step_ = touched_ ? Step::revert : Step::release;
+}
+
+void Binding::again(Why why) noexcept {
+  if (tries_ <= 1) return give_up(why);
+  --tries_;
+  step_ = touched_ ? Step::revert : Step::select;
+}
+
+Step Binding::after_release() const noexcept {
+  if (kind_ == Kind::blank) return old_id_.configured() ? Step::reset : Step::identify;
+  if (!old_id_.configured()) return Step::await_boot_up;
+  return old_id_ == seat_.id ? Step::identify : Step::reset;
+}
+
+void Binding::advance_identify(Outcome outcome) noexcept {
+  if (outcome == Outcome::ok) {
+    step_ = Step::write_confirm;
+  } else if (outcome == Outcome::doubled) {
+    fail(Why::clone);
+  } else if (outcome == Outcome::mismatch && kind_ == Kind::bind) {
+    fail(Why::other_device);
+  } else if (tries_ <= 1 && stored_ && !volatile_only_) {
+    step_ = Step::power_cycle;
+  } else {
+    again(Why::silent);
+  }
+}
+
+void Binding::advance(Outcome outcome) noexcept {
+  const bool ok = outcome == Outcome::ok;
+  switch (step_) {
+    case Step::check_vacant:
+      if (ok) step_ = Step::write_ask;
+      else fail(Why::occupied);
+      break;
+    case Step::write_ask:
+      if (ok) step_ = Step::select;
+      else fail(Why::store_failed);
+      break;
+    case Step::select:
+    case Step::inquire:
+      if (ok) {
+        step_ = step_ == Step::select ? Step::inquire : Step::configure;
+      } else if (outcome == Outcome::doubled) {
+        give_up(Why::clone);  // both are in configuration now and must leave it unchanged
+      } else {
+        again(Why::not_there);
+      }
+      break;
+    case Step::configure:
+      touched_ = outcome != Outcome::refused;
+      if (ok) step_ = Step::store;
+      else if (outcome == Outcome::refused) give_up(Why::refused);
+      else again(Why::not_there);
+      break;
+    case Step::store:
+      stored_ = ok;
+      volatile_only_ = outcome == Outcome::unsupported;
+      if (ok || volatile_only_) step_ = Step::release;
+      else again(Why::not_stored);
+      break;
+    case Step::revert:
+      touched_ = false;
+      step_ = failing_ ? Step::release : Step::select;
+      break;
+    case Step::release:
+      if (failing_) {
+        fail(why_);
+      } else if (ok) {
+        touched_ = false;
+        step_ = after_release();
+      } else {
+        give_up(Why::occupied);
+      }
+      break;
+    case Step::reset:
+      if (!ok) fail(Why::occupied);
+      else step_ = kind_ == Kind::bind ? Step::await_boot_up : Step::identify;
+      break;
+    case Step::await_boot_up: step_ = Step::identify; break;  // unheard or not, who is there now tells
+    case Step::identify: advance_identify(outcome); break;
+    case Step::write_confirm:
+      if (ok) step_ = Step::done;
+      else fail(Why::store_failed);
+      break;
+    case Step::done:
+    case Step::power_cycle:
+    case Step::failed: break;
+  }
+}
+
+}  // namespace berth::places

@@ -1,0 +1,130 @@
+/// The steps of a binding, as a table without I/O: what to do next, given how the last step ended. `Binder` does the
+/// steps on a bus; the tests explore every interleaving of them with crashes, losses and power failures.
+///
+///     step           does                                     ends well  next
+///     check_vacant   asks whether the node-ID is in use       nobody     write_ask
+///     write_ask      intention into the store, durable        written    select
+///     select         04h 00h, then 40h..43h of the address    44h        inquire
+///     inquire        5Eh: the node-ID it has now              a node-ID  configure
+///     configure      11h: the new one                         code 0     store
+///     store          17h: into its own memory                 code 0     release
+///     release        04h 00h                                  sent       await_boot_up, reset or identify
+///     reset          NMT reset communication to the old id    sent       await_boot_up
+///     await_boot_up  700h + id                                heard      identify
+///     identify       1018h under the new id = the address     equal      write_confirm
+///     write_confirm  what was asked for has become so         written    done
+///     revert         11h: the old one, when it goes wrong     any        select again, or release and give up
+///
+/// Silence on the LSS side leads back to `select`, a bounded number of times: every step may be done twice without
+/// harm, so a restart after a crash simply begins again at `check_vacant`. A node-ID that is pending comes into use with
+/// the next 04h 00h, whoever that is meant for; so whatever leaves the table after `configure` passes `revert` first,
+/// and a start with unfinished work in the store begins with `11h FFh` to whoever was left in configuration.
+/// Why in this order: the intention is durable
+/// before the device can change, so that a node-ID that may be in somebody's memory is never given to another; and the
+/// device has stored before it can use the id, so that what was heard once is true after a power failure (S1.29, S1.53).
+///
+/// Taking a node-ID away (`Kind::blank`) walks the same table without `check_vacant` and `await_boot_up`; there
+/// `identify` asks by LSS whether the device has no node-ID now.
+#pragma once
+
+#include <cstdint>
+
+#include "berth/places/slot.hpp"
+
+namespace berth::places {
+
+enum class Step : std::uint8_t {
+  check_vacant,
+  write_ask,
+  select,
+  inquire,
+  configure,
+  store,
+  revert,
+  release,
+  reset,
+  await_boot_up,
+  identify,
+  write_confirm,
+  done,
+  power_cycle,  ///< stored, but not in use before the device is switched off and on
+  failed,
+};
+[[nodiscard]] const char* name(Step step) noexcept;
+
+/// How a step ended.
+enum class Outcome : std::uint8_t {
+  ok,
+  silent,       ///< no answer in time
+  refused,      ///< an answer with an error code
+  unsupported,  ///< `store`: the device has no memory for it (error code 1)
+  mismatch,     ///< not the expected one: the id is taken (`check_vacant`), somebody else booted under it since then
+                ///< (`release`), another device answers or it still has its id (`identify`)
+  doubled,      ///< more than one device answered
+  error,        ///< the store, or the port, failed
+};
+
+enum class Why : std::uint8_t {
+  none,
+  occupied,      ///< somebody else answers at the node-ID
+  not_there,     ///< nobody answers to the LSS address
+  clone,         ///< two devices answer to the LSS address
+  refused,       ///< the device does not take the node-ID
+  not_stored,    ///< the device could not store it
+  silent,        ///< it took the node-ID and was not heard under it
+  other_device,  ///< another device answers under the node-ID
+  store_failed,  ///< Berth's own store could not be written
+};
+[[nodiscard]] const char* name(Why why) noexcept;
+
+class Binding {
+ public:
+  enum class Kind : std::uint8_t { bind, blank };
+
+  /// `seat.id` is the node-ID to give; for `blank` it is unconfigured. `tries`: how often `select` may be walked.
+  Binding(Kind kind, const Seat& seat, unsigned tries = 3) noexcept
+      : kind_(kind), seat_(seat), tries_(tries), step_(kind == Kind::bind ? Step::check_vacant : Step::write_ask) {}
+
+  [[nodiscard]] Kind kind() const noexcept { return kind_; }
+  [[nodiscard]] const Seat& seat() const noexcept { return seat_; }
+  [[nodiscard]] Step step() const noexcept { return step_; }
+  [[nodiscard]] Why why() const noexcept { return why_; }
+  /// The node-ID that the device had when it was asked last.
+  [[nodiscard]] NodeId old_id() const noexcept { return old_id_; }
+  [[nodiscard]] unsigned tries_left() const noexcept { return tries_; }
+  [[nodiscard]] bool stored() const noexcept { return stored_; }
+  /// The device has no memory for a node-ID: it must be given one at every power-on.
+  [[nodiscard]] bool volatile_only() const noexcept { return volatile_only_; }
+  [[nodiscard]] bool ended() const noexcept {
+    return step_ == Step::done || step_ == Step::failed || step_ == Step::power_cycle;
+  }
+
+  /// With `inquire`'s good outcome: what it told. Call before `advance(ok)`.
+  void inquired(NodeId now) noexcept { old_id_ = now; }
+  /// The step ended; `step()` is the next one.
+  void advance(Outcome outcome) noexcept;
+  /// A device that waited for a power cycle was heard again: look who it is.
+  void heard_again() noexcept { step_ = Step::identify; }
+
+  friend bool operator==(const Binding&, const Binding&) = default;
+
+ private:
+  void fail(Why why) noexcept;
+  void give_up(Why why) noexcept;
+  void again(Why why) noexcept;
+  void advance_identify(Outcome outcome) noexcept;
+  [[nodiscard]] Step after_release() const noexcept;
+
+  Kind kind_;
+  Seat seat_;
+  unsigned tries_;
+  Step step_;
+  Why why_ = Why::none;
+  NodeId old_id_;
+  bool stored_ = false;
+  bool volatile_only_ = false;
+  bool touched_ = false;  // a node-ID may be pending in the device
+  bool failing_ = false;  // revert, release, then fail
+};
+
+}  // namespace berth::places

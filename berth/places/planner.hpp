@@ -1,0 +1,64 @@
+/// Which device belongs in which slot: paper 1's rules 1 and 2 (§III; S1.27), with what they leave open decided so that
+/// nothing is ever guessed (S1.32..S1.36). Pure: what is known goes in, what to do comes out.
+#pragma once
+
+#include <string>
+#include <vector>
+
+#include "berth/places/slot.hpp"
+
+namespace berth::places {
+
+/// A device that was found on the bus.
+struct Found {
+  LssAddress device;
+  NodeId active;       ///< the node-ID it uses now; unconfigured for a blank device
+  bool clone = false;  ///< more than one device answered to this address
+  friend bool operator==(const Found&, const Found&) = default;
+};
+
+/// A slot as wanted, and as known.
+struct Slot {
+  SlotSpec spec;
+  SlotRecord record;
+};
+
+/// Seat a device, or take its node-ID away.
+struct Action {
+  enum class Kind : std::uint8_t { blank, bind };
+  Kind kind = Kind::bind;
+  std::size_t slot = 0;  ///< index into the slots given; meaningless for `blank`
+  LssAddress device;
+  std::string reason;    ///< for the history
+};
+
+/// What only a person can answer: which of these devices belongs in which of these slots?
+struct Question {
+  std::vector<std::size_t> slots;
+  std::vector<LssAddress> devices;
+  std::string text;
+};
+
+/// Something that is not as it should be, with what to do about it.
+struct Oddity {
+  std::string kind;  ///< "surplus", "foreign", "clone", "wrong revision", "fixed mismatch"
+  LssAddress device;
+  NodeId id;
+  std::string text;
+};
+
+struct Plan {
+  std::vector<Action> actions;  ///< in this order: blanks, unfinished bindings, repairs, new bindings
+  std::vector<Question> questions;
+  std::vector<Oddity> oddities;
+};
+
+/// True when a device of this address may sit in this slot: rule 1 and the slot's revision rule.
+[[nodiscard]] bool fits(const SlotSpec& slot, const LssAddress& device) noexcept;
+
+/// Plans one bus. `slots` are the slots of that bus; `found` what discovery heard, registered devices included when they
+/// were heard at a node-ID that is not theirs; `unfinished_blanks` from the store; `master` is the master's node-ID.
+[[nodiscard]] Plan plan(const std::vector<Slot>& slots, const std::vector<Found>& found,
+                        const std::vector<LssAddress>& unfinished_blanks, NodeId master);
+
+}  // namespace berth::places

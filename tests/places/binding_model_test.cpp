@@ -1,0 +1,401 @@
+// The binding's table explored to the end: two slots of one type, two devices, and every interleaving of Berth's steps
+// with lost requests, lost answers, crashes of Berth before and after each effect, devices that lose and regain power,
+// and a person who clears a slot whose device is silent. The table and the planner are the real ones; bus, devices and
+// store are small models of what CiA 305 and `SlotStore` promise. S1.29, S1.33, S1.36, S1.53.
+#include <deque>
+#include <unordered_map>
+
+#include "berth/places/binding.hpp"
+#include "berth/places/planner.hpp"
+
+using namespace berth;
+using namespace berth::places;
+
+namespace {
+
+constexpr LssAddress address_of[2] = {{1, 1, 0, 0x0A}, {1, 1, 0, 0x0B}};
+constexpr NodeId slot_id[2] = {NodeId(1), NodeId(2)};
+constexpr NodeId master(127);
+
+struct Device {
+  bool powered = true;
+  NodeId persistent, pending, active;
+  bool configuration = false;
+};
+
+struct State {
+  Device devices[2];
+  int asked[2] = {-1, -1};      // which device, per slot
+  int confirmed[2] = {-1, -1};
+  bool blank_asked[2] = {false, false};
+  std::optional<Binding> work;
+  std::size_t slot = 0;
+  bool quiet = false;           // this run of Berth has sent its opening 11 FF, 04 00
+  bool heard[2] = {false, false};  // a boot-up under slot i's id since its vacancy was checked
+  int faults = 0;
+
+  [[nodiscard]] std::string key() const {
+    std::string k;
+    const auto put = [&](unsigned v) { k.push_back(static_cast<char>(v)); };
+    for (const auto& d : devices) {
+      put(d.powered + 2U * d.configuration);
+      put(d.persistent.value());
+      put(d.pending.value());
+      put(d.active.value());
+    }
+    for (int i = 0; i < 2; ++i) put(static_cast<unsigned>((asked[i] + 1) * 16 + (confirmed[i] + 1) * 4 + blank_asked[i] * 2 + heard[i]));
+    put(static_cast<unsigned>(quiet * 16 + faults));
+    if (work) {
+      put(1U + static_cast<unsigned>(work->kind()));
+      put(work->seat().device == address_of[0] ? 0 : 1);
+      put(work->seat().id.value());
+      put(static_cast<unsigned>(work->step()));
+      put(static_cast<unsigned>(work->why()));
+      put(work->old_id().value());
+      put(work->tries_left() * 4 + work->stored() * 2 + work->volatile_only());
+      put(static_cast<unsigned>(slot));
+    }
+    return k;
+  }
+};
+
+int index_of(const LssAddress& a) { return a == address_of[0] ? 0 : 1; }
+
+// ---- what the bus and the devices do (CiA 305; facts page C.1) ----
+
+void switch_global_waiting(State& s) {
+  for (auto& d : s.devices) {
+    if (!d.powered) continue;
+    d.configuration = false;
+    if (!d.active.configured() && d.pending.configured()) d.active = d.pending;
+  }
+}
+
+void note_boot(State& s, NodeId id, int except) {
+  for (int i = 0; i < 2; ++i) {
+    if (slot_id[i] == id && !(s.work && except >= 0 && index_of(s.work->seat().device) == except)) s.heard[i] = true;
+  }
+}
+
+void reset_communication(State& s, NodeId id) {
+  for (auto& d : s.devices) {
+    if (d.powered && d.active == id) d.active = d.pending;
+  }
+}
+
+bool double_id(const State& s) {
+  return s.devices[0].powered && s.devices[1].powered && s.devices[0].active.configured() &&
+         s.devices[0].active == s.devices[1].active;
+}
+
+// ---- what Berth does: one step of the table, with its effect; gives the outcome ----
+
+std::vector<Slot> slots_of(const State& s) {
+  std::vector<Slot> slots(2);
+  for (int i = 0; i < 2; ++i) {
+    auto& slot = slots[static_cast<std::size_t>(i)];
+    slot.spec.id = slot_id[i];
+    slot.spec.type = {1, 1};
+    slot.record.slot = SlotId{i + 1};
+    if (s.asked[i] >= 0) slot.record.asked = Seat{address_of[s.asked[i]], slot_id[i]};
+    if (s.confirmed[i] >= 0) slot.record.confirmed = Seat{address_of[s.confirmed[i]], slot_id[i]};
+  }
+  return slots;
+}
+
+// Discovery and presence: every powered device and the node-ID it uses.
+std::vector<Found> found_in(const State& s) {
+  std::vector<Found> found;
+  for (int i = 0; i < 2; ++i) {
+    if (s.devices[i].powered) found.push_back({address_of[i], s.devices[i].active});
+  }
+  return found;
+}
+
+std::vector<LssAddress> blanks_of(const State& s) {
+  std::vector<LssAddress> blanks;
+  for (int i = 0; i < 2; ++i) {
+    if (s.blank_asked[i]) blanks.push_back(address_of[i]);
+  }
+  return blanks;
+}
+
+// The first action whose device is there; the others wait for it to come back.
+bool begin_next(State& s) {
+  const auto p = plan(slots_of(s), found_in(s), blanks_of(s), master);
+  for (const auto& a : p.actions) {
+    if (!s.devices[index_of(a.device)].powered) continue;
+    const bool bind = a.kind == Action::Kind::bind;
+    s.slot = a.slot;
+    s.work.emplace(bind ? Binding::Kind::bind : Binding::Kind::blank, Seat{a.device, bind ? slot_id[a.slot] : NodeId()}, 2);
+    return true;
+  }
+  return false;
+}
+
+Outcome effect(State& s) {
+  Binding& w = *s.work;
+  const int who = index_of(w.seat().device);
+  Device& d = s.devices[who];
+  const bool bind = w.kind() == Binding::Kind::bind;
+  switch (w.step()) {
+    case Step::check_vacant:
+      s.heard[s.slot] = false;
+      for (int i = 0; i < 2; ++i) {
+        if (i != who && s.devices[i].powered && s.devices[i].active == w.seat().id) return Outcome::mismatch;
+      }
+      return Outcome::ok;
+    case Step::write_ask:
+      if (bind) s.asked[s.slot] = who;
+      else s.blank_asked[who] = true;
+      return Outcome::ok;
+    case Step::select:
+      switch_global_waiting(s);
+      if (!d.powered) return Outcome::silent;
+      d.configuration = true;
+      return Outcome::ok;
+    case Step::inquire:
+      if (!d.powered || !d.configuration) return Outcome::silent;
+      w.inquired(d.active);
+      return Outcome::ok;
+    case Step::configure:
+    case Step::revert: {
+      const NodeId value = w.step() == Step::configure ? w.seat().id : w.old_id();
+      bool any = false;
+      for (auto& each : s.devices) {
+        if (each.powered && each.configuration) {
+          each.pending = value;
+          any = true;
+        }
+      }
+      return any ? Outcome::ok : Outcome::silent;
+    }
+    case Step::store:
+      if (!d.powered || !d.configuration) return Outcome::silent;
+      d.persistent = d.pending;
+      return Outcome::ok;
+    case Step::release:
+      if (bind && s.heard[s.slot] && w.why() == Why::none) return Outcome::mismatch;
+      switch_global_waiting(s);
+      return Outcome::ok;
+    case Step::reset:
+      if (bind && s.heard[s.slot]) return Outcome::mismatch;
+      reset_communication(s, w.old_id());
+      return Outcome::ok;
+    case Step::await_boot_up: return Outcome::ok;
+    case Step::identify: {
+      if (!bind) {
+        if (!d.powered) return Outcome::silent;
+        switch_global_waiting(s);
+        return d.active.configured() ? Outcome::mismatch : Outcome::ok;
+      }
+      bool other = false;
+      for (int i = 0; i < 2; ++i) other = other || (i != who && s.devices[i].powered && s.devices[i].active == w.seat().id);
+      if (other) return Outcome::mismatch;
+      return d.powered && d.active == w.seat().id ? Outcome::ok : Outcome::silent;
+    }
+    case Step::write_confirm:
+      if (bind) {
+        s.asked[s.slot] = -1;
+        s.confirmed[s.slot] = who;
+      }
+      s.blank_asked[who] = false;
+      return Outcome::ok;
+    default: return Outcome::error;
+  }
+}
+
+void crash(State& s) {
+  s.work.reset();
+  s.quiet = false;
+  s.heard[0] = s.heard[1] = false;
+}
+
+// One move of Berth without faults; false when it has nothing to do.
+bool berth_move(State& s) {
+  if (!s.quiet) {
+    bool unfinished = false;
+    for (int i = 0; i < 2; ++i) unfinished = unfinished || s.asked[i] >= 0 || s.blank_asked[i];
+    for (auto& d : s.devices) {
+      if (unfinished && d.powered && d.configuration) d.pending = NodeId();
+    }
+    switch_global_waiting(s);
+    s.quiet = true;
+    return true;
+  }
+  if (!s.work) return begin_next(s);
+  s.work->advance(effect(s));
+  if (s.work->ended()) s.work.reset();
+  return true;
+}
+
+bool settled(const State& s) {
+  for (int i = 0; i < 2; ++i) {
+    if (s.confirmed[i] < 0 || s.asked[i] >= 0) return false;
+    const Device& d = s.devices[s.confirmed[i]];
+    if (d.active != slot_id[i] || d.persistent != slot_id[i]) return false;
+  }
+  return s.confirmed[0] != s.confirmed[1];
+}
+
+// From here on nothing goes wrong and every device has power: Berth must finish.
+bool finishes(State s, std::unordered_map<std::string, bool>& known) {
+  for (auto& d : s.devices) {
+    if (!d.powered) {
+      d = Device{true, d.persistent, d.persistent, d.persistent, false};
+      note_boot(s, d.active, -1);
+    }
+  }
+  std::vector<std::string> path;
+  for (int moves = 0; moves < 400; ++moves) {
+    const auto key = s.key();
+    if (const auto it = known.find(key); it != known.end()) {
+      for (const auto& k : path) known[k] = it->second;
+      return it->second;
+    }
+    path.push_back(key);
+    if (!berth_move(s)) break;
+  }
+  const bool good = settled(s) && !double_id(s);
+  for (const auto& k : path) known[k] = good;
+  return good;
+}
+
+struct Explored {
+  std::size_t states = 0;
+  std::size_t caused = 0;    // Berth made two devices hold one node-ID
+  std::size_t stuck = 0;     // no way to the end
+  std::size_t two_seats = 0; // one device in two slots
+  std::string example;
+};
+
+Explored explore(const State& start, int budget) {
+  Explored result;
+  std::unordered_map<std::string, bool> seen;
+  std::unordered_map<std::string, bool> known;
+  std::deque<State> queue{start};
+  seen[start.key()] = true;
+  const auto visit = [&](const State& next) {
+    if (seen.emplace(next.key(), true).second) queue.push_back(next);
+  };
+  const auto by_berth = [&](const State& before, const State& next) {
+    if (!double_id(before) && double_id(next)) {
+      ++result.caused;
+      if (result.example.empty() && before.work) result.example = name(before.work->step());
+    }
+    visit(next);
+  };
+  while (!queue.empty()) {
+    const State s = queue.front();
+    queue.pop_front();
+    ++result.states;
+    if (!finishes(s, known)) {
+      if (result.stuck++ == 0 && result.example.empty()) result.example = s.work ? name(s.work->step()) : "idle";
+    }
+    const auto seat = [&](int i) { return s.asked[i] >= 0 ? s.asked[i] : s.confirmed[i]; };
+    if (seat(0) >= 0 && seat(0) == seat(1)) ++result.two_seats;
+
+    State done = s;
+    if (berth_move(done)) by_berth(s, done);
+    if (s.faults >= budget) continue;
+    State faulty = s;
+    ++faulty.faults;
+    {  // Berth dies before the effect
+      State next = faulty;
+      crash(next);
+      visit(next);
+    }
+    if (s.work) {
+      const Step step = s.work->step();
+      State next = faulty;
+      (void)effect(next);
+      State died = next;  // dies after the effect, before it knew
+      crash(died);
+      by_berth(s, died);
+      const bool on_lss = step == Step::select || step == Step::inquire || step == Step::configure || step == Step::store;
+      const bool answered = on_lss || step == Step::identify;
+      if (answered) {  // the answer is lost
+        next.work = s.work;
+        next.work->advance(Outcome::silent);
+        if (next.work->ended()) next.work.reset();
+        by_berth(s, next);
+      }
+      if (answered && step != Step::select) {  // the request is lost
+        State lost = faulty;
+        lost.work->advance(Outcome::silent);
+        if (lost.work->ended()) lost.work.reset();
+        by_berth(s, lost);
+      }
+    }
+    for (int i = 0; i < 2; ++i) {  // power
+      State next = faulty;
+      Device& d = next.devices[i];
+      if (d.powered) {
+        d.powered = false;
+        d.configuration = false;
+      } else {
+        d = Device{true, d.persistent, d.persistent, d.persistent, false};
+        note_boot(next, d.active, i);
+      }
+      visit(next);
+    }
+    for (int i = 0; i < 2; ++i) {  // berth replace
+      const int who = seat(i);
+      if (who < 0 || s.devices[who].powered || s.work) continue;
+      State next = faulty;
+      next.asked[i] = next.confirmed[i] = -1;
+      visit(next);
+    }
+  }
+  return result;
+}
+
+State with_ids(NodeId a, NodeId b) {
+  State s;
+  for (int i = 0; i < 2; ++i) {
+    const NodeId id = i == 0 ? a : b;
+    s.devices[i].persistent = s.devices[i].pending = s.devices[i].active = id;
+  }
+  return s;
+}
+
+void expect_sound(const State& start, int budget, const char* what) {
+  const auto e = explore(start, budget);
+  std::printf("%s: %zu states\n", what, e.states);
+  EXPECT_EQ(e.caused, 0U) << what << " at " << e.example;
+  EXPECT_EQ(e.stuck, 0U) << what << " at " << e.example;
+  EXPECT_EQ(e.two_seats, 0U) << what;
+  EXPECT_GT(e.states, 100U) << what;
+}
+
+}  // namespace
+
+// S1.53
+TEST(BindingModel, S1_53_BlankDevicesThroughEveryCrashAndLoss) { expect_sound(with_ids(NodeId(), NodeId()), 4, "both blank"); }
+
+// S1.36: they come with node-IDs of another plant, right, wrong, swapped and equal.
+TEST(BindingModel, S1_36_DevicesThatComeWithNodeIds) {
+  const NodeId none;
+  const NodeId one(1);
+  const NodeId two(2);
+  const NodeId far(77);
+  const std::pair<NodeId, NodeId> starts[] = {{one, two}, {two, one}, {one, one}, {two, two}, {none, one},
+                                              {two, none}, {far, one}, {far, far}};
+  for (const auto& [a, b] : starts) {
+    const auto what = std::to_string(a.value()) + " and " + std::to_string(b.value());
+    expect_sound(with_ids(a, b), 3, what.c_str());
+  }
+}
+
+// The judge can find something: a table that confirms before it identified, or skips the vacancy check, is caught.
+TEST(BindingModel, WithoutOpeningRevertADoubleIsFound) {
+  State s = with_ids(NodeId(), NodeId(1));
+  // A run of Berth died with device 0 in configuration and slot 1's node-ID pending there; device 1 came with that id.
+  s.devices[0].configuration = true;
+  s.devices[0].pending = NodeId(1);
+  s.asked[0] = 0;
+  s.quiet = true;  // and this run did not begin with 11 FF
+  EXPECT_GT(explore(s, 0).caused, 0U);
+  s.quiet = false;
+  EXPECT_EQ(explore(s, 0).caused, 0U);
+}
