@@ -1,0 +1,195 @@
+// Paper 1's rules and what they leave open (checklist S1.27 to S1.38).
+#include "berth/places/planner.hpp"
+
+using namespace berth;
+using namespace berth::places;
+
+namespace {
+
+constexpr TypeCode A{0x01000001, 1};
+constexpr TypeCode B{0x00000001, 1};
+constexpr TypeCode C{0x00000001, 5};
+constexpr NodeId master(127);
+
+LssAddress device(TypeCode type, std::uint32_t serial, std::uint32_t revision = 0) {
+  return {type.vendor, type.product, revision, serial};
+}
+
+Slot slot(unsigned id, TypeCode type, std::optional<LssAddress> bound = std::nullopt) {
+  Slot s;
+  s.spec.id = NodeId(static_cast<std::uint8_t>(id));
+  s.spec.type = type;
+  s.record.slot = SlotId{static_cast<std::int64_t>(id) + 100};
+  if (bound) s.record.confirmed = Seat{*bound, s.spec.id};
+  return s;
+}
+
+// Table I of the paper (S1.28).
+std::vector<Slot> table_1() { return {slot(1, A), slot(2, B), slot(3, C), slot(4, B), slot(5, B)}; }
+
+std::map<unsigned, std::uint32_t> seats(const std::vector<Slot>& slots, const Plan& p) {
+  std::map<unsigned, std::uint32_t> result;
+  for (const auto& a : p.actions) {
+    if (a.kind == Action::Kind::bind) result[slots[a.slot].spec.id.value()] = a.device.serial;
+  }
+  return result;
+}
+
+std::vector<Found> blank(const std::vector<LssAddress>& devices) {
+  std::vector<Found> found;
+  for (const auto& d : devices) found.push_back({d, NodeId()});
+  return found;
+}
+
+}  // namespace
+
+TEST(Planner, S1_27_S1_28_S1_38_TableOneBecomesTableTwo) {
+  const auto slots = table_1();
+  const auto p = plan(slots, blank({device(B, 7), device(A, 0x0A), device(B, 5), device(C, 8), device(B, 6)}), {}, master);
+  EXPECT_EQ(seats(slots, p), (std::map<unsigned, std::uint32_t>{{1, 0x0A}, {2, 5}, {3, 8}, {4, 6}, {5, 7}}));
+  EXPECT_TRUE(p.questions.empty());
+  EXPECT_TRUE(p.oddities.empty());
+}
+
+TEST(Planner, S1_27_R_SN_OrdersByRevisionBeforeSerial) {
+  const std::vector<Slot> slots{slot(2, B), slot(4, B)};
+  const auto p = plan(slots, blank({device(B, 1, 2), device(B, 9, 1)}), {}, master);
+  EXPECT_EQ(seats(slots, p), (std::map<unsigned, std::uint32_t>{{2, 9}, {4, 1}}));
+}
+
+// S1.35, S1.51: after s2 and s4 were replaced rule 2 holds among the new ones only; s5 keeps its smaller number.
+TEST(Planner, S1_35_OnlyTheDevicesOfThisRunAreSorted) {
+  auto slots = table_1();
+  slots[0].record.confirmed = Seat{device(A, 0x0A), NodeId(1)};
+  slots[2].record.confirmed = Seat{device(C, 8), NodeId(3)};
+  slots[4].record.confirmed = Seat{device(B, 7), NodeId(5)};
+  const auto p = plan(slots, blank({device(B, 0x18), device(B, 0x15)}), {}, master);
+  EXPECT_EQ(seats(slots, p), (std::map<unsigned, std::uint32_t>{{2, 0x15}, {4, 0x18}}));
+}
+
+// S1.33: one node takes one row, not all free rows of its type.
+TEST(Planner, S1_33_OneDeviceOneSlot) {
+  const std::vector<Slot> slots{slot(2, B)};
+  const auto p = plan(slots, blank({device(B, 5)}), {}, master);
+  EXPECT_EQ(p.actions.size(), 1U);
+}
+
+// S1.34
+TEST(Planner, S1_34_FewerDevicesThanSlotsIsAQuestion) {
+  const std::vector<Slot> slots{slot(2, B), slot(4, B)};
+  const auto p = plan(slots, blank({device(B, 5)}), {}, master);
+  EXPECT_TRUE(p.actions.empty());
+  ASSERT_EQ(p.questions.size(), 1U);
+  EXPECT_EQ(p.questions[0].slots, (std::vector<std::size_t>{0, 1}));
+  EXPECT_EQ(p.questions[0].devices, (std::vector<LssAddress>{device(B, 5)}));
+}
+
+TEST(Planner, S1_34_MoreDevicesThanSlotsIsAQuestion) {
+  const std::vector<Slot> slots{slot(2, B)};
+  const auto p = plan(slots, blank({device(B, 5), device(B, 6)}), {}, master);
+  EXPECT_TRUE(p.actions.empty());
+  EXPECT_EQ(p.questions.size(), 1U);
+}
+
+TEST(Planner, S1_34_SurplusAndForeignDevicesAreNamed) {
+  const std::vector<Slot> slots{slot(2, B, device(B, 5))};
+  const auto p = plan(slots, blank({device(B, 6), device(C, 1)}), {}, master);
+  EXPECT_TRUE(p.actions.empty());
+  ASSERT_EQ(p.oddities.size(), 2U);
+  EXPECT_EQ(p.oddities[0].kind, "surplus");
+  EXPECT_EQ(p.oddities[1].kind, "foreign");
+}
+
+TEST(Planner, OneAtATimeTakesTheLowestFreeSlot) {
+  std::vector<Slot> slots{slot(2, B), slot(4, B)};
+  for (auto& s : slots) s.spec.when_ambiguous = WhenAmbiguous::one_at_a_time;
+  EXPECT_EQ(seats(slots, plan(slots, blank({device(B, 9)}), {}, master)), (std::map<unsigned, std::uint32_t>{{2, 9}}));
+  slots.push_back(slot(6, B));
+  EXPECT_EQ(plan(slots, blank({device(B, 9), device(B, 10)}), {}, master).questions.size(), 1U);
+}
+
+TEST(Planner, RevisionRules) {
+  auto s = slot(2, B);
+  s.spec.revision = 0x00020003;
+  s.spec.rule = RevisionRule::major;
+  EXPECT_TRUE(fits(s.spec, device(B, 1, 0x00020009)));
+  EXPECT_FALSE(fits(s.spec, device(B, 1, 0x00010003)));
+  s.spec.rule = RevisionRule::exact;
+  EXPECT_FALSE(fits(s.spec, device(B, 1, 0x00020009)));
+  const auto p = plan({s}, blank({device(B, 1, 0x00020009)}), {}, master);
+  EXPECT_TRUE(p.actions.empty());
+  ASSERT_EQ(p.oddities.size(), 1U);
+  EXPECT_EQ(p.oddities[0].kind, "wrong revision");
+}
+
+// S1.36
+TEST(Planner, S1_36_WhoHoldsAnothersNodeIdGivesItUpFirst) {
+  const std::vector<Slot> slots{slot(1, A, device(A, 1)), slot(2, B)};
+  const std::vector<Found> found{{device(B, 5), NodeId(1)}};
+  const auto p = plan(slots, found, {}, master);
+  ASSERT_EQ(p.actions.size(), 2U);
+  EXPECT_EQ(p.actions[0].kind, Action::Kind::blank);
+  EXPECT_EQ(p.actions[0].device, device(B, 5));
+  EXPECT_EQ(p.actions[1].kind, Action::Kind::bind);
+}
+
+TEST(Planner, S1_36_AForeignDeviceAtTheMastersNodeIdIsBlanked) {
+  const auto p = plan({slot(2, B)}, {{device(C, 5), master}}, {}, master);
+  ASSERT_EQ(p.actions.size(), 1U);
+  EXPECT_EQ(p.actions[0].kind, Action::Kind::blank);
+}
+
+TEST(Planner, S1_36_AForeignDeviceAtAFreeNodeIdIsLeftAlone) {
+  const auto p = plan({slot(2, B)}, {{device(C, 5), NodeId(99)}}, {}, master);
+  EXPECT_TRUE(p.actions.empty());
+  EXPECT_EQ(p.oddities.size(), 1U);
+}
+
+// S1.22
+TEST(Planner, S1_22_ClonesAreNamedAndNeverSeated) {
+  const auto p = plan({slot(2, B)}, {{device(B, 5), NodeId(), true}}, {}, master);
+  EXPECT_TRUE(p.actions.empty());
+  ASSERT_EQ(p.oddities.size(), 1U);
+  EXPECT_EQ(p.oddities[0].kind, "clone");
+}
+
+TEST(Planner, S1_53_UnfinishedWorkComesBeforeNewWork) {
+  std::vector<Slot> slots{slot(2, B), slot(4, C)};
+  slots[1].record.asked = Seat{device(C, 9), NodeId(4)};
+  const auto p = plan(slots, blank({device(B, 5)}), {device(A, 3)}, master);
+  ASSERT_EQ(p.actions.size(), 3U);
+  EXPECT_EQ(p.actions[0].kind, Action::Kind::blank);
+  EXPECT_EQ(p.actions[0].device, device(A, 3));
+  EXPECT_EQ(p.actions[1].device, device(C, 9));
+  EXPECT_EQ(p.actions[2].device, device(B, 5));
+}
+
+// Whatever is found, no plan seats one device twice, two devices in one slot, a wrong type, or over a binding.
+RC_GTEST_PROP(Planner, NeverTwoInOneSlotNorOneInTwo, ()) {
+  const auto n = *rc::gen::inRange(1, 8);
+  std::vector<Slot> slots;
+  for (int i = 0; i < n; ++i) {
+    auto s = slot(static_cast<unsigned>(i) + 1, *rc::gen::element(A, B));
+    s.spec.when_ambiguous = *rc::gen::element(WhenAmbiguous::ask, WhenAmbiguous::ascending, WhenAmbiguous::one_at_a_time,
+                                              WhenAmbiguous::first_seen);
+    if (*rc::gen::inRange(0, 3) == 0) s.record.confirmed = Seat{device(s.spec.type, 1000U + static_cast<unsigned>(i)), s.spec.id};
+    slots.push_back(s);
+  }
+  std::vector<Found> found;
+  const auto m = *rc::gen::inRange(0, 9);
+  for (int i = 0; i < m; ++i) {
+    const auto id = *rc::gen::inRange(0, 10);
+    found.push_back({device(*rc::gen::element(A, B, C), static_cast<unsigned>(i)),
+                     id == 0 ? NodeId() : NodeId(static_cast<std::uint8_t>(id))});
+  }
+  const auto p = plan(slots, found, {}, master);
+  std::map<std::size_t, int> per_slot;
+  std::map<LssAddress, int> per_device;
+  for (const auto& a : p.actions) {
+    if (a.kind != Action::Kind::bind) continue;
+    RC_ASSERT(fits(slots[a.slot].spec, a.device));
+    RC_ASSERT(++per_slot[a.slot] == 1);
+    RC_ASSERT(++per_device[a.device] == 1);
+    RC_ASSERT(!slots[a.slot].record.confirmed || slots[a.slot].record.confirmed->device == a.device);
+  }
+}
