@@ -1,0 +1,138 @@
+/// A device's non-volatile memory: bytes that outlive power, and records in them that a power loss in the middle of a
+/// write leaves old or new, never mixed.
+#pragma once
+
+#include <array>
+#include <cstddef>
+#include <cstdint>
+#include <span>
+#include <vector>
+
+#include "berth/rt/executor.hpp"
+
+namespace berth::device {
+
+/// Bytes that outlive power. A write takes its time and ends with a call; when power goes meanwhile, any number of its
+/// bytes is written, in order, the last of them perhaps wrong. Blank memory reads FFh.
+class NvMemory {
+ public:
+  /// Told from a job when the write that was given it has ended; `ok` false: the medium refused.
+  class Done {
+   public:
+    virtual void written(bool ok) noexcept = 0;
+
+   protected:
+    ~Done() = default;
+  };
+
+  virtual ~NvMemory() = default;
+  [[nodiscard]] virtual std::size_t size() const noexcept = 0;
+  /// Reads at any time, also during a write. Bytes beyond the end read FFh.
+  virtual void read(std::size_t at, std::span<std::uint8_t> into) const noexcept = 0;
+  /// Begins a write; false, and nothing is written, when one is under way or the place is out of range. `bytes` and
+  /// `done` must stay until `written` was called or `forget`.
+  virtual bool write(std::size_t at, std::span<const std::uint8_t> bytes, Done& done) noexcept = 0;
+  /// The device lost power or is reset: the write under way stops where it is; nobody is told.
+  virtual void forget() noexcept = 0;
+};
+
+/// One record of a fixed length in two slots, each with a sequence number and a CRC-32: a write goes to the slot that
+/// does not hold the valid record.
+///
+///     slot = sequence U32 | length U8 | payload | CRC-32 over all before, little-endian
+class NvRecord final : private NvMemory::Done {
+ public:
+  static constexpr std::size_t most = 48;  ///< longest payload in bytes
+  /// Bytes of memory that a record takes.
+  [[nodiscard]] static constexpr std::size_t footprint(std::size_t payload) noexcept { return 2 * (payload + 9); }
+
+  /// `payload` (1..`most`) bytes, in `memory` from `at` on. Reads nothing yet.
+  NvRecord(NvMemory& memory, std::size_t at, std::size_t payload) noexcept
+      : memory_(&memory), at_(at), payload_(payload <= most ? payload : most) {}
+
+  /// Finds the newer valid slot; false when the memory holds none (blank or never written whole).
+  bool load(std::span<std::uint8_t> into) noexcept;
+  /// Begins to write. `done` is told as by `NvMemory::write`. False: busy, or the memory refuses.
+  bool save(std::span<const std::uint8_t> payload, NvMemory::Done& done) noexcept;
+  /// Power loss or reset: what is under way stays unfinished; call `load` before the next use.
+  void forget() noexcept;
+  [[nodiscard]] bool busy() const noexcept { return done_ != nullptr; }
+
+ private:
+  [[nodiscard]] std::size_t slot_size() const noexcept { return payload_ + 9; }
+  bool read_slot(unsigned slot, std::span<std::uint8_t> into, std::uint32_t& sequence) const noexcept;
+  void written(bool ok) noexcept override;
+
+  NvMemory* memory_;
+  std::size_t at_;
+  std::size_t payload_;
+  std::uint32_t sequence_ = 0;  // of the valid record
+  unsigned slot_ = 1;           // where the valid record stands; the next write goes to the other one
+  NvMemory::Done* done_ = nullptr;
+  std::array<std::uint8_t, most + 9> buffer_{};
+};
+
+/// Memory of a simulated device. Lives longer than the device's power, and as long as the plant.
+class SimFlash final : public NvMemory, private rt::Job {
+ public:
+  /// What a test or a fault plan wants to know; called in the middle of things: do no more than note or cut power.
+  class Watcher {
+   public:
+    virtual void write_began() noexcept = 0;
+    virtual void write_ended() noexcept = 0;
+    /// The cut planned with `cut_after` happened: the device must lose its power now.
+    virtual void cut() noexcept = 0;
+
+   protected:
+    ~Watcher() = default;
+  };
+
+  /// `duration` is how long any write takes; its bytes are written evenly over that time.
+  SimFlash(rt::Executor& executor, std::size_t size, rt::Duration duration);
+
+  [[nodiscard]] std::size_t size() const noexcept override { return bytes_.size(); }
+  void read(std::size_t at, std::span<std::uint8_t> into) const noexcept override;
+  bool write(std::size_t at, std::span<const std::uint8_t> bytes, Done& done) noexcept override;
+  void forget() noexcept override;
+
+  void set_duration(rt::Duration duration) noexcept { duration_ = duration; }
+  void watch(Watcher* watcher) noexcept { watcher_ = watcher; }
+  /// From now on `bytes` more bytes can be written; then the write stops as at a power loss, and the byte it stopped
+  /// at holds `torn` (a value of 0..255) or its old content (-1). The watcher is told.
+  void cut_after(std::uint64_t bytes, int torn = -1) noexcept;
+  void never_cut() noexcept { cuts_ = false; }
+  /// Every write is refused by the medium (answer to LSS store: 02).
+  void broken(bool on) noexcept { broken_ = on; }
+  [[nodiscard]] bool writing() const noexcept { return done_ != nullptr; }
+
+  [[nodiscard]] std::uint64_t writes_begun() const noexcept { return begun_; }
+  [[nodiscard]] std::uint64_t writes_ended() const noexcept { return ended_; }
+
+  /// The whole content, to save and restore a plant.
+  [[nodiscard]] std::span<const std::uint8_t> image() const noexcept { return bytes_; }
+  /// Takes as much as fits; the rest becomes blank.
+  void restore(std::span<const std::uint8_t> image) noexcept;
+  void erase() noexcept;
+
+ private:
+  void run() noexcept override;
+  void put(std::size_t count) noexcept;
+
+  rt::Executor* executor_;
+  rt::Duration duration_;
+  Watcher* watcher_ = nullptr;
+  std::vector<std::uint8_t> bytes_;
+  Done* done_ = nullptr;
+  std::span<const std::uint8_t> source_;
+  std::size_t at_ = 0;
+  std::size_t put_ = 0;  // bytes of source_ that are in bytes_
+  rt::Time began_{};
+  std::uint64_t begun_ = 0;
+  std::uint64_t ended_ = 0;
+  std::uint64_t left_ = 0;  // bytes until the planned cut
+  int torn_ = -1;
+  bool cuts_ = false;
+  bool broken_ = false;
+};
+
+}  // namespace berth::device
