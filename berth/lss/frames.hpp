@@ -1,0 +1,130 @@
+/// The frames of the layer setting services (CiA 305): command specifiers, making and reading.
+///
+/// Every LSS frame is a base data frame with 8 bytes: command specifier, parameters little-endian, the rest 0.
+/// Master to slaves 7E5h, slave to master 7E4h, so that an answer outranks the next request.
+#pragma once
+
+#include <array>
+#include <cstdint>
+#include <optional>
+
+#include "berth/base/bytes.hpp"
+#include "berth/base/ids.hpp"
+#include "berth/can/frame.hpp"
+
+namespace berth::lss {
+
+inline constexpr std::uint32_t master_cob_id = 0x7E5;  ///< requests
+inline constexpr std::uint32_t slave_cob_id = 0x7E4;   ///< answers
+
+/// The two LSS states of a slave (operation and configuration mode in the v1 wording that paper 1 uses). The values are
+/// those of the mode byte of switch state global.
+enum class State : std::uint8_t { waiting = 0, configuration = 1 };
+
+/// Command specifiers, byte 0. An answer repeats the request's unless another is named here.
+enum class Command : std::uint8_t {
+  switch_global = 0x04,
+  configure_node_id = 0x11,
+  configure_bit_timing = 0x13,
+  activate_bit_timing = 0x15,
+  store = 0x17,
+  select_vendor = 0x40,
+  select_product = 0x41,
+  select_revision = 0x42,
+  select_serial = 0x43,
+  selected = 0x44,  ///< answer to 43h
+  identify_vendor = 0x46,
+  identify_product = 0x47,
+  identify_revision_low = 0x48,
+  identify_revision_high = 0x49,
+  identify_serial_low = 0x4A,
+  identify_serial_high = 0x4B,
+  identify_non_configured = 0x4C,
+  identified = 0x4F,      ///< answer to 4Bh
+  non_configured = 0x50,  ///< answer to 4Ch
+  inquire_vendor = 0x5A,
+  inquire_product = 0x5B,
+  inquire_revision = 0x5C,
+  inquire_serial = 0x5D,
+  inquire_node_id = 0x5E,
+};
+
+/// Index into the CiA bit timing table (table selector 0).
+enum class BitRateIndex : std::uint8_t {
+  kbit_1000 = 0,
+  kbit_800 = 1,
+  kbit_500 = 2,
+  kbit_250 = 3,
+  kbit_125 = 4,
+  reserved = 5,  ///< was 100 kbit/s; never accepted
+  kbit_50 = 6,
+  kbit_20 = 7,
+  kbit_10 = 8,
+  automatic = 9,  ///< automatic bit rate detection
+};
+/// In bit/s; 0 for automatic detection; empty for the reserved index and beyond the table.
+[[nodiscard]] std::optional<std::uint32_t> bit_rate(BitRateIndex index) noexcept;
+/// The index of a rate in bit/s; empty when the table has none.
+[[nodiscard]] std::optional<BitRateIndex> bit_rate_index(std::uint32_t bits_per_second) noexcept;
+
+/// A set of `BitRateIndex`: bit i stands for index i. 10 to 1000 kbit/s without automatic detection.
+using BitRateMask = std::uint16_t;
+inline constexpr BitRateMask all_fixed_bit_rates = 0x01DF;
+[[nodiscard]] constexpr bool contains(BitRateMask mask, unsigned index) noexcept {
+  return index <= 9 && index != 5 && ((mask >> index) & 1U) != 0;
+}
+
+/// Error codes in byte 1 of an answer. What 1 and 2 mean depends on the service.
+namespace error {
+inline constexpr std::uint8_t ok = 0;
+inline constexpr std::uint8_t out_of_range = 1;   ///< configure node-ID: not 1..127 or 255
+inline constexpr std::uint8_t not_supported = 1;  ///< bit timing, store
+inline constexpr std::uint8_t storage = 2;        ///< store: the medium cannot be written
+inline constexpr std::uint8_t specific = 255;     ///< byte 2 holds a manufacturer's code
+}  // namespace error
+
+/// What identify remote slave asks: vendor and product equal, revision and serial number within inclusive ranges.
+struct IdentifyRanges {
+  std::uint32_t vendor = 0;
+  std::uint32_t product = 0;
+  std::uint32_t revision_low = 0;
+  std::uint32_t revision_high = 0xFFFF'FFFF;
+  std::uint32_t serial_low = 0;
+  std::uint32_t serial_high = 0xFFFF'FFFF;
+  [[nodiscard]] constexpr bool contains(const LssAddress& a) const noexcept {
+    return a.vendor == vendor && a.product == product && a.revision >= revision_low && a.revision <= revision_high &&
+           a.serial >= serial_low && a.serial <= serial_high;
+  }
+  /// The six values in the order in which they are sent, 46h to 4Bh.
+  [[nodiscard]] constexpr std::uint32_t value(unsigned i) const noexcept {
+    return std::array<std::uint32_t, 6>{vendor, product, revision_low, revision_high, serial_low, serial_high}[i % 6];
+  }
+};
+
+/// A request of the master. Unused bytes are 0.
+[[nodiscard]] can::Frame request(Command command) noexcept;
+[[nodiscard]] can::Frame request(Command command, std::uint8_t byte1, std::uint8_t byte2 = 0) noexcept;
+[[nodiscard]] can::Frame request32(Command command, std::uint32_t value) noexcept;
+/// `15h` with the switch delay in milliseconds.
+[[nodiscard]] can::Frame request_activate(std::uint16_t delay_ms) noexcept;
+/// Switch state selective, frame 0..3 of 4 (40h to 43h).
+[[nodiscard]] can::Frame request_select(const LssAddress& address, unsigned i) noexcept;
+/// Identify remote slave, frame 0..5 of 6 (46h to 4Bh).
+[[nodiscard]] can::Frame request_identify(const IdentifyRanges& ranges, unsigned i) noexcept;
+
+/// An answer of a slave.
+[[nodiscard]] can::Frame answer(Command command) noexcept;
+[[nodiscard]] can::Frame answer(Command command, std::uint8_t byte1, std::uint8_t byte2 = 0) noexcept;
+[[nodiscard]] can::Frame answer32(Command command, std::uint32_t value) noexcept;
+
+/// True for a base data frame with 8 bytes and this identifier: nothing else is an LSS frame (CiA 305; facts C.1).
+[[nodiscard]] constexpr bool is_lss(const can::Frame& frame, std::uint32_t cob_id) noexcept {
+  return frame.id == cob_id && !frame.extended && !frame.remote && !frame.fd && frame.size == 8;
+}
+[[nodiscard]] inline Command command(const can::Frame& frame) noexcept { return static_cast<Command>(frame.data[0]); }
+/// Bytes 1..4 as one number.
+[[nodiscard]] inline std::uint32_t value32(const can::Frame& frame) noexcept {
+  return load_le<std::uint32_t>(frame.data.data() + 1);
+}
+
+}  // namespace berth::lss

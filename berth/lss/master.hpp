@@ -1,0 +1,162 @@
+/// The LSS master (CiA 305): each service is one awaitable operation.
+///
+///     auto reply = co_await master.switch_selective(address);
+///     if (!reply) co_return fail(reply.error());
+///
+/// One service is on the wire at a time; others queue in the order of their start. A reply window starts when the
+/// request's last frame is confirmed as sent; answers that come before belong to an earlier request and are ignored
+/// (counted in `stale`). Nothing protects a *sequence* of services (select, configure, store) from another task that
+/// uses the same master: one task per master, or agree on it above.
+///
+/// Errors: `timeout` no answer in any attempt; `aborted` the slave refused, `detail` = error code | specific code << 8;
+/// `bus` the request could not be sent; `invalid` an argument out of range; `cancelled` the master was destroyed.
+#pragma once
+
+#include <array>
+#include <cstdint>
+
+#include "berth/base/result.hpp"
+#include "berth/can/dispatcher.hpp"
+#include "berth/lss/frames.hpp"
+#include "berth/rt/task.hpp"
+
+namespace berth::lss {
+
+/// How one service waits.
+struct ServiceOptions {
+  rt::Duration timeout = std::chrono::milliseconds(100);  ///< reply window, from `sent` of the last request frame
+  unsigned retries = 1;                                   ///< attempts after the first when nobody answered
+  /// Listen to the end of the window although an answer came: two devices with one LSS address answer twice (unless
+  /// their frames fell into one on the bus), and a late answer cannot be taken for the next request's.
+  bool full_window = false;
+};
+
+struct MasterOptions {
+  ServiceOptions service{};                                                ///< select, configure, inquire
+  ServiceOptions identify{.retries = 0, .full_window = true};              ///< identify services
+  ServiceOptions store{.timeout = std::chrono::seconds(5), .retries = 0};  ///< store configuration
+  rt::Duration inhibit{0};  ///< least time from a request's `sent` to the next request (single-slot receive buffers)
+  rt::Duration send_timeout = std::chrono::seconds(1);  ///< a request not acknowledged by then is `bus`
+};
+
+/// What came back. Answers beyond `heard.size()` are counted, not kept.
+struct Reply {
+  std::array<can::Frame, 2> heard{};  ///< the first answers
+  std::array<rt::Time, 2> heard_at{};
+  unsigned answers = 0;   ///< fitting answers in the window
+  unsigned others = 0;    ///< other frames on 7E4h in the window
+  unsigned stale = 0;     ///< frames on 7E4h before `sent`
+  unsigned attempts = 0;  ///< 1 = answered at once
+  bool differ = false;    ///< two answers had different content: two slaves in configuration
+  rt::Time sent{};        ///< confirmation of the last request frame (of the last attempt)
+
+  /// Bytes 1..4 of the first answer (inquire).
+  [[nodiscard]] std::uint32_t value() const noexcept { return value32(heard[0]); }
+  /// Byte 1 of the first answer (inquire node-ID: 1..127 or 255).
+  [[nodiscard]] std::uint8_t byte() const noexcept { return heard[0].data[1]; }
+};
+
+class Master;
+
+/// One service on the wire. Made by `Master`; destroying it ends the service. It may outlive the master.
+class Exchange final : public rt::Operation<Exchange>, private rt::Job, private can::Confirmation {
+ public:
+  ~Exchange();
+  bool start() noexcept;
+  Result<Reply> await_resume() noexcept;
+
+ private:
+  friend class Master;
+  enum class Kind : std::uint8_t { no_answer, may_answer, must_answer };
+  enum class Step : std::uint8_t { queued, inhibited, sending, listening, done };
+  Exchange(Master& master, const ServiceOptions& options, Kind kind, Command expected) noexcept;
+  void push(const can::Frame& frame) noexcept { frames_[count_++] = frame; }
+  void refuse(Error error) noexcept;
+  void take_turn() noexcept;
+  void begin_attempt() noexcept;
+  void send_next() noexcept;
+  void heard(const can::Frame& frame, rt::Time at) noexcept;
+  void sent(rt::Time at) noexcept override;
+  void run() noexcept override;
+  void window_over() noexcept;
+  void done(Error error) noexcept;
+  void done() noexcept;
+  void end() noexcept;
+
+  Master* master_;
+  Exchange* next_ = nullptr;  // in the master's queue
+  ServiceOptions options_;
+  Kind kind_;
+  Command expected_;
+  Step step_ = Step::queued;
+  bool checks_code_ = false;  // byte 1 of the answer is an error code
+  bool failed_ = false;
+  std::uint8_t count_ = 0;
+  std::uint8_t next_frame_ = 0;
+  std::array<can::Frame, 6> frames_;
+  Reply reply_{};
+  Error error_{};
+};
+
+class Master final : private can::Handler {
+ public:
+  explicit Master(can::Dispatcher& dispatcher, const MasterOptions& options = {});
+  /// Services still under way end with `cancelled`.
+  ~Master();
+
+  [[nodiscard]] const MasterOptions& options() const noexcept { return options_; }
+  void set_options(const MasterOptions& options) noexcept { options_ = options; }
+
+  // All: await for Result<Reply>. The second form of each overrides the master's options for this call.
+
+  /// `04 state`. No answer exists; done when sent.
+  [[nodiscard]] Exchange switch_global(State state) noexcept;
+  /// 40h..43h; the one slave with this address goes to configuration and answers 44h. `timeout`: no such slave.
+  [[nodiscard]] Exchange switch_selective(const LssAddress& address) noexcept;
+  [[nodiscard]] Exchange switch_selective(const LssAddress& address, const ServiceOptions& options) noexcept;
+  /// `11 id`: 1..127, or unconfigured. Sets the pending node-ID. `aborted`: the slave refused.
+  [[nodiscard]] Exchange configure_node_id(NodeId id) noexcept;
+  [[nodiscard]] Exchange configure_node_id(NodeId id, const ServiceOptions& options) noexcept;
+  /// `13 00 index`: table selector 0. Sets the pending bit rate.
+  [[nodiscard]] Exchange configure_bit_timing(BitRateIndex index) noexcept;
+  [[nodiscard]] Exchange configure_bit_timing(BitRateIndex index, const ServiceOptions& options) noexcept;
+  /// `15 delay`. No answer; done when sent. The caller then restarts its own port after one delay and stays silent for
+  /// another.
+  [[nodiscard]] Exchange activate_bit_timing(std::uint16_t delay_ms) noexcept;
+  /// `17`: pending becomes persistent.
+  [[nodiscard]] Exchange store() noexcept;
+  [[nodiscard]] Exchange store(const ServiceOptions& options) noexcept;
+  /// 5Ah..5Dh for part 0..3 (vendor, product, revision, serial): `Reply::value`.
+  [[nodiscard]] Exchange inquire(unsigned part) noexcept;
+  [[nodiscard]] Exchange inquire(unsigned part, const ServiceOptions& options) noexcept;
+  /// 5Eh: `Reply::byte`.
+  [[nodiscard]] Exchange inquire_node_id() noexcept;
+  [[nodiscard]] Exchange inquire_node_id(const ServiceOptions& options) noexcept;
+  /// 46h..4Bh. Silence is an answer: `Reply::answers` is 0.
+  [[nodiscard]] Exchange identify_remote(const IdentifyRanges& ranges) noexcept;
+  [[nodiscard]] Exchange identify_remote(const IdentifyRanges& ranges, const ServiceOptions& options) noexcept;
+  /// 4Ch. Silence is an answer: `Reply::answers` is 0.
+  [[nodiscard]] Exchange identify_non_configured() noexcept;
+  [[nodiscard]] Exchange identify_non_configured(const ServiceOptions& options) noexcept;
+
+  /// The whole LSS address of the one slave in configuration. `duplicate`: different answers to one inquiry.
+  [[nodiscard]] rt::Task<Result<LssAddress>> inquire_address();
+
+  /// Frames on 7E4h while no service was under way.
+  [[nodiscard]] std::uint64_t unexpected() const noexcept { return unexpected_; }
+
+ private:
+  friend class Exchange;
+  void received(const can::Frame& frame, rt::Time at) noexcept override;
+  void enter(Exchange& exchange) noexcept;
+  void leave(Exchange& exchange) noexcept;
+  [[nodiscard]] Exchange inquiry(Command command, const ServiceOptions& options) noexcept;
+
+  can::Dispatcher* dispatcher_;
+  MasterOptions options_;
+  Exchange* first_ = nullptr;  // the one on the wire, then those that wait
+  rt::Time earliest_{};        // inhibit
+  std::uint64_t unexpected_ = 0;
+};
+
+}  // namespace berth::lss

@@ -1,0 +1,177 @@
+/// The RAND master: finds every device in state unknown, lowest LSS address first (paper 1 §II, §III; S1.18 to S1.24).
+///
+/// One procedure finds one device: phase 0 asks everybody unknown, phases 1..7 ask those whose chunks so far are the
+/// lowest that answered, DIRS asks the one that is left to become identified. Procedures repeat until nobody answers
+/// phase 0. For N devices without trouble: 9 N + 1 requests.
+///
+///     DiscoveryOptions options;                       // must outlive the task
+///     auto report = co_await master.discover(options);
+#pragma once
+
+#include <array>
+#include <cstdint>
+#include <vector>
+
+#include "berth/base/result.hpp"
+#include "berth/can/dispatcher.hpp"
+#include "berth/nodeid/rand_frames.hpp"
+#include "berth/rt/task.hpp"
+
+namespace berth::nodeid {
+
+/// How the master waits after each request. All times from the request's `sent` confirmation.
+struct DiscoveryOptions {
+  enum class Window : std::uint8_t {
+    fixed,  ///< `collect`, whatever comes (the paper's way)
+    quiet,  ///< until nothing was heard for `t_resp`, at most `most` (S1.41: the number of answers is not known before)
+  };
+  Window window = Window::quiet;
+  rt::Duration collect = std::chrono::milliseconds(40);  ///< fixed window
+  rt::Duration t_resp = std::chrono::milliseconds(20);   ///< longest response time of any device, bus load included
+  rt::Duration most = std::chrono::milliseconds(500);    ///< upper bound of the quiet window
+  rt::Duration t_proc{0};        ///< the paper's T_proc: from the end of a window to the next request
+  unsigned retries = 4;          ///< restarts at phase 0 in a row without finding a device (S1.20)
+  bool widen = true;             ///< each restart in a row doubles the window (up to 16 times): late answerers
+  bool confirm_clones = true;    ///< a device that answered DIRS twice is asked again before it is called a clone
+  unsigned most_devices = 1000;  ///< stop after so many
+  rt::Duration send_timeout = std::chrono::seconds(1);  ///< a request not acknowledged by then: `Errc::bus`
+};
+
+/// A chunk that was heard in one window.
+struct Heard {
+  std::uint16_t chunk = 0;
+  std::uint16_t times = 0;  ///< frames; equal frames may also have fallen into one on the bus (S1.19)
+  rt::Time first{};
+};
+
+/// One request and what came of it, for live displays and traces.
+struct PhaseEvent {
+  enum class Kind : std::uint8_t { identify, direct, confirm, probe };
+  Kind kind = Kind::identify;  ///< `confirm`: the second look at a possible clone
+  unsigned phase = 0;          ///< 0..7, 8 = DIRS
+  std::uint16_t mask = 0;
+  rt::Time sent{};
+  rt::Time ended{};
+  const std::vector<Heard>& heard;  ///< distinct chunks in ascending order; valid during the call
+  bool answered = false;            ///< DIRS: the asked chunk was among them
+  std::uint16_t chosen = 0;         ///< the lowest, when answered
+};
+
+/// One device that was found.
+struct Discovered {
+  LssAddress address{};
+  rt::Time at{};                            ///< its DIS
+  unsigned dis_frames = 0;                  ///< DIS heard in the window
+  std::array<std::uint16_t, 8> distinct{};  ///< distinct chunks per phase 0..7 of the procedure that found it
+  /// Two devices seem to have this address: DIRS was answered twice, and again when asked again (S1.22), or the address
+  /// was found a second time in this discovery. Clones that answer at the very same time are one frame on the bus and
+  /// are not seen here.
+  bool possible_clone = false;
+};
+
+struct DiscoveryReport {
+  enum class End : std::uint8_t {
+    complete,  ///< phase 0 stayed unanswered
+    gave_up,   ///< `retries` restarts in a row: somebody answers phase 0 and cannot be identified
+    stuck,     ///< one address came again and again although it was told that it is identified
+    limit,     ///< `most_devices`
+  };
+  End end = End::complete;
+  std::vector<Discovered> found{};  ///< in the order of finding: ascending unless there were restarts or new arrivals
+  unsigned requests = 0;            ///< IURS and DIRS sent
+  unsigned restarts = 0;            ///< procedures broken off by silence in a phase > 0 or at DIRS
+  rt::Time began{};
+  rt::Time ended{};
+};
+[[nodiscard]] const char* name(DiscoveryReport::End end) noexcept;
+
+/// Watches a discovery. Must not destroy it.
+class DiscoveryObserver {
+ public:
+  virtual void phase(const PhaseEvent& event) noexcept = 0;
+  virtual void found(const Discovered& device) noexcept = 0;
+  /// Silence in `phase` (8 = DIRS): starting anew at phase 0.
+  virtual void restarted(unsigned phase, rt::Time at) noexcept = 0;
+
+ protected:
+  ~DiscoveryObserver() = default;
+};
+
+/// What a probe heard.
+struct ProbeReport {
+  bool anybody = false;        ///< at least one device in state unknown (or selected)
+  std::vector<Heard> heard{};  ///< their chunk(0), ascending
+};
+
+class RandMaster;
+
+/// One request and its window. Made by `RandMaster`; destroying it ends it.
+class Collect final : public rt::Operation<Collect>, private rt::Job, private can::Confirmation {
+ public:
+  ~Collect();
+  bool start() noexcept;
+  /// When the request was sent; what was heard is in `RandMaster::heard()`.
+  Result<rt::Time> await_resume() noexcept { return outcome_; }
+
+ private:
+  friend class RandMaster;
+  Collect(RandMaster& master, const can::Frame& frame, const DiscoveryOptions& options, unsigned widened,
+          bool listens) noexcept;
+  void sent(rt::Time at) noexcept override;
+  void run() noexcept override;
+  void heard(rt::Time at) noexcept;
+  void end() noexcept;
+
+  RandMaster* master_;
+  can::Frame frame_;
+  rt::Duration window_;
+  rt::Duration most_;
+  rt::Duration send_timeout_;
+  bool listens_;
+  bool quiet_;
+  bool is_sent_ = false;
+  rt::Time limit_{};
+  Result<rt::Time> outcome_;
+};
+
+/// One procedure at a time: a second operation while one is under way gives `invalid`. Never beside a Fastscan with
+/// feedback on the same bus: the identifiers of DIS and feedback overlap (S1.24). Options and observer are used until
+/// the task ends.
+class RandMaster final : private can::Handler {
+ public:
+  explicit RandMaster(can::Dispatcher& dispatcher);
+  ~RandMaster();
+
+  /// Everybody to `unknown` or `identified`. Done when sent.
+  [[nodiscard]] rt::Task<Result<void>> switch_global(Identification state);
+  /// The device with this address to `identified` (S1.31 step 3) or back to `unknown`. Four frames, no answer; done
+  /// when the last is sent. `inhibit`: pause after each frame, for devices with a single-slot receive buffer.
+  [[nodiscard]] rt::Task<Result<void>> switch_selective(LssAddress address,
+                                                        Identification target = Identification::identified,
+                                                        rt::Duration inhibit = rt::Duration{0});
+  /// Finds all unknown devices. Errors: `bus` when a request cannot be sent; `invalid` when something else is under
+  /// way.
+  [[nodiscard]] rt::Task<Result<DiscoveryReport>> discover(const DiscoveryOptions& options,
+                                                           DiscoveryObserver* observer = nullptr);
+  /// One IURS of phase 0: is anybody unknown there? For polling while the machine runs. Whoever answered is `selected`
+  /// afterwards and answers the next phase 0 again.
+  [[nodiscard]] rt::Task<Result<ProbeReport>> probe(const DiscoveryOptions& options,
+                                                    DiscoveryObserver* observer = nullptr);
+
+ private:
+  friend class Collect;
+  struct Run;
+  void received(const can::Frame& frame, rt::Time at) noexcept override;
+  [[nodiscard]] Collect request(const can::Frame& frame, Run& run, bool listens) noexcept;
+  [[nodiscard]] rt::Task<Result<bool>> procedure(Run& run);
+  [[nodiscard]] rt::Task<Result<bool>> confirm(Run& run, Discovered& device);
+  [[nodiscard]] rt::Task<Result<void>> select(Run& run, LssAddress address, Identification target);
+
+  can::Dispatcher* dispatcher_;
+  Collect* current_ = nullptr;
+  bool busy_ = false;
+  bool direct_ = false;       // the window is that of a DIRS
+  std::vector<Heard> heard_;  // of the last window, ascending
+};
+
+}  // namespace berth::nodeid

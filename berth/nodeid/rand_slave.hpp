@@ -1,0 +1,56 @@
+/// The RAND slave of a device (paper 1 §II; S1.17, S1.23, S1.31): frames in, frames out. No heap, no exceptions.
+///
+/// | request                   | unknown             | selected                                  | identified |
+/// |---------------------------|---------------------|-------------------------------------------|------------|
+/// | IURS phase 0              | IUS(0), selected    | IUS(0), selected (master began anew)      | -          |
+/// | IURS phase p, the next    | -                   | chunk(p-1) = mask: IUS(p), else unknown   | -          |
+/// | IURS phase p, another     | -                   | unknown                                   | -          |
+/// | DIRS after phase 7        | -                   | chunk(7) = mask: DIS, identified, else unknown | -     |
+/// | DIRS earlier              | -                   | unknown                                   | -          |
+/// | switch global             | as told             | as told                                   | as told    |
+/// | switch selective, 4 match | as told             | as told                                   | as told    |
+#pragma once
+
+#include <cstdint>
+#include <optional>
+
+#include "berth/nodeid/rand_frames.hpp"
+
+namespace berth::nodeid {
+
+struct RandSlaveOptions {
+  LssAddress address{};
+  /// The paper's letter: RAND only in LSS configuration state (S1.31). Default: in waiting too, so that running devices
+  /// need not be put into configuration.
+  bool literal = false;
+};
+
+class RandSlave {
+ public:
+  explicit RandSlave(const RandSlaveOptions& options) noexcept : options_(options) {}
+
+  /// One frame of `rand_requests`; others are ignored. `in_lss_configuration`: the device's LSS state now. The answer,
+  /// if there is one; the device sends it at once or after its response latency.
+  std::optional<can::Frame> handle(const can::Frame& frame, bool in_lss_configuration) noexcept;
+
+  /// Power-on: unknown. (What a reset does not touch: reset communication keeps the state; S1.31 step 2 exists because
+  /// devices may still be identified.)
+  void power_on() noexcept;
+
+  [[nodiscard]] Identification state() const noexcept { return state_; }
+  /// The phase that would be answered next, 1..8, while selected; 0 otherwise.
+  [[nodiscard]] unsigned next_phase() const noexcept { return state_ == Identification::selected ? next_ : 0U; }
+  [[nodiscard]] const LssAddress& address() const noexcept { return options_.address; }
+
+ private:
+  std::optional<can::Frame> identify(unsigned phase, std::uint16_t mask) noexcept;
+  void select(const RandRequest& request) noexcept;
+
+  RandSlaveOptions options_;
+  Identification state_ = Identification::unknown;
+  Identification target_ = Identification::identified;
+  std::uint8_t next_ = 0;     // phase that selected waits for
+  std::uint8_t matched_ = 0;  // switch selective frames that matched in order
+};
+
+}  // namespace berth::nodeid
