@@ -1,0 +1,41 @@
+# What the verbs need from Debian 12 or Ubuntu 24.04 (docs/dependencies.md says why), and how it gets there.
+# Sourced by ./run.
+
+build_packages=(g++ cmake ninja-build libexpected-dev libcli11-dev libfmt-dev nlohmann-json3-dev libtomlplusplus-dev
+  libsqlitecpp-dev libsqlite3-dev)
+test_packages=(ccache python3 libgtest-dev librapidcheck-dev)
+bench_packages=(libbenchmark-dev)
+clang_packages=(clang-16 libclang-rt-16-dev)
+lint_packages=(clang-format-16 clang-tidy-16)
+
+# install_packages NAME...: installs what is missing, and does nothing, in a few milliseconds, when nothing is.
+install_packages() {
+  if ! command -v dpkg-query >/dev/null; then
+    echo "./run: no dpkg here; these must be there by other means (their Debian names): $*" >&2
+    return 0
+  fi
+  local have name missing=()
+  have=$(dpkg-query -W -f '${Package} ${db:Status-Status}\n' "$@" 2>/dev/null || true)
+  for name in "$@"; do
+    grep -qxF "$name installed" <<<"$have" || missing+=("$name")
+  done
+  [[ ${#missing[@]} -gt 0 ]] || return 0
+  local root=()
+  if [[ $EUID -ne 0 ]]; then
+    if ! command -v sudo >/dev/null; then
+      echo "./run: missing packages, and neither root nor sudo to install them: apt-get install ${missing[*]}" >&2
+      exit 3
+    fi
+    root=(sudo)
+  fi
+  echo "./run: installing ${missing[*]}" >&2
+  "${root[@]}" apt-get update -qq >&2
+  "${root[@]}" env DEBIAN_FRONTEND=noninteractive apt-get install -y -qq --no-install-recommends "${missing[@]}" >&2
+}
+
+# Started with sudo in a person's own checkout: what is built must belong to that person, or the next ./run without
+# sudo could not write it. Packages were the only reason for root.
+as_owner() {
+  [[ $EUID -eq 0 && -n ${SUDO_UID:-} && $SUDO_UID != 0 && $(stat -c %u .) == "$SUDO_UID" ]] || return 0
+  exec sudo -H -u "#$SUDO_UID" -- "$@"
+}
