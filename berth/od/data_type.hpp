@@ -147,11 +147,11 @@ struct Literal {
 
 /// What was unusual in a text that could be understood all the same (a set).
 enum class Note : std::uint8_t {
-  octal = 1,            ///< leading 0: read as octal, as CiA 306 and C do
-  node_id_last = 2,     ///< `0x180+$NODEID`: CiA 306 wants `$NODEID` first
-  wrapped = 4,          ///< -1 for an unsigned type, 0xFFFFFFFF for INTEGER32: taken by width
-  plain_text = 8,       ///< UNICODE_STRING as text instead of hex digits, OCTET_STRING or DOMAIN likewise
-  rounded = 16,         ///< REAL text that is no plain number: given as bits (0x...)
+  octal = 1,         ///< leading 0: read as octal, as CiA 306 and C do
+  node_id_last = 2,  ///< `0x180+$NODEID`: CiA 306 wants `$NODEID` first
+  wrapped = 4,       ///< -1 for an unsigned type, 0xFFFFFFFF for INTEGER32: taken by width
+  plain_text = 8,    ///< UNICODE_STRING as text instead of hex digits, OCTET_STRING or DOMAIN likewise
+  real_bits = 16,    ///< a REAL written as the bits of its number (0x3F800000)
 };
 struct Notes {
   std::uint8_t bits = 0;

@@ -4,7 +4,6 @@
 #pragma once
 
 #include <cstdint>
-#include <map>
 #include <memory>
 #include <span>
 #include <string>
@@ -17,7 +16,15 @@
 namespace berth::od {
 
 /// Object codes (CiA 301 §7.4.3).
-enum class ObjectCode : std::uint8_t { null = 0, domain = 2, deftype = 5, defstruct = 6, var = 7, array = 8, record = 9 };
+enum class ObjectCode : std::uint8_t {
+  null = 0,
+  domain = 2,
+  deftype = 5,
+  defstruct = 6,
+  var = 7,
+  array = 8,
+  record = 9
+};
 [[nodiscard]] std::string_view name(ObjectCode code) noexcept;
 
 /// Access from the network (CiA 306 §4.6). rwr: read/write, mappable into a TPDO; rww: into an RPDO; constant: `const`.
@@ -32,12 +39,15 @@ enum class Access : std::uint8_t { ro, wo, rw, rwr, rww, constant };
 inline constexpr std::uint8_t refuse_write_on_download = 1;
 inline constexpr std::uint8_t refuse_read_on_scan = 2;
 
+/// The length word of a value of variable length that is not there (a DOMAIN nobody filled).
+inline constexpr std::uint32_t no_value = 0xFFFF'FFFF;
+
 /// One value of the dictionary, 32 bytes. A VAR object has exactly one, sub-index 0.
 struct SubObject {
-  std::uint32_t offset = 0;    ///< where its value stands in `Values` (and in the image of defaults)
+  std::uint32_t offset = 0;    ///< where its value stands in `Values`; of variable length: a U32 length, then the bytes
   std::uint32_t capacity = 0;  ///< bytes reserved: the size of a scalar, the longest string or DOMAIN
   std::uint32_t name_at = 0;
-  std::uint32_t default_at = 0;  ///< index into the table of $NODEID offsets when `relative`
+  std::uint32_t default_at = 0;  ///< position in the table of $NODEID offsets when `relative`
   std::uint32_t limits_at = 0;   ///< 0 = no limits, else index + 1
   DataType type = DataType::none;
   std::uint16_t name_length = 0;
@@ -132,8 +142,7 @@ struct SubSpec {
   Literal low = {};
   Literal high = {};
   std::uint8_t obj_flags = 0;
-  /// Strings, DOMAIN and unknown types: longest value in bytes. 0 = the default's length, but at least 64 when the
-  /// object is writable.
+  /// Strings, DOMAIN and unknown types: longest value in bytes; 0 = 64. A longer default raises it.
   std::uint32_t capacity = 0;
 };
 

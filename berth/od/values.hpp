@@ -6,6 +6,7 @@
 /// No call uses the heap; memory is reserved by the constructor: `Description::value_bytes()` and a few words.
 #pragma once
 
+#include <bit>
 #include <cstddef>
 #include <cstdint>
 #include <memory>
@@ -107,7 +108,7 @@ class Values {
     const auto raw = raw_for(ref, class_of<T>(), sizeof(T) * 8);
     if (!raw) return refuse(raw.error());
     if constexpr (std::is_floating_point_v<T>) {
-      return static_cast<T>(real_at(ref, *raw));
+      return static_cast<T>(std::bit_cast<double>(*raw));
     } else {
       return static_cast<T>(*raw);
     }
@@ -162,19 +163,20 @@ class Values {
   };
   [[nodiscard]] Answer<Found> find(ObjectRef ref) const noexcept;
   [[nodiscard]] bool hooked(const Object& object) const noexcept;
-  void mark_hooked();
+  void mark_hooked() noexcept;
+  [[nodiscard]] std::size_t slot_of(std::uint32_t index) const noexcept;
   [[nodiscard]] AbortCode check_length(const SubObject& sub, std::size_t length) const noexcept;
   [[nodiscard]] AbortCode check_value(const SubObject& sub, std::span<const std::uint8_t> value) const noexcept;
   void put(const SubObject& sub, std::span<const std::uint8_t> value) noexcept;
+  /// The raw of an integer, sign-extended; of a real the bits of a double.
   [[nodiscard]] Answer<std::uint64_t> raw_for(ObjectRef ref, Class wanted, unsigned bits) const noexcept;
-  [[nodiscard]] double real_at(ObjectRef ref, std::uint64_t raw) const noexcept;
   AbortCode set_integer(ObjectRef ref, std::uint64_t raw, bool negative) noexcept;
   AbortCode set_real(ObjectRef ref, double value) noexcept;
 
   std::shared_ptr<const Description> description_;
-  std::vector<std::uint8_t> data_;      ///< as `Description::image_`; variable length: U32 length, then the bytes
+  std::vector<std::uint8_t> data_;  ///< as `Description::image_`; variable length: U32 length, then the bytes
   std::vector<Binding> bindings_;
-  std::vector<std::uint64_t> hooked_;   ///< one bit per object, so that an object without hooks costs one test
+  std::vector<std::uint64_t> hooked_;  ///< one bit per object, so that an object without hooks costs one test
   NodeId node_id_;
 };
 

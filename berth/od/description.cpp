@@ -1,0 +1,286 @@
+#include "berth/od/description.hpp"
+
+#include <algorithm>
+#include <array>
+
+#include "berth/base/bytes.hpp"
+
+namespace berth::od {
+namespace {
+
+constexpr std::uint32_t usual_capacity = 64;
+constexpr std::uint8_t structure_sub = 0xFF;  ///< sub-index FFh describes the structure (CiA 301 §7.4.5)
+
+constexpr bool has_count(ObjectCode code) noexcept {
+  return code == ObjectCode::array || code == ObjectCode::record || code == ObjectCode::defstruct;
+}
+
+}  // namespace
+
+std::string_view name(ObjectCode code) noexcept {
+  switch (code) {
+    case ObjectCode::null: return "NULL";
+    case ObjectCode::domain: return "DOMAIN";
+    case ObjectCode::deftype: return "DEFTYPE";
+    case ObjectCode::defstruct: return "DEFSTRUCT";
+    case ObjectCode::var: return "VAR";
+    case ObjectCode::array: return "ARRAY";
+    case ObjectCode::record: return "RECORD";
+  }
+  return "unknown";
+}
+
+std::string_view name(Access access) noexcept {
+  switch (access) {
+    case Access::ro: return "ro";
+    case Access::wo: return "wo";
+    case Access::rw: return "rw";
+    case Access::rwr: return "rwr";
+    case Access::rww: return "rww";
+    case Access::constant: return "const";
+  }
+  return "unknown";
+}
+
+const Object* Description::find(std::uint16_t index) const noexcept {
+  const std::uint16_t* base = indices_.data();
+  std::size_t length = indices_.size();
+  while (length > 1) {
+    const std::size_t half = length / 2;
+    base += base[half - 1] < index ? half : 0;
+    length -= half;
+  }
+  if (length == 0 || *base != index) return nullptr;
+  return &objects_[static_cast<std::size_t>(base - indices_.data())];
+}
+
+const SubObject* Description::find(const Object& object, std::uint8_t sub) const noexcept {
+  const SubObject* const first = subs_.data() + object.first;
+  if (sub < object.count && first[sub].sub == sub) return first + sub;
+  const auto* const end = first + object.count;
+  const auto* const found = std::ranges::lower_bound(first, end, sub, {}, &SubObject::sub);
+  return found != end && found->sub == sub ? found : nullptr;
+}
+
+const SubObject* Description::find(ObjectRef ref) const noexcept {
+  const Object* const object = find(ref.index);
+  return object == nullptr ? nullptr : find(*object, ref.sub);
+}
+
+std::string_view Description::name(const Object& object) const noexcept {
+  return text(object.name_at, object.name_length);
+}
+
+std::string_view Description::name(const SubObject& sub) const noexcept { return text(sub.name_at, sub.name_length); }
+
+Literal Description::default_of(const SubObject& sub) const {
+  if (!sub.has_default) return {};
+  if (sub.relative) return Literal::node_id_plus(relatives_[sub.default_at].offset);
+  const std::uint8_t* const at = image_.data() + sub.offset;
+  if (!sub.variable_length()) return Literal::number(load(sub.type, at));
+  return Literal::octets({at + 4, load_le<std::uint32_t>(at)});
+}
+
+std::size_t Description::memory() const noexcept {
+  return sizeof *this + indices_.capacity() * sizeof(indices_[0]) + objects_.capacity() * sizeof(Object) +
+         subs_.capacity() * sizeof(SubObject) + limits_.capacity() * sizeof(Limits) +
+         relatives_.capacity() * sizeof(Relative) + image_.capacity() + names_.capacity();
+}
+
+// ---------------------------------------------------------------------------------------------------------------------
+
+struct PendingSub {
+  std::uint16_t index = 0;
+  SubObject sub;
+  Literal initial;
+  Limits limits;
+  [[nodiscard]] std::uint32_t key() const noexcept { return (static_cast<std::uint32_t>(index) << 8U) | sub.sub; }
+};
+
+struct PendingObject {
+  Object object;
+  std::array<std::uint64_t, 4> subs{};  ///< bit n = sub-index n is there
+};
+
+struct DescriptionBuilder::State {
+  std::vector<PendingObject> objects;
+  std::vector<PendingSub> subs;
+  std::vector<std::uint32_t> at = std::vector<std::uint32_t>(0x10000);  ///< position in `objects` + 1
+  std::string names;
+  std::uint8_t dummies = 0;
+
+  std::uint32_t add_name(std::string_view name) {
+    const auto where = static_cast<std::uint32_t>(names.size());
+    names.append(name.substr(0, 0xFFFF));
+    return where;
+  }
+  PendingObject* find(std::uint16_t index) { return at[index] == 0 ? nullptr : &objects[at[index] - 1]; }
+  PendingObject& place(std::uint16_t index) {
+    if (PendingObject* const found = find(index)) return *found;
+    objects.emplace_back().object.index = index;
+    at[index] = static_cast<std::uint32_t>(objects.size());
+    return objects.back();
+  }
+  void set_name(Object& object, std::string_view name) {
+    object.name_at = add_name(name);
+    object.name_length = static_cast<std::uint16_t>(std::min<std::size_t>(name.size(), 0xFFFF));
+  }
+  void add_sub(PendingObject& parent, const SubSpec& spec);
+  void add_counts();
+  void sort_subs();
+  std::vector<std::uint8_t> highest_subs(const Description& made) const;
+};
+
+void DescriptionBuilder::State::add_sub(PendingObject& parent, const SubSpec& spec) {
+  parent.subs[spec.sub / 64] |= 1ULL << (spec.sub % 64);
+  PendingSub pending;
+  pending.index = parent.object.index;
+  pending.initial = spec.initial;
+  pending.limits = {spec.low, spec.high};
+  SubObject& sub = pending.sub;
+  sub.name_at = add_name(spec.name);
+  sub.name_length = static_cast<std::uint16_t>(std::min<std::size_t>(spec.name.size(), 0xFFFF));
+  sub.type = spec.type;
+  sub.sub = spec.sub;
+  sub.access = spec.access;
+  sub.obj_flags = spec.obj_flags;
+  sub.mappable = spec.mappable;
+  sub.has_default = spec.initial.present();
+  sub.relative = spec.initial.kind == Literal::Kind::node_id_plus;
+  const std::size_t fixed = byte_size(spec.type);
+  const auto wanted = spec.capacity == 0 ? usual_capacity : spec.capacity;
+  sub.capacity = fixed != 0 ? static_cast<std::uint32_t>(fixed)
+                            : std::max(wanted, static_cast<std::uint32_t>(spec.initial.bytes.size()));
+  subs.push_back(std::move(pending));
+}
+
+void DescriptionBuilder::State::add_counts() {
+  for (auto& each : objects) {
+    if (!has_count(each.object.code) || (each.subs[0] & 1U) != 0) continue;
+    add_sub(each,
+            {.sub = 0, .name = "Highest sub-index supported", .type = DataType::unsigned8, .access = Access::constant});
+  }
+}
+
+void DescriptionBuilder::State::sort_subs() {
+  std::ranges::stable_sort(subs, {}, &PendingSub::key);
+  // Of several definitions the last one counts: reversed, it is the first of its run.
+  std::ranges::reverse(subs);
+  const auto rest = std::ranges::unique(subs, {}, &PendingSub::key);
+  subs.erase(rest.begin(), rest.end());
+  std::ranges::reverse(subs);
+}
+
+DescriptionBuilder::DescriptionBuilder() : state_(std::make_unique<State>()) {}
+DescriptionBuilder::~DescriptionBuilder() = default;
+
+DescriptionBuilder& DescriptionBuilder::variable(std::uint16_t index, const SubSpec& spec) {
+  const auto code = spec.type == DataType::domain ? ObjectCode::domain : ObjectCode::var;
+  object(index, code, spec.name, spec.type, spec.obj_flags);
+  SubSpec only = spec;
+  only.sub = 0;
+  return sub(index, only);
+}
+
+DescriptionBuilder& DescriptionBuilder::object(std::uint16_t index, ObjectCode code, std::string_view name,
+                                               DataType type, std::uint8_t obj_flags) {
+  Object& object = state_->place(index).object;
+  object.code = code;
+  object.type = type;
+  object.obj_flags = obj_flags;
+  state_->set_name(object, name);
+  return *this;
+}
+
+DescriptionBuilder& DescriptionBuilder::sub(std::uint16_t index, const SubSpec& spec) {
+  const bool fresh = state_->find(index) == nullptr;
+  PendingObject& parent = state_->place(index);
+  if (fresh) parent.object.code = ObjectCode::record;
+  state_->add_sub(parent, spec);
+  return *this;
+}
+
+DescriptionBuilder& DescriptionBuilder::dummies(std::uint8_t mask) {
+  state_->dummies = mask;
+  return *this;
+}
+
+bool DescriptionBuilder::has(std::uint16_t index) const noexcept { return state_->find(index) != nullptr; }
+
+bool DescriptionBuilder::has(ObjectRef ref) const noexcept {
+  const PendingObject* const object = state_->find(ref.index);
+  return object != nullptr && ((object->subs[ref.sub / 64] >> (ref.sub % 64)) & 1U) != 0;
+}
+
+namespace {
+
+std::uint8_t highest_sub(std::span<const SubObject> subs) noexcept {
+  std::uint8_t highest = 0;
+  for (const auto& each : subs) {
+    if (each.sub != structure_sub) highest = each.sub;
+  }
+  return highest;
+}
+
+void put_default(std::vector<std::uint8_t>& image, const SubObject& sub, const Literal& initial) {
+  std::uint8_t* const at = image.data() + sub.offset;
+  if (!sub.variable_length()) {
+    store(sub.type, initial.resolve(sub.type, 0), at);
+    return;
+  }
+  const bool absent = !sub.has_default && sub.type == DataType::domain;
+  store_le(at, absent ? no_value : static_cast<std::uint32_t>(initial.bytes.size()));
+  std::ranges::copy(initial.bytes, at + 4);
+}
+
+}  // namespace
+
+std::shared_ptr<const Description> DescriptionBuilder::build() {
+  State& state = *state_;
+  state.add_counts();
+  state.sort_subs();
+  std::ranges::sort(state.objects, {}, [](const PendingObject& each) { return each.object.index; });
+
+  const auto made = std::make_shared<Description>();
+  made->dummies_ = state.dummies;
+  made->names_ = std::move(state.names);
+  made->indices_.reserve(state.objects.size());
+  made->objects_.reserve(state.objects.size());
+  made->subs_.reserve(state.subs.size());
+  auto next = state.subs.begin();
+  std::uint32_t offset = 0;
+  for (const auto& pending : state.objects) {
+    Object object = pending.object;
+    object.first = static_cast<std::uint32_t>(made->subs_.size());
+    for (; next != state.subs.end() && next->index == object.index; ++next) {
+      SubObject sub = next->sub;
+      sub.offset = offset;
+      offset += sub.capacity + (sub.variable_length() ? 4U : 0U);
+      if (sub.relative) {
+        sub.default_at = static_cast<std::uint32_t>(made->relatives_.size());
+        made->relatives_.push_back({static_cast<std::uint32_t>(made->subs_.size()), next->initial.raw});
+      }
+      if (next->limits.low.present() || next->limits.high.present()) {
+        made->limits_.push_back(std::move(next->limits));
+        sub.limits_at = static_cast<std::uint32_t>(made->limits_.size());
+      }
+      made->subs_.push_back(sub);
+    }
+    object.count = static_cast<std::uint16_t>(made->subs_.size() - object.first);
+    made->indices_.push_back(object.index);
+    made->objects_.push_back(object);
+  }
+  made->image_.resize(offset);
+  for (std::size_t i = 0; i < state.subs.size(); ++i) put_default(made->image_, made->subs_[i], state.subs[i].initial);
+  for (const Object& object : made->objects_) {
+    const auto subs = made->subs(object);
+    if (!has_count(object.code) || subs.empty()) continue;
+    const SubObject& count = subs.front();
+    if (count.has_default || writable(count.access) || !is_integer(count.type)) continue;
+    store(count.type, highest_sub(subs), made->image_.data() + count.offset);
+  }
+  state_ = std::make_unique<State>();
+  return made;
+}
+
+}  // namespace berth::od
