@@ -1,0 +1,38 @@
+/// Small things that people write in files: durations with their unit, ranges of numbers, words out of a list.
+#pragma once
+
+#include <chrono>
+#include <cstdint>
+#include <optional>
+#include <span>
+#include <string>
+#include <string_view>
+#include <vector>
+
+namespace berth::text {
+
+using Duration = std::chrono::nanoseconds;
+
+/// Reads `"4 ms"`: a decimal number without sign or exponent, an optional space, and one of ns, us, ms, s, min, h;
+/// `"0"` needs no unit. Exact: empty for anything finer than a nanosecond, and for more than 100 years.
+[[nodiscard]] std::optional<Duration> parse_duration(std::string_view text);
+
+/// Writes a duration that is not negative so that `parse_duration` gives it back: the largest unit that needs no
+/// decimals ("1500 ms", "2 s", "0 s").
+[[nodiscard]] std::string write_duration(Duration duration);
+
+/// Reads `"1..60"`, `"7"` or `"1..10, 20, 30..32"`: ascending, every number at least `low` and at most `high`. Empty for
+/// anything else.
+[[nodiscard]] std::optional<std::vector<unsigned>> parse_ranges(std::string_view text, unsigned low, unsigned high);
+
+/// The word that a person most likely meant: at most two letters wrong (one in words of up to four letters), in either
+/// case. Empty when none is near.
+[[nodiscard]] std::string_view closest(std::string_view word, std::span<const std::string_view> candidates);
+
+/// A TOML basic string, quoted and escaped.
+[[nodiscard]] std::string quoted(std::string_view text);
+
+/// `pattern` with every `{key}` replaced by `value`.
+[[nodiscard]] std::string fill(std::string_view pattern, std::string_view key, std::string_view value);
+
+}  // namespace berth::text

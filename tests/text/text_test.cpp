@@ -1,0 +1,129 @@
+#include "berth/text/toml.hpp"
+#include "tests/pch.hpp"
+
+namespace berth::text {
+namespace {
+
+using namespace std::chrono_literals;
+
+TEST(Duration, ReadsEveryUnitExactly) {
+  EXPECT_EQ(parse_duration("4 ms"), Duration(4ms));
+  EXPECT_EQ(parse_duration("4ms"), Duration(4ms));
+  EXPECT_EQ(parse_duration("150 us"), Duration(150us));
+  EXPECT_EQ(parse_duration("2.5 s"), Duration(2500ms));
+  EXPECT_EQ(parse_duration("0.1 s"), Duration(100ms));
+  EXPECT_EQ(parse_duration("1.5 min"), Duration(90s));
+  EXPECT_EQ(parse_duration("0.25 h"), Duration(15min));
+  EXPECT_EQ(parse_duration("7 ns"), Duration(7ns));
+  EXPECT_EQ(parse_duration("1.0000 ns"), Duration(1ns));
+  EXPECT_EQ(parse_duration("0.000000001 s"), Duration(1ns));
+  EXPECT_EQ(parse_duration("0"), Duration(0));
+}
+
+TEST(Duration, RefusesWhatIsNotOne) {
+  for (const char* bad : {"", "4", "ms", "4 sec", "-4 ms", "+4 ms", "4e3 ms", "4  ms", " 4 ms", "4 ms ", "4.ms", ".5 s",
+                          "0.1 ns", "0.0000000001 s", "4 MS", "99999999999999999999 s", "1000000 h", "1.2.3 s"}) {
+    EXPECT_FALSE(parse_duration(bad)) << bad;
+  }
+}
+
+RC_GTEST_PROP(Duration, WrittenIsReadBack, ()) {
+  const auto count = *rc::gen::inRange<std::int64_t>(0, 3'000'000'000'000'000'000);
+  const auto scale = *rc::gen::element<std::int64_t>(1, 1'000, 1'000'000, 1'000'000'000, 60'000'000'000);
+  const Duration duration(count / scale * scale);
+  RC_ASSERT(parse_duration(write_duration(duration)) == std::optional(duration));
+}
+
+TEST(Ranges, AscendingOnly) {
+  EXPECT_EQ(parse_ranges("1..3", 1, 127), (std::vector<unsigned>{1, 2, 3}));
+  EXPECT_EQ(parse_ranges("1..2, 7,9..9", 1, 127), (std::vector<unsigned>{1, 2, 7, 9}));
+  for (const char* bad : {"", "0..3", "1..128", "3..1", "1,1", "5,4", "1..", "..3", "a", "1..2..3", "1,", "-1",
+                          "99999999999999999999"}) {
+    EXPECT_FALSE(parse_ranges(bad, 1, 127)) << bad;
+  }
+}
+
+TEST(Closest, NearWordsOnly) {
+  const std::array<std::string_view, 3> words{"bitrate", "port", "master_id"};
+  EXPECT_EQ(closest("bitrat", words), "bitrate");
+  EXPECT_EQ(closest("Bitrate", words), "bitrate");
+  EXPECT_EQ(closest("masterid", words), "master_id");
+  EXPECT_EQ(closest("prot", words), "port");
+  EXPECT_EQ(closest("colour", words), "");
+  EXPECT_EQ(closest("xy", words), "");
+}
+
+std::optional<Value> read(std::string_view text, Findings& findings) { return parse_toml(text, "t.toml", findings); }
+
+TEST(Toml, PlacesAndOrderOfTheFile) {
+  Findings findings;
+  const auto root = read("z = 1\na = \"x\"\n\n[bus.b]\nk = { q = 1 }\n[bus.a]\n[[slot]]\nid = 2\n", findings);
+  ASSERT_TRUE(root);
+  ASSERT_EQ(root->members.size(), 4U);
+  EXPECT_EQ(root->members[0].key, "z");
+  EXPECT_EQ(root->members[1].key, "a");
+  EXPECT_EQ(root->find("a")->begin, (Place{2, 5}));
+  EXPECT_EQ(root->find("a")->end, (Place{2, 8}));
+  const Value* bus = root->find("bus");
+  ASSERT_NE(bus, nullptr);
+  EXPECT_EQ(bus->members[0].key, "b");
+  EXPECT_TRUE(bus->find("b")->find("k")->in_line);
+  EXPECT_FALSE(bus->find("b")->in_line);
+  EXPECT_EQ(root->find("slot")->items[0].begin, (Place{7, 1}));
+}
+
+TEST(Toml, SyntaxErrorHasAPlace) {
+  Findings findings;
+  EXPECT_FALSE(read("a = 1\nb = = 2\n", findings));
+  ASSERT_EQ(findings.size(), 1U);
+  EXPECT_EQ(findings[0].line, 2);
+  EXPECT_GT(findings[0].column, 1);
+  EXPECT_EQ(findings[0].file, "t.toml");
+}
+
+TEST(Toml, OffsetsWithUnicodeAndByteOrderMark) {
+  const std::string text = "\xEF\xBB\xBF\xC3\xA4 = \"\xE2\x82\xAC\"\nb = 7 # x\n";
+  Findings findings;
+  // A bare key may not hold ä: quote it.
+  const std::string quoted_key = "\xEF\xBB\xBF\"\xC3\xA4\" = \"\xE2\x82\xAC\"\nb = 7 # x\n";
+  const auto root = read(quoted_key, findings);
+  ASSERT_TRUE(root) << to_string(findings.at(0));
+  const auto begin = offset_of(quoted_key, root->members[0].value.begin);
+  const auto end = offset_of(quoted_key, root->members[0].value.end);
+  EXPECT_EQ(quoted_key.substr(begin, end - begin), "\"\xE2\x82\xAC\"");
+  const Value* b = root->find("b");
+  EXPECT_EQ(quoted_key.substr(offset_of(quoted_key, b->begin), 1), "7");
+  EXPECT_EQ(offset_of(text, {99, 1}), text.size());
+}
+
+TEST(Table, NamesUnknownKeysAndWrongTypes) {
+  Findings findings;
+  const auto root = read("nmae = \"x\"\nid = \"5\"\nbig = 4_294_967_296\nwhen = 4\n", findings);
+  const std::string file = "t.toml";
+  Table table(*root, "slot[1]", file, findings);
+  EXPECT_FALSE(table.string("name"));
+  EXPECT_FALSE(table.u32("id"));
+  EXPECT_FALSE(table.u32("big"));
+  EXPECT_FALSE(table.duration("when", 0s, 1s));
+  EXPECT_FALSE(table.require("name", "give it one"));
+  table.finish();
+  ASSERT_EQ(findings.size(), 5U);
+  EXPECT_EQ(to_string(findings[0]), "t.toml:2:6: error: slot[1].id: this is a string; it must be an integer");
+  EXPECT_EQ(to_string(findings[1]),
+            "t.toml:3:7: error: slot[1].big: 4294967296 is out of range; use 0 to 0xFFFFFFFF");
+  EXPECT_EQ(findings[2].line, 4);
+  EXPECT_EQ(findings[3].message, "this key is missing");
+  EXPECT_EQ(to_string(findings[4]), "t.toml:1:1: error: slot[1].nmae: unknown key; did you mean \"name\"?");
+}
+
+RC_GTEST_PROP(Quoted, IsReadBackByTheParser, ()) {
+  std::string text;
+  for (const int c : *rc::gen::container<std::vector<int>>(rc::gen::inRange(0, 128))) text += static_cast<char>(c);
+  Findings findings;
+  const auto root = read("k = " + quoted(text) + "\n", findings);
+  RC_ASSERT(root.has_value());
+  RC_ASSERT(root->find("k")->string == text);
+}
+
+}  // namespace
+}  // namespace berth::text
