@@ -1,0 +1,142 @@
+/// The machine file: what the machine should be (`docs/machine-file.md` has the grammar). Plain data, checked; reading
+/// it touches nothing but the device descriptions that slots name by `eds =`, through a function the caller gives.
+#pragma once
+
+#include <cstdint>
+#include <functional>
+#include <optional>
+#include <string>
+#include <string_view>
+#include <vector>
+
+#include "berth/base/finding.hpp"
+#include "berth/base/ids.hpp"
+#include "berth/base/result.hpp"
+#include "berth/places/slot.hpp"
+#include "berth/text/toml.hpp"
+
+namespace berth::design {
+
+using Duration = text::Duration;
+
+/// How a bus is used: `commissioner` never sends NMT start or reset and never SYNC, `observer` never sends a frame.
+enum class Role : std::uint8_t { master, commissioner, observer };
+[[nodiscard]] const char* name(Role role) noexcept;
+
+/// Which kind of port a bus is reached through.
+enum class PortKind : std::uint8_t {
+  sim,         ///< "sim": a simulated bus, the plant file's bus of the same name
+  socketcan,   ///< "socketcan:can0"
+  slcan,       ///< "slcan:/dev/ttyACM0"
+  socketcand,  ///< "socketcand://host:29536/can0"
+};
+
+struct PortSpec {
+  PortKind kind = PortKind::sim;
+  std::string address;  ///< what follows the kind: "can0", "/dev/ttyACM0", "host:29536/can0"; empty for `sim`
+  friend bool operator==(const PortSpec&, const PortSpec&) = default;
+};
+[[nodiscard]] std::string to_string(const PortSpec& port);  ///< as it stands in the file
+[[nodiscard]] std::optional<PortSpec> parse_port(std::string_view text);
+
+/// How long Berth waits, and how often it does things. Every one is a key of `[timing]` (all buses) and of
+/// `[bus.NAME.timing]` (that bus, stronger); the names are the same.
+struct Timing {
+  Duration lss_timeout = std::chrono::milliseconds(100);       ///< answer to an LSS request, from its confirmation
+  Duration store_timeout = std::chrono::seconds(3);            ///< answer to LSS store (17h) and SDO store (1010h)
+  Duration sdo_timeout = std::chrono::milliseconds(500);       ///< answer to an SDO request
+  Duration guard_timeout = std::chrono::milliseconds(100);     ///< answer to a node guarding request
+  Duration rand_response = std::chrono::milliseconds(10);      ///< paper 1's T_resp: latest answer of a device to an IURS
+                                                               ///< or DIRS; the window adds the frames' own time (S1.41)
+  Duration rand_processing = Duration(0);                      ///< paper 1's T_proc, before the next request
+  Duration heartbeat_period = std::chrono::milliseconds(500);  ///< 1017h of the slots' devices and of the master
+  Duration heartbeat_timeout = std::chrono::milliseconds(1500);  ///< silence that makes a slot absent; over the period
+  Duration boot_timeout = std::chrono::seconds(10);            ///< reset or power to boot-up message
+  Duration probe_period = std::chrono::seconds(1);             ///< how often a running machine looks for new devices
+  std::uint32_t tries = 3;                                     ///< before silence counts (S1.30); 1..100
+
+  friend bool operator==(const Timing&, const Timing&) = default;
+};
+
+/// A bus beneath a gateway device.
+struct Gateway {
+  std::string bus;         ///< the bus above
+  NodeId slot;             ///< node-ID of the gateway's slot there
+  bool mandatory = true;   ///< without the gateway this bus does not start
+  friend bool operator==(const Gateway&, const Gateway&) = default;
+};
+
+struct Bus {
+  std::string name;
+  PortSpec port;
+  std::uint32_t bitrate = 125'000;  ///< bit/s, one of CiA 301's
+  Role role = Role::master;
+  NodeId master{127};               ///< `master_id`
+  std::optional<Gateway> gateway;
+  Timing timing;
+  text::Place place;                ///< of its table
+};
+
+struct Slot {
+  places::SlotSpec spec;            ///< what binding needs; `spec.name.machine` is the machine's name
+  std::string eds;                  ///< as written, empty when the slot gives `type`
+  std::string eds_path;             ///< the same, relative to the machine file's folder
+  text::Place place;                ///< of its table
+  bool of_range = false;            ///< came out of `ids = "1..60"`
+};
+
+/// One object of one slot: "left sensor/Position" or "left sensor/6004h:00".
+struct LinkEnd {
+  std::string slot;
+  std::string object;  ///< as written; resolved by the object linker
+  friend bool operator==(const LinkEnd&, const LinkEnd&) = default;
+};
+
+struct Link {
+  LinkEnd from;
+  std::vector<LinkEnd> to;          ///< at least one
+  std::optional<Duration> deadline;
+  text::Place place;
+};
+
+struct Machine {
+  std::string name;
+  std::string file;
+  std::vector<Bus> buses;    ///< in the order of the file; at least one
+  std::vector<Slot> slots;   ///< in the order of the file, ranges ascending
+  std::vector<Link> links;
+
+  [[nodiscard]] const Bus* bus(std::string_view name) const noexcept;
+  [[nodiscard]] const Slot* slot(std::string_view name) const noexcept;
+  [[nodiscard]] const Slot* slot(std::string_view bus, NodeId id) const noexcept;
+  /// The specifications of one bus's slots, in the order of the file.
+  [[nodiscard]] std::vector<places::SlotSpec> specs(std::string_view bus) const;
+};
+
+/// What a slot takes from a device description: object 1018h, else [DeviceInfo].
+struct DeviceType {
+  TypeCode type;
+  std::optional<std::uint32_t> revision;
+};
+/// Reads the description at `path`; remarks go to `findings`, and at least one error when it gives nothing.
+using TypeLoader = std::function<std::optional<DeviceType>(const std::string& path, Findings& findings)>;
+
+/// Reads EDS, DCF and XDD files through room `eds`.
+[[nodiscard]] TypeLoader eds_loader();
+
+struct MachineResult {
+  std::optional<Machine> machine;  ///< empty when a finding is an error
+  Findings findings;               ///< in the order of the file
+};
+
+/// Reads a machine file's text. `file_name` is shown in findings, and its folder is where `eds` and `config` are looked
+/// for. An empty `loader`: slots with `eds` are an error.
+[[nodiscard]] MachineResult read_machine(std::string_view text, const std::string& file_name, const TypeLoader& loader);
+
+/// The same from a file; a file that cannot be read is a finding.
+[[nodiscard]] MachineResult load_machine(const std::string& path);
+
+/// CiA 301's bit rates: 10, 20, 50, 125, 250, 500, 800, 1000 kbit/s.
+[[nodiscard]] bool is_canopen_bitrate(std::uint32_t bitrate) noexcept;
+
+}  // namespace berth::design

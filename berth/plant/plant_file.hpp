@@ -1,0 +1,162 @@
+/// The plant file: a simulated world to try a machine on (`docs/plant-file.md` has the grammar). Which devices are plugged
+/// in where, what they are like, and what goes wrong when. Plain data; `berth/plant/` makes the world out of it.
+#pragma once
+
+#include <cstdint>
+#include <optional>
+#include <string>
+#include <string_view>
+#include <vector>
+
+#include "berth/base/finding.hpp"
+#include "berth/base/ids.hpp"
+#include "berth/text/quantity.hpp"
+
+namespace berth::plant {
+
+using Duration = text::Duration;
+
+/// The name by which events call Berth's own node; no device may have it.
+inline constexpr std::string_view master_name = "master";
+
+struct PlantBus {
+  std::string name;           ///< the machine file's bus of this name
+  std::uint32_t bitrate = 0;  ///< bit/s; 0 = as the machine file says
+  friend bool operator==(const PlantBus&, const PlantBus&) = default;
+};
+
+/// Where a device's node-ID comes from at power-on.
+enum class NodeIdSource : std::uint8_t {
+  blank,        ///< none; LSS can give one, and storing keeps it
+  nonvolatile,  ///< LSS can change it, `node_id` was stored before
+  hard_coded,   ///< fixed in the firmware: LSS configure node-ID is refused
+  switches,     ///< set by hand on the device: as hard-coded
+  connector,    ///< coded in the plug, thus by the place: as hard-coded
+};
+[[nodiscard]] const char* name(NodeIdSource source) noexcept;
+
+/// Order in which a device's controller sends what is queued.
+enum class QueueKind : std::uint8_t { in_order, priority };
+
+/// Time from a request to the device's answer: uniform between `min` and `max`, and `outlier` instead, `outlier_ppm`
+/// times in a million.
+struct Latency {
+  Duration min = std::chrono::microseconds(500);
+  Duration max = std::chrono::microseconds(500);
+  std::uint32_t outlier_ppm = 0;
+  Duration outlier{0};
+  friend bool operator==(const Latency&, const Latency&) = default;
+};
+
+struct PlantDevice {
+  std::string name;                                  ///< unique in the plant
+  std::string bus;
+  std::string eds;                                   ///< description, as written; empty: a minimal built-in one
+  std::string eds_path;                              ///< the same, relative to the plant file's folder; not compared
+  LssAddress address;                                ///< identity object 1018h
+  bool address_of_eds = false;                       ///< vendor, product and revision are the description's; not set here
+  NodeIdSource source = NodeIdSource::blank;
+  NodeId node_id;                                    ///< what the source gives; unconfigured for `blank`
+  std::uint32_t bitrate = 0;                         ///< stored bit rate, bit/s; 0 = the bus's
+  bool speaks_lss = true;
+  bool speaks_rand = true;
+  bool rand_literal = false;                         ///< RAND in LSS configuration state only, as the paper has it
+  Latency response;
+  Duration boot = std::chrono::milliseconds(50);     ///< power-on to boot-up message
+  Duration reset = std::chrono::milliseconds(20);    ///< NMT reset (node or communication) to boot-up message
+  Duration store = std::chrono::milliseconds(20);    ///< LSS store, SDO store: request to answer
+  bool deaf_while_storing = false;                   ///< hears nothing while it stores
+  bool power_cycle_after_store = false;              ///< a stored node-ID counts only after power was off
+  QueueKind queue = QueueKind::in_order;
+  std::uint32_t rx_depth = 16;                       ///< frames its receive buffer holds; 1 = a single slot
+  Duration heartbeat{0};                             ///< 1017h at power-on; 0 = none until told
+  std::int32_t drift_ppm = 0;                        ///< its clock is fast (+) or slow (-)
+  bool plugged = true;                               ///< at time 0
+
+  friend bool operator==(const PlantDevice& a, const PlantDevice& b) noexcept;
+};
+
+/// What an event waits for.
+enum class After : std::uint8_t {
+  start,        ///< time 0 of the world
+  discovered,   ///< the first discovery has ended
+  bound,        ///< every slot that can be is bound
+  operational,  ///< every mandatory slot is operational for the first time
+};
+[[nodiscard]] const char* name(After after) noexcept;
+
+enum class Action : std::uint8_t {
+  plug,         ///< onto the bus, with power
+  unplug,       ///< off the bus, without power
+  power_off,
+  power_on,
+  reset,        ///< the firmware starts again, as by a watchdog
+  deaf,         ///< hears nothing for `duration`
+  slow,         ///< answers `latency` late for `duration`
+  cut_cable,    ///< `nodes` and the rest of the bus no longer hear each other
+  join,         ///< the bus is one again
+  disturb,      ///< bits of one or more frames are wrong for `nodes`
+  overrun,      ///< `nodes` lose one or more frames, acknowledged all the same
+  set_serial,   ///< the device's serial number is `value` from its next power-on (a swap nobody told of)
+  set_node_id,  ///< the device's stored node-ID is `value` (255 blank) from its next power-on
+};
+[[nodiscard]] const char* name(Action action) noexcept;
+
+/// Bits that go wrong (`disturb`): for the victims, flipped or forced.
+enum class Disturbance : std::uint8_t { flip, dominant, recessive };
+
+/// Which frames a `disturb` or `overrun` strikes, and where: as `sim::Trigger` and `sim::BitPosition`, as data.
+struct Strike {
+  Disturbance kind = Disturbance::flip;
+  std::optional<std::uint64_t> frame;  ///< exactly this frame of the bus, counted from 0, repetitions counted
+  std::optional<std::uint32_t> id;     ///< `can::Frame::key`: bit 31 set for an extended identifier
+  std::uint32_t skip = 0;              ///< let so many fitting frames pass
+  std::uint32_t times = 1;             ///< strike so many; 0 = each from then on
+  std::int32_t bit = 0;                ///< on the wire, stuff bits counted; 0 = start-of-frame
+  bool from_end = false;               ///< then 0 = last bit of end-of-frame, 8 the ACK slot, -1..-3 intermission
+  std::uint32_t bits = 1;              ///< how many bits in a row
+  bool spare_senders = false;          ///< with empty `nodes`: all but the sender
+  friend bool operator==(const Strike&, const Strike&) = default;
+};
+
+/// What goes wrong, and when: `delay` after `after`.
+struct PlantEvent {
+  After after = After::start;
+  Duration delay{0};
+  Action action = Action::plug;
+  std::string device;               ///< of all actions but cut_cable, join, disturb, overrun
+  std::string bus;                  ///< of these four
+  std::vector<std::string> nodes;   ///< device names or "master"; `disturb`, `overrun`: empty = every node
+  Duration duration{0};             ///< deaf, slow; 0 = from then on
+  Duration latency{0};              ///< slow
+  std::uint32_t value = 0;          ///< set_serial, set_node_id
+  Strike strike;                    ///< disturb, overrun
+  friend bool operator==(const PlantEvent&, const PlantEvent&) = default;
+};
+
+struct PlantFile {
+  std::uint64_t seed = 1;
+  std::vector<PlantBus> buses;
+  std::vector<PlantDevice> devices;  ///< in the order of the file, `count` and `serials` expanded
+  std::vector<PlantEvent> events;    ///< in the order of the file
+  friend bool operator==(const PlantFile&, const PlantFile&) = default;
+
+  [[nodiscard]] const PlantBus* bus(std::string_view name) const noexcept;
+  [[nodiscard]] const PlantDevice* device(std::string_view name) const noexcept;
+};
+
+struct PlantResult {
+  std::optional<PlantFile> plant;  ///< empty when a finding is an error
+  Findings findings;
+};
+
+/// Reads a plant file's text; `file_name` is shown in findings, its folder is where `eds` is looked for.
+[[nodiscard]] PlantResult read_plant(std::string_view text, const std::string& file_name);
+/// The same from a file; a file that cannot be read is a finding.
+[[nodiscard]] PlantResult load_plant(const std::string& path);
+
+/// Writes a plant so that `read_plant` gives it back equal; what has its default value is left out. `comment` becomes
+/// comment lines at the top.
+[[nodiscard]] std::string write_plant(const PlantFile& plant, std::string_view comment = {});
+
+}  // namespace berth::plant

@@ -1,0 +1,80 @@
+/// The slot table in a file: SQLite behind `places::SlotStore`.
+///
+/// **What is promised.** Every writing call is one transaction, synced to the disk before it returns (write-ahead log,
+/// `synchronous = FULL`). A crash at any instant, with every write that was not synced lost and the last one torn, leaves
+/// the state before or after the call. One process owns a store at a time. A file that is damaged, not Berth's, or of a
+/// newer Berth is refused in words and not changed by one byte.
+///
+/// The file is never the only copy of what a person wrote; it holds what Berth learnt. While a store is open, or after a
+/// crash, `<file>-wal` belongs to it: move both or neither. `<file>.lock` holds the owner's process id and stays behind.
+///
+/// One thread. SQLite's errors come back as `Errc::io` with SQLite's extended code in `Error::detail`; after one, the
+/// call has changed nothing and the store can be used on.
+#pragma once
+
+#include <cstdint>
+#include <memory>
+#include <string>
+#include <string_view>
+#include <vector>
+
+#include "berth/base/result.hpp"
+#include "berth/places/slot_store.hpp"
+
+namespace berth::store {
+
+/// The schema this Berth writes. Older ones are brought up to it when a store is opened, in one transaction.
+inline constexpr int schema_version = 2;
+
+/// A device that was ever named in the store.
+struct DeviceSeen {
+  LssAddress device;
+  std::int64_t first_ms = 0;  ///< `HistoryEntry::stamp_ms` of the first line about it
+  std::int64_t last_ms = 0;   ///< and of the last
+  std::int64_t lines = 0;     ///< how many there are
+  friend bool operator==(const DeviceSeen&, const DeviceSeen&) = default;
+};
+
+/// Why a store could not be opened: for programs, and for people.
+struct OpenError {
+  Error error;          ///< `exhausted` owned by another process; `invalid` damaged, foreign or newer; `io` the rest
+  std::string message;  ///< with the file's name, and the owner's process id
+};
+
+struct OpenOptions {
+  std::string vfs;             ///< name of a SQLite VFS; empty = the system's
+  bool lock = true;            ///< false only where no other process can reach the file (tests on a VFS of their own)
+};
+
+class Database final : public places::SlotStore {
+ public:
+  using Opened = tl::expected<std::unique_ptr<Database>, OpenError>;
+
+  /// Opens the store at `path`, or makes it. The folder must be there.
+  [[nodiscard]] static Opened open(const std::string& path, const OpenOptions& options = {});
+  ~Database() override;
+  Database(const Database&) = delete;
+  Database& operator=(const Database&) = delete;
+
+  Result<places::SlotId> declare(const places::SlotName& name) override;
+  Result<std::vector<places::SlotRecord>> load(std::string_view machine) override;
+  Result<void> ask(places::SlotId slot, const places::Seat& seat, std::string_view reason) override;
+  Result<void> confirm(places::SlotId slot, const places::Seat& seat, std::string_view reason) override;
+  Result<void> clear(places::SlotId slot, std::string_view reason) override;
+  Result<void> ask_blank(const LssAddress& device, std::string_view reason) override;
+  Result<void> confirm_blank(const LssAddress& device, std::string_view reason) override;
+  Result<std::vector<LssAddress>> unfinished_blanks() override;
+  Result<void> note(const places::HistoryEntry& entry) override;
+  Result<std::vector<places::HistoryEntry>> history(std::optional<places::SlotId> slot) override;
+  void stamp(std::int64_t now_ms) noexcept override;
+
+  /// All devices ever named, in the order of their addresses.
+  Result<std::vector<DeviceSeen>> devices();
+
+ private:
+  struct Impl;
+  explicit Database(std::unique_ptr<Impl> impl) noexcept;
+  std::unique_ptr<Impl> impl_;
+};
+
+}  // namespace berth::store
