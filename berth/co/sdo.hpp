@@ -1,0 +1,120 @@
+/// What SDO server and client share (CiA 301 §7.2.4; facts page A.7).
+#pragma once
+
+#include <array>
+#include <cstring>
+#include <optional>
+#include <span>
+#include <string_view>
+#include <type_traits>
+#include <utility>
+#include <vector>
+
+#include "berth/base/bytes.hpp"
+#include "berth/base/ids.hpp"
+#include "berth/can/frame.hpp"
+#include "berth/od/abort_code.hpp"
+
+namespace berth::co {
+
+using od::AbortCode;
+
+/// Bytes of an object as they were uploaded: little-endian, up to 16 of them without the heap. Movable.
+class SdoValue {
+ public:
+  static constexpr std::size_t small_size = 16;
+  SdoValue() noexcept = default;
+  explicit SdoValue(std::span<const std::uint8_t> bytes) { append(bytes); }
+  SdoValue(const SdoValue&) = default;
+  SdoValue& operator=(const SdoValue&) = default;
+  /// The one moved from is empty.
+  SdoValue(SdoValue&& other) noexcept
+      : size_(std::exchange(other.size_, 0)), small_(other.small_), large_(std::move(other.large_)) {}
+  SdoValue& operator=(SdoValue&& other) noexcept {
+    size_ = std::exchange(other.size_, 0);
+    small_ = other.small_;
+    large_ = std::move(other.large_);
+    return *this;
+  }
+  ~SdoValue() = default;
+
+  void clear() noexcept {
+    size_ = 0;
+    large_.clear();
+  }
+  void append(std::span<const std::uint8_t> bytes) {
+    if (bytes.empty()) return;
+    if (size_ + bytes.size() <= small_size) {
+      std::memcpy(small_.data() + size_, bytes.data(), bytes.size());
+    } else {
+      if (size_ <= small_size) large_.assign(small_.begin(), small_.begin() + static_cast<std::ptrdiff_t>(size_));
+      large_.insert(large_.end(), bytes.begin(), bytes.end());
+    }
+    size_ += bytes.size();
+  }
+  [[nodiscard]] std::span<const std::uint8_t> bytes() const noexcept {
+    return {size_ <= small_size ? small_.data() : large_.data(), size_};
+  }
+  [[nodiscard]] std::size_t size() const noexcept { return size_; }
+  [[nodiscard]] bool empty() const noexcept { return size_ == 0; }
+  /// The bytes as text, up to the first NUL.
+  [[nodiscard]] std::string_view text() const noexcept;
+  /// The bytes as an integer of exactly that size (bool: one byte); empty when the size differs.
+  template <class T>
+  [[nodiscard]] std::optional<T> as() const noexcept {
+    static_assert(std::is_integral_v<T>);
+    if (size_ != sizeof(T)) return std::nullopt;
+    if constexpr (std::is_same_v<T, bool>) {
+      return small_[0] != 0;
+    } else {
+      return static_cast<T>(load_le<std::make_unsigned_t<T>>(small_.data()));
+    }
+  }
+  friend bool operator==(const SdoValue& a, const SdoValue& b) noexcept {
+    return a.size_ == b.size_ && (a.size_ == 0 || std::memcmp(a.bytes().data(), b.bytes().data(), a.size_) == 0);
+  }
+
+ private:
+  std::size_t size_ = 0;
+  std::array<std::uint8_t, small_size> small_{};
+  std::vector<std::uint8_t> large_;  // all bytes, once there are more than `small_size`
+};
+
+namespace sdo {
+
+/// Command specifiers, bits 7..5 of byte 0. Client's and server's numbers differ.
+enum class Ccs : std::uint8_t { download_segment, download, upload, upload_segment, abort, block_upload, block_download, network };
+enum class Scs : std::uint8_t { upload_segment, download_segment, upload, download, abort, block_download, block_upload, network };
+[[nodiscard]] constexpr std::uint8_t specifier(std::uint8_t byte0) noexcept { return static_cast<std::uint8_t>(byte0 >> 5); }
+
+inline constexpr std::uint8_t toggle_bit = 0x10;
+inline constexpr std::size_t segment_bytes = 7;
+
+/// An SDO frame is a base data frame of exactly 8 bytes; anything else is not heard (CiA 301 §7.2.4.3; hard-cases S16).
+[[nodiscard]] constexpr bool well_formed(const can::Frame& frame) noexcept {
+  return frame.size == 8 && !frame.remote && !frame.fd;
+}
+[[nodiscard]] inline ObjectRef multiplexer(const can::Frame& frame) noexcept {
+  return {load_le<std::uint16_t>(frame.data.data() + 1), frame.data[3]};
+}
+/// A frame with command byte and multiplexer, the other bytes 0.
+[[nodiscard]] inline can::Frame make(std::uint32_t id, std::uint8_t command, ObjectRef ref = {}) noexcept {
+  can::Frame frame;
+  frame.id = id;
+  frame.size = 8;
+  frame.data[0] = command;
+  store_le(frame.data.data() + 1, ref.index);
+  frame.data[3] = ref.sub;
+  return frame;
+}
+[[nodiscard]] inline can::Frame make_abort(std::uint32_t id, ObjectRef ref, AbortCode code) noexcept {
+  can::Frame frame = make(id, 0x80, ref);
+  store_le(frame.data.data() + 4, static_cast<std::uint32_t>(code));
+  return frame;
+}
+[[nodiscard]] inline AbortCode abort_code(const can::Frame& frame) noexcept {
+  return static_cast<AbortCode>(load_le<std::uint32_t>(frame.data.data() + 4));
+}
+
+}  // namespace sdo
+}  // namespace berth::co
