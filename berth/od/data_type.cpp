@@ -105,7 +105,6 @@ tl::expected<std::uint64_t, TextError> magnitude(Cursor& in, Number& number) noe
       in.at += 2;
     } else if (digit(next) >= 0 && digit(next) <= 9) {
       base = 8;
-      number.notes.set(Note::octal);
       ++in.at;
     }
   }
@@ -118,6 +117,7 @@ tl::expected<std::uint64_t, TextError> magnitude(Cursor& in, Number& number) noe
     value = value * base + static_cast<unsigned>(d);
   }
   if (in.at == first) return wrong(in.end() ? "a number without digits" : "not a digit", in.at);
+  if (base == 8 && value != 0) number.notes.set(Note::octal);
   return value;
 }
 

@@ -27,10 +27,10 @@ using Bytes = std::vector<std::uint8_t>;
 
 TEST(DataTypes, EveryTypeOfCia301WithItsIndexAndLength) {
   // protocol-facts A.2: index -> bits (0 = variable).
-  const std::map<int, unsigned> table{{0x01, 1},  {0x02, 8},  {0x03, 16}, {0x04, 32}, {0x05, 8},  {0x06, 16}, {0x07, 32},
-                                      {0x08, 32}, {0x09, 0},  {0x0A, 0},  {0x0B, 0},  {0x0C, 48}, {0x0D, 48}, {0x0F, 0},
-                                      {0x10, 24}, {0x11, 64}, {0x12, 40}, {0x13, 48}, {0x14, 56}, {0x15, 64}, {0x16, 24},
-                                      {0x18, 40}, {0x19, 48}, {0x1A, 56}, {0x1B, 64}};
+  const std::map<int, unsigned> table{
+      {0x01, 1},  {0x02, 8},  {0x03, 16}, {0x04, 32}, {0x05, 8},  {0x06, 16}, {0x07, 32}, {0x08, 32}, {0x09, 0},
+      {0x0A, 0},  {0x0B, 0},  {0x0C, 48}, {0x0D, 48}, {0x0F, 0},  {0x10, 24}, {0x11, 64}, {0x12, 40}, {0x13, 48},
+      {0x14, 56}, {0x15, 64}, {0x16, 24}, {0x18, 40}, {0x19, 48}, {0x1A, 56}, {0x1B, 64}};
   EXPECT_EQ(all_data_types().size(), table.size());
   for (int index = 0; index < 0x100; ++index) {
     const auto type = static_cast<DataType>(index);
@@ -138,8 +138,8 @@ RC_GTEST_PROP(DataTypes, AnyScalarSurvivesBytesAndText, ()) {
   RC_PRE(byte_size(type) != 0);
   const auto word = *rc::gen::weightedOneOf<std::uint64_t>(
       {{3, rc::gen::arbitrary<std::uint64_t>()}, {1, rc::gen::map(rc::gen::inRange(0U, 64U), [](unsigned bit) {
-         return (std::uint64_t{1} << bit) - (bit % 2);
-       })}});
+                                                    return (std::uint64_t{1} << bit) - (bit % 2);
+                                                  })}});
   const std::uint64_t raw = wrap(type, type == DataType::boolean ? word & 1U : word);
   const Bytes bytes = encode(type, raw);
   RC_ASSERT(load(type, bytes.data()) == raw);

@@ -13,26 +13,34 @@ using Bytes = std::vector<std::uint8_t>;
 
 std::shared_ptr<const Description> device() {
   DescriptionBuilder b;
-  b.variable(0x1000, {.name = "Device type", .type = DataType::unsigned32, .access = Access::ro,
-                      .initial = Literal::number(0x20192)});
+  b.variable(
+      0x1000,
+      {.name = "Device type", .type = DataType::unsigned32, .access = Access::ro, .initial = Literal::number(0x20192)});
   b.variable(0x1014, {.name = "COB-ID EMCY", .type = DataType::unsigned32, .initial = Literal::node_id_plus(0x80)});
   b.variable(0x1017, {.name = "Heartbeat", .type = DataType::unsigned16});
   b.object(0x1018, ObjectCode::record, "Identity");
   for (const std::uint8_t sub : std::array<std::uint8_t, 3>{1, 2, 4}) {  // 3 is a gap
     b.sub(0x1018, {.sub = sub, .name = "part", .type = DataType::unsigned32, .access = Access::ro});
   }
-  b.variable(0x1008, {.name = "Name", .type = DataType::visible_string, .access = Access::constant,
+  b.variable(0x1008, {.name = "Name",
+                      .type = DataType::visible_string,
+                      .access = Access::constant,
                       .initial = Literal::text("probe")});
-  b.variable(0x2000, {.name = "Limited", .type = DataType::integer16,
+  b.variable(0x2000, {.name = "Limited",
+                      .type = DataType::integer16,
                       .initial = Literal::number(5),
-                      .low = Literal::number(static_cast<std::uint64_t>(-10)), .high = Literal::number(10)});
+                      .low = Literal::number(static_cast<std::uint64_t>(-10)),
+                      .high = Literal::number(10)});
   b.variable(0x2001, {.name = "Command", .type = DataType::unsigned8, .access = Access::wo});
   b.variable(0x2002, {.name = "Text", .type = DataType::visible_string, .capacity = 8});
   b.variable(0x2003, {.name = "File", .type = DataType::domain});
   b.variable(0x2004, {.name = "Flag", .type = DataType::boolean});
-  b.variable(0x2005, {.name = "Upside down", .type = DataType::unsigned8, .low = Literal::number(9),
-                      .high = Literal::number(3)});
-  b.variable(0x2006, {.name = "Real", .type = DataType::real32, .low = Literal::real(DataType::real32, -1),
+  b.variable(
+      0x2005,
+      {.name = "Upside down", .type = DataType::unsigned8, .low = Literal::number(9), .high = Literal::number(3)});
+  b.variable(0x2006, {.name = "Real",
+                      .type = DataType::real32,
+                      .low = Literal::real(DataType::real32, -1),
                       .high = Literal::real(DataType::real32, 1)});
   b.variable(0x2007, {.name = "From the node-ID", .type = DataType::unsigned8, .low = Literal::node_id_plus(1)});
   b.variable(0x2008, {.name = "Wide", .type = DataType::unicode_string});
@@ -306,8 +314,8 @@ RC_GTEST_PROP(OdBuilder, LookupFindsExactlyWhatIsThere, ()) {
 RC_GTEST_PROP(OdAccess, AcceptedValuesReadBackAndKeepTheLimits, (std::int16_t low, std::int16_t high, Bytes bytes)) {
   DescriptionBuilder b;
   const auto word = [](std::int16_t value) { return static_cast<std::uint64_t>(static_cast<std::int64_t>(value)); };
-  b.variable(0x2000, {.type = DataType::integer16, .low = Literal::number(word(low)),
-                      .high = Literal::number(word(high))});
+  b.variable(0x2000,
+             {.type = DataType::integer16, .low = Literal::number(word(low)), .high = Literal::number(word(high))});
   Values v(b.build());
   bytes.resize(std::min<std::size_t>(bytes.size(), 3));
   const auto code = v.write({0x2000, 0}, bytes);

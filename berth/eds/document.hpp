@@ -1,0 +1,100 @@
+/// The text of an EDS or DCF (CiA 306 §4.2) as sections and `key=value` lines, each with its place in the text. The
+/// text itself is kept byte for byte: what changes a file later splices at these places, so comments, order and line
+/// ends stay. What the keys mean is `eds::read`'s business.
+#pragma once
+
+#include <cstdint>
+#include <span>
+#include <string>
+#include <string_view>
+#include <vector>
+
+#include "berth/base/finding.hpp"
+
+namespace berth::eds {
+
+/// One `key=value` line. Offsets are into `Document::text()`; the value is trimmed and without an inline comment.
+struct Entry {
+  std::uint32_t key_at = 0;
+  std::uint32_t key_length = 0;
+  std::uint32_t value_at = 0;
+  std::uint32_t value_length = 0;
+  std::uint32_t line = 0;  ///< from 1
+};
+
+/// One `[name]` line and the entries up to the next one.
+struct Section {
+  std::uint32_t name_at = 0;
+  std::uint32_t name_length = 0;
+  std::uint32_t line = 0;
+  std::uint32_t first = 0;  ///< position of its first entry
+  std::uint32_t count = 0;
+};
+
+/// Collects remarks about one file; stops collecting (and says so) when a hostile file makes too many.
+class Report {
+ public:
+  Report(std::string file, std::size_t most) : file_(std::move(file)), most_(most) {}
+  void add(Finding::Severity severity, std::uint32_t line, std::uint32_t column, std::string key, std::string message,
+           std::string fix = {});
+  [[nodiscard]] bool has_error() const noexcept { return error_; }
+  /// In the order of the file's lines.
+  [[nodiscard]] Findings take();
+
+ private:
+  std::string file_;
+  std::size_t most_;
+  std::size_t dropped_ = 0;
+  bool error_ = false;
+  Findings findings_;
+};
+
+enum class Encoding : std::uint8_t { ascii, utf8, windows_1252 };
+
+class Document {
+ public:
+  Document() = default;
+  /// Never fails: what is no line of an EDS is reported and passed over. Accepted without a word: UTF-8 BOM, CRLF,
+  /// blanks around `=` and at line ends, `;` comments, no newline at the end. Accepted with a note: lone CR as line
+  /// end,
+  /// `#` comments, `;` comments behind a value, Windows-1252 text, NUL bytes, over-long lines.
+  [[nodiscard]] static Document parse(std::string text, Report& report);
+
+  [[nodiscard]] const std::string& text() const noexcept { return text_; }
+  [[nodiscard]] Encoding encoding() const noexcept { return encoding_; }
+  /// In file order; a section that stands twice is there twice.
+  [[nodiscard]] std::span<const Section> sections() const noexcept { return sections_; }
+  [[nodiscard]] std::span<const Entry> entries() const noexcept { return entries_; }
+  [[nodiscard]] std::span<const Entry> entries(const Section& section) const noexcept {
+    return std::span(entries_).subspan(section.first, section.count);
+  }
+  [[nodiscard]] std::string_view name(const Section& section) const noexcept {
+    return view(section.name_at, section.name_length);
+  }
+  [[nodiscard]] std::string_view key(const Entry& entry) const noexcept { return view(entry.key_at, entry.key_length); }
+  [[nodiscard]] std::string_view value(const Entry& entry) const noexcept {
+    return view(entry.value_at, entry.value_length);
+  }
+  /// The last section of this name and the last entry of this key in it; upper and lower case alike. Linear.
+  [[nodiscard]] const Section* find(std::string_view section) const noexcept;
+  [[nodiscard]] const Entry* find(const Section& section, std::string_view key) const noexcept;
+  /// Column from 1, in bytes, of an offset into the text.
+  [[nodiscard]] std::uint32_t column(std::uint32_t at) const noexcept;
+  /// Text of the file as UTF-8, whatever the file's encoding.
+  [[nodiscard]] std::string utf8(std::string_view raw) const;
+
+ private:
+  friend class LineReader;
+  [[nodiscard]] std::string_view view(std::uint32_t at, std::uint32_t length) const noexcept {
+    return std::string_view(text_).substr(at, length);
+  }
+  std::string text_;
+  std::vector<Section> sections_;
+  std::vector<Entry> entries_;
+  Encoding encoding_ = Encoding::ascii;
+};
+
+/// Equal but for upper and lower case of ASCII letters.
+[[nodiscard]] bool same_word(std::string_view a, std::string_view b) noexcept;
+
+}  // namespace berth::eds
