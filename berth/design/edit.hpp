@@ -1,10 +1,10 @@
-/// Edits to a machine file as text. The file is a person's source code: an edit changes the bytes of the one value, line
-/// or table it is about, and comments, order, units and line ends stay. After every edit the text is read again and
-/// compared with what the edit should give; when they differ nothing is changed.
+/// Edits to a machine file as text. The file is a person's source code: an edit changes the bytes of the one value,
+/// line or table it is about, and comments, order, units and line ends stay. After every edit the text is read again
+/// and compared with what the edit should give; when they differ nothing is changed.
 ///
-/// Errors: `invalid` the text is not TOML, or the edit would not read back; `not_found` no such slot; `duplicate` the slot
-/// is there already, or the name is not unique; `unsupported` the slot is one of a range (`ids = …`), or the key holds a
-/// table of its own.
+/// Errors: `invalid` the text is not TOML, or the edit would not read back; `not_found` no such slot; `duplicate` the
+/// slot is there already, or the name is not unique; `unsupported` the slot is one of a range (`ids = …`), or the key
+/// holds a table of its own.
 #pragma once
 
 #include <cstdint>

@@ -42,27 +42,27 @@ struct PortSpec {
 /// How long Berth waits, and how often it does things. Every one is a key of `[timing]` (all buses) and of
 /// `[bus.NAME.timing]` (that bus, stronger); the names are the same.
 struct Timing {
-  Duration lss_timeout = std::chrono::milliseconds(100);       ///< answer to an LSS request, from its confirmation
-  Duration store_timeout = std::chrono::seconds(3);            ///< answer to LSS store (17h) and SDO store (1010h)
-  Duration sdo_timeout = std::chrono::milliseconds(500);       ///< answer to an SDO request
-  Duration guard_timeout = std::chrono::milliseconds(100);     ///< answer to a node guarding request
-  Duration rand_response = std::chrono::milliseconds(10);      ///< paper 1's T_resp: latest answer of a device to an IURS
-                                                               ///< or DIRS; the window adds the frames' own time (S1.41)
-  Duration rand_processing = Duration(0);                      ///< paper 1's T_proc, before the next request
-  Duration heartbeat_period = std::chrono::milliseconds(500);  ///< 1017h of the slots' devices and of the master
+  Duration lss_timeout = std::chrono::milliseconds(100);    ///< answer to an LSS request, from its confirmation
+  Duration store_timeout = std::chrono::seconds(3);         ///< answer to LSS store (17h) and SDO store (1010h)
+  Duration sdo_timeout = std::chrono::milliseconds(500);    ///< answer to an SDO request
+  Duration guard_timeout = std::chrono::milliseconds(100);  ///< answer to a node guarding request
+  Duration rand_response = std::chrono::milliseconds(10);   ///< paper 1's T_resp: latest answer of a device to an IURS
+                                                            ///< or DIRS; the window adds the frames' own time (S1.41)
+  Duration rand_processing = Duration(0);                   ///< paper 1's T_proc, before the next request
+  Duration heartbeat_period = std::chrono::milliseconds(500);    ///< 1017h of the slots' devices and of the master
   Duration heartbeat_timeout = std::chrono::milliseconds(1500);  ///< silence that makes a slot absent; over the period
-  Duration boot_timeout = std::chrono::seconds(10);            ///< reset or power to boot-up message
-  Duration probe_period = std::chrono::seconds(1);             ///< how often a running machine looks for new devices
-  std::uint32_t tries = 3;                                     ///< before silence counts (S1.30); 1..100
+  Duration boot_timeout = std::chrono::seconds(10);              ///< reset or power to boot-up message
+  Duration probe_period = std::chrono::seconds(1);               ///< how often a running machine looks for new devices
+  std::uint32_t tries = 3;                                       ///< before silence counts (S1.30); 1..100
 
   friend bool operator==(const Timing&, const Timing&) = default;
 };
 
 /// A bus beneath a gateway device.
 struct Gateway {
-  std::string bus;         ///< the bus above
-  NodeId slot;             ///< node-ID of the gateway's slot there
-  bool mandatory = true;   ///< without the gateway this bus does not start
+  std::string bus;        ///< the bus above
+  NodeId slot;            ///< node-ID of the gateway's slot there
+  bool mandatory = true;  ///< without the gateway this bus does not start
   friend bool operator==(const Gateway&, const Gateway&) = default;
 };
 
@@ -71,18 +71,18 @@ struct Bus {
   PortSpec port;
   std::uint32_t bitrate = 125'000;  ///< bit/s, one of CiA 301's
   Role role = Role::master;
-  NodeId master{127};               ///< `master_id`
+  NodeId master{127};  ///< `master_id`
   std::optional<Gateway> gateway;
   Timing timing;
-  text::Place place;                ///< of its table
+  text::Place place;  ///< of its table
 };
 
 struct Slot {
-  places::SlotSpec spec;            ///< what binding needs; `spec.name.machine` is the machine's name
-  std::string eds;                  ///< as written, empty when the slot gives `type`
-  std::string eds_path;             ///< the same, relative to the machine file's folder
-  text::Place place;                ///< of its table
-  bool of_range = false;            ///< came out of `ids = "1..60"`
+  places::SlotSpec spec;  ///< what binding needs; `spec.name.machine` is the machine's name
+  std::string eds;        ///< as written, empty when the slot gives `type`
+  std::string eds_path;   ///< the same, relative to the machine file's folder
+  text::Place place;      ///< of its table
+  bool of_range = false;  ///< came out of `ids = "1..60"`
 };
 
 /// One object of one slot: "left sensor/Position" or "left sensor/6004h:00".
@@ -94,7 +94,7 @@ struct LinkEnd {
 
 struct Link {
   LinkEnd from;
-  std::vector<LinkEnd> to;          ///< at least one
+  std::vector<LinkEnd> to;  ///< at least one
   std::optional<Duration> deadline;
   text::Place place;
 };
@@ -102,8 +102,8 @@ struct Link {
 struct Machine {
   std::string name;
   std::string file;
-  std::vector<Bus> buses;    ///< in the order of the file; at least one
-  std::vector<Slot> slots;   ///< in the order of the file, ranges ascending
+  std::vector<Bus> buses;   ///< in the order of the file; at least one
+  std::vector<Slot> slots;  ///< in the order of the file, ranges ascending
   std::vector<Link> links;
 
   [[nodiscard]] const Bus* bus(std::string_view name) const noexcept;

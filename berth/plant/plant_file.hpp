@@ -1,5 +1,6 @@
-/// The plant file: a simulated world to try a machine on (`docs/plant-file.md` has the grammar). Which devices are plugged
-/// in where, what they are like, and what goes wrong when. Plain data; `berth/plant/` makes the world out of it.
+/// The plant file: a simulated world to try a machine on (`docs/plant-file.md` has the grammar). Which devices are
+/// plugged in where, what they are like, and what goes wrong when. Plain data; `berth/plant/` makes the world out of
+/// it.
 #pragma once
 
 #include <cstdint>
@@ -49,29 +50,31 @@ struct Latency {
 };
 
 struct PlantDevice {
-  std::string name;                                  ///< unique in the plant
+  std::string name;  ///< unique in the plant
   std::string bus;
-  std::string eds;                                   ///< description, as written; empty: a minimal built-in one
-  std::string eds_path;                              ///< the same, relative to the plant file's folder; not compared
-  LssAddress address;                                ///< identity object 1018h
-  bool address_of_eds = false;                       ///< vendor, product and revision are the description's; not set here
+  std::string eds;              ///< description, as written; empty: a minimal built-in one
+  std::string eds_path;         ///< the same, relative to the plant file's folder; not compared
+  LssAddress address;           ///< identity object 1018h
+  bool address_of_eds = false;  ///< vendor, product and revision are the description's; not set here
   NodeIdSource source = NodeIdSource::blank;
-  NodeId node_id;                                    ///< what the source gives; unconfigured for `blank`
-  std::uint32_t bitrate = 0;                         ///< stored bit rate, bit/s; 0 = the bus's
+  NodeId node_id;             ///< what the source gives; unconfigured for `blank`
+  std::uint32_t bitrate = 0;  ///< stored bit rate, bit/s; 0 = the bus's
   bool speaks_lss = true;
   bool speaks_rand = true;
-  bool rand_literal = false;                         ///< RAND in LSS configuration state only, as the paper has it
+  bool rand_literal = false;  ///< RAND in LSS configuration state only, as the paper has it
   Latency response;
-  Duration boot = std::chrono::milliseconds(50);     ///< power-on to boot-up message
-  Duration reset = std::chrono::milliseconds(20);    ///< NMT reset (node or communication) to boot-up message
-  Duration store = std::chrono::milliseconds(20);    ///< LSS store, SDO store: request to answer
-  bool deaf_while_storing = false;                   ///< hears nothing while it stores
-  bool power_cycle_after_store = false;              ///< a stored node-ID counts only after power was off
+  Duration boot = std::chrono::milliseconds(50);   ///< power-on to boot-up message
+  Duration reset = std::chrono::milliseconds(20);  ///< NMT reset (node or communication) to boot-up message
+  Duration store = std::chrono::milliseconds(20);  ///< LSS store, SDO store: request to answer
+  bool deaf_while_storing = false;                 ///< hears nothing while it stores
+  bool power_cycle_after_store = false;            ///< a stored node-ID counts only after power was off
   QueueKind queue = QueueKind::in_order;
-  std::uint32_t rx_depth = 16;                       ///< frames its receive buffer holds; 1 = a single slot
-  Duration heartbeat{0};                             ///< 1017h at power-on; 0 = none until told
-  std::int32_t drift_ppm = 0;                        ///< its clock is fast (+) or slow (-)
-  bool plugged = true;                               ///< at time 0
+  std::uint32_t rx_depth = 16;   ///< frames its receive buffer holds; 1 = a single slot
+  Duration heartbeat{0};         ///< 1017h at power-on; 0 = none until told
+  Duration bus_off_recovery{0};  ///< restarts its controller so long after bus-off; 0 = never
+  std::uint32_t repeat_ppm = 0;  ///< so many of its frames in a million are sent twice
+  std::int32_t drift_ppm = 0;    ///< its clock is fast (+) or slow (-)
+  bool plugged = true;           ///< at time 0
 
   friend bool operator==(const PlantDevice& a, const PlantDevice& b) noexcept;
 };
@@ -86,8 +89,8 @@ enum class After : std::uint8_t {
 [[nodiscard]] const char* name(After after) noexcept;
 
 enum class Action : std::uint8_t {
-  plug,         ///< onto the bus, with power
-  unplug,       ///< off the bus, without power
+  plug,    ///< onto the bus, with power
+  unplug,  ///< off the bus, without power
   power_off,
   power_on,
   reset,        ///< the firmware starts again, as by a watchdog
@@ -124,13 +127,13 @@ struct PlantEvent {
   After after = After::start;
   Duration delay{0};
   Action action = Action::plug;
-  std::string device;               ///< of all actions but cut_cable, join, disturb, overrun
-  std::string bus;                  ///< of these four
-  std::vector<std::string> nodes;   ///< device names or "master"; `disturb`, `overrun`: empty = every node
-  Duration duration{0};             ///< deaf, slow; 0 = from then on
-  Duration latency{0};              ///< slow
-  std::uint32_t value = 0;          ///< set_serial, set_node_id
-  Strike strike;                    ///< disturb, overrun
+  std::string device;              ///< of all actions but cut_cable, join, disturb, overrun
+  std::string bus;                 ///< of these four
+  std::vector<std::string> nodes;  ///< device names or "master"; `disturb`, `overrun`: empty = every node
+  Duration duration{0};            ///< deaf, slow; 0 = from then on
+  Duration latency{0};             ///< slow
+  std::uint32_t value = 0;         ///< set_serial, set_node_id
+  Strike strike;                   ///< disturb, overrun
   friend bool operator==(const PlantEvent&, const PlantEvent&) = default;
 };
 

@@ -21,8 +21,8 @@ using Duration = std::chrono::nanoseconds;
 /// decimals ("1500 ms", "2 s", "0 s").
 [[nodiscard]] std::string write_duration(Duration duration);
 
-/// Reads `"1..60"`, `"7"` or `"1..10, 20, 30..32"`: ascending, every number at least `low` and at most `high`. Empty for
-/// anything else.
+/// Reads `"1..60"`, `"7"` or `"1..10, 20, 30..32"`: ascending, every number at least `low` and at most `high`. Empty
+/// for anything else.
 [[nodiscard]] std::optional<std::vector<unsigned>> parse_ranges(std::string_view text, unsigned low, unsigned high);
 
 /// The word that a person most likely meant: at most two letters wrong (one in words of up to four letters), in either

@@ -2,8 +2,8 @@
 
 #include <fmt/format.h>
 
-#include <algorithm>
 #include <toml++/toml.h>
+#include <algorithm>
 
 namespace berth::text {
 namespace {
@@ -21,8 +21,8 @@ Value convert_array(const toml::array& array) {
   Value value;
   value.kind = Value::Kind::array;
   for (const auto& item : array) value.items.push_back(convert(item));
-  const bool headers = !value.items.empty() && value.items.front().kind == Value::Kind::table &&
-                       !value.items.front().in_line;
+  const bool headers =
+      !value.items.empty() && value.items.front().kind == Value::Kind::table && !value.items.front().in_line;
   value.in_line = !headers;
   return value;
 }

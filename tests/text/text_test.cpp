@@ -37,8 +37,8 @@ RC_GTEST_PROP(Duration, WrittenIsReadBack, ()) {
 TEST(Ranges, AscendingOnly) {
   EXPECT_EQ(parse_ranges("1..3", 1, 127), (std::vector<unsigned>{1, 2, 3}));
   EXPECT_EQ(parse_ranges("1..2, 7,9..9", 1, 127), (std::vector<unsigned>{1, 2, 7, 9}));
-  for (const char* bad : {"", "0..3", "1..128", "3..1", "1,1", "5,4", "1..", "..3", "a", "1..2..3", "1,", "-1",
-                          "99999999999999999999"}) {
+  for (const char* bad :
+       {"", "0..3", "1..128", "3..1", "1,1", "5,4", "1..", "..3", "a", "1..2..3", "1,", "-1", "99999999999999999999"}) {
     EXPECT_FALSE(parse_ranges(bad, 1, 127)) << bad;
   }
 }
@@ -109,8 +109,7 @@ TEST(Table, NamesUnknownKeysAndWrongTypes) {
   table.finish();
   ASSERT_EQ(findings.size(), 5U);
   EXPECT_EQ(to_string(findings[0]), "t.toml:2:6: error: slot[1].id: this is a string; it must be an integer");
-  EXPECT_EQ(to_string(findings[1]),
-            "t.toml:3:7: error: slot[1].big: 4294967296 is out of range; use 0 to 0xFFFFFFFF");
+  EXPECT_EQ(to_string(findings[1]), "t.toml:3:7: error: slot[1].big: 4294967296 is out of range; use 0 to 0xFFFFFFFF");
   EXPECT_EQ(findings[2].line, 4);
   EXPECT_EQ(findings[3].message, "this key is missing");
   EXPECT_EQ(to_string(findings[4]), "t.toml:1:1: error: slot[1].nmae: unknown key; did you mean \"name\"?");

@@ -1,0 +1,30 @@
+// Where the machine file meets the disk and the device descriptions.
+#include "berth/design/machine.hpp"
+#include "berth/eds/eds.hpp"
+#include "berth/text/file.hpp"
+
+namespace berth::design {
+
+TypeLoader eds_loader() {
+  return [](const std::string& path, Findings& findings) -> std::optional<DeviceType> {
+    const auto reading = eds::read_file(path);
+    findings.insert(findings.end(), reading.findings.begin(), reading.findings.end());
+    if (!reading.usable()) return std::nullopt;
+    const DeviceType type{reading.file.type_code(), reading.file.revision()};
+    if (type.type == TypeCode{}) {
+      findings.push_back({Finding::Severity::error, path, 0, 0, "[1018sub1]",
+                          "neither object 1018h nor [DeviceInfo] gives vendor-ID and product code",
+                          "write type = { vendor = …, product = … } in the machine file"});
+      return std::nullopt;
+    }
+    return type;
+  };
+}
+
+MachineResult load_machine(const std::string& path) {
+  MachineResult result;
+  const auto text = text::read_file(path, result.findings);
+  return text ? read_machine(*text, path, eds_loader()) : result;
+}
+
+}  // namespace berth::design

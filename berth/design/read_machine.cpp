@@ -1,0 +1,431 @@
+// The machine file's grammar, key by key: docs/machine-file.md.
+#include <fmt/format.h>
+
+#include <algorithm>
+#include <array>
+#include <map>
+
+#include "berth/design/machine.hpp"
+#include "berth/text/file.hpp"
+
+namespace berth::design {
+namespace {
+
+using namespace std::chrono_literals;
+using std::string_view;
+using text::Limits;
+using text::Table;
+
+constexpr std::array<string_view, 3> role_words{"master", "commissioner", "observer"};
+constexpr std::array<string_view, 5> ambiguous_words{"ask", "ascending", "one-at-a-time", "probe", "first-seen"};
+constexpr std::array<string_view, 3> revision_words{"any", "major", "exact"};
+constexpr std::array<string_view, 2> replacement_words{"ask", "auto"};
+constexpr std::array<string_view, 3> assign_words{"lss", "fixed", "recipe"};
+constexpr Limits node_ids{1, 127};
+
+template <class Enum, std::size_t N>
+void read_word(Table& table, string_view key, const std::array<string_view, N>& words, Enum& into) {
+  if (const auto index = table.word(key, words)) into = static_cast<Enum>(*index);
+}
+
+/// A name that a person gives: shown in tables and used in paths like "left sensor/Position".
+bool good_name(string_view name) noexcept {
+  if (name.empty() || name.size() > 100 || name.front() == ' ' || name.back() == ' ') return false;
+  return std::ranges::none_of(name,
+                              [](char c) { return static_cast<unsigned char>(c) < 0x20 || c == '/' || c == 0x7F; });
+}
+constexpr const char* name_fix = "use 1 to 100 characters without '/', control characters and outer spaces";
+
+class MachineReader {
+ public:
+  MachineReader(const std::string& file, const TypeLoader& loader, Findings& findings)
+      : file_(file), loader_(loader), findings_(findings) {
+    machine_.file = file;
+  }
+
+  Machine read(const text::Value& root) {
+    Table table(root, "", file_, findings_);
+    read_head(table);
+    read_timing(table, timing_);
+    for (auto& [name, bus] : table.named_tables("bus")) read_bus(name, bus);
+    if (machine_.buses.empty()) table.error("", "there is no bus", "write a table [bus.NAME]");
+    check_gateway_buses();
+    for (auto& slot : table.tables("slot")) read_slot(slot);
+    check_gateway_slots();
+    for (auto& link : table.tables("link")) read_link(link);
+    table.finish();
+    return std::move(machine_);
+  }
+
+ private:
+  void error_at(text::Place place, std::string key, std::string message, std::string fix) {
+    findings_.push_back({Finding::Severity::error, file_, place.line, place.column, std::move(key), std::move(message),
+                         std::move(fix)});
+  }
+
+  void read_head(Table& root) {
+    if (!root.require("machine", "write [machine] with name = \"…\"")) return;
+    auto head = root.table("machine");
+    if (!head) return;
+    if (head->require("name", "give the machine a name")) {
+      const auto name = head->string("name");
+      if (name && !good_name(*name)) head->error("name", "this is no name", name_fix);
+      machine_.name = name.value_or("");
+    }
+    head->finish();
+  }
+
+  static void read_duration(Table& table, string_view key, Duration low, Duration high, Duration& into) {
+    if (const auto value = table.duration(key, low, high)) into = *value;
+  }
+
+  static void read_timing(Table& parent, Timing& timing) {
+    auto table = parent.table("timing");
+    if (!table) return;
+    read_duration(*table, "lss_timeout", 1ms, 1min, timing.lss_timeout);
+    read_duration(*table, "store_timeout", 1ms, 10min, timing.store_timeout);
+    read_duration(*table, "sdo_timeout", 1ms, 1min, timing.sdo_timeout);
+    read_duration(*table, "guard_timeout", 1ms, 1min, timing.guard_timeout);
+    read_duration(*table, "rand_response", 100us, 10s, timing.rand_response);
+    read_duration(*table, "rand_processing", 0s, 1s, timing.rand_processing);
+    read_heartbeat(*table, timing);
+    read_duration(*table, "boot_timeout", 1ms, 1h, timing.boot_timeout);
+    read_duration(*table, "probe_period", 10ms, 1h, timing.probe_period);
+    if (const auto tries = table->u32("tries", {1, 100})) timing.tries = *tries;
+    table->finish();
+  }
+
+  // 1017h and 1016h count whole milliseconds in 16 bits (CiA 301 §7.5.2.14, .15).
+  static void read_heartbeat(Table& table, Timing& timing) {
+    if (const auto period = table.duration("heartbeat_period", 1ms, 65535ms)) {
+      timing.heartbeat_period = *period;
+      timing.heartbeat_timeout = std::min<Duration>(*period * 3, 65535ms);
+      if (*period % 1ms != 0ns) table.error("heartbeat_period", "heartbeat counts whole milliseconds", "round it");
+    }
+    read_duration(table, "heartbeat_timeout", 1ms, 65535ms, timing.heartbeat_timeout);
+    if (timing.heartbeat_timeout % 1ms != 0ns) {
+      table.error("heartbeat_timeout", "heartbeat counts whole milliseconds", "round it");
+    }
+    if (timing.heartbeat_timeout <= timing.heartbeat_period) {
+      table.error("heartbeat_timeout",
+                  fmt::format("{} is not longer than the period of {}", text::write_duration(timing.heartbeat_timeout),
+                              text::write_duration(timing.heartbeat_period)),
+                  "use about three times the period");
+    }
+  }
+
+  void read_bus(const std::string& name, Table& table) {
+    Bus bus;
+    bus.name = name;
+    bus.place = table.begin();
+    bus.timing = timing_;
+    if (!good_name(name)) table.error("", fmt::format("{} is no bus name", text::quoted(name)), name_fix);
+    if (table.require("port", "such as \"sim\" or \"socketcan:can0\"")) read_port(table, bus);
+    if (table.require("bitrate", "such as 125_000")) read_bitrate(table, bus);
+    read_word(table, "role", role_words, bus.role);
+    if (const auto id = table.integer("master_id", node_ids)) bus.master = NodeId(static_cast<std::uint8_t>(*id));
+    read_gateway(table, bus);
+    read_timing(table, bus.timing);
+    table.finish();
+    machine_.buses.push_back(std::move(bus));
+  }
+
+  static void read_port(Table& table, Bus& bus) {
+    const auto text = table.string("port");
+    if (!text) return;
+    const auto port = parse_port(*text);
+    if (port) {
+      bus.port = *port;
+    } else {
+      table.error("port", fmt::format("{} is no port", text::quoted(*text)),
+                  "use \"sim\", \"socketcan:can0\", \"slcan:/dev/ttyACM0\" or \"socketcand://host:29536/can0\"");
+    }
+  }
+
+  static void read_bitrate(Table& table, Bus& bus) {
+    const auto rate = table.integer("bitrate", {});
+    if (!rate) return;
+    if (*rate > 0 && *rate <= 1'000'000 && is_canopen_bitrate(static_cast<std::uint32_t>(*rate))) {
+      bus.bitrate = static_cast<std::uint32_t>(*rate);
+      return;
+    }
+    const bool kilo = *rate > 0 && *rate <= 1000 && is_canopen_bitrate(static_cast<std::uint32_t>(*rate) * 1000);
+    table.error("bitrate", fmt::format("{} bit/s is no CANopen bit rate", *rate),
+                kilo ? fmt::format("write {}_000", *rate)
+                     : "use 10_000, 20_000, 50_000, 125_000, 250_000, 500_000, 800_000 or 1_000_000");
+  }
+
+  void read_gateway(Table& table, Bus& bus) {
+    auto entry = table.table("gateway");
+    if (!entry) return;
+    Gateway gateway;
+    const bool named = entry->require("bus", "name the bus above");
+    const bool placed = entry->require("slot", "give the node-ID of the gateway's slot");
+    if (named) gateway.bus = entry->string("bus").value_or("");
+    if (placed) {
+      const auto id = entry->integer("slot", node_ids);
+      if (id) gateway.slot = NodeId(static_cast<std::uint8_t>(*id));
+    }
+    gateway.mandatory = entry->boolean("mandatory").value_or(true);
+    entry->finish();
+    if (gateway.bus.empty() || !gateway.slot.configured()) return;
+    gateway_places_[bus.name] = entry->begin();
+    bus.gateway = std::move(gateway);
+  }
+
+  void check_gateway_buses() {
+    for (auto& bus : machine_.buses) {
+      if (!bus.gateway) continue;
+      const auto place = gateway_places_[bus.name];
+      const auto key = fmt::format("bus.{}.gateway", bus.name);
+      if (machine_.bus(bus.gateway->bus) == nullptr) {
+        error_at(place, key, fmt::format("there is no bus {}", text::quoted(bus.gateway->bus)), bus_fix());
+      } else if (runs_in_circle(bus)) {
+        error_at(place, key, "these gateways run in a circle", "one of the buses must be at the top");
+      }
+    }
+  }
+
+  bool runs_in_circle(const Bus& start) const {
+    const Bus* bus = &start;
+    for (std::size_t step = 0; step <= machine_.buses.size(); ++step) {
+      if (bus == nullptr || !bus->gateway) return false;
+      bus = machine_.bus(bus->gateway->bus);
+    }
+    return true;
+  }
+
+  void check_gateway_slots() {
+    for (const auto& bus : machine_.buses) {
+      if (!bus.gateway || machine_.bus(bus.gateway->bus) == nullptr) continue;
+      if (machine_.slot(bus.gateway->bus, bus.gateway->slot) != nullptr) continue;
+      error_at(
+          gateway_places_[bus.name], fmt::format("bus.{}.gateway.slot", bus.name),
+          fmt::format("bus {} has no slot with node-ID {}", text::quoted(bus.gateway->bus), bus.gateway->slot.value()),
+          "write that [[slot]], or name another");
+    }
+  }
+
+  std::string bus_fix() const {
+    std::string names;
+    for (const auto& bus : machine_.buses) names += (names.empty() ? "" : ", ") + text::quoted(bus.name);
+    return names.empty() ? "write a table [bus.NAME]" : "the buses are " + names;
+  }
+
+  void read_slot(Table& table) {
+    Slot slot;
+    slot.place = table.begin();
+    auto& spec = slot.spec;
+    spec.name.machine = machine_.name;
+    const bool has_bus = table.require("bus", bus_fix());
+    if (has_bus) spec.name.bus = table.string("bus").value_or("");
+    if (!spec.name.bus.empty() && machine_.bus(spec.name.bus) == nullptr) {
+      table.error("bus", fmt::format("there is no bus {}", text::quoted(spec.name.bus)), bus_fix());
+    }
+    const auto ids = read_ids(table, slot);
+    const auto pattern = read_name(table, slot.of_range);
+    read_type(table, slot);
+    read_word(table, "when_ambiguous", ambiguous_words, spec.when_ambiguous);
+    read_word(table, "replacement", replacement_words, spec.replacement);
+    read_word(table, "assign", assign_words, spec.assign);
+    read_word(table, "revision", revision_words, spec.rule);
+    if (spec.rule != places::RevisionRule::any && !spec.revision) {
+      table.error("revision", "the slot's revision number is not known",
+                  "write it into type = { …, revision = 0x… }, or use an eds that has it");
+    }
+    spec.optional = table.boolean("optional").value_or(false);
+    read_config(table, spec);
+    table.finish();
+    for (const unsigned id : ids) add_slot(table, slot, id, pattern);
+  }
+
+  void read_config(Table& table, places::SlotSpec& spec) {
+    const auto config = table.string("config");
+    if (!config) return;
+    if (config->empty()) table.error("config", "the file name is empty", "name a DCF, or leave the key out");
+    spec.config = text::beside(file_, *config);
+  }
+
+  static std::vector<unsigned> read_ids(Table& table, Slot& slot) {
+    slot.of_range = table.has("ids");
+    if (slot.of_range && table.has("id")) table.error("ids", "id and ids exclude each other", "keep one of them");
+    if (!slot.of_range) {
+      if (!table.require("id", "give the slot a node-ID, 1 to 127")) return {};
+      const auto value = table.get("id");
+      if (value->kind == text::Value::Kind::integer && (value->integer < 1 || value->integer > 127)) {
+        table.error("id", fmt::format("{} is not a node-ID", value->integer), "use 1 to 127");
+        return {};
+      }
+      const auto id = table.integer("id", node_ids);
+      return id ? std::vector<unsigned>{static_cast<unsigned>(*id)} : std::vector<unsigned>{};
+    }
+    const auto text = table.string("ids");
+    if (!text) return {};
+    const auto ids = text::parse_ranges(*text, 1, 127);
+    if (!ids) {
+      table.error("ids", fmt::format("{} is no list of node-IDs", text::quoted(*text)),
+                  "write ascending ranges within 1 to 127, such as \"1..60\" or \"1..9, 20\"");
+    }
+    return ids.value_or(std::vector<unsigned>{});
+  }
+
+  static std::string read_name(Table& table, bool of_range) {
+    if (!table.require("name", of_range ? "such as \"pump {id}\"" : "give the slot a name")) return {};
+    const auto name = table.string("name");
+    if (!name) return {};
+    const bool varies = name->find("{id}") != std::string::npos;
+    if (!good_name(*name)) {
+      table.error("name", "this is no name", name_fix);
+    } else if (of_range && !varies) {
+      table.error("name", "every slot of a range needs a name of its own", "put {id} into it: \"pump {id}\"");
+    } else if (!of_range && varies) {
+      table.error("name", "{id} stands for nothing here", "use ids = \"…\" for several slots");
+    }
+    return *name;
+  }
+
+  void read_type(Table& table, Slot& slot) {
+    const bool has_type = table.has("type");
+    const bool has_eds = table.has("eds");
+    if (has_type && has_eds) table.error("eds", "type and eds exclude each other", "keep one of them");
+    if (!has_type && !has_eds) {
+      table.error("type", "the slot has no device type", "write type = { vendor = …, product = … } or eds = \"…\"");
+    }
+    if (has_type) read_type_table(table, slot.spec);
+    if (has_eds) read_eds(table, slot);
+  }
+
+  static void read_type_table(Table& table, places::SlotSpec& spec) {
+    auto type = table.table("type");
+    if (!type) return;
+    if (type->require("vendor", "vendor-ID, 1018h:01")) spec.type.vendor = type->u32("vendor").value_or(0);
+    if (type->require("product", "product code, 1018h:02")) spec.type.product = type->u32("product").value_or(0);
+    spec.revision = type->u32("revision");
+    type->finish();
+  }
+
+  void read_eds(Table& table, Slot& slot) {
+    const auto file = table.string("eds");
+    if (!file) return;
+    if (file->empty()) return table.error("eds", "the file name is empty", "name a device description");
+    slot.eds = *file;
+    slot.eds_path = text::beside(file_, *file);
+    const auto type = load_type(slot.eds_path);
+    if (!type) {
+      return table.error("eds", fmt::format("{} gives no device type", text::quoted(slot.eds_path)),
+                         loader_ ? "see what is said about that file" : "write type = { … } instead");
+    }
+    slot.spec.type = type->type;
+    slot.spec.revision = type->revision;
+  }
+
+  std::optional<DeviceType> load_type(const std::string& path) {
+    const auto it = types_.find(path);
+    if (it != types_.end()) return it->second;
+    Findings said;
+    const auto type = loader_ ? loader_(path, said) : std::nullopt;
+    // What the description has to say beside its type is for `berth eds check`, not for every start of a machine.
+    std::ranges::copy_if(said, std::back_inserter(findings_),
+                         [](const Finding& f) { return f.severity == Finding::Severity::error; });
+    return types_[path] = type;
+  }
+
+  void add_slot(Table& table, const Slot& pattern, unsigned id, const std::string& name) {
+    Slot slot = pattern;
+    auto& spec = slot.spec;
+    spec.id = NodeId(static_cast<std::uint8_t>(id));
+    spec.name.name = slot.of_range ? text::fill(name, "id", fmt::format("{}", id)) : name;
+    const char* key = slot.of_range ? "ids" : "id";
+    const Bus* bus = machine_.bus(spec.name.bus);
+    if (bus != nullptr && bus->master == spec.id && bus->role != Role::observer) {
+      table.error(key, fmt::format("node-ID {} is the master's on bus {}", id, text::quoted(bus->name)),
+                  "use another, or change master_id");
+    }
+    if (const Slot* other = machine_.slot(spec.name.bus, spec.id)) {
+      table.error(key,
+                  fmt::format("node-ID {} is taken on bus {} by slot {} (line {})", id, text::quoted(spec.name.bus),
+                              text::quoted(other->spec.name.name), other->place.line),
+                  "a node-ID stands once on a bus");
+    }
+    const Slot* twin = name.empty() ? nullptr : machine_.slot(spec.name.name);
+    if (twin != nullptr) {
+      table.error("name", fmt::format("the name {} is taken (line {})", text::quoted(spec.name.name), twin->place.line),
+                  "slot names are unique in a machine");
+    }
+    machine_.slots.push_back(std::move(slot));
+  }
+
+  std::optional<LinkEnd> read_end(Table& table, string_view key, const std::string& text) {
+    const auto slash = text.find('/');
+    if (slash == std::string::npos || slash == 0 || slash + 1 == text.size()) {
+      table.error(key, fmt::format("{} names no object of a slot", text::quoted(text)), "write \"slot name/object\"");
+      return std::nullopt;
+    }
+    LinkEnd end{text.substr(0, slash), text.substr(slash + 1)};
+    if (machine_.slot(end.slot) != nullptr) return end;
+    std::vector<string_view> names;
+    for (const auto& slot : machine_.slots) names.push_back(slot.spec.name.name);
+    const auto near = text::closest(end.slot, names);
+    table.error(key, fmt::format("there is no slot {}", text::quoted(end.slot)),
+                near.empty() ? "name a [[slot]] of this file" : fmt::format("did you mean {}?", text::quoted(near)));
+    return std::nullopt;
+  }
+
+  void read_link(Table& table) {
+    Link link;
+    link.place = table.begin();
+    if (table.require("from", "write \"slot name/object\"")) {
+      const auto from = table.string("from");
+      const auto end = from ? read_end(table, "from", *from) : std::nullopt;
+      if (end) link.from = *end;
+    }
+    if (table.require("to", "write [\"slot name/object\"]")) read_targets(table, link);
+    link.deadline = table.duration("deadline", 1us, 1h);
+    table.finish();
+    machine_.links.push_back(std::move(link));
+  }
+
+  void read_targets(Table& table, Link& link) {
+    const auto targets = table.strings("to");
+    if (!targets) return;
+    if (targets->empty()) table.error("to", "the link leads nowhere", "name at least one object");
+    for (const auto& target : *targets) {
+      auto end = read_end(table, "to", target);
+      if (!end) continue;
+      if (*end == link.from) table.error("to", "the link leads to itself", "name another object");
+      if (std::ranges::find(link.to, *end) != link.to.end()) {
+        table.error("to", fmt::format("{} stands here twice", text::quoted(target)), "keep one");
+      }
+      link.to.push_back(std::move(*end));
+    }
+  }
+
+  const std::string& file_;
+  const TypeLoader& loader_;
+  Findings& findings_;
+  Machine machine_;
+  Timing timing_;
+  std::map<std::string, text::Place> gateway_places_;
+  std::map<std::string, std::optional<DeviceType>> types_;
+};
+
+void sort_findings(Findings& findings, const std::string& file) {
+  const auto others = std::ranges::stable_partition(findings, [&](const Finding& f) { return f.file == file; });
+  std::ranges::stable_sort(findings.begin(), others.begin(), [](const Finding& a, const Finding& b) {
+    return std::pair(a.line, a.column) < std::pair(b.line, b.column);
+  });
+}
+
+}  // namespace
+
+MachineResult read_machine(std::string_view text, const std::string& file_name, const TypeLoader& loader) {
+  MachineResult result;
+  const auto root = text::parse_toml(text, file_name, result.findings);
+  if (!root) return result;
+  auto machine = MachineReader(file_name, loader, result.findings).read(*root);
+  sort_findings(result.findings, file_name);
+  if (!has_errors(result.findings)) result.machine = std::move(machine);
+  return result;
+}
+
+}  // namespace berth::design

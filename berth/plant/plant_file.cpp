@@ -1,0 +1,34 @@
+#include "berth/plant/plant_file.hpp"
+
+#include <algorithm>
+
+#include "berth/plant/plant_words.hpp"
+
+namespace berth::plant {
+
+const char* name(NodeIdSource source) noexcept { return source_words[static_cast<std::size_t>(source)].data(); }
+const char* name(After after) noexcept { return after_words[static_cast<std::size_t>(after)].data(); }
+const char* name(Action action) noexcept { return action_words[static_cast<std::size_t>(action)].data(); }
+
+bool operator==(const PlantDevice& a, const PlantDevice& b) noexcept {
+  return a.name == b.name && a.bus == b.bus && a.eds == b.eds && a.address == b.address &&
+         a.address_of_eds == b.address_of_eds && a.source == b.source && a.node_id == b.node_id &&
+         a.bitrate == b.bitrate && a.speaks_lss == b.speaks_lss && a.speaks_rand == b.speaks_rand &&
+         a.rand_literal == b.rand_literal && a.response == b.response && a.boot == b.boot && a.reset == b.reset &&
+         a.store == b.store && a.deaf_while_storing == b.deaf_while_storing &&
+         a.power_cycle_after_store == b.power_cycle_after_store && a.queue == b.queue && a.rx_depth == b.rx_depth &&
+         a.heartbeat == b.heartbeat && a.bus_off_recovery == b.bus_off_recovery && a.repeat_ppm == b.repeat_ppm &&
+         a.drift_ppm == b.drift_ppm && a.plugged == b.plugged;
+}
+
+const PlantBus* PlantFile::bus(std::string_view bus_name) const noexcept {
+  const auto it = std::ranges::find(buses, bus_name, &PlantBus::name);
+  return it == buses.end() ? nullptr : &*it;
+}
+
+const PlantDevice* PlantFile::device(std::string_view device_name) const noexcept {
+  const auto it = std::ranges::find(devices, device_name, &PlantDevice::name);
+  return it == devices.end() ? nullptr : &*it;
+}
+
+}  // namespace berth::plant

@@ -1,0 +1,19 @@
+/// The words of the plant file, in the order of their enumerations: reader and writer share them.
+#pragma once
+
+#include <array>
+#include <string_view>
+
+namespace berth::plant {
+
+inline constexpr std::array<std::string_view, 5> source_words{"blank", "nonvolatile", "hard-coded", "switches",
+                                                              "connector"};
+inline constexpr std::array<std::string_view, 2> queue_words{"in-order", "priority"};
+inline constexpr std::array<std::string_view, 3> speaks_words{"lss", "rand", "rand-literal"};
+inline constexpr std::array<std::string_view, 4> after_words{"start", "discovered", "bound", "operational"};
+inline constexpr std::array<std::string_view, 13> action_words{
+    "plug",      "unplug", "power-off", "power-on", "reset",      "deaf",       "slow",
+    "cut-cable", "join",   "disturb",   "overrun",  "set-serial", "set-node-id"};
+inline constexpr std::array<std::string_view, 3> disturbance_words{"flip", "dominant", "recessive"};
+
+}  // namespace berth::plant

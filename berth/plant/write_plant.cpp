@@ -1,0 +1,173 @@
+#include <fmt/format.h>
+
+#include <algorithm>
+#include <iterator>
+
+#include "berth/plant/plant_file.hpp"
+#include "berth/plant/plant_words.hpp"
+
+namespace berth::plant {
+namespace {
+
+using text::quoted;
+using text::write_duration;
+
+/// Lines `key = value`; what equals its default is left out.
+class Writer {
+ public:
+  void line(std::string_view text) { fmt::format_to(std::back_inserter(out_), "{}\n", text); }
+  void raw(std::string_view key, std::string_view value) {
+    fmt::format_to(std::back_inserter(out_), "{} = {}\n", key, value);
+  }
+  void string(std::string_view key, std::string_view value) { raw(key, quoted(value)); }
+  template <class T>
+  void number(std::string_view key, T value, T usual) {
+    if (value != usual) raw(key, fmt::format("{}", value));
+  }
+  void flag(std::string_view key, bool value, bool usual) {
+    if (value != usual) raw(key, value ? "true" : "false");
+  }
+  void time(std::string_view key, Duration value, Duration usual) {
+    if (value != usual) string(key, write_duration(value));
+  }
+  void strings(std::string_view key, const std::vector<std::string>& values) {
+    std::string list;
+    for (const auto& value : values) list += (list.empty() ? "" : ", ") + quoted(value);
+    raw(key, fmt::format("[{}]", list));
+  }
+  std::string take() { return std::move(out_); }
+
+ private:
+  std::string out_;
+};
+
+const PlantDevice usual_device;
+const Strike usual_strike;
+
+void write_response(Writer& w, const Latency& r) {
+  if (r == usual_device.response) return;
+  if (r.min == r.max && r.outlier_ppm == 0 && r.outlier == Duration(0))
+    return w.string("response", write_duration(r.min));
+  std::string text = fmt::format("{{ min = \"{}\", max = \"{}\"", write_duration(r.min), write_duration(r.max));
+  if (r.outlier_ppm != 0 || r.outlier != Duration(0)) {
+    text += fmt::format(", outlier = \"{}\", outlier_ppm = {}", write_duration(r.outlier), r.outlier_ppm);
+  }
+  w.raw("response", text + " }");
+}
+
+void write_speaks(Writer& w, const PlantDevice& d) {
+  if (d.speaks_lss && d.speaks_rand && !d.rand_literal) return;
+  std::vector<std::string> words;
+  if (d.speaks_lss) words.emplace_back("lss");
+  if (d.speaks_rand) words.emplace_back(d.rand_literal ? "rand-literal" : "rand");
+  w.strings("speaks", words);
+}
+
+void write_node_id(Writer& w, const PlantDevice& d) {
+  if (d.node_id.configured()) w.raw("node_id", fmt::format("{}", d.node_id.value()));
+  const auto implied = d.node_id.configured() ? NodeIdSource::nonvolatile : NodeIdSource::blank;
+  if (d.source != implied) w.string("source", name(d.source));
+}
+
+void write_device(Writer& w, const PlantDevice& d) {
+  w.line("\n[[device]]");
+  w.string("bus", d.bus);
+  w.string("name", d.name);
+  if (!d.eds.empty()) w.string("eds", d.eds);
+  if (!d.address_of_eds) {
+    std::string type = fmt::format("{{ vendor = 0x{:08X}, product = 0x{:08X}", d.address.vendor, d.address.product);
+    if (d.address.revision != 0) type += fmt::format(", revision = 0x{:08X}", d.address.revision);
+    w.raw("type", type + " }");
+  }
+  if (d.address.serial != 0) w.raw("serial", fmt::format("0x{:08X}", d.address.serial));
+  write_node_id(w, d);
+  w.number("bitrate", d.bitrate, usual_device.bitrate);
+  write_speaks(w, d);
+  write_response(w, d.response);
+  w.time("boot", d.boot, usual_device.boot);
+  w.time("reset", d.reset, usual_device.reset);
+  w.time("store", d.store, usual_device.store);
+  w.flag("deaf_while_storing", d.deaf_while_storing, false);
+  w.flag("power_cycle_after_store", d.power_cycle_after_store, false);
+  if (d.queue != usual_device.queue) w.string("queue", queue_words[static_cast<std::size_t>(d.queue)]);
+  w.number("rx_depth", d.rx_depth, usual_device.rx_depth);
+  w.time("heartbeat", d.heartbeat, usual_device.heartbeat);
+  w.time("bus_off_recovery", d.bus_off_recovery, usual_device.bus_off_recovery);
+  w.number("repeat_ppm", d.repeat_ppm, usual_device.repeat_ppm);
+  w.number("drift_ppm", d.drift_ppm, usual_device.drift_ppm);
+  w.flag("plugged", d.plugged, true);
+}
+
+void write_strike(Writer& w, const PlantEvent& e) {
+  const auto& s = e.strike;
+  if (!e.nodes.empty()) w.strings("nodes", e.nodes);
+  if (s.frame) w.raw("frame", fmt::format("{}", *s.frame));
+  if (s.id) {
+    const bool extended = (*s.id & 0x8000'0000U) != 0;
+    w.raw("id", fmt::format("0x{:X}", *s.id & 0x1FFF'FFFFU));
+    w.flag("extended", extended, false);
+  }
+  w.number("skip", s.skip, usual_strike.skip);
+  w.number("times", s.times, usual_strike.times);
+  w.flag("spare_senders", s.spare_senders, false);
+  if (e.action != Action::disturb) return;
+  if (s.kind != usual_strike.kind) w.string("kind", disturbance_words[static_cast<std::size_t>(s.kind)]);
+  w.raw(s.from_end ? "bit_from_end" : "bit", fmt::format("{}", s.bit));
+  w.number("bits", s.bits, usual_strike.bits);
+}
+
+void write_event(Writer& w, const PlantEvent& e) {
+  w.line("\n[[event]]");
+  if (e.after == After::start) {
+    w.string("at", write_duration(e.delay));
+  } else {
+    w.string("after", name(e.after));
+    w.time("delay", e.delay, Duration(0));
+  }
+  w.string("action", name(e.action));
+  if (!e.bus.empty()) w.string("bus", e.bus);
+  switch (e.action) {
+    case Action::cut_cable: return w.strings("nodes", e.nodes);
+    case Action::join: return;
+    case Action::disturb:
+    case Action::overrun: return write_strike(w, e);
+    default: break;
+  }
+  w.string("device", e.device);
+  w.time("duration", e.duration, Duration(0));
+  if (e.action == Action::slow) w.string("latency", write_duration(e.latency));
+  if (e.action == Action::set_serial || e.action == Action::set_node_id) w.raw("value", fmt::format("{}", e.value));
+}
+
+void write_comment(Writer& w, std::string_view comment) {
+  while (!comment.empty()) {
+    const auto newline = comment.find('\n');
+    std::string text(comment.substr(0, newline));
+    std::ranges::replace_if(
+        text, [](char c) { return static_cast<unsigned char>(c) < 0x20 || c == 0x7F; }, ' ');
+    w.line(text.empty() ? "#" : fmt::format("# {}", text));
+    comment.remove_prefix(newline == std::string_view::npos ? comment.size() : newline + 1);
+  }
+}
+
+}  // namespace
+
+std::string write_plant(const PlantFile& plant, std::string_view comment) {
+  Writer w;
+  write_comment(w, comment);
+  w.line("[plant]");
+  if (plant.seed >> 63U != 0) {
+    w.string("seed", fmt::format("0x{:016X}", plant.seed));
+  } else {
+    w.raw("seed", fmt::format("{}", plant.seed));
+  }
+  for (const auto& bus : plant.buses) {
+    w.line(fmt::format("\n[bus.{}]", quoted(bus.name)));
+    w.number("bitrate", bus.bitrate, 0U);
+  }
+  for (const auto& device : plant.devices) write_device(w, device);
+  for (const auto& event : plant.events) write_event(w, event);
+  return w.take();
+}
+
+}  // namespace berth::plant
