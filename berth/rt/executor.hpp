@@ -62,6 +62,7 @@ class Job {
   Time due_{};
   std::uint64_t key_order_ = 0;
   std::uint64_t order_ = 0;
+  Phase phase_ = Phase::node;  // of the timer
   bool timed_ = false;
 };
 
@@ -80,8 +81,8 @@ class Executor {
 
   /// Gives `job` a timer, or moves the one it has. Moving it later is O(1). A time not after `now()` is due at once,
   /// and still only after the current job returned. Equal times fire in the order in which they were set, a timer that
-  /// was moved counting as set anew. What is due becomes ready in `Phase::node`.
-  void at(Time when, Job& job) noexcept;
+  /// was moved counting as set anew. What is due becomes ready in `phase`.
+  void at(Time when, Job& job, Phase phase = Phase::node) noexcept;
   void after(Duration delay, Job& job) noexcept { at(now_ + delay, job); }
 
   /// Driver: the earliest instant with work, `now()` when jobs are ready, empty when there is nothing to wait for.

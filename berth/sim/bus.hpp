@@ -90,6 +90,7 @@ class Bus {
 
   Bus(World& world, int number, std::string name, std::uint32_t bit_rate);
   void detach(Controller& controller) noexcept;
+  void move(Controller& controller, bool cable_in) noexcept;
   void good_frame(const can::Frame& frame, rt::Time at, int sender) noexcept;
   Segment& new_segment();
   void drop_empty_segments() noexcept;
@@ -107,6 +108,7 @@ class Bus {
   int next_number_ = 0;
   RandomFaults random_{};
   Random dice_;
+  std::uint64_t started_ = 0;  // frames begun ever: what a fault's trigger counts
   BusStatistics statistics_;
   rt::Time statistics_since_{};
 };

@@ -128,10 +128,9 @@ class Controller final : public can::Port, private rt::Job {
   void choose_head() noexcept;
   void clear_queue() noexcept;
   void forget_events() noexcept;
-  void begin_integration(std::uint32_t runs) noexcept;
+  void schedule_host() noexcept;
   void tell_if_changed() noexcept;
   void set_counters(std::uint16_t tec, std::uint16_t rec) noexcept;
-  [[nodiscard]] bool accepts(std::uint32_t key) const noexcept;
   [[nodiscard]] const Waiting& head() const noexcept { return slots_[head_]; }
   /// Takes part in traffic: has power, is not bus-off and has seen the recessive bits it must see.
   [[nodiscard]] bool participates() const noexcept { return powered_ && runs_left_ == 0; }
@@ -145,6 +144,7 @@ class Controller final : public can::Port, private rt::Job {
   std::vector<can::IdRange> accept_;
   std::uint32_t bit_rate_;
   std::uint32_t head_ = nothing;      // slot of the frame offered
+  std::uint32_t slot_ = nothing;      // place on the segment
   std::uint32_t heap_at_ = nothing;   // place among the segment's contenders
   std::uint32_t runs_left_ = 0;       // runs of 11 recessive bits until the node takes part
   rt::Time recessive_since_{};        // where the run that counts began, while runs_left_ > 0

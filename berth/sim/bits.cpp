@@ -1,0 +1,322 @@
+#include "berth/sim/bits.hpp"
+
+#include <algorithm>
+
+#include "berth/can/length.hpp"
+
+namespace berth::sim {
+namespace {
+
+constexpr unsigned max_rec = 255;
+constexpr unsigned base_rtr = 12;  // number of the RTR bit without stuffing, start of frame = 0
+constexpr unsigned extended_rtr = 32;
+
+struct Writer {
+  Layout layout;
+  unsigned raw = 0;
+  unsigned run = 0;
+  bool last = true;
+  unsigned rtr;
+  void plain(bool recessive) noexcept { layout.bits[layout.size++] = recessive ? Layout::recessive : std::uint8_t{0}; }
+  void stuffed(std::uint32_t value, unsigned count) noexcept {
+    while (count-- > 0) {
+      const bool bit = ((value >> count) & 1U) != 0;
+      const bool gives_way = raw > 0 && raw <= rtr;
+      layout.bits[layout.size++] =
+          static_cast<std::uint8_t>((bit ? Layout::recessive : 0U) | (gives_way ? Layout::arbitration : 0U));
+      run = bit == last ? run + 1 : 1;
+      last = bit;
+      if (run == 5) {
+        layout.bits[layout.size++] = static_cast<std::uint8_t>((bit ? 0U : Layout::recessive) | Layout::stuff |
+                                                               (raw < rtr ? Layout::arbitration : 0U));
+        run = 1;
+        last = !bit;
+      }
+      ++raw;
+    }
+  }
+};
+
+}  // namespace
+
+Layout lay_out(const can::Frame& frame) noexcept {
+  Writer w{.layout = {}, .rtr = frame.extended ? extended_rtr : base_rtr};
+  w.stuffed(0, 1);
+  if (frame.extended) {
+    w.stuffed(frame.id >> 18U, 11);
+    w.stuffed(3, 2);
+    w.stuffed(frame.id & 0x3FFFFU, 18);
+    w.stuffed(frame.remote ? 1 : 0, 1);
+    w.stuffed(0, 2);
+  } else {
+    w.stuffed(frame.id, 11);
+    w.stuffed(frame.remote ? 1 : 0, 1);
+    w.stuffed(0, 2);
+  }
+  w.stuffed(frame.size, 4);
+  for (const auto byte : frame.bytes()) w.stuffed(byte, 8);
+  w.stuffed(can::crc15(frame), 15);
+  for (int i = 0; i < 10; ++i) w.plain(true);  // CRC delimiter, ACK slot and delimiter, end-of-frame
+  return w.layout;
+}
+
+void Decoder::begin() noexcept {
+  count_ = end_ = run_ = 0;
+  crc_ = 0;
+  last_ = true;
+  push(false);
+}
+
+Decoder::Outcome Decoder::push(bool recessive) noexcept {
+  if (run_ == 5) {
+    if (recessive == last_) return Outcome::stuff_error;
+    run_ = 1;
+    last_ = recessive;
+  } else {
+    run_ = recessive == last_ ? run_ + 1 : 1;
+    last_ = recessive;
+    raw(recessive);
+  }
+  return end_ != 0 && count_ == end_ && run_ < 5 ? Outcome::complete : Outcome::more;
+}
+
+void Decoder::raw(bool recessive) noexcept {
+  raw_[count_++] = recessive ? 1 : 0;
+  const bool top = ((crc_ & 0x4000U) != 0) != recessive;  // dividing by the CRC itself leaves 0
+  crc_ = static_cast<std::uint16_t>(((crc_ << 1U) & 0x7FFFU) ^ (top ? 0x4599U : 0U));
+  const bool extended = count_ > 13 && raw_[13] != 0;
+  const unsigned dlc_at = extended ? 35 : 15;
+  if (count_ != dlc_at + 4) return;
+  const bool remote = raw_[extended ? extended_rtr : base_rtr] != 0;
+  const unsigned bytes = remote ? 0 : std::min(field(dlc_at, 4), 8U);
+  end_ = count_ + 8 * bytes + 15;
+}
+
+std::uint32_t Decoder::field(unsigned from, unsigned count) const noexcept {
+  std::uint32_t value = 0;
+  for (unsigned i = 0; i < count; ++i) value = (value << 1U) | raw_[from + i];
+  return value;
+}
+
+can::Frame Decoder::frame() const noexcept {
+  can::Frame f;
+  f.extended = raw_[13] != 0;
+  f.id = f.extended ? (field(1, 11) << 18U) | field(14, 18) : field(1, 11);
+  f.remote = raw_[f.extended ? extended_rtr : base_rtr] != 0;
+  const unsigned dlc_at = f.extended ? 35 : 15;
+  f.size = static_cast<std::uint8_t>(std::min(field(dlc_at, 4), 8U));
+  for (unsigned i = 0; i < f.bytes().size(); ++i) f.data[i] = static_cast<std::uint8_t>(field(dlc_at + 4 + 8 * i, 8));
+  return f;
+}
+
+void BitNode::integrate(unsigned runs_to_see) noexcept {
+  enter(Phase::integrating);
+  runs = runs_to_see;
+  transmitter = false;
+}
+
+void BitNode::begin_receiving() noexcept {
+  enter(Phase::frame);
+  transmitter = false;
+  decoder_.begin();
+}
+
+void BitNode::begin_sending(const can::Frame& frame, bool behind_start) noexcept {
+  layout_ = lay_out(frame);
+  enter(Phase::frame);
+  transmitter = true;
+  position_ = behind_start ? 1 : 0;
+  if (behind_start) decoder_.begin();
+}
+
+bool BitNode::drives() const noexcept {
+  switch (phase) {
+    case Phase::frame: return transmitter && (layout_.bits[position_] & Layout::recessive) == 0;
+    case Phase::tail: return !transmitter && count == 1 && !crc_bad_ && !listen_only;
+    case Phase::active_flag:
+    case Phase::overload_flag: return true;
+    default: return false;
+  }
+}
+
+BitNode::Outcome BitNode::sample(bool dominant) noexcept {
+  Outcome outcome;
+  switch (phase) {
+    case Phase::idle:
+      if (dominant) begin_receiving();
+      break;
+    case Phase::frame: in_frame(dominant, outcome); break;
+    case Phase::tail: in_tail(dominant, outcome); break;
+    case Phase::active_flag:
+    case Phase::overload_flag: in_flag(dominant, outcome); break;
+    case Phase::passive_flag: in_passive_flag(dominant, outcome); break;
+    case Phase::after_flag: after_flag(dominant, outcome); break;
+    case Phase::delimiter: in_delimiter(dominant, outcome); break;
+    case Phase::intermission: in_intermission(dominant, outcome); break;
+    case Phase::suspend:
+      if (dominant) {
+        begin_receiving();
+      } else if (++count == 8) {
+        enter(Phase::idle);
+      }
+      break;
+    case Phase::integrating:
+      count = dominant ? 0 : count + 1;
+      if (count == 11) {
+        count = 0;
+        if (--runs > 0) break;
+        enter(Phase::idle);
+        outcome.took_part = true;
+        outcome.counters = bus_off;
+        if (bus_off) tec = rec = 0;
+        bus_off = false;
+      }
+      break;
+    case Phase::off: break;
+  }
+  return outcome;
+}
+
+void BitNode::in_frame(bool dominant, Outcome& outcome) noexcept {
+  if (transmitter) {
+    const auto bit = layout_.bits[position_];
+    const bool sends_dominant = (bit & Layout::recessive) == 0;
+    if (sends_dominant != dominant) {
+      const bool gives_way = !sends_dominant && (bit & Layout::arbitration) != 0;
+      if (!gives_way || (bit & Layout::stuff) != 0) {
+        return fail(outcome, gives_way ? Cause::stuff_in_arbitration : Cause::other);
+      }
+      transmitter = false;
+      outcome.lost = true;
+    }
+    if (position_++ == 0) {
+      decoder_.begin();
+      return;
+    }
+  }
+  const auto progress = decoder_.push(!dominant);
+  if (progress == Decoder::Outcome::stuff_error) return fail(outcome);
+  if (progress == Decoder::Outcome::complete) {
+    crc_bad_ = !decoder_.crc_matches();
+    enter(Phase::tail);
+  }
+}
+
+// Bit 0 CRC delimiter, 1 ACK slot, 2 ACK delimiter, 3 to 9 end-of-frame.
+void BitNode::in_tail(bool dominant, Outcome& outcome) noexcept {
+  const unsigned bit = count++;
+  if (bit == 1) {
+    if (transmitter) {
+      if (!dominant) fail(outcome, Cause::no_acknowledge);
+    } else if (!crc_bad_ && !listen_only) {
+      if (!dominant) return fail(outcome);
+      if (rec == 0) return;
+      rec = rec > 127 ? std::uint16_t{127} : static_cast<std::uint16_t>(rec - 1);
+      outcome.counters = true;
+    }
+    return;
+  }
+  if (dominant && (transmitter || bit < 9)) return fail(outcome);
+  if (bit == 2 && !transmitter && crc_bad_) return fail(outcome);
+  if (bit == 8) outcome.accepted = !transmitter;
+  if (bit < 9) return;
+  if (dominant) return begin_overload(outcome);
+  if (transmitter) {
+    outcome.sent = true;
+    outcome.counters = tec > 0;
+    if (tec > 0) --tec;
+  }
+  enter(Phase::intermission);
+}
+
+void BitNode::more_errors(unsigned by, Outcome& outcome) noexcept {
+  if (listen_only) return;
+  outcome.counters = true;
+  if (!transmitter) {
+    rec = static_cast<std::uint16_t>(std::min(max_rec, rec + by));
+    return;
+  }
+  tec = static_cast<std::uint16_t>(tec + by);
+  if (tec <= 255) return;
+  bus_off = true;
+  transmitter = false;
+  enter(Phase::off);
+}
+
+// Rules 1 and 3. The condition that makes the node passive is still signalled actively.
+void BitNode::fail(Outcome& outcome, Cause cause) noexcept {
+  const bool was_passive = passive() || listen_only;
+  outcome.failed = true;
+  outcome.as_transmitter = transmitter;
+  error_ = true;
+  unacknowledged_ = transmitter && was_passive && cause == Cause::no_acknowledge;
+  enter(was_passive ? Phase::passive_flag : Phase::active_flag);
+  const bool exempt = unacknowledged_ || (transmitter && cause == Cause::stuff_in_arbitration);
+  if (!exempt) more_errors(transmitter ? 8 : 1, outcome);
+}
+
+void BitNode::begin_overload(Outcome& outcome) noexcept {
+  outcome.overload = true;
+  error_ = false;
+  unacknowledged_ = false;
+  enter(listen_only ? Phase::passive_flag : Phase::overload_flag);
+}
+
+void BitNode::in_flag(bool dominant, Outcome& outcome) noexcept {
+  if (!dominant) {  // rules 4 and 5: a bit error within the flag
+    const bool was_passive = passive();
+    outcome.failed = true;
+    outcome.as_transmitter = transmitter;
+    error_ = true;
+    enter(was_passive ? Phase::passive_flag : Phase::active_flag);
+    return more_errors(8, outcome);
+  }
+  if (++count < 6) return;
+  enter(Phase::after_flag);
+  after_ = 0;
+}
+
+// Complete after six equal bits in a row, whatever the others do meanwhile.
+void BitNode::in_passive_flag(bool dominant, Outcome& outcome) noexcept {
+  if (dominant && unacknowledged_) {
+    unacknowledged_ = false;
+    more_errors(8, outcome);
+    if (phase == Phase::off) return;
+  }
+  count = count > 0 && run_level_ == dominant ? count + 1 : 1;
+  run_level_ = dominant;
+  if (count < 6) return;
+  unacknowledged_ = false;
+  enter(Phase::after_flag);
+  after_ = 0;
+}
+
+void BitNode::after_flag(bool dominant, Outcome& outcome) noexcept {
+  if (!dominant) {
+    enter(Phase::delimiter);
+    count = 1;
+    return;
+  }
+  ++after_;
+  if (after_ == 1 && error_ && !transmitter) more_errors(8, outcome);  // rule 2
+  if (after_ % 8 == 0) more_errors(8, outcome);                        // rule 6
+}
+
+void BitNode::in_delimiter(bool dominant, Outcome& outcome) noexcept {
+  if (dominant) return count == 7 ? begin_overload(outcome) : fail(outcome);
+  if (++count == 8) enter(Phase::intermission);
+}
+
+void BitNode::in_intermission(bool dominant, Outcome& outcome) noexcept {
+  const bool suspends = transmitter && passive();
+  if (dominant && count < 2) return begin_overload(outcome);
+  if (dominant) {
+    begin_receiving();
+    outcome.start = !suspends;
+  } else if (++count == 3) {
+    enter(suspends ? Phase::suspend : Phase::idle);
+    transmitter = false;
+  }
+}
+
+}  // namespace berth::sim

@@ -1,0 +1,466 @@
+// The segment while something is wrong: every node bit by bit, nodes in one state together, until all are idle again.
+#include <algorithm>
+#include <utility>
+
+#include "berth/can/length.hpp"
+#include "berth/sim/segment.hpp"
+#include "berth/sim/world.hpp"
+
+namespace berth::sim {
+
+/// Nodes that see and do the same.
+struct Segment::Group {
+  BitNode bits;
+  std::vector<Controller*> members;
+};
+
+/// The nodes of one bit rate and their common bit clock.
+struct Segment::Domain final : rt::Job {
+  Domain(Segment& s, std::uint32_t rate, rt::Time begin)
+      : segment(s), bit_rate(rate), bit(bit_time_of(rate)), start(begin) {}
+  void run() noexcept override { segment.tick(*this, false); }
+  void set_clock() noexcept { segment.executor_->at(start + sample_point(bit), *this, rt::Phase::medium); }
+  [[nodiscard]] bool drives() const noexcept {
+    return std::ranges::any_of(groups, [](const auto& group) { return group->bits.drives(); });
+  }
+  [[nodiscard]] bool quiet() const noexcept {
+    return std::ranges::all_of(groups, [](const auto& group) { return group->bits.quiet(); });
+  }
+
+  Segment& segment;
+  std::uint32_t bit_rate;
+  rt::Duration bit;
+  rt::Time start;       // of the bit that is sampled next
+  bool before = false;  // dominant in the bit before it
+  bool now = false;     // dominant in it
+  std::vector<std::unique_ptr<Group>> groups;
+};
+
+Segment::Segment(Bus& bus) noexcept : bus_(&bus), executor_(&bus.executor()) {}
+Segment::~Segment() = default;
+
+// Into the play and out of it.
+
+void Segment::start_bitwise() {
+  ++bus_->statistics_.bitwise;
+  play_from(sof_, true);
+}
+
+// All nodes as they are at the beginning of the bit at `start`; those who contend send their start of frame in it.
+void Segment::play_from(rt::Time start, bool sending) {
+  cancel();
+  integrator_.cancel();
+  state_ = State::bitwise;
+  played_since_ = start;
+  for (Controller* node : nodes_) {
+    if (node != nullptr && node->powered_ && node->runs_left_ != Controller::nothing) {
+      put_in_group(*node, start, sending);
+    }
+  }
+}
+
+void Segment::put_in_group(Controller& node, rt::Time start, bool sending) {
+  Domain& domain = domain_of(node.bit_rate_, start);
+  BitNode bits;
+  bits.tec = node.tec_;
+  bits.rec = node.rec_;
+  bits.bus_off = node.bus_off_;
+  bits.listen_only = node.listen_only_;
+  const bool suspended = node.suspends_ && node.not_before_ > start + sample_point(domain.bit);
+  node.suspends_ = false;
+  bool contends = sending && !suspended && node.heap_at_ != Controller::nothing && node.contends_since_ < starts_;
+  if (contends) {
+    node.statistics_.arbitration_losses += starts_ - 1 - node.contends_since_;
+    node.contends_since_ = starts_;
+    begin_attempt(node);
+  }
+  contends = contends || node.sending_;
+  bool alone = contends || suspended || node.runs_left_ > 0;
+  if (contends) {
+    bits.begin_sending(node.head().frame, false);
+  } else if (node.runs_left_ > 0) {
+    bits.integrate(node.runs_left_);
+    bits.count = static_cast<unsigned>(std::max<std::int64_t>(0, (start - node.recessive_since_) / domain.bit) % 11);
+  } else if (suspended) {
+    bits.phase = BitNode::Phase::suspend;
+    const auto left = (node.not_before_ - start + domain.bit - rt::Duration(1)) / domain.bit;
+    bits.count = 8U - static_cast<unsigned>(std::clamp<std::int64_t>(left, 1, 8));
+  }
+  for (const auto& flaw : flaws_) alone = alone || std::ranges::find(flaw.victims, &node) != flaw.victims.end();
+  if (!alone) {
+    for (auto& group : domain.groups) {
+      const BitNode& other = group->bits;
+      if (other.phase == BitNode::Phase::idle && other.tec == bits.tec && other.rec == bits.rec &&
+          other.listen_only == bits.listen_only) {
+        group->members.push_back(&node);
+        return;
+      }
+    }
+  }
+  domain.groups.push_back(std::make_unique<Group>(Group{bits, {&node}}));
+}
+
+Segment::Domain& Segment::domain_of(std::uint32_t bit_rate, rt::Time start) {
+  for (auto& domain : domains_) {
+    if (domain->bit_rate == bit_rate) return *domain;
+  }
+  domains_.push_back(std::make_unique<Domain>(*this, bit_rate, start));
+  domains_.back()->set_clock();
+  return *domains_.back();
+}
+
+// A frame under way has lost what it was computed on: play again what has happened of it, and on from here.
+void Segment::replay() {
+  ++bus_->statistics_.bitwise;
+  for (Controller* node : senders_) heap_put(*node);
+  play_from(sof_, true);
+  for (auto& domain : domains_) {
+    while (domain->start + sample_point(domain->bit) < executor_->now()) tick(*domain, true);
+    domain->set_clock();
+  }
+}
+
+void Segment::end_bitwise() noexcept {
+  free_at_ = rt::Time{};
+  for (const auto& domain : domains_) {
+    free_at_ = std::max(free_at_, domain->start);
+    for (const auto& group : domain->groups) {
+      for (Controller* node : group->members) {
+        if (group->bits.phase == BitNode::Phase::suspend) {
+          node->suspends_ = true;
+          node->not_before_ = domain->start + (8 - group->bits.count) * domain->bit;
+        } else if (group->bits.phase == BitNode::Phase::integrating) {
+          node->runs_left_ = group->bits.runs;
+          node->recessive_since_ = domain->start - group->bits.count * domain->bit;
+        }
+      }
+    }
+  }
+  bus_->statistics_.busy += free_at_ - played_since_;
+  domains_.clear();
+  flaws_.clear();
+  state_ = State::quiet;
+  refresh();
+  schedule_start();
+}
+
+// One bit of one domain, at its sample point. `again`: it is played a second time and nobody new begins.
+void Segment::tick(Domain& domain, bool again) {
+  if (!again) begin_frames(domain);
+  domain.now = domain.drives();
+  const bool dominant = domain.now || level_of_others(domain, domain.start + sample_point(domain.bit));
+  for (std::size_t i = 0; i < domain.groups.size(); ++i) {
+    Group& group = *domain.groups[i];
+    if (const auto outcome = group.bits.sample(seen(domain, group, dominant)); outcome.any()) {
+      note(domain, group, outcome);
+    }
+  }
+  domain.before = domain.now;
+  domain.start += domain.bit;
+  domain.now = domain.drives();
+  if (again) return;
+  if (std::ranges::all_of(domains_, [](const auto& each) { return each->quiet(); })) return end_bitwise();
+  domain.set_clock();
+}
+
+bool Segment::level_of_others(const Domain& domain, rt::Time at) const noexcept {
+  return domains_.size() > 1 && std::ranges::any_of(domains_, [&](const auto& other) {
+           return other.get() != &domain && (at < other->start ? other->before : other->now);
+         });
+}
+
+bool Segment::seen(const Domain& domain, const Group& group, bool dominant) const noexcept {
+  if (flaws_.empty()) return dominant;
+  const auto bit = (domain.start - sof_) / domain.bit;
+  for (const auto& flaw : flaws_) {
+    const Controller* node = group.members.front();
+    const bool struck = flaw.victims.empty() ? !(flaw.spare_senders && node->sending_)
+                                             : std::ranges::find(flaw.victims, node) != flaw.victims.end();
+    if (!struck || bit < flaw.first || bit > flaw.last) continue;
+    dominant = flaw.kind == Fault::Kind::flip ? !dominant : flaw.kind == Fault::Kind::dominant;
+  }
+  return dominant;
+}
+
+// Beginnings of frames.
+
+void Segment::begin_frames(Domain& domain) {
+  for (std::size_t i = 0; i < domain.groups.size(); ++i) {
+    if (domain.groups[i]->bits.phase != BitNode::Phase::idle) continue;
+    const auto members = domain.groups[i]->members;
+    for (Controller* node : members) {
+      if (!node->offers() || node->sending_) continue;
+      Group& own = split(domain, *domain.groups[i], *node);
+      frame_begun(domain, *node);
+      own.bits.begin_sending(node->head().frame, false);
+    }
+  }
+}
+
+// Dominant in the third bit of intermission: who waits sends on from the bit behind it.
+void Segment::join_started(Domain& domain, Group& group) {
+  const auto members = group.members;
+  for (Controller* node : members) {
+    if (!node->offers() || node->sending_) continue;
+    Group& own = split(domain, group, *node);
+    frame_begun(domain, *node);
+    own.bits.begin_sending(node->head().frame, true);
+  }
+}
+
+void Segment::frame_begun(Domain& domain, Controller& node) {
+  if (sof_ != domain.start || starts_ == 0) {
+    sof_ = domain.start;
+    note_start(node.head().frame, node.number_);
+    single_out_victims();
+    synchronise_others(domain);
+  }
+  node.statistics_.arbitration_losses += std::max(starts_, node.contends_since_ + 1) - 1 - node.contends_since_;
+  node.contends_since_ = starts_;
+  begin_attempt(node);
+}
+
+void Segment::synchronise_others(const Domain& domain) noexcept {
+  for (auto& other : domains_) {
+    if (other.get() == &domain || !other->quiet()) continue;
+    other->start = domain.start;
+    other->before = false;
+    other->set_clock();
+  }
+}
+
+// What a bit meant.
+
+void Segment::note(Domain& domain, Group& group, const BitNode::Outcome& outcome) {
+  if (outcome.lost) {
+    for (Controller* node : group.members) {
+      ++node->statistics_.arbitration_losses;
+      --node->statistics_.attempts;
+      if (node->head().tried) --node->statistics_.retransmissions;
+      attempt_over(*node);
+    }
+  }
+  if (outcome.failed) {
+    if (!std::exchange(failed_, true)) ++bus_->statistics_.error_frames;
+    for (Controller* node : group.members) {
+      ++(outcome.as_transmitter ? node->statistics_.transmit_errors : node->statistics_.receive_errors);
+      if (!node->sending_) continue;
+      node->slots_[node->head_].tried = true;
+      attempt_over(*node);
+    }
+  }
+  if (outcome.overload && domain.start - overload_at_ > 12 * domain.bit) {
+    overload_at_ = domain.start;
+    ++bus_->statistics_.overload_frames;
+  }
+  if (outcome.took_part) {
+    for (Controller* node : group.members) node->runs_left_ = 0;
+  }
+  if (outcome.counters) note_counters(group);
+  if (outcome.accepted) {
+    const can::Frame frame = group.bits.frame();
+    const std::uint64_t* hearing = filters_.find(frame.key());
+    for (Controller* node : group.members) {
+      if ((hearing[node->slot_ / 64] >> (node->slot_ % 64) & 1U) == 0) continue;
+      if (std::ranges::find(losers_, node) != losers_.end()) {
+        ++node->statistics_.overruns;
+      } else {
+        pending_.push_back({node, frame, domain.start + 2 * domain.bit, false});
+      }
+    }
+  }
+  if (outcome.sent) {
+    for (Controller* node : group.members) note_sent(domain, *node);
+  }
+  if (!pending_.empty()) executor_->at(pending_.front().at, deliverer_);
+  if (outcome.start) join_started(domain, group);
+}
+
+void Segment::note_counters(Group& group) {
+  for (Controller* node : group.members) {
+    node->set_counters(group.bits.tec, group.bits.rec);
+    if (group.bits.bus_off && !node->bus_off_) {
+      ++node->statistics_.bus_offs;
+      node->runs_left_ = Controller::nothing;
+      attempt_over(*node);
+      heap_remove(*node);
+    }
+    node->bus_off_ = group.bits.bus_off;
+    node->tell_if_changed();
+  }
+}
+
+// The head stays queued and may give way to another one.
+void Segment::attempt_over(Controller& node) noexcept {
+  node.sending_ = false;
+  node.choose_head();
+  offer(node);
+}
+
+void Segment::note_sent(Domain& domain, Controller& node) {
+  const can::Frame& frame = node.head().frame;
+  const unsigned bits = can::exact_bits(frame);
+  const rt::Time end = domain.start + domain.bit;
+  pending_.push_back({&node, {}, end, true});
+  node.statistics_.sent_bits += bits;
+  if (std::exchange(good_, true)) return;
+  bus_->statistics_.bits += bits;
+  bus_->good_frame(frame, end, node.number_);
+}
+
+void Segment::deliver_pending() noexcept {
+  std::size_t done = 0;
+  for (; done < pending_.size() && pending_[done].at <= executor_->now(); ++done) {
+    const Pending& due = pending_[done];
+    Controller& node = *due.node;
+    if (!due.sent) {
+      if (node.listener_ != nullptr) node.deliver(due.frame, due.at);
+      continue;
+    }
+    heap_remove(node);
+    node.confirm(due.at);
+    offer(node);
+  }
+  pending_.erase(pending_.begin(), pending_.begin() + static_cast<std::ptrdiff_t>(done));
+  if (!pending_.empty()) executor_->at(pending_.front().at, deliverer_);
+}
+
+// Nodes that come, go and part.
+
+void Segment::disturb(Controller& node) noexcept {
+  if (state_ == State::busy) {
+    const bool sends = node.sending_;
+    const bool acknowledges = node.participates() && !node.listen_only_;
+    if (sends || (acknowledges && ackers_ <= senders_.size() + 1)) {
+      replay();
+    } else if (acknowledges) {
+      --ackers_;
+    }
+  }
+  if (state_ == State::bitwise) take_out(node);
+  std::erase_if(pending_, [&](const Pending& pending) { return pending.node == &node; });
+  node.sending_ = false;
+  node.suspends_ = false;
+  heap_remove(node);
+  if (state_ == State::starting && contenders_.empty()) schedule_start();
+}
+
+std::unique_ptr<Segment::Group> Segment::take_out(Controller& node) {
+  for (auto& domain : domains_) {
+    for (auto it = domain->groups.begin(); it != domain->groups.end(); ++it) {
+      auto& members = (*it)->members;
+      if (std::erase(members, &node) == 0) continue;
+      auto own = std::make_unique<Group>(Group{(*it)->bits, {&node}});
+      if (members.empty()) domain->groups.erase(it);
+      return own;
+    }
+  }
+  return nullptr;
+}
+
+Segment::Group& Segment::split(Domain& domain, Group& group, Controller& node) {
+  if (group.members.size() == 1) return group;
+  std::erase(group.members, &node);
+  domain.groups.push_back(std::make_unique<Group>(Group{group.bits, {&node}}));
+  return *domain.groups.back();
+}
+
+void Segment::single_out_victims() {
+  for (const auto& flaw : flaws_) {
+    for (const Controller* victim : flaw.victims) {
+      for (auto& domain : domains_) {
+        for (std::size_t i = 0; i < domain->groups.size(); ++i) {
+          auto& members = domain->groups[i]->members;
+          const auto found = std::ranges::find(members, victim);
+          if (found != members.end()) split(*domain, *domain->groups[i], **found);
+        }
+      }
+    }
+  }
+}
+
+void Segment::hand_over(Controller& node, Segment& to) {
+  if (this == &to) return;
+  if (state_ == State::busy) replay();
+  if (to.state_ == State::busy) to.replay();
+  const bool playing = state_ == State::bitwise;
+  const rt::Time grid = playing ? domain_of(node.bit_rate_, executor_->now()).start : executor_->now();
+  auto group = playing ? take_out(node) : nullptr;
+  const bool sends = node.sending_;
+  node.sending_ = false;
+  heap_remove(node);
+  if (state_ == State::starting && contenders_.empty()) schedule_start();
+  for (auto& pending : pending_) {
+    if (pending.node == &node) to.pending_.push_back(pending);
+  }
+  std::erase_if(pending_, [&](const Pending& pending) { return pending.node == &node; });
+  if (!to.pending_.empty()) executor_->at(to.pending_.front().at, to.deliverer_);
+  if (to.count_ == 0) to.free_at_ = free_at_;
+  detach(node);
+  if (playing && to.state_ != State::bitwise) to.play_from(grid, false);
+  to.join(node);
+  if (to.state_ != State::bitwise) return to.offer(node);
+  to.sof_ = playing ? sof_ : to.sof_;
+  if (group == nullptr) {
+    if (node.powered_ && node.runs_left_ != Controller::nothing) to.put_in_group(node, grid, false);
+  } else {
+    to.domain_of(node.bit_rate_, grid).groups.push_back(std::move(group));
+  }
+  if (sends) {
+    to.heap_put(node);
+    node.sending_ = true;
+  } else {
+    to.offer(node);
+  }
+}
+
+// Planned and random faults.
+
+void Segment::apply_faults(const can::Frame& frame, int sender) {
+  const int length = static_cast<int>(can::exact_bits(frame)) - 3;
+  const FrameStart start{frame, bus_->started_, sof_, sender};
+  for (auto it = bus_->faults_.begin(); it != bus_->faults_.end();) {
+    Bus::Planned& planned = *it;
+    const Trigger& trigger = planned.fault.trigger;
+    const bool fits = (!trigger.frame || *trigger.frame == start.number) &&
+                      (!trigger.not_before || *trigger.not_before <= start.at) &&
+                      (!trigger.when || trigger.when(start));
+    if (!fits || planned.skipped++ < trigger.skip) {
+      ++it;
+      continue;
+    }
+    const Fault& fault = planned.fault;
+    const int first = fault.where.from_end ? length - 1 - fault.where.bit : fault.where.bit;
+    if (fault.kind == Fault::Kind::overrun) {
+      for (const Controller* node :
+           fault.victims.empty() ? std::vector<const Controller*>(nodes_.begin(), nodes_.end()) : fault.victims) {
+        if (node != nullptr) losers_.push_back(node);
+      }
+    } else if (fault.kind == Fault::Kind::act) {
+      bus_->world().at(sof_ + first * bit_, fault.act);
+    } else {
+      flaws_.push_back({fault.kind, first, first + static_cast<int>(fault.bits) - 1, fault.victims.empty(),
+                        fault.victims, fault.spare_senders});
+    }
+    const bool spent = trigger.times != 0 && ++planned.struck >= trigger.times;
+    it = spent ? bus_->faults_.erase(it) : it + 1;
+  }
+  Random& dice = bus_->dice_;
+  std::vector<const Controller*> present;
+  for (const Controller* node : nodes_) {
+    if (node != nullptr && node->participates()) present.push_back(node);
+  }
+  if (present.empty()) return;
+  if (dice.chance(bus_->random_.disturbed_per_million)) {
+    std::vector<const Controller*> victims;
+    for (const Controller* node : present) {
+      if (dice.chance(500'000)) victims.push_back(node);
+    }
+    if (victims.empty()) victims.push_back(present[dice.below(present.size())]);
+    const int bit = static_cast<int>(dice.below(static_cast<std::uint64_t>(length)));
+    flaws_.push_back({Fault::Kind::flip, bit, bit, false, std::move(victims), false});
+  }
+  if (dice.chance(bus_->random_.overrun_per_million)) losers_.push_back(present[dice.below(present.size())]);
+}
+
+}  // namespace berth::sim

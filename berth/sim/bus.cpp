@@ -1,0 +1,114 @@
+#include "berth/sim/bus.hpp"
+
+#include <algorithm>
+
+#include "berth/sim/segment.hpp"
+#include "berth/sim/world.hpp"
+
+namespace berth::sim {
+
+Bus::Bus(World& world, int number, std::string name, std::uint32_t bit_rate)
+    : world_(&world),
+      executor_(&world.executor()),
+      number_(number),
+      bit_rate_(bit_rate),
+      name_(std::move(name)),
+      dice_(world.random().fork()),
+      statistics_since_(world.now()) {
+  new_segment();
+}
+
+Bus::~Bus() = default;
+
+rt::Duration Bus::bit_time() const noexcept { return bit_time_of(bit_rate_); }
+
+Segment& Bus::new_segment() { return *segments_.emplace_back(std::make_unique<Segment>(*this)); }
+
+std::unique_ptr<Controller> Bus::attach(const ControllerOptions& options) {
+  std::unique_ptr<Controller> node(new Controller(*this, next_number_++, options));
+  Segment& segment = *segments_.front();
+  if (!segment.idle()) {
+    node->runs_left_ = 1;
+    node->recessive_since_ = executor_->now();
+  }
+  controllers_.push_back(node.get());
+  segment.join(*node);
+  return node;
+}
+
+void Bus::detach(Controller& controller) noexcept {
+  controller.segment_->leave(controller);
+  std::erase(controllers_, &controller);
+  for (auto& planned : faults_) std::erase(planned.fault.victims, &controller);
+  drop_empty_segments();
+}
+
+void Bus::add_tap(can::Tap& tap) { taps_.push_back(&tap); }
+void Bus::remove_tap(can::Tap& tap) noexcept { std::erase(taps_, &tap); }
+
+void Bus::good_frame(const can::Frame& frame, rt::Time at, int sender) noexcept {
+  ++statistics_.frames;
+  std::uint64_t data = 0;
+  std::memcpy(&data, frame.data.data(), 8);
+  if (frame.remote) data = 0;
+  if (frame.size < 8) data &= (1ULL << (8U * frame.size)) - 1;
+  const std::uint64_t head = (static_cast<std::uint64_t>(frame.key()) << 32U) |
+                             (static_cast<std::uint64_t>(frame.size) << 24U) | (frame.remote ? 1ULL << 23U : 0) |
+                             (static_cast<std::uint64_t>(number_ & 0x7F) << 16U) | static_cast<std::uint16_t>(sender);
+  world_->mix(head);
+  world_->mix(data);
+  world_->mix(static_cast<std::uint64_t>(at.time_since_epoch().count()));
+  for (std::size_t i = 0; i < taps_.size(); ++i) taps_[i]->frame(frame, at, sender);
+}
+
+unsigned Bus::inject(Fault fault) {
+  faults_.push_back({next_fault_, std::move(fault)});
+  return next_fault_++;
+}
+
+bool Bus::cancel(unsigned fault) noexcept {
+  return std::erase_if(faults_, [&](const Planned& planned) { return planned.number == fault; }) > 0;
+}
+
+void Bus::random_faults(const RandomFaults& faults) noexcept { random_ = faults; }
+
+double Bus::load() const noexcept {
+  const auto elapsed = executor_->now() - statistics_since_;
+  return elapsed.count() <= 0 ? 0.0
+                              : static_cast<double>(statistics_.busy.count()) / static_cast<double>(elapsed.count());
+}
+
+void Bus::reset_statistics() noexcept {
+  statistics_ = {};
+  statistics_since_ = executor_->now();
+}
+
+// The first segment is the bus; the others are what was cut off.
+
+void Bus::split(std::span<Controller* const> others) {
+  Segment& segment = new_segment();
+  for (Controller* node : others) {
+    if (node->bus_ == this && node->cable_) node->segment_->hand_over(*node, segment);
+  }
+  drop_empty_segments();
+}
+
+void Bus::join() {
+  for (Controller* node : controllers_) {
+    if (node->cable_ && node->segment_ != segments_.front().get()) node->segment_->hand_over(*node, *segments_.front());
+  }
+  drop_empty_segments();
+}
+
+void Bus::move(Controller& controller, bool cable_in) noexcept {
+  controller.segment_->hand_over(controller, cable_in ? *segments_.front() : new_segment());
+  drop_empty_segments();
+}
+
+void Bus::drop_empty_segments() noexcept {
+  const auto first = segments_.begin() + 1;
+  segments_.erase(std::remove_if(first, segments_.end(), [](const auto& segment) { return segment->empty(); }),
+                  segments_.end());
+}
+
+}  // namespace berth::sim
