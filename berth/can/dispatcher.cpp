@@ -13,7 +13,9 @@ Confirmation::~Confirmation() {
 }
 
 Dispatcher::Dispatcher(rt::Executor& executor, Port& port) noexcept : executor_(&executor), port_(&port) {
-  waiting_.reserve(16);
+  waiting_.reserve(4);
+  entries_.reserve(12);
+  accept_.reserve(12);
   refresh();
 }
 
@@ -45,17 +47,17 @@ void Dispatcher::remove(Handler& handler) noexcept {
 // The port's filter is the sorted, merged list of what the handlers hear.
 void Dispatcher::refresh() noexcept {
   widest_ = 0;
-  std::vector<IdRange> accept;
+  accept_.clear();
   for (const auto& e : entries_) {
     widest_ = std::max(widest_, e.range.last - e.range.first);
     // `- 1` and not `last + 1`: a range may end at the highest number there is.
-    if (!accept.empty() && (e.range.first == 0 || e.range.first - 1 <= accept.back().last)) {
-      accept.back().last = std::max(accept.back().last, e.range.last);
+    if (!accept_.empty() && (e.range.first == 0 || e.range.first - 1 <= accept_.back().last)) {
+      accept_.back().last = std::max(accept_.back().last, e.range.last);
     } else {
-      accept.push_back(e.range);
+      accept_.push_back(e.range);
     }
   }
-  port_->listen(this, accept);
+  port_->listen(this, accept_);
 }
 
 void Dispatcher::received(const Frame& frame, rt::Time at) noexcept {

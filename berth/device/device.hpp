@@ -138,6 +138,14 @@ class Device final : private co::NmtSlave::Owner,
 
  private:
   enum class Begin : std::uint8_t { nothing, power_on, reset_node, reset_communication };
+  class Recovery final : public rt::Job {  // from bus-off
+   public:
+    explicit Recovery(Device& device) noexcept : device_(&device) {}
+    void run() noexcept override { device_->recover(); }
+
+   private:
+    Device* device_;
+  };
   // NMT
   void reset(co::NmtReset what, rt::Time at) noexcept override;
   void state_changed(NmtState from, NmtState to, rt::Time at) noexcept override;
@@ -148,11 +156,15 @@ class Device final : private co::NmtSlave::Owner,
   void reset_values(od::Area area) noexcept;
   void start_services() noexcept;
   void stop_services() noexcept;
+  void set_services(const co::Services& was, const co::Services& now) noexcept;
+  void self_start() noexcept;
   void listen() noexcept;
   // Errors
   void life_guarding(bool lost, rt::Time at) noexcept override;
   void heartbeat(const co::HeartbeatEvent& event, rt::Time at) noexcept override;
-  void error_control(bool lost) noexcept;
+  void error_control() noexcept;
+  void error_event() noexcept;
+  void recover() noexcept;
   void changed(const can::Status& status, rt::Time at) noexcept override;
   // LSS and RAND
   std::optional<lss::StoreResult> store(const lss::Settings& settings) noexcept override;
@@ -162,12 +174,16 @@ class Device final : private co::NmtSlave::Owner,
   void written(bool ok) noexcept override;
   void received(const can::Frame& frame, rt::Time at) noexcept override;
   [[nodiscard]] std::optional<can::Frame> answer_lss(const can::Frame& frame) noexcept;
+  [[nodiscard]] bool is_mine(std::uint32_t key) const noexcept;
   void use_bit_rate() noexcept;
   // Objects
   od::AbortCode reading(const od::Values& values, ObjectRef ref, std::span<const std::uint8_t>& value) noexcept override;
   od::AbortCode writing(const od::Values& values, ObjectRef ref, std::span<const std::uint8_t> value) noexcept override;
   void written(od::Values& values, ObjectRef ref) noexcept override;
+  od::AbortCode writing_emcy_id(std::uint32_t value) const noexcept;
   void apply_object(std::uint16_t index) noexcept;
+  void apply_consumer_entries() noexcept;
+  [[nodiscard]] rt::Duration milliseconds(std::uint16_t index) const noexcept;
   void tell() noexcept {
     if (observer_ != nullptr) observer_->device_changed(*this);
   }
@@ -192,12 +208,14 @@ class Device final : private co::NmtSlave::Owner,
   lss::Settings being_stored_{};
   lss::BitRateMask bit_rates_ = 0;
   std::array<std::uint8_t, 4> scratch_{};  // what `reading` shows
-  rt::Time recovers_at_ = rt::never;       // from bus-off
+  Recovery recovery_{*this};
+  std::size_t sdo_buffer_;
   Begin begin_ = Begin::nothing;
   bool powered_ = false;
   bool bus_off_ = false;
   bool heartbeat_lost_ = false;
   bool life_lost_ = false;
+  bool error_control_raised_ = false;
 };
 
 /// The dictionary of a device without a description file: 1000h, 1001h, 1003h, 1008h, 100Ch, 100Dh, 1014h, 1015h,

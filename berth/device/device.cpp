@@ -1,0 +1,376 @@
+#include "berth/device/device.hpp"
+
+#include <algorithm>
+#include <array>
+#include <utility>
+
+#include "berth/base/bytes.hpp"
+
+namespace berth::device {
+namespace {
+
+constexpr std::size_t record_size = 4;  // node-ID, bit rate index, two bytes for later
+constexpr std::uint16_t self_start_object = 0x1F80;
+constexpr std::array<std::uint16_t, 9> hooked_objects{0x1003, 0x100C, 0x100D, 0x1010, 0x1011,
+                                                      0x1014, 0x1015, 0x1016, 0x1017};
+
+// A download must fit the server's buffer whole: as long as the longest thing that can be written here.
+std::size_t sdo_buffer(const od::Description& description) noexcept {
+  std::size_t longest = 32;
+  for (const auto& sub : description.subs()) {
+    if (od::writable(sub.access)) longest = std::max<std::size_t>(longest, sub.capacity);
+  }
+  return std::min(longest, co::SdoServerService::default_buffer);
+}
+
+lss::BitRateMask bit_rates(std::uint32_t bit_rate) noexcept {
+  return lss::bit_rate_index(bit_rate) ? lss::all_fixed_bit_rates : lss::BitRateMask{0};
+}
+
+}  // namespace
+
+Device::Device(can::Dispatcher& dispatcher, std::shared_ptr<const od::Description> description, NvMemory* memory,
+               Options options, TimedPort* host, const Timing& timing)
+    : dispatcher_(&dispatcher),
+      host_(host),
+      timing_(timing),
+      options_(std::move(options)),
+      values_(std::move(description)),
+      rand_({.address = options_.address, .literal = options_.rand == RandMode::literal}),
+      nmt_(dispatcher, *this),
+      producer_(dispatcher),
+      guarding_(dispatcher, *this),
+      emcy_(dispatcher),
+      sdo_(dispatcher, values_, sdo_buffer(values_.description())),
+      bit_rates_(bit_rates(options_.bit_rate)),
+      sdo_buffer_(sdo_buffer(values_.description())) {
+  if (memory != nullptr) record_.emplace(*memory, 0, record_size);
+  const auto& d = values_.description();
+  if (d.find(0x1016) != nullptr) consumer_ = std::make_unique<co::HeartbeatConsumer>(dispatcher, *this);
+  if (d.find(0x1003) != nullptr) errors_ = std::make_unique<co::ErrorField>();
+  for (const std::uint16_t index : hooked_objects) {
+    if (d.find(index) != nullptr) values_.attach(*this, index);
+  }
+  if (host_ != nullptr) dispatcher_->on_status(this);
+  load_settings();
+  lss_.emplace(dispatcher_->executor(), static_cast<lss::SlaveOwner&>(*this), lss::SlaveOptions{.address = options_.address}, memory_);
+  reset_values(od::Area::all);
+}
+
+Device::~Device() {
+  if (host_ != nullptr) dispatcher_->on_status(nullptr);
+}
+
+// --- Power and NMT ---------------------------------------------------------------------------------------------------
+
+void Device::power_on() noexcept {
+  if (powered_) power_off();
+  powered_ = true;
+  load_settings();
+  const lss::SlaveOptions options{.address = options_.address,
+                                  .bit_rates = bit_rates_,
+                                  .can_store = record_.has_value(),
+                                  .change_at_waiting = options_.lss_changes_at_waiting};
+  lss_.emplace(dispatcher_->executor(), static_cast<lss::SlaveOwner&>(*this), options, memory_);
+  rand_ = nodeid::RandSlave({.address = options_.address, .literal = options_.rand == RandMode::literal});
+  begin_ = Begin::power_on;
+  nmt_.power_on();
+  tell();
+}
+
+void Device::power_off() noexcept {
+  powered_ = false;
+  begin_ = Begin::nothing;
+  cancel();
+  recovery_.cancel();
+  bus_off_ = false;
+  stop_services();
+  nmt_.power_off();
+  dispatcher_->remove(*this);
+  if (record_) record_->forget();
+  load_settings();
+  lss_->power_on(memory_);
+  rand_.power_on();
+  if (host_ != nullptr) {
+    host_->clear();
+    host_->deaf(TimedPort::Deaf::storing, false);
+    host_->deaf(TimedPort::Deaf::booting, false);
+  }
+  tell();
+}
+
+void Device::reset(co::NmtReset what, rt::Time) noexcept {
+  stop_services();
+  if (begin_ == Begin::power_on) {
+    begin(Begin::power_on, timing_.boot);
+  } else {
+    begin(what == co::NmtReset::node ? Begin::reset_node : Begin::reset_communication, timing_.reset);
+  }
+}
+
+void Device::begin(Begin what, rt::Duration own_time) noexcept {
+  begin_ = what;
+  dispatcher_->remove(*this);
+  // A write to memory goes on during a reset; its end is then nobody's answer any more.
+  if (host_ != nullptr) host_->deaf(TimedPort::Deaf::booting, true);
+  dispatcher_->executor().after(timing_.in_world(own_time), *this);
+  tell();
+}
+
+void Device::run() noexcept {
+  if (powered_ && begin_ != Begin::nothing) finish_reset();
+}
+
+void Device::finish_reset() noexcept {
+  const auto what = std::exchange(begin_, Begin::nothing);
+  const bool keep = timing_.power_cycle_after_store && what != Begin::power_on;
+  if (what == Begin::reset_communication) {
+    if (!keep) lss_->reset_communication();
+  } else {
+    const auto settings = keep ? lss_->active() : memory_;
+    lss_->power_on(settings);
+  }
+  use_bit_rate();
+  reset_values(what == Begin::reset_communication ? od::Area::communication : od::Area::all);
+  if (host_ != nullptr) host_->deaf(TimedPort::Deaf::booting, false);
+  listen();
+  nmt_.initialised(lss_->active().node_id);
+  tell();
+}
+
+void Device::load_settings() noexcept {
+  memory_.node_id = options_.node_id;
+  memory_.bit_rate = lss::bit_rate_index(options_.bit_rate).value_or(lss::BitRateIndex::kbit_125);
+  std::array<std::uint8_t, record_size> raw{};
+  if (!record_ || record_->busy() || !record_->load(raw)) return;
+  const auto id = NodeId::make(raw[0]);
+  if (id && options_.source == NodeIdSource::nonvolatile) memory_.node_id = *id;
+  if (lss::contains(bit_rates_, raw[1])) memory_.bit_rate = static_cast<lss::BitRateIndex>(raw[1]);
+}
+
+lss::Settings Device::persistent() noexcept {
+  if (!powered_) load_settings();
+  return memory_;
+}
+
+void Device::reset_values(od::Area area) noexcept {
+  values_.reset(powered_ ? lss_->active().node_id : NodeId(), area);
+  for (const auto& preset : options_.presets) {
+    if (area == od::Area::all || od::area_of(preset.object.index) == area) values_.set(preset.object, preset.value);
+  }
+  const auto& a = lss_->address();
+  for (unsigned i = 0; i < 4; ++i) values_.set(ObjectRef{0x1018, static_cast<std::uint8_t>(i + 1)}, a.part(i));
+  if (!options_.name.empty()) values_.set_text({0x1008, 0}, options_.name);
+}
+
+void Device::state_changed(NmtState from, NmtState to, rt::Time) noexcept {
+  if (to == NmtState::initialising) {
+    stop_services();
+  } else if (from == NmtState::initialising) {
+    start_services();
+    self_start();
+  } else {
+    producer_.set_state(to);
+    guarding_.set_state(to);
+    set_services(co::services_in(from), co::services_in(to));
+  }
+  tell();
+}
+
+// 1F80h of a device that is no master: bit 3 "may start itself", bit 2 "waits to be started" (facts page A.3).
+void Device::self_start() noexcept {
+  if (values_.description().find(self_start_object) == nullptr) return;
+  if ((values_.get_or<std::uint32_t>({self_start_object, 0}, 0) & 0x0CU) == 0x08U) nmt_.apply(co::NmtCommand::start);
+}
+
+void Device::start_services() noexcept {
+  const auto id = nmt_.node_id();
+  listen();
+  for (const std::uint16_t index : {0x1014, 0x1015, 0x1017, 0x100C}) apply_object(index);
+  apply_consumer_entries();
+  producer_.start(id, nmt_.state());
+  guarding_.start(id, nmt_.state());
+  guarding_.set_heartbeat_active(producer_.period() > rt::Duration::zero());
+  set_services({}, nmt_.services());
+}
+
+void Device::set_services(const co::Services& was, const co::Services& now) noexcept {
+  emcy_.enable(now.emcy);
+  if (now.sdo && !was.sdo) sdo_.start(nmt_.node_id());
+  if (!now.sdo) sdo_.stop();
+}
+
+void Device::stop_services() noexcept {
+  producer_.stop();
+  guarding_.stop();
+  if (consumer_) consumer_->clear();
+  sdo_.stop();
+  emcy_.reset();
+  heartbeat_lost_ = life_lost_ = error_control_raised_ = false;
+}
+
+void Device::listen() noexcept {
+  dispatcher_->remove(*this);
+  if (options_.lss) dispatcher_->add(can::only(lss::master_cob_id), *this);
+  if (options_.rand != RandMode::off) dispatcher_->add(nodeid::rand_requests, *this);
+  const auto id = nmt_.node_id();
+  if (!options_.detect_collision || !id.configured()) return;
+  dispatcher_->add(can::only(co::emcy_id(id)), *this);
+  dispatcher_->add(can::only(co::sdo_response_id(id)), *this);
+  dispatcher_->add(can::only(co::error_control_id(id)), *this);
+}
+
+// --- Errors ----------------------------------------------------------------------------------------------------------
+
+bool Device::raise(std::uint16_t code, std::uint8_t register_bits, const std::array<std::uint8_t, 5>& info) noexcept {
+  if (!emcy_.raise(code, register_bits, info)) return false;
+  const auto shown = emcy_.error_register();
+  values_.set({0x1001, 0}, shown);
+  if (errors_) errors_->push({code, shown, info});
+  return true;
+}
+
+bool Device::clear(std::uint16_t code) noexcept {
+  if (!emcy_.clear(code)) return false;
+  values_.set({0x1001, 0}, emcy_.error_register());
+  return true;
+}
+
+void Device::life_guarding(bool lost, rt::Time) noexcept {
+  life_lost_ = lost;
+  error_control();
+}
+
+void Device::heartbeat(const co::HeartbeatEvent& event, rt::Time) noexcept {
+  if (event.kind == co::HeartbeatEvent::Kind::lost) {
+    heartbeat_lost_ = true;
+  } else if (event.kind == co::HeartbeatEvent::Kind::recovered) {
+    heartbeat_lost_ = false;
+    for (unsigned n = 1; n <= 127; ++n) heartbeat_lost_ |= consumer_->lost(NodeId(static_cast<std::uint8_t>(n)));
+  } else {
+    return;
+  }
+  error_control();
+}
+
+void Device::error_control() noexcept {
+  const bool lost = heartbeat_lost_ || life_lost_;
+  if (lost == error_control_raised_) return;
+  error_control_raised_ = lost;
+  if (!lost) {
+    clear(co::emcy_code::life_guard_or_heartbeat);
+    return;
+  }
+  raise(co::emcy_code::life_guard_or_heartbeat, co::error_register::communication);
+  error_event();
+}
+
+void Device::error_event() noexcept { nmt_.apply_error_behaviour(values_.get_or<std::uint8_t>({0x1029, 1}, 0)); }
+
+void Device::changed(const can::Status& status, rt::Time) noexcept {
+  if (!powered_) return;
+  if (status.bus_off && !bus_off_) {
+    bus_off_ = true;
+    error_event();
+    const auto wait = timing_.in_world(options_.bus_off_recovery);
+    if (wait > rt::Duration::zero()) dispatcher_->executor().after(wait, recovery_);
+    return;
+  }
+  if (status.bus_off) return;
+  if (status.error_passive()) {
+    raise(co::emcy_code::error_passive, co::error_register::communication);
+  } else {
+    clear(co::emcy_code::error_passive);
+  }
+}
+
+void Device::recover() noexcept {
+  if (!powered_ || !bus_off_) return;
+  bus_off_ = false;
+  dispatcher_->port().restart(dispatcher_->port().status().bit_rate);
+  raise(co::emcy_code::recovered_from_bus_off, co::error_register::communication);
+  clear(co::emcy_code::recovered_from_bus_off);
+}
+
+// --- LSS and RAND ----------------------------------------------------------------------------------------------------
+
+bool Device::is_mine(std::uint32_t key) const noexcept {
+  const auto id = nmt_.node_id();
+  return id.configured() &&
+         (key == co::emcy_id(id) || key == co::sdo_response_id(id) || key == co::error_control_id(id));
+}
+
+void Device::received(const can::Frame& frame, rt::Time) noexcept {
+  if (!powered_) return;
+  std::optional<can::Frame> answer;
+  if (frame.key() == lss::master_cob_id) {
+    answer = answer_lss(frame);
+  } else if (nodeid::rand_requests.contains(frame.key())) {
+    answer = rand_.handle(frame, options_.lss && lss_->state() == lss::State::configuration);
+  } else if (!frame.remote && is_mine(frame.key())) {
+    raise(co::emcy_code::id_collision, co::error_register::communication);
+  }
+  if (answer && !lss_->silent()) dispatcher_->send(*answer);
+}
+
+std::optional<can::Frame> Device::answer_lss(const can::Frame& frame) noexcept {
+  const bool configures =
+      lss::is_lss(frame, lss::master_cob_id) && lss::command(frame) == lss::Command::configure_node_id;
+  if (configures && options_.source == NodeIdSource::fixed && lss_->state() == lss::State::configuration) {
+    return lss::answer(lss::Command::configure_node_id, lss::error::out_of_range);
+  }
+  auto answer = lss_->handle(frame);
+  if (configures) tell();
+  return answer;
+}
+
+std::optional<lss::StoreResult> Device::store(const lss::Settings& settings) noexcept {
+  const std::array<std::uint8_t, record_size> raw{settings.node_id.value(),
+                                                  static_cast<std::uint8_t>(settings.bit_rate), 0, 0};
+  if (!record_ || !record_->save(raw, *this)) return lss::StoreResult{lss::error::storage, 0};
+  being_stored_ = settings;
+  if (host_ != nullptr && timing_.deaf_while_storing) host_->deaf(TimedPort::Deaf::storing, true);
+  return std::nullopt;
+}
+
+void Device::written(bool ok) noexcept {
+  if (host_ != nullptr) host_->deaf(TimedPort::Deaf::storing, false);
+  if (ok) {
+    memory_ = being_stored_;
+    if (options_.source == NodeIdSource::fixed) memory_.node_id = options_.node_id;
+  }
+  // Without an answer when a reset came in between: nobody waits any more.
+  if (const auto answer = lss_->stored({ok ? lss::error::ok : lss::error::storage, 0})) dispatcher_->send(*answer);
+  tell();
+}
+
+void Device::wants_reset_communication() noexcept {
+  if (!timing_.power_cycle_after_store) nmt_.apply(co::NmtCommand::reset_communication);
+}
+
+void Device::switch_bit_rate(lss::BitRateIndex index) noexcept {
+  if (const auto rate = lss::bit_rate(index); rate && *rate != 0) dispatcher_->port().restart(*rate);
+  producer_.stop();
+  sdo_.stop();
+  emcy_.enable(false);
+}
+
+void Device::silence_over() noexcept {
+  if (nmt_.state() == NmtState::initialising) return;
+  producer_.start(nmt_.node_id(), nmt_.state());
+  set_services({}, nmt_.services());
+}
+
+void Device::use_bit_rate() noexcept {
+  const auto now = dispatcher_->port().status().bit_rate;
+  const auto rate = lss::bit_rate(lss_->active().bit_rate).value_or(0);
+  if (bit_rates_ != 0 && now != 0 && rate != 0 && rate != now) dispatcher_->port().restart(rate);
+}
+
+std::size_t Device::memory() const noexcept {
+  return sizeof(Device) - sizeof(od::Values) + values_.memory() + sdo_buffer_ + options_.name.capacity() +
+         options_.presets.capacity() * sizeof(Preset) + (consumer_ ? sizeof(co::HeartbeatConsumer) : 0) +
+         (errors_ ? sizeof(co::ErrorField) : 0);
+}
+
+}  // namespace berth::device
