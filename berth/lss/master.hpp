@@ -58,7 +58,7 @@ struct Reply {
 
 class Master;
 
-/// One service on the wire. Made by `Master`; destroying it ends the service. It may outlive the master.
+/// One service on the wire. Made by `Master`; destroying it ends the service. Once started it may outlive the master.
 class Exchange final : public rt::Operation<Exchange>, private rt::Job, private can::Confirmation {
  public:
   ~Exchange();
@@ -67,13 +67,19 @@ class Exchange final : public rt::Operation<Exchange>, private rt::Job, private 
 
  private:
   friend class Master;
-  enum class Kind : std::uint8_t { no_answer, may_answer, must_answer };
-  enum class Step : std::uint8_t { queued, inhibited, sending, listening, done };
-  Exchange(Master& master, const ServiceOptions& options, Kind kind, Command expected) noexcept;
-  void push(const can::Frame& frame) noexcept { frames_[count_++] = frame; }
+  enum class Answer : std::uint8_t { none, may, must };
+  enum class Step : std::uint8_t { idle, queued, inhibited, sending, listening, done };
+  struct Plan {
+    Answer answer = Answer::must;
+    Command expected{};
+    bool checks_code = false;  // byte 1 of the answer is an error code
+    bool valid = true;
+    std::uint8_t count = 1;
+    std::array<can::Frame, 6> frames{};
+  };
+  Exchange(Master& master, const ServiceOptions& options, const Plan& plan) noexcept;
   void refuse(Error error) noexcept;
   void take_turn() noexcept;
-  void begin_attempt() noexcept;
   void send_next() noexcept;
   void heard(const can::Frame& frame, rt::Time at) noexcept;
   void sent(rt::Time at) noexcept override;
@@ -86,14 +92,10 @@ class Exchange final : public rt::Operation<Exchange>, private rt::Job, private 
   Master* master_;
   Exchange* next_ = nullptr;  // in the master's queue
   ServiceOptions options_;
-  Kind kind_;
-  Command expected_;
-  Step step_ = Step::queued;
-  bool checks_code_ = false;  // byte 1 of the answer is an error code
+  Plan plan_;
+  Step step_ = Step::idle;
   bool failed_ = false;
-  std::uint8_t count_ = 0;
   std::uint8_t next_frame_ = 0;
-  std::array<can::Frame, 6> frames_;
   Reply reply_{};
   Error error_{};
 };
@@ -150,7 +152,7 @@ class Master final : private can::Handler {
   void received(const can::Frame& frame, rt::Time at) noexcept override;
   void enter(Exchange& exchange) noexcept;
   void leave(Exchange& exchange) noexcept;
-  [[nodiscard]] Exchange inquiry(Command command, const ServiceOptions& options) noexcept;
+  [[nodiscard]] static Exchange::Plan plan(Exchange::Answer answer, Command expected, const can::Frame& frame) noexcept;
 
   can::Dispatcher* dispatcher_;
   MasterOptions options_;

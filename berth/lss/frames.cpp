@@ -1,0 +1,62 @@
+#include "berth/lss/frames.hpp"
+
+namespace berth::lss {
+namespace {
+
+constexpr std::array<std::uint32_t, 10> table{1'000'000, 800'000, 500'000, 250'000, 125'000,
+                                              0,         50'000,  20'000,  10'000,  0};
+
+can::Frame frame(std::uint32_t cob_id, Command command, std::uint8_t byte1, std::uint8_t byte2) noexcept {
+  can::Frame f = can::Frame::base(cob_id, {static_cast<std::uint8_t>(command), byte1, byte2, 0, 0, 0, 0, 0});
+  return f;
+}
+
+can::Frame frame32(std::uint32_t cob_id, Command command, std::uint32_t value) noexcept {
+  can::Frame f = frame(cob_id, command, 0, 0);
+  store_le(f.data.data() + 1, value);
+  return f;
+}
+
+Command nth(Command first, unsigned i) noexcept { return static_cast<Command>(static_cast<std::uint8_t>(first) + i); }
+
+}  // namespace
+
+std::optional<std::uint32_t> bit_rate(BitRateIndex index) noexcept {
+  const auto i = static_cast<unsigned>(index);
+  if (i >= table.size() || index == BitRateIndex::reserved) return std::nullopt;
+  return table[i];
+}
+
+std::optional<BitRateIndex> bit_rate_index(std::uint32_t bits_per_second) noexcept {
+  if (bits_per_second == 0) return std::nullopt;
+  for (unsigned i = 0; i < table.size(); ++i) {
+    if (table[i] == bits_per_second) return static_cast<BitRateIndex>(i);
+  }
+  return std::nullopt;
+}
+
+can::Frame request(Command command) noexcept { return frame(master_cob_id, command, 0, 0); }
+can::Frame request(Command command, std::uint8_t byte1, std::uint8_t byte2) noexcept {
+  return frame(master_cob_id, command, byte1, byte2);
+}
+can::Frame request32(Command command, std::uint32_t value) noexcept { return frame32(master_cob_id, command, value); }
+
+can::Frame request_activate(std::uint16_t delay_ms) noexcept {
+  can::Frame f = request(Command::activate_bit_timing);
+  store_le(f.data.data() + 1, delay_ms);
+  return f;
+}
+can::Frame request_select(const LssAddress& address, unsigned i) noexcept {
+  return request32(nth(Command::select_vendor, i), address.part(i));
+}
+can::Frame request_identify(const IdentifyRanges& ranges, unsigned i) noexcept {
+  return request32(nth(Command::identify_vendor, i), ranges.value(i));
+}
+
+can::Frame answer(Command command) noexcept { return frame(slave_cob_id, command, 0, 0); }
+can::Frame answer(Command command, std::uint8_t byte1, std::uint8_t byte2) noexcept {
+  return frame(slave_cob_id, command, byte1, byte2);
+}
+can::Frame answer32(Command command, std::uint32_t value) noexcept { return frame32(slave_cob_id, command, value); }
+
+}  // namespace berth::lss

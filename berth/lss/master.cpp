@@ -1,0 +1,274 @@
+#include "berth/lss/master.hpp"
+
+#include <utility>
+
+namespace berth::lss {
+
+// ---- one service -----------------------------------------------------------------------------------------------
+
+Exchange::Exchange(Master& master, const ServiceOptions& options, const Plan& plan) noexcept
+    : master_(&master), options_(options), plan_(plan) {}
+
+Exchange::~Exchange() { end(); }
+
+void Exchange::refuse(Error error) noexcept {
+  failed_ = true;
+  error_ = error;
+}
+
+bool Exchange::start() noexcept {
+  if (step_ != Step::idle) return false;
+  if (!plan_.valid) {
+    step_ = Step::done;
+    refuse({.code = Errc::invalid, .text = "an argument of an LSS service is out of range"});
+    return false;
+  }
+  step_ = Step::queued;
+  master_->enter(*this);
+  return true;
+}
+
+// Begins an attempt, after the inhibit time.
+void Exchange::take_turn() noexcept {
+  ++reply_.attempts;
+  next_frame_ = 0;
+  if (master_->earliest_ > executor().now()) {
+    step_ = Step::inhibited;
+    executor().at(master_->earliest_, *this);
+  } else {
+    send_next();
+  }
+}
+
+void Exchange::send_next() noexcept {
+  step_ = Step::sending;
+  executor().after(master_->options_.send_timeout, *this);
+  if (master_->dispatcher_->send(plan_.frames[next_frame_], *this) != can::Queued::yes) {
+    done({.code = Errc::bus, .text = "the port does not take an LSS request"});
+  }
+}
+
+void Exchange::sent(rt::Time at) noexcept {
+  reply_.sent = at;
+  ++next_frame_;
+  master_->earliest_ = at + master_->options_.inhibit;
+  if (next_frame_ < plan_.count) {
+    step_ = Step::inhibited;
+    if (master_->options_.inhibit.count() > 0) {
+      executor().at(master_->earliest_, *this);
+    } else {
+      send_next();
+    }
+  } else if (plan_.answer == Answer::none) {
+    done();
+  } else {
+    step_ = Step::listening;
+    executor().at(at + options_.timeout, *this);
+  }
+}
+
+void Exchange::heard(const can::Frame& frame, rt::Time at) noexcept {
+  if (step_ != Step::listening) {
+    ++reply_.stale;
+    return;
+  }
+  if (command(frame) != plan_.expected) {
+    ++reply_.others;
+    return;
+  }
+  if (reply_.answers < reply_.heard.size()) {
+    reply_.heard[reply_.answers] = frame;
+    reply_.heard_at[reply_.answers] = at;
+  }
+  if (reply_.answers > 0 && !(frame == reply_.heard[0])) reply_.differ = true;
+  ++reply_.answers;
+  if (!options_.full_window) window_over();
+}
+
+// The one job: the pause before a frame, the wait for its confirmation, and the window share it.
+void Exchange::run() noexcept {
+  switch (step_) {
+    case Step::queued: take_turn(); break;
+    case Step::inhibited: send_next(); break;
+    case Step::sending: done({.code = Errc::bus, .text = "an LSS request was not acknowledged"}); break;
+    case Step::listening: window_over(); break;
+    case Step::idle:
+    case Step::done: break;
+  }
+}
+
+void Exchange::window_over() noexcept {
+  if (reply_.answers == 0) {
+    if (reply_.attempts <= options_.retries) {
+      take_turn();
+    } else if (plan_.answer == Answer::must) {
+      done({.code = Errc::timeout, .text = "no LSS answer"});
+    } else {
+      done();
+    }
+    return;
+  }
+  if (plan_.checks_code && reply_.byte() != error::ok) {
+    const auto& d = reply_.heard[0].data;
+    const auto detail = d[1] | static_cast<std::uint32_t>(d[2]) << 8;
+    done({.code = Errc::aborted, .detail = detail, .text = "the LSS slave refused"});
+  } else {
+    done();
+  }
+}
+
+void Exchange::done(Error error) noexcept {
+  refuse(error);
+  done();
+}
+
+void Exchange::done() noexcept {
+  end();
+  finish();
+}
+
+void Exchange::end() noexcept {
+  const auto was = std::exchange(step_, Step::done);
+  if (was == Step::idle || was == Step::done) return;
+  cancel();
+  master_->dispatcher_->withdraw(*this);
+  std::exchange(master_, nullptr)->leave(*this);
+}
+
+Result<Reply> Exchange::await_resume() noexcept {
+  if (failed_) return fail(error_);
+  return reply_;
+}
+
+// ---- the master ------------------------------------------------------------------------------------------------
+
+Master::Master(can::Dispatcher& dispatcher, const MasterOptions& options)
+    : dispatcher_(&dispatcher), options_(options) {
+  dispatcher.add(can::only(slave_cob_id), *this);
+}
+
+Master::~Master() {
+  while (first_ != nullptr) first_->done({.code = Errc::cancelled, .text = "the LSS master is gone"});
+}
+
+void Master::received(const can::Frame& frame, rt::Time at) noexcept {
+  if (!is_lss(frame, slave_cob_id)) return;
+  if (first_ != nullptr) {
+    first_->heard(frame, at);
+  } else {
+    ++unexpected_;
+  }
+}
+
+void Master::enter(Exchange& exchange) noexcept {
+  Exchange** last = &first_;
+  while (*last != nullptr) last = &(*last)->next_;
+  *last = &exchange;
+  if (first_ == &exchange) exchange.take_turn();
+}
+
+void Master::leave(Exchange& exchange) noexcept {
+  const bool was_first = first_ == &exchange;
+  for (Exchange** at = &first_; *at != nullptr; at = &(*at)->next_) {
+    if (*at != &exchange) continue;
+    *at = exchange.next_;
+    break;
+  }
+  exchange.next_ = nullptr;
+  // Through the queue, so that the next service never starts inside the call that ended this one.
+  if (was_first && first_ != nullptr) dispatcher_->executor().post(*first_);
+}
+
+Exchange::Plan Master::plan(Exchange::Answer answer, Command expected, const can::Frame& frame) noexcept {
+  Exchange::Plan plan{.answer = answer, .expected = expected};
+  plan.frames[0] = frame;
+  return plan;
+}
+
+Exchange Master::switch_global(State state) noexcept {
+  const auto frame = request(Command::switch_global, static_cast<std::uint8_t>(state));
+  return {*this, options_.service, plan(Exchange::Answer::none, Command::switch_global, frame)};
+}
+
+Exchange Master::switch_selective(const LssAddress& address) noexcept {
+  return switch_selective(address, options_.service);
+}
+Exchange Master::switch_selective(const LssAddress& address, const ServiceOptions& options) noexcept {
+  auto p = plan(Exchange::Answer::must, Command::selected, request_select(address, 0));
+  p.count = 4;
+  for (unsigned i = 1; i < p.count; ++i) p.frames[i] = request_select(address, i);
+  return {*this, options, p};
+}
+
+Exchange Master::configure_node_id(NodeId id) noexcept { return configure_node_id(id, options_.service); }
+Exchange Master::configure_node_id(NodeId id, const ServiceOptions& options) noexcept {
+  auto p = plan(Exchange::Answer::must, Command::configure_node_id, request(Command::configure_node_id, id.value()));
+  p.checks_code = true;
+  p.valid = NodeId::make(id.value()).has_value();
+  return {*this, options, p};
+}
+
+Exchange Master::configure_bit_timing(BitRateIndex index) noexcept {
+  return configure_bit_timing(index, options_.service);
+}
+Exchange Master::configure_bit_timing(BitRateIndex index, const ServiceOptions& options) noexcept {
+  const auto frame = request(Command::configure_bit_timing, 0, static_cast<std::uint8_t>(index));
+  auto p = plan(Exchange::Answer::must, Command::configure_bit_timing, frame);
+  p.checks_code = true;
+  p.valid = bit_rate(index).has_value();
+  return {*this, options, p};
+}
+
+Exchange Master::activate_bit_timing(std::uint16_t delay_ms) noexcept {
+  return {*this, options_.service,
+          plan(Exchange::Answer::none, Command::activate_bit_timing, request_activate(delay_ms))};
+}
+
+Exchange Master::store() noexcept { return store(options_.store); }
+Exchange Master::store(const ServiceOptions& options) noexcept {
+  auto p = plan(Exchange::Answer::must, Command::store, request(Command::store));
+  p.checks_code = true;
+  return {*this, options, p};
+}
+
+Exchange Master::inquire(unsigned part) noexcept { return inquire(part, options_.service); }
+Exchange Master::inquire(unsigned part, const ServiceOptions& options) noexcept {
+  const auto command = static_cast<Command>(static_cast<unsigned>(Command::inquire_vendor) + (part & 3U));
+  auto p = plan(Exchange::Answer::must, command, request(command));
+  p.valid = part < 4;
+  return {*this, options, p};
+}
+
+Exchange Master::inquire_node_id() noexcept { return inquire_node_id(options_.service); }
+Exchange Master::inquire_node_id(const ServiceOptions& options) noexcept {
+  return {*this, options, plan(Exchange::Answer::must, Command::inquire_node_id, request(Command::inquire_node_id))};
+}
+
+Exchange Master::identify_remote(const IdentifyRanges& ranges) noexcept {
+  return identify_remote(ranges, options_.identify);
+}
+Exchange Master::identify_remote(const IdentifyRanges& ranges, const ServiceOptions& options) noexcept {
+  auto p = plan(Exchange::Answer::may, Command::identified, request_identify(ranges, 0));
+  p.count = 6;
+  for (unsigned i = 1; i < p.count; ++i) p.frames[i] = request_identify(ranges, i);
+  return {*this, options, p};
+}
+
+Exchange Master::identify_non_configured() noexcept { return identify_non_configured(options_.identify); }
+Exchange Master::identify_non_configured(const ServiceOptions& options) noexcept {
+  return {*this, options,
+          plan(Exchange::Answer::may, Command::non_configured, request(Command::identify_non_configured))};
+}
+
+rt::Task<Result<LssAddress>> Master::inquire_address() {
+  std::array<std::uint32_t, 4> parts{};
+  for (unsigned i = 0; i < 4; ++i) {
+    auto reply = co_await inquire(i);
+    if (!reply) co_return fail(reply.error());
+    if (reply->differ) co_return fail(Errc::duplicate, "two LSS slaves answer one inquiry");
+    parts[i] = reply->value();
+  }
+  co_return LssAddress{parts[0], parts[1], parts[2], parts[3]};
+}
+
+}  // namespace berth::lss
