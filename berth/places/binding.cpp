@@ -34,6 +34,7 @@ const char* name(Why why) noexcept {
     case Why::silent: return "the device took the node-ID and was not heard under it";
     case Why::other_device: return "another device answers under this node-ID";
     case Why::store_failed: return "the slot table could not be written";
+    case Why::bus_down: return "nothing can be sent on the bus";
   }
   return "";
 }
@@ -78,6 +79,8 @@ void Binding::advance_identify(Outcome outcome) noexcept {
 
 void Binding::advance(Outcome outcome) noexcept {
   const bool ok = outcome == Outcome::ok;
+  const bool writes = step_ == Step::write_ask || step_ == Step::write_confirm;
+  if (outcome == Outcome::error && !writes && !ended()) return fail(Why::bus_down);
   switch (step_) {
     case Step::check_vacant:
       if (ok) step_ = Step::write_ask;
@@ -98,6 +101,7 @@ void Binding::advance(Outcome outcome) noexcept {
       }
       break;
     case Step::configure:
+      untouched_ = untouched_ && outcome == Outcome::refused;
       touched_ = outcome != Outcome::refused;
       if (ok) step_ = Step::store;
       else if (outcome == Outcome::refused) give_up(Why::refused);

@@ -74,6 +74,7 @@ enum class Why : std::uint8_t {
   silent,        ///< it took the node-ID and was not heard under it
   other_device,  ///< another device answers under the node-ID
   store_failed,  ///< Berth's own store could not be written
+  bus_down,      ///< nothing can be sent
 };
 [[nodiscard]] const char* name(Why why) noexcept;
 
@@ -95,6 +96,8 @@ class Binding {
   [[nodiscard]] bool stored() const noexcept { return stored_; }
   /// The device has no memory for a node-ID: it must be given one at every power-on.
   [[nodiscard]] bool volatile_only() const noexcept { return volatile_only_; }
+  /// The device was never told a node-ID in this run: nothing in it can have changed.
+  [[nodiscard]] bool untouched() const noexcept { return untouched_; }
   [[nodiscard]] bool ended() const noexcept {
     return step_ == Step::done || step_ == Step::failed || step_ == Step::power_cycle;
   }
@@ -123,6 +126,7 @@ class Binding {
   NodeId old_id_;
   bool stored_ = false;
   bool volatile_only_ = false;
+  bool untouched_ = true;
   bool touched_ = false;  // a node-ID may be pending in the device
   bool failing_ = false;  // revert, release, then fail
 };

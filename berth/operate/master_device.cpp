@@ -1,0 +1,42 @@
+#include "berth/operate/master_device.hpp"
+
+#include <algorithm>
+
+namespace berth::operate {
+namespace {
+
+using od::Access;
+using od::DataType;
+using od::Literal;
+
+std::shared_ptr<const od::Description> description() {
+  od::DescriptionBuilder b;
+  b.variable(0x1000, {.name = "Device type", .access = Access::ro});
+  b.variable(0x1001, {.name = "Error register", .type = DataType::unsigned8, .access = Access::ro});
+  b.variable(0x1008, {.name = "Manufacturer device name", .type = DataType::visible_string, .access = Access::constant});
+  b.variable(0x1014, {.name = "COB-ID EMCY", .initial = Literal::node_id_plus(0x80)});
+  b.variable(0x1017, {.name = "Producer heartbeat time", .type = DataType::unsigned16});
+  b.object(0x1018, od::ObjectCode::record, "Identity object");
+  b.sub(0x1018, {.sub = 1, .name = "Vendor-ID", .access = Access::ro});
+  b.sub(0x1018, {.sub = 2, .name = "Product code", .access = Access::ro});
+  b.sub(0x1018, {.sub = 3, .name = "Revision number", .access = Access::ro});
+  b.sub(0x1018, {.sub = 4, .name = "Serial number", .access = Access::ro});
+  return b.build();
+}
+
+}  // namespace
+
+MasterDevice::MasterDevice(can::Dispatcher& dispatcher, NodeId id, rt::Duration heartbeat) {
+  static const auto shared = description();
+  const auto ms = std::chrono::duration_cast<std::chrono::milliseconds>(heartbeat).count();
+  device::Options options;
+  options.source = device::NodeIdSource::fixed;
+  options.node_id = id;
+  options.lss = false;
+  options.rand = device::RandMode::off;
+  options.name = "Berth";
+  options.presets.push_back({{0x1017, 0}, static_cast<std::uint64_t>(std::clamp<std::int64_t>(ms, 0, 0xFFFF))});
+  device_ = std::make_unique<device::Device>(dispatcher, shared, nullptr, std::move(options));
+}
+
+}  // namespace berth::operate

@@ -1,0 +1,23 @@
+/// The master is a device like any other (CiA 302-2): a node-ID, an object dictionary, an SDO server and a heartbeat, on
+/// the same port as the manager's services.
+#pragma once
+
+#include <memory>
+
+#include "berth/device/device.hpp"
+
+namespace berth::operate {
+
+class MasterDevice {
+ public:
+  /// `heartbeat`: 1017h; 0 = none.
+  MasterDevice(can::Dispatcher& dispatcher, NodeId id, rt::Duration heartbeat);
+  void power_on() noexcept { device_->power_on(); }
+  void power_off() noexcept { device_->power_off(); }
+  void start() noexcept { device_->apply(co::NmtCommand::start); }
+
+ private:
+  std::unique_ptr<device::Device> device_;
+};
+
+}  // namespace berth::operate

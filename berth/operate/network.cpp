@@ -1,0 +1,260 @@
+#include "berth/operate/network.hpp"
+
+#include <fmt/format.h>
+
+#include <algorithm>
+
+#include "berth/operate/master_device.hpp"
+#include "berth/operate/network_seat.hpp"
+
+namespace berth::operate {
+
+using places::SlotState;
+
+namespace {
+
+lss::MasterOptions lss_options(const design::Timing& t) {
+  lss::MasterOptions o;
+  o.service.timeout = t.lss_timeout;
+  o.identify.timeout = t.lss_timeout;
+  o.store.timeout = t.store_timeout;
+  return o;
+}
+
+co::SdoOptions sdo_options(const design::Timing& t) {
+  co::SdoOptions o;
+  o.timeout = t.sdo_timeout;
+  return o;
+}
+
+}  // namespace
+
+Network::Network(rt::Executor& executor, can::Port& port, const design::Bus& bus, std::vector<places::SlotSpec> slots,
+                 places::SlotStore& store, NetworkObserver observer)
+    : executor_(&executor),
+      bus_(&bus),
+      store_(&store),
+      observer_(std::move(observer)),
+      dispatcher_(executor, port),
+      lss_(dispatcher_, lss_options(bus.timing)),
+      rand_(dispatcher_),
+      sdo_(dispatcher_, sdo_options(bus.timing)),
+      nmt_(dispatcher_),
+      heartbeats_(dispatcher_, *this),
+      boots_(dispatcher_),
+      device_(std::make_unique<MasterDevice>(dispatcher_, bus.master, bus.timing.heartbeat_period)),
+      wakes_(executor),
+      scope_(executor) {
+  for (auto& spec : slots) {
+    seats_.push_back(std::make_unique<Seat>());
+    seats_.back()->slot.spec = std::move(spec);
+  }
+  sdo_.set_observer(this);
+}
+
+Network::~Network() { stop(); }
+
+Result<void> Network::open() {
+  for (auto& seat : seats_) {
+    auto slot = store_->declare(seat->slot.spec.name);
+    if (!slot) return fail(slot.error());
+    seat->slot.record.slot = *slot;
+    seat->slot.record.name = seat->slot.spec.name;
+    refresh(*seat);
+  }
+  return {};
+}
+
+void Network::refresh(Seat& seat) {
+  const auto records = store_->load(seat.slot.spec.name.machine);
+  if (!records) return tell("error", seat.name(), "the slot table cannot be read: " + describe(records.error()));
+  const auto it = std::ranges::find(*records, seat.slot.record.slot, &places::SlotRecord::slot);
+  if (it != records->end()) seat.slot.record = *it;
+}
+
+void Network::start() {
+  if (running_) return;
+  running_ = true;
+  if (bus_->role != design::Role::observer) device_->power_on();
+  heartbeats_.hear_all_boot_ups(true);
+  scope_.spawn(job());
+}
+
+void Network::stop() noexcept {
+  scope_.cancel();
+  running_ = false;
+  idle_ = false;
+}
+
+// ---- what others see ----
+
+std::vector<SlotReport> Network::report() const {
+  std::vector<SlotReport> slots;
+  for (const auto& seat : seats_) {
+    slots.push_back({bus_->name, seat->id(), seat->name(), seat->slot.spec.type, seat->slot.record.device(), seat->state,
+                     seat->since, seat->reason});
+  }
+  std::ranges::sort(slots, {}, &SlotReport::id);
+  return slots;
+}
+
+bool Network::operational() const noexcept {
+  return std::ranges::all_of(seats_, [](const auto& s) { return s->slot.spec.optional || s->state == SlotState::operational; });
+}
+
+Network::Slots Network::slots() const {
+  Slots slots;
+  for (const auto& seat : seats_) slots.push_back(seat->slot);
+  return slots;
+}
+
+Network::Seat* Network::seat_at(NodeId id) noexcept {
+  const auto it = std::ranges::find_if(seats_, [&](const auto& s) { return s->id() == id; });
+  return it == seats_.end() ? nullptr : it->get();
+}
+
+Network::Seat* Network::seat_named(const std::string& name) noexcept {
+  const auto it = std::ranges::find_if(seats_, [&](const auto& s) { return s->name() == name; });
+  return it == seats_.end() ? nullptr : it->get();
+}
+
+Network::Seat* Network::seat_of(const LssAddress& device) noexcept {
+  const auto it = std::ranges::find_if(seats_, [&](const auto& s) { return s->slot.record.device() == device; });
+  return it == seats_.end() ? nullptr : it->get();
+}
+
+// ---- what is told ----
+
+void Network::tell(std::string kind, std::string slot, std::string text) {
+  if (observer_.event) observer_.event({executor_->now(), bus_->name, std::move(kind), std::move(slot), std::move(text)});
+}
+
+void Network::set_state(Seat& seat, SlotState state, std::string reason) {
+  if (seat.state == state && seat.reason == reason) return;
+  if (seat.state != state) seat.since = executor_->now();
+  seat.state = state;
+  seat.reason = std::move(reason);
+  tell("state", seat.name(), seat.reason.empty() ? places::name(state) : fmt::format("{}: {}", places::name(state), seat.reason));
+}
+
+void Network::reach(const char* milestone) {
+  if (std::ranges::find(reached_, milestone) != reached_.end()) return;
+  reached_.emplace_back(milestone);
+  tell("milestone", "", milestone);
+  if (observer_.milestone) observer_.milestone(milestone);
+}
+
+void Network::report_plan() {
+  const auto once = [&](const std::string& kind, const std::string& slot, const std::string& text) {
+    if (std::ranges::find(told_, text) != told_.end()) return;
+    told_.push_back(text);
+    tell(kind, slot, text);
+  };
+  for (const auto& oddity : plan_.oddities) once(oddity.kind, "", oddity.text);
+  for (const auto& question : plan_.questions) {
+    once("question", "", question.text);
+    for (const auto i : question.slots) set_state(*seats_[i], SlotState::question, question.text);
+  }
+}
+
+void Network::make_plan() {
+  auto blanks = store_->unfinished_blanks();
+  plan_ = places::plan(slots(), found_, blanks ? *blanks : std::vector<LssAddress>{}, bus_->master);
+}
+
+// ---- what the bus tells ----
+
+void Network::heartbeat(const co::HeartbeatEvent& event, rt::Time at) noexcept {
+  using Kind = co::HeartbeatEvent::Kind;
+  Wake wake{Wake::Kind::look, event.node, at};
+  switch (event.kind) {
+    case Kind::boot_up: wake.kind = Wake::Kind::boot_up; break;
+    case Kind::lost:
+    case Kind::never_seen: wake.kind = Wake::Kind::lost; break;
+    case Kind::recovered: wake.kind = Wake::Kind::recovered; break;
+    case Kind::started:
+    case Kind::state_changed: wake.kind = Wake::Kind::state; break;
+  }
+  Seat* seat = seat_at(event.node);
+  if (seat != nullptr && seat->there && seat->started && event.state == NmtState::operational &&
+      wake.kind == Wake::Kind::state && seat->state != SlotState::duplicate) {
+    set_state(*seat, SlotState::operational);
+    if (operational()) reach("operational");
+    return;
+  }
+  wakes_.push(wake);
+}
+
+// A second answer to one SDO request: two devices hold this node-ID, or another SDO client is at work.
+void Network::surplus(NodeId node, const can::Frame&, rt::Time at) noexcept {
+  look_anew_ = true;
+  wakes_.push({Wake::Kind::look, node, at});
+  const std::string text = fmt::format("node {} answered one SDO request twice: two devices hold this node-ID, or another "
+                                       "SDO client is on the bus",
+                                       node.value());
+  if (std::ranges::find(told_, text) != told_.end()) return;
+  told_.push_back(text);
+  tell("duplicate", "", text);
+}
+
+// Two devices with one identity that once fell into one frame drift apart: their heartbeats then come twice as often.
+void Network::check_rates() {
+  for (auto& seat : seats_) {
+    const auto beats = boots_.beats(seat->id());
+    const auto elapsed = executor_->now() - seat->beats_at;
+    const auto period = bus_->timing.heartbeat_period;
+    if (seat->state != SlotState::operational || period.count() == 0 || elapsed < 4 * period) {
+      if (seat->state != SlotState::operational) {
+        seat->beats = beats;
+        seat->beats_at = executor_->now();
+      }
+      continue;
+    }
+    const auto expected = elapsed / period + 1;
+    seat->fast = static_cast<std::int64_t>(beats - seat->beats) * 2 > expected * 3 ? seat->fast + 1 : 0;
+    seat->beats = beats;
+    seat->beats_at = executor_->now();
+    if (seat->fast >= 2) {
+      set_state(*seat, SlotState::duplicate,
+                "its heartbeat comes too often: a second device holds this node-ID; take one of them off the bus");
+    }
+  }
+}
+
+// ---- commands ----
+
+Result<void> Network::clear_seat(Seat& seat, const std::string& reason) {
+  const auto cleared = store_->clear(seat.slot.record.slot, reason);
+  if (!cleared) return cleared;
+  heartbeats_.supervise(seat.id(), rt::Duration{0});
+  seat.slot.record.asked.reset();
+  seat.slot.record.confirmed.reset();
+  seat.there = seat.started = false;
+  seat.waiting.reset();
+  set_state(seat, SlotState::empty, reason);
+  return {};
+}
+
+Result<void> Network::replace(const std::string& slot, std::optional<LssAddress> device) {
+  Seat* seat = seat_named(slot);
+  if (seat == nullptr) return fail(Errc::not_found, "no slot of this name on this bus");
+  if (seat->state == SlotState::operational || (seat->there && seat->state == SlotState::present)) {
+    return fail(Errc::invalid, "the slot's device is there and answers; switch it off or take it off the bus first");
+  }
+  if (device && !places::fits(seat->slot.spec, *device)) {
+    return fail(Errc::invalid, "the device's vendor-ID, product code or revision is not the slot's");
+  }
+  const auto cleared = clear_seat(*seat, "replaced by a person");
+  if (!cleared) return cleared;
+  if (device) {
+    const places::Seat wanted{*device, seat->id()};
+    const auto asked = store_->ask(seat->slot.record.slot, wanted, "named by a person");
+    if (!asked) return asked;
+    seat->slot.record.asked = wanted;
+  }
+  told_.clear();
+  wakes_.push({Wake::Kind::look, seat->id(), executor_->now()});
+  return {};
+}
+
+}  // namespace berth::operate

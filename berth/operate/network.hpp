@@ -1,0 +1,196 @@
+/// The main job on one bus: finds the devices, gives each the node-ID of its slot, checks it, starts it, watches it, and
+/// puts a replacement to work. One `Network` is one master on one port; `Session` has one for each bus of a machine.
+///
+/// What it does, in this order, again and again while it runs:
+///   1. opening: whoever an interrupted run left in LSS configuration state is taken out of it
+///   2. preparation: is the device of every bound slot there? By heartbeat, else SDO 1000h, else guarding (S1.30)
+///   3. discovery: RAND finds every device that no slot knows (S1.31)
+///   4. plan and binding: `places::plan`, then one binding after the other (S1.32, S1.33)
+///   5. check and start: identity, heartbeat, NMT start; operational when the device says so
+///   6. watch: heartbeats and boot-ups; every `probe_period` one question whether somebody new is there
+#pragma once
+
+#include <functional>
+#include <memory>
+#include <optional>
+#include <string>
+#include <vector>
+
+#include "berth/can/dispatcher.hpp"
+#include "berth/co/guarding.hpp"
+#include "berth/co/heartbeat.hpp"
+#include "berth/co/nmt_master.hpp"
+#include "berth/co/sdo_client.hpp"
+#include "berth/design/machine.hpp"
+#include "berth/lss/master.hpp"
+#include "berth/nodeid/rand_master.hpp"
+#include "berth/operate/report.hpp"
+#include "berth/places/binder.hpp"
+#include "berth/places/boot_watch.hpp"
+#include "berth/places/planner.hpp"
+#include "berth/places/slot_store.hpp"
+#include "berth/rt/mailbox.hpp"
+#include "berth/rt/scope.hpp"
+#include "berth/rt/turn.hpp"
+
+namespace berth::operate {
+
+/// What a network tells its owner. Called from the executor; must not destroy the network.
+struct NetworkObserver {
+  std::function<void(const Event&)> event;
+  /// "discovered": the first discovery has ended; "bound": every slot that can be is bound; "operational": every slot
+  /// that is not optional is operational. Each once.
+  std::function<void(const std::string&)> milestone;
+};
+
+class MasterDevice;  // the master is a device: network.cpp
+
+class Network final : private co::HeartbeatConsumer::Observer, private co::SdoClient::Observer {
+ public:
+  /// `bus`, `store` and `port` must stay. `slots` are the specifications of this bus.
+  Network(rt::Executor& executor, can::Port& port, const design::Bus& bus, std::vector<places::SlotSpec> slots,
+          places::SlotStore& store, NetworkObserver observer);
+  ~Network();
+  Network(const Network&) = delete;
+  Network& operator=(const Network&) = delete;
+
+  /// Declares the slots in the store and takes over what it knows. Call once, before anything else.
+  Result<void> open();
+  /// Begins the main job. Without it the network only serves single commands.
+  void start();
+  /// Stops the main job where it stands, as if Berth had been ended.
+  void stop() noexcept;
+
+  [[nodiscard]] const design::Bus& bus() const noexcept { return *bus_; }
+  [[nodiscard]] std::vector<SlotReport> report() const;
+  /// Every slot that is not optional is operational.
+  [[nodiscard]] bool operational() const noexcept;
+  /// The main job has nothing to do now but to watch.
+  [[nodiscard]] bool idle() const noexcept { return idle_; }
+  /// Devices and facts that are not as they should be, as last seen.
+  [[nodiscard]] const std::vector<places::Oddity>& oddities() const noexcept { return plan_.oddities; }
+  [[nodiscard]] const std::vector<places::Question>& questions() const noexcept { return plan_.questions; }
+
+  // Commands of a person. They wait until the main job has nothing to do.
+
+  /// `berth replace SLOT`: forgets who sits in the slot and looks for a new device; `device` says which one it is and so
+  /// answers a question. Errors: `not_found` no such slot; `invalid` the slot's device is there and operational, or
+  /// `device` is not of the slot's type.
+  Result<void> replace(const std::string& slot, std::optional<LssAddress> device);
+
+  // The services, for single commands (`berth sdo`, `berth nmt`, `berth lss`). Whoever uses LSS or RAND takes the turn
+  // first: the main job holds it while it works.
+  [[nodiscard]] rt::Turn& turn() noexcept { return turn_; }
+  [[nodiscard]] co::SdoClient& sdo() noexcept { return sdo_; }
+  [[nodiscard]] co::NmtMaster& nmt() noexcept { return nmt_; }
+  [[nodiscard]] lss::Master& lss() noexcept { return lss_; }
+  [[nodiscard]] nodeid::RandMaster& rand() noexcept { return rand_; }
+  [[nodiscard]] can::Dispatcher& dispatcher() noexcept { return dispatcher_; }
+  [[nodiscard]] places::BootWatch& boots() noexcept { return boots_; }
+  [[nodiscard]] rt::Executor& executor() noexcept { return *executor_; }
+
+  /// What a scan found at one node-ID, or without one.
+  struct Seen {
+    NodeId id;                           ///< unconfigured: found by RAND, without a node-ID
+    std::optional<LssAddress> device;    ///< from 1018h, or from RAND
+    std::optional<std::uint32_t> device_type;  ///< 1000h
+    std::optional<NmtState> state;       ///< from its error control messages
+    bool duplicate = false;              ///< more than one device answered under this node-ID or address
+    std::string slot;                    ///< the slot it belongs to, if any
+  };
+  /// Who is on this bus: node-IDs 1..127 by SDO, devices without one by RAND. Changes nothing but the devices' RAND
+  /// state. Waits for its turn.
+  [[nodiscard]] rt::Task<Result<std::vector<Seen>>> scan();
+
+  /// Discovery and binding once, without starting anything (`berth bind`). Waits for its turn.
+  [[nodiscard]] rt::Task<Result<void>> bind_once();
+
+ private:
+  struct Seat;  // one slot at run time
+  struct Wake {
+    enum class Kind : std::uint8_t { boot_up, lost, recovered, state, look };
+    Kind kind = Kind::look;
+    NodeId node;
+    rt::Time at{};
+  };
+  using Slots = std::vector<places::Slot>;
+
+  // network_job.cpp: the main job
+  rt::Task<void> job();
+  rt::Task<void> round();
+  rt::Task<void> opening();
+  rt::Task<void> watch();
+  rt::Task<bool> anybody_new();
+  rt::Task<void> handle(Wake wake);
+  rt::Task<void> came_back(Seat& seat, rt::Time booted);
+  // network_prepare.cpp: who is there
+  rt::Task<void> prepare();
+  rt::Task<void> ask_seat(Seat& seat);
+  rt::Task<void> look_by_lss(Seat& seat);
+  rt::Task<Result<NodeId>> active_id(LssAddress device);
+  rt::Task<void> verify_vacancy();
+  rt::Task<void> ask_vacancy(NodeId id);
+  rt::Task<void> scan_node(NodeId id, Seen& seen, co::SdoOptions patience);
+  // network_bind.cpp: discovery, binding, start
+  rt::Task<void> discover();
+  rt::Task<void> tell_who_is_known();
+  rt::Task<void> inquire_found(bool all);
+  rt::Task<void> carry_out();
+  rt::Task<bool> act(const places::Action& action);
+  rt::Task<bool> bind_seat(Seat& seat, LssAddress device, std::string reason);
+  rt::Task<bool> blank(LssAddress device, std::string reason);
+  rt::Task<void> check_and_start();
+  rt::Task<void> start_seat(Seat& seat);
+  rt::Task<void> await_operational();
+  void bound(Seat& seat, const places::Binding& binding);
+  void not_bound(Seat& seat, const places::Binding& binding);
+  void forget_found(const LssAddress& device);
+  void note_found(const places::Found& found);
+
+  // network.cpp: state and reports
+  void heartbeat(const co::HeartbeatEvent& event, rt::Time at) noexcept override;
+  void surplus(NodeId node, const can::Frame& frame, rt::Time at) noexcept override;
+  void make_plan();
+  void set_state(Seat& seat, places::SlotState state, std::string reason = {});
+  Result<void> clear_seat(Seat& seat, const std::string& reason);
+  void refresh(Seat& seat);
+  void check_rates();
+  void report_plan();
+  void reach(const char* milestone);
+  void tell(std::string kind, std::string slot, std::string text);
+  [[nodiscard]] Seat* seat_at(NodeId id) noexcept;
+  [[nodiscard]] Seat* seat_named(const std::string& name) noexcept;
+  [[nodiscard]] Seat* seat_of(const LssAddress& device) noexcept;
+  [[nodiscard]] Slots slots() const;
+  [[nodiscard]] nodeid::DiscoveryOptions discovery_options() const;
+  [[nodiscard]] places::Binder::Services services() noexcept;
+  [[nodiscard]] bool may_command() const noexcept { return bus_->role == design::Role::master; }
+
+  rt::Executor* executor_;
+  const design::Bus* bus_;
+  places::SlotStore* store_;
+  NetworkObserver observer_;
+  can::Dispatcher dispatcher_;
+  lss::Master lss_;
+  nodeid::RandMaster rand_;
+  co::SdoClient sdo_;
+  co::NmtMaster nmt_;
+  co::HeartbeatConsumer heartbeats_;
+  places::BootWatch boots_;
+  std::unique_ptr<MasterDevice> device_;
+  std::vector<std::unique_ptr<Seat>> seats_;
+  places::VacancyTable vacancy_;
+  std::vector<places::Found> found_;
+  places::Plan plan_;
+  std::vector<LssAddress> avoid_;      // devices whose action failed in this round
+  std::vector<std::string> told_;      // oddities and questions already told
+  std::vector<std::string> reached_;   // milestones
+  rt::Mailbox<Wake, 512> wakes_;
+  bool idle_ = false;
+  bool running_ = false;
+  bool look_anew_ = true;              // the next look asks everybody, not only who is unknown
+  rt::Turn turn_;
+  rt::Scope scope_;                    // last: its tasks use everything above
+};
+
+}  // namespace berth::operate

@@ -1,0 +1,28 @@
+/// One slot at run time: inside of `Network`, shared by its source files.
+#pragma once
+
+#include <optional>
+
+#include "berth/operate/network.hpp"
+
+namespace berth::operate {
+
+struct Network::Seat {
+  places::Slot slot;
+  places::SlotState state = places::SlotState::unknown;
+  rt::Time since{};
+  std::string reason;
+  bool there = false;        ///< its device was identified under the slot's node-ID
+  bool started = false;      ///< NMT start was sent
+  bool guarded = false;      ///< the device has no 1017h: it is asked by guarding
+  rt::Time checked{};        ///< when it was identified last
+  std::optional<places::Binding> waiting;  ///< bound but for a power cycle
+  std::uint64_t beats = 0;   ///< heartbeats heard when their rate was looked at last
+  rt::Time beats_at{};
+  unsigned fast = 0;         ///< looks in a row at which there were too many
+
+  [[nodiscard]] const std::string& name() const noexcept { return slot.spec.name.name; }
+  [[nodiscard]] NodeId id() const noexcept { return slot.spec.id; }
+};
+
+}  // namespace berth::operate

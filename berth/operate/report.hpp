@@ -1,0 +1,62 @@
+/// What a run has to say: the slot table as it stands, and what happened. `berth up --json`, the live table and the
+/// control socket all print this.
+#pragma once
+
+#include <cstdint>
+#include <functional>
+#include <optional>
+#include <string>
+#include <vector>
+
+#include "berth/base/ids.hpp"
+#include "berth/places/slot.hpp"
+#include "berth/rt/executor.hpp"
+
+namespace berth::operate {
+
+/// One slot as it stands.
+struct SlotReport {
+  std::string bus;
+  NodeId id;
+  std::string name;
+  TypeCode type;
+  std::optional<LssAddress> device;  ///< who is bound here, asked for or confirmed
+  places::SlotState state = places::SlotState::unknown;
+  rt::Time since{};                  ///< since when it is in this state
+  std::string reason;                ///< for states that need one: what is wrong and what to do
+};
+
+/// One thing that happened. `kind` is one word of a fixed set, for programs; `text` is for people.
+struct Event {
+  rt::Time at{};
+  std::string bus;
+  std::string kind;   ///< "step", "found", "bound", "state", "question", "surplus", "foreign", "clone", "duplicate", "lost", "error", ...
+  std::string slot;   ///< name, empty when no slot is concerned
+  std::string text;
+
+  friend bool operator==(const Event&, const Event&) = default;
+};
+
+struct Report {
+  std::vector<SlotReport> slots;
+  std::vector<std::pair<std::string, double>> bus_time_s;  ///< per bus: seconds of bus time from start to now
+  std::vector<Event> events;
+};
+
+/// Seconds since the world began, as a JSON number has them.
+[[nodiscard]] double seconds(rt::Time at) noexcept;
+
+/// One JSON object: `{"slots": [{"bus", "id", "name", "type", "r_sn", "state", "since_s"}], "bus_time_s": {...},
+/// "events": [...]}`. Type code and R_SN are "0x…" strings; `r_sn` is null for a slot without a device; "reason" is
+/// there when it is not empty.
+[[nodiscard]] std::string to_json(const Report& report, int indent = 2);
+/// One line of JSON, for streams.
+[[nodiscard]] std::string to_json(const Event& event);
+[[nodiscard]] std::string to_json(const SlotReport& slot);
+
+/// "  0.215 s  backbone  slot 2 'left': bound to ...".
+[[nodiscard]] std::string to_line(const Event& event);
+/// The slot table in columns, a line a slot, headed.
+[[nodiscard]] std::vector<std::string> to_table(const std::vector<SlotReport>& slots);
+
+}  // namespace berth::operate

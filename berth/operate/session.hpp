@@ -1,0 +1,73 @@
+/// The main job as one object: a machine, its store, and a network for each of its buses. `berth up`, `berth demo`, the
+/// tests and every tool use this and nothing else.
+#pragma once
+
+#include <functional>
+#include <memory>
+#include <string>
+#include <string_view>
+#include <vector>
+
+#include "berth/design/machine.hpp"
+#include "berth/operate/network.hpp"
+#include "berth/operate/report.hpp"
+#include "berth/places/slot_store.hpp"
+
+namespace berth::operate {
+
+class Session {
+ public:
+  /// `machine` and `store` must stay.
+  Session(rt::Executor& executor, const design::Machine& machine, places::SlotStore& store);
+  ~Session();
+  Session(const Session&) = delete;
+  Session& operator=(const Session&) = delete;
+
+  /// Gives one bus its port. Every bus needs one before `open`; the port must stay.
+  Result<void> connect(std::string_view bus, can::Port& port);
+  /// Reads the store. Call once, after the ports.
+  Result<void> open();
+  /// Begins the main job on every bus.
+  void start();
+  /// Ends it where it stands.
+  void stop() noexcept;
+
+  /// Every event, as it happens. Events are kept for `report` too, the newest `most_events`.
+  void on_event(std::function<void(const Event&)> handler) { on_event_ = std::move(handler); }
+  /// "discovered", "bound", "operational": when the last bus has reached it.
+  void on_milestone(std::function<void(const std::string&)> handler) { on_milestone_ = std::move(handler); }
+  static constexpr std::size_t most_events = 10'000;
+
+  [[nodiscard]] Report report() const;
+  [[nodiscard]] std::vector<SlotReport> slots() const;
+  [[nodiscard]] bool operational() const noexcept;
+  /// Every network only watches.
+  [[nodiscard]] bool idle() const noexcept;
+
+  [[nodiscard]] const design::Machine& machine() const noexcept { return *machine_; }
+  [[nodiscard]] places::SlotStore& store() noexcept { return *store_; }
+  [[nodiscard]] rt::Executor& executor() noexcept { return *executor_; }
+  /// Null when there is none; an empty name means the only bus, and null when there are several.
+  [[nodiscard]] Network* network(std::string_view bus) noexcept;
+  [[nodiscard]] const std::vector<std::unique_ptr<Network>>& networks() const noexcept { return networks_; }
+  /// The network of a slot, by the slot's name or "bus/name" or its node-ID when that is unique; null when unknown.
+  /// `name` gets the slot's plain name.
+  [[nodiscard]] Network* network_of_slot(std::string_view slot, std::string& name) noexcept;
+
+ private:
+  void record(const Event& event);
+  void reached(const std::string& milestone);
+
+  rt::Executor* executor_;
+  const design::Machine* machine_;
+  places::SlotStore* store_;
+  std::vector<std::pair<const design::Bus*, can::Port*>> ports_;
+  std::vector<std::unique_ptr<Network>> networks_;
+  std::vector<Event> events_;
+  std::function<void(const Event&)> on_event_;
+  std::function<void(const std::string&)> on_milestone_;
+  std::vector<std::pair<std::string, std::size_t>> milestones_;
+  rt::Time began_{};
+};
+
+}  // namespace berth::operate

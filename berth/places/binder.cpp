@@ -1,0 +1,227 @@
+#include "berth/places/binder.hpp"
+
+#include "berth/co/guarding.hpp"
+
+namespace berth::places {
+namespace {
+
+using namespace std::chrono_literals;
+
+constexpr std::uint8_t store_unsupported = 1;  // CiA 305, error code of 17h
+
+}  // namespace
+
+Outcome outcome_of(const Error& error) noexcept {
+  switch (error.code) {
+    case Errc::timeout: return Outcome::silent;
+    case Errc::aborted: return Outcome::refused;
+    case Errc::mismatch: return Outcome::mismatch;
+    case Errc::duplicate: return Outcome::doubled;
+    default: return Outcome::error;
+  }
+}
+
+rt::Task<void> Binder::run(Binding& binding, SlotId slot, const std::string& reason) {
+  while (!binding.ended()) {
+    if (options_.before_step) options_.before_step(binding);
+    const Outcome outcome = co_await perform(binding, slot, reason);
+    binding.advance(outcome);
+  }
+}
+
+rt::Task<Outcome> Binder::perform(Binding& binding, SlotId slot, const std::string& reason) {
+  switch (binding.step()) {
+    case Step::check_vacant: {
+      const LssAddress device = binding.seat().device;
+      co_return co_await vacant(binding.seat().id, device);
+    }
+    case Step::write_ask:
+    case Step::write_confirm: co_return write(binding, slot, reason);
+    case Step::select: {
+      const LssAddress device = binding.seat().device;
+      co_return co_await select(device);
+    }
+    case Step::inquire: co_return co_await inquire(binding);
+    case Step::configure:
+    case Step::revert: {
+      const NodeId id = binding.step() == Step::configure ? binding.seat().id : binding.old_id();
+      const auto reply = co_await s_.lss.configure_node_id(id);
+      co_return reply ? Outcome::ok : outcome_of(reply.error());
+    }
+    case Step::store: co_return co_await store();
+    case Step::release: co_return co_await release(binding);
+    case Step::reset: co_return co_await reset(binding);
+    case Step::await_boot_up: {
+      const rt::Time deadline = s_.dispatcher.executor().now() + options_.boot_timeout;
+      const bool heard = co_await s_.boots.wait(binding.seat().id, moved_, deadline);
+      co_return heard ? Outcome::ok : Outcome::silent;
+    }
+    case Step::identify: {
+      const bool blank = binding.kind() == Binding::Kind::blank;
+      if (blank) co_return co_await identify_blank(binding);
+      co_return co_await identify(binding);
+    }
+    case Step::done:
+    case Step::power_cycle:
+    case Step::failed: break;
+  }
+  co_return Outcome::error;
+}
+
+rt::Task<Outcome> Binder::vacant(NodeId id, const LssAddress& device) {
+  auto& vacant_at = s_.vacancy[id.value() & 0x7FU];
+  const auto heard = s_.boots.heard(id);
+  if (vacant_at && (!heard || *heard < *vacant_at)) {
+    watch_since_ = *vacant_at;
+    co_return Outcome::ok;
+  }
+  watch_since_ = s_.dispatcher.executor().now();
+  vacant_at.reset();
+  co::SdoOptions patience = s_.sdo.options();
+  patience.retries = options_.tries - 1;
+  const auto type = co_await s_.sdo.read<std::uint32_t>(id, 0x1000, 0, patience);
+  const bool silent = !type && type.error().code == Errc::timeout;
+  if (!type && type.error().code == Errc::bus) co_return Outcome::error;
+  if (!silent) {
+    const auto who = co_await read_identity(s_.sdo, id);
+    co_return who && *who == device ? Outcome::ok : Outcome::mismatch;
+  }
+  if (options_.use_guarding) {
+    const auto guarded = co_await co::probe(s_.dispatcher, id, options_.guard_timeout, 1);
+    if (guarded) co_return Outcome::mismatch;
+  }
+  vacant_at = watch_since_;
+  co_return Outcome::ok;
+}
+
+Outcome Binder::write(const Binding& binding, SlotId slot, const std::string& reason) {
+  const bool ask = binding.step() == Step::write_ask;
+  const Seat& seat = binding.seat();
+  Result<void> written;
+  if (binding.kind() == Binding::Kind::bind) {
+    written = ask ? s_.store.ask(slot, seat, reason) : s_.store.confirm(slot, seat, reason);
+  } else {
+    written = ask ? s_.store.ask_blank(seat.device, reason) : s_.store.confirm_blank(seat.device, reason);
+  }
+  return written ? Outcome::ok : Outcome::error;
+}
+
+void Binder::note_strangers(const lss::Reply& reply) noexcept {
+  strangers_ = strangers_ || reply.answers > 1 || reply.others > 0 || reply.stale > 0;
+}
+
+rt::Task<Outcome> Binder::select(const LssAddress& device) {
+  strangers_ = false;
+  const auto quiet = co_await s_.lss.switch_global(lss::State::waiting);
+  if (!quiet) co_return Outcome::error;
+  const auto reply = co_await s_.lss.switch_selective(device);
+  if (!reply) co_return outcome_of(reply.error());
+  note_strangers(*reply);
+  co_return Outcome::ok;
+}
+
+// A second answer may be a late first one; two answers to one request within one window are two devices (S1.22).
+rt::Task<Outcome> Binder::confirm_double(const LssAddress& device) {
+  lss::ServiceOptions whole = s_.lss.options().service;
+  whole.full_window = true;
+  unsigned doubled = 0;
+  for (int look = 0; look < 3; ++look) {
+    const auto quiet = co_await s_.lss.switch_global(lss::State::waiting);
+    if (!quiet) co_return Outcome::error;
+    const auto reply = co_await s_.lss.switch_selective(device, whole);
+    if (!reply) co_return outcome_of(reply.error());
+    if (reply->answers > 1) ++doubled;
+  }
+  co_return doubled >= 2 ? Outcome::doubled : Outcome::ok;
+}
+
+rt::Task<Outcome> Binder::inquire(Binding& binding) {
+  const LssAddress device = binding.seat().device;
+  auto reply = co_await s_.lss.inquire_node_id();
+  if (!reply) co_return outcome_of(reply.error());
+  note_strangers(*reply);
+  if (strangers_ || reply->differ) {
+    const Outcome single = co_await confirm_double(device);
+    if (single != Outcome::ok) co_return single;
+    strangers_ = false;
+    auto again = co_await s_.lss.inquire_node_id();
+    if (!again) co_return outcome_of(again.error());
+    reply = again;
+  }
+  const auto now = NodeId::make(reply->byte());
+  if (!now) co_return Outcome::silent;
+  binding.inquired(*now);
+  co_return Outcome::ok;
+}
+
+rt::Task<Outcome> Binder::store() {
+  const auto reply = co_await s_.lss.store();
+  if (reply) co_return Outcome::ok;
+  const bool unsupported = reply.error().code == Errc::aborted && (reply.error().detail & 0xFFU) == store_unsupported;
+  co_return unsupported ? Outcome::unsupported : outcome_of(reply.error());
+}
+
+rt::Task<Outcome> Binder::release(const Binding& binding) {
+  const bool gives_up = binding.why() != Why::none;
+  const bool taken = binding.kind() == Binding::Kind::bind && binding.old_id() != binding.seat().id &&
+                     s_.boots.booted_since(binding.seat().id, watch_since_);
+  if (taken && !gives_up) co_return Outcome::mismatch;
+  moved_ = s_.dispatcher.executor().now();
+  const auto quiet = co_await s_.lss.switch_global(lss::State::waiting);
+  co_return quiet ? Outcome::ok : Outcome::error;
+}
+
+rt::Task<Outcome> Binder::reset(const Binding& binding) {
+  const bool taken = binding.kind() == Binding::Kind::bind && s_.boots.booted_since(binding.seat().id, moved_);
+  // A device that took its new node-ID with 04h 00h already has booted under it: look who it is.
+  if (taken) co_return Outcome::ok;
+  const auto sent = co_await s_.nmt.send(co::NmtCommand::reset_communication, binding.old_id());
+  co_return sent ? Outcome::ok : Outcome::error;
+}
+
+rt::Task<Result<LssAddress>> Binder::read_identity(co::SdoClient& sdo, NodeId node) {
+  std::array<std::uint32_t, 4> parts{};
+  for (std::uint8_t i = 0; i < 4; ++i) {
+    const std::uint8_t sub = static_cast<std::uint8_t>(i + 1);
+    const auto part = co_await sdo.read<std::uint32_t>(node, 0x1018, sub);
+    if (part) {
+      parts[i] = *part;
+      continue;
+    }
+    // Only the vendor-ID is mandatory (CiA 301 §7.5.2.18).
+    if (part.error().code != Errc::aborted || i == 0) co_return fail(part.error());
+  }
+  co_return LssAddress{parts[0], parts[1], parts[2], parts[3]};
+}
+
+rt::Task<Outcome> Binder::identify(const Binding& binding) {
+  const NodeId id = binding.seat().id;
+  const auto surplus = s_.sdo.surplus(id);
+  const auto who = co_await read_identity(s_.sdo, id);
+  if (!who) co_return who.error().code == Errc::timeout ? Outcome::silent : outcome_of(who.error());
+  if (s_.sdo.surplus(id) != surplus) co_return Outcome::doubled;
+  s_.vacancy[id.value() & 0x7FU].reset();
+  co_return *who == binding.seat().device ? Outcome::ok : Outcome::mismatch;
+}
+
+// The device may still be resetting; it is asked until it answers without a node-ID, or time is up.
+rt::Task<Outcome> Binder::identify_blank(const Binding& binding) {
+  const LssAddress device = binding.seat().device;
+  const rt::Time deadline = s_.dispatcher.executor().now() + options_.boot_timeout;
+  Outcome outcome = Outcome::silent;
+  while (s_.dispatcher.executor().now() < deadline) {
+    const Outcome selected = co_await select(device);
+    outcome = selected;
+    if (selected == Outcome::error) break;
+    if (selected == Outcome::ok) {
+      const auto now = co_await s_.lss.inquire_node_id();
+      if (now) outcome = now->byte() == NodeId::unconfigured_value ? Outcome::ok : Outcome::mismatch;
+      if (outcome == Outcome::ok) break;
+    }
+    co_await rt::sleep_for(50ms);
+  }
+  const auto quiet = co_await s_.lss.switch_global(lss::State::waiting);
+  co_return quiet ? outcome : Outcome::error;
+}
+
+}  // namespace berth::places

@@ -1,0 +1,78 @@
+/// Does the steps of a `Binding` on a bus. The table says what comes next (`berth/places/binding.hpp`); here is only how.
+#pragma once
+
+#include <array>
+#include <functional>
+#include <optional>
+#include <string>
+
+#include "berth/can/dispatcher.hpp"
+#include "berth/co/nmt_master.hpp"
+#include "berth/co/sdo_client.hpp"
+#include "berth/lss/master.hpp"
+#include "berth/places/binding.hpp"
+#include "berth/places/boot_watch.hpp"
+#include "berth/places/slot_store.hpp"
+
+namespace berth::places {
+
+/// When each node-ID was last asked for and nobody answered. With `BootWatch` (nobody booted or was heard since) that
+/// makes a node-ID vacant without asking again.
+using VacancyTable = std::array<std::optional<rt::Time>, 128>;
+
+class Binder {
+ public:
+  struct Services {
+    can::Dispatcher& dispatcher;
+    lss::Master& lss;
+    co::SdoClient& sdo;
+    co::NmtMaster& nmt;
+    BootWatch& boots;
+    SlotStore& store;
+    VacancyTable& vacancy;
+  };
+  struct Options {
+    unsigned tries = 3;                                         ///< attempts before silence counts
+    rt::Duration boot_timeout = std::chrono::seconds(10);       ///< reset to boot-up message
+    rt::Duration guard_timeout = std::chrono::milliseconds(100);
+    bool use_guarding = true;                                   ///< vacancy: ask by a remote frame too
+    std::function<void(const Binding&)> before_step;            ///< for displays and fault plans; may be empty
+  };
+
+  Binder(const Services& services, const Options& options) : s_(services), options_(options) {}
+
+  /// Runs the table to its end. `binding`, `slot` (of `Kind::bind`) and `reason` must stay. LSS belongs to this task
+  /// meanwhile.
+  [[nodiscard]] rt::Task<void> run(Binding& binding, SlotId slot, const std::string& reason);
+
+  /// Reads identity object 1018h, sub-indices 1 to 4. A device without one of 2 to 4 has 0 there.
+  [[nodiscard]] static rt::Task<Result<LssAddress>> read_identity(co::SdoClient& sdo, NodeId node);
+
+  /// Is this node-ID free for `device`? `ok`: nobody answers, or `device` itself does. `mismatch`: somebody else.
+  [[nodiscard]] rt::Task<Outcome> vacant(NodeId id, const LssAddress& device);
+
+ private:
+  rt::Task<Outcome> perform(Binding& binding, SlotId slot, const std::string& reason);
+  rt::Task<Outcome> select(const LssAddress& device);
+  rt::Task<Outcome> confirm_double(const LssAddress& device);
+  rt::Task<Outcome> inquire(Binding& binding);
+  rt::Task<Outcome> store();
+  rt::Task<Outcome> release(const Binding& binding);
+  rt::Task<Outcome> reset(const Binding& binding);
+  rt::Task<Outcome> identify(const Binding& binding);
+  rt::Task<Outcome> identify_blank(const Binding& binding);
+  Outcome write(const Binding& binding, SlotId slot, const std::string& reason);
+  /// Looks at a reply for signs of a second device; remembers them for `inquire`.
+  void note_strangers(const lss::Reply& reply) noexcept;
+
+  Services s_;
+  Options options_;
+  rt::Time watch_since_{};  // vacancy was seen then
+  rt::Time moved_{};        // the device may boot under its new node-ID from then on
+  bool strangers_ = false;
+};
+
+/// What the outcome of a `Result` means to the table.
+[[nodiscard]] Outcome outcome_of(const Error& error) noexcept;
+
+}  // namespace berth::places

@@ -1,0 +1,66 @@
+/// Hears every error control frame and remembers per node-ID when it last booted and when it was last heard: who came
+/// under a node-ID since a moment, and whether anybody is there at all (CiA 301 §7.2.8.3).
+#pragma once
+
+#include <array>
+#include <optional>
+
+#include "berth/base/ids.hpp"
+#include "berth/can/dispatcher.hpp"
+#include "berth/rt/task.hpp"
+
+namespace berth::places {
+
+class BootWatch final : private can::Handler {
+ public:
+  explicit BootWatch(can::Dispatcher& dispatcher);
+
+  /// When the last boot-up message under this node-ID was heard.
+  [[nodiscard]] std::optional<rt::Time> boot_up(NodeId id) const noexcept { return at(id).boot_up; }
+  /// When any error control message under this node-ID was heard, and the NMT state it told.
+  [[nodiscard]] std::optional<rt::Time> heard(NodeId id) const noexcept { return at(id).heard; }
+  [[nodiscard]] NmtState state(NodeId id) const noexcept { return at(id).state; }
+  /// How many error control messages were heard under this node-ID, boot-ups not counted.
+  [[nodiscard]] std::uint64_t beats(NodeId id) const noexcept { return at(id).beats; }
+  /// How many boot-up messages.
+  [[nodiscard]] std::uint64_t boot_ups(NodeId id) const noexcept { return at(id).boot_ups; }
+  /// A boot-up under this node-ID was heard at or after `since`.
+  [[nodiscard]] bool booted_since(NodeId id, rt::Time since) const noexcept {
+    return at(id).boot_up && *at(id).boot_up >= since;
+  }
+
+  /// Waits for a boot-up under `id` at or after `since`; true when it came before `deadline`. One waiter at a time.
+  class Wait final : public rt::Operation<Wait>, private rt::Job {
+   public:
+    Wait(BootWatch& watch, NodeId id, rt::Time since, rt::Time deadline) noexcept
+        : watch_(&watch), id_(id), since_(since), deadline_(deadline) {}
+    ~Wait();
+    bool start() noexcept;
+    bool await_resume() noexcept { return watch_->booted_since(id_, since_); }
+
+   private:
+    friend class BootWatch;
+    void run() noexcept override;
+    BootWatch* watch_;
+    NodeId id_;
+    rt::Time since_;
+    rt::Time deadline_;
+  };
+  [[nodiscard]] Wait wait(NodeId id, rt::Time since, rt::Time deadline) noexcept { return Wait(*this, id, since, deadline); }
+
+ private:
+  struct Node {
+    std::optional<rt::Time> boot_up;
+    std::optional<rt::Time> heard;
+    NmtState state = NmtState::initialising;
+    std::uint64_t beats = 0;
+    std::uint64_t boot_ups = 0;
+  };
+  [[nodiscard]] const Node& at(NodeId id) const noexcept { return nodes_[id.value() & 0x7FU]; }
+  void received(const can::Frame& frame, rt::Time at) noexcept override;
+
+  std::array<Node, 128> nodes_{};
+  Wait* waiter_ = nullptr;
+};
+
+}  // namespace berth::places
