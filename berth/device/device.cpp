@@ -46,7 +46,8 @@ Device::Device(can::Dispatcher& dispatcher, std::shared_ptr<const od::Descriptio
       sdo_buffer_(sdo_buffer(values_.description())) {
   if (memory != nullptr) record_.emplace(*memory, 0, record_size);
   const auto& d = values_.description();
-  if (d.find(0x1016) != nullptr) consumer_ = std::make_unique<co::HeartbeatConsumer>(dispatcher, *this);
+  if (d.find(0x1016) != nullptr) consumer_ = std::make_unique<co::HeartbeatConsumer>(
+      dispatcher, static_cast<co::HeartbeatConsumer::Observer&>(*this));
   if (d.find(0x1003) != nullptr) errors_ = std::make_unique<co::ErrorField>();
   for (const std::uint16_t index : hooked_objects) {
     if (d.find(index) != nullptr) values_.attach(*this, index);
@@ -148,6 +149,12 @@ void Device::load_settings() noexcept {
   if (lss::contains(bit_rates_, raw[1])) memory_.bit_rate = static_cast<lss::BitRateIndex>(raw[1]);
 }
 
+void Device::set_blank(NodeId id, std::uint32_t bit_rate) noexcept {
+  options_.node_id = id;
+  options_.bit_rate = bit_rate;
+  bit_rates_ = bit_rates(bit_rate);
+}
+
 lss::Settings Device::persistent() noexcept {
   if (!powered_) load_settings();
   return memory_;
@@ -186,7 +193,10 @@ void Device::self_start() noexcept {
 void Device::start_services() noexcept {
   const auto id = nmt_.node_id();
   listen();
-  for (const std::uint16_t index : {0x1014, 0x1015, 0x1017, 0x100C}) apply_object(index);
+  apply_object(0x1014);
+  apply_object(0x1015);
+  apply_object(0x1017);
+  apply_object(0x100C);
   apply_consumer_entries();
   producer_.start(id, nmt_.state());
   guarding_.start(id, nmt_.state());

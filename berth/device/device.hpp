@@ -102,8 +102,8 @@ class Device final : private co::NmtSlave::Owner,
 
   /// From the next power-on: another serial number, say.
   void set_address(const LssAddress& address) noexcept { options_.address = address; }
-  /// From the next power-on: what blank memory, or the fixed source, gives.
-  void set_node_id(NodeId id) noexcept { options_.node_id = id; }
+  /// From the next power-on: what blank memory, or the fixed source, gives. `bit_rate` as in `Options`.
+  void set_blank(NodeId id, std::uint32_t bit_rate) noexcept;
   /// What the device does when it is told so over the bus: the master's own "start all" does not hear itself.
   void apply(co::NmtCommand command) noexcept { nmt_.apply(command); }
 
