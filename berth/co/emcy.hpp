@@ -3,6 +3,7 @@
 
 #include <array>
 #include <span>
+#include <utility>
 #include <vector>
 
 #include "berth/base/ids.hpp"
@@ -86,7 +87,8 @@ class EmcyProducer final : private rt::Job {
   bool enabled_ = false;
 };
 
-/// Pre-defined error field, object 1003h: newest at sub-index 1; the oldest drops out. Code 0000h and 00xxh are not kept.
+/// Pre-defined error field, object 1003h: newest at sub-index 1; the oldest drops out. Code 0000h and 00xxh are not
+/// kept.
 class ErrorField {
  public:
   static constexpr std::size_t size = 16;

@@ -1,8 +1,10 @@
-/// Node guarding and life guarding (CiA 301 §7.2.8.3.2.1, objects 100Ch and 100Dh; facts page A.4): the elder of the two
-/// error control protocols, by remote frames on 700h + node-ID. CiA discourages it; paper 1's preparation step uses it.
+/// Node guarding and life guarding (CiA 301 §7.2.8.3.2.1, objects 100Ch and 100Dh; facts page A.4): the elder of the
+/// two error control protocols, by remote frames on 700h + node-ID. CiA discourages it; paper 1's preparation step uses
+/// it.
 #pragma once
 
-#include <memory>
+#include <optional>
+#include <utility>
 #include <vector>
 
 #include "berth/base/result.hpp"
@@ -58,7 +60,8 @@ struct GuardingEvent {
   enum class Kind : std::uint8_t {
     started,        ///< first answer
     state_changed,  ///< an answer carries another state than the one before
-    toggle_error,   ///< an answer repeats the toggle bit; it is not counted as an answer
+    toggle_error,   ///< an answer repeats the toggle bit; it is not counted as an answer. The first answer heard may
+                    ///< have any
     lost,           ///< no answer for the node life time; once until `recovered`
     recovered,      ///< first answer after `lost`
     boot_up,        ///< boot-up message: the toggle starts at 0 again
@@ -84,8 +87,8 @@ class GuardingMaster final : private can::Handler, private rt::Job {
   GuardingMaster(can::Dispatcher& dispatcher, Observer& observer) noexcept
       : dispatcher_(&dispatcher), observer_(&observer) {}
 
-  /// Asks every `guard_time` (not 0), first now; `lost` when `retry_factor` (at least 1) questions in a row had no answer by
-  /// the time the next was due. 1F81h: bits 31..16 guard time in ms, 15..8 retry factor.
+  /// Asks every `guard_time` (not 0), first now; `lost` when `retry_factor` (at least 1) questions in a row had no
+  /// answer by the time the next was due. 1F81h: bits 31..16 guard time in ms, 15..8 retry factor.
   void guard(NodeId node, rt::Duration guard_time, std::uint8_t retry_factor);
   void end(NodeId node) noexcept;
   [[nodiscard]] bool guarded(NodeId node) const noexcept;
@@ -100,16 +103,18 @@ class GuardingMaster final : private can::Handler, private rt::Job {
     std::uint8_t factor = 1;
     std::uint8_t missed = 0;
     NmtState state = NmtState::initialising;
-    bool toggle = false;   // expected
-    bool waits = false;    // asked, no answer yet
+    bool toggle = false;  // expected, once it is known
+    bool toggle_known = false;
+    bool waits = false;  // asked, no answer yet
     bool seen = false;
     bool lost = false;
   };
-  [[nodiscard]] Node* find(std::uint8_t node) noexcept;
+  [[nodiscard]] Node* find(NodeId node) noexcept;
+  [[nodiscard]] Node* first_due(rt::Time now) noexcept;
   void received(const can::Frame& frame, rt::Time at) noexcept override;
   void answered(Node& node, std::uint8_t byte, NmtState state, rt::Time at) noexcept;
   void run() noexcept override;
-  void ask(std::uint8_t node) noexcept;
+  void due(Node& node) noexcept;
   void report(GuardingEvent::Kind kind, NodeId node, NmtState state, NmtState previous, rt::Time at) noexcept;
   void listen() noexcept;
   void arm() noexcept;
@@ -132,7 +137,10 @@ struct GuardAnswer {
 ///     auto answer = co_await co::probe(dispatcher, node, timeout, 3);
 ///
 /// Errc::timeout: no answer to any try. Errc::bus: a question never left within `timeout`.
-class GuardProbe final : public rt::Operation<GuardProbe>, private can::Handler, private can::Confirmation, private rt::Job {
+class GuardProbe final : public rt::Operation<GuardProbe>,
+                         private can::Handler,
+                         private can::Confirmation,
+                         private rt::Job {
  public:
   GuardProbe(can::Dispatcher& dispatcher, NodeId node, rt::Duration timeout, unsigned tries) noexcept
       : dispatcher_(&dispatcher), timeout_(timeout), tries_(tries), node_(node) {}
@@ -143,10 +151,12 @@ class GuardProbe final : public rt::Operation<GuardProbe>, private can::Handler,
   void received(const can::Frame& frame, rt::Time at) noexcept override;
   void sent(rt::Time at) noexcept override;
   void run() noexcept override;
-  bool ask() noexcept;
+  void ask() noexcept;
+  void send() noexcept;
   void end(const Result<GuardAnswer>& result) noexcept;
   can::Dispatcher* dispatcher_;
   rt::Duration timeout_;
+  rt::Time give_up_{};
   unsigned tries_;
   NodeId node_;
   bool asked_ = false;  // the remote frame is on the wire

@@ -3,6 +3,7 @@
 
 #include <array>
 #include <optional>
+#include <utility>
 
 #include "berth/can/dispatcher.hpp"
 #include "berth/co/nmt.hpp"
@@ -50,9 +51,9 @@ struct HeartbeatEvent {
   };
   Kind kind = Kind::started;
   NodeId node;
-  bool supervised = true;                       ///< false only for boot-ups heard by `hear_all_boot_ups`
-  NmtState state = NmtState::initialising;      ///< newest state heard
-  NmtState previous = NmtState::initialising;   ///< state before this event
+  bool supervised = true;                      ///< false only for boot-ups heard by `hear_all_boot_ups`
+  NmtState state = NmtState::initialising;     ///< newest state heard
+  NmtState previous = NmtState::initialising;  ///< state before this event
 };
 [[nodiscard]] const char* name(HeartbeatEvent::Kind kind) noexcept;
 
@@ -79,8 +80,8 @@ class HeartbeatConsumer final : private can::Handler, private rt::Job {
   /// A refused write changes nothing. Supervision of the node begins anew even when the value is the same.
   od::AbortCode set_entry(std::uint8_t sub, std::uint32_t value) noexcept;
   [[nodiscard]] std::uint32_t entry(std::uint8_t sub) const noexcept;
-  /// The same without sub-indices, for managers: time 0 = off. A node has one heartbeat time: one that has a 1016h entry
-  /// gets its time changed.
+  /// The same without sub-indices, for managers: time 0 = off. A node has one heartbeat time: one that has a 1016h
+  /// entry gets its time changed.
   void supervise(NodeId node, rt::Duration time) noexcept;
   /// Forgets all nodes and entries; `hear_all_boot_ups` stays.
   void clear() noexcept;
@@ -105,9 +106,9 @@ class HeartbeatConsumer final : private can::Handler, private rt::Job {
     rt::Time deadline = rt::never;  // of the next heartbeat, or of never_seen
     rt::Duration time{};
     Phase phase = Phase::unused;
-    bool was_lost = false;     // lost, and no heartbeat since
+    bool was_lost = false;  // lost, and no heartbeat since
     NmtState state = NmtState::initialising;
-    std::uint8_t entry = 0;    // sub-index of 1016h that made it, 0 = `supervise`
+    std::uint8_t entry = 0;  // sub-index of 1016h that made it, 0 = `supervise`
   };
   void received(const can::Frame& frame, rt::Time at) noexcept override;
   void run() noexcept override;

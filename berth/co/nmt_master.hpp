@@ -60,7 +60,7 @@ class NmtMaster final : private can::Confirmation, private rt::Job {
   std::deque<Entry> queue_;  // the first one is being sent when `sending_`
   rt::Duration inhibit_{};
   rt::Duration send_timeout_ = std::chrono::seconds(1);
-  rt::Time free_at_{};       // the inhibit time ends
+  rt::Time free_at_{};  // the inhibit time ends
   rt::Time give_up_{};
   bool sending_ = false;
   std::uint64_t lost_ = 0;

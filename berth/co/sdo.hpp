@@ -83,9 +83,29 @@ class SdoValue {
 namespace sdo {
 
 /// Command specifiers, bits 7..5 of byte 0. Client's and server's numbers differ.
-enum class Ccs : std::uint8_t { download_segment, download, upload, upload_segment, abort, block_upload, block_download, network };
-enum class Scs : std::uint8_t { upload_segment, download_segment, upload, download, abort, block_download, block_upload, network };
-[[nodiscard]] constexpr std::uint8_t specifier(std::uint8_t byte0) noexcept { return static_cast<std::uint8_t>(byte0 >> 5); }
+enum class Ccs : std::uint8_t {
+  download_segment,
+  download,
+  upload,
+  upload_segment,
+  abort,
+  block_upload,
+  block_download,
+  network
+};
+enum class Scs : std::uint8_t {
+  upload_segment,
+  download_segment,
+  upload,
+  download,
+  abort,
+  block_download,
+  block_upload,
+  network
+};
+[[nodiscard]] constexpr std::uint8_t specifier(std::uint8_t byte0) noexcept {
+  return static_cast<std::uint8_t>(byte0 >> 5);
+}
 
 inline constexpr std::uint8_t toggle_bit = 0x10;
 inline constexpr std::size_t segment_bytes = 7;

@@ -10,6 +10,7 @@
 #pragma once
 
 #include <array>
+#include <optional>
 
 #include "berth/base/result.hpp"
 #include "berth/can/dispatcher.hpp"
@@ -20,8 +21,8 @@ namespace berth::co {
 
 /// How patient a transfer is.
 struct SdoOptions {
-  rt::Duration timeout = std::chrono::seconds(1);       ///< for each answer, from the moment the request was on the wire
-  rt::Duration send_timeout = std::chrono::seconds(2);  ///< for each request to get onto the wire
+  rt::Duration timeout = std::chrono::seconds(1);  ///< for each answer, from the moment the request was on the wire
+  rt::Duration send_timeout = std::chrono::seconds(1);  ///< for each request to get onto the wire
   unsigned retries = 0;                                 ///< new attempts of the whole transfer after a time-out
   bool abort_on_timeout = true;                         ///< tell the server (0504 0000) when giving up
   std::size_t longest = std::size_t{16} << 20U;         ///< longest upload accepted, in bytes; else 0504 0005
@@ -64,10 +65,15 @@ class SdoTransfer : public rt::Operation<SdoTransfer>, private rt::Job, private 
   void sent(rt::Time at) noexcept override;
   void attempt() noexcept;
   void send(const can::Frame& frame) noexcept;
+  void send_request() noexcept;
+  void send_abort(AbortCode code) noexcept;
   void next_segment() noexcept;
+  void timed_out() noexcept;
+  /// False when the frame is no answer to the request on its way.
   bool answer(const can::Frame& frame) noexcept;
   bool initiate_answer(const can::Frame& frame) noexcept;
-  bool upload_answer(const can::Frame& frame) noexcept;
+  bool segment_answer(const can::Frame& frame) noexcept;
+  void take_initiate(const can::Frame& frame) noexcept;
   void take_segment(const can::Frame& frame) noexcept;
   void refuse(AbortCode code, const char* text) noexcept;
   void complete() noexcept;
@@ -83,15 +89,15 @@ class SdoTransfer : public rt::Operation<SdoTransfer>, private rt::Job, private 
   std::optional<Error> error_;
   std::size_t offset_ = 0;
   std::size_t indicated_ = 0;
-  rt::Time give_up_{};           // for the request that waits for the wire
-  can::Frame request_;           // the newest, in case the port was full
+  rt::Time give_up_{};  // for the request that waits for the wire
+  can::Frame request_;  // the newest, in case the port was full
   unsigned attempts_ = 0;
   ObjectRef ref_;
   NodeId node_;
   State state_ = State::idle;
   bool download_ = false;
   bool toggle_ = false;
-  bool window_ = false;          // the request is on the wire: answers count
+  bool window_ = false;  // the request is on the wire: answers count
   bool last_ = false;
   bool unsized_ = false;
   bool size_indicated_ = false;
@@ -177,7 +183,8 @@ class SdoClient final : private can::Handler {
   [[nodiscard]] SdoUpload upload(NodeId node, std::uint16_t index, std::uint8_t sub) noexcept {
     return SdoUpload(*this, node, {index, sub}, options_);
   }
-  [[nodiscard]] SdoUpload upload(NodeId node, std::uint16_t index, std::uint8_t sub, const SdoOptions& options) noexcept {
+  [[nodiscard]] SdoUpload upload(NodeId node, std::uint16_t index, std::uint8_t sub,
+                                 const SdoOptions& options) noexcept {
     return SdoUpload(*this, node, {index, sub}, options);
   }
   [[nodiscard]] SdoDownload download(NodeId node, std::uint16_t index, std::uint8_t sub,
@@ -193,7 +200,8 @@ class SdoClient final : private can::Handler {
     return SdoRead<T>(*this, node, {index, sub}, options_);
   }
   template <class T>
-  [[nodiscard]] SdoRead<T> read(NodeId node, std::uint16_t index, std::uint8_t sub, const SdoOptions& options) noexcept {
+  [[nodiscard]] SdoRead<T> read(NodeId node, std::uint16_t index, std::uint8_t sub,
+                                const SdoOptions& options) noexcept {
     return SdoRead<T>(*this, node, {index, sub}, options);
   }
   template <class T>
@@ -228,7 +236,7 @@ class SdoClient final : private can::Handler {
     SdoTransfer* first = nullptr;  // on its way; others wait behind it
     std::uint32_t surplus = 0;
     std::uint32_t late = 0;
-    std::uint16_t owed = 0;        // answers that requests on the wire have not had
+    std::uint16_t owed = 0;  // answers that requests on the wire have not had
     rt::Time owed_until{};
   };
   void received(const can::Frame& frame, rt::Time at) noexcept override;

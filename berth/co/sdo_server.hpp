@@ -19,7 +19,8 @@ namespace berth::co {
 ///
 /// - Not heard: frames that are not 8 bytes, remote frames (hard-cases S16); an abort ends the transfer without an
 ///   answer (S13).
-/// - A new initiate replaces the running transfer (S14). A segment that does not fit the transfer aborts it: wrong toggle
+/// - A new initiate replaces the running transfer (S14). A segment that does not fit the transfer aborts it: wrong
+/// toggle
 ///   0503 0000 (S5), no such transfer 0504 0001, more bytes than indicated 0607 0012, fewer 0607 0013.
 /// - Uploads of at most `buffer` bytes are taken whole at the initiate, so that the client gets one consistent value;
 ///   longer ones are read from the dictionary piece by piece, and aborted with 0800 0022 when the length changes
@@ -45,11 +46,14 @@ class SdoServer {
  private:
   enum class State : std::uint8_t { idle, download, upload };
   void begin_download(const can::Frame& request, can::Frame& answer) noexcept;
-  void begin_segmented_download(const can::Frame& request, can::Frame& answer) noexcept;
+  [[nodiscard]] AbortCode expedited_download(const can::Frame& request) noexcept;
+  [[nodiscard]] AbortCode begin_segmented_download(const can::Frame& request) noexcept;
   void download_segment(const can::Frame& request, can::Frame& answer) noexcept;
   void begin_upload(can::Frame& answer) noexcept;
   void upload_segment(const can::Frame& request, can::Frame& answer) noexcept;
   [[nodiscard]] AbortCode take(std::span<const std::uint8_t> bytes, bool last) noexcept;
+  [[nodiscard]] od::Answer<const std::uint8_t*> upload_source() noexcept;
+  void refuse_unknown(const can::Frame& request, can::Frame& answer) noexcept;
   void abort(can::Frame& answer, ObjectRef ref, AbortCode code) noexcept;
   [[nodiscard]] bool toggled(const can::Frame& request, can::Frame& answer) noexcept;
 
@@ -58,12 +62,12 @@ class SdoServer {
   std::size_t capacity_;
   std::uint32_t response_id_ = 0;
   State state_ = State::idle;
-  bool toggle_ = false;          // expected in the next segment
+  bool toggle_ = false;  // expected in the next segment
   bool size_indicated_ = false;
-  bool buffered_ = false;        // upload: the value stands in the buffer
+  bool buffered_ = false;  // upload: the value stands in the buffer
   ObjectRef ref_;
-  std::size_t size_ = 0;         // upload: of the value; download: as indicated
-  std::size_t offset_ = 0;       // bytes done
+  std::size_t size_ = 0;    // upload: of the value; download: as indicated
+  std::size_t offset_ = 0;  // bytes done
 };
 
 /// The default SDO channel of a node, bound to its port.
@@ -90,7 +94,7 @@ class SdoServerService final : private can::Handler, private rt::Job {
   SdoServer server_;
   rt::Duration timeout_ = std::chrono::seconds(1);
   std::optional<can::Frame> unsent_;  // the port was full
-  unsigned unsent_tries_ = 0;
+  rt::Time unsent_until_{};
 };
 
 }  // namespace berth::co

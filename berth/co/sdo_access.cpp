@@ -1,0 +1,32 @@
+#include "berth/co/sdo_access.hpp"
+
+namespace berth::co {
+
+rt::Task<Result<std::uint32_t>> SdoAccess::read_u32(std::uint16_t index, std::uint8_t sub) {
+  auto value = co_await read(index, sub);
+  if (!value) co_return fail(value.error());
+  const auto number = value->as<std::uint32_t>();
+  if (!number) {
+    co_return fail(Error{.code = Errc::mismatch, .sub = sub, .index = index, .text = "the object is not 32 bits long"});
+  }
+  co_return *number;
+}
+
+rt::Task<Result<void>> SdoAccess::write_u32(std::uint16_t index, std::uint8_t sub, std::uint32_t value) {
+  std::array<std::uint8_t, 4> bytes{};
+  store_le(bytes.data(), value);
+  const std::span<const std::uint8_t> data(bytes);
+  co_return co_await write(index, sub, data);
+}
+
+rt::Task<Result<SdoValue>> NodeAccess::read(std::uint16_t index, std::uint8_t sub) {
+  const SdoOptions options = options_.value_or(client_->options());
+  co_return co_await client_->upload(node_, index, sub, options);
+}
+
+rt::Task<Result<void>> NodeAccess::write(std::uint16_t index, std::uint8_t sub, std::span<const std::uint8_t> data) {
+  const SdoOptions options = options_.value_or(client_->options());
+  co_return co_await client_->download(node_, index, sub, data, options);
+}
+
+}  // namespace berth::co
