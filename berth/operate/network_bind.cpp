@@ -1,0 +1,297 @@
+// Discovery, binding and start (paper 1 §III.b, c; S1.31 to S1.36).
+#include <fmt/format.h>
+
+#include <algorithm>
+
+#include "berth/operate/master_device.hpp"
+#include "berth/operate/network_seat.hpp"
+
+namespace berth::operate {
+
+using places::Action;
+using places::Binding;
+using places::SlotState;
+
+nodeid::DiscoveryOptions Network::discovery_options() const {
+  nodeid::DiscoveryOptions o;
+  o.t_resp = bus_->timing.rand_response;
+  o.t_proc = bus_->timing.rand_processing;
+  return o;
+}
+
+places::Binder::Services Network::services() noexcept {
+  return {dispatcher_, lss_, sdo_, nmt_, boots_, *store_, vacancy_};
+}
+
+void Network::note_found(const places::Found& found) {
+  const auto it = std::ranges::find(found_, found.device, &places::Found::device);
+  if (it == found_.end()) {
+    found_.push_back(found);
+  } else {
+    *it = found;
+  }
+}
+
+void Network::forget_found(const LssAddress& device) {
+  std::erase_if(found_, [&](const places::Found& f) { return f.device == device; });
+}
+
+// ---- discovery ----
+
+// A device may come from another plant as "identified": everybody becomes unknown, then those who sit here become
+// identified again (S1.31). While the machine runs this is not repeated: who comes new is unknown from power-on.
+rt::Task<void> Network::tell_who_is_known() {
+  const auto everybody = co_await rand_.switch_global(nodeid::Identification::unknown);
+  if (!everybody) co_return;
+  for (auto& seat : seats_) {
+    const bool known = seat->there && seat->slot.record.confirmed;
+    if (!known) continue;
+    const LssAddress device = seat->slot.record.confirmed->device;
+    const auto told = co_await rand_.switch_selective(device);
+    if (!told) co_return;
+  }
+}
+
+rt::Task<void> Network::discover() {
+  // Devices that wait without a seat are identified and would not answer: all are asked anew, who left is forgotten.
+  const bool waiting = std::ranges::any_of(found_, [&](const auto& f) { return seat_of(f.device) == nullptr; });
+  if (look_anew_ || waiting) {
+    look_anew_ = false;
+    std::erase_if(found_, [&](const places::Found& f) { return seat_of(f.device) == nullptr; });
+    co_await tell_who_is_known();
+  }
+  tell("step", "", "discovery: RAND, from phase 0");
+  const nodeid::DiscoveryOptions options = discovery_options();
+  const auto report = co_await rand_.discover(options);
+  if (!report) {
+    tell("error", "", "discovery: " + describe(report.error()));
+    co_return;
+  }
+  for (const auto& d : report->found) {
+    note_found({d.address, NodeId(), d.possible_clone});
+    tell("found", "", fmt::format("found {}{}", to_string(d.address), d.possible_clone ? ", answered twice" : ""));
+  }
+  using End = nodeid::DiscoveryReport::End;
+  if (report->end != End::complete) {
+    tell("error", "", fmt::format("discovery ended early: {}; a device answers that cannot be identified", name(report->end)));
+  }
+  tell("step", "", fmt::format("discovery: {} found, {} requests, {:.3f} s", report->found.size(), report->requests,
+                               seconds(report->ended) - seconds(report->began)));
+  reach("discovered");
+}
+
+// RAND tells no node-ID. Who will be bound is asked in its binding; the others must be known by the node-ID they hold,
+// and so must bound devices that answered RAND: after a power-on they may be right where they belong.
+rt::Task<void> Network::inquire_found(bool all) {
+  const std::vector<places::Found> found = found_;
+  for (const auto& f : found) {
+    const Seat* seat = seat_of(f.device);
+    const bool binds = std::ranges::any_of(plan_.actions, [&](const Action& a) { return a.device == f.device; });
+    const bool asks = all || seat != nullptr || !binds;
+    if (!asks || f.clone) continue;
+    const auto id = co_await active_id(f.device);
+    if (id) {
+      note_found({f.device, *id, false});
+    } else if (seat == nullptr && id.error().code == Errc::timeout) {
+      forget_found(f.device);  // it left
+    }
+  }
+}
+
+// ---- binding ----
+
+rt::Task<void> Network::carry_out() {
+  avoid_.clear();
+  bool inquired_all = false;
+  make_plan();
+  if (!found_.empty()) {
+    co_await inquire_found(false);
+    make_plan();
+  }
+  for (;;) {
+    co_await verify_vacancy();
+    const std::vector<Action> actions = plan_.actions;
+    bool again = false;
+    for (const auto& action : actions) {
+      if (std::ranges::find(avoid_, action.device) != avoid_.end()) continue;
+      const bool good = co_await act(action);
+      if (good) continue;
+      avoid_.push_back(action.device);
+      if (!inquired_all && !found_.empty()) {
+        inquired_all = true;
+        co_await inquire_found(true);
+      }
+      again = true;
+      break;
+    }
+    make_plan();
+    if (!again) break;
+  }
+  report_plan();
+  reach("bound");
+}
+
+rt::Task<bool> Network::act(const Action& action) {
+  const LssAddress device = action.device;
+  const std::string reason = action.reason;
+  if (action.kind == Action::Kind::blank) co_return co_await blank(device, reason);
+  Seat& seat = *seats_[action.slot];
+  co_return co_await bind_seat(seat, device, reason);
+}
+
+rt::Task<bool> Network::bind_seat(Seat& seat, LssAddress device, std::string reason) {
+  Binding binding(Binding::Kind::bind, {device, seat.id()}, bus_->timing.tries);
+  set_state(seat, SlotState::binding, reason);
+  places::Binder::Options options;
+  options.tries = bus_->timing.tries;
+  options.boot_timeout = bus_->timing.boot_timeout;
+  options.guard_timeout = bus_->timing.guard_timeout;
+  places::Binder binder(services(), options);
+  const places::SlotId slot = seat.slot.record.slot;
+  co_await binder.run(binding, slot, reason);
+  refresh(seat);
+  const bool good = binding.step() == places::Step::done;
+  if (good) {
+    bound(seat, binding);
+  } else {
+    not_bound(seat, binding);
+  }
+  co_return good || binding.step() == places::Step::power_cycle;
+}
+
+void Network::bound(Seat& seat, const Binding& binding) {
+  forget_found(binding.seat().device);
+  seat.there = true;
+  seat.started = false;
+  seat.waiting.reset();
+  seat.checked = executor_->now();
+  tell("bound", seat.name(), fmt::format("bound to {} as node-ID {}{}", to_string(binding.seat().device),
+                                         seat.id().value(), binding.volatile_only() ? ", which it cannot store" : ""));
+  set_state(seat, SlotState::present);
+}
+
+void Network::not_bound(Seat& seat, const Binding& binding) {
+  using places::Step;
+  using places::Why;
+  seat.there = false;
+  if (binding.step() == Step::power_cycle) {
+    seat.waiting = binding;
+    forget_found(binding.seat().device);
+    set_state(seat, SlotState::power_cycle, "node-ID stored; switch the device off and on");
+    return;
+  }
+  const bool clone = binding.why() == Why::clone;
+  if (clone) note_found({binding.seat().device, binding.old_id(), true});
+  if (binding.why() == Why::not_there) forget_found(binding.seat().device);
+  // Nothing in the device can have changed: the slot is free again. Else it stays the slot's until it is seen.
+  const bool fresh = !seat.slot.record.confirmed && binding.untouched() && seat.slot.record.asked;
+  if (fresh) {
+    const auto cleared = store_->clear(seat.slot.record.slot, places::name(binding.why()));
+    if (!cleared) tell("error", seat.name(), "the slot table cannot be written: " + describe(cleared.error()));
+    refresh(seat);
+  }
+  const std::string reason = fmt::format("{}: {}", to_string(binding.seat().device), places::name(binding.why()));
+  if (clone || binding.why() == Why::other_device) {
+    set_state(seat, SlotState::duplicate, reason);
+  } else if (binding.why() == Why::not_there) {
+    set_state(seat, fresh ? SlotState::empty : SlotState::absent, reason);
+  } else {
+    set_state(seat, SlotState::failed, reason);
+  }
+}
+
+rt::Task<bool> Network::blank(LssAddress device, std::string reason) {
+  Binding binding(Binding::Kind::blank, {device, NodeId()}, bus_->timing.tries);
+  places::Binder::Options options;
+  options.tries = bus_->timing.tries;
+  options.boot_timeout = bus_->timing.boot_timeout;
+  places::Binder binder(services(), options);
+  tell("step", "", fmt::format("taking the node-ID of {}: {}", to_string(device), reason));
+  const places::SlotId none;
+  co_await binder.run(binding, none, reason);
+  const bool good = binding.step() == places::Step::done;
+  if (good) {
+    const auto it = std::ranges::find(found_, device, &places::Found::device);
+    if (it != found_.end()) it->active = NodeId();
+  } else if (binding.why() != places::Why::not_there) {
+    tell("error", "", fmt::format("{} keeps its node-ID: {}", to_string(device), name(binding.why())));
+  }
+  co_return good;
+}
+
+// ---- check and start ----
+
+rt::Task<void> Network::check_and_start() {
+  rt::Scope starts(*executor_);
+  for (auto& seat : seats_) {
+    const bool ready = seat->there && !seat->started && seat->state == SlotState::present;
+    if (ready) starts.spawn(start_seat(*seat));
+  }
+  co_await starts.join();
+  co_await await_operational();
+  if (operational() && may_command()) {
+    device_->start();
+    reach("operational");
+  }
+}
+
+rt::Task<void> Network::start_seat(Seat& seat) {
+  const NodeId id = seat.id();
+  const auto ms = std::chrono::duration_cast<std::chrono::milliseconds>(bus_->timing.heartbeat_period).count();
+  const auto period = static_cast<std::uint16_t>(std::clamp<std::int64_t>(ms, 0, 0xFFFF));
+  co::SdoOptions patience = sdo_.options();
+  patience.retries = bus_->timing.tries - 1;
+  const auto written = co_await sdo_.write<std::uint16_t>(id, 0x1017, 0, period, patience);
+  if (!written && written.error().code != Errc::aborted) {
+    seat.there = false;
+    set_state(seat, SlotState::absent, "its heartbeat could not be set: " + describe(written.error()));
+    co_return;
+  }
+  seat.guarded = !written.has_value();
+  if (!seat.guarded) heartbeats_.supervise(id, bus_->timing.heartbeat_timeout);
+  if (!may_command()) co_return;
+  seat.started = true;
+  const auto sent = co_await nmt_.send(co::NmtCommand::start, id);
+  if (!sent) {
+    seat.started = false;
+    set_state(seat, SlotState::failed, "NMT start could not be sent: " + describe(sent.error()));
+    co_return;
+  }
+  if (!seat.guarded) co_return;
+  // No heartbeat in this device: it is asked once by guarding, which is all that can be known of it.
+  const auto guarded = co_await co::probe(dispatcher_, id, bus_->timing.guard_timeout, bus_->timing.tries);
+  if (guarded && guarded->state == NmtState::operational) {
+    set_state(seat, SlotState::operational);
+  } else {
+    set_state(seat, SlotState::failed, "it was started and did not become operational");
+  }
+}
+
+// Operational is what the device says in its heartbeat, not what it was told.
+rt::Task<void> Network::await_operational() {
+  const auto waits = [](const auto& s) { return s->started && s->state == SlotState::present; };
+  const rt::Time deadline = executor_->now() + bus_->timing.heartbeat_timeout;
+  while (executor_->now() < deadline && std::ranges::any_of(seats_, waits)) {
+    co_await rt::sleep_for(bus_->timing.heartbeat_period / 16 + std::chrono::milliseconds(1));
+  }
+  for (auto& seat : seats_) {
+    if (!waits(seat)) continue;
+    seat->started = false;
+    set_state(*seat, SlotState::failed, "it was started and no heartbeat told that it is operational");
+  }
+}
+
+rt::Task<Result<void>> Network::bind_once() {
+  co_await turn_.take();
+  const rt::Held held(turn_);
+  look_anew_ = true;
+  co_await opening();
+  co_await prepare();
+  co_await discover();
+  co_await carry_out();
+  const auto left = std::ranges::find_if(seats_, [](const auto& s) { return !s->slot.spec.optional && !s->there; });
+  if (left != seats_.end()) co_return fail(Errc::not_found, "not every slot has its device; see the report");
+  co_return Result<void>();
+}
+
+}  // namespace berth::operate

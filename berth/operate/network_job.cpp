@@ -1,0 +1,155 @@
+// The main job, top to bottom.
+#include <fmt/format.h>
+
+#include <algorithm>
+
+#include "berth/operate/master_device.hpp"
+#include "berth/operate/network_seat.hpp"
+
+namespace berth::operate {
+
+using places::SlotState;
+
+rt::Task<void> Network::job() {
+  co_await turn_.take();
+  co_await opening();
+  co_await prepare();
+  for (;;) {
+    co_await round();
+    idle_ = true;
+    turn_.give();
+    co_await watch();
+    co_await turn_.take();
+    idle_ = false;
+  }
+}
+
+rt::Task<void> Network::round() {
+  if (bus_->role != design::Role::observer) {
+    co_await discover();
+    co_await carry_out();
+  }
+  for (auto& seat : seats_) {
+    if (seat->state == SlotState::unknown) set_state(*seat, SlotState::empty, "no device of its type was found");
+  }
+  co_await check_and_start();
+}
+
+// An interrupted run may have left one device in configuration state with a node-ID pending: the next `04 00` would
+// bring it into use. Whoever listens gives it up first (berth/places/binding.hpp).
+rt::Task<void> Network::opening() {
+  if (bus_->role == design::Role::observer) co_return;
+  const auto blanks = store_->unfinished_blanks();
+  const bool unfinished = std::ranges::any_of(seats_, [](const auto& s) { return s->slot.record.asked.has_value(); }) ||
+                          (blanks && !blanks->empty());
+  if (unfinished) {
+    tell("step", "", "finishing what an earlier run began");
+    const auto reverted = co_await lss_.configure_node_id(NodeId());
+    if (!reverted && reverted.error().code == Errc::bus) tell("error", "", describe(reverted.error()));
+  }
+  const auto quiet = co_await lss_.switch_global(lss::State::waiting);
+  if (!quiet) tell("error", "", "the bus: " + describe(quiet.error()));
+}
+
+// Returns when something is to be done about the bus as a whole: somebody new, or a slot that became free.
+rt::Task<void> Network::watch() {
+  for (;;) {
+    const rt::Time deadline = executor_->now() + bus_->timing.probe_period;
+    const auto wake = co_await wakes_.next(deadline);
+    co_await turn_.take();
+    const rt::Held held(turn_);
+    idle_ = false;
+    bool look = false;
+    if (wake) {
+      const Wake w = *wake;
+      co_await handle(w);
+      look = w.kind == Wake::Kind::look;
+    } else {
+      check_rates();
+      const bool anybody = co_await anybody_new();
+      look = anybody;
+    }
+    const bool due = look || look_anew_;
+    const bool starts = std::ranges::any_of(seats_, [](const auto& s) {
+      return s->there && !s->started && s->state == SlotState::present;
+    });
+    if (due || starts) co_return;
+    idle_ = wakes_.size() == 0;
+  }
+}
+
+rt::Task<bool> Network::anybody_new() {
+  if (bus_->role == design::Role::observer) co_return false;
+  const nodeid::DiscoveryOptions options = discovery_options();
+  const auto probe = co_await rand_.probe(options);
+  co_return probe && probe->anybody;
+}
+
+rt::Task<void> Network::handle(Wake wake) {
+  Seat* const seat = seat_at(wake.node);
+  if (seat == nullptr) {
+    // A boot-up under a node-ID of nobody here: look who it is.
+    if (wake.kind == Wake::Kind::boot_up && wake.node != bus_->master) look_anew_ = true;
+    co_return;
+  }
+  switch (wake.kind) {
+    case Wake::Kind::boot_up:
+      if (wake.at > seat->checked) co_await came_back(*seat, wake.at);
+      break;
+    case Wake::Kind::lost: {
+      const bool gone = heartbeats_.lost(seat->id()) || !heartbeats_.state(seat->id());
+      if (!seat->there || !gone) break;
+      seat->there = seat->started = false;
+      set_state(*seat, SlotState::absent, "its heartbeat stopped; switch the device on, or `berth replace` it");
+      const bool automatic = seat->slot.spec.replacement == places::Replacement::automatic;
+      if (automatic && seat->slot.record.device()) {
+        const auto cleared = clear_seat(*seat, "it fell silent, and the machine file says replacement = \"auto\"");
+        if (!cleared) tell("error", seat->name(), describe(cleared.error()));
+        look_anew_ = true;
+      }
+      break;
+    }
+    case Wake::Kind::recovered:
+      if (!seat->there && wake.at > seat->checked) co_await came_back(*seat, wake.at);
+      break;
+    case Wake::Kind::state: {
+      const auto state = heartbeats_.state(seat->id());
+      const bool left = seat->there && seat->state == SlotState::operational && state && *state != NmtState::operational;
+      if (!left) break;
+      seat->started = false;
+      set_state(*seat, SlotState::present, fmt::format("it left operational by itself: {}", berth::name(*state)));
+      break;
+    }
+    case Wake::Kind::look: break;
+  }
+}
+
+// Somebody booted, or spoke again, under the slot's node-ID: is it the slot's device?
+rt::Task<void> Network::came_back(Seat& seat, rt::Time booted) {
+  tell("step", seat.name(), fmt::format("node-ID {} is heard again", seat.id().value()));
+  seat.there = seat.started = false;
+  if (seat.waiting) {
+    places::Binding binding = *seat.waiting;
+    binding.heard_again();
+    places::Binder binder(services(), {});
+    const std::string reason = "after its power cycle";
+    const places::SlotId slot = seat.slot.record.slot;
+    co_await binder.run(binding, slot, reason);
+    refresh(seat);
+    if (binding.step() == places::Step::done) {
+      bound(seat, binding);
+    } else {
+      not_bound(seat, binding);
+    }
+    co_return;
+  }
+  if (!seat.slot.record.confirmed) {
+    look_anew_ = true;
+    co_return;
+  }
+  co_await ask_seat(seat);
+  // Identified before it booted again: what was read belongs to the life before.
+  if (boots_.boot_up(seat.id()) && *boots_.boot_up(seat.id()) > booted) seat.checked = booted;
+}
+
+}  // namespace berth::operate

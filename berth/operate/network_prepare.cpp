@@ -1,0 +1,208 @@
+// Who is there: the preparation step (paper 1 §III.a; S1.30), vacancy of node-IDs, and the scan.
+#include <fmt/format.h>
+
+#include <algorithm>
+
+#include "berth/operate/master_device.hpp"
+#include "berth/operate/network_seat.hpp"
+
+namespace berth::operate {
+
+using places::SlotState;
+
+// A running machine is not disturbed: first its heartbeats are heard, and only who is silent is asked.
+rt::Task<void> Network::prepare() {
+  const bool any = std::ranges::any_of(seats_, [](const auto& s) { return s->slot.record.confirmed.has_value(); });
+  if (!any) co_return;
+  tell("step", "", "preparation: looking for the devices of the bound slots");
+  const rt::Time began = executor_->now();
+  const rt::Time deadline = began + bus_->timing.heartbeat_period + bus_->timing.heartbeat_period / 4;
+  const auto all_heard = [&] {
+    return std::ranges::all_of(seats_, [&](const auto& s) {
+      const auto heard = boots_.heard(s->id());
+      return !s->slot.record.confirmed || (heard && *heard >= began);
+    });
+  };
+  while (executor_->now() < deadline && !all_heard()) {
+    co_await rt::sleep_for(bus_->timing.heartbeat_period / 16 + std::chrono::milliseconds(1));
+  }
+  rt::Scope asked(*executor_);
+  for (auto& seat : seats_) {
+    if (seat->slot.record.confirmed) asked.spawn(ask_seat(*seat));
+  }
+  co_await asked.join();
+  for (auto& seat : seats_) {
+    const bool silent = seat->slot.record.confirmed && !seat->there;
+    if (silent) co_await look_by_lss(*seat);
+  }
+}
+
+// By heartbeat, else SDO 1000h, else guarding; then by identity: another device may sit at the slot's node-ID.
+rt::Task<void> Network::ask_seat(Seat& seat) {
+  const NodeId id = seat.id();
+  seat.there = false;
+  const auto heard = boots_.heard(id);
+  bool alive = heard && executor_->now() - *heard <= bus_->timing.heartbeat_timeout;
+  if (!alive) {
+    co::SdoOptions patience = sdo_.options();
+    patience.retries = bus_->timing.tries - 1;
+    const auto type = co_await sdo_.read<std::uint32_t>(id, 0x1000, 0, patience);
+    alive = type.has_value() || type.error().code == Errc::aborted;
+  }
+  std::optional<NmtState> state;
+  if (!alive) {
+    const auto guarded = co_await co::probe(dispatcher_, id, bus_->timing.guard_timeout, bus_->timing.tries);
+    alive = guarded.has_value();
+    if (guarded) state = guarded->state;
+  }
+  seat.checked = executor_->now();
+  if (!alive) {
+    set_state(seat, SlotState::absent, fmt::format("no heartbeat, SDO or guarding answer from node-ID {}; switch the device "
+                                                   "on, or `berth replace` it",
+                                                   id.value()));
+    co_return;
+  }
+  if (heard) state = boots_.state(id);
+  const auto surplus = sdo_.surplus(id);
+  const auto who = co_await places::Binder::read_identity(sdo_, id);
+  if (!who) {
+    // Stopped devices speak no SDO; they are known by their error control alone (the paper's figure).
+    const bool stopped = state == NmtState::stopped;
+    if (stopped) seat.there = true;
+    set_state(seat, stopped ? SlotState::present : SlotState::absent,
+              stopped ? std::string() : "its identity cannot be read: " + describe(who.error()));
+    co_return;
+  }
+  if (sdo_.surplus(id) != surplus) {
+    set_state(seat, SlotState::duplicate, "two devices answer under this node-ID; take one of them off the bus");
+    look_anew_ = true;
+    co_return;
+  }
+  const bool same = *who == seat.slot.record.confirmed->device;
+  if (!same) {
+    look_anew_ = true;
+    set_state(seat, SlotState::absent, fmt::format("device {} answers under its node-ID", to_string(*who)));
+    co_return;
+  }
+  seat.there = true;
+  if (state == NmtState::operational) {
+    seat.started = true;
+    heartbeats_.supervise(id, bus_->timing.heartbeat_timeout);
+    set_state(seat, SlotState::operational);
+    co_return;
+  }
+  set_state(seat, SlotState::present);
+}
+
+// A bound device that is silent under its node-ID may have lost it, or have another.
+rt::Task<void> Network::look_by_lss(Seat& seat) {
+  if (seat.state == SlotState::duplicate || bus_->role == design::Role::observer) co_return;
+  const LssAddress device = seat.slot.record.confirmed->device;
+  const auto id = co_await active_id(device);
+  if (!id) co_return;
+  note_found({device, *id});
+}
+
+// The node-ID that the device with this address uses now, by LSS; every other device in waiting meanwhile.
+rt::Task<Result<NodeId>> Network::active_id(LssAddress device) {
+  const auto quiet = co_await lss_.switch_global(lss::State::waiting);
+  if (!quiet) co_return fail(quiet.error());
+  const auto selected = co_await lss_.switch_selective(device);
+  if (!selected) co_return fail(selected.error());
+  const auto reply = co_await lss_.inquire_node_id();
+  const auto released = co_await lss_.switch_global(lss::State::waiting);
+  if (!reply) co_return fail(reply.error());
+  if (!released) co_return fail(released.error());
+  const auto id = NodeId::make(reply->byte());
+  if (!id) co_return fail(Errc::mismatch, "the node-ID it told is none");
+  co_return *id;
+}
+
+// All node-IDs that are about to be given, asked side by side: one time-out for all of them.
+rt::Task<void> Network::verify_vacancy() {
+  rt::Scope asked(*executor_);
+  for (const auto& action : plan_.actions) {
+    if (action.kind != places::Action::Kind::bind) continue;
+    const NodeId id = seats_[action.slot]->id();
+    const auto heard = boots_.heard(id);
+    const auto& vacant = vacancy_[id.value()];
+    const bool known = vacant && (!heard || *heard < *vacant);
+    if (!known && !heard) asked.spawn(ask_vacancy(id));
+  }
+  co_await asked.join();
+}
+
+rt::Task<void> Network::ask_vacancy(NodeId id) {
+  const rt::Time began = executor_->now();
+  co::SdoOptions patience = sdo_.options();
+  patience.timeout = bus_->timing.guard_timeout;
+  patience.retries = bus_->timing.tries - 1;
+  patience.abort_on_timeout = false;
+  const auto type = co_await sdo_.read<std::uint32_t>(id, 0x1000, 0, patience);
+  if (type || type.error().code != Errc::timeout) co_return;
+  const auto guarded = co_await co::probe(dispatcher_, id, bus_->timing.guard_timeout, 1);
+  if (guarded || guarded.error().code != Errc::timeout) co_return;
+  vacancy_[id.value()] = began;
+}
+
+rt::Task<void> Network::scan_node(NodeId id, Seen& seen, co::SdoOptions patience) {
+  seen.id = id;
+  const auto surplus = sdo_.surplus(id);
+  const auto type = co_await sdo_.read<std::uint32_t>(id, 0x1000, 0, patience);
+  if (type) seen.device_type = *type;
+  const bool answered = type || type.error().code == Errc::aborted || type.error().code == Errc::mismatch;
+  if (answered) {
+    const auto who = co_await places::Binder::read_identity(sdo_, id);
+    if (who) seen.device = *who;
+  } else {
+    const auto guarded = co_await co::probe(dispatcher_, id, bus_->timing.guard_timeout, 1);
+    if (guarded) seen.state = guarded->state;
+  }
+  seen.duplicate = sdo_.surplus(id) != surplus;
+  if (boots_.heard(id)) seen.state = boots_.state(id);
+}
+
+rt::Task<Result<std::vector<Network::Seen>>> Network::scan() {
+  co_await turn_.take();
+  const rt::Held held(turn_);
+  std::vector<Seen> nodes(127);
+  co::SdoOptions patience = sdo_.options();
+  patience.timeout = bus_->timing.guard_timeout;
+  patience.retries = 1;
+  patience.abort_on_timeout = false;
+  {
+    rt::Scope asked(*executor_);
+    for (std::uint8_t i = 1; i <= 127; ++i) {
+      const NodeId id(i);
+      if (id != bus_->master) asked.spawn(scan_node(id, nodes[i - 1U], patience));
+    }
+    co_await asked.join();
+  }
+  std::erase_if(nodes, [](const Seen& s) { return !s.device_type && !s.device && !s.state; });
+  const auto everybody = co_await rand_.switch_global(nodeid::Identification::unknown);
+  if (!everybody) co_return fail(everybody.error());
+  const nodeid::DiscoveryOptions options = discovery_options();
+  const auto found = co_await rand_.discover(options);
+  if (!found) co_return fail(found.error());
+  for (const auto& d : found->found) {
+    const auto known = std::ranges::find(nodes, d.address, [](const Seen& s) { return s.device.value_or(LssAddress{}); });
+    if (known != nodes.end()) {
+      known->duplicate = known->duplicate || d.possible_clone;
+      continue;
+    }
+    Seen seen;
+    const auto id = co_await active_id(d.address);
+    if (id) seen.id = *id;
+    seen.device = d.address;
+    const bool shares = seen.id.configured() && std::ranges::find(nodes, seen.id, &Seen::id) != nodes.end();
+    seen.duplicate = d.possible_clone || shares;
+    nodes.push_back(seen);
+  }
+  for (auto& s : nodes) {
+    const Seat* seat = s.device ? seat_of(*s.device) : nullptr;
+    if (seat != nullptr) s.slot = seat->name();
+  }
+  co_return nodes;
+}
+
+}  // namespace berth::operate
