@@ -27,9 +27,12 @@ struct DiscoveryOptions {
   };
   Window window = Window::quiet;
   rt::Duration collect = std::chrono::milliseconds(40);  ///< fixed window
-  rt::Duration t_resp = std::chrono::milliseconds(20);   ///< longest response time of any device, bus load included
-  rt::Duration most = std::chrono::milliseconds(500);    ///< upper bound of the quiet window
+  rt::Duration direct{0};  ///< fixed window after DIRS (the paper's T_resp + T_DIS); 0: as `collect`
+  rt::Duration t_resp = std::chrono::milliseconds(
+      20);  ///< longest time from a request to any device's answer, frame and bus load included
+  rt::Duration most = std::chrono::milliseconds(500);  ///< upper bound of the quiet window
   rt::Duration t_proc{0};        ///< the paper's T_proc: from the end of a window to the next request
+  rt::Duration inhibit{0};       ///< after each frame of switch identification state selective
   unsigned retries = 4;          ///< restarts at phase 0 in a row without finding a device (S1.20)
   bool widen = true;             ///< each restart in a row doubles the window (up to 16 times): late answerers
   bool confirm_clones = true;    ///< a device that answered DIRS twice is asked again before it is called a clone
@@ -62,10 +65,11 @@ struct Discovered {
   LssAddress address{};
   rt::Time at{};                            ///< its DIS
   unsigned dis_frames = 0;                  ///< DIS heard in the window
+  unsigned times_found = 1;                 ///< 2 and more: it came back to unknown (a reset), or there are two of them
   std::array<std::uint16_t, 8> distinct{};  ///< distinct chunks per phase 0..7 of the procedure that found it
-  /// Two devices seem to have this address: DIRS was answered twice, and again when asked again (S1.22), or the address
-  /// was found a second time in this discovery. Clones that answer at the very same time are one frame on the bus and
-  /// are not seen here.
+  /// Two devices seem to have this address: DIRS was answered twice, or the address was found twice, and asked again,
+  /// DIRS was answered twice again (S1.22). Clones whose DIS always fall into one frame on the bus are not seen here.
+  /// Without `confirm_clones` the first sign is enough.
   bool possible_clone = false;
 };
 
@@ -89,6 +93,7 @@ struct DiscoveryReport {
 class DiscoveryObserver {
  public:
   virtual void phase(const PhaseEvent& event) noexcept = 0;
+  /// Called again when the device is found again or turns out to be a possible clone.
   virtual void found(const Discovered& device) noexcept = 0;
   /// Silence in `phase` (8 = DIRS): starting anew at phase 0.
   virtual void restarted(unsigned phase, rt::Time at) noexcept = 0;
@@ -110,37 +115,39 @@ class Collect final : public rt::Operation<Collect>, private rt::Job, private ca
  public:
   ~Collect();
   bool start() noexcept;
-  /// When the request was sent; what was heard is in `RandMaster::heard()`.
+  /// When the request was sent. What was heard is the master's.
   Result<rt::Time> await_resume() noexcept { return outcome_; }
 
  private:
   friend class RandMaster;
-  Collect(RandMaster& master, const can::Frame& frame, const DiscoveryOptions& options, unsigned widened,
-          bool listens) noexcept;
+  /// `window` 0: done when sent. `most` 0: fixed window.
+  struct Waits {
+    rt::Duration window{0};
+    rt::Duration most{0};
+    rt::Duration send_timeout{0};
+  };
+  Collect(RandMaster& master, const can::Frame& frame, const Waits& waits) noexcept
+      : master_(&master), frame_(frame), waits_(waits) {}
   void sent(rt::Time at) noexcept override;
   void run() noexcept override;
   void heard(rt::Time at) noexcept;
+  void fail_with(const char* text) noexcept;
   void end() noexcept;
 
   RandMaster* master_;
   can::Frame frame_;
-  rt::Duration window_;
-  rt::Duration most_;
-  rt::Duration send_timeout_;
-  bool listens_;
-  bool quiet_;
-  bool is_sent_ = false;
+  Waits waits_;
+  bool listening_ = false;
   rt::Time limit_{};
-  Result<rt::Time> outcome_;
+  Result<rt::Time> outcome_{};
 };
 
-/// One procedure at a time: a second operation while one is under way gives `invalid`. Never beside a Fastscan with
-/// feedback on the same bus: the identifiers of DIS and feedback overlap (S1.24). Options and observer are used until
-/// the task ends.
+/// One procedure at a time: a second one while one is under way gives `invalid`. Must outlive its tasks; options and
+/// observer are used until the task ends. Never beside a Fastscan with feedback on one bus: the identifiers of DIS and
+/// feedback overlap (S1.24).
 class RandMaster final : private can::Handler {
  public:
   explicit RandMaster(can::Dispatcher& dispatcher);
-  ~RandMaster();
 
   /// Everybody to `unknown` or `identified`. Done when sent.
   [[nodiscard]] rt::Task<Result<void>> switch_global(Identification state);
@@ -160,12 +167,17 @@ class RandMaster final : private can::Handler {
 
  private:
   friend class Collect;
-  struct Run;
+  struct Run;    // one discovery or probe
+  struct Lease;  // holds `busy_`
+  enum class Outcome : std::uint8_t { nobody, silent, found };
   void received(const can::Frame& frame, rt::Time at) noexcept override;
-  [[nodiscard]] Collect request(const can::Frame& frame, Run& run, bool listens) noexcept;
-  [[nodiscard]] rt::Task<Result<bool>> procedure(Run& run);
-  [[nodiscard]] rt::Task<Result<bool>> confirm(Run& run, Discovered& device);
-  [[nodiscard]] rt::Task<Result<void>> select(Run& run, LssAddress address, Identification target);
+  void note(std::uint16_t chunk, rt::Time at) noexcept;
+  [[nodiscard]] Collect request(const can::Frame& frame, const Collect::Waits& waits) noexcept;
+  [[nodiscard]] rt::Task<Result<void>> tell(Run& run, LssAddress address, Identification target);
+  [[nodiscard]] rt::Task<Result<bool>> ask(Run& run, unsigned phase, std::uint16_t mask);
+  [[nodiscard]] rt::Task<Result<Outcome>> procedure(Run& run);
+  [[nodiscard]] rt::Task<Result<bool>> asked_again(Run& run, LssAddress address);
+  [[nodiscard]] rt::Task<Result<void>> record(Run& run);
 
   can::Dispatcher* dispatcher_;
   Collect* current_ = nullptr;

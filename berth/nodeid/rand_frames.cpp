@@ -1,0 +1,97 @@
+#include "berth/nodeid/rand_frames.hpp"
+
+namespace berth::nodeid {
+namespace {
+
+constexpr std::uint8_t cs_identify = 0x80;
+constexpr std::uint8_t cs_global = 0x81;
+constexpr std::uint8_t cs_selective = 0x82;  // and the next three
+// Byte 1 of a selective frame: 0 is the paper's service, so that a plain frame does what the paper says.
+constexpr std::uint8_t to_identified = 0;
+constexpr std::uint8_t to_unknown = 1;
+
+can::Frame masked(unsigned phase, std::uint16_t mask) noexcept {
+  return can::Frame::ext(rand_request_id, {cs_identify, static_cast<std::uint8_t>(phase),
+                                           static_cast<std::uint8_t>(mask >> 8), static_cast<std::uint8_t>(mask)});
+}
+
+bool zeros(const can::Frame& frame, unsigned from) noexcept {
+  for (unsigned i = from; i < frame.size; ++i) {
+    if (frame.data[i] != 0) return false;
+  }
+  return true;
+}
+
+std::optional<RandRequest> decode_selective(const can::Frame& frame) noexcept {
+  const auto& d = frame.data;
+  if (frame.size != 8 || d[1] > to_unknown || d[2] != 0 || d[3] != 0) return std::nullopt;
+  RandRequest r{.kind = RandRequest::Kind::switch_selective};
+  r.target = d[1] == to_identified ? Identification::identified : Identification::unknown;
+  r.part = static_cast<std::uint8_t>(d[0] - cs_selective);
+  for (unsigned i = 4; i < 8; ++i) r.value = r.value << 8 | d[i];
+  return r;
+}
+
+}  // namespace
+
+const char* name(Identification state) noexcept {
+  switch (state) {
+    case Identification::unknown: return "unknown";
+    case Identification::identified: return "identified";
+    case Identification::selected: return "selected";
+  }
+  return "?";
+}
+
+can::Frame iurs(unsigned phase, std::uint16_t mask) noexcept { return masked(phase, phase == 0 ? 0 : mask); }
+can::Frame dirs(std::uint16_t mask) noexcept { return masked(direct_phase, mask); }
+can::Frame ius(std::uint16_t chunk) noexcept {
+  return can::Frame::ext(ius_id | static_cast<std::uint32_t>(chunk) << 2, {});
+}
+can::Frame dis(std::uint16_t chunk) noexcept {
+  return can::Frame::ext(dis_id | static_cast<std::uint32_t>(chunk) << 2, {});
+}
+
+can::Frame switch_identification_global(Identification state) noexcept {
+  return can::Frame::ext(rand_request_id, {cs_global, static_cast<std::uint8_t>(state), 0, 0});
+}
+
+can::Frame switch_identification_selective(const LssAddress& address, unsigned part, Identification target) noexcept {
+  const auto value = address.part(part);
+  return can::Frame::ext(rand_request_id,
+                         {static_cast<std::uint8_t>(cs_selective + (part & 3U)),
+                          target == Identification::unknown ? to_unknown : to_identified, 0, 0,
+                          static_cast<std::uint8_t>(value >> 24), static_cast<std::uint8_t>(value >> 16),
+                          static_cast<std::uint8_t>(value >> 8), static_cast<std::uint8_t>(value)});
+}
+
+std::optional<RandRequest> decode_rand_request(const can::Frame& frame) noexcept {
+  if (frame.key() != rand_requests.first || frame.remote || frame.fd) return std::nullopt;
+  const auto& d = frame.data;
+  if (frame.size == 8 && d[0] >= cs_selective && d[0] < cs_selective + 4) return decode_selective(frame);
+  if ((frame.size != 4 && frame.size != 8) || !zeros(frame, 4)) return std::nullopt;
+  RandRequest r;
+  if (d[0] == cs_identify && d[1] <= direct_phase) {
+    r.kind = d[1] == direct_phase ? RandRequest::Kind::direct : RandRequest::Kind::identify;
+    r.phase = d[1];
+    r.mask = static_cast<std::uint16_t>(d[2] << 8 | d[3]);
+    return r;
+  }
+  if (d[0] == cs_global && d[1] <= 1 && d[2] == 0 && d[3] == 0) {
+    r.kind = RandRequest::Kind::switch_global;
+    r.target = static_cast<Identification>(d[1]);
+    return r;
+  }
+  return std::nullopt;
+}
+
+std::optional<RandAnswer> decode_rand_answer(const can::Frame& frame) noexcept {
+  if (!frame.extended || frame.remote || frame.fd || (frame.id & 3U) != 0) return std::nullopt;
+  const auto chunk = static_cast<std::uint16_t>((frame.id >> 2) & 0xFFFFU);
+  const auto prefix = frame.id & ~0x3'FFFFU;
+  if (prefix == ius_id) return RandAnswer{.direct = false, .chunk = chunk};
+  if (prefix == dis_id) return RandAnswer{.direct = true, .chunk = chunk};
+  return std::nullopt;
+}
+
+}  // namespace berth::nodeid
