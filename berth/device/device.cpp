@@ -46,15 +46,17 @@ Device::Device(can::Dispatcher& dispatcher, std::shared_ptr<const od::Descriptio
       sdo_buffer_(sdo_buffer(values_.description())) {
   if (memory != nullptr) record_.emplace(*memory, 0, record_size);
   const auto& d = values_.description();
-  if (d.find(0x1016) != nullptr) consumer_ = std::make_unique<co::HeartbeatConsumer>(
-      dispatcher, static_cast<co::HeartbeatConsumer::Observer&>(*this));
+  if (d.find(0x1016) != nullptr)
+    consumer_ =
+        std::make_unique<co::HeartbeatConsumer>(dispatcher, static_cast<co::HeartbeatConsumer::Observer&>(*this));
   if (d.find(0x1003) != nullptr) errors_ = std::make_unique<co::ErrorField>();
   for (const std::uint16_t index : hooked_objects) {
     if (d.find(index) != nullptr) values_.attach(*this, index);
   }
   if (host_ != nullptr) dispatcher_->on_status(this);
   load_settings();
-  lss_.emplace(dispatcher_->executor(), static_cast<lss::SlaveOwner&>(*this), lss::SlaveOptions{.address = options_.address}, memory_);
+  lss_.emplace(dispatcher_->executor(), static_cast<lss::SlaveOwner&>(*this),
+               lss::SlaveOptions{.address = options_.address}, memory_);
   reset_values(od::Area::all);
 }
 

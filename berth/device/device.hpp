@@ -5,10 +5,10 @@
 ///     device::Device d(dispatcher, description, &flash, {.address = a}, &timed_port);
 ///     d.power_on();
 ///
-/// States: powered off -> booting (hears nothing, `Timing::boot`) -> without a node-ID: initialising, LSS and RAND only,
-/// no boot-up message -> LSS gives one and switches to waiting: reset communication -> boot-up -> pre-operational.
-/// Objects that act when they are written: 1003h, 1014h, 1015h, 1016h, 1017h, 100Ch, 100Dh; 1001h shows the errors.
-/// 1010h and 1011h refuse every write (0800 0020): parameters are not stored yet.
+/// States: powered off -> booting (hears nothing, `Timing::boot`) -> without a node-ID: initialising, LSS and RAND
+/// only, no boot-up message -> LSS gives one and switches to waiting: reset communication -> boot-up ->
+/// pre-operational. Objects that act when they are written: 1003h, 1014h, 1015h, 1016h, 1017h, 100Ch, 100Dh; 1001h
+/// shows the errors. 1010h and 1011h refuse every write (0800 0020): parameters are not stored yet.
 ///
 /// All memory is taken by the constructor. Frames, timers, resets and changes of the node-ID use none, beyond what the
 /// dispatcher's lists grow to at the first time.
@@ -55,7 +55,7 @@ struct Preset {
 };
 
 struct Options {
-  LssAddress address{};        ///< identity, 1018h:01..04
+  LssAddress address{};  ///< identity, 1018h:01..04
   NodeIdSource source = NodeIdSource::nonvolatile;
   NodeId node_id{};            ///< fixed, or what blank memory counts as
   std::uint32_t bit_rate = 0;  ///< what blank memory counts as, bit/s; 0 or not in CiA's table: the port's own is kept
@@ -117,6 +117,8 @@ class Device final : private co::NmtSlave::Owner,
   /// @name Ground truth
   /// @{
   [[nodiscard]] NmtState state() const noexcept { return nmt_.state(); }
+  /// Powered, hears nothing yet: after power-on or during a reset.
+  [[nodiscard]] bool booting() const noexcept { return begin_ != Begin::nothing; }
   /// In use: unconfigured while booting, and while initialising without one.
   [[nodiscard]] NodeId node_id() const noexcept { return powered_ ? nmt_.node_id() : NodeId(); }
   /// LSS: the next reset communication takes it.
@@ -177,7 +179,8 @@ class Device final : private co::NmtSlave::Owner,
   [[nodiscard]] bool is_mine(std::uint32_t key) const noexcept;
   void use_bit_rate() noexcept;
   // Objects
-  od::AbortCode reading(const od::Values& values, ObjectRef ref, std::span<const std::uint8_t>& value) noexcept override;
+  od::AbortCode reading(const od::Values& values, ObjectRef ref,
+                        std::span<const std::uint8_t>& value) noexcept override;
   od::AbortCode writing(const od::Values& values, ObjectRef ref, std::span<const std::uint8_t> value) noexcept override;
   void written(od::Values& values, ObjectRef ref) noexcept override;
   od::AbortCode writing_emcy_id(std::uint32_t value) const noexcept;
@@ -204,7 +207,7 @@ class Device final : private co::NmtSlave::Owner,
   std::unique_ptr<co::ErrorField> errors_;  // only with object 1003h
   co::SdoServerService sdo_;
   Observer* observer_ = nullptr;
-  lss::Settings memory_{};        // what the record holds, or stands for blank memory
+  lss::Settings memory_{};  // what the record holds, or stands for blank memory
   lss::Settings being_stored_{};
   lss::BitRateMask bit_rates_ = 0;
   std::array<std::uint8_t, 4> scratch_{};  // what `reading` shows

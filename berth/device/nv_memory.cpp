@@ -68,7 +68,8 @@ SimFlash::SimFlash(rt::Executor& executor, std::size_t size, rt::Duration durati
 void SimFlash::read(std::size_t at, std::span<std::uint8_t> into) const noexcept {
   std::ranges::fill(into, std::uint8_t{0xFF});
   if (at >= bytes_.size()) return;
-  std::copy_n(bytes_.begin() + static_cast<std::ptrdiff_t>(at), std::min(into.size(), bytes_.size() - at), into.begin());
+  std::copy_n(bytes_.begin() + static_cast<std::ptrdiff_t>(at), std::min(into.size(), bytes_.size() - at),
+              into.begin());
 }
 
 bool SimFlash::write(std::size_t at, std::span<const std::uint8_t> bytes, Done& done) noexcept {
@@ -101,7 +102,8 @@ void SimFlash::forget() noexcept {
   if (!writing()) return;
   cancel();
   const auto passed = executor_->now() - began_;
-  const auto share = duration_.count() > 0 ? static_cast<double>(passed.count()) / static_cast<double>(duration_.count()) : 0.0;
+  const auto share =
+      duration_.count() > 0 ? static_cast<double>(passed.count()) / static_cast<double>(duration_.count()) : 0.0;
   put(std::min(source_.size(), static_cast<std::size_t>(share * static_cast<double>(source_.size()))));
   done_ = nullptr;
 }

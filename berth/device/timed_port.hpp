@@ -36,6 +36,8 @@ class TimedPort final : public can::Port, private can::Listener, private rt::Job
   /// Power lost or firmware started anew: the buffer is empty.
   void clear() noexcept;
 
+  /// Memory per frame that the buffer can hold.
+  static constexpr std::size_t bytes_per_frame = 32;
   /// Frames lost because the buffer was full, or the device deaf.
   [[nodiscard]] std::uint64_t lost() const noexcept { return lost_; }
   [[nodiscard]] std::uint64_t delivered() const noexcept { return delivered_; }
@@ -50,6 +52,7 @@ class TimedPort final : public can::Port, private can::Listener, private rt::Job
     std::uint8_t size;
     std::array<std::uint8_t, 8> data;
   };
+  static_assert(sizeof(Waiting) <= bytes_per_frame);
   void received(const can::Frame& frame, rt::Time at) noexcept override;
   void sent(std::uint32_t tag, rt::Time at) noexcept override;
   void changed(const can::Status& status, rt::Time at) noexcept override;

@@ -13,12 +13,12 @@ struct Timing {
   rt::Duration response_max{0};           ///< in [min, max]; both 0: at once
   std::uint32_t outlier_per_million = 0;  ///< so many frames in a million take `outlier` instead
   rt::Duration outlier{0};
-  std::uint32_t repeat_per_million = 0;   ///< so many frames in a million are sent twice
-  std::uint16_t rx_depth = 16;            ///< frames heard and not yet dealt with; 1 = single-slot, a second one is lost
-  rt::Duration boot{0};                   ///< power-on to boot-up message (or to LSS, when unconfigured)
-  rt::Duration reset{0};                  ///< NMT reset node or reset communication to boot-up message
-  bool deaf_while_storing = false;        ///< hears nothing while non-volatile memory is written
-  bool power_cycle_after_store = false;   ///< a node-ID that was configured counts only after power was off
+  std::uint32_t repeat_per_million = 0;  ///< so many frames in a million are sent twice
+  std::uint16_t rx_depth = 16;           ///< frames heard and not yet dealt with; 1 = single-slot, a second one is lost
+  rt::Duration boot{0};                  ///< power-on to boot-up message (or to LSS, when unconfigured)
+  rt::Duration reset{0};                 ///< NMT reset node or reset communication to boot-up message
+  bool deaf_while_storing = false;       ///< hears nothing while non-volatile memory is written
+  bool power_cycle_after_store = false;  ///< a node-ID that was configured counts only after power was off
   std::int32_t drift_ppm = 0;
 
   /// How long the world waits while the device's clock runs for `own`.

@@ -37,11 +37,11 @@ struct Truth {
   std::string bus;
   LssAddress address;  ///< what it answers; a changed serial number counts from the next power-on
   bool plugged = false;
-  bool powered = false;  ///< plugged and switched on
-  bool booting = false;  ///< powered, and hears nothing yet
-  NodeId active;         ///< in use now
-  NodeId pending;        ///< taken at the next reset communication
-  NodeId persistent;     ///< what the next power-on would load
+  bool powered = false;        ///< plugged and switched on
+  bool booting = false;        ///< powered, and hears nothing yet
+  NodeId active;               ///< in use now
+  NodeId pending;              ///< taken at the next reset communication
+  NodeId persistent;           ///< what the next power-on would load
   std::uint32_t bit_rate = 0;  ///< of its controller, bit/s
   NmtState state = NmtState::initialising;
   std::uint64_t memory_writes = 0;  ///< begun
@@ -147,7 +147,8 @@ class World {
   /// Null when there is none of that name.
   [[nodiscard]] sim::Bus* bus(std::string_view name) noexcept { return sim_.find_bus(name); }
   /// Berth's own node on a bus, by which events mean "master". Null when there is no such bus.
-  [[nodiscard]] std::unique_ptr<sim::Controller> attach_master(std::string_view bus, sim::ControllerOptions options = {});
+  [[nodiscard]] std::unique_ptr<sim::Controller> attach_master(std::string_view bus,
+                                                               sim::ControllerOptions options = {});
 
   /// In the order of the plant file.
   [[nodiscard]] std::span<const std::unique_ptr<SimDevice>> devices() const noexcept { return devices_; }
@@ -175,11 +176,11 @@ class World {
     std::shared_ptr<const od::Description> description;
     TypeCode type;
     std::uint32_t revision = 0;
+    bool unreadable = false;
   };
   explicit World(std::uint64_t seed) : sim_(seed) {}
   bool make_buses(const PlantFile& plant, std::span<const BusRate> rates, Findings& findings);
   const Described* describe(const PlantDevice& device, Findings& findings);
-  void plan(After after);
   bool strike(const PlantEvent& event);
   bool nodes(const PlantEvent& event, std::vector<sim::Controller*>& found);
   void tell(const SimDevice& device) noexcept;

@@ -1,0 +1,535 @@
+#include "berth/plant/world.hpp"
+
+#include <fmt/format.h>
+
+#include <algorithm>
+#include <array>
+#include <charconv>
+#include <cstdio>
+#include <fstream>
+#include <iterator>
+#include <utility>
+
+#include "berth/eds/eds.hpp"
+
+namespace berth::plant {
+namespace {
+
+constexpr std::size_t memory_size = 64;                                    // bytes of a device's simulated flash
+constexpr rt::Duration bus_off_recovery = std::chrono::milliseconds(100);  // then a device restarts its controller
+constexpr std::string_view state_header = "berth-plant-state 1";
+
+device::Timing timing_of(const PlantDevice& plan) {
+  device::Timing t;
+  t.response_min = plan.response.min;
+  t.response_max = plan.response.max;
+  t.outlier_per_million = plan.response.outlier_ppm;
+  t.outlier = plan.response.outlier;
+  t.rx_depth = static_cast<std::uint16_t>(std::clamp<std::uint32_t>(plan.rx_depth, 1, 1024));
+  t.boot = plan.boot;
+  t.reset = plan.reset;
+  t.deaf_while_storing = plan.deaf_while_storing;
+  t.power_cycle_after_store = plan.power_cycle_after_store;
+  t.drift_ppm = plan.drift_ppm;
+  return t;
+}
+
+bool remembers(NodeIdSource source) noexcept {
+  return source == NodeIdSource::blank || source == NodeIdSource::nonvolatile;
+}
+
+device::Options options_of(const PlantDevice& plan, const LssAddress& address, std::uint32_t bit_rate) {
+  device::Options o;
+  o.address = address;
+  o.source = remembers(plan.source) ? device::NodeIdSource::nonvolatile : device::NodeIdSource::fixed;
+  o.node_id = plan.source == NodeIdSource::blank ? NodeId() : plan.node_id;
+  o.bit_rate = bit_rate;
+  o.lss = plan.speaks_lss;
+  if (!plan.speaks_rand) {
+    o.rand = device::RandMode::off;
+  } else {
+    o.rand = plan.rand_literal ? device::RandMode::literal : device::RandMode::on;
+  }
+  o.bus_off_recovery = bus_off_recovery;
+  if (plan.eds.empty()) o.name = plan.name;
+  const auto heartbeat = std::chrono::duration_cast<std::chrono::milliseconds>(plan.heartbeat).count();
+  if (heartbeat > 0) o.presets.push_back({{0x1017, 0}, static_cast<std::uint64_t>(heartbeat)});
+  return o;
+}
+
+std::uint32_t bit_rate_of(const PlantDevice& plan, const sim::Bus& bus) noexcept {
+  return plan.bitrate != 0 ? plan.bitrate : bus.bit_rate();
+}
+
+sim::ControllerOptions controller_of(const PlantDevice& plan, std::uint32_t bit_rate) {
+  sim::ControllerOptions o;
+  o.name = plan.name;
+  o.queue = plan.queue == QueueKind::priority ? sim::TxOrder::priority : sim::TxOrder::in_order;
+  // The receive buffer that counts is the host's (`device::TimedPort`): this one only carries frames there.
+  o.queue_depth = 8;
+  o.rx_depth = 4;
+  o.bit_rate = bit_rate;
+  o.powered = false;
+  return o;
+}
+
+void refuse(Findings& findings, std::string key, std::string message, std::string fix) {
+  Finding finding;
+  finding.key = std::move(key);
+  finding.message = std::move(message);
+  finding.fix = std::move(fix);
+  findings.push_back(std::move(finding));
+}
+
+std::string hex(std::span<const std::uint8_t> bytes) {
+  std::string text;
+  for (const auto byte : bytes) text += fmt::format("{:02x}", byte);
+  return text;
+}
+
+std::optional<std::vector<std::uint8_t>> unhex(std::string_view text) {
+  if (text.size() % 2 != 0) return std::nullopt;
+  std::vector<std::uint8_t> bytes;
+  for (std::size_t i = 0; i < text.size(); i += 2) {
+    std::uint8_t byte = 0;
+    const auto [end, error] = std::from_chars(text.data() + i, text.data() + i + 2, byte, 16);
+    if (error != std::errc{} || end != text.data() + i + 2) return std::nullopt;
+    bytes.push_back(byte);
+  }
+  return bytes;
+}
+
+/// Takes the next word off a line.
+std::string_view word(std::string_view& line) noexcept {
+  const auto end = std::min(line.find(' '), line.size());
+  const auto taken = line.substr(0, end);
+  line.remove_prefix(std::min(end + 1, line.size()));
+  return taken;
+}
+
+std::optional<std::uint32_t> number(std::string_view text) noexcept {
+  std::uint32_t value = 0;
+  const auto [end, error] = std::from_chars(text.data(), text.data() + text.size(), value);
+  if (error != std::errc{} || end != text.data() + text.size() || text.empty()) return std::nullopt;
+  return value;
+}
+
+/// One line of a state file.
+struct Kept {
+  std::uint32_t serial = 0;
+  NodeId node_id;
+  std::uint32_t bit_rate = 0;
+  bool plugged = false;
+  std::vector<std::uint8_t> image;
+  std::string_view name;
+};
+
+std::optional<Kept> parse_kept(std::string_view line) {
+  Kept k;
+  const auto serial = number(word(line));
+  const auto id = number(word(line));
+  const auto rate = number(word(line));
+  const auto plugged = number(word(line));
+  const auto image = unhex(word(line));
+  if (!serial || !id || !rate || !plugged || !image || line.empty()) return std::nullopt;
+  const auto node_id = NodeId::make(*id);
+  if (!node_id || *plugged > 1) return std::nullopt;
+  k = {*serial, *node_id, *rate, *plugged == 1, *image, line};
+  return k;
+}
+
+}  // namespace
+
+// --- SimDevice -------------------------------------------------------------------------------------------------------
+
+SimDevice::SimDevice(World& world, sim::Bus& bus, const PlantDevice& plan, const LssAddress& address,
+                     std::shared_ptr<const od::Description> description, Random random)
+    : world_(&world),
+      bus_(&bus),
+      plan_(plan),
+      timing_(timing_of(plan)),
+      flash_(bus.executor(), memory_size, timing_.in_world(plan.store)),
+      controller_(bus.attach(controller_of(plan, bit_rate_of(plan, bus)))),
+      port_(bus.executor(), *controller_, timing_, random),
+      dispatcher_(bus.executor(), port_),
+      device_(dispatcher_, std::move(description), &flash_, options_of(plan, address, bit_rate_of(plan, bus)), &port_,
+              timing_) {
+  controller_->cable(false);
+  flash_.watch(this);
+  device_.observe(this);
+}
+
+SimDevice::~SimDevice() {
+  flash_.watch(nullptr);
+  device_.observe(nullptr);
+}
+
+void SimDevice::switch_on() noexcept {
+  if (powered_) return;
+  powered_ = true;
+  if (next_serial_) {
+    auto address = device_.options().address;
+    address.serial = *std::exchange(next_serial_, std::nullopt);
+    device_.set_address(address);
+  }
+  if (next_node_id_) {
+    const auto rate = lss::bit_rate(device_.persistent().bit_rate).value_or(0);
+    // A rate outside CiA's table is no stored value: it stays what the plan says.
+    const bool stored = rate != 0 && lss::bit_rate_index(device_.options().bit_rate).has_value();
+    device_.set_blank(*std::exchange(next_node_id_, std::nullopt), stored ? rate : device_.options().bit_rate);
+    flash_.erase();
+  }
+  controller_->power(true);
+  device_.power_on();
+}
+
+void SimDevice::switch_off() noexcept {
+  if (!powered_) return;
+  powered_ = false;
+  device_.power_off();
+  controller_->power(false);
+}
+
+void SimDevice::plug() noexcept {
+  if (plugged_) return;
+  plugged_ = true;
+  controller_->cable(true);
+  switch_on();
+  world_->save();
+}
+
+void SimDevice::unplug() noexcept {
+  if (!plugged_) return;
+  plugged_ = false;
+  switch_off();
+  controller_->cable(false);
+  world_->tell(*this);
+  world_->save();
+}
+
+void SimDevice::power(bool on) noexcept {
+  if (!plugged_) return;
+  if (on) {
+    switch_on();
+  } else {
+    switch_off();
+  }
+}
+
+void SimDevice::reset() noexcept {
+  if (!powered_) return;
+  // A microcontroller that starts anew sets its CAN controller up anew: what was queued is gone.
+  device_.power_off();
+  controller_->restart(controller_->bit_rate());
+  device_.power_on();
+}
+
+void SimDevice::deaf(Duration duration) {
+  port_.deaf(device::TimedPort::Deaf::fault, true);
+  const auto mine = ++deafness_;
+  if (duration <= Duration::zero()) return;
+  world_->sim().after(duration, [this, mine] {
+    if (deafness_ == mine) port_.deaf(device::TimedPort::Deaf::fault, false);
+  });
+}
+
+void SimDevice::slow(Duration latency, Duration duration) {
+  port_.slow(latency);
+  const auto mine = ++slowness_;
+  if (duration <= Duration::zero()) return;
+  world_->sim().after(duration, [this, mine] {
+    if (slowness_ == mine) port_.slow(Duration::zero());
+  });
+}
+
+Truth SimDevice::truth() const {
+  Truth t;
+  t.name = plan_.name;
+  t.bus = bus_->name();
+  t.address = device_.address();
+  t.plugged = plugged_;
+  t.powered = powered_;
+  t.booting = device_.booting();
+  t.active = device_.node_id();
+  t.pending = device_.pending().node_id;
+  t.persistent = device_.persistent().node_id;
+  t.bit_rate = controller_->bit_rate();
+  t.state = device_.state();
+  t.memory_writes = flash_.writes_begun();
+  return t;
+}
+
+std::size_t SimDevice::memory_use() const noexcept {
+  return sizeof(SimDevice) - sizeof(device::Device) + device_.memory() + sizeof(sim::Controller) + memory_size +
+         timing_.rx_depth * device::TimedPort::bytes_per_frame + plan_.name.capacity() + plan_.bus.capacity();
+}
+
+void SimDevice::device_changed(const device::Device&) noexcept { world_->tell(*this); }
+
+void SimDevice::write_ended() noexcept { world_->save(); }
+
+void SimDevice::cut() noexcept {
+  switch_off();
+  world_->save();
+}
+
+// --- World -----------------------------------------------------------------------------------------------------------
+
+World::~World() = default;
+
+std::unique_ptr<World> World::make(const PlantFile& plant, std::span<const BusRate> rates, Findings& findings) {
+  auto world = std::unique_ptr<World>(new World(plant.seed));
+  bool good = world->make_buses(plant, rates, findings);
+  for (const auto& plan : plant.devices) {
+    const Described* described = world->describe(plan, findings);
+    sim::Bus* bus = world->bus(plan.bus);
+    if (bus == nullptr && good) {
+      refuse(findings, plan.name, "bus \"" + plan.bus + "\" is neither in the plant nor in the machine file",
+             "add [bus." + plan.bus + "] with its bitrate");
+    }
+    if (described == nullptr || bus == nullptr) {
+      good = false;
+      continue;
+    }
+    auto address = plan.address;
+    if (plan.address_of_eds) {
+      address.vendor = described->type.vendor;
+      address.product = described->type.product;
+      address.revision = described->revision;
+    }
+    world->devices_.push_back(
+        std::make_unique<SimDevice>(*world, *bus, plan, address, described->description, world->sim_.random().fork()));
+  }
+  world->events_ = plant.events;
+  if (!good) world.reset();
+  return world;
+}
+
+bool World::make_buses(const PlantFile& plant, std::span<const BusRate> rates, Findings& findings) {
+  bool good = true;
+  const auto rate_of = [&](std::string_view name) {
+    const auto it = std::ranges::find(rates, name, &BusRate::name);
+    return it == rates.end() ? 0U : it->bit_rate;
+  };
+  for (const auto& bus : plant.buses) {
+    const auto rate = bus.bitrate != 0 ? bus.bitrate : rate_of(bus.name);
+    if (rate == 0) {
+      refuse(findings, "bus." + bus.name, "no bit rate, neither here nor in the machine file",
+             "give bitrate = 250_000, say");
+      good = false;
+    } else if (sim_.find_bus(bus.name) == nullptr) {
+      sim_.add_bus(bus.name, rate);
+    }
+  }
+  for (const auto& bus : rates) {
+    if (bus.bit_rate != 0 && sim_.find_bus(bus.name) == nullptr) sim_.add_bus(bus.name, bus.bit_rate);
+  }
+  return good;
+}
+
+const World::Described* World::describe(const PlantDevice& device, Findings& findings) {
+  const auto& path = device.eds_path.empty() ? device.eds : device.eds_path;
+  auto& described = descriptions_[path];
+  if (described.description) return &described;
+  if (described.unreadable) return nullptr;
+  if (path.empty()) {
+    described.description = device::minimal_description();
+    return &described;
+  }
+  const auto reading = eds::read_file(path);
+  std::ranges::copy_if(reading.findings, std::back_inserter(findings),
+                       [](const Finding& f) { return f.severity == Finding::Severity::error; });
+  if (!reading.usable()) {
+    described.unreadable = true;
+    return nullptr;
+  }
+  described.description = reading.file.description;
+  described.type = reading.file.type_code();
+  described.revision = reading.file.revision();
+  return &described;
+}
+
+void World::start() {
+  if (std::exchange(started_, true)) return;
+  for (const auto& device : devices_) {
+    if (device->plan_.plugged) device->plug();
+  }
+  milestone(After::start);
+}
+
+void World::milestone(After after) {
+  if (std::ranges::find(reached_, after) != reached_.end()) return;
+  reached_.push_back(after);
+  for (const auto& event : events_) {
+    if (event.after == after) sim_.after(event.delay, [this, &event] { perform(event); });
+  }
+}
+
+bool World::perform(const PlantEvent& event) {
+  std::vector<sim::Controller*> controllers;
+  switch (event.action) {
+    case Action::cut_cable:
+      if (bus(event.bus) == nullptr || !nodes(event, controllers)) return false;
+      bus(event.bus)->split(controllers);
+      return true;
+    case Action::join:
+      if (bus(event.bus) == nullptr) return false;
+      bus(event.bus)->join();
+      return true;
+    case Action::disturb:
+    case Action::overrun: return strike(event);
+    default: break;
+  }
+  SimDevice* device = find(event.device);
+  if (device == nullptr) return false;
+  switch (event.action) {
+    case Action::plug: device->plug(); break;
+    case Action::unplug: device->unplug(); break;
+    case Action::power_off: device->power(false); break;
+    case Action::power_on: device->power(true); break;
+    case Action::reset: device->reset(); break;
+    case Action::deaf: device->deaf(event.duration); break;
+    case Action::slow: device->slow(event.latency, event.duration); break;
+    case Action::set_serial: device->set_serial(event.value); break;
+    case Action::set_node_id:
+      if (!NodeId::make(event.value)) return false;
+      device->set_node_id(*NodeId::make(event.value));
+      break;
+    default: return false;
+  }
+  return true;
+}
+
+bool World::nodes(const PlantEvent& event, std::vector<sim::Controller*>& found) {
+  const auto* on = bus(event.bus);
+  for (const auto& name : event.nodes) {
+    const auto& all = on->controllers();
+    const auto it = std::ranges::find(all, name, [](const sim::Controller* c) { return std::string_view(c->name()); });
+    if (it == all.end()) return false;
+    found.push_back(*it);
+  }
+  return true;
+}
+
+bool World::strike(const PlantEvent& event) {
+  std::vector<sim::Controller*> victims;
+  sim::Bus* on = bus(event.bus);
+  if (on == nullptr || !nodes(event, victims)) return false;
+  using Kind = sim::Fault::Kind;
+  const auto& s = event.strike;
+  sim::Fault fault;
+  if (event.action == Action::overrun) {
+    fault.kind = Kind::overrun;
+  } else {
+    fault.kind = std::array{Kind::flip, Kind::dominant, Kind::recessive}.at(static_cast<std::size_t>(s.kind));
+  }
+  fault.trigger.frame = s.frame;
+  if (s.id) fault.trigger.when = [id = *s.id](const sim::FrameStart& start) { return start.frame.key() == id; };
+  fault.trigger.skip = s.skip;
+  fault.trigger.times = s.times;
+  fault.where = {s.bit, s.from_end};
+  fault.bits = s.bits;
+  fault.victims.assign(victims.begin(), victims.end());
+  fault.spare_senders = s.spare_senders;
+  on->inject(std::move(fault));
+  return true;
+}
+
+std::unique_ptr<sim::Controller> World::attach_master(std::string_view name, sim::ControllerOptions options) {
+  sim::Bus* on = bus(name);
+  if (on == nullptr) return nullptr;
+  options.name = master_name;
+  return on->attach(options);
+}
+
+SimDevice* World::find(std::string_view name) noexcept {
+  const auto it = std::ranges::find(devices_, name, [](const auto& d) { return std::string_view(d->name()); });
+  return it == devices_.end() ? nullptr : it->get();
+}
+
+std::vector<Truth> World::truth() const {
+  std::vector<Truth> all;
+  for (const auto& device : devices_) all.push_back(device->truth());
+  return all;
+}
+
+std::vector<std::pair<const SimDevice*, const SimDevice*>> World::duplicates() const {
+  std::vector<std::pair<const SimDevice*, const SimDevice*>> pairs;
+  std::map<std::pair<const sim::Bus*, NodeId>, const SimDevice*> holders;
+  for (const auto& device : devices_) {
+    const auto id = device->device_.node_id();
+    if (!device->powered_ || !id.configured()) continue;
+    const auto [it, fresh] = holders.try_emplace({device->bus_, id}, device.get());
+    if (!fresh) pairs.emplace_back(it->second, device.get());
+  }
+  return pairs;
+}
+
+void World::tell(const SimDevice& device) noexcept {
+  for (auto* observer : observers_) observer->plant_changed(device);
+}
+
+// --- State -----------------------------------------------------------------------------------------------------------
+
+std::string World::state() const {
+  std::string text = fmt::format("{}\n", state_header);
+  for (const auto& d : devices_) {
+    const auto& o = d->device_.options();
+    text += fmt::format("{} {} {} {} {} {}\n", d->next_serial_.value_or(o.address.serial),
+                        d->next_node_id_.value_or(o.node_id).value(), o.bit_rate, d->plugged_ ? 1 : 0,
+                        d->next_node_id_ ? "" : hex(d->flash_.image()), d->name());
+  }
+  return text;
+}
+
+Result<void> World::restore(std::string_view state) {
+  std::vector<Kept> kept;
+  bool header = false;
+  while (!state.empty()) {
+    const auto end = std::min(state.find('\n'), state.size());
+    const auto line = state.substr(0, end);
+    state.remove_prefix(std::min(end + 1, state.size()));
+    if (!std::exchange(header, true)) {
+      if (line != state_header) return fail(Errc::invalid, "not the state of a plant");
+      continue;
+    }
+    auto one = parse_kept(line);
+    if (!one) return fail(Errc::invalid, "the state of a plant is damaged");
+    if (find(one->name) == nullptr) return fail(Errc::mismatch, "the state belongs to another plant");
+    kept.push_back(*std::move(one));
+  }
+  if (kept.size() != devices_.size()) return fail(Errc::mismatch, "the state belongs to another plant");
+  for (const auto& one : kept) {
+    auto& device = *find(one.name);
+    auto address = device.device_.options().address;
+    address.serial = one.serial;
+    device.device_.set_address(address);
+    device.device_.set_blank(one.node_id, one.bit_rate);
+    device.flash_.restore(one.image);
+    device.plan_.plugged = one.plugged;
+  }
+  return {};
+}
+
+Result<void> World::keep_state(const std::string& path) {
+  std::ifstream in(path, std::ios::binary);
+  if (in) {
+    const std::string text{std::istreambuf_iterator<char>(in), std::istreambuf_iterator<char>()};
+    if (auto restored = restore(text); !restored) return restored;
+  }
+  state_path_ = path;
+  return {};
+}
+
+void World::save() noexcept {
+  if (state_path_.empty()) return;
+  const auto fresh = state_path_ + ".new";
+  {
+    std::ofstream out(fresh, std::ios::binary | std::ios::trunc);
+    out << state();
+    if (!out.flush()) return;  // the old file stays; a full disk must not end the simulation
+  }
+  std::rename(fresh.c_str(), state_path_.c_str());
+}
+
+}  // namespace berth::plant
