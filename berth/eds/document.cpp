@@ -5,6 +5,7 @@
 #include <algorithm>
 #include <array>
 #include <cstring>
+#include <tuple>
 
 namespace berth::eds {
 namespace {
@@ -88,7 +89,10 @@ void Report::add(Severity severity, std::uint32_t line, std::uint32_t column, st
 }
 
 Findings Report::take() {
-  std::ranges::stable_sort(findings_, {}, [](const Finding& each) { return std::pair(each.line, each.column); });
+  std::ranges::sort(findings_, {},
+                    [](const Finding& each) { return std::tie(each.line, each.column, each.key, each.message); });
+  const auto rest = std::ranges::unique(findings_);
+  findings_.erase(rest.begin(), rest.end());
   if (dropped_ != 0) {
     findings_.push_back({Severity::note, file_, 0, 0, "", fmt::format("{} more findings are not shown", dropped_), ""});
   }
@@ -212,8 +216,9 @@ class LineReader {
 
   /// A ; behind a blank (or in place of the value) begins a comment; inside a word it is text.
   std::size_t without_comment(std::size_t begin, std::size_t end) {
-    for (std::size_t at = text_.find(';', begin); at < end; at = text_.find(';', at + 1)) {
-      if (at != begin && !blank(text_[at - 1])) continue;
+    const std::string_view line = text_.substr(0, end);
+    for (std::size_t at = line.find(';', begin); at != std::string_view::npos; at = line.find(';', at + 1)) {
+      if (at != begin && !blank(line[at - 1])) continue;
       if (inline_comment_ == 0) inline_comment_ = line_;
       return at;
     }

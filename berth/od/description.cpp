@@ -107,7 +107,7 @@ struct DescriptionBuilder::State {
   std::vector<PendingSub> subs;
   std::vector<std::uint32_t> at = std::vector<std::uint32_t>(0x10000);  ///< position in `objects` + 1
   std::string names;
-  std::uint8_t dummies = 0;
+  std::uint32_t dummies = 0;
 
   std::uint32_t add_name(std::string_view name) {
     const auto where = static_cast<std::uint32_t>(names.size());
@@ -125,17 +125,22 @@ struct DescriptionBuilder::State {
     object.name_at = add_name(name);
     object.name_length = static_cast<std::uint16_t>(std::min<std::size_t>(name.size(), 0xFFFF));
   }
+  /// The newest definition; nullptr when there is none.
+  PendingSub* find(ObjectRef ref) {
+    const std::uint32_t key = (static_cast<std::uint32_t>(ref.index) << 8U) | ref.sub;
+    const auto found = std::find_if(subs.rbegin(), subs.rend(), [key](const auto& each) { return each.key() == key; });
+    return found == subs.rend() ? nullptr : &*found;
+  }
+  void set_initial(PendingSub& pending, const Literal& value);
   void add_sub(PendingObject& parent, const SubSpec& spec);
   void add_counts();
   void sort_subs();
-  std::vector<std::uint8_t> highest_subs(const Description& made) const;
 };
 
 void DescriptionBuilder::State::add_sub(PendingObject& parent, const SubSpec& spec) {
   parent.subs[spec.sub / 64] |= 1ULL << (spec.sub % 64);
   PendingSub pending;
   pending.index = parent.object.index;
-  pending.initial = spec.initial;
   pending.limits = {spec.low, spec.high};
   SubObject& sub = pending.sub;
   sub.name_at = add_name(spec.name);
@@ -145,13 +150,18 @@ void DescriptionBuilder::State::add_sub(PendingObject& parent, const SubSpec& sp
   sub.access = spec.access;
   sub.obj_flags = spec.obj_flags;
   sub.mappable = spec.mappable;
-  sub.has_default = spec.initial.present();
-  sub.relative = spec.initial.kind == Literal::Kind::node_id_plus;
   const std::size_t fixed = byte_size(spec.type);
-  const auto wanted = spec.capacity == 0 ? usual_capacity : spec.capacity;
-  sub.capacity = fixed != 0 ? static_cast<std::uint32_t>(fixed)
-                            : std::max(wanted, static_cast<std::uint32_t>(spec.initial.bytes.size()));
+  sub.capacity = fixed != 0 ? static_cast<std::uint32_t>(fixed) : spec.capacity == 0 ? usual_capacity : spec.capacity;
+  set_initial(pending, spec.initial);
   subs.push_back(std::move(pending));
+}
+
+void DescriptionBuilder::State::set_initial(PendingSub& pending, const Literal& value) {
+  pending.initial = value;
+  SubObject& sub = pending.sub;
+  sub.has_default = value.present();
+  sub.relative = value.kind == Literal::Kind::node_id_plus;
+  if (sub.variable_length()) sub.capacity = std::max(sub.capacity, static_cast<std::uint32_t>(value.bytes.size()));
 }
 
 void DescriptionBuilder::State::add_counts() {
@@ -200,7 +210,7 @@ DescriptionBuilder& DescriptionBuilder::sub(std::uint16_t index, const SubSpec& 
   return *this;
 }
 
-DescriptionBuilder& DescriptionBuilder::dummies(std::uint8_t mask) {
+DescriptionBuilder& DescriptionBuilder::dummies(std::uint32_t mask) {
   state_->dummies = mask;
   return *this;
 }
@@ -210,6 +220,26 @@ bool DescriptionBuilder::has(std::uint16_t index) const noexcept { return state_
 bool DescriptionBuilder::has(ObjectRef ref) const noexcept {
   const PendingObject* const object = state_->find(ref.index);
   return object != nullptr && ((object->subs[ref.sub / 64] >> (ref.sub % 64)) & 1U) != 0;
+}
+
+std::optional<SubSpec> DescriptionBuilder::spec_of(ObjectRef ref) const {
+  const PendingSub* const found = has(ref) ? state_->find(ref) : nullptr;
+  if (found == nullptr) return std::nullopt;
+  return SubSpec{.sub = ref.sub,
+                 .type = found->sub.type,
+                 .access = found->sub.access,
+                 .mappable = found->sub.mappable,
+                 .initial = found->initial,
+                 .low = found->limits.low,
+                 .high = found->limits.high,
+                 .obj_flags = found->sub.obj_flags,
+                 .capacity = found->sub.variable_length() ? found->sub.capacity : 0};
+}
+
+DescriptionBuilder& DescriptionBuilder::initial(ObjectRef ref, const Literal& value) {
+  if (!has(ref)) return *this;
+  state_->set_initial(*state_->find(ref), value);
+  return *this;
 }
 
 namespace {

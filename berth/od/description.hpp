@@ -5,6 +5,7 @@
 
 #include <cstdint>
 #include <memory>
+#include <optional>
 #include <span>
 #include <string>
 #include <string_view>
@@ -101,9 +102,9 @@ class Description {
   [[nodiscard]] const Limits* limits(const SubObject& sub) const noexcept {
     return sub.limits_at == 0 ? nullptr : &limits_[sub.limits_at - 1];
   }
-  /// True when data type `index` (0001..0007) may be mapped into an RPDO as a dummy (EDS [DummyUsage]).
+  /// True when data type `index` (0001h..001Bh) may be mapped into an RPDO as a dummy (EDS [DummyUsage]).
   [[nodiscard]] bool dummy_mappable(std::uint16_t index) const noexcept {
-    return index >= 1 && index <= 7 && ((dummies_ >> index) & 1U) != 0;
+    return index >= 1 && index <= 0x1B && ((dummies_ >> index) & 1U) != 0;
   }
   /// Bytes that one device's values need.
   [[nodiscard]] std::size_t value_bytes() const noexcept { return image_.size(); }
@@ -128,7 +129,7 @@ class Description {
   std::vector<Relative> relatives_;
   std::vector<std::uint8_t> image_;  ///< the values of a device whose node-ID is 0
   std::string names_;
-  std::uint8_t dummies_ = 0;
+  std::uint32_t dummies_ = 0;
 };
 
 /// What one sub-object is to be. Use designated initialisers: `{.name = "Vendor-ID", .type = DataType::unsigned32}`.
@@ -161,10 +162,14 @@ class DescriptionBuilder {
                              DataType type = DataType::none, std::uint8_t obj_flags = 0);
   /// A sub-object of an object of any code; makes a RECORD of it when `index` is not known yet.
   DescriptionBuilder& sub(std::uint16_t index, const SubSpec& spec);
-  /// Bit n (1..7) = data type n may be mapped as a dummy.
-  DescriptionBuilder& dummies(std::uint8_t mask);
+  /// Bit n (1..27) = data type n may be mapped as a dummy.
+  DescriptionBuilder& dummies(std::uint32_t mask);
   [[nodiscard]] bool has(std::uint16_t index) const noexcept;
   [[nodiscard]] bool has(ObjectRef ref) const noexcept;
+  /// What was last said about a sub-object (without its name); quick for those added last.
+  [[nodiscard]] std::optional<SubSpec> spec_of(ObjectRef ref) const;
+  /// Gives a sub-object that is there another default.
+  DescriptionBuilder& initial(ObjectRef ref, const Literal& value);
 
   /// Arrays and records without a sub-index 0 get one (UNSIGNED8, const, highest sub-index); a read-only sub-index 0
   /// without a default gets the highest sub-index as its value (CiA 301 §7.4.5). The builder is empty afterwards.
