@@ -12,6 +12,8 @@ namespace berth::sim {
 struct Segment::Group {
   BitNode bits;
   std::vector<Controller*> members;
+  bool open = false;  // others in the same state may still join
+  bool sees = false;  // the level of the bit
 };
 
 /// The nodes of one bit rate and their common bit clock.
@@ -90,14 +92,14 @@ void Segment::put_in_group(Controller& node, rt::Time start, bool sending) {
   if (!alone) {
     for (auto& group : domain.groups) {
       const BitNode& other = group->bits;
-      if (other.phase == BitNode::Phase::idle && other.tec == bits.tec && other.rec == bits.rec &&
+      if (group->open && other.phase == BitNode::Phase::idle && other.tec == bits.tec && other.rec == bits.rec &&
           other.listen_only == bits.listen_only) {
         group->members.push_back(&node);
         return;
       }
     }
   }
-  domain.groups.push_back(std::make_unique<Group>(Group{bits, {&node}}));
+  domain.groups.push_back(std::make_unique<Group>(Group{bits, {&node}, !alone, false}));
 }
 
 Segment::Domain& Segment::domain_of(std::uint32_t bit_rate, rt::Time start) {
@@ -149,11 +151,12 @@ void Segment::tick(Domain& domain, bool again) {
   if (!again) begin_frames(domain);
   domain.now = domain.drives();
   const bool dominant = domain.now || level_of_others(domain, domain.start + sample_point(domain.bit));
-  for (std::size_t i = 0; i < domain.groups.size(); ++i) {
+  // What a bit means may begin a frame, with disturbances and groups of its own: they do not concern this bit any more.
+  for (auto& group : domain.groups) group->sees = seen(domain, *group, dominant);
+  const std::size_t count = domain.groups.size();
+  for (std::size_t i = 0; i < count; ++i) {
     Group& group = *domain.groups[i];
-    if (const auto outcome = group.bits.sample(seen(domain, group, dominant)); outcome.any()) {
-      note(domain, group, outcome);
-    }
+    if (const auto outcome = group.bits.sample(group.sees); outcome.any()) note(domain, group, outcome);
   }
   domain.before = domain.now;
   domain.start += domain.bit;
@@ -350,7 +353,7 @@ std::unique_ptr<Segment::Group> Segment::take_out(Controller& node) {
     for (auto it = domain->groups.begin(); it != domain->groups.end(); ++it) {
       auto& members = (*it)->members;
       if (std::erase(members, &node) == 0) continue;
-      auto own = std::make_unique<Group>(Group{(*it)->bits, {&node}});
+      auto own = std::make_unique<Group>(Group{(*it)->bits, {&node}, false, false});
       if (members.empty()) domain->groups.erase(it);
       return own;
     }
@@ -361,7 +364,7 @@ std::unique_ptr<Segment::Group> Segment::take_out(Controller& node) {
 Segment::Group& Segment::split(Domain& domain, Group& group, Controller& node) {
   if (group.members.size() == 1) return group;
   std::erase(group.members, &node);
-  domain.groups.push_back(std::make_unique<Group>(Group{group.bits, {&node}}));
+  domain.groups.push_back(std::make_unique<Group>(Group{group.bits, {&node}, false, false}));
   return *domain.groups.back();
 }
 

@@ -69,8 +69,11 @@ struct Node {
 class Bus {
  public:
   explicit Bus(std::size_t count) : nodes(count) {}
-  /// Node `node` sees bit `bit` of frame number `frame` (each start of transmission counts) turned round.
-  void flip(std::uint64_t frame, int bit, int node) { flips_.insert({frame, bit, node}); }
+  /// Node `node` sees bit `bit` of frame number `frame` (each start of transmission counts) turned round; twice is
+  /// not at all.
+  void flip(std::uint64_t frame, int bit, int node) {
+    if (const std::tuple place{frame, bit, node}; !flips_.insert(place).second) flips_.erase(place);
+  }
   void run(std::int64_t bits) {
     while (now < bits) step();
   }
