@@ -1,12 +1,13 @@
 /// The slot table in a file: SQLite behind `places::SlotStore`.
 ///
 /// **What is promised.** Every writing call is one transaction, synced to the disk before it returns (write-ahead log,
-/// `synchronous = FULL`). A crash at any instant, with every write that was not synced lost and the last one torn, leaves
-/// the state before or after the call. One process owns a store at a time. A file that is damaged, not Berth's, or of a
-/// newer Berth is refused in words and not changed by one byte.
+/// `synchronous = FULL`). A crash at any instant, with every write that was not synced lost and the last one torn,
+/// leaves the state before or after the call. One process owns a store at a time. A file that is damaged, not Berth's,
+/// or of a newer Berth is refused in words and not changed by one byte.
 ///
-/// The file is never the only copy of what a person wrote; it holds what Berth learnt. While a store is open, or after a
-/// crash, `<file>-wal` belongs to it: move both or neither. `<file>.lock` holds the owner's process id and stays behind.
+/// The file is never the only copy of what a person wrote; it holds what Berth learnt. While a store is open, or after
+/// a crash, `<file>-wal` belongs to it: move both or neither. `<file>.lock` holds the owner's process id and stays
+/// behind.
 ///
 /// One thread. SQLite's errors come back as `Errc::io` with SQLite's extended code in `Error::detail`; after one, the
 /// call has changed nothing and the store can be used on.
@@ -42,8 +43,8 @@ struct OpenError {
 };
 
 struct OpenOptions {
-  std::string vfs;             ///< name of a SQLite VFS; empty = the system's
-  bool lock = true;            ///< false only where no other process can reach the file (tests on a VFS of their own)
+  std::string vfs;   ///< name of a SQLite VFS; empty = the system's
+  bool lock = true;  ///< false only where no other process can reach the file (tests on a VFS of their own)
 };
 
 class Database final : public places::SlotStore {

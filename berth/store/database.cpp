@@ -1,0 +1,324 @@
+#include "berth/store/database.hpp"
+
+#include <utility>
+
+#include "berth/store/database_impl.hpp"
+
+namespace berth::store {
+namespace {
+
+using places::HistoryEntry;
+using places::Seat;
+using places::SlotId;
+using places::SlotName;
+using places::SlotRecord;
+
+// Each text stands once: the prepared statement is known by its address.
+constexpr const char* find_slot_sql = "SELECT id FROM slots WHERE machine = ? AND bus = ? AND name = ?";
+constexpr const char* add_slot_sql = "INSERT INTO slots (machine, bus, name) VALUES (?, ?, ?)";
+constexpr const char* has_slot_sql = "SELECT 1 FROM slots WHERE id = ?";
+constexpr const char* load_sql =
+    "SELECT s.id, s.machine, s.bus, s.name, t.fact, t.vendor, t.product, t.revision, t.serial, t.node_id "
+    "FROM slots s LEFT JOIN seats t ON t.slot = s.id WHERE s.machine = ? ORDER BY s.id, t.fact";
+constexpr const char* other_seat_sql =
+    "SELECT 1 FROM seats WHERE vendor = ? AND product = ? AND revision = ? AND serial = ? AND slot <> ?";
+constexpr const char* get_seat_sql =
+    "SELECT vendor, product, revision, serial, node_id FROM seats WHERE slot = ? AND fact = ?";
+constexpr const char* put_seat_sql =
+    "INSERT INTO seats (vendor, product, revision, serial, node_id, slot, fact) VALUES (?, ?, ?, ?, ?, ?, ?) "
+    "ON CONFLICT (slot, fact) DO UPDATE SET vendor = excluded.vendor, product = excluded.product, "
+    "revision = excluded.revision, serial = excluded.serial, node_id = excluded.node_id";
+constexpr const char* drop_asked_sql = "DELETE FROM seats WHERE slot = ? AND fact = 'asked'";
+constexpr const char* drop_seats_sql = "DELETE FROM seats WHERE slot = ?";
+constexpr const char* put_blank_sql =
+    "INSERT INTO blanks (vendor, product, revision, serial) VALUES (?, ?, ?, ?) ON CONFLICT DO NOTHING";
+constexpr const char* drop_blank_sql =
+    "DELETE FROM blanks WHERE vendor = ? AND product = ? AND revision = ? AND serial = ?";
+constexpr const char* blanks_sql = "SELECT vendor, product, revision, serial FROM blanks ORDER BY id";
+constexpr const char* log_sql =
+    "INSERT INTO history (vendor, product, revision, serial, stamp_ms, slot, event, node_id, reason) "
+    "VALUES (?, ?, ?, ?, ?, ?, ?, ?, ?)";
+constexpr const char* history_sql =
+    "SELECT vendor, product, revision, serial, sequence, stamp_ms, slot, event, node_id, reason FROM history "
+    "ORDER BY sequence";
+constexpr const char* history_of_slot_sql =
+    "SELECT vendor, product, revision, serial, sequence, stamp_ms, slot, event, node_id, reason FROM history "
+    "WHERE slot = ? ORDER BY sequence";
+constexpr const char* devices_sql =
+    "SELECT vendor, product, revision, serial, first_ms, last_ms, lines FROM devices ORDER BY 1, 2, 3, 4";
+
+/// A prepared statement in use: parameters in order, reset at the end.
+class Query {
+ public:
+  explicit Query(SQLite::Statement& statement) : statement_(statement) {}
+  ~Query() { statement_.tryReset(); }
+  Query(const Query&) = delete;
+  Query& operator=(const Query&) = delete;
+
+  Query& operator<<(std::int64_t value) {
+    statement_.bind(next_++, value);
+    return *this;
+  }
+  Query& operator<<(std::string_view value) {
+    statement_.bind(next_++, std::string(value));
+    return *this;
+  }
+  Query& operator<<(const LssAddress& a) {
+    for (unsigned i = 0; i < 4; ++i) *this << static_cast<std::int64_t>(a.part(i));
+    return *this;
+  }
+  Query& skip(int parameters) {  // NULL
+    for (int i = 0; i < parameters; ++i) statement_.bind(next_++);
+    return *this;
+  }
+
+  bool row() { return statement_.executeStep(); }
+  void run() { statement_.exec(); }
+  [[nodiscard]] bool null(int column) { return statement_.getColumn(column).isNull(); }
+  [[nodiscard]] std::int64_t number(int column) { return statement_.getColumn(column).getInt64(); }
+  [[nodiscard]] std::string text(int column) { return statement_.getColumn(column).getString(); }
+  [[nodiscard]] LssAddress address(int column) {
+    const auto part = [&](int i) { return static_cast<std::uint32_t>(number(column + i)); };
+    return {part(0), part(1), part(2), part(3)};
+  }
+  [[nodiscard]] NodeId node_id(int column) { return NodeId(static_cast<std::uint8_t>(number(column))); }
+
+ private:
+  SQLite::Statement& statement_;
+  int next_ = 1;
+};
+
+tl::unexpected<Error> failed(const SQLite::Exception& error, const char* what) noexcept {
+  return fail(
+      Error{.code = Errc::io, .detail = static_cast<std::uint32_t>(error.getExtendedErrorCode()), .text = what});
+}
+
+}  // namespace
+
+SQLite::Statement& Database::Impl::statement(const char* sql) {
+  const auto it = statements.find(sql);
+  if (it != statements.end()) return it->second;
+  return statements.emplace(std::piecewise_construct, std::forward_as_tuple(sql), std::forward_as_tuple(*db, sql))
+      .first->second;
+}
+
+bool Database::Impl::has_slot(SlotId slot) {
+  Query query(statement(has_slot_sql));
+  query << slot.value;
+  return query.row();
+}
+
+std::optional<Seat> Database::Impl::seat(SlotId slot, std::string_view fact) {
+  Query query(statement(get_seat_sql));
+  query << slot.value << fact;
+  if (!query.row()) return std::nullopt;
+  return Seat{query.address(0), query.node_id(4)};
+}
+
+void Database::Impl::put_seat(SlotId slot, std::string_view fact, const Seat& seat) {
+  Query query(statement(put_seat_sql));
+  query << seat.device << std::int64_t{seat.id.value()} << slot.value << fact;
+  query.run();
+}
+
+void Database::Impl::log(std::optional<SlotId> slot, std::string_view event, const std::optional<LssAddress>& device,
+                         NodeId id, std::string_view reason) {
+  Query query(statement(log_sql));
+  if (device) {
+    query << *device;
+  } else {
+    query.skip(4);
+  }
+  query << stamp_ms;
+  if (slot) {
+    query << slot->value;
+  } else {
+    query.skip(1);
+  }
+  query << event << std::int64_t{id.value()} << reason;
+  query.run();
+}
+
+template <class Body>
+auto Database::Impl::write(const char* what, Body body) -> decltype(body()) {
+  try {
+    SQLite::Transaction transaction(*db, SQLite::TransactionBehavior::IMMEDIATE);
+    auto result = body();
+    if (result) transaction.commit();
+    return result;
+  } catch (const SQLite::Exception& error) {
+    return failed(error, what);
+  }
+}
+
+template <class Body>
+auto Database::Impl::read(const char* what, Body body) -> decltype(body()) {
+  try {
+    return body();
+  } catch (const SQLite::Exception& error) {
+    return failed(error, what);
+  }
+}
+
+Database::Database(std::unique_ptr<Impl> impl) noexcept : impl_(std::move(impl)) {}
+Database::~Database() = default;
+
+void Database::stamp(std::int64_t now_ms) noexcept { impl_->stamp_ms = now_ms; }
+
+Result<SlotId> Database::declare(const SlotName& name) {
+  const auto find = [&]() -> Result<std::optional<SlotId>> {
+    Query query(impl_->statement(find_slot_sql));
+    query << name.machine << name.bus << name.name;
+    if (!query.row()) return std::nullopt;
+    return SlotId{query.number(0)};
+  };
+  const auto known = impl_->read("looking for a slot", find);
+  if (!known) return fail(known.error());
+  if (*known) return **known;
+  return impl_->write("adding a slot", [&]() -> Result<SlotId> {
+    {
+      Query query(impl_->statement(add_slot_sql));
+      query << name.machine << name.bus << name.name;
+      query.run();
+    }
+    const SlotId slot{impl_->db->getLastInsertRowid()};
+    impl_->log(slot, "declared", std::nullopt, NodeId(), name.name);
+    return slot;
+  });
+}
+
+Result<std::vector<SlotRecord>> Database::load(std::string_view machine) {
+  return impl_->read("loading the slots", [&]() -> Result<std::vector<SlotRecord>> {
+    std::vector<SlotRecord> records;
+    Query query(impl_->statement(load_sql));
+    query << machine;
+    while (query.row()) {
+      const SlotId slot{query.number(0)};
+      if (records.empty() || records.back().slot != slot) {
+        records.push_back({slot, {query.text(1), query.text(2), query.text(3)}, std::nullopt, std::nullopt});
+      }
+      if (query.null(4)) continue;
+      auto& fact = query.text(4) == "asked" ? records.back().asked : records.back().confirmed;
+      fact = Seat{query.address(5), query.node_id(9)};
+    }
+    return records;
+  });
+}
+
+Result<void> Database::ask(SlotId slot, const Seat& seat, std::string_view reason) {
+  return impl_->write("writing an intention", [&]() -> Result<void> {
+    if (!impl_->has_slot(slot)) return fail(Errc::not_found, "no such slot");
+    {
+      Query query(impl_->statement(other_seat_sql));
+      query << seat.device << slot.value;
+      if (query.row()) return fail(Errc::duplicate, "the device sits in another slot");
+    }
+    impl_->put_seat(slot, "asked", seat);
+    impl_->log(slot, "asked", seat.device, seat.id, reason);
+    return {};
+  });
+}
+
+Result<void> Database::confirm(SlotId slot, const Seat& seat, std::string_view reason) {
+  return impl_->write("writing a binding", [&]() -> Result<void> {
+    if (!impl_->has_slot(slot)) return fail(Errc::not_found, "no such slot");
+    if (impl_->seat(slot, "asked") != seat) return fail(Errc::mismatch, "confirmed something that was not asked for");
+    {
+      Query query(impl_->statement(drop_asked_sql));
+      query << slot.value;
+      query.run();
+    }
+    impl_->put_seat(slot, "confirmed", seat);
+    {
+      Query query(impl_->statement(drop_blank_sql));
+      query << seat.device;
+      query.run();
+    }
+    impl_->log(slot, "confirmed", seat.device, seat.id, reason);
+    return {};
+  });
+}
+
+Result<void> Database::clear(SlotId slot, std::string_view reason) {
+  return impl_->write("clearing a slot", [&]() -> Result<void> {
+    if (!impl_->has_slot(slot)) return fail(Errc::not_found, "no such slot");
+    auto who = impl_->seat(slot, "asked");
+    if (!who) who = impl_->seat(slot, "confirmed");
+    impl_->log(slot, "cleared", who ? std::optional(who->device) : std::nullopt, NodeId(), reason);
+    Query query(impl_->statement(drop_seats_sql));
+    query << slot.value;
+    query.run();
+    return {};
+  });
+}
+
+Result<void> Database::ask_blank(const LssAddress& device, std::string_view reason) {
+  return impl_->write("writing an intention", [&]() -> Result<void> {
+    {
+      Query query(impl_->statement(put_blank_sql));
+      query << device;
+      query.run();
+    }
+    impl_->log(std::nullopt, "blank asked", device, NodeId(), reason);
+    return {};
+  });
+}
+
+Result<void> Database::confirm_blank(const LssAddress& device, std::string_view reason) {
+  return impl_->write("writing that a device is blank", [&]() -> Result<void> {
+    {
+      Query query(impl_->statement(drop_blank_sql));
+      query << device;
+      query.run();
+    }
+    impl_->log(std::nullopt, "blanked", device, NodeId(), reason);
+    return {};
+  });
+}
+
+Result<std::vector<LssAddress>> Database::unfinished_blanks() {
+  return impl_->read("loading intentions", [&]() -> Result<std::vector<LssAddress>> {
+    std::vector<LssAddress> devices;
+    Query query(impl_->statement(blanks_sql));
+    while (query.row()) devices.push_back(query.address(0));
+    return devices;
+  });
+}
+
+Result<void> Database::note(const HistoryEntry& entry) {
+  return impl_->write("writing history", [&]() -> Result<void> {
+    impl_->log(entry.slot, entry.event, entry.device, entry.id, entry.reason);
+    return {};
+  });
+}
+
+Result<std::vector<HistoryEntry>> Database::history(std::optional<SlotId> slot) {
+  return impl_->read("loading history", [&]() -> Result<std::vector<HistoryEntry>> {
+    std::vector<HistoryEntry> lines;
+    Query query(impl_->statement(slot ? history_of_slot_sql : history_sql));
+    if (slot) query << slot->value;
+    while (query.row()) {
+      HistoryEntry line;
+      if (!query.null(0)) line.device = query.address(0);
+      line.sequence = query.number(4);
+      line.stamp_ms = query.number(5);
+      if (!query.null(6)) line.slot = SlotId{query.number(6)};
+      line.event = query.text(7);
+      line.id = query.node_id(8);
+      line.reason = query.text(9);
+      lines.push_back(std::move(line));
+    }
+    return lines;
+  });
+}
+
+Result<std::vector<DeviceSeen>> Database::devices() {
+  return impl_->read("loading devices", [&]() -> Result<std::vector<DeviceSeen>> {
+    std::vector<DeviceSeen> devices;
+    Query query(impl_->statement(devices_sql));
+    while (query.row()) devices.push_back({query.address(0), query.number(4), query.number(5), query.number(6)});
+    return devices;
+  });
+}
+
+}  // namespace berth::store

@@ -1,0 +1,41 @@
+/// What is behind `Database`. Private to room `store`.
+#pragma once
+
+#include <SQLiteCpp/Database.h>
+#include <SQLiteCpp/Statement.h>
+#include <SQLiteCpp/Transaction.h>
+#include <sqlite3.h>
+
+#include <map>
+#include <optional>
+#include <string>
+
+#include "berth/store/database.hpp"
+#include "berth/store/file_lock.hpp"
+#include "berth/store/schema.hpp"
+
+namespace berth::store {
+
+struct Database::Impl {
+  FileLock lock;
+  std::optional<SQLite::Database> db;
+  std::map<const char*, SQLite::Statement> statements;  ///< by the address of their text; after `db`, so gone before it
+  std::int64_t stamp_ms = 0;
+
+  /// The prepared statement of a text that stands once in the program.
+  SQLite::Statement& statement(const char* sql);
+  [[nodiscard]] bool has_slot(places::SlotId slot);
+  [[nodiscard]] std::optional<places::Seat> seat(places::SlotId slot, std::string_view fact);
+  void put_seat(places::SlotId slot, std::string_view fact, const places::Seat& seat);
+  void log(std::optional<places::SlotId> slot, std::string_view event, const std::optional<LssAddress>& device,
+           NodeId id, std::string_view reason);
+
+  /// Runs `body` in one transaction: committed and synced when it gives a value, else rolled back.
+  template <class Body>
+  auto write(const char* what, Body body) -> decltype(body());
+  /// Runs `body`, which only reads.
+  template <class Body>
+  auto read(const char* what, Body body) -> decltype(body());
+};
+
+}  // namespace berth::store

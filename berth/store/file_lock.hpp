@@ -1,0 +1,27 @@
+/// One process owns a file: an advisory lock (flock) on `<file>.lock`, which also says who holds it. The lock goes with
+/// the process however it ends; the lock file stays, so that two processes never lock two files of one name.
+#pragma once
+
+#include <string>
+
+namespace berth::store {
+
+class FileLock {
+ public:
+  FileLock() = default;
+  ~FileLock();
+  FileLock(const FileLock&) = delete;
+  FileLock& operator=(const FileLock&) = delete;
+
+  enum class Outcome { taken, held_by_other, failed };
+  /// Tries once, without waiting. `failed`: errno says why.
+  [[nodiscard]] Outcome take(const std::string& file);
+  /// After `held_by_other`: the holder's process id as it wrote it, "" when it could not be read.
+  [[nodiscard]] const std::string& holder() const noexcept { return holder_; }
+
+ private:
+  int fd_ = -1;
+  std::string holder_;
+};
+
+}  // namespace berth::store

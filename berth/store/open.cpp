@@ -1,0 +1,157 @@
+// Opening a store: one owner, and nothing is written before the file is known to be Berth's, whole and not newer.
+#include <fmt/format.h>
+
+#include <array>
+#include <cerrno>
+#include <cstring>
+#include <filesystem>
+#include <fstream>
+#include <optional>
+
+#include "berth/base/bytes.hpp"
+#include "berth/store/database_impl.hpp"
+
+namespace berth::store {
+namespace {
+
+namespace fs = std::filesystem;
+
+tl::unexpected<OpenError> refuse(Errc code, const char* text, std::string message, std::uint32_t detail = 0) {
+  return tl::unexpected<OpenError>(OpenError{Error{.code = code, .detail = detail, .text = text}, std::move(message)});
+}
+
+std::optional<OpenError> verdict(const std::string& path, FileKind kind, std::int64_t version) {
+  if (kind == FileKind::foreign) {
+    return refuse(Errc::invalid, "the file is not Berth's",
+                  fmt::format("{}: this file is not a Berth store; it was left as it is. Name another file.", path))
+        .value();
+  }
+  if (kind == FileKind::newer) {
+    return refuse(Errc::invalid, "the store is of a newer Berth",
+                  fmt::format("{}: this store has schema version {}, and this Berth knows up to {}; it was left as it "
+                              "is. Use a newer Berth.",
+                              path, version, schema_version))
+        .value();
+  }
+  return std::nullopt;
+}
+
+bool has_content(const fs::path& path) {
+  std::error_code code;
+  const auto size = fs::file_size(path, code);
+  return !code && size > 0;
+}
+
+/// Looks at the bytes of a file that SQLite has nothing to finish in, so that not even SQLite touches a foreign file.
+std::optional<OpenError> look_at_header(const std::string& path) {
+  if (!has_content(path) || has_content(path + "-wal") || has_content(path + "-journal")) return std::nullopt;
+  std::array<std::uint8_t, 100> header{};
+  std::ifstream in(path, std::ios::binary);
+  in.read(reinterpret_cast<char*>(header.data()), header.size());
+  if (!in || std::memcmp(header.data(), "SQLite format 3", 16) != 0) return verdict(path, FileKind::foreign, 0);
+  const auto big_endian = [&](std::size_t at) {
+    return static_cast<std::int64_t>(header[at]) << 24 | header[at + 1] << 16 | header[at + 2] << 8 | header[at + 3];
+  };
+  const auto version = big_endian(60);
+  return verdict(path, classify(big_endian(68), version, true), version);
+}
+
+std::optional<OpenError> take_lock(FileLock& lock, const std::string& path) {
+  switch (lock.take(path)) {
+    case FileLock::Outcome::taken: return std::nullopt;
+    case FileLock::Outcome::held_by_other: {
+      const auto who = lock.holder().empty() ? "another process" : "process " + lock.holder();
+      return refuse(Errc::exhausted, "the store is owned by another process",
+                    fmt::format("{}: {} uses this store now; stop it, or give your command to it.", path, who))
+          .value();
+    }
+    case FileLock::Outcome::failed: break;
+  }
+  const int code = errno;
+  return refuse(Errc::io, "the store cannot be locked", fmt::format("{}.lock: {}", path, std::strerror(code)),
+                static_cast<std::uint32_t>(code))
+      .value();
+}
+
+std::int64_t pragma(SQLite::Database& db, const char* name) {
+  return db.execAndGet(fmt::format("PRAGMA {}", name)).getInt64();
+}
+
+/// Checks, and brings to today's schema.
+std::optional<OpenError> prepare(SQLite::Database& db, const std::string& path) {
+  // Until the file is accepted, closing must not write what a crash left in the log back into it.
+  sqlite3_db_config(db.getHandle(), SQLITE_DBCONFIG_NO_CKPT_ON_CLOSE, 1, nullptr);
+  db.exec("PRAGMA locking_mode = EXCLUSIVE");
+  // EXTRA also syncs the folder when a rollback journal goes: the journal is in use only until the log is.
+  db.exec("PRAGMA synchronous = EXTRA");
+  const auto application = pragma(db, "application_id");
+  const auto version = pragma(db, "user_version");
+  const bool has_tables = db.execAndGet("SELECT count(*) FROM sqlite_master").getInt64() > 0;
+  const auto kind = classify(application, version, has_tables);
+  if (auto refused = verdict(path, kind, version)) return refused;
+  if (kind == FileKind::ours) {
+    const auto said = damage(db, static_cast<int>(version));
+    if (!said.empty()) {
+      return refuse(Errc::invalid, "the store is damaged",
+                    fmt::format("{}: this store is damaged ({}); it was left as it is. Restore a copy, or move it away "
+                                "and bind the machine again.",
+                                path, said))
+          .value();
+    }
+  }
+  if (kind == FileKind::fresh) {
+    create_schema(db, schema_version);
+  } else {
+    migrate(db, static_cast<int>(version));
+  }
+  sqlite3_db_config(db.getHandle(), SQLITE_DBCONFIG_NO_CKPT_ON_CLOSE, 0, nullptr);
+  db.exec("PRAGMA journal_mode = WAL");
+  db.exec("PRAGMA synchronous = FULL");
+  db.exec("PRAGMA foreign_keys = ON");
+  return std::nullopt;
+}
+
+std::string real_path(const std::string& path) {
+  std::error_code code;
+  const auto real = fs::weakly_canonical(path, code);
+  return code ? path : real.string();
+}
+
+OpenError sqlite_error(const std::string& path, int code, const char* what) {
+  const auto kind = code & 0xFF;
+  const bool damaged = kind == SQLITE_CORRUPT || kind == SQLITE_NOTADB;
+  const auto text = damaged ? "the store is damaged" : "the store cannot be opened";
+  const auto words = damaged ? fmt::format(
+                                   "{}: this store is damaged ({}); it was left as it is. Restore a copy, or move "
+                                   "it away and bind the machine again.",
+                                   path, what)
+                             : fmt::format("{}: the store cannot be opened: {}", path, what);
+  return refuse(damaged ? Errc::invalid : Errc::io, text, words, static_cast<std::uint32_t>(code)).value();
+}
+
+}  // namespace
+
+Database::Opened Database::open(const std::string& given, const OpenOptions& options) {
+  auto impl = std::make_unique<Impl>();
+  const auto path = options.vfs.empty() ? real_path(given) : given;
+  std::error_code code;
+  if (options.vfs.empty() && fs::is_directory(path, code)) {
+    return refuse(Errc::io, "the store is a folder", fmt::format("{}: this is a folder, not a store.", path));
+  }
+  if (options.lock) {
+    if (auto refused = take_lock(impl->lock, path)) return tl::unexpected<OpenError>(std::move(*refused));
+  }
+  if (options.vfs.empty()) {
+    if (auto refused = look_at_header(path)) return tl::unexpected<OpenError>(std::move(*refused));
+  }
+  try {
+    const int flags = SQLite::OPEN_READWRITE | SQLite::OPEN_CREATE | SQLITE_OPEN_EXRESCODE;
+    impl->db.emplace(path, flags, 0, options.vfs);
+    if (auto refused = prepare(*impl->db, path)) return tl::unexpected<OpenError>(std::move(*refused));
+  } catch (const SQLite::Exception& error) {
+    return tl::unexpected<OpenError>(sqlite_error(path, error.getExtendedErrorCode(), error.what()));
+  }
+  return std::unique_ptr<Database>(new Database(std::move(impl)));
+}
+
+}  // namespace berth::store

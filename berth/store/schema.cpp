@@ -1,0 +1,136 @@
+#include "berth/store/schema.hpp"
+
+#include <SQLiteCpp/Database.h>
+#include <SQLiteCpp/Statement.h>
+#include <SQLiteCpp/Transaction.h>
+#include <fmt/format.h>
+
+#include <array>
+
+#include "berth/store/database.hpp"
+
+namespace berth::store {
+namespace {
+
+// One text per version, each applied to what the versions before it left. Texts of versions that were in use are never
+// changed: a new table or column is a new version.
+constexpr std::array<const char*, schema_version> steps{
+    // 1: slots by identities of their own, asked and confirmed as two facts, and the history.
+    R"(
+CREATE TABLE slots (
+  id      INTEGER PRIMARY KEY AUTOINCREMENT,
+  machine TEXT NOT NULL,
+  bus     TEXT NOT NULL,
+  name    TEXT NOT NULL,
+  UNIQUE (machine, bus, name)
+) STRICT;
+CREATE TABLE seats (
+  slot     INTEGER NOT NULL REFERENCES slots (id),
+  fact     TEXT NOT NULL CHECK (fact IN ('asked', 'confirmed')),
+  vendor   INTEGER NOT NULL CHECK (vendor BETWEEN 0 AND 4294967295),
+  product  INTEGER NOT NULL CHECK (product BETWEEN 0 AND 4294967295),
+  revision INTEGER NOT NULL CHECK (revision BETWEEN 0 AND 4294967295),
+  serial   INTEGER NOT NULL CHECK (serial BETWEEN 0 AND 4294967295),
+  node_id  INTEGER NOT NULL CHECK (node_id BETWEEN 0 AND 255),
+  PRIMARY KEY (slot, fact),
+  UNIQUE (fact, vendor, product, revision, serial)
+) STRICT;
+CREATE TABLE blanks (
+  id       INTEGER PRIMARY KEY AUTOINCREMENT,
+  vendor   INTEGER NOT NULL,
+  product  INTEGER NOT NULL,
+  revision INTEGER NOT NULL,
+  serial   INTEGER NOT NULL,
+  UNIQUE (vendor, product, revision, serial)
+) STRICT;
+CREATE TABLE history (
+  sequence INTEGER PRIMARY KEY AUTOINCREMENT,
+  stamp_ms INTEGER NOT NULL,
+  slot     INTEGER,
+  event    TEXT NOT NULL,
+  vendor   INTEGER,
+  product  INTEGER,
+  revision INTEGER,
+  serial   INTEGER,
+  node_id  INTEGER NOT NULL,
+  reason   TEXT NOT NULL
+) STRICT;
+CREATE TRIGGER history_is_never_changed BEFORE UPDATE ON history
+BEGIN SELECT RAISE(ABORT, 'the history is never rewritten'); END;
+CREATE TRIGGER history_is_never_shortened BEFORE DELETE ON history
+BEGIN SELECT RAISE(ABORT, 'the history is never rewritten'); END;
+)",
+    // 2: every device ever named, kept up by the history itself; the history of one slot by an index.
+    R"(
+CREATE TABLE devices (
+  vendor   INTEGER NOT NULL,
+  product  INTEGER NOT NULL,
+  revision INTEGER NOT NULL,
+  serial   INTEGER NOT NULL,
+  first_ms INTEGER NOT NULL,
+  last_ms  INTEGER NOT NULL,
+  lines    INTEGER NOT NULL,
+  PRIMARY KEY (vendor, product, revision, serial)
+) STRICT, WITHOUT ROWID;
+INSERT INTO devices
+  SELECT vendor, product, revision, serial, 0, 0, count(*) FROM history WHERE vendor IS NOT NULL GROUP BY 1, 2, 3, 4;
+UPDATE devices SET
+  first_ms = (SELECT stamp_ms FROM history h WHERE (h.vendor, h.product, h.revision, h.serial) =
+    (devices.vendor, devices.product, devices.revision, devices.serial) ORDER BY sequence LIMIT 1),
+  last_ms = (SELECT stamp_ms FROM history h WHERE (h.vendor, h.product, h.revision, h.serial) =
+    (devices.vendor, devices.product, devices.revision, devices.serial) ORDER BY sequence DESC LIMIT 1);
+CREATE TRIGGER history_names_devices AFTER INSERT ON history WHEN NEW.vendor IS NOT NULL
+BEGIN
+  INSERT INTO devices VALUES (NEW.vendor, NEW.product, NEW.revision, NEW.serial, NEW.stamp_ms, NEW.stamp_ms, 1)
+    ON CONFLICT DO UPDATE SET last_ms = NEW.stamp_ms, lines = lines + 1;
+END;
+CREATE INDEX history_of_slot ON history (slot);
+)"};
+
+// One query per table that names every column; preparing it fails when something is missing.
+constexpr std::array<const char*, 5> probes{
+    "SELECT id, machine, bus, name FROM slots LIMIT 1",
+    "SELECT slot, fact, vendor, product, revision, serial, node_id FROM seats LIMIT 1",
+    "SELECT id, vendor, product, revision, serial FROM blanks LIMIT 1",
+    "SELECT sequence, stamp_ms, slot, event, vendor, product, revision, serial, node_id, reason FROM history LIMIT 1",
+    "SELECT vendor, product, revision, serial, first_ms, last_ms, lines FROM devices LIMIT 1"};
+
+void apply(SQLite::Database& db, int from, int to) {
+  SQLite::Transaction transaction(db, SQLite::TransactionBehavior::IMMEDIATE);
+  for (int version = from; version < to; ++version) db.exec(steps[static_cast<std::size_t>(version)]);
+  db.exec(fmt::format("PRAGMA application_id = {}", application_id));
+  db.exec(fmt::format("PRAGMA user_version = {}", to));
+  transaction.commit();
+}
+
+}  // namespace
+
+FileKind classify(std::int64_t application, std::int64_t version, bool has_tables) noexcept {
+  if (application == 0 && version == 0 && !has_tables) return FileKind::fresh;
+  if (application != application_id || version < 1) return FileKind::foreign;
+  return version > schema_version ? FileKind::newer : FileKind::ours;
+}
+
+void create_schema(SQLite::Database& db, int version) { apply(db, 0, version); }
+
+void migrate(SQLite::Database& db, int version) {
+  if (version < schema_version) apply(db, version, schema_version);
+}
+
+std::string damage(SQLite::Database& db, int version) {
+  SQLite::Statement check(db, "PRAGMA quick_check(1)");
+  std::string said = check.executeStep() ? check.getColumn(0).getString() : std::string("no answer");
+  if (said != "ok") return said;
+  const std::size_t tables = version < 2 ? probes.size() - 1 : probes.size();
+  for (std::size_t i = 0; i < tables; ++i) {
+    try {
+      SQLite::Statement probe(db, probes[i]);
+      (void)probe.executeStep();
+    } catch (const SQLite::Exception& error) {
+      return error.what();
+    }
+  }
+  return {};
+}
+
+}  // namespace berth::store
