@@ -29,7 +29,9 @@ class Random {
   /// Uniform in [low, high], both included; `low` when the range is empty.
   constexpr std::int64_t between(std::int64_t low, std::int64_t high) noexcept {
     if (high <= low) return low;
-    return low + static_cast<std::int64_t>(below(static_cast<std::uint64_t>(high - low) + 1));
+    const auto first = static_cast<std::uint64_t>(low);  // unsigned: the width of the range may not fit the type
+    const auto width = static_cast<std::uint64_t>(high) - first + 1;
+    return static_cast<std::int64_t>(first + (width == 0 ? next() : below(width)));
   }
   /// True `per_million` times in a million.
   constexpr bool chance(std::uint32_t per_million) noexcept { return below(1'000'000) < per_million; }
