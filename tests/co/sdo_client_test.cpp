@@ -1,0 +1,585 @@
+// SDO client (protocol-facts A.7; hard-cases §1 and §5; complaints 19 to 22, 25). Scripted servers speak by hand-written
+// frames; only the property tests at the end join the client with our own server.
+#include "berth/co/sdo_client.hpp"
+
+#include "berth/base/random.hpp"
+#include "berth/co/sdo_access.hpp"
+#include "berth/co/sdo_server.hpp"
+#include "berth/rt/scope.hpp"
+#include "dictionary.hpp"
+#include "wire.hpp"
+
+using namespace berth;
+using namespace berth::test;
+
+namespace {
+
+using Bytes = std::vector<std::uint8_t>;
+
+struct Surplus final : co::SdoClient::Observer {
+  void surplus(NodeId node, const can::Frame& f, rt::Time) noexcept override {
+    log.push_back(std::to_string(node.value()) + " " + can::to_string(f));
+  }
+  Log log;
+};
+
+// Answers requests to node 5 by a table; what is not in it is not answered.
+struct Client : ::testing::Test, Bench {
+  Client() { client.set_observer(&surplus); }
+  // Each request has its answers in order; the last one is repeated.
+  void reply(const std::string& request, std::vector<std::string> answers) { table[request] = std::move(answers); }
+  std::map<std::string, std::vector<std::string>> table;
+  Peer server{wire, co::all_sdo_requests, [this](Peer& self, const can::Frame& f) {
+                const auto it = table.find(can::to_string(f));
+                if (it == table.end()) return;
+                self.send(it->second.front().c_str());
+                if (it->second.size() > 1) it->second.erase(it->second.begin());
+              }};
+  Station station{wire};
+  Surplus surplus;
+  co::SdoClient client{station.dispatcher};
+  const NodeId node{5};
+};
+
+TEST_F(Client, ExpeditedUpload) {
+  reply("605#4000100000000000", {"585#4300100092010200"});
+  auto op = client.read<std::uint32_t>(node, 0x1000, 0);
+  const auto value = await(*this, op);
+  ASSERT_TRUE(value);
+  EXPECT_EQ(*value, 0x00020192U);
+  reply("605#4000200000000000", {"585#4F0020002A000000"});
+  auto small = client.upload(node, 0x2000, 0);
+  EXPECT_EQ(await(*this, small)->bytes().size(), 1U);
+  auto wrong = client.read<std::uint32_t>(node, 0x2000, 0);
+  const auto mismatch = await(*this, wrong);
+  ASSERT_FALSE(mismatch);
+  EXPECT_EQ(mismatch.error().code, Errc::mismatch);
+  EXPECT_EQ(mismatch.error().index, 0x2000);
+  auto i8 = client.read<std::int8_t>(node, 0x2000, 0);
+  EXPECT_EQ(*await(*this, i8), 42);
+  // e=1, s=0: the server does not say how many count; the type asked for does.
+  reply("605#4000200000000000", {"585#420020002A000000"});
+  auto unsized = client.read<std::uint8_t>(node, 0x2000, 0);
+  EXPECT_EQ(*await(*this, unsized), 42);
+  auto all = client.upload(node, 0x2000, 0);
+  EXPECT_EQ(await(*this, all)->size(), 4U);
+}
+
+TEST_F(Client, ExpeditedDownload) {
+  reply("605#2B171000E8030000", {"585#6017100000000000"});
+  auto op = client.write<std::uint16_t>(node, 0x1017, 0, 1000);
+  EXPECT_TRUE(await(*this, op));
+  reply("605#2F002000FE000000", {"585#6000200000000000"});
+  auto negative = client.write<std::int8_t>(node, 0x2000, 0, -2);
+  EXPECT_TRUE(await(*this, negative));
+  const Bytes three{1, 2, 3};
+  reply("605#2700200101020300", {"585#6000200100000000"});
+  auto odd = client.download(node, 0x2000, 1, three);
+  EXPECT_TRUE(await(*this, odd));
+  EXPECT_EQ(wire.log.size(), 6U);
+}
+
+TEST_F(Client, SegmentedUpload) {
+  reply("605#4008100000000000", {"585#410810000A000000"});
+  reply("605#6000000000000000", {"585#0061626364656667"});
+  reply("605#7000000000000000", {"585#1968696A00000000"});
+  auto op = client.upload(node, 0x1008, 0);
+  const auto value = await(*this, op);
+  ASSERT_TRUE(value);
+  EXPECT_EQ(value->text(), "abcdefghij");
+}
+
+// S2: segmented upload, the server does not indicate the size.
+TEST_F(Client, S2_SegmentedUploadWithoutSize) {
+  reply("605#4008100000000000", {"585#4008100000000000"});
+  reply("605#6000000000000000", {"585#0061626364656667"});
+  reply("605#7000000000000000", {"585#1968696A00000000"});
+  auto op = client.upload(node, 0x1008, 0);
+  const auto value = await(*this, op);
+  ASSERT_TRUE(value);
+  EXPECT_EQ(value->text(), "abcdefghij");
+}
+
+TEST_F(Client, SegmentedDownload) {
+  const Bytes data{1, 2, 3, 4, 5, 6, 7, 8};
+  reply("605#2105200008000000", {"585#6005200000000000"});
+  reply("605#0001020304050607", {"585#2000000000000000"});
+  reply("605#1D08000000000000", {"585#3000000000000000"});
+  auto op = client.download(node, 0x2005, 0, data);
+  EXPECT_TRUE(await(*this, op));
+  EXPECT_EQ(wire.log.size(), 6U);
+}
+
+// S17: nothing at all, both ways.
+TEST_F(Client, S17_ZeroBytes) {
+  reply("605#2103200000000000", {"585#6003200000000000"});
+  reply("605#0F00000000000000", {"585#2000000000000000"});
+  auto down = client.download(node, 0x2003, 0, {});
+  EXPECT_TRUE(await(*this, down));
+  reply("605#4003200000000000", {"585#4103200000000000"});
+  reply("605#6000000000000000", {"585#0F00000000000000"});
+  auto up = client.upload(node, 0x2003, 0);
+  const auto value = await(*this, up);
+  ASSERT_TRUE(value);
+  EXPECT_TRUE(value->empty());
+}
+
+// S17: more or fewer bytes than the server indicated.
+TEST_F(Client, S17_LengthMismatch) {
+  reply("605#4008100000000000", {"585#4108100005000000"});
+  reply("605#6000000000000000", {"585#0161626364656667"});
+  auto more = client.upload(node, 0x1008, 0);
+  EXPECT_EQ(await(*this, more).error().detail, 0x06070012U);
+  run(1ms);
+  EXPECT_EQ(wire.log.back(), "605#8008100012000706");
+  reply("605#6000000000000000", {"585#0961626300000000"});
+  auto fewer = client.upload(node, 0x1008, 0);
+  const auto value = await(*this, fewer);
+  EXPECT_EQ(value.error().code, Errc::mismatch);
+  EXPECT_EQ(value.error().detail, 0x06070013U);
+}
+
+TEST_F(Client, AbortIsToldWithItsCodeAndObject) {
+  reply("605#4018100300000000", {"585#8018100311000906"});
+  auto op = client.read<std::uint32_t>(node, 0x1018, 3);
+  const auto value = await(*this, op);
+  ASSERT_FALSE(value);
+  EXPECT_EQ(value.error().code, Errc::aborted);
+  EXPECT_EQ(value.error().detail, 0x06090011U);
+  EXPECT_EQ(value.error().node, 5);
+  EXPECT_EQ(value.error().index, 0x1018);
+  EXPECT_EQ(value.error().sub, 3);
+}
+
+// S13: an abort in the middle ends the transfer, and nothing more is sent.
+TEST_F(Client, S13_AbortIsNeverAnswered) {
+  reply("605#4008100000000000", {"585#410810000A000000"});
+  reply("605#6000000000000000", {"585#8008100000000008"});
+  auto op = client.upload(node, 0x1008, 0);
+  EXPECT_EQ(await(*this, op).error().detail, 0x08000000U);
+  run(10s);
+  EXPECT_EQ(wire.log.size(), 4U);
+  // A server that lost the transfer may not know the object any more.
+  reply("605#6000000000000000", {"585#8000000001000405"});
+  auto lost = client.upload(node, 0x1008, 0);
+  EXPECT_EQ(await(*this, lost).error().detail, 0x05040001U);
+}
+
+// S5, the client's side: a wrong toggle is aborted with 0503 0000.
+TEST_F(Client, S5_WrongToggle) {
+  reply("605#4008100000000000", {"585#410810000A000000"});
+  reply("605#6000000000000000", {"585#1061626364656667"});
+  auto op = client.upload(node, 0x1008, 0);
+  EXPECT_EQ(await(*this, op).error().detail, 0x05030000U);
+  run(1ms);
+  EXPECT_EQ(wire.log.back(), "605#8008100000000305");
+  const Bytes data(8, 1);
+  reply("605#2105200008000000", {"585#6005200000000000"});
+  reply("605#0001010101010101", {"585#3000000000000000"});
+  auto down = client.download(node, 0x2005, 0, data);
+  EXPECT_EQ(await(*this, down).error().detail, 0x05030000U);
+}
+
+// S15: answers for another object, late ones, short ones: ignored; the right one still counts.
+TEST_F(Client, S15_ForeignAnswersAreIgnored) {
+  auto op = client.read<std::uint32_t>(node, 0x1000, 0);
+  Flag flag;
+  op.begin(executor, flag);
+  run(1ms);
+  for (const char* f : {"585#4301100092010200", "585#4300100192010200", "585#6000100000000000", "585#8001100000000008",
+                        "585#0000000000000000", "585#43001000920102", "585#R8", "586#4300100011111111"}) {
+    server.send(f);
+    run(1ms);
+    ASSERT_FALSE(flag.set) << f;
+  }
+  server.send("585#4300100092010200");
+  run(1ms);
+  ASSERT_TRUE(flag.set);
+  EXPECT_EQ(*op.await_resume(), 0x00020192U);
+}
+
+// S15: the answer to a request that was given up comes while the next one is on its way. An answer outranks the next
+// request, so what is heard before the request's confirmation is not its answer.
+TEST_F(Client, S15_LateAnswerOfTheSameObjectBeforeTheFence) {
+  co::SdoOptions impatient = client.options();
+  impatient.timeout = 20ms;
+  impatient.abort_on_timeout = false;
+  auto first = client.read<std::uint32_t>(node, 0x1000, 0, impatient);
+  EXPECT_EQ(await(*this, first).error().code, Errc::timeout);
+  reply("605#4000100000000000", {"585#4300100022222222"});
+  server.send("585#4300100011111111");  // outranks the request queued now
+  auto second = client.read<std::uint32_t>(node, 0x1000, 0);
+  EXPECT_EQ(*await(*this, second), 0x22222222U);
+  EXPECT_EQ(client.late(node), 1U);
+  EXPECT_EQ(client.surplus(node), 0U) << "late is not surplus";
+}
+
+// S2/S16 in reverse: silence ends in time, says so, and tells the server once (complaint 22: optional).
+TEST_F(Client, TimeoutAbortsOnceAndSaysNoAnswer) {
+  auto op = client.read<std::uint32_t>(node, 0x1000, 0);
+  const auto value = await(*this, op);
+  EXPECT_EQ(value.error().code, Errc::timeout);
+  EXPECT_EQ(value.error().node, 5);
+  EXPECT_EQ(executor.now(), at(1s) + wire.frame_time);
+  run(10s);
+  EXPECT_EQ(wire.log, (Log{"605#4000100000000000", "605#8000100000000405"}));
+  auto quiet = client.options();
+  quiet.abort_on_timeout = false;
+  auto silent = client.read<std::uint32_t>(node, 0x1000, 0, quiet);
+  EXPECT_EQ(await(*this, silent).error().code, Errc::timeout);
+  run(10s);
+  EXPECT_EQ(wire.log.size(), 3U);
+}
+
+// Complaint 21: it is told whether the frame left.
+TEST_F(Client, NeverLeftIsNotNoAnswer) {
+  station.port.mute = true;
+  auto op = client.read<std::uint32_t>(node, 0x1000, 0);
+  EXPECT_EQ(await(*this, op).error().code, Errc::bus);
+  EXPECT_EQ(station.port.queued(), 0U) << "the request is withdrawn";
+  station.port.mute = false;
+  for (const auto why : {can::Queued::bus_off, can::Queued::listen_only, can::Queued::closed}) {
+    station.port.refuses = why;
+    auto refused = client.read<std::uint32_t>(node, 0x1000, 0);
+    EXPECT_EQ(await(*this, refused).error().code, Errc::bus);
+  }
+  station.port.refuses = can::Queued::full;
+  auto full = client.read<std::uint32_t>(node, 0x1000, 0);
+  const auto begun = executor.now();
+  EXPECT_EQ(await(*this, full).error().code, Errc::bus);
+  EXPECT_EQ(executor.now() - begun, 1s);
+  EXPECT_TRUE(wire.log.empty());
+  // A queue that is full for a while only delays.
+  reply("605#4000100000000000", {"585#4300100092010200"});
+  auto delayed = client.read<std::uint32_t>(node, 0x1000, 0);
+  Flag flag;
+  delayed.begin(executor, flag);
+  run(30ms);
+  station.port.refuses.reset();
+  run(30ms);
+  ASSERT_TRUE(flag.set);
+  EXPECT_TRUE(delayed.await_resume());
+}
+
+// The window starts when the request is on the wire: a bus that is busy for longer than the time-out is not silence.
+TEST_F(Client, WindowStartsOnTheWire) {
+  reply("605#4000100000000000", {"585#4300100092010200"});
+  auto options = client.options();
+  options.timeout = 5ms;
+  station.port.mute = true;
+  auto op = client.read<std::uint32_t>(node, 0x1000, 0, options);
+  Flag flag;
+  op.begin(executor, flag);
+  run(500ms);
+  station.port.mute = false;
+  wire.wake();
+  run(5ms);
+  ASSERT_TRUE(flag.set);
+  EXPECT_TRUE(op.await_resume());
+}
+
+TEST_F(Client, RetriesStartTheTransferAnew) {
+  auto options = client.options();
+  options.timeout = 20ms;
+  options.retries = 2;
+  reply("605#4008100000000000", {"585#410810000A000000"});
+  reply("605#6000000000000000", {"585#0061626364656667"});
+  reply("605#7000000000000000", {"585#1968696A00000000"});
+  int lost = 0;
+  wire.lose = [&](const can::Frame& f) { return f.id == 0x585 && f.data[0] == 0x19 && lost++ < 2; };
+  auto op = client.upload(node, 0x1008, 0, options);
+  const auto value = await(*this, op);
+  ASSERT_TRUE(value);
+  EXPECT_EQ(value->text(), "abcdefghij");
+  EXPECT_EQ(std::ranges::count(wire.log, "605#4008100000000000"), 3);
+  lost = -1000;
+  auto hopeless = client.upload(node, 0x1008, 0, options);
+  EXPECT_EQ(await(*this, hopeless).error().code, Errc::timeout);
+}
+
+TEST_F(Client, OneNodeOneTransferAtATimeOthersInParallel) {
+  reply("605#4000100000000000", {"585#4300100001000000"});
+  reply("605#4001100000000000", {"585#4301100002000000"});
+  reply("606#4000100000000000", {"586#4300100003000000"});
+  auto a = client.read<std::uint32_t>(node, 0x1000, 0);
+  auto b = client.read<std::uint32_t>(node, 0x1001, 0);
+  auto c = client.read<std::uint32_t>(NodeId(6), 0x1000, 0);
+  Flag fa, fb, fc;
+  a.begin(executor, fa);
+  b.begin(executor, fb);
+  c.begin(executor, fc);
+  run(10ms);
+  EXPECT_EQ(*a.await_resume(), 1U);
+  EXPECT_EQ(*b.await_resume(), 2U);
+  EXPECT_EQ(*c.await_resume(), 3U);
+  EXPECT_LT(std::ranges::find(wire.log, "585#4300100001000000"), std::ranges::find(wire.log, "605#4001100000000000"));
+  EXPECT_LT(std::ranges::find(wire.log, "606#4000100000000000"), std::ranges::find(wire.log, "605#4001100000000000"));
+}
+
+// hard-cases §5: cancelled when the node resets or the client goes, with no waiter left behind; in any order.
+TEST_F(Client, CancelAndDestroyAtAnyTime) {
+  {
+    auto a = client.upload(node, 0x1000, 0);
+    auto b = client.upload(node, 0x1001, 0);
+    Flag fa, fb;
+    a.begin(executor, fa);
+    b.begin(executor, fb);
+    run(1ms);
+    client.cancel(node);
+    run(1ms);
+    EXPECT_TRUE(fa.set && fb.set);
+    EXPECT_EQ(a.await_resume().error().code, Errc::cancelled);
+    EXPECT_EQ(b.await_resume().error().code, Errc::cancelled);
+    EXPECT_FALSE(client.busy(node));
+  }
+  {
+    Flag fb;
+    auto b = client.upload(node, 0x1001, 0);
+    {
+      auto a = client.upload(node, 0x1000, 0);
+      Flag fa;
+      a.begin(executor, fa);
+      b.begin(executor, fb);
+    }
+    reply("605#4001100000000000", {"585#4301100002000000"});
+    run(10ms);
+    EXPECT_TRUE(fb.set) << "the next in line goes on when the first is destroyed";
+  }
+  {
+    reply("605#4008100000000000", {"585#410810000A000000"});
+    auto a = client.upload(node, 0x1008, 0);
+    Flag fa;
+    a.begin(executor, fa);
+    run(10ms);
+    wire.log.clear();
+  }
+  run(10ms);
+  EXPECT_EQ(wire.log, (Log{"605#8008100000000008"})) << "a segmented transfer is aborted on the bus";
+}
+
+TEST(SdoClientLife, ClientDestroyedBeforeItsOperations) {
+  Bench b;
+  Station station(b.wire);
+  Peer server(b.wire, co::all_sdo_requests);
+  std::optional<co::SdoClient> client(std::in_place, station.dispatcher);
+  auto op = client->upload(NodeId(5), 0x1000, 0);
+  auto waiting = client->upload(NodeId(5), 0x1001, 0);
+  Flag flag, other;
+  op.begin(b.executor, flag);
+  waiting.begin(b.executor, other);
+  b.run(1ms);
+  client.reset();
+  b.run(10s);
+  EXPECT_TRUE(flag.set && other.set);
+  EXPECT_EQ(op.await_resume().error().code, Errc::cancelled);
+}
+
+TEST_F(Client, UnconfiguredNodeIsInvalid) {
+  auto op = client.read<std::uint32_t>(NodeId(), 0x1000, 0);
+  EXPECT_EQ(await(*this, op).error().code, Errc::invalid);
+  run(1s);
+  EXPECT_TRUE(wire.log.empty());
+}
+
+// Two nodes with one node-ID: the second answer to one request is told.
+TEST_F(Client, SecondAnswerToOneRequestIsSurplus) {
+  reply("605#4018100400000000", {"585#431810040A000000"});
+  Peer twin(wire, co::all_sdo_requests, [](Peer& self, const can::Frame& f) {
+    if (f.data[0] == 0x40) self.send("585#431810040B000000");
+  });
+  auto op = client.read<std::uint32_t>(node, 0x1018, 4);
+  EXPECT_EQ(*await(*this, op), 0x0AU);
+  run(1ms);
+  EXPECT_EQ(client.surplus(node), 1U);
+  EXPECT_EQ(surplus.log, (Log{"5 585#431810040B000000"}));
+  // Also when it comes while the next request waits.
+  auto next = client.read<std::uint32_t>(node, 0x1018, 4);
+  auto other = client.read<std::uint32_t>(node, 0x1018, 1);
+  Flag fn, fo;
+  next.begin(executor, fn);
+  other.begin(executor, fo);
+  run(10ms);
+  EXPECT_TRUE(fn.set);
+  EXPECT_GE(client.surplus(node), 2U);
+  EXPECT_EQ(client.late(node), 0U);
+}
+
+TEST_F(Client, ASingleHonestNodeNeverCausesSurplus) {
+  reply("605#4018100400000000", {"585#431810040A000000"});
+  for (int i = 0; i < 50; ++i) {
+    auto op = client.read<std::uint32_t>(node, 0x1018, 4);
+    ASSERT_TRUE(await(*this, op));
+  }
+  server.send("585#8000100000000405");  // a server that gives up by itself
+  run(1s);
+  EXPECT_EQ(client.surplus(node), 0U);
+  EXPECT_EQ(client.late(node), 0U);
+}
+
+// A server's lies about lengths cost no memory and no endless transfer.
+TEST_F(Client, HostileLengths) {
+  auto options = client.options();
+  options.longest = 100;
+  reply("605#4008100000000000", {"585#41081000FFFFFFFF"});
+  auto huge = client.upload(node, 0x1008, 0, options);
+  EXPECT_EQ(await(*this, huge).error().detail, 0x05040005U);
+  reply("605#4008100000000000", {"585#4008100000000000"});
+  reply("605#6000000000000000", {"585#0061616161616161"});
+  reply("605#7000000000000000", {"585#1061616161616161"});
+  auto endless = client.upload(node, 0x1008, 0, options);
+  EXPECT_EQ(await(*this, endless).error().detail, 0x05040005U);
+  reply("605#6000000000000000", {"585#0E00000000000000"});
+  auto empty = client.upload(node, 0x1008, 0, options);
+  EXPECT_EQ(await(*this, empty).error().code, Errc::mismatch);
+}
+
+// Random frames on the response channel: never a crash, never a hang, and transfers before and after unharmed.
+RC_GTEST_PROP(ClientProperty, AdversarialFrames, (std::uint64_t seed)) {
+  Bench b;
+  Random random(seed);
+  Station station(b.wire), enemy(b.wire);
+  od::Values values(test_description(), NodeId(5));
+  co::SdoServerService server(enemy.dispatcher, values);
+  co::SdoClient client(station.dispatcher);
+  const auto honest = [&] {
+    server.start(NodeId(5));
+    auto op = client.read<std::uint32_t>(NodeId(5), 0x1000, 0);
+    const auto value = await(b, op);
+    server.stop();
+    return value && *value == 0x00020192U;
+  };
+  RC_ASSERT(honest());
+  for (int round = 0; round < 5; ++round) {
+    auto options = client.options();
+    options.timeout = 20ms;
+    options.longest = 200;
+    const Bytes data(random.below(30), 0x55);
+    auto up = client.upload(NodeId(5), 0x1008, 0, options);
+    auto down = client.download(NodeId(5), 0x1008, 0, data, options);
+    Flag fu, fd;
+    up.begin(b.executor, fu);
+    down.begin(b.executor, fd);
+    for (int i = 0; i < 40; ++i) {
+      can::Frame f;
+      f.id = 0x585;
+      f.size = random.chance(950'000) ? 8 : static_cast<std::uint8_t>(random.below(8));
+      for (unsigned k = 0; k < 8; ++k) f.data[k] = static_cast<std::uint8_t>(random.next());
+      if (random.chance(700'000)) {
+        f.data[1] = 0x08;
+        f.data[2] = 0x10;
+        f.data[3] = 0;
+      }
+      enemy.dispatcher.send(f);
+      b.run(std::chrono::microseconds(random.below(2000)));
+    }
+    b.run(1s);
+    RC_ASSERT(fu.set && fd.set);
+  }
+  RC_ASSERT(honest());
+}
+
+// A server that takes its time with every answer.
+struct Lazy final : can::Handler, rt::Job {
+  Lazy(Wire& wire, od::Values& values, std::size_t buffer, std::uint64_t seed)
+      : station(wire), core(values, buffer), random(seed) {
+    core.set_response_id(0x585);
+    station.dispatcher.add(can::only(0x605), *this);
+  }
+  void received(const can::Frame& f, rt::Time) noexcept override {
+    held = core.handle(f);
+    if (held) station.dispatcher.executor().after(std::chrono::microseconds(random.below(4000)), *this);
+  }
+  void run() noexcept override { station.dispatcher.send(*std::exchange(held, std::nullopt)); }
+  Station station;
+  co::SdoServer core;
+  Random random;
+  std::optional<can::Frame> held;
+};
+
+// Any payload of 0 to 2000 bytes, down and up again, whatever the server's buffer and delays.
+RC_GTEST_PROP(SdoProperty, AnyPayloadGoesDownAndUp, (std::uint64_t seed)) {
+  Bench b;
+  Random random(seed);
+  const std::size_t edges[] = {0, 1, 3, 4, 5, 7, 8, 14, 15, 1999, 2000};
+  const auto length = random.chance(300'000) ? edges[random.below(std::size(edges))] : random.below(2001);
+  Bytes data(length);
+  for (auto& byte : data) byte = static_cast<std::uint8_t>(random.next());
+  od::Values values(test_description(), NodeId(5));
+  const auto buffer = random.below(2200);
+  Lazy server(b.wire, values, buffer, random.next());
+  Station station(b.wire);
+  co::SdoClient client(station.dispatcher);
+  auto down = client.download(NodeId(5), 0x2004, 0, data);
+  const auto done = await(b, down);
+  if (length > 4 && length > buffer) {
+    RC_ASSERT(!done && done.error().detail == 0x05040005U);
+    RC_ASSERT(values.set_bytes({0x2004, 0}, data) == od::AbortCode::none);  // for the way up, which needs no buffer
+  } else {
+    RC_ASSERT(done.has_value());
+  }
+  const auto stored = values.bytes({0x2004, 0});
+  RC_ASSERT(Bytes(stored.begin(), stored.end()) == data);
+  auto up = client.upload(NodeId(5), 0x2004, 0);
+  const auto value = await(b, up);
+  RC_ASSERT(value.has_value());
+  RC_ASSERT(Bytes(value->bytes().begin(), value->bytes().end()) == data);
+  RC_ASSERT(client.surplus(NodeId(5)) == 0U);
+}
+
+// ---- SdoAccess
+
+rt::Task<void> use_access(co::SdoAccess& access, std::uint32_t& type, std::string& text, Result<void>& refused) {
+  auto number = co_await access.read_u32(0x1000, 0);
+  if (number) type = *number;
+  const std::string hello = "hello, dictionary";
+  const std::span<const std::uint8_t> bytes(reinterpret_cast<const std::uint8_t*>(hello.data()), hello.size());
+  auto written = co_await access.write(0x2003, 0, bytes);
+  if (!written) co_return;
+  auto back = co_await access.read(0x2003, 0);
+  if (back) text = back->text();
+  refused = co_await access.write_u32(0x1000, 0, 1);
+}
+
+TEST(SdoAccess, ReadsAndWritesANodeFromACoroutine) {
+  Bench b;
+  Station device(b.wire), station(b.wire);
+  od::Values values(test_description(), NodeId(5));
+  co::SdoServerService server(device.dispatcher, values);
+  server.start(NodeId(5));
+  co::SdoClient client(station.dispatcher);
+  co::NodeAccess access(client, NodeId(5));
+  std::uint32_t type = 0;
+  std::string text;
+  Result<void> refused;
+  rt::Scope scope(b.executor);
+  scope.spawn(use_access(access, type, text, refused));
+  b.run(1s);
+  EXPECT_EQ(scope.running(), 0U);
+  EXPECT_EQ(type, 0x00020192U);
+  EXPECT_EQ(text, "hello, dictionary");
+  ASSERT_FALSE(refused);
+  EXPECT_EQ(refused.error().detail, 0x06010002U);
+}
+
+// hard-cases §5: an SDO of ours inside the callback of another (complaint 25) only queues.
+TEST(SdoValue, SmallAndLarge) {
+  co::SdoValue value;
+  EXPECT_TRUE(value.empty());
+  Bytes all;
+  for (std::uint8_t i = 0; i < 40; ++i) {
+    const Bytes piece(i % 9, i);
+    value.append(piece);
+    all.insert(all.end(), piece.begin(), piece.end());
+    ASSERT_EQ(Bytes(value.bytes().begin(), value.bytes().end()), all);
+  }
+  const co::SdoValue copy = value;
+  const co::SdoValue moved = std::move(value);
+  EXPECT_EQ(copy, moved);
+  EXPECT_TRUE(value.empty());
+  EXPECT_EQ(value.bytes().size(), 0U);
+  EXPECT_EQ(co::SdoValue(Bytes{0xFE, 0xFF}).as<std::int16_t>(), -2);
+  EXPECT_FALSE(co::SdoValue(Bytes{1}).as<std::uint16_t>());
+  EXPECT_EQ(co::SdoValue(Bytes{'a', 0, 'b'}).text(), "a");
+}
+
+}  // namespace
