@@ -1,0 +1,163 @@
+// A machine, a plant, and Berth between them, for tests and for the programs that try many worlds. One bus.
+#pragma once
+
+#include <cstdio>
+#include <cstdlib>
+#include <functional>
+#include <memory>
+#include <string>
+#include <vector>
+
+#include "berth/operate/network.hpp"
+#include "berth/places/slot_store.hpp"
+#include "berth/plant/world.hpp"
+
+namespace berth::harness {
+
+using namespace std::chrono_literals;
+
+inline constexpr TypeCode type_a{0x01000001, 0x00000001};
+inline constexpr TypeCode type_b{0x00000001, 0x00000001};
+inline constexpr TypeCode type_c{0x00000001, 0x00000005};
+
+inline design::Machine one_bus(std::uint32_t bit_rate) {
+  design::Machine m;
+  m.name = "rig";
+  design::Bus bus;
+  bus.name = "backbone";
+  bus.bitrate = bit_rate;
+  m.buses.push_back(bus);
+  return m;
+}
+
+inline void add_slot(design::Machine& m, unsigned id, TypeCode type) {
+  design::Slot slot;
+  slot.spec.name = {m.name, "backbone", "s" + std::to_string(id)};
+  slot.spec.id = NodeId(static_cast<std::uint8_t>(id));
+  slot.spec.type = type;
+  m.slots.push_back(slot);
+}
+
+inline plant::PlantFile one_bus_plant(std::uint64_t seed) {
+  plant::PlantFile p;
+  p.seed = seed;
+  p.buses.push_back({"backbone", 0});
+  return p;
+}
+
+inline plant::PlantDevice& add_device(plant::PlantFile& p, const std::string& name, TypeCode type, std::uint32_t serial) {
+  plant::PlantDevice d;
+  d.name = name;
+  d.bus = "backbone";
+  d.address = {type.vendor, type.product, 0, serial};
+  d.response = {500us, 2ms, 0, 0ms};
+  p.devices.push_back(d);
+  return p.devices.back();
+}
+
+// Paper 1's machine (Table I) and its five slaves (Table II; s4 and s5: S1.38).
+inline design::Machine five_slots() {
+  design::Machine m = one_bus(50'000);
+  add_slot(m, 1, type_a);
+  add_slot(m, 2, type_b);
+  add_slot(m, 3, type_c);
+  add_slot(m, 4, type_b);
+  add_slot(m, 5, type_b);
+  return m;
+}
+
+inline plant::PlantFile five_slaves(std::uint64_t seed = 1) {
+  plant::PlantFile p = one_bus_plant(seed);
+  add_device(p, "d1", type_a, 0x0A);
+  add_device(p, "d2", type_b, 5);
+  add_device(p, "d3", type_c, 8);
+  add_device(p, "d4", type_b, 6);
+  add_device(p, "d5", type_b, 7);
+  return p;
+}
+
+class Rig {
+ public:
+  Rig(design::Machine machine, plant::PlantFile file, places::SlotStore* store = nullptr)
+      : machine_(std::move(machine)), file_(std::move(file)), store_(store != nullptr ? store : &memory_) {
+    Findings findings;
+    std::vector<plant::BusRate> rates;
+    for (const auto& bus : machine_.buses) rates.push_back({bus.name, bus.bitrate});
+    world_ = plant::World::make(file_, rates, findings);
+    for (const auto& f : findings) std::fprintf(stderr, "%s\n", to_string(f).c_str());
+    if (!world_) std::abort();
+    world_->start();
+  }
+  ~Rig() { kill(); }
+
+  // Berth begins, as a new process would: nothing but the store and the bus.
+  void begin() {
+    port_ = world_->attach_master("backbone");
+    network_ = std::make_unique<operate::Network>(
+        world_->executor(), *port_, machine_.buses.front(), machine_.specs("backbone"), *store_,
+        operate::NetworkObserver{[this](const operate::Event& e) { events_.push_back(e); },
+                                 [this](const std::string& m) { milestone(m); }});
+    if (!network_->open()) std::abort();
+    network_->start();
+  }
+  // Berth dies where it stands.
+  void kill() {
+    network_.reset();
+    port_.reset();
+  }
+
+  bool run_until(const std::function<bool()>& done, rt::Duration limit) { return world_->sim().run_until(done, limit); }
+  void run_for(rt::Duration time) { world_->sim().run_for(time); }
+  bool until_operational(rt::Duration limit) {
+    return run_until([this] { return network_->operational() && network_->idle(); }, limit);
+  }
+
+  // Slot id -> serial number of the device that the store has confirmed there.
+  [[nodiscard]] std::vector<std::pair<unsigned, std::uint32_t>> seats() {
+    std::vector<std::pair<unsigned, std::uint32_t>> result;
+    const auto records = store_->load(machine_.name);
+    for (const auto& r : *records) {
+      if (r.confirmed) result.emplace_back(r.confirmed->id.value(), r.confirmed->device.serial);
+    }
+    std::ranges::sort(result);
+    return result;
+  }
+  [[nodiscard]] places::SlotState state(unsigned id) const {
+    for (const auto& s : network_->report()) {
+      if (s.id.value() == id) return s.state;
+    }
+    return places::SlotState::unknown;
+  }
+  [[nodiscard]] std::string log() const {
+    std::string text;
+    for (const auto& e : events_) text += operate::to_line(e) + "\n";
+    for (const auto& line : network_ ? operate::to_table(network_->report()) : std::vector<std::string>{}) text += line + "\n";
+    return text;
+  }
+
+  [[nodiscard]] plant::World& world() noexcept { return *world_; }
+  [[nodiscard]] plant::SimDevice& device(const std::string& name) { return *world_->find(name); }
+  [[nodiscard]] operate::Network& network() noexcept { return *network_; }
+  [[nodiscard]] sim::Controller& port() noexcept { return *port_; }
+  [[nodiscard]] places::SlotStore& store() noexcept { return *store_; }
+  [[nodiscard]] const std::vector<operate::Event>& events() const noexcept { return events_; }
+  [[nodiscard]] rt::Time now() const noexcept { return world_->executor().now(); }
+
+ private:
+  void milestone(const std::string& m) {
+    if (m == "discovered") world_->milestone(plant::After::discovered);
+    if (m == "bound") world_->milestone(plant::After::bound);
+    if (m == "operational") world_->milestone(plant::After::operational);
+  }
+
+  design::Machine machine_;
+  plant::PlantFile file_;
+  places::MemoryStore memory_;
+  places::SlotStore* store_;
+  std::unique_ptr<plant::World> world_;
+  std::unique_ptr<sim::Controller> port_;
+  std::unique_ptr<operate::Network> network_;
+  std::vector<operate::Event> events_;
+};
+
+}  // namespace berth::harness
