@@ -26,7 +26,7 @@ inline std::shared_ptr<const od::Description> test_description() {
   b.variable(0x2004, {.name = "domain", .type = DataType::domain, .capacity = 4000});
   b.variable(0x2005, {.name = "I64", .type = DataType::integer64});
   b.object(0x2006, od::ObjectCode::array, "array");
-  for (const std::uint8_t sub : {1, 2, 4}) b.sub(0x2006, {.sub = sub, .name = "e", .type = DataType::unsigned8});
+  for (const auto sub : {std::uint8_t{1}, std::uint8_t{2}, std::uint8_t{4}}) b.sub(0x2006, {.sub = sub, .name = "e", .type = DataType::unsigned8});
   b.variable(0x2007, {.name = "octets", .type = DataType::octet_string, .capacity = 20});
   b.variable(0x2008, {.name = "refused"});
   return b.build();

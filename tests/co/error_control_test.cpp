@@ -51,8 +51,8 @@ TEST_F(Heartbeats, ProducerTiming) {
   EXPECT_TRUE(wire.log.empty());
   run(101ms);
   producer.set_state(op);
-  run(100ms);
-  EXPECT_EQ(wire.log, (Log{"705#7F", "705#7F", "705#05"}));
+  run(105ms);
+  ASSERT_EQ(wire.log, (Log{"705#7F", "705#7F", "705#05"}));
   EXPECT_EQ(wire.times[0], at(150ms) + wire.frame_time);
   EXPECT_EQ(wire.times[2], at(350ms) + wire.frame_time);
   producer.set_period(0ms);

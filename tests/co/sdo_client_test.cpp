@@ -517,7 +517,7 @@ RC_GTEST_PROP(SdoProperty, AnyPayloadGoesDownAndUp, (std::uint64_t seed)) {
   } else {
     RC_ASSERT(done.has_value());
   }
-  const auto stored = values.bytes({0x2004, 0});
+  const auto stored = values.bytes(ObjectRef{0x2004, 0});
   RC_ASSERT(Bytes(stored.begin(), stored.end()) == data);
   auto up = client.upload(NodeId(5), 0x2004, 0);
   const auto value = await(b, up);

@@ -28,7 +28,7 @@ struct Server : ::testing::Test {
   }
   static std::string aborted(const std::string& object, const std::string& code) { return "80" + object + code; }
   Bytes stored(std::uint16_t index) {
-    const auto bytes = values.bytes({index, 0});
+    const auto bytes = values.bytes(ObjectRef{index, 0});
     return {bytes.begin(), bytes.end()};
   }
   od::Values values{test_description(), NodeId(5)};
