@@ -69,8 +69,8 @@ Answer<std::span<const std::uint8_t>> Values::view(ObjectRef ref) const noexcept
   if (!found) return refuse(found.error());
   const SubObject& sub = *found->sub;
   if (!readable(sub.access)) return refuse(AbortCode::write_only);
-  std::span<const std::uint8_t> value = bytes(sub);
-  const std::uint8_t* const stored = value.data();
+  std::span<const std::uint8_t> value = stored(sub);
+  const std::uint8_t* const before = value.data();
   if (hooked(*found->object)) {
     for (std::size_t i = 0; i < bindings_.size(); ++i) {
       const Binding each = bindings_[i];
@@ -80,7 +80,7 @@ Answer<std::span<const std::uint8_t>> Values::view(ObjectRef ref) const noexcept
     }
   }
   const bool absent = sub.variable_length() && load_le<std::uint32_t>(data_.data() + sub.offset) == no_value;
-  if (absent && value.data() == stored) return refuse(AbortCode::no_data);
+  if (absent && value.data() == before) return refuse(AbortCode::no_data);
   return value;
 }
 
@@ -182,7 +182,7 @@ void Values::put(const SubObject& sub, std::span<const std::uint8_t> value) noex
   if (!value.empty()) std::memmove(at, value.data(), value.size());
 }
 
-std::span<const std::uint8_t> Values::bytes(const SubObject& sub) const noexcept {
+std::span<const std::uint8_t> Values::stored(const SubObject& sub) const noexcept {
   const std::uint8_t* const at = data_.data() + sub.offset;
   if (!sub.variable_length()) return {at, sub.capacity};
   const auto length = load_le<std::uint32_t>(at);
@@ -191,7 +191,7 @@ std::span<const std::uint8_t> Values::bytes(const SubObject& sub) const noexcept
 
 std::span<const std::uint8_t> Values::bytes(ObjectRef ref) const noexcept {
   const auto found = find(ref);
-  return found ? bytes(*found->sub) : std::span<const std::uint8_t>{};
+  return found ? stored(*found->sub) : std::span<const std::uint8_t>{};
 }
 
 AbortCode Values::set_bytes(ObjectRef ref, std::span<const std::uint8_t> value) noexcept {

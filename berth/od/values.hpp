@@ -94,7 +94,7 @@ class Values {
   /// @{
   /// What is stored now; empty when there is no such sub-object or it has no value.
   [[nodiscard]] std::span<const std::uint8_t> bytes(ObjectRef ref) const noexcept;
-  [[nodiscard]] std::span<const std::uint8_t> bytes(const SubObject& sub) const noexcept;
+  [[nodiscard]] std::span<const std::uint8_t> stored(const SubObject& sub) const noexcept;
   /// Where a scalar's bytes stand, for a PDO's copy: the address is stable for the life of this object.
   [[nodiscard]] std::uint8_t* scalar(const SubObject& sub) noexcept { return data_.data() + sub.offset; }
   /// Stores without regard to access type and limits, but never a wrong length.
