@@ -368,6 +368,18 @@ Segment::Group& Segment::split(Domain& domain, Group& group, Controller& node) {
   return *domain.groups.back();
 }
 
+void Segment::counters_preset(Controller& node) {
+  for (auto& domain : domains_) {
+    for (std::size_t i = 0; i < domain->groups.size(); ++i) {
+      if (std::ranges::find(domain->groups[i]->members, &node) == domain->groups[i]->members.end()) continue;
+      Group& own = split(*domain, *domain->groups[i], node);
+      own.bits.tec = node.tec_;
+      own.bits.rec = node.rec_;
+      return;
+    }
+  }
+}
+
 void Segment::single_out_victims() {
   for (const auto& flaw : flaws_) {
     for (const Controller* victim : flaw.victims) {

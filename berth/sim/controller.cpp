@@ -215,6 +215,7 @@ void Controller::tell_if_changed() noexcept {
 
 void Controller::preset_counters(std::uint16_t tec, std::uint16_t rec) noexcept {
   set_counters(std::min<std::uint16_t>(tec, 255), std::min<std::uint16_t>(rec, 255));
+  segment_->counters_preset(*this);
   tell_if_changed();
 }
 

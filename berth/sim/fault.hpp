@@ -25,11 +25,11 @@ struct FrameStart {
 
 /// Which frame a fault strikes: the first that fulfils every condition given.
 struct Trigger {
-  std::optional<std::uint64_t> frame;           ///< exactly this `FrameStart::number`
-  std::optional<rt::Time> not_before;           ///< a frame that starts at this time or later
-  std::function<bool(const FrameStart&)> when;  ///< empty: any frame
-  std::uint32_t skip = 0;                       ///< let so many fitting frames pass first
-  std::uint32_t times = 1;                      ///< then strike so many fitting frames; 0 = each one from then on
+  std::optional<std::uint64_t> frame{};           ///< exactly this `FrameStart::number`
+  std::optional<rt::Time> not_before{};           ///< a frame that starts at this time or later
+  std::function<bool(const FrameStart&)> when{};  ///< empty: any frame
+  std::uint32_t skip = 0;                         ///< let so many fitting frames pass first
+  std::uint32_t times = 1;                        ///< then strike so many fitting frames; 0 = each one from then on
 };
 
 /// A place in a frame, in bits on the wire, stuff bits counted. From the start, 0 is the start-of-frame bit; places

@@ -107,7 +107,8 @@ void Segment::schedule_integration() noexcept {
 }
 
 void Segment::integration_due() noexcept {
-  count_recessive(executor_->now());
+  if (!idle()) return;
+  count_recessive(state_ == State::starting ? std::min(sof_, executor_->now()) : executor_->now());
   refresh();
 }
 
@@ -254,7 +255,10 @@ bool Segment::pick_senders() noexcept {
 
 void Segment::arbitrate() noexcept {
   const bool alike = pick_senders();
-  if (integrating_ > 0) count_recessive(sof_);
+  if (integrating_ > 0) {
+    integrator_.cancel();
+    count_recessive(sof_);
+  }
   frame_ = &senders_.front()->head().frame;
   note_start(*frame_, senders_.front()->number_);
   if (!alike) ++bus_->statistics_.collisions;

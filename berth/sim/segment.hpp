@@ -70,6 +70,8 @@ class Segment final : private rt::Job {
   /// ... and have changed.
   void refresh() noexcept;
   void counters_changed(bool was_clean, bool is_clean) noexcept;
+  /// The node's counters were set from outside.
+  void counters_preset(Controller& node);
   void set_filter(Controller& node, const std::vector<can::IdRange>& before);
 
   [[nodiscard]] bool empty() const noexcept { return count_ == 0; }

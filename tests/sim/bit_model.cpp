@@ -6,15 +6,15 @@
 namespace judge {
 namespace {
 
-void append(std::vector<bool>& bits, std::uint32_t value, int count) {
-  for (int i = count - 1; i >= 0; --i) bits.push_back((value >> i & 1U) == 0);
+void append(std::vector<char>& bits, std::uint32_t value, int count) {
+  for (int i = count - 1; i >= 0; --i) bits.push_back((value >> i & 1U) == 0 ? 1 : 0);
 }
 
 // Bosch CAN 2.0 §3.1.1: the pseudo code, bit for bit.
-std::uint32_t crc_sequence(const std::vector<bool>& dominant) {
+std::uint32_t crc_sequence(const char* dominant, std::size_t count) {
   std::uint32_t rg = 0;
-  for (const bool d : dominant) {
-    const std::uint32_t next = (d ? 0U : 1U) ^ (rg >> 14 & 1U);
+  for (std::size_t i = 0; i < count; ++i) {
+    const std::uint32_t next = (dominant[i] != 0 ? 0U : 1U) ^ (rg >> 14 & 1U);
     rg = rg << 1 & 0x7FFEU;
     if (next != 0) rg ^= 0x4599U;
   }
@@ -26,7 +26,7 @@ bool is_passive(const Node& n) { return n.tec >= 128 || n.rec >= 128; }
 }  // namespace
 
 Wire encode(const Frame& f) {
-  std::vector<bool> plain;
+  std::vector<char> plain;
   append(plain, 0, 1);
   if (f.extended) append(plain, f.id >> 18, 11), append(plain, 3, 2), append(plain, f.id, 18);
   if (!f.extended) append(plain, f.id, 11);
@@ -35,7 +35,7 @@ Wire encode(const Frame& f) {
   append(plain, 0, 2);
   append(plain, f.size, 4);
   for (std::size_t i = 0; !f.remote && i < f.size; ++i) append(plain, f.data[i], 8);
-  append(plain, crc_sequence(plain), 15);
+  append(plain, crc_sequence(plain.data(), plain.size()), 15);
   Wire w;
   for (std::size_t i = 0; i < plain.size(); ++i) {
     w.dominant.push_back(plain[i]);
@@ -45,21 +45,23 @@ Wire encode(const Frame& f) {
     const auto tail = w.dominant.end() - 5;
     if (std::count(tail, w.dominant.end(), plain[i]) != 5) continue;
     // Five equal bits; a stuff bit among them counts too, and never stands in the middle of six.
-    w.dominant.push_back(!plain[i]);
+    w.dominant.push_back(plain[i] != 0 ? 0 : 1);
     w.part.push_back(i < rtr ? 's' : '.');
   }
-  for (const char c : {'.', 'K', '.', '.', '.', '.', '.', '.', '.', '.'}) w.dominant.push_back(false), w.part.push_back(c);
+  for (const char c : {'.', 'K', '.', '.', '.', '.', '.', '.', '.', '.'}) w.dominant.push_back(0), w.part.push_back(c);
   return w;
 }
 
-Reading read(const std::vector<bool>& seen) {
+Reading read(const std::vector<char>& history) {
   Reading r;
-  std::vector<bool> plain;
+  const char* seen = history.data();  // plain pointers: this is read anew for every bit
+  char plain[160];
+  std::size_t count = 0;
   int same = 0;
   std::size_t length = 0;
-  for (std::size_t i = 0; i < seen.size(); ++i) {
+  for (std::size_t i = 0; i < history.size(); ++i) {
     const bool stuffed = same == 5;
-    if (length != 0 && plain.size() == length && !stuffed) {
+    if (length != 0 && count == length && !stuffed) {
       r.delimiter = i;
       break;
     }
@@ -69,23 +71,23 @@ Reading read(const std::vector<bool>& seen) {
     }
     same = i > 0 && seen[i] == seen[i - 1] ? same + 1 : 1;
     if (stuffed) continue;
-    plain.push_back(seen[i]);
-    const bool extended = plain.size() > 13 && !plain[13];
+    plain[count++] = seen[i];
+    const bool extended = count > 13 && plain[13] == 0;
     const std::size_t dlc = extended ? 35 : 15;
-    if (plain.size() != dlc + 4) continue;
+    if (count != dlc + 4) continue;
     unsigned bytes = 0;
-    for (std::size_t k = dlc; k < dlc + 4; ++k) bytes = 2 * bytes + (plain[k] ? 0 : 1);
+    for (std::size_t k = dlc; k < dlc + 4; ++k) bytes = 2 * bytes + (plain[k] != 0 ? 0 : 1);
     bytes = std::min(bytes, 8U);
     r.frame.size = static_cast<std::uint8_t>(bytes);
     r.frame.extended = extended;
-    r.frame.remote = !plain[extended ? 32 : 12];
+    r.frame.remote = 0 == plain[extended ? 32 : 12];
     length = dlc + 4 + (r.frame.remote ? 0 : 8 * bytes) + 15;
   }
-  if (!r.delimiter && length != 0 && plain.size() == length && same < 5) r.delimiter = seen.size();
+  if (!r.delimiter && length != 0 && count == length && same < 5) r.delimiter = history.size();
   if (!r.delimiter) return r;
-  const auto number = [&](std::size_t from, std::size_t count) {
+  const auto number = [&](std::size_t from, std::size_t bits) {
     std::uint32_t value = 0;
-    for (std::size_t k = from; k < from + count; ++k) value = 2 * value + (plain[k] ? 0 : 1);
+    for (std::size_t k = from; k < from + bits; ++k) value = 2 * value + (plain[k] != 0 ? 0 : 1);
     return value;
   };
   r.frame.id = r.frame.extended ? number(1, 11) * 0x40000U + number(14, 18) : number(1, 11);
@@ -93,7 +95,7 @@ Reading read(const std::vector<bool>& seen) {
   for (unsigned i = 0; !r.frame.remote && i < r.frame.size; ++i) {
     r.frame.data[i] = static_cast<std::uint8_t>(number(data + 8 * i, 8));
   }
-  r.crc_right = crc_sequence({plain.begin(), plain.end() - 15}) == number(length - 15, 15);
+  r.crc_right = crc_sequence(plain, length - 15) == number(length - 15, 15);
   return r;
 }
 
@@ -114,14 +116,13 @@ void Bus::start(Node& n, bool behind_start_bit) {
   for (std::size_t i = 0; n.by_priority && i < n.queue.size(); ++i) {
     if (n.queue[i].ready > now) continue;
     const auto key = [](const Frame& f) {
-      const Wire w = encode(f);
-      std::vector<bool> recessive;  // the arbitration field without stuff bits; IDE of a base frame belongs to it
+      std::vector<char> recessive;  // the arbitration field without stuff bits; IDE of a base frame belongs to it
       const std::uint32_t rtr = f.remote ? 1 : 0;
-      std::vector<bool> bits;
+      std::vector<char> bits;
       append(bits, f.extended ? f.id >> 18 : f.id, 11);
       if (f.extended) append(bits, 3, 2), append(bits, f.id, 18), append(bits, rtr, 1);
       if (!f.extended) append(bits, rtr, 1), append(bits, 0, 20);
-      for (const bool d : bits) recessive.push_back(!d);
+      for (const char d : bits) recessive.push_back(d != 0 ? 0 : 1);
       return recessive;
     };
     if (key(n.queue[i].frame) < key(n.queue[n.chosen].frame)) n.chosen = i;
@@ -132,13 +133,13 @@ void Bus::start(Node& n, bool behind_start_bit) {
   n.at = behind_start_bit ? 1 : 0;
   n.history.clear();
   n.reading = {};
-  if (behind_start_bit) n.history.push_back(true);
+  if (behind_start_bit) n.history.push_back(1);
 }
 
 bool Bus::level(const Node& n) const {
   switch (n.doing) {
     case Doing::transmitting:
-      return n.wire.dominant[n.at];
+      return n.wire.dominant[n.at] != 0;
     case Doing::receiving:  // the ACK slot stands behind the CRC delimiter
       return n.reading.delimiter && n.history.size() == *n.reading.delimiter + 1 && n.reading.crc_right && !n.listens_only;
     case Doing::flag:
@@ -156,7 +157,7 @@ void Bus::step() {
   const bool dominant = std::ranges::any_of(nodes, [&](const Node& n) { return level(n); });
   const std::uint64_t frame = frames;
   const std::int64_t origin = origin_;
-  const bool live = flips_live_;
+  const bool live = flips_live_ && !flips_.empty();
   for (int i = 0; i < static_cast<int>(nodes.size()); ++i) {
     const bool turned = live && flips_.contains({frame - 1, static_cast<int>(now - origin), i});
     hear(i, dominant != turned);
@@ -201,9 +202,9 @@ void Bus::overload(Node& n) {
 
 void Bus::transmit_bit(int index, bool dominant) {
   Node& n = nodes[static_cast<std::size_t>(index)];
-  const bool mine = n.wire.dominant[n.at];
+  const bool mine = n.wire.dominant[n.at] != 0;
   const char part = n.wire.part[n.at];
-  n.history.push_back(dominant);
+  n.history.push_back(dominant ? 1 : 0);
   if (part == 'K') {
     if (!dominant) return error(n, 'a');
   } else if (mine != dominant) {
@@ -226,7 +227,7 @@ void Bus::transmit_bit(int index, bool dominant) {
 void Bus::receive_bit(int index, bool dominant) {
   Node& n = nodes[static_cast<std::size_t>(index)];
   const bool mine = level(n);
-  n.history.push_back(dominant);
+  n.history.push_back(dominant ? 1 : 0);
   if (!n.reading.delimiter) {
     n.reading = read(n.history);
     if (n.reading.stuff_error) error(n, '.');
@@ -253,7 +254,7 @@ void Bus::hear(int index, bool dominant) {
   const auto follow = [&] {  // somebody's start of frame
     n.doing = Doing::receiving;
     n.was_transmitter = false;
-    n.history.assign(1, true);
+    n.history.assign(1, 1);
     n.reading = {};
   };
   switch (n.doing) {

@@ -18,7 +18,7 @@ using berth::can::Frame;
 
 /// A frame as it goes over the wire: 'r' and 'd' for recessive and dominant bits.
 struct Wire {
-  std::vector<bool> dominant;
+  std::vector<char> dominant;
   std::vector<char> part;  ///< 'S' start, 'A' arbitration, 's' stuff bit before RTR, 'K' ACK slot, '.' any other
 };
 Wire encode(const Frame& frame);
@@ -30,7 +30,7 @@ struct Reading {
   bool crc_right = false;
   Frame frame;
 };
-Reading read(const std::vector<bool>& dominant);
+Reading read(const std::vector<char>& dominant);
 
 struct Event {
   std::int64_t end;  ///< bit that follows the frame's last one
@@ -58,7 +58,7 @@ struct Node {
   Wire wire;                     // what it transmits
   std::size_t at = 0;
   std::size_t chosen = 0;        // of the queue
-  std::vector<bool> history;     // bits since start of frame, as it saw them
+  std::vector<char> history;     // bits since start of frame, as it saw them
   Reading reading;
   bool after_error = false;      // else after an overload flag
   unsigned dominant_after = 0;
