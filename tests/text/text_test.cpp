@@ -119,7 +119,7 @@ RC_GTEST_PROP(Quoted, IsReadBackByTheParser, ()) {
   std::string text;
   for (const int c : *rc::gen::container<std::vector<int>>(rc::gen::inRange(0, 128))) text += static_cast<char>(c);
   Findings findings;
-  const auto root = read("k = " + quoted(text) + "\n", findings);
+  const auto root = read("k = " + berth::text::quoted(text) + "\n", findings);
   RC_ASSERT(root.has_value());
   RC_ASSERT(root->find("k")->string == text);
 }

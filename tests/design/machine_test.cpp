@@ -1,0 +1,279 @@
+#include "berth/design/machine.hpp"
+
+#include <functional>
+
+#include "berth/base/random.hpp"
+#include "tests/pch.hpp"
+
+namespace berth::design {
+namespace {
+
+using namespace std::chrono_literals;
+
+const std::string head = "[machine]\nname = \"m\"\n[bus.b]\nport = \"sim\"\nbitrate = 125_000\n";
+const std::string slot2 =
+    "[[slot]]\nbus = \"b\"\nid = 2\nname = \"left\"\ntype = { vendor = 1, product = 0x0000_0001 }\n";
+
+MachineResult read(const std::string& text) {
+  const TypeLoader loader = [](const std::string& path, Findings& findings) -> std::optional<DeviceType> {
+    if (path.ends_with("sensor.eds")) return DeviceType{{0x11, 0x22}, 0x00010002};
+    findings.push_back({Finding::Severity::error, path, 0, 0, "", "cannot be read", ""});
+    return std::nullopt;
+  };
+  return read_machine(text, "some/where/m.toml", loader);
+}
+
+/// The one error of a text, as a person sees it.
+std::string only_error(const std::string& text) {
+  const auto result = read(text);
+  EXPECT_FALSE(result.machine);
+  EXPECT_EQ(result.findings.size(), 1U);
+  std::string all;
+  for (const auto& finding : result.findings) all += to_string(finding) + "\n";
+  if (!all.empty()) all.pop_back();
+  return all.starts_with("some/where/m.toml:") ? all.substr(18) : all;
+}
+
+TEST(MachineFile, ReadsEverything) {
+  const auto result = read(R"(
+[machine]
+name = "conveyor"
+[timing]
+sdo_timeout = "200 ms"
+[bus.backbone]
+port    = "socketcan:can0"
+bitrate = 250_000
+role    = "commissioner"
+master_id = 100
+[bus.drives]
+port    = "socketcand://host:29536/can0"
+bitrate = 500_000
+gateway = { bus = "backbone", slot = 3, mandatory = false }
+[bus.drives.timing]
+heartbeat_period = "100 ms"
+tries = 5
+[[slot]]
+bus = "backbone"
+id  = 2
+name = "left sensor"
+type = { vendor = 0x0000_0001, product = 0xFFFF_FFFF, revision = 0x0001_0000 }
+when_ambiguous = "one-at-a-time"
+revision = "major"
+assign   = "recipe"
+optional = true
+replacement = "auto"
+config   = "left-sensor.dcf"
+[[slot]]
+bus = "backbone"
+id = 3
+name = "gate"
+eds = "eds/sensor.eds"
+[[slot]]
+bus = "drives"
+ids = "1..2, 9"
+name = "drive {id}"
+type = { vendor = 7, product = 8 }
+[[link]]
+from = "left sensor/Position"
+to   = ["drive 9/6040h:00"]
+deadline = "20 ms"
+)");
+  ASSERT_TRUE(result.machine) << to_string(result.findings.at(0));
+  const auto& m = *result.machine;
+  EXPECT_EQ(m.name, "conveyor");
+  ASSERT_EQ(m.buses.size(), 2U);
+  EXPECT_EQ(m.buses[0].name, "backbone");
+  EXPECT_EQ(m.buses[0].port, (PortSpec{PortKind::socketcan, "can0"}));
+  EXPECT_EQ(m.buses[0].bitrate, 250'000U);
+  EXPECT_EQ(m.buses[0].role, Role::commissioner);
+  EXPECT_EQ(m.buses[0].master, NodeId(100));
+  EXPECT_EQ(m.buses[0].timing.sdo_timeout, Duration(200ms));
+  EXPECT_EQ(m.buses[1].port, (PortSpec{PortKind::socketcand, "host:29536/can0"}));
+  EXPECT_EQ(m.buses[1].role, Role::master);
+  EXPECT_EQ(m.buses[1].master, NodeId(127));
+  EXPECT_EQ(m.buses[1].gateway, (Gateway{"backbone", NodeId(3), false}));
+  EXPECT_EQ(m.buses[1].timing.sdo_timeout, Duration(200ms));
+  EXPECT_EQ(m.buses[1].timing.heartbeat_period, Duration(100ms));
+  EXPECT_EQ(m.buses[1].timing.heartbeat_timeout, Duration(300ms));
+  EXPECT_EQ(m.buses[1].timing.tries, 5U);
+  EXPECT_EQ(m.buses[0].timing.tries, 3U);
+  ASSERT_EQ(m.slots.size(), 5U);
+  const auto& left = m.slots[0].spec;
+  EXPECT_EQ(left.name, (places::SlotName{"conveyor", "backbone", "left sensor"}));
+  EXPECT_EQ(left.id, NodeId(2));
+  EXPECT_EQ(left.type, (TypeCode{1, 0xFFFFFFFF}));
+  EXPECT_EQ(left.revision, 0x10000U);
+  EXPECT_EQ(left.rule, places::RevisionRule::major);
+  EXPECT_EQ(left.when_ambiguous, places::WhenAmbiguous::one_at_a_time);
+  EXPECT_EQ(left.replacement, places::Replacement::automatic);
+  EXPECT_EQ(left.assign, places::Assign::recipe);
+  EXPECT_TRUE(left.optional);
+  EXPECT_EQ(left.config, "some/where/left-sensor.dcf");
+  EXPECT_EQ(m.slots[1].spec.type, (TypeCode{0x11, 0x22}));
+  EXPECT_EQ(m.slots[1].eds_path, "some/where/eds/sensor.eds");
+  EXPECT_EQ(m.slots[1].spec.when_ambiguous, places::WhenAmbiguous::ask);
+  EXPECT_EQ(m.slots[1].spec.replacement, places::Replacement::ask);
+  EXPECT_EQ(m.slots[4].spec.name.name, "drive 9");
+  EXPECT_EQ(m.slots[4].spec.id, NodeId(9));
+  EXPECT_TRUE(m.slots[4].of_range);
+  ASSERT_EQ(m.links.size(), 1U);
+  EXPECT_EQ(m.links[0].to[0], (LinkEnd{"drive 9", "6040h:00"}));
+  EXPECT_EQ(m.links[0].deadline, Duration(20ms));
+  EXPECT_EQ(m.specs("drives").size(), 3U);
+  EXPECT_NE(m.slot("backbone", NodeId(3)), nullptr);
+  EXPECT_EQ(m.slot("drives", NodeId(3)), nullptr);
+}
+
+// S1.28: Node_ID and Type_Code are fixed by the machine file; a table of the paper's form.
+TEST(MachineFile, S1_28_NodeTableOfThePaper) {
+  const auto result = load_machine(std::string(BERTH_SOURCE_DIR) + "/examples/five-slaves.toml");
+  ASSERT_TRUE(result.machine) << to_string(result.findings.at(0));
+  const TypeCode a{0x01000001, 0x00000001};
+  const TypeCode b{0x00000001, 0x00000001};
+  const TypeCode c{0x00000001, 0x00000005};
+  std::map<int, TypeCode> table;
+  for (const auto& slot : result.machine->slots) table[slot.spec.id.value()] = slot.spec.type;
+  EXPECT_EQ(table, (std::map<int, TypeCode>{{1, a}, {2, b}, {3, c}, {4, b}, {5, b}}));
+  EXPECT_EQ(result.machine->buses.at(0).master, NodeId(127));
+}
+
+// Issue 2, "Bad input and bad luck": each names file, line and column.
+TEST(MachineFile, SaysWhatIsWrongAndWhere) {
+  EXPECT_EQ(only_error(head + "bitrat = 5\n" + slot2),
+            "6:1: error: bus.b.bitrat: unknown key; did you mean \"bitrate\"?");
+  EXPECT_EQ(only_error(head + slot2 + "optional = \"no\"\n"),
+            "11:12: error: slot[1].optional: this is a string; it must be true or false");
+  EXPECT_EQ(only_error(head + "[[slot]]\nbus = \"b\"\nid = 200\nname = \"x\"\ntype = { vendor = 1, product = 1 }\n"),
+            "8:6: error: slot[1].id: 200 is not a node-ID; use 1 to 127");
+  EXPECT_EQ(only_error(head + "[[slot]]\nbus = \"b\"\nid = 0\nname = \"x\"\ntype = { vendor = 1, product = 1 }\n"),
+            "8:6: error: slot[1].id: 0 is not a node-ID; use 1 to 127");
+  EXPECT_EQ(only_error(head + "[[slot]]\nbus = \"b\"\nid = 127\nname = \"x\"\ntype = { vendor = 1, product = 1 }\n"),
+            "8:6: error: slot[1].id: node-ID 127 is the master's on bus \"b\"; use another, or change master_id");
+  EXPECT_EQ(
+      only_error(head + slot2 + "[[slot]]\nbus = \"b\"\nid = 2\nname = \"x\"\ntype = { vendor = 1, product = 1 }\n"),
+      "13:6: error: slot[2].id: node-ID 2 is taken on bus \"b\" by slot \"left\" (line 6); a node-ID stands once on "
+      "a bus");
+  EXPECT_EQ(
+      only_error(head + slot2 + "[[slot]]\nbus = \"b\"\nid = 3\nname = \"left\"\ntype = { vendor = 1, product = 1 }\n"),
+      "14:8: error: slot[2].name: the name \"left\" is taken (line 6); slot names are unique in a machine");
+  EXPECT_EQ(only_error(head + "[[slot]]\nbus = \"c\"\nid = 3\nname = \"x\"\ntype = { vendor = 1, product = 1 }\n"),
+            "7:7: error: slot[1].bus: there is no bus \"c\"; the buses are \"b\"");
+  EXPECT_EQ(only_error("[machine]\nname = \"m\"\n[bus.b]\nport = \"sim\"\nbitrate = 125\n"),
+            "5:11: error: bus.b.bitrate: 125 bit/s is no CANopen bit rate; write 125_000");
+  EXPECT_EQ(only_error("[machine]\nname = \"m\"\n[bus.b]\nbitrate = 125_000\n"),
+            "3:1: error: bus.b.port: this key is missing; such as \"sim\" or \"socketcan:can0\"");
+  EXPECT_EQ(only_error(head + "role = \"mster\"\n"),
+            "6:8: error: bus.b.role: \"mster\" is not known here; did you mean \"master\"? Use \"master\", "
+            "\"commissioner\" or \"observer\"");
+  EXPECT_EQ(only_error(head + slot2 + "[[link]]\nfrom = \"lft/x\"\nto = [\"left/y\"]\n"),
+            "12:8: error: link[1].from: there is no slot \"lft\"; did you mean \"left\"?");
+}
+
+TEST(MachineFile, EveryOtherMistakeIsAnError) {
+  const std::string type = "type = { vendor = 1, product = 1 }\n";
+  const std::vector<std::string> bad{
+      "",
+      "[machine]\nname = \"m\"\n",
+      "machine = 5\n" + head.substr(head.find("[bus")),
+      head + "[[slot]]\n",
+      head + "[slot]\nid = 1\n",
+      head + "slot = 7\n",
+      "bus = { b = 3 }\n[machine]\nname = \"m\"\n",
+      head + "master_id = 0\n",
+      head + "master_id = 128\n",
+      head + "bitrate = 125_000\n",
+      head + "gateway = { bus = \"b\", slot = 2 }\n" + slot2,
+      head + "gateway = { bus = \"nope\", slot = 2 }\n" + slot2,
+      head + "[bus.c]\nport = \"sim\"\nbitrate = 10_000\ngateway = { bus = \"b\", slot = 9 }\n" + slot2,
+      head + "[bus.c]\nport = \"sim\"\nbitrate = 10_000\ngateway = { bus = \"b\" }\n" + slot2,
+      head + slot2 + "eds = \"sensor.eds\"\n",
+      head + "[[slot]]\nbus = \"b\"\nid = 2\nname = \"x\"\n",
+      head + "[[slot]]\nbus = \"b\"\nid = 2\nname = \"x\"\neds = \"gone.eds\"\n",
+      head + "[[slot]]\nbus = \"b\"\nid = 2\nname = \"x\"\neds = \"\"\n",
+      head + "[[slot]]\nbus = \"b\"\nid = 2\nname = \"x\"\ntype = { vendor = 1 }\n",
+      head + "[[slot]]\nbus = \"b\"\nid = 2\nname = \"x\"\ntype = { vendor = 1, product = 0x1_0000_0000 }\n",
+      head + "[[slot]]\nbus = \"b\"\nid = 2\nname = \"x\"\ntype = { vendor = 1, product = -1 }\n",
+      head + "[[slot]]\nbus = \"b\"\nid = 2\nname = \"a/b\"\n" + type,
+      head + "[[slot]]\nbus = \"b\"\nid = 2\nname = \"\"\n" + type,
+      head + "[[slot]]\nbus = \"b\"\nid = 2\nname = \"x {id}\"\n" + type,
+      head + "[[slot]]\nbus = \"b\"\nids = \"1..3\"\nname = \"x\"\n" + type,
+      head + "[[slot]]\nbus = \"b\"\nids = \"1..128\"\nname = \"x {id}\"\n" + type,
+      head + "[[slot]]\nbus = \"b\"\nid = 1\nids = \"1..3\"\nname = \"x {id}\"\n" + type,
+      head + "[[slot]]\nbus = \"b\"\nids = \"125..127\"\nname = \"x {id}\"\n" + type,
+      head + slot2 + "revision = \"exact\"\n",
+      head + slot2 + "replacement = \"yes\"\n",
+      head + slot2 + "config = \"\"\n",
+      head + slot2 + "[[link]]\nfrom = \"left/x\"\n",
+      head + slot2 + "[[link]]\nfrom = \"left/x\"\nto = []\n",
+      head + slot2 + "[[link]]\nfrom = \"left/x\"\nto = [\"left/x\"]\n",
+      head + slot2 + "[[link]]\nfrom = \"left/x\"\nto = [\"left\"]\n",
+      head + slot2 + "[[link]]\nfrom = \"left/x\"\nto = [\"left/y\", \"left/y\"]\n",
+      head + slot2 + "[[link]]\nfrom = \"left/x\"\nto = [\"left/y\"]\ndeadline = 20\n",
+      head + "[timing]\nheartbeat_period = \"500 ms\"\nheartbeat_timeout = \"500 ms\"\n",
+      head + "[timing]\nheartbeat_period = \"1.5 ms\"\n",
+      head + "[timing]\nsdo_timeout = \"0 ms\"\n",
+      head + "[timing]\ntries = 0\n",
+  };
+  for (const auto& text : bad) {
+    const auto result = read(text);
+    EXPECT_FALSE(result.machine) << text;
+    EXPECT_TRUE(has_errors(result.findings)) << text;
+  }
+}
+
+TEST(MachineFile, GatewaysInACircle) {
+  const auto result = read(
+      "[machine]\nname = \"m\"\n[bus.a]\nport = \"sim\"\nbitrate = 10_000\ngateway = { bus = \"b\", slot = 1 }\n"
+      "[bus.b]\nport = \"sim\"\nbitrate = 10_000\ngateway = { bus = \"a\", slot = 2 }\n"
+      "[[slot]]\nbus = \"b\"\nid = 1\nname = \"x\"\ntype = { vendor = 1, product = 1 }\n"
+      "[[slot]]\nbus = \"a\"\nid = 2\nname = \"y\"\ntype = { vendor = 1, product = 1 }\n");
+  EXPECT_FALSE(result.machine);
+  ASSERT_EQ(result.findings.size(), 2U);
+  EXPECT_EQ(result.findings[0].line, 6);
+  EXPECT_EQ(result.findings[0].message, "these gateways run in a circle");
+}
+
+TEST(MachineFile, OneMistakeDoesNotHideAnother) {
+  const auto result = read(head + "rol = 1\n[[slot]]\nbus = \"b\"\nid = 300\nname = 7\ntype = 1\n");
+  EXPECT_FALSE(result.machine);
+  ASSERT_EQ(result.findings.size(), 4U);
+  for (std::size_t i = 1; i < 4; ++i) EXPECT_LT(result.findings[i - 1].line, result.findings[i].line);
+}
+
+TEST(MachineFile, AMissingFileIsAFinding) {
+  const auto result = load_machine("/nowhere/at/all.toml");
+  EXPECT_FALSE(result.machine);
+  ASSERT_EQ(result.findings.size(), 1U);
+  EXPECT_EQ(to_string(result.findings[0]), "/nowhere/at/all.toml: error: cannot be read: No such file or directory");
+}
+
+TEST(Port, EveryKind) {
+  for (const char* text : {"sim", "socketcan:can0", "slcan:/dev/ttyACM0", "socketcand://host:29536/can0"}) {
+    const auto port = parse_port(text);
+    ASSERT_TRUE(port) << text;
+    EXPECT_EQ(to_string(*port), text);
+  }
+  for (const char* text : {"", "can0", "socketcan:", "slcan:", "socketcand://host", "socketcand:///can0", "sim:x"}) {
+    EXPECT_FALSE(parse_port(text)) << text;
+  }
+}
+
+// Whatever is done to a good file, the reader ends with a machine or with an error that has a place.
+RC_GTEST_PROP(MachineFile, NeverNeitherMachineNorError, (std::uint64_t seed)) {
+  Random random(seed);
+  std::string text = head + slot2 + "[[link]]\nfrom = \"left/x\"\nto = [\"left/y\"]\n";
+  for (std::uint64_t n = random.below(4); n-- > 0;) {
+    const auto at = random.below(text.size());
+    if (random.chance(500'000)) {
+      text.erase(at, 1 + random.below(5));
+    } else {
+      text[at] = static_cast<char>(32 + random.below(95));
+    }
+    if (text.empty()) break;
+  }
+  const auto result = read(text);
+  RC_ASSERT(result.machine.has_value() != has_errors(result.findings));
+}
+
+}  // namespace
+}  // namespace berth::design
