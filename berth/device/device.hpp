@@ -120,7 +120,7 @@ class Device final : private co::NmtSlave::Owner,
   /// Powered, hears nothing yet: after power-on or during a reset.
   [[nodiscard]] bool booting() const noexcept { return begin_ != Begin::nothing; }
   /// In use: unconfigured while booting, and while initialising without one.
-  [[nodiscard]] NodeId node_id() const noexcept { return powered_ ? nmt_.node_id() : NodeId(); }
+  [[nodiscard]] NodeId node_id() const noexcept { return powered_ && !booting() ? nmt_.node_id() : NodeId(); }
   /// LSS: the next reset communication takes it.
   [[nodiscard]] const lss::Settings& pending() const noexcept { return lss_->pending(); }
   [[nodiscard]] const lss::Settings& active() const noexcept { return lss_->active(); }

@@ -24,11 +24,8 @@ struct Timing {
   /// How long the world waits while the device's clock runs for `own`.
   [[nodiscard]] constexpr rt::Duration in_world(rt::Duration own) const noexcept {
     if (drift_ppm == 0) return own;
-    // Divided before multiplied, so that an hour does not overflow: exact to a nanosecond per million.
-    const auto whole = own.count() / 1'000'000;
-    const auto rest = own.count() % 1'000'000;
     const std::int64_t scale = 1'000'000 + drift_ppm;
-    return rt::Duration(whole * 1'000'000 * 1'000'000 / scale + rest * 1'000'000 / scale);
+    return rt::Duration(own.count() / scale * 1'000'000 + own.count() % scale * 1'000'000 / scale);
   }
 };
 
