@@ -1,5 +1,25 @@
 /// Single commands as data, so that the command line can run them in a world of its own or hand them to a running
 /// `berth up` through its control socket: the same code answers both.
+///
+/// Verbs and their arguments, all text as the person wrote it; numbers in C notation, `?` = may be left out. `bus` may
+/// be left out of all of them when the machine has one bus; `scan` and `bind` then take every bus.
+///
+///     report
+///     scan              bus?
+///     bind              bus?
+///     replace           slot (name, "bus/name" or node-ID), device? (LSS address that shall sit there)
+///     sdo read          node, index, sub?, type?                  type: u8 ... vs, see od::data_type
+///     sdo write         node, index, sub?, value, type?           without a type the value is hex bytes: "91 01 0F"
+///     nmt               command (start stop preop reset-node reset-comm), node (1..127 or "all")
+///     lss global        state (waiting, configuration)
+///     lss select        address
+///     lss inquire       address?                                  without: whoever is in configuration state
+///     lss set-node-id   address, id (1..127, 255 = none), store?  store: "1"
+///     lss store         address?
+///     lss bit-timing    rate (bit/s), address?
+///     lss activate      delay (ms), rate? (bit/s that Berth's own port changes to)
+///     lss identify      vendor, product, revision-low?, revision-high?, serial-low?, serial-high?
+///     lss find
 #pragma once
 
 #include <map>
@@ -12,18 +32,19 @@ namespace berth::operate {
 
 class Session;
 
-/// "sdo read" with {"bus": "backbone", "node": "5", "index": "0x1000", "sub": "0"}. Arguments are text as the person
-/// wrote them; `execute` checks them.
+/// "sdo read" with {"bus": "backbone", "node": "5", "index": "0x1000", "sub": "0"}.
 struct CommandRequest {
-  std::string verb;  ///< "report", "scan", "bind", "replace", "sdo read", "sdo write", "nmt", "lss <service>"
+  std::string verb;
   std::map<std::string, std::string> arguments;
+  friend bool operator==(const CommandRequest&, const CommandRequest&) = default;
 };
 
 /// Exit status as the command line has it: 0 done, 1 the answer is no, 2 wrong usage, 3 the bus or a file failed.
 struct CommandReply {
   int status = 0;
-  std::string json;                 ///< one JSON object, always
-  std::vector<std::string> lines;   ///< the same for people
+  std::string json;                ///< one JSON object on one line, always; a failure is {"error": {"message", ...}}
+  std::vector<std::string> lines;  ///< the same for people
+  std::string error;               ///< for people, when the status is not 0: what, where, what to do
 };
 
 /// One line of JSON: {"verb": ..., "arguments": {...}}. `parse_request` gives a request with an empty verb, and the
@@ -31,7 +52,16 @@ struct CommandReply {
 [[nodiscard]] std::string to_json(const CommandRequest& request);
 [[nodiscard]] CommandRequest parse_request(const std::string& line, std::string& error);
 
-/// Runs one command. `request` and `reply` must stay until the task is done.
+/// The reply as one line of JSON for the control socket: {"status", "reply", "lines", "error"}.
+[[nodiscard]] std::string to_json(const CommandReply& reply);
+/// Reads it back; `status` 3 and the reason in `error` for anything else.
+[[nodiscard]] CommandReply parse_reply(const std::string& line);
+
+/// A reply that says only that, and why, something is not done.
+[[nodiscard]] CommandReply refusal(int status, std::string message);
+
+/// Runs one command. `request` and `reply` must stay until the task is done. It waits until the main job has nothing to
+/// do on the bus, and may wait for devices: give it a limit from outside, by destroying the task.
 [[nodiscard]] rt::Task<void> execute(Session& session, const CommandRequest& request, CommandReply& reply);
 
 }  // namespace berth::operate

@@ -29,6 +29,18 @@ co::SdoOptions sdo_options(const design::Timing& t) {
 
 }  // namespace
 
+const char* name(Phase phase) noexcept {
+  switch (phase) {
+    case Phase::opening: return "opening";
+    case Phase::preparation: return "preparation";
+    case Phase::discovery: return "discovery";
+    case Phase::binding: return "binding";
+    case Phase::start: return "start";
+    case Phase::watch: return "watch";
+  }
+  return "";
+}
+
 Network::Network(rt::Executor& executor, can::Port& port, const design::Bus& bus, std::vector<places::SlotSpec> slots,
                  places::SlotStore& store, NetworkObserver observer)
     : executor_(&executor),

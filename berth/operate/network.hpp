@@ -41,7 +41,13 @@ struct NetworkObserver {
   /// "discovered": the first discovery has ended; "bound": every slot that can be is bound; "operational": every slot
   /// that is not optional is operational. Each once.
   std::function<void(const std::string&)> milestone;
+  /// Before each step of a binding: for displays and fault plans. May be empty.
+  std::function<void(const places::Binding&)> before_step;
 };
+
+/// Where the main job is.
+enum class Phase : std::uint8_t { opening, preparation, discovery, binding, start, watch };
+[[nodiscard]] const char* name(Phase phase) noexcept;
 
 class MasterDevice;  // the master is a device: network.cpp
 
@@ -67,6 +73,7 @@ class Network final : private co::HeartbeatConsumer::Observer, private co::SdoCl
   [[nodiscard]] bool operational() const noexcept;
   /// The main job has nothing to do now but to watch.
   [[nodiscard]] bool idle() const noexcept { return idle_; }
+  [[nodiscard]] Phase phase() const noexcept { return phase_; }
   /// Devices and facts that are not as they should be, as last seen.
   [[nodiscard]] const std::vector<places::Oddity>& oddities() const noexcept { return plan_.oddities; }
   [[nodiscard]] const std::vector<places::Question>& questions() const noexcept { return plan_.questions; }
@@ -121,6 +128,7 @@ class Network final : private co::HeartbeatConsumer::Observer, private co::SdoCl
   rt::Task<void> opening();
   rt::Task<void> watch();
   rt::Task<bool> anybody_new();
+  [[nodiscard]] rt::Duration look_period() const noexcept;
   rt::Task<void> handle(Wake wake);
   rt::Task<void> came_back(Seat& seat, rt::Time booted);
   // network_prepare.cpp: who is there
@@ -186,6 +194,7 @@ class Network final : private co::HeartbeatConsumer::Observer, private co::SdoCl
   std::vector<std::string> told_;      // oddities and questions already told
   std::vector<std::string> reached_;   // milestones
   rt::Mailbox<Wake, 512> wakes_;
+  Phase phase_ = Phase::opening;
   bool idle_ = false;
   bool running_ = false;
   bool look_anew_ = true;              // the next look asks everybody, not only who is unknown

@@ -53,6 +53,7 @@ rt::Task<void> Network::tell_who_is_known() {
 }
 
 rt::Task<void> Network::discover() {
+  phase_ = Phase::discovery;
   // Devices that wait without a seat are identified and would not answer: all are asked anew, who left is forgotten.
   const bool waiting = std::ranges::any_of(found_, [&](const auto& f) { return seat_of(f.device) == nullptr; });
   if (look_anew_ || waiting) {
@@ -101,6 +102,7 @@ rt::Task<void> Network::inquire_found(bool all) {
 // ---- binding ----
 
 rt::Task<void> Network::carry_out() {
+  phase_ = Phase::binding;
   avoid_.clear();
   bool inquired_all = false;
   make_plan();
@@ -146,6 +148,7 @@ rt::Task<bool> Network::bind_seat(Seat& seat, LssAddress device, std::string rea
   options.tries = bus_->timing.tries;
   options.boot_timeout = bus_->timing.boot_timeout;
   options.guard_timeout = bus_->timing.guard_timeout;
+  options.before_step = observer_.before_step;
   places::Binder binder(services(), options);
   const places::SlotId slot = seat.slot.record.slot;
   co_await binder.run(binding, slot, reason);
@@ -205,6 +208,7 @@ rt::Task<bool> Network::blank(LssAddress device, std::string reason) {
   places::Binder::Options options;
   options.tries = bus_->timing.tries;
   options.boot_timeout = bus_->timing.boot_timeout;
+  options.before_step = observer_.before_step;
   places::Binder binder(services(), options);
   tell("step", "", fmt::format("taking the node-ID of {}: {}", to_string(device), reason));
   const places::SlotId none;
@@ -222,6 +226,7 @@ rt::Task<bool> Network::blank(LssAddress device, std::string reason) {
 // ---- check and start ----
 
 rt::Task<void> Network::check_and_start() {
+  phase_ = Phase::start;
   rt::Scope starts(*executor_);
   for (auto& seat : seats_) {
     const bool ready = seat->there && !seat->started && seat->state == SlotState::present;

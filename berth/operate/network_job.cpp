@@ -38,6 +38,7 @@ rt::Task<void> Network::round() {
 // An interrupted run may have left one device in configuration state with a node-ID pending: the next `04 00` would
 // bring it into use. Whoever listens gives it up first (berth/places/binding.hpp).
 rt::Task<void> Network::opening() {
+  phase_ = Phase::opening;
   if (bus_->role == design::Role::observer) co_return;
   const auto blanks = store_->unfinished_blanks();
   const bool unfinished = std::ranges::any_of(seats_, [](const auto& s) { return s->slot.record.asked.has_value(); }) ||
@@ -54,7 +55,8 @@ rt::Task<void> Network::opening() {
 // Returns when something is to be done about the bus as a whole: somebody new, or a slot that became free.
 rt::Task<void> Network::watch() {
   for (;;) {
-    const rt::Time deadline = executor_->now() + bus_->timing.probe_period;
+    phase_ = Phase::watch;
+    const rt::Time deadline = executor_->now() + look_period();
     const auto wake = co_await wakes_.next(deadline);
     co_await turn_.take();
     const rt::Held held(turn_);
@@ -76,6 +78,14 @@ rt::Task<void> Network::watch() {
     if (due || starts) co_return;
     idle_ = wakes_.size() == 0;
   }
+}
+
+// While a slot waits for its device, who comes is looked for more often: machine and devices are switched on together.
+rt::Duration Network::look_period() const noexcept {
+  const bool waits = std::ranges::any_of(seats_, [](const auto& s) {
+    return s->state == SlotState::empty && !s->slot.spec.optional;
+  });
+  return waits ? bus_->timing.probe_period / 8 : bus_->timing.probe_period;
 }
 
 rt::Task<bool> Network::anybody_new() {

@@ -14,6 +14,7 @@ using places::SlotState;
 rt::Task<void> Network::prepare() {
   const bool any = std::ranges::any_of(seats_, [](const auto& s) { return s->slot.record.confirmed.has_value(); });
   if (!any) co_return;
+  phase_ = Phase::preparation;
   tell("step", "", "preparation: looking for the devices of the bound slots");
   const rt::Time began = executor_->now();
   const rt::Time deadline = began + bus_->timing.heartbeat_period + bus_->timing.heartbeat_period / 4;
@@ -127,7 +128,7 @@ rt::Task<void> Network::verify_vacancy() {
     const auto heard = boots_.heard(id);
     const auto& vacant = vacancy_[id.value()];
     const bool known = vacant && (!heard || *heard < *vacant);
-    if (!known && !heard) asked.spawn(ask_vacancy(id));
+    if (!known) asked.spawn(ask_vacancy(id));
   }
   co_await asked.join();
 }

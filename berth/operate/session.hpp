@@ -2,6 +2,7 @@
 /// tests and every tool use this and nothing else.
 #pragma once
 
+#include <deque>
 #include <functional>
 #include <memory>
 #include <string>
@@ -17,20 +18,23 @@ namespace berth::operate {
 
 class Session {
  public:
-  /// `machine` and `store` must stay.
+  /// `machine` and `store` must stay. The lines that the store's history gets are stamped with the executor's time.
   Session(rt::Executor& executor, const design::Machine& machine, places::SlotStore& store);
   ~Session();
   Session(const Session&) = delete;
   Session& operator=(const Session&) = delete;
 
-  /// Gives one bus its port. Every bus needs one before `open`; the port must stay.
+  /// Gives one bus its port. Every bus needs one before `open`; the port must stay. Errors: `not_found` no such bus;
+  /// `duplicate` it has one already.
   Result<void> connect(std::string_view bus, can::Port& port);
-  /// Reads the store. Call once, after the ports.
+  /// Reads the store. Call once, after the ports. Errors: `invalid` a bus without a port; the store's.
   Result<void> open();
   /// Begins the main job on every bus.
   void start();
   /// Ends it where it stands.
   void stop() noexcept;
+  /// The main job runs; without it the session only serves single commands.
+  [[nodiscard]] bool started() const noexcept { return started_; }
 
   /// Every event, as it happens. Events are kept for `report` too, the newest `most_events`.
   void on_event(std::function<void(const Event&)> handler) { on_event_ = std::move(handler); }
@@ -45,7 +49,7 @@ class Session {
   [[nodiscard]] bool idle() const noexcept;
 
   [[nodiscard]] const design::Machine& machine() const noexcept { return *machine_; }
-  [[nodiscard]] places::SlotStore& store() noexcept { return *store_; }
+  [[nodiscard]] places::SlotStore& store() noexcept;
   [[nodiscard]] rt::Executor& executor() noexcept { return *executor_; }
   /// Null when there is none; an empty name means the only bus, and null when there are several.
   [[nodiscard]] Network* network(std::string_view bus) noexcept;
@@ -55,19 +59,21 @@ class Session {
   [[nodiscard]] Network* network_of_slot(std::string_view slot, std::string& name) noexcept;
 
  private:
+  class StampedStore;
   void record(const Event& event);
   void reached(const std::string& milestone);
 
   rt::Executor* executor_;
   const design::Machine* machine_;
-  places::SlotStore* store_;
+  std::unique_ptr<StampedStore> store_;
   std::vector<std::pair<const design::Bus*, can::Port*>> ports_;
   std::vector<std::unique_ptr<Network>> networks_;
-  std::vector<Event> events_;
+  std::deque<Event> events_;
   std::function<void(const Event&)> on_event_;
   std::function<void(const std::string&)> on_milestone_;
   std::vector<std::pair<std::string, std::size_t>> milestones_;
   rt::Time began_{};
+  bool started_ = false;
 };
 
 }  // namespace berth::operate

@@ -105,7 +105,15 @@ class Planner {
       }
       groups[f.device.type()].fresh.push_back(f);
     }
+    const auto first = plan_.actions.size();
     for (auto& [type, group] : groups) seat_group(group);
+    // In the order of the slots, as paper 1's Figure 10 shows it.
+    std::stable_sort(plan_.actions.begin() + static_cast<std::ptrdiff_t>(first), plan_.actions.end(),
+                     [&](const Action& a, const Action& b) { return rank(a) < rank(b); });
+  }
+
+  [[nodiscard]] unsigned rank(const Action& a) const {
+    return a.kind == Action::Kind::blank ? 0U : slots_[a.slot].spec.id.value();
   }
 
   /// A device without a seat may keep a node-ID only when nobody here needs it.
