@@ -78,9 +78,9 @@ std::int64_t pragma(SQLite::Database& db, const char* name) {
 }
 
 /// Checks, and brings to today's schema.
-std::optional<OpenError> prepare(SQLite::Database& db, const std::string& path) {
+std::optional<OpenError> prepare(SQLite::Database& db, const std::string& path, bool has_log) {
   // Until the file is accepted, closing must not write what a crash left in the log back into it.
-  sqlite3_db_config(db.getHandle(), SQLITE_DBCONFIG_NO_CKPT_ON_CLOSE, 1, nullptr);
+  sqlite3_db_config(db.getHandle(), SQLITE_DBCONFIG_NO_CKPT_ON_CLOSE, has_log ? 1 : 0, nullptr);
   db.exec("PRAGMA locking_mode = EXCLUSIVE");
   // EXTRA also syncs the folder when a rollback journal goes: the journal is in use only until the log is.
   db.exec("PRAGMA synchronous = EXTRA");
@@ -144,10 +144,11 @@ Database::Opened Database::open(const std::string& given, const OpenOptions& opt
   if (options.vfs.empty()) {
     if (auto refused = look_at_header(path)) return tl::unexpected<OpenError>(std::move(*refused));
   }
+  const bool has_log = !options.vfs.empty() || has_content(path + "-wal");
   try {
     const int flags = SQLite::OPEN_READWRITE | SQLite::OPEN_CREATE | SQLITE_OPEN_EXRESCODE;
     impl->db.emplace(path, flags, 0, options.vfs);
-    if (auto refused = prepare(*impl->db, path)) return tl::unexpected<OpenError>(std::move(*refused));
+    if (auto refused = prepare(*impl->db, path, has_log)) return tl::unexpected<OpenError>(std::move(*refused));
   } catch (const SQLite::Exception& error) {
     return tl::unexpected<OpenError>(sqlite_error(path, error.getExtendedErrorCode(), error.what()));
   }

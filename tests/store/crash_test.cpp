@@ -1,0 +1,216 @@
+#include <cstdio>
+#include <functional>
+
+#include "berth/store/database.hpp"
+#include "tests/pch.hpp"
+#include "tests/store/crash_vfs.hpp"
+
+namespace berth::store {
+namespace {
+
+using places::Seat;
+using places::SlotId;
+using places::SlotRecord;
+
+constexpr const char* file = "/berth.db";
+
+LssAddress device(std::uint32_t serial) { return {1, 1, 0, serial}; }
+
+/// The value itself: a loop over `result.value()` of a temporary would dangle.
+template <class T>
+T must(Result<T> result) {
+  return std::move(result).value();
+}
+
+/// All that a store says, to compare two of them.
+struct State {
+  std::vector<std::string> lines;
+  friend bool operator==(const State&, const State&) = default;
+};
+
+std::string shown(const std::optional<Seat>& seat) {
+  return seat ? to_string(seat->device) + "@" + std::to_string(seat->id.value()) : "-";
+}
+
+State state_of(places::SlotStore& store) {
+  State state;
+  for (const auto& r : must(store.load("m"))) {
+    state.lines.push_back(std::to_string(r.slot.value) + " " + r.name.name + " " + shown(r.asked) + " " +
+                          shown(r.confirmed));
+  }
+  for (const auto& b : must(store.unfinished_blanks())) state.lines.push_back("blank " + to_string(b));
+  for (const auto& h : must(store.history(std::nullopt))) {
+    state.lines.push_back(std::to_string(h.sequence) + " " + h.event + " " + h.reason);
+  }
+  return state;
+}
+
+using Step = std::function<bool(places::SlotStore&)>;
+
+/// A binding of two slots, a replacement and a blanking: every call that Berth makes.
+std::vector<Step> binding() {
+  const Seat a{device(5), NodeId(2)};
+  const Seat b{device(6), NodeId(4)};
+  const Seat c{device(0x15), NodeId(2)};
+  return {
+      [](auto& s) {
+        return s.declare({"m", "b", "left"}).has_value();
+      },
+      [](auto& s) {
+        return s.declare({"m", "b", "right"}).has_value();
+      },
+      [=](auto& s) { return s.ask(SlotId{1}, a, "discovered").has_value(); },
+      [=](auto& s) { return s.confirm(SlotId{1}, a, "heard").has_value(); },
+      [=](auto& s) { return s.ask(SlotId{2}, b, "discovered").has_value(); },
+      [=](auto& s) { return s.confirm(SlotId{2}, b, "heard").has_value(); },
+      [=](auto& s) { return s.clear(SlotId{1}, "replaced by a person").has_value(); },
+      [=](auto& s) { return s.ask_blank(device(5), "found with a wrong node-ID").has_value(); },
+      [=](auto& s) { return s.ask(SlotId{1}, c, std::string(9000, 'x')).has_value(); },  // more than one page
+      [=](auto& s) { return s.confirm_blank(device(5), "heard").has_value(); },
+      [=](auto& s) { return s.confirm(SlotId{1}, c, "heard").has_value(); },
+  };
+}
+
+/// states[n]: what the store says after n steps, by the memory store.
+std::vector<State> states_of(const std::vector<Step>& steps) {
+  places::MemoryStore store;
+  std::vector<State> states{state_of(store)};
+  for (const auto& step : steps) {
+    EXPECT_TRUE(step(store));
+    states.push_back(state_of(store));
+  }
+  return states;
+}
+
+std::unique_ptr<Database> open_on(const CrashVfs& disk) {
+  auto opened = Database::open(file, {.vfs = disk.name(), .lock = false});
+  if (!opened) return nullptr;
+  return std::move(*opened);
+}
+
+/// Runs the steps until the power goes; how many of them returned without an error.
+std::size_t run_until_crash(const CrashVfs& disk, const std::vector<Step>& steps, std::size_t from) {
+  auto store = open_on(disk);
+  std::size_t done = from;
+  if (store == nullptr) return done;
+  while (done < steps.size() && steps[done](*store)) ++done;
+  return done;
+}
+
+/// The state found must be the one before or after the step in which the power went; gives how many steps it holds.
+std::size_t check_found(const CrashVfs& disk, const std::vector<State>& states, std::size_t done,
+                        const std::string& where) {
+  auto opened = Database::open(file, {.vfs = disk.name(), .lock = false});
+  EXPECT_TRUE(opened) << where << ": " << (opened ? "" : opened.error().message);
+  if (!opened) return done;
+  const auto found = state_of(**opened);
+  if (found == states[done]) return done;
+  const bool after = done + 1 < states.size() && found == states[done + 1];
+  EXPECT_TRUE(after) << where << ": neither the state after " << done << " steps nor after the next";
+  return done + 1;
+}
+
+constexpr std::array<Loss, 5> losses{Loss::all, Loss::all_torn_last, Loss::none, Loss::none_torn_last, Loss::some};
+
+// S1.53: what was asked and what was confirmed survive a crash at every write, sync and deletion k of a binding, with
+// whatever was not synced lost or torn; the next start goes on from there and comes to the same end.
+TEST(Crash, S1_53_BeforeOrAfterEachTransactionForEveryK) {
+  CrashVfs disk("crash-every-k");
+  const auto steps = binding();
+  const auto states = states_of(steps);
+  Random random(1);
+  std::uint64_t points = 0;
+  for (const auto loss : losses) {
+    for (std::uint64_t k = 0;; ++k) {
+      disk.format();
+      disk.crash_at(k);
+      auto done = run_until_crash(disk, steps, 0);
+      if (!disk.crashed()) break;  // k is behind the last step: closing included
+      ++points;
+      const auto where = "loss " + std::to_string(static_cast<int>(loss)) + " k " + std::to_string(k);
+      disk.after_crash(loss, random);
+      done = check_found(disk, states, done, where);
+      EXPECT_EQ(run_until_crash(disk, steps, done), steps.size()) << where;
+      EXPECT_EQ(check_found(disk, states, steps.size(), where), steps.size()) << where;
+      if (HasFailure()) return;
+    }
+  }
+  std::printf("%llu crash points\n", static_cast<unsigned long long>(points));
+  EXPECT_GT(points, 5 * steps.size() * 2);
+}
+
+// The power goes again while the store recovers: at every step of it.
+TEST(Crash, AgainDuringRecovery) {
+  CrashVfs disk("crash-twice");
+  const auto steps = binding();
+  const auto states = states_of(steps);
+  Random random(2);
+  std::uint64_t points = 0;
+  for (std::uint64_t k = 0;; k += 11) {
+    bool first_crashed = true;
+    for (std::uint64_t j = 0;; ++j) {
+      disk.format();
+      disk.crash_at(k);
+      auto done = run_until_crash(disk, steps, 0);
+      first_crashed = disk.crashed();
+      if (!first_crashed) break;
+      disk.after_crash(losses.at(random.below(losses.size())), random);
+      disk.crash_at(j);
+      // Opening, one read and closing: recovery and checkpoint.
+      if (auto store = open_on(disk)) (void)store->load("m");
+      if (!disk.crashed()) break;
+      ++points;
+      disk.after_crash(losses.at(random.below(losses.size())), random);
+      const auto where = "k " + std::to_string(k) + " then " + std::to_string(j);
+      done = check_found(disk, states, done, where);
+      EXPECT_EQ(run_until_crash(disk, steps, done), steps.size()) << where;
+      if (HasFailure()) return;
+    }
+    if (!first_crashed) break;
+  }
+  std::printf("%llu double crash points\n", static_cast<unsigned long long>(points));
+  EXPECT_GT(points, 50U);
+}
+
+// A full disk: the call says so, nothing has changed, and the store works on when there is room again.
+TEST(Crash, AFullDiskChangesNothing) {
+  CrashVfs disk("full-disk");
+  const auto steps = binding();
+  const auto states = states_of(steps);
+  std::uint64_t refused = 0;
+  for (std::uint64_t k = 0; k < 200; ++k) {
+    disk.format();
+    auto store = open_on(disk);
+    ASSERT_NE(store, nullptr);
+    disk.full_at(k);
+    for (std::size_t i = 0; i < steps.size(); ++i) {
+      if (steps[i](*store)) continue;
+      ++refused;
+      EXPECT_EQ(state_of(*store), states[i]) << "k " << k << " step " << i;
+      EXPECT_TRUE(steps[i](*store)) << "k " << k << " step " << i;
+    }
+    EXPECT_EQ(state_of(*store), states.back()) << "k " << k;
+    if (HasFailure()) return;
+  }
+  EXPECT_GT(refused, 20U);
+}
+
+// The disk itself can lose: without a sync it must, else the tests above prove nothing.
+TEST(Crash, TheDiskLosesWhatWasNotSynced) {
+  CrashVfs disk("losing-disk");
+  Random random(3);
+  sqlite3* db = nullptr;
+  ASSERT_EQ(sqlite3_open_v2(file, &db, SQLITE_OPEN_READWRITE | SQLITE_OPEN_CREATE, disk.name().c_str()), SQLITE_OK);
+  ASSERT_EQ(sqlite3_exec(db, "PRAGMA synchronous = OFF; CREATE TABLE t (x); INSERT INTO t VALUES (1);", nullptr,
+                         nullptr, nullptr),
+            SQLITE_OK);
+  disk.crash_at(0);
+  sqlite3_exec(db, "INSERT INTO t VALUES (2);", nullptr, nullptr, nullptr);
+  sqlite3_close(db);
+  ASSERT_TRUE(disk.crashed());
+  disk.after_crash(Loss::all, random);
+  EXPECT_TRUE(disk.files().empty());
+}
+
+}  // namespace
+}  // namespace berth::store

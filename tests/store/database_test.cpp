@@ -1,0 +1,369 @@
+#include "berth/store/database.hpp"
+
+#include <SQLiteCpp/Database.h>
+#include <sys/wait.h>
+#include <unistd.h>
+
+#include <filesystem>
+#include <fstream>
+#include <iterator>
+
+#include "berth/base/random.hpp"
+#include "berth/store/schema.hpp"
+#include "tests/pch.hpp"
+
+namespace berth::store {
+namespace {
+
+namespace fs = std::filesystem;
+using places::HistoryEntry;
+using places::MemoryStore;
+using places::Seat;
+using places::SlotId;
+
+class Folder {
+ public:
+  Folder() {
+    // In memory where the system has such a folder: these tests open many stores, and each write is synced.
+    const fs::path root = fs::is_directory("/dev/shm") ? fs::path("/dev/shm") : fs::temp_directory_path();
+    std::string pattern = (root / "berth-store-XXXXXX").string();
+    path_ = ::mkdtemp(pattern.data());
+  }
+  ~Folder() { fs::remove_all(path_); }
+  [[nodiscard]] std::string file(const char* name = "berth.db") const { return (path_ / name).string(); }
+
+ private:
+  fs::path path_;
+};
+
+std::string bytes_of(const std::string& path) {
+  std::ifstream in(path, std::ios::binary);
+  return {std::istreambuf_iterator<char>(in), std::istreambuf_iterator<char>()};
+}
+
+void write_bytes(const std::string& path, const std::string& bytes) {
+  std::ofstream(path, std::ios::binary | std::ios::trunc) << bytes;
+}
+
+std::unique_ptr<Database> must_open(const std::string& path) {
+  auto opened = Database::open(path);
+  EXPECT_TRUE(opened) << (opened ? "" : opened.error().message);
+  return opened ? std::move(*opened) : nullptr;
+}
+
+LssAddress device(std::uint32_t serial) { return {0x01000001, 1, 0, serial}; }
+
+TEST(Store, KeepsEverythingOverARestart) {
+  const Folder folder;
+  const Seat seat{{0xFFFFFFFF, 0x80000000, 7, 0xFFFFFFFF}, NodeId(127)};
+  {
+    auto store = must_open(folder.file());
+    store->stamp(1234);
+    const auto slot = store->declare({"m", "b", "left \xC3\xA4"}).value();
+    EXPECT_EQ(store->declare({"m", "b", "left \xC3\xA4"}).value(), slot);
+    ASSERT_TRUE(store->ask(slot, seat, "because"));
+    ASSERT_TRUE(store->confirm(slot, seat, "heard"));
+    ASSERT_TRUE(store->ask(slot, {device(1), NodeId(127)}, "again"));
+    ASSERT_TRUE(store->ask_blank(device(9), "stray"));
+    ASSERT_TRUE(store->note({0, 0, std::nullopt, "note", std::nullopt, NodeId(), "by hand"}));
+  }
+  EXPECT_FALSE(fs::exists(folder.file() + "-wal"));
+  auto store = must_open(folder.file());
+  const auto records = store->load("m").value();
+  ASSERT_EQ(records.size(), 1U);
+  EXPECT_EQ(records[0].name.name, "left \xC3\xA4");
+  EXPECT_EQ(records[0].confirmed, seat);
+  EXPECT_EQ(records[0].asked, (Seat{device(1), NodeId(127)}));
+  EXPECT_EQ(store->unfinished_blanks().value(), std::vector{device(9)});
+  const auto history = store->history(std::nullopt).value();
+  std::vector<std::string> events;
+  for (const auto& line : history) events.push_back(line.event);
+  EXPECT_EQ(events, (std::vector<std::string>{"declared", "asked", "confirmed", "asked", "blank asked", "note"}));
+  for (std::size_t i = 0; i < history.size(); ++i) EXPECT_EQ(history[i].sequence, static_cast<std::int64_t>(i) + 1);
+  EXPECT_EQ(history[1].device, seat.device);
+  EXPECT_EQ(history[1].id, NodeId(127));
+  EXPECT_EQ(history[1].stamp_ms, 1234);
+  EXPECT_EQ(history[1].reason, "because");
+  EXPECT_EQ(store->history(records[0].slot).value().size(), 4U);
+  EXPECT_TRUE(store->load("other").value().empty());
+  EXPECT_EQ(store->devices().value().size(), 3U);
+}
+
+TEST(Store, DevicesSeenAreCountedByTheirHistory) {
+  const Folder folder;
+  auto store = must_open(folder.file());
+  store->stamp(10);
+  const auto slot = store->declare({"m", "b", "s"}).value();
+  ASSERT_TRUE(store->ask(slot, {device(5), NodeId(2)}, ""));
+  store->stamp(20);
+  ASSERT_TRUE(store->confirm(slot, {device(5), NodeId(2)}, ""));
+  ASSERT_TRUE(store->clear(slot, ""));
+  store->stamp(30);
+  ASSERT_TRUE(store->ask_blank(device(4), ""));
+  EXPECT_EQ(store->devices().value(), (std::vector<DeviceSeen>{{device(4), 30, 30, 1}, {device(5), 10, 20, 3}}));
+}
+
+/// The value itself: a loop over `result.value()` of a temporary would dangle.
+template <class T>
+T must(Result<T> result) {
+  return std::move(result).value();
+}
+
+std::vector<std::string> all_of(places::SlotStore& store) {
+  std::vector<std::string> out;
+  const auto seat = [](const std::optional<Seat>& s) {
+    return s ? to_string(s->device) + "@" + std::to_string(s->id.value()) : std::string("-");
+  };
+  for (const char* machine : {"m", "n"}) {
+    for (const auto& r : must(store.load(machine))) {
+      out.push_back(std::to_string(r.slot.value) + r.name.machine + r.name.bus + r.name.name + seat(r.asked) +
+                    seat(r.confirmed));
+    }
+  }
+  for (const auto& b : must(store.unfinished_blanks())) out.push_back(to_string(b));
+  for (const auto& h : must(store.history(std::nullopt))) {
+    out.push_back(std::to_string(h.sequence) + "," + std::to_string(h.stamp_ms) + "," +
+                  (h.slot ? std::to_string(h.slot->value) : "-") + h.event + (h.device ? to_string(*h.device) : "-") +
+                  std::to_string(h.id.value()) + h.reason);
+  }
+  return out;
+}
+
+/// One call with random arguments; the error's code, or nothing.
+std::optional<Errc> random_call(places::SlotStore& store, Random r) {
+  const SlotId slot{static_cast<std::int64_t>(r.below(6))};
+  const Seat seat{device(static_cast<std::uint32_t>(r.below(4))), NodeId(static_cast<std::uint8_t>(1 + r.below(2)))};
+  const auto code = [](const auto& result) { return result ? std::nullopt : std::optional(result.error().code); };
+  store.stamp(static_cast<std::int64_t>(r.below(1000)));
+  switch (r.below(8)) {
+    case 0: return code(store.declare({r.chance(500'000) ? "m" : "n", "b", std::to_string(r.below(3))}));
+    case 1:
+    case 2: return code(store.ask(slot, seat, "why"));
+    case 3:
+    case 4: return code(store.confirm(slot, seat, "heard"));
+    case 5: return code(store.clear(slot, "gone"));
+    case 6:
+      return r.chance(500'000) ? code(store.ask_blank(seat.device, "x")) : code(store.confirm_blank(seat.device, "y"));
+    default: return code(store.note({7, 8, slot, "note", seat.device, seat.id, std::string("a\0b", 3)}));
+  }
+}
+
+// The two stores are judged against each other: same answers, same refusals, same history, restarts between.
+RC_GTEST_PROP(Store, DoesWhatTheMemoryStoreDoes, (std::uint64_t seed)) {
+  const Folder folder;
+  MemoryStore memory;
+  auto store = must_open(folder.file());
+  Random random(seed);
+  for (int i = 0; i < 40; ++i) {
+    const Random call = random.fork();
+    RC_ASSERT(random_call(*store, call) == random_call(memory, call));
+    if (random.chance(50'000)) {
+      store.reset();
+      store = must_open(folder.file());
+    }
+  }
+  RC_ASSERT(all_of(*store) == all_of(memory));
+}
+
+TEST(Store, HistoryIsNeverRewritten) {
+  const Folder folder;
+  {
+    auto store = must_open(folder.file());
+    ASSERT_TRUE(store->declare({"m", "b", "s"}));
+  }
+  SQLite::Database raw(folder.file(), SQLite::OPEN_READWRITE);
+  EXPECT_THROW(raw.exec("UPDATE history SET reason = 'nicer'"), SQLite::Exception);
+  EXPECT_THROW(raw.exec("DELETE FROM history"), SQLite::Exception);
+}
+
+TEST(Store, OneOwnerAtATimeNamedByItsProcessId) {
+  const Folder folder;
+  auto store = must_open(folder.file());
+  const auto second = Database::open(folder.file());
+  ASSERT_FALSE(second);
+  EXPECT_EQ(second.error().error.code, Errc::exhausted);
+  EXPECT_NE(second.error().message.find("process " + std::to_string(::getpid()) + " uses this store"),
+            std::string::npos)
+      << second.error().message;
+  // The same file by another name is the same store.
+  fs::create_symlink(folder.file(), folder.file("link.db"));
+  EXPECT_FALSE(Database::open(folder.file("link.db")));
+  store.reset();
+  EXPECT_TRUE(Database::open(folder.file()));
+}
+
+TEST(Store, AKilledOwnerLeavesNoLockAndLosesNothing) {
+  const Folder folder;
+  int ready[2];
+  ASSERT_EQ(::pipe(ready), 0);
+  const auto child = ::fork();
+  if (child == 0) {
+    auto store = Database::open(folder.file());
+    const bool good =
+        store && (*store)->declare({"m", "b", "s"}) && (*store)->ask(SlotId{1}, {device(5), NodeId(2)}, "");
+    const char byte = good ? 'y' : 'n';
+    if (::write(ready[1], &byte, 1) != 1) ::_exit(1);
+    for (;;) ::pause();
+  }
+  char byte = 0;
+  ASSERT_EQ(::read(ready[0], &byte, 1), 1);
+  ASSERT_EQ(byte, 'y');
+  EXPECT_FALSE(Database::open(folder.file()));
+  ::kill(child, SIGKILL);
+  ::waitpid(child, nullptr, 0);
+  auto store = must_open(folder.file());
+  ASSERT_NE(store, nullptr);
+  EXPECT_EQ(store->load("m").value().at(0).asked, (Seat{device(5), NodeId(2)}));
+}
+
+/// Refused, with these words, and not one byte changed.
+void expect_refused(const std::string& path, const char* words) {
+  const auto before = bytes_of(path);
+  const auto opened = Database::open(path);
+  ASSERT_FALSE(opened) << words;
+  EXPECT_EQ(opened.error().error.code, Errc::invalid) << opened.error().message;
+  EXPECT_NE(opened.error().message.find(words), std::string::npos) << opened.error().message;
+  EXPECT_NE(opened.error().message.find("left as it is"), std::string::npos) << opened.error().message;
+  EXPECT_TRUE(opened.error().message.starts_with(path)) << opened.error().message;
+  EXPECT_EQ(bytes_of(path), before);
+  EXPECT_FALSE(fs::exists(path + "-wal"));
+  EXPECT_FALSE(fs::exists(path + "-journal"));
+}
+
+TEST(Store, RefusesFilesThatAreNotBerths) {
+  const Folder folder;
+  write_bytes(folder.file("text"), "my shopping list\n");
+  expect_refused(folder.file("text"), "not a Berth store");
+  write_bytes(folder.file("long"), std::string(10'000, 'x'));
+  expect_refused(folder.file("long"), "not a Berth store");
+  {
+    SQLite::Database foreign(folder.file("foreign"), SQLite::OPEN_READWRITE | SQLite::OPEN_CREATE);
+    foreign.exec("CREATE TABLE slots (x)");
+  }
+  expect_refused(folder.file("foreign"), "not a Berth store");
+  {
+    SQLite::Database wal(folder.file("wal"), SQLite::OPEN_READWRITE | SQLite::OPEN_CREATE);
+    wal.exec("PRAGMA journal_mode = WAL; CREATE TABLE t (x)");
+  }
+  expect_refused(folder.file("wal"), "not a Berth store");
+}
+
+TEST(Store, RefusesANewerBerths) {
+  const Folder folder;
+  must_open(folder.file());
+  {
+    SQLite::Database raw(folder.file(), SQLite::OPEN_READWRITE);
+    raw.exec("PRAGMA user_version = 99");
+  }
+  // The log is gone once the file is closed, and the header alone tells.
+  expect_refused(folder.file(), "schema version 99");
+}
+
+TEST(Store, ANewerBerthsLogStaysToo) {
+  const Folder folder;
+  must_open(folder.file());
+  std::string main;
+  std::string log;
+  {
+    SQLite::Database raw(folder.file(), SQLite::OPEN_READWRITE);
+    raw.exec("PRAGMA user_version = 99");
+    main = bytes_of(folder.file());
+    log = bytes_of(folder.file() + "-wal");
+    ASSERT_FALSE(log.empty());
+  }
+  // As a newer Berth that was killed leaves it.
+  write_bytes(folder.file(), main);
+  write_bytes(folder.file() + "-wal", log);
+  const auto opened = Database::open(folder.file());
+  ASSERT_FALSE(opened);
+  EXPECT_NE(opened.error().message.find("schema version 99"), std::string::npos) << opened.error().message;
+  EXPECT_EQ(bytes_of(folder.file()), main);
+  EXPECT_EQ(bytes_of(folder.file() + "-wal"), log);
+}
+
+TEST(Store, RefusesADamagedStore) {
+  const Folder folder;
+  {
+    auto store = must_open(folder.file());
+    for (int i = 0; i < 50; ++i) ASSERT_TRUE(store->declare({"m", "b", "slot " + std::to_string(i)}));
+  }
+  const auto whole = bytes_of(folder.file());
+  write_bytes(folder.file("short"), whole.substr(0, whole.size() / 2));
+  expect_refused(folder.file("short"), "damaged");
+  auto torn = whole;
+  for (std::size_t i = 4096; i < 8192; ++i) torn[i] = static_cast<char>(i * 7);
+  write_bytes(folder.file("torn"), torn);
+  expect_refused(folder.file("torn"), "damaged");
+  {
+    write_bytes(folder.file("tableless"), whole);
+    SQLite::Database raw(folder.file("tableless"), SQLite::OPEN_READWRITE);
+    raw.exec("PRAGMA journal_mode = DELETE; DROP TABLE blanks");
+  }
+  expect_refused(folder.file("tableless"), "no such table: blanks");
+}
+
+TEST(Store, ADamagedByteNeverCrashesIt) {
+  const Folder folder;
+  {
+    auto store = must_open(folder.file());
+    for (int i = 0; i < 10; ++i) ASSERT_TRUE(store->declare({"m", "b", "slot " + std::to_string(i)}));
+  }
+  const auto whole = bytes_of(folder.file());
+  Random random(4);
+  for (int n = 0; n < 150; ++n) {
+    auto bytes = whole;
+    for (std::uint64_t k = 1 + random.below(30); k > 0; --k)
+      bytes[random.below(bytes.size())] = static_cast<char>(random.next());
+    write_bytes(folder.file("x"), bytes);
+    auto opened = Database::open(folder.file("x"));
+    if (!opened) {
+      EXPECT_EQ(bytes_of(folder.file("x")), bytes);
+      continue;
+    }
+    (void)(*opened)->load("m");
+    (void)(*opened)->history(std::nullopt);
+    (void)(*opened)->declare({"m", "b", "new"});
+  }
+}
+
+TEST(Store, FoldersAndMissingFoldersAreErrors) {
+  const Folder folder;
+  const auto missing = Database::open(folder.file("no/such/berth.db"));
+  ASSERT_FALSE(missing);
+  EXPECT_EQ(missing.error().error.code, Errc::io);
+  fs::create_directory(folder.file("dir"));
+  const auto dir = Database::open(folder.file("dir"));
+  ASSERT_FALSE(dir);
+  EXPECT_NE(dir.error().message.find("this is a folder"), std::string::npos);
+}
+
+// A store of schema 1 is brought to today's: nothing is lost, and what is new is filled from the history.
+TEST(Store, MigratesAnOlderSchema) {
+  const Folder folder;
+  {
+    SQLite::Database raw(folder.file(), SQLite::OPEN_READWRITE | SQLite::OPEN_CREATE);
+    create_schema(raw, 1);
+    raw.exec("INSERT INTO slots (machine, bus, name) VALUES ('m', 'b', 'left')");
+    raw.exec("INSERT INTO seats VALUES (1, 'confirmed', 1, 2, 0, 5, 2)");
+    raw.exec("INSERT INTO history (stamp_ms, slot, event, node_id, reason) VALUES (1, 1, 'declared', 255, 'left')");
+    for (const char* line : {"(7, 1, 'asked', 1, 2, 0, 5, 2, 'r')", "(9, 1, 'confirmed', 1, 2, 0, 5, 2, 's')"}) {
+      raw.exec(
+          std::string("INSERT INTO history (stamp_ms, slot, event, vendor, product, revision, serial, node_id, reason) "
+                      "VALUES ") +
+          line);
+    }
+  }
+  auto store = must_open(folder.file());
+  ASSERT_NE(store, nullptr);
+  EXPECT_EQ(store->load("m").value().at(0).confirmed, (Seat{{1, 2, 0, 5}, NodeId(2)}));
+  EXPECT_EQ(store->history(std::nullopt).value().size(), 3U);
+  EXPECT_EQ(store->devices().value(), (std::vector<DeviceSeen>{{{1, 2, 0, 5}, 7, 9, 2}}));
+  ASSERT_TRUE(store->clear(SlotId{1}, "gone"));
+  EXPECT_EQ(store->devices().value().at(0).lines, 3);
+  store.reset();
+  SQLite::Database raw(folder.file(), SQLite::OPEN_READONLY);
+  EXPECT_EQ(raw.execAndGet("PRAGMA user_version").getInt(), schema_version);
+}
+
+}  // namespace
+}  // namespace berth::store
