@@ -48,7 +48,7 @@ class Node final : private can::Handler, public SlaveOwner {
     slave.reset_communication();
   }
 
-  Settings memory;         // its non-volatile memory
+  Settings memory;  // its non-volatile memory
   rt::Duration latency;
   rt::Duration store_time{0};  // 0: stores at once
   StoreResult store_result{};

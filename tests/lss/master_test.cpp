@@ -82,6 +82,7 @@ TEST(LssMaster, ArgumentsOutOfRangeNeverReachTheBus) {
   EXPECT_TRUE(record.text.empty());
 }
 
+// HC3.6, and complaint 3: identify remote slave is there for old devices.
 TEST(LssMaster, IdentifyWaitsTheWholeWindowAndCountsAnswers) {
   World w;
   w.add(a1, {}, milliseconds(1));
@@ -100,7 +101,7 @@ TEST(LssMaster, IdentifyWaitsTheWholeWindowAndCountsAnswers) {
   EXPECT_EQ(reply->answers, 0U);
 }
 
-// hard-cases LSS: duplicate full 128-bit identities: detected by a double answer in a full window.
+// HC3.3 (its second half): duplicate full 128-bit identities: detected by a double answer in a full window.
 TEST(LssMaster, TwoDevicesWithOneAddressAnswerTwice) {
   World w;
   w.add(a1, {}, milliseconds(2));
@@ -125,7 +126,7 @@ TEST(LssMaster, TwoInConfigurationAreADuplicateForInquireAddress) {
   EXPECT_EQ(address.error().code, Errc::duplicate);
 }
 
-// hard-cases LSS: a late answer must not be taken for the next request's: what comes before `sent` is stale.
+// HC3.3 (its first half): a late answer must not be taken for the next request's: what comes before `sent` is stale.
 TEST(LssMaster, AnswersBeforeSentAreStale) {
   World w;
   w.add(a1);
@@ -229,7 +230,7 @@ TEST(LssMaster, APortThatIsOffIsABusError) {
   EXPECT_EQ(reply.error().code, Errc::bus);
 }
 
-// hard-cases LSS: a single-slot mailbox loses the 2nd of 40h..43h, masters insert delays.
+// HC3.11: a single-slot mailbox loses the 2nd of 40h..43h, masters insert delays.
 TEST(LssMaster, InhibitSpacesRequestsForSingleSlotReceivers) {
   World w;
   auto slow = w.bus.attach({.rx_depth = 1, .rx_service = milliseconds(4)});
@@ -294,7 +295,7 @@ TEST(LssMaster, ARequestDeliveredTwiceIsRetried) {
   EXPECT_EQ(reply->attempts, 2U);
 }
 
-// hard-cases LSS: slaves change together; the master follows its own switch.
+// HC3.8: slaves change together; the master follows its own switch.
 TEST(LssMaster, AWholeBusMovesToAnotherBitRate) {
   World w(125'000);
   w.add(a1);
@@ -323,7 +324,8 @@ TEST(LssMaster, AWholeBusMovesToAnotherBitRate) {
 // S1.50: paper 1, Figure 10, as its text tells it. Written by hand; LSS frames have 8 bytes and base format (S1.47).
 TEST(LssMaster, S1_50_Figure10ConfiguresTheFiveSlaves) {
   World w(50'000);
-  const std::vector<LssAddress> slaves{{0x0100'0001, 1, 0, 0x0A}, {1, 1, 0, 5}, {1, 5, 0, 8}, {1, 1, 0, 6}, {1, 1, 0, 7}};
+  const std::vector<LssAddress> slaves{
+      {0x0100'0001, 1, 0, 0x0A}, {1, 1, 0, 5}, {1, 5, 0, 8}, {1, 1, 0, 6}, {1, 1, 0, 7}};
   for (const auto& a : slaves) w.add(a);
   const Record record(w.bus);
   std::uint8_t id = 0;

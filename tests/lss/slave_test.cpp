@@ -62,14 +62,14 @@ TEST_F(LssSlave, SelectiveInOrderAnswers44AndEntersConfiguration) {
   EXPECT_EQ(slave.state(), State::configuration);
 }
 
-// hard-cases LSS: 40h-43h sequence interrupted; wrong order; serial in the last frame.
+// HC3.4: 40h-43h sequence interrupted; wrong order; serial in the last frame.
 TEST_F(LssSlave, SelectiveWrongOrderOrInterruptedIsNoSelection) {
   const std::string v = "4001000001000000", p = "4101000000000000", r = "4203000200000000", s = "43EFBEADDE000000";
   const std::vector<std::vector<std::string>> bad{
-      {p, r, s},                       // vendor missing
-      {v, r, s},                       // product missing
-      {v, r, p, s},                    // swapped
-      {v, p, p, r, s},                 // one twice
+      {p, r, s},                         // vendor missing
+      {v, r, s},                         // product missing
+      {v, r, p, s},                      // swapped
+      {v, p, p, r, s},                   // one twice
       {v, p, "4C00000000000000", r, s},  // another service between
       {v, p, "0400000000000000", r, s},
       {v, "4102000000000000", p, r, s},  // a mismatch resets, also when the right one follows
@@ -94,25 +94,26 @@ TEST_F(LssSlave, SelectingAnotherLeavesThisOneInConfiguration) {
   EXPECT_EQ(slave.state(), State::configuration);
 }
 
-// hard-cases S16 in spirit, facts C.1: receivers accept DLC 8 only; remote, extended and other identifiers are not LSS.
+// facts C.1: receivers accept DLC 8 only; remote, extended and other identifiers are not LSS.
 TEST_F(LssSlave, AnswersOnlyBaseDataFramesOfEightBytes) {
-  for (const auto* text : {"7E5#4C", "7E5#4C000000000000", "7E5#R8", "7E4#4C00000000000000", "000007E5#4C00000000000000"}) {
+  for (const auto* text :
+       {"7E5#4C", "7E5#4C000000000000", "7E5#R8", "7E4#4C00000000000000", "000007E5#4C00000000000000"}) {
     EXPECT_FALSE(slave.handle(*can::parse_frame(text)).has_value()) << text;
   }
   EXPECT_EQ(ask("4C00000000000000"), "7E4#5000000000000000");
 }
 
 TEST_F(LssSlave, ConfigurationServicesAreDeafInWaiting) {
-  for (const auto* frame : {"1105000000000000", "1300020000000000", "15E8030000000000", "1700000000000000",
-                            "5A00000000000000", "5B00000000000000", "5C00000000000000", "5D00000000000000",
-                            "5E00000000000000"}) {
+  for (const auto* frame :
+       {"1105000000000000", "1300020000000000", "15E8030000000000", "1700000000000000", "5A00000000000000",
+        "5B00000000000000", "5C00000000000000", "5D00000000000000", "5E00000000000000"}) {
     EXPECT_EQ(ask(frame), "") << frame;
   }
   EXPECT_EQ(owner.stores, 0U);
   EXPECT_TRUE(slave.unconfigured());
 }
 
-// hard-cases LSS: configure node-ID 255 legal, result codes.
+// HC3.7: configure node-ID 255 legal, result codes.
 TEST_F(LssSlave, ConfigureNodeIdTakes1To127And255Only) {
   select();
   for (unsigned id = 0; id < 256; ++id) {
@@ -126,7 +127,7 @@ TEST_F(LssSlave, ConfigureNodeIdTakes1To127And255Only) {
   }
 }
 
-// hard-cases LSS: bit timing table 0, index 5 is reserved.
+// HC3.8: bit timing table 0, index 5 is reserved.
 TEST_F(LssSlave, BitTimingTakesTheTableWithoutTheReservedIndex) {
   select();
   for (unsigned index = 0; index < 256; ++index) {
@@ -140,6 +141,7 @@ TEST_F(LssSlave, BitTimingTakesTheTableWithoutTheReservedIndex) {
   EXPECT_EQ(slave.active().bit_rate, BitRateIndex::kbit_125);
 }
 
+// HC3.7: store not supported is 1.
 TEST(LssSlaveOptions, SupportedBitRatesAreAMask) {
   rt::Executor executor;
   Owner owner;
@@ -172,7 +174,7 @@ TEST_F(LssSlaveConfigured, InquireNodeIdAnswersTheActiveOne) {
   EXPECT_EQ(ask("5E00000000000000"), "7E4#5E05000000000000");
 }
 
-// hard-cases LSS: store code 1 = not supported; facts C.2: 2 = medium, 255 = specific.
+// HC3.7: store code 1 = not supported; facts C.2: 2 = medium, 255 = specific.
 TEST_F(LssSlave, StoreAnswersWhatTheOwnerSays) {
   select();
   ask("1107000000000000");
@@ -212,7 +214,7 @@ TEST_F(LssSlave, StoreThatEndsInWaitingIsNotAnswered) {
   EXPECT_EQ(slave.persistent().node_id, NodeId(7));
 }
 
-// hard-cases LSS: 04 00 after 11h: a node that was unconfigured starts with the new id without a store (complaint 5).
+// HC3.9: 04 00 after 11h: a node that was unconfigured starts with the new id without a store (complaint 5).
 TEST_F(LssSlave, LeavesInitialisingWithThePendingId) {
   select();
   ask("0400000000000000");
@@ -229,7 +231,7 @@ TEST_F(LssSlave, LeavesInitialisingWithThePendingId) {
   EXPECT_EQ(owner.resets, 1U) << "once";
 }
 
-// complaint 4, CN#347: pending, active and stored are three things.
+// HC3.10, complaint 4, CN#347: pending, active and stored are three things.
 TEST_F(LssSlaveConfigured, PendingBecomesActiveWithResetCommunicationOnly) {
   select();
   ask("1107000000000000");
@@ -255,6 +257,7 @@ TEST_F(LssSlaveConfigured, Pending255MakesItUnconfiguredAtResetCommunication) {
   EXPECT_EQ(ask("4C00000000000000"), "7E4#5000000000000000");
 }
 
+// HC3.9: a configured device that restarts communication at 04 00 already, stored or not.
 TEST(LssSlaveOptions, SomeConfiguredDevicesChangeAtWaiting) {
   rt::Executor executor;
   Owner owner;
@@ -268,6 +271,7 @@ TEST(LssSlaveOptions, SomeConfiguredDevicesChangeAtWaiting) {
   EXPECT_EQ(owner.resets, 1U);
 }
 
+// HC3.5: 46h-4Bh, each edge of the ranges, each interruption.
 TEST_F(LssSlave, IdentifyRemoteNeedsAllSixInOrderAndWithinRanges) {
   const std::vector<std::string> exact{"4601000001000000", "4701000000000000", "4803000200000000",
                                        "4903000200000000", "4AEFBEADDE000000", "4BEFBEADDE000000"};
@@ -278,7 +282,8 @@ TEST_F(LssSlave, IdentifyRemoteNeedsAllSixInOrderAndWithinRanges) {
   };
   EXPECT_EQ(send(exact), "7E4#4F00000000000000");
   auto wide = exact;
-  wide[2] = "4800000000000000", wide[3] = "49FFFFFFFF000000", wide[4] = "4A00000000000000", wide[5] = "4BFFFFFFFF000000";
+  wide[2] = "4800000000000000", wide[3] = "49FFFFFFFF000000", wide[4] = "4A00000000000000",
+  wide[5] = "4BFFFFFFFF000000";
   EXPECT_EQ(send(wide), "7E4#4F00000000000000");
   // Each bound one off.
   const std::vector<std::pair<int, std::string>> off{{0, "4602000001000000"}, {1, "4702000000000000"},
@@ -301,7 +306,7 @@ TEST_F(LssSlave, IdentifyRemoteNeedsAllSixInOrderAndWithinRanges) {
   EXPECT_EQ(send(exact), "7E4#4F00000000000000") << "also in configuration";
 }
 
-// hard-cases LSS: 4Ch answers from non-configured only: active AND pending 255.
+// HC3.6: 4Ch answers from non-configured only: active AND pending 255.
 TEST_F(LssSlave, NonConfiguredAnswersOnlyWithBothIdsFree) {
   EXPECT_EQ(ask("4C00000000000000"), "7E4#5000000000000000");
   select();
@@ -310,7 +315,7 @@ TEST_F(LssSlave, NonConfiguredAnswersOnlyWithBothIdsFree) {
   EXPECT_EQ(ask("4C00000000000000"), "");
 }
 
-// hard-cases LSS: activation 15h: delay, then as long again in silence.
+// HC3.8: activation 15h: delay, then as long again in silence.
 TEST_F(LssSlaveConfigured, ActivateBitTimingSwitchesAfterTheDelayAndIsSilentForAnother) {
   select();
   ask("1300060000000000");
@@ -353,13 +358,13 @@ RC_GTEST_PROP(LssSlaveProperty, AnyBytesKeepTheInvariants, ()) {
   Slave slave(executor, owner, {.address = address}, persistent);
   slave.reset_communication();
   Random random(*rc::gen::arbitrary<std::uint64_t>());
-  static constexpr std::uint8_t likely[] = {0x04, 0x11, 0x13, 0x15, 0x17, 0x40, 0x41, 0x42, 0x43, 0x46,
-                                            0x4B, 0x4C, 0x51, 0x5A, 0x5E};
+  static constexpr std::uint8_t likely[] = {0x04, 0x11, 0x13, 0x15, 0x17, 0x40, 0x41, 0x42,
+                                            0x43, 0x46, 0x4B, 0x4C, 0x51, 0x5A, 0x5E};
   for (int i = 0; i < 200; ++i) {
     can::Frame frame = can::Frame::base(master_cob_id, {0, 0, 0, 0, 0, 0, 0, 0});
     for (auto& byte : std::span(frame.data).first(8)) byte = static_cast<std::uint8_t>(random.below(3));
-    frame.data[0] = random.chance(900'000) ? likely[random.below(std::size(likely))]
-                                           : static_cast<std::uint8_t>(random.next());
+    frame.data[0] =
+        random.chance(900'000) ? likely[random.below(std::size(likely))] : static_cast<std::uint8_t>(random.next());
     const auto state = slave.state();
     const auto answer = slave.handle(frame);
     if (answer) {

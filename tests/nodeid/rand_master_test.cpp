@@ -26,6 +26,35 @@ TEST(RandMaster, S1_21_NobodyThereIsOneRequest) {
   EXPECT_EQ(record.text, std::vector<std::string>{"1F940000#80000000"});
 }
 
+// The sequence of Figure 2, written by hand: IURS 0 to 7 each with its IUS, DIRS with its DIS.
+TEST(RandMaster, S1_25_OneUnknownSlave) {
+  World w;
+  w.add({0x0102'0304, 0x0506'0708, 0x090A'0B0C, 0x0D0E'0F10});
+  const Record record(w.bus);
+  ASSERT_TRUE(w.discover());
+  const std::vector<std::string> figure{"1F940000#80000000", "1F500408#", "1F940000#80010102", "1F500C10#",
+                                        "1F940000#80020304", "1F501418#", "1F940000#80030506", "1F501C20#",
+                                        "1F940000#80040708", "1F502428#", "1F940000#8005090A", "1F502C30#",
+                                        "1F940000#80060B0C", "1F503438#", "1F940000#80070D0E", "1F503C40#",
+                                        "1F940000#80080F10", "1F903C40#", "1F940000#80000000"};
+  EXPECT_EQ(record.text, figure);
+}
+
+// A frame of the other procedure's identifiers within a window is not taken for an answer of this one.
+TEST(RandMaster, S1_24_DisIsNoIusAndFeedbackIsNoDis) {
+  World w;
+  w.add_witness();
+  auto stranger = w.bus.attach();
+  can::Dispatcher voice(w.world.executor(), *stranger);
+  w.world.after(milliseconds(2), [&] {
+    voice.send(dis(5));
+    voice.send(can::Frame::ext(0x1F90'0135, {}));
+  });
+  const auto probe = w.run(w.master.probe(w.options));
+  ASSERT_TRUE(probe);
+  EXPECT_FALSE(probe->anybody);
+}
+
 TEST(RandMaster, S1_18_FindsTheFiveInAscendingOrder) {
   World w;
   for (const auto& a : {s1, s2, s3, s4, s5}) w.add(a);
@@ -212,7 +241,7 @@ TEST(RandMaster, LimitStopsTheDiscovery) {
   EXPECT_EQ(report->found.size(), 2U);
 }
 
-// S1.22, hard-cases LSS: duplicate full 128-bit identities.
+// S1.22, HC3.3: duplicate full 128-bit identities.
 TEST(RandMaster, S1_22_ClonesAreMarkedAndBothIdentified) {
   World w;
   w.add(s2, milliseconds(1));
