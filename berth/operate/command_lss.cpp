@@ -1,0 +1,374 @@
+// The services of CiA 305, one at a time, by hand.
+#include <fmt/format.h>
+
+#include <nlohmann/json.hpp>
+
+#include "berth/co/guarding.hpp"
+#include "berth/lss/master.hpp"
+#include "berth/nodeid/rand_master.hpp"
+#include "berth/operate/command_parts.hpp"
+#include "berth/text/quantity.hpp"
+
+namespace berth::operate {
+namespace {
+
+// What a service's error code means depends on the service (CiA 305; lss/frames.hpp).
+std::string refusal_text(std::uint32_t detail, const char* code1) {
+  const unsigned code = detail & 0xFFU;
+  if (code == 1) return code1;
+  if (code == lss::error::storage) return "its memory cannot be written";
+  if (code == lss::error::specific) return fmt::format("for a reason of its maker, number {}", detail >> 8U & 0xFFU);
+  return fmt::format("with error code {}", code);
+}
+
+void lss_failed(CommandReply& reply, const Network& network, const Error& error, const std::string& doing,
+                const char* code1 = "it does not support this") {
+  const std::string where = fmt::format("bus {}, LSS {}", network.bus().name, doing);
+  switch (error.code) {
+    case Errc::timeout:
+      return fail_with(reply, {.code = error.code, .text = "no answer"}, where,
+                       "is the device on this bus, and does it speak LSS? `berth lss find` shows who is there");
+    case Errc::aborted: return refuse(reply, 1, where + ": the device refused: " + refusal_text(error.detail, code1));
+    default: return fail_with(reply, error, where);
+  }
+}
+
+struct Target {
+  Network* network = nullptr;
+  std::optional<LssAddress> device;
+};
+
+Json start_json(const Network& network, const std::string& service) {
+  Json json;
+  json["bus"] = network.bus().name;
+  json["service"] = service;
+  return json;
+}
+
+std::string named(const std::optional<LssAddress>& device) {
+  return device ? to_string(*device) : std::string("the device in configuration state");
+}
+
+// One device in configuration state, every other in waiting. Without an address: whoever is there.
+rt::Task<Result<void>> select(Network& network, std::optional<LssAddress> device) {
+  if (!device) co_return Result<void>();
+  const LssAddress address = *device;
+  const auto quiet = co_await network.lss().switch_global(lss::State::waiting);
+  if (!quiet) co_return fail(quiet.error());
+  const auto selected = co_await network.lss().switch_selective(address);
+  if (!selected) co_return fail(selected.error());
+  co_return Result<void>();
+}
+
+rt::Task<void> release(Network& network, std::optional<LssAddress> device) {
+  if (!device) co_return;
+  const auto released = co_await network.lss().switch_global(lss::State::waiting);
+  static_cast<void>(released);  // what was asked for is done
+}
+
+rt::Task<void> global(Network& network, lss::State state, CommandReply& reply) {
+  const auto sent = co_await network.lss().switch_global(state);
+  if (!sent) co_return lss_failed(reply, network, sent.error(), "switch state global");
+  const char* const word = state == lss::State::waiting ? "waiting" : "configuration";
+  Json json = start_json(network, "global");
+  json["state"] = word;
+  give(reply, json, {fmt::format("all devices are told to be in LSS {} state", word)});
+}
+
+rt::Task<void> select_one(Network& network, LssAddress device, CommandReply& reply) {
+  const auto selected = co_await select(network, device);
+  if (!selected) co_return lss_failed(reply, network, selected.error(), "select " + to_string(device));
+  Json json = start_json(network, "select");
+  put_address(json, device);
+  give(reply, json, {fmt::format("{} is in LSS configuration state, every other device in waiting", to_string(device))});
+}
+
+rt::Task<void> inquire(Network& network, std::optional<LssAddress> device, CommandReply& reply) {
+  const auto selected = co_await select(network, device);
+  if (!selected) co_return lss_failed(reply, network, selected.error(), "inquire " + named(device));
+  const auto address = co_await network.lss().inquire_address();
+  if (!address) co_return lss_failed(reply, network, address.error(), "inquire " + named(device));
+  const auto id = co_await network.lss().inquire_node_id();
+  co_await release(network, device);
+  if (!id) co_return lss_failed(reply, network, id.error(), "inquire node-ID of " + named(device));
+  Json json = start_json(network, "inquire");
+  put_address(json, *address);
+  json["vendor"] = hex(address->vendor);
+  json["product"] = hex(address->product);
+  json["revision"] = hex(address->revision);
+  json["serial"] = hex(address->serial);
+  json["node_id"] = id->byte();
+  give(reply, json,
+       {fmt::format("vendor-ID     {}", hex(address->vendor)), fmt::format("product code  {}", hex(address->product)),
+        fmt::format("revision      {}", hex(address->revision)), fmt::format("serial number {}", hex(address->serial)),
+        fmt::format("node-ID       {}", id->byte() == 0xFF ? "255 (none)" : fmt::format("{}", id->byte()))});
+}
+
+// Who else holds this node-ID? Asked by SDO, then by guarding: either answer is one.
+rt::Task<Result<bool>> is_taken(Network& network, NodeId id) {
+  co::SdoOptions patience = network.sdo().options();
+  patience.timeout = network.bus().timing.guard_timeout;
+  patience.abort_on_timeout = false;
+  const auto type = co_await network.sdo().read<std::uint32_t>(id, 0x1000, 0, patience);
+  if (type || type.error().code == Errc::aborted || type.error().code == Errc::mismatch) co_return true;
+  if (type.error().code != Errc::timeout) co_return fail(type.error());
+  const auto guarded = co_await co::probe(network.dispatcher(), id, patience.timeout, 1);
+  if (guarded) co_return true;
+  if (guarded.error().code != Errc::timeout) co_return fail(guarded.error());
+  co_return false;
+}
+
+struct NewId {
+  LssAddress device;
+  NodeId id;
+  bool store = false;
+};
+
+// Gives the node-ID to the device that is selected already; `old` is the one in use.
+rt::Task<void> configure(Network& network, const NewId& wanted, NodeId old, CommandReply& reply) {
+  const std::string doing = fmt::format("set node-ID {} of {}", wanted.id.value(), to_string(wanted.device));
+  if (wanted.id.configured() && wanted.id != old) {
+    const auto taken = co_await is_taken(network, wanted.id);
+    if (!taken) co_return lss_failed(reply, network, taken.error(), doing);
+    if (*taken) {
+      co_return refuse(reply, 1,
+                       fmt::format("bus {}, LSS {}: another device answers under this node-ID", network.bus().name, doing),
+                       "take that device off the bus, or give it another node-ID first");
+    }
+  }
+  const auto set = co_await network.lss().configure_node_id(wanted.id);
+  if (!set) co_return lss_failed(reply, network, set.error(), doing, "it does not take this node-ID");
+  if (wanted.store) {
+    const auto stored = co_await network.lss().store();
+    if (!stored) co_return lss_failed(reply, network, stored.error(), "store of " + to_string(wanted.device));
+  }
+  Json json = start_json(network, "set-node-id");
+  put_address(json, wanted.device);
+  json["node_id"] = wanted.id.value();
+  json["stored"] = wanted.store;
+  const bool reset = old.configured() && wanted.id != old;
+  json["takes_effect"] = reset ? "reset communication" : "now";
+  std::vector<std::string> lines{fmt::format("{}: node-ID {}{}", to_string(wanted.device), wanted.id.value(),
+                                             wanted.store ? ", stored" : ", not stored: lost when it is switched off")};
+  if (reset) lines.push_back(fmt::format("it counts after: berth nmt reset-comm {}", old.value()));
+  give(reply, json, std::move(lines));
+}
+
+rt::Task<void> set_node_id(Network& network, const NewId& wanted, CommandReply& reply) {
+  const std::optional<LssAddress> device = wanted.device;
+  const auto selected = co_await select(network, device);
+  if (!selected) co_return lss_failed(reply, network, selected.error(), "select " + to_string(wanted.device));
+  const auto now = co_await network.lss().inquire_node_id();
+  if (now) {
+    const NodeId old = NodeId::make(now->byte()).value_or(NodeId());
+    co_await configure(network, wanted, old, reply);
+  } else {
+    lss_failed(reply, network, now.error(), "inquire node-ID of " + to_string(wanted.device));
+  }
+  co_await release(network, device);
+}
+
+rt::Task<void> store(Network& network, std::optional<LssAddress> device, CommandReply& reply) {
+  const auto selected = co_await select(network, device);
+  if (!selected) co_return lss_failed(reply, network, selected.error(), "select " + named(device));
+  const auto stored = co_await network.lss().store();
+  co_await release(network, device);
+  if (!stored) co_return lss_failed(reply, network, stored.error(), "store of " + named(device));
+  Json json = start_json(network, "store");
+  if (device) put_address(json, *device);
+  give(reply, json, {fmt::format("{} has stored node-ID and bit rate", named(device))});
+}
+
+rt::Task<void> bit_timing(Network& network, std::uint32_t rate, std::optional<LssAddress> device, CommandReply& reply) {
+  const auto index = lss::bit_rate_index(rate);
+  if (!index) {
+    co_return refuse(reply, 2, fmt::format("LSS has no index for {} bit/s", rate),
+                     "use 10000, 20000, 50000, 125000, 250000, 500000, 800000 or 1000000");
+  }
+  const auto selected = co_await select(network, device);
+  if (!selected) co_return lss_failed(reply, network, selected.error(), "select " + named(device));
+  const auto set = co_await network.lss().configure_bit_timing(*index);
+  if (!set) co_return lss_failed(reply, network, set.error(), "bit timing of " + named(device), "it cannot do this bit rate");
+  Json json = start_json(network, "bit-timing");
+  if (device) put_address(json, *device);
+  json["bit_rate"] = rate;
+  json["index"] = static_cast<unsigned>(*index);
+  give(reply, json,
+       {fmt::format("{} will use {} bit/s: `berth lss store` keeps it for the next power-on, `berth lss activate` changes "
+                    "now",
+                    named(device), rate)});
+}
+
+// CiA 305: each device is silent for one delay, changes, and is silent for another.
+rt::Task<void> activate(Network& network, std::uint16_t delay_ms, std::uint32_t rate, CommandReply& reply) {
+  const auto sent = co_await network.lss().activate_bit_timing(delay_ms);
+  if (!sent) co_return lss_failed(reply, network, sent.error(), "activate bit timing");
+  const rt::Duration delay = std::chrono::milliseconds(delay_ms);
+  if (rate != 0) {
+    co_await rt::sleep_for(delay);
+    if (!network.dispatcher().port().restart(rate)) {
+      co_return refuse(reply, 3, fmt::format("bus {}: Berth's own port does not change to {} bit/s", network.bus().name, rate));
+    }
+    co_await rt::sleep_for(delay);
+  }
+  Json json = start_json(network, "activate");
+  json["delay_ms"] = delay_ms;
+  if (rate != 0) json["bit_rate"] = rate;
+  std::vector<std::string> lines{fmt::format("devices in configuration state change their bit rate after {} ms", delay_ms)};
+  if (rate != 0) lines.push_back(fmt::format("Berth's own port now uses {} bit/s", rate));
+  give(reply, json, std::move(lines));
+}
+
+rt::Task<void> identify(Network& network, const lss::IdentifyRanges& ranges, CommandReply& reply) {
+  const auto heard = co_await network.lss().identify_remote(ranges);
+  if (!heard) co_return lss_failed(reply, network, heard.error(), "identify remote slave");
+  Json json = start_json(network, "identify");
+  json["anybody"] = heard->answers > 0;
+  json["answers"] = heard->answers;
+  give(reply, json,
+       {heard->answers > 0 ? "at least one device lies in these ranges" : "no device lies in these ranges"});
+  if (heard->answers == 0) reply.status = 1;
+}
+
+// Who is found is left "unknown" as before when no slot knows it, so that a running main job finds it too.
+rt::Task<void> find(Network& network, CommandReply& reply) {
+  const auto blank = co_await network.lss().identify_non_configured();
+  if (!blank) co_return lss_failed(reply, network, blank.error(), "identify non-configured slaves");
+  const auto everybody = co_await network.rand().switch_global(nodeid::Identification::unknown);
+  if (!everybody) co_return lss_failed(reply, network, everybody.error(), "RAND discovery");
+  nodeid::DiscoveryOptions options;
+  options.t_resp = network.bus().timing.rand_response;
+  options.t_proc = network.bus().timing.rand_processing;
+  const auto report = co_await network.rand().discover(options);
+  if (!report) co_return lss_failed(reply, network, report.error(), "RAND discovery");
+  Json json = start_json(network, "find");
+  json["unconfigured_lss"] = blank->answers > 0;
+  json["complete"] = report->end == nodeid::DiscoveryReport::End::complete;
+  json["devices"] = Json::array();
+  std::vector<std::string> lines;
+  const auto slots = network.report();
+  for (const auto& d : report->found) {
+    Json device;
+    put_address(device, d.address);
+    device["possible_clone"] = d.possible_clone;
+    json["devices"].push_back(device);
+    lines.push_back(to_string(d.address) + (d.possible_clone ? "  answered twice: two devices with one address" : ""));
+    const bool seated = std::ranges::any_of(slots, [&](const auto& s) { return s.device == d.address; });
+    if (seated) continue;
+    const LssAddress stranger = d.address;
+    const auto told = co_await network.rand().switch_selective(stranger, nodeid::Identification::unknown);
+    static_cast<void>(told);  // the next discovery asks everybody anew
+  }
+  lines.push_back(fmt::format("{} found by RAND; {} device without a node-ID answers LSS", report->found.size(),
+                              blank->answers > 0 ? "at least one" : "no"));
+  if (report->end != nodeid::DiscoveryReport::End::complete) {
+    lines.push_back(fmt::format("the discovery ended early: {}", name(report->end)));
+  }
+  give(reply, json, std::move(lines));
+  if (report->found.empty() && blank->answers == 0) reply.status = 1;
+}
+
+struct Request {
+  std::string service;
+  std::string bus;
+  std::optional<LssAddress> device;
+  lss::State state = lss::State::waiting;
+  NewId new_id;
+  std::uint32_t rate = 0;
+  std::uint16_t delay_ms = 0;
+  lss::IdentifyRanges ranges;
+};
+
+// What each service takes; what is wrong is in `problem`.
+Request read_request(const CommandRequest& request, std::string& problem) {
+  Request r;
+  r.service = request.verb.substr(4);
+  const auto read = [&](std::initializer_list<std::string_view> known, const auto& take) {
+    Arguments a(request, known);
+    r.bus = a.text("bus");
+    take(a);
+    problem = a.problem();
+  };
+  const auto device = [&](Arguments& a) { r.device = a.optional_address("address"); };
+  if (r.service == "global") {
+    read({"bus", "state"}, [&](Arguments& a) {
+      const std::string word = a.required("state");
+      if (word == "configuration") r.state = lss::State::configuration;
+      if (word != "configuration" && word != "waiting") a.wrong("state is waiting or configuration");
+    });
+  } else if (r.service == "select") {
+    read({"bus", "address"}, [&](Arguments& a) { r.device = a.address("address"); });
+  } else if (r.service == "inquire" || r.service == "store") {
+    read({"bus", "address"}, device);
+  } else if (r.service == "set-node-id") {
+    read({"bus", "address", "id", "store"}, [&](Arguments& a) {
+      r.new_id.device = a.address("address");
+      const auto id = NodeId::make(a.number("id", 1, 255));
+      if (!id) a.wrong("id is 1 to 127, or 255 for none");
+      r.new_id.id = id.value_or(NodeId());
+      r.new_id.store = a.text("store") == "1";
+    });
+  } else if (r.service == "bit-timing") {
+    read({"bus", "rate", "address"}, [&](Arguments& a) {
+      r.rate = a.number("rate", 1, 1'000'000);
+      device(a);
+    });
+  } else if (r.service == "activate") {
+    read({"bus", "delay", "rate"}, [&](Arguments& a) {
+      r.delay_ms = static_cast<std::uint16_t>(a.number("delay", 0, 0xFFFF));
+      r.rate = a.number("rate", 1, 1'000'000, 0);
+      if (r.rate != 0 && !lss::bit_rate_index(r.rate)) a.wrong(fmt::format("{} bit/s is no CANopen bit rate", r.rate));
+    });
+  } else if (r.service == "identify") {
+    read({"bus", "vendor", "product", "revision-low", "revision-high", "serial-low", "serial-high"}, [&](Arguments& a) {
+      constexpr std::uint32_t top = 0xFFFF'FFFF;
+      r.ranges = {a.number("vendor", 0, top),           a.number("product", 0, top),
+                  a.number("revision-low", 0, top, 0),  a.number("revision-high", 0, top, top),
+                  a.number("serial-low", 0, top, 0),    a.number("serial-high", 0, top, top)};
+    });
+  } else if (r.service == "find") {
+    read({"bus"}, [](Arguments&) {});
+  } else {
+    problem = fmt::format("there is no LSS service {}; use global, select, inquire, set-node-id, store, bit-timing, "
+                          "activate, identify or find",
+                          text::quoted(r.service));
+  }
+  return r;
+}
+
+}  // namespace
+
+rt::Task<void> lss_command(Session& session, const CommandRequest& request, CommandReply& reply) {
+  std::string problem;
+  const Request r = read_request(request, problem);
+  if (!problem.empty()) co_return refuse(reply, 2, problem);
+  const auto found = network_for(session, r.bus, Use::send);
+  if (!found) co_return refuse(reply, 2, found.error());
+  Network& network = **found;
+  if (r.service == "set-node-id" && r.new_id.id == network.bus().master) {
+    co_return refuse(reply, 2, fmt::format("node-ID {} is Berth's own on bus {}", r.new_id.id.value(), network.bus().name));
+  }
+  co_await network.turn().take();
+  const rt::Held held(network.turn());
+  if (r.service == "global") {
+    co_await global(network, r.state, reply);
+  } else if (r.service == "select") {
+    co_await select_one(network, *r.device, reply);
+  } else if (r.service == "inquire") {
+    co_await inquire(network, r.device, reply);
+  } else if (r.service == "set-node-id") {
+    co_await set_node_id(network, r.new_id, reply);
+  } else if (r.service == "store") {
+    co_await store(network, r.device, reply);
+  } else if (r.service == "bit-timing") {
+    co_await bit_timing(network, r.rate, r.device, reply);
+  } else if (r.service == "activate") {
+    co_await activate(network, r.delay_ms, r.rate, reply);
+  } else if (r.service == "identify") {
+    co_await identify(network, r.ranges, reply);
+  } else {
+    co_await find(network, reply);
+  }
+}
+
+}  // namespace berth::operate

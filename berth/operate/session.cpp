@@ -1,0 +1,155 @@
+#include "berth/operate/session.hpp"
+
+#include <fmt/format.h>
+
+#include <algorithm>
+
+#include "berth/text/quantity.hpp"
+
+namespace berth::operate {
+
+/// Tells the store the time of each line of its history.
+class Session::StampedStore final : public places::SlotStore {
+ public:
+  StampedStore(rt::Executor& executor, places::SlotStore& store) noexcept : executor_(&executor), store_(&store) {}
+
+  Result<places::SlotId> declare(const places::SlotName& name) override { return stamped().declare(name); }
+  Result<std::vector<places::SlotRecord>> load(std::string_view machine) override { return store_->load(machine); }
+  Result<void> ask(places::SlotId slot, const places::Seat& seat, std::string_view reason) override {
+    return stamped().ask(slot, seat, reason);
+  }
+  Result<void> confirm(places::SlotId slot, const places::Seat& seat, std::string_view reason) override {
+    return stamped().confirm(slot, seat, reason);
+  }
+  Result<void> clear(places::SlotId slot, std::string_view reason) override { return stamped().clear(slot, reason); }
+  Result<void> ask_blank(const LssAddress& device, std::string_view reason) override {
+    return stamped().ask_blank(device, reason);
+  }
+  Result<void> confirm_blank(const LssAddress& device, std::string_view reason) override {
+    return stamped().confirm_blank(device, reason);
+  }
+  Result<std::vector<LssAddress>> unfinished_blanks() override { return store_->unfinished_blanks(); }
+  Result<void> note(const places::HistoryEntry& entry) override { return stamped().note(entry); }
+  Result<std::vector<places::HistoryEntry>> history(std::optional<places::SlotId> slot) override {
+    return store_->history(slot);
+  }
+  void stamp(std::int64_t now_ms) noexcept override { store_->stamp(now_ms); }
+
+ private:
+  places::SlotStore& stamped() noexcept {
+    const auto now = executor_->now().time_since_epoch();
+    store_->stamp(std::chrono::duration_cast<std::chrono::milliseconds>(now).count());
+    return *store_;
+  }
+  rt::Executor* executor_;
+  places::SlotStore* store_;
+};
+
+Session::Session(rt::Executor& executor, const design::Machine& machine, places::SlotStore& store)
+    : executor_(&executor), machine_(&machine), store_(std::make_unique<StampedStore>(executor, store)) {}
+
+Session::~Session() { stop(); }
+
+places::SlotStore& Session::store() noexcept { return *store_; }
+
+Result<void> Session::connect(std::string_view bus, can::Port& port) {
+  const design::Bus* const known = machine_->bus(bus);
+  if (known == nullptr) return fail(Errc::not_found, "the machine has no bus of this name");
+  const bool connected = std::ranges::find(ports_, known, &decltype(ports_)::value_type::first) != ports_.end();
+  if (connected) return fail(Errc::duplicate, "this bus has its port already");
+  ports_.emplace_back(known, &port);
+  return {};
+}
+
+Result<void> Session::open() {
+  if (!networks_.empty()) return fail(Errc::invalid, "the session is open already");
+  if (ports_.size() != machine_->buses.size()) return fail(Errc::invalid, "a bus of the machine has no port");
+  NetworkObserver observer;
+  observer.event = [this](const Event& event) { record(event); };
+  observer.milestone = [this](const std::string& milestone) { reached(milestone); };
+  for (const auto& bus : machine_->buses) {
+    const auto port = std::ranges::find(ports_, &bus, &decltype(ports_)::value_type::first);
+    auto network = std::make_unique<Network>(*executor_, *port->second, bus, machine_->specs(bus.name), *store_, observer);
+    const auto opened = network->open();
+    if (!opened) return opened;
+    networks_.push_back(std::move(network));
+  }
+  return {};
+}
+
+void Session::start() {
+  if (started_) return;
+  started_ = true;
+  began_ = executor_->now();
+  for (auto& network : networks_) network->start();
+}
+
+void Session::stop() noexcept {
+  for (auto& network : networks_) network->stop();
+  started_ = false;
+}
+
+void Session::record(const Event& event) {
+  if (events_.size() == most_events) events_.pop_front();
+  events_.push_back(event);
+  if (on_event_) on_event_(event);
+}
+
+void Session::reached(const std::string& milestone) {
+  auto it = std::ranges::find(milestones_, milestone, &decltype(milestones_)::value_type::first);
+  if (it == milestones_.end()) it = milestones_.insert(milestones_.end(), {milestone, 0});
+  if (++it->second == networks_.size() && on_milestone_) on_milestone_(milestone);
+}
+
+std::vector<SlotReport> Session::slots() const {
+  std::vector<SlotReport> all;
+  for (const auto& network : networks_) {
+    auto slots = network->report();
+    std::ranges::move(slots, std::back_inserter(all));
+  }
+  return all;
+}
+
+Report Session::report() const {
+  Report report;
+  report.slots = slots();
+  const double elapsed = seconds(executor_->now()) - seconds(began_);
+  for (const auto& network : networks_) report.bus_time_s.emplace_back(network->bus().name, elapsed);
+  report.events.assign(events_.begin(), events_.end());
+  return report;
+}
+
+bool Session::operational() const noexcept {
+  return std::ranges::all_of(networks_, [](const auto& n) { return n->operational(); });
+}
+
+bool Session::idle() const noexcept {
+  return std::ranges::all_of(networks_, [](const auto& n) { return n->idle(); });
+}
+
+Network* Session::network(std::string_view bus) noexcept {
+  if (bus.empty()) return networks_.size() == 1 ? networks_.front().get() : nullptr;
+  const auto it = std::ranges::find_if(networks_, [&](const auto& n) { return n->bus().name == bus; });
+  return it == networks_.end() ? nullptr : it->get();
+}
+
+Network* Session::network_of_slot(std::string_view slot, std::string& name) noexcept {
+  const auto number = text::parse_ranges(slot, 1, 127);
+  const unsigned id = number && number->size() == 1 ? number->front() : 0;
+  const auto& slots = machine_->slots;
+  const auto is_name = [&](const design::Slot& s) { return s.spec.name.name == slot; };
+  const auto is_path = [&](const design::Slot& s) { return s.spec.name.bus + "/" + s.spec.name.name == slot; };
+  const auto is_id = [&](const design::Slot& s) { return id != 0 && s.spec.id.value() == id; };
+  const auto only = [&](const auto& fits) -> const design::Slot* {
+    const auto it = std::ranges::find_if(slots, fits);
+    return std::ranges::count_if(slots, fits) == 1 ? &*it : nullptr;
+  };
+  const design::Slot* found = only(is_path);
+  if (found == nullptr) found = only(is_name);
+  if (found == nullptr) found = only(is_id);
+  if (found == nullptr) return nullptr;
+  name = found->spec.name.name;
+  return network(found->spec.name.bus);
+}
+
+}  // namespace berth::operate
