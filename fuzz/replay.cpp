@@ -38,7 +38,9 @@ void mutate(Bytes& bytes, berth::Random& random) {
       case 0:
         if (at < bytes.size()) bytes[at] = static_cast<std::uint8_t>(random.next());
         break;
-      case 1: bytes.insert(bytes.begin() + static_cast<std::ptrdiff_t>(at), static_cast<std::uint8_t>(random.next())); break;
+      case 1:
+        bytes.insert(bytes.begin() + static_cast<std::ptrdiff_t>(at), static_cast<std::uint8_t>(random.next()));
+        break;
       case 2:
         if (at < bytes.size()) bytes.erase(bytes.begin() + static_cast<std::ptrdiff_t>(at));
         break;

@@ -14,17 +14,17 @@ namespace berth {
 
 /// What kind of thing went wrong. The set is small: a caller decides by it whether to retry, ask or stop.
 enum class Errc : std::uint8_t {
-  timeout,       ///< nothing was heard in the time allowed
-  aborted,       ///< the peer refused; `Error::detail` is the SDO abort code or the LSS error code
-  mismatch,      ///< an answer came, and it is not the expected one
-  duplicate,     ///< two of something of which there may be one
-  not_found,     ///< no such object, slot, device or file
-  invalid,       ///< a value out of its range, a call out of its order
-  exhausted,     ///< a queue or table of fixed size is full
-  bus,           ///< the port cannot send: bus-off, listen-only, closed, cable
-  io,            ///< a file, socket or store failed; `Error::detail` is errno or the store's code
-  cancelled,     ///< the caller ended it
-  unsupported,   ///< the peer or this build does not have it
+  timeout,      ///< nothing was heard in the time allowed
+  aborted,      ///< the peer refused; `Error::detail` is the SDO abort code or the LSS error code
+  mismatch,     ///< an answer came, and it is not the expected one
+  duplicate,    ///< two of something of which there may be one
+  not_found,    ///< no such object, slot, device or file
+  invalid,      ///< a value out of its range, a call out of its order
+  exhausted,    ///< a queue or table of fixed size is full
+  bus,          ///< the port cannot send: bus-off, listen-only, closed, cable
+  io,           ///< a file, socket or store failed; `Error::detail` is errno or the store's code
+  cancelled,    ///< the caller ended it
+  unsupported,  ///< the peer or this build does not have it
 };
 
 /// The name of a code, as it stands in `--json` output ("timeout", "aborted", ...).
@@ -33,15 +33,14 @@ enum class Errc : std::uint8_t {
 /// One error: what, and where on the bus. Trivially copyable; `text` points to static storage.
 struct Error {
   Errc code = Errc::invalid;
-  std::uint8_t node = 0;      ///< node-ID 1..127, or 0 when no node is concerned
-  std::uint8_t sub = 0;       ///< sub-index, meaningful when `index` is not 0
-  std::uint16_t index = 0;    ///< object index, or 0 when no object is concerned
-  std::uint32_t detail = 0;   ///< see `Errc`
-  const char* text = "";      ///< a static sentence fragment: what was attempted or found
+  std::uint8_t node = 0;     ///< node-ID 1..127, or 0 when no node is concerned
+  std::uint8_t sub = 0;      ///< sub-index, meaningful when `index` is not 0
+  std::uint16_t index = 0;   ///< object index, or 0 when no object is concerned
+  std::uint32_t detail = 0;  ///< see `Errc`
+  const char* text = "";     ///< a static sentence fragment: what was attempted or found
 
   friend bool operator==(const Error& a, const Error& b) noexcept {
-    return a.code == b.code && a.node == b.node && a.sub == b.sub && a.index == b.index &&
-           a.detail == b.detail;
+    return a.code == b.code && a.node == b.node && a.sub == b.sub && a.index == b.index && a.detail == b.detail;
   }
 };
 static_assert(std::is_trivially_copyable_v<Error>);
@@ -56,8 +55,6 @@ using Result = tl::expected<T, Error>;
 [[nodiscard]] inline tl::unexpected<Error> fail(Errc code, const char* text) noexcept {
   return tl::unexpected<Error>(Error{.code = code, .text = text});
 }
-[[nodiscard]] inline tl::unexpected<Error> fail(const Error& error) noexcept {
-  return tl::unexpected<Error>(error);
-}
+[[nodiscard]] inline tl::unexpected<Error> fail(const Error& error) noexcept { return tl::unexpected<Error>(error); }
 
 }  // namespace berth

@@ -102,7 +102,7 @@ class Dispatcher final : private Listener {
   std::vector<Entry> entries_;  // sorted by range.first, then order
   std::vector<Confirmation*> waiting_;
   std::vector<IdRange> accept_;  // what `refresh` builds; kept, so that a change of identifiers needs no heap
-  std::uint32_t widest_ = 0;    // widest range, so that a search knows how far back to look
+  std::uint32_t widest_ = 0;     // widest range, so that a search knows how far back to look
   std::uint64_t next_order_ = 0;
   std::uint32_t next_tag_ = 0;
 };

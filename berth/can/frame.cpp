@@ -38,7 +38,7 @@ std::string to_string(const Frame& f) {
 
 std::optional<Frame> parse_frame(std::string_view text) {
   const auto hash = text.find('#');
-  if (hash == std::string_view::npos || hash > 8) return std::nullopt;
+  if (hash > 8) return std::nullopt;  // too long, or none at all (npos)
   Frame f;
   if (!read_hex(text.substr(0, hash), f.id)) return std::nullopt;
   f.extended = hash > 3;

@@ -20,13 +20,13 @@ inline constexpr std::uint32_t extended_mask = 0x1FFF'FFFFU;
 
 /// Copying copies only the bytes in use: a classic frame costs 16 bytes, not 72.
 struct Frame {
-  std::uint32_t id = 0;    ///< 0..7FFh or, when `extended`, 0..1FFF FFFFh
-  bool extended = false;   ///< 29-bit format (IDE)
-  bool remote = false;     ///< remote frame (RTR): `size` is the DLC asked for, no data on the wire
-  bool fd = false;         ///< FD format (FDF); never remote
-  bool brs = false;        ///< FD: data phase at the second bit rate
-  bool esi = false;        ///< FD: sender is error passive
-  std::uint8_t size = 0;   ///< bytes: 0..8, FD also 12, 16, 20, 24, 32, 48, 64
+  std::uint32_t id = 0;               ///< 0..7FFh or, when `extended`, 0..1FFF FFFFh
+  bool extended = false;              ///< 29-bit format (IDE)
+  bool remote = false;                ///< remote frame (RTR): `size` is the DLC asked for, no data on the wire
+  bool fd = false;                    ///< FD format (FDF); never remote
+  bool brs = false;                   ///< FD: data phase at the second bit rate
+  bool esi = false;                   ///< FD: sender is error passive
+  std::uint8_t size = 0;              ///< bytes: 0..8, FD also 12, 16, 20, 24, 32, 48, 64
   std::array<std::uint8_t, 64> data;  ///< the first `size` bytes hold something
 
   Frame() noexcept { std::memset(data.data(), 0, 8); }

@@ -23,9 +23,9 @@ struct Status {
   std::uint16_t queued = 0;    ///< frames that wait to be sent
   bool listen_only = false;
   bool bus_off = false;
-  bool up = false;             ///< interface up, cable in, power on
-  bool knows_counters = false; ///< `tec` and `rec` are real
-  bool knows_sent = false;     ///< `sent` comes at the true end of the frame, not when the driver took it
+  bool up = false;              ///< interface up, cable in, power on
+  bool knows_counters = false;  ///< `tec` and `rec` are real
+  bool knows_sent = false;      ///< `sent` comes at the true end of the frame, not when the driver took it
 
   [[nodiscard]] bool error_passive() const noexcept { return tec > 127 || rec > 127; }
 };

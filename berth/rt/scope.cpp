@@ -35,6 +35,7 @@ void Scope::remove(Child& child) noexcept {
 }
 
 void Scope::cancel() noexcept {
+  // NOLINTNEXTLINE(clang-analyzer-cplusplus.NewDelete): remove() makes first_ the next child
   while (first_ != nullptr) remove(*first_);
 }
 

@@ -153,7 +153,8 @@ class [[nodiscard]] Task {
 
 /// Base of an awaitable operation: an object with a state machine and a deadline instead of a coroutine frame. The
 /// derived class says `bool start()` (false: done at once), calls `finish()` when it is done (from within `start()` is
-/// as good as returning false), and gives its outcome from `await_resume()`. `Job`-style use without a coroutine: `begin(executor, job)`.
+/// as good as returning false), and gives its outcome from `await_resume()`. `Job`-style use without a coroutine:
+/// `begin(executor, job)`.
 template <class Derived>
 class Operation {
  public:

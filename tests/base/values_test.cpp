@@ -13,8 +13,9 @@ using namespace berth;
 namespace {
 
 TEST(Result, ErrorsSayWhatAndWhere) {
-  EXPECT_EQ(describe({.code = Errc::aborted, .node = 5, .sub = 2, .index = 0x1018, .detail = 0x06020000, .text = "reading"}),
-            "node 5, object 1018h:02: aborted (06020000h): reading");
+  EXPECT_EQ(
+      describe({.code = Errc::aborted, .node = 5, .sub = 2, .index = 0x1018, .detail = 0x06020000, .text = "reading"}),
+      "node 5, object 1018h:02: aborted (06020000h): reading");
   EXPECT_EQ(describe({.code = Errc::timeout, .text = "no answer"}), "timeout: no answer");
   EXPECT_EQ(describe({.code = Errc::bus, .node = 127}), "node 127: bus");
   EXPECT_EQ(describe({.code = Errc::io, .text = nullptr}), "io");
@@ -34,7 +35,11 @@ TEST(Result, FailFitsAnyType) {
 }
 
 TEST(Finding, TextAndSeverity) {
-  Finding f{.file = "machine.toml", .line = 12, .column = 3, .key = "slot[2].id", .message = "200 is not a node-ID",
+  Finding f{.file = "machine.toml",
+            .line = 12,
+            .column = 3,
+            .key = "slot[2].id",
+            .message = "200 is not a node-ID",
             .fix = "use 1 to 127"};
   EXPECT_EQ(to_string(f), "machine.toml:12:3: error: slot[2].id: 200 is not a node-ID; use 1 to 127");
   f.severity = Finding::Severity::warning;

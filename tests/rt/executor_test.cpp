@@ -315,9 +315,8 @@ struct Model {
     std::erase(ready, name);
   }
   [[nodiscard]] std::vector<Timer>::iterator earliest() {
-    return std::ranges::min_element(timers, [](const Timer& a, const Timer& b) {
-      return std::tie(a.due, a.order) < std::tie(b.due, b.order);
-    });
+    return std::ranges::min_element(
+        timers, [](const Timer& a, const Timer& b) { return std::tie(a.due, a.order) < std::tie(b.due, b.order); });
   }
   [[nodiscard]] std::optional<Time> next() {
     if (!ready.empty()) return now;
@@ -410,14 +409,13 @@ TEST(ExecutorModel, RandomProgramsRunAsInTheNaiveModel) {
           job.cancel();
           model.cancel(name);
           break;
-        default:
-          executor.advance(when);
-          model.advance(when, act);
+        default: executor.advance(when); model.advance(when, act);
       }
       ASSERT_EQ(executor.next(), model.next()) << "seed " << seed << " step " << i;
       ASSERT_EQ(executor.now(), model.now) << "seed " << seed << " step " << i;
       for (std::size_t k = 0; k < jobs.size(); ++k) {
-        const auto timed = std::ranges::any_of(model.timers, [&](const auto& t) { return t.name == static_cast<int>(k); });
+        const auto timed =
+            std::ranges::any_of(model.timers, [&](const auto& t) { return t.name == static_cast<int>(k); });
         ASSERT_EQ(jobs[k]->timed(), timed) << "seed " << seed << " step " << i;
       }
     }

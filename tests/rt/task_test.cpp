@@ -350,7 +350,8 @@ struct MailboxTest : TaskTest {
   std::vector<std::pair<int, Time>> log;  // -1: the deadline came
 };
 
-Task<void> reads(rt::Executor& e, rt::Mailbox<int, 3>& box, std::vector<std::pair<int, Time>>& log, rt::Duration limit) {
+Task<void> reads(rt::Executor& e, rt::Mailbox<int, 3>& box, std::vector<std::pair<int, Time>>& log,
+                 rt::Duration limit) {
   for (;;) {
     auto message = co_await box.next(e.now() + limit);
     log.emplace_back(message.value_or(-1), e.now());
@@ -488,8 +489,8 @@ TEST_F(TurnTest, DestroyedBetweenGrantAndResumption) {
   second->spawn(takes(turn, log, 2));
   third.spawn(takes(turn, log, 3));
   executor.advance(Time(500us));
-  first.cancel();   // grants it to the second, whose resumption is queued
-  second.reset();   // which must hand it on
+  first.cancel();  // grants it to the second, whose resumption is queued
+  second.reset();  // which must hand it on
   executor.advance(Time(1s));
   EXPECT_EQ(log, (std::vector{1, 3, -3}));
   EXPECT_FALSE(turn.taken());
