@@ -3,127 +3,112 @@
 namespace berth::can {
 namespace {
 
-// The stuffed part of a frame as up to 118 bits (54 + 64), first bit first, in 64-bit words from the top.
-struct Bits {
-  std::uint64_t words[3]{};
-  unsigned count = 0;
-  void put(std::uint64_t value, unsigned n) noexcept {
-    // Left-aligned append, at most 64 bits at a time.
-    if (n == 0) return;
-    value &= n == 64 ? ~0ULL : (1ULL << n) - 1;
-    const unsigned word = count / 64;
-    const unsigned used = count % 64;
-    const unsigned room = 64 - used;
-    if (n <= room) {
-      words[word] |= value << (room - n);
-    } else {
-      words[word] |= value >> (n - room);
-      words[word + 1] |= value << (64 - (n - room));
-    }
-    count += n;
-  }
-  [[nodiscard]] unsigned byte(unsigned i) const noexcept { return (words[i / 8] >> (56 - 8 * (i % 8))) & 0xFFU; }
-  [[nodiscard]] unsigned bit(unsigned i) const noexcept { return (words[i / 64] >> (63 - i % 64)) & 1U; }
-};
+// The stuffed part of a frame is worked through byte by byte. Its head (start of frame to DLC) is put right in whole
+// bytes, so that the data bytes stand whole behind it; leading bits that are missing are filled up by alternating ones.
+constexpr unsigned base_head = 19;      // SOF, 11, RTR, IDE, r0, DLC: in 3 bytes
+constexpr unsigned extended_head = 39;  // SOF, 11, SRR, IDE, 18, RTR, r1, r0, DLC: in 5 bytes
+constexpr unsigned longest = 5 + 8;     // bytes of head and data
 
 struct Tables {
-  std::uint16_t crc[256];
-  // For each run state (value of the last bit, run length 1..4; 0 = nothing yet) and byte: stuff bits and next state.
-  std::uint8_t stuffed[10][256];
-  std::uint8_t next[10][256];
+  // The CRC is linear: that of a message is the sum of those of its bytes, each followed by as many zero bytes.
+  std::uint16_t crc[longest][256];
+  // For each run state (value of the last bit, run length 1..4) and byte: stuff bits << 4 | next state.
+  std::uint8_t run[8][256];
 };
 
-struct Run {
-  unsigned state;    // 2 * (length - 1) + value, length 1..5; 5 never rests (a stuff bit follows)
-  unsigned stuffed;
-};
+constexpr unsigned shift_crc(unsigned crc, unsigned bits) noexcept {
+  while (bits-- > 0) crc = (crc & 0x4000U) != 0 ? ((crc << 1) ^ 0x4599U) & 0x7FFFU : (crc << 1) & 0x7FFFU;
+  return crc;
+}
 
-constexpr Run step(unsigned state, unsigned bit, bool empty) noexcept {
-  const unsigned value = state & 1U;
-  const unsigned length = state / 2 + 1;
-  if (empty || bit != value) return {bit, 0};
-  if (length + 1 < 5) return {2 * length + bit, 0};
-  return {bit ^ 1U, 1};  // the stuff bit starts the next run
+// Run state 2 * (length - 1) + value. Five equal bits are followed by a stuff bit, which begins the next run.
+constexpr std::uint8_t run_over(unsigned state, unsigned byte) noexcept {
+  unsigned stuffed = 0;
+  for (int i = 7; i >= 0; --i) {
+    const unsigned bit = (byte >> i) & 1U;
+    if (bit != (state & 1U)) {
+      state = bit;
+    } else if (state / 2 < 3) {
+      state += 2;
+    } else {
+      state = bit ^ 1U;
+      ++stuffed;
+    }
+  }
+  return static_cast<std::uint8_t>(stuffed << 4 | state);
 }
 
 constexpr Tables make_tables() noexcept {
   Tables t{};
   for (unsigned byte = 0; byte < 256; ++byte) {
-    unsigned crc = byte << 7;
-    for (int i = 0; i < 8; ++i) crc = (crc & 0x4000U) != 0 ? ((crc << 1) ^ 0x4599U) & 0x7FFFU : (crc << 1) & 0x7FFFU;
-    t.crc[byte] = static_cast<std::uint16_t>(crc);
-    for (unsigned state = 0; state < 8; ++state) {
-      Run run{state, 0};
-      for (int i = 7; i >= 0; --i) {
-        const Run one = step(run.state, (byte >> i) & 1U, false);
-        run = {one.state, run.stuffed + one.stuffed};
-      }
-      t.stuffed[state][byte] = static_cast<std::uint8_t>(run.stuffed);
-      t.next[state][byte] = static_cast<std::uint8_t>(run.state);
+    unsigned crc = shift_crc(byte << 7, 8);
+    for (auto& column : t.crc) {
+      column[byte] = static_cast<std::uint16_t>(crc);
+      crc = shift_crc(crc, 8);
     }
+    for (unsigned state = 0; state < 8; ++state) t.run[state][byte] = run_over(state, byte);
   }
   return t;
 }
 
 constexpr Tables tables = make_tables();
 
-Bits stuffed_part(const Frame& f) noexcept {
-  Bits b;
-  const unsigned rtr = f.remote ? 1U : 0U;
-  if (f.extended) {
-    // SOF, 11 bits, SRR, IDE, 18 bits, RTR, r1, r0, DLC
-    b.put(f.id >> 18, 12);
-    b.put(3, 2);
-    b.put(f.id & 0x3FFFFU, 18);
-    b.put(rtr, 1);
-    b.put(0, 2);
-  } else {
-    b.put(f.id, 12);
-    b.put(rtr, 1);
-    b.put(0, 2);
-  }
-  b.put(f.size < 8 ? f.size : 8, 4);
-  for (const auto byte : f.bytes()) b.put(byte, 8);
-  return b;
-}
+struct Bytes {
+  std::uint8_t bytes[longest + 2];
+  unsigned count;
+  unsigned crc;
+};
 
-std::uint16_t crc_of(const Bits& b) noexcept {
-  unsigned crc = 0;
-  const unsigned whole = b.count / 8;
-  for (unsigned i = 0; i < whole; ++i) crc = ((crc << 8) ^ tables.crc[((crc >> 7) ^ b.byte(i)) & 0xFFU]) & 0x7FFFU;
-  for (unsigned i = whole * 8; i < b.count; ++i) {
-    const unsigned top = ((crc >> 14) ^ b.bit(i)) & 1U;
-    crc = (crc << 1) & 0x7FFFU;
-    if (top != 0) crc ^= 0x4599U;
+// Head and data; fillers are 0, which the CRC does not see.
+Bytes message(const Frame& f) noexcept {
+  Bytes m;
+  const std::uint64_t rtr = f.remote ? 1U : 0U;
+  const std::uint64_t size = f.size < 8 ? f.size : 8U;
+  std::uint64_t head = 0;
+  if (f.extended) {
+    const std::uint64_t id = f.id;
+    head = (id >> 18 & 0x7FFU) << 27 | 3ULL << 25 | (id & 0x3FFFFU) << 7 | rtr << 6 | size;
+    m.count = 5;
+  } else {
+    head = (f.id & 0x7FFULL) << 7 | rtr << 6 | size;
+    m.count = 3;
   }
-  return static_cast<std::uint16_t>(crc);
+  for (unsigned i = 0; i < m.count; ++i) m.bytes[i] = static_cast<std::uint8_t>(head >> (8 * (m.count - 1 - i)));
+  const unsigned data = f.remote ? 0 : static_cast<unsigned>(size);
+  std::memcpy(m.bytes + m.count, f.data.data(), 8);
+  m.count += data;
+  unsigned crc = 0;
+  for (unsigned i = 0; i < m.count; ++i) crc ^= tables.crc[m.count - 1 - i][m.bytes[i]];
+  m.crc = crc;
+  return m;
 }
 
 }  // namespace
 
-std::uint16_t crc15(const Frame& frame) noexcept { return crc_of(stuffed_part(frame)); }
+std::uint16_t crc15(const Frame& frame) noexcept { return static_cast<std::uint16_t>(message(frame).crc); }
 
 unsigned exact_bits(const Frame& frame) noexcept {
-  Bits b = stuffed_part(frame);
-  b.put(crc_of(b), 15);
-  // The first byte begins with SOF (dominant); a recessive run of one before it adds nothing to any run.
-  unsigned state = 1;
+  Bytes m = message(frame);
+  // Fillers in front: 10101 and 1, so that the run before start of frame has length 1. One behind the CRC: the opposite
+  // of its last bit never completes a run of five.
+  m.bytes[0] |= frame.extended ? 0x80U : 0xA8U;
+  const unsigned tail = m.crc << 1 | (~m.crc & 1U);
+  m.bytes[m.count] = static_cast<std::uint8_t>(tail >> 8);
+  m.bytes[m.count + 1] = static_cast<std::uint8_t>(tail);
+  unsigned state = 0;
   unsigned stuffed = 0;
-  const unsigned whole = b.count / 8;
-  for (unsigned i = 0; i < whole; ++i) {
-    const unsigned byte = b.byte(i);
-    stuffed += tables.stuffed[state][byte];
-    state = tables.next[state][byte];
+  for (unsigned i = 0; i < m.count + 2; ++i) {
+    const unsigned entry = tables.run[state][m.bytes[i]];
+    state = entry & 7U;
+    stuffed += entry >> 4;
   }
-  for (unsigned i = whole * 8; i < b.count; ++i) {
-    const Run one = step(state, b.bit(i), false);
-    state = one.state;
-    stuffed += one.stuffed;
-  }
-  return b.count + stuffed + 13;  // CRC delimiter, ACK slot and delimiter, EOF 7, intermission 3
+  const unsigned filled = frame.extended ? 5 * 8 - extended_head : 3 * 8 - base_head;
+  return 8 * m.count - filled + 15 + stuffed + 13;  // CRC delimiter, ACK slot and delimiter, EOF 7, intermission 3
 }
 
-unsigned worst_case_bits(bool extended, unsigned data_bytes) noexcept { return (extended ? 80U : 55U) + 10U * data_bytes; }
+unsigned worst_case_bits(bool extended, unsigned data_bytes) noexcept {
+  return (extended ? 80U : 55U) + 10U * data_bytes;
+}
 
 unsigned reachable_most_bits(bool extended, unsigned data_bytes) noexcept {
   // Facts page G.4: over all identifiers and payloads.

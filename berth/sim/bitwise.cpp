@@ -71,11 +71,7 @@ void Segment::put_in_group(Controller& node, rt::Time start, bool sending) {
   const bool suspended = node.suspends_ && node.not_before_ > start + sample_point(domain.bit);
   node.suspends_ = false;
   bool contends = sending && !suspended && node.heap_at_ != Controller::nothing && node.contends_since_ < starts_;
-  if (contends) {
-    node.statistics_.arbitration_losses += starts_ - 1 - node.contends_since_;
-    node.contends_since_ = starts_;
-    begin_attempt(node);
-  }
+  if (contends) begin_attempt(node);
   contends = contends || node.sending_;
   bool alone = contends || suspended || node.runs_left_ > 0;
   if (contends) {
@@ -114,7 +110,6 @@ Segment::Domain& Segment::domain_of(std::uint32_t bit_rate, rt::Time start) {
 // A frame under way has lost what it was computed on: play again what has happened of it, and on from here.
 void Segment::replay() {
   ++bus_->statistics_.bitwise;
-  for (Controller* node : senders_) heap_put(*node);
   play_from(sof_, true);
   for (auto& domain : domains_) {
     while (domain->start + sample_point(domain->bit) < executor_->now()) tick(*domain, true);
@@ -218,8 +213,7 @@ void Segment::frame_begun(Domain& domain, Controller& node) {
     single_out_victims();
     synchronise_others(domain);
   }
-  node.statistics_.arbitration_losses += std::max(starts_, node.contends_since_ + 1) - 1 - node.contends_since_;
-  node.contends_since_ = starts_;
+  node.contends_since_ = std::min(node.contends_since_, starts_ - 1);
   begin_attempt(node);
 }
 

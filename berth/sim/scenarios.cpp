@@ -2,8 +2,8 @@
 
 #include <fmt/format.h>
 
-#include <utility>
 #include <memory>
+#include <utility>
 
 #include "berth/sim/world.hpp"
 
@@ -64,12 +64,9 @@ class Narrator {
 
 const char* name(ErrorState state) noexcept {
   switch (state) {
-    case ErrorState::active:
-      return "active";
-    case ErrorState::passive:
-      return "passive";
-    case ErrorState::bus_off:
-      break;
+    case ErrorState::active: return "active";
+    case ErrorState::passive: return "passive";
+    case ErrorState::bus_off: break;
   }
   return "bus-off";
 }

@@ -267,8 +267,6 @@ void Segment::arbitrate() noexcept {
     return;
   }
   for (Controller* node : senders_) {
-    heap_remove(*node);
-    --node->statistics_.arbitration_losses;  // this start was its own
     begin_attempt(*node);
     if (node->suspends_) {
       node->suspends_ = false;
@@ -292,7 +290,10 @@ void Segment::note_start(const can::Frame& frame, int sender) {
   ++bus_->statistics_.starts;
 }
 
+// The node stays among the contenders while it sends.
 void Segment::begin_attempt(Controller& node) noexcept {
+  node.statistics_.arbitration_losses += starts_ - 1 - node.contends_since_;
+  node.contends_since_ = starts_;
   node.sending_ = true;
   ++node.statistics_.attempts;
   if (node.head().tried) ++node.statistics_.retransmissions;
@@ -320,7 +321,11 @@ void Segment::finish() noexcept {
     }
   }
   for (Controller* node : senders_) {
-    if (node->offers()) heap_put(*node);
+    if (node->offers()) {
+      heap_put(*node);
+    } else {
+      heap_remove(*node);
+    }
   }
   if (integrating_ > 0) schedule_integration();
   schedule_start();

@@ -138,15 +138,13 @@ void Bus::start(Node& n, bool behind_start_bit) {
 
 bool Bus::level(const Node& n) const {
   switch (n.doing) {
-    case Doing::transmitting:
-      return n.wire.dominant[n.at] != 0;
+    case Doing::transmitting: return n.wire.dominant[n.at] != 0;
     case Doing::receiving:  // the ACK slot stands behind the CRC delimiter
-      return n.reading.delimiter && n.history.size() == *n.reading.delimiter + 1 && n.reading.crc_right && !n.listens_only;
+      return n.reading.delimiter && n.history.size() == *n.reading.delimiter + 1 && n.reading.crc_right &&
+             !n.listens_only;
     case Doing::flag:
-    case Doing::overload_flag:
-      return !n.listens_only;
-    default:
-      return false;
+    case Doing::overload_flag: return !n.listens_only;
+    default: return false;
   }
 }
 
@@ -262,10 +260,8 @@ void Bus::hear(int index, bool dominant) {
       n.was_transmitter = false;
       if (dominant) follow();
       return;
-    case Doing::transmitting:
-      return transmit_bit(index, dominant);
-    case Doing::receiving:
-      return receive_bit(index, dominant);
+    case Doing::transmitting: return transmit_bit(index, dominant);
+    case Doing::receiving: return receive_bit(index, dominant);
     case Doing::flag:
     case Doing::overload_flag:
       if (!dominant) return error(n, 'f');
@@ -311,8 +307,7 @@ void Bus::hear(int index, bool dominant) {
       if (dominant) return follow();
       if (++n.done == 8) n.doing = Doing::idle;
       return;
-    case Doing::off:
-      return;
+    case Doing::off: return;
   }
 }
 

@@ -118,9 +118,11 @@ TEST(Confinement, LastBitOfEndOfFrameAtReceiverIsOverload) {
   EXPECT_EQ(s.bus.statistics().overload_frames, 1U);
   EXPECT_EQ(s.bus.statistics().error_frames, 0U);
   EXPECT_EQ(s.a.port->tec() + s.b.port->rec() + s.c.port->rec(), 0);
-  // b's flag takes the 3 bits of intermission and more; a and c answer it one bit later: 7 bits of flags, 8 of delimiter.
+  // b's flag takes the 3 bits of intermission and more; a and c answer it one bit later: 7 bits of flags, 8 of
+  // delimiter.
   const auto first = can::exact_bits(Frame::base(0x123, {1, 2})) - 3;
-  EXPECT_EQ(s.b.ear.frames[1].second, rt::Time((first + 7 + 8 + 3 + can::exact_bits(Frame::base(0x124, {})) - 3) * 1us));
+  EXPECT_EQ(s.b.ear.frames[1].second,
+            rt::Time((first + 7 + 8 + 3 + can::exact_bits(Frame::base(0x124, {})) - 3) * 1us));
 }
 
 // ... one bit earlier, at a receiver, it is an error: nobody else has the frame yet, all get it once.
@@ -177,7 +179,8 @@ TEST(Confinement, G3_FramesAtAnotherBitRateAreDestroyed) {
   Scene s;
   s.c.port->set_bit_rate(500'000);
   s.world.run_for(1ms);
-  s.c.port->send(Frame::base(0x123, {1, 2, 3}), 1);
+  // 101..01: the others see no six equal bits before the end of arbitration; in a flag before it c would only "lose".
+  s.c.port->send(Frame::base(0x555, {1, 2, 3}), 1);
   // Only error-active nodes destroy: here something (good traffic, a reset) keeps the others' counters low. Left alone
   // they become passive first, and the stranger stays passive for want of an acknowledgement.
   s.world.run_until(

@@ -43,20 +43,17 @@ Frame draw_frame(Random& dice) {
   f.remote = kind == 1 || (kind == 3 && dice.below(2) == 0);
   f.id = f.extended ? (id << 18U) | static_cast<std::uint32_t>(dice.below(3) * 0x1FFFF) : id;
   f.size = static_cast<std::uint8_t>(dice.below(3) == 0 ? dice.below(9) : dice.below(2));
-  for (unsigned i = 0; i < 8; ++i) f.data[i] = static_cast<std::uint8_t>(dice.below(3) == 0 ? dice.next() : dice.below(2) * 0xFF);
+  for (unsigned i = 0; i < 8; ++i)
+    f.data[i] = static_cast<std::uint8_t>(dice.below(3) == 0 ? dice.next() : dice.below(2) * 0xFF);
   return f;
 }
 
 unsigned draw_counter(Random& dice, bool receive) {
   switch (dice.below(6)) {
-    case 0:
-      return 100 + static_cast<unsigned>(dice.below(40));
-    case 1:
-      return receive ? 127 : 255 - static_cast<unsigned>(dice.below(20));
-    case 2:
-      return static_cast<unsigned>(dice.below(10));
-    default:
-      return 0;
+    case 0: return 100 + static_cast<unsigned>(dice.below(40));
+    case 1: return receive ? 127 : 255 - static_cast<unsigned>(dice.below(20));
+    case 2: return static_cast<unsigned>(dice.below(10));
+    default: return 0;
   }
 }
 
@@ -75,7 +72,8 @@ Plan draw(std::uint64_t seed, bool disturbed) {
     const auto node = static_cast<int>(dice.below(plan.nodes.size()));
     const auto bit = static_cast<std::int64_t>(dice.below(3) == 0 ? dice.below(600) : dice.below(3) * 100);
     plan.sends.push_back({node, bit, draw_frame(dice)});
-    if (dice.below(3) == 0) plan.sends.push_back({(node + 1) % static_cast<int>(plan.nodes.size()), bit, draw_frame(dice)});
+    if (dice.below(3) == 0)
+      plan.sends.push_back({(node + 1) % static_cast<int>(plan.nodes.size()), bit, draw_frame(dice)});
   }
   if (disturbed) {
     for (auto left = 1 + dice.below(4); left > 0; --left) {
@@ -225,7 +223,8 @@ testing::AssertionResult agree(const Plan& plan, Result* out = nullptr, std::uin
   std::erase_if(bus.events, [&](const judge::Event& e) { return e.end > plan.bits; });
   if (out != nullptr) *out = bus;
   if (judge.events == bus.events && judge.counters == bus.counters) return testing::AssertionSuccess();
-  auto failure = testing::AssertionFailure() << describe(plan) << "judge:\n" << describe(judge.events) << "bus:\n"
+  auto failure = testing::AssertionFailure() << describe(plan) << "judge:\n"
+                                             << describe(judge.events) << "bus:\n"
                                              << describe(bus.events);
   for (std::size_t i = 0; i < judge.counters.size(); ++i) {
     const auto& [jt, jr, jo] = judge.counters[i];
