@@ -1,5 +1,5 @@
-// Bytes from outside as SDO answers to a client with transfers under way. Whatever comes, every transfer ends within its
-// times, and an honest answer afterwards is taken.
+// Bytes from outside as SDO answers to a client with transfers under way. Whatever comes, every transfer ends within
+// its times, and an honest answer afterwards is taken.
 #include "berth/co/sdo_client.hpp"
 
 #include <cstdlib>
@@ -60,7 +60,7 @@ extern "C" int LLVMFuzzerTestOneInput(const std::uint8_t* data, std::size_t size
   co::SdoOptions options;
   options.timeout = 10ms;
   options.longest = 500;
-  options.retries = size % 3;
+  options.retries = static_cast<unsigned>(size % 3);
   co::SdoClient client(dispatcher, options);
   const NodeId node(5);
   const std::uint8_t payload[40] = {1, 2, 3};
@@ -73,7 +73,8 @@ extern "C" int LLVMFuzzerTestOneInput(const std::uint8_t* data, std::size_t size
     executor.advance(executor.now() + 1ms);
     // Half of the inputs name the object, so that more than the first check is reached.
     auto answer = can::Frame::base(0x585, std::span(data + at, 8));
-    if (size % 2 == 0 && (data[at] >> 5) >= 2) store_le(answer.data.data() + 1, std::uint32_t{answer.data[4]} << 24 | 0x1008U);
+    if (size % 2 == 0 && (data[at] >> 5) >= 2)
+      store_le(answer.data.data() + 1, std::uint32_t{answer.data[4]} << 24 | 0x1008U);
     port.hear(answer);
   }
   executor.advance(executor.now() + 1s);

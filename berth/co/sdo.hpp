@@ -52,6 +52,12 @@ class SdoValue {
     }
     size_ += bytes.size();
   }
+  /// The first `count` (0..4) of the four bytes at `from`: an expedited answer.
+  void set_expedited(const std::uint8_t* from, std::size_t count) noexcept {
+    large_.clear();
+    std::memcpy(small_.data(), from, 4);
+    size_ = count;
+  }
   [[nodiscard]] std::span<const std::uint8_t> bytes() const noexcept {
     return {size_ <= small_size ? small_.data() : large_.data(), size_};
   }
@@ -117,14 +123,17 @@ inline constexpr std::size_t segment_bytes = 7;
 [[nodiscard]] inline ObjectRef multiplexer(const can::Frame& frame) noexcept {
   return {load_le<std::uint16_t>(frame.data.data() + 1), frame.data[3]};
 }
+/// Command byte, multiplexer and a number in bytes 4..7 into the data of a frame, as two words.
+inline void put(can::Frame& frame, std::uint8_t command, ObjectRef ref, std::uint32_t number = 0) noexcept {
+  store_le(frame.data.data(), command | std::uint32_t{ref.index} << 8U | std::uint32_t{ref.sub} << 24U);
+  store_le(frame.data.data() + 4, number);
+}
 /// A frame with command byte and multiplexer, the other bytes 0.
 [[nodiscard]] inline can::Frame make(std::uint32_t id, std::uint8_t command, ObjectRef ref = {}) noexcept {
   can::Frame frame;
   frame.id = id;
   frame.size = 8;
-  frame.data[0] = command;
-  store_le(frame.data.data() + 1, ref.index);
-  frame.data[3] = ref.sub;
+  put(frame, command, ref);
   return frame;
 }
 [[nodiscard]] inline can::Frame make_abort(std::uint32_t id, ObjectRef ref, AbortCode code) noexcept {

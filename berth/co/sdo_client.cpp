@@ -48,17 +48,16 @@ Error SdoTransfer::make_error(Errc code, std::uint32_t detail, const char* text)
   return {.code = code, .node = node_.value(), .sub = ref_.sub, .index = ref_.index, .detail = detail, .text = text};
 }
 
-can::Frame SdoTransfer::initiate() const noexcept {
-  const auto id = sdo_request_id(node_);
-  if (!download_) return sdo::make(id, 0x40, ref_);
-  if (data_.size() >= 1 && data_.size() <= 4) {
-    auto frame = sdo::make(id, static_cast<std::uint8_t>(0x23U | ((4U - data_.size()) << 2U)), ref_);
-    std::ranges::copy(data_, frame.data.begin() + 4);
-    return frame;
+void SdoTransfer::prepare_initiate() noexcept {
+  const auto size = data_.size();
+  if (!download_) {
+    sdo::put(request_, 0x40, ref_);
+  } else if (size >= 1 && size <= 4) {
+    sdo::put(request_, static_cast<std::uint8_t>(0x23U | ((4U - size) << 2U)), ref_);
+    for (std::size_t i = 0; i < size; ++i) request_.data[4 + i] = data_[i];
+  } else {
+    sdo::put(request_, 0x21, ref_, static_cast<std::uint32_t>(size));
   }
-  auto frame = sdo::make(id, 0x21, ref_);
-  store_le(frame.data.data() + 4, static_cast<std::uint32_t>(data_.size()));
-  return frame;
 }
 
 void SdoTransfer::attempt() noexcept {
@@ -67,11 +66,13 @@ void SdoTransfer::attempt() noexcept {
   value_.clear();
   offset_ = indicated_ = 0;
   toggle_ = last_ = unsized_ = size_indicated_ = false;
-  send(initiate());
+  request_.id = sdo_request_id(node_);
+  request_.size = 8;
+  prepare_initiate();
+  send();
 }
 
-void SdoTransfer::send(const can::Frame& frame) noexcept {
-  request_ = frame;
+void SdoTransfer::send() noexcept {
   give_up_ = client_->dispatcher_->executor().now() + options_.send_timeout;
   send_request();
 }
@@ -147,7 +148,7 @@ void SdoTransfer::take_initiate(const can::Frame& frame) noexcept {
   if (expedited) {
     unsized_ = !sized;
     const std::size_t count = sized ? 4U - ((byte >> 2U) & 0x03U) : 4U;
-    value_.append(std::span(frame.data).subspan(4, count));
+    value_.set_expedited(frame.data.data() + 4, count);
     return complete();
   }
   size_indicated_ = sized;
@@ -158,18 +159,18 @@ void SdoTransfer::take_initiate(const can::Frame& frame) noexcept {
 }
 
 void SdoTransfer::next_segment() noexcept {
-  auto frame = sdo::make(sdo_request_id(node_), 0);
   const unsigned toggle = toggle_ ? sdo::toggle_bit : 0U;
   if (!download_) {
-    frame.data[0] = static_cast<std::uint8_t>(0x60U | toggle);
+    sdo::put(request_, static_cast<std::uint8_t>(0x60U | toggle), {});
   } else {
     const auto piece = data_.subspan(offset_, std::min(data_.size() - offset_, sdo::segment_bytes));
     offset_ += piece.size();
     last_ = offset_ == data_.size();
-    frame.data[0] = static_cast<std::uint8_t>(toggle | ((sdo::segment_bytes - piece.size()) << 1U) | (last_ ? 1U : 0U));
-    std::ranges::copy(piece, frame.data.begin() + 1);
+    sdo::put(request_,
+             static_cast<std::uint8_t>(toggle | ((sdo::segment_bytes - piece.size()) << 1U) | (last_ ? 1U : 0U)), {});
+    std::ranges::copy(piece, request_.data.begin() + 1);
   }
-  send(frame);
+  send();
 }
 
 bool SdoTransfer::segment_answer(const can::Frame& frame) noexcept {

@@ -64,7 +64,7 @@ class SdoTransfer : public rt::Operation<SdoTransfer>, private rt::Job, private 
   void run() noexcept override;
   void sent(rt::Time at) noexcept override;
   void attempt() noexcept;
-  void send(const can::Frame& frame) noexcept;
+  void send() noexcept;
   void send_request() noexcept;
   void send_abort(AbortCode code) noexcept;
   void next_segment() noexcept;
@@ -79,7 +79,7 @@ class SdoTransfer : public rt::Operation<SdoTransfer>, private rt::Job, private 
   void complete() noexcept;
   void fail_with(Errc code, std::uint32_t detail, const char* text) noexcept;
   void leave() noexcept;
-  [[nodiscard]] can::Frame initiate() const noexcept;
+  void prepare_initiate() noexcept;
 
   SdoClient* client_;
   SdoTransfer* next_ = nullptr;  // waits behind this one for the same node

@@ -67,7 +67,7 @@ void SdoServer::begin_download(const can::Frame& request, can::Frame& answer) no
   const bool expedited = (request.data[0] & 0x02U) != 0;
   const auto code = expedited ? expedited_download(request) : begin_segmented_download(request);
   if (code != AbortCode::none) return abort(answer, ref_, code);
-  answer = sdo::make(response_id_, 0x60, ref_);
+  sdo::put(answer, 0x60, ref_);
 }
 
 AbortCode SdoServer::expedited_download(const can::Frame& request) noexcept {
@@ -136,8 +136,8 @@ void SdoServer::begin_upload(can::Frame& answer) noexcept {
   if (!value) return abort(answer, ref_, value.error());
   size_ = value->size();
   if (size_ >= 1 && size_ <= 4) {
-    answer = sdo::make(response_id_, static_cast<std::uint8_t>(0x43U | ((4U - size_) << 2U)), ref_);
-    std::ranges::copy(*value, answer.data.begin() + 4);
+    sdo::put(answer, static_cast<std::uint8_t>(0x43U | ((4U - size_) << 2U)), ref_);
+    for (std::size_t i = 0; i < size_; ++i) answer.data[4 + i] = (*value)[i];
     return;
   }
   buffered_ = size_ <= capacity_;
@@ -145,8 +145,7 @@ void SdoServer::begin_upload(can::Frame& answer) noexcept {
   state_ = State::upload;
   toggle_ = false;
   offset_ = 0;
-  answer = sdo::make(response_id_, 0x41, ref_);
-  store_le(answer.data.data() + 4, static_cast<std::uint32_t>(size_));
+  sdo::put(answer, 0x41, ref_, static_cast<std::uint32_t>(size_));
 }
 
 od::Answer<const std::uint8_t*> SdoServer::upload_source() noexcept {

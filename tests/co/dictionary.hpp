@@ -20,13 +20,15 @@ inline std::shared_ptr<const od::Description> test_description() {
     b.sub(0x1018, {.sub = sub, .name = "id", .access = Access::ro, .initial = Literal::number(0x11111111U * sub)});
   }
   b.variable(0x2000, {.name = "U8", .type = DataType::unsigned8});
-  b.variable(0x2001, {.name = "U16", .type = DataType::unsigned16, .low = Literal::number(10), .high = Literal::number(100)});
+  b.variable(0x2001,
+             {.name = "U16", .type = DataType::unsigned16, .low = Literal::number(10), .high = Literal::number(100)});
   b.variable(0x2002, {.name = "write only", .access = Access::wo});
   b.variable(0x2003, {.name = "text", .type = DataType::visible_string, .capacity = 2000});
   b.variable(0x2004, {.name = "domain", .type = DataType::domain, .capacity = 4000});
   b.variable(0x2005, {.name = "I64", .type = DataType::integer64});
   b.object(0x2006, od::ObjectCode::array, "array");
-  for (const auto sub : {std::uint8_t{1}, std::uint8_t{2}, std::uint8_t{4}}) b.sub(0x2006, {.sub = sub, .name = "e", .type = DataType::unsigned8});
+  for (const auto sub : {std::uint8_t{1}, std::uint8_t{2}, std::uint8_t{4}})
+    b.sub(0x2006, {.sub = sub, .name = "e", .type = DataType::unsigned8});
   b.variable(0x2007, {.name = "octets", .type = DataType::octet_string, .capacity = 20});
   b.variable(0x2008, {.name = "refused"});
   return b.build();

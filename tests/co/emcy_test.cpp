@@ -169,8 +169,8 @@ TEST(EmcyConsumer, HearsAllAndRemapped) {
   consumer.hear(NodeId(9), co::CobId(0x6D0));
   consumer.hear(NodeId(10), co::CobId(0x0C0));  // within the default range: one message, one event
   consumer.hear(NodeId(11), co::CobId());
-  for (const char* f : {"085#3081110102030405", "6D0#0000000000000000", "0C0#1000010000000000", "085#308111", "085#R8", "080#",
-                        "100#0000000000000000"}) {
+  for (const char* f : {"085#3081110102030405", "6D0#0000000000000000", "0C0#1000010000000000", "085#308111", "085#R8",
+                        "080#", "100#0000000000000000"}) {
     other.send(f);
   }
   b.run(10ms);

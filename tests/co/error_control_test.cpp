@@ -26,7 +26,9 @@ struct Observer final : co::HeartbeatConsumer::Observer, co::GuardingMaster::Obs
   std::vector<rt::Time> times;
 };
 
-std::string event(int node, const char* kind, NmtState state) { return std::to_string(node) + " " + kind + " " + name(state); }
+std::string event(int node, const char* kind, NmtState state) {
+  return std::to_string(node) + " " + kind + " " + name(state);
+}
 constexpr auto pre = NmtState::pre_operational, op = NmtState::operational, stopped = NmtState::stopped,
                init = NmtState::initialising;
 
@@ -121,7 +123,8 @@ TEST_F(Heartbeats, LostExactlyAfterTheTimeSinceTheLastOne) {
 TEST_F(Heartbeats, StateChangesAndTheReservedBit) {
   consumer.supervise(NodeId(5), 100ms);
   for (const char* f : {"705#7F", "705#7F", "705#FF", "705#05", "705#85", "705#04"}) beat(f);
-  EXPECT_EQ(observer.take(), (Log{event(5, "started", pre), event(5, "state changed", op), event(5, "state changed", stopped)}));
+  EXPECT_EQ(observer.take(),
+            (Log{event(5, "started", pre), event(5, "state changed", op), event(5, "state changed", stopped)}));
 }
 
 TEST_F(Heartbeats, BootUpOfASupervisedNodeIsARemoteReset) {
@@ -212,7 +215,8 @@ TEST_F(Heartbeats, BootUpsOfStrangersOnRequest) {
   EXPECT_EQ(observer.take(), (Log{event(10, "boot-up", init) + " (unsupervised)"}));
 }
 
-// 127 nodes with periods of their own; each is lost exactly once, at its own time, and CN#631/#632: "all active" only when all are.
+// 127 nodes with periods of their own; each is lost exactly once, at its own time, and CN#631/#632: "all active" only
+// when all are.
 TEST_F(Heartbeats, Supervises127Nodes) {
   for (unsigned id = 1; id <= 127; ++id) {
     ASSERT_EQ(consumer.set_entry(static_cast<std::uint8_t>(id), (id << 16) | (100 + id)), od::AbortCode::none);

@@ -48,8 +48,8 @@ TEST_F(NmtSlaveTest, BootsWithOneBootUpMessageIntoPreOperational) {
   run(1s);
   EXPECT_EQ(wire.log, (Log{"705#00"}));
   EXPECT_EQ(slave.state(), NmtState::pre_operational);
-  EXPECT_EQ(owner.events, (Log{"reset node", std::string(name(NmtState::initialising)) + " -> " +
-                                                 name(NmtState::pre_operational)}));
+  EXPECT_EQ(owner.events,
+            (Log{"reset node", std::string(name(NmtState::initialising)) + " -> " + name(NmtState::pre_operational)}));
 }
 
 // Complaint 5 (CN#102): an unconfigured node waits, and leaves the initial state as soon as it gets an id.
@@ -165,7 +165,8 @@ TEST(NmtServices, AsTheTableSays) {
 
 // protocol-facts A.1: identifiers never to be configured (hard-cases §2; CN PR#644).
 TEST(CobIds, RestrictedIdentifiers) {
-  for (const std::uint32_t id : {0x000U, 0x07FU, 0x101U, 0x180U, 0x581U, 0x5FFU, 0x601U, 0x67FU, 0x6E0U, 0x6FFU, 0x701U, 0x77FU, 0x780U, 0x7FFU}) {
+  for (const std::uint32_t id : {0x000U, 0x07FU, 0x101U, 0x180U, 0x581U, 0x5FFU, 0x601U, 0x67FU, 0x6E0U, 0x6FFU, 0x701U,
+                                 0x77FU, 0x780U, 0x7FFU}) {
     EXPECT_TRUE(co::restricted(id)) << id;
   }
   for (const std::uint32_t id : {0x080U, 0x0FFU, 0x100U, 0x181U, 0x580U, 0x600U, 0x680U, 0x6DFU, 0x700U}) {

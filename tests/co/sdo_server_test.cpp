@@ -175,7 +175,8 @@ TEST_F(Server, S17_LongerThanTheBuffer) {
   EXPECT_EQ(ask("2103200041000000"), aborted("032000", "05000405"));
   EXPECT_EQ(ask("21032000FFFFFFFF"), aborted("032000", "12000706"));
   EXPECT_EQ(ask("2003200000000000"), "6003200000000000");
-  for (int i = 0; i < 9; ++i) EXPECT_EQ(ask(i % 2 ? "1061616161616161" : "0061616161616161").substr(2), "00000000000000");
+  for (int i = 0; i < 9; ++i)
+    EXPECT_EQ(ask(i % 2 ? "1061616161616161" : "0061616161616161").substr(2), "00000000000000");
   EXPECT_EQ(ask("1061616161616161"), aborted("032000", "05000405"));
   EXPECT_EQ(values.get_text({0x2003, 0}), "");
 }

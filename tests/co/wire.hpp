@@ -59,9 +59,9 @@ class Wire final : private rt::Job {
 
   rt::Executor& executor;
   rt::Duration frame_time = 100us;
-  std::vector<std::string> log;                            // every frame, as text
-  std::vector<rt::Time> times;                             // and when it ended
-  std::function<bool(const can::Frame&)> lose;             // true: sent, but nobody hears it
+  std::vector<std::string> log;                 // every frame, as text
+  std::vector<rt::Time> times;                  // and when it ended
+  std::function<bool(const can::Frame&)> lose;  // true: sent, but nobody hears it
 
  private:
   void run() noexcept override {
