@@ -10,7 +10,9 @@ TypeLoader eds_loader() {
     const auto reading = eds::read_file(path);
     findings.insert(findings.end(), reading.findings.begin(), reading.findings.end());
     if (!reading.usable()) return std::nullopt;
-    const DeviceType type{reading.file.type_code(), reading.file.revision()};
+    // Descriptions give revision 0 when nobody filled it in.
+    const auto revision = reading.file.revision();
+    const DeviceType type{reading.file.type_code(), revision == 0 ? std::nullopt : std::optional(revision)};
     if (type.type == TypeCode{}) {
       findings.push_back({Finding::Severity::error, path, 0, 0, "[1018sub1]",
                           "neither object 1018h nor [DeviceInfo] gives vendor-ID and product code",

@@ -21,7 +21,8 @@ std::string listed(std::span<const std::string_view> words) {
 
 std::string range(Limits limits) {
   const auto shown = [](std::int64_t n) {
-    return n > 0xFFFF && std::has_single_bit(static_cast<std::uint64_t>(n) + 1) ? fmt::format("0x{:X}", n) : fmt::format("{}", n);
+    return n > 0xFFFF && std::has_single_bit(static_cast<std::uint64_t>(n) + 1) ? fmt::format("0x{:X}", n)
+                                                                                : fmt::format("{}", n);
   };
   return fmt::format("use {} to {}", shown(limits.low), shown(limits.high));
 }

@@ -137,6 +137,24 @@ TEST(MachineFile, S1_28_NodeTableOfThePaper) {
   EXPECT_EQ(result.machine->buses.at(0).master, NodeId(127));
 }
 
+TEST(MachineFile, EveryExampleReads) {
+  const std::map<std::string, std::size_t> examples{{"five-slaves", 5}, {"hundred-twenty", 120}, {"by-eds", 5}};
+  for (const auto& [name, slots] : examples) {
+    const auto result = load_machine(std::string(BERTH_SOURCE_DIR) + "/examples/" + name + ".toml");
+    ASSERT_TRUE(result.machine) << to_string(result.findings.at(0));
+    EXPECT_TRUE(result.findings.empty()) << to_string(result.findings.at(0));
+    EXPECT_EQ(result.machine->slots.size(), slots) << name;
+  }
+}
+
+TEST(MachineFile, TheTypeOfASlotComesFromItsDeviceDescription) {
+  const auto result = load_machine(std::string(BERTH_SOURCE_DIR) + "/examples/by-eds.toml");
+  ASSERT_TRUE(result.machine) << to_string(result.findings.at(0));
+  const auto& drive = result.machine->slot("drive 10")->spec;
+  EXPECT_EQ(drive.type, (TypeCode{1, 2}));  // examples/eds/drive.eds, objects 1018h:01 and :02
+  EXPECT_EQ(drive.revision, 0x00020000U);
+}
+
 // Issue 2, "Bad input and bad luck": each names file, line and column.
 TEST(MachineFile, SaysWhatIsWrongAndWhere) {
   EXPECT_EQ(only_error(head + "bitrat = 5\n" + slot2),

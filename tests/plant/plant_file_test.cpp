@@ -156,6 +156,16 @@ TEST(PlantFile, S1_38_TheFiveSlavesAndTheirReplacements) {
   for (const auto& d : p.devices) EXPECT_EQ(d.plugged, !d.name.ends_with("new")) << d.name;
 }
 
+TEST(PlantFile, EveryExampleReads) {
+  const std::map<std::string, std::size_t> examples{{"five-slaves", 7}, {"hundred-twenty", 120}, {"by-eds", 5}};
+  for (const auto& [name, devices] : examples) {
+    const auto result = load_plant(std::string(BERTH_SOURCE_DIR) + "/examples/" + name + ".plant.toml");
+    ASSERT_TRUE(result.plant) << to_string(result.findings.at(0));
+    EXPECT_TRUE(result.findings.empty()) << to_string(result.findings.at(0));
+    EXPECT_EQ(result.plant->devices.size(), devices) << name;
+  }
+}
+
 TEST(PlantFile, SaysWhatIsWrongAndWhere) {
   EXPECT_EQ(only_error(head + one + "boott = \"1 s\"\n"),
             "p.toml:7:1: error: device[1].boott: unknown key; did you mean \"boot\"?");

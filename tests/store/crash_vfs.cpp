@@ -64,7 +64,7 @@ int x_sync(sqlite3_file* f, int) {
   const int rc = disk_of(f).step(false);
   if (rc != SQLITE_OK) return rc;
   auto& file = file_of(f);
-  file.synced = file.now;
+  for (const auto& change : file.pending) apply(file.synced, change, change.bytes.size());
   file.pending.clear();
   file.exists_synced = true;  // as the system's VFS, which syncs the folder with a new file's first sync
   return SQLITE_OK;
