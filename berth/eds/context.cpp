@@ -37,6 +37,9 @@ std::optional<std::uint64_t> Context::number(const Section& section, const Entry
 }
 
 bool Context::flag(const Section& section, const Entry* entry) {
+  const std::string_view text = raw(entry);
+  if (text.empty() || text == "0") return false;
+  if (text == "1") return true;
   const auto value = number(section, entry, 0xFFFF'FFFF, Severity::warning);
   if (value && *value > 1) warn(section, entry, "is 0 or 1; taken as 1");
   return value.value_or(0) != 0;

@@ -36,6 +36,16 @@ constexpr std::array<std::string_view, static_cast<std::size_t>(Key::count)> key
     "SubNumber",     "LowLimit",     "HighLimit",  "ObjFlags",   "CompactSubObj", "ParameterValue",
     "UploadFile",    "DownloadFile", "Denotation", "ParamRefd"};
 
+/// A key's place in `Key`; Key::count for a key that CiA 306 does not know.
+std::size_t key_slot(std::string_view key) noexcept {
+  for (std::size_t slot = 0; slot < key_words.size(); ++slot) {
+    const std::string_view word = key_words[slot];
+    // The length tells most of the words apart before a letter is looked at.
+    if (word.size() == key.size() && ((word[0] ^ key[0]) & 0xDF) == 0 && same_word(word, key)) return slot;
+  }
+  return key_words.size();
+}
+
 }  // namespace
 
 std::optional<ObjectSection> object_section(std::string_view name) noexcept {
@@ -228,12 +238,11 @@ void ObjectReader::collect(const Section& section, Keys& keys) {
   Keys own{};
   for (const Entry& each : context_.document().entries(section)) {
     const std::string_view key = context_.document().key(each);
-    const auto* const word = std::ranges::find_if(key_words, [key](std::string_view w) { return same_word(w, key); });
-    if (word == key_words.end()) {
+    const std::size_t slot = key_slot(key);
+    if (slot == key_words.size()) {
       context_.tell(Severity::note, section, &each, "CiA 306 does not know this key; it is kept and not used");
       continue;
     }
-    const auto slot = static_cast<std::size_t>(word - key_words.begin());
     if (own[slot] != nullptr) context_.warn(section, &each, "stands twice; the last one counts");
     own[slot] = &each;
     keys[slot] = &each;

@@ -61,7 +61,9 @@ od::DataType ObjectReader::data_type(const Section& section, const Keys& keys, c
     context_.warn(section, key, fmt::format("DataType is missing; taken as {}", od::name(taken)));
     return taken;
   }
-  if (const auto named = od::data_type(context_.raw(key))) {
+  const char first = context_.raw(key).front();
+  const bool digit = first >= '0' && first <= '9';
+  if (const auto named = digit ? std::nullopt : od::data_type(context_.raw(key))) {
     context_.warn(section, key, "DataType is given by name; CiA 306 wants its number");
     return *named;
   }

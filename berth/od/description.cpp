@@ -173,6 +173,8 @@ void DescriptionBuilder::State::add_counts() {
 }
 
 void DescriptionBuilder::State::sort_subs() {
+  // Readers add in order: then there is nothing to move.
+  if (std::ranges::is_sorted(subs, std::ranges::less_equal{}, &PendingSub::key)) return;
   std::ranges::stable_sort(subs, {}, &PendingSub::key);
   // Of several definitions the last one counts: reversed, it is the first of its run.
   std::ranges::reverse(subs);
