@@ -53,57 +53,60 @@ constexpr Tables make_tables() noexcept {
 
 constexpr Tables tables = make_tables();
 
-struct Bytes {
-  std::uint8_t bytes[longest + 2];
-  unsigned count;
-  unsigned crc;
+struct Head {
+  std::uint64_t bits;
+  unsigned bytes;
 };
 
-// Head and data; fillers are 0, which the CRC does not see.
-Bytes message(const Frame& f) noexcept {
-  Bytes m;
+// Start of frame to DLC, in the last bits of so many bytes.
+Head head_of(const Frame& f) noexcept {
   const std::uint64_t rtr = f.remote ? 1U : 0U;
   const std::uint64_t size = f.size < 8 ? f.size : 8U;
-  std::uint64_t head = 0;
-  if (f.extended) {
-    const std::uint64_t id = f.id;
-    head = (id >> 18 & 0x7FFU) << 27 | 3ULL << 25 | (id & 0x3FFFFU) << 7 | rtr << 6 | size;
-    m.count = 5;
-  } else {
-    head = (f.id & 0x7FFULL) << 7 | rtr << 6 | size;
-    m.count = 3;
-  }
-  for (unsigned i = 0; i < m.count; ++i) m.bytes[i] = static_cast<std::uint8_t>(head >> (8 * (m.count - 1 - i)));
-  const unsigned data = f.remote ? 0 : static_cast<unsigned>(size);
-  std::memcpy(m.bytes + m.count, f.data.data(), 8);
-  m.count += data;
-  unsigned crc = 0;
-  for (unsigned i = 0; i < m.count; ++i) crc ^= tables.crc[m.count - 1 - i][m.bytes[i]];
-  m.crc = crc;
-  return m;
+  const std::uint64_t id = f.id;
+  if (!f.extended) return {(id & base_mask) << 7 | rtr << 6 | size, 3};
+  return {(id >> 18 & base_mask) << 27 | 3ULL << 25 | (id & 0x3FFFFU) << 7 | rtr << 6 | size, 5};
 }
+
+unsigned data_bytes(const Frame& f) noexcept { return f.remote ? 0U : f.size < 8U ? f.size : 8U; }
 
 }  // namespace
 
-std::uint16_t crc15(const Frame& frame) noexcept { return static_cast<std::uint16_t>(message(frame).crc); }
+std::uint16_t crc15(const Frame& frame) noexcept {
+  const Head head = head_of(frame);
+  const unsigned data = data_bytes(frame);
+  unsigned crc = 0;
+  for (unsigned i = 0; i < head.bytes; ++i) crc ^= tables.crc[data + i][head.bits >> (8 * i) & 0xFFU];
+  for (unsigned i = 0; i < data; ++i) crc ^= tables.crc[data - 1 - i][frame.data[i]];
+  return static_cast<std::uint16_t>(crc);
+}
 
 unsigned exact_bits(const Frame& frame) noexcept {
-  Bytes m = message(frame);
-  // Fillers in front: 10101 and 1, so that the run before start of frame has length 1. One behind the CRC: the opposite
-  // of its last bit never completes a run of five.
-  m.bytes[0] |= frame.extended ? 0x80U : 0xA8U;
-  const unsigned tail = m.crc << 1 | (~m.crc & 1U);
-  m.bytes[m.count] = static_cast<std::uint8_t>(tail >> 8);
-  m.bytes[m.count + 1] = static_cast<std::uint8_t>(tail);
+  const Head head = head_of(frame);
+  const unsigned data = data_bytes(frame);
+  unsigned crc = 0;
   unsigned state = 0;
   unsigned stuffed = 0;
-  for (unsigned i = 0; i < m.count + 2; ++i) {
-    const unsigned entry = tables.run[state][m.bytes[i]];
+  const auto run = [&](unsigned byte) {
+    const unsigned entry = tables.run[state][byte];
     state = entry & 7U;
     stuffed += entry >> 4;
+  };
+  // Fillers in front, which the CRC must not see: 10101 or 1, so that the run before start of frame has length 1.
+  const std::uint64_t filled = head.bits | (frame.extended ? 1ULL << 39 : 0x15ULL << 19);
+  for (unsigned i = head.bytes; i-- > 0;) {
+    crc ^= tables.crc[data + i][head.bits >> (8 * i) & 0xFFU];
+    run(filled >> (8 * i) & 0xFFU);
   }
-  const unsigned filled = frame.extended ? 5 * 8 - extended_head : 3 * 8 - base_head;
-  return 8 * m.count - filled + 15 + stuffed + 13;  // CRC delimiter, ACK slot and delimiter, EOF 7, intermission 3
+  const std::uint16_t(*column)[256] = tables.crc + data;
+  for (unsigned i = 0; i < data; ++i) {
+    crc ^= (*--column)[frame.data[i]];
+    run(frame.data[i]);
+  }
+  // One filler behind the CRC: the opposite of its last bit never completes a run of five.
+  run(crc >> 7);
+  run((crc << 1 | (~crc & 1U)) & 0xFFU);
+  const unsigned plain = (frame.extended ? extended_head : base_head) + 8 * data + 15;
+  return plain + stuffed + 13;  // CRC delimiter, ACK slot and delimiter, EOF 7, intermission 3
 }
 
 unsigned worst_case_bits(bool extended, unsigned data_bytes) noexcept {

@@ -126,25 +126,20 @@ void Segment::integrated(Controller& node) noexcept {
 
 void Segment::heap_place(std::size_t at, Contender contender) noexcept {
   contenders_[at] = contender;
-  nodes_[contender.slot]->heap_at_ = static_cast<std::uint32_t>(at);
+  nodes_[contender.slot()]->heap_at_ = static_cast<std::uint32_t>(at);
 }
 
-void Segment::heap_up(std::size_t at) noexcept {
+// Moves the contender at `at` up or down to where it belongs.
+void Segment::heap_move(std::size_t at) noexcept {
   const Contender moving = contenders_[at];
-  while (at > 0 && moving < contenders_[(at - 1) / 2]) {
+  while (at > 0 && moving.order < contenders_[(at - 1) / 2].order) {
     heap_place(at, contenders_[(at - 1) / 2]);
     at = (at - 1) / 2;
   }
-  heap_place(at, moving);
-}
-
-void Segment::heap_down(std::size_t at) noexcept {
-  const Contender moving = contenders_[at];
-  for (;;) {
-    std::size_t child = 2 * at + 1;
-    if (child >= contenders_.size()) break;
-    if (child + 1 < contenders_.size() && contenders_[child + 1] < contenders_[child]) ++child;
-    if (!(contenders_[child] < moving)) break;
+  const std::size_t count = contenders_.size();
+  for (std::size_t child = 2 * at + 1; child < count; child = 2 * at + 1) {
+    if (child + 1 < count) child += contenders_[child + 1].order < contenders_[child].order ? 1 : 0;
+    if (contenders_[child].order >= moving.order) break;
     heap_place(at, contenders_[child]);
     at = child;
   }
@@ -152,16 +147,17 @@ void Segment::heap_down(std::size_t at) noexcept {
 }
 
 void Segment::heap_put(Controller& node) noexcept {
-  const Contender contender{node.head().arbitration, node.slot_};
-  if (node.heap_at_ == Controller::nothing) {
+  const Contender contender{static_cast<std::uint64_t>(node.head().arbitration) << 32U | node.slot_};
+  std::size_t at = node.heap_at_;
+  if (at == Controller::nothing) {
     node.contends_since_ = starts_;
+    at = contenders_.size();
     contenders_.push_back(contender);
-    heap_up(contenders_.size() - 1);
+  } else if (contenders_[at].order == contender.order) {
     return;
   }
-  contenders_[node.heap_at_] = contender;
-  heap_up(node.heap_at_);
-  heap_down(node.heap_at_);
+  contenders_[at] = contender;
+  heap_move(at);
 }
 
 void Segment::heap_remove(Controller& node) noexcept {
@@ -172,9 +168,8 @@ void Segment::heap_remove(Controller& node) noexcept {
   const Contender last = contenders_.back();
   contenders_.pop_back();
   if (at == contenders_.size()) return;
-  heap_place(at, last);
-  heap_up(at);
-  heap_down(nodes_[last.slot]->heap_at_);
+  contenders_[at] = last;
+  heap_move(at);
 }
 
 void Segment::offer(Controller& node) noexcept {
@@ -202,7 +197,7 @@ void Segment::schedule_start() noexcept {
   sof_ = std::max(executor_->now(), free_at_);
   if (suspended_ > 0 || mixed_) {
     rt::Time first = rt::never;
-    for (const auto& contender : contenders_) first = std::min(first, earliest(*nodes_[contender.slot]));
+    for (const auto& contender : contenders_) first = std::min(first, earliest(*nodes_[contender.slot()]));
     sof_ = first;
     for (const Controller* node : nodes_) {
       if (node != nullptr && node->powered_) bit = std::min(bit, bit_time_of(node->bit_rate_));
@@ -225,26 +220,26 @@ bool Segment::pick_senders() noexcept {
   senders_.clear();
   std::uint32_t best = 0xFFFF'FFFFU;
   if (suspended_ == 0) {
-    best = contenders_.front().arbitration;
+    best = contenders_.front().arbitration();
   } else {
     for (const auto& contender : contenders_) {
-      Controller& node = *nodes_[contender.slot];
+      Controller& node = *nodes_[contender.slot()];
       if (node.suspends_ && node.not_before_ > executor_->now()) {
         ++node.contends_since_;  // this one it does not lose
       } else {
-        best = std::min(best, contender.arbitration);
+        best = std::min(best, contender.arbitration());
       }
     }
   }
   // Few share the lowest key, and they stand at the top: whoever is equal to the least has parents that are.
-  if (suspended_ == 0 && (contenders_.size() < 2 || contenders_[1].arbitration != best) &&
-      (contenders_.size() < 3 || contenders_[2].arbitration != best)) {
-    senders_.push_back(nodes_[contenders_.front().slot]);
+  if (suspended_ == 0 && (contenders_.size() < 2 || contenders_[1].arbitration() != best) &&
+      (contenders_.size() < 3 || contenders_[2].arbitration() != best)) {
+    senders_.push_back(nodes_[contenders_.front().slot()]);
     return true;
   }
   for (const auto& contender : contenders_) {
-    Controller& node = *nodes_[contender.slot];
-    if (contender.arbitration == best && !(node.suspends_ && node.not_before_ > executor_->now())) {
+    Controller& node = *nodes_[contender.slot()];
+    if (contender.arbitration() == best && !(node.suspends_ && node.not_before_ > executor_->now())) {
       senders_.push_back(&node);
     }
   }

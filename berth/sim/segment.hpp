@@ -84,10 +84,11 @@ class Segment final : private rt::Job {
  private:
   friend class Bus;
   enum class State : std::uint8_t { quiet, starting, busy, bitwise };
+  /// Arbitration field and slot as one number, so that one comparison orders them.
   struct Contender {
-    std::uint32_t arbitration;
-    std::uint32_t slot;
-    friend auto operator<=>(const Contender&, const Contender&) = default;
+    std::uint64_t order = 0;
+    [[nodiscard]] std::uint32_t arbitration() const noexcept { return static_cast<std::uint32_t>(order >> 32U); }
+    [[nodiscard]] std::uint32_t slot() const noexcept { return static_cast<std::uint32_t>(order); }
   };
   /// The nodes of one bit rate while the segment is played bit by bit.
   struct Group;
@@ -124,8 +125,7 @@ class Segment final : private rt::Job {
   void heap_put(Controller& node) noexcept;
   void heap_remove(Controller& node) noexcept;
   void heap_place(std::size_t at, Contender contender) noexcept;
-  void heap_up(std::size_t at) noexcept;
-  void heap_down(std::size_t at) noexcept;
+  void heap_move(std::size_t at) noexcept;
 
   void count_recessive(rt::Time dominant_at) noexcept;
   void integration_due() noexcept;
