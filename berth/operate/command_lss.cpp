@@ -1,6 +1,7 @@
 // The services of CiA 305, one at a time, by hand.
 #include <fmt/format.h>
 
+#include <algorithm>
 #include <nlohmann/json.hpp>
 
 #include "berth/co/guarding.hpp"
@@ -32,11 +33,6 @@ void lss_failed(CommandReply& reply, const Network& network, const Error& error,
     default: return fail_with(reply, error, where);
   }
 }
-
-struct Target {
-  Network* network = nullptr;
-  std::optional<LssAddress> device;
-};
 
 Json start_json(const Network& network, const std::string& service) {
   Json json;
@@ -268,20 +264,10 @@ rt::Task<void> find(Network& network, CommandReply& reply) {
   if (report->found.empty() && blank->answers == 0) reply.status = 1;
 }
 
-struct Request {
-  std::string service;
-  std::string bus;
-  std::optional<LssAddress> device;
-  lss::State state = lss::State::waiting;
-  NewId new_id;
-  std::uint32_t rate = 0;
-  std::uint16_t delay_ms = 0;
-  lss::IdentifyRanges ranges;
-};
+}  // namespace
 
-// What each service takes; what is wrong is in `problem`.
-Request read_request(const CommandRequest& request, std::string& problem) {
-  Request r;
+LssArguments lss_arguments(const CommandRequest& request, std::string& problem) {
+  LssArguments r;
   r.service = request.verb.substr(4);
   const auto read = [&](std::initializer_list<std::string_view> known, const auto& take) {
     Arguments a(request, known);
@@ -302,11 +288,11 @@ Request read_request(const CommandRequest& request, std::string& problem) {
     read({"bus", "address"}, device);
   } else if (r.service == "set-node-id") {
     read({"bus", "address", "id", "store"}, [&](Arguments& a) {
-      r.new_id.device = a.address("address");
+      r.device = a.address("address");
       const auto id = NodeId::make(a.number("id", 1, 255));
       if (!id) a.wrong("id is 1 to 127, or 255 for none");
-      r.new_id.id = id.value_or(NodeId());
-      r.new_id.store = a.text("store") == "1";
+      r.id = id.value_or(NodeId());
+      r.store = a.text("store") == "1";
     });
   } else if (r.service == "bit-timing") {
     read({"bus", "rate", "address"}, [&](Arguments& a) {
@@ -336,17 +322,15 @@ Request read_request(const CommandRequest& request, std::string& problem) {
   return r;
 }
 
-}  // namespace
-
 rt::Task<void> lss_command(Session& session, const CommandRequest& request, CommandReply& reply) {
   std::string problem;
-  const Request r = read_request(request, problem);
+  const LssArguments r = lss_arguments(request, problem);
   if (!problem.empty()) co_return refuse(reply, 2, problem);
   const auto found = network_for(session, r.bus, Use::send);
   if (!found) co_return refuse(reply, 2, found.error());
   Network& network = **found;
-  if (r.service == "set-node-id" && r.new_id.id == network.bus().master) {
-    co_return refuse(reply, 2, fmt::format("node-ID {} is Berth's own on bus {}", r.new_id.id.value(), network.bus().name));
+  if (r.service == "set-node-id" && r.id == network.bus().master) {
+    co_return refuse(reply, 2, fmt::format("node-ID {} is Berth's own on bus {}", r.id.value(), network.bus().name));
   }
   co_await network.turn().take();
   const rt::Held held(network.turn());
@@ -357,7 +341,8 @@ rt::Task<void> lss_command(Session& session, const CommandRequest& request, Comm
   } else if (r.service == "inquire") {
     co_await inquire(network, r.device, reply);
   } else if (r.service == "set-node-id") {
-    co_await set_node_id(network, r.new_id, reply);
+    const NewId wanted{*r.device, r.id, r.store};
+    co_await set_node_id(network, wanted, reply);
   } else if (r.service == "store") {
     co_await store(network, r.device, reply);
   } else if (r.service == "bit-timing") {

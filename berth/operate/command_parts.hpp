@@ -9,6 +9,9 @@
 #include <string_view>
 #include <tl/expected.hpp>
 
+#include "berth/co/nmt.hpp"
+#include "berth/lss/frames.hpp"
+#include "berth/od/data_type.hpp"
 #include "berth/operate/commands.hpp"
 #include "berth/operate/session.hpp"
 
@@ -63,6 +66,40 @@ void fail_with(CommandReply& reply, const Error& error, const std::string& where
 [[nodiscard]] std::string dump(const Json& json);                        ///< one line; bad UTF-8 replaced
 /// Adds "address", "type" and "r_sn".
 void put_address(Json& json, const LssAddress& address);
+
+/// The object that an SDO command is about.
+struct ObjectArguments {
+  std::string bus;
+  NodeId node;
+  std::uint16_t index = 0;
+  std::uint8_t sub = 0;
+  od::DataType type = od::DataType::none;
+};
+[[nodiscard]] ObjectArguments object_arguments(Arguments& arguments);
+/// The bytes of a value as a person wrote it; type `none`: a row of hex bytes.
+[[nodiscard]] Checked<std::vector<std::uint8_t>> value_bytes(od::DataType type, const std::string& text, NodeId node);
+struct NmtArguments {
+  std::string bus;
+  co::NmtCommand command = co::NmtCommand::start;
+  co::NmtTarget target;
+  std::string word;
+};
+[[nodiscard]] NmtArguments nmt_arguments(Arguments& arguments);
+
+/// What an LSS command is about; only what its service takes means something.
+struct LssArguments {
+  std::string service;
+  std::string bus;
+  std::optional<LssAddress> device;
+  lss::State state = lss::State::waiting;
+  NodeId id;
+  bool store = false;
+  std::uint32_t rate = 0;
+  std::uint16_t delay_ms = 0;
+  lss::IdentifyRanges ranges;
+};
+/// What is wrong is in `problem`.
+[[nodiscard]] LssArguments lss_arguments(const CommandRequest& request, std::string& problem);
 
 // The verbs (commands.cpp, command_sdo.cpp, command_lss.cpp).
 rt::Task<void> sdo_read(Session& session, const CommandRequest& request, CommandReply& reply);

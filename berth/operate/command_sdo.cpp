@@ -1,6 +1,8 @@
 // sdo read, sdo write, nmt.
 #include <fmt/format.h>
 
+#include <algorithm>
+#include <array>
 #include <nlohmann/json.hpp>
 
 #include "berth/co/nmt_master.hpp"
@@ -12,16 +14,6 @@
 namespace berth::operate {
 
 using od::DataType;
-
-namespace {
-
-struct ObjectArguments {
-  std::string bus;
-  NodeId node;
-  std::uint16_t index = 0;
-  std::uint8_t sub = 0;
-  DataType type = DataType::none;
-};
 
 ObjectArguments object_arguments(Arguments& arguments) {
   ObjectArguments object;
@@ -41,6 +33,8 @@ ObjectArguments object_arguments(Arguments& arguments) {
   }
   return object;
 }
+
+namespace {
 
 std::string hex_bytes(std::span<const std::uint8_t> bytes) {
   std::string out;
@@ -83,6 +77,8 @@ std::string value_text(DataType type, std::span<const std::uint8_t> bytes) {
   return text;
 }
 
+}  // namespace
+
 Checked<std::vector<std::uint8_t>> value_bytes(DataType type, const std::string& text, NodeId node) {
   const DataType read_as = type == DataType::none ? DataType::octet_string : type;
   const auto parsed = od::parse(read_as, text);
@@ -101,6 +97,8 @@ Checked<std::vector<std::uint8_t>> value_bytes(DataType type, const std::string&
   od::store(read_as, parsed->value.resolve(read_as, node.value()), bytes.data());
   return bytes;
 }
+
+namespace {
 
 Json object_json(const Network& network, const ObjectArguments& object) {
   Json json;
@@ -177,40 +175,50 @@ rt::Task<void> sdo_write(Session& session, const CommandRequest& request, Comman
        {fmt::format("node {}  {:04X}h:{:02X}  written: {}", object.node.value(), object.index, object.sub, hex_bytes(*bytes))});
 }
 
-rt::Task<void> nmt_command(Session& session, const CommandRequest& request, CommandReply& reply) {
-  Arguments arguments(request, {"bus", "command", "node"});
-  const std::string word = arguments.required("command");
-  const std::uint8_t node = arguments.node("node", true);
+NmtArguments nmt_arguments(Arguments& arguments) {
   static constexpr std::array<std::pair<std::string_view, co::NmtCommand>, 5> commands{
       {{"start", co::NmtCommand::start},
        {"stop", co::NmtCommand::stop},
        {"preop", co::NmtCommand::enter_pre_operational},
        {"reset-node", co::NmtCommand::reset_node},
        {"reset-comm", co::NmtCommand::reset_communication}}};
-  const auto* const it = std::ranges::find(commands, word, &decltype(commands)::value_type::first);
-  if (it == commands.end()) {
-    arguments.wrong(fmt::format("{} is no NMT command; use start, stop, preop, reset-node or reset-comm", text::quoted(word)));
+  NmtArguments nmt;
+  nmt.bus = arguments.text("bus");
+  nmt.word = arguments.required("command");
+  const std::uint8_t node = arguments.node("node", true);
+  if (node != 0) nmt.target = NodeId(node);
+  const auto* const it = std::ranges::find(commands, nmt.word, &decltype(commands)::value_type::first);
+  if (it != commands.end()) {
+    nmt.command = it->second;
+  } else {
+    arguments.wrong(
+        fmt::format("{} is no NMT command; use start, stop, preop, reset-node or reset-comm", text::quoted(nmt.word)));
   }
+  return nmt;
+}
+
+rt::Task<void> nmt_command(Session& session, const CommandRequest& request, CommandReply& reply) {
+  Arguments arguments(request, {"bus", "command", "node"});
+  const NmtArguments nmt = nmt_arguments(arguments);
   if (!arguments.good()) co_return refuse(reply, 2, arguments.problem());
-  const co::NmtCommand command = it->second;
-  const bool harmless = command == co::NmtCommand::stop || command == co::NmtCommand::enter_pre_operational;
-  const auto network = network_for(session, arguments.text("bus"), harmless ? Use::send : Use::command);
+  const bool harmless = nmt.command == co::NmtCommand::stop || nmt.command == co::NmtCommand::enter_pre_operational;
+  const auto network = network_for(session, nmt.bus, harmless ? Use::send : Use::command);
   if (!network) co_return refuse(reply, 2, network.error());
   Network& bus = **network;
-  const co::NmtTarget target = node == 0 ? co::NmtTarget::all() : co::NmtTarget(NodeId(node));
-  const auto sent = co_await bus.nmt().send(command, target);
-  const std::string whom = node == 0 ? "all nodes" : fmt::format("node {}", node);
-  if (!sent) co_return fail_with(reply, sent.error(), fmt::format("bus {}, NMT {} to {}", bus.bus().name, word, whom));
+  const auto sent = co_await bus.nmt().send(nmt.command, nmt.target);
+  const bool all = nmt.target == co::NmtTarget::all();
+  const std::string whom = all ? "all nodes" : fmt::format("node {}", nmt.target.node);
+  if (!sent) co_return fail_with(reply, sent.error(), fmt::format("bus {}, NMT {} to {}", bus.bus().name, nmt.word, whom));
   Json json;
   json["bus"] = bus.bus().name;
-  json["command"] = word;
-  if (node == 0) {
+  json["command"] = nmt.word;
+  if (all) {
     json["node"] = "all";
   } else {
-    json["node"] = node;
+    json["node"] = nmt.target.node;
   }
   json["sent_s"] = seconds(*sent);
-  give(reply, json, {fmt::format("NMT {} sent to {}", co::name(command), whom)});
+  give(reply, json, {fmt::format("NMT {} sent to {}", co::name(nmt.command), whom)});
 }
 
 }  // namespace berth::operate

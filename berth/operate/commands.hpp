@@ -26,6 +26,7 @@
 #include <string>
 #include <vector>
 
+#include "berth/can/frame.hpp"
 #include "berth/rt/task.hpp"
 
 namespace berth::operate {
@@ -59,6 +60,11 @@ struct CommandReply {
 
 /// A reply that says only that, and why, something is not done.
 [[nodiscard]] CommandReply refusal(int status, std::string message);
+
+/// The frames that a command sends whatever anybody answers, up to the first answer it needs: one NMT command, an LSS
+/// service, the initiate frame of an SDO transfer. Empty for commands that depend on what they hear; `problem` says
+/// why, or what is wrong with the request.
+[[nodiscard]] std::vector<can::Frame> foreseeable_frames(const CommandRequest& request, std::string& problem);
 
 /// Runs one command. `request` and `reply` must stay until the task is done. It waits until the main job has nothing to
 /// do on the bus, and may wait for devices: give it a limit from outside, by destroying the task.

@@ -37,12 +37,12 @@ namespace berth::operate {
 
 /// What a network tells its owner. Called from the executor; must not destroy the network.
 struct NetworkObserver {
-  std::function<void(const Event&)> event;
+  std::function<void(const Event&)> event = {};
   /// "discovered": the first discovery has ended; "bound": every slot that can be is bound; "operational": every slot
   /// that is not optional is operational. Each once.
-  std::function<void(const std::string&)> milestone;
+  std::function<void(const std::string&)> milestone = {};
   /// Before each step of a binding: for displays and fault plans. May be empty.
-  std::function<void(const places::Binding&)> before_step;
+  std::function<void(const places::Binding&)> before_step = {};
 };
 
 /// Where the main job is.
@@ -136,6 +136,7 @@ class Network final : private co::HeartbeatConsumer::Observer, private co::SdoCl
   rt::Task<void> ask_seat(Seat& seat);
   rt::Task<void> look_by_lss(Seat& seat);
   rt::Task<Result<NodeId>> active_id(LssAddress device);
+  rt::Task<Result<NodeId>> ask_active_id(LssAddress device);
   rt::Task<void> verify_vacancy();
   rt::Task<void> ask_vacancy(NodeId id);
   rt::Task<void> scan_node(NodeId id, Seen& seen, co::SdoOptions patience);

@@ -47,7 +47,8 @@ rt::Task<void> Network::tell_who_is_known() {
     const bool known = seat->there && seat->slot.record.confirmed;
     if (!known) continue;
     const LssAddress device = seat->slot.record.confirmed->device;
-    const auto told = co_await rand_.switch_selective(device);
+    const rt::Duration pause = lss_.options().inhibit;
+    const auto told = co_await rand_.switch_selective(device, nodeid::Identification::identified, pause);
     if (!told) co_return;
   }
 }
@@ -148,6 +149,7 @@ rt::Task<bool> Network::bind_seat(Seat& seat, LssAddress device, std::string rea
   options.tries = bus_->timing.tries;
   options.boot_timeout = bus_->timing.boot_timeout;
   options.guard_timeout = bus_->timing.guard_timeout;
+  options.slow_inhibit = bus_->timing.rand_response;
   options.before_step = observer_.before_step;
   places::Binder binder(services(), options);
   const places::SlotId slot = seat.slot.record.slot;

@@ -1,5 +1,7 @@
 #include "berth/places/binder.hpp"
 
+#include <algorithm>
+
 #include "berth/co/guarding.hpp"
 
 namespace berth::places {
@@ -22,11 +24,13 @@ Outcome outcome_of(const Error& error) noexcept {
 }
 
 rt::Task<void> Binder::run(Binding& binding, SlotId slot, const std::string& reason) {
+  const lss::MasterOptions before = s_.lss.options();
   while (!binding.ended()) {
     if (options_.before_step) options_.before_step(binding);
     const Outcome outcome = co_await perform(binding, slot, reason);
     binding.advance(outcome);
   }
+  if (binding.step() != Step::done) s_.lss.set_options(before);
 }
 
 rt::Task<Outcome> Binder::perform(Binding& binding, SlotId slot, const std::string& reason) {
@@ -112,9 +116,15 @@ void Binder::note_strangers(const lss::Reply& reply) noexcept {
 
 rt::Task<Outcome> Binder::select(const LssAddress& device) {
   strangers_ = false;
+  if (silent_once_) {
+    lss::MasterOptions slower = s_.lss.options();
+    slower.inhibit = std::max(slower.inhibit, options_.slow_inhibit);
+    s_.lss.set_options(slower);
+  }
   const auto quiet = co_await s_.lss.switch_global(lss::State::waiting);
   if (!quiet) co_return Outcome::error;
   const auto reply = co_await s_.lss.switch_selective(device);
+  silent_once_ = silent_once_ || !reply;
   if (!reply) co_return outcome_of(reply.error());
   note_strangers(*reply);
   co_return Outcome::ok;

@@ -35,6 +35,9 @@ class Binder {
     unsigned tries = 3;                                         ///< attempts before silence counts
     rt::Duration boot_timeout = std::chrono::seconds(10);       ///< reset to boot-up message
     rt::Duration guard_timeout = std::chrono::milliseconds(100);
+    /// Least time between LSS requests once a device did not answer: one with a single-slot receive buffer loses the
+    /// second of 40h..43h when they come back to back. Kept for the bus when it helped.
+    rt::Duration slow_inhibit = std::chrono::milliseconds(10);
     bool use_guarding = true;                                   ///< vacancy: ask by a remote frame too
     std::function<void(const Binding&)> before_step;            ///< for displays and fault plans; may be empty
   };
@@ -70,6 +73,7 @@ class Binder {
   rt::Time watch_since_{};  // vacancy was seen then
   rt::Time moved_{};        // the device may boot under its new node-ID from then on
   bool strangers_ = false;
+  bool silent_once_ = false;
 };
 
 /// What the outcome of a `Result` means to the table.
