@@ -1,109 +1,10 @@
 // The patterns of docs/coroutines.md on this compiler: every value arrives, and every object with a destructor is
 // constructed and destroyed exactly once. g++ 12 breaks such things silently in the forms that the rules forbid.
-#include <functional>
-#include <memory>
-#include <tuple>
+#include "probe.hpp"
 
-#include "berth/base/result.hpp"
-#include "berth/rt/mailbox.hpp"
-#include "berth/rt/scope.hpp"
-#include "berth/rt/task.hpp"
-
-using namespace berth;
-using rt::Task;
-using namespace std::chrono_literals;
+using namespace probe;
 
 namespace {
-
-// Counts itself, and knows whether it is what it was made as.
-struct Counted {
-  static inline int alive = 0;
-  static inline int made = 0;
-  static inline int errors = 0;
-  int value = 0;
-  const Counted* self = this;
-
-  explicit Counted(int v) : value(v) { born(); }
-  Counted(const Counted& o) : value(o.value) { born(&o); }
-  Counted(Counted&& o) noexcept : value(std::exchange(o.value, -1)) { born(&o); }
-  Counted& operator=(const Counted& o) {
-    check(o);
-    value = o.value;
-    return *this;
-  }
-  Counted& operator=(Counted&& o) noexcept {
-    check(o);
-    value = std::exchange(o.value, -1);
-    return *this;
-  }
-  ~Counted() {
-    check(*this);  // destroyed twice, or copied as bytes: `self` is wrong
-    self = nullptr;
-    --alive;
-  }
-
- private:
-  static void check(const Counted& o) {
-    if (o.self != &o) ++errors;
-  }
-  void born(const Counted* from = nullptr) {
-    if (from != nullptr) check(*from);
-    ++alive;
-    ++made;
-  }
-};
-
-// An operation that ends after a delay, or at once, and gives a value with a destructor.
-class Give final : public rt::Operation<Give>, private rt::Job {
- public:
-  Give(int value, rt::Duration delay) : value_(value), delay_(delay), witness_(value) {}
-  bool start() noexcept {
-    if (delay_ == 0ns) return false;
-    executor().after(delay_, *this);
-    return true;
-  }
-  Counted await_resume() { return Counted(value_); }
-
- private:
-  void run() noexcept override { finish(); }
-  int value_;
-  rt::Duration delay_;
-  Counted witness_;
-};
-
-struct Client {
-  rt::Duration delay{};
-  Give give(int value) { return Give(value, delay); }
-  Task<Counted> task(int value) {
-    auto got = co_await give(value);
-    co_return got;
-  }
-  Task<Result<Counted>> result(int value) {
-    auto got = co_await give(value);
-    if (got.value < 0) co_return fail(Errc::invalid, "negative");
-    co_return got;
-  }
-  Task<Result<void>> check(int value) {
-    auto got = co_await result(value);
-    if (!got) co_return fail(got.error());
-    co_return Result<void>{};
-  }
-  Task<Result<std::string>> text(const std::string& prefix, int value) {
-    auto got = co_await result(value);
-    if (!got) co_return fail(got.error());
-    std::string out = prefix + std::to_string(got->value);
-    co_return out;
-  }
-  Task<Result<std::vector<Counted>>> list(int n) {
-    std::vector<Counted> all;
-    for (int i = 0; i < n; ++i) {
-      auto got = co_await result(i);
-      if (!got) co_return fail(got.error());
-      all.push_back(std::move(*got));
-    }
-    co_return std::move(all);
-  }
-};
 
 // Runs a procedure to its end in one scope, with and without real waits, and looks at the count afterwards.
 class Probe : public ::testing::TestWithParam<rt::Duration> {
@@ -150,6 +51,21 @@ TEST_P(Probe, DeclarationFromAnAwait) {
   EXPECT_EQ(seen, (std::vector<int>{1, 2, 3, 4, static_cast<int>(Errc::invalid)}));
 }
 
+Task<void> assignments(Client& c, std::vector<int>& seen) {
+  Counted v(0);
+  v = co_await c.task(1);
+  Result<Counted> r = fail(Errc::invalid, "");
+  r = co_await c.result(2);
+  seen = {v.value, r->value};
+  r = co_await c.result(-2);
+  seen.push_back(r ? 1 : 0);
+}
+TEST_P(Probe, AssignmentToAName) {
+  std::vector<int> seen;
+  run(assignments(client, seen));
+  EXPECT_EQ(seen, (std::vector<int>{1, 2, 0}));
+}
+
 Task<Counted> pass_on(Client& c, int v) { co_return co_await c.task(v); }
 Task<Result<Counted>> pass_on_result(Client& c, int v) { co_return co_await c.result(v); }
 Task<void> returned(Client& c, std::vector<int>& seen) {
@@ -193,7 +109,8 @@ TEST_P(Probe, OperationThatHasAName) {
 Task<void> behind_heads(Client& c, std::vector<int>& seen) {
   for (int i = 0; i < 5; ++i) {
     if (i == 1) continue;
-    auto got = co_await c.result(i == 3 ? -1 : i);
+    const int ask = i == 3 ? -1 : i;
+    auto got = co_await c.result(ask);
     if (!got) {
       seen.push_back(-1);
       continue;
@@ -223,7 +140,8 @@ Task<Result<int>> leaves_early(Client& c, int at, Counted held) {
   Counted local(50);
   for (int i = 0; i < 10; ++i) {
     Counted inner(i);
-    auto got = co_await c.result(i == at ? -1 : i);
+    const int ask = i == at ? -1 : i;
+    auto got = co_await c.result(ask);
     if (!got) co_return fail(got.error());
     if (got->value != inner.value) co_return -1;
   }
