@@ -1,0 +1,252 @@
+#include "berth/operate/control.hpp"
+
+#include <fmt/format.h>
+#include <sys/socket.h>
+#include <sys/stat.h>
+#include <sys/un.h>
+#include <unistd.h>
+
+#include <cctype>
+#include <cerrno>
+#include <chrono>
+#include <cstdlib>
+#include <cstring>
+
+namespace berth::operate {
+namespace {
+
+constexpr std::size_t longest_request = 64 * 1024;
+constexpr std::size_t most_clients = 16;
+
+class Descriptor {
+ public:
+  explicit Descriptor(int fd) noexcept : fd_(fd) {}
+  ~Descriptor() {
+    if (fd_ >= 0) ::close(fd_);
+  }
+  Descriptor(const Descriptor&) = delete;
+  Descriptor& operator=(const Descriptor&) = delete;
+  [[nodiscard]] int get() const noexcept { return fd_; }
+  int release() noexcept { return std::exchange(fd_, -1); }
+
+ private:
+  int fd_;
+};
+
+std::string reason(int error) { return std::strerror(error); }
+
+bool address_of(const std::string& path, sockaddr_un& address) {
+  address = {};
+  address.sun_family = AF_UNIX;
+  if (path.empty() || path.size() >= sizeof(address.sun_path)) return false;
+  std::memcpy(address.sun_path, path.data(), path.size());
+  return true;
+}
+
+// What the socket functions take.
+const sockaddr* plain(const sockaddr_un& address) noexcept { return reinterpret_cast<const sockaddr*>(&address); }
+
+std::string too_long(const std::string& path) {
+  return fmt::format("{}: no name for a socket: it must have 1 to {} bytes; give another with --control", path,
+                     sizeof(sockaddr_un::sun_path) - 1);
+}
+
+/// The process that listens at a path; 0 when nobody does. -1: somebody, it does not say who.
+pid_t listener_of(const sockaddr_un& address) {
+  const Descriptor fd(::socket(AF_UNIX, SOCK_STREAM | SOCK_CLOEXEC, 0));
+  if (fd.get() < 0 || ::connect(fd.get(), plain(address), sizeof address) != 0) return 0;
+  ucred who{};
+  socklen_t size = sizeof who;
+  return ::getsockopt(fd.get(), SOL_SOCKET, SO_PEERCRED, &who, &size) == 0 ? who.pid : -1;
+}
+
+// The folder must be the caller's alone: whoever can write there could put a socket of his own in place of ours.
+std::string make_folder(const std::string& path) {
+  const auto slash = path.rfind('/');
+  if (slash == std::string::npos || slash == 0) return {};
+  const std::string folder = path.substr(0, slash);
+  if (::mkdir(folder.c_str(), 0700) == 0) return {};
+  const int error = errno;
+  struct stat status{};
+  const bool there = error == EEXIST && ::stat(folder.c_str(), &status) == 0 && S_ISDIR(status.st_mode);
+  if (!there) return fmt::format("{}: the folder cannot be made: {}", folder, reason(error));
+  const bool ours_by_name = folder == fmt::format("/tmp/berth-{}", ::getuid());
+  if (!ours_by_name) return {};
+  struct stat itself{};
+  const bool safe = ::lstat(folder.c_str(), &itself) == 0 && S_ISDIR(itself.st_mode) && itself.st_uid == ::getuid() &&
+                    (itself.st_mode & 0077U) == 0;
+  return safe ? std::string() : fmt::format("{}: this folder is not this user's alone; remove it or give --control", folder);
+}
+
+}  // namespace
+
+std::string control_path(const std::string& machine) {
+  std::string name = machine;
+  for (char& c : name) {
+    const auto byte = static_cast<unsigned char>(c);
+    if (std::isalnum(byte) == 0 && c != '.' && c != '-' && c != '_') c = '_';
+  }
+  const char* const runtime = std::getenv("XDG_RUNTIME_DIR");
+  struct stat status{};
+  const bool usable = runtime != nullptr && *runtime == '/' && ::stat(runtime, &status) == 0 && S_ISDIR(status.st_mode);
+  return usable ? fmt::format("{}/berth-{}.sock", runtime, name) : fmt::format("/tmp/berth-{}/{}.sock", ::getuid(), name);
+}
+
+// ---- the asking side ----
+
+tl::expected<CommandReply, std::string> control_call(const std::string& path, const CommandRequest& request,
+                                                     int timeout_ms) {
+  sockaddr_un address{};
+  if (!address_of(path, address)) return tl::unexpected(too_long(path));
+  const Descriptor fd(::socket(AF_UNIX, SOCK_STREAM | SOCK_CLOEXEC, 0));
+  if (fd.get() < 0) return tl::unexpected(reason(errno));
+  if (::connect(fd.get(), plain(address), sizeof address) != 0) {
+    return tl::unexpected(fmt::format("{}: nobody listens there ({})", path, reason(errno)));
+  }
+  const std::string line = to_json(request) + "\n";
+  for (std::size_t done = 0; done < line.size();) {
+    const auto n = ::send(fd.get(), line.data() + done, line.size() - done, MSG_NOSIGNAL);
+    if (n <= 0) return tl::unexpected(fmt::format("{}: the request could not be sent: {}", path, reason(errno)));
+    done += static_cast<std::size_t>(n);
+  }
+  std::string answer;
+  const auto end = std::chrono::steady_clock::now() + std::chrono::milliseconds(timeout_ms);
+  while (answer.find('\n') == std::string::npos) {
+    const auto left = std::chrono::duration_cast<std::chrono::milliseconds>(end - std::chrono::steady_clock::now()).count();
+    pollfd wait{fd.get(), POLLIN, 0};
+    const int ready = left > 0 ? ::poll(&wait, 1, static_cast<int>(left)) : 0;
+    if (ready < 0 && errno == EINTR) continue;
+    if (ready <= 0) return tl::unexpected(fmt::format("{}: no answer within {} ms; give a longer --timeout", path, timeout_ms));
+    char buffer[4096];
+    const auto n = ::recv(fd.get(), buffer, sizeof buffer, 0);
+    if (n <= 0) return tl::unexpected(fmt::format("{}: the running `berth up` ended before it answered", path));
+    answer.append(buffer, static_cast<std::size_t>(n));
+  }
+  return parse_reply(answer.substr(0, answer.find('\n')));
+}
+
+// ---- the serving side ----
+
+/// One connection: one request at a time; the next is read when the answer is out.
+struct ControlServer::Client {
+  Client(int descriptor, rt::Executor& executor) : fd(descriptor), scope(executor) {}
+  Descriptor fd;
+  std::string in;
+  std::string out;
+  CommandRequest request;
+  CommandReply reply;
+  bool busy = false;
+  bool answered = false;
+  rt::Scope scope;  // last: its task uses the rest
+};
+
+namespace {
+
+rt::Task<void> run(Session& session, const CommandRequest& request, CommandReply& reply, bool& answered) {
+  co_await execute(session, request, reply);
+  answered = true;
+}
+
+}  // namespace
+
+tl::expected<std::unique_ptr<ControlServer>, std::string> ControlServer::listen(const std::string& path, Session& session) {
+  sockaddr_un address{};
+  if (!address_of(path, address)) return tl::unexpected(too_long(path));
+  if (const auto problem = make_folder(path); !problem.empty()) return tl::unexpected(problem);
+  if (const pid_t other = listener_of(address); other != 0) {
+    return tl::unexpected(fmt::format("{}: another `berth up` runs this machine{}; end it first, or give this one another "
+                                      "--control",
+                                      path, other > 0 ? fmt::format(", process {}", other) : ""));
+  }
+  struct stat status{};
+  if (::lstat(path.c_str(), &status) == 0) {
+    if (!S_ISSOCK(status.st_mode)) return tl::unexpected(path + ": there is a file of this name that is no socket");
+    ::unlink(path.c_str());
+  }
+  Descriptor fd(::socket(AF_UNIX, SOCK_STREAM | SOCK_NONBLOCK | SOCK_CLOEXEC, 0));
+  const mode_t before = ::umask(0177);
+  const bool bound = fd.get() >= 0 && ::bind(fd.get(), plain(address), sizeof address) == 0;
+  const int error = errno;
+  ::umask(before);
+  if (!bound) return tl::unexpected(fmt::format("{}: {}", path, reason(error)));
+  if (::listen(fd.get(), 8) != 0) return tl::unexpected(fmt::format("{}: {}", path, reason(errno)));
+  return std::unique_ptr<ControlServer>(new ControlServer(path, fd.release(), session));
+}
+
+ControlServer::ControlServer(std::string path, int fd, Session& session)
+    : path_(std::move(path)), fd_(fd), session_(&session) {}
+
+ControlServer::~ControlServer() {
+  clients_.clear();
+  ::close(fd_);
+  ::unlink(path_.c_str());
+}
+
+void ControlServer::fill(std::vector<pollfd>& descriptors) const {
+  descriptors.push_back({fd_, POLLIN, 0});
+  for (const auto& client : clients_) {
+    const auto events = static_cast<short>(client->out.empty() ? POLLIN : POLLIN | POLLOUT);
+    descriptors.push_back({client->fd.get(), events, 0});
+  }
+}
+
+void ControlServer::serve() {
+  accept_all();
+  std::erase_if(clients_, [&](const auto& client) { return !read_from(*client) || !write_to(*client); });
+}
+
+void ControlServer::accept_all() {
+  while (clients_.size() < most_clients) {
+    const int fd = ::accept4(fd_, nullptr, nullptr, SOCK_NONBLOCK | SOCK_CLOEXEC);
+    if (fd < 0) return;
+    clients_.push_back(std::make_unique<Client>(fd, session_->executor()));
+  }
+}
+
+bool ControlServer::read_from(Client& client) {
+  for (;;) {
+    char buffer[4096];
+    const auto n = ::recv(client.fd.get(), buffer, sizeof buffer, 0);
+    if (n == 0) return false;  // it left: what it asked for ends with it
+    if (n < 0 && errno == EINTR) continue;
+    if (n < 0 && errno != EAGAIN && errno != EWOULDBLOCK) return false;
+    if (n < 0) break;
+    if (client.in.size() + static_cast<std::size_t>(n) > longest_request) return false;
+    client.in.append(buffer, static_cast<std::size_t>(n));
+  }
+  if (!client.busy) begin(client);
+  return true;
+}
+
+// Takes the next whole line, if there is one.
+void ControlServer::begin(Client& client) {
+  const auto end = client.in.find('\n');
+  if (end == std::string::npos) return;
+  const std::string line = client.in.substr(0, end);
+  client.in.erase(0, end + 1);
+  std::string problem;
+  client.request = parse_request(line, problem);
+  client.busy = true;
+  client.answered = client.request.verb.empty();
+  if (client.answered) {
+    client.reply = refusal(2, problem);
+  } else {
+    client.scope.spawn(run(*session_, client.request, client.reply, client.answered));
+  }
+}
+
+bool ControlServer::write_to(Client& client) {
+  if (client.busy && client.answered) {
+    client.out += to_json(client.reply) + "\n";
+    client.busy = client.answered = false;
+  }
+  while (!client.out.empty()) {
+    const auto n = ::send(client.fd.get(), client.out.data(), client.out.size(), MSG_NOSIGNAL);
+    if (n < 0 && errno == EINTR) continue;
+    if (n < 0) return errno == EAGAIN || errno == EWOULDBLOCK;
+    client.out.erase(0, static_cast<std::size_t>(n));
+  }
+  return true;
+}
+
+}  // namespace berth::operate
