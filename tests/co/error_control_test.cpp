@@ -120,6 +120,19 @@ TEST_F(Heartbeats, LostExactlyAfterTheTimeSinceTheLastOne) {
   EXPECT_EQ(observer.times.back(), last + 100ms);
 }
 
+TEST_F(Heartbeats, AShortTimeIsKeptBesideALongOne) {
+  consumer.supervise(NodeId(5), 1000ms);
+  consumer.supervise(NodeId(6), 50ms);
+  beat("705#05");
+  beat("706#05");
+  const auto last = wire.times.back();
+  observer.take();
+  observer.times.clear();
+  run(500ms);
+  EXPECT_EQ(observer.take(), (Log{event(6, "lost", op)}));
+  EXPECT_EQ(observer.times.front(), last + 50ms);
+}
+
 TEST_F(Heartbeats, StateChangesAndTheReservedBit) {
   consumer.supervise(NodeId(5), 100ms);
   for (const char* f : {"705#7F", "705#7F", "705#FF", "705#05", "705#85", "705#04"}) beat(f);

@@ -78,6 +78,8 @@ TEST_F(Server, SegmentedDownloadWithSize) {
   EXPECT_EQ(stored(0x2005), Bytes(8, 0)) << "nothing is stored before the end";
   EXPECT_EQ(ask("1D08000000000000"), "3000000000000000");
   EXPECT_EQ(stored(0x2005), (Bytes{1, 2, 3, 4, 5, 6, 7, 8}));
+  EXPECT_FALSE(server.busy());
+  EXPECT_EQ(ask("0009090909090909"), aborted("000000", "01000405")) << "nothing comes after the last segment";
 }
 
 // S1: segmented download, size not indicated.
@@ -201,6 +203,17 @@ TEST_F(Server, S17_UploadLongerThanTheBuffer) {
   ask("6000000000000000");
   ASSERT_EQ(values.set_bytes({0x2004, 0}, std::span(content).first(500)), AbortCode::none);
   EXPECT_EQ(ask("7000000000000000"), aborted("042000", "22000008"));
+}
+
+// S17: exactly as long as the buffer, and one byte more.
+TEST_F(Server, S17_BufferToTheByte) {
+  for (const bool fits : {true, false}) {
+    EXPECT_EQ(ask("2003200000000000"), "6003200000000000");
+    for (int i = 0; i < 9; ++i) ask(i % 2 ? "1061616161616161" : "0061616161616161");
+    EXPECT_EQ(ask(fits ? "1D61000000000000" : "1B61610000000000"),
+              fits ? "3000000000000000" : aborted("032000", "05000405"));
+    EXPECT_EQ(values.get_text({0x2003, 0}).size(), 64U);
+  }
 }
 
 TEST_F(Server, UploadWithinTheBufferIsOneConsistentValue) {
@@ -331,6 +344,14 @@ TEST_F(Service, AFullPortDelaysTheAnswer) {
   device.port.refuses.reset();
   run(10ms);
   EXPECT_EQ(wire.log, (Log{"605#4000100000000000", "585#4300100092010200"}));
+  // A new request gives up the answer that never left.
+  device.port.refuses = can::Queued::full;
+  client.send("605#4000100000000000");
+  executor.advance(executor.now() + 150us);
+  device.port.refuses.reset();
+  ask("605#4008100000000000");
+  run(10s);
+  EXPECT_EQ(wire.log, (Log{"605#4008100000000000", "585#410810001A000000", "585#8008100000000405"}));
 }
 
 }  // namespace
