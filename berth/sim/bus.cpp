@@ -27,12 +27,10 @@ Segment& Bus::new_segment() { return *segments_.emplace_back(std::make_unique<Se
 std::unique_ptr<Controller> Bus::attach(const ControllerOptions& options) {
   std::unique_ptr<Controller> node(new Controller(*this, next_number_++, options));
   Segment& segment = *segments_.front();
-  if (!segment.idle()) {
-    node->runs_left_ = 1;
-    node->recessive_since_ = executor_->now();
-  }
+  const bool idle = segment.idle();
   controllers_.push_back(node.get());
   segment.join(*node);
+  if (!idle) segment.integrate(*node, node->powered_ ? 1 : 0);
   return node;
 }
 

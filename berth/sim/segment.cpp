@@ -11,6 +11,7 @@ namespace berth::sim {
 // Nodes come and go.
 
 void Segment::join(Controller& node) {
+  if (state_ == State::busy && unanswered_) replay();
   const auto hole = std::ranges::find(nodes_, nullptr);
   node.slot_ = static_cast<std::uint32_t>(hole - nodes_.begin());
   if (hole == nodes_.end()) {
@@ -52,7 +53,7 @@ void Segment::counters_changed(bool was_clean, bool is_clean) noexcept {
 }
 
 void Segment::refresh() noexcept {
-  ackers_ = integrating_ = suspended_ = 0;
+  ackers_ = integrating_ = suspended_ = present_ = 0;
   mixed_ = false;
   std::uint32_t rate = 0;
   for (const Controller* node : nodes_) {
@@ -60,6 +61,7 @@ void Segment::refresh() noexcept {
     if (node->participates() && !node->listen_only_) ++ackers_;
     if (node->runs_left_ > 0 && node->runs_left_ != Controller::nothing) ++integrating_;
     if (node->runs_left_ == Controller::nothing) continue;
+    ++present_;
     if (node->suspends_) ++suspended_;
     if (rate != 0 && rate != node->bit_rate_) mixed_ = true;
     rate = node->bit_rate_;
@@ -69,6 +71,8 @@ void Segment::refresh() noexcept {
 }
 
 void Segment::integrate(Controller& node, std::uint32_t runs) noexcept {
+  node.runs_left_ = Controller::nothing;
+  if (state_ == State::busy && unanswered_) replay();
   node.runs_left_ = runs;
   node.recessive_since_ = executor_->now();
   node.suspends_ = false;
@@ -210,6 +214,8 @@ void Segment::schedule_start() noexcept {
 void Segment::run() noexcept {
   if (state_ == State::starting) {
     arbitrate();
+  } else if (state_ == State::busy && unanswered_) {
+    give_up();
   } else if (state_ == State::busy) {
     finish();
   }
@@ -257,7 +263,8 @@ void Segment::arbitrate() noexcept {
   frame_ = &senders_.front()->head().frame;
   note_start(*frame_, senders_.front()->number_);
   if (!alike) ++bus_->statistics_.collisions;
-  if (!alike || mixed_ || ackers_ <= senders_.size() || !flaws_.empty()) {
+  unanswered_ = present_ == 1 && flaws_.empty() && senders_.front()->error_state() == ErrorState::passive;
+  if ((!alike || mixed_ || ackers_ <= senders_.size() || !flaws_.empty()) && !unanswered_) {
     start_bitwise();
     return;
   }
@@ -270,7 +277,8 @@ void Segment::arbitrate() noexcept {
   }
   frame_bits_ = can::exact_bits(*frame_);
   state_ = State::busy;
-  executor_->at(sof_ + (frame_bits_ - 3) * bit_, *this, rt::Phase::medium);
+  const unsigned until = unanswered_ ? frame_bits_ + 6 : frame_bits_ - 3;
+  executor_->at(sof_ + until * bit_, *this, rt::Phase::medium);
 }
 
 void Segment::note_start(const can::Frame& frame, int sender) {
@@ -324,6 +332,23 @@ void Segment::finish() noexcept {
   }
   if (integrating_ > 0) schedule_integration();
   schedule_start();
+}
+
+// A passive node alone on the wire goes on for ever: ACK error, six recessive bits of flag, eight of delimiter, three
+// of intermission, no counter touched (rule 3, exception 1), suspend transmission.
+void Segment::give_up() noexcept {
+  Controller& node = *senders_.front();
+  free_at_ = executor_->now();
+  state_ = State::quiet;
+  bus_->statistics_.busy += free_at_ - sof_;
+  ++bus_->statistics_.error_frames;
+  ++node.statistics_.transmit_errors;
+  node.slots_[node.head_].tried = true;
+  node.suspends_ = true;
+  node.not_before_ = free_at_ + 8 * bit_;
+  ++suspended_;
+  attempt_over(node);
+  if (state_ == State::quiet) schedule_start();
 }
 
 // Rules 7 and 8 of fault confinement, and suspend transmission.

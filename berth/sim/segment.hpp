@@ -115,6 +115,7 @@ class Segment final : private rt::Job {
   void schedule_start() noexcept;
   void arbitrate() noexcept;
   void finish() noexcept;
+  void give_up() noexcept;
   void detach(Controller& node) noexcept;
   bool pick_senders() noexcept;
   void settle_counters(rt::Time free) noexcept;
@@ -183,6 +184,8 @@ class Segment final : private rt::Job {
   std::uint64_t starts_ = 0;
   unsigned count_ = 0;                 // nodes
   unsigned ackers_ = 0;                // nodes that would acknowledge
+  unsigned present_ = 0;               // nodes that have power and are not bus-off
+  bool unanswered_ = false;            // busy with the frame of a passive node that has nobody to acknowledge it
   unsigned noisy_ = 0;                 // nodes with TEC or REC not zero
   unsigned suspended_ = 0;             // nodes with suspends_
   unsigned integrating_ = 0;           // nodes with runs_left_ > 0 and power

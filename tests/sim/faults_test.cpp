@@ -148,6 +148,29 @@ TEST(SimFaults, PowerLossOfTheOnlyReceiverMidFrame) {
   EXPECT_EQ(b.ear.frames.size(), 1U);
 }
 
+// A node that comes while a passive one calls into the void hears it after 11 recessive bits, whenever it comes.
+TEST(SimFaults, ComingToALoneNodeAtAnyBit) {
+  for (int bit = 0; bit < 160; bit += 2) {
+    sim::World world;
+    sim::Bus& bus = world.add_bus("bus", 1'000'000);
+    Node a(bus);
+    Node b(bus, {.powered = false});
+    a.port->send(eight, 1);
+    world.run_for(20ms + bit * 1us);
+    ASSERT_EQ(a.port->tec(), 128);
+    std::unique_ptr<Node> c;
+    if (bit % 4 == 0) {
+      b.port->power(true);
+    } else {
+      c = std::make_unique<Node>(bus);
+    }
+    world.run_for(400us);
+    EXPECT_EQ(a.ear.sent_tags.size(), 1U) << bit;
+    EXPECT_EQ((c ? c->ear : b.ear).frames.size(), 1U) << bit;
+    EXPECT_EQ(a.port->tec(), 127) << bit;
+  }
+}
+
 TEST(SimFaults, CutCableLeavesTheNodeAlone) {
   for (int bit = 0; bit < 130; bit += 3) {
     Scene s;

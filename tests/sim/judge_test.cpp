@@ -60,7 +60,7 @@ unsigned draw_counter(Random& dice, bool receive) {
 Plan draw(std::uint64_t seed, bool disturbed) {
   Random dice(seed);
   Plan plan;
-  plan.nodes.resize(2 + dice.below(3));
+  plan.nodes.resize(dice.below(10) == 0 ? 1 : 2 + dice.below(3));
   for (auto& node : plan.nodes) {
     if (dice.below(3) == 0) node = {draw_counter(dice, false), draw_counter(dice, true)};
     node.by_priority = dice.below(2) == 0;
