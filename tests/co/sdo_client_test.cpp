@@ -3,9 +3,7 @@
 #include "berth/co/sdo_client.hpp"
 
 #include "berth/base/random.hpp"
-#include "berth/co/sdo_access.hpp"
 #include "berth/co/sdo_server.hpp"
-#include "berth/rt/scope.hpp"
 #include "dictionary.hpp"
 #include "wire.hpp"
 
@@ -545,41 +543,6 @@ RC_GTEST_PROP(SdoProperty, AnyPayloadGoesDownAndUp, (std::uint64_t seed)) {
   RC_ASSERT(client.surplus(NodeId(5)) == 0U);
 }
 
-// ---- SdoAccess
-
-rt::Task<void> use_access(co::SdoAccess& access, std::uint32_t& type, std::string& text, Result<void>& refused) {
-  auto number = co_await access.read_u32(0x1000, 0);
-  if (number) type = *number;
-  const std::string hello = "hello, dictionary";
-  const std::span<const std::uint8_t> bytes(reinterpret_cast<const std::uint8_t*>(hello.data()), hello.size());
-  auto written = co_await access.write(0x2003, 0, bytes);
-  if (!written) co_return;
-  auto back = co_await access.read(0x2003, 0);
-  if (back) text = back->text();
-  refused = co_await access.write_u32(0x1000, 0, 1);
-}
-
-TEST(SdoAccess, ReadsAndWritesANodeFromACoroutine) {
-  Bench b;
-  Station device(b.wire), station(b.wire);
-  od::Values values(test_description(), NodeId(5));
-  co::SdoServerService server(device.dispatcher, values);
-  server.start(NodeId(5));
-  co::SdoClient client(station.dispatcher);
-  co::NodeAccess access(client, NodeId(5));
-  std::uint32_t type = 0;
-  std::string text;
-  Result<void> refused;
-  rt::Scope scope(b.executor);
-  scope.spawn(use_access(access, type, text, refused));
-  b.run(1s);
-  EXPECT_EQ(scope.running(), 0U);
-  EXPECT_EQ(type, 0x00020192U);
-  EXPECT_EQ(text, "hello, dictionary");
-  ASSERT_FALSE(refused);
-  EXPECT_EQ(refused.error().detail, 0x06010002U);
-}
-
 // hard-cases §5, complaint 25: an SDO begun inside a callback neither blocks nor nests; it queues.
 TEST_F(Client, AnSdoBegunInsideACallback) {
   reply("605#4000100000000000", {"585#4300100001000000"});
@@ -596,26 +559,6 @@ TEST_F(Client, AnSdoBegunInsideACallback) {
   ASSERT_TRUE(asker.flag.set);
   EXPECT_EQ(*asker.op.await_resume(), 1U);
   client.set_observer(nullptr);
-}
-
-TEST(SdoValue, SmallAndLarge) {
-  co::SdoValue value;
-  EXPECT_TRUE(value.empty());
-  Bytes all;
-  for (std::uint8_t i = 0; i < 40; ++i) {
-    const Bytes piece(i % 9, i);
-    value.append(piece);
-    all.insert(all.end(), piece.begin(), piece.end());
-    ASSERT_EQ(Bytes(value.bytes().begin(), value.bytes().end()), all);
-  }
-  const co::SdoValue copy = value;
-  const co::SdoValue moved = std::move(value);
-  EXPECT_EQ(copy, moved);
-  EXPECT_TRUE(value.empty());
-  EXPECT_EQ(value.bytes().size(), 0U);
-  EXPECT_EQ(co::SdoValue(Bytes{0xFE, 0xFF}).as<std::int16_t>(), -2);
-  EXPECT_FALSE(co::SdoValue(Bytes{1}).as<std::uint16_t>());
-  EXPECT_EQ(co::SdoValue(Bytes{'a', 0, 'b'}).text(), "a");
 }
 
 }  // namespace
