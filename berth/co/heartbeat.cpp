@@ -58,12 +58,20 @@ constexpr std::uint8_t made_by_supervise = 0;
 constexpr unsigned few = 8;
 }  // namespace
 
+HeartbeatConsumer::HeartbeatConsumer(can::Dispatcher& dispatcher, Observer& observer, unsigned most)
+    : dispatcher_(&dispatcher), observer_(&observer) {
+  most = std::clamp(most, 1U, entries);
+  nodes_.reserve(most);
+  entry_values_.resize(most + 1);
+  places_.fill(nowhere);
+}
+
 od::AbortCode HeartbeatConsumer::set_entry(std::uint8_t sub, std::uint32_t value) noexcept {
-  if (sub == 0 || sub > entries) return od::AbortCode::no_sub_index;
+  if (sub == 0 || sub >= entry_values_.size()) return od::AbortCode::no_sub_index;
   if ((value >> 24) != 0) return od::AbortCode::invalid_value;
   const auto node = entry_node(value);
   if (entry_used(value)) {
-    for (unsigned other = 1; other <= entries; ++other) {
+    for (unsigned other = 1; other < entry_values_.size(); ++other) {
       const auto held = entry_values_[other];
       if (other != sub && entry_used(held) && entry_node(held) == node) return od::AbortCode::parameter_incompatible;
     }
@@ -76,7 +84,7 @@ od::AbortCode HeartbeatConsumer::set_entry(std::uint8_t sub, std::uint32_t value
 }
 
 std::uint32_t HeartbeatConsumer::entry(std::uint8_t sub) const noexcept {
-  return sub >= 1 && sub <= entries ? entry_values_[sub] : 0;
+  return sub >= 1 && sub < entry_values_.size() ? entry_values_[sub] : 0;
 }
 
 void HeartbeatConsumer::supervise(NodeId node, rt::Duration time) noexcept {
@@ -86,33 +94,38 @@ void HeartbeatConsumer::supervise(NodeId node, rt::Duration time) noexcept {
 }
 
 void HeartbeatConsumer::clear() noexcept {
-  nodes_ = {};
-  entry_values_ = {};
-  supervised_ = 0;
+  nodes_.clear();
+  places_.fill(nowhere);
+  std::ranges::fill(entry_values_, 0U);
   cancel();
   listen();
 }
 
 void HeartbeatConsumer::begin(std::uint8_t number, rt::Duration time, std::uint8_t entry) noexcept {
-  Node& node = nodes_[number];
-  const bool fresh = node.phase == Phase::unused;
+  Node* held = find(number);
+  const bool fresh = held == nullptr;
+  if (fresh) {
+    places_[number] = static_cast<std::uint8_t>(nodes_.size());
+    held = &nodes_.emplace_back();
+  }
+  Node& node = *held;
   const auto kept = entry == made_by_supervise ? node.entry : entry;
   node = {};
+  node.number = number;
   node.time = time;
-  node.phase = Phase::waiting;
   node.entry = kept;
   if (never_seen_time_ > rt::Duration::zero()) node.deadline = dispatcher_->executor().now() + never_seen_time_;
   arm(node.deadline);
-  if (!fresh) return;
-  ++supervised_;
-  listen();
+  if (fresh) listen();
 }
 
 void HeartbeatConsumer::end(std::uint8_t number) noexcept {
-  Node& node = nodes_[number];
-  if (node.phase == Phase::unused) return;
-  node = {};
-  --supervised_;
+  Node* node = find(number);
+  if (node == nullptr) return;
+  *node = nodes_.back();
+  places_[node->number] = places_[number];
+  places_[number] = nowhere;
+  nodes_.pop_back();
   listen();
 }
 
@@ -133,10 +146,8 @@ void HeartbeatConsumer::hear_all_boot_ups(bool on) noexcept {
 
 void HeartbeatConsumer::listen() noexcept {
   dispatcher_->remove(*this);
-  if (hear_all_ || supervised_ > few) return dispatcher_->add(all_error_control, *this);
-  for (std::uint32_t number = 1; number < nodes_.size(); ++number) {
-    if (nodes_[number].phase != Phase::unused) dispatcher_->add(can::only(0x700U + number), *this);
-  }
+  if (hear_all_ || nodes_.size() > few) return dispatcher_->add(all_error_control, *this);
+  for (const Node& node : nodes_) dispatcher_->add(can::only(error_control_id(NodeId(node.number))), *this);
 }
 
 // The timer stands at or before the earliest deadline: heartbeats only move deadlines later and leave it alone.
@@ -158,8 +169,9 @@ void HeartbeatConsumer::received(const can::Frame& frame, rt::Time at) noexcept 
 }
 
 void HeartbeatConsumer::heard(std::uint8_t number, NmtState state, rt::Time at) noexcept {
-  Node& node = nodes_[number];
-  if (node.phase == Phase::unused) return;
+  Node* found = find(number);
+  if (found == nullptr) return;
+  Node& node = *found;
   node.deadline = at + node.time;
   const auto previous = std::exchange(node.state, state);
   if (node.phase == Phase::active) {
@@ -173,11 +185,12 @@ void HeartbeatConsumer::heard(std::uint8_t number, NmtState state, rt::Time at) 
 }
 
 void HeartbeatConsumer::booted(std::uint8_t number, rt::Time at) noexcept {
-  Node& node = nodes_[number];
-  if (node.phase == Phase::unused) {
+  Node* found = find(number);
+  if (found == nullptr) {
     if (hear_all_) report(HeartbeatEvent::Kind::boot_up, number, NmtState::initialising, at);
     return;
   }
+  Node& node = *found;
   const auto previous = std::exchange(node.state, NmtState::initialising);
   node.phase = Phase::waiting;
   node.deadline = never_seen_time_ > rt::Duration::zero() ? at + never_seen_time_ : rt::never;
@@ -187,9 +200,11 @@ void HeartbeatConsumer::booted(std::uint8_t number, rt::Time at) noexcept {
 
 void HeartbeatConsumer::run() noexcept {
   const auto now = dispatcher_->executor().now();
-  for (std::uint8_t number = 1; number < nodes_.size(); ++number) {
-    Node& node = nodes_[number];
-    if (node.deadline > now) continue;
+  // By number, looked up anew each time: an observer may end or begin supervision.
+  for (std::uint8_t number = 1; number < places_.size(); ++number) {
+    Node* found = find(number);
+    if (found == nullptr || found->deadline > now) continue;
+    Node& node = *found;
     node.deadline = rt::never;
     if (node.phase == Phase::active) {
       node.phase = Phase::lost;
@@ -206,35 +221,35 @@ void HeartbeatConsumer::run() noexcept {
 
 void HeartbeatConsumer::report(HeartbeatEvent::Kind kind, std::uint8_t number, NmtState previous,
                                rt::Time at) noexcept {
-  const Node& node = nodes_[number];
+  const Node* node = find(number);
   observer_->heartbeat({.kind = kind,
                         .node = NodeId(number),
-                        .supervised = node.phase != Phase::unused,
-                        .state = node.state,
+                        .supervised = node != nullptr,
+                        .state = node != nullptr ? node->state : NmtState::initialising,
                         .previous = previous},
                        at);
 }
 
-bool HeartbeatConsumer::supervised(NodeId node) const noexcept {
-  return node.configured() && nodes_[node.value()].phase != Phase::unused;
+bool HeartbeatConsumer::supervised(NodeId node) const noexcept { return find(node) != nullptr; }
+
+bool HeartbeatConsumer::lost(NodeId node) const noexcept {
+  const Node* found = find(node);
+  return found != nullptr && found->was_lost;
 }
 
-bool HeartbeatConsumer::lost(NodeId node) const noexcept { return node.configured() && nodes_[node.value()].was_lost; }
-
 std::optional<NmtState> HeartbeatConsumer::state(NodeId node) const noexcept {
-  if (!node.configured() || nodes_[node.value()].phase != Phase::active) return std::nullopt;
-  return nodes_[node.value()].state;
+  const Node* found = find(node);
+  if (found == nullptr || found->phase != Phase::active) return std::nullopt;
+  return found->state;
 }
 
 bool HeartbeatConsumer::all_active() const noexcept {
-  return std::ranges::all_of(nodes_,
-                             [](const Node& n) { return n.phase == Phase::unused || n.phase == Phase::active; });
+  return std::ranges::all_of(nodes_, [](const Node& n) { return n.phase == Phase::active; });
 }
 
 bool HeartbeatConsumer::all_operational() const noexcept {
-  return std::ranges::all_of(nodes_, [](const Node& n) {
-    return n.phase == Phase::unused || (n.phase == Phase::active && n.state == NmtState::operational);
-  });
+  return std::ranges::all_of(
+      nodes_, [](const Node& n) { return n.phase == Phase::active && n.state == NmtState::operational; });
 }
 
 }  // namespace berth::co

@@ -72,10 +72,10 @@ class HeartbeatConsumer final : private can::Handler, private rt::Job {
   };
   static constexpr unsigned entries = 127;
 
-  HeartbeatConsumer(can::Dispatcher& dispatcher, Observer& observer) noexcept
-      : dispatcher_(&dispatcher), observer_(&observer) {}
+  /// `most` (1..127): entries of 1016h, and nodes for which memory is taken now; a device with few saves 3 kB.
+  HeartbeatConsumer(can::Dispatcher& dispatcher, Observer& observer, unsigned most = entries);
 
-  /// Writes 1016h:`sub` (1..127): bits 23..16 node-ID, 15..0 time in ms. Node-ID 0 or above 127 or time 0 = unused.
+  /// Writes 1016h:`sub` (1..`most`): bits 23..16 node-ID, 15..0 time in ms. Node-ID 0 or above 127 or time 0 = unused.
   /// A second entry for a node that has one: 0604 0043; bits 31..24 not zero: 0609 0030; sub out of range: 0609 0011.
   /// A refused write changes nothing. Supervision of the node begins anew even when the value is the same.
   od::AbortCode set_entry(std::uint8_t sub, std::uint32_t value) noexcept;
@@ -101,15 +101,23 @@ class HeartbeatConsumer final : private can::Handler, private rt::Job {
   [[nodiscard]] bool all_operational() const noexcept;
 
  private:
-  enum class Phase : std::uint8_t { unused, waiting, active, lost };
+  enum class Phase : std::uint8_t { waiting, active, lost };
   struct Node {
     rt::Time deadline = rt::never;  // of the next heartbeat, or of never_seen
     rt::Duration time{};
-    Phase phase = Phase::unused;
+    Phase phase = Phase::waiting;
     bool was_lost = false;  // lost, and no heartbeat since
     NmtState state = NmtState::initialising;
     std::uint8_t entry = 0;  // sub-index of 1016h that made it, 0 = `supervise`
+    std::uint8_t number = 0;
   };
+  static constexpr std::uint8_t nowhere = 0xFF;
+  [[nodiscard]] Node* find(unsigned number) noexcept {
+    return places_[number] == nowhere ? nullptr : &nodes_[places_[number]];
+  }
+  [[nodiscard]] const Node* find(NodeId node) const noexcept {
+    return !node.configured() || places_[node.value()] == nowhere ? nullptr : &nodes_[places_[node.value()]];
+  }
   void received(const can::Frame& frame, rt::Time at) noexcept override;
   void run() noexcept override;
   void heard(std::uint8_t node, NmtState state, rt::Time at) noexcept;
@@ -123,9 +131,9 @@ class HeartbeatConsumer final : private can::Handler, private rt::Job {
   can::Dispatcher* dispatcher_;
   Observer* observer_;
   rt::Duration never_seen_time_{};
-  std::array<Node, 128> nodes_{};
-  std::array<std::uint32_t, entries + 1> entry_values_{};
-  std::uint8_t supervised_ = 0;
+  std::vector<Node> nodes_;                  // supervised ones, in no order
+  std::array<std::uint8_t, 128> places_;     // by node-ID: where in nodes_
+  std::vector<std::uint32_t> entry_values_;  // by sub-index
   bool hear_all_ = false;
 };
 

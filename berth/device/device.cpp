@@ -46,9 +46,12 @@ Device::Device(can::Dispatcher& dispatcher, std::shared_ptr<const od::Descriptio
       sdo_buffer_(sdo_buffer(values_.description())) {
   if (memory != nullptr) record_.emplace(*memory, 0, record_size);
   const auto& d = values_.description();
-  if (d.find(0x1016) != nullptr)
-    consumer_ =
-        std::make_unique<co::HeartbeatConsumer>(dispatcher, static_cast<co::HeartbeatConsumer::Observer&>(*this));
+  if (const auto* object = d.find(0x1016)) {
+    const unsigned highest = d.subs(*object).empty() ? 1U : d.subs(*object).back().sub;
+    consumer_ = std::make_unique<co::HeartbeatConsumer>(dispatcher,
+                                                        static_cast<co::HeartbeatConsumer::Observer&>(*this), highest);
+    consumer_size_ = sizeof(co::HeartbeatConsumer) + (highest + 1) * 28U;
+  }
   if (d.find(0x1003) != nullptr) errors_ = std::make_unique<co::ErrorField>();
   for (const std::uint16_t index : hooked_objects) {
     if (d.find(index) != nullptr) values_.attach(*this, index);
@@ -381,8 +384,7 @@ void Device::use_bit_rate() noexcept {
 
 std::size_t Device::memory() const noexcept {
   return sizeof(Device) - sizeof(od::Values) + values_.memory() + sdo_buffer_ + options_.name.capacity() +
-         options_.presets.capacity() * sizeof(Preset) + (consumer_ ? sizeof(co::HeartbeatConsumer) : 0) +
-         (errors_ ? sizeof(co::ErrorField) : 0);
+         options_.presets.capacity() * sizeof(Preset) + consumer_size_ + (errors_ ? sizeof(co::ErrorField) : 0);
 }
 
 }  // namespace berth::device

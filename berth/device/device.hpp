@@ -201,7 +201,7 @@ class Device final : private co::NmtSlave::Owner,
   nodeid::RandSlave rand_;
   co::NmtSlave nmt_;
   co::HeartbeatProducer producer_;
-  std::unique_ptr<co::HeartbeatConsumer> consumer_;  // only with object 1016h: it is large
+  std::unique_ptr<co::HeartbeatConsumer> consumer_;  // only with object 1016h
   co::GuardingSlave guarding_;
   co::EmcyProducer emcy_;
   std::unique_ptr<co::ErrorField> errors_;  // only with object 1003h
@@ -213,6 +213,7 @@ class Device final : private co::NmtSlave::Owner,
   std::array<std::uint8_t, 4> scratch_{};  // what `reading` shows
   Recovery recovery_{*this};
   std::size_t sdo_buffer_;
+  std::size_t consumer_size_ = 0;
   Begin begin_ = Begin::nothing;
   bool powered_ = false;
   bool bus_off_ = false;
