@@ -49,7 +49,7 @@ TEST(Confinement, G2_TwoWithOneId) {
     EXPECT_NE(step.nodes[0].state, sim::ErrorState::bus_off);
     EXPECT_NE(step.nodes[1].state, sim::ErrorState::bus_off);
   }
-  // a sends recessive... no: b's 01 differs in the last bit, where a is dominant: b detects first.
+  // b's 01 differs in the last bit, where a is dominant: b detects first.
   ASSERT_EQ(tec_a.size(), 16U);
   for (unsigned i = 0; i < 16; ++i) EXPECT_EQ(tec_a[i], 8 * (i + 1));
   EXPECT_FALSE(a_passive_flag);
@@ -147,6 +147,16 @@ TEST(Confinement, StuffBitBeforeRtrCostsTheTransmitterNothing) {
   EXPECT_EQ(s.a.port->statistics().transmit_errors, 1U);
   EXPECT_EQ(s.a.port->tec(), 0);
   EXPECT_EQ(s.b.ear.frames.size(), 1U);
+}
+
+// ... but the one behind RTR costs 8: 550h ends in four dominant bits, RTR is the fifth, wire bit 13 the stuff bit.
+TEST(Confinement, StuffBitBehindRtrCostsTheTransmitterEight) {
+  Scene s;
+  s.bus.inject({.kind = sim::Fault::Kind::dominant, .where = sim::from_start(13), .victims = {s.a.port.get()}});
+  s.a.port->send(Frame::base(0x550, {}), 1);
+  s.world.run_for(2ms);
+  EXPECT_EQ(s.a.port->statistics().transmit_errors, 1U);
+  EXPECT_EQ(s.a.port->tec(), 7);
 }
 
 TEST(Confinement, DominantInSecondBitOfIntermissionIsOverload) {

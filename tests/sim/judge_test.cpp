@@ -35,7 +35,7 @@ struct Plan {
 
 Frame draw_frame(Random& dice) {
   // Few identifiers, so that they collide; base and extended ones share prefixes.
-  const std::uint32_t ids[] = {0x000, 0x001, 0x555, 0x7FF, 0x100};
+  const std::uint32_t ids[] = {0x000, 0x001, 0x550, 0x7FF, 0x100};
   const std::uint32_t id = ids[dice.below(5)];
   Frame f;
   const auto kind = dice.below(4);
