@@ -102,6 +102,24 @@ SQLite::Statement& Database::Impl::statement(const char* sql) {
       .first->second;
 }
 
+std::optional<SlotId> Database::Impl::find_slot(const SlotName& name) {
+  Query query(statement(find_slot_sql));
+  query << name.machine << name.bus << name.name;
+  if (!query.row()) return std::nullopt;
+  return SlotId{query.number(0)};
+}
+
+SlotId Database::Impl::add_slot(const SlotName& name) {
+  {
+    Query query(statement(add_slot_sql));
+    query << name.machine << name.bus << name.name;
+    query.run();
+  }
+  const SlotId slot{db->getLastInsertRowid()};
+  log(slot, "declared", std::nullopt, NodeId(), name.name);
+  return slot;
+}
+
 bool Database::Impl::has_slot(SlotId slot) {
   Query query(statement(has_slot_sql));
   query << slot.value;
@@ -166,24 +184,30 @@ Database::~Database() = default;
 void Database::stamp(std::int64_t now_ms) noexcept { impl_->stamp_ms = now_ms; }
 
 Result<SlotId> Database::declare(const SlotName& name) {
-  const auto find = [&]() -> Result<std::optional<SlotId>> {
-    Query query(impl_->statement(find_slot_sql));
-    query << name.machine << name.bus << name.name;
-    if (!query.row()) return std::nullopt;
-    return SlotId{query.number(0)};
-  };
-  const auto known = impl_->read("looking for a slot", find);
-  if (!known) return fail(known.error());
-  if (*known) return **known;
-  return impl_->write("adding a slot", [&]() -> Result<SlotId> {
-    {
-      Query query(impl_->statement(add_slot_sql));
-      query << name.machine << name.bus << name.name;
-      query.run();
+  const auto slots = declare_all({name});
+  if (!slots) return fail(slots.error());
+  return slots->front();
+}
+
+Result<std::vector<SlotId>> Database::declare_all(const std::vector<SlotName>& names) {
+  // A start that changes nothing writes nothing.
+  const auto known = impl_->read("looking for slots", [&]() -> Result<std::vector<SlotId>> {
+    std::vector<SlotId> slots;
+    for (const auto& name : names) {
+      const auto slot = impl_->find_slot(name);
+      if (!slot) break;
+      slots.push_back(*slot);
     }
-    const SlotId slot{impl_->db->getLastInsertRowid()};
-    impl_->log(slot, "declared", std::nullopt, NodeId(), name.name);
-    return slot;
+    return slots;
+  });
+  if (!known || known->size() == names.size()) return known;
+  return impl_->write("adding slots", [&]() -> Result<std::vector<SlotId>> {
+    std::vector<SlotId> slots;
+    for (const auto& name : names) {
+      const auto slot = impl_->find_slot(name);
+      slots.push_back(slot ? *slot : impl_->add_slot(name));
+    }
+    return slots;
   });
 }
 

@@ -43,8 +43,11 @@ struct OpenError {
 };
 
 struct OpenOptions {
-  std::string vfs;   ///< name of a SQLite VFS; empty = the system's
-  bool lock = true;  ///< false only where no other process can reach the file (tests on a VFS of their own)
+  /// False: nothing is synced, for stores about simulated buses, whose devices forget at a power failure too. Killing
+  /// the process still loses nothing; a power failure may lose or damage the store.
+  bool sync = true;
+  std::string vfs{};  ///< name of a SQLite VFS; empty = the system's
+  bool lock = true;   ///< false only where no other process can reach the file (tests on a VFS of their own)
 };
 
 class Database final : public places::SlotStore {
@@ -58,6 +61,8 @@ class Database final : public places::SlotStore {
   Database& operator=(const Database&) = delete;
 
   Result<places::SlotId> declare(const places::SlotName& name) override;
+  /// Finds or makes all of them in one transaction (one sync instead of one each); ids in the same order.
+  Result<std::vector<places::SlotId>> declare_all(const std::vector<places::SlotName>& names);
   Result<std::vector<places::SlotRecord>> load(std::string_view machine) override;
   Result<void> ask(places::SlotId slot, const places::Seat& seat, std::string_view reason) override;
   Result<void> confirm(places::SlotId slot, const places::Seat& seat, std::string_view reason) override;

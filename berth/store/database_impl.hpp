@@ -24,6 +24,8 @@ struct Database::Impl {
 
   /// The prepared statement of a text that stands once in the program.
   SQLite::Statement& statement(const char* sql);
+  [[nodiscard]] std::optional<places::SlotId> find_slot(const places::SlotName& name);
+  places::SlotId add_slot(const places::SlotName& name);
   [[nodiscard]] bool has_slot(places::SlotId slot);
   [[nodiscard]] std::optional<places::Seat> seat(places::SlotId slot, std::string_view fact);
   void put_seat(places::SlotId slot, std::string_view fact, const places::Seat& seat);

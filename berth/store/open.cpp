@@ -78,12 +78,12 @@ std::int64_t pragma(SQLite::Database& db, const char* name) {
 }
 
 /// Checks, and brings to today's schema.
-std::optional<OpenError> prepare(SQLite::Database& db, const std::string& path, bool has_log) {
+std::optional<OpenError> prepare(SQLite::Database& db, const std::string& path, bool has_log, bool sync) {
   // Until the file is accepted, closing must not write what a crash left in the log back into it.
   sqlite3_db_config(db.getHandle(), SQLITE_DBCONFIG_NO_CKPT_ON_CLOSE, has_log ? 1 : 0, nullptr);
   db.exec("PRAGMA locking_mode = EXCLUSIVE");
   // EXTRA also syncs the folder when a rollback journal goes: the journal is in use only until the log is.
-  db.exec("PRAGMA synchronous = EXTRA");
+  db.exec(sync ? "PRAGMA synchronous = EXTRA" : "PRAGMA synchronous = OFF");
   const auto application = pragma(db, "application_id");
   const auto version = pragma(db, "user_version");
   const bool has_tables = db.execAndGet("SELECT count(*) FROM sqlite_master").getInt64() > 0;
@@ -106,7 +106,7 @@ std::optional<OpenError> prepare(SQLite::Database& db, const std::string& path, 
   }
   sqlite3_db_config(db.getHandle(), SQLITE_DBCONFIG_NO_CKPT_ON_CLOSE, 0, nullptr);
   db.exec("PRAGMA journal_mode = WAL");
-  db.exec("PRAGMA synchronous = FULL");
+  db.exec(sync ? "PRAGMA synchronous = FULL" : "PRAGMA synchronous = OFF");
   db.exec("PRAGMA foreign_keys = ON");
   return std::nullopt;
 }
@@ -148,7 +148,8 @@ Database::Opened Database::open(const std::string& given, const OpenOptions& opt
   try {
     const int flags = SQLite::OPEN_READWRITE | SQLite::OPEN_CREATE | SQLITE_OPEN_EXRESCODE;
     impl->db.emplace(path, flags, 0, options.vfs);
-    if (auto refused = prepare(*impl->db, path, has_log)) return tl::unexpected<OpenError>(std::move(*refused));
+    if (auto refused = prepare(*impl->db, path, has_log, options.sync))
+      return tl::unexpected<OpenError>(std::move(*refused));
   } catch (const SQLite::Exception& error) {
     return tl::unexpected<OpenError>(sqlite_error(path, error.getExtendedErrorCode(), error.what()));
   }

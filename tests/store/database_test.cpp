@@ -89,6 +89,20 @@ TEST(Store, KeepsEverythingOverARestart) {
   EXPECT_EQ(store->devices().value().size(), 3U);
 }
 
+TEST(Store, ManySlotsAtOnceOldAndNewInTheirOrder) {
+  const Folder folder;
+  auto store = must_open(folder.file());
+  const auto b = store->declare({"m", "b", "b"}).value();
+  const std::vector<places::SlotName> names{{"m", "b", "a"}, {"m", "b", "b"}, {"m", "b", "c"}, {"m", "b", "a"}};
+  const auto slots = store->declare_all(names).value();
+  ASSERT_EQ(slots.size(), 4U);
+  EXPECT_EQ(slots[1], b);
+  EXPECT_EQ(slots[3], slots[0]);
+  EXPECT_EQ(store->declare_all(names).value(), slots);
+  EXPECT_EQ(store->history(std::nullopt).value().size(), 3U);
+  EXPECT_TRUE(store->declare_all({}).value().empty());
+}
+
 TEST(Store, DevicesSeenAreCountedByTheirHistory) {
   const Folder folder;
   auto store = must_open(folder.file());
@@ -198,7 +212,8 @@ TEST(Store, AKilledOwnerLeavesNoLockAndLosesNothing) {
   ASSERT_EQ(::pipe(ready), 0);
   const auto child = ::fork();
   if (child == 0) {
-    auto store = Database::open(folder.file());
+    // Killing the process must lose nothing even where nothing is synced.
+    auto store = Database::open(folder.file(), {.sync = false});
     const bool good =
         store && (*store)->declare({"m", "b", "s"}) && (*store)->ask(SlotId{1}, {device(5), NodeId(2)}, "");
     const char byte = good ? 'y' : 'n';
