@@ -1,6 +1,8 @@
 // A machine, a plant, and Berth between them, for tests and for the programs that try many worlds. One bus.
 #pragma once
 
+#include <algorithm>
+#include <array>
 #include <cstdio>
 #include <cstdlib>
 #include <functional>

@@ -1,0 +1,201 @@
+// ./run faults [--from SEED] [--count N]: seeded random plants with random faults. Prints how often each fault hit each
+// phase, and for a failure the plant file that replays it.
+#include <sys/wait.h>
+#include <unistd.h>
+
+#include <cstdio>
+#include <cstring>
+#include <filesystem>
+#include <fstream>
+#include <sstream>
+
+#include "tests/harness/run_world.hpp"
+
+using namespace berth;
+using namespace berth::harness;
+
+namespace {
+
+struct Options {
+  std::uint64_t from = 1;
+  std::uint64_t count = 2000;
+  unsigned workers = 2;
+  bool show = false;
+  bool complete = true;  // fail when a cell of the matrix has too few hits
+};
+
+constexpr unsigned fewest_hits = 20;
+
+using Matrix = std::array<std::array<unsigned, columns>, fault_kinds>;
+
+// The run once more with its faults as explicit events and nothing drawn; true when it still fails.
+bool fails(const WorldPlan& plan) { return !run_world(plan).failure.empty(); }
+
+// Leaves out what is not needed: faults first, then strangers. A fault's place in time may move when another goes; the
+// smaller plan counts when it fails too, however it fails.
+WorldPlan shrink(WorldPlan plan) {
+  for (std::size_t i = plan.faults.size(); i-- > 0;) {
+    WorldPlan smaller = plan;
+    smaller.faults.erase(smaller.faults.begin() + static_cast<std::ptrdiff_t>(i));
+    if (fails(smaller)) plan = smaller;
+  }
+  if (plan.restarts) {
+    WorldPlan smaller = plan;
+    smaller.restarts = false;
+    if (fails(smaller)) plan = smaller;
+  }
+  if (plan.perturbed) {
+    WorldPlan smaller = plan;
+    smaller.perturbed = false;
+    if (fails(smaller)) plan = smaller;
+  }
+  for (std::size_t i = plan.machine.slots.size(); i-- > 0 && plan.machine.slots.size() > 1;) {
+    WorldPlan smaller = plan;
+    smaller.machine.slots.erase(smaller.machine.slots.begin() + static_cast<std::ptrdiff_t>(i));
+    smaller.plant.devices.erase(smaller.plant.devices.begin() + static_cast<std::ptrdiff_t>(i));
+    if (fails(smaller)) plan = smaller;
+  }
+  return plan;
+}
+
+std::string machine_text(const design::Machine& m) {
+  std::ostringstream out;
+  const auto& bus = m.buses.front();
+  const auto ms = [](rt::Duration d) { return std::to_string(d.count() / 1'000'000) + " ms"; };
+  out << "[machine]\nname = \"" << m.name << "\"\n\n[bus.backbone]\nport = \"sim\"\nbitrate = " << bus.bitrate
+      << "\nmaster_id = " << unsigned{bus.master.value()} << "\n\n[timing]\n"
+      << "rand_response = \"" << ms(bus.timing.rand_response) << "\"\nboot_timeout = \"" << ms(bus.timing.boot_timeout)
+      << "\"\nheartbeat_period = \"" << ms(bus.timing.heartbeat_period) << "\"\nheartbeat_timeout = \""
+      << ms(bus.timing.heartbeat_timeout) << "\"\nprobe_period = \"" << ms(bus.timing.probe_period) << "\"\nsdo_timeout = \""
+      << ms(bus.timing.sdo_timeout) << "\"\nstore_timeout = \"" << ms(bus.timing.store_timeout) << "\"\n";
+  for (const auto& s : m.slots) {
+    out << "\n[[slot]]\nbus = \"backbone\"\nid = " << unsigned{s.spec.id.value()} << "\nname = \"" << s.spec.name.name
+        << "\"\ntype = { vendor = " << s.spec.type.vendor << ", product = " << s.spec.type.product << " }\n";
+    if (s.spec.replacement == places::Replacement::automatic) out << "replacement = \"auto\"\n";
+  }
+  return out.str();
+}
+
+void report_failure(const WorldPlan& plan, const Outcome& outcome, bool show) {
+  std::printf("seed %llu: %s\n", static_cast<unsigned long long>(plan.seed), outcome.failure.c_str());
+  const WorldPlan small = shrink(plan);
+  const Outcome again = run_world(small);
+  plant::PlantFile file = small.plant;
+  file.events = again.events;
+  std::filesystem::create_directories("build/faults");
+  const std::string stem = "build/faults/seed-" + std::to_string(plan.seed);
+  std::ofstream(stem + ".toml") << machine_text(small.machine);
+  std::ofstream(stem + ".plant.toml") << plant::write_plant(file, "seed " + std::to_string(plan.seed) + ": " + again.failure);
+  std::printf("  shrunk: %s; %zu slots, %zu devices, %zu faults\n  replay: berth up %s.toml --sim %s.plant.toml\n",
+              again.failure.c_str(), small.machine.slots.size(), small.plant.devices.size(), small.faults.size(),
+              stem.c_str(), stem.c_str());
+  if (show) std::printf("%s\n", again.log.c_str());
+}
+
+struct Tally {
+  Matrix hits{};
+  std::uint64_t runs = 0, failures = 0, solvable = 0, differ = 0;
+};
+
+Tally work(const Options& o, unsigned worker) {
+  Tally tally;
+  for (std::uint64_t seed = o.from + worker; seed < o.from + o.count; seed += o.workers) {
+    const WorldPlan plan = Planner(seed).make();
+    const Outcome outcome = run_world(plan);
+    ++tally.runs;
+    tally.solvable += plan.solvable;
+    for (int f = 0; f < fault_kinds; ++f) {
+      for (int c = 0; c < columns; ++c) tally.hits[f][c] += outcome.hits[f][c];
+    }
+    if (run_world(plan).hash != outcome.hash) {
+      ++tally.differ;
+      std::printf("seed %llu: two runs differ\n", static_cast<unsigned long long>(seed));
+    }
+    if (!outcome.failure.empty()) {
+      ++tally.failures;
+      report_failure(plan, outcome, o.show);
+    }
+    std::fflush(stdout);
+  }
+  return tally;
+}
+
+// Each worker is a process; its tally comes back through a pipe as plain bytes of the same program.
+Tally work_side_by_side(const Options& o) {
+  std::vector<int> pipes;
+  for (unsigned w = 0; w < o.workers; ++w) {
+    int ends[2];
+    if (pipe(ends) != 0) std::abort();
+    std::fflush(stdout);
+    if (fork() == 0) {
+      const Tally tally = work(o, w);
+      const bool written = write(ends[1], &tally, sizeof tally) == static_cast<ssize_t>(sizeof tally);
+      std::fflush(stdout);
+      _exit(written ? 0 : 3);
+    }
+    close(ends[1]);
+    pipes.push_back(ends[0]);
+  }
+  Tally total;
+  for (const int end : pipes) {
+    Tally part;
+    if (read(end, &part, sizeof part) != static_cast<ssize_t>(sizeof part)) {
+      std::printf("a worker died\n");
+      ++total.failures;
+      continue;
+    }
+    total.runs += part.runs;
+    total.failures += part.failures;
+    total.solvable += part.solvable;
+    total.differ += part.differ;
+    for (int f = 0; f < fault_kinds; ++f) {
+      for (int c = 0; c < columns; ++c) total.hits[f][c] += part.hits[f][c];
+    }
+  }
+  while (wait(nullptr) > 0) {
+  }
+  return total;
+}
+
+bool print_matrix(const Tally& t, bool complete) {
+  std::printf("%-16s", "fault \\ phase");
+  for (int c = 0; c < columns; ++c) std::printf("%13s", name(static_cast<Column>(c)));
+  std::printf("\n");
+  bool enough = true;
+  for (int f = 0; f < fault_kinds; ++f) {
+    std::printf("%-16s", name(static_cast<FaultKind>(f)));
+    for (int c = 0; c < columns; ++c) {
+      std::printf("%13u", t.hits[f][c]);
+      enough = enough && t.hits[f][c] >= fewest_hits;
+    }
+    std::printf("\n");
+  }
+  if (complete && !enough) std::printf("a fault hit a phase fewer than %u times\n", fewest_hits);
+  return enough || !complete;
+}
+
+}  // namespace
+
+int main(int argc, char** argv) {
+  Options o;
+  for (int i = 1; i < argc; ++i) {
+    const auto value = [&] { return i + 1 < argc ? std::strtoull(argv[++i], nullptr, 0) : 0ULL; };
+    if (std::strcmp(argv[i], "--from") == 0) o.from = value();
+    else if (std::strcmp(argv[i], "--count") == 0) o.count = value();
+    else if (std::strcmp(argv[i], "--workers") == 0) o.workers = static_cast<unsigned>(value());
+    else if (std::strcmp(argv[i], "--show") == 0) o.show = true;
+    else {
+      std::fprintf(stderr, "usage: faults [--from SEED] [--count N] [--workers N] [--show]\n");
+      return 2;
+    }
+  }
+  if (o.workers == 0) o.workers = 1;
+  o.complete = o.count >= 2000;
+  const Tally t = o.workers == 1 ? work(o, 0) : work_side_by_side(o);
+  const bool enough = print_matrix(t, o.complete);
+  std::printf("%llu worlds, each run twice, from seed %llu; %llu of them must end operational; %llu differed; %llu failed\n",
+              static_cast<unsigned long long>(t.runs), static_cast<unsigned long long>(o.from),
+              static_cast<unsigned long long>(t.solvable), static_cast<unsigned long long>(t.differ),
+              static_cast<unsigned long long>(t.failures));
+  return t.failures == 0 && t.differ == 0 && enough && t.runs > 0 ? 0 : 1;
+}
