@@ -84,7 +84,7 @@ void ObjectReader::compact_pdo(std::uint16_t communication, std::uint16_t mappin
     builder_.object(communication, od::ObjectCode::record,
                     receive ? "RPDO communication parameter" : "TPDO communication parameter",
                     DataType::pdo_communication);
-    for (std::uint8_t i = 0; i < items.size(); ++i) {
+    for (std::size_t i = 0; i < items.size(); ++i) {
       if (((device_.compact_pdo >> i) & 1U) == 0) continue;
       Literal initial;
       if (i == 0) {

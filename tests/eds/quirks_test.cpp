@@ -1,4 +1,5 @@
-// hard-cases §4: each row of the table and of the list below it, as "a new reader should" behave. HC4_ names the row.
+// hard-cases §4: each row of the table and of the list below it, as "a new reader should" behave. HC4_nn names the row
+// of docs/checklist.txt.
 #include "support.hpp"
 
 namespace {
@@ -19,7 +20,7 @@ TEST(EdsQuirks, TheBaseFileOfTheseTestsHasNoFinding) {
   EXPECT_EQ(value(r, 0x2000), 5U);
 }
 
-TEST(EdsQuirks, HC4_OctalNumber) {
+TEST(EdsQuirks, HC4_01_OctalNumber) {
   const auto r = read_variable(u32, "DefaultValue=010");
   EXPECT_EQ(value(r, 0x2000), 8U);
   EXPECT_TRUE(warned(r, "[2000] DefaultValue"));
@@ -27,7 +28,7 @@ TEST(EdsQuirks, HC4_OctalNumber) {
   EXPECT_TRUE(refused(read_variable(u32, "DefaultValue=08"), "[2000] DefaultValue"));
 }
 
-TEST(EdsQuirks, HC4_NodeIdFirst) {
+TEST(EdsQuirks, HC4_02_NodeIdFirst) {
   for (const char* text : {"$NODEID+0x180", "$nodeid+0x180", "$NodeID + 0x180"}) {
     const auto r = read_variable(u32, std::string("DefaultValue=") + text);
     EXPECT_EQ(value(r, 0x2000), 0x185U) << text;
@@ -37,13 +38,13 @@ TEST(EdsQuirks, HC4_NodeIdFirst) {
 }
 
 // hard-cases complaint 12.
-TEST(EdsQuirks, HC4_NodeIdLast) {
+TEST(EdsQuirks, HC4_03_NodeIdLast) {
   const auto r = read_variable(u32, "DefaultValue=0x180+$NODEID");
   EXPECT_EQ(value(r, 0x2000), 0x185U);
   EXPECT_TRUE(warned(r, "[2000] DefaultValue"));
 }
 
-TEST(EdsQuirks, HC4_NodeIdUnknownKeepsTheExpression) {
+TEST(EdsQuirks, HC4_04_NodeIdUnknownKeepsTheExpression) {
   const auto r = read_variable(u32, "DefaultValue=$NODEID+0x180");
   od::Values device(r.file.description);
   EXPECT_EQ(*device.get<std::uint32_t>({0x2000, 0}), 0x180U)
@@ -53,7 +54,7 @@ TEST(EdsQuirks, HC4_NodeIdUnknownKeepsTheExpression) {
   EXPECT_EQ(r.file.description->default_of(*sub(r, 0x2000)), od::Literal::node_id_plus(0x180));
 }
 
-TEST(EdsQuirks, HC4_GarbageInANumberIsALocatedError) {
+TEST(EdsQuirks, HC4_05_GarbageInANumberIsALocatedError) {
   const auto r = read_text(file_with(variable(u32, "DefaultValue=12zz")));
   ASSERT_TRUE(refused(r, "[2000] DefaultValue"));
   const auto* f = find(r, Severity::error, "[2000] DefaultValue");
@@ -67,7 +68,7 @@ TEST(EdsQuirks, HC4_GarbageInANumberIsALocatedError) {
   EXPECT_TRUE(refused(read_variable(u32, "LowLimit=x"), "[2000] LowLimit"));
 }
 
-TEST(EdsQuirks, HC4_TooWideIsAnErrorMinusOneIsByWidth) {
+TEST(EdsQuirks, HC4_06_TooWideIsAnErrorMinusOneIsByWidth) {
   EXPECT_TRUE(refused(read_variable(u32, "DefaultValue=0x1FFFFFFFF"), "[2000] DefaultValue"));
   const auto r = read_variable(u32, "DefaultValue=-1");
   EXPECT_EQ(value(r, 0x2000), 0xFFFFFFFFU);
@@ -76,7 +77,7 @@ TEST(EdsQuirks, HC4_TooWideIsAnErrorMinusOneIsByWidth) {
 }
 
 // hard-cases complaint 14 (R2#394).
-TEST(EdsQuirks, HC4_LowLimit80000000OfInteger32) {
+TEST(EdsQuirks, HC4_07_LowLimit80000000OfInteger32) {
   const auto r = read_variable(i32, "LowLimit=0x80000000\nHighLimit=0x7FFFFFFF");
   EXPECT_EQ(complaints(r), "");
   od::Values device(r.file.description, NodeId(5));
@@ -86,7 +87,7 @@ TEST(EdsQuirks, HC4_LowLimit80000000OfInteger32) {
   }
 }
 
-TEST(EdsQuirks, HC4_LowLimitWithNodeId) {
+TEST(EdsQuirks, HC4_08_LowLimitWithNodeId) {
   const auto r = read_variable(u8, "LowLimit=$NODEID+1");
   od::Values device(r.file.description, NodeId(5));
   EXPECT_EQ(device.write({0x2000, 0}, std::vector<std::uint8_t>{5}), AbortCode::value_too_low);
@@ -94,13 +95,13 @@ TEST(EdsQuirks, HC4_LowLimitWithNodeId) {
   EXPECT_EQ(r.file.description->limits(*sub(r, 0x2000))->low, od::Literal::node_id_plus(1));
 }
 
-TEST(EdsQuirks, HC4_DuplicateKeyLastWins) {
+TEST(EdsQuirks, HC4_09_DuplicateKeyLastWins) {
   const auto r = read_variable(u32, "DefaultValue=1\ndefaultvalue=2");
   EXPECT_EQ(value(r, 0x2000), 2U);
   EXPECT_TRUE(warned(r, "[2000] defaultvalue"));
 }
 
-TEST(EdsQuirks, HC4_DuplicateSectionLastWins) {
+TEST(EdsQuirks, HC4_09_DuplicateSectionLastWins) {
   const auto r =
       read_text(file_with(variable(u32, "DefaultValue=1\nLowLimit=1") +
                           "[2000]\nParameterName=Other\nObjectType=7\nDataType=7\nAccessType=ro\nDefaultValue=2\n"));
@@ -113,7 +114,7 @@ TEST(EdsQuirks, HC4_DuplicateSectionLastWins) {
   EXPECT_TRUE(warned(info, "[DeviceInfo]"));
 }
 
-TEST(EdsQuirks, HC4_LowerCaseKeysAndSections) {
+TEST(EdsQuirks, HC4_10_LowerCaseKeysAndSections) {
   std::string text = file_with(variable(u32, "DefaultValue=7\nLowLimit=1"));
   std::ranges::transform(text, text.begin(), [](char c) { return static_cast<char>(std::tolower(c)); });
   const auto r = read_text(text);
@@ -126,7 +127,7 @@ TEST(EdsQuirks, HC4_LowerCaseKeysAndSections) {
   EXPECT_EQ(value(upper, 0x2000), 7U);
 }
 
-TEST(EdsQuirks, HC4_Utf8ByteOrderMark) {
+TEST(EdsQuirks, HC4_10_Utf8ByteOrderMark) {
   const auto r = read_text("\xEF\xBB\xBF" + file_with(variable(u32, "DefaultValue=7")));
   EXPECT_TRUE(r.findings.empty()) << to_string(r.findings.front());
   EXPECT_EQ(value(r, 0x2000), 7U);
@@ -135,7 +136,7 @@ TEST(EdsQuirks, HC4_Utf8ByteOrderMark) {
 }
 
 // hard-cases complaint 10.
-TEST(EdsQuirks, HC4_Windows1252) {
+TEST(EdsQuirks, HC4_11_Windows1252) {
   const auto r = read_variable(9,
                                "DefaultValue=50 \x80\nParameterName=Temp \xB0"
                                "C \x93x\x94");
@@ -148,7 +149,7 @@ TEST(EdsQuirks, HC4_Windows1252) {
   EXPECT_EQ(device.get_text({0x2000, 0}), "50 \x80") << "a value's bytes are the device's: kept";
 }
 
-TEST(EdsQuirks, HC4_LineEndsCommentsAndBlanks) {
+TEST(EdsQuirks, HC4_12_LineEndsCommentsAndBlanks) {
   const std::string unix = file_with(variable(u32, "DefaultValue=7"));
   const auto with = [&](std::string_view end) {
     std::string text;
@@ -168,7 +169,7 @@ TEST(EdsQuirks, HC4_LineEndsCommentsAndBlanks) {
   EXPECT_EQ(value(blanks, 0x2000), 7U);
 }
 
-TEST(EdsQuirks, HC4_LinesAreCountedWhateverTheirEnds) {
+TEST(EdsQuirks, HC4_12_LinesAreCountedWhateverTheirEnds) {
   for (const char* end : {"\n", "\r\n", "\r"}) {
     std::string text = std::string("[2000]") + end + end + "DataType=7" + end + "DefaultValue=zz" + end;
     const auto r = read_text(text);
@@ -179,7 +180,7 @@ TEST(EdsQuirks, HC4_LinesAreCountedWhateverTheirEnds) {
 }
 
 // hard-cases complaint 16.
-TEST(EdsQuirks, HC4_CapitalSubAndSubBeforeParent) {
+TEST(EdsQuirks, HC4_13_CapitalSubAndSubBeforeParent) {
   const auto r =
       read_text(file_with("[2000SUB1]\nParameterName=one\nDataType=5\nAccessType=rw\nDefaultValue=3\n"
                           "[2000Sub0]\nParameterName=n\nDataType=5\nAccessType=ro\nDefaultValue=1\n"
@@ -189,19 +190,19 @@ TEST(EdsQuirks, HC4_CapitalSubAndSubBeforeParent) {
   EXPECT_EQ(r.file.description->find(0x2000)->code, od::ObjectCode::array);
 }
 
-TEST(EdsQuirks, HC4_SubWithoutParent) {
+TEST(EdsQuirks, HC4_13_SubWithoutParent) {
   const auto r = read_text(file_with("[2000sub1]\nParameterName=one\nDataType=5\nAccessType=rw\nDefaultValue=3\n"));
   EXPECT_EQ(value(r, 0x2000, 1), 3U);
   EXPECT_TRUE(warned(r, "[2000sub1]"));
 }
 
-TEST(EdsQuirks, HC4_ObjectNotInAList) {
+TEST(EdsQuirks, HC4_14_ObjectNotInAList) {
   const auto r = read_text(file_with(variable(u32, "DefaultValue=7"), {}));
   EXPECT_EQ(value(r, 0x2000), 7U);
   EXPECT_TRUE(warned(r, "[2000]"));
 }
 
-TEST(EdsQuirks, HC4_ListWithHoleOrDuplicate) {
+TEST(EdsQuirks, HC4_15_ListWithHoleOrDuplicate) {
   const std::string text = file_with(variable(u32, "DefaultValue=7"));
   const auto replace = [&](std::string_view by) {
     std::string changed = text;
@@ -221,7 +222,7 @@ TEST(EdsQuirks, HC4_ListWithHoleOrDuplicate) {
 }
 
 // hard-cases complaint 13 (KeyError DataType).
-TEST(EdsQuirks, HC4_MissingKeysGetDefaults) {
+TEST(EdsQuirks, HC4_16_MissingKeysGetDefaults) {
   const auto r = read_text(file_with("[2000]\nObjectType=7\n"));
   ASSERT_TRUE(r.usable());
   ASSERT_NE(sub(r, 0x2000), nullptr);
@@ -233,7 +234,7 @@ TEST(EdsQuirks, HC4_MissingKeysGetDefaults) {
   EXPECT_EQ(complaints(var), "") << "a missing ObjectType means VAR";
 }
 
-TEST(EdsQuirks, HC4_UnknownAccessType) {
+TEST(EdsQuirks, HC4_17_UnknownAccessType) {
   const auto r = read_variable(u32, "", "xx");
   EXPECT_TRUE(r.usable());
   EXPECT_TRUE(warned(r, "[2000] AccessType"));
@@ -246,7 +247,8 @@ const std::string two_subs =
     "[2000sub1]\nParameterName=a\nDataType=5\nAccessType=rw\nDefaultValue=3\n"
     "[2000subA]\nParameterName=b\nDataType=5\nAccessType=rw\nDefaultValue=4\n";
 
-TEST(EdsQuirks, HC4_SubNumberMissingZeroOrTooSmall) {
+// HC4.18 and HC4.19.
+TEST(EdsQuirks, HC4_18_SubNumberMissingZeroOrTooSmall) {
   for (const char* line : {"", "SubNumber=0\n", "SubNumber=\n", "SubNumber=2\n", "SubNumber=99999999999\n"}) {
     const auto r = read_text(file_with(std::string("[2000]\nParameterName=list\nObjectType=9\n") + line + two_subs));
     EXPECT_TRUE(r.usable()) << line;
@@ -259,7 +261,7 @@ TEST(EdsQuirks, HC4_SubNumberMissingZeroOrTooSmall) {
 const std::string compact =
     "[2000]\nParameterName=Item\nObjectType=8\nDataType=6\nAccessType=rw\nDefaultValue=0x11\nCompactSubObj=3\n";
 
-TEST(EdsQuirks, HC4_CompactSubObjWithPartialNameAndValue) {
+TEST(EdsQuirks, HC4_20_CompactSubObjWithPartialNameAndValue) {
   const auto r =
       read_text(file_with(compact + "[2000Name]\nNrOfEntries=1\n2=Second\n[2000Value]\nNrOfEntries=1\n3=0x77\n"));
   EXPECT_TRUE(r.findings.empty()) << to_string(r.findings.front());
@@ -278,7 +280,7 @@ TEST(EdsQuirks, HC4_CompactSubObjWithPartialNameAndValue) {
   EXPECT_EQ(r.file.parameters[0].value, od::Literal::number(0x77));
 }
 
-TEST(EdsQuirks, HC4_CompactListsThatPointBeside) {
+TEST(EdsQuirks, HC4_20_CompactListsThatPointBeside) {
   const auto r = read_text(
       file_with(compact + "[2000Name]\nNrOfEntries=2\n0=Zero\n4=Four\n[2000Value]\nNrOfEntries=2\n4=1\n1=zz\n"));
   EXPECT_TRUE(warned(r, "[2000Name] 4"));
@@ -286,7 +288,7 @@ TEST(EdsQuirks, HC4_CompactListsThatPointBeside) {
   EXPECT_TRUE(refused(r, "[2000Value] 1"));
 }
 
-TEST(EdsQuirks, HC4_CompactSubObjOnRecord) {
+TEST(EdsQuirks, HC4_21_CompactSubObjOnRecord) {
   std::string record = compact;
   record.replace(record.find("ObjectType=8"), 12, "ObjectType=9");
   const auto r = read_text(file_with(record));
@@ -295,7 +297,7 @@ TEST(EdsQuirks, HC4_CompactSubObjOnRecord) {
   EXPECT_TRUE(r.usable());
 }
 
-TEST(EdsQuirks, HC4_InlineComment) {
+TEST(EdsQuirks, HC4_22_InlineComment) {
   const auto r = read_variable(u32, "DefaultValue=7 ; seven");
   EXPECT_EQ(value(r, 0x2000), 7U);
   EXPECT_EQ(complaints(r), "");
@@ -304,7 +306,7 @@ TEST(EdsQuirks, HC4_InlineComment) {
   EXPECT_EQ(read_variable(u32, "DefaultValue=;none").file.description->default_of(*sub(text, 0x2000)).present(), true);
 }
 
-TEST(EdsQuirks, HC4_CommentsWithoutLinesAndPartialDummyUsage) {
+TEST(EdsQuirks, HC4_23_CommentsWithoutLinesAndPartialDummyUsage) {
   const auto r =
       read_text(file_with(variable(u32, "")) + "[Comments]\nLine1=hello\n[DummyUsage]\nDummy0005=1\nDummy0002=0\n");
   EXPECT_TRUE(r.findings.empty()) << to_string(r.findings.front());
@@ -314,7 +316,7 @@ TEST(EdsQuirks, HC4_CommentsWithoutLinesAndPartialDummyUsage) {
 }
 
 // hard-cases complaint 15.
-TEST(EdsQuirks, HC4_CommissioningInBothSpellings) {
+TEST(EdsQuirks, HC4_24_CommissioningInBothSpellings) {
   for (const char* spelling : {"DeviceComissioning", "DeviceCommissioning", "DEVICECOMISSIONING"}) {
     const auto r = read_text(file_with(variable(u32, "")) + "[" + spelling +
                              "]\nNodeID=0x05\nNodeName=left\nBaudrate=250\nNetNumber=3\nNetworkName=net\n"
@@ -335,7 +337,7 @@ TEST(EdsQuirks, HC4_CommissioningInBothSpellings) {
 }
 
 // hard-cases complaint 11.
-TEST(EdsQuirks, HC4_LeadingZerosInDeviceInfo) {
+TEST(EdsQuirks, HC4_25_LeadingZerosInDeviceInfo) {
   const std::string text = file_with(variable(u32, ""));
   const auto with = [&](std::string_view number) {
     std::string changed = text;
@@ -351,7 +353,7 @@ TEST(EdsQuirks, HC4_LeadingZerosInDeviceInfo) {
   EXPECT_TRUE(warned(with("acme"), "[DeviceInfo] VendorNumber"));
 }
 
-TEST(EdsQuirks, HC4_ParameterValueWinsOrFallsBack) {
+TEST(EdsQuirks, HC4_26_ParameterValueWinsOrFallsBack) {
   const auto wins = read_variable(u16, "DefaultValue=1\nParameterValue=2");
   EXPECT_EQ(value(wins, 0x2000), 2U);
   ASSERT_EQ(wins.file.parameters.size(), 1U);
@@ -361,7 +363,7 @@ TEST(EdsQuirks, HC4_ParameterValueWinsOrFallsBack) {
   EXPECT_TRUE(empty.file.parameters.empty());
 }
 
-TEST(EdsQuirks, HC4_DefaultOutsideItsLimits) {
+TEST(EdsQuirks, HC4_27_DefaultOutsideItsLimits) {
   EXPECT_TRUE(warned(read_variable(u16, "DefaultValue=1\nLowLimit=2"), "[2000] DefaultValue"));
   EXPECT_TRUE(warned(read_variable(u16, "DefaultValue=9\nHighLimit=8"), "[2000] DefaultValue"));
   EXPECT_TRUE(warned(read_variable(u16, "ParameterValue=9\nHighLimit=8"), "[2000] ParameterValue"));
@@ -380,7 +382,7 @@ TEST(EdsQuirks, LimitsThatWouldRefuseEverythingAreLeftOut) {
 
 // ---- the list below the table -------------------------------------------------------------------------------------
 
-TEST(EdsQuirks, HC4_CompactPdo) {
+TEST(EdsQuirks, HC4_28_CompactPdo) {
   std::string text = file_with(variable(u32, ""));
   text.replace(text.find("VendorName=v"), 12, "VendorName=v\nNrOfRXPDO=2\nNrOfTXPDO=5\nGranularity=8\nCompactPDO=0x13");
   const auto r = read_text(text);
@@ -397,7 +399,7 @@ TEST(EdsQuirks, HC4_CompactPdo) {
   EXPECT_NE(sub(r, 0x1A04, 64), nullptr);
 }
 
-TEST(EdsQuirks, HC4_ObjectLinksModulesAndUnknownSections) {
+TEST(EdsQuirks, HC4_28_ObjectLinksModulesAndUnknownSections) {
   const auto r =
       read_text(file_with(variable(u32, "")) +
                 "[2000ObjectLinks]\nObjectLinks=1\n1=0x1000\n[SupportedModules]\nNrOfEntries=1\n"
@@ -409,7 +411,7 @@ TEST(EdsQuirks, HC4_ObjectLinksModulesAndUnknownSections) {
   EXPECT_TRUE(noted(read_variable(u32, "Surprise=1"), "[2000] Surprise"));
 }
 
-TEST(EdsQuirks, HC4_FileInfoDates) {
+TEST(EdsQuirks, HC4_28_FileInfoDates) {
   const auto with = [](std::string_view line) {
     std::string text = file_with(variable(u32, ""));
     text.replace(text.find("EDSVersion=4.0"), 14, "EDSVersion=4.0\n" + std::string(line));
@@ -422,7 +424,7 @@ TEST(EdsQuirks, HC4_FileInfoDates) {
   EXPECT_EQ(complaints(iso), "");
 }
 
-TEST(EdsQuirks, HC4_Denotation) {
+TEST(EdsQuirks, HC4_28_Denotation) {
   const auto r = read_text(file_with(compact + "[2000Denotation]\nNrOfEntries=1\n2=speed\n"));
   ASSERT_EQ(r.file.denotations.size(), 1U);
   EXPECT_EQ(r.file.denotations[0].text, "speed");
@@ -430,7 +432,7 @@ TEST(EdsQuirks, HC4_Denotation) {
   EXPECT_EQ(read_variable(u32, "Denotation=left").file.denotations.at(0).text, "left");
 }
 
-TEST(EdsQuirks, HC4_OddWidthsRealsAndStrings) {
+TEST(EdsQuirks, HC4_29_OddWidthsRealsAndStrings) {
   EXPECT_EQ(value(read_variable(0x16, "DefaultValue=0xFFFFFF"), 0x2000), 0xFFFFFFU);
   EXPECT_TRUE(refused(read_variable(0x16, "DefaultValue=0x1000000"), "[2000] DefaultValue"));
   EXPECT_EQ(signed_value(read_variable(0x12, "DefaultValue=-40"), 0x2000), -40);
@@ -452,7 +454,7 @@ TEST(EdsQuirks, HC4_OddWidthsRealsAndStrings) {
   EXPECT_TRUE(refused(read_variable(1, "DefaultValue=2"), "[2000] DefaultValue")) << "BOOLEAN, R1#256";
 }
 
-TEST(EdsQuirks, HC4_FileNamesThatLeadElsewhere) {
+TEST(EdsQuirks, HC4_30_FileNamesThatLeadElsewhere) {
   for (const char* name : {"../x.bin", "/etc/passwd", "..\\x", "C:\\x", "a/b", "..", "C:x"}) {
     const auto r =
         read_text(file_with(std::string("[2000]\nParameterName=f\nObjectType=2\nUploadFile=") + name + "\n"));
@@ -466,7 +468,7 @@ TEST(EdsQuirks, HC4_FileNamesThatLeadElsewhere) {
   EXPECT_EQ(r.file.file_references[0].name, "program.bin");
 }
 
-TEST(EdsQuirks, HC4_HugeCountsStayWithinBounds) {
+TEST(EdsQuirks, HC4_31_HugeCountsStayWithinBounds) {
   std::string huge = compact;
   huge.replace(huge.find("CompactSubObj=3"), 15, "CompactSubObj=4294967295");
   const auto r = read_text(file_with(huge));
@@ -496,7 +498,7 @@ TEST(EdsQuirks, HC4_HugeCountsStayWithinBounds) {
   EXPECT_LE(fat.file.description->value_bytes(), 2'000'000U);
 }
 
-TEST(EdsQuirks, HC4_FindingsStayWithinBounds) {
+TEST(EdsQuirks, HC4_31_FindingsStayWithinBounds) {
   std::string lines;
   for (int i = 0; i < 5000; ++i) lines += "Unknown" + std::to_string(i) + "=1\n";
   const auto r = read(file_with(variable(u32, lines + "DefaultValue=zz")), "t.eds", {.max_findings = 100});
@@ -504,7 +506,7 @@ TEST(EdsQuirks, HC4_FindingsStayWithinBounds) {
   EXPECT_FALSE(r.usable()) << "an error is told even when the notes are cut";
 }
 
-TEST(EdsQuirks, HC4_HexPrefixInCapitalsNulAndMissingNewline) {
+TEST(EdsQuirks, HC4_32_HexPrefixInCapitalsNulAndMissingNewline) {
   EXPECT_EQ(value(read_variable(u32, "DefaultValue=0X1f"), 0x2000), 0x1FU);
   std::string text = file_with(variable(u32, ""));
   while (text.back() == '\n') text.pop_back();
@@ -517,7 +519,7 @@ TEST(EdsQuirks, HC4_HexPrefixInCapitalsNulAndMissingNewline) {
   EXPECT_FALSE(nul.findings.empty());
 }
 
-TEST(EdsQuirks, HC4_LimitZeroAndSubNumberZeroAreNotLost) {
+TEST(EdsQuirks, LimitZeroAndSubNumberZeroAreNotLost) {
   const auto r = read_variable(i32, "LowLimit=0\nHighLimit=0");
   od::Values device(r.file.description);
   EXPECT_EQ(device.write({0x2000, 0}, std::vector<std::uint8_t>{1, 0, 0, 0}), AbortCode::value_too_high);
@@ -525,7 +527,7 @@ TEST(EdsQuirks, HC4_LimitZeroAndSubNumberZeroAreNotLost) {
   EXPECT_EQ(device.write({0x2000, 0}, std::vector<std::uint8_t>{0, 0, 0, 0}), AbortCode::none);
 }
 
-TEST(EdsQuirks, HC4_OrderOfSectionsIsFree) {
+TEST(EdsQuirks, OrderOfSectionsIsFree) {
   const std::string text = file_with(compact + "[2000Value]\nNrOfEntries=1\n3=0x77\n");
   std::vector<std::string> parts;
   for (std::size_t at = 0; at != std::string::npos;) {

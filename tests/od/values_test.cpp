@@ -52,7 +52,7 @@ AbortCode write(Values& values, ObjectRef ref, const Bytes& bytes) { return valu
 std::uint32_t hex(AbortCode code) { return static_cast<std::uint32_t>(code); }
 
 // hard-cases SDO S18: the codes that a conformance test expects of a dictionary.
-TEST(OdAccess, HC_S18_AbortCodesOfAccess) {
+TEST(OdAccess, HC1_S18_AbortCodesOfAccess) {
   Values v(device(), NodeId(5));
   Bytes buffer(16);
   EXPECT_EQ(hex(v.read({0x3000, 0}, buffer).error()), 0x06020000U);
@@ -73,7 +73,7 @@ TEST(OdAccess, HC_S18_AbortCodesOfAccess) {
 }
 
 // hard-cases SDO S17: lengths; 0-byte objects; an object larger than the caller's buffer.
-TEST(OdAccess, HC_S17_Lengths) {
+TEST(OdAccess, HC1_S17_Lengths) {
   Values v(device(), NodeId(5));
   EXPECT_EQ(hex(write(v, {0x1017, 0}, {1, 2, 3})), 0x06070012U);
   EXPECT_EQ(hex(write(v, {0x1017, 0}, {1})), 0x06070013U);
