@@ -154,7 +154,6 @@ SimDevice::SimDevice(World& world, sim::Bus& bus, const PlantDevice& plan, const
       dispatcher_(bus.executor(), port_),
       device_(dispatcher_, std::move(description), &flash_, options_of(plan, address, bit_rate_of(plan, bus)), &port_,
               timing_) {
-  controller_->cable(false);
   flash_.watch(this);
   device_.observe(this);
 }
@@ -193,7 +192,6 @@ void SimDevice::switch_off() noexcept {
 void SimDevice::plug() noexcept {
   if (plugged_) return;
   plugged_ = true;
-  controller_->cable(true);
   switch_on();
   world_->save();
 }
@@ -201,8 +199,8 @@ void SimDevice::plug() noexcept {
 void SimDevice::unplug() noexcept {
   if (!plugged_) return;
   plugged_ = false;
+  // A controller without power is not there for the others: pulling its cable too would change nothing.
   switch_off();
-  controller_->cable(false);
   world_->tell(*this);
   world_->save();
 }
