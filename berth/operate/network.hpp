@@ -129,6 +129,8 @@ class Network final : private co::HeartbeatConsumer::Observer, private co::SdoCl
   rt::Task<void> watch();
   rt::Task<bool> anybody_new();
   [[nodiscard]] rt::Duration look_period() const noexcept;
+  [[nodiscard]] bool retry_due();
+  rt::Task<void> take_back(const places::Found& found);
   rt::Task<void> handle(Wake wake);
   rt::Task<void> came_back(Seat& seat, rt::Time booted);
   // network_prepare.cpp: who is there
@@ -196,6 +198,7 @@ class Network final : private co::HeartbeatConsumer::Observer, private co::SdoCl
   std::vector<std::string> reached_;   // milestones
   rt::Mailbox<Wake, 512> wakes_;
   Phase phase_ = Phase::opening;
+  rt::Time retry_at_{};
   bool idle_ = false;
   bool running_ = false;
   bool look_anew_ = true;              // the next look asks everybody, not only who is unknown

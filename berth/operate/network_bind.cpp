@@ -93,11 +93,23 @@ rt::Task<void> Network::inquire_found(bool all) {
     if (!asks || f.clone) continue;
     const auto id = co_await active_id(f.device);
     if (id) {
-      note_found({f.device, *id, false});
+      const places::Found heard{f.device, *id, false};
+      note_found(heard);
+      co_await take_back(heard);
     } else if (seat == nullptr && id.error().code == Errc::timeout) {
       forget_found(f.device);  // it left
     }
   }
+}
+
+// A slot's own device under its own node-ID, whose boot-up nobody heard: it is checked and started like one that was.
+rt::Task<void> Network::take_back(const places::Found& found) {
+  const LssAddress device = found.device;
+  Seat* const seat = seat_of(device);
+  const bool home = seat != nullptr && seat->slot.record.confirmed && !seat->slot.record.asked && found.active == seat->id();
+  if (!home) co_return;
+  co_await ask_seat(*seat);
+  if (seat->there) forget_found(device);
 }
 
 // ---- binding ----

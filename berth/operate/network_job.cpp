@@ -24,7 +24,29 @@ rt::Task<void> Network::job() {
   }
 }
 
+// What failed may succeed later: the device was slow, deaf or resetting. Not at once, and not for ever in a hurry.
+bool Network::retry_due() {
+  const bool needs = std::ranges::any_of(seats_, [](const auto& s) {
+    const bool asked = s->slot.record.asked.has_value();
+    const bool silent = s->state == SlotState::absent && s->slot.record.confirmed;
+    return s->state == SlotState::failed || s->state == SlotState::power_cycle || asked || silent;
+  });
+  if (!needs || executor_->now() < retry_at_) return false;
+  retry_at_ = executor_->now() + 8 * bus_->timing.probe_period;
+  for (auto& seat : seats_) {
+    if (seat->state == SlotState::failed && seat->there) set_state(*seat, SlotState::present, "trying again");
+    seat->ask_again = seat->state == SlotState::absent && seat->slot.record.confirmed && !seat->slot.record.asked;
+  }
+  return true;
+}
+
 rt::Task<void> Network::round() {
+  for (auto& seat : seats_) {
+    const bool again = std::exchange(seat->ask_again, false);
+    if (again) co_await ask_seat(*seat);
+    const bool elsewhere = again && !seat->there;
+    if (elsewhere) co_await look_by_lss(*seat);
+  }
   if (bus_->role != design::Role::observer) {
     co_await discover();
     co_await carry_out();
@@ -71,7 +93,7 @@ rt::Task<void> Network::watch() {
       const bool anybody = co_await anybody_new();
       look = anybody;
     }
-    const bool due = look || look_anew_;
+    const bool due = look || look_anew_ || retry_due();
     const bool starts = std::ranges::any_of(seats_, [](const auto& s) {
       return s->there && !s->started && s->state == SlotState::present;
     });

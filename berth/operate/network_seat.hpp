@@ -14,6 +14,7 @@ struct Network::Seat {
   std::string reason;
   bool there = false;        ///< its device was identified under the slot's node-ID
   bool started = false;      ///< NMT start was sent
+  bool ask_again = false;    ///< silent, and due to be asked once more
   bool guarded = false;      ///< the device has no 1017h: it is asked by guarding
   rt::Time checked{};        ///< when it was identified last
   std::optional<places::Binding> waiting;  ///< bound but for a power cycle
