@@ -1,1 +1,184 @@
-int main() { return 2; }
+// The command line: what may be written, and which file does it.
+#include <fmt/format.h>
+
+#include <CLI/CLI.hpp>
+
+#include "berth/text/quantity.hpp"
+#include "options.hpp"
+#include "output.hpp"
+
+namespace berth::cli {
+namespace {
+
+class CommandLine {
+ public:
+  CommandLine() {
+    app_.require_subcommand(1);
+    app_.set_version_flag("--version", std::string("berth ") + BERTH_VERSION);
+    app_.get_formatter()->column_width(34);
+    add_long_jobs();
+    add_single_commands();
+    add_sdo();
+    add_nmt();
+    add_lss();
+    add_rest();
+  }
+
+  int run(int argc, char** argv) {
+    try {
+      app_.parse(argc, argv);
+    } catch (const CLI::ParseError& error) {
+      if (error.get_exit_code() == 0) return app_.exit(error);
+      const bool json = std::any_of(argv, argv + argc, [](const char* word) { return std::string_view(word) == "--json"; });
+      const auto used = app_.get_subcommands();
+      const std::string help = used.empty() ? "berth --help" : fmt::format("berth {} --help", used.front()->get_name());
+      return tell(failure(Exit::usage, fmt::format("{}; see {}", error.what(), help)), json);
+    }
+    return action_();
+  }
+
+ private:
+  using Action = std::function<int()>;
+
+  CLI::App* command(CLI::App& parent, const std::string& name, const std::string& help, Action action) {
+    CLI::App* const sub = parent.add_subcommand(name, help);
+    sub->callback([this, action = std::move(action)] { action_ = action; });
+    return sub;
+  }
+
+  // A verb that becomes a request; each of its words is an argument of the request.
+  CLI::App* verb(CLI::App& parent, const std::string& name, const std::string& full, const std::string& help) {
+    CLI::App* const sub = command(parent, name, help, [this, full] {
+      request_.verb = full;
+      return run_single(options_, request_);
+    });
+    common(*sub);
+    sub->add_option("--control", options_.control, "socket of the running `berth up` (default: by the machine's name)");
+    sub->add_flag("--up", options_.bring_up, "with --sim: first run the main job until the machine is operational");
+    return sub;
+  }
+  CLI::Option* word(CLI::App* sub, const std::string& option, const std::string& key, const std::string& help) {
+    return sub->add_option_function<std::string>(option, [this, key](const std::string& v) { request_.arguments[key] = v; }, help);
+  }
+
+  void common(CLI::App& sub) {
+    sub.add_flag("--json", options_.json, "one JSON object");
+    sub.add_option("--machine", options_.machine, "machine file");
+    sub.add_option("--bus", options_.bus, "one bus of the machine");
+    sub.add_option("--sim", options_.sim, "plant file: run on a simulated world");
+    sub.add_option("--sim-state", options_.state, "file that keeps what the simulated devices remember between runs");
+    sub.add_option("--seed", options_.seed, "seed of the simulated world, instead of the plant file's");
+    sub.add_option("--store", options_.store, "slot table's file (default: in memory on a simulated world)");
+    sub.add_option("--record", options_.record, "write every frame to this file, as candump -L does");
+    sub.add_flag("--dry-run", options_.dry_run, "print every frame that Berth would send, and change nothing");
+    const auto read = [this](const std::string& text) {
+      auto time = text::parse_duration(text);
+      if (!time) time = text::parse_duration(text + " s");
+      if (!time || time->count() <= 0) return fmt::format("\"{}\" is no time; write 30, \"30 s\" or \"500 ms\"", text);
+      options_.timeout = *time;
+      return std::string();
+    };
+    sub.add_option_function<std::string>("--timeout", [](const std::string&) {}, "longest time, of the bus when it is simulated")
+        ->check(CLI::Validator(read, "TIME"));
+  }
+
+  void drive_flags(CLI::App& sub, std::vector<std::string> ends) {
+    sub.add_option("--until", options_.until, "end when this is reached")->check(CLI::IsMember(std::move(ends)));
+    auto* const pace = sub.add_flag("--pace", options_.pace, "in real time, and stay up until Ctrl-C (on a terminal: always)");
+    sub.add_flag("--fast", options_.fast, "as fast as possible, on a terminal too; ends by itself")->excludes(pace);
+    sub.add_option("--listen,--control", options_.control, "socket for other commands (default: by the machine's name)");
+  }
+
+  void add_long_jobs() {
+    auto* const demo = command(app_, "demo", "the built-in machine: from blank devices to operational, then a replacement",
+                               [this] { return run_demo(options_); });
+    common(*demo);
+    drive_flags(*demo, {"operational", "replaced"});
+    auto* const up = command(app_, "up", "bring a machine up and keep it running", [this] { return run_up(options_); });
+    common(*up);
+    up->add_option("machine,-m", options_.machine, "machine file")->option_text("MACHINE");
+    drive_flags(*up, {"operational", "replaced"});
+  }
+
+  void add_single_commands() {
+    verb(app_, "scan", "scan", "who is on this bus: configured, unconfigured, duplicates");
+    verb(app_, "status", "report", "the slot table as it stands");
+    verb(app_, "bind", "bind", "discovery and binding once, without starting anything");
+    auto* const replace = verb(app_, "replace", "replace", "give a slot to a new device");
+    word(replace, "slot", "slot", "its name, BUS/NAME or node-ID")->required();
+    word(replace, "--device", "device", "LSS address of the device that shall sit there");
+  }
+
+  void add_sdo() {
+    auto* const sdo = app_.add_subcommand("sdo", "read or write one object");
+    sdo->require_subcommand(1);
+    auto* const read = verb(*sdo, "read", "sdo read", "read an object: berth sdo read 5 0x1018 4 --type u32");
+    auto* const write = verb(*sdo, "write", "sdo write", "write an object: berth sdo write 5 0x1017 0 500 --type u16");
+    for (CLI::App* const sub : {read, write}) {
+      word(sub, "node", "node", "node-ID")->required();
+      word(sub, "index", "index", "index, such as 0x1018")->required();
+    }
+    word(read, "sub", "sub", "sub-index (default 0)");
+    word(write, "sub", "sub", "sub-index")->required();
+    word(write, "value", "value", "value of --type; without a type hex bytes such as \"F4 01\"")->required();
+    for (CLI::App* const sub : {read, write}) word(sub, "--type,-t", "type", "u8 u16 u32 i8 i16 i32 r32 vs os …");
+  }
+
+  void add_nmt() {
+    auto* const nmt = verb(app_, "nmt", "nmt", "one NMT command to one node or all");
+    word(nmt, "command", "command", "start, stop, preop, reset-node, reset-comm")->required();
+    word(nmt, "node", "node", "node-ID, or all")->required();
+  }
+
+  void add_lss() {
+    auto* const lss = app_.add_subcommand("lss", "layer setting services (CiA 305), one at a time");
+    lss->require_subcommand(1);
+    const auto service = [&](const std::string& name, const std::string& help) { return verb(*lss, name, "lss " + name, help); };
+    const char* const address = "VENDOR-PRODUCT-REVISION-SERIAL, eight hex digits each";
+    word(service("select", "one device to configuration state"), "address", "address", address)->required();
+    word(service("inquire", "vendor, product, revision, serial number, node-ID"), "address", "address", address);
+    word(service("store", "a device stores node-ID and bit rate"), "address", "address", address);
+    auto* const set = service("set-node-id", "give a device a node-ID");
+    word(set, "address", "address", address)->required();
+    word(set, "id", "id", "1 to 127, or 255 for none")->required();
+    set->add_flag_function("--save", [this](std::int64_t) { request_.arguments["store"] = "1"; }, "and let the device store it");
+    auto* const timing = service("bit-timing", "give a device a bit rate");
+    word(timing, "rate", "rate", "bit/s")->required();
+    word(timing, "address", "address", address);
+    auto* const activate = service("activate", "devices in configuration state change to their new bit rate");
+    word(activate, "delay", "delay", "switch delay in ms")->required();
+    word(activate, "--rate", "rate", "bit/s that Berth's own port changes to");
+    word(service("global", "all devices to waiting or configuration state"), "state", "state", "waiting or configuration")->required();
+    service("find", "every device, by RAND; is anybody without a node-ID?");
+    auto* const identify = service("identify", "is a device within these ranges?");
+    word(identify, "vendor", "vendor", "vendor-ID")->required();
+    word(identify, "product", "product", "product code")->required();
+    word(identify, "--revision-low", "revision-low", "default 0");
+    word(identify, "--revision-high", "revision-high", "default 0xFFFFFFFF");
+    word(identify, "--serial-low", "serial-low", "default 0");
+    word(identify, "--serial-high", "serial-high", "default 0xFFFFFFFF");
+  }
+
+  void add_rest() {
+    auto* const sim = app_.add_subcommand("sim", "textbook scenes of fault confinement, step by step");
+    sim->require_subcommand(1);
+    const std::pair<const char*, const char*> scenes[] = {{"two-with-one-id", "two nodes send different data under one identifier"},
+                                                          {"lone-node", "one node sends and nobody acknowledges"}};
+    for (const auto& [name, help] : scenes) {
+      auto* const sub = command(*sim, name, help, [this, scene = std::string(name)] { return run_scenario(options_, scene); });
+      sub->add_flag("--json", options_.json, "one JSON object");
+    }
+    command(app_, "version", "which Berth this is", [this] { return run_version(options_); })
+        ->add_flag("--json", options_.json, "one JSON object");
+  }
+
+  CLI::App app_{"Berth gives every CANopen device its place.", "berth"};
+  Options options_;
+  operate::CommandRequest request_;
+  Action action_;
+};
+
+}  // namespace
+}  // namespace berth::cli
+
+int main(int argc, char** argv) { return berth::cli::CommandLine().run(argc, argv); }

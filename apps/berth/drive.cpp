@@ -1,0 +1,265 @@
+#include "drive.hpp"
+
+#include <fmt/format.h>
+#include <signal.h>
+#include <sys/ioctl.h>
+#include <sys/signalfd.h>
+#include <unistd.h>
+
+#include <algorithm>
+
+namespace berth::cli {
+
+using namespace std::chrono_literals;
+using Clock = std::chrono::steady_clock;
+
+// ---- Interrupt ----
+
+Interrupt::Interrupt() {
+  sigset_t set;
+  sigemptyset(&set);
+  sigaddset(&set, SIGINT);
+  sigaddset(&set, SIGTERM);
+  ::sigprocmask(SIG_BLOCK, &set, nullptr);
+  fd_ = ::signalfd(-1, &set, SFD_NONBLOCK | SFD_CLOEXEC);
+}
+
+Interrupt::~Interrupt() {
+  if (fd_ >= 0) ::close(fd_);
+}
+
+bool Interrupt::came() noexcept {
+  signalfd_siginfo info{};
+  came_ = came_ || ::read(fd_, &info, sizeof info) == static_cast<ssize_t>(sizeof info);
+  return came_;
+}
+
+// ---- Screen ----
+
+Screen::Screen(operate::Session& session, bool live, bool quiet) : session_(&session), live_(live), quiet_(quiet) {}
+
+void Screen::line(const std::string& text) {
+  dirty_ = true;
+  if (quiet_) return;
+  if (live_) {
+    waiting_.push_back(text);
+  } else {
+    print_line(text);
+  }
+}
+
+namespace {
+
+// As many characters as fit, so that a line of the table is one line of the terminal.
+std::string cut(const std::string& text, std::size_t width) {
+  std::size_t shown = 0;
+  for (std::size_t i = 0; i < text.size(); ++i) {
+    const bool begins = (static_cast<unsigned char>(text[i]) & 0xC0U) != 0x80U;
+    if (begins && shown++ == width) return text.substr(0, i);
+  }
+  return text;
+}
+
+std::size_t terminal_width() {
+  winsize size{};
+  return ::ioctl(STDOUT_FILENO, TIOCGWINSZ, &size) == 0 && size.ws_col > 0 ? size.ws_col : 80;
+}
+
+}  // namespace
+
+void Screen::keep() {
+  refresh(true);
+  drawn_ = 0;
+  live_ = false;
+}
+
+void Screen::refresh(bool now) {
+  if (!live_ || quiet_) return;
+  const auto since = Clock::now() - last_;
+  if (!now && since < (dirty_ ? 100ms : 1000ms)) return;
+  last_ = Clock::now();
+  dirty_ = false;
+  const std::size_t width = terminal_width();
+  std::string text = drawn_ > 0 ? fmt::format("\x1b[{}A\r\x1b[J", drawn_) : "";
+  for (const auto& line : waiting_) text += line + "\n";
+  waiting_.clear();
+  std::vector<std::string> table{"", fmt::format("{}  {:.1f} s on the bus  Ctrl-C ends it", session_->machine().name,
+                                                 operate::seconds(session_->executor().now()))};
+  std::ranges::move(operate::to_table(session_->slots()), std::back_inserter(table));
+  for (const auto& line : table) text += cut(line, width) + "\n";
+  drawn_ = table.size();
+  std::fwrite(text.data(), 1, text.size(), stdout);
+  std::fflush(stdout);
+}
+
+// ---- Ending ----
+
+Ending::Ending(Rig& rig, std::string until) : rig_(&rig), until_(std::move(until)) {
+  for (const auto& bus : rig.machine().buses) {
+    quiet_ = std::max(quiet_, bus.timing.heartbeat_timeout + 2 * bus.timing.probe_period);
+  }
+  rt::Duration boot{0};
+  for (const auto& device : rig.plant().devices) boot = std::max(boot, device.boot);
+  quiet_ += boot;
+  limit_ = 10min;
+  for (const auto& event : rig.plant().events) limit_ += event.delay + event.duration;
+  milestone("start");
+}
+
+void Ending::event(const operate::Event& event) {
+  if (event.kind != "step") changed_ = event.at;
+}
+
+void Ending::milestone(const std::string& name) {
+  const rt::Time now = rig_->world().executor().now();
+  changed_ = now;
+  for (const auto& event : rig_->plant().events) {
+    if (plant::name(event.after) == name) due_ = std::max(due_, now + event.delay + event.duration);
+  }
+  if (name != "operational") return;
+  first_.clear();
+  for (const auto& slot : rig_->session().slots()) first_.push_back(slot.device);
+}
+
+bool Ending::plan_over() const { return rig_->world().executor().now() >= due_; }
+
+bool Ending::replaced() const {
+  if (first_.empty() || !plan_over() || !rig_->session().operational()) return false;
+  const auto slots = rig_->session().slots();
+  for (std::size_t i = 0; i < slots.size(); ++i) {
+    if (slots[i].device && slots[i].device != first_[i]) return true;
+  }
+  return false;
+}
+
+bool Ending::reached() {
+  if (until_ == "operational") return rig_->session().operational();
+  return until_ == "replaced" && replaced();
+}
+
+bool Ending::settled() {
+  const rt::Time now = rig_->world().executor().now();
+  if (now < changed_ + quiet_ || now < due_ + quiet_ || !rig_->session().idle()) return false;
+  const auto slots = rig_->session().slots();
+  return std::ranges::none_of(slots, [](const auto& s) {
+    return s.state == places::SlotState::binding || s.state == places::SlotState::unknown;
+  });
+}
+
+// ---- driving ----
+
+namespace {
+
+Ended drive_fast(Rig& rig, Ending& ending, Interrupt& interrupt, rt::Duration limit) {
+  Ended how = Ended::timeout;
+  unsigned looks = 0;
+  const auto over = [&] {
+    if (++looks % 256 == 0 && interrupt.came()) {
+      how = Ended::interrupted;
+    } else if (ending.reached()) {
+      how = Ended::reached;
+    } else if (ending.settled()) {
+      how = Ended::settled;
+    }
+    return how != Ended::timeout;
+  };
+  rig.world().sim().run_until(over, limit);
+  return how;
+}
+
+class Pacer {
+ public:
+  Pacer(Rig& rig, Ending& ending, Screen& screen, Interrupt& interrupt, operate::ControlServer* server, rt::Time end)
+      : rig_(rig), ending_(ending), screen_(screen), interrupt_(interrupt), server_(server), end_(end) {}
+
+  Ended run() {
+    rig_.world().sim().run_paced(rt::never, [this](rt::Time target) { return wait(target); });
+    return how_;
+  }
+
+ private:
+  [[nodiscard]] rt::Time clock() const { return began_ + (Clock::now() - real_); }
+
+  // Sleeps until the world may be at `target`, or something came in. A time in the past ends the run.
+  rt::Time wait(rt::Time target) {
+    for (;;) {
+      if (over()) return rt::Time::min();
+      screen_.refresh();
+      const rt::Time now = std::max(clock(), rig_.world().executor().now());
+      const bool behind = target <= now;
+      if (behind && Clock::now() - polled_ < 2ms) return now;
+      const auto left = behind ? rt::Duration{0} : std::min<rt::Duration>(target - now, 50ms);
+      const bool came_in = poll_for(left);
+      if (server_ != nullptr) server_->serve();
+      if (came_in || behind) return std::max(clock(), rig_.world().executor().now());
+    }
+  }
+
+  bool over() {
+    if (interrupt_.came()) {
+      how_ = Ended::interrupted;
+    } else if (ending_.reached()) {
+      how_ = Ended::reached;
+    } else if (rig_.world().executor().now() >= end_) {
+      how_ = Ended::timeout;
+    } else {
+      return false;
+    }
+    return true;
+  }
+
+  bool poll_for(rt::Duration left) {
+    descriptors_.clear();
+    descriptors_.push_back({interrupt_.descriptor(), POLLIN, 0});
+    if (server_ != nullptr) server_->fill(descriptors_);
+    const auto whole = std::chrono::duration_cast<std::chrono::seconds>(left);
+    const timespec time{static_cast<time_t>(whole.count()), static_cast<long>((left - whole).count())};
+    const int ready = ::ppoll(descriptors_.data(), descriptors_.size(), &time, nullptr);
+    polled_ = Clock::now();
+    return ready > 0;
+  }
+
+  Rig& rig_;
+  Ending& ending_;
+  Screen& screen_;
+  Interrupt& interrupt_;
+  operate::ControlServer* server_;
+  rt::Time end_;
+  rt::Time began_ = rig_.world().executor().now();
+  Clock::time_point real_ = Clock::now();
+  Clock::time_point polled_{};
+  std::vector<pollfd> descriptors_;
+  Ended how_ = Ended::interrupted;
+};
+
+}  // namespace
+
+tl::expected<Ended, Failure> drive(Rig& rig, Ending& ending, Screen& screen, const Options& options,
+                                   const DriveOptions& how) {
+  Interrupt interrupt;
+  std::unique_ptr<operate::ControlServer> server;
+  if (!how.control.empty()) {
+    auto listening = operate::ControlServer::listen(how.control, rig.session());
+    if (!listening) return tl::unexpected(failure(Exit::failed, listening.error()));
+    server = std::move(*listening);
+  }
+  rig.session().on_event([&](const operate::Event& event) {
+    ending.event(event);
+    screen.line(operate::to_line(event));
+  });
+  rig.session().on_milestone([&](const std::string& name) {
+    ending.milestone(name);
+    for (const auto after : {plant::After::discovered, plant::After::bound, plant::After::operational}) {
+      if (plant::name(after) == name) rig.world().milestone(after);
+    }
+  });
+  rig.world().start();
+  rig.session().start();
+  if (!how.paced) return drive_fast(rig, ending, interrupt, options.timeout.value_or(ending.limit()));
+  const rt::Time end = options.timeout ? rig.world().executor().now() + *options.timeout : rt::never;
+  const Ended ended = Pacer(rig, ending, screen, interrupt, server.get(), end).run();
+  screen.refresh(true);
+  return ended;
+}
+
+}  // namespace berth::cli

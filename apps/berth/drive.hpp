@@ -1,0 +1,84 @@
+/// Drives a rig: as fast as possible, or paced to real time with a control socket, until it is to end.
+#pragma once
+
+#include <functional>
+#include <memory>
+#include <string>
+
+#include "berth/operate/control.hpp"
+#include "rig.hpp"
+
+namespace berth::cli {
+
+/// Ctrl-C and SIGTERM as a descriptor, so that a run ends cleanly. One at a time.
+class Interrupt {
+ public:
+  Interrupt();
+  ~Interrupt();
+  Interrupt(const Interrupt&) = delete;
+  Interrupt& operator=(const Interrupt&) = delete;
+  [[nodiscard]] int descriptor() const noexcept { return fd_; }
+  /// True once a signal came.
+  [[nodiscard]] bool came() noexcept;
+
+ private:
+  int fd_ = -1;
+  bool came_ = false;
+};
+
+/// The lines of a run: on a terminal above a live slot table, else plain.
+class Screen {
+ public:
+  Screen(operate::Session& session, bool live, bool quiet);
+  void line(const std::string& text);
+  /// Draws the table anew when something changed or a second went by, at most ten times a second.
+  void refresh(bool now = false);
+  /// What is drawn stays; what comes goes below it.
+  void keep();
+
+ private:
+  operate::Session* session_;
+  bool live_;
+  bool quiet_;
+  bool dirty_ = true;
+  std::size_t drawn_ = 0;  // lines of the table on the screen
+  std::vector<std::string> waiting_;
+  std::chrono::steady_clock::time_point last_{};
+};
+
+/// When a run is over. Watches the session's events and the plant's plan.
+class Ending {
+ public:
+  Ending(Rig& rig, std::string until);
+  void event(const operate::Event& event);
+  void milestone(const std::string& name);
+  /// What `--until` names was reached.
+  [[nodiscard]] bool reached();
+  /// Nothing has changed for a while, nothing is under way, and nothing is planned any more.
+  [[nodiscard]] bool settled();
+  /// Bus time after which a run that does not settle is given up.
+  [[nodiscard]] rt::Duration limit() const noexcept { return limit_; }
+
+ private:
+  [[nodiscard]] bool plan_over() const;
+  [[nodiscard]] bool replaced() const;
+  Rig* rig_;
+  std::string until_;
+  rt::Time changed_{};
+  rt::Time due_{};         // of the last planned event known
+  rt::Duration quiet_{};   // how long nothing may change
+  rt::Duration limit_{};
+  std::vector<std::optional<LssAddress>> first_;  // who sat in each slot when all were operational first
+};
+
+/// Runs the rig's session. `paced`: real time and a control socket at `control`; it ends by `--until` or a signal.
+/// Otherwise as fast as possible; it also ends when it is settled.
+struct DriveOptions {
+  bool paced = false;
+  std::string control;  ///< empty: none
+};
+enum class Ended : std::uint8_t { reached, settled, timeout, interrupted };
+[[nodiscard]] tl::expected<Ended, Failure> drive(Rig& rig, Ending& ending, Screen& screen, const Options& options,
+                                                 const DriveOptions& how);
+
+}  // namespace berth::cli

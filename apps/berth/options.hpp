@@ -1,0 +1,41 @@
+/// The flags that every subcommand has, and the exit status.
+#pragma once
+
+#include <chrono>
+#include <cstdint>
+#include <optional>
+#include <string>
+
+#include "berth/operate/commands.hpp"
+
+namespace berth::cli {
+
+/// DESIGN §5.
+enum Exit : int { done = 0, no = 1, usage = 2, failed = 3 };
+
+struct Options {
+  bool json = false;
+  bool dry_run = false;
+  std::string machine;
+  std::string bus;
+  std::string sim;      ///< plant file
+  std::string state;    ///< file that keeps what the simulated devices remember
+  std::string store;    ///< empty: in memory on a simulated bus
+  std::string control;  ///< empty: operate::control_path of the machine
+  std::string record;   ///< candump log of every frame
+  std::optional<std::uint64_t> seed;
+  std::optional<std::chrono::nanoseconds> timeout;
+  std::string until;  ///< "", "operational", "replaced"
+  bool pace = false;
+  bool fast = false;
+  bool bring_up = false;  ///< single commands: run the main job first
+};
+
+int run_up(const Options& options);
+int run_demo(const Options& options);
+/// scan, bind, replace, sdo, nmt, lss, status: in a world of its own, or by a running `berth up`.
+int run_single(const Options& options, operate::CommandRequest request);
+int run_scenario(const Options& options, const std::string& scenario);
+int run_version(const Options& options);
+
+}  // namespace berth::cli

@@ -1,0 +1,71 @@
+#include "output.hpp"
+
+#include <unistd.h>
+
+#include <cstdio>
+#include <nlohmann/json.hpp>
+
+namespace berth::cli {
+
+using Json = nlohmann::ordered_json;
+
+namespace {
+
+std::string dump(const Json& json) { return json.dump(2, ' ', false, Json::error_handler_t::replace); }
+
+}  // namespace
+
+Failure failure(int status, const std::string& message) {
+  Json json;
+  json["error"]["message"] = message;
+  return {status, message, dump(json)};
+}
+
+Failure failure(const Findings& findings) {
+  Failure f{2, {}, {}};
+  Json json;
+  auto& list = json["error"]["findings"];
+  for (const auto& finding : findings) {
+    if (finding.severity != Finding::Severity::error) continue;
+    f.message += (f.message.empty() ? "" : "\n") + to_string(finding);
+    Json one;
+    one["file"] = finding.file;
+    one["line"] = finding.line;
+    one["column"] = finding.column;
+    one["key"] = finding.key;
+    one["message"] = finding.message;
+    if (!finding.fix.empty()) one["fix"] = finding.fix;
+    list.push_back(one);
+  }
+  json["error"]["message"] = f.message;
+  f.json = dump(json);
+  return f;
+}
+
+int tell(const Failure& failure, bool json) {
+  if (json) {
+    print_line(failure.json);
+  } else {
+    print_error(failure.message);
+  }
+  return failure.status;
+}
+
+void print_line(const std::string& line) {
+  std::fwrite(line.data(), 1, line.size(), stdout);
+  std::fputc('\n', stdout);
+  std::fflush(stdout);
+}
+
+void print_lines(const std::vector<std::string>& lines) {
+  for (const auto& line : lines) print_line(line);
+}
+
+void print_error(const std::string& message) {
+  std::fflush(stdout);
+  std::fprintf(stderr, "berth: %s\n", message.c_str());
+}
+
+bool on_terminal() { return ::isatty(STDOUT_FILENO) == 1; }
+
+}  // namespace berth::cli

@@ -1,0 +1,29 @@
+/// What goes to a person or a program, and how.
+#pragma once
+
+#include <string>
+#include <vector>
+
+#include "berth/base/finding.hpp"
+
+namespace berth::cli {
+
+/// Something went wrong: words for people, and one JSON object.
+struct Failure {
+  int status = 0;
+  std::string message;  ///< may have several lines
+  std::string json;
+};
+[[nodiscard]] Failure failure(int status, const std::string& message);
+/// Of a file: every error with its place. Status 2.
+[[nodiscard]] Failure failure(const Findings& findings);
+
+/// Message on standard error, or with `json` the object on standard output. Gives the status.
+int tell(const Failure& failure, bool json);
+
+void print_line(const std::string& line);
+void print_lines(const std::vector<std::string>& lines);
+void print_error(const std::string& message);
+[[nodiscard]] bool on_terminal();
+
+}  // namespace berth::cli

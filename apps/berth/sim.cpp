@@ -1,0 +1,50 @@
+// `berth sim two-with-one-id`, `berth sim lone-node`: fault confinement, step by step (facts page G.2, G.3).
+#include <fmt/format.h>
+
+#include <nlohmann/json.hpp>
+
+#include "berth/sim/scenarios.hpp"
+#include "options.hpp"
+#include "output.hpp"
+
+namespace berth::cli {
+
+int run_scenario(const Options& options, const std::string& scenario) {
+  const auto steps = scenario == "lone-node" ? sim::lone_node() : sim::two_with_one_id();
+  if (options.json) {
+    nlohmann::ordered_json json;
+    json["scenario"] = scenario;
+    json["steps"] = nlohmann::ordered_json::array();
+    for (const auto& step : steps) {
+      auto& s = json["steps"].emplace_back();
+      s["bit"] = step.bit;
+      s["event"] = step.event;
+      s["nodes"] = nlohmann::ordered_json::array();
+      for (const auto& n : step.nodes) {
+        s["nodes"].push_back({{"name", n.name}, {"tec", n.tec}, {"rec", n.rec}, {"state", sim::name(n.state)}});
+      }
+    }
+    print_line(json.dump(2));
+    return Exit::done;
+  }
+  std::size_t width = 5;
+  for (const auto& step : steps) width = std::max(width, step.event.size());
+  for (const auto& step : steps) {
+    std::string line = fmt::format("bit {:>6}  {:<{}}", step.bit, step.event, width);
+    for (const auto& n : step.nodes) line += fmt::format("  {}: TEC {:>3} REC {:>3} {:<7}", n.name, n.tec, n.rec, sim::name(n.state));
+    while (line.ends_with(' ')) line.pop_back();
+    print_line(line);
+  }
+  return Exit::done;
+}
+
+int run_version(const Options& options) {
+  if (options.json) {
+    print_line(nlohmann::ordered_json{{"version", BERTH_VERSION}}.dump());
+  } else {
+    print_line(fmt::format("berth {}", BERTH_VERSION));
+  }
+  return Exit::done;
+}
+
+}  // namespace berth::cli

@@ -1,0 +1,139 @@
+// scan, bind, replace, sdo, nmt, lss, status: one request, carried out in a world of its own (`--sim`) or by a running
+// `berth up`.
+#include <fmt/format.h>
+
+#include <nlohmann/json.hpp>
+
+#include "berth/rt/scope.hpp"
+#include "drive.hpp"
+#include "up.hpp"
+
+namespace berth::cli {
+namespace {
+
+using namespace std::chrono_literals;
+using Json = nlohmann::ordered_json;
+using operate::CommandReply;
+using operate::CommandRequest;
+
+int show(const CommandReply& reply, bool json) {
+  if (json) {
+    print_line(Json::parse(reply.json).dump(2));
+    return reply.status;
+  }
+  print_lines(reply.lines);
+  if (!reply.error.empty()) print_error(reply.error);
+  return reply.status;
+}
+
+// What a dry run says: the frames, and what came of the command in the throw-away world.
+int show_dry(const std::vector<Recorded>& frames, const CommandReply& reply, bool json) {
+  if (json) {
+    Json all;
+    all["dry_run"] = true;
+    all["frames"] = Json::array();
+    for (const auto& f : frames) all["frames"].push_back({{"at_s", f.at_s}, {"bus", f.bus}, {"frame", f.frame}});
+    all["reply"] = Json::parse(reply.json);
+    print_line(all.dump(2));
+    return reply.status;
+  }
+  for (const auto& f : frames) print_line(candump_line(f));
+  if (!reply.error.empty()) print_error(reply.error);
+  return reply.status;
+}
+
+rt::Task<void> run(operate::Session& session, const CommandRequest& request, CommandReply& reply, bool& over) {
+  co_await operate::execute(session, request, reply);
+  over = true;
+}
+
+// The simulated devices need their time to boot; with --up the main job gets the time it needs.
+tl::expected<void, Failure> prepare(Rig& rig, const Options& options) {
+  if (options.bring_up) {
+    Options fast = options;
+    fast.timeout.reset();
+    Screen screen(rig.session(), false, true);
+    Ending ending(rig, "operational");
+    const auto ended = drive(rig, ending, screen, fast, {});
+    rig.session().on_event({});
+    rig.session().on_milestone({});
+    if (!ended) return tl::unexpected(ended.error());
+    return {};
+  }
+  rig.world().start();
+  rt::Duration boot{0};
+  for (const auto& device : rig.plant().devices) boot = std::max(boot, device.boot);
+  rig.world().sim().run_for(boot + 100ms);
+  return {};
+}
+
+int in_own_world(const Options& options, const CommandRequest& request) {
+  auto made = Rig::make(options, {options.machine, options.sim, {}, {}});
+  if (!made) return tell(made.error(), options.json);
+  Rig& rig = **made;
+  const auto ready = prepare(rig, options);
+  if (!ready) return tell(ready.error(), options.json);
+  std::vector<Recorded> sent;
+  if (options.dry_run) rig.record_sent(sent);
+  CommandReply reply;
+  bool over = false;
+  const auto limit = options.timeout.value_or(5min);
+  {
+    rt::Scope scope(rig.world().executor());
+    scope.spawn(run(rig.session(), request, reply, over));
+    rig.world().sim().run_until([&] { return over; }, limit);
+  }
+  if (!over) {
+    const double s = std::chrono::duration<double>(limit).count();
+    reply = operate::refusal(Exit::failed, fmt::format("{}: not done within {} s of bus time; give a longer --timeout", request.verb, s));
+  }
+  return options.dry_run ? show_dry(sent, reply, options.json) : show(reply, options.json);
+}
+
+int foreseen(const Options& options, const CommandRequest& request) {
+  std::string problem;
+  const auto frames = operate::foreseeable_frames(request, problem);
+  if (!problem.empty()) {
+    return tell(failure(Exit::usage, problem + "; a dry run of it needs a world to throw away: give --sim PLANT"), options.json);
+  }
+  if (options.json) {
+    Json all;
+    all["dry_run"] = true;
+    all["frames"] = Json::array();
+    for (const auto& f : frames) all["frames"].push_back({{"at_s", nullptr}, {"bus", options.bus}, {"frame", can::to_string(f)}});
+    print_line(all.dump(2));
+    return Exit::done;
+  }
+  for (const auto& f : frames) print_line(can::to_string(f));
+  return Exit::done;
+}
+
+int by_running_up(const Options& options, const CommandRequest& request) {
+  std::string path = options.control;
+  if (path.empty()) {
+    const auto machine = design::load_machine(options.machine);
+    if (!machine.machine) return tell(failure(machine.findings), options.json);
+    path = operate::control_path(machine.machine->name);
+  }
+  if (options.dry_run) return foreseen(options, request);
+  const auto patience = std::chrono::duration_cast<std::chrono::milliseconds>(options.timeout.value_or(2min)).count();
+  const auto reply = operate::control_call(path, request, static_cast<int>(std::min<std::int64_t>(patience, 24 * 3'600'000)));
+  if (reply) return show(*reply, options.json);
+  const std::string machine = options.machine.empty() ? "MACHINE" : options.machine;
+  return tell(failure(Exit::failed, fmt::format("no running `berth up` does this for {}: {}\nstart one (berth up {} --sim PLANT "
+                                                "--pace), or give --sim PLANT to do it in a simulated world of its own",
+                                                machine, reply.error(), machine)),
+              options.json);
+}
+
+}  // namespace
+
+int run_single(const Options& options, CommandRequest request) {
+  if (!options.bus.empty()) request.arguments["bus"] = options.bus;
+  if (options.machine.empty() && (options.control.empty() || !options.sim.empty())) {
+    return tell(failure(Exit::usage, "name the machine file: --machine FILE"), options.json);
+  }
+  return options.sim.empty() ? by_running_up(options, request) : in_own_world(options, request);
+}
+
+}  // namespace berth::cli

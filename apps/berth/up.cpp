@@ -1,0 +1,80 @@
+// `berth up`, and what `berth demo` shares with it.
+#include "up.hpp"
+
+#include <fmt/format.h>
+
+#include <nlohmann/json.hpp>
+
+#include "drive.hpp"
+
+namespace berth::cli {
+namespace {
+
+using Json = nlohmann::ordered_json;
+
+// Why it is not operational, one line a slot.
+std::string reasons(operate::Session& session, Ended ended) {
+  std::string text = ended == Ended::timeout ? "the time allowed is over" : "";
+  for (const auto& s : session.slots()) {
+    const design::Slot* const slot = session.machine().slot(s.bus, s.id);
+    const bool optional = slot != nullptr && slot->spec.optional;
+    if (optional || s.state == places::SlotState::operational) continue;
+    text += fmt::format("{}bus {}, slot {} (node-ID {}): {}{}", text.empty() ? "" : "\n", s.bus, s.name, s.id.value(),
+                        places::name(s.state), s.reason.empty() ? "" : ": " + s.reason);
+  }
+  return "not operational: " + text;
+}
+
+void print_frames(const std::vector<Recorded>& frames, bool json) {
+  if (json) {
+    Json all;
+    all["dry_run"] = true;
+    all["frames"] = Json::array();
+    for (const auto& f : frames) all["frames"].push_back({{"at_s", f.at_s}, {"bus", f.bus}, {"frame", f.frame}});
+    return print_line(all.dump(2));
+  }
+  for (const auto& f : frames) print_line(candump_line(f));
+}
+
+}  // namespace
+
+std::string candump_line(const Recorded& f) { return fmt::format("({:017.6f}) {} {}", f.at_s, f.bus, f.frame); }
+
+int bring_up(const Options& options, const Sources& sources) {
+  auto made = Rig::make(options, sources);
+  if (!made) return tell(made.error(), options.json);
+  Rig& rig = **made;
+  std::vector<Recorded> sent;
+  if (options.dry_run) rig.record_sent(sent);
+  DriveOptions how;
+  const bool live = on_terminal() && !options.json && !options.dry_run;
+  how.paced = !options.dry_run && !options.fast && (options.pace || live);
+  if (how.paced) how.control = options.control.empty() ? operate::control_path(rig.machine().name) : options.control;
+  Screen screen(rig.session(), live && how.paced, options.json || options.dry_run);
+  Ending ending(rig, options.until);
+  const auto ended = drive(rig, ending, screen, options, how);
+  if (!ended) return tell(ended.error(), options.json);
+  rig.session().on_event({});
+  const bool good = rig.session().operational() && (*ended != Ended::settled || options.until != "replaced" || ending.reached());
+  if (options.dry_run) {
+    print_frames(sent, options.json);
+  } else if (options.json) {
+    print_line(operate::to_json(rig.session().report()));
+  } else if (!live || !how.paced) {
+    print_line("");
+    print_lines(operate::to_table(rig.session().slots()));
+  }
+  if (good) return Exit::done;
+  screen.keep();
+  if (!options.json) {
+    print_error(rig.session().operational() ? "no device was replaced" : reasons(rig.session(), *ended));
+  }
+  return Exit::no;
+}
+
+int run_up(const Options& options) {
+  if (options.machine.empty()) return tell(failure(Exit::usage, "name the machine file: berth up machine.toml"), options.json);
+  return bring_up(options, {options.machine, options.sim, {}, {}});
+}
+
+}  // namespace berth::cli
