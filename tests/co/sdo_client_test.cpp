@@ -87,7 +87,7 @@ TEST_F(Client, SegmentedUpload) {
   EXPECT_EQ(value->text(), "abcdefghij");
 }
 
-// S2: segmented upload, the server does not indicate the size.
+// HC1.S2: segmented upload, the server does not indicate the size.
 TEST_F(Client, S2_SegmentedUploadWithoutSize) {
   reply("605#4008100000000000", {"585#4008100000000000"});
   reply("605#6000000000000000", {"585#0061626364656667"});
@@ -149,7 +149,7 @@ TEST_F(Client, AbortIsToldWithItsCodeAndObject) {
   EXPECT_EQ(value.error().sub, 3);
 }
 
-// S13: an abort in the middle ends the transfer, and nothing more is sent.
+// HC1.S13: an abort in the middle ends the transfer, and nothing more is sent.
 TEST_F(Client, S13_AbortIsNeverAnswered) {
   reply("605#4008100000000000", {"585#410810000A000000"});
   reply("605#6000000000000000", {"585#8008100000000008"});
@@ -163,7 +163,7 @@ TEST_F(Client, S13_AbortIsNeverAnswered) {
   EXPECT_EQ(await(*this, lost).error().detail, 0x05040001U);
 }
 
-// S5, the client's side: a wrong toggle is aborted with 0503 0000.
+// HC1.S5, the client's side: a wrong toggle is aborted with 0503 0000.
 TEST_F(Client, S5_WrongToggle) {
   reply("605#4008100000000000", {"585#410810000A000000"});
   reply("605#6000000000000000", {"585#1061626364656667"});
@@ -178,7 +178,7 @@ TEST_F(Client, S5_WrongToggle) {
   EXPECT_EQ(await(*this, down).error().detail, 0x05030000U);
 }
 
-// S15: answers for another object, late ones, short ones: ignored; the right one still counts.
+// HC1.S15: answers for another object, late ones, short ones: ignored; the right one still counts.
 TEST_F(Client, S15_ForeignAnswersAreIgnored) {
   auto op = client.read<std::uint32_t>(node, 0x1000, 0);
   Flag flag;
@@ -196,7 +196,7 @@ TEST_F(Client, S15_ForeignAnswersAreIgnored) {
   EXPECT_EQ(*op.await_resume(), 0x00020192U);
 }
 
-// S15: the answer to a request that was given up comes while the next one is on its way. An answer outranks the next
+// HC1.S15: the answer to a request that was given up comes while the next one is on its way. An answer outranks the next
 // request, so what is heard before the request's confirmation is not its answer.
 TEST_F(Client, S15_LateAnswerOfTheSameObjectBeforeTheFence) {
   co::SdoOptions impatient = client.options();
@@ -212,7 +212,7 @@ TEST_F(Client, S15_LateAnswerOfTheSameObjectBeforeTheFence) {
   EXPECT_EQ(client.surplus(node), 0U) << "late is not surplus";
 }
 
-// S2/S16 in reverse: silence ends in time, says so, and tells the server once (complaint 22: optional).
+// HC1.S2, HC1.S16 in reverse: silence ends in time, says so, and tells the server once (complaint 22: optional).
 TEST_F(Client, TimeoutAbortsOnceAndSaysNoAnswer) {
   auto op = client.read<std::uint32_t>(node, 0x1000, 0);
   const auto value = await(*this, op);

@@ -82,7 +82,7 @@ TEST_F(Server, SegmentedDownloadWithSize) {
   EXPECT_EQ(ask("0009090909090909"), aborted("000000", "01000405")) << "nothing comes after the last segment";
 }
 
-// S1: segmented download, size not indicated.
+// HC1.S1: segmented download, size not indicated.
 TEST_F(Server, S1_SegmentedDownloadWithoutSize) {
   EXPECT_EQ(ask("2003200000000000"), "6003200000000000");
   EXPECT_EQ(ask("0061626364656667"), "2000000000000000");
@@ -98,7 +98,7 @@ TEST_F(Server, S1_SegmentedDownloadWithoutSize) {
   EXPECT_EQ(stored(0x2005), (Bytes{1, 2, 3, 4, 5, 6, 7, 8}));
 }
 
-// S5: wrong toggle on a download segment and on an upload segment: 0503 0000, and the transfer is over.
+// HC1.S5: wrong toggle on a download segment and on an upload segment: 0503 0000, and the transfer is over.
 TEST_F(Server, S5_WrongToggle) {
   ask("2105200008000000");
   EXPECT_EQ(ask("1001020304050607"), aborted("052000", "00000305"));
@@ -115,7 +115,7 @@ TEST_F(Server, S5_WrongToggle) {
   EXPECT_FALSE(server.busy());
 }
 
-// S13: an abort from the client ends the transfer with no answer, also when none is running.
+// HC1.S13: an abort from the client ends the transfer with no answer, also when none is running.
 TEST_F(Server, S13_AbortIsNeverAnswered) {
   EXPECT_EQ(ask("8000000000000008"), "");
   ask("2105200008000000");
@@ -125,7 +125,7 @@ TEST_F(Server, S13_AbortIsNeverAnswered) {
   EXPECT_EQ(ask("0001020304050607"), aborted("000000", "01000405"));
 }
 
-// S14: a client that was restarted begins anew; the server must not stay busy.
+// HC1.S14: a client that was restarted begins anew; the server must not stay busy.
 TEST_F(Server, S14_NewInitiateReplacesTheTransfer) {
   ask("2105200008000000");
   ask("0001020304050607");
@@ -139,7 +139,7 @@ TEST_F(Server, S14_NewInitiateReplacesTheTransfer) {
   EXPECT_EQ(stored(0x2005), (Bytes{1, 2, 3, 4, 5, 6, 7, 8}));
 }
 
-// S16: frames that are not 8 bytes long are not heard and disturb nothing; nor do remote frames.
+// HC1.S16: frames that are not 8 bytes long are not heard and disturb nothing; nor do remote frames.
 TEST_F(Server, S16_WrongLengthIsIgnored) {
   ask("2105200008000000");
   for (const char* data : {"", "40", "40001000", "40001000000000", "R8", "R0"}) EXPECT_EQ(ask(data), "") << data;
@@ -321,7 +321,7 @@ TEST_F(Service, AnswersItsOwnChannelOnly) {
   EXPECT_EQ(ask("606#4000100000000000").size(), 2U);
 }
 
-// S20: time-out in the middle of a transfer: 0504 0000, once.
+// HC1.S20: time-out in the middle of a transfer: 0504 0000, once.
 TEST_F(Service, S20_TimeoutAbortsOnce) {
   service.set_timeout(200ms);
   ask("605#2105200008000000");

@@ -124,7 +124,7 @@ deadline = "20 ms"
   EXPECT_EQ(m.slot("drives", NodeId(3)), nullptr);
 }
 
-// S1.28: Node_ID and Type_Code are fixed by the machine file; a table of the paper's form.
+// S1.2, S1.28: phase one, before any slave is there: Node_ID and Type_Code are fixed by the machine file; a table of the paper's form.
 TEST(MachineFile, S1_28_NodeTableOfThePaper) {
   const auto result = load_machine(std::string(BERTH_SOURCE_DIR) + "/examples/five-slaves.toml");
   ASSERT_TRUE(result.machine) << to_string(result.findings.at(0));
@@ -187,6 +187,7 @@ TEST(MachineFile, SaysWhatIsWrongAndWhere) {
             "12:8: error: link[1].from: there is no slot \"lft\"; did you mean \"left\"?");
 }
 
+// S1.5: slot number = node-ID, 1..127, no two alike; names must be names.
 TEST(MachineFile, EveryOtherMistakeIsAnError) {
   const std::string type = "type = { vendor = 1, product = 1 }\n";
   const std::vector<std::string> bad{

@@ -6,7 +6,7 @@ using namespace berth::harness;
 using places::SlotState;
 using Seats = std::vector<std::pair<unsigned, std::uint32_t>>;
 
-// S1.1, S1.38: Table I becomes Table II's first column, from blank devices to operational ones.
+// S1.1, S1.26, S1.38: one master, five slots, five slaves. Table I becomes Table II's first column, from blank devices to operational ones.
 TEST(MainJob, S1_01_S1_38_FiveBlankSlavesBecomeTableTwo) {
   Rig rig(five_slots(), five_slaves());
   rig.begin();

@@ -43,6 +43,7 @@ std::vector<Found> blank(const std::vector<LssAddress>& devices) {
 
 }  // namespace
 
+// S1.32: sorted ascending, each goes to the first free row of its type, in whatever order they were found.
 TEST(Planner, S1_27_S1_28_S1_38_TableOneBecomesTableTwo) {
   const auto slots = table_1();
   const auto p = plan(slots, blank({device(B, 7), device(A, 0x0A), device(B, 5), device(C, 8), device(B, 6)}), {}, master);
@@ -91,6 +92,7 @@ TEST(Planner, S1_34_MoreDevicesThanSlotsIsAQuestion) {
   EXPECT_EQ(p.questions.size(), 1U);
 }
 
+// S1.3: only vendor-ID and product code say what a device is for.
 TEST(Planner, S1_34_SurplusAndForeignDevicesAreNamed) {
   const std::vector<Slot> slots{slot(2, B, device(B, 5))};
   const auto p = plan(slots, blank({device(B, 6), device(C, 1)}), {}, master);
