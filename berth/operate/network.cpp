@@ -24,6 +24,7 @@ lss::MasterOptions lss_options(const design::Timing& t) {
 co::SdoOptions sdo_options(const design::Timing& t) {
   co::SdoOptions o;
   o.timeout = t.sdo_timeout;
+  o.retries = t.tries - 1;
   return o;
 }
 
@@ -198,9 +199,8 @@ void Network::heartbeat(const co::HeartbeatEvent& event, rt::Time at) noexcept {
 }
 
 // A second answer to one SDO request: two devices hold this node-ID, or another SDO client is at work.
-void Network::surplus(NodeId node, const can::Frame&, rt::Time at) noexcept {
+void Network::surplus(NodeId node, const can::Frame&, rt::Time) noexcept {
   look_anew_ = true;
-  wakes_.push({Wake::Kind::look, node, at});
   const std::string text = fmt::format("node {} answered one SDO request twice: two devices hold this node-ID, or another "
                                        "SDO client is on the bus",
                                        node.value());

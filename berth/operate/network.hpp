@@ -199,6 +199,7 @@ class Network final : private co::HeartbeatConsumer::Observer, private co::SdoCl
   rt::Mailbox<Wake, 512> wakes_;
   Phase phase_ = Phase::opening;
   rt::Time retry_at_{};
+  rt::Time anew_at_{};                 // the whole bus is not asked again before
   bool idle_ = false;
   bool running_ = false;
   bool look_anew_ = true;              // the next look asks everybody, not only who is unknown

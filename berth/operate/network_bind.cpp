@@ -40,9 +40,17 @@ void Network::forget_found(const LssAddress& device) {
 
 // A device may come from another plant as "identified": everybody becomes unknown, then those who sit here become
 // identified again (S1.31). While the machine runs this is not repeated: who comes new is unknown from power-on.
+//
+// These services are unconfirmed, and a device with a single-slot receive buffer loses what comes back to back: the
+// first is sent twice, with pauses. Whoever misses the second is found once more, which costs time and nothing else.
 rt::Task<void> Network::tell_who_is_known() {
-  const auto everybody = co_await rand_.switch_global(nodeid::Identification::unknown);
-  if (!everybody) co_return;
+  const rt::Duration apart = bus_->timing.rand_response;
+  for (int time = 0; time < 2; ++time) {
+    co_await rt::sleep_for(apart);
+    const auto everybody = co_await rand_.switch_global(nodeid::Identification::unknown);
+    if (!everybody) co_return;
+  }
+  co_await rt::sleep_for(apart);
   for (auto& seat : seats_) {
     const bool known = seat->there && seat->slot.record.confirmed;
     if (!known) continue;
@@ -59,6 +67,7 @@ rt::Task<void> Network::discover() {
   const bool waiting = std::ranges::any_of(found_, [&](const auto& f) { return seat_of(f.device) == nullptr; });
   if (look_anew_ || waiting) {
     look_anew_ = false;
+    anew_at_ = executor_->now() + 8 * bus_->timing.probe_period;
     std::erase_if(found_, [&](const places::Found& f) { return seat_of(f.device) == nullptr; });
     co_await tell_who_is_known();
   }
@@ -258,9 +267,7 @@ rt::Task<void> Network::start_seat(Seat& seat) {
   const NodeId id = seat.id();
   const auto ms = std::chrono::duration_cast<std::chrono::milliseconds>(bus_->timing.heartbeat_period).count();
   const auto period = static_cast<std::uint16_t>(std::clamp<std::int64_t>(ms, 0, 0xFFFF));
-  co::SdoOptions patience = sdo_.options();
-  patience.retries = bus_->timing.tries - 1;
-  const auto written = co_await sdo_.write<std::uint16_t>(id, 0x1017, 0, period, patience);
+  const auto written = co_await sdo_.write<std::uint16_t>(id, 0x1017, 0, period);
   if (!written && written.error().code != Errc::aborted) {
     seat.there = false;
     set_state(seat, SlotState::absent, "its heartbeat could not be set: " + describe(written.error()));

@@ -29,10 +29,12 @@ bool Network::retry_due() {
   const bool needs = std::ranges::any_of(seats_, [](const auto& s) {
     const bool asked = s->slot.record.asked.has_value();
     const bool silent = s->state == SlotState::absent && s->slot.record.confirmed;
-    return s->state == SlotState::failed || s->state == SlotState::power_cycle || asked || silent;
+    const bool waits = !s->slot.spec.optional && (s->state == SlotState::empty || s->state == SlotState::question);
+    return s->state == SlotState::failed || s->state == SlotState::power_cycle || asked || silent || waits;
   });
   if (!needs || executor_->now() < retry_at_) return false;
   retry_at_ = executor_->now() + 8 * bus_->timing.probe_period;
+  look_anew_ = true;
   for (auto& seat : seats_) {
     if (seat->state == SlotState::failed && seat->there) set_state(*seat, SlotState::present, "trying again");
     seat->ask_again = seat->state == SlotState::absent && seat->slot.record.confirmed && !seat->slot.record.asked;
@@ -93,7 +95,7 @@ rt::Task<void> Network::watch() {
       const bool anybody = co_await anybody_new();
       look = anybody;
     }
-    const bool due = look || look_anew_ || retry_due();
+    const bool due = look || (look_anew_ && executor_->now() >= anew_at_) || retry_due();
     const bool starts = std::ranges::any_of(seats_, [](const auto& s) {
       return s->there && !s->started && s->state == SlotState::present;
     });

@@ -45,9 +45,7 @@ rt::Task<void> Network::ask_seat(Seat& seat) {
   const auto heard = boots_.heard(id);
   bool alive = heard && executor_->now() - *heard <= bus_->timing.heartbeat_timeout;
   if (!alive) {
-    co::SdoOptions patience = sdo_.options();
-    patience.retries = bus_->timing.tries - 1;
-    const auto type = co_await sdo_.read<std::uint32_t>(id, 0x1000, 0, patience);
+    const auto type = co_await sdo_.read<std::uint32_t>(id, 0x1000, 0);
     alive = type.has_value() || type.error().code == Errc::aborted;
   }
   std::optional<NmtState> state;
