@@ -251,7 +251,10 @@ void Segment::note(Domain& domain, Group& group, const BitNode::Outcome& outcome
     ++bus_->statistics_.overload_frames;
   }
   if (outcome.took_part) {
-    for (Controller* node : group.members) node->runs_left_ = 0;
+    for (Controller* node : group.members) {
+      node->runs_left_ = 0;
+      offer(*node);
+    }
   }
   if (outcome.counters) note_counters(group);
   if (outcome.accepted) {
