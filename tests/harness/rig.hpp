@@ -92,15 +92,24 @@ class Rig {
   }
   ~Rig() { kill(); }
 
+  // What stands between Berth and its controller from the next `begin` on; it must stay until `kill`.
+  void put_between(std::function<can::Port*(can::Port&)> between) { between_ = std::move(between); }
+
   // Berth begins, as a new process would: nothing but the store and the bus.
   void begin() {
+    if (!try_begin()) std::abort();
+  }
+  // False: the store cannot be read or written.
+  bool try_begin() {
     port_ = world_->attach_master("backbone");
+    can::Port& port = between_ ? *between_(*port_) : *port_;
     network_ = std::make_unique<operate::Network>(
-        world_->executor(), *port_, machine_.buses.front(), machine_.specs("backbone"), *store_,
+        world_->executor(), port, machine_.buses.front(), machine_.specs("backbone"), *store_,
         operate::NetworkObserver{[this](const operate::Event& e) { events_.push_back(e); },
                                  [this](const std::string& m) { milestone(m); }});
-    if (!network_->open()) std::abort();
+    if (!network_->open()) return false;
     network_->start();
+    return true;
   }
   // Berth dies where it stands.
   void kill() {
@@ -158,6 +167,7 @@ class Rig {
   places::SlotStore* store_;
   std::unique_ptr<plant::World> world_;
   std::unique_ptr<sim::Controller> port_;
+  std::function<can::Port*(can::Port&)> between_;
   std::unique_ptr<operate::Network> network_;
   std::vector<operate::Event> events_;
 };

@@ -99,7 +99,7 @@ class WorldRun {
       }
       const Column here = column_of(rig_.network().phase());
       std::erase_if(waiting, [&](const PlannedFault& f) {
-        if (f.column != here) return false;
+        if (f.column != here || rig_.network().phase() == operate::Phase::opening) return false;
         due_.emplace(rig_.now() + f.delay, f.kind);
         return true;
       });

@@ -145,13 +145,15 @@ class Planner {
       f.kind = static_cast<FaultKind>(random_.below(fault_kinds));
       f.column = static_cast<Column>(random_.below(columns));
       // About as long as the phase lasts; binding and watch last long.
-      constexpr rt::Duration lasts[] = {150ms, 80ms, 300ms, 120ms, 800ms};
+      constexpr rt::Duration lasts[] = {60ms, 80ms, 300ms, 120ms, 800ms};
       f.delay = between(0us, lasts[static_cast<int>(f.column)]);
       plan_.faults.push_back(f);
     }
     plan_.restarts = random_.below(2) == 0 ||
                      std::ranges::any_of(plan_.faults, [](const auto& f) { return f.column == Column::preparation; });
-    plan_.restart_at = between(500ms, 6s);
+    // Preparation is for what an earlier run has bound.
+    const bool prepares = std::ranges::any_of(plan_.faults, [](const auto& f) { return f.column == Column::preparation; });
+    plan_.restart_at = prepares ? between(4s, 9s) : between(500ms, 6s);
   }
 
   rt::Duration between(rt::Duration low, rt::Duration high) {

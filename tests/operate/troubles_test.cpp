@@ -1,0 +1,216 @@
+// What goes wrong in the main job, one thing at a time: each ends in a clear state, and in the right one.
+#include "tests/harness/rig.hpp"
+
+using namespace berth;
+using namespace berth::harness;
+using places::SlotState;
+using Seats = std::vector<std::pair<unsigned, std::uint32_t>>;
+
+namespace {
+
+design::Machine slots_of(std::initializer_list<std::pair<unsigned, TypeCode>> slots) {
+  design::Machine m = one_bus(125'000);
+  for (const auto& [id, type] : slots) add_slot(m, id, type);
+  return m;
+}
+
+bool heard(const Rig& rig, const std::string& kind) {
+  return std::ranges::any_of(rig.events(), [&](const auto& e) { return e.kind == kind; });
+}
+
+struct Frames final : can::Tap {
+  std::vector<std::string> sent;
+  int master = 0;
+  void frame(const can::Frame& f, rt::Time, int sender) noexcept override {
+    if (sender == master) sent.push_back(can::to_string(f));
+  }
+};
+
+}  // namespace
+
+// S1.34
+TEST(Troubles, S1_34_MoreDevicesThanSlotsEndsInAQuestion) {
+  auto plant = one_bus_plant(1);
+  add_device(plant, "a", type_b, 1);
+  add_device(plant, "b", type_b, 2);
+  Rig rig(slots_of({{5, type_b}}), plant);
+  rig.begin();
+  rig.run_for(10s);
+  EXPECT_EQ(rig.state(5), SlotState::question) << rig.log();
+  EXPECT_TRUE(heard(rig, "question"));
+  EXPECT_TRUE(rig.seats().empty());
+  // The person answers.
+  ASSERT_TRUE(rig.network().replace("s5", LssAddress{type_b.vendor, type_b.product, 0, 2}));
+  ASSERT_TRUE(rig.until_operational(10s)) << rig.log();
+  EXPECT_EQ(rig.seats(), (Seats{{5, 2}}));
+}
+
+TEST(Troubles, S1_34_FewerDevicesThanSlotsWaitsForTheRest) {
+  auto plant = one_bus_plant(1);
+  add_device(plant, "a", type_b, 7);
+  add_device(plant, "b", type_b, 3).plugged = false;
+  Rig rig(slots_of({{5, type_b}, {6, type_b}}), plant);
+  rig.begin();
+  rig.run_for(5s);
+  EXPECT_EQ(rig.state(5), SlotState::question);
+  rig.device("b").plug();
+  ASSERT_TRUE(rig.until_operational(20s)) << rig.log();
+  EXPECT_EQ(rig.seats(), (Seats{{5, 3}, {6, 7}}));
+}
+
+TEST(Troubles, ForeignDeviceIsNamedAndLeftAlone) {
+  auto plant = one_bus_plant(1);
+  add_device(plant, "a", type_b, 7);
+  add_device(plant, "alien", TypeCode{0x99, 0x99}, 1);
+  Rig rig(slots_of({{5, type_b}}), plant);
+  rig.begin();
+  ASSERT_TRUE(rig.until_operational(20s)) << rig.log();
+  EXPECT_TRUE(heard(rig, "foreign"));
+  EXPECT_FALSE(rig.device("alien").truth().active.configured());
+}
+
+// S1.36: right type, node-ID of another slot; and a foreign one at a slot's node-ID.
+TEST(Troubles, S1_36_StoredNodeIdsAreFoundAndSetRight) {
+  auto plant = one_bus_plant(1);
+  auto& a = add_device(plant, "a", type_b, 7);
+  a.source = plant::NodeIdSource::nonvolatile;
+  a.node_id = NodeId(6);
+  auto& b = add_device(plant, "b", type_c, 3);
+  b.source = plant::NodeIdSource::nonvolatile;
+  b.node_id = NodeId(5);
+  auto& alien = add_device(plant, "alien", TypeCode{0x99, 0x99}, 1);
+  alien.source = plant::NodeIdSource::nonvolatile;
+  alien.node_id = NodeId(6);
+  Rig rig(slots_of({{5, type_b}, {6, type_c}}), plant);
+  rig.begin();
+  ASSERT_TRUE(rig.until_operational(30s)) << rig.log();
+  EXPECT_EQ(rig.seats(), (Seats{{5, 7}, {6, 3}}));
+  EXPECT_TRUE(rig.world().duplicates().empty());
+  EXPECT_FALSE(rig.device("alien").truth().persistent.configured()) << "it would come back under a slot's node-ID";
+}
+
+// S1.22: two devices with one LSS address and different delays are told from each other by answering twice.
+TEST(Troubles, S1_22_ClonesAreNamedAndNotStarted) {
+  auto plant = one_bus_plant(3);
+  auto& a = add_device(plant, "a", type_b, 7);
+  a.response = {1ms, 4ms, 0, 0ms};
+  plant::PlantDevice twin = a;
+  twin.name = "twin";
+  twin.response = {1ms, 5ms, 0, 0ms};
+  plant.devices.push_back(twin);
+  Rig rig(slots_of({{5, type_b}}), plant);
+  rig.begin();
+  rig.run_for(15s);
+  EXPECT_NE(rig.state(5), SlotState::operational) << rig.log();
+  EXPECT_TRUE(heard(rig, "clone")) << rig.log();
+  for (const auto& t : rig.world().truth()) EXPECT_NE(t.state, NmtState::operational) << t.name;
+}
+
+TEST(Troubles, SerialNumberZeroIsADeviceLikeAnother) {
+  auto plant = one_bus_plant(1);
+  add_device(plant, "zero", type_b, 0);
+  Rig rig(slots_of({{5, type_b}}), plant);
+  rig.begin();
+  ASSERT_TRUE(rig.until_operational(20s)) << rig.log();
+  EXPECT_EQ(rig.seats(), (Seats{{5, 0}}));
+}
+
+// hard-cases 23, S1.30: one device is lost; the others stay as they are, and it comes back without anybody's help.
+TEST(Troubles, S1_30_ALostDeviceIsAbsentAndComesBack) {
+  Rig rig(five_slots(), five_slaves());
+  rig.begin();
+  ASSERT_TRUE(rig.until_operational(60s));
+  rig.device("d3").power(false);
+  ASSERT_TRUE(rig.run_until([&] { return rig.state(3) == SlotState::absent; }, 10s));
+  for (const unsigned id : {1U, 2U, 4U, 5U}) EXPECT_EQ(rig.state(id), SlotState::operational);
+  rig.device("d3").power(true);
+  ASSERT_TRUE(rig.until_operational(20s)) << rig.log();
+  EXPECT_EQ(rig.seats().size(), 5U);
+}
+
+TEST(Troubles, ReplacementAutomaticNeedsNoButton) {
+  auto machine = slots_of({{5, type_b}});
+  machine.slots[0].spec.replacement = places::Replacement::automatic;
+  auto plant = one_bus_plant(1);
+  add_device(plant, "old", type_b, 1);
+  add_device(plant, "new", type_b, 2).plugged = false;
+  Rig rig(machine, plant);
+  rig.begin();
+  ASSERT_TRUE(rig.until_operational(20s));
+  rig.device("old").unplug();
+  rig.device("new").plug();
+  ASSERT_TRUE(rig.run_until([&] { return rig.seats() == Seats{{5, 2}}; }, 20s)) << rig.log();
+  ASSERT_TRUE(rig.until_operational(20s));
+  // The old one comes back with the slot's node-ID in its memory: it is found, and gives the node-ID up.
+  rig.device("old").plug();
+  ASSERT_TRUE(rig.run_until([&] { return !rig.device("old").truth().persistent.configured(); }, 30s)) << rig.log();
+  ASSERT_TRUE(rig.until_operational(30s)) << rig.log();
+  EXPECT_TRUE(rig.world().duplicates().empty());
+  EXPECT_EQ(rig.seats(), (Seats{{5, 2}}));
+}
+
+// A second Berth finds a running machine and does not disturb it: no NMT command, no LSS write, no reset.
+TEST(Troubles, S1_53_ARestartLeavesRunningDevicesAlone) {
+  Rig rig(five_slots(), five_slaves());
+  rig.begin();
+  ASSERT_TRUE(rig.until_operational(60s));
+  rig.kill();
+  rig.run_for(300ms);
+  rig.begin();
+  Frames frames;
+  frames.master = rig.port().number();
+  rig.world().bus("backbone")->add_tap(frames);
+  ASSERT_TRUE(rig.until_operational(10s)) << rig.log();
+  rig.run_for(3s);
+  rig.world().bus("backbone")->remove_tap(frames);
+  for (const auto& f : frames.sent) {
+    EXPECT_NE(f.substr(0, 4), "000#") << f;
+    EXPECT_NE(f.substr(0, 6), "7E5#11") << f;
+    EXPECT_NE(f.substr(0, 6), "7E5#17") << f;
+  }
+  EXPECT_FALSE(frames.sent.empty());
+}
+
+TEST(Troubles, ADeviceThatNeedsAPowerCycleWaitsInThatState) {
+  auto plant = one_bus_plant(1);
+  add_device(plant, "a", type_b, 7).power_cycle_after_store = true;
+  Rig rig(slots_of({{5, type_b}}), plant);
+  rig.begin();
+  ASSERT_TRUE(rig.run_until([&] { return rig.state(5) == SlotState::power_cycle; }, 60s)) << rig.log();
+  rig.device("a").power(false);
+  rig.run_for(200ms);
+  rig.device("a").power(true);
+  ASSERT_TRUE(rig.until_operational(30s)) << rig.log();
+}
+
+TEST(Troubles, ReplaceRefusesWhatIsThereAndWhatDoesNotFit) {
+  Rig rig(five_slots(), five_slaves());
+  rig.begin();
+  ASSERT_TRUE(rig.until_operational(60s));
+  EXPECT_EQ(rig.network().replace("s1", std::nullopt).error().code, Errc::invalid);
+  EXPECT_EQ(rig.network().replace("nobody", std::nullopt).error().code, Errc::not_found);
+  rig.device("d2").unplug();
+  ASSERT_TRUE(rig.run_until([&] { return rig.state(2) == SlotState::absent; }, 10s));
+  EXPECT_EQ(rig.network().replace("s2", LssAddress{9, 9, 9, 9}).error().code, Errc::invalid);
+}
+
+// Nobody else on the bus: the master's own frames are never acknowledged, and that is said.
+TEST(Troubles, ALoneMasterSaysThatNobodyIsThere) {
+  Rig rig(slots_of({{5, type_b}}), one_bus_plant(1));
+  rig.begin();
+  rig.run_for(10s);
+  EXPECT_EQ(rig.state(5), SlotState::empty) << rig.log();
+  EXPECT_TRUE(heard(rig, "error"));
+}
+
+// The same seed is the same world, to the bit.
+TEST(Troubles, OneSeedOneHistory) {
+  const auto hash = [](std::uint64_t seed) {
+    Rig rig(five_slots(), five_slaves(seed));
+    rig.begin();
+    rig.until_operational(60s);
+    return rig.world().sim().trace_hash();
+  };
+  EXPECT_EQ(hash(1), hash(1));
+  EXPECT_NE(hash(1), hash(2));
+}
