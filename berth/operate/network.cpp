@@ -235,6 +235,13 @@ void Network::check_rates() {
 
 // ---- commands ----
 
+void Network::commanded(co::NmtCommand command, co::NmtTarget target) noexcept {
+  for (auto& seat : seats_) {
+    if (!target.includes(seat->id())) continue;
+    seat->held = command == co::NmtCommand::stop || command == co::NmtCommand::enter_pre_operational;
+  }
+}
+
 Result<void> Network::clear_seat(Seat& seat, const std::string& reason) {
   const auto cleared = store_->clear(seat.slot.record.slot, reason);
   if (!cleared) return cleared;

@@ -85,6 +85,10 @@ class Network final : private co::HeartbeatConsumer::Observer, private co::SdoCl
   /// `device` is not of the slot's type.
   Result<void> replace(const std::string& slot, std::optional<LssAddress> device);
 
+  /// A person sent this NMT command beside the main job, which then does not work against it: a node that was stopped or
+  /// made pre-operational stays so until it is started by a person or boots.
+  void commanded(co::NmtCommand command, co::NmtTarget target) noexcept;
+
   // The services, for single commands (`berth sdo`, `berth nmt`, `berth lss`). Whoever uses LSS or RAND takes the turn
   // first: the main job holds it while it works.
   [[nodiscard]] rt::Turn& turn() noexcept { return turn_; }

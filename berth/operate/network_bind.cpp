@@ -276,10 +276,10 @@ rt::Task<void> Network::start_seat(Seat& seat) {
   seat.guarded = !written.has_value();
   if (!seat.guarded) heartbeats_.supervise(id, bus_->timing.heartbeat_timeout);
   if (!may_command()) co_return;
-  seat.started = true;
+  seat.started = seat.awaited = true;
   const auto sent = co_await nmt_.send(co::NmtCommand::start, id);
   if (!sent) {
-    seat.started = false;
+    seat.started = seat.awaited = false;
     set_state(seat, SlotState::failed, "NMT start could not be sent: " + describe(sent.error()));
     co_return;
   }
@@ -295,13 +295,15 @@ rt::Task<void> Network::start_seat(Seat& seat) {
 
 // Operational is what the device says in its heartbeat, not what it was told.
 rt::Task<void> Network::await_operational() {
-  const auto waits = [](const auto& s) { return s->started && s->state == SlotState::present; };
+  const auto waits = [](const auto& s) { return s->awaited && s->state == SlotState::present; };
   const rt::Time deadline = executor_->now() + bus_->timing.heartbeat_timeout;
   while (executor_->now() < deadline && std::ranges::any_of(seats_, waits)) {
     co_await rt::sleep_for(bus_->timing.heartbeat_period / 16 + std::chrono::milliseconds(1));
   }
   for (auto& seat : seats_) {
-    if (!waits(seat)) continue;
+    const bool still = waits(seat);
+    seat->awaited = false;
+    if (!still) continue;
     seat->started = false;
     set_state(*seat, SlotState::failed, "it was started and no heartbeat told that it is operational");
   }

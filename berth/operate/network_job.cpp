@@ -150,8 +150,12 @@ rt::Task<void> Network::handle(Wake wake) {
       const auto state = heartbeats_.state(seat->id());
       const bool left = seat->there && seat->state == SlotState::operational && state && *state != NmtState::operational;
       if (!left) break;
-      seat->started = false;
-      set_state(*seat, SlotState::present, fmt::format("it left operational by itself: {}", berth::name(*state)));
+      // Stopped is what somebody told it to be; pre-operational may be its answer to an error, and is started again.
+      const bool stays = seat->held || *state == NmtState::stopped;
+      seat->started = stays;
+      set_state(*seat, SlotState::present,
+                stays ? fmt::format("it was made {}; `berth nmt start {}` starts it", berth::name(*state), seat->id().value())
+                      : fmt::format("it left operational by itself: {}", berth::name(*state)));
       break;
     }
     case Wake::Kind::look: break;
@@ -161,7 +165,7 @@ rt::Task<void> Network::handle(Wake wake) {
 // Somebody booted, or spoke again, under the slot's node-ID: is it the slot's device?
 rt::Task<void> Network::came_back(Seat& seat, rt::Time booted) {
   tell("step", seat.name(), fmt::format("node-ID {} is heard again", seat.id().value()));
-  seat.there = seat.started = false;
+  seat.there = seat.started = seat.held = false;
   if (seat.waiting) {
     places::Binding binding = *seat.waiting;
     binding.heard_again();

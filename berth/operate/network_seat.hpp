@@ -14,6 +14,8 @@ struct Network::Seat {
   std::string reason;
   bool there = false;        ///< its device was identified under the slot's node-ID
   bool started = false;      ///< NMT start was sent
+  bool awaited = false;      ///< NMT start was sent just now, and its heartbeat has not told yet
+  bool held = false;         ///< a person took it out of operational: it is not started again
   bool ask_again = false;    ///< silent, and due to be asked once more
   bool guarded = false;      ///< the device has no 1017h: it is asked by guarding
   rt::Time checked{};        ///< when it was identified last

@@ -214,3 +214,24 @@ TEST(Troubles, OneSeedOneHistory) {
   EXPECT_EQ(hash(1), hash(1));
   EXPECT_NE(hash(1), hash(2));
 }
+
+// What a person commands is not undone; a device that leaves operational by itself is started again.
+TEST(Troubles, NmtCommandsOfAPersonStand) {
+  Rig rig(five_slots(), five_slaves());
+  rig.begin();
+  ASSERT_TRUE(rig.until_operational(60s));
+  for (const auto command : {co::NmtCommand::stop, co::NmtCommand::enter_pre_operational}) {
+    rig.network().commanded(command, NodeId(3));
+    rig.network().nmt().queue(command, NodeId(3));
+    rig.run_for(10s);
+    EXPECT_EQ(rig.state(3), SlotState::present) << rig.log();
+    EXPECT_EQ(rig.device("d3").truth().state, co::state_after(command));
+    rig.network().commanded(co::NmtCommand::start, NodeId(3));
+    rig.network().nmt().queue(co::NmtCommand::start, NodeId(3));
+    rig.run_for(2s);
+    EXPECT_EQ(rig.state(3), SlotState::operational) << rig.log();
+  }
+  rig.device("d3").device().apply(co::NmtCommand::enter_pre_operational);
+  rig.run_for(5s);
+  EXPECT_EQ(rig.state(3), SlotState::operational) << rig.log();
+}
