@@ -31,6 +31,7 @@ class CommandLine {
       if (error.get_exit_code() == 0) return app_.exit(error);
       const bool json = std::any_of(argv, argv + argc, [](const char* word) { return std::string_view(word) == "--json"; });
       const auto used = app_.get_subcommands();
+      if (used.empty() && argc > 1 && argv[1][0] != '-') return tell(failure(Exit::usage, no_command(argv[1])), json);
       const std::string help = used.empty() ? "berth --help" : fmt::format("berth {} --help", used.front()->get_name());
       return tell(failure(Exit::usage, fmt::format("{}; see {}", error.what(), help)), json);
     }
@@ -39,6 +40,15 @@ class CommandLine {
 
  private:
   using Action = std::function<int()>;
+
+  std::string no_command(const std::string& written) {
+    std::vector<std::string> names;
+    for (const auto* const sub : app_.get_subcommands([](const CLI::App*) { return true; })) names.push_back(sub->get_name());
+    const std::vector<std::string_view> known(names.begin(), names.end());
+    const auto meant = text::closest(written, known);
+    return fmt::format("there is no command {}{}; see berth --help", text::quoted(written),
+                       meant.empty() ? "" : fmt::format("; did you mean {}?", meant));
+  }
 
   CLI::App* command(CLI::App& parent, const std::string& name, const std::string& help, Action action) {
     CLI::App* const sub = parent.add_subcommand(name, help);
@@ -61,13 +71,21 @@ class CommandLine {
     return sub->add_option_function<std::string>(option, [this, key](const std::string& v) { request_.arguments[key] = v; }, help);
   }
 
+  // CLI11 takes "-3" for a very large number.
+  static CLI::Validator is_seed() {
+    return {[](const std::string& text) {
+              return text.empty() || text.front() == '-' ? fmt::format("\"{}\" is no seed; write a number from 0", text) : std::string();
+            },
+            "NUMBER"};
+  }
+
   void common(CLI::App& sub) {
     sub.add_flag("--json", options_.json, "one JSON object");
     sub.add_option("--machine", options_.machine, "machine file");
     sub.add_option("--bus", options_.bus, "one bus of the machine");
     sub.add_option("--sim", options_.sim, "plant file: run on a simulated world");
     sub.add_option("--sim-state", options_.state, "file that keeps what the simulated devices remember between runs");
-    sub.add_option("--seed", options_.seed, "seed of the simulated world, instead of the plant file's");
+    sub.add_option("--seed", options_.seed, "seed of the simulated world, instead of the plant file's")->check(is_seed());
     sub.add_option("--store", options_.store, "slot table's file (default: in memory on a simulated world)");
     sub.add_option("--record", options_.record, "write every frame to this file, as candump -L does");
     sub.add_flag("--dry-run", options_.dry_run, "print every frame that Berth would send, and change nothing");

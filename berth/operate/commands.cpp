@@ -348,9 +348,17 @@ rt::Task<void> bind(Session& session, const CommandRequest& request, CommandRepl
   reply.error = problem;
 }
 
+// The new device's place is decided; an empty or silent slot may still get one.
 bool settled(SlotState state) {
-  return state != SlotState::unknown && state != SlotState::binding && state != SlotState::empty &&
-         state != SlotState::present;
+  switch (state) {
+    case SlotState::operational:
+    case SlotState::question:
+    case SlotState::power_cycle:
+    case SlotState::failed:
+    case SlotState::duplicate:
+    case SlotState::wrong_type: return true;
+    default: return false;
+  }
 }
 
 std::optional<SlotReport> slot_of(const Network& network, const std::string& name) {
@@ -389,7 +397,12 @@ rt::Task<void> replace(Session& session, const CommandRequest& request, CommandR
     const auto looked = co_await network->bind_once();
     if (!looked && looked.error().code == Errc::bus) co_return fail_with(reply, looked.error(), "looking who is there");
   }
-  const auto cleared = network->replace(name, device);
+  Result<void> cleared;
+  {
+    co_await network->turn().take();
+    const rt::Held held(network->turn());
+    cleared = network->replace(name, device);
+  }
   if (!cleared) co_return fail_with(reply, cleared.error(), fmt::format("bus {}, slot {}", network->bus().name, name));
   if (session.started()) {
     co_await await_slot(*network, name);

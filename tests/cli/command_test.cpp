@@ -1,0 +1,519 @@
+// Single commands, wrong input, the control socket between two processes.
+#include <signal.h>
+#include <sys/socket.h>
+#include <sys/stat.h>
+#include <sys/un.h>
+#include <unistd.h>
+
+#include <nlohmann/json.hpp>
+
+#include "berth/can/frame.hpp"
+#include "berth/operate/commands.hpp"
+#include "berth/operate/control.hpp"
+#include "machines.hpp"
+#include "process.hpp"
+
+namespace berth::test {
+namespace {
+
+using Json = nlohmann::json;
+
+bool contains(const std::string& text, const std::string& part) { return text.find(part) != std::string::npos; }
+
+class Command : public ::testing::Test {
+ protected:
+  // In a world of its own, brought up first when `up`.
+  [[nodiscard]] Outcome run(Words words, bool up = false) const {
+    words.insert(words.end(), {"--machine", machine, "--sim", plant, "--json"});
+    if (up) words.emplace_back("--up");
+    return berth(words);
+  }
+  [[nodiscard]] Json reply(const Words& words, int status, bool up = false) const {
+    const Outcome outcome = run(words, up);
+    EXPECT_EQ(outcome.status, status) << outcome.out << outcome.err;
+    EXPECT_TRUE(outcome.err.empty()) << "with --json everything is in the object: " << outcome.err;
+    return Json::parse(outcome.out, nullptr, false);
+  }
+
+  Folder folder;
+  std::string machine = folder.write("machine.toml", small_machine);
+  std::string plant = folder.write("plant.toml", small_plant);
+  std::string left = "00000001-00000001-00000000-00000020";
+};
+
+// ---- services ----
+
+TEST_F(Command, ScanSeesBlankAndConfiguredDevices) {
+  const Json blank = reply({"scan"}, 0);
+  EXPECT_EQ(blank.at("configured"), 0);
+  EXPECT_EQ(blank.at("unconfigured"), 3);
+  for (const auto& node : blank.at("nodes")) EXPECT_TRUE(node.at("id").is_null());
+  const Json configured = reply({"scan"}, 0, true);
+  EXPECT_EQ(configured.at("configured"), 3);
+  EXPECT_EQ(configured.at("unconfigured"), 0);
+  EXPECT_EQ(configured.at("nodes").at(0).at("id"), 2);
+  EXPECT_EQ(configured.at("nodes").at(0).at("slot"), "left");
+  EXPECT_EQ(configured.at("nodes").at(0).at("r_sn"), "0x0000000000000020");
+}
+
+TEST_F(Command, ScanNamesDuplicates) {
+  const std::string text = R"([bus.line]
+[[device]]
+bus = "line"
+name = "x"
+type = { vendor = 1, product = 1 }
+serial = 1
+source = "switches"
+node_id = 2
+response = "1 ms"
+[[device]]
+bus = "line"
+name = "y"
+type = { vendor = 1, product = 1 }
+serial = 2
+source = "switches"
+node_id = 2
+response = "3 ms"
+)";
+  const std::string twins = folder.write("twins.toml", text);
+  const Outcome outcome = berth({"scan", "--machine", machine, "--sim", twins, "--json"});
+  EXPECT_EQ(outcome.status, 1) << outcome.out << outcome.err;
+  EXPECT_GE(Json::parse(outcome.out).at("duplicates").get<int>(), 1);
+}
+
+TEST_F(Command, BindSeatsWithoutStarting) {
+  const Json report = reply({"bind"}, 0);
+  for (const auto& slot : report.at("slots")) EXPECT_EQ(slot.at("state"), "present") << slot;
+  EXPECT_EQ(report.at("slots").at(0).at("r_sn"), "0x0000000000000020");
+}
+
+TEST_F(Command, SdoReadsAndWritesWithTypes) {
+  EXPECT_EQ(reply({"sdo", "read", "9", "0x1018", "3", "--type", "u32"}, 0, true).at("value"), 3);
+  const Json raw = reply({"sdo", "read", "9", "0x1018", "4"}, 0, true);
+  EXPECT_EQ(raw.at("bytes"), "30 00 00 00");
+  EXPECT_EQ(raw.at("index"), "0x1018");
+  EXPECT_EQ(reply({"sdo", "write", "9", "0x1017", "0", "0x1F4", "--type", "u16"}, 0, true).at("bytes"), "F4 01");
+  EXPECT_EQ(reply({"sdo", "write", "9", "0x1017", "0", "F4 01"}, 0, true).at("bytes"), "F4 01");
+}
+
+TEST_F(Command, SdoFailuresSayWhereAndWhy) {
+  const Json missing = reply({"sdo", "read", "9", "0x7777", "1"}, 1, true).at("error");
+  EXPECT_EQ(missing.at("code"), "aborted");
+  EXPECT_EQ(missing.at("node"), 9);
+  EXPECT_EQ(missing.at("object"), "0x7777:01");
+  EXPECT_EQ(missing.at("abort_code"), "0x06020000");
+  EXPECT_EQ(missing.at("text"), "object does not exist");
+  const Json read_only = reply({"sdo", "write", "9", "0x1018", "1", "1", "-t", "u32"}, 1, true).at("error");
+  EXPECT_EQ(read_only.at("abort_code"), "0x06010002");
+  EXPECT_EQ(reply({"sdo", "read", "44", "0x1000"}, 1, true).at("error").at("code"), "timeout");
+  const Json length = reply({"sdo", "read", "9", "0x1018", "4", "-t", "u16"}, 1, true).at("error");
+  EXPECT_TRUE(contains(length.at("message"), "has 4 bytes")) << length;
+}
+
+TEST_F(Command, WrongArgumentsAreExitTwo) {
+  for (const Words& words : std::vector<Words>{
+           {"sdo", "read", "0", "0x1000"},
+           {"sdo", "read", "128", "0x1000"},
+           {"sdo", "read", "127", "0x1000"},  // Berth's own
+           {"sdo", "read", "3/5", "0x1000"},
+           {"sdo", "read", "five", "0x1000"},
+           {"sdo", "read", "2", "0x10000"},
+           {"sdo", "read", "2", "0x1000", "256"},
+           {"sdo", "read", "2", "0x1000", "0", "-t", "u31"},
+           {"sdo", "write", "2", "0x1017", "0", "65536", "-t", "u16"},
+           {"sdo", "write", "2", "0x1017", "0", "-1", "-t", "u16"},
+           {"sdo", "write", "2", "0x1017", "0", "xyz"},
+           {"nmt", "begin", "2"},
+           {"nmt", "start", "0"},
+           {"nmt", "start", "everybody"},
+           {"lss", "select", "1-2-3"},
+           {"lss", "set-node-id", left, "128"},
+           {"lss", "set-node-id", left, "127"},  // Berth's own
+           {"lss", "bit-timing", "100000"},
+           {"lss", "activate", "65536"},
+           {"lss", "global", "asleep"},
+           {"lss", "identify", "1"},
+           {"replace", "middle"},
+           {"replace", "left", "--device", "nobody"},
+           {"scan", "--bus", "other"},
+           {"scan", "--timeout", "soon"},
+           {"scan", "--seed", "-3"},
+           {"scan", "--frob"},
+           {"sdo"},
+           {"frobnicate"},
+       }) {
+    std::string shown;
+    for (const auto& word : words) shown += word + " ";
+    const Outcome outcome = run(words);
+    EXPECT_EQ(outcome.status, 2) << shown << outcome.out << outcome.err;
+    const Json json = Json::parse(outcome.out, nullptr, false);
+    ASSERT_TRUE(json.is_object() && json.contains("error")) << shown << outcome.out;
+    EXPECT_FALSE(json.at("error").at("message").get<std::string>().empty()) << shown;
+  }
+}
+
+TEST_F(Command, Nmt) {
+  const Json all = reply({"nmt", "stop", "all"}, 0);
+  EXPECT_EQ(all.at("node"), "all");
+  for (const char* const word : {"start", "stop", "preop", "reset-node", "reset-comm"}) {
+    EXPECT_EQ(reply({"nmt", word, "2"}, 0, true).at("command"), word);
+  }
+}
+
+TEST_F(Command, LssServices) {
+  const Json inquired = reply({"lss", "inquire", "00000001-00000007-00000003-00000030"}, 0);
+  EXPECT_EQ(inquired.at("vendor"), "0x00000001");
+  EXPECT_EQ(inquired.at("product"), "0x00000007");
+  EXPECT_EQ(inquired.at("revision"), "0x00000003");
+  EXPECT_EQ(inquired.at("serial"), "0x00000030");
+  EXPECT_EQ(inquired.at("node_id"), 255);
+  EXPECT_EQ(reply({"lss", "select", left}, 0).at("address"), left);
+  static_cast<void>(reply({"lss", "select", "00000001-00000001-00000000-00000099"}, 1));
+  EXPECT_EQ(reply({"lss", "set-node-id", left, "9", "--save"}, 0).at("stored"), true);
+  EXPECT_EQ(reply({"lss", "store", left}, 0).at("service"), "store");
+  EXPECT_EQ(reply({"lss", "bit-timing", "125000", left}, 0).at("index"), 4);
+  EXPECT_EQ(reply({"lss", "activate", "100"}, 0).at("delay_ms"), 100);
+  EXPECT_EQ(reply({"lss", "global", "configuration"}, 0).at("state"), "configuration");
+  EXPECT_EQ(reply({"lss", "identify", "1", "7"}, 0).at("anybody"), true);
+  EXPECT_EQ(reply({"lss", "identify", "1", "7", "--serial-high", "0x2F"}, 1).at("anybody"), false);
+  const Json found = reply({"lss", "find"}, 0);
+  EXPECT_EQ(found.at("devices").size(), 3U);
+  EXPECT_EQ(found.at("unconfigured_lss"), true);
+}
+
+// Two devices with distinct LSS addresses never get one node-ID from Berth, by hand neither.
+TEST_F(Command, LssSetNodeIdRefusesOneThatIsInUse) {
+  const Json refused = reply({"lss", "set-node-id", left, "3"}, 1, true);
+  EXPECT_TRUE(contains(refused.at("error").at("message"), "another device answers")) << refused;
+  EXPECT_EQ(reply({"lss", "set-node-id", left, "2"}, 0, true).at("node_id"), 2) << "its own is no conflict";
+}
+
+// ---- roles ----
+
+TEST_F(Command, ObserverSendsNothingAndCommissionerStartsNothing) {
+  const auto with_role = [&](const std::string& role) {
+    std::string text = small_machine;
+    text.replace(text.find("bitrate ="), 0, "role = \"" + role + "\"\n");
+    return folder.write(role + ".toml", text);
+  };
+  const std::string observer = with_role("observer");
+  for (const Words& words : std::vector<Words>{{"scan"}, {"bind"}, {"nmt", "stop", "all"}, {"lss", "find"}, {"sdo", "read", "2", "0x1000"}, {"replace", "left"}}) {
+    Words all = words;
+    all.insert(all.end(), {"--machine", observer, "--sim", plant, "--dry-run", "--json"});
+    const Outcome outcome = berth(all);
+    EXPECT_EQ(outcome.status, 2) << words.front() << outcome.out << outcome.err;
+    EXPECT_TRUE(Json::parse(outcome.out).at("frames").empty()) << outcome.out;
+  }
+  const std::string commissioner = with_role("commissioner");
+  EXPECT_EQ(berth({"nmt", "start", "2", "--machine", commissioner, "--sim", plant}).status, 2);
+  EXPECT_EQ(berth({"nmt", "reset-node", "2", "--machine", commissioner, "--sim", plant}).status, 2);
+  EXPECT_EQ(berth({"nmt", "preop", "2", "--machine", commissioner, "--sim", plant}).status, 0);
+  EXPECT_EQ(berth({"lss", "find", "--machine", commissioner, "--sim", plant}).status, 0);
+}
+
+// ---- dry runs ----
+
+TEST_F(Command, DryRunPrintsTheFramesOfTheCommand) {
+  const Json dry = reply({"nmt", "start", "3", "--dry-run"}, 0);
+  ASSERT_EQ(dry.at("frames").size(), 1U) << dry;
+  EXPECT_EQ(dry.at("frames").at(0).at("frame"), "000#0103");
+  const Outcome select = berth({"lss", "select", left, "--machine", machine, "--sim", plant, "--dry-run"});
+  EXPECT_TRUE(contains(select.out, "line 7E5#0400000000000000\n")) << select.out;
+  EXPECT_TRUE(contains(select.out, "line 7E5#4320000000000000\n")) << select.out;
+  EXPECT_FALSE(contains(select.out, "7E4#")) << "only what Berth sends";
+}
+
+TEST_F(Command, DryRunLeavesStoreAndPlantAsTheyAre) {
+  const std::string store = folder.file("slots.db");
+  const std::string state = folder.file("plant.state");
+  ASSERT_EQ(berth({"up", machine, "--sim", plant, "--store", store, "--sim-state", state, "--until", "operational"}).status, 0);
+  const std::string before = contents(store) + contents(state);
+  const Outcome dry = berth({"lss", "set-node-id", left, "55", "--save", "--machine", machine, "--sim", plant, "--store", store,
+                             "--sim-state", state, "--dry-run"});
+  EXPECT_EQ(dry.status, 0) << dry.err;
+  EXPECT_TRUE(contains(dry.out, "7E5#1137")) << dry.out;
+  EXPECT_EQ(before, contents(store) + contents(state));
+}
+
+// What a running `berth up` would be asked to send is told only when it is known in advance.
+TEST_F(Command, DryRunWithoutAWorld) {
+  const auto dry = [&](Words words) {
+    words.insert(words.end(), {"--machine", machine, "--dry-run"});
+    return berth(words);
+  };
+  EXPECT_EQ(dry({"nmt", "reset-comm", "all"}).out, "000#8200\n");
+  EXPECT_EQ(dry({"sdo", "read", "5", "0x1018", "4"}).out, "605#4018100400000000\n");
+  EXPECT_EQ(dry({"sdo", "write", "5", "0x1017", "0", "500", "-t", "u16"}).out, "605#2B171000F4010000\n");
+  EXPECT_EQ(dry({"sdo", "write", "5", "0x1016", "1", "1", "-t", "u8"}).out, "605#2F16100101000000\n");
+  EXPECT_EQ(dry({"lss", "global", "configuration"}).out, "7E5#0401000000000000\n");
+  EXPECT_EQ(dry({"lss", "activate", "1000"}).out, "7E5#15E8030000000000\n");
+  for (const Words& words : std::vector<Words>{{"scan"}, {"bind"}, {"replace", "left"}, {"lss", "find"},
+                                               {"sdo", "write", "5", "0x1008", "0", "a long text", "-t", "vs"}}) {
+    const Outcome refused = dry(words);
+    EXPECT_EQ(refused.status, 2) << words.front();
+    EXPECT_TRUE(contains(refused.err, "--sim PLANT")) << refused.err;
+  }
+}
+
+// ---- wrong files ----
+
+TEST_F(Command, BadMachineFilesNameThePlace) {
+  struct Bad {
+    const char* from;
+    const char* to;
+    const char* place;
+  };
+  for (const Bad& bad : {Bad{"bitrate =", "bitrat =", ":6:1"}, Bad{"500_000", "\"fast\"", ":6:11"}, Bad{"id   = 3", "id   = 2", ":22:8"},
+                         Bad{"id   = 3", "id   = 128", ":22:8"}, Bad{"id   = 3", "id   = 0", ":22:8"},
+                         Bad{"[machine]", "[machine", ":1:"}}) {
+    std::string text = small_machine;
+    text.replace(text.find(bad.from), std::string(bad.from).size(), bad.to);
+    const std::string file = folder.write("bad.toml", text);
+    const std::string store = folder.file("never.db");
+    const Outcome outcome = berth({"up", file, "--sim", plant, "--store", store});
+    EXPECT_EQ(outcome.status, 2) << bad.to;
+    EXPECT_TRUE(contains(outcome.err, file + bad.place)) << bad.to << ": " << outcome.err;
+    EXPECT_TRUE(outcome.out.empty()) << outcome.out;
+    EXPECT_FALSE(exists(store)) << "nothing changed";
+    const Json json = Json::parse(berth({"up", file, "--sim", plant, "--json"}).out);
+    EXPECT_GT(json.at("error").at("findings").at(0).at("line").get<int>(), 0) << json;
+  }
+}
+
+TEST_F(Command, BadPlantFilesNameThePlace) {
+  std::string text = small_plant;
+  text.replace(text.find("serial = 0x30"), 6, "serail");
+  const std::string bad = folder.write("bad-plant.toml", text);
+  const Outcome outcome = berth({"up", machine, "--sim", bad});
+  EXPECT_EQ(outcome.status, 2);
+  EXPECT_TRUE(contains(outcome.err, bad + ":24:1")) << outcome.err;
+}
+
+TEST_F(Command, MissingFilesAreExitTwo) {
+  for (const Words& words : std::vector<Words>{{"up", folder.file("none.toml"), "--sim", plant},
+                                               {"up", machine, "--sim", folder.file("none.toml")},
+                                               {"scan", "--machine", folder.file("none.toml")},
+                                               {"up", machine},
+                                               {"up"},
+                                               {"scan"}}) {
+    const Outcome outcome = berth(words);
+    EXPECT_EQ(outcome.status, 2) << words.back() << outcome.err;
+    EXPECT_FALSE(outcome.err.empty());
+  }
+}
+
+TEST_F(Command, FilesThatCannotBeWrittenAreExitThree) {
+  EXPECT_EQ(berth({"up", machine, "--sim", plant, "--store", folder.file("no/such/folder.db")}).status, 3);
+  EXPECT_EQ(berth({"up", machine, "--sim", plant, "--record", folder.file("no/such/folder.log")}).status, 3);
+  const std::string foreign = folder.write("foreign.db", "this is no slot table");
+  EXPECT_EQ(berth({"up", machine, "--sim", plant, "--store", foreign}).status, 3);
+  EXPECT_EQ(contents(foreign), "this is no slot table");
+}
+
+TEST_F(Command, RealPortsAreRefusedInWords) {
+  std::string text = small_machine;
+  text.replace(text.find("\"sim\""), 5, "\"socketcan:can0\"");
+  const std::string real = folder.write("real.toml", text);
+  const Outcome outcome = berth({"up", real});
+  EXPECT_EQ(outcome.status, 3);
+  EXPECT_TRUE(contains(outcome.err, "socketcan:can0")) << outcome.err;
+  EXPECT_EQ(berth({"up", real, "--sim", plant, "--until", "operational"}).status, 0) << "the same file on a simulated bus";
+}
+
+// ---- the running machine ----
+
+class Running : public Command {
+ protected:
+  void begin(const std::string& plant_file) {
+    up_ = std::make_unique<Background>(Words{"up", machine, "--sim", plant_file, "--pace", "--control", socket});
+    ASSERT_TRUE(wait_for("left", "operational"));
+  }
+  [[nodiscard]] Outcome ask(Words words) const {
+    words.insert(words.end(), {"--control", socket, "--json"});
+    return berth(words);
+  }
+  [[nodiscard]] bool wait_for(const std::string& slot, const std::string& state) const {
+    for (int i = 0; i < 600; ++i) {
+      const Outcome outcome = ask({"status"});
+      const Json report = Json::parse(outcome.out, nullptr, false);
+      if (outcome.status == 0) {
+        for (const auto& s : report.at("slots")) {
+          if (s.at("name") == slot && s.at("state") == state) return true;
+        }
+      }
+      ::usleep(50'000);
+    }
+    return false;
+  }
+  std::string socket = folder.file("up.sock");
+  std::unique_ptr<Background> up_;
+};
+
+TEST_F(Running, OtherCommandsJoinItsWorld) {
+  begin(plant);
+  ASSERT_TRUE(wait_for("drive", "operational"));
+  struct stat status{};
+  ASSERT_EQ(::stat(socket.c_str(), &status), 0);
+  EXPECT_EQ(status.st_mode & 0777U, 0600U);
+  const Json value = Json::parse(ask({"sdo", "read", "9", "0x1018", "4", "-t", "u32"}).out);
+  EXPECT_EQ(value.at("value"), 0x30);
+  const Json scan = Json::parse(ask({"scan"}).out);
+  EXPECT_EQ(scan.at("configured"), 3);
+  EXPECT_EQ(ask({"sdo", "read", "9", "0x7777"}).status, 1);
+  EXPECT_EQ(ask({"sdo", "read", "999", "0x7777"}).status, 2);
+  EXPECT_EQ(ask({"lss", "inquire", left}).status, 0);
+  EXPECT_EQ(ask({"replace", "left"}).status, 1) << "its device is there and answers";
+  const Outcome second = berth({"up", machine, "--sim", plant, "--pace", "--control", socket});
+  EXPECT_EQ(second.status, 3);
+  EXPECT_TRUE(contains(second.err, std::to_string(up_->pid()))) << second.err;
+  up_->signal(SIGINT);
+  const Outcome end = up_->end();
+  EXPECT_EQ(end.status, 0) << end.err;
+  EXPECT_TRUE(contains(end.out, "operational"));
+  EXPECT_FALSE(exists(socket)) << "it is taken away at the end";
+  const Outcome late = ask({"status"});
+  EXPECT_EQ(late.status, 3);
+  EXPECT_TRUE(contains(late.out, "--sim PLANT")) << late.out;
+}
+
+// S1.35, S1.51: the drive dies, a person presses the button, the spare takes its place.
+TEST_F(Running, ReplaceClearsAndSeatsTheNewDevice) {
+  begin(folder.write("dies.toml", std::string(small_plant) + drive_dies));
+  ASSERT_TRUE(wait_for("drive", "absent"));
+  const Outcome replaced = ask({"replace", "drive"});
+  EXPECT_EQ(replaced.status, 0) << replaced.out;
+  EXPECT_EQ(Json::parse(replaced.out).at("r_sn"), "0x0000000300000031");
+  EXPECT_TRUE(wait_for("drive", "operational"));
+  up_->signal(SIGTERM);
+  EXPECT_EQ(up_->end().status, 0);
+}
+
+TEST_F(Running, TheSocketOfADeadProcessIsTakenOver) {
+  begin(plant);
+  up_->signal(SIGKILL);
+  static_cast<void>(up_->end());
+  EXPECT_TRUE(exists(socket));
+  begin(plant);
+  EXPECT_EQ(ask({"status"}).status, 0);
+}
+
+TEST_F(Running, GarbageOnTheSocketIsAnsweredAndHarmsNobody) {
+  begin(plant);
+  const auto say = [&](const std::string& text) {
+    const int fd = ::socket(AF_UNIX, SOCK_STREAM | SOCK_CLOEXEC, 0);
+    sockaddr_un address{};
+    address.sun_family = AF_UNIX;
+    socket.copy(address.sun_path, sizeof address.sun_path - 1);
+    EXPECT_EQ(::connect(fd, reinterpret_cast<const sockaddr*>(&address), sizeof address), 0);
+    EXPECT_EQ(::send(fd, text.data(), text.size(), MSG_NOSIGNAL), static_cast<ssize_t>(text.size()));
+    std::string answer;
+    char c = 0;
+    while (!answer.ends_with('\n') && ::recv(fd, &c, 1, 0) == 1) answer += c;
+    ::close(fd);
+    return answer;
+  };
+  for (const char* const text : {"\n", "hello\n", "{}\n", "[1]\n", "{\"verb\": 3}\n", "{\"verb\": \"x\", \"arguments\": {\"a\": 1}}\n",
+                                 "{\"verb\": \"format disk\"}\n", "{\"verb\": \"scan\", \"arguments\": {\"bus\": \"\xff\"}}\n"}) {
+    const Json answer = Json::parse(say(text), nullptr, false);
+    ASSERT_TRUE(answer.is_object()) << text;
+    EXPECT_EQ(answer.at("status"), 2) << text;
+  }
+  EXPECT_EQ(say(std::string(100'000, 'x')), "") << "an endless line is hung up on";
+  EXPECT_EQ(ask({"status"}).status, 0);
+}
+
+TEST_F(Running, WhoHangsUpEndsHisCommand) {
+  begin(plant);
+  const int fd = ::socket(AF_UNIX, SOCK_STREAM | SOCK_CLOEXEC, 0);
+  sockaddr_un address{};
+  address.sun_family = AF_UNIX;
+  socket.copy(address.sun_path, sizeof address.sun_path - 1);
+  ASSERT_EQ(::connect(fd, reinterpret_cast<const sockaddr*>(&address), sizeof address), 0);
+  const std::string text = "{\"verb\":\"scan\",\"arguments\":{}}\n";
+  ASSERT_EQ(::send(fd, text.data(), text.size(), MSG_NOSIGNAL), static_cast<ssize_t>(text.size()));
+  ::usleep(20'000);
+  ::close(fd);
+  EXPECT_EQ(ask({"scan"}).status, 0) << "the bus is free again";
+}
+
+// ---- small things ----
+
+TEST(Program, VersionHelpAndScenes) {
+  EXPECT_EQ(berth({"version"}).out.substr(0, 6), "berth ");
+  EXPECT_TRUE(Json::parse(berth({"version", "--json"}).out).at("version").is_string());
+  EXPECT_EQ(berth({"--help"}).status, 0);
+  EXPECT_EQ(berth({"up", "--help"}).status, 0);
+  EXPECT_EQ(berth({}).status, 2);
+  EXPECT_TRUE(contains(berth({"skan"}).err, "did you mean scan?"));
+}
+
+// Facts page G.2: the seventeenth collision; a lone node stays error passive and is never bus-off.
+TEST(Program, Scenes) {
+  const Json two = Json::parse(berth({"sim", "two-with-one-id", "--json"}).out);
+  bool both_passive = false;
+  for (const auto& step : two.at("steps")) {
+    unsigned at_128 = 0;
+    for (const auto& node : step.at("nodes")) at_128 += node.at("tec") == 128 ? 1U : 0U;
+    both_passive = both_passive || at_128 == 2;
+  }
+  EXPECT_TRUE(both_passive);
+  const Json lone = Json::parse(berth({"sim", "lone-node", "--json"}).out);
+  const Json& last = lone.at("steps").back().at("nodes").at(0);
+  EXPECT_EQ(last.at("tec"), 128);
+  EXPECT_EQ(last.at("state"), "passive");
+  EXPECT_TRUE(contains(berth({"sim", "lone-node"}).out, "TEC 128"));
+  EXPECT_EQ(berth({"sim", "three-nodes"}).status, 2);
+}
+
+RC_GTEST_PROP(ControlLine, RequestsComeBack, ()) {
+  operate::CommandRequest request;
+  request.verb = "v" + *rc::gen::container<std::string>(rc::gen::inRange<char>(1, 127));
+  request.arguments = *rc::gen::container<std::map<std::string, std::string>>(
+      rc::gen::container<std::string>(rc::gen::inRange<char>(1, 127)), rc::gen::container<std::string>(rc::gen::inRange<char>(1, 127)));
+  const std::string line = operate::to_json(request);
+  RC_ASSERT(line.find('\n') == std::string::npos);
+  std::string error;
+  RC_ASSERT(operate::parse_request(line, error) == request);
+  RC_ASSERT(error.empty());
+}
+
+RC_GTEST_PROP(ControlLine, AnyBytesAreARequestOrAReason, (const std::string& bytes)) {
+  std::string error;
+  const auto request = operate::parse_request(bytes, error);
+  RC_ASSERT(request.verb.empty() == !error.empty());
+  RC_ASSERT(operate::parse_reply(bytes).status == 3);
+}
+
+RC_GTEST_PROP(ControlLine, RepliesComeBack, (int status, const std::vector<std::uint8_t>& bytes)) {
+  operate::CommandReply reply = operate::refusal(status, "because");
+  std::string text;
+  for (const auto b : bytes) text += static_cast<char>(1 + b % 126);
+  reply.lines = {text, ""};
+  const std::string line = operate::to_json(reply);
+  RC_ASSERT(line.find('\n') == std::string::npos);
+  const auto back = operate::parse_reply(line);
+  RC_ASSERT(back.status == status);
+  RC_ASSERT(back.lines == reply.lines);
+  RC_ASSERT(back.error == "because");
+  RC_ASSERT(Json::parse(back.json) == Json::parse(reply.json));
+}
+
+TEST(ControlPath, LiesWithItsOwnerAndKnowsItsMachine) {
+  ::unsetenv("XDG_RUNTIME_DIR");
+  EXPECT_EQ(operate::control_path("five slaves"), "/tmp/berth-" + std::to_string(::getuid()) + "/five_slaves.sock");
+  EXPECT_EQ(operate::control_path("../x"), "/tmp/berth-" + std::to_string(::getuid()) + "/.._x.sock");
+  ::setenv("XDG_RUNTIME_DIR", "/tmp", 1);
+  EXPECT_EQ(operate::control_path("m"), "/tmp/berth-m.sock");
+  ::setenv("XDG_RUNTIME_DIR", "/no/such/folder", 1);
+  EXPECT_EQ(operate::control_path("m"), "/tmp/berth-" + std::to_string(::getuid()) + "/m.sock");
+  ::unsetenv("XDG_RUNTIME_DIR");
+}
+
+TEST(ControlPath, ALongOneIsRefusedInWords) {
+  const auto reply = operate::control_call("/tmp/" + std::string(200, 'x'), {"report", {}}, 100);
+  ASSERT_FALSE(reply);
+  EXPECT_TRUE(contains(reply.error(), "--control"));
+}
+
+}  // namespace
+}  // namespace berth::test

@@ -1,0 +1,143 @@
+#include "process.hpp"
+
+#include <fcntl.h>
+#include <poll.h>
+#include <pty.h>
+#include <signal.h>
+#include <sys/wait.h>
+#include <unistd.h>
+
+#include <array>
+#include <cerrno>
+#include <chrono>
+#include <filesystem>
+#include <fstream>
+#include <sstream>
+#include <stdexcept>
+
+namespace berth::test {
+namespace {
+
+constexpr int two_minutes = 120'000;
+
+struct Pipe {
+  int read = -1;
+  int write = -1;
+};
+
+Pipe make_pipe() {
+  std::array<int, 2> ends{};
+  if (::pipe2(ends.data(), O_CLOEXEC) != 0) throw std::runtime_error("pipe");
+  return {ends[0], ends[1]};
+}
+
+[[noreturn]] void become(const Words& arguments) {
+  std::vector<char*> words;
+  std::string name = BERTH_BINARY;
+  words.push_back(name.data());
+  Words copy = arguments;
+  for (auto& word : copy) words.push_back(word.data());
+  words.push_back(nullptr);
+  ::execv(BERTH_BINARY, words.data());
+  ::_exit(127);
+}
+
+}  // namespace
+
+Background::Background(const Words& arguments, bool on_terminal) {
+  const Pipe err = make_pipe();
+  Pipe out;
+  if (on_terminal) {
+    winsize size{};
+    size.ws_row = 40;
+    size.ws_col = 100;
+    if (::openpty(&out.read, &out.write, nullptr, nullptr, &size) != 0) throw std::runtime_error("openpty");
+    ::fcntl(out.read, F_SETFD, FD_CLOEXEC);
+  } else {
+    out = make_pipe();
+  }
+  pid_ = ::fork();
+  if (pid_ == 0) {
+    ::dup2(out.write, STDOUT_FILENO);
+    ::dup2(err.write, STDERR_FILENO);
+    if (on_terminal) ::close(out.write);
+    become(arguments);
+  }
+  ::close(out.write);
+  ::close(err.write);
+  out_ = out.read;
+  err_ = err.read;
+}
+
+Background::~Background() {
+  if (pid_ > 0) {
+    ::kill(pid_, SIGKILL);
+    ::waitpid(pid_, nullptr, 0);
+  }
+  if (out_ >= 0) ::close(out_);
+  if (err_ >= 0) ::close(err_);
+}
+
+void Background::signal(int number) const { ::kill(pid_, number); }
+
+void Background::read_all(int timeout_ms) {
+  const auto end = std::chrono::steady_clock::now() + std::chrono::milliseconds(timeout_ms);
+  while (out_ >= 0 || err_ >= 0) {
+    std::array<pollfd, 2> ends{{{out_, POLLIN, 0}, {err_, POLLIN, 0}}};
+    const auto left = std::chrono::duration_cast<std::chrono::milliseconds>(end - std::chrono::steady_clock::now());
+    if (left.count() <= 0 || ::poll(ends.data(), ends.size(), static_cast<int>(left.count())) <= 0) return;
+    for (std::size_t i = 0; i < 2; ++i) {
+      if ((ends[i].revents & (POLLIN | POLLHUP | POLLERR)) == 0) continue;
+      std::array<char, 4096> buffer{};
+      int& fd = i == 0 ? out_ : err_;
+      const auto n = ::read(fd, buffer.data(), buffer.size());
+      if (n > 0) {
+        (i == 0 ? outcome_.out : outcome_.err).append(buffer.data(), static_cast<std::size_t>(n));
+      } else {  // end, or EIO of a terminal whose program ended
+        ::close(fd);
+        fd = -1;
+      }
+    }
+  }
+}
+
+Outcome Background::end() {
+  read_all(two_minutes);
+  int status = 0;
+  const bool ended = out_ < 0 && err_ < 0;
+  if (!ended) ::kill(pid_, SIGKILL);
+  ::waitpid(pid_, &status, 0);
+  pid_ = -1;
+  if (ended) outcome_.status = WIFEXITED(status) ? WEXITSTATUS(status) : 128 + WTERMSIG(status);
+  return outcome_;
+}
+
+Outcome berth(const Words& arguments) { return Background(arguments).end(); }
+
+Folder::Folder() {
+  std::string pattern = (std::filesystem::temp_directory_path() / "berth-cli-XXXXXX").string();
+  if (::mkdtemp(pattern.data()) == nullptr) throw std::runtime_error("mkdtemp");
+  path_ = pattern;
+}
+
+Folder::~Folder() {
+  std::error_code ignored;
+  std::filesystem::remove_all(path_, ignored);
+}
+
+std::string Folder::write(const std::string& name, const std::string& text) const {
+  std::ofstream(file(name), std::ios::binary) << text;
+  return file(name);
+}
+
+std::string contents(const std::string& path) {
+  std::ostringstream text;
+  text << std::ifstream(path, std::ios::binary).rdbuf();
+  return text.str();
+}
+
+bool exists(const std::string& path) { return std::filesystem::exists(path); }
+
+std::string example(const std::string& name) { return std::string(BERTH_SOURCE_DIR) + "/examples/" + name; }
+
+}  // namespace berth::test

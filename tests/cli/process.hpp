@@ -1,0 +1,61 @@
+/// Runs the built program as a person would: arguments in, exit status and both streams out.
+#pragma once
+
+#include <sys/types.h>
+
+#include <string>
+#include <vector>
+
+namespace berth::test {
+
+struct Outcome {
+  int status = -1;  ///< exit status; 128 + signal when it was killed; -1 when it did not end in time
+  std::string out;
+  std::string err;
+};
+
+using Words = std::vector<std::string>;
+
+/// Runs `berth` to its end; killed after two minutes.
+[[nodiscard]] Outcome berth(const Words& arguments);
+
+/// A `berth` that keeps running. Killed with its object.
+class Background {
+ public:
+  explicit Background(const Words& arguments, bool on_terminal = false);
+  ~Background();
+  Background(const Background&) = delete;
+  Background& operator=(const Background&) = delete;
+  void signal(int number) const;
+  /// Waits for its end.
+  [[nodiscard]] Outcome end();
+  [[nodiscard]] pid_t pid() const noexcept { return pid_; }
+
+ private:
+  void read_all(int timeout_ms);
+  pid_t pid_ = -1;
+  int out_ = -1;
+  int err_ = -1;
+  Outcome outcome_;
+};
+
+/// A folder that goes with its object.
+class Folder {
+ public:
+  Folder();
+  ~Folder();
+  Folder(const Folder&) = delete;
+  Folder& operator=(const Folder&) = delete;
+  [[nodiscard]] std::string file(const std::string& name) const { return path_ + "/" + name; }
+  /// Writes a file and gives its name.
+  std::string write(const std::string& name, const std::string& text) const;
+
+ private:
+  std::string path_;
+};
+
+[[nodiscard]] std::string contents(const std::string& path);
+[[nodiscard]] bool exists(const std::string& path);
+[[nodiscard]] std::string example(const std::string& name);
+
+}  // namespace berth::test
