@@ -65,8 +65,8 @@ class Ending {
   Rig* rig_;
   std::string until_;
   rt::Time changed_{};
-  rt::Time due_{};         // of the last planned event known
-  rt::Duration quiet_{};   // how long nothing may change
+  rt::Time due_{};        // of the last planned event known
+  rt::Duration quiet_{};  // how long nothing may change
   rt::Duration limit_{};
   std::vector<std::optional<LssAddress>> first_;  // who sat in each slot when all were operational first
 };

@@ -29,7 +29,8 @@ class CommandLine {
       app_.parse(argc, argv);
     } catch (const CLI::ParseError& error) {
       if (error.get_exit_code() == 0) return app_.exit(error);
-      const bool json = std::any_of(argv, argv + argc, [](const char* word) { return std::string_view(word) == "--json"; });
+      const bool json =
+          std::any_of(argv, argv + argc, [](const char* word) { return std::string_view(word) == "--json"; });
       const auto used = app_.get_subcommands();
       if (used.empty() && argc > 1 && argv[1][0] != '-') return tell(failure(Exit::usage, no_command(argv[1])), json);
       const std::string help = used.empty() ? "berth --help" : fmt::format("berth {} --help", used.front()->get_name());
@@ -43,7 +44,8 @@ class CommandLine {
 
   std::string no_command(const std::string& written) {
     std::vector<std::string> names;
-    for (const auto* const sub : app_.get_subcommands([](const CLI::App*) { return true; })) names.push_back(sub->get_name());
+    for (const auto* const sub : app_.get_subcommands([](const CLI::App*) { return true; }))
+      names.push_back(sub->get_name());
     const std::vector<std::string_view> known(names.begin(), names.end());
     const auto meant = text::closest(written, known);
     return fmt::format("there is no command {}{}; see berth --help", text::quoted(written),
@@ -68,13 +70,15 @@ class CommandLine {
     return sub;
   }
   CLI::Option* word(CLI::App* sub, const std::string& option, const std::string& key, const std::string& help) {
-    return sub->add_option_function<std::string>(option, [this, key](const std::string& v) { request_.arguments[key] = v; }, help);
+    return sub->add_option_function<std::string>(
+        option, [this, key](const std::string& v) { request_.arguments[key] = v; }, help);
   }
 
   // CLI11 takes "-3" for a very large number.
   static CLI::Validator is_seed() {
     return {[](const std::string& text) {
-              return text.empty() || text.front() == '-' ? fmt::format("\"{}\" is no seed; write a number from 0", text) : std::string();
+              return text.empty() || text.front() == '-' ? fmt::format("\"{}\" is no seed; write a number from 0", text)
+                                                         : std::string();
             },
             "NUMBER"};
   }
@@ -85,7 +89,8 @@ class CommandLine {
     sub.add_option("--bus", options_.bus, "one bus of the machine");
     sub.add_option("--sim", options_.sim, "plant file: run on a simulated world");
     sub.add_option("--sim-state", options_.state, "file that keeps what the simulated devices remember between runs");
-    sub.add_option("--seed", options_.seed, "seed of the simulated world, instead of the plant file's")->check(is_seed());
+    sub.add_option("--seed", options_.seed, "seed of the simulated world, instead of the plant file's")
+        ->check(is_seed());
     sub.add_option("--store", options_.store, "slot table's file (default: in memory on a simulated world)");
     sub.add_option("--record", options_.record, "write every frame to this file, as candump -L does");
     sub.add_flag("--dry-run", options_.dry_run, "print every frame that Berth would send, and change nothing");
@@ -96,20 +101,24 @@ class CommandLine {
       options_.timeout = *time;
       return std::string();
     };
-    sub.add_option_function<std::string>("--timeout", [](const std::string&) {}, "longest time, of the bus when it is simulated")
+    sub.add_option_function<std::string>(
+           "--timeout", [](const std::string&) {}, "longest time, of the bus when it is simulated")
         ->check(CLI::Validator(read, "TIME"));
   }
 
   void drive_flags(CLI::App& sub, std::vector<std::string> ends) {
     sub.add_option("--until", options_.until, "end when this is reached")->check(CLI::IsMember(std::move(ends)));
-    auto* const pace = sub.add_flag("--pace", options_.pace, "in real time, and stay up until Ctrl-C (on a terminal: always)");
+    auto* const pace =
+        sub.add_flag("--pace", options_.pace, "in real time, and stay up until Ctrl-C (on a terminal: always)");
     sub.add_flag("--fast", options_.fast, "as fast as possible, on a terminal too; ends by itself")->excludes(pace);
-    sub.add_option("--listen,--control", options_.control, "socket for other commands (default: by the machine's name)");
+    sub.add_option("--listen,--control", options_.control,
+                   "socket for other commands (default: by the machine's name)");
   }
 
   void add_long_jobs() {
-    auto* const demo = command(app_, "demo", "the built-in machine: from blank devices to operational, then a replacement",
-                               [this] { return run_demo(options_); });
+    auto* const demo =
+        command(app_, "demo", "the built-in machine: from blank devices to operational, then a replacement",
+                [this] { return run_demo(options_); });
     common(*demo);
     drive_flags(*demo, {"operational", "replaced"});
     auto* const up = command(app_, "up", "bring a machine up and keep it running", [this] { return run_up(options_); });
@@ -151,7 +160,9 @@ class CommandLine {
   void add_lss() {
     auto* const lss = app_.add_subcommand("lss", "layer setting services (CiA 305), one at a time");
     lss->require_subcommand(1);
-    const auto service = [&](const std::string& name, const std::string& help) { return verb(*lss, name, "lss " + name, help); };
+    const auto service = [&](const std::string& name, const std::string& help) {
+      return verb(*lss, name, "lss " + name, help);
+    };
     const char* const address = "VENDOR-PRODUCT-REVISION-SERIAL, eight hex digits each";
     word(service("select", "one device to configuration state"), "address", "address", address)->required();
     word(service("inquire", "vendor, product, revision, serial number, node-ID"), "address", "address", address);
@@ -159,14 +170,17 @@ class CommandLine {
     auto* const set = service("set-node-id", "give a device a node-ID");
     word(set, "address", "address", address)->required();
     word(set, "id", "id", "1 to 127, or 255 for none")->required();
-    set->add_flag_function("--save", [this](std::int64_t) { request_.arguments["store"] = "1"; }, "and let the device store it");
+    set->add_flag_function(
+        "--save", [this](std::int64_t) { request_.arguments["store"] = "1"; }, "and let the device store it");
     auto* const timing = service("bit-timing", "give a device a bit rate");
     word(timing, "rate", "rate", "bit/s")->required();
     word(timing, "address", "address", address);
     auto* const activate = service("activate", "devices in configuration state change to their new bit rate");
     word(activate, "delay", "delay", "switch delay in ms")->required();
     word(activate, "--rate", "rate", "bit/s that Berth's own port changes to");
-    word(service("global", "all devices to waiting or configuration state"), "state", "state", "waiting or configuration")->required();
+    word(service("global", "all devices to waiting or configuration state"), "state", "state",
+         "waiting or configuration")
+        ->required();
     service("find", "every device, by RAND; is anybody without a node-ID?");
     auto* const identify = service("identify", "is a device within these ranges?");
     word(identify, "vendor", "vendor", "vendor-ID")->required();
@@ -180,14 +194,17 @@ class CommandLine {
   void add_rest() {
     auto* const sim = app_.add_subcommand("sim", "textbook scenes of fault confinement, step by step");
     sim->require_subcommand(1);
-    const std::pair<const char*, const char*> scenes[] = {{"two-with-one-id", "two nodes send different data under one identifier"},
-                                                          {"lone-node", "one node sends and nobody acknowledges"}};
+    const std::pair<const char*, const char*> scenes[] = {
+        {"two-with-one-id", "two nodes send different data under one identifier"},
+        {"lone-node", "one node sends and nobody acknowledges"}};
     for (const auto& [name, help] : scenes) {
-      auto* const sub = command(*sim, name, help, [this, scene = std::string(name)] { return run_scenario(options_, scene); });
+      auto* const sub =
+          command(*sim, name, help, [this, scene = std::string(name)] { return run_scenario(options_, scene); });
       sub->add_flag("--json", options_.json, "one JSON object");
     }
-    command(app_, "version", "which Berth this is", [this] { return run_version(options_); })
-        ->add_flag("--json", options_.json, "one JSON object");
+    command(app_, "version", "which Berth this is", [this] {
+      return run_version(options_);
+    })->add_flag("--json", options_.json, "one JSON object");
   }
 
   CLI::App app_{"Berth gives every CANopen device its place.", "berth"};

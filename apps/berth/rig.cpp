@@ -66,13 +66,14 @@ tl::expected<void, Failure> Rig::read(const Options& options, const Sources& sou
   if (machine.machine && sources.plant_name.empty()) {
     for (const auto& bus : machine.machine->buses) {
       if (bus.port.kind == design::PortKind::sim) continue;
-      return tl::unexpected(failure(Exit::failed, fmt::format("{}:{}: bus {}: this Berth has no port {} yet; real ports come "
-                                                              "with a later version: give --sim PLANT to run the machine "
-                                                              "on a simulated bus",
-                                                              machine.machine->file, bus.place.line, bus.name,
-                                                              design::to_string(bus.port))));
+      return tl::unexpected(failure(
+          Exit::failed, fmt::format("{}:{}: bus {}: this Berth has no port {} yet; real ports come "
+                                    "with a later version: give --sim PLANT to run the machine "
+                                    "on a simulated bus",
+                                    machine.machine->file, bus.place.line, bus.name, design::to_string(bus.port))));
     }
-    return tl::unexpected(failure(Exit::usage, "the machine's buses are simulated: give the plant file with --sim PLANT"));
+    return tl::unexpected(
+        failure(Exit::usage, "the machine's buses are simulated: give the plant file with --sim PLANT"));
   }
   auto plant = sources.plant_text.empty() ? plant::load_plant(sources.plant_name)
                                           : plant::read_plant(sources.plant_text, sources.plant_name);
@@ -85,7 +86,8 @@ tl::expected<void, Failure> Rig::read(const Options& options, const Sources& sou
   if (!options.bus.empty() && machine_.bus(options.bus) == nullptr) {
     std::string names;
     for (const auto& bus : machine_.buses) names += (names.empty() ? "" : ", ") + bus.name;
-    return tl::unexpected(failure(Exit::usage, fmt::format("{}: there is no bus \"{}\"; use {}", machine_.file, options.bus, names)));
+    return tl::unexpected(
+        failure(Exit::usage, fmt::format("{}: there is no bus \"{}\"; use {}", machine_.file, options.bus, names)));
   }
   return {};
 }
@@ -117,7 +119,8 @@ tl::expected<void, Failure> Rig::open_store(const Options& options) {
   if (options.dry_run && !path.empty()) {
     if (fs::exists(path)) {
       std::string pattern = (fs::temp_directory_path() / "berth-dry-run-XXXXXX").string();
-      if (::mkdtemp(pattern.data()) == nullptr) return tl::unexpected(failure(Exit::failed, pattern + ": " + std::strerror(errno)));
+      if (::mkdtemp(pattern.data()) == nullptr)
+        return tl::unexpected(failure(Exit::failed, pattern + ": " + std::strerror(errno)));
       throw_away_ = pattern;
       const fs::path copy = fs::path(throw_away_) / "store.db";
       std::error_code error;
@@ -143,7 +146,8 @@ tl::expected<void, Failure> Rig::open_session(const Options& options) {
   session_ = std::make_unique<operate::Session>(world_->executor(), machine_, *store_);
   for (const auto& bus : machine_.buses) {
     auto port = world_->attach_master(bus.name);
-    if (!port) return tl::unexpected(failure(Exit::failed, fmt::format("the simulated world has no bus \"{}\"", bus.name)));
+    if (!port)
+      return tl::unexpected(failure(Exit::failed, fmt::format("the simulated world has no bus \"{}\"", bus.name)));
     const auto connected = session_->connect(bus.name, *port);
     if (!connected) return tl::unexpected(failure(Exit::failed, describe(connected.error())));
     if (options.dry_run || !options.record.empty()) {

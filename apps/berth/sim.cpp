@@ -31,7 +31,8 @@ int run_scenario(const Options& options, const std::string& scenario) {
   for (const auto& step : steps) width = std::max(width, step.event.size());
   for (const auto& step : steps) {
     std::string line = fmt::format("bit {:>6}  {:<{}}", step.bit, step.event, width);
-    for (const auto& n : step.nodes) line += fmt::format("  {}: TEC {:>3} REC {:>3} {:<7}", n.name, n.tec, n.rec, sim::name(n.state));
+    for (const auto& n : step.nodes)
+      line += fmt::format("  {}: TEC {:>3} REC {:>3} {:<7}", n.name, n.tec, n.rec, sim::name(n.state));
     while (line.ends_with(' ')) line.pop_back();
     print_line(line);
   }

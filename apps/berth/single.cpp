@@ -85,7 +85,8 @@ int in_own_world(const Options& options, const CommandRequest& request) {
   }
   if (!over) {
     const double s = std::chrono::duration<double>(limit).count();
-    reply = operate::refusal(Exit::failed, fmt::format("{}: not done within {} s of bus time; give a longer --timeout", request.verb, s));
+    reply = operate::refusal(
+        Exit::failed, fmt::format("{}: not done within {} s of bus time; give a longer --timeout", request.verb, s));
   }
   return options.dry_run ? show_dry(sent, reply, options.json) : show(reply, options.json);
 }
@@ -94,13 +95,15 @@ int foreseen(const Options& options, const CommandRequest& request) {
   std::string problem;
   const auto frames = operate::foreseeable_frames(request, problem);
   if (!problem.empty()) {
-    return tell(failure(Exit::usage, problem + "; a dry run of it needs a world to throw away: give --sim PLANT"), options.json);
+    return tell(failure(Exit::usage, problem + "; a dry run of it needs a world to throw away: give --sim PLANT"),
+                options.json);
   }
   if (options.json) {
     Json all;
     all["dry_run"] = true;
     all["frames"] = Json::array();
-    for (const auto& f : frames) all["frames"].push_back({{"at_s", nullptr}, {"bus", options.bus}, {"frame", can::to_string(f)}});
+    for (const auto& f : frames)
+      all["frames"].push_back({{"at_s", nullptr}, {"bus", options.bus}, {"frame", can::to_string(f)}});
     print_line(all.dump(2));
     return Exit::done;
   }
@@ -117,12 +120,14 @@ int by_running_up(const Options& options, const CommandRequest& request) {
   }
   if (options.dry_run) return foreseen(options, request);
   const auto patience = std::chrono::duration_cast<std::chrono::milliseconds>(options.timeout.value_or(2min)).count();
-  const auto reply = operate::control_call(path, request, static_cast<int>(std::min<std::int64_t>(patience, 24 * 3'600'000)));
+  const auto reply =
+      operate::control_call(path, request, static_cast<int>(std::min<std::int64_t>(patience, 24 * 3'600'000)));
   if (reply) return show(*reply, options.json);
   const std::string machine = options.machine.empty() ? "MACHINE" : options.machine;
-  return tell(failure(Exit::failed, fmt::format("no running `berth up` does this for {}: {}\nstart one (berth up {} --sim PLANT "
-                                                "--pace), or give --sim PLANT to do it in a simulated world of its own",
-                                                machine, reply.error(), machine)),
+  return tell(failure(Exit::failed,
+                      fmt::format("no running `berth up` does this for {}: {}\nstart one (berth up {} --sim PLANT "
+                                  "--pace), or give --sim PLANT to do it in a simulated world of its own",
+                                  machine, reply.error(), machine)),
               options.json);
 }
 

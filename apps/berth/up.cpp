@@ -55,7 +55,8 @@ int bring_up(const Options& options, const Sources& sources) {
   const auto ended = drive(rig, ending, screen, options, how);
   if (!ended) return tell(ended.error(), options.json);
   rig.session().on_event({});
-  const bool good = rig.session().operational() && (*ended != Ended::settled || options.until != "replaced" || ending.reached());
+  const bool good =
+      rig.session().operational() && (*ended != Ended::settled || options.until != "replaced" || ending.reached());
   if (options.dry_run) {
     print_frames(sent, options.json);
   } else if (options.json) {
@@ -73,7 +74,8 @@ int bring_up(const Options& options, const Sources& sources) {
 }
 
 int run_up(const Options& options) {
-  if (options.machine.empty()) return tell(failure(Exit::usage, "name the machine file: berth up machine.toml"), options.json);
+  if (options.machine.empty())
+    return tell(failure(Exit::usage, "name the machine file: berth up machine.toml"), options.json);
   return bring_up(options, {options.machine, options.sim, {}, {}});
 }
 

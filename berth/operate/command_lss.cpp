@@ -76,7 +76,8 @@ rt::Task<void> select_one(Network& network, LssAddress device, CommandReply& rep
   if (!selected) co_return lss_failed(reply, network, selected.error(), "select " + to_string(device));
   Json json = start_json(network, "select");
   put_address(json, device);
-  give(reply, json, {fmt::format("{} is in LSS configuration state, every other device in waiting", to_string(device))});
+  give(reply, json,
+       {fmt::format("{} is in LSS configuration state, every other device in waiting", to_string(device))});
 }
 
 rt::Task<void> inquire(Network& network, std::optional<LssAddress> device, CommandReply& reply) {
@@ -127,9 +128,9 @@ rt::Task<void> configure(Network& network, const NewId& wanted, NodeId old, Comm
     const auto taken = co_await is_taken(network, wanted.id);
     if (!taken) co_return lss_failed(reply, network, taken.error(), doing);
     if (*taken) {
-      co_return refuse(reply, 1,
-                       fmt::format("bus {}, LSS {}: another device answers under this node-ID", network.bus().name, doing),
-                       "take that device off the bus, or give it another node-ID first");
+      co_return refuse(
+          reply, 1, fmt::format("bus {}, LSS {}: another device answers under this node-ID", network.bus().name, doing),
+          "take that device off the bus, or give it another node-ID first");
     }
   }
   const auto set = co_await network.lss().configure_node_id(wanted.id);
@@ -184,15 +185,17 @@ rt::Task<void> bit_timing(Network& network, std::uint32_t rate, std::optional<Ls
   const auto selected = co_await select(network, device);
   if (!selected) co_return lss_failed(reply, network, selected.error(), "select " + named(device));
   const auto set = co_await network.lss().configure_bit_timing(*index);
-  if (!set) co_return lss_failed(reply, network, set.error(), "bit timing of " + named(device), "it cannot do this bit rate");
+  if (!set)
+    co_return lss_failed(reply, network, set.error(), "bit timing of " + named(device), "it cannot do this bit rate");
   Json json = start_json(network, "bit-timing");
   if (device) put_address(json, *device);
   json["bit_rate"] = rate;
   json["index"] = static_cast<unsigned>(*index);
   give(reply, json,
-       {fmt::format("{} will use {} bit/s: `berth lss store` keeps it for the next power-on, `berth lss activate` changes "
-                    "now",
-                    named(device), rate)});
+       {fmt::format(
+           "{} will use {} bit/s: `berth lss store` keeps it for the next power-on, `berth lss activate` changes "
+           "now",
+           named(device), rate)});
 }
 
 // CiA 305: each device is silent for one delay, changes, and is silent for another.
@@ -203,14 +206,16 @@ rt::Task<void> activate(Network& network, std::uint16_t delay_ms, std::uint32_t 
   if (rate != 0) {
     co_await rt::sleep_for(delay);
     if (!network.dispatcher().port().restart(rate)) {
-      co_return refuse(reply, 3, fmt::format("bus {}: Berth's own port does not change to {} bit/s", network.bus().name, rate));
+      co_return refuse(reply, 3,
+                       fmt::format("bus {}: Berth's own port does not change to {} bit/s", network.bus().name, rate));
     }
     co_await rt::sleep_for(delay);
   }
   Json json = start_json(network, "activate");
   json["delay_ms"] = delay_ms;
   if (rate != 0) json["bit_rate"] = rate;
-  std::vector<std::string> lines{fmt::format("devices in configuration state change their bit rate after {} ms", delay_ms)};
+  std::vector<std::string> lines{
+      fmt::format("devices in configuration state change their bit rate after {} ms", delay_ms)};
   if (rate != 0) lines.push_back(fmt::format("Berth's own port now uses {} bit/s", rate));
   give(reply, json, std::move(lines));
 }
@@ -308,16 +313,17 @@ LssArguments lss_arguments(const CommandRequest& request, std::string& problem) 
   } else if (r.service == "identify") {
     read({"bus", "vendor", "product", "revision-low", "revision-high", "serial-low", "serial-high"}, [&](Arguments& a) {
       constexpr std::uint32_t top = 0xFFFF'FFFF;
-      r.ranges = {a.number("vendor", 0, top),           a.number("product", 0, top),
-                  a.number("revision-low", 0, top, 0),  a.number("revision-high", 0, top, top),
-                  a.number("serial-low", 0, top, 0),    a.number("serial-high", 0, top, top)};
+      r.ranges = {a.number("vendor", 0, top),          a.number("product", 0, top),
+                  a.number("revision-low", 0, top, 0), a.number("revision-high", 0, top, top),
+                  a.number("serial-low", 0, top, 0),   a.number("serial-high", 0, top, top)};
     });
   } else if (r.service == "find") {
     read({"bus"}, [](Arguments&) {});
   } else {
-    problem = fmt::format("there is no LSS service {}; use global, select, inquire, set-node-id, store, bit-timing, "
-                          "activate, identify or find",
-                          text::quoted(r.service));
+    problem = fmt::format(
+        "there is no LSS service {}; use global, select, inquire, set-node-id, store, bit-timing, "
+        "activate, identify or find",
+        text::quoted(r.service));
   }
   return r;
 }

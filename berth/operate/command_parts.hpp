@@ -63,7 +63,7 @@ void refuse(CommandReply& reply, int status, const std::string& message, const s
 void fail_with(CommandReply& reply, const Error& error, const std::string& where, const std::string& fix = {});
 
 [[nodiscard]] std::string hex(std::uint32_t value, unsigned digits = 8);  ///< "0x0000000A"
-[[nodiscard]] std::string dump(const Json& json);                        ///< one line; bad UTF-8 replaced
+[[nodiscard]] std::string dump(const Json& json);                         ///< one line; bad UTF-8 replaced
 /// Adds "address", "type" and "r_sn".
 void put_address(Json& json, const LssAddress& address);
 

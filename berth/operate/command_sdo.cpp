@@ -27,9 +27,10 @@ ObjectArguments object_arguments(Arguments& arguments) {
   if (known) {
     object.type = *known;
   } else {
-    arguments.wrong(fmt::format("{} is no data type; use one of b i8 i16 i24 i32 i40 i48 i56 i64 u8 u16 u24 u32 u40 u48 "
-                                "u56 u64 r32 r64 t td vs os us d, or CiA 301's names such as UNSIGNED32",
-                                text::quoted(type)));
+    arguments.wrong(
+        fmt::format("{} is no data type; use one of b i8 i16 i24 i32 i40 i48 i56 i64 u8 u16 u24 u32 u40 u48 "
+                    "u56 u64 r32 r64 t td vs os us d, or CiA 301's names such as UNSIGNED32",
+                    text::quoted(type)));
   }
   return object;
 }
@@ -85,9 +86,10 @@ Checked<std::vector<std::uint8_t>> value_bytes(DataType type, const std::string&
   if (!parsed) return tl::unexpected(fmt::format("value {}: {}", text::quoted(text), parsed.error().what));
   if (!parsed->value.present()) return tl::unexpected(std::string("the value is empty"));
   if (type == DataType::none && parsed->notes.has(od::Note::plain_text)) {
-    return tl::unexpected(fmt::format("value {} is no row of hex bytes such as \"91 01 0F 00\"; give --type for anything "
-                                      "else",
-                                      text::quoted(text)));
+    return tl::unexpected(
+        fmt::format("value {} is no row of hex bytes such as \"91 01 0F 00\"; give --type for anything "
+                    "else",
+                    text::quoted(text)));
   }
   if (parsed->notes.has(od::Note::wrapped)) {
     return tl::unexpected(fmt::format("value {} does not fit {}", text::quoted(text), od::name(type)));
@@ -112,7 +114,8 @@ Json object_json(const Network& network, const ObjectArguments& object) {
 Checked<Network*> sdo_network(Session& session, const ObjectArguments& object) {
   const auto network = network_for(session, object.bus, Use::send);
   if (network && object.node == (*network)->bus().master) {
-    return tl::unexpected(fmt::format("node-ID {} is Berth's own on bus {}", object.node.value(), (*network)->bus().name));
+    return tl::unexpected(
+        fmt::format("node-ID {} is Berth's own on bus {}", object.node.value(), (*network)->bus().name));
   }
   return network;
 }
@@ -140,11 +143,11 @@ rt::Task<void> sdo_read(Session& session, const CommandRequest& request, Command
   const auto bytes = value->bytes();
   const std::size_t size = od::byte_size(object.type);
   if (object.type != DataType::none && size != 0 && size != bytes.size()) {
-    co_return refuse(reply, 1,
-                     fmt::format("{}: node {}, object {:04X}h:{:02X} has {} bytes ({}), {} has {}", where,
-                                 object.node.value(), object.index, object.sub, bytes.size(), hex_bytes(bytes),
-                                 od::name(object.type), size),
-                     "give its own type, or none to see the bytes");
+    co_return refuse(
+        reply, 1,
+        fmt::format("{}: node {}, object {:04X}h:{:02X} has {} bytes ({}), {} has {}", where, object.node.value(),
+                    object.index, object.sub, bytes.size(), hex_bytes(bytes), od::name(object.type), size),
+        "give its own type, or none to see the bytes");
   }
   Json json = object_json(bus, object);
   json["bytes"] = hex_bytes(bytes);
@@ -153,7 +156,8 @@ rt::Task<void> sdo_read(Session& session, const CommandRequest& request, Command
     put_value(json, object.type, bytes);
   }
   give(reply, json,
-       {fmt::format("node {}  {:04X}h:{:02X}  {}", object.node.value(), object.index, object.sub, value_text(object.type, bytes))});
+       {fmt::format("node {}  {:04X}h:{:02X}  {}", object.node.value(), object.index, object.sub,
+                    value_text(object.type, bytes))});
 }
 
 rt::Task<void> sdo_write(Session& session, const CommandRequest& request, CommandReply& reply) {
@@ -172,7 +176,8 @@ rt::Task<void> sdo_write(Session& session, const CommandRequest& request, Comman
   Json json = object_json(bus, object);
   json["bytes"] = hex_bytes(*bytes);
   give(reply, json,
-       {fmt::format("node {}  {:04X}h:{:02X}  written: {}", object.node.value(), object.index, object.sub, hex_bytes(*bytes))});
+       {fmt::format("node {}  {:04X}h:{:02X}  written: {}", object.node.value(), object.index, object.sub,
+                    hex_bytes(*bytes))});
 }
 
 NmtArguments nmt_arguments(Arguments& arguments) {
@@ -208,7 +213,8 @@ rt::Task<void> nmt_command(Session& session, const CommandRequest& request, Comm
   const auto sent = co_await bus.nmt().send(nmt.command, nmt.target);
   const bool all = nmt.target == co::NmtTarget::all();
   const std::string whom = all ? "all nodes" : fmt::format("node {}", nmt.target.node);
-  if (!sent) co_return fail_with(reply, sent.error(), fmt::format("bus {}, NMT {} to {}", bus.bus().name, nmt.word, whom));
+  if (!sent)
+    co_return fail_with(reply, sent.error(), fmt::format("bus {}, NMT {} to {}", bus.bus().name, nmt.word, whom));
   Json json;
   json["bus"] = bus.bus().name;
   json["command"] = nmt.word;

@@ -150,7 +150,8 @@ void put_address(Json& json, const LssAddress& address) {
 
 Arguments::Arguments(const CommandRequest& request, std::initializer_list<std::string_view> known) : request_(request) {
   for (const auto& [key, value] : request.arguments) {
-    if (std::ranges::find(known, key) == known.end()) wrong(fmt::format("\"{}\" has no argument \"{}\"", request.verb, key));
+    if (std::ranges::find(known, key) == known.end())
+      wrong(fmt::format("\"{}\" has no argument \"{}\"", request.verb, key));
   }
 }
 
@@ -175,7 +176,8 @@ std::uint32_t Arguments::number(const std::string& key, std::uint32_t low, std::
   if (!has(key) && fallback) return *fallback;
   const std::string word = required(key);
   const auto parsed = od::parse_number(word);
-  const bool good = parsed && !parsed->negative && !parsed->node_id && parsed->magnitude >= low && parsed->magnitude <= high;
+  const bool good =
+      parsed && !parsed->negative && !parsed->node_id && parsed->magnitude >= low && parsed->magnitude <= high;
   if (good) return static_cast<std::uint32_t>(parsed->magnitude);
   const bool as_hex = high > 0xFFF;
   wrong(as_hex ? fmt::format("{} {} is no number from 0x{:X} to 0x{:X}", key, text::quoted(word), low, high)
@@ -187,9 +189,10 @@ LssAddress Arguments::address(const std::string& key) {
   const std::string word = required(key);
   const auto parsed = parse_lss_address(word);
   if (parsed) return *parsed;
-  wrong(fmt::format("{} {} is no LSS address; write vendor-product-revision-serial, eight hex digits each, such as "
-                    "00000001-00000001-00000000-00000005",
-                    key, text::quoted(word)));
+  wrong(
+      fmt::format("{} {} is no LSS address; write vendor-product-revision-serial, eight hex digits each, such as "
+                  "00000001-00000001-00000000-00000005",
+                  key, text::quoted(word)));
   return {};
 }
 
@@ -202,7 +205,8 @@ std::uint8_t Arguments::node(const std::string& key, bool all_allowed) {
   const std::string word = required(key);
   if (all_allowed && word == "all") return 0;
   if (word.find('/') != std::string::npos) {
-    wrong(fmt::format("{} {} lies beneath a gateway; nodes beneath gateways cannot be reached yet", key, text::quoted(word)));
+    wrong(fmt::format("{} {} lies beneath a gateway; nodes beneath gateways cannot be reached yet", key,
+                      text::quoted(word)));
     return 1;
   }
   return static_cast<std::uint8_t>(number(key, 1, 127));
@@ -218,12 +222,14 @@ Checked<Network*> network_for(Session& session, const std::string& bus, Use use)
   }
   const design::Role role = network->bus().role;
   if (role == design::Role::observer && use != Use::look) {
-    return tl::unexpected(fmt::format("bus {} is only observed (role = \"observer\"): Berth sends no frame there", network->bus().name));
+    return tl::unexpected(
+        fmt::format("bus {} is only observed (role = \"observer\"): Berth sends no frame there", network->bus().name));
   }
   if (role == design::Role::commissioner && use == Use::command) {
-    return tl::unexpected(fmt::format("bus {} is only commissioned (role = \"commissioner\"): Berth sends no NMT start "
-                                      "or reset there",
-                                      network->bus().name));
+    return tl::unexpected(
+        fmt::format("bus {} is only commissioned (role = \"commissioner\"): Berth sends no NMT start "
+                    "or reset there",
+                    network->bus().name));
   }
   return network;
 }
@@ -269,7 +275,8 @@ Json json_of(const Network::Seen& seen, const std::string& bus) {
 }
 
 std::string line_of(const Network::Seen& seen, const std::string& bus) {
-  return fmt::format("{}  {:>3}  {:<35}  {:<15}{}{}", bus, seen.id.configured() ? fmt::format("{}", seen.id.value()) : "-",
+  return fmt::format("{}  {:>3}  {:<35}  {:<15}{}{}", bus,
+                     seen.id.configured() ? fmt::format("{}", seen.id.value()) : "-",
                      seen.device ? to_string(*seen.device) : "(does not tell its identity)",
                      seen.state ? name(*seen.state) : "-", seen.slot.empty() ? "" : "  slot " + seen.slot,
                      seen.duplicate ? "  DUPLICATE: two devices answer here; take one of them off the bus" : "");

@@ -67,15 +67,16 @@ std::string make_folder(const std::string& path) {
   const std::string folder = path.substr(0, slash);
   if (::mkdir(folder.c_str(), 0700) == 0) return {};
   const int error = errno;
-  struct stat status{};
+  struct stat status {};
   const bool there = error == EEXIST && ::stat(folder.c_str(), &status) == 0 && S_ISDIR(status.st_mode);
   if (!there) return fmt::format("{}: the folder cannot be made: {}", folder, reason(error));
   const bool ours_by_name = folder == fmt::format("/tmp/berth-{}", ::getuid());
   if (!ours_by_name) return {};
-  struct stat itself{};
+  struct stat itself {};
   const bool safe = ::lstat(folder.c_str(), &itself) == 0 && S_ISDIR(itself.st_mode) && itself.st_uid == ::getuid() &&
                     (itself.st_mode & 0077U) == 0;
-  return safe ? std::string() : fmt::format("{}: this folder is not this user's alone; remove it or give --control", folder);
+  return safe ? std::string()
+              : fmt::format("{}: this folder is not this user's alone; remove it or give --control", folder);
 }
 
 }  // namespace
@@ -87,9 +88,10 @@ std::string control_path(const std::string& machine) {
     if (std::isalnum(byte) == 0 && c != '.' && c != '-' && c != '_') c = '_';
   }
   const char* const runtime = std::getenv("XDG_RUNTIME_DIR");
-  struct stat status{};
+  struct stat status {};
   const bool usable = runtime != nullptr && *runtime == '/' && ::stat(runtime, &status) == 0 && S_ISDIR(status.st_mode);
-  return usable ? fmt::format("{}/berth-{}.sock", runtime, name) : fmt::format("/tmp/berth-{}/{}.sock", ::getuid(), name);
+  return usable ? fmt::format("{}/berth-{}.sock", runtime, name)
+                : fmt::format("/tmp/berth-{}/{}.sock", ::getuid(), name);
 }
 
 // ---- the asking side ----
@@ -112,11 +114,13 @@ tl::expected<CommandReply, std::string> control_call(const std::string& path, co
   std::string answer;
   const auto end = std::chrono::steady_clock::now() + std::chrono::milliseconds(timeout_ms);
   while (answer.find('\n') == std::string::npos) {
-    const auto left = std::chrono::duration_cast<std::chrono::milliseconds>(end - std::chrono::steady_clock::now()).count();
+    const auto left =
+        std::chrono::duration_cast<std::chrono::milliseconds>(end - std::chrono::steady_clock::now()).count();
     pollfd wait{fd.get(), POLLIN, 0};
     const int ready = left > 0 ? ::poll(&wait, 1, static_cast<int>(left)) : 0;
     if (ready < 0 && errno == EINTR) continue;
-    if (ready <= 0) return tl::unexpected(fmt::format("{}: no answer within {} ms; give a longer --timeout", path, timeout_ms));
+    if (ready <= 0)
+      return tl::unexpected(fmt::format("{}: no answer within {} ms; give a longer --timeout", path, timeout_ms));
     char buffer[4096];
     const auto n = ::recv(fd.get(), buffer, sizeof buffer, 0);
     if (n <= 0) return tl::unexpected(fmt::format("{}: the running `berth up` ended before it answered", path));
@@ -149,16 +153,18 @@ rt::Task<void> run(Session& session, const CommandRequest& request, CommandReply
 
 }  // namespace
 
-tl::expected<std::unique_ptr<ControlServer>, std::string> ControlServer::listen(const std::string& path, Session& session) {
+tl::expected<std::unique_ptr<ControlServer>, std::string> ControlServer::listen(const std::string& path,
+                                                                                Session& session) {
   sockaddr_un address{};
   if (!address_of(path, address)) return tl::unexpected(too_long(path));
   if (const auto problem = make_folder(path); !problem.empty()) return tl::unexpected(problem);
   if (const pid_t other = listener_of(address); other != 0) {
-    return tl::unexpected(fmt::format("{}: another `berth up` runs this machine{}; end it first, or give this one another "
-                                      "--control",
-                                      path, other > 0 ? fmt::format(", process {}", other) : ""));
+    return tl::unexpected(
+        fmt::format("{}: another `berth up` runs this machine{}; end it first, or give this one another "
+                    "--control",
+                    path, other > 0 ? fmt::format(", process {}", other) : ""));
   }
-  struct stat status{};
+  struct stat status {};
   if (::lstat(path.c_str(), &status) == 0) {
     if (!S_ISSOCK(status.st_mode)) return tl::unexpected(path + ": there is a file of this name that is no socket");
     ::unlink(path.c_str());

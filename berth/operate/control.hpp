@@ -1,5 +1,6 @@
 /// The control socket of a running `berth up`: a second command sends one line of JSON (`CommandRequest`) and gets one
-/// line back (`CommandReply`). A Unix domain socket in a folder of its owner's, so that nobody else commands the machine.
+/// line back (`CommandReply`). A Unix domain socket in a folder of its owner's, so that nobody else commands the
+/// machine.
 #pragma once
 
 #include <poll.h>
@@ -23,8 +24,8 @@ namespace berth::operate {
 
 /// Sends `request` to who listens at `path` and waits for the answer. A failure is told in words: nobody there, no
 /// answer in `timeout_ms`.
-[[nodiscard]] tl::expected<CommandReply, std::string> control_call(const std::string& path, const CommandRequest& request,
-                                                                   int timeout_ms);
+[[nodiscard]] tl::expected<CommandReply, std::string> control_call(const std::string& path,
+                                                                   const CommandRequest& request, int timeout_ms);
 
 /// Listens and runs what it is asked, in the session's executor. Never blocks; its owner polls. Not from inside a job.
 class ControlServer {

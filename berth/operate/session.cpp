@@ -69,7 +69,8 @@ Result<void> Session::open() {
   observer.milestone = [this](const std::string& milestone) { reached(milestone); };
   for (const auto& bus : machine_->buses) {
     const auto port = std::ranges::find(ports_, &bus, &decltype(ports_)::value_type::first);
-    auto network = std::make_unique<Network>(*executor_, *port->second, bus, machine_->specs(bus.name), *store_, observer);
+    auto network =
+        std::make_unique<Network>(*executor_, *port->second, bus, machine_->specs(bus.name), *store_, observer);
     const auto opened = network->open();
     if (!opened) return opened;
     networks_.push_back(std::move(network));

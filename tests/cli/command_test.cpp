@@ -197,7 +197,12 @@ TEST_F(Command, ObserverSendsNothingAndCommissionerStartsNothing) {
     return folder.write(role + ".toml", text);
   };
   const std::string observer = with_role("observer");
-  for (const Words& words : std::vector<Words>{{"scan"}, {"bind"}, {"nmt", "stop", "all"}, {"lss", "find"}, {"sdo", "read", "2", "0x1000"}, {"replace", "left"}}) {
+  for (const Words& words : std::vector<Words>{{"scan"},
+                                               {"bind"},
+                                               {"nmt", "stop", "all"},
+                                               {"lss", "find"},
+                                               {"sdo", "read", "2", "0x1000"},
+                                               {"replace", "left"}}) {
     Words all = words;
     all.insert(all.end(), {"--machine", observer, "--sim", plant, "--dry-run", "--json"});
     const Outcome outcome = berth(all);
@@ -226,10 +231,12 @@ TEST_F(Command, DryRunPrintsTheFramesOfTheCommand) {
 TEST_F(Command, DryRunLeavesStoreAndPlantAsTheyAre) {
   const std::string store = folder.file("slots.db");
   const std::string state = folder.file("plant.state");
-  ASSERT_EQ(berth({"up", machine, "--sim", plant, "--store", store, "--sim-state", state, "--until", "operational"}).status, 0);
+  ASSERT_EQ(
+      berth({"up", machine, "--sim", plant, "--store", store, "--sim-state", state, "--until", "operational"}).status,
+      0);
   const std::string before = contents(store) + contents(state);
-  const Outcome dry = berth({"lss", "set-node-id", left, "55", "--save", "--machine", machine, "--sim", plant, "--store", store,
-                             "--sim-state", state, "--dry-run"});
+  const Outcome dry = berth({"lss", "set-node-id", left, "55", "--save", "--machine", machine, "--sim", plant,
+                             "--store", store, "--sim-state", state, "--dry-run"});
   EXPECT_EQ(dry.status, 0) << dry.err;
   EXPECT_TRUE(contains(dry.out, "7E5#1137")) << dry.out;
   EXPECT_EQ(before, contents(store) + contents(state));
@@ -247,7 +254,10 @@ TEST_F(Command, DryRunWithoutAWorld) {
   EXPECT_EQ(dry({"sdo", "write", "5", "0x1016", "1", "1", "-t", "u8"}).out, "605#2F16100101000000\n");
   EXPECT_EQ(dry({"lss", "global", "configuration"}).out, "7E5#0401000000000000\n");
   EXPECT_EQ(dry({"lss", "activate", "1000"}).out, "7E5#15E8030000000000\n");
-  for (const Words& words : std::vector<Words>{{"scan"}, {"bind"}, {"replace", "left"}, {"lss", "find"},
+  for (const Words& words : std::vector<Words>{{"scan"},
+                                               {"bind"},
+                                               {"replace", "left"},
+                                               {"lss", "find"},
                                                {"sdo", "write", "5", "0x1008", "0", "a long text", "-t", "vs"}}) {
     const Outcome refused = dry(words);
     EXPECT_EQ(refused.status, 2) << words.front();
@@ -263,9 +273,9 @@ TEST_F(Command, BadMachineFilesNameThePlace) {
     const char* to;
     const char* place;
   };
-  for (const Bad& bad : {Bad{"bitrate =", "bitrat =", ":6:1"}, Bad{"500_000", "\"fast\"", ":6:11"}, Bad{"id   = 3", "id   = 2", ":22:8"},
-                         Bad{"id   = 3", "id   = 128", ":22:8"}, Bad{"id   = 3", "id   = 0", ":22:8"},
-                         Bad{"[machine]", "[machine", ":1:"}}) {
+  for (const Bad& bad : {Bad{"bitrate =", "bitrat =", ":6:1"}, Bad{"500_000", "\"fast\"", ":6:11"},
+                         Bad{"id   = 3", "id   = 2", ":22:8"}, Bad{"id   = 3", "id   = 128", ":22:8"},
+                         Bad{"id   = 3", "id   = 0", ":22:8"}, Bad{"[machine]", "[machine", ":1:"}}) {
     std::string text = small_machine;
     text.replace(text.find(bad.from), std::string(bad.from).size(), bad.to);
     const std::string file = folder.write("bad.toml", text);
@@ -317,7 +327,8 @@ TEST_F(Command, RealPortsAreRefusedInWords) {
   const Outcome outcome = berth({"up", real});
   EXPECT_EQ(outcome.status, 3);
   EXPECT_TRUE(contains(outcome.err, "socketcan:can0")) << outcome.err;
-  EXPECT_EQ(berth({"up", real, "--sim", plant, "--until", "operational"}).status, 0) << "the same file on a simulated bus";
+  EXPECT_EQ(berth({"up", real, "--sim", plant, "--until", "operational"}).status, 0)
+      << "the same file on a simulated bus";
 }
 
 // ---- the running machine ----
@@ -352,7 +363,7 @@ class Running : public Command {
 TEST_F(Running, OtherCommandsJoinItsWorld) {
   begin(plant);
   ASSERT_TRUE(wait_for("drive", "operational"));
-  struct stat status{};
+  struct stat status {};
   ASSERT_EQ(::stat(socket.c_str(), &status), 0);
   EXPECT_EQ(status.st_mode & 0777U, 0600U);
   const Json value = Json::parse(ask({"sdo", "read", "9", "0x1018", "4", "-t", "u32"}).out);
@@ -412,8 +423,9 @@ TEST_F(Running, GarbageOnTheSocketIsAnsweredAndHarmsNobody) {
     ::close(fd);
     return answer;
   };
-  for (const char* const text : {"\n", "hello\n", "{}\n", "[1]\n", "{\"verb\": 3}\n", "{\"verb\": \"x\", \"arguments\": {\"a\": 1}}\n",
-                                 "{\"verb\": \"format disk\"}\n", "{\"verb\": \"scan\", \"arguments\": {\"bus\": \"\xff\"}}\n"}) {
+  for (const char* const text :
+       {"\n", "hello\n", "{}\n", "[1]\n", "{\"verb\": 3}\n", "{\"verb\": \"x\", \"arguments\": {\"a\": 1}}\n",
+        "{\"verb\": \"format disk\"}\n", "{\"verb\": \"scan\", \"arguments\": {\"bus\": \"\xff\"}}\n"}) {
     const Json answer = Json::parse(say(text), nullptr, false);
     ASSERT_TRUE(answer.is_object()) << text;
     EXPECT_EQ(answer.at("status"), 2) << text;
@@ -469,7 +481,8 @@ RC_GTEST_PROP(ControlLine, RequestsComeBack, ()) {
   operate::CommandRequest request;
   request.verb = "v" + *rc::gen::container<std::string>(rc::gen::inRange<char>(1, 127));
   request.arguments = *rc::gen::container<std::map<std::string, std::string>>(
-      rc::gen::container<std::string>(rc::gen::inRange<char>(1, 127)), rc::gen::container<std::string>(rc::gen::inRange<char>(1, 127)));
+      rc::gen::container<std::string>(rc::gen::inRange<char>(1, 127)),
+      rc::gen::container<std::string>(rc::gen::inRange<char>(1, 127)));
   const std::string line = operate::to_json(request);
   RC_ASSERT(line.find('\n') == std::string::npos);
   std::string error;

@@ -1,6 +1,8 @@
 // `berth demo`, `berth up`: the main job from the outside.
 #include <signal.h>
+#include <unistd.h>
 
+#include <filesystem>
 #include <map>
 #include <nlohmann/json.hpp>
 
@@ -91,12 +93,28 @@ TEST(Demo, OnATerminalALiveTableInRealTime) {
 
 TEST(Demo, IsTheExample) {
   const Outcome demo = berth({"demo", "--json"});
-  const Outcome example_run = berth({"up", example("five-slaves.toml"), "--sim", example("five-slaves.plant.toml"), "--json"});
+  const Outcome example_run =
+      berth({"up", example("five-slaves.toml"), "--sim", example("five-slaves.plant.toml"), "--json"});
   EXPECT_EQ(demo.status, 0);
   EXPECT_EQ(demo.out, example_run.out);
 }
 
 TEST(Demo, TakesNoFiles) { EXPECT_EQ(berth({"demo", "--machine", "x.toml"}).status, 2); }
+
+// Every machine in examples/ comes up on its plant.
+TEST(Examples, AllEndOperational) {
+  std::size_t count = 0;
+  for (const auto& entry : std::filesystem::directory_iterator(example(""))) {
+    const std::string file = entry.path().string();
+    if (!file.ends_with(".plant.toml")) continue;
+    const std::string machine_file = file.substr(0, file.size() - std::string(".plant.toml").size()) + ".toml";
+    const Outcome run = berth({"up", machine_file, "--sim", file, "--until", "operational", "--json"});
+    EXPECT_EQ(run.status, 0) << file << run.err;
+    EXPECT_TRUE(all_operational(Json::parse(run.out))) << file;
+    ++count;
+  }
+  EXPECT_GE(count, 3U) << "five slaves, 120 slaves, slots that name device descriptions";
+}
 
 class Up : public ::testing::Test {
  protected:
@@ -157,7 +175,8 @@ TEST_F(Up, TimeoutEndsIt) {
 
 TEST_F(Up, OneSeedOneRun) {
   const auto run = [&](const std::string& seed, const std::string& log) {
-    const Outcome outcome = berth({"up", machine, "--sim", plant, "--seed", seed, "--record", folder.file(log), "--json"});
+    const Outcome outcome =
+        berth({"up", machine, "--sim", plant, "--seed", seed, "--record", folder.file(log), "--json"});
     EXPECT_EQ(outcome.status, 0);
     return outcome.out + contents(folder.file(log));
   };
@@ -169,7 +188,8 @@ TEST_F(Up, OneSeedOneRun) {
 
 // The table told and the table seen on the wire: boot-up, NMT start, heartbeat 05h.
 TEST_F(Up, TheRecordedFramesTellTheSameTable) {
-  for (const auto& [m, p] : {std::pair(machine, plant), {example("five-slaves.toml"), example("five-slaves.plant.toml")}}) {
+  for (const auto& [m, p] :
+       {std::pair(machine, plant), {example("five-slaves.toml"), example("five-slaves.plant.toml")}}) {
     const std::string log = folder.file("frames.log");
     const Outcome run = berth({"up", m, "--sim", p, "--until", "operational", "--record", log, "--json"});
     ASSERT_EQ(run.status, 0) << run.err;
@@ -214,9 +234,72 @@ TEST_F(Up, DryRunPrintsFramesAndChangesNothing) {
   EXPECT_EQ(run.out.find(" line 7E4#"), std::string::npos) << "only what Berth sends";
 }
 
+// Two buses in one world and one event queue; a command names its bus when there are several.
+TEST_F(Up, SeveralBuses) {
+  const std::string two = folder.write("two.toml", std::string(small_machine) + R"(
+[[slot]]
+bus  = "other"
+id   = 2
+name = "far"
+type = { vendor = 1, product = 1 }
+
+[bus.other]
+port    = "sim"
+bitrate = 125_000
+)");
+  const std::string both = folder.write("both.toml", std::string(small_plant) + R"(
+[bus.other]
+
+[[device]]
+bus  = "other"
+name = "far"
+type = { vendor = 1, product = 1 }
+serial = 0x40
+)");
+  const Outcome run = berth({"up", two, "--sim", both, "--until", "operational", "--json"});
+  ASSERT_EQ(run.status, 0) << run.err << run.out;
+  const Json report = Json::parse(run.out);
+  EXPECT_EQ(report.at("slots").size(), 4U);
+  EXPECT_EQ(report.at("slots").at(3).at("bus"), "other");
+  EXPECT_EQ(report.at("slots").at(3).at("r_sn"), "0x0000000000000040");
+  EXPECT_EQ(report.at("bus_time_s").size(), 2U);
+  const auto ask = [&](Words words) {
+    words.insert(words.end(), {"--machine", two, "--sim", both, "--up"});
+    return berth(words);
+  };
+  const Outcome nameless = ask({"sdo", "read", "2", "0x1000"});
+  EXPECT_EQ(nameless.status, 2);
+  EXPECT_NE(nameless.err.find("line, other"), std::string::npos) << nameless.err;
+  const Outcome named = ask({"sdo", "read", "2", "0x1018", "4", "-t", "u32", "--bus", "other"});
+  EXPECT_NE(named.out.find("0x00000040"), std::string::npos) << named.out << named.err;
+  EXPECT_EQ(ask({"replace", "2"}).status, 2) << "both buses have a slot of this node-ID";
+  for (const char* const slot : {"far", "other/far", "9"})
+    EXPECT_EQ(ask({"replace", slot}).status, 1) << "its device is there";
+  EXPECT_EQ(ask({"scan"}).status, 0);
+}
+
+TEST_F(Up, CtrlCEndsALongRunCleanly) {
+  const std::string lasting = folder.write("lasting.toml", std::string(small_plant) + R"(
+[[event]]
+at     = "20 h"
+action = "unplug"
+device = "c"
+)");
+  const std::string store = folder.file("slots.db");
+  Background run({"up", machine, "--sim", lasting, "--store", store, "--timeout", "100 h"});
+  for (int i = 0; i < 400 && !exists(store); ++i) ::usleep(10'000);
+  ::usleep(200'000);
+  run.signal(SIGINT);
+  const Outcome outcome = run.end();
+  EXPECT_EQ(outcome.status, 0) << outcome.err << outcome.out;
+  EXPECT_NE(outcome.out.find("R_SN"), std::string::npos) << "the table as it stood";
+}
+
 // A second run knows its machine: the store has the bindings, the devices their node-IDs.
 TEST_F(Up, StoreAndPlantStateOutliveARun) {
-  const Words flags{"up", machine, "--sim", plant, "--store", folder.file("slots.db"), "--sim-state", folder.file("plant.state"), "--json"};
+  const Words flags{
+      "up",    machine, "--sim", plant, "--store", folder.file("slots.db"), "--sim-state", folder.file("plant.state"),
+      "--json"};
   const Outcome first = berth(flags);
   ASSERT_EQ(first.status, 0) << first.err;
   const Outcome second = berth(flags);
@@ -226,8 +309,8 @@ TEST_F(Up, StoreAndPlantStateOutliveARun) {
   const Json report = Json::parse(second.out);
   EXPECT_TRUE(std::ranges::none_of(report.at("events"), [](const Json& e) { return e.at("kind") == "bound"; }))
       << "nothing is bound anew";
-  const Outcome read = berth({"sdo", "read", "9", "0x1018", "4", "-t", "u32", "--machine", machine, "--sim", plant, "--sim-state",
-                              folder.file("plant.state"), "--json"});
+  const Outcome read = berth({"sdo", "read", "9", "0x1018", "4", "-t", "u32", "--machine", machine, "--sim", plant,
+                              "--sim-state", folder.file("plant.state"), "--json"});
   ASSERT_EQ(read.status, 0) << read.err << read.out;
   EXPECT_EQ(Json::parse(read.out).at("value"), 0x30);
 }
