@@ -46,6 +46,8 @@ Network::Network(rt::Executor& executor, can::Port& port, const design::Bus& bus
                  places::SlotStore& store, NetworkObserver observer)
     : executor_(&executor),
       bus_(&bus),
+      port_(&port),
+      restart_(*this),
       store_(&store),
       observer_(std::move(observer)),
       dispatcher_(executor, port),
@@ -88,15 +90,49 @@ void Network::refresh(Seat& seat) {
 void Network::start() {
   if (running_) return;
   running_ = true;
-  if (bus_->role != design::Role::observer) device_->power_on();
+  dispatcher_.on_status(this);
   heartbeats_.hear_all_boot_ups(true);
   scope_.spawn(job());
 }
 
 void Network::stop() noexcept {
   scope_.cancel();
+  dispatcher_.on_status(nullptr);
+  restart_.cancel();
   running_ = false;
   idle_ = false;
+}
+
+// The master's own messages begin when nobody else was found under its node-ID: two nodes that boot under one node-ID
+// and have nobody to acknowledge them would repeat their messages against each other for ever.
+void Network::speak() {
+  const auto& vacant = vacancy_[bus_->master.value()];
+  const auto heard = boots_.heard(bus_->master);
+  const bool free = vacant && (!heard || *heard < *vacant);
+  if (speaks_ || !free || bus_->role == design::Role::observer || port_->status().error_passive()) return;
+  speaks_ = true;
+  device_->power_on();
+}
+
+void Network::changed(const can::Status& status, rt::Time) noexcept {
+  if (status.error_passive() && speaks_) {
+    // Something on the bus works against what this node sends: be silent, look who it is, and speak again after that.
+    speaks_ = false;
+    device_->power_off();
+    vacancy_[bus_->master.value()].reset();
+    look_anew_ = true;
+    tell("error", "", "this port is error-passive: is a wire loose, or another node at a wrong bit rate or with our node-ID?");
+  }
+  if (status.bus_off && !restart_.timed()) {
+    tell("error", "", "this port is bus-off; it is started again in 1 s");
+    executor_->after(bus_off_pause, restart_);
+  }
+}
+
+void Network::Restart::run() noexcept {
+  network_.tell("step", "", "starting the port again after bus-off");
+  network_.port_->restart(network_.bus_->bitrate);
+  network_.look_anew_ = true;
 }
 
 // ---- what others see ----

@@ -51,7 +51,9 @@ enum class Phase : std::uint8_t { opening, preparation, discovery, binding, star
 
 class MasterDevice;  // the master is a device: network.cpp
 
-class Network final : private co::HeartbeatConsumer::Observer, private co::SdoClient::Observer {
+class Network final : private co::HeartbeatConsumer::Observer,
+                      private co::SdoClient::Observer,
+                      private can::StatusHandler {
  public:
   /// `bus`, `store` and `port` must stay. `slots` are the specifications of this bus.
   Network(rt::Executor& executor, can::Port& port, const design::Bus& bus, std::vector<places::SlotSpec> slots,
@@ -165,6 +167,8 @@ class Network final : private co::HeartbeatConsumer::Observer, private co::SdoCl
   // network.cpp: state and reports
   void heartbeat(const co::HeartbeatEvent& event, rt::Time at) noexcept override;
   void surplus(NodeId node, const can::Frame& frame, rt::Time at) noexcept override;
+  void changed(const can::Status& status, rt::Time at) noexcept override;
+  void speak();
   void make_plan();
   void set_state(Seat& seat, places::SlotState state, std::string reason = {});
   Result<void> clear_seat(Seat& seat, const std::string& reason);
@@ -182,7 +186,21 @@ class Network final : private co::HeartbeatConsumer::Observer, private co::SdoCl
   [[nodiscard]] bool may_command() const noexcept { return bus_->role == design::Role::master; }
 
   rt::Executor* executor_;
+  /// The way out of bus-off.
+  class Restart final : public rt::Job {
+   public:
+    explicit Restart(Network& network) noexcept : network_(network) {}
+    void run() noexcept override;
+
+   private:
+    Network& network_;
+  };
+  static constexpr rt::Duration bus_off_pause = std::chrono::seconds(1);
+
   const design::Bus* bus_;
+  can::Port* port_;
+  Restart restart_;
+  bool speaks_ = false;                // the master's own device is on
   places::SlotStore* store_;
   NetworkObserver observer_;
   can::Dispatcher dispatcher_;

@@ -238,6 +238,8 @@ rt::Task<bool> Network::blank(LssAddress device, std::string reason) {
   co_await binder.run(binding, none, reason);
   const bool good = binding.step() == places::Step::done;
   if (good) {
+    // Whatever was heard under its old node-ID is history.
+    boots_.forget(binding.old_id());
     const auto it = std::ranges::find(found_, device, &places::Found::device);
     if (it != found_.end()) it->active = NodeId();
   } else if (binding.why() != places::Why::not_there) {

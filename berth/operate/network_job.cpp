@@ -52,6 +52,7 @@ rt::Task<void> Network::round() {
   if (bus_->role != design::Role::observer) {
     co_await discover();
     co_await carry_out();
+    speak();
   }
   for (auto& seat : seats_) {
     if (seat->state == SlotState::unknown) set_state(*seat, SlotState::empty, "no device of its type was found");

@@ -84,8 +84,8 @@ rt::Task<void> Network::ask_seat(Seat& seat) {
     co_return;
   }
   seat.there = true;
+  seat.started = state == NmtState::operational || seat.held;
   if (state == NmtState::operational) {
-    seat.started = true;
     heartbeats_.supervise(id, bus_->timing.heartbeat_timeout);
     set_state(seat, SlotState::operational);
     co_return;
@@ -133,6 +133,7 @@ rt::Task<Result<NodeId>> Network::ask_active_id(LssAddress device) {
 // All node-IDs that are about to be given, asked side by side: one time-out for all of them.
 rt::Task<void> Network::verify_vacancy() {
   rt::Scope asked(*executor_);
+  if (!speaks_) asked.spawn(ask_vacancy(bus_->master));
   for (const auto& action : plan_.actions) {
     if (action.kind != places::Action::Kind::bind) continue;
     const NodeId id = seats_[action.slot]->id();

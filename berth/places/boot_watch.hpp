@@ -29,6 +29,9 @@ class BootWatch final : private can::Handler {
     return at(id).boot_up && *at(id).boot_up >= since;
   }
 
+  /// The node gave this node-ID up.
+  void forget(NodeId id) noexcept { nodes_[id.value() & 0x7FU] = {}; }
+
   /// Waits for a boot-up under `id` at or after `since`; true when it came before `deadline`. One waiter at a time.
   class Wait final : public rt::Operation<Wait>, private rt::Job {
    public:

@@ -235,3 +235,36 @@ TEST(Troubles, NmtCommandsOfAPersonStand) {
   rig.run_for(5s);
   EXPECT_EQ(rig.state(3), SlotState::operational) << rig.log();
 }
+
+// S1.36: the device has the master's own node-ID, and there is nobody else who could acknowledge: seed 6827 of ./run faults.
+TEST(Troubles, S1_36_ADeviceWithTheMastersNodeId) {
+  auto plant = one_bus_plant(1);
+  auto& a = add_device(plant, "a", type_b, 7);
+  a.source = plant::NodeIdSource::nonvolatile;
+  a.node_id = NodeId(127);
+  a.boot = 4ms;
+  Rig rig(slots_of({{5, type_b}}), plant);
+  rig.begin();
+  ASSERT_TRUE(rig.until_operational(20s)) << rig.log();
+  EXPECT_EQ(rig.seats(), (Seats{{5, 7}}));
+}
+
+// The way out of bus-off: said, and taken.
+TEST(Troubles, TheMastersPortComesBackFromBusOff) {
+  Rig rig(five_slots(), five_slaves());
+  rig.begin();
+  ASSERT_TRUE(rig.until_operational(60s));
+  rig.port().preset_counters(255, 0);
+  plant::PlantEvent e;
+  e.action = plant::Action::disturb;
+  e.bus = "backbone";
+  e.nodes = {std::string(plant::master_name)};
+  e.strike.bit = 20;
+  e.strike.times = 40;
+  ASSERT_TRUE(rig.world().perform(e));
+  ASSERT_TRUE(rig.run_until([&] { return rig.port().status().bus_off; }, 10s)) << rig.log();
+  rig.run_for(2s);
+  ASSERT_TRUE(rig.until_operational(30s)) << rig.log();
+  EXPECT_FALSE(rig.port().status().bus_off);
+  EXPECT_TRUE(heard(rig, "error"));
+}
