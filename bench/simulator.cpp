@@ -1,0 +1,139 @@
+// The simulator, one core, full load: whole devices with heartbeat, and a master that reads an object of every one of
+// them again and again. A frame counts once, however many nodes hear it. SDO outranks heartbeats: were the bus full of
+// it, none would come through; so the reads come at a pace that leaves them just enough room.
+#include <fmt/format.h>
+
+#include <charconv>
+#include <cstring>
+#include <vector>
+
+#include "bench/tools/figures.hpp"
+#include "bench/tools/world.hpp"
+#include "berth/co/heartbeat.hpp"
+#include "berth/co/nmt_master.hpp"
+#include "berth/co/sdo_client.hpp"
+
+using namespace berth;
+using namespace std::chrono_literals;
+
+namespace {
+
+/// A master and `nodes - 1` devices at 1 Mbit/s.
+class Load final : private co::HeartbeatConsumer::Observer {
+ public:
+  explicit Load(unsigned nodes) : pause_(nodes == 2 ? 0us : nodes * 245us - 450us), world_(bench::start(plant(nodes), 1'000'000)) {
+    for (unsigned id = 1; id < nodes; ++id) {
+      consumer_.supervise(node(id), 1s);
+      reading_.spawn(read(node(id)));
+    }
+    world_->sim().run_for(200ms);  // all have booted
+    static_cast<void>(dispatcher_.send(can::Frame::base(0, {0x01, 0x00})));
+    world_->sim().run_for(200ms);
+  }
+
+  /// Simulates at least so many frames; how many it were.
+  std::uint64_t run(std::uint64_t frames) {
+    const auto& statistics = world_->bus(bench::bus_name)->statistics();
+    const auto began = statistics.frames;
+    while (statistics.frames - began < frames) world_->sim().run_for(1ms);
+    return statistics.frames - began;
+  }
+  [[nodiscard]] double load() {
+    auto& bus = *world_->bus(bench::bus_name);
+    bus.reset_statistics();
+    world_->sim().run_for(1s);
+    return bus.load();
+  }
+  [[nodiscard]] std::uint64_t reads() const noexcept { return reads_; }
+  [[nodiscard]] unsigned beating() const noexcept { return beating_; }
+
+ private:
+  static NodeId node(unsigned id) { return NodeId(static_cast<std::uint8_t>(id)); }
+  static plant::PlantFile plant(unsigned nodes) {
+    auto plant = bench::plant_of(nodes - 1, true, 200us);
+    for (auto& device : plant.devices) device.heartbeat = 100ms;
+    return plant;
+  }
+  rt::Task<void> read(NodeId id) {
+    const auto begin = 150ms + id.value() * 245us;
+    co_await rt::sleep_for(begin);
+    for (;;) {
+      co_await rt::sleep_for(pause_);
+      const auto value = co_await sdo_.read<std::uint32_t>(id, 0x1018, 4);
+      if (value.has_value() && *value == id.value()) ++reads_;
+    }
+  }
+  void heartbeat(const co::HeartbeatEvent& event, rt::Time) noexcept override {
+    if (event.kind == co::HeartbeatEvent::Kind::started) ++beating_;
+  }
+
+  rt::Duration pause_;  // of each node's reader; a read takes about 450 us, 240 of them on the bus
+  std::unique_ptr<plant::World> world_;
+  std::unique_ptr<sim::Controller> port_ = world_->attach_master(bench::bus_name, {.queue_depth = 128});
+  can::Dispatcher dispatcher_{world_->executor(), *port_};
+  co::SdoClient sdo_{dispatcher_};
+  co::HeartbeatConsumer consumer_{dispatcher_, *this};
+  std::uint64_t reads_ = 0;
+  unsigned beating_ = 0;
+  rt::Scope reading_{world_->executor()};
+};
+
+constexpr double frames_aim = 1'000'000;
+constexpr double instructions_aim = 2000;
+constexpr unsigned counted_frames = 20'000;
+
+double frames_per_second(Load& load) {
+  double best = 0;
+  for (int round = 0; round < 5; ++round) {
+    const bench::Watch watch;
+    const auto frames = load.run(400'000);
+    best = std::max(best, static_cast<double>(frames) / watch.seconds());
+  }
+  return best;
+}
+
+bench::Figure instructions_a_frame(unsigned nodes) {
+  const auto count = [&](unsigned frames) {
+    return bench::instructions({"--frames", std::to_string(frames), std::to_string(nodes)});
+  };
+  const auto name = fmt::format("instructions a frame, {} nodes", nodes);
+  const auto none = count(0);
+  const auto all = count(counted_frames);
+  if (!none || !all) return {name, bench::no_valgrind};
+  const double each = static_cast<double>(*all - *none) / counted_frames;
+  return nodes == 127 ? bench::at_most(name, each, instructions_aim, "")
+                      : bench::Figure{name, bench::grouped(each), {}, {}};
+}
+
+unsigned number(const char* text) {
+  unsigned value = 0;
+  std::from_chars(text, text + std::strlen(text), value);
+  return value;
+}
+
+}  // namespace
+
+int main(int argc, char** argv) {
+  if (argc == 4 && std::strcmp(argv[1], "--frames") == 0) {  // under callgrind
+    Load load(number(argv[3]));
+    if (const auto frames = number(argv[2]); frames > 0) load.run(frames);
+    return 0;
+  }
+  std::vector<bench::Figure> figures;
+  for (const unsigned nodes : {2U, 30U, 127U}) {
+    Load load(nodes);
+    const auto busy = load.load();
+    const auto name = fmt::format("frames/s, {} nodes ({:.0f} % bus load, 1 Mbit/s)", nodes, busy * 100);
+    const double measured = frames_per_second(load);
+    if (load.reads() == 0 || load.beating() != nodes - 1) {
+      fmt::print("{} nodes: {} SDO reads, {} heartbeats seen: no traffic to measure\n", nodes, load.reads(),
+                 load.beating());
+      return 1;
+    }
+    figures.push_back(nodes == 2 ? bench::Figure{name, bench::grouped(measured) + " /s", {}, {}}
+                                 : bench::at_least(name, measured, frames_aim, "/s"));
+  }
+  for (const unsigned nodes : {2U, 30U, 127U}) figures.push_back(instructions_a_frame(nodes));
+  bench::print_figures("Simulator, one core: whole devices, heartbeat every 100 ms, SDO reads in what is left", figures);
+  return 0;
+}

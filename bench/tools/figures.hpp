@@ -1,0 +1,52 @@
+/// What the benches share: the table they print, a stop watch, and instructions counted by callgrind.
+#pragma once
+
+#include <chrono>
+#include <cstdint>
+#include <optional>
+#include <span>
+#include <string>
+#include <vector>
+
+namespace berth::bench {
+
+/// One figure. `met` empty: there is no aim, or it was not measured.
+struct Figure {
+  std::string name;
+  std::string measured;
+  std::string aim{};
+  std::optional<bool> met{};
+};
+
+[[nodiscard]] Figure at_least(std::string name, double measured, double aim, const char* unit);
+[[nodiscard]] Figure at_most(std::string name, double measured, double aim, const char* unit);
+
+/// `rows` in columns under `heads`, two spaces between them.
+void print_columns(const std::string& title, const std::vector<std::string>& heads,
+                   const std::vector<std::vector<std::string>>& rows);
+/// The columns figure, measured, aim, met?.
+void print_figures(const std::string& title, std::span<const Figure> figures);
+
+/// "1,234,567"
+[[nodiscard]] std::string grouped(double number);
+/// "190.0 ms", "11.14 s"
+[[nodiscard]] std::string time_text(std::chrono::nanoseconds time);
+
+/// Wall time; nothing but a bench may look at it.
+class Watch {
+ public:
+  [[nodiscard]] double seconds() const noexcept {
+    return std::chrono::duration<double>(std::chrono::steady_clock::now() - began_).count();
+  }
+
+ private:
+  std::chrono::steady_clock::time_point began_ = std::chrono::steady_clock::now();
+};
+
+/// Instructions that this program takes when it is started with these arguments, counted by valgrind's callgrind.
+/// Empty: no valgrind here, or the run failed.
+[[nodiscard]] std::optional<std::uint64_t> instructions(const std::vector<std::string>& arguments);
+/// What the figure says where `instructions` is empty.
+inline constexpr const char* no_valgrind = "valgrind missing";
+
+}  // namespace berth::bench
