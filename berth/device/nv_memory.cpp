@@ -44,9 +44,10 @@ bool NvRecord::save(std::span<const std::uint8_t> payload, NvMemory::Done& done)
   std::copy(payload.begin(), payload.end(), buffer_.begin() + 5);
   const std::span body(buffer_.data(), payload_ + 5);
   store_le<std::uint32_t>(buffer_.data() + body.size(), crc32(body));
-  if (!memory_->write(at_ + (1 - slot_) * slot_size(), std::span(buffer_.data(), slot_size()), *this)) return false;
-  done_ = &done;
-  return true;
+  done_ = &done;  // before the write: power may go while it begins, and `forget` must find it
+  if (memory_->write(at_ + (1 - slot_) * slot_size(), std::span(buffer_.data(), slot_size()), *this)) return true;
+  done_ = nullptr;
+  return false;
 }
 
 void NvRecord::forget() noexcept {

@@ -1,0 +1,314 @@
+// One machine, brought up by a Berth that dies at a chosen point, perhaps again while it recovers, and then once more
+// by one that lives: what must hold at the end, and on the way.
+#pragma once
+
+#include <array>
+#include <set>
+
+#include "tests/harness/mortal.hpp"
+#include "tests/harness/run_world.hpp"
+
+namespace berth::harness {
+
+enum class Scenario : std::uint8_t {
+  blank,     // two devices of one type without a node-ID
+  taken,     // one blank, the other came with the first one's node-ID stored
+  crossed,   // each came with the other's node-ID stored
+  replaced,  // one left the machine, its replacement came with a node-ID of nobody stored, and a person says so
+  stranger,  // beside the two there is a device of no slot that holds a slot's node-ID
+  count,
+};
+inline const char* name(Scenario s) {
+  constexpr const char* names[] = {"blank", "taken", "crossed", "replaced", "stranger"};
+  return names[static_cast<int>(s)];
+}
+inline constexpr int scenarios = static_cast<int>(Scenario::count);
+
+// Who loses what at a point of a device's memory.
+enum class Victim : std::uint8_t { berth, device, both };
+
+// How one life of Berth ends; empty: it may live.
+struct Death {
+  std::optional<std::uint64_t> at;    // this point of the axe's trace
+  std::optional<std::uint64_t> disk;  // this step of the store's disk
+  std::optional<std::uint64_t> torn;  // after so many bytes of device memory, counted per device
+  std::string torn_device;
+  Victim victim = Victim::berth;
+  store::Loss loss = store::Loss::none;  // what becomes of the unsynced writes
+  bool restart_late = false;             // the next Berth comes after devices' timeouts, else at once
+};
+
+struct Life {
+  bool died = false;    // the axe fell, or the disk crashed
+  bool struck = false;  // what was planned happened
+  std::string failure;  // lived, and did not come to the end
+  std::vector<PointKind> trace;
+  std::uint64_t disk_steps = 0;
+};
+
+class KillWorld final {
+ public:
+  explicit KillWorld(Scenario scenario)
+      : scenario_(scenario),
+        store_(axe_, disk_),
+        rig_(machine(scenario), plant(scenario), &store_),
+        watch_(rig_.world()) {
+    for (const auto& d : rig_.world().devices()) {
+      memories_.push_back(std::make_unique<Memory>(*this, *d));
+      d->memory().watch(memories_.back().get());
+    }
+    rig_.put_between([this](can::Port& port) {
+      port_ = std::make_unique<MortalPort>(axe_, port);
+      return port_.get();
+    });
+    if (scenario == Scenario::replaced) replace();
+  }
+  ~KillWorld() { rig_.kill(); }
+
+  // One life: from a new process to its death, or to the end of the job.
+  Life live(const Death& death) {
+    Life life;
+    begin(death);
+    const std::string refused = store_.open();
+    if (!refused.empty() && !axe_.fallen()) life.failure = "the store does not open: " + refused;
+    if (refused.empty()) run(life);
+    life.died = axe_.fallen();
+    life.struck = life.died || struck_;
+    life.trace = axe_.trace();
+    life.disk_steps = disk_.steps();
+    if (life.died) end(death);
+    if (!watch_.failure().empty()) life.failure = watch_.failure();
+    return life;
+  }
+
+  // After a life that came to the end: what must be so. Empty: it is.
+  std::string check() {
+    std::string wrong = check_devices();
+    if (wrong.empty()) wrong = check_store();
+    return wrong;
+  }
+  [[nodiscard]] std::string log() const { return rig_.log(); }
+  [[nodiscard]] static bool has(Scenario scenario, const std::string& device) {
+    return plant(scenario).device(device) != nullptr;
+  }
+
+ private:
+  class Memory final : public device::SimFlash::Watcher {
+   public:
+    Memory(KillWorld& world, plant::SimDevice& device) : world_(&world), device_(&device) {}
+    void write_began() noexcept override { world_->memory_point(PointKind::memory_begin, *device_); }
+    void write_ended() noexcept override { world_->memory_point(PointKind::memory_end, *device_); }
+    void cut() noexcept override { world_->power_lost(*device_); }
+
+   private:
+    KillWorld* world_;
+    plant::SimDevice* device_;
+  };
+
+  static design::Machine machine(Scenario scenario) {
+    design::Machine m = one_bus(250'000);
+    add_slot(m, 1, scenario == Scenario::blank ? type_b : type_a);
+    add_slot(m, 2, type_b);
+    auto& t = m.buses.front().timing;
+    t.lss_timeout = 20ms;
+    t.store_timeout = 100ms;
+    t.sdo_timeout = 40ms;
+    t.guard_timeout = 20ms;
+    t.rand_response = 4ms;
+    t.boot_timeout = 500ms;
+    t.heartbeat_period = 200ms;
+    t.heartbeat_timeout = 500ms;
+    t.probe_period = 400ms;
+    return m;
+  }
+
+  static plant::PlantFile plant(Scenario scenario) {
+    plant::PlantFile p = one_bus_plant(7);
+    const auto stored = [](plant::PlantDevice& d, std::uint8_t id) {
+      d.source = plant::NodeIdSource::nonvolatile;
+      d.node_id = NodeId(id);
+    };
+    auto& d1 = add_device(p, "d1", scenario == Scenario::blank ? type_b : type_a, 0x11);
+    if (scenario == Scenario::crossed) stored(d1, 2);
+    auto& d2 = add_device(p, "d2", type_b, 0x22);
+    if (scenario == Scenario::taken || scenario == Scenario::crossed) stored(d2, 1);
+    if (scenario == Scenario::replaced) {
+      auto& d3 = add_device(p, "d3", type_b, 0x21);
+      stored(d3, 5);
+      d3.plugged = false;
+    }
+    if (scenario == Scenario::stranger) stored(add_device(p, "x", type_c, 0x33), 2);
+    for (auto& d : p.devices) {
+      d.response = {300us, 900us, 0, 0ms};
+      d.boot = 20ms;
+      d.reset = 8ms;
+      d.store = 6ms;
+    }
+    return p;
+  }
+
+  // The story before: the machine ran, d2 left it and d3 came. Berth was not there, and begins after it.
+  void replace() {
+    const Life before = live({});
+    if (!before.failure.empty()) setup_failure_ = "setup: " + before.failure;
+    rig_.kill();
+    store_.close();
+    rig_.device("d2").unplug();
+    rig_.device("d3").plug();
+    rig_.run_for(100ms);
+  }
+
+  void begin(const Death& death) {
+    axe_.life(death.at);
+    disk_.crash_at(death.disk);
+    death_ = death;
+    struck_ = false;
+    for (const auto& d : rig_.world().devices()) d->memory().never_cut();
+    if (death.torn)
+      rig_.device(death.torn_device).memory().cut_after(*death.torn, static_cast<int>(*death.torn * 37 % 256));
+  }
+
+  void run(Life& life) {
+    if (!rig_.try_begin()) {
+      if (!axe_.fallen()) life.failure = "the slot table cannot be read";
+      return;
+    }
+    const auto settled = [this] {
+      if (axe_.fallen() || !watch_.failure().empty()) return true;
+      if (scenario_ == Scenario::replaced) say_replaced();
+      return ended();
+    };
+    if (!rig_.run_until(settled, 40s)) life.failure = "not operational after 40 s: " + states();
+    if (!setup_failure_.empty()) life.failure = setup_failure_;
+  }
+
+  // `berth replace s2`, as long as the table shows that the old device sits there and is silent.
+  void say_replaced() {
+    if (!rig_.network().idle() || rig_.device("d2").powered()) return;
+    for (const auto& s : rig_.network().report()) {
+      const bool silent =
+          s.name == "s2" && s.state == places::SlotState::absent && s.device && s.device->serial == 0x22;
+      if (silent && !rig_.network().replace("s2", std::nullopt)) axe_.fall();  // its store has just died
+    }
+  }
+
+  [[nodiscard]] bool ended() {
+    if (!rig_.network().operational() || !rig_.network().idle()) return false;
+    if (scenario_ == Scenario::stranger) {
+      const auto x = rig_.device("x").truth();
+      const auto blanks = store_.unfinished_blanks();
+      return x.powered && !x.booting && x.persistent == NodeId() && blanks && blanks->empty();
+    }
+    return std::ranges::all_of(rig_.world().devices(), [](const auto& d) { return d->powered() || !d->plugged(); });
+  }
+
+  // The process is gone, at once and without a word; then time goes by, and the disk is what was kept of it.
+  void end(const Death& death) {
+    rig_.kill();
+    store_.die();
+    disk_.after_crash(death.loss, random_);
+    rig_.run_for(death.restart_late ? 900ms : 2ms);
+  }
+
+  void memory_point(PointKind kind, plant::SimDevice& device) noexcept {
+    if (axe_.fallen() || !axe_.hit(kind)) return;
+    struck_ = true;
+    if (death_.victim != Victim::berth) power_lost(device);
+    if (death_.victim != Victim::device) axe_.fall();
+  }
+
+  void power_lost(plant::SimDevice& device) noexcept {
+    struck_ = true;
+    watch_.disturbed(device.name());
+    device.power(false);
+    if (death_.torn && death_.victim == Victim::both) axe_.fall();
+    plant::SimDevice* const back = &device;
+    rig_.world().sim().after(300ms, [this, back] {
+      watch_.disturbed(back->name());
+      back->power(true);
+    });
+  }
+
+  [[nodiscard]] std::string states() {
+    std::string text;
+    for (const auto& s : rig_.network().report()) {
+      text += (text.empty() ? "" : ", ") + s.name + " " + places::name(s.state) +
+              (s.reason.empty() ? "" : " (" + s.reason + ")");
+    }
+    return text;
+  }
+
+  // Slot -> serial number of who must sit there, whatever happened.
+  [[nodiscard]] std::map<unsigned, std::uint32_t> expected() const {
+    return {{1U, 0x11U}, {2U, scenario_ == Scenario::replaced ? 0x21U : 0x22U}};
+  }
+
+  [[nodiscard]] std::string check_devices() {
+    std::map<unsigned, std::string> holders;
+    const auto seats = expected();
+    for (const auto& t : rig_.world().truth()) {
+      if (!t.powered) continue;
+      if (t.active != t.persistent) {
+        return t.name + " uses node-ID " + std::to_string(t.active.value()) + " and has stored " +
+               std::to_string(t.persistent.value());
+      }
+      if (t.active.configured() && !holders.emplace(t.active.value(), t.name).second) {
+        return "two devices hold node-ID " + std::to_string(t.active.value());
+      }
+      const auto seat = std::ranges::find(seats, t.address.serial, [](const auto& s) { return s.second; });
+      const unsigned wanted = seat == seats.end() ? 255U : seat->first;
+      if (t.active.value() != wanted) return t.name + " has node-ID " + std::to_string(t.active.value());
+      if (seat != seats.end() && t.state != NmtState::operational) return t.name + " is not operational";
+    }
+    return {};
+  }
+
+  // What Berth believes, and what a next process would read, are one and true.
+  [[nodiscard]] std::string check_store() {
+    const auto seats = expected();
+    const auto before = store_.load("rig");
+    rig_.kill();
+    store_.die();
+    disk_.after_crash(store::Loss::all, random_);
+    axe_.life({});
+    const std::string refused = store_.open();
+    if (!refused.empty()) return "the store does not open at the end: " + refused;
+    const auto after = store_.load("rig");
+    const auto blanks = store_.unfinished_blanks();
+    const auto history = store_.history(std::nullopt);
+    store_.close();
+    if (!before || !after || !blanks || !history) return "the store cannot be read at the end";
+    if (after->size() != 2 || before->size() != 2) return "the store has not two slots";
+    for (std::size_t i = 0; i < 2; ++i) {
+      const auto& r = (*after)[i];
+      if (r.asked) return "slot " + r.name.name + " has an intention left in the store";
+      const auto seat = seats.find(static_cast<unsigned>(i) + 1);
+      if (!r.confirmed || r.confirmed->device.serial != seat->second || r.confirmed->id.value() != seat->first) {
+        return "slot " + r.name.name + " is not confirmed for its device in the store";
+      }
+      if (r.confirmed != (*before)[i].confirmed) return "slot " + r.name.name + " was not safely on the disk";
+    }
+    if (!blanks->empty()) return "an intention to blank is left in the store";
+    std::int64_t last = 0;
+    for (const auto& h : *history) {
+      if (h.sequence <= last) return "the history is not in order";
+      last = h.sequence;
+    }
+    return {};
+  }
+
+  Scenario scenario_;
+  store::CrashVfs disk_{"kill"};
+  Random random_{11};
+  Axe axe_;
+  MortalStore store_;
+  std::unique_ptr<MortalPort> port_;
+  Rig rig_;
+  DoubleWatch watch_;
+  std::vector<std::unique_ptr<Memory>> memories_;
+  Death death_;
+  std::string setup_failure_;
+  bool struck_ = false;
+};
+
+}  // namespace berth::harness

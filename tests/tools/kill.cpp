@@ -1,0 +1,288 @@
+// ./run kill [--all] [--scenario NAME] [--point K [--again J]]: stops Berth at every point of a binding, starts it
+// again, and stops it again while it recovers. Prints how many points were tried and how many recovered.
+#include <sys/wait.h>
+#include <unistd.h>
+
+#include <cstdio>
+#include <cstring>
+
+#include "tests/harness/kill_run.hpp"
+
+using namespace berth;
+using namespace berth::harness;
+
+namespace {
+
+struct Options {
+  std::optional<int> scenario;
+  std::optional<std::uint64_t> point;
+  std::optional<std::uint64_t> again;
+  std::uint64_t pairs = 300;  // second kills tried for each scenario, about; 0 = every pair
+  unsigned workers = 2;
+  bool show = false;
+};
+
+struct Point {
+  PointKind kind = PointKind::disk;
+  Death death;
+};
+
+constexpr std::array<store::Loss, 5> losses{store::Loss::none, store::Loss::all, store::Loss::some,
+                                            store::Loss::all_torn_last, store::Loss::none_torn_last};
+
+bool is_memory(PointKind k) { return k == PointKind::memory_begin || k == PointKind::memory_end; }
+
+Death vary(Death death, std::uint64_t n) {
+  death.loss = losses[n % losses.size()];
+  death.restart_late = n / losses.size() % 2 == 1;
+  return death;
+}
+
+// Every point of an undisturbed run, in a fixed order: their places in it are what --point means.
+std::vector<Point> points_of(Scenario scenario) {
+  KillWorld world(scenario);
+  const Life whole = world.live({});
+  const std::string wrong = whole.failure.empty() ? world.check() : whole.failure;
+  if (!wrong.empty()) {
+    std::printf("%s: the undisturbed run fails: %s\n%s\n", name(scenario), wrong.c_str(), world.log().c_str());
+    std::exit(1);
+  }
+  std::vector<Point> points;
+  for (std::uint64_t k = 0; k < whole.trace.size(); ++k) {
+    Death death;
+    death.at = k;
+    points.push_back({whole.trace[k], death});
+    if (!is_memory(whole.trace[k])) continue;
+    for (const auto victim : {Victim::device, Victim::both}) {
+      death.victim = victim;
+      points.push_back({whole.trace[k], death});
+    }
+  }
+  for (std::uint64_t k = 0; k < whole.disk_steps; ++k) {
+    Death death;
+    death.disk = k;
+    points.push_back({PointKind::disk, death});
+  }
+  for (const char* device : {"d1", "d2", "d3", "x"}) {
+    if (!KillWorld::has(scenario, device)) continue;
+    for (std::uint64_t byte = 0;; ++byte) {
+      Death death;
+      death.torn = byte;
+      death.torn_device = device;
+      death.victim = byte % 2 == 0 ? Victim::device : Victim::both;
+      KillWorld probe(scenario);
+      if (!probe.live(death).struck) break;
+      points.push_back({PointKind::memory_torn, death});
+    }
+  }
+  for (std::uint64_t n = 0; n < points.size(); ++n) points[n].death = vary(points[n].death, n);
+  return points;
+}
+
+struct Tried {
+  std::string failure;
+  std::string log;
+  std::uint64_t recovery_points = 0;  // of the life after the first death: the axe's,
+  std::uint64_t recovery_steps = 0;   // and the disk's
+  std::optional<PointKind> again_kind;
+};
+
+// One point, and perhaps a second kill at point `again` of the life that follows.
+Tried attempt(Scenario scenario, const Point& point, std::optional<std::uint64_t> again, std::uint64_t axe_points) {
+  Tried tried;
+  KillWorld world(scenario);
+  const auto finish = [&](const std::string& failure) {
+    tried.failure = failure;
+    if (!failure.empty()) tried.log = world.log();
+    return tried;
+  };
+  const Life first = world.live(point.death);
+  if (!first.struck) return finish("the point was not reached");
+  if (!first.failure.empty()) return finish("before the kill: " + first.failure);
+  Life last = first;
+  if (first.died) {
+    Death second;
+    if (again && *again < axe_points) second.at = *again;
+    if (again && *again >= axe_points) second.disk = *again - axe_points;
+    if (again) second = vary(second, *again);
+    last = world.live(second);
+    tried.recovery_points = last.trace.size();
+    tried.recovery_steps = last.disk_steps;
+    if (second.at && *second.at < last.trace.size()) tried.again_kind = last.trace[*second.at];
+    if (second.disk && last.died) tried.again_kind = PointKind::disk;
+    if (last.died) {
+      if (!last.failure.empty()) return finish("while recovering: " + last.failure);
+      last = world.live({});
+    }
+  }
+  if (last.died) return finish("died without being killed");
+  if (!last.failure.empty()) return finish(last.failure);
+  return finish(world.check());
+}
+
+struct Tally {
+  std::array<std::uint64_t, point_kinds> tried{}, recovered{}, twice{}, twice_recovered{};
+  void add(const Tally& o) {
+    for (int k = 0; k < point_kinds; ++k) {
+      tried[k] += o.tried[k];
+      recovered[k] += o.recovered[k];
+      twice[k] += o.twice[k];
+      twice_recovered[k] += o.twice_recovered[k];
+    }
+  }
+};
+
+void say_failure(Scenario scenario, std::uint64_t k, std::optional<std::uint64_t> j, PointKind kind, const Tried& tried,
+                 bool show) {
+  std::printf("FAILED: scenario %s, point %llu (%s)", name(scenario), static_cast<unsigned long long>(k), name(kind));
+  if (j) std::printf(", again at %llu", static_cast<unsigned long long>(*j));
+  std::printf(": %s\n  replay: ./run kill --scenario %s --point %llu", tried.failure.c_str(), name(scenario),
+              static_cast<unsigned long long>(k));
+  if (j) std::printf(" --again %llu", static_cast<unsigned long long>(*j));
+  std::printf(" --show\n");
+  if (show) std::printf("%s\n", tried.log.c_str());
+  std::fflush(stdout);
+}
+
+// What is undisturbed has about as many points as a recovery: pairs are spread evenly over both.
+Tally work(const Options& o, Scenario scenario, const std::vector<Point>& points, unsigned worker, unsigned workers) {
+  Tally tally;
+  std::uint64_t stride = 1;
+  if (o.pairs != 0) stride = std::max<std::uint64_t>(1, points.size() * points.size() / o.pairs);
+  std::uint64_t skip = stride / 2;
+  for (std::uint64_t k = 0; k < points.size(); ++k) {
+    const Point& point = points[k];
+    const auto kind = static_cast<std::size_t>(point.kind);
+    const bool mine = k % workers == worker && (!o.point || *o.point == k);
+    if (!mine) continue;
+    const Tried once = attempt(scenario, point, std::nullopt, 0);
+    const std::uint64_t axe_points = once.recovery_points;
+    if (!o.again) {
+      ++tally.tried[kind];
+      if (once.failure.empty())
+        ++tally.recovered[kind];
+      else
+        say_failure(scenario, k, std::nullopt, point.kind, once, o.show);
+      if (o.point) return tally;
+    }
+    // The recovery's own points: what Berth does, and the steps of its disk.
+    const std::uint64_t most = axe_points + once.recovery_steps;
+    std::uint64_t j = o.again.value_or(skip);
+    for (; j < most; j += stride) {
+      const Tried tried = attempt(scenario, point, j, axe_points);
+      if (tried.again_kind || !tried.failure.empty()) {
+        const auto again = static_cast<std::size_t>(tried.again_kind.value_or(PointKind::disk));
+        ++tally.twice[again];
+        if (tried.failure.empty())
+          ++tally.twice_recovered[again];
+        else
+          say_failure(scenario, k, j, point.kind, tried, o.show);
+      }
+      if (o.again) return tally;
+    }
+    skip = j - most;
+  }
+  return tally;
+}
+
+Tally work_side_by_side(const Options& o, Scenario scenario, const std::vector<Point>& points) {
+  std::vector<int> pipes;
+  for (unsigned w = 0; w < o.workers; ++w) {
+    int ends[2];
+    if (pipe(ends) != 0) std::abort();
+    std::fflush(stdout);
+    if (fork() == 0) {
+      const Tally tally = work(o, scenario, points, w, o.workers);
+      const bool written = write(ends[1], &tally, sizeof tally) == static_cast<ssize_t>(sizeof tally);
+      std::fflush(stdout);
+      _exit(written ? 0 : 3);
+    }
+    close(ends[1]);
+    pipes.push_back(ends[0]);
+  }
+  Tally total;
+  for (const int end : pipes) {
+    Tally part;
+    if (read(end, &part, sizeof part) == static_cast<ssize_t>(sizeof part)) {
+      total.add(part);
+    } else {
+      std::printf("FAILED: a worker died\n");
+      ++total.tried[0];
+    }
+    close(end);
+  }
+  while (wait(nullptr) > 0) {
+  }
+  return total;
+}
+
+bool print_table(const Tally& t) {
+  std::printf("%-26s%10s%12s%16s%12s\n", "stopped at", "tried", "recovered", "stopped again", "recovered");
+  Tally sum;
+  for (int k = 0; k < point_kinds; ++k) {
+    std::printf("%-26s%10llu%12llu%16llu%12llu\n", name(static_cast<PointKind>(k)),
+                static_cast<unsigned long long>(t.tried[k]), static_cast<unsigned long long>(t.recovered[k]),
+                static_cast<unsigned long long>(t.twice[k]), static_cast<unsigned long long>(t.twice_recovered[k]));
+    sum.tried[0] += t.tried[k];
+    sum.recovered[0] += t.recovered[k];
+    sum.twice[0] += t.twice[k];
+    sum.twice_recovered[0] += t.twice_recovered[k];
+  }
+  std::printf("%-26s%10llu%12llu%16llu%12llu\n", "all", static_cast<unsigned long long>(sum.tried[0]),
+              static_cast<unsigned long long>(sum.recovered[0]), static_cast<unsigned long long>(sum.twice[0]),
+              static_cast<unsigned long long>(sum.twice_recovered[0]));
+  return sum.tried[0] + sum.twice[0] > 0 && sum.tried[0] == sum.recovered[0] && sum.twice[0] == sum.twice_recovered[0];
+}
+
+std::optional<int> scenario_named(const char* text) {
+  for (int s = 0; s < scenarios; ++s) {
+    if (std::strcmp(name(static_cast<Scenario>(s)), text) == 0) return s;
+  }
+  return std::nullopt;
+}
+
+}  // namespace
+
+int main(int argc, char** argv) {
+  Options o;
+  bool good = true;
+  for (int i = 1; i < argc; ++i) {
+    const char* const next = i + 1 < argc ? argv[i + 1] : "";
+    const auto number = [&] { return ++i < argc ? std::strtoull(next, nullptr, 0) : 0ULL; };
+    if (std::strcmp(argv[i], "--all") == 0)
+      o.pairs = 0;
+    else if (std::strcmp(argv[i], "--pairs") == 0)
+      o.pairs = number();
+    else if (std::strcmp(argv[i], "--point") == 0)
+      o.point = number();
+    else if (std::strcmp(argv[i], "--again") == 0)
+      o.again = number();
+    else if (std::strcmp(argv[i], "--workers") == 0)
+      o.workers = std::max(1U, static_cast<unsigned>(number()));
+    else if (std::strcmp(argv[i], "--show") == 0)
+      o.show = true;
+    else if (std::strcmp(argv[i], "--scenario") == 0) {
+      o.scenario = scenario_named(next);
+      good = good && o.scenario;
+      ++i;
+    } else {
+      good = false;
+    }
+  }
+  good = good && (!o.point || o.scenario) && (!o.again || o.point);
+  if (!good) {
+    std::fprintf(stderr,
+                 "usage: kill [--all | --pairs N] [--workers N] [--show] [--scenario NAME [--point K [--again J]]]\n");
+    return 2;
+  }
+  if (o.point) o.workers = 1;
+  Tally total;
+  for (int s = 0; s < scenarios; ++s) {
+    if (o.scenario && *o.scenario != s) continue;
+    const auto scenario = static_cast<Scenario>(s);
+    const std::vector<Point> points = points_of(scenario);
+    std::printf("%s: %zu points\n", name(scenario), points.size());
+    total.add(o.workers == 1 ? work(o, scenario, points, 0, 1) : work_side_by_side(o, scenario, points));
+  }
+  return print_table(total) ? 0 : 1;
+}
