@@ -106,8 +106,13 @@ Ending::Ending(Rig& rig, std::string until) : rig_(&rig), until_(std::move(until
   milestone("start");
 }
 
-void Ending::event(const operate::Event& event) {
-  if (event.kind != "step") changed_ = event.at;
+// A device that finds no place is found again and again; that is no change.
+void Ending::event() {
+  decltype(table_) table;
+  for (const auto& slot : rig_->session().slots()) table.emplace_back(slot.state, slot.device);
+  if (table == table_) return;
+  table_ = std::move(table);
+  changed_ = rig_->world().executor().now();
 }
 
 void Ending::milestone(const std::string& name) {
@@ -244,7 +249,7 @@ tl::expected<Ended, Failure> drive(Rig& rig, Ending& ending, Screen& screen, con
     server = std::move(*listening);
   }
   rig.session().on_event([&](const operate::Event& event) {
-    ending.event(event);
+    ending.event();
     screen.line(operate::to_line(event));
   });
   rig.session().on_milestone([&](const std::string& name) {

@@ -50,7 +50,7 @@ class Screen {
 class Ending {
  public:
   Ending(Rig& rig, std::string until);
-  void event(const operate::Event& event);
+  void event();
   void milestone(const std::string& name);
   /// What `--until` names was reached.
   [[nodiscard]] bool reached();
@@ -64,7 +64,8 @@ class Ending {
   [[nodiscard]] bool replaced() const;
   Rig* rig_;
   std::string until_;
-  rt::Time changed_{};
+  rt::Time changed_{};  // when a slot's state or device changed last
+  std::vector<std::pair<places::SlotState, std::optional<LssAddress>>> table_;
   rt::Time due_{};        // of the last planned event known
   rt::Duration quiet_{};  // how long nothing may change
   rt::Duration limit_{};

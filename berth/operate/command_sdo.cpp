@@ -215,6 +215,7 @@ rt::Task<void> nmt_command(Session& session, const CommandRequest& request, Comm
   const std::string whom = all ? "all nodes" : fmt::format("node {}", nmt.target.node);
   if (!sent)
     co_return fail_with(reply, sent.error(), fmt::format("bus {}, NMT {} to {}", bus.bus().name, nmt.word, whom));
+  bus.commanded(nmt.command, nmt.target);
   Json json;
   json["bus"] = bus.bus().name;
   json["command"] = nmt.word;

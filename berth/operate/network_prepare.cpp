@@ -172,7 +172,9 @@ rt::Task<void> Network::scan_node(NodeId id, Seen& seen, co::SdoOptions patience
     if (guarded) seen.state = guarded->state;
   }
   seen.duplicate = sdo_.surplus(id) != surplus;
-  if (boots_.heard(id)) seen.state = boots_.state(id);
+  const auto heard = boots_.heard(id);
+  const bool lately = heard && executor_->now() - *heard < bus_->timing.heartbeat_timeout;
+  if (lately) seen.state = boots_.state(id);
 }
 
 rt::Task<Result<std::vector<Network::Seen>>> Network::scan() {

@@ -387,6 +387,29 @@ TEST_F(Running, OtherCommandsJoinItsWorld) {
   EXPECT_TRUE(contains(late.out, "--sim PLANT")) << late.out;
 }
 
+TEST_F(Running, ANodeThatWasStoppedByHandStaysStopped) {
+  begin(plant);
+  ASSERT_TRUE(wait_for("drive", "operational"));
+  EXPECT_EQ(ask({"nmt", "stop", "9"}).status, 0);
+  EXPECT_TRUE(wait_for("drive", "present"));
+  EXPECT_EQ(ask({"nmt", "start", "9"}).status, 0);
+  EXPECT_TRUE(wait_for("drive", "operational"));
+}
+
+// Who has left the bus is not shown, whatever it said last.
+TEST_F(Running, ScanShowsWhoIsThereNow) {
+  begin(folder.write("leaves.toml", std::string(small_plant) + R"(
+[[event]]
+after  = "operational"
+delay  = "200 ms"
+action = "unplug"
+device = "c"
+)"));
+  ASSERT_TRUE(wait_for("drive", "absent"));
+  const Json scan = Json::parse(ask({"scan"}).out);
+  EXPECT_EQ(scan.at("configured"), 2) << scan;
+}
+
 // S1.35, S1.51: the drive dies, a person presses the button, the spare takes its place.
 TEST_F(Running, ReplaceClearsAndSeatsTheNewDevice) {
   begin(folder.write("dies.toml", std::string(small_plant) + drive_dies));
