@@ -38,7 +38,7 @@ namespace berth::operate {
 /// What a network tells its owner. Called from the executor; must not destroy the network.
 struct NetworkObserver {
   std::function<void(const Event&)> event = {};
-  /// "discovered": the first discovery has ended; "bound": every slot that can be is bound; "operational": every slot
+  /// "discovered": a discovery has found somebody; "bound": every slot that can be is bound, and one at least; "operational": every slot
   /// that is not optional is operational. Each once.
   std::function<void(const std::string&)> milestone = {};
   /// Before each step of a binding: for displays and fault plans. May be empty.
@@ -159,10 +159,12 @@ class Network final : private co::HeartbeatConsumer::Observer,
   rt::Task<void> check_and_start();
   rt::Task<void> start_seat(Seat& seat);
   rt::Task<void> await_operational();
+  rt::Task<void> start_again();
   void bound(Seat& seat, const places::Binding& binding);
   void not_bound(Seat& seat, const places::Binding& binding);
   void forget_found(const LssAddress& device);
   void note_found(const places::Found& found);
+  void tell_discovery(const nodeid::DiscoveryReport& report);
 
   // network.cpp: state and reports
   void heartbeat(const co::HeartbeatEvent& event, rt::Time at) noexcept override;
@@ -177,6 +179,7 @@ class Network final : private co::HeartbeatConsumer::Observer,
   void report_plan();
   void reach(const char* milestone);
   void tell(std::string kind, std::string slot, std::string text);
+  void tell_once(const std::string& kind, const std::string& text);
   [[nodiscard]] Seat* seat_at(NodeId id) noexcept;
   [[nodiscard]] Seat* seat_named(const std::string& name) noexcept;
   [[nodiscard]] Seat* seat_of(const LssAddress& device) noexcept;
@@ -216,6 +219,7 @@ class Network final : private co::HeartbeatConsumer::Observer,
   std::vector<places::Found> found_;
   places::Plan plan_;
   std::vector<LssAddress> avoid_;      // devices whose action failed in this round
+  std::vector<LssAddress> heard_of_;   // found by the last discovery
   std::vector<std::string> told_;      // oddities and questions already told
   std::vector<std::string> reached_;   // milestones
   rt::Mailbox<Wake, 512> wakes_;

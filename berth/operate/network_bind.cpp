@@ -71,23 +71,35 @@ rt::Task<void> Network::discover() {
     std::erase_if(found_, [&](const places::Found& f) { return seat_of(f.device) == nullptr; });
     co_await tell_who_is_known();
   }
-  tell("step", "", "discovery: RAND, from phase 0");
   const nodeid::DiscoveryOptions options = discovery_options();
   const auto report = co_await rand_.discover(options);
   if (!report) {
-    tell("error", "", "discovery: " + describe(report.error()));
+    tell_once("error", "discovery: " + describe(report.error()));
     co_return;
   }
-  for (const auto& d : report->found) {
+  tell_discovery(*report);
+}
+
+// The same devices found again and again, because they wait for a place, are told once.
+void Network::tell_discovery(const nodeid::DiscoveryReport& report) {
+  std::vector<LssAddress> known = std::exchange(heard_of_, {});
+  bool news = false;
+  for (const auto& d : report.found) {
     note_found({d.address, NodeId(), d.possible_clone});
+    heard_of_.push_back(d.address);
+    if (std::ranges::find(known, d.address) != known.end()) continue;
+    news = true;
     tell("found", "", fmt::format("found {}{}", to_string(d.address), d.possible_clone ? ", answered twice" : ""));
   }
   using End = nodeid::DiscoveryReport::End;
-  if (report->end != End::complete) {
-    tell("error", "", fmt::format("discovery ended early: {}; a device answers that cannot be identified", name(report->end)));
+  if (report.end != End::complete) {
+    tell_once("error", fmt::format("discovery ended early: {}; a device answers that cannot be identified", name(report.end)));
   }
-  tell("step", "", fmt::format("discovery: {} found, {} requests, {:.3f} s", report->found.size(), report->requests,
-                               seconds(report->ended) - seconds(report->began)));
+  if (report.found.empty()) return;
+  if (news) {
+    tell("step", "", fmt::format("discovery: {} found, {} requests, {:.3f} s", report.found.size(), report.requests,
+                                 seconds(report.ended) - seconds(report.began)));
+  }
   reach("discovered");
 }
 
@@ -152,7 +164,8 @@ rt::Task<void> Network::carry_out() {
     if (!again) break;
   }
   report_plan();
-  reach("bound");
+  const bool any = std::ranges::any_of(seats_, [](const auto& s) { return s->slot.record.confirmed.has_value(); });
+  if (any) reach("bound");
 }
 
 rt::Task<bool> Network::act(const Action& action) {
@@ -299,8 +312,13 @@ rt::Task<void> Network::start_seat(Seat& seat) {
 rt::Task<void> Network::await_operational() {
   const auto waits = [](const auto& s) { return s->awaited && s->state == SlotState::present; };
   const rt::Time deadline = executor_->now() + bus_->timing.heartbeat_timeout;
+  const rt::Duration patience = bus_->timing.heartbeat_period + bus_->timing.heartbeat_period / 4;
+  rt::Time again = executor_->now() + patience;
   while (executor_->now() < deadline && std::ranges::any_of(seats_, waits)) {
     co_await rt::sleep_for(bus_->timing.heartbeat_period / 16 + std::chrono::milliseconds(1));
+    if (executor_->now() < again) continue;
+    co_await start_again();
+    again = executor_->now() + patience;
   }
   for (auto& seat : seats_) {
     const bool still = waits(seat);
@@ -308,6 +326,18 @@ rt::Task<void> Network::await_operational() {
     if (!still) continue;
     seat->started = false;
     set_state(*seat, SlotState::failed, "it was started and no heartbeat told that it is operational");
+  }
+}
+
+// NMT commands have no answer, and every device hears those of all: a slow one's receive buffer overruns when a hundred
+// come back to back. Who is not operational yet is told again, one after the other at a pace that any device follows.
+rt::Task<void> Network::start_again() {
+  for (auto& seat : seats_) {
+    if (!seat->awaited || seat->held || seat->state != SlotState::present) continue;
+    const NodeId id = seat->id();
+    const auto sent = co_await nmt_.send(co::NmtCommand::start, id);
+    if (!sent) co_return;
+    co_await rt::sleep_for(bus_->timing.rand_response);
   }
 }
 
