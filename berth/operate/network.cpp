@@ -193,15 +193,16 @@ void Network::reach(const char* milestone) {
   if (observer_.milestone) observer_.milestone(milestone);
 }
 
+void Network::tell_once(const std::string& kind, const std::string& text) {
+  if (std::ranges::find(told_, text) != told_.end()) return;
+  told_.push_back(text);
+  tell(kind, "", text);
+}
+
 void Network::report_plan() {
-  const auto once = [&](const std::string& kind, const std::string& slot, const std::string& text) {
-    if (std::ranges::find(told_, text) != told_.end()) return;
-    told_.push_back(text);
-    tell(kind, slot, text);
-  };
-  for (const auto& oddity : plan_.oddities) once(oddity.kind, "", oddity.text);
+  for (const auto& oddity : plan_.oddities) tell_once(oddity.kind, oddity.text);
   for (const auto& question : plan_.questions) {
-    once("question", "", question.text);
+    tell_once("question", question.text);
     for (const auto i : question.slots) set_state(*seats_[i], SlotState::question, question.text);
   }
 }
@@ -240,9 +241,7 @@ void Network::surplus(NodeId node, const can::Frame&, rt::Time) noexcept {
   const std::string text = fmt::format("node {} answered one SDO request twice: two devices hold this node-ID, or another "
                                        "SDO client is on the bus",
                                        node.value());
-  if (std::ranges::find(told_, text) != told_.end()) return;
-  told_.push_back(text);
-  tell("duplicate", "", text);
+  tell_once("duplicate", text);
 }
 
 // Two devices with one identity that once fell into one frame drift apart: their heartbeats then come twice as often.

@@ -82,7 +82,7 @@ struct PlantDevice {
 /// What an event waits for.
 enum class After : std::uint8_t {
   start,        ///< time 0 of the world
-  discovered,   ///< the first discovery has ended
+  discovered,   ///< a discovery has found somebody
   bound,        ///< every slot that can be is bound
   operational,  ///< every mandatory slot is operational for the first time
 };
