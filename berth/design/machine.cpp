@@ -22,6 +22,8 @@ std::optional<PortSpec> parse_port(std::string_view text) {
     port = {PortKind::socketcan, rest("socketcan:")};
   } else if (text.starts_with("slcan:")) {
     port = {PortKind::slcan, rest("slcan:")};
+  } else if (text.starts_with("plant:")) {
+    port = {PortKind::plant, rest("plant:")};
   } else if (text.starts_with("socketcand://")) {
     port = {PortKind::socketcand, rest("socketcand://")};
     const auto slash = port.address.find('/');
@@ -37,6 +39,7 @@ std::string to_string(const PortSpec& port) {
     case PortKind::socketcan: return "socketcan:" + port.address;
     case PortKind::slcan: return "slcan:" + port.address;
     case PortKind::socketcand: return "socketcand://" + port.address;
+    case PortKind::plant: return "plant:" + port.address;
   }
   return "sim";
 }

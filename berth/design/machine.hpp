@@ -29,6 +29,7 @@ enum class PortKind : std::uint8_t {
   socketcan,   ///< "socketcan:can0"
   slcan,       ///< "slcan:/dev/ttyACM0"
   socketcand,  ///< "socketcand://host:29536/can0"
+  plant,       ///< "plant:/run/plant.sock": the bus of the same name of a `berth plant` in another process
 };
 
 struct PortSpec {

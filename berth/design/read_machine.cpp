@@ -138,7 +138,8 @@ class MachineReader {
       bus.port = *port;
     } else {
       table.error("port", fmt::format("{} is no port", text::quoted(*text)),
-                  "use \"sim\", \"socketcan:can0\", \"slcan:/dev/ttyACM0\" or \"socketcand://host:29536/can0\"");
+                  "use \"sim\", \"plant:/run/plant.sock\", \"socketcan:can0\", \"slcan:/dev/ttyACM0\" or "
+                  "\"socketcand://host:29536/can0\"");
     }
   }
 

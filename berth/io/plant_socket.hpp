@@ -1,0 +1,49 @@
+/// One end of a plant connection: packets in, packets out, never blocking, bounded. Inside of room `io`.
+#pragma once
+
+#include <sys/un.h>
+
+#include <deque>
+#include <optional>
+#include <string>
+#include <vector>
+
+#include "berth/io/loop.hpp"
+#include "berth/io/plant_protocol.hpp"
+
+namespace berth::io {
+
+[[nodiscard]] bool address_of(const std::string& path, sockaddr_un& address) noexcept;
+
+class PlantSocket {
+ public:
+  static constexpr std::size_t most_waiting = 4096;  ///< packets that the peer did not take; then it is given up
+
+  /// Owns `fd`, a connected non-blocking SEQPACKET socket, and watches it with `watcher`.
+  PlantSocket(Loop& loop, int fd, Watcher& watcher);
+  ~PlantSocket();
+  PlantSocket(const PlantSocket&) = delete;
+  PlantSocket& operator=(const PlantSocket&) = delete;
+
+  [[nodiscard]] bool open() const noexcept { return fd_ >= 0; }
+  /// False: the peer is gone or takes nothing any more; then the socket is as good as closed, and `closing`.
+  bool send(const Message& message);
+  /// Sends what waits; call when the descriptor can be written.
+  bool flush();
+  /// The next message; empty when there is none now. A peer that is gone or speaks nonsense makes it `closing`.
+  [[nodiscard]] std::optional<Message> receive();
+  /// Nothing comes or goes any more: its owner may let it go.
+  [[nodiscard]] bool closing() const noexcept { return closing_; }
+  void close() noexcept;
+
+ private:
+  bool put(const std::vector<std::uint8_t>& packet);
+  void give_up() noexcept;
+  Loop* loop_;
+  int fd_;
+  Watcher* watcher_;
+  std::deque<std::vector<std::uint8_t>> waiting_;
+  bool closing_ = false;
+};
+
+}  // namespace berth::io

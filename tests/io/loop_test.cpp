@@ -1,0 +1,110 @@
+#include "berth/io/loop.hpp"
+
+#include <sys/epoll.h>
+#include <unistd.h>
+
+namespace berth::io {
+namespace {
+
+using namespace std::chrono_literals;
+
+class Counter final : public rt::Job {
+ public:
+  void run() noexcept override { ++runs; }
+  int runs = 0;
+};
+
+class Pipe final : public Watcher {
+ public:
+  explicit Pipe(Loop& loop) : loop_(&loop) {
+    if (::pipe(ends_) != 0) std::abort();
+    loop.watch(ends_[0], *this, EPOLLIN);
+  }
+  ~Pipe() {
+    loop_->forget(ends_[0]);
+    ::close(ends_[0]);
+    ::close(ends_[1]);
+  }
+  void put() const { ASSERT_EQ(::write(ends_[1], "x", 1), 1); }
+  void ready(std::uint32_t events) noexcept override {
+    ++calls;
+    seen = events;
+    if (job != nullptr) loop_->executor().post(*job);
+    if (other != nullptr) loop_->forget(other->ends_[0]);
+    if (!takes) return;
+    char c = 0;
+    if (::read(ends_[0], &c, 1) == 1) ++bytes;
+  }
+  int calls = 0;
+  int bytes = 0;
+  bool takes = true;
+  std::uint32_t seen = 0;
+  rt::Job* job = nullptr;
+  Pipe* other = nullptr;
+
+ private:
+  Loop* loop_;
+  int ends_[2] = {-1, -1};
+};
+
+TEST(Loop, TimersComeNotBeforeTheirTimeAndTheClockNeverGoesBack) {
+  rt::Executor executor;
+  executor.advance(rt::Time{} + 5s);
+  Loop loop(executor);
+  ASSERT_TRUE(loop.good());
+  Counter counter;
+  const rt::Time due = executor.now() + 3ms;
+  executor.at(due, counter);
+  rt::Time last = executor.now();
+  for (int i = 0; i < 10'000 && counter.runs == 0; ++i) {
+    loop.turn(1s);
+    EXPECT_GE(executor.now(), last);
+    EXPECT_TRUE(counter.runs == 0 || executor.now() >= due);
+    last = executor.now();
+  }
+  EXPECT_EQ(counter.runs, 1);
+}
+
+TEST(Loop, ADescriptorEndsTheSleepAndItsJobRunsInTheSameTurn) {
+  rt::Executor executor;
+  Loop loop(executor);
+  Pipe pipe(loop);
+  Counter counter;
+  pipe.job = &counter;
+  pipe.put();
+  loop.turn(1h);  // would not return
+  EXPECT_EQ(pipe.calls, 1);
+  EXPECT_EQ(counter.runs, 1);
+}
+
+TEST(Loop, ItIsLevelTriggered) {
+  rt::Executor executor;
+  Loop loop(executor);
+  Pipe pipe(loop);
+  pipe.takes = false;
+  pipe.put();
+  loop.turn(1h);
+  loop.turn(1h);
+  EXPECT_EQ(pipe.calls, 2);
+  pipe.takes = true;
+  loop.turn(1h);
+  EXPECT_EQ(pipe.bytes, 1);
+  loop.serve();
+  EXPECT_EQ(pipe.calls, 3);
+}
+
+TEST(Loop, AForgottenDescriptorIsNotCalledEvenWhenItWasReadyInTheSameBatch) {
+  rt::Executor executor;
+  Loop loop(executor);
+  Pipe a(loop);
+  Pipe b(loop);
+  a.other = &b;
+  b.other = &a;
+  a.put();
+  b.put();
+  loop.turn(1h);
+  EXPECT_EQ(a.calls + b.calls, 1);
+}
+
+}  // namespace
+}  // namespace berth::io
