@@ -53,7 +53,8 @@ class MasterDevice;  // the master is a device: network.cpp
 
 class Network final : private co::HeartbeatConsumer::Observer,
                       private co::SdoClient::Observer,
-                      private can::StatusHandler {
+                      private can::StatusHandler,
+                      private nodeid::DiscoveryObserver {
  public:
   /// `bus`, `store` and `port` must stay. `slots` are the specifications of this bus.
   Network(rt::Executor& executor, can::Port& port, const design::Bus& bus, std::vector<places::SlotSpec> slots,
@@ -170,6 +171,9 @@ class Network final : private co::HeartbeatConsumer::Observer,
   void heartbeat(const co::HeartbeatEvent& event, rt::Time at) noexcept override;
   void surplus(NodeId node, const can::Frame& frame, rt::Time at) noexcept override;
   void changed(const can::Status& status, rt::Time at) noexcept override;
+  void phase(const nodeid::PhaseEvent&) noexcept override {}
+  void found(const nodeid::Discovered& device) noexcept override;
+  void restarted(unsigned, rt::Time) noexcept override {}
   void speak();
   void make_plan();
   void set_state(Seat& seat, places::SlotState state, std::string reason = {});
@@ -220,6 +224,8 @@ class Network final : private co::HeartbeatConsumer::Observer,
   places::Plan plan_;
   std::vector<LssAddress> avoid_;      // devices whose action failed in this round
   std::vector<LssAddress> heard_of_;   // found by the last discovery
+  std::vector<LssAddress> known_before_;
+  bool news_ = false;                  // the last discovery found somebody who was not told
   std::vector<std::string> told_;      // oddities and questions already told
   std::vector<std::string> reached_;   // milestones
   rt::Mailbox<Wake, 512> wakes_;

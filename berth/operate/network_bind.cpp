@@ -72,7 +72,10 @@ rt::Task<void> Network::discover() {
     co_await tell_who_is_known();
   }
   const nodeid::DiscoveryOptions options = discovery_options();
-  const auto report = co_await rand_.discover(options);
+  known_before_ = std::exchange(heard_of_, {});
+  news_ = false;
+  nodeid::DiscoveryObserver* const watching = this;
+  const auto report = co_await rand_.discover(options, watching);
   if (!report) {
     tell_once("error", "discovery: " + describe(report.error()));
     co_return;
@@ -81,22 +84,21 @@ rt::Task<void> Network::discover() {
 }
 
 // The same devices found again and again, because they wait for a place, are told once.
+void Network::found(const nodeid::Discovered& device) noexcept {
+  heard_of_.push_back(device.address);
+  if (std::ranges::find(known_before_, device.address) != known_before_.end()) return;
+  news_ = true;
+  tell("found", "", fmt::format("found {}{}", to_string(device.address), device.possible_clone ? ", answered twice" : ""));
+}
+
 void Network::tell_discovery(const nodeid::DiscoveryReport& report) {
-  std::vector<LssAddress> known = std::exchange(heard_of_, {});
-  bool news = false;
-  for (const auto& d : report.found) {
-    note_found({d.address, NodeId(), d.possible_clone});
-    heard_of_.push_back(d.address);
-    if (std::ranges::find(known, d.address) != known.end()) continue;
-    news = true;
-    tell("found", "", fmt::format("found {}{}", to_string(d.address), d.possible_clone ? ", answered twice" : ""));
-  }
+  for (const auto& d : report.found) note_found({d.address, NodeId(), d.possible_clone});
   using End = nodeid::DiscoveryReport::End;
   if (report.end != End::complete) {
     tell_once("error", fmt::format("discovery ended early: {}; a device answers that cannot be identified", name(report.end)));
   }
   if (report.found.empty()) return;
-  if (news) {
+  if (news_) {
     tell("step", "", fmt::format("discovery: {} found, {} requests, {:.3f} s", report.found.size(), report.requests,
                                  seconds(report.ended) - seconds(report.began)));
   }
