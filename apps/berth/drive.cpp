@@ -183,7 +183,9 @@ class Pacer {
   }
 
  private:
-  [[nodiscard]] rt::Time clock() const { return began_ + (Clock::now() - real_); }
+  [[nodiscard]] rt::Time clock() const {
+    return rig_.loop() != nullptr ? rig_.loop()->clock() : began_ + (Clock::now() - real_);
+  }
 
   // Sleeps until the world may be at `target`, or something came in. A time in the past ends the run.
   rt::Time wait(rt::Time target) {
@@ -217,10 +219,12 @@ class Pacer {
     descriptors_.clear();
     descriptors_.push_back({interrupt_.descriptor(), POLLIN, 0});
     if (server_ != nullptr) server_->fill(descriptors_);
+    if (rig_.loop() != nullptr) descriptors_.push_back({rig_.loop()->descriptor(), POLLIN, 0});
     const auto whole = std::chrono::duration_cast<std::chrono::seconds>(left);
     const timespec time{static_cast<time_t>(whole.count()), static_cast<long>((left - whole).count())};
     const int ready = ::ppoll(descriptors_.data(), descriptors_.size(), &time, nullptr);
     polled_ = Clock::now();
+    if (rig_.loop() != nullptr && ready > 0) rig_.loop()->poll();
     return ready > 0;
   }
 

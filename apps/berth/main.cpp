@@ -202,6 +202,16 @@ class CommandLine {
           command(*sim, name, help, [this, scene = std::string(name)] { return run_scenario(options_, scene); });
       sub->add_flag("--json", options_.json, "one JSON object");
     }
+    auto* const plant = command(app_, "plant", "host a simulated plant in real time, for `berth up` in other processes",
+                                [this] { return run_plant(options_); });
+    plant->add_option("plant", options_.sim, "plant file")->required()->option_text("PLANT");
+    plant->add_option("--listen", options_.control, "socket that `port = \"plant:PATH\"` of a machine file names")
+        ->required();
+    plant->add_option("--machine", options_.machine, "machine file: bit rates of buses that the plant file gives none");
+    plant->add_option("--plant-state,--sim-state", options_.state,
+                      "file that keeps what the devices remember between runs");
+    plant->add_option("--seed", options_.seed, "seed of the world, instead of the plant file's");
+    plant->add_flag("--json", options_.json, "one JSON object");
     command(app_, "version", "which Berth this is", [this] {
       return run_version(options_);
     })->add_flag("--json", options_.json, "one JSON object");

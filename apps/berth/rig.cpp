@@ -7,6 +7,7 @@
 #include <cstring>
 #include <filesystem>
 
+#include "berth/io/plant_port.hpp"
 #include "berth/store/database.hpp"
 #include "berth/text/file.hpp"
 
@@ -56,6 +57,10 @@ void warn(const Findings& findings, bool json) {
   }
 }
 
+bool in_another_process(const design::Machine& machine) noexcept {
+  return std::ranges::all_of(machine.buses, [](const auto& b) { return b.port.kind == design::PortKind::plant; });
+}
+
 }  // namespace
 
 tl::expected<void, Failure> Rig::read(const Options& options, const Sources& sources) {
@@ -63,6 +68,15 @@ tl::expected<void, Failure> Rig::read(const Options& options, const Sources& sou
                      ? design::load_machine(sources.machine_name)
                      : design::read_machine(sources.machine_text, sources.machine_name, design::eds_loader());
   Findings findings = machine.findings;
+  const bool file_named = !sources.plant_name.empty() || !sources.plant_text.empty();
+  if (machine.machine && !file_named && in_another_process(*machine.machine)) {
+    warn(findings, options.json);
+    machine_ = std::move(*machine.machine);
+    elsewhere_ = true;
+    if (!options.dry_run && !options.fast && options.record.empty()) return {};
+    return tl::unexpected(
+        failure(Exit::usage, "--dry-run, --fast and --record need a world of this process: give --sim PLANT"));
+  }
   if (machine.machine && sources.plant_name.empty()) {
     for (const auto& bus : machine.machine->buses) {
       if (bus.port.kind == design::PortKind::sim) continue;
@@ -94,11 +108,14 @@ tl::expected<void, Failure> Rig::read(const Options& options, const Sources& sou
 
 tl::expected<void, Failure> Rig::build_world(const Options& options) {
   std::vector<plant::BusRate> rates;
-  for (const auto& bus : machine_.buses) rates.push_back({bus.name, bus.bitrate});
+  for (const auto& bus : machine_.buses) {
+    if (!elsewhere_) rates.push_back({bus.name, bus.bitrate});
+  }
   Findings findings;
   world_ = plant::World::make(plant_, rates, findings);
   if (!world_) return tl::unexpected(failure(findings));
   warn(findings, options.json);
+  if (elsewhere_) loop_ = std::make_unique<io::Loop>(world_->executor());
   if (options.state.empty()) return {};
   Result<void> kept;
   if (!options.dry_run) {
@@ -142,18 +159,35 @@ tl::expected<void, Failure> Rig::open_store(const Options& options) {
   return {};
 }
 
+// Berth's own node on one bus.
+tl::expected<std::unique_ptr<can::Port>, Failure> Rig::attach(const design::Bus& bus, const Options& options) {
+  if (loop_) {
+    auto port = io::PlantPort::connect(*loop_, bus.port.address, bus.name);
+    if (!port) return tl::unexpected(failure(Exit::failed, port.error()));
+    const auto rate = (*port)->status().bit_rate;
+    if (rate == bus.bitrate) return std::unique_ptr<can::Port>(std::move(*port));
+    return tl::unexpected(
+        failure(Exit::failed, fmt::format("{}:{}: bus {} is told to run at {} bit/s, and the plant's "
+                                          "runs at {}",
+                                          machine_.file, bus.place.line, bus.name, bus.bitrate, rate)));
+  }
+  auto port = world_->attach_master(bus.name);
+  if (!port)
+    return tl::unexpected(failure(Exit::failed, fmt::format("the simulated world has no bus \"{}\"", bus.name)));
+  if (options.dry_run || !options.record.empty()) {
+    taps_.push_back(std::make_unique<BusTap>(*this, *world_->bus(bus.name), port->number()));
+  }
+  return std::unique_ptr<can::Port>(std::move(port));
+}
+
 tl::expected<void, Failure> Rig::open_session(const Options& options) {
   session_ = std::make_unique<operate::Session>(world_->executor(), machine_, *store_);
   for (const auto& bus : machine_.buses) {
-    auto port = world_->attach_master(bus.name);
-    if (!port)
-      return tl::unexpected(failure(Exit::failed, fmt::format("the simulated world has no bus \"{}\"", bus.name)));
-    const auto connected = session_->connect(bus.name, *port);
+    auto port = attach(bus, options);
+    if (!port) return tl::unexpected(port.error());
+    const auto connected = session_->connect(bus.name, **port);
     if (!connected) return tl::unexpected(failure(Exit::failed, describe(connected.error())));
-    if (options.dry_run || !options.record.empty()) {
-      taps_.push_back(std::make_unique<BusTap>(*this, *world_->bus(bus.name), port->number()));
-    }
-    ports_.push_back(std::move(port));
+    ports_.push_back(std::move(*port));
   }
   if (!options.record.empty()) {
     log_ = std::fopen(options.record.c_str(), "we");

@@ -9,6 +9,7 @@
 #include <vector>
 
 #include "berth/design/machine.hpp"
+#include "berth/io/loop.hpp"
 #include "berth/operate/session.hpp"
 #include "berth/plant/world.hpp"
 #include "options.hpp"
@@ -45,6 +46,8 @@ class Rig {
   [[nodiscard]] const plant::PlantFile& plant() const noexcept { return plant_; }
   [[nodiscard]] plant::World& world() noexcept { return *world_; }
   [[nodiscard]] operate::Session& session() noexcept { return *session_; }
+  /// The buses are in another process (`berth plant`): real time only, and the world has no bus. Null: simulated here.
+  [[nodiscard]] io::Loop* loop() noexcept { return loop_.get(); }
   /// Keeps the frames that Berth sends from now on.
   void record_sent(std::vector<Recorded>& into) { sent_ = &into; }
 
@@ -52,6 +55,8 @@ class Rig {
   class BusTap;
   Rig() = default;
   [[nodiscard]] tl::expected<void, Failure> read(const Options& options, const Sources& sources);
+  [[nodiscard]] tl::expected<std::unique_ptr<can::Port>, Failure> attach(const design::Bus& bus,
+                                                                         const Options& options);
   [[nodiscard]] tl::expected<void, Failure> build_world(const Options& options);
   [[nodiscard]] tl::expected<void, Failure> open_store(const Options& options);
   [[nodiscard]] tl::expected<void, Failure> open_session(const Options& options);
@@ -63,8 +68,10 @@ class Rig {
   std::FILE* log_ = nullptr;
   std::string throw_away_;  // folder of a copied store
   std::unique_ptr<plant::World> world_;
+  bool elsewhere_ = false;  // every bus is a plant's in another process
+  std::unique_ptr<io::Loop> loop_;
   std::vector<std::unique_ptr<BusTap>> taps_;
-  std::vector<std::unique_ptr<sim::Controller>> ports_;
+  std::vector<std::unique_ptr<can::Port>> ports_;
   std::unique_ptr<places::SlotStore> store_;
   std::unique_ptr<operate::Session> session_;
 };

@@ -48,7 +48,7 @@ int bring_up(const Options& options, const Sources& sources) {
   if (options.dry_run) rig.record_sent(sent);
   DriveOptions how;
   const bool live = on_terminal() && !options.json && !options.dry_run;
-  how.paced = !options.dry_run && !options.fast && (options.pace || live);
+  how.paced = !options.dry_run && !options.fast && (options.pace || live || rig.loop() != nullptr);
   if (how.paced) how.control = options.control.empty() ? operate::control_path(rig.machine().name) : options.control;
   Screen screen(rig.session(), live && how.paced, options.json || options.dry_run);
   Ending ending(rig, options.until);

@@ -52,6 +52,10 @@ void Loop::wait(std::int64_t nanoseconds) noexcept {
   std::array<epoll_event, 32> events{};
   const timespec time{nanoseconds / 1'000'000'000, nanoseconds % 1'000'000'000};
   const int count = ::epoll_pwait2(epoll_, events.data(), static_cast<int>(events.size()), &time, nullptr);
+  if (count <= 0) return;
+  rt::Time until = clock();
+  if (const auto next = executor_->next()) until = std::min(until, *next - rt::Duration{1});
+  if (until > executor_->now()) executor_->advance(until);
   for (int i = 0; i < count; ++i) {
     const auto& event = events[static_cast<std::size_t>(i)];
     if (Watcher* const watcher = watcher_of(event.data.fd)) watcher->ready(event.events);
