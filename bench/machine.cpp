@@ -17,7 +17,7 @@ namespace {
 
 constexpr const char* machine_path = BERTH_SOURCE_DIR "/examples/hundred-twenty.toml";
 constexpr const char* plant_path = BERTH_SOURCE_DIR "/examples/hundred-twenty.plant.toml";
-constexpr auto booted = 200ms;  // the slowest device boots for 150 ms; Berth begins when all are there
+constexpr auto booted = 200ms;    // the slowest device boots for 150 ms; Berth begins when all are there
 constexpr double wall_aim = 1.0;  // seconds
 
 [[noreturn]] void give_up(const Findings& findings, const char* what) {

@@ -1,5 +1,6 @@
-// Paper 1 §IV: its three times for 30 slaves at 50 kbit/s, 4 ms slave response, 1 ms master processing (S1.39 to S1.47):
-// as published, by its formulas with its own frame lengths and with true ones, and simulated on the bit-exact bus.
+// Paper 1 §IV: its three times for 30 slaves at 50 kbit/s, 4 ms slave response, 1 ms master processing (S1.39 to
+// S1.47): as published, by its formulas with its own frame lengths and with true ones, and simulated on the bit-exact
+// bus.
 #include <fmt/format.h>
 
 #include <cstdio>
@@ -141,15 +142,20 @@ int main() {
   const auto mixed_quiet = Trial(mixed()).discover(quiet_window());
   const auto ms = [](rt::Duration time) { return bench::time_text(time); };
   fmt::print("\nWhy they differ\n");
-  fmt::print("- true lengths: the usual bounds, 80 + 10 bits a data byte (extended), 55 + 10 (base); the paper counts\n"
-             "  145 + 10 bits, and 150 and 160 for guarding. The bus sends fewer: only the stuff bits there are.\n");
-  fmt::print("- preparation: formula (2) waits T_resp once for all; a master that asks one after the other waits each\n"
-             "  time: 30 x formula (1) with true lengths = {}, the bound of what is simulated.\n", ms(per_node));
-  fmt::print("- discovery: formula (7) prints T_ID_phase as factor ({}); 11.2 s needs T_node_ID, and so it is read\n"
-             "  here. A fixed window of 40 ms makes 8 windows a slave, so that frame lengths matter little.\n",
-             ms(paper1::t_network_id_printed(published, conditions)));
-  fmt::print("- binding: the paper counts LSS frames as extended ones with 2 to 5 bytes; they are base frames with 8.\n"
-             "  Its 1.15 s are 1.14 s by its own numbers; store and activation, which it leaves out, are not in here.\n");
+  fmt::print(
+      "- true lengths: the usual bounds, 80 + 10 bits a data byte (extended), 55 + 10 (base); the paper counts\n"
+      "  145 + 10 bits, and 150 and 160 for guarding. The bus sends fewer: only the stuff bits there are.\n");
+  fmt::print(
+      "- preparation: formula (2) waits T_resp once for all; a master that asks one after the other waits each\n"
+      "  time: 30 x formula (1) with true lengths = {}, the bound of what is simulated.\n",
+      ms(per_node));
+  fmt::print(
+      "- discovery: formula (7) prints T_ID_phase as factor ({}); 11.2 s needs T_node_ID, and so it is read\n"
+      "  here. A fixed window of 40 ms makes 8 windows a slave, so that frame lengths matter little.\n",
+      ms(paper1::t_network_id_printed(published, conditions)));
+  fmt::print(
+      "- binding: the paper counts LSS frames as extended ones with 2 to 5 bytes; they are base frames with 8.\n"
+      "  Its 1.15 s are 1.14 s by its own numbers; store and activation, which it leaves out, are not in here.\n");
   bench::print_columns("Discovery on the bit-exact bus", {"slaves", "fixed 40 ms window", "until quiet (Berth)"},
                        {{"one type, serial numbers 1 to 30", ms(rows[1].simulated), ms(quiet)},
                         {"three vendors, five products, serial numbers apart", ms(mixed_fixed), ms(mixed_quiet)}});

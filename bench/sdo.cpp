@@ -192,7 +192,7 @@ int main(int argc, char** argv) {
     add_memory(figures, "memory, DS301_profile.eds", profile, false);
   }
   add_sdo(figures);
-  bench::print_figures("SDO without a bus; memory of a simulated device (controller, host, dictionary, services, flash)",
-                       figures);
+  bench::print_figures(
+      "SDO without a bus; memory of a simulated device (controller, host, dictionary, services, flash)", figures);
   return 0;
 }

@@ -21,7 +21,8 @@ namespace {
 /// A master and `nodes - 1` devices at 1 Mbit/s.
 class Load final : private co::HeartbeatConsumer::Observer {
  public:
-  explicit Load(unsigned nodes) : pause_(nodes == 2 ? 0us : nodes * 245us - 450us), world_(bench::start(plant(nodes), 1'000'000)) {
+  explicit Load(unsigned nodes)
+      : pause_(nodes == 2 ? 0us : nodes * 245us - 450us), world_(bench::start(plant(nodes), 1'000'000)) {
     for (unsigned id = 1; id < nodes; ++id) {
       consumer_.supervise(node(id), 1s);
       reading_.spawn(read(node(id)));
@@ -134,6 +135,7 @@ int main(int argc, char** argv) {
                                  : bench::at_least(name, measured, frames_aim, "/s"));
   }
   for (const unsigned nodes : {2U, 30U, 127U}) figures.push_back(instructions_a_frame(nodes));
-  bench::print_figures("Simulator, one core: whole devices, heartbeat every 100 ms, SDO reads in what is left", figures);
+  bench::print_figures("Simulator, one core: whole devices, heartbeat every 100 ms, SDO reads in what is left",
+                       figures);
   return 0;
 }
