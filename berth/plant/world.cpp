@@ -1,16 +1,19 @@
 #include "berth/plant/world.hpp"
 
 #include <fmt/format.h>
+#include <unistd.h>
 
 #include <algorithm>
 #include <array>
 #include <charconv>
 #include <cstdio>
+#include <filesystem>
 #include <fstream>
 #include <iterator>
 #include <utility>
 
 #include "berth/eds/eds.hpp"
+#include "berth/text/file.hpp"
 
 namespace berth::plant {
 namespace {
@@ -510,11 +513,16 @@ Result<void> World::restore(std::string_view state) {
 }
 
 Result<void> World::keep_state(const std::string& path) {
-  std::ifstream in(path, std::ios::binary);
-  if (in) {
-    const std::string text{std::istreambuf_iterator<char>(in), std::istreambuf_iterator<char>()};
-    if (auto restored = restore(text); !restored) return restored;
+  std::error_code unknown;
+  if (std::filesystem::exists(path, unknown)) {
+    Findings findings;
+    const auto text = text::read_file(path, findings);
+    if (!text) return fail(Errc::io, "cannot be read; is it a file?");
+    if (auto restored = restore(*text); !restored) return restored;
   }
+  // Better refused now than forgotten at the end; what is there is not touched before something is to be kept.
+  const auto folder = std::filesystem::absolute(path, unknown).parent_path();
+  if (::access(folder.c_str(), W_OK) != 0) return fail(Errc::io, "its folder is not there or cannot be written");
   state_path_ = path;
   return {};
 }

@@ -1,10 +1,10 @@
 #include "berth/text/file.hpp"
 
+#include <array>
 #include <cerrno>
 #include <cstring>
 #include <filesystem>
 #include <fstream>
-#include <iterator>
 #include <system_error>
 
 namespace berth::text {
@@ -22,7 +22,13 @@ std::optional<std::string> read_file(const std::string& path, Findings& findings
   constexpr std::uintmax_t limit = 64U << 20U;
   const auto size = std::filesystem::file_size(path, code);
   if (!code && size > limit) return refuse("is larger than 64 MiB");
-  std::string text{std::istreambuf_iterator<char>(in), std::istreambuf_iterator<char>()};
+  // A device or a pipe has no size: what comes is counted.
+  std::string text;
+  std::array<char, 65536> part{};
+  while (in.read(part.data(), part.size()) || in.gcount() > 0) {
+    text.append(part.data(), static_cast<std::size_t>(in.gcount()));
+    if (text.size() > limit) return refuse("is larger than 64 MiB");
+  }
   if (in.bad()) return refuse("cannot be read to its end");
   return text;
 }

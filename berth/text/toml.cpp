@@ -63,6 +63,28 @@ Value convert(const toml::node& node) {
   return value;
 }
 
+// Where a key has more parts than any file of ours; the parser and its tables are recursive and would use up the stack.
+// It knows a limit for nested values only.
+std::optional<Place> too_deep(std::string_view text) noexcept {
+  constexpr std::size_t most = 256;
+  Place at{1, 0};
+  std::size_t dots = 0;
+  bool comment = false;
+  for (const char c : text) {
+    if (c == '\n') {
+      at = {at.line + 1, 0};
+      dots = 0;
+      comment = false;
+      continue;
+    }
+    ++at.column;
+    if (c == '#') comment = true;
+    if (c == '=' || c == ',' || comment) dots = 0;
+    if (c == '.' && !comment && ++dots > most) return at;
+  }
+  return std::nullopt;
+}
+
 }  // namespace
 
 const Value* Value::find(std::string_view key) const noexcept {
@@ -101,6 +123,11 @@ const char* name(Value::Kind kind) noexcept {
 }
 
 std::optional<Value> parse_toml(std::string_view text, const std::string& file, Findings& findings) {
+  if (const auto deep = too_deep(text)) {
+    findings.push_back({Finding::Severity::error, file, deep->line, deep->column, "", "a row of more than 256 dots",
+                        "tables are not nested so deep here"});
+    return std::nullopt;
+  }
   try {
     return convert(toml::parse(text, file));
   } catch (const toml::parse_error& error) {

@@ -402,6 +402,14 @@ TEST(PlantWorld, StateFileIsWrittenWheneverMemoryIs) {
   std::filesystem::remove(path);
 }
 
+TEST(PlantWorld, MemoryCannotBeKeptWhereNoFileCanBe) {
+  Findings findings;
+  auto world = World::make(plant({device("a", 1)}), {}, findings);
+  ASSERT_TRUE(world);
+  EXPECT_FALSE(world->keep_state(std::filesystem::temp_directory_path().string()));
+  EXPECT_FALSE(world->keep_state("/no such folder/state"));
+}
+
 // One seed, one world: identical to the bit; with latencies, outliers and 40 devices.
 TEST(PlantWorld, OneSeedGivesOneWorld) {
   const auto hash = [](std::uint64_t seed) {

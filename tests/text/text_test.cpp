@@ -1,3 +1,4 @@
+#include "berth/text/file.hpp"
 #include "berth/text/toml.hpp"
 #include "tests/pch.hpp"
 
@@ -54,6 +55,27 @@ TEST(Closest, NearWordsOnly) {
 }
 
 std::optional<Value> read(std::string_view text, Findings& findings) { return parse_toml(text, "t.toml", findings); }
+
+// The stack is not theirs: a key of many parts is a table in a table in a table.
+TEST(Toml, AKeyOfVeryManyPartsIsRefused) {
+  std::string deep = "a";
+  for (int i = 0; i < 200'000; ++i) deep += ".a";
+  for (const std::string& text : {deep + " = 1\n", "[" + deep + "]\n", "x = { " + deep + " = 1 }\n"}) {
+    Findings findings;
+    EXPECT_FALSE(read("ok = 1\n" + text, findings));
+    ASSERT_EQ(findings.size(), 1U);
+    EXPECT_EQ(findings[0].line, 2);
+  }
+  Findings findings;
+  EXPECT_TRUE(read("# " + std::string(1000, '.') + "\nx = [" + std::string(999, ' ') + "1.5, 2.5]\n", findings));
+}
+
+TEST(File, NoEndIsRefused) {
+  Findings findings;
+  EXPECT_FALSE(read_file("/dev/zero", findings));
+  ASSERT_EQ(findings.size(), 1U);
+  EXPECT_EQ(findings[0].message, "is larger than 64 MiB");
+}
 
 TEST(Toml, PlacesAndOrderOfTheFile) {
   Findings findings;
