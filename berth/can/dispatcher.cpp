@@ -108,7 +108,9 @@ void Dispatcher::sent(std::uint32_t tag, rt::Time at) noexcept {
   const auto it = std::ranges::find(waiting_, tag, [](const Confirmation* c) { return c->tag_; });
   if (it == waiting_.end()) return;
   Confirmation& confirmation = **it;
-  forget(confirmation);
+  waiting_.erase(it);
+  confirmation.dispatcher_ = nullptr;
+  confirmation.tag_ = 0;
   confirmation.sent(at);
 }
 

@@ -12,8 +12,8 @@ constexpr unsigned longest = 5 + 8;     // bytes of head and data
 struct Tables {
   // The CRC is linear: that of a message is the sum of those of its bytes, each followed by as many zero bytes.
   std::uint16_t crc[longest][256];
-  // For each run state (value of the last bit, run length 1..4) and byte: stuff bits << 4 | next state.
-  std::uint8_t run[8][256];
+  // For each run state (value of the last bit, run length 1..4) and byte: next state << 8 | stuff bits.
+  std::uint16_t run[8 * 256];
 };
 
 constexpr unsigned shift_crc(unsigned crc, unsigned bits) noexcept {
@@ -22,7 +22,7 @@ constexpr unsigned shift_crc(unsigned crc, unsigned bits) noexcept {
 }
 
 // Run state 2 * (length - 1) + value. Five equal bits are followed by a stuff bit, which begins the next run.
-constexpr std::uint8_t run_over(unsigned state, unsigned byte) noexcept {
+constexpr std::uint16_t run_over(unsigned state, unsigned byte) noexcept {
   unsigned stuffed = 0;
   for (int i = 7; i >= 0; --i) {
     const unsigned bit = (byte >> i) & 1U;
@@ -35,7 +35,7 @@ constexpr std::uint8_t run_over(unsigned state, unsigned byte) noexcept {
       ++stuffed;
     }
   }
-  return static_cast<std::uint8_t>(stuffed << 4 | state);
+  return static_cast<std::uint16_t>(state << 8 | stuffed);
 }
 
 constexpr Tables make_tables() noexcept {
@@ -46,7 +46,7 @@ constexpr Tables make_tables() noexcept {
       column[byte] = static_cast<std::uint16_t>(crc);
       crc = shift_crc(crc, 8);
     }
-    for (unsigned state = 0; state < 8; ++state) t.run[state][byte] = run_over(state, byte);
+    for (unsigned state = 0; state < 8; ++state) t.run[state << 8 | byte] = run_over(state, byte);
   }
   return t;
 }
@@ -59,7 +59,7 @@ struct Head {
 };
 
 // Start of frame to DLC, in the last bits of so many bytes.
-Head head_of(const Frame& f) noexcept {
+inline Head head_of(const Frame& f) noexcept {
   const std::uint64_t rtr = f.remote ? 1U : 0U;
   const std::uint64_t size = f.size < 8 ? f.size : 8U;
   const std::uint64_t id = f.id;
@@ -84,12 +84,12 @@ unsigned exact_bits(const Frame& frame) noexcept {
   const Head head = head_of(frame);
   const unsigned data = data_bytes(frame);
   unsigned crc = 0;
-  unsigned state = 0;
-  unsigned stuffed = 0;
+  unsigned state = 0;  // << 8
+  unsigned sum = 0;    // of entries: the stuff bits are in its low byte, for there are at most 2 in each of 15
   const auto run = [&](unsigned byte) {
-    const unsigned entry = tables.run[state][byte];
-    state = entry & 7U;
-    stuffed += entry >> 4;
+    const unsigned entry = tables.run[state | byte];
+    state = entry & 0x700U;
+    sum += entry;
   };
   // Fillers in front, which the CRC must not see: 10101 or 1, so that the run before start of frame has length 1.
   const std::uint64_t filled = head.bits | (frame.extended ? 1ULL << 39 : 0x15ULL << 19);
@@ -106,7 +106,7 @@ unsigned exact_bits(const Frame& frame) noexcept {
   run(crc >> 7);
   run((crc << 1 | (~crc & 1U)) & 0xFFU);
   const unsigned plain = (frame.extended ? extended_head : base_head) + 8 * data + 15;
-  return plain + stuffed + 13;  // CRC delimiter, ACK slot and delimiter, EOF 7, intermission 3
+  return plain + (sum & 0xFFU) + 13;  // CRC delimiter, ACK slot and delimiter, EOF 7, intermission 3
 }
 
 unsigned worst_case_bits(bool extended, unsigned data_bytes) noexcept {

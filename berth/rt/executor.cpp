@@ -67,23 +67,22 @@ Job* Executor::meld(Job* a, Job* b) noexcept {
   return a;
 }
 
-// Two-pass pairing of a list of siblings.
+// Two-pass pairing of a list of siblings. What `before_` and `sibling_` of a root say means nothing.
 Job* Executor::combine(Job* first) noexcept {
   Job* pairs = nullptr;
   while (first != nullptr) {
-    Job* a = first;
-    Job* b = a->sibling_;
+    Job* const a = first;
+    Job* const b = a->sibling_;
     first = b != nullptr ? b->sibling_ : nullptr;
-    a->sibling_ = a->before_ = nullptr;
-    if (b != nullptr) b->sibling_ = b->before_ = nullptr;
-    Job* melded = meld(a, b);
+    Job* const melded = meld(a, b);
     melded->sibling_ = pairs;
     pairs = melded;
   }
-  Job* root = nullptr;
+  if (pairs == nullptr) return nullptr;
+  Job* root = pairs;
+  pairs = root->sibling_;
   while (pairs != nullptr) {
-    Job* rest = pairs->sibling_;
-    pairs->sibling_ = nullptr;
+    Job* const rest = pairs->sibling_;
     root = meld(root, pairs);
     pairs = rest;
   }
