@@ -101,6 +101,9 @@ Ending::Ending(Rig& rig, std::string until) : rig_(&rig), until_(std::move(until
   rt::Duration boot{0};
   for (const auto& device : rig.plant().devices) boot = std::max(boot, device.boot);
   quiet_ += boot;
+  // What failed is tried again when the whole bus is asked anew: every 8 looks, and the asking takes its time.
+  patience_ = quiet_;
+  for (const auto& bus : rig.machine().buses) patience_ = std::max(patience_, quiet_ + 10 * bus.timing.probe_period);
   limit_ = 10min;
   for (const auto& event : rig.plant().events) limit_ += event.delay + event.duration;
   milestone("start");
@@ -144,7 +147,8 @@ bool Ending::reached() {
 
 bool Ending::settled() {
   const rt::Time now = rig_->world().executor().now();
-  if (now < changed_ + quiet_ || now < due_ + quiet_ || !rig_->session().idle()) return false;
+  const rt::Duration quiet = rig_->session().operational() ? quiet_ : patience_;
+  if (now < changed_ + quiet || now < due_ + quiet || !rig_->session().idle()) return false;
   const auto slots = rig_->session().slots();
   return std::ranges::none_of(slots, [](const auto& s) {
     return s.state == places::SlotState::binding || s.state == places::SlotState::unknown;

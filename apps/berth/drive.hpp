@@ -66,8 +66,9 @@ class Ending {
   std::string until_;
   rt::Time changed_{};  // when a slot's state or device changed last
   std::vector<std::pair<places::SlotState, std::optional<LssAddress>>> table_;
-  rt::Time due_{};        // of the last planned event known
-  rt::Duration quiet_{};  // how long nothing may change
+  rt::Time due_{};           // of the last planned event known
+  rt::Duration quiet_{};     // how long nothing may change
+  rt::Duration patience_{};  // the same while the machine is not operational
   rt::Duration limit_{};
   std::vector<std::optional<LssAddress>> first_;  // who sat in each slot when all were operational first
 };

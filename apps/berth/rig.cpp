@@ -113,6 +113,9 @@ tl::expected<void, Failure> Rig::build_world(const Options& options) {
   }
   Findings findings;
   world_ = plant::World::make(plant_, rates, findings);
+  for (auto& finding : findings) {
+    if (finding.file.empty()) finding.file = options.sim;
+  }
   if (!world_) return tl::unexpected(failure(findings));
   warn(findings, options.json);
   if (elsewhere_) loop_ = std::make_unique<io::Loop>(world_->executor());

@@ -119,7 +119,8 @@ class Planner {
   /// A device without a seat may keep a node-ID only when nobody here needs it.
   void keep_off_our_ids(const Found& f) {
     if (f.active.configured() && id_is_taken(f.active) && !f.clone) {
-      blank(f.device, fmt::format("it holds node-ID {}, which belongs to a slot", f.active.value()));
+      blank(f.device, fmt::format("it holds node-ID {}, which belongs to {}", f.active.value(),
+                                  f.active == master_ ? "the master" : "a slot"));
     }
   }
 

@@ -41,6 +41,28 @@ class Command : public ::testing::Test {
   std::string left = "00000001-00000001-00000000-00000020";
 };
 
+// Two devices that hold each other's node-ID: one is refused at first, and tried again before `up` gives up.
+TEST_F(Command, UpPutsSwappedNodeIdsRight) {
+  std::string text(small_plant);
+  for (const auto& [serial, id] : {std::pair("0x21", 2), std::pair("0x20", 3)}) {
+    const std::string line = std::string("serial = ") + serial + "\n";
+    text.insert(text.find(line), "node_id = " + std::to_string(id) + "\n");
+  }
+  const Outcome outcome = berth({"up", machine, "--sim", folder.write("swapped.toml", text), "--json"});
+  ASSERT_EQ(outcome.status, 0) << outcome.out << outcome.err;
+  const Json slots = Json::parse(outcome.out).at("slots");
+  EXPECT_EQ(slots.at(0).at("r_sn"), "0x0000000000000020");
+  EXPECT_EQ(slots.at(1).at("r_sn"), "0x0000000000000021");
+}
+
+TEST_F(Command, MemoryOfTheDevicesNeedsAPlaceForAFile) {
+  for (const char* place : {"/tmp", "/no such folder/state"}) {
+    const Outcome outcome = berth({"up", machine, "--sim", plant, "--sim-state", place});
+    EXPECT_EQ(outcome.status, 3) << outcome.err;
+    EXPECT_TRUE(contains(outcome.err, place)) << outcome.err;
+  }
+}
+
 // ---- services ----
 
 TEST_F(Command, ScanSeesBlankAndConfiguredDevices) {

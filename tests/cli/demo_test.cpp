@@ -36,6 +36,25 @@ const std::map<std::string, std::string> table_2{{"s1", "0x000000000000000A"},
                                                  {"s4", "0x0000000000000018"},
                                                  {"s5", "0x0000000000000007"}};
 
+// What the README shows is what one gets.
+TEST(Demo, PrintsWhatTheReadmeShows) {
+  const std::string readme = contents(std::string(BERTH_SOURCE_DIR) + "/README.md");
+  const std::string fence = "```text\n";
+  const auto begin = readme.find(fence) + fence.size();
+  std::istringstream shown(readme.substr(begin, readme.find("```", begin) - begin));
+  const Outcome demo = berth({"demo"});
+  std::size_t at = 0;
+  int lines = 0;
+  for (std::string line; std::getline(shown, line);) {
+    if (line == "…") continue;
+    const auto found = demo.out.find(line, at);
+    ASSERT_NE(found, std::string::npos) << line << "\nis not printed, or not in this place, by\n" << demo.out;
+    at = found + line.size();
+    ++lines;
+  }
+  EXPECT_GT(lines, 10);
+}
+
 // S1.38, S1.51: paper 1's Table II.
 TEST(Demo, S1_38_S1_51_EndsInTableTwo) {
   const Outcome run = berth({"demo", "--until", "replaced", "--json"});
