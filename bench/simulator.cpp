@@ -1,6 +1,6 @@
 // The simulator, one core, full load: whole devices with heartbeat, and a master that reads an object of every one of
-// them again and again, two at a time. A frame counts once, however many nodes hear it. SDO outranks heartbeats: with three
-// reads at a time the bus would be full of it and no heartbeat would come through.
+// them again and again, two at a time. A frame counts once, however many nodes hear it. SDO outranks heartbeats: with
+// three reads at a time the bus would be full of it and no heartbeat would come through.
 #include <fmt/format.h>
 
 #include <charconv>
@@ -132,7 +132,6 @@ int main(int argc, char** argv) {
                                  : bench::at_least(name, measured, frames_aim, "/s"));
   }
   for (const unsigned nodes : {2U, 30U, 127U}) figures.push_back(instructions_a_frame(nodes));
-  bench::print_figures("Simulator, one core: whole devices, heartbeat every 100 ms, SDO reads without pause",
-                       figures);
+  bench::print_figures("Simulator, one core: whole devices, heartbeat every 100 ms, SDO reads without pause", figures);
   return 0;
 }
