@@ -39,6 +39,12 @@ if(BERTH_SANITIZE)
   target_compile_definitions(berth_sanitize INTERFACE BERTH_SANITIZED=1)
 endif()
 
+# Without coverage of the product libFuzzer would only guess.
+if(BERTH_FUZZ)
+  target_compile_options(berth_sanitize INTERFACE -fsanitize=fuzzer-no-link)
+  target_link_options(berth_sanitize_link INTERFACE -fsanitize=fuzzer-no-link)
+endif()
+
 function(berth_rooms)
   file(STRINGS ${PROJECT_SOURCE_DIR}/berth/floors.txt lines REGEX "^[0-9]")
   foreach(line IN LISTS lines)
