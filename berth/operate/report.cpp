@@ -65,18 +65,20 @@ std::string to_line(const Event& e) {
 std::vector<std::string> to_table(const std::vector<SlotReport>& slots) {
   std::size_t bus = 3;
   std::size_t name = 4;
+  std::size_t state = 11;  // with short names a row, but for its reason, fits a terminal of 80 columns
   for (const auto& s : slots) {
     bus = std::max(bus, s.bus.size());
     name = std::max(name, s.name.size());
+    state = std::max(state, std::string_view(places::name(s.state)).size());
   }
   std::vector<std::string> lines;
-  lines.push_back(fmt::format("{:<{}}  {:>3}  {:<{}}  {:<17}  {:<18}  {:<18}  {:>9}", "bus", bus, "id", "slot", name, "type",
-                              "R_SN", "state", "since"));
+  lines.push_back(fmt::format("{:<{}}  {:>3}  {:<{}}  {:<17}  {:<16}  {:<{}}  {:>9}", "bus", bus, "id", "slot", name,
+                              "type", "R_SN", "state", state, "since"));
   for (const auto& s : slots) {
-    lines.push_back(fmt::format("{:<{}}  {:>3}  {:<{}}  {:<17}  {:<18}  {:<18}  {:>7.3f} s{}", s.bus, bus, s.id.value(),
-                                s.name, name, to_string(s.type),
-                                s.device ? fmt::format("{:016X}", s.device->r_sn().value()) : "-", places::name(s.state),
-                                seconds(s.since), s.reason.empty() ? "" : "  " + s.reason));
+    lines.push_back(
+        fmt::format("{:<{}}  {:>3}  {:<{}}  {:<17}  {:<16}  {:<{}}  {:>7.3f} s{}", s.bus, bus, s.id.value(), s.name,
+                    name, to_string(s.type), s.device ? fmt::format("{:016X}", s.device->r_sn().value()) : "-",
+                    places::name(s.state), state, seconds(s.since), s.reason.empty() ? "" : "  " + s.reason));
   }
   return lines;
 }

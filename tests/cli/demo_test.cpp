@@ -47,6 +47,9 @@ TEST(Demo, PrintsWhatTheReadmeShows) {
   int lines = 0;
   for (std::string line; std::getline(shown, line);) {
     if (line == "…") continue;
+    if (line.starts_with("field  ")) {
+      EXPECT_LE(line.size(), 80U) << "a terminal cuts off: " << line;
+    }
     const auto found = demo.out.find(line, at);
     ASSERT_NE(found, std::string::npos) << line << "\nis not printed, or not in this place, by\n" << demo.out;
     at = found + line.size();
