@@ -1,0 +1,101 @@
+// `berth plant`, and what `berth up` says when the plant is not as it should be. In one process after the other.
+#include <sys/wait.h>
+#include <unistd.h>
+
+#include <cstdio>
+#include <filesystem>
+#include <fstream>
+
+namespace berth {
+namespace {
+
+struct Outcome {
+  int status = -1;
+  std::string text;
+};
+
+// Both streams together.
+Outcome berth(const std::string& words) {
+  Outcome o;
+  std::FILE* const pipe = ::popen(("timeout 30 " BERTH_BINARY " " + words + " 2>&1").c_str(), "r");
+  if (pipe == nullptr) return o;
+  char buffer[512];
+  while (std::fgets(buffer, sizeof buffer, pipe) != nullptr) o.text += buffer;
+  const int status = ::pclose(pipe);
+  o.status = WIFEXITED(status) ? WEXITSTATUS(status) : -1;
+  return o;
+}
+
+class PlantCommand : public ::testing::Test {
+ protected:
+  PlantCommand() {
+    std::string pattern = (std::filesystem::temp_directory_path() / "berth-plant-XXXXXX").string();
+    if (::mkdtemp(pattern.data()) == nullptr) std::abort();
+    folder_ = pattern + "/";
+    std::ofstream(folder_ + "m.toml") << "[machine]\nname = \"m\"\n\n[bus.field]\nport = \"plant:" << folder_
+                                      << "s\"\nbitrate = 125_000\n\n[[slot]]\nbus = \"field\"\nid = 1\nname = \"s1\"\n"
+                                      << "type = { vendor = 1, product = 1 }\n";
+    std::ofstream(folder_ + "p.toml") << "[bus.field]\n\n[[device]]\nbus = \"field\"\nname = \"d\"\n"
+                                      << "type = { vendor = 1, product = 1, revision = 0 }\nserial = 5\n";
+  }
+  ~PlantCommand() override {
+    std::error_code ignored;
+    std::filesystem::remove_all(folder_, ignored);
+  }
+  std::string folder_;
+};
+
+TEST_F(PlantCommand, UpWithoutThePlantSaysHowToStartOne) {
+  const auto o = berth("up " + folder_ + "m.toml");
+  EXPECT_EQ(o.status, 3) << o.text;
+  EXPECT_NE(o.text.find("no plant listens there"), std::string::npos) << o.text;
+  EXPECT_NE(o.text.find("berth plant PLANT --listen " + folder_ + "s"), std::string::npos) << o.text;
+}
+
+TEST_F(PlantCommand, WhatNeedsAWorldOfItsOwnIsRefused) {
+  for (const std::string flag : {"--dry-run", "--fast", "--record x"}) {
+    const auto o = berth("up " + folder_ + "m.toml " + flag);
+    EXPECT_EQ(o.status, 2) << o.text;
+    EXPECT_NE(o.text.find("--sim PLANT"), std::string::npos) << o.text;
+  }
+}
+
+TEST_F(PlantCommand, ABusWithoutABitRateAndAMissingFileAreRefused) {
+  auto o = berth("plant " + folder_ + "p.toml --listen " + folder_ + "s");
+  EXPECT_EQ(o.status, 2) << o.text;
+  EXPECT_NE(o.text.find("bit rate"), std::string::npos) << o.text;
+  o = berth("plant " + folder_ + "none.toml --listen " + folder_ + "s");
+  EXPECT_EQ(o.status, 2) << o.text;
+  o = berth("plant " + folder_ + "p.toml --machine " + folder_ + "m.toml --listen " + folder_ + "no/such/folder");
+  EXPECT_EQ(o.status, 3) << o.text;
+  EXPECT_FALSE(std::filesystem::exists(folder_ + "s"));
+}
+
+// A machine of plant ports runs on a simulated world of this process too.
+TEST_F(PlantCommand, SimIsStrongerThanThePort) {
+  const auto o = berth("up " + folder_ + "m.toml --sim " + folder_ + "p.toml --until operational");
+  EXPECT_EQ(o.status, 0) << o.text;
+}
+
+TEST_F(PlantCommand, ThePlantRunsInRealTimeForAProcessAfterAnother) {
+  const std::string plant = "(timeout 25 " BERTH_BINARY " plant " + folder_ + "p.toml --machine " + folder_ +
+                            "m.toml --listen " + folder_ + "s >" + folder_ + "log 2>&1 & echo $! >" + folder_ + "pid)";
+  ASSERT_EQ(std::system(plant.c_str()), 0);
+  for (int i = 0; i < 2000 && !std::filesystem::exists(folder_ + "s"); ++i) ::usleep(5'000);
+  const std::string up = "up " + folder_ + "m.toml --control " + folder_ + "c --until operational --timeout 15";
+  auto o = berth(up);
+  EXPECT_EQ(o.status, 0) << o.text;
+  EXPECT_NE(o.text.find("s1: bound to 00000001-00000001-00000000-00000005 as node-ID 1"), std::string::npos) << o.text;
+  // The next knows nothing: it has no store, and finds a device with a node-ID of its own.
+  o = berth(up);
+  EXPECT_EQ(o.status, 0) << o.text;
+  // Another rate than the plant's.
+  ASSERT_EQ(std::system(("sed -i 's/125_000/250_000/' " + folder_ + "m.toml").c_str()), 0);
+  o = berth(up);
+  EXPECT_EQ(o.status, 3) << o.text;
+  EXPECT_NE(o.text.find("250000 bit/s, and the plant's runs at 125000"), std::string::npos) << o.text;
+  ASSERT_EQ(std::system(("kill $(cat " + folder_ + "pid)").c_str()), 0);
+}
+
+}  // namespace
+}  // namespace berth
