@@ -35,6 +35,7 @@ void operational_as_heard(const std::string& name, std::size_t slots, std::uint3
   const auto report = example.session().report();
   ASSERT_EQ(report.slots.size(), slots);
   for (const auto& slot : report.slots) EXPECT_EQ(slot.state, SlotState::operational) << slot.name;
+  for (const auto& event : report.events) EXPECT_FALSE(event.text.starts_with("failed")) << to_line(event);
   compare(trace.ear.table(), report.slots);
 }
 
