@@ -200,7 +200,16 @@ void Network::tell_once(const std::string& kind, const std::string& text) {
 }
 
 void Network::report_plan() {
-  for (const auto& oddity : plan_.oddities) tell_once(oddity.kind, oddity.text);
+  for (const auto& oddity : plan_.oddities) {
+    tell_once(oddity.kind, oddity.text);
+    if (oddity.kind != "clone") continue;
+    for (auto& seat : seats_) {
+      const auto device = seat->slot.record.device();
+      const bool own = device == oddity.device;
+      const bool waits = !device && places::fits(seat->slot.spec, oddity.device);
+      if (own || waits) set_state(*seat, SlotState::duplicate, oddity.text);
+    }
+  }
   for (const auto& question : plan_.questions) {
     tell_once("question", question.text);
     for (const auto i : question.slots) set_state(*seats_[i], SlotState::question, question.text);

@@ -146,6 +146,7 @@ class Network final : private co::HeartbeatConsumer::Observer,
   rt::Task<void> look_by_lss(Seat& seat);
   rt::Task<Result<NodeId>> active_id(LssAddress device);
   rt::Task<Result<NodeId>> ask_active_id(LssAddress device);
+  rt::Task<void> adopt_fixed(Seat& seat);
   rt::Task<void> verify_vacancy();
   rt::Task<void> ask_vacancy(NodeId id);
   rt::Task<void> scan_node(NodeId id, Seen& seen, co::SdoOptions patience);

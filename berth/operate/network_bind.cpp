@@ -68,7 +68,7 @@ rt::Task<void> Network::discover() {
   if (look_anew_ || waiting) {
     look_anew_ = false;
     anew_at_ = executor_->now() + 8 * bus_->timing.probe_period;
-    std::erase_if(found_, [&](const places::Found& f) { return seat_of(f.device) == nullptr; });
+    std::erase_if(found_, [&](const places::Found& f) { return f.clone || seat_of(f.device) == nullptr; });
     co_await tell_who_is_known();
   }
   const nodeid::DiscoveryOptions options = discovery_options();
@@ -119,6 +119,8 @@ rt::Task<void> Network::inquire_found(bool all) {
       const places::Found heard{f.device, *id, false};
       note_found(heard);
       co_await take_back(heard);
+    } else if (id.error().code == Errc::duplicate) {
+      note_found({f.device, f.active, true});
     } else if (seat == nullptr && id.error().code == Errc::timeout) {
       forget_found(f.device);  // it left
     }
@@ -153,6 +155,8 @@ rt::Task<void> Network::carry_out() {
     for (const auto& action : actions) {
       if (std::ranges::find(avoid_, action.device) != avoid_.end()) continue;
       const bool good = co_await act(action);
+      // A node-ID that was given up may be what somebody failed for.
+      if (good && action.kind == Action::Kind::blank) avoid_.clear();
       if (good) continue;
       avoid_.push_back(action.device);
       if (!inquired_all && !found_.empty()) {

@@ -30,14 +30,17 @@ bool Network::retry_due() {
     const bool asked = s->slot.record.asked.has_value();
     const bool silent = s->state == SlotState::absent && s->slot.record.confirmed;
     const bool waits = !s->slot.spec.optional && (s->state == SlotState::empty || s->state == SlotState::question);
-    return s->state == SlotState::failed || s->state == SlotState::power_cycle || asked || silent || waits;
+    const bool doubled = s->state == SlotState::duplicate;
+    return s->state == SlotState::failed || s->state == SlotState::power_cycle || asked || silent || waits || doubled;
   });
   if (!needs || executor_->now() < retry_at_) return false;
   retry_at_ = executor_->now() + 8 * bus_->timing.probe_period;
   look_anew_ = true;
   for (auto& seat : seats_) {
     if (seat->state == SlotState::failed && seat->there) set_state(*seat, SlotState::present, "trying again");
-    seat->ask_again = seat->state == SlotState::absent && seat->slot.record.confirmed && !seat->slot.record.asked;
+    const bool troubled = seat->state == SlotState::absent || seat->state == SlotState::duplicate;
+    seat->ask_again = troubled && seat->slot.record.confirmed && !seat->slot.record.asked;
+    if (seat->state == SlotState::duplicate && !seat->slot.record.device()) set_state(*seat, SlotState::empty, "looking again");
   }
   return true;
 }
@@ -45,11 +48,22 @@ bool Network::retry_due() {
 rt::Task<void> Network::round() {
   for (auto& seat : seats_) {
     const bool again = std::exchange(seat->ask_again, false);
+    const bool twins = again && seat->state == SlotState::duplicate;
+    if (twins) {
+      const LssAddress device = seat->slot.record.confirmed->device;
+      const auto id = co_await active_id(device);
+      const bool still = !id && id.error().code == Errc::duplicate;
+      if (still) continue;
+    }
     if (again) co_await ask_seat(*seat);
     const bool elsewhere = again && !seat->there;
     if (elsewhere) co_await look_by_lss(*seat);
   }
   if (bus_->role != design::Role::observer) {
+    for (auto& seat : seats_) {
+      const bool fixed = seat->slot.spec.assign == places::Assign::fixed && !seat->slot.record.device();
+      if (fixed) co_await adopt_fixed(*seat);
+    }
     co_await discover();
     co_await carry_out();
     speak();

@@ -119,15 +119,58 @@ rt::Task<Result<NodeId>> Network::active_id(LssAddress device) {
 rt::Task<Result<NodeId>> Network::ask_active_id(LssAddress device) {
   const auto quiet = co_await lss_.switch_global(lss::State::waiting);
   if (!quiet) co_return fail(quiet.error());
-  const auto selected = co_await lss_.switch_selective(device);
+  // The device of a slot that is there and answers RAND all the same may be another one with its address.
+  const Seat* const seat = seat_of(device);
+  lss::ServiceOptions patience = lss_.options().service;
+  patience.full_window = seat != nullptr && seat->there;
+  const auto selected = co_await lss_.switch_selective(device, patience);
   if (!selected) co_return fail(selected.error());
-  const auto reply = co_await lss_.inquire_node_id();
+  const auto reply = co_await lss_.inquire_node_id(patience);
+  const auto strange = [](const lss::Reply& r) { return r.answers > 1 || r.others > 0 || r.stale > 0 || r.differ; };
+  const bool doubtful = strange(*selected) || (reply && strange(*reply));
+  if (doubtful) {
+    places::Binder binder(services(), {});
+    const places::Outcome single = co_await binder.confirm_double(device);
+    if (single == places::Outcome::doubled) {
+      const auto calm = co_await lss_.switch_global(lss::State::waiting);
+      if (!calm) co_return fail(calm.error());
+      co_return fail(Errc::duplicate, "two devices answer to one LSS address");
+    }
+  }
   const auto released = co_await lss_.switch_global(lss::State::waiting);
   if (!reply) co_return fail(reply.error());
   if (!released) co_return fail(released.error());
   const auto id = NodeId::make(reply->byte());
   if (!id) co_return fail(Errc::mismatch, "the node-ID it told is none");
   co_return *id;
+}
+
+// A slot whose device gets its node-ID by switches, plug or firmware: whoever sits there with the right type is taken.
+// Nothing is written to it.
+rt::Task<void> Network::adopt_fixed(Seat& seat) {
+  co::SdoOptions patience = sdo_.options();
+  patience.timeout = bus_->timing.guard_timeout;
+  patience.retries = 1;
+  patience.abort_on_timeout = false;
+  const NodeId id = seat.id();
+  const auto type = co_await sdo_.read<std::uint32_t>(id, 0x1000, 0, patience);
+  if (!type) co_return;
+  const auto who = co_await places::Binder::read_identity(sdo_, id);
+  if (!who) co_return;
+  if (!places::fits(seat.slot.spec, *who)) {
+    set_state(seat, SlotState::wrong_type, fmt::format("device {} has its node-ID", to_string(*who)));
+    co_return;
+  }
+  const places::Seat wanted{*who, id};
+  const auto asked = store_->ask(seat.slot.record.slot, wanted, "found under its fixed node-ID");
+  const auto confirmed = asked ? store_->confirm(seat.slot.record.slot, wanted, "found under its fixed node-ID") : asked;
+  refresh(seat);
+  if (!confirmed) {
+    set_state(seat, SlotState::failed, "the slot table cannot be written: " + describe(confirmed.error()));
+    co_return;
+  }
+  tell("bound", seat.name(), fmt::format("{} sits there by its fixed node-ID {}", to_string(*who), id.value()));
+  co_await ask_seat(seat);
 }
 
 // All node-IDs that are about to be given, asked side by side: one time-out for all of them.

@@ -54,10 +54,13 @@ class Binder {
   /// Is this node-ID free for `device`? `ok`: nobody answers, or `device` itself does. `mismatch`: somebody else.
   [[nodiscard]] rt::Task<Outcome> vacant(NodeId id, const LssAddress& device);
 
+  /// Do two devices answer to this LSS address? `doubled`: at least twice in three looks (S1.22). Leaves the device in
+  /// configuration state.
+  [[nodiscard]] rt::Task<Outcome> confirm_double(const LssAddress& device);
+
  private:
   rt::Task<Outcome> perform(Binding& binding, SlotId slot, const std::string& reason);
   rt::Task<Outcome> select(const LssAddress& device);
-  rt::Task<Outcome> confirm_double(const LssAddress& device);
   rt::Task<Outcome> inquire(Binding& binding);
   rt::Task<Outcome> store();
   rt::Task<Outcome> release(const Binding& binding);

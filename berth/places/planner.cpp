@@ -112,6 +112,12 @@ class Planner {
                      [&](const Action& a, const Action& b) { return rank(a) < rank(b); });
   }
 
+  [[nodiscard]] bool fixed_slot_waits(const TypeCode& type) const {
+    return std::ranges::any_of(slots_, [&](const Slot& s) {
+      return s.spec.type == type && s.spec.assign != Assign::lss && !s.record.device();
+    });
+  }
+
   [[nodiscard]] unsigned rank(const Action& a) const {
     return a.kind == Action::Kind::blank ? 0U : slots_[a.slot].spec.id.value();
   }
@@ -141,6 +147,11 @@ class Planner {
       const bool known_type = std::ranges::any_of(slots_, [&](const Slot& s) { return s.spec.type == f.device.type(); });
       if (!known_type) {
         leave(f, "foreign", "is of a type that this machine has no slot for; take it off the bus, or add a slot");
+      } else if (fixed_slot_waits(f.device.type())) {
+        plan_.oddities.push_back({"fixed mismatch", f.device, f.active,
+                                  fmt::format("device {} is of a type whose slot expects a fixed node-ID, and does not have "
+                                              "it; set its switches, or put it into the right place",
+                                              to_string(f.device))});
       } else if (free.empty()) {
         leave(f, "surplus", "finds every slot of its type taken; take it off the bus, or `berth replace` a slot");
       } else {

@@ -269,3 +269,59 @@ TEST(Troubles, TheMastersPortComesBackFromBusOff) {
   EXPECT_FALSE(rig.port().status().bus_off);
   EXPECT_TRUE(heard(rig, "error"));
 }
+
+// S1.22: a blank twin of a device that runs is plugged in.
+TEST(Troubles, S1_22_ABlankTwinOfARunningDeviceIsNamed) {
+  auto plant = one_bus_plant(3);
+  auto& a = add_device(plant, "a", type_b, 7);
+  a.response = {200us, 3ms, 0, 0ms};
+  plant::PlantDevice twin = a;
+  twin.name = "twin";
+  twin.plugged = false;
+  plant.devices.push_back(twin);
+  Rig rig(slots_of({{5, type_b}}), plant);
+  rig.begin();
+  ASSERT_TRUE(rig.until_operational(20s)) << rig.log();
+  rig.device("twin").plug();
+  ASSERT_TRUE(rig.run_until([&] { return rig.state(5) == SlotState::duplicate; }, 20s)) << rig.log();
+  EXPECT_TRUE(heard(rig, "clone")) << rig.log();
+  rig.run_for(10s);
+  EXPECT_EQ(rig.state(5), SlotState::duplicate) << rig.log();
+  rig.device("twin").unplug();
+  ASSERT_TRUE(rig.until_operational(20s)) << rig.log();
+}
+
+// S1.36: node-IDs that came swapped are set right in one go, not after a pause.
+TEST(Troubles, S1_36_SwappedNodeIdsAreSetRightAtOnce) {
+  auto plant = one_bus_plant(1);
+  for (const unsigned id : {6U, 5U}) {
+    auto& d = add_device(plant, "d" + std::to_string(id), type_b, 11 - id);  // serial 5 came as 6, serial 6 as 5
+    d.source = plant::NodeIdSource::nonvolatile;
+    d.node_id = NodeId(static_cast<std::uint8_t>(id));
+  }
+  Rig rig(slots_of({{5, type_b}, {6, type_b}}), plant);
+  rig.begin();
+  ASSERT_TRUE(rig.until_operational(8s)) << rig.log();
+  EXPECT_EQ(rig.seats(), (Seats{{5, 5}, {6, 6}}));
+}
+
+// A device whose node-ID comes from switches is taken where it is and never written to.
+TEST(Troubles, FixedNodeIdsAreTakenAsTheyAre) {
+  auto machine = slots_of({{5, type_b}, {6, type_b}});
+  for (auto& slot : machine.slots) slot.spec.assign = places::Assign::fixed;
+  auto plant = one_bus_plant(1);
+  auto& right = add_device(plant, "right", type_b, 1);
+  right.source = plant::NodeIdSource::switches;
+  right.node_id = NodeId(5);
+  auto& wrong = add_device(plant, "wrong", type_b, 2);
+  wrong.source = plant::NodeIdSource::hard_coded;
+  wrong.node_id = NodeId(9);
+  Rig rig(machine, plant);
+  rig.begin();
+  rig.run_for(10s);
+  EXPECT_EQ(rig.state(5), SlotState::operational) << rig.log();
+  EXPECT_EQ(rig.state(6), SlotState::empty) << rig.log();
+  EXPECT_TRUE(heard(rig, "fixed mismatch")) << rig.log();
+  EXPECT_EQ(rig.device("wrong").truth().active, NodeId(9));
+  EXPECT_EQ(rig.device("right").truth().memory_writes + rig.device("wrong").truth().memory_writes, 0U);
+}
