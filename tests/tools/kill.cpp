@@ -17,7 +17,7 @@ struct Options {
   std::optional<int> scenario;
   std::optional<std::uint64_t> point;
   std::optional<std::uint64_t> again;
-  std::uint64_t pairs = 120;  // second kills tried for each scenario, about; 0 = every pair
+  std::uint64_t pairs = 300;  // second kills tried for each scenario, about; 0 = every pair
   unsigned workers = 2;
   bool show = false;
 };
