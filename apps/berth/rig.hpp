@@ -50,6 +50,8 @@ class Rig {
   [[nodiscard]] io::Loop* loop() noexcept { return loop_.get(); }
   /// Keeps the frames that Berth sends from now on.
   void record_sent(std::vector<Recorded>& into) { sent_ = &into; }
+  /// False when a line of `--record` could not be written.
+  [[nodiscard]] bool record_kept() noexcept { return !log_failed_ && (log_ == nullptr || std::fflush(log_) == 0); }
 
  private:
   class BusTap;
@@ -66,6 +68,7 @@ class Rig {
   plant::PlantFile plant_;
   std::vector<Recorded>* sent_ = nullptr;
   std::FILE* log_ = nullptr;
+  bool log_failed_ = false;
   std::string throw_away_;  // folder of a copied store
   std::unique_ptr<plant::World> world_;
   bool elsewhere_ = false;  // every bus is a plant's in another process

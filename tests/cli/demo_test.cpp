@@ -356,5 +356,11 @@ TEST_F(Up, ASecondRunOnOneStoreIsRefusedWithTheOwner) {
   EXPECT_EQ(berth({"up", machine, "--sim", plant, "--store", store}).status, 0) << "the lock went with its owner";
 }
 
+TEST(Demo, ARecordThatCannotBeWrittenIsAFailure) {
+  const Outcome full = berth({"demo", "--record", "/dev/full"});
+  EXPECT_EQ(full.status, 3) << full.out;
+  EXPECT_NE(full.err.find("/dev/full"), std::string::npos) << full.err;
+}
+
 }  // namespace
 }  // namespace berth::test
