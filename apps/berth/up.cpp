@@ -65,7 +65,8 @@ int bring_up(const Options& options, const Sources& sources) {
     print_line("");
     print_lines(operate::to_table(rig.session().slots()));
   }
-  if (!rig.record_kept()) return tell(failure(Exit::failed, options.record + ": the record could not be written"), false);
+  if (!rig.record_kept())
+    return tell(failure(Exit::failed, options.record + ": the record could not be written"), false);
   if (good) return Exit::done;
   screen.keep();
   if (!options.json) {

@@ -13,7 +13,8 @@ std::shared_ptr<const od::Description> description() {
   od::DescriptionBuilder b;
   b.variable(0x1000, {.name = "Device type", .access = Access::ro});
   b.variable(0x1001, {.name = "Error register", .type = DataType::unsigned8, .access = Access::ro});
-  b.variable(0x1008, {.name = "Manufacturer device name", .type = DataType::visible_string, .access = Access::constant});
+  b.variable(0x1008,
+             {.name = "Manufacturer device name", .type = DataType::visible_string, .access = Access::constant});
   b.variable(0x1014, {.name = "COB-ID EMCY", .initial = Literal::node_id_plus(0x80)});
   b.variable(0x1017, {.name = "Producer heartbeat time", .type = DataType::unsigned16});
   b.object(0x1018, od::ObjectCode::record, "Identity object");

@@ -1,5 +1,5 @@
-/// The master is a device like any other (CiA 302-2): a node-ID, an object dictionary, an SDO server and a heartbeat, on
-/// the same port as the manager's services.
+/// The master is a device like any other (CiA 302-2): a node-ID, an object dictionary, an SDO server and a heartbeat,
+/// on the same port as the manager's services.
 #pragma once
 
 #include <memory>

@@ -121,7 +121,8 @@ void Network::changed(const can::Status& status, rt::Time) noexcept {
     device_->power_off();
     vacancy_[bus_->master.value()].reset();
     look_anew_ = true;
-    tell("error", "", "this port is error-passive: is a wire loose, or another node at a wrong bit rate or with our node-ID?");
+    tell("error", "",
+         "this port is error-passive: is a wire loose, or another node at a wrong bit rate or with our node-ID?");
   }
   if (status.bus_off && !restart_.timed()) {
     tell("error", "", "this port is bus-off; it is started again in 1 s");
@@ -140,15 +141,16 @@ void Network::Restart::run() noexcept {
 std::vector<SlotReport> Network::report() const {
   std::vector<SlotReport> slots;
   for (const auto& seat : seats_) {
-    slots.push_back({bus_->name, seat->id(), seat->name(), seat->slot.spec.type, seat->slot.record.device(), seat->state,
-                     seat->since, seat->reason});
+    slots.push_back({bus_->name, seat->id(), seat->name(), seat->slot.spec.type, seat->slot.record.device(),
+                     seat->state, seat->since, seat->reason});
   }
   std::ranges::sort(slots, {}, &SlotReport::id);
   return slots;
 }
 
 bool Network::operational() const noexcept {
-  return std::ranges::all_of(seats_, [](const auto& s) { return s->slot.spec.optional || s->state == SlotState::operational; });
+  return std::ranges::all_of(seats_,
+                             [](const auto& s) { return s->slot.spec.optional || s->state == SlotState::operational; });
 }
 
 Network::Slots Network::slots() const {
@@ -175,7 +177,8 @@ Network::Seat* Network::seat_of(const LssAddress& device) noexcept {
 // ---- what is told ----
 
 void Network::tell(std::string kind, std::string slot, std::string text) {
-  if (observer_.event) observer_.event({executor_->now(), bus_->name, std::move(kind), std::move(slot), std::move(text)});
+  if (observer_.event)
+    observer_.event({executor_->now(), bus_->name, std::move(kind), std::move(slot), std::move(text)});
 }
 
 void Network::set_state(Seat& seat, SlotState state, std::string reason) {
@@ -183,7 +186,8 @@ void Network::set_state(Seat& seat, SlotState state, std::string reason) {
   if (seat.state != state) seat.since = executor_->now();
   seat.state = state;
   seat.reason = std::move(reason);
-  tell("state", seat.name(), seat.reason.empty() ? places::name(state) : fmt::format("{}: {}", places::name(state), seat.reason));
+  tell("state", seat.name(),
+       seat.reason.empty() ? places::name(state) : fmt::format("{}: {}", places::name(state), seat.reason));
 }
 
 void Network::reach(const char* milestone) {
@@ -247,9 +251,10 @@ void Network::heartbeat(const co::HeartbeatEvent& event, rt::Time at) noexcept {
 // A second answer to one SDO request: two devices hold this node-ID, or another SDO client is at work.
 void Network::surplus(NodeId node, const can::Frame&, rt::Time) noexcept {
   look_anew_ = true;
-  const std::string text = fmt::format("node {} answered one SDO request twice: two devices hold this node-ID, or another "
-                                       "SDO client is on the bus",
-                                       node.value());
+  const std::string text = fmt::format(
+      "node {} answered one SDO request twice: two devices hold this node-ID, or another "
+      "SDO client is on the bus",
+      node.value());
   tell_once("duplicate", text);
 }
 

@@ -1,5 +1,6 @@
-/// The main job on one bus: finds the devices, gives each the node-ID of its slot, checks it, starts it, watches it, and
-/// puts a replacement to work. One `Network` is one master on one port; `Session` has one for each bus of a machine.
+/// The main job on one bus: finds the devices, gives each the node-ID of its slot, checks it, starts it, watches it,
+/// and puts a replacement to work. One `Network` is one master on one port; `Session` has one for each bus of a
+/// machine.
 ///
 /// What it does, in this order, again and again while it runs:
 ///   1. opening: whoever an interrupted run left in LSS configuration state is taken out of it
@@ -38,8 +39,8 @@ namespace berth::operate {
 /// What a network tells its owner. Called from the executor; must not destroy the network.
 struct NetworkObserver {
   std::function<void(const Event&)> event = {};
-  /// "discovered": a discovery has found somebody; "bound": every slot that can be is bound, and one at least; "operational": every slot
-  /// that is not optional is operational. Each once.
+  /// "discovered": a discovery has found somebody; "bound": every slot that can be is bound, and one at least;
+  /// "operational": every slot that is not optional is operational. Each once.
   std::function<void(const std::string&)> milestone = {};
   /// Before each step of a binding: for displays and fault plans. May be empty.
   std::function<void(const places::Binding&)> before_step = {};
@@ -83,13 +84,13 @@ class Network final : private co::HeartbeatConsumer::Observer,
 
   // Commands of a person. They wait until the main job has nothing to do.
 
-  /// `berth replace SLOT`: forgets who sits in the slot and looks for a new device; `device` says which one it is and so
-  /// answers a question. Errors: `not_found` no such slot; `invalid` the slot's device is there and operational, or
+  /// `berth replace SLOT`: forgets who sits in the slot and looks for a new device; `device` says which one it is and
+  /// so answers a question. Errors: `not_found` no such slot; `invalid` the slot's device is there and operational, or
   /// `device` is not of the slot's type.
   Result<void> replace(const std::string& slot, std::optional<LssAddress> device);
 
-  /// A person sent this NMT command beside the main job, which then does not work against it: a node that was stopped or
-  /// made pre-operational stays so until it is started by a person or boots.
+  /// A person sent this NMT command beside the main job, which then does not work against it: a node that was stopped
+  /// or made pre-operational stays so until it is started by a person or boots.
   void commanded(co::NmtCommand command, co::NmtTarget target) noexcept;
 
   // The services, for single commands (`berth sdo`, `berth nmt`, `berth lss`). Whoever uses LSS or RAND takes the turn
@@ -105,12 +106,12 @@ class Network final : private co::HeartbeatConsumer::Observer,
 
   /// What a scan found at one node-ID, or without one.
   struct Seen {
-    NodeId id;                           ///< unconfigured: found by RAND, without a node-ID
-    std::optional<LssAddress> device;    ///< from 1018h, or from RAND
+    NodeId id;                                 ///< unconfigured: found by RAND, without a node-ID
+    std::optional<LssAddress> device;          ///< from 1018h, or from RAND
     std::optional<std::uint32_t> device_type;  ///< 1000h
-    std::optional<NmtState> state;       ///< from its error control messages
-    bool duplicate = false;              ///< more than one device answered under this node-ID or address
-    std::string slot;                    ///< the slot it belongs to, if any
+    std::optional<NmtState> state;             ///< from its error control messages
+    bool duplicate = false;                    ///< more than one device answered under this node-ID or address
+    std::string slot;                          ///< the slot it belongs to, if any
   };
   /// Who is on this bus: node-IDs 1..127 by SDO, devices without one by RAND. Changes nothing but the devices' RAND
   /// state. Waits for its turn.
@@ -208,7 +209,7 @@ class Network final : private co::HeartbeatConsumer::Observer,
   const design::Bus* bus_;
   can::Port* port_;
   Restart restart_;
-  bool speaks_ = false;                // the master's own device is on
+  bool speaks_ = false;  // the master's own device is on
   places::SlotStore* store_;
   NetworkObserver observer_;
   can::Dispatcher dispatcher_;
@@ -223,21 +224,21 @@ class Network final : private co::HeartbeatConsumer::Observer,
   places::VacancyTable vacancy_;
   std::vector<places::Found> found_;
   places::Plan plan_;
-  std::vector<LssAddress> avoid_;      // devices whose action failed in this round
-  std::vector<LssAddress> heard_of_;   // found by the last discovery
+  std::vector<LssAddress> avoid_;     // devices whose action failed in this round
+  std::vector<LssAddress> heard_of_;  // found by the last discovery
   std::vector<LssAddress> known_before_;
-  bool news_ = false;                  // the last discovery found somebody who was not told
-  std::vector<std::string> told_;      // oddities and questions already told
-  std::vector<std::string> reached_;   // milestones
+  bool news_ = false;                 // the last discovery found somebody who was not told
+  std::vector<std::string> told_;     // oddities and questions already told
+  std::vector<std::string> reached_;  // milestones
   rt::Mailbox<Wake, 512> wakes_;
   Phase phase_ = Phase::opening;
   rt::Time retry_at_{};
-  rt::Time anew_at_{};                 // the whole bus is not asked again before
+  rt::Time anew_at_{};  // the whole bus is not asked again before
   bool idle_ = false;
   bool running_ = false;
-  bool look_anew_ = true;              // the next look asks everybody, not only who is unknown
+  bool look_anew_ = true;  // the next look asks everybody, not only who is unknown
   rt::Turn turn_;
-  rt::Scope scope_;                    // last: its tasks use everything above
+  rt::Scope scope_;  // last: its tasks use everything above
 };
 
 }  // namespace berth::operate

@@ -88,19 +88,22 @@ void Network::found(const nodeid::Discovered& device) noexcept {
   heard_of_.push_back(device.address);
   if (std::ranges::find(known_before_, device.address) != known_before_.end()) return;
   news_ = true;
-  tell("found", "", fmt::format("found {}{}", to_string(device.address), device.possible_clone ? ", answered twice" : ""));
+  tell("found", "",
+       fmt::format("found {}{}", to_string(device.address), device.possible_clone ? ", answered twice" : ""));
 }
 
 void Network::tell_discovery(const nodeid::DiscoveryReport& report) {
   for (const auto& d : report.found) note_found({d.address, NodeId(), d.possible_clone});
   using End = nodeid::DiscoveryReport::End;
   if (report.end != End::complete) {
-    tell_once("error", fmt::format("discovery ended early: {}; a device answers that cannot be identified", name(report.end)));
+    tell_once("error",
+              fmt::format("discovery ended early: {}; a device answers that cannot be identified", name(report.end)));
   }
   if (report.found.empty()) return;
   if (news_) {
-    tell("step", "", fmt::format("discovery: {} found, {} requests, {:.3f} s", report.found.size(), report.requests,
-                                 seconds(report.ended) - seconds(report.began)));
+    tell("step", "",
+         fmt::format("discovery: {} found, {} requests, {:.3f} s", report.found.size(), report.requests,
+                     seconds(report.ended) - seconds(report.began)));
   }
   reach("discovered");
 }
@@ -131,7 +134,8 @@ rt::Task<void> Network::inquire_found(bool all) {
 rt::Task<void> Network::take_back(const places::Found& found) {
   const LssAddress device = found.device;
   Seat* const seat = seat_of(device);
-  const bool home = seat != nullptr && seat->slot.record.confirmed && !seat->slot.record.asked && found.active == seat->id();
+  const bool home =
+      seat != nullptr && seat->slot.record.confirmed && !seat->slot.record.asked && found.active == seat->id();
   if (!home) co_return;
   co_await ask_seat(*seat);
   if (seat->there) forget_found(device);
@@ -210,8 +214,9 @@ void Network::bound(Seat& seat, const Binding& binding) {
   seat.started = false;
   seat.waiting.reset();
   seat.checked = executor_->now();
-  tell("bound", seat.name(), fmt::format("bound to {} as node-ID {}{}", to_string(binding.seat().device),
-                                         seat.id().value(), binding.volatile_only() ? ", which it cannot store" : ""));
+  tell("bound", seat.name(),
+       fmt::format("bound to {} as node-ID {}{}", to_string(binding.seat().device), seat.id().value(),
+                   binding.volatile_only() ? ", which it cannot store" : ""));
   set_state(seat, SlotState::present);
 }
 

@@ -40,7 +40,8 @@ bool Network::retry_due() {
     if (seat->state == SlotState::failed && seat->there) set_state(*seat, SlotState::present, "trying again");
     const bool troubled = seat->state == SlotState::absent || seat->state == SlotState::duplicate;
     seat->ask_again = troubled && seat->slot.record.confirmed && !seat->slot.record.asked;
-    if (seat->state == SlotState::duplicate && !seat->slot.record.device()) set_state(*seat, SlotState::empty, "looking again");
+    if (seat->state == SlotState::duplicate && !seat->slot.record.device())
+      set_state(*seat, SlotState::empty, "looking again");
   }
   return true;
 }
@@ -111,9 +112,8 @@ rt::Task<void> Network::watch() {
       look = anybody;
     }
     const bool due = look || (look_anew_ && executor_->now() >= anew_at_) || retry_due();
-    const bool starts = std::ranges::any_of(seats_, [](const auto& s) {
-      return s->there && !s->started && s->state == SlotState::present;
-    });
+    const bool starts = std::ranges::any_of(
+        seats_, [](const auto& s) { return s->there && !s->started && s->state == SlotState::present; });
     if (due || starts) co_return;
     idle_ = wakes_.size() == 0;
   }
@@ -121,9 +121,8 @@ rt::Task<void> Network::watch() {
 
 // While a slot waits for its device, who comes is looked for more often: machine and devices are switched on together.
 rt::Duration Network::look_period() const noexcept {
-  const bool waits = std::ranges::any_of(seats_, [](const auto& s) {
-    return s->state == SlotState::empty && !s->slot.spec.optional;
-  });
+  const bool waits =
+      std::ranges::any_of(seats_, [](const auto& s) { return s->state == SlotState::empty && !s->slot.spec.optional; });
   return waits ? bus_->timing.probe_period / 8 : bus_->timing.probe_period;
 }
 
@@ -163,14 +162,16 @@ rt::Task<void> Network::handle(Wake wake) {
       break;
     case Wake::Kind::state: {
       const auto state = heartbeats_.state(seat->id());
-      const bool left = seat->there && seat->state == SlotState::operational && state && *state != NmtState::operational;
+      const bool left =
+          seat->there && seat->state == SlotState::operational && state && *state != NmtState::operational;
       if (!left) break;
       // Stopped is what somebody told it to be; pre-operational may be its answer to an error, and is started again.
       const bool stays = seat->held || *state == NmtState::stopped;
       seat->started = stays;
-      set_state(*seat, SlotState::present,
-                stays ? fmt::format("it was made {}; `berth nmt start {}` starts it", berth::name(*state), seat->id().value())
-                      : fmt::format("it left operational by itself: {}", berth::name(*state)));
+      set_state(
+          *seat, SlotState::present,
+          stays ? fmt::format("it was made {}; `berth nmt start {}` starts it", berth::name(*state), seat->id().value())
+                : fmt::format("it left operational by itself: {}", berth::name(*state)));
       break;
     }
     case Wake::Kind::look: break;

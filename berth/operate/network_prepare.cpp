@@ -56,9 +56,10 @@ rt::Task<void> Network::ask_seat(Seat& seat) {
   }
   seat.checked = executor_->now();
   if (!alive) {
-    set_state(seat, SlotState::absent, fmt::format("no heartbeat, SDO or guarding answer from node-ID {}; switch the device "
-                                                   "on, or `berth replace` it",
-                                                   id.value()));
+    set_state(seat, SlotState::absent,
+              fmt::format("no heartbeat, SDO or guarding answer from node-ID {}; switch the device "
+                          "on, or `berth replace` it",
+                          id.value()));
     co_return;
   }
   if (heard) state = boots_.state(id);
@@ -163,7 +164,8 @@ rt::Task<void> Network::adopt_fixed(Seat& seat) {
   }
   const places::Seat wanted{*who, id};
   const auto asked = store_->ask(seat.slot.record.slot, wanted, "found under its fixed node-ID");
-  const auto confirmed = asked ? store_->confirm(seat.slot.record.slot, wanted, "found under its fixed node-ID") : asked;
+  const auto confirmed =
+      asked ? store_->confirm(seat.slot.record.slot, wanted, "found under its fixed node-ID") : asked;
   refresh(seat);
   if (!confirmed) {
     set_state(seat, SlotState::failed, "the slot table cannot be written: " + describe(confirmed.error()));
@@ -243,7 +245,8 @@ rt::Task<Result<std::vector<Network::Seen>>> Network::scan() {
   const auto found = co_await rand_.discover(options);
   if (!found) co_return fail(found.error());
   for (const auto& d : found->found) {
-    const auto known = std::ranges::find(nodes, d.address, [](const Seen& s) { return s.device.value_or(LssAddress{}); });
+    const auto known =
+        std::ranges::find(nodes, d.address, [](const Seen& s) { return s.device.value_or(LssAddress{}); });
     if (known != nodes.end()) {
       known->duplicate = known->duplicate || d.possible_clone;
       continue;

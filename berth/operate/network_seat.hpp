@@ -12,17 +12,17 @@ struct Network::Seat {
   places::SlotState state = places::SlotState::unknown;
   rt::Time since{};
   std::string reason;
-  bool there = false;        ///< its device was identified under the slot's node-ID
-  bool started = false;      ///< NMT start was sent
-  bool awaited = false;      ///< NMT start was sent just now, and its heartbeat has not told yet
-  bool held = false;         ///< a person took it out of operational: it is not started again
-  bool ask_again = false;    ///< silent, and due to be asked once more
-  bool guarded = false;      ///< the device has no 1017h: it is asked by guarding
-  rt::Time checked{};        ///< when it was identified last
+  bool there = false;                      ///< its device was identified under the slot's node-ID
+  bool started = false;                    ///< NMT start was sent
+  bool awaited = false;                    ///< NMT start was sent just now, and its heartbeat has not told yet
+  bool held = false;                       ///< a person took it out of operational: it is not started again
+  bool ask_again = false;                  ///< silent, and due to be asked once more
+  bool guarded = false;                    ///< the device has no 1017h: it is asked by guarding
+  rt::Time checked{};                      ///< when it was identified last
   std::optional<places::Binding> waiting;  ///< bound but for a power cycle
-  std::uint64_t beats = 0;   ///< heartbeats heard when their rate was looked at last
+  std::uint64_t beats = 0;                 ///< heartbeats heard when their rate was looked at last
   rt::Time beats_at{};
-  unsigned fast = 0;         ///< looks in a row at which there were too many
+  unsigned fast = 0;  ///< looks in a row at which there were too many
 
   [[nodiscard]] const std::string& name() const noexcept { return slot.spec.name.name; }
   [[nodiscard]] NodeId id() const noexcept { return slot.spec.id; }

@@ -22,16 +22,17 @@ struct SlotReport {
   TypeCode type;
   std::optional<LssAddress> device;  ///< who is bound here, asked for or confirmed
   places::SlotState state = places::SlotState::unknown;
-  rt::Time since{};                  ///< since when it is in this state
-  std::string reason;                ///< for states that need one: what is wrong and what to do
+  rt::Time since{};    ///< since when it is in this state
+  std::string reason;  ///< for states that need one: what is wrong and what to do
 };
 
 /// One thing that happened. `kind` is one word of a fixed set, for programs; `text` is for people.
 struct Event {
   rt::Time at{};
   std::string bus;
-  std::string kind;   ///< "step", "found", "bound", "state", "question", "surplus", "foreign", "clone", "duplicate", "lost", "error", ...
-  std::string slot;   ///< name, empty when no slot is concerned
+  std::string kind;  ///< "step", "found", "bound", "state", "question", "surplus", "foreign", "clone", "duplicate",
+                     ///< "lost", "error", ...
+  std::string slot;  ///< name, empty when no slot is concerned
   std::string text;
 
   friend bool operator==(const Event&, const Event&) = default;

@@ -88,7 +88,7 @@ rt::Task<Outcome> Binder::vacant(NodeId id, const LssAddress& device) {
   if (!type && type.error().code == Errc::bus) co_return Outcome::error;
   if (!silent) {
     const auto who = co_await read_identity(s_.sdo, id);
-    co_return who && *who == device ? Outcome::ok : Outcome::mismatch;
+    co_return who&&* who == device ? Outcome::ok : Outcome::mismatch;
   }
   if (options_.use_guarding) {
     const auto guarded = co_await co::probe(s_.dispatcher, id, options_.guard_timeout, 1);

@@ -1,4 +1,5 @@
-/// Does the steps of a `Binding` on a bus. The table says what comes next (`berth/places/binding.hpp`); here is only how.
+/// Does the steps of a `Binding` on a bus. The table says what comes next (`berth/places/binding.hpp`); here is only
+/// how.
 #pragma once
 
 #include <array>
@@ -32,14 +33,14 @@ class Binder {
     VacancyTable& vacancy;
   };
   struct Options {
-    unsigned tries = 3;                                         ///< attempts before silence counts
-    rt::Duration boot_timeout = std::chrono::seconds(10);       ///< reset to boot-up message
+    unsigned tries = 3;                                    ///< attempts before silence counts
+    rt::Duration boot_timeout = std::chrono::seconds(10);  ///< reset to boot-up message
     rt::Duration guard_timeout = std::chrono::milliseconds(100);
     /// Least time between LSS requests once a device did not answer: one with a single-slot receive buffer loses the
     /// second of 40h..43h when they come back to back. Kept for the bus when it helped.
     rt::Duration slow_inhibit = std::chrono::milliseconds(10);
-    bool use_guarding = true;                                   ///< vacancy: ask by a remote frame too
-    std::function<void(const Binding&)> before_step;            ///< for displays and fault plans; may be empty
+    bool use_guarding = true;                         ///< vacancy: ask by a remote frame too
+    std::function<void(const Binding&)> before_step;  ///< for displays and fault plans; may be empty
   };
 
   Binder(const Services& services, const Options& options) : s_(services), options_(options) {}

@@ -83,12 +83,16 @@ void Binding::advance(Outcome outcome) noexcept {
   if (outcome == Outcome::error && !writes && !ended()) return fail(Why::bus_down);
   switch (step_) {
     case Step::check_vacant:
-      if (ok) step_ = Step::write_ask;
-      else fail(Why::occupied);
+      if (ok)
+        step_ = Step::write_ask;
+      else
+        fail(Why::occupied);
       break;
     case Step::write_ask:
-      if (ok) step_ = Step::select;
-      else fail(Why::store_failed);
+      if (ok)
+        step_ = Step::select;
+      else
+        fail(Why::store_failed);
       break;
     case Step::select:
     case Step::inquire:
@@ -103,15 +107,20 @@ void Binding::advance(Outcome outcome) noexcept {
     case Step::configure:
       untouched_ = untouched_ && outcome == Outcome::refused;
       touched_ = outcome != Outcome::refused;
-      if (ok) step_ = Step::store;
-      else if (outcome == Outcome::refused) give_up(Why::refused);
-      else again(Why::not_there);
+      if (ok)
+        step_ = Step::store;
+      else if (outcome == Outcome::refused)
+        give_up(Why::refused);
+      else
+        again(Why::not_there);
       break;
     case Step::store:
       stored_ = ok;
       volatile_only_ = outcome == Outcome::unsupported;
-      if (ok || volatile_only_) step_ = Step::release;
-      else again(Why::not_stored);
+      if (ok || volatile_only_)
+        step_ = Step::release;
+      else
+        again(Why::not_stored);
       break;
     case Step::revert:
       touched_ = false;
@@ -128,14 +137,18 @@ void Binding::advance(Outcome outcome) noexcept {
       }
       break;
     case Step::reset:
-      if (!ok) fail(Why::occupied);
-      else step_ = kind_ == Kind::bind ? Step::await_boot_up : Step::identify;
+      if (!ok)
+        fail(Why::occupied);
+      else
+        step_ = kind_ == Kind::bind ? Step::await_boot_up : Step::identify;
       break;
     case Step::await_boot_up: step_ = Step::identify; break;  // unheard or not, who is there now tells
     case Step::identify: advance_identify(outcome); break;
     case Step::write_confirm:
-      if (ok) step_ = Step::done;
-      else fail(Why::store_failed);
+      if (ok)
+        step_ = Step::done;
+      else
+        fail(Why::store_failed);
       break;
     case Step::done:
     case Step::power_cycle:

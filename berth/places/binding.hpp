@@ -16,12 +16,12 @@
 ///     revert         11h: the old one, when it goes wrong     any        select again, or release and give up
 ///
 /// Silence on the LSS side leads back to `select`, a bounded number of times: every step may be done twice without
-/// harm, so a restart after a crash simply begins again at `check_vacant`. A node-ID that is pending comes into use with
-/// the next 04h 00h, whoever that is meant for; so whatever leaves the table after `configure` passes `revert` first,
-/// and a start with unfinished work in the store begins with `11h FFh` to whoever was left in configuration.
-/// Why in this order: the intention is durable
-/// before the device can change, so that a node-ID that may be in somebody's memory is never given to another; and the
-/// device has stored before it can use the id, so that what was heard once is true after a power failure (S1.29, S1.53).
+/// harm, so a restart after a crash simply begins again at `check_vacant`. A node-ID that is pending comes into use
+/// with the next 04h 00h, whoever that is meant for; so whatever leaves the table after `configure` passes `revert`
+/// first, and a start with unfinished work in the store begins with `11h FFh` to whoever was left in configuration. Why
+/// in this order: the intention is durable before the device can change, so that a node-ID that may be in somebody's
+/// memory is never given to another; and the device has stored before it can use the id, so that what was heard once is
+/// true after a power failure (S1.29, S1.53).
 ///
 /// Taking a node-ID away (`Kind::blank`) walks the same table without `check_vacant` and `await_boot_up`; there
 /// `identify` asks by LSS whether the device has no node-ID now.

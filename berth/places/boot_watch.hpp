@@ -49,7 +49,9 @@ class BootWatch final : private can::Handler {
     rt::Time since_;
     rt::Time deadline_;
   };
-  [[nodiscard]] Wait wait(NodeId id, rt::Time since, rt::Time deadline) noexcept { return Wait(*this, id, since, deadline); }
+  [[nodiscard]] Wait wait(NodeId id, rt::Time since, rt::Time deadline) noexcept {
+    return Wait(*this, id, since, deadline);
+  }
 
  private:
   struct Node {

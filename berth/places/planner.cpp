@@ -69,8 +69,9 @@ class Planner {
           continue;
         }
         make_way(heard->device, spec.id);
-        bind(i, heard->device, heard->active.configured() ? fmt::format("it came with node-ID {}", heard->active.value())
-                                                          : "it came without its node-ID");
+        bind(i, heard->device,
+             heard->active.configured() ? fmt::format("it came with node-ID {}", heard->active.value())
+                                        : "it came without its node-ID");
       }
     }
   }
@@ -94,7 +95,8 @@ class Planner {
   void seat_new_devices() {
     std::map<TypeCode, Group> groups;
     for (std::size_t i = 0; i < slots_.size(); ++i) {
-      if (!slots_[i].record.device() && slots_[i].spec.assign == Assign::lss) groups[slots_[i].spec.type].free.push_back(i);
+      if (!slots_[i].record.device() && slots_[i].spec.assign == Assign::lss)
+        groups[slots_[i].spec.type].free.push_back(i);
     }
     for (const auto& f : found_) {
       if (seat_of(f.device) != nullptr) continue;
@@ -144,14 +146,16 @@ class Planner {
     std::erase_if(fresh, [&](const Found& f) {
       const bool wanted = std::ranges::any_of(free, [&](std::size_t i) { return fits(slots_[i].spec, f.device); });
       if (wanted) return false;
-      const bool known_type = std::ranges::any_of(slots_, [&](const Slot& s) { return s.spec.type == f.device.type(); });
+      const bool known_type =
+          std::ranges::any_of(slots_, [&](const Slot& s) { return s.spec.type == f.device.type(); });
       if (!known_type) {
         leave(f, "foreign", "is of a type that this machine has no slot for; take it off the bus, or add a slot");
       } else if (fixed_slot_waits(f.device.type())) {
-        plan_.oddities.push_back({"fixed mismatch", f.device, f.active,
-                                  fmt::format("device {} is of a type whose slot expects a fixed node-ID, and does not have "
-                                              "it; set its switches, or put it into the right place",
-                                              to_string(f.device))});
+        plan_.oddities.push_back(
+            {"fixed mismatch", f.device, f.active,
+             fmt::format("device {} is of a type whose slot expects a fixed node-ID, and does not have "
+                         "it; set its switches, or put it into the right place",
+                         to_string(f.device))});
       } else if (free.empty()) {
         leave(f, "surplus", "finds every slot of its type taken; take it off the bus, or `berth replace` a slot");
       } else {
@@ -161,7 +165,8 @@ class Planner {
     });
     if (fresh.empty()) return;
     const auto mode = slots_[free.front()].spec.when_ambiguous;
-    const bool one_by_one = mode == WhenAmbiguous::first_seen || (mode == WhenAmbiguous::one_at_a_time && fresh.size() == 1);
+    const bool one_by_one =
+        mode == WhenAmbiguous::first_seen || (mode == WhenAmbiguous::one_at_a_time && fresh.size() == 1);
     const bool in_order = fresh.size() == free.size() && all_fit(free, fresh);
     if (in_order || (one_by_one && fresh.size() <= free.size() && all_fit(free, fresh))) {
       for (std::size_t k = 0; k < fresh.size(); ++k) seat(free[k], fresh[k]);
@@ -188,10 +193,11 @@ class Planner {
     Question q;
     q.slots = free;
     for (const auto& f : fresh) q.devices.push_back(f.device);
-    q.text = fmt::format("{} new device{} of type {} and {} free slot{}: which belongs where? Plug in as many as there are "
-                         "slots, or name them with `berth replace SLOT --device ADDRESS`",
-                         fresh.size(), fresh.size() == 1 ? "" : "s", to_string(fresh.front().device.type()), free.size(),
-                         free.size() == 1 ? "" : "s");
+    q.text = fmt::format(
+        "{} new device{} of type {} and {} free slot{}: which belongs where? Plug in as many as there are "
+        "slots, or name them with `berth replace SLOT --device ADDRESS`",
+        fresh.size(), fresh.size() == 1 ? "" : "s", to_string(fresh.front().device.type()), free.size(),
+        free.size() == 1 ? "" : "s");
     for (const auto& f : fresh) keep_off_our_ids(f);
     plan_.questions.push_back(std::move(q));
   }

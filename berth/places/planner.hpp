@@ -29,7 +29,7 @@ struct Action {
   Kind kind = Kind::bind;
   std::size_t slot = 0;  ///< index into the slots given; meaningless for `blank`
   LssAddress device;
-  std::string reason;    ///< for the history
+  std::string reason;  ///< for the history
 };
 
 /// What only a person can answer: which of these devices belongs in which of these slots?
@@ -56,8 +56,9 @@ struct Plan {
 /// True when a device of this address may sit in this slot: rule 1 and the slot's revision rule.
 [[nodiscard]] bool fits(const SlotSpec& slot, const LssAddress& device) noexcept;
 
-/// Plans one bus. `slots` are the slots of that bus; `found` what discovery heard, registered devices included when they
-/// were heard at a node-ID that is not theirs; `unfinished_blanks` from the store; `master` is the master's node-ID.
+/// Plans one bus. `slots` are the slots of that bus; `found` what discovery heard, registered devices included when
+/// they were heard at a node-ID that is not theirs; `unfinished_blanks` from the store; `master` is the master's
+/// node-ID.
 [[nodiscard]] Plan plan(const std::vector<Slot>& slots, const std::vector<Found>& found,
                         const std::vector<LssAddress>& unfinished_blanks, NodeId master);
 

@@ -1,5 +1,5 @@
-/// The slot table: the papers' Node_Table (paper 1 §III, Table I; S1.28) made to last. A slot is a place of the machine;
-/// which type belongs there is written by a person, which device sits there is learnt and never forgotten.
+/// The slot table: the papers' Node_Table (paper 1 §III, Table I; S1.28) made to last. A slot is a place of the
+/// machine; which type belongs there is written by a person, which device sits there is learnt and never forgotten.
 #pragma once
 
 #include <cstdint>
@@ -49,7 +49,7 @@ struct SlotSpec {
   Replacement replacement = Replacement::ask;
   Assign assign = Assign::lss;
   bool optional = false;
-  std::string config;                     ///< file with the device's configuration, empty for none
+  std::string config;  ///< file with the device's configuration, empty for none
 };
 
 /// Who sits, or shall sit, where.
@@ -78,10 +78,10 @@ struct SlotRecord {
 
 /// One line of the history that is never rewritten.
 struct HistoryEntry {
-  std::int64_t sequence = 0;       ///< ascending over the whole store
-  std::int64_t stamp_ms = 0;       ///< given by the caller: Unix time, or bus time on a simulated bus
-  std::optional<SlotId> slot;      ///< none for what concerns a device alone
-  std::string event;               ///< "declared", "asked", "confirmed", "cleared", "blank asked", "blanked", or a note
+  std::int64_t sequence = 0;   ///< ascending over the whole store
+  std::int64_t stamp_ms = 0;   ///< given by the caller: Unix time, or bus time on a simulated bus
+  std::optional<SlotId> slot;  ///< none for what concerns a device alone
+  std::string event;           ///< "declared", "asked", "confirmed", "cleared", "blank asked", "blanked", or a note
   std::optional<LssAddress> device;
   NodeId id;
   std::string reason;

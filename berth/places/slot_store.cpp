@@ -43,7 +43,8 @@ Result<SlotId> MemoryStore::declare(const SlotName& name) {
 
 Result<std::vector<SlotRecord>> MemoryStore::load(std::string_view machine) {
   std::vector<SlotRecord> records;
-  std::ranges::copy_if(slots_, std::back_inserter(records), [&](const SlotRecord& r) { return r.name.machine == machine; });
+  std::ranges::copy_if(slots_, std::back_inserter(records),
+                       [&](const SlotRecord& r) { return r.name.machine == machine; });
   return records;
 }
 

@@ -1,4 +1,5 @@
-// Lengths against the vectors of Bosch's rules (facts page G.1, G.4), worked out by hand-checkable bit strings elsewhere.
+// Lengths against the vectors of Bosch's rules (facts page G.1, G.4), worked out by hand-checkable bit strings
+// elsewhere.
 #include "berth/can/length.hpp"
 
 #include "berth/base/random.hpp"
@@ -115,8 +116,8 @@ TEST(Length, NeverAboveTheReachableMost) {
   EXPECT_EQ(can::worst_case_bits(true, 8), 160U);
 }
 
-// G.4's table, over ALL frames of a kind: a walk over (bits so far, run of equal bits, CRC so far) that keeps the most and
-// the least stuff bits with which a state can be reached. No frame is left out and none is guessed.
+// G.4's table, over ALL frames of a kind: a walk over (bits so far, run of equal bits, CRC so far) that keeps the most
+// and the least stuff bits with which a state can be reached. No frame is left out and none is guessed.
 #pragma GCC optimize("O2")
 namespace {
 

@@ -196,8 +196,8 @@ TEST_F(Client, S15_ForeignAnswersAreIgnored) {
   EXPECT_EQ(*op.await_resume(), 0x00020192U);
 }
 
-// HC1.S15: the answer to a request that was given up comes while the next one is on its way. An answer outranks the next
-// request, so what is heard before the request's confirmation is not its answer.
+// HC1.S15: the answer to a request that was given up comes while the next one is on its way. An answer outranks the
+// next request, so what is heard before the request's confirmation is not its answer.
 TEST_F(Client, S15_LateAnswerOfTheSameObjectBeforeTheFence) {
   co::SdoOptions impatient = client.options();
   impatient.timeout = 20ms;

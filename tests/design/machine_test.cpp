@@ -124,7 +124,8 @@ deadline = "20 ms"
   EXPECT_EQ(m.slot("drives", NodeId(3)), nullptr);
 }
 
-// S1.2, S1.28: phase one, before any slave is there: Node_ID and Type_Code are fixed by the machine file; a table of the paper's form.
+// S1.2, S1.28: phase one, before any slave is there: Node_ID and Type_Code are fixed by the machine file; a table of
+// the paper's form.
 TEST(MachineFile, S1_28_NodeTableOfThePaper) {
   const auto result = load_machine(std::string(BERTH_SOURCE_DIR) + "/examples/five-slaves.toml");
   ASSERT_TRUE(result.machine) << to_string(result.findings.at(0));
@@ -267,12 +268,14 @@ TEST(MachineFile, AMissingFileIsAFinding) {
 }
 
 TEST(Port, EveryKind) {
-  for (const char* text : {"sim", "plant:/run/p.sock", "socketcan:can0", "slcan:/dev/ttyACM0", "socketcand://host:29536/can0"}) {
+  for (const char* text :
+       {"sim", "plant:/run/p.sock", "socketcan:can0", "slcan:/dev/ttyACM0", "socketcand://host:29536/can0"}) {
     const auto port = parse_port(text);
     ASSERT_TRUE(port) << text;
     EXPECT_EQ(to_string(*port), text);
   }
-  for (const char* text : {"", "can0", "socketcan:", "slcan:", "plant:", "socketcand://host", "socketcand:///can0", "sim:x"}) {
+  for (const char* text :
+       {"", "can0", "socketcan:", "slcan:", "plant:", "socketcand://host", "socketcand:///can0", "sim:x"}) {
     EXPECT_FALSE(parse_port(text)) << text;
   }
 }

@@ -47,7 +47,8 @@ inline plant::PlantFile one_bus_plant(std::uint64_t seed) {
   return p;
 }
 
-inline plant::PlantDevice& add_device(plant::PlantFile& p, const std::string& name, TypeCode type, std::uint32_t serial) {
+inline plant::PlantDevice& add_device(plant::PlantFile& p, const std::string& name, TypeCode type,
+                                      std::uint32_t serial) {
   plant::PlantDevice d;
   d.name = name;
   d.bus = "backbone";
@@ -142,7 +143,8 @@ class Rig {
   [[nodiscard]] std::string log() const {
     std::string text;
     for (const auto& e : events_) text += operate::to_line(e) + "\n";
-    for (const auto& line : network_ ? operate::to_table(network_->report()) : std::vector<std::string>{}) text += line + "\n";
+    for (const auto& line : network_ ? operate::to_table(network_->report()) : std::vector<std::string>{})
+      text += line + "\n";
     return text;
   }
 

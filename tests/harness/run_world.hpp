@@ -54,9 +54,11 @@ class DoubleWatch final : public plant::World::Observer {
       const auto o = other->truth();
       if (o.name == t.name || !o.powered || o.booting || o.active != t.active || o.address == t.address) continue;
       const auto lost = unreachable_.find(o.name);
-      const bool was_reachable = now - lives_[o.name].on > 3s && (lost == unreachable_.end() || now - lost->second > 4s);
+      const bool was_reachable =
+          now - lives_[o.name].on > 3s && (lost == unreachable_.end() || now - lost->second > 4s);
       if (!was_reachable) continue;
-      failure_ = "Berth gave node-ID " + std::to_string(t.active.value()) + " to " + t.name + " while " + o.name + " holds it";
+      failure_ =
+          "Berth gave node-ID " + std::to_string(t.active.value()) + " to " + t.name + " while " + o.name + " holds it";
     }
   }
   plant::World* world_;
@@ -118,14 +120,18 @@ class WorldRun {
       for (const auto& e : events_of(kind, plan_.plant, rig_.now().time_since_epoch(), random_)) {
         outcome_.events.push_back(e);
         const rt::Duration later = e.delay - rig_.now().time_since_epoch();
-        if (!e.device.empty()) watch_.disturbed(e.device);
-        else watch_.disturbed_all();
+        if (!e.device.empty())
+          watch_.disturbed(e.device);
+        else
+          watch_.disturbed_all();
         if (later <= 0ms) {
           rig_.world().perform(e);
         } else {
           rig_.world().sim().after(later, [this, e] {
-            if (!e.device.empty()) watch_.disturbed(e.device);
-            else watch_.disturbed_all();
+            if (!e.device.empty())
+              watch_.disturbed(e.device);
+            else
+              watch_.disturbed_all();
             rig_.world().perform(e);
           });
         }
@@ -135,7 +141,8 @@ class WorldRun {
 
   // Nothing goes wrong any more: what can become operational does so in bounded bus time.
   void ending() {
-    const bool cycles = std::ranges::any_of(plan_.plant.devices, [](const auto& d) { return d.power_cycle_after_store; });
+    const bool cycles =
+        std::ranges::any_of(plan_.plant.devices, [](const auto& d) { return d.power_cycle_after_store; });
     for (int round = 0; round < 6; ++round) {
       if (rig_.until_operational(15s)) break;
       if (!watch_.failure().empty()) return;

@@ -8,10 +8,22 @@
 
 namespace berth::harness {
 
-enum class FaultKind : std::uint8_t { overrun, overrun_master, disturb, twice, slow, deaf, reset, power, unplug, cut, count };
+enum class FaultKind : std::uint8_t {
+  overrun,
+  overrun_master,
+  disturb,
+  twice,
+  slow,
+  deaf,
+  reset,
+  power,
+  unplug,
+  cut,
+  count
+};
 inline const char* name(FaultKind k) {
-  constexpr const char* names[] = {"overrun", "overrun master", "disturb", "frame twice", "slow", "deaf", "reset",
-                                   "power loss", "unplug", "cable cut"};
+  constexpr const char* names[] = {"overrun", "overrun master", "disturb",    "frame twice", "slow",
+                                   "deaf",    "reset",          "power loss", "unplug",      "cable cut"};
   return names[static_cast<int>(k)];
 }
 inline constexpr int fault_kinds = static_cast<int>(FaultKind::count);
@@ -46,10 +58,10 @@ struct WorldPlan {
   design::Machine machine;
   plant::PlantFile plant;
   std::vector<PlannedFault> faults;
-  bool solvable = true;       // every slot has exactly one device that fits: the end must be operational
-  bool restarts = false;      // Berth is ended and begun again in the middle
+  bool solvable = true;   // every slot has exactly one device that fits: the end must be operational
+  bool restarts = false;  // Berth is ended and begun again in the middle
   rt::Duration restart_at{0};
-  bool perturbed = false;     // jobs of one instant in a drawn order
+  bool perturbed = false;  // jobs of one instant in a drawn order
 };
 
 class Planner {
@@ -96,7 +108,8 @@ class Planner {
     std::uint32_t serial = static_cast<std::uint32_t>(number);
     if (random_.below(3) == 0) serial = static_cast<std::uint32_t>(random_.next()) | 0x10000U;
     if (number == 1 && random_.below(10) == 0) serial = 0;
-    while (std::ranges::any_of(plan_.plant.devices, [&](const auto& d) { return d.address.serial == serial; })) ++serial;
+    while (std::ranges::any_of(plan_.plant.devices, [&](const auto& d) { return d.address.serial == serial; }))
+      ++serial;
     auto& d = add_device(plan_.plant, "d" + std::to_string(number), type, serial);
     d.response.min = between(0us, 3ms);
     d.response.max = d.response.min + between(0us, 5ms);
@@ -127,10 +140,10 @@ class Planner {
     if (random_.below(3) != 0) return;
     plan_.solvable = false;
     switch (random_.below(4)) {
-      case 0: device(types[random_.below(3)]); break;           // one too many, or of a type that has no slot
-      case 1: device({0x7777, 1}); break;                        // foreign
-      case 2: plan_.plant.devices.pop_back(); break;             // one missing
-      default: {                                                 // a clone
+      case 0: device(types[random_.below(3)]); break;  // one too many, or of a type that has no slot
+      case 1: device({0x7777, 1}); break;              // foreign
+      case 2: plan_.plant.devices.pop_back(); break;   // one missing
+      default: {                                       // a clone
         plant::PlantDevice twin = plan_.plant.devices.front();
         twin.name = "twin";
         plan_.plant.devices.push_back(twin);
@@ -152,7 +165,8 @@ class Planner {
     plan_.restarts = random_.below(2) == 0 ||
                      std::ranges::any_of(plan_.faults, [](const auto& f) { return f.column == Column::preparation; });
     // Preparation is for what an earlier run has bound.
-    const bool prepares = std::ranges::any_of(plan_.faults, [](const auto& f) { return f.column == Column::preparation; });
+    const bool prepares =
+        std::ranges::any_of(plan_.faults, [](const auto& f) { return f.column == Column::preparation; });
     plan_.restart_at = prepares ? between(4s, 9s) : between(500ms, 6s);
   }
 
@@ -165,7 +179,8 @@ class Planner {
 };
 
 // The fault as an event of the plant, now: explicit, so that it can be written down and replayed.
-inline std::vector<plant::PlantEvent> events_of(FaultKind kind, const plant::PlantFile& plant, rt::Duration now, Random& random) {
+inline std::vector<plant::PlantEvent> events_of(FaultKind kind, const plant::PlantFile& plant, rt::Duration now,
+                                                Random& random) {
   using plant::Action;
   std::vector<plant::PlantEvent> events;
   const std::string who = plant.devices.empty() ? "" : plant.devices[random.below(plant.devices.size())].name;
@@ -201,7 +216,8 @@ inline std::vector<plant::PlantEvent> events_of(FaultKind kind, const plant::Pla
       e.strike.from_end = true;
       e.strike.bit = 0;
       // Only the sender sees the last bit of end-of-frame wrong: everybody else has the frame, and gets it again.
-      e.nodes = random.below(2) == 0 ? std::vector<std::string>{std::string(plant::master_name)} : std::vector<std::string>{who};
+      e.nodes = random.below(2) == 0 ? std::vector<std::string>{std::string(plant::master_name)}
+                                     : std::vector<std::string>{who};
       e.strike.times = 2;
       break;
     }

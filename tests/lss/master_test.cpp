@@ -321,7 +321,8 @@ TEST(LssMaster, AWholeBusMovesToAnotherBitRate) {
   EXPECT_EQ(w.nodes[0]->memory.bit_rate, BitRateIndex::kbit_500);
 }
 
-// S1.37, S1.50: paper 1, Figures 7 and 10, as its text tells it. Written by hand; LSS frames have 8 bytes and base format (S1.47).
+// S1.37, S1.50: paper 1, Figures 7 and 10, as its text tells it. Written by hand; LSS frames have 8 bytes and base
+// format (S1.47).
 TEST(LssMaster, S1_50_Figure10ConfiguresTheFiveSlaves) {
   World w(50'000);
   const std::vector<LssAddress> slaves{

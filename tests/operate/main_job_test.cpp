@@ -6,7 +6,8 @@ using namespace berth::harness;
 using places::SlotState;
 using Seats = std::vector<std::pair<unsigned, std::uint32_t>>;
 
-// S1.1, S1.26, S1.38: one master, five slots, five slaves. Table I becomes Table II's first column, from blank devices to operational ones.
+// S1.1, S1.26, S1.38: one master, five slots, five slaves. Table I becomes Table II's first column, from blank devices
+// to operational ones.
 TEST(MainJob, S1_01_S1_38_FiveBlankSlavesBecomeTableTwo) {
   Rig rig(five_slots(), five_slaves());
   rig.begin();
@@ -28,7 +29,9 @@ TEST(MainJob, S1_51_S1_04_ReplacementEndsInTableTwo) {
   ASSERT_TRUE(rig.until_operational(60s)) << rig.log();
   rig.device("d2").unplug();
   rig.device("d4").unplug();
-  ASSERT_TRUE(rig.run_until([&] { return rig.state(2) == SlotState::absent && rig.state(4) == SlotState::absent; }, 20s)) << rig.log();
+  ASSERT_TRUE(
+      rig.run_until([&] { return rig.state(2) == SlotState::absent && rig.state(4) == SlotState::absent; }, 20s))
+      << rig.log();
   rig.device("new15").plug();
   rig.device("new18").plug();
   rig.run_for(5s);

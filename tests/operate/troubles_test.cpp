@@ -236,7 +236,8 @@ TEST(Troubles, NmtCommandsOfAPersonStand) {
   EXPECT_EQ(rig.state(3), SlotState::operational) << rig.log();
 }
 
-// S1.36: the device has the master's own node-ID, and there is nobody else who could acknowledge: seed 6827 of ./run faults.
+// S1.36: the device has the master's own node-ID, and there is nobody else who could acknowledge: seed 6827 of ./run
+// faults.
 TEST(Troubles, S1_36_ADeviceWithTheMastersNodeId) {
   auto plant = one_bus_plant(1);
   auto& a = add_device(plant, "a", type_b, 7);

@@ -25,12 +25,12 @@ struct Device {
 
 struct State {
   Device devices[2];
-  int asked[2] = {-1, -1};      // which device, per slot
+  int asked[2] = {-1, -1};  // which device, per slot
   int confirmed[2] = {-1, -1};
   bool blank_asked[2] = {false, false};
   std::optional<Binding> work;
   std::size_t slot = 0;
-  bool quiet = false;           // this run of Berth has sent its opening 11 FF, 04 00
+  bool quiet = false;              // this run of Berth has sent its opening 11 FF, 04 00
   bool heard[2] = {false, false};  // a boot-up under slot i's id since its vacancy was checked
   int faults = 0;
 
@@ -43,7 +43,8 @@ struct State {
       put(d.pending.value());
       put(d.active.value());
     }
-    for (int i = 0; i < 2; ++i) put(static_cast<unsigned>((asked[i] + 1) * 16 + (confirmed[i] + 1) * 4 + blank_asked[i] * 2 + heard[i]));
+    for (int i = 0; i < 2; ++i)
+      put(static_cast<unsigned>((asked[i] + 1) * 16 + (confirmed[i] + 1) * 4 + blank_asked[i] * 2 + heard[i]));
     put(static_cast<unsigned>(quiet * 16 + faults));
     if (work) {
       put(1U + static_cast<unsigned>(work->kind()));
@@ -127,7 +128,8 @@ bool begin_next(State& s) {
     if (!s.devices[index_of(a.device)].powered) continue;
     const bool bind = a.kind == Action::Kind::bind;
     s.slot = a.slot;
-    s.work.emplace(bind ? Binding::Kind::bind : Binding::Kind::blank, Seat{a.device, bind ? slot_id[a.slot] : NodeId()}, 2);
+    s.work.emplace(bind ? Binding::Kind::bind : Binding::Kind::blank, Seat{a.device, bind ? slot_id[a.slot] : NodeId()},
+                   2);
     return true;
   }
   return false;
@@ -146,8 +148,10 @@ Outcome effect(State& s) {
       }
       return Outcome::ok;
     case Step::write_ask:
-      if (bind) s.asked[s.slot] = who;
-      else s.blank_asked[who] = true;
+      if (bind)
+        s.asked[s.slot] = who;
+      else
+        s.blank_asked[who] = true;
       return Outcome::ok;
     case Step::select:
       switch_global_waiting(s);
@@ -190,7 +194,8 @@ Outcome effect(State& s) {
         return d.active.configured() ? Outcome::mismatch : Outcome::ok;
       }
       bool other = false;
-      for (int i = 0; i < 2; ++i) other = other || (i != who && s.devices[i].powered && s.devices[i].active == w.seat().id);
+      for (int i = 0; i < 2; ++i)
+        other = other || (i != who && s.devices[i].powered && s.devices[i].active == w.seat().id);
       if (other) return Outcome::mismatch;
       return d.powered && d.active == w.seat().id ? Outcome::ok : Outcome::silent;
     }
@@ -263,9 +268,9 @@ bool finishes(State s, std::unordered_map<std::string, bool>& known) {
 
 struct Explored {
   std::size_t states = 0;
-  std::size_t caused = 0;    // Berth made two devices hold one node-ID
-  std::size_t stuck = 0;     // no way to the end
-  std::size_t two_seats = 0; // one device in two slots
+  std::size_t caused = 0;     // Berth made two devices hold one node-ID
+  std::size_t stuck = 0;      // no way to the end
+  std::size_t two_seats = 0;  // one device in two slots
   std::string example;
 };
 
@@ -312,7 +317,8 @@ Explored explore(const State& start, int budget) {
       State died = next;  // dies after the effect, before it knew
       crash(died);
       by_berth(s, died);
-      const bool on_lss = step == Step::select || step == Step::inquire || step == Step::configure || step == Step::store;
+      const bool on_lss =
+          step == Step::select || step == Step::inquire || step == Step::configure || step == Step::store;
       const bool answered = on_lss || step == Step::identify;
       if (answered) {  // the answer is lost
         next.work = s.work;
@@ -371,7 +377,9 @@ void expect_sound(const State& start, int budget, const char* what) {
 }  // namespace
 
 // S1.53
-TEST(BindingModel, S1_53_BlankDevicesThroughEveryCrashAndLoss) { expect_sound(with_ids(NodeId(), NodeId()), 6, "both blank"); }
+TEST(BindingModel, S1_53_BlankDevicesThroughEveryCrashAndLoss) {
+  expect_sound(with_ids(NodeId(), NodeId()), 6, "both blank");
+}
 
 // S1.36: they come with node-IDs of another plant, right, wrong, swapped and equal.
 TEST(BindingModel, S1_36_DevicesThatComeWithNodeIds) {
@@ -379,8 +387,8 @@ TEST(BindingModel, S1_36_DevicesThatComeWithNodeIds) {
   const NodeId one(1);
   const NodeId two(2);
   const NodeId far(77);
-  const std::pair<NodeId, NodeId> starts[] = {{one, two}, {two, one}, {one, one}, {two, two}, {none, one},
-                                              {two, none}, {far, one}, {far, far}};
+  const std::pair<NodeId, NodeId> starts[] = {{one, two},  {two, one},  {one, one}, {two, two},
+                                              {none, one}, {two, none}, {far, one}, {far, far}};
   for (const auto& [a, b] : starts) {
     const auto what = std::to_string(a.value()) + " and " + std::to_string(b.value());
     expect_sound(with_ids(a, b), 5, what.c_str());

@@ -46,7 +46,8 @@ std::vector<Found> blank(const std::vector<LssAddress>& devices) {
 // S1.32: sorted ascending, each goes to the first free row of its type, in whatever order they were found.
 TEST(Planner, S1_27_S1_28_S1_38_TableOneBecomesTableTwo) {
   const auto slots = table_1();
-  const auto p = plan(slots, blank({device(B, 7), device(A, 0x0A), device(B, 5), device(C, 8), device(B, 6)}), {}, master);
+  const auto p =
+      plan(slots, blank({device(B, 7), device(A, 0x0A), device(B, 5), device(C, 8), device(B, 6)}), {}, master);
   EXPECT_EQ(seats(slots, p), (std::map<unsigned, std::uint32_t>{{1, 0x0A}, {2, 5}, {3, 8}, {4, 6}, {5, 7}}));
   EXPECT_TRUE(p.questions.empty());
   EXPECT_TRUE(p.oddities.empty());
@@ -172,9 +173,10 @@ RC_GTEST_PROP(Planner, NeverTwoInOneSlotNorOneInTwo, ()) {
   std::vector<Slot> slots;
   for (int i = 0; i < n; ++i) {
     auto s = slot(static_cast<unsigned>(i) + 1, *rc::gen::element(A, B));
-    s.spec.when_ambiguous = *rc::gen::element(WhenAmbiguous::ask, WhenAmbiguous::ascending, WhenAmbiguous::one_at_a_time,
-                                              WhenAmbiguous::first_seen);
-    if (*rc::gen::inRange(0, 3) == 0) s.record.confirmed = Seat{device(s.spec.type, 1000U + static_cast<unsigned>(i)), s.spec.id};
+    s.spec.when_ambiguous = *rc::gen::element(WhenAmbiguous::ask, WhenAmbiguous::ascending,
+                                              WhenAmbiguous::one_at_a_time, WhenAmbiguous::first_seen);
+    if (*rc::gen::inRange(0, 3) == 0)
+      s.record.confirmed = Seat{device(s.spec.type, 1000U + static_cast<unsigned>(i)), s.spec.id};
     slots.push_back(s);
   }
   std::vector<Found> found;

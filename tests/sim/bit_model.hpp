@@ -35,12 +35,24 @@ Reading read(const std::vector<char>& dominant);
 struct Event {
   std::int64_t end;  ///< bit that follows the frame's last one
   int node;
-  bool sent;         ///< else received
+  bool sent;  ///< else received
   Frame frame;
   friend bool operator==(const Event&, const Event&) = default;
 };
 
-enum class Doing { idle, transmitting, receiving, flag, passive_flag, overload_flag, waiting, delimiting, intermission, suspended, off };
+enum class Doing {
+  idle,
+  transmitting,
+  receiving,
+  flag,
+  passive_flag,
+  overload_flag,
+  waiting,
+  delimiting,
+  intermission,
+  suspended,
+  off
+};
 
 struct Node {
   unsigned tec = 0;
@@ -57,10 +69,10 @@ struct Node {
   bool was_transmitter = false;  // of the frame that this belongs to
   Wire wire;                     // what it transmits
   std::size_t at = 0;
-  std::size_t chosen = 0;        // of the queue
-  std::vector<char> history;     // bits since start of frame, as it saw them
+  std::size_t chosen = 0;     // of the queue
+  std::vector<char> history;  // bits since start of frame, as it saw them
   Reading reading;
-  bool after_error = false;      // else after an overload flag
+  bool after_error = false;  // else after an overload flag
   unsigned dominant_after = 0;
   bool ack_error_pending = false;
   bool last_level = false;

@@ -1,5 +1,5 @@
-// A node that is taken off in the middle of its frame and another that comes at the same instant: a process that is ended
-// and begun again. The bus must go on.
+// A node that is taken off in the middle of its frame and another that comes at the same instant: a process that is
+// ended and begun again. The bus must go on.
 #include "berth/can/dispatcher.hpp"
 #include "berth/sim/world.hpp"
 

@@ -66,8 +66,9 @@ std::string machine_text(const design::Machine& m) {
       << "\nmaster_id = " << unsigned{bus.master.value()} << "\n\n[timing]\n"
       << "rand_response = \"" << ms(bus.timing.rand_response) << "\"\nboot_timeout = \"" << ms(bus.timing.boot_timeout)
       << "\"\nheartbeat_period = \"" << ms(bus.timing.heartbeat_period) << "\"\nheartbeat_timeout = \""
-      << ms(bus.timing.heartbeat_timeout) << "\"\nprobe_period = \"" << ms(bus.timing.probe_period) << "\"\nsdo_timeout = \""
-      << ms(bus.timing.sdo_timeout) << "\"\nstore_timeout = \"" << ms(bus.timing.store_timeout) << "\"\n";
+      << ms(bus.timing.heartbeat_timeout) << "\"\nprobe_period = \"" << ms(bus.timing.probe_period)
+      << "\"\nsdo_timeout = \"" << ms(bus.timing.sdo_timeout) << "\"\nstore_timeout = \""
+      << ms(bus.timing.store_timeout) << "\"\n";
   for (const auto& s : m.slots) {
     out << "\n[[slot]]\nbus = \"backbone\"\nid = " << unsigned{s.spec.id.value()} << "\nname = \"" << s.spec.name.name
         << "\"\ntype = { vendor = " << s.spec.type.vendor << ", product = " << s.spec.type.product << " }\n";
@@ -85,7 +86,8 @@ void report_failure(const WorldPlan& plan, const Outcome& outcome, bool show) {
   std::filesystem::create_directories("build/faults");
   const std::string stem = "build/faults/seed-" + std::to_string(plan.seed);
   std::ofstream(stem + ".toml") << machine_text(small.machine);
-  std::ofstream(stem + ".plant.toml") << plant::write_plant(file, "seed " + std::to_string(plan.seed) + ": " + again.failure);
+  std::ofstream(stem + ".plant.toml") << plant::write_plant(file,
+                                                            "seed " + std::to_string(plan.seed) + ": " + again.failure);
   std::printf("  shrunk: %s; %zu slots, %zu devices, %zu faults\n  replay: berth up %s.toml --sim %s.plant.toml\n",
               again.failure.c_str(), small.machine.slots.size(), small.plant.devices.size(), small.faults.size(),
               stem.c_str(), stem.c_str());
@@ -180,10 +182,14 @@ int main(int argc, char** argv) {
   Options o;
   for (int i = 1; i < argc; ++i) {
     const auto value = [&] { return i + 1 < argc ? std::strtoull(argv[++i], nullptr, 0) : 0ULL; };
-    if (std::strcmp(argv[i], "--from") == 0) o.from = value();
-    else if (std::strcmp(argv[i], "--count") == 0) o.count = value();
-    else if (std::strcmp(argv[i], "--workers") == 0) o.workers = static_cast<unsigned>(value());
-    else if (std::strcmp(argv[i], "--show") == 0) o.show = true;
+    if (std::strcmp(argv[i], "--from") == 0)
+      o.from = value();
+    else if (std::strcmp(argv[i], "--count") == 0)
+      o.count = value();
+    else if (std::strcmp(argv[i], "--workers") == 0)
+      o.workers = static_cast<unsigned>(value());
+    else if (std::strcmp(argv[i], "--show") == 0)
+      o.show = true;
     else {
       std::fprintf(stderr, "usage: faults [--from SEED] [--count N] [--workers N] [--show]\n");
       return 2;
@@ -193,9 +199,10 @@ int main(int argc, char** argv) {
   o.complete = o.count >= 2000;
   const Tally t = o.workers == 1 ? work(o, 0) : work_side_by_side(o);
   const bool enough = print_matrix(t, o.complete);
-  std::printf("%llu worlds, each run twice, from seed %llu; %llu of them must end operational; %llu differed; %llu failed\n",
-              static_cast<unsigned long long>(t.runs), static_cast<unsigned long long>(o.from),
-              static_cast<unsigned long long>(t.solvable), static_cast<unsigned long long>(t.differ),
-              static_cast<unsigned long long>(t.failures));
+  std::printf(
+      "%llu worlds, each run twice, from seed %llu; %llu of them must end operational; %llu differed; %llu failed\n",
+      static_cast<unsigned long long>(t.runs), static_cast<unsigned long long>(o.from),
+      static_cast<unsigned long long>(t.solvable), static_cast<unsigned long long>(t.differ),
+      static_cast<unsigned long long>(t.failures));
   return t.failures == 0 && t.differ == 0 && enough && t.runs > 0 ? 0 : 1;
 }
