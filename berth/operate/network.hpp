@@ -167,6 +167,7 @@ class Network final : private co::HeartbeatConsumer::Observer,
   void not_bound(Seat& seat, const places::Binding& binding);
   void forget_found(const LssAddress& device);
   void note_found(const places::Found& found);
+  void free_absent_slots();
   void tell_discovery(const nodeid::DiscoveryReport& report);
 
   // network.cpp: state and reports

@@ -143,6 +143,34 @@ rt::Task<void> Network::take_back(const places::Found& found) {
 
 // ---- binding ----
 
+// A device that was gone before this Berth began to watch: its slot is freed only when as many new devices of its type
+// are there as such slots, so that a machine whose devices boot slowly keeps its bindings.
+void Network::free_absent_slots() {
+  const auto freed = [](const Seat& s) {
+    return s.state == SlotState::absent && s.slot.spec.replacement == places::Replacement::automatic &&
+           s.slot.record.confirmed && !s.slot.record.asked;
+  };
+  for (const auto& seat : seats_) {
+    if (!freed(*seat)) continue;
+    const TypeCode type = seat->slot.spec.type;
+    const auto slots =
+        std::ranges::count_if(seats_, [&](const auto& s) { return freed(*s) && s->slot.spec.type == type; });
+    const auto devices = std::ranges::count_if(found_, [&](const places::Found& f) {
+      return !f.clone && f.device.type() == type && seat_of(f.device) == nullptr;
+    });
+    if (slots != devices) continue;
+    std::vector<Seat*> group;
+    for (const auto& each : seats_) {
+      if (freed(*each) && each->slot.spec.type == type) group.push_back(each.get());
+    }
+    for (Seat* each : group) {
+      const auto cleared =
+          clear_seat(*each, "it is silent, a new device is there, and the machine file says replacement = \"auto\"");
+      if (!cleared) tell("error", each->name(), describe(cleared.error()));
+    }
+  }
+}
+
 rt::Task<void> Network::carry_out() {
   phase_ = Phase::binding;
   avoid_.clear();
@@ -150,6 +178,7 @@ rt::Task<void> Network::carry_out() {
   make_plan();
   if (!found_.empty()) {
     co_await inquire_found(false);
+    free_absent_slots();
     make_plan();
   }
   for (;;) {

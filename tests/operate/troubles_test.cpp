@@ -326,3 +326,24 @@ TEST(Troubles, FixedNodeIdsAreTakenAsTheyAre) {
   EXPECT_EQ(rig.device("wrong").truth().active, NodeId(9));
   EXPECT_EQ(rig.device("right").truth().memory_writes + rig.device("wrong").truth().memory_writes, 0U);
 }
+
+// The device left while no Berth was watching.
+TEST(Troubles, ReplacementAutomaticAfterARestart) {
+  auto machine = slots_of({{5, type_b}});
+  machine.slots[0].spec.replacement = places::Replacement::automatic;
+  auto plant = one_bus_plant(1);
+  add_device(plant, "old", type_b, 1);
+  add_device(plant, "new", type_b, 2).plugged = false;
+  Rig rig(machine, plant);
+  rig.begin();
+  ASSERT_TRUE(rig.until_operational(20s));
+  rig.kill();
+  rig.device("old").unplug();
+  rig.run_for(1s);
+  rig.begin();
+  rig.run_for(10s);
+  EXPECT_EQ(rig.state(5), SlotState::absent) << "nothing has come yet: the binding stays\n" << rig.log();
+  rig.device("new").plug();
+  ASSERT_TRUE(rig.until_operational(30s)) << rig.log();
+  EXPECT_EQ(rig.seats(), (Seats{{5, 2}}));
+}
