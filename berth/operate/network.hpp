@@ -142,6 +142,7 @@ class Network final : private co::HeartbeatConsumer::Observer,
   rt::Task<void> handle(Wake wake);
   rt::Task<void> came_back(Seat& seat, rt::Time booted);
   // network_prepare.cpp: who is there
+  [[nodiscard]] co::SdoOptions asking(unsigned retries) const;
   rt::Task<void> prepare();
   rt::Task<void> ask_seat(Seat& seat);
   rt::Task<void> look_by_lss(Seat& seat);

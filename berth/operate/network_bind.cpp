@@ -153,16 +153,14 @@ void Network::free_absent_slots() {
   for (const auto& seat : seats_) {
     if (!freed(*seat)) continue;
     const TypeCode type = seat->slot.spec.type;
-    const auto slots =
-        std::ranges::count_if(seats_, [&](const auto& s) { return freed(*s) && s->slot.spec.type == type; });
-    const auto devices = std::ranges::count_if(found_, [&](const places::Found& f) {
-      return !f.clone && f.device.type() == type && seat_of(f.device) == nullptr;
-    });
-    if (slots != devices) continue;
     std::vector<Seat*> group;
     for (const auto& each : seats_) {
       if (freed(*each) && each->slot.spec.type == type) group.push_back(each.get());
     }
+    const auto devices = std::ranges::count_if(found_, [&](const places::Found& f) {
+      return !f.clone && f.device.type() == type && seat_of(f.device) == nullptr;
+    });
+    if (std::ssize(group) != devices) continue;
     for (Seat* each : group) {
       const auto cleared =
           clear_seat(*each, "it is silent, a new device is there, and the machine file says replacement = \"auto\"");

@@ -10,6 +10,15 @@ namespace berth::operate {
 
 using places::SlotState;
 
+// To ask whether anybody is there: silence is the expected answer, so it is not waited for long nor aborted.
+co::SdoOptions Network::asking(unsigned retries) const {
+  co::SdoOptions patience = sdo_.options();
+  patience.timeout = bus_->timing.guard_timeout;
+  patience.retries = retries;
+  patience.abort_on_timeout = false;
+  return patience;
+}
+
 // A running machine is not disturbed: first its heartbeats are heard, and only who is silent is asked.
 rt::Task<void> Network::prepare() {
   const bool any = std::ranges::any_of(seats_, [](const auto& s) { return s->slot.record.confirmed.has_value(); });
@@ -149,10 +158,7 @@ rt::Task<Result<NodeId>> Network::ask_active_id(LssAddress device) {
 // A slot whose device gets its node-ID by switches, plug or firmware: whoever sits there with the right type is taken.
 // Nothing is written to it.
 rt::Task<void> Network::adopt_fixed(Seat& seat) {
-  co::SdoOptions patience = sdo_.options();
-  patience.timeout = bus_->timing.guard_timeout;
-  patience.retries = 1;
-  patience.abort_on_timeout = false;
+  const co::SdoOptions patience = asking(1);
   const NodeId id = seat.id();
   const auto type = co_await sdo_.read<std::uint32_t>(id, 0x1000, 0, patience);
   if (!type) co_return;
@@ -192,10 +198,7 @@ rt::Task<void> Network::verify_vacancy() {
 
 rt::Task<void> Network::ask_vacancy(NodeId id) {
   const rt::Time began = executor_->now();
-  co::SdoOptions patience = sdo_.options();
-  patience.timeout = bus_->timing.guard_timeout;
-  patience.retries = bus_->timing.tries - 1;
-  patience.abort_on_timeout = false;
+  const co::SdoOptions patience = asking(bus_->timing.tries - 1);
   const auto type = co_await sdo_.read<std::uint32_t>(id, 0x1000, 0, patience);
   if (type || type.error().code != Errc::timeout) co_return;
   const auto guarded = co_await co::probe(dispatcher_, id, bus_->timing.guard_timeout, 1);
@@ -226,10 +229,7 @@ rt::Task<Result<std::vector<Network::Seen>>> Network::scan() {
   co_await turn_.take();
   const rt::Held held(turn_);
   std::vector<Seen> nodes(127);
-  co::SdoOptions patience = sdo_.options();
-  patience.timeout = bus_->timing.guard_timeout;
-  patience.retries = 1;
-  patience.abort_on_timeout = false;
+  const co::SdoOptions patience = asking(1);
   {
     rt::Scope asked(*executor_);
     for (std::uint8_t i = 1; i <= 127; ++i) {
