@@ -2,7 +2,7 @@
 # Sourced by ./run.
 
 build_packages=(g++ cmake ninja-build libexpected-dev libcli11-dev libfmt-dev nlohmann-json3-dev libtomlplusplus-dev
-  libsqlitecpp-dev libsqlite3-dev)
+  libpugixml-dev libsqlitecpp-dev libsqlite3-dev)
 test_packages=(ccache python3 libgtest-dev librapidcheck-dev)
 bench_packages=(libbenchmark-dev valgrind)
 clang_packages=(clang-16 libclang-rt-16-dev)
