@@ -1,0 +1,71 @@
+/// Concise DCF (CiA 302-3, object 1F22h): a device's configuration as a stream of SDO downloads. U32 number of entries,
+/// then for each: U16 index, U8 sub-index, U32 size in bytes, the data; all little-endian. An empty stream is an empty
+/// configuration.
+#pragma once
+
+#include <cstdint>
+#include <span>
+#include <vector>
+
+#include "berth/base/ids.hpp"
+#include "berth/base/result.hpp"
+#include "berth/eds/file.hpp"
+
+namespace berth::eds {
+
+/// One download: the bytes as they go over the bus.
+struct ConciseEntry {
+  ObjectRef object;
+  std::vector<std::uint8_t> data;
+  friend bool operator==(const ConciseEntry&, const ConciseEntry&) = default;
+};
+
+struct ConciseDcf {
+  std::vector<ConciseEntry> entries;  ///< written to the device in this order; an object may come more than once
+  friend bool operator==(const ConciseDcf&, const ConciseDcf&) = default;
+};
+
+/// The stream. At most 2^32-1 entries and bytes a value.
+[[nodiscard]] std::vector<std::uint8_t> encode(const ConciseDcf& dcf);
+
+/// Errors: `Errc::invalid`; `detail` is the byte offset of the field that is wrong, index and sub-index name the entry
+/// when its head could be read. Wrong are: a stream that ends inside a field, a size beyond the rest, a count that the
+/// rest cannot hold, bytes after the last entry. Nothing is reserved on the word of the stream.
+[[nodiscard]] Result<ConciseDcf> decode_concise_dcf(std::span<const std::uint8_t> stream);
+
+/// A value's bytes as an SDO carries them, `$NODEID` resolved. Errors: `Errc::invalid` for a value that is none, a
+/// number for a type of variable length, and `$NODEID` for an unconfigured node.
+[[nodiscard]] Result<std::vector<std::uint8_t>> encode(const od::Literal& value, od::DataType type, NodeId node_id);
+/// The value of a type in these bytes. Errors: `Errc::mismatch` when a scalar's length is not the type's.
+[[nodiscard]] Result<od::Literal> decode(std::span<const std::uint8_t> bytes, od::DataType type);
+
+/// `value` as the description would write it: where its default is `$NODEID` + n and comes to the same for `node_id`,
+/// the formula.
+[[nodiscard]] od::Literal with_formula(const od::Description& description, ObjectRef object, od::Literal value,
+                                       NodeId node_id);
+
+enum class Order : std::uint8_t {
+  /// As the parameters stand: ascending by object.
+  as_given,
+  /// In an order that devices take (CiA 301 §7.5.2): each PDO and SDO channel is switched off, set, and switched on
+  /// again; a mapping is emptied, filled, and counted; the configuration date 1020h comes after all other values.
+  working,
+};
+
+/// The parameters of a DCF for one node. Left out: what cannot be written (ro, const) and what ObjFlags bit 0 keeps
+/// from downloads. The content of `DownloadFile`s is not in it (dcf.hpp reads it). Errors: as `encode`, with the
+/// object.
+[[nodiscard]] Result<ConciseDcf> concise_dcf(const File& file, NodeId node_id, Order order = Order::working);
+/// The same of any parameters of a description.
+[[nodiscard]] Result<ConciseDcf> concise_dcf(const od::Description& description, std::span<const Parameter> parameters,
+                                             NodeId node_id, Order order = Order::working);
+/// Any entries, put into the working order; the last of several entries for one object counts.
+[[nodiscard]] ConciseDcf in_working_order(ConciseDcf dcf);
+
+/// Back to parameters, ascending by object, with the types of a description; the last of several entries for an object
+/// counts. Errors: `Errc::not_found` for an object that the description does not have, `Errc::mismatch` for a wrong
+/// length; both with the object.
+[[nodiscard]] Result<std::vector<Parameter>> parameters(const ConciseDcf& dcf, const od::Description& description,
+                                                        NodeId node_id);
+
+}  // namespace berth::eds

@@ -1,0 +1,95 @@
+/// Writing EDS and DCF (CiA 306): changing a file that is there without touching the rest of it, and making one anew.
+#pragma once
+
+#include <cstdint>
+#include <map>
+#include <optional>
+#include <string>
+#include <string_view>
+#include <vector>
+
+#include "berth/base/finding.hpp"
+#include "berth/base/result.hpp"
+#include "berth/eds/file.hpp"
+
+namespace berth::eds {
+
+/// Changes single keys of a text and leaves every other byte as it is: comments, order, line ends, encoding, unknown
+/// sections. Names are found in upper and lower case alike. Texts go in as UTF-8 and are written in the file's
+/// encoding.
+///
+/// Where a section stands more than once, the last one counts and is changed. Errors (`Errc::invalid`): a value that a
+/// line cannot carry (line breaks, blanks at its ends, a `;` that would begin a comment), a name with `=`, `[`, `]`,
+/// and a character that the file's Windows-1252 does not have. Nothing is changed then.
+class Editor {
+ public:
+  /// `document` must outlive the editor.
+  explicit Editor(const Document& document);
+
+  /// Gives the key a value. A new key goes below the section's last one; a new section to the end of the file.
+  [[nodiscard]] Result<void> set(std::string_view section, std::string_view key, std::string_view value);
+  /// The same with bytes as they are to stand in the file.
+  [[nodiscard]] Result<void> set_raw(std::string_view section, std::string_view key, std::string_view value);
+  /// A new, empty section behind `after` (its last one), or at the end. Nothing when it is there.
+  [[nodiscard]] Result<void> add_section(std::string_view name, std::string_view after = {});
+  /// Takes the key's line out, everywhere where it stands; nothing when there is none.
+  void remove(std::string_view section, std::string_view key);
+  /// Takes a section with its lines out, everywhere where it stands. Comments below its last key stay.
+  void remove_section(std::string_view section);
+
+  /// As the text would be read after the changes so far; empty when there is no such key.
+  [[nodiscard]] std::optional<std::string> value(std::string_view section, std::string_view key) const;
+  [[nodiscard]] bool has_section(std::string_view section) const;
+  /// The text with all changes.
+  [[nodiscard]] std::string text() const;
+
+ private:
+  struct Line {
+    std::string key;
+    std::string value;
+  };
+  struct Place {
+    std::map<std::uint32_t, std::optional<std::string>> changed;  ///< by position of the entry; empty = taken out
+    std::vector<Line> added;
+    bool removed = false;
+  };
+  struct Fresh {
+    std::string name;
+    std::uint32_t after = 0;  ///< position of the section it stands behind
+    std::vector<Line> lines;
+  };
+  [[nodiscard]] std::optional<std::uint32_t> last(std::string_view section) const;
+  [[nodiscard]] Fresh* fresh(std::string_view section);
+  [[nodiscard]] const Fresh* fresh(std::string_view section) const;
+  [[nodiscard]] Result<std::string> encoded(std::string_view text) const;
+
+  const Document& document_;
+  std::map<std::string, std::vector<std::uint32_t>, std::less<>> sections_;  ///< positions by lower-case name
+  std::map<std::uint32_t, Place> places_;
+  std::vector<Fresh> fresh_;
+};
+
+enum class Form : std::uint8_t { eds, dcf };
+
+struct WriteOptions {
+  Form form = Form::eds;  ///< eds: without values, commissioning and file references
+  std::string_view line_end = "\r\n";
+};
+
+struct Written {
+  std::string text;
+  /// What the format could not carry and how it stands there instead.
+  Findings findings;
+};
+
+/// Writes a whole file from what `file` says; `file.document` is not asked. EDSVersion 4.0 where none is given; all
+/// mandatory keys; lists and sections ascending. Reading it back gives an equal `file`, but for: names of VAR objects
+/// (a VAR has one name, that of its value), the capacity of strings, an empty string as default (the same as none).
+[[nodiscard]] Written write(const File& file, const WriteOptions& options = {});
+
+/// A value's text: `$NODEID+0x180`, decimal or `hex` numbers, else as `od::print`.
+[[nodiscard]] std::string text_of(const od::Literal& value, od::DataType type, bool hex);
+/// True for objects whose numbers people read in hex: COB-IDs, mapping entries, identities, device types.
+[[nodiscard]] bool usually_hex(ObjectRef object, od::DataType type) noexcept;
+
+}  // namespace berth::eds
