@@ -45,20 +45,14 @@ class Pair final : public can::Port, private rt::Job {
 
  private:
   void run() noexcept override {
-    if (heard_) {
-      heard_ = false;
-      listener_->received(incoming_, executor_->now());
-      return;
-    }
     if (!waits_) return;
     waits_ = false;
-    if (other_->listener_ != nullptr && other_->accepts_.contains(frame_.key())) other_->take(frame_);
-    if (tag_ != 0) listener_->sent(tag_, executor_->now());
-  }
-  void take(const can::Frame& frame) noexcept {
-    incoming_ = frame;
-    heard_ = true;
-    executor_->post(*this);
+    const can::Frame frame = frame_;  // an answer may be queued here before this returns
+    const auto tag = tag_;
+    if (other_->listener_ != nullptr && other_->accepts_.contains(frame.key())) {
+      other_->listener_->received(frame, executor_->now());
+    }
+    if (tag != 0) listener_->sent(tag, executor_->now());
   }
 
   rt::Executor* executor_;
@@ -66,10 +60,8 @@ class Pair final : public can::Port, private rt::Job {
   can::Listener* listener_ = nullptr;
   can::IdRange accepts_{1, 0};
   can::Frame frame_;
-  can::Frame incoming_;
   std::uint32_t tag_ = 0;
   bool waits_ = false;
-  bool heard_ = false;
 };
 
 /// A client that reads one object of a server `count` times.

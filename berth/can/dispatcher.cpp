@@ -1,9 +1,9 @@
 #include "berth/can/dispatcher.hpp"
 
 #include <algorithm>
+#include <cassert>
 
 namespace berth::can {
-
 Handler::~Handler() {
   if (dispatcher_ != nullptr) dispatcher_->remove(*this);
 }
@@ -15,6 +15,7 @@ Confirmation::~Confirmation() {
 Dispatcher::Dispatcher(rt::Executor& executor, Port& port) noexcept : executor_(&executor), port_(&port) {
   waiting_.reserve(4);
   entries_.reserve(12);
+  firsts_.reserve(12);
   accept_.reserve(12);
   refresh();
 }
@@ -30,52 +31,94 @@ Dispatcher::~Dispatcher() {
 
 void Dispatcher::add(IdRange range, Handler& handler) {
   if (handler.dispatcher_ != nullptr && handler.dispatcher_ != this) handler.dispatcher_->remove(handler);
-  const Entry entry{range, &handler, next_order_++};
   handler.dispatcher_ = this;
-  const auto at = std::ranges::upper_bound(entries_, range.first, {}, [](const Entry& e) { return e.range.first; });
-  entries_.insert(at, entry);
+  const auto at = std::ranges::upper_bound(firsts_, range.first) - firsts_.begin();
+  assert(entries_.size() < 0xFFFF);
+  const auto order = static_cast<std::uint16_t>(entries_.size());
+  entries_.insert(entries_.begin() + at, {&handler, range.last, order, false});
+  firsts_.insert(firsts_.begin() + at, range.first);
   refresh();
 }
 
 void Dispatcher::remove(Handler& handler) noexcept {
   if (handler.dispatcher_ != this) return;
   handler.dispatcher_ = nullptr;
-  std::erase_if(entries_, [&](const Entry& e) { return e.handler == &handler; });
+  for (std::size_t i = entries_.size(); i-- > 0;) {
+    if (entries_[i].handler == &handler) erase(i);
+  }
   refresh();
+}
+
+// The orders of those added later move up, and with them the place of a frame that is being dealt with.
+void Dispatcher::erase(std::size_t i) noexcept {
+  const std::uint32_t gone = entries_[i].order;
+  entries_.erase(entries_.begin() + static_cast<std::ptrdiff_t>(i));
+  firsts_.erase(firsts_.begin() + static_cast<std::ptrdiff_t>(i));
+  for (auto& e : entries_) {
+    if (e.order > gone) --e.order;
+  }
+  if (heard_ > gone) --heard_;
+  if (end_ > gone) --end_;
 }
 
 // The port's filter is the sorted, merged list of what the handlers hear.
 void Dispatcher::refresh() noexcept {
   widest_ = 0;
   accept_.clear();
-  for (const auto& e : entries_) {
-    widest_ = std::max(widest_, e.range.last - e.range.first);
+  for (std::size_t i = 0; i < entries_.size(); ++i) {
+    const auto r = range(i);
+    const bool overlaps = !accept_.empty() && r.first <= accept_.back().last;
+    entries_[i].alone = !overlaps;
+    if (i > 0 && r.first <= entries_[i - 1].last) entries_[i - 1].alone = false;
+    widest_ = std::max(widest_, r.last - r.first);
     // `- 1` and not `last + 1`: a range may end at the highest number there is.
-    if (!accept_.empty() && (e.range.first == 0 || e.range.first - 1 <= accept_.back().last)) {
-      accept_.back().last = std::max(accept_.back().last, e.range.last);
+    if (!accept_.empty() && (r.first == 0 || r.first - 1 <= accept_.back().last)) {
+      accept_.back().last = std::max(accept_.back().last, r.last);
     } else {
-      accept_.push_back(e.range);
+      accept_.push_back(r);
     }
   }
   port_->listen(this, accept_);
 }
 
+// How many ranges begin at `key` or before. Without branches: which way it goes is anybody's guess.
+std::size_t Dispatcher::after(std::uint32_t key) const noexcept {
+  const std::uint32_t* base = firsts_.data();
+  std::size_t length = firsts_.size();
+  if (length == 0) return 0;
+  while (length > 1) {
+    const std::size_t half = length / 2;
+    base += base[half] <= key ? half : 0;
+    length -= half;
+  }
+  return static_cast<std::size_t>(base - firsts_.data()) + (*base <= key ? 1 : 0);
+}
+
 void Dispatcher::received(const Frame& frame, rt::Time at) noexcept {
   const auto key = frame.key();
-  const auto end = next_order_;  // what a handler adds now is not called for this frame
-  std::uint64_t heard = 0;       // order of the last handler called, plus one
+  const auto count = after(key);
+  if (count == 0) return;
+  const Entry& entry = entries_[count - 1];
+  if (entry.alone && key <= entry.last) return entry.handler->received(frame, at);
+  received_by_order(frame, at);
+}
+
+void Dispatcher::received_by_order(const Frame& frame, rt::Time at) noexcept {
+  const auto key = frame.key();
+  end_ = static_cast<std::uint32_t>(entries_.size());
+  heard_ = 0;
   for (;;) {
     const auto low = key > widest_ ? key - widest_ : 0;
-    auto it = std::ranges::lower_bound(entries_, low, {}, [](const Entry& e) { return e.range.first; });
-    Entry* next = nullptr;
+    const Entry* next = nullptr;
     int left = 0;
-    for (; it != entries_.end() && it->range.first <= key; ++it) {
-      if (!it->range.contains(key) || it->order < heard || it->order >= end) continue;
+    for (auto i = after(key); i > 0 && firsts_[i - 1] >= low; --i) {
+      const Entry& e = entries_[i - 1];
+      if (key > e.last || e.order < heard_ || e.order >= end_) continue;
       ++left;
-      if (next == nullptr || it->order < next->order) next = &*it;
+      if (next == nullptr || e.order < next->order) next = &e;
     }
     if (next == nullptr) return;
-    heard = next->order + 1;
+    heard_ = next->order + 1;
     next->handler->received(frame, at);
     if (left == 1) return;
   }

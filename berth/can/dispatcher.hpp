@@ -55,7 +55,8 @@ class StatusHandler {
   ~StatusHandler() = default;
 };
 
-/// Owns the listener's place of a port. Handlers are found by binary search over the ranges; several handlers may
+/// Owns the listener's place of a port. Handlers are found by binary search over the ranges (20 bytes each, and 8 of
+/// filter); several handlers may
 /// hear one key, and hear it in the order in which they were added. Registering may allocate; a frame's way does not.
 /// A handler may add and remove handlers, itself included, while it is called; what was added meanwhile hears the next
 /// frame, not this one. It must not destroy the dispatcher.
@@ -86,24 +87,32 @@ class Dispatcher final : private Listener {
  private:
   friend class Confirmation;
   struct Entry {
-    IdRange range;
     Handler* handler;
-    std::uint64_t order;
+    std::uint32_t last;   // of its range
+    std::uint16_t order;  // 0, 1, ... in the order of adding
+    bool alone;           // no other range overlaps
   };
   void received(const Frame& frame, rt::Time at) noexcept override;
   void sent(std::uint32_t tag, rt::Time at) noexcept override;
   void changed(const Status& status, rt::Time at) noexcept override;
+  [[nodiscard]] IdRange range(std::size_t i) const noexcept { return {firsts_[i], entries_[i].last}; }
+  [[nodiscard]] std::size_t after(std::uint32_t key) const noexcept;
+  void received_by_order(const Frame& frame, rt::Time at) noexcept;
+  void erase(std::size_t i) noexcept;
   void refresh() noexcept;
   void forget(Confirmation& confirmation) noexcept;
 
   rt::Executor* executor_;
   Port* port_;
   StatusHandler* status_handler_ = nullptr;
-  std::vector<Entry> entries_;  // sorted by range.first, then order
+  std::vector<std::uint32_t> firsts_;  // sorted: where each entry's range begins; by itself, as the search touches it
+  std::vector<Entry> entries_;         // beside `firsts_`; equal ones by order
   std::vector<Confirmation*> waiting_;
   std::vector<IdRange> accept_;  // what `refresh` builds; kept, so that a change of identifiers needs no heap
   std::uint32_t widest_ = 0;     // widest range, so that a search knows how far back to look
-  std::uint64_t next_order_ = 0;
+  // Of the frame that several handlers hear:
+  std::uint32_t heard_ = 0;  // order of the last handler called, plus one
+  std::uint32_t end_ = 0;    // what a handler adds now is not called for this frame
   std::uint32_t next_tag_ = 0;
 };
 

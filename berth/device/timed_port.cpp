@@ -69,9 +69,7 @@ void TimedPort::received(const can::Frame& frame, rt::Time at) noexcept {
   }
   auto due = executor_->now() + latency;
   if (count_ > 0) due = std::max(due, buffer_[(first_ + count_ - 1) % buffer_.size()].due);
-  Waiting& w = buffer_[(first_ + count_) % buffer_.size()];
-  w = {due, at, frame.id, frame.extended, frame.remote, frame.size, {}};
-  std::copy_n(frame.data.begin(), w.data.size(), w.data.begin());
+  buffer_[(first_ + count_) % buffer_.size()] = {due, at, can::PackedFrame(frame)};
   if (count_++ == 0) executor_->at(due, *this);
 }
 
@@ -81,14 +79,8 @@ void TimedPort::run() noexcept {
   first_ = (first_ + 1) % buffer_.size();
   if (--count_ > 0) executor_->at(buffer_[first_].due, *this);
   if (listener_ == nullptr) return;
-  can::Frame frame;
-  frame.id = w.id;
-  frame.extended = w.extended;
-  frame.remote = w.remote;
-  frame.size = w.size;
-  std::copy_n(w.data.begin(), w.data.size(), frame.data.begin());
   ++delivered_;
-  listener_->received(frame, w.at);
+  listener_->received(w.frame.unpacked(), w.at);
 }
 
 void TimedPort::sent(std::uint32_t tag, rt::Time at) noexcept {

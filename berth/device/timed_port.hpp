@@ -9,6 +9,7 @@
 #include <vector>
 
 #include "berth/base/random.hpp"
+#include "berth/can/packed_frame.hpp"
 #include "berth/can/port.hpp"
 #include "berth/device/timing.hpp"
 
@@ -43,14 +44,10 @@ class TimedPort final : public can::Port, private can::Listener, private rt::Job
   [[nodiscard]] std::uint64_t delivered() const noexcept { return delivered_; }
 
  private:
-  struct Waiting {  // a classic frame, packed
+  struct Waiting {
     rt::Time due;
     rt::Time at;
-    std::uint32_t id;
-    bool extended;
-    bool remote;
-    std::uint8_t size;
-    std::array<std::uint8_t, 8> data;
+    can::PackedFrame frame;
   };
   static_assert(sizeof(Waiting) <= bytes_per_frame);
   void received(const can::Frame& frame, rt::Time at) noexcept override;

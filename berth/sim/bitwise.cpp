@@ -75,7 +75,7 @@ void Segment::put_in_group(Controller& node, rt::Time start, bool sending) {
   contends = contends || node.sending_;
   bool alone = contends || suspended || node.runs_left_ > 0;
   if (contends) {
-    bits.begin_sending(node.head().frame, false);
+    bits.begin_sending(node.head().frame.unpacked(), false);
   } else if (node.runs_left_ > 0) {
     bits.integrate(node.runs_left_);
     bits.count = static_cast<unsigned>(std::max<std::int64_t>(0, (start - node.recessive_since_) / domain.bit) % 11);
@@ -190,7 +190,7 @@ void Segment::begin_frames(Domain& domain) {
       if (!node->offers() || node->sending_) continue;
       Group& own = split(domain, *domain.groups[i], *node);
       frame_begun(domain, *node);
-      own.bits.begin_sending(node->head().frame, false);
+      own.bits.begin_sending(node->head().frame.unpacked(), false);
     }
   }
 }
@@ -202,14 +202,14 @@ void Segment::join_started(Domain& domain, Group& group) {
     if (!node->offers() || node->sending_) continue;
     Group& own = split(domain, group, *node);
     frame_begun(domain, *node);
-    own.bits.begin_sending(node->head().frame, true);
+    own.bits.begin_sending(node->head().frame.unpacked(), true);
   }
 }
 
 void Segment::frame_begun(Domain& domain, Controller& node) {
   if (sof_ != domain.start || starts_ == 0) {
     sof_ = domain.start;
-    note_start(node.head().frame, node.number_);
+    note_start(node.head().frame.unpacked(), node.number_);
     single_out_victims();
     synchronise_others(domain);
   }
@@ -298,7 +298,7 @@ void Segment::attempt_over(Controller& node) noexcept {
 }
 
 void Segment::note_sent(Domain& domain, Controller& node) {
-  const can::Frame& frame = node.head().frame;
+  const can::Frame frame = node.head().frame.unpacked();
   const unsigned bits = can::exact_bits(frame);
   const rt::Time end = domain.start + domain.bit;
   pending_.push_back({&node, {}, end, true});

@@ -41,7 +41,7 @@ can::Queued Controller::send(const can::Frame& frame, std::uint32_t tag) noexcep
   free_.pop_back();
   order_.push_back(at);
   Waiting& waiting = slots_[at];
-  waiting.frame = frame;
+  waiting.frame = can::PackedFrame(frame);
   waiting.arbitration = arbitration_field(frame);
   waiting.tag = tag;
   waiting.tried = false;
@@ -160,7 +160,7 @@ void Controller::deliver(const can::Frame& frame, rt::Time at) noexcept {
   }
   ++statistics_.received;
   ++rx_waiting_;
-  push_event(What::received, at).frame = frame;
+  push_event(What::received, at).frame = can::PackedFrame(frame);
 }
 
 void Controller::announce() noexcept {
@@ -178,16 +178,13 @@ void Controller::run() noexcept {
   const rt::Time at = event.at;
   const std::uint32_t tag = event.tag;
   // The callback may push events, or destroy this controller.
-  can::Frame frame;
-  if (what == What::received) {
-    frame = event.frame;
-    --rx_waiting_;
-  }
+  const can::PackedFrame frame = event.frame;
+  if (what == What::received) --rx_waiting_;
   first_event_ = (first_event_ + 1) & (events_.size() - 1);
   --event_count_;
   schedule_host();
   if (what == What::received) {
-    listener_->received(frame, at);
+    listener_->received(frame.unpacked(), at);
   } else if (what == What::sent) {
     listener_->sent(tag, at);
   } else {

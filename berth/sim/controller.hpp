@@ -6,6 +6,7 @@
 #include <string>
 #include <vector>
 
+#include "berth/can/packed_frame.hpp"
 #include "berth/can/port.hpp"
 #include "berth/rt/executor.hpp"
 
@@ -105,14 +106,14 @@ class Controller final : public can::Port, private rt::Job {
   friend class Bus;
   friend class Segment;
   struct Waiting {  // a frame that waits to be sent
-    can::Frame frame;
+    can::PackedFrame frame;
     std::uint32_t arbitration = 0;
     std::uint32_t tag = 0;
     bool tried = false;
   };
   enum class What : std::uint8_t { received, sent, changed };
   struct Event {  // what the host is yet to be told
-    can::Frame frame;
+    can::PackedFrame frame;
     rt::Time at{};
     std::uint32_t tag = 0;
     What what = What::received;

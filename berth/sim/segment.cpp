@@ -250,7 +250,7 @@ bool Segment::pick_senders() noexcept {
     }
   }
   std::ranges::sort(senders_, {}, &Controller::number_);
-  const can::Frame& frame = senders_.front()->head().frame;
+  const can::PackedFrame& frame = senders_.front()->head().frame;
   return std::ranges::all_of(senders_, [&](const Controller* node) { return node->head().frame == frame; });
 }
 
@@ -260,8 +260,8 @@ void Segment::arbitrate() noexcept {
     integrator_.cancel();
     count_recessive(sof_);
   }
-  frame_ = &senders_.front()->head().frame;
-  note_start(*frame_, senders_.front()->number_);
+  frame_ = senders_.front()->head().frame.unpacked();
+  note_start(frame_, senders_.front()->number_);
   if (!alike) ++bus_->statistics_.collisions;
   unanswered_ = present_ == 1 && flaws_.empty() && senders_.front()->error_state() == ErrorState::passive;
   if ((!alike || mixed_ || ackers_ <= senders_.size() || !flaws_.empty()) && !unanswered_) {
@@ -275,7 +275,7 @@ void Segment::arbitrate() noexcept {
       --suspended_;
     }
   }
-  frame_bits_ = can::exact_bits(*frame_);
+  frame_bits_ = can::exact_bits(frame_);
   state_ = State::busy;
   const unsigned until = unanswered_ ? frame_bits_ + 6 : frame_bits_ - 3;
   executor_->at(sof_ + until * bit_, *this, rt::Phase::medium);
@@ -310,8 +310,8 @@ void Segment::finish() noexcept {
   statistics.bits += frame_bits_;
   statistics.busy += frame_bits_ * bit_;
   if (senders_.size() > 1) ++statistics.merged;
-  bus_->good_frame(*frame_, now, senders_.front()->number_);
-  deliver(*frame_, now);
+  bus_->good_frame(frame_, now, senders_.front()->number_);
+  deliver(frame_, now);
   for (Controller* node : senders_) {
     node->statistics_.sent_bits += frame_bits_;
     node->confirm(now);

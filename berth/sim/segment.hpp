@@ -179,7 +179,7 @@ class Segment final : private rt::Job {
   rt::Duration bit_{};  // of the nodes, when not mixed
   rt::Time sof_{};      // start of the frame under way or to come
   rt::Time free_at_{};  // end of the last intermission
-  const can::Frame* frame_ = nullptr;
+  can::Frame frame_;
   unsigned frame_bits_ = 0;
   std::uint64_t starts_ = 0;
   unsigned count_ = 0;                 // nodes
