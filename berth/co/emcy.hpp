@@ -22,7 +22,8 @@ inline constexpr std::uint8_t generic = 0x01, current = 0x02, voltage = 0x04, te
 namespace emcy_code {
 inline constexpr std::uint16_t error_reset = 0x0000, can_overrun = 0x8110, error_passive = 0x8120,
                                life_guard_or_heartbeat = 0x8130, recovered_from_bus_off = 0x8140, id_collision = 0x8150,
-                               pdo_length = 0x8210, pdo_too_long = 0x8220, sync_length = 0x8240, rpdo_timeout = 0x8250;
+                               pdo_length = 0x8210, pdo_too_long = 0x8220, mpdo_destination = 0x8230,
+                               sync_length = 0x8240, rpdo_timeout = 0x8250;
 }
 
 /// What an emergency code means: "life guard or heartbeat error"; by class for others ("current, device input side");

@@ -1,0 +1,205 @@
+/// All PDOs of one device (CiA 301 §7.2.2, objects 1400h..1BFFh and the MPDO lists 1FA0h..1FFFh; facts page A.8).
+///
+/// Up to 512 RPDOs and 512 TPDOs; memory is taken for those that the dictionary describes (communication and mapping
+/// record), about 100 bytes each, by the constructor. PDOs live from `start` (NMT operational entered) to `stop`
+/// (left).
+///
+/// Writes from the network to the records are checked (`od::AbortCode`):
+/// - COB-ID: bits 29..0 while it is and stays valid, a restricted CAN-ID (`restricted`), bits above bit 10 of an
+///   11-bit identifier: 0609 0030; a mapping that cannot be used: its own code. Bit 30 may change at any time.
+/// - Transmission type: F1h..FBh, for RPDOs also FCh and FDh, for MPDOs all but FEh and FFh: 0609 0030.
+/// - Inhibit time and SYNC start value while valid, a start value above 240: 0609 0030. Sub-index 4: 0609 0011.
+/// - Mapping, in the order of CiA 301 §7.5.2.36 (COB-ID invalid, sub-index 0 = 0, entries, sub-index 0 = n, COB-ID
+///   valid): anything while the PDO is valid, an entry while sub-index 0 is not 0: 0601 0000. Entries: `check_entry`; 0
+///   is accepted and must not be counted. Sub-index 0: the entries again, more than 64 bits or entries: 0604 0042; an
+///   MPDO whose type is not FEh or FFh, a second MPDO producer: 0604 0043.
+/// Defaults are not checked: a PDO with a faulty one stays silent (`problem`). The local side may change the records
+/// too; `refresh` then.
+///
+/// TPDO types: 00h sent after a SYNC if `event` or `changed` came since the one before. 01h..F0h after every n-th SYNC;
+/// with a SYNC start value and a counting SYNC, the SYNC that carries the start value is the first. FCh sampled at
+/// SYNC, FDh when asked: sent at a remote frame. FEh, FFh at events: once when operational is entered (`Options`),
+/// `event`, `changed`, a remote frame, and when the event timer (1800h:05) runs out after the last transmission. Remote
+/// frames count only when bit 30 of the COB-ID is 0. Events within the inhibit time (FEh, FFh; measured from the end of
+/// the frame on the bus) are deferred to its end and become one PDO with the values of then. A full transmit queue
+/// defers too. What was sampled at a SYNC and is not on the bus when the window 1007h closes is dropped.
+///
+/// RPDO types: 00h..F0h are stored at the next SYNC, FEh and FFh at once. One that is shorter than mapped is not
+/// processed (EMCY 8210h), of a longer one the first bytes are (8220h). Values are stored as the local side does: no
+/// limits, no hooks; the application learns of them by `Observer::received`. Synchronous RPDOs that come after the
+/// window has closed are dropped. The event timer 1400h:05 supervises: it begins with the first reception, a write of
+/// it begins the running deadline anew, EMCY 8250h when it runs out, gone with the next reception. An EMCY is active
+/// while any RPDO has its error; its info bytes name the first one: number of the RPDO (UNSIGNED16), length received,
+/// length mapped. A good PDO ends a PDO's errors.
+///
+/// MPDOs (types FEh, FFh; sub-index 0 of the mapping FFh = destination address mode, FEh = source address mode).
+/// DAM: `send_dam`; a received one is written as from the network, with limits and hooks, when the object is mappable
+/// into an RPDO, else EMCY 8230h. SAM: `changed` of an object that the scanner list 1FA0h.. names; a received one is
+/// stored where the dispatching list 1FD0h.. says, and ignored when that does not name it. A block size of 0 is an
+/// unused list entry.
+#pragma once
+
+#include <array>
+#include <cstdint>
+#include <memory>
+#include <span>
+
+#include "berth/can/dispatcher.hpp"
+#include "berth/co/cob_id.hpp"
+#include "berth/co/pdo_mapping.hpp"
+#include "berth/co/service_owner.hpp"
+#include "berth/od/values.hpp"
+
+namespace berth::co {
+
+class Pdos final : private od::Hook, private can::Handler, private rt::Job {
+ public:
+  /// The application's ear. May call `event`, `changed` and the values; must not destroy or stop the PDOs.
+  class Observer {
+   public:
+    /// RPDO `number` (1..512) is stored.
+    virtual void received(unsigned number, rt::Time at) noexcept = 0;
+    /// An MPDO for `object` of this device is stored.
+    virtual void received_mpdo(ObjectRef object, rt::Time at) noexcept {
+      (void)object;
+      (void)at;
+    }
+
+   protected:
+    ~Observer() = default;
+  };
+  struct Options {
+    bool send_at_start = true;     ///< TPDOs of type FEh and FFh are sent when operational is entered
+    bool detect_collision = true;  ///< EMCY 8150h when another node sends with the identifier of a TPDO
+  };
+
+  Pdos(can::Dispatcher& dispatcher, od::Values& values, ServiceOwner& owner, Options options);
+  Pdos(can::Dispatcher& dispatcher, od::Values& values, ServiceOwner& owner)
+      : Pdos(dispatcher, values, owner, Options()) {}
+  ~Pdos();
+
+  /// True when the dictionary describes any PDO: without, nothing here does anything.
+  [[nodiscard]] bool any() const noexcept { return rpdo_count_ + tpdo_count_ != 0; }
+  void observe(Observer* observer) noexcept { observer_ = observer; }
+
+  /// Operational is entered, as `node` (whom DAM MPDOs address).
+  void start(NodeId node) noexcept;
+  /// Operational is left: waiting PDOs are withdrawn, received ones that wait for a SYNC forgotten, errors cleared.
+  void stop() noexcept;
+  [[nodiscard]] bool running() const noexcept { return running_; }
+  /// The local side changed records: all PDOs begin anew. Nothing while stopped.
+  void refresh() noexcept;
+
+  /// A SYNC came, or the own one is on the bus (`Sync` calls it). `counter` 0 = SYNC without counter; `window` as
+  /// 1007h, 0 = open until the next.
+  void sync(std::uint8_t counter, rt::Time at, rt::Duration window = rt::Duration::zero()) noexcept;
+
+  /// The application's event of TPDO `number` (1..512). False when it is not active or its type has no events.
+  bool event(unsigned number) noexcept;
+  /// The value of an object changed: an event for every TPDO that maps it and for the SAM MPDO that scans it. False
+  /// when there is none, or when too many MPDOs wait.
+  bool changed(ObjectRef object) noexcept;
+  /// Sends up to 4 bytes to `object` of node 1..127 or, 0, of all nodes. `closed`: no active DAM MPDO; `full`: within
+  /// the inhibit time or no room in the queue. Nothing is deferred.
+  can::Queued send_dam(std::uint8_t node, ObjectRef object, std::span<const std::uint8_t> data) noexcept;
+
+  /// Whether a PDO takes part now: running, valid, mapping usable.
+  [[nodiscard]] bool active(PdoKind kind, unsigned number) const noexcept;
+  /// Why the records of a PDO cannot be used, valid or not: a mapping's refusal, no_object when it does not exist.
+  [[nodiscard]] od::AbortCode problem(PdoKind kind, unsigned number) const noexcept;
+  [[nodiscard]] unsigned count(PdoKind kind) const noexcept {
+    return kind == PdoKind::rpdo ? rpdo_count_ : tpdo_count_;
+  }
+  /// Bytes that this object holds, itself included.
+  [[nodiscard]] std::size_t memory() const noexcept;
+
+ private:
+  struct Rpdo;
+  struct Tpdo;
+  struct SamQueue;
+  enum class Fault : std::uint8_t { too_short, too_long, timeout, unavailable };
+  static constexpr std::size_t faults = 4;
+  static constexpr std::uint8_t sam_mapping = 0xFE;
+  static constexpr std::uint8_t dam_mapping = 0xFF;
+
+  // Objects
+  od::AbortCode reading(const od::Values& values, ObjectRef ref,
+                        std::span<const std::uint8_t>& value) noexcept override;
+  od::AbortCode writing(const od::Values& values, ObjectRef ref, std::span<const std::uint8_t> value) noexcept override;
+  void written(od::Values& values, ObjectRef ref) noexcept override;
+  od::AbortCode writing_communication(PdoKind kind, unsigned number, std::uint8_t sub,
+                                      std::uint32_t value) const noexcept;
+  od::AbortCode writing_cob_id(PdoKind kind, unsigned number, std::uint32_t value) const noexcept;
+  od::AbortCode writing_mapping(PdoKind kind, unsigned number, std::uint8_t sub, std::uint32_t value) const noexcept;
+  od::AbortCode check_count(PdoKind kind, unsigned number, std::uint8_t count) const noexcept;
+  od::AbortCode resolve(PdoKind kind, unsigned number, std::uint8_t count, PdoMapping& mapping) const noexcept;
+  [[nodiscard]] unsigned room_of(PdoKind kind, unsigned number) const noexcept;
+  [[nodiscard]] CobId cob_id(PdoKind kind, unsigned number) const noexcept;
+  [[nodiscard]] std::uint8_t type(PdoKind kind, unsigned number) const noexcept;
+  [[nodiscard]] std::uint8_t mapped(PdoKind kind, unsigned number) const noexcept;
+  [[nodiscard]] bool other_producer(unsigned number) const noexcept;
+  template <class Visit>
+  static void for_each_described(const od::Description& description, PdoKind kind, const Visit& visit);
+
+  // Life
+  void received(const can::Frame& frame, rt::Time at) noexcept override;
+  void run() noexcept override;
+  void configure(Rpdo& pdo) noexcept;
+  void configure(Tpdo& pdo) noexcept;
+  void end(Rpdo& pdo) noexcept;
+  void end(Tpdo& pdo) noexcept;
+  void listen() noexcept;
+  void arm(rt::Time when) noexcept;
+  [[nodiscard]] rt::Time now() const noexcept { return dispatcher_->executor().now(); }
+  [[nodiscard]] std::span<Rpdo> rpdos() const noexcept;
+  [[nodiscard]] std::span<Tpdo> tpdos() const noexcept;
+  template <class Pdo>
+  [[nodiscard]] static Pdo* find(std::span<Pdo> pdos, unsigned number) noexcept;
+
+  // TPDO
+  bool fire(Tpdo& pdo) noexcept;
+  void attempt(Tpdo& pdo) noexcept;
+  void sample(Tpdo& pdo) noexcept;
+  [[nodiscard]] bool build(Tpdo& pdo, can::Frame& frame) noexcept;
+  void failed(Tpdo& pdo, can::Queued why) noexcept;
+  void departed(Tpdo& pdo) noexcept;
+  void sent(Tpdo& pdo, rt::Time at) noexcept;
+  void sync(Tpdo& pdo, std::uint8_t counter) noexcept;
+  void requested(std::uint32_t key) noexcept;
+  void feed() noexcept;
+  void close_window() noexcept;
+
+  // RPDO
+  void received(Rpdo& pdo, const can::Frame& frame, rt::Time at) noexcept;
+  void store(Rpdo& pdo, const std::uint8_t* data, rt::Time at) noexcept;
+  void supervise(Rpdo& pdo, rt::Time at) noexcept;
+  void fault(Rpdo& pdo, Fault fault, bool on, std::uint8_t length = 0) noexcept;
+
+  // MPDO
+  void received_mpdo(Rpdo& pdo, const can::Frame& frame, rt::Time at) noexcept;
+  [[nodiscard]] od::AbortCode write_dam(ObjectRef object, const std::uint8_t* data) noexcept;
+  [[nodiscard]] bool dispatch(std::uint8_t node, ObjectRef object, const std::uint8_t* data, rt::Time at) noexcept;
+  [[nodiscard]] bool scanned(ObjectRef object) const noexcept;
+  [[nodiscard]] bool scan(Tpdo& pdo, ObjectRef object) noexcept;
+
+  can::Dispatcher* dispatcher_;
+  od::Values* values_;
+  ServiceOwner* owner_;
+  Observer* observer_ = nullptr;
+  std::uint8_t* base_;
+  std::unique_ptr<PdoField[]> fields_;
+  std::unique_ptr<Rpdo[]> rpdos_;
+  std::unique_ptr<Tpdo[]> tpdos_;
+  std::unique_ptr<SamQueue> sam_;  ///< only with a scanner list
+  rt::Time window_end_ = rt::never;
+  std::array<std::uint16_t, faults> fault_counts_{};  ///< RPDOs that have each
+  std::uint32_t field_count_ = 0;
+  std::uint16_t rpdo_count_ = 0;
+  std::uint16_t tpdo_count_ = 0;
+  NodeId node_;
+  Options options_;
+  bool running_ = false;
+  bool collided_ = false;
+};
+
+}  // namespace berth::co

@@ -1,0 +1,130 @@
+/// PDO mapping (CiA 301 §7.4.8.3, objects 1600h and 1A00h; facts page A.8): which objects stand where in a PDO.
+///
+/// A mapping is resolved once to places in `od::Values`; packing and unpacking then touch no dictionary. Objects whose
+/// bits begin at byte borders are copied byte-wise, and neighbours in the dictionary's memory at once; everything else
+/// goes bit by bit through one 64-bit word. Bits count from bit 0 of byte 0 (CiA 301 §7.1.4).
+#pragma once
+
+#include <cstddef>
+#include <cstdint>
+#include <cstring>
+#include <span>
+
+#include "berth/od/values.hpp"
+
+namespace berth::co {
+
+/// Seen from the device: it receives an RPDO and transmits a TPDO.
+enum class PdoKind : std::uint8_t { rpdo, tpdo };
+
+/// The UNSIGNED32 of a mapping entry.
+struct PdoEntry {
+  ObjectRef object;
+  std::uint8_t bits = 0;
+  [[nodiscard]] static constexpr PdoEntry of(std::uint32_t raw) noexcept {
+    return {{static_cast<std::uint16_t>(raw >> 16), static_cast<std::uint8_t>(raw >> 8)},
+            static_cast<std::uint8_t>(raw)};
+  }
+  [[nodiscard]] constexpr std::uint32_t raw() const noexcept {
+    return static_cast<std::uint32_t>(object.index) << 16 | static_cast<std::uint32_t>(object.sub) << 8 | bits;
+  }
+  friend constexpr bool operator==(const PdoEntry&, const PdoEntry&) noexcept = default;
+};
+
+/// Whether one object may stand in a PDO:
+/// no_object 0602 0000: there is no such object, or no such sub-index;
+/// not_mappable 0604 0041: PDOMapping=0; its access type lets no PDO of this kind at it (a TPDO reads, an RPDO writes);
+/// it has no fixed length; the entry's bit length is not that of its type (BOOLEAN 1); or a dummy that the description
+/// does not allow (an RPDO may skip bits by mapping a data type 0001h..001Bh, sub-index 0).
+[[nodiscard]] od::AbortCode check_entry(const od::Description& description, PdoEntry entry, PdoKind kind) noexcept;
+
+/// One resolved run of bits: where it stands in the values and how long it is (1..64).
+class PdoField {
+ public:
+  /// Places above are not mappable: scalars that stand behind 64 MiB of strings and DOMAINs.
+  static constexpr std::uint32_t most_offset = (1U << 26) - 2;
+  static constexpr std::uint32_t nowhere = (1U << 26) - 1;  ///< dummy: bits that nobody wants
+
+  constexpr PdoField() noexcept = default;
+  constexpr PdoField(std::uint32_t offset, unsigned bits) noexcept : word_(offset << 6 | (bits - 1)) {}
+  [[nodiscard]] constexpr std::uint32_t offset() const noexcept { return word_ >> 6; }
+  [[nodiscard]] constexpr unsigned bits() const noexcept { return (word_ & 63U) + 1; }
+  [[nodiscard]] constexpr unsigned bytes() const noexcept { return (bits() + 7) / 8; }
+  [[nodiscard]] constexpr bool dummy() const noexcept { return offset() == nowhere; }
+
+ private:
+  std::uint32_t word_ = 0;
+};
+
+/// A resolved mapping. It keeps its fields in memory given to it.
+class PdoMapping {
+ public:
+  static constexpr std::size_t most_entries = 64;
+  static constexpr unsigned most_bits = 64;
+
+  PdoMapping() = default;  ///< maps nothing
+  /// `room`: at least as many fields as entries will be resolved; outlives the mapping.
+  explicit PdoMapping(std::span<PdoField> room) noexcept : fields_(room.data()) {}
+
+  /// Resolves mapping entries as objects 1600h.. and 1A00h.. hold them. `check_entry`'s refusals, or pdo_length
+  /// 0604 0042: more than 64 bits or entries. A refusal leaves a mapping of nothing.
+  od::AbortCode resolve(const od::Description& description, std::span<const std::uint32_t> entries,
+                        PdoKind kind) noexcept;
+  void clear() noexcept { count_ = bits_ = 0; }
+
+  [[nodiscard]] bool empty() const noexcept { return bits_ == 0; }
+  [[nodiscard]] unsigned bits() const noexcept { return bits_; }
+  /// Bytes of the PDO.
+  [[nodiscard]] unsigned size() const noexcept { return (bits_ + 7U) / 8U; }
+  /// After joining neighbours.
+  [[nodiscard]] std::span<const PdoField> fields() const noexcept { return {fields_, count_}; }
+  /// True when the value that stands at `offset` (`SubObject::offset`) is mapped.
+  [[nodiscard]] bool contains(std::uint32_t offset) const noexcept;
+
+  /// Where the values begin: what `pack` and `unpack` want.
+  [[nodiscard]] static std::uint8_t* base_of(od::Values& values) noexcept { return values.scalar(od::SubObject{}); }
+  /// Writes `size()` bytes at `into`, where 8 must be allowed; bits behind the last object are 0.
+  void pack(const std::uint8_t* base, std::uint8_t* into) const noexcept;
+  /// Stores the objects from `size()` bytes at `from`. Nothing else in the values changes.
+  void unpack(std::uint8_t* base, const std::uint8_t* from) const noexcept;
+
+ private:
+  void join() noexcept;
+  void pack_bits(const std::uint8_t* base, std::uint8_t* into) const noexcept;
+  void unpack_bits(std::uint8_t* base, const std::uint8_t* from) const noexcept;
+  static void copy(std::uint8_t* to, const std::uint8_t* from, unsigned bytes) noexcept {
+    switch (bytes) {
+      case 8: std::memcpy(to, from, 8); return;
+      case 4: std::memcpy(to, from, 4); return;
+      case 2: std::memcpy(to, from, 2); return;
+      case 1: *to = *from; return;
+      default:
+        for (unsigned i = 0; i < bytes; ++i) to[i] = from[i];
+    }
+  }
+
+  PdoField* fields_ = nullptr;
+  std::uint8_t count_ = 0;
+  std::uint8_t bits_ = 0;
+  bool bytewise_ = true;
+};
+
+inline void PdoMapping::pack(const std::uint8_t* base, std::uint8_t* into) const noexcept {
+  if (!bytewise_) return pack_bits(base, into);
+  for (unsigned i = 0; i < count_; ++i) {
+    const unsigned bytes = fields_[i].bytes();
+    copy(into, base + fields_[i].offset(), bytes);
+    into += bytes;
+  }
+}
+
+inline void PdoMapping::unpack(std::uint8_t* base, const std::uint8_t* from) const noexcept {
+  if (!bytewise_) return unpack_bits(base, from);
+  for (unsigned i = 0; i < count_; ++i) {
+    const unsigned bytes = fields_[i].bytes();
+    if (!fields_[i].dummy()) copy(base + fields_[i].offset(), from, bytes);
+    from += bytes;
+  }
+}
+
+}  // namespace berth::co
