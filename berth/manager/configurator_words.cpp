@@ -1,0 +1,106 @@
+// What a configuration has to say to people.
+#include <fmt/format.h>
+
+#include "berth/manager/configurator.hpp"
+
+namespace berth::manager {
+namespace {
+
+std::string object_of(ObjectRef object, const std::string& name) {
+  std::string text = fmt::format("{:04X}h:{:02X}", object.index, object.sub);
+  if (!name.empty()) text += fmt::format(" \"{}\"", name);
+  return text;
+}
+
+std::string place(const std::string& file, std::uint32_t line) {
+  return line != 0 ? fmt::format("{}:{}", file, line) : file;
+}
+
+std::string words(const Error& error) {
+  switch (error.code) {
+    case Errc::aborted:
+      return fmt::format("the device refused it: {} ({:04X} {:04X}h)",
+                         od::text(static_cast<od::AbortCode>(error.detail)), error.detail >> 16U,
+                         error.detail & 0xFFFFU);
+    case Errc::timeout: return "the request was on the bus, and the device did not answer";
+    default: return *error.text != '\0' ? error.text : name(error.code);
+  }
+}
+
+}  // namespace
+
+const char* name(Stage stage) noexcept {
+  switch (stage) {
+    case Stage::dating: return "checking the date of";
+    case Stage::comparing: return "comparing";
+    case Stage::writing: return "writing";
+    case Stage::reading_back: return "reading back";
+    case Stage::saving: return "saving";
+  }
+  return "";
+}
+
+bool Failure::passing() const noexcept {
+  switch (why) {
+    case Why::differs:
+    case Why::not_kept: return false;
+    case Why::restarted:
+    case Why::not_saved: return true;
+    case Why::error: break;
+  }
+  if (error.code != Errc::aborted) return true;
+  const auto code = static_cast<od::AbortCode>(error.detail);
+  return code == od::AbortCode::local_control || code == od::AbortCode::device_state ||
+         code == od::AbortCode::timeout;
+}
+
+std::string describe(const Failure& f, const std::string& file) {
+  const std::string what = object_of(f.object, f.name);
+  const std::string node = f.error.node != 0 ? fmt::format("node {}, ", f.error.node) : std::string();
+  switch (f.why) {
+    case Failure::Why::restarted:
+      return fmt::format("the device restarted while it was configured ({})", name(f.stage));
+    case Failure::Why::differs:
+      return fmt::format("{} is {} and cannot be written; {} wants {}", what, print_value(f.type, f.held),
+                         place(file, f.line), print_value(f.type, f.wanted));
+    case Failure::Why::not_kept:
+      return fmt::format("{}: the device took {} ({}) without an error and still has {}", what,
+                         print_value(f.type, f.wanted), place(file, f.line), print_value(f.type, f.held));
+    case Failure::Why::not_saved:
+      return fmt::format("{}{}: the device does not have the configuration after it was told to save it", node, what);
+    case Failure::Why::error: break;
+  }
+  const bool value = f.stage == Stage::writing;
+  const std::string at = f.line != 0 || value ? fmt::format(" ({})", place(file, f.line)) : std::string();
+  return fmt::format("{}{} {}{}{}: {}", node, name(f.stage), what,
+                     value ? fmt::format(" = {}", print_value(f.type, f.wanted)) : std::string(), at, words(f.error));
+}
+
+std::string describe(const Difference& d, const std::string& file) {
+  return fmt::format("{}: {} instead of {} ({})", object_of(d.object, d.name),
+                     d.held ? print_value(d.type, *d.held) : std::string("unreadable"), print_value(d.type, d.wanted),
+                     place(file, d.line));
+}
+
+std::string summary(const ConfigurationReport& r, const std::string& file) {
+  if (r.failure) return describe(*r.failure, file);
+  if (r.by_date) return fmt::format("as {} has it, by its date", file);
+  if (!r.changed() && r.saved == Saved::no_need) {
+    if (r.differences.empty()) return fmt::format("as {} has it: {} values compared", file, r.compared);
+    return fmt::format("{} of {} values differ from {}", r.differences.size(), r.compared, file);
+  }
+  std::string text = r.written > 0
+                         ? fmt::format("{} of {} values of {} written", r.differences.size(), r.compared, file)
+                         : fmt::format("as {} has it: {} values compared", file, r.compared);
+  if (r.dated) text += ", dated";
+  switch (r.saved) {
+    case Saved::no_need: break;
+    case Saved::saved: text += ", saved"; break;
+    case Saved::by_itself: text += ", which the device saves by itself"; break;
+    case Saved::cannot: text += "; the device cannot save them"; break;
+    case Saved::unanswered: text += "; the saving was not answered"; break;
+  }
+  return text;
+}
+
+}  // namespace berth::manager
