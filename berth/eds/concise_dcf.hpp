@@ -48,7 +48,8 @@ enum class Order : std::uint8_t {
   /// As the parameters stand: ascending by object.
   as_given,
   /// In an order that devices take (CiA 301 §7.5.2): each PDO and SDO channel is switched off, set, and switched on
-  /// again; a mapping is emptied, filled, and counted; the configuration date 1020h comes after all other values.
+  /// again (with the description's COB-ID where only its mapping is set); a mapping is emptied, filled, and counted;
+  /// SYNC and EMCY likewise. The configuration date 1020h comes after all other values, store parameters 1010h last.
   working,
 };
 

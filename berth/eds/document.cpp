@@ -53,6 +53,8 @@ std::size_t utf8_sequence(std::string_view text, std::size_t at) noexcept {
   return length;
 }
 
+}  // namespace
+
 Encoding encoding_of(std::string_view text) noexcept {
   std::size_t at = 0;
   bool only_ascii = true;
@@ -73,7 +75,24 @@ Encoding encoding_of(std::string_view text) noexcept {
   return only_ascii ? Encoding::ascii : Encoding::utf8;
 }
 
-}  // namespace
+std::optional<std::string> to_windows_1252(std::string_view utf8) {
+  std::string out;
+  out.reserve(utf8.size());
+  for (std::size_t at = 0; at < utf8.size();) {
+    const std::size_t length = utf8_sequence(utf8, at);
+    if (length == 0 || length > 3) return std::nullopt;
+    const auto byte = [&](std::size_t i) { return static_cast<std::uint8_t>(utf8[at + i]); };
+    std::uint32_t point = byte(0);
+    if (length == 2) point = (point & 0x1FU) << 6U | (byte(1) & 0x3FU);
+    if (length == 3) point = (point & 0x0FU) << 12U | (byte(1) & 0x3FU) << 6U | (byte(2) & 0x3FU);
+    at += length;
+    const auto* const found = std::ranges::find(windows_1252, point);
+    if (found != windows_1252.end()) point = 0x80U + static_cast<std::uint32_t>(found - windows_1252.begin());
+    if (found == windows_1252.end() && (point > 0xFF || (point >= 0x80 && point < 0xA0))) return std::nullopt;
+    out.push_back(static_cast<char>(point));
+  }
+  return out;
+}
 
 void Report::add(Severity severity, std::uint32_t line, std::uint32_t column, std::string key, std::string message,
                  std::string fix) {
@@ -303,6 +322,12 @@ std::string Document::utf8(std::string_view raw) const {
     append_utf8(out, byte >= 0x80 && byte < 0xA0 ? windows_1252[byte - 0x80U] : byte);
   }
   return out;
+}
+
+std::optional<std::string> Document::encoded(std::string_view text) const {
+  if (encoding_ == Encoding::windows_1252) return to_windows_1252(text);
+  if (encoding_of(text) == Encoding::windows_1252) return std::nullopt;
+  return std::string(text);
 }
 
 }  // namespace berth::eds

@@ -4,6 +4,7 @@
 #pragma once
 
 #include <cstdint>
+#include <optional>
 #include <span>
 #include <string>
 #include <string_view>
@@ -82,6 +83,9 @@ class Document {
   [[nodiscard]] std::uint32_t column(std::uint32_t at) const noexcept;
   /// Text of the file as UTF-8, whatever the file's encoding.
   [[nodiscard]] std::string utf8(std::string_view raw) const;
+  /// The other way: UTF-8 as it is to stand in this file; empty when its Windows-1252 lacks a character, or for bytes
+  /// that are no UTF-8.
+  [[nodiscard]] std::optional<std::string> encoded(std::string_view text) const;
 
  private:
   friend class LineReader;
@@ -93,6 +97,10 @@ class Document {
   std::vector<Entry> entries_;
   Encoding encoding_ = Encoding::ascii;
 };
+
+/// How a text is encoded: what is no UTF-8 counts as Windows-1252.
+[[nodiscard]] Encoding encoding_of(std::string_view text) noexcept;
+[[nodiscard]] std::optional<std::string> to_windows_1252(std::string_view utf8);
 
 /// Equal but for upper and lower case of ASCII letters.
 [[nodiscard]] bool same_word(std::string_view a, std::string_view b) noexcept;

@@ -142,9 +142,9 @@ struct File {
   std::vector<Denotation> denotations;         ///< ascending by object
   /// The DefaultValues of those objects in `parameters` for which the file gives one too; ascending by object.
   std::vector<Parameter> defaults;
-  std::vector<ParamRef> param_refs;  ///< ascending by object
-  std::vector<ObjectLinks> object_links;
-  std::vector<std::string> comments;  ///< [Comments] Line1...
+  std::vector<ParamRef> param_refs;       ///< ascending by object
+  std::vector<ObjectLinks> object_links;  ///< ascending by index
+  std::vector<std::string> comments;      ///< [Comments] Line1...
   std::vector<Tool> tools;
   std::vector<DynamicSegment> dynamic_segments;
   /// The kinds of modules that a modular device takes; `expand` (modules.hpp) makes a description with modules.

@@ -61,9 +61,11 @@ class Editor {
   [[nodiscard]] std::optional<std::uint32_t> last(std::string_view section) const;
   [[nodiscard]] Fresh* fresh(std::string_view section);
   [[nodiscard]] const Fresh* fresh(std::string_view section) const;
-  [[nodiscard]] Result<std::string> encoded(std::string_view text) const;
+  [[nodiscard]] Result<std::string> encoded(std::string_view text);
+  [[nodiscard]] Result<void> put(std::string_view section, std::string_view key, std::string_view value);
 
   const Document& document_;
+  Encoding encoding_;                                                        ///< of the text with the changes so far
   std::map<std::string, std::vector<std::uint32_t>, std::less<>> sections_;  ///< positions by lower-case name
   std::map<std::uint32_t, Place> places_;
   std::vector<Fresh> fresh_;

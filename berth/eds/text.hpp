@@ -1,0 +1,46 @@
+/// What the writers of EDS, DCF and CPJ share: lines that are sure to be read back. Inside of room `eds` only.
+#pragma once
+
+#include <fmt/format.h>
+
+#include <string>
+#include <string_view>
+
+#include "berth/base/finding.hpp"
+#include "berth/eds/document.hpp"
+
+namespace berth::eds {
+
+/// Blanks at the ends, line breaks and a `;` that begins a comment do not come back.
+[[nodiscard]] bool fits_a_line(std::string_view value) noexcept;
+/// The nearest text that does.
+[[nodiscard]] std::string fitted(std::string_view value);
+
+/// Builds a file's text, section by section.
+class TextBuilder {
+ public:
+  TextBuilder(std::string_view line_end, Encoding encoding) : line_end_(line_end), encoding_(encoding) {}
+
+  void section(std::string_view name);
+  /// UTF-8, written in the file's encoding. What cannot be carried is replaced and told.
+  void text(std::string_view key, std::string_view value);
+  /// Bytes as they are (VISIBLE_STRING).
+  void raw(std::string_view key, std::string_view value);
+  /// ASCII made by the writer: nothing to check.
+  void plain(std::string_view key, std::string_view value);
+  void flag(std::string_view key, bool value) { plain(key, value ? "1" : "0"); }
+  void number(std::string_view key, std::uint64_t value) { plain(key, std::to_string(value)); }
+  void tell(std::string_view key, std::string message);
+
+  [[nodiscard]] std::string take_text() { return std::move(text_); }
+  [[nodiscard]] Findings take_findings() { return std::move(findings_); }
+
+ private:
+  std::string text_;
+  std::string section_;
+  std::string_view line_end_;
+  Encoding encoding_;
+  Findings findings_;
+};
+
+}  // namespace berth::eds
