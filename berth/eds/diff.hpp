@@ -14,7 +14,7 @@ namespace berth::eds {
 
 enum class Aspect : std::uint8_t {
   only_in_first,   ///< an object or sub-object; `first` has its name
-  only_in_second,  ///< against a device: never (a device does not list its objects)
+  only_in_second,  ///< against a device: it says by its sub-index 0 that it has more of them
   object_type,     ///< VAR, ARRAY, RECORD...
   data_type,
   access,
@@ -64,7 +64,7 @@ struct LiveAnswer {
 };
 
 struct LiveOptions {
-  bool values = false;  ///< also compare values with the file's, of objects that can be written
+  bool values = false;            ///< also compare values with the file's, of objects that can be written
   std::size_t most_bytes = 4096;  ///< DOMAINs, and strings that may be longer, are not read
 };
 

@@ -14,9 +14,9 @@ namespace berth::eds {
 /// Reads the text of an XDD or XDC, of schema 1.0 or 1.1: elements are known by their local names. As tolerant as the
 /// EDS reader: each oddity is a finding with line and column, and only what cannot be understood is an error. What an
 /// object does not say itself is taken from the parameter that its `uniqueIDRef` names, and from that one's template.
-/// An `actualValue` becomes a `Parameter`. No I/O, no entities, nothing outside of the text is ever opened. `File::
-/// document` stays empty. Not kept, and told in one note: units, descriptions, the meaning of single values, functions
-/// and LEDs.
+/// An `actualValue` becomes a `Parameter`. No I/O, no entities, nothing outside of the text is ever opened.
+/// `File::document` stays empty. Not kept, and told in one note: units, descriptions, the meaning of single values,
+/// functions and LEDs.
 [[nodiscard]] Reading read_xdd(std::string_view text, std::string_view file_name, const ReadOptions& options = {});
 
 /// True when the text is XML, whatever it describes: its first character but a byte order mark and blanks is `<`.
@@ -29,7 +29,7 @@ namespace berth::eds {
 [[nodiscard]] Reading read_any_file(const std::filesystem::path& path, const ReadOptions& options = {});
 
 struct XddOptions {
-  bool values = false;             ///< an XDC: with actual values and the commissioning
+  bool values = false;              ///< an XDC: with actual values and the commissioning
   std::string_view file_name = {};  ///< for `fileName`; "" = as `FileInfo` has it
 };
 
