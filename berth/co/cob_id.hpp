@@ -47,6 +47,16 @@ class CobId {
   }
   /// As `can::Frame::key()` and `can::IdRange` have it.
   [[nodiscard]] constexpr std::uint32_t key() const noexcept { return extended() ? id() | can::extended_flag : id(); }
+  /// Same frame format and CAN-ID, bits 29..0: what must not change while an object is in use.
+  [[nodiscard]] constexpr bool same_identifier(CobId other) const noexcept {
+    return ((raw_ ^ other.raw_) & ~(invalid_bit | second_bit)) == 0;
+  }
+  /// No bits above bit 10 in an 11-bit identifier.
+  [[nodiscard]] constexpr bool well_formed() const noexcept {
+    return extended() || (raw_ & (can::extended_mask & ~can::base_mask)) == 0;
+  }
+  /// May be given to a PDO, SYNC, TIME or EMCY.
+  [[nodiscard]] constexpr bool allowed() const noexcept { return well_formed() && (extended() || !restricted(id())); }
   friend constexpr bool operator==(CobId, CobId) noexcept = default;
 
  private:

@@ -120,6 +120,8 @@ class EmcyConsumer final : private can::Handler {
 
   /// Hears all nodes on 081h..0FFh.
   void hear_all();
+  /// Takes memory for so many identifiers, so that `hear` needs none.
+  void reserve(std::size_t identifiers) { sources_.reserve(identifiers); }
   /// Hears one node on another identifier (1028h). An invalid `id` is ignored.
   void hear(NodeId node, CobId id);
   void clear() noexcept;

@@ -13,7 +13,7 @@
 ///   valid): anything while the PDO is valid, an entry while sub-index 0 is not 0: 0601 0000. Entries: `check_entry`; 0
 ///   is accepted and must not be counted. Sub-index 0: the entries again, more than 64 bits or entries: 0604 0042; an
 ///   MPDO whose type is not FEh or FFh, a second MPDO producer: 0604 0043.
-/// Defaults are not checked: a PDO with a faulty one stays silent (`problem`). The local side may change the records
+/// A PDO whose defaults break these rules stays silent (`problem` says why). The local side may change the records
 /// too; `refresh` then.
 ///
 /// TPDO types: 00h sent after a SYNC if `event` or `changed` came since the one before. 01h..F0h after every n-th SYNC;
@@ -51,6 +51,8 @@
 #include "berth/od/values.hpp"
 
 namespace berth::co {
+
+enum class PdoMode : std::uint8_t;
 
 class Pdos final : private od::Hook, private can::Handler, private rt::Job {
  public:
@@ -133,10 +135,11 @@ class Pdos final : private od::Hook, private can::Handler, private rt::Job {
   od::AbortCode writing_mapping(PdoKind kind, unsigned number, std::uint8_t sub, std::uint32_t value) const noexcept;
   od::AbortCode check_count(PdoKind kind, unsigned number, std::uint8_t count) const noexcept;
   od::AbortCode resolve(PdoKind kind, unsigned number, std::uint8_t count, PdoMapping& mapping) const noexcept;
-  [[nodiscard]] unsigned room_of(PdoKind kind, unsigned number) const noexcept;
   [[nodiscard]] CobId cob_id(PdoKind kind, unsigned number) const noexcept;
   [[nodiscard]] std::uint8_t type(PdoKind kind, unsigned number) const noexcept;
   [[nodiscard]] std::uint8_t mapped(PdoKind kind, unsigned number) const noexcept;
+  [[nodiscard]] static PdoMode mode_of(std::uint8_t count) noexcept;
+  [[nodiscard]] static bool usable_type(PdoKind kind, std::uint8_t type, std::uint8_t count) noexcept;
   [[nodiscard]] bool other_producer(unsigned number) const noexcept;
   template <class Visit>
   static void for_each_described(const od::Description& description, PdoKind kind, const Visit& visit);
@@ -160,27 +163,34 @@ class Pdos final : private od::Hook, private can::Handler, private rt::Job {
   bool fire(Tpdo& pdo) noexcept;
   void attempt(Tpdo& pdo) noexcept;
   void sample(Tpdo& pdo) noexcept;
-  [[nodiscard]] bool build(Tpdo& pdo, can::Frame& frame) noexcept;
+  [[nodiscard]] bool may_go(Tpdo& pdo) noexcept;
+  [[nodiscard]] can::Queued submit(Tpdo& pdo, const can::Frame& frame) noexcept;
   void failed(Tpdo& pdo, can::Queued why) noexcept;
-  void departed(Tpdo& pdo) noexcept;
+  void retry(Tpdo& pdo) noexcept;
+  void restart_event_timer(Tpdo& pdo) noexcept;
+  void set_event_time(Tpdo& pdo, std::uint16_t milliseconds) noexcept;
+  void stamp() noexcept;
+  void send_sample(Tpdo& pdo) noexcept;
   void sent(Tpdo& pdo, rt::Time at) noexcept;
   void sync(Tpdo& pdo, std::uint8_t counter) noexcept;
   void requested(std::uint32_t key) noexcept;
-  void feed() noexcept;
   void close_window() noexcept;
 
   // RPDO
   void received(Rpdo& pdo, const can::Frame& frame, rt::Time at) noexcept;
   void store(Rpdo& pdo, const std::uint8_t* data, rt::Time at) noexcept;
   void supervise(Rpdo& pdo, rt::Time at) noexcept;
+  void set_deadline(Rpdo& pdo, std::uint16_t milliseconds) noexcept;
   void fault(Rpdo& pdo, Fault fault, bool on, std::uint8_t length = 0) noexcept;
+  void set_fault(Rpdo& pdo, Fault fault, bool on, const std::array<std::uint8_t, 5>& info) noexcept;
 
   // MPDO
   void received_mpdo(Rpdo& pdo, const can::Frame& frame, rt::Time at) noexcept;
-  [[nodiscard]] od::AbortCode write_dam(ObjectRef object, const std::uint8_t* data) noexcept;
-  [[nodiscard]] bool dispatch(std::uint8_t node, ObjectRef object, const std::uint8_t* data, rt::Time at) noexcept;
+  [[nodiscard]] bool write_dam(ObjectRef object, const std::uint8_t* data) noexcept;
+  void dispatch(std::uint8_t node, ObjectRef object, const std::uint8_t* data, rt::Time at) noexcept;
   [[nodiscard]] bool scanned(ObjectRef object) const noexcept;
   [[nodiscard]] bool scan(Tpdo& pdo, ObjectRef object) noexcept;
+  void send_scanned(Tpdo& pdo) noexcept;
 
   can::Dispatcher* dispatcher_;
   od::Values* values_;

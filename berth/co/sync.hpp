@@ -57,6 +57,8 @@ class Sync final : private od::Hook, private can::Handler, private can::Confirma
   od::AbortCode writing_cob_id(std::uint32_t value) const noexcept;
   od::AbortCode writing_overflow(std::uint8_t value) const noexcept;
   void apply() noexcept;
+  void read_window() noexcept;
+  [[nodiscard]] std::uint8_t next_counter() const noexcept;
   void received(const can::Frame& frame, rt::Time at) noexcept override;
   void sent(rt::Time at) noexcept override;
   void run() noexcept override;
