@@ -2,6 +2,7 @@
 
 #include <algorithm>
 #include <array>
+#include <bit>
 
 #include "berth/base/bytes.hpp"
 
@@ -42,16 +43,16 @@ std::string_view name(Access access) noexcept {
   return "unknown";
 }
 
-const Object* Description::find(std::uint16_t index) const noexcept {
-  const std::uint16_t* base = indices_.data();
-  std::size_t length = indices_.size();
-  while (length > 1) {
-    const std::size_t half = length / 2;
-    base += base[half - 1] < index ? half : 0;
-    length -= half;
+// At most half full, so that a search ends soon, and ends.
+void Description::index_objects() {
+  const auto size = std::bit_ceil(std::max<std::size_t>(2, objects_.size() * 2));
+  places_.assign(size, 0);
+  place_shift_ = 32U - static_cast<std::uint32_t>(std::countr_zero(size));
+  for (std::uint32_t i = 0; i < objects_.size(); ++i) {
+    auto at = place_of(objects_[i].index);
+    while (places_[at & (size - 1)] != 0) ++at;
+    places_[at & (size - 1)] = i + 1;
   }
-  if (length == 0 || *base != index) return nullptr;
-  return &objects_[static_cast<std::size_t>(base - indices_.data())];
 }
 
 const SubObject* Description::find(const Object& object, std::uint8_t sub) const noexcept {
@@ -82,7 +83,7 @@ Literal Description::default_of(const SubObject& sub) const {
 }
 
 std::size_t Description::memory() const noexcept {
-  return sizeof *this + indices_.capacity() * sizeof(indices_[0]) + objects_.capacity() * sizeof(Object) +
+  return sizeof *this + places_.capacity() * sizeof(places_[0]) + objects_.capacity() * sizeof(Object) +
          subs_.capacity() * sizeof(SubObject) + limits_.capacity() * sizeof(Limits) +
          relatives_.capacity() * sizeof(Relative) + image_.capacity() + names_.capacity();
 }
@@ -276,7 +277,6 @@ std::shared_ptr<const Description> DescriptionBuilder::build() {
   const auto made = std::make_shared<Description>();
   made->dummies_ = state.dummies;
   made->names_ = std::move(state.names);
-  made->indices_.reserve(state.objects.size());
   made->objects_.reserve(state.objects.size());
   made->subs_.reserve(state.subs.size());
   auto next = state.subs.begin();
@@ -299,9 +299,9 @@ std::shared_ptr<const Description> DescriptionBuilder::build() {
       made->subs_.push_back(sub);
     }
     object.count = static_cast<std::uint16_t>(made->subs_.size() - object.first);
-    made->indices_.push_back(object.index);
     made->objects_.push_back(object);
   }
+  made->index_objects();
   made->image_.resize(offset);
   for (std::size_t i = 0; i < state.subs.size(); ++i) put_default(made->image_, made->subs_[i], state.subs[i].initial);
   for (const Object& object : made->objects_) {

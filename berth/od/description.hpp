@@ -88,8 +88,15 @@ class Description {
   [[nodiscard]] std::span<const SubObject> subs(const Object& object) const noexcept {
     return std::span(subs_).subspan(object.first, object.count);
   }
-  /// Binary search; nullptr when there is none.
-  [[nodiscard]] const Object* find(std::uint16_t index) const noexcept;
+  /// nullptr when there is none. By hash: every access to an object begins here.
+  [[nodiscard]] const Object* find(std::uint16_t index) const noexcept {
+    for (std::uint32_t at = place_of(index);; ++at) {
+      const std::uint32_t position = places_[at & (places_.size() - 1)];
+      if (position == 0) return nullptr;
+      const Object& object = objects_[position - 1];
+      if (object.index == index) return &object;
+    }
+  }
   [[nodiscard]] const SubObject* find(const Object& object, std::uint8_t sub) const noexcept;
   [[nodiscard]] const SubObject* find(ObjectRef ref) const noexcept;
 
@@ -122,7 +129,13 @@ class Description {
     return std::string_view(names_).substr(at, length);
   }
 
-  std::vector<std::uint16_t> indices_;  ///< of objects_, by themselves: what the binary search touches
+  [[nodiscard]] std::uint32_t place_of(std::uint16_t index) const noexcept {
+    return (index * 0x9E37'79B1U) >> place_shift_;
+  }
+  void index_objects();
+
+  std::vector<std::uint32_t> places_ = {0, 0};  ///< by hash of the index: position in objects_ + 1, 0 = nothing
+  std::uint32_t place_shift_ = 31;              ///< leaves as many bits of the hash as `places_` needs
   std::vector<Object> objects_;
   std::vector<SubObject> subs_;
   std::vector<Limits> limits_;

@@ -27,12 +27,11 @@ Values::~Values() {
 
 /// Where the values of the first object with this index or a higher one begin.
 std::size_t Values::slot_of(std::uint32_t index) const noexcept {
-  const auto& indices = description_->indices_;
-  auto at = std::ranges::lower_bound(indices, index) - indices.begin();
+  const auto& objects = description_->objects_;
+  auto at = std::ranges::lower_bound(objects, index, {}, &Object::index);
   // An object without sub-objects has no values: look further.
-  while (at < std::ssize(indices) && description_->objects_[static_cast<std::size_t>(at)].count == 0) ++at;
-  if (at == std::ssize(indices)) return data_.size();
-  return description_->subs_[description_->objects_[static_cast<std::size_t>(at)].first].offset;
+  while (at != objects.end() && at->count == 0) ++at;
+  return at == objects.end() ? data_.size() : description_->subs_[at->first].offset;
 }
 
 void Values::reset(NodeId node_id, Area area) noexcept {
