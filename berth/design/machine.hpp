@@ -44,7 +44,8 @@ struct PortSpec {
 /// `[bus.NAME.timing]` (that bus, stronger); the names are the same.
 struct Timing {
   Duration lss_timeout = std::chrono::milliseconds(100);    ///< answer to an LSS request, from its confirmation
-  Duration store_timeout = std::chrono::seconds(3);         ///< answer to LSS store (17h) and SDO store (1010h)
+  Duration store_timeout = std::chrono::seconds(3);         ///< answer to LSS store (17h)
+  Duration save_timeout = std::chrono::seconds(10);         ///< answer to SDO store (1010h)
   Duration sdo_timeout = std::chrono::milliseconds(500);    ///< answer to an SDO request
   Duration guard_timeout = std::chrono::milliseconds(100);  ///< answer to a node guarding request
   Duration rand_response = std::chrono::milliseconds(10);   ///< paper 1's T_resp: latest answer of a device to an IURS

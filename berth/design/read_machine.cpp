@@ -21,6 +21,7 @@ constexpr std::array<string_view, 5> ambiguous_words{"ask", "ascending", "one-at
 constexpr std::array<string_view, 3> revision_words{"any", "major", "exact"};
 constexpr std::array<string_view, 2> replacement_words{"ask", "auto"};
 constexpr std::array<string_view, 3> assign_words{"lss", "fixed", "recipe"};
+constexpr std::array<string_view, 3> activate_words{"at-once", "reset", "power-cycle"};
 constexpr Limits node_ids{1, 127};
 
 template <class Enum, std::size_t N>
@@ -84,6 +85,7 @@ class MachineReader {
     if (!table) return;
     read_duration(*table, "lss_timeout", 1ms, 1min, timing.lss_timeout);
     read_duration(*table, "store_timeout", 1ms, 10min, timing.store_timeout);
+    read_duration(*table, "save_timeout", 1ms, 10min, timing.save_timeout);
     read_duration(*table, "sdo_timeout", 1ms, 1min, timing.sdo_timeout);
     read_duration(*table, "guard_timeout", 1ms, 1min, timing.guard_timeout);
     read_duration(*table, "rand_response", 100us, 10s, timing.rand_response);

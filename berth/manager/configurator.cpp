@@ -129,6 +129,15 @@ bool Configurator::still_there(ConfigurationReport& report, Stage stage) const {
   return false;
 }
 
+bool Configurator::may_change(ConfigurationReport& report) const {
+  if (!options_->before_change || options_->before_change()) return true;
+  Failure failure;
+  failure.why = Failure::Why::not_allowed;
+  failure.stage = Stage::writing;
+  report.failure = std::move(failure);
+  return false;
+}
+
 // ---- the whole ----
 
 rt::Task<void> Configurator::run(ConfigurationReport& report) {
@@ -161,6 +170,7 @@ rt::Task<void> Configurator::run(ConfigurationReport& report) {
     (void)still_there(report, Stage::comparing);
     co_return;
   }
+  if (!may_change(report)) co_return;
   if (differs) {
     const bool ready = co_await read_needed();
     if (ready && date.date != ConfigurationDate{} && report.has_date) co_await take_date();

@@ -38,11 +38,12 @@ enum class Stage : std::uint8_t { dating, comparing, writing, reading_back, savi
 /// Why a configuration stopped.
 struct Failure {
   enum class Why : std::uint8_t {
-    error,      ///< `error` says it: no answer, refused by an abort code, the port
-    differs,    ///< it may not be written, and the device has `held`
-    not_kept,   ///< written without an error, and the device has `held` all the same
-    restarted,  ///< the device booted meanwhile: what was written is gone, or may be
-    not_saved,  ///< 1010h was not answered, and the device does not say afterwards that it has the configuration
+    error,        ///< `error` says it: no answer, refused by an abort code, the port
+    differs,      ///< it may not be written, and the device has `held`
+    not_kept,     ///< written without an error, and the device has `held` all the same
+    restarted,    ///< the device booted meanwhile: what was written is gone, or may be
+    not_allowed,  ///< `before_change` said no
+    not_saved,    ///< 1010h was not answered, and the device does not say afterwards that it has the configuration
   };
   Why why = Why::error;
   Stage stage = Stage::comparing;
@@ -111,8 +112,10 @@ struct ConfiguratorOptions {
   rt::Duration pause = std::chrono::milliseconds(200);  ///< between these tries
   unsigned asks = 10;  ///< how often a device that did not answer the saving is asked whether it is there
   rt::Duration ask_pause = std::chrono::seconds(1);  ///< before each of these
-  std::function<bool()> restarted;                   ///< true: the device has booted since `run` began; may be empty
-  std::function<void(const Progress&)> progress;     ///< at the beginning of each stage; may be empty
+  /// Called once, before the first thing in the device is changed; false: it shall not be. May be empty.
+  std::function<bool()> before_change;
+  std::function<bool()> restarted;                ///< true: the device has booted since `run` began; may be empty
+  std::function<void(const Progress&)> progress;  ///< at the beginning of each stage; may be empty
 };
 
 class Configurator {
@@ -132,6 +135,7 @@ class Configurator {
   rt::Task<void> read_date(DateRead& into);
   rt::Task<Result<co::SdoValue>> read(ObjectRef object);
   rt::Task<Result<void>> write(ObjectRef object, std::span<const std::uint8_t> data);
+  [[nodiscard]] bool may_change(ConfigurationReport& report) const;
   rt::Task<bool> own_agree(ConfigurationReport& report);
   rt::Task<bool> compare(ConfigurationReport& report);
   rt::Task<bool> read_entry(std::size_t index, ConfigurationReport& report);

@@ -45,13 +45,13 @@ bool Failure::passing() const noexcept {
     case Why::differs:
     case Why::not_kept: return false;
     case Why::restarted:
+    case Why::not_allowed:
     case Why::not_saved: return true;
     case Why::error: break;
   }
   if (error.code != Errc::aborted) return true;
   const auto code = static_cast<od::AbortCode>(error.detail);
-  return code == od::AbortCode::local_control || code == od::AbortCode::device_state ||
-         code == od::AbortCode::timeout;
+  return code == od::AbortCode::local_control || code == od::AbortCode::device_state || code == od::AbortCode::timeout;
 }
 
 std::string describe(const Failure& f, const std::string& file) {
@@ -60,6 +60,7 @@ std::string describe(const Failure& f, const std::string& file) {
   switch (f.why) {
     case Failure::Why::restarted:
       return fmt::format("the device restarted while it was configured ({})", name(f.stage));
+    case Failure::Why::not_allowed: return "the configuration was not begun: the slot table cannot be written";
     case Failure::Why::differs:
       return fmt::format("{} is {} and cannot be written; {} wants {}", what, print_value(f.type, f.held),
                          place(file, f.line), print_value(f.type, f.wanted));

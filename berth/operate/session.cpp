@@ -22,6 +22,9 @@ class Session::StampedStore final : public places::SlotStore {
     return stamped().confirm(slot, seat, reason);
   }
   Result<void> clear(places::SlotId slot, std::string_view reason) override { return stamped().clear(slot, reason); }
+  Result<void> configure(places::SlotId slot, const places::Configured& configured, std::string_view reason) override {
+    return stamped().configure(slot, configured, reason);
+  }
   Result<void> ask_blank(const LssAddress& device, std::string_view reason) override {
     return stamped().ask_blank(device, reason);
   }

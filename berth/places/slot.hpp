@@ -37,6 +37,13 @@ enum class Replacement : std::uint8_t { ask, automatic };
 /// How a device of this slot gets its node-ID.
 enum class Assign : std::uint8_t { lss, fixed, recipe };
 
+/// What a device needs before a saved configuration is in use.
+enum class Activate : std::uint8_t {
+  at_once,      ///< nothing
+  reset,        ///< NMT reset node
+  power_cycle,  ///< to be switched off and on by a person
+};
+
 /// One slot as the machine file wants it. `id` and `type` are the paper's Node_ID and Type_Code, fixed in the
 /// pre-assigning phase (S1.2).
 struct SlotSpec {
@@ -50,6 +57,7 @@ struct SlotSpec {
   Assign assign = Assign::lss;
   bool optional = false;
   std::string config;  ///< file with the device's configuration, empty for none
+  Activate activate = Activate::at_once;
 };
 
 /// Who sits, or shall sit, where.
@@ -59,6 +67,22 @@ struct Seat {
   friend bool operator==(const Seat&, const Seat&) = default;
 };
 
+/// How far the configuration of a slot's device has come. Written before the first object of the device is, so that a
+/// run that was interrupted is known to the next.
+struct Configured {
+  enum class Stage : std::uint8_t {
+    writing,      ///< begun: the device may have anything, and may not have saved it
+    power_cycle,  ///< saved, and not in use before the device is switched off and on
+    done,         ///< it has it
+  };
+  Stage stage = Stage::writing;
+  LssAddress device;
+  std::uint32_t days = 0;  ///< the configuration date that 1020h shall have
+  std::uint32_t ms = 0;
+  friend bool operator==(const Configured&, const Configured&) = default;
+};
+[[nodiscard]] const char* name(Configured::Stage stage) noexcept;
+
 /// What the store knows of a slot. `asked` is what Berth set out to do, written before the bus is touched; `confirmed`
 /// is what the device was then heard to be. They are two facts: a crash leaves the first without the second, and the
 /// next start does the work again (S1.53).
@@ -67,6 +91,7 @@ struct SlotRecord {
   SlotName name;
   std::optional<Seat> asked;
   std::optional<Seat> confirmed;
+  std::optional<Configured> configured = {};
 
   /// The device that this slot is about: the one asked for, else the one confirmed.
   [[nodiscard]] std::optional<LssAddress> device() const noexcept {
@@ -81,7 +106,8 @@ struct HistoryEntry {
   std::int64_t sequence = 0;   ///< ascending over the whole store
   std::int64_t stamp_ms = 0;   ///< given by the caller: Unix time, or bus time on a simulated bus
   std::optional<SlotId> slot;  ///< none for what concerns a device alone
-  std::string event;           ///< "declared", "asked", "confirmed", "cleared", "blank asked", "blanked", or a note
+  std::string event;           ///< "declared", "asked", "confirmed", "cleared", "blank asked", "blanked",
+                               ///< "configuring", "power cycle needed", "configured", or a note
   std::optional<LssAddress> device;
   NodeId id;
   std::string reason;
@@ -95,6 +121,7 @@ enum class SlotState : std::uint8_t {
   question,     ///< a person must say which device belongs here
   absent,       ///< bound, and silent
   present,      ///< bound, identified, pre-operational
+  configuring,  ///< its configuration is compared, and written where it differs
   power_cycle,  ///< waits for the device to be switched off and on
   operational,  ///< started, and heard to be operational
   failed,       ///< see the reason

@@ -12,6 +12,7 @@ const char* name(SlotState state) noexcept {
     case SlotState::question: return "question";
     case SlotState::absent: return "absent";
     case SlotState::present: return "present";
+    case SlotState::configuring: return "configuring";
     case SlotState::power_cycle: return "power cycle needed";
     case SlotState::operational: return "operational";
     case SlotState::failed: return "failed";
@@ -19,6 +20,15 @@ const char* name(SlotState state) noexcept {
     case SlotState::wrong_type: return "wrong type";
   }
   return "unknown";
+}
+
+const char* name(Configured::Stage stage) noexcept {
+  switch (stage) {
+    case Configured::Stage::writing: return "configuring";
+    case Configured::Stage::power_cycle: return "power cycle needed";
+    case Configured::Stage::done: return "configured";
+  }
+  return "configuring";
 }
 
 SlotRecord* MemoryStore::find(SlotId slot) noexcept {
@@ -36,7 +46,7 @@ Result<SlotId> MemoryStore::declare(const SlotName& name) {
   const auto it = std::ranges::find(slots_, name, &SlotRecord::name);
   if (it != slots_.end()) return it->slot;
   const SlotId slot{static_cast<std::int64_t>(slots_.size()) + 1};
-  slots_.push_back({slot, name, std::nullopt, std::nullopt});
+  slots_.push_back({slot, name, std::nullopt, std::nullopt, std::nullopt});
   log(slot, "declared", std::nullopt, NodeId(), name.name);
   return slot;
 }
@@ -78,6 +88,16 @@ Result<void> MemoryStore::clear(SlotId slot, std::string_view reason) {
   log(slot, "cleared", record->device(), NodeId(), reason);
   record->asked.reset();
   record->confirmed.reset();
+  record->configured.reset();
+  return {};
+}
+
+Result<void> MemoryStore::configure(SlotId slot, const Configured& configured, std::string_view reason) {
+  SlotRecord* record = find(slot);
+  if (record == nullptr) return fail(Errc::not_found, "no such slot");
+  record->configured = configured;
+  const NodeId id = record->confirmed ? record->confirmed->id : NodeId();
+  log(slot, name(configured.stage), configured.device, id, reason);
   return {};
 }
 

@@ -27,8 +27,11 @@ class SlotStore {
   /// The device was heard under its new node-ID and identified: the intention becomes the binding. `seat` must be what
   /// was asked for, else `Errc::mismatch`.
   virtual Result<void> confirm(SlotId slot, const Seat& seat, std::string_view reason) = 0;
-  /// Forgets who sits in the slot, asked and confirmed; the history keeps it.
+  /// Forgets who sits in the slot, asked and confirmed, and its configuration; the history keeps it.
   virtual Result<void> clear(SlotId slot, std::string_view reason) = 0;
+
+  /// Writes how far the configuration of the slot's device has come. Replaces what was known; `clear` forgets it.
+  virtual Result<void> configure(SlotId slot, const Configured& configured, std::string_view reason) = 0;
 
   /// Writes the intention to take a device's node-ID away, before the first frame that does it.
   virtual Result<void> ask_blank(const LssAddress& device, std::string_view reason) = 0;
@@ -54,6 +57,7 @@ class MemoryStore final : public SlotStore {
   Result<void> ask(SlotId slot, const Seat& seat, std::string_view reason) override;
   Result<void> confirm(SlotId slot, const Seat& seat, std::string_view reason) override;
   Result<void> clear(SlotId slot, std::string_view reason) override;
+  Result<void> configure(SlotId slot, const Configured& configured, std::string_view reason) override;
   Result<void> ask_blank(const LssAddress& device, std::string_view reason) override;
   Result<void> confirm_blank(const LssAddress& device, std::string_view reason) override;
   Result<std::vector<LssAddress>> unfinished_blanks() override;

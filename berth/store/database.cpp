@@ -1,5 +1,6 @@
 #include "berth/store/database.hpp"
 
+#include <algorithm>
 #include <utility>
 
 #include "berth/store/database_impl.hpp"
@@ -28,6 +29,13 @@ constexpr const char* put_seat_sql =
     "INSERT INTO seats (vendor, product, revision, serial, node_id, slot, fact) VALUES (?, ?, ?, ?, ?, ?, ?) "
     "ON CONFLICT (slot, fact) DO UPDATE SET vendor = excluded.vendor, product = excluded.product, "
     "revision = excluded.revision, serial = excluded.serial, node_id = excluded.node_id";
+constexpr const char* configurations_sql =
+    "SELECT c.slot, c.stage, c.vendor, c.product, c.revision, c.serial, c.days, c.ms FROM configurations c "
+    "JOIN slots s ON s.id = c.slot WHERE s.machine = ?";
+constexpr const char* put_configuration_sql =
+    "INSERT OR REPLACE INTO configurations (vendor, product, revision, serial, slot, stage, days, ms) "
+    "VALUES (?, ?, ?, ?, ?, ?, ?, ?)";
+constexpr const char* drop_configuration_sql = "DELETE FROM configurations WHERE slot = ?";
 constexpr const char* drop_asked_sql = "DELETE FROM seats WHERE slot = ? AND fact = 'asked'";
 constexpr const char* drop_seats_sql = "DELETE FROM seats WHERE slot = ?";
 constexpr const char* put_blank_sql =
@@ -139,6 +147,22 @@ void Database::Impl::put_seat(SlotId slot, std::string_view fact, const Seat& se
   query.run();
 }
 
+void Database::Impl::add_configurations(std::string_view machine, std::vector<SlotRecord>& records) {
+  using Stage = places::Configured::Stage;
+  Query query(statement(configurations_sql));
+  query << machine;
+  while (query.row()) {
+    const auto it = std::ranges::find(records, SlotId{query.number(0)}, &SlotRecord::slot);
+    if (it == records.end()) continue;
+    const auto text = query.text(1);
+    const auto stage = text == name(Stage::done)          ? Stage::done
+                       : text == name(Stage::power_cycle) ? Stage::power_cycle
+                                                          : Stage::writing;
+    const auto number = [&](int column) { return static_cast<std::uint32_t>(query.number(column)); };
+    it->configured = places::Configured{stage, query.address(2), number(6), number(7)};
+  }
+}
+
 void Database::Impl::log(std::optional<SlotId> slot, std::string_view event, const std::optional<LssAddress>& device,
                          NodeId id, std::string_view reason) {
   Query query(statement(log_sql));
@@ -219,12 +243,13 @@ Result<std::vector<SlotRecord>> Database::load(std::string_view machine) {
     while (query.row()) {
       const SlotId slot{query.number(0)};
       if (records.empty() || records.back().slot != slot) {
-        records.push_back({slot, {query.text(1), query.text(2), query.text(3)}, std::nullopt, std::nullopt});
+        records.push_back({slot, {query.text(1), query.text(2), query.text(3)}, std::nullopt, std::nullopt, {}});
       }
       if (query.null(4)) continue;
       auto& fact = query.text(4) == "asked" ? records.back().asked : records.back().confirmed;
       fact = Seat{query.address(5), query.node_id(9)};
     }
+    impl_->add_configurations(machine, records);
     return records;
   });
 }
@@ -269,9 +294,26 @@ Result<void> Database::clear(SlotId slot, std::string_view reason) {
     auto who = impl_->seat(slot, "asked");
     if (!who) who = impl_->seat(slot, "confirmed");
     impl_->log(slot, "cleared", who ? std::optional(who->device) : std::nullopt, NodeId(), reason);
-    Query query(impl_->statement(drop_seats_sql));
-    query << slot.value;
-    query.run();
+    for (const char* const sql : {drop_seats_sql, drop_configuration_sql}) {
+      Query query(impl_->statement(sql));
+      query << slot.value;
+      query.run();
+    }
+    return {};
+  });
+}
+
+Result<void> Database::configure(SlotId slot, const places::Configured& configured, std::string_view reason) {
+  return impl_->write("writing a configuration", [&]() -> Result<void> {
+    if (!impl_->has_slot(slot)) return fail(Errc::not_found, "no such slot");
+    {
+      Query query(impl_->statement(put_configuration_sql));
+      query << configured.device << slot.value << name(configured.stage) << std::int64_t{configured.days}
+            << std::int64_t{configured.ms};
+      query.run();
+    }
+    const auto confirmed = impl_->seat(slot, "confirmed");
+    impl_->log(slot, name(configured.stage), configured.device, confirmed ? confirmed->id : NodeId(), reason);
     return {};
   });
 }

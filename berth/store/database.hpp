@@ -25,7 +25,7 @@
 namespace berth::store {
 
 /// The schema this Berth writes. Older ones are brought up to it when a store is opened, in one transaction.
-inline constexpr int schema_version = 2;
+inline constexpr int schema_version = 3;
 
 /// A device that was ever named in the store.
 struct DeviceSeen {
@@ -67,6 +67,7 @@ class Database final : public places::SlotStore {
   Result<void> ask(places::SlotId slot, const places::Seat& seat, std::string_view reason) override;
   Result<void> confirm(places::SlotId slot, const places::Seat& seat, std::string_view reason) override;
   Result<void> clear(places::SlotId slot, std::string_view reason) override;
+  Result<void> configure(places::SlotId slot, const places::Configured& configured, std::string_view reason) override;
   Result<void> ask_blank(const LssAddress& device, std::string_view reason) override;
   Result<void> confirm_blank(const LssAddress& device, std::string_view reason) override;
   Result<std::vector<LssAddress>> unfinished_blanks() override;

@@ -29,6 +29,7 @@ struct Database::Impl {
   [[nodiscard]] bool has_slot(places::SlotId slot);
   [[nodiscard]] std::optional<places::Seat> seat(places::SlotId slot, std::string_view fact);
   void put_seat(places::SlotId slot, std::string_view fact, const places::Seat& seat);
+  void add_configurations(std::string_view machine, std::vector<places::SlotRecord>& records);
   void log(std::optional<places::SlotId> slot, std::string_view event, const std::optional<LssAddress>& device,
            NodeId id, std::string_view reason);
 

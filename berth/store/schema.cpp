@@ -85,15 +85,36 @@ BEGIN
     ON CONFLICT DO UPDATE SET last_ms = NEW.stamp_ms, lines = lines + 1;
 END;
 CREATE INDEX history_of_slot ON history (slot);
+)",
+    // 3: how far the configuration of each slot's device has come.
+    R"(
+CREATE TABLE configurations (
+  slot     INTEGER PRIMARY KEY REFERENCES slots (id),
+  stage    TEXT NOT NULL CHECK (stage IN ('configuring', 'power cycle needed', 'configured')),
+  vendor   INTEGER NOT NULL CHECK (vendor BETWEEN 0 AND 4294967295),
+  product  INTEGER NOT NULL CHECK (product BETWEEN 0 AND 4294967295),
+  revision INTEGER NOT NULL CHECK (revision BETWEEN 0 AND 4294967295),
+  serial   INTEGER NOT NULL CHECK (serial BETWEEN 0 AND 4294967295),
+  days     INTEGER NOT NULL CHECK (days BETWEEN 0 AND 4294967295),
+  ms       INTEGER NOT NULL CHECK (ms BETWEEN 0 AND 4294967295)
+) STRICT;
 )"};
 
-// One query per table that names every column; preparing it fails when something is missing.
-constexpr std::array<const char*, 5> probes{
-    "SELECT id, machine, bus, name FROM slots LIMIT 1",
-    "SELECT slot, fact, vendor, product, revision, serial, node_id FROM seats LIMIT 1",
-    "SELECT id, vendor, product, revision, serial FROM blanks LIMIT 1",
-    "SELECT sequence, stamp_ms, slot, event, vendor, product, revision, serial, node_id, reason FROM history LIMIT 1",
-    "SELECT vendor, product, revision, serial, first_ms, last_ms, lines FROM devices LIMIT 1"};
+// One query per table that names every column, and the version that brought the table; preparing it fails when
+// something is missing.
+struct Probe {
+  int since;
+  const char* query;
+};
+constexpr std::array<Probe, 6> probes{{
+    {1, "SELECT id, machine, bus, name FROM slots LIMIT 1"},
+    {1, "SELECT slot, fact, vendor, product, revision, serial, node_id FROM seats LIMIT 1"},
+    {1, "SELECT id, vendor, product, revision, serial FROM blanks LIMIT 1"},
+    {1,
+     "SELECT sequence, stamp_ms, slot, event, vendor, product, revision, serial, node_id, reason FROM history LIMIT 1"},
+    {2, "SELECT vendor, product, revision, serial, first_ms, last_ms, lines FROM devices LIMIT 1"},
+    {3, "SELECT slot, stage, vendor, product, revision, serial, days, ms FROM configurations LIMIT 1"},
+}};
 
 void apply(SQLite::Database& db, int from, int to) {
   SQLite::Transaction transaction(db, SQLite::TransactionBehavior::IMMEDIATE);
@@ -121,11 +142,11 @@ std::string damage(SQLite::Database& db, int version) {
   SQLite::Statement check(db, "PRAGMA quick_check(1)");
   std::string said = check.executeStep() ? check.getColumn(0).getString() : std::string("no answer");
   if (said != "ok") return said;
-  const std::size_t tables = version < 2 ? probes.size() - 1 : probes.size();
-  for (std::size_t i = 0; i < tables; ++i) {
+  for (const auto& probe : probes) {
+    if (version < probe.since) continue;
     try {
-      SQLite::Statement probe(db, probes[i]);
-      (void)probe.executeStep();
+      SQLite::Statement statement(db, probe.query);
+      (void)statement.executeStep();
     } catch (const SQLite::Exception& error) {
       return error.what();
     }

@@ -104,6 +104,9 @@ class MortalStore final : public places::SlotStore {
   Result<void> clear(places::SlotId slot, std::string_view reason) override {
     return write([&] { return database_->clear(slot, reason); });
   }
+  Result<void> configure(places::SlotId slot, const places::Configured& configured, std::string_view reason) override {
+    return write([&] { return database_->configure(slot, configured, reason); });
+  }
   Result<void> ask_blank(const LssAddress& device, std::string_view reason) override {
     return write([&] { return database_->ask_blank(device, reason); });
   }

@@ -32,11 +32,15 @@ std::string shown(const std::optional<Seat>& seat) {
   return seat ? to_string(seat->device) + "@" + std::to_string(seat->id.value()) : "-";
 }
 
+std::string shown(const std::optional<places::Configured>& c) {
+  return c ? std::string(name(c->stage)) + " " + to_string(c->device) + " " + std::to_string(c->days) : "-";
+}
+
 State state_of(places::SlotStore& store) {
   State state;
   for (const auto& r : must(store.load("m"))) {
     state.lines.push_back(std::to_string(r.slot.value) + " " + r.name.name + " " + shown(r.asked) + " " +
-                          shown(r.confirmed));
+                          shown(r.confirmed) + " " + shown(r.configured));
   }
   for (const auto& b : must(store.unfinished_blanks())) state.lines.push_back("blank " + to_string(b));
   for (const auto& h : must(store.history(std::nullopt))) {
@@ -49,6 +53,7 @@ using Step = std::function<bool(places::SlotStore&)>;
 
 /// A binding of two slots, a replacement and a blanking: every call that Berth makes.
 std::vector<Step> binding() {
+  using Stage = places::Configured::Stage;
   const Seat a{device(5), NodeId(2)};
   const Seat b{device(6), NodeId(4)};
   const Seat c{device(0x15), NodeId(2)};
@@ -63,6 +68,18 @@ std::vector<Step> binding() {
       [=](auto& s) { return s.confirm(SlotId{1}, a, "heard").has_value(); },
       [=](auto& s) { return s.ask(SlotId{2}, b, "discovered").has_value(); },
       [=](auto& s) { return s.confirm(SlotId{2}, b, "heard").has_value(); },
+      [=](auto& s) {
+        return s.configure(SlotId{2}, {Stage::writing, device(6), 15'000, 1}, "b.dcf").has_value();
+      },
+      [=](auto& s) {
+        return s.configure(SlotId{1}, {Stage::writing, device(5), 15'000, 1}, "a.dcf").has_value();
+      },
+      [=](auto& s) {
+        return s.configure(SlotId{1}, {Stage::power_cycle, device(5), 15'000, 1}, "a.dcf").has_value();
+      },
+      [=](auto& s) {
+        return s.configure(SlotId{2}, {Stage::done, device(6), 15'000, 1}, "b.dcf").has_value();
+      },
       [=](auto& s) { return s.clear(SlotId{1}, "replaced by a person").has_value(); },
       [=](auto& s) { return s.ask_blank(device(5), "found with a wrong node-ID").has_value(); },
       [=](auto& s) { return s.ask(SlotId{1}, c, std::string(9000, 'x')).has_value(); },  // more than one page

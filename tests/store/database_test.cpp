@@ -123,6 +123,12 @@ T must(Result<T> result) {
   return std::move(result).value();
 }
 
+std::string shown(const std::optional<places::Configured>& c) {
+  if (!c) return "-";
+  return std::string(name(c->stage)) + to_string(c->device) + "/" + std::to_string(c->days) + "/" +
+         std::to_string(c->ms);
+}
+
 std::vector<std::string> all_of(places::SlotStore& store) {
   std::vector<std::string> out;
   const auto seat = [](const std::optional<Seat>& s) {
@@ -131,7 +137,7 @@ std::vector<std::string> all_of(places::SlotStore& store) {
   for (const char* machine : {"m", "n"}) {
     for (const auto& r : must(store.load(machine))) {
       out.push_back(std::to_string(r.slot.value) + r.name.machine + r.name.bus + r.name.name + seat(r.asked) +
-                    seat(r.confirmed));
+                    seat(r.confirmed) + shown(r.configured));
     }
   }
   for (const auto& b : must(store.unfinished_blanks())) out.push_back(to_string(b));
@@ -149,7 +155,7 @@ std::optional<Errc> random_call(places::SlotStore& store, Random r) {
   const Seat seat{device(static_cast<std::uint32_t>(r.below(4))), NodeId(static_cast<std::uint8_t>(1 + r.below(2)))};
   const auto code = [](const auto& result) { return result ? std::nullopt : std::optional(result.error().code); };
   store.stamp(static_cast<std::int64_t>(r.below(1000)));
-  switch (r.below(8)) {
+  switch (r.below(9)) {
     case 0: return code(store.declare({r.chance(500'000) ? "m" : "n", "b", std::to_string(r.below(3))}));
     case 1:
     case 2: return code(store.ask(slot, seat, "why"));
@@ -158,6 +164,10 @@ std::optional<Errc> random_call(places::SlotStore& store, Random r) {
     case 5: return code(store.clear(slot, "gone"));
     case 6:
       return r.chance(500'000) ? code(store.ask_blank(seat.device, "x")) : code(store.confirm_blank(seat.device, "y"));
+    case 7: {
+      const auto stage = static_cast<places::Configured::Stage>(r.below(3));
+      return code(store.configure(slot, {stage, seat.device, static_cast<std::uint32_t>(r.next()), 86'399'999}, "dcf"));
+    }
     default: return code(store.note({7, 8, slot, "note", seat.device, seat.id, std::string("a\0b", 3)}));
   }
 }
@@ -378,6 +388,31 @@ TEST(Store, MigratesAnOlderSchema) {
   store.reset();
   SQLite::Database raw(folder.file(), SQLite::OPEN_READONLY);
   EXPECT_EQ(raw.execAndGet("PRAGMA user_version").getInt(), schema_version);
+}
+
+// Schema 2 had no configurations: nothing is lost, and what waits for a power cycle is kept from now on.
+TEST(Store, MigratesSchemaTwoAndKeepsWhatWaitsForAPowerCycle) {
+  const Folder folder;
+  {
+    SQLite::Database raw(folder.file(), SQLite::OPEN_READWRITE | SQLite::OPEN_CREATE);
+    create_schema(raw, 2);
+    raw.exec("INSERT INTO slots (machine, bus, name) VALUES ('m', 'b', 'left')");
+    raw.exec("INSERT INTO seats VALUES (1, 'confirmed', 1, 2, 0, 5, 2)");
+  }
+  const places::Configured waits{places::Configured::Stage::power_cycle, {1, 2, 0, 5}, 0xFFFFFFFF, 1};
+  {
+    auto store = must_open(folder.file());
+    ASSERT_NE(store, nullptr);
+    EXPECT_EQ(store->load("m").value().at(0).confirmed, (Seat{{1, 2, 0, 5}, NodeId(2)}));
+    EXPECT_FALSE(store->load("m").value().at(0).configured);
+    ASSERT_TRUE(store->configure(SlotId{1}, waits, "pump.dcf"));
+    EXPECT_EQ(store->configure(SlotId{7}, waits, "x").error().code, Errc::not_found);
+  }
+  auto store = must_open(folder.file());
+  EXPECT_EQ(store->load("m").value().at(0).configured, waits);
+  EXPECT_EQ(store->history(SlotId{1}).value().back().event, "power cycle needed");
+  ASSERT_TRUE(store->clear(SlotId{1}, "gone"));
+  EXPECT_FALSE(store->load("m").value().at(0).configured);
 }
 
 }  // namespace
