@@ -103,6 +103,43 @@ bench::Figure instructions_a_frame(unsigned nodes) {
                       : bench::Figure{name, bench::grouped(each), {}, {}};
 }
 
+/// One operational device with a heartbeat every second, a master's silent controller beside it, and nothing else.
+class Idle {
+ public:
+  Idle() {
+    world_->sim().run_for(200ms);
+    static_cast<void>(port_->send(can::Frame::base(0, {0x01, 0x00}), 0));
+    world_->sim().run_for(200ms);
+  }
+  void run(std::chrono::seconds time) { world_->sim().run_for(time); }
+
+ private:
+  static plant::PlantFile plant() {
+    auto plant = bench::plant_of(1, true, 200us);
+    plant.devices.front().heartbeat = 1s;
+    return plant;
+  }
+  std::unique_ptr<plant::World> world_ = bench::start(plant(), 1'000'000);
+  std::unique_ptr<sim::Controller> port_ = world_->attach_master(bench::bus_name, {});
+};
+
+constexpr unsigned idle_seconds = 10'000;
+
+void add_idle(std::vector<bench::Figure>& figures) {
+  Idle idle;
+  const bench::Watch watch;
+  idle.run(std::chrono::seconds(idle_seconds));
+  const auto each = watch.seconds() / idle_seconds * 1e9;
+  figures.push_back({"one idle device, CPU per simulated second", fmt::format("{:.0f} ns", each), {}, {}});
+  const auto none = bench::instructions({"--idle", "0"});
+  const auto all = bench::instructions({"--idle", std::to_string(idle_seconds)});
+  if (!none || !all) return;
+  figures.push_back({"one idle device, instructions per simulated second",
+                     bench::grouped(static_cast<double>(*all - *none) / idle_seconds),
+                     {},
+                     {}});
+}
+
 unsigned number(const char* text) {
   unsigned value = 0;
   std::from_chars(text, text + std::strlen(text), value);
@@ -115,6 +152,10 @@ int main(int argc, char** argv) {
   if (argc == 4 && std::strcmp(argv[1], "--frames") == 0) {  // under callgrind
     Load load(number(argv[3]));
     if (const auto frames = number(argv[2]); frames > 0) load.run(frames);
+    return 0;
+  }
+  if (argc == 3 && std::strcmp(argv[1], "--idle") == 0) {
+    Idle().run(std::chrono::seconds(number(argv[2])));
     return 0;
   }
   std::vector<bench::Figure> figures;
@@ -132,6 +173,7 @@ int main(int argc, char** argv) {
                                  : bench::at_least(name, measured, frames_aim, "/s"));
   }
   for (const unsigned nodes : {2U, 30U, 127U}) figures.push_back(instructions_a_frame(nodes));
+  add_idle(figures);
   bench::print_figures("Simulator, one core: whole devices, heartbeat every 100 ms, SDO reads without pause", figures);
   return 0;
 }
