@@ -1,6 +1,8 @@
 // What concerns several objects at once: value lists, PDOs that exist without a section, counts and duties.
 #include <fmt/format.h>
 
+#include <algorithm>
+
 #include "berth/eds/info.hpp"
 #include "berth/eds/objects.hpp"
 
@@ -40,6 +42,11 @@ void ObjectReader::value_list(const Group& group) {
     auto value = literal(section, &entry, known->type);
     if (!value || !afford(&section, 0, value->bytes.size())) return;
     check_limits(section, &entry, *known, *value);
+    const auto set = [ref](const Parameter& each) { return each.object == ref; };
+    const auto first = static_cast<std::ptrdiff_t>(parameters_of_group_);
+    if (known->initial.present() && std::none_of(parameters_.begin() + first, parameters_.end(), set)) {
+      defaults_.push_back({ref, known->type, known->initial, group.main == nullptr ? 0 : group.main->line});
+    }
     builder_.initial(ref, *value);
     parameters_.push_back({ref, known->type, std::move(*value), entry.line});
   });
@@ -53,6 +60,15 @@ void ObjectReader::denotation_list(const Group& group) {
     }
     denotations_.push_back({{group.index, static_cast<std::uint8_t>(sub)}, context_.text(&entry)});
   });
+}
+
+void ObjectReader::links(const Group& group) {
+  ObjectLinks made{group.index, {}};
+  numbered(*group.links, "ObjectLinks", [&](std::uint32_t, const Entry& entry) {
+    const auto index = context_.number(*group.links, &entry, 0xFFFF, Severity::warning);
+    if (index) made.links.push_back(static_cast<std::uint16_t>(*index));
+  });
+  object_links_.push_back(std::move(made));
 }
 
 /// [DeviceInfo] CompactPDO: PDOs without sections exist with these sub-indices of the communication record.

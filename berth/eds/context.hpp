@@ -3,9 +3,11 @@
 #pragma once
 
 #include <cstdint>
+#include <filesystem>
 #include <optional>
 #include <string>
 #include <string_view>
+#include <tl/expected.hpp>
 
 #include "berth/eds/document.hpp"
 #include "berth/od/data_type.hpp"
@@ -48,5 +50,9 @@ class Context {
 
 /// A key that is a plain number ("12", as in object lists), or empty.
 [[nodiscard]] std::optional<std::uint32_t> number_key(std::string_view key) noexcept;
+
+/// A file's bytes, one more than `max_bytes` at most; or why it cannot be read.
+[[nodiscard]] tl::expected<std::string, std::string> read_text_file(const std::filesystem::path& path,
+                                                                    std::size_t max_bytes);
 
 }  // namespace berth::eds

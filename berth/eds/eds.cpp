@@ -42,6 +42,12 @@ Reading read(std::string text, std::string_view file_name, const ReadOptions& op
   reading.file.info = read_file_info(context);
   reading.file.device = read_device_info(context);
   reading.file.commissioning = read_commissioning(context);
+  if (const Section* const comments = reading.file.document.find("Comments")) {
+    reading.file.comments = read_comments(context, *comments);
+  }
+  reading.file.tools = read_tools(context);
+  reading.file.dynamic_segments = read_dynamic_segments(context);
+  reading.file.connected_modules = read_connected_modules(context);
   const std::uint32_t dummies = read_dummies(context);
   ObjectReader(context, reading.file.device, options).run(reading.file, dummies);
   reading.findings = report.take();
@@ -49,12 +55,17 @@ Reading read(std::string text, std::string_view file_name, const ReadOptions& op
 }
 
 Reading read_file(const std::filesystem::path& path, const ReadOptions& options) {
-  const std::string name = path.string();
-  std::FILE* const file = std::fopen(name.c_str(), "rb");
-  if (file == nullptr) return refused(name, "the file cannot be opened");
+  auto text = read_text_file(path, options.max_bytes);
+  if (!text) return refused(path.string(), std::move(text.error()));
+  return read(std::move(*text), path.string(), options);
+}
+
+tl::expected<std::string, std::string> read_text_file(const std::filesystem::path& path, std::size_t max_bytes) {
+  std::FILE* const file = std::fopen(path.string().c_str(), "rb");
+  if (file == nullptr) return tl::unexpected<std::string>("the file cannot be opened");
   std::string text;
   std::size_t got = 1;
-  while (got != 0 && text.size() <= options.max_bytes) {
+  while (got != 0 && text.size() <= max_bytes) {
     const std::size_t before = text.size();
     text.resize(before + (1U << 16U));
     got = std::fread(text.data() + before, 1, 1U << 16U, file);
@@ -62,8 +73,8 @@ Reading read_file(const std::filesystem::path& path, const ReadOptions& options)
   }
   const bool failed = std::ferror(file) != 0;
   std::fclose(file);
-  if (failed) return refused(name, "the file cannot be read");
-  return read(std::move(text), name, options);
+  if (failed) return tl::unexpected<std::string>("the file cannot be read");
+  return text;
 }
 
 }  // namespace berth::eds

@@ -5,6 +5,8 @@
 #include <algorithm>
 #include <array>
 
+#include "berth/eds/objects.hpp"
+
 namespace berth::eds {
 namespace {
 
@@ -28,9 +30,9 @@ bool is_time(std::string_view text) noexcept {
 }
 
 /// One section: calls `set` for each entry, warns of keys that stand twice and of keys nobody knows.
-class Keys {
+class SectionKeys {
  public:
-  Keys(Context& context, const Section& section) : context_(context), section_(section) {}
+  SectionKeys(Context& context, const Section& section) : context_(context), section_(section) {}
 
   /// The last entry of this key; null when there is none.
   const Entry* take(std::string_view key) {
@@ -98,7 +100,7 @@ FileInfo read_file_info(Context& context) {
     context.report().add(Severity::note, 0, 0, "[FileInfo]", "the section is missing");
     return info;
   }
-  Keys keys(context, *section);
+  SectionKeys keys(context, *section);
   info.file_name = keys.text("FileName");
   info.file_version = keys.text("FileVersion");
   info.file_revision = keys.text("FileRevision");
@@ -130,7 +132,7 @@ DeviceInfo read_device_info(Context& context) {
     context.report().add(Severity::warning, 0, 0, "[DeviceInfo]", "the section is missing");
     return info;
   }
-  Keys keys(context, *section);
+  SectionKeys keys(context, *section);
   const auto u32 = [&keys](std::string_view key) -> std::optional<std::uint32_t> {
     const auto value = keys.number(key, 0xFFFF'FFFF);
     return value ? std::optional(static_cast<std::uint32_t>(*value)) : std::nullopt;
@@ -164,7 +166,7 @@ std::optional<Commissioning> read_commissioning(Context& context) {
     if (section == nullptr) return std::nullopt;
     context.tell(Severity::note, *section, nullptr, "CiA 306 spells this section DeviceComissioning; accepted");
   }
-  Keys keys(context, *section);
+  SectionKeys keys(context, *section);
   Commissioning info;
   const Entry* const id = keys.take("NodeID");
   if (const auto value = context.number(*section, id, 0xFFFF'FFFF, Severity::error)) {
@@ -207,20 +209,8 @@ std::uint32_t read_dummies(Context& context) {
   return mask;
 }
 
-bool module_section(std::string_view name) noexcept {
-  if (same_word(name, "SupportedModules") || same_word(name, "ConnectedModules")) return true;
-  if (name.size() < 3 || (name[0] != 'M' && name[0] != 'm')) return false;
-  std::size_t at = 1;
-  while (at < name.size() && name[at] >= '0' && name[at] <= '9') ++at;
-  if (at == 1) return false;
-  const std::string_view rest = name.substr(at);
-  constexpr std::array<std::string_view, 5> words{"ModuleInfo", "Comments", "Fixed", "SubExt", "FixedObjects"};
-  return std::ranges::any_of(words,
-                             [rest](std::string_view word) { return same_word(rest.substr(0, word.size()), word); });
-}
-
 bool known_section(std::string_view name) noexcept {
-  constexpr std::array<std::string_view, 11> words{"FileInfo",
+  constexpr std::array<std::string_view, 13> words{"FileInfo",
                                                    "DeviceInfo",
                                                    "DummyUsage",
                                                    "Comments",
@@ -230,10 +220,12 @@ bool known_section(std::string_view name) noexcept {
                                                    "DeviceComissioning",
                                                    "DeviceCommissioning",
                                                    "Tools",
-                                                   "DynamicChannels"};
+                                                   "DynamicChannels",
+                                                   "SupportedModules",
+                                                   "ConnectedModules"};
   if (std::ranges::any_of(words, [name](std::string_view word) { return same_word(word, name); })) return true;
   if (same_word(name.substr(0, 4), "Tool") && name.size() > 4 && number_key(name.substr(4))) return true;
-  return module_section(name);
+  return module_section(name).has_value();
 }
 
 }  // namespace berth::eds

@@ -11,8 +11,12 @@ namespace berth::eds {
 [[nodiscard]] std::optional<Commissioning> read_commissioning(Context& context);
 /// [DummyUsage] as a mask: bit n = data type n may be mapped.
 [[nodiscard]] std::uint32_t read_dummies(Context& context);
-/// True for sections that CiA 306 knows beside those of objects; modules are known and not expanded.
+/// [Comments] or [MxComments]: the lines in the order of their numbers.
+[[nodiscard]] std::vector<std::string> read_comments(Context& context, const Section& section);
+[[nodiscard]] std::vector<Tool> read_tools(Context& context);
+[[nodiscard]] std::vector<DynamicSegment> read_dynamic_segments(Context& context);
+[[nodiscard]] std::vector<std::uint16_t> read_connected_modules(Context& context);
+/// True for sections that CiA 306 knows beside those of objects.
 [[nodiscard]] bool known_section(std::string_view name) noexcept;
-[[nodiscard]] bool module_section(std::string_view name) noexcept;
 
 }  // namespace berth::eds

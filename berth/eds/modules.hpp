@@ -71,10 +71,12 @@ struct Expansion {
 };
 
 /// The coupler's description with the objects of its modules, in the order of the slots (`slots[i]` = number of the
-/// kind in slot i+1; 0 = empty). Objects that the file describes itself (as a DCF may) stay as they are. An unknown
-/// kind, or more sub-indices than an object holds, is a finding and is left out.
+/// kind in slot i+1; 0 = empty). Sub-indices of modules follow those that the coupler has by itself. Fixed objects that
+/// the file describes stay as they are. An unknown kind, or more sub-indices than an object holds, is a finding and is
+/// left out.
 [[nodiscard]] Expansion expand(const File& file, std::span<const std::uint16_t> slots);
-/// The same for the file's own [ConnectedModules].
+/// The same for a DCF's own [ConnectedModules]. Extended objects for which the DCF has sub-objects stay as they are:
+/// they describe the device with its modules already.
 [[nodiscard]] Expansion expand(const File& file);
 
 }  // namespace berth::eds

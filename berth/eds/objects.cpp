@@ -20,17 +20,6 @@ int hex_digit(char c) noexcept {
   return -1;
 }
 
-std::optional<std::uint32_t> hex(std::string_view text) noexcept {
-  if (text.empty() || text.size() > 4) return std::nullopt;
-  std::uint32_t value = 0;
-  for (const char c : text) {
-    const int digit = hex_digit(c);
-    if (digit < 0) return std::nullopt;
-    value = value * 16 + static_cast<std::uint32_t>(digit);
-  }
-  return value;
-}
-
 constexpr std::array<std::string_view, static_cast<std::size_t>(Key::count)> key_words{
     "ParameterName", "ObjectType",   "DataType",   "AccessType", "DefaultValue",  "PDOMapping",
     "SubNumber",     "LowLimit",     "HighLimit",  "ObjFlags",   "CompactSubObj", "ParameterValue",
@@ -46,18 +35,40 @@ std::size_t key_slot(std::string_view key) noexcept {
   return key_words.size();
 }
 
+/// Ascending by object; of several entries for one the last (or first) stays.
+template <bool KeepLast, class T>
+void by_object(std::vector<T>& list) {
+  if (std::ranges::is_sorted(list, std::ranges::less_equal{}, &T::object)) return;
+  std::ranges::stable_sort(list, {}, &T::object);
+  if (KeepLast) std::ranges::reverse(list);
+  const auto rest = std::ranges::unique(list, {}, &T::object);
+  list.erase(rest.begin(), rest.end());
+  if (KeepLast) std::ranges::reverse(list);
+}
+
 }  // namespace
+
+std::optional<std::uint32_t> hex_word(std::string_view text) noexcept {
+  if (text.empty() || text.size() > 4) return std::nullopt;
+  std::uint32_t value = 0;
+  for (const char c : text) {
+    const int digit = hex_digit(c);
+    if (digit < 0) return std::nullopt;
+    value = value * 16 + static_cast<std::uint32_t>(digit);
+  }
+  return value;
+}
 
 std::optional<ObjectSection> object_section(std::string_view name) noexcept {
   if (name.size() < 4) return std::nullopt;
-  const auto index = hex(name.substr(0, 4));
+  const auto index = hex_word(name.substr(0, 4));
   if (!index) return std::nullopt;
   ObjectSection found;
   found.index = static_cast<std::uint16_t>(*index);
   const std::string_view rest = name.substr(4);
   if (rest.empty()) return found;
   if (same_word(rest.substr(0, 3), "sub")) {
-    const auto sub = hex(rest.substr(3));
+    const auto sub = hex_word(rest.substr(3));
     if (!sub || *sub > 0xFF) return std::nullopt;
     found.part = Part::sub;
     found.sub = static_cast<std::uint8_t>(*sub);
@@ -90,28 +101,30 @@ void ObjectReader::run(File& file, std::uint32_t dummies) {
   }
   missing_sections();
   compact_pdos();
+  modules(file);
   if (sections_.empty() && !context_.report().has_error()) {
     context_.report().add(Severity::error, 0, 0, "", "no object sections: this is no EDS or DCF");
   }
   file.description = builder_.build();
   check_mandatory(*file.description);
   check_pdo_counts(*file.description);
-  std::ranges::stable_sort(parameters_, {}, &Parameter::object);
   // [xxxxValue] and ParameterValue may both speak of one sub-object: the builder kept the last one, so does this list.
-  std::ranges::reverse(parameters_);
-  const auto rest = std::ranges::unique(parameters_, {}, &Parameter::object);
-  parameters_.erase(rest.begin(), rest.end());
-  std::ranges::reverse(parameters_);
-  std::ranges::stable_sort(denotations_, {}, &Denotation::object);
+  by_object<true>(parameters_);
+  by_object<false>(defaults_);
+  by_object<true>(denotations_);
+  by_object<true>(param_refs_);
   std::ranges::stable_sort(file_references_, {}, &FileReference::object);
+  std::ranges::stable_sort(object_links_, {}, &ObjectLinks::index);
   file.parameters = std::move(parameters_);
+  file.defaults = std::move(defaults_);
   file.file_references = std::move(file_references_);
   file.denotations = std::move(denotations_);
+  file.param_refs = std::move(param_refs_);
+  file.object_links = std::move(object_links_);
 }
 
 void ObjectReader::classify() {
   std::vector<std::string_view> others;
-  bool modules_told = false;
   for (const Section& section : context_.document().sections()) {
     const std::string_view name = context_.document().name(section);
     if (auto found = object_section(name)) {
@@ -125,10 +138,6 @@ void ObjectReader::classify() {
     if (!known_section(name)) {
       context_.tell(Severity::note, section, nullptr, "CiA 306 does not know this section; it is kept and not used");
       continue;
-    }
-    if (module_section(name) && !modules_told) {
-      modules_told = true;
-      context_.tell(Severity::note, section, nullptr, "sections of modules are kept and not expanded");
     }
     if (module_section(name)) continue;
     // At most a dozen names: a hostile file may repeat them, not multiply them.
@@ -227,19 +236,20 @@ ObjectReader::Group ObjectReader::group(std::span<const ObjectSection> sections)
       case Part::name: found.names = each.section; break;
       case Part::value: found.values = each.section; break;
       case Part::denotation: found.denotations = each.section; break;
-      case Part::links: break;
+      case Part::links: found.links = each.section; break;
     }
   }
   found.subs = sections.subspan(first_sub, subs);
   return found;
 }
 
-void ObjectReader::collect(const Section& section, Keys& keys) {
+void ObjectReader::collect(const Section& section, Keys& keys, std::span<const std::string_view> own_words) {
   Keys own{};
   for (const Entry& each : context_.document().entries(section)) {
     const std::string_view key = context_.document().key(each);
     const std::size_t slot = key_slot(key);
     if (slot == key_words.size()) {
+      if (std::ranges::any_of(own_words, [key](std::string_view word) { return same_word(word, key); })) continue;
       context_.tell(Severity::note, section, &each, "CiA 306 does not know this key; it is kept and not used");
       continue;
     }
@@ -281,10 +291,12 @@ od::ObjectCode ObjectReader::object_code(const Group& group, bool has_subs) {
 
 void ObjectReader::read_group(const Group& group) {
   using od::ObjectCode;
+  parameters_of_group_ = parameters_.size();
   if (group.main == nullptr) {
     if (group.subs.empty()) {
       const Section* const section = group.names != nullptr    ? group.names
                                      : group.values != nullptr ? group.values
+                                     : group.links != nullptr  ? group.links
                                                                : group.denotations;
       if (section != nullptr) context_.warn(*section, nullptr, "belongs to an object that has no section; left out");
       return;
@@ -298,6 +310,7 @@ void ObjectReader::read_group(const Group& group) {
   } else {
     read_simple(group, code);
   }
+  if (group.links != nullptr) links(group);
   if (group.values != nullptr) value_list(group);
   if (group.denotations != nullptr) denotation_list(group);
 }
@@ -387,7 +400,10 @@ void ObjectReader::check_sub_number(const Group& group, bool compact) {
 }
 
 void ObjectReader::read_compact(const Group& group, unsigned count) {
+  const std::size_t defaults = defaults_.size();
   od::SubSpec item = spec(group, *group.main, group.keys, {.sub = 1});
+  const auto usual = defaults_.size() > defaults ? std::optional(defaults_.back().value) : std::nullopt;
+  const std::uint32_t item_line = group.main->line;
   const std::string base(item.name);
   std::vector<std::string> names(count + 1);
   name_list(group, count, names);
@@ -407,6 +423,7 @@ void ObjectReader::read_compact(const Group& group, unsigned count) {
     const Entry* const set = entry(group.keys, Key::parameter_value);
     if (sub > 1 && set != nullptr && item.initial.present() && given(group.keys, Key::parameter_value)) {
       parameters_.push_back({{group.index, item.sub}, item.type, item.initial, set->line});
+      if (usual) defaults_.push_back({{group.index, item.sub}, item.type, *usual, item_line});
     }
   }
 }

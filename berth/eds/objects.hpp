@@ -49,6 +49,25 @@ enum class Key : std::uint8_t {
 };
 using Keys = std::array<const Entry*, static_cast<std::size_t>(Key::count)>;
 
+/// What a section of a module describes.
+enum class ModulePart : std::uint8_t { info, comments, fixed_list, fixed, fixed_sub, extension_list, extension };
+struct ModuleSection {
+  std::uint16_t module = 0;
+  ModulePart part = ModulePart::info;
+  std::uint16_t index = 0;
+  std::uint8_t sub = 0;
+  const Section* section = nullptr;
+  [[nodiscard]] std::uint64_t order() const noexcept {
+    const auto group = part == ModulePart::fixed_sub ? ModulePart::fixed : part;
+    return static_cast<std::uint64_t>(module) << 48U | static_cast<std::uint64_t>(group) << 40U |
+           static_cast<std::uint64_t>(index) << 16U | (part == ModulePart::fixed_sub ? sub + 1U : 0U);
+  }
+};
+/// "M1ModuleInfo", "M1Fixed6423sub1"; empty for every other name.
+[[nodiscard]] std::optional<ModuleSection> module_section(std::string_view name) noexcept;
+/// Up to four hex digits.
+[[nodiscard]] std::optional<std::uint32_t> hex_word(std::string_view text) noexcept;
+
 class ObjectReader {
  public:
   ObjectReader(Context& context, const DeviceInfo& device, const ReadOptions& options);
@@ -66,6 +85,7 @@ class ObjectReader {
     const Section* names = nullptr;
     const Section* values = nullptr;
     const Section* denotations = nullptr;
+    const Section* links = nullptr;
   };
   /// What to take for a key that is missing.
   struct Fallback {
@@ -79,7 +99,8 @@ class ObjectReader {
   void check_listed(const Group& group);
   void missing_sections();
   [[nodiscard]] Group group(std::span<const ObjectSection> sections);
-  void collect(const Section& section, Keys& keys);
+  /// `own`: further keys that the section may have.
+  void collect(const Section& section, Keys& keys, std::span<const std::string_view> own = {});
   void read_group(const Group& group);
   [[nodiscard]] od::ObjectCode object_code(const Group& group, bool has_subs);
   void read_simple(const Group& group, od::ObjectCode code);
@@ -90,6 +111,7 @@ class ObjectReader {
   void name_list(const Group& group, unsigned count, std::vector<std::string>& names);
   void value_list(const Group& group);
   void denotation_list(const Group& group);
+  void links(const Group& group);
   /// Calls `each(number, entry)` for the entries of a list; warns when `counter` says another number of them.
   template <class F>
   void numbered(const Section& section, const char* counter, F&& each);
@@ -110,6 +132,17 @@ class ObjectReader {
   /// False (and one error) when the file asks for more than `ReadOptions` allows.
   bool afford(const Section* section, std::size_t sub_objects, std::size_t bytes);
   void add(std::uint16_t index, const od::SubSpec& spec, const Section* section);
+
+  /// @name Modules (modules_read.cpp)
+  /// @{
+  void modules(File& file);
+  [[nodiscard]] Module module(std::uint16_t number, std::span<const ModuleSection> sections);
+  void fixed_object(Module& module, std::span<const ModuleSection> sections);
+  void extension(Module& module, std::span<const ModuleSection> sections);
+  [[nodiscard]] ModuleValue module_value(std::uint16_t index, const Section& section, const Keys& keys,
+                                         const Fallback& fallback);
+  void check_module_list(const Section& section, std::span<const std::uint16_t> present);
+  /// @}
 
   void compact_pdos();
   void compact_pdo(std::uint16_t communication, std::uint16_t mapping, unsigned number, bool receive);
@@ -134,7 +167,11 @@ class ObjectReader {
   bool too_much_ = false;
   std::vector<Parameter> parameters_;
   std::vector<FileReference> file_references_;
+  std::vector<Parameter> defaults_;
+  std::size_t parameters_of_group_ = 0;  ///< how many there were before the group that is being read
   std::vector<Denotation> denotations_;
+  std::vector<ParamRef> param_refs_;
+  std::vector<ObjectLinks> object_links_;
 };
 
 template <class F>

@@ -3,19 +3,13 @@
 
 #include <algorithm>
 
+#include "berth/eds/dcf.hpp"
 #include "berth/eds/objects.hpp"
 
 namespace berth::eds {
 namespace {
 
 using Severity = Finding::Severity;
-
-/// A plain file name beside the DCF, and nothing that leads elsewhere on any system.
-bool plain_file_name(std::string_view name) noexcept {
-  const bool letters = std::ranges::all_of(
-      name, [](char c) { return static_cast<unsigned char>(c) >= 0x20 && c != '/' && c != '\\' && c != ':'; });
-  return letters && name != "." && name != "..";
-}
 
 }  // namespace
 
@@ -188,12 +182,14 @@ void ObjectReader::initial(ObjectRef ref, const Section& section, const Keys& ke
   if (auto value = literal(section, set_key, spec.type)) {
     check_limits(section, set_key, spec, *value);
     parameters_.push_back({ref, spec.type, *value, set_key->line});
+    if (spec.initial.present()) defaults_.push_back({ref, spec.type, std::move(spec.initial), default_key->line});
     spec.initial = std::move(*value);
   }
 }
 
 void ObjectReader::extras(ObjectRef ref, const Section& section, const Keys& keys) {
   if (given(keys, Key::denotation)) denotations_.push_back({ref, context_.text(entry(keys, Key::denotation))});
+  if (given(keys, Key::param_refd)) param_refs_.push_back({ref, context_.text(entry(keys, Key::param_refd))});
   for (const Key key : {Key::upload_file, Key::download_file}) {
     if (!given(keys, key)) continue;
     std::string name = context_.text(entry(keys, key));
@@ -201,7 +197,7 @@ void ObjectReader::extras(ObjectRef ref, const Section& section, const Keys& key
       context_.warn(section, entry(keys, key), "leads out of the file's folder; left out", "write a plain file name");
       continue;
     }
-    file_references_.push_back({ref, key == Key::download_file, std::move(name)});
+    file_references_.push_back({ref, key == Key::download_file, std::move(name), entry(keys, key)->line});
   }
 }
 

@@ -1,0 +1,13 @@
+/// A description once more, to be added to. Inside of room `eds` only.
+#pragma once
+
+#include "berth/od/description.hpp"
+
+namespace berth::eds {
+
+void copy_object(const od::Description& from, const od::Object& object, od::DescriptionBuilder& to);
+/// All objects and what may be mapped as a dummy.
+void copy_all(const od::Description& from, od::DescriptionBuilder& to);
+[[nodiscard]] std::uint32_t dummies_of(const od::Description& description) noexcept;
+
+}  // namespace berth::eds
