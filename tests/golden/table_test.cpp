@@ -40,6 +40,7 @@ void operational_as_heard(const std::string& name, std::size_t slots, std::uint3
 }
 
 // S1.28, S1.38
+// HU.9, HU.35: no hardware, and the one who judges shares no code with the one who is judged.
 TEST(TableFromFrames, FiveSlaves) { operational_as_heard("five-slaves", 5); }
 TEST(TableFromFrames, ByEds) { operational_as_heard("by-eds", 5); }
 // S1.48: the paper's emulation, one master and 120 slaves, all found and bound.

@@ -295,7 +295,7 @@ TEST(LssMaster, ARequestDeliveredTwiceIsRetried) {
   EXPECT_EQ(reply->attempts, 2U);
 }
 
-// HC3.8: slaves change together; the master follows its own switch.
+// HC3.8, HU.8: slaves change together; the master follows its own switch.
 TEST(LssMaster, AWholeBusMovesToAnotherBitRate) {
   World w(125'000);
   w.add(a1);

@@ -271,7 +271,7 @@ TEST(LssSlaveOptions, SomeConfiguredDevicesChangeAtWaiting) {
   EXPECT_EQ(owner.resets, 1U);
 }
 
-// HC3.5: 46h-4Bh, each edge of the ranges, each interruption.
+// HC3.5, HU.3: 46h-4Bh, each edge of the ranges, each interruption.
 TEST_F(LssSlave, IdentifyRemoteNeedsAllSixInOrderAndWithinRanges) {
   const std::vector<std::string> exact{"4601000001000000", "4701000000000000", "4803000200000000",
                                        "4903000200000000", "4AEFBEADDE000000", "4BEFBEADDE000000"};

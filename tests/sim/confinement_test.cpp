@@ -211,6 +211,7 @@ TEST(Confinement, G3_FramesAtAnotherBitRateAreDestroyed) {
 }
 
 // Rule 12: 128 times 11 recessive bits after restart().
+// HU.34
 TEST(Confinement, BusOffRecovery) {
   Scene s;
   s.a.port->preset_counters(255, 0);
