@@ -124,17 +124,24 @@ bool EmcyProducer::active(std::uint16_t code) const noexcept {
   return std::find_if(errors_.begin(), end, [&](const Active& e) { return e.code == code; }) != end;
 }
 
-bool EmcyProducer::raise(std::uint16_t code, std::uint8_t register_bits,
-                         const std::array<std::uint8_t, 5>& info) noexcept {
-  if ((code >> 8) == 0 || active(code) || error_count_ == most_errors) return false;
-  errors_[error_count_++] = {code, register_bits};
+bool EmcyProducer::active(std::uint16_t code, std::uint8_t source) const noexcept {
+  const auto end = errors_.begin() + static_cast<std::ptrdiff_t>(error_count_);
+  return std::find_if(errors_.begin(), end, [&](const Active& e) { return e.code == code && e.source == source; }) !=
+         end;
+}
+
+bool EmcyProducer::raise(std::uint16_t code, std::uint8_t register_bits, const std::array<std::uint8_t, 5>& info,
+                         std::uint8_t source) noexcept {
+  if ((code >> 8) == 0 || active(code, source) || error_count_ == most_errors) return false;
+  errors_[error_count_++] = {code, register_bits, source};
   queue({.code = code, .error_register = error_register(), .info = info});
   return true;
 }
 
-bool EmcyProducer::clear(std::uint16_t code, const std::array<std::uint8_t, 5>& info) noexcept {
+bool EmcyProducer::clear(std::uint16_t code, const std::array<std::uint8_t, 5>& info, std::uint8_t source) noexcept {
   const auto end = errors_.begin() + static_cast<std::ptrdiff_t>(error_count_);
-  const auto it = std::find_if(errors_.begin(), end, [&](const Active& e) { return e.code == code; });
+  const auto it = std::find_if(errors_.begin(), end,
+                               [&](const Active& e) { return e.code == code && e.source == source; });
   if (it == end) return false;
   std::copy(it + 1, end, it);
   --error_count_;

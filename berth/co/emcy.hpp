@@ -39,7 +39,8 @@ struct Emcy {
 
 /// Keeps a device's active errors, its error register and its emergency messages.
 ///
-/// An error is raised once and cleared once, by its code. Clearing the last one sends 0000h "error reset" with register
+/// An error is raised once and cleared once, by its code and, where one code has several sources (heartbeats of several
+/// nodes: 8130h), its source. Clearing the last one sends 0000h "error reset" with register
 /// 0; clearing one of several sends 00xxh with the register that remains, xx = upper byte of the code that is gone.
 /// Messages wait while the service is off (initialising, stopped), while 1014h is invalid, and for the inhibit time;
 /// when more than `queue_size` wait, the oldest is dropped and counted.
@@ -59,10 +60,13 @@ class EmcyProducer final : private rt::Job {
   void reset() noexcept;
 
   /// False when the error is active already, the code is 00xxh, or `most_errors` are active.
-  bool raise(std::uint16_t code, std::uint8_t register_bits, const std::array<std::uint8_t, 5>& info = {}) noexcept;
+  bool raise(std::uint16_t code, std::uint8_t register_bits, const std::array<std::uint8_t, 5>& info = {},
+             std::uint8_t source = 0) noexcept;
   /// False when it is not active.
-  bool clear(std::uint16_t code, const std::array<std::uint8_t, 5>& info = {}) noexcept;
+  bool clear(std::uint16_t code, const std::array<std::uint8_t, 5>& info = {}, std::uint8_t source = 0) noexcept;
+  /// From any source.
   [[nodiscard]] bool active(std::uint16_t code) const noexcept;
+  [[nodiscard]] bool active(std::uint16_t code, std::uint8_t source) const noexcept;
   /// Object 1001h.
   [[nodiscard]] std::uint8_t error_register() const noexcept;
   [[nodiscard]] std::uint64_t dropped() const noexcept { return dropped_; }
@@ -71,6 +75,7 @@ class EmcyProducer final : private rt::Job {
   struct Active {
     std::uint16_t code = 0;
     std::uint8_t bits = 0;
+    std::uint8_t source = 0;
   };
   void queue(const Emcy& message) noexcept;
   void flush() noexcept;

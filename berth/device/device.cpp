@@ -11,8 +11,8 @@ namespace {
 
 constexpr std::size_t record_size = 4;  // node-ID, bit rate index, two bytes for later
 constexpr std::uint16_t self_start_object = 0x1F80;
-constexpr std::array<std::uint16_t, 9> hooked_objects{0x1003, 0x100C, 0x100D, 0x1010, 0x1011,
-                                                      0x1014, 0x1015, 0x1016, 0x1017};
+constexpr std::array<std::uint16_t, 12> hooked_objects{0x1003, 0x1005, 0x100C, 0x100D, 0x1010, 0x1011,
+                                                       0x1012, 0x1014, 0x1015, 0x1016, 0x1017, 0x1021};
 
 // A download must fit the server's buffer whole: as long as the longest thing that can be written here.
 std::size_t sdo_buffer(const od::Description& description) noexcept {
@@ -25,6 +25,11 @@ std::size_t sdo_buffer(const od::Description& description) noexcept {
 
 lss::BitRateMask bit_rates(std::uint32_t bit_rate) noexcept {
   return lss::bit_rate_index(bit_rate) ? lss::all_fixed_bit_rates : lss::BitRateMask{0};
+}
+
+bool has_any(const od::Description& description, std::uint16_t first, std::uint16_t last) noexcept {
+  const auto it = std::ranges::lower_bound(description.objects(), first, {}, &od::Object::index);
+  return it != description.objects().end() && it->index <= last;
 }
 
 }  // namespace
@@ -50,17 +55,49 @@ Device::Device(can::Dispatcher& dispatcher, std::shared_ptr<const od::Descriptio
     const unsigned highest = d.subs(*object).empty() ? 1U : d.subs(*object).back().sub;
     consumer_ = std::make_unique<co::HeartbeatConsumer>(dispatcher,
                                                         static_cast<co::HeartbeatConsumer::Observer&>(*this), highest);
+    consumer_->set_never_seen_time(timing_.in_world(options_.never_seen));
     consumer_size_ = sizeof(co::HeartbeatConsumer) + (highest + 1) * 28U;
   }
   if (d.find(0x1003) != nullptr) errors_ = std::make_unique<co::ErrorField>();
   for (const std::uint16_t index : hooked_objects) {
     if (d.find(index) != nullptr) values_.attach(*this, index);
   }
+  make_services(memory);
   if (host_ != nullptr) dispatcher_->on_status(this);
   load_settings();
   lss_.emplace(dispatcher_->executor(), static_cast<lss::SlaveOwner&>(*this),
                lss::SlaveOptions{.address = options_.address}, memory_);
   reset_values(od::Area::all);
+}
+
+void Device::make_services(NvMemory* memory) {
+  const auto& d = values_.description();
+  if (has_any(d, 0x1400, 0x1BFF)) {
+    const co::Pdos::Options options{.send_at_start = options_.send_tpdos_at_start,
+                                    .detect_collision = options_.detect_collision};
+    pdos_ = std::make_unique<co::Pdos>(*dispatcher_, values_, static_cast<co::ServiceOwner&>(*this), options);
+    pdos_->observe(this);
+  }
+  if (d.find(0x1005) != nullptr) {
+    sync_ = std::make_unique<co::Sync>(*dispatcher_, values_, static_cast<co::ServiceOwner&>(*this), pdos_.get());
+    sync_->observe(this);
+  }
+  if (d.find(0x1012) != nullptr) {
+    time_ = std::make_unique<co::TimeStamp>(*dispatcher_, values_);
+    time_->observe(this);
+  }
+  if (d.find(0x1028) != nullptr) {
+    emcy_list_ = std::make_unique<co::EmcyList>(*dispatcher_, values_, static_cast<co::EmcyConsumer::Observer&>(*this));
+  }
+  if (memory != nullptr && d.find(0x1010) != nullptr) {
+    parameters_ = std::make_unique<ParameterStore>(
+        *memory, parameters_at, options_.presets, static_cast<ParameterStore::Owner&>(*this), options_.parameter_group);
+    if (!parameters_->usable()) parameters_.reset();
+  }
+  if (d.find(0x1020) != nullptr) {
+    configuration_ = std::make_unique<ConfigurationWatch>(*this);
+    values_.attach(*configuration_, 0x1000, 0xFFFF);
+  }
 }
 
 Device::~Device() {
@@ -73,6 +110,7 @@ void Device::power_on() noexcept {
   if (powered_) power_off();
   powered_ = true;
   load_settings();
+  if (parameters_) parameters_->load();
   const lss::SlaveOptions options{.address = options_.address,
                                   .bit_rates = bit_rates_,
                                   .can_store = record_.has_value(),
@@ -93,7 +131,8 @@ void Device::power_off() noexcept {
   stop_services();
   nmt_.power_off();
   dispatcher_->remove(*this);
-  if (record_) record_->forget();
+  if (record_) record_->forget();  // stops the memory, whoever it writes for
+  if (parameters_) parameters_->forget();
   load_settings();
   lss_->power_on(memory_);
   rand_.power_on();
@@ -117,7 +156,12 @@ void Device::reset(co::NmtReset what, rt::Time) noexcept {
 void Device::begin(Begin what, rt::Duration own_time) noexcept {
   begin_ = what;
   dispatcher_->remove(*this);
-  // A write to memory goes on during a reset; its end is then nobody's answer any more.
+  // An LSS store goes on during a reset; its end is then nobody's answer any more. Parameters would be stored in part
+  // with their values of after the reset: given up.
+  if (parameters_ && parameters_->busy()) {
+    parameters_->abandon();
+    if (host_ != nullptr) host_->deaf(TimedPort::Deaf::storing, false);
+  }
   if (host_ != nullptr) host_->deaf(TimedPort::Deaf::booting, true);
   dispatcher_->executor().after(timing_.in_world(own_time), *this);
   tell();
@@ -170,9 +214,11 @@ void Device::reset_values(od::Area area) noexcept {
   for (const auto& preset : options_.presets) {
     if (area == od::Area::all || od::area_of(preset.object.index) == area) values_.set(preset.object, preset.value);
   }
+  if (parameters_ && powered_) parameters_->apply(values_, area);
   const auto& a = lss_->address();
   for (unsigned i = 0; i < 4; ++i) values_.set(ObjectRef{0x1018, static_cast<std::uint8_t>(i + 1)}, a.part(i));
   if (!options_.name.empty()) values_.set_text({0x1008, 0}, options_.name);
+  call(&Callbacks::parameters);
 }
 
 void Device::state_changed(NmtState from, NmtState to, rt::Time) noexcept {
@@ -186,6 +232,7 @@ void Device::state_changed(NmtState from, NmtState to, rt::Time) noexcept {
     guarding_.set_state(to);
     set_services(co::services_in(from), co::services_in(to));
   }
+  call(&Callbacks::state, to);
   tell();
 }
 
@@ -213,107 +260,27 @@ void Device::set_services(const co::Services& was, const co::Services& now) noex
   emcy_.enable(now.emcy);
   if (now.sdo && !was.sdo) sdo_.start(nmt_.node_id());
   if (!now.sdo) sdo_.stop();
+  if (pdos_ && !now.pdo) pdos_->stop();
+  const bool begins = now.sync_time && !was.sync_time;
+  if (sync_ && begins) sync_->start();
+  if (time_ && begins) time_->start();
+  if (emcy_list_ && now.emcy && !was.emcy) emcy_list_->start();
+  if (pdos_ && now.pdo && !was.pdo) pdos_->start(nmt_.node_id());
+  if (now.sync_time) return;
+  if (sync_) sync_->stop();
+  if (time_) time_->stop();
+  if (emcy_list_) emcy_list_->stop();
 }
 
 void Device::stop_services() noexcept {
   producer_.stop();
   guarding_.stop();
   if (consumer_) consumer_->clear();
-  sdo_.stop();
+  set_services(nmt_.services(), {});
   emcy_.reset();
-  heartbeat_lost_ = life_lost_ = error_control_raised_ = false;
-}
-
-void Device::listen() noexcept {
-  dispatcher_->remove(*this);
-  if (options_.lss) dispatcher_->add(can::only(lss::master_cob_id), *this);
-  if (options_.rand != RandMode::off) dispatcher_->add(nodeid::rand_requests, *this);
-  const auto id = nmt_.node_id();
-  if (!options_.detect_collision || !id.configured()) return;
-  dispatcher_->add(can::only(co::emcy_id(id)), *this);
-  dispatcher_->add(can::only(co::sdo_response_id(id)), *this);
-  dispatcher_->add(can::only(co::error_control_id(id)), *this);
-}
-
-// --- Errors ----------------------------------------------------------------------------------------------------------
-
-bool Device::raise(std::uint16_t code, std::uint8_t register_bits, const std::array<std::uint8_t, 5>& info) noexcept {
-  if (!emcy_.raise(code, register_bits, info)) return false;
-  const auto shown = emcy_.error_register();
-  values_.set({0x1001, 0}, shown);
-  if (errors_) errors_->push({code, shown, info});
-  return true;
-}
-
-bool Device::clear(std::uint16_t code) noexcept {
-  if (!emcy_.clear(code)) return false;
-  values_.set({0x1001, 0}, emcy_.error_register());
-  return true;
-}
-
-void Device::life_guarding(bool lost, rt::Time) noexcept {
-  life_lost_ = lost;
-  error_control();
-}
-
-void Device::heartbeat(const co::HeartbeatEvent& event, rt::Time) noexcept {
-  if (event.kind == co::HeartbeatEvent::Kind::lost) {
-    heartbeat_lost_ = true;
-  } else if (event.kind == co::HeartbeatEvent::Kind::recovered) {
-    heartbeat_lost_ = false;
-    for (unsigned n = 1; n <= 127; ++n) heartbeat_lost_ |= consumer_->lost(NodeId(static_cast<std::uint8_t>(n)));
-  } else {
-    return;
-  }
-  error_control();
-}
-
-void Device::error_control() noexcept {
-  const bool lost = heartbeat_lost_ || life_lost_;
-  if (lost == error_control_raised_) return;
-  error_control_raised_ = lost;
-  if (!lost) {
-    clear(co::emcy_code::life_guard_or_heartbeat);
-    return;
-  }
-  raise(co::emcy_code::life_guard_or_heartbeat, co::error_register::communication);
-  error_event();
-}
-
-void Device::error_event() noexcept { nmt_.apply_error_behaviour(values_.get_or<std::uint8_t>({0x1029, 1}, 0)); }
-
-void Device::changed(const can::Status& status, rt::Time) noexcept {
-  if (!powered_) return;
-  if (status.bus_off && !bus_off_) {
-    bus_off_ = true;
-    error_event();
-    const auto wait = timing_.in_world(options_.bus_off_recovery);
-    if (wait > rt::Duration::zero()) dispatcher_->executor().after(wait, recovery_);
-    return;
-  }
-  if (status.bus_off) return;
-  if (status.error_passive()) {
-    raise(co::emcy_code::error_passive, co::error_register::communication);
-  } else {
-    clear(co::emcy_code::error_passive);
-  }
-}
-
-void Device::recover() noexcept {
-  if (!powered_ || !bus_off_) return;
-  bus_off_ = false;
-  dispatcher_->port().restart(dispatcher_->port().status().bit_rate);
-  raise(co::emcy_code::recovered_from_bus_off, co::error_register::communication);
-  clear(co::emcy_code::recovered_from_bus_off);
 }
 
 // --- LSS and RAND ----------------------------------------------------------------------------------------------------
-
-bool Device::is_mine(std::uint32_t key) const noexcept {
-  const auto id = nmt_.node_id();
-  return id.configured() &&
-         (key == co::emcy_id(id) || key == co::sdo_response_id(id) || key == co::error_control_id(id));
-}
 
 void Device::received(const can::Frame& frame, rt::Time) noexcept {
   if (!powered_) return;
@@ -366,8 +333,7 @@ void Device::wants_reset_communication() noexcept {
 void Device::switch_bit_rate(lss::BitRateIndex index) noexcept {
   if (const auto rate = lss::bit_rate(index); rate && *rate != 0) dispatcher_->port().restart(*rate);
   producer_.stop();
-  sdo_.stop();
-  emcy_.enable(false);
+  set_services(nmt_.services(), {});
 }
 
 void Device::silence_over() noexcept {
@@ -384,7 +350,11 @@ void Device::use_bit_rate() noexcept {
 
 std::size_t Device::memory() const noexcept {
   return sizeof(Device) - sizeof(od::Values) + values_.memory() + sdo_buffer_ + options_.name.capacity() +
-         options_.presets.capacity() * sizeof(Preset) + consumer_size_ + (errors_ ? sizeof(co::ErrorField) : 0);
+         options_.presets.capacity() * sizeof(Preset) + consumer_size_ + (errors_ ? sizeof(co::ErrorField) : 0) +
+         (pdos_ ? pdos_->memory() : 0) + (sync_ ? sizeof(co::Sync) : 0) + (time_ ? sizeof(co::TimeStamp) : 0) +
+         (emcy_list_ ? sizeof(co::EmcyList) : 0) + (parameters_ ? sizeof(ParameterStore) : 0) +
+         (configuration_ ? sizeof(ConfigurationWatch) : 0) + (callbacks_ ? sizeof(Callbacks) : 0) +
+         (writes_ ? sizeof(WriteWatch) + writes_->memory() : 0);
 }
 
 }  // namespace berth::device

@@ -1,19 +1,30 @@
-/// A whole CANopen device: object dictionary, NMT slave, heartbeat, guarding, emergencies, SDO server, LSS slave and
-/// RAND slave on one port, with its own non-volatile memory. Simulated devices are made of it, and the master's own
-/// device too (CiA 302: the master is a device); it knows nothing of device description files.
+/// A whole CANopen device: object dictionary, NMT slave, heartbeat, guarding, emergencies, SDO servers, PDOs, SYNC,
+/// TIME, LSS slave and RAND slave on one port, with its own non-volatile memory. Simulated devices are made of it, and
+/// the master's own device too (CiA 302: the master is a device); it knows nothing of device description files.
 ///
 ///     device::Device d(dispatcher, description, &flash, {.address = a}, &timed_port);
+///     auto temperature = d.variable<std::int16_t>({0x6000, 1});
 ///     d.power_on();
+///     temperature.set(215);
 ///
 /// States: powered off -> booting (hears nothing, `Timing::boot`) -> without a node-ID: initialising, LSS and RAND
 /// only, no boot-up message -> LSS gives one and switches to waiting: reset communication -> boot-up ->
-/// pre-operational. Objects that act when they are written: 1003h, 1014h, 1015h, 1016h, 1017h, 100Ch, 100Dh; 1001h
-/// shows the errors. 1010h and 1011h refuse every write (0800 0020): parameters are not stored yet.
+/// pre-operational.
 ///
-/// All memory is taken by the constructor. Frames, timers, resets and changes of the node-ID use none, beyond what the
-/// dispatcher's lists grow to at the first time.
+/// A service is there when the dictionary has its objects. What acts: 1001h and 1003h (errors), 1005h..1007h and 1019h
+/// (`co::Sync`), 100Ch and 100Dh, 1010h and 1011h (`ParameterStore`), 1012h (`co::TimeStamp`), 1014h, 1015h, 1016h,
+/// 1017h, 1020h (set to 0 by a write that changes a stored value), 1021h (`set_stored_eds`), 1028h, 1029h, 1200h..,
+/// 1400h..1BFFh and 1FA0h.. (`co::Pdos`). All others hold values: 1002h, 1008h..100Ah, 1013h, 1022h..1027h, 102Ah and
+/// the application's own.
+///
+/// After a reset an object has its default, or the `Preset`, or what 1010h stored. Reset communication concerns
+/// 1000h..1FFFh, reset node and power-on everything.
+///
+/// All memory is taken by the constructor and the `on_` calls. Frames, timers, resets and changes of the node-ID use
+/// none, beyond what the dispatcher's lists grow to at the first time.
 #pragma once
 
+#include <functional>
 #include <memory>
 #include <optional>
 #include <string>
@@ -22,11 +33,18 @@
 #include "berth/base/ids.hpp"
 #include "berth/can/dispatcher.hpp"
 #include "berth/co/emcy.hpp"
+#include "berth/co/emcy_list.hpp"
 #include "berth/co/guarding.hpp"
 #include "berth/co/heartbeat.hpp"
 #include "berth/co/nmt_slave.hpp"
+#include "berth/co/pdo.hpp"
 #include "berth/co/sdo_server.hpp"
+#include "berth/co/sync.hpp"
+#include "berth/co/time_stamp.hpp"
+#include "berth/device/application.hpp"
+#include "berth/device/leds.hpp"
 #include "berth/device/nv_memory.hpp"
+#include "berth/device/parameter_store.hpp"
 #include "berth/device/timed_port.hpp"
 #include "berth/device/timing.hpp"
 #include "berth/lss/slave.hpp"
@@ -48,12 +66,6 @@ enum class RandMode : std::uint8_t {
   literal,  ///< in LSS configuration state only, as paper 1 has it (S1.31)
 };
 
-/// A value that the device has after every reset instead of the description's default.
-struct Preset {
-  ObjectRef object;
-  std::uint64_t value = 0;
-};
-
 struct Options {
   LssAddress address{};  ///< identity, 1018h:01..04
   NodeIdSource source = NodeIdSource::nonvolatile;
@@ -63,9 +75,12 @@ struct Options {
   RandMode rand = RandMode::on;
   bool lss_changes_at_waiting = false;  ///< a configured device takes a new node-ID already at `04 00`
   bool detect_collision = true;         ///< reports another node that sends with its identifiers (EMCY 8150h; SX.7)
+  rt::Duration never_seen{0};           ///< a node in 1016h with no heartbeat for so long is told (`Callbacks`); 0 = no
   rt::Duration bus_off_recovery{0};     ///< restarts its controller so long after bus-off; 0 = never
   std::string name{};                   ///< 1008h; empty: as described
   std::vector<Preset> presets{};
+  GroupOf parameter_group = default_parameter_group;  ///< what 1010h stores, by sub-index
+  bool send_tpdos_at_start = true;                    ///< types FEh and FFh: once when operational is entered
 };
 
 class Device final : private co::NmtSlave::Owner,
@@ -74,6 +89,12 @@ class Device final : private co::NmtSlave::Owner,
                      private lss::SlaveOwner,
                      private NvMemory::Done,
                      private can::StatusHandler,
+                     private co::ServiceOwner,
+                     private co::Pdos::Observer,
+                     private co::Sync::Observer,
+                     private co::TimeStamp::Observer,
+                     private co::EmcyConsumer::Observer,
+                     private ParameterStore::Owner,
                      private can::Handler,
                      private od::Hook,
                      private rt::Job {
@@ -87,12 +108,19 @@ class Device final : private co::NmtSlave::Owner,
     ~Observer() = default;
   };
 
-  /// Off until `power_on`. `memory`: null = nothing can be stored (LSS store is answered 01). `host`: the port beneath
+  /// Off until `power_on`. `memory`: null = nothing can be stored (LSS store is answered 01, 1010h 0800 0020); LSS has
+  /// its first `parameters_at` bytes, the rest is for 1010h, `memory_size` bytes in all are enough. `host`: the port
+  /// beneath
   /// the dispatcher when it is this device's own: then the device makes it deaf and watches for bus-off. All must
   /// outlive the device.
   Device(can::Dispatcher& dispatcher, std::shared_ptr<const od::Description> description, NvMemory* memory,
          Options options, TimedPort* host = nullptr, const Timing& timing = {});
   ~Device();
+  static constexpr std::size_t parameters_at = 64;
+  [[nodiscard]] static std::size_t memory_size(const od::Description& description,
+                                               GroupOf group_of = default_parameter_group) noexcept {
+    return parameters_at + ParameterStore::footprint(description, group_of);
+  }
 
   /// Power comes on, or the firmware starts anew (watchdog): pending and active are loaded from memory.
   void power_on() noexcept;
@@ -109,10 +137,41 @@ class Device final : private co::NmtSlave::Owner,
 
   [[nodiscard]] od::Values& values() noexcept { return values_; }
   [[nodiscard]] const od::Values& values() const noexcept { return values_; }
-  /// Raise and clear errors here; 1001h and 1003h follow.
-  bool raise(std::uint16_t code, std::uint8_t register_bits, const std::array<std::uint8_t, 5>& info = {}) noexcept;
-  bool clear(std::uint16_t code) noexcept;
+
+  /// @name The application
+  /// @{
+  /// A typed handle to an object; ask it whether it is `valid`.
+  template <class T>
+  [[nodiscard]] Variable<T> variable(ObjectRef ref) noexcept {
+    return Variable<T>(values_, *this, ref);
+  }
+  /// Calls `call` after the network wrote `ref`, by SDO or by a received PDO. To refuse a write or to supply a value,
+  /// attach an `od::Hook` to `values()`.
+  void on_write(ObjectRef ref, std::function<void()> call);
+  /// The callbacks; from the first call on they take their memory.
+  [[nodiscard]] Callbacks& on();
+  /// Raise and clear errors here: EMCY, 1001h and 1003h follow. False: the error is active already, or was not.
+  bool raise(std::uint16_t code, std::uint8_t register_bits, const std::array<std::uint8_t, 5>& info = {}) noexcept {
+    return raise(code, register_bits, info, 0);
+  }
+  bool clear(std::uint16_t code) noexcept { return clear(code, {}, 0); }
   [[nodiscard]] const co::EmcyProducer& emcy() const noexcept { return emcy_; }
+  /// Error behaviour: an error of the class 1029h:`error_class` has happened; changes the NMT state as that says (0
+  /// when there is no such sub-index: pre-operational if operational). 1 = communication, used by the device itself.
+  void error_behaviour(std::uint8_t error_class) noexcept;
+  /// An event of TPDO 1..512 (types 00h, FEh, FFh); false when it is not active or knows no events.
+  bool tpdo_event(unsigned number) noexcept { return pdos_ && pdos_->event(number); }
+  /// The object's value was changed by the local side: an event of the TPDOs that map it.
+  bool value_changed(ObjectRef ref) noexcept { return pdos_ && pdos_->changed(ref); }
+  /// What 1021h uploads; must outlive the device. Empty: as described (no data).
+  void set_stored_eds(std::span<const std::uint8_t> eds) noexcept { eds_ = eds; }
+  /// Sends a TIME message; `closed`: no producer (1012h bit 30), or not in a state with TIME.
+  can::Queued send_time(const co::TimeOfDay& time) noexcept { return time_ ? time_->send(time) : can::Queued::closed; }
+  /// PDOs; null when the dictionary has none.
+  [[nodiscard]] co::Pdos* pdos() noexcept { return pdos_.get(); }
+  /// What the indicators of CiA 303-3 go by, as far as the device knows: `lit(leds(d.led_inputs()), time)`.
+  [[nodiscard]] LedInputs led_inputs() const noexcept;
+  /// @}
 
   /// @name Ground truth
   /// @{
@@ -129,7 +188,10 @@ class Device final : private co::NmtSlave::Owner,
   [[nodiscard]] const LssAddress& address() const noexcept { return lss_->address(); }
   [[nodiscard]] lss::State lss_state() const noexcept { return lss_->state(); }
   [[nodiscard]] nodeid::Identification identification() const noexcept { return rand_.state(); }
-  [[nodiscard]] bool storing() const noexcept { return record_ && record_->busy(); }
+  /// Non-volatile memory is being written: LSS store, 1010h or 1011h.
+  [[nodiscard]] bool storing() const noexcept {
+    return (record_ && record_->busy()) || (parameters_ && parameters_->busy());
+  }
   [[nodiscard]] const Options& options() const noexcept { return options_; }
   [[nodiscard]] const Timing& timing() const noexcept { return timing_; }
   /// @}
@@ -154,6 +216,7 @@ class Device final : private co::NmtSlave::Owner,
   void run() noexcept override;
   void begin(Begin what, rt::Duration own_time) noexcept;
   void finish_reset() noexcept;
+  void make_services(NvMemory* memory);
   void load_settings() noexcept;
   void reset_values(od::Area area) noexcept;
   void start_services() noexcept;
@@ -164,8 +227,16 @@ class Device final : private co::NmtSlave::Owner,
   // Errors
   void life_guarding(bool lost, rt::Time at) noexcept override;
   void heartbeat(const co::HeartbeatEvent& event, rt::Time at) noexcept override;
-  void error_control() noexcept;
-  void error_event() noexcept;
+  bool raise(std::uint16_t code, std::uint8_t register_bits, const std::array<std::uint8_t, 5>& info,
+             std::uint8_t source) noexcept;
+  bool clear(std::uint16_t code, const std::array<std::uint8_t, 5>& info, std::uint8_t source) noexcept;
+  void forget_heartbeat_errors() noexcept;
+  void raise_error(std::uint16_t code, std::uint8_t register_bits,
+                   const std::array<std::uint8_t, 5>& info) noexcept override {
+    raise(code, register_bits, info);
+  }
+  void clear_error(std::uint16_t code) noexcept override { clear(code); }
+  [[nodiscard]] rt::Duration in_world(rt::Duration own) const noexcept override { return timing_.in_world(own); }
   void recover() noexcept;
   void changed(const can::Status& status, rt::Time at) noexcept override;
   // LSS and RAND
@@ -176,20 +247,48 @@ class Device final : private co::NmtSlave::Owner,
   void written(bool ok) noexcept override;
   void received(const can::Frame& frame, rt::Time at) noexcept override;
   [[nodiscard]] std::optional<can::Frame> answer_lss(const can::Frame& frame) noexcept;
-  [[nodiscard]] bool is_mine(std::uint32_t key) const noexcept;
   void use_bit_rate() noexcept;
+  // Identifiers that only this node may send with (SX.7); those of TPDOs are `co::Pdos`'s
+  template <class Visit>
+  void for_each_own_id(const Visit& visit) const noexcept;
+  [[nodiscard]] bool is_mine(std::uint32_t key) const noexcept;
+  // What the services tell, handed on to the application
+  void received(unsigned rpdo, rt::Time at) noexcept override;
+  void received_mpdo(ObjectRef object, rt::Time at) noexcept override;
+  void synchronised(std::uint8_t counter, rt::Time at) noexcept override;
+  void time_of_day(const co::TimeOfDay& time, rt::Time at) noexcept override;
+  void emergency(NodeId node, const co::Emcy& message, rt::Time at) noexcept override;
+  template <class Member, class... Arguments>
+  void call(Member member, Arguments&&... arguments) noexcept {
+    if (callbacks_ != nullptr && ((*callbacks_).*member)) ((*callbacks_).*member)(arguments...);
+  }
   // Objects
   od::AbortCode reading(const od::Values& values, ObjectRef ref,
                         std::span<const std::uint8_t>& value) noexcept override;
   od::AbortCode writing(const od::Values& values, ObjectRef ref, std::span<const std::uint8_t> value) noexcept override;
   void written(od::Values& values, ObjectRef ref) noexcept override;
   od::AbortCode writing_emcy_id(std::uint32_t value) const noexcept;
+  od::AbortCode writing_storage(ObjectRef ref, std::span<const std::uint8_t> value) noexcept;
+  void parameters_written(bool ok) noexcept override;
   void apply_object(std::uint16_t index) noexcept;
   void apply_consumer_entries() noexcept;
   [[nodiscard]] rt::Duration milliseconds(std::uint16_t index) const noexcept;
   void tell() noexcept {
     if (observer_ != nullptr) observer_->device_changed(*this);
   }
+
+  /// Sees every write that changes a stored value: then the configuration is not the verified one any more (1020h).
+  class ConfigurationWatch final : public od::Hook {
+   public:
+    explicit ConfigurationWatch(Device& device) noexcept : device_(&device) {}
+
+   private:
+    od::AbortCode writing(const od::Values& values, ObjectRef ref,
+                          std::span<const std::uint8_t> value) noexcept override;
+    void written(od::Values& values, ObjectRef ref) noexcept override;
+    Device* device_;
+    bool changes_ = false;
+  };
 
   can::Dispatcher* dispatcher_;
   TimedPort* host_;
@@ -206,6 +305,16 @@ class Device final : private co::NmtSlave::Owner,
   co::EmcyProducer emcy_;
   std::unique_ptr<co::ErrorField> errors_;  // only with object 1003h
   co::SdoServerService sdo_;
+  std::unique_ptr<co::Pdos> pdos_;                     // only with objects 1400h..1BFFh
+  std::unique_ptr<co::Sync> sync_;                     // only with object 1005h
+  std::unique_ptr<co::TimeStamp> time_;                // only with object 1012h
+  std::unique_ptr<co::EmcyList> emcy_list_;            // only with object 1028h
+  std::unique_ptr<ParameterStore> parameters_;         // only with object 1010h and a memory that has room
+  std::unique_ptr<ConfigurationWatch> configuration_;  // only with object 1020h
+  std::unique_ptr<Callbacks> callbacks_;
+  std::unique_ptr<WriteWatch> writes_;
+  std::span<const std::uint8_t> eds_;
+  ObjectRef storing_{};  // the sub-object of 1010h or 1011h whose write is to be confirmed
   Observer* observer_ = nullptr;
   lss::Settings memory_{};  // what the record holds, or stands for blank memory
   lss::Settings being_stored_{};
@@ -217,10 +326,16 @@ class Device final : private co::NmtSlave::Owner,
   Begin begin_ = Begin::nothing;
   bool powered_ = false;
   bool bus_off_ = false;
-  bool heartbeat_lost_ = false;
-  bool life_lost_ = false;
-  bool error_control_raised_ = false;
 };
+
+template <class T>
+bool Variable<T>::set(T value) noexcept {
+  if (!valid_) return false;
+  const T before = get();
+  if (values_->set(ref_, value) != od::AbortCode::none) return false;
+  if (get() != before) device_->value_changed(ref_);
+  return true;
+}
 
 /// The dictionary of a device without a description file: 1000h, 1001h, 1003h, 1008h, 100Ch, 100Dh, 1014h, 1015h,
 /// 1016h (8 entries), 1017h, 1018h, 1029h, 1200h. One for the whole process.

@@ -64,7 +64,7 @@ void NvRecord::written(bool ok) noexcept {
 }
 
 SimFlash::SimFlash(rt::Executor& executor, std::size_t size, rt::Duration duration)
-    : executor_(&executor), duration_(duration), bytes_(size, 0xFF) {}
+    : executor_(&executor), duration_(duration), size_(size), bytes_(std::min(size, at_once), 0xFF) {}
 
 void SimFlash::read(std::size_t at, std::span<std::uint8_t> into) const noexcept {
   std::ranges::fill(into, std::uint8_t{0xFF});
@@ -74,7 +74,7 @@ void SimFlash::read(std::size_t at, std::span<std::uint8_t> into) const noexcept
 }
 
 bool SimFlash::write(std::size_t at, std::span<const std::uint8_t> bytes, Done& done) noexcept {
-  if (writing() || at > bytes_.size() || bytes.size() > bytes_.size() - at) return false;
+  if (writing() || at > size_ || bytes.size() > size_ - at) return false;
   done_ = &done;
   source_ = bytes;
   at_ = at;
@@ -88,6 +88,7 @@ bool SimFlash::write(std::size_t at, std::span<const std::uint8_t> bytes, Done& 
 
 void SimFlash::put(std::size_t count) noexcept {
   if (broken_) return;
+  if (at_ + count > bytes_.size()) bytes_.resize(at_ + count, 0xFF);
   for (; put_ < count; ++put_) {
     auto& byte = bytes_[at_ + put_];
     if (cuts_ && left_ == 0) {
@@ -131,8 +132,10 @@ void SimFlash::cut_after(std::uint64_t bytes, int torn) noexcept {
 }
 
 void SimFlash::restore(std::span<const std::uint8_t> image) noexcept {
+  const auto taken = image.first(std::min(image.size(), size_));
   erase();
-  std::copy_n(image.begin(), std::min(image.size(), bytes_.size()), bytes_.begin());
+  if (taken.size() > bytes_.size()) bytes_.resize(taken.size());
+  std::ranges::copy(taken, bytes_.begin());
 }
 
 void SimFlash::erase() noexcept { std::ranges::fill(bytes_, std::uint8_t{0xFF}); }

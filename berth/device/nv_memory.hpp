@@ -87,10 +87,11 @@ class SimFlash final : public NvMemory, private rt::Job {
     ~Watcher() = default;
   };
 
-  /// `duration` is how long any write takes; its bytes are written evenly over that time.
+  /// `duration` is how long any write takes; its bytes are written evenly over that time. What was never written takes
+  /// no memory beyond the first bytes.
   SimFlash(rt::Executor& executor, std::size_t size, rt::Duration duration);
 
-  [[nodiscard]] std::size_t size() const noexcept override { return bytes_.size(); }
+  [[nodiscard]] std::size_t size() const noexcept override { return size_; }
   void read(std::size_t at, std::span<std::uint8_t> into) const noexcept override;
   bool write(std::size_t at, std::span<const std::uint8_t> bytes, Done& done) noexcept override;
   void forget() noexcept override;
@@ -108,7 +109,10 @@ class SimFlash final : public NvMemory, private rt::Job {
   [[nodiscard]] std::uint64_t writes_begun() const noexcept { return begun_; }
   [[nodiscard]] std::uint64_t writes_ended() const noexcept { return ended_; }
 
-  /// The whole content, to save and restore a plant.
+  /// Bytes of the simulating machine's memory that it takes.
+  [[nodiscard]] std::size_t memory() const noexcept { return bytes_.capacity(); }
+
+  /// The content up to the last byte ever written, to save and restore a plant; the rest is blank.
   [[nodiscard]] std::span<const std::uint8_t> image() const noexcept { return bytes_; }
   /// Takes as much as fits; the rest becomes blank.
   void restore(std::span<const std::uint8_t> image) noexcept;
@@ -118,10 +122,13 @@ class SimFlash final : public NvMemory, private rt::Job {
   void run() noexcept override;
   void put(std::size_t count) noexcept;
 
+  static constexpr std::size_t at_once = 64;  // enough for the record of LSS
+
   rt::Executor* executor_;
   rt::Duration duration_;
   Watcher* watcher_ = nullptr;
-  std::vector<std::uint8_t> bytes_;
+  std::size_t size_;
+  std::vector<std::uint8_t> bytes_;  // grows with what is written; beyond its end the memory is blank
   Done* done_ = nullptr;
   std::span<const std::uint8_t> source_;
   std::size_t at_ = 0;

@@ -1,6 +1,5 @@
-// The objects of a device that do something, and the dictionary of a device without a description file.
+// The objects of a device that do something.
 #include <algorithm>
-#include <array>
 
 #include "berth/base/bytes.hpp"
 #include "berth/device/device.hpp"
@@ -25,8 +24,11 @@ od::AbortCode Device::reading(const od::Values&, ObjectRef ref, std::span<const 
       value = scratch_;
     }
   } else if ((ref.index == 0x1010 || ref.index == 0x1011) && ref.sub != 0 && value.size() == scratch_.size()) {
-    scratch_ = {};  // "stores nothing", whatever the description says
+    scratch_ = {};  // bit 0: on command; bit 1: by itself. Whatever the description says
+    scratch_[0] = parameters_ ? 1 : 0;
     value = scratch_;
+  } else if (ref.index == 0x1021 && !eds_.empty()) {
+    value = eds_;
   }
   return od::AbortCode::none;
 }
@@ -40,7 +42,7 @@ od::AbortCode Device::writing(const od::Values&, ObjectRef ref, std::span<const 
       errors_->clear();
       return od::AbortCode::none;
     case 0x1010:
-    case 0x1011: return od::AbortCode::not_stored;
+    case 0x1011: return writing_storage(ref, value);
     case 0x1014: return value.size() == 4 ? writing_emcy_id(load_le<std::uint32_t>(value.data())) : od::AbortCode::none;
     case 0x1016:
       if (ref.sub == 0 || value.size() != 4) return od::AbortCode::none;
@@ -59,7 +61,11 @@ od::AbortCode Device::writing_emcy_id(std::uint32_t value) const noexcept {
   return od::AbortCode::none;
 }
 
-void Device::written(od::Values&, ObjectRef ref) noexcept { apply_object(ref.index); }
+void Device::written(od::Values&, ObjectRef ref) noexcept {
+  apply_object(ref.index);
+  if (ref.index == 0x1005 || ref.index == 0x1012 || ref.index == 0x1014) listen();
+  if (ref.index == 0x1016) forget_heartbeat_errors();
+}
 
 void Device::apply_object(std::uint16_t index) noexcept {
   switch (index) {
@@ -91,55 +97,6 @@ void Device::apply_consumer_entries() noexcept {
     const auto value = values_.get_or<std::uint32_t>({0x1016, sub.sub}, 0);
     if (value != 0) (void)consumer_->set_entry(sub.sub, value);
   }
-}
-
-const std::shared_ptr<const od::Description>& minimal_description() {
-  using od::Access;
-  using od::DataType;
-  using od::Literal;
-  static const auto description = [] {
-    od::DescriptionBuilder b;
-    b.variable(0x1000, {.name = "Device type", .access = Access::ro, .initial = Literal::number(0)});
-    b.variable(0x1001, {.name = "Error register",
-                        .type = DataType::unsigned8,
-                        .access = Access::ro,
-                        .mappable = true,
-                        .initial = Literal::number(0)});
-    b.object(0x1003, od::ObjectCode::array, "Pre-defined error field");
-    b.sub(0x1003, {.sub = 0, .name = "Number of errors", .type = DataType::unsigned8, .initial = Literal::number(0)});
-    for (std::uint8_t i = 1; i <= 8; ++i)
-      b.sub(0x1003, {.sub = i, .name = "Standard error field", .access = Access::ro});
-    b.variable(0x1008, {.name = "Manufacturer device name",
-                        .type = DataType::visible_string,
-                        .access = Access::constant,
-                        .initial = Literal::text("Berth simulated device"),
-                        .capacity = 64});
-    b.variable(0x100C, {.name = "Guard time", .type = DataType::unsigned16, .initial = Literal::number(0)});
-    b.variable(0x100D, {.name = "Life time factor", .type = DataType::unsigned8, .initial = Literal::number(0)});
-    b.variable(0x1014, {.name = "COB-ID EMCY", .initial = Literal::node_id_plus(0x80)});
-    b.variable(0x1015, {.name = "Inhibit time EMCY", .type = DataType::unsigned16, .initial = Literal::number(0)});
-    b.object(0x1016, od::ObjectCode::array, "Consumer heartbeat time");
-    for (std::uint8_t i = 1; i <= 8; ++i) {
-      b.sub(0x1016, {.sub = i, .name = "Consumer heartbeat time", .initial = Literal::number(0)});
-    }
-    b.variable(0x1017,
-               {.name = "Producer heartbeat time", .type = DataType::unsigned16, .initial = Literal::number(0)});
-    b.object(0x1018, od::ObjectCode::record, "Identity object", DataType::identity);
-    const std::array<std::string_view, 4> parts{"Vendor-ID", "Product code", "Revision number", "Serial number"};
-    for (std::uint8_t i = 1; i <= 4; ++i) {
-      b.sub(0x1018, {.sub = i, .name = parts[i - 1U], .access = Access::ro, .initial = Literal::number(0)});
-    }
-    b.object(0x1029, od::ObjectCode::array, "Error behaviour");
-    b.sub(0x1029,
-          {.sub = 1, .name = "Communication error", .type = DataType::unsigned8, .initial = Literal::number(0)});
-    b.object(0x1200, od::ObjectCode::record, "SDO server parameter", DataType::sdo_parameter);
-    b.sub(0x1200,
-          {.sub = 1, .name = "COB-ID client to server", .access = Access::ro, .initial = Literal::node_id_plus(0x600)});
-    b.sub(0x1200,
-          {.sub = 2, .name = "COB-ID server to client", .access = Access::ro, .initial = Literal::node_id_plus(0x580)});
-    return b.build();
-  }();
-  return description;
 }
 
 }  // namespace berth::device

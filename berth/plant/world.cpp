@@ -18,7 +18,6 @@
 namespace berth::plant {
 namespace {
 
-constexpr std::size_t memory_size = 64;                                    // bytes of a device's simulated flash
 constexpr rt::Duration bus_off_recovery = std::chrono::milliseconds(100);  // then a device restarts its controller
 constexpr std::string_view state_header = "berth-plant-state 1";
 
@@ -151,7 +150,7 @@ SimDevice::SimDevice(World& world, sim::Bus& bus, const PlantDevice& plan, const
       bus_(&bus),
       plan_(plan),
       timing_(timing_of(plan)),
-      flash_(bus.executor(), memory_size, timing_.in_world(plan.store)),
+      flash_(bus.executor(), device::Device::memory_size(*description), timing_.in_world(plan.store)),
       controller_(bus.attach(controller_of(plan, bit_rate_of(plan, bus)))),
       port_(bus.executor(), *controller_, timing_, random),
       dispatcher_(bus.executor(), port_),
@@ -261,7 +260,7 @@ Truth SimDevice::truth() const {
 }
 
 std::size_t SimDevice::memory_use() const noexcept {
-  return sizeof(SimDevice) - sizeof(device::Device) + device_.memory() + sizeof(sim::Controller) + memory_size +
+  return sizeof(SimDevice) - sizeof(device::Device) + device_.memory() + sizeof(sim::Controller) + flash_.memory() +
          timing_.rx_depth * device::TimedPort::bytes_per_frame + plan_.name.capacity() + plan_.bus.capacity();
 }
 

@@ -367,12 +367,12 @@ TEST(Device, HeartbeatConsumerActsAtOnce) {
   rig.ask("000#0109", milliseconds(300));
   EXPECT_EQ(node.device.state(), NmtState::operational);
   rig.ask("701#05", milliseconds(95));
-  EXPECT_EQ(rig.record.count("089#3081110000000000"), 0U);
+  EXPECT_EQ(rig.record.count("089#3081110100000000"), 0U);
   rig.run(milliseconds(10));
-  EXPECT_EQ(rig.record.count("089#3081110000000000"), 1U);
+  EXPECT_EQ(rig.record.count("089#3081110100000000"), 1U);
   EXPECT_EQ(node.device.state(), NmtState::pre_operational);
   rig.ask("701#05");
-  EXPECT_EQ(rig.record.count("089#0000000000000000"), 1U);
+  EXPECT_EQ(rig.record.count("089#0000000100000000"), 1U);
 }
 
 // Facts A.6: 1003h: 0 clears, other values 0609 0030, beyond the count 0800 0024; 1014h: the identifier changes only

@@ -1,0 +1,76 @@
+/// What a device maker's application sees of its device: callbacks, and handles to its own objects.
+///
+///     device::Variable<std::int16_t> temperature = device.variable<std::int16_t>({0x6000, 1});
+///     device.on_write({0x6200, 1}, [&] { valve.set(position.get()); });
+///     temperature.set(215);                    // and the TPDO that maps it goes out
+///
+/// Callbacks run from the executor, in the middle of what the device does: they may use the device, must not destroy
+/// it and must not throw (a thrown exception ends the program). Set them before `power_on`; setting one uses the heap.
+#pragma once
+
+#include <functional>
+#include <vector>
+
+#include "berth/co/emcy.hpp"
+#include "berth/co/heartbeat.hpp"
+#include "berth/co/pdo.hpp"
+#include "berth/co/time_stamp.hpp"
+#include "berth/od/values.hpp"
+
+namespace berth::device {
+
+class Device;
+
+struct Callbacks {
+  std::function<void(NmtState)> state;                       ///< the NMT state entered
+  std::function<void(unsigned)> rpdo;                        ///< RPDO number 1..512 is stored
+  std::function<void(std::uint8_t)> sync;                    ///< SYNC counter, 0 = without
+  std::function<void(const co::TimeOfDay&)> time;            ///< another node's TIME message (1012h bit 31)
+  std::function<void(NodeId, const co::Emcy&)> emergency;    ///< of a node in 1028h
+  std::function<void(const co::HeartbeatEvent&)> heartbeat;  ///< of a node in 1016h
+  std::function<void()> parameters;                          ///< values came anew: power-on, reset, restore
+};
+
+/// Calls what was given to `Device::on_write`.
+class WriteWatch final : public od::Hook {
+ public:
+  void add(od::Values& values, ObjectRef ref, std::function<void()> call);
+  /// An RPDO with this mapping record (1600h + number - 1) was stored.
+  void mapped(const od::Values& values, std::uint16_t mapping) noexcept;
+  void one(ObjectRef ref) noexcept;
+  [[nodiscard]] std::size_t memory() const noexcept { return entries_.capacity() * sizeof(Entry); }
+
+ private:
+  struct Entry {
+    ObjectRef ref;
+    std::function<void()> call;
+  };
+  void written(od::Values& values, ObjectRef ref) noexcept override;
+  std::vector<Entry> entries_;
+};
+
+/// One object of a device, typed. Cheap to copy; must not outlive the device. A handle to an object that is not there,
+/// or whose type T cannot hold, is not `valid`: it reads 0 and sets nothing.
+template <class T>
+class Variable {
+ public:
+  Variable(od::Values& values, Device& device, ObjectRef ref) noexcept
+      : values_(&values), device_(&device), ref_(ref), valid_(values.get<T>(ref).has_value()) {}
+
+  [[nodiscard]] bool valid() const noexcept { return valid_; }
+  [[nodiscard]] ObjectRef object() const noexcept { return ref_; }
+  [[nodiscard]] T get() const noexcept { return values_->get_or<T>(ref_, T{}); }
+  /// Stores, whatever the access type and limits; a changed value is an event of the TPDOs that map the object. False:
+  /// not valid, or out of the type's range.
+  bool set(T value) noexcept;
+  /// Stores without an event: for values that a timer or SYNC sends.
+  bool store(T value) noexcept { return valid_ && values_->set(ref_, value) == od::AbortCode::none; }
+
+ private:
+  od::Values* values_;
+  Device* device_;
+  ObjectRef ref_;
+  bool valid_;
+};
+
+}  // namespace berth::device

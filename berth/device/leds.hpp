@@ -1,0 +1,53 @@
+/// The two indicators of a CANopen device (CiA 303-3; facts page A.9): which of them is lit, by what the device is
+/// doing and the time. A pure function of time since its power-on: no timer, no state.
+#pragma once
+
+#include "berth/base/ids.hpp"
+#include "berth/rt/executor.hpp"
+
+namespace berth::device {
+
+/// How an indicator lights. Flickering 50 ms on, 50 ms off; blinking 200 ms on, 200 ms off; n flashes of 200 ms with
+/// 200 ms between them, then 1 s dark.
+enum class Light : std::uint8_t {
+  off,
+  on,
+  flickering,
+  blinking,
+  single_flash,
+  double_flash,
+  triple_flash,
+  quadruple_flash
+};
+
+/// What the indicators show.
+struct Leds {
+  Light green = Light::off;  ///< run: the NMT state
+  Light red = Light::off;    ///< error
+  friend bool operator==(const Leds&, const Leds&) noexcept = default;
+};
+
+struct Lit {
+  bool green = false;
+  bool red = false;
+  friend bool operator==(const Lit&, const Lit&) noexcept = default;
+};
+/// Whether each is lit now. Both flickering: in turn.
+[[nodiscard]] Lit lit(const Leds& leds, rt::Duration since_power_on) noexcept;
+
+/// What `leds` looks at. Of several errors one is shown, the first of: bus-off, LSS, invalid configuration, event
+/// timer, SYNC, error control, warning limit (more flashes before fewer).
+struct LedInputs {
+  NmtState state = NmtState::initialising;
+  bool lss = false;               ///< LSS configuration state, or no node-ID
+  bool program_download = false;  ///< runs
+  bool bus_off = false;
+  bool warning_limit = false;        ///< an error counter reached 96
+  bool error_control_event = false;  ///< heartbeat or life guarding lost
+  bool sync_missing = false;
+  bool event_timer_missed = false;  ///< an RPDO did not come in time
+  bool invalid_configuration = false;
+};
+[[nodiscard]] Leds leds(const LedInputs& inputs) noexcept;
+
+}  // namespace berth::device
