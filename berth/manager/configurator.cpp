@@ -157,6 +157,7 @@ rt::Task<void> Configurator::run(ConfigurationReport& report) {
   if (right_date && options_->trust_date && !options_->save_anyway) {
     report.by_date = true;
     const bool own = co_await own_agree(report);
+    if (own) (void)still_there(report, Stage::dating);
     if (own || !report.good()) co_return;
     report.by_date = false;
   }
@@ -272,6 +273,12 @@ rt::Task<void> Configurator::take_date() {
     const auto done = co_await write(object, nothing);
     if (!done) co_return;  // no 1020h, or none that is written: its own business
   }
+}
+
+rt::Task<bool> Configurator::has_date() {
+  DateRead date;
+  co_await read_date(date);
+  co_return !date.missing && !date.error && date.date == wanted_->date;
 }
 
 rt::Task<bool> Configurator::download(ConfigurationReport& report) {

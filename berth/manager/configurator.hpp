@@ -127,6 +127,8 @@ class Configurator {
 
   [[nodiscard]] rt::Task<void> run(ConfigurationReport& report);
 
+  /// Does 1020h agree? False also when the device has none or does not answer.
+  [[nodiscard]] rt::Task<bool> has_date();
   /// Makes 1020h 0, 0: the configuration is saved and not yet in use. A device without 1020h: nothing happens.
   [[nodiscard]] rt::Task<void> take_date();
 

@@ -6,29 +6,11 @@
 
 #include "berth/operate/master_device.hpp"
 #include "berth/operate/network_seat.hpp"
+#include "berth/operate/timing_options.hpp"
 
 namespace berth::operate {
 
 using places::SlotState;
-
-namespace {
-
-lss::MasterOptions lss_options(const design::Timing& t) {
-  lss::MasterOptions o;
-  o.service.timeout = t.lss_timeout;
-  o.identify.timeout = t.lss_timeout;
-  o.store.timeout = t.store_timeout;
-  return o;
-}
-
-co::SdoOptions sdo_options(const design::Timing& t) {
-  co::SdoOptions o;
-  o.timeout = t.sdo_timeout;
-  o.retries = t.tries - 1;
-  return o;
-}
-
-}  // namespace
 
 const char* name(Phase phase) noexcept {
   switch (phase) {
@@ -77,6 +59,7 @@ Result<void> Network::open() {
     seat->slot.record.name = seat->slot.spec.name;
     refresh(*seat);
   }
+  load_configurations();
   return {};
 }
 
@@ -298,7 +281,10 @@ Result<void> Network::clear_seat(Seat& seat, const std::string& reason) {
   seat.slot.record.asked.reset();
   seat.slot.record.confirmed.reset();
   seat.there = seat.started = false;
+  seat.slot.record.configured.reset();
   seat.waiting.reset();
+  seat.waits_since.reset();
+  seat.stuck = false;
   set_state(seat, SlotState::empty, reason);
   return {};
 }

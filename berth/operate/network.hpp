@@ -7,7 +7,8 @@
 ///   2. preparation: is the device of every bound slot there? By heartbeat, else SDO 1000h, else guarding (S1.30)
 ///   3. discovery: RAND finds every device that no slot knows (S1.31)
 ///   4. plan and binding: `places::plan`, then one binding after the other (S1.32, S1.33)
-///   5. check and start: identity, heartbeat, NMT start; operational when the device says so
+///   5. check, configuration and start: identity, what `config =` wants, heartbeat, NMT start; operational when the
+///      device says so
 ///   6. watch: heartbeats and boot-ups; every `probe_period` one question whether somebody new is there
 #pragma once
 
@@ -24,6 +25,7 @@
 #include "berth/co/sdo_client.hpp"
 #include "berth/design/machine.hpp"
 #include "berth/lss/master.hpp"
+#include "berth/manager/configurator.hpp"
 #include "berth/nodeid/rand_master.hpp"
 #include "berth/operate/report.hpp"
 #include "berth/places/binder.hpp"
@@ -49,6 +51,18 @@ struct NetworkObserver {
 /// Where the main job is.
 enum class Phase : std::uint8_t { opening, preparation, discovery, binding, start, watch };
 [[nodiscard]] const char* name(Phase phase) noexcept;
+
+/// What `berth configure` did, or found, in one slot.
+struct SlotConfiguration {
+  std::string bus;
+  std::string slot;
+  NodeId id;
+  std::string file;
+  std::string problem;  ///< why it was not even compared; empty: see `report`
+  manager::ConfigurationReport report;
+  places::SlotState state = places::SlotState::unknown;
+  std::string reason;
+};
 
 class MasterDevice;  // the master is a device: network.cpp
 
@@ -117,6 +131,10 @@ class Network final : private co::HeartbeatConsumer::Observer,
   /// state. Waits for its turn.
   [[nodiscard]] rt::Task<Result<std::vector<Seen>>> scan();
 
+  /// Compares the configurations of all slots that have one, or of the slot of this name, and with `write` makes right
+  /// what differs; a device that runs is compared only. Waits for its turn. Errors: `not_found` no such slot.
+  [[nodiscard]] rt::Task<Result<std::vector<SlotConfiguration>>> configure(std::string slot, bool write);
+
   /// Discovery and binding once, without starting anything (`berth bind`). Waits for its turn.
   [[nodiscard]] rt::Task<Result<void>> bind_once();
 
@@ -162,6 +180,8 @@ class Network final : private co::HeartbeatConsumer::Observer,
   rt::Task<bool> blank(LssAddress device, std::string reason);
   rt::Task<void> check_and_start();
   rt::Task<void> start_seat(Seat& seat);
+  rt::Task<bool> set_heartbeat(Seat& seat);
+  rt::Task<void> send_start(Seat& seat);
   rt::Task<void> await_operational();
   rt::Task<void> start_again();
   void bound(Seat& seat, const places::Binding& binding);
@@ -171,6 +191,20 @@ class Network final : private co::HeartbeatConsumer::Observer,
   void free_absent_slots();
   void tell_discovery(const nodeid::DiscoveryReport& report);
 
+  // network_configure.cpp: configuration before start
+  void load_configurations();
+  rt::Task<bool> configure_seat(Seat& seat, manager::ConfigurationReport& report);
+  rt::Task<bool> configure_once(Seat& seat, const manager::Wanted& wanted, manager::ConfiguratorOptions& options,
+                                manager::ConfigurationReport& report);
+  rt::Task<Result<manager::Wanted>> wanted_of(Seat& seat);
+  rt::Task<bool> waits_for_power(Seat& seat, manager::Configurator& configurator, const manager::Wanted& wanted);
+  rt::Task<bool> reset_and_wait(Seat& seat);
+  rt::Task<void> wait_for_power(Seat& seat, manager::Configurator& configurator, const manager::Wanted& wanted,
+                                const std::string& reason);
+  void forgot(Seat& seat, const manager::ConfigurationReport& report, const manager::Wanted& wanted);
+  rt::Task<void> compare_seat(Seat& seat, bool write, SlotConfiguration& into);
+  bool note_configured(Seat& seat, places::Configured::Stage stage, const manager::Wanted& wanted);
+  [[nodiscard]] bool rebooted(const Seat& seat) const noexcept;
   // network.cpp: state and reports
   void heartbeat(const co::HeartbeatEvent& event, rt::Time at) noexcept override;
   void surplus(NodeId node, const can::Frame& frame, rt::Time at) noexcept override;
@@ -194,6 +228,7 @@ class Network final : private co::HeartbeatConsumer::Observer,
   [[nodiscard]] Slots slots() const;
   [[nodiscard]] nodeid::DiscoveryOptions discovery_options() const;
   [[nodiscard]] places::Binder::Services services() noexcept;
+  [[nodiscard]] places::Binder::Options binder_options() const;
   [[nodiscard]] bool may_command() const noexcept { return bus_->role == design::Role::master; }
 
   rt::Executor* executor_;

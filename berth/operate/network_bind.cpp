@@ -5,6 +5,7 @@
 
 #include "berth/operate/master_device.hpp"
 #include "berth/operate/network_seat.hpp"
+#include "berth/operate/timing_options.hpp"
 
 namespace berth::operate {
 
@@ -21,6 +22,12 @@ nodeid::DiscoveryOptions Network::discovery_options() const {
 
 places::Binder::Services Network::services() noexcept {
   return {dispatcher_, lss_, sdo_, nmt_, boots_, *store_, vacancy_};
+}
+
+places::Binder::Options Network::binder_options() const {
+  places::Binder::Options options = operate::binder_options(bus_->timing);
+  options.before_step = observer_.before_step;
+  return options;
 }
 
 void Network::note_found(const places::Found& found) {
@@ -216,12 +223,7 @@ rt::Task<bool> Network::act(const Action& action) {
 rt::Task<bool> Network::bind_seat(Seat& seat, LssAddress device, std::string reason) {
   Binding binding(Binding::Kind::bind, {device, seat.id()}, bus_->timing.tries);
   set_state(seat, SlotState::binding, reason);
-  places::Binder::Options options;
-  options.tries = bus_->timing.tries;
-  options.boot_timeout = bus_->timing.boot_timeout;
-  options.guard_timeout = bus_->timing.guard_timeout;
-  options.slow_inhibit = bus_->timing.rand_response;
-  options.before_step = observer_.before_step;
+  const places::Binder::Options options = binder_options();
   places::Binder binder(services(), options);
   const places::SlotId slot = seat.slot.record.slot;
   co_await binder.run(binding, slot, reason);
@@ -279,10 +281,7 @@ void Network::not_bound(Seat& seat, const Binding& binding) {
 
 rt::Task<bool> Network::blank(LssAddress device, std::string reason) {
   Binding binding(Binding::Kind::blank, {device, NodeId()}, bus_->timing.tries);
-  places::Binder::Options options;
-  options.tries = bus_->timing.tries;
-  options.boot_timeout = bus_->timing.boot_timeout;
-  options.before_step = observer_.before_step;
+  const places::Binder::Options options = binder_options();
   places::Binder binder(services(), options);
   tell("step", "", fmt::format("taking the node-ID of {}: {}", to_string(device), reason));
   const places::SlotId none;
@@ -318,17 +317,37 @@ rt::Task<void> Network::check_and_start() {
 
 rt::Task<void> Network::start_seat(Seat& seat) {
   const NodeId id = seat.id();
+  const bool configures = !seat.slot.spec.config.empty() && bus_->role != design::Role::observer;
+  if (configures) {
+    manager::ConfigurationReport report;
+    const bool ready = co_await configure_seat(seat, report);
+    if (!ready) co_return;
+  } else {
+    const bool beats = co_await set_heartbeat(seat);
+    if (!beats) co_return;
+  }
+  if (!seat.guarded) heartbeats_.supervise(id, bus_->timing.heartbeat_timeout);
+  if (!may_command() || rebooted(seat)) co_return;
+  co_await send_start(seat);
+}
+
+// False: it is not there any more.
+rt::Task<bool> Network::set_heartbeat(Seat& seat) {
+  const NodeId id = seat.id();
   const auto ms = std::chrono::duration_cast<std::chrono::milliseconds>(bus_->timing.heartbeat_period).count();
   const auto period = static_cast<std::uint16_t>(std::clamp<std::int64_t>(ms, 0, 0xFFFF));
   const auto written = co_await sdo_.write<std::uint16_t>(id, 0x1017, 0, period);
   if (!written && written.error().code != Errc::aborted) {
     seat.there = false;
     set_state(seat, SlotState::absent, "its heartbeat could not be set: " + describe(written.error()));
-    co_return;
+    co_return false;
   }
   seat.guarded = !written.has_value();
-  if (!seat.guarded) heartbeats_.supervise(id, bus_->timing.heartbeat_timeout);
-  if (!may_command()) co_return;
+  co_return true;
+}
+
+rt::Task<void> Network::send_start(Seat& seat) {
+  const NodeId id = seat.id();
   seat.started = seat.awaited = true;
   const auto sent = co_await nmt_.send(co::NmtCommand::start, id);
   if (!sent) {
@@ -371,7 +390,7 @@ rt::Task<void> Network::await_operational() {
 // come back to back. Who is not operational yet is told again, one after the other at a pace that any device follows.
 rt::Task<void> Network::start_again() {
   for (auto& seat : seats_) {
-    if (!seat->awaited || seat->held || seat->state != SlotState::present) continue;
+    if (!seat->awaited || seat->held || seat->state != SlotState::present || rebooted(*seat)) continue;
     const NodeId id = seat->id();
     const auto sent = co_await nmt_.send(co::NmtCommand::start, id);
     if (!sent) co_return;

@@ -31,13 +31,16 @@ bool Network::retry_due() {
     const bool silent = s->state == SlotState::absent && s->slot.record.confirmed;
     const bool waits = !s->slot.spec.optional && (s->state == SlotState::empty || s->state == SlotState::question);
     const bool doubled = s->state == SlotState::duplicate;
-    return s->state == SlotState::failed || s->state == SlotState::power_cycle || asked || silent || waits || doubled;
+    const bool failed = s->state == SlotState::failed && !s->stuck;
+    const bool powered = s->state == SlotState::power_cycle && !s->waits_since;
+    return failed || powered || asked || silent || waits || doubled;
   });
   if (!needs || executor_->now() < retry_at_) return false;
   retry_at_ = executor_->now() + 8 * bus_->timing.probe_period;
   look_anew_ = true;
   for (auto& seat : seats_) {
-    if (seat->state == SlotState::failed && seat->there) set_state(*seat, SlotState::present, "trying again");
+    if (seat->state == SlotState::failed && seat->there && !seat->stuck)
+      set_state(*seat, SlotState::present, "trying again");
     const bool troubled = seat->state == SlotState::absent || seat->state == SlotState::duplicate;
     seat->ask_again = troubled && seat->slot.record.confirmed && !seat->slot.record.asked;
     if (seat->state == SlotState::duplicate && !seat->slot.record.device())
@@ -181,11 +184,12 @@ rt::Task<void> Network::handle(Wake wake) {
 // Somebody booted, or spoke again, under the slot's node-ID: is it the slot's device?
 rt::Task<void> Network::came_back(Seat& seat, rt::Time booted) {
   tell("step", seat.name(), fmt::format("node-ID {} is heard again", seat.id().value()));
-  seat.there = seat.started = seat.held = false;
+  seat.there = seat.started = seat.held = seat.stuck = false;
   if (seat.waiting) {
     places::Binding binding = *seat.waiting;
     binding.heard_again();
-    places::Binder binder(services(), {});
+    const places::Binder::Options options = binder_options();
+    places::Binder binder(services(), options);
     const std::string reason = "after its power cycle";
     const places::SlotId slot = seat.slot.record.slot;
     co_await binder.run(binding, slot, reason);

@@ -139,7 +139,8 @@ rt::Task<Result<NodeId>> Network::ask_active_id(LssAddress device) {
   const auto strange = [](const lss::Reply& r) { return r.answers > 1 || r.others > 0 || r.stale > 0 || r.differ; };
   const bool doubtful = strange(*selected) || (reply && strange(*reply));
   if (doubtful) {
-    places::Binder binder(services(), {});
+    const places::Binder::Options options = binder_options();
+    places::Binder binder(services(), options);
     const places::Outcome single = co_await binder.confirm_double(device);
     if (single == places::Outcome::doubled) {
       const auto calm = co_await lss_.switch_global(lss::State::waiting);

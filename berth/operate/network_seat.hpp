@@ -1,8 +1,10 @@
 /// One slot at run time: inside of `Network`, shared by its source files.
 #pragma once
 
+#include <memory>
 #include <optional>
 
+#include "berth/manager/configurator.hpp"
 #include "berth/operate/network.hpp"
 
 namespace berth::operate {
@@ -22,7 +24,11 @@ struct Network::Seat {
   std::optional<places::Binding> waiting;  ///< bound but for a power cycle
   std::uint64_t beats = 0;                 ///< heartbeats heard when their rate was looked at last
   rt::Time beats_at{};
-  unsigned fast = 0;  ///< looks in a row at which there were too many
+  unsigned fast = 0;                                            ///< looks in a row at which there were too many
+  std::shared_ptr<const manager::Configuration> configuration;  ///< of `config =`; null: none, or unreadable
+  std::string unreadable;                                       ///< why the file of `config =` could not be read
+  std::optional<rt::Time> waits_since;  ///< its configuration was saved then, and it waits for a power cycle
+  bool stuck = false;  ///< its configuration failed for good: not tried again before it boots or a person says so
 
   [[nodiscard]] const std::string& name() const noexcept { return slot.spec.name.name; }
   [[nodiscard]] NodeId id() const noexcept { return slot.spec.id; }
