@@ -3,10 +3,15 @@
 #include <algorithm>
 
 namespace berth::device {
+namespace {
+
+constexpr std::size_t usual_depth = 4;  // most devices never have more than a few frames before them
+
+}  // namespace
 
 TimedPort::TimedPort(rt::Executor& executor, can::Port& port, const Timing& timing, Random random)
     : executor_(&executor), port_(&port), timing_(&timing), random_(random) {
-  buffer_.resize(std::max<std::size_t>(1, timing.rx_depth));
+  buffer_.resize(std::clamp<std::size_t>(timing.rx_depth, 1, usual_depth));
 }
 
 TimedPort::~TimedPort() { port_->listen(nullptr, {}); }
@@ -63,7 +68,7 @@ void TimedPort::received(const can::Frame& frame, rt::Time at) noexcept {
     listener_->received(frame, at);
     return;
   }
-  if (count_ == buffer_.size()) {
+  if (count_ == buffer_.size() && !make_room()) {
     ++lost_;
     return;
   }
@@ -71,6 +76,16 @@ void TimedPort::received(const can::Frame& frame, rt::Time at) noexcept {
   if (count_ > 0) due = std::max(due, buffer_[(first_ + count_ - 1) % buffer_.size()].due);
   buffer_[(first_ + count_) % buffer_.size()] = {due, at, can::PackedFrame(frame)};
   if (count_++ == 0) executor_->at(due, *this);
+}
+
+bool TimedPort::make_room() noexcept {
+  const auto depth = std::max<std::size_t>(1, timing_->rx_depth);
+  if (buffer_.size() >= depth) return false;
+  std::vector<Waiting> larger(std::min(depth, buffer_.size() * 2));
+  for (std::size_t i = 0; i < count_; ++i) larger[i] = buffer_[(first_ + i) % buffer_.size()];
+  buffer_.swap(larger);
+  first_ = 0;
+  return true;
 }
 
 void TimedPort::run() noexcept {

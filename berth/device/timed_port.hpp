@@ -37,8 +37,8 @@ class TimedPort final : public can::Port, private can::Listener, private rt::Job
   /// Power lost or firmware started anew: the buffer is empty.
   void clear() noexcept;
 
-  /// Memory per frame that the buffer can hold.
-  static constexpr std::size_t bytes_per_frame = 32;
+  /// Bytes that it takes beyond itself.
+  [[nodiscard]] std::size_t memory() const noexcept { return buffer_.capacity() * sizeof(Waiting); }
   /// Frames lost because the buffer was full, or the device deaf.
   [[nodiscard]] std::uint64_t lost() const noexcept { return lost_; }
   [[nodiscard]] std::uint64_t delivered() const noexcept { return delivered_; }
@@ -49,19 +49,19 @@ class TimedPort final : public can::Port, private can::Listener, private rt::Job
     rt::Time at;
     can::PackedFrame frame;
   };
-  static_assert(sizeof(Waiting) <= bytes_per_frame);
   void received(const can::Frame& frame, rt::Time at) noexcept override;
   void sent(std::uint32_t tag, rt::Time at) noexcept override;
   void changed(const can::Status& status, rt::Time at) noexcept override;
   void run() noexcept override;
   [[nodiscard]] rt::Duration draw() noexcept;
+  [[nodiscard]] bool make_room() noexcept;
 
   rt::Executor* executor_;
   can::Port* port_;
   const Timing* timing_;
   can::Listener* listener_ = nullptr;
   Random random_;
-  std::vector<Waiting> buffer_;  // ring, as deep as the receive buffer
+  std::vector<Waiting> buffer_;  // ring; grows to the depth of the receive buffer when so much waits
   std::size_t first_ = 0;
   std::size_t count_ = 0;
   rt::Duration extra_{0};

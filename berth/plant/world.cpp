@@ -261,7 +261,7 @@ Truth SimDevice::truth() const {
 
 std::size_t SimDevice::memory_use() const noexcept {
   return sizeof(SimDevice) - sizeof(device::Device) + device_.memory() + sizeof(sim::Controller) + flash_.memory() +
-         timing_.rx_depth * device::TimedPort::bytes_per_frame + plan_.name.capacity() + plan_.bus.capacity();
+         port_.memory() + plan_.name.capacity() + plan_.bus.capacity();
 }
 
 void SimDevice::device_changed(const device::Device&) noexcept { world_->tell(*this); }
