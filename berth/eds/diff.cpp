@@ -34,9 +34,20 @@ const T* of(const std::vector<T>& list, ObjectRef ref) noexcept {
   return found == list.end() || found->object != ref ? nullptr : &*found;
 }
 
-/// The default, also of an object whose initial value is the ParameterValue.
+/// The default, also of an object whose initial value is the ParameterValue. A sub-index 0 that is read only and has
+/// none means the highest sub-index (CiA 301 §7.4.5).
 od::Literal default_of(const File& file, ObjectRef ref, const od::SubObject& sub) {
-  if (of(file.parameters, ref) == nullptr) return file.description->default_of(sub);
+  if (of(file.parameters, ref) == nullptr) {
+    const od::Object& object = *file.description->find(ref.index);
+    const bool counts = object.code == od::ObjectCode::array || object.code == od::ObjectCode::record;
+    if (sub.has_default || ref.sub != 0 || !counts || od::writable(sub.access))
+      return file.description->default_of(sub);
+    std::uint8_t highest = 0;
+    for (const od::SubObject& each : file.description->subs(object)) {
+      if (each.sub != 0xFF) highest = std::max(highest, each.sub);
+    }
+    return od::Literal::number(highest);
+  }
   const Parameter* const given = of(file.defaults, ref);
   return given == nullptr ? od::Literal{} : given->value;
 }

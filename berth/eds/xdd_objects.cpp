@@ -57,6 +57,15 @@ constexpr std::array<Word, 13> accesses{{{"const", Access::constant},
                                          {"readWriteInput", Access::rwr},
                                          {"readWriteOutput", Access::rww}}};
 
+bool known_code(std::uint64_t code) noexcept { return code == 0 || code == 2 || (code >= 5 && code <= 9); }
+
+/// An object that the editor of CANopenNode keeps in its file and out of the device.
+bool disabled(Node parameter) noexcept {
+  return std::ranges::any_of(parameter.children(), [](const Node& each) {
+    return local(each) == "property" && attribute(each, "name") == "CO_disabled" && attribute(each, "value") == "true";
+  });
+}
+
 bool simple(od::ObjectCode code) noexcept {
   return code != od::ObjectCode::array && code != od::ObjectCode::record && code != od::ObjectCode::defstruct;
 }
@@ -150,11 +159,15 @@ void ObjectList::read_object(Node object) {
   }
   const auto at = static_cast<std::uint16_t>(*index);
   const Facts facts = this->facts(object, at, 0, true);
+  if (disabled(facts.parameter)) {
+    return source_.tell(Severity::note, object, {}, facts.key,
+                        "the object is marked as disabled (CO_disabled); left out");
+  }
   if (builder_.has(at)) warn(facts, object, "index", "the object stands twice; the last one counts");
   const auto number = source_.number(object, "objectType", 0xFF, false, facts.key, Severity::warning);
   const bool has_subs = static_cast<bool>(child(object, "CANopenSubObject"));
   auto code = static_cast<od::ObjectCode>(number.value_or(has_subs ? 9 : 7));
-  if (od::name(code).empty()) {
+  if (number && !known_code(*number)) {
     warn(facts, object, "objectType",
          fmt::format("{} is no object code of CiA 301; taken as {}", *number, has_subs ? "RECORD" : "VAR"));
     code = has_subs ? od::ObjectCode::record : od::ObjectCode::var;

@@ -305,7 +305,7 @@ class Reader {
       }
     }
     const auto net = source_.number(node, "networkNumber", 0xFFFF'FFFF, false, key, Severity::warning);
-    if (net && *net != 0) info.net_number = static_cast<std::uint32_t>(*net);
+    if (net) info.net_number = static_cast<std::uint32_t>(*net);
     info.canopen_manager = source_.flag(node, "CANopenManager", key);
     info.lss_serial_number = lss_serial_;
     info.node_refd = node_refd_;
