@@ -229,8 +229,10 @@ class Weaver {
   /// Ends the last line so that another can follow.
   void end_line(std::size_t at, std::string_view line_end) {
     insert(at, "");
-    if (!out_.empty() && !line_break(out_.back()) && out_ != "\xEF\xBB\xBF") out_.append(line_end);
+    if (!empty() && !line_break(out_.back())) out_.append(line_end);
   }
+  /// Nothing but a byte order mark so far.
+  [[nodiscard]] bool empty() const noexcept { return out_.empty() || out_ == "\xEF\xBB\xBF"; }
   std::string finish() {
     replace(text_.size(), text_.size(), "");
     return std::move(out_);
@@ -259,7 +261,7 @@ std::string Editor::text() const {
       if (each.after != after) continue;
       const std::string_view line_end = lines.end_of(at == 0 ? 0 : at - 1);
       weaver.end_line(at, line_end);
-      if (at != 0) weaver.insert(at, line_end);
+      if (!weaver.empty()) weaver.insert(at, line_end);
       weaver.insert(at, "[" + each.name + "]" + std::string(line_end));
       put(at, line_end, each.lines);
     }

@@ -62,15 +62,18 @@ void TextBuilder::raw(std::string_view key, std::string_view value) {
 }
 
 void TextBuilder::text(std::string_view key, std::string_view value) {
-  if (encoding_ != Encoding::windows_1252 || encoding_of(value) == Encoding::ascii) {
+  const Encoding of_value = encoding_of(value);
+  if (of_value == Encoding::ascii || (of_value == Encoding::utf8 && encoding_ != Encoding::windows_1252)) {
     raw(key, value);
     return;
   }
-  if (const auto converted = to_windows_1252(value)) {
+  if (const auto converted = of_value == Encoding::utf8 ? to_windows_1252(value) : std::nullopt) {
     raw(key, *converted);
     return;
   }
-  tell(key, "Windows-1252, which a value of the file needs, lacks a character of this text; written with ?");
+  tell(key, of_value == Encoding::utf8
+                ? "Windows-1252, which a value of the file needs, lacks a character of this text; written with ?"
+                : "the text is no UTF-8; written with ?");
   std::string made(value);
   std::ranges::replace_if(
       made, [](char c) { return static_cast<unsigned char>(c) >= 0x80; }, '?');

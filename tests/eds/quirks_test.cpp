@@ -37,7 +37,7 @@ TEST(EdsQuirks, HC4_02_NodeIdFirst) {
   }
 }
 
-// hard-cases complaint 12.
+// HU.12
 TEST(EdsQuirks, HC4_03_NodeIdLast) {
   const auto r = read_variable(u32, "DefaultValue=0x180+$NODEID");
   EXPECT_EQ(value(r, 0x2000), 0x185U);
@@ -76,7 +76,7 @@ TEST(EdsQuirks, HC4_06_TooWideIsAnErrorMinusOneIsByWidth) {
   EXPECT_TRUE(refused(read_variable(u8, "DefaultValue=-129"), "[2000] DefaultValue"));
 }
 
-// hard-cases complaint 14 (R2#394).
+// HU.14 (R2#394)
 TEST(EdsQuirks, HC4_07_LowLimit80000000OfInteger32) {
   const auto r = read_variable(i32, "LowLimit=0x80000000\nHighLimit=0x7FFFFFFF");
   EXPECT_EQ(complaints(r), "");
@@ -135,7 +135,7 @@ TEST(EdsQuirks, HC4_10_Utf8ByteOrderMark) {
   EXPECT_TRUE(refused(read_text(std::string("\xFF\xFE[\0", 4)), ""));
 }
 
-// hard-cases complaint 10.
+// HU.10
 TEST(EdsQuirks, HC4_11_Windows1252) {
   const auto r = read_variable(9,
                                "DefaultValue=50 \x80\nParameterName=Temp \xB0"
@@ -179,7 +179,7 @@ TEST(EdsQuirks, HC4_12_LinesAreCountedWhateverTheirEnds) {
   }
 }
 
-// hard-cases complaint 16.
+// HU.16
 TEST(EdsQuirks, HC4_13_CapitalSubAndSubBeforeParent) {
   const auto r =
       read_text(file_with("[2000SUB1]\nParameterName=one\nDataType=5\nAccessType=rw\nDefaultValue=3\n"
@@ -221,7 +221,7 @@ TEST(EdsQuirks, HC4_15_ListWithHoleOrDuplicate) {
   EXPECT_TRUE(warned(replace("1=0x2000\n"), "[ManufacturerObjects]"));
 }
 
-// hard-cases complaint 13 (KeyError DataType).
+// HU.13 (KeyError DataType)
 TEST(EdsQuirks, HC4_16_MissingKeysGetDefaults) {
   const auto r = read_text(file_with("[2000]\nObjectType=7\n"));
   ASSERT_TRUE(r.usable());
@@ -315,7 +315,7 @@ TEST(EdsQuirks, HC4_23_CommentsWithoutLinesAndPartialDummyUsage) {
   EXPECT_FALSE(r.file.description->dummy_mappable(7));
 }
 
-// hard-cases complaint 15.
+// HU.15
 TEST(EdsQuirks, HC4_24_CommissioningInBothSpellings) {
   for (const char* spelling : {"DeviceComissioning", "DeviceCommissioning", "DEVICECOMISSIONING"}) {
     const auto r = read_text(file_with(variable(u32, "")) + "[" + spelling +
@@ -336,7 +336,7 @@ TEST(EdsQuirks, HC4_24_CommissioningInBothSpellings) {
   EXPECT_TRUE(refused(wrong, "[DeviceComissioning] NodeID"));
 }
 
-// hard-cases complaint 11.
+// HU.11
 TEST(EdsQuirks, HC4_25_LeadingZerosInDeviceInfo) {
   const std::string text = file_with(variable(u32, ""));
   const auto with = [&](std::string_view number) {
