@@ -22,6 +22,13 @@ inline constexpr can::IdRange all_error_control{0x701, 0x77F};
 [[nodiscard]] constexpr std::uint32_t sdo_response_id(NodeId node) noexcept { return 0x580U + node.value(); }
 [[nodiscard]] constexpr std::uint32_t sdo_request_id(NodeId node) noexcept { return 0x600U + node.value(); }
 [[nodiscard]] constexpr std::uint32_t error_control_id(NodeId node) noexcept { return 0x700U + node.value(); }
+/// The first four PDOs of a device have identifiers of their own: `number` 1..4.
+[[nodiscard]] constexpr std::uint32_t tpdo_id(unsigned number, NodeId node) noexcept {
+  return 0x080U + 0x100U * number + node.value();
+}
+[[nodiscard]] constexpr std::uint32_t rpdo_id(unsigned number, NodeId node) noexcept {
+  return 0x100U + 0x100U * number + node.value();
+}
 
 /// True for identifiers that no PDO, SYNC, EMCY, TIME or additional SDO may be given (CiA 301 §7.3.5): writing one is
 /// refused with 0609 0030. Base format; identifiers above 7FFh are not restricted.
