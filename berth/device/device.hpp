@@ -42,6 +42,7 @@
 #include "berth/co/sync.hpp"
 #include "berth/co/time_stamp.hpp"
 #include "berth/device/application.hpp"
+#include "berth/device/dictionary.hpp"
 #include "berth/device/leds.hpp"
 #include "berth/device/nv_memory.hpp"
 #include "berth/device/parameter_store.hpp"
@@ -336,9 +337,5 @@ bool Variable<T>::set(T value) noexcept {
   if (get() != before) device_->value_changed(ref_);
   return true;
 }
-
-/// The dictionary of a device without a description file: 1000h, 1001h, 1003h, 1008h, 100Ch, 100Dh, 1014h, 1015h,
-/// 1016h (8 entries), 1017h, 1018h, 1029h, 1200h. One for the whole process.
-[[nodiscard]] const std::shared_ptr<const od::Description>& minimal_description();
 
 }  // namespace berth::device

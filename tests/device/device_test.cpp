@@ -489,20 +489,6 @@ TEST(Device, SelfStart) {
   }
 }
 
-TEST(Device, StoringParametersIsRefusedHonestly) {
-  Rig rig;
-  od::DescriptionBuilder b;
-  b.object(0x1010, od::ObjectCode::array, "Store parameters");
-  b.sub(0x1010, {.sub = 1, .initial = od::Literal::number(1)});
-  Node node(rig.world, rig.bus, stored(5, 9), {}, {}, b.build());
-  node.on();
-  rig.run(milliseconds(1));
-  rig.ask("609#2310100173617665");
-  EXPECT_EQ(rig.record.text.back(), "589#8010100120000008");
-  rig.ask("609#4010100100000000");
-  EXPECT_EQ(rig.record.text.back(), "589#4310100100000000");
-}
-
 // The master is a device: on a dispatcher of the owner's, without memory and host.
 TEST(Device, MastersOwnDevice) {
   Rig rig;

@@ -53,7 +53,7 @@ struct Node {
        rt::Duration store_time = milliseconds(0),
        std::shared_ptr<const od::Description> description = minimal_description())
       : timing(how),
-        flash(world.executor(), 64, store_time),
+        flash(world.executor(), Device::memory_size(*description), store_time),
         controller(bus.attach({.queue_depth = 16, .rx_depth = 16})),
         port(world.executor(), *controller, timing, Random(options.address.serial + 1)),
         dispatcher(world.executor(), port),
@@ -85,6 +85,34 @@ struct Rig {
   void ask(std::string_view frame, rt::Duration time = milliseconds(5)) {
     send(frame);
     run(time);
+  }
+  /// SDO of node 9: writes a value of up to 4 bytes; the answer, or "" when none came.
+  std::string write(std::uint16_t index, std::uint8_t sub, unsigned bytes, std::uint32_t value,
+                    rt::Duration time = milliseconds(5)) {
+    return answer("609#" + hex8(0x23 | (4 - bytes) << 2) + object(index, sub) + le32(value), time);
+  }
+  std::string read(std::uint16_t index, std::uint8_t sub) {
+    return answer("609#40" + object(index, sub) + "00000000", milliseconds(5));
+  }
+  /// What the answers look like.
+  static std::string done(std::uint16_t index, std::uint8_t sub) { return "589#60" + object(index, sub) + "00000000"; }
+  static std::string refused(std::uint16_t index, std::uint8_t sub, od::AbortCode code) {
+    return "589#80" + object(index, sub) + le32(static_cast<std::uint32_t>(code));
+  }
+  static std::string value(std::uint16_t index, std::uint8_t sub, unsigned bytes, std::uint32_t v) {
+    return "589#" + hex8(0x43 | (4 - bytes) << 2) + object(index, sub) + le32(v);
+  }
+  static std::string object(std::uint16_t index, std::uint8_t sub) {
+    return hex8(index & 255) + hex8(index >> 8) + hex8(sub);
+  }
+  std::string answer(const std::string& request, rt::Duration time) {
+    const auto before = record.text.size();
+    ask(request, time);
+    std::string found;
+    for (auto i = before; i < record.text.size(); ++i) {
+      if (record.text[i].starts_with("589#")) found = record.text[i];
+    }
+    return found;
   }
   /// Selects one device and gives it a node-ID, as a master does; without store and activation.
   void give_id(const LssAddress& a, std::uint8_t id) {
