@@ -1,6 +1,9 @@
 // Where the machine file meets the disk and the device descriptions.
+#include <algorithm>
+
 #include "berth/design/machine.hpp"
 #include "berth/eds/eds.hpp"
+#include "berth/manager/configuration.hpp"
 #include "berth/text/file.hpp"
 
 namespace berth::design {
@@ -23,10 +26,21 @@ TypeLoader eds_loader() {
   };
 }
 
+ConfigLoader config_loader() {
+  return [](const std::string& path, Findings& findings) -> std::optional<ConfigType> {
+    const auto loaded = manager::load_configuration(path);
+    findings.insert(findings.end(), loaded.findings.begin(), loaded.findings.end());
+    if (!loaded.usable()) return std::nullopt;
+    const auto& c = loaded.configuration;
+    const bool beats = std::ranges::any_of(c.settings, [](const auto& s) { return s.object.index == 0x1017; });
+    return ConfigType{c.type, c.node_id, beats};
+  };
+}
+
 MachineResult load_machine(const std::string& path) {
   MachineResult result;
   const auto text = text::read_file(path, result.findings);
-  return text ? read_machine(*text, path, eds_loader()) : result;
+  return text ? read_machine(*text, path, eds_loader(), config_loader()) : result;
 }
 
 }  // namespace berth::design

@@ -123,6 +123,18 @@ struct DeviceType {
 /// Reads the description at `path`; remarks go to `findings`, and at least one error when it gives nothing.
 using TypeLoader = std::function<std::optional<DeviceType>(const std::string& path, Findings& findings)>;
 
+/// What a configuration file (`config =`) says about itself.
+struct ConfigType {
+  TypeCode type;                  ///< 0, 0 = it does not say
+  std::optional<NodeId> node_id;  ///< the one it was made for
+  bool sets_heartbeat = false;    ///< it gives 1017h a value, which is not used
+};
+/// Reads the configuration at `path`; remarks go to `findings`, and at least one error when it cannot be used.
+using ConfigLoader = std::function<std::optional<ConfigType>(const std::string& path, Findings& findings)>;
+
+/// Reads DCF and concise DCF files through room `manager`.
+[[nodiscard]] ConfigLoader config_loader();
+
 /// Reads EDS, DCF and XDD files through room `eds`.
 [[nodiscard]] TypeLoader eds_loader();
 
@@ -132,8 +144,9 @@ struct MachineResult {
 };
 
 /// Reads a machine file's text. `file_name` is shown in findings, and its folder is where `eds` and `config` are looked
-/// for. An empty `loader`: slots with `eds` are an error.
-[[nodiscard]] MachineResult read_machine(std::string_view text, const std::string& file_name, const TypeLoader& loader);
+/// for. An empty `loader`: slots with `eds` are an error. An empty `configs`: files of `config` are not looked at.
+[[nodiscard]] MachineResult read_machine(std::string_view text, const std::string& file_name, const TypeLoader& loader,
+                                         const ConfigLoader& configs = {});
 
 /// The same from a file; a file that cannot be read is a finding.
 [[nodiscard]] MachineResult load_machine(const std::string& path);

@@ -39,8 +39,8 @@ constexpr const char* name_fix = "use 1 to 100 characters without '/', control c
 
 class MachineReader {
  public:
-  MachineReader(const std::string& file, const TypeLoader& loader, Findings& findings)
-      : file_(file), loader_(loader), findings_(findings) {
+  MachineReader(const std::string& file, const TypeLoader& loader, const ConfigLoader& configs, Findings& findings)
+      : file_(file), loader_(loader), configs_(configs), findings_(findings) {
     machine_.file = file;
   }
 
@@ -237,16 +237,59 @@ class MachineReader {
                   "write it into type = { …, revision = 0x… }, or use an eds that has it");
     }
     spec.optional = table.boolean("optional").value_or(false);
-    read_config(table, spec);
+    read_config(table, slot, ids);
     table.finish();
     for (const unsigned id : ids) add_slot(table, slot, id, pattern);
   }
 
-  void read_config(Table& table, places::SlotSpec& spec) {
+  void read_config(Table& table, Slot& slot, const std::vector<unsigned>& ids) {
+    auto& spec = slot.spec;
+    const bool activates = table.has("activate");
+    read_word(table, "activate", activate_words, spec.activate);
     const auto config = table.string("config");
-    if (!config) return;
-    if (config->empty()) table.error("config", "the file name is empty", "name a DCF, or leave the key out");
+    if (!config) {
+      if (activates) table.error("activate", "there is no config that could be activated", "leave the key out");
+      return;
+    }
+    if (config->empty()) return table.error("config", "the file name is empty", "name a DCF, or leave the key out");
     spec.config = text::beside(file_, *config);
+    if (configs_) check_config(table, slot, ids);
+  }
+
+  void check_config(Table& table, const Slot& slot, const std::vector<unsigned>& ids) {
+    const auto& path = slot.spec.config;
+    const auto known = config_types_.find(path);
+    std::optional<ConfigType> type;
+    if (known != config_types_.end()) {
+      type = known->second;
+    } else {
+      Findings said;
+      type = configs_(path, said);
+      std::ranges::copy_if(said, std::back_inserter(findings_),
+                           [](const Finding& f) { return f.severity == Finding::Severity::error; });
+      config_types_[path] = type;
+    }
+    if (!type) {
+      return table.error("config", fmt::format("{} cannot be used as a configuration", text::quoted(path)),
+                         "see what is said about that file");
+    }
+    const bool other = type->type != TypeCode{} && slot.spec.type != TypeCode{} && type->type != slot.spec.type;
+    if (other) {
+      table.error("config",
+                  fmt::format("{} is for devices of type {}, and the slot is for {}", text::quoted(path),
+                              to_string(type->type), to_string(slot.spec.type)),
+                  "name a configuration of the slot's type");
+    }
+    const bool foreign = type->node_id && type->node_id->configured() &&
+                         std::ranges::any_of(ids, [&](unsigned id) { return id != type->node_id->value(); });
+    if (foreign) {
+      table.warning("config", fmt::format("{} was made for node-ID {}", text::quoted(path), type->node_id->value()),
+                    "check that its COB-IDs are written as $NODEID + n");
+    }
+    if (type->sets_heartbeat) {
+      table.warning("config", fmt::format("{} sets the heartbeat 1017h, which is not used", text::quoted(path)),
+                    "set heartbeat_period in [timing] of the machine file");
+    }
   }
 
   static std::vector<unsigned> read_ids(Table& table, Slot& slot) {
@@ -405,11 +448,13 @@ class MachineReader {
 
   const std::string& file_;
   const TypeLoader& loader_;
+  const ConfigLoader& configs_;
   Findings& findings_;
   Machine machine_;
   Timing timing_;
   std::map<std::string, text::Place> gateway_places_;
   std::map<std::string, std::optional<DeviceType>> types_;
+  std::map<std::string, std::optional<ConfigType>> config_types_;
 };
 
 void sort_findings(Findings& findings, const std::string& file) {
@@ -421,11 +466,12 @@ void sort_findings(Findings& findings, const std::string& file) {
 
 }  // namespace
 
-MachineResult read_machine(std::string_view text, const std::string& file_name, const TypeLoader& loader) {
+MachineResult read_machine(std::string_view text, const std::string& file_name, const TypeLoader& loader,
+                           const ConfigLoader& configs) {
   MachineResult result;
   const auto root = text::parse_toml(text, file_name, result.findings);
   if (!root) return result;
-  auto machine = MachineReader(file_name, loader, result.findings).read(*root);
+  auto machine = MachineReader(file_name, loader, configs, result.findings).read(*root);
   sort_findings(result.findings, file_name);
   if (!has_errors(result.findings)) result.machine = std::move(machine);
   return result;

@@ -172,21 +172,27 @@ rt::Task<void> Configurator::run(ConfigurationReport& report) {
     co_return;
   }
   if (!may_change(report)) co_return;
+  if (differs && report.has_date && date.date != ConfigurationDate{}) co_await take_date();
+  const bool right = co_await make_right(report, differs, needs_date, worth_saving);
+  // A date stays only over values that were seen to be there.
+  if (!right && report.dated) co_await take_date();
+}
+
+rt::Task<bool> Configurator::make_right(ConfigurationReport& report, bool differs, bool needs_date, bool saves) {
   if (differs) {
-    const bool ready = co_await read_needed();
-    if (ready && date.date != ConfigurationDate{} && report.has_date) co_await take_date();
+    co_await read_needed();
     const bool done = co_await download(report);
-    if (!done) co_return;
+    if (!done) co_return false;
   }
   if (differs || needs_date) {
     const bool dated = co_await put_date(report);
-    if (!dated) co_return;
+    if (!dated) co_return false;
     const bool kept = co_await read_back(report);
-    if (!kept) co_return;
+    if (!kept) co_return false;
   }
-  if (!worth_saving) co_return;
+  if (!saves) co_return true;
   const bool saved = co_await save(report);
-  if (saved) (void)still_there(report, Stage::saving);
+  co_return saved&& still_there(report, Stage::saving);
 }
 
 // ---- comparing ----
@@ -254,7 +260,7 @@ rt::Task<bool> Configurator::compare(ConfigurationReport& report) {
 }
 
 // Missing or unreadable ones are then not switched off.
-rt::Task<bool> Configurator::read_needed() {
+rt::Task<void> Configurator::read_needed() {
   const auto needed = also_needed(wanted_->entries, changes_);
   for (const ObjectRef object : needed) {
     const auto value = co_await read(object);
@@ -262,7 +268,6 @@ rt::Task<bool> Configurator::read_needed() {
     const auto bytes = value->bytes();
     held_[object] = {bytes.begin(), bytes.end()};
   }
-  co_return true;
 }
 
 // ---- writing ----

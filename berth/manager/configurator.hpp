@@ -141,7 +141,8 @@ class Configurator {
   rt::Task<bool> own_agree(ConfigurationReport& report);
   rt::Task<bool> compare(ConfigurationReport& report);
   rt::Task<bool> read_entry(std::size_t index, ConfigurationReport& report);
-  rt::Task<bool> read_needed();
+  rt::Task<bool> make_right(ConfigurationReport& report, bool differs, bool needs_date, bool saves);
+  rt::Task<void> read_needed();
   rt::Task<bool> download(ConfigurationReport& report);
   rt::Task<bool> put_date(ConfigurationReport& report);
   rt::Task<bool> read_back(ConfigurationReport& report);
