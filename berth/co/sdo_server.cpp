@@ -23,6 +23,7 @@ std::optional<can::Frame> SdoServer::handle(const can::Frame& request) noexcept 
     reset();
     return answer;
   }
+  if (state_ == State::pending && std::ranges::equal(pending_request_, request.bytes())) return answer;
   answer.emplace();
   answer->id = response_id_;
   answer->size = 8;
@@ -36,11 +37,28 @@ std::optional<can::Frame> SdoServer::handle(const can::Frame& request) noexcept 
     case Ccs::upload_segment: upload_segment(request, *answer); break;
     default: refuse_unknown(request, *answer);
   }
+  if (state_ == State::pending) answer.reset();
   return answer;
 }
 
+std::optional<ObjectRef> SdoServer::pending() const noexcept {
+  return state_ == State::pending ? std::optional(ref_) : std::nullopt;
+}
+
+void SdoServer::defer(const can::Frame& request, const can::Frame& answer) noexcept {
+  state_ = State::pending;
+  pending_answer_ = answer;
+  std::ranges::copy(request.bytes(), pending_request_.begin());
+}
+
+std::optional<can::Frame> SdoServer::complete(AbortCode code) noexcept {
+  if (state_ != State::pending || code == AbortCode::pending) return std::nullopt;
+  reset();
+  return code == AbortCode::none ? pending_answer_ : sdo::make_abort(response_id_, ref_, code);
+}
+
 std::optional<can::Frame> SdoServer::expire() noexcept {
-  if (!busy()) return std::nullopt;
+  if (!busy() || state_ == State::pending) return std::nullopt;
   reset();
   return sdo::make_abort(response_id_, ref_, AbortCode::timeout);
 }
@@ -66,8 +84,9 @@ void SdoServer::begin_download(const can::Frame& request, can::Frame& answer) no
   ref_ = sdo::multiplexer(request);
   const bool expedited = (request.data[0] & 0x02U) != 0;
   const auto code = expedited ? expedited_download(request) : begin_segmented_download(request);
-  if (code != AbortCode::none) return abort(answer, ref_, code);
+  if (code != AbortCode::none && code != AbortCode::pending) return abort(answer, ref_, code);
   sdo::put(answer, 0x60, ref_);
+  if (code == AbortCode::pending) defer(request, answer);
 }
 
 AbortCode SdoServer::expedited_download(const can::Frame& request) noexcept {
@@ -109,9 +128,10 @@ void SdoServer::download_segment(const can::Frame& request, can::Frame& answer) 
   const bool last = (byte & 0x01U) != 0;
   const std::size_t count = sdo::segment_bytes - ((byte >> 1U) & 0x07U);
   const auto code = take(std::span(request.data).subspan(1, count), last);
-  if (code != AbortCode::none) return abort(answer, ref_, code);
+  if (code != AbortCode::none && code != AbortCode::pending) return abort(answer, ref_, code);
   if (last) reset();
   answer.data[0] = static_cast<std::uint8_t>(0x20U | (byte & sdo::toggle_bit));
+  if (code == AbortCode::pending) defer(request, answer);
 }
 
 AbortCode SdoServer::take(std::span<const std::uint8_t> bytes, bool last) noexcept {
@@ -202,8 +222,18 @@ void SdoServerService::answer(const can::Frame& frame) noexcept {
   dispatcher_->executor().after(full_retry, *this);
 }
 
+bool SdoServerService::complete(AbortCode code) noexcept {
+  const auto reply = server_.complete(code);
+  if (reply) answer(*reply);
+  return reply.has_value();
+}
+
+bool SdoServerService::complete(ObjectRef object, AbortCode code) noexcept {
+  return server_.pending() == object && complete(code);
+}
+
 void SdoServerService::arm() noexcept {
-  if (server_.busy() && timeout_ > rt::Duration::zero()) {
+  if (server_.busy() && !server_.pending() && timeout_ > rt::Duration::zero()) {
     dispatcher_->executor().after(timeout_, *this);
   } else {
     cancel_timer();

@@ -38,13 +38,20 @@ class SdoServer {
   [[nodiscard]] std::optional<can::Frame> handle(const can::Frame& request) noexcept;
   /// A segmented transfer is under way, and the next segment is the client's turn.
   [[nodiscard]] bool busy() const noexcept { return state_ != State::idle; }
+  /// Gives the answer to a write that a hook or stream answered with `pending` (never seen on the wire): the
+  /// confirmation when `code` is `none`, else an abort. While a write is pending the server is busy, the client's
+  /// silence counts for nothing, the same request again is not executed again, and an abort, a new initiate or a reset
+  /// drops it. Empty, and harmless, when nothing is pending.
+  [[nodiscard]] std::optional<can::Frame> complete(AbortCode code) noexcept;
+  /// The object whose write waits for `complete`.
+  [[nodiscard]] std::optional<ObjectRef> pending() const noexcept;
   /// The client was silent too long: ends the transfer; the abort 0504 0000 to send, once (S20). Empty when idle.
   [[nodiscard]] std::optional<can::Frame> expire() noexcept;
   /// Forgets the transfer without a word: reset, NMT stop.
   void reset() noexcept { state_ = State::idle; }
 
  private:
-  enum class State : std::uint8_t { idle, download, upload };
+  enum class State : std::uint8_t { idle, download, upload, pending };
   void begin_download(const can::Frame& request, can::Frame& answer) noexcept;
   [[nodiscard]] AbortCode expedited_download(const can::Frame& request) noexcept;
   [[nodiscard]] AbortCode begin_segmented_download(const can::Frame& request) noexcept;
@@ -53,6 +60,7 @@ class SdoServer {
   void upload_segment(const can::Frame& request, can::Frame& answer) noexcept;
   [[nodiscard]] AbortCode take(std::span<const std::uint8_t> bytes, bool last) noexcept;
   [[nodiscard]] od::Answer<const std::uint8_t*> upload_source() noexcept;
+  void defer(const can::Frame& request, const can::Frame& answer) noexcept;
   void refuse_unknown(const can::Frame& request, can::Frame& answer) noexcept;
   void abort(can::Frame& answer, ObjectRef ref, AbortCode code) noexcept;
   [[nodiscard]] bool toggled(const can::Frame& request, can::Frame& answer) noexcept;
@@ -65,6 +73,8 @@ class SdoServer {
   bool toggle_ = false;  // expected in the next segment
   bool size_indicated_ = false;
   bool buffered_ = false;  // upload: the value stands in the buffer
+  can::Frame pending_answer_;
+  std::array<std::uint8_t, 8> pending_request_{};
   ObjectRef ref_;
   std::size_t size_ = 0;    // upload: of the value; download: as indicated
   std::size_t offset_ = 0;  // bytes done
@@ -84,6 +94,11 @@ class SdoServerService final : private can::Handler, private rt::Job {
   /// How long the client may take between two segments before 0504 0000; 0 = for ever. Default 1 s.
   void set_timeout(rt::Duration timeout) noexcept { timeout_ = timeout; }
   [[nodiscard]] bool busy() const noexcept { return server_.busy(); }
+  /// As `SdoServer::complete`: sends the answer; false when nothing was pending.
+  bool complete(AbortCode code) noexcept;
+  /// The same, only when the write that is pending is one of `object`.
+  bool complete(ObjectRef object, AbortCode code) noexcept;
+  [[nodiscard]] std::optional<ObjectRef> pending() const noexcept { return server_.pending(); }
 
  private:
   void received(const can::Frame& frame, rt::Time at) noexcept override;

@@ -77,6 +77,7 @@ const char* text(AbortCode code) noexcept {
     case AbortCode::device_state: return "data cannot be transferred or stored because of the present device state";
     case AbortCode::no_dictionary: return "no object dictionary is present";
     case AbortCode::no_data: return "no data available";
+    case AbortCode::pending: return "the answer comes later";
   }
   return "unknown abort code";
 }

@@ -45,11 +45,13 @@ enum class AbortCode : std::uint32_t {
   device_state = 0x0800'0022,
   no_dictionary = 0x0800'0023,
   no_data = 0x0800'0024,
+  /// No abort code and never on the wire: the write was taken, and its answer comes later (`Hook::writing`).
+  pending = 0xFFFF'FFFF,
 };
 
 /// What a person reads: "value too low", "object does not exist". Static text, never null.
 [[nodiscard]] const char* text(AbortCode code) noexcept;
-/// True for the codes of the table above (not for `none`).
+/// True for the codes of the table above (not for `none` and `pending`).
 [[nodiscard]] bool known(AbortCode code) noexcept;
 /// All codes of the table, ascending.
 [[nodiscard]] std::span<const AbortCode> all_abort_codes() noexcept;

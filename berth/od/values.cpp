@@ -4,6 +4,7 @@
 #include <cmath>
 #include <cstring>
 #include <limits>
+#include <utility>
 
 #include "berth/base/bytes.hpp"
 
@@ -23,6 +24,7 @@ Values::Values(std::shared_ptr<const Description> description, NodeId node_id)
 
 Values::~Values() {
   for (const Binding& each : bindings_) each.hook->values_ = nullptr;
+  for (const StreamBinding& each : streams_) each.stream->values_ = nullptr;
 }
 
 /// Where the values of the first object with this index or a higher one begin.
@@ -68,6 +70,7 @@ Answer<std::span<const std::uint8_t>> Values::view(ObjectRef ref) const noexcept
   if (!found) return refuse(found.error());
   const SubObject& sub = *found->sub;
   if (!readable(sub.access)) return refuse(AbortCode::write_only);
+  if (stream(ref) != nullptr) return refuse(AbortCode::unsupported_access);
   std::span<const std::uint8_t> value = stored(sub);
   const std::uint8_t* const before = value.data();
   if (hooked(*found->object)) {
@@ -88,6 +91,10 @@ Answer<std::size_t> Values::size(ObjectRef ref) const noexcept {
 }
 
 Answer<std::size_t> Values::read(ObjectRef ref, std::span<std::uint8_t> into) const noexcept {
+  if (Stream* const from = stream(ref)) {
+    if (const AbortCode code = check_read(ref); code != AbortCode::none) return refuse(code);
+    return read_whole(*from, ref, into);
+  }
   const auto value = view(ref);
   if (!value) return refuse(value.error());
   if (value->size() > into.size()) return refuse(AbortCode::out_of_memory);
@@ -125,6 +132,12 @@ AbortCode Values::check_value(const SubObject& sub, std::span<const std::uint8_t
   return AbortCode::none;
 }
 
+AbortCode Values::check_read(ObjectRef ref) const noexcept {
+  const auto found = find(ref);
+  if (!found) return found.error();
+  return readable(found->sub->access) ? AbortCode::none : AbortCode::write_only;
+}
+
 AbortCode Values::check_write(ObjectRef ref) const noexcept {
   const auto found = find(ref);
   if (!found) return found.error();
@@ -134,7 +147,8 @@ AbortCode Values::check_write(ObjectRef ref) const noexcept {
 AbortCode Values::check_write(ObjectRef ref, std::size_t length) const noexcept {
   const auto found = find(ref);
   if (!found) return found.error();
-  return writable(found->sub->access) ? check_length(*found->sub, length) : AbortCode::read_only;
+  if (!writable(found->sub->access)) return AbortCode::read_only;
+  return stream(ref) != nullptr ? AbortCode::none : check_length(*found->sub, length);
 }
 
 Answer<std::size_t> Values::length_of_unsized(ObjectRef ref, std::size_t available) const noexcept {
@@ -151,6 +165,7 @@ AbortCode Values::write(ObjectRef ref, std::span<const std::uint8_t> value) noex
   if (!found) return found.error();
   const SubObject& sub = *found->sub;
   if (!writable(sub.access)) return AbortCode::read_only;
+  if (Stream* const to = stream(ref)) return write_whole(*to, ref, value);
   if (const AbortCode code = check_length(sub, value.size()); code != AbortCode::none) return code;
   if (const AbortCode code = check_value(sub, value); code != AbortCode::none) return code;
   if (!hooked(*found->object)) {
@@ -290,9 +305,65 @@ void Values::detach(Hook& hook) noexcept {
   mark_hooked();
 }
 
+bool Values::attach(Stream& stream, ObjectRef ref) {
+  const auto found = find(ref);
+  if (!found || found->sub->type != DataType::domain) return false;
+  if (stream.values_ != nullptr && stream.values_ != this) stream.values_->detach(stream);
+  stream.values_ = this;
+  const auto at = std::ranges::find(streams_, ref, &StreamBinding::ref);
+  if (at == streams_.end()) {
+    streams_.push_back({ref, &stream});
+    return true;
+  }
+  Stream* const before = std::exchange(at->stream, &stream);
+  const bool still_used = std::ranges::find(streams_, before, &StreamBinding::stream) != streams_.end();
+  if (!still_used) before->values_ = nullptr;
+  return true;
+}
+
+void Values::detach(Stream& stream) noexcept {
+  std::erase_if(streams_, [&stream](const StreamBinding& each) { return each.stream == &stream; });
+  stream.values_ = nullptr;
+}
+
+Stream* Values::find_stream(ObjectRef ref) const noexcept {
+  const auto at = std::ranges::find(streams_, ref, &StreamBinding::ref);
+  return at == streams_.end() ? nullptr : at->stream;
+}
+
+AbortCode Values::write_whole(Stream& stream, ObjectRef ref, std::span<const std::uint8_t> value) noexcept {
+  StreamUse use;
+  const AbortCode opened = use.open_write(stream, ref, value.size());
+  // Who must wait before the first byte cannot be served at one go.
+  if (opened == AbortCode::pending) return AbortCode::device_state;
+  if (opened != AbortCode::none) return opened;
+  if (!value.empty()) {
+    if (const AbortCode code = use.write(value); code != AbortCode::none) return code;
+  }
+  return use.close(true);
+}
+
+Answer<std::size_t> Values::read_whole(Stream& stream, ObjectRef ref, std::span<std::uint8_t> into) noexcept {
+  StreamUse use;
+  const auto size = use.open_read(stream, ref);
+  if (!size) return refuse(size.error());
+  if (*size && **size > into.size()) return refuse(AbortCode::out_of_memory);
+  const auto count = use.read(into);
+  if (!count) return refuse(count.error());
+  if (*size && **size != *count) return refuse(AbortCode::device_state);
+  std::uint8_t more = 0;
+  if (!*size && *count == into.size()) {
+    const auto rest = use.read({&more, 1});
+    if (!rest) return refuse(rest.error());
+    if (*rest != 0) return refuse(AbortCode::out_of_memory);
+  }
+  static_cast<void>(use.close(true));
+  return *count;
+}
+
 std::size_t Values::memory() const noexcept {
   return sizeof *this + data_.capacity() + bindings_.capacity() * sizeof(Binding) +
-         hooked_.capacity() * sizeof(std::uint64_t);
+         streams_.capacity() * sizeof(StreamBinding) + hooked_.capacity() * sizeof(std::uint64_t);
 }
 
 }  // namespace berth::od

@@ -18,6 +18,7 @@
 #include "berth/base/ids.hpp"
 #include "berth/od/abort_code.hpp"
 #include "berth/od/description.hpp"
+#include "berth/od/stream.hpp"
 
 namespace berth::od {
 
@@ -34,7 +35,8 @@ class Hook {
   /// as it is until the next access to the same object. An answer other than `none` refuses the access.
   virtual AbortCode reading(const Values& values, ObjectRef ref, std::span<const std::uint8_t>& value) noexcept;
   /// The network writes `value`, whose length, access and limits are already checked; not stored yet. To change what
-  /// is stored, refuse and set it yourself, or change it in `written`.
+  /// is stored, refuse and set it yourself, or change it in `written`. `pending`: the write was taken, its answer comes
+  /// later by `co::SdoServer::complete`; nothing is stored and `written` is not called, that is the hook's to do.
   virtual AbortCode writing(const Values& values, ObjectRef ref, std::span<const std::uint8_t> value) noexcept;
   /// A network write has been stored.
   virtual void written(Values& values, ObjectRef ref) noexcept;
@@ -87,7 +89,13 @@ class Values {
   /// An expedited download without indicated size (e=1, s=0) brings `available` bytes: how many of them count
   /// (the object's own size; all of them for strings).
   [[nodiscard]] Answer<std::size_t> length_of_unsized(ObjectRef ref, std::size_t available) const noexcept;
+  /// `pending`: a hook will answer later (`Hook::writing`).
   [[nodiscard]] AbortCode write(ObjectRef ref, std::span<const std::uint8_t> value) noexcept;
+  /// Would an upload be let in? Hooks are not asked.
+  [[nodiscard]] AbortCode check_read(ObjectRef ref) const noexcept;
+  /// Who transfers this object piece by piece; null: nobody, its value stands here. Ask `check_read` or `check_write`
+  /// before. `view` and `size` of such an object are refused with 0601 0000; `read` and `write` go to the stream.
+  [[nodiscard]] Stream* stream(ObjectRef ref) const noexcept { return streams_.empty() ? nullptr : find_stream(ref); }
   /// @}
 
   /// @name The local side
@@ -139,6 +147,10 @@ class Values {
   void attach(Hook& hook, std::uint16_t first, std::uint16_t last);
   void attach(Hook& hook, std::uint16_t index) { attach(hook, index, index); }
   void detach(Hook& hook) noexcept;
+  /// Gives the DOMAIN `ref` to `stream`; false when there is no such DOMAIN. A stream belongs to one `Values` and may
+  /// have several objects; an object has one stream, the last. Hooks of the object are not asked. Uses the heap.
+  bool attach(Stream& stream, ObjectRef ref);
+  void detach(Stream& stream) noexcept;
 
   /// Bytes this instance holds, without the shared description.
   [[nodiscard]] std::size_t memory() const noexcept;
@@ -157,11 +169,20 @@ class Values {
     std::uint16_t last;
     Hook* hook;
   };
+  struct StreamBinding {
+    ObjectRef ref;
+    Stream* stream;
+  };
   struct Found {
     const Object* object;
     const SubObject* sub;
   };
   [[nodiscard]] Answer<Found> find(ObjectRef ref) const noexcept;
+  [[nodiscard]] Stream* find_stream(ObjectRef ref) const noexcept;
+  [[nodiscard]] static AbortCode write_whole(Stream& stream, ObjectRef ref,
+                                             std::span<const std::uint8_t> value) noexcept;
+  [[nodiscard]] static Answer<std::size_t> read_whole(Stream& stream, ObjectRef ref,
+                                                      std::span<std::uint8_t> into) noexcept;
   [[nodiscard]] bool hooked(const Object& object) const noexcept;
   void mark_hooked() noexcept;
   [[nodiscard]] std::size_t slot_of(std::uint32_t index) const noexcept;
@@ -176,6 +197,7 @@ class Values {
   std::shared_ptr<const Description> description_;
   std::vector<std::uint8_t> data_;  ///< as `Description::image_`; variable length: U32 length, then the bytes
   std::vector<Binding> bindings_;
+  std::vector<StreamBinding> streams_;
   std::vector<std::uint64_t> hooked_;  ///< one bit per object, so that an object without hooks costs one test
   NodeId node_id_;
 };
