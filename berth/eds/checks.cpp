@@ -106,6 +106,15 @@ void ObjectReader::compact_pdo(std::uint16_t communication, std::uint16_t mappin
       if (i == 0) {
         const std::uint32_t base = (receive ? 0x200U : 0x180U) + 0x100U * number;
         initial = number < predefined_pdos ? Literal::node_id_plus(base) : Literal::number(pdo_invalid);
+        // A DCF switches off the PDOs that it does not describe (CiA 306 §5.3).
+        if (dcf_) {
+          const ObjectRef cob_id{communication, 1};
+          if (initial.kind == Literal::Kind::node_id_plus) {
+            defaults_.push_back({cob_id, DataType::unsigned32, initial});
+            initial.raw |= pdo_invalid;
+          }
+          parameters_.push_back({cob_id, DataType::unsigned32, initial});
+        }
       }
       add(communication,
           {.sub = static_cast<std::uint8_t>(i + 1),

@@ -15,13 +15,13 @@ namespace berth::eds {
 
 /// One download: the bytes as they go over the bus.
 struct ConciseEntry {
-  ObjectRef object;
-  std::vector<std::uint8_t> data;
+  ObjectRef object = {};
+  std::vector<std::uint8_t> data = {};
   friend bool operator==(const ConciseEntry&, const ConciseEntry&) = default;
 };
 
 struct ConciseDcf {
-  std::vector<ConciseEntry> entries;  ///< written to the device in this order; an object may come more than once
+  std::vector<ConciseEntry> entries = {};  ///< written to the device in this order; an object may come more than once
   friend bool operator==(const ConciseDcf&, const ConciseDcf&) = default;
 };
 

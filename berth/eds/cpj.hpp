@@ -18,23 +18,23 @@ namespace berth::eds {
 struct ProjectNode {
   std::uint8_t node_id = 0;  ///< 1..127
   bool present = true;
-  std::string name;
-  std::string refd;
-  std::string dcf_name;    ///< as written
-  std::uint32_t line = 0;  ///< of its first key; 0 = not from a file
+  std::string name = {};
+  std::string refd = {};
+  std::string dcf_name = {};  ///< as written
+  std::uint32_t line = 0;     ///< of its first key; 0 = not from a file
 };
 
 /// [Topology], [Topology2]...
 struct Topology {
   std::uint16_t number = 1;  ///< [Topology] is 1
-  std::string net_name;
-  std::string net_refd;
-  std::string eds_base_name;       ///< folder of the files, as written
-  std::vector<ProjectNode> nodes;  ///< ascending by node-ID
+  std::string net_name = {};
+  std::string net_refd = {};
+  std::string eds_base_name = {};       ///< folder of the files, as written
+  std::vector<ProjectNode> nodes = {};  ///< ascending by node-ID
 };
 
 struct Project {
-  std::vector<Topology> topologies;  ///< ascending by number
+  std::vector<Topology> topologies = {};  ///< ascending by number
 };
 
 struct ProjectReading {

@@ -14,16 +14,16 @@ namespace berth::eds {
 
 /// What a DCF says beyond the EDS that it is made from.
 struct Configuration {
-  std::optional<Commissioning> commissioning;
-  std::vector<Parameter> parameters;           ///< values to set; a `Literal` of kind none takes a value out
-  std::vector<Denotation> denotations;         ///< names to set; "" takes one out
-  std::vector<FileReference> file_references;  ///< plain file names; "" takes one out
+  std::optional<Commissioning> commissioning = {};
+  std::vector<Parameter> parameters = {};           ///< values to set; a `Literal` of kind none takes a value out
+  std::vector<Denotation> denotations = {};         ///< names to set; "" takes one out
+  std::vector<FileReference> file_references = {};  ///< plain file names; "" takes one out
   /// [FileInfo], where not empty. LastEDS is the EDS's FileName unless given.
-  std::string file_name;
-  std::string last_eds;
-  std::string modification_time;  ///< hh:mmAM
-  std::string modification_date;  ///< mm-dd-yyyy
-  std::string modified_by;
+  std::string file_name = {};
+  std::string last_eds = {};
+  std::string modification_time = {};  ///< hh:mmAM
+  std::string modification_date = {};  ///< mm-dd-yyyy
+  std::string modified_by = {};
 };
 
 /// The text of `eds.document` with these things set, every other byte as it is. A value is written as the file writes

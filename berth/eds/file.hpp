@@ -17,30 +17,30 @@ namespace berth::eds {
 
 /// [FileInfo]: texts as they stand in the file, as UTF-8.
 struct FileInfo {
-  std::string file_name;
-  std::string file_version;
-  std::string file_revision;
-  std::string eds_version;  ///< "" when missing, which means 3.0
-  std::string description;
-  std::string creation_time;  ///< hh:mmAM
-  std::string creation_date;  ///< mm-dd-yyyy
-  std::string created_by;
-  std::string modification_time;
-  std::string modification_date;
-  std::string modified_by;
-  std::string last_eds;  ///< DCF: the EDS it was made from
+  std::string file_name = {};
+  std::string file_version = {};
+  std::string file_revision = {};
+  std::string eds_version = {};  ///< "" when missing, which means 3.0
+  std::string description = {};
+  std::string creation_time = {};  ///< hh:mmAM
+  std::string creation_date = {};  ///< mm-dd-yyyy
+  std::string created_by = {};
+  std::string modification_time = {};
+  std::string modification_date = {};
+  std::string modified_by = {};
+  std::string last_eds = {};  ///< DCF: the EDS it was made from
   friend bool operator==(const FileInfo&, const FileInfo&) = default;
 };
 
 /// [DeviceInfo]. Numbers that are missing or unreadable are empty.
 struct DeviceInfo {
-  std::string vendor_name;
-  std::optional<std::uint32_t> vendor_number;
-  std::string product_name;
-  std::optional<std::uint32_t> product_number;
-  std::optional<std::uint32_t> revision_number;
-  std::string order_code;
-  std::vector<std::uint16_t> baud_rates;  ///< supported bit rates in kbit/s, ascending
+  std::string vendor_name = {};
+  std::optional<std::uint32_t> vendor_number = {};
+  std::string product_name = {};
+  std::optional<std::uint32_t> product_number = {};
+  std::optional<std::uint32_t> revision_number = {};
+  std::string order_code = {};
+  std::vector<std::uint16_t> baud_rates = {};  ///< supported bit rates in kbit/s, ascending
   bool boot_up_master = false;
   bool boot_up_slave = false;
   std::uint8_t granularity = 0;  ///< smallest unit of a PDO mapping in bits; 0 = the mapping is fixed
@@ -55,60 +55,60 @@ struct DeviceInfo {
 
 /// [DeviceComissioning] of a DCF (also read when spelt DeviceCommissioning).
 struct Commissioning {
-  std::optional<NodeId> node_id;
-  std::string node_name;
-  std::optional<std::uint16_t> baud_rate;  ///< kbit/s
-  std::optional<std::uint32_t> net_number;
-  std::string network_name;
+  std::optional<NodeId> node_id = {};
+  std::string node_name = {};
+  std::optional<std::uint16_t> baud_rate = {};  ///< kbit/s
+  std::optional<std::uint32_t> net_number = {};
+  std::string network_name = {};
   bool canopen_manager = false;
-  std::optional<std::uint32_t> lss_serial_number;
-  std::string node_refd;
-  std::string net_refd;
+  std::optional<std::uint32_t> lss_serial_number = {};
+  std::string node_refd = {};
+  std::string net_refd = {};
   friend bool operator==(const Commissioning&, const Commissioning&) = default;
 };
 
 /// A value that the file sets (ParameterValue or [xxxxValue]) as against one it gives as the device's default.
 struct Parameter {
-  ObjectRef object;
+  ObjectRef object = {};
   od::DataType type = od::DataType::none;
-  od::Literal value;
+  od::Literal value = {};
   std::uint32_t line = 0;  ///< where it stands; 0 = not from a file
 };
 
 /// UploadFile or DownloadFile of a DOMAIN: a plain file name beside the DCF. Names that lead elsewhere (`../`, absolute
 /// paths, drive letters) are reported and left out: the file is untrusted input.
 struct FileReference {
-  ObjectRef object;
+  ObjectRef object = {};
   bool download = false;  ///< the file's content is written to the device; else the device's is stored there
-  std::string name;
+  std::string name = {};
   std::uint32_t line = 0;
 };
 
 /// `Denotation`: the application's name of an object.
 struct Denotation {
-  ObjectRef object;
-  std::string text;
+  ObjectRef object = {};
+  std::string text = {};
   friend bool operator==(const Denotation&, const Denotation&) = default;
 };
 
 /// `ParamRefd`: a link reference to the object's documentation (CiA 306-1 §5).
 struct ParamRef {
-  ObjectRef object;
-  std::string text;
+  ObjectRef object = {};
+  std::string text = {};
   friend bool operator==(const ParamRef&, const ParamRef&) = default;
 };
 
 /// [xxxxObjectLinks]: objects that belong together with this one.
 struct ObjectLinks {
   std::uint16_t index = 0;
-  std::vector<std::uint16_t> links;
+  std::vector<std::uint16_t> links = {};
   friend bool operator==(const ObjectLinks&, const ObjectLinks&) = default;
 };
 
 /// [ToolN] (CiA 306-3): a program for this device; `$EDS` in the command stands for the file. Never run by Berth.
 struct Tool {
-  std::string name;
-  std::string command;
+  std::string name = {};
+  std::string command = {};
   friend bool operator==(const Tool&, const Tool&) = default;
 };
 
@@ -136,21 +136,21 @@ struct File {
   std::shared_ptr<const od::Description> description;
   FileInfo info;
   DeviceInfo device;
-  std::optional<Commissioning> commissioning;
-  std::vector<Parameter> parameters;           ///< ascending by object
-  std::vector<FileReference> file_references;  ///< ascending by object
-  std::vector<Denotation> denotations;         ///< ascending by object
+  std::optional<Commissioning> commissioning = {};
+  std::vector<Parameter> parameters = {};           ///< ascending by object
+  std::vector<FileReference> file_references = {};  ///< ascending by object
+  std::vector<Denotation> denotations = {};         ///< ascending by object
   /// The DefaultValues of those objects in `parameters` for which the file gives one too; ascending by object.
-  std::vector<Parameter> defaults;
-  std::vector<ParamRef> param_refs;       ///< ascending by object
-  std::vector<ObjectLinks> object_links;  ///< ascending by index
-  std::vector<std::string> comments;      ///< [Comments] Line1...
-  std::vector<Tool> tools;
-  std::vector<DynamicSegment> dynamic_segments;
+  std::vector<Parameter> defaults = {};
+  std::vector<ParamRef> param_refs = {};       ///< ascending by object
+  std::vector<ObjectLinks> object_links = {};  ///< ascending by index
+  std::vector<std::string> comments = {};      ///< [Comments] Line1...
+  std::vector<Tool> tools = {};
+  std::vector<DynamicSegment> dynamic_segments = {};
   /// The kinds of modules that a modular device takes; `expand` (modules.hpp) makes a description with modules.
-  std::vector<Module> modules;
+  std::vector<Module> modules = {};
   /// DCF [ConnectedModules]: the number of the kind in each slot, from the first slot on.
-  std::vector<std::uint16_t> connected_modules;
+  std::vector<std::uint16_t> connected_modules = {};
 
   /// Vendor-ID and product code: of object 1018h where it gives them and they are not 0, else of [DeviceInfo].
   [[nodiscard]] TypeCode type_code() const;

@@ -17,7 +17,7 @@ struct File;
 /// A value of a module's object. As `od::SubSpec`, but it owns its name.
 struct ModuleValue {
   std::uint8_t sub = 0;
-  std::string name;
+  std::string name = {};
   od::DataType type = od::DataType::unsigned32;
   od::Access access = od::Access::rw;
   bool mappable = false;
@@ -33,17 +33,17 @@ struct ModuleValue {
 struct ModuleObject {
   std::uint16_t index = 0;
   od::ObjectCode code = od::ObjectCode::var;
-  std::string name;
+  std::string name = {};
   od::DataType type = od::DataType::none;
   std::uint8_t obj_flags = 0;
-  std::vector<ModuleValue> subs;  ///< a VAR has one
+  std::vector<ModuleValue> subs = {};  ///< a VAR has one
   friend bool operator==(const ModuleObject&, const ModuleObject&) = default;
 };
 
 /// [MxSubExtXXXX]: an object that each module of the kind makes longer.
 struct ModuleExtension {
   std::uint16_t index = 0;
-  ModuleValue value;  ///< what each new sub-index is; the name is taken as it stands
+  ModuleValue value = {};  ///< what each new sub-index is; the name is taken as it stands
   /// Count `n`: n sub-indices of its own. Count `0;b`: b bits, which share a sub-index with those of the modules
   /// before it while there is room in the data type.
   std::uint16_t count = 0;
@@ -55,13 +55,13 @@ struct ModuleExtension {
 /// A kind of module: [MxModuleInfo] and what belongs to it.
 struct Module {
   std::uint16_t number = 0;  ///< the x of Mx, from 1
-  std::string product_name;
-  std::string product_version;
-  std::string product_revision;
-  std::string order_code;
-  std::vector<std::string> comments;
-  std::vector<ModuleObject> fixed_objects;  ///< ascending by index
-  std::vector<ModuleExtension> extensions;  ///< ascending by index
+  std::string product_name = {};
+  std::string product_version = {};
+  std::string product_revision = {};
+  std::string order_code = {};
+  std::vector<std::string> comments = {};
+  std::vector<ModuleObject> fixed_objects = {};  ///< ascending by index
+  std::vector<ModuleExtension> extensions = {};  ///< ascending by index
   friend bool operator==(const Module&, const Module&) = default;
 };
 

@@ -89,6 +89,7 @@ ObjectReader::ObjectReader(Context& context, const DeviceInfo& device, const Rea
 
 void ObjectReader::run(File& file, std::uint32_t dummies) {
   builder_.dummies(dummies);
+  dcf_ = file.commissioning.has_value();
   classify();
   read_lists();
   for (std::size_t begin = 0; begin < sections_.size() && !too_much_;) {

@@ -161,6 +161,7 @@ class ObjectReader {
   std::vector<ObjectSection> sections_;
   std::vector<std::uint8_t> listed_ = std::vector<std::uint8_t>(0x10000);  ///< 1 = in a list
   bool any_list_ = false;
+  bool dcf_ = false;
   std::string scratch_;  ///< holds a name until the builder has copied it
   std::size_t sub_objects_ = 0;
   std::size_t bytes_ = 0;

@@ -261,6 +261,7 @@ TEST(EdsQuirks, HC4_18_SubNumberMissingZeroOrTooSmall) {
 const std::string compact =
     "[2000]\nParameterName=Item\nObjectType=8\nDataType=6\nAccessType=rw\nDefaultValue=0x11\nCompactSubObj=3\n";
 
+// E2.3
 TEST(EdsQuirks, HC4_20_CompactSubObjWithPartialNameAndValue) {
   const auto r =
       read_text(file_with(compact + "[2000Name]\nNrOfEntries=1\n2=Second\n[2000Value]\nNrOfEntries=1\n3=0x77\n"));
@@ -382,6 +383,7 @@ TEST(EdsQuirks, LimitsThatWouldRefuseEverythingAreLeftOut) {
 
 // ---- the list below the table -------------------------------------------------------------------------------------
 
+// E2.4
 TEST(EdsQuirks, HC4_28_CompactPdo) {
   std::string text = file_with(variable(u32, ""));
   text.replace(text.find("VendorName=v"), 12, "VendorName=v\nNrOfRXPDO=2\nNrOfTXPDO=5\nGranularity=8\nCompactPDO=0x13");
@@ -397,20 +399,28 @@ TEST(EdsQuirks, HC4_28_CompactPdo) {
   EXPECT_EQ(sub(r, 0x1400, 3), nullptr);
   EXPECT_EQ(sub(r, 0x1400, 5)->type, od::DataType::unsigned16);
   EXPECT_NE(sub(r, 0x1A04, 64), nullptr);
+  // A DCF switches off the PDOs that it does not describe.
+  const auto dcf = read_text(text + "[DeviceComissioning]\nNodeID=5\n");
+  EXPECT_EQ(value(dcf, 0x1400, 1), 0x80000205U);
+  EXPECT_EQ(value(dcf, 0x1804, 1), 0x80000000U);
+  EXPECT_EQ(dcf.file.parameters.size(), 7U);
+  EXPECT_EQ(dcf.file.defaults.size(), 6U) << "the fifth TPDO has no identifier by itself";
 }
 
 TEST(EdsQuirks, HC4_28_ObjectLinksModulesAndUnknownSections) {
-  const auto r =
-      read_text(file_with(variable(u32, "")) +
-                "[2000ObjectLinks]\nObjectLinks=1\n1=0x1000\n[SupportedModules]\nNrOfEntries=1\n"
-                "[M1ModuleInfo]\nProductName=x\n[M1SubExtends]\nNrOfEntries=1\n1=0x6000\n[M1SubExt6000]\nCount=2\n"
-                "[M1Fixed6000]\nParameterName=y\n[Tools]\nItems=1\n[Tool1]\nName=t\n[DynamicChannels]\nNrOfSeg=0\n");
+  const auto r = read_text(file_with(variable(u32, "")) +
+                           "[2000ObjectLinks]\nObjectLinks=1\n1=0x1000\n[SupportedModules]\nNrOfEntries=1\n"
+                           "[M1ModuleInfo]\nProductName=x\n[M1SubExtends]\nNrOfEntries=1\n1=0x6000\n[M1SubExt6000]\n"
+                           "ParameterName=z\nDataType=5\nAccessType=ro\nCount=2\n"
+                           "[M1Fixed6000]\nParameterName=y\nDataType=5\nAccessType=ro\n[Tools]\nItems=1\n[Tool1]\nName="
+                           "t\n[DynamicChannels]\nNrOfSeg=0\n");
   EXPECT_EQ(complaints(r), "");
-  EXPECT_TRUE(noted(r, "[SupportedModules]"));
+  EXPECT_EQ(r.file.modules.size(), 1U);
   EXPECT_TRUE(noted(read_text(file_with(variable(u32, "")) + "[Surprise]\na=1\n"), "[Surprise]"));
   EXPECT_TRUE(noted(read_variable(u32, "Surprise=1"), "[2000] Surprise"));
 }
 
+// E2.1
 TEST(EdsQuirks, HC4_28_FileInfoDates) {
   const auto with = [](std::string_view line) {
     std::string text = file_with(variable(u32, ""));
@@ -574,7 +584,7 @@ TEST(EdsFile, TypeCodeFromTheIdentityElseFromDeviceInfo) {
   EXPECT_EQ(read_text(text).file.type_code().vendor, 7U);
 }
 
-TEST(EdsFile, DeviceInfo) {
+TEST(EdsFile, E2_1_DeviceInfo) {
   std::string text = file_with(variable(u32, ""));
   text.replace(text.find("VendorName=v"), 12,
                "VendorName=v\nBaudRate_125=1\nBaudRate_10=0x1\nBaudRate_1000=0\nLSS_Supported=1\nGranularity=8\n"
