@@ -377,9 +377,13 @@ rt::Task<bool> Configurator::save(ConfigurationReport& report) {
     fail_at(report, Stage::saving, store_all, store_name, done.error());
     co_return false;
   }
+  co_return co_await check_saved(report);
+}
+
+// A restart between the last reading and the saving would have saved the values from before.
+rt::Task<bool> Configurator::check_saved(ConfigurationReport& report) {
   report.saved = Saved::saved;
   if (!report.has_date) co_return true;
-  // A restart between the last reading and the saving would have saved the values from before.
   DateRead date;
   co_await read_date(date);
   if (date.error) {
@@ -392,8 +396,14 @@ rt::Task<bool> Configurator::save(ConfigurationReport& report) {
   co_return false;
 }
 
-// It may still be storing, deaf meanwhile, or it restarted. It is not told to save again before it was heard.
+// It may still be storing, deaf meanwhile, or it restarted. It is not told to save again before it was heard; and
+// asking would make some give up the answer that is due.
 rt::Task<bool> Configurator::ask_after_saving(ConfigurationReport& report, Error unanswered) {
+  for (unsigned wait = 0; options_->answered_late && wait < options_->asks; ++wait) {
+    co_await rt::sleep_for(options_->ask_pause);
+    if (!still_there(report, Stage::saving)) co_return false;
+    if (options_->answered_late()) co_return co_await check_saved(report);
+  }
   for (unsigned ask = 0; ask < options_->asks; ++ask) {
     co_await rt::sleep_for(options_->ask_pause);
     if (!still_there(report, Stage::saving)) co_return false;

@@ -110,6 +110,9 @@ struct ConfiguratorOptions {
   bool save_anyway = false;  ///< an earlier saving is not known to have been done: save even when nothing differs
   unsigned tries = 3;        ///< a device that says that it is not ready (0800 0021, 0800 0022) is asked so often
   rt::Duration pause = std::chrono::milliseconds(200);  ///< between these tries
+  /// The answer to the saving came after its time-out. A device that is late is waited for, in silence, `asks` times
+  /// `ask_pause`; only then it is asked. May be empty: then it is asked at once.
+  std::function<bool()> answered_late;
   unsigned asks = 10;  ///< how often a device that did not answer the saving is asked whether it is there
   rt::Duration ask_pause = std::chrono::seconds(1);  ///< before each of these
   /// Called once, before the first thing in the device is changed; false: it shall not be. May be empty.
@@ -147,6 +150,7 @@ class Configurator {
   rt::Task<bool> put_date(ConfigurationReport& report);
   rt::Task<bool> read_back(ConfigurationReport& report);
   rt::Task<bool> save(ConfigurationReport& report);
+  rt::Task<bool> check_saved(ConfigurationReport& report);
   rt::Task<bool> ask_after_saving(ConfigurationReport& report, Error unanswered);
   [[nodiscard]] bool still_there(ConfigurationReport& report, Stage stage) const;
   void tell(Stage stage, std::size_t done, std::size_t total) const;

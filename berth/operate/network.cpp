@@ -47,6 +47,8 @@ Network::Network(rt::Executor& executor, can::Port& port, const design::Bus& bus
     seats_.back()->slot.spec = std::move(spec);
   }
   sdo_.set_observer(this);
+  // A saving may be answered long after it was given up.
+  sdo_.set_late_window(std::max<rt::Duration>(std::chrono::seconds(5), 3 * bus.timing.save_timeout));
 }
 
 Network::~Network() { stop(); }

@@ -204,6 +204,8 @@ rt::Task<bool> Network::configure_once(Seat& seat, const Wanted& wanted, Configu
   const rt::Time began = executor_->now();
   options.restarted = [this, id, began] { return boots_.booted_since(id, began); };
   options.before_change = [this, &seat, &wanted] { return note_configured(seat, Configured::Stage::writing, wanted); };
+  const auto late = sdo_.late(id);
+  options.answered_late = [this, id, late] { return sdo_.late(id) > late; };
   options.progress = [this, &seat, &wanted](const manager::Progress& progress) {
     using manager::Stage;
     const std::string what = progress.stage == Stage::saving
