@@ -4,6 +4,7 @@
 #include <CLI/CLI.hpp>
 
 #include "berth/text/quantity.hpp"
+#include "eds.hpp"
 #include "options.hpp"
 #include "output.hpp"
 
@@ -21,6 +22,7 @@ class CommandLine {
     add_sdo();
     add_nmt();
     add_lss();
+    add_eds();
     add_rest();
   }
 
@@ -191,6 +193,58 @@ class CommandLine {
     word(identify, "--serial-high", "serial-high", "default 0xFFFFFFFF");
   }
 
+  void add_eds() {
+    auto* const eds = app_.add_subcommand("eds", "device descriptions: EDS, DCF, XDD, XDC");
+    eds->require_subcommand(1);
+    using Verb = int (*)(const Options&, const EdsOptions&);
+    const auto service = [&](const char* name, const char* help, const char* examples, Verb does) {
+      auto* const sub = command(*eds, name, help, [this, does] { return does(options_, eds_); });
+      sub->footer(std::string("Examples:\n") + examples);
+      return sub;
+    };
+    const auto node = [&](CLI::App* sub, const char* help) {
+      sub->add_option("--node", eds_.node, help)->check(CLI::Range(1, 127))->option_text("N");
+    };
+    auto* const check =
+        service("check", "what is wrong with a description, in words, and what to do about it",
+                "  berth eds check sensor.eds\n  berth eds check --strict --json *.eds *.dcf", run_eds_check);
+    check->add_option("file", eds_.files, "EDS, DCF, XDD or XDC")->required()->option_text("FILE...");
+    check->add_flag("--strict", eds_.strict, "exit status 1 for warnings too");
+    check->add_flag("--quiet,-q", eds_.quiet, "no notes");
+    check->add_flag("--json", options_.json, "one JSON object");
+    auto* const convert =
+        service("convert", "write a description in another form, and say what that form cannot hold",
+                "  berth eds convert sensor.eds sensor.xdd\n  berth eds convert left.dcf left.cdcf --node 5\n"
+                "  berth eds convert left.cdcf left.dcf --eds sensor.eds --node 5",
+                run_eds_convert);
+    convert->add_option("files", eds_.files, "the file to read, the file to write (- for standard output)")
+        ->required()
+        ->expected(2)
+        ->option_text("IN OUT");
+    convert->add_option("--to", eds_.to, "eds, dcf, xdd, xdc, cdcf or bin (default: by the end of OUT)");
+    convert->add_option("--eds", eds_.eds, "of a concise DCF: the device's description")->option_text("FILE");
+    node(convert, "node-ID, for $NODEID and the commissioning");
+    convert->add_flag("--json", options_.json, "one JSON object");
+    auto* const diff = service("diff", "what two descriptions say differently, or a description and the device",
+                               "  berth eds diff old.eds new.eds\n"
+                               "  berth eds diff sensor.eds --node 5 --machine machine.toml --sim plant.toml --up",
+                               run_eds_diff);
+    diff->add_option("file", eds_.files, "one or two files")->required()->expected(1, 2)->option_text("FILE [FILE]");
+    node(diff, "compare with this device instead of a second file");
+    diff->add_flag("--values", eds_.values, "with --node: compare values too");
+    common(*diff);
+    diff->add_option("--control", options_.control,
+                     "socket of the running `berth up` (default: by the machine's name)");
+    diff->add_flag("--up", options_.bring_up, "with --sim: first run the main job until the machine is operational");
+    auto* const show = service(
+        "show", "the object dictionary as a table, or one object in detail",
+        "  berth eds show sensor.eds\n  berth eds show sensor.eds 0x1018\n  berth eds show sensor.eds heartbeat",
+        run_eds_show);
+    show->add_option("file", eds_.files, "EDS, DCF, XDD or XDC")->required()->expected(1)->option_text("FILE");
+    show->add_option("object", eds_.object, "index (1018, 0x1018:1) or a part of a name")->option_text("OBJECT");
+    show->add_flag("--json", options_.json, "one JSON object");
+  }
+
   void add_rest() {
     auto* const sim = app_.add_subcommand("sim", "textbook scenes of fault confinement, step by step");
     sim->require_subcommand(1);
@@ -219,6 +273,7 @@ class CommandLine {
 
   CLI::App app_{"Berth gives every CANopen device its place.", "berth"};
   Options options_;
+  EdsOptions eds_;
   operate::CommandRequest request_;
   Action action_;
 };

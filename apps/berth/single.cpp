@@ -6,6 +6,7 @@
 
 #include "berth/rt/scope.hpp"
 #include "drive.hpp"
+#include "single.hpp"
 #include "up.hpp"
 
 namespace berth::cli {
@@ -67,13 +68,14 @@ tl::expected<void, Failure> prepare(Rig& rig, const Options& options) {
   return {};
 }
 
-int in_own_world(const Options& options, const CommandRequest& request) {
+using Replied = tl::expected<CommandReply, Failure>;
+
+Replied reply_of_own_world(const Options& options, const CommandRequest& request, std::vector<Recorded>& sent) {
   auto made = Rig::make(options, {options.machine, options.sim, {}, {}});
-  if (!made) return tell(made.error(), options.json);
+  if (!made) return tl::unexpected(made.error());
   Rig& rig = **made;
   const auto ready = prepare(rig, options);
-  if (!ready) return tell(ready.error(), options.json);
-  std::vector<Recorded> sent;
+  if (!ready) return tl::unexpected(ready.error());
   if (options.dry_run) rig.record_sent(sent);
   CommandReply reply;
   bool over = false;
@@ -83,12 +85,17 @@ int in_own_world(const Options& options, const CommandRequest& request) {
     scope.spawn(run(rig.session(), request, reply, over));
     rig.world().sim().run_until([&] { return over; }, limit);
   }
-  if (!over) {
-    const double s = std::chrono::duration<double>(limit).count();
-    reply = operate::refusal(
-        Exit::failed, fmt::format("{}: not done within {} s of bus time; give a longer --timeout", request.verb, s));
-  }
-  return options.dry_run ? show_dry(sent, reply, options.json) : show(reply, options.json);
+  if (over) return reply;
+  const double s = std::chrono::duration<double>(limit).count();
+  return operate::refusal(
+      Exit::failed, fmt::format("{}: not done within {} s of bus time; give a longer --timeout", request.verb, s));
+}
+
+int in_own_world(const Options& options, const CommandRequest& request) {
+  std::vector<Recorded> sent;
+  const auto reply = reply_of_own_world(options, request, sent);
+  if (!reply) return tell(reply.error(), options.json);
+  return options.dry_run ? show_dry(sent, *reply, options.json) : show(*reply, options.json);
 }
 
 int foreseen(const Options& options, const CommandRequest& request) {
@@ -111,34 +118,55 @@ int foreseen(const Options& options, const CommandRequest& request) {
   return Exit::done;
 }
 
-int by_running_up(const Options& options, const CommandRequest& request) {
+Replied reply_of_running_up(const Options& options, const CommandRequest& request) {
   std::string path = options.control;
   if (path.empty()) {
     const auto machine = design::load_machine(options.machine);
-    if (!machine.machine) return tell(failure(machine.findings), options.json);
+    if (!machine.machine) return tl::unexpected(failure(machine.findings));
     path = operate::control_path(machine.machine->name);
   }
-  if (options.dry_run) return foreseen(options, request);
   const auto patience = std::chrono::duration_cast<std::chrono::milliseconds>(options.timeout.value_or(2min)).count();
   const auto reply =
       operate::control_call(path, request, static_cast<int>(std::min<std::int64_t>(patience, 24 * 3'600'000)));
-  if (reply) return show(*reply, options.json);
+  if (reply) return *reply;
   const std::string machine = options.machine.empty() ? "MACHINE" : options.machine;
-  return tell(failure(Exit::failed,
-                      fmt::format("no running `berth up` does this for {}: {}\nstart one (berth up {} --sim PLANT "
-                                  "--pace), or give --sim PLANT to do it in a simulated world of its own",
-                                  machine, reply.error(), machine)),
-              options.json);
+  return tl::unexpected(failure(
+      Exit::failed, fmt::format("no running `berth up` does this for {}: {}\nstart one (berth up {} --sim PLANT "
+                                "--pace), or give --sim PLANT to do it in a simulated world of its own",
+                                machine, reply.error(), machine)));
+}
+
+int by_running_up(const Options& options, const CommandRequest& request) {
+  if (options.dry_run) {
+    if (options.control.empty()) {
+      const auto machine = design::load_machine(options.machine);
+      if (!machine.machine) return tell(failure(machine.findings), options.json);
+    }
+    return foreseen(options, request);
+  }
+  const auto reply = reply_of_running_up(options, request);
+  return reply ? show(*reply, options.json) : tell(reply.error(), options.json);
+}
+
+tl::expected<void, Failure> complete(const Options& options, CommandRequest& request) {
+  if (!options.bus.empty()) request.arguments["bus"] = options.bus;
+  if (!options.machine.empty() || (!options.control.empty() && options.sim.empty())) return {};
+  return tl::unexpected(failure(Exit::usage, "name the machine file: --machine FILE"));
 }
 
 }  // namespace
 
 int run_single(const Options& options, CommandRequest request) {
-  if (!options.bus.empty()) request.arguments["bus"] = options.bus;
-  if (options.machine.empty() && (options.control.empty() || !options.sim.empty())) {
-    return tell(failure(Exit::usage, "name the machine file: --machine FILE"), options.json);
-  }
+  const auto known = complete(options, request);
+  if (!known) return tell(known.error(), options.json);
   return options.sim.empty() ? by_running_up(options, request) : in_own_world(options, request);
+}
+
+tl::expected<CommandReply, Failure> carry_out(const Options& options, CommandRequest request) {
+  const auto known = complete(options, request);
+  if (!known) return tl::unexpected(known.error());
+  std::vector<Recorded> sent;
+  return options.sim.empty() ? reply_of_running_up(options, request) : reply_of_own_world(options, request, sent);
 }
 
 }  // namespace berth::cli

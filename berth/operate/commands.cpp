@@ -444,6 +444,8 @@ rt::Task<void> execute(Session& session, const CommandRequest& request, CommandR
     co_await sdo_read(session, request, reply);
   } else if (verb == "sdo write") {
     co_await sdo_write(session, request, reply);
+  } else if (verb == "sdo probe") {
+    co_await sdo_probe(session, request, reply);
   } else if (verb == "nmt") {
     co_await nmt_command(session, request, reply);
   } else if (verb.starts_with("lss ")) {

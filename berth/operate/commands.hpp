@@ -10,6 +10,7 @@
 ///     replace           slot (name, "bus/name" or node-ID), device? (LSS address that shall sit there)
 ///     sdo read          node, index, sub?, type?                  type: u8 ... vs, see od::data_type
 ///     sdo write         node, index, sub?, value, type?           without a type the value is hex bytes: "91 01 0F"
+///     sdo probe         node, objects (hex: "1000:0,1018:0-4")     reads all; what a device refuses is told, no failure
 ///     nmt               command (start stop preop reset-node reset-comm), node (1..127 or "all")
 ///     lss global        state (waiting, configuration)
 ///     lss select        address

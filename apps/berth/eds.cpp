@@ -1,0 +1,361 @@
+// `berth eds check` and `berth eds show`.
+#include "eds.hpp"
+
+#include <fmt/format.h>
+
+#include <algorithm>
+#include <nlohmann/json.hpp>
+
+#include "berth/eds/review.hpp"
+#include "berth/eds/write.hpp"
+#include "berth/eds/xdd.hpp"
+#include "berth/text/file.hpp"
+#include "berth/text/quantity.hpp"
+
+namespace berth::cli {
+
+using Json = nlohmann::ordered_json;
+using Severity = Finding::Severity;
+
+Described describe_file(const std::string& name) {
+  Described file{name, {}, {}, {}};
+  file.reading.file.description = od::DescriptionBuilder().build();
+  auto text = text::read_file(name, file.reading.findings);
+  if (!text) return file;
+  file.text = *text;
+  file.reading = eds::read_any(std::move(*text), name);
+  const eds::File& read = file.reading.file;
+  const bool configured = read.commissioning.has_value() || !read.parameters.empty();
+  file.format = eds::is_xml(file.text) ? (configured ? "XDC" : "XDD") : (configured ? "DCF" : "EDS");
+  return file;
+}
+
+Failure unusable(const Described& file) { return failure(file.reading.findings); }
+
+std::string ref_text(ObjectRef ref) { return fmt::format("{:04X}h:{:02X}", ref.index, ref.sub); }
+
+namespace {
+
+std::string dump(const Json& json) { return json.dump(2, ' ', false, Json::error_handler_t::replace); }
+
+const char* name(Severity severity) {
+  return severity == Severity::error ? "error" : severity == Severity::warning ? "warning" : "note";
+}
+
+std::size_t count(const Findings& findings, Severity severity) {
+  return static_cast<std::size_t>(std::ranges::count(findings, severity, &Finding::severity));
+}
+
+std::string plural(std::size_t number, const char* what) {
+  return fmt::format("{} {}{}", number, what, number == 1 ? "" : "s");
+}
+
+// What a file is, in a line: "EDS of Demo device (vendor 00000000h, product 00000001h), 47 objects".
+std::string summary(const Described& file) {
+  const eds::File& read = file.reading.file;
+  const TypeCode type = read.type_code();
+  return fmt::format("{} of {} (vendor {:08X}h, product {:08X}h), {}", file.format,
+                     read.device.product_name.empty() ? "an unnamed device" : read.device.product_name, type.vendor,
+                     type.product, plural(read.description->objects().size(), "object"));
+}
+
+Json json_of(const Finding& finding) {
+  Json json;
+  json["severity"] = name(finding.severity);
+  json["line"] = finding.line;
+  json["column"] = finding.column;
+  json["key"] = finding.key;
+  json["message"] = finding.message;
+  if (!finding.fix.empty()) json["fix"] = finding.fix;
+  return json;
+}
+
+// The reader's findings and the review's, by line; what both say of one place once.
+Findings all_findings(const Described& file) {
+  Findings findings = file.reading.findings;
+  if (file.readable()) {
+    const bool xml = eds::is_xml(file.text);
+    const Findings more =
+        eds::review(file.reading.file, file.name, xml ? std::string_view(file.text) : std::string_view{});
+    findings.insert(findings.end(), more.begin(), more.end());
+  }
+  std::ranges::stable_sort(findings, {}, [](const Finding& each) { return std::pair(each.line, each.column); });
+  return findings;
+}
+
+}  // namespace
+
+int run_eds_check(const Options& options, const EdsOptions& asked) {
+  Json all;
+  all["files"] = Json::array();
+  int status = Exit::done;
+  std::size_t errors = 0;
+  std::size_t warnings = 0;
+  for (const std::string& name : asked.files) {
+    const Described file = describe_file(name);
+    const Findings findings = all_findings(file);
+    const std::size_t bad = count(findings, Severity::error);
+    const std::size_t odd = count(findings, Severity::warning);
+    errors += bad;
+    warnings += odd;
+    const bool refused = bad != 0 || (asked.strict && odd != 0);
+    status = std::max<int>(status, !file.readable() ? Exit::usage : refused ? Exit::no : Exit::done);
+    Json json;
+    json["file"] = name;
+    json["readable"] = file.readable();
+    if (file.readable()) {
+      json["format"] = file.format;
+      json["objects"] = file.reading.file.description->objects().size();
+    }
+    json["errors"] = bad;
+    json["warnings"] = odd;
+    json["notes"] = count(findings, Severity::note);
+    json["findings"] = Json::array();
+    for (const Finding& finding : findings) {
+      if (asked.quiet && finding.severity == Severity::note) continue;
+      json["findings"].push_back(json_of(finding));
+      if (!options.json) print_line(to_string(finding));
+    }
+    all["files"].push_back(std::move(json));
+    if (options.json) continue;
+    const std::string counts = fmt::format("{}, {}, {}", plural(bad, "error"), plural(odd, "warning"),
+                                           plural(count(findings, Severity::note), "note"));
+    print_line(fmt::format("{}: {}: {}", name, file.readable() ? summary(file) : "no device description", counts));
+  }
+  if (options.json) {
+    all["errors"] = errors;
+    all["warnings"] = warnings;
+    print_line(dump(all));
+  }
+  return status;
+}
+
+// ---- show ----
+
+namespace {
+
+/// Everything that is said about one value, as text; "" = nothing.
+struct Row {
+  ObjectRef ref;
+  std::string name;
+  std::string type;
+  std::string access;
+  std::string mapping;
+  std::string value;    ///< what the file sets
+  std::string initial;  ///< the default
+  std::string low;
+  std::string high;
+};
+
+const eds::Parameter* of(const std::vector<eds::Parameter>& list, ObjectRef ref) {
+  const auto found = std::ranges::lower_bound(list, ref, {}, &eds::Parameter::object);
+  return found == list.end() || found->object != ref ? nullptr : &*found;
+}
+
+Row row_of(const eds::File& file, std::uint16_t index, const od::SubObject& sub) {
+  const ObjectRef ref{index, sub.sub};
+  const auto text = [&](const od::Literal& literal) {
+    return literal.present() ? eds::text_of(literal, sub.type, eds::usually_hex(ref, sub.type)) : std::string();
+  };
+  Row row{ref,
+          std::string(file.description->name(sub)),
+          std::string(od::name(sub.type)),
+          std::string(od::name(sub.access)),
+          sub.mappable ? "yes" : "no",
+          {},
+          {},
+          {},
+          {}};
+  if (row.type.empty()) row.type = fmt::format("type {:04X}h", static_cast<unsigned>(sub.type));
+  if (const auto* const set = of(file.parameters, ref)) {
+    row.value = text(set->value);
+    if (const auto* const given = of(file.defaults, ref)) row.initial = text(given->value);
+  } else {
+    row.initial = text(file.description->default_of(sub));
+  }
+  if (const auto* const limits = file.description->limits(sub)) {
+    row.low = text(limits->low);
+    row.high = text(limits->high);
+  }
+  return row;
+}
+
+Json json_of(const Row& row) {
+  Json json;
+  json["index"] = fmt::format("0x{:04X}", row.ref.index);
+  json["sub"] = row.ref.sub;
+  json["name"] = row.name;
+  json["type"] = row.type;
+  json["access"] = row.access;
+  json["mappable"] = row.mapping == "yes";
+  for (const auto& [key, text] : {std::pair("default", &row.initial), std::pair("value", &row.value),
+                                  std::pair("low", &row.low), std::pair("high", &row.high)}) {
+    if (!text->empty()) json[key] = *text;
+  }
+  return json;
+}
+
+// Bytes of a character sequence that a terminal shows as one each: UTF-8 by its lead bytes.
+std::string fitted(const std::string& text, std::size_t width) {
+  std::string out;
+  std::size_t used = 0;
+  std::size_t at = 0;
+  for (; at < text.size(); ++at) {
+    const bool lead = (static_cast<unsigned char>(text[at]) & 0xC0U) != 0x80;
+    if (lead && used == width) break;
+    if (lead) ++used;
+    out.push_back(static_cast<unsigned char>(text[at]) < 0x20 ? ' ' : text[at]);
+  }
+  if (at < text.size() && width > 1) {
+    while (!out.empty() && (static_cast<unsigned char>(out.back()) & 0xC0U) == 0x80) out.pop_back();
+    if (!out.empty()) out.back() = '~';
+    used = width;
+  }
+  return out + std::string(width - std::min(width, used), ' ');
+}
+
+std::string value_column(const Row& row) { return row.value.empty() ? row.initial : row.value + " (set)"; }
+
+void print_table(const eds::File& file) {
+  const od::Description& description = *file.description;
+  print_line(
+      fmt::format("{:<9} {} {:<14} {:<6} {:<3} {}", "object", fitted("name", 36), "type", "access", "PDO", "value"));
+  for (const od::Object& object : description.objects()) {
+    const auto subs = description.subs(object);
+    const bool single = subs.size() == 1 && subs[0].sub == 0 && object.code == od::ObjectCode::var;
+    if (!single) {
+      print_line(fmt::format("{:04X}h     {} {}", object.index, fitted(std::string(description.name(object)), 36),
+                             od::name(object.code)));
+    }
+    for (const od::SubObject& sub : subs) {
+      const Row row = row_of(file, object.index, sub);
+      const std::string where = single ? fmt::format("{:04X}h", object.index) : fmt::format("  :{:02X}", sub.sub);
+      std::string line =
+          fmt::format("{:<9} {} {:<14} {:<6} {:<3} {}", where, fitted((single ? "" : "  ") + row.name, 36), row.type,
+                      row.access, row.mapping, value_column(row));
+      while (line.ends_with(' ')) line.pop_back();
+      print_line(line);
+    }
+  }
+}
+
+std::vector<const od::Object*> wanted_objects(const eds::File& file, const std::string& word,
+                                              std::optional<std::uint8_t>& sub) {
+  const od::Description& description = *file.description;
+  std::vector<const od::Object*> found;
+  std::string index = word;
+  if (const auto colon = word.find_first_of(":/"); colon != std::string::npos) {
+    const auto parsed =
+        od::parse_number("0x" + word.substr(colon + (word.substr(colon + 1).starts_with("0x") ? 3 : 1)));
+    if (parsed && parsed->magnitude <= 0xFF && !parsed->node_id) {
+      sub = static_cast<std::uint8_t>(parsed->magnitude);
+      index = word.substr(0, colon);
+    }
+  }
+  if (index.ends_with('h') || index.ends_with('H')) index.pop_back();
+  const bool prefixed = index.starts_with("0x") || index.starts_with("0X");
+  const auto parsed = od::parse_number(prefixed ? index : "0x" + index);
+  if (parsed && parsed->magnitude <= 0xFFFF && !parsed->node_id && !parsed->negative) {
+    if (const auto* const object = description.find(static_cast<std::uint16_t>(parsed->magnitude))) return {object};
+  }
+  sub.reset();
+  const auto lower = [](std::string_view text) {
+    std::string out(text);
+    std::ranges::transform(out, out.begin(), [](unsigned char c) { return static_cast<char>(std::tolower(c)); });
+    return out;
+  };
+  for (const od::Object& object : description.objects()) {
+    bool named = lower(description.name(object)).find(lower(word)) != std::string::npos;
+    for (const od::SubObject& each : description.subs(object))
+      named = named || lower(description.name(each)).find(lower(word)) != std::string::npos;
+    if (named) found.push_back(&object);
+  }
+  return found;
+}
+
+void print_detail(const eds::File& file, const od::Object& object, std::optional<std::uint8_t> only) {
+  print_line(fmt::format("{:04X}h  {}", object.index, file.description->name(object)));
+  const std::string type = object.type == od::DataType::none ? "" : fmt::format(" of {}", od::name(object.type));
+  print_line(
+      fmt::format("  object type   {}{}", od::name(object.code), object.code == od::ObjectCode::var ? "" : type));
+  for (const od::SubObject& sub : file.description->subs(object)) {
+    if (only && sub.sub != *only) continue;
+    const Row row = row_of(file, object.index, sub);
+    print_line(fmt::format("  {}  {}", ref_text(row.ref), row.name));
+    const auto fact = [](const char* what, const std::string& text) {
+      if (!text.empty()) print_line(fmt::format("    {:<12}{}", what, text));
+    };
+    fact("type", row.type);
+    fact("access", row.access);
+    fact("PDO mapping", row.mapping);
+    fact("default", row.initial);
+    fact("value", row.value);
+    fact("low limit", row.low);
+    fact("high limit", row.high);
+    if ((sub.obj_flags & od::refuse_write_on_download) != 0) fact("flag", "not written by a configuration download");
+    if ((sub.obj_flags & od::refuse_read_on_scan) != 0) fact("flag", "not read by a scan");
+    for (const auto& denotation : file.denotations) {
+      if (denotation.object == row.ref) fact("denotation", denotation.text);
+    }
+    for (const auto& reference : file.file_references) {
+      if (reference.object == row.ref) fact(reference.download ? "download" : "upload", reference.name);
+    }
+  }
+}
+
+Json json_of(const eds::File& file, const od::Object& object, std::optional<std::uint8_t> only) {
+  Json json;
+  json["index"] = fmt::format("0x{:04X}", object.index);
+  json["name"] = std::string(file.description->name(object));
+  json["object_type"] = std::string(od::name(object.code));
+  json["subs"] = Json::array();
+  for (const od::SubObject& sub : file.description->subs(object)) {
+    if (!only || sub.sub == *only) json["subs"].push_back(json_of(row_of(file, object.index, sub)));
+  }
+  return json;
+}
+
+}  // namespace
+
+int run_eds_show(const Options& options, const EdsOptions& asked) {
+  const Described file = describe_file(asked.files.at(0));
+  if (!file.readable()) return tell(unusable(file), options.json);
+  const eds::File& read = file.reading.file;
+  std::optional<std::uint8_t> sub;
+  std::vector<const od::Object*> objects;
+  if (!asked.object.empty()) {
+    objects = wanted_objects(read, asked.object, sub);
+    const bool none = objects.empty() || (sub && read.description->find(*objects[0], *sub) == nullptr);
+    if (none) {
+      return tell(
+          failure(Exit::no,
+                  fmt::format("{}: there is no object {}; write an index such as 1018 or 0x1018:1, or a part of a name",
+                              file.name, text::quoted(asked.object))),
+          options.json);
+    }
+  }
+  if (options.json) {
+    Json json;
+    json["file"] = file.name;
+    json["format"] = file.format;
+    json["device"] = {{"vendor", read.device.vendor_name}, {"product", read.device.product_name}};
+    json["vendor"] = fmt::format("0x{:08X}", read.type_code().vendor);
+    json["product"] = fmt::format("0x{:08X}", read.type_code().product);
+    json["objects"] = Json::array();
+    if (asked.object.empty()) {
+      for (const od::Object& object : read.description->objects()) json["objects"].push_back(json_of(read, object, {}));
+    }
+    for (const od::Object* const object : objects) json["objects"].push_back(json_of(read, *object, sub));
+    print_line(dump(json));
+    return Exit::done;
+  }
+  if (asked.object.empty()) {
+    print_line(summary(file));
+    print_table(read);
+    return Exit::done;
+  }
+  for (const od::Object* const object : objects) print_detail(read, *object, sub);
+  return Exit::done;
+}
+
+}  // namespace berth::cli

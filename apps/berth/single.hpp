@@ -1,0 +1,15 @@
+/// One request, carried out in a world of its own (`--sim`) or by a running `berth up`.
+#pragma once
+
+#include <tl/expected.hpp>
+
+#include "options.hpp"
+#include "output.hpp"
+
+namespace berth::cli {
+
+/// The reply, which may say no. Failures: no machine file, no such world, nobody who runs.
+[[nodiscard]] tl::expected<operate::CommandReply, Failure> carry_out(const Options& options,
+                                                                     operate::CommandRequest request);
+
+}  // namespace berth::cli

@@ -1,0 +1,110 @@
+// sdo probe: many objects of one device read one after the other, for comparing a device with its description. What the
+// device refuses is an answer like any other.
+#include <fmt/format.h>
+
+#include <nlohmann/json.hpp>
+
+#include "berth/co/sdo_client.hpp"
+#include "berth/od/data_type.hpp"
+#include "berth/operate/command_parts.hpp"
+#include "berth/text/quantity.hpp"
+
+namespace berth::operate {
+namespace {
+
+constexpr std::size_t most_objects = 1U << 18U;
+constexpr unsigned patience = 3;  ///< objects in a row without an answer before the device is given up
+
+struct ProbeArguments {
+  std::string bus;
+  NodeId node;
+  std::vector<ObjectRef> objects;
+};
+
+std::optional<std::uint32_t> hex_number(std::string_view text, std::uint32_t most) {
+  const auto parsed = od::parse_number(fmt::format("0x{}", text));
+  if (!parsed || parsed->node_id || parsed->negative || parsed->magnitude > most) return std::nullopt;
+  return static_cast<std::uint32_t>(parsed->magnitude);
+}
+
+// "1000:0,1018:0-4": index and sub-indices in hex.
+void read_objects(Arguments& arguments, const std::string& text, std::vector<ObjectRef>& into) {
+  std::string_view rest = text;
+  while (!rest.empty()) {
+    const auto comma = rest.find(',');
+    const std::string_view item = rest.substr(0, comma);
+    rest = comma == std::string_view::npos ? std::string_view{} : rest.substr(comma + 1);
+    const auto colon = item.find(':');
+    const std::string_view subs = colon == std::string_view::npos ? std::string_view("0") : item.substr(colon + 1);
+    const auto dash = subs.find('-');
+    const auto index = hex_number(item.substr(0, colon), 0xFFFF);
+    const auto first = hex_number(subs.substr(0, dash), 0xFF);
+    const auto last = dash == std::string_view::npos ? first : hex_number(subs.substr(dash + 1), 0xFF);
+    if (!index || !first || !last || *first > *last) {
+      return arguments.wrong(fmt::format("objects: {} is not like 1018:0-4, in hex", text::quoted(item.substr(0, 30))));
+    }
+    if (into.size() + *last - *first >= most_objects) return arguments.wrong("objects: too many");
+    for (std::uint32_t sub = *first; sub <= *last; ++sub) {
+      into.push_back({static_cast<std::uint16_t>(*index), static_cast<std::uint8_t>(sub)});
+    }
+  }
+}
+
+ProbeArguments probe_arguments(Arguments& arguments) {
+  ProbeArguments probe;
+  probe.bus = arguments.text("bus");
+  probe.node = NodeId(arguments.node("node", false));
+  read_objects(arguments, arguments.required("objects"), probe.objects);
+  return probe;
+}
+
+Json json_of(ObjectRef ref, const Result<co::SdoValue>& answer) {
+  Json json;
+  json["index"] = hex(ref.index, 4);
+  json["sub"] = ref.sub;
+  if (answer) {
+    std::string bytes;
+    for (const std::uint8_t byte : answer->bytes()) bytes += fmt::format("{:02X}", byte);
+    json["bytes"] = bytes;
+  } else if (answer.error().code == Errc::aborted) {
+    json["abort_code"] = hex(answer.error().detail);
+  } else {
+    json["failure"] = answer.error().text;
+  }
+  return json;
+}
+
+}  // namespace
+
+rt::Task<void> sdo_probe(Session& session, const CommandRequest& request, CommandReply& reply) {
+  Arguments arguments(request, {"bus", "node", "objects"});
+  const ProbeArguments probe = probe_arguments(arguments);
+  if (!arguments.good()) co_return refuse(reply, 2, arguments.problem());
+  const auto network = network_for(session, probe.bus, Use::send);
+  if (!network) co_return refuse(reply, 2, network.error());
+  Network& bus = **network;
+  if (probe.node == bus.bus().master) {
+    co_return refuse(reply, 2, fmt::format("node-ID {} is Berth's own on bus {}", probe.node.value(), bus.bus().name));
+  }
+  Json json;
+  json["bus"] = bus.bus().name;
+  json["node"] = probe.node.value();
+  json["objects"] = Json::array();
+  std::size_t read = 0;
+  unsigned silent = 0;
+  for (const ObjectRef ref : probe.objects) {
+    const auto answer = co_await bus.sdo().upload(probe.node, ref.index, ref.sub);
+    const bool heard = answer || answer.error().code == Errc::aborted || answer.error().code == Errc::mismatch;
+    silent = heard ? 0 : silent + 1;
+    const bool never = !heard && read == 0;
+    if (never || silent >= patience) {
+      co_return fail_with(reply, answer.error(), fmt::format("bus {}, SDO read", bus.bus().name),
+                          "is the device there and not stopped? `berth scan` shows who answers");
+    }
+    if (answer) ++read;
+    json["objects"].push_back(json_of(ref, answer));
+  }
+  give(reply, json, {fmt::format("node {}: {} of {} objects read", probe.node.value(), read, probe.objects.size())});
+}
+
+}  // namespace berth::operate
