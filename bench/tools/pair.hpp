@@ -1,27 +1,30 @@
 /// Two ports joined without a bus: what the benches of services put between client and server.
 #pragma once
 
+#include <utility>
+
 #include "berth/can/port.hpp"
 
 namespace berth::bench {
 
 /// One end of a pair of ports: a frame is with the other end at once, each call in a job of its own as a port promises.
-/// Takes one frame at a time; a second one is `full` until the first has gone.
+/// Takes one frame at a time; a second one is `full` until the other end has heard the first.
 class Pair final : public can::Port, private rt::Job {
  public:
   explicit Pair(rt::Executor& executor) noexcept : executor_(&executor) {}
   void join(Pair& other) noexcept { other_ = &other; }
 
   can::Queued send(const can::Frame& frame, std::uint32_t tag) noexcept override {
-    if (waits_) return can::Queued::full;
-    frame_ = frame;
-    tag_ = tag;
-    waits_ = true;
-    executor_->post(*this);
+    if (other_->hears_ || tag_ != 0) return can::Queued::full;
+    if (tag != 0) {
+      tag_ = tag;
+      executor_->post(*this);
+    }
+    if (other_->listener_ != nullptr && other_->accepts_.contains(frame.key())) other_->take(frame);
     return can::Queued::yes;
   }
   void withdraw(std::uint32_t tag) noexcept override {
-    if (waits_ && tag == tag_) waits_ = false;
+    if (tag == tag_) tag_ = 0;
   }
   void listen(can::Listener* listener, std::span<const can::IdRange> accept) noexcept override {
     listener_ = listener;
@@ -31,21 +34,19 @@ class Pair final : public can::Port, private rt::Job {
   bool restart(std::uint32_t) noexcept override { return false; }
 
  private:
-  void run() noexcept override {
-    if (heard_) {
-      heard_ = false;
-      listener_->received(incoming_, executor_->now());
-      return;
-    }
-    if (!waits_) return;
-    waits_ = false;
-    if (other_->listener_ != nullptr && other_->accepts_.contains(frame_.key())) other_->take(frame_);
-    if (tag_ != 0) listener_->sent(tag_, executor_->now());
-  }
   void take(const can::Frame& frame) noexcept {
-    incoming_ = frame;
-    heard_ = true;
+    frame_ = frame;
+    hears_ = true;
     executor_->post(*this);
+  }
+  void run() noexcept override {
+    if (tag_ != 0) {
+      if (hears_) executor_->post(*this);
+      listener_->sent(std::exchange(tag_, 0U), executor_->now());
+    } else if (hears_) {
+      listener_->received(frame_, executor_->now());
+      hears_ = false;
+    }
   }
 
   rt::Executor* executor_;
@@ -53,10 +54,8 @@ class Pair final : public can::Port, private rt::Job {
   can::Listener* listener_ = nullptr;
   can::IdRange accepts_{1, 0};
   can::Frame frame_;
-  can::Frame incoming_;
   std::uint32_t tag_ = 0;
-  bool waits_ = false;
-  bool heard_ = false;
+  bool hears_ = false;
 };
 
 }  // namespace berth::bench

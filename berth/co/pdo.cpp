@@ -112,6 +112,7 @@ void Pdos::end(Rpdo& pdo) noexcept {
   for (std::size_t i = 0; i < faults; ++i) fault(pdo, static_cast<Fault>(i), false);
   if (pdo.active) dispatcher_->remove(pdo);
   pdo.active = pdo.waiting = false;
+  pdo.choose_way();
   pdo.due = rt::never;
 }
 
@@ -120,7 +121,7 @@ void Pdos::end(Tpdo& pdo) noexcept {
     dispatcher_->withdraw(pdo);
     pdo.free_at = now();
   }
-  pdo.active = pdo.event = pdo.sampled = pdo.waiting = false;
+  pdo.active = pdo.event = pdo.sampled = pdo.waiting = pdo.quick = false;
   pdo.due = rt::never;
 }
 
@@ -137,6 +138,7 @@ void Pdos::configure(Rpdo& pdo) noexcept {
     if (code != od::AbortCode::none || pdo.mapping.empty()) return;
   }
   pdo.active = true;
+  pdo.choose_way();
   dispatcher_->add(can::only(cob.key()), pdo);
 }
 
@@ -164,6 +166,7 @@ void Pdos::configure(Tpdo& pdo) noexcept {
     return;
   }
   pdo.active = true;
+  pdo.choose_way();
   restart_event_timer(pdo);
 }
 

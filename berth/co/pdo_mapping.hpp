@@ -49,7 +49,7 @@ class PdoField {
   constexpr PdoField(std::uint32_t offset, unsigned bits) noexcept : word_(offset << 6 | (bits - 1)) {}
   [[nodiscard]] constexpr std::uint32_t offset() const noexcept { return word_ >> 6; }
   [[nodiscard]] constexpr unsigned bits() const noexcept { return (word_ & 63U) + 1; }
-  [[nodiscard]] constexpr unsigned bytes() const noexcept { return (bits() + 7) / 8; }
+  [[nodiscard]] constexpr unsigned bytes() const noexcept { return ((word_ >> 3) & 7U) + 1; }
   [[nodiscard]] constexpr bool dummy() const noexcept { return offset() == nowhere; }
 
  private:
@@ -93,13 +93,14 @@ class PdoMapping {
   void pack_bits(const std::uint8_t* base, std::uint8_t* into) const noexcept;
   void unpack_bits(std::uint8_t* base, const std::uint8_t* from) const noexcept;
   static void copy(std::uint8_t* to, const std::uint8_t* from, unsigned bytes) noexcept {
-    switch (bytes) {
-      case 8: std::memcpy(to, from, 8); return;
-      case 4: std::memcpy(to, from, 4); return;
-      case 2: std::memcpy(to, from, 2); return;
-      case 1: *to = *from; return;
-      default:
-        for (unsigned i = 0; i < bytes; ++i) to[i] = from[i];
+    if (bytes == 8) {
+      std::memcpy(to, from, 8);
+    } else if (bytes == 4) {
+      std::memcpy(to, from, 4);
+    } else if (bytes == 2) {
+      std::memcpy(to, from, 2);
+    } else {
+      for (unsigned i = 0; i < bytes; ++i) to[i] = from[i];
     }
   }
 

@@ -22,7 +22,13 @@ inline constexpr unsigned most_pdos = 512;
 }
 
 struct Pdos::Rpdo final : can::Handler {
-  void received(const can::Frame& frame, rt::Time at) noexcept override { set->received(*this, frame, at); }
+  static constexpr std::uint8_t no_size = 0xFF;
+  void received(const can::Frame& frame, rt::Time at) noexcept override;
+  /// Event-driven, without a deadline and without errors: what fits needs no look at anything else.
+  void choose_way() noexcept {
+    const bool quick = active && mode == PdoMode::mapped && !synchronous(type) && deadline == 0 && faults == 0;
+    quick_size = quick ? static_cast<std::uint8_t>(mapping.size()) : no_size;
+  }
 
   Pdos* set = nullptr;
   PdoMapping mapping;
@@ -32,6 +38,7 @@ struct Pdos::Rpdo final : can::Handler {
   std::uint16_t deadline = 0;  // 1400h:05
   std::uint8_t type = 0;
   std::uint8_t faults = 0;  // a bit for each `Fault`
+  std::uint8_t quick_size = no_size;
   PdoMode mode = PdoMode::mapped;
   bool active = false;
   bool waiting = false;  // `data` does
@@ -39,6 +46,10 @@ struct Pdos::Rpdo final : can::Handler {
 
 struct Pdos::Tpdo final : can::Confirmation {
   void sent(rt::Time at) noexcept override { set->sent(*this, at); }
+  /// Event-driven, without times and time stamp: an event is a frame.
+  void choose_way() noexcept {
+    quick = active && mode == PdoMode::mapped && event_driven(type) && inhibit == 0 && event_time == 0 && !stamped;
+  }
 
   std::uint32_t key = 0;
   Pdos* set = nullptr;
@@ -53,6 +64,7 @@ struct Pdos::Tpdo final : can::Confirmation {
   std::uint8_t start_at = 0;  // SYNC counter to wait for, 0 = counting
   std::uint8_t syncs = 0;
   PdoMode mode = PdoMode::mapped;
+  bool quick = false;
   bool active : 1 = false;
   bool answers : 1 = false;  // remote frames
   bool event : 1 = false;    // since the last SYNC

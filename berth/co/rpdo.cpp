@@ -5,6 +5,12 @@
 
 namespace berth::co {
 
+void Pdos::Rpdo::received(const can::Frame& frame, rt::Time at) noexcept {
+  if (frame.size != quick_size || frame.remote || frame.fd) return set->received(*this, frame, at);
+  mapping.unpack(set->base_, frame.data.data());
+  if (set->observer_ != nullptr) set->observer_->received(number, at);
+}
+
 void Pdos::received(Rpdo& pdo, const can::Frame& frame, rt::Time at) noexcept {
   if (frame.remote || frame.fd) return;
   if (pdo.mode != PdoMode::mapped) return received_mpdo(pdo, frame, at);
@@ -34,6 +40,7 @@ void Pdos::supervise(Rpdo& pdo, rt::Time at) noexcept {
 
 void Pdos::set_deadline(Rpdo& pdo, std::uint16_t milliseconds) noexcept {
   pdo.deadline = milliseconds;
+  pdo.choose_way();
   if (milliseconds == 0) fault(pdo, Fault::timeout, false);
   if (std::exchange(pdo.due, rt::never) != rt::never && milliseconds != 0) supervise(pdo, now());
 }
@@ -52,6 +59,7 @@ void Pdos::set_fault(Rpdo& pdo, Fault fault, bool on, const std::array<std::uint
   const auto bit = static_cast<std::uint8_t>(1U << which);
   if (((pdo.faults & bit) != 0) == on) return;
   pdo.faults ^= bit;
+  pdo.choose_way();
   if (on) {
     if (fault_counts_[which]++ == 0) owner_->raise_error(codes[which], error_register::communication, info);
   } else {

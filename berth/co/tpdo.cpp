@@ -22,7 +22,14 @@ can::Frame empty_frame(std::uint32_t key, unsigned size) noexcept {
 
 bool Pdos::event(unsigned number) noexcept {
   Tpdo* const pdo = find(tpdos(), number);
-  return pdo != nullptr && fire(*pdo);
+  if (pdo == nullptr) return false;
+  if (!pdo->quick) return fire(*pdo);
+  can::Frame frame = empty_frame(pdo->key, pdo->mapping.size());
+  pdo->mapping.pack(base_, frame.data.data());
+  const can::Queued queued = dispatcher_->send(frame);
+  pdo->waiting = false;
+  if (queued != can::Queued::yes) failed(*pdo, queued);
+  return true;
 }
 
 bool Pdos::changed(ObjectRef object) noexcept {
@@ -115,6 +122,7 @@ void Pdos::restart_event_timer(Tpdo& pdo) noexcept {
 void Pdos::set_event_time(Tpdo& pdo, std::uint16_t milliseconds) noexcept {
   if (!pdo.active || !event_driven(pdo.type)) return;
   pdo.event_time = milliseconds;
+  pdo.choose_way();
   restart_event_timer(pdo);
 }
 
