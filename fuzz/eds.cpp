@@ -1,11 +1,14 @@
-// Any bytes as an EDS or DCF: answered within bounds, and a device made of what came out behaves like a dictionary.
+// Any bytes as an EDS or DCF: answered within bounds, a device made of what came out behaves like a dictionary, an edit
+// leaves all other bytes, and what is written anew is read as the same.
 #include <cstdint>
 #include <cstdlib>
 #include <string>
 #include <vector>
 
 #include "berth/eds/eds.hpp"
+#include "berth/eds/write.hpp"
 #include "berth/od/values.hpp"
+#include "tests/eds/random_description.hpp"
 
 namespace {
 
@@ -38,6 +41,47 @@ void use(const od::Description& description, od::Values& device, std::vector<std
   }
 }
 
+bool same(const std::vector<eds::Parameter>& a, const std::vector<eds::Parameter>& b) {
+  return std::ranges::equal(a, b, [](const eds::Parameter& x, const eds::Parameter& y) {
+    return x.object == y.object && x.type == y.type && x.value == y.value;
+  });
+}
+
+void write_and_read(const eds::File& file) {
+  const auto written = eds::write(file, {.form = eds::Form::dcf});
+  if (!written.findings.empty()) return;  // told that something is lost
+  const auto back = eds::read(written.text, "back");
+  require(back.usable());
+  const eds::File& got = back.file;
+  require(eds::test::difference(*file.description, *got.description).empty());
+  require(got.device == file.device && got.commissioning == file.commissioning);
+  require(got.comments == file.comments && got.tools == file.tools);
+  require(got.dynamic_segments == file.dynamic_segments && got.object_links == file.object_links);
+  require(got.modules == file.modules && got.connected_modules == file.connected_modules);
+  require(got.denotations == file.denotations && got.param_refs == file.param_refs);
+  require(same(got.parameters, file.parameters) && same(got.defaults, file.defaults));
+  require(eds::write(got, {.form = eds::Form::dcf}).text == written.text);
+}
+
+void edit(const eds::Document& document) {
+  require(eds::Editor(document).text() == document.text());
+  const auto sections = document.sections();
+  if (sections.empty()) return;
+  const eds::Section& section = sections[document.text().size() % sections.size()];
+  const auto name = document.name(section);
+  if (section.count == 0 || document.find(name) != &section) return;
+  const eds::Entry& entry = document.entries(section)[document.text().size() % section.count];
+  const auto key = document.key(entry);
+  if (document.find(section, key) != &entry) return;
+  eds::Editor editor(document);
+  if (!editor.set_raw(name, key, "x")) return;
+  std::string expected = document.text();
+  expected.replace(entry.value_at, entry.value_length, "x");
+  const std::string got = editor.text();
+  if (expected.compare(entry.value_at + 1, 1, ";") == 0) expected.insert(entry.value_at + 1, " ");
+  require(got == expected);
+}
+
 }  // namespace
 
 extern "C" int LLVMFuzzerTestOneInput(const std::uint8_t* data, std::size_t size) {
@@ -58,5 +102,8 @@ extern "C" int LLVMFuzzerTestOneInput(const std::uint8_t* data, std::size_t size
   device.reset(NodeId(), od::Area::application);
   use(description, device, buffer);
   for (const auto& each : reading.file.parameters) require(description.find(each.object) != nullptr);
+  edit(reading.file.document);
+  (void)eds::expand(reading.file);
+  if (reading.usable()) write_and_read(reading.file);
   return 0;
 }

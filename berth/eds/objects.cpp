@@ -103,10 +103,10 @@ void ObjectReader::run(File& file, std::uint32_t dummies) {
   missing_sections();
   compact_pdos();
   modules(file);
-  if (sections_.empty() && !context_.report().has_error()) {
+  file.description = builder_.build();
+  if (file.description->objects().empty() && !context_.report().has_error()) {
     context_.report().add(Severity::error, 0, 0, "", "no object sections: this is no EDS or DCF");
   }
-  file.description = builder_.build();
   check_mandatory(*file.description);
   check_pdo_counts(*file.description);
   // [xxxxValue] and ParameterValue may both speak of one sub-object: the builder kept the last one, so does this list.

@@ -420,6 +420,11 @@ TEST(EdsQuirks, HC4_28_ObjectLinksModulesAndUnknownSections) {
   EXPECT_TRUE(noted(read_variable(u32, "Surprise=1"), "[2000] Surprise"));
 }
 
+TEST(EdsQuirks, AFileWithoutAnObjectIsNoEds) {
+  EXPECT_TRUE(refused(read_text("[2000Value]\nNrOfEntries=1\n1=2\n"), "")) << "a list of an object that is not there";
+  EXPECT_TRUE(refused(read_text(""), ""));
+}
+
 // E2.1
 TEST(EdsQuirks, HC4_28_FileInfoDates) {
   const auto with = [](std::string_view line) {

@@ -1,9 +1,11 @@
 /// Random device descriptions and files for property tests, and a word for what differs between two.
 #pragma once
 
-#include <cmath>
-#include <set>
+#include <algorithm>
+#include <array>
+#include <memory>
 #include <string>
+#include <vector>
 
 #include "berth/base/random.hpp"
 #include "berth/eds/write.hpp"
