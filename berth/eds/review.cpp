@@ -151,8 +151,8 @@ class Review {
       const auto object = value(ref);
       if (!object || *object == 0 || !each.given || *each.given == *object) continue;
       tell(Severity::warning, ref, false, values,
-           fmt::format("the {} is {:08X}h here and {:08X}h in {}; which one does the device answer?", each.name,
-                       *object, *each.given, each.key),
+           fmt::format("the {} is {:08X}h here and {:08X}h in {}: a device answers one of them", each.name, *object,
+                       *each.given, each.key),
            "make both say what the device answers: it is found by that");
     }
     if (description_.find(0x1018) == nullptr) return;

@@ -76,7 +76,7 @@ TEST(EdsReview, EachMistakeIsFoundWhereItStands) {
   };
   const std::vector<Case> cases{
       {"DefaultValue=0x147", "DefaultValue=0x148", Severity::warning, "[1018sub1] DefaultValue",
-       "which one does the device answer"},
+       "a device answers one of them"},
       {"DefaultValue=2\n[1018sub3]", "DefaultValue=9\n[1018sub3]", Severity::warning, "[1018sub2] DefaultValue",
        "product code"},
       {"DefaultValue=3\n[1018sub4]", "DefaultValue=9\n[1018sub4]", Severity::warning, "[1018sub3] DefaultValue",
