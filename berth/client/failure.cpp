@@ -1,0 +1,42 @@
+#include "berth/client/failure.hpp"
+
+#include <fmt/format.h>
+
+#include "berth/od/abort_code.hpp"
+
+namespace berth::client {
+
+namespace {
+
+/// CiA's way to write an abort code: "0601 0002".
+std::string code_text(std::uint32_t code) { return fmt::format("{:04X} {:04X}", code >> 16, code & 0xFFFFU); }
+
+std::string happened(const Error& error) {
+  const auto code = static_cast<od::AbortCode>(error.detail);
+  switch (error.code) {
+    case Errc::aborted: return fmt::format("aborted by the device: {} ({})", od::text(code), code_text(error.detail));
+    case Errc::timeout: return fmt::format("{}: the request was on the wire, nobody answered in time", error.text);
+    case Errc::bus: return error.text;
+    case Errc::invalid:
+    case Errc::mismatch:
+      if (error.detail != 0) return fmt::format("{} ({})", error.text, code_text(error.detail));
+      return error.text;
+    default: return error.text != nullptr && *error.text != '\0' ? error.text : name(error.code);
+  }
+}
+
+}  // namespace
+
+Failure make_failure(const Error& error, const std::string& object, const std::string& what) {
+  std::string where = error.node != 0 ? fmt::format("node {}", error.node) : std::string();
+  if (!object.empty()) where += (where.empty() ? "" : ", ") + object;
+  Failure failure{error, {}};
+  failure.message = where.empty() ? what : where + ": " + what;
+  return failure;
+}
+
+Failure make_failure(const Error& error, const std::string& object) {
+  return make_failure(error, object, happened(error));
+}
+
+}  // namespace berth::client
