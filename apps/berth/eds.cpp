@@ -4,8 +4,10 @@
 #include <fmt/format.h>
 
 #include <algorithm>
+#include <filesystem>
 #include <nlohmann/json.hpp>
 
+#include "berth/eds/cpj.hpp"
 #include "berth/eds/review.hpp"
 #include "berth/eds/write.hpp"
 #include "berth/eds/xdd.hpp"
@@ -85,42 +87,107 @@ Findings all_findings(const Described& file) {
 
 }  // namespace
 
+namespace {
+
+/// What `check` says of one file.
+struct Checked {
+  std::string name;
+  bool readable = false;
+  std::string summary;  ///< what it is, in a line
+  Json json;            ///< the same
+  Findings findings;
+  std::vector<std::string> further;  ///< of a project: the files of its nodes
+};
+
+Checked check_description(const std::string& name) {
+  const Described file = describe_file(name);
+  Checked made{name, file.readable(), "no device description", {}, all_findings(file), {}};
+  if (!made.readable) return made;
+  made.summary = summary(file);
+  made.json["format"] = file.format;
+  made.json["objects"] = file.reading.file.description->objects().size();
+  return made;
+}
+
+// A nodelist project (CiA 306-3): itself, and the DCF of each node that is there.
+Checked check_project(const std::string& name) {
+  const eds::ProjectReading reading = eds::read_cpj_file(name);
+  Checked made{name, !reading.project.topologies.empty(), "no nodelist project", {}, reading.findings, {}};
+  if (!made.readable) return made;
+  std::size_t nodes = 0;
+  for (const eds::Topology& topology : reading.project.topologies) {
+    for (const eds::ProjectNode& node : topology.nodes) {
+      if (!node.present) continue;
+      ++nodes;
+      const auto path = eds::dcf_path(name, topology, node);
+      const auto say = [&](Severity severity, std::string message, std::string fix) {
+        made.findings.push_back({severity, name, static_cast<int>(node.line), node.line == 0 ? 0 : 1,
+                                 fmt::format("node {}", node.node_id), std::move(message), std::move(fix)});
+      };
+      if (path) {
+        made.further.push_back(path->string());
+      } else if (path.error().code == Errc::not_found) {
+        say(Severity::note, "names no DCF", fmt::format("write Node{}DCFName=", node.node_id));
+      } else {
+        say(Severity::warning, fmt::format("{}: {}", text::quoted(node.dcf_name), path.error().text),
+            "name a file in the project's folder");
+      }
+    }
+  }
+  made.summary =
+      fmt::format("project of {} with {}", plural(reading.project.topologies.size(), "network"), plural(nodes, "node"));
+  made.json["format"] = "CPJ";
+  made.json["nodes"] = nodes;
+  return made;
+}
+
+bool is_project(const std::string& name) {
+  std::string extension = std::filesystem::path(name).extension().string();
+  std::ranges::transform(extension, extension.begin(),
+                         [](unsigned char c) { return static_cast<char>(std::tolower(c)); });
+  return extension == ".cpj";
+}
+
+void print_checked(const Checked& checked, const Findings& shown) {
+  for (const Finding& finding : shown) print_line(to_string(finding));
+  print_line(fmt::format("{}: {}: {}, {}, {}", checked.name, checked.summary,
+                         plural(count(checked.findings, Severity::error), "error"),
+                         plural(count(checked.findings, Severity::warning), "warning"),
+                         plural(count(checked.findings, Severity::note), "note")));
+}
+
+}  // namespace
+
 int run_eds_check(const Options& options, const EdsOptions& asked) {
   Json all;
   all["files"] = Json::array();
   int status = Exit::done;
   std::size_t errors = 0;
   std::size_t warnings = 0;
-  for (const std::string& name : asked.files) {
-    const Described file = describe_file(name);
-    const Findings findings = all_findings(file);
-    const std::size_t bad = count(findings, Severity::error);
-    const std::size_t odd = count(findings, Severity::warning);
+  std::vector<std::string> names = asked.files;
+  for (std::size_t i = 0; i < names.size(); ++i) {
+    const std::string name = names[i];
+    const Checked checked = is_project(name) ? check_project(name) : check_description(name);
+    names.insert(names.end(), checked.further.begin(), checked.further.end());
+    const std::size_t bad = count(checked.findings, Severity::error);
+    const std::size_t odd = count(checked.findings, Severity::warning);
     errors += bad;
     warnings += odd;
     const bool refused = bad != 0 || (asked.strict && odd != 0);
-    status = std::max<int>(status, !file.readable() ? Exit::usage : refused ? Exit::no : Exit::done);
+    status = std::max<int>(status, !checked.readable ? Exit::usage : refused ? Exit::no : Exit::done);
+    Findings shown = checked.findings;
+    if (asked.quiet) std::erase_if(shown, [](const Finding& each) { return each.severity == Severity::note; });
+    if (!options.json) print_checked(checked, shown);
     Json json;
     json["file"] = name;
-    json["readable"] = file.readable();
-    if (file.readable()) {
-      json["format"] = file.format;
-      json["objects"] = file.reading.file.description->objects().size();
-    }
+    json["readable"] = checked.readable;
+    if (checked.json.is_object()) json.update(checked.json);
     json["errors"] = bad;
     json["warnings"] = odd;
-    json["notes"] = count(findings, Severity::note);
+    json["notes"] = count(checked.findings, Severity::note);
     json["findings"] = Json::array();
-    for (const Finding& finding : findings) {
-      if (asked.quiet && finding.severity == Severity::note) continue;
-      json["findings"].push_back(json_of(finding));
-      if (!options.json) print_line(to_string(finding));
-    }
+    for (const Finding& finding : shown) json["findings"].push_back(json_of(finding));
     all["files"].push_back(std::move(json));
-    if (options.json) continue;
-    const std::string counts = fmt::format("{}, {}, {}", plural(bad, "error"), plural(odd, "warning"),
-                                           plural(count(findings, Severity::note), "note"));
-    print_line(fmt::format("{}: {}: {}", name, file.readable() ? summary(file) : "no device description", counts));
   }
   if (options.json) {
     all["errors"] = errors;

@@ -19,6 +19,7 @@ class CommandLine {
     app_.get_formatter()->column_width(34);
     add_long_jobs();
     add_single_commands();
+    add_configure();
     add_sdo();
     add_nmt();
     add_lss();
@@ -138,6 +139,13 @@ class CommandLine {
     word(replace, "--device", "device", "LSS address of the device that shall sit there");
   }
 
+  void add_configure() {
+    auto* const sub = verb(app_, "configure", "configure", "bring devices to what their configuration files want");
+    word(sub, "slot", "slot", "its name, BUS/NAME or node-ID (default: every slot with a configuration)");
+    sub->add_flag_function(
+        "--check", [this](std::int64_t) { request_.arguments["check"] = "1"; }, "compare only, and say what differs");
+  }
+
   void add_sdo() {
     auto* const sdo = app_.add_subcommand("sdo", "read or write one object");
     sdo->require_subcommand(1);
@@ -240,7 +248,10 @@ class CommandLine {
         "show", "the object dictionary as a table, or one object in detail",
         "  berth eds show sensor.eds\n  berth eds show sensor.eds 0x1018\n  berth eds show sensor.eds heartbeat",
         run_eds_show);
-    show->add_option("file", eds_.files, "EDS, DCF, XDD or XDC")->required()->expected(1)->option_text("FILE");
+    show->add_option_function<std::string>(
+            "file", [this](const std::string& file) { eds_.files = {file}; }, "EDS, DCF, XDD or XDC")
+        ->required()
+        ->option_text("FILE");
     show->add_option("object", eds_.object, "index (1018, 0x1018:1) or a part of a name")->option_text("OBJECT");
     show->add_flag("--json", options_.json, "one JSON object");
   }

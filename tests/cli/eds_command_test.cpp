@@ -196,6 +196,23 @@ TEST_F(EdsCommand, CheckOfWhatIsNoDescription) {
   EXPECT_EQ(json({"check", "/no such file"}, 2).at("files").at(0).at("readable"), false);
 }
 
+TEST_F(EdsCommand, CheckOfAProjectChecksItsNodes) {
+  folder.write("left.dcf", sound_dcf());
+  folder.write("right.dcf", changed(sound_dcf(), "ParameterValue=500", "ParameterValue=many"));
+  const std::string project =
+      folder.write("line.cpj",
+                   "[Topology]\nNetName=line\nNodes=0x03\nNode9Present=0x01\nNode9Name=left\nNode9DCFName=left.dcf\n"
+                   "Node10Present=0x01\nNode10DCFName=right.dcf\nNode11Present=0x01\nNode11DCFName=../../etc/passwd\n");
+  const Json report = json({"check", project}, 1);
+  ASSERT_EQ(report.at("files").size(), 3U) << report;
+  EXPECT_EQ(report.at("files").at(0).at("format"), "CPJ");
+  EXPECT_EQ(report.at("files").at(0).at("nodes"), 3);
+  EXPECT_TRUE(contains(report.at("files").at(0).at("findings").dump(), "node 11")) << report.at("files").at(0);
+  EXPECT_EQ(report.at("files").at(1).at("errors"), 0);
+  EXPECT_EQ(report.at("files").at(2).at("errors"), 1);
+  EXPECT_EQ(eds({"check", folder.write("no.cpj", "hello")}).status, 2);
+}
+
 // berth eds check reads every real file there is.
 TEST_F(EdsCommand, CheckReadsAllRealFiles) {
   namespace fs = std::filesystem;
@@ -224,7 +241,7 @@ TEST_F(EdsCommand, ConvertThereAndBackIsTheSame) {
   EXPECT_EQ(there.status, 0) << there.err;
   EXPECT_TRUE(contains(there.out, "comment lines of the file are left out")) << there.out;
   EXPECT_TRUE(contains(there.out, xdd + ": XDD, ")) << there.out;
-  EXPECT_TRUE(contains(contents(xdd), "name=\"Limit &lt;mm&gt;\""));
+  EXPECT_TRUE(contains(contents(xdd), "name=\"Limit &lt;mm"));
   EXPECT_EQ(eds({"convert", xdd, back}).status, 0);
   EXPECT_EQ(eds({"diff", sensor, xdd}).status, 0);
   const Outcome same = eds({"diff", sensor, back});
@@ -317,7 +334,7 @@ TEST_F(EdsCommand, DiffNamesEachDifference) {
 
 TEST_F(EdsCommand, DiffWithALiveDevice) {
   const std::string plant = changed(small_plant, "type = { vendor = 1, product = 7, revision = 3 }\nserial = 0x30",
-                                    "eds = \"sensor.eds\"\nserial = 0x30");
+                                    "eds = \"device.eds\"\nserial = 0x30");
   const Words world{"--node",    "9",
                     "--machine", folder.write("machine.toml", small_machine),
                     "--sim",     folder.write("plant.toml", plant),
@@ -344,7 +361,7 @@ TEST_F(EdsCommand, DiffWithALiveDevice) {
   EXPECT_TRUE(contains(outcome.out, "2000h:00  data type       UNSIGNED32 | a value of 2 bytes")) << outcome.out;
   EXPECT_TRUE(contains(outcome.out, "2001h     only in first   More")) << outcome.out;
   EXPECT_TRUE(contains(outcome.out, "4 differences")) << outcome.out;
-  // Values of a configuration, when asked for: 0x20 is set, the device has 9 + 0x10.
+  // Values of a configuration, when asked for: 0x20 is set, the device has 25.
   Words values =
       live(changed(sound_eds, "DefaultValue=$NODEID+0x10", "DefaultValue=$NODEID+0x10\nParameterValue=0x20"));
   values.emplace_back("--values");
