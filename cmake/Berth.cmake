@@ -47,6 +47,7 @@ endif()
 
 function(berth_rooms)
   file(STRINGS ${PROJECT_SOURCE_DIR}/berth/floors.txt lines REGEX "^[0-9]")
+  set(rooms "")
   foreach(line IN LISTS lines)
     string(REGEX MATCH "^[0-9]+ +([a-z]+) *:(.*)$" _ "${line}")
     set(room ${CMAKE_MATCH_1})
@@ -57,15 +58,21 @@ function(berth_rooms)
     endif()
     add_library(berth_${room} STATIC ${sources})
     add_library(berth::${room} ALIAS berth_${room})
-    target_link_libraries(berth_${room} PRIVATE berth_sanitize PUBLIC berth_options berth_sanitize_link)
+    # Flags are for this build only, not for whoever uses the installed package.
+    target_link_libraries(berth_${room} PRIVATE $<BUILD_INTERFACE:berth_sanitize>
+      PUBLIC $<BUILD_INTERFACE:berth_options> $<BUILD_INTERFACE:berth_sanitize_link>)
+    list(APPEND rooms ${room})
+    set(BERTH_LINKS_${room} ${links} PARENT_SCOPE)
     foreach(link IN LISTS links)
       target_link_libraries(berth_${room} PUBLIC berth_${link})
     endforeach()
   endforeach()
 
-  # What each room needs from outside (docs/dependencies.md).
+  # What each room needs from outside (docs/dependencies.md; cmake/BerthConfig.cmake.in has the same list).
+  set(BERTH_ROOMS ${rooms} PARENT_SCOPE)
   find_package(fmt REQUIRED)
-  target_link_libraries(berth_base PUBLIC fmt::fmt)
+  find_package(tl-expected REQUIRED)
+  target_link_libraries(berth_base PUBLIC fmt::fmt tl::expected)
   find_package(tomlplusplus REQUIRED)
   find_package(nlohmann_json REQUIRED)
   find_package(pugixml REQUIRED)

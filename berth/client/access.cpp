@@ -26,14 +26,18 @@ Access::Access(RemoteNode& node, Selector selector, const Input& value) : node_(
   const auto* sub = find(selector, node.options_.check_access);
   if (failure_) return;
   if (node.options_.check_access && !od::writable(sub->access)) {
-    return refuse(Errc::invalid, od::AbortCode::read_only, "the object is read-only");
+    refuse(Errc::invalid, od::AbortCode::read_only, "the object is read-only");
+    return;
   }
   const bool described = sub != nullptr && sub->type != od::DataType::none;
   type_ = described ? sub->type : value.natural_type();
   const Complaint complaint = node.encode(described ? sub : nullptr, type_, value, data_);
   if (complaint.what == nullptr) return;
-  if (complaint.code != od::AbortCode::none) return refuse(Errc::invalid, complaint.code, complaint.what);
-  failure_ = node.wrong_type(ref_, type_, value.cpp(), "written from");
+  if (complaint.code != od::AbortCode::none) {
+    refuse(Errc::invalid, complaint.code, complaint.what);
+  } else {
+    failure_ = node.wrong_type(ref_, type_, value.cpp(), "written from");
+  }
 }
 
 const od::SubObject* Access::find(Selector selector, bool checked) {

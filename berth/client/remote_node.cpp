@@ -21,7 +21,8 @@ RemoteNode::RemoteNode(Network& network, NodeId id, std::shared_ptr<const Names>
   }
   network.add(*this);
   if (!id.configured()) return;
-  emcy_consumer_.emplace(network.dispatcher(), *this);
+  co::EmcyConsumer::Observer& observer = *this;
+  emcy_consumer_.emplace(network.dispatcher(), observer);
   emcy_consumer_->hear(id, emcy_cob_id());
 }
 

@@ -1,0 +1,40 @@
+# What `cmake --install` gives: the program, the headers and one static library a room, as Berth::<room>; see
+# BerthConfig.cmake.in for who needs which packages.
+include(GNUInstallDirs)
+include(CMakePackageConfigHelpers)
+
+set(package ${CMAKE_INSTALL_LIBDIR}/cmake/Berth)
+set(BERTH_PACKAGE_LINKS "")
+foreach(room IN LISTS BERTH_ROOMS)
+  set_target_properties(berth_${room} PROPERTIES EXPORT_NAME ${room})
+  target_include_directories(berth_${room} INTERFACE $<INSTALL_INTERFACE:${CMAKE_INSTALL_INCLUDEDIR}>)
+  target_compile_features(berth_${room} INTERFACE cxx_std_20)
+  install(TARGETS berth_${room} EXPORT BerthTargets ARCHIVE DESTINATION ${CMAKE_INSTALL_LIBDIR})
+  string(APPEND BERTH_PACKAGE_LINKS "set(_berth_links_${room} ${BERTH_LINKS_${room}})\n")
+endforeach()
+install(TARGETS berth RUNTIME DESTINATION ${CMAKE_INSTALL_BINDIR})
+install(DIRECTORY ${PROJECT_SOURCE_DIR}/berth/ DESTINATION ${CMAKE_INSTALL_INCLUDEDIR}/berth
+  FILES_MATCHING PATTERN "*.hpp")
+install(EXPORT BerthTargets NAMESPACE Berth:: DESTINATION ${package})
+
+configure_package_config_file(${CMAKE_CURRENT_LIST_DIR}/BerthConfig.cmake.in ${PROJECT_BINARY_DIR}/BerthConfig.cmake
+  INSTALL_DESTINATION ${package})
+write_basic_package_version_file(${PROJECT_BINARY_DIR}/BerthConfigVersion.cmake COMPATIBILITY SameMinorVersion)
+install(FILES ${PROJECT_BINARY_DIR}/BerthConfig.cmake ${PROJECT_BINARY_DIR}/BerthConfigVersion.cmake
+  DESTINATION ${package})
+
+# tests/install installs this build and builds a project against it.
+if(TARGET test_install)
+  foreach(room IN LISTS BERTH_ROOMS)
+    add_dependencies(test_install berth_${room})
+  endforeach()
+  get_target_property(flags berth_sanitize_link INTERFACE_LINK_OPTIONS)
+  if(NOT flags)
+    set(flags "")
+  endif()
+  string(REPLACE ";" " " flags "${flags}")
+  string(REPLACE ";" " " rooms "${BERTH_ROOMS}")
+  target_compile_definitions(test_install PRIVATE BERTH_CMAKE="${CMAKE_COMMAND}" BERTH_CXX="${CMAKE_CXX_COMPILER}"
+    BERTH_BUILD="${PROJECT_BINARY_DIR}" BERTH_LINK_FLAGS="${flags}" BERTH_ROOMS="${rooms}"
+    BERTH_GENERATOR="${CMAKE_GENERATOR}")
+endif()

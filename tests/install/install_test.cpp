@@ -1,0 +1,133 @@
+// The package that `cmake --install` gives, and a project outside that uses it: this build is installed to a folder of
+// its own, and configured, built and run against from there.
+#include <sys/wait.h>
+#include <unistd.h>
+
+#include <array>
+#include <cstdio>
+#include <cstdlib>
+#include <filesystem>
+#include <fstream>
+#include <sstream>
+
+#include "../pch.hpp"
+
+namespace {
+
+namespace fs = std::filesystem;
+
+struct Ran {
+  int status = -1;
+  std::string out;
+};
+
+/// Both streams of a command. It must not see how this build was called.
+Ran run(const std::string& command) {
+  Ran ran;
+  FILE* const pipe = ::popen(("env -u CXXFLAGS -u LDFLAGS -u CXX " + command + " 2>&1").c_str(), "r");
+  if (pipe == nullptr) return ran;
+  std::array<char, 4096> piece{};
+  while (std::fgets(piece.data(), piece.size(), pipe) != nullptr) ran.out += piece.data();
+  const int status = ::pclose(pipe);
+  ran.status = WIFEXITED(status) ? WEXITSTATUS(status) : 128;
+  return ran;
+}
+
+std::string contents(const fs::path& path) {
+  std::ifstream file(path);
+  std::ostringstream text;
+  text << file.rdbuf();
+  return text.str();
+}
+
+std::vector<std::string> rooms() {
+  std::istringstream words(BERTH_ROOMS);
+  return {std::istream_iterator<std::string>(words), {}};
+}
+
+class Install : public testing::Test {
+ protected:
+  static void SetUpTestSuite() {
+    std::string name = (fs::temp_directory_path() / "berth-install-XXXXXX").string();
+    ASSERT_NE(::mkdtemp(name.data()), nullptr);
+    folder = name;
+    const auto installed = run(std::string(BERTH_CMAKE) + " --install " BERTH_BUILD " --prefix " + name + "/prefix");
+    ASSERT_EQ(installed.status, 0) << installed.out;
+  }
+  static void TearDownTestSuite() {
+    if (!folder.empty()) fs::remove_all(folder);
+  }
+  /// Configures tests/install/outside against the package. `packages` that the machine may well have are hidden.
+  static Ran configure(const std::string& build, const std::string& rooms, const std::vector<std::string>& hidden) {
+    std::string command = std::string(BERTH_CMAKE) + " -S " BERTH_SOURCE_DIR "/tests/install/outside -B " +
+                          (folder / build).string() + " -G '" BERTH_GENERATOR "' -DCMAKE_CXX_COMPILER=" BERTH_CXX +
+                          " -DCMAKE_BUILD_TYPE=None -DCMAKE_PREFIX_PATH=" + (folder / "prefix").string() +
+                          " -DROOMS='" + rooms + "'" + " -DCMAKE_EXE_LINKER_FLAGS='" BERTH_LINK_FLAGS "'";
+    for (const auto& package : hidden) command += " -DCMAKE_DISABLE_FIND_PACKAGE_" + package + "=TRUE";
+    return run(command);
+  }
+  static fs::path package() {
+    for (const auto& entry : fs::recursive_directory_iterator(folder / "prefix")) {
+      if (entry.path().filename() == "BerthTargets.cmake") return entry.path().parent_path();
+    }
+    return {};
+  }
+  static inline fs::path folder;
+};
+
+// HU.29: the packages of the distribution, and only those that the rooms asked for need.
+TEST_F(Install, AnOutsideProjectFindsBuildsAndRuns) {
+  const auto configured =
+      configure("outside", "co;device;sim", {"SQLiteCpp", "SQLite3", "pugixml", "tomlplusplus", "nlohmann_json"});
+  ASSERT_EQ(configured.status, 0) << configured.out;
+  const auto built = run(std::string(BERTH_CMAKE) + " --build " + (folder / "outside").string());
+  ASSERT_EQ(built.status, 0) << built.out;
+  EXPECT_NE(built.out.find("unused"), std::string::npos) << "its own -Wall warns, and no -Werror of ours stops it";
+  const auto ran = run((folder / "outside" / "outside").string());
+  EXPECT_EQ(ran.status, 0);
+  EXPECT_EQ(ran.out, "node 5 has vendor-ID 0000002A\n");
+}
+
+TEST_F(Install, WhatIsMissingIsNamed) {
+  const auto without_sqlite = configure("store", "store", {"SQLiteCpp"});
+  EXPECT_NE(without_sqlite.status, 0);
+  EXPECT_NE(without_sqlite.out.find("SQLiteCpp"), std::string::npos) << without_sqlite.out;
+  const auto no_room = configure("attic", "attic", {});
+  EXPECT_NE(no_room.status, 0);
+  EXPECT_NE(no_room.out.find("Berth has no room attic; its rooms: base;"), std::string::npos) << no_room.out;
+}
+
+TEST_F(Install, EveryRoomHasItsTargetLibraryAndHeaders) {
+  const std::string targets = contents(package() / "BerthTargets.cmake");
+  for (const auto& room : rooms()) {
+    EXPECT_NE(targets.find("add_library(Berth::" + room + " STATIC IMPORTED)"), std::string::npos) << room;
+    EXPECT_TRUE(fs::exists(package() / ".." / ".." / ("libberth_" + room + ".a"))) << room;
+    for (const auto& entry : fs::directory_iterator(fs::path(BERTH_SOURCE_DIR) / "berth" / room)) {
+      if (entry.path().extension() != ".hpp") continue;
+      const auto name = fs::path("berth") / room / entry.path().filename();
+      EXPECT_EQ(contents(folder / "prefix" / "include" / name), contents(entry.path())) << name;
+    }
+  }
+  EXPECT_TRUE(fs::exists(package() / "BerthConfigVersion.cmake"));
+}
+
+TEST_F(Install, NothingOfThisBuildLeaks) {
+  for (const auto& entry : fs::directory_iterator(package())) {
+    const std::string text = contents(entry.path());
+    EXPECT_EQ(text.find("-Werror"), std::string::npos) << entry.path();
+    EXPECT_EQ(text.find("-fsanitize"), std::string::npos) << entry.path();
+    EXPECT_EQ(text.find("berth_options"), std::string::npos) << entry.path();
+    EXPECT_EQ(text.find(BERTH_SOURCE_DIR), std::string::npos) << entry.path();
+  }
+  for (const auto& entry : fs::recursive_directory_iterator(folder / "prefix" / "include")) {
+    if (entry.is_regular_file()) EXPECT_EQ(entry.path().extension(), ".hpp") << entry.path();
+  }
+}
+
+TEST_F(Install, TheProgramRuns) {
+  const auto ran = run((folder / "prefix" / "bin" / "berth").string() + " --version");
+  EXPECT_EQ(ran.status, 0) << ran.out;
+  EXPECT_NE(ran.out.find("0.1.0"), std::string::npos) << ran.out;
+}
+
+}  // namespace
