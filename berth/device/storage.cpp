@@ -22,11 +22,13 @@ od::AbortCode Device::writing_storage(ObjectRef ref, std::span<const std::uint8_
   if (!begun) return od::AbortCode::hardware;
   storing_ = ref;
   if (host_ != nullptr && timing_.deaf_while_storing) host_->deaf(TimedPort::Deaf::storing, true);
-  return od::AbortCode::none;
+  return od::AbortCode::pending;
 }
 
-void Device::parameters_written(bool) noexcept {
+void Device::parameters_written(bool ok) noexcept {
   if (host_ != nullptr) host_->deaf(TimedPort::Deaf::storing, false);
+  // Without an answer when the client gave up or a state without SDO came in between.
+  sdo_.complete(storing_, ok ? od::AbortCode::none : od::AbortCode::hardware);
 }
 
 od::AbortCode Device::ConfigurationWatch::writing(const od::Values& values, ObjectRef ref,

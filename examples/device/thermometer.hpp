@@ -9,7 +9,7 @@ class Thermometer {
  public:
   Thermometer(berth::rt::Executor& executor, berth::can::Port& port, berth::NodeId id)
       : dispatcher_(executor, port),
-        flash_(executor, 4096, std::chrono::milliseconds(20)),
+        flash_(executor, 4096, std::chrono::milliseconds(10)),
         device_(dispatcher_, dictionary(), &flash_, {.address = {0x0000'0123, 7, 0x0001'0000, 42}, .node_id = id}) {
     device_.on_write({0x2002, 0}, [this] { fan_moved = true; });  // by PDO or by SDO
     device_.power_on();

@@ -1,5 +1,7 @@
 // The device of examples/device, as a program: what it does on its bus, frame by frame.
 #include <cstdio>
+#include <fstream>
+#include <sstream>
 
 #include "../pch.hpp"
 
