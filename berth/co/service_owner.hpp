@@ -11,7 +11,8 @@ namespace berth::co {
 /// Implemented by whoever keeps the emergencies and the clock: `device::Device`, or a test.
 class ServiceOwner {
  public:
-  /// An error began: to be reported as EMCY. Told once until `clear_error` with the same code.
+  /// An error began: to be reported as EMCY. Told once until `clear_error` with the same code; only 8150h (CAN-ID
+  /// collision) is never cleared and may be told again.
   virtual void raise_error(std::uint16_t code, std::uint8_t register_bits,
                            const std::array<std::uint8_t, 5>& info) noexcept = 0;
   /// The error is gone. Only after `raise_error`.
