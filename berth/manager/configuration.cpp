@@ -6,14 +6,15 @@
 #include <array>
 #include <charconv>
 #include <chrono>
-#include <fstream>
+#include <cstdio>
 #include <map>
+#include <memory>
 #include <set>
 
 #include "berth/base/bytes.hpp"
 #include "berth/eds/concise_dcf.hpp"
 #include "berth/eds/dcf.hpp"
-#include "berth/eds/eds.hpp"
+#include "berth/eds/xdd.hpp"
 
 namespace berth::manager {
 namespace {
@@ -71,8 +72,9 @@ class Loader {
   LoadedConfiguration load() {
     auto extension = path_.extension().string();
     std::ranges::transform(extension, extension.begin(), [](unsigned char c) { return std::tolower(c); });
-    if (extension == ".dcf" || extension == ".eds") {
-      dcf();
+    const bool described = extension == ".dcf" || extension == ".eds" || extension == ".xdc" || extension == ".xdd";
+    if (described) {
+      description();
     } else {
       concise();
     }
@@ -90,8 +92,8 @@ class Loader {
                                 std::move(key), std::move(message), std::move(fix)});
   }
 
-  void dcf() {
-    auto reading = eds::read_file(path_);
+  void description() {
+    const auto reading = eds::read_any_file(path_);
     std::ranges::copy_if(reading.findings, std::back_inserter(result_.findings),
                          [](const Finding& f) { return f.severity == Finding::Severity::error; });
     if (!reading.usable()) return;
@@ -164,11 +166,15 @@ class Loader {
   }
 
   void concise() {
-    std::ifstream in(path_, std::ios::binary);
-    std::vector<std::uint8_t> bytes;
-    if (in) bytes.assign(std::istreambuf_iterator<char>(in), {});
-    if (!in || in.bad()) return error("the file cannot be read", "name a DCF or a concise DCF");
-    if (bytes.size() > longest_file) return error("the file is longer than 64 MiB", "name a concise DCF");
+    std::error_code code;
+    const auto size = std::filesystem::is_regular_file(path_, code) ? std::filesystem::file_size(path_, code) : 0;
+    if (size > longest_file) return error("the file is longer than 64 MiB", "name a concise DCF");
+    std::vector<std::uint8_t> bytes(size);
+    const std::unique_ptr<std::FILE, int (*)(std::FILE*)> in(std::fopen(path_.c_str(), "rb"), std::fclose);
+    const bool is_file = !code && std::filesystem::is_regular_file(path_, code) && in != nullptr;
+    if (!is_file || std::fread(bytes.data(), 1, bytes.size(), in.get()) != bytes.size()) {
+      return error("the file cannot be read", "name a DCF or a concise DCF");
+    }
     const auto dcf = eds::decode_concise_dcf(bytes);
     if (!dcf) {
       return error(fmt::format("this is no concise DCF: {} (byte {})", dcf.error().text, dcf.error().detail),

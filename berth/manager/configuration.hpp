@@ -1,5 +1,5 @@
-/// What a device's configuration shall be, as a file says it: a DCF (CiA 306) or a concise DCF (CiA 302-3, 1F22h).
-/// Plain data. `configurator.hpp` brings it into a device.
+/// What a device's configuration shall be, as a file says it: a DCF (CiA 306), an XDC (CiA 311) or a concise DCF
+/// (CiA 302-3, 1F22h). Plain data. `configurator.hpp` brings it into a device.
 #pragma once
 
 #include <cstdint>
@@ -56,7 +56,7 @@ struct LoadedConfiguration {
   [[nodiscard]] bool usable() const noexcept { return !has_errors(findings); }
 };
 
-/// Reads a DCF (`.dcf`, `.eds`) or a concise DCF (any other name). A DCF's DOMAINs take the content of their
+/// Reads a DCF or XDC (`.dcf`, `.eds`, `.xdc`, `.xdd`) or a concise DCF (any other name). A DCF's DOMAINs take the content of their
 /// DownloadFiles, which stand beside it. A PDO or SDO channel of which the file sets anything gets the file's default
 /// as its COB-ID when the file sets none: what an interrupted configuration switched off is switched on again.
 /// Findings: as the reader of the file has them (errors and warnings), and an error when it sets nothing.

@@ -102,6 +102,7 @@ struct LssArguments {
 [[nodiscard]] LssArguments lss_arguments(const CommandRequest& request, std::string& problem);
 
 // The verbs (commands.cpp, command_sdo.cpp, command_eds.cpp, command_lss.cpp).
+rt::Task<void> configure(Session& session, const CommandRequest& request, CommandReply& reply);
 rt::Task<void> sdo_read(Session& session, const CommandRequest& request, CommandReply& reply);
 rt::Task<void> sdo_write(Session& session, const CommandRequest& request, CommandReply& reply);
 rt::Task<void> sdo_probe(Session& session, const CommandRequest& request, CommandReply& reply);

@@ -440,6 +440,8 @@ rt::Task<void> execute(Session& session, const CommandRequest& request, CommandR
     co_await bind(session, request, reply);
   } else if (verb == "replace") {
     co_await replace(session, request, reply);
+  } else if (verb == "configure") {
+    co_await configure(session, request, reply);
   } else if (verb == "sdo read") {
     co_await sdo_read(session, request, reply);
   } else if (verb == "sdo write") {

@@ -8,6 +8,7 @@
 ///     scan              bus?
 ///     bind              bus?
 ///     replace           slot (name, "bus/name" or node-ID), device? (LSS address that shall sit there)
+///     configure         bus?, slot?, check? ("1": compare only)
 ///     sdo read          node, index, sub?, type?                  type: u8 ... vs, see od::data_type
 ///     sdo write         node, index, sub?, value, type?           without a type the value is hex bytes: "91 01 0F"
 ///     sdo probe         node, objects (hex: "1000:0,1018:0-4")     reads all; what a device refuses is told, no failure

@@ -170,6 +170,8 @@ rt::Task<bool> Network::configure_seat(Seat& seat, ConfigurationReport& report) 
     set_state(seat, SlotState::configuring,
               unsure ? "it did not answer the saving: it is reset to see what it has saved"
                      : "it is reset to take its configuration into use");
+    // Some answer first and save then: the reset before came too early for them.
+    if (attempt > 1) co_await rt::sleep_for(bus_->timing.save_timeout / 4);
     const bool back = co_await reset_and_wait(seat);
     if (!back) co_return false;
     options.trust_date = false;

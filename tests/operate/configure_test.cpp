@@ -322,13 +322,13 @@ TEST(Configuration, HU_18_AMissedBootUpMessageAfterTheResetDoesNotHang) {
 // HU.18: the first boot-up message under the new node-ID is missed.
 TEST(Configuration, HU_18_AMissedBootUpMessageDoesNotHangTheStart) {
   Rig rig(pumps({5}), plant_of(1));
+  rig.begin();
   plant::PlantEvent e;
   e.action = plant::Action::overrun;
   e.bus = "backbone";
   e.nodes = {std::string(plant::master_name)};
   e.strike.id = 0x705;
   ASSERT_TRUE(rig.world().perform(e));
-  rig.begin();
   ASSERT_TRUE(rig.until_operational(60s)) << rig.log();
   expect_configured(rig, "p1", 5);
 }
@@ -352,7 +352,9 @@ TEST(Configuration, HU_19_TimeOutsAreOptionsAndLongEnoughByDefault) {
 TEST(Configuration, ALateAnswerToTheSavingCounts) {
   auto machine = pumps({5});
   machine.buses.front().timing.save_timeout = 60ms;
-  Rig rig(machine, plant_of(1));  // 100 ms a write of its memory
+  auto plant = plant_of(1);
+  plant.devices[0].store = 40ms;  // twice: the values, and what says that they are whole
+  Rig rig(machine, plant);
   const Watch watch(rig, 5);
   rig.begin();
   ASSERT_TRUE(rig.until_operational(60s)) << rig.log();

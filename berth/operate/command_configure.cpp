@@ -1,0 +1,135 @@
+// `berth configure`: what devices have and what their files want.
+#include <fmt/format.h>
+
+#include <algorithm>
+#include <nlohmann/json.hpp>
+
+#include "berth/operate/command_parts.hpp"
+#include "berth/text/quantity.hpp"
+
+namespace berth::operate {
+namespace {
+
+struct Wish {
+  std::vector<Network*> networks;
+  std::string slot;  // empty: all that have a configuration
+  bool write = true;
+};
+
+const char* result_of(const SlotConfiguration& c, bool write) {
+  if (!c.problem.empty() || !c.report.good()) return "failed";
+  if (!write && !c.report.differences.empty()) return "differs";
+  if (c.state == places::SlotState::power_cycle) return "power cycle needed";
+  if (write && (c.state == places::SlotState::failed || c.state == places::SlotState::absent)) return "failed";
+  return c.report.changed() ? "configured" : "right";
+}
+
+std::string text_of(const SlotConfiguration& c, bool write) {
+  if (!c.problem.empty()) return c.problem;
+  const std::string result = result_of(c, write);
+  if (result == "failed" && c.report.good()) return c.reason;
+  return result == "power cycle needed" ? c.reason : summary(c.report, c.file);
+}
+
+Json json_of(const manager::Difference& d) {
+  Json json;
+  json["object"] = fmt::format("0x{:04X}:{:02X}", d.object.index, d.object.sub);
+  if (!d.name.empty()) json["name"] = d.name;
+  if (d.line != 0) json["line"] = d.line;
+  if (d.held) json["has"] = manager::print_value(d.type, *d.held);
+  json["wants"] = manager::print_value(d.type, d.wanted);
+  return json;
+}
+
+Json json_of(const SlotConfiguration& c, bool write) {
+  Json json;
+  json["bus"] = c.bus;
+  json["id"] = c.id.value();
+  json["slot"] = c.slot;
+  json["file"] = c.file;
+  json["result"] = result_of(c, write);
+  json["text"] = text_of(c, write);
+  json["differences"] = Json::array();
+  for (const auto& d : c.report.differences) json["differences"].push_back(json_of(d));
+  return json;
+}
+
+void give_result(CommandReply& reply, const std::vector<SlotConfiguration>& slots, bool write) {
+  Json json;
+  json["slots"] = Json::array();
+  std::vector<std::string> lines;
+  std::size_t wrong = 0;
+  for (const auto& c : slots) {
+    const std::string result = result_of(c, write);
+    const bool right = result == "right" || result == "configured";
+    if (!right) ++wrong;
+    json["slots"].push_back(json_of(c, write));
+    lines.push_back(fmt::format("{}  {:>3}  {}: {}: {}", c.bus, c.id.value(), c.slot, result, text_of(c, write)));
+    if (write && right) continue;
+    for (const auto& d : c.report.differences) lines.push_back("    " + describe(d, c.file));
+  }
+  json["wrong"] = wrong;
+  give(reply, json, std::move(lines));
+  reply.status = wrong == 0 ? 0 : 1;
+  if (wrong != 0) {
+    reply.error =
+        fmt::format("{} of {} slots {} not as {} file{} {} it", wrong, slots.size(), wrong == 1 ? "is" : "are",
+                    wrong == 1 ? "its" : "their", wrong == 1 ? "" : "s", wrong == 1 ? "has" : "have");
+  }
+}
+
+// Which networks; the problem is for people.
+std::string read_wish(Session& session, const CommandRequest& request, Wish& wish) {
+  Arguments arguments(request, {"bus", "slot", "check"});
+  if (!arguments.good()) return arguments.problem();
+  wish.write = !arguments.has("check");
+  const std::string bus = arguments.text("bus");
+  const std::string slot = arguments.text("slot");
+  if (!slot.empty()) {
+    Network* const network = session.network_of_slot(bus.empty() ? slot : bus + "/" + slot, wish.slot);
+    if (network == nullptr) {
+      return fmt::format("the machine has no slot {}, or several; name it as the machine file does",
+                         text::quoted(slot));
+    }
+    wish.networks = {network};
+  } else if (!bus.empty()) {
+    Network* const network = session.network(bus);
+    if (network == nullptr) return fmt::format("the machine has no bus {}", text::quoted(bus));
+    wish.networks = {network};
+  } else {
+    for (const auto& network : session.networks()) wish.networks.push_back(network.get());
+  }
+  for (const Network* const network : wish.networks) {
+    const auto usable = network_for(session, network->bus().name, Use::send);
+    if (!usable) return usable.error();
+  }
+  const auto has_config = [&](const design::Slot& s) {
+    const bool here =
+        std::ranges::any_of(wish.networks, [&](const Network* n) { return n->bus().name == s.spec.name.bus; });
+    return here && !s.spec.config.empty() && (wish.slot.empty() || s.spec.name.name == wish.slot);
+  };
+  if (std::ranges::any_of(session.machine().slots, has_config)) return {};
+  return wish.slot.empty() ? "no slot of this machine has a configuration; give one its config = \"FILE.dcf\""
+                           : fmt::format("slot {} has no configuration; give it config = \"FILE.dcf\"", wish.slot);
+}
+
+}  // namespace
+
+rt::Task<void> configure(Session& session, const CommandRequest& request, CommandReply& reply) {
+  Wish wish;
+  const std::string problem = read_wish(session, request, wish);
+  if (!problem.empty()) co_return refuse(reply, 2, problem);
+  std::vector<SlotConfiguration> slots;
+  for (Network* const network : wish.networks) {
+    if (!session.started()) {
+      const auto bound = co_await network->bind_once();
+      if (!bound && bound.error().code == Errc::bus) co_return fail_with(reply, bound.error(), "looking who is there");
+    }
+    auto done = co_await network->configure(wish.slot, wish.write);
+    if (!done) co_return fail_with(reply, done.error(), fmt::format("bus {}", network->bus().name));
+    for (auto& c : *done) slots.push_back(std::move(c));
+  }
+  give_result(reply, slots, wish.write);
+}
+
+}  // namespace berth::operate
