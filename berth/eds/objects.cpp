@@ -25,14 +25,35 @@ constexpr std::array<std::string_view, static_cast<std::size_t>(Key::count)> key
     "SubNumber",     "LowLimit",     "HighLimit",  "ObjFlags",   "CompactSubObj", "ParameterValue",
     "UploadFile",    "DownloadFile", "Denotation", "ParamRefd"};
 
+/// A key's place in `Key` by its length and two letters, which tell the words apart.
+class KeySlots {
+ public:
+  static constexpr std::uint8_t none = 0xFF;
+
+  constexpr KeySlots() {
+    slots_.fill(none);
+    for (std::size_t slot = 0; slot < key_words.size(); ++slot) {
+      std::uint8_t& place = slots_[hash(key_words[slot])];
+      if (place != none) throw "two words in one place";  // at compile time
+      place = static_cast<std::uint8_t>(slot);
+    }
+  }
+  [[nodiscard]] constexpr std::uint8_t at(std::string_view key) const noexcept { return slots_[hash(key)]; }
+
+ private:
+  static constexpr std::size_t hash(std::string_view key) noexcept {
+    if (key.size() < 3) return 0;
+    const auto letter = [key](std::size_t i) { return static_cast<unsigned char>(key[i] | 0x20); };
+    return (key.size() + letter(0) + letter(2) * 7U) % 32;
+  }
+  std::array<std::uint8_t, 32> slots_{};
+};
+constexpr KeySlots key_slots;
+
 /// A key's place in `Key`; Key::count for a key that CiA 306 does not know.
 std::size_t key_slot(std::string_view key) noexcept {
-  for (std::size_t slot = 0; slot < key_words.size(); ++slot) {
-    const std::string_view word = key_words[slot];
-    // The length tells most of the words apart before a letter is looked at.
-    if (word.size() == key.size() && ((word[0] ^ key[0]) & 0xDF) == 0 && same_word(word, key)) return slot;
-  }
-  return key_words.size();
+  const std::uint8_t slot = key_slots.at(key);
+  return slot != KeySlots::none && same_word(key_words[slot], key) ? slot : key_words.size();
 }
 
 /// Ascending by object; of several entries for one the last (or first) stays.
@@ -182,8 +203,9 @@ void ObjectReader::read_list(const Section& section, std::uint16_t first, std::u
     const bool misplaced = *index < first || *index > last || (optional && *index >= 0x2000 && *index <= 0x5FFF);
     if (misplaced)
       context_.tell(Severity::note, section, &entry, fmt::format("{:04X}h belongs in another list", *index));
-    if (listed_[*index] != 0) context_.warn(section, &entry, fmt::format("{:04X}h is listed twice", *index));
-    listed_[*index] = 1;
+    std::uint64_t& word = (*listed_)[*index / 64];
+    if ((word & bit(*index)) != 0) context_.warn(section, &entry, fmt::format("{:04X}h is listed twice", *index));
+    word |= bit(*index);
   });
   std::ranges::sort(numbers);
   for (std::size_t i = 0; i < numbers.size(); ++i) {
@@ -199,17 +221,20 @@ void ObjectReader::read_list(const Section& section, std::uint16_t first, std::u
 }
 
 void ObjectReader::check_listed(const Group& group) {
-  const std::uint8_t listed = listed_[group.index];
-  listed_[group.index] = 2;
-  if (listed == 0 && any_list_ && group.main != nullptr) {
+  const bool listed = ((*listed_)[group.index / 64] & bit(group.index)) != 0;
+  (*described_)[group.index / 64] |= bit(group.index);
+  if (!listed && any_list_ && group.main != nullptr) {
     context_.warn(*group.main, nullptr, "the object is in none of the object lists; it is kept",
                   "add it to [OptionalObjects] or [ManufacturerObjects]");
   }
 }
 
 void ObjectReader::missing_sections() {
-  for (std::uint32_t index = 0; index < listed_.size() && !too_much_; ++index) {
-    if (listed_[index] == 1) {
+  for (std::uint32_t index = 0; index < 0x10000 && !too_much_; ++index) {
+    const std::uint64_t missing = (*listed_)[index / 64] & ~(*described_)[index / 64];
+    if (missing == 0) {
+      index |= 63U;  // none of these 64
+    } else if ((missing & bit(index)) != 0) {
       context_.report().add(Severity::warning, 0, 0, fmt::format("[{:04X}]", index),
                             "the object is listed and has no section; left out");
     }

@@ -5,6 +5,7 @@
 #include <fmt/format.h>
 
 #include <array>
+#include <memory>
 #include <span>
 #include <vector>
 
@@ -159,7 +160,11 @@ class ObjectReader {
   const ReadOptions& options_;
   od::DescriptionBuilder builder_;
   std::vector<ObjectSection> sections_;
-  std::vector<std::uint8_t> listed_ = std::vector<std::uint8_t>(0x10000);  ///< 1 = in a list
+  /// One bit for each index: it is in a list; its section was read.
+  using Indices = std::array<std::uint64_t, 0x10000 / 64>;
+  static std::uint64_t bit(std::uint64_t index) noexcept { return 1ULL << (index % 64); }
+  std::unique_ptr<Indices> listed_ = std::make_unique<Indices>();
+  std::unique_ptr<Indices> described_ = std::make_unique<Indices>();
   bool any_list_ = false;
   bool dcf_ = false;
   std::string scratch_;  ///< holds a name until the builder has copied it

@@ -90,11 +90,13 @@ std::size_t Description::memory() const noexcept {
 
 // ---------------------------------------------------------------------------------------------------------------------
 
+/// Small and trivial: a big description has tens of thousands. `sub.limits_at` is a position in `State::limits` + 1.
 struct PendingSub {
   std::uint16_t index = 0;
+  Literal::Kind kind = Literal::Kind::none;
+  std::uint32_t bytes_at = 0;  ///< kind bytes: position in `State::bytes`
+  std::uint64_t raw = 0;       ///< of the default value; kind bytes: how many
   SubObject sub;
-  Literal initial;
-  Limits limits;
   [[nodiscard]] std::uint32_t key() const noexcept { return (static_cast<std::uint32_t>(index) << 8U) | sub.sub; }
 };
 
@@ -106,7 +108,11 @@ struct PendingObject {
 struct DescriptionBuilder::State {
   std::vector<PendingObject> objects;
   std::vector<PendingSub> subs;
-  std::vector<std::uint32_t> at = std::vector<std::uint32_t>(0x10000);  ///< position in `objects` + 1
+  std::vector<Limits> limits;
+  std::vector<std::uint8_t> bytes;  ///< of defaults of variable length
+  /// Position in `objects` + 1 by index, in pages of 256 that are made when the first of their indices comes.
+  using Page = std::array<std::uint32_t, 256>;
+  std::array<std::unique_ptr<Page>, 256> pages;
   std::string names;
   std::uint32_t dummies = 0;
 
@@ -115,11 +121,17 @@ struct DescriptionBuilder::State {
     names.append(name.substr(0, 0xFFFF));
     return where;
   }
-  PendingObject* find(std::uint16_t index) { return at[index] == 0 ? nullptr : &objects[at[index] - 1]; }
+  PendingObject* find(std::uint16_t index) {
+    const Page* const page = pages[index >> 8U].get();
+    const std::uint32_t at = page == nullptr ? 0 : (*page)[index & 0xFFU];
+    return at == 0 ? nullptr : &objects[at - 1];
+  }
   PendingObject& place(std::uint16_t index) {
     if (PendingObject* const found = find(index)) return *found;
     objects.emplace_back().object.index = index;
-    at[index] = static_cast<std::uint32_t>(objects.size());
+    auto& page = pages[index >> 8U];
+    if (page == nullptr) page = std::make_unique<Page>();
+    (*page)[index & 0xFFU] = static_cast<std::uint32_t>(objects.size());
     return objects.back();
   }
   void set_name(Object& object, std::string_view name) {
@@ -133,6 +145,10 @@ struct DescriptionBuilder::State {
     return found == subs.rend() ? nullptr : &*found;
   }
   void set_initial(PendingSub& pending, const Literal& value);
+  [[nodiscard]] std::span<const std::uint8_t> bytes_of(const PendingSub& pending) const {
+    return pending.kind == Literal::Kind::bytes ? std::span(bytes).subspan(pending.bytes_at, pending.raw)
+                                                : std::span<const std::uint8_t>();
+  }
   void add_sub(PendingObject& parent, const SubSpec& spec);
   void add_counts();
   void sort_subs();
@@ -142,8 +158,11 @@ void DescriptionBuilder::State::add_sub(PendingObject& parent, const SubSpec& sp
   parent.subs[spec.sub / 64] |= 1ULL << (spec.sub % 64);
   PendingSub pending;
   pending.index = parent.object.index;
-  pending.limits = {spec.low, spec.high};
   SubObject& sub = pending.sub;
+  if (spec.low.present() || spec.high.present()) {
+    limits.push_back({spec.low, spec.high});
+    sub.limits_at = static_cast<std::uint32_t>(limits.size());
+  }
   sub.name_at = add_name(spec.name);
   sub.name_length = static_cast<std::uint16_t>(std::min<std::size_t>(spec.name.size(), 0xFFFF));
   sub.type = spec.type;
@@ -154,11 +173,17 @@ void DescriptionBuilder::State::add_sub(PendingObject& parent, const SubSpec& sp
   const std::size_t fixed = byte_size(spec.type);
   sub.capacity = fixed != 0 ? static_cast<std::uint32_t>(fixed) : spec.capacity == 0 ? usual_capacity : spec.capacity;
   set_initial(pending, spec.initial);
-  subs.push_back(std::move(pending));
+  subs.push_back(pending);
 }
 
 void DescriptionBuilder::State::set_initial(PendingSub& pending, const Literal& value) {
-  pending.initial = value;
+  pending.kind = value.kind;
+  pending.raw = value.raw;
+  if (value.kind == Literal::Kind::bytes) {
+    pending.bytes_at = static_cast<std::uint32_t>(bytes.size());
+    pending.raw = value.bytes.size();
+    bytes.insert(bytes.end(), value.bytes.begin(), value.bytes.end());
+  }
   SubObject& sub = pending.sub;
   sub.has_default = value.present();
   sub.relative = value.kind == Literal::Kind::node_id_plus;
@@ -228,13 +253,17 @@ bool DescriptionBuilder::has(ObjectRef ref) const noexcept {
 std::optional<SubSpec> DescriptionBuilder::spec_of(ObjectRef ref) const {
   const PendingSub* const found = has(ref) ? state_->find(ref) : nullptr;
   if (found == nullptr) return std::nullopt;
+  const bool limited = found->sub.limits_at != 0;
+  const Limits limits = limited ? state_->limits[found->sub.limits_at - 1] : Limits{};
+  const auto bytes = state_->bytes_of(*found);
+  const bool number = found->kind != Literal::Kind::bytes;
   return SubSpec{.sub = ref.sub,
                  .type = found->sub.type,
                  .access = found->sub.access,
                  .mappable = found->sub.mappable,
-                 .initial = found->initial,
-                 .low = found->limits.low,
-                 .high = found->limits.high,
+                 .initial = {found->kind, number ? found->raw : 0, {bytes.begin(), bytes.end()}},
+                 .low = limits.low,
+                 .high = limits.high,
                  .obj_flags = found->sub.obj_flags,
                  .capacity = found->sub.variable_length() ? found->sub.capacity : 0};
 }
@@ -255,15 +284,17 @@ std::uint8_t highest_sub(std::span<const SubObject> subs) noexcept {
   return highest;
 }
 
-void put_default(std::vector<std::uint8_t>& image, const SubObject& sub, const Literal& initial) {
+/// `raw` of a scalar for the node-ID 0, `bytes` of a value of variable length.
+void put_default(std::vector<std::uint8_t>& image, const SubObject& sub, std::uint64_t raw,
+                 std::span<const std::uint8_t> bytes) {
   std::uint8_t* const at = image.data() + sub.offset;
   if (!sub.variable_length()) {
-    store(sub.type, initial.resolve(sub.type, 0), at);
+    store(sub.type, raw, at);
     return;
   }
   const bool absent = !sub.has_default && sub.type == DataType::domain;
-  store_le(at, absent ? no_value : static_cast<std::uint32_t>(initial.bytes.size()));
-  std::ranges::copy(initial.bytes, at + 4);
+  store_le(at, absent ? no_value : static_cast<std::uint32_t>(bytes.size()));
+  std::ranges::copy(bytes, at + 4);
 }
 
 }  // namespace
@@ -290,10 +321,10 @@ std::shared_ptr<const Description> DescriptionBuilder::build() {
       offset += sub.capacity + (sub.variable_length() ? 4U : 0U);
       if (sub.relative) {
         sub.default_at = static_cast<std::uint32_t>(made->relatives_.size());
-        made->relatives_.push_back({static_cast<std::uint32_t>(made->subs_.size()), next->initial.raw});
+        made->relatives_.push_back({static_cast<std::uint32_t>(made->subs_.size()), next->raw});
       }
-      if (next->limits.low.present() || next->limits.high.present()) {
-        made->limits_.push_back(std::move(next->limits));
+      if (sub.limits_at != 0) {
+        made->limits_.push_back(std::move(state.limits[sub.limits_at - 1]));
         sub.limits_at = static_cast<std::uint32_t>(made->limits_.size());
       }
       made->subs_.push_back(sub);
@@ -301,9 +332,16 @@ std::shared_ptr<const Description> DescriptionBuilder::build() {
     object.count = static_cast<std::uint16_t>(made->subs_.size() - object.first);
     made->objects_.push_back(object);
   }
+  made->names_.shrink_to_fit();
+  made->limits_.shrink_to_fit();
+  made->relatives_.shrink_to_fit();
   made->index_objects();
   made->image_.resize(offset);
-  for (std::size_t i = 0; i < state.subs.size(); ++i) put_default(made->image_, made->subs_[i], state.subs[i].initial);
+  for (std::size_t i = 0; i < state.subs.size(); ++i) {
+    const PendingSub& pending = state.subs[i];
+    const std::uint64_t raw = pending.kind == Literal::Kind::bytes ? 0 : pending.raw;
+    put_default(made->image_, made->subs_[i], raw, state.bytes_of(pending));
+  }
   for (const Object& object : made->objects_) {
     const auto subs = made->subs(object);
     if (!has_count(object.code) || subs.empty()) continue;
