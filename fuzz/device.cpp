@@ -1,8 +1,9 @@
 // Any frames at a whole device, with pauses between them: it never crashes, and whatever happened to it, after a power
 // cycle it boots and answers 1000h.
 //
-// Input: the first byte chooses the kind of device; then entries of a kind byte and up to 13 bytes: a frame on one of
-// the device's identifiers or on any, a pause, power off and on, a cut write.
+// Input: the first byte chooses the kind of device, its bit 7 one with PDOs, SYNC, TIME and stored parameters; then
+// entries of a kind byte and up to 13 bytes: a frame on one of the device's identifiers or on any, a pause, power off
+// and on, a cut write, the application's doings.
 #include <algorithm>
 #include <cstdio>
 #include <cstdlib>
@@ -51,6 +52,52 @@ class Ear final : public can::Listener {
   std::uint32_t id_;
   std::uint8_t byte0_;
 };
+
+/// Every service. Without 1006h, so that no input makes it flood the bus with SYNCs.
+std::shared_ptr<const od::Description> everything() {
+  using od::DataType;
+  using od::Literal;
+  od::DescriptionBuilder b;
+  device::add_device(b);
+  device::add_storage(b);
+  b.variable(0x1005, {.initial = Literal::number(0x80)});
+  b.variable(0x1007, {.initial = Literal::number(0)});
+  b.variable(0x1012, {.initial = Literal::number(0x8000'0100)});
+  b.variable(0x1013, {.mappable = true});
+  b.variable(0x1019, {.type = DataType::unsigned8});
+  b.object(0x1028, od::ObjectCode::array, "Emergency consumer");
+  for (std::uint8_t i = 1; i <= 3; ++i) b.sub(0x1028, {.sub = i, .initial = Literal::number(0x80U + i)});
+  b.variable(0x2000, {.type = DataType::unsigned32, .mappable = true});
+  b.variable(0x2001, {.type = DataType::boolean, .access = od::Access::rww, .mappable = true});
+  b.variable(0x2002, {.type = DataType::visible_string, .capacity = 300});
+  b.variable(0x2003,
+             {.type = DataType::unsigned24, .mappable = true, .low = Literal::number(3), .high = Literal::number(9)});
+  b.dummies(0xFE);
+  for (unsigned n = 1; n <= 3; ++n) {
+    device::add_tpdo(
+        b, n, {.map = {{{0x2000, 0}, 32}, {{0x2001, 0}, 1}}, .type = static_cast<std::uint8_t>(n == 3 ? 1 : 0xFF)});
+    device::add_rpdo(
+        b, n, {.map = {{{0x2001, 0}, 1}, {{0x2003, 0}, 24}}, .type = static_cast<std::uint8_t>(n == 3 ? 1 : 0xFF)});
+  }
+  for (const std::uint16_t list : {std::uint16_t{0x1FA0}, std::uint16_t{0x1FD0}}) {
+    b.object(list, od::ObjectCode::array, "MPDO list");
+    for (std::uint8_t i = 1; i <= 2; ++i) {
+      b.sub(list, {.sub = i, .type = list == 0x1FA0 ? DataType::unsigned32 : DataType::unsigned64});
+    }
+  }
+  return b.build();
+}
+
+/// A frame on an identifier of PDO, SYNC, TIME or EMCY.
+std::uint32_t service_id(std::uint8_t which, std::uint32_t node) {
+  switch (which & 15U) {
+    case 0: return 0x080;
+    case 1: return 0x100;
+    case 2: return 0x081;
+    case 3: return 0x080 + node;
+    default: return 0x180 + 0x80 * (which & 7U) + node;
+  }
+}
 
 can::Frame frame_of(Input& in, std::uint8_t kind, std::uint32_t node) {
   can::Frame f;
@@ -103,12 +150,15 @@ extern "C" int LLVMFuzzerTestOneInput(const std::uint8_t* data, std::size_t size
                               .reset = milliseconds(kind & 4U ? 3 : 0),
                               .deaf_while_storing = (kind & 8U) != 0,
                               .power_cycle_after_store = (kind & 16U) != 0};
-  device::SimFlash flash(world.executor(), 64, milliseconds(kind & 32U ? 4 : 0));
+  const bool full = (kind & 128U) != 0;
+  static const auto whole = everything();
+  const auto& description = full ? whole : device::minimal_description();
+  device::SimFlash flash(world.executor(), device::Device::memory_size(*description), milliseconds(kind & 32U ? 4 : 0));
   device::TimedPort port(world.executor(), *controller, timing, Random(kind));
   can::Dispatcher dispatcher(world.executor(), port);
   device::Options options{.address = {1, 2, 3, 4}, .node_id = NodeId(kind & 64U ? 0xFF : 9), .bit_rate = 500'000};
   options.bus_off_recovery = milliseconds(10);
-  device::Device device(dispatcher, device::minimal_description(), &flash, options, &port, timing);
+  device::Device device(dispatcher, description, &flash, options, &port, timing);
   device.power_on();
   world.run_for(milliseconds(1));
 
@@ -127,7 +177,19 @@ extern "C" int LLVMFuzzerTestOneInput(const std::uint8_t* data, std::size_t size
           controller->power(true);
           device.power_on();
         } else if ((what & 7U) == 1) {
-          flash.cut_after(in.byte() % 16U, in.byte());
+          flash.cut_after(in.byte() % (full ? 128U : 16U), in.byte());
+        } else if (full && (what & 7U) == 2) {
+          const auto doing = in.byte();
+          device.variable<std::uint32_t>({0x2000, 0}).set(doing);
+          device.tpdo_event(doing & 3U);
+          if ((doing & 4U) != 0) device.raise(static_cast<std::uint16_t>(0xFF00U + doing), 0x80);
+          if ((doing & 8U) != 0) device.clear(static_cast<std::uint16_t>(0xFF00U + doing - 8U));
+          device.error_behaviour(doing >> 6U);
+        } else if (full && (what & 7U) == 3) {
+          auto frame = can::Frame::base(service_id(in.byte(), node), {0, 0, 0, 0, 0, 0, 0, 0});
+          frame.size = in.byte() % 9;
+          for (unsigned i = 0; i < frame.size; ++i) frame.data[i] = in.byte();
+          me->send(frame, 0);
         } else {
           me->send(frame_of(in, what, node), 0);
           world.run_for(milliseconds(2));

@@ -44,7 +44,7 @@ struct Heartbeats : ::testing::Test, Bench {
 };
 
 // A.4: the first heartbeat one period after the boot-up, then every period, with the state of the moment.
-TEST_F(Heartbeats, ProducerTiming) {
+TEST_F(Heartbeats, A4_2_OD_1017_ProducerTiming) {
   co::HeartbeatProducer producer(other.dispatcher);
   producer.set_period(100ms);
   run(50ms);
@@ -85,7 +85,7 @@ TEST_F(Heartbeats, ProducerNeverFillsTheQueue) {
 }
 
 // Supervision starts with the first heartbeat, not with the entry and not with the boot-up message.
-TEST_F(Heartbeats, ConsumerStartsWithTheFirstHeartbeat) {
+TEST_F(Heartbeats, A4_3_HC2_6_ConsumerStartsWithTheFirstHeartbeat) {
   EXPECT_EQ(consumer.set_entry(1, 0x00050000 | 100), od::AbortCode::none);
   run(10s);
   EXPECT_TRUE(observer.log.empty());
@@ -109,7 +109,7 @@ TEST_F(Heartbeats, ConsumerStartsWithTheFirstHeartbeat) {
   EXPECT_FALSE(consumer.lost(NodeId(5)));
 }
 
-TEST_F(Heartbeats, LostExactlyAfterTheTimeSinceTheLastOne) {
+TEST_F(Heartbeats, A4_3_LostExactlyAfterTheTimeSinceTheLastOne) {
   consumer.supervise(NodeId(5), 100ms);
   beat("705#05");
   run(59ms);
@@ -140,7 +140,7 @@ TEST_F(Heartbeats, StateChangesAndTheReservedBit) {
             (Log{event(5, "started", pre), event(5, "state changed", op), event(5, "state changed", stopped)}));
 }
 
-TEST_F(Heartbeats, BootUpOfASupervisedNodeIsARemoteReset) {
+TEST_F(Heartbeats, HC2_6_BootUpOfASupervisedNodeIsARemoteReset) {
   consumer.supervise(NodeId(5), 100ms);
   beat("705#05");
   beat("705#00");
@@ -165,7 +165,7 @@ TEST_F(Heartbeats, RecoversThroughABootUp) {
 }
 
 // Complaint 24, CN#362, EO#117: a node that was never seen is told apart, once, when asked for.
-TEST_F(Heartbeats, NeverSeenIsAnEventOfItsOwn) {
+TEST_F(Heartbeats, HC2_6_HU_24_NeverSeenIsAnEventOfItsOwn) {
   consumer.set_never_seen_time(500ms);
   consumer.supervise(NodeId(5), 100ms);
   run(499ms);
@@ -181,7 +181,7 @@ TEST_F(Heartbeats, NeverSeenIsAnEventOfItsOwn) {
 }
 
 // 1016h: two active entries for one node are refused with 0604 0043; unused forms; reserved bits.
-TEST_F(Heartbeats, EntriesOf1016) {
+TEST_F(Heartbeats, HC2_6_OD_1016_EntriesOf1016) {
   using od::AbortCode;
   EXPECT_EQ(consumer.set_entry(1, 0x00050064), AbortCode::none);
   EXPECT_EQ(consumer.set_entry(2, 0x00050064), AbortCode::parameter_incompatible);
@@ -203,7 +203,7 @@ TEST_F(Heartbeats, EntriesOf1016) {
 }
 
 // Writing the value again begins supervision anew, once.
-TEST_F(Heartbeats, RewritingAnEntryStartsOnce) {
+TEST_F(Heartbeats, HC2_6_RewritingAnEntryStartsOnce) {
   consumer.set_entry(1, 0x00050064);
   beat("705#05");
   consumer.set_entry(1, 0x00050064);
@@ -305,7 +305,7 @@ struct Guarding : ::testing::Test, Bench {
 };
 
 // A.4: toggle 0 in the first answer after reset communication, then alternating; any DLC of the request.
-TEST_F(Guarding, SlaveTogglesFromZero) {
+TEST_F(Guarding, A4_4_HC2_7_SlaveTogglesFromZero) {
   slave.start(NodeId(5));
   EXPECT_EQ(ask(), "705#7F");
   EXPECT_EQ(ask("705#R0"), "705#FF");
@@ -319,7 +319,7 @@ TEST_F(Guarding, SlaveTogglesFromZero) {
   EXPECT_EQ(ask(), "");
 }
 
-TEST_F(Guarding, HeartbeatWins) {
+TEST_F(Guarding, A4_5_HC2_7_HeartbeatWins) {
   slave.set_life_time(100ms, 3);
   slave.start(NodeId(5));
   EXPECT_EQ(ask(), "705#7F");
@@ -330,7 +330,7 @@ TEST_F(Guarding, HeartbeatWins) {
 }
 
 // Life time = 100Ch x 100Dh, from the first remote frame on.
-TEST_F(Guarding, LifeGuardingStartsAtTheFirstRequest) {
+TEST_F(Guarding, A4_4_HC2_7_OD_100C_OD_100D_LifeGuardingStartsAtTheFirstRequest) {
   slave.set_life_time(100ms, 3);
   slave.start(NodeId(5));
   run(10s);
@@ -349,7 +349,7 @@ TEST_F(Guarding, LifeGuardingStartsAtTheFirstRequest) {
   EXPECT_TRUE(observer.log.empty()) << "a factor or time of 0 switches it off";
 }
 
-TEST_F(Guarding, MasterSupervisesASlave) {
+TEST_F(Guarding, A4_7_MasterSupervisesASlave) {
   slave.start(NodeId(5));
   Station station(wire);
   co::GuardingMaster guards(station.dispatcher, observer);
@@ -378,7 +378,7 @@ TEST_F(Guarding, MasterSupervisesASlave) {
   EXPECT_TRUE(wire.log.empty());
 }
 
-TEST_F(Guarding, MasterFindsAWrongToggle) {
+TEST_F(Guarding, A4_7_MasterFindsAWrongToggle) {
   Peer stuck(wire, can::only(0x705), [](Peer& self, const can::Frame& f) {
     if (f.remote) self.send("705#05");
   });

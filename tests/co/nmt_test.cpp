@@ -42,7 +42,7 @@ struct NmtSlaveTest : ::testing::Test, Bench {
   co::NmtSlave slave{device.dispatcher, owner};
 };
 
-TEST_F(NmtSlaveTest, BootsWithOneBootUpMessageIntoPreOperational) {
+TEST_F(NmtSlaveTest, A4_1_BootsWithOneBootUpMessageIntoPreOperational) {
   owner.id = NodeId(5);
   slave.power_on();
   run(1s);
@@ -53,7 +53,7 @@ TEST_F(NmtSlaveTest, BootsWithOneBootUpMessageIntoPreOperational) {
 }
 
 // Complaint 5 (CN#102): an unconfigured node waits, and leaves the initial state as soon as it gets an id.
-TEST_F(NmtSlaveTest, UnconfiguredStaysInInitialisingWithoutBootUp) {
+TEST_F(NmtSlaveTest, A3_6_UnconfiguredStaysInInitialisingWithoutBootUp) {
   owner.id = NodeId();
   slave.power_on();
   run(1s);
@@ -68,7 +68,7 @@ TEST_F(NmtSlaveTest, UnconfiguredStaysInInitialisingWithoutBootUp) {
   EXPECT_EQ(slave.state(), NmtState::pre_operational);
 }
 
-TEST_F(NmtSlaveTest, EveryCommandFromEveryState) {
+TEST_F(NmtSlaveTest, A3_2_EveryCommandFromEveryState) {
   boot();
   const std::map<std::string, NmtState> commands{{"01", NmtState::operational},
                                                  {"02", NmtState::stopped},
@@ -85,7 +85,7 @@ TEST_F(NmtSlaveTest, EveryCommandFromEveryState) {
   }
 }
 
-TEST_F(NmtSlaveTest, ResetNodeAndResetCommunicationDiffer) {
+TEST_F(NmtSlaveTest, HC2_8_ResetNodeAndResetCommunicationDiffer) {
   boot();
   after("000#8205");
   ASSERT_EQ(owner.events.size(), 3U);
@@ -97,7 +97,7 @@ TEST_F(NmtSlaveTest, ResetNodeAndResetCommunicationDiffer) {
   EXPECT_EQ(owner.events[1], "reset node");
 }
 
-TEST_F(NmtSlaveTest, OtherNodesWrongLengthsRemoteAndUnknownAreNotHeard) {
+TEST_F(NmtSlaveTest, A3_1_OtherNodesWrongLengthsRemoteAndUnknownAreNotHeard) {
   boot();
   for (const char* frame : {"000#0106", "000#01", "000#010500", "000#", "000#R2", "000#0305", "000#8305", "000#0185",
                             "000#01FF", "00000000#0105", "001#0105"}) {
@@ -140,7 +140,7 @@ TEST_F(NmtSlaveTest, BootUpWaitsForThePort) {
   EXPECT_EQ(slave.state(), NmtState::pre_operational);
 }
 
-TEST_F(NmtSlaveTest, ErrorBehaviour1029) {
+TEST_F(NmtSlaveTest, A4_8_OD_1029_ErrorBehaviour1029) {
   boot();
   const auto from = [&](NmtCommand command, std::uint8_t value) {
     slave.apply(command);
@@ -155,7 +155,7 @@ TEST_F(NmtSlaveTest, ErrorBehaviour1029) {
 }
 
 // protocol-facts A.3, the table of services.
-TEST(NmtServices, AsTheTableSays) {
+TEST(NmtServices, A3_3_AsTheTableSays) {
   using co::services_in;
   EXPECT_EQ(services_in(NmtState::initialising), (co::Services{false, false, false, false, false}));
   EXPECT_EQ(services_in(NmtState::pre_operational), (co::Services{false, true, true, true, true}));
@@ -179,7 +179,7 @@ struct NmtMasterTest : ::testing::Test, Bench {
   Peer slave{wire, can::only(0)};
 };
 
-TEST_F(NmtMasterTest, FiveCommandsToOneAndToAll) {
+TEST_F(NmtMasterTest, A3_1_FiveCommandsToOneAndToAll) {
   co::NmtMaster master(station.dispatcher);
   master.queue(NmtCommand::start, co::NmtTarget::all());
   master.queue(NmtCommand::stop, NodeId(1));
@@ -192,7 +192,7 @@ TEST_F(NmtMasterTest, FiveCommandsToOneAndToAll) {
 }
 
 // 102Ah: the inhibit time lies between commands.
-TEST_F(NmtMasterTest, InhibitTime) {
+TEST_F(NmtMasterTest, OD_102A_InhibitTime) {
   co::NmtMaster master(station.dispatcher);
   master.set_inhibit(20ms);
   for (int i = 0; i < 3; ++i) master.queue(NmtCommand::start, NodeId(3));
