@@ -1,6 +1,7 @@
 /// What SDO server and client share (CiA 301 §7.2.4; facts page A.7).
 #pragma once
 
+#include <algorithm>
 #include <array>
 #include <cstring>
 #include <optional>
@@ -13,11 +14,25 @@
 #include "berth/base/bytes.hpp"
 #include "berth/base/ids.hpp"
 #include "berth/can/frame.hpp"
+#include "berth/co/cob_id.hpp"
 #include "berth/od/abort_code.hpp"
+#include "berth/rt/executor.hpp"
 
 namespace berth::co {
 
 using od::AbortCode;
+
+/// The identifiers of one SDO channel, client to server and back (1200h.., 1280h..).
+struct SdoChannel {
+  CobId request{};
+  CobId response{};
+  /// The default channel of a node, which must be configured.
+  [[nodiscard]] static constexpr SdoChannel of(NodeId node) noexcept {
+    return {CobId(sdo_request_id(node)), CobId(sdo_response_id(node))};
+  }
+  [[nodiscard]] constexpr bool valid() const noexcept { return request.valid() && response.valid(); }
+  friend constexpr bool operator==(SdoChannel, SdoChannel) noexcept = default;
+};
 
 /// Bytes of an object as they were uploaded: little-endian, up to 16 of them without the heap. Movable.
 class SdoValue {
@@ -51,6 +66,22 @@ class SdoValue {
       large_.insert(large_.end(), bytes.begin(), bytes.end());
     }
     size_ += bytes.size();
+  }
+  /// Makes room for `bytes` in all, so that appending does not copy.
+  void reserve(std::size_t bytes) {
+    if (bytes > small_size) large_.reserve(bytes);
+  }
+  /// Puts `count` bytes at the end, to be filled in through the pointer. `drop_back` must follow, at least of 0 bytes.
+  [[nodiscard]] std::uint8_t* extend(std::size_t count) {
+    if (size_ <= small_size) large_.assign(small_.begin(), small_.begin() + static_cast<std::ptrdiff_t>(size_));
+    large_.resize(size_ + count);
+    return large_.data() + std::exchange(size_, size_ + count);
+  }
+  /// Takes away the last `count` of the bytes put by `extend`.
+  void drop_back(std::size_t count) noexcept {
+    size_ -= count;
+    if (size_ <= small_size) std::copy_n(large_.begin(), size_, small_.begin());
+    large_.resize(size_);
   }
   /// The first `count` (0..4) of the four bytes at `from`: an expedited answer.
   void set_expedited(const std::uint8_t* from, std::size_t count) noexcept {
@@ -115,6 +146,15 @@ enum class Scs : std::uint8_t {
 
 inline constexpr std::uint8_t toggle_bit = 0x10;
 inline constexpr std::size_t segment_bytes = 7;
+/// How soon a full port is tried again.
+inline constexpr rt::Duration full_retry = std::chrono::milliseconds(1);
+/// Who collects a sub-block and hears no more of it acknowledges what there is after this part of its time-out.
+inline constexpr int block_gap_part = 4;
+
+inline void address(can::Frame& frame, CobId id) noexcept {
+  frame.id = id.id();
+  frame.extended = id.extended();
+}
 
 /// An SDO frame is a base data frame of exactly 8 bytes; anything else is not heard (CiA 301 §7.2.4.3; hard-cases S16).
 [[nodiscard]] constexpr bool well_formed(const can::Frame& frame) noexcept {
@@ -136,9 +176,13 @@ inline void put(can::Frame& frame, std::uint8_t command, ObjectRef ref, std::uin
   put(frame, command, ref);
   return frame;
 }
-[[nodiscard]] inline can::Frame make_abort(std::uint32_t id, ObjectRef ref, AbortCode code) noexcept {
-  can::Frame frame = make(id, 0x80, ref);
-  store_le(frame.data.data() + 4, static_cast<std::uint32_t>(code));
+inline void put_abort(can::Frame& frame, ObjectRef ref, AbortCode code) noexcept {
+  put(frame, 0x80, ref, static_cast<std::uint32_t>(code));
+}
+[[nodiscard]] inline can::Frame make_abort(CobId id, ObjectRef ref, AbortCode code) noexcept {
+  can::Frame frame = make(0, 0x80, ref);
+  address(frame, id);
+  put_abort(frame, ref, code);
   return frame;
 }
 [[nodiscard]] inline AbortCode abort_code(const can::Frame& frame) noexcept {

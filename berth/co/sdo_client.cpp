@@ -2,7 +2,7 @@
 
 #include <algorithm>
 
-#include "berth/co/cob_id.hpp"
+#include "berth/co/sdo_client_parts.hpp"
 
 namespace berth::co {
 
@@ -10,10 +10,9 @@ using sdo::Scs;
 
 namespace {
 
-constexpr auto full_retry = std::chrono::milliseconds(1);
 constexpr const char* never_left = "the SDO request never left: nobody acknowledges, or the bus is full";
 
-const char* why(can::Queued queued) noexcept {
+const char* why_not(can::Queued queued) noexcept {
   switch (queued) {
     case can::Queued::bus_off: return "the SDO request never left: bus-off";
     case can::Queued::listen_only: return "the SDO request never left: the port is listen-only";
@@ -26,21 +25,40 @@ const char* why(can::Queued queued) noexcept {
 
 // ---- one transfer
 
+SdoTransfer::SdoTransfer(SdoLine& line, NodeId node, ObjectRef ref, const SdoOptions& options, SdoSource& source)
+    : SdoTransfer(line, node, ref, options) {
+  download_ = streamed_ = true;
+  need_extra();
+  extra_->source = &source;
+}
+
+SdoTransfer::SdoTransfer(SdoLine& line, NodeId node, ObjectRef ref, const SdoOptions& options, SdoSink& sink)
+    : SdoTransfer(line, node, ref, options) {
+  streamed_ = true;
+  need_extra();
+  extra_->sink = &sink;
+}
+
 SdoTransfer::~SdoTransfer() {
   if (state_ == State::idle || state_ == State::done) return;
-  if (state_ == State::segments) send_abort(AbortCode::general);
+  if (state_ != State::queued && state_ != State::initiate) send_abort(AbortCode::general);
   leave();
 }
 
 bool SdoTransfer::start() {
   error_.reset();
   attempts_ = 0;
+  no_block_ = false;
   if (!node_.configured()) {
     error_ = make_error(Errc::invalid, 0, "an SDO to an unconfigured node-ID");
     return false;
   }
+  if (!line_->request_.valid()) {
+    error_ = make_error(Errc::invalid, 0, "the SDO channel is not valid: bit 31 of a COB-ID is set");
+    return false;
+  }
   state_ = State::queued;
-  client_->enqueue(*this);
+  line_->enqueue(*this);
   return true;
 }
 
@@ -48,16 +66,29 @@ Error SdoTransfer::make_error(Errc code, std::uint32_t detail, const char* text)
   return {.code = code, .node = node_.value(), .sub = ref_.sub, .index = ref_.index, .detail = detail, .text = text};
 }
 
+std::optional<std::size_t> SdoTransfer::size_to_send() const noexcept {
+  return streamed_ ? extra_->source->size() : std::optional(data_.size());
+}
+
 void SdoTransfer::prepare_initiate() noexcept {
-  const auto size = data_.size();
-  if (!download_) {
-    sdo::put(request_, 0x40, ref_);
-  } else if (size >= 1 && size <= 4) {
-    sdo::put(request_, static_cast<std::uint8_t>(0x23U | ((4U - size) << 2U)), ref_);
-    for (std::size_t i = 0; i < size; ++i) request_.data[4 + i] = data_[i];
+  if (block_) return prepare_block_initiate();
+  if (!download_) return sdo::put(request_, 0x40, ref_);
+  const auto size = size_to_send();
+  if (!streamed_ && *size >= 1 && *size <= 4) {
+    sdo::put(request_, static_cast<std::uint8_t>(0x23U | ((4U - *size) << 2U)), ref_);
+    for (std::size_t i = 0; i < *size; ++i) request_.data[4 + i] = data_[i];
   } else {
-    sdo::put(request_, 0x21, ref_, static_cast<std::uint32_t>(size));
+    sdo::put(request_, size ? 0x21 : 0x20, ref_, static_cast<std::uint32_t>(size.value_or(0)));
   }
+}
+
+// False: the source cannot give its bytes once more.
+bool SdoTransfer::begin_anew() noexcept {
+  if (!streamed_ || !download_) return true;
+  if (extra_->touched && !extra_->source->rewind()) return false;
+  extra_->touched = false;
+  extra_->ahead.begin(extra_->stash);
+  return true;
 }
 
 void SdoTransfer::attempt() noexcept {
@@ -66,45 +97,53 @@ void SdoTransfer::attempt() noexcept {
   value_.clear();
   offset_ = indicated_ = 0;
   toggle_ = last_ = unsized_ = size_indicated_ = false;
-  request_.id = sdo_request_id(node_);
+  if (!begin_anew()) return fail_with(Errc::timeout, 0, "no answer to the SDO request; the source cannot begin anew");
+  block_ = wants_block();
+  sdo::address(request_, line_->request_);
   request_.size = 8;
   prepare_initiate();
   send();
 }
 
-void SdoTransfer::send() noexcept {
-  give_up_ = client_->dispatcher_->executor().now() + options_.send_timeout;
+// Sends the request, to which so many answers may come.
+void SdoTransfer::send(unsigned answers) noexcept {
+  expects_ = static_cast<std::uint8_t>(answers);
+  give_up_ = line_->dispatcher().executor().now() + options_.send_timeout;
   send_request();
 }
 
 void SdoTransfer::send_request() noexcept {
   window_ = false;
-  auto& executor = client_->dispatcher_->executor();
-  const auto queued = client_->dispatcher_->send(request_, *this);
+  auto& executor = line_->dispatcher().executor();
+  const auto queued = line_->dispatcher().send(request_, *this);
   switch (queued) {
     case can::Queued::yes: executor.at(give_up_, *this); break;
-    case can::Queued::full: executor.at(std::min(executor.now() + full_retry, give_up_), *this); break;
-    default: fail_with(Errc::bus, 0, why(queued));
+    case can::Queued::full: executor.at(std::min(executor.now() + sdo::full_retry, give_up_), *this); break;
+    default: fail_with(Errc::bus, 0, why_not(queued));
   }
 }
 
 void SdoTransfer::send_abort(AbortCode code) noexcept {
-  static_cast<void>(client_->dispatcher_->send(sdo::make_abort(sdo_request_id(node_), ref_, code)));
+  static_cast<void>(line_->dispatcher().send(sdo::make_abort(line_->request_, ref_, code)));
 }
 
 void SdoTransfer::sent(rt::Time at) noexcept {
+  if (state_ == State::closing) return complete();
   window_ = true;
-  auto& node = client_->node(node_);
-  if (node.owed < 0xFFFF) ++node.owed;
-  node.owed_until = at + client_->late_window_;
-  client_->dispatcher_->executor().at(at + options_.timeout, *this);
+  auto& line = *line_;
+  line.owed_ = static_cast<std::uint16_t>(std::min(line.owed_ + expects_, 0xFFFF));
+  line.owed_until_ = at + line.settings_->late_window;
+  const bool collecting = state_ == State::block && !download_;
+  if (collecting) extra_->heard = at;
+  const auto patience = collecting ? options_.timeout / sdo::block_gap_part : options_.timeout;
+  line.dispatcher().executor().at(at + patience, *this);
 }
 
 void SdoTransfer::run() noexcept {
   if (state_ == State::queued) return attempt();
-  if (window_) return timed_out();
-  if (!pending() && client_->dispatcher_->executor().now() < give_up_) return send_request();
-  if (pending()) client_->dispatcher_->withdraw(*this);
+  if (window_) return state_ == State::block && !download_ ? block_silence() : timed_out();
+  if (!pending() && line_->dispatcher().executor().now() < give_up_) return send_request();
+  if (pending()) line_->dispatcher().withdraw(*this);
   fail_with(Errc::bus, 0, never_left);
 }
 
@@ -115,21 +154,48 @@ void SdoTransfer::timed_out() noexcept {
 }
 
 bool SdoTransfer::answer(const can::Frame& frame) noexcept {
-  if (!window_) return false;
-  if (static_cast<Scs>(sdo::specifier(frame.data[0])) != Scs::abort) {
-    return state_ == State::initiate ? initiate_answer(frame) : segment_answer(frame);
+  // Sub-blocks: what is received is segments, and what is sent may be acknowledged before all of it is out.
+  if (state_ == State::block) {
+    if (download_) return block_acknowledged(frame);
+    if (window_ && frame.data[0] != 0x80) return block_segment(frame);
   }
+  if (!window_) return false;
+  if (static_cast<Scs>(sdo::specifier(frame.data[0])) == Scs::abort) return take_abort(frame);
+  switch (state_) {
+    case State::initiate: return initiate_answer(frame);
+    case State::segments: return segment_answer(frame);
+    case State::block_end: return end_block_upload(frame);
+    default: return false;
+  }
+}
+
+bool SdoTransfer::take_abort(const can::Frame& frame) noexcept {
   const auto object = sdo::multiplexer(frame);
   // Servers that lost the transfer (a restart) do not know the object any more.
-  if (object != ref_ && !(state_ == State::segments && object == ObjectRef{})) return false;
+  if (object != ref_ && (state_ == State::initiate || object != ObjectRef{})) return false;
   const auto code = sdo::abort_code(frame);
-  fail_with(Errc::aborted, static_cast<std::uint32_t>(code), od::text(code));
+  if (block_ && state_ == State::initiate && code == AbortCode::command_specifier && options_.fall_back) {
+    no_block_ = true;
+    --attempts_;
+    attempt();
+    return true;
+  }
+  fail_with(Errc::aborted, static_cast<std::uint32_t>(code),
+            code == AbortCode::pending ? "unknown abort code" : od::text(code));
   return true;
 }
 
 bool SdoTransfer::initiate_answer(const can::Frame& frame) noexcept {
-  const auto wanted = download_ ? Scs::download : Scs::upload;
-  if (static_cast<Scs>(sdo::specifier(frame.data[0])) != wanted || sdo::multiplexer(frame) != ref_) return false;
+  const auto command = static_cast<Scs>(sdo::specifier(frame.data[0]));
+  if (sdo::multiplexer(frame) != ref_) return false;
+  if (block_ && command == (download_ ? Scs::block_download : Scs::block_upload)) {
+    // Bits 1..0 (download) and 0 (upload) tell an initiate from an acknowledgement or an end.
+    if ((frame.data[0] & (download_ ? 0x03U : 0x01U)) != 0) return false;
+    take_block_initiate(frame);
+    return true;
+  }
+  if (download_ ? block_ || command != Scs::download : command != Scs::upload) return false;
+  block_ = false;  // the server switched the protocol
   if (!download_) {
     take_initiate(frame);
   } else if (sdo::specifier(request_.data[0]) == 1 && (request_.data[0] & 0x02U) != 0) {
@@ -141,35 +207,81 @@ bool SdoTransfer::initiate_answer(const can::Frame& frame) noexcept {
   return true;
 }
 
+// An upload begins: false when the transfer has ended by that.
+bool SdoTransfer::begin_value(bool sized, std::size_t size) noexcept {
+  size_indicated_ = sized;
+  indicated_ = size;
+  if (streamed_) {
+    const auto code = extra_->sink->begin(sized ? std::optional(size) : std::nullopt);
+    if (code == AbortCode::none) return true;
+    refuse(code, "the sink refused the upload");
+    return false;
+  }
+  if (size > options_.longest) {
+    refuse(AbortCode::out_of_memory, "the object is longer than allowed");
+    return false;
+  }
+  value_.reserve(size);
+  return true;
+}
+
 void SdoTransfer::take_initiate(const can::Frame& frame) noexcept {
   const auto byte = frame.data[0];
   const bool expedited = (byte & 0x02U) != 0;
   const bool sized = (byte & 0x01U) != 0;
-  if (expedited) {
-    unsized_ = !sized;
-    const std::size_t count = sized ? 4U - ((byte >> 2U) & 0x03U) : 4U;
+  if (!expedited) {
+    if (!begin_value(sized, sized ? load_le<std::uint32_t>(frame.data.data() + 4) : 0)) return;
+    state_ = State::segments;
+    return next_segment();
+  }
+  unsized_ = !sized;
+  const std::size_t count = sized ? 4U - ((byte >> 2U) & 0x03U) : 4U;
+  if (!streamed_) {
     value_.set_expedited(frame.data.data() + 4, count);
     return complete();
   }
-  size_indicated_ = sized;
-  indicated_ = sized ? load_le<std::uint32_t>(frame.data.data() + 4) : 0;
-  if (indicated_ > options_.longest) return refuse(AbortCode::out_of_memory, "the object is longer than allowed");
-  state_ = State::segments;
-  next_segment();
+  if (!begin_value(sized, count)) return;
+  const auto code = extra_->sink->write({frame.data.data() + 4, count});
+  if (code != AbortCode::none) return refuse(code, "the sink refused the upload");
+  complete();
+}
+
+od::Answer<std::span<const std::uint8_t>> SdoTransfer::window(std::size_t count) noexcept {
+  if (!streamed_) return data_.subspan(offset_);
+  auto& extra = *extra_;
+  extra.touched = true;
+  const auto size = extra.source->size();
+  const auto left = size ? *size - offset_ : count + 1;
+  const auto bytes = extra.ahead.want(std::min(count + 1, left),
+                                      [&extra](std::span<std::uint8_t> into) { return extra.source->read(into); });
+  if (!bytes || !size) return bytes;
+  if (bytes->size() < std::min(count + 1, left)) return od::refuse(AbortCode::no_data);
+  return bytes->first(std::min(bytes->size(), left));
+}
+
+void SdoTransfer::consume(std::size_t count) noexcept {
+  offset_ += count;
+  if (streamed_) extra_->ahead.consume(count);
 }
 
 void SdoTransfer::next_segment() noexcept {
   const unsigned toggle = toggle_ ? sdo::toggle_bit : 0U;
   if (!download_) {
     sdo::put(request_, static_cast<std::uint8_t>(0x60U | toggle), {});
-  } else {
-    const auto piece = data_.subspan(offset_, std::min(data_.size() - offset_, sdo::segment_bytes));
-    offset_ += piece.size();
-    last_ = offset_ == data_.size();
-    sdo::put(request_,
-             static_cast<std::uint8_t>(toggle | ((sdo::segment_bytes - piece.size()) << 1U) | (last_ ? 1U : 0U)), {});
-    std::ranges::copy(piece, request_.data.begin() + 1);
+    return send();
   }
+  const auto rest = window(sdo::segment_bytes);
+  if (!rest) return refuse(rest.error(), "the source gave no more bytes");
+  last_ = rest->size() <= sdo::segment_bytes;
+  const auto count = last_ ? rest->size() : sdo::segment_bytes;
+  if (last_) std::memset(request_.data.data() + 1, 0, sdo::segment_bytes);
+  request_.data[0] = static_cast<std::uint8_t>(toggle | ((sdo::segment_bytes - count) << 1U) | (last_ ? 1U : 0U));
+  if (!last_) {
+    std::memcpy(request_.data.data() + 1, rest->data(), sdo::segment_bytes);
+  } else if (count > 0) {
+    std::memcpy(request_.data.data() + 1, rest->data(), count);
+  }
+  consume(count);
   send();
 }
 
@@ -192,11 +304,18 @@ void SdoTransfer::take_segment(const can::Frame& frame) noexcept {
   if (download_) return last_ ? complete() : next_segment();
   const std::size_t count = sdo::segment_bytes - ((frame.data[0] >> 1U) & 0x07U);
   const bool last = (frame.data[0] & 0x01U) != 0;
-  const auto total = value_.size() + count;
+  const auto total = offset_ + count;
   if (size_indicated_ && total > indicated_) return refuse(AbortCode::length_too_high, "more bytes than indicated");
-  if (total > options_.longest) return refuse(AbortCode::out_of_memory, "the object is longer than allowed");
   if (count == 0 && !last) return refuse(AbortCode::general, "an empty segment that is not the last");
-  value_.append(std::span(frame.data).subspan(1, count));
+  const auto bytes = std::span(frame.data).subspan(1, count);
+  if (!streamed_) {
+    if (total > options_.longest) return refuse(AbortCode::out_of_memory, "the object is longer than allowed");
+    value_.append(bytes);
+  } else if (count > 0) {
+    const auto code = extra_->sink->write(bytes);
+    if (code != AbortCode::none) return refuse(code, "the sink refused the upload");
+  }
+  offset_ = total;
   if (!last) return next_segment();
   if (size_indicated_ && total < indicated_) return refuse(AbortCode::length_too_low, "fewer bytes than indicated");
   complete();
@@ -222,29 +341,20 @@ void SdoTransfer::leave() noexcept {
   state_ = State::done;
   window_ = false;
   cancel();
-  if (pending()) client_->dispatcher_->withdraw(*this);
-  client_->remove(*this);
+  if (pending()) line_->dispatcher().withdraw(*this);
+  if (extra_) extra_->pump.stop();
+  line_->remove(*this);
 }
 
-// ---- the client
+// ---- a channel
 
-SdoClient::SdoClient(can::Dispatcher& dispatcher, const SdoOptions& options)
-    : dispatcher_(&dispatcher), options_(options) {
-  dispatcher.add(all_sdo_responses, *this);
+void SdoLine::cancel() noexcept {
+  while (first_ != nullptr) first_->fail_with(Errc::cancelled, 0, "the SDO transfer was cancelled");
 }
 
-SdoClient::~SdoClient() {
-  for (unsigned id = 1; id <= 127; ++id) cancel(NodeId(static_cast<std::uint8_t>(id)));
-}
-
-void SdoClient::cancel(NodeId id) noexcept {
-  if (!id.configured()) return;
-  while (auto* transfer = node(id).first) transfer->fail_with(Errc::cancelled, 0, "the SDO transfer was cancelled");
-}
-
-void SdoClient::enqueue(SdoTransfer& transfer) noexcept {
+void SdoLine::enqueue(SdoTransfer& transfer) noexcept {
   transfer.next_ = nullptr;
-  SdoTransfer** end = &node(transfer.node_).first;
+  SdoTransfer** end = &first_;
   if (*end == nullptr) {
     *end = &transfer;
     return transfer.attempt();
@@ -253,32 +363,63 @@ void SdoClient::enqueue(SdoTransfer& transfer) noexcept {
   *end = &transfer;
 }
 
-void SdoClient::remove(SdoTransfer& transfer) noexcept {
-  SdoTransfer** link = &node(transfer.node_).first;
+void SdoLine::remove(SdoTransfer& transfer) noexcept {
+  SdoTransfer** link = &first_;
   const bool was_first = *link == &transfer;
   while (*link != nullptr && *link != &transfer) link = &(*link)->next_;
   if (*link == nullptr) return;
   *link = transfer.next_;
-  if (was_first && *link != nullptr) dispatcher_->executor().post(**link);
+  if (was_first && *link != nullptr) dispatcher().executor().post(**link);
+}
+
+void SdoLine::received(NodeId node, const can::Frame& frame, rt::Time at) noexcept {
+  if (!sdo::well_formed(frame)) return;
+  if (owed_ > 0 && at > owed_until_) owed_ = 0;
+  const unsigned open = first_ != nullptr && first_->window_ ? first_->expects_ : 0;
+  const bool owed = owed_ > open;
+  if (first_ != nullptr && first_->answer(frame)) {
+    if (owed_ > 0) --owed_;
+  } else if (owed) {
+    --owed_;
+    ++late_;
+  } else if (static_cast<Scs>(sdo::specifier(frame.data[0])) != Scs::abort ||
+             sdo::abort_code(frame) != AbortCode::timeout) {  // a server may give up by itself
+    ++surplus_;
+    if (settings_->observer != nullptr) settings_->observer->surplus(node, frame, at);
+  }
+}
+
+// ---- the clients
+
+SdoClient::SdoClient(can::Dispatcher& dispatcher, const SdoOptions& options)
+    : settings_{.dispatcher = &dispatcher, .options = options} {
+  for (unsigned id = 0; id < lines_.size(); ++id) {
+    lines_[id].settings_ = &settings_;
+    lines_[id].request_ = CobId(all_sdo_requests.first - 1 + id);
+  }
+  dispatcher.add(all_sdo_responses, *this);
+}
+
+SdoClient::~SdoClient() {
+  for (auto& line : lines_) line.cancel();
 }
 
 void SdoClient::received(const can::Frame& frame, rt::Time at) noexcept {
-  if (!sdo::well_formed(frame)) return;
-  const NodeId id(static_cast<std::uint8_t>(frame.id & 0x7FU));
-  Node& n = node(id);
-  if (n.owed > 0 && at > n.owed_until) n.owed = 0;
-  const unsigned open = n.first != nullptr && n.first->window_ ? 1 : 0;
-  const bool owed = n.owed > open;
-  if (n.first != nullptr && n.first->answer(frame)) {
-    if (n.owed > 0) --n.owed;
-  } else if (owed) {
-    --n.owed;
-    ++n.late;
-  } else if (static_cast<Scs>(sdo::specifier(frame.data[0])) != Scs::abort ||
-             sdo::abort_code(frame) != AbortCode::timeout) {  // a server may give up by itself
-    ++n.surplus;
-    if (observer_ != nullptr) observer_->surplus(id, frame, at);
-  }
+  const NodeId node(static_cast<std::uint8_t>(frame.id & 0x7FU));
+  line(node).received(node, frame, at);
 }
+
+SdoChannelClient::SdoChannelClient(can::Dispatcher& dispatcher, SdoChannel channel, NodeId server,
+                                   const SdoOptions& options)
+    : settings_{.dispatcher = &dispatcher, .options = options}, channel_(channel), server_(server) {
+  line_.settings_ = &settings_;
+  if (!channel.valid()) return;
+  line_.request_ = channel.request;
+  dispatcher.add(can::only(channel.response.key()), *this);
+}
+
+SdoChannelClient::~SdoChannelClient() { line_.cancel(); }
+
+void SdoChannelClient::received(const can::Frame& frame, rt::Time at) noexcept { line_.received(server_, frame, at); }
 
 }  // namespace berth::co

@@ -1,55 +1,78 @@
-/// SDO client: reads and writes objects of any node on this bus over the default channels, expedited and segmented
-/// (CiA 301 §7.2.4.3).
+/// SDO client: reads and writes objects of any node on this bus, expedited, segmented and in blocks (CiA 301 §7.2.4.3).
 ///
 ///     auto type = co_await client.read<std::uint32_t>(node, 0x1000, 0);   // Result<std::uint32_t>
 ///     auto name = co_await client.upload(node, 0x1008, 0);                // Result<SdoValue>
 ///     auto done = co_await client.write(node, 0x1017, 0, period);         // Result<void>; period: std::uint16_t
+///     auto sent = co_await client.download(node, 0x1F50, 1, source);      // Result<void>; source: an SdoSource
 ///
-/// Transfers to different nodes run side by side; those to one node wait for each other, first come, first served.
-/// Destroying an operation cancels it; a segmented transfer on its way is then aborted on the bus (0800 0000).
+/// `SdoClient` uses the default channels of all nodes, `SdoChannelClient` one channel of its own (1280h..). Transfers
+/// in different channels run side by side; those in one wait for each other, first come, first served. Destroying an
+/// operation cancels it; a transfer of several frames on its way is then aborted on the bus (0800 0000). An operation
+/// may be begun anywhere, in a callback as well: whoever waits is woken through the executor.
 #pragma once
 
 #include <array>
+#include <memory>
 #include <optional>
 
 #include "berth/base/result.hpp"
 #include "berth/can/dispatcher.hpp"
 #include "berth/co/sdo.hpp"
+#include "berth/co/sdo_stream.hpp"
 #include "berth/rt/task.hpp"
 
 namespace berth::co {
 
-/// How patient a transfer is.
+/// How an object is transferred.
+enum class SdoMode : std::uint8_t {
+  segmented,  ///< expedited up to 4 bytes, else segmented: every server can
+  block,      ///< block transfer
+  automatic,  ///< a download of `block_from` bytes or more, or of unknown size, and every upload as block transfer
+};
+
+/// How a transfer is done, and how patient it is.
 struct SdoOptions {
   rt::Duration timeout = std::chrono::seconds(1);  ///< for each answer, from the moment the request was on the wire
   rt::Duration send_timeout = std::chrono::seconds(1);  ///< for each request to get onto the wire
   unsigned retries = 0;                                 ///< new attempts of the whole transfer after a time-out
   bool abort_on_timeout = true;                         ///< tell the server (0504 0000) when giving up
-  std::size_t longest = std::size_t{16} << 20U;         ///< longest upload accepted, in bytes; else 0504 0005
+  std::size_t longest = std::size_t{16} << 20U;  ///< longest upload accepted without a sink, in bytes; else 0504 0005
+  SdoMode mode = SdoMode::segmented;
+  /// A server that does not know block transfer (0504 0001 to its initiate) is asked once more, segmented.
+  bool fall_back = true;
+  bool crc = true;                   ///< block: CRC, if the server can, too
+  std::uint8_t block_size = 127;     ///< block upload: segments in a sub-block, 1..127
+  std::uint8_t protocol_switch = 0;  ///< block upload: a server may send so few bytes (or fewer) segmented; 0 = never
+  std::size_t block_from = 64;       ///< automatic, in bytes; also its protocol switch threshold, less one
 };
 
+class SdoLine;
 class SdoClient;
+class SdoChannelClient;
 
 /// One transfer; use the derived classes. How it ends otherwise than well (node, index and sub are filled in):
 /// - Errc::aborted: the server refused; detail = abort code
 /// - Errc::timeout: the request was on the wire and nobody answered in time
 /// - Errc::bus: a request never left: bus-off, listen-only, closed port, no other node that acknowledges (detail: 0)
-/// - Errc::mismatch: the answer broke the protocol, or has another length than asked for; detail = abort code sent
-/// - Errc::invalid: the node-ID is unconfigured
-/// - Errc::cancelled: the client was destroyed
+/// - Errc::mismatch: the answer broke the protocol, or has another length than asked for, or the source or sink
+///   refused; detail = abort code sent
+/// - Errc::invalid: the node-ID is unconfigured, the channel is not valid
+/// - Errc::cancelled: the client was destroyed, or `cancel` was called
 class SdoTransfer : public rt::Operation<SdoTransfer>, private rt::Job, private can::Confirmation {
  public:
   bool start();
 
  protected:
-  SdoTransfer(SdoClient& client, NodeId node, ObjectRef ref, const SdoOptions& options) noexcept
-      : client_(&client), options_(options), ref_(ref), node_(node) {}
-  SdoTransfer(SdoClient& client, NodeId node, ObjectRef ref, const SdoOptions& options,
+  SdoTransfer(SdoLine& line, NodeId node, ObjectRef ref, const SdoOptions& options) noexcept
+      : line_(&line), options_(options), ref_(ref), node_(node) {}
+  SdoTransfer(SdoLine& line, NodeId node, ObjectRef ref, const SdoOptions& options,
               std::span<const std::uint8_t> data) noexcept
-      : SdoTransfer(client, node, ref, options) {
+      : SdoTransfer(line, node, ref, options) {
     data_ = data;
     download_ = true;
   }
+  SdoTransfer(SdoLine& line, NodeId node, ObjectRef ref, const SdoOptions& options, SdoSource& source);
+  SdoTransfer(SdoLine& line, NodeId node, ObjectRef ref, const SdoOptions& options, SdoSink& sink);
   ~SdoTransfer();
   [[nodiscard]] const std::optional<Error>& error() const noexcept { return error_; }
   [[nodiscard]] SdoValue& value() noexcept { return value_; }
@@ -59,35 +82,74 @@ class SdoTransfer : public rt::Operation<SdoTransfer>, private rt::Job, private 
   [[nodiscard]] bool unsized() const noexcept { return unsized_; }
 
  private:
+  friend class SdoLine;
   friend class SdoClient;
-  enum class State : std::uint8_t { idle, queued, initiate, segments, done };
+  friend class SdoChannelClient;
+  class Extra;
+  struct FreeExtra {
+    void operator()(Extra* extra) const noexcept;
+  };
+  enum class State : std::uint8_t {
+    idle,
+    queued,
+    initiate,
+    segments,
+    block,      // sub-blocks go out or come in
+    block_end,  // all segments are over; the end is to be confirmed, or to come
+    closing,    // block upload: the confirmation of its end is to leave
+    done,
+  };
   void run() noexcept override;
   void sent(rt::Time at) noexcept override;
   void attempt() noexcept;
-  void send() noexcept;
+  [[nodiscard]] bool begin_anew() noexcept;
+  [[nodiscard]] bool wants_block() const noexcept;
+  void send(unsigned answers = 1) noexcept;
   void send_request() noexcept;
   void send_abort(AbortCode code) noexcept;
   void next_segment() noexcept;
   void timed_out() noexcept;
   /// False when the frame is no answer to the request on its way.
   bool answer(const can::Frame& frame) noexcept;
+  bool take_abort(const can::Frame& frame) noexcept;
   bool initiate_answer(const can::Frame& frame) noexcept;
   bool segment_answer(const can::Frame& frame) noexcept;
   void take_initiate(const can::Frame& frame) noexcept;
   void take_segment(const can::Frame& frame) noexcept;
+  [[nodiscard]] bool begin_value(bool sized, std::size_t size) noexcept;
+  [[nodiscard]] od::Answer<std::span<const std::uint8_t>> window(std::size_t count) noexcept;
+  void consume(std::size_t count) noexcept;
+  [[nodiscard]] std::optional<std::size_t> size_to_send() const noexcept;
+  // Block
+  void need_extra();
+  void prepare_block_initiate() noexcept;
+  void take_block_initiate(const can::Frame& frame) noexcept;
+  void send_block(unsigned size) noexcept;
+  void pumped(rt::Time at) noexcept;
+  void stuck(can::Queued why) noexcept;
+  bool block_acknowledged(const can::Frame& frame) noexcept;
+  void end_block_download() noexcept;
+  bool block_segment(const can::Frame& frame) noexcept;
+  void begin_sub_block(unsigned size) noexcept;
+  void acknowledge_block() noexcept;
+  [[nodiscard]] AbortCode keep_block(std::size_t count, std::size_t unused) noexcept;
+  bool end_block_upload(const can::Frame& frame) noexcept;
+  void block_silence() noexcept;
+  // Ends
   void refuse(AbortCode code, const char* text) noexcept;
   void complete() noexcept;
   void fail_with(Errc code, std::uint32_t detail, const char* text) noexcept;
   void leave() noexcept;
   void prepare_initiate() noexcept;
 
-  SdoClient* client_;
-  SdoTransfer* next_ = nullptr;  // waits behind this one for the same node
+  SdoLine* line_;
+  SdoTransfer* next_ = nullptr;  // waits behind this one in the same channel
   SdoOptions options_;
   std::span<const std::uint8_t> data_;
   SdoValue value_;
   std::optional<Error> error_;
-  std::size_t offset_ = 0;
+  std::unique_ptr<Extra, FreeExtra> extra_;  // what streams and block transfers need
+  std::size_t offset_ = 0;                   // bytes done
   std::size_t indicated_ = 0;
   rt::Time give_up_{};  // for the request that waits for the wire
   can::Frame request_;  // the newest, in case the port was full
@@ -95,19 +157,23 @@ class SdoTransfer : public rt::Operation<SdoTransfer>, private rt::Job, private 
   ObjectRef ref_;
   NodeId node_;
   State state_ = State::idle;
+  std::uint8_t expects_ = 1;  // answers to the newest request that are still to come
   bool download_ = false;
   bool toggle_ = false;
   bool window_ = false;  // the request is on the wire: answers count
   bool last_ = false;
   bool unsized_ = false;
   bool size_indicated_ = false;
+  bool block_ = false;     // this attempt is a block transfer
+  bool no_block_ = false;  // the server does not know them
+  bool streamed_ = false;  // by source or sink
 };
 
 /// Reads an object of any length.
 class SdoUpload final : public SdoTransfer {
  public:
-  SdoUpload(SdoClient& client, NodeId node, ObjectRef ref, const SdoOptions& options) noexcept
-      : SdoTransfer(client, node, ref, options) {}
+  SdoUpload(SdoLine& line, NodeId node, ObjectRef ref, const SdoOptions& options) noexcept
+      : SdoTransfer(line, node, ref, options) {}
   Result<SdoValue> await_resume() {
     if (error()) return fail(*error());
     return std::move(value());
@@ -118,8 +184,8 @@ class SdoUpload final : public SdoTransfer {
 template <class T>
 class SdoRead final : public SdoTransfer {
  public:
-  SdoRead(SdoClient& client, NodeId node, ObjectRef ref, const SdoOptions& options) noexcept
-      : SdoTransfer(client, node, ref, options) {}
+  SdoRead(SdoLine& line, NodeId node, ObjectRef ref, const SdoOptions& options) noexcept
+      : SdoTransfer(line, node, ref, options) {}
   Result<T> await_resume() noexcept {
     if (error()) return fail(*error());
     if (unsized() && value().size() > sizeof(T)) {
@@ -133,9 +199,9 @@ class SdoRead final : public SdoTransfer {
 /// Writes bytes, which must stay until it is done.
 class SdoDownload final : public SdoTransfer {
  public:
-  SdoDownload(SdoClient& client, NodeId node, ObjectRef ref, const SdoOptions& options,
+  SdoDownload(SdoLine& line, NodeId node, ObjectRef ref, const SdoOptions& options,
               std::span<const std::uint8_t> data) noexcept
-      : SdoTransfer(client, node, ref, options, data) {}
+      : SdoTransfer(line, node, ref, options, data) {}
   Result<void> await_resume() const noexcept {
     if (error()) return fail(*error());
     return {};
@@ -146,8 +212,8 @@ class SdoDownload final : public SdoTransfer {
 template <class T>
 class SdoWrite final : public SdoTransfer {
  public:
-  SdoWrite(SdoClient& client, NodeId node, ObjectRef ref, const SdoOptions& options, T value) noexcept
-      : SdoTransfer(client, node, ref, options, {}) {
+  SdoWrite(SdoLine& line, NodeId node, ObjectRef ref, const SdoOptions& options, T value) noexcept
+      : SdoTransfer(line, node, ref, options, {}) {
     if constexpr (std::is_same_v<T, bool>) {
       bytes_[0] = value ? 1 : 0;
     } else {
@@ -164,91 +230,210 @@ class SdoWrite final : public SdoTransfer {
   std::array<std::uint8_t, sizeof(T)> bytes_{};
 };
 
+/// Writes what a source gives; the source must stay until it is done. Always segmented or block.
+class SdoStreamDownload final : public SdoTransfer {
+ public:
+  SdoStreamDownload(SdoLine& line, NodeId node, ObjectRef ref, const SdoOptions& options, SdoSource& source)
+      : SdoTransfer(line, node, ref, options, source) {}
+  Result<void> await_resume() const noexcept {
+    if (error()) return fail(*error());
+    return {};
+  }
+};
+
+/// Reads into a sink, which must stay until it is done.
+class SdoStreamUpload final : public SdoTransfer {
+ public:
+  SdoStreamUpload(SdoLine& line, NodeId node, ObjectRef ref, const SdoOptions& options, SdoSink& sink)
+      : SdoTransfer(line, node, ref, options, sink) {}
+  Result<void> await_resume() const noexcept {
+    if (error()) return fail(*error());
+    return {};
+  }
+};
+
+/// Told of answers that nobody asked for.
+class SdoObserver {
+ public:
+  /// A second answer to one request: two devices share `node`'s node-ID, or another client uses its channel.
+  virtual void surplus(NodeId node, const can::Frame& frame, rt::Time at) noexcept = 0;
+
+ protected:
+  ~SdoObserver() = default;
+};
+
+/// What the channels of one client have in common.
+struct SdoClientSettings {
+  can::Dispatcher* dispatcher;
+  SdoOptions options{};
+  SdoObserver* observer = nullptr;
+  rt::Duration late_window = std::chrono::seconds(5);
+};
+
+/// One channel as its client sees it: the transfers in it, one behind the other. A part of the clients below.
+class SdoLine {
+ public:
+  SdoLine() = default;
+  SdoLine(const SdoLine&) = delete;
+  SdoLine& operator=(const SdoLine&) = delete;
+
+ private:
+  friend class SdoTransfer;
+  friend class SdoClient;
+  friend class SdoChannelClient;
+  void received(NodeId node, const can::Frame& frame, rt::Time at) noexcept;
+  void enqueue(SdoTransfer& transfer) noexcept;
+  void remove(SdoTransfer& transfer) noexcept;
+  void cancel() noexcept;
+  [[nodiscard]] can::Dispatcher& dispatcher() const noexcept { return *settings_->dispatcher; }
+
+  const SdoClientSettings* settings_ = nullptr;
+  SdoTransfer* first_ = nullptr;  // on its way; others wait behind it
+  CobId request_;
+  std::uint32_t surplus_ = 0;
+  std::uint32_t late_ = 0;
+  std::uint16_t owed_ = 0;  // answers that requests on the wire have not had
+  rt::Time owed_until_{};
+};
+
 class SdoClient final : private can::Handler {
  public:
-  /// Told of answers that nobody asked for.
-  class Observer {
-   public:
-    /// A second answer to one request: two devices share `node`'s node-ID, or another client uses its default channel.
-    virtual void surplus(NodeId node, const can::Frame& frame, rt::Time at) noexcept = 0;
-
-   protected:
-    ~Observer() = default;
-  };
+  using Observer = SdoObserver;
 
   explicit SdoClient(can::Dispatcher& dispatcher, const SdoOptions& options = {});
   /// Ends all transfers with Errc::cancelled.
   ~SdoClient();
 
   [[nodiscard]] SdoUpload upload(NodeId node, std::uint16_t index, std::uint8_t sub) noexcept {
-    return SdoUpload(*this, node, {index, sub}, options_);
+    return SdoUpload(line(node), node, {index, sub}, options());
   }
   [[nodiscard]] SdoUpload upload(NodeId node, std::uint16_t index, std::uint8_t sub,
                                  const SdoOptions& options) noexcept {
-    return SdoUpload(*this, node, {index, sub}, options);
+    return SdoUpload(line(node), node, {index, sub}, options);
+  }
+  [[nodiscard]] SdoStreamUpload upload(NodeId node, std::uint16_t index, std::uint8_t sub, SdoSink& sink,
+                                       const SdoOptions& options) {
+    return SdoStreamUpload(line(node), node, {index, sub}, options, sink);
+  }
+  [[nodiscard]] SdoStreamUpload upload(NodeId node, std::uint16_t index, std::uint8_t sub, SdoSink& sink) {
+    return upload(node, index, sub, sink, options());
   }
   [[nodiscard]] SdoDownload download(NodeId node, std::uint16_t index, std::uint8_t sub,
                                      std::span<const std::uint8_t> data) noexcept {
-    return SdoDownload(*this, node, {index, sub}, options_, data);
+    return SdoDownload(line(node), node, {index, sub}, options(), data);
   }
   [[nodiscard]] SdoDownload download(NodeId node, std::uint16_t index, std::uint8_t sub,
                                      std::span<const std::uint8_t> data, const SdoOptions& options) noexcept {
-    return SdoDownload(*this, node, {index, sub}, options, data);
+    return SdoDownload(line(node), node, {index, sub}, options, data);
+  }
+  [[nodiscard]] SdoStreamDownload download(NodeId node, std::uint16_t index, std::uint8_t sub, SdoSource& source,
+                                           const SdoOptions& options) {
+    return SdoStreamDownload(line(node), node, {index, sub}, options, source);
+  }
+  [[nodiscard]] SdoStreamDownload download(NodeId node, std::uint16_t index, std::uint8_t sub, SdoSource& source) {
+    return download(node, index, sub, source, options());
   }
   template <class T>
   [[nodiscard]] SdoRead<T> read(NodeId node, std::uint16_t index, std::uint8_t sub) noexcept {
-    return SdoRead<T>(*this, node, {index, sub}, options_);
+    return SdoRead<T>(line(node), node, {index, sub}, options());
   }
   template <class T>
   [[nodiscard]] SdoRead<T> read(NodeId node, std::uint16_t index, std::uint8_t sub,
                                 const SdoOptions& options) noexcept {
-    return SdoRead<T>(*this, node, {index, sub}, options);
+    return SdoRead<T>(line(node), node, {index, sub}, options);
   }
   template <class T>
   [[nodiscard]] SdoWrite<T> write(NodeId node, std::uint16_t index, std::uint8_t sub, T value) noexcept {
-    return SdoWrite<T>(*this, node, {index, sub}, options_, value);
+    return SdoWrite<T>(line(node), node, {index, sub}, options(), value);
   }
   template <class T>
   [[nodiscard]] SdoWrite<T> write(NodeId node, std::uint16_t index, std::uint8_t sub, T value,
                                   const SdoOptions& options) noexcept {
-    return SdoWrite<T>(*this, node, {index, sub}, options, value);
+    return SdoWrite<T>(line(node), node, {index, sub}, options, value);
   }
 
   /// Ends the transfers of a node with Errc::cancelled, without a frame: the node was reset or is gone.
-  void cancel(NodeId node) noexcept;
+  void cancel(NodeId node) noexcept {
+    if (node.configured()) line(node).cancel();
+  }
 
-  void set_options(const SdoOptions& options) noexcept { options_ = options; }
-  [[nodiscard]] const SdoOptions& options() const noexcept { return options_; }
-  void set_observer(Observer* observer) noexcept { observer_ = observer; }
+  void set_options(const SdoOptions& options) noexcept { settings_.options = options; }
+  [[nodiscard]] const SdoOptions& options() const noexcept { return settings_.options; }
+  void set_observer(Observer* observer) noexcept { settings_.observer = observer; }
   /// How long an answer may come late after its request timed out and still not count as surplus. Default 5 s.
-  void set_late_window(rt::Duration window) noexcept { late_window_ = window; }
+  void set_late_window(rt::Duration window) noexcept { settings_.late_window = window; }
 
-  /// Answers of this node that no request had asked for (see `Observer::surplus`).
-  [[nodiscard]] std::uint32_t surplus(NodeId node) const noexcept { return nodes_[node.value() & 0x7FU].surplus; }
+  /// Answers of this node that no request had asked for (see `SdoObserver::surplus`).
+  [[nodiscard]] std::uint32_t surplus(NodeId node) const noexcept { return line(node).surplus_; }
   /// Answers to requests that were given up before.
-  [[nodiscard]] std::uint32_t late(NodeId node) const noexcept { return nodes_[node.value() & 0x7FU].late; }
+  [[nodiscard]] std::uint32_t late(NodeId node) const noexcept { return line(node).late_; }
   /// Transfers under way or waiting.
-  [[nodiscard]] bool busy(NodeId node) const noexcept { return nodes_[node.value() & 0x7FU].first != nullptr; }
+  [[nodiscard]] bool busy(NodeId node) const noexcept { return line(node).first_ != nullptr; }
 
  private:
-  friend class SdoTransfer;
-  struct Node {
-    SdoTransfer* first = nullptr;  // on its way; others wait behind it
-    std::uint32_t surplus = 0;
-    std::uint32_t late = 0;
-    std::uint16_t owed = 0;  // answers that requests on the wire have not had
-    rt::Time owed_until{};
-  };
   void received(const can::Frame& frame, rt::Time at) noexcept override;
-  [[nodiscard]] Node& node(NodeId id) noexcept { return nodes_[id.value()]; }
-  void enqueue(SdoTransfer& transfer) noexcept;
-  void remove(SdoTransfer& transfer) noexcept;
+  // A transfer to an unconfigured node-ID fails before it uses its line.
+  [[nodiscard]] SdoLine& line(NodeId id) noexcept { return lines_[id.value() & 0x7FU]; }
+  [[nodiscard]] const SdoLine& line(NodeId id) const noexcept { return lines_[id.value() & 0x7FU]; }
 
-  can::Dispatcher* dispatcher_;
-  SdoOptions options_;
-  Observer* observer_ = nullptr;
-  rt::Duration late_window_ = std::chrono::seconds(5);
-  std::array<Node, 128> nodes_{};
+  SdoClientSettings settings_;
+  std::array<SdoLine, 128> lines_;
+};
+
+/// The client of one channel: an additional SDO client (1280h..12FFh), or any pair of COB-IDs. `server`: the node that
+/// answers, for errors and `SdoObserver`.
+class SdoChannelClient final : private can::Handler {
+ public:
+  SdoChannelClient(can::Dispatcher& dispatcher, SdoChannel channel, NodeId server, const SdoOptions& options = {});
+  /// Ends all transfers with Errc::cancelled.
+  ~SdoChannelClient();
+
+  [[nodiscard]] SdoUpload upload(std::uint16_t index, std::uint8_t sub) noexcept {
+    return SdoUpload(line_, server_, {index, sub}, settings_.options);
+  }
+  [[nodiscard]] SdoUpload upload(std::uint16_t index, std::uint8_t sub, const SdoOptions& options) noexcept {
+    return SdoUpload(line_, server_, {index, sub}, options);
+  }
+  [[nodiscard]] SdoStreamUpload upload(std::uint16_t index, std::uint8_t sub, SdoSink& sink,
+                                       const SdoOptions& options) {
+    return SdoStreamUpload(line_, server_, {index, sub}, options, sink);
+  }
+  [[nodiscard]] SdoDownload download(std::uint16_t index, std::uint8_t sub,
+                                     std::span<const std::uint8_t> data) noexcept {
+    return SdoDownload(line_, server_, {index, sub}, settings_.options, data);
+  }
+  [[nodiscard]] SdoDownload download(std::uint16_t index, std::uint8_t sub, std::span<const std::uint8_t> data,
+                                     const SdoOptions& options) noexcept {
+    return SdoDownload(line_, server_, {index, sub}, options, data);
+  }
+  [[nodiscard]] SdoStreamDownload download(std::uint16_t index, std::uint8_t sub, SdoSource& source,
+                                           const SdoOptions& options) {
+    return SdoStreamDownload(line_, server_, {index, sub}, options, source);
+  }
+  template <class T>
+  [[nodiscard]] SdoRead<T> read(std::uint16_t index, std::uint8_t sub) noexcept {
+    return SdoRead<T>(line_, server_, {index, sub}, settings_.options);
+  }
+  template <class T>
+  [[nodiscard]] SdoWrite<T> write(std::uint16_t index, std::uint8_t sub, T value) noexcept {
+    return SdoWrite<T>(line_, server_, {index, sub}, settings_.options, value);
+  }
+
+  /// Ends the transfers with Errc::cancelled, without a frame.
+  void cancel() noexcept { line_.cancel(); }
+  void set_options(const SdoOptions& options) noexcept { settings_.options = options; }
+  [[nodiscard]] const SdoOptions& options() const noexcept { return settings_.options; }
+  void set_observer(SdoObserver* observer) noexcept { settings_.observer = observer; }
+  [[nodiscard]] NodeId server() const noexcept { return server_; }
+  [[nodiscard]] SdoChannel channel() const noexcept { return channel_; }
+  [[nodiscard]] bool busy() const noexcept { return line_.first_ != nullptr; }
+
+ private:
+  void received(const can::Frame& frame, rt::Time at) noexcept override;
+  SdoClientSettings settings_;
+  SdoLine line_;
+  SdoChannel channel_;
+  NodeId server_;
 };
 
 }  // namespace berth::co

@@ -2,253 +2,208 @@
 
 #include <algorithm>
 
-#include "berth/co/cob_id.hpp"
-
 namespace berth::co {
 
 using sdo::Ccs;
 
-namespace {
-constexpr auto full_retry = std::chrono::milliseconds(1);
-}  // namespace
-
-SdoServer::SdoServer(od::Values& values, std::size_t buffer)
-    : values_(&values), buffer_(std::make_unique<std::uint8_t[]>(buffer)), capacity_(buffer) {}
+SdoServer::SdoServer(od::Values& values, std::size_t buffer) : data_(values, buffer) {}
 
 std::optional<can::Frame> SdoServer::handle(const can::Frame& request) noexcept {
-  std::optional<can::Frame> answer;
-  if (!sdo::well_formed(request)) return answer;
-  const auto command = static_cast<Ccs>(sdo::specifier(request.data[0]));
-  if (command == Ccs::abort) {
-    reset();
-    return answer;
-  }
-  if (state_ == State::pending && std::ranges::equal(pending_request_, request.bytes())) return answer;
-  answer.emplace();
-  answer->id = response_id_;
-  answer->size = 8;
-  switch (command) {
-    case Ccs::download: begin_download(request, *answer); break;
-    case Ccs::upload:
-      ref_ = sdo::multiplexer(request);
-      begin_upload(*answer);
-      break;
-    case Ccs::download_segment: download_segment(request, *answer); break;
-    case Ccs::upload_segment: upload_segment(request, *answer); break;
-    default: refuse_unknown(request, *answer);
-  }
-  if (state_ == State::pending) answer.reset();
-  return answer;
+  can::Frame answer;
+  return handle(request, answer) ? std::optional(answer) : std::nullopt;
 }
 
-std::optional<ObjectRef> SdoServer::pending() const noexcept {
-  return state_ == State::pending ? std::optional(ref_) : std::nullopt;
+bool SdoServer::handle(const can::Frame& request, can::Frame& answer) noexcept {
+  if (!sdo::well_formed(request)) return false;
+  sdo::address(answer, response_id_);
+  answer.size = 8;
+  return respond(request, answer);
 }
 
-void SdoServer::defer(const can::Frame& request, const can::Frame& answer) noexcept {
+bool SdoServer::respond(const can::Frame& request, can::Frame& answer) noexcept {
+  // In a sub-block every first byte but the abort's is a segment number.
+  if (state_ == State::block_download) return block_segment(request, answer);
+  if (state_ == State::block_download_end && receiver_.repeats_last(request)) return false;
+  if (state_ == State::pending && !while_pending(request)) return false;
+  switch (static_cast<Ccs>(sdo::specifier(request.data[0]))) {
+    case Ccs::abort: reset(); return false;
+    case Ccs::download: return begin_download(request, answer);
+    case Ccs::upload: ref_ = sdo::multiplexer(request); return begin_upload(answer);
+    case Ccs::download_segment: return download_segment(request, answer);
+    case Ccs::upload_segment: return upload_segment(request, answer);
+    case Ccs::block_download: return block_download(request, answer);
+    case Ccs::block_upload: return block_upload(request, answer);
+    default: return refuse_unknown(request, answer);
+  }
+}
+
+// ---- ends
+
+// False: the request is not to be looked at. Only an abort and a new initiate end the waiting.
+bool SdoServer::while_pending(const can::Frame& request) noexcept {
+  if (std::ranges::equal(pending_request_, request.bytes())) return false;
+  const auto byte = request.data[0];
+  switch (static_cast<Ccs>(sdo::specifier(byte))) {
+    case Ccs::abort:
+    case Ccs::download:
+    case Ccs::upload: return true;
+    case Ccs::block_download: return (byte & 0x01U) == 0;
+    case Ccs::block_upload: return (byte & 0x03U) == 0;
+    default: return false;
+  }
+}
+
+// The outcome of something that may be pending: the answer is what confirms it.
+bool SdoServer::confirm_or_defer(const can::Frame& request, can::Frame& answer, AbortCode code, State then) noexcept {
+  if (code == AbortCode::none) {
+    state_ = then;
+    return true;
+  }
+  if (code != AbortCode::pending) return abort(answer, code);
   state_ = State::pending;
-  pending_answer_ = answer;
+  then_ = then;
   std::ranges::copy(request.bytes(), pending_request_.begin());
+  std::ranges::copy(answer.bytes(), pending_answer_.begin());
+  return false;
 }
 
 std::optional<can::Frame> SdoServer::complete(AbortCode code) noexcept {
   if (state_ != State::pending || code == AbortCode::pending) return std::nullopt;
-  reset();
-  return code == AbortCode::none ? pending_answer_ : sdo::make_abort(response_id_, ref_, code);
+  can::Frame answer = can::Frame::base(0, pending_answer_);
+  sdo::address(answer, response_id_);
+  state_ = then_;
+  if (code != AbortCode::none) abort(answer, code);
+  return answer;
 }
 
 std::optional<can::Frame> SdoServer::expire() noexcept {
   if (!busy() || state_ == State::pending) return std::nullopt;
-  reset();
-  return sdo::make_abort(response_id_, ref_, AbortCode::timeout);
+  can::Frame answer = sdo::make(0, 0);
+  sdo::address(answer, response_id_);
+  if (collecting()) {
+    receiver_.give_up();
+    acknowledge_block(answer);
+  } else {
+    abort(answer, AbortCode::timeout);
+  }
+  return answer;
 }
 
-void SdoServer::abort(can::Frame& answer, ObjectRef ref, AbortCode code) noexcept {
+bool SdoServer::abort(can::Frame& answer, AbortCode code) noexcept {
   reset();
-  answer = sdo::make_abort(response_id_, ref, code);
+  sdo::put_abort(answer, ref_, code);
+  return true;
 }
 
-void SdoServer::refuse_unknown(const can::Frame& request, can::Frame& answer) noexcept {
-  // The initiates of block transfer name an object; their other frames and the rest do not.
-  const auto command = static_cast<Ccs>(sdo::specifier(request.data[0]));
-  const bool names_object = (command == Ccs::block_upload && (request.data[0] & 0x03U) == 0) ||
-                            (command == Ccs::block_download && (request.data[0] & 0x01U) == 0);
-  const auto current = busy() ? ref_ : ObjectRef{};
-  abort(answer, names_object ? sdo::multiplexer(request) : current, AbortCode::command_specifier);
+bool SdoServer::refuse_unknown(const can::Frame& request, can::Frame& answer) noexcept {
+  if (!busy()) ref_ = {};
+  // An initiate that is unknown only by its low bits names its object.
+  if (static_cast<Ccs>(sdo::specifier(request.data[0])) == Ccs::block_download && (request.data[0] & 0x01U) == 0) {
+    ref_ = sdo::multiplexer(request);
+  }
+  return abort(answer, AbortCode::command_specifier);
 }
 
 // ---- download
 
-void SdoServer::begin_download(const can::Frame& request, can::Frame& answer) noexcept {
+bool SdoServer::begin_download(const can::Frame& request, can::Frame& answer) noexcept {
   reset();
   ref_ = sdo::multiplexer(request);
+  sdo::put(answer, 0x60, ref_);
   const bool expedited = (request.data[0] & 0x02U) != 0;
   const auto code = expedited ? expedited_download(request) : begin_segmented_download(request);
-  if (code != AbortCode::none && code != AbortCode::pending) return abort(answer, ref_, code);
-  sdo::put(answer, 0x60, ref_);
-  if (code == AbortCode::pending) defer(request, answer);
+  return confirm_or_defer(request, answer, code, expedited ? State::idle : State::download);
 }
 
 AbortCode SdoServer::expedited_download(const can::Frame& request) noexcept {
   const bool sized = (request.data[0] & 0x01U) != 0;
   std::size_t length = 4U - ((request.data[0] >> 2U) & 0x03U);
   if (!sized) {
-    const auto counted = values_->length_of_unsized(ref_, 4);
+    const auto counted = data_.values().length_of_unsized(ref_, 4);
     if (!counted) return counted.error();
     length = *counted;
   }
-  return values_->write(ref_, std::span(request.data).subspan(4, length));
+  return data_.values().write(ref_, std::span(request.data).subspan(4, length));
 }
 
 AbortCode SdoServer::begin_segmented_download(const can::Frame& request) noexcept {
-  size_indicated_ = (request.data[0] & 0x01U) != 0;
-  size_ = size_indicated_ ? load_le<std::uint32_t>(request.data.data() + 4) : 0;
-  const auto code = size_indicated_ ? values_->check_write(ref_, size_) : values_->check_write(ref_);
-  if (code != AbortCode::none) return code;
-  if (size_ > capacity_) return AbortCode::out_of_memory;
-  state_ = State::download;
+  const bool sized = (request.data[0] & 0x01U) != 0;
   toggle_ = false;
-  offset_ = 0;
-  return AbortCode::none;
+  return data_.open_write(
+      ref_, sized ? std::optional<std::size_t>(load_le<std::uint32_t>(request.data.data() + 4)) : std::nullopt);
 }
 
-bool SdoServer::toggled(const can::Frame& request, can::Frame& answer) noexcept {
-  if (((request.data[0] & sdo::toggle_bit) != 0) != toggle_) {
-    abort(answer, ref_, AbortCode::toggle_bit);
-    return false;
-  }
+bool SdoServer::toggled(const can::Frame& request) noexcept {
+  if (((request.data[0] & sdo::toggle_bit) != 0) != toggle_) return false;
   toggle_ = !toggle_;
   return true;
 }
 
-void SdoServer::download_segment(const can::Frame& request, can::Frame& answer) noexcept {
+bool SdoServer::download_segment(const can::Frame& request, can::Frame& answer) noexcept {
   if (state_ != State::download) return refuse_unknown(request, answer);
-  if (!toggled(request, answer)) return;
+  if (!toggled(request)) return abort(answer, AbortCode::toggle_bit);
   const auto byte = request.data[0];
   const bool last = (byte & 0x01U) != 0;
   const std::size_t count = sdo::segment_bytes - ((byte >> 1U) & 0x07U);
-  const auto code = take(std::span(request.data).subspan(1, count), last);
-  if (code != AbortCode::none && code != AbortCode::pending) return abort(answer, ref_, code);
-  if (last) reset();
-  answer.data[0] = static_cast<std::uint8_t>(0x20U | (byte & sdo::toggle_bit));
-  if (code == AbortCode::pending) defer(request, answer);
+  sdo::put(answer, static_cast<std::uint8_t>(0x20U | (byte & sdo::toggle_bit)), {});
+  const auto code = take(request.data.data() + 1, count, last);
+  if (!last && code == AbortCode::none) return true;
+  return confirm_or_defer(request, answer, code, State::idle);
 }
 
-AbortCode SdoServer::take(std::span<const std::uint8_t> bytes, bool last) noexcept {
-  const auto total = offset_ + bytes.size();
-  if (size_indicated_ && total > size_) return AbortCode::length_too_high;
-  if (total > capacity_) {
-    const auto code = values_->check_write(ref_, total);
-    return code == AbortCode::none ? AbortCode::out_of_memory : code;
-  }
-  std::ranges::copy(bytes, buffer_.get() + offset_);
-  offset_ = total;
-  if (!last) return AbortCode::none;
-  if (size_indicated_ && total < size_) return AbortCode::length_too_low;
-  return values_->write(ref_, {buffer_.get(), total});
+AbortCode SdoServer::take(const std::uint8_t* bytes, std::size_t count, bool last) noexcept {
+  const auto place = data_.place(sdo::segment_bytes);
+  if (!place) return place.error();
+  std::memcpy(*place, bytes, sdo::segment_bytes);
+  const auto code = data_.commit(count);
+  return code != AbortCode::none || !last ? code : data_.close_write();
 }
 
 // ---- upload
 
-void SdoServer::begin_upload(can::Frame& answer) noexcept {
+bool SdoServer::begin_upload(can::Frame& answer) noexcept {
   reset();
-  const auto value = values_->view(ref_);
-  if (!value) return abort(answer, ref_, value.error());
-  size_ = value->size();
-  if (size_ >= 1 && size_ <= 4) {
-    sdo::put(answer, static_cast<std::uint8_t>(0x43U | ((4U - size_) << 2U)), ref_);
-    for (std::size_t i = 0; i < size_; ++i) answer.data[4 + i] = (*value)[i];
-    return;
+  const auto code = data_.open_read(ref_);
+  if (code != AbortCode::none) return abort(answer, code);
+  return answer_upload(answer);
+}
+
+// The object is open: expedited when it fits, else the first of a segmented transfer.
+bool SdoServer::answer_upload(can::Frame& answer) noexcept {
+  const auto size = data_.size();
+  if (size && *size >= 1 && *size <= 4) {
+    const auto value = data_.window(*size);
+    if (!value) return abort(answer, value.error());
+    sdo::put(answer, static_cast<std::uint8_t>(0x43U | ((4U - *size) << 2U)), ref_);
+    for (std::size_t i = 0; i < *size; ++i) answer.data[4 + i] = (*value)[i];
+    data_.close_read();
+    return true;
   }
-  buffered_ = size_ <= capacity_;
-  if (buffered_) std::ranges::copy(*value, buffer_.get());
   state_ = State::upload;
   toggle_ = false;
-  offset_ = 0;
-  sdo::put(answer, 0x41, ref_, static_cast<std::uint32_t>(size_));
+  sdo::put(answer, size ? 0x41 : 0x40, ref_, static_cast<std::uint32_t>(size.value_or(0)));
+  return true;
 }
 
-od::Answer<const std::uint8_t*> SdoServer::upload_source() noexcept {
-  if (buffered_) return buffer_.get();
-  const auto value = values_->view(ref_);
-  if (!value) return od::refuse(value.error());
-  if (value->size() != size_) return od::refuse(AbortCode::device_state);
-  return value->data();
-}
-
-void SdoServer::upload_segment(const can::Frame& request, can::Frame& answer) noexcept {
+bool SdoServer::upload_segment(const can::Frame& request, can::Frame& answer) noexcept {
   if (state_ != State::upload) return refuse_unknown(request, answer);
-  if (!toggled(request, answer)) return;
-  const auto source = upload_source();
-  if (!source) return abort(answer, ref_, source.error());
-  const auto count = std::min(size_ - offset_, sdo::segment_bytes);
-  const bool last = offset_ + count == size_;
+  if (!toggled(request)) return abort(answer, AbortCode::toggle_bit);
+  const auto window = data_.window(sdo::segment_bytes);
+  if (!window) return abort(answer, window.error());
+  const bool last = window->size() <= sdo::segment_bytes;
+  const auto count = last ? window->size() : sdo::segment_bytes;
   answer.data[0] = static_cast<std::uint8_t>((request.data[0] & sdo::toggle_bit) |
                                              ((sdo::segment_bytes - count) << 1U) | (last ? 1U : 0U));
-  std::copy_n(*source + offset_, count, answer.data.begin() + 1);
-  offset_ += count;
-  if (last) reset();
-}
-
-// ---- bound to a port
-
-void SdoServerService::start(NodeId node) {
-  stop();
-  server_.set_response_id(sdo_response_id(node));
-  dispatcher_->add(can::only(sdo_request_id(node)), *this);
-}
-
-void SdoServerService::stop() noexcept {
-  dispatcher_->remove(*this);
-  cancel();
-  server_.reset();
-  unsent_.reset();
-}
-
-void SdoServerService::received(const can::Frame& frame, rt::Time) noexcept {
-  const auto reply = server_.handle(frame);
-  unsent_.reset();  // a client that asks anew has given up the answer before
-  if (reply) {
-    answer(*reply);
+  if (last) {
+    std::memset(answer.data.data() + 1, 0, sdo::segment_bytes);
+    if (count > 0) std::memcpy(answer.data.data() + 1, window->data(), count);
+    data_.close_read();
+    state_ = State::idle;
   } else {
-    arm();
+    std::memcpy(answer.data.data() + 1, window->data(), sdo::segment_bytes);
+    data_.consume(sdo::segment_bytes);
   }
-}
-
-void SdoServerService::answer(const can::Frame& frame) noexcept {
-  if (dispatcher_->send(frame) != can::Queued::full) return arm();
-  unsent_ = frame;
-  unsent_until_ = dispatcher_->executor().now() + timeout_;
-  dispatcher_->executor().after(full_retry, *this);
-}
-
-bool SdoServerService::complete(AbortCode code) noexcept {
-  const auto reply = server_.complete(code);
-  if (reply) answer(*reply);
-  return reply.has_value();
-}
-
-bool SdoServerService::complete(ObjectRef object, AbortCode code) noexcept {
-  return server_.pending() == object && complete(code);
-}
-
-void SdoServerService::arm() noexcept {
-  if (server_.busy() && !server_.pending() && timeout_ > rt::Duration::zero()) {
-    dispatcher_->executor().after(timeout_, *this);
-  } else {
-    cancel_timer();
-  }
-}
-
-void SdoServerService::run() noexcept {
-  if (unsent_) {
-    const bool full = dispatcher_->send(*unsent_) == can::Queued::full;
-    const bool go_on = timeout_ <= rt::Duration::zero() || dispatcher_->executor().now() < unsent_until_;
-    if (full && go_on) return dispatcher_->executor().after(full_retry, *this);
-    unsent_.reset();
-    return arm();
-  }
-  if (const auto abort = server_.expire()) answer(*abort);
+  return true;
 }
 
 }  // namespace berth::co

@@ -1,17 +1,15 @@
-/// SDO server: expedited and segmented transfers to and from an object dictionary (CiA 301 §7.2.4.3).
+/// SDO server: expedited, segmented and block transfers to and from an object dictionary (CiA 301 §7.2.4.3).
 ///
 /// `SdoServer` is the protocol alone: a request in, an answer out, no port and no clock; a device that answers late
-/// (paper 1's T_resp) holds the answer back itself. `SdoServerService` binds it to a port and a time-out.
-///
-/// Block transfer is answered with 0504 0001 (command specifier unknown), as CiA 301 demands of a server without it.
+/// (paper 1's T_resp) holds the answer back itself. `SdoServerService` binds it to a port and a time-out; `SdoServers`
+/// (`sdo_servers.hpp`) are all the channels of a device.
 #pragma once
 
-#include <memory>
 #include <optional>
 
 #include "berth/can/dispatcher.hpp"
-#include "berth/co/sdo.hpp"
-#include "berth/od/values.hpp"
+#include "berth/co/sdo_block.hpp"
+#include "berth/co/sdo_server_data.hpp"
 
 namespace berth::co {
 
@@ -19,79 +17,129 @@ namespace berth::co {
 ///
 /// - Not heard: frames that are not 8 bytes, remote frames (hard-cases S16); an abort ends the transfer without an
 ///   answer (S13).
-/// - A new initiate replaces the running transfer (S14). A segment that does not fit the transfer aborts it: wrong
-/// toggle
-///   0503 0000 (S5), no such transfer 0504 0001, more bytes than indicated 0607 0012, fewer 0607 0013.
+/// - A new initiate replaces the running transfer (S14), except while a sub-block of a block download comes in: there
+///   every frame but the abort is a segment. A segment that does not fit the transfer aborts it: wrong toggle
+///   0503 0000 (S5), no such transfer 0504 0001, more bytes than indicated 0607 0012, fewer 0607 0013, sub-block number
+///   out of range or more acknowledged than sent 0504 0003 (S6), block size 0 or above 127 0504 0002 (S8), CRC
+///   0504 0004.
 /// - Uploads of at most `buffer` bytes are taken whole at the initiate, so that the client gets one consistent value;
 ///   longer ones are read from the dictionary piece by piece, and aborted with 0800 0022 when the length changes
 ///   meanwhile. Downloads are collected in the buffer and written once, at the end; what does not fit is refused with
-///   0504 0005.
-/// - Downloads without indicated size, segmented and expedited, are legal (S1, S17).
+///   0504 0005. An object with an `od::Stream` goes through the buffer, however long it is.
+/// - Downloads without indicated size, segmented, block and expedited, are legal (S1, S3, S17).
+/// - Block: CRC is used when the client can, too (S10). A block upload of an object not longer than the client's
+///   protocol switch threshold is answered as a normal upload (S11). A lost segment is asked for again, and sub-blocks
+///   become smaller then; 16 sub-blocks in a row without progress end the transfer with 0504 0000.
 class SdoServer {
  public:
   SdoServer(od::Values& values, std::size_t buffer);
 
   /// Where answers go: 580h + node-ID for the default channel. The request's identifier is not looked at.
-  void set_response_id(std::uint32_t id) noexcept { response_id_ = id; }
+  void set_response_id(CobId id) noexcept { response_id_ = id; }
+  void set_response_id(std::uint32_t id) noexcept { response_id_ = CobId(id); }
 
-  /// The answer to a request, if there is one.
+  /// Takes a request. True: `answer` is to be sent. Otherwise see whether segments are to be sent now (`sending`).
+  [[nodiscard]] bool handle(const can::Frame& request, can::Frame& answer) noexcept;
   [[nodiscard]] std::optional<can::Frame> handle(const can::Frame& request) noexcept;
-  /// A segmented transfer is under way, and the next segment is the client's turn.
+  /// Block upload: the segments of a sub-block are to be sent, by `BlockPump`, or one after the other by
+  /// `segments().segment(frame)` and `advance()`, and `confirm()` when they are on the wire.
+  [[nodiscard]] bool sending() const noexcept { return state_ == State::block_upload && sender_.sending(); }
+  [[nodiscard]] sdo::BlockSender& segments() noexcept { return sender_; }
+  /// A transfer is under way: the next frame is the client's turn, or segments are being sent, or a write is pending.
   [[nodiscard]] bool busy() const noexcept { return state_ != State::idle; }
+  /// A sub-block comes in, so that a short silence means a lost segment: `expire` soon (`sdo::block_gap_part`).
+  [[nodiscard]] bool collecting() const noexcept { return state_ == State::block_download && receiver_.heard(); }
   /// Gives the answer to a write that a hook or stream answered with `pending` (never seen on the wire): the
   /// confirmation when `code` is `none`, else an abort. While a write is pending the server is busy, the client's
   /// silence counts for nothing, the same request again is not executed again, and an abort, a new initiate or a reset
   /// drops it. Empty, and harmless, when nothing is pending.
   [[nodiscard]] std::optional<can::Frame> complete(AbortCode code) noexcept;
   /// The object whose write waits for `complete`.
-  [[nodiscard]] std::optional<ObjectRef> pending() const noexcept;
-  /// The client was silent too long: ends the transfer; the abort 0504 0000 to send, once (S20). Empty when idle.
+  [[nodiscard]] std::optional<ObjectRef> pending() const noexcept {
+    return state_ == State::pending ? std::optional(ref_) : std::nullopt;
+  }
+  /// The client was silent too long: acknowledges what came of a sub-block (`collecting`), or else ends the transfer;
+  /// the abort 0504 0000 to send, once (S20). Empty when idle, and while a write is pending.
   [[nodiscard]] std::optional<can::Frame> expire() noexcept;
   /// Forgets the transfer without a word: reset, NMT stop.
-  void reset() noexcept { state_ = State::idle; }
+  void reset() noexcept {
+    state_ = State::idle;
+    data_.drop();
+  }
+  /// Bytes that it holds beyond itself.
+  [[nodiscard]] std::size_t memory() const noexcept { return data_.memory(); }
 
  private:
-  enum class State : std::uint8_t { idle, download, upload, pending };
-  void begin_download(const can::Frame& request, can::Frame& answer) noexcept;
+  enum class State : std::uint8_t {
+    idle,
+    download,
+    upload,
+    block_download,      // a sub-block comes in
+    block_download_end,  // all segments are there
+    block_upload_start,  // initiated, the client is to say so
+    block_upload,        // a sub-block goes out or is to be acknowledged
+    block_upload_end,    // all acknowledged, the client is to end it
+    pending,
+  };
+  [[nodiscard]] bool respond(const can::Frame& request, can::Frame& answer) noexcept;
+  [[nodiscard]] bool while_pending(const can::Frame& request) noexcept;
+  bool begin_download(const can::Frame& request, can::Frame& answer) noexcept;
   [[nodiscard]] AbortCode expedited_download(const can::Frame& request) noexcept;
   [[nodiscard]] AbortCode begin_segmented_download(const can::Frame& request) noexcept;
-  void download_segment(const can::Frame& request, can::Frame& answer) noexcept;
-  void begin_upload(can::Frame& answer) noexcept;
-  void upload_segment(const can::Frame& request, can::Frame& answer) noexcept;
-  [[nodiscard]] AbortCode take(std::span<const std::uint8_t> bytes, bool last) noexcept;
-  [[nodiscard]] od::Answer<const std::uint8_t*> upload_source() noexcept;
-  void defer(const can::Frame& request, const can::Frame& answer) noexcept;
-  void refuse_unknown(const can::Frame& request, can::Frame& answer) noexcept;
-  void abort(can::Frame& answer, ObjectRef ref, AbortCode code) noexcept;
-  [[nodiscard]] bool toggled(const can::Frame& request, can::Frame& answer) noexcept;
+  bool download_segment(const can::Frame& request, can::Frame& answer) noexcept;
+  [[nodiscard]] AbortCode take(const std::uint8_t* bytes, std::size_t count, bool last) noexcept;
+  bool begin_upload(can::Frame& answer) noexcept;
+  bool answer_upload(can::Frame& answer) noexcept;
+  bool upload_segment(const can::Frame& request, can::Frame& answer) noexcept;
+  [[nodiscard]] bool toggled(const can::Frame& request) noexcept;
+  // Block
+  bool block_download(const can::Frame& request, can::Frame& answer) noexcept;
+  bool begin_block_download(const can::Frame& request, can::Frame& answer) noexcept;
+  bool block_segment(const can::Frame& request, can::Frame& answer) noexcept;
+  bool acknowledge_block(can::Frame& answer) noexcept;
+  [[nodiscard]] AbortCode commit_block() noexcept;
+  [[nodiscard]] AbortCode next_block() noexcept;
+  bool end_block_download(const can::Frame& request, can::Frame& answer) noexcept;
+  bool block_upload(const can::Frame& request, can::Frame& answer) noexcept;
+  bool begin_block_upload(const can::Frame& request, can::Frame& answer) noexcept;
+  bool send_block(can::Frame& answer) noexcept;
+  bool block_acknowledged(const can::Frame& request, can::Frame& answer) noexcept;
+  // Ends
+  bool confirm_or_defer(const can::Frame& request, can::Frame& answer, AbortCode code, State then) noexcept;
+  bool refuse_unknown(const can::Frame& request, can::Frame& answer) noexcept;
+  bool abort(can::Frame& answer, AbortCode code) noexcept;
 
-  od::Values* values_;
-  std::unique_ptr<std::uint8_t[]> buffer_;
-  std::size_t capacity_;
-  std::uint32_t response_id_ = 0;
-  State state_ = State::idle;
-  bool toggle_ = false;  // expected in the next segment
-  bool size_indicated_ = false;
-  bool buffered_ = false;  // upload: the value stands in the buffer
-  can::Frame pending_answer_;
-  std::array<std::uint8_t, 8> pending_request_{};
+  SdoServerData data_;
+  sdo::BlockSender sender_;
+  sdo::BlockReceiver receiver_;
+  CobId response_id_;
   ObjectRef ref_;
-  std::size_t size_ = 0;    // upload: of the value; download: as indicated
-  std::size_t offset_ = 0;  // bytes done
+  State state_ = State::idle;
+  State then_ = State::idle;     // after the pending write
+  bool toggle_ = false;          // expected in the next segment
+  bool crc_used_ = false;        // block
+  std::uint8_t block_size_ = 0;  // upload: what the client asked for first
+  std::uint16_t crc_ = 0;        // block download: of what is committed
+  std::array<std::uint8_t, 8> pending_request_{};
+  std::array<std::uint8_t, 8> pending_answer_{};
 };
 
-/// The default SDO channel of a node, bound to its port.
-class SdoServerService final : private can::Handler, private rt::Job {
+/// One SDO channel bound to a port.
+class SdoServerService final : private can::Handler, private rt::Job, private sdo::BlockPump::Owner {
  public:
   static constexpr std::size_t default_buffer = 1024;
-  SdoServerService(can::Dispatcher& dispatcher, od::Values& values, std::size_t buffer = default_buffer)
-      : dispatcher_(&dispatcher), server_(values, buffer) {}
+  SdoServerService(can::Dispatcher& dispatcher, od::Values& values, std::size_t buffer = default_buffer);
 
-  /// Serves 600h + node-ID (configured); a running transfer is forgotten.
-  void start(NodeId node);
+  /// Serves the default channel, 600h + node-ID (configured); a running transfer is forgotten.
+  void start(NodeId node) { start(SdoChannel::of(node)); }
+  /// Serves any channel; one that is not valid hears nothing.
+  void start(SdoChannel channel);
   /// Hears nothing (initialising, stopped).
   void stop() noexcept;
-  /// How long the client may take between two segments before 0504 0000; 0 = for ever. Default 1 s.
+  [[nodiscard]] bool running() const noexcept { return channel_.valid(); }
+  [[nodiscard]] SdoChannel channel() const noexcept { return channel_; }
+  /// How long the client may take between two frames before 0504 0000; 0 = for ever. Default 1 s. A sub-block that
+  /// comes in and breaks off is acknowledged after a quarter of it.
   void set_timeout(rt::Duration timeout) noexcept { timeout_ = timeout; }
   [[nodiscard]] bool busy() const noexcept { return server_.busy(); }
   /// As `SdoServer::complete`: sends the answer; false when nothing was pending.
@@ -99,15 +147,27 @@ class SdoServerService final : private can::Handler, private rt::Job {
   /// The same, only when the write that is pending is one of `object`.
   bool complete(ObjectRef object, AbortCode code) noexcept;
   [[nodiscard]] std::optional<ObjectRef> pending() const noexcept { return server_.pending(); }
+  /// Bytes that it holds beyond itself.
+  [[nodiscard]] std::size_t memory() const noexcept { return server_.memory(); }
 
  private:
   void received(const can::Frame& frame, rt::Time at) noexcept override;
   void run() noexcept override;
+  void pumped(rt::Time at) noexcept override;
+  void stuck(can::Queued why) noexcept override;
   void answer(const can::Frame& frame) noexcept;
   void arm() noexcept;
+  void after_timeout() noexcept;
+  [[nodiscard]] rt::Duration patience() const noexcept {
+    return server_.collecting() ? timeout_ / sdo::block_gap_part : timeout_;
+  }
+
   can::Dispatcher* dispatcher_;
   SdoServer server_;
+  sdo::BlockPump pump_;
+  SdoChannel channel_;
   rt::Duration timeout_ = std::chrono::seconds(1);
+  rt::Time heard_{};                  // when the client's last frame came, or ours left
   std::optional<can::Frame> unsent_;  // the port was full
   rt::Time unsent_until_{};
 };

@@ -1,0 +1,46 @@
+/// A part of SDO server and client: what comes from a stream is read in large pieces and sent in small ones.
+#pragma once
+
+#include <algorithm>
+#include <cstdint>
+#include <cstring>
+#include <span>
+#include <utility>
+
+#include "berth/od/abort_code.hpp"
+
+namespace berth::co {
+
+/// Bytes read ahead of a stream into a buffer.
+class ReadAhead {
+ public:
+  void begin(std::span<std::uint8_t> buffer) noexcept {
+    buffer_ = buffer;
+    first_ = end_ = 0;
+    ended_ = false;
+  }
+  /// At least `count` bytes (at most the buffer's size), fewer only at the end. `read(span)` fills from the beginning
+  /// and says how much that was, fewer than asked for = the end.
+  template <class Read>
+  [[nodiscard]] od::Answer<std::span<const std::uint8_t>> want(std::size_t count, Read&& read) noexcept {
+    if (end_ - first_ < count && !ended_) {
+      std::memmove(buffer_.data(), buffer_.data() + first_, end_ - first_);
+      end_ -= std::exchange(first_, 0);
+      const auto room = buffer_.subspan(end_);
+      const od::Answer<std::size_t> got = read(room);
+      if (!got) return od::refuse(got.error());
+      ended_ = *got < room.size();
+      end_ += std::min(*got, room.size());
+    }
+    return std::span<const std::uint8_t>(buffer_).subspan(first_, end_ - first_);
+  }
+  void consume(std::size_t count) noexcept { first_ += count; }
+
+ private:
+  std::span<std::uint8_t> buffer_;
+  std::size_t first_ = 0;
+  std::size_t end_ = 0;
+  bool ended_ = false;
+};
+
+}  // namespace berth::co

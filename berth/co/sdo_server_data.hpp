@@ -1,0 +1,92 @@
+/// Where an SDO server's transfer takes its bytes from and puts them: an object dictionary's value or its stream, by
+/// way of a buffer. A part of `SdoServer`.
+#pragma once
+
+#include <memory>
+#include <optional>
+#include <span>
+
+#include "berth/co/sdo_read_ahead.hpp"
+#include "berth/od/values.hpp"
+
+namespace berth::co {
+
+using od::AbortCode;
+
+/// One transfer at a time. No heap use after construction.
+class SdoServerData {
+ public:
+  /// Values of up to `buffer` bytes are held whole. A dictionary with a DOMAIN, or with values longer than `buffer`,
+  /// takes at least what block transfer needs (897 bytes).
+  SdoServerData(od::Values& values, std::size_t buffer);
+
+  [[nodiscard]] od::Values& values() const noexcept { return *values_; }
+  [[nodiscard]] std::size_t memory() const noexcept { return reserve_; }
+  /// Forgets the transfer; a stream is closed as broken off.
+  void drop() noexcept { stream_.drop(); }
+
+  /// @name Upload
+  /// @{
+  [[nodiscard]] AbortCode open_read(ObjectRef ref) noexcept;
+  /// Of the object; empty: its stream does not know.
+  [[nodiscard]] std::optional<std::size_t> size() const noexcept {
+    return sized_ ? std::optional(size_) : std::nullopt;
+  }
+  /// The bytes from the position on: all up to the end, or more than `count`, `count` being at most a sub-block.
+  [[nodiscard]] od::Answer<std::span<const std::uint8_t>> window(std::size_t count) noexcept {
+    if (kind_ == Kind::buffer) return std::span<const std::uint8_t>(buffer_.get() + offset_, size_ - offset_);
+    return far_window(count);
+  }
+  void consume(std::size_t count) noexcept {
+    offset_ += count;
+    if (kind_ == Kind::stream) ahead_.consume(count);
+  }
+  void close_read() noexcept;
+  /// @}
+
+  /// @name Download
+  /// @{
+  /// `pending` is a yes: the stream says later when it is ready.
+  [[nodiscard]] AbortCode open_write(ObjectRef ref, std::optional<std::size_t> size) noexcept;
+  /// How many of `wanted` segments can be put in a row.
+  [[nodiscard]] unsigned segments(unsigned wanted) const noexcept;
+  /// A place for `count` bytes: one segment, or what `segments` says.
+  [[nodiscard]] od::Answer<std::uint8_t*> place(std::size_t count) noexcept {
+    if (kind_ == Kind::buffer && offset_ + count <= reserve_) return buffer_.get() + offset_;
+    return far_place(count);
+  }
+  /// So many bytes at the place are the object's.
+  [[nodiscard]] AbortCode commit(std::size_t count) noexcept {
+    const auto total = offset_ + filled_ + count;
+    if (total > limit_) return too_long(total);
+    (kind_ == Kind::buffer ? offset_ : filled_) += count;
+    return AbortCode::none;
+  }
+  /// All is there: to the dictionary or the stream; its word, `pending` included.
+  [[nodiscard]] AbortCode close_write() noexcept;
+  /// @}
+
+ private:
+  enum class Kind : std::uint8_t { buffer, view, stream };
+  [[nodiscard]] od::Answer<std::span<const std::uint8_t>> far_window(std::size_t count) noexcept;
+  [[nodiscard]] od::Answer<std::uint8_t*> far_place(std::size_t count) noexcept;
+  [[nodiscard]] AbortCode flush() noexcept;
+  [[nodiscard]] AbortCode too_long(std::size_t total) const noexcept;
+  [[nodiscard]] std::span<std::uint8_t> all() const noexcept { return {buffer_.get(), reserve_}; }
+
+  od::Values* values_;
+  std::unique_ptr<std::uint8_t[]> buffer_;
+  std::size_t capacity_;  // the longest value taken whole
+  std::size_t reserve_;   // what is allocated
+  std::size_t size_ = 0;
+  std::size_t offset_ = 0;  // bytes done; of a stream: given to it
+  std::size_t filled_ = 0;  // download to a stream: bytes that wait in the buffer
+  std::size_t limit_ = 0;   // download: more than this is refused
+  od::StreamUse stream_;
+  ReadAhead ahead_;
+  ObjectRef ref_;
+  Kind kind_ = Kind::buffer;
+  bool sized_ = false;
+};
+
+}  // namespace berth::co

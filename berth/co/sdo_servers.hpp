@@ -1,0 +1,77 @@
+/// All SDO channels of a device as its dictionary has them: the default channel (1200h), additional servers
+/// 1201h..127Fh, and the parameters of its clients 1280h..12FFh (CiA 301 §7.5.2.33, §7.5.2.34; facts page A.7).
+///
+///     co::SdoServers servers(dispatcher, values);
+///     servers.start(node_id);                                   // pre-operational is entered
+///     ...
+///     if (const auto c = co::client_channel(values, 1))         // 1280h
+///       co::SdoChannelClient client(dispatcher, c->channel, c->server);
+#pragma once
+
+#include <memory>
+#include <optional>
+#include <vector>
+
+#include "berth/co/sdo_server.hpp"
+
+namespace berth::co {
+
+/// Channel `number` (1..128) of a device as client, object 127Fh + number; empty when there is no such object or one of
+/// its COB-IDs is not valid.
+struct SdoClientChannel {
+  SdoChannel channel;
+  NodeId server;  ///< sub-index 3; unconfigured when it says nothing sensible
+};
+[[nodiscard]] std::optional<SdoClientChannel> client_channel(const od::Values& values, unsigned number) noexcept;
+
+/// Watches its objects, so that no write is let in that the standard forbids:
+/// - 1200h:01 and :02 are read-only 0601 0002 and show the default channel, whatever the description says;
+/// - a COB-ID of the others may change only while it is not valid (bit 31), and only to an identifier that is not
+///   restricted: otherwise 0609 0030. An additional server serves while both its COB-IDs are valid, from the write on.
+///
+/// Memory: an additional server is made when its COB-IDs become valid for the first time (at the latest by the write
+/// that does it, which then uses the heap); nothing else allocates after construction.
+class SdoServers final : private od::Hook {
+ public:
+  /// `buffer`: what values are collected in, for each server, see `SdoServer`.
+  SdoServers(can::Dispatcher& dispatcher, od::Values& values, std::size_t buffer = SdoServerService::default_buffer);
+
+  /// Serves the default channel of `node` (configured) and all additional ones that are valid. The values of the
+  /// objects count, so reset them before.
+  void start(NodeId node);
+  /// No channel hears anything (initialising, stopped).
+  void stop() noexcept;
+  /// See `SdoServerService::set_timeout`.
+  void set_timeout(rt::Duration timeout) noexcept;
+  /// A transfer is under way in some channel.
+  [[nodiscard]] bool busy() const noexcept;
+  /// Answers the writes of `object` that are pending, in whatever channel; false when there is none.
+  bool complete(ObjectRef object, AbortCode code) noexcept;
+  /// The default channel.
+  [[nodiscard]] const SdoServerService& first() const noexcept { return first_; }
+  /// Additional servers that serve now.
+  [[nodiscard]] std::size_t additional() const noexcept;
+  /// Bytes that it holds beyond itself.
+  [[nodiscard]] std::size_t memory() const noexcept;
+
+ private:
+  struct Additional {
+    std::uint16_t index;
+    std::unique_ptr<SdoServerService> service;  // null: was never valid
+  };
+  AbortCode reading(const od::Values& values, ObjectRef ref, std::span<const std::uint8_t>& value) noexcept override;
+  AbortCode writing(const od::Values& values, ObjectRef ref, std::span<const std::uint8_t> value) noexcept override;
+  void written(od::Values& values, ObjectRef ref) noexcept override;
+  void apply(Additional& server);
+
+  can::Dispatcher* dispatcher_;
+  od::Values* values_;
+  std::size_t buffer_;
+  SdoServerService first_;
+  std::vector<Additional> additional_;  // ascending
+  rt::Duration timeout_ = std::chrono::seconds(1);
+  std::array<std::uint8_t, 4> shown_{};
+  bool running_ = false;
+};
+
+}  // namespace berth::co

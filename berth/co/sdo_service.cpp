@@ -1,0 +1,100 @@
+// An SDO channel bound to a port.
+#include <algorithm>
+
+#include "berth/co/sdo_server.hpp"
+
+namespace berth::co {
+
+SdoServerService::SdoServerService(can::Dispatcher& dispatcher, od::Values& values, std::size_t buffer)
+    : dispatcher_(&dispatcher), server_(values, buffer), pump_(dispatcher, *this) {}
+
+void SdoServerService::start(SdoChannel channel) {
+  stop();
+  channel_ = channel;
+  if (!channel.valid()) return;
+  server_.set_response_id(channel.response);
+  dispatcher_->add(can::only(channel.request.key()), *this);
+}
+
+void SdoServerService::stop() noexcept {
+  dispatcher_->remove(*this);
+  cancel();
+  pump_.stop();
+  server_.reset();
+  unsent_.reset();
+  channel_ = {};
+}
+
+void SdoServerService::received(const can::Frame& frame, rt::Time at) noexcept {
+  can::Frame reply;
+  const bool pumping = pump_.running();
+  const bool has_reply = server_.handle(frame, reply);
+  heard_ = at;
+  unsent_.reset();  // a client that asks anew has given up the answer before
+  if (has_reply) {
+    if (pumping) pump_.stop();
+    return answer(reply);
+  }
+  if (server_.sending() && (!pumping || server_.segments().sent() == 0)) {
+    cancel_timer();
+    return pump_.start(server_.segments(), channel_.response, timeout_);
+  }
+  if (pumping && !server_.busy()) pump_.stop();
+  if (!pump_.running()) arm();
+}
+
+void SdoServerService::answer(const can::Frame& frame) noexcept {
+  if (dispatcher_->send(frame) != can::Queued::full) return arm();
+  unsent_ = frame;
+  unsent_until_ = dispatcher_->executor().now() + timeout_;
+  dispatcher_->executor().after(sdo::full_retry, *this);
+}
+
+bool SdoServerService::complete(AbortCode code) noexcept {
+  const auto reply = server_.complete(code);
+  if (reply) answer(*reply);
+  return reply.has_value();
+}
+
+bool SdoServerService::complete(ObjectRef object, AbortCode code) noexcept {
+  return server_.pending() == object && complete(code);
+}
+
+// A timer that is already set is left alone: it looks itself how long it is since the client was heard.
+void SdoServerService::arm() noexcept {
+  if (!server_.busy() || server_.pending() || timeout_ <= rt::Duration::zero()) return cancel_timer();
+  const auto due = dispatcher_->executor().now() + patience();
+  if (!timed() || this->due() > due) dispatcher_->executor().at(due, *this);
+}
+
+void SdoServerService::pumped(rt::Time at) noexcept {
+  heard_ = at;
+  arm();
+}
+
+void SdoServerService::stuck(can::Queued why) noexcept {
+  if (why != can::Queued::full) return server_.reset();
+  after_timeout();
+}
+
+void SdoServerService::after_timeout() noexcept {
+  if (const auto frame = server_.expire()) answer(*frame);
+}
+
+void SdoServerService::run() noexcept {
+  auto& executor = dispatcher_->executor();
+  if (unsent_) {
+    const bool full = dispatcher_->send(*unsent_) == can::Queued::full;
+    const bool go_on = timeout_ <= rt::Duration::zero() || executor.now() < unsent_until_;
+    if (full && go_on) return executor.after(sdo::full_retry, *this);
+    unsent_.reset();
+    heard_ = executor.now();
+    return arm();
+  }
+  if (!server_.busy() || server_.pending()) return;
+  const auto due = heard_ + patience();
+  if (due > executor.now()) return executor.at(due, *this);
+  after_timeout();
+}
+
+}  // namespace berth::co
