@@ -34,6 +34,7 @@ void Sync::start() noexcept {
 void Sync::stop() noexcept {
   running_ = false;
   cancel();
+  set_missing(false, dispatcher_->executor().now());
   dispatcher_->remove(*this);
   if (pending()) dispatcher_->withdraw(*this);
   wrong_length(false);
@@ -53,10 +54,12 @@ void Sync::apply() noexcept {
   dispatcher_->remove(*this);
   cancel();
   if (pending()) dispatcher_->withdraw(*this);
+  period_ = owner_->in_world(std::chrono::microseconds(values_->get_or<std::uint32_t>(period_object, 0)));
+  produces_ = producer();
+  set_missing(false, dispatcher_->executor().now());
   if (!cob_id_.allowed()) return;  // a faulty default
   dispatcher_->add(can::only(cob_id_.key()), *this);
-  if (!producer()) return;
-  period_ = owner_->in_world(std::chrono::microseconds(values_->get_or<std::uint32_t>(period_object, 0)));
+  if (!produces_) return;
   next_ = dispatcher_->executor().now() + period_;
   dispatcher_->executor().at(next_, *this);
 }
@@ -66,6 +69,11 @@ void Sync::read_window() noexcept {
 }
 
 void Sync::run() noexcept {
+  if (!produces_) return set_missing(true, dispatcher_->executor().now());
+  produce();
+}
+
+void Sync::produce() noexcept {
   // From the time it was due, so that late jobs do not make the period drift.
   next_ += period_;
   dispatcher_->executor().at(next_, *this);
@@ -97,8 +105,18 @@ void Sync::received(const can::Frame& frame, rt::Time at) noexcept {
 
 void Sync::synchronise(std::uint8_t counter, rt::Time at) noexcept {
   ++count_;
+  if (!produces_ && period_ > rt::Duration::zero()) supervise(at);
   if (pdos_ != nullptr) pdos_->sync(counter, at, window_);
   if (observer_ != nullptr) observer_->synchronised(counter, at);
+}
+
+void Sync::supervise(rt::Time at) noexcept {
+  dispatcher_->executor().at(at + period_ * 3 / 2, *this);
+  set_missing(false, at);
+}
+
+void Sync::set_missing(bool missing, rt::Time at) noexcept {
+  if (std::exchange(missing_, missing) != missing && observer_ != nullptr) observer_->sync_missing(missing, at);
 }
 
 void Sync::wrong_length(bool on, std::uint8_t length) noexcept {

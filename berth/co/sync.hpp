@@ -30,6 +30,11 @@ class Sync final : private od::Hook, private can::Handler, private can::Confirma
    public:
     /// A SYNC, heard or own; after the PDOs. `counter` 0: without.
     virtual void synchronised(std::uint8_t counter, rt::Time at) noexcept = 0;
+    /// A consumer with a period (1006h) heard no SYNC for one and a half of it, once; or hears it again.
+    virtual void sync_missing(bool missing, rt::Time at) noexcept {
+      (void)missing;
+      (void)at;
+    }
 
    protected:
     ~Observer() = default;
@@ -48,6 +53,8 @@ class Sync final : private od::Hook, private can::Handler, private can::Confirma
 
   /// 1005h bit 30 is set and 1006h is not 0.
   [[nodiscard]] bool producer() const noexcept;
+  /// As `Observer::sync_missing` told: what the red LED shows (CiA 303-3). Begins with the first SYNC.
+  [[nodiscard]] bool missing() const noexcept { return missing_; }
   /// SYNCs since `start`.
   [[nodiscard]] std::uint64_t count() const noexcept { return count_; }
 
@@ -63,6 +70,9 @@ class Sync final : private od::Hook, private can::Handler, private can::Confirma
   void sent(rt::Time at) noexcept override;
   void run() noexcept override;
   void synchronise(std::uint8_t counter, rt::Time at) noexcept;
+  void produce() noexcept;
+  void supervise(rt::Time at) noexcept;
+  void set_missing(bool missing, rt::Time at) noexcept;
   void wrong_length(bool on, std::uint8_t length = 0) noexcept;
 
   can::Dispatcher* dispatcher_;
@@ -70,7 +80,7 @@ class Sync final : private od::Hook, private can::Handler, private can::Confirma
   ServiceOwner* owner_;
   Pdos* pdos_;
   Observer* observer_ = nullptr;
-  rt::Duration period_{};  ///< of the producer; 0 = none
+  rt::Duration period_{};  ///< 1006h
   rt::Duration window_{};
   rt::Time next_{};
   std::uint64_t count_ = 0;
@@ -79,6 +89,8 @@ class Sync final : private od::Hook, private can::Handler, private can::Confirma
   std::uint8_t counter_ = 0;   ///< of the last own SYNC on the bus
   bool running_ = false;
   bool wrong_length_ = false;
+  bool produces_ = false;
+  bool missing_ = false;
 };
 
 }  // namespace berth::co

@@ -16,6 +16,11 @@ struct Sync : ::testing::Test, Rig, co::Sync::Observer {
     heard.push_back(counter);
     heard_at.push_back(at);
   }
+  void sync_missing(bool missing, rt::Time at) noexcept override {
+    gaps.push_back(missing);
+    EXPECT_EQ(service.missing(), missing);
+    EXPECT_EQ(at, executor.now());
+  }
   void produce(std::uint32_t period, std::uint8_t overflow = 0) {
     if (overflow != 0) {
       ASSERT_EQ(write_u8(0x1019, 0, overflow), ok);
@@ -27,6 +32,7 @@ struct Sync : ::testing::Test, Rig, co::Sync::Observer {
   co::Sync service{device.dispatcher, values, owner, &pdos};
   std::vector<int> heard;
   std::vector<rt::Time> heard_at;
+  std::vector<bool> gaps;
 };
 
 // OD.1005, OD.1006: bit 30 makes a producer, 1006h is its period in microseconds.
@@ -181,6 +187,38 @@ TEST_F(Sync, A5_1_Consumer) {
   service.stop();
   hear("080#");
   EXPECT_EQ(heard.size(), 2U);
+}
+
+// A consumer knows by 1006h when a SYNC is missing: after one and a half periods, once.
+TEST_F(Sync, A5_2_OD_1006_AConsumerMissesSync) {
+  ASSERT_EQ(write_u32(0x1006, 0, 10'000), ok);
+  service.start();
+  run(1s);
+  EXPECT_TRUE(gaps.empty()) << "none came yet";
+  for (int i = 0; i < 10; ++i) {
+    hear("080#");
+    run(13ms);
+  }
+  EXPECT_TRUE(gaps.empty());
+  run(2ms);
+  EXPECT_EQ(gaps, std::vector<bool>{true});
+  run(1s);
+  EXPECT_EQ(gaps.size(), 1U);
+  hear("080#");
+  EXPECT_EQ(gaps, (std::vector<bool>{true, false}));
+  run(20ms);
+  EXPECT_EQ(gaps.size(), 3U);
+  ASSERT_EQ(write_u32(0x1006, 0, 0), ok);
+  EXPECT_EQ(gaps.back(), false) << "no period, nothing missing";
+  hear("080#");
+  run(1s);
+  EXPECT_EQ(gaps.size(), 4U);
+  ASSERT_EQ(write_u32(0x1006, 0, 10'000), ok);
+  hear("080#");
+  ASSERT_EQ(write_u32(0x1005, 0, 0x40000080), ok);
+  device.port.mute = true;
+  run(100ms);
+  EXPECT_EQ(gaps.size(), 4U) << "a producer does not wait for itself";
 }
 
 // EMCY 8240h; a SYNC of the wrong length does not count; the next good one ends the error.
