@@ -2,7 +2,7 @@
 #include <algorithm>
 
 #include "berth/design/machine.hpp"
-#include "berth/eds/eds.hpp"
+#include "berth/eds/xdd.hpp"
 #include "berth/manager/configuration.hpp"
 #include "berth/text/file.hpp"
 
@@ -10,7 +10,7 @@ namespace berth::design {
 
 TypeLoader eds_loader() {
   return [](const std::string& path, Findings& findings) -> std::optional<DeviceType> {
-    const auto reading = eds::read_file(path);
+    const auto reading = eds::read_any_file(path);
     findings.insert(findings.end(), reading.findings.begin(), reading.findings.end());
     if (!reading.usable()) return std::nullopt;
     // Descriptions give revision 0 when nobody filled it in.

@@ -12,7 +12,7 @@
 #include <iterator>
 #include <utility>
 
-#include "berth/eds/eds.hpp"
+#include "berth/eds/xdd.hpp"
 #include "berth/text/file.hpp"
 
 namespace berth::plant {
@@ -336,7 +336,7 @@ const World::Described* World::describe(const PlantDevice& device, Findings& fin
     described.description = device::minimal_description();
     return &described;
   }
-  const auto reading = eds::read_file(path);
+  const auto reading = eds::read_any_file(path);
   std::ranges::copy_if(reading.findings, std::back_inserter(findings),
                        [](const Finding& f) { return f.severity == Finding::Severity::error; });
   if (!reading.usable()) {
