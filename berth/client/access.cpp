@@ -6,6 +6,20 @@
 
 namespace berth::client {
 
+namespace {
+
+rt::Task<Result<void>> send(co::SdoClient& client, NodeId node, ObjectRef ref, co::SdoSource& source,
+                            co::SdoOptions options) {
+  co_return co_await client.download(node, ref.index, ref.sub, source, options);
+}
+
+rt::Task<Result<void>> fetch(co::SdoClient& client, NodeId node, ObjectRef ref, co::SdoSink& sink,
+                             co::SdoOptions options) {
+  co_return co_await client.upload(node, ref.index, ref.sub, sink, options);
+}
+
+}  // namespace
+
 namespace detail {
 
 Access::Access(RemoteNode& node, Selector selector, CppType wanted, Checked checked) : node_(&node) {
@@ -16,19 +30,15 @@ Access::Access(RemoteNode& node, Selector selector, CppType wanted, Checked chec
   type_ = sub == nullptr || sub->type == od::DataType::none ? natural_type(wanted) : sub->type;
   if (!readable_as(type_, wanted)) {
     failure_ = node.wrong_type(ref_, type_, wanted, "read as");
-  } else if (checks && sub != nullptr && !od::readable(sub->access)) {
-    refuse(Errc::invalid, od::AbortCode::write_only, "the object is write-only");
+  } else {
+    static_cast<void>(may(sub, false, checks));
   }
 }
 
-Access::Access(RemoteNode& node, Selector selector, const Input& value) : node_(&node), write_(true) {
+Access::Access(RemoteNode& node, Selector selector, const Input& value) : node_(&node), reads_(false) {
   enter(node.pending_);
   const auto* sub = find(selector, node.options_.check_access);
-  if (failure_) return;
-  if (node.options_.check_access && !od::writable(sub->access)) {
-    refuse(Errc::invalid, od::AbortCode::read_only, "the object is read-only");
-    return;
-  }
+  if (failure_ || !may(sub, true, node.options_.check_access)) return;
   const bool described = sub != nullptr && sub->type != od::DataType::none;
   type_ = described ? sub->type : value.natural_type();
   const Complaint complaint = node.encode(described ? sub : nullptr, type_, value, data_);
@@ -38,6 +48,26 @@ Access::Access(RemoteNode& node, Selector selector, const Input& value) : node_(
   } else {
     failure_ = node.wrong_type(ref_, type_, value.cpp(), "written from");
   }
+}
+
+Access::Access(RemoteNode& node, Selector selector, co::SdoSource* source, co::SdoSink* sink)
+    : node_(&node), source_(source), sink_(sink), reads_(false) {
+  enter(node.pending_);
+  const auto* sub = find(selector, node.options_.check_access);
+  if (failure_ || !may(sub, source != nullptr, node.options_.check_access)) return;
+  if (sub != nullptr && od::byte_size(sub->type) != 0) {
+    refuse(Errc::invalid, od::AbortCode::none, "only strings and DOMAINs can be streamed");
+  }
+}
+
+bool Access::may(const od::SubObject* sub, bool write, bool checked) {
+  if (!checked || sub == nullptr) return true;
+  if (write && !od::writable(sub->access)) {
+    refuse(Errc::invalid, od::AbortCode::read_only, "the object is read-only");
+  } else if (!write && !od::readable(sub->access)) {
+    refuse(Errc::invalid, od::AbortCode::write_only, "the object is write-only");
+  }
+  return !failure_;
 }
 
 const od::SubObject* Access::find(Selector selector, bool checked) {
@@ -76,12 +106,20 @@ Failure Access::complain(Complaint complaint) const {
 bool Access::start() noexcept {
   if (failure_) return false;
   bool done = false;
-  if (write_) {
-    writing_ = node_->access_->write(ref_.index, ref_.sub, data_);
-    done = writing_.start(executor(), *this);
-  } else {
+  if (reads_) {
     reading_ = node_->access_->read(ref_.index, ref_.sub);
     done = reading_.start(executor(), *this);
+  } else {
+    const auto options = node_->stream_options();
+    auto& client = node_->network_->sdo();
+    if (source_ != nullptr) {
+      writing_ = send(client, node_->id_, ref_, *source_, options);
+    } else if (sink_ != nullptr) {
+      writing_ = fetch(client, node_->id_, ref_, *sink_, options);
+    } else {
+      writing_ = node_->access_->write(ref_.index, ref_.sub, data_);
+    }
+    done = writing_.start(executor(), *this);
   }
   if (done) take();
   return !done;
@@ -89,12 +127,12 @@ bool Access::start() noexcept {
 
 void Access::take() noexcept {
   std::optional<Error> error;
-  if (write_) {
-    const auto result = writing_.take();
-    if (!result) error = result.error();
-  } else {
+  if (reads_) {
     auto result = reading_.take();
     if (result) value_ = std::move(*result);
+    if (!result) error = result.error();
+  } else {
+    const auto result = writing_.take();
     if (!result) error = result.error();
   }
   if (error) failure_ = make_failure(*error, node_->names_->label(ref_));

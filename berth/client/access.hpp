@@ -10,6 +10,7 @@
 #include "berth/client/value.hpp"
 #include "berth/co/nmt_master.hpp"
 #include "berth/co/sdo.hpp"
+#include "berth/co/sdo_stream.hpp"
 #include "berth/rt/task.hpp"
 
 namespace berth::client {
@@ -59,6 +60,8 @@ class Access : public rt::Operation<Access>, private rt::Job, private Link {
   enum class Checked : bool { no, yes };
   Access(RemoteNode& node, Selector selector, CppType wanted, Checked checked);
   Access(RemoteNode& node, Selector selector, const Input& value);
+  /// One of the two.
+  Access(RemoteNode& node, Selector selector, co::SdoSource* source, co::SdoSink* sink);
   ~Access() = default;
   [[nodiscard]] const std::optional<Failure>& failure() const noexcept { return failure_; }
   [[nodiscard]] od::DataType type() const noexcept { return type_; }
@@ -67,20 +70,23 @@ class Access : public rt::Operation<Access>, private rt::Job, private Link {
 
  private:
   [[nodiscard]] const od::SubObject* find(Selector selector, bool checked);
+  [[nodiscard]] bool may(const od::SubObject* sub, bool write, bool checked);
   void refuse(Errc code, od::AbortCode abort, const char* text);
   void take() noexcept;
   void run() noexcept override;
   void abandon(const Failure& why) noexcept override;
 
   RemoteNode* node_;
+  co::SdoSource* source_ = nullptr;
+  co::SdoSink* sink_ = nullptr;
   rt::Task<Result<co::SdoValue>> reading_;
-  rt::Task<Result<void>> writing_;
+  rt::Task<Result<void>> writing_;  // or a stream
   co::SdoValue value_;
   Bytes data_;
   std::optional<Failure> failure_;
   ObjectRef ref_;
   od::DataType type_ = od::DataType::none;
-  bool write_ = false;
+  bool reads_ = true;  // into memory
 };
 
 }  // namespace detail
@@ -114,6 +120,20 @@ class Write final : public detail::Access {
  private:
   friend class RemoteNode;
   Write(RemoteNode& node, Selector selector, const Input& value) : Access(node, selector, value) {}
+};
+
+/// `const auto done = co_await node.upload(object, sink);` gives `Outcome<void>`; `download` likewise.
+class Stream final : public detail::Access {
+ public:
+  Outcome<void> await_resume() const {
+    if (failure()) return tl::unexpected(*failure());
+    return {};
+  }
+
+ private:
+  friend class RemoteNode;
+  Stream(RemoteNode& node, Selector selector, co::SdoSource* source, co::SdoSink* sink)
+      : Access(node, selector, source, sink) {}
 };
 
 /// `const auto sent = co_await node.nmt(co::NmtCommand::start);` gives `Outcome<rt::Time>`: when it was on the wire.

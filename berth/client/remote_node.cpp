@@ -76,6 +76,13 @@ co::CobId RemoteNode::emcy_cob_id() const noexcept {
   return co::CobId(co::emcy_id(id_));
 }
 
+co::SdoOptions RemoteNode::stream_options() const noexcept {
+  if (options_.sdo) return *options_.sdo;
+  co::SdoOptions options = network_->sdo().options();
+  options.mode = co::SdoMode::automatic;
+  return options;
+}
+
 void RemoteNode::emergency(NodeId node, const co::Emcy& message, rt::Time at) noexcept {
   const Emergency event{.node = node, .at = at, .emcy = message};
   emergencies_.push(event);

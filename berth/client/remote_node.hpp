@@ -5,7 +5,8 @@
 ///     if (!vendor) co_return report(vendor.error().message);
 ///     const auto done = co_await node.write("Producer heartbeat time", 500);
 ///     const auto pdo = co_await node.subscribe(1);                        // mapping read from the device
-///     const auto sample = co_await (*pdo)->next(deadline);
+///     client::Tpdo& tpdo = **pdo;
+///     const auto sample = co_await tpdo.next(deadline);
 ///     const auto inputs = sample->get<std::uint8_t>("Read input 8-bit.Inputs 1 to 8");
 ///
 /// Each call has a second form with a callback at its end: `node.read<std::uint32_t>("1018:01", [](auto vendor) {});`.
@@ -97,6 +98,19 @@ class RemoteNode final : private co::EmcyConsumer::Observer, private rt::Job {
   void write(Selector object, Input value, std::function<void(Outcome<void>)> then) {
     call([&] { return Write(*this, object, value); }, std::move(then));
   }
+  /// Long objects (strings, DOMAIN) without having them in memory: from a source, into a sink, which must stay until it
+  /// is done. By block transfer where the device can, unless `NodeOptions::sdo` says otherwise. What came into a sink
+  /// is good only when the outcome is.
+  [[nodiscard]] Stream download(Selector object, co::SdoSource& source) {
+    return Stream(*this, object, &source, nullptr);
+  }
+  [[nodiscard]] Stream upload(Selector object, co::SdoSink& sink) { return Stream(*this, object, nullptr, &sink); }
+  void download(Selector object, co::SdoSource& source, std::function<void(Outcome<void>)> then) {
+    call([&] { return Stream(*this, object, &source, nullptr); }, std::move(then));
+  }
+  void upload(Selector object, co::SdoSink& sink, std::function<void(Outcome<void>)> then) {
+    call([&] { return Stream(*this, object, nullptr, &sink); }, std::move(then));
+  }
   /// @}
 
   /// @name PDOs, by number 1..512
@@ -177,6 +191,7 @@ class RemoteNode final : private co::EmcyConsumer::Observer, private rt::Job {
   /// `sub`: whose limits count; may be null. A complaint without a code: the C++ type does not fit.
   [[nodiscard]] Complaint encode(const od::SubObject* sub, od::DataType type, const Input& value, Bytes& into) const;
   [[nodiscard]] co::CobId emcy_cob_id() const noexcept;
+  [[nodiscard]] co::SdoOptions stream_options() const noexcept;
 
   template <class T>
   [[nodiscard]] Read<T> raw(ObjectRef ref) {

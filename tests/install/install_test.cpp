@@ -120,7 +120,9 @@ TEST_F(Install, NothingOfThisBuildLeaks) {
     EXPECT_EQ(text.find(BERTH_SOURCE_DIR), std::string::npos) << entry.path();
   }
   for (const auto& entry : fs::recursive_directory_iterator(folder / "prefix" / "include")) {
-    if (entry.is_regular_file()) EXPECT_EQ(entry.path().extension(), ".hpp") << entry.path();
+    if (entry.is_regular_file()) {
+      EXPECT_EQ(entry.path().extension(), ".hpp") << entry.path();
+    }
   }
 }
 

@@ -1,0 +1,52 @@
+// The master program of examples/client: what it prints.
+#include <sys/wait.h>
+
+#include <cstdio>
+#include <fstream>
+
+#include "../pch.hpp"
+#include "berth/co/emcy.hpp"
+
+namespace {
+
+std::string printed(const std::string& arguments, int& status) {
+  std::string program = BERTH_BINARY;
+  program = program.substr(0, program.rfind('/')) + "/examples/example_client " + arguments;
+  FILE* const pipe = ::popen(program.c_str(), "r");
+  if (pipe == nullptr) return {};
+  std::string out;
+  std::array<char, 512> piece{};
+  while (std::fgets(piece.data(), piece.size(), pipe) != nullptr) out += piece.data();
+  const int ended = ::pclose(pipe);
+  status = WIFEXITED(ended) ? WEXITSTATUS(ended) : -1;
+  return out;
+}
+
+TEST(ExampleClient, PrintsWhatTheModuleDoes) {
+  int status = -1;
+  const std::string out = printed(BERTH_SOURCE_DIR "/examples/eds/io.eds", status);
+  EXPECT_EQ(status, 0);
+  EXPECT_EQ(out, std::string("node 5: boot-up, initialising\n"
+                             "device: Berth I/O module\n"
+                             "debounce time: written\n"
+                             "node 5, object 2000h:00 \"Debounce time\": the value is above the object's high limit "
+                             "(0609 0031)\n"
+                             "inputs 00\n"
+                             "inputs 01\n"
+                             "inputs 81\n"
+                             "EMCY 3120: ") +
+                     berth::co::emcy_text(0x3120) +
+                     "\n"
+                     "supply voltage: 24000 mV\n"
+                     "outputs 7E\n");
+  int again = -1;
+  EXPECT_EQ(printed(BERTH_SOURCE_DIR "/examples/eds/io.eds", again), out) << "deterministic";
+}
+
+TEST(ExampleClient, WithoutAFileItSaysSo) {
+  int status = -1;
+  EXPECT_EQ(printed("/nowhere/x.eds 2>&1", status).find("/nowhere/x.eds"), 0U);
+  EXPECT_EQ(status, 2);
+}
+
+}  // namespace
