@@ -71,7 +71,8 @@ Encoding needed_encoding(const File& file) {
 std::optional<std::uint8_t> implied_count(const od::Object& object, std::span<const od::SubObject> subs) {
   if (!takes_subs(object.code) || subs.empty() || subs.front().sub != 0) return std::nullopt;
   const od::SubObject& count = subs.front();
-  if (count.has_default || od::writable(count.access) || !od::is_integer(count.type)) return std::nullopt;
+  const bool counts = od::is_integer(count.type) && count.type != od::DataType::boolean;
+  if (count.has_default || od::writable(count.access) || !counts) return std::nullopt;
   std::uint8_t highest = 0;
   for (const od::SubObject& each : subs) {
     if (each.sub != 0xFF) highest = each.sub;

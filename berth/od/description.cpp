@@ -346,7 +346,8 @@ std::shared_ptr<const Description> DescriptionBuilder::build() {
     const auto subs = made->subs(object);
     if (!has_count(object.code) || subs.empty()) continue;
     const SubObject& count = subs.front();
-    if (count.has_default || writable(count.access) || !is_integer(count.type)) continue;
+    const bool counts = is_integer(count.type) && count.type != DataType::boolean;
+    if (count.has_default || writable(count.access) || !counts) continue;
     store(count.type, highest_sub(subs), made->image_.data() + count.offset);
   }
   state_ = std::make_unique<State>();

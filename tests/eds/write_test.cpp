@@ -313,6 +313,19 @@ TEST(EdsWrite, HU_17_LimitsOfAWrittenFileAreEnforced) {
   EXPECT_EQ(device.write({0x2000, 0}, std::vector<std::uint8_t>{10, 0, 0, 0}), od::AbortCode::none);
 }
 
+TEST(EdsWrite, ASubIndex0ThatIsABooleanIsNoCount) {
+  od::DescriptionBuilder builder;
+  builder.object(0x2000, od::ObjectCode::record, "odd")
+      .sub(0x2000, {.sub = 0, .name = "n", .type = DataType::boolean, .access = od::Access::ro})
+      .sub(0x2000, {.sub = 4, .name = "x"});
+  File file;
+  file.description = builder.build();
+  const auto back = again(file);
+  EXPECT_TRUE(back.usable()) << complaints(back);
+  EXPECT_EQ(difference(*file.description, *back.file.description), "");
+  EXPECT_EQ(od::Values(back.file.description).bytes({0x2000, 0})[0], 0);
+}
+
 TEST(EdsWrite, WhatAFileCannotCarryIsTold) {
   od::DescriptionBuilder builder;
   builder.variable(0x2000, {.name = "a ;b", .type = DataType::visible_string, .initial = Literal::text(" x\ny ")});
