@@ -112,19 +112,17 @@ class PdoMapping {
 
 inline void PdoMapping::pack(const std::uint8_t* base, std::uint8_t* into) const noexcept {
   if (!bytewise_) return pack_bits(base, into);
-  for (unsigned i = 0; i < count_; ++i) {
-    const unsigned bytes = fields_[i].bytes();
-    copy(into, base + fields_[i].offset(), bytes);
-    into += bytes;
+  for (const PdoField field : fields()) {
+    copy(into, base + field.offset(), field.bytes());
+    into += field.bytes();
   }
 }
 
 inline void PdoMapping::unpack(std::uint8_t* base, const std::uint8_t* from) const noexcept {
   if (!bytewise_) return unpack_bits(base, from);
-  for (unsigned i = 0; i < count_; ++i) {
-    const unsigned bytes = fields_[i].bytes();
-    if (!fields_[i].dummy()) copy(base + fields_[i].offset(), from, bytes);
-    from += bytes;
+  for (const PdoField field : fields()) {
+    if (!field.dummy()) copy(base + field.offset(), from, field.bytes());
+    from += field.bytes();
   }
 }
 
