@@ -1,12 +1,16 @@
 #include "berth/device/application.hpp"
 
+#include <algorithm>
+
 #include "berth/co/pdo_mapping.hpp"
 
 namespace berth::device {
 
 void WriteWatch::add(od::Values& values, ObjectRef ref, std::function<void()> call) {
+  // Once per index: a hook that is attached twice is called twice.
+  const bool known = std::ranges::any_of(entries_, [&](const Entry& each) { return each.ref.index == ref.index; });
   entries_.push_back({ref, std::move(call)});
-  values.attach(*this, ref.index);
+  if (!known) values.attach(*this, ref.index);
 }
 
 void WriteWatch::one(ObjectRef ref) noexcept {

@@ -47,8 +47,7 @@ Device::Device(can::Dispatcher& dispatcher, std::shared_ptr<const od::Descriptio
       guarding_(dispatcher, *this),
       emcy_(dispatcher),
       sdo_(dispatcher, values_, sdo_buffer(values_.description())),
-      bit_rates_(bit_rates(options_.bit_rate)),
-      sdo_buffer_(sdo_buffer(values_.description())) {
+      bit_rates_(bit_rates(options_.bit_rate)) {
   if (memory != nullptr) record_.emplace(*memory, 0, record_size);
   const auto& d = values_.description();
   if (const auto* object = d.find(0x1016)) {
@@ -62,6 +61,7 @@ Device::Device(can::Dispatcher& dispatcher, std::shared_ptr<const od::Descriptio
   for (const std::uint16_t index : hooked_objects) {
     if (d.find(index) != nullptr) values_.attach(*this, index);
   }
+  if (has_any(d, 0x1201, 0x127F)) values_.attach(*this, 0x1201, 0x127F);
   make_services(memory);
   if (host_ != nullptr) dispatcher_->on_status(this);
   load_settings();
@@ -349,7 +349,7 @@ void Device::use_bit_rate() noexcept {
 }
 
 std::size_t Device::memory() const noexcept {
-  return sizeof(Device) - sizeof(od::Values) + values_.memory() + sdo_buffer_ + options_.name.capacity() +
+  return sizeof(Device) - sizeof(od::Values) + values_.memory() + sdo_.memory() + options_.name.capacity() +
          options_.presets.capacity() * sizeof(Preset) + consumer_size_ + (errors_ ? sizeof(co::ErrorField) : 0) +
          (pdos_ ? pdos_->memory() : 0) + (sync_ ? sizeof(co::Sync) : 0) + (time_ ? sizeof(co::TimeStamp) : 0) +
          (emcy_list_ ? sizeof(co::EmcyList) : 0) + (parameters_ ? sizeof(ParameterStore) : 0) +

@@ -13,9 +13,9 @@
 ///
 /// A service is there when the dictionary has its objects. What acts: 1001h and 1003h (errors), 1005h..1007h and 1019h
 /// (`co::Sync`), 100Ch and 100Dh, 1010h and 1011h (`ParameterStore`), 1012h (`co::TimeStamp`), 1014h, 1015h, 1016h,
-/// 1017h, 1020h (set to 0 by a write that changes a stored value), 1021h (`set_stored_eds`), 1028h, 1029h, 1200h..,
-/// 1400h..1BFFh and 1FA0h.. (`co::Pdos`). All others hold values: 1002h, 1008h..100Ah, 1013h, 1022h..1027h, 102Ah and
-/// the application's own.
+/// 1017h, 1020h (set to 0 by a write that changes a stored value), 1021h (`set_stored_eds`), 1028h, 1029h,
+/// 1200h..127Fh, 1400h..1BFFh and 1FA0h.. (`co::Pdos`). All others hold values: 1002h, 1008h..100Ah, 1013h,
+/// 1022h..1027h, 102Ah and the application's own.
 ///
 /// After a reset an object has its default, or the `Preset`, or what 1010h stored. Reset communication concerns
 /// 1000h..1FFFh, reset node and power-on everything.
@@ -38,7 +38,7 @@
 #include "berth/co/heartbeat.hpp"
 #include "berth/co/nmt_slave.hpp"
 #include "berth/co/pdo.hpp"
-#include "berth/co/sdo_server.hpp"
+#include "berth/co/sdo_servers.hpp"
 #include "berth/co/sync.hpp"
 #include "berth/co/time_stamp.hpp"
 #include "berth/device/application.hpp"
@@ -257,6 +257,7 @@ class Device final : private co::NmtSlave::Owner,
   void received(unsigned rpdo, rt::Time at) noexcept override;
   void received_mpdo(ObjectRef object, rt::Time at) noexcept override;
   void synchronised(std::uint8_t counter, rt::Time at) noexcept override;
+  void sync_missing(bool missing, rt::Time at) noexcept override;
   void time_of_day(const co::TimeOfDay& time, rt::Time at) noexcept override;
   void emergency(NodeId node, const co::Emcy& message, rt::Time at) noexcept override;
   template <class Member, class... Arguments>
@@ -305,7 +306,7 @@ class Device final : private co::NmtSlave::Owner,
   co::GuardingSlave guarding_;
   co::EmcyProducer emcy_;
   std::unique_ptr<co::ErrorField> errors_;  // only with object 1003h
-  co::SdoServerService sdo_;
+  co::SdoServers sdo_;
   std::unique_ptr<co::Pdos> pdos_;                     // only with objects 1400h..1BFFh
   std::unique_ptr<co::Sync> sync_;                     // only with object 1005h
   std::unique_ptr<co::TimeStamp> time_;                // only with object 1012h
@@ -322,7 +323,6 @@ class Device final : private co::NmtSlave::Owner,
   lss::BitRateMask bit_rates_ = 0;
   std::array<std::uint8_t, 4> scratch_{};  // what `reading` shows
   Recovery recovery_{*this};
-  std::size_t sdo_buffer_;
   std::size_t consumer_size_ = 0;
   Begin begin_ = Begin::nothing;
   bool powered_ = false;

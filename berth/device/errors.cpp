@@ -26,6 +26,7 @@ bool Device::clear(std::uint16_t code, const std::array<std::uint8_t, 5>& info, 
 }
 
 void Device::error_behaviour(std::uint8_t error_class) noexcept {
+  if (error_class == 0) return;  // 1029h:00 is a count
   nmt_.apply_error_behaviour(values_.get_or<std::uint8_t>({0x1029, error_class}, 0));
 }
 
@@ -91,6 +92,7 @@ LedInputs Device::led_inputs() const noexcept {
           .bus_off = status.bus_off,
           .warning_limit = status.tec >= warning_limit || status.rec >= warning_limit,
           .error_control_event = emcy_.active(co::emcy_code::life_guard_or_heartbeat),
+          .sync_missing = sync_ && sync_->missing(),
           .event_timer_missed = emcy_.active(co::emcy_code::rpdo_timeout)};
 }
 
@@ -142,6 +144,8 @@ void Device::received_mpdo(ObjectRef object, rt::Time) noexcept {
 }
 
 void Device::synchronised(std::uint8_t counter, rt::Time) noexcept { call(&Callbacks::sync, counter); }
+
+void Device::sync_missing(bool missing, rt::Time) noexcept { call(&Callbacks::sync_missing, missing); }
 
 void Device::time_of_day(const co::TimeOfDay& time, rt::Time) noexcept { call(&Callbacks::time, time); }
 

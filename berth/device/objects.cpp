@@ -63,7 +63,8 @@ od::AbortCode Device::writing_emcy_id(std::uint32_t value) const noexcept {
 
 void Device::written(od::Values&, ObjectRef ref) noexcept {
   apply_object(ref.index);
-  if (ref.index == 0x1005 || ref.index == 0x1012 || ref.index == 0x1014) listen();
+  const bool sdo_channel = ref.index >= 0x1201 && ref.index <= 0x127F;
+  if (sdo_channel || ref.index == 0x1005 || ref.index == 0x1012 || ref.index == 0x1014) listen();
   if (ref.index == 0x1016) forget_heartbeat_errors();
 }
 

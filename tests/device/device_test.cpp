@@ -11,7 +11,7 @@ Options stored(std::uint32_t serial, std::uint8_t id) {
 }
 
 // Facts C.1: without a node-ID a device stops in initialising: LSS (and RAND) only, no boot-up. Hard-cases "users" 5.
-TEST(Device, UnconfiguredStartsWithLssAndRandOnly) {
+TEST(Device, A3_6_HU_5_UnconfiguredStartsWithLssAndRandOnly) {
   Rig rig;
   Node node(rig.world, rig.bus, blank(5));
   node.on();
@@ -29,7 +29,7 @@ TEST(Device, UnconfiguredStartsWithLssAndRandOnly) {
 }
 
 // Facts C.1: a pending 1..127 in that state, then switch global waiting: boot-up with the new node-ID.
-TEST(Device, LssGivesAnUnconfiguredDeviceItsNodeIdAndItBoots) {
+TEST(Device, HU_4_HU_5_LssGivesAnUnconfiguredDeviceItsNodeIdAndItBoots) {
   Rig rig;
   Node node(rig.world, rig.bus, blank(5));
   node.on();
@@ -109,7 +109,7 @@ TEST(Device, BrokenMemoryAnswersStorageError) {
 
 // Facts C.1: of a configured device the pending node-ID becomes active with the next NMT reset communication; reset
 // node loads what is stored. Hard-cases LSS "persist pending vs active".
-TEST(Device, PendingBecomesActiveAtResetCommunicationNotAtResetNode) {
+TEST(Device, HU_4_PendingBecomesActiveAtResetCommunicationNotAtResetNode) {
   Rig rig;
   Node node(rig.world, rig.bus, stored(5, 9));
   node.on();
@@ -230,7 +230,7 @@ std::shared_ptr<const od::Description> with_application() {
 }
 
 // Hard-cases 2: reset communication concerns 1000h..1FFFh only, reset node also 2000h..9FFFh (and the rest).
-TEST(Device, ResetsConcernTheirObjectRanges) {
+TEST(Device, HC2_8_ResetsConcernTheirObjectRanges) {
   Rig rig;
   Node node(rig.world, rig.bus, stored(5, 9), {}, {}, with_application());
   node.on();
@@ -255,7 +255,7 @@ TEST(Device, ResetsConcernTheirObjectRanges) {
 }
 
 // Facts A.3: services by state.
-TEST(Device, ServicesFollowTheNmtState) {
+TEST(Device, A3_2_A3_3_ServicesFollowTheNmtState) {
   Rig rig;
   Node node(rig.world, rig.bus, stored(5, 9));
   node.on();
@@ -280,7 +280,7 @@ TEST(Device, ServicesFollowTheNmtState) {
 }
 
 // Facts A.4: the first heartbeat follows one period after boot-up; a write of 1017h counts at once.
-TEST(Device, HeartbeatPeriodIsTakenAtOnce) {
+TEST(Device, A4_2_OD_1017_HeartbeatPeriodIsTakenAtOnce) {
   Rig rig;
   auto options = stored(5, 9);
   options.presets.push_back({{0x1017, 0}, 100});
@@ -306,7 +306,7 @@ TEST(Device, HeartbeatPeriodIsTakenAtOnce) {
 }
 
 // Facts A.4: toggle 0 in the first answer, then alternating; heartbeat wins. Hard-cases 2 "Guarding".
-TEST(Device, GuardingTogglesAndHeartbeatWins) {
+TEST(Device, A4_4_A4_5_GuardingTogglesAndHeartbeatWins) {
   Rig rig;
   Node node(rig.world, rig.bus, stored(5, 9));
   node.on();
@@ -328,7 +328,7 @@ TEST(Device, GuardingTogglesAndHeartbeatWins) {
 
 // Facts A.4, A.6: life guarding and heartbeat lost: EMCY 8130h with register bits 4 and 0; pre-operational when
 // operational (1029h:01 = 0); 1001h and 1003h show it.
-TEST(Device, LifeGuardingLostIsReported) {
+TEST(Device, A4_6_OD_100C_OD_100D_LifeGuardingLostIsReported) {
   Rig rig;
   Node node(rig.world, rig.bus, stored(5, 9));
   node.on();
@@ -355,7 +355,7 @@ TEST(Device, LifeGuardingLostIsReported) {
 }
 
 // Facts A.4: supervision starts with the first heartbeat; two entries for one node: 0604 0043.
-TEST(Device, HeartbeatConsumerActsAtOnce) {
+TEST(Device, A4_3_OD_1016_HeartbeatConsumerActsAtOnce) {
   Rig rig;
   Node node(rig.world, rig.bus, stored(5, 9));
   node.on();
@@ -477,7 +477,7 @@ TEST(Device, WithoutPowerNothingHappens) {
 }
 
 // Hard-cases "Boot": what a device may do by itself. 1F80h bit 3 set and bit 2 clear: operational on its own.
-TEST(Device, SelfStart) {
+TEST(Device, A3_5_SelfStart) {
   for (const unsigned value : {0U, 4U, 8U, 12U}) {
     Rig rig;
     od::DescriptionBuilder b;

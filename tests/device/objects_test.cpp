@@ -239,6 +239,11 @@ TEST(Objects, A6_3_OD_1001_ErrorRegister) {
   EXPECT_EQ(shown(), Rig::value(0x1001, 0, 1, 0));
   EXPECT_EQ(s.rig.record.count("089#0000000000000000"), 1U);
   EXPECT_FALSE(device.clear(0x2310));
+  s.rig.ask("000#0109");
+  device.error_behaviour(0);
+  EXPECT_EQ(device.state(), NmtState::operational) << "1029h:00 is a count, no class";
+  device.error_behaviour(9);
+  EXPECT_EQ(device.state(), NmtState::pre_operational) << "a class that is not described: as the default 0";
 }
 
 // OD.1014: bit 31, the frozen identifier, restricted ones; OD.1015: the inhibit time between two messages.
@@ -303,6 +308,12 @@ TEST(Objects, HandlesOfTheApplication) {
   EXPECT_EQ(calls, 1);
   wide.set(8);
   EXPECT_EQ(calls, 1) << "the application knows what it wrote itself";
+  std::array<int, 3> entries{};
+  for (std::uint8_t i = 0; i < 3; ++i)
+    device.on_write({0x1028, static_cast<std::uint8_t>(i + 1)}, [&, i] { ++entries[i]; });
+  device.on_write({0x1028, 2}, [&] { ++entries[1]; });
+  EXPECT_EQ(s.rig.write(0x1028, 2, 4, 0x082), Rig::done(0x1028, 2));
+  EXPECT_EQ(entries, (std::array<int, 3>{0, 2, 0})) << "each callback once, of its own sub-index only";
 }
 
 }  // namespace

@@ -28,7 +28,7 @@ std::shared_ptr<const od::Description> description() {
   add_rpdo(b, 2, {.map = {{{0x2001, 0}, 16}}, .type = 1});
   b.object(0x1201, od::ObjectCode::record, "SDO server 2", DataType::sdo_parameter);
   b.sub(0x1201, {.sub = 1, .initial = Literal::number(0x641)});
-  b.sub(0x1201, {.sub = 2, .initial = Literal::number(0x5C1 & 0x7FF)});
+  b.sub(0x1201, {.sub = 2, .initial = Literal::number(0x5C1)});
   b.sub(0x1201, {.sub = 3, .type = DataType::unsigned8, .initial = Literal::number(0)});
   return b.build();
 }
@@ -145,6 +145,57 @@ TEST(Services, ErrorsOfServicesAreTheDevices) {
   EXPECT_EQ(s.rig.read(0x1001, 0), Rig::value(0x1001, 0, 1, 0));
   s.rig.ask("080#01");
   EXPECT_TRUE(s.node.device.emcy().active(co::emcy_code::sync_length));
+}
+
+// OD.1200, A7.8: additional SDO servers of a device serve beside the default one, and "save" is answered where it was
+// asked.
+TEST(Services, OD_1200_AdditionalSdoServer) {
+  Rig rig;
+  od::DescriptionBuilder b;
+  add_device(b);
+  add_storage(b);
+  b.object(0x1201, od::ObjectCode::record, "SDO server 2", DataType::sdo_parameter);
+  b.sub(0x1201, {.sub = 1, .initial = Literal::number(0x8000'0000)});
+  b.sub(0x1201, {.sub = 2, .initial = Literal::number(0x8000'0000)});
+  Node node(rig.world, rig.bus, node9(), {}, milliseconds(10), b.build());
+  node.on();
+  rig.run(milliseconds(2));
+  EXPECT_EQ(rig.read(0x1200, 1), Rig::value(0x1200, 1, 4, 0x609));
+  EXPECT_EQ(rig.write(0x1200, 1, 4, 0x60A), Rig::refused(0x1200, 1, AbortCode::read_only));
+  EXPECT_EQ(rig.write(0x1201, 1, 4, 0x601), Rig::refused(0x1201, 1, AbortCode::invalid_value)) << "restricted";
+  EXPECT_EQ(rig.write(0x1201, 1, 4, 0x3A0), Rig::done(0x1201, 1));
+  EXPECT_EQ(rig.write(0x1201, 2, 4, 0x3A1), Rig::done(0x1201, 2));
+  rig.ask("3A0#4000100000000000");
+  EXPECT_EQ(rig.record.text.back(), "3A1#4300100000000000");
+  rig.ask("3A0#2310100173617665", milliseconds(1));
+  rig.ask("609#4017100000000000", milliseconds(2));
+  EXPECT_EQ(rig.record.text.back(), "589#4B17100000000000") << "the default channel goes on meanwhile";
+  EXPECT_EQ(rig.write(0x1010, 1, 4, 0x65766173, milliseconds(2)), Rig::refused(0x1010, 1, AbortCode::device_state));
+  rig.run(milliseconds(40));
+  EXPECT_EQ(rig.record.text.back(), "3A1#6010100100000000");
+  rig.ask("3A1#6000200000000000");
+  EXPECT_TRUE(node.device.emcy().active(co::emcy_code::id_collision)) << "SX.7: its answers are its own too";
+  node.off();
+  node.on();
+  rig.run(milliseconds(5));
+  rig.ask("3A0#4000100000000000");
+  EXPECT_EQ(rig.record.text.back(), "3A1#4300100000000000") << "the stored channel serves after power-on";
+}
+
+// A consumer that misses SYNC says so, and shows it.
+TEST(Services, SyncMissingIsTold) {
+  Site s;
+  std::vector<bool> told;
+  s.node.device.on().sync_missing = [&](bool missing) { told.push_back(missing); };
+  EXPECT_EQ(s.rig.write(0x1006, 0, 4, 10'000), Rig::done(0x1006, 0));
+  s.rig.ask("000#0109");
+  s.rig.ask("080#", milliseconds(14));
+  EXPECT_TRUE(told.empty());
+  s.rig.run(milliseconds(3));
+  EXPECT_EQ(told, std::vector<bool>{true});
+  EXPECT_EQ(leds(s.node.device.led_inputs()), (Leds{Light::on, Light::triple_flash}));
+  s.rig.ask("080#");
+  EXPECT_EQ(told, (std::vector<bool>{true, false}));
 }
 
 // The device's clock is 10 % slow: event timers and SYNC run by it.
