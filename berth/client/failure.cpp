@@ -16,13 +16,10 @@ std::string happened(const Error& error) {
   switch (error.code) {
     case Errc::aborted: return fmt::format("aborted by the device: {} ({})", od::text(code), code_text(error.detail));
     case Errc::timeout: return fmt::format("{}: the request was on the wire, nobody answered in time", error.text);
-    case Errc::bus: return error.text;
-    case Errc::invalid:
-    case Errc::mismatch:
-      if (error.detail != 0) return fmt::format("{} ({})", error.text, code_text(error.detail));
-      return error.text;
-    default: return error.text != nullptr && *error.text != '\0' ? error.text : name(error.code);
+    default: break;
   }
+  const char* const text = error.text != nullptr && *error.text != '\0' ? error.text : name(error.code);
+  return error.detail != 0 ? fmt::format("{} ({})", text, code_text(error.detail)) : text;
 }
 
 }  // namespace

@@ -23,7 +23,7 @@ rt::Task<void> read_and_note(RemoteNode& node, const char* name, Ends& ends) {
 }
 
 rt::Task<void> write_and_note(RemoteNode& node, Ends& ends) {
-  const Bytes much(3000, 1);
+  const Bytes much(800, 1);
   const auto done = co_await node.write("DOMAIN", much);
   ends.note(done);
 }
@@ -53,6 +53,7 @@ struct Pending {
     scope.spawn(read_and_note(*rig.node, "Read only", ends[3]));
     scope.spawn(command_and_note(*rig.node, ends[4]));
     scope.spawn(wait_for_emcy(*rig.node, ends[5]));
+    rig.run(0ms);  // each has begun
     rig.node->read<std::uint32_t>("UNSIGNED32", [this](const auto&) { ++called; });
     rig.node->write("UNSIGNED8", 1, [this](const auto&) { ++called; });
     rig.node->subscribe(2, [this](const auto&) { ++called; });
