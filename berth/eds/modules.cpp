@@ -14,6 +14,7 @@ namespace berth::eds {
 namespace {
 
 constexpr std::uint8_t most_sub = 254;
+constexpr std::size_t most_added = 1U << 18U;  ///< as ReadOptions::max_sub_objects
 
 class Expander {
  public:
@@ -32,10 +33,7 @@ class Expander {
       for (const ModuleObject& each : module->fixed_objects) fixed(each);
       for (const ModuleExtension& each : module->extensions) extend(slot + 1, each);
     }
-    for (const auto& [index, highest] : highest_) {
-      const auto count = builder_.spec_of({index, 0});
-      if (count && count->initial.present()) builder_.initial({index, 0}, od::Literal::number(highest));
-    }
+    for (const auto& [index, highest] : highest_) count(index, highest);
     made_.description = builder_.build();
     return std::move(made_);
   }
@@ -50,6 +48,19 @@ class Expander {
 
   void tell(std::string message) {
     made_.findings.push_back({Finding::Severity::warning, "", 0, 0, "[ConnectedModules]", std::move(message), ""});
+  }
+
+  /// A sub-index 0 that the file gives a value counts the new sub-indices too.
+  void count(std::uint16_t index, std::uint8_t highest) {
+    const od::SubObject* const sub = file_.description->find(ObjectRef{index, 0});
+    if (sub == nullptr || !sub->has_default || !od::is_integer(sub->type)) return;
+    builder_.sub(index, {.sub = 0,
+                         .name = file_.description->name(*sub),
+                         .type = sub->type,
+                         .access = sub->access,
+                         .mappable = sub->mappable,
+                         .initial = od::Literal::number(highest),
+                         .obj_flags = sub->obj_flags});
   }
 
   void fixed(const ModuleObject& object) {
@@ -93,6 +104,10 @@ class Expander {
   }
 
   bool add(std::size_t slot, const ModuleExtension& extension, Place& place) {
+    if (added_ == most_added) {
+      if (told_.insert(0).second) tell("the modules make more objects than are read");
+      return false;
+    }
     if (highest(place.index) == most_sub) {
       if (place.further >= extension.object_extend || place.index == 0xFFFF) {
         if (told_.insert(extension.index).second) {
@@ -110,6 +125,7 @@ class Expander {
     const auto sub = static_cast<std::uint8_t>(highest(place.index) + 1);
     builder_.sub(place.index, extension.value.spec(sub));
     highest_[place.index] = sub;
+    ++added_;
     return true;
   }
 
@@ -118,7 +134,8 @@ class Expander {
   od::DescriptionBuilder builder_;
   std::map<std::uint16_t, Place> places_;
   std::map<std::uint16_t, std::uint8_t> highest_;
-  std::set<std::uint16_t> told_;
+  std::set<std::uint16_t> told_;  ///< indices of which a lack was told; 0: of all
+  std::size_t added_ = 0;
   Expansion made_;
 };
 

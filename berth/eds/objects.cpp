@@ -130,6 +130,14 @@ void ObjectReader::run(File& file, std::uint32_t dummies) {
   }
   check_mandatory(*file.description);
   check_pdo_counts(*file.description);
+  if (too_much_) {
+    const auto left_out = [&file](const auto& each) { return file.description->find(each.object) == nullptr; };
+    std::erase_if(parameters_, left_out);
+    std::erase_if(defaults_, left_out);
+    std::erase_if(denotations_, left_out);
+    std::erase_if(param_refs_, left_out);
+    std::erase_if(file_references_, left_out);
+  }
   // [xxxxValue] and ParameterValue may both speak of one sub-object: the builder kept the last one, so does this list.
   by_object<true>(parameters_);
   by_object<false>(defaults_);

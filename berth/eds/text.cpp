@@ -5,6 +5,8 @@
 namespace berth::eds {
 namespace {
 
+constexpr std::size_t longest_line = 255;
+
 bool blank(char c) noexcept { return c == ' ' || c == '\t' || c == '\0' || c == '\v' || c == '\f'; }
 bool line_break(char c) noexcept { return c == '\n' || c == '\r'; }
 
@@ -41,15 +43,18 @@ void TextBuilder::section(std::string_view name) {
 }
 
 void TextBuilder::plain(std::string_view key, std::string_view value) {
+  if (key.size() + value.size() + 1 > longest_line) {
+    tell(key, "the line is longer than the 255 characters that CiA 306 allows; some readers cut it",
+         Finding::Severity::note);
+  }
   text_ += key;
   text_ += '=';
   text_ += value;
   text_ += line_end_;
 }
 
-void TextBuilder::tell(std::string_view key, std::string message) {
-  findings_.push_back(
-      {Finding::Severity::warning, "", 0, 0, fmt::format("[{}] {}", section_, key), std::move(message), ""});
+void TextBuilder::tell(std::string_view key, std::string message, Finding::Severity severity) {
+  findings_.push_back({severity, "", 0, 0, fmt::format("[{}] {}", section_, key), std::move(message), ""});
 }
 
 void TextBuilder::raw(std::string_view key, std::string_view value) {

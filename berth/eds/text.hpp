@@ -30,7 +30,7 @@ class TextBuilder {
   void plain(std::string_view key, std::string_view value);
   void flag(std::string_view key, bool value) { plain(key, value ? "1" : "0"); }
   void number(std::string_view key, std::uint64_t value) { plain(key, std::to_string(value)); }
-  void tell(std::string_view key, std::string message);
+  void tell(std::string_view key, std::string message, Finding::Severity severity = Finding::Severity::warning);
 
   [[nodiscard]] std::string take_text() { return std::move(text_); }
   [[nodiscard]] Findings take_findings() { return std::move(findings_); }

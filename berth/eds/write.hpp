@@ -80,7 +80,7 @@ struct WriteOptions {
 
 struct Written {
   std::string text;
-  /// What the format could not carry and how it stands there instead.
+  /// Warnings: what the format could not carry and how it stands there instead. Notes: lines beyond 255 characters.
   Findings findings;
 };
 

@@ -420,6 +420,18 @@ TEST(EdsQuirks, HC4_28_ObjectLinksModulesAndUnknownSections) {
   EXPECT_TRUE(noted(read_variable(u32, "Surprise=1"), "[2000] Surprise"));
 }
 
+TEST(EdsQuirks, ValuesOfObjectsBeyondTheBoundsAreLeftOutToo) {
+  std::string text = file_with(variable(u32, "ParameterValue=1\nDenotation=x")) + "[DeviceComissioning]\nNodeID=5\n";
+  text.replace(text.find("VendorName=v"), 12, "VendorName=v\nNrOfTXPDO=100\nCompactPDO=3");
+  for (std::size_t most = 1; most < 40; ++most) {
+    const auto r = read(text, "t", {.max_sub_objects = most});
+    EXPECT_FALSE(r.usable());
+    for (const auto& each : r.file.parameters) EXPECT_NE(r.file.description->find(each.object), nullptr) << most;
+    for (const auto& each : r.file.defaults) EXPECT_NE(r.file.description->find(each.object), nullptr) << most;
+    for (const auto& each : r.file.denotations) EXPECT_NE(r.file.description->find(each.object), nullptr) << most;
+  }
+}
+
 TEST(EdsQuirks, AFileWithoutAnObjectIsNoEds) {
   EXPECT_TRUE(refused(read_text("[2000Value]\nNrOfEntries=1\n1=2\n"), "")) << "a list of an object that is not there";
   EXPECT_TRUE(refused(read_text(""), ""));

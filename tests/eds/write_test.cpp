@@ -326,6 +326,23 @@ TEST(EdsWrite, ASubIndex0ThatIsABooleanIsNoCount) {
   EXPECT_EQ(od::Values(back.file.description).bytes({0x2000, 0})[0], 0);
 }
 
+TEST(EdsWrite, E1_1_LinesBeyond255CharactersAreTold) {
+  od::DescriptionBuilder builder;
+  builder.variable(
+      0x2000,
+      {.name = "d", .type = DataType::octet_string, .initial = Literal::octets(std::vector<std::uint8_t>(121))});
+  builder.variable(
+      0x2001,
+      {.name = "d", .type = DataType::octet_string, .initial = Literal::octets(std::vector<std::uint8_t>(122))});
+  File file;
+  file.description = builder.build();
+  const auto written = write(file);
+  ASSERT_EQ(written.findings.size(), 1U) << "DefaultValue= and 242 digits are 255 characters, two more are not";
+  EXPECT_EQ(written.findings[0].severity, Severity::note);
+  EXPECT_EQ(written.findings[0].key, "[2001] DefaultValue");
+  EXPECT_EQ(difference(*file.description, *read_text(written.text).file.description), "");
+}
+
 TEST(EdsWrite, WhatAFileCannotCarryIsTold) {
   od::DescriptionBuilder builder;
   builder.variable(0x2000, {.name = "a ;b", .type = DataType::visible_string, .initial = Literal::text(" x\ny ")});
