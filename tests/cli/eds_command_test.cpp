@@ -334,7 +334,11 @@ TEST_F(EdsCommand, DiffNamesEachDifference) {
 
 TEST_F(EdsCommand, DiffWithALiveDevice) {
   const std::string plant = changed(small_plant, "type = { vendor = 1, product = 7, revision = 3 }\nserial = 0x30",
-                                    "eds = \"device.eds\"\nserial = 0x30");
+                                    "eds = \"device.xdd\"\nserial = 0x30");
+  const std::string device =
+      folder.write("device.eds", changed(sound_eds, "DefaultValue=$NODEID+0x10", "DefaultValue=25"));
+  // A plant's devices are described in any form.
+  ASSERT_EQ(eds({"convert", device, folder.file("device.xdd")}).status, 0);
   const Words world{"--node",    "9",
                     "--machine", folder.write("machine.toml", small_machine),
                     "--sim",     folder.write("plant.toml", plant),
