@@ -41,7 +41,8 @@ std::string name_of(const od::Description& description, ObjectRef ref) {
   const auto* const sub = object != nullptr ? description.find(*object, ref.sub) : nullptr;
   if (sub == nullptr) return {};
   const std::string own(description.name(*sub));
-  if (object->count == 1 || own == description.name(*object)) return own;
+  // "Consumer heartbeat time 1" says what "Consumer heartbeat time" says.
+  if (object->count == 1 || own.starts_with(description.name(*object))) return own;
   return fmt::format("{}: {}", description.name(*object), own);
 }
 
@@ -303,7 +304,9 @@ std::string print_value(od::DataType type, std::span<const std::uint8_t> bytes) 
     const auto text = od::print(type, bytes);
     const auto raw = od::load(type, bytes.data());
     const bool small = raw < 10 || od::is_signed(type) || type == od::DataType::boolean;
-    return small ? text : fmt::format("{} (0x{:X})", text, raw);
+    if (small) return text;
+    // COB-IDs and mapping entries mean nothing in decimal.
+    return raw > 0xFF'FFFF ? fmt::format("0x{:X}", raw) : fmt::format("{} (0x{:X})", text, raw);
   }
   const bool text = type == od::DataType::visible_string;
   const bool cut = bytes.size() > longest;

@@ -56,10 +56,10 @@ struct LoadedConfiguration {
   [[nodiscard]] bool usable() const noexcept { return !has_errors(findings); }
 };
 
-/// Reads a DCF or XDC (`.dcf`, `.eds`, `.xdc`, `.xdd`) or a concise DCF (any other name). A DCF's DOMAINs take the content of their
-/// DownloadFiles, which stand beside it. A PDO or SDO channel of which the file sets anything gets the file's default
-/// as its COB-ID when the file sets none: what an interrupted configuration switched off is switched on again.
-/// Findings: as the reader of the file has them (errors and warnings), and an error when it sets nothing.
+/// Reads a DCF or XDC (`.dcf`, `.eds`, `.xdc`, `.xdd`) or a concise DCF (any other name). A DCF's DOMAINs take the
+/// content of their DownloadFiles, which stand beside it. A PDO or SDO channel of which the file sets anything gets the
+/// file's default as its COB-ID when the file sets none: what an interrupted configuration switched off is switched on
+/// again. Findings: as the reader of the file has them (errors and warnings), and an error when it sets nothing.
 [[nodiscard]] LoadedConfiguration load_configuration(const std::filesystem::path& path);
 
 /// One value as one node shall have it.
@@ -86,7 +86,7 @@ struct Wanted {
 /// For one node; `own` replaces or adds values. Errors: `Errc::invalid` with the object whose value cannot be had.
 [[nodiscard]] Result<Wanted> wanted(const Configuration& configuration, NodeId node, std::span<const Entry> own = {});
 
-/// "0x1A, 26" is for people: numbers as the type prints them and in hex, bytes in hex, long ones cut.
+/// For people: "26 (0x1A)", large numbers in hex alone, texts quoted, bytes in hex, long ones cut.
 [[nodiscard]] std::string print_value(od::DataType type, std::span<const std::uint8_t> bytes);
 
 }  // namespace berth::manager

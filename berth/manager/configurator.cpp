@@ -104,6 +104,7 @@ void Configurator::fail_at(ConfigurationReport& report, Stage stage, const Entry
   failure.object = entry.object;
   failure.name = entry.name;
   failure.line = entry.line;
+  failure.own = entry.own;
   failure.type = entry.type;
   failure.wanted = entry.bytes;
   failure.error = error;
@@ -230,8 +231,8 @@ rt::Task<bool> Configurator::read_entry(std::size_t index, ConfigurationReport& 
   held_[object] = {bytes.begin(), bytes.end()};
   if (same_value(entry.type, bytes, entry.bytes)) co_return true;
   changes_[index] = !entry.compare_only;
-  report.differences.push_back(
-      {object, entry.name, entry.line, entry.type, entry.bytes, std::vector<std::uint8_t>(bytes.begin(), bytes.end())});
+  report.differences.push_back({object, entry.name, entry.line, entry.type, entry.bytes,
+                                std::vector<std::uint8_t>(bytes.begin(), bytes.end()), entry.own});
   co_return true;
 }
 

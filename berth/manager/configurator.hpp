@@ -50,6 +50,7 @@ struct Failure {
   ObjectRef object;
   std::string name;
   std::uint32_t line = 0;
+  bool own = false;  ///< the value is not of the file
   od::DataType type = od::DataType::none;
   std::vector<std::uint8_t> wanted;
   std::vector<std::uint8_t> held;
@@ -69,6 +70,7 @@ struct Difference {
   od::DataType type = od::DataType::none;
   std::vector<std::uint8_t> wanted;
   std::optional<std::vector<std::uint8_t>> held;  ///< empty: it cannot be read
+  bool own = false;                               ///< not of the file
 };
 /// "6110h:01 \"Limit\": 3 instead of 5 (pump.dcf:34)".
 [[nodiscard]] std::string describe(const Difference& difference, const std::string& file);

@@ -16,6 +16,11 @@ std::string place(const std::string& file, std::uint32_t line) {
   return line != 0 ? fmt::format("{}:{}", file, line) : file;
 }
 
+/// " (pump.dcf:34)"; nothing for what is not of the file.
+std::string in(const std::string& file, std::uint32_t line, bool own) {
+  return own ? std::string() : fmt::format(" ({})", place(file, line));
+}
+
 std::string words(const Error& error) {
   switch (error.code) {
     case Errc::aborted:
@@ -65,22 +70,22 @@ std::string describe(const Failure& f, const std::string& file) {
       return fmt::format("{} is {} and cannot be written; {} wants {}", what, print_value(f.type, f.held),
                          place(file, f.line), print_value(f.type, f.wanted));
     case Failure::Why::not_kept:
-      return fmt::format("{}: the device took {} ({}) without an error and still has {}", what,
-                         print_value(f.type, f.wanted), place(file, f.line), print_value(f.type, f.held));
+      return fmt::format("{}: the device took {}{} without an error and still has {}", what,
+                         print_value(f.type, f.wanted), in(file, f.line, f.own), print_value(f.type, f.held));
     case Failure::Why::not_saved:
       return fmt::format("{}{}: the device does not have the configuration after it was told to save it", node, what);
     case Failure::Why::error: break;
   }
   const bool value = f.stage == Stage::writing;
-  const std::string at = f.line != 0 || value ? fmt::format(" ({})", place(file, f.line)) : std::string();
+  const std::string at = f.line != 0 || value ? in(file, f.line, f.own) : std::string();
   return fmt::format("{}{} {}{}{}: {}", node, name(f.stage), what,
                      value ? fmt::format(" = {}", print_value(f.type, f.wanted)) : std::string(), at, words(f.error));
 }
 
 std::string describe(const Difference& d, const std::string& file) {
-  return fmt::format("{}: {} instead of {} ({})", object_of(d.object, d.name),
+  return fmt::format("{}: {} instead of {}{}", object_of(d.object, d.name),
                      d.held ? print_value(d.type, *d.held) : std::string("unreadable"), print_value(d.type, d.wanted),
-                     place(file, d.line));
+                     in(file, d.line, d.own));
 }
 
 std::string summary(const ConfigurationReport& r, const std::string& file) {

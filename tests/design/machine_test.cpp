@@ -40,6 +40,7 @@ TEST(MachineFile, ReadsEverything) {
 name = "conveyor"
 [timing]
 sdo_timeout = "200 ms"
+save_timeout = "2 min"
 [bus.backbone]
 port    = "socketcan:can0"
 bitrate = 250_000
@@ -63,6 +64,7 @@ assign   = "recipe"
 optional = true
 replacement = "auto"
 config   = "left-sensor.dcf"
+activate = "power-cycle"
 [[slot]]
 bus = "backbone"
 id = 3
@@ -109,6 +111,9 @@ deadline = "20 ms"
   EXPECT_EQ(left.assign, places::Assign::recipe);
   EXPECT_TRUE(left.optional);
   EXPECT_EQ(left.config, "some/where/left-sensor.dcf");
+  EXPECT_EQ(left.activate, places::Activate::power_cycle);
+  EXPECT_EQ(m.buses[0].timing.save_timeout, Duration(2min));
+  EXPECT_EQ(m.slots[1].spec.activate, places::Activate::at_once);
   EXPECT_EQ(m.slots[1].spec.type, (TypeCode{0x11, 0x22}));
   EXPECT_EQ(m.slots[1].eds_path, "some/where/eds/sensor.eds");
   EXPECT_EQ(m.slots[1].spec.when_ambiguous, places::WhenAmbiguous::ask);
@@ -139,13 +144,52 @@ TEST(MachineFile, S1_28_NodeTableOfThePaper) {
 }
 
 TEST(MachineFile, EveryExampleReads) {
-  const std::map<std::string, std::size_t> examples{{"five-slaves", 5}, {"hundred-twenty", 120}, {"by-eds", 5}};
+  const std::map<std::string, std::size_t> examples{
+      {"five-slaves", 5}, {"hundred-twenty", 120}, {"by-eds", 5}, {"configured", 3}};
   for (const auto& [name, slots] : examples) {
     const auto result = load_machine(std::string(BERTH_SOURCE_DIR) + "/examples/" + name + ".toml");
     ASSERT_TRUE(result.machine) << to_string(result.findings.at(0));
     EXPECT_TRUE(result.findings.empty()) << to_string(result.findings.at(0));
     EXPECT_EQ(result.machine->slots.size(), slots) << name;
   }
+}
+
+// The configuration of a slot is looked at with the machine file: missing, unreadable, of another type, for another
+// node.
+TEST(MachineFile, AConfigurationIsLookedAt) {
+  const ConfigLoader loader = [](const std::string& path, Findings& findings) -> std::optional<ConfigType> {
+    if (path.ends_with("right.dcf")) return ConfigType{{1, 1}, std::nullopt, false};
+    if (path.ends_with("any.cdcf")) return ConfigType{};
+    if (path.ends_with("other.dcf")) return ConfigType{{1, 9}, std::nullopt, false};
+    if (path.ends_with("node5.dcf")) return ConfigType{{1, 1}, NodeId(5), true};
+    findings.push_back({Finding::Severity::error, path, 3, 1, "", "cannot be read", ""});
+    return std::nullopt;
+  };
+  const auto said = [&](const std::string& line) {
+    const auto result = read_machine(head + slot2 + line, "m.toml", {}, loader);
+    std::string all;
+    for (const auto& f : result.findings) all += to_string(f) + "\n";
+    EXPECT_EQ(result.machine.has_value(), all.find("error") == std::string::npos) << all;
+    return all;
+  };
+  EXPECT_EQ(said("config = \"right.dcf\"\n"), "");
+  EXPECT_EQ(said("config = \"any.cdcf\"\n"), "");
+  EXPECT_EQ(
+      said("config = \"gone.dcf\"\n"),
+      "m.toml:11:10: error: slot[1].config: \"gone.dcf\" cannot be used as a configuration; see what is said about "
+      "that file\ngone.dcf:3:1: error: cannot be read\n");
+  EXPECT_EQ(
+      said("config = \"other.dcf\"\n"),
+      "m.toml:11:10: error: slot[1].config: \"other.dcf\" is for devices of type 00000001-00000009, and the slot is "
+      "for 00000001-00000001; name a configuration of the slot's type\n");
+  EXPECT_EQ(
+      said("config = \"node5.dcf\"\n"),
+      "m.toml:11:10: warning: slot[1].config: \"node5.dcf\" was made for node-ID 5; check that its COB-IDs are "
+      "written as $NODEID + n\nm.toml:11:10: warning: slot[1].config: \"node5.dcf\" sets the heartbeat 1017h, which "
+      "is not used; set heartbeat_period in [timing] of the machine file\n");
+  EXPECT_EQ(said("activate = \"reset\"\n"),
+            "m.toml:11:12: error: slot[1].activate: there is no config that could be activated; leave the key out\n");
+  EXPECT_EQ(said("config = \"right.dcf\"\nactivate = \"now\"\n").find("m.toml:12:12: error: slot[1].activate:"), 0U);
 }
 
 TEST(MachineFile, TheTypeOfASlotComesFromItsDeviceDescription) {

@@ -1,0 +1,137 @@
+// `berth configure`, and what `berth up` says of configurations.
+#include <nlohmann/json.hpp>
+
+#include "process.hpp"
+#include "tests/pch.hpp"
+
+namespace berth::test {
+namespace {
+
+using Json = nlohmann::json;
+
+class Configure : public ::testing::Test {
+ protected:
+  [[nodiscard]] Outcome run(Words words) const {
+    words.insert(words.begin(), "configure");
+    words.insert(words.end(), {"--machine", machine, "--sim", plant});
+    return berth(words);
+  }
+  std::string machine = example("configured.toml");
+  std::string plant = example("configured.plant.toml");
+};
+
+TEST_F(Configure, CheckSaysWhatDiffersAndWritesNothing) {
+  const Outcome check = run({"--check", "--json"});
+  EXPECT_EQ(check.status, 1);
+  const Json reply = Json::parse(check.out);
+  ASSERT_EQ(reply.at("slots").size(), 3U);
+  const auto& slot = reply.at("slots").at(0);
+  EXPECT_EQ(slot.at("slot"), "pump 1");
+  EXPECT_EQ(slot.at("result"), "differs");
+  bool found = false;
+  for (const auto& d : slot.at("differences")) {
+    if (d.at("object") != "0x2000:01") continue;
+    found = true;
+    EXPECT_EQ(d.at("has"), "100 (0x64)");
+    EXPECT_EQ(d.at("wants"), "500 (0x1F4)");
+    EXPECT_GT(d.at("line").get<int>(), 0);
+  }
+  EXPECT_TRUE(found) << check.out;
+  const Outcome words = run({"--check"});
+  EXPECT_EQ(words.status, 1);
+  EXPECT_NE(words.out.find("2000h:01 \"Limits: Upper pressure limit\": 100 (0x64) instead of 500 (0x1F4) (pump.dcf:"),
+            std::string::npos)
+      << words.out;
+}
+
+TEST_F(Configure, OneSlot) {
+  const Outcome done = run({"pump 2", "--json"});
+  EXPECT_EQ(done.status, 0) << done.out << done.err;
+  const Json reply = Json::parse(done.out);
+  ASSERT_EQ(reply.at("slots").size(), 1U);
+  EXPECT_EQ(reply.at("slots").at(0).at("result"), "configured");
+}
+
+TEST_F(Configure, AfterUpEverythingIsRight) {
+  const Outcome done = run({"--up", "--check"});
+  EXPECT_EQ(done.status, 0) << done.out << done.err;
+  EXPECT_NE(done.out.find("pump 1: right"), std::string::npos) << done.out;
+}
+
+TEST_F(Configure, APowerCycleIsNo) {
+  const Outcome done = run({"booster"});
+  EXPECT_EQ(done.status, 1) << done.out;
+  EXPECT_NE(done.out.find("power cycle needed"), std::string::npos) << done.out;
+}
+
+TEST_F(Configure, WrongWordsAreUsage) {
+  EXPECT_EQ(run({"nobody"}).status, 2);
+  EXPECT_EQ(run({"--bus", "nowhere"}).status, 2);
+  const Outcome none =
+      berth({"configure", "--machine", example("five-slaves.toml"), "--sim", example("five-slaves.plant.toml")});
+  EXPECT_EQ(none.status, 2);
+  EXPECT_NE(none.err.find("config = "), std::string::npos) << none.err;
+}
+
+// A machine file whose configuration is for another type, or missing, is not used: file, line, column.
+TEST_F(Configure, AWrongFileIsAnErrorOfTheMachineFile) {
+  const Folder folder;
+  std::string text = contents(machine);
+  const auto replace = [&](const std::string& what, const std::string& by) {
+    for (auto at = text.find(what); at != std::string::npos; at = text.find(what, at + by.size())) {
+      text.replace(at, what.size(), by);
+    }
+  };
+  replace("eds/", example("eds/"));
+  auto wrong = text;
+  const auto booster = wrong.find("booster.dcf");
+  ASSERT_NE(booster, std::string::npos);
+  wrong.replace(booster, 11, "pump.dcf");
+  const Outcome other = berth({"up", folder.write("other.toml", wrong), "--sim", plant});
+  EXPECT_EQ(other.status, 2);
+  EXPECT_NE(other.err.find("other.toml:"), std::string::npos) << other.err;
+  EXPECT_NE(other.err.find("00000001-00000030"), std::string::npos) << other.err;
+  replace("booster.dcf", "gone.dcf");
+  const Outcome gone = berth({"up", folder.write("gone.toml", text), "--sim", plant});
+  EXPECT_EQ(gone.status, 2);
+  EXPECT_NE(gone.err.find("gone.dcf"), std::string::npos) << gone.err;
+}
+
+// The store keeps what waits for a power cycle, and the devices keep what they saved: over processes.
+TEST_F(Configure, WhatWaitsForAPowerCycleIsKeptOverProcesses) {
+  const Folder folder;
+  const std::string store = folder.file("berth.db");
+  const std::string state = folder.file("state");
+  std::string text = contents(plant);
+  text = text.substr(0, text.find("[[event]]"));  // nobody switches the booster off
+  const auto eds = [&] {
+    std::string all;
+    for (std::size_t from = 0;;) {
+      const auto at = text.find("eds/", from);
+      all += text.substr(from, at - from);
+      if (at == std::string::npos) return all;
+      all += example("eds/");
+      from = at + 4;
+    }
+  };
+  const std::string quiet = folder.write("quiet.plant.toml", eds());
+  const Outcome first = berth({"up", machine, "--sim", quiet, "--store", store, "--sim-state", state, "--json"});
+  EXPECT_EQ(first.status, 1);
+  const auto state_of = [](const Outcome& run, const std::string& name) {
+    const Json report = Json::parse(run.out);
+    for (const auto& slot : report.at("slots")) {
+      if (slot.at("name") == name) return slot.at("state").get<std::string>();
+    }
+    return std::string();
+  };
+  EXPECT_EQ(state_of(first, "booster"), "power cycle needed") << first.out;
+  EXPECT_EQ(state_of(first, "pump 1"), "operational");
+  // The next process begins with devices that were without power meanwhile.
+  const Outcome second = berth({"up", machine, "--sim", quiet, "--store", store, "--sim-state", state, "--json"});
+  EXPECT_EQ(second.status, 0) << second.out << second.err;
+  EXPECT_EQ(state_of(second, "booster"), "operational");
+  EXPECT_EQ(second.out.find("writing"), std::string::npos) << "nothing is written a second time: " << second.out;
+}
+
+}  // namespace
+}  // namespace berth::test
