@@ -156,10 +156,10 @@ class Converter {
     }
   }
 
-  tl::expected<NodeId, Failure> node_of(const eds::File& file) const {
+  /// Unconfigured when nobody says it; that will do until a value needs it.
+  NodeId node_of(const eds::File& file) const {
     if (asked_.node) return NodeId(static_cast<std::uint8_t>(*asked_.node));
-    if (file.commissioning && file.commissioning->node_id) return *file.commissioning->node_id;
-    return wrong(Exit::usage, fmt::format("{} names no node-ID, and $NODEID stands for it; give --node N", in_));
+    return file.commissioning ? file.commissioning->node_id.value_or(NodeId()) : NodeId();
   }
 
   Result to_concise(const eds::File& file, const std::string& name) const {
@@ -169,10 +169,12 @@ class Converter {
           fmt::format("{} sets no value: a concise DCF of it would be empty; give a DCF or XDC with ParameterValues",
                       name));
     }
-    const auto node = node_of(file);
-    if (!node) return tl::unexpected(node.error());
-    const auto concise = eds::concise_dcf(file, *node);
-    if (!concise) return wrong(Exit::usage, fmt::format("{}: {}", name, where(concise.error())));
+    const NodeId node = node_of(file);
+    const auto concise = eds::concise_dcf(file, node);
+    if (!concise) {
+      const char* const fix = node.configured() ? "" : "; no node-ID is known: give --node N";
+      return wrong(Exit::usage, fmt::format("{}: {}{}", name, where(concise.error()), fix));
+    }
     const auto bytes = eds::encode(*concise);
     Converted made{std::string(bytes.begin(), bytes.end()), {}};
     if (!file.file_references.empty()) {
@@ -226,13 +228,12 @@ class Converter {
     auto file = read(asked_.eds);
     if (!file) return tl::unexpected(file.error());
     eds::File& device = file->reading.file;
-    const auto node = node_of(device);
-    if (!node) return tl::unexpected(node.error());
-    auto values = eds::parameters(*concise, *device.description, *node);
+    const NodeId node = node_of(device);
+    auto values = eds::parameters(*concise, *device.description, node);
     if (!values)
       return wrong(Exit::usage, fmt::format("{} does not fit {}: {}", in_, asked_.eds, where(values.error())));
     if (!device.commissioning) device.commissioning.emplace();
-    device.commissioning->node_id = *node;
+    if (node.configured()) device.commissioning->node_id = node;
     device.info.last_eds = fs::path(asked_.eds).filename().string();
     // With comments and order as the EDS has them.
     if (to_ == Format::dcf && !device.document.sections().empty()) {
@@ -312,7 +313,7 @@ int run_eds_convert(const Options& options, const EdsOptions& asked) {
   json["bytes"] = converted->bytes.size();
   json["findings"] = Json::array();
   for (Finding& finding : converted->findings) {
-    finding.file = out;
+    if (finding.file.empty()) finding.file = out;
     json["findings"].push_back({{"key", finding.key}, {"message", finding.message}});
     if (options.json) continue;
     if (to_stream) {

@@ -307,6 +307,20 @@ TEST_F(EdsCommand, ConvertRefusesInWords) {
   EXPECT_EQ(contents(sensor), sound_eds);
 }
 
+TEST_F(EdsCommand, ConvertNeedsANodeIdOnlyForFormulas) {
+  const std::string fixed = changed(sound_eds, "HighLimit=900", "HighLimit=900\nParameterValue=0x20");
+  EXPECT_EQ(eds({"convert", folder.write("fixed.dcf", fixed), folder.file("fixed.cdcf")}).status, 0);
+  const std::string formula =
+      folder.write("formula.dcf", changed(sound_eds, "HighLimit=900", "HighLimit=900\nParameterValue=$NODEID+0x20"));
+  const Outcome outcome = eds({"convert", formula, folder.file("formula.cdcf")});
+  EXPECT_EQ(outcome.status, 2);
+  EXPECT_TRUE(contains(outcome.err, "2000h:00")) << outcome.err;
+  EXPECT_TRUE(contains(outcome.err, "give --node N")) << outcome.err;
+  EXPECT_EQ(eds({"convert", formula, folder.file("formula.cdcf"), "--node", "5"}).status, 0);
+  // 1 entry: 2000h:00, 2 bytes, 5 + 20h.
+  EXPECT_EQ(contents(folder.file("formula.cdcf")), std::string("\x01\0\0\0\0\x20\0\x02\0\0\0\x25\0", 13));
+}
+
 TEST_F(EdsCommand, ConvertToStandardOutput) {
   const Outcome outcome = eds({"convert", sensor, "-", "--to", "xdd"});
   EXPECT_EQ(outcome.status, 0);
