@@ -202,13 +202,15 @@ TEST(Device, EveryServiceTakesNothingFromTheHeapAndThrowsNothing) {
   TimedPort port(executor, bare, {}, Random(1));
   can::Dispatcher dispatcher(executor, port);
   Device device(dispatcher, everything(), &flash, stored(5, 9), &port);
-  std::array<unsigned, 6> calls{};
+  std::array<unsigned, 8> calls{};
   device.on().rpdo = [&](unsigned) { ++calls[0]; };
   device.on().sync = [&](std::uint8_t) { ++calls[1]; };
   device.on().time = [&](const co::TimeOfDay&) { ++calls[2]; };
   device.on().emergency = [&](NodeId, const co::Emcy&) { ++calls[3]; };
   device.on().heartbeat = [&](const co::HeartbeatEvent&) { ++calls[4]; };
   device.on_write({0x2001, 0}, [&] { ++calls[5]; });
+  device.on_write({0x2002, 0}, [&] { ++calls[6]; });  // segmented
+  device.on_write({0x2003, 0}, [&] { ++calls[7]; });  // block
   auto measured = device.variable<std::uint32_t>({0x2000, 0});
   std::vector<can::Frame> story;
   for (const char* text :

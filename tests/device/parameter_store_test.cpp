@@ -251,27 +251,31 @@ TEST(ParameterStore, AnImageWithoutRoomFailsAndTheOldOneHolds) {
   const auto d = description(true);
   const auto need = ParameterStore::footprint(*d);
   EXPECT_EQ(need, 2 * (16 + (6 + 4) + (6 + 2) + (6 + 2) + (6 + 40) + (6 + 4)));
-  for (const bool room : {false, true}) {
-    Bench bench(at + need - (room ? 0 : 2));
-    od::Values values(d, NodeId(3));
-    ParameterStore store(bench.flash, at, {}, bench);
-    store.load();
-    values.set({0x1017, 0}, 500U);
-    values.set_text({0x2001, 0}, "short");
-    ASSERT_TRUE(store.save(values, 1));
-    ASSERT_EQ(bench.finish(), true);
-    values.set({0x1017, 0}, 600U);
-    values.set({0x2000, 0}, -2);
-    values.set({0x6000, 0}, 1.0F);
-    values.set_text({0x2001, 0}, "0123456789012345678901234567890123456789");
-    const bool begun = store.save(values, 1);
-    EXPECT_EQ(begun && bench.finish() == true, room);
-    EXPECT_FALSE(store.busy());
-    store.load();
-    values.reset(NodeId(3));
-    store.apply(values, od::Area::all);
-    EXPECT_EQ(values.get_or<std::uint16_t>({0x1017, 0}, 0), room ? 600 : 500);
-    EXPECT_EQ(values.get_text({0x2001, 0}).size(), room ? 40U : 5U);
+  for (const int history : {1, 2}) {  // into the second slot, and into the first, behind which the second begins
+    for (const bool room : {false, true}) {
+      Bench bench(at + need - (room ? 0 : 2));
+      od::Values values(d, NodeId(3));
+      ParameterStore store(bench.flash, at, {}, bench);
+      store.load();
+      values.set({0x1017, 0}, 500U);
+      values.set_text({0x2001, 0}, "short");
+      for (int i = 0; i < history; ++i) {
+        ASSERT_TRUE(store.save(values, 1));
+        ASSERT_EQ(bench.finish(), true);
+      }
+      values.set({0x1017, 0}, 600U);
+      values.set({0x2000, 0}, -2);
+      values.set({0x6000, 0}, 1.0F);
+      values.set_text({0x2001, 0}, "0123456789012345678901234567890123456789");
+      const bool begun = store.save(values, 1);
+      EXPECT_EQ(begun && bench.finish() == true, room);
+      EXPECT_FALSE(store.busy());
+      store.load();
+      values.reset(NodeId(3));
+      store.apply(values, od::Area::all);
+      EXPECT_EQ(values.get_or<std::uint16_t>({0x1017, 0}, 0), room ? 600 : 500);
+      EXPECT_EQ(values.get_text({0x2001, 0}).size(), room ? 40U : 5U);
+    }
   }
 }
 
@@ -310,6 +314,9 @@ TEST(ParameterStore, AbandonedAtAnyWriteLeavesOldOrNew) {
     s.bench.executor.advance(s.bench.executor.now() + milliseconds(5));
     EXPECT_EQ(s.bench.ok.has_value(), told) << "nobody is told after that";
     EXPECT_FALSE(s.store.busy());
+    const auto counts = s.store.stored_bytes();
+    s.store.load();
+    EXPECT_EQ(s.store.stored_bytes(), counts) << "what the running device believes is what the next start finds";
     const auto now = s.start().get_or<std::uint16_t>({0x1017, 0}, 0);
     EXPECT_TRUE(now == 500 || now == 600);
     EXPECT_EQ(s.get(0x2000), now == 600 ? -2 : 0) << "never a mixture";
