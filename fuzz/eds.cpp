@@ -75,7 +75,7 @@ void edit(const eds::Document& document) {
   const auto key = document.key(entry);
   if (document.find(section, key) != &entry) return;
   eds::Editor editor(document);
-  if (!editor.set_raw(name, key, "x")) return;
+  if (!editor.set_raw(document.utf8(name), document.utf8(key), "x")) return;
   std::string expected = document.text();
   expected.replace(entry.value_at, entry.value_length, "x");
   const std::string got = editor.text();

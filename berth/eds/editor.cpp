@@ -53,7 +53,8 @@ class Lines {
 
 Editor::Editor(const Document& document) : document_(document), encoding_(document.encoding()) {
   const auto sections = document.sections();
-  for (std::uint32_t i = 0; i < sections.size(); ++i) sections_[lower(document.name(sections[i]))].push_back(i);
+  for (std::uint32_t i = 0; i < sections.size(); ++i)
+    sections_[lower(document.utf8(document.name(sections[i])))].push_back(i);
 }
 
 std::optional<std::uint32_t> Editor::last(std::string_view section) const {
@@ -64,6 +65,15 @@ std::optional<std::uint32_t> Editor::last(std::string_view section) const {
     if (place == places_.end() || !place->second.removed) return *at;
   }
   return std::nullopt;
+}
+
+bool Editor::is(const Entry& entry, std::string_view key) const {
+  const std::string_view raw = document_.key(entry);
+  return document_.encoding() == Encoding::windows_1252 ? same_word(document_.utf8(raw), key) : same_word(raw, key);
+}
+
+std::string Editor::in_file(std::string_view name) const {
+  return encoding_ == Encoding::windows_1252 ? to_windows_1252(name).value_or("") : std::string(name);
 }
 
 const Editor::Fresh* Editor::fresh(std::string_view section) const {
@@ -108,15 +118,14 @@ Result<void> Editor::set_raw(std::string_view section, std::string_view key, std
 Result<void> Editor::put(std::string_view section, std::string_view key, std::string_view value) {
   if (!fits_a_line(value)) return fail(Errc::invalid, "a line of an EDS cannot carry this value");
   if (!fits_a_name(key) || key.front() == ';') return fail(Errc::invalid, "this cannot be a key");
-  auto name = encoded(key);
-  if (!name) return fail(name.error());
+  if (const auto name = encoded(key); !name) return fail(name.error());
   const auto place = last(section);
   if (!place) {
     if (const auto added = add_section(section); !added) return added;
     std::vector<Line>& lines = fresh(section)->lines;
-    const auto found = std::ranges::find_if(lines, [&](const Line& each) { return same_word(each.key, *name); });
+    const auto found = std::ranges::find_if(lines, [&](const Line& each) { return same_word(each.key, key); });
     if (found == lines.end()) {
-      lines.push_back({std::move(*name), std::string(value)});
+      lines.push_back({std::string(key), std::string(value)});
     } else {
       found->value = value;
     }
@@ -125,7 +134,7 @@ Result<void> Editor::put(std::string_view section, std::string_view key, std::st
   Place& changes = places_[*place];
   const auto entries = document_.entries(document_.sections()[*place]);
   for (std::size_t i = entries.size(); i-- > 0;) {
-    if (!same_word(document_.key(entries[i]), *name)) continue;
+    if (!is(entries[i], key)) continue;
     const auto position = static_cast<std::uint32_t>(i);
     const auto changed = changes.changed.find(position);
     if (changed != changes.changed.end() && !changed->second) continue;  // taken out before
@@ -136,9 +145,9 @@ Result<void> Editor::put(std::string_view section, std::string_view key, std::st
     }
     return {};
   }
-  const auto found = std::ranges::find_if(changes.added, [&](const Line& each) { return same_word(each.key, *name); });
+  const auto found = std::ranges::find_if(changes.added, [&](const Line& each) { return same_word(each.key, key); });
   if (found == changes.added.end()) {
-    changes.added.push_back({std::move(*name), std::string(value)});
+    changes.added.push_back({std::string(key), std::string(value)});
   } else {
     found->value = value;
   }
@@ -148,12 +157,11 @@ Result<void> Editor::put(std::string_view section, std::string_view key, std::st
 Result<void> Editor::add_section(std::string_view name, std::string_view after) {
   if (has_section(name)) return {};
   if (!fits_a_name(name)) return fail(Errc::invalid, "this cannot be a section's name");
-  auto bytes = encoded(name);
-  if (!bytes) return fail(bytes.error());
+  if (const auto bytes = encoded(name); !bytes) return fail(bytes.error());
   const auto sections = static_cast<std::uint32_t>(document_.sections().size());
   const Fresh* const other = after.empty() ? nullptr : fresh(after);
   const std::uint32_t behind = other != nullptr ? other->after : last(after).value_or(sections);
-  Fresh made{std::move(*bytes), behind, {}};
+  Fresh made{std::string(name), behind, {}};
   if (other != nullptr) {
     fresh_.insert(fresh_.begin() + (other - fresh_.data()) + 1, std::move(made));
   } else {
@@ -171,7 +179,7 @@ void Editor::remove(std::string_view section, std::string_view key) {
   for (const std::uint32_t position : found->second) {
     const auto entries = document_.entries(document_.sections()[position]);
     for (std::uint32_t i = 0; i < entries.size(); ++i) {
-      if (same_word(document_.key(entries[i]), key)) places_[position].changed.insert_or_assign(i, std::nullopt);
+      if (is(entries[i], key)) places_[position].changed.insert_or_assign(i, std::nullopt);
     }
     const auto place = places_.find(position);
     if (place == places_.end()) continue;
@@ -203,7 +211,7 @@ std::optional<std::string> Editor::value(std::string_view section, std::string_v
   }
   const auto entries = document_.entries(document_.sections()[*position]);
   for (std::size_t i = entries.size(); i-- > 0;) {
-    if (!same_word(document_.key(entries[i]), key)) continue;
+    if (!is(entries[i], key)) continue;
     if (place == places_.end()) return document_.utf8(document_.value(entries[i]));
     const auto changed = place->second.changed.find(static_cast<std::uint32_t>(i));
     if (changed == place->second.changed.end()) return document_.utf8(document_.value(entries[i]));
@@ -254,7 +262,7 @@ std::string Editor::text() const {
   const auto put = [&](std::size_t at, std::string_view line_end, const std::vector<Line>& added) {
     if (added.empty()) return;
     weaver.end_line(at, line_end);
-    for (const Line& each : added) weaver.insert(at, each.key + "=" + each.value + std::string(line_end));
+    for (const Line& each : added) weaver.insert(at, in_file(each.key) + "=" + each.value + std::string(line_end));
   };
   const auto put_fresh = [&](std::size_t at, std::uint32_t after) {
     for (const Fresh& each : fresh_) {
@@ -262,7 +270,7 @@ std::string Editor::text() const {
       const std::string_view line_end = lines.end_of(at == 0 ? 0 : at - 1);
       weaver.end_line(at, line_end);
       if (!weaver.empty()) weaver.insert(at, line_end);
-      weaver.insert(at, "[" + each.name + "]" + std::string(line_end));
+      weaver.insert(at, "[" + in_file(each.name) + "]" + std::string(line_end));
       put(at, line_end, each.lines);
     }
   };

@@ -45,8 +45,8 @@ class Editor {
 
  private:
   struct Line {
-    std::string key;
-    std::string value;
+    std::string key;    ///< as UTF-8
+    std::string value;  ///< as it is to stand in the file
   };
   struct Place {
     std::map<std::uint32_t, std::optional<std::string>> changed;  ///< by position of the entry; empty = taken out
@@ -54,13 +54,15 @@ class Editor {
     bool removed = false;
   };
   struct Fresh {
-    std::string name;
+    std::string name;         ///< as UTF-8
     std::uint32_t after = 0;  ///< position of the section it stands behind
     std::vector<Line> lines;
   };
   [[nodiscard]] std::optional<std::uint32_t> last(std::string_view section) const;
   [[nodiscard]] Fresh* fresh(std::string_view section);
   [[nodiscard]] const Fresh* fresh(std::string_view section) const;
+  [[nodiscard]] bool is(const Entry& entry, std::string_view key) const;
+  [[nodiscard]] std::string in_file(std::string_view name) const;
   [[nodiscard]] Result<std::string> encoded(std::string_view text);
   [[nodiscard]] Result<void> put(std::string_view section, std::string_view key, std::string_view value);
 

@@ -105,6 +105,14 @@ TEST(EdsEditor, HU_10_TextGoesInAsWindows1252WhereTheFileIs) {
   EXPECT_EQ(editor.value("A", "l"), "\xC3\xB6 \xE2\x82\xAC");
   EXPECT_EQ(editor.text(), "[A]\nk=\xE4\nl=\xF6 \x80\n");
   EXPECT_FALSE(editor.set("A", "l", "\xE2\x9C\x93")) << "no check mark in Windows-1252";
+  // Names of sections and keys are UTF-8 too.
+  const Document named = parse("[\xC4]\n\xE4=1\n");
+  Editor umlauts(named);
+  EXPECT_EQ(umlauts.value("\xC3\x84", "\xC3\xA4"), "1");
+  ASSERT_TRUE(umlauts.set("\xC3\x84", "\xC3\xA4", "2"));
+  ASSERT_TRUE(umlauts.set("\xC3\x84", "\xC3\xB6", "3"));
+  ASSERT_TRUE(umlauts.set("\xC3\x9C", "k", "4"));
+  EXPECT_EQ(umlauts.text(), "[\xC4]\n\xE4=2\n\xF6=3\n\n[\xDC]\nk=4\n");
   const Document ascii = parse("[A]\nk=1\n");
   Editor either(ascii);
   ASSERT_TRUE(either.set("A", "k", "\xC3\xB6"));
