@@ -256,8 +256,9 @@ class Review {
         cob_id({{index, 0}, "TIME", (value({index, 0}).value_or(0) & 0x4000'0000U) != 0, true}, false);
       if (index == 0x1014) cob_id({{index, 0}, "EMCY", true, true}, true);
       if (range(index, 0x1200, 0x80)) {
-        cob_id({{index, 1}, "SDO request", false, false}, true);
-        cob_id({{index, 2}, "SDO response", true, false}, true);
+        // The default SDO is where it is; the others keep off the restricted CAN-IDs.
+        cob_id({{index, 1}, "SDO request", false, index != 0x1200}, true);
+        cob_id({{index, 2}, "SDO response", true, index != 0x1200}, true);
       }
       if (range(index, 0x1400, pdos))
         cob_id({{index, 1}, fmt::format("RPDO {}", index - 0x1400 + 1), false, true}, true);

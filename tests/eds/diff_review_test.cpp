@@ -158,6 +158,23 @@ TEST(EdsReview, APdoThatIsSwitchedOffMayHaveAnyCanId) {
   EXPECT_EQ(all_findings(found(changed(good(), "$NODEID+0x200", "0x20000601"))), "");
 }
 
+TEST(EdsReview, AdditionalSdoServersKeepOffRestrictedCanIds) {
+  const std::string server =
+      "[1201]\nParameterName=SDO 2\nObjectType=9\nSubNumber=3\n"
+      "[1201sub0]\nParameterName=n\nDataType=5\nAccessType=ro\nDefaultValue=2\n"
+      "[1201sub1]\nParameterName=rx\nDataType=7\nAccessType=rw\nDefaultValue=0x640\n"
+      "[1201sub2]\nParameterName=tx\nDataType=7\nAccessType=rw\nDefaultValue=0x80000000\n";
+  const std::string all = all_findings(found(good() + server));
+  EXPECT_NE(all.find("[1201sub1] DefaultValue: SDO request with CAN-ID 640h: this one is restricted"),
+            std::string::npos)
+      << all;
+  const std::string first =
+      changed(changed(changed(server, "[1201]", "[1200]"), "[1201sub1]", "[1200sub1]"), "0x640", "$NODEID+0x600");
+  EXPECT_EQ(
+      all_findings(found(good() + changed(changed(first, "[1201sub0]", "[1200sub0]"), "[1201sub2]", "[1200sub2]"))),
+      "");
+}
+
 TEST(EdsReview, PdosStandInPairs) {
   const std::string text = good();
   std::string without = text;
