@@ -163,6 +163,30 @@ TEST(ClientNode, HU_21_NoAnswer) {
   EXPECT_EQ(rig.get(rig.node->nmt(co::NmtCommand::start)).error().code, Errc::bus);
 }
 
+// HU.22: whether the device is told of a time-out is an option; a flood of events costs the oldest, not memory.
+TEST(ClientNode, HU_22_AbortAtTimeoutAndFloods) {
+  Rig rig;
+  for (const bool told : {true, false}) {
+    const co::SdoOptions options{.timeout = 50ms, .abort_on_timeout = told};
+    RemoteNode absent(*rig.network, NodeId(6), rig.node->names().description(), {.sdo = options});
+    rig.bus.frames.clear();
+    EXPECT_EQ(rig.get(absent.read<std::uint32_t>("Device type")).error().code, Errc::timeout);
+    rig.run(10ms);
+    std::erase_if(rig.bus.frames, [](const std::string& frame) { return !frame.starts_with("606"); });
+    const std::vector<std::string> aborted = {"606#4000100000000000", "606#8000100000000405"};
+    EXPECT_EQ(rig.bus.frames, told ? aborted : std::vector{aborted.front()});
+  }
+  int called = 0;
+  rig.node->on_emcy([&](const Emergency&) { ++called; });
+  for (unsigned i = 0; i < 1000; ++i) {
+    const auto low = static_cast<std::uint8_t>(i);
+    rig.device->dispatcher.send(can::Frame::base(0x085, {low, 0x10, 1, 0, 0, 0, 0, 0}));
+    rig.run(1ms);
+  }
+  EXPECT_EQ(called, 1000);
+  EXPECT_EQ(rig.get(rig.node->next_emcy(rt::never))->emcy.code, 0x1000U + ((1000 - RemoteNode::kept_events) & 0xFF));
+}
+
 // Bytes that are made and looked at on the way.
 struct Pattern final : co::SdoSource, co::SdoSink {
   explicit Pattern(std::size_t n) : length(n) {}

@@ -21,6 +21,14 @@ struct Ran {
   std::string out;
 };
 
+/// CMake breaks lines where it likes.
+std::string on_one_line(const std::string& text) {
+  std::istringstream words(text);
+  std::string line;
+  for (std::string word; words >> word;) line += word + ' ';
+  return line;
+}
+
 /// Both streams of a command. It must not see how this build was called.
 Ran run(const std::string& command) {
   Ran ran;
@@ -94,7 +102,8 @@ TEST_F(Install, WhatIsMissingIsNamed) {
   EXPECT_NE(without_sqlite.out.find("SQLiteCpp"), std::string::npos) << without_sqlite.out;
   const auto no_room = configure("attic", "attic", {});
   EXPECT_NE(no_room.status, 0);
-  EXPECT_NE(no_room.out.find("Berth has no room attic; its rooms: base;"), std::string::npos) << no_room.out;
+  EXPECT_NE(on_one_line(no_room.out).find("Berth has no room attic; its rooms: base, rt,"), std::string::npos)
+      << no_room.out;
 }
 
 TEST_F(Install, EveryRoomHasItsTargetLibraryAndHeaders) {
