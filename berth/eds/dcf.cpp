@@ -88,7 +88,8 @@ class DcfMaker {
   }
 
   /// Leaves a number that means the same as it is written.
-  Result<void> set_number(std::string_view section, std::string_view key, std::uint64_t value, std::string text) {
+  Result<void> set_number(std::string_view section, std::string_view key, std::uint64_t value,
+                          const std::string& text) {
     const auto present = od::parse_number(editor_.value(section, key).value_or(""));
     if (present && !present->negative && !present->node_id && present->magnitude == value) return {};
     return editor_.set(section, key, text);
@@ -207,7 +208,7 @@ class DcfMaker {
   std::string value_text(ObjectRef ref, const od::Literal& value, od::DataType type, const std::string& section) const {
     const auto main = objects_.find({ref.index, 0});
     const std::string& from = !section.empty() || main == objects_.end() ? section : main->second;
-    const std::string usual = editor_.value(from, "DefaultValue").value_or("");
+    std::string usual = editor_.value(from, "DefaultValue").value_or("");
     if (type != od::DataType::visible_string && !usual.empty()) {
       const auto parsed = od::parse(type, usual);
       if (parsed && parsed->value == value) return usual;
