@@ -101,6 +101,10 @@ void Device::make_services(NvMemory* memory) {
 }
 
 Device::~Device() {
+  observer_ = nullptr;
+  callbacks_.reset();
+  stop_services();                   // says nothing on the bus
+  if (storing()) record_->forget();  // whoever the memory writes for: it would call what is gone
   if (host_ != nullptr) dispatcher_->on_status(nullptr);
 }
 

@@ -62,6 +62,7 @@ int join(const std::string& socket, const std::string& bus) {
   }
   Thermometer thermometer(executor, **port, berth::NodeId(42));
   std::printf("node 42 on bus %s; Ctrl-C ends it\n", bus.c_str());
+  std::fflush(stdout);
   for (std::int16_t temperature = 200; (*port)->status().up; temperature = temperature < 900 ? temperature + 1 : 200) {
     loop.turn(100ms);
     thermometer.measured(temperature);

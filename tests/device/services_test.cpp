@@ -182,6 +182,57 @@ TEST(Services, OD_1200_AdditionalSdoServer) {
   EXPECT_EQ(rig.record.text.back(), "3A1#4300100000000000") << "the stored channel serves after power-on";
 }
 
+// HC5.2 of the passive side: a device that is destroyed in the middle of anything leaves nothing behind that calls it,
+// and sends nothing.
+TEST(Services, DestroyedInTheMiddleOfAnything) {
+  for (const std::string_view when : {"save", "lss store", "rpdo fault", "upload", "booting", "bus-off"}) {
+    Rig rig;
+    auto controller = rig.bus.attach();
+    const Timing timing{.boot = milliseconds(2)};
+    TimedPort port(rig.world.executor(), *controller, timing, Random(1));
+    can::Dispatcher dispatcher(rig.world.executor(), port);
+    od::DescriptionBuilder b;
+    add_device(b);
+    add_storage(b);
+    b.variable(0x2001, {.type = DataType::unsigned16, .access = Access::rww, .mappable = true});
+    add_rpdo(b, 1, {.map = {{{0x2001, 0}, 16}}, .event_timer_ms = 20});
+    const auto d = b.build();
+    SimFlash flash(rig.world.executor(), Device::memory_size(*d), milliseconds(20));
+    auto options = node9();
+    options.bus_off_recovery = milliseconds(10);
+    auto device = std::make_unique<Device>(dispatcher, d, &flash, options, &port, timing);
+    device->on().state = [](NmtState) {};
+    device->power_on();
+    if (when != "booting") rig.run(milliseconds(5));
+    if (when == "save") rig.ask("609#2310100173617665");
+    if (when == "lss store") {
+      rig.give_id(address_of(5), 9);
+      rig.ask("7E5#1700000000000000");
+      EXPECT_TRUE(device->storing());
+    }
+    if (when == "rpdo fault") {
+      rig.ask("000#0109");
+      rig.ask("209#01");
+      EXPECT_TRUE(device->emcy().active(co::emcy_code::pdo_length));
+    }
+    if (when == "upload") rig.ask("609#4008100000000000");
+    if (when == "bus-off") {
+      controller->preset_counters(255, 0);
+      sim::Fault fault;
+      fault.where = sim::from_start(20);
+      fault.trigger.when = [](const sim::FrameStart& start) { return start.frame.id == 0x589; };
+      rig.bus.inject(fault);
+      rig.ask("609#4000100000000000");
+      EXPECT_TRUE(controller->status().bus_off);
+    }
+    const auto frames = rig.record.text.size();
+    device.reset();
+    rig.run(milliseconds(200));
+    EXPECT_EQ(rig.record.text.size(), frames) << when;
+    EXPECT_FALSE(flash.writing()) << when;
+  }
+}
+
 // A consumer that misses SYNC says so, and shows it.
 TEST(Services, SyncMissingIsTold) {
   Site s;
