@@ -152,7 +152,6 @@ void Pdos::sync(Tpdo& pdo, std::uint8_t counter) noexcept {
   if (pdo.start_at != 0 && counter != 0) {
     if (pdo.start_at != counter) return;
     pdo.start_at = 0;
-    pdo.syncs = 0;
   }
   if (pdo.type == 0) {
     if (!pdo.event) return;

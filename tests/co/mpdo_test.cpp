@@ -169,8 +169,8 @@ TEST_F(Mpdo, A8_11_OD_1FD0_SamConsumerStoresWhereTheDispatchingListSays) {
   hear("205#0A0060057F123456");
   EXPECT_EQ(take_stored(), Log{"2001:00"});
   EXPECT_EQ(values.get<std::uint8_t>({0x2001, 0}), 0x7F) << "as many bytes as the object has";
-  for (const char* unlisted : {"205#0B00600578563412", "205#0900600478563412", "205#0900610478563412",
-                               "205#0900610078563412", "205#8900600500000000"}) {
+  for (const char* unlisted : {"205#0B00600578563412", "205#0900600478563412", "205#0900600678563412",
+                               "205#0900610478563412", "205#0900610078563412", "205#8900600500000000"}) {
     hear(unlisted);
     EXPECT_TRUE(take_stored().empty()) << unlisted;
   }
@@ -182,12 +182,30 @@ TEST_F(Mpdo, A8_11_OD_1FD0_SamConsumerStoresWhereTheDispatchingListSays) {
 TEST_F(Mpdo, A8_11_SeveralDestinations) {
   ASSERT_EQ(write<std::uint64_t>(0x1FD0, 1, 0x01'7777'00'6000'01'09ULL), ok);  // not there
   ASSERT_EQ(write<std::uint64_t>(0x1FD0, 2, 0x01'2001'00'6000'01'09ULL), ok);
-  ASSERT_EQ(write<std::uint64_t>(0x1FD0, 3, 0xFF'2010'FF'6000'00'09ULL), ok);  // beyond sub-index 255
+  ASSERT_EQ(write<std::uint64_t>(0x1FD0, 3, 0x02'2003'FF'6000'00'09ULL), ok);  // beyond sub-index 255
   ASSERT_EQ(write<std::uint64_t>(0x1FD0, 4, 0x01'2002'00'6000'01'09ULL), ok);
   multiplex(0x1400, 0x205, sam);
   pdos.start(node);
   hear("205#090060017F010000");
   EXPECT_EQ(take_stored(), (Log{"2001:00", "2002:00"}));
+}
+
+// An RPDO of one mode does not hear the other.
+TEST_F(Mpdo, A8_10_A8_11_ModesAreNotMixed) {
+  ASSERT_EQ(write<std::uint64_t>(0x1FD0, 1, 0x01'2003'00'2002'00'05ULL), ok);
+  multiplex(0x1400, 0x205, dam);
+  pdos.start(node);
+  hear("205#0502200078563412");
+  EXPECT_TRUE(take_stored().empty());
+  pdos.stop();
+  ASSERT_EQ(write_u32(0x1400, 1, 0x80000205), ok);
+  ASSERT_EQ(write_u8(0x1600, 0, sam), ok);
+  ASSERT_EQ(write_u32(0x1400, 1, 0x205), ok);
+  pdos.start(node);
+  hear("205#8502200078563412");
+  EXPECT_TRUE(take_stored().empty());
+  hear("205#0502200078563412");
+  EXPECT_EQ(take_stored(), Log{"2003:00"});
 }
 
 // Types FEh and FFh only; one producer a device.

@@ -129,10 +129,12 @@ TEST_F(Rpdo, A8_8_SeveralWithTheSameError) {
 
 TEST_F(Rpdo, RemoteFramesAndOthersIdentifiersAreNotHeard) {
   one({});
+  values.set({0x2001, 0}, 1);
   hear("205#R3");
   hear("206#AA3412");
   hear("00000205#AA3412");
-  EXPECT_EQ(value(), "00 0000");
+  EXPECT_EQ(value(), "01 0000");
+  EXPECT_TRUE(take_stored().empty());
   EXPECT_TRUE(owner.events.empty());
 }
 
@@ -184,6 +186,18 @@ TEST_F(Rpdo, A8_1_HC2_5_AWriteOfTheEventTimerRestartsTheDeadline) {
   ASSERT_EQ(write_u16(0x1400, 5, 10), ok);
   run(1s);
   EXPECT_TRUE(owner.active.empty()) << "begins with the next reception";
+}
+
+// A PDO without a deadline gets one while it runs.
+TEST_F(Rpdo, A8_1_HC2_5_ADeadlineBeginsWhileRunning) {
+  one({});
+  hear("205#AA3412");
+  ASSERT_EQ(write_u16(0x1400, 5, 20), ok);
+  run(1s);
+  EXPECT_TRUE(owner.events.empty());
+  hear("205#AA3412");
+  run(30ms);
+  EXPECT_EQ(owner.events, Log{"8250 on"});
 }
 
 TEST_F(Rpdo, A8_1_ShortPdosDoNotMeetTheDeadline) {
@@ -271,6 +285,30 @@ TEST_F(Rpdo, A1_3_ExtendedIdentifier) {
   hear("205#AA3412");
   EXPECT_EQ(value(), "00 0000");
   hear("00000205#AA3412");
+  EXPECT_EQ(value(), "AA 1234");
+}
+
+TEST_F(Rpdo, A8_4_TheTypeActsAtOnce) {
+  one({});
+  ASSERT_EQ(write_u8(0x1400, 2, 1), ok);
+  hear("205#AA3412");
+  EXPECT_EQ(value(), "00 0000");
+  pdos.sync(0, executor.now());
+  EXPECT_EQ(value(), "AA 1234");
+  ASSERT_EQ(write_u8(0x1400, 2, 0xFE), ok);
+  hear("205#BB3412");
+  EXPECT_EQ(value(), "BB 1234");
+}
+
+// The window of a SYNC before the start is none of this time's.
+TEST_F(Rpdo, A5_2_AStartForgetsTheWindow) {
+  one({.type = 1});
+  pdos.sync(0, executor.now(), 1ms);
+  run(5ms);
+  pdos.stop();
+  pdos.start(node);
+  hear("205#AA3412");
+  pdos.sync(0, executor.now(), 1ms);
   EXPECT_EQ(value(), "AA 1234");
 }
 

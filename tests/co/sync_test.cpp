@@ -153,6 +153,16 @@ TEST_F(Sync, A5_3_HC2_4_TheOverflowChangesOnlyWhileNoSyncIsMade) {
   EXPECT_EQ(write_u8(0x1019, 0, 20), ok) << "a consumer";
 }
 
+TEST_F(Sync, A5_3_AnotherOverflowStartsTheCounterAnew) {
+  produce(10'000, 10);
+  run(35ms);
+  ASSERT_EQ(write_u32(0x1005, 0, 0x80), ok);
+  ASSERT_EQ(write_u8(0x1019, 0, 20), ok);
+  ASSERT_EQ(write_u32(0x1005, 0, 0x40000080), ok);
+  run(15ms);
+  EXPECT_EQ(take(), (Log{"080#01", "080#02", "080#03", "080#01"}));
+}
+
 // A SYNC that did not get on the bus is no SYNC: its counter comes again.
 TEST_F(Sync, A5_3_ASyncThatWaitsTooLongIsReplaced) {
   produce(10'000, 4);

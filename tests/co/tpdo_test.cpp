@@ -109,6 +109,14 @@ TEST_F(Tpdo, A8_3_HC2_4_RemoteFrames) {
   EXPECT_TRUE(take().empty()) << "SYNC only";
 }
 
+// Before the first SYNC there is no sample yet: the answer is sampled when asked.
+TEST_F(Tpdo, A8_3_HC2_4_RemoteFrameBeforeTheFirstSync) {
+  one({.type = 0xFC});
+  set(9);
+  hear("185#R1");
+  EXPECT_EQ(take(), Log{"185#09"});
+}
+
 // HC2.2: bit 30 forbids remote frames, also when it is set while the PDO is valid.
 TEST_F(Tpdo, A1_3_HC2_2_Bit30ForbidsRemoteFrames) {
   for (const unsigned type : {0xFC, 0xFD, 0xFE, 0xFF}) {
@@ -214,6 +222,18 @@ TEST_F(Tpdo, HC2_3_ALostFrameDoesNotBlockForEver) {
   EXPECT_EQ(take().size(), 1U);
   EXPECT_TRUE(pdos.event(1));
   run(20ms);
+  EXPECT_EQ(take().size(), 1U);
+}
+
+// What operational's end withdrew was not sent: the inhibit time does not hold up the next start.
+TEST_F(Tpdo, HC2_3_AWithdrawnPdoInhibitsNothing) {
+  device.port.mute = true;
+  one({.type = 0xFF, .inhibit = 100});
+  pdos.stop();
+  EXPECT_EQ(device.port.queued(), 0U);
+  device.port.mute = false;
+  pdos.start(node);
+  run(1ms);
   EXPECT_EQ(take().size(), 1U);
 }
 
@@ -374,6 +394,16 @@ TEST_F(Tpdo, A8_3_ALatePdoIsReplacedAtTheNextSync) {
   EXPECT_EQ(take(), Log{"185#03"});
 }
 
+// A short queue is filled as it empties: the PDOs of a SYNC follow each other without gaps.
+TEST_F(Tpdo, A8_3_AShortQueueLeavesNoGaps) {
+  device.port.capacity = 1;
+  for (unsigned n = 1; n <= 4; ++n) tpdo(n, {.cob_id = 0x180U + n, .type = 1, .map = {entry(0x2001, 0, 8)}});
+  pdos.start(node);
+  pdos.sync(0, executor.now());
+  run(450us);
+  EXPECT_EQ(take(), (Log{"181#00", "182#00", "183#00", "184#00"}));
+}
+
 TEST_F(Tpdo, EventDrivenPdosKnowNoWindow) {
   one({.type = 0xFF, .inhibit = 10});
   take();
@@ -412,6 +442,10 @@ TEST_F(Tpdo, AForeignFrameWithAnOwnIdentifierIsACollision) {
   hear("185#00");
   hear("185#00");
   EXPECT_EQ(owner.events, Log{"8150 on"}) << "once";
+  owner.active.clear();  // the device was reset
+  one({.type = 1});
+  hear("185#00");
+  EXPECT_EQ(owner.events.size(), 2U);
 }
 
 // 1013h is the time of sampling in microseconds.
