@@ -11,15 +11,16 @@
 namespace berth::harness {
 
 enum class Scenario : std::uint8_t {
-  blank,     // two devices of one type without a node-ID
-  taken,     // one blank, the other came with the first one's node-ID stored
-  crossed,   // each came with the other's node-ID stored
-  replaced,  // one left the machine, its replacement came with a node-ID of nobody stored, and a person says so
-  stranger,  // beside the two there is a device of no slot that holds a slot's node-ID
+  blank,       // two devices of one type without a node-ID
+  taken,       // one blank, the other came with the first one's node-ID stored
+  crossed,     // each came with the other's node-ID stored
+  replaced,    // one left the machine, its replacement came with a node-ID of nobody stored, and a person says so
+  stranger,    // beside the two there is a device of no slot that holds a slot's node-ID
+  configured,  // one of the two gets a configuration, which it saves
   count,
 };
 inline const char* name(Scenario s) {
-  constexpr const char* names[] = {"blank", "taken", "crossed", "replaced", "stranger"};
+  constexpr const char* names[] = {"blank", "taken", "crossed", "replaced", "stranger", "configured"};
   return names[static_cast<int>(s)];
 }
 inline constexpr int scenarios = static_cast<int>(Scenario::count);
@@ -52,7 +53,9 @@ class KillWorld final {
       : scenario_(scenario),
         store_(axe_, disk_),
         rig_(machine(scenario), plant(scenario), &store_),
-        watch_(rig_.world()) {
+        watch_(rig_.world()),
+        machine_(machine(scenario)),
+        configured_(rig_.world(), machine_, store_) {
     for (const auto& d : rig_.world().devices()) {
       memories_.push_back(std::make_unique<Memory>(*this, *d));
       d->memory().watch(memories_.back().get());
@@ -78,6 +81,7 @@ class KillWorld final {
     life.disk_steps = disk_.steps();
     if (life.died) end(death);
     if (!watch_.failure().empty()) life.failure = watch_.failure();
+    if (!configured_.failure().empty()) life.failure = configured_.failure();
     return life;
   }
 
@@ -105,13 +109,20 @@ class KillWorld final {
     plant::SimDevice* device_;
   };
 
+  static TypeCode first_type(Scenario scenario) {
+    if (scenario == Scenario::configured) return type_pump;
+    return scenario == Scenario::blank ? type_b : type_a;
+  }
+
   static design::Machine machine(Scenario scenario) {
     design::Machine m = one_bus(250'000);
-    add_slot(m, 1, scenario == Scenario::blank ? type_b : type_a);
+    add_slot(m, 1, first_type(scenario));
+    if (scenario == Scenario::configured) m.slots.back().spec.config = example_eds("pump.dcf");
     add_slot(m, 2, type_b);
     auto& t = m.buses.front().timing;
     t.lss_timeout = 20ms;
     t.store_timeout = 100ms;
+    t.save_timeout = 100ms;
     t.sdo_timeout = 40ms;
     t.guard_timeout = 20ms;
     t.rand_response = 4ms;
@@ -128,7 +139,7 @@ class KillWorld final {
       d.source = plant::NodeIdSource::nonvolatile;
       d.node_id = NodeId(id);
     };
-    auto& d1 = add_device(p, "d1", scenario == Scenario::blank ? type_b : type_a, 0x11);
+    auto& d1 = add_device(p, "d1", first_type(scenario), 0x11);
     if (scenario == Scenario::crossed) stored(d1, 2);
     auto& d2 = add_device(p, "d2", type_b, 0x22);
     if (scenario == Scenario::taken || scenario == Scenario::crossed) stored(d2, 1);
@@ -260,7 +271,26 @@ class KillWorld final {
       if (t.active.value() != wanted) return t.name + " has node-ID " + std::to_string(t.active.value());
       if (seat != seats.end() && t.state != NmtState::operational) return t.name + " is not operational";
     }
-    return {};
+    return check_configuration();
+  }
+
+  // In use, and after the next power-on too.
+  [[nodiscard]] std::string check_configuration() {
+    if (scenario_ != Scenario::configured) return {};
+    auto& d1 = rig_.device("d1");
+    std::string wrong = configured_.check(d1, machine_.slots.front());
+    if (!wrong.empty()) return "d1: " + wrong;
+    const auto records = store_.load("rig");
+    const bool done =
+        records && records->front().configured && records->front().configured->stage == places::Configured::Stage::done;
+    if (!done) return "the store does not say that d1 is configured";
+    rig_.kill();
+    d1.power(false);
+    rig_.run_for(50ms);
+    d1.power(true);
+    rig_.run_for(100ms);
+    wrong = configured_.check(d1, machine_.slots.front());
+    return wrong.empty() ? std::string() : "d1 has not saved it: " + wrong;
   }
 
   // What Berth believes, and what a next process would read, are one and true.
@@ -305,6 +335,8 @@ class KillWorld final {
   std::unique_ptr<MortalPort> port_;
   Rig rig_;
   DoubleWatch watch_;
+  design::Machine machine_;
+  ConfigWatch configured_;
   std::vector<std::unique_ptr<Memory>> memories_;
   Death death_;
   std::string setup_failure_;

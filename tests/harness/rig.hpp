@@ -22,6 +22,12 @@ inline constexpr TypeCode type_a{0x01000001, 0x00000001};
 inline constexpr TypeCode type_b{0x00000001, 0x00000001};
 inline constexpr TypeCode type_c{0x00000001, 0x00000005};
 
+// The pump of examples/: a type whose devices have a configuration.
+inline constexpr TypeCode type_pump{0x00000001, 0x00000030};
+inline std::string example_eds(const std::string& name) {
+  return std::string(BERTH_SOURCE_DIR) + "/examples/eds/" + name;
+}
+
 inline design::Machine one_bus(std::uint32_t bit_rate) {
   design::Machine m;
   m.name = "rig";
@@ -54,6 +60,7 @@ inline plant::PlantDevice& add_device(plant::PlantFile& p, const std::string& na
   d.bus = "backbone";
   d.address = {type.vendor, type.product, 0, serial};
   d.response = {500us, 2ms, 0, 0ms};
+  if (type == type_pump) d.eds = d.eds_path = example_eds("pump.eds");
   p.devices.push_back(d);
   return p.devices.back();
 }

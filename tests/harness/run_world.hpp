@@ -4,6 +4,7 @@
 #include <array>
 #include <map>
 
+#include "tests/harness/config_watch.hpp"
 #include "tests/harness/world_plan.hpp"
 
 namespace berth::harness {
@@ -70,15 +71,20 @@ class DoubleWatch final : public plant::World::Observer {
 class WorldRun {
  public:
   explicit WorldRun(const WorldPlan& plan)
-      : plan_(plan), rig_(plan.machine, plan.plant), watch_(rig_.world()), random_(plan.seed ^ 0xFA17) {
+      : plan_(plan),
+        rig_(plan.machine, plan.plant),
+        watch_(rig_.world()),
+        configured_(rig_.world(), plan.machine, rig_.store()),
+        random_(plan.seed ^ 0xFA17) {
     if (plan.perturbed) rig_.world().executor().perturb(plan.seed);
   }
 
   Outcome go() {
     rig_.begin();
     troubles();
-    if (watch_.failure().empty()) ending();
+    if (sound()) ending();
     if (!watch_.failure().empty()) outcome_.failure = watch_.failure();
+    if (!configured_.failure().empty()) outcome_.failure = configured_.failure();
     outcome_.hash = rig_.world().sim().trace_hash();
     outcome_.bus_time = rig_.now().time_since_epoch();
     outcome_.log = rig_.log();
@@ -86,12 +92,14 @@ class WorldRun {
   }
 
  private:
+  [[nodiscard]] bool sound() const noexcept { return watch_.failure().empty() && configured_.failure().empty(); }
+
   // The time in which things go wrong: until every fault had its chance, at most 20 s of bus time.
   void troubles() {
     const rt::Time limit = rig_.now() + 20s;
     std::vector<PlannedFault> waiting = plan_.faults;
     bool restarted = !plan_.restarts;
-    while (rig_.now() < limit && watch_.failure().empty()) {
+    while (rig_.now() < limit && sound()) {
       if (waiting.empty() && restarted && due_.empty()) break;
       perform_due();
       if (!restarted && rig_.now() - rt::Time{} >= plan_.restart_at) {
@@ -142,10 +150,12 @@ class WorldRun {
   // Nothing goes wrong any more: what can become operational does so in bounded bus time.
   void ending() {
     const bool cycles =
-        std::ranges::any_of(plan_.plant.devices, [](const auto& d) { return d.power_cycle_after_store; });
+        std::ranges::any_of(plan_.plant.devices, [](const auto& d) { return d.power_cycle_after_store; }) ||
+        std::ranges::any_of(plan_.machine.slots,
+                            [](const auto& s) { return s.spec.activate == places::Activate::power_cycle; });
     for (int round = 0; round < 6; ++round) {
       if (rig_.until_operational(15s)) break;
-      if (!watch_.failure().empty()) return;
+      if (!sound()) return;
       if (cycles) power_cycle();
     }
     check_end();
@@ -200,14 +210,27 @@ class WorldRun {
       ++holders;
       right = right || (s.device && t.address == *s.device && t.state == NmtState::operational);
     }
+    check_configuration(s, fail);
     if (!right) fail("slot " + s.name + " is told operational and its device is not");
     const bool twins = std::ranges::any_of(plan_.plant.devices, [](const auto& d) { return d.name == "twin"; });
     if (holders > 1 && !twins) fail("two devices hold the node-ID of operational slot " + s.name);
   }
 
+  template <class Fail>
+  void check_configuration(const operate::SlotReport& s, const Fail& fail) {
+    const design::Slot* const slot = plan_.machine.slot(s.bus, s.id);
+    for (const auto& d : rig_.world().devices()) {
+      const auto t = d->truth();
+      if (!t.powered || t.active != s.id || !s.device || t.address != *s.device) continue;
+      const auto wrong = configured_.check(*d, *slot);
+      if (!wrong.empty()) fail("slot " + s.name + " is operational, and " + wrong);
+    }
+  }
+
   const WorldPlan& plan_;
   Rig rig_;
   DoubleWatch watch_;
+  ConfigWatch configured_;
   Random random_;
   std::multimap<rt::Time, FaultKind> due_;
   Outcome outcome_;

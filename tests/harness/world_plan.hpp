@@ -79,7 +79,8 @@ class Planner {
   }
 
  private:
-  static constexpr TypeCode types[3] = {type_a, type_b, type_c};
+  static constexpr std::size_t type_count = 4;
+  static constexpr TypeCode types[type_count] = {type_a, type_b, type_c, type_pump};
 
   void machine() {
     constexpr std::uint32_t rates[] = {50'000, 125'000, 500'000, 1'000'000};
@@ -92,14 +93,24 @@ class Planner {
     timing.probe_period = 400ms;
     timing.sdo_timeout = 200ms;
     timing.store_timeout = 1s;
+    timing.save_timeout = 1s;
     const auto slots = 1 + random_.below(5);
     while (plan_.machine.slots.size() < slots) {
       const auto id = static_cast<unsigned>(1 + random_.below(12));
       if (plan_.machine.slot("backbone", NodeId(static_cast<std::uint8_t>(id))) != nullptr) continue;
-      add_slot(plan_.machine, id, types[random_.below(3)]);
+      add_slot(plan_.machine, id, types[random_.below(type_count)]);
+      configuration(plan_.machine.slots.back().spec);
       if (random_.below(3) == 0) plan_.machine.slots.back().spec.replacement = places::Replacement::automatic;
     }
     plan_.plant = one_bus_plant(plan_.seed);
+  }
+
+  void configuration(places::SlotSpec& spec) {
+    if (spec.type != type_pump || random_.below(4) == 0) return;
+    spec.config = example_eds("pump.dcf");
+    const auto how = random_.below(8);
+    if (how == 0) spec.activate = places::Activate::reset;
+    if (how == 1) spec.activate = places::Activate::power_cycle;
   }
 
   plant::PlantDevice& device(TypeCode type) {
@@ -140,10 +151,10 @@ class Planner {
     if (random_.below(3) != 0) return;
     plan_.solvable = false;
     switch (random_.below(4)) {
-      case 0: device(types[random_.below(3)]); break;  // one too many, or of a type that has no slot
-      case 1: device({0x7777, 1}); break;              // foreign
-      case 2: plan_.plant.devices.pop_back(); break;   // one missing
-      default: {                                       // a clone
+      case 0: device(types[random_.below(type_count)]); break;  // one too many, or of a type that has no slot
+      case 1: device({0x7777, 1}); break;                       // foreign
+      case 2: plan_.plant.devices.pop_back(); break;            // one missing
+      default: {                                                // a clone
         plant::PlantDevice twin = plan_.plant.devices.front();
         twin.name = "twin";
         plan_.plant.devices.push_back(twin);

@@ -68,10 +68,13 @@ std::string machine_text(const design::Machine& m) {
       << "\"\nheartbeat_period = \"" << ms(bus.timing.heartbeat_period) << "\"\nheartbeat_timeout = \""
       << ms(bus.timing.heartbeat_timeout) << "\"\nprobe_period = \"" << ms(bus.timing.probe_period)
       << "\"\nsdo_timeout = \"" << ms(bus.timing.sdo_timeout) << "\"\nstore_timeout = \""
-      << ms(bus.timing.store_timeout) << "\"\n";
+      << ms(bus.timing.store_timeout) << "\"\nsave_timeout = \"" << ms(bus.timing.save_timeout) << "\"\n";
   for (const auto& s : m.slots) {
     out << "\n[[slot]]\nbus = \"backbone\"\nid = " << unsigned{s.spec.id.value()} << "\nname = \"" << s.spec.name.name
         << "\"\ntype = { vendor = " << s.spec.type.vendor << ", product = " << s.spec.type.product << " }\n";
+    if (!s.spec.config.empty()) out << "config = \"" << s.spec.config << "\"\n";
+    if (s.spec.activate == places::Activate::reset) out << "activate = \"reset\"\n";
+    if (s.spec.activate == places::Activate::power_cycle) out << "activate = \"power-cycle\"\n";
     if (s.spec.replacement == places::Replacement::automatic) out << "replacement = \"auto\"\n";
   }
   return out.str();
