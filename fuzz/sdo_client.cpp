@@ -1,61 +1,42 @@
-// Bytes from outside as SDO answers to a client with transfers under way. Whatever comes, every transfer ends within
-// its times, and an honest answer afterwards is taken.
+// Bytes from outside as SDO answers to a client with transfers under way, segmented or in blocks, from memory or from
+// streams. Whatever comes, every transfer ends within its times, and an honest answer afterwards is taken.
 #include "berth/co/sdo_client.hpp"
-
-#include <cstdlib>
+#include "fuzz/void_port.hpp"
 
 namespace {
 
 using namespace berth;
 using namespace std::chrono_literals;
+using fuzz::Flag;
+using fuzz::require;
 
-void require(bool condition) {
-  if (!condition) std::abort();
-}
-
-// Sends at once into the void and confirms.
-class Port final : public can::Port, private rt::Job {
- public:
-  explicit Port(rt::Executor& executor) : executor_(executor) {}
-  can::Queued send(const can::Frame& frame, std::uint32_t tag) noexcept override {
-    last = frame;
-    if (tag == 0) return can::Queued::yes;
-    tags_.push_back(tag);
-    executor_.post(*this);
-    return can::Queued::yes;
+struct Source final : co::SdoSource {
+  od::Answer<std::size_t> read(std::span<std::uint8_t> into) noexcept override {
+    require(!into.empty());
+    const auto count = std::min(into.size(), left);
+    left -= count;
+    std::memset(into.data(), 1, count);
+    return count;
   }
-  void withdraw(std::uint32_t tag) noexcept override { std::erase(tags_, tag); }
-  void listen(can::Listener* listener, std::span<const can::IdRange>) noexcept override { listener_ = listener; }
-  can::Status status() const noexcept override { return {}; }
-  bool restart(std::uint32_t) noexcept override { return true; }
-  void hear(const can::Frame& frame) noexcept {
-    if (listener_ != nullptr) listener_->received(frame, executor_.now());
+  bool rewind() noexcept override {
+    left = 300;
+    return true;
   }
-  can::Frame last;
-
- private:
-  void run() noexcept override {
-    while (!tags_.empty()) {
-      const auto tag = tags_.front();
-      tags_.erase(tags_.begin());
-      if (listener_ != nullptr) listener_->sent(tag, executor_.now());
-    }
-  }
-  rt::Executor& executor_;
-  can::Listener* listener_ = nullptr;
-  std::vector<std::uint32_t> tags_;
+  std::size_t left = 300;
 };
 
-struct Flag final : rt::Job {
-  void run() noexcept override { set = true; }
-  bool set = false;
+struct Sink final : co::SdoSink {
+  od::AbortCode write(std::span<const std::uint8_t> bytes) noexcept override {
+    require(!bytes.empty());
+    return od::AbortCode::none;
+  }
 };
 
 }  // namespace
 
 extern "C" int LLVMFuzzerTestOneInput(const std::uint8_t* data, std::size_t size) {
   rt::Executor executor;
-  Port port(executor);
+  fuzz::VoidPort port(executor);
   can::Dispatcher dispatcher(executor, port);
   co::SdoOptions options;
   options.timeout = 10ms;
@@ -64,11 +45,27 @@ extern "C" int LLVMFuzzerTestOneInput(const std::uint8_t* data, std::size_t size
   co::SdoClient client(dispatcher, options);
   const NodeId node(5);
   const std::uint8_t payload[40] = {1, 2, 3};
-  auto up = client.upload(node, 0x1008, 0);
-  auto down = client.download(node, 0x1008, 0, payload);
-  Flag first, second;
-  up.begin(executor, first);
-  down.begin(executor, second);
+  // Which kinds: by the length, so that the frames keep their places when an input is changed.
+  options.mode = size % 16 < 8 ? co::SdoMode::segmented : co::SdoMode::block;
+  options.block_size = static_cast<std::uint8_t>(1 + size % 5);
+  Source source;
+  Sink sink;
+  auto up = client.upload(node, 0x1008, 0, options);
+  auto down = client.download(node, 0x1008, 0, payload, options);
+  auto stream_up = client.upload(node, 0x1008, 0, sink, options);
+  auto stream_down = client.download(node, 0x1008, 0, source, options);
+  Flag first, second, stream_first, stream_second;
+  // From the length as well: which of them the input meets first.
+  if (size % 32 < 16) {
+    up.begin(executor, first);
+    down.begin(executor, second);
+  }
+  stream_up.begin(executor, stream_first);
+  stream_down.begin(executor, stream_second);
+  if (size % 32 >= 16) {
+    up.begin(executor, first);
+    down.begin(executor, second);
+  }
   for (std::size_t at = 0; at + 8 <= size; at += 8) {
     executor.advance(executor.now() + 1ms);
     // Half of the inputs name the object, so that more than the first check is reached.
@@ -78,7 +75,7 @@ extern "C" int LLVMFuzzerTestOneInput(const std::uint8_t* data, std::size_t size
     port.hear(answer);
   }
   executor.advance(executor.now() + 1s);
-  require(first.set && second.set);
+  require(first.set && second.set && stream_first.set && stream_second.set);
   auto honest = client.read<std::uint16_t>(node, 0x2000, 0);
   Flag third;
   honest.begin(executor, third);

@@ -103,7 +103,9 @@ void BlockReceiver::give_up() noexcept {
   standstill_ = good_ > 0 ? std::uint8_t{0} : static_cast<std::uint8_t>(standstill_ + 1);
 }
 
-unsigned BlockReceiver::next_size() const noexcept { return lossy_ ? std::max(1U, size_ / 2U) : size_; }
+unsigned BlockReceiver::next_size() const noexcept {
+  return lossy_ ? std::max<unsigned>(size_ / 2U, std::min<unsigned>(size_, smallest_block)) : size_;
+}
 
 // ---- pump
 
@@ -122,22 +124,21 @@ void BlockPump::stop() noexcept {
   sender_ = nullptr;
 }
 
-// The confirmation is on the first frame of a burst, so that the others keep the queue busy meanwhile; in the last
-// burst it is on the last frame.
+// The confirmation is on the first frame of a burst, so that the others keep the queue busy meanwhile. The last frame
+// of all goes alone, as it must have one, too.
 void BlockPump::push() noexcept {
   can::Frame frame;
   address(frame, id_);
   frame.size = 8;
   const auto before = sender_->sent();
   auto queued = can::Queued::yes;
-  const bool closing = sender_->left() <= burst;
-  for (unsigned i = 0; i < burst && sender_->sending(); ++i) {
+  const unsigned count = std::clamp(sender_->left() - 1U, 1U, burst);
+  for (unsigned i = 0; i < count; ++i) {
     sender_->segment(frame);
-    const bool confirmed = closing ? sender_->left() == 1 : i == 0;
-    queued = confirmed ? dispatcher_->send(frame, *this) : dispatcher_->send(frame);
+    queued = i == 0 ? dispatcher_->send(frame, *this) : dispatcher_->send(frame);
     if (queued != can::Queued::yes) break;
     sender_->advance();
-    if (confirmed) confirms_ = static_cast<std::uint8_t>(sender_->sent());
+    if (i == 0) confirms_ = static_cast<std::uint8_t>(sender_->sent());
   }
   if (sender_->sent() != before) progress_ = dispatcher_->executor().now();
   if (queued != can::Queued::yes && queued != can::Queued::full) {

@@ -13,6 +13,8 @@ namespace berth::co::sdo {
 inline constexpr unsigned longest_block = 127;  ///< segments in a sub-block
 /// What a sender holds that may have to repeat a sub-block, and one byte more to see whether there are more.
 inline constexpr std::size_t block_window = longest_block * segment_bytes + 1;
+/// Sub-blocks that became smaller by losses stay this large: one of which nothing is heard cannot be asked for again.
+inline constexpr unsigned smallest_block = 8;
 /// Sub-blocks in a row that brought nothing new: then the transfer is given up.
 inline constexpr unsigned longest_standstill = 16;
 

@@ -117,10 +117,16 @@ void SdoTransfer::send_request() noexcept {
   auto& executor = line_->dispatcher().executor();
   const auto queued = line_->dispatcher().send(request_, *this);
   switch (queued) {
-    case can::Queued::yes: executor.at(give_up_, *this); break;
-    case can::Queued::full: executor.at(std::min(executor.now() + sdo::full_retry, give_up_), *this); break;
+    case can::Queued::yes: wait_until(give_up_); break;
+    case can::Queued::full: wait_until(std::min(executor.now() + sdo::full_retry, give_up_)); break;
     default: fail_with(Errc::bus, 0, why_not(queued));
   }
+}
+
+// A timer that comes too early is left alone: `run` sets it anew. Most waits end long before their timer.
+void SdoTransfer::wait_until(rt::Time when) noexcept {
+  deadline_ = when;
+  if (!timed() || due() > when) line_->dispatcher().executor().at(when, *this);
 }
 
 void SdoTransfer::send_abort(AbortCode code) noexcept {
@@ -136,20 +142,24 @@ void SdoTransfer::sent(rt::Time at) noexcept {
   const bool collecting = state_ == State::block && !download_;
   if (collecting) extra_->heard = at;
   const auto patience = collecting ? options_.timeout / sdo::block_gap_part : options_.timeout;
-  line.dispatcher().executor().at(at + patience, *this);
+  wait_until(at + patience);
 }
 
 void SdoTransfer::run() noexcept {
   if (state_ == State::queued) return attempt();
+  auto& executor = line_->dispatcher().executor();
+  if (executor.now() < deadline_) return executor.at(deadline_, *this);
   if (window_) return state_ == State::block && !download_ ? block_silence() : timed_out();
-  if (!pending() && line_->dispatcher().executor().now() < give_up_) return send_request();
+  if (!pending() && executor.now() < give_up_) return send_request();
   if (pending()) line_->dispatcher().withdraw(*this);
   fail_with(Errc::bus, 0, never_left);
 }
 
 void SdoTransfer::timed_out() noexcept {
-  if (attempts_ <= options_.retries) return attempt();
-  if (options_.abort_on_timeout) send_abort(AbortCode::timeout);
+  const bool again = attempts_ <= options_.retries;
+  // A server that collects a sub-block takes everything but an abort for a segment.
+  if (block_ || (options_.abort_on_timeout && !again)) send_abort(AbortCode::timeout);
+  if (again) return attempt();
   fail_with(Errc::timeout, 0, "no answer to the SDO request");
 }
 
@@ -268,6 +278,12 @@ void SdoTransfer::next_segment() noexcept {
   const unsigned toggle = toggle_ ? sdo::toggle_bit : 0U;
   if (!download_) {
     sdo::put(request_, static_cast<std::uint8_t>(0x60U | toggle), {});
+    return send();
+  }
+  if (data_.size() - offset_ > sdo::segment_bytes && !streamed_) {
+    request_.data[0] = static_cast<std::uint8_t>(toggle);
+    std::memcpy(request_.data.data() + 1, data_.data() + offset_, sdo::segment_bytes);
+    offset_ += sdo::segment_bytes;
     return send();
   }
   const auto rest = window(sdo::segment_bytes);

@@ -35,7 +35,7 @@ struct SdoOptions {
   rt::Duration timeout = std::chrono::seconds(1);  ///< for each answer, from the moment the request was on the wire
   rt::Duration send_timeout = std::chrono::seconds(1);  ///< for each request to get onto the wire
   unsigned retries = 0;                                 ///< new attempts of the whole transfer after a time-out
-  bool abort_on_timeout = true;                         ///< tell the server (0504 0000) when giving up
+  bool abort_on_timeout = true;                         ///< tell the server (0504 0000) when giving up; block: always
   std::size_t longest = std::size_t{16} << 20U;  ///< longest upload accepted without a sink, in bytes; else 0504 0005
   SdoMode mode = SdoMode::segmented;
   /// A server that does not know block transfer (0504 0001 to its initiate) is asked once more, segmented.
@@ -106,6 +106,7 @@ class SdoTransfer : public rt::Operation<SdoTransfer>, private rt::Job, private 
   [[nodiscard]] bool wants_block() const noexcept;
   void send(unsigned answers = 1) noexcept;
   void send_request() noexcept;
+  void wait_until(rt::Time when) noexcept;
   void send_abort(AbortCode code) noexcept;
   void next_segment() noexcept;
   void timed_out() noexcept;
@@ -151,8 +152,9 @@ class SdoTransfer : public rt::Operation<SdoTransfer>, private rt::Job, private 
   std::unique_ptr<Extra, FreeExtra> extra_;  // what streams and block transfers need
   std::size_t offset_ = 0;                   // bytes done
   std::size_t indicated_ = 0;
-  rt::Time give_up_{};  // for the request that waits for the wire
-  can::Frame request_;  // the newest, in case the port was full
+  rt::Time give_up_{};   // for the request that waits for the wire
+  rt::Time deadline_{};  // when `run` has something to do
+  can::Frame request_;   // the newest, in case the port was full
   unsigned attempts_ = 0;
   ObjectRef ref_;
   NodeId node_;

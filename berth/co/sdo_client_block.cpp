@@ -63,7 +63,7 @@ void SdoTransfer::send_block(unsigned size) noexcept {
   if (!bytes) return refuse(bytes.error(), "the source gave no more bytes");
   state_ = State::block;
   window_ = false;
-  cancel_timer();
+  cancel_timer();  // the pump has its own
   extra.sender.sub_block(size, *bytes);
   extra.pump.start(extra.sender, line_->request_, options_.send_timeout);
 }
@@ -202,7 +202,7 @@ void SdoTransfer::block_silence() noexcept {
   auto& executor = line_->dispatcher().executor();
   const bool heard = extra.receiver.heard();
   const auto due = extra.heard + (heard ? options_.timeout / sdo::block_gap_part : options_.timeout);
-  if (executor.now() < due) return executor.at(due, *this);
+  if (executor.now() < due) return wait_until(due);
   if (!heard) return timed_out();
   extra.receiver.give_up();
   acknowledge_block();

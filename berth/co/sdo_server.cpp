@@ -13,18 +13,22 @@ std::optional<can::Frame> SdoServer::handle(const can::Frame& request) noexcept 
   return handle(request, answer) ? std::optional(answer) : std::nullopt;
 }
 
-bool SdoServer::handle(const can::Frame& request, can::Frame& answer) noexcept {
-  if (!sdo::well_formed(request)) return false;
-  sdo::address(answer, response_id_);
-  answer.size = 8;
-  return respond(request, answer);
+// What frames mean otherwise than by their command. False: look no further.
+bool SdoServer::respond_in_block(const can::Frame& request, can::Frame& answer, bool& has_answer) noexcept {
+  // In a sub-block every first byte but the abort's is a segment number.
+  if (state_ == State::block_download) {
+    has_answer = block_segment(request, answer);
+    return false;
+  }
+  if (state_ == State::block_download_end && receiver_.repeats_last(request)) return false;
+  return state_ != State::pending || while_pending(request);
 }
 
-bool SdoServer::respond(const can::Frame& request, can::Frame& answer) noexcept {
-  // In a sub-block every first byte but the abort's is a segment number.
-  if (state_ == State::block_download) return block_segment(request, answer);
-  if (state_ == State::block_download_end && receiver_.repeats_last(request)) return false;
-  if (state_ == State::pending && !while_pending(request)) return false;
+inline bool SdoServer::respond(const can::Frame& request, can::Frame& answer) noexcept {
+  if (state_ >= State::block_download) {
+    bool has_answer = false;
+    if (!respond_in_block(request, answer, has_answer)) return has_answer;
+  }
   switch (static_cast<Ccs>(sdo::specifier(request.data[0]))) {
     case Ccs::abort: reset(); return false;
     case Ccs::download: return begin_download(request, answer);
@@ -35,6 +39,13 @@ bool SdoServer::respond(const can::Frame& request, can::Frame& answer) noexcept 
     case Ccs::block_upload: return block_upload(request, answer);
     default: return refuse_unknown(request, answer);
   }
+}
+
+bool SdoServer::handle(const can::Frame& request, can::Frame& answer) noexcept {
+  if (!sdo::well_formed(request)) return false;
+  sdo::address(answer, response_id_);
+  answer.size = 8;
+  return respond(request, answer);
 }
 
 // ---- ends
@@ -143,6 +154,13 @@ bool SdoServer::download_segment(const can::Frame& request, can::Frame& answer) 
   if (state_ != State::download) return refuse_unknown(request, answer);
   if (!toggled(request)) return abort(answer, AbortCode::toggle_bit);
   const auto byte = request.data[0];
+  if ((byte & 0x0FU) == 0) {
+    if (std::uint8_t* const place = data_.quick_place()) {
+      std::memcpy(place, request.data.data() + 1, sdo::segment_bytes);
+      sdo::put(answer, 0x20U | byte, {});
+      return true;
+    }
+  }
   const bool last = (byte & 0x01U) != 0;
   const std::size_t count = sdo::segment_bytes - ((byte >> 1U) & 0x07U);
   sdo::put(answer, static_cast<std::uint8_t>(0x20U | (byte & sdo::toggle_bit)), {});
@@ -188,6 +206,11 @@ bool SdoServer::answer_upload(can::Frame& answer) noexcept {
 bool SdoServer::upload_segment(const can::Frame& request, can::Frame& answer) noexcept {
   if (state_ != State::upload) return refuse_unknown(request, answer);
   if (!toggled(request)) return abort(answer, AbortCode::toggle_bit);
+  if (const std::uint8_t* const bytes = data_.quick_read()) {
+    answer.data[0] = request.data[0] & sdo::toggle_bit;
+    std::memcpy(answer.data.data() + 1, bytes, sdo::segment_bytes);
+    return true;
+  }
   const auto window = data_.window(sdo::segment_bytes);
   if (!window) return abort(answer, window.error());
   const bool last = window->size() <= sdo::segment_bytes;

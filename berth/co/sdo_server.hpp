@@ -74,7 +74,7 @@ class SdoServer {
     idle,
     download,
     upload,
-    block_download,      // a sub-block comes in
+    block_download,      // a sub-block comes in; from here on what a frame means goes by the state first
     block_download_end,  // all segments are there
     block_upload_start,  // initiated, the client is to say so
     block_upload,        // a sub-block goes out or is to be acknowledged
@@ -82,6 +82,7 @@ class SdoServer {
     pending,
   };
   [[nodiscard]] bool respond(const can::Frame& request, can::Frame& answer) noexcept;
+  [[nodiscard]] bool respond_in_block(const can::Frame& request, can::Frame& answer, bool& has_answer) noexcept;
   [[nodiscard]] bool while_pending(const can::Frame& request) noexcept;
   bool begin_download(const can::Frame& request, can::Frame& answer) noexcept;
   [[nodiscard]] AbortCode expedited_download(const can::Frame& request) noexcept;

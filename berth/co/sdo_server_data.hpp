@@ -6,15 +6,16 @@
 #include <optional>
 #include <span>
 
+#include "berth/co/sdo.hpp"
 #include "berth/co/sdo_read_ahead.hpp"
 #include "berth/od/values.hpp"
 
 namespace berth::co {
 
-using od::AbortCode;
-
 /// One transfer at a time. No heap use after construction.
 class SdoServerData {
+  enum class Kind : std::uint8_t { buffer, view, stream };
+
  public:
   /// Values of up to `buffer` bytes are held whole. A dictionary with a DOMAIN, or with values longer than `buffer`,
   /// takes at least what block transfer needs (897 bytes).
@@ -42,6 +43,11 @@ class SdoServerData {
     if (kind_ == Kind::stream) ahead_.consume(count);
   }
   void close_read() noexcept;
+  /// The next seven bytes when they are at hand and more follow: then they are consumed. Else null, and `window` says.
+  [[nodiscard]] const std::uint8_t* quick_read() noexcept {
+    if (kind_ != Kind::buffer || size_ - offset_ <= sdo::segment_bytes) return nullptr;
+    return buffer_.get() + std::exchange(offset_, offset_ + sdo::segment_bytes);
+  }
   /// @}
 
   /// @name Download
@@ -62,12 +68,16 @@ class SdoServerData {
     (kind_ == Kind::buffer ? offset_ : filled_) += count;
     return AbortCode::none;
   }
+  /// A place for seven bytes that are all the object's: committed at once. Null: go by `place` and `commit`.
+  [[nodiscard]] std::uint8_t* quick_place() noexcept {
+    if (kind_ != Kind::buffer || limit_ - offset_ < sdo::segment_bytes) return nullptr;
+    return buffer_.get() + std::exchange(offset_, offset_ + sdo::segment_bytes);
+  }
   /// All is there: to the dictionary or the stream; its word, `pending` included.
   [[nodiscard]] AbortCode close_write() noexcept;
   /// @}
 
  private:
-  enum class Kind : std::uint8_t { buffer, view, stream };
   [[nodiscard]] od::Answer<std::span<const std::uint8_t>> far_window(std::size_t count) noexcept;
   [[nodiscard]] od::Answer<std::uint8_t*> far_place(std::size_t count) noexcept;
   [[nodiscard]] AbortCode flush() noexcept;

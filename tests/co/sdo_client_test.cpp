@@ -39,6 +39,7 @@ struct Client : ::testing::Test, Bench {
   const NodeId node{5};
 };
 
+// A7.1, the client's side.
 TEST_F(Client, ExpeditedUpload) {
   reply("605#4000100000000000", {"585#4300100092010200"});
   auto op = client.read<std::uint32_t>(node, 0x1000, 0);
@@ -63,6 +64,7 @@ TEST_F(Client, ExpeditedUpload) {
   EXPECT_EQ(await(*this, all)->size(), 4U);
 }
 
+// A7.1, the client's side.
 TEST_F(Client, ExpeditedDownload) {
   reply("605#2B171000E8030000", {"585#6017100000000000"});
   auto op = client.write<std::uint16_t>(node, 0x1017, 0, 1000);
@@ -77,6 +79,7 @@ TEST_F(Client, ExpeditedDownload) {
   EXPECT_EQ(wire.log.size(), 6U);
 }
 
+// A7.2, the client's side.
 TEST_F(Client, SegmentedUpload) {
   reply("605#4008100000000000", {"585#410810000A000000"});
   reply("605#6000000000000000", {"585#0061626364656667"});
@@ -98,6 +101,7 @@ TEST_F(Client, S2_SegmentedUploadWithoutSize) {
   EXPECT_EQ(value->text(), "abcdefghij");
 }
 
+// A7.2, the client's side.
 TEST_F(Client, SegmentedDownload) {
   const Bytes data{1, 2, 3, 4, 5, 6, 7, 8};
   reply("605#2105200008000000", {"585#6005200000000000"});

@@ -36,6 +36,7 @@ struct Server : ::testing::Test {
   co::SdoServer server;
 };
 
+// A7.1: initiate upload, the expedited answer.
 TEST_F(Server, ExpeditedUpload) {
   EXPECT_EQ(ask("4000100000000000"), "4300100092010200");
   EXPECT_EQ(ask("4018100000000000"), "4F18100004000000");
@@ -44,6 +45,7 @@ TEST_F(Server, ExpeditedUpload) {
   EXPECT_EQ(ask("4001200000000000"), "4B0120004D000000");
 }
 
+// A7.1: expedited download.
 TEST_F(Server, ExpeditedDownload) {
   EXPECT_EQ(ask("2F0020002A000000"), "6000200000000000");
   EXPECT_EQ(stored(0x2000), (Bytes{0x2A}));
@@ -63,6 +65,7 @@ TEST_F(Server, S17_ExpeditedDownloadWithoutSize) {
   EXPECT_EQ(ask("2205200061626364"), aborted("052000", "13000706"));
 }
 
+// A7.2: segmented upload.
 TEST_F(Server, SegmentedUpload) {
   EXPECT_EQ(ask("4008100000000000"), "410810001A000000");
   EXPECT_EQ(ask("6000000000000000"), "0054696E79204E6F");
@@ -72,6 +75,7 @@ TEST_F(Server, SegmentedUpload) {
   EXPECT_FALSE(server.busy());
 }
 
+// A7.2: segmented download.
 TEST_F(Server, SegmentedDownloadWithSize) {
   EXPECT_EQ(ask("2105200008000000"), "6005200000000000");
   EXPECT_EQ(ask("0001020304050607"), "2000000000000000");
@@ -285,9 +289,15 @@ RC_GTEST_PROP(ServerProperty, AdversarialFrames, (std::uint64_t seed)) {
     if (random.chance(300'000)) store_le(f.data.data() + 4, static_cast<std::uint32_t>(random.below(64)));
     const bool was_busy = server.busy();
     const auto answer = server.handle(f);
-    if (f.size != 8 || f.remote) RC_ASSERT(!answer);
-    if (!was_busy && f.size == 8 && !f.remote) RC_ASSERT(answer.has_value() == (f.data[0] >> 5 != 4));
-    if (answer) RC_ASSERT(answer->id == 0x585U && answer->size == 8 && !answer->remote);
+    if (f.size != 8 || f.remote) {
+      RC_ASSERT(!answer);
+    }
+    if (!was_busy && f.size == 8 && !f.remote) {
+      RC_ASSERT(answer.has_value() == (f.data[0] >> 5 != 4));
+    }
+    if (answer) {
+      RC_ASSERT(answer->id == 0x585U && answer->size == 8 && !answer->remote);
+    }
     for (auto most = random.below(200); most > 0 && server.sending(); --most) {
       server.segments().segment(f);
       server.segments().advance();
