@@ -93,6 +93,7 @@ bool SdoTransfer::begin_anew() noexcept {
 
 void SdoTransfer::attempt() noexcept {
   ++attempts_;
+  if (extra_) extra_->pump.stop();
   state_ = State::initiate;
   value_.clear();
   offset_ = indicated_ = 0;
@@ -187,6 +188,11 @@ bool SdoTransfer::take_abort(const can::Frame& frame) noexcept {
   if (block_ && state_ == State::initiate && code == AbortCode::command_specifier && options_.fall_back) {
     no_block_ = true;
     --attempts_;
+    attempt();
+    return true;
+  }
+  // The server's patience ended before ours: no refusal.
+  if (code == AbortCode::timeout && attempts_ <= options_.retries) {
     attempt();
     return true;
   }

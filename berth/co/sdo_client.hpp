@@ -34,8 +34,8 @@ enum class SdoMode : std::uint8_t {
 struct SdoOptions {
   rt::Duration timeout = std::chrono::seconds(1);  ///< for each answer, from the moment the request was on the wire
   rt::Duration send_timeout = std::chrono::seconds(1);  ///< for each request to get onto the wire
-  unsigned retries = 0;                                 ///< new attempts of the whole transfer after a time-out
-  bool abort_on_timeout = true;                         ///< tell the server (0504 0000) when giving up; block: always
+  unsigned retries = 0;          ///< new attempts of the whole transfer after a time-out, the server's as well
+  bool abort_on_timeout = true;  ///< tell the server (0504 0000) when giving up; block: always
   std::size_t longest = std::size_t{16} << 20U;  ///< longest upload accepted without a sink, in bytes; else 0504 0005
   SdoMode mode = SdoMode::segmented;
   /// A server that does not know block transfer (0504 0001 to its initiate) is asked once more, segmented.

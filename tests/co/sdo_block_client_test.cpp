@@ -432,6 +432,23 @@ TEST_F(BlockClient, CancelAndDestroyAtAnyTime) {
   }
 }
 
+// The server gives up in the middle of a sub-block that is going out: the next attempt begins with its initiate, and no
+// segment of the first comes behind it.
+TEST_F(BlockClient, TheServersTimeoutIsRetried) {
+  const Bytes data = numbers(300);
+  options.retries = 1;
+  reply("C60420002C010000", {{"585#A40420007F000000"}, {"585#A40420007F000000"}});
+  reply(segments_of(data)[9], {{"585#8004200000000405"}, {}});
+  reply(segments_of(data)[42], {{"585#A22B7F0000000000"}});
+  reply("C5" + le16(slow_crc(data)) + "0000000000", {{"585#A100000000000000"}});
+  const auto done = download(data);
+  ASSERT_TRUE(done) << describe(done.error());
+  const auto all = said();
+  const auto again = std::ranges::find(all.begin() + 1, all.end(), "C60420002C010000");
+  ASSERT_NE(again, all.end());
+  EXPECT_EQ(Log(again + 1, all.end() - 1), segments_of(data));
+}
+
 // Retries begin the whole transfer anew.
 TEST_F(BlockClient, Retries) {
   options.retries = 1;

@@ -389,10 +389,10 @@ RC_GTEST_PROP(SdoBlockProperty, LostSegmentsAreRepeated, (std::uint64_t seed)) {
   options.retries = 6;
   auto down = p.client.download(NodeId(5), 0x2004, 0, data, options);
   const auto done = await(p, down);
-  RC_ASSERT(done.has_value());
+  if (!done) RC_FAIL(describe(done.error()) + " last " + p.wire.log.back());
   auto up = p.client.upload(NodeId(5), 0x2004, 0, options);
   const auto value = await(p, up);
-  RC_ASSERT(value.has_value());
+  if (!value) RC_FAIL(describe(value.error()));
   RC_ASSERT(Bytes(value->bytes().begin(), value->bytes().end()) == data);
 }
 
