@@ -156,7 +156,7 @@ TEST_F(Mpdo, A8_11_SamProducerWithAFullQueue) {
 // index, 15..8 its sub-index, 7..0 its node-ID.
 TEST_F(Mpdo, A8_11_OD_1FD0_SamConsumerStoresWhereTheDispatchingListSays) {
   ASSERT_EQ(write<std::uint64_t>(0x1FD0, 1, 0x01'2003'00'6000'05'09ULL), ok);
-  ASSERT_EQ(write<std::uint64_t>(0x1FD0, 2, 0x03'2010'06'6100'01'09ULL), ok);  // 6100h:01..03 -> 2010h:06..08
+  ASSERT_EQ(write<std::uint64_t>(0x1FD0, 2, 0x03'2010'02'6100'01'09ULL), ok);  // 6100h:01..03 -> 2010h:02..04
   ASSERT_EQ(write<std::uint64_t>(0x1FD0, 3, 0x01'2001'00'6000'05'0AULL), ok);
   ASSERT_EQ(write<std::uint64_t>(0x1FD0, 4, 0x00'2002'00'6000'05'09ULL), ok);  // unused
   multiplex(0x1400, 0x205, sam);
@@ -165,7 +165,7 @@ TEST_F(Mpdo, A8_11_OD_1FD0_SamConsumerStoresWhereTheDispatchingListSays) {
   EXPECT_EQ(values.get<std::uint32_t>({0x2003, 0}), 0x12345678U);
   EXPECT_EQ(take_stored(), Log{"2003:00"});
   hear("205#09006103FF000000");
-  EXPECT_EQ(take_stored(), Log{"2010:08"});
+  EXPECT_EQ(take_stored(), Log{"2010:04"});
   hear("205#0A0060057F123456");
   EXPECT_EQ(take_stored(), Log{"2001:00"});
   EXPECT_EQ(values.get<std::uint8_t>({0x2001, 0}), 0x7F) << "as many bytes as the object has";
