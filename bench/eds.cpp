@@ -56,18 +56,22 @@ std::string big_file() {
   return text;
 }
 
-/// The median of some readings in ms.
-double read_time(const std::string& text, unsigned times) {
+/// The median of some readings in ms, and the shortest one, which other load on the machine disturbs least.
+struct Times {
+  double median = -1;
+  double shortest = -1;
+};
+Times read_time(const std::string& text, unsigned times) {
   std::vector<double> each;
   for (unsigned i = 0; i < times; ++i) {
     std::string copy = text;
     const bench::Watch watch;
     const auto reading = eds::read(std::move(copy), "bench.eds");
     each.push_back(watch.seconds() * 1e3);
-    if (!reading.usable()) return -1;
+    if (!reading.usable()) return {};
   }
   std::ranges::sort(each);
-  return each[each.size() / 2];
+  return {each[each.size() / 2], each.front()};
 }
 
 double write_time(const std::string& text, unsigned times) {
@@ -99,20 +103,22 @@ std::string profile_text() {
 int main(int argc, char** argv) {
   const std::string big = big_file();
   const std::string_view option = argc == 2 ? argv[1] : "";  // under callgrind
-  if (option == "--big") return read_time(big, 1) < 0 ? 1 : 0;
-  if (option == "--profile") return read_time(profile_text(), 100) < 0 ? 1 : 0;
+  if (option == "--big") return read_time(big, 1).median < 0 ? 1 : 0;
+  if (option == "--profile") return read_time(profile_text(), 100).median < 0 ? 1 : 0;
   std::vector<bench::Figure> figures;
   const auto size = [](const std::string& text) {
     return fmt::format("{:.2f} MB", static_cast<double>(text.size()) / 1e6);
   };
+  const Times times = read_time(big, 31);
   figures.push_back(
-      bench::at_most(fmt::format("reading {} objects, {}", objects, size(big)), read_time(big, 31), big_aim, "ms"));
+      bench::at_most(fmt::format("reading {} objects, {}", objects, size(big)), times.median, big_aim, "ms"));
+  figures.push_back({"the shortest of 31 readings", fmt::format("{:.2f} ms", times.shortest)});
   figures.push_back({"writing them anew", fmt::format("{:.2f} ms", write_time(big, 11))});
   const std::string profile = profile_text();
   if (profile.empty()) {
     figures.push_back({"reading DS301_profile.eds", "no such file; see BERTH_EDS_DIR"});
   } else {
-    figures.push_back(bench::at_most("reading DS301_profile.eds", read_time(profile, 501), profile_aim, "ms"));
+    figures.push_back(bench::at_most("reading DS301_profile.eds", read_time(profile, 501).median, profile_aim, "ms"));
     const auto reading = eds::read(profile, "DS301_profile.eds");
     const od::Values values(reading.file.description, NodeId(1));
     const auto bytes = static_cast<double>(reading.file.description->memory() + values.memory());
