@@ -163,7 +163,7 @@ void ObjectList::read_object(Node object) {
     return source_.tell(Severity::note, object, {}, facts.key,
                         "the object is marked as disabled (CO_disabled); left out");
   }
-  if (builder_.has(at)) warn(facts, object, "index", "the object stands twice; the last one counts");
+  if (builder_.has(at)) return warn(facts, object, "index", "the object stands twice; the first one counts");
   const auto number = source_.number(object, "objectType", 0xFF, false, facts.key, Severity::warning);
   const bool has_subs = static_cast<bool>(child(object, "CANopenSubObject"));
   auto code = static_cast<od::ObjectCode>(number.value_or(has_subs ? 9 : 7));
@@ -173,7 +173,7 @@ void ObjectList::read_object(Node object) {
     code = has_subs ? od::ObjectCode::record : od::ObjectCode::var;
   }
   if (!has_subs && simple(code)) return read_simple(facts, code);
-  if (simple(code) && code != od::ObjectCode::null && code != od::ObjectCode::deftype) {
+  if (simple(code)) {
     warn(facts, object, "objectType", fmt::format("a {} has no sub-objects; taken as RECORD", od::name(code)));
     code = od::ObjectCode::record;
   }
@@ -212,8 +212,11 @@ void ObjectList::read_sub_objects(Node object, const Facts& facts, od::ObjectCod
     }
     const auto sub = static_cast<std::uint8_t>(*number);
     const Facts of = this->facts(each, facts.index, sub, false);
-    if (seen[sub]) warn(of, each, "subIndex", "the sub-object stands twice; the last one counts");
-    present += seen[sub] || sub == 0xFF ? 0 : 1;
+    if (seen[sub]) {
+      warn(of, each, "subIndex", "the sub-object stands twice; the first one counts");
+      continue;
+    }
+    present += sub == 0xFF ? 0 : 1;
     seen[sub] = true;
     const DataType fallback = sub == 0 ? DataType::unsigned8 : code == od::ObjectCode::array ? type : DataType::none;
     const od::SubSpec made = spec(of, fallback);
@@ -478,16 +481,7 @@ void ObjectList::finish(File& file, std::uint32_t dummies) {
   if (!any_ || file.description->objects().empty()) {
     source_.report().add(Severity::error, 0, 0, "CANopenObjectList", "the file describes no object");
   }
-  // Of an object that stands twice the last one counts.
-  const auto settle = [](auto& list) {
-    std::ranges::stable_sort(list, {}, [](const auto& each) { return each.object; });
-    std::vector<std::decay_t<decltype(list[0])>> kept;
-    for (auto& each : list) {
-      if (!kept.empty() && kept.back().object == each.object) kept.pop_back();
-      kept.push_back(std::move(each));
-    }
-    list = std::move(kept);
-  };
+  const auto settle = [](auto& list) { std::ranges::sort(list, {}, [](const auto& each) { return each.object; }); };
   settle(parameters_);
   settle(defaults_);
   settle(denotations_);

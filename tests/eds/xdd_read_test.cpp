@@ -246,12 +246,23 @@ TEST(XddRead, OdditiesAreWarningsAndTheRestIsRead) {
     EXPECT_TRUE(warned(r, key)) << key << "\n" << all_findings(r.findings);
   }
   EXPECT_TRUE(noted(r, "Surprise"));
-  EXPECT_EQ(sub(r, 0x2001)->type, DataType::unsigned16) << "the last one counts";
+  EXPECT_EQ(sub(r, 0x2001)->type, DataType::unsigned8) << "the first one counts";
   EXPECT_EQ(r.file.description->limits(*sub(r, 0x2005)), nullptr)
       << "limits that would refuse every value are left out";
   EXPECT_EQ(value(r, 0x2007), 1U);
   EXPECT_EQ(sub(r, 0x2008)->type, DataType::domain);
   EXPECT_EQ(value(r, 0x2009), 0x185U);
+}
+
+TEST(XddRead, WhatHasSubObjectsIsARecord) {
+  for (const char* code : {"0", "2", "5", "7"}) {
+    const auto r =
+        read_objects(std::string(R"(<CANopenObject index="2001" name="A" objectType=")") + code +
+                     R"("><CANopenSubObject subIndex="00" name="n" dataType="0005" accessType="ro"/></CANopenObject>)");
+    EXPECT_TRUE(warned(r, "2001 objectType")) << code;
+    EXPECT_EQ(r.file.description->find(0x2001)->code, od::ObjectCode::record) << code;
+    EXPECT_EQ(r.file.description->name(*r.file.description->find(0x2001)), "A");
+  }
 }
 
 TEST(XddRead, WhatIsNoXddIsRefusedInWords) {
