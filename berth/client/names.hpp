@@ -4,13 +4,13 @@
 #include <memory>
 #include <string>
 #include <string_view>
+#include <tl/expected.hpp>
 #include <type_traits>
 #include <unordered_map>
 #include <vector>
 
 #include "berth/base/ids.hpp"
 #include "berth/od/description.hpp"
-#include "tl/expected.hpp"
 
 namespace berth::client {
 

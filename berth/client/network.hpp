@@ -37,6 +37,10 @@ class Network final : private co::HeartbeatConsumer::Observer {
   /// A command to all nodes; nobody waits. To one node: `RemoteNode::nmt`.
   void nmt_all(co::NmtCommand command) { nmt_.queue(command, co::NmtTarget::all()); }
 
+  /// A node whose first heartbeat is missing for so long after its `RemoteNode` was made, or after its boot-up, is told
+  /// (`StateEvent`, kind never_seen). 0 = never. Before the nodes are made.
+  void set_never_seen_time(rt::Duration time) noexcept { heartbeats_.set_never_seen_time(time); }
+
   /// Sends one SYNC (080h, no counter).
   can::Queued send_sync() noexcept;
   /// Sends a SYNC now and every `period` from now on; 0 ends it. One that waits in the port is not doubled.

@@ -267,6 +267,17 @@ TEST(ClientNode, NmtAndStates) {
   EXPECT_EQ(first->kind, co::HeartbeatEvent::Kind::boot_up) << "the queue has them all, from the node's beginning on";
 }
 
+// HU.24: a node that was never there is noticed.
+TEST(ClientNode, HU_24_ANodeThatWasNeverSeen) {
+  Rig rig;
+  rig.network->set_never_seen_time(500ms);
+  RemoteNode absent(*rig.network, NodeId(6), rig.node->names().description());
+  const auto event = rig.get(absent.next_state(rig.world.now() + 1s));
+  ASSERT_TRUE(event.has_value());
+  EXPECT_EQ(event->kind, co::HeartbeatEvent::Kind::never_seen);
+  EXPECT_EQ(event->node, NodeId(6));
+}
+
 TEST(ClientNode, Emergencies) {
   Rig rig;
   std::vector<std::string> told;
