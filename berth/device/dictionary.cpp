@@ -97,8 +97,8 @@ void add_storage(DescriptionBuilder& b) {
        {std::pair<std::uint16_t, std::string_view>{std::uint16_t{0x1010}, "Store parameters"},
         {std::uint16_t{0x1011}, "Restore default parameters"}}) {
     b.object(index, od::ObjectCode::array, name);
-    for (std::uint8_t i = 1; i <= groups.size(); ++i) {
-      b.sub(index, {.sub = i, .name = groups[i - 1U], .initial = Literal::number(1)});
+    for (std::size_t i = 1; i <= groups.size(); ++i) {
+      b.sub(index, {.sub = static_cast<std::uint8_t>(i), .name = groups[i - 1U], .initial = Literal::number(1)});
     }
   }
   b.object(0x1020, od::ObjectCode::array, "Verify configuration");

@@ -138,6 +138,8 @@ void SimFlash::restore(std::span<const std::uint8_t> image) noexcept {
   std::ranges::copy(taken, bytes_.begin());
 }
 
-void SimFlash::erase() noexcept { std::ranges::fill(bytes_, std::uint8_t{0xFF}); }
+void SimFlash::erase(std::size_t count) noexcept {
+  std::ranges::fill(std::span(bytes_).first(std::min(count, bytes_.size())), std::uint8_t{0xFF});
+}
 
 }  // namespace berth::device

@@ -116,7 +116,9 @@ class SimFlash final : public NvMemory, private rt::Job {
   [[nodiscard]] std::span<const std::uint8_t> image() const noexcept { return bytes_; }
   /// Takes as much as fits; the rest becomes blank.
   void restore(std::span<const std::uint8_t> image) noexcept;
-  void erase() noexcept;
+  void erase() noexcept { erase(size_); }
+  /// The first so many bytes become blank.
+  void erase(std::size_t count) noexcept;
 
  private:
   void run() noexcept override;

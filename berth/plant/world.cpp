@@ -178,7 +178,7 @@ void SimDevice::switch_on() noexcept {
     // A rate outside CiA's table is no stored value: it stays what the plan says.
     const bool stored = rate != 0 && lss::bit_rate_index(device_.options().bit_rate).has_value();
     device_.set_blank(*std::exchange(next_node_id_, std::nullopt), stored ? rate : device_.options().bit_rate);
-    flash_.erase();
+    flash_.erase(device::Device::parameters_at);  // what LSS stored; its parameters stay
   }
   controller_->power(true);
   device_.power_on();
@@ -262,6 +262,13 @@ Truth SimDevice::truth() const {
 std::size_t SimDevice::memory_use() const noexcept {
   return sizeof(SimDevice) - sizeof(device::Device) + device_.memory() + sizeof(sim::Controller) + flash_.memory() +
          port_.memory() + plan_.name.capacity() + plan_.bus.capacity();
+}
+
+std::vector<std::uint8_t> SimDevice::kept_image() const {
+  std::vector<std::uint8_t> image(flash_.image().begin(), flash_.image().end());
+  const auto record = std::min(image.size(), device::Device::parameters_at);
+  if (next_node_id_) std::fill_n(image.begin(), record, std::uint8_t{0xFF});
+  return image;
 }
 
 void SimDevice::device_changed(const device::Device&) noexcept { world_->tell(*this); }
@@ -477,7 +484,7 @@ std::string World::state() const {
     const auto& o = d->device_.options();
     text += fmt::format("{} {} {} {} {} {}\n", d->next_serial_.value_or(o.address.serial),
                         d->next_node_id_.value_or(o.node_id).value(), o.bit_rate, d->plugged_ ? 1 : 0,
-                        d->next_node_id_ ? "" : hex(d->flash_.image()), d->name());
+                        hex(d->kept_image()), d->name());
   }
   return text;
 }

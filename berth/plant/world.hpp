@@ -89,6 +89,8 @@ class SimDevice final : private device::Device::Observer, private device::SimFla
   friend class World;
   void switch_on() noexcept;
   void switch_off() noexcept;
+  /// The memory as the next power-on will find it.
+  [[nodiscard]] std::vector<std::uint8_t> kept_image() const;
   void device_changed(const device::Device& device) noexcept override;
   void write_began() noexcept override {}
   void write_ended() noexcept override;

@@ -248,6 +248,10 @@ TEST(PlantWorld, SerialAndStoredNodeIdChangeAtPowerOn) {
   ASSERT_TRUE(s.world->perform(id));
   id.value = 200;
   EXPECT_FALSE(s.world->perform(id));
+  std::vector<std::uint8_t> image(s["a"].memory().image().begin(), s["a"].memory().image().end());
+  image.resize(120, 0x5A);  // behind what LSS stores stand the parameters
+  s["a"].memory().restore(image);
+  const auto state = s.world->state();
   s.ask("603#4018100400000000");
   EXPECT_EQ(s.record->text.back(), "583#4318100406000000");
   EXPECT_EQ(s["a"].truth().address.serial, 6U);
@@ -257,6 +261,11 @@ TEST(PlantWorld, SerialAndStoredNodeIdChangeAtPowerOn) {
   s.ask("60C#4018100400000000");
   EXPECT_EQ(s.record->text.back(), "58C#4318100463000000");
   EXPECT_EQ(s["a"].truth().address.serial, 99U);
+  EXPECT_EQ(s["a"].memory().image()[100], 0x5A) << "another node-ID takes no parameters away";
+  Scene again(plant({device("a", 6, 3)}));
+  ASSERT_TRUE(again.world->restore(state));
+  EXPECT_EQ(again["a"].memory().image()[100], 0x5A);
+  EXPECT_EQ(again["a"].memory().image()[0], 0xFF);
 }
 
 TEST(PlantWorld, DuplicatesAndObserver) {
