@@ -202,6 +202,7 @@ class Network final : private co::HeartbeatConsumer::Observer,
   rt::Task<void> wait_for_power(Seat& seat, manager::Configurator& configurator, const manager::Wanted& wanted,
                                 const std::string& reason);
   void forgot(Seat& seat, const manager::ConfigurationReport& report, const manager::Wanted& wanted);
+  rt::Task<void> look_at_running(Seat& seat);
   rt::Task<void> compare_seat(Seat& seat, bool write, SlotConfiguration& into);
   bool note_configured(Seat& seat, places::Configured::Stage stage, const manager::Wanted& wanted);
   [[nodiscard]] bool rebooted(const Seat& seat) const noexcept;

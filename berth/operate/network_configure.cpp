@@ -274,6 +274,25 @@ rt::Task<bool> Network::reset_and_wait(Seat& seat) {
   co_return false;
 }
 
+// A device that runs is left alone; that it runs with something else is said.
+rt::Task<void> Network::look_at_running(Seat& seat) {
+  if (bus_->role == design::Role::observer) co_return;
+  const auto wanted = co_await wanted_of(seat);
+  if (!wanted) co_return;
+  ConfiguratorOptions options = configurator_options(bus_->timing);
+  options.write = false;
+  const NodeId id = seat.id();
+  co::NodeAccess values(sdo_, id);
+  Configurator configurator(values, values, *wanted, options);
+  ConfigurationReport report;
+  co_await configurator.run(report);
+  if (report.differences.empty()) co_return;
+  tell("configured", seat.name(),
+       fmt::format("it runs and is left alone, though {} of its values differ from {}; `berth configure --check` names "
+                   "them",
+                   report.differences.size(), wanted->file));
+}
+
 // ---- berth configure ----
 
 rt::Task<void> Network::compare_seat(Seat& seat, bool write, SlotConfiguration& into) {

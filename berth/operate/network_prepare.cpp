@@ -98,6 +98,7 @@ rt::Task<void> Network::ask_seat(Seat& seat) {
   if (state == NmtState::operational) {
     heartbeats_.supervise(id, bus_->timing.heartbeat_timeout);
     set_state(seat, SlotState::operational);
+    if (seat.configuration) co_await look_at_running(seat);
     co_return;
   }
   set_state(seat, SlotState::present);

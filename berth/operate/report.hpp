@@ -30,8 +30,8 @@ struct SlotReport {
 struct Event {
   rt::Time at{};
   std::string bus;
-  std::string kind;  ///< "step", "found", "bound", "state", "question", "surplus", "foreign", "clone", "duplicate",
-                     ///< "lost", "error", ...
+  std::string kind;  ///< "step", "found", "bound", "configured", "state", "question", "surplus", "foreign", "clone",
+                     ///< "duplicate", "lost", "error", ...
   std::string slot;  ///< name, empty when no slot is concerned
   std::string text;
 

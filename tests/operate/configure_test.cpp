@@ -458,6 +458,26 @@ TEST(Configuration, ACommissionerConfiguresAndStartsNobody) {
   EXPECT_EQ(watch.savings, 1U) << rig.log();
 }
 
+// A machine that runs is not disturbed; what is not as its file has it is said.
+TEST(Configuration, ARunningDeviceIsLeftAloneAndTold) {
+  Rig rig(pumps({5}), plant_of(1));
+  rig.begin();
+  ASSERT_TRUE(rig.until_operational(30s)) << rig.log();
+  rig.kill();
+  auto& v = rig.device("p1").device().values();
+  ASSERT_EQ(v.set({0x2000, 1}, 7U), od::AbortCode::none);
+  ASSERT_EQ(v.set({0x1020, 1}, 0U), od::AbortCode::none);
+  const Watch watch(rig, 5);
+  rig.begin();
+  ASSERT_TRUE(rig.until_operational(30s)) << rig.log();
+  EXPECT_EQ(watch.writes, 0U);
+  EXPECT_EQ(rig.device("p1").truth().state, NmtState::operational);
+  const bool told = std::ranges::any_of(rig.events(), [](const auto& e) {
+    return e.kind == "configured" && e.text.find("1 of its values differ from pump.dcf") != std::string::npos;
+  });
+  EXPECT_TRUE(told) << rig.log();
+}
+
 // A file that went away since the machine file was read stops its slots only.
 TEST(Configuration, AFileThatWentAwayStopsItsSlotOnly) {
   auto machine = pumps({5, 6});
