@@ -96,6 +96,42 @@ TEST(ClientLifetime, HC5_2_ANodeDestroyedWhileAllIsPending) {
   }
 }
 
+// Destroys the node some jobs after the n-th frame, in the same instant: between an answer and who waits for it.
+struct Destroyer final : rt::Job, can::Tap {
+  Destroyer(Rig& r, int n, int hops) : rig(r), frames(n), jobs(hops) { rig.bus.bus.add_tap(*this); }
+  ~Destroyer() { rig.bus.bus.remove_tap(*this); }
+  void frame(const can::Frame&, rt::Time, int) noexcept override {
+    if (frames-- == 0) rig.world.executor().post(*this);
+  }
+  void run() noexcept override {
+    if (jobs-- > 0) return rig.world.executor().post(*this);
+    rig.node.reset();
+  }
+  Rig& rig;
+  int frames;
+  int jobs;
+};
+
+// HC5.2: and at every job of every instant.
+TEST(ClientLifetime, HC5_2_ANodeDestroyedBetweenTwoJobs) {
+  for (int frames = 0; frames < 20; ++frames) {
+    for (int jobs = 0; jobs < 10; ++jobs) {
+      Rig rig;
+      Ends ends;
+      int called = 0;
+      rt::Scope scope(rig.world.executor());
+      scope.spawn(subscribe_and_note(*rig.node, ends));
+      rig.node->open(1, [&](const auto&) { called += rig.node != nullptr ? 1 : 100; });
+      Destroyer destroyer(rig, frames, jobs);
+      rig.run(50ms);
+      ASSERT_EQ(ends.count, 1) << frames << " " << jobs;
+      EXPECT_LE(called, 1);
+      EXPECT_EQ(rig.node, nullptr);
+      EXPECT_EQ(scope.running(), 0U);
+    }
+  }
+}
+
 TEST(ClientLifetime, ANetworkDestroyedWhileAllIsPending) {
   for (int step = 0; step < 60; ++step) {
     Rig rig({}, static_cast<std::uint64_t>(step % 3));
