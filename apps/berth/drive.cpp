@@ -151,7 +151,8 @@ bool Ending::settled() {
   if (now < changed_ + quiet || now < due_ + quiet || !rig_->session().idle()) return false;
   const auto slots = rig_->session().slots();
   return std::ranges::none_of(slots, [](const auto& s) {
-    return s.state == places::SlotState::binding || s.state == places::SlotState::unknown;
+    return s.state == places::SlotState::binding || s.state == places::SlotState::configuring ||
+           s.state == places::SlotState::unknown;
   });
 }
 

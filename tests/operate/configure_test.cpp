@@ -458,6 +458,36 @@ TEST(Configuration, ACommissionerConfiguresAndStartsNobody) {
   EXPECT_EQ(watch.savings, 1U) << rig.log();
 }
 
+// HU.20: a device that is too slow for a while is told with its reason, and tried again without anybody's help.
+TEST(Configuration, HU_20_WhatPassesIsTriedAgain) {
+  Rig rig(pumps({5}), plant_of(1));
+  rig.begin();
+  ASSERT_TRUE(rig.run_until([&] { return rig.state(5) == SlotState::configuring; }, 30s)) << rig.log();
+  rig.device("p1").slow(3s, 6s);
+  ASSERT_TRUE(rig.run_until([&] { return rig.state(5) == SlotState::failed; }, 30s)) << rig.log();
+  EXPECT_NE(reason(rig, 5).find("the device did not answer"), std::string::npos) << reason(rig, 5);
+  ASSERT_TRUE(rig.until_operational(60s)) << rig.log();
+  expect_configured(rig, "p1", 5);
+}
+
+// It would need a restart, and would have lost its configuration by it.
+TEST(Configuration, ADeviceThatCannotSaveCannotWaitForAPowerCycle) {
+  Files files;
+  const auto eds = files.make(
+      "pump.eds", "pump.eds",
+      {{"[1010]", "[Gone]"}, {"[1010sub0]", "[Gone0]"}, {"[1010sub1]", "[Gone1]"}, {"=0x1010\n", "=0x1008\n"}});
+  auto plant = one_bus_plant(1);
+  add_pump(plant, "p1", 1, eds);
+  for (const auto activate : {places::Activate::reset, places::Activate::power_cycle}) {
+    auto machine = pumps({5});
+    machine.slots.front().spec.activate = activate;
+    Rig rig(machine, plant);
+    rig.begin();
+    ASSERT_TRUE(rig.run_until([&] { return rig.state(5) == SlotState::failed; }, 30s)) << rig.log();
+    EXPECT_NE(reason(rig, 5).find("cannot save"), std::string::npos) << reason(rig, 5);
+  }
+}
+
 // A machine that runs is not disturbed; what is not as its file has it is said.
 TEST(Configuration, ARunningDeviceIsLeftAloneAndTold) {
   Rig rig(pumps({5}), plant_of(1));
