@@ -33,7 +33,9 @@ bool in_limits(const od::Values& values, const od::SubObject& sub, std::span<con
 std::uint8_t default_parameter_group(const od::Description& description, const od::Object& object,
                                      const od::SubObject& sub) noexcept {
   const auto index = object.index;
-  const bool kept = sub.access == od::Access::rw && sub.type != od::DataType::domain &&
+  const bool rw = od::readable(sub.access) && od::writable(sub.access);
+  const bool process_data = sub.access != od::Access::rw && sub.mappable && !within(index, 0x1000, 0x1FFF);
+  const bool kept = rw && !process_data && sub.type != od::DataType::domain &&
                     ((sub.obj_flags | object.obj_flags) & od::refuse_write_on_download) == 0;
   if (!kept || index < 0x1000 || is_passing(index)) return parameter_group::none;
   if (within(index, 0x1000, 0x1FFF)) return parameter_group::communication;

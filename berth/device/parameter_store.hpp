@@ -1,10 +1,10 @@
 /// A device's stored parameters (CiA 301 objects 1010h and 1011h; facts page A.9): an image of values in non-volatile
 /// memory that a power loss at any byte leaves old or new, never mixed.
 ///
-/// What is stored: objects that the network may read and write, except process data (rwr, rww), DOMAINs, values that
-/// may be longer than `longest`, objects that a configuration tool must leave alone (ObjFlags bit 0), and those that
-/// are commands, measurements or histories: 1001h..1003h, 1010h, 1011h, 1013h, 1023h..1026h, 1F50h..1F5Fh, 1F82h,
-/// 1F83h. A device may say otherwise by a `GroupOf` of its own.
+/// What is stored: objects that the network may read and write, except process data (rwr or rww, mappable, outside
+/// 1000h..1FFFh), DOMAINs, values that may be longer than `longest`, objects that a configuration tool must leave alone
+/// (ObjFlags bit 0), and those that are commands, measurements or histories: 1001h..1003h, 1010h, 1011h, 1013h,
+/// 1023h..1026h, 1F50h..1F5Fh, 1F82h, 1F83h. A device may say otherwise by a `GroupOf` of its own.
 ///
 /// An image holds what differs from the default, and every value whose default depends on $NODEID: a stored COB-ID
 /// stays as it is when the node-ID changes, until 1011h. Each entry carries its type and length; when the dictionary

@@ -2,6 +2,7 @@
 // its fan and stores its parameters; every frame is printed. With a socket and the name of a bus it joins a bus that
 // `berth plant` offers, in real time, as node 42:
 //
+//     cmake --preset release -DBERTH_EXAMPLES=ON && ninja -C build/release example_device
 //     build/release/examples/example_device
 //     build/release/examples/example_device /tmp/plant.sock backbone
 #include <array>

@@ -36,6 +36,8 @@ std::shared_ptr<const od::Description> description(bool separate) {
                       .low = Literal::real(DataType::real32, -5.0),
                       .high = Literal::real(DataType::real32, 5.0)});
   b.variable(0x6200, {.type = DataType::unsigned8, .access = Access::rww, .mappable = true});
+  b.variable(0x6201, {.type = DataType::unsigned8, .access = Access::rww});
+  b.variable(0x1006, {.access = Access::rww, .mappable = true});
   b.variable(0x6300, {.type = DataType::unsigned8, .obj_flags = od::refuse_write_on_download});
   return b.build();
 }
@@ -83,6 +85,8 @@ TEST(ParameterStore, A9_1_GroupsOfObjects) {
     EXPECT_EQ(group(0x2003), parameter_group::none) << "write only";
     EXPECT_EQ(group(0x6000), parameter_group::application);
     EXPECT_EQ(group(0x6200), parameter_group::none) << "an output must not come back by itself at power-on";
+    EXPECT_EQ(group(0x6201), parameter_group::application) << "no PDO carries it";
+    EXPECT_EQ(group(0x1006), parameter_group::communication) << "whatever a description calls it";
     EXPECT_EQ(group(0x6300), parameter_group::none) << "ObjFlags: tools leave it alone";
   }
 }
@@ -250,7 +254,7 @@ TEST(ParameterStore, AnotherFirmwaresImageIsLaidOverOnlyWhereItFits) {
 TEST(ParameterStore, AnImageWithoutRoomFailsAndTheOldOneHolds) {
   const auto d = description(true);
   const auto need = ParameterStore::footprint(*d);
-  EXPECT_EQ(need, 2 * (16 + (6 + 4) + (6 + 2) + (6 + 2) + (6 + 40) + (6 + 4)));
+  EXPECT_EQ(need, 2 * (16 + (6 + 4) + (6 + 4) + (6 + 2) + (6 + 2) + (6 + 40) + (6 + 4) + (6 + 1)));
   for (const int history : {1, 2}) {  // into the second slot, and into the first, behind which the second begins
     for (const bool room : {false, true}) {
       Bench bench(at + need - (room ? 0 : 2));
@@ -266,6 +270,8 @@ TEST(ParameterStore, AnImageWithoutRoomFailsAndTheOldOneHolds) {
       values.set({0x1017, 0}, 600U);
       values.set({0x2000, 0}, -2);
       values.set({0x6000, 0}, 1.0F);
+      values.set({0x1006, 0}, 1U);
+      values.set({0x6201, 0}, 1U);
       values.set_text({0x2001, 0}, "0123456789012345678901234567890123456789");
       const bool begun = store.save(values, 1);
       EXPECT_EQ(begun && bench.finish() == true, room);
