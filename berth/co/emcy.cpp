@@ -140,8 +140,8 @@ bool EmcyProducer::raise(std::uint16_t code, std::uint8_t register_bits, const s
 
 bool EmcyProducer::clear(std::uint16_t code, const std::array<std::uint8_t, 5>& info, std::uint8_t source) noexcept {
   const auto end = errors_.begin() + static_cast<std::ptrdiff_t>(error_count_);
-  const auto it = std::find_if(errors_.begin(), end,
-                               [&](const Active& e) { return e.code == code && e.source == source; });
+  const auto it =
+      std::find_if(errors_.begin(), end, [&](const Active& e) { return e.code == code && e.source == source; });
   if (it == end) return false;
   std::copy(it + 1, end, it);
   --error_count_;
