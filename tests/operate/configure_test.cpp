@@ -5,6 +5,7 @@
 #include <fstream>
 #include <sstream>
 
+#include "tests/harness/config_watch.hpp"
 #include "tests/harness/rig.hpp"
 
 using namespace berth;
@@ -506,6 +507,20 @@ TEST(Configuration, ARunningDeviceIsLeftAloneAndTold) {
     return e.kind == "configured" && e.text.find("1 of its values differ from pump.dcf") != std::string::npos;
   });
   EXPECT_TRUE(told) << rig.log();
+}
+
+// The judge of ./run faults can find something: a Berth that knows of no configuration starts a device without it.
+TEST(Configuration, TheJudgeOfTheFaultsFindsAWrongStart) {
+  const auto with = pumps({5});
+  auto without = with;
+  without.slots.front().spec.config.clear();
+  for (const bool knows : {true, false}) {
+    Rig rig(knows ? with : without, plant_of(1));
+    const ConfigWatch judge(rig.world(), with, rig.store());
+    rig.begin();
+    ASSERT_TRUE(rig.until_operational(30s)) << rig.log();
+    EXPECT_EQ(judge.failure().empty(), knows) << judge.failure();
+  }
 }
 
 // A file that went away since the machine file was read stops its slots only.
