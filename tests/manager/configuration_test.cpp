@@ -6,6 +6,7 @@
 #include <fstream>
 #include <sstream>
 
+#include "berth/eds/xdd.hpp"
 #include "tests/manager/fake_device.hpp"
 
 using namespace berth;
@@ -207,6 +208,23 @@ TEST(ConfigurationFile, E3_3_AConciseDcf) {
   EXPECT_EQ(w.date, (ConfigurationDate{15'000, 9}));
   const auto cut = load_configuration(folder.put("cut.cdcf", stream.substr(0, 12)));
   EXPECT_FALSE(cut.usable());
+}
+
+// E5.1: the same configuration as an XDC wants the same of the device.
+TEST(ConfigurationFile, E5_1_AnXdcWantsWhatItsDcfWants) {
+  const Folder folder;
+  const auto reading = eds::read(pump_dcf(), "pump.dcf");
+  const auto written = eds::write_xdd(reading.file, {.values = true});
+  const auto dcf = wanted_at(load_configuration(folder.put("pump.dcf", pump_dcf())), 5);
+  const auto loaded = load_configuration(folder.put("pump.xdc", written.text));
+  ASSERT_TRUE(loaded.usable()) << (loaded.findings.empty() ? "" : to_string(loaded.findings.front()));
+  const auto xdc = wanted_at(loaded, 5);
+  ASSERT_EQ(xdc.entries.size(), dcf.entries.size());
+  for (std::size_t i = 0; i < dcf.entries.size(); ++i) {
+    EXPECT_EQ(xdc.entries[i].object, dcf.entries[i].object);
+    EXPECT_EQ(xdc.entries[i].bytes, dcf.entries[i].bytes) << dcf.entries[i].name;
+  }
+  EXPECT_EQ(xdc.date, dcf.date);
 }
 
 TEST(ConfigurationFile, WhatCannotBeUsedIsSaid) {

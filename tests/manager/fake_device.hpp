@@ -3,6 +3,7 @@
 // keeps 1020h and 1010h as the standard wants, and can be told to misbehave.
 #pragma once
 
+#include <algorithm>
 #include <functional>
 #include <map>
 #include <optional>
@@ -14,6 +15,7 @@
 #include "berth/co/sdo_access.hpp"
 #include "berth/manager/configurator.hpp"
 #include "berth/rt/scope.hpp"
+#include "tests/pch.hpp"
 
 namespace berth::manager::test {
 
