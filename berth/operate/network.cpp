@@ -48,7 +48,7 @@ Network::Network(rt::Executor& executor, can::Port& port, const design::Bus& bus
   }
   sdo_.set_observer(this);
   // A saving may be answered long after it was given up.
-  sdo_.set_late_window(std::max<rt::Duration>(std::chrono::seconds(5), 3 * bus.timing.save_timeout));
+  sdo_.set_late_window(std::max<rt::Duration>(std::chrono::seconds(5), 2 * bus.timing.save_timeout));
 }
 
 Network::~Network() { stop(); }
@@ -287,6 +287,7 @@ Result<void> Network::clear_seat(Seat& seat, const std::string& reason) {
   seat.waiting.reset();
   seat.waits_since.reset();
   seat.stuck = false;
+  seat.failed_savings = 0;
   set_state(seat, SlotState::empty, reason);
   return {};
 }

@@ -118,6 +118,14 @@ rt::Task<bool> Network::configure_seat(Seat& seat, ConfigurationReport& report) 
     set_state(seat, SlotState::failed, seat.unreadable);
     co_return false;
   }
+  if (seat.failed_savings >= most_attempts) {
+    seat.stuck = true;
+    set_state(seat, SlotState::failed,
+              fmt::format("it failed to save its configuration {} times and is not asked again, for its memory's sake; "
+                          "`berth configure` does",
+                          most_attempts));
+    co_return false;
+  }
   set_state(seat, SlotState::configuring, "comparing with " + short_name(seat.slot.spec.config));
   const auto wanted = co_await wanted_of(seat);
   if (!wanted) {
@@ -218,7 +226,11 @@ rt::Task<bool> Network::configure_once(Seat& seat, const Wanted& wanted, Configu
   };
   Configurator configurator(values, saving, wanted, options);
   co_await configurator.run(report);
-  if (report.good()) co_return true;
+  if (report.good()) {
+    if (report.saved != Saved::unanswered) seat.failed_savings = 0;
+    co_return true;
+  }
+  if (report.failure->stage == manager::Stage::saving) ++seat.failed_savings;
   seat.stuck = !report.failure->passing();
   set_state(seat, SlotState::failed, "its configuration failed: " + describe(*report.failure, wanted.file));
   co_return false;
@@ -321,6 +333,7 @@ rt::Task<void> Network::compare_seat(Seat& seat, bool write, SlotConfiguration& 
   const bool runs = seat.started || (heard && boots_.state(id) == NmtState::operational);
   if (write && !runs) {
     seat.stuck = false;
+    seat.failed_savings = 0;
     seat.there = true;
     const bool ready = co_await configure_seat(seat, into.report);
     (void)ready;

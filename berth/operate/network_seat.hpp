@@ -28,6 +28,7 @@ struct Network::Seat {
   std::shared_ptr<const manager::Configuration> configuration;  ///< of `config =`; null: none, or unreadable
   std::string unreadable;                                       ///< why the file of `config =` could not be read
   std::optional<rt::Time> waits_since;  ///< its configuration was saved then, and it waits for a power cycle
+  unsigned failed_savings = 0;          ///< of its configuration in a row: memory wears out
   bool stuck = false;  ///< its configuration failed for good: not tried again before it boots or a person says so
 
   [[nodiscard]] const std::string& name() const noexcept { return slot.spec.name.name; }

@@ -509,6 +509,29 @@ TEST(Configuration, ARunningDeviceIsLeftAloneAndTold) {
   EXPECT_TRUE(told) << rig.log();
 }
 
+// A device that restarts whenever it is told to save is not told so for ever: its memory would wear out.
+TEST(Configuration, SavingIsGivenUpBeforeAMemoryWearsOut) {
+  struct Restarts final : can::Tap {
+    explicit Restarts(Rig& r) : rig(r) { rig.world().bus("backbone")->add_tap(*this); }
+    ~Restarts() { rig.world().bus("backbone")->remove_tap(*this); }
+    void frame(const can::Frame& f, rt::Time, int) noexcept override {
+      const bool save = f.id == 0x605 && f.size == 8 && f.data[0] == 0x23 && f.data[1] == 0x10 && f.data[2] == 0x10;
+      if (save) rig.world().sim().after(20ms, [this] { rig.device("p1").reset(); });
+    }
+    Rig& rig;
+  };
+  Rig rig(pumps({5}), plant_of(1));
+  const Restarts restarts(rig);
+  const Watch watch(rig, 5);
+  rig.begin();
+  rig.run_for(120s);
+  EXPECT_EQ(rig.state(5), SlotState::failed) << rig.log();
+  EXPECT_NE(reason(rig, 5).find("memory"), std::string::npos) << reason(rig, 5);
+  EXPECT_GE(watch.savings, 2U);
+  EXPECT_LE(watch.savings, 5U) << rig.log();
+  EXPECT_EQ(watch.starts, 0U);
+}
+
 // The judge of ./run faults can find something: a Berth that knows of no configuration starts a device without it.
 TEST(Configuration, TheJudgeOfTheFaultsFindsAWrongStart) {
   const auto with = pumps({5});
