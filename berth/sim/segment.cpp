@@ -107,6 +107,8 @@ void Segment::schedule_integration() noexcept {
       continue;
     first = std::min(first, node->recessive_since_ + node->runs_left_ * 11 * bit_time_of(node->bit_rate_));
   }
+  // A frame that begins before that is dominant then: what is left is counted when it has ended.
+  if (state_ == State::starting && first > sof_) return;
   executor_->at(first, integrator_);
 }
 
@@ -195,6 +197,7 @@ void Segment::schedule_start() noexcept {
   if (contenders_.empty()) {
     cancel();
     state_ = State::quiet;
+    if (integrating_ > 0) schedule_integration();
     return;
   }
   rt::Duration bit = bit_;

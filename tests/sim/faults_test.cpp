@@ -171,6 +171,29 @@ TEST(SimFaults, ComingToALoneNodeAtAnyBit) {
   }
 }
 
+// A node's integration ends between a frame's start and the sample point of its first bit, or close to it: the frame
+// goes on, and the node hears what comes next (seeds 1368 and 1451 of ./run faults stood still here).
+TEST(SimFaults, IntegrationEndsWhileAFrameBegins) {
+  for (auto later = 20'000ns; later <= 25'000ns; later += 100ns) {
+    sim::World world;
+    sim::Bus& bus = world.add_bus("bus", 500'000);
+    Node a(bus);
+    Node c(bus);
+    Node b(bus, {.powered = false});
+    world.run_for(1ms);
+    b.port->power(true);
+    world.run_for(later);
+    a.port->send(eight, 1);
+    world.run_for(1ms);
+    EXPECT_EQ(a.ear.sent_tags.size(), 1U) << later.count();
+    EXPECT_EQ(c.ear.frames.size(), 1U) << later.count();
+    b.ear.frames.clear();
+    a.port->send(eight, 2);
+    world.run_for(1ms);
+    EXPECT_EQ(b.ear.frames.size(), 1U) << later.count();
+  }
+}
+
 TEST(SimFaults, CutCableLeavesTheNodeAlone) {
   for (int bit = 0; bit < 130; bit += 3) {
     Scene s;
