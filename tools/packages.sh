@@ -3,7 +3,7 @@
 
 build_packages=(g++ cmake ninja-build libexpected-dev libcli11-dev libfmt-dev nlohmann-json3-dev libtomlplusplus-dev
   libpugixml-dev libsqlitecpp-dev libsqlite3-dev)
-test_packages=(ccache python3 libgtest-dev librapidcheck-dev)
+test_packages=(ccache python3 libgtest-dev librapidcheck-dev libbenchmark-dev valgrind)
 bench_packages=(libbenchmark-dev valgrind)
 clang_packages=(clang-16 libclang-rt-16-dev)
 lint_packages=(clang-format-16 clang-tidy-16)

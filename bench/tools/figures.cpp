@@ -103,4 +103,27 @@ std::optional<std::uint64_t> instructions(const std::vector<std::string>& argume
   return collected(output);
 }
 
+namespace {
+
+std::optional<double> each(const Counted& counted) {
+  const auto none = instructions({counted.option, "0"});
+  const auto all = instructions({counted.option, std::to_string(counted.items)});
+  if (!none || !all) return std::nullopt;
+  return static_cast<double>(*all - *none) / counted.items;
+}
+
+}  // namespace
+
+Figure count(const Counted& counted) {
+  const auto measured = each(counted);
+  return measured ? at_most(counted.name, *measured, counted.aim, "") : Figure{counted.name, no_valgrind, {}, {}};
+}
+
+bool holds(const Counted& counted) {
+  const auto measured = each(counted);
+  fmt::print("{}: {}, at most {}\n", counted.name, measured ? grouped(*measured) : no_valgrind,
+             grouped(counted.ceiling));
+  return measured && *measured <= counted.ceiling;
+}
+
 }  // namespace berth::bench

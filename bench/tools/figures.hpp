@@ -46,6 +46,18 @@ class Watch {
 /// Instructions that this program takes when it is started with these arguments, counted by valgrind's callgrind.
 /// Empty: no valgrind here, or the run failed.
 [[nodiscard]] std::optional<std::uint64_t> instructions(const std::vector<std::string>& arguments);
+/// What is counted, of what: `option N` makes this program do it N times.
+struct Counted {
+  const char* name;
+  const char* option;
+  unsigned items;
+  double aim;
+  double ceiling;  ///< ./run test fails above; the aim where it is met
+};
+/// Instructions each, against the aim.
+[[nodiscard]] Figure count(const Counted& counted);
+/// For ./run test: prints the count against its ceiling. False above it, and where nothing can be counted.
+[[nodiscard]] bool holds(const Counted& counted);
 /// What the figure says where `instructions` is empty.
 inline constexpr const char* no_valgrind = "valgrind missing";
 

@@ -1,61 +1,66 @@
 /// Two ports joined without a bus: what the benches of services put between client and server.
 #pragma once
 
-#include <utility>
+#include <array>
 
 #include "berth/can/port.hpp"
 
 namespace berth::bench {
 
-/// One end of a pair of ports: a frame is with the other end at once, each call in a job of its own as a port promises.
-/// Takes one frame at a time; a second one is `full` until the other end has heard the first.
+/// One end of a pair of ports: a frame is with the other end at once, each frame in a job of its own as a port
+/// promises. `room`: frames that can wait; block transfer wants a few.
+template <unsigned room = 1>
 class Pair final : public can::Port, private rt::Job {
  public:
   explicit Pair(rt::Executor& executor) noexcept : executor_(&executor) {}
   void join(Pair& other) noexcept { other_ = &other; }
 
   can::Queued send(const can::Frame& frame, std::uint32_t tag) noexcept override {
-    if (other_->hears_ || tag_ != 0) return can::Queued::full;
-    if (tag != 0) {
-      tag_ = tag;
-      executor_->post(*this);
-    }
-    if (other_->listener_ != nullptr && other_->accepts_.contains(frame.key())) other_->take(frame);
+    if (count_ == room) return can::Queued::full;
+    Waiting& waiting = queue_[(first_ + count_++) % room];
+    waiting.frame = frame;
+    waiting.tag = tag;
+    executor_->post(*this);
     return can::Queued::yes;
   }
   void withdraw(std::uint32_t tag) noexcept override {
-    if (tag == tag_) tag_ = 0;
+    for (unsigned i = 0; i < count_; ++i) {
+      Waiting& waiting = queue_[(first_ + i) % room];
+      if (waiting.tag == tag) waiting.tag = gone;
+    }
   }
   void listen(can::Listener* listener, std::span<const can::IdRange> accept) noexcept override {
     listener_ = listener;
-    accepts_ = accept.empty() ? can::IdRange{1, 0} : can::IdRange{accept.front().first, accept.back().last};
+    accepts_ = listener == nullptr || accept.empty() ? can::IdRange{1, 0}
+                                                     : can::IdRange{accept.front().first, accept.back().last};
   }
   [[nodiscard]] can::Status status() const noexcept override { return {.up = true, .knows_sent = true}; }
   bool restart(std::uint32_t) noexcept override { return false; }
 
  private:
-  void take(const can::Frame& frame) noexcept {
-    frame_ = frame;
-    hears_ = true;
-    executor_->post(*this);
-  }
+  static constexpr std::uint32_t gone = 0xFFFF'FFFFU;
+  struct Waiting {
+    can::Frame frame;
+    std::uint32_t tag = 0;
+  };
   void run() noexcept override {
-    if (tag_ != 0) {
-      if (hears_) executor_->post(*this);
-      listener_->sent(std::exchange(tag_, 0U), executor_->now());
-    } else if (hears_) {
-      listener_->received(frame_, executor_->now());
-      hears_ = false;
+    const Waiting& waiting = queue_[first_];  // stays in its place: it counts until it is dealt with
+    const auto tag = waiting.tag;
+    if (tag != gone && other_->accepts_.contains(waiting.frame.key())) {
+      other_->listener_->received(waiting.frame, executor_->now());
     }
+    first_ = (first_ + 1) % room;
+    if (--count_ > 0) executor_->post(*this);
+    if (tag != 0 && tag != gone) listener_->sent(tag, executor_->now());
   }
 
   rt::Executor* executor_;
   Pair* other_ = nullptr;
   can::Listener* listener_ = nullptr;
   can::IdRange accepts_{1, 0};
-  can::Frame frame_;
-  std::uint32_t tag_ = 0;
-  bool hears_ = false;
+  std::array<Waiting, room> queue_;
+  unsigned first_ = 0;
+  unsigned count_ = 0;
 };
 
 }  // namespace berth::bench

@@ -82,7 +82,7 @@ void Dispatcher::refresh() noexcept {
 }
 
 // How many ranges begin at `key` or before. Without branches: which way it goes is anybody's guess.
-std::size_t Dispatcher::after(std::uint32_t key) const noexcept {
+inline std::size_t Dispatcher::after(std::uint32_t key) const noexcept {
   const std::uint32_t* base = firsts_.data();
   std::size_t length = firsts_.size();
   if (length == 0) return 0;

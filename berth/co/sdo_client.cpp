@@ -70,7 +70,7 @@ std::optional<std::size_t> SdoTransfer::size_to_send() const noexcept {
   return streamed_ ? extra_->source->size() : std::optional(data_.size());
 }
 
-void SdoTransfer::prepare_initiate() noexcept {
+inline void SdoTransfer::prepare_initiate() noexcept {
   if (block_) return prepare_block_initiate();
   if (!download_) return sdo::put(request_, 0x40, ref_);
   const auto size = size_to_send();
@@ -83,7 +83,7 @@ void SdoTransfer::prepare_initiate() noexcept {
 }
 
 // False: the source cannot give its bytes once more.
-bool SdoTransfer::begin_anew() noexcept {
+inline bool SdoTransfer::begin_anew() noexcept {
   if (!streamed_ || !download_) return true;
   if (extra_->touched && !extra_->source->rewind()) return false;
   extra_->touched = false;
@@ -178,6 +178,15 @@ bool SdoTransfer::answer(const can::Frame& frame) noexcept {
     case State::block_end: return end_block_upload(frame);
     default: return false;
   }
+}
+
+// The most frequent of all: an expedited answer that says its length, to an upload into a value.
+inline bool SdoTransfer::quick_answer(const can::Frame& frame) noexcept {
+  const bool awaited = state_ == State::initiate && window_ && !download_ && !block_ && !streamed_;
+  if (!awaited || (frame.data[0] & 0xE3U) != 0x43 || sdo::multiplexer(frame) != ref_) return false;
+  value_.set_expedited(frame.data.data() + 4, 4U - ((frame.data[0] >> 2U) & 0x03U));
+  complete();
+  return true;
 }
 
 bool SdoTransfer::take_abort(const can::Frame& frame) noexcept {
@@ -399,7 +408,7 @@ void SdoLine::received(NodeId node, const can::Frame& frame, rt::Time at) noexce
   if (owed_ > 0 && at > owed_until_) owed_ = 0;
   const unsigned open = first_ != nullptr && first_->window_ ? first_->expects_ : 0;
   const bool owed = owed_ > open;
-  if (first_ != nullptr && first_->answer(frame)) {
+  if (first_ != nullptr && (first_->quick_answer(frame) || first_->answer(frame))) {
     if (owed_ > 0) --owed_;
   } else if (owed) {
     --owed_;

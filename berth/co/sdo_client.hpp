@@ -103,7 +103,10 @@ class SdoTransfer : public rt::Operation<SdoTransfer>, private rt::Job, private 
   void sent(rt::Time at) noexcept override;
   void attempt() noexcept;
   [[nodiscard]] bool begin_anew() noexcept;
-  [[nodiscard]] bool wants_block() const noexcept;
+  [[nodiscard]] bool wants_block() const noexcept {
+    return options_.mode != SdoMode::segmented && !no_block_ && size_wants_block();
+  }
+  [[nodiscard]] bool size_wants_block() const noexcept;
   void send(unsigned answers = 1) noexcept;
   void send_request() noexcept;
   void wait_until(rt::Time when) noexcept;
@@ -112,6 +115,7 @@ class SdoTransfer : public rt::Operation<SdoTransfer>, private rt::Job, private 
   void timed_out() noexcept;
   /// False when the frame is no answer to the request on its way.
   bool answer(const can::Frame& frame) noexcept;
+  bool quick_answer(const can::Frame& frame) noexcept;
   bool take_abort(const can::Frame& frame) noexcept;
   bool initiate_answer(const can::Frame& frame) noexcept;
   bool segment_answer(const can::Frame& frame) noexcept;

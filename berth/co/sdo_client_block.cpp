@@ -13,8 +13,7 @@ void SdoTransfer::need_extra() {
   if (!extra_) extra_.reset(new Extra(*this, line_->dispatcher()));
 }
 
-bool SdoTransfer::wants_block() const noexcept {
-  if (no_block_ || options_.mode == SdoMode::segmented) return false;
+bool SdoTransfer::size_wants_block() const noexcept {
   if (options_.mode == SdoMode::block || !download_) return true;
   const auto size = size_to_send();
   return !size || *size >= options_.block_from;

@@ -181,9 +181,17 @@ AbortCode SdoServer::take(const std::uint8_t* bytes, std::size_t count, bool las
 
 bool SdoServer::begin_upload(can::Frame& answer) noexcept {
   reset();
-  const auto code = data_.open_read(ref_);
+  std::span<const std::uint8_t> value;
+  const auto code = data_.open_read(ref_, value);
   if (code != AbortCode::none) return abort(answer, code);
-  return answer_upload(answer);
+  return value.empty() ? answer_upload(answer) : put_expedited(answer, value);
+}
+
+bool SdoServer::put_expedited(can::Frame& answer, std::span<const std::uint8_t> value) noexcept {
+  std::uint32_t number = 0;
+  for (std::size_t i = value.size(); i-- > 0;) number = number << 8U | value[i];
+  sdo::put(answer, static_cast<std::uint8_t>(0x43U | ((4U - value.size()) << 2U)), ref_, number);
+  return true;
 }
 
 // The object is open: expedited when it fits, else the first of a segmented transfer.
@@ -192,8 +200,7 @@ bool SdoServer::answer_upload(can::Frame& answer) noexcept {
   if (size && *size >= 1 && *size <= 4) {
     const auto value = data_.window(*size);
     if (!value) return abort(answer, value.error());
-    sdo::put(answer, static_cast<std::uint8_t>(0x43U | ((4U - *size) << 2U)), ref_);
-    for (std::size_t i = 0; i < *size; ++i) answer.data[4 + i] = (*value)[i];
+    put_expedited(answer, value->first(*size));
     data_.close_read();
     return true;
   }

@@ -91,6 +91,7 @@ class SdoServer {
   [[nodiscard]] AbortCode take(const std::uint8_t* bytes, std::size_t count, bool last) noexcept;
   bool begin_upload(can::Frame& answer) noexcept;
   bool answer_upload(can::Frame& answer) noexcept;
+  bool put_expedited(can::Frame& answer, std::span<const std::uint8_t> value) noexcept;
   bool upload_segment(const can::Frame& request, can::Frame& answer) noexcept;
   [[nodiscard]] bool toggled(const can::Frame& request) noexcept;
   // Block

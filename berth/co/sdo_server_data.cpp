@@ -34,18 +34,36 @@ AbortCode SdoServerData::open_read(ObjectRef ref) noexcept {
   drop();
   ref_ = ref;
   offset_ = 0;
-  if (od::Stream* const stream = values_->stream(ref)) {
-    kind_ = Kind::stream;
-    const auto code = values_->check_read(ref);
-    if (code != AbortCode::none) return code;
-    const auto size = stream_.open_read(*stream, ref);
-    if (!size) return size.error();
-    sized_ = size->has_value();
-    size_ = size->value_or(0);
-    ahead_.begin(all());
+  if (od::Stream* const stream = values_->stream(ref)) return open_stream(*stream);
+  return open_value(values_->view(ref));
+}
+
+AbortCode SdoServerData::open_read(ObjectRef ref, std::span<const std::uint8_t>& expedited) noexcept {
+  drop();
+  const auto value = values_->view(ref);
+  if (value && value->size() - 1 < 4) {
+    expedited = *value;
     return AbortCode::none;
   }
-  const auto value = values_->view(ref);
+  if (values_->stream(ref) != nullptr) return open_read(ref);
+  ref_ = ref;
+  offset_ = 0;
+  return open_value(value);
+}
+
+AbortCode SdoServerData::open_stream(od::Stream& stream) noexcept {
+  kind_ = Kind::stream;
+  const auto code = values_->check_read(ref_);
+  if (code != AbortCode::none) return code;
+  const auto size = stream_.open_read(stream, ref_);
+  if (!size) return size.error();
+  sized_ = size->has_value();
+  size_ = size->value_or(0);
+  ahead_.begin(all());
+  return AbortCode::none;
+}
+
+AbortCode SdoServerData::open_value(const od::Answer<std::span<const std::uint8_t>>& value) noexcept {
   if (!value) return value.error() == AbortCode::pending ? AbortCode::general : value.error();
   sized_ = true;
   size_ = value->size();

@@ -29,6 +29,8 @@ class SdoServerData {
   /// @name Upload
   /// @{
   [[nodiscard]] AbortCode open_read(ObjectRef ref) noexcept;
+  /// The same, but of a value of 1 to 4 bytes, which fits an expedited answer, nothing is opened: `expedited` shows it.
+  [[nodiscard]] AbortCode open_read(ObjectRef ref, std::span<const std::uint8_t>& expedited) noexcept;
   /// Of the object; empty: its stream does not know.
   [[nodiscard]] std::optional<std::size_t> size() const noexcept {
     return sized_ ? std::optional(size_) : std::nullopt;
@@ -80,6 +82,8 @@ class SdoServerData {
  private:
   [[nodiscard]] od::Answer<std::span<const std::uint8_t>> far_window(std::size_t count) noexcept;
   [[nodiscard]] od::Answer<std::uint8_t*> far_place(std::size_t count) noexcept;
+  [[nodiscard]] AbortCode open_stream(od::Stream& stream) noexcept;
+  [[nodiscard]] AbortCode open_value(const od::Answer<std::span<const std::uint8_t>>& value) noexcept;
   [[nodiscard]] AbortCode flush() noexcept;
   [[nodiscard]] AbortCode too_long(std::size_t total) const noexcept;
   [[nodiscard]] std::span<std::uint8_t> all() const noexcept { return {buffer_.get(), reserve_}; }

@@ -55,12 +55,11 @@ void Description::index_objects() {
   }
 }
 
-const SubObject* Description::find(const Object& object, std::uint8_t sub) const noexcept {
-  const SubObject* const first = subs_.data() + object.first;
-  if (sub < object.count && first[sub].sub == sub) return first + sub;
-  const auto* const end = first + object.count;
-  const auto* const found = std::ranges::lower_bound(first, end, sub, {}, &SubObject::sub);
-  return found != end && found->sub == sub ? found : nullptr;
+// With gaps among the sub-indices.
+const SubObject* Description::search(const Object& object, std::uint8_t sub) const noexcept {
+  const auto all = subs(object);
+  const auto found = std::ranges::lower_bound(all, sub, {}, &SubObject::sub);
+  return found != all.end() && found->sub == sub ? &*found : nullptr;
 }
 
 const SubObject* Description::find(ObjectRef ref) const noexcept {

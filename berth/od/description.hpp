@@ -97,7 +97,10 @@ class Description {
       if (object.index == index) return &object;
     }
   }
-  [[nodiscard]] const SubObject* find(const Object& object, std::uint8_t sub) const noexcept;
+  [[nodiscard]] const SubObject* find(const Object& object, std::uint8_t sub) const noexcept {
+    const SubObject* const first = subs_.data() + object.first;
+    return sub < object.count && first[sub].sub == sub ? first + sub : search(object, sub);
+  }
   [[nodiscard]] const SubObject* find(ObjectRef ref) const noexcept;
 
   [[nodiscard]] std::string_view name(const Object& object) const noexcept;
@@ -133,6 +136,7 @@ class Description {
     return (index * 0x9E37'79B1U) >> place_shift_;
   }
   void index_objects();
+  [[nodiscard]] const SubObject* search(const Object& object, std::uint8_t sub) const noexcept;
 
   std::vector<std::uint32_t> places_ = {0, 0};  ///< by hash of the index: position in objects_ + 1, 0 = nothing
   std::uint32_t place_shift_ = 31;              ///< leaves as many bits of the hash as `places_` needs

@@ -57,7 +57,13 @@ void Values::reset(NodeId node_id, Area area) noexcept {
   }
 }
 
-Answer<Values::Found> Values::find(ObjectRef ref) const noexcept {
+inline bool Values::hooked(const Object& object) const noexcept {
+  if (hooked_.empty()) return false;
+  const auto position = static_cast<std::size_t>(&object - description_->objects_.data());
+  return ((hooked_[position / 64] >> (position % 64)) & 1U) != 0;
+}
+
+inline Answer<Values::Found> Values::find(ObjectRef ref) const noexcept {
   const Object* const object = description_->find(ref.index);
   if (object == nullptr) return refuse(AbortCode::no_object);
   const SubObject* const sub = description_->find(*object, ref.sub);
@@ -70,16 +76,22 @@ Answer<std::span<const std::uint8_t>> Values::view(ObjectRef ref) const noexcept
   if (!found) return refuse(found.error());
   const SubObject& sub = *found->sub;
   if (!readable(sub.access)) return refuse(AbortCode::write_only);
+  if (hooked(*found->object)) return view_hooked(ref, sub);
+  if (!sub.variable_length()) return std::span<const std::uint8_t>(data_.data() + sub.offset, sub.capacity);
+  if (stream(ref) != nullptr) return refuse(AbortCode::unsupported_access);
+  if (load_le<std::uint32_t>(data_.data() + sub.offset) == no_value) return refuse(AbortCode::no_data);
+  return stored(sub);
+}
+
+Answer<std::span<const std::uint8_t>> Values::view_hooked(ObjectRef ref, const SubObject& sub) const noexcept {
   if (stream(ref) != nullptr) return refuse(AbortCode::unsupported_access);
   std::span<const std::uint8_t> value = stored(sub);
   const std::uint8_t* const before = value.data();
-  if (hooked(*found->object)) {
-    for (std::size_t i = 0; i < bindings_.size(); ++i) {
-      const Binding each = bindings_[i];
-      if (ref.index < each.first || ref.index > each.last) continue;
-      const AbortCode code = each.hook->reading(*this, ref, value);
-      if (code != AbortCode::none) return refuse(code);
-    }
+  for (std::size_t i = 0; i < bindings_.size(); ++i) {
+    const Binding each = bindings_[i];
+    if (ref.index < each.first || ref.index > each.last) continue;
+    const AbortCode code = each.hook->reading(*this, ref, value);
+    if (code != AbortCode::none) return refuse(code);
   }
   const bool absent = sub.variable_length() && load_le<std::uint32_t>(data_.data() + sub.offset) == no_value;
   if (absent && value.data() == before) return refuse(AbortCode::no_data);
@@ -272,12 +284,6 @@ AbortCode Values::set_real(ObjectRef ref, double value) noexcept {
   }
   store(sub.type, raw_of(sub.type, value), data_.data() + sub.offset);
   return AbortCode::none;
-}
-
-bool Values::hooked(const Object& object) const noexcept {
-  if (hooked_.empty()) return false;
-  const auto position = static_cast<std::size_t>(&object - description_->objects_.data());
-  return ((hooked_[position / 64] >> (position % 64)) & 1U) != 0;
 }
 
 void Values::mark_hooked() noexcept {

@@ -184,6 +184,7 @@ class Values {
   [[nodiscard]] static Answer<std::size_t> read_whole(Stream& stream, ObjectRef ref,
                                                       std::span<std::uint8_t> into) noexcept;
   [[nodiscard]] bool hooked(const Object& object) const noexcept;
+  [[nodiscard]] Answer<std::span<const std::uint8_t>> view_hooked(ObjectRef ref, const SubObject& sub) const noexcept;
   void mark_hooked() noexcept;
   [[nodiscard]] std::size_t slot_of(std::uint32_t index) const noexcept;
   [[nodiscard]] AbortCode check_length(const SubObject& sub, std::size_t length) const noexcept;

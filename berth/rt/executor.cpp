@@ -4,7 +4,7 @@
 
 namespace berth::rt {
 
-void Job::cancel() noexcept {
+void Job::leave() noexcept {
   if (ready()) Executor::unlink_ready(*this);
   cancel_timer();
 }

@@ -39,7 +39,9 @@ class Job {
   /// When its timer is due; meaningful while `timed()`.
   [[nodiscard]] Time due() const noexcept { return due_; }
   /// Leaves the ready queue and the timers; nothing happens when it is in neither.
-  void cancel() noexcept;
+  void cancel() noexcept {
+    if (ready() || timed_) leave();
+  }
   /// Leaves the timers only.
   void cancel_timer() noexcept;
 
@@ -49,6 +51,8 @@ class Job {
 
  private:
   friend class Executor;
+  void leave() noexcept;
+
   // Ready queue: doubly linked ring.
   Job* ready_prev_ = nullptr;
   Job* ready_next_ = nullptr;
