@@ -23,8 +23,8 @@ class Input {
     --size_;
     return *data_++;
   }
-  std::uint16_t half() { return static_cast<std::uint16_t>(byte() << 8 | byte()); }
-  std::uint32_t word() { return static_cast<std::uint32_t>(half()) << 16 | half(); }
+  std::uint16_t half() { return static_cast<std::uint16_t>(number(2)); }
+  std::uint32_t word() { return number(4); }
   /// At most 8 data bytes; the length byte also says remote (80h) and FD (40h).
   can::Frame frame(std::uint32_t key) {
     can::Frame frame;
@@ -40,6 +40,11 @@ class Input {
   }
 
  private:
+  std::uint32_t number(int bytes) {
+    std::uint32_t value = 0;
+    for (int i = 0; i < bytes; ++i) value = value << 8 | byte();
+    return value;
+  }
   const std::uint8_t* data_;
   std::size_t size_;
 };

@@ -11,32 +11,14 @@
 
 #include "berth/device/device.hpp"
 #include "berth/sim/world.hpp"
+#include "fuzz/bench_port.hpp"
 
 namespace {
 
 using namespace berth;
+using fuzz::Input;
 using std::chrono::microseconds;
 using std::chrono::milliseconds;
-
-class Input {
- public:
-  Input(const std::uint8_t* data, std::size_t size) : data_(data), size_(size) {}
-  [[nodiscard]] bool empty() const { return size_ == 0; }
-  std::uint8_t byte() {
-    if (size_ == 0) return 0;
-    --size_;
-    return *data_++;
-  }
-  std::uint32_t word() {
-    std::uint32_t value = 0;
-    for (int i = 0; i < 4; ++i) value = value << 8 | byte();
-    return value;
-  }
-
- private:
-  const std::uint8_t* data_;
-  std::size_t size_;
-};
 
 class Ear final : public can::Listener {
  public:

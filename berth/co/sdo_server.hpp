@@ -8,6 +8,7 @@
 #include <optional>
 
 #include "berth/can/dispatcher.hpp"
+#include "berth/can/packed_frame.hpp"
 #include "berth/co/sdo_block.hpp"
 #include "berth/co/sdo_server_data.hpp"
 
@@ -170,7 +171,7 @@ class SdoServerService final : private can::Handler, private rt::Job, private sd
   SdoChannel channel_;
   rt::Duration timeout_ = std::chrono::seconds(1);
   rt::Time heard_{};                  // when the client's last frame came, or ours left
-  std::optional<can::Frame> unsent_;  // the port was full
+  std::optional<can::PackedFrame> unsent_;  // the port was full
   rt::Time unsent_until_{};
 };
 

@@ -45,7 +45,7 @@ void SdoServerService::received(const can::Frame& frame, rt::Time at) noexcept {
 
 void SdoServerService::answer(const can::Frame& frame) noexcept {
   if (dispatcher_->send(frame) != can::Queued::full) return arm();
-  unsent_ = frame;
+  unsent_ = can::PackedFrame(frame);
   unsent_until_ = dispatcher_->executor().now() + timeout_;
   dispatcher_->executor().after(sdo::full_retry, *this);
 }
@@ -84,7 +84,7 @@ void SdoServerService::after_timeout() noexcept {
 void SdoServerService::run() noexcept {
   auto& executor = dispatcher_->executor();
   if (unsent_) {
-    const bool full = dispatcher_->send(*unsent_) == can::Queued::full;
+    const bool full = dispatcher_->send(unsent_->unpacked()) == can::Queued::full;
     const bool go_on = timeout_ <= rt::Duration::zero() || executor.now() < unsent_until_;
     if (full && go_on) return executor.after(sdo::full_retry, *this);
     unsent_.reset();

@@ -14,13 +14,16 @@ constexpr std::uint16_t self_start_object = 0x1F80;
 constexpr std::array<std::uint16_t, 12> hooked_objects{0x1003, 0x1005, 0x100C, 0x100D, 0x1010, 0x1011,
                                                        0x1012, 0x1014, 0x1015, 0x1016, 0x1017, 0x1021};
 
+// What is longer than this needs an `od::Stream`.
+constexpr std::size_t longest_buffer = 65536;
+
 // A download must fit the server's buffer whole: as long as the longest thing that can be written here.
 std::size_t sdo_buffer(const od::Description& description) noexcept {
   std::size_t longest = 32;
   for (const auto& sub : description.subs()) {
     if (od::writable(sub.access)) longest = std::max<std::size_t>(longest, sub.capacity);
   }
-  return std::min(longest, co::SdoServerService::default_buffer);
+  return std::min(longest, longest_buffer);
 }
 
 lss::BitRateMask bit_rates(std::uint32_t bit_rate) noexcept {

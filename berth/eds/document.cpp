@@ -38,7 +38,8 @@ void append_utf8(std::string& out, std::uint32_t point) {
   }
 }
 
-/// Length of the UTF-8 sequence at `at`; 0 when there is none.
+}  // namespace
+
 std::size_t utf8_sequence(std::string_view text, std::size_t at) noexcept {
   const auto byte = [&](std::size_t i) { return i < text.size() ? static_cast<std::uint8_t>(text[i]) : 0U; };
   const auto lead = byte(at);
@@ -52,8 +53,6 @@ std::size_t utf8_sequence(std::string_view text, std::size_t at) noexcept {
   }
   return length;
 }
-
-}  // namespace
 
 Encoding encoding_of(std::string_view text) noexcept {
   std::size_t at = 0;

@@ -105,4 +105,7 @@ class Document {
 /// Equal but for upper and lower case of ASCII letters.
 [[nodiscard]] bool same_word(std::string_view a, std::string_view b) noexcept;
 
+/// Length of the UTF-8 sequence at `at`; 0 when there is none.
+[[nodiscard]] std::size_t utf8_sequence(std::string_view text, std::size_t at) noexcept;
+
 }  // namespace berth::eds

@@ -4,6 +4,7 @@
 #include <algorithm>
 #include <array>
 
+#include "berth/eds/context.hpp"
 #include "berth/eds/xdd_reader.hpp"
 #include "berth/eds/xdd_words.hpp"
 
@@ -397,21 +398,9 @@ Reading read_any(std::string text, std::string_view file_name, const ReadOptions
 }
 
 Reading read_any_file(const std::filesystem::path& path, const ReadOptions& options) {
-  const std::string name = path.string();
-  std::FILE* const file = std::fopen(name.c_str(), "rb");
-  if (file == nullptr) return refused(name, 0, "the file cannot be opened");
-  std::string text;
-  std::size_t got = 1;
-  while (got != 0 && text.size() <= options.max_bytes) {
-    const std::size_t before = text.size();
-    text.resize(before + (1U << 16U));
-    got = std::fread(text.data() + before, 1, 1U << 16U, file);
-    text.resize(before + got);
-  }
-  const bool failed = std::ferror(file) != 0;
-  std::fclose(file);
-  if (failed) return refused(name, 0, "the file cannot be read");
-  return read_any(std::move(text), name, options);
+  auto text = read_text_file(path, options.max_bytes);
+  if (!text) return refused(path.string(), 0, std::move(text.error()));
+  return read_any(std::move(*text), path.string(), options);
 }
 
 }  // namespace berth::eds

@@ -20,21 +20,6 @@ using od::Access;
 constexpr const char* xml_namespace = "http://www.canopen.org/xml/1.1";
 constexpr const char* boolean(bool value) noexcept { return value ? "true" : "false"; }
 
-/// Length of the UTF-8 sequence at `at`; 0 when there is none.
-std::size_t sequence(std::string_view text, std::size_t at) noexcept {
-  const auto byte = [&](std::size_t i) { return i < text.size() ? static_cast<std::uint8_t>(text[i]) : 0U; };
-  const auto lead = byte(at);
-  const std::size_t length = lead < 0x80                   ? 1
-                             : lead >= 0xC2 && lead < 0xE0 ? 2
-                             : lead >= 0xE0 && lead < 0xF0 ? 3
-                             : lead >= 0xF0 && lead < 0xF5 ? 4
-                                                           : 0;
-  for (std::size_t i = 1; i < length; ++i) {
-    if ((byte(at + i) & 0xC0U) != 0x80) return 0;
-  }
-  return length;
-}
-
 class Writer {
  public:
   Writer(const File& file, const XddOptions& options)
@@ -71,7 +56,7 @@ class Writer {
     bool foreign = false;
     for (std::size_t i = 0; i < text.size();) {
       const auto c = static_cast<std::uint8_t>(text[i]);
-      const std::size_t length = sequence(text, i);
+      const std::size_t length = utf8_sequence(text, i);
       if (length == 0) {
         out.push_back(static_cast<char>(0xC0U | (c >> 6U)));
         out.push_back(static_cast<char>(0x80U | (c & 0x3FU)));

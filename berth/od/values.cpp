@@ -299,7 +299,11 @@ void Values::mark_hooked() noexcept {
 
 void Values::attach(Hook& hook, std::uint16_t first, std::uint16_t last) {
   if (hook.values_ != nullptr && hook.values_ != this) hook.values_->detach(hook);
-  bindings_.push_back({first, last, &hook});
+  if (!bindings_.empty() && bindings_.back().hook == &hook && first == bindings_.back().last + 1) {
+    bindings_.back().last = last;
+  } else {
+    bindings_.push_back({first, last, &hook});
+  }
   hooked_.resize((description_->objects_.size() + 63) / 64);
   hook.values_ = this;
   mark_hooked();

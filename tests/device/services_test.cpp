@@ -1,5 +1,6 @@
 // PDO, SYNC, TIME, error behaviour, supervision and the watch over its own identifiers in a whole device.
 #include "../pch.hpp"
+#include "berth/co/sdo_client.hpp"
 #include "rig.hpp"
 
 namespace berth::device::test {
@@ -180,6 +181,35 @@ TEST(Services, OD_1200_AdditionalSdoServer) {
   rig.run(milliseconds(5));
   rig.ask("3A0#4000100000000000");
   EXPECT_EQ(rig.record.text.back(), "3A1#4300100000000000") << "the stored channel serves after power-on";
+}
+
+// HC1.S17: what the dictionary says can be written, can be: the server's buffer is as long as the longest object.
+TEST(Services, LongObjectsAreWrittenWhole) {
+  struct Ended final : rt::Job {
+    void run() noexcept override {}
+  };
+  Rig rig;
+  od::DescriptionBuilder b;
+  add_device(b);
+  b.variable(0x3000, {.name = "Table", .type = DataType::domain, .capacity = 4000});
+  Node node(rig.world, rig.bus, node9(), {}, {}, b.build());
+  node.on();
+  const auto port = rig.bus.attach({.queue_depth = 16});
+  can::Dispatcher dispatcher(rig.world.executor(), *port);
+  co::SdoClient client(dispatcher);
+  std::vector<std::uint8_t> table(4000);
+  for (std::size_t i = 0; i < table.size(); ++i) table[i] = static_cast<std::uint8_t>(i * 31);
+  for (const auto mode : {co::SdoMode::segmented, co::SdoMode::block}) {
+    co::SdoOptions options;
+    options.mode = mode;
+    std::ranges::reverse(table);
+    auto transfer = client.download(NodeId(9), 0x3000, 0, table, options);
+    Ended ended;
+    transfer.begin(rig.world.executor(), ended);
+    rig.run(seconds(2));
+    EXPECT_TRUE(transfer.await_resume().has_value());
+    EXPECT_TRUE(std::ranges::equal(node.device.values().bytes({0x3000, 0}), table));
+  }
 }
 
 // HC5.2 of the passive side: a device that is destroyed in the middle of anything leaves nothing behind that calls it,
