@@ -170,7 +170,7 @@ class SdoServerService final : private can::Handler, private rt::Job, private sd
   sdo::BlockPump pump_;
   SdoChannel channel_;
   rt::Duration timeout_ = std::chrono::seconds(1);
-  rt::Time heard_{};                  // when the client's last frame came, or ours left
+  rt::Time heard_{};                        // when the client's last frame came, or ours left
   std::optional<can::PackedFrame> unsent_;  // the port was full
   rt::Time unsent_until_{};
 };

@@ -22,7 +22,7 @@ struct XddParts {
   std::string rates = {};       ///< children of baudRate
   std::string identity =
       "<vendorName>v</vendorName><vendorID>1</vendorID><productName>p</productName><productID>2</productID>";
-  std::string function = {};                            ///< children of the device's ProfileBody behind DeviceIdentity
+  std::string function = {};                       ///< children of the device's ProfileBody behind DeviceIdentity
   std::string attributes = R"(fileName="t.xdd")";  ///< of both ProfileBodys
 };
 

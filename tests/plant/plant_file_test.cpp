@@ -157,7 +157,8 @@ TEST(PlantFile, S1_38_TheFiveSlavesAndTheirReplacements) {
 }
 
 TEST(PlantFile, EveryExampleReads) {
-  const std::map<std::string, std::size_t> examples{{"five-slaves", 7}, {"hundred-twenty", 120}, {"by-eds", 5}, {"configured", 4}};
+  const std::map<std::string, std::size_t> examples{
+      {"five-slaves", 7}, {"hundred-twenty", 120}, {"by-eds", 5}, {"configured", 4}};
   for (const auto& [name, devices] : examples) {
     const auto result = load_plant(std::string(BERTH_SOURCE_DIR) + "/examples/" + name + ".plant.toml");
     ASSERT_TRUE(result.plant) << to_string(result.findings.at(0));
