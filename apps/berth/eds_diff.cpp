@@ -11,7 +11,6 @@ namespace berth::cli {
 namespace {
 
 using Json = nlohmann::ordered_json;
-using eds::Aspect;
 using eds::Difference;
 
 Json json_of(const Difference& difference) {

@@ -201,7 +201,7 @@ void HeartbeatConsumer::booted(std::uint8_t number, rt::Time at) noexcept {
 void HeartbeatConsumer::run() noexcept {
   const auto now = dispatcher_->executor().now();
   // By number, looked up anew each time: an observer may end or begin supervision.
-  for (std::uint8_t number = 1; number < places_.size(); ++number) {
+  for (unsigned number = 1; number < places_.size(); ++number) {
     Node* found = find(number);
     if (found == nullptr || found->deadline > now) continue;
     Node& node = *found;
@@ -209,9 +209,9 @@ void HeartbeatConsumer::run() noexcept {
     if (node.phase == Phase::active) {
       node.phase = Phase::lost;
       node.was_lost = true;
-      report(HeartbeatEvent::Kind::lost, number, node.state, now);
+      report(HeartbeatEvent::Kind::lost, node.number, node.state, now);
     } else {
-      report(HeartbeatEvent::Kind::never_seen, number, node.state, now);
+      report(HeartbeatEvent::Kind::never_seen, node.number, node.state, now);
     }
   }
   auto earliest = rt::never;

@@ -214,6 +214,7 @@ void ObjectReader::read_list(const Section& section, std::uint16_t first, std::u
     std::uint64_t& word = (*listed_)[*index / 64];
     if ((word & bit(*index)) != 0) context_.warn(section, &entry, fmt::format("{:04X}h is listed twice", *index));
     word |= bit(*index);
+    lists_.push_back({&section, &entry, static_cast<std::uint16_t>(*index)});
   });
   std::ranges::sort(numbers);
   for (std::size_t i = 0; i < numbers.size(); ++i) {
@@ -238,14 +239,12 @@ void ObjectReader::check_listed(const Group& group) {
 }
 
 void ObjectReader::missing_sections() {
-  for (std::uint32_t index = 0; index < 0x10000 && !too_much_; ++index) {
-    const std::uint64_t missing = (*listed_)[index / 64] & ~(*described_)[index / 64];
-    if (missing == 0) {
-      index |= 63U;  // none of these 64
-    } else if ((missing & bit(index)) != 0) {
-      context_.report().add(Severity::warning, 0, 0, fmt::format("[{:04X}]", index),
-                            "the object is listed and has no section; left out");
-    }
+  for (const auto& each : lists_) {
+    if (too_much_ || ((*described_)[each.index / 64] & bit(each.index)) != 0) continue;
+    context_.warn(*each.section, each.entry,
+                  fmt::format("{:04X}h is listed and has no section [{:04X}]; left out", each.index, each.index),
+                  "describe it, or take it off the list");
+    (*described_)[each.index / 64] |= bit(each.index);  // told once
   }
 }
 

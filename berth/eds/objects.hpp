@@ -163,7 +163,13 @@ class ObjectReader {
   /// One bit for each index: it is in a list; its section was read.
   using Indices = std::array<std::uint64_t, 0x10000 / 64>;
   static std::uint64_t bit(std::uint64_t index) noexcept { return 1ULL << (index % 64); }
+  struct Listed {
+    const Section* section;
+    const Entry* entry;
+    std::uint16_t index;
+  };
   std::unique_ptr<Indices> listed_ = std::make_unique<Indices>();
+  std::vector<Listed> lists_;  // what the object lists name, in the order of the file
   std::unique_ptr<Indices> described_ = std::make_unique<Indices>();
   bool any_list_ = false;
   bool dcf_ = false;

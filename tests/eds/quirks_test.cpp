@@ -212,7 +212,10 @@ TEST(EdsQuirks, HC4_15_ListWithHoleOrDuplicate) {
   const auto hole = replace("SupportedObjects=2\n1=0x2000\n3=0x2001\n");
   EXPECT_TRUE(hole.usable());
   EXPECT_TRUE(warned(hole, "[ManufacturerObjects]"));
-  EXPECT_TRUE(warned(hole, "[2001]")) << "listed, but no section";
+  const auto* const no_section = find(hole, Severity::warning, "[ManufacturerObjects] 3");
+  ASSERT_NE(no_section, nullptr) << "listed, but no section";
+  EXPECT_NE(no_section->message.find("2001h"), std::string::npos);
+  EXPECT_GT(no_section->line, 0U) << "where the list names it";
   const auto twice = replace("SupportedObjects=2\n1=0x2000\n2=0x2000\n");
   EXPECT_TRUE(warned(twice, "[ManufacturerObjects] 2"));
   EXPECT_EQ(value(twice, 0x2000), 7U);

@@ -231,6 +231,16 @@ File full_file() {
   return file;
 }
 
+// Files in the field write hours with one digit, too.
+TEST(XddWrite, HoursOfOneDigit) {
+  File file = full_file();
+  file.info.creation_time = "4:49PM";
+  file.info.modification_time = "9:05AM";
+  const std::string text = write_xdd(file, {.values = true, .file_name = "drive.xdc"}).text;
+  EXPECT_NE(text.find("fileCreationTime=\"16:49:00\""), std::string::npos);
+  EXPECT_NE(text.find("fileModificationTime=\"09:05:00\""), std::string::npos);
+}
+
 // E5.2: order and attributes as CiA 311 v1.1 has them. (The schema itself is not public; this is what public files and
 // tools made from it say.)
 TEST(XddWrite, E5_2_ElementsStandInTheSchemasOrder) {
