@@ -44,7 +44,6 @@ void random_write(Rig& rig, Random& random) {
 struct Behaviour {
   Log log;
   std::string flags;
-  friend bool operator==(const Behaviour&, const Behaviour&) = default;
 };
 
 Behaviour behaviour(Rig& rig) {
