@@ -2,17 +2,13 @@
 #pragma once
 
 #include <cstdint>
-#include <cstdlib>
 #include <functional>
 #include <vector>
 
 #include "berth/can/dispatcher.hpp"
+#include "fuzz/require.hpp"
 
 namespace berth::fuzz {
-
-inline void require(bool condition) {
-  if (!condition) std::abort();
-}
 
 class Input {
  public:

@@ -5,14 +5,13 @@
 
 #include "berth/eds/concise_dcf.hpp"
 #include "berth/od/description.hpp"
+#include "fuzz/require.hpp"
 
 namespace {
 
 using namespace berth;
 
-void require(bool holds) {
-  if (!holds) std::abort();
-}
+using fuzz::require;
 
 const od::Description& device() {
   static const auto made = [] {

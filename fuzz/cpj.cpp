@@ -4,14 +4,9 @@
 #include <string>
 
 #include "berth/eds/cpj.hpp"
+#include "fuzz/require.hpp"
 
-namespace {
-
-void require(bool holds) {
-  if (!holds) std::abort();
-}
-
-}  // namespace
+using berth::fuzz::require;
 
 extern "C" int LLVMFuzzerTestOneInput(const std::uint8_t* data, std::size_t size) {
   using namespace berth;

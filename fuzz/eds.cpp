@@ -8,15 +8,14 @@
 #include "berth/eds/eds.hpp"
 #include "berth/eds/write.hpp"
 #include "berth/od/values.hpp"
+#include "fuzz/require.hpp"
 #include "tests/eds/random_description.hpp"
 
 namespace {
 
 using namespace berth;
 
-void require(bool holds) {
-  if (!holds) std::abort();
-}
+using fuzz::require;
 
 void use(const od::Description& description, od::Values& device, std::vector<std::uint8_t>& buffer) {
   for (const od::Object& object : description.objects()) {

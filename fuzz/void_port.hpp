@@ -2,16 +2,12 @@
 // input.
 #pragma once
 
-#include <cstdlib>
 #include <vector>
 
 #include "berth/can/port.hpp"
+#include "fuzz/require.hpp"
 
 namespace berth::fuzz {
-
-inline void require(bool condition) {
-  if (!condition) std::abort();
-}
 
 class VoidPort final : public can::Port, private rt::Job {
  public:

@@ -9,14 +9,13 @@
 #include "berth/eds/review.hpp"
 #include "berth/eds/xdd.hpp"
 #include "berth/od/values.hpp"
+#include "fuzz/require.hpp"
 
 namespace {
 
 using namespace berth;
 
-void require(bool holds) {
-  if (!holds) std::abort();
-}
+using fuzz::require;
 
 }  // namespace
 

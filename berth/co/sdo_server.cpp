@@ -180,7 +180,7 @@ AbortCode SdoServer::take(const std::uint8_t* bytes, std::size_t count, bool las
 // ---- upload
 
 bool SdoServer::begin_upload(can::Frame& answer) noexcept {
-  reset();
+  state_ = State::idle;  // `open_read` forgets the rest
   std::span<const std::uint8_t> value;
   const auto code = data_.open_read(ref_, value);
   if (code != AbortCode::none) return abort(answer, code);

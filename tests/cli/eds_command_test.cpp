@@ -4,6 +4,7 @@
 
 #include "machines.hpp"
 #include "process.hpp"
+#include "tests/eds_folder.hpp"
 
 namespace berth::test {
 namespace {
@@ -216,8 +217,7 @@ TEST_F(EdsCommand, CheckOfAProjectChecksItsNodes) {
 // berth eds check reads every real file there is.
 TEST_F(EdsCommand, CheckReadsAllRealFiles) {
   namespace fs = std::filesystem;
-  const char* const named = std::getenv("BERTH_EDS_DIR");
-  const fs::path place = named != nullptr ? fs::path(named) : fs::path(BERTH_SOURCE_DIR) / ".." / "shared" / "eds";
+  const fs::path place = berth::test::eds_folder();
   if (!fs::is_directory(place)) GTEST_SKIP() << "no folder of real device descriptions; set BERTH_EDS_DIR";
   Words words{"check"};
   for (const auto& entry : fs::directory_iterator(place)) {

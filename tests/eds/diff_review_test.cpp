@@ -224,14 +224,9 @@ TEST(EdsReview, AHostileFileMakesABoundedNumberOfFindings) {
   EXPECT_LE(review(r.file, "t.xdd").size(), 1001U);
 }
 
-fs::path folder() {
-  if (const char* named = std::getenv("BERTH_EDS_DIR")) return named;
-  return fs::path(BERTH_SOURCE_DIR) / ".." / "shared" / "eds";
-}
-
 TEST(EdsReview, RealFilesAreAnswered) {
-  if (!fs::is_directory(folder())) GTEST_SKIP() << "no folder of real device descriptions; set BERTH_EDS_DIR";
-  for (const auto& entry : fs::directory_iterator(folder())) {
+  if (!fs::is_directory(eds_folder())) GTEST_SKIP() << "no folder of real device descriptions; set BERTH_EDS_DIR";
+  for (const auto& entry : fs::directory_iterator(eds_folder())) {
     if (entry.path().extension() == ".md") continue;
     SCOPED_TRACE(entry.path().filename().string());
     const auto r = read_any_file(entry.path());

@@ -122,10 +122,7 @@ TEST(EdsEditor, HU_10_TextGoesInAsWindows1252WhereTheFileIs) {
 std::vector<std::string> some_texts() {
   namespace fs = std::filesystem;
   std::vector<std::string> texts{"[A]\nk=1\nl=2\n\n;c\n[B]\r\nx=1 ;d\r\ny=\r\n\r\n[C]", "", "[A]\r[B]\rk=1\r\r"};
-  const char* const named = std::getenv("BERTH_EDS_DIR");
-  for (const fs::path& folder :
-       {fs::path(BERTH_SOURCE_DIR) / "examples" / "eds",
-        named != nullptr ? fs::path(named) : fs::path(BERTH_SOURCE_DIR) / ".." / "shared" / "eds"}) {
+  for (const fs::path& folder : {fs::path(BERTH_SOURCE_DIR) / "examples" / "eds", eds_folder()}) {
     if (!fs::is_directory(folder)) continue;
     for (const auto& entry : fs::directory_iterator(folder)) {
       if (entry.path().extension() != ".eds" && entry.path().extension() != ".dcf") continue;

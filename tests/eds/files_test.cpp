@@ -14,11 +14,6 @@ using namespace berth::eds;
 using namespace berth::eds::test;
 namespace fs = std::filesystem;
 
-fs::path folder() {
-  if (const char* named = std::getenv("BERTH_EDS_DIR")) return named;
-  return fs::path(BERTH_SOURCE_DIR) / ".." / "shared" / "eds";
-}
-
 std::string text_of(const fs::path& path) {
   std::ifstream in(path, std::ios::binary);
   return {std::istreambuf_iterator<char>(in), std::istreambuf_iterator<char>()};
@@ -62,11 +57,11 @@ struct Expected {
 };
 
 TEST(EdsFiles, EveryRealFileIsReadWhole) {
-  if (!fs::is_directory(folder())) {
-    GTEST_SKIP() << "no folder of real device descriptions (" << folder() << "); set BERTH_EDS_DIR";
+  if (!fs::is_directory(eds_folder())) {
+    GTEST_SKIP() << "no folder of real device descriptions (" << eds_folder() << "); set BERTH_EDS_DIR";
   }
   unsigned files = 0;
-  for (const auto& entry : fs::directory_iterator(folder())) {
+  for (const auto& entry : fs::directory_iterator(eds_folder())) {
     const auto extension = entry.path().extension();
     if (extension != ".eds" && extension != ".dcf") continue;
     ++files;
@@ -114,11 +109,11 @@ TEST(EdsFiles, EveryRealFileIsReadWhole) {
 }
 
 TEST(EdsFiles, CountsOfTheKnownFiles) {
-  if (!fs::is_directory(folder())) GTEST_SKIP() << "no folder of real device descriptions; set BERTH_EDS_DIR";
+  if (!fs::is_directory(eds_folder())) GTEST_SKIP() << "no folder of real device descriptions; set BERTH_EDS_DIR";
   for (const Expected& each :
        {Expected{"DS301_profile.eds", 33, 33}, Expected{"cia402_slave.eds", 70, 70}, Expected{"datatypes.eds", 24, 24},
         Expected{"demoDevice.eds", 47, 47}, Expected{"e35.eds", 211, 212}, Expected{"ros2_master.dcf", 47, 47}}) {
-    const fs::path path = folder() / each.file;
+    const fs::path path = eds_folder() / each.file;
     if (!fs::exists(path)) continue;
     SCOPED_TRACE(each.file);
     const Grep grep(text_of(path));
@@ -129,7 +124,7 @@ TEST(EdsFiles, CountsOfTheKnownFiles) {
 }
 
 TEST(EdsFiles, ValuesOfTheKnownFiles) {
-  const fs::path types = folder() / "datatypes.eds";
+  const fs::path types = eds_folder() / "datatypes.eds";
   if (!fs::exists(types)) GTEST_SKIP() << "no folder of real device descriptions; set BERTH_EDS_DIR";
   const auto r = read_file(types);
   od::Values device(r.file.description);
@@ -140,16 +135,16 @@ TEST(EdsFiles, ValuesOfTheKnownFiles) {
   EXPECT_EQ(*device.get<double>({0x2011, 0}), 1.6);
   EXPECT_EQ(device.get_text({0x2009, 0}), "ABCD");
   EXPECT_EQ(device.bytes({0x200B, 0}).size(), 8U) << "abc and a check mark in UTF-16";
-  const auto master = read_file(folder() / "ros2_master.dcf");
+  const auto master = read_file(eds_folder() / "ros2_master.dcf");
   EXPECT_EQ(value(master, 0x1600, 1), 0x20000120U);
   EXPECT_EQ(value(master, 0x1028, 2), 0x82U);
   EXPECT_EQ(value(master, 0x1028, 4), 0x80000000U) << "missing in [1028Value]: the default";
-  const auto sample = read_file(folder() / "sample.eds");
+  const auto sample = read_file(eds_folder() / "sample.eds");
   ASSERT_TRUE(sample.file.commissioning);
   EXPECT_EQ(sample.file.commissioning->node_id, NodeId(0x10));
   EXPECT_EQ(name(sample, 0x3004, 2), "Sensor Status 2");
   EXPECT_EQ(value(sample, 0x1403, 1, 5), 0x505U) << "1280+$NODEID";
-  const auto profile = read_file(folder() / "DS301_profile.eds");
+  const auto profile = read_file(eds_folder() / "DS301_profile.eds");
   od::Values instance(profile.file.description, NodeId(1));
   EXPECT_LE(instance.memory(), 6000U) << "one more device of this type";
   EXPECT_LE(profile.file.description->memory() + instance.memory(), 24'000U) << "the first device of this type";

@@ -7,9 +7,11 @@
 
 #include "berth/eds/eds.hpp"
 #include "berth/od/values.hpp"
+#include "tests/eds_folder.hpp"
 
 namespace berth::eds::test {
 
+using berth::test::eds_folder;
 using Severity = Finding::Severity;
 
 /// A valid file around the object sections of a test: lists name exactly `listed` (besides the mandatory ones).

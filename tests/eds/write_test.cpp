@@ -383,15 +383,10 @@ TEST(EdsWrite, HU_10_BytesOfAStringStayWhateverTheFilesEncoding) {
   }
 }
 
-fs::path folder() {
-  if (const char* named = std::getenv("BERTH_EDS_DIR")) return named;
-  return fs::path(BERTH_SOURCE_DIR) / ".." / "shared" / "eds";
-}
-
 /// Every real file: unchanged by the editor byte for byte, and equal after being written anew.
 TEST(EdsWrite, HU_17_RealFilesLoseNothing) {
   unsigned files = 0;
-  for (const fs::path& from : {folder(), fs::path(BERTH_SOURCE_DIR) / "examples" / "eds"}) {
+  for (const fs::path& from : {eds_folder(), fs::path(BERTH_SOURCE_DIR) / "examples" / "eds"}) {
     if (!fs::is_directory(from)) continue;
     for (const auto& entry : fs::directory_iterator(from)) {
       if (entry.path().extension() != ".eds" && entry.path().extension() != ".dcf") continue;

@@ -344,15 +344,10 @@ TEST(XddRead, Utf16IsReadWithoutPlaces) {
   EXPECT_EQ(find(r, Severity::warning, "2001 accessType")->line, 0);
 }
 
-fs::path folder() {
-  if (const char* named = std::getenv("BERTH_EDS_DIR")) return named;
-  return fs::path(BERTH_SOURCE_DIR) / ".." / "shared" / "eds";
-}
-
 // The same device by the same tool in both formats: what both say is the same.
 TEST(XddRead, E5_1_ARealXddSaysWhatItsEdsSays) {
-  const fs::path eds = folder() / "demoDevice.eds";
-  const fs::path xdd = folder() / "demoDevice.xdd";
+  const fs::path eds = eds_folder() / "demoDevice.eds";
+  const fs::path xdd = eds_folder() / "demoDevice.xdd";
   if (!fs::exists(eds) || !fs::exists(xdd)) GTEST_SKIP() << "no folder of real device descriptions; set BERTH_EDS_DIR";
   const auto from_eds = read_any_file(eds);
   const auto from_xdd = read_any_file(xdd);

@@ -375,15 +375,10 @@ TEST(XddWrite, UnknownSectionsAndCommentsOfAnEdsAreNamed) {
   EXPECT_NE(all.find("comment"), std::string::npos) << all;
 }
 
-fs::path folder() {
-  if (const char* named = std::getenv("BERTH_EDS_DIR")) return named;
-  return fs::path(BERTH_SOURCE_DIR) / ".." / "shared" / "eds";
-}
-
 // EDS to XDD to EDS, with everything that people have written.
 TEST(XddWrite, E5_2_RealFilesGoThereAndBack) {
-  if (!fs::is_directory(folder())) GTEST_SKIP() << "no folder of real device descriptions; set BERTH_EDS_DIR";
-  for (const auto& entry : fs::directory_iterator(folder())) {
+  if (!fs::is_directory(eds_folder())) GTEST_SKIP() << "no folder of real device descriptions; set BERTH_EDS_DIR";
+  for (const auto& entry : fs::directory_iterator(eds_folder())) {
     const auto extension = entry.path().extension();
     if (extension != ".eds" && extension != ".dcf" && extension != ".xdd") continue;
     SCOPED_TRACE(entry.path().filename().string());

@@ -6,6 +6,7 @@
 
 #include "../pch.hpp"
 #include "berth/plant/world.hpp"
+#include "tests/eds_folder.hpp"
 
 namespace berth::plant {
 namespace {
@@ -313,9 +314,7 @@ TEST(PlantWorld, FindingsForWhatCannotBe) {
 }
 
 TEST(PlantWorld, DeviceOfADescriptionFile) {
-  const auto folder =
-      std::filesystem::path(std::getenv("BERTH_EDS_DIR") != nullptr ? std::getenv("BERTH_EDS_DIR")
-                                                                    : std::string(BERTH_SOURCE_DIR) + "/../shared/eds");
+  const auto folder = berth::test::eds_folder();
   if (!std::filesystem::is_directory(folder)) GTEST_SKIP() << "no EDS files: set BERTH_EDS_DIR";
   std::vector<PlantDevice> devices;
   std::vector<std::filesystem::path> paths;

@@ -1,0 +1,15 @@
+/// Where real device descriptions are, for the tests that read them.
+#pragma once
+
+#include <cstdlib>
+#include <filesystem>
+
+namespace berth::test {
+
+/// BERTH_EDS_DIR, else `shared/eds` beside the repository; need not be there.
+inline std::filesystem::path eds_folder() {
+  if (const char* named = std::getenv("BERTH_EDS_DIR")) return named;
+  return std::filesystem::path(BERTH_SOURCE_DIR) / ".." / "shared" / "eds";
+}
+
+}  // namespace berth::test
