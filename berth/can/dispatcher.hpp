@@ -56,10 +56,9 @@ class StatusHandler {
 };
 
 /// Owns the listener's place of a port. Handlers are found by binary search over the ranges (20 bytes each, and 8 of
-/// filter); several handlers may
-/// hear one key, and hear it in the order in which they were added. Registering may allocate; a frame's way does not.
-/// A handler may add and remove handlers, itself included, while it is called; what was added meanwhile hears the next
-/// frame, not this one. It must not destroy the dispatcher.
+/// filter); several handlers may hear one key, and hear it in the order in which they were added. Registering may
+/// allocate; a frame's way does not. A handler may add and remove handlers, itself included, while it is called; what
+/// was added meanwhile hears the next frame, not this one. It must not destroy the dispatcher.
 class Dispatcher final : private Listener {
  public:
   Dispatcher(rt::Executor& executor, Port& port) noexcept;
