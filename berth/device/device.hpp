@@ -67,13 +67,26 @@ enum class RandMode : std::uint8_t {
   literal,  ///< in LSS configuration state only, as paper 1 has it (S1.31)
 };
 
+/// Does the device negotiate a node-ID when it has none (paper 2)?
+enum class NegotiationMode : std::uint8_t {
+  off,
+  on,       ///< an established node defends its node-ID
+  literal,  ///< with the paper's conflict rule: both lose theirs (S2.17)
+};
+
 struct Options {
   LssAddress address{};  ///< identity, 1018h:01..04
   NodeIdSource source = NodeIdSource::nonvolatile;
   NodeId node_id{};            ///< fixed, or what blank memory counts as
   std::uint32_t bit_rate = 0;  ///< what blank memory counts as, bit/s; 0 or not in CiA's table: the port's own is kept
   bool lss = true;
+  bool fastscan = true;                          ///< with `lss`: answers LSS Fastscan (51h)
+  lss::Feedback feedback = lss::Feedback::none;  ///< with `fastscan`
   RandMode rand = RandMode::on;
+  bool rand_resume = false;   ///< RAND's extension: remembers the deepest phase that matched (docs/rand.md)
+  bool and_protocol = false;  ///< answers AND
+  bool claim = false;         ///< claims a node-ID as SAE J1939-81 does when it has none
+  NegotiationMode negotiation = NegotiationMode::off;
   bool lss_changes_at_waiting = false;  ///< a configured device takes a new node-ID already at `04 00`
   bool detect_collision = true;         ///< reports another node that sends with its identifiers (EMCY 8150h; SX.7)
   rt::Duration never_seen{0};           ///< a node in 1016h with no heartbeat for so long is told (`Callbacks`); 0 = no

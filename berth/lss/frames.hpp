@@ -21,6 +21,13 @@ inline constexpr std::uint32_t slave_cob_id = 0x7E4;   ///< answers
 /// those of the mode byte of switch state global.
 enum class State : std::uint8_t { waiting = 0, configuration = 1 };
 
+/// How a slave tells the master the next bits of its LSS address during Fastscan (paper 4; S4.10, S4.11).
+enum class Feedback : std::uint8_t {
+  none,      ///< CiA 305 as it is
+  extended,  ///< one 29-bit frame: 16 bits
+  base,      ///< one of sixteen 11-bit frames: 4 bits
+};
+
 /// Command specifiers, byte 0. An answer repeats the request's unless another is named here.
 enum class Command : std::uint8_t {
   switch_global = 0x04,

@@ -4,6 +4,7 @@
 #pragma once
 
 #include <cstdint>
+#include <initializer_list>
 #include <optional>
 #include <string>
 #include <string_view>
@@ -36,6 +37,48 @@ enum class NodeIdSource : std::uint8_t {
 };
 [[nodiscard]] const char* name(NodeIdSource source) noexcept;
 
+/// What finds a device and gives it a node-ID, as far as it takes part. The words of `speaks` in the plant file.
+enum class Speaks : std::uint8_t {
+  lss,                  ///< CiA 305 without Fastscan
+  fastscan,             ///< LSS Fastscan (51h); with it comes `lss`
+  feedback_29,          ///< Fastscan with feedback in 29-bit identifiers; with it come `fastscan` and `lss`
+  feedback_11,          ///< Fastscan with feedback in sixteen 11-bit identifiers; as above
+  rand,                 ///< paper 1's RAND
+  rand_literal,         ///< RAND in LSS configuration state only, as the paper has it; with it comes `rand`
+  rand_resume,          ///< RAND with Berth's extension (docs/rand.md); with it comes `rand`
+  and_protocol,         ///< AND, which RAND revises
+  claim,                ///< claims a node-ID in the data field, as SAE J1939-81 does
+  negotiation,          ///< paper 2's negotiation without a master
+  negotiation_literal,  ///< with the paper's conflict rule; with it comes `negotiation`
+};
+/// A set of `Speaks`.
+class SpeaksSet {
+ public:
+  constexpr SpeaksSet() = default;
+  constexpr SpeaksSet(std::initializer_list<Speaks> all) {
+    for (const auto each : all) add(each);
+  }
+  [[nodiscard]] constexpr bool has(Speaks what) const noexcept {
+    return ((bits_ >> static_cast<unsigned>(what)) & 1U) != 0;
+  }
+  /// Adds it and what comes with it.
+  constexpr void add(Speaks what) noexcept {
+    using enum Speaks;
+    bits_ = static_cast<std::uint16_t>(bits_ | 1U << static_cast<unsigned>(what));
+    if (what == feedback_29 || what == feedback_11) add(fastscan);
+    if (what == fastscan) add(lss);
+    if (what == rand_literal || what == rand_resume) add(rand);
+    if (what == negotiation_literal) add(negotiation);
+  }
+  constexpr void remove(Speaks what) noexcept {
+    bits_ = static_cast<std::uint16_t>(bits_ & ~(1U << static_cast<unsigned>(what)));
+  }
+  friend constexpr bool operator==(SpeaksSet, SpeaksSet) = default;
+
+ private:
+  std::uint16_t bits_ = 0;
+};
+
 /// Order in which a device's controller sends what is queued.
 enum class QueueKind : std::uint8_t { in_order, priority };
 
@@ -59,9 +102,7 @@ struct PlantDevice {
   NodeIdSource source = NodeIdSource::blank;
   NodeId node_id;             ///< what the source gives; unconfigured for `blank`
   std::uint32_t bitrate = 0;  ///< stored bit rate, bit/s; 0 = the bus's
-  bool speaks_lss = true;
-  bool speaks_rand = true;
-  bool rand_literal = false;  ///< RAND in LSS configuration state only, as the paper has it
+  SpeaksSet speaks{Speaks::lss, Speaks::rand};
   Latency response;
   Duration boot = std::chrono::milliseconds(50);   ///< power-on to boot-up message
   Duration reset = std::chrono::milliseconds(20);  ///< NMT reset (node or communication) to boot-up message

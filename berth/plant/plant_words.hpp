@@ -9,7 +9,9 @@ namespace berth::plant {
 inline constexpr std::array<std::string_view, 5> source_words{"blank", "nonvolatile", "hard-coded", "switches",
                                                               "connector"};
 inline constexpr std::array<std::string_view, 2> queue_words{"in-order", "priority"};
-inline constexpr std::array<std::string_view, 3> speaks_words{"lss", "rand", "rand-literal"};
+inline constexpr std::array<std::string_view, 11> speaks_words{
+    "lss", "fastscan", "feedback-29", "feedback-11",        "rand", "rand-literal", "rand-resume",
+    "and", "claim",    "negotiation", "negotiation-literal"};
 inline constexpr std::array<std::string_view, 4> after_words{"start", "discovered", "bound", "operational"};
 inline constexpr std::array<std::string_view, 13> action_words{
     "plug",      "unplug", "power-off", "power-on", "reset",      "deaf",       "slow",

@@ -1,5 +1,6 @@
 // The plant file's grammar, key by key: docs/plant-file.md.
 #include <fmt/format.h>
+#include <fmt/ranges.h>
 
 #include <algorithm>
 #include <charconv>
@@ -200,18 +201,15 @@ class PlantReader {
   static void read_speaks(Table& table, PlantDevice& device) {
     const auto words = table.strings("speaks");
     if (!words) return;
-    device.speaks_lss = device.speaks_rand = false;
+    device.speaks = {};
     for (const auto& word : *words) {
-      if (word == "lss") {
-        device.speaks_lss = true;
-      } else if (word == "rand") {
-        device.speaks_rand = true;
-      } else if (word == "rand-literal") {
-        device.speaks_rand = device.rand_literal = true;
+      const auto known = std::ranges::find(speaks_words, word);
+      if (known != speaks_words.end()) {
+        device.speaks.add(static_cast<Speaks>(known - speaks_words.begin()));
       } else {
         const auto near = text::closest(word, speaks_words);
         table.error("speaks", fmt::format("{} is no service", text::quoted(word)),
-                    near.empty() ? "use \"lss\", \"rand\", \"rand-literal\""
+                    near.empty() ? fmt::format("use some of {}", fmt::join(speaks_words, ", "))
                                  : fmt::format("did you mean {}?", text::quoted(near)));
       }
     }

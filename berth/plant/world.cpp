@@ -46,11 +46,21 @@ device::Options options_of(const PlantDevice& plan, const LssAddress& address, s
   o.source = remembers(plan.source) ? device::NodeIdSource::nonvolatile : device::NodeIdSource::fixed;
   o.node_id = plan.source == NodeIdSource::blank ? NodeId() : plan.node_id;
   o.bit_rate = bit_rate;
-  o.lss = plan.speaks_lss;
-  if (!plan.speaks_rand) {
+  o.lss = plan.speaks.has(Speaks::lss);
+  o.fastscan = plan.speaks.has(Speaks::fastscan);
+  if (plan.speaks.has(Speaks::feedback_29)) o.feedback = lss::Feedback::extended;
+  if (plan.speaks.has(Speaks::feedback_11)) o.feedback = lss::Feedback::base;
+  if (!plan.speaks.has(Speaks::rand)) {
     o.rand = device::RandMode::off;
   } else {
-    o.rand = plan.rand_literal ? device::RandMode::literal : device::RandMode::on;
+    o.rand = plan.speaks.has(Speaks::rand_literal) ? device::RandMode::literal : device::RandMode::on;
+  }
+  o.rand_resume = plan.speaks.has(Speaks::rand_resume);
+  o.and_protocol = plan.speaks.has(Speaks::and_protocol);
+  o.claim = plan.speaks.has(Speaks::claim);
+  if (plan.speaks.has(Speaks::negotiation)) {
+    const bool literal = plan.speaks.has(Speaks::negotiation_literal);
+    o.negotiation = literal ? device::NegotiationMode::literal : device::NegotiationMode::on;
   }
   o.bus_off_recovery = bus_off_recovery;
   if (plan.eds.empty()) o.name = plan.name;

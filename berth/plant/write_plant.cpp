@@ -56,10 +56,11 @@ void write_response(Writer& w, const Latency& r) {
 }
 
 void write_speaks(Writer& w, const PlantDevice& d) {
-  if (d.speaks_lss && d.speaks_rand && !d.rand_literal) return;
+  if (d.speaks == PlantDevice{}.speaks) return;
   std::vector<std::string> words;
-  if (d.speaks_lss) words.emplace_back("lss");
-  if (d.speaks_rand) words.emplace_back(d.rand_literal ? "rand-literal" : "rand");
+  for (std::size_t i = 0; i < speaks_words.size(); ++i) {
+    if (d.speaks.has(static_cast<Speaks>(i))) words.emplace_back(speaks_words[i]);
+  }
   w.strings("speaks", words);
 }
 

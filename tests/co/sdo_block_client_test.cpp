@@ -100,7 +100,7 @@ TEST_F(BlockClient, HU_33_ZeroBytes) {
 }
 
 // HC1.S4: segments are lost: those behind the acknowledged ones are sent again, in sub-blocks of the new size.
-TEST_F(BlockClient, S4_S7_RepeatsWhatWasLost) {
+TEST_F(BlockClient, HC1_S4_S7_RepeatsWhatWasLost) {
   const Bytes data = numbers(42);
   reply("C60420002A000000", {{"585#A404200006000000"}});
   reply(segments_of(data)[5], {{"585#A202030000000000"}});  // 2 of 6, next 3

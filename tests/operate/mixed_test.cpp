@@ -11,7 +11,7 @@ namespace {
 // The only device of its type does not answer: its slot stays empty and says so, and the others do not wait for it.
 TEST(MixedNetwork, S1_54_ASlaveWithoutRandLeavesItsSlotEmptyAndTheOthersRun) {
   auto plant = five_slaves();
-  plant.devices[2].speaks_rand = false;
+  plant.devices[2].speaks.remove(plant::Speaks::rand);
   Rig rig(five_slots(), plant);
   rig.begin();
   const auto running = [&] {
@@ -31,7 +31,7 @@ TEST(MixedNetwork, S1_54_ASlaveWithoutRandLeavesItsSlotEmptyAndTheOthersRun) {
 // One of three of a type does not answer: two devices for three slots are a question, never a guess.
 TEST(MixedNetwork, S1_54_OneOfThreeWithoutRandIsAQuestion) {
   auto plant = five_slaves();
-  plant.devices[3].speaks_rand = false;
+  plant.devices[3].speaks.remove(plant::Speaks::rand);
   Rig rig(five_slots(), plant);
   rig.begin();
   rig.run_for(30s);

@@ -99,9 +99,7 @@ nodes = ["drive 1"]
   EXPECT_EQ(s1.source, NodeIdSource::switches);
   EXPECT_EQ(s1.node_id, NodeId(9));
   EXPECT_EQ(s1.bitrate, 10'000U);
-  EXPECT_TRUE(s1.speaks_lss);
-  EXPECT_TRUE(s1.speaks_rand);
-  EXPECT_TRUE(s1.rand_literal);
+  EXPECT_EQ(s1.speaks, (SpeaksSet{Speaks::lss, Speaks::rand, Speaks::rand_literal}));
   EXPECT_EQ(s1.response, (Latency{1ms, 4ms, 20, 300ms}));
   EXPECT_EQ(s1.boot, Duration(1500ms));
   EXPECT_EQ(s1.reset, Duration(100ms));
@@ -274,9 +272,10 @@ PlantDevice random_device(Random& r, std::size_t i, const std::vector<PlantBus>&
   if (r.chance(500'000)) d.node_id = NodeId(static_cast<std::uint8_t>(1 + r.below(127)));
   d.source = d.node_id.configured() ? static_cast<NodeIdSource>(1 + r.below(4)) : static_cast<NodeIdSource>(r.below(2));
   if (r.chance(300'000)) d.bitrate = 1000 + static_cast<std::uint32_t>(r.below(999'001));
-  d.speaks_lss = r.chance(500'000);
-  d.speaks_rand = r.chance(500'000);
-  d.rand_literal = d.speaks_rand && r.chance(500'000);
+  d.speaks = {};
+  for (unsigned i = 0; i < 11; ++i) {
+    if (r.chance(300'000)) d.speaks.add(static_cast<Speaks>(i));
+  }
   if (r.chance(700'000)) {
     d.response.min = random_time(r, 1h);
     d.response.max = d.response.min + random_time(r, 1h - d.response.min);

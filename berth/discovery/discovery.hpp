@@ -1,0 +1,130 @@
+/// One interface for finding the devices of a bus, whatever they speak: the published methods and Berth's planners.
+///
+/// A discovery finds LSS addresses. It binds nobody: which device gets which node-ID is decided above, when all are
+/// known (`places::plan`), or at once by an `Assigner`, which the published Fastscan needs, because it finds the next
+/// device only when the one before has a node-ID.
+///
+///     Options options;                               // must outlive the task, as `known` must
+///     auto report = co_await discovery.find(known, options);
+#pragma once
+
+#include <cstdint>
+#include <optional>
+#include <string_view>
+#include <vector>
+
+#include "berth/base/ids.hpp"
+#include "berth/base/result.hpp"
+#include "berth/rt/executor.hpp"
+#include "berth/rt/task.hpp"
+
+namespace berth::discovery {
+
+/// The published procedures, and Berth's own that are made of the same requests and find the same devices sooner.
+enum class Method : std::uint8_t {
+  rand,              ///< paper 1: nine requests a device
+  and_protocol,      ///< what RAND revises: thirteen requests a device
+  fastscan,          ///< CiA 305, bit by bit: 129 to 133 requests a device
+  feedback_29,       ///< paper 4, Table 2: nine requests a device
+  feedback_11,       ///< paper 4, sixteen base frames: 33 requests a device
+  identify,          ///< CiA 305's identify ranges, halved: devices without Fastscan, and those with a node-ID
+  planner_rand,      ///< walks the tree of chunks once
+  planner_fastscan,  ///< walks the tree of bits once, skipping what is known
+  planner_feedback,  ///< the same with every chunk that was heard
+};
+inline constexpr std::size_t methods = 9;
+/// "rand", "and", "fastscan", "fastscan-feedback-29", "fastscan-feedback-11", "identify", "planner-rand",
+/// "planner-fastscan", "planner-feedback".
+[[nodiscard]] std::string_view name(Method method) noexcept;
+/// The method of that name.
+[[nodiscard]] Result<Method> method(std::string_view name) noexcept;
+
+/// A device type that may be there.
+struct Kind {
+  TypeCode type;
+  std::optional<std::uint32_t> revision;  ///< when it is known
+  friend bool operator==(const Kind&, const Kind&) = default;
+};
+
+/// What need not be asked. Being wrong costs time, never a device and never a wrong address.
+struct Known {
+  std::vector<Kind> kinds;             ///< of the slot table and the device library
+  std::vector<LssAddress> expected;    ///< listed spares, devices seen before: asked for by name first
+  std::vector<LssAddress> registered;  ///< sit in their slots: not to be found again
+};
+
+/// One device that was found.
+struct Found {
+  LssAddress address;
+  rt::Time at{};                ///< when the last bit of its address was known
+  NodeId active;                ///< the node-ID that it has, as far as the method tells; unconfigured: none, or unknown
+  NodeId assigned;              ///< what the `Assigner` gave it
+  bool possible_clone = false;  ///< more than one device seems to have this address
+  Method by = Method::rand;
+};
+
+/// Watches a discovery. Must not destroy it.
+class Observer {
+ public:
+  virtual void found(const Found& device) noexcept = 0;
+
+ protected:
+  ~Observer() = default;
+};
+
+/// Gives each found device a node-ID at once, while it is the only one selected.
+class Assigner {
+ public:
+  /// Unconfigured: leave it without one. A method that cannot go on then ends with `Report::End::held`.
+  virtual NodeId assign(const LssAddress& device) noexcept = 0;
+
+ protected:
+  ~Assigner() = default;
+};
+
+struct Options {
+  /// Published methods: their published window, counted from the request's confirmation (`fixed`), or that of the
+  /// method's own paper when 0. Planners: the bound of the learnt window.
+  rt::Duration window{0};
+  rt::Duration shortest = std::chrono::milliseconds(1);  ///< planners: no learnt window is shorter
+  rt::Duration blocking{0};  ///< the bus's worst blocking of an answer, added to every learnt window
+  rt::Duration inhibit{0};   ///< least time between two requests
+  Assigner* assigner = nullptr;
+  bool store = false;            ///< with an assigner: LSS store too
+  Observer* observer = nullptr;  ///< may be null
+  unsigned most_devices = 1000;
+  unsigned retries = 4;  ///< restarts in a row without finding anybody
+};
+
+struct Report {
+  enum class End : std::uint8_t {
+    complete,  ///< nobody is left that this method can find
+    gave_up,   ///< `retries` restarts in a row: somebody answers and cannot be identified
+    stuck,     ///< one address came again and again although it was taken out
+    limit,     ///< `most_devices`
+    held,      ///< the next device cannot be found before this one has a node-ID
+  };
+  End end = End::complete;
+  std::vector<Found> found;
+  unsigned requests = 0;
+  unsigned restarts = 0;
+  rt::Time began{};
+  rt::Time known{};  ///< every address was known; without the closing question that nobody answered
+  rt::Time ended{};
+};
+[[nodiscard]] const char* name(Report::End end) noexcept;
+
+/// One method on one bus. One procedure at a time; never two methods with overlapping identifiers at once (S1.24): a
+/// bus has one turn for all of them.
+class Discovery {
+ public:
+  virtual ~Discovery() = default;
+  [[nodiscard]] virtual Method method() const noexcept = 0;
+  /// Finds everybody whom the method can find and who is not registered. Errors: `bus` a request could not be sent;
+  /// `invalid` another procedure is under way.
+  [[nodiscard]] virtual rt::Task<Result<Report>> find(const Known& known, const Options& options) = 0;
+  /// One question: is there anybody whom `find` would find?
+  [[nodiscard]] virtual rt::Task<Result<bool>> anybody(const Options& options) = 0;
+};
+
+}  // namespace berth::discovery
