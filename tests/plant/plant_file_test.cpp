@@ -273,8 +273,8 @@ PlantDevice random_device(Random& r, std::size_t i, const std::vector<PlantBus>&
   d.source = d.node_id.configured() ? static_cast<NodeIdSource>(1 + r.below(4)) : static_cast<NodeIdSource>(r.below(2));
   if (r.chance(300'000)) d.bitrate = 1000 + static_cast<std::uint32_t>(r.below(999'001));
   d.speaks = {};
-  for (unsigned i = 0; i < 11; ++i) {
-    if (r.chance(300'000)) d.speaks.add(static_cast<Speaks>(i));
+  for (unsigned s = 0; s < 11; ++s) {
+    if (r.chance(300'000)) d.speaks.add(static_cast<Speaks>(s));
   }
   if (r.chance(700'000)) {
     d.response.min = random_time(r, 1h);
