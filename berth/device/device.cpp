@@ -44,7 +44,7 @@ Device::Device(can::Dispatcher& dispatcher, std::shared_ptr<const od::Descriptio
       timing_(timing),
       options_(std::move(options)),
       values_(std::move(description)),
-      rand_({.address = options_.address, .literal = options_.rand == RandMode::literal}),
+      methods_({.address = options_.address, .rand = options_.rand}),
       nmt_(dispatcher, *this),
       producer_(dispatcher),
       guarding_(dispatcher, *this),
@@ -123,7 +123,7 @@ void Device::power_on() noexcept {
                                   .can_store = record_.has_value(),
                                   .change_at_waiting = options_.lss_changes_at_waiting};
   lss_.emplace(dispatcher_->executor(), static_cast<lss::SlaveOwner&>(*this), options, memory_);
-  rand_ = nodeid::RandSlave({.address = options_.address, .literal = options_.rand == RandMode::literal});
+  methods_.power_on(options_.address);
   begin_ = Begin::power_on;
   nmt_.power_on();
   tell();
@@ -142,7 +142,7 @@ void Device::power_off() noexcept {
   if (parameters_) parameters_->forget();
   load_settings();
   lss_->power_on(memory_);
-  rand_.power_on();
+  methods_.power_on(lss_->address());
   if (host_ != nullptr) {
     host_->clear();
     host_->deaf(TimedPort::Deaf::storing, false);
@@ -294,8 +294,8 @@ void Device::received(const can::Frame& frame, rt::Time) noexcept {
   std::optional<can::Frame> answer;
   if (frame.key() == lss::master_cob_id) {
     answer = answer_lss(frame);
-  } else if (nodeid::rand_requests.contains(frame.key())) {
-    answer = rand_.handle(frame, options_.lss && lss_->state() == lss::State::configuration);
+  } else if (methods_.hears(frame.key())) {
+    answer = methods_.handle(frame, options_.lss && lss_->state() == lss::State::configuration);
   } else if (!frame.remote && is_mine(frame.key())) {
     raise(co::emcy_code::id_collision, co::error_register::communication);
   }

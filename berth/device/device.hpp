@@ -44,12 +44,12 @@
 #include "berth/device/application.hpp"
 #include "berth/device/dictionary.hpp"
 #include "berth/device/leds.hpp"
+#include "berth/device/node_id_methods.hpp"
 #include "berth/device/nv_memory.hpp"
 #include "berth/device/parameter_store.hpp"
 #include "berth/device/timed_port.hpp"
 #include "berth/device/timing.hpp"
 #include "berth/lss/slave.hpp"
-#include "berth/nodeid/rand_slave.hpp"
 #include "berth/od/values.hpp"
 
 namespace berth::device {
@@ -58,13 +58,6 @@ namespace berth::device {
 enum class NodeIdSource : std::uint8_t {
   nonvolatile,  ///< from memory, `Options::node_id` while memory is blank; LSS changes it
   fixed,        ///< firmware, switches or plug: LSS configure node-ID is answered "out of range"
-};
-
-/// How RAND requests are answered.
-enum class RandMode : std::uint8_t {
-  off,
-  on,       ///< in every LSS state
-  literal,  ///< in LSS configuration state only, as paper 1 has it (S1.31)
 };
 
 /// Does the device negotiate a node-ID when it has none (paper 2)?
@@ -201,7 +194,7 @@ class Device final : private co::NmtSlave::Owner,
   [[nodiscard]] lss::Settings persistent() noexcept;
   [[nodiscard]] const LssAddress& address() const noexcept { return lss_->address(); }
   [[nodiscard]] lss::State lss_state() const noexcept { return lss_->state(); }
-  [[nodiscard]] nodeid::Identification identification() const noexcept { return rand_.state(); }
+  [[nodiscard]] nodeid::Identification identification() const noexcept { return methods_.identification(); }
   /// Non-volatile memory is being written: LSS store, 1010h or 1011h.
   [[nodiscard]] bool storing() const noexcept {
     return (record_ && record_->busy()) || (parameters_ && parameters_->busy());
@@ -312,7 +305,7 @@ class Device final : private co::NmtSlave::Owner,
   od::Values values_;
   std::optional<NvRecord> record_;
   std::optional<lss::Slave> lss_;
-  nodeid::RandSlave rand_;
+  NodeIdMethods methods_;
   co::NmtSlave nmt_;
   co::HeartbeatProducer producer_;
   std::unique_ptr<co::HeartbeatConsumer> consumer_;  // only with object 1016h

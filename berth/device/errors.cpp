@@ -127,7 +127,7 @@ bool Device::is_mine(std::uint32_t key) const noexcept {
 void Device::listen() noexcept {
   dispatcher_->remove(*this);
   if (options_.lss) dispatcher_->add(can::only(lss::master_cob_id), *this);
-  if (options_.rand != RandMode::off) dispatcher_->add(nodeid::rand_requests, *this);
+  methods_.listen(*dispatcher_, *this);
   if (!options_.detect_collision) return;
   for_each_own_id([this](std::uint32_t own) { dispatcher_->add(can::only(own), *this); });
 }
