@@ -211,15 +211,29 @@ class Planner {
 
 }  // namespace
 
-bool fits(const SlotSpec& slot, const LssAddress& device) noexcept {
-  if (slot.type != device.type()) return false;
-  if (!slot.revision) return true;
-  switch (slot.rule) {
+namespace {
+
+bool revision_fits(RevisionRule rule, const std::optional<std::uint32_t>& wanted, std::uint32_t has) noexcept {
+  if (!wanted) return true;
+  switch (rule) {
     case RevisionRule::any: return true;
-    case RevisionRule::major: return *slot.revision >> 16 == device.revision >> 16;
-    case RevisionRule::exact: return *slot.revision == device.revision;
+    case RevisionRule::major: return *wanted >> 16 == has >> 16;
+    case RevisionRule::exact: return *wanted == has;
   }
   return false;
+}
+
+}  // namespace
+
+bool fits(const SlotSpec& slot, const LssAddress& device) noexcept {
+  if (slot.type == device.type()) return revision_fits(slot.rule, slot.revision, device.revision);
+  return std::ranges::any_of(slot.also, [&](const AlsoType& other) {
+    return other.type == device.type() && revision_fits(slot.rule, other.revision, device.revision);
+  });
+}
+
+bool listed_spare(const SlotSpec& slot, const LssAddress& device) noexcept {
+  return std::ranges::find(slot.spares, device.serial) != slot.spares.end() && fits(slot, device);
 }
 
 Plan plan(const std::vector<Slot>& slots, const std::vector<Found>& found,

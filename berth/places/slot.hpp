@@ -3,11 +3,13 @@
 #pragma once
 
 #include <cstdint>
+#include <memory>
 #include <optional>
 #include <string>
 #include <vector>
 
 #include "berth/base/ids.hpp"
+#include "berth/places/recipe.hpp"
 
 namespace berth::places {
 
@@ -44,6 +46,13 @@ enum class Activate : std::uint8_t {
   power_cycle,  ///< to be switched off and on by a person
 };
 
+/// A further type that may sit in a slot too: the successor of one that is made no more.
+struct AlsoType {
+  TypeCode type;
+  std::optional<std::uint32_t> revision;  ///< expected revision number; the slot's `rule` holds for it
+  friend bool operator==(const AlsoType&, const AlsoType&) = default;
+};
+
 /// One slot as the machine file wants it. `id` and `type` are the paper's Node_ID and Type_Code, fixed in the
 /// pre-assigning phase (S1.2).
 struct SlotSpec {
@@ -58,7 +67,13 @@ struct SlotSpec {
   bool optional = false;
   std::string config;  ///< file with the device's configuration, empty for none
   Activate activate = Activate::at_once;
+  std::vector<AlsoType> also = {};         ///< `fits` knows them; `type` is what the slot is for
+  std::vector<std::uint32_t> spares = {};  ///< serial numbers of devices that are kept for this slot: such a device is
+                                           ///< chosen first and without a question
+  std::shared_ptr<const Recipe> recipe = {};  ///< with `Assign::recipe`
 };
+/// A device that `fits` this slot and is kept for it.
+[[nodiscard]] bool listed_spare(const SlotSpec& slot, const LssAddress& device) noexcept;
 
 /// Who sits, or shall sit, where.
 struct Seat {
