@@ -1,0 +1,62 @@
+/// A recorded trace: which frame was on which bus when. Plain data; `candump.hpp` reads and writes it.
+#pragma once
+
+#include <cstdint>
+#include <string>
+#include <string_view>
+#include <vector>
+
+#include "berth/can/frame.hpp"
+#include "berth/rt/executor.hpp"
+
+namespace berth::trace {
+
+/// One frame of a trace.
+struct Entry {
+  /// When the frame had ended on the wire, since the recorder's zero: the beginning of a simulated world, or 1970 for a
+  /// log of candump.
+  rt::Duration at{};
+  std::uint16_t bus = 0;  ///< index of `Trace::buses`
+  can::Frame frame;
+  friend bool operator==(const Entry&, const Entry&) = default;
+};
+
+struct Trace {
+  std::vector<std::string> buses;  ///< names as written, in the order in which they first appear
+  std::vector<Entry> entries;      ///< in the order of the file
+
+  /// The index of a bus; it is added when it is not there. At most 65,536.
+  std::uint16_t bus(std::string_view name);
+  friend bool operator==(const Trace&, const Trace&) = default;
+};
+
+/// What one identifier took.
+struct IdStatistics {
+  std::uint32_t key = 0;  ///< `can::Frame::key`
+  std::uint64_t frames = 0;
+  std::uint64_t bits = 0;
+  friend bool operator==(const IdStatistics&, const IdStatistics&) = default;
+};
+
+/// What a trace, or one bus of it, says in numbers. Times are those of the frames' ends.
+struct Statistics {
+  std::uint64_t frames = 0;
+  std::uint64_t bits = 0;         ///< exact lengths with stuff bits and intermission; classic frames only
+  std::uint64_t fd_frames = 0;    ///< whose length is not in `bits`
+  rt::Duration first{};           ///< end of the first frame
+  rt::Duration last{};            ///< end of the last frame
+  rt::Duration longest_gap{};     ///< between the ends of two frames
+  std::vector<IdStatistics> ids;  ///< ascending by `key`: base identifiers first
+
+  [[nodiscard]] rt::Duration span() const noexcept { return last - first; }
+  /// Share of `span` in which frames were on the wire: the bits of all frames but the first, which ended before it
+  /// began. 0 for a span of 0; above 1 when the trace is not of a bus at this bit rate. `bit_rate` in bit/s, not 0.
+  [[nodiscard]] double load(std::uint32_t bit_rate) const noexcept;
+
+  std::uint64_t first_bits = 0;  ///< of the first frame
+};
+
+/// Of all entries of one bus.
+[[nodiscard]] Statistics statistics(const Trace& trace, std::uint16_t bus);
+
+}  // namespace berth::trace
