@@ -153,7 +153,6 @@ class Network final : private co::HeartbeatConsumer::Observer,
   rt::Task<void> round();
   rt::Task<void> opening();
   rt::Task<void> watch();
-  rt::Task<bool> anybody_new();
   [[nodiscard]] rt::Duration look_period() const noexcept;
   [[nodiscard]] bool retry_due();
   rt::Task<void> take_back(const places::Found& found);
@@ -170,10 +169,15 @@ class Network final : private co::HeartbeatConsumer::Observer,
   rt::Task<void> verify_vacancy();
   rt::Task<void> ask_vacancy(NodeId id);
   rt::Task<void> scan_node(NodeId id, Seen& seen, co::SdoOptions patience);
-  // network_bind.cpp: discovery, binding, start
+  // network_discover.cpp: who is new, and what was found of whom
   rt::Task<void> discover();
   rt::Task<void> tell_who_is_known();
   rt::Task<void> inquire_found(bool all);
+  rt::Task<bool> anybody_new();
+  void forget_found(const LssAddress& device);
+  void note_found(const places::Found& found);
+  void tell_discovery(const nodeid::DiscoveryReport& report);
+  // network_bind.cpp: binding, start
   rt::Task<void> carry_out();
   rt::Task<bool> act(const places::Action& action);
   rt::Task<bool> bind_seat(Seat& seat, LssAddress device, std::string reason);
@@ -186,10 +190,7 @@ class Network final : private co::HeartbeatConsumer::Observer,
   rt::Task<void> start_again();
   void bound(Seat& seat, const places::Binding& binding);
   void not_bound(Seat& seat, const places::Binding& binding);
-  void forget_found(const LssAddress& device);
-  void note_found(const places::Found& found);
   void free_absent_slots();
-  void tell_discovery(const nodeid::DiscoveryReport& report);
 
   // network_configure.cpp: configuration before start
   void load_configurations();

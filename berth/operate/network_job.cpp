@@ -129,13 +129,6 @@ rt::Duration Network::look_period() const noexcept {
   return waits ? bus_->timing.probe_period / 8 : bus_->timing.probe_period;
 }
 
-rt::Task<bool> Network::anybody_new() {
-  if (bus_->role == design::Role::observer) co_return false;
-  const nodeid::DiscoveryOptions options = discovery_options();
-  const auto probe = co_await rand_.probe(options);
-  co_return probe && probe->anybody;
-}
-
 rt::Task<void> Network::handle(Wake wake) {
   Seat* const seat = seat_at(wake.node);
   if (seat == nullptr) {
