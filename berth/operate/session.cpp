@@ -32,7 +32,17 @@ class Session::StampedStore final : public places::SlotStore {
     return stamped().confirm_blank(device, reason);
   }
   Result<std::vector<LssAddress>> unfinished_blanks() override { return store_->unfinished_blanks(); }
+  Result<void> mark(places::Mark mark, const LssAddress& device, NodeId id, std::string_view reason) override {
+    return stamped().mark(mark, device, id, reason);
+  }
+  Result<void> unmark(places::Mark mark, const LssAddress& device, std::string_view reason) override {
+    return stamped().unmark(mark, device, reason);
+  }
+  Result<std::vector<places::Marked>> marked(places::Mark mark) override { return store_->marked(mark); }
   Result<void> note(const places::HistoryEntry& entry) override { return stamped().note(entry); }
+  Result<std::vector<places::HistoryEntry>> history_of(const LssAddress& device) override {
+    return store_->history_of(device);
+  }
   Result<std::vector<places::HistoryEntry>> history(std::optional<places::SlotId> slot) override {
     return store_->history(slot);
   }

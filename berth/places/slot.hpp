@@ -9,6 +9,7 @@
 #include <vector>
 
 #include "berth/base/ids.hpp"
+#include "berth/places/probe.hpp"
 #include "berth/places/recipe.hpp"
 
 namespace berth::places {
@@ -27,8 +28,14 @@ struct SlotName {
   friend auto operator<=>(const SlotName&, const SlotName&) = default;
 };
 
-/// What to do when new devices and free slots of a type do not match one to one.
-enum class WhenAmbiguous : std::uint8_t { ask, ascending, one_at_a_time, probe, first_seen };
+/// Who sits where when it is not one new device of a type for one free slot.
+enum class WhenAmbiguous : std::uint8_t {
+  ask,            ///< a person says it
+  ascending,      ///< paper 1's rule 2, when devices and slots are equal in number; else a person says it
+  one_at_a_time,  ///< devices come one by one, each into the lowest free slot
+  probe,          ///< an object of the device says it (`SlotSpec::probe`)
+  first_seen,     ///< the one that becomes active first gets the lowest free slot
+};
 
 /// How much of the revision number must agree with the slot's.
 enum class RevisionRule : std::uint8_t { any, major, exact };
@@ -61,7 +68,7 @@ struct SlotSpec {
   TypeCode type;
   std::optional<std::uint32_t> revision;  ///< expected revision number, when `rule` is not `any`
   RevisionRule rule = RevisionRule::any;
-  WhenAmbiguous when_ambiguous = WhenAmbiguous::ask;
+  WhenAmbiguous when_ambiguous = WhenAmbiguous::ascending;
   Replacement replacement = Replacement::ask;
   Assign assign = Assign::lss;
   bool optional = false;
@@ -71,6 +78,7 @@ struct SlotSpec {
   std::vector<std::uint32_t> spares = {};  ///< serial numbers of devices that are kept for this slot: such a device is
                                            ///< chosen first and without a question
   std::shared_ptr<const Recipe> recipe = {};  ///< with `Assign::recipe`
+  std::optional<Probe> probe = {};            ///< tells the slot's device at every boot, whatever its serial number
 };
 /// A device that `fits` this slot and is kept for it.
 [[nodiscard]] bool listed_spare(const SlotSpec& slot, const LssAddress& device) noexcept;
@@ -116,17 +124,45 @@ struct SlotRecord {
   }
 };
 
+/// What is remembered of a device beside its seat.
+enum class Mark : std::uint8_t {
+  restore,  ///< it shall have its factory settings before it is configured (a used spare); until that was done
+  fixed,    ///< its node-ID comes from switches, plug or firmware: LSS cannot change it
+};
+/// What the history says when a mark is set, and when it is taken away: "restore asked", "restored"; "fixed node-ID",
+/// "node-ID not fixed".
+[[nodiscard]] const char* name(Mark mark) noexcept;
+[[nodiscard]] const char* name_of_end(Mark mark) noexcept;
+
+/// A device with a mark.
+struct Marked {
+  LssAddress device;
+  NodeId id;  ///< that it had then
+  friend bool operator==(const Marked&, const Marked&) = default;
+};
+
 /// One line of the history that is never rewritten.
 struct HistoryEntry {
   std::int64_t sequence = 0;   ///< ascending over the whole store
   std::int64_t stamp_ms = 0;   ///< given by the caller: Unix time, or bus time on a simulated bus
   std::optional<SlotId> slot;  ///< none for what concerns a device alone
   std::string event;           ///< "declared", "asked", "confirmed", "cleared", "blank asked", "blanked",
-                               ///< "configuring", "power cycle needed", "configured", or a note
+                               ///< "configuring", "power cycle needed", "configured", what a `Mark` says, or a note
   std::optional<LssAddress> device;
   NodeId id;
   std::string reason;
 };
+
+/// Where a device sat, and until when.
+struct FormerSeat {
+  SlotId slot;
+  NodeId id;
+  std::int64_t until_ms = 0;  ///< `HistoryEntry::stamp_ms` of the line that ended it
+  friend bool operator==(const FormerSeat&, const FormerSeat&) = default;
+};
+/// The last seat that a device had and has no more, by the lines of the history about it, oldest first. None when it
+/// never sat anywhere, sits there still, or was restored to its factory settings since.
+[[nodiscard]] std::optional<FormerSeat> former_seat(const std::vector<HistoryEntry>& lines);
 
 /// What is going on with a slot now. The names stand in `--json` and in the documents.
 enum class SlotState : std::uint8_t {

@@ -31,6 +31,39 @@ const char* name(Configured::Stage stage) noexcept {
   return "configuring";
 }
 
+const char* name(Mark mark) noexcept {
+  switch (mark) {
+    case Mark::restore: return "restore asked";
+    case Mark::fixed: return "fixed node-ID";
+  }
+  return "";
+}
+
+const char* name_of_end(Mark mark) noexcept {
+  switch (mark) {
+    case Mark::restore: return "restored";
+    case Mark::fixed: return "node-ID not fixed";
+  }
+  return "";
+}
+
+std::optional<FormerSeat> former_seat(const std::vector<HistoryEntry>& lines) {
+  std::optional<FormerSeat> sits;
+  std::optional<FormerSeat> sat;
+  for (const auto& line : lines) {
+    if (line.event == "confirmed" && line.slot) {
+      sits = FormerSeat{*line.slot, line.id, 0};
+    } else if (line.event == "cleared" && sits && line.slot == sits->slot) {
+      sat = sits;
+      sat->until_ms = line.stamp_ms;
+      sits.reset();
+    } else if (line.event == name_of_end(Mark::restore)) {
+      sat.reset();
+    }
+  }
+  return sits ? std::nullopt : sat;
+}
+
 SlotRecord* MemoryStore::find(SlotId slot) noexcept {
   const auto it = std::ranges::find(slots_, slot, &SlotRecord::slot);
   return it == slots_.end() ? nullptr : &*it;
@@ -115,6 +148,26 @@ Result<void> MemoryStore::confirm_blank(const LssAddress& device, std::string_vi
 
 Result<std::vector<LssAddress>> MemoryStore::unfinished_blanks() { return blanks_; }
 
+Result<void> MemoryStore::mark(Mark mark, const LssAddress& device, NodeId id, std::string_view reason) {
+  marks_[{mark, device}] = id;
+  log(std::nullopt, name(mark), device, id, reason);
+  return {};
+}
+
+Result<void> MemoryStore::unmark(Mark mark, const LssAddress& device, std::string_view reason) {
+  marks_.erase({mark, device});
+  log(std::nullopt, name_of_end(mark), device, NodeId(), reason);
+  return {};
+}
+
+Result<std::vector<Marked>> MemoryStore::marked(Mark mark) {
+  std::vector<Marked> devices;
+  for (const auto& [key, id] : marks_) {
+    if (key.first == mark) devices.push_back({key.second, id});
+  }
+  return devices;
+}
+
 Result<void> MemoryStore::note(const HistoryEntry& entry) {
   log(entry.slot, entry.event, entry.device, entry.id, entry.reason);
   return {};
@@ -124,6 +177,12 @@ Result<std::vector<HistoryEntry>> MemoryStore::history(std::optional<SlotId> slo
   std::vector<HistoryEntry> lines;
   std::ranges::copy_if(history_, std::back_inserter(lines),
                        [&](const HistoryEntry& h) { return !slot || h.slot == slot; });
+  return lines;
+}
+
+Result<std::vector<HistoryEntry>> MemoryStore::history_of(const LssAddress& device) {
+  std::vector<HistoryEntry> lines;
+  std::ranges::copy_if(history_, std::back_inserter(lines), [&](const HistoryEntry& h) { return h.device == device; });
   return lines;
 }
 

@@ -4,7 +4,9 @@
 /// instant; when the process dies inside it, the next start sees the state before or after, nothing between.
 #pragma once
 
+#include <map>
 #include <string_view>
+#include <utility>
 #include <vector>
 
 #include "berth/base/result.hpp"
@@ -40,10 +42,18 @@ class SlotStore {
   /// Devices whose blanking was asked for and not confirmed.
   virtual Result<std::vector<LssAddress>> unfinished_blanks() = 0;
 
+  /// Remembers something of a device, or no more. `id`: the node-ID it has. Idempotent, but for the history.
+  virtual Result<void> mark(Mark mark, const LssAddress& device, NodeId id, std::string_view reason) = 0;
+  virtual Result<void> unmark(Mark mark, const LssAddress& device, std::string_view reason) = 0;
+  /// The devices with this mark, in the order of their addresses.
+  virtual Result<std::vector<Marked>> marked(Mark mark) = 0;
+
   /// Adds a line to the history that changes nothing else.
   virtual Result<void> note(const HistoryEntry& entry) = 0;
   /// The history, oldest first; of one slot, or all.
   virtual Result<std::vector<HistoryEntry>> history(std::optional<SlotId> slot) = 0;
+  /// The lines about a device, oldest first, of every machine of the store.
+  virtual Result<std::vector<HistoryEntry>> history_of(const LssAddress& device) = 0;
 
   /// The time that history lines get from now on (`HistoryEntry::stamp_ms`).
   virtual void stamp(std::int64_t now_ms) noexcept = 0;
@@ -61,8 +71,12 @@ class MemoryStore final : public SlotStore {
   Result<void> ask_blank(const LssAddress& device, std::string_view reason) override;
   Result<void> confirm_blank(const LssAddress& device, std::string_view reason) override;
   Result<std::vector<LssAddress>> unfinished_blanks() override;
+  Result<void> mark(Mark mark, const LssAddress& device, NodeId id, std::string_view reason) override;
+  Result<void> unmark(Mark mark, const LssAddress& device, std::string_view reason) override;
+  Result<std::vector<Marked>> marked(Mark mark) override;
   Result<void> note(const HistoryEntry& entry) override;
   Result<std::vector<HistoryEntry>> history(std::optional<SlotId> slot) override;
+  Result<std::vector<HistoryEntry>> history_of(const LssAddress& device) override;
   void stamp(std::int64_t now_ms) noexcept override { stamp_ms_ = now_ms; }
 
  private:
@@ -72,6 +86,7 @@ class MemoryStore final : public SlotStore {
 
   std::vector<SlotRecord> slots_;
   std::vector<LssAddress> blanks_;
+  std::map<std::pair<Mark, LssAddress>, NodeId> marks_;
   std::vector<HistoryEntry> history_;
   std::int64_t stamp_ms_ = 0;
 };

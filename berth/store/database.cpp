@@ -43,6 +43,13 @@ constexpr const char* put_blank_sql =
 constexpr const char* drop_blank_sql =
     "DELETE FROM blanks WHERE vendor = ? AND product = ? AND revision = ? AND serial = ?";
 constexpr const char* blanks_sql = "SELECT vendor, product, revision, serial FROM blanks ORDER BY id";
+// Kept as the numbers of `places::Mark`, which are never given to another.
+constexpr const char* put_mark_sql =
+    "INSERT OR REPLACE INTO marks (vendor, product, revision, serial, mark, node_id) VALUES (?, ?, ?, ?, ?, ?)";
+constexpr const char* drop_mark_sql =
+    "DELETE FROM marks WHERE vendor = ? AND product = ? AND revision = ? AND serial = ? AND mark = ?";
+constexpr const char* marked_sql =
+    "SELECT vendor, product, revision, serial, node_id FROM marks WHERE mark = ? ORDER BY 1, 2, 3, 4";
 constexpr const char* log_sql =
     "INSERT INTO history (vendor, product, revision, serial, stamp_ms, slot, event, node_id, reason) "
     "VALUES (?, ?, ?, ?, ?, ?, ?, ?, ?)";
@@ -52,6 +59,9 @@ constexpr const char* history_sql =
 constexpr const char* history_of_slot_sql =
     "SELECT vendor, product, revision, serial, sequence, stamp_ms, slot, event, node_id, reason FROM history "
     "WHERE slot = ? ORDER BY sequence";
+constexpr const char* history_of_device_sql =
+    "SELECT vendor, product, revision, serial, sequence, stamp_ms, slot, event, node_id, reason FROM history "
+    "WHERE vendor = ? AND product = ? AND revision = ? AND serial = ? ORDER BY sequence";
 constexpr const char* devices_sql =
     "SELECT vendor, product, revision, serial, first_ms, last_ms, lines FROM devices ORDER BY 1, 2, 3, 4";
 
@@ -95,6 +105,23 @@ class Query {
   SQLite::Statement& statement_;
   int next_ = 1;
 };
+
+/// The rows of the history's queries.
+std::vector<HistoryEntry> lines_of(Query& query) {
+  std::vector<HistoryEntry> lines;
+  while (query.row()) {
+    HistoryEntry line;
+    if (!query.null(0)) line.device = query.address(0);
+    line.sequence = query.number(4);
+    line.stamp_ms = query.number(5);
+    if (!query.null(6)) line.slot = SlotId{query.number(6)};
+    line.event = query.text(7);
+    line.id = query.node_id(8);
+    line.reason = query.text(9);
+    lines.push_back(std::move(line));
+  }
+  return lines;
+}
 
 tl::unexpected<Error> failed(const SQLite::Exception& error, const char* what) noexcept {
   return fail(
@@ -351,6 +378,40 @@ Result<std::vector<LssAddress>> Database::unfinished_blanks() {
   });
 }
 
+Result<void> Database::mark(places::Mark mark, const LssAddress& device, NodeId id, std::string_view reason) {
+  return impl_->write("marking a device", [&]() -> Result<void> {
+    {
+      Query query(impl_->statement(put_mark_sql));
+      query << device << static_cast<std::int64_t>(mark) << std::int64_t{id.value()};
+      query.run();
+    }
+    impl_->log(std::nullopt, name(mark), device, id, reason);
+    return {};
+  });
+}
+
+Result<void> Database::unmark(places::Mark mark, const LssAddress& device, std::string_view reason) {
+  return impl_->write("taking a mark away", [&]() -> Result<void> {
+    {
+      Query query(impl_->statement(drop_mark_sql));
+      query << device << static_cast<std::int64_t>(mark);
+      query.run();
+    }
+    impl_->log(std::nullopt, name_of_end(mark), device, NodeId(), reason);
+    return {};
+  });
+}
+
+Result<std::vector<places::Marked>> Database::marked(places::Mark mark) {
+  return impl_->read("loading marks", [&]() -> Result<std::vector<places::Marked>> {
+    std::vector<places::Marked> devices;
+    Query query(impl_->statement(marked_sql));
+    query << static_cast<std::int64_t>(mark);
+    while (query.row()) devices.push_back({query.address(0), query.node_id(4)});
+    return devices;
+  });
+}
+
 Result<void> Database::note(const HistoryEntry& entry) {
   return impl_->write("writing history", [&]() -> Result<void> {
     impl_->log(entry.slot, entry.event, entry.device, entry.id, entry.reason);
@@ -360,21 +421,17 @@ Result<void> Database::note(const HistoryEntry& entry) {
 
 Result<std::vector<HistoryEntry>> Database::history(std::optional<SlotId> slot) {
   return impl_->read("loading history", [&]() -> Result<std::vector<HistoryEntry>> {
-    std::vector<HistoryEntry> lines;
     Query query(impl_->statement(slot ? history_of_slot_sql : history_sql));
     if (slot) query << slot->value;
-    while (query.row()) {
-      HistoryEntry line;
-      if (!query.null(0)) line.device = query.address(0);
-      line.sequence = query.number(4);
-      line.stamp_ms = query.number(5);
-      if (!query.null(6)) line.slot = SlotId{query.number(6)};
-      line.event = query.text(7);
-      line.id = query.node_id(8);
-      line.reason = query.text(9);
-      lines.push_back(std::move(line));
-    }
-    return lines;
+    return lines_of(query);
+  });
+}
+
+Result<std::vector<HistoryEntry>> Database::history_of(const LssAddress& device) {
+  return impl_->read("loading a device's history", [&]() -> Result<std::vector<HistoryEntry>> {
+    Query query(impl_->statement(history_of_device_sql));
+    query << device;
+    return lines_of(query);
   });
 }
 

@@ -25,7 +25,7 @@
 namespace berth::store {
 
 /// The schema this Berth writes. Older ones are brought up to it when a store is opened, in one transaction.
-inline constexpr int schema_version = 3;
+inline constexpr int schema_version = 4;
 
 /// A device that was ever named in the store.
 struct DeviceSeen {
@@ -71,8 +71,12 @@ class Database final : public places::SlotStore {
   Result<void> ask_blank(const LssAddress& device, std::string_view reason) override;
   Result<void> confirm_blank(const LssAddress& device, std::string_view reason) override;
   Result<std::vector<LssAddress>> unfinished_blanks() override;
+  Result<void> mark(places::Mark mark, const LssAddress& device, NodeId id, std::string_view reason) override;
+  Result<void> unmark(places::Mark mark, const LssAddress& device, std::string_view reason) override;
+  Result<std::vector<places::Marked>> marked(places::Mark mark) override;
   Result<void> note(const places::HistoryEntry& entry) override;
   Result<std::vector<places::HistoryEntry>> history(std::optional<places::SlotId> slot) override;
+  Result<std::vector<places::HistoryEntry>> history_of(const LssAddress& device) override;
   void stamp(std::int64_t now_ms) noexcept override;
 
   /// All devices ever named, in the order of their addresses.

@@ -98,6 +98,20 @@ CREATE TABLE configurations (
   days     INTEGER NOT NULL CHECK (days BETWEEN 0 AND 4294967295),
   ms       INTEGER NOT NULL CHECK (ms BETWEEN 0 AND 4294967295)
 ) STRICT;
+)",
+    // 4: what is remembered of a device beside its seat (0 to be restored, 1 fixed node-ID), and a device's history by
+    // an index.
+    R"(
+CREATE TABLE marks (
+  vendor   INTEGER NOT NULL CHECK (vendor BETWEEN 0 AND 4294967295),
+  product  INTEGER NOT NULL CHECK (product BETWEEN 0 AND 4294967295),
+  revision INTEGER NOT NULL CHECK (revision BETWEEN 0 AND 4294967295),
+  serial   INTEGER NOT NULL CHECK (serial BETWEEN 0 AND 4294967295),
+  mark     INTEGER NOT NULL,
+  node_id  INTEGER NOT NULL CHECK (node_id BETWEEN 0 AND 255),
+  PRIMARY KEY (vendor, product, revision, serial, mark)
+) STRICT, WITHOUT ROWID;
+CREATE INDEX history_of_device ON history (vendor, product, revision, serial) WHERE vendor IS NOT NULL;
 )"};
 
 // One query per table that names every column, and the version that brought the table; preparing it fails when
@@ -106,7 +120,7 @@ struct Probe {
   int since;
   const char* query;
 };
-constexpr std::array<Probe, 6> probes{{
+constexpr std::array<Probe, 7> probes{{
     {1, "SELECT id, machine, bus, name FROM slots LIMIT 1"},
     {1, "SELECT slot, fact, vendor, product, revision, serial, node_id FROM seats LIMIT 1"},
     {1, "SELECT id, vendor, product, revision, serial FROM blanks LIMIT 1"},
@@ -114,6 +128,7 @@ constexpr std::array<Probe, 6> probes{{
      "SELECT sequence, stamp_ms, slot, event, vendor, product, revision, serial, node_id, reason FROM history LIMIT 1"},
     {2, "SELECT vendor, product, revision, serial, first_ms, last_ms, lines FROM devices LIMIT 1"},
     {3, "SELECT slot, stage, vendor, product, revision, serial, days, ms FROM configurations LIMIT 1"},
+    {4, "SELECT vendor, product, revision, serial, mark, node_id FROM marks LIMIT 1"},
 }};
 
 void apply(SQLite::Database& db, int from, int to) {

@@ -116,6 +116,18 @@ class MortalStore final : public places::SlotStore {
   Result<std::vector<LssAddress>> unfinished_blanks() override {
     return read([&] { return database_->unfinished_blanks(); });
   }
+  Result<void> mark(places::Mark mark, const LssAddress& device, NodeId id, std::string_view reason) override {
+    return write([&] { return database_->mark(mark, device, id, reason); });
+  }
+  Result<void> unmark(places::Mark mark, const LssAddress& device, std::string_view reason) override {
+    return write([&] { return database_->unmark(mark, device, reason); });
+  }
+  Result<std::vector<places::Marked>> marked(places::Mark mark) override {
+    return read([&] { return database_->marked(mark); });
+  }
+  Result<std::vector<places::HistoryEntry>> history_of(const LssAddress& device) override {
+    return read([&] { return database_->history_of(device); });
+  }
   Result<void> note(const places::HistoryEntry& entry) override {
     return write([&] { return database_->note(entry); });
   }

@@ -43,6 +43,7 @@ State state_of(places::SlotStore& store) {
                           shown(r.confirmed) + " " + shown(r.configured));
   }
   for (const auto& b : must(store.unfinished_blanks())) state.lines.push_back("blank " + to_string(b));
+  for (const auto& m : must(store.marked(places::Mark::restore))) state.lines.push_back("used " + to_string(m.device));
   for (const auto& h : must(store.history(std::nullopt))) {
     state.lines.push_back(std::to_string(h.sequence) + " " + h.event + " " + h.reason);
   }
@@ -84,7 +85,9 @@ std::vector<Step> binding() {
       [=](auto& s) { return s.ask_blank(device(5), "found with a wrong node-ID").has_value(); },
       [=](auto& s) { return s.ask(SlotId{1}, c, std::string(9000, 'x')).has_value(); },  // more than one page
       [=](auto& s) { return s.confirm_blank(device(5), "heard").has_value(); },
+      [=](auto& s) { return s.mark(places::Mark::restore, c.device, c.id, "used").has_value(); },
       [=](auto& s) { return s.confirm(SlotId{1}, c, "heard").has_value(); },
+      [=](auto& s) { return s.unmark(places::Mark::restore, c.device, "has its factory settings").has_value(); },
   };
 }
 

@@ -141,6 +141,16 @@ std::vector<std::string> all_of(places::SlotStore& store) {
     }
   }
   for (const auto& b : must(store.unfinished_blanks())) out.push_back(to_string(b));
+  for (const auto mark : {places::Mark::restore, places::Mark::fixed}) {
+    for (const auto& m : must(store.marked(mark))) {
+      out.push_back(std::string(name(mark)) + to_string(m.device) + std::to_string(m.id.value()));
+    }
+  }
+  for (std::uint32_t serial = 0; serial < 4; ++serial) {
+    for (const auto& h : must(store.history_of(device(serial)))) out.push_back(std::to_string(h.sequence));
+    const auto sat = places::former_seat(must(store.history_of(device(serial))));
+    out.push_back(sat ? std::to_string(sat->slot.value) + "until" + std::to_string(sat->until_ms) : "-");
+  }
   for (const auto& h : must(store.history(std::nullopt))) {
     out.push_back(std::to_string(h.sequence) + "," + std::to_string(h.stamp_ms) + "," +
                   (h.slot ? std::to_string(h.slot->value) : "-") + h.event + (h.device ? to_string(*h.device) : "-") +
@@ -155,7 +165,10 @@ std::optional<Errc> random_call(places::SlotStore& store, Random r) {
   const Seat seat{device(static_cast<std::uint32_t>(r.below(4))), NodeId(static_cast<std::uint8_t>(1 + r.below(2)))};
   const auto code = [](const auto& result) { return result ? std::nullopt : std::optional(result.error().code); };
   store.stamp(static_cast<std::int64_t>(r.below(1000)));
-  switch (r.below(9)) {
+  const auto mark = static_cast<places::Mark>(r.below(2));
+  switch (r.below(11)) {
+    case 9: return code(store.mark(mark, seat.device, seat.id, "seen"));
+    case 10: return code(store.unmark(mark, seat.device, "done"));
     case 0: return code(store.declare({r.chance(500'000) ? "m" : "n", "b", std::to_string(r.below(3))}));
     case 1:
     case 2: return code(store.ask(slot, seat, "why"));
@@ -413,6 +426,41 @@ TEST(Store, MigratesSchemaTwoAndKeepsWhatWaitsForAPowerCycle) {
   EXPECT_EQ(store->history(SlotId{1}).value().back().event, "power cycle needed");
   ASSERT_TRUE(store->clear(SlotId{1}, "gone"));
   EXPECT_FALSE(store->load("m").value().at(0).configured);
+}
+
+// Schema 3 had no marks, and its history is asked by device from now on.
+TEST(Store, MigratesSchemaThreeAndKnowsWhereADeviceSat) {
+  const Folder folder;
+  {
+    SQLite::Database raw(folder.file(), SQLite::OPEN_READWRITE | SQLite::OPEN_CREATE);
+    create_schema(raw, 3);
+    raw.exec("INSERT INTO slots (machine, bus, name) VALUES ('m', 'b', 'left')");
+    for (const char* line : {"(7, 1, 'asked', 1, 2, 0, 5, 2, 'r')", "(8, 1, 'confirmed', 1, 2, 0, 5, 2, 's')",
+                             "(9, 1, 'cleared', 1, 2, 0, 5, 255, 't')"}) {
+      raw.exec(
+          std::string("INSERT INTO history (stamp_ms, slot, event, vendor, product, revision, serial, node_id, reason) "
+                      "VALUES ") +
+          line);
+    }
+  }
+  const LssAddress old{1, 2, 0, 5};
+  {
+    auto store = must_open(folder.file());
+    ASSERT_NE(store, nullptr);
+    EXPECT_TRUE(store->marked(places::Mark::restore).value().empty());
+    EXPECT_EQ(store->history_of(old).value().size(), 3U);
+    EXPECT_TRUE(store->history_of({1, 2, 0, 6}).value().empty());
+    EXPECT_EQ(former_seat(store->history_of(old).value()), (places::FormerSeat{SlotId{1}, NodeId(2), 9}));
+    ASSERT_TRUE(store->mark(places::Mark::restore, old, NodeId(2), "used"));
+    ASSERT_TRUE(store->mark(places::Mark::fixed, {1, 2, 0, 6}, NodeId(9), "11h refused"));
+    ASSERT_TRUE(store->mark(places::Mark::fixed, {1, 2, 0, 6}, NodeId(10), "switch turned"));
+  }
+  auto store = must_open(folder.file());
+  EXPECT_EQ(store->marked(places::Mark::restore).value(), (std::vector<places::Marked>{{old, NodeId(2)}}));
+  EXPECT_EQ(store->marked(places::Mark::fixed).value(), (std::vector<places::Marked>{{{1, 2, 0, 6}, NodeId(10)}}));
+  ASSERT_TRUE(store->unmark(places::Mark::restore, old, "done"));
+  EXPECT_TRUE(store->marked(places::Mark::restore).value().empty());
+  EXPECT_FALSE(former_seat(store->history_of(old).value())) << "it has its factory settings: as good as new";
 }
 
 }  // namespace
