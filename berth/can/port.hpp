@@ -21,11 +21,13 @@ struct Status {
   std::uint16_t tec = 0;       ///< transmit error counter, where the port knows it
   std::uint16_t rec = 0;       ///< receive error counter, where the port knows it
   std::uint16_t queued = 0;    ///< frames that wait to be sent
+  std::uint32_t errors = 0;    ///< errors this node has noticed so far, its own frames' included; counts on over 2^32
   bool listen_only = false;
   bool bus_off = false;
   bool up = false;              ///< interface up, cable in, power on
   bool knows_counters = false;  ///< `tec` and `rec` are real
   bool knows_sent = false;      ///< `sent` comes at the true end of the frame, not when the driver took it
+  bool knows_errors = false;    ///< `errors` is real, as error frames of a SocketCAN interface are
 
   [[nodiscard]] bool error_passive() const noexcept { return tec > 127 || rec > 127; }
 };
@@ -39,7 +41,7 @@ class Listener {
   virtual void received(const Frame& frame, rt::Time at) noexcept = 0;
   /// The frame that was sent with this tag was acknowledged on the wire.
   virtual void sent(std::uint32_t tag, rt::Time at) noexcept = 0;
-  /// Error state, bus-off, cable or interface changed.
+  /// Error state, bus-off, cable or interface changed. Not for each error: who counts them asks `Port::status`.
   virtual void changed(const Status& status, rt::Time at) noexcept = 0;
 
  protected:

@@ -6,7 +6,14 @@ namespace berth::io {
 namespace {
 
 enum FrameFlag : std::uint8_t { remote_frame = 1 };
-enum StatusFlag : std::uint8_t { listen_only = 1, bus_off = 2, up = 4, knows_counters = 8, knows_sent = 16 };
+enum StatusFlag : std::uint8_t {
+  listen_only = 1,
+  bus_off = 2,
+  up = 4,
+  knows_counters = 8,
+  knows_sent = 16,
+  knows_errors = 32,
+};
 
 class Writer {
  public:
@@ -35,8 +42,10 @@ class Writer {
     u32(s.bit_rate);
     u16(s.tec);
     u16(s.rec);
+    u32(s.errors);
     u8(static_cast<std::uint8_t>((s.listen_only ? listen_only : 0) | (s.bus_off ? bus_off : 0) | (s.up ? up : 0) |
-                                 (s.knows_counters ? knows_counters : 0) | (s.knows_sent ? knows_sent : 0)));
+                                 (s.knows_counters ? knows_counters : 0) | (s.knows_sent ? knows_sent : 0) |
+                                 (s.knows_errors ? knows_errors : 0)));
   }
   std::vector<std::uint8_t> take() { return std::move(bytes_); }
 
@@ -91,12 +100,14 @@ class Reader {
     s.bit_rate = u32();
     s.tec = u16();
     s.rec = u16();
+    s.errors = u32();
     const auto flags = u8();
     s.listen_only = (flags & listen_only) != 0;
     s.bus_off = (flags & bus_off) != 0;
     s.up = (flags & up) != 0;
     s.knows_counters = (flags & knows_counters) != 0;
     s.knows_sent = (flags & knows_sent) != 0;
+    s.knows_errors = (flags & knows_errors) != 0;
     return s;
   }
 

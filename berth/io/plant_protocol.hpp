@@ -2,15 +2,18 @@
 /// SEQPACKET socket, numbers little-endian. A client speaks for one node on one bus.
 ///
 ///     client to server                              server to client
-///     'H' hello     version U8 = 1, bus name        'W' welcome   status: the node is on the bus
+///     'H' hello     version U8 = 2, bus name        'W' welcome   status: the node is on the bus
 ///     'S' send      tag U32, frame                  'E' refused   text, then the connection ends
 ///     'X' withdraw  tag U32                         'r' received  frame
 ///     'L' listen    n x (first U32, last U32)       's' sent      tag U32: acknowledged on the wire
 ///     'R' restart   bit rate U32                    'q' not sent  tag U32, reason U8 (`can::Queued`)
 ///                                                   'c' changed   status
 ///     frame  = key U32 (bit 31: extended), flags U8 (1: remote), size U8, data 0..8
-///     status = bit rate U32, tec U16, rec U16, flags U8 (1 listen only, 2 bus-off, 4 up, 8 knows counters, 16 knows
-///     sent)
+///     status = bit rate U32, tec U16, rec U16, errors U32, flags U8 (1 listen only, 2 bus-off, 4 up, 8 knows counters,
+///     16 knows sent, 32 knows errors)
+///
+/// What a controller tells its host comes too: 'c' when its state changed, before a frame when errors came before it,
+/// and at least every `status_period` while counters move.
 ///
 /// Whoever gets a message that is none ends the connection. Order is kept: what a node was told came in the order in
 /// which it was on the wire.
@@ -26,7 +29,8 @@
 
 namespace berth::io {
 
-inline constexpr std::uint8_t plant_protocol_version = 1;
+inline constexpr std::uint8_t plant_protocol_version = 2;
+inline constexpr rt::Duration status_period = std::chrono::milliseconds(20);
 inline constexpr std::size_t most_ranges = 512;  ///< of one 'L'
 inline constexpr std::size_t most_text = 256;    ///< of a bus name or an 'E'
 inline constexpr std::size_t longest_message = 1 + most_ranges * 8;

@@ -30,7 +30,7 @@ class PlantServer::Impl final : private Watcher {
 
  private:
   /// One client: its socket and its node.
-  class Client final : private Watcher, private can::Listener {
+  class Client final : private Watcher, private can::Listener, private rt::Job {
    public:
     Client(Impl& server, int fd) : server_(&server), socket_(*server.loop_, fd, *this) {}
     ~Client() {
@@ -68,6 +68,7 @@ class PlantServer::Impl final : private Watcher {
       }
       port_->listen(this, {});
       tell_status(MessageKind::welcome, port_->status());
+      server_->loop_->executor().after(status_period, *this);
       return true;
     }
     void give(const Message& m) noexcept {
@@ -81,9 +82,19 @@ class PlantServer::Impl final : private Watcher {
     void tell_status(MessageKind kind, const can::Status& status) {
       Message m{.kind = kind};
       m.status = status;
+      told_ = status;
       socket_.send(m);
     }
+    // Counters move without a word of the port's.
+    void run() noexcept override {
+      const auto now = port_->status();
+      if (now.errors != told_.errors || now.tec != told_.tec || now.rec != told_.rec)
+        tell_status(MessageKind::changed, now);
+      server_->loop_->executor().after(status_period, *this);
+    }
     void received(const can::Frame& frame, rt::Time) noexcept override {
+      const auto now = port_->status();
+      if (now.errors != told_.errors) tell_status(MessageKind::changed, now);
       Message m{.kind = MessageKind::received};
       m.frame = frame;
       socket_.send(m);
@@ -98,6 +109,7 @@ class PlantServer::Impl final : private Watcher {
     Impl* server_;
     PlantSocket socket_;
     std::unique_ptr<can::Port> port_;
+    can::Status told_{};
   };
 
   void ready(std::uint32_t) noexcept override {

@@ -111,11 +111,13 @@ can::Status Controller::status() const noexcept {
   s.tec = tec_;
   s.rec = rec_;
   s.queued = static_cast<std::uint16_t>(order_.size());
+  s.errors = static_cast<std::uint32_t>(statistics_.transmit_errors + statistics_.receive_errors);
   s.listen_only = listen_only_;
   s.bus_off = bus_off_;
   s.up = powered_ && cable_;
   s.knows_counters = true;
   s.knows_sent = true;
+  s.knows_errors = true;
   return s;
 }
 

@@ -35,15 +35,16 @@ TEST(PlantProtocol, BytesAsDocumented) {
   EXPECT_EQ(encode(m), (std::vector<std::uint8_t>{'S', 4, 3, 2, 1, 0xE5, 0x07, 0, 0, 0, 2, 0x04, 0x01}));
   Message hello{.kind = MessageKind::hello};
   hello.text = "ab";
-  EXPECT_EQ(encode(hello), (std::vector<std::uint8_t>{'H', 1, 'a', 'b'}));
+  EXPECT_EQ(encode(hello), (std::vector<std::uint8_t>{'H', 2, 'a', 'b'}));
   Message listen{.kind = MessageKind::listen};
   listen.ranges = {{0x701, 0x77F}};
   EXPECT_EQ(encode(listen), (std::vector<std::uint8_t>{'L', 1, 7, 0, 0, 0x7F, 7, 0, 0}));
   Message gone{.kind = MessageKind::changed};
   gone.status.bit_rate = 0x1E848;
   gone.status.tec = 0x102;
-  gone.status.bus_off = gone.status.up = true;
-  EXPECT_EQ(encode(gone), (std::vector<std::uint8_t>{'c', 0x48, 0xE8, 1, 0, 2, 1, 0, 0, 6}));
+  gone.status.bus_off = gone.status.up = gone.status.knows_errors = true;
+  gone.status.errors = 0x0A0B0C;
+  EXPECT_EQ(encode(gone), (std::vector<std::uint8_t>{'c', 0x48, 0xE8, 1, 0, 2, 1, 0, 0, 0x0C, 0x0B, 0x0A, 0, 38}));
 }
 
 TEST(PlantProtocol, FramesComeBackEqual) {
@@ -87,7 +88,7 @@ TEST(PlantProtocol, WrongBytesAreRefused) {
       {},
       {'?'},
       {'H'},
-      {'H', 2, 'a'},                              // another version
+      {'H', 1, 'a'},                              // another version
       {'S', 1, 0, 0, 0, 1, 0, 0, 0, 0, 9},        // size 9
       {'S', 1, 0, 0, 0, 0, 8, 0, 0, 0, 0},        // an 11-bit identifier of 800h
       {'S', 1, 0, 0, 0, 0, 0, 0, 0xA0, 0, 0},     // a 29-bit one of 2000 0000h
@@ -268,6 +269,40 @@ TEST_F(PlantPortTest, TheClientsDeathIsANodeOffTheBus) {
   peer_->send(can::Frame::base(0x100, {}), 1);
   run();
   EXPECT_GT(peer_->tec(), 0);
+}
+
+// Issue 4, part 8: who looks from another process sees what a controller tells, error counters included, and knows
+// which errors came before a frame.
+TEST_F(PlantPortTest, ErrorsAndCountersComeAlong) {
+  const auto port = connect("backbone");
+  ASSERT_TRUE(port);
+  EXPECT_TRUE(port->status().knows_errors);
+  EXPECT_EQ(port->status().errors, 0U);
+  class Watch final : public can::Listener {
+   public:
+    explicit Watch(can::Port& port) : port_(port) {}
+    void received(const can::Frame&, rt::Time) noexcept override { before.push_back(port_.status().errors); }
+    void sent(std::uint32_t, rt::Time) noexcept override {}
+    void changed(const can::Status&, rt::Time) noexcept override {}
+    std::vector<std::uint32_t> before;
+
+   private:
+    can::Port& port_;
+  } watch(*port);
+  port->listen(&watch, everything);
+  run();
+  const auto second = bus_->attach({.name = "second"});
+  bus_->inject({.trigger = {.times = 3}, .where = sim::from_start(20), .victims = {second.get()}});
+  peer_->send(can::Frame::base(0x100, {1}), 0);
+  ASSERT_TRUE(run_until([&] { return watch.before.size() == 1; }));
+  EXPECT_EQ(watch.before[0], 3U);
+  // Three errors as a receiver, one good frame.
+  EXPECT_TRUE(run_until([&] { return port->status().rec == 2; }));
+  EXPECT_EQ(port->status().tec, 0);
+  // A frame that never becomes good: the counters come without one.
+  bus_->inject({.trigger = {.times = 0}, .where = sim::from_start(20), .victims = {peer_.get()}});
+  peer_->send(can::Frame::base(0x101, {1}), 0);
+  EXPECT_TRUE(run_until([&] { return port->status().errors > 20; }));
 }
 
 TEST_F(PlantPortTest, ABusThatIsNotThereIsRefusedInWords) {
