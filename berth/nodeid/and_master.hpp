@@ -1,0 +1,95 @@
+/// The AND master: finds every device in state unknown, lowest AND address first (docs/and.md; paper 1 §I, S1.44).
+///
+/// Non-recursive, as paper 1 counts it: each device takes twelve phases and a direct identification, 13 N + 1 requests.
+/// Recursive: after a device the master goes on at the deepest phase in which another value was heard.
+///
+/// What it finds are 48-bit addresses. With `inquire` the master asks each device for its whole LSS address right after
+/// its DIS: two requests more, the only frames of AND that carry data of one device.
+///
+///     AndOptions options;                             // must outlive the task
+///     auto report = co_await master.discover(options);
+#pragma once
+
+#include <vector>
+
+#include "berth/nodeid/and_frames.hpp"
+#include "berth/nodeid/exchange.hpp"
+#include "berth/nodeid/rand_master.hpp"
+
+namespace berth::nodeid {
+
+struct AndOptions {
+  bool recursive = false;
+  bool inquire = true;  ///< ask for the LSS addresses; false: `AndFound::address` stays empty
+  /// Windows, retries and bounds as for RAND. `inhibit`, `confirm_clones` are not used.
+  DiscoveryOptions discovery{};
+};
+
+/// One device that was found.
+struct AndFound {
+  AndAddress short_address{};
+  std::optional<LssAddress> address{};  ///< empty: not inquired, or nobody answered it
+  rt::Time at{};                        ///< its DIS
+  unsigned dis_frames = 0;
+  unsigned times_found = 1;
+  /// DIS was heard twice, or two answers to an inquiry differ: several devices have this AND address.
+  bool ambiguous = false;
+};
+
+struct AndReport {
+  DiscoveryReport::End end = DiscoveryReport::End::complete;
+  std::vector<AndFound> found{};  ///< in the order of finding
+  unsigned requests = 0;
+  unsigned restarts = 0;
+  rt::Time began{};
+  rt::Time known{};  ///< the last device was found; without the closing phase 0 that nobody answered
+  rt::Time ended{};
+};
+
+/// Watches an AND discovery. Must not destroy it.
+class AndObserver {
+ public:
+  virtual void found(const AndFound& device) noexcept = 0;
+
+ protected:
+  ~AndObserver() = default;
+};
+
+/// One procedure at a time: a second one gives `invalid`. Must outlive its tasks; options and observer are used until
+/// the task ends.
+class AndMaster final : private can::Handler {
+ public:
+  explicit AndMaster(can::Dispatcher& dispatcher);
+
+  /// Everybody to `unknown` or `identified`. Done when sent.
+  [[nodiscard]] rt::Task<Result<void>> switch_global(Identification state);
+  /// The devices with this AND address. One frame, no answer.
+  [[nodiscard]] rt::Task<Result<void>> switch_selective(AndAddress address, Identification target);
+  /// Finds all unknown devices. Errors: `bus` a request cannot be sent; `invalid` something else is under way.
+  [[nodiscard]] rt::Task<Result<AndReport>> discover(const AndOptions& options, AndObserver* observer = nullptr);
+  /// One IURS of phase 0: is anybody unknown there?
+  [[nodiscard]] rt::Task<Result<bool>> probe(const AndOptions& options);
+
+ private:
+  struct Run;
+  struct Lease;
+  enum class Outcome : std::uint8_t { nobody, silent, found };
+  void received(const can::Frame& frame, rt::Time at) noexcept override;
+  [[nodiscard]] rt::Task<Result<bool>> ask(Run& run, const can::Frame& frame, AndAnswer::Kind kind);
+  [[nodiscard]] rt::Task<Result<Outcome>> procedure(Run& run);
+  [[nodiscard]] rt::Task<Result<void>> record(Run& run);
+  [[nodiscard]] rt::Task<Result<void>> inquire(Run& run, AndFound& device);
+  [[nodiscard]] rt::Task<Result<void>> tell(Run& run, AndAddress address, Identification target);
+
+  Exchanges exchanges_;
+  bool busy_ = false;
+  AndAnswer::Kind wanted_ = AndAnswer::Kind::ius;
+  std::uint16_t heard_ = 0;  // bit n: nibble n
+  unsigned frames_ = 0;      // answers in the window
+  std::uint8_t asked_ = 0;   // DIS counts for this nibble
+  rt::Time first_{};
+  std::uint32_t parts_[2]{};  // of an address answer
+  bool differ_ = false;       // two address answers differed
+};
+
+}  // namespace berth::nodeid

@@ -1,0 +1,41 @@
+/// The AND slave of a device (docs/and.md): frames in, frames out. No heap, no exceptions.
+///
+/// | request                       | unknown                          | identified                      |
+/// |-------------------------------|----------------------------------|---------------------------------|
+/// | IURS p, prefix is its own     | IUS(nibble p)                    | -                               |
+/// | IURS p, another prefix        | -                                | -                               |
+/// | DIRS, address is its own      | DIS(nibble 11), identified       | -                               |
+/// | switch global                 | as told                          | as told                         |
+/// | switch selective, its own     | as told                          | as told                         |
+/// | inquire part                  | -                                | its part, if it sent the last DIS |
+///
+/// A request carries the whole prefix, so a slave keeps nothing between phases and a frame that was lost makes nobody
+/// answer for a prefix that is not his.
+#pragma once
+
+#include <optional>
+
+#include "berth/nodeid/and_frames.hpp"
+
+namespace berth::nodeid {
+
+class AndSlave {
+ public:
+  explicit AndSlave(const LssAddress& address) noexcept : lss_address_(address), address_(address) {}
+
+  /// One frame of `and_requests`; others are ignored. The answer, if there is one.
+  std::optional<can::Frame> handle(const can::Frame& frame) noexcept;
+  /// Unknown.
+  void power_on() noexcept;
+
+  [[nodiscard]] Identification state() const noexcept { return state_; }
+  [[nodiscard]] AndAddress address() const noexcept { return address_; }
+
+ private:
+  LssAddress lss_address_;
+  AndAddress address_;
+  Identification state_ = Identification::unknown;
+  bool last_ = false;  // the last DIS was its own
+};
+
+}  // namespace berth::nodeid

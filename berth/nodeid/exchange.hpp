@@ -1,0 +1,69 @@
+/// One request and the window in which its answers come: what the masters of AND and of the RAND walk are made of.
+///
+/// The window begins at the request's `sent`. Every answer of these protocols outranks the next request, so what is
+/// heard before that belongs to the request before.
+#pragma once
+
+#include "berth/base/result.hpp"
+#include "berth/can/dispatcher.hpp"
+#include "berth/rt/task.hpp"
+
+namespace berth::nodeid {
+
+/// How long a window stays open.
+struct WindowTimes {
+  rt::Duration first{0};       ///< closes when nothing came for so long; 0: no window, done when sent
+  rt::Duration after_last{0};  ///< after an answer: closes when nothing more came for so long; 0: stays till `first`
+  rt::Duration most{0};        ///< never longer than this; 0: no bound
+  rt::Duration send_timeout = std::chrono::seconds(1);  ///< not on the wire by then: `Errc::bus`
+};
+
+class Exchanges;
+
+/// Made by `Exchanges::request`; destroying it ends it.
+class Exchange final : public rt::Operation<Exchange>, private rt::Job, private can::Confirmation {
+ public:
+  ~Exchange();
+  bool start() noexcept;
+  /// When the request was on the wire; `bus` when it could not be sent.
+  Result<rt::Time> await_resume() noexcept { return outcome_; }
+
+ private:
+  friend class Exchanges;
+  Exchange(Exchanges& owner, const can::Frame& frame, const WindowTimes& times) noexcept
+      : owner_(&owner), frame_(frame), times_(times) {}
+  void sent(rt::Time at) noexcept override;
+  void run() noexcept override;
+  void fail_with(const char* text) noexcept;
+  void end() noexcept;
+
+  Exchanges* owner_;
+  can::Frame frame_;
+  WindowTimes times_;
+  rt::Time limit_ = rt::never;
+  bool open_ = false;
+  Result<rt::Time> outcome_{};
+};
+
+/// The one exchange that may be under way. Must outlive it.
+class Exchanges {
+ public:
+  explicit Exchanges(can::Dispatcher& dispatcher) noexcept : dispatcher_(&dispatcher) {}
+  [[nodiscard]] Exchange request(const can::Frame& frame, const WindowTimes& times) noexcept {
+    return {*this, frame, times};
+  }
+  /// A request is on the wire and its window open.
+  [[nodiscard]] bool open() const noexcept { return current_ != nullptr && current_->open_; }
+  /// An answer came at `at`: the window now waits `after_last`.
+  void heard(rt::Time at) noexcept;
+  /// All that was asked for is here: the window closes now.
+  void close() noexcept;
+  [[nodiscard]] can::Dispatcher& dispatcher() const noexcept { return *dispatcher_; }
+
+ private:
+  friend class Exchange;
+  can::Dispatcher* dispatcher_;
+  Exchange* current_ = nullptr;
+};
+
+}  // namespace berth::nodeid
