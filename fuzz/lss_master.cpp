@@ -11,7 +11,8 @@ namespace {
 
 // The service that byte `which` stands for.
 lss::Exchange service(lss::Master& master, std::uint8_t which) {
-  switch (which % 8) {
+  const lss::FastscanRequest request{.id = which, .bit_checked = which, .sub = 1, .next = 2};
+  switch (which % 9) {
     case 0: return master.switch_selective({1, 2, 3, which});
     case 1: return master.configure_node_id(NodeId(5));
     case 2: return master.configure_bit_timing(lss::BitRateIndex::kbit_250);
@@ -19,17 +20,31 @@ lss::Exchange service(lss::Master& master, std::uint8_t which) {
     case 4: return master.inquire(which / 8U);
     case 5: return master.inquire_node_id();
     case 6: return master.identify_remote({});
+    case 7: return master.fastscan(request);
     default: return master.identify_non_configured();
   }
 }
 
-void check(const Result<lss::Reply>& reply) {
+// Any extended or base frame near the identifiers of feedback.
+can::Frame feedback(const std::uint8_t* data) {
+  const std::span bytes(data + 4, data[4] % 2);
+  if (data[0] % 2 == 0) return can::Frame::ext(0x1F8F'0000U + (data[1] % 4U << 16) + data[2], bytes);
+  return can::Frame::base(0x6C8U + data[1] % 32U, bytes);
+}
+
+// `newest`: its feedback is still in the master's memory.
+void check(const Result<lss::Reply>& reply, bool newest) {
   if (!reply) {
     fuzz::require(reply.error().code != Errc::cancelled);
     return;
   }
   fuzz::require(!reply->differ || reply->answers > 1);
   fuzz::require(reply->attempts >= 1);
+  fuzz::require(reply->feedback.size() <= lss::Master::most_feedback);
+  for (std::size_t i = 0; newest && i < reply->feedback.size(); ++i) {
+    fuzz::require(reply->feedback[i].times > 0);
+    fuzz::require(i == 0 || reply->feedback[i - 1].feedback < reply->feedback[i].feedback);
+  }
 }
 
 }  // namespace
@@ -41,7 +56,9 @@ extern "C" int LLVMFuzzerTestOneInput(const std::uint8_t* data, std::size_t size
   fuzz::VoidPort port(executor);
   can::Dispatcher dispatcher(executor, port);
   const lss::ServiceOptions quick{.timeout = 10ms, .retries = data[0] % 3U, .full_window = data[0] % 2 == 0};
-  lss::Master master(dispatcher, {.service = quick, .identify = {.timeout = 10ms, .retries = 0, .full_window = true}});
+  lss::Master master(dispatcher, {.service = quick,
+                                  .identify = {.timeout = 10ms, .retries = 0, .full_window = true},
+                                  .feedback_base = lss::default_feedback_base});
   auto first = service(master, data[0]);
   auto second = service(master, data[1]);
   fuzz::Flag first_done, second_done;
@@ -52,14 +69,15 @@ extern "C" int LLVMFuzzerTestOneInput(const std::uint8_t* data, std::size_t size
     executor.advance(executor.now() + std::chrono::milliseconds(data[at] % 16));
     auto frame = can::Frame::base(lss::slave_cob_id, std::span(data + at + 1, 8));
     if (data[at] >= 0xF0) frame.size = data[at] % 9;
+    if (data[at] % 32 == 7) frame = feedback(data + at + 1);
     // Half of the answers fit the newest request, so that more than the first check is reached.
     if (data[at] % 32 >= 16) frame.data[0] = port.last.data[0];
     port.hear(frame);
   }
   executor.advance(executor.now() + 1s);
   fuzz::require(first_done.set && second_done.set);
-  check(first.await_resume());
-  check(second.await_resume());
+  check(first.await_resume(), false);
+  check(second.await_resume(), true);
 
   auto honest = master.inquire_node_id({.timeout = 10ms, .retries = 0});
   fuzz::Flag done;

@@ -21,14 +21,27 @@ struct Owner final : lss::SlaveOwner {
   bool reset = false;
 };
 
-void check(const lss::Slave& slave, const can::Frame& request, lss::State before, const can::Frame& answer) {
+// HC3.1: only the whole serial number, in a request that nothing comes after.
+void check_complete(const lss::Slave& slave, const can::Frame& request) {
+  must(lss::value32(request) == slave.address().serial);
+  must(request.data[5] == 0 && request.data[6] == 3 && (request.data[7] == 0 || request.data[7] > 3));
+}
+
+void check(const lss::Slave& slave, const can::Frame& request, lss::State before, const lss::Answers& answers) {
+  const auto& answer = *answers;
   must(lss::is_lss(answer, lss::slave_cob_id));
   must(lss::is_lss(request, lss::master_cob_id));
   const auto cs = request.data[0];
-  const auto expected = cs == 0x43 ? 0x44 : cs == 0x4B ? 0x4F : cs == 0x4C ? 0x50 : cs;
+  const auto expected = cs == 0x43 ? 0x44 : cs == 0x4B || cs == 0x51 ? 0x4F : cs == 0x4C ? 0x50 : cs;
   must(answer.data[0] == expected);
   if (cs == 0x4C) must(slave.unconfigured());
-  if (cs != 0x43 && cs != 0x4B && cs != 0x4C) must(before == lss::State::configuration);
+  if (cs != 0x43 && cs != 0x4B && cs != 0x4C && cs != 0x51) must(before == lss::State::configuration);
+  if (cs == 0x51) must(slave.unconfigured() && before == lss::State::waiting);
+  if (cs == 0x51 && slave.state() == lss::State::configuration) check_complete(slave, request);
+  if (!answers.feedback()) return;
+  must(cs == 0x51 && slave.state() == lss::State::waiting);
+  const auto feedback = lss::decode_feedback(*answers.feedback(), lss::default_feedback_base);
+  must(feedback && lss::feedback_frame(*feedback) == *answers.feedback());
 }
 
 }  // namespace
@@ -37,7 +50,8 @@ void check(const lss::Slave& slave, const can::Frame& request, lss::State before
 extern "C" int LLVMFuzzerTestOneInput(const std::uint8_t* data, std::size_t size) {
   rt::Executor executor;
   Owner owner;
-  lss::Slave slave(executor, owner, {.address = {1, 1, 0, 5}}, {});
+  const lss::Feedback feedback = size == 0 ? lss::Feedback::none : static_cast<lss::Feedback>(data[0] % 3);
+  lss::Slave slave(executor, owner, {.address = {1, 1, 0, 5}, .feedback = feedback}, {});
   slave.reset_communication();
   for (; size >= 10; data += 10, size -= 10) {
     const auto what = data[0];
@@ -49,7 +63,7 @@ extern "C" int LLVMFuzzerTestOneInput(const std::uint8_t* data, std::size_t size
     const bool silent = slave.silent();
     if (const auto answer = slave.handle(frame)) {
       must(!silent);
-      check(slave, frame, before, *answer);
+      check(slave, frame, before, answer);
     }
     if (owner.reset) {
       must(slave.initialising() && slave.pending().node_id.configured());

@@ -44,6 +44,7 @@ Device::Device(can::Dispatcher& dispatcher, std::shared_ptr<const od::Descriptio
       timing_(timing),
       options_(std::move(options)),
       values_(std::move(description)),
+      lss_answers_(dispatcher),
       methods_({.address = options_.address, .rand = options_.rand}),
       nmt_(dispatcher, *this),
       producer_(dispatcher),
@@ -97,6 +98,7 @@ void Device::make_services(NvMemory* memory) {
         *memory, parameters_at, options_.presets, static_cast<ParameterStore::Owner&>(*this), options_.parameter_group);
     if (!parameters_->usable()) parameters_.reset();
   }
+  make_negotiation(memory);
   if (d.find(0x1020) != nullptr) {
     configuration_ = std::make_unique<ConfigurationWatch>(*this);
     values_.attach(*configuration_, 0x1000, 0xFFFF);
@@ -121,9 +123,13 @@ void Device::power_on() noexcept {
   const lss::SlaveOptions options{.address = options_.address,
                                   .bit_rates = bit_rates_,
                                   .can_store = record_.has_value(),
-                                  .change_at_waiting = options_.lss_changes_at_waiting};
+                                  .change_at_waiting = options_.lss_changes_at_waiting,
+                                  .fastscan = options_.fastscan,
+                                  .feedback = options_.feedback,
+                                  .feedback_base = options_.feedback_base};
   lss_.emplace(dispatcher_->executor(), static_cast<lss::SlaveOwner&>(*this), options, memory_);
   methods_.power_on(options_.address);
+  if (negotiation_) negotiation_->power_on(options_.address);
   begin_ = Begin::power_on;
   nmt_.power_on();
   tell();
@@ -136,8 +142,10 @@ void Device::power_off() noexcept {
   recovery_.cancel();
   bus_off_ = false;
   stop_services();
+  lss_answers_.drop();
   nmt_.power_off();
   dispatcher_->remove(*this);
+  if (negotiation_) negotiation_->power_off();
   if (record_) record_->forget();  // stops the memory, whoever it writes for
   if (parameters_) parameters_->forget();
   load_settings();
@@ -163,6 +171,8 @@ void Device::reset(co::NmtReset what, rt::Time) noexcept {
 void Device::begin(Begin what, rt::Duration own_time) noexcept {
   begin_ = what;
   dispatcher_->remove(*this);
+  if (negotiation_) negotiation_->resetting();
+  lss_answers_.drop();
   // An LSS store goes on during a reset; its end is then nobody's answer any more. Parameters would be stored in part
   // with their values of after the reset: given up.
   if (parameters_ && parameters_->busy()) {
@@ -192,6 +202,7 @@ void Device::finish_reset() noexcept {
   if (host_ != nullptr) host_->deaf(TimedPort::Deaf::booting, false);
   nmt_.initialised(lss_->active().node_id);
   if (nmt_.state() == NmtState::initialising) listen();
+  if (negotiation_) negotiation_->ready(lss_->active().node_id);
   tell();
 }
 
@@ -293,20 +304,23 @@ void Device::received(const can::Frame& frame, rt::Time) noexcept {
   if (!powered_) return;
   std::optional<can::Frame> answer;
   if (frame.key() == lss::master_cob_id) {
-    answer = answer_lss(frame);
+    lss_answers_.send(answer_lss(frame));
   } else if (methods_.hears(frame.key())) {
     answer = methods_.handle(frame, options_.lss && lss_->state() == lss::State::configuration);
   } else if (!frame.remote && is_mine(frame.key())) {
     raise(co::emcy_code::id_collision, co::error_register::communication);
+    if (negotiation_) return negotiation_->doubled();
   }
+  note_other_schemes(answer.has_value());
   if (answer && !lss_->silent()) dispatcher_->send(*answer);
 }
 
-std::optional<can::Frame> Device::answer_lss(const can::Frame& frame) noexcept {
+lss::Answers Device::answer_lss(const can::Frame& frame) noexcept {
+  if (lss_->silent()) return {};
   const bool configures =
       lss::is_lss(frame, lss::master_cob_id) && lss::command(frame) == lss::Command::configure_node_id;
   if (configures && options_.source == NodeIdSource::fixed && lss_->state() == lss::State::configuration) {
-    return lss::answer(lss::Command::configure_node_id, lss::error::out_of_range);
+    return std::optional(lss::answer(lss::Command::configure_node_id, lss::error::out_of_range));
   }
   auto answer = lss_->handle(frame);
   if (configures) tell();
@@ -360,7 +374,7 @@ std::size_t Device::memory() const noexcept {
          options_.presets.capacity() * sizeof(Preset) + consumer_size_ + (errors_ ? sizeof(co::ErrorField) : 0) +
          (pdos_ ? pdos_->memory() : 0) + (sync_ ? sizeof(co::Sync) : 0) + (time_ ? sizeof(co::TimeStamp) : 0) +
          (emcy_list_ ? sizeof(co::EmcyList) : 0) + (parameters_ ? sizeof(ParameterStore) : 0) +
-         (configuration_ ? sizeof(ConfigurationWatch) : 0) + (callbacks_ ? sizeof(Callbacks) : 0) +
+         (configuration_ ? sizeof(ConfigurationWatch) : 0) + (negotiation_ ? sizeof(Negotiation) : 0) + (callbacks_ ? sizeof(Callbacks) : 0) +
          (writes_ ? sizeof(WriteWatch) + writes_->memory() : 0);
 }
 

@@ -44,11 +44,13 @@
 #include "berth/device/application.hpp"
 #include "berth/device/dictionary.hpp"
 #include "berth/device/leds.hpp"
+#include "berth/device/negotiation.hpp"
 #include "berth/device/node_id_methods.hpp"
 #include "berth/device/nv_memory.hpp"
 #include "berth/device/parameter_store.hpp"
 #include "berth/device/timed_port.hpp"
 #include "berth/device/timing.hpp"
+#include "berth/lss/answer_queue.hpp"
 #include "berth/lss/slave.hpp"
 #include "berth/od/values.hpp"
 
@@ -60,26 +62,21 @@ enum class NodeIdSource : std::uint8_t {
   fixed,        ///< firmware, switches or plug: LSS configure node-ID is answered "out of range"
 };
 
-/// Does the device negotiate a node-ID when it has none (paper 2)?
-enum class NegotiationMode : std::uint8_t {
-  off,
-  on,       ///< an established node defends its node-ID
-  literal,  ///< with the paper's conflict rule: both lose theirs (S2.17)
-};
-
 struct Options {
   LssAddress address{};  ///< identity, 1018h:01..04
   NodeIdSource source = NodeIdSource::nonvolatile;
   NodeId node_id{};            ///< fixed, or what blank memory counts as
   std::uint32_t bit_rate = 0;  ///< what blank memory counts as, bit/s; 0 or not in CiA's table: the port's own is kept
   bool lss = true;
-  bool fastscan = true;                          ///< with `lss`: answers LSS Fastscan (51h)
-  lss::Feedback feedback = lss::Feedback::none;  ///< with `fastscan`
+  bool fastscan = true;                                      ///< with `lss`: answers LSS Fastscan (51h)
+  lss::Feedback feedback = lss::Feedback::none;              ///< with `fastscan`
+  std::uint16_t feedback_base = lss::default_feedback_base;  ///< `Feedback::base`: first of the sixteen identifiers
   RandMode rand = RandMode::on;
   bool rand_resume = false;   ///< RAND's extension: remembers the deepest phase that matched (docs/rand.md)
   bool and_protocol = false;  ///< answers AND
   bool claim = false;         ///< claims a node-ID as SAE J1939-81 does when it has none
   NegotiationMode negotiation = NegotiationMode::off;
+  nodeid::NegotiatorOptions negotiator{};  ///< with `negotiation`; its address and `literal` are the device's
   bool lss_changes_at_waiting = false;  ///< a configured device takes a new node-ID already at `04 00`
   bool detect_collision = true;         ///< reports another node that sends with its identifiers (EMCY 8150h; SX.7)
   rt::Duration never_seen{0};           ///< a node in 1016h with no heartbeat for so long is told (`Callbacks`); 0 = no
@@ -101,6 +98,7 @@ class Device final : private co::NmtSlave::Owner,
                      private co::Sync::Observer,
                      private co::TimeStamp::Observer,
                      private co::EmcyConsumer::Observer,
+                     private Negotiation::Owner,
                      private ParameterStore::Owner,
                      private can::Handler,
                      private od::Hook,
@@ -194,6 +192,10 @@ class Device final : private co::NmtSlave::Owner,
   [[nodiscard]] lss::Settings persistent() noexcept;
   [[nodiscard]] const LssAddress& address() const noexcept { return lss_->address(); }
   [[nodiscard]] lss::State lss_state() const noexcept { return lss_->state(); }
+  /// Null when the device does not negotiate.
+  [[nodiscard]] const nodeid::Negotiator* negotiator() const noexcept {
+    return negotiation_ ? &negotiation_->negotiator() : nullptr;
+  }
   [[nodiscard]] nodeid::Identification identification() const noexcept { return methods_.identification(); }
   /// Non-volatile memory is being written: LSS store, 1010h or 1011h.
   [[nodiscard]] bool storing() const noexcept {
@@ -253,8 +255,15 @@ class Device final : private co::NmtSlave::Owner,
   void silence_over() noexcept override;
   void written(bool ok) noexcept override;
   void received(const can::Frame& frame, rt::Time at) noexcept override;
-  [[nodiscard]] std::optional<can::Frame> answer_lss(const can::Frame& frame) noexcept;
+  [[nodiscard]] lss::Answers answer_lss(const can::Frame& frame) noexcept;
   void use_bit_rate() noexcept;
+  // Negotiation (device_negotiation.cpp)
+  void make_negotiation(NvMemory* memory);
+  void note_other_schemes(bool answers) noexcept;
+  void negotiated(NodeId id) noexcept override;
+  void negotiation_lost(NodeId id, nodeid::IdLoss why) noexcept override;
+  void negotiation_failed() noexcept override { tell(); }
+  void negotiation_kept(NodeId id) noexcept override;
   // Identifiers that only this node may send with (SX.7); those of TPDOs are `co::Pdos`'s
   template <class Visit>
   void for_each_own_id(const Visit& visit) const noexcept;
@@ -305,6 +314,7 @@ class Device final : private co::NmtSlave::Owner,
   od::Values values_;
   std::optional<NvRecord> record_;
   std::optional<lss::Slave> lss_;
+  lss::AnswerQueue lss_answers_;
   NodeIdMethods methods_;
   co::NmtSlave nmt_;
   co::HeartbeatProducer producer_;
@@ -319,6 +329,7 @@ class Device final : private co::NmtSlave::Owner,
   std::unique_ptr<co::EmcyList> emcy_list_;            // only with object 1028h
   std::unique_ptr<ParameterStore> parameters_;         // only with object 1010h and a memory that has room
   std::unique_ptr<ConfigurationWatch> configuration_;  // only with object 1020h
+  std::unique_ptr<Negotiation> negotiation_;  // only with Options::negotiation
   std::unique_ptr<Callbacks> callbacks_;
   std::unique_ptr<WriteWatch> writes_;
   std::span<const std::uint8_t> eds_;

@@ -53,6 +53,36 @@ can::Frame request_identify(const IdentifyRanges& ranges, unsigned i) noexcept {
   return request32(nth(Command::identify_vendor, i), ranges.value(i));
 }
 
+can::Frame request_fastscan(const FastscanRequest& request) noexcept {
+  can::Frame f = request32(Command::fastscan, request.id);
+  f.data[5] = request.bit_checked;
+  f.data[6] = request.sub;
+  f.data[7] = request.next;
+  return f;
+}
+
+std::optional<FastscanRequest> decode_fastscan(const can::Frame& frame) noexcept {
+  if (!is_lss(frame, master_cob_id) || command(frame) != Command::fastscan) return std::nullopt;
+  const FastscanRequest r{
+      .id = value32(frame), .bit_checked = frame.data[5], .sub = frame.data[6], .next = frame.data[7]};
+  if (r.starts() || (r.bit_checked <= 31 && r.sub <= 3)) return r;
+  return std::nullopt;
+}
+
+can::Frame feedback_frame(const FeedbackValue& feedback, std::uint16_t base) noexcept {
+  if (feedback.kind == Feedback::base) return can::Frame::base(base + (feedback.value & 15U), {});
+  return can::Frame::ext(extended_feedback.first + (feedback.toggle ? 0x1'0000U : 0U) + feedback.value, {});
+}
+
+std::optional<FeedbackValue> decode_feedback(const can::Frame& frame, std::uint16_t base) noexcept {
+  if (frame.remote || frame.fd || frame.size != 0) return std::nullopt;
+  if (extended_feedback.contains(frame.key())) {
+    return FeedbackValue{Feedback::extended, (frame.id & 0x1'0000U) != 0, static_cast<std::uint16_t>(frame.id)};
+  }
+  if (base == 0 || !base_feedback(base).contains(frame.key())) return std::nullopt;
+  return FeedbackValue{Feedback::base, false, static_cast<std::uint16_t>(frame.id - base)};
+}
+
 can::Frame answer(Command command) noexcept { return frame(slave_cob_id, command, 0, 0); }
 can::Frame answer(Command command, std::uint8_t byte1, std::uint8_t byte2) noexcept {
   return frame(slave_cob_id, command, byte1, byte2);

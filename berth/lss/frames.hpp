@@ -2,6 +2,9 @@
 ///
 /// Every LSS frame is a base data frame with 8 bytes: command specifier, parameters little-endian, the rest 0.
 /// Master to slaves 7E5h, slave to master 7E4h, so that an answer outranks the next request.
+///
+/// Feedback (paper 4; S4.10, S4.11) is not of the standard: frames without data whose identifier tells the next bits of
+/// the sender's LSS address. A slave sends one before its 4Fh.
 #pragma once
 
 #include <array>
@@ -49,6 +52,7 @@ enum class Command : std::uint8_t {
   identify_non_configured = 0x4C,
   identified = 0x4F,      ///< answer to 4Bh
   non_configured = 0x50,  ///< answer to 4Ch
+  fastscan = 0x51,        ///< answered with `identified`
   inquire_vendor = 0x5A,
   inquire_product = 0x5B,
   inquire_revision = 0x5C,
@@ -108,6 +112,43 @@ struct IdentifyRanges {
   }
 };
 
+/// One Fastscan request: "whoever is at part `sub` and whose bits 31 to `bit_checked` of it are those of `id`: answer,
+/// and go to part `next`". With `start_scan` in place of a bit: "whoever has no node-ID: answer, and go to part 0"; the
+/// rest is then 0.
+struct FastscanRequest {
+  static constexpr std::uint8_t start_scan = 0x80;
+  static constexpr std::uint8_t after_last = 4;  ///< paper 4's `next` after the serial number (S4.15); the standard: 0
+  std::uint32_t id = 0;
+  std::uint8_t bit_checked = start_scan;  ///< 31 = bit 31 alone ... 0 = all 32 bits, or `start_scan`
+  std::uint8_t sub = 0;                   ///< 0..3: vendor, product, revision, serial
+  std::uint8_t next = 0;                  ///< 0..3; the slave accepts all
+  [[nodiscard]] constexpr bool starts() const noexcept { return bit_checked == start_scan; }
+  /// True when bits 31 to `bit_checked` of `own` are those of `id`; `bit_checked` must be 0..31.
+  [[nodiscard]] constexpr bool matches(std::uint32_t own) const noexcept { return ((id ^ own) >> bit_checked) == 0; }
+  friend constexpr bool operator==(const FastscanRequest&, const FastscanRequest&) noexcept = default;
+};
+
+/// What a feedback frame tells: bits of the sender's LSS address. Ordered by value within a kind and half.
+struct FeedbackValue {
+  Feedback kind = Feedback::extended;
+  bool toggle = false;      ///< extended: bits 15..0 of the part (true) or 31..16; base: false
+  std::uint16_t value = 0;  ///< extended: 16 bits; base: 4 bits
+  friend constexpr auto operator<=>(const FeedbackValue&, const FeedbackValue&) noexcept = default;
+};
+/// Extended: 7E4h in bits 28 to 18, bit 17 reserved (0), bit 16 the toggle bit, bits 15 to 0 the value. The same
+/// identifiers as RAND's DIS: never both on one bus at a time (S1.24).
+inline constexpr can::IdRange extended_feedback{can::extended_flag | slave_cob_id << 18,
+                                                (can::extended_flag | slave_cob_id << 18) + 0x1'FFFFU};
+/// Base: sixteen identifiers from a base that is configured in master and slaves. Paper 4 names none. 680h to 6DFh is
+/// what CiA 301's table leaves: in no use by the predefined connection set (PDOs end at 57Fh, the SDOs are 580h to
+/// 67Fh, dynamic SDO and CiA 416 begin at 6E0h, error control at 700h) and not restricted either. Our default is the
+/// upper end of it: it outranks neither PDO nor SDO, and still outranks the next LSS request.
+inline constexpr std::uint16_t default_feedback_base = 0x6D0;
+/// True for 680h to 6D0h.
+[[nodiscard]] constexpr bool usable_feedback_base(unsigned id) noexcept { return id >= 0x680 && id <= 0x6D0; }
+/// The sixteen, `base` being usable.
+[[nodiscard]] constexpr can::IdRange base_feedback(std::uint16_t base) noexcept { return {base, base + 15U}; }
+
 /// A request of the master. Unused bytes are 0.
 [[nodiscard]] can::Frame request(Command command) noexcept;
 [[nodiscard]] can::Frame request(Command command, std::uint8_t byte1, std::uint8_t byte2 = 0) noexcept;
@@ -118,11 +159,21 @@ struct IdentifyRanges {
 [[nodiscard]] can::Frame request_select(const LssAddress& address, unsigned i) noexcept;
 /// Identify remote slave, frame 0..5 of 6 (46h to 4Bh).
 [[nodiscard]] can::Frame request_identify(const IdentifyRanges& ranges, unsigned i) noexcept;
+/// `51h`.
+[[nodiscard]] can::Frame request_fastscan(const FastscanRequest& request) noexcept;
 
 /// An answer of a slave.
 [[nodiscard]] can::Frame answer(Command command) noexcept;
 [[nodiscard]] can::Frame answer(Command command, std::uint8_t byte1, std::uint8_t byte2 = 0) noexcept;
 [[nodiscard]] can::Frame answer32(Command command, std::uint32_t value) noexcept;
+
+/// A feedback frame; `base` is the first of the sixteen identifiers (kind `base` only).
+[[nodiscard]] can::Frame feedback_frame(const FeedbackValue& feedback,
+                                        std::uint16_t base = default_feedback_base) noexcept;
+/// Reads what `feedback_frame` makes. Empty for all else: data, remote, FD. `base` 0: no base frame is feedback.
+[[nodiscard]] std::optional<FeedbackValue> decode_feedback(const can::Frame& frame, std::uint16_t base = 0) noexcept;
+/// Reads a Fastscan request. Empty for all else, and when `bit_checked` is neither 0..31 nor 80h or `sub` is beyond 3.
+[[nodiscard]] std::optional<FastscanRequest> decode_fastscan(const can::Frame& frame) noexcept;
 
 /// True for a base data frame with 8 bytes and this identifier: nothing else is an LSS frame (CiA 305; facts C.1).
 [[nodiscard]] constexpr bool is_lss(const can::Frame& frame, std::uint32_t cob_id) noexcept {

@@ -1,5 +1,6 @@
 #include "berth/lss/master.hpp"
 
+#include <algorithm>
 #include <utility>
 
 namespace berth::lss {
@@ -63,6 +64,7 @@ void Exchange::sent(rt::Time at) noexcept {
     done();
   } else {
     step_ = Step::listening;
+    master_->feedback_.clear();
     executor().at(at + options_.timeout, *this);
   }
 }
@@ -82,6 +84,7 @@ void Exchange::heard(const can::Frame& frame, rt::Time at) noexcept {
   }
   if (reply_.answers > 0 && !(frame == reply_.heard[0])) reply_.differ = true;
   ++reply_.answers;
+  reply_.last_at = at;
   if (!options_.full_window) window_over();
 }
 
@@ -98,6 +101,7 @@ void Exchange::run() noexcept {
 }
 
 void Exchange::window_over() noexcept {
+  if (plan_.feedback) reply_.feedback = master_->feedback_;
   if (reply_.answers == 0) {
     if (reply_.attempts <= options_.retries) {
       take_turn();
@@ -144,7 +148,22 @@ Result<Reply> Exchange::await_resume() noexcept {
 
 Master::Master(can::Dispatcher& dispatcher, const MasterOptions& options)
     : dispatcher_(&dispatcher), options_(options) {
-  dispatcher.add(can::only(slave_cob_id), *this);
+  feedback_.reserve(most_feedback);
+  listen();
+}
+
+void Master::listen() {
+  dispatcher_->add(can::only(slave_cob_id), *this);
+  dispatcher_->add(extended_feedback, *this);
+  if (options_.feedback_base != 0) dispatcher_->add(base_feedback(options_.feedback_base), *this);
+}
+
+void Master::set_options(const MasterOptions& options) {
+  const bool moves = options.feedback_base != options_.feedback_base;
+  options_ = options;
+  if (!moves) return;
+  dispatcher_->remove(*this);
+  listen();
 }
 
 Master::~Master() {
@@ -152,12 +171,32 @@ Master::~Master() {
 }
 
 void Master::received(const can::Frame& frame, rt::Time at) noexcept {
+  if (frame.key() != slave_cob_id) {
+    const bool listens = first_ != nullptr && first_->step_ == Exchange::Step::listening && first_->plan_.feedback;
+    const auto feedback = listens ? decode_feedback(frame, options_.feedback_base) : std::nullopt;
+    if (feedback) note(*feedback, at);
+    return;
+  }
   if (!is_lss(frame, slave_cob_id)) return;
   if (first_ != nullptr) {
     first_->heard(frame, at);
   } else {
     ++unexpected_;
   }
+}
+
+void Master::note(const FeedbackValue& feedback, rt::Time at) noexcept {
+  const auto place = std::ranges::lower_bound(feedback_, feedback, {}, &HeardFeedback::feedback);
+  if (place != feedback_.end() && place->feedback == feedback) {
+    if (place->times < 0xFFFF) ++place->times;
+    return;
+  }
+  const auto index = place - feedback_.begin();
+  if (feedback_.size() == most_feedback) {
+    if (place == feedback_.end()) return;
+    feedback_.pop_back();
+  }
+  feedback_.insert(feedback_.begin() + index, HeardFeedback{.feedback = feedback, .times = 1, .first = at});
 }
 
 void Master::enter(Exchange& exchange) noexcept {
@@ -258,6 +297,14 @@ Exchange Master::identify_non_configured() noexcept { return identify_non_config
 Exchange Master::identify_non_configured(const ServiceOptions& options) noexcept {
   return {*this, options,
           plan(Exchange::Answer::may, Command::non_configured, request(Command::identify_non_configured))};
+}
+
+Exchange Master::fastscan(const FastscanRequest& request) noexcept { return fastscan(request, options_.fastscan); }
+Exchange Master::fastscan(const FastscanRequest& request, const ServiceOptions& options) noexcept {
+  auto p = plan(Exchange::Answer::may, Command::identified, request_fastscan(request));
+  p.valid = decode_fastscan(p.frames[0]).has_value();
+  p.feedback = true;
+  return {*this, options, p};
 }
 
 rt::Task<Result<LssAddress>> Master::inquire_address() {

@@ -8,12 +8,17 @@
 /// (counted in `stale`). Nothing protects a *sequence* of services (select, configure, store) from another task that
 /// uses the same master: one task per master, or agree on it above.
 ///
+/// A Fastscan request also collects the feedback of its window (paper 4). Both kinds are heard until the window ends
+/// and are not paired with answers by their order: on the wire one slave's answer overtakes another's feedback (S4.10).
+///
 /// Errors: `timeout` no answer in any attempt; `aborted` the slave refused, `detail` = error code | specific code << 8;
 /// `bus` the request could not be sent; `invalid` an argument out of range; `cancelled` the master was destroyed.
 #pragma once
 
 #include <array>
 #include <cstdint>
+#include <span>
+#include <vector>
 
 #include "berth/base/result.hpp"
 #include "berth/can/dispatcher.hpp"
@@ -35,8 +40,18 @@ struct MasterOptions {
   ServiceOptions service{};                                                ///< select, configure, inquire
   ServiceOptions identify{.retries = 0, .full_window = true};              ///< identify services
   ServiceOptions store{.timeout = std::chrono::seconds(5), .retries = 0};  ///< store configuration
+  /// Fastscan: paper 4's window, and no repetition, as silence says "the bit is 1".
+  ServiceOptions fastscan{.timeout = std::chrono::milliseconds(10), .retries = 0, .full_window = true};
   rt::Duration inhibit{0};  ///< least time from a request's `sent` to the next request (single-slot receive buffers)
   rt::Duration send_timeout = std::chrono::seconds(1);  ///< a request not acknowledged by then is `bus`
+  std::uint16_t feedback_base = 0;  ///< first of the sixteen feedback identifiers (`usable_feedback_base`); 0: none
+};
+
+/// A feedback value that was heard in one window.
+struct HeardFeedback {
+  FeedbackValue feedback{};
+  std::uint16_t times = 0;  ///< frames; equal ones may also have fallen into one on the bus
+  rt::Time first{};
 };
 
 /// What came back. Answers beyond `heard.size()` are counted, not kept.
@@ -49,6 +64,10 @@ struct Reply {
   unsigned attempts = 0;  ///< 1 = answered at once
   bool differ = false;    ///< two answers had different content: two slaves in configuration
   rt::Time sent{};        ///< confirmation of the last request frame (of the last attempt)
+  rt::Time last_at{};     ///< the last fitting answer in the window
+  /// Fastscan: the distinct feedback values of the window, ascending by kind, half and value; of more than
+  /// `Master::most_feedback` the lowest. The master's memory: good until its next service begins.
+  std::span<const HeardFeedback> feedback{};
 
   /// Bytes 1..4 of the first answer (inquire).
   [[nodiscard]] std::uint32_t value() const noexcept { return value32(heard[0]); }
@@ -74,6 +93,7 @@ class Exchange final : public rt::Operation<Exchange>, private rt::Job, private 
     Command expected{};
     bool checks_code = false;  // byte 1 of the answer is an error code
     bool valid = true;
+    bool feedback = false;  // is collected
     std::uint8_t count = 1;
     std::array<can::Frame, 6> frames{};
   };
@@ -107,7 +127,8 @@ class Master final : private can::Handler {
   ~Master();
 
   [[nodiscard]] const MasterOptions& options() const noexcept { return options_; }
-  void set_options(const MasterOptions& options) noexcept { options_ = options; }
+  void set_options(const MasterOptions& options);
+  static constexpr std::size_t most_feedback = 256;
 
   // All: await for Result<Reply>. The second form of each overrides the master's options for this call.
 
@@ -141,6 +162,11 @@ class Master final : private can::Handler {
   [[nodiscard]] Exchange identify_non_configured() noexcept;
   [[nodiscard]] Exchange identify_non_configured(const ServiceOptions& options) noexcept;
 
+  /// 51h. Silence is an answer: `Reply::answers` is 0. Feedback: `Reply::feedback`.
+  [[nodiscard]] Exchange fastscan(const FastscanRequest& request) noexcept;
+  /// `full_window` false: done at the first 4Fh, which is right only where no other device can answer later.
+  [[nodiscard]] Exchange fastscan(const FastscanRequest& request, const ServiceOptions& options) noexcept;
+
   /// The whole LSS address of the one slave in configuration. `duplicate`: different answers to one inquiry.
   [[nodiscard]] rt::Task<Result<LssAddress>> inquire_address();
 
@@ -150,6 +176,8 @@ class Master final : private can::Handler {
  private:
   friend class Exchange;
   void received(const can::Frame& frame, rt::Time at) noexcept override;
+  void listen();
+  void note(const FeedbackValue& feedback, rt::Time at) noexcept;
   void enter(Exchange& exchange) noexcept;
   void leave(Exchange& exchange) noexcept;
   [[nodiscard]] static Exchange::Plan plan(Exchange::Answer answer, Command expected, const can::Frame& frame) noexcept;
@@ -159,6 +187,7 @@ class Master final : private can::Handler {
   Exchange* first_ = nullptr;  // the one on the wire, then those that wait
   rt::Time earliest_{};        // inhibit
   std::uint64_t unexpected_ = 0;
+  std::vector<HeardFeedback> feedback_;  // of the last window, ascending
 };
 
 }  // namespace berth::lss

@@ -18,14 +18,15 @@ void Slave::power_on(const Settings& persistent) noexcept {
   phase_ = BitTiming::idle;
   selected_ = 0;
   identified_ = 0;
+  part_ = 0;
   storing_ = false;
   reset_communication();
 }
 
 void Slave::reset_communication() noexcept { active_ = pending_; }
 
-Slave::Answer Slave::handle(const can::Frame& frame) noexcept {
-  if (!is_lss(frame, master_cob_id) || silent()) return std::nullopt;
+Answers Slave::handle(const can::Frame& frame) noexcept {
+  if (!is_lss(frame, master_cob_id) || silent()) return {};
   const auto cs = frame.data[0];
   // The frames of one sequence must follow each other: any other request breaks it.
   if (cs < 0x40 || cs > 0x43) selected_ = 0;
@@ -44,6 +45,7 @@ Slave::Answer Slave::handle(const can::Frame& frame) noexcept {
     case Command::identify_serial_high: return identify(cs - 0x46U, value32(frame));
     case Command::identify_non_configured:
       return unconfigured() ? Answer(answer(Command::non_configured)) : std::nullopt;
+    case Command::fastscan: return fastscan(frame);
     default: return state_ == State::configuration ? in_configuration(frame) : std::nullopt;
   }
 }
@@ -85,6 +87,37 @@ Slave::Answer Slave::identify(unsigned i, std::uint32_t value) noexcept {
   if (++identified_ < 6) return std::nullopt;
   identified_ = 0;
   return answer(Command::identified);
+}
+
+Answers Slave::fastscan(const can::Frame& frame) noexcept {
+  if (!options_.fastscan || state_ != State::waiting || !unconfigured()) return {};
+  const auto request = decode_fastscan(frame);
+  if (!request) return {};
+  if (request->starts()) {
+    part_ = 0;
+  } else {
+    if (request->sub != part_ || !request->matches(options_.address.part(part_))) return {};
+    const bool whole = request->bit_checked == 0;
+    // Not `next < sub`: that would end a scan at a partial match (HC3.1).
+    if (whole && request->sub == 3 && (request->next == 0 || request->next > 3)) state_ = State::configuration;
+    part_ = whole && request->next > 3 ? std::uint8_t{0} : request->next;
+  }
+  if (const auto feedback = feedback_after(*request)) {
+    return {feedback_frame(*feedback, options_.feedback_base), answer(Command::identified)};
+  }
+  return Answer(answer(Command::identified));
+}
+
+std::optional<FeedbackValue> Slave::feedback_after(const FastscanRequest& request) const noexcept {
+  if (options_.feedback == Feedback::none || state_ != State::waiting) return std::nullopt;
+  const unsigned width = options_.feedback == Feedback::extended ? 16 : 4;
+  const bool first = request.starts() || request.bit_checked == 0;  // of the part that comes next
+  if (!first && request.bit_checked % width != 0) return std::nullopt;
+  const unsigned part = first ? part_ : request.sub;
+  if (part > 3) return std::nullopt;
+  const unsigned shift = (first ? 32U : request.bit_checked) - width;
+  const auto value = static_cast<std::uint16_t>((options_.address.part(part) >> shift) & ((1U << width) - 1U));
+  return FeedbackValue{options_.feedback, width == 16 && shift == 0, value};
 }
 
 Slave::Answer Slave::in_configuration(const can::Frame& frame) noexcept {

@@ -1,14 +1,23 @@
 /// The LSS slave of a device (CiA 305): frames in, frames out. No heap, no exceptions, no I/O.
 ///
 /// The owner (a device) gives it every frame on 7E5h that the device really reads, sends the answers it returns (at
-/// once or after the device's response latency) and does what it is told through `SlaveOwner`.
+/// once or after the device's response latency, in their order: `AnswerQueue`) and does what it is told through
+/// `SlaveOwner`.
 ///
 /// Node-ID and bit rate each exist three times and are never mixed up: *persistent* (in non-volatile memory), *pending*
 /// (set by LSS; loaded from persistent at power-on and reset node) and *active* (in use; taken from pending at reset
 /// communication). The bit rate also becomes active by activate bit timing.
 ///
-/// All of CiA 305 except Fastscan (51h), which is ignored until it comes with its own issue: its place is one more case
-/// in `Slave::handle`.
+/// All of CiA 305. Fastscan (51h) finds only a slave that waits and has no node-ID, active and pending 255: one with a
+/// node-ID stays silent, so a Fastscan does not find it. It is complete, and the slave in configuration, only when all
+/// 32 bits of the serial number were asked in a request whose next part is 0 (or 4, as paper 4 has it, or more: S4.15);
+/// until then every matching request is answered and changes nothing but the part that is asked next. A request that
+/// does not match is not answered and changes nothing.
+///
+/// With feedback (paper 4; S4.10) an answer to Fastscan is preceded by the next bits of the own address: after 80h the
+/// vendor-ID's first; after bits 31 to 16 (in 29-bit frames) the lower half; after the whole of a part the first of the
+/// part that comes next; after the whole address none, nor after any other bit. In base frames the same with four bits.
+/// The toggle bit is 0 for an upper half and 1 for a lower one, whatever the master skipped.
 #pragma once
 
 #include <cstdint>
@@ -60,6 +69,29 @@ struct SlaveOptions {
   /// A *configured* device takes a changed node-ID already at `04 00` (such devices exist; facts C.1). The standard's
   /// takes it at the next NMT reset communication.
   bool change_at_waiting = false;
+  bool fastscan = true;                                 ///< false: 51h is ignored
+  Feedback feedback = Feedback::none;                   ///< with `fastscan`
+  std::uint16_t feedback_base = default_feedback_base;  ///< of the sixteen identifiers (`usable_feedback_base`)
+};
+
+/// Up to two frames, to be sent in this order: feedback, then the answer.
+class Answers {
+ public:
+  Answers() noexcept = default;
+  Answers(const std::optional<can::Frame>& answer) noexcept  // NOLINT(google-explicit-constructor): most have one
+      : answer_(answer) {}
+  Answers(const can::Frame& feedback, const can::Frame& answer) noexcept : feedback_(feedback), answer_(answer) {}
+  [[nodiscard]] bool has_value() const noexcept { return answer_.has_value(); }
+  explicit operator bool() const noexcept { return has_value(); }
+  /// The answer, when there is one.
+  [[nodiscard]] const can::Frame& operator*() const noexcept { return *answer_; }
+  [[nodiscard]] const can::Frame* operator->() const noexcept { return &*answer_; }
+  /// What goes before it.
+  [[nodiscard]] const std::optional<can::Frame>& feedback() const noexcept { return feedback_; }
+
+ private:
+  std::optional<can::Frame> feedback_;
+  std::optional<can::Frame> answer_;
 };
 
 class Slave final : private rt::Job {
@@ -69,7 +101,7 @@ class Slave final : private rt::Job {
   Slave(rt::Executor& executor, SlaveOwner& owner, const SlaveOptions& options, const Settings& persistent) noexcept;
 
   /// One frame; frames that are no LSS request (`is_lss`) are ignored. The answer, if there is one now.
-  std::optional<can::Frame> handle(const can::Frame& frame) noexcept;
+  Answers handle(const can::Frame& frame) noexcept;
   /// The store that `SlaveOwner::store` began has ended. The answer, if the slave is still in configuration.
   std::optional<can::Frame> stored(const StoreResult& result) noexcept;
 
@@ -79,6 +111,9 @@ class Slave final : private rt::Job {
   /// NMT reset communication: active = pending. A node-ID of 255: the device stays initialising, LSS only, no boot-up.
   /// The LSS state stays.
   void reset_communication() noexcept;
+
+  /// Another scheme than LSS gave the device a node-ID, or took it: pending, until reset communication.
+  void set_pending(NodeId id) noexcept { pending_.node_id = id; }
 
   [[nodiscard]] State state() const noexcept { return state_; }
   [[nodiscard]] const Settings& persistent() const noexcept { return persistent_; }
@@ -99,6 +134,8 @@ class Slave final : private rt::Job {
   Answer switch_global(std::uint8_t mode) noexcept;
   Answer select(unsigned i, std::uint32_t value) noexcept;
   Answer identify(unsigned i, std::uint32_t value) noexcept;
+  Answers fastscan(const can::Frame& frame) noexcept;
+  [[nodiscard]] std::optional<FeedbackValue> feedback_after(const FastscanRequest& request) const noexcept;
   Answer in_configuration(const can::Frame& frame) noexcept;
   Answer configure_node_id(std::uint8_t value) noexcept;
   Answer configure_bit_timing(std::uint8_t selector, std::uint8_t index) noexcept;
@@ -118,6 +155,7 @@ class Slave final : private rt::Job {
   BitTiming phase_ = BitTiming::idle;
   std::uint8_t selected_ = 0;    // frames of 40h..43h that matched in order
   std::uint8_t identified_ = 0;  // frames of 46h..4Bh that matched in order
+  std::uint8_t part_ = 0;        // Fastscan: the part that is asked next
   bool storing_ = false;
 };
 
