@@ -129,6 +129,7 @@ class Master final : private can::Handler {
   [[nodiscard]] const MasterOptions& options() const noexcept { return options_; }
   void set_options(const MasterOptions& options);
   static constexpr std::size_t most_feedback = 256;
+  [[nodiscard]] rt::Time now() const noexcept { return dispatcher_->executor().now(); }
 
   // All: await for Result<Reply>. The second form of each overrides the master's options for this call.
 

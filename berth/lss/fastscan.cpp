@@ -1,0 +1,212 @@
+#include "berth/lss/fastscan.hpp"
+
+#include <utility>
+
+namespace berth::lss {
+namespace {
+
+constexpr unsigned width_of(Feedback feedback) noexcept { return feedback == Feedback::base ? 4 : 16; }
+
+}  // namespace
+
+const char* name(FastscanReport::End end) noexcept {
+  switch (end) {
+    case FastscanReport::End::complete: return "complete";
+    case FastscanReport::End::gave_up: return "gave up";
+    case FastscanReport::End::held: return "held";
+    case FastscanReport::End::limit: return "limit";
+  }
+  return "?";
+}
+
+// ---- from the whole procedure down to one request -------------------------------------------------------------------
+
+rt::Task<Result<FastscanReport>> Fastscan::discover(FastscanOwner& owner) {
+  using End = FastscanReport::End;
+  FastscanReport report;
+  report.began = master_->now();
+  const unsigned requests_before = requests_;
+  const unsigned restarts_before = restarts_;
+  if (options_.wait_first) {
+    const auto waiting = co_await master_->switch_global(State::waiting);
+    if (!waiting) co_return fail(waiting.error());
+  }
+  unsigned streak = 0;  // of devices that were found and took no node-ID
+  for (bool more = true; more;) {
+    const auto found = co_await scan();
+    if (!found && found.error().code != Errc::timeout) co_return fail(found.error());
+    if (!found) report.end = End::gave_up;
+    if (!found || !*found) break;
+    report.known = device_.at;
+    const auto end = co_await give(report, owner);
+    if (!end) co_return fail(end.error());
+    streak = *end == End::gave_up ? streak + 1 : 0;
+    const bool again = *end == End::gave_up && streak <= options_.retries;
+    if (!again) report.end = *end;
+    if (report.found.size() >= options_.most_devices) report.end = End::limit;
+    more = report.end == End::complete;
+  }
+  report.requests = requests_ - requests_before;
+  report.restarts = restarts_ - restarts_before;
+  report.ended = master_->now();
+  co_return std::move(report);
+}
+
+// The one in configuration gets a node-ID and goes back to waiting, where it takes it and boots (S4.18).
+rt::Task<Result<FastscanReport::End>> Fastscan::give(FastscanReport& report, FastscanOwner& owner) {
+  using End = FastscanReport::End;
+  const NodeId id = owner.assign(device_);
+  auto end = End::complete;
+  if (id.configured()) {
+    const auto configured = co_await master_->configure_node_id(id);
+    if (!configured && configured.error().code != Errc::timeout && configured.error().code != Errc::aborted) {
+      co_return fail(configured.error());
+    }
+    if (!configured) end = configured.error().code == Errc::timeout ? End::gave_up : End::held;
+  } else {
+    end = End::held;
+  }
+  if (end == End::complete) device_.assigned = id;
+  if (end == End::complete && options_.store) {
+    const auto stored = co_await master_->store();
+    device_.stored = stored.has_value();
+  }
+  const auto waiting = co_await master_->switch_global(State::waiting);
+  if (!waiting) co_return fail(waiting.error());
+  if (end == End::gave_up) {
+    ++restarts_;
+    co_return end;
+  }
+  report.found.push_back(device_);
+  if (end == End::complete) owner.assigned(device_);
+  co_return end;
+}
+
+rt::Task<Result<std::optional<FastscanDevice>>> Fastscan::scan() {
+  for (unsigned attempt = 0; attempt <= options_.retries; ++attempt) {
+    const auto outcome = co_await once();
+    if (!outcome) co_return fail(outcome.error());
+    if (*outcome == Outcome::nobody) {
+      std::optional<FastscanDevice> nobody;
+      co_return nobody;
+    }
+    if (*outcome == Outcome::found) {
+      std::optional<FastscanDevice> found = device_;
+      co_return found;
+    }
+    ++restarts_;
+    // Somebody may be in configuration, unheard: then 80h would never find it.
+    const auto waiting = co_await master_->switch_global(State::waiting);
+    if (!waiting) co_return fail(waiting.error());
+  }
+  co_return fail(Errc::timeout, "somebody answers LSS Fastscan and cannot be identified");
+}
+
+// CiA 305: who is there? Then its vendor-ID, product code, revision number and serial number.
+rt::Task<Result<Fastscan::Outcome>> Fastscan::once() {
+  device_ = {};
+  const unsigned before = requests_;
+  const FastscanRequest start;
+  const auto anybody = co_await ask(start);
+  if (!anybody) co_return fail(anybody.error());
+  if (!*anybody) co_return Outcome::nobody;
+  std::array<std::uint32_t, 4> parts{};
+  for (std::uint8_t sub = 0; sub < 4; ++sub) {
+    const auto known = co_await part(sub);
+    if (!known) co_return fail(known.error());
+    if (!*known) co_return Outcome::lost;
+    parts[sub] = id_;
+  }
+  device_.address = {parts[0], parts[1], parts[2], parts[3]};
+  device_.requests = requests_ - before;
+  device_.at = master_->now();
+  device_.possible_clone = heard_.answers > 1;
+  if (!options_.confirm) co_return Outcome::found;
+  const auto confirmation = co_await confirmed();
+  if (!confirmation) co_return fail(confirmation.error());
+  co_return *confirmation ? Outcome::found : Outcome::lost;
+}
+
+// One part: by feedback as long as there is any, then bit by bit. True: confirmed whole, and the next part is asked.
+rt::Task<Result<bool>> Fastscan::part(std::uint8_t sub) {
+  id_ = 0;
+  unsigned unknown = 32;  // bits
+  while (unknown > 0 && heard_.count > 0) {
+    unknown -= width_of(options_.feedback);
+    const auto found = co_await chunk(sub, unknown);
+    if (!found) co_return fail(found.error());
+    if (!*found) co_return false;
+  }
+  if (unknown == 0) co_return true;
+  const bool merged = options_.form != FastscanForm::standard;
+  for (unsigned bit = unknown; bit-- > 0;) {
+    const bool last = merged && bit == 0;
+    const std::uint8_t next = last ? after(sub) : sub;
+    const auto zero = co_await ask(sub, bit, next);
+    if (!zero) co_return fail(zero.error());
+    if (*zero && last) co_return true;
+    if (!*zero) id_ |= 1U << bit;
+  }
+  // Bits that are 1 were never said: silence has only been taken for it.
+  const std::uint8_t next = after(sub);
+  co_return co_await ask(sub, 0, next);
+}
+
+// Paper 4: the lowest value that was heard, in one message; silence: it was nobody's, or is nobody's any more.
+rt::Task<Result<bool>> Fastscan::chunk(std::uint8_t sub, unsigned shift) {
+  const Heard heard = heard_;
+  const std::uint32_t before = id_;
+  const std::uint8_t next = shift == 0 ? after(sub) : sub;
+  for (unsigned i = 0; i < heard.count; ++i) {
+    id_ = before | static_cast<std::uint32_t>(heard.values[i]) << shift;
+    const auto answered = co_await ask(sub, shift, next);
+    if (!answered) co_return fail(answered.error());
+    if (*answered) co_return true;
+  }
+  co_return false;
+}
+
+rt::Task<Result<bool>> Fastscan::ask(std::uint8_t sub, unsigned bit, std::uint8_t next) {
+  FastscanRequest request{.id = id_, .bit_checked = static_cast<std::uint8_t>(bit), .sub = sub, .next = next};
+  co_return co_await ask(request);
+}
+
+rt::Task<Result<bool>> Fastscan::ask(FastscanRequest request) {
+  const ServiceOptions whole_window{.timeout = options_.window, .retries = 0, .full_window = true};
+  ++requests_;
+  const auto reply = co_await master_->fastscan(request, whole_window);
+  if (!reply) co_return fail(reply.error());
+  const bool upper_half_confirmed = !request.starts() && request.bit_checked == 16;
+  keep(*reply, upper_half_confirmed);
+  co_return reply->answers > 0;
+}
+
+// 40h to 43h: whoever has this address, and nobody else, says 44h.
+rt::Task<Result<bool>> Fastscan::confirmed() {
+  const ServiceOptions options{.timeout = options_.window, .retries = 1, .full_window = true};
+  const auto reply = co_await master_->switch_selective(device_.address, options);
+  if (!reply && reply.error().code != Errc::timeout) co_return fail(reply.error());
+  if (!reply) co_return false;
+  device_.possible_clone = reply->answers > 1;
+  co_return true;
+}
+
+std::uint8_t Fastscan::after(std::uint8_t sub) const noexcept {
+  if (sub < 3) return static_cast<std::uint8_t>(sub + 1);
+  return options_.form == FastscanForm::literal ? FastscanRequest::after_last : std::uint8_t{0};
+}
+
+// Values of the half that was asked for stand before others: those are late, or of a slave that toggles in its own way.
+void Fastscan::keep(const Reply& reply, bool lower) noexcept {
+  heard_ = {.answers = reply.answers};
+  if (reply.answers == 0) return;
+  for (const bool fitting : {true, false}) {
+    for (const auto& h : reply.feedback) {
+      const bool fits = h.feedback.kind == Feedback::base || h.feedback.toggle == lower;
+      if (h.feedback.kind != options_.feedback || fits != fitting || heard_.count == heard_.values.size()) continue;
+      heard_.values[heard_.count++] = h.feedback.value;
+    }
+  }
+}
+
+}  // namespace berth::lss
