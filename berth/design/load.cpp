@@ -40,7 +40,10 @@ ConfigLoader config_loader() {
 MachineResult load_machine(const std::string& path) {
   MachineResult result;
   const auto text = text::read_file(path, result.findings);
-  return text ? read_machine(*text, path, eds_loader(), config_loader()) : result;
+  const TextLoader libraries = [](const std::string& file, Findings& findings) {
+    return text::read_file(file, findings);
+  };
+  return text ? read_machine(*text, path, eds_loader(), config_loader(), libraries) : result;
 }
 
 }  // namespace berth::design

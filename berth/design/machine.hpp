@@ -12,6 +12,7 @@
 #include "berth/base/finding.hpp"
 #include "berth/base/ids.hpp"
 #include "berth/base/result.hpp"
+#include "berth/design/library.hpp"
 #include "berth/places/slot.hpp"
 #include "berth/text/toml.hpp"
 
@@ -75,12 +76,14 @@ struct Bus {
   Role role = Role::master;
   NodeId master{127};  ///< `master_id`
   std::optional<Gateway> gateway;
+  std::string discovery = "auto";  ///< "auto", or the one method by which new devices are found, as `discovery::name`
   Timing timing;
   text::Place place;  ///< of its table
 };
 
 struct Slot {
   places::SlotSpec spec;  ///< what binding needs; `spec.name.machine` is the machine's name
+  std::string device;     ///< the library's name for its type, as written; empty when the slot says it itself
   std::string eds;        ///< as written, empty when the slot gives `type`
   std::string eds_path;   ///< the same, relative to the machine file's folder
   text::Place place;      ///< of its table
@@ -107,6 +110,7 @@ struct Machine {
   std::vector<Bus> buses;   ///< in the order of the file; at least one
   std::vector<Slot> slots;  ///< in the order of the file, ranges ascending
   std::vector<Link> links;
+  Library library;  ///< of the file itself and of `devices =`
 
   [[nodiscard]] const Bus* bus(std::string_view name) const noexcept;
   [[nodiscard]] const Slot* slot(std::string_view name) const noexcept;
@@ -114,14 +118,6 @@ struct Machine {
   /// The specifications of one bus's slots, in the order of the file.
   [[nodiscard]] std::vector<places::SlotSpec> specs(std::string_view bus) const;
 };
-
-/// What a slot takes from a device description: object 1018h, else [DeviceInfo].
-struct DeviceType {
-  TypeCode type;
-  std::optional<std::uint32_t> revision;
-};
-/// Reads the description at `path`; remarks go to `findings`, and at least one error when it gives nothing.
-using TypeLoader = std::function<std::optional<DeviceType>(const std::string& path, Findings& findings)>;
 
 /// What a configuration file (`config =`) says about itself.
 struct ConfigType {
@@ -135,6 +131,9 @@ using ConfigLoader = std::function<std::optional<ConfigType>(const std::string& 
 /// Reads DCF and concise DCF files through room `manager`.
 [[nodiscard]] ConfigLoader config_loader();
 
+/// Reads the text of the library file at `path`; an error goes to `findings` when it gives nothing.
+using TextLoader = std::function<std::optional<std::string>(const std::string& path, Findings& findings)>;
+
 /// Reads EDS, DCF and XDD files through room `eds`.
 [[nodiscard]] TypeLoader eds_loader();
 
@@ -144,9 +143,10 @@ struct MachineResult {
 };
 
 /// Reads a machine file's text. `file_name` is shown in findings, and its folder is where `eds` and `config` are looked
-/// for. An empty `loader`: slots with `eds` are an error. An empty `configs`: files of `config` are not looked at.
+/// for. An empty `loader`: slots with `eds` are an error. An empty `configs`: files of `config` are not looked at. An
+/// empty `libraries`: a file of `devices` is an error.
 [[nodiscard]] MachineResult read_machine(std::string_view text, const std::string& file_name, const TypeLoader& loader,
-                                         const ConfigLoader& configs = {});
+                                         const ConfigLoader& configs = {}, const TextLoader& libraries = {});
 
 /// The same from a file; a file that cannot be read is a finding.
 [[nodiscard]] MachineResult load_machine(const std::string& path);

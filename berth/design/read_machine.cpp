@@ -3,6 +3,7 @@
 
 #include <algorithm>
 #include <array>
+#include <charconv>
 #include <map>
 
 #include "berth/design/machine.hpp"
@@ -22,6 +23,17 @@ constexpr std::array<string_view, 3> revision_words{"any", "major", "exact"};
 constexpr std::array<string_view, 2> replacement_words{"ask", "auto"};
 constexpr std::array<string_view, 3> assign_words{"lss", "fixed", "recipe"};
 constexpr std::array<string_view, 3> activate_words{"at-once", "reset", "power-cycle"};
+// As `discovery::name` has them; rooms of this floor do not link that one.
+constexpr std::array<string_view, 10> discovery_words{"auto",
+                                                      "rand",
+                                                      "and",
+                                                      "fastscan",
+                                                      "fastscan-feedback-29",
+                                                      "fastscan-feedback-11",
+                                                      "identify",
+                                                      "planner-rand",
+                                                      "planner-fastscan",
+                                                      "planner-feedback"};
 constexpr Limits node_ids{1, 127};
 
 template <class Enum, std::size_t N>
@@ -37,16 +49,35 @@ bool good_name(string_view name) noexcept {
 }
 constexpr const char* name_fix = "use 1 to 100 characters without '/', control characters and outer spaces";
 
+/// "6000h:01", "6000h", "0x6000:1": hex digits, index and sub-index; the latter is 0 when left out.
+std::optional<std::pair<std::uint16_t, std::uint8_t>> parse_object(string_view text) noexcept {
+  const auto number = [](string_view part, unsigned most) -> std::optional<unsigned> {
+    if (part.starts_with("0x")) part.remove_prefix(2);
+    if (part.ends_with('h')) part.remove_suffix(1);
+    unsigned value = 0;
+    const auto [end, error] = std::from_chars(part.data(), part.data() + part.size(), value, 16);
+    const bool good = error == std::errc{} && end == part.data() + part.size() && value <= most;
+    return good ? std::optional(value) : std::nullopt;
+  };
+  const auto colon = text.find(':');
+  const auto index = number(text.substr(0, colon), 0xFFFF);
+  const auto sub = colon == string_view::npos ? std::optional(0U) : number(text.substr(colon + 1), 0xFF);
+  if (!index || !sub || *index == 0) return std::nullopt;
+  return std::pair(static_cast<std::uint16_t>(*index), static_cast<std::uint8_t>(*sub));
+}
+
 class MachineReader {
  public:
-  MachineReader(const std::string& file, const TypeLoader& loader, const ConfigLoader& configs, Findings& findings)
-      : file_(file), loader_(loader), configs_(configs), findings_(findings) {
+  MachineReader(const std::string& file, const TypeLoader& loader, const ConfigLoader& configs,
+                const TextLoader& libraries, Findings& findings)
+      : file_(file), loader_(loader), configs_(configs), libraries_(libraries), findings_(findings) {
     machine_.file = file;
   }
 
   Machine read(const text::Value& root) {
     Table table(root, "", file_, findings_);
     read_head(table);
+    read_own_library(table);
     read_timing(table, timing_);
     for (auto& [name, bus] : table.named_tables("bus")) read_bus(name, bus);
     if (machine_.buses.empty()) table.error("", "there is no bus", "write a table [bus.NAME]");
@@ -73,7 +104,33 @@ class MachineReader {
       if (name && !good_name(*name)) head->error("name", "this is no name", name_fix);
       machine_.name = name.value_or("");
     }
+    read_library_file(*head);
     head->finish();
+  }
+
+  void read_library_file(Table& head) {
+    const auto name = head.string("devices");
+    if (!name) return;
+    if (name->empty()) return head.error("devices", "the file name is empty", "name a library, or leave the key out");
+    const auto path = text::beside(file_, *name);
+    const auto text = libraries_ ? libraries_(path, findings_) : std::nullopt;
+    if (!text) {
+      return head.error("devices", fmt::format("{} cannot be read", text::quoted(path)),
+                        "name a file of [[device-type]] tables");
+    }
+    library_file_ = path;  // findings keep a reference to no temporary
+    machine_.library = read_library(*text, library_file_, loader_, findings_);
+  }
+
+  void read_own_library(Table& root) {
+    for (auto& device : read_device_types(root, file_, loader_, findings_)) {
+      const bool taken = std::ranges::find(machine_.library, device.name, &KnownDevice::name) != machine_.library.end();
+      if (taken) {
+        error_at(device.place, "device-type.name", fmt::format("the library has {} too", text::quoted(device.name)),
+                 "names are unique");
+      }
+      machine_.library.push_back(std::move(device));
+    }
   }
 
   static void read_duration(Table& table, string_view key, Duration low, Duration high, Duration& into) {
@@ -127,6 +184,7 @@ class MachineReader {
     read_word(table, "role", role_words, bus.role);
     if (const auto id = table.integer("master_id", node_ids)) bus.master = NodeId(static_cast<std::uint8_t>(*id));
     read_gateway(table, bus);
+    if (const auto method = table.word("discovery", discovery_words)) bus.discovery = discovery_words[*method];
     read_timing(table, bus.timing);
     table.finish();
     machine_.buses.push_back(std::move(bus));
@@ -228,7 +286,9 @@ class MachineReader {
     const auto ids = read_ids(table, slot);
     const auto pattern = read_name(table, slot.of_range);
     read_type(table, slot);
+    const bool says_how = table.has("when_ambiguous");
     read_word(table, "when_ambiguous", ambiguous_words, spec.when_ambiguous);
+    read_probe(table, spec, says_how);
     read_word(table, "replacement", replacement_words, spec.replacement);
     read_word(table, "assign", assign_words, spec.assign);
     read_word(table, "revision", revision_words, spec.rule);
@@ -237,9 +297,123 @@ class MachineReader {
                   "write it into type = { …, revision = 0x… }, or use an eds that has it");
     }
     spec.optional = table.boolean("optional").value_or(false);
+    read_also(table, spec);
+    read_spares(table, slot);
+    find_recipe(table, slot);
     read_config(table, slot, ids);
     table.finish();
     for (const unsigned id : ids) add_slot(table, slot, id, pattern);
+  }
+
+  static void read_probe(Table& table, places::SlotSpec& spec, bool says_how) {
+    auto entry = table.table("probe");
+    const bool by_probe = spec.when_ambiguous == places::WhenAmbiguous::probe;
+    if (!entry) {
+      if (by_probe && !table.has("probe")) {
+        table.error("when_ambiguous", "the slot has no probe that could tell",
+                    "write probe = { object = \"6000h:01\", value = 1 }");
+      }
+      return;
+    }
+    if (!says_how) spec.when_ambiguous = places::WhenAmbiguous::probe;
+    places::Probe probe;
+    if (entry->require("object", "such as \"6000h:01\"")) {
+      const auto text = entry->string("object");
+      const auto object = text ? parse_object(*text) : std::nullopt;
+      if (text && !object) {
+        entry->error("object", fmt::format("{} is no object", text::quoted(*text)), "write index:sub, \"6000h:01\"");
+      }
+      probe.index = object ? object->first : 0;
+      probe.sub = object ? object->second : 0;
+    }
+    if (entry->require("value", "what the object has in this place")) probe.value = entry->u32("value").value_or(0);
+    probe.mask = entry->u32("mask").value_or(probe.mask);
+    if (probe.mask == 0) entry->error("mask", "no bit of the value counts", "leave the key out, or set the bits");
+    if ((probe.value & ~probe.mask) != 0) {
+      entry->error("value", "it has bits that are not in the mask", "no device could show it");
+    }
+    entry->finish();
+    spec.probe = probe;
+  }
+
+  const KnownDevice* known_device(Table& table, string_view key, const std::string& name) {
+    const auto it = std::ranges::find(machine_.library, name, &KnownDevice::name);
+    if (it != machine_.library.end()) return &*it;
+    std::vector<string_view> names;
+    for (const auto& device : machine_.library) names.push_back(device.name);
+    const auto near = text::closest(name, names);
+    table.error(
+        key, fmt::format("the device library has no {}", text::quoted(name)),
+        near.empty() ? "write a [[device-type]] of this name" : fmt::format("did you mean {}?", text::quoted(near)));
+    return nullptr;
+  }
+
+  void read_also(Table& table, places::SlotSpec& spec) {
+    for (auto& entry : table.tables("also")) {
+      places::AlsoType also;
+      if (entry.has("device")) {
+        const auto name = entry.string("device");
+        const auto* device = name ? known_device(entry, "device", *name) : nullptr;
+        if (device != nullptr) also = {device->type, device->revision};
+      } else {
+        if (entry.require("vendor", "vendor-ID, 1018h:01")) also.type.vendor = entry.u32("vendor").value_or(0);
+        if (entry.require("product", "product code, 1018h:02")) also.type.product = entry.u32("product").value_or(0);
+        also.revision = entry.u32("revision");
+      }
+      entry.finish();
+      const bool twice =
+          also.type == spec.type || std::ranges::find(spec.also, also.type, &places::AlsoType::type) != spec.also.end();
+      if (twice && also.type != TypeCode{}) {
+        table.error("also", fmt::format("type {} stands there twice", to_string(also.type)),
+                    "name each type once; a type's revisions are what `revision` is for");
+      }
+      if (spec.rule != places::RevisionRule::any && !also.revision) {
+        table.error("also", "the revision number of a further type is not known", "add revision = 0x…");
+      }
+      spec.also.push_back(also);
+    }
+  }
+
+  void read_spares(Table& table, Slot& slot) {
+    const auto serials = table.integers("spares", text::any_u32);
+    if (!serials) return;
+    auto& spares = slot.spec.spares;
+    for (const auto serial : *serials) {
+      const auto number = static_cast<std::uint32_t>(serial);
+      if (std::ranges::find(spares, number) != spares.end()) {
+        table.error("spares", fmt::format("serial number {} stands there twice", number), "name it once");
+      }
+      spares.push_back(number);
+    }
+    if (slot.of_range && !spares.empty()) {
+      table.error("spares", "a spare is kept for one slot", "give that slot a [[slot]] of its own");
+    }
+    for (const auto& other : machine_.slots) {
+      if (other.spec.type != slot.spec.type) continue;
+      for (const auto serial : spares) {
+        if (std::ranges::find(other.spec.spares, serial) == other.spec.spares.end()) continue;
+        table.error("spares",
+                    fmt::format("serial number {} is kept for slot {} too", serial, text::quoted(other.spec.name.name)),
+                    "a spare is kept for one slot");
+      }
+    }
+  }
+
+  // By the slot's own `device`, else by its type.
+  void find_recipe(Table& table, Slot& slot) {
+    const auto& library = machine_.library;
+    auto it = std::ranges::find(library, slot.device, &KnownDevice::name);
+    if (slot.device.empty()) {
+      it = std::ranges::find_if(library,
+                                [&](const KnownDevice& d) { return d.type == slot.spec.type && d.recipe != nullptr; });
+    }
+    if (it != library.end()) slot.spec.recipe = it->recipe;
+    if (slot.spec.assign != places::Assign::recipe) {
+      slot.spec.recipe.reset();
+    } else if (slot.spec.recipe == nullptr && slot.spec.type != TypeCode{}) {
+      table.error("assign", fmt::format("the device library has no recipe for type {}", to_string(slot.spec.type)),
+                  "write [device-type.recipe] for it");
+    }
   }
 
   void read_config(Table& table, Slot& slot, const std::vector<unsigned>& ids) {
@@ -333,12 +507,28 @@ class MachineReader {
   void read_type(Table& table, Slot& slot) {
     const bool has_type = table.has("type");
     const bool has_eds = table.has("eds");
+    const bool has_device = table.has("device");
     if (has_type && has_eds) table.error("eds", "type and eds exclude each other", "keep one of them");
-    if (!has_type && !has_eds) {
+    if (has_device && (has_type || has_eds)) {
+      table.error("device", "device and type or eds exclude each other", "keep one of them");
+    }
+    if (!has_type && !has_eds && !has_device) {
       table.error("type", "the slot has no device type", "write type = { vendor = …, product = … } or eds = \"…\"");
     }
+    if (has_device) read_device(table, slot);
     if (has_type) read_type_table(table, slot.spec);
     if (has_eds) read_eds(table, slot);
+  }
+
+  void read_device(Table& table, Slot& slot) {
+    const auto name = table.string("device");
+    const auto* device = name ? known_device(table, "device", *name) : nullptr;
+    if (device == nullptr) return;
+    slot.device = device->name;
+    slot.eds = device->eds;
+    slot.eds_path = device->eds_path;
+    slot.spec.type = device->type;
+    slot.spec.revision = device->revision;
   }
 
   static void read_type_table(Table& table, places::SlotSpec& spec) {
@@ -449,6 +639,8 @@ class MachineReader {
   const std::string& file_;
   const TypeLoader& loader_;
   const ConfigLoader& configs_;
+  const TextLoader& libraries_;
+  std::string library_file_;
   Findings& findings_;
   Machine machine_;
   Timing timing_;
@@ -467,11 +659,11 @@ void sort_findings(Findings& findings, const std::string& file) {
 }  // namespace
 
 MachineResult read_machine(std::string_view text, const std::string& file_name, const TypeLoader& loader,
-                           const ConfigLoader& configs) {
+                           const ConfigLoader& configs, const TextLoader& libraries) {
   MachineResult result;
   const auto root = text::parse_toml(text, file_name, result.findings);
   if (!root) return result;
-  auto machine = MachineReader(file_name, loader, configs, result.findings).read(*root);
+  auto machine = MachineReader(file_name, loader, configs, libraries, result.findings).read(*root);
   sort_findings(result.findings, file_name);
   if (!has_errors(result.findings)) result.machine = std::move(machine);
   return result;

@@ -75,6 +75,10 @@ bus = "drives"
 ids = "1..2, 9"
 name = "drive {id}"
 type = { vendor = 7, product = 8 }
+[[device-type]]
+name   = "sensor"
+type   = { vendor = 0x0000_0001, product = 0xFFFF_FFFF }
+recipe = { from = [1], write = [{ object = "2000h:00", value = "{id}" }] }
 [[link]]
 from = "left sensor/Position"
 to   = ["drive 9/6040h:00"]
@@ -116,7 +120,7 @@ deadline = "20 ms"
   EXPECT_EQ(m.slots[1].spec.activate, places::Activate::at_once);
   EXPECT_EQ(m.slots[1].spec.type, (TypeCode{0x11, 0x22}));
   EXPECT_EQ(m.slots[1].eds_path, "some/where/eds/sensor.eds");
-  EXPECT_EQ(m.slots[1].spec.when_ambiguous, places::WhenAmbiguous::ask);
+  EXPECT_EQ(m.slots[1].spec.when_ambiguous, places::WhenAmbiguous::ascending);
   EXPECT_EQ(m.slots[1].spec.replacement, places::Replacement::ask);
   EXPECT_EQ(m.slots[4].spec.name.name, "drive 9");
   EXPECT_EQ(m.slots[4].spec.id, NodeId(9));

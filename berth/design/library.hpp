@@ -1,0 +1,51 @@
+/// The device library: what a person knows of device types beyond their descriptions, above all how a device without
+/// LSS gets its node-ID. `[[device-type]]` tables, in a file of their own that several machines share (`devices =` in
+/// the machine file) or in the machine file itself; docs/machine-file.md has the grammar.
+///
+/// What Berth learns of devices is in the store; this is what a person wrote.
+#pragma once
+
+#include <functional>
+#include <memory>
+#include <optional>
+#include <string>
+#include <string_view>
+#include <vector>
+
+#include "berth/base/finding.hpp"
+#include "berth/base/ids.hpp"
+#include "berth/places/recipe.hpp"
+#include "berth/text/toml.hpp"
+
+namespace berth::design {
+
+/// What a slot takes from a device description: object 1018h, else [DeviceInfo].
+struct DeviceType {
+  TypeCode type;
+  std::optional<std::uint32_t> revision;
+};
+/// Reads the description at `path`; remarks go to `findings`, and at least one error when it gives nothing.
+using TypeLoader = std::function<std::optional<DeviceType>(const std::string& path, Findings& findings)>;
+
+/// One device type of the library.
+struct KnownDevice {
+  std::string name;  ///< what slots call it by `device =`; unique
+  TypeCode type;
+  std::optional<std::uint32_t> revision;
+  std::string eds;                               ///< as written; empty when the type is given by numbers
+  std::string eds_path;                          ///< the same, relative to the library's folder
+  std::shared_ptr<const places::Recipe> recipe;  ///< null: it has LSS, or a fixed node-ID
+  std::string file;                              ///< where it is written
+  text::Place place;
+};
+using Library = std::vector<KnownDevice>;
+
+/// Reads the `[[device-type]]` tables beneath `root`. `loader` as in `read_machine`.
+[[nodiscard]] Library read_device_types(text::Table& root, const std::string& file, const TypeLoader& loader,
+                                        Findings& findings);
+
+/// Reads a library file's text: nothing but `[[device-type]]` tables. What is wrong is a finding, all of it at once.
+[[nodiscard]] Library read_library(std::string_view text, const std::string& file, const TypeLoader& loader,
+                                   Findings& findings);
+
+}  // namespace berth::design
