@@ -304,14 +304,16 @@ void Device::received(const can::Frame& frame, rt::Time) noexcept {
   if (!powered_) return;
   std::optional<can::Frame> answer;
   if (frame.key() == lss::master_cob_id) {
-    lss_answers_.send(answer_lss(frame));
+    const auto answers = answer_lss(frame);
+    note_other_schemes(answers.has_value());
+    lss_answers_.send(answers);
   } else if (methods_.hears(frame.key())) {
     answer = methods_.handle(frame, options_.lss && lss_->state() == lss::State::configuration);
+    note_other_schemes(answer.has_value());
   } else if (!frame.remote && is_mine(frame.key())) {
     raise(co::emcy_code::id_collision, co::error_register::communication);
     if (negotiation_) return negotiation_->doubled();
   }
-  note_other_schemes(answer.has_value());
   if (answer && !lss_->silent()) dispatcher_->send(*answer);
 }
 

@@ -72,7 +72,7 @@ struct NegotiatorOptions {
   rt::Duration answers = std::chrono::milliseconds(100);    ///< ReqUsedNodeId to the first byte
   rt::Duration pause = std::chrono::milliseconds(100);      ///< last byte to the announcement
   rt::Duration spacing = std::chrono::milliseconds(5);      ///< least time from one own byte to the next
-  rt::Duration after_pause = std::chrono::milliseconds(2);  ///< `quiet` is so much longer for who lost: the winner, who
+  rt::Duration after_pause = std::chrono::milliseconds(5);  ///< `quiet` is so much longer for who lost: the winner, who
                                                             ///< waits as long, announces first (Table 4)
   // Not in `literal`:
   rt::Duration jitter = std::chrono::milliseconds(3);         ///< most that an announcement or defence is delayed
@@ -115,6 +115,8 @@ class Negotiator final {
  public:
   Negotiator(rt::Executor& executor, NegotiatorOwner& owner, const NegotiatorOptions& options) noexcept;
 
+  /// While off: another identity, from power-on.
+  void set_address(const LssAddress& address) noexcept { options_.address = address; }
   /// The device has no valid node-ID. `last`: the one it had before, preferred; unconfigured: none.
   void start(NodeId last = {}) noexcept;
   /// The device hears the bus (again) after it lost its node-ID and made its reset: what it does now begins anew. Only

@@ -40,7 +40,8 @@ bool remembers(NodeIdSource source) noexcept {
   return source == NodeIdSource::blank || source == NodeIdSource::nonvolatile;
 }
 
-device::Options options_of(const PlantDevice& plan, const LssAddress& address, std::uint32_t bit_rate) {
+device::Options options_of(const PlantDevice& plan, const LssAddress& address, std::uint32_t bit_rate,
+                           std::uint64_t seed) {
   device::Options o;
   o.address = address;
   o.source = remembers(plan.source) ? device::NodeIdSource::nonvolatile : device::NodeIdSource::fixed;
@@ -62,6 +63,7 @@ device::Options options_of(const PlantDevice& plan, const LssAddress& address, s
     const bool literal = plan.speaks.has(Speaks::negotiation_literal);
     o.negotiation = literal ? device::NegotiationMode::literal : device::NegotiationMode::on;
   }
+  o.negotiator.seed = seed;
   o.bus_off_recovery = bus_off_recovery;
   if (plan.eds.empty()) o.name = plan.name;
   const auto heartbeat = std::chrono::duration_cast<std::chrono::milliseconds>(plan.heartbeat).count();
@@ -164,8 +166,8 @@ SimDevice::SimDevice(World& world, sim::Bus& bus, const PlantDevice& plan, const
       controller_(bus.attach(controller_of(plan, bit_rate_of(plan, bus)))),
       port_(bus.executor(), *controller_, timing_, random),
       dispatcher_(bus.executor(), port_),
-      device_(dispatcher_, std::move(description), &flash_, options_of(plan, address, bit_rate_of(plan, bus)), &port_,
-              timing_) {
+      device_(dispatcher_, std::move(description), &flash_,
+              options_of(plan, address, bit_rate_of(plan, bus), Random(random).next()), &port_, timing_) {
   flash_.watch(this);
   device_.observe(this);
 }
