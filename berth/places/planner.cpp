@@ -17,8 +17,8 @@ struct Group {
 class Planner {
  public:
   Planner(const std::vector<Slot>& slots, const std::vector<Found>& found, const std::vector<LssAddress>& blanks,
-          NodeId master)
-      : slots_(slots), found_(found), blanks_(blanks), master_(master) {}
+          NodeId master, const std::vector<Reading>& readings)
+      : slots_(slots), found_(found), blanks_(blanks), master_(master), readings_(readings) {}
 
   Plan make() {
     finish_blanks();
@@ -105,13 +105,23 @@ class Planner {
         keep_off_our_ids(f);
         continue;
       }
-      groups[f.device.type()].fresh.push_back(f);
+      groups[group_of(f.device)].fresh.push_back(f);
     }
     const auto first = plan_.actions.size();
     for (auto& [type, group] : groups) seat_group(group);
     // In the order of the slots, as paper 1's Figure 10 shows it.
     std::stable_sort(plan_.actions.begin() + static_cast<std::ptrdiff_t>(first), plan_.actions.end(),
                      [&](const Action& a, const Action& b) { return rank(a) < rank(b); });
+  }
+
+  /// A successor (`also`) belongs to the type of the slot that it may sit in, a free one if there is one.
+  [[nodiscard]] TypeCode group_of(const LssAddress& device) const {
+    const auto free = std::ranges::find_if(slots_, [&](const Slot& s) {
+      return !s.record.device() && s.spec.assign == Assign::lss && fits(s.spec, device);
+    });
+    if (free != slots_.end()) return free->spec.type;
+    const auto any = std::ranges::find_if(slots_, [&](const Slot& s) { return fits(s.spec, device); });
+    return any == slots_.end() ? device.type() : any->spec.type;
   }
 
   [[nodiscard]] bool fixed_slot_waits(const TypeCode& type) const {
@@ -142,12 +152,38 @@ class Planner {
     // Rule 2: the larger R_SN belongs in the slot of the larger number, among the devices of this run (S1.35).
     std::ranges::sort(free, {}, [&](std::size_t i) { return slots_[i].spec.id; });
     std::ranges::sort(fresh, {}, [](const Found& f) { return f.device.r_sn(); });
+    seat_listed_spares(group);
+    leave_who_fits_nowhere(group);
+    seat_by_probe(group);
+    if (!fresh.empty() && !free.empty()) seat_by_mode(group);
+  }
 
-    std::erase_if(fresh, [&](const Found& f) {
-      const bool wanted = std::ranges::any_of(free, [&](std::size_t i) { return fits(slots_[i].spec, f.device); });
+  void take(Group& group, std::size_t slot, const Found& f) {
+    seat(slot, f);
+    std::erase(group.free, slot);
+    const LssAddress device = f.device;  // `f` may be the one that goes
+    std::erase_if(group.fresh, [&](const Found& each) { return each.device == device; });
+  }
+
+  /// A spare that two slots list goes to the lower one.
+  void seat_listed_spares(Group& group) {
+    const std::vector<Found> fresh = group.fresh;
+    for (const auto& f : fresh) {
+      const auto slot =
+          std::ranges::find_if(group.free, [&](std::size_t i) { return listed_spare(slots_[i].spec, f.device); });
+      if (slot != group.free.end()) take(group, *slot, f);
+    }
+  }
+
+  void leave_who_fits_nowhere(Group& group) {
+    std::erase_if(group.fresh, [&](const Found& f) {
+      const bool wanted =
+          std::ranges::any_of(group.free, [&](std::size_t i) { return fits(slots_[i].spec, f.device); });
       if (wanted) return false;
-      const bool known_type =
-          std::ranges::any_of(slots_, [&](const Slot& s) { return s.spec.type == f.device.type(); });
+      const bool known_type = std::ranges::any_of(
+          slots_, [&](const Slot& s) { return s.spec.type == f.device.type() || fits(s.spec, f.device); });
+      const bool waits_for_another = misplaced(f);
+      if (waits_for_another) return true;
       if (!known_type) {
         leave(f, "foreign", "is of a type that this machine has no slot for; take it off the bus, or add a slot");
       } else if (fixed_slot_waits(f.device.type())) {
@@ -156,22 +192,132 @@ class Planner {
              fmt::format("device {} is of a type whose slot expects a fixed node-ID, and does not have "
                          "it; set its switches, or put it into the right place",
                          to_string(f.device))});
-      } else if (free.empty()) {
+      } else if (group.free.empty()) {
         leave(f, "surplus", "finds every slot of its type taken; take it off the bus, or `berth replace` a slot");
       } else {
         leave(f, "wrong revision", "has a revision that no free slot accepts; see the slots' `revision`");
       }
       return true;
     });
-    if (fresh.empty()) return;
+  }
+
+  // ---- probe ----
+
+  [[nodiscard]] const Reading* reading(const LssAddress& device, const Probe& probe) const {
+    const auto it = std::ranges::find_if(readings_, [&](const Reading& r) {
+      return r.device == device && r.index == probe.index && r.sub == probe.sub;
+    });
+    return it == readings_.end() ? nullptr : &*it;
+  }
+  [[nodiscard]] bool shows(const LssAddress& device, const Probe& probe) const {
+    const auto* const read = reading(device, probe);
+    return read != nullptr && read->value && probe.matches(*read->value);
+  }
+  /// It sits, by its probe, in the place of a slot that has another device.
+  bool misplaced(const Found& f) {
+    const auto place = std::ranges::find_if(slots_, [&](const Slot& s) {
+      return s.spec.probe && s.record.device() && fits(s.spec, f.device) && shows(f.device, *s.spec.probe);
+    });
+    if (place == slots_.end()) return false;
+    leave(f, "misplaced",
+          fmt::format("sits in the place of slot {} by its probe, and that slot waits for {}; if this is its "
+                      "replacement, `berth replace` the slot",
+                      place->spec.name.name, to_string(*place->record.device()))
+              .c_str());
+    return true;
+  }
+
+  /// Seats each device in the one slot whose probe it shows, when no other device shows it too. Who is not read yet
+  /// is named in `Plan::probes` and waits.
+  void seat_by_probe(Group& group) {
+    std::vector<std::size_t> places;
+    std::ranges::copy_if(group.free, std::back_inserter(places),
+                         [&](std::size_t i) { return slots_[i].spec.probe.has_value(); });
+    if (places.empty()) return;
+    const bool others = places.size() < group.free.size();
+    const std::vector<Found> fresh = group.fresh;
+    std::vector<Found> puzzling;
+    bool waits = false;
+    for (const auto& f : fresh) {
+      const bool asks = std::ranges::any_of(probes_for(slots_, f.device),
+                                            [&](const Probe& p) { return reading(f.device, p) == nullptr; });
+      if (!asks) continue;
+      waits = true;
+      plan_.probes.push_back(f.device);
+      keep_off_others(f);
+    }
+    if (waits) return group.fresh.clear();  // who shows a place alone is known when all were read
+    for (const auto& f : fresh) {
+      std::vector<std::size_t> mine;
+      std::ranges::copy_if(places, std::back_inserter(mine), [&](std::size_t i) {
+        return fits(slots_[i].spec, f.device) && shows(f.device, *slots_[i].spec.probe);
+      });
+      const bool alone = mine.size() == 1 && std::ranges::none_of(fresh, [&](const Found& other) {
+                           return other.device != f.device && fits(slots_[mine.front()].spec, other.device) &&
+                                  shows(other.device, *slots_[mine.front()].spec.probe);
+                         });
+      if (alone) {
+        take(group, mine.front(), f);
+      } else if (!mine.empty() || !others) {
+        std::erase_if(group.fresh, [&](const Found& each) { return each.device == f.device; });
+        if (mine.empty() && misplaced(f)) continue;
+        puzzling.push_back(f);
+      }
+    }
+    if (others) std::erase_if(group.free, [&](std::size_t i) { return slots_[i].spec.probe.has_value(); });
+    if (!puzzling.empty()) ask(places_free(places), puzzling, "their probes do not tell their places");
+  }
+
+  [[nodiscard]] std::vector<std::size_t> places_free(std::vector<std::size_t> places) const {
+    std::erase_if(places, [&](std::size_t i) {
+      return std::ranges::any_of(plan_.actions,
+                                 [&](const Action& a) { return a.kind == Action::Kind::bind && a.slot == i; });
+    });
+    return places;
+  }
+
+  /// It is to be read under its own node-ID, unless that is somebody else's.
+  void keep_off_others(const Found& f) {
+    const bool taken = f.active == master_ || std::ranges::any_of(slots_, [&](const Slot& s) {
+                         return s.spec.id == f.active && s.record.device() && s.record.device() != f.device;
+                       });
+    if (taken) keep_off_our_ids(f);
+  }
+
+  // ---- what is left ----
+
+  void seat_by_mode(Group& group) {
+    auto& [free, fresh] = group;
     const auto mode = slots_[free.front()].spec.when_ambiguous;
-    const bool one_by_one =
-        mode == WhenAmbiguous::first_seen || (mode == WhenAmbiguous::one_at_a_time && fresh.size() == 1);
-    const bool in_order = fresh.size() == free.size() && all_fit(free, fresh);
-    if (in_order || (one_by_one && fresh.size() <= free.size() && all_fit(free, fresh))) {
-      for (std::size_t k = 0; k < fresh.size(); ++k) seat(free[k], fresh[k]);
-    } else {
-      ask(free, fresh);
+    const bool one = fresh.size() == 1 && free.size() == 1 && all_fit(free, fresh);
+    if (one) return seat(free.front(), fresh.front());
+    switch (mode) {
+      case WhenAmbiguous::ascending:
+        if (fresh.size() != free.size() || !all_fit(free, fresh)) break;
+        for (std::size_t k = 0; k < fresh.size(); ++k) seat(free[k], fresh[k]);
+        return;
+      case WhenAmbiguous::one_at_a_time:
+        if (fresh.size() != 1) {
+          return ask(free, fresh, "they come one at a time here: leave only the next one switched on");
+        }
+        return seat_in_turn(group);
+      case WhenAmbiguous::first_seen: std::ranges::stable_sort(fresh, {}, &Found::seen); return seat_in_turn(group);
+      case WhenAmbiguous::ask:
+      case WhenAmbiguous::probe: break;
+    }
+    ask(free, fresh, mode == WhenAmbiguous::ascending ? "plug in as many as there are slots" : nullptr);
+  }
+
+  /// Each into the lowest slot that it fits; who comes too late finds none.
+  void seat_in_turn(Group& group) {
+    const std::vector<Found> fresh = group.fresh;
+    for (const auto& f : fresh) {
+      const auto slot = std::ranges::find_if(group.free, [&](std::size_t i) { return fits(slots_[i].spec, f.device); });
+      if (slot != group.free.end()) {
+        take(group, *slot, f);
+      } else {
+        leave(f, "surplus", "came when every slot of its type was taken; take it off the bus, or `berth replace` one");
+      }
     }
   }
 
@@ -189,23 +335,35 @@ class Planner {
     bind(slot, f.device, "discovered");
   }
 
-  void ask(const std::vector<std::size_t>& free, const std::vector<Found>& fresh) {
+  void ask(const std::vector<std::size_t>& free, const std::vector<Found>& fresh, const char* what_else) {
     Question q;
     q.slots = free;
-    for (const auto& f : fresh) q.devices.push_back(f.device);
+    std::string devices;
+    for (const auto& f : fresh) {
+      q.devices.push_back(f.device);
+      devices += (devices.empty() ? "" : ", ") + to_string(f.device);
+    }
+    std::string names;
+    for (const auto i : free) names += (names.empty() ? "" : ", ") + slots_[i].spec.name.name;
     q.text = fmt::format(
-        "{} new device{} of type {} and {} free slot{}: which belongs where? Plug in as many as there are "
-        "slots, or name them with `berth replace SLOT --device ADDRESS`",
+        "{} new device{} of type {} and {} free slot{}: which belongs where? Devices: {}. Slots: {}. {}ame them with "
+        "`berth replace SLOT --device ADDRESS`",
         fresh.size(), fresh.size() == 1 ? "" : "s", to_string(fresh.front().device.type()), free.size(),
-        free.size() == 1 ? "" : "s");
+        free.size() == 1 ? "" : "s", devices, names.empty() ? "-" : names,
+        what_else == nullptr ? std::string("N") : capital(what_else) + ", or n");
     for (const auto& f : fresh) keep_off_our_ids(f);
     plan_.questions.push_back(std::move(q));
+  }
+  [[nodiscard]] static std::string capital(std::string text) {
+    if (!text.empty() && text[0] >= 'a' && text[0] <= 'z') text[0] = static_cast<char>(text[0] - 'a' + 'A');
+    return text;
   }
 
   const std::vector<Slot>& slots_;
   const std::vector<Found>& found_;
   const std::vector<LssAddress>& blanks_;
   NodeId master_;
+  const std::vector<Reading>& readings_;
   Plan plan_;
 };
 
@@ -236,9 +394,21 @@ bool listed_spare(const SlotSpec& slot, const LssAddress& device) noexcept {
   return std::ranges::find(slot.spares, device.serial) != slot.spares.end() && fits(slot, device);
 }
 
+std::vector<Probe> probes_for(const std::vector<Slot>& slots, const LssAddress& device) {
+  std::vector<Probe> probes;
+  for (const auto& slot : slots) {
+    const auto& probe = slot.spec.probe;
+    if (!probe || !fits(slot.spec, device)) continue;
+    const bool known =
+        std::ranges::any_of(probes, [&](const Probe& p) { return p.index == probe->index && p.sub == probe->sub; });
+    if (!known) probes.push_back(*probe);
+  }
+  return probes;
+}
+
 Plan plan(const std::vector<Slot>& slots, const std::vector<Found>& found,
-          const std::vector<LssAddress>& unfinished_blanks, NodeId master) {
-  return Planner(slots, found, unfinished_blanks, master).make();
+          const std::vector<LssAddress>& unfinished_blanks, NodeId master, const std::vector<Reading>& readings) {
+  return Planner(slots, found, unfinished_blanks, master, readings).make();
 }
 
 }  // namespace berth::places

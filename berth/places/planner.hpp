@@ -6,6 +6,7 @@
 #include <vector>
 
 #include "berth/places/slot.hpp"
+#include "berth/rt/executor.hpp"
 
 namespace berth::places {
 
@@ -14,6 +15,7 @@ struct Found {
   LssAddress device;
   NodeId active;       ///< the node-ID it uses now; unconfigured for a blank device
   bool clone = false;  ///< more than one device answered to this address
+  rt::Time seen = {};  ///< when it became active: its boot-up message, else the first answer to a search
   friend bool operator==(const Found&, const Found&) = default;
 };
 
@@ -41,7 +43,7 @@ struct Question {
 
 /// Something that is not as it should be, with what to do about it.
 struct Oddity {
-  std::string kind;  ///< "surplus", "foreign", "clone", "wrong revision", "fixed mismatch"
+  std::string kind;  ///< "surplus", "foreign", "clone", "wrong revision", "fixed mismatch", "misplaced"
   LssAddress device;
   NodeId id;
   std::string text;
@@ -51,15 +53,23 @@ struct Plan {
   std::vector<Action> actions;  ///< in this order: blanks, unfinished bindings, repairs, new bindings
   std::vector<Question> questions;
   std::vector<Oddity> oddities;
+  std::vector<LssAddress> probes;  ///< new devices whose place is not known before their `SlotSpec::probe` was read
 };
 
 /// True when a device of this address may sit in this slot: rule 1 and the slot's revision rule.
 [[nodiscard]] bool fits(const SlotSpec& slot, const LssAddress& device) noexcept;
 
+/// The objects that tell a device of this address from others of its kind, each once: those of all slots it fits.
+[[nodiscard]] std::vector<Probe> probes_for(const std::vector<Slot>& slots, const LssAddress& device);
+
 /// Plans one bus. `slots` are the slots of that bus; `found` what discovery heard, registered devices included when
 /// they were heard at a node-ID that is not theirs; `unfinished_blanks` from the store; `master` is the master's
-/// node-ID.
+/// node-ID; `readings` what was read of the objects of `probes_for`.
+///
+/// Who gets which slot, first what is certain: an unfinished or known binding; a listed spare its slot; a device with
+/// a probe the slot whose probe it shows. What is left goes by `when_ambiguous` of the type's lowest free slot.
 [[nodiscard]] Plan plan(const std::vector<Slot>& slots, const std::vector<Found>& found,
-                        const std::vector<LssAddress>& unfinished_blanks, NodeId master);
+                        const std::vector<LssAddress>& unfinished_blanks, NodeId master,
+                        const std::vector<Reading>& readings = {});
 
 }  // namespace berth::places
