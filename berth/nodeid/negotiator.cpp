@@ -8,9 +8,10 @@
 namespace berth::nodeid {
 namespace {
 
-constexpr std::uint32_t usual_bit_rate = 125'000;              // where the port does not know
-constexpr unsigned longest_frame = 78;                         // bits of an extended frame without data, reachable
-constexpr rt::Duration again = std::chrono::milliseconds(10);  // a frame could not be queued
+constexpr std::uint32_t usual_bit_rate = 125'000;  // where the port does not know
+constexpr unsigned shortest_frame = 67;            // bits of an extended frame without data and without stuff bits
+constexpr unsigned longest_frame = 78;             // bits of an extended frame without data, reachable
+constexpr rt::Duration again = std::chrono::milliseconds(10);        // a frame could not be queued
 constexpr rt::Duration lost_frame = std::chrono::milliseconds(500);  // looks whether the controller has forgotten it
 constexpr unsigned coin_after = 2;  // insistences that are met by a defence; then it is a coin
 constexpr unsigned yield_after = 8;
@@ -364,12 +365,12 @@ rt::Duration Negotiator::frame_time() const noexcept {
   return rt::Duration(longest_frame * std::int64_t{1'000'000'000} / (rate != 0 ? rate : usual_bit_rate));
 }
 
-// From the end of one byte to the next one's start: counted from start to start it is the spacing.
+// From the end of one byte to the next one's start: from start to start it is the spacing, never less.
 rt::Duration Negotiator::pace() noexcept {
   const auto frame = frame_time();
   auto spacing = std::max(options_.spacing, 2 * frame);
   if (!options_.literal && load() > options_.load_limit) spacing *= 2;
-  return spacing - frame;
+  return spacing - frame * shortest_frame / longest_frame;
 }
 
 rt::Duration Negotiator::random(rt::Duration most) noexcept {
