@@ -7,6 +7,7 @@
 #include <vector>
 
 #include "berth/can/dispatcher.hpp"
+#include "berth/lss/answer_queue.hpp"
 #include "berth/lss/master.hpp"
 #include "berth/lss/slave.hpp"
 #include "berth/sim/world.hpp"
@@ -37,12 +38,13 @@ class Record final : public can::Tap {
 class Node final : private can::Handler, public SlaveOwner {
  public:
   Node(sim::World& world, sim::Bus& bus, const SlaveOptions& options, Settings stored = {},
-       rt::Duration answers_after = milliseconds(1))
+       rt::Duration answers_after = milliseconds(1), const sim::ControllerOptions& controller = {})
       : memory(stored),
         latency(answers_after),
         world_(world),
-        port_(bus.attach()),
+        port_(bus.attach(controller)),
         dispatcher_(world.executor(), *port_),
+        queue_(dispatcher_),
         slave(world.executor(), *this, options, stored) {
     dispatcher_.add(can::only(master_cob_id), *this);
     slave.reset_communication();
@@ -59,7 +61,10 @@ class Node final : private can::Handler, public SlaveOwner {
   unsigned stores = 0;
   std::vector<BitRateIndex> switches;
   unsigned silences_over = 0;
-  bool repeats = false;  // sends each answer twice
+  bool repeats = false;                              // sends each answer twice
+  std::function<rt::Duration()> own_latency;         // in place of `latency`, drawn for each answer
+  std::function<bool(const can::Frame&)> overhears;  // true: it does not hear this request
+  std::function<void(const can::Frame&)> hears;      // sees each request that it hears
 
   std::optional<StoreResult> store(const Settings& settings) noexcept override {
     ++stores;
@@ -86,17 +91,21 @@ class Node final : private can::Handler, public SlaveOwner {
  private:
   void received(const can::Frame& frame, rt::Time) noexcept override {
     if (dead || (slave.storing() && deaf_while_storing)) return;
-    const auto answer = slave.handle(frame);
-    if (!answer) return;
-    for (int i = 0; i < (repeats ? 2 : 1); ++i) {
-      world_.after(latency, [this, f = *answer] { dispatcher_.send(f); });
-    }
+    if (overhears && overhears(frame)) return;
+    if (hears) hears(frame);
+    const auto answers = slave.handle(frame);
+    if (!answers) return;
+    const auto after = own_latency ? own_latency() : latency;
+    world_.after(after, [this, answers] { queue_.send(answers); });
+    if (repeats) world_.after(after + milliseconds(1), [this, answers] { queue_.send(answers); });
   }
   sim::World& world_;
   std::unique_ptr<sim::Controller> port_;
   can::Dispatcher dispatcher_;
+  AnswerQueue queue_;
 
  public:
+  void say(const can::Frame& frame) { dispatcher_.send(frame); }
   Slave slave;
 };
 
@@ -111,6 +120,11 @@ struct World {
 
   Node& add(const LssAddress& address, Settings stored = {}, rt::Duration latency = milliseconds(1)) {
     nodes.push_back(std::make_unique<Node>(world, bus, SlaveOptions{.address = address}, stored, latency));
+    return *nodes.back();
+  }
+  Node& add_slave(const SlaveOptions& options, rt::Duration latency = milliseconds(1),
+            const sim::ControllerOptions& controller = {}) {
+    nodes.push_back(std::make_unique<Node>(world, bus, options, Settings{}, latency, controller));
     return *nodes.back();
   }
 
