@@ -1,0 +1,171 @@
+#include "berth/discovery/asker.hpp"
+
+#include <algorithm>
+
+namespace berth::discovery {
+namespace {
+constexpr rt::Duration default_window = std::chrono::milliseconds(10);  // paper 4's
+constexpr rt::Duration send_timeout = std::chrono::seconds(1);
+constexpr std::int64_t answer_bits = 126;  // 4Fh and seven zeros, with the space behind it
+constexpr std::size_t most_feedback = 256;
+}  // namespace
+
+// ---- one question -----------------------------------------------------------------------------------------------
+
+Question::~Question() { end(); }
+
+bool Question::start() noexcept {
+  asker_->current_ = this;
+  const rt::Time earliest = asker_->last_sent_ + asker_->options_->inhibit;
+  if (asker_->options_->inhibit.count() > 0 && earliest > executor().now()) {
+    step_ = Step::inhibited;
+    executor().at(earliest, *this);
+  } else {
+    send();
+  }
+  return true;
+}
+
+void Question::send() noexcept {
+  step_ = Step::sending;
+  executor().after(send_timeout, *this);
+  if (asker_->dispatcher_->send(lss::request_fastscan(request_), *this) != can::Queued::yes) {
+    fail_with("the port does not take a Fastscan request");
+  }
+}
+
+void Question::sent(rt::Time at) noexcept {
+  Asker& a = *asker_;
+  a.learn();
+  ++a.requests_;
+  a.asked_ = at;
+  a.last_sent_ = at;
+  heard_.before = a.answers_;
+  a.answers_ = 0;
+  a.signs_ = 0;
+  a.before_.swap(a.feedback_);
+  a.feedback_.clear();
+  heard_.at = at;
+  step_ = Step::listening;
+  const Options& o = *a.options_;
+  const rt::Duration bound = a.longest() - a.frame_ - o.blocking;
+  const rt::Duration learnt = a.latency_.response(o.shortest, bound);
+  ready_by_ = at + learnt;
+  executor().at(at + (wait_ == Wait::bound ? bound : learnt) + a.frame_ + o.blocking, *this);
+}
+
+void Question::answered(rt::Time at) noexcept {
+  if (step_ == Step::listening) {
+    // Behind the first answer others may stand: they go out while we wait, or before the next request.
+    executor().at(std::max(at, ready_by_), *this);
+  } else if (step_ == Step::sending || step_ == Step::inhibited) {
+    late(at);
+  }
+}
+
+void Question::late(rt::Time at) noexcept {
+  if (asker_->signs_ != 1) return;  // it was answered in its time
+  heard_.late = true;
+  // A frame that was heard this instant was on the wire until now, so ours is not. A port that tells later than it
+  // hears cannot say so, and there the request goes its way.
+  const bool surely_queued = step_ == Step::inhibited || at == executor().now();
+  if (!surely_queued) return;
+  heard_.sent = false;
+  over();
+}
+
+void Question::run() noexcept {
+  switch (step_) {
+    case Step::inhibited: send(); break;
+    case Step::sending: fail_with("a Fastscan request was not acknowledged"); break;
+    case Step::listening: over(); break;
+    case Step::idle:
+    case Step::done: break;
+  }
+}
+
+void Question::fail_with(const char* text) noexcept {
+  outcome_ = fail(Errc::bus, text);
+  end();
+  finish();
+}
+
+void Question::over() noexcept {
+  if (heard_.sent) {
+    heard_.answers = asker_->answers_;
+    heard_.feedback = !asker_->feedback_.empty();
+  }
+  outcome_ = heard_;
+  end();
+  finish();
+}
+
+void Question::end() noexcept {
+  step_ = Step::done;
+  cancel();
+  if (asker_->current_ != this) return;
+  asker_->current_ = nullptr;
+  asker_->dispatcher_->withdraw(*this);
+}
+
+// ---- the asker --------------------------------------------------------------------------------------------------
+
+Asker::Asker(can::Dispatcher& dispatcher) : dispatcher_(&dispatcher) {
+  feedback_.reserve(most_feedback);
+  before_.reserve(most_feedback);
+  dispatcher.add(can::only(lss::slave_cob_id), *this);
+}
+
+void Asker::begin(const Options& options, std::uint16_t feedback_base) noexcept {
+  options_ = &options;
+  if (feedback_base != feedback_base_) {
+    dispatcher_->remove(*this);
+    dispatcher_->add(can::only(lss::slave_cob_id), *this);
+    if (feedback_base != 0) {
+      dispatcher_->add(lss::extended_feedback, *this);
+      dispatcher_->add(lss::base_feedback(feedback_base), *this);
+    }
+    feedback_base_ = feedback_base;
+  }
+  requests_ = 0;
+  answers_ = 0;
+  signs_ = 0;
+  feedback_.clear();
+  before_.clear();
+  const auto rate = dispatcher_->port().status().bit_rate;
+  frame_ = rate == 0 ? rt::Duration{0} : rt::Duration(answer_bits * 1'000'000'000 / rate);
+}
+
+rt::Duration Asker::longest() const noexcept {
+  return (options_->window.count() > 0 ? options_->window : default_window) + frame_ + options_->blocking;
+}
+
+void Asker::received(const can::Frame& frame, rt::Time at) noexcept {
+  if (options_ == nullptr) return;
+  if (const auto value = lss::decode_feedback(frame, feedback_base_)) {
+    const auto place = std::ranges::lower_bound(feedback_, *value);
+    const bool known = place != feedback_.end() && *place == *value;
+    if (!known && feedback_.size() < most_feedback) feedback_.insert(place, *value);
+    sign(frame_ * (value->kind == lss::Feedback::extended ? 70 : 50) / answer_bits, at);
+    return;
+  }
+  if (!lss::is_lss(frame, lss::slave_cob_id) || lss::command(frame) != lss::Command::identified) return;
+  ++answers_;
+  last_ = at;
+  sign(frame_, at);
+}
+
+void Asker::sign(rt::Duration own, rt::Time at) noexcept {
+  if (signs_++ == 0) first_ = at - asked_ - own;
+  if (current_ != nullptr) current_->answered(at);
+}
+
+// The first answer may come from the quickest of many; the last one stood behind at most one frame when it was ready.
+void Asker::learn() noexcept {
+  if (signs_ == 0) return;
+  rt::Duration sample = first_;
+  if (signs_ == answers_ && answers_ > 1) sample = std::max(sample, last_ - asked_ - 2 * frame_);
+  latency_.note(sample);
+}
+
+}  // namespace berth::discovery

@@ -1,0 +1,134 @@
+/// One Fastscan question after the other, none waiting longer than it must.
+///
+/// What is waited for. A slave is *ready* when its answer stands in its controller's queue, at most `response` after
+/// the request was confirmed (`Latency`). From then on the bus works for us: 7E4h, and feedback in either form, wins
+/// arbitration against our next request on 7E5h. So a request that is queued `response` after the one before is sent
+/// after every answer to the one before, however loaded the bus is, and its confirmation is the fence: what was heard
+/// before it belongs to the request before, what is heard after it to itself. From this follow the windows:
+///
+/// - Somebody answered: the window ends `response` after the confirmation. A slower device's answer to this request is
+///   then on the wire before the next request and is counted here (`Heard::answers`), not there.
+/// - Nobody answered yet: the window ends `response`, one answer's frame and `Options::blocking` after the
+///   confirmation, for then an answer has been heard unless other traffic holds it up. If it is held up, it is still
+///   heard before the next request is confirmed. The next request is then taken back when it is not on the wire yet,
+///   and its question ends at once with `Heard::late`: the request before *was* answered. Otherwise `late` comes with
+///   its own outcome.
+/// - `Wait::bound`: silence is believed only after the longest response, `Options::window`.
+///
+/// A window is never cut at the first answer before `response` is over: a second device that answers later would be
+/// heard behind the next request, and its yes would be a yes to the wrong question.
+///
+/// Whoever needs longer than `response` is wrongly taken as silent once, and its answer perhaps as one to the next
+/// request. Both cost time only: the walk that asks goes by whole confirmed parts and by what the selected device
+/// itself says of its serial number.
+#pragma once
+
+#include <vector>
+
+#include "berth/can/dispatcher.hpp"
+#include "berth/discovery/discovery.hpp"
+#include "berth/discovery/latency.hpp"
+#include "berth/lss/frames.hpp"
+
+namespace berth::discovery {
+
+enum class Wait : std::uint8_t {
+  learnt,
+  bound,
+};
+
+/// What came of one question.
+struct Heard {
+  bool late = false;      ///< the question before was answered after it had been given up
+  bool sent = true;       ///< false: taken back, because `late`
+  unsigned answers = 0;   ///< 4Fh; equal ones may have fallen into one
+  unsigned before = 0;    ///< 4Fh to the question before, all of them
+  rt::Time at{};          ///< the confirmation
+  bool feedback = false;  ///< at least one feedback frame
+  [[nodiscard]] bool yes() const noexcept { return answers > 0 || feedback; }
+};
+
+class Asker;
+
+/// One question. Made by `Asker`; destroying it ends it.
+class Question final : public rt::Operation<Question>, private rt::Job, private can::Confirmation {
+ public:
+  ~Question();
+  bool start() noexcept;
+  Result<Heard> await_resume() noexcept { return outcome_; }
+
+ private:
+  friend class Asker;
+  enum class Step : std::uint8_t { idle, inhibited, sending, listening, done };
+  Question(Asker& asker, const lss::FastscanRequest& request, Wait wait) noexcept
+      : asker_(&asker), request_(request), wait_(wait) {}
+  void sent(rt::Time at) noexcept override;
+  void run() noexcept override;
+  void send() noexcept;
+  void answered(rt::Time at) noexcept;
+  void late(rt::Time at) noexcept;
+  void fail_with(const char* text) noexcept;
+  void over() noexcept;
+  void end() noexcept;
+
+  Asker* asker_;
+  lss::FastscanRequest request_;
+  Wait wait_;
+  Step step_ = Step::idle;
+  rt::Time ready_by_{};  // every answer is ready
+  Heard heard_{};
+  Result<Heard> outcome_{};
+};
+
+/// Belongs to one planner. One question at a time.
+class Asker final : private can::Handler {
+ public:
+  explicit Asker(can::Dispatcher& dispatcher);
+  /// Before a search: its options must stay. `feedback`: collect feedback, with this base for the eleven-bit form (0:
+  /// none).
+  void begin(const Options& options, std::uint16_t feedback_base) noexcept;
+
+  [[nodiscard]] Question ask(const lss::FastscanRequest& request, Wait wait = Wait::learnt) noexcept {
+    return {*this, request, wait};
+  }
+  /// Feedback heard since the last question's confirmation, distinct, ascending. Good until the next question is sent.
+  [[nodiscard]] const std::vector<lss::FeedbackValue>& feedback() const noexcept { return feedback_; }
+  /// What was heard of the question before that one.
+  [[nodiscard]] const std::vector<lss::FeedbackValue>& feedback_before() const noexcept { return before_; }
+  /// Every answer to the last question is ready from then on: the earliest time at which a request may follow that is
+  /// to be fenced off from it.
+  [[nodiscard]] rt::Time settled() const noexcept { return asked_ + longest(); }
+  /// Another service's request was sent: the next question keeps the inhibit time.
+  void sent_elsewhere(rt::Time at) noexcept { last_sent_ = at; }
+  /// 4Fh since the last question's confirmation, up to now.
+  [[nodiscard]] unsigned answers() const noexcept { return answers_; }
+  /// Questions sent since `begin`.
+  [[nodiscard]] unsigned requests() const noexcept { return requests_; }
+  /// After `at` + this nobody answers a request that was confirmed at `at`.
+  [[nodiscard]] rt::Duration longest() const noexcept;
+  [[nodiscard]] const Latency& latency() const noexcept { return latency_; }
+
+ private:
+  friend class Question;
+  void received(const can::Frame& frame, rt::Time at) noexcept override;
+  void learn() noexcept;
+  void sign(rt::Duration own, rt::Time at) noexcept;
+
+  can::Dispatcher* dispatcher_;
+  const Options* options_ = nullptr;
+  std::uint16_t feedback_base_ = 0;
+  Question* current_ = nullptr;
+  Latency latency_;
+  std::vector<lss::FeedbackValue> feedback_;
+  std::vector<lss::FeedbackValue> before_;
+  unsigned answers_ = 0;
+  unsigned requests_ = 0;
+  rt::Duration frame_{0};  // an answer's time on the wire; 0 when the port does not know its bit rate
+  rt::Time asked_{};       // confirmation of the last question
+  rt::Time last_sent_{};
+  rt::Duration first_{};  // from then to when the first answer, or its feedback, was ready
+  rt::Time last_{};       // the last answer
+  unsigned signs_ = 0;    // frames of both kinds since then
+};
+
+}  // namespace berth::discovery

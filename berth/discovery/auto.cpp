@@ -1,0 +1,157 @@
+#include "berth/discovery/auto.hpp"
+
+#include <algorithm>
+
+#include "berth/discovery/identify.hpp"
+#include "berth/discovery/published.hpp"
+#include "berth/discovery/walk.hpp"
+
+namespace berth::discovery {
+
+std::unique_ptr<Discovery> make(Method method, const Services& services) {
+  switch (method) {
+    case Method::rand: return make_rand(services);
+    case Method::and_protocol: return make_rand(services);  // PLACEHOLDER
+    case Method::fastscan: return make_fastscan(services, lss::Feedback::none);
+    case Method::feedback_29: return make_fastscan(services, lss::Feedback::extended);
+    case Method::feedback_11: return make_fastscan(services, lss::Feedback::base);
+    case Method::identify: return std::make_unique<Identify>(services);
+    case Method::planner_rand: return make_rand_walk(services);
+    case Method::planner_fastscan: return std::make_unique<Walker>(services, false);
+    case Method::planner_feedback: break;
+  }
+  return std::make_unique<Walker>(services, true);
+}
+
+namespace {
+struct Busy {
+  explicit Busy(bool& flag) noexcept : flag_(flag) { flag_ = true; }
+  ~Busy() { flag_ = false; }
+  Busy(const Busy&) = delete;
+  Busy& operator=(const Busy&) = delete;
+  bool& flag_;
+};
+constexpr const char* busy_text = "another discovery is under way";
+}  // namespace
+
+Auto::Auto(const Services& services, const AutoOptions& options) : services_(services), options_(options) {}
+Auto::~Auto() = default;
+
+Discovery& Auto::of(Method method) {
+  auto& part = parts_[static_cast<std::size_t>(method)];
+  if (!part) part = make(method, services_);
+  return *part;
+}
+
+struct Auto::Run {
+  Known known;
+  const Options& options;
+  Options part;  // for one scheme: as many devices as are still wanted
+  Report report{};
+
+  [[nodiscard]] bool over() const { return report.found.size() >= options.most_devices; }
+  // Whoever has no node-ID after all schemes were run: the non-configured question means them too.
+  [[nodiscard]] bool all_assigned() const {
+    return std::ranges::all_of(report.found, [](const Found& f) { return f.assigned.configured(); });
+  }
+};
+
+// One scheme. Whoever was found before is known to it, and not reported again.
+rt::Task<Result<void>> Auto::part(Run& run, Method method) {
+  Discovery& discovery = of(method);
+  last_ = method;
+  run.part.most_devices = run.options.most_devices - static_cast<unsigned>(run.report.found.size());
+  auto done = co_await discovery.find(run.known, run.part);
+  if (!done) co_return fail(done.error());
+  for (const Found& found : done->found) {
+    const auto known = std::ranges::find(run.report.found, found.address, &Found::address);
+    if (known != run.report.found.end()) {
+      if (!known->assigned.configured()) known->assigned = found.assigned;
+      continue;
+    }
+    run.report.found.push_back(found);
+    run.known.registered.push_back(found.address);
+    run.report.known = std::max(run.report.known, found.at);
+  }
+  run.report.requests += done->requests;
+  run.report.restarts += done->restarts;
+  if (done->end != Report::End::complete && run.report.end == Report::End::complete) run.report.end = done->end;
+  co_return Result<void>{};
+}
+
+rt::Task<Result<Report>> Auto::find(const Known& known, const Options& options) {
+  if (busy_) co_return fail(Errc::invalid, busy_text);
+  const Busy busy(busy_);
+  spoken_ = {};
+  Run run{.known = known, .options = options, .part = options};
+  run.report.began = services_.dispatcher.executor().now();
+  run.report.known = run.report.began;
+  // Each planner's first question is the probe.
+  constexpr std::array<Method, 3> schemes{Method::planner_feedback, Method::planner_rand, Method::and_protocol};
+  const std::array<bool, 3> wanted{options_.fastscan, options_.rand, options_.and_protocol};
+  std::array<bool*, 3> spoken{&spoken_.fastscan, &spoken_.rand, &spoken_.and_protocol};
+  for (std::size_t i = 0; i < schemes.size() && !run.over(); ++i) {
+    if (!wanted[i]) continue;
+    const auto anybody = co_await of(schemes[i]).anybody(options);
+    if (!anybody) co_return fail(anybody.error());
+    *spoken[i] = *anybody;
+    if (!*anybody) continue;
+    const auto done = co_await part(run, schemes[i]);
+    if (!done) co_return fail(done.error());
+  }
+  if (const auto* walker =
+          static_cast<const Walker*>(parts_[static_cast<std::size_t>(Method::planner_feedback)].get())) {
+    spoken_.feedback = walker->heard_feedback();
+  }
+  bool look = options_.configured;
+  if (options_.identify && run.all_assigned() && !run.over()) {
+    const auto blank = co_await of(Method::identify).anybody(options);
+    if (!blank) co_return fail(blank.error());
+    spoken_.non_configured = *blank;
+    look = look || *blank;
+  }
+  if (look && !run.over() && !(known.kinds.empty() && known.expected.empty())) {
+    const auto done = co_await part(run, Method::identify);
+    if (!done) co_return fail(done.error());
+  }
+  run.report.ended = services_.dispatcher.executor().now();
+  co_return run.report;
+}
+
+rt::Task<Result<Spoken>> Auto::probe(const Options& options) {
+  if (busy_) co_return fail(Errc::invalid, busy_text);
+  const Busy busy(busy_);
+  spoken_ = {};
+  constexpr std::array<Method, 4> schemes{Method::planner_feedback, Method::planner_rand, Method::and_protocol,
+                                          Method::identify};
+  const std::array<bool, 4> wanted{options_.fastscan, options_.rand, options_.and_protocol, options_.identify};
+  std::array<bool*, 4> spoken{&spoken_.fastscan, &spoken_.rand, &spoken_.and_protocol, &spoken_.non_configured};
+  for (std::size_t i = 0; i < schemes.size(); ++i) {
+    if (!wanted[i]) continue;
+    const auto anybody = co_await of(schemes[i]).anybody(options);
+    if (!anybody) co_return fail(anybody.error());
+    *spoken[i] = *anybody;
+  }
+  if (spoken_.fastscan) {
+    const auto& walker = static_cast<const Walker&>(of(Method::planner_feedback));
+    spoken_.feedback = walker.heard_feedback();
+  }
+  co_return spoken_;
+}
+
+rt::Task<Result<bool>> Auto::anybody(const Options& options) {
+  if (busy_) co_return fail(Errc::invalid, busy_text);
+  const Busy busy(busy_);
+  constexpr std::array<Method, 4> schemes{Method::planner_feedback, Method::planner_rand, Method::and_protocol,
+                                          Method::identify};
+  const std::array<bool, 4> wanted{options_.fastscan, options_.rand, options_.and_protocol, options_.identify};
+  for (std::size_t i = 0; i < schemes.size(); ++i) {
+    if (!wanted[i]) continue;
+    const auto heard = co_await of(schemes[i]).anybody(options);
+    if (!heard) co_return fail(heard.error());
+    if (*heard) co_return true;
+  }
+  co_return false;
+}
+
+}  // namespace berth::discovery

@@ -1,0 +1,29 @@
+#include "berth/discovery/latency.hpp"
+
+#include <algorithm>
+
+namespace berth::discovery {
+namespace {
+constexpr std::size_t needed = 3;
+constexpr std::size_t outlier_every = 32;
+constexpr rt::Duration grain = std::chrono::microseconds(100);  // what clocks and drivers add
+}  // namespace
+
+void Latency::note(rt::Duration sample) noexcept {
+  samples_[next_] = std::max(sample, rt::Duration{0});
+  next_ = (next_ + 1) % kept;
+  count_ = std::min(count_ + 1, kept);
+}
+
+// For n samples spread evenly over [a, b] the largest lies (b - a) / (n + 1) below b on average; three times that is
+// rarely exceeded.
+rt::Duration Latency::response(rt::Duration shortest, rt::Duration longest) const noexcept {
+  if (count_ < needed) return std::max(shortest, longest);
+  auto sorted = samples_;
+  std::sort(sorted.begin(), sorted.begin() + static_cast<std::ptrdiff_t>(count_));
+  const rt::Duration most = sorted[count_ - 1 - count_ / outlier_every];
+  const rt::Duration margin = 3 * (most - sorted[0]) / static_cast<std::int64_t>(count_ - 1) + grain;
+  return std::clamp(most + margin, shortest, std::max(shortest, longest));
+}
+
+}  // namespace berth::discovery

@@ -1,0 +1,62 @@
+/// The planners on CiA 305 Fastscan, with and without feedback: one walk of the tree of addresses.
+///
+/// Slaves are unmodified: a slave answers 51h when it is at the part asked and the upper bits fit, and then goes to the
+/// part named by LSSNext (facts C.4). So
+///
+/// - a question about some of the bits has LSSNext = LSSSub: nobody moves, nobody is selected;
+/// - a part that is known is confirmed with one message that moves on those who fit (S4.9). Since the last 80h only
+///   *one* value is ever asked so for each part, and after silence the next round begins with 80h: else those who moved
+///   unheard would stand among those of another value, and a wrong address could be put together;
+/// - an exact serial number with LSSNext 0 selects the device. Then it says its serial number itself (5Dh; and each
+///   part of which several values were confirmed in this search): an answer that came late, twice, or was forged makes
+///   nobody found. A device that was perhaps selected unheard is sent back to waiting before anybody else is selected.
+///
+/// A round is: 80h, the known parts, then the serial numbers below them until nobody more is found there. Whoever
+/// answers the next 80h begins the next round; the search is over when 80h stays unanswered for the longest window. So
+/// wrong silence, a device that joins meanwhile, or one that forgets the part it is at, cost time only.
+///
+/// Found devices leave the tree: with an `Assigner` they get a node-ID, else they stay in LSS configuration until the
+/// search is over (`04 00` to all, also when the task is destroyed). Therefore nothing else may be configured by LSS
+/// meanwhile.
+///
+/// Within a part the walk asks for the lower half first and concludes the upper one from silence; every eighth
+/// conclusion in a row is checked by a question that must be answered, and a path on which nobody answers any more is
+/// left at the deepest place that still answers. After a device: the next serial number, then its neighbourhood (while
+/// either has been worth its question), then the places where two were heard where only one went on.
+///
+/// With feedback every chunk that was heard is a child to go to, also one that was heard after the next request had
+/// been chosen. Devices without feedback among them are found by bits in the rounds after.
+#pragma once
+
+#include <memory>
+
+#include "berth/discovery/asker.hpp"
+#include "berth/discovery/auto.hpp"
+
+namespace berth::discovery {
+
+class Walker final : public Discovery {
+ public:
+  /// `feedback`: `planner_feedback`, else `planner_fastscan`, which listens to no feedback.
+  Walker(const Services& services, bool feedback);
+  ~Walker() override;
+  [[nodiscard]] Method method() const noexcept override {
+    return feedback_ ? Method::planner_feedback : Method::planner_fastscan;
+  }
+  /// A registered device that answers has no node-ID: it is found too.
+  [[nodiscard]] rt::Task<Result<Report>> find(const Known& known, const Options& options) override;
+  [[nodiscard]] rt::Task<Result<bool>> anybody(const Options& options) override;
+  /// Of the last `find` or `anybody`: somebody sent feedback.
+  [[nodiscard]] bool heard_feedback() const noexcept { return heard_feedback_; }
+  [[nodiscard]] const Latency& latency() const noexcept { return asker_.latency(); }
+
+ private:
+  class Search;
+  Services services_;
+  Asker asker_;
+  bool feedback_;
+  bool busy_ = false;
+  bool heard_feedback_ = false;
+};
+
+}  // namespace berth::discovery

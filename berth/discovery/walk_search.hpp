@@ -1,0 +1,130 @@
+/// One search of a `Walker`. Internal to `discovery`.
+#pragma once
+
+#include <array>
+#include <vector>
+
+#include "berth/discovery/prefix.hpp"
+#include "berth/discovery/walk.hpp"
+
+namespace berth::discovery {
+
+class Walker::Search {
+ public:
+  Search(Walker& walker, const Known& known, const Options& options);
+  /// Whoever is still in configuration goes back to waiting, however the search ends.
+  ~Search();
+  Search(const Search&) = delete;
+  Search& operator=(const Search&) = delete;
+  [[nodiscard]] rt::Task<Result<Report>> run();
+
+ private:
+  /// A place to go on at.
+  struct Open {
+    enum class Why : std::uint8_t {
+      maybe,    // somebody may be there
+      heard,    // feedback told so; to be asked for what is below
+      answered  // somebody answered for it
+    };
+    Prefix at;
+    Why why = Why::maybe;
+  };
+  /// A vendor, product and perhaps revision that may be there.
+  struct Path {
+    std::array<std::uint32_t, 4> part{};
+    unsigned parts = 2;  // known: 2, 3, or 4 for a whole address
+  };
+  /// Whether a kind of question has been worth asking.
+  struct Worth {
+    unsigned tries = 0;
+    unsigned hits = 0;
+    [[nodiscard]] bool ask() const noexcept { return tries < 3 + 12 * hits; }
+    void note(bool hit) noexcept {
+      ++tries;
+      if (hit) ++hits;
+    }
+  };
+  enum class Outcome : std::uint8_t { nobody, found, late };
+
+  // Questions
+  rt::Task<Heard> ask_once(Prefix at, unsigned next, Wait wait);
+  rt::Task<Heard> ask(Prefix at, unsigned next, Wait wait);
+  rt::Task<Heard> start();
+  rt::Task<bool> enter(std::uint32_t value);
+  void take_feedback(const std::vector<lss::FeedbackValue>& heard, unsigned sub, Prefix at, std::vector<Prefix>& to);
+  void open(Prefix at, Open::Why why);
+  // The walk
+  rt::Task<void> round();
+  rt::Task<void> serials();
+  rt::Task<void> by_name();
+  rt::Task<bool> place(Open place);
+  rt::Task<bool> anybody_left();
+  rt::Task<void> around();
+  rt::Task<bool> again_at_serials();
+  rt::Task<bool> descend(Prefix at, unsigned answers);
+  rt::Task<bool> down_feedback(Prefix& at);
+  rt::Task<bool> back();
+  // Devices
+  rt::Task<Outcome> settle(std::uint32_t serial);
+  rt::Task<Outcome> selected(const LssAddress& device);
+  rt::Task<bool> itself(const LssAddress& device);
+  rt::Task<bool> twice(const LssAddress& device);
+  rt::Task<NodeId> give(const LssAddress& device);
+  rt::Task<void> nobody_selected();
+  rt::Task<void> release();
+  rt::Task<void> park_again();
+  rt::Task<void> look_for_clones();
+  void keep(const Found& device);
+  // What is known
+  [[nodiscard]] const Path* choose() const;
+  [[nodiscard]] bool fits_chain(const Path& path) const;
+  [[nodiscard]] bool absent(const Path& path) const;
+  [[nodiscard]] bool chunk_heard(std::uint32_t value) const;
+  [[nodiscard]] bool is_found(const LssAddress& device) const;
+  [[nodiscard]] bool over() const;
+  [[nodiscard]] LssAddress address(std::uint32_t serial) const { return {chain_[0], chain_[1], chain_[2], serial}; }
+  void broken(Error error) noexcept;
+  [[nodiscard]] lss::ServiceOptions service(bool full_window) const;
+
+  Walker& walker_;
+  Asker& asker_;
+  lss::Master& lss_;
+  const Known& known_;
+  const Options& options_;
+  Report report_{};
+  bool broken_ = false;
+  bool stuck_ = false;
+  unsigned again_ = 0;  // one address came once more
+  Error error_{};
+
+  std::vector<Path> paths_;
+  std::vector<Path> absent_;             // nobody moved on to these in this search
+  std::array<bool, 3> varied_{};         // several values of this part were asked in this search
+  std::array<std::uint32_t, 4> used_{};  // the last asked value of each part
+  std::array<bool, 4> has_used_{};
+
+  std::array<std::uint32_t, 4> chain_{};  // confirmed since the last 80h
+  unsigned sub_ = 0;                      // the part that is walked
+  Prefix asked_{};                        // what the last question's feedback is below of
+  unsigned asked_sub_ = 0;
+  std::vector<Prefix> children_;  // heard below the prefix just asked
+  std::vector<Open> open_;
+  std::vector<Prefix> seen_;     // heard of in this part
+  std::vector<Prefix> anchors_;  // on the path, each was answered
+  Prefix leaf_{};
+  bool careful_ = false;
+  unsigned backs_ = 0;
+  unsigned entered_answers_ = 0;  // to the message that moved on to this part
+  Worth next_;
+  Worth near_;
+  bool hints_fail_ = false;  // equal answers fall into one here: their number says nothing
+  bool forgets_ = false;     // slaves forget their part at `04 00`
+  std::array<std::uint32_t, 4> last_chain_{};
+  std::size_t last_round_found_ = 0;
+  std::vector<LssAddress> parked_;     // in configuration, so that they are silent
+  std::vector<LssAddress> suspects_;   // answered twice
+  std::optional<LssAddress> counted_;  // the answers to the last question are this device's
+  bool held_ = false;                  // somebody may be in configuration
+};
+
+}  // namespace berth::discovery

@@ -1,0 +1,275 @@
+// A search: the tree of one part's bits.
+#include <algorithm>
+
+#include "berth/discovery/walk_search.hpp"
+
+namespace berth::discovery {
+namespace {
+constexpr unsigned check_after = 8;    // conclusions from silence in a row
+constexpr unsigned most_backs = 6;     // for one device
+constexpr unsigned neighbourhood = 8;  // bits
+}  // namespace
+
+// ---- questions --------------------------------------------------------------------------------------------------
+
+rt::Task<Heard> Walker::Search::ask_once(Prefix at, unsigned next, Wait wait) {
+  if (broken_) co_return Heard{};
+  const lss::FastscanRequest request{.id = at.value,
+                                     .bit_checked = at.bit,
+                                     .sub = static_cast<std::uint8_t>(sub_),
+                                     .next = static_cast<std::uint8_t>(next)};
+  auto question = asker_.ask(request, wait);
+  const auto heard = co_await question;
+  if (!heard) {
+    broken(heard.error());
+    co_return Heard{};
+  }
+  if (!heard->sent) co_return *heard;
+  if (counted_) {
+    if (heard->before > 1) suspects_.push_back(*counted_);
+    counted_.reset();
+  }
+  std::vector<Prefix> late;
+  take_feedback(asker_.feedback_before(), asked_sub_, asked_, late);
+  if (asked_sub_ == sub_) {
+    for (const Prefix p : late) open(p, Open::Why::heard);
+  }
+  const bool whole = at.bit == 0;
+  asked_ = whole ? Prefix{} : at;
+  asked_sub_ = whole ? next : sub_;
+  children_.clear();
+  take_feedback(asker_.feedback(), asked_sub_, asked_, children_);
+  co_return *heard;
+}
+
+rt::Task<Heard> Walker::Search::ask(Prefix at, unsigned next, Wait wait) {
+  Heard heard = co_await ask_once(at, next, wait);
+  while (!heard.sent && !broken_) heard = co_await ask_once(at, next, wait);
+  co_return heard;
+}
+
+void Walker::Search::take_feedback(const std::vector<lss::FeedbackValue>& heard, unsigned sub, Prefix at,
+                                   std::vector<Prefix>& to) {
+  if (sub > 3) return;
+  for (const auto& f : heard) {
+    const unsigned width = f.kind == lss::Feedback::extended ? 16 : 4;
+    const bool other_half = width == 16 && f.toggle != (at.bit == 16);
+    if (at.bit < width || at.bit % width != 0 || other_half) continue;
+    const Prefix child = at.child(f.value, width);
+    if (std::ranges::find(to, child) == to.end()) to.push_back(child);
+  }
+  std::ranges::sort(to, {}, &Prefix::value);
+}
+
+void Walker::Search::open(Prefix at, Open::Why why) {
+  if (why == Open::Why::heard) {
+    if (std::ranges::find(seen_, at) != seen_.end()) return;
+    seen_.push_back(at);
+  }
+  open_.push_back({at, why});
+}
+
+// ---- the serial numbers of one type and revision ----------------------------------------------------------------
+
+rt::Task<void> Walker::Search::serials() {
+  open_.clear();
+  seen_.clear();
+  const bool feedback = !children_.empty();
+  const auto children = children_;
+  const auto before = report_.found.size();
+  co_await by_name();
+  const bool named = report_.found.size() > before;
+  if (feedback) {
+    for (auto it = children.rbegin(); it != children.rend(); ++it) open(*it, Open::Why::heard);
+  } else if (!named) {
+    open_.push_back({Prefix{}, Open::Why::answered});
+  }
+  const bool look = !feedback && (entered_answers_ > 1 || hints_fail_);
+  while (!over()) {
+    if (open_.empty()) {
+      if (!look) co_return;
+      const bool left = co_await anybody_left();
+      if (!left) co_return;
+    }
+    const Open next = open_.back();
+    open_.pop_back();
+    const bool found = co_await place(next);
+    if (!found || over()) continue;
+    const bool there = co_await again_at_serials();
+    if (!there) co_return;
+    if (!feedback) co_await around();
+  }
+}
+
+// Slaves that forget their part are led to it once more.
+rt::Task<bool> Walker::Search::again_at_serials() {
+  if (!forgets_) co_return true;
+  const auto parts = chain_;
+  const Heard anybody = co_await start();
+  if (!anybody.yes()) co_return false;
+  while (sub_ < 3) {
+    const bool entered = co_await enter(parts[sub_]);
+    if (!entered) co_return false;
+  }
+  co_return true;
+}
+
+// Who is expected is asked for by name.
+rt::Task<void> Walker::Search::by_name() {
+  const auto children = children_;
+  for (const LssAddress& a : known_.expected) {
+    if (a != address(a.serial) || is_found(a) || over()) continue;
+    const bool unheard = std::ranges::none_of(children, [&](Prefix p) { return p.contains(a.serial); });
+    if (!children.empty() && unheard) continue;
+    const Heard heard = co_await ask({a.serial, 0}, 3, Wait::learnt);
+    if (!heard.yes()) continue;
+    const Outcome outcome = co_await settle(a.serial);
+    if (outcome != Outcome::found) continue;
+    const bool there = co_await again_at_serials();
+    if (!there) co_return;
+  }
+}
+
+// The next serial number, then the neighbourhood; both only while it has been worth it.
+rt::Task<void> Walker::Search::around() {
+  while (!over()) {
+    const std::uint32_t last = report_.found.back().address.serial;
+    if (last != 0xFFFF'FFFF && next_.ask() && !is_found(address(last + 1))) {
+      const Heard heard = co_await ask({last + 1, 0}, 3, Wait::learnt);
+      next_.note(heard.yes());
+      if (heard.yes()) {
+        const Outcome outcome = co_await settle(last + 1);
+        if (outcome != Outcome::found) co_return;
+        const bool there = co_await again_at_serials();
+        if (!there) co_return;
+        continue;
+      }
+    }
+    if (!near_.ask()) co_return;
+    const Prefix block = Prefix::of(last, neighbourhood);
+    const Heard heard = co_await ask(block, 3, Wait::learnt);
+    near_.note(heard.yes());
+    if (heard.yes()) open(block, Open::Why::answered);
+    co_return;
+  }
+}
+
+rt::Task<bool> Walker::Search::anybody_left() {
+  for (const Prefix half : {Prefix{}.zero(), Prefix{}.one()}) {
+    const Heard heard = co_await ask(half, 3, Wait::learnt);
+    if (!heard.yes()) continue;
+    open(half, Open::Why::answered);
+    co_return true;
+  }
+  co_return false;
+}
+
+// Goes down from one place and takes the device that it comes to.
+rt::Task<bool> Walker::Search::place(Open place) {
+  unsigned answers = place.at.bit == 32 ? entered_answers_ : 2;
+  careful_ = false;
+  backs_ = 0;
+  if (place.at.bit != 0 && place.why != Open::Why::answered) {
+    Heard heard = co_await ask(place.at, sub_, Wait::learnt);
+    if (!heard.yes() && place.why == Open::Why::heard) heard = co_await ask(place.at, sub_, Wait::bound);
+    if (!heard.yes()) co_return false;
+    answers = heard.answers;
+  }
+  anchors_.assign(1, place.at);
+  Prefix from = place.at;
+  while (!over()) {
+    const bool came = co_await descend(from, answers);
+    if (!came || broken_) co_return false;
+    Outcome outcome = co_await settle(leaf_.value);
+    if (outcome == Outcome::late) {
+      open(leaf_, Open::Why::maybe);
+      outcome = co_await settle(leaf_.value ^ 1U);
+    }
+    if (outcome == Outcome::found) co_return true;
+    if (place.at.bit == 0) co_return false;
+    const bool again = co_await back();
+    if (!again) co_return false;
+    from = anchors_.back();
+    answers = 2;
+  }
+  co_return false;
+}
+
+// Down to one whole number in `leaf_`. Somebody is below `at`.
+rt::Task<bool> Walker::Search::descend(Prefix at, unsigned answers) {
+  unsigned concluded = 0;
+  while (at.bit > 0 && !broken_) {
+    if (!children_.empty()) {
+      const bool there = co_await down_feedback(at);
+      if (!there) co_return false;
+      concluded = 0;
+      continue;
+    }
+    const Prefix zero = at.zero();
+    const Heard heard = co_await ask_once(zero, sub_, careful_ ? Wait::bound : Wait::learnt);
+    if (heard.late && concluded > 0) {
+      // Where we turned to the upper half somebody in the lower one had answered, too late for us.
+      open(at, Open::Why::maybe);
+      at = at.brother();
+      anchors_.push_back(at);
+      concluded = 0;
+      children_.clear();
+      continue;
+    }
+    if (!heard.sent) continue;
+    if (heard.yes()) {
+      if (answers > 1) open(at.one(), Open::Why::maybe);
+      answers = heard.answers;
+      at = zero;
+      anchors_.push_back(at);
+      concluded = 0;
+      continue;
+    }
+    at = at.one();
+    ++concluded;
+    if (concluded < check_after || at.bit == 0) continue;
+    const Heard check = co_await ask(at, sub_, Wait::bound);
+    concluded = 0;
+    if (check.yes()) {
+      anchors_.push_back(at);
+      continue;
+    }
+    const bool again = co_await back();
+    if (!again) co_return false;
+    at = anchors_.back();
+  }
+  leaf_ = at;
+  co_return !broken_;
+}
+
+// One step by what feedback told; the lowest first, the others are kept.
+rt::Task<bool> Walker::Search::down_feedback(Prefix& at) {
+  const auto children = children_;
+  for (auto it = children.rbegin(); it != children.rend(); ++it) open(*it, Open::Why::heard);
+  children_.clear();
+  const auto mine = std::ranges::find(open_, children.front(), &Open::at);
+  if (mine == open_.end()) co_return false;  // it was heard and dealt with before
+  open_.erase(mine);
+  at = children.front();
+  if (at.bit == 0) co_return true;
+  Heard heard = co_await ask(at, sub_, Wait::learnt);
+  if (!heard.yes()) heard = co_await ask(at, sub_, Wait::bound);
+  if (heard.yes()) anchors_.push_back(at);
+  co_return heard.yes();
+}
+
+// Nobody is on this path any more, or never was: up to the deepest place that still answers, and patiently from there.
+rt::Task<bool> Walker::Search::back() {
+  careful_ = true;
+  if (++backs_ > most_backs) co_return false;
+  while (!anchors_.empty() && !broken_) {
+    const Prefix at = anchors_.back();
+    if (at.bit == 32) co_return true;
+    const Heard heard = co_await ask(at, sub_, Wait::bound);
+    if (heard.yes()) co_return true;
+    anchors_.pop_back();
+  }
+  co_return false;
+}
+
+}  // namespace berth::discovery
