@@ -45,7 +45,7 @@ Device::Device(can::Dispatcher& dispatcher, std::shared_ptr<const od::Descriptio
       options_(std::move(options)),
       values_(std::move(description)),
       lss_answers_(dispatcher),
-      methods_({.address = options_.address, .rand = options_.rand}),
+      methods_({.address = options_.address, .rand = options_.rand, .rand_resume = options_.rand_resume}),
       nmt_(dispatcher, *this),
       producer_(dispatcher),
       guarding_(dispatcher, *this),

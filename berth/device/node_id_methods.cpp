@@ -4,7 +4,7 @@ namespace berth::device {
 namespace {
 
 nodeid::RandSlaveOptions rand_options(const NodeIdMethods::Options& options) noexcept {
-  return {.address = options.address, .literal = options.rand == RandMode::literal};
+  return {.address = options.address, .literal = options.rand == RandMode::literal, .resume = options.rand_resume};
 }
 
 }  // namespace

@@ -24,6 +24,7 @@ class NodeIdMethods {
   struct Options {
     LssAddress address{};
     RandMode rand = RandMode::on;
+    bool rand_resume = false;  ///< RAND's extension (docs/rand.md)
   };
   explicit NodeIdMethods(const Options& options) noexcept;
 

@@ -21,6 +21,7 @@ void Exchange::sent(rt::Time at) noexcept {
     return;
   }
   open_ = true;
+  owner_->opened_ = at;
   if (times_.most.count() > 0) limit_ = at + times_.most;
   executor().at(std::min(at + times_.first, limit_), *this);
 }

@@ -58,12 +58,15 @@ class Exchanges {
   void heard(rt::Time at) noexcept;
   /// All that was asked for is here: the window closes now.
   void close() noexcept;
+  /// When the last window was opened: its request's `sent`.
+  [[nodiscard]] rt::Time opened() const noexcept { return opened_; }
   [[nodiscard]] can::Dispatcher& dispatcher() const noexcept { return *dispatcher_; }
 
  private:
   friend class Exchange;
   can::Dispatcher* dispatcher_;
   Exchange* current_ = nullptr;
+  rt::Time opened_{};
 };
 
 }  // namespace berth::nodeid

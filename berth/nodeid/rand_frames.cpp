@@ -1,11 +1,16 @@
 #include "berth/nodeid/rand_frames.hpp"
 
+#include <array>
+
+#include "berth/base/crc.hpp"
+
 namespace berth::nodeid {
 namespace {
 
 constexpr std::uint8_t cs_identify = 0x80;
 constexpr std::uint8_t cs_global = 0x81;
 constexpr std::uint8_t cs_selective = 0x82;  // and the next three
+constexpr std::uint8_t cs_resume = 0x86;
 // Byte 1 of a selective frame: 0 is the paper's service, so that a plain frame does what the paper says.
 constexpr std::uint8_t to_identified = 0;
 constexpr std::uint8_t to_unknown = 1;
@@ -29,6 +34,16 @@ std::optional<RandRequest> decode_selective(const can::Frame& frame) noexcept {
   r.target = d[1] == to_identified ? Identification::identified : Identification::unknown;
   r.part = static_cast<std::uint8_t>(d[0] - cs_selective);
   for (unsigned i = 4; i < 8; ++i) r.value = r.value << 8 | d[i];
+  return r;
+}
+
+std::optional<RandRequest> decode_resume(const can::Frame& frame) noexcept {
+  const auto& d = frame.data;
+  if (frame.size != 8 || d[1] > direct_phase) return std::nullopt;
+  RandRequest r{.kind = RandRequest::Kind::resume, .phase = d[1]};
+  r.mask = static_cast<std::uint16_t>(d[2] << 8 | d[3]);
+  for (unsigned i = 4; i < 8; ++i) r.value = r.value << 8 | d[i];
+  if (r.phase == 0 && (r.mask != 0 || r.value != 0)) return std::nullopt;
   return r;
 }
 
@@ -65,10 +80,30 @@ can::Frame switch_identification_selective(const LssAddress& address, unsigned p
                           static_cast<std::uint8_t>(value >> 8), static_cast<std::uint8_t>(value)});
 }
 
+std::uint32_t prefix_check(const LssAddress& address, unsigned chunks) noexcept {
+  std::array<std::uint8_t, 16> bytes{};
+  for (unsigned i = 0; i < chunks && i < 8; ++i) {
+    bytes[2 * i] = static_cast<std::uint8_t>(address.chunk(i) >> 8);
+    bytes[2 * i + 1] = static_cast<std::uint8_t>(address.chunk(i));
+  }
+  return chunks == 0 ? 0 : crc32(std::span(bytes).first(2 * chunks));
+}
+
+can::Frame resume_request(unsigned phase, const LssAddress& address) noexcept {
+  const auto mask = phase == 0 ? std::uint16_t{0} : address.chunk(phase - 1);
+  const auto check = phase == 0 ? 0U : prefix_check(address, phase - 1);
+  return can::Frame::ext(
+      rand_request_id,
+      {cs_resume, static_cast<std::uint8_t>(phase), static_cast<std::uint8_t>(mask >> 8),
+       static_cast<std::uint8_t>(mask), static_cast<std::uint8_t>(check >> 24), static_cast<std::uint8_t>(check >> 16),
+       static_cast<std::uint8_t>(check >> 8), static_cast<std::uint8_t>(check)});
+}
+
 std::optional<RandRequest> decode_rand_request(const can::Frame& frame) noexcept {
   if (frame.key() != rand_requests.first || frame.remote || frame.fd) return std::nullopt;
   const auto& d = frame.data;
   if (frame.size == 8 && d[0] >= cs_selective && d[0] < cs_selective + 4) return decode_selective(frame);
+  if (frame.size == 8 && d[0] == cs_resume) return decode_resume(frame);
   if ((frame.size != 4 && frame.size != 8) || !zeros(frame, 4)) return std::nullopt;
   RandRequest r;
   if (d[0] == cs_identify && d[1] <= direct_phase) {

@@ -10,6 +10,7 @@
 ///     switch identification state, ours:
 ///     global     0x1F940000  81 state 00 00                state 0 unknown, 1 identified
 ///     selective  0x1F940000  82..85 target 00 00 p3 p2 p1 p0   vendor, product, revision, serial, in this order
+///     resume     0x1F940000  86 phase mask_hi mask_lo c3 c2 c1 c0   our extension: IURS and DIRS with the whole prefix
 #pragma once
 
 #include <cstdint>
@@ -46,18 +47,24 @@ enum class Identification : std::uint8_t { unknown = 0, identified = 1, selected
 [[nodiscard]] can::Frame switch_identification_selective(const LssAddress& address, unsigned part,
                                                          Identification target = Identification::identified) noexcept;
 
+/// Extension: asks those whose chunks 0..phase-1 are the address's, whatever was asked before. Phase 0..7 is answered
+/// as IURS, 8 as DIRS. The last chunk is sent as it is, those before it as their CRC-32.
+[[nodiscard]] can::Frame resume_request(unsigned phase, const LssAddress& address) noexcept;
+/// CRC-32 (IEEE 802.3) of the first `chunks` chunks, big-endian; 0 chunks: 0.
+[[nodiscard]] std::uint32_t prefix_check(const LssAddress& address, unsigned chunks) noexcept;
+
 /// A request as a slave reads it.
 struct RandRequest {
-  enum class Kind : std::uint8_t { identify, direct, switch_global, switch_selective };
+  enum class Kind : std::uint8_t { identify, direct, switch_global, switch_selective, resume };
   Kind kind = Kind::identify;
-  std::uint8_t phase = 0;                           ///< identify: 0..7
-  std::uint16_t mask = 0;                           ///< identify, direct
+  std::uint8_t phase = 0;                           ///< identify: 0..7; resume: 0..8
+  std::uint16_t mask = 0;                           ///< identify, direct, resume
   Identification target = Identification::unknown;  ///< switch_global, switch_selective
   std::uint8_t part = 0;                            ///< switch_selective: 0..3
-  std::uint32_t value = 0;                          ///< switch_selective
+  std::uint32_t value = 0;                          ///< switch_selective; resume: the prefix's check
 };
 /// IURS, DIRS and switch global with DLC 4, or DLC 8 with reserved bytes of 0 (the paper says both; S1.13); selective
-/// with DLC 8. Anything else is no request: empty.
+/// and resume with DLC 8. Anything else is no request: empty.
 [[nodiscard]] std::optional<RandRequest> decode_rand_request(const can::Frame& frame) noexcept;
 
 /// An answer as the master reads it.

@@ -26,7 +26,8 @@ void Collect::sent(rt::Time at) noexcept {
   }
   listening_ = true;
   limit_ = at + waits_.most;
-  executor().at(waits_.most.count() == 0 ? at + waits_.window : std::min(at + waits_.window, limit_), *this);
+  const auto first = at + (waits_.first.count() > 0 ? waits_.first : waits_.window);
+  executor().at(waits_.most.count() == 0 ? first : std::min(first, limit_), *this);
 }
 
 void Collect::heard(rt::Time at) noexcept {
@@ -83,7 +84,8 @@ struct RandMaster::Run {
       w.window = factor * (direct && options.direct.count() > 0 ? options.direct : options.collect);
     } else {
       w.window = factor * options.t_resp;
-      w.most = factor * std::max(options.most, options.t_resp);
+      w.first = factor * options.first;
+      w.most = factor * std::max({options.most, options.t_resp, options.first});
     }
     return w;
   }

@@ -29,7 +29,8 @@ struct DiscoveryOptions {
   rt::Duration collect = std::chrono::milliseconds(40);  ///< fixed window
   rt::Duration direct{0};  ///< fixed window after DIRS (the paper's T_resp + T_DIS); 0: as `collect`
   rt::Duration t_resp = std::chrono::milliseconds(
-      20);  ///< longest time from a request to any device's answer, frame and bus load included
+      20);                ///< longest time from a request to any device's answer, frame and bus load included
+  rt::Duration first{0};  ///< quiet window: longest time to the first answer; 0: `t_resp`
   rt::Duration most = std::chrono::milliseconds(500);  ///< upper bound of the quiet window
   rt::Duration t_proc{0};        ///< the paper's T_proc: from the end of a window to the next request
   rt::Duration inhibit{0};       ///< after each frame of switch identification state selective
@@ -120,9 +121,10 @@ class Collect final : public rt::Operation<Collect>, private rt::Job, private ca
 
  private:
   friend class RandMaster;
-  /// `window` 0: done when sent. `most` 0: fixed window.
+  // `window` 0: done when sent. `most` 0: fixed window.
   struct Waits {
     rt::Duration window{0};
+    rt::Duration first{0};  // 0: `window`
     rt::Duration most{0};
     rt::Duration send_timeout{0};
   };

@@ -20,6 +20,7 @@ std::optional<can::Frame> RandSlave::handle(const can::Frame& frame, bool in_lss
     state_ = request->target;
     return std::nullopt;
   }
+  if (request->kind == RandRequest::Kind::resume) return resume(*request);
   const auto phase = request->kind == RandRequest::Kind::direct ? direct_phase : request->phase;
   return identify(phase, request->mask);
 }
@@ -42,6 +43,20 @@ std::optional<can::Frame> RandSlave::identify(unsigned phase, std::uint16_t mask
   }
   ++next_;
   return ius(options_.address.chunk(phase));
+}
+
+// Stands by itself: what was asked before does not matter, so a request that was lost cannot make the slave answer for
+// another's prefix.
+std::optional<can::Frame> RandSlave::resume(const RandRequest& request) noexcept {
+  if (!options_.resume || state_ == Identification::identified) return std::nullopt;
+  if (request.phase > 0) {
+    const unsigned last = request.phase - 1U;
+    if (request.mask != options_.address.chunk(last)) return std::nullopt;
+    if (request.value != prefix_check(options_.address, last)) return std::nullopt;
+  }
+  if (request.phase < direct_phase) return ius(options_.address.chunk(request.phase));
+  state_ = Identification::identified;
+  return dis(options_.address.chunk(7));
 }
 
 void RandSlave::select(const RandRequest& request) noexcept {

@@ -9,6 +9,11 @@
 /// | DIRS earlier              | -                   | unknown                                   | -          |
 /// | switch global             | as told             | as told                                   | as told    |
 /// | switch selective, 4 match | as told             | as told                                   | as told    |
+/// | resume 0..7, own prefix   | IUS(p)              | IUS(p), nothing changes                   | -          |
+/// | resume 8, own address     | DIS, identified     | DIS, identified                           | -          |
+/// | resume, another prefix    | -                   | -                                         | -          |
+///
+/// The resume requests are Berth's extension (docs/rand.md); without it they are ignored, as any unknown command.
 #pragma once
 
 #include <cstdint>
@@ -23,6 +28,7 @@ struct RandSlaveOptions {
   /// The paper's letter: RAND only in LSS configuration state (S1.31). Default: in waiting too, so that running devices
   /// need not be put into configuration.
   bool literal = false;
+  bool resume = false;  ///< has the extension
 };
 
 class RandSlave {
@@ -44,6 +50,7 @@ class RandSlave {
 
  private:
   std::optional<can::Frame> identify(unsigned phase, std::uint16_t mask) noexcept;
+  std::optional<can::Frame> resume(const RandRequest& request) noexcept;
   void select(const RandRequest& request) noexcept;
 
   RandSlaveOptions options_;

@@ -99,6 +99,7 @@ class RandWalk final : private can::Handler {
  private:
   struct Run;
   struct Lease;
+  struct Node;
   /// The first `depth` chunks of an address.
   struct Prefix {
     std::array<std::uint16_t, 8> chunks{};
@@ -110,10 +111,47 @@ class RandWalk final : private can::Handler {
     unsigned times = 0;
     rt::Time at{};
   };
+  /// How one request is to be waited for.
+  struct Wait {
+    rt::Duration first{0};
+    rt::Duration after_last{0};
+    bool direct = false;  ///< DIS counts, not IUS
+    bool early = false;   ///< closes when all of `expected_` were heard
+  };
+  enum class Proof : std::uint8_t { none, once, twice };
+
   void received(const can::Frame& frame, rt::Time at) noexcept override;
+  void note(std::uint16_t chunk, rt::Time at) noexcept;
+  [[nodiscard]] bool is_heard(std::uint16_t chunk) const noexcept;
+  [[nodiscard]] rt::Time now() const noexcept { return exchanges_.dispatcher().executor().now(); }
+  [[nodiscard]] rt::Task<Result<bool>> ask(Run& run, const can::Frame& frame, Wait wait);
+  [[nodiscard]] rt::Task<Result<void>> tell(Run& run, LssAddress address, Identification target);
+  // Resuming slaves
+  [[nodiscard]] rt::Task<Result<unsigned>> resuming(Run& run);
+  [[nodiscard]] rt::Task<Result<void>> subtree(Run& run, const Prefix& root);
+  // Paper slaves
+  [[nodiscard]] rt::Task<Result<void>> paper(Run& run, const std::vector<std::uint16_t>& first);
+  [[nodiscard]] rt::Task<Result<void>> descend(Run& run, bool root_heard);
+  [[nodiscard]] bool expect(Run& run, const Prefix& prefix);
+  [[nodiscard]] rt::Task<Result<void>> leaf(Run& run, const Prefix& prefix);
+  [[nodiscard]] rt::Task<Result<bool>> lead(Run& run, LssAddress address);
+  // Both
+  [[nodiscard]] rt::Task<Result<Proof>> prove(Run& run, LssAddress address, bool resumes, bool whole_window);
+  [[nodiscard]] rt::Task<Result<void>> settle(Run& run);
+  [[nodiscard]] rt::Task<Result<void>> clones(Run& run);
+  [[nodiscard]] rt::Task<Result<bool>> closing(Run& run);
 
   Exchanges exchanges_;
   bool busy_ = false;
+  bool direct_ = false;  // the window is one for DIS
+  bool early_ = false;
+  std::vector<Heard> heard_;              // of the open or last window, ascending
+  std::vector<std::uint16_t> expected_;   // not heard yet
+  std::vector<std::uint16_t> late_;       // IUS between the end of a window and the next request on the wire
+  std::vector<std::uint16_t> extra_dis_;  // DIS outside the windows for them
+  rt::Time last_answer_{};                // its end
+  rt::Duration gap_{0};                   // longest that an answer let wait
+  unsigned gaps_ = 0;
 };
 
 }  // namespace berth::nodeid

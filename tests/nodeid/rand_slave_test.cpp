@@ -189,6 +189,77 @@ TEST(RandSlave, S1_23_SelectiveSwitchesOnlyTheOneWithAllFourParts) {
   EXPECT_EQ(slave.state(), I::unknown) << "our own: look for this one again";
 }
 
+// ---- the extension: resume requests (docs/rand.md) -----------------------------------------------------------------
+
+// CRC-32 by hand: of no bytes 0; "123456789" gives CBF43926h (zlib), which no address starts with, so the first two
+// bytes of `odd`, 01 02, are computed bit by bit here.
+std::uint32_t crc32_slow(const std::vector<std::uint8_t>& bytes) {
+  std::uint32_t crc = 0xFFFF'FFFF;
+  for (const auto b : bytes) {
+    crc ^= b;
+    for (int i = 0; i < 8; ++i) crc = (crc >> 1) ^ ((crc & 1U) != 0 ? 0xEDB8'8320U : 0U);
+  }
+  return ~crc;
+}
+
+TEST(RandFrames, ResumeRequestsCarryTheLastChunkAndTheCheckOfTheRest) {
+  EXPECT_EQ(can::to_string(resume_request(0, odd)), "1F940000#8600000000000000");
+  EXPECT_EQ(can::to_string(resume_request(1, odd)), "1F940000#8601010200000000");
+  EXPECT_EQ(crc32_slow({'1', '2', '3', '4', '5', '6', '7', '8', '9'}), 0xCBF4'3926U);
+  EXPECT_EQ(prefix_check(odd, 1), crc32_slow({1, 2}));
+  EXPECT_EQ(prefix_check(odd, 7), crc32_slow({1, 2, 3, 4, 5, 6, 7, 8, 9, 10, 11, 12, 13, 14}));
+  const auto direct = decode_rand_request(resume_request(8, odd));
+  ASSERT_TRUE(direct);
+  EXPECT_EQ(direct->kind, RandRequest::Kind::resume);
+  EXPECT_EQ(direct->phase, 8);
+  EXPECT_EQ(direct->mask, 0x0F10);
+  EXPECT_EQ(direct->value, crc32_slow({1, 2, 3, 4, 5, 6, 7, 8, 9, 10, 11, 12, 13, 14}));
+  for (const auto* text : {"1F940000#86000000", "1F940000#8600000100000000", "1F940000#8600000000000001",
+                           "1F940000#8609000000000000", "1F940000#R8"}) {
+    EXPECT_FALSE(decode_rand_request(*can::parse_frame(text))) << text;
+  }
+}
+
+TEST(RandSlave, ResumeAnswersAtAnyDepthForItsOwnPrefixOnly) {
+  RandSlave slave({.address = odd, .resume = true});
+  for (const unsigned phase : {7U, 3U, 0U, 5U, 7U, 1U, 2U, 6U, 4U}) {
+    const auto answer = slave.handle(resume_request(phase, odd), false);
+    ASSERT_TRUE(answer) << phase;
+    EXPECT_EQ(*answer, ius(odd.chunk(phase)));
+    EXPECT_EQ(slave.state(), I::unknown) << "nothing changes";
+    for (unsigned wrong = 0; wrong < phase; ++wrong) {
+      auto other = odd;
+      auto* const part = wrong < 2   ? &other.vendor
+                         : wrong < 4 ? &other.product
+                         : wrong < 6 ? &other.revision
+                                     : &other.serial;
+      *part ^= wrong % 2 == 0 ? 0x8000'0000U : 0x0000'0001U;
+      EXPECT_FALSE(slave.handle(resume_request(phase, other), false)) << phase << wrong;
+    }
+  }
+  EXPECT_EQ(*slave.handle(resume_request(8, odd), false), dis(odd.chunk(7)));
+  EXPECT_EQ(slave.state(), I::identified);
+  for (unsigned phase = 0; phase <= 8; ++phase) EXPECT_FALSE(slave.handle(resume_request(phase, odd), false));
+}
+
+TEST(RandSlave, ResumeRequestsDoNotDisturbAPublishedProcedure) {
+  for (const bool resume : {false, true}) {
+    RandSlave slave({.address = odd, .resume = resume});
+    for (unsigned p = 0; p <= 8; ++p) {
+      EXPECT_EQ(slave.handle(resume_request(7, odd), false).has_value(), resume);
+      const auto mask = p == 0 ? std::uint16_t{0} : odd.chunk(p - 1);
+      EXPECT_TRUE(slave.handle(p == 8 ? dirs(mask) : iurs(p, mask), false)) << p;
+    }
+    EXPECT_EQ(slave.state(), I::identified);
+  }
+}
+
+TEST(RandSlave, ResumeObeysTheLetterOfLssConfigurationToo) {
+  RandSlave literal({.address = odd, .literal = true, .resume = true});
+  EXPECT_FALSE(literal.handle(resume_request(0, odd), false));
+  EXPECT_TRUE(literal.handle(resume_request(0, odd), true));
+}
+
 // S1.31: the letter says configuration state only; a running machine needs it in waiting too.
 TEST(RandSlave, S1_31_LiteralAnswersOnlyInLssConfiguration) {
   RandSlave literal({.address = s2, .literal = true});
