@@ -92,7 +92,8 @@ rt::Task<Result<Report>> Auto::find(const Known& known, const Options& options) 
   std::array<bool*, 3> spoken{&spoken_.fastscan, &spoken_.rand, &spoken_.and_protocol};
   for (std::size_t i = 0; i < schemes.size() && !run.over(); ++i) {
     if (!wanted[i]) continue;
-    const auto anybody = co_await of(schemes[i]).anybody(options);
+    Discovery& scheme = of(schemes[i]);
+    const auto anybody = co_await scheme.anybody(options);
     if (!anybody) co_return fail(anybody.error());
     *spoken[i] = *anybody;
     if (!*anybody) continue;
@@ -105,7 +106,8 @@ rt::Task<Result<Report>> Auto::find(const Known& known, const Options& options) 
   }
   bool look = options_.configured;
   if (options_.identify && run.all_assigned() && !run.over()) {
-    const auto blank = co_await of(Method::identify).anybody(options);
+    Discovery& identify = of(Method::identify);
+    const auto blank = co_await identify.anybody(options);
     if (!blank) co_return fail(blank.error());
     spoken_.non_configured = *blank;
     look = look || *blank;
@@ -128,7 +130,8 @@ rt::Task<Result<Spoken>> Auto::probe(const Options& options) {
   std::array<bool*, 4> spoken{&spoken_.fastscan, &spoken_.rand, &spoken_.and_protocol, &spoken_.non_configured};
   for (std::size_t i = 0; i < schemes.size(); ++i) {
     if (!wanted[i]) continue;
-    const auto anybody = co_await of(schemes[i]).anybody(options);
+    Discovery& scheme = of(schemes[i]);
+    const auto anybody = co_await scheme.anybody(options);
     if (!anybody) co_return fail(anybody.error());
     *spoken[i] = *anybody;
   }
@@ -147,7 +150,8 @@ rt::Task<Result<bool>> Auto::anybody(const Options& options) {
   const std::array<bool, 4> wanted{options_.fastscan, options_.rand, options_.and_protocol, options_.identify};
   for (std::size_t i = 0; i < schemes.size(); ++i) {
     if (!wanted[i]) continue;
-    const auto heard = co_await of(schemes[i]).anybody(options);
+    Discovery& scheme = of(schemes[i]);
+    const auto heard = co_await scheme.anybody(options);
     if (!heard) co_return fail(heard.error());
     if (*heard) co_return true;
   }

@@ -146,7 +146,8 @@ rt::Task<bool> Walker::Search::enter(std::uint32_t value) {
   if (sub_ < 3 && has_used_[sub_] && used_[sub_] != value) varied_[sub_] = true;
   used_[sub_] = value;
   has_used_[sub_] = true;
-  const Heard heard = co_await ask({value, 0}, sub_ + 1, Wait::bound);
+  const Prefix whole{value, 0};
+  const Heard heard = co_await ask(whole, sub_ + 1, Wait::bound);
   if (!heard.yes()) co_return false;
   chain_[sub_++] = value;
   entered_answers_ = heard.answers;
@@ -172,7 +173,8 @@ rt::Task<void> Walker::Search::round() {
     careful_ = false;
     backs_ = 0;
     anchors_.assign(1, Prefix{});
-    bool found = co_await descend({}, entered_answers_);
+    const Prefix root;
+    bool found = co_await descend(root, entered_answers_);
     if (found && !broken_) found = co_await enter(leaf_.value);
     if (!found || broken_) co_return;
   }

@@ -21,7 +21,8 @@ rt::Task<Walker::Search::Outcome> Walker::Search::settle(std::uint32_t serial) {
   // nobody owes one for an earlier request.
   if (!alone) co_await rt::sleep_until(asker_.settled());
   held_ = true;
-  const Heard heard = co_await ask_once({serial, 0}, 0, Wait::bound);
+  const Prefix whole{serial, 0};
+  const Heard heard = co_await ask_once(whole, 0, Wait::bound);
   if (broken_) co_return Outcome::nobody;
   if (!heard.yes()) {
     co_await nobody_selected();
@@ -51,8 +52,11 @@ rt::Task<Walker::Search::Outcome> Walker::Search::selected(const LssAddress& dev
     co_await nobody_selected();
     co_return Outcome::nobody;
   }
-  if (asker_.answers() > 1) found.possible_clone = co_await twice(device);
-  found.assigned = co_await give(device);
+  bool clone = false;
+  if (asker_.answers() > 1) clone = co_await twice(device);
+  found.possible_clone = clone;
+  const NodeId id = co_await give(device);
+  found.assigned = id;
   if (broken_) co_return Outcome::nobody;
   keep(found);
   if (!found.assigned.configured()) parked_.push_back(device);

@@ -121,7 +121,8 @@ rt::Task<void> Walker::Search::by_name() {
     if (a != address(a.serial) || is_found(a) || over()) continue;
     const bool unheard = std::ranges::none_of(children, [&](Prefix p) { return p.contains(a.serial); });
     if (!children.empty() && unheard) continue;
-    const Heard heard = co_await ask({a.serial, 0}, 3, Wait::learnt);
+    const Prefix whole{a.serial, 0};
+    const Heard heard = co_await ask(whole, 3, Wait::learnt);
     if (!heard.yes()) continue;
     const Outcome outcome = co_await settle(a.serial);
     if (outcome != Outcome::found) continue;
@@ -135,7 +136,8 @@ rt::Task<void> Walker::Search::around() {
   while (!over()) {
     const std::uint32_t last = report_.found.back().address.serial;
     if (last != 0xFFFF'FFFF && next_.ask() && !is_found(address(last + 1))) {
-      const Heard heard = co_await ask({last + 1, 0}, 3, Wait::learnt);
+      const Prefix next{last + 1, 0};
+      const Heard heard = co_await ask(next, 3, Wait::learnt);
       next_.note(heard.yes());
       if (heard.yes()) {
         const Outcome outcome = co_await settle(last + 1);
@@ -206,7 +208,8 @@ rt::Task<bool> Walker::Search::descend(Prefix at, unsigned answers) {
       continue;
     }
     const Prefix zero = at.zero();
-    const Heard heard = co_await ask_once(zero, sub_, careful_ ? Wait::bound : Wait::learnt);
+    const Wait wait = careful_ ? Wait::bound : Wait::learnt;
+    const Heard heard = co_await ask_once(zero, sub_, wait);
     if (heard.late && concluded > 0) {
       // Where we turned to the upper half somebody in the lower one had answered, too late for us.
       open(at, Open::Why::maybe);
