@@ -1,0 +1,575 @@
+#include "berth/doctor/diagnose.hpp"
+
+#include <fmt/format.h>
+
+#include <algorithm>
+#include <set>
+
+#include "berth/can/frame.hpp"
+
+namespace berth::doctor {
+
+const char* name(Kind kind) noexcept {
+  switch (kind) {
+    case Kind::duplicate_node_id: return "duplicate-node-id";
+    case Kind::identifier_collision: return "identifier-collision";
+    case Kind::blank_node: return "blank-node";
+    case Kind::wrong_bit_rate: return "wrong-bit-rate";
+    case Kind::missing_heartbeat: return "missing-heartbeat";
+    case Kind::error_passive: return "error-passive";
+    case Kind::overload: return "overload";
+    case Kind::disturbance: break;
+  }
+  return "disturbance";
+}
+
+const char* name(Certainty certainty) noexcept {
+  switch (certainty) {
+    case Certainty::possible: return "possible";
+    case Certainty::likely: return "likely";
+    case Certainty::certain: break;
+  }
+  return "certain";
+}
+
+const places::SlotSpec* Expected::slot(NodeId node) const noexcept {
+  const auto it = std::ranges::find(slots, node, &places::SlotSpec::id);
+  return it == slots.end() ? nullptr : &*it;
+}
+
+Rhythm rhythm(std::span<const rt::Time> times, rt::Duration period) {
+  Rhythm r;
+  r.beats = times.size();
+  if (times.size() < 6) return r;
+  std::vector<rt::Duration> intervals;
+  for (std::size_t i = 1; i < times.size(); ++i) intervals.push_back(times[i] - times[i - 1]);
+  auto sorted = intervals;
+  std::ranges::sort(sorted);
+  r.usual = sorted[sorted.size() * 9 / 10];
+  const auto mean = (times.back() - times.front()) / static_cast<std::int64_t>(intervals.size());
+  if (mean.count() <= 0 || r.usual.count() <= 0) return r;
+  const auto base = period.count() > 0 ? period : r.usual;
+  r.rate = static_cast<double>(base.count()) / static_cast<double>(mean.count());
+  // One clock whose period was changed goes from long to short once; two clocks take turns.
+  unsigned turns = 0;
+  for (std::size_t i = 1; i < intervals.size(); ++i) {
+    const bool is_short = intervals[i] * 4 < r.usual * 3;
+    const bool was_short = intervals[i - 1] * 4 < r.usual * 3;
+    if (is_short != was_short) ++turns;
+  }
+  const double spread = static_cast<double>(r.usual.count()) / static_cast<double>(mean.count());
+  r.interleaved = turns >= 4 && turns * 4 >= intervals.size() && spread >= 1.25;
+  return r;
+}
+
+namespace {
+
+using namespace std::chrono_literals;
+
+double s(rt::Time at) noexcept { return std::chrono::duration<double>(at.time_since_epoch()).count(); }
+double ms(rt::Duration d) noexcept { return std::chrono::duration<double, std::milli>(d).count(); }
+
+std::string times(const Count& c) {
+  if (c.count == 1) return fmt::format("once, at {:.3f} s", s(c.first));
+  return fmt::format("{} times, from {:.3f} s to {:.3f} s", c.count, s(c.first), s(c.last));
+}
+
+std::string list(const std::vector<NodeId>& nodes) {
+  std::string text;
+  for (const auto n : nodes) text += fmt::format("{}{}", text.empty() ? "" : ", ", n.value());
+  return text;
+}
+
+/// Builds up one patient's findings.
+class Consultation {
+ public:
+  Consultation(const Heard& heard, const Expected& expected, const Answers& answers)
+      : heard_(heard), expected_(expected), answers_(answers) {}
+
+  std::vector<Diagnosis> findings() {
+    find_strangers_rate();
+    for (unsigned n = 1; n <= 127; ++n) duplicate(NodeId(static_cast<std::uint8_t>(n)));
+    collisions();
+    blanks();
+    for (unsigned n = 1; n <= 127; ++n) missing(NodeId(static_cast<std::uint8_t>(n)));
+    passive();
+    overload();
+    disturbance();
+    std::ranges::stable_sort(found_, {}, [](const Diagnosis& d) { return std::pair(d.kind, d.node.value()); });
+    return std::move(found_);
+  }
+
+ private:
+  Diagnosis& add(Kind kind, Certainty certainty, NodeId node = NodeId()) {
+    Diagnosis d;
+    d.kind = kind;
+    d.certainty = certainty;
+    d.node = node;
+    if (const auto* slot = node.configured() ? expected_.slot(node) : nullptr) d.slot = slot->name.name;
+    return found_.emplace_back(std::move(d));
+  }
+  static void when(Diagnosis& d, const Count& c) {
+    if (c.count == 0) return;
+    d.first = d.count == 0 ? c.first : std::min(d.first, c.first);
+    d.last = std::max(d.last, c.last);
+    d.count += c.count;
+  }
+  [[nodiscard]] bool has(Kind kind, NodeId node) const {
+    return std::ranges::any_of(found_, [&](const auto& d) { return d.kind == kind && d.node == node; });
+  }
+  [[nodiscard]] std::string who(NodeId node) const {
+    const auto* slot = expected_.slot(node);
+    if (slot != nullptr) return fmt::format("node {} ({})", node.value(), slot->name.name);
+    return fmt::format("node {}{}", node.value(), node == expected_.master ? " (the master)" : "");
+  }
+  [[nodiscard]] bool silent(const places::SlotSpec& slot) const { return heard_.node(slot.id).signs.count == 0; }
+
+  // ---- somebody at another bit rate ----
+
+  /// Nodes that told that they were error-passive or bus-off.
+  [[nodiscard]] std::vector<NodeId> complaining() const {
+    std::vector<NodeId> nodes;
+    for (unsigned n = 1; n <= 127; ++n) {
+      const NodeId id(static_cast<std::uint8_t>(n));
+      if (heard_.node(id).error_passive.count + heard_.node(id).bus_off.count > 0) nodes.push_back(id);
+    }
+    return nodes;
+  }
+
+  /// A node that alone complains, and around every long run: then it is its own wire, not somebody else.
+  [[nodiscard]] bool explained_by(NodeId id) const {
+    const auto& node = heard_.node(id);
+    const auto near = [](const Count& c, const ErrorRun& run) {
+      return c.count > 0 && c.first - 1s <= run.last && run.first <= c.last + 1s;
+    };
+    return std::ranges::all_of(heard_.runs, [&](const ErrorRun& run) {
+      return run.count < Heard::long_run || near(node.error_passive, run) || near(node.bus_off, run);
+    });
+  }
+
+  // A node at another bit rate: dozens of attempts in a row destroyed, again and again, and nobody's frame comes out
+  // of it (facts G.3). Its own are never heard.
+  void find_strangers_rate() {
+    const auto runs = heard_.long_runs();
+    const auto loud = complaining();
+    const bool own_trouble = loud.size() == 1 && explained_by(loud.front());
+    if (runs < 2 || own_trouble || !heard_.collided.empty()) return;
+    std::vector<NodeId> suspects;
+    for (const auto& slot : expected_.slots) {
+      if (silent(slot)) suspects.push_back(slot.id);
+    }
+    jammed_ = true;
+    const bool one = suspects.size() == 1;
+    auto& d = add(Kind::wrong_bit_rate, one ? Certainty::likely : Certainty::possible, one ? suspects[0] : NodeId());
+    Count seen;
+    std::uint32_t longest = 0;
+    for (const auto& run : heard_.runs) {
+      if (run.count < Heard::long_run) continue;
+      if (seen.count == 0) seen.first = run.first;
+      ++seen.count;
+      seen.last = run.last;
+      longest = std::max(longest, run.count);
+    }
+    when(d, seen);
+    d.evidence.push_back(fmt::format("{} errors; {} times {} or more with no good frame between, {} at most: {}",
+                                     heard_.errors, runs, Heard::long_run, longest, times(seen)));
+    d.evidence.push_back(
+        fmt::format("this port's counters went up to TEC {}, REC {}", heard_.worst.tec, heard_.worst.rec));
+    if (!loud.empty()) d.evidence.push_back(fmt::format("node {} told to be error-passive or bus-off", list(loud)));
+    if (one) {
+      jammer_ = suspects[0];
+      d.what =
+          fmt::format("somebody destroys frames as a device at another bit rate does; probably {}", who(suspects[0]));
+      d.evidence.push_back(fmt::format("{} is the only slot that was never heard", who(suspects[0])));
+      d.advice = fmt::format("set {} to {} bit/s, or take it off the bus and look whether the errors end",
+                             who(suspects[0]), expected_.bit_rate);
+    } else if (suspects.empty()) {
+      d.what = "somebody destroys frames as a device at another bit rate does";
+      d.evidence.push_back(expected_.slots.empty() ? "without a machine file nobody is missed"
+                                                   : "every slot was heard well: it is a device of no slot");
+      d.advice = "take devices off the bus one by one until the errors end; that one's bit rate is wrong";
+    } else {
+      d.what = "somebody destroys frames as a device at another bit rate does";
+      d.evidence.push_back(fmt::format("never heard: nodes {}", list(suspects)));
+      d.advice = fmt::format("look at the bit rates of nodes {} first", list(suspects));
+    }
+  }
+
+  // ---- two devices with one node-ID ----
+
+  void duplicate(NodeId id) {
+    const auto& node = heard_.node(id);
+    std::vector<std::string> evidence;
+    Certainty certainty = Certainty::possible;
+    bool found = false;
+    const auto note = [&](Certainty c, std::string text) {
+      found = true;
+      certainty = std::max(certainty, c);
+      evidence.push_back(std::move(text));
+    };
+    Count seen;
+    if (node.flips.count >= 3) {
+      note(node.flips.count >= 6 ? Certainty::certain : Certainty::likely,
+           fmt::format("its heartbeats tell two NMT states in turn, without a command between: {}", times(node.flips)));
+      seen = node.flips;
+    }
+    if (const auto boots = boots_beside(node); boots.count > 0) {
+      note(boots.count > 1 ? Certainty::certain : Certainty::likely,
+           fmt::format("a boot-up message while the heartbeat went on in its old rhythm: {}", times(boots)));
+      seen = boots;
+    }
+    if (const auto text = rhythm_of(id, certainty); !text.empty()) {
+      found = true;
+      evidence.push_back(text);
+      seen = node.beat;
+    }
+    if (node.guard_requests >= 3 && node.guard_answers * 2 >= node.guard_requests * 3) {
+      note(Certainty::likely,
+           fmt::format("{} answers to {} guarding requests", node.guard_answers, node.guard_requests));
+    }
+    if (found && node.collision.count > 0) {
+      note(Certainty::likely,
+           fmt::format("it told EMCY 8150h, another sends with its identifiers: {}", times(node.collision)));
+    }
+    std::vector<LssAddress> devices;
+    for (const auto& p : answers_.present) {
+      if (p.told && p.active == id) devices.push_back(p.device);
+    }
+    if (devices.size() > 1) {
+      std::string both;
+      for (const auto& d : devices) both += (both.empty() ? "" : " and ") + to_string(d);
+      note(Certainty::certain, fmt::format("by LSS: {} have node-ID {}", both, id.value()));
+    }
+    for (const auto& a : answers_.serials) {
+      if (a.node != id || a.answers < 2) continue;
+      std::string values;
+      for (const auto v : a.values) values += fmt::format("{}{:08X}h", values.empty() ? "" : ", ", v);
+      note(a.values.size() > 1 ? Certainty::certain : Certainty::likely,
+           fmt::format("{} answers to one SDO request, serial numbers {}", a.answers, values));
+    }
+    if (!found) return;
+    auto& d = add(Kind::duplicate_node_id, certainty, id);
+    when(d, seen);
+    d.what = fmt::format("two devices have node-ID {}", id.value());
+    if (certainty == Certainty::possible) d.what = fmt::format("perhaps two devices have node-ID {}", id.value());
+    d.evidence = std::move(evidence);
+    d.devices = std::move(devices);
+    d.advice = certainty == Certainty::certain
+                   ? fmt::format("take one of them off the bus and give it another node-ID, then connect it again")
+                   : fmt::format(
+                         "switch the device of node {} off: if the node is still heard, there is another one; `berth "
+                         "doctor --active` asks by LSS",
+                         id.value());
+  }
+
+  // Boot-ups while the node's heartbeat went on as if nothing had been: a device that starts anew begins its period
+  // with its boot-up message.
+  [[nodiscard]] Count boots_beside(const HeardNode& node) const {
+    Count beside;
+    if (node.beats.size() < 4) return beside;
+    std::vector<rt::Duration> intervals;
+    for (std::size_t i = 1; i < node.beats.size(); ++i) intervals.push_back(node.beats[i].at - node.beats[i - 1].at);
+    std::ranges::nth_element(intervals, intervals.begin() + static_cast<std::ptrdiff_t>(intervals.size() / 2));
+    auto usual = intervals[intervals.size() / 2];
+    if (expected_.heartbeat_period.count() > 0) usual = expected_.heartbeat_period;
+    for (const auto boot : node.boots) {
+      const auto next = std::ranges::find_if(node.beats, [&](const Beat& b) { return b.at > boot; });
+      if (next == node.beats.begin() || next == node.beats.end()) continue;
+      const auto before = std::prev(next)->at;
+      const bool in_the_middle = boot - before > usual / 4;
+      const bool as_before = next->at - before < usual * 23 / 20 && next->state == std::prev(next)->state;
+      if (in_the_middle && as_before) beside.add(boot);
+    }
+    return beside;
+  }
+
+  [[nodiscard]] std::string rhythm_of(NodeId id, Certainty& certainty) const {
+    std::vector<rt::Time> at;
+    for (const auto& beat : heard_.node(id).beats) at.push_back(beat.at);
+    const bool known = expected_.known(id) && expected_.heartbeat_period.count() > 0;
+    const auto r = rhythm(at, known ? expected_.heartbeat_period : rt::Duration{0});
+    if (r.beats < 6 || (jammed_ && !known)) return {};
+    const bool twice = r.rate > 1.8 && r.rate < 2.2;
+    if (known && r.rate < 1.4) return {};
+    if (!r.interleaved && !(known && twice)) return {};
+    if (r.interleaved && known) certainty = std::max(certainty, Certainty::likely);
+    if (known) {
+      return fmt::format("{} heartbeats, {:.1f} times as many as one device sends every {:g} ms{}", r.beats, r.rate,
+                         ms(expected_.heartbeat_period),
+                         r.interleaved ? ", in two rhythms that take turns" : ", evenly spaced");
+    }
+    return fmt::format("{} heartbeats in two rhythms that take turns", r.beats);
+  }
+
+  // ---- identifiers ----
+
+  void collisions() {
+    for (unsigned n = 1; n <= 127; ++n) {
+      const NodeId id(static_cast<std::uint8_t>(n));
+      const auto& node = heard_.node(id);
+      if (node.collision.count == 0 || has(Kind::duplicate_node_id, id)) continue;
+      auto& d = add(Kind::identifier_collision, Certainty::certain, id);
+      when(d, node.collision);
+      d.what = fmt::format("{} hears another node send with one of its identifiers", who(id));
+      d.evidence.push_back(fmt::format("it told EMCY 8150h: {}", times(node.collision)));
+      d.advice = fmt::format(
+          "is there a second device with node-ID {}? If not, look for a PDO or SYNC of another node that is mapped to "
+          "an identifier of this one",
+          id.value());
+    }
+    for (const auto& [key, count] : heard_.collided) {
+      const NodeId id(static_cast<std::uint8_t>(key & 0x7FU));
+      const bool of_node = (key & can::extended_flag) == 0 && (key & 0x780U) >= 0x080U && id.value() != 0;
+      if (of_node && has(Kind::duplicate_node_id, id)) continue;
+      auto& d = add(Kind::identifier_collision, Certainty::likely, of_node ? id : NodeId());
+      d.cob_id = key;
+      when(d, count);
+      d.what = fmt::format("two nodes send with identifier {:03X}h", key & ~can::extended_flag);
+      d.evidence.push_back(fmt::format(
+          "after many destroyed attempts two frames of it that differ came back to back: {}", times(count)));
+      d.advice = "give one of the two another identifier, or another node-ID";
+    }
+    if (const auto r = rhythm(heard_.syncs, rt::Duration{0}); r.interleaved && !jammed_) {
+      auto& d = add(Kind::identifier_collision, Certainty::likely);
+      d.cob_id = 0x080;
+      d.count = heard_.syncs.size();
+      d.first = heard_.syncs.front();
+      d.last = heard_.syncs.back();
+      d.what = "two nodes produce SYNC (identifier 080h)";
+      d.evidence.push_back(fmt::format("{} SYNC messages in two rhythms that take turns", r.beats));
+      d.advice = "clear bit 30 of object 1005h in all devices but one";
+    }
+    claims();
+  }
+
+  void claims() {
+    std::set<std::uint32_t> told;
+    for (const auto& a : answers_.claims) {
+      const NodeId owner(static_cast<std::uint8_t>(a.key & 0x7FU));
+      const auto range = a.key & 0x780U;
+      const bool tpdo_of_another = (a.key & can::extended_flag) == 0 && range >= 0x180 && range <= 0x480 &&
+                                   (range & 0x80U) != 0 && owner.value() != 0 && owner != a.node;
+      for (const auto& b : answers_.claims) {
+        const bool both = b.key == a.key && a.node < b.node;
+        if (!both || !told.insert(a.key).second) continue;
+        auto& d = add(Kind::identifier_collision, Certainty::certain, tpdo_of_another ? a.node : b.node);
+        d.cob_id = a.key;
+        d.what = fmt::format("{} and {} send PDOs with one identifier, {:03X}h", who(a.node), who(b.node),
+                             a.key & ~can::extended_flag);
+        d.evidence.push_back(fmt::format("by SDO: node {} has it in {:04X}h, node {} in {:04X}h", a.node.value(),
+                                         a.object, b.node.value(), b.object));
+        d.advice = "give one of the two PDOs another COB-ID";
+      }
+    }
+  }
+
+  // ---- no node-ID ----
+
+  void blanks() {
+    const bool told = heard_.blank.count > 0 || answers_.blank;
+    std::vector<NodeId> candidates;
+    for (const auto& slot : expected_.slots) {
+      const bool candidate = silent(slot) && slot.assign == places::Assign::lss && slot.id != jammer_;
+      if (candidate && !sits_elsewhere(slot)) candidates.push_back(slot.id);
+    }
+    if (told) {
+      const bool one = candidates.size() == 1;
+      auto& d = add(Kind::blank_node, Certainty::certain, one ? candidates[0] : NodeId());
+      when(d, heard_.blank);
+      d.what = "at least one device has no node-ID";
+      if (heard_.blank.count > 0)
+        d.evidence.push_back(fmt::format("a device without node-ID answered an LSS question: {}", times(heard_.blank)));
+      if (answers_.blank && heard_.blank.count == 0)
+        d.evidence.emplace_back("it answered LSS identify non-configured remote slave");
+      if (one) d.evidence.push_back(fmt::format("{} is the only slot that was not heard", who(candidates[0])));
+      if (candidates.size() > 1) d.evidence.push_back(fmt::format("not heard: nodes {}", list(candidates)));
+      for (const auto& p : answers_.present) {
+        if (p.told && !p.active.configured()) d.devices.push_back(p.device);
+      }
+      for (const auto& device : d.devices) d.evidence.push_back(to_string(device) + " has none, by LSS");
+      d.advice = "`berth bind` gives it the node-ID of its slot";
+      return;
+    }
+    if (answers_.asked) return;
+    for (const auto id : candidates) {
+      if (expected_.slot(id)->optional) continue;
+      auto& d = add(Kind::blank_node, Certainty::possible, id);
+      d.what = fmt::format("the device of {} has no node-ID, or is not there", who(id));
+      d.evidence.emplace_back("nothing that only this node sends was heard");
+      d.advice = "`berth doctor --active` asks whether a device without node-ID is there; `berth bind` gives it one";
+    }
+  }
+
+  /// Questions found a device of the slot's type that told this node-ID: it is there and merely silent.
+  [[nodiscard]] bool sits_elsewhere(const places::SlotSpec& slot) const {
+    return std::ranges::any_of(answers_.present, [&](const auto& p) { return p.told && p.active == slot.id; });
+  }
+
+  // ---- heartbeats ----
+
+  void missing(NodeId id) {
+    const auto* slot = expected_.slot(id);
+    const auto& node = heard_.node(id);
+    if (id == jammer_) return;
+    const auto listened = heard_.to - heard_.from;
+    const auto patience = expected_.heartbeat_timeout;
+    if (slot == nullptr || patience.count() == 0) return stopped(id);
+    if (listened <= patience) return;
+    const bool guarded = node.guard_answers > 0 && node.guard_answers * 2 >= node.guard_requests;
+    if (node.signs.count == 0) {
+      if (slot->optional) return;
+      auto& d = add(Kind::missing_heartbeat, Certainty::certain, id);
+      d.what = fmt::format("{} is silent", who(id));
+      d.evidence.push_back(fmt::format("nothing heard of it in {:.1f} s; its heartbeat is due every {:g} ms",
+                                       ms(listened) / 1000, ms(expected_.heartbeat_period)));
+      if (sits_elsewhere(*slot)) d.evidence.emplace_back("its device answers LSS: it is there, and sends no heartbeat");
+      d.advice = "has it power, is it on this bus, at this bit rate, has it a node-ID, is its object 1017h set?";
+      return;
+    }
+    if (guarded) return;
+    if (node.beat.count == 0) {
+      auto& d = add(Kind::missing_heartbeat, Certainty::certain, id);
+      when(d, node.signs);
+      d.what = fmt::format("{} is there and sends no heartbeat", who(id));
+      d.evidence.push_back(
+          fmt::format("other messages of it: {}; no heartbeat in {:.1f} s", times(node.signs), ms(listened) / 1000));
+      d.advice = fmt::format("set its object 1017h to {:g} ms; `berth up` does", ms(expected_.heartbeat_period));
+      return;
+    }
+    Count gaps;
+    auto before = heard_.from;
+    for (const auto& beat : node.beats) {
+      if (beat.at - before > patience) gaps.add(beat.at);
+      before = beat.at;
+    }
+    const bool all_kept = node.beat.count == node.beats.size();
+    const bool gone = heard_.to - node.beat.last > patience;
+    if (gone || (all_kept && gaps.count > 0)) {
+      auto& d = add(Kind::missing_heartbeat, Certainty::certain, id);
+      when(d, gone ? node.beat : gaps);
+      d.what = gone ? fmt::format("the heartbeat of {} has stopped", who(id))
+                    : fmt::format("the heartbeat of {} has gaps", who(id));
+      d.evidence.push_back(
+          gone ? fmt::format("last heard at {:.3f} s, {:.0f} ms before the end", s(node.beat.last),
+                             ms(heard_.to - node.beat.last))
+               : fmt::format("silent for more than {:g} ms, until it came again: {}", ms(patience), times(gaps)));
+      d.advice =
+          "look for a loose plug, a lack of power, or an error-passive node; `berth status` tells what Berth knows";
+    }
+  }
+
+  // A node of no slot: by its own rhythm.
+  void stopped(NodeId id) {
+    const auto& node = heard_.node(id);
+    if (node.beats.size() < 6 || node.beat.count != node.beats.size()) return;
+    std::vector<rt::Time> at;
+    for (const auto& beat : node.beats) at.push_back(beat.at);
+    const auto usual = rhythm(at, rt::Duration{0}).usual;
+    const auto silence = heard_.to - node.beat.last;
+    if (silence < std::max<rt::Duration>(4 * usual, 500ms)) return;
+    auto& d = add(Kind::missing_heartbeat, Certainty::likely, id);
+    when(d, node.beat);
+    d.what = fmt::format("the heartbeat of {} has stopped", who(id));
+    d.evidence.push_back(
+        fmt::format("it came every {:.0f} ms, and not for {:.0f} ms at the end", ms(usual), ms(silence)));
+    d.advice = "has it lost its power or its cable?";
+  }
+
+  // ---- error states, load ----
+
+  void passive() {
+    if (jammed_) return;  // told there as evidence: it is what a jammer does to the others
+    for (const auto id : complaining()) {
+      const auto& node = heard_.node(id);
+      auto& d = add(Kind::error_passive, Certainty::certain, id);
+      when(d, node.error_passive);
+      when(d, node.bus_off);
+      d.what = fmt::format("{} {}", who(id), node.bus_off.count > 0 ? "was bus-off" : "is error-passive");
+      if (node.error_passive.count > 0)
+        d.evidence.push_back(fmt::format("EMCY 8120h, error-passive: {}", times(node.error_passive)));
+      if (node.bus_off.count > 0)
+        d.evidence.push_back(fmt::format("EMCY 8140h, recovered from bus-off: {}", times(node.bus_off)));
+      if (heard_.errors > 0) d.evidence.push_back(fmt::format("this port noticed {} errors", heard_.errors));
+      d.advice = "look at its plug, stub and transceiver first, then for a second device with its identifiers";
+    }
+    if (!heard_.was_passive) return;
+    auto& d = add(Kind::error_passive, Certainty::certain);
+    d.what = heard_.worst.bus_off ? "this port was bus-off" : "this port was error-passive";
+    d.evidence.push_back(fmt::format("its counters went up to TEC {}, REC {}; {} errors", heard_.worst.tec,
+                                     heard_.worst.rec, heard_.errors));
+    d.advice = "is the bit rate right, is there another node, are both ends terminated?";
+  }
+
+  void overload() {
+    const auto load = heard_.load(expected_.bit_rate);
+    const auto worst = heard_.worst_load(expected_.bit_rate);
+    const auto stretched = stretched_nodes();
+    if (load >= 0.8 || worst >= 0.95 || (load >= 0.5 && !stretched.empty())) {
+      auto& d = add(Kind::overload, load >= 0.8 ? Certainty::certain : Certainty::likely);
+      d.first = heard_.from;
+      d.last = heard_.to;
+      d.count = heard_.frames;
+      d.what = fmt::format("the bus is full: {:.0f} % load at {} bit/s", load * 100, expected_.bit_rate);
+      d.evidence.push_back(fmt::format("{} frames in {:.1f} s; {:.0f} % in the fullest second", heard_.frames,
+                                       ms(heard_.to - heard_.from) / 1000, worst * 100));
+      if (!stretched.empty()) d.evidence.push_back(fmt::format("heartbeats come late: nodes {}", list(stretched)));
+      d.advice = "send less often (event and inhibit times, SYNC period, heartbeats), or raise the bit rate of all";
+    }
+    for (unsigned n = 1; n <= 127; ++n) {
+      const NodeId id(static_cast<std::uint8_t>(n));
+      const auto& node = heard_.node(id);
+      if (node.overrun.count == 0) continue;
+      auto& d = add(Kind::overload, Certainty::certain, id);
+      when(d, node.overrun);
+      d.what = fmt::format("{} loses frames", who(id));
+      d.evidence.push_back(fmt::format("EMCY 8110h, CAN overrun: {}", times(node.overrun)));
+      d.evidence.push_back(fmt::format("bus load {:.0f} %", load * 100));
+      d.advice = "let the others send less often, or give the device a better acceptance filter";
+    }
+  }
+
+  [[nodiscard]] std::vector<NodeId> stretched_nodes() const {
+    std::vector<NodeId> nodes;
+    for (const auto& slot : expected_.slots) {
+      const auto& beats = heard_.node(slot.id).beats;
+      if (beats.size() < 4 || expected_.heartbeat_period.count() == 0) continue;
+      const auto mean = (beats.back().at - beats.front().at) / static_cast<std::int64_t>(beats.size() - 1);
+      if (mean * 10 > expected_.heartbeat_period * 13) nodes.push_back(slot.id);
+    }
+    return nodes;
+  }
+
+  void disturbance() {
+    if (jammed_ || heard_.errors < 5 || heard_.errors * 100ULL < heard_.frames || !complaining().empty() ||
+        !heard_.collided.empty() || heard_.was_passive) {
+      return;
+    }
+    auto& d = add(Kind::disturbance, Certainty::possible);
+    d.count = heard_.errors;
+    if (!heard_.runs.empty()) {
+      d.first = heard_.runs.front().first;
+      d.last = heard_.runs.back().last;
+    }
+    d.what = "frames are destroyed on the way";
+    d.evidence.push_back(fmt::format("{} errors to {} good frames, {} at most in a row", heard_.errors, heard_.frames,
+                                     std::ranges::max_element(heard_.runs, {}, &ErrorRun::count) != heard_.runs.end()
+                                         ? std::ranges::max_element(heard_.runs, {}, &ErrorRun::count)->count
+                                         : 0));
+    d.advice = "look at termination, cable length, stubs and shield; a device at another bit rate is another cause";
+  }
+
+  const Heard& heard_;
+  const Expected& expected_;
+  const Answers& answers_;
+  std::vector<Diagnosis> found_;
+  bool jammed_ = false;
+  NodeId jammer_{};
+};
+
+}  // namespace
+
+std::vector<Diagnosis> diagnose(const Heard& heard, const Expected& expected, const Answers& answers) {
+  return Consultation(heard, expected, answers).findings();
+}
+
+}  // namespace berth::doctor

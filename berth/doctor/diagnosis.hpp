@@ -1,0 +1,63 @@
+/// What the doctor finds wrong with a network: a kind, whom it is about, what was heard, how sure it is, what to do
+/// (issue 4, part 8; S4.1, S4.21, SX.7).
+#pragma once
+
+#include <cstdint>
+#include <optional>
+#include <string>
+#include <vector>
+
+#include "berth/base/ids.hpp"
+#include "berth/places/slot.hpp"
+#include "berth/rt/executor.hpp"
+
+namespace berth::doctor {
+
+enum class Kind : std::uint8_t {
+  duplicate_node_id,     ///< two devices hold one node-ID
+  identifier_collision,  ///< somebody sends with an identifier that belongs to another
+  blank_node,            ///< a device without a node-ID
+  wrong_bit_rate,        ///< somebody destroys frames as a node at another bit rate does
+  missing_heartbeat,     ///< a slot's node is silent, or without heartbeat
+  error_passive,         ///< a node, or this port, is error-passive or was bus-off
+  overload,              ///< more is sent than the bus, or a node, can take
+  disturbance,           ///< frames are destroyed, and nothing above explains it
+};
+inline constexpr std::size_t kinds = 8;
+/// "duplicate-node-id", "identifier-collision", ...: as `--json` has it.
+[[nodiscard]] const char* name(Kind kind) noexcept;
+
+/// `certain`: it was told by the one concerned, proven by questions, or cannot be otherwise. `likely`: something else
+/// would need a coincidence. `possible`: one of several explanations.
+enum class Certainty : std::uint8_t { possible, likely, certain };
+[[nodiscard]] const char* name(Certainty certainty) noexcept;
+
+struct Diagnosis {
+  Kind kind = Kind::disturbance;
+  Certainty certainty = Certainty::possible;
+  NodeId node{};                          ///< unconfigured: not known, or nobody in particular
+  std::string slot{};                     ///< of the machine file, if the node has one
+  std::optional<std::uint32_t> cob_id{};  ///< identifier_collision: which (`can::Frame::key`)
+  std::vector<LssAddress> devices{};      ///< who it is, as far as questions told
+  std::string what{};                     ///< one sentence
+  std::vector<std::string> evidence{};    ///< what was heard, how often, when
+  std::string advice{};                   ///< what to do
+  std::uint64_t count = 0;                ///< how often it was heard
+  rt::Time first{};                       ///< when first and last, as far as it was heard at all
+  rt::Time last{};
+};
+
+/// What should be on the bus. Without a machine file all but `bit_rate` stays empty, and only contradictions are found.
+struct Expected {
+  std::vector<places::SlotSpec> slots{};
+  NodeId master{};                    ///< who sends the master's heartbeat
+  rt::Duration heartbeat_period{0};   ///< 1017h of slots' devices and master; 0 = not known
+  rt::Duration heartbeat_timeout{0};  ///< silence that counts
+  std::uint32_t bit_rate = 125'000;   ///< bit/s, for the load
+
+  [[nodiscard]] const places::SlotSpec* slot(NodeId node) const noexcept;
+  /// A slot's node, or the master's.
+  [[nodiscard]] bool known(NodeId node) const noexcept { return node == master || slot(node) != nullptr; }
+};
+
+}  // namespace berth::doctor

@@ -1,0 +1,119 @@
+/// The doctor's ear: what a node that only listens learns of a bus. It sends nothing, and takes nothing but what a real
+/// controller gives: frames, and the port's own error counters.
+#pragma once
+
+#include <array>
+#include <map>
+#include <optional>
+#include <vector>
+
+#include "berth/base/ids.hpp"
+#include "berth/can/dispatcher.hpp"
+
+namespace berth::doctor {
+
+/// How often, first and last.
+struct Count {
+  std::uint64_t count = 0;
+  rt::Time first{};
+  rt::Time last{};
+  void add(rt::Time at) noexcept {
+    if (count++ == 0) first = at;
+    last = at;
+  }
+};
+
+struct Beat {
+  rt::Time at{};
+  NmtState state = NmtState::initialising;
+};
+
+/// One node-ID.
+struct HeardNode {
+  std::vector<Beat> beats{};         ///< heartbeats, the first `most_beats`
+  std::vector<rt::Time> boots{};     ///< boot-up messages, the first `most_boots`
+  Count beat{};                      ///< all heartbeats
+  Count boot{};                      ///< all boot-up messages
+  Count signs{};                     ///< everything that only this node sends: error control, EMCY, TPDOs, SDO answers
+  Count flips{};                     ///< another state than before, with neither boot-up nor NMT command between
+  std::uint64_t guard_requests = 0;  ///< remote frames on its error control identifier
+  std::uint64_t guard_answers = 0;
+  Count error_passive{};  ///< EMCY 8120h
+  Count bus_off{};        ///< EMCY 8140h: it was bus-off and came back
+  Count overrun{};        ///< EMCY 8110h
+  Count collision{};      ///< EMCY 8150h
+};
+
+/// Errors that this port noticed with no good frame between.
+struct ErrorRun {
+  std::uint32_t count = 0;
+  rt::Time first{};  ///< to the poll period
+  rt::Time last{};
+};
+
+struct Heard {
+  static constexpr std::size_t most_beats = 2048;
+  static constexpr std::size_t most_boots = 64;
+  static constexpr std::size_t most_runs = 512;
+  static constexpr std::uint32_t long_run = 8;  ///< noise does not destroy so many attempts in a row
+
+  rt::Time from{};
+  rt::Time to{};
+  std::array<HeardNode, 128> nodes{};  ///< by node-ID; 0 is not used
+  std::uint64_t frames = 0;
+  std::uint64_t bits = 0;                     ///< of good frames, intermission included
+  std::uint64_t worst_bits = 0;               ///< most in one second
+  std::uint32_t errors = 0;                   ///< noticed by this port
+  std::vector<ErrorRun> runs{};               ///< the first `most_runs`
+  std::map<std::uint32_t, Count> collided{};  ///< by key: two different frames of it right behind a long run
+  std::vector<rt::Time> syncs{};              ///< the first `most_beats`
+  Count blank{};         ///< answers that only a device without node-ID gives (50h; 4Fh to Fastscan)
+  Count lss_requests{};  ///< of another LSS master
+  can::Status worst{};   ///< highest counters of this port, and whether it was bus-off
+  bool was_passive = false;
+
+  [[nodiscard]] const HeardNode& node(NodeId id) const noexcept { return nodes[id.value() & 0x7FU]; }
+  [[nodiscard]] std::size_t long_runs() const noexcept;
+  /// Share of the time, 0..1, at `bit_rate`.
+  [[nodiscard]] double load(std::uint32_t bit_rate) const noexcept;
+  [[nodiscard]] double worst_load(std::uint32_t bit_rate) const noexcept;
+};
+
+/// Listens from its making to its end. Reads the port's status before each frame and every `poll_period`.
+class Ear final : private can::Handler, private rt::Job {
+ public:
+  static constexpr rt::Duration poll_period = std::chrono::milliseconds(20);
+  explicit Ear(can::Dispatcher& dispatcher);
+  Ear(const Ear&) = delete;
+  Ear& operator=(const Ear&) = delete;
+  /// What was heard until now.
+  [[nodiscard]] const Heard& heard() noexcept;
+
+ private:
+  void received(const can::Frame& frame, rt::Time at) noexcept override;
+  void run() noexcept override;
+  void look(rt::Time at) noexcept;
+  void end_run(rt::Time at) noexcept;
+  void error_control(NodeId node, const can::Frame& frame, rt::Time at) noexcept;
+  void emergency(NodeId node, const can::Frame& frame, rt::Time at) noexcept;
+  void commanded(const can::Frame& frame) noexcept;
+  void lss(const can::Frame& frame, rt::Time at) noexcept;
+  void measure(const can::Frame& frame, rt::Time at) noexcept;
+
+  struct Memory {  // of one node-ID
+    std::optional<NmtState> state{};
+    bool excused = false;  // a command or a boot-up: the next state may be another
+    bool asked = false;    // by guarding
+  };
+  can::Dispatcher* dispatcher_;
+  Heard heard_{};
+  std::array<Memory, 128> memory_{};
+  std::uint32_t errors_at_ = 0;  // the port's count when last looked
+  std::optional<ErrorRun> run_{};
+  std::optional<can::Frame> behind_run_{};  // the first good frame behind a long run
+  can::Frame last_request_{};               // on 7E5h
+  rt::Time second_{};                       // when the second being measured began
+  std::uint64_t second_bits_ = 0;
+};
+
+}  // namespace berth::doctor
