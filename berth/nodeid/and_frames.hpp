@@ -4,14 +4,14 @@
 ///
 /// All are base data frames with 8 bytes, the answers too, as paper 1 counts them.
 ///
-///     IURS     7C1h       80 phase n n n n n n     phase 0..11; n: the first `phase` nibbles of the address, rest 0
-///     DIRS     7C1h       80 0C n n n n n n        n: the whole address
-///     switch   7C1h       81 state                 global
-///     switch   7C1h       82 target n n n n n n    selective
-///     inquire  7C1h       83 part                  LSS address of who sent the last DIS; part 0, 1
+///     IURS     7C2h       80 phase n n n n n n     phase 0..11; n: the first `phase` nibbles of the address, rest 0
+///     DIRS     7C2h       80 0C n n n n n n        n: the whole address
+///     switch   7C2h       81 state                 global
+///     switch   7C2h       82 target n n n n n n    selective
+///     inquire  7C2h       83 part                  LSS address of who sent the last DIS; part 0, 1
 ///     IUS      7A0h + nibble(phase)                00 x 8
 ///     DIS      7B0h + nibble(11)                   00 x 8
-///     address  7C0h                                two 32-bit parts, big-endian: vendor, product; revision, serial
+///     address  7C0h + part              two 32-bit values, big-endian: vendor, product; revision, serial
 #pragma once
 
 #include <cstdint>
@@ -26,12 +26,12 @@ namespace berth::nodeid {
 inline constexpr std::uint32_t and_ius_id = 0x7A0;
 inline constexpr std::uint32_t and_dis_id = 0x7B0;
 inline constexpr std::uint32_t and_address_id = 0x7C0;
-inline constexpr std::uint32_t and_request_id = 0x7C1;
+inline constexpr std::uint32_t and_request_id = 0x7C2;
 inline constexpr unsigned and_direct_phase = 12;
 
 /// What a slave must hear, and a master.
 inline constexpr can::IdRange and_requests = can::only(and_request_id);
-inline constexpr can::IdRange and_answers{and_ius_id, and_address_id};
+inline constexpr can::IdRange and_answers{and_ius_id, and_address_id + 1};
 
 /// AND's 48-bit address of a device: the low 16 bits of its product code, then its serial number. Devices that differ
 /// only in vendor, the rest of the product code or the revision have one AND address.
@@ -87,7 +87,7 @@ struct AndRequest {
 struct AndAnswer {
   enum class Kind : std::uint8_t { ius, dis, address };
   Kind kind = Kind::ius;
-  std::uint8_t nibble = 0;              ///< ius, dis
+  std::uint8_t nibble = 0;              ///< ius, dis; address: the part
   std::uint32_t first = 0, second = 0;  ///< address: the two parts
 };
 [[nodiscard]] std::optional<AndAnswer> decode_and_answer(const can::Frame& frame) noexcept;

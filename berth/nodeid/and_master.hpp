@@ -79,17 +79,18 @@ class AndMaster final : private can::Handler {
   [[nodiscard]] rt::Task<Result<Outcome>> procedure(Run& run);
   [[nodiscard]] rt::Task<Result<void>> record(Run& run);
   [[nodiscard]] rt::Task<Result<void>> inquire(Run& run, AndFound& device);
-  [[nodiscard]] rt::Task<Result<void>> tell(Run& run, AndAddress address, Identification target);
+  [[nodiscard]] rt::Task<Result<void>> tell(const can::Frame& frame);
 
   Exchanges exchanges_;
   bool busy_ = false;
   AndAnswer::Kind wanted_ = AndAnswer::Kind::ius;
+  // Of the open or last window:
   std::uint16_t heard_ = 0;  // bit n: nibble n
-  unsigned frames_ = 0;      // answers in the window
-  std::uint8_t asked_ = 0;   // DIS counts for this nibble
+  unsigned frames_ = 0;      // IUS or DIS of any nibble, address answers
   rt::Time first_{};
-  std::uint32_t parts_[2]{};  // of an address answer
-  bool differ_ = false;       // two address answers differed
+  AndAnswer last_{};       // address: the last answer
+  std::uint8_t part_ = 0;  // inquired
+  bool differ_ = false;    // two address answers were not equal
 };
 
 }  // namespace berth::nodeid

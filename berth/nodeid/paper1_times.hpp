@@ -75,6 +75,11 @@ inline constexpr unsigned and_phases = 12;
 [[nodiscard]] constexpr rt::Duration t_network_id(const FrameBits& f, const Conditions& c) noexcept {
   return c.slaves * t_node_id(f, c) + t_id_phase(f, c);
 }
+/// AND by formula (7): twelve phases, every frame 135 bits (S1.44). 16.088 s under the paper's conditions.
+[[nodiscard]] constexpr rt::Duration t_and_network(Conditions c) noexcept {
+  c.phases = and_phases;
+  return t_network_id(and_published, c);
+}
 /// (7) as printed, with T_ID_phase as the factor: 1.386 s under the paper's conditions.
 [[nodiscard]] constexpr rt::Duration t_network_id_printed(const FrameBits& f, const Conditions& c) noexcept {
   return (c.slaves + 1) * t_id_phase(f, c);
