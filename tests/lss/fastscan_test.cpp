@@ -410,12 +410,16 @@ TEST(Fastscan, HC3_3_ADeviceSlowerThanTheWindow) {
 TEST(Fastscan, HC3_3_ALateAnswerAtTheEndIsNoConfirmation) {
   FastscanWorld w;
   auto& n = w.with({1, 1, 1, 0xF4});
-  // The answer to bit 1 of the serial number comes in the window of the confirmation of 0xF6.
+  // The answer to bit 1 of the serial number comes in the window of the confirmation of 0xF7.
   unsigned wrong = 0;
   n.hears = [&](const can::Frame& f) {
     const auto r = decode_fastscan(f);
     n.latency = r && r->sub == 3 && r->bit_checked == 1 && wrong++ == 0 ? milliseconds(26) : milliseconds(1);
   };
+  const auto unconfirmed = w.scan({.form = FastscanForm::standard, .confirm = false});
+  ASSERT_TRUE(unconfirmed && *unconfirmed);
+  EXPECT_EQ((*unconfirmed)->address.serial, 0xF7U) << "what the published procedure would report";
+  wrong = 0;
   const auto report = w.discover({.form = FastscanForm::standard});
   ASSERT_TRUE(report);
   ASSERT_EQ(report->found.size(), 1U);
