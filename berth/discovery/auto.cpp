@@ -11,7 +11,7 @@ namespace berth::discovery {
 std::unique_ptr<Discovery> make(Method method, const Services& services) {
   switch (method) {
     case Method::rand: return make_rand(services);
-    case Method::and_protocol: return make_rand(services);  // PLACEHOLDER
+    case Method::and_protocol: return make_and(services);
     case Method::fastscan: return make_fastscan(services, lss::Feedback::none);
     case Method::feedback_29: return make_fastscan(services, lss::Feedback::extended);
     case Method::feedback_11: return make_fastscan(services, lss::Feedback::base);

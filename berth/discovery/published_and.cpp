@@ -1,0 +1,87 @@
+#include <algorithm>
+
+#include "berth/discovery/by_name.hpp"
+#include "berth/discovery/published.hpp"
+#include "berth/nodeid/and_master.hpp"
+
+namespace berth::discovery {
+namespace {
+
+Report::End end_of(nodeid::DiscoveryReport::End end) noexcept {
+  switch (end) {
+    case nodeid::DiscoveryReport::End::complete: return Report::End::complete;
+    case nodeid::DiscoveryReport::End::gave_up: return Report::End::gave_up;
+    case nodeid::DiscoveryReport::End::stuck: return Report::End::stuck;
+    case nodeid::DiscoveryReport::End::limit: return Report::End::limit;
+  }
+  return Report::End::gave_up;
+}
+
+nodeid::AndOptions and_options(const Options& options) {
+  nodeid::AndOptions how;
+  how.discovery.window = nodeid::DiscoveryOptions::Window::fixed;
+  if (options.window.count() > 0) how.discovery.collect = options.window;
+  how.discovery.retries = options.retries;
+  how.discovery.most_devices = options.most_devices;
+  return how;
+}
+
+class And final : public Discovery, private nodeid::AndObserver {
+ public:
+  explicit And(const Services& services) : services_(services), and_(services.dispatcher) {}
+  [[nodiscard]] Method method() const noexcept override { return Method::and_protocol; }
+
+  [[nodiscard]] rt::Task<Result<Report>> find(const Known& known, const Options& options) override {
+    for (std::size_t i = 0; i < known.registered.size(); ++i) {
+      const nodeid::AndAddress device(known.registered[i]);
+      const auto told = co_await and_.switch_selective(device, nodeid::Identification::identified);
+      if (!told) co_return fail(told.error());
+    }
+    const nodeid::AndOptions how = and_options(options);
+    observer_ = options.observer;
+    nodeid::AndObserver* const watching = this;
+    const auto done = co_await and_.discover(how, watching);
+    observer_ = nullptr;
+    if (!done) co_return fail(done.error());
+    Report report;
+    report.end = end_of(done->end);
+    report.requests = done->requests;
+    report.restarts = done->restarts;
+    report.began = done->began;
+    report.known = done->known;
+    report.ended = done->ended;
+    for (const auto& d : done->found) {
+      if (d.address) report.found.push_back(one(d));
+    }
+    const auto assigned = co_await assign_all(services_.lss, report, options);
+    if (!assigned) co_return fail(assigned.error());
+    co_return report;
+  }
+
+  [[nodiscard]] rt::Task<Result<bool>> anybody(const Options& options) override {
+    const nodeid::AndOptions how = and_options(options);
+    co_return co_await and_.probe(how);
+  }
+
+ private:
+  void found(const nodeid::AndFound& device) noexcept override {
+    if (observer_ != nullptr && device.address) observer_->found(one(device));
+  }
+  static Found one(const nodeid::AndFound& d) noexcept {
+    return {.address = *d.address,
+            .at = d.at,
+            .active = {},
+            .assigned = {},
+            .possible_clone = d.ambiguous,
+            .by = Method::and_protocol};
+  }
+  Services services_;
+  nodeid::AndMaster and_;
+  Observer* observer_ = nullptr;
+};
+
+}  // namespace
+
+std::unique_ptr<Discovery> make_and(const Services& services) { return std::make_unique<And>(services); }
+
+}  // namespace berth::discovery

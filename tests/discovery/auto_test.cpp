@@ -1,0 +1,250 @@
+// Mixed buses: whoever speaks what is found, one scheme after the other (S1.24, S1.54, HU.1).
+#include "berth/discovery/auto.hpp"
+
+#include "berth/nodeid/rand_frames.hpp"
+#include "discovery_world.hpp"
+
+namespace berth::discovery::test {
+namespace {
+
+constexpr TypeCode rand_type{1, 1};
+constexpr TypeCode scan_type{1, 2};
+constexpr TypeCode feedback_type{1, 3};
+constexpr TypeCode lss_type{1, 4};
+
+NodeOptions like(TypeCode type, std::uint32_t serial) {
+  NodeOptions o;
+  o.address = {type.vendor, type.product, 0x1'0000, serial};
+  return o;
+}
+
+// Five of each: RAND only, Fastscan, Fastscan with feedback in both forms, LSS without Fastscan, and some that have a
+// node-ID that is in no slot.
+void add_mixed(World& w, bool configured = true) {
+  for (std::uint32_t i = 0; i < 5; ++i) {
+    auto rand = like(rand_type, 100 + i);
+    rand.fastscan = false;
+    rand.rand = true;
+    w.add(rand);
+    w.add(like(scan_type, 0x1234'0000 + 77 * i));
+    auto feedback = like(feedback_type, 0xAB'0000 * i + 5);
+    feedback.feedback = i % 2 == 0 ? lss::Feedback::extended : lss::Feedback::base;
+    w.add(feedback);
+    auto plain = like(lss_type, 3 * i);
+    plain.fastscan = false;
+    w.add(plain);
+    if (!configured || i > 1) continue;
+    auto wrong = like(scan_type, 9 + i);
+    wrong.node_id = NodeId(static_cast<std::uint8_t>(100 + i));
+    w.add(wrong);
+  }
+  w.known.kinds = {
+      {rand_type, std::nullopt}, {scan_type, 0x1'0000}, {feedback_type, std::nullopt}, {lss_type, 0x1'0000}};
+}
+
+class Mixed : public testing::TestWithParam<std::uint64_t> {};
+INSTANTIATE_TEST_SUITE_P(Seeds, Mixed, testing::Range<std::uint64_t>(1, 6));
+
+TEST_P(Mixed, EverybodyIsFoundOnceAndBound) {
+  World w(GetParam());
+  add_mixed(w);
+  Giver giver;
+  w.options.assigner = &giver;
+  w.options.window = 20ms;
+  Auto everybody(w.services());
+  const auto report = w.run(everybody.find(w.known, w.options));
+  ASSERT_TRUE(report) << describe(report.error());
+  EXPECT_EQ(report->end, Report::End::complete) << name(report->end);
+  EXPECT_EQ(addresses(*report), addresses(w));
+  w.world.run_for(50ms);
+  for (const auto& n : w.nodes) {
+    EXPECT_TRUE(n->id().configured()) << to_string(n->options.address);
+    if (n->options.node_id.configured()) {
+      EXPECT_EQ(n->id(), n->options.node_id);
+    }
+  }
+  w.expect_right(giver);
+  const auto& spoken = everybody.spoken();
+  EXPECT_TRUE(spoken.fastscan && spoken.feedback && spoken.rand && spoken.non_configured);
+  for (const auto& d : report->found) {
+    if (d.address.type() == rand_type) {
+      EXPECT_EQ(d.by, Method::planner_rand);
+    }
+    if (d.address.type() == lss_type) {
+      EXPECT_EQ(d.by, Method::identify);
+    }
+  }
+}
+
+// Without node-IDs to give: all addresses are known, nobody has changed.
+TEST_P(Mixed, EverybodyIsFoundOnce) {
+  World w(GetParam());
+  add_mixed(w);
+  w.options.window = 20ms;
+  Auto everybody(w.services());
+  const auto report = w.run(everybody.find(w.known, w.options));
+  ASSERT_TRUE(report);
+  EXPECT_EQ(addresses(*report), addresses(w));
+  w.world.run_for(50ms);
+  for (const auto& n : w.nodes) {
+    EXPECT_EQ(n->slave.state(), lss::State::waiting);
+    EXPECT_EQ(n->id(), n->options.node_id);
+    EXPECT_EQ(n->resets, 0U);
+  }
+}
+
+// A device that speaks RAND and Fastscan is one device.
+TEST(Auto, OneDeviceWithTwoSchemesIsOneDevice) {
+  for (const bool binds : {true, false}) {
+    World w;
+    auto both = like(rand_type, 5);
+    both.rand = true;
+    w.add(both);
+    w.add(like(rand_type, 6));
+    Giver giver;
+    if (binds) w.options.assigner = &giver;
+    Auto everybody(w.services());
+    const auto report = w.run(everybody.find(w.known, w.options));
+    ASSERT_TRUE(report);
+    EXPECT_EQ(addresses(*report), addresses(w));
+    EXPECT_EQ(giver.asked.size(), binds ? 2U : 0U);
+  }
+}
+
+// S1.24: RAND's DIS and the feedback have the same identifiers. No Fastscan request between a RAND request and the end
+// of what it may bring, and the other way round.
+TEST(Auto, NeverTwoSchemesAtOnce) {
+  World w;
+  add_mixed(w, false);
+  w.options.window = 20ms;
+  const Record record(w.bus);
+  Auto everybody(w.services());
+  ASSERT_TRUE(w.run(everybody.find(w.known, w.options)));
+  enum class Scheme : std::uint8_t { none, fastscan, rand };
+  Scheme now = Scheme::none;
+  unsigned changes = 0;
+  rt::Time last{};
+  for (std::size_t i = 0; i < record.frames.size(); ++i) {
+    const auto& f = record.frames[i];
+    const bool scan = lss::is_lss(f, lss::master_cob_id) && lss::command(f) == lss::Command::fastscan;
+    const bool rand = nodeid::rand_requests.contains(f.key());
+    if (!scan && !rand) continue;
+    const Scheme scheme = scan ? Scheme::fastscan : Scheme::rand;
+    if (scheme != now) {
+      ++changes;
+      if (now != Scheme::none) {
+        EXPECT_GE(record.times[i] - last, w.options.window);
+      }
+    }
+    now = scheme;
+    last = record.times[i];
+  }
+  EXPECT_EQ(changes, 2U);
+}
+
+// S4.20: a poll is one question per scheme, and ends at the first answer.
+TEST(Auto, APollIsOneQuestionPerScheme) {
+  World w;
+  auto bound = like(scan_type, 1);
+  bound.node_id = NodeId(1);
+  w.add(bound);
+  const Record record(w.bus);
+  Auto everybody(w.services());
+  EXPECT_FALSE(*w.run(everybody.anybody(w.options)));
+  EXPECT_EQ(record.frames.size(), 3U);  // 51h 80h, RAND's phase 0, 4Ch
+  w.add(like(scan_type, 2));
+  const auto before = record.frames.size();
+  EXPECT_TRUE(*w.run(everybody.anybody(w.options)));
+  EXPECT_EQ(record.frames.size(), before + 2);
+}
+
+TEST(Auto, TellsWhatIsSpoken) {
+  World w;
+  w.add(like(scan_type, 1));
+  Auto everybody(w.services());
+  auto spoken = w.run(everybody.probe(w.options));
+  ASSERT_TRUE(spoken);
+  EXPECT_TRUE(spoken->fastscan && spoken->non_configured);
+  EXPECT_FALSE(spoken->feedback || spoken->rand);
+  auto feedback = like(feedback_type, 1);
+  feedback.feedback = lss::Feedback::base;
+  feedback.rand = true;
+  w.add(feedback);
+  spoken = w.run(everybody.probe(w.options));
+  EXPECT_TRUE(spoken->fastscan && spoken->feedback && spoken->rand);
+}
+
+TEST(Auto, WhatIsSwitchedOffIsNotAsked) {
+  World w;
+  w.add(like(scan_type, 1));
+  const Record record(w.bus);
+  Auto everybody(w.services(),
+                 {.fastscan = false, .rand = false, .and_protocol = false, .identify = false, .configured = false});
+  const auto report = w.run(everybody.find(w.known, w.options));
+  ASSERT_TRUE(report);
+  EXPECT_TRUE(report->found.empty());
+  EXPECT_TRUE(record.frames.empty());
+}
+
+// The published procedures behind the same interface, with node-IDs to give.
+TEST(Published, EachBindsItsOwnSlaves) {
+  struct Row {
+    Method method;
+    bool rand;
+    lss::Feedback feedback;
+  };
+  const Row rows[] = {{Method::rand, true, lss::Feedback::none},
+                      {Method::planner_rand, true, lss::Feedback::none},
+                      {Method::fastscan, false, lss::Feedback::none},
+                      {Method::feedback_29, false, lss::Feedback::extended},
+                      {Method::feedback_11, false, lss::Feedback::base},
+                      {Method::identify, false, lss::Feedback::none},
+                      {Method::planner_fastscan, false, lss::Feedback::none},
+                      {Method::planner_feedback, false, lss::Feedback::base}};
+  for (const Row& row : rows) {
+    SCOPED_TRACE(name(row.method));
+    World w;
+    for (std::uint32_t i = 0; i < 4; ++i) {
+      auto o = like(scan_type, 1000 * i);
+      o.rand = row.rand;
+      o.feedback = row.feedback;
+      w.add(o);
+    }
+    w.known.kinds = {{scan_type, 0x1'0000}};
+    Giver giver;
+    w.options.assigner = &giver;
+    w.options.window = row.rand ? 20ms : 10ms;
+    const auto report = w.find(row.method);
+    ASSERT_TRUE(report) << describe(report.error());
+    EXPECT_EQ(report->end, Report::End::complete);
+    EXPECT_EQ(addresses(*report), addresses(w));
+    w.world.run_for(50ms);
+    for (const auto& n : w.nodes) EXPECT_TRUE(n->id().configured());
+    w.expect_right(giver);
+    for (const auto& d : report->found) EXPECT_EQ(d.by, row.method);
+  }
+}
+
+// The published Fastscan finds the next one only when this one has a node-ID.
+TEST(Published, FastscanIsHeldByADeviceThatGetsNone) {
+  World w;
+  w.add(like(scan_type, 1));
+  w.add(like(scan_type, 2));
+  const auto report = w.find(Method::fastscan);
+  ASSERT_TRUE(report);
+  EXPECT_EQ(report->end, Report::End::held);
+  EXPECT_EQ(report->found.size(), 1U);
+}
+
+TEST(Published, MethodsHaveTheirNames) {
+  World w;
+  for (std::size_t i = 0; i < methods; ++i) {
+    const auto m = static_cast<Method>(i);
+    EXPECT_EQ(make(m, w.services())->method(), m);
+    EXPECT_EQ(*method(name(m)), m);
+  }
+  EXPECT_FALSE(method("bisect"));
+}
+
+}  // namespace
+}  // namespace berth::discovery::test
