@@ -45,7 +45,10 @@ Device::Device(can::Dispatcher& dispatcher, std::shared_ptr<const od::Descriptio
       options_(std::move(options)),
       values_(std::move(description)),
       lss_answers_(dispatcher),
-      methods_({.address = options_.address, .rand = options_.rand, .rand_resume = options_.rand_resume}),
+      methods_({.address = options_.address,
+                .rand = options_.rand,
+                .rand_resume = options_.rand_resume,
+                .and_protocol = options_.and_protocol}),
       nmt_(dispatcher, *this),
       producer_(dispatcher),
       guarding_(dispatcher, *this),
@@ -130,6 +133,7 @@ void Device::power_on() noexcept {
   lss_.emplace(dispatcher_->executor(), static_cast<lss::SlaveOwner&>(*this), options, memory_);
   methods_.power_on(options_.address);
   if (negotiation_) negotiation_->power_on(options_.address);
+  if (claiming_) claiming_->power_on(options_.address);
   begin_ = Begin::power_on;
   nmt_.power_on();
   tell();
@@ -146,6 +150,7 @@ void Device::power_off() noexcept {
   nmt_.power_off();
   dispatcher_->remove(*this);
   if (negotiation_) negotiation_->power_off();
+  if (claiming_) claiming_->power_off();
   if (record_) record_->forget();  // stops the memory, whoever it writes for
   if (parameters_) parameters_->forget();
   load_settings();
@@ -172,6 +177,7 @@ void Device::begin(Begin what, rt::Duration own_time) noexcept {
   begin_ = what;
   dispatcher_->remove(*this);
   if (negotiation_) negotiation_->resetting();
+  if (claiming_) claiming_->resetting();
   lss_answers_.drop();
   // An LSS store goes on during a reset; its end is then nobody's answer any more. Parameters would be stored in part
   // with their values of after the reset: given up.
@@ -203,6 +209,7 @@ void Device::finish_reset() noexcept {
   nmt_.initialised(lss_->active().node_id);
   if (nmt_.state() == NmtState::initialising) listen();
   if (negotiation_) negotiation_->ready(lss_->active().node_id);
+  if (claiming_) claiming_->ready(lss_->active().node_id);
   tell();
 }
 
@@ -376,7 +383,8 @@ std::size_t Device::memory() const noexcept {
          options_.presets.capacity() * sizeof(Preset) + consumer_size_ + (errors_ ? sizeof(co::ErrorField) : 0) +
          (pdos_ ? pdos_->memory() : 0) + (sync_ ? sizeof(co::Sync) : 0) + (time_ ? sizeof(co::TimeStamp) : 0) +
          (emcy_list_ ? sizeof(co::EmcyList) : 0) + (parameters_ ? sizeof(ParameterStore) : 0) +
-         (configuration_ ? sizeof(ConfigurationWatch) : 0) + (negotiation_ ? sizeof(Negotiation) : 0) + (callbacks_ ? sizeof(Callbacks) : 0) +
+         (configuration_ ? sizeof(ConfigurationWatch) : 0) + (negotiation_ ? sizeof(Negotiation) : 0) +
+         (claiming_ ? sizeof(Claiming) : 0) + (callbacks_ ? sizeof(Callbacks) : 0) +
          (writes_ ? sizeof(WriteWatch) + writes_->memory() : 0);
 }
 

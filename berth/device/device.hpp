@@ -42,6 +42,7 @@
 #include "berth/co/sync.hpp"
 #include "berth/co/time_stamp.hpp"
 #include "berth/device/application.hpp"
+#include "berth/device/claiming.hpp"
 #include "berth/device/dictionary.hpp"
 #include "berth/device/leds.hpp"
 #include "berth/device/negotiation.hpp"
@@ -77,11 +78,11 @@ struct Options {
   bool claim = false;         ///< claims a node-ID as SAE J1939-81 does when it has none
   NegotiationMode negotiation = NegotiationMode::off;
   nodeid::NegotiatorOptions negotiator{};  ///< with `negotiation`; its address and `literal` are the device's
-  bool lss_changes_at_waiting = false;  ///< a configured device takes a new node-ID already at `04 00`
-  bool detect_collision = true;         ///< reports another node that sends with its identifiers (EMCY 8150h; SX.7)
-  rt::Duration never_seen{0};           ///< a node in 1016h with no heartbeat for so long is told (`Callbacks`); 0 = no
-  rt::Duration bus_off_recovery{0};     ///< restarts its controller so long after bus-off; 0 = never
-  std::string name{};                   ///< 1008h; empty: as described
+  bool lss_changes_at_waiting = false;     ///< a configured device takes a new node-ID already at `04 00`
+  bool detect_collision = true;            ///< reports another node that sends with its identifiers (EMCY 8150h; SX.7)
+  rt::Duration never_seen{0};        ///< a node in 1016h with no heartbeat for so long is told (`Callbacks`); 0 = no
+  rt::Duration bus_off_recovery{0};  ///< restarts its controller so long after bus-off; 0 = never
+  std::string name{};                ///< 1008h; empty: as described
   std::vector<Preset> presets{};
   GroupOf parameter_group = default_parameter_group;  ///< what 1010h stores, by sub-index
   bool send_tpdos_at_start = true;                    ///< types FEh and FFh: once when operational is entered
@@ -99,6 +100,7 @@ class Device final : private co::NmtSlave::Owner,
                      private co::TimeStamp::Observer,
                      private co::EmcyConsumer::Observer,
                      private Negotiation::Owner,
+                     private Claiming::Owner,
                      private ParameterStore::Owner,
                      private can::Handler,
                      private od::Hook,
@@ -192,11 +194,14 @@ class Device final : private co::NmtSlave::Owner,
   [[nodiscard]] lss::Settings persistent() noexcept;
   [[nodiscard]] const LssAddress& address() const noexcept { return lss_->address(); }
   [[nodiscard]] lss::State lss_state() const noexcept { return lss_->state(); }
+  /// Null when the device does not claim.
+  [[nodiscard]] const nodeid::ClaimSlave* claimer() const noexcept { return claiming_ ? &claiming_->slave() : nullptr; }
   /// Null when the device does not negotiate.
   [[nodiscard]] const nodeid::Negotiator* negotiator() const noexcept {
     return negotiation_ ? &negotiation_->negotiator() : nullptr;
   }
   [[nodiscard]] nodeid::Identification identification() const noexcept { return methods_.identification(); }
+  [[nodiscard]] nodeid::Identification and_identification() const noexcept { return methods_.and_identification(); }
   /// Non-volatile memory is being written: LSS store, 1010h or 1011h.
   [[nodiscard]] bool storing() const noexcept {
     return (record_ && record_->busy()) || (parameters_ && parameters_->busy());
@@ -264,6 +269,8 @@ class Device final : private co::NmtSlave::Owner,
   void negotiation_lost(NodeId id, nodeid::IdLoss why) noexcept override;
   void negotiation_failed() noexcept override { tell(); }
   void negotiation_kept(NodeId id) noexcept override;
+  void claimed(NodeId id) noexcept override { negotiated(id); }
+  void claim_lost(NodeId id) noexcept override;
   // Identifiers that only this node may send with (SX.7); those of TPDOs are `co::Pdos`'s
   template <class Visit>
   void for_each_own_id(const Visit& visit) const noexcept;
@@ -329,7 +336,8 @@ class Device final : private co::NmtSlave::Owner,
   std::unique_ptr<co::EmcyList> emcy_list_;            // only with object 1028h
   std::unique_ptr<ParameterStore> parameters_;         // only with object 1010h and a memory that has room
   std::unique_ptr<ConfigurationWatch> configuration_;  // only with object 1020h
-  std::unique_ptr<Negotiation> negotiation_;  // only with Options::negotiation
+  std::unique_ptr<Negotiation> negotiation_;           // only with Options::negotiation
+  std::unique_ptr<Claiming> claiming_;                 // only with Options::claim
   std::unique_ptr<Callbacks> callbacks_;
   std::unique_ptr<WriteWatch> writes_;
   std::span<const std::uint8_t> eds_;

@@ -1,9 +1,13 @@
-// How a device and the negotiation of its node-ID (paper 2) act on each other.
+// How a device and the negotiation of its node-ID (paper 2), or its claim, act on each other.
 #include "berth/device/device.hpp"
 
 namespace berth::device {
 
 void Device::make_negotiation(NvMemory* memory) {
+  if (options_.claim) {
+    const nodeid::ClaimOptions options{.address = options_.address, .seed = options_.address.serial};
+    claiming_ = std::make_unique<Claiming>(*dispatcher_, static_cast<Claiming::Owner&>(*this), options);
+  }
   if (options_.negotiation == NegotiationMode::off) return;
   auto options = options_.negotiator;
   options.address = options_.address;
@@ -31,6 +35,8 @@ void Device::negotiation_lost(NodeId id, nodeid::IdLoss why) noexcept {
   lss_->reset_communication();
   nmt_.apply(co::NmtCommand::reset_communication);
 }
+
+void Device::claim_lost(NodeId id) noexcept { negotiation_lost(id, nodeid::IdLoss::none); }
 
 void Device::negotiation_kept(NodeId) noexcept { clear(co::emcy_code::id_collision); }
 

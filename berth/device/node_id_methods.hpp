@@ -8,6 +8,7 @@
 #include <optional>
 
 #include "berth/can/dispatcher.hpp"
+#include "berth/nodeid/and_slave.hpp"
 #include "berth/nodeid/rand_slave.hpp"
 
 namespace berth::device {
@@ -24,7 +25,8 @@ class NodeIdMethods {
   struct Options {
     LssAddress address{};
     RandMode rand = RandMode::on;
-    bool rand_resume = false;  ///< RAND's extension (docs/rand.md)
+    bool rand_resume = false;   ///< RAND's extension (docs/rand.md)
+    bool and_protocol = false;  ///< docs/and.md
   };
   explicit NodeIdMethods(const Options& options) noexcept;
 
@@ -38,10 +40,12 @@ class NodeIdMethods {
   std::optional<can::Frame> handle(const can::Frame& frame, bool in_lss_configuration) noexcept;
 
   [[nodiscard]] nodeid::Identification identification() const noexcept { return rand_.state(); }
+  [[nodiscard]] nodeid::Identification and_identification() const noexcept { return and_.state(); }
 
  private:
   Options options_;
   nodeid::RandSlave rand_;
+  nodeid::AndSlave and_;
 };
 
 }  // namespace berth::device
