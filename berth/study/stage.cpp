@@ -118,6 +118,15 @@ void Stage::run_until_quiet(rt::Duration quiet, rt::Duration limit) {
   }
 }
 
+void Stage::crop_after_boot_up() {
+  const auto boot_up = [](const trace::Entry& e) {
+    const auto& f = e.frame;
+    return !f.extended && !f.remote && f.id > 0x700 && f.id < 0x780 && f.size == 1 && f.data[0] == 0;
+  };
+  auto& all = trace_.entries;
+  while (!all.empty() && !boot_up(all.back())) all.pop_back();
+}
+
 rt::Duration Stage::span() const noexcept {
   return trace_.entries.empty() ? rt::Duration{} : trace_.entries.back().at - trace_.entries.front().at;
 }

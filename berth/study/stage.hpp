@@ -70,8 +70,12 @@ class Stage final : private can::Tap {
   void run_until_quiet(rt::Duration quiet, rt::Duration limit);
 
   [[nodiscard]] const trace::Trace& trace() const noexcept { return trace_; }
+  /// Drops what was kept behind the last boot-up message.
+  void crop_after_boot_up();
   /// From the end of the first kept frame to the end of the last: what `berth trace --stats` prints as span.
   [[nodiscard]] rt::Duration span() const noexcept;
+  /// When the last frame ended, kept or not.
+  [[nodiscard]] rt::Time last_frame() const noexcept { return last_; }
   /// Devices with a node-ID in use and no other device with the same.
   [[nodiscard]] unsigned bound() const;
 

@@ -1,0 +1,45 @@
+/// `berth trace`, `berth reproduce`, `berth compare`: recorded traces, the papers' figures and the methods side by
+/// side. One source file a command.
+#pragma once
+
+#include <cstdint>
+#include <functional>
+#include <optional>
+#include <string>
+
+#include "berth/text/quantity.hpp"
+#include "options.hpp"
+
+namespace CLI {
+class App;
+}
+
+namespace berth::cli {
+
+struct StudyOptions {
+  // trace
+  std::string file;
+  bool stats = false;
+  bool table = false;
+  // trace, reproduce
+  std::optional<std::uint32_t> bit_rate;
+  // reproduce
+  std::optional<text::Duration> latency;
+  std::string folder;   ///< --record
+  std::string listing;  ///< --trace: which of the papers' traces to print
+  bool negotiation_load = false;
+  // compare
+  std::string methods, devices, bit_rates, serials;  ///< lists, as written; empty: all
+  unsigned seeds = 0;                                ///< 0: the default
+  unsigned threads = 0;                              ///< 0: one a processor
+  std::string csv, plot;                             ///< files; empty: none
+};
+
+/// Adds the three to the command line; `action` becomes what the chosen one does.
+void add_study(CLI::App& app, Options& options, std::function<int()>& action);
+
+int run_trace(const Options& options, const StudyOptions& study);
+int run_reproduce(const Options& options, const StudyOptions& study);
+int run_compare(const Options& options, const StudyOptions& study);
+
+}  // namespace berth::cli

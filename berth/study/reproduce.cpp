@@ -1,0 +1,37 @@
+#include "berth/study/reproduce.hpp"
+
+#include "berth/study/listings.hpp"
+
+namespace berth::study {
+
+Figures reproduce(const Conditions& conditions) {
+  Figures figures;
+  reproduce_paper1(conditions, figures);
+  reproduce_paper2(conditions, figures);
+  reproduce_paper4(conditions, figures);
+  return figures;
+}
+
+const std::vector<std::string_view>& listings() {
+  static const std::vector<std::string_view> names{"paper1-figure9", "paper2-figure2", "paper2-table4", "paper4-table1",
+                                                   "paper4-table2"};
+  return names;
+}
+
+std::optional<Listing> listing(std::string_view name, const Conditions& c) {
+  using enum Listing::Form;
+  const std::string own(name);
+  if (name == "paper1-figure9")
+    return Listing{own, "RAND finds five slaves (paper 1, Figure 9)", paper1::figure_9(c), messages};
+  if (name == "paper2-figure2")
+    return Listing{own, "Complete negotiation cycle (paper 2, Figure 2)", paper2::figure_2(c), view};
+  if (name == "paper2-table4")
+    return Listing{own, "CAN trace of two nodes (paper 2, Table 4)", paper2::table_4(c), times};
+  if (name == "paper4-table1")
+    return Listing{own, "LSS Fastscan cycle without feedback (paper 4, Table 1)", paper4::table_1(c), messages};
+  if (name == "paper4-table2")
+    return Listing{own, "LSS Fastscan cycle with feedback (paper 4, Table 2)", paper4::table_2(c), messages};
+  return std::nullopt;
+}
+
+}  // namespace berth::study
