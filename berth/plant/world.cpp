@@ -64,6 +64,7 @@ device::Options options_of(const PlantDevice& plan, const LssAddress& address, s
     o.negotiation = literal ? device::NegotiationMode::literal : device::NegotiationMode::on;
   }
   o.negotiator.seed = seed;
+  if (plan.source == NodeIdSource::blank) o.negotiator.configured = plan.node_id;  // no file says one; a study does
   o.bus_off_recovery = bus_off_recovery;
   if (plan.eds.empty()) o.name = plan.name;
   const auto heartbeat = std::chrono::duration_cast<std::chrono::milliseconds>(plan.heartbeat).count();
