@@ -7,6 +7,7 @@
 #include "eds.hpp"
 #include "options.hpp"
 #include "output.hpp"
+#include "study.hpp"
 
 namespace berth::cli {
 namespace {
@@ -24,6 +25,7 @@ class CommandLine {
     add_nmt();
     add_lss();
     add_eds();
+    add_study(app_, options_, action_);
     add_rest();
   }
 
