@@ -9,8 +9,9 @@ namespace berth::nodeid {
 namespace {
 
 constexpr std::uint32_t usual_bit_rate = 125'000;  // where the port does not know
-constexpr unsigned shortest_frame = 67;            // bits of an extended frame without data and without stuff bits
-constexpr unsigned longest_frame = 78;             // bits of an extended frame without data, reachable
+constexpr unsigned patience = 3;         // frame times that a frame may wait to be acknowledged, up to twice as long
+constexpr unsigned shortest_frame = 67;  // bits of an extended frame without data and without stuff bits
+constexpr unsigned longest_frame = 78;   // bits of an extended frame without data, reachable
 constexpr rt::Duration again = std::chrono::milliseconds(10);        // a frame could not be queued
 constexpr rt::Duration lost_frame = std::chrono::milliseconds(500);  // looks whether the controller has forgotten it
 constexpr unsigned coin_after = 2;  // insistences that are met by a defence; then it is a coin
@@ -61,7 +62,7 @@ void Negotiator::begin_anew() noexcept {
 
 void Negotiator::listen() noexcept {
   window_ends_ = executor_->now() + owner_->in_world(options_.quiet);
-  enter(Negotiating::listening, options_.quiet);
+  enter(Negotiating::listening, options_.quiet + random(options_.jitter));
 }
 
 void Negotiator::settle(NodeId id, bool firm) noexcept {
@@ -118,10 +119,12 @@ void Negotiator::heard_request() noexcept {
     case Negotiating::exhausted:
       drop();
       used_.reset();
+      leads_ = false;
       return join();
     case Negotiating::asked:  // all who asked begin at the last of them: then they are in phase
+      leads_ = false;
       window_ends_ = executor_->now() + owner_->in_world(options_.answers);
-      return restart_step(options_.answers);
+      return restart_step(options_.answers + behind());
     default: return;
   }
 }
@@ -163,21 +166,27 @@ void Negotiator::heard_identity(unsigned byte, std::uint8_t value) noexcept {
     case Negotiating::competing:
     case Negotiating::announcing:
       if (value < own) return lose_cycle();
-      if (value == own && state_ == Negotiating::competing && byte == byte_ && !options_.literal) {
+      if (value != own || options_.literal) return;
+      if (state_ == Negotiating::asked && byte == 0 && choose().configured()) {
+        state_ = Negotiating::competing;
+        byte_ = 0;
+      }
+      if (state_ == Negotiating::competing && byte == byte_) {
         drop();
+        leads_ = false;
         byte_done();
       }
       return;
     case Negotiating::asking: drop(); [[fallthrough]];
     case Negotiating::listening:
-    case Negotiating::waiting: return enter(Negotiating::waiting, options_.quiet + options_.after_pause);
+    case Negotiating::waiting: return wait();
     default: return;
   }
 }
 
 void Negotiator::sent() noexcept {
   queued_ = false;
-  count_load(longest_frame);
+  leads_ = true;
   switch (state_) {
     case Negotiating::asking: return join();
     case Negotiating::competing: return byte_done();
@@ -206,8 +215,12 @@ void Negotiator::step() noexcept {
     case Negotiating::asking:
     case Negotiating::competing:
     case Negotiating::announcing:
-      // Queued, and still not on the wire: the bus is busy or nobody acknowledges, unless the controller forgot it.
-      if (queued_ && !owner_->nothing_queued()) return restart_step(lost_frame);
+      // Queued, and still not sent: the bus is busy, all others send the same at the same instant so that nobody
+      // acknowledges, or the controller was restarted and has forgotten it.
+      if (queued_) {
+        drop();
+        return restart_step(rt::Duration(random_.between(0, 2 * patience * frame_time().count())));
+      }
       if (state_ == Negotiating::asking) return ask();
       return state_ == Negotiating::competing ? send_byte() : announce();
     default: return;
@@ -217,7 +230,7 @@ void Negotiator::step() noexcept {
 void Negotiator::ask() noexcept {
   state_ = Negotiating::asking;
   used_.reset();
-  restart_step(put(request_used()) ? lost_frame : again);
+  offer(request_used());
 }
 
 // A cycle begins, by the own request or another's.
@@ -225,14 +238,20 @@ void Negotiator::join() noexcept {
   ++cycles_;
   candidate_ = NodeId();
   window_ends_ = executor_->now() + owner_->in_world(options_.answers);
-  enter(Negotiating::asked, options_.answers);
+  enter(Negotiating::asked, options_.answers + behind());
 }
 
-void Negotiator::send_byte() noexcept { restart_step(put(identity(options_.address, byte_)) ? lost_frame : again); }
+void Negotiator::send_byte() noexcept { offer(identity(options_.address, byte_)); }
+
+void Negotiator::offer(const can::Frame& frame) noexcept {
+  if (!put(frame)) return restart_step(again);
+  const auto least = patience * frame_time();
+  restart_step(least + rt::Duration(random_.between(0, least.count())));
+}
 
 // It is on the wire, by this device or another with the same.
 void Negotiator::byte_done() noexcept {
-  if (++byte_ < identity_bytes) return restart_step(pace());
+  if (++byte_ < identity_bytes) return restart_step(pace() + behind());
   enter(Negotiating::announcing, options_.pause + random(options_.jitter));
 }
 
@@ -242,7 +261,7 @@ void Negotiator::announce() noexcept {
     enter(Negotiating::exhausted, options_.retry + random(options_.retry));
     return owner_->all_taken();
   }
-  restart_step(put(used(candidate_)) ? lost_frame : again);
+  offer(used(candidate_));
 }
 
 void Negotiator::take() noexcept {
@@ -259,7 +278,11 @@ void Negotiator::take() noexcept {
 
 void Negotiator::lose_cycle() noexcept {
   drop();
-  enter(Negotiating::waiting, options_.quiet + options_.after_pause);
+  wait();
+}
+
+void Negotiator::wait() noexcept {
+  enter(Negotiating::waiting, options_.quiet + options_.after_pause + random(options_.jitter));
 }
 
 NodeId Negotiator::preferred() const noexcept {
@@ -316,7 +339,7 @@ void Negotiator::lose_id(IdLoss why) noexcept {
   owes_ = defended_ = false;
   insisted_ = 0;
   last_ = id;
-  enter(Negotiating::waiting, options_.quiet + options_.after_pause);
+  wait();
   owner_->node_id_lost(id, why);
 }
 
@@ -371,6 +394,11 @@ rt::Duration Negotiator::pace() noexcept {
   auto spacing = std::max(options_.spacing, 2 * frame);
   if (!options_.literal && load() > options_.load_limit) spacing *= 2;
   return spacing - frame * shortest_frame / longest_frame;
+}
+
+// Behind the one who leads, so that its byte is heard first and counts for all who have the same.
+rt::Duration Negotiator::behind() const noexcept {
+  return options_.literal || leads_ ? rt::Duration::zero() : 2 * frame_time();
 }
 
 rt::Duration Negotiator::random(rt::Duration most) noexcept {

@@ -15,6 +15,9 @@
 /// - ReqUsedNodeId of another device is joined by whoever waits; asked twice, the window begins anew (S2.22, S2.23).
 /// - ReqUsedNodeId is answered one after another: each device leaves a gap behind the answer before its own, so that
 ///   127 answers, which outrank every PDO, never block the bus in one piece. Who asked waits until they end.
+/// - Frames that begin in one instant merge; when all nodes of a bus send, nobody acknowledges. So who asks waits a
+///   random time more, who only joined is two frame times behind with each byte, and a frame that is not acknowledged
+///   soon is taken back and sent again after a random time (in `literal` only this).
 /// - An announcement comes after 100 ms and a random time more; whoever hears it chooses another node-ID. So twins with
 ///   one identity, and two winners after a lost frame, part here (S2.24, S2.25).
 /// - A device with a node-ID defends it: it answers an announcement of its own node-ID by ActUsedNodeId (S2.17). For
@@ -75,7 +78,7 @@ struct NegotiatorOptions {
   rt::Duration after_pause = std::chrono::milliseconds(5);  ///< `quiet` is so much longer for who lost: the winner, who
                                                             ///< waits as long, announces first (Table 4)
   // Not in `literal`:
-  rt::Duration jitter = std::chrono::milliseconds(3);         ///< most that an announcement or defence is delayed
+  rt::Duration jitter = std::chrono::milliseconds(3);         ///< most that a request, announcement or defence waits
   rt::Duration answer_slot = std::chrono::microseconds(500);  ///< from one node-ID's turn to answer to the next's
   rt::Duration straggler = std::chrono::milliseconds(30);     ///< the last answer to the first byte, at least
   rt::Duration probation = std::chrono::seconds(1);           ///< a newcomer for so long
@@ -147,7 +150,7 @@ class Negotiator final {
   /// Cycles begun, frames given to `send`.
   [[nodiscard]] std::uint32_t cycles() const noexcept { return cycles_; }
   [[nodiscard]] std::uint32_t frames() const noexcept { return frames_; }
-  /// Bus load of the last 100 ms as this device heard it, 0..1.
+  /// Bus load of the last 100 ms by others' frames, as this device heard them, 0..1.
   [[nodiscard]] double load() noexcept;
   /// What it would choose if nothing were in use.
   [[nodiscard]] NodeId preferred() const noexcept;
@@ -171,6 +174,7 @@ class Negotiator final {
   void calm() noexcept;   // a quarrel is over
   void enter(Negotiating state, rt::Duration own) noexcept;
   void restart_step(rt::Duration own) noexcept;
+  void offer(const can::Frame& frame) noexcept;
   void listen() noexcept;
   void ask() noexcept;
   void join() noexcept;
@@ -179,6 +183,7 @@ class Negotiator final {
   void announce() noexcept;
   void take() noexcept;
   void lose_cycle() noexcept;
+  void wait() noexcept;
   void heard_request() noexcept;
   void heard_used(NodeId id) noexcept;
   void heard_identity(unsigned byte, std::uint8_t value) noexcept;
@@ -193,6 +198,7 @@ class Negotiator final {
   [[nodiscard]] NodeId choose() const noexcept;
   [[nodiscard]] rt::Duration frame_time() const noexcept;
   [[nodiscard]] rt::Duration pace() noexcept;
+  [[nodiscard]] rt::Duration behind() const noexcept;
   [[nodiscard]] rt::Duration random(rt::Duration most) noexcept;
 
   rt::Executor* executor_;
@@ -223,6 +229,7 @@ class Negotiator final {
   bool owes_ = false;      // an answer or a defence is due
   bool defended_ = false;  // a defence went out since the other was last heard
   bool rival_ = false;
+  bool leads_ = false;  // sent the last frame of this cycle itself
 };
 
 }  // namespace berth::nodeid

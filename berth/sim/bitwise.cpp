@@ -290,10 +290,8 @@ void Segment::note_counters(Group& group) {
   }
 }
 
-// The head stays queued and may give way to another one.
 void Segment::attempt_over(Controller& node) noexcept {
-  node.sending_ = false;
-  node.choose_head();
+  node.attempt_failed();
   offer(node);
 }
 

@@ -59,6 +59,7 @@ void Controller::withdraw(std::uint32_t tag) noexcept {
   for (auto it = order_.begin(); it != order_.end();) {
     const std::uint32_t at = *it;
     if (slots_[at].tag != tag || (sending_ && at == head_)) {
+      if (slots_[at].tag == tag) abandoned_ = true;
       ++it;
       continue;
     }
@@ -79,7 +80,18 @@ void Controller::choose_head() noexcept {
   }
 }
 
+// The frame stays queued, unless it was withdrawn, and may give way to another one.
+void Controller::attempt_failed() noexcept {
+  sending_ = false;
+  if (std::exchange(abandoned_, false)) {
+    std::erase(order_, head_);
+    free_.push_back(head_);
+  }
+  choose_head();
+}
+
 void Controller::clear_queue() noexcept {
+  abandoned_ = false;
   for (const auto at : order_) free_.push_back(at);
   order_.clear();
   head_ = nothing;
@@ -91,7 +103,7 @@ void Controller::confirm(rt::Time at) noexcept {
   ++statistics_.sent;
   std::erase(order_, head_);
   free_.push_back(head_);
-  sending_ = false;
+  sending_ = abandoned_ = false;
   choose_head();
   if (tag != 0 && listener_ != nullptr) push_event(What::sent, at).tag = tag;
 }

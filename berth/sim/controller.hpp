@@ -127,6 +127,7 @@ class Controller final : public can::Port, private rt::Job {
   void confirm(rt::Time at) noexcept;
   void announce() noexcept;
   void choose_head() noexcept;
+  void attempt_failed() noexcept;
   void clear_queue() noexcept;
   void forget_events() noexcept;
   void schedule_host() noexcept;
@@ -161,9 +162,10 @@ class Controller final : public can::Port, private rt::Job {
   bool deaf_ = false;
   bool silent_ = false;
   bool bus_off_ = false;
-  bool sending_ = false;   // the head is on the wire
-  bool suspends_ = false;  // not_before_ means something
-  std::uint8_t told_ = 0;  // level last announced: 0 active, 1 warning, 2 passive, 3 bus-off
+  bool sending_ = false;    // the head is on the wire
+  bool abandoned_ = false;  // ... and was withdrawn meanwhile: it is not repeated
+  bool suspends_ = false;   // not_before_ means something
+  std::uint8_t told_ = 0;   // level last announced: 0 active, 1 warning, 2 passive, 3 bus-off
   unsigned rx_depth_;
   unsigned rx_waiting_ = 0;  // received frames among events_
   rt::Duration rx_service_;
