@@ -4,10 +4,10 @@
 #include <CLI/CLI.hpp>
 
 #include "berth/text/quantity.hpp"
+#include "doctor.hpp"
 #include "eds.hpp"
 #include "options.hpp"
 #include "output.hpp"
-#include "study.hpp"
 
 namespace berth::cli {
 namespace {
@@ -25,7 +25,7 @@ class CommandLine {
     add_nmt();
     add_lss();
     add_eds();
-    add_study(app_, options_, action_);
+    add_doctor();
     add_rest();
   }
 
@@ -194,6 +194,12 @@ class CommandLine {
          "waiting or configuration")
         ->required();
     service("find", "every device, by RAND; is anybody without a node-ID?");
+    auto* const move = service("move-bit-rate", "every device of a bus to another bit rate, together");
+    word(move, "rate", "rate", "bit/s")->required();
+    word(move, "--delay", "delay", "switch delay in ms (default 200)");
+    move->add_flag_function(
+        "--yes", [this](std::int64_t) { request_.arguments["yes"] = "1"; },
+        "do it: without this it only says who would change");
     auto* const identify = service("identify", "is a device within these ranges?");
     word(identify, "vendor", "vendor", "vendor-ID")->required();
     word(identify, "product", "product", "product code")->required();
@@ -258,11 +264,37 @@ class CommandLine {
     show->add_flag("--json", options_.json, "one JSON object");
   }
 
+  void add_doctor() {
+    auto* const sub = command(app_, "doctor", "what is wrong on the buses; sends nothing unless it is told to",
+                              [this] { return run_doctor(options_, doctor_); });
+    common(*sub);
+    sub->add_option("machine,-m", options_.machine, "machine file")->option_text("MACHINE");
+    const auto read = [this](const std::string& text) {
+      auto time = text::parse_duration(text);
+      if (!time) time = text::parse_duration(text + " s");
+      if (!time || time->count() <= 0) return fmt::format("\"{}\" is no time; write 30, \"30 s\" or \"500 ms\"", text);
+      doctor_.listen = *time;
+      return std::string();
+    };
+    sub->add_option_function<std::string>(
+           "--for", [](const std::string&) {}, "how long to listen (default: 5 heartbeat times, at least 5 s)")
+        ->check(CLI::Validator(read, "TIME"));
+    sub->add_flag("--active", doctor_.active, "ask by LSS, too");
+    sub->add_flag_function(
+        "--intrusive", [this](std::int64_t) { doctor_.active = doctor_.intrusive = true; }, "ask by LSS and SDO, too");
+    sub->add_flag("--up", options_.bring_up, "with --sim: first bring the machine up");
+    sub->footer(
+        "Examples:\n  berth doctor machine.toml\n  berth doctor machine.toml --sim plant.toml --up\n"
+        "  berth doctor machine.toml --active --for \"20 s\" --json");
+  }
+
   void add_rest() {
     auto* const sim = app_.add_subcommand("sim", "textbook scenes of fault confinement, step by step");
     sim->require_subcommand(1);
     const std::pair<const char*, const char*> scenes[] = {
-        {"two-with-one-id", "two nodes send different data under one identifier"},
+        {"two-with-one-id", "two nodes send different data under one identifier: error-passive"},
+        {"again-with-one-id", "the same, again and again: bus-off"},
+        {"wrong-bit-rate", "a node at another bit rate drives a healthy one to bus-off"},
         {"lone-node", "one node sends and nobody acknowledges"}};
     for (const auto& [name, help] : scenes) {
       auto* const sub =
@@ -287,6 +319,7 @@ class CommandLine {
   CLI::App app_{"Berth gives every CANopen device its place.", "berth"};
   Options options_;
   EdsOptions eds_;
+  DoctorOptions doctor_;
   operate::CommandRequest request_;
   Action action_;
 };

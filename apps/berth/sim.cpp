@@ -1,4 +1,5 @@
-// `berth sim two-with-one-id`, `berth sim lone-node`: fault confinement, step by step (facts page G.2, G.3).
+// `berth sim two-with-one-id`, `again-with-one-id`, `wrong-bit-rate`, `lone-node`: fault confinement, step by step
+// (facts page G.2, G.3).
 #include <fmt/format.h>
 
 #include <nlohmann/json.hpp>
@@ -10,7 +11,11 @@
 namespace berth::cli {
 
 int run_scenario(const Options& options, const std::string& scenario) {
-  const auto steps = scenario == "lone-node" ? sim::lone_node() : sim::two_with_one_id();
+  constexpr unsigned until_bus_off = 30;  // coincidences: more than it takes
+  const auto steps = scenario == "lone-node"           ? sim::lone_node()
+                     : scenario == "wrong-bit-rate"    ? sim::wrong_bit_rate()
+                     : scenario == "again-with-one-id" ? sim::two_with_one_id(until_bus_off)
+                                                       : sim::two_with_one_id();
   if (options.json) {
     nlohmann::ordered_json json;
     json["scenario"] = scenario;

@@ -41,6 +41,10 @@ Frames nmt_frames(const CommandRequest& request, std::string& problem) {
 }
 
 Frames lss_frames(const CommandRequest& request, std::string& problem) {
+  if (request.verb == "lss move-bit-rate") {
+    problem = "what `lss move-bit-rate` sends depends on the devices' answers";
+    return {};
+  }
   const LssArguments lss = lss_arguments(request, problem);
   if (!problem.empty()) return {};
   Frames frames;

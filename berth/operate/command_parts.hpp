@@ -108,5 +108,6 @@ rt::Task<void> sdo_write(Session& session, const CommandRequest& request, Comman
 rt::Task<void> sdo_probe(Session& session, const CommandRequest& request, CommandReply& reply);
 rt::Task<void> nmt_command(Session& session, const CommandRequest& request, CommandReply& reply);
 rt::Task<void> lss_command(Session& session, const CommandRequest& request, CommandReply& reply);
+rt::Task<void> bit_rate_command(Session& session, const CommandRequest& request, CommandReply& reply);
 
 }  // namespace berth::operate

@@ -450,6 +450,8 @@ rt::Task<void> execute(Session& session, const CommandRequest& request, CommandR
     co_await sdo_probe(session, request, reply);
   } else if (verb == "nmt") {
     co_await nmt_command(session, request, reply);
+  } else if (verb == "lss move-bit-rate") {
+    co_await bit_rate_command(session, request, reply);
   } else if (verb.starts_with("lss ")) {
     co_await lss_command(session, request, reply);
   } else {

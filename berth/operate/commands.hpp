@@ -19,6 +19,7 @@
 ///     lss activate      delay (ms), rate? (bit/s that Berth's own port changes to)
 ///     lss identify      vendor, product, revision-low?, revision-high?, serial-low?, serial-high?
 ///     lss find
+///     lss move-bit-rate rate (bit/s), delay? (ms), yes? ("1"; without it nothing is changed)
 #pragma once
 
 #include <map>

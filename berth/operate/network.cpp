@@ -117,7 +117,9 @@ void Network::changed(const can::Status& status, rt::Time) noexcept {
 
 void Network::Restart::run() noexcept {
   network_.tell("step", "", "starting the port again after bus-off");
-  network_.port_->restart(network_.bus_->bitrate);
+  // Its own: the network may have moved to another (network_bitrate.hpp).
+  const auto rate = network_.port_->status().bit_rate;
+  network_.port_->restart(rate != 0 ? rate : network_.bus_->bitrate);
   network_.look_anew_ = true;
 }
 

@@ -107,6 +107,9 @@ class Network final : private co::HeartbeatConsumer::Observer,
   /// or made pre-operational stays so until it is started by a person or boots.
   void commanded(co::NmtCommand command, co::NmtTarget target) noexcept;
 
+  /// The master's own device is silent until the main job, if it runs, has looked around anew (network_bitrate.hpp).
+  void fall_silent() noexcept;
+
   // The services, for single commands (`berth sdo`, `berth nmt`, `berth lss`). Whoever uses LSS or RAND takes the turn
   // first: the main job holds it while it works.
   [[nodiscard]] rt::Turn& turn() noexcept { return turn_; }

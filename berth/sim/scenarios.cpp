@@ -71,7 +71,7 @@ const char* name(ErrorState state) noexcept {
   return "bus-off";
 }
 
-std::vector<Step> two_with_one_id() {
+std::vector<Step> two_with_one_id(unsigned coincidences) {
   World world;
   Bus& bus = world.add_bus("bus", 1'000'000);
   const auto a = bus.attach({.name = "a"});
@@ -79,10 +79,30 @@ std::vector<Step> two_with_one_id() {
   const auto ear = bus.attach({.name = "listener"});
   Narrator narrator(world);
   for (const auto* node : {a.get(), b.get(), ear.get()}) narrator.watch(*node);
-  a->send(can::Frame::base(0x181, {0x55, 0x00}), 1);
-  b->send(can::Frame::base(0x181, {0x55, 0x01}), 1);
-  narrator.say("a and b start 181h together, a with 55 00, b with 55 01");
-  narrator.run(bus, 30, 10'000);
+  for (unsigned i = 0; i < coincidences && b->error_state() != ErrorState::bus_off; ++i) {
+    a->send(can::Frame::base(0x181, {0x55, 0x00}), 1);
+    b->send(can::Frame::base(0x181, {0x55, 0x01}), 1);
+    narrator.say(i == 0 ? "a and b start 181h together, a with 55 00, b with 55 01"
+                        : fmt::format("a and b start together again, coincidence {}", i + 1));
+    narrator.run(bus, 30 + 10 * i, 10'000);
+    world.run_for(20 * bit_time);  // behind suspend transmission, so that both may start at the next instant
+  }
+  narrator.say("nothing left to send");
+  return narrator.take();
+}
+
+std::vector<Step> wrong_bit_rate(std::uint32_t stranger_rate) {
+  World world;
+  Bus& bus = world.add_bus("bus", 1'000'000);
+  const auto a = bus.attach({.name = "a"});
+  const auto b = bus.attach({.name = "b"});
+  const auto stranger = bus.attach({.name = "stranger", .bit_rate = stranger_rate});
+  Narrator narrator(world);
+  for (const auto* node : {a.get(), b.get(), stranger.get()}) narrator.watch(*node);
+  world.run_for(1000 * bit_time);  // everybody has seen eleven recessive bits of his own
+  a->send(can::Frame::base(0x181, {0, 0, 0, 0, 0, 0, 0, 0}), 1);
+  narrator.say(fmt::format("a sends 181h to b; the stranger listens at {} bit/s", stranger_rate));
+  narrator.run(bus, 1000, 100'000);
   narrator.say("nothing left to send");
   return narrator.take();
 }

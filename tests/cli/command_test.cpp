@@ -519,6 +519,13 @@ TEST(Program, Scenes) {
   EXPECT_EQ(last.at("tec"), 128);
   EXPECT_EQ(last.at("state"), "passive");
   EXPECT_TRUE(contains(berth({"sim", "lone-node"}).out, "TEC 128"));
+  // S4.1: the two roads to bus-off.
+  const Json again = Json::parse(berth({"sim", "again-with-one-id", "--json"}).out);
+  EXPECT_EQ(again.at("steps").back().at("nodes").at(1).at("state"), "bus-off");
+  EXPECT_EQ(again.at("steps").back().at("nodes").at(1).at("tec"), 262);
+  const Json rate = Json::parse(berth({"sim", "wrong-bit-rate", "--json"}).out);
+  EXPECT_EQ(rate.at("steps").back().at("nodes").at(0).at("state"), "bus-off");
+  EXPECT_EQ(rate.at("steps").back().at("nodes").at(2).at("state"), "active");
   EXPECT_EQ(berth({"sim", "three-nodes"}).status, 2);
 }
 

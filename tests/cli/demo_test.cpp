@@ -128,7 +128,7 @@ TEST(Examples, AllEndOperational) {
   std::size_t count = 0;
   for (const auto& entry : std::filesystem::directory_iterator(example(""))) {
     const std::string file = entry.path().string();
-    if (!file.ends_with(".plant.toml")) continue;
+    if (!file.ends_with(".plant.toml") || file.ends_with("/ailing.plant.toml")) continue;  // a patient for the doctor
     const std::string machine_file = file.substr(0, file.size() - std::string(".plant.toml").size()) + ".toml";
     const Outcome run = berth({"up", machine_file, "--sim", file, "--until", "operational", "--json"});
     EXPECT_EQ(run.status, 0) << file << run.err;

@@ -149,7 +149,7 @@ TEST(MachineFile, S1_28_NodeTableOfThePaper) {
 
 TEST(MachineFile, EveryExampleReads) {
   const std::map<std::string, std::size_t> examples{
-      {"five-slaves", 5}, {"hundred-twenty", 120}, {"by-eds", 5}, {"configured", 3}};
+      {"five-slaves", 5}, {"hundred-twenty", 120}, {"by-eds", 5}, {"configured", 3}, {"ailing", 12}};
   for (const auto& [name, slots] : examples) {
     const auto result = load_machine(std::string(BERTH_SOURCE_DIR) + "/examples/" + name + ".toml");
     ASSERT_TRUE(result.machine) << to_string(result.findings.at(0));

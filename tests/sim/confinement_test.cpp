@@ -69,6 +69,60 @@ TEST(Confinement, G2_TwoWithOneId) {
   EXPECT_EQ(steps.back().nodes[1].tec, 135);
 }
 
+// S4.1, facts page G.2: repeats. The first coincidence leaves b at 135 (16 x 8, + 8 passive, - 1) and a at 127; b loses
+// each further one: + 8, then - 1 for its own frame behind a's: + 7. Before the nineteenth it has 135 + 17 x 7 = 254,
+// and 262 is bus-off. a gains 1 each time, and never suffers.
+TEST(Confinement, S4_1_CoincidencesAgainAndAgainAreBusOff) {
+  const auto steps = sim::two_with_one_id(30);
+  std::vector<unsigned> before;
+  for (const auto& step : steps) {
+    if (!step.event.starts_with("a and b start together again")) continue;
+    before.push_back(step.nodes[1].tec);
+    const auto k = static_cast<unsigned>(before.size()) + 1;  // which coincidence begins
+    EXPECT_EQ(step.nodes[0].tec, 127 - (k - 2)) << step.event;
+    EXPECT_EQ(step.nodes[1].tec, 135 + 7 * (k - 2)) << step.event;
+    EXPECT_EQ(step.nodes[1].state, sim::ErrorState::passive);
+    EXPECT_EQ(step.nodes[0].state, sim::ErrorState::active) << "127 is active again";
+  }
+  EXPECT_EQ(before.size(), 18U) << "nineteen coincidences";
+  const auto& last = steps.back();
+  EXPECT_EQ(last.nodes[1].state, sim::ErrorState::bus_off);
+  EXPECT_EQ(last.nodes[1].tec, 254 + 8);
+  EXPECT_EQ(last.nodes[0].tec, 127 - 18);
+  EXPECT_EQ(last.nodes[2].state, sim::ErrorState::active) << "who listens is not harmed";
+}
+
+// S4.1: the other road. At 250 kbit/s a flag of 6 bits is 24 bits of the others'. The transmitter's error costs 8; 6
+// bits of the 24 are its own flag, one to five passed before it noticed: 13 to 17 dominant bits stay behind its flag,
+// so one or two more times 8 (rule 6): 16 or 24 an attempt, bus-off (over 255) after 11 to 16. The stranger, who is to
+// blame, only counts 1 an attempt.
+TEST(Confinement, S4_1_AWrongBitRateDrivesAHealthyNodeToBusOff) {
+  const auto steps = sim::wrong_bit_rate(250'000);
+  unsigned attempts = 0;
+  unsigned previous = 0;
+  for (const auto& step : steps) {
+    EXPECT_EQ(step.event.find("a: attempt") == 0 && step.event.find("acknowledged") != std::string::npos, false);
+    if (!step.event.starts_with("a: attempt")) continue;
+    const unsigned tec = step.nodes[0].tec;
+    ++attempts;
+    if (attempts > 1) {
+      EXPECT_TRUE(tec - previous == 16 || tec - previous == 24) << step.event << ": " << previous << " to " << tec;
+    } else {
+      EXPECT_EQ(tec, 8U) << "rule 3, and the stranger's flag still on the wire";
+    }
+    previous = tec;
+  }
+  EXPECT_GE(attempts, 11U);
+  EXPECT_LE(attempts, 16U);
+  const auto& last = steps.back();
+  EXPECT_EQ(last.nodes[0].state, sim::ErrorState::bus_off);
+  EXPECT_GT(last.nodes[0].tec, 255);
+  EXPECT_EQ(last.nodes[2].name, "stranger");
+  EXPECT_EQ(last.nodes[2].state, sim::ErrorState::active);
+  EXPECT_EQ(last.nodes[2].rec, attempts);
+  EXPECT_EQ(last.nodes[2].tec, 0);
+}
+
 // Facts page G.3, rule 3: error-passive after 16 attempts, and there it stays.
 TEST(Confinement, G3_LoneNode) {
   const auto steps = sim::lone_node(40);

@@ -1,0 +1,236 @@
+// `berth doctor`: listens on a machine's buses, asks when it may, and says what is wrong. It joins each bus as a node
+// of its own, in this world or in a plant's in another process, and knows nothing but what its port tells.
+#include "doctor.hpp"
+
+#include <fmt/format.h>
+
+#include <algorithm>
+#include <nlohmann/json.hpp>
+
+#include "berth/doctor/diagnose.hpp"
+#include "berth/doctor/questions.hpp"
+#include "berth/io/plant_port.hpp"
+#include "berth/rt/scope.hpp"
+#include "drive.hpp"
+
+namespace berth::cli {
+namespace {
+
+using namespace std::chrono_literals;
+using Json = nlohmann::ordered_json;
+
+/// Simulated devices have run so long when the doctor comes: it does not see them boot, as on a machine that runs.
+constexpr rt::Duration settled = 1s;
+
+/// One bus and its ear.
+struct Patient {
+  const design::Bus* bus = nullptr;
+  std::unique_ptr<can::Port> port{};
+  std::unique_ptr<can::Dispatcher> dispatcher{};
+  std::unique_ptr<doctor::Ear> ear{};
+  doctor::Expected expected{};
+  doctor::QuestionOptions questions{};
+  doctor::Answers answers{};
+  std::string problem{};  // why questions could not be asked
+};
+
+doctor::Expected expected_on(const design::Machine& machine, const design::Bus& bus) {
+  doctor::Expected e;
+  e.slots = machine.specs(bus.name);
+  if (bus.role != design::Role::observer) e.master = bus.master;
+  e.heartbeat_period = bus.timing.heartbeat_period;
+  e.heartbeat_timeout = bus.timing.heartbeat_timeout;
+  e.bit_rate = bus.bitrate;
+  return e;
+}
+
+tl::expected<std::unique_ptr<can::Port>, Failure> node_on(Rig& rig, const design::Bus& bus) {
+  if (rig.loop() != nullptr) {
+    auto port = io::PlantPort::connect(*rig.loop(), bus.port.address, bus.name);
+    if (!port) return tl::unexpected(failure(Exit::failed, port.error()));
+    return std::unique_ptr<can::Port>(std::move(*port));
+  }
+  auto port = rig.world().attach_master(bus.name);
+  if (port) return std::unique_ptr<can::Port>(std::move(port));
+  return tl::unexpected(failure(Exit::failed, fmt::format("the simulated world has no bus \"{}\"", bus.name)));
+}
+
+// A simulated machine: devices boot, and with --up it is brought up first. What the plant file plans behind
+// "operational" does not happen: the machine is looked at as it stands.
+tl::expected<void, Failure> prepare(Rig& rig, const Options& options) {
+  if (rig.loop() != nullptr) return {};
+  rig.world().start();
+  rt::Duration boot{0};
+  for (const auto& device : rig.plant().devices) boot = std::max(boot, device.boot);
+  if (options.bring_up) {
+    rig.session().start();
+    const auto limit = options.timeout.value_or(5min);
+    const bool done = rig.world().sim().run_until([&] { return rig.session().operational(); }, limit);
+    if (!done) print_error("--up: the machine is not operational; it is looked at as it is");
+  }
+  rig.world().sim().run_for(boot + settled);
+  return {};
+}
+
+void pass(Rig& rig, rt::Duration time, Interrupt& interrupt) {
+  if (rig.loop() == nullptr) return rig.world().sim().run_for(time);
+  const auto end = rig.world().executor().now() + time;
+  while (rig.world().executor().now() < end && !interrupt.came())
+    rig.loop()->turn(std::min<rt::Duration>(50ms, end - rig.world().executor().now()));
+}
+
+rt::Task<void> question(Patient& patient, unsigned& open) {
+  const auto asked =
+      co_await doctor::ask(*patient.dispatcher, *patient.ear, patient.expected, patient.questions, patient.answers);
+  if (!asked) patient.problem = fmt::format("bus {}: {}", patient.bus->name, describe(asked.error()));
+  --open;
+}
+
+void ask_all(Rig& rig, std::vector<Patient>& patients, const Options& options, Interrupt& interrupt) {
+  unsigned open = 0;
+  rt::Scope scope(rig.world().executor());
+  for (auto& patient : patients) {
+    ++open;
+    scope.spawn(question(patient, open));
+  }
+  const auto limit = rig.world().executor().now() + options.timeout.value_or(5min);
+  while (open > 0 && rig.world().executor().now() < limit && !interrupt.came()) pass(rig, 20ms, interrupt);
+  if (open == 0) return;
+  for (auto& patient : patients) {
+    if (patient.problem.empty()) patient.problem = "bus " + patient.bus->name + ": not all questions could be asked";
+  }
+}
+
+tl::expected<std::vector<Patient>, Failure> patients_of(Rig& rig, const Options& options, const DoctorOptions& wanted) {
+  std::vector<Patient> patients;
+  for (const auto& bus : rig.machine().buses) {
+    if (!options.bus.empty() && bus.name != options.bus) continue;
+    if (wanted.active && bus.role == design::Role::observer) {
+      return tl::unexpected(failure(
+          Exit::usage, fmt::format("bus {} is only observed (role = \"observer\"): without --active the doctor only "
+                                   "listens",
+                                   bus.name)));
+    }
+    auto port = node_on(rig, bus);
+    if (!port) return tl::unexpected(port.error());
+    Patient p;
+    p.bus = &bus;
+    p.port = std::move(*port);
+    p.expected = expected_on(rig.machine(), bus);
+    p.questions.lss_timeout = bus.timing.lss_timeout;
+    p.questions.identify_window = std::min<rt::Duration>(bus.timing.lss_timeout, 30ms);
+    p.questions.sdo_timeout = std::min<rt::Duration>(bus.timing.sdo_timeout, 200ms);
+    p.questions.intrusive = wanted.intrusive;
+    patients.push_back(std::move(p));
+  }
+  if (patients.empty()) return tl::unexpected(failure(Exit::usage, fmt::format("there is no bus \"{}\"", options.bus)));
+  return patients;
+}
+
+rt::Duration listening_time(const std::vector<Patient>& patients, const DoctorOptions& wanted) {
+  if (wanted.listen) return *wanted.listen;
+  rt::Duration longest = 5s;
+  for (const auto& p : patients) longest = std::max<rt::Duration>(longest, 5 * p.expected.heartbeat_timeout);
+  return longest;
+}
+
+double in_s(rt::Time at) { return std::chrono::duration<double>(at.time_since_epoch()).count(); }
+
+Json json_of(const doctor::Diagnosis& d, const std::string& bus) {
+  Json j;
+  j["kind"] = doctor::name(d.kind);
+  j["bus"] = bus;
+  if (d.node.configured()) {
+    j["node"] = d.node.value();
+  } else {
+    j["node"] = nullptr;
+  }
+  if (!d.slot.empty()) j["slot"] = d.slot;
+  if (d.cob_id) j["cob_id"] = fmt::format("0x{:03X}", *d.cob_id & ~can::extended_flag);
+  if (!d.devices.empty()) {
+    j["devices"] = Json::array();
+    for (const auto& device : d.devices) j["devices"].push_back(to_string(device));
+  }
+  j["certainty"] = doctor::name(d.certainty);
+  j["what"] = d.what;
+  j["evidence"] = d.evidence;
+  j["count"] = d.count;
+  if (d.count > 0) {
+    j["first_s"] = in_s(d.first);
+    j["last_s"] = in_s(d.last);
+  }
+  j["do"] = d.advice;
+  return j;
+}
+
+void print_finding(const doctor::Diagnosis& d, const std::string& bus) {
+  print_line(fmt::format("{}: {} ({}): {}", bus, doctor::name(d.kind), doctor::name(d.certainty), d.what));
+  for (const auto& line : d.evidence) print_line("    " + line);
+  print_line("    -> " + d.advice);
+}
+
+int report(std::vector<Patient>& patients, rt::Duration listened, const Options& options, const DoctorOptions& wanted) {
+  Json json;
+  json["listened_s"] = std::chrono::duration<double>(listened).count();
+  json["asked"] = wanted.intrusive ? "lss and sdo" : wanted.active ? "lss" : "nothing";
+  json["buses"] = Json::array();
+  json["findings"] = Json::array();
+  json["problems"] = Json::array();
+  for (auto& p : patients) {
+    const auto& heard = p.ear->heard();
+    json["buses"].push_back({{"bus", p.bus->name},
+                             {"frames", heard.frames},
+                             {"load", heard.load(p.expected.bit_rate)},
+                             {"errors", heard.errors}});
+    for (const auto& d : doctor::diagnose(heard, p.expected, p.answers)) {
+      json["findings"].push_back(json_of(d, p.bus->name));
+      if (!options.json) print_finding(d, p.bus->name);
+    }
+    if (p.problem.empty()) continue;
+    json["problems"].push_back(p.problem);
+    if (!options.json) print_error(p.problem);
+  }
+  const auto found = json["findings"].size();
+  const bool failed = !json["problems"].empty();
+  if (options.json) {
+    print_line(json.dump(2));
+  } else {
+    print_line(fmt::format("{} in {:.1f} s on {} bus{}",
+                           found == 0 ? "nothing wrong" : fmt::format("{} findings", found),
+                           json["listened_s"].get<double>(), patients.size(), patients.size() == 1 ? "" : "es"));
+  }
+  if (failed) return Exit::failed;
+  return found == 0 ? Exit::done : Exit::no;
+}
+
+}  // namespace
+
+int run_doctor(const Options& options, const DoctorOptions& wanted) {
+  if (options.machine.empty()) return tell(failure(Exit::usage, "name the machine file: --machine FILE"), options.json);
+  if (options.dry_run) {
+    return tell(failure(Exit::usage,
+                        "the doctor sends nothing unless it is told --active; what it asks then depends on what it "
+                        "hears: there is no dry run"),
+                options.json);
+  }
+  Options own = options;
+  own.store.clear();  // it needs no slot table, and `berth up` may hold it
+  auto made = Rig::make(own, {options.machine, options.sim, {}, {}});
+  if (!made) return tell(made.error(), options.json);
+  Rig& rig = **made;
+  Interrupt interrupt;
+  const auto ready = prepare(rig, options);
+  if (!ready) return tell(ready.error(), options.json);
+  auto patients = patients_of(rig, options, wanted);
+  if (!patients) return tell(patients.error(), options.json);
+  for (auto& p : *patients) {
+    p.dispatcher = std::make_unique<can::Dispatcher>(rig.world().executor(), *p.port);
+    p.ear = std::make_unique<doctor::Ear>(*p.dispatcher);
+  }
+  const auto began = rig.world().executor().now();
+  pass(rig, listening_time(*patients, wanted), interrupt);
+  if (wanted.active) ask_all(rig, *patients, options, interrupt);
+  return report(*patients, rig.world().executor().now() - began, options, wanted);
+}
+
+}  // namespace berth::cli

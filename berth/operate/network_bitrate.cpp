@@ -1,0 +1,321 @@
+#include "berth/operate/network_bitrate.hpp"
+
+#include <fmt/format.h>
+
+#include <algorithm>
+
+#include "berth/operate/master_device.hpp"
+
+namespace berth::operate {
+namespace {
+
+using namespace std::chrono_literals;
+using Node = BitRateReport::Node;
+using End = BitRateReport::End;
+
+constexpr unsigned patience = 60;  // restarts of the port until a device at the wrong rate is error-passive
+constexpr rt::Duration settle = 50ms;
+
+/// One move. Lives in the coroutine's frame.
+class Move {
+ public:
+  Move(Network& network, const BitRateOptions& options, BitRateReport& report)
+      : network_(network), options_(options), report_(report) {}
+
+  rt::Task<void> who_is_there();
+  rt::Task<void> check();
+  rt::Task<void> carry_out();
+
+ private:
+  rt::Task<void> state_of(Node& node);
+  rt::Task<bool> alone(Node& node);
+  rt::Task<bool> answers(Node& node);
+  rt::Task<bool> all_waiting();
+  rt::Task<bool> prepare(Node& node, std::uint32_t rate);
+  rt::Task<bool> prepare_all(std::uint32_t rate);
+  rt::Task<bool> together(std::uint32_t rate);
+  rt::Task<bool> hear_all();
+  rt::Task<bool> store_all();
+  rt::Task<void> bring_back();
+
+  Network& network_;
+  const BitRateOptions& options_;
+  BitRateReport& report_;
+};
+
+std::string refusal(const Error& error, const char* code1) {
+  if (error.code == Errc::timeout) return "it does not answer";
+  if (error.code != Errc::aborted) return describe(error);
+  return (error.detail & 0xFFU) == 1 ? code1 : fmt::format("it refuses with error code {}", error.detail & 0xFFU);
+}
+
+rt::Task<void> Move::who_is_there() {
+  const auto seen = co_await network_.scan();
+  if (!seen) {
+    report_.reason = "the bus could not be asked who is there: " + describe(seen.error());
+    co_return;
+  }
+  for (const auto& s : *seen) {
+    Node node;
+    node.id = s.id;
+    node.device = s.device;
+    if (s.duplicate) node.problem = "two devices answer here: they cannot be told from each other";
+    if (s.state == NmtState::operational) node.problem = "it is operational: stop it first";
+    if (!s.device) node.problem = "it does not tell its LSS address (1018h)";
+    report_.nodes.push_back(node);
+  }
+  if (report_.nodes.empty()) report_.reason = "nobody is there";
+}
+
+// Whoever sends no heartbeat is asked for its state by guarding.
+rt::Task<void> Move::state_of(Node& node) {
+  if (!node.id.configured() || !node.problem.empty()) co_return;
+  const auto heard = network_.boots().heard(node.id);
+  const auto silence = network_.bus().timing.heartbeat_timeout;
+  const bool lately = heard && network_.executor().now() - *heard < silence;
+  NmtState state = network_.boots().state(node.id);
+  if (!lately || state == NmtState::initialising) {
+    const auto window = network_.bus().timing.guard_timeout;
+    const auto asked = co_await co::probe(network_.dispatcher(), node.id, window, 2);
+    if (!asked) {
+      node.problem = "it does not tell whether it is operational: neither heartbeat nor guarding";
+      co_return;
+    }
+    state = asked->state;
+  }
+  if (state == NmtState::operational) node.problem = "it is operational: stop it first";
+}
+
+// The bus is heard by all and nobody is selected. A stranger may send the port to bus-off until it is passive itself.
+rt::Task<bool> Move::all_waiting() {
+  can::Port& port = network_.dispatcher().port();
+  for (unsigned i = 0; i < patience; ++i) {
+    const auto told = co_await network_.lss().switch_global(lss::State::waiting);
+    if (told) co_return true;
+    if (!port.restart(port.status().bit_rate)) co_return false;
+    co_await rt::sleep_for(settle);
+  }
+  co_return false;
+}
+
+// The one device in configuration state.
+rt::Task<bool> Move::alone(Node& node) {
+  const auto quiet = co_await all_waiting();
+  if (!quiet) {
+    node.problem = "no request gets onto the bus";
+    co_return false;
+  }
+  const LssAddress device = *node.device;
+  const auto selected = co_await network_.lss().switch_selective(device);
+  if (selected) co_return true;
+  node.problem = "it does not speak LSS: " + refusal(selected.error(), "refused");
+  co_return false;
+}
+
+rt::Task<bool> Move::answers(Node& node) {
+  const auto selected = co_await alone(node);
+  if (!selected) co_return false;
+  const auto id = co_await network_.lss().inquire_node_id();
+  if (!id || id->differ) {
+    node.problem = id ? "two devices have its LSS address" : "it does not speak LSS: " + refusal(id.error(), "refused");
+    co_return false;
+  }
+  if (id->byte() == node.id.value()) co_return true;
+  node.problem = fmt::format("by LSS its node-ID is {}", id->byte());
+  co_return false;
+}
+
+rt::Task<void> Move::check() {
+  for (auto& node : report_.nodes) {
+    co_await state_of(node);
+    if (!node.problem.empty()) continue;
+    const auto good = co_await answers(node);
+    static_cast<void>(good);  // told in `problem`
+  }
+  const auto quiet = co_await all_waiting();
+  if (!quiet) report_.reason = "no request gets onto the bus";
+}
+
+rt::Task<bool> Move::prepare(Node& node, std::uint32_t rate) {
+  const auto selected = co_await alone(node);
+  if (!selected) co_return false;
+  const auto index = lss::bit_rate_index(rate);
+  const auto set = co_await network_.lss().configure_bit_timing(*index);
+  if (set) co_return true;
+  node.problem = refusal(set.error(), "it does not support this bit rate");
+  co_return false;
+}
+
+rt::Task<bool> Move::prepare_all(std::uint32_t rate) {
+  for (auto& node : report_.nodes) {
+    const auto ready = co_await prepare(node, rate);
+    if (!ready) co_return false;
+  }
+  co_return true;
+}
+
+// All that are to go are selected, one after the other; then one command. False: it did not get onto the bus.
+rt::Task<bool> Move::together(std::uint32_t rate) {
+  const auto quiet = co_await all_waiting();
+  if (!quiet) co_return false;
+  for (auto& node : report_.nodes) {
+    if (!node.heard) continue;
+    const LssAddress device = *node.device;
+    const auto selected = co_await network_.lss().switch_selective(device);
+    if (!selected) node.problem = "it did not answer before the change";
+  }
+  const auto delay = static_cast<std::uint16_t>(options_.delay.count());
+  const auto told = co_await network_.lss().activate_bit_timing(delay);
+  if (!told) co_return false;
+  const rt::Duration pause = options_.delay;
+  co_await rt::sleep_for(pause);
+  if (!network_.dispatcher().port().restart(rate)) {
+    report_.reason = fmt::format("Berth's own port does not change to {} bit/s", rate);
+    co_return false;
+  }
+  co_await rt::sleep_for(pause);
+  co_await rt::sleep_for(settle);
+  co_return true;
+}
+
+rt::Task<bool> Move::hear_all() {
+  bool all = true;
+  for (auto& node : report_.nodes) {
+    node.heard = false;
+    const std::string before = std::exchange(node.problem, {});
+    for (unsigned i = 0; i < 3 && !node.heard; ++i) {
+      const auto there = co_await answers(node);
+      node.heard = there;
+    }
+    node.problem = node.heard ? before : "not heard";
+    all = all && node.heard;
+  }
+  co_return all;
+}
+
+rt::Task<bool> Move::store_all() {
+  for (auto& node : report_.nodes) {
+    const auto selected = co_await alone(node);
+    if (!selected) co_return false;
+    const auto stored = co_await network_.lss().store();
+    node.stored = stored.has_value();
+    if (node.stored) continue;
+    node.problem = "it does not store: " + refusal(stored.error(), "it does not support it");
+    co_return false;
+  }
+  const auto quiet = co_await all_waiting();
+  co_return quiet;
+}
+
+rt::Task<void> Move::bring_back() {
+  for (auto& node : report_.nodes) {
+    if (!node.heard) continue;
+    const std::string why = std::exchange(node.problem, {});
+    const auto ready = co_await prepare(node, report_.before);
+    if (ready && node.stored) {
+      const auto stored = co_await network_.lss().store();
+      if (stored) node.stored = false;
+    }
+    if (node.problem.empty()) node.problem = why;
+  }
+  std::vector<std::string> why;
+  for (const auto& node : report_.nodes) why.push_back(node.problem);
+  const auto back = co_await together(report_.before);
+  if (!back) network_.dispatcher().port().restart(report_.before);
+  const auto all = co_await hear_all();
+  for (std::size_t i = 0; i < why.size(); ++i) {
+    auto& node = report_.nodes[i];
+    if (node.heard) {
+      node.problem = why[i];
+    } else if (!why[i].empty()) {
+      node.problem = why[i] + " at the new rate, and not at the old one";
+    }
+  }
+  report_.end = all ? End::brought_back : End::lost;
+}
+
+rt::Task<void> Move::carry_out() {
+  const auto ready = co_await prepare_all(options_.rate);
+  if (!ready) {
+    // What is pending is not in use: it is put back, so that no later activation or store takes it.
+    for (auto& node : report_.nodes) {
+      const std::string why = std::exchange(node.problem, {});
+      if (!why.empty()) {
+        node.problem = why;
+        break;
+      }
+      const auto back = co_await prepare(node, report_.before);
+      static_cast<void>(back);
+    }
+    const auto quiet = co_await all_waiting();
+    static_cast<void>(quiet);
+    report_.end = End::refused;
+    co_return;
+  }
+  const auto changed = co_await together(options_.rate);
+  if (!changed && network_.dispatcher().port().status().bit_rate != options_.rate) {
+    if (report_.reason.empty()) report_.reason = "the command to change did not get onto the bus";
+    co_await bring_back();
+    co_return;
+  }
+  const auto all = co_await hear_all();
+  for (auto& node : report_.nodes) node.moved = node.heard;
+  bool stored = false;
+  if (all) stored = co_await store_all();
+  if (stored) {
+    report_.end = End::moved;
+    co_return;
+  }
+  co_await bring_back();
+}
+
+}  // namespace
+
+const char* name(BitRateReport::End end) noexcept {
+  switch (end) {
+    case End::moved: return "moved";
+    case End::unconfirmed: return "unconfirmed";
+    case End::refused: return "refused";
+    case End::brought_back: return "brought back";
+    case End::lost: break;
+  }
+  return "lost";
+}
+
+void Network::fall_silent() noexcept {
+  if (!speaks_) return;
+  speaks_ = false;
+  device_->power_off();
+  vacancy_[bus_->master.value()].reset();
+  look_anew_ = true;
+}
+
+rt::Task<BitRateReport> move_bit_rate(Network& network, const BitRateOptions& options) {
+  BitRateReport report;
+  report.before = report.rate = network.dispatcher().port().status().bit_rate;
+  if (report.before == 0) report.before = report.rate = network.bus().bitrate;
+  const auto known = lss::bit_rate_index(options.rate);
+  const auto old = lss::bit_rate_index(report.before);
+  if (!known || !old || options.rate == report.before) {
+    report.reason = options.rate == report.before
+                        ? fmt::format("the bus is at {} bit/s", report.before)
+                        : fmt::format("LSS has no index for {} bit/s", known ? report.before : options.rate);
+    co_return report;
+  }
+  Move move(network, options, report);
+  co_await move.who_is_there();
+  co_await network.turn().take();
+  const rt::Held held(network.turn());
+  if (report.reason.empty()) co_await move.check();
+  const bool in_the_way =
+      !report.reason.empty() || std::ranges::any_of(report.nodes, [](const Node& n) { return !n.problem.empty(); });
+  if (in_the_way) co_return report;
+  report.end = End::unconfirmed;
+  if (!options.confirmed) co_return report;
+  network.fall_silent();
+  co_await move.carry_out();
+  report.rate = network.dispatcher().port().status().bit_rate;
+  co_return report;
+}
+
+}  // namespace berth::operate
