@@ -53,7 +53,8 @@ class Port {
   virtual ~Port() = default;
   /// Queues a frame. `tag` comes back with `Listener::sent`; tag 0: nobody asks, `sent` is not called.
   virtual Queued send(const Frame& frame, std::uint32_t tag) noexcept = 0;
-  /// Takes a frame back that is still queued; one that is on the wire is sent all the same.
+  /// Takes a frame back that is still queued; one that is on the wire is sent all the same, and not repeated when that
+  /// attempt fails.
   virtual void withdraw(std::uint32_t tag) noexcept = 0;
   /// Sets who hears and which keys (`Frame::key`) pass, like a controller's acceptance filter; both are replaced.
   /// A null listener hears nothing. The listener must stay until replaced.
