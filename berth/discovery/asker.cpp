@@ -51,13 +51,15 @@ void Question::sent(rt::Time at) noexcept {
   const rt::Duration bound = a.longest() - a.frame_ - o.blocking;
   const rt::Duration learnt = a.latency_.response(o.shortest, bound);
   ready_by_ = at + learnt;
-  executor().at(at + (wait_ == Wait::bound ? bound : learnt) + a.frame_ + o.blocking, *this);
+  const bool quick = wait_ == Wait::quick && a.takes_back_;
+  const rt::Duration silence = quick ? learnt : (wait_ == Wait::bound ? bound : learnt) + a.frame_ + o.blocking;
+  executor().at(at + silence, *this);
 }
 
-void Question::answered(rt::Time at) noexcept {
+void Question::answered(rt::Time at, bool whole) noexcept {
   if (step_ == Step::listening) {
     // Behind the first answer others may stand: they go out while we wait, or before the next request.
-    executor().at(std::max(at, ready_by_), *this);
+    executor().at(alone_ && whole ? at : std::max(at, ready_by_), *this);
   } else if (step_ == Step::sending || step_ == Step::inhibited) {
     late(at);
   }
@@ -69,7 +71,10 @@ void Question::late(rt::Time at) noexcept {
   // A frame that was heard this instant was on the wire until now, so ours is not. A port that tells later than it
   // hears cannot say so, and there the request goes its way.
   const bool surely_queued = step_ == Step::inhibited || at == executor().now();
-  if (!surely_queued) return;
+  if (!surely_queued) {
+    asker_->takes_back_ = false;
+    return;
+  }
   heard_.sent = false;
   over();
 }
@@ -132,6 +137,7 @@ void Asker::begin(const Options& options, std::uint16_t feedback_base) noexcept 
   signs_ = 0;
   feedback_.clear();
   before_.clear();
+  takes_back_ = dispatcher_->port().status().knows_sent;
   const auto rate = dispatcher_->port().status().bit_rate;
   frame_ = rate == 0 ? rt::Duration{0} : rt::Duration(answer_bits * 1'000'000'000 / rate);
 }
@@ -146,18 +152,18 @@ void Asker::received(const can::Frame& frame, rt::Time at) noexcept {
     const auto place = std::ranges::lower_bound(feedback_, *value);
     const bool known = place != feedback_.end() && *place == *value;
     if (!known && feedback_.size() < most_feedback) feedback_.insert(place, *value);
-    sign(frame_ * (value->kind == lss::Feedback::extended ? 70 : 50) / answer_bits, at);
+    sign(frame_ * (value->kind == lss::Feedback::extended ? 70 : 50) / answer_bits, at, false);
     return;
   }
   if (!lss::is_lss(frame, lss::slave_cob_id) || lss::command(frame) != lss::Command::identified) return;
   ++answers_;
   last_ = at;
-  sign(frame_, at);
+  sign(frame_, at, true);
 }
 
-void Asker::sign(rt::Duration own, rt::Time at) noexcept {
+void Asker::sign(rt::Duration own, rt::Time at, bool whole) noexcept {
   if (signs_++ == 0) first_ = at - asked_ - own;
-  if (current_ != nullptr) current_->answered(at);
+  if (current_ != nullptr) current_->answered(at, whole);
 }
 
 // The first answer may come from the quickest of many; the last one stood behind at most one frame when it was ready.

@@ -13,10 +13,15 @@
 ///   heard before the next request is confirmed. The next request is then taken back when it is not on the wire yet,
 ///   and its question ends at once with `Heard::late`: the request before *was* answered. Otherwise `late` comes with
 ///   its own outcome.
+/// - `Wait::quick`: `response` alone, where the port takes a queued request back in time (learnt too). For whoever
+///   looks at `Heard::late` of the question after.
 /// - `Wait::bound`: silence is believed only after the longest response, `Options::window`.
 ///
-/// A window is never cut at the first answer before `response` is over: a second device that answers later would be
-/// heard behind the next request, and its yes would be a yes to the wrong question.
+/// A window is not cut at the first answer before `response` is over: a second device that answers later would be heard
+/// behind the next request, and its yes would be a yes to the wrong question. The one exception is `alone`, for the
+/// asker who goes down into ever smaller parts of the tree and has got exactly one answer, counted up to the fence, to
+/// several questions in a row. Two devices there would have had to answer at the very same bit every time. If they
+/// always do, because their latency is fixed, none of them is late. If they did by chance, a late answer costs time.
 ///
 /// Whoever needs longer than `response` is wrongly taken as silent once, and its answer perhaps as one to the next
 /// request. Both cost time only: the walk that asks goes by whole confirmed parts and by what the selected device
@@ -33,6 +38,7 @@
 namespace berth::discovery {
 
 enum class Wait : std::uint8_t {
+  quick,
   learnt,
   bound,
 };
@@ -60,12 +66,12 @@ class Question final : public rt::Operation<Question>, private rt::Job, private 
  private:
   friend class Asker;
   enum class Step : std::uint8_t { idle, inhibited, sending, listening, done };
-  Question(Asker& asker, const lss::FastscanRequest& request, Wait wait) noexcept
-      : asker_(&asker), request_(request), wait_(wait) {}
+  Question(Asker& asker, const lss::FastscanRequest& request, Wait wait, bool alone) noexcept
+      : asker_(&asker), request_(request), wait_(wait), alone_(alone) {}
   void sent(rt::Time at) noexcept override;
   void run() noexcept override;
   void send() noexcept;
-  void answered(rt::Time at) noexcept;
+  void answered(rt::Time at, bool whole) noexcept;
   void late(rt::Time at) noexcept;
   void fail_with(const char* text) noexcept;
   void over() noexcept;
@@ -74,6 +80,7 @@ class Question final : public rt::Operation<Question>, private rt::Job, private 
   Asker* asker_;
   lss::FastscanRequest request_;
   Wait wait_;
+  bool alone_;
   Step step_ = Step::idle;
   rt::Time ready_by_{};  // every answer is ready
   Heard heard_{};
@@ -88,8 +95,8 @@ class Asker final : private can::Handler {
   /// none).
   void begin(const Options& options, std::uint16_t feedback_base) noexcept;
 
-  [[nodiscard]] Question ask(const lss::FastscanRequest& request, Wait wait = Wait::learnt) noexcept {
-    return {*this, request, wait};
+  [[nodiscard]] Question ask(const lss::FastscanRequest& request, Wait wait, bool alone = false) noexcept {
+    return {*this, request, wait, alone};
   }
   /// Feedback heard since the last question's confirmation, distinct, ascending. Good until the next question is sent.
   [[nodiscard]] const std::vector<lss::FeedbackValue>& feedback() const noexcept { return feedback_; }
@@ -112,7 +119,7 @@ class Asker final : private can::Handler {
   friend class Question;
   void received(const can::Frame& frame, rt::Time at) noexcept override;
   void learn() noexcept;
-  void sign(rt::Duration own, rt::Time at) noexcept;
+  void sign(rt::Duration own, rt::Time at, bool whole) noexcept;
 
   can::Dispatcher* dispatcher_;
   const Options* options_ = nullptr;
@@ -123,8 +130,9 @@ class Asker final : private can::Handler {
   std::vector<lss::FeedbackValue> before_;
   unsigned answers_ = 0;
   unsigned requests_ = 0;
-  rt::Duration frame_{0};  // an answer's time on the wire; 0 when the port does not know its bit rate
-  rt::Time asked_{};       // confirmation of the last question
+  bool takes_back_ = false;  // what is queued, before it is on the wire
+  rt::Duration frame_{0};    // an answer's time on the wire; 0 when the port does not know its bit rate
+  rt::Time asked_{};         // confirmation of the last question
   rt::Time last_sent_{};
   rt::Duration first_{};  // from then to when the first answer, or its feedback, was ready
   rt::Time last_{};       // the last answer

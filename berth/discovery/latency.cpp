@@ -4,7 +4,6 @@
 
 namespace berth::discovery {
 namespace {
-constexpr std::size_t needed = 3;
 constexpr std::size_t outlier_every = 32;
 constexpr rt::Duration grain = std::chrono::microseconds(100);  // what clocks and drivers add
 }  // namespace
@@ -18,11 +17,12 @@ void Latency::note(rt::Duration sample) noexcept {
 // For n samples spread evenly over [a, b] the largest lies (b - a) / (n + 1) below b on average; three times that is
 // rarely exceeded.
 rt::Duration Latency::response(rt::Duration shortest, rt::Duration longest) const noexcept {
-  if (count_ < needed) return std::max(shortest, longest);
+  if (count_ == 0) return std::max(shortest, longest);
   auto sorted = samples_;
   std::sort(sorted.begin(), sorted.begin() + static_cast<std::ptrdiff_t>(count_));
   const rt::Duration most = sorted[count_ - 1 - count_ / outlier_every];
-  const rt::Duration margin = 3 * (most - sorted[0]) / static_cast<std::int64_t>(count_ - 1) + grain;
+  const auto n = static_cast<std::int64_t>(count_);
+  const rt::Duration margin = (n < 3 ? (5 - n) * most : 3 * (most - sorted[0]) / (n - 1)) + grain;
   return std::clamp(most + margin, shortest, std::max(shortest, longest));
 }
 

@@ -18,7 +18,8 @@ class Latency {
  public:
   /// Negative samples count as 0.
   void note(rt::Duration sample) noexcept;
-  /// Within [`shortest`, `longest`]; `longest` while fewer than three samples are known.
+  /// Within [`shortest`, `longest`]; `longest` without samples; of one or two a
+  /// multiple, as nothing is known of their spread.
   [[nodiscard]] rt::Duration response(rt::Duration shortest, rt::Duration longest) const noexcept;
   [[nodiscard]] std::size_t samples() const noexcept { return count_; }
   void forget() noexcept { *this = Latency(); }

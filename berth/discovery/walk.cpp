@@ -123,6 +123,7 @@ rt::Task<Result<Report>> Walker::Search::run() {
 rt::Task<Heard> Walker::Search::start() {
   sub_ = 0;
   children_.clear();
+  elsewhere();
   Heard result{};
   do {
     auto question = asker_.ask(start_scan, Wait::bound);
@@ -132,6 +133,7 @@ rt::Task<Heard> Walker::Search::start() {
       co_return Heard{};
     }
     result = *heard;
+    count(result);
   } while (!result.sent);
   asked_ = {};
   asked_sub_ = 0;
@@ -147,7 +149,8 @@ rt::Task<bool> Walker::Search::enter(std::uint32_t value) {
   used_[sub_] = value;
   has_used_[sub_] = true;
   const Prefix whole{value, 0};
-  const Heard heard = co_await ask(whole, sub_ + 1, Wait::bound);
+  const Heard heard = co_await ask_once(whole, sub_ + 1, Wait::bound);
+  overtaken_ = heard.late && !heard.sent;
   if (!heard.yes()) co_return false;
   chain_[sub_++] = value;
   entered_answers_ = heard.answers;
@@ -170,12 +173,15 @@ rt::Task<void> Walker::Search::round() {
     }
     open_.clear();
     seen_.clear();
-    careful_ = false;
+    careful_ = 0;
     backs_ = 0;
     anchors_.assign(1, Prefix{});
     const Prefix root;
     bool found = co_await descend(root, entered_answers_);
     if (found && !broken_) found = co_await enter(leaf_.value);
+    // The lowest bit was 0 after all, and nobody was asked to move yet.
+    if (overtaken_ && !broken_) found = co_await enter(leaf_.value ^ 1U);
+    overtaken_ = false;
     if (!found || broken_) co_return;
   }
   const bool same = chain_ == last_chain_;

@@ -48,6 +48,10 @@ class Walker::Search {
 
   // Questions
   rt::Task<Heard> ask_once(Prefix at, unsigned next, Wait wait);
+  [[nodiscard]] bool one_only() const noexcept { return alone_ >= 4; }
+  void count(const Heard& heard) noexcept;
+  void elsewhere() noexcept;
+  void step_aside(Prefix& at);
   rt::Task<Heard> ask(Prefix at, unsigned next, Wait wait);
   rt::Task<Heard> start();
   rt::Task<bool> enter(std::uint32_t value);
@@ -112,7 +116,10 @@ class Walker::Search {
   std::vector<Prefix> seen_;     // heard of in this part
   std::vector<Prefix> anchors_;  // on the path, each was answered
   Prefix leaf_{};
-  bool careful_ = false;
+  unsigned careful_ = 0;    // so many steps down with the longest window
+  unsigned alone_ = 0;      // questions in a row, each below the one before, that got one answer
+  bool overtaken_ = false;  // the last `enter` was not sent: the question before it was answered
+  bool below_ = false;      // the last question was such a one
   unsigned backs_ = 0;
   unsigned entered_answers_ = 0;  // to the message that moved on to this part
   Worth next_;

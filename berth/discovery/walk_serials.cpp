@@ -5,7 +5,7 @@
 
 namespace berth::discovery {
 namespace {
-constexpr unsigned check_after = 8;    // conclusions from silence in a row
+constexpr unsigned check_after = 6;    // conclusions from silence in a row
 constexpr unsigned most_backs = 6;     // for one device
 constexpr unsigned neighbourhood = 8;  // bits
 }  // namespace
@@ -18,13 +18,14 @@ rt::Task<Heard> Walker::Search::ask_once(Prefix at, unsigned next, Wait wait) {
                                      .bit_checked = at.bit,
                                      .sub = static_cast<std::uint8_t>(sub_),
                                      .next = static_cast<std::uint8_t>(next)};
-  auto question = asker_.ask(request, wait);
+  auto question = asker_.ask(request, wait, one_only());
   const auto heard = co_await question;
   if (!heard) {
     broken(heard.error());
     co_return Heard{};
   }
   if (!heard->sent) co_return *heard;
+  count(*heard);
   if (counted_) {
     if (heard->before > 1) suspects_.push_back(*counted_);
     counted_.reset();
@@ -46,6 +47,18 @@ rt::Task<Heard> Walker::Search::ask(Prefix at, unsigned next, Wait wait) {
   Heard heard = co_await ask_once(at, next, wait);
   while (!heard.sent && !broken_) heard = co_await ask_once(at, next, wait);
   co_return heard;
+}
+
+// One answer each to questions that went ever deeper: one device. `before` is told when all that belongs to the
+// question before has been heard.
+void Walker::Search::count(const Heard& heard) noexcept {
+  if (below_ && heard.before > 0) alone_ = heard.before == 1 ? alone_ + 1 : 0;
+  below_ = true;
+}
+
+void Walker::Search::elsewhere() noexcept {
+  below_ = false;
+  alone_ = 0;
 }
 
 void Walker::Search::take_feedback(const std::vector<lss::FeedbackValue>& heard, unsigned sub, Prefix at,
@@ -117,12 +130,15 @@ rt::Task<bool> Walker::Search::again_at_serials() {
 // Who is expected is asked for by name.
 rt::Task<void> Walker::Search::by_name() {
   const auto children = children_;
+  unsigned patient = 4;  // so many are worth the longest window
   for (const LssAddress& a : known_.expected) {
     if (a != address(a.serial) || is_found(a) || over()) continue;
     const bool unheard = std::ranges::none_of(children, [&](Prefix p) { return p.contains(a.serial); });
     if (!children.empty() && unheard) continue;
     const Prefix whole{a.serial, 0};
-    const Heard heard = co_await ask(whole, 3, Wait::learnt);
+    const Wait wait = patient > 0 ? Wait::bound : Wait::learnt;
+    if (patient > 0) --patient;
+    const Heard heard = co_await ask(whole, 3, wait);
     if (!heard.yes()) continue;
     const Outcome outcome = co_await settle(a.serial);
     if (outcome != Outcome::found) continue;
@@ -137,6 +153,7 @@ rt::Task<void> Walker::Search::around() {
     const std::uint32_t last = report_.found.back().address.serial;
     if (last != 0xFFFF'FFFF && next_.ask() && !is_found(address(last + 1))) {
       const Prefix next{last + 1, 0};
+      elsewhere();
       const Heard heard = co_await ask(next, 3, Wait::learnt);
       next_.note(heard.yes());
       if (heard.yes()) {
@@ -149,6 +166,7 @@ rt::Task<void> Walker::Search::around() {
     }
     if (!near_.ask()) co_return;
     const Prefix block = Prefix::of(last, neighbourhood);
+    elsewhere();
     const Heard heard = co_await ask(block, 3, Wait::learnt);
     near_.note(heard.yes());
     if (heard.yes()) open(block, Open::Why::answered);
@@ -158,6 +176,7 @@ rt::Task<void> Walker::Search::around() {
 
 rt::Task<bool> Walker::Search::anybody_left() {
   for (const Prefix half : {Prefix{}.zero(), Prefix{}.one()}) {
+    elsewhere();
     const Heard heard = co_await ask(half, 3, Wait::learnt);
     if (!heard.yes()) continue;
     open(half, Open::Why::answered);
@@ -169,8 +188,9 @@ rt::Task<bool> Walker::Search::anybody_left() {
 // Goes down from one place and takes the device that it comes to.
 rt::Task<bool> Walker::Search::place(Open place) {
   unsigned answers = place.at.bit == 32 ? entered_answers_ : 2;
-  careful_ = false;
+  careful_ = 0;
   backs_ = 0;
+  if (place.at.bit != 32 && place.why != Open::Why::answered) elsewhere();
   if (place.at.bit != 0 && place.why != Open::Why::answered) {
     Heard heard = co_await ask(place.at, sub_, Wait::learnt);
     if (!heard.yes() && place.why == Open::Why::heard) heard = co_await ask(place.at, sub_, Wait::bound);
@@ -184,7 +204,7 @@ rt::Task<bool> Walker::Search::place(Open place) {
     if (!came || broken_) co_return false;
     Outcome outcome = co_await settle(leaf_.value);
     if (outcome == Outcome::late) {
-      open(leaf_, Open::Why::maybe);
+      if (!one_only()) open(leaf_, Open::Why::maybe);
       outcome = co_await settle(leaf_.value ^ 1U);
     }
     if (outcome == Outcome::found) co_return true;
@@ -208,18 +228,15 @@ rt::Task<bool> Walker::Search::descend(Prefix at, unsigned answers) {
       continue;
     }
     const Prefix zero = at.zero();
-    const Wait wait = careful_ ? Wait::bound : Wait::learnt;
+    const Wait wait = careful_ > 0 ? Wait::bound : Wait::quick;
     const Heard heard = co_await ask_once(zero, sub_, wait);
     if (heard.late && concluded > 0) {
-      // Where we turned to the upper half somebody in the lower one had answered, too late for us.
-      open(at, Open::Why::maybe);
-      at = at.brother();
-      anchors_.push_back(at);
+      step_aside(at);
       concluded = 0;
-      children_.clear();
       continue;
     }
     if (!heard.sent) continue;
+    if (careful_ > 0) --careful_;
     if (heard.yes()) {
       if (answers > 1) open(at.one(), Open::Why::maybe);
       answers = heard.answers;
@@ -231,8 +248,12 @@ rt::Task<bool> Walker::Search::descend(Prefix at, unsigned answers) {
     at = at.one();
     ++concluded;
     if (concluded < check_after || at.bit == 0) continue;
-    const Heard check = co_await ask(at, sub_, Wait::bound);
+    const Heard check = co_await ask_once(at, sub_, Wait::bound);
     concluded = 0;
+    if (check.late) {
+      step_aside(at);
+      continue;
+    }
     if (check.yes()) {
       anchors_.push_back(at);
       continue;
@@ -243,6 +264,14 @@ rt::Task<bool> Walker::Search::descend(Prefix at, unsigned answers) {
   }
   leaf_ = at;
   co_return !broken_;
+}
+
+// Where we turned to the upper half somebody in the lower one had answered, too late for us.
+void Walker::Search::step_aside(Prefix& at) {
+  if (!one_only()) open(at, Open::Why::maybe);
+  at = at.brother();
+  anchors_.push_back(at);
+  children_.clear();
 }
 
 // One step by what feedback told; the lowest first, the others are kept.
@@ -263,7 +292,8 @@ rt::Task<bool> Walker::Search::down_feedback(Prefix& at) {
 
 // Nobody is on this path any more, or never was: up to the deepest place that still answers, and patiently from there.
 rt::Task<bool> Walker::Search::back() {
-  careful_ = true;
+  careful_ = check_after + 2;
+  elsewhere();
   if (++backs_ > most_backs) co_return false;
   while (!anchors_.empty() && !broken_) {
     const Prefix at = anchors_.back();
