@@ -17,6 +17,11 @@ constexpr rt::Duration lost_frame = std::chrono::milliseconds(500);  // looks wh
 constexpr unsigned coin_after = 2;  // insistences that are met by a defence; then it is a coin
 constexpr unsigned yield_after = 8;
 
+// An FD frame's data phase may be faster, which a port does not tell: at most so many nominal bit times.
+unsigned load_bits(const can::Frame& frame) noexcept {
+  return frame.fd ? longest_frame + 10U * frame.size : can::exact_bits(frame);
+}
+
 }  // namespace
 
 const char* name(Negotiating state) noexcept {
@@ -95,7 +100,7 @@ void Negotiator::suspend(rt::Duration time) noexcept {
 // --- Frames ---------------------------------------------------------------------------------------------------------
 
 void Negotiator::received(const can::Frame& frame) noexcept {
-  count_load(can::exact_bits(frame));
+  count_load(load_bits(frame));
   const auto message = decode_negotiation(frame);
   if (!message) return;
   using Kind = NegotiationMessage::Kind;
