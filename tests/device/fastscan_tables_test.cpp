@@ -171,7 +171,6 @@ struct Case {
   lss::Feedback feedback = lss::Feedback::none;
   rt::Duration window = milliseconds(20);
   std::uint32_t bit_rate = 125'000;
-  sim::TxOrder order = sim::TxOrder::in_order;
 };
 
 /// Up to the boot-up: what comes then is the next device's 80h, which nobody answers.

@@ -193,6 +193,33 @@ std::shared_ptr<const od::Description> everything() {
 
 // The issue, part 6: the frame path of a running device allocates nothing and throws nothing: NMT, SDO expedited,
 // segmented and block, PDO, SYNC, TIME, EMCY both ways, heartbeat both ways, LSS, storing, with callbacks set.
+// The same for Fastscan, whose answer waits for its feedback's confirmation (S4.10).
+TEST(Device, FastscanWithFeedbackTakesNothingFromTheHeap) {
+  rt::Executor executor;
+  BarePort bare(executor);
+  const Timing timing{.response_min = microseconds(100), .response_max = microseconds(900)};
+  TimedPort port(executor, bare, timing, Random(1));
+  can::Dispatcher dispatcher(executor, port);
+  const Options options{.address = {1, 1, 0, 5}, .feedback = lss::Feedback::extended};
+  Device device(dispatcher, minimal_description(), nullptr, options, &port, timing);
+  device.power_on();
+  executor.advance(executor.now() + milliseconds(300));
+  const auto play = [&] {
+    for (const char* text :
+         {"7E5#5100000000800000", "7E5#5100000000100000", "7E5#5101000000000001", "7E5#5101000000000102",
+          "7E5#5100000000000203", "7E5#5105000000000300", "7E5#0400000000000000"}) {
+      bare.arrive(*can::parse_frame(text));
+      executor.advance(executor.now() + milliseconds(7));
+    }
+  };
+  play();
+  const auto before = allocations;
+  const auto sent = bare.sent;
+  for (int i = 0; i < 20; ++i) play();
+  EXPECT_EQ(allocations, before);
+  EXPECT_EQ(bare.sent - sent, 20 * 11U);  // six answers, five with feedback before them
+}
+
 TEST(Device, EveryServiceTakesNothingFromTheHeapAndThrowsNothing) {
   EXPECT_THROW(throw std::runtime_error("counted"), std::runtime_error);
   ASSERT_GE(exceptions, 1U) << "the counter works";
