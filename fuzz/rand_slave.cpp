@@ -16,7 +16,7 @@ constexpr LssAddress address{1, 1, 0, 5};
 
 // Records of 10 bytes: kind of frame, its size, then 8 bytes.
 extern "C" int LLVMFuzzerTestOneInput(const std::uint8_t* data, std::size_t size) {
-  nodeid::RandSlave slave({.address = address, .literal = size % 2 == 1});
+  nodeid::RandSlave slave({.address = address, .literal = size % 2 == 1, .resume = size % 4 >= 2});
   for (; size >= 10; data += 10, size -= 10) {
     const auto what = data[0];
     can::Frame frame = can::Frame::ext(nodeid::rand_request_id | ((what & 0x80U) != 0 ? what : 0U), {data + 2, 8});
@@ -34,7 +34,12 @@ extern "C" int LLVMFuzzerTestOneInput(const std::uint8_t* data, std::size_t size
     const unsigned phase = frame.data[1];
     must(read->direct == (phase == nodeid::direct_phase));
     must(read->chunk == address.chunk(read->direct ? 7 : phase));
-    must(phase == 0 || phase == next);
+    if (frame.data[0] == 0x86) {  // the extension: at any depth, for its own prefix
+      must(frame == nodeid::resume_request(phase, address));
+      must(read->direct || slave.state() == before);
+    } else {
+      must(phase == 0 || phase == next);
+    }
   }
   return 0;
 }

@@ -1,0 +1,49 @@
+// Any frames at an AND slave and at the reader of its answers: it answers for its own address only, and nothing but
+// the inquiry right after its DIS once it is identified.
+#include <cstdint>
+#include <cstdlib>
+
+#include "berth/nodeid/and_slave.hpp"
+
+namespace {
+using namespace berth;
+using nodeid::AndAnswer;
+using nodeid::AndRequest;
+using nodeid::Identification;
+
+void must(bool holds) {
+  if (!holds) std::abort();
+}
+constexpr LssAddress address{1, 0x0001'0002, 3, 0x0405'0607};
+}  // namespace
+
+// Records of 10 bytes: kind of frame, its size, then 8 bytes.
+extern "C" int LLVMFuzzerTestOneInput(const std::uint8_t* data, std::size_t size) {
+  nodeid::AndSlave slave(address);
+  for (; size >= 10; data += 10, size -= 10) {
+    const auto what = data[0];
+    can::Frame frame =
+        can::Frame::base(nodeid::and_request_id - ((what & 0x80U) != 0 ? what & 0x3FU : 0U), {data + 2, 8});
+    frame.size = (what & 1U) != 0 ? data[1] % 9 : 8;
+    frame.remote = (what & 0x70U) == 0x70;
+    frame.extended = (what & 0x60U) == 0x60;
+    if (const auto answer = nodeid::decode_and_answer(frame)) must(answer->nibble < 16);
+    if ((what & 0x7EU) == 0x7EU) slave.power_on();
+    const auto before = slave.state();
+    const auto answer = slave.handle(frame);
+    if (!answer) continue;
+    const auto request = nodeid::decode_and_request(frame);
+    const auto read = nodeid::decode_and_answer(*answer);
+    must(request.has_value() && read.has_value() && answer->size == 8);
+    if (request->kind == AndRequest::Kind::inquire) {
+      must(before == Identification::identified && read->kind == AndAnswer::Kind::address);
+      continue;
+    }
+    must(before == Identification::unknown);
+    const unsigned phase = request->phase;
+    must(slave.address().prefix(phase) == request->address);
+    must(read->nibble == slave.address().nibble(phase == nodeid::and_direct_phase ? 11 : phase));
+    must((read->kind == AndAnswer::Kind::dis) == (slave.state() == Identification::identified));
+  }
+  return 0;
+}
