@@ -449,11 +449,35 @@ TEST(Fastscan, HC3_3_ALateAnswerAtTheEndIsNoConfirmation) {
   ASSERT_TRUE(unconfirmed && *unconfirmed);
   EXPECT_EQ((*unconfirmed)->address.serial, 0xF7U) << "what the published procedure would report";
   wrong = 0;
+  const auto confirmed = w.scan({.form = FastscanForm::standard});
+  ASSERT_TRUE(confirmed && *confirmed);
+  EXPECT_EQ((*confirmed)->address.serial, 0xF4U);
+  wrong = 0;
   const auto report = w.discover({.form = FastscanForm::standard});
   ASSERT_TRUE(report);
   ASSERT_EQ(report->found.size(), 1U);
   EXPECT_EQ(report->found[0].address.serial, 0xF4U);
   EXPECT_EQ(report->restarts, 1U);
+}
+
+// The last answer comes too late: the device is in configuration and would answer no 80h any more. It is told to wait,
+// and found.
+TEST(Fastscan, ADeviceThatWasSelectedUnheardIsFoundAgain) {
+  for (const auto feedback : {Feedback::none, Feedback::extended, Feedback::base}) {
+    FastscanWorld w;
+    auto& n = w.with(paper4, feedback);
+    unsigned times = 0;
+    n.hears = [&](const can::Frame& f) {
+      const auto r = decode_fastscan(f);
+      const bool last = r && r->sub == 3 && r->bit_checked == 0 && r->next == 0;
+      n.latency = last && times++ == 0 ? milliseconds(15) : milliseconds(1);
+    };
+    const auto report = w.discover({.feedback = feedback, .confirm = false});
+    ASSERT_TRUE(report);
+    ASSERT_EQ(report->found.size(), 1U);
+    EXPECT_EQ(report->found[0].address, paper4);
+    EXPECT_EQ(report->restarts, 1U);
+  }
 }
 
 TEST(Fastscan, DoubledAnswersChangeNothing) {
