@@ -69,6 +69,10 @@ Device::Device(can::Dispatcher& dispatcher, std::shared_ptr<const od::Descriptio
     if (d.find(index) != nullptr) values_.attach(*this, index);
   }
   if (has_any(d, 0x1201, 0x127F)) values_.attach(*this, 0x1201, 0x127F);
+  if (options_.node_id_object) values_.attach(*this, options_.node_id_object->index);
+  const bool other = options_.node_id_signature && options_.node_id_object &&
+                     options_.node_id_signature->object.index != options_.node_id_object->index;
+  if (other) values_.attach(*this, options_.node_id_signature->object.index);
   make_services(memory);
   if (host_ != nullptr) dispatcher_->on_status(this);
   load_settings();
@@ -141,6 +145,7 @@ void Device::power_on() noexcept {
 
 void Device::power_off() noexcept {
   powered_ = false;
+  keeps_node_id_ = false;
   begin_ = Begin::nothing;
   cancel();
   recovery_.cancel();
@@ -242,6 +247,7 @@ void Device::reset_values(od::Area area) noexcept {
   if (parameters_ && powered_) parameters_->apply(values_, area);
   const auto& a = lss_->address();
   for (unsigned i = 0; i < 4; ++i) values_.set(ObjectRef{0x1018, static_cast<std::uint8_t>(i + 1)}, a.part(i));
+  if (options_.node_id_object) values_.set(*options_.node_id_object, lss_->active().node_id.value());
   if (!options_.name.empty()) values_.set_text({0x1008, 0}, options_.name);
   call(&Callbacks::parameters);
 }
@@ -347,6 +353,7 @@ std::optional<lss::StoreResult> Device::store(const lss::Settings& settings) noe
 
 void Device::written(bool ok) noexcept {
   if (host_ != nullptr) host_->deaf(TimedPort::Deaf::storing, false);
+  if (keeps_node_id_) node_id_kept(ok);
   if (ok) {
     memory_ = being_stored_;
     if (options_.source == NodeIdSource::fixed) memory_.node_id = options_.node_id;

@@ -63,6 +63,12 @@ enum class NodeIdSource : std::uint8_t {
   fixed,        ///< firmware, switches or plug: LSS configure node-ID is answered "out of range"
 };
 
+/// An object whose write is believed only with this value: "save", a password.
+struct Signature {
+  ObjectRef object;
+  std::uint64_t value = 0;  ///< little-endian on the wire
+};
+
 struct Options {
   LssAddress address{};  ///< identity, 1018h:01..04
   NodeIdSource source = NodeIdSource::nonvolatile;
@@ -82,6 +88,10 @@ struct Options {
   bool detect_collision = true;            ///< reports another node that sends with its identifiers (EMCY 8150h; SX.7)
   rt::Duration never_seen{0};        ///< a node in 1016h with no heartbeat for so long is told (`Callbacks`); 0 = no
   rt::Duration bus_off_recovery{0};  ///< restarts its controller so long after bus-off; 0 = never
+  /// The node-ID is this object too (1 byte or more; the dictionary must have it): a write is stored at once, or with
+  /// the signature's, and in use after the next reset.
+  std::optional<ObjectRef> node_id_object{};
+  std::optional<Signature> node_id_signature{};
   std::string name{};                ///< 1008h; empty: as described
   std::vector<Preset> presets{};
   GroupOf parameter_group = default_parameter_group;  ///< what 1010h stores, by sub-index
@@ -286,6 +296,10 @@ class Device final : private co::NmtSlave::Owner,
   void call(Member member, Arguments&&... arguments) noexcept {
     if (callbacks_ != nullptr && ((*callbacks_).*member)) ((*callbacks_).*member)(arguments...);
   }
+  // The node-ID as an object
+  od::AbortCode writing_node_id(ObjectRef ref, std::span<const std::uint8_t> value) noexcept;
+  od::AbortCode keep_node_id(ObjectRef ref, NodeId id) noexcept;
+  void node_id_kept(bool ok) noexcept;
   // Objects
   od::AbortCode reading(const od::Values& values, ObjectRef ref,
                         std::span<const std::uint8_t>& value) noexcept override;
@@ -341,6 +355,7 @@ class Device final : private co::NmtSlave::Owner,
   std::unique_ptr<Callbacks> callbacks_;
   std::unique_ptr<WriteWatch> writes_;
   std::span<const std::uint8_t> eds_;
+  bool keeps_node_id_ = false;  // `storing_` is the node-ID's object or its signature's
   ObjectRef storing_{};  // the sub-object of 1010h or 1011h whose write is to be confirmed
   Observer* observer_ = nullptr;
   lss::Settings memory_{};  // what the record holds, or stands for blank memory

@@ -88,7 +88,7 @@ LedInputs Device::led_inputs() const noexcept {
   const auto status = dispatcher_->port().status();
   return {.state = nmt_.state(),
           .lss = options_.lss && powered_ && !booting() &&
-                 (lss_->state() == lss::State::configuration || !nmt_.node_id().configured()),
+                 lss_->state() == lss::State::configuration,
           .bus_off = status.bus_off,
           .warning_limit = status.tec >= warning_limit || status.rec >= warning_limit,
           .error_control_event = emcy_.active(co::emcy_code::life_guard_or_heartbeat),

@@ -39,7 +39,7 @@ struct Lit {
 /// timer, SYNC, error control, warning limit (more flashes before fewer).
 struct LedInputs {
   NmtState state = NmtState::initialising;
-  bool lss = false;               ///< LSS configuration state, or no node-ID
+  bool lss = false;               ///< LSS configuration state; without a node-ID alone all is dark
   bool program_download = false;  ///< runs
   bool bus_off = false;
   bool warning_limit = false;        ///< an error counter reached 96

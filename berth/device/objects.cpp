@@ -47,7 +47,7 @@ od::AbortCode Device::writing(const od::Values&, ObjectRef ref, std::span<const 
     case 0x1016:
       if (ref.sub == 0 || value.size() != 4) return od::AbortCode::none;
       return consumer_->set_entry(ref.sub, load_le<std::uint32_t>(value.data()));
-    default: return od::AbortCode::none;
+    default: return options_.node_id_object ? writing_node_id(ref, value) : od::AbortCode::none;
   }
 }
 

@@ -6,6 +6,7 @@
 #include <memory>
 #include <optional>
 #include <string>
+#include <string_view>
 #include <vector>
 
 #include "berth/base/ids.hpp"
@@ -126,11 +127,12 @@ struct SlotRecord {
 
 /// What is remembered of a device beside its seat.
 enum class Mark : std::uint8_t {
-  restore,  ///< it shall have its factory settings before it is configured (a used spare); until that was done
-  fixed,    ///< its node-ID comes from switches, plug or firmware: LSS cannot change it
+  restore,     ///< it shall have its factory settings before it is configured (a used spare); until that was done
+  fixed,       ///< its node-ID comes from switches, plug or firmware: LSS cannot change it
+  looks_used,  ///< it sits in a slot with a configuration of somewhere else, and a person was asked about it
 };
 /// What the history says when a mark is set, and when it is taken away: "restore asked", "restored"; "fixed node-ID",
-/// "node-ID not fixed".
+/// "node-ID not fixed"; "looks used", "may be used".
 [[nodiscard]] const char* name(Mark mark) noexcept;
 [[nodiscard]] const char* name_of_end(Mark mark) noexcept;
 
@@ -153,11 +155,17 @@ struct HistoryEntry {
   std::string reason;
 };
 
+/// The reason of `SlotStore::clear` when a person gives a slot away.
+inline constexpr std::string_view by_a_person = "replaced by a person";
+/// The reason when the whole bus is bound anew: where anybody sat before counts no more.
+inline constexpr std::string_view from_scratch = "bound from scratch";
+
 /// Where a device sat, and until when.
 struct FormerSeat {
   SlotId slot;
   NodeId id;
   std::int64_t until_ms = 0;  ///< `HistoryEntry::stamp_ms` of the line that ended it
+  bool by_person = false;     ///< a person gave the slot away; else Berth freed it, because the device was silent
   friend bool operator==(const FormerSeat&, const FormerSeat&) = default;
 };
 /// The last seat that a device had and has no more, by the lines of the history about it, oldest first. None when it

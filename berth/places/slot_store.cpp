@@ -35,6 +35,7 @@ const char* name(Mark mark) noexcept {
   switch (mark) {
     case Mark::restore: return "restore asked";
     case Mark::fixed: return "fixed node-ID";
+    case Mark::looks_used: return "looks used";
   }
   return "";
 }
@@ -43,6 +44,7 @@ const char* name_of_end(Mark mark) noexcept {
   switch (mark) {
     case Mark::restore: return "restored";
     case Mark::fixed: return "node-ID not fixed";
+    case Mark::looks_used: return "may be used";
   }
   return "";
 }
@@ -52,10 +54,12 @@ std::optional<FormerSeat> former_seat(const std::vector<HistoryEntry>& lines) {
   std::optional<FormerSeat> sat;
   for (const auto& line : lines) {
     if (line.event == "confirmed" && line.slot) {
-      sits = FormerSeat{*line.slot, line.id, 0};
+      sits = FormerSeat{*line.slot, line.id, 0, false};
     } else if (line.event == "cleared" && sits && line.slot == sits->slot) {
       sat = sits;
       sat->until_ms = line.stamp_ms;
+      sat->by_person = line.reason == by_a_person;
+      if (line.reason == from_scratch) sat.reset();
       sits.reset();
     } else if (line.event == name_of_end(Mark::restore)) {
       sat.reset();

@@ -92,6 +92,14 @@ struct Latency {
   friend bool operator==(const Latency&, const Latency&) = default;
 };
 
+/// An object that must be written with this value to make the one before it count.
+struct PlantSignature {
+  ObjectRef object;
+  std::uint64_t value = 0;  ///< little-endian on the wire
+  std::uint8_t size = 4;    ///< bytes, 1 to 8
+  friend bool operator==(const PlantSignature&, const PlantSignature&) = default;
+};
+
 struct PlantDevice {
   std::string name;  ///< unique in the plant
   std::string bus;
@@ -100,8 +108,10 @@ struct PlantDevice {
   LssAddress address;           ///< identity object 1018h
   bool address_of_eds = false;  ///< vendor, product and revision are the description's; not set here
   NodeIdSource source = NodeIdSource::blank;
-  NodeId node_id;             ///< what the source gives; unconfigured for `blank`
-  std::uint32_t bitrate = 0;  ///< stored bit rate, bit/s; 0 = the bus's
+  NodeId node_id;                                   ///< what the source gives; unconfigured for `blank`
+  std::optional<ObjectRef> node_id_object;          ///< the node-ID is this object, 1 byte
+  std::optional<PlantSignature> node_id_signature;  ///< with `node_id_object`: written there, it is stored
+  std::uint32_t bitrate = 0;                        ///< stored bit rate, bit/s; 0 = the bus's
   SpeaksSet speaks{Speaks::lss, Speaks::rand};
   Latency response;
   Duration boot = std::chrono::milliseconds(50);   ///< power-on to boot-up message

@@ -97,6 +97,7 @@ class PlantReader {
     read_device_name(table, device);
     read_identity(table, device);
     read_node_id(table, device);
+    read_node_id_object(table, device);
     read_speaks(table, device);
     read_response(table, device);
     read_times(table, device);
@@ -177,6 +178,57 @@ class PlantReader {
       device.address.revision = type->u32("revision").value_or(0);
       type->finish();
     }
+  }
+
+  static std::optional<ObjectRef> read_object(Table& table, string_view key) {
+    const auto text = table.string(key);
+    if (!text) return std::nullopt;
+    const auto object = text::parse_object(*text);
+    const bool own = object && object->index >= 0x2000;
+    if (own) return object;
+    table.error(key, fmt::format("{} is no object of a maker's own", text::quoted(*text)),
+                "write one from 2000h on, such as \"2000h:00\"");
+    return std::nullopt;
+  }
+
+  static void read_node_id_object(Table& table, PlantDevice& device) {
+    device.node_id_object = read_object(table, "node_id_object");
+    auto entry = table.table("node_id_signature");
+    if (!entry) return;
+    if (!table.has("node_id_object")) {
+      table.error("node_id_signature", "there is no object to sign for", "add node_id_object = \"2000h:00\"");
+    }
+    PlantSignature signature;
+    if (entry->require("object", "such as \"2001h:00\"")) {
+      signature.object = read_object(*entry, "object").value_or(ObjectRef{});
+    }
+    if (entry->require("value", "such as \"save\" or \"0x1234\"")) read_signature(*entry, signature);
+    entry->finish();
+    if (device.node_id_object && device.node_id_object->index == signature.object.index) {
+      table.error("node_id_signature", "this is the node-ID's own object", "name another");
+    }
+    device.node_id_signature = signature;
+  }
+
+  // A text is its bytes in their order; "0x…" is a number of `size` bytes.
+  static void read_signature(Table& table, PlantSignature& signature) {
+    const auto size = table.u32("size", {1, 8});
+    const auto text = table.string("value").value_or("");
+    if (text.starts_with("0x")) {
+      const char* end = text.data() + text.size();
+      const auto read = std::from_chars(text.data() + 2, end, signature.value, 16);
+      signature.size = static_cast<std::uint8_t>(size.value_or(4));
+      const bool fits = signature.size == 8 || signature.value >> (8U * signature.size) == 0;
+      if (text.size() > 2 && read.ec == std::errc() && read.ptr == end && fits) return;
+    } else if (!text.empty() && text.size() <= 8 && size.value_or(text.size()) == text.size()) {
+      signature.size = static_cast<std::uint8_t>(text.size());
+      for (std::size_t i = 0; i < text.size(); ++i) {
+        signature.value |= std::uint64_t{static_cast<unsigned char>(text[i])} << (8 * i);
+      }
+      return;
+    }
+    table.error("value", fmt::format("{} is no signature of 1 to 8 bytes", text::quoted(text)),
+                "write a text such as \"save\", or a number such as \"0x1234\" with its size");
   }
 
   static void read_node_id(Table& table, PlantDevice& device) {

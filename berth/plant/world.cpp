@@ -12,6 +12,7 @@
 #include <iterator>
 #include <utility>
 
+#include "berth/device/dictionary.hpp"
 #include "berth/eds/xdd.hpp"
 #include "berth/text/file.hpp"
 
@@ -65,6 +66,10 @@ device::Options options_of(const PlantDevice& plan, const LssAddress& address, s
   }
   o.negotiator.seed = seed;
   if (plan.source == NodeIdSource::blank) o.negotiator.configured = plan.node_id;  // no file says one; a study does
+  o.node_id_object = plan.node_id_object;
+  if (plan.node_id_signature) {
+    o.node_id_signature = device::Signature{plan.node_id_signature->object, plan.node_id_signature->value};
+  }
   o.bus_off_recovery = bus_off_recovery;
   if (plan.eds.empty()) o.name = plan.name;
   const auto heartbeat = std::chrono::duration_cast<std::chrono::milliseconds>(plan.heartbeat).count();
@@ -112,6 +117,36 @@ std::optional<std::vector<std::uint8_t>> unhex(std::string_view text) {
     bytes.push_back(byte);
   }
   return bytes;
+}
+
+/// What tells a minimal device's dictionary from the minimal one; a text that no file is called.
+std::string own_objects(const PlantDevice& plan) {
+  if (!plan.node_id_object) return {};
+  std::string text = "node-ID object " + text::write_object(*plan.node_id_object);
+  if (const auto& s = plan.node_id_signature) text += fmt::format(" {} {}", text::write_object(s->object), s->size);
+  return text;
+}
+
+void add_object(od::DescriptionBuilder& b, ObjectRef ref, std::string_view name, unsigned size) {
+  using od::DataType;
+  constexpr std::array<DataType, 8> types{DataType::unsigned8,  DataType::unsigned16, DataType::unsigned24,
+                                          DataType::unsigned32, DataType::unsigned40, DataType::unsigned48,
+                                          DataType::unsigned56, DataType::unsigned64};
+  const DataType type = types.at(size - 1);
+  if (ref.sub == 0) {
+    b.variable(ref.index, {.name = name, .type = type, .initial = od::Literal::number(0)});
+  } else {
+    b.object(ref.index, od::ObjectCode::record, name);
+    b.sub(ref.index, {.sub = ref.sub, .name = name, .type = type, .initial = od::Literal::number(0)});
+  }
+}
+
+std::shared_ptr<const od::Description> with_node_id_object(const PlantDevice& plan) {
+  od::DescriptionBuilder b;
+  device::add_device(b);
+  add_object(b, *plan.node_id_object, "Node-ID", 1);
+  if (const auto& s = plan.node_id_signature) add_object(b, s->object, "Node-ID signature", s->size);
+  return b.build();
 }
 
 /// Takes the next word off a line.
@@ -269,6 +304,7 @@ Truth SimDevice::truth() const {
   t.bit_rate = controller_->bit_rate();
   t.state = device_.state();
   t.memory_writes = flash_.writes_begun();
+  if (powered_) t.leds = device::leds(device_.led_inputs());
   return t;
 }
 
@@ -348,12 +384,13 @@ bool World::make_buses(const PlantFile& plant, std::span<const BusRate> rates, F
 }
 
 const World::Described* World::describe(const PlantDevice& device, Findings& findings) {
-  const auto& path = device.eds_path.empty() ? device.eds : device.eds_path;
+  const auto& file = device.eds_path.empty() ? device.eds : device.eds_path;
+  const auto path = file.empty() ? own_objects(device) : file;
   auto& described = descriptions_[path];
   if (described.description) return &described;
   if (described.unreadable) return nullptr;
-  if (path.empty()) {
-    described.description = device::minimal_description();
+  if (file.empty()) {
+    described.description = path.empty() ? device::minimal_description() : with_node_id_object(device);
     return &described;
   }
   const auto reading = eds::read_any_file(path);

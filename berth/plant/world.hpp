@@ -45,6 +45,7 @@ struct Truth {
   std::uint32_t bit_rate = 0;  ///< of its controller, bit/s
   NmtState state = NmtState::initialising;
   std::uint64_t memory_writes = 0;  ///< begun
+  device::Leds leds;                ///< what its indicators show; dark without power
 };
 
 /// One device of the plant: controller, host, dictionary and services, memory.

@@ -68,6 +68,12 @@ void write_node_id(Writer& w, const PlantDevice& d) {
   if (d.node_id.configured()) w.raw("node_id", fmt::format("{}", d.node_id.value()));
   const auto implied = d.node_id.configured() ? NodeIdSource::nonvolatile : NodeIdSource::blank;
   if (d.source != implied) w.string("source", name(d.source));
+  if (d.node_id_object) w.string("node_id_object", text::write_object(*d.node_id_object));
+  if (d.node_id_signature) {
+    const auto& s = *d.node_id_signature;
+    w.raw("node_id_signature", fmt::format("{{ object = \"{}\", value = \"0x{:X}\", size = {} }}",
+                                           text::write_object(s.object), s.value, s.size));
+  }
 }
 
 void write_device(Writer& w, const PlantDevice& d) {

@@ -99,7 +99,7 @@ CREATE TABLE configurations (
   ms       INTEGER NOT NULL CHECK (ms BETWEEN 0 AND 4294967295)
 ) STRICT;
 )",
-    // 4: what is remembered of a device beside its seat (0 to be restored, 1 fixed node-ID), and a device's history by
+    // 4: what is remembered of a device beside its seat (the numbers of `places::Mark`), and a device's history by
     // an index.
     R"(
 CREATE TABLE marks (

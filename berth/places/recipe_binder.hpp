@@ -1,0 +1,35 @@
+/// Does the steps of a `RecipeBinding` on a bus.
+#pragma once
+
+#include <string>
+
+#include "berth/places/binder.hpp"
+#include "berth/places/recipe_binding.hpp"
+
+namespace berth::places {
+
+class RecipeBinder {
+ public:
+  RecipeBinder(const Binder::Services& services, const Binder::Options& options, const Recipe& recipe)
+      : s_(services), options_(options), recipe_(&recipe) {}
+
+  /// Runs the table to its end. All given must stay.
+  [[nodiscard]] rt::Task<void> run(RecipeBinding& binding, SlotId slot, const std::string& reason);
+
+  /// The bytes of one object as they are written, little-endian.
+  [[nodiscard]] static std::vector<std::uint8_t> bytes(const Recipe::Write& write, NodeId id);
+
+ private:
+  rt::Task<Outcome> perform(const RecipeBinding& binding, SlotId slot, const std::string& reason);
+  rt::Task<Outcome> identify(NodeId id, const LssAddress& device);
+  rt::Task<Outcome> write(NodeId at, NodeId id);
+  rt::Task<Outcome> reset(const RecipeBinding& binding);
+
+  Binder::Services s_;
+  Binder::Options options_;
+  const Recipe* recipe_;
+  rt::Time identified_{};  // under the old node-ID
+  rt::Time moved_{};       // it may boot under the new one from then on
+};
+
+}  // namespace berth::places
