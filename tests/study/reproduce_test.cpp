@@ -105,7 +105,7 @@ TEST(Reproduce, EachSimulatedTimeIsTheSpanOfItsTrace) {
     EXPECT_FALSE(r.marks.empty());
     ++seen;
   }
-  EXPECT_EQ(seen, 11U);
+  EXPECT_EQ(seen, 12U);
 }
 
 // Berth's own is faster wherever there is a planner.
