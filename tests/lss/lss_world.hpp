@@ -123,7 +123,7 @@ struct World {
     return *nodes.back();
   }
   Node& add_slave(const SlaveOptions& options, rt::Duration latency = milliseconds(1),
-            const sim::ControllerOptions& controller = {}) {
+                  const sim::ControllerOptions& controller = {}) {
     nodes.push_back(std::make_unique<Node>(world, bus, options, Settings{}, latency, controller));
     return *nodes.back();
   }
