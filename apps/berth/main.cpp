@@ -88,6 +88,19 @@ class CommandLine {
             "NUMBER"};
   }
 
+  static CLI::Validator duration(std::optional<std::chrono::nanoseconds>& into) {
+    return {[&into](const std::string& text) {
+              auto time = text::parse_duration(text);
+              if (!time) time = text::parse_duration(text + " s");
+              if (!time || time->count() <= 0) {
+                return fmt::format("\"{}\" is no time; write 30, \"30 s\" or \"500 ms\"", text);
+              }
+              into = *time;
+              return std::string();
+            },
+            "TIME"};
+  }
+
   void common(CLI::App& sub) {
     sub.add_flag("--json", options_.json, "one JSON object");
     sub.add_option("--machine", options_.machine, "machine file");
@@ -301,11 +314,17 @@ class CommandLine {
           command(*sim, name, help, [this, scene = std::string(name)] { return run_scenario(options_, scene); });
       sub->add_flag("--json", options_.json, "one JSON object");
     }
-    auto* const plant = command(app_, "plant", "host a simulated plant in real time, for `berth up` in other processes",
-                                [this] { return run_plant(options_); });
+    auto* const plant =
+        command(app_, "plant", "a simulated plant: in real time for `berth up` in other processes, or by itself",
+                [this] { return run_plant(options_); });
     plant->add_option("plant", options_.sim, "plant file")->required()->option_text("PLANT");
-    plant->add_option("--listen", options_.control, "socket that `port = \"plant:PATH\"` of a machine file names")
-        ->required();
+    auto* const how = plant->add_option_group("how");
+    how->add_option("--listen", options_.control, "socket that `port = \"plant:PATH\"` of a machine file names");
+    how->add_option_function<std::string>(
+           "--for", [](const std::string&) {}, "no socket: the plant by itself, so long, as fast as possible")
+        ->check(duration(options_.timeout));
+    how->require_option(1);
+    plant->add_option("--record", options_.record, "with --for: write every frame to this file, as candump -L does");
     plant->add_option("--machine", options_.machine, "machine file: bit rates of buses that the plant file gives none");
     plant->add_option("--plant-state,--sim-state", options_.state,
                       "file that keeps what the devices remember between runs");

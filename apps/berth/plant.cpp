@@ -1,7 +1,10 @@
-// `berth plant`: a simulated plant in a process of its own, in real time, its buses offered to others.
+// `berth plant`: a simulated plant in a process of its own: in real time, its buses offered to others (`--listen`), or
+// by itself for some time of its own (`--for`), which is what a plant without a master needs (paper 2; S2.31).
 #include <fmt/format.h>
 
+#include <cstdio>
 #include <nlohmann/json.hpp>
+#include <set>
 
 #include "berth/io/plant_port.hpp"
 #include "drive.hpp"
@@ -36,11 +39,148 @@ tl::expected<std::unique_ptr<plant::World>, Failure> world_of(const Options& opt
   return tl::unexpected(failure(Exit::failed, fmt::format("{}: {}", options.state, describe(kept.error()))));
 }
 
+using Json = nlohmann::ordered_json;
+
+double seconds(rt::Time at) { return std::chrono::duration<double>(at.time_since_epoch()).count(); }
+
+/// Why it has no node-ID; empty: it has one.
+std::string reason(const plant::SimDevice& device) {
+  const auto truth = device.truth();
+  if (!truth.plugged) return "not plugged in";
+  if (!truth.powered) return "no power";
+  if (truth.active.configured()) return {};
+  if (truth.booting) return "boots";
+  const auto* negotiator = device.device().negotiator();
+  if (negotiator == nullptr) return "waits for a master to give it one";
+  if (negotiator->state() == nodeid::Negotiating::exhausted) return nodeid::name(negotiator->state());
+  return fmt::format("negotiates: {}", nodeid::name(negotiator->state()));
+}
+
+/// Who took which node-ID when, and who lost it why.
+class NodeIds final : public plant::World::Observer {
+ public:
+  struct Event {
+    double at_s;
+    std::string device;
+    NodeId node_id;  ///< unconfigured: lost
+    std::string why;
+  };
+  explicit NodeIds(plant::World& world) : world_(&world) { world.add_observer(*this); }
+  ~NodeIds() { world_->remove_observer(*this); }
+  NodeIds(const NodeIds&) = delete;
+  NodeIds& operator=(const NodeIds&) = delete;
+
+  void plant_changed(const plant::SimDevice& device) noexcept override {
+    const auto truth = device.truth();
+    auto& before = ids_[truth.name];
+    const bool pulled = !truth.powered && powered_.erase(truth.name) > 0;
+    if (truth.powered) powered_.insert(truth.name);
+    if (truth.active == before && !pulled) return;
+    before = truth.active;
+    const auto* negotiator = device.device().negotiator();
+    std::string why;
+    if (pulled) {
+      why = truth.plugged ? "no power" : "unplugged";
+    } else if (!before.configured()) {
+      const auto lost = negotiator != nullptr ? negotiator->lost() : nodeid::IdLoss::none;
+      why = lost == nodeid::IdLoss::none ? "reset" : nodeid::name(lost);
+    }
+    events.push_back({seconds(world_->sim().now()), truth.name, before, why});
+  }
+  std::vector<Event> events;
+
+ private:
+  plant::World* world_;
+  std::map<std::string, NodeId> ids_;
+  std::set<std::string> powered_;
+};
+
+class Recorder final : public can::Tap {
+ public:
+  Recorder(std::FILE* file, std::string bus) : file_(file), bus_(std::move(bus)) {}
+  void frame(const can::Frame& frame, rt::Time at, int) noexcept override {
+    fmt::print(file_, "({:.6f}) {} {}\n", seconds(at), bus_, can::to_string(frame));
+  }
+
+ private:
+  std::FILE* file_;
+  std::string bus_;
+};
+
+Json device_json(const plant::SimDevice& device, bool duplicate) {
+  const auto truth = device.truth();
+  const auto why = duplicate ? "another device has it too" : reason(device);
+  Json json{{"name", truth.name}, {"bus", truth.bus}, {"node_id", nullptr}, {"state", nullptr}};
+  if (truth.active.configured()) json["node_id"] = truth.active.value();
+  if (truth.powered) json["state"] = name(truth.state);
+  json["lss_address"] = to_string(truth.address);
+  json["why"] = why.empty() ? Json(nullptr) : Json(why);
+  return json;
+}
+
+std::string event_line(const NodeIds::Event& event) {
+  if (event.node_id.configured()) {
+    return fmt::format("{:>10.4f} s  {:<20} node-ID {}", event.at_s, event.device, event.node_id.value());
+  }
+  return fmt::format("{:>10.4f} s  {:<20} none: {}", event.at_s, event.device, event.why);
+}
+
+// The plant by itself, as fast as possible. Status 1: a device that has power has no node-ID of its own.
+int run_alone(plant::World& world, const Options& options) {
+  std::FILE* const log = options.record.empty() ? nullptr : std::fopen(options.record.c_str(), "we");
+  if (log == nullptr && !options.record.empty()) {
+    return tell(failure(Exit::failed, options.record + ": cannot be written"), options.json);
+  }
+  std::vector<std::unique_ptr<Recorder>> recorders;
+  for (const auto& bus : world.sim().buses()) {
+    if (log == nullptr) break;
+    recorders.push_back(std::make_unique<Recorder>(log, bus->name()));
+    bus->add_tap(*recorders.back());
+  }
+  NodeIds ids(world);
+  world.start();
+  world.sim().run_for(*options.timeout);
+  for (std::size_t i = 0; i < recorders.size(); ++i) world.sim().buses()[i]->remove_tap(*recorders[i]);
+  if (log != nullptr) std::fclose(log);
+
+  std::set<std::string> doubled;
+  for (const auto& [one, other] : world.duplicates()) doubled.insert({one->name(), other->name()});
+  Json report{{"plant", options.sim}, {"time_s", seconds(world.sim().now())}};
+  bool good = doubled.empty();
+  for (const auto& device : world.devices()) {
+    const auto truth = device->truth();
+    if (truth.powered && !truth.active.configured()) good = false;
+    report["devices"].push_back(device_json(*device, doubled.contains(truth.name)));
+  }
+  report["events"] = Json::array();
+  for (const auto& e : ids.events) {
+    Json json{{"at_s", e.at_s}, {"device", e.device}, {"node_id", nullptr}};
+    if (e.node_id.configured()) json["node_id"] = e.node_id.value();
+    if (!e.why.empty()) json["why"] = e.why;
+    report["events"].push_back(json);
+  }
+  if (options.json) {
+    print_line(report.dump());
+    return good ? Exit::done : Exit::no;
+  }
+  for (const auto& e : ids.events) print_line(event_line(e));
+  print_line(
+      fmt::format("\n{:<20} {:<8} {:>4}  {:<16} {:<36} {}", "device", "bus", "id", "state", "LSS address", "why"));
+  for (const auto& d : report["devices"]) {
+    const auto text = [&](const char* key) { return d.at(key).is_null() ? "-" : d.at(key).get<std::string>(); };
+    const auto id = d.at("node_id").is_null() ? "-" : fmt::format("{}", d.at("node_id").get<int>());
+    print_line(fmt::format("{:<20} {:<8} {:>4}  {:<16} {:<36} {}", text("name"), text("bus"), id, text("state"),
+                           text("lss_address"), d.at("why").is_null() ? "" : text("why")));
+  }
+  return good ? Exit::done : Exit::no;
+}
+
 }  // namespace
 
 int run_plant(const Options& options) {
   auto world = world_of(options);
   if (!world) return tell(world.error(), options.json);
+  if (options.timeout) return run_alone(**world, options);
   Interrupt interrupt;
   io::Loop loop((*world)->executor());
   auto server = io::PlantServer::listen(loop, options.control, [&](const std::string& bus, std::string& why) {

@@ -1,0 +1,97 @@
+// `berth plant FILE --for TIME`: a plant by itself, and paper 2's two use cases (S2.31).
+#include <gtest/gtest.h>
+
+#include <map>
+#include <nlohmann/json.hpp>
+#include <set>
+
+#include "machines.hpp"
+#include "process.hpp"
+
+namespace berth::test {
+namespace {
+
+using Json = nlohmann::json;
+
+Json run(const std::string& plant, const std::string& time, int status) {
+  const Outcome outcome = berth({"plant", plant, "--for", time, "--json"});
+  EXPECT_EQ(outcome.status, status) << outcome.out << outcome.err;
+  return Json::parse(outcome.out, nullptr, false);
+}
+
+/// Node-ID by device; 0 = none.
+std::map<std::string, int> node_ids(const Json& report) {
+  std::map<std::string, int> ids;
+  for (const auto& d : report.at("devices")) {
+    ids[d.at("name")] = d.at("node_id").is_null() ? 0 : d.at("node_id").get<int>();
+  }
+  return ids;
+}
+
+void each_its_own(const std::map<std::string, int>& ids, const std::set<std::string>& without) {
+  std::set<int> seen;
+  for (const auto& [name, id] : ids) {
+    if (without.contains(name)) {
+      EXPECT_EQ(id, 0) << name;
+    } else {
+      EXPECT_TRUE(id >= 1 && id <= 127 && seen.insert(id).second) << name << " " << id;
+    }
+  }
+}
+
+TEST(PlantAlone, HeatingSystem) {
+  const Json report = run(example("heating.plant.toml"), "20 s", 0);
+  const auto ids = node_ids(report);
+  ASSERT_EQ(ids.size(), 11U);
+  each_its_own(ids, {"pump"});
+  // The boiler gets back what it had before its power failed.
+  std::vector<Json> boiler;
+  for (const auto& e : report.at("events")) {
+    if (e.at("device") == "boiler") boiler.push_back(e.at("node_id"));
+  }
+  ASSERT_EQ(boiler.size(), 3U) << report.dump();
+  EXPECT_TRUE(boiler[1].is_null());
+  EXPECT_EQ(boiler[2], boiler[0]);
+}
+
+TEST(PlantAlone, BatteryCluster) {
+  const Json report = run(example("battery-cluster.plant.toml"), "60 s", 0);
+  const auto ids = node_ids(report);
+  ASSERT_EQ(ids.size(), 10U);
+  each_its_own(ids, {"battery 5"});
+  for (const auto& d : report.at("devices")) {
+    EXPECT_EQ(d.at("why").is_null(), d.at("name") != "battery 5") << d.dump();
+    EXPECT_EQ(d.at("lss_address").get<std::string>().size(), 35U);
+  }
+}
+
+// Devices that wait for a master say so, and the command's status is 1.
+TEST(PlantAlone, WithoutAMasterSomeWait) {
+  const Folder folder;
+  const std::string text =
+      std::string(small_plant).insert(std::string(small_plant).find("[bus.line]") + 10, "\nbitrate = 125_000");
+  const Json report = run(folder.write("plant.toml", text), "1 s", 1);
+  EXPECT_EQ(report.at("devices").at(0).at("why"), "waits for a master to give it one");
+  EXPECT_EQ(report.at("devices").at(3).at("why"), "not plugged in");
+}
+
+TEST(PlantAlone, RecordsEveryFrame) {
+  const Folder folder;
+  const auto log = folder.file("log");
+  const Outcome outcome =
+      berth({"plant", example("battery-cluster.plant.toml"), "--for", "2 s", "--record", log, "--json"});
+  EXPECT_EQ(outcome.status, 0) << outcome.err;
+  EXPECT_NE(contents(log).find(" cluster 00000100#\n"), std::string::npos);
+}
+
+TEST(PlantAlone, WrongWords) {
+  const auto plant = example("heating.plant.toml");
+  EXPECT_EQ(berth({"plant", plant}).status, 2) << "neither --for nor --listen";
+  EXPECT_EQ(berth({"plant", plant, "--for", "5 s", "--listen", "/tmp/x"}).status, 2);
+  EXPECT_EQ(berth({"plant", plant, "--for", "soon"}).status, 2);
+  EXPECT_EQ(berth({"plant", plant, "--for", "0 s"}).status, 2);
+  EXPECT_EQ(berth({"plant", "no such file", "--for", "5 s"}).status, 2);
+}
+
+}  // namespace
+}  // namespace berth::test
