@@ -10,6 +10,7 @@
 #include "berth/io/plant_port.hpp"
 #include "berth/store/database.hpp"
 #include "berth/text/file.hpp"
+#include "up.hpp"
 
 namespace berth::cli {
 
@@ -204,7 +205,7 @@ tl::expected<void, Failure> Rig::open_session(const Options& options) {
 // candump's log format.
 void Rig::recorded(const Recorded& frame) {
   if (log_ != nullptr) {
-    const std::string line = fmt::format("({:017.6f}) {} {}\n", frame.at_s, frame.bus, frame.frame);
+    const std::string line = candump_line(frame) + '\n';
     log_failed_ = log_failed_ || std::fwrite(line.data(), 1, line.size(), log_) != line.size();
   }
   if (sent_ != nullptr && frame.by_master) sent_->push_back(frame);

@@ -113,7 +113,9 @@ int run_trace(const Options& options, const StudyOptions& study) {
   if (options.json) {
     Json json{{"file", study.file}, {"findings", json_of(reading.findings)}};
     if (study.stats) {
-      json["buses"] = stats_json(reading.trace, study);
+      auto buses = stats_json(reading.trace, study);
+      if (buses.size() == 1) json.update(buses.front());
+      json["buses"] = std::move(buses);
     } else {
       json["frames"] = frames_json(reading.trace);
     }

@@ -3,8 +3,10 @@
 
 #include <fmt/format.h>
 
+#include <cmath>
 #include <nlohmann/json.hpp>
 
+#include "berth/trace/candump.hpp"
 #include "drive.hpp"
 
 namespace berth::cli {
@@ -38,7 +40,9 @@ void print_frames(const std::vector<Recorded>& frames, bool json) {
 
 }  // namespace
 
-std::string candump_line(const Recorded& f) { return fmt::format("({:017.6f}) {} {}", f.at_s, f.bus, f.frame); }
+std::string candump_line(const Recorded& f) {
+  return trace::candump_line(rt::Duration(std::llround(f.at_s * 1e9)), f.bus, f.frame);
+}
 
 int bring_up(const Options& options, const Sources& sources) {
   auto made = Rig::make(options, sources);

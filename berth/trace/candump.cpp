@@ -184,9 +184,13 @@ class Reader {
 
 Reading read_candump(std::string_view text, const std::string& file_name) { return Reader(text, file_name).read(); }
 
-std::string candump_line(rt::Duration at, std::string_view bus, const can::Frame& frame) {
+std::string candump_line(rt::Duration at, std::string_view bus, std::string_view frame) {
   const std::int64_t micros = (at.count() + 500) / 1000;
-  return fmt::format("({:010}.{:06}) {} {}", micros / 1'000'000, micros % 1'000'000, bus, can::to_string(frame));
+  return fmt::format("({:010}.{:06}) {} {}", micros / 1'000'000, micros % 1'000'000, bus, frame);
+}
+
+std::string candump_line(rt::Duration at, std::string_view bus, const can::Frame& frame) {
+  return candump_line(at, bus, can::to_string(frame));
 }
 
 std::string write_candump(const Trace& trace) {

@@ -30,6 +30,8 @@ inline constexpr std::size_t most_findings = 100;
 
 /// One line without its end. `at` 0 or later, rounded to the nearest microsecond. `bus` is written as it is.
 [[nodiscard]] std::string candump_line(rt::Duration at, std::string_view bus, const can::Frame& frame);
+/// The same for a frame that is text already, as `can::to_string` writes it.
+[[nodiscard]] std::string candump_line(rt::Duration at, std::string_view bus, std::string_view frame);
 /// The whole log, each line with its end.
 [[nodiscard]] std::string write_candump(const Trace& trace);
 
