@@ -46,8 +46,10 @@ struct RandWalk::Run {
   std::vector<Entry> entries{};
   std::map<Prefix, Node> tree{};  // of this round
   rt::Time last_sent{};
-  unsigned streak = 0;           // rounds without anybody new
-  bool guess = true;             // the first round: `kinds` are believed
+  unsigned streak = 0;  // rounds without anybody new
+  bool guess = true;    // the first round: `kinds` are believed
+  bool hurry = true;    // known ways are walked without waiting for their answers
+  unsigned too_fast_ = 0;
   std::size_t known_before = 0;  // entries when the round began
 
   [[nodiscard]] unsigned factor() const noexcept { return 1U << std::min(streak, 4U); }
@@ -70,6 +72,13 @@ struct RandWalk::Run {
   [[nodiscard]] Entry* find(const LssAddress& address) noexcept {
     const auto it = std::ranges::find(entries, address, [](const Entry& e) { return e.device.address; });
     return it == entries.end() ? nullptr : &*it;
+  }
+  /// A branch is dead. True when the requests may have come too fast for its devices: then it is tried again.
+  bool too_fast(bool hurried) noexcept {
+    ++report.dead_branches;
+    if (!hurried) return false;
+    hurry = ++too_fast_ < 2;
+    return true;
   }
   /// The prefix is done.
   void prune(Prefix prefix) {
@@ -276,6 +285,7 @@ rt::Task<Result<void>> RandWalk::descend(Run& run, bool root_heard) {
   using State = Node::State;
   Prefix p;
   Prefix parent;
+  bool hurried = false;
   bool parent_new = false;  // what its window heard is all that is known of it
   late_.clear();
   for (unsigned phase = root_heard ? 1 : 0; phase < 8; ++phase) {
@@ -288,9 +298,13 @@ rt::Task<Result<void>> RandWalk::descend(Run& run, bool root_heard) {
       if (now() < fence) co_await rt::sleep_until(fence);
     }
     const auto frame = iurs(phase, phase == 0 ? std::uint16_t{0} : p.chunks[phase - 1]);
-    const Wait wait{.first = run.longest(), .early = early};
+    // Through what was walked before without a pause: the answers are known.
+    const bool hurry = run.hurry && early && was == State::visited;
+    hurried |= hurry;
+    const Wait wait{.first = hurry ? rt::Duration{0} : run.longest(), .early = early};
     const auto answered = co_await ask(run, frame, wait);
     if (!answered) co_return fail(answered.error());
+    if (hurry) continue;
     auto& open = run.tree[p].open;
     if (parent_new) run.tree[parent].open.insert(late_.begin(), late_.end());
     late_.clear();
@@ -305,13 +319,11 @@ rt::Task<Result<void>> RandWalk::descend(Run& run, bool root_heard) {
     } else if (was == State::guessed) {
       std::erase_if(open, [this](std::uint16_t c) { return !is_heard(c); });
     } else if (!is_heard(*open.begin())) {
-      ++run.report.dead_branches;
-      run.prune(p, *open.begin());
+      if (!run.too_fast(hurried)) run.prune(p, *open.begin());
       co_return Result<void>{};
     }
     if (!open.empty()) continue;
-    ++run.report.dead_branches;
-    run.prune(p);
+    if (!run.too_fast(hurried)) run.prune(p);
     co_return Result<void>{};
   }
   co_return Result<void>{};
@@ -513,7 +525,7 @@ rt::Task<Result<WalkReport>> RandWalk::discover(std::span<const WalkKind> kinds,
       }
     }
     walked = false;
-    run.guess = false;
+    run.guess = run.hurry = false;
     const auto settled = co_await settle(run);
     if (!settled) co_return fail(settled.error());
     const auto looked = co_await clones(run);
