@@ -1,5 +1,6 @@
 // The device's answers to RAND, its extension and AND, and its claims; expected frames by hand from docs/rand.md,
 // docs/and.md and docs/claim.md.
+#include "berth/nodeid/rand_walk.hpp"
 #include "rig.hpp"
 
 namespace berth::device::test {
@@ -48,6 +49,41 @@ TEST(NodeIdMethods, S1_44_And) {
   l.node->on();
   l.rig.run(milliseconds(5));
   EXPECT_EQ(l.ask("7C2#8000000000000000"), "7A0#0000000000000000") << "power-on: unknown";
+}
+
+// Devices with a receive buffer of one frame, which they take 3 ms to read: requests that come faster are lost.
+TEST(NodeIdMethods, SlowDevicesWithOneReceiveBufferAreFoundByTheWalk) {
+  for (const bool resume : {false, true}) {
+    Rig rig(125'000);
+    std::vector<std::unique_ptr<Node>> nodes;
+    Random random(3);
+    for (unsigned i = 0; i < 6; ++i) {
+      const Timing slow{.response_min = milliseconds(3), .response_max = milliseconds(3), .rx_depth = 1};
+      auto address = address_of(static_cast<std::uint32_t>(random.next()));
+      nodes.push_back(
+          std::make_unique<Node>(rig.world, rig.bus, Options{.address = address, .rand_resume = resume}, slow));
+      nodes.back()->on();
+    }
+    rig.run(milliseconds(10));
+    can::Dispatcher dispatcher(rig.world.executor(), *rig.me);
+    nodeid::RandWalk walk(dispatcher);
+    const nodeid::WalkOptions options{.longest = milliseconds(10)};
+    struct Done final : rt::Job {
+      void run() noexcept override { is = true; }
+      bool is = false;
+    } done;
+    auto task = walk.discover({}, options);
+    done.is = task.start(rig.world.executor(), done);
+    ASSERT_TRUE(rig.world.run_until([&] { return done.is; }, seconds(60)));
+    const auto report = task.take();
+    ASSERT_TRUE(report);
+    EXPECT_EQ(report->end, nodeid::DiscoveryReport::End::complete);
+    ASSERT_EQ(report->found.size(), 6U) << resume;
+    for (const auto& n : nodes) {
+      EXPECT_EQ(std::ranges::count(report->found, n->device.address(), &nodeid::Walked::address), 1);
+      EXPECT_EQ(n->device.identification(), nodeid::Identification::identified);
+    }
+  }
 }
 
 // ---- claiming in the data field (S2.4) -----------------------------------------------------------------------------
