@@ -79,7 +79,7 @@ struct Options {
   lss::Feedback feedback = lss::Feedback::none;              ///< with `fastscan`
   std::uint16_t feedback_base = lss::default_feedback_base;  ///< `Feedback::base`: first of the sixteen identifiers
   RandMode rand = RandMode::on;
-  bool rand_resume = false;   ///< RAND's extension: remembers the deepest phase that matched (docs/rand.md)
+  bool rand_resume = false;   ///< RAND's extension: answers for any prefix of its address (docs/rand.md)
   bool and_protocol = false;  ///< answers AND
   bool claim = false;         ///< claims a node-ID as SAE J1939-81 does when it has none
   NegotiationMode negotiation = NegotiationMode::off;
