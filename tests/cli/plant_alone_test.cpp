@@ -79,7 +79,7 @@ TEST(PlantAlone, RecordsEveryFrame) {
   const Folder folder;
   const auto log = folder.file("log");
   const Outcome outcome =
-      berth({"plant", example("battery-cluster.plant.toml"), "--for", "2 s", "--record", log, "--json"});
+      berth({"plant", example("battery-cluster.plant.toml"), "--for", "4 s", "--record", log, "--json"});
   EXPECT_EQ(outcome.status, 0) << outcome.err;
   EXPECT_NE(contents(log).find(" cluster 00000100#\n"), std::string::npos);
 }
