@@ -8,6 +8,7 @@
 #include "eds.hpp"
 #include "options.hpp"
 #include "output.hpp"
+#include "study.hpp"
 
 namespace berth::cli {
 namespace {
@@ -26,6 +27,7 @@ class CommandLine {
     add_lss();
     add_eds();
     add_doctor();
+    add_study(app_, options_, action_);
     add_rest();
   }
 
