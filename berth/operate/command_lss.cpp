@@ -235,16 +235,11 @@ rt::Task<void> identify(Network& network, const lss::IdentifyRanges& ranges, Com
 rt::Task<void> find(Network& network, CommandReply& reply) {
   const auto blank = co_await network.lss().identify_non_configured();
   if (!blank) co_return lss_failed(reply, network, blank.error(), "identify non-configured slaves");
-  const auto everybody = co_await network.rand().switch_global(nodeid::Identification::unknown);
-  if (!everybody) co_return lss_failed(reply, network, everybody.error(), "RAND discovery");
-  nodeid::DiscoveryOptions options;
-  options.t_resp = network.bus().timing.rand_response;
-  options.t_proc = network.bus().timing.rand_processing;
-  const auto report = co_await network.rand().discover(options);
-  if (!report) co_return lss_failed(reply, network, report.error(), "RAND discovery");
+  const auto report = co_await network.find_new();
+  if (!report) co_return lss_failed(reply, network, report.error(), "discovery");
   Json json = start_json(network, "find");
   json["unconfigured_lss"] = blank->answers > 0;
-  json["complete"] = report->end == nodeid::DiscoveryReport::End::complete;
+  json["complete"] = report->complete;
   json["devices"] = Json::array();
   std::vector<std::string> lines;
   const auto slots = network.report();
@@ -260,11 +255,9 @@ rt::Task<void> find(Network& network, CommandReply& reply) {
     const auto told = co_await network.rand().switch_selective(stranger, nodeid::Identification::unknown);
     static_cast<void>(told);  // the next discovery asks everybody anew
   }
-  lines.push_back(fmt::format("{} found by RAND; {} device without a node-ID answers LSS", report->found.size(),
+  lines.push_back(fmt::format("{} found; {} device without a node-ID answers LSS", report->found.size(),
                               blank->answers > 0 ? "at least one" : "no"));
-  if (report->end != nodeid::DiscoveryReport::End::complete) {
-    lines.push_back(fmt::format("the discovery ended early: {}", name(report->end)));
-  }
+  if (!report->complete) lines.push_back(fmt::format("the discovery ended early: {}", report->end));
   give(reply, json, std::move(lines));
   if (report->found.empty() && blank->answers == 0) reply.status = 1;
 }

@@ -101,8 +101,9 @@ struct LssArguments {
 /// What is wrong is in `problem`.
 [[nodiscard]] LssArguments lss_arguments(const CommandRequest& request, std::string& problem);
 
-// The verbs (commands.cpp, command_sdo.cpp, command_eds.cpp, command_lss.cpp).
+// The verbs (commands.cpp, command_sdo.cpp, command_eds.cpp, command_lss.cpp, command_locate.cpp).
 rt::Task<void> configure(Session& session, const CommandRequest& request, CommandReply& reply);
+rt::Task<void> locate(Session& session, const CommandRequest& request, CommandReply& reply);
 rt::Task<void> sdo_read(Session& session, const CommandRequest& request, CommandReply& reply);
 rt::Task<void> sdo_write(Session& session, const CommandRequest& request, CommandReply& reply);
 rt::Task<void> sdo_probe(Session& session, const CommandRequest& request, CommandReply& reply);

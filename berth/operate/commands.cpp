@@ -338,14 +338,25 @@ void give_report(Session& session, CommandReply& reply) {
 }
 
 rt::Task<void> bind(Session& session, const CommandRequest& request, CommandReply& reply) {
-  const Arguments arguments(request, {"bus"});
+  Arguments arguments(request, {"bus", "method", "from-scratch", "yes"});
+  const bool scratch = arguments.has("from-scratch");
+  const bool yes = arguments.has("yes");
+  const std::string method = arguments.text("method");
+  if (!method.empty() && method != "auto" && !discovery::method(method)) {
+    arguments.wrong(fmt::format("there is no discovery method {}", text::quoted(method)));
+  }
   if (!arguments.good()) co_return refuse(reply, 2, arguments.problem());
   const auto networks = networks_for(session, arguments.text("bus"), Use::send);
   if (!networks) co_return refuse(reply, 2, networks.error());
   std::string problem;
   int status = 0;
   for (Network* const network : *networks) {
-    const auto bound = co_await network->bind_once();
+    Result<void> bound;
+    if (scratch) {
+      bound = co_await network->bind_from_scratch(yes);
+    } else {
+      bound = co_await network->bind_once(method);
+    }
     if (bound) continue;
     status = std::max(status, status_of(bound.error().code));
     problem += (problem.empty() ? "" : "; ") + fmt::format("bus {}: {}", network->bus().name, bound.error().text);
@@ -386,7 +397,8 @@ rt::Task<void> await_slot(Network& network, const std::string& name) {
 }
 
 rt::Task<void> replace(Session& session, const CommandRequest& request, CommandReply& reply) {
-  Arguments arguments(request, {"bus", "slot", "device"});
+  Arguments arguments(request, {"bus", "slot", "device", "used"});
+  const bool used = arguments.has("used");
   const std::string wanted = arguments.required("slot");
   const std::optional<LssAddress> device = arguments.optional_address("device");
   if (!arguments.good()) co_return refuse(reply, 2, arguments.problem());
@@ -408,7 +420,7 @@ rt::Task<void> replace(Session& session, const CommandRequest& request, CommandR
   {
     co_await network->turn().take();
     const rt::Held held(network->turn());
-    cleared = network->replace(name, device);
+    cleared = network->replace(name, device, used);
   }
   if (!cleared) co_return fail_with(reply, cleared.error(), fmt::format("bus {}, slot {}", network->bus().name, name));
   if (session.started()) {
@@ -440,6 +452,8 @@ rt::Task<void> execute(Session& session, const CommandRequest& request, CommandR
     co_await bind(session, request, reply);
   } else if (verb == "replace") {
     co_await replace(session, request, reply);
+  } else if (verb == "locate") {
+    co_await locate(session, request, reply);
   } else if (verb == "configure") {
     co_await configure(session, request, reply);
   } else if (verb == "sdo read") {

@@ -6,8 +6,10 @@
 ///
 ///     report
 ///     scan              bus?
-///     bind              bus?
+///     bind              bus?, method? ("auto" or a discovery method; default: the machine file's)
+///                       from-scratch? ("1": take every node-ID that LSS can change first), yes? ("1": confirms that)
 ///     replace           slot (name, "bus/name" or node-ID), device? (LSS address that shall sit there)
+///     locate            bus?, target (slot, LSS address or node-ID), seconds? (1..600, default 10), anyway? ("1")
 ///     configure         bus?, slot?, check? ("1": compare only)
 ///     sdo read          node, index, sub?, type?                  type: u8 ... vs, see od::data_type
 ///     sdo write         node, index, sub?, value, type?           without a type the value is hex bytes: "91 01 0F"

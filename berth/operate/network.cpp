@@ -4,6 +4,7 @@
 
 #include <algorithm>
 
+#include "berth/discovery/auto.hpp"
 #include "berth/operate/master_device.hpp"
 #include "berth/operate/network_seat.hpp"
 #include "berth/operate/timing_options.hpp"
@@ -24,6 +25,13 @@ const char* name(Phase phase) noexcept {
   return "";
 }
 
+namespace {
+
+// RAND has been asked before.
+constexpr discovery::AutoOptions only_the_rest{.rand = false};
+
+}  // namespace
+
 Network::Network(rt::Executor& executor, can::Port& port, const design::Bus& bus, std::vector<places::SlotSpec> slots,
                  places::SlotStore& store, NetworkObserver observer)
     : executor_(&executor),
@@ -39,6 +47,7 @@ Network::Network(rt::Executor& executor, can::Port& port, const design::Bus& bus
       nmt_(dispatcher_),
       heartbeats_(dispatcher_, *this),
       boots_(dispatcher_),
+      rest_(std::make_unique<discovery::Auto>(discovery::Services{dispatcher_, lss_}, only_the_rest)),
       device_(std::make_unique<MasterDevice>(dispatcher_, bus.master, bus.timing.heartbeat_period)),
       wakes_(executor),
       scope_(executor) {
@@ -193,6 +202,10 @@ void Network::tell_once(const std::string& kind, const std::string& text) {
 void Network::report_plan() {
   for (const auto& oddity : plan_.oddities) {
     tell_once(oddity.kind, oddity.text);
+    for (auto& seat : seats_) {
+      const bool waits = oddity.kind == "fixed mismatch" && !seat->slot.record.device();
+      if (waits && places::fits(seat->slot.spec, oddity.device)) set_state(*seat, SlotState::empty, oddity.text);
+    }
     if (oddity.kind != "clone") continue;
     for (auto& seat : seats_) {
       const auto device = seat->slot.record.device();
@@ -201,15 +214,35 @@ void Network::report_plan() {
       if (own || waits) set_state(*seat, SlotState::duplicate, oddity.text);
     }
   }
+  for (const auto& event : question_events()) {
+    if (std::ranges::find(told_, event.text) != told_.end()) continue;
+    told_.push_back(event.text);
+    if (observer_.event) observer_.event(event);
+  }
   for (const auto& question : plan_.questions) {
-    tell_once("question", question.text);
     for (const auto i : question.slots) set_state(*seats_[i], SlotState::question, question.text);
   }
 }
 
+std::vector<Event> Network::question_events() const {
+  std::vector<Event> events;
+  for (const auto& question : plan_.questions) {
+    Event event{executor_->now(), bus_->name, "question", {}, question.text};
+    for (const auto i : question.slots) event.slots.push_back(seats_[i]->name());
+    for (const auto& device : question.devices) event.devices.push_back(to_string(device));
+    events.push_back(std::move(event));
+  }
+  return events;
+}
+
 void Network::make_plan() {
   auto blanks = store_->unfinished_blanks();
-  plan_ = places::plan(slots(), found_, blanks ? *blanks : std::vector<LssAddress>{}, bus_->master);
+  send_home();
+  const std::vector<places::Found> found = without_used();
+  plan_ = places::plan(slots(), found, blanks ? *blanks : std::vector<LssAddress>{}, bus_->master, readings_);
+  ask_about_used();
+  name_returned();
+  respect_fixed();
 }
 
 // ---- what the bus tells ----
@@ -238,6 +271,7 @@ void Network::heartbeat(const co::HeartbeatEvent& event, rt::Time at) noexcept {
 // A second answer to one SDO request: two devices hold this node-ID, or another SDO client is at work.
 void Network::surplus(NodeId node, const can::Frame&, rt::Time) noexcept {
   look_anew_ = true;
+  if (Seat* const seat = seat_at(node)) seat->suspect = true;
   const std::string text = fmt::format(
       "node {} answered one SDO request twice: two devices hold this node-ID, or another "
       "SDO client is on the bus",
@@ -263,6 +297,8 @@ void Network::check_rates() {
     seat->beats = beats;
     seat->beats_at = executor_->now();
     if (seat->fast >= 2) {
+      seat->suspect = true;
+      look_anew_ = true;
       set_state(*seat, SlotState::duplicate,
                 "its heartbeat comes too often: a second device holds this node-ID; take one of them off the bus");
     }
@@ -294,18 +330,32 @@ Result<void> Network::clear_seat(Seat& seat, const std::string& reason) {
   return {};
 }
 
-Result<void> Network::replace(const std::string& slot, std::optional<LssAddress> device) {
+Result<void> Network::replace(const std::string& slot, std::optional<LssAddress> device, bool used) {
   Seat* seat = seat_named(slot);
   if (seat == nullptr) return fail(Errc::not_found, "no slot of this name on this bus");
+  if (used && !device) {
+    const auto sits = seat->slot.record.confirmed;
+    if (seat->there && sits && is_marked(places::Mark::looks_used, sits->device)) {
+      set_mark(places::Mark::restore, sits->device, seat->id(), "a person said that it may be used");
+      make_welcome(sits->device);
+      set_state(*seat, SlotState::present, "it gets its factory settings");
+      wakes_.push({Wake::Kind::look, seat->id(), executor_->now()});
+      return {};
+    }
+    const auto waits = used_for(*seat);
+    if (!waits) return fail(waits.error());
+    device = *waits;
+  }
   if (seat->state == SlotState::operational || (seat->there && seat->state == SlotState::present)) {
     return fail(Errc::invalid, "the slot's device is there and answers; switch it off or take it off the bus first");
   }
   if (device && !places::fits(seat->slot.spec, *device)) {
     return fail(Errc::invalid, "the device's vendor-ID, product code or revision is not the slot's");
   }
-  const auto cleared = clear_seat(*seat, "replaced by a person");
+  const auto cleared = clear_seat(*seat, std::string(places::by_a_person));
   if (!cleared) return cleared;
   if (device) {
+    make_welcome(*device);
     const places::Seat wanted{*device, seat->id()};
     const auto asked = store_->ask(seat->slot.record.slot, wanted, "named by a person");
     if (!asked) return asked;

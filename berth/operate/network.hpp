@@ -5,14 +5,17 @@
 /// What it does, in this order, again and again while it runs:
 ///   1. opening: whoever an interrupted run left in LSS configuration state is taken out of it
 ///   2. preparation: is the device of every bound slot there? By heartbeat, else SDO 1000h, else guarding (S1.30)
-///   3. discovery: RAND finds every device that no slot knows (S1.31)
+///   3. discovery: RAND finds every device that no slot knows (S1.31); while a slot's device is missing still, whatever
+///      else devices speak is tried (`discovery::Auto`). A bus with `discovery =` uses that method alone
 ///   4. plan and binding: `places::plan`, then one binding after the other (S1.32, S1.33)
 ///   5. check, configuration and start: identity, what `config =` wants, heartbeat, NMT start; operational when the
 ///      device says so
 ///   6. watch: heartbeats and boot-ups; every `probe_period` one question whether somebody new is there
 #pragma once
 
+#include <array>
 #include <functional>
+#include <map>
 #include <memory>
 #include <optional>
 #include <string>
@@ -24,6 +27,7 @@
 #include "berth/co/nmt_master.hpp"
 #include "berth/co/sdo_client.hpp"
 #include "berth/design/machine.hpp"
+#include "berth/discovery/discovery.hpp"
 #include "berth/lss/master.hpp"
 #include "berth/manager/configurator.hpp"
 #include "berth/nodeid/rand_master.hpp"
@@ -31,6 +35,7 @@
 #include "berth/places/binder.hpp"
 #include "berth/places/boot_watch.hpp"
 #include "berth/places/planner.hpp"
+#include "berth/places/recipe_binding.hpp"
 #include "berth/places/slot_store.hpp"
 #include "berth/rt/mailbox.hpp"
 #include "berth/rt/scope.hpp"
@@ -69,7 +74,8 @@ class MasterDevice;  // the master is a device: network.cpp
 class Network final : private co::HeartbeatConsumer::Observer,
                       private co::SdoClient::Observer,
                       private can::StatusHandler,
-                      private nodeid::DiscoveryObserver {
+                      private nodeid::DiscoveryObserver,
+                      private discovery::Assigner {
  public:
   /// `bus`, `store` and `port` must stay. `slots` are the specifications of this bus.
   Network(rt::Executor& executor, can::Port& port, const design::Bus& bus, std::vector<places::SlotSpec> slots,
@@ -95,13 +101,16 @@ class Network final : private co::HeartbeatConsumer::Observer,
   /// Devices and facts that are not as they should be, as last seen.
   [[nodiscard]] const std::vector<places::Oddity>& oddities() const noexcept { return plan_.oddities; }
   [[nodiscard]] const std::vector<places::Question>& questions() const noexcept { return plan_.questions; }
+  /// The same as events, with the names of the slots.
+  [[nodiscard]] std::vector<Event> question_events() const;
 
   // Commands of a person. They wait until the main job has nothing to do.
 
   /// `berth replace SLOT`: forgets who sits in the slot and looks for a new device; `device` says which one it is and
   /// so answers a question. Errors: `not_found` no such slot; `invalid` the slot's device is there and operational, or
   /// `device` is not of the slot's type.
-  Result<void> replace(const std::string& slot, std::optional<LssAddress> device);
+  /// `used`: the used device that waits for this slot, or sits in it, may be used; it gets its factory settings first.
+  Result<void> replace(const std::string& slot, std::optional<LssAddress> device, bool used = false);
 
   /// A person sent this NMT command beside the main job, which then does not work against it: a node that was stopped
   /// or made pre-operational stays so until it is started by a person or boots.
@@ -138,8 +147,36 @@ class Network final : private co::HeartbeatConsumer::Observer,
   /// what differs; a device that runs is compared only. Waits for its turn. Errors: `not_found` no such slot.
   [[nodiscard]] rt::Task<Result<std::vector<SlotConfiguration>>> configure(std::string slot, bool write);
 
-  /// Discovery and binding once, without starting anything (`berth bind`). Waits for its turn.
-  [[nodiscard]] rt::Task<Result<void>> bind_once();
+  /// Discovery and binding once, without starting anything (`berth bind`), by `method` ("auto", or a name of
+  /// `discovery::Method`; empty: the machine file's). Waits for its turn.
+  [[nodiscard]] rt::Task<Result<void>> bind_once(std::string method = {});
+
+  /// The same from scratch (`berth bind --from-scratch`): every device is made pre-operational, every binding is
+  /// forgotten, every node-ID that LSS can change is taken away, and then all are bound anew. Fixed node-IDs stay.
+  /// Errors: `invalid` no person `confirmed` it; `unsupported` Berth does not command this bus; those of `bind_once`.
+  [[nodiscard]] rt::Task<Result<void>> bind_from_scratch(bool confirmed);
+
+  /// Everybody whom no slot knows, as far as `discovery =` reaches.
+  struct NewDevices {
+    std::vector<discovery::Found> found;
+    bool complete = true;
+    std::string end;  ///< how it ended, when it is not complete
+  };
+  /// Changes nothing but what a search changes in the devices. The turn must be held.
+  [[nodiscard]] rt::Task<Result<NewDevices>> find_new();
+
+  /// What `locate` found and showed.
+  struct Located {
+    LssAddress device;
+    NodeId id;                      ///< that it has
+    std::optional<NmtState> state;  ///< as far as it can be known
+  };
+  /// Makes the device of this LSS address show itself for `time`: in LSS configuration state its two indicators flicker
+  /// in turn (CiA 303-3). Then all are in LSS waiting again, also when the task is destroyed. Waits for its turn and
+  /// keeps it, so that nobody is searched for meanwhile. A device that is operational, or of which that is not known,
+  /// is shown `anyway` only: it goes on working, but some makers' devices do not like LSS there. Errors: `not_found` it
+  /// does not answer; `invalid` operational, or not known.
+  [[nodiscard]] rt::Task<Result<Located>> locate(LssAddress device, rt::Duration time, bool anyway);
 
  private:
   struct Seat;  // one slot at run time
@@ -176,12 +213,35 @@ class Network final : private co::HeartbeatConsumer::Observer,
   rt::Task<void> discover();
   rt::Task<void> tell_who_is_known();
   rt::Task<void> inquire_found(bool all);
+  rt::Task<void> discover_by_rand();
+  rt::Task<void> discover_by(discovery::Discovery& way);
   rt::Task<bool> anybody_new();
+  rt::Task<bool> anybody_blank();
   void forget_found(const LssAddress& device);
   void note_found(const places::Found& found);
+  void tell_found(const LssAddress& device, bool clone);
   void tell_discovery(const nodeid::DiscoveryReport& report);
+  void take_found(const discovery::Report& report);
+  [[nodiscard]] bool somebody_missing() const;
+  [[nodiscard]] std::string method() const { return method_.empty() ? bus_->discovery : method_; }
+  [[nodiscard]] discovery::Known known_devices() const;
+  [[nodiscard]] discovery::Options search_options();
+  rt::Task<void> prepare_loans();
+  [[nodiscard]] discovery::Discovery* chosen();
+  NodeId assign(const LssAddress& device) noexcept override;
+  // network_probe.cpp: the place, read from the device
+  [[nodiscard]] bool may_be_lent(NodeId id) const noexcept;
+  [[nodiscard]] NodeId id_to_lend() const noexcept;
+  rt::Task<Result<NodeId>> lend_id(LssAddress device);
+  rt::Task<void> take_ids_back();
+  void forget_readings(const LssAddress& device);
+  rt::Task<bool> read_probes(LssAddress device, NodeId id);
+  rt::Task<bool> read_places();
+  rt::Task<bool> read_place(LssAddress device);
+  rt::Task<bool> stays_in_place(Seat& seat);
   // network_bind.cpp: binding, start
   rt::Task<void> carry_out();
+  rt::Task<void> carry_out_actions(bool& inquired_all);
   rt::Task<bool> act(const places::Action& action);
   rt::Task<bool> bind_seat(Seat& seat, LssAddress device, std::string reason);
   rt::Task<bool> blank(LssAddress device, std::string reason);
@@ -195,6 +255,44 @@ class Network final : private co::HeartbeatConsumer::Observer,
   void not_bound(Seat& seat, const places::Binding& binding);
   void free_absent_slots();
 
+  // network_sources.cpp: where node-IDs come from
+  [[nodiscard]] bool never_by_lss(const LssAddress& device) const;
+  void respect_fixed();
+  void tell_mismatch(const LssAddress& device, NodeId active);
+  void learn_fixed(const places::Binding& binding);
+  [[nodiscard]] std::vector<NodeId> ids_to_ask(bool everybody);
+  rt::Task<bool> find_configured(bool everybody);
+  rt::Task<void> identity_at(NodeId id, std::vector<places::Found>& into);
+  // network_recipe.cpp: node-IDs that are objects
+  [[nodiscard]] Seat* recipe_seat(const places::Found& found);
+  rt::Task<void> bind_by_recipe();
+  rt::Task<void> bind_recipe(Seat& seat, LssAddress device, NodeId now);
+  void not_bound_by_recipe(Seat& seat, const places::RecipeBinding& binding);
+  // network_spares.cpp: listed and used spares, devices that return
+  struct Used {
+    places::Found found;
+    places::FormerSeat sat;
+  };
+  [[nodiscard]] bool is_marked(places::Mark mark, const LssAddress& device) const;
+  void set_mark(places::Mark mark, const LssAddress& device, NodeId id, const std::string& reason);
+  void take_mark(places::Mark mark, const LssAddress& device, const std::string& reason);
+  [[nodiscard]] std::optional<places::FormerSeat> former_seat_of(const LssAddress& device) const;
+  [[nodiscard]] std::string place_of(const places::FormerSeat& seat) const;
+  [[nodiscard]] std::string text_of_return(const LssAddress& device, const places::FormerSeat& sat) const;
+  void free_for_spares();
+  void send_home();
+  [[nodiscard]] std::vector<places::Found> without_used();
+  void ask_about_used();
+  void keep_off(const places::Found& f);
+  void name_returned();
+  [[nodiscard]] std::vector<LssAddress> formers_of(const Seat& seat);
+  rt::Task<bool> isolate_former(Seat& seat);
+  rt::Task<bool> clear_past(Seat& seat);
+  [[nodiscard]] bool had_another(const Seat& seat, const LssAddress& device) const;
+  rt::Task<Result<bool>> foreign_date(Seat& seat);
+  rt::Task<bool> restore_seat(Seat& seat);
+  [[nodiscard]] Result<std::optional<LssAddress>> used_for(const Seat& seat) const;
+  void make_welcome(const LssAddress& device);
   // network_configure.cpp: configuration before start
   void load_configurations();
   rt::Task<bool> configure_seat(Seat& seat, manager::ConfigurationReport& report);
@@ -261,21 +359,40 @@ class Network final : private co::HeartbeatConsumer::Observer,
   co::NmtMaster nmt_;
   co::HeartbeatConsumer heartbeats_;
   places::BootWatch boots_;
+  std::unique_ptr<discovery::Discovery> rest_;    // whoever RAND does not find
+  std::unique_ptr<discovery::Discovery> chosen_;  // by `discovery =`
+  std::string chosen_name_;
+  std::string method_;  // of `bind_once`, while it runs
   std::unique_ptr<MasterDevice> device_;
   std::vector<std::unique_ptr<Seat>> seats_;
   places::VacancyTable vacancy_;
   std::vector<places::Found> found_;
+  std::map<LssAddress, rt::Time> first_seen_;  // of `found_`
+  std::vector<places::Reading> readings_;      // of devices without a seat
+  std::vector<places::Seat> lent_;             // node-IDs that no slot has, until their devices are seated or not
+  std::array<rt::Time, 128> lent_until_{};     // boot-up messages up to then are of our making
   places::Plan plan_;
-  std::vector<LssAddress> avoid_;     // devices whose action failed in this round
-  std::vector<LssAddress> heard_of_;  // found by the last discovery
+  std::vector<LssAddress> avoid_;         // devices whose action failed in this round
+  std::vector<Used> used_;                // found, and sat somewhere before
+  std::vector<LssAddress> welcome_;       // a person named them, or said that they may be used
+  std::array<rt::Time, 128> asked_at_{};  // who answers at a node-ID of nobody was asked then
+  rt::Time sweep_at_{};                   // all node-IDs are not asked again before
+  std::vector<places::Oddity> returned_;  // sat in a slot, came back, and gave its node-ID up
+  std::vector<LssAddress> heard_of_;      // found by the last discovery
   std::vector<LssAddress> known_before_;
+  std::vector<LssAddress> by_rest_;   // found otherwise than by RAND
   bool news_ = false;                 // the last discovery found somebody who was not told
   std::vector<std::string> told_;     // oddities and questions already told
   std::vector<std::string> reached_;  // milestones
   rt::Mailbox<Wake, 512> wakes_;
   Phase phase_ = Phase::opening;
   rt::Time retry_at_{};
-  rt::Time anew_at_{};  // the whole bus is not asked again before
+  rt::Time anew_at_{};        // the whole bus is not asked again before
+  bool rest_wanted_ = false;  // somebody without a node-ID answered LSS: whoever RAND does not find is looked for
+  rt::Time blank_at_{};       // such an answer is no news before
+  rt::Time rest_at_{};        // a slot without a device alone is no reason to look for them before
+  bool once_ = false;         // `bind_once` runs: there is no later look
+  unsigned looks_ = 0;
   bool idle_ = false;
   bool running_ = false;
   bool look_anew_ = true;  // the next look asks everybody, not only who is unknown

@@ -58,9 +58,25 @@ rt::Task<void> Network::carry_out() {
   make_plan();
   if (!found_.empty()) {
     co_await inquire_found(false);
+    free_for_spares();
     free_absent_slots();
     make_plan();
   }
+  // Who must be read first is seated by the second plan; a device that has to give a node-ID up before that, the third.
+  for (int pass = 0; pass < 3; ++pass) {
+    co_await carry_out_actions(inquired_all);
+    if (plan_.probes.empty()) break;
+    const bool read = co_await read_places();
+    make_plan();
+    if (!read) break;
+  }
+  co_await take_ids_back();
+  report_plan();
+  const bool any = std::ranges::any_of(seats_, [](const auto& s) { return s->slot.record.confirmed.has_value(); });
+  if (any) reach("bound");
+}
+
+rt::Task<void> Network::carry_out_actions(bool& inquired_all) {
   for (;;) {
     co_await verify_vacancy();
     const std::vector<Action> actions = plan_.actions;
@@ -82,9 +98,6 @@ rt::Task<void> Network::carry_out() {
     make_plan();
     if (!again) break;
   }
-  report_plan();
-  const bool any = std::ranges::any_of(seats_, [](const auto& s) { return s->slot.record.confirmed.has_value(); });
-  if (any) reach("bound");
 }
 
 rt::Task<bool> Network::act(const Action& action) {
@@ -114,13 +127,21 @@ rt::Task<bool> Network::bind_seat(Seat& seat, LssAddress device, std::string rea
 
 void Network::bound(Seat& seat, const Binding& binding) {
   forget_found(binding.seat().device);
+  forget_readings(binding.seat().device);
   seat.there = true;
   seat.started = false;
   seat.waiting.reset();
+  seat.fresh = true;
   seat.checked = executor_->now();
   tell("bound", seat.name(),
        fmt::format("bound to {} as node-ID {}{}", to_string(binding.seat().device), seat.id().value(),
                    binding.volatile_only() ? ", which it cannot store" : ""));
+  if (seat.slot.spec.when_ambiguous == places::WhenAmbiguous::one_at_a_time) {
+    const LssAddress& device = binding.seat().device;
+    tell("new device", seat.name(),
+         fmt::format("new device: manufacturer {:08X}h, product {:08X}h, serial {:08X}h took slot {}, node-ID {}",
+                     device.vendor, device.product, device.serial, seat.name(), seat.id().value()));
+  }
   set_state(seat, SlotState::present);
 }
 
@@ -134,6 +155,7 @@ void Network::not_bound(Seat& seat, const Binding& binding) {
     set_state(seat, SlotState::power_cycle, "node-ID stored; switch the device off and on");
     return;
   }
+  learn_fixed(binding);
   const bool clone = binding.why() == Why::clone;
   if (clone) note_found({binding.seat().device, binding.old_id(), true});
   if (binding.why() == Why::not_there) forget_found(binding.seat().device);
@@ -168,6 +190,7 @@ rt::Task<bool> Network::blank(LssAddress device, std::string reason) {
     const auto it = std::ranges::find(found_, device, &places::Found::device);
     if (it != found_.end()) it->active = NodeId();
   } else if (binding.why() != places::Why::not_there) {
+    learn_fixed(binding);
     tell("error", "", fmt::format("{} keeps its node-ID: {}", to_string(device), name(binding.why())));
   }
   co_return good;
@@ -192,6 +215,8 @@ rt::Task<void> Network::check_and_start() {
 
 rt::Task<void> Network::start_seat(Seat& seat) {
   const NodeId id = seat.id();
+  const bool clear = co_await clear_past(seat);
+  if (!clear) co_return;
   const bool configures = !seat.slot.spec.config.empty() && bus_->role != design::Role::observer;
   if (configures) {
     manager::ConfigurationReport report;
@@ -273,14 +298,45 @@ rt::Task<void> Network::start_again() {
   }
 }
 
-rt::Task<Result<void>> Network::bind_once() {
+namespace {
+
+// Also when the command is given up in the middle.
+class Clearing {
+ public:
+  Clearing(std::string& text, bool& flag) noexcept : text_(text), flag_(flag) {}
+  ~Clearing() {
+    text_.clear();
+    flag_ = false;
+  }
+  Clearing(const Clearing&) = delete;
+  Clearing& operator=(const Clearing&) = delete;
+
+ private:
+  std::string& text_;
+  bool& flag_;
+};
+
+}  // namespace
+
+rt::Task<Result<void>> Network::bind_once(std::string method) {
   co_await turn_.take();
   const rt::Held held(turn_);
+  method_ = std::move(method);
+  const Clearing clearing(method_, once_);
+  once_ = true;
   look_anew_ = true;
   co_await opening();
   co_await prepare();
   co_await discover();
   co_await carry_out();
+  for (auto& seat : seats_) {
+    const bool fixed = seat->slot.spec.assign == places::Assign::fixed && !seat->slot.record.confirmed;
+    if (fixed) co_await adopt_fixed(*seat);
+  }
+  const bool everybody = false;
+  const bool others = co_await find_configured(everybody);
+  co_await bind_by_recipe();
+  if (others) co_await carry_out();
   const auto left = std::ranges::find_if(seats_, [](const auto& s) { return !s->slot.spec.optional && !s->there; });
   if (left != seats_.end()) co_return fail(Errc::not_found, "not every slot has its device; see the report");
   co_return Result<void>();

@@ -3,6 +3,7 @@
 
 #include <algorithm>
 
+#include "berth/discovery/auto.hpp"
 #include "berth/operate/network_seat.hpp"
 
 namespace berth::operate {
@@ -16,12 +17,18 @@ nodeid::DiscoveryOptions Network::discovery_options() const {
   return o;
 }
 
+// First seen: its boot-up message when it has a node-ID, else the first answer that it gave.
 void Network::note_found(const places::Found& found) {
+  const auto [seen, fresh] = first_seen_.try_emplace(found.device, executor_->now());
+  const auto booted = found.active.configured() ? boots_.boot_up(found.active) : std::nullopt;
+  if (booted && lent_until_[found.active.value()] < *booted) seen->second = std::min(seen->second, *booted);
+  places::Found noted = found;
+  noted.seen = seen->second;
   const auto it = std::ranges::find(found_, found.device, &places::Found::device);
   if (it == found_.end()) {
-    found_.push_back(found);
+    found_.push_back(noted);
   } else {
-    *it = found;
+    *it = noted;
   }
 }
 
@@ -52,19 +59,53 @@ rt::Task<void> Network::tell_who_is_known() {
   }
 }
 
+// RAND is asked first and alone: it finds all who speak it in one go. The rest is asked for only when a slot is still
+// without a device, or when somebody without a node-ID answered LSS. Never two schemes at once (S1.24).
 rt::Task<void> Network::discover() {
   phase_ = Phase::discovery;
+  if (rest_at_ == rt::Time{}) rest_at_ = executor_->now() + 2 * bus_->timing.probe_period;
   // Devices that wait without a seat are identified and would not answer: all are asked anew, who left is forgotten.
   const bool waiting = std::ranges::any_of(found_, [&](const auto& f) { return seat_of(f.device) == nullptr; });
-  if (look_anew_ || waiting) {
+  const bool by_rand = method() == "auto" || method() == "rand";
+  const bool anew = look_anew_ || waiting;
+  if (anew) {
     look_anew_ = false;
     anew_at_ = executor_->now() + 8 * bus_->timing.probe_period;
-    std::erase_if(found_, [&](const places::Found& f) { return f.clone || seat_of(f.device) == nullptr; });
-    co_await tell_who_is_known();
+    const auto goes = [&](const places::Found& f) { return f.clone || seat_of(f.device) == nullptr; };
+    for (const auto& f : found_) {
+      rest_wanted_ = rest_wanted_ || (goes(f) && std::ranges::find(by_rest_, f.device) != by_rest_.end());
+      if (goes(f)) forget_readings(f.device);
+    }
+    std::erase_if(found_, goes);
+    if (by_rand) co_await tell_who_is_known();
   }
-  const nodeid::DiscoveryOptions options = discovery_options();
   known_before_ = std::exchange(heard_of_, {});
   news_ = false;
+  if (by_rand) {
+    co_await discover_by_rand();
+    const bool rest = method() == "auto" && rest_ != nullptr;
+    const bool due = rest && somebody_missing() && (once_ || executor_->now() >= rest_at_);
+    // Devices that are still booting are no reason to search for long; one that could answer now is.
+    const bool asks = rest && !due && !rest_wanted_ && somebody_missing();
+    if (asks) co_await anybody_blank();
+    const bool wanted = std::exchange(rest_wanted_, false);
+    if (rest && (due || wanted)) {
+      co_await discover_by(*rest_);
+      rest_at_ = executor_->now() + 8 * bus_->timing.probe_period;
+    }
+  } else {
+    discovery::Discovery* const way = chosen();
+    if (way != nullptr) co_await discover_by(*way);
+  }
+  if (anew) {
+    std::erase_if(first_seen_, [&](const auto& seen) {
+      return std::ranges::find(found_, seen.first, &places::Found::device) == found_.end();
+    });
+  }
+}
+
+rt::Task<void> Network::discover_by_rand() {
+  const nodeid::DiscoveryOptions options = discovery_options();
   nodeid::DiscoveryObserver* const watching = this;
   const auto report = co_await rand_.discover(options, watching);
   if (!report) {
@@ -74,14 +115,122 @@ rt::Task<void> Network::discover() {
   tell_discovery(*report);
 }
 
-// The same devices found again and again, because they wait for a place, are told once.
-void Network::found(const nodeid::Discovered& device) noexcept {
-  heard_of_.push_back(device.address);
-  if (std::ranges::find(known_before_, device.address) != known_before_.end()) return;
-  news_ = true;
-  tell("found", "",
-       fmt::format("found {}{}", to_string(device.address), device.possible_clone ? ", answered twice" : ""));
+// As many node-IDs that nobody answers under as devices may come, asked side by side.
+rt::Task<void> Network::prepare_loans() {
+  std::size_t wanted = 2;
+  for (const auto& seat : seats_) wanted += seat->there ? 0U : 1U;
+  rt::Scope asked(*executor_);
+  for (std::uint8_t value = 126; value > 0 && wanted > 0; --value) {
+    const NodeId id(value);
+    if (!may_be_lent(id)) continue;
+    --wanted;
+    if (!vacancy_[value]) asked.spawn(ask_vacancy(id));
+  }
+  co_await asked.join();
 }
+
+rt::Task<void> Network::discover_by(discovery::Discovery& way) {
+  const discovery::Known known = known_devices();
+  const discovery::Options options = search_options();
+  if (options.assigner != nullptr) co_await prepare_loans();
+  const auto report = co_await way.find(known, options);
+  // Whoever was found may still be in LSS configuration, where a planner leaves those who shall not answer again.
+  const auto quiet = co_await lss_.switch_global(lss::State::waiting);
+  if (!report || !quiet) {
+    tell_once("error", "discovery: " + describe(report ? quiet.error() : report.error()));
+    co_return;
+  }
+  take_found(*report);
+}
+
+// ---- what a search is told ----
+
+// A device that fits each slot without one, no device counted twice: else somebody is missing.
+bool Network::somebody_missing() const {
+  std::vector<bool> used(found_.size(), false);
+  for (const auto& seat : seats_) {
+    if (seat->there || seat->slot.spec.assign != places::Assign::lss) continue;
+    const auto device = seat->slot.record.device();
+    std::size_t i = 0;
+    const auto here = [&](const places::Found& f) {
+      return !f.clone && (device == f.device || places::fits(seat->slot.spec, f.device));
+    };
+    while (i < found_.size() && (used[i] || !here(found_[i]))) ++i;
+    if (i == found_.size()) return true;
+    used[i] = true;
+  }
+  return false;
+}
+
+discovery::Known Network::known_devices() const {
+  discovery::Known known;
+  const auto add = [&](const TypeCode& type, const std::optional<std::uint32_t>& revision) {
+    const discovery::Kind kind{type, revision};
+    if (std::ranges::find(known.kinds, kind) == known.kinds.end()) known.kinds.push_back(kind);
+  };
+  for (const auto& seat : seats_) {
+    const auto& spec = seat->slot.spec;
+    const bool exact = spec.rule == places::RevisionRule::exact;
+    const auto revision = exact ? spec.revision : std::nullopt;
+    add(spec.type, revision);
+    for (const auto& other : spec.also) add(other.type, exact ? other.revision : std::nullopt);
+    const auto device = seat->slot.record.device();
+    if (device) (seat->there ? known.registered : known.expected).push_back(*device);
+    if (device || !revision) continue;
+    for (const auto serial : spec.spares) {
+      known.expected.push_back({spec.type.vendor, spec.type.product, *revision, serial});
+    }
+  }
+  for (const auto& f : found_) {
+    if (std::ranges::find(known.registered, f.device) == known.registered.end()) known.registered.push_back(f.device);
+  }
+  return known;
+}
+
+discovery::Options Network::search_options() {
+  discovery::Options options;
+  const bool published = chosen_ != nullptr && !chosen_name_.starts_with("planner") && method() == chosen_name_;
+  if (!published) options.window = bus_->timing.lss_timeout;
+  // The longest frame of the bus: 8 bytes, 29 bits, every stuff bit there can be.
+  options.blocking = std::chrono::nanoseconds(160'000'000'000LL / bus_->bitrate);
+  options.inhibit = lss_.options().inhibit;
+  // Plain Fastscan does not find the next device before this one has a node-ID; the planners need none.
+  if (published) options.assigner = this;
+  return options;
+}
+
+// Lent while the device is the only one selected; it is seated, or blank again, before the round is over.
+NodeId Network::assign(const LssAddress& device) noexcept {
+  const NodeId id = id_to_lend();
+  if (!id.configured()) return id;
+  lent_until_[id.value()] = rt::never;
+  lent_.push_back({device, id});
+  return id;
+}
+
+discovery::Discovery* Network::chosen() {
+  if (chosen_ != nullptr && chosen_name_ == method()) return chosen_.get();
+  const auto way = discovery::method(method());
+  if (!way) {
+    tell_once("error", "there is no discovery method " + method());
+    return nullptr;
+  }
+  chosen_ = discovery::make(*way, {dispatcher_, lss_});
+  chosen_name_ = method();
+  return chosen_.get();
+}
+
+// ---- what came of it ----
+
+// The same devices found again and again, because they wait for a place, are told once.
+void Network::tell_found(const LssAddress& device, bool clone) {
+  heard_of_.push_back(device);
+  if (std::ranges::find(known_before_, device) != known_before_.end()) return;
+  news_ = true;
+  tell("found", "", fmt::format("found {}{}", to_string(device), clone ? ", answered twice" : ""));
+}
+
+void Network::found(const nodeid::Discovered& device) noexcept { tell_found(device.address, device.possible_clone); }
 
 void Network::tell_discovery(const nodeid::DiscoveryReport& report) {
   for (const auto& d : report.found) note_found({d.address, NodeId(), d.possible_clone});
@@ -97,6 +246,67 @@ void Network::tell_discovery(const nodeid::DiscoveryReport& report) {
                      seconds(report.ended) - seconds(report.began)));
   }
   reach("discovered");
+}
+
+void Network::take_found(const discovery::Report& report) {
+  const bool told_before = std::exchange(news_, false);
+  for (const auto& d : report.found) {
+    if (std::ranges::find(by_rest_, d.address) == by_rest_.end()) by_rest_.push_back(d.address);
+    tell_found(d.address, d.possible_clone);
+    note_found({d.address, d.assigned.configured() ? d.assigned : d.active, d.possible_clone});
+  }
+  // Who stays without a node-ID answers every poll: that is no news for a while.
+  blank_at_ = executor_->now() + (news_ ? rt::Duration{0} : 8 * bus_->timing.probe_period);
+  using End = discovery::Report::End;
+  if (report.end != End::complete && report.end != End::held) {
+    tell_once("error",
+              fmt::format("discovery ended early: {}; a device answers that cannot be identified", name(report.end)));
+  }
+  if (news_) {
+    tell("step", "",
+         fmt::format("discovery: {} found by {}, {} requests, {:.3f} s", report.found.size(),
+                     name(report.found.front().by), report.requests, seconds(report.ended) - seconds(report.began)));
+  }
+  news_ = news_ || told_before;
+  if (!report.found.empty()) reach("discovered");
+}
+
+// For `berth scan` and `berth lss find`: no seat is thought of, nothing is remembered.
+rt::Task<Result<Network::NewDevices>> Network::find_new() {
+  NewDevices all;
+  const bool by_rand = method() == "auto" || method() == "rand";
+  if (by_rand) {
+    const auto everybody = co_await rand_.switch_global(nodeid::Identification::unknown);
+    if (!everybody) co_return fail(everybody.error());
+    const nodeid::DiscoveryOptions options = discovery_options();
+    const auto found = co_await rand_.discover(options);
+    if (!found) co_return fail(found.error());
+    for (const auto& d : found->found) {
+      discovery::Found one;
+      one.address = d.address;
+      one.at = d.at;
+      one.possible_clone = d.possible_clone;
+      all.found.push_back(one);
+    }
+    all.complete = found->end == nodeid::DiscoveryReport::End::complete;
+    if (!all.complete) all.end = name(found->end);
+  }
+  discovery::Discovery* const way = by_rand ? (method() == "auto" ? rest_.get() : nullptr) : chosen();
+  if (way != nullptr) {
+    discovery::Known known = known_devices();
+    for (const auto& found : all.found) known.registered.push_back(found.address);
+    discovery::Options options = search_options();
+    options.assigner = nullptr;  // a scan gives nobody a node-ID
+    const auto report = co_await way->find(known, options);
+    const auto quiet = co_await lss_.switch_global(lss::State::waiting);
+    if (!report) co_return fail(report.error());
+    if (!quiet) co_return fail(quiet.error());
+    for (const auto& found : report->found) all.found.push_back(found);
+    const bool complete = report->end == discovery::Report::End::complete;
+    if (!complete) all.end = name(report->end);
+    all.complete = all.complete && complete;
+  }
+  co_return all;
 }
 
 // RAND tells no node-ID. Who will be bound is asked in its binding; the others must be known by the node-ID they hold,
@@ -115,8 +325,8 @@ rt::Task<void> Network::inquire_found(bool all) {
       co_await take_back(heard);
     } else if (id.error().code == Errc::duplicate) {
       note_found({f.device, f.active, true});
-    } else if (seat == nullptr && id.error().code == Errc::timeout) {
-      forget_found(f.device);  // it left
+    } else if (seat == nullptr && id.error().code == Errc::timeout && !f.active.configured()) {
+      forget_found(f.device);  // it left; who was found by its node-ID may speak no LSS
     }
   }
 }
@@ -132,11 +342,29 @@ rt::Task<void> Network::take_back(const places::Found& found) {
   if (seat->there) forget_found(device);
 }
 
+// One question a look: RAND's phase 0, which only those answer who are new. A device without RAND is heard by LSS, with
+// one frame that all without a node-ID answer alike: at every look while a slot waits, else at every eighth.
 rt::Task<bool> Network::anybody_new() {
   if (bus_->role == design::Role::observer) co_return false;
-  const nodeid::DiscoveryOptions options = discovery_options();
-  const auto probe = co_await rand_.probe(options);
-  co_return probe && probe->anybody;
+  const bool by_rand = method() == "auto" || method() == "rand";
+  if (by_rand) {
+    const nodeid::DiscoveryOptions options = discovery_options();
+    const auto probe = co_await rand_.probe(options);
+    const bool somebody = probe && probe->anybody;
+    if (somebody || method() == "rand") co_return somebody;
+  }
+  const bool due = ++looks_ % 8 == 0 || somebody_missing();
+  if (!due || executor_->now() < blank_at_) co_return false;
+  co_return co_await anybody_blank();
+}
+
+rt::Task<bool> Network::anybody_blank() {
+  lss::ServiceOptions options = lss_.options().identify;
+  options.timeout = std::min<rt::Duration>(options.timeout, 2 * bus_->timing.rand_response);
+  options.full_window = false;
+  const auto heard = co_await lss_.identify_non_configured(options);
+  rest_wanted_ = heard && heard->answers > 0;
+  co_return rest_wanted_;
 }
 
 }  // namespace berth::operate

@@ -41,7 +41,7 @@ bool Network::retry_due() {
   for (auto& seat : seats_) {
     if (seat->state == SlotState::failed && seat->there && !seat->stuck)
       set_state(*seat, SlotState::present, "trying again");
-    const bool troubled = seat->state == SlotState::absent || seat->state == SlotState::duplicate;
+    const bool troubled = seat->state == SlotState::absent || seat->state == SlotState::duplicate || seat->misplaced;
     seat->ask_again = troubled && seat->slot.record.confirmed && !seat->slot.record.asked;
     if (seat->state == SlotState::duplicate && !seat->slot.record.device())
       set_state(*seat, SlotState::empty, "looking again");
@@ -59,17 +59,26 @@ rt::Task<void> Network::round() {
       const bool still = !id && id.error().code == Errc::duplicate;
       if (still) continue;
     }
-    if (again) co_await ask_seat(*seat);
+    const bool troubled = again || seat->suspect;
+    if (troubled) {
+      const bool other = co_await isolate_former(*seat);
+      const bool asks = other || again;
+      if (asks) co_await ask_seat(*seat);
+    }
     const bool elsewhere = again && !seat->there;
     if (elsewhere) co_await look_by_lss(*seat);
   }
   if (bus_->role != design::Role::observer) {
     for (auto& seat : seats_) {
-      const bool fixed = seat->slot.spec.assign == places::Assign::fixed && !seat->slot.record.device();
+      const bool fixed = seat->slot.spec.assign == places::Assign::fixed && !seat->slot.record.confirmed;
       if (fixed) co_await adopt_fixed(*seat);
     }
     co_await discover();
     co_await carry_out();
+    const bool everybody = false;
+    const bool others = co_await find_configured(everybody);
+    co_await bind_by_recipe();
+    if (others) co_await carry_out();
     speak();
   }
   for (auto& seat : seats_) {
@@ -133,12 +142,17 @@ rt::Task<void> Network::handle(Wake wake) {
   Seat* const seat = seat_at(wake.node);
   if (seat == nullptr) {
     // A boot-up under a node-ID of nobody here: look who it is.
-    if (wake.kind == Wake::Kind::boot_up && wake.node != bus_->master) look_anew_ = true;
+    const bool lent = wake.at <= lent_until_[wake.node.value()];
+    if (wake.kind == Wake::Kind::boot_up && wake.node != bus_->master && !lent) look_anew_ = true;
     co_return;
   }
   switch (wake.kind) {
     case Wake::Kind::boot_up:
-      if (wake.at > seat->checked) co_await came_back(*seat, wake.at);
+      if (wake.at > seat->checked) {
+        // The slot's own device, or one that sat here before?
+        co_await isolate_former(*seat);
+        co_await came_back(*seat, wake.at);
+      }
       break;
     case Wake::Kind::lost: {
       const bool gone = heartbeats_.lost(seat->id()) || !heartbeats_.state(seat->id());
@@ -161,6 +175,13 @@ rt::Task<void> Network::handle(Wake wake) {
       const bool left =
           seat->there && seat->state == SlotState::operational && state && *state != NmtState::operational;
       if (!left) break;
+      // A second device under this node-ID tells its own state.
+      const rt::Time told = executor_->now();
+      const bool other = co_await isolate_former(*seat);
+      if (other) {
+        co_await came_back(*seat, told);
+        break;
+      }
       // Stopped is what somebody told it to be; pre-operational may be its answer to an error, and is started again.
       const bool stays = seat->held || *state == NmtState::stopped;
       seat->started = stays;

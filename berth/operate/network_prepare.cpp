@@ -93,6 +93,8 @@ rt::Task<void> Network::ask_seat(Seat& seat) {
     set_state(seat, SlotState::absent, fmt::format("device {} answers under its node-ID", to_string(*who)));
     co_return;
   }
+  const bool stays = co_await stays_in_place(seat);
+  if (!stays) co_return;
   seat.there = true;
   seat.started = state == NmtState::operational || seat.held;
   if (state == NmtState::operational) {
@@ -241,10 +243,7 @@ rt::Task<Result<std::vector<Network::Seen>>> Network::scan() {
     co_await asked.join();
   }
   std::erase_if(nodes, [](const Seen& s) { return !s.device_type && !s.device && !s.state; });
-  const auto everybody = co_await rand_.switch_global(nodeid::Identification::unknown);
-  if (!everybody) co_return fail(everybody.error());
-  const nodeid::DiscoveryOptions options = discovery_options();
-  const auto found = co_await rand_.discover(options);
+  const auto found = co_await find_new();
   if (!found) co_return fail(found.error());
   for (const auto& d : found->found) {
     const auto known =

@@ -17,8 +17,11 @@ struct Network::Seat {
   bool there = false;                      ///< its device was identified under the slot's node-ID
   bool started = false;                    ///< NMT start was sent
   bool awaited = false;                    ///< NMT start was sent just now, and its heartbeat has not told yet
+  bool fresh = false;                      ///< bound in this run, and not yet looked at for a past elsewhere
+  bool suspect = false;                    ///< traffic says that a second device may hold its node-ID
   bool held = false;                       ///< a person took it out of operational: it is not started again
   bool ask_again = false;                  ///< silent, and due to be asked once more
+  bool misplaced = false;                  ///< its probe tells another place, which no slot has
   bool guarded = false;                    ///< the device has no 1017h: it is asked by guarding
   rt::Time checked{};                      ///< when it was identified last
   std::optional<places::Binding> waiting;  ///< bound but for a power cycle

@@ -34,6 +34,8 @@ Json json_of(const Event& e) {
   j["kind"] = e.kind;
   if (!e.slot.empty()) j["slot"] = e.slot;
   j["text"] = e.text;
+  if (!e.slots.empty()) j["slots"] = e.slots;
+  if (!e.devices.empty()) j["devices"] = e.devices;
   return j;
 }
 
@@ -52,6 +54,7 @@ std::string to_json(const Report& report, int indent) {
   for (const auto& [bus, time] : report.bus_time_s) j["bus_time_s"][bus] = time;
   j["events"] = Json::array();
   for (const auto& e : report.events) j["events"].push_back(json_of(e));
+  for (const auto& q : report.questions) j["questions"].push_back(json_of(q));
   return dump(j, indent);
 }
 

@@ -30,10 +30,12 @@ struct SlotReport {
 struct Event {
   rt::Time at{};
   std::string bus;
-  std::string kind;  ///< "step", "found", "bound", "configured", "state", "question", "surplus", "foreign", "clone",
+  std::string kind;  ///< "step", "found", "bound", "new device", "moved", "configured", "state", "question", "surplus", "foreign", "clone",
                      ///< "duplicate", "lost", "error", ...
   std::string slot;  ///< name, empty when no slot is concerned
   std::string text;
+  std::vector<std::string> slots = {};    ///< of a "question": the slots that it is about
+  std::vector<std::string> devices = {};  ///< of a "question": the LSS addresses of the devices
 
   friend bool operator==(const Event&, const Event&) = default;
 };
@@ -42,6 +44,7 @@ struct Report {
   std::vector<SlotReport> slots;
   std::vector<std::pair<std::string, double>> bus_time_s;  ///< per bus: seconds of bus time from start to now
   std::vector<Event> events;
+  std::vector<Event> questions = {};  ///< that are open now
 };
 
 /// Seconds since the world began, as a JSON number has them.
@@ -49,7 +52,8 @@ struct Report {
 
 /// One JSON object: `{"slots": [{"bus", "id", "name", "type", "r_sn", "state", "since_s"}], "bus_time_s": {...},
 /// "events": [...]}`. Type code and R_SN are "0x…" strings; `r_sn` is null for a slot without a device; "reason" is
-/// there when it is not empty.
+/// there when it is not empty, and so is "questions": `[{"bus", "kind", "text", "slots", "devices"}]`, which `berth
+/// replace SLOT --device ADDRESS` answers.
 [[nodiscard]] std::string to_json(const Report& report, int indent = 2);
 /// One line of JSON, for streams.
 [[nodiscard]] std::string to_json(const Event& event);

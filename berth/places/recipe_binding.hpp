@@ -41,20 +41,22 @@ enum class RecipeStep : std::uint8_t {
 
 class RecipeBinding {
  public:
-  /// `now`: the node-ID under which the device answers. `tries`: how often it may be written.
-  RecipeBinding(Recipe::After after, const Seat& seat, NodeId now, unsigned tries = 3) noexcept
+  /// `now`: the node-ID under which the device answers. `tries`: how often it may be written. `resumed`: an earlier run
+  /// asked for this and may have written it.
+  RecipeBinding(Recipe::After after, const Seat& seat, NodeId now, unsigned tries = 3, bool resumed = false) noexcept
       : after_(after),
         seat_(seat),
         old_id_(now),
         tries_(tries),
-        step_(now == seat.id ? RecipeStep::write_ask : RecipeStep::check_vacant) {}
+        step_(now == seat.id ? RecipeStep::write_ask : RecipeStep::check_vacant),
+        untouched_(!resumed) {}
 
   [[nodiscard]] const Seat& seat() const noexcept { return seat_; }
   [[nodiscard]] NodeId old_id() const noexcept { return old_id_; }
   [[nodiscard]] RecipeStep step() const noexcept { return step_; }
   [[nodiscard]] Why why() const noexcept { return why_; }
   [[nodiscard]] unsigned tries_left() const noexcept { return tries_; }
-  /// Nothing was written: nothing in the device can have changed.
+  /// Nothing was ever written: nothing in the device can have changed.
   [[nodiscard]] bool untouched() const noexcept { return untouched_; }
   [[nodiscard]] bool ended() const noexcept {
     return step_ == RecipeStep::done || step_ == RecipeStep::failed || step_ == RecipeStep::power_cycle;
@@ -75,7 +77,7 @@ class RecipeBinding {
   unsigned tries_;
   RecipeStep step_;
   Why why_ = Why::none;
-  bool untouched_ = true;
+  bool untouched_;
 };
 
 }  // namespace berth::places

@@ -78,7 +78,7 @@ class Model {
 
   // What the main job does: looks where the device is, and begins.
   [[nodiscard]] State begun(State s) const {
-    s.work.emplace(after_, seat, s.active, 2);
+    s.work.emplace(after_, seat, s.active, 2U, s.asked);
     return s;
   }
 

@@ -1,0 +1,66 @@
+// A device shows itself (CiA 303-3): in LSS configuration state both indicators flicker, in turn.
+#include "berth/lss/frames.hpp"
+#include "berth/operate/network_seat.hpp"
+
+namespace berth::operate {
+namespace {
+
+// Back to waiting, also when the command is given up in the middle.
+class Shown {
+ public:
+  explicit Shown(can::Dispatcher& dispatcher) noexcept : dispatcher_(&dispatcher) {}
+  ~Shown() {
+    if (dispatcher_ == nullptr) return;
+    const can::Frame waiting =
+        lss::request(lss::Command::switch_global, static_cast<std::uint8_t>(lss::State::waiting));
+    (void)dispatcher_->send(waiting);
+  }
+  Shown(const Shown&) = delete;
+  Shown& operator=(const Shown&) = delete;
+  void over() noexcept { dispatcher_ = nullptr; }
+
+ private:
+  can::Dispatcher* dispatcher_;
+};
+
+}  // namespace
+
+rt::Task<Result<Network::Located>> Network::locate(LssAddress device, rt::Duration time, bool anyway) {
+  co_await turn_.take();
+  const rt::Held held(turn_);
+  Located located;
+  located.device = device;
+  const auto active = co_await active_id(device);
+  if (!active) {
+    if (active.error().code != Errc::timeout) co_return fail(active.error());
+    co_return fail(Errc::not_found, "no device answers to this LSS address");
+  }
+  located.id = *active;
+  if (located.id.configured()) {
+    const auto heard = boots_.heard(located.id);
+    if (heard && executor_->now() - *heard <= bus_->timing.heartbeat_timeout) {
+      located.state = boots_.state(located.id);
+    } else {
+      const auto guarded = co_await co::probe(dispatcher_, located.id, bus_->timing.guard_timeout, bus_->timing.tries);
+      if (guarded) located.state = guarded->state;
+    }
+  } else {
+    located.state = NmtState::initialising;
+  }
+  if (!anyway && !located.state) co_return fail(Errc::invalid, "whether it is operational cannot be known");
+  if (!anyway && *located.state == NmtState::operational) co_return fail(Errc::invalid, "it is operational");
+  Shown shown(dispatcher_);
+  const auto selected = co_await lss_.switch_selective(device);
+  if (!selected) {
+    if (selected.error().code != Errc::timeout) co_return fail(selected.error());
+    co_return fail(Errc::not_found, "no device answers to this LSS address");
+  }
+  tell("step", "", "showing " + to_string(device));
+  co_await rt::sleep_for(time);
+  const auto quiet = co_await lss_.switch_global(lss::State::waiting);
+  if (!quiet) co_return fail(quiet.error());
+  shown.over();
+  co_return located;
+}
+
+}  // namespace berth::operate

@@ -1,0 +1,209 @@
+// Which place a device sits in, read from the device itself (paper 4, S4.19). A device without a node-ID speaks no SDO:
+// it is lent one that no slot has, which it does not store, and gives it back when no slot is found for it.
+#include <fmt/format.h>
+
+#include <algorithm>
+
+#include "berth/operate/network_seat.hpp"
+
+namespace berth::operate {
+
+using places::Probe;
+using places::Reading;
+using places::SlotState;
+
+namespace {
+
+std::string name_of(const Probe& probe) { return fmt::format("{:04X}h:{:02X}", probe.index, probe.sub); }
+
+std::string text_of(const std::optional<std::uint32_t>& value) {
+  return value ? fmt::format("{:X}h", *value) : std::string("nothing");
+}
+
+}  // namespace
+
+// ---- node-IDs that are lent ----
+
+// Not a slot's, not the master's, not one under which anybody was ever heard. `prepare_loans` asks whether it is
+// vacant.
+bool Network::may_be_lent(NodeId id) const noexcept {
+  const bool slot = std::ranges::any_of(seats_, [&](const auto& s) { return s->id() == id; });
+  const bool held = std::ranges::any_of(found_, [&](const places::Found& f) { return f.active == id; });
+  const bool lent = std::ranges::any_of(lent_, [&](const places::Seat& l) { return l.id == id; });
+  return !slot && !held && !lent && id != bus_->master && !boots_.heard(id);
+}
+
+NodeId Network::id_to_lend() const noexcept {
+  for (std::uint8_t value = 126; value > 0; --value) {
+    if (may_be_lent(NodeId(value)) && vacancy_[value]) return NodeId(value);
+  }
+  return {};
+}
+
+rt::Task<Result<NodeId>> Network::lend_id(LssAddress device) {
+  const NodeId id = id_to_lend();
+  if (!id.configured()) co_return fail(Errc::exhausted, "no node-ID is left that could be lent to it");
+  const rt::Time began = executor_->now();
+  lent_until_[id.value()] = rt::never;
+  const auto quiet = co_await lss_.switch_global(lss::State::waiting);
+  if (!quiet) co_return fail(quiet.error());
+  const auto selected = co_await lss_.switch_selective(device);
+  if (!selected) co_return fail(selected.error());
+  const auto given = co_await lss_.configure_node_id(id);
+  const auto released = co_await lss_.switch_global(lss::State::waiting);
+  if (!given) co_return fail(given.error());
+  if (!released) co_return fail(released.error());
+  lent_.push_back({device, id});
+  const rt::Time deadline = began + bus_->timing.boot_timeout;
+  const bool heard = co_await boots_.wait(id, began, deadline);
+  if (!heard) co_return fail(Errc::timeout, "it was lent a node-ID and was not heard under it");
+  co_return id;
+}
+
+// Whoever was seated meanwhile has left it already.
+rt::Task<void> Network::take_ids_back() {
+  const std::vector<places::Seat> lent = std::exchange(lent_, {});
+  for (const auto& loan : lent) {
+    const LssAddress device = loan.device;
+    const NodeId id = loan.id;
+    const auto found = std::ranges::find(found_, device, &places::Found::device);
+    const bool keeps = found != found_.end() && seat_of(device) == nullptr;
+    if (keeps) {
+      const auto selected = co_await lss_.switch_selective(device);
+      if (selected) {
+        const auto taken = co_await lss_.configure_node_id(NodeId());
+        const auto quiet = co_await lss_.switch_global(lss::State::waiting);
+        // A device with a single-slot receive buffer would lose the reset behind what was just sent.
+        co_await rt::sleep_for(bus_->timing.rand_response);
+        const bool told = taken && quiet;
+        if (told) co_await nmt_.send(co::NmtCommand::reset_communication, id);
+      }
+      const auto now = std::ranges::find(found_, device, &places::Found::device);
+      if (now != found_.end()) now->active = NodeId();
+    }
+    lent_until_[id.value()] = executor_->now();
+    boots_.forget(id);
+    vacancy_[id.value()].reset();
+  }
+}
+
+// ---- reading ----
+
+void Network::forget_readings(const LssAddress& device) {
+  std::erase_if(readings_, [&](const Reading& r) { return r.device == device; });
+}
+
+// False: it does not answer.
+rt::Task<bool> Network::read_probes(LssAddress device, NodeId id) {
+  const Slots all = slots();
+  const std::vector<Probe> probes = places::probes_for(all, device);
+  forget_readings(device);
+  for (const Probe& probe : probes) {
+    const auto value = co_await sdo_.upload(id, probe.index, probe.sub);
+    if (!value && value.error().code != Errc::aborted) co_return false;
+    Reading reading{device, probe.index, probe.sub, std::nullopt};
+    if (value) {
+      const auto bytes = value->bytes();
+      std::uint32_t number = 0;
+      for (std::size_t i = 0; i < bytes.size() && i < 4; ++i) number |= static_cast<std::uint32_t>(bytes[i]) << (8 * i);
+      if (!bytes.empty() && bytes.size() <= 4) reading.value = number;
+    }
+    readings_.push_back(reading);
+  }
+  co_return true;
+}
+
+// The new devices whose place a probe tells. False: nobody could be read.
+rt::Task<bool> Network::read_places() {
+  const std::vector<LssAddress> devices = plan_.probes;
+  bool any = false;
+  co_await prepare_loans();
+  for (const LssAddress& device : devices) {
+    const auto read = co_await read_place(device);
+    any = any || read;
+  }
+  co_return any;
+}
+
+rt::Task<bool> Network::read_place(LssAddress device) {
+  const auto active = co_await active_id(device);
+  if (!active) {
+    if (active.error().code == Errc::duplicate) note_found({device, NodeId(), true});
+    if (active.error().code == Errc::timeout) forget_found(device);
+    co_return true;
+  }
+  NodeId id = *active;
+  note_found({device, id});
+  const Seat* const holder = seat_at(id);
+  const bool taken = holder != nullptr && holder->slot.record.device() && holder->slot.record.device() != device;
+  if (taken) co_return false;  // it is blanked first
+  if (!id.configured()) {
+    const auto lent = co_await lend_id(device);
+    if (!lent) {
+      tell_once("error", fmt::format("the place of {} cannot be read: {}", to_string(device), lent.error().text));
+      co_return false;
+    }
+    id = *lent;
+    note_found({device, id});
+  }
+  const bool read = co_await read_probes(device, id);
+  if (read) {
+    for (const auto& r : readings_) {
+      if (r.device != device) continue;
+      tell("step", "", fmt::format("{} has {} in {:04X}h:{:02X}", to_string(device), text_of(r.value), r.index, r.sub));
+    }
+  } else {
+    tell("error", "", fmt::format("{} does not answer under node-ID {} to its probe", to_string(device), id.value()));
+  }
+  co_return read;
+}
+
+// At every boot of a slot's device: does it still sit in this place? The probe wins over the serial number that the
+// slot remembers: a device that a mechanic moved gives its slot up and is seated anew.
+rt::Task<bool> Network::stays_in_place(Seat& seat) {
+  if (!seat.slot.spec.probe || bus_->role == design::Role::observer) co_return true;
+  const LssAddress device = seat.slot.record.confirmed->device;
+  const NodeId id = seat.id();
+  const Probe own = *seat.slot.spec.probe;
+  const auto read = co_await read_probes(device, id);
+  const auto shows = [&](const Probe& probe) {
+    return std::ranges::any_of(readings_, [&](const Reading& r) {
+      return r.device == device && r.index == probe.index && r.sub == probe.sub && r.value && probe.matches(*r.value);
+    });
+  };
+  seat.misplaced = !shows(own);
+  if (!seat.misplaced) {
+    forget_readings(device);
+    co_return true;
+  }
+  const auto other = std::ranges::find_if(seats_, [&](const auto& s) {
+    const auto& spec = s->slot.spec;
+    return s.get() != &seat && spec.probe && places::fits(spec, device) && shows(*spec.probe);
+  });
+  if (other == seats_.end()) {
+    const auto it = std::ranges::find_if(
+        readings_, [&](const Reading& r) { return r.device == device && r.index == own.index && r.sub == own.sub; });
+    const std::string has = !read                   ? "it does not answer"
+                            : it == readings_.end() ? "it was not read"
+                                                    : "it has " + text_of(it->value);
+    set_state(seat, SlotState::failed,
+              fmt::format("its probe {} shall be {:X}h in this place, and {}; is it in the right place?", name_of(own),
+                          own.value, has));
+    co_return false;
+  }
+  const std::string reason =
+      fmt::format("by its probe {} its device sits in the place of slot {}", name_of(own), (*other)->name());
+  tell("moved", seat.name(), reason);
+  const auto cleared = clear_seat(seat, reason);
+  if (!cleared) {
+    set_state(seat, SlotState::failed, "the slot table cannot be written: " + describe(cleared.error()));
+    co_return false;
+  }
+  seat.misplaced = false;
+  note_found({device, id});
+  look_anew_ = true;
+  wakes_.push({Wake::Kind::look, id, executor_->now()});
+  co_return false;
+}
+
+}  // namespace berth::operate
