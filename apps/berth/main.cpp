@@ -150,10 +150,25 @@ class CommandLine {
   void add_single_commands() {
     verb(app_, "scan", "scan", "who is on this bus: configured, unconfigured, duplicates");
     verb(app_, "status", "report", "the slot table as it stands");
-    verb(app_, "bind", "bind", "discovery and binding once, without starting anything");
+    auto* const bind = verb(app_, "bind", "bind", "discovery and binding once, without starting anything");
+    word(bind, "--method", "method",
+         "how new devices are found: auto, rand, fastscan, … (default: as the machine file)");
+    bind->add_flag_function(
+        "--from-scratch", [this](std::int64_t) { request_.arguments["from-scratch"] = "1"; },
+        "stop the bus, forget every binding, take every node-ID that LSS can change, and bind all anew");
+    bind->add_flag_function(
+        "--yes", [this](std::int64_t) { request_.arguments["yes"] = "1"; }, "confirms --from-scratch");
+    auto* const locate = verb(app_, "locate", "locate", "a device shows itself: both of its indicators flicker");
+    word(locate, "target", "target", "slot, LSS address or node-ID")->required();
+    word(locate, "--seconds", "seconds", "for so long (1 to 600, default 10)");
+    locate->add_flag_function(
+        "--anyway", [this](std::int64_t) { request_.arguments["anyway"] = "1"; }, "also when it is operational");
     auto* const replace = verb(app_, "replace", "replace", "give a slot to a new device");
     word(replace, "slot", "slot", "its name, BUS/NAME or node-ID")->required();
     word(replace, "--device", "device", "LSS address of the device that shall sit there");
+    replace->add_flag_function(
+        "--used", [this](std::int64_t) { request_.arguments["used"] = "1"; },
+        "the used device that waits for the slot, or sits in it: it gets its factory settings first");
   }
 
   void add_configure() {
@@ -208,7 +223,7 @@ class CommandLine {
     word(service("global", "all devices to waiting or configuration state"), "state", "state",
          "waiting or configuration")
         ->required();
-    service("find", "every device, by RAND; is anybody without a node-ID?");
+    service("find", "every device that no slot has; is anybody without a node-ID?");
     auto* const move = service("move-bit-rate", "every device of a bus to another bit rate, together");
     word(move, "rate", "rate", "bit/s")->required();
     word(move, "--delay", "delay", "switch delay in ms (default 200)");
