@@ -2,9 +2,9 @@
 ///
 /// A sample is the time from a request's confirmation to the end of the answer, less the answer's own time on the wire:
 /// when the answer stood in its sender's queue at the latest. `response` is an upper bound of that for the devices of
-/// this bus as far as the last samples tell: the largest of them, and a margin that shrinks with their number. One
-/// sample in 32 may be an outlier and does not count: to wait for it at every silence would cost more than to go wrong
-/// once.
+/// this bus as far as the last samples tell: the largest of them, and a margin that shrinks with their number. Up to
+/// one sample in 32 that is far beyond the others does not count: to wait for it at every silence would cost more than
+/// to go wrong once.
 #pragma once
 
 #include <array>
