@@ -147,13 +147,15 @@ class Consultation {
     });
   }
 
-  // A node at another bit rate: dozens of attempts in a row destroyed, again and again, and nobody's frame comes out
-  // of it (facts G.3). Its own are never heard.
+  // A node at another bit rate: dozens of attempts in a row destroyed, again and again, or errors all the time while
+  // several nodes complain; its own frames are never heard (facts G.3).
   void find_strangers_rate() {
     const auto runs = heard_.long_runs();
     const auto loud = complaining();
     const bool own_trouble = loud.size() == 1 && explained_by(loud.front());
-    if (runs < 2 || own_trouble || !heard_.collided.empty()) return;
+    const bool in_a_row = runs >= 2 && heard_.collided.empty();
+    const bool everywhere = loud.size() >= 2 && heard_.errors >= 50 && heard_.errors * 20ULL >= heard_.frames;
+    if (own_trouble || (!in_a_row && !everywhere)) return;
     std::vector<NodeId> suspects;
     for (const auto& slot : expected_.slots) {
       if (silent(slot)) suspects.push_back(slot.id);
@@ -161,18 +163,16 @@ class Consultation {
     jammed_ = true;
     const bool one = suspects.size() == 1;
     auto& d = add(Kind::wrong_bit_rate, one ? Certainty::likely : Certainty::possible, one ? suspects[0] : NodeId());
-    Count seen;
-    std::uint32_t longest = 0;
-    for (const auto& run : heard_.runs) {
-      if (run.count < Heard::long_run) continue;
-      if (seen.count == 0) seen.first = run.first;
-      ++seen.count;
-      seen.last = run.last;
-      longest = std::max(longest, run.count);
+    const auto longest = std::ranges::max_element(heard_.runs, {}, &ErrorRun::count);
+    d.count = heard_.errors;
+    if (longest != heard_.runs.end()) {
+      d.first = heard_.runs.front().first;
+      d.last = heard_.runs.back().last;
+      d.evidence.push_back(
+          fmt::format("{} errors to {} good frames, from {:.3f} s to {:.3f} s; {} in a row at most, {} or "
+                      "more {} times",
+                      heard_.errors, heard_.frames, s(d.first), s(d.last), longest->count, Heard::long_run, runs));
     }
-    when(d, seen);
-    d.evidence.push_back(fmt::format("{} errors; {} times {} or more with no good frame between, {} at most: {}",
-                                     heard_.errors, runs, Heard::long_run, longest, times(seen)));
     d.evidence.push_back(
         fmt::format("this port's counters went up to TEC {}, REC {}", heard_.worst.tec, heard_.worst.rec));
     if (!loud.empty()) d.evidence.push_back(fmt::format("node {} told to be error-passive or bus-off", list(loud)));
@@ -501,6 +501,7 @@ class Consultation {
   }
 
   void overload() {
+    if (jammed_) return;  // EMCYs and repetitions
     const auto load = heard_.load(expected_.bit_rate);
     const auto worst = heard_.worst_load(expected_.bit_rate);
     const auto stretched = stretched_nodes();
