@@ -8,6 +8,8 @@
 
 #include <algorithm>
 
+#include "ask.hpp"
+
 namespace berth::cli {
 
 using namespace std::chrono_literals;
@@ -179,8 +181,9 @@ Ended drive_fast(Rig& rig, Ending& ending, Interrupt& interrupt, rt::Duration li
 
 class Pacer {
  public:
-  Pacer(Rig& rig, Ending& ending, Screen& screen, Interrupt& interrupt, operate::ControlServer* server, rt::Time end)
-      : rig_(rig), ending_(ending), screen_(screen), interrupt_(interrupt), server_(server), end_(end) {}
+  Pacer(Rig& rig, Ending& ending, Screen& screen, Interrupt& interrupt, operate::ControlServer* server, Asker* asker,
+        rt::Time end)
+      : rig_(rig), ending_(ending), screen_(screen), interrupt_(interrupt), server_(server), asker_(asker), end_(end) {}
 
   Ended run() {
     rig_.world().sim().run_paced(rt::never, [this](rt::Time target) { return wait(target); });
@@ -203,6 +206,7 @@ class Pacer {
       const auto left = behind ? rt::Duration{0} : std::min<rt::Duration>(target - now, 50ms);
       const bool came_in = poll_for(left);
       if (server_ != nullptr) server_->serve();
+      if (asker_ != nullptr) asker_->serve();
       if (came_in || behind) return std::max(clock(), rig_.world().executor().now());
     }
   }
@@ -224,6 +228,7 @@ class Pacer {
     descriptors_.clear();
     descriptors_.push_back({interrupt_.descriptor(), POLLIN, 0});
     if (server_ != nullptr) server_->fill(descriptors_);
+    if (asker_ != nullptr) asker_->fill(descriptors_);
     if (rig_.loop() != nullptr) descriptors_.push_back({rig_.loop()->descriptor(), POLLIN, 0});
     const auto whole = std::chrono::duration_cast<std::chrono::seconds>(left);
     const timespec time{static_cast<time_t>(whole.count()), static_cast<long>((left - whole).count())};
@@ -238,6 +243,7 @@ class Pacer {
   Screen& screen_;
   Interrupt& interrupt_;
   operate::ControlServer* server_;
+  Asker* asker_;
   rt::Time end_;
   rt::Time began_ = rig_.world().executor().now();
   Clock::time_point real_ = Clock::now();
@@ -257,9 +263,14 @@ tl::expected<Ended, Failure> drive(Rig& rig, Ending& ending, Screen& screen, con
     if (!listening) return tl::unexpected(failure(Exit::failed, listening.error()));
     server = std::move(*listening);
   }
+  std::unique_ptr<Asker> asker;
+  if (how.paced && !options.json && someone_types()) {
+    asker = std::make_unique<Asker>(rig.session(), [&](const std::string& line) { screen.line(line); });
+  }
   rig.session().on_event([&](const operate::Event& event) {
     ending.event();
     screen.line(operate::to_line(event));
+    if (asker) asker->event(event);
   });
   rig.session().on_milestone([&](const std::string& name) {
     ending.milestone(name);
@@ -271,8 +282,9 @@ tl::expected<Ended, Failure> drive(Rig& rig, Ending& ending, Screen& screen, con
   rig.session().start();
   if (!how.paced) return drive_fast(rig, ending, interrupt, options.timeout.value_or(ending.limit()));
   const rt::Time end = options.timeout ? rig.world().executor().now() + *options.timeout : rt::never;
-  const Ended ended = Pacer(rig, ending, screen, interrupt, server.get(), end).run();
+  const Ended ended = Pacer(rig, ending, screen, interrupt, server.get(), asker.get(), end).run();
   screen.refresh(true);
+  if (asker) rig.session().on_event({});
   return ended;
 }
 

@@ -4,6 +4,7 @@
 
 #include <nlohmann/json.hpp>
 
+#include "ask.hpp"
 #include "berth/rt/scope.hpp"
 #include "drive.hpp"
 #include "single.hpp"
@@ -84,6 +85,21 @@ Replied reply_of_own_world(const Options& options, const CommandRequest& request
     rt::Scope scope(rig.world().executor());
     scope.spawn(run(rig.session(), request, reply, over));
     rig.world().sim().run_until([&] { return over; }, limit);
+  }
+  if (over && request.verb == "bind" && !options.json && !options.dry_run && on_terminal() && someone_types()) {
+    print_lines(reply.lines);
+    ask_here(rig, limit);
+    const auto now = rig.session().report();
+    reply.lines = operate::to_table(now.slots);
+    if (now.questions.empty() && reply.status == Exit::no) {
+      const bool all = std::ranges::none_of(now.slots, [&](const auto& s) {
+        const design::Slot* const slot = rig.machine().slot(s.bus, s.id);
+        const bool needed = slot == nullptr || !slot->spec.optional;
+        return needed && s.state != places::SlotState::present && s.state != places::SlotState::operational;
+      });
+      if (all) reply.status = Exit::done;
+      if (all) reply.error.clear();
+    }
   }
   if (over) return reply;
   const double s = std::chrono::duration<double>(limit).count();

@@ -1,0 +1,152 @@
+#include "ask.hpp"
+
+#include <fcntl.h>
+#include <fmt/format.h>
+#include <unistd.h>
+
+#include <algorithm>
+#include <iostream>
+
+#include "berth/text/quantity.hpp"
+#include "output.hpp"
+
+namespace berth::cli {
+
+using operate::CommandReply;
+using operate::CommandRequest;
+using operate::Event;
+
+bool someone_types() noexcept { return ::isatty(STDIN_FILENO) == 1; }
+
+std::vector<std::string> lines_of(const Event& question) {
+  std::vector<std::string> lines{fmt::format("bus {}: {}", question.bus, question.text)};
+  for (std::size_t i = 0; i < question.devices.size(); ++i) {
+    lines.push_back(fmt::format("  {}  {}", i + 1, question.devices[i]));
+  }
+  std::string slots;
+  for (const auto& slot : question.slots) slots += (slots.empty() ? "" : ", ") + slot;
+  lines.push_back(fmt::format("type a slot ({}) and the number of its device", slots));
+  return lines;
+}
+
+CommandRequest answer_of(const Event& question, const std::string& line, std::string& problem) {
+  const auto end = line.find_last_not_of(" \t\r");
+  const std::string text = end == std::string::npos ? "" : line.substr(0, end + 1);
+  const auto space = text.find_last_of(" \t");
+  const auto no = [&](std::string why) {
+    problem = std::move(why);
+    return CommandRequest{};
+  };
+  if (space == std::string::npos) return no("type a slot and the number of its device, such as \"left 2\"");
+  const auto last = text.find_last_not_of(" \t", space);
+  const std::string slot = last == std::string::npos ? "" : text.substr(0, last + 1);
+  const auto most = static_cast<unsigned>(question.devices.size());
+  const auto number = text::parse_ranges(text.substr(space + 1), 1, std::max(1U, most));
+  if (std::ranges::find(question.slots, slot) == question.slots.end()) {
+    return no(fmt::format("{} is not one of the slots", text::quoted(slot)));
+  }
+  if (!number || number->size() != 1 || most == 0) {
+    return no(fmt::format("{} is no number from 1 to {}", text::quoted(text.substr(space + 1)), most));
+  }
+  problem.clear();
+  return {"replace", {{"bus", question.bus}, {"slot", slot}, {"device", question.devices[number->front() - 1]}}};
+}
+
+// ---- beside a run ----
+
+struct Asker::Answer {
+  CommandRequest request;
+  CommandReply reply;
+  bool over = false;
+};
+
+namespace {
+
+rt::Task<void> run(operate::Session& session, const CommandRequest& request, CommandReply& reply, bool& over) {
+  co_await operate::execute(session, request, reply);
+  over = true;
+}
+
+std::vector<Event> open_questions(const operate::Session& session) { return session.report().questions; }
+
+}  // namespace
+
+Asker::Asker(operate::Session& session, std::function<void(const std::string&)> say)
+    : session_(&session), say_(std::move(say)), scope_(session.executor()) {}
+
+Asker::~Asker() { scope_.cancel(); }
+
+void Asker::event(const Event& event) {
+  if (event.kind != "question" || event.devices.empty()) return;
+  for (const auto& line : lines_of(event)) say_(line);
+}
+
+void Asker::fill(std::vector<pollfd>& descriptors) const {
+  if (!over_ && !open_questions(*session_).empty()) descriptors.push_back({STDIN_FILENO, POLLIN, 0});
+}
+
+void Asker::serve() {
+  std::erase_if(answers_, [&](const auto& answer) {
+    if (!answer->over) return false;
+    if (!answer->reply.error.empty()) say_(answer->reply.error);
+    return true;
+  });
+  if (over_ || open_questions(*session_).empty()) return;
+  pollfd input{STDIN_FILENO, POLLIN, 0};
+  if (::poll(&input, 1, 0) != 1) return;
+  std::array<char, 256> bytes{};
+  const auto count = ::read(STDIN_FILENO, bytes.data(), bytes.size());
+  if (count <= 0) {
+    over_ = true;
+    return;
+  }
+  typed_.append(bytes.data(), static_cast<std::size_t>(count));
+  for (auto end = typed_.find('\n'); end != std::string::npos; end = typed_.find('\n')) {
+    const std::string line = typed_.substr(0, end);
+    typed_.erase(0, end + 1);
+    take(line);
+  }
+}
+
+void Asker::take(const std::string& line) {
+  std::string problem = "nothing is asked now";
+  for (const auto& question : open_questions(*session_)) {
+    auto request = answer_of(question, line, problem);
+    if (request.verb.empty()) continue;
+    auto answer = std::make_unique<Answer>();
+    answer->request = std::move(request);
+    answers_.push_back(std::move(answer));
+    Answer& mine = *answers_.back();
+    scope_.spawn(run(*session_, mine.request, mine.reply, mine.over));
+    return;
+  }
+  say_(problem);
+}
+
+// ---- in a world that stands still ----
+
+void ask_here(Rig& rig, rt::Duration limit) {
+  for (;;) {
+    const auto questions = open_questions(rig.session());
+    const auto question = std::ranges::find_if(questions, [](const Event& q) { return !q.devices.empty(); });
+    if (question == questions.end()) return;
+    print_lines(lines_of(*question));
+    std::string line;
+    if (!std::getline(std::cin, line) || line.empty()) return;
+    std::string problem;
+    const auto request = answer_of(*question, line, problem);
+    if (request.verb.empty()) {
+      print_error(problem);
+      continue;
+    }
+    CommandReply reply;
+    bool over = false;
+    rt::Scope scope(rig.world().executor());
+    scope.spawn(run(rig.session(), request, reply, over));
+    rig.world().sim().run_until([&] { return over; }, limit);
+    if (!reply.error.empty()) print_error(reply.error);
+    if (!over) return;
+  }
+}
+
+}  // namespace berth::cli
