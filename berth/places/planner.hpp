@@ -43,7 +43,8 @@ struct Question {
 
 /// Something that is not as it should be, with what to do about it.
 struct Oddity {
-  std::string kind;  ///< "surplus", "foreign", "clone", "wrong revision", "fixed mismatch", "misplaced"
+  std::string kind;  ///< "surplus", "foreign", "clone", "wrong revision", "fixed mismatch", "misplaced";
+                     ///< "returned" is the main job's: its slot was given away
   LssAddress device;
   NodeId id;
   std::string text;
