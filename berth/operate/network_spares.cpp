@@ -81,9 +81,8 @@ void Network::send_home() {
     const auto sat = former_seat_of(f.device);
     if (!sat || sat->by_person) continue;
     const auto home = std::ranges::find_if(seats_, [&](const auto& s) { return s->slot.record.slot == sat->slot; });
-    const bool free = home != seats_.end() && !(*home)->slot.record.device() &&
-                      !(*home)->slot.spec.probe && (*home)->slot.spec.assign == places::Assign::lss &&
-                      places::fits((*home)->slot.spec, f.device);
+    const bool free = home != seats_.end() && !(*home)->slot.record.device() && !(*home)->slot.spec.probe &&
+                      (*home)->slot.spec.assign == places::Assign::lss && places::fits((*home)->slot.spec, f.device);
     if (!free) continue;
     const auto asked = store_->ask(sat->slot, {f.device, (*home)->id()}, "it sat here before");
     if (asked) refresh(**home);
@@ -95,7 +94,10 @@ std::vector<places::Found> Network::without_used() {
   used_.clear();
   std::vector<places::Found> rest;
   for (const auto& f : found_) {
-    const bool known = f.clone || seat_of(f.device) != nullptr || is_marked(Mark::restore, f.device);
+    // A device that a mechanic moved has sat elsewhere; where it belongs its probe says.
+    const bool by_probe = std::ranges::any_of(
+        seats_, [&](const auto& s) { return s->slot.spec.probe && places::fits(s->slot.spec, f.device); });
+    const bool known = f.clone || by_probe || seat_of(f.device) != nullptr || is_marked(Mark::restore, f.device);
     const auto sat = known ? std::nullopt : former_seat_of(f.device);
     const bool listed = sat && std::ranges::any_of(seats_, [&](const auto& s) {
                           return !s->slot.record.device() && places::listed_spare(s->slot.spec, f.device);
