@@ -288,7 +288,8 @@ class Consultation {
     for (const auto& beat : heard_.node(id).beats) at.push_back(beat.at);
     const bool known = expected_.known(id) && expected_.heartbeat_period.count() > 0;
     const auto r = rhythm(at, known ? expected_.heartbeat_period : rt::Duration{0});
-    if (r.beats < 6 || (jammed_ && !known)) return {};
+    // On a full bus no rhythm is left.
+    if (r.beats < 6 || (jammed_ && !known) || heard_.load(expected_.bit_rate) >= 0.8) return {};
     const bool twice = r.rate > 1.8 && r.rate < 2.2;
     if (known && r.rate < 1.4) return {};
     if (!r.interleaved && !(known && twice)) return {};
