@@ -30,6 +30,7 @@ rt::Task<Result<Network::Located>> Network::locate(LssAddress device, rt::Durati
   const rt::Held held(turn_);
   Located located;
   located.device = device;
+  Shown shown(dispatcher_);  // asking for its node-ID selects it, too
   const auto active = co_await active_id(device);
   if (!active) {
     if (active.error().code != Errc::timeout) co_return fail(active.error());
@@ -49,7 +50,6 @@ rt::Task<Result<Network::Located>> Network::locate(LssAddress device, rt::Durati
   }
   if (!anyway && !located.state) co_return fail(Errc::invalid, "whether it is operational cannot be known");
   if (!anyway && *located.state == NmtState::operational) co_return fail(Errc::invalid, "it is operational");
-  Shown shown(dispatcher_);
   const auto selected = co_await lss_.switch_selective(device);
   if (!selected) {
     if (selected.error().code != Errc::timeout) co_return fail(selected.error());
