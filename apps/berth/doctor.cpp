@@ -28,6 +28,7 @@ struct Patient {
   std::unique_ptr<can::Port> port{};
   std::unique_ptr<can::Dispatcher> dispatcher{};
   std::unique_ptr<doctor::Ear> ear{};
+  doctor::Heard heard{};  // before anything was asked: questions make collisions of their own
   doctor::Expected expected{};
   doctor::QuestionOptions questions{};
   doctor::Answers answers{};
@@ -177,7 +178,7 @@ int report(std::vector<Patient>& patients, rt::Duration listened, const Options&
   json["findings"] = Json::array();
   json["problems"] = Json::array();
   for (auto& p : patients) {
-    const auto& heard = p.ear->heard();
+    const auto& heard = p.heard;
     json["buses"].push_back({{"bus", p.bus->name},
                              {"frames", heard.frames},
                              {"load", heard.load(p.expected.bit_rate)},
@@ -229,6 +230,7 @@ int run_doctor(const Options& options, const DoctorOptions& wanted) {
   }
   const auto began = rig.world().executor().now();
   pass(rig, listening_time(*patients, wanted), interrupt);
+  for (auto& p : *patients) p.heard = p.ear->heard();
   if (wanted.active) ask_all(rig, *patients, options, interrupt);
   return report(*patients, rig.world().executor().now() - began, options, wanted);
 }

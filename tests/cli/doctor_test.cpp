@@ -1,0 +1,190 @@
+// `berth doctor`: every fault of the ailing plant, the same from another process, and nothing on a healthy machine.
+#include <signal.h>
+#include <unistd.h>
+
+#include <nlohmann/json.hpp>
+#include <set>
+
+#include "machines.hpp"
+#include "process.hpp"
+
+namespace berth::test {
+namespace {
+
+using Json = nlohmann::json;
+
+/// "line duplicate-node-id 2", for each finding.
+std::set<std::string> named(const Json& reply) {
+  std::set<std::string> all;
+  for (const auto& f : reply.at("findings")) {
+    const Json& node = f.at("node");
+    all.insert(f.at("bus").get<std::string>() + " " + f.at("kind").get<std::string>() +
+               (node.is_null() ? "" : " " + std::to_string(node.get<int>())));
+  }
+  return all;
+}
+
+std::string words(const std::set<std::string>& all) {
+  std::string text;
+  for (const auto& one : all) text += one + "\n";
+  return text;
+}
+
+/// The machine file with its buses in another process.
+std::string served(std::string text, const std::string& socket) {
+  const std::string old = "\"sim\"";
+  for (auto at = text.find(old); at != std::string::npos; at = text.find(old, at + 1))
+    text.replace(at, old.size(), "\"plant:" + socket + "\"");
+  return text;
+}
+
+void wait_for(const std::string& path) {
+  for (int i = 0; i < 600 && !exists(path); ++i) ::usleep(50'000);
+}
+
+// The faults that examples/ailing.plant.toml has, as its comments say.
+const std::set<std::string> faults{
+    "line duplicate-node-id 2",   // twin and other twin
+    "line identifier-collision",  // two clocks on 080h
+    "line blank-node 4",          // new from the shelf
+    "line blank-node 7",          // passively nobody can tell a mute device from a blank one
+    "line missing-heartbeat 4",   // it has no node-ID, so it has no heartbeat
+    "line missing-heartbeat 7",   // switched off
+    "line missing-heartbeat 8",   // its heartbeats never get through
+    "line error-passive 8",       // and that is why
+    "mixed wrong-bit-rate 13",    // the stranger
+    "busy overload",              // the chatterbox
+};
+
+// S4.1, S4.21, SX.7: issue 4, part 8.
+TEST(DoctorCommand, S4_21_NamesEveryFaultOfAPlantThatHasThemAll) {
+  const Outcome run = berth({"doctor", example("ailing.toml"), "--sim", example("ailing.plant.toml"), "--json"});
+  ASSERT_EQ(run.status, 1) << run.out << run.err;
+  const Json reply = Json::parse(run.out);
+  EXPECT_EQ(named(reply), faults) << words(named(reply));
+  EXPECT_EQ(reply.at("asked"), "nothing");
+  for (const auto& f : reply.at("findings")) {
+    EXPECT_FALSE(f.at("evidence").empty()) << f;
+    EXPECT_FALSE(f.at("do").get<std::string>().empty()) << f;
+    const std::set<std::string> certainties{"possible", "likely", "certain"};
+    EXPECT_TRUE(certainties.contains(f.at("certainty").get<std::string>())) << f;
+  }
+}
+
+// By what the port tells, not by looking into the simulator: the doctor in a process of its own.
+TEST(DoctorCommand, FromAnotherProcessTheSameFindings) {
+  const Folder folder;
+  const std::string socket = folder.file("plant.sock");
+  const Background plant({"plant", example("ailing.plant.toml"), "--listen", socket});
+  wait_for(socket);
+  ::usleep(1'000'000);
+  const std::string machine = folder.write("machine.toml", served(contents(example("ailing.toml")), socket));
+  const Outcome run = berth({"doctor", machine, "--json"});
+  ASSERT_EQ(run.status, 1) << run.out << run.err;
+  EXPECT_EQ(named(Json::parse(run.out)), faults) << words(named(Json::parse(run.out)));
+}
+
+// LSS tells more: who the twins are, that the mute device is there, that a blank one is.
+TEST(DoctorCommand, ActiveQuestionsProve) {
+  const Outcome run = berth(
+      {"doctor", example("ailing.toml"), "--sim", example("ailing.plant.toml"), "--bus", "line", "--active", "--json"});
+  ASSERT_EQ(run.status, 1) << run.out << run.err;
+  const Json reply = Json::parse(run.out);
+  const auto names = named(reply);
+  EXPECT_TRUE(names.contains("line blank-node 4")) << words(names);
+  EXPECT_FALSE(names.contains("line blank-node 7")) << "it has a node-ID: LSS told";
+  for (const auto& f : reply.at("findings")) {
+    if (f.at("kind") == "duplicate-node-id") {
+      EXPECT_EQ(f.at("certainty"), "certain") << f;
+      EXPECT_EQ(f.at("devices"), Json({"00000001-00000002-00000000-00000002", "00000001-00000002-00000000-00000003"}));
+    }
+    if (f.at("kind") == "blank-node") {
+      EXPECT_EQ(f.at("certainty"), "certain") << f;
+      EXPECT_EQ(f.at("devices"), Json({"00000001-00000004-00000000-00000004"})) << f;
+    }
+  }
+}
+
+TEST(DoctorCommand, IntrusiveReadsSerialNumbers) {
+  const Outcome run = berth({"doctor", example("ailing.toml"), "--sim", example("ailing.plant.toml"), "--bus", "line",
+                             "--intrusive", "--json"});
+  ASSERT_EQ(run.status, 1) << run.out << run.err;
+  const Json reply = Json::parse(run.out);
+  EXPECT_EQ(reply.at("asked"), "lss and sdo");
+  bool told = false;
+  for (const auto& f : reply.at("findings")) {
+    for (const auto& line : f.at("evidence")) told = told || line.get<std::string>().find("SDO") != std::string::npos;
+  }
+  EXPECT_TRUE(told) << run.out;
+}
+
+TEST(DoctorCommand, AHealthyMachineHasNone) {
+  const Outcome run =
+      berth({"doctor", example("five-slaves.toml"), "--sim", example("five-slaves.plant.toml"), "--up", "--json"});
+  EXPECT_EQ(run.status, 0) << run.out << run.err;
+  EXPECT_EQ(Json::parse(run.out).at("findings"), Json::array()) << run.out;
+}
+
+// Beside a running `berth up`, as another node of the served plant; it sends nothing, so nothing there changes.
+TEST(DoctorCommand, BesideARunningUpOnAHealthyMachine) {
+  const Folder folder;
+  const std::string socket = folder.file("plant.sock");
+  const Background plant({"plant", folder.write("plant.toml", small_plant), "--listen", socket, "--machine",
+                          folder.write("sim.toml", small_machine)});
+  wait_for(socket);
+  const std::string machine = folder.write("machine.toml", served(small_machine, socket));
+  const std::string control = folder.file("control.sock");
+  const Background up({"up", machine, "--pace", "--control", control});
+  wait_for(control);
+  const auto operational = [&] {
+    const Outcome status = berth({"status", "--machine", machine, "--control", control, "--json"});
+    const Json report = Json::parse(status.out, nullptr, false);
+    if (status.status != 0 || !report.contains("slots")) return false;
+    return std::ranges::all_of(report.at("slots"), [](const Json& s) { return s.at("state") == "operational"; });
+  };
+  for (int i = 0; i < 120 && !operational(); ++i) ::usleep(250'000);
+  ASSERT_TRUE(operational());
+  const Outcome run = berth({"doctor", machine, "--json"});
+  EXPECT_EQ(run.status, 0) << run.out << run.err;
+  EXPECT_EQ(Json::parse(run.out).at("findings"), Json::array()) << run.out;
+  EXPECT_TRUE(operational());
+}
+
+TEST(DoctorCommand, WrongUseIsExitTwo) {
+  EXPECT_EQ(berth({"doctor"}).status, 2);
+  EXPECT_EQ(berth({"doctor", example("ailing.toml")}).status, 2) << "simulated buses need a plant";
+  EXPECT_EQ(berth({"doctor", example("ailing.toml"), "--sim", example("ailing.plant.toml"), "--bus", "none"}).status,
+            2);
+  EXPECT_EQ(berth({"doctor", example("ailing.toml"), "--sim", example("ailing.plant.toml"), "--for", "soon"}).status,
+            2);
+  EXPECT_EQ(berth({"doctor", example("ailing.toml"), "--sim", example("ailing.plant.toml"), "--dry-run"}).status, 2);
+}
+
+// The network's bit rate by LSS, from the command line.
+TEST(MoveBitRate, AsksForConfirmationAndSaysWhatItDid) {
+  const Folder folder;
+  const std::string machine = folder.write("machine.toml", small_machine);
+  std::string text(small_plant);
+  for (const auto& [serial, id] : {std::pair("0x21", 2), std::pair("0x20", 3)}) {
+    const std::string line = std::string("serial = ") + serial + "\n";
+    text.insert(text.find(line), "node_id = " + std::to_string(id) + "\n");
+  }
+  const std::string plant = folder.write("plant.toml", text);
+  const Words words{"lss", "move-bit-rate", "250000", "--machine", machine, "--sim", plant, "--json"};
+  const Outcome asked = berth(words);
+  EXPECT_EQ(asked.status, 1) << asked.out << asked.err;
+  EXPECT_EQ(Json::parse(asked.out).at("result"), "unconfirmed");
+  Words yes = words;
+  yes.emplace_back("--yes");
+  const Outcome done = berth(yes);
+  ASSERT_EQ(done.status, 0) << done.out << done.err;
+  const Json reply = Json::parse(done.out);
+  EXPECT_EQ(reply.at("result"), "moved");
+  EXPECT_EQ(reply.at("bit_rate"), 250'000);
+  EXPECT_EQ(reply.at("nodes").size(), 3U) << "one of them has no node-ID";
+  for (const auto& node : reply.at("nodes")) EXPECT_EQ(node.at("stored"), true);
+  EXPECT_EQ(berth({"lss", "move-bit-rate", "100000", "--machine", machine, "--sim", plant}).status, 2);
+}
+
+}  // namespace
+}  // namespace berth::test
