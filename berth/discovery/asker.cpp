@@ -49,7 +49,7 @@ void Question::sent(rt::Time at) noexcept {
   step_ = Step::listening;
   const Options& o = *a.options_;
   const rt::Duration bound = a.longest() - a.frame_ - o.blocking;
-  const rt::Duration learnt = a.latency_.response(o.shortest, bound);
+  const rt::Duration learnt = a.patient_ ? bound : a.latency_.response(o.shortest, bound);
   ready_by_ = at + learnt;
   const bool quick = wait_ == Wait::quick && a.takes_back_;
   const rt::Duration silence = quick ? learnt : (wait_ == Wait::bound ? bound : learnt) + a.frame_ + o.blocking;
@@ -59,7 +59,7 @@ void Question::sent(rt::Time at) noexcept {
 void Question::answered(rt::Time at, bool whole) noexcept {
   if (step_ == Step::listening) {
     // Behind the first answer others may stand: they go out while we wait, or before the next request.
-    executor().at(alone_ && whole ? at : std::max(at, ready_by_), *this);
+    executor().at(alone_ && whole && !asker_->patient_ ? at : std::max(at, ready_by_), *this);
   } else if (step_ == Step::sending || step_ == Step::inhibited) {
     late(at);
   }
@@ -132,6 +132,7 @@ void Asker::begin(const Options& options, std::uint16_t feedback_base) noexcept 
     }
     feedback_base_ = feedback_base;
   }
+  patient_ = false;
   requests_ = 0;
   answers_ = 0;
   signs_ = 0;
@@ -144,6 +145,11 @@ void Asker::begin(const Options& options, std::uint16_t feedback_base) noexcept 
 
 rt::Duration Asker::longest() const noexcept {
   return (options_->window.count() > 0 ? options_->window : default_window) + frame_ + options_->blocking;
+}
+
+rt::Duration Asker::usual() const noexcept {
+  if (patient_) return longest();
+  return latency_.response(options_->shortest, longest() - frame_ - options_->blocking) + frame_ + options_->blocking;
 }
 
 void Asker::received(const can::Frame& frame, rt::Time at) noexcept {

@@ -98,6 +98,8 @@ class Asker final : private can::Handler {
   [[nodiscard]] Question ask(const lss::FastscanRequest& request, Wait wait, bool alone = false) noexcept {
     return {*this, request, wait, alone};
   }
+  /// Every window has the longest response, and no answer cuts it short: for when haste has led nowhere.
+  void be_patient(bool on) noexcept { patient_ = on; }
   /// Feedback heard since the last question's confirmation, distinct, ascending. Good until the next question is sent.
   [[nodiscard]] const std::vector<lss::FeedbackValue>& feedback() const noexcept { return feedback_; }
   /// What was heard of the question before that one.
@@ -113,6 +115,8 @@ class Asker final : private can::Handler {
   [[nodiscard]] unsigned requests() const noexcept { return requests_; }
   /// After `at` + this nobody answers a request that was confirmed at `at`.
   [[nodiscard]] rt::Duration longest() const noexcept;
+  /// The same as far as it was learnt.
+  [[nodiscard]] rt::Duration usual() const noexcept;
   [[nodiscard]] const Latency& latency() const noexcept { return latency_; }
 
  private:
@@ -130,6 +134,7 @@ class Asker final : private can::Handler {
   std::vector<lss::FeedbackValue> before_;
   unsigned answers_ = 0;
   unsigned requests_ = 0;
+  bool patient_ = false;
   bool takes_back_ = false;  // what is queued, before it is on the wire
   rt::Duration frame_{0};    // an answer's time on the wire; 0 when the port does not know its bit rate
   rt::Time asked_{};         // confirmation of the last question

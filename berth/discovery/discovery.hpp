@@ -90,7 +90,12 @@ struct Options {
   rt::Duration blocking{0};  ///< the bus's worst blocking of an answer, added to every learnt window
   rt::Duration inhibit{0};   ///< least time between two requests
   Assigner* assigner = nullptr;
-  bool store = false;            ///< with an assigner: LSS store too
+  bool store = false;  ///< with an assigner: LSS store too
+  /// RAND's planner: every address is proven by DIRS and DIS, so that no device that is slower than `window` spoils
+  /// one. Published Fastscan: the address found has to select a device that says its serial number itself, before it is
+  /// told and gets a node-ID. The procedures as published do not ask, and a device that lost a request may then stand
+  /// for an address that nobody has.
+  bool confirm = false;
   Observer* observer = nullptr;  ///< may be null
   unsigned most_devices = 1000;
   unsigned retries = 4;  ///< restarts in a row without finding anybody

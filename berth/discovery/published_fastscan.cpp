@@ -30,7 +30,7 @@ class PublishedFastscan final : public Discovery {
   [[nodiscard]] rt::Task<Result<Report>> find(const Known&, const Options& options) override {
     listen();
     lss::FastscanOptions how{
-        .form = lss::FastscanForm::merged, .feedback = feedback_, .confirm = false, .store = options.store};
+        .form = lss::FastscanForm::merged, .feedback = feedback_, .confirm = options.confirm, .store = options.store};
     if (options.window.count() > 0) how.window = options.window;
     how.retries = options.retries;
     how.most_devices = options.most_devices;

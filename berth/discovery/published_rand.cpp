@@ -109,6 +109,7 @@ class RandTree final : public Discovery, private nodeid::WalkObserver {
     nodeid::WalkOptions how{.shortest = options.shortest,
                             .blocking = options.blocking,
                             .inhibit = options.inhibit,
+                            .prove_all = options.confirm,
                             .retries = options.retries,
                             .most_devices = options.most_devices};
     if (options.window.count() > 0) how.longest = options.window;

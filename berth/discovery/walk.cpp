@@ -76,6 +76,10 @@ lss::ServiceOptions Walker::Search::service(bool full_window) const {
   return {.timeout = asker_.longest(), .retries = 0, .full_window = full_window};
 }
 
+lss::ServiceOptions Walker::Search::one_by_one() const {
+  return {.timeout = asker_.usual(), .retries = 0, .full_window = true};
+}
+
 bool Walker::Search::over() const { return broken_ || stuck_ || report_.found.size() >= options_.most_devices; }
 
 rt::Task<Result<Report>> Walker::Search::run() {
@@ -98,6 +102,8 @@ rt::Task<Result<Report>> Walker::Search::run() {
     if (restart) ++report_.restarts;
     fruitless = restart ? fruitless + 1 : last_round_found_ > 0 ? 0 : fruitless;
     if (fruitless > options_.retries) break;
+    // What one device answers late is taken for an answer to the next question: with feedback a wrong way down.
+    asker_.be_patient(fruitless > 0);
   }
   if (!broken_) co_await look_for_clones();
   if (held_ && !broken_) co_await release();

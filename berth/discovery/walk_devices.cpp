@@ -42,6 +42,11 @@ rt::Task<Walker::Search::Outcome> Walker::Search::selected(const LssAddress& dev
   const rt::Time at = walker_.services_.dispatcher.executor().now();
   Found found{.address = device, .at = at, .active = {}, .assigned = {}, .by = walker_.method()};
   if (options_.assigner == nullptr) {
+    const bool real = co_await by_its_address(device);
+    if (!real) {
+      co_await nobody_selected();
+      co_return Outcome::nobody;
+    }
     counted_ = device;
     parked_.push_back(device);
     keep(found);
@@ -66,14 +71,28 @@ rt::Task<Walker::Search::Outcome> Walker::Search::selected(const LssAddress& dev
 
 // The selected device says who it is.
 rt::Task<bool> Walker::Search::itself(const LssAddress& device) {
-  const lss::ServiceOptions options = service(false);
+  // Somebody may have been left in configuration, unheard: it would take the same node-ID, and it answers here too.
+  const lss::ServiceOptions first = one_by_one();
+  const lss::ServiceOptions others = service(false);
   for (unsigned part = 4; part-- > 0;) {
     if (part < 3 && !varied_[part]) continue;
+    const auto& options = part == 3 ? first : others;
     const auto reply = co_await lss_.inquire(part, options);
     if (!reply || reply->differ || reply->value() != device.part(part)) co_return false;
     asker_.sent_elsewhere(reply->sent);
   }
   co_return true;
+}
+
+// 40h to 43h: nobody but who has the whole address answers 44h, whoever else is in configuration. A device that missed
+// an 80h may stand at the serial number of another type.
+rt::Task<bool> Walker::Search::by_its_address(const LssAddress& device) {
+  const lss::ServiceOptions options = one_by_one();
+  const auto reply = co_await lss_.switch_selective(device, options);
+  if (!reply && reply.error().code == Errc::bus) broken(reply.error());
+  if (reply) asker_.sent_elsewhere(reply->sent);
+  if (reply && reply->answers > 1) suspects_.push_back(device);
+  co_return reply.has_value();
 }
 
 // Asked once more, it answers twice again: a doubled frame would be a coincidence.

@@ -72,6 +72,7 @@ class Walker::Search {
   rt::Task<Outcome> settle(std::uint32_t serial);
   rt::Task<Outcome> selected(const LssAddress& device);
   rt::Task<bool> itself(const LssAddress& device);
+  rt::Task<bool> by_its_address(const LssAddress& device);
   rt::Task<bool> twice(const LssAddress& device);
   rt::Task<NodeId> give(const LssAddress& device);
   rt::Task<void> nobody_selected();
@@ -89,6 +90,7 @@ class Walker::Search {
   [[nodiscard]] LssAddress address(std::uint32_t serial) const { return {chain_[0], chain_[1], chain_[2], serial}; }
   void broken(Error error) noexcept;
   [[nodiscard]] lss::ServiceOptions service(bool full_window) const;
+  [[nodiscard]] lss::ServiceOptions one_by_one() const;  // all that answer, as long as it usually takes
 
   Walker& walker_;
   Asker& asker_;

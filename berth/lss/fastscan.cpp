@@ -188,7 +188,10 @@ rt::Task<Result<bool>> Fastscan::confirmed() {
   if (!reply && reply.error().code != Errc::timeout) co_return fail(reply.error());
   if (!reply) co_return false;
   device_.possible_clone = reply->answers > 1;
-  co_return true;
+  // One that has lost a `04 00` is in configuration too and would take the same node-ID.
+  const auto own = co_await master_->inquire(3, options);
+  if (!own && own.error().code != Errc::timeout && own.error().code != Errc::aborted) co_return fail(own.error());
+  co_return own.has_value() && !own->differ && own->value() == device_.address.serial;
 }
 
 std::uint8_t Fastscan::after(std::uint8_t sub) const noexcept {

@@ -39,7 +39,8 @@ struct FastscanOptions {
   FastscanForm form = FastscanForm::standard;
   Feedback feedback = Feedback::none;  ///< what the scan uses; `base` needs `MasterOptions::feedback_base`
   rt::Duration window = std::chrono::milliseconds(10);  ///< of each request, from its confirmation; paper 4: 10, 20 ms
-  /// The address found must select a device (40h to 43h, 44h). The published procedures do not ask.
+  /// The address found must select a device (40h to 43h, 44h), which says its serial number (5Dh). The published
+  /// procedures do not ask.
   bool confirm = true;
   bool wait_first = true;  ///< begins with `04 00`: a scan broken off has left somebody in configuration
   bool store = false;      ///< 17h after the node-ID

@@ -196,6 +196,7 @@ discovery::Options Network::search_options() {
   options.inhibit = lss_.options().inhibit;
   // Plain Fastscan does not find the next device before this one has a node-ID; the planners need none.
   if (published) options.assigner = this;
+  options.confirm = published;
   return options;
 }
 

@@ -236,6 +236,64 @@ TEST(Published, FastscanIsHeldByADeviceThatGetsNone) {
   EXPECT_EQ(report->found.size(), 1U);
 }
 
+// HC3.3: somebody was left in configuration and loses `04 00` after `04 00`: it would take the next one's node-ID.
+TEST(Published, ConfirmedFastscanGivesNobodyAnothersNodeId) {
+  for (const auto method : {Method::fastscan, Method::feedback_29}) {
+    SCOPED_TRACE(name(method));
+    World w;
+    w.add(like(scan_type, 1));
+    auto& left_over = w.add(like(scan_type, 2));
+    left_over.slave.handle(lss::request(lss::Command::switch_global, 1));
+    unsigned lost = 0;
+    left_over.overhears = [&](const can::Frame& frame) {
+      const bool waiting = lss::command(frame) == lss::Command::switch_global && frame.data[1] == 0;
+      return waiting && lost++ < 2;
+    };
+    Giver giver;
+    w.options.assigner = &giver;
+    w.options.confirm = true;
+    const auto report = w.find(method);
+    ASSERT_TRUE(report) << describe(report.error());
+    EXPECT_EQ(report->end, Report::End::complete);
+    EXPECT_GE(lost, 2U);
+    EXPECT_EQ(addresses(*report), addresses(w));
+    w.world.run_for(50ms);
+    w.expect_right(giver);
+  }
+}
+
+// HC3.9: a device that loses an 80h stands at the serial number, and answers there for another's revision.
+TEST(Published, ConfirmedFastscanReportsNoAddressOfTwoDevices) {
+  World w;
+  auto one = like(scan_type, 0x1111);
+  one.address.revision = 1;
+  auto& straggler = w.add(one);
+  one.address.revision = 2;
+  one.address.serial = 0x2222;
+  w.add(one);
+  // It was led to its serial number once, and hears of the next scan no more than the serial numbers.
+  for (const lss::FastscanRequest& r :
+       {lss::FastscanRequest{},
+        lss::FastscanRequest{.id = one.address.vendor, .bit_checked = 0, .sub = 0, .next = 1},
+        {.id = one.address.product, .bit_checked = 0, .sub = 1, .next = 2},
+        {.id = 1, .bit_checked = 0, .sub = 2, .next = 3}}) {
+    straggler.slave.handle(lss::request_fastscan(r));
+  }
+  unsigned scans = 0;
+  straggler.overhears = [&](const can::Frame& frame) {
+    const auto request = lss::decode_fastscan(frame);
+    if (request && request->starts()) ++scans;
+    return request && scans <= 1 && request->sub != 3;
+  };
+  Giver giver;
+  w.options.assigner = &giver;
+  w.options.confirm = true;
+  const auto report = w.find(Method::fastscan);
+  ASSERT_TRUE(report) << describe(report.error());
+  EXPECT_EQ(addresses(*report), addresses(w));
+  EXPECT_GE(report->restarts, 1U);
+}
+
 TEST(Published, MethodsHaveTheirNames) {
   World w;
   for (std::size_t i = 0; i < methods; ++i) {

@@ -134,6 +134,66 @@ TEST_P(Planner, NobodyIsThere) {
   EXPECT_FALSE(*w.run(make(GetParam(), w.services())->anybody(w.options)));
 }
 
+// HC3.9: a device that lost an 80h stands at the serial number of another revision and answers there. Without an
+// assigner nobody is asked for the other parts of an address; still no address is put together that nobody has.
+TEST_P(Planner, NoAddressOfTwoDevicesWithoutAnAssigner) {
+  constexpr std::uint32_t first = 0x10;
+  constexpr std::uint32_t second = 0x20;
+  World w;
+  NodeOptions one;
+  one.address = {type.vendor, type.product, first, 0x1111};
+  auto& straggler = w.add(one);
+  one.address = {type.vendor, type.product, second, 0x2222};
+  w.add(one);
+  w.known.kinds = {{type, first}, {type, second}};
+  bool away = false;
+  unsigned requests_away = 0;
+  straggler.overhears = [&](const can::Frame& frame) {
+    const auto request = lss::decode_fastscan(frame);
+    if (!request || requests_away > 10'000) return false;
+    const bool at_serial = request->sub == 2 && request->bit_checked == 0 && request->id == first;
+    const bool other = request->sub == 2 && request->bit_checked == 0 && request->id == second;
+    if (other) {
+      away = false;
+      requests_away = 100'000;  // from now on it hears all
+      return true;
+    }
+    if (away) ++requests_away;
+    if (!at_serial) return away;
+    const bool lost = away;
+    away = true;
+    return lost;
+  };
+  const auto report = w.find(GetParam());
+  ASSERT_TRUE(report) << describe(report.error());
+  EXPECT_EQ(requests_away, 100'000U) << "the straggler never stood at another's serial number";
+  const auto real = addresses(w);
+  for (const auto& d : report->found) {
+    EXPECT_TRUE(std::ranges::binary_search(real, d.address)) << to_string(d.address);
+  }
+  EXPECT_EQ(addresses(*report), real);
+}
+
+// S4.13 [gap]: quick and slow slaves, with and without feedback: a slow one's late feedback must not lead everybody
+// astray for ever.
+TEST_P(Planner, FindsSlowOnesWithFeedbackBesideQuickOnes) {
+  for (std::uint64_t seed = 1; seed <= 20; ++seed) {
+    SCOPED_TRACE(seed);
+    World w(seed, 500'000);
+    NodeOptions like;
+    like.timing = {.response_min = 1400us, .response_max = 1600us};
+    add_random(w, 1, like);
+    like.timing = {.response_min = 300us, .response_max = 4400us};
+    add_random(w, 2, like);
+    like.feedback = lss::Feedback::base;
+    like.timing = {.response_min = 1000us, .response_max = 2400us};
+    add_random(w, 1, like);
+    like.timing = {.response_min = 2900us, .response_max = 4800us};
+    add_random(w, 1, like);
+    expect_all_found(w, GetParam());
+  }
+}
+
 // HU.6: who has a node-ID takes no part.
 TEST_P(Planner, LeavesConfiguredDevicesAlone) {
   World w;
