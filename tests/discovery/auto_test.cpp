@@ -262,7 +262,7 @@ TEST(Published, ConfirmedFastscanGivesNobodyAnothersNodeId) {
   }
 }
 
-// HC3.9: a device that loses an 80h stands at the serial number, and answers there for another's revision.
+// HC3.3: a device that loses an 80h stands at the serial number, and answers there for another's revision.
 TEST(Published, ConfirmedFastscanReportsNoAddressOfTwoDevices) {
   World w;
   auto one = like(scan_type, 0x1111);

@@ -134,7 +134,7 @@ TEST_P(Planner, NobodyIsThere) {
   EXPECT_FALSE(*w.run(make(GetParam(), w.services())->anybody(w.options)));
 }
 
-// HC3.9: a device that lost an 80h stands at the serial number of another revision and answers there. Without an
+// HC3.3: a device that lost an 80h stands at the serial number of another revision and answers there. Without an
 // assigner nobody is asked for the other parts of an address; still no address is put together that nobody has.
 TEST_P(Planner, NoAddressOfTwoDevicesWithoutAnAssigner) {
   constexpr std::uint32_t first = 0x10;

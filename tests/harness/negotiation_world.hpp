@@ -179,11 +179,18 @@ inline std::vector<NodeId> held(const plant::World& world) {
   return ids;
 }
 
-/// Runs a plan to its end. Empty: all is as it must be.
-inline std::string run_negotiation(const PlantFile& file) {
+/// Runs a plan to its end. Empty: all is as it must be. `hash`: that of the trace, if it is wanted.
+inline std::string run_negotiation(const PlantFile& file, std::uint64_t* hash = nullptr) {
   Findings findings;
   auto world = plant::World::make(file, {}, findings);
   if (!world) return "the plan is no plant";
+  struct Hash {
+    ~Hash() {
+      if (to != nullptr) *to = world.sim().trace_hash();
+    }
+    plant::World& world;
+    std::uint64_t* to;
+  } const at_the_end{*world, hash};
   world->start();
   rt::Duration last{0};
   for (const auto& e : file.events) last = std::max(last, e.delay);

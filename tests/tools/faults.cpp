@@ -1,5 +1,7 @@
 // ./run faults [--from SEED] [--count N]: seeded random plants with random faults. Prints how often each fault hit each
-// phase, and for a failure the plant file that replays it.
+// phase, and for a failure the plant file that replays it. Then the same for each method of discovery by itself, and
+// for the negotiation: as many worlds of each as a tenth of N; `--method NAME`: N worlds of this one only ("all",
+// "none").
 #include <sys/wait.h>
 #include <unistd.h>
 
@@ -9,6 +11,7 @@
 #include <fstream>
 #include <sstream>
 
+#include "tests/harness/method_world.hpp"
 #include "tests/harness/run_world.hpp"
 
 using namespace berth;
@@ -21,7 +24,10 @@ struct Options {
   std::uint64_t count = 2000;
   unsigned workers = 2;
   bool show = false;
-  bool complete = true;  // fail when a cell of the matrix has too few hits
+  bool main_job = true;
+  std::uint64_t method_count = 200;           // worlds of each row
+  int first_row = 0, last_row = method_rows;  // excluded
+  bool complete = true;                       // fail when a cell of the matrix has too few hits
 };
 
 constexpr unsigned fewest_hits = 20;
@@ -125,15 +131,72 @@ Tally work(const Options& o, unsigned worker) {
   return tally;
 }
 
+struct MethodTally {
+  std::array<std::array<unsigned, method_faults>, method_rows> hits{};
+  std::array<std::uint64_t, method_rows> expected{}, missed{}, misled{};
+  std::uint64_t runs = 0, failures = 0, differ = 0;
+};
+
+MethodTally work_methods(const Options& o, unsigned worker) {
+  MethodTally tally;
+  for (int row = o.first_row; row < o.last_row; ++row) {
+    const auto place = static_cast<std::size_t>(row);
+    for (std::uint64_t seed = o.from + worker; seed < o.from + o.method_count; seed += o.workers) {
+      const auto outcome = run_method_world(row, seed);
+      ++tally.runs;
+      tally.expected[place] += outcome.expected;
+      tally.missed[place] += outcome.missed;
+      tally.misled[place] += outcome.misled;
+      for (std::size_t f = 0; f < method_faults; ++f) tally.hits[place][f] += outcome.hits[f];
+      const bool same = run_method_world(row, seed).hash == outcome.hash;
+      if (!same) ++tally.differ;
+      if (!outcome.failure.empty()) ++tally.failures;
+      const std::string name = row_name(row);
+      const auto number = static_cast<unsigned long long>(seed);
+      if (!same) std::printf("%s, seed %llu: two runs differ\n", name.c_str(), number);
+      if (!outcome.failure.empty()) {
+        std::printf("%s, seed %llu: %s\n  replay: ./run faults --method %s --from %llu --count 1 --show\n",
+                    name.c_str(), number, outcome.failure.c_str(), name.c_str(), number);
+      }
+      if (o.show) std::printf("%s\n", run_method_world(row, seed, true).log.c_str());
+      std::fflush(stdout);
+    }
+  }
+  return tally;
+}
+
+void add(Tally& total, const Tally& part) {
+  total.runs += part.runs;
+  total.failures += part.failures;
+  total.solvable += part.solvable;
+  total.differ += part.differ;
+  for (int f = 0; f < fault_kinds; ++f) {
+    for (int c = 0; c < columns; ++c) total.hits[f][c] += part.hits[f][c];
+  }
+}
+void add(MethodTally& total, const MethodTally& part) {
+  total.runs += part.runs;
+  total.failures += part.failures;
+  total.differ += part.differ;
+  for (std::size_t row = 0; row < method_rows; ++row) {
+    total.expected[row] += part.expected[row];
+    total.missed[row] += part.missed[row];
+    total.misled[row] += part.misled[row];
+    for (std::size_t f = 0; f < method_faults; ++f) total.hits[row][f] += part.hits[row][f];
+  }
+}
+
 // Each worker is a process; its tally comes back through a pipe as plain bytes of the same program.
-Tally work_side_by_side(const Options& o) {
+template <class T>
+T side_by_side(const Options& o, T (*work)(const Options&, unsigned)) {
+  if (o.workers == 1) return work(o, 0);
   std::vector<int> pipes;
   for (unsigned w = 0; w < o.workers; ++w) {
     int ends[2];
     if (pipe(ends) != 0) std::abort();
     std::fflush(stdout);
     if (fork() == 0) {
-      const Tally tally = work(o, w);
+      const T tally = work(o, w);
       const bool written = write(ends[1], &tally, sizeof tally) == static_cast<ssize_t>(sizeof tally);
       std::fflush(stdout);
       _exit(written ? 0 : 3);
@@ -141,21 +204,15 @@ Tally work_side_by_side(const Options& o) {
     close(ends[1]);
     pipes.push_back(ends[0]);
   }
-  Tally total;
+  T total;
   for (const int end : pipes) {
-    Tally part;
+    T part;
     if (read(end, &part, sizeof part) != static_cast<ssize_t>(sizeof part)) {
       std::printf("a worker died\n");
       ++total.failures;
       continue;
     }
-    total.runs += part.runs;
-    total.failures += part.failures;
-    total.solvable += part.solvable;
-    total.differ += part.differ;
-    for (int f = 0; f < fault_kinds; ++f) {
-      for (int c = 0; c < columns; ++c) total.hits[f][c] += part.hits[f][c];
-    }
+    add(total, part);
   }
   while (wait(nullptr) > 0) {
   }
@@ -179,33 +236,105 @@ bool print_matrix(const Tally& t, bool complete) {
   return enough || !complete;
 }
 
-}  // namespace
+// The negotiation has no master, and its faults are its own.
+bool can_hit(int row, int fault) {
+  if (row != negotiation_row) return true;
+  constexpr std::array<int, 6> others{static_cast<int>(FaultKind::overrun_master),
+                                      static_cast<int>(FaultKind::twice),
+                                      static_cast<int>(FaultKind::slow),
+                                      static_cast<int>(FaultKind::deaf),
+                                      fault_restart,
+                                      -1};
+  return std::ranges::find(others, fault) == others.end();
+}
 
-int main(int argc, char** argv) {
-  Options o;
-  for (int i = 1; i < argc; ++i) {
-    const auto value = [&] { return i + 1 < argc ? std::strtoull(argv[++i], nullptr, 0) : 0ULL; };
-    if (std::strcmp(argv[i], "--from") == 0)
-      o.from = value();
-    else if (std::strcmp(argv[i], "--count") == 0)
-      o.count = value();
-    else if (std::strcmp(argv[i], "--workers") == 0)
-      o.workers = static_cast<unsigned>(value());
-    else if (std::strcmp(argv[i], "--show") == 0)
-      o.show = true;
-    else {
-      std::fprintf(stderr, "usage: faults [--from SEED] [--count N] [--workers N] [--show]\n");
-      return 2;
+bool print_methods(const MethodTally& t, const Options& o) {
+  std::printf("\n%-21s", "method \\ fault");
+  for (int f = 0; f < method_faults; ++f) std::printf("%10s", method_fault_name(f));
+  std::printf("%10s%8s%8s\n", "findable", "missed", "misled");
+  bool enough = true;
+  for (int row = o.first_row; row < o.last_row; ++row) {
+    const auto place = static_cast<std::size_t>(row);
+    std::printf("%-21s", row_name(row).c_str());
+    for (int f = 0; f < method_faults; ++f) {
+      if (!can_hit(row, f)) {
+        std::printf("%10s", "-");
+        continue;
+      }
+      const auto hits = t.hits[place][static_cast<std::size_t>(f)];
+      std::printf("%10u", hits);
+      enough = enough && hits >= fewest_hits;
     }
+    std::printf("%10llu%8llu%8llu\n", static_cast<unsigned long long>(t.expected[place]),
+                static_cast<unsigned long long>(t.missed[place]), static_cast<unsigned long long>(t.misled[place]));
   }
-  if (o.workers == 0) o.workers = 1;
-  o.complete = o.count >= 2000;
-  const Tally t = o.workers == 1 ? work(o, 0) : work_side_by_side(o);
+  const bool counts = o.method_count >= 200;
+  if (counts && !enough) std::printf("a fault hit a method fewer than %u times\n", fewest_hits);
+  std::printf(
+      "%llu worlds of one method, each run twice, from seed %llu; %llu differed; %llu failed; missed, misled: slower "
+      "than the window\n",
+      static_cast<unsigned long long>(t.runs), static_cast<unsigned long long>(o.from),
+      static_cast<unsigned long long>(t.differ), static_cast<unsigned long long>(t.failures));
+  return (enough || !counts) && t.failures == 0 && t.differ == 0 && t.runs > 0;
+}
+
+// False: there is none of that name.
+bool choose_method(Options& o, const std::string& name) {
+  o.main_job = name == "none";
+  if (name == "none") o.last_row = 0;
+  if (name == "none" || name == "all") return true;
+  for (int row = 0; row < method_rows; ++row) {
+    if (row_name(row) != name) continue;
+    o.first_row = row;
+    o.last_row = row + 1;
+    return true;
+  }
+  return false;
+}
+
+bool main_job(const Options& o) {
+  const Tally t = side_by_side(o, work);
   const bool enough = print_matrix(t, o.complete);
   std::printf(
       "%llu worlds, each run twice, from seed %llu; %llu of them must end operational; %llu differed; %llu failed\n",
       static_cast<unsigned long long>(t.runs), static_cast<unsigned long long>(o.from),
       static_cast<unsigned long long>(t.solvable), static_cast<unsigned long long>(t.differ),
       static_cast<unsigned long long>(t.failures));
-  return t.failures == 0 && t.differ == 0 && enough && t.runs > 0 ? 0 : 1;
+  return t.failures == 0 && t.differ == 0 && enough && t.runs > 0;
+}
+
+}  // namespace
+
+int main(int argc, char** argv) {
+  Options o;
+  bool counted = false;
+  for (int i = 1; i < argc; ++i) {
+    const auto value = [&] { return i + 1 < argc ? std::strtoull(argv[++i], nullptr, 0) : 0ULL; };
+    if (std::strcmp(argv[i], "--from") == 0) {
+      o.from = value();
+    } else if (std::strcmp(argv[i], "--count") == 0) {
+      o.count = value();
+      counted = true;
+    } else if (std::strcmp(argv[i], "--workers") == 0) {
+      o.workers = static_cast<unsigned>(value());
+    } else if (std::strcmp(argv[i], "--show") == 0) {
+      o.show = true;
+    } else if (std::strcmp(argv[i], "--method") == 0 && i + 1 < argc && choose_method(o, argv[i + 1])) {
+      ++i;
+    } else {
+      std::fprintf(stderr,
+                   "usage: faults [--from SEED] [--count N] [--method NAME|all|none] [--workers N] [--show]\n"
+                   "methods:");
+      for (int row = 0; row < method_rows; ++row) std::fprintf(stderr, " %s", row_name(row).c_str());
+      std::fprintf(stderr, "\n");
+      return 2;
+    }
+  }
+  if (o.workers == 0) o.workers = 1;
+  o.complete = o.count >= 2000;
+  if (counted) o.method_count = o.main_job ? (o.count + 9) / 10 : o.count;
+  bool good = true;
+  if (o.main_job) good = main_job(o);
+  if (o.first_row < o.last_row) good = print_methods(side_by_side(o, work_methods), o) && good;
+  return good ? 0 : 1;
 }
