@@ -4,12 +4,10 @@
 
 #include <charconv>
 
+#include "berth/can/length.hpp"
+
 namespace berth::can {
 namespace {
-
-constexpr bool legal_fd_size(std::size_t size) noexcept {
-  return size <= 8 || size == 12 || size == 16 || size == 20 || size == 24 || size == 32 || size == 48 || size == 64;
-}
 
 template <class T>
 bool read_hex(std::string_view digits, T& value) {
@@ -58,7 +56,7 @@ std::optional<Frame> parse_frame(std::string_view text) {
     f.fd = true;
     f.brs = (flags & 1U) != 0;
     f.esi = (flags & 2U) != 0;
-    if (!read_data(rest.substr(2), f, 64) || !legal_fd_size(f.size)) return std::nullopt;
+    if (!read_data(rest.substr(2), f, 64) || !fd_dlc(f.size)) return std::nullopt;
     return f;
   }
   if (!read_data(rest, f, 8)) return std::nullopt;

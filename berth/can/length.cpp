@@ -121,4 +121,59 @@ unsigned reachable_most_bits(bool extended, unsigned data_bytes) noexcept {
   return extended ? ext[n] : base[n];
 }
 
+namespace {
+
+// Counts bits and the stuff bits they need, up to the end of the data field.
+struct FdCounter {
+  unsigned count = 0;
+  unsigned run = 0;
+  unsigned last = 2;
+  void put(std::uint32_t value, unsigned bits) noexcept {
+    while (bits-- > 0) {
+      const unsigned bit = value >> bits & 1U;
+      if (run == 5) {  // only now: after the last bit of data the fixed stuff bit stands instead
+        ++count;
+        last ^= 1U;
+        run = 1;
+      }
+      run = bit == last ? run + 1 : 1;
+      last = bit;
+      ++count;
+    }
+  }
+};
+
+}  // namespace
+
+FdBits exact_fd_bits(const Frame& frame) noexcept {
+  FdCounter counter;
+  counter.put(0, 1);
+  if (frame.extended) {
+    counter.put(frame.id >> 18, 11);
+    counter.put(3, 2);  // SRR, IDE
+    counter.put(frame.id & 0x3FFFFU, 18);
+    counter.put(0b010, 3);  // RRS, FDF, res
+  } else {
+    counter.put(frame.id, 11);
+    counter.put(0b0010, 4);  // RRS, IDE, FDF, res
+  }
+  counter.put(frame.brs ? 1 : 0, 1);
+  const unsigned head = counter.count;
+  counter.put(frame.esi ? 1 : 0, 1);
+  counter.put(fd_dlc(frame.size).value_or(15), 4);
+  for (unsigned i = 0; i < frame.size; ++i) counter.put(frame.data[i], 8);
+  const bool long_crc = frame.size > 16;
+  const unsigned check = 4 + (long_crc ? 21 + 7 : 17 + 6);  // stuff count, CRC, fixed stuff bits
+  return {head, counter.count - head + check + 1, 12};
+}
+
+std::optional<unsigned> fd_dlc(unsigned bytes) noexcept {
+  if (bytes <= 8) return bytes;
+  constexpr unsigned long_sizes[] = {12, 16, 20, 24, 32, 48, 64};
+  for (unsigned i = 0; i < 7; ++i) {
+    if (long_sizes[i] == bytes) return 9 + i;
+  }
+  return std::nullopt;
+}
+
 }  // namespace berth::can

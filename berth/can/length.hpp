@@ -1,6 +1,8 @@
-/// How long a classic frame is on the wire, exactly and at worst. Bits include SOF, stuff bits, CRC and ACK
-/// delimiters, EOF and the three bits of intermission (Bosch CAN 2.0; facts page G.1, G.4).
+/// How long a frame is on the wire, exactly and at worst. Bits include SOF, stuff bits, CRC and ACK
+/// delimiters, EOF and the three bits of intermission (Bosch CAN 2.0; ISO 11898-1:2015 for FD; facts page G.1, G.4).
 #pragma once
+
+#include <optional>
 
 #include "berth/can/frame.hpp"
 
@@ -17,5 +19,21 @@ namespace berth::can {
 
 /// The CRC-15 of a classic frame (polynomial 4599h, initial 0) over SOF to the last data bit, unstuffed.
 [[nodiscard]] std::uint16_t crc15(const Frame& frame) noexcept;
+
+/// The exact length of an FD frame, in bits, by its phases. Only the frame's head and data are stuffed by what they
+/// hold; stuff count and CRC have stuff bits at fixed places, so their values do not matter to the length.
+struct FdBits {
+  unsigned head = 0;  ///< SOF to BRS, at the nominal bit rate
+  unsigned data = 0;  ///< ESI to CRC delimiter, at the data bit rate if the frame has BRS
+  unsigned tail = 0;  ///< ACK slot to intermission, at the nominal bit rate: always 12
+  [[nodiscard]] unsigned all() const noexcept { return head + data + tail; }
+  friend bool operator==(const FdBits&, const FdBits&) = default;
+};
+/// BRS counts whole to the head and the CRC delimiter whole to the data: both are cut at their sample points, and where
+/// that point is the same share of a bit in both phases the sum is exact. `frame.esi` counts: set it as it is sent.
+[[nodiscard]] FdBits exact_fd_bits(const Frame& frame) noexcept;
+
+/// The DLC of an FD frame of so many bytes; empty for a number that FD does not have.
+[[nodiscard]] std::optional<unsigned> fd_dlc(unsigned bytes) noexcept;
 
 }  // namespace berth::can

@@ -1,7 +1,8 @@
 /// A port with a slow host behind it: what the controller received waits in a receive buffer of bounded depth until
 /// the device's firmware gets to it. Stands between a real port and the device's dispatcher.
 ///
-/// Frames are dealt with in the order in which they came. With no latency they pass straight through.
+/// Frames are dealt with in the order in which they came. With no latency they pass straight through. FD frames of more
+/// than 8 bytes are none of a CANopen (CiA 301) device's: they are dropped and count as lost.
 #pragma once
 
 #include <array>

@@ -22,8 +22,9 @@ using Duration = text::Duration;
 inline constexpr std::string_view master_name = "master";
 
 struct PlantBus {
-  std::string name;           ///< the machine file's bus of this name
-  std::uint32_t bitrate = 0;  ///< bit/s; 0 = as the machine file says
+  std::string name;              ///< the machine file's bus of this name
+  std::uint32_t bitrate = 0;     ///< bit/s; 0 = as the machine file says
+  std::uint32_t fd_bitrate = 0;  ///< bit/s of the data phase: an FD bus, every controller on it takes FD; 0 = classic
   friend bool operator==(const PlantBus&, const PlantBus&) = default;
 };
 

@@ -26,6 +26,7 @@ constexpr Limits node_id_or_blank{1, 255};
 
 /// Any rate that a controller can be set to: a node at a wrong bit rate is something to try.
 constexpr Limits bit_rates{1'000, 1'000'000};
+constexpr Limits fd_bit_rates{1'000, 8'000'000};
 
 bool good_name(string_view name) noexcept {
   if (name.empty() || name.size() > 100 || name.front() == ' ' || name.back() == ' ') return false;
@@ -71,7 +72,8 @@ class PlantReader {
 
   void read_bus(const std::string& name, Table& table) {
     if (!good_name(name)) table.error("", fmt::format("{} is no bus name", text::quoted(name)), name_fix);
-    plant_.buses.push_back({name, table.u32("bitrate", bit_rates).value_or(0)});
+    const auto nominal = table.u32("bitrate", bit_rates).value_or(0);
+    plant_.buses.push_back({name, nominal, table.u32("fd_bitrate", fd_bit_rates).value_or(0)});
     table.finish();
   }
 

@@ -81,14 +81,15 @@ std::uint32_t bit_rate_of(const PlantDevice& plan, const sim::Bus& bus) noexcept
   return plan.bitrate != 0 ? plan.bitrate : bus.bit_rate();
 }
 
-sim::ControllerOptions controller_of(const PlantDevice& plan, std::uint32_t bit_rate) {
+sim::ControllerOptions controller_of(const PlantDevice& plan, const sim::Bus& bus) {
   sim::ControllerOptions o;
   o.name = plan.name;
   o.queue = plan.queue == QueueKind::priority ? sim::TxOrder::priority : sim::TxOrder::in_order;
   // The receive buffer that counts is the host's (`device::TimedPort`): this one only carries frames there.
   o.queue_depth = 8;
   o.rx_depth = 4;
-  o.bit_rate = bit_rate;
+  o.bit_rate = bit_rate_of(plan, bus);
+  o.fd = bus.fd();
   o.powered = false;
   return o;
 }
@@ -199,7 +200,7 @@ SimDevice::SimDevice(World& world, sim::Bus& bus, const PlantDevice& plan, const
       plan_(plan),
       timing_(timing_of(plan)),
       flash_(bus.executor(), device::Device::memory_size(*description), timing_.in_world(plan.store)),
-      controller_(bus.attach(controller_of(plan, bit_rate_of(plan, bus)))),
+      controller_(bus.attach(controller_of(plan, bus))),
       port_(bus.executor(), *controller_, timing_, random),
       dispatcher_(bus.executor(), port_),
       device_(dispatcher_, std::move(description), &flash_,
@@ -374,7 +375,7 @@ bool World::make_buses(const PlantFile& plant, std::span<const BusRate> rates, F
              "give bitrate = 250_000, say");
       good = false;
     } else if (sim_.find_bus(bus.name) == nullptr) {
-      sim_.add_bus(bus.name, rate);
+      sim_.add_bus(bus.name, rate, bus.fd_bitrate);
     }
   }
   for (const auto& bus : rates) {
@@ -496,6 +497,7 @@ std::unique_ptr<sim::Controller> World::attach_master(std::string_view name, sim
   sim::Bus* on = bus(name);
   if (on == nullptr) return nullptr;
   options.name = master_name;
+  options.fd = on->fd();
   return on->attach(options);
 }
 

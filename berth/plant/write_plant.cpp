@@ -171,6 +171,7 @@ std::string write_plant(const PlantFile& plant, std::string_view comment) {
   for (const auto& bus : plant.buses) {
     w.line(fmt::format("\n[bus.{}]", quoted(bus.name)));
     w.number("bitrate", bus.bitrate, 0U);
+    w.number("fd_bitrate", bus.fd_bitrate, 0U);
   }
   for (const auto& device : plant.devices) write_device(w, device);
   for (const auto& event : plant.events) write_event(w, event);

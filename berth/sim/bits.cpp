@@ -37,9 +37,28 @@ struct Writer {
   }
 };
 
+// RRS is dominant and stands where RTR does.
+Layout lay_out_fd(const can::Frame& frame) noexcept {
+  Writer w{.layout = {}, .rtr = frame.extended ? extended_rtr : base_rtr};
+  w.stuffed(0, 1);
+  if (frame.extended) {
+    w.stuffed(frame.id >> 18U, 11);
+    w.stuffed(3, 2);
+    w.stuffed(frame.id & 0x3FFFFU, 18);
+    w.stuffed(0, 1);
+  } else {
+    w.stuffed(frame.id, 11);
+    w.stuffed(0, 2);
+  }
+  w.plain(true);
+  w.layout.bits[w.layout.size - 1] |= Layout::fd_format;
+  return w.layout;
+}
+
 }  // namespace
 
 Layout lay_out(const can::Frame& frame) noexcept {
+  if (frame.fd) return lay_out_fd(frame);
   Writer w{.layout = {}, .rtr = frame.extended ? extended_rtr : base_rtr};
   w.stuffed(0, 1);
   if (frame.extended) {
@@ -188,6 +207,9 @@ void BitNode::in_frame(bool dominant, Outcome& outcome) noexcept {
       }
       transmitter = false;
       outcome.lost = true;
+    } else if ((bit & Layout::fd_format) != 0) {
+      outcome.fd_destroyed = true;
+      return fail(outcome, Cause::no_acknowledge);
     }
     if (position_++ == 0) {
       decoder_.begin();

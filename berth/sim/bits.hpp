@@ -9,12 +9,13 @@
 
 namespace berth::sim {
 
-/// The bits of a frame on the wire, from start of frame to the last bit of end-of-frame.
+/// The bits of a frame on the wire, from start of frame to the last bit of end-of-frame; an FD frame ends with FDF.
 struct Layout {
   static constexpr std::uint8_t recessive = 1;
   static constexpr std::uint8_t stuff = 2;
   static constexpr std::uint8_t arbitration =
-      4;  ///< a recessive bit here may give way; a stuff bit here lies before RTR
+      4;                                        ///< a recessive bit here may give way; a stuff bit here lies before RTR
+  static constexpr std::uint8_t fd_format = 8;  ///< FDF: as far as an FD frame is played (`Bus`)
   std::array<std::uint8_t, 168> bits;
   unsigned size = 0;
 };
@@ -62,8 +63,9 @@ class BitNode {
   struct Outcome {
     bool accepted = false;  ///< a frame is valid for the receiver
     bool sent = false;
-    bool lost = false;    ///< arbitration
-    bool failed = false;  ///< an error flag began
+    bool lost = false;          ///< arbitration
+    bool failed = false;        ///< an error flag began
+    bool fd_destroyed = false;  ///< ... for an FD frame is not played beyond FDF
     bool as_transmitter = false;
     bool overload = false;   ///< an overload flag began
     bool took_part = false;  ///< integration is over

@@ -75,7 +75,7 @@ void Segment::put_in_group(Controller& node, rt::Time start, bool sending) {
   contends = contends || node.sending_;
   bool alone = contends || suspended || node.runs_left_ > 0;
   if (contends) {
-    bits.begin_sending(node.head().frame.unpacked(), false);
+    bits.begin_sending(node.head_frame(), false);
   } else if (node.runs_left_ > 0) {
     bits.integrate(node.runs_left_);
     bits.count = static_cast<unsigned>(std::max<std::int64_t>(0, (start - node.recessive_since_) / domain.bit) % 11);
@@ -190,7 +190,7 @@ void Segment::begin_frames(Domain& domain) {
       if (!node->offers() || node->sending_) continue;
       Group& own = split(domain, *domain.groups[i], *node);
       frame_begun(domain, *node);
-      own.bits.begin_sending(node->head().frame.unpacked(), false);
+      own.bits.begin_sending(node->head_frame(), false);
     }
   }
 }
@@ -202,14 +202,14 @@ void Segment::join_started(Domain& domain, Group& group) {
     if (!node->offers() || node->sending_) continue;
     Group& own = split(domain, group, *node);
     frame_begun(domain, *node);
-    own.bits.begin_sending(node->head().frame.unpacked(), true);
+    own.bits.begin_sending(node->head_frame(), true);
   }
 }
 
 void Segment::frame_begun(Domain& domain, Controller& node) {
   if (sof_ != domain.start || starts_ == 0) {
     sof_ = domain.start;
-    note_start(node.head().frame.unpacked(), node.number_);
+    note_start(node.head_frame(), node.number_);
     single_out_victims();
     synchronise_others(domain);
   }
@@ -237,6 +237,7 @@ void Segment::note(Domain& domain, Group& group, const BitNode::Outcome& outcome
       attempt_over(*node);
     }
   }
+  if (outcome.fd_destroyed) ++bus_->statistics_.fd_destroyed;
   if (outcome.failed) {
     if (!std::exchange(failed_, true)) ++bus_->statistics_.error_frames;
     for (Controller* node : group.members) {
@@ -426,8 +427,16 @@ void Segment::hand_over(Controller& node, Segment& to) {
 
 // Planned and random faults.
 
+// Where bit `bit` of a frame begins, from its start.
+rt::Duration Segment::place(const can::Frame& frame, int bit) const noexcept {
+  if (!frame.fd || !frame.brs) return bit * bit_;
+  const can::FdBits parts = can::exact_fd_bits(frame);
+  const int fast = std::clamp(bit - static_cast<int>(parts.head), 0, static_cast<int>(parts.data));
+  return (bit - fast) * bit_ + fast * bus_->data_bit_time();
+}
+
 void Segment::apply_faults(const can::Frame& frame, int sender) {
-  const int length = static_cast<int>(can::exact_bits(frame)) - 3;
+  const int length = static_cast<int>(frame.fd ? can::exact_fd_bits(frame).all() : can::exact_bits(frame)) - 3;
   const FrameStart start{frame, bus_->started_, sof_, sender};
   for (auto it = bus_->faults_.begin(); it != bus_->faults_.end();) {
     Bus::Planned& planned = *it;
@@ -447,7 +456,10 @@ void Segment::apply_faults(const can::Frame& frame, int sender) {
         if (node != nullptr) losers_.push_back(node);
       }
     } else if (fault.kind == Fault::Kind::act) {
-      bus_->world().at(sof_ + first * bit_, fault.act);
+      bus_->world().at(sof_ + place(frame, first), fault.act);
+    } else if (frame.fd) {
+      const auto here = [this](const Controller* node) { return node->segment_ == this; };
+      doomed_ = doomed_ || fault.victims.empty() || std::ranges::any_of(fault.victims, here);
     } else {
       flaws_.push_back({fault.kind, first, first + static_cast<int>(fault.bits) - 1, fault.victims.empty(),
                         fault.victims, fault.spare_senders});
@@ -468,7 +480,11 @@ void Segment::apply_faults(const can::Frame& frame, int sender) {
     }
     if (victims.empty()) victims.push_back(present[dice.below(present.size())]);
     const int bit = static_cast<int>(dice.below(static_cast<std::uint64_t>(length)));
-    flaws_.push_back({Fault::Kind::flip, bit, bit, false, std::move(victims), false});
+    if (frame.fd) {
+      doomed_ = true;
+    } else {
+      flaws_.push_back({Fault::Kind::flip, bit, bit, false, std::move(victims), false});
+    }
   }
   if (dice.chance(bus_->random_.overrun_per_million)) losers_.push_back(present[dice.below(present.size())]);
 }

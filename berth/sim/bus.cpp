@@ -7,11 +7,12 @@
 
 namespace berth::sim {
 
-Bus::Bus(World& world, int number, std::string name, std::uint32_t bit_rate)
+Bus::Bus(World& world, int number, std::string name, can::BitRate bit_rate)
     : world_(&world),
       executor_(&world.executor()),
       number_(number),
-      bit_rate_(bit_rate),
+      bit_rate_(bit_rate.nominal),
+      data_bit_rate_(bit_rate.data),
       name_(std::move(name)),
       dice_(world.random().fork()),
       statistics_since_(world.now()) {
@@ -21,10 +22,12 @@ Bus::Bus(World& world, int number, std::string name, std::uint32_t bit_rate)
 Bus::~Bus() = default;
 
 rt::Duration Bus::bit_time() const noexcept { return bit_time_of(bit_rate_); }
+rt::Duration Bus::data_bit_time() const noexcept { return bit_time_of(data_bit_rate_); }
 
 Segment& Bus::new_segment() { return *segments_.emplace_back(std::make_unique<Segment>(*this)); }
 
 std::unique_ptr<Controller> Bus::attach(const ControllerOptions& options) {
+  if (fd() && !options.fd) return nullptr;
   std::unique_ptr<Controller> node(new Controller(*this, next_number_++, options));
   Segment& segment = *segments_.front();
   const bool idle = segment.idle();
@@ -44,6 +47,15 @@ void Bus::detach(Controller& controller) noexcept {
 void Bus::add_tap(can::Tap& tap) { taps_.push_back(&tap); }
 void Bus::remove_tap(can::Tap& tap) noexcept { std::erase(taps_, &tap); }
 
+void Bus::mix_fd(const can::Frame& frame) noexcept {
+  world_->mix(frame.brs ? 3U : 1U);
+  for (unsigned i = 8; i < frame.size; i += 4) {
+    std::uint32_t word = 0;
+    std::memcpy(&word, frame.data.data() + i, 4);
+    world_->mix(word);
+  }
+}
+
 void Bus::good_frame(const can::Frame& frame, rt::Time at, int sender) noexcept {
   ++statistics_.frames;
   std::uint64_t data = 0;
@@ -55,6 +67,7 @@ void Bus::good_frame(const can::Frame& frame, rt::Time at, int sender) noexcept 
                              (static_cast<std::uint64_t>(number_ & 0x7F) << 16U) | static_cast<std::uint16_t>(sender);
   world_->mix(head);
   world_->mix(data);
+  if (frame.fd) mix_fd(frame);
   world_->mix(static_cast<std::uint64_t>(at.time_since_epoch().count()));
   for (std::size_t i = 0; i < taps_.size(); ++i) taps_[i]->frame(frame, at, sender);
 }

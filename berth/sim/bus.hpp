@@ -7,6 +7,15 @@
 /// 2.0, facts page G. Choices where it leaves one: a REC above 127 becomes 127 by a good frame; REC counts up to 255;
 /// a bit error within an error flag starts a new flag; overload frames answer what they see without limit in number
 /// (no node here asks for one itself).
+///
+/// An FD bus carries classic and FD frames side by side; they compare in arbitration as their bits do (RRS is
+/// dominant). An FD frame with which nothing is wrong takes its exact time, its data phase at the data bit rate. It is
+/// not played bit by bit beyond FDF: where that would be needed (a fault that strikes it, senders of one identifier
+/// with different FD frames, nobody to acknowledge, its sender or the cable gone while it is on the wire, nodes of
+/// several bit rates, a start while others still deal with an error) the WHOLE frame is destroyed at FDF, whatever the
+/// place: its senders signal an error there and count it like a missing acknowledgement, receivers see a stuff error,
+/// nobody has it, it is repeated. `BusStatistics::fd_destroyed` counts that, so that no result rests on it unseen. Of
+/// an FD and a classic frame with one identifier the FD frame's sender has the bit error, at FDF, as in reality.
 #pragma once
 
 #include <cstdint>
@@ -32,10 +41,11 @@ struct BusStatistics {
   std::uint64_t starts = 0;        ///< frames begun
   std::uint64_t error_frames = 0;  ///< frames that an error ended
   std::uint64_t overload_frames = 0;
-  std::uint64_t collisions = 0;  ///< starts of several senders with one identifier and different content
-  std::uint64_t merged = 0;      ///< frames that several senders sent as one
-  std::uint64_t bitwise = 0;     ///< frames played bit by bit
-  rt::Duration busy{};           ///< time from start of frame to the end of intermission, errors included
+  std::uint64_t collisions = 0;    ///< starts of several senders with one identifier and different content
+  std::uint64_t merged = 0;        ///< frames that several senders sent as one
+  std::uint64_t bitwise = 0;       ///< frames played bit by bit
+  std::uint64_t fd_destroyed = 0;  ///< times that a sender's FD frame ended at FDF (see above); among the errors too
+  rt::Duration busy{};             ///< time from start of frame to the end of intermission, errors included
 };
 
 class Bus {
@@ -44,7 +54,8 @@ class Bus {
   Bus(const Bus&) = delete;
   Bus& operator=(const Bus&) = delete;
 
-  /// Puts a node on the bus. It takes part at once on an idle bus, else after 11 recessive bits.
+  /// Puts a node on the bus. It takes part at once on an idle bus, else after 11 recessive bits. Null where a classic
+  /// controller is to go on an FD bus: it would destroy every FD frame.
   [[nodiscard]] std::unique_ptr<Controller> attach(const ControllerOptions& options = {});
 
   /// Every good frame of every segment, at its end. A tap must be removed before it is destroyed.
@@ -68,6 +79,11 @@ class Bus {
   [[nodiscard]] int number() const noexcept { return number_; }
   /// The bit rate that nodes get which name none; bit/s.
   [[nodiscard]] std::uint32_t bit_rate() const noexcept { return bit_rate_; }
+  /// That of the data phase, bit/s; 0: no FD bus.
+  [[nodiscard]] std::uint32_t data_bit_rate() const noexcept { return data_bit_rate_; }
+  [[nodiscard]] bool fd() const noexcept { return data_bit_rate_ != 0; }
+  /// Length of one bit at `data_bit_rate()`, which must not be 0.
+  [[nodiscard]] rt::Duration data_bit_time() const noexcept;
   /// Length of one bit at `bit_rate()`, rounded to whole nanoseconds.
   [[nodiscard]] rt::Duration bit_time() const noexcept;
   /// The nodes attached now, by number.
@@ -88,10 +104,11 @@ class Bus {
     std::uint32_t struck = 0;
   };
 
-  Bus(World& world, int number, std::string name, std::uint32_t bit_rate);
+  Bus(World& world, int number, std::string name, can::BitRate bit_rate);
   void detach(Controller& controller) noexcept;
   void move(Controller& controller, bool cable_in) noexcept;
   void good_frame(const can::Frame& frame, rt::Time at, int sender) noexcept;
+  [[gnu::cold]] void mix_fd(const can::Frame& frame) noexcept;
   Segment& new_segment();
   void drop_empty_segments() noexcept;
 
@@ -99,6 +116,7 @@ class Bus {
   rt::Executor* executor_;
   int number_;
   std::uint32_t bit_rate_;
+  std::uint32_t data_bit_rate_;
   std::string name_;
   std::vector<Controller*> controllers_;
   std::vector<std::unique_ptr<Segment>> segments_;

@@ -3,6 +3,7 @@
 #include <algorithm>
 #include <utility>
 
+#include "berth/can/length.hpp"
 #include "berth/sim/bus.hpp"
 #include "berth/sim/segment.hpp"
 #include "berth/sim/world.hpp"
@@ -19,6 +20,7 @@ Controller::Controller(Bus& bus, int number, const ControllerOptions& options)
       rx_depth_(std::max(1U, options.rx_depth)),
       rx_service_(options.rx_service),
       slots_(std::max(1U, options.queue_depth)),
+      fd_queue_(bus.fd() ? slots_.size() : 0),
       events_(4),
       name_(options.name.empty() ? "node" + std::to_string(number) : options.name) {
   order_.reserve(slots_.size());
@@ -31,8 +33,19 @@ Controller::~Controller() {
   bus_->detach(*this);
 }
 
+bool Controller::sends_fd(const can::Frame& frame) const noexcept {
+  return bus_->fd() && !frame.remote && can::fd_dlc(frame.size).has_value();
+}
+
+can::Frame Controller::head_fd_frame() const noexcept {
+  can::Frame frame = fd_queue_[head_];
+  frame.esi = frame.esi || error_state() == ErrorState::passive;
+  return frame;
+}
+
 can::Queued Controller::send(const can::Frame& frame, std::uint32_t tag) noexcept {
-  const bool fits = !frame.fd && frame.size <= 8 && frame.id <= (frame.extended ? can::extended_mask : can::base_mask);
+  const bool fits = (frame.fd ? sends_fd(frame) : frame.size <= 8) &&
+                    frame.id <= (frame.extended ? can::extended_mask : can::base_mask);
   if (!powered_ || !fits) return can::Queued::closed;
   if (listen_only_) return can::Queued::listen_only;
   if (bus_off_) return can::Queued::bus_off;
@@ -45,6 +58,8 @@ can::Queued Controller::send(const can::Frame& frame, std::uint32_t tag) noexcep
   waiting.arbitration = arbitration_field(frame);
   waiting.tag = tag;
   waiting.tried = false;
+  if (frame.fd) [[unlikely]]
+    fd_queue_[at] = frame;
   const bool goes_first =
       head_ == nothing || (order_kind_ == TxOrder::priority && !sending_ && waiting.arbitration < head().arbitration);
   if (goes_first) {
@@ -175,6 +190,16 @@ void Controller::deliver(const can::Frame& frame, rt::Time at) noexcept {
   ++statistics_.received;
   ++rx_waiting_;
   push_event(What::received, at).frame = can::PackedFrame(frame);
+  if (frame.fd) [[unlikely]]
+    keep_fd(frame);
+}
+
+void Controller::keep_fd(const can::Frame& frame) { fd_received_.push_back(frame); }
+
+void Controller::receive_fd(rt::Time at) noexcept {
+  const can::Frame frame = fd_received_.front();
+  fd_received_.pop_front();
+  listener_->received(frame, at);
 }
 
 void Controller::announce() noexcept {
@@ -184,6 +209,7 @@ void Controller::announce() noexcept {
 void Controller::forget_events() noexcept {
   cancel();
   event_count_ = first_event_ = rx_waiting_ = 0;
+  fd_received_.clear();
 }
 
 void Controller::run() noexcept {
@@ -198,6 +224,8 @@ void Controller::run() noexcept {
   --event_count_;
   schedule_host();
   if (what == What::received) {
+    if (frame.fd()) [[unlikely]]
+      return receive_fd(at);
     listener_->received(frame.unpacked(), at);
   } else if (what == What::sent) {
     listener_->sent(tag, at);

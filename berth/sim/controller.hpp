@@ -2,6 +2,7 @@
 #pragma once
 
 #include <cstdint>
+#include <deque>
 #include <memory>
 #include <string>
 #include <vector>
@@ -30,6 +31,7 @@ struct ControllerOptions {
   std::uint32_t bit_rate = 0;  ///< bit/s; 0 = the bus's
   bool powered = true;
   bool listen_only = false;
+  bool fd = false;  ///< an FD controller: the only kind that an FD bus takes (`Bus::attach`)
 };
 
 /// Counters since attachment or `reset_statistics`.
@@ -53,7 +55,9 @@ enum class ErrorState : std::uint8_t { active, passive, bus_off };
 /// before its `World`; destroying it takes the node off the bus at that instant.
 ///
 /// `Listener` calls come each in a job of its own; `received` and `sent` both come at the end of the frame's last bit.
-/// FD frames and frames of more than 8 bytes are refused (`Queued::closed`).
+/// FD frames are refused (`Queued::closed`) on a bus that is not an FD bus, and so are frames of a size that their
+/// format does not have. An FD frame goes out with ESI recessive while its sender is error-passive; the identifier is
+/// no mark of the format: a listener looks at `can::Frame::fd`.
 class Controller final : public can::Port, private rt::Job {
  public:
   ~Controller() override;
@@ -134,6 +138,14 @@ class Controller final : public can::Port, private rt::Job {
   void tell_if_changed() noexcept;
   void set_counters(std::uint16_t tec, std::uint16_t rec) noexcept;
   [[nodiscard]] const Waiting& head() const noexcept { return slots_[head_]; }
+  /// As it goes out now.
+  [[nodiscard]] can::Frame head_frame() const noexcept {
+    return head().frame.fd() ? head_fd_frame() : head().frame.unpacked();
+  }
+  [[nodiscard, gnu::cold]] can::Frame head_fd_frame() const noexcept;
+  [[gnu::cold]] void keep_fd(const can::Frame& frame);
+  [[gnu::cold]] void receive_fd(rt::Time at) noexcept;
+  [[nodiscard, gnu::cold]] bool sends_fd(const can::Frame& frame) const noexcept;
   /// Takes part in traffic: has power, is not bus-off and has seen the recessive bits it must see.
   [[nodiscard]] bool participates() const noexcept { return powered_ && runs_left_ == 0; }
   [[nodiscard]] bool offers() const noexcept {
@@ -172,7 +184,9 @@ class Controller final : public can::Port, private rt::Job {
   std::vector<Waiting> slots_;
   std::vector<std::uint32_t> order_;  // slots in use, oldest first
   std::vector<std::uint32_t> free_;
-  std::vector<Event> events_;  // ring, its size a power of two
+  std::vector<can::Frame> fd_queue_;    // by slot; of an FD frame `Waiting::frame` is only the beginning
+  std::deque<can::Frame> fd_received_;  // the FD frames among events_
+  std::vector<Event> events_;           // ring, its size a power of two
   std::size_t first_event_ = 0;
   std::size_t event_count_ = 0;
   mutable NodeStatistics statistics_;

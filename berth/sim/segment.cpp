@@ -254,7 +254,9 @@ bool Segment::pick_senders() noexcept {
   }
   std::ranges::sort(senders_, {}, &Controller::number_);
   const can::PackedFrame& frame = senders_.front()->head().frame;
-  return std::ranges::all_of(senders_, [&](const Controller* node) { return node->head().frame == frame; });
+  if (frame.fd()) return fd_alike();
+  return std::ranges::all_of(
+      senders_, [&](const Controller* node) { return !node->head().frame.fd() && node->head().frame == frame; });
 }
 
 void Segment::arbitrate() noexcept {
@@ -263,11 +265,11 @@ void Segment::arbitrate() noexcept {
     integrator_.cancel();
     count_recessive(sof_);
   }
-  frame_ = senders_.front()->head().frame.unpacked();
+  frame_ = senders_.front()->head_frame();
   note_start(frame_, senders_.front()->number_);
   if (!alike) ++bus_->statistics_.collisions;
-  unanswered_ = present_ == 1 && flaws_.empty() && senders_.front()->error_state() == ErrorState::passive;
-  if ((!alike || mixed_ || ackers_ <= senders_.size() || !flaws_.empty()) && !unanswered_) {
+  unanswered_ = present_ == 1 && flaws_.empty() && !frame_.fd && senders_.front()->error_state() == ErrorState::passive;
+  if ((!alike || mixed_ || ackers_ <= senders_.size() || !flaws_.empty() || doomed_) && !unanswered_) {
     start_bitwise();
     return;
   }
@@ -278,16 +280,31 @@ void Segment::arbitrate() noexcept {
       --suspended_;
     }
   }
-  frame_bits_ = can::exact_bits(frame_);
+  if (frame_.fd) [[unlikely]] {
+    frame_bits_ = can::exact_fd_bits(frame_).all();
+    frame_time_ = place(frame_, static_cast<int>(frame_bits_));
+  } else {
+    frame_bits_ = can::exact_bits(frame_);
+    frame_time_ = frame_bits_ * bit_;
+  }
   state_ = State::busy;
-  const unsigned until = unanswered_ ? frame_bits_ + 6 : frame_bits_ - 3;
-  executor_->at(sof_ + until * bit_, *this, rt::Phase::medium);
+  executor_->at(sof_ + frame_time_ + (unanswered_ ? 6 : -3) * bit_, *this, rt::Phase::medium);
+}
+
+// Senders of one identifier, the first with an FD frame: is it one frame on the wire? ESI tells a passive sender from
+// an active one.
+bool Segment::fd_alike() const noexcept {
+  const can::Frame first = senders_.front()->head_frame();
+  return std::ranges::all_of(senders_, [&](const Controller* node) {
+    const can::Frame frame = node->head_frame();
+    return frame == first && frame.esi == first.esi;
+  });
 }
 
 void Segment::note_start(const can::Frame& frame, int sender) {
   losers_.clear();
   flaws_.clear();
-  failed_ = good_ = false;
+  failed_ = good_ = doomed_ = false;
   if (!bus_->faults_.empty() || bus_->random_.disturbed_per_million != 0 || bus_->random_.overrun_per_million != 0) {
     apply_faults(frame, sender);
   }
@@ -307,11 +324,11 @@ void Segment::begin_attempt(Controller& node) noexcept {
 
 void Segment::finish() noexcept {
   const rt::Time now = executor_->now();
-  free_at_ = sof_ + frame_bits_ * bit_;
+  free_at_ = sof_ + frame_time_;
   state_ = State::quiet;
   BusStatistics& statistics = bus_->statistics_;
   statistics.bits += frame_bits_;
-  statistics.busy += frame_bits_ * bit_;
+  statistics.busy += frame_time_;
   if (senders_.size() > 1) ++statistics.merged;
   bus_->good_frame(frame_, now, senders_.front()->number_);
   deliver(frame_, now);
@@ -321,7 +338,7 @@ void Segment::finish() noexcept {
   }
   if (noisy_ > 0) settle_counters(free_at_);
   if (integrating_ > 0) {
-    const rt::Time delimiter = sof_ + (frame_bits_ - 11) * bit_;
+    const rt::Time delimiter = free_at_ - 11 * bit_;
     for (Controller* node : nodes_) {
       if (node != nullptr) node->recessive_since_ = std::max(node->recessive_since_, delimiter);
     }

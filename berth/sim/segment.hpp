@@ -120,6 +120,7 @@ class Segment final : private rt::Job {
   bool pick_senders() noexcept;
   void settle_counters(rt::Time free) noexcept;
   void deliver(const can::Frame& frame, rt::Time at) noexcept;
+  [[nodiscard, gnu::cold]] bool fd_alike() const noexcept;
   [[nodiscard]] rt::Time earliest(const Controller& node) const noexcept;
   void apply_faults(const can::Frame& frame, int sender);
 
@@ -149,6 +150,7 @@ class Segment final : private rt::Job {
     Segment& segment_;
   };
   void note_start(const can::Frame& frame, int sender);
+  [[nodiscard, gnu::cold]] rt::Duration place(const can::Frame& frame, int bit) const noexcept;
   void start_bitwise();
   void play_from(rt::Time start, bool sending);
   void replay();
@@ -181,6 +183,7 @@ class Segment final : private rt::Job {
   rt::Time free_at_{};  // end of the last intermission
   can::Frame frame_;
   unsigned frame_bits_ = 0;
+  rt::Duration frame_time_{};  // of them
   std::uint64_t starts_ = 0;
   unsigned count_ = 0;                 // nodes
   unsigned ackers_ = 0;                // nodes that would acknowledge
@@ -201,6 +204,7 @@ class Segment final : private rt::Job {
   rt::Time overload_at_{};  // when the last overload flag began
   bool failed_ = false;     // the frame under way has met an error
   bool good_ = false;       // ... has been counted as good
+  bool doomed_ = false;     // ... is an FD frame that a fault strikes
   std::vector<Pending> pending_;
   Deliverer deliverer_{*this};
 };

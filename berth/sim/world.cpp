@@ -34,9 +34,10 @@ World::~World() {
   while (actions_ != nullptr) delete actions_;
 }
 
-Bus& World::add_bus(std::string name, std::uint32_t bit_rate) {
+Bus& World::add_bus(std::string name, std::uint32_t bit_rate, std::uint32_t data_bit_rate) {
   const auto number = static_cast<int>(buses_.size());
-  buses_.push_back(std::unique_ptr<Bus>(new Bus(*this, number, std::move(name), bit_rate)));
+  buses_.push_back(
+      std::unique_ptr<Bus>(new Bus(*this, number, std::move(name), can::BitRate{bit_rate, data_bit_rate})));
   return *buses_.back();
 }
 

@@ -30,8 +30,8 @@ class World {
   World(const World&) = delete;
   World& operator=(const World&) = delete;
 
-  /// `bit_rate` in bit/s. The bus lives as long as the world.
-  Bus& add_bus(std::string name, std::uint32_t bit_rate);
+  /// `bit_rate` in bit/s. The bus lives as long as the world. With a `data_bit_rate` it is an FD bus.
+  Bus& add_bus(std::string name, std::uint32_t bit_rate, std::uint32_t data_bit_rate = 0);
   /// Null when there is none of that name.
   [[nodiscard]] Bus* find_bus(std::string_view name) noexcept;
   [[nodiscard]] const std::vector<std::unique_ptr<Bus>>& buses() const noexcept { return buses_; }

@@ -207,3 +207,94 @@ TEST(Length, G4_ReachableMaximaOverAllFrames) {
     EXPECT_EQ(can::reachable_most_bits(true, size), extended_most[size]);
   }
 }
+
+// --- FD: ISO 11898-1:2015; facts page G.1. Worked out by hand: head 17 (base) or 36 (extended), data phase ESI 1,
+// DLC 4, 8 for each byte, then stuff count 4, CRC 17 with 6 fixed stuff bits or CRC 21 with 7, CRC delimiter 1.
+namespace {
+
+can::FdBits fd(const char* text) { return can::exact_fd_bits(*can::parse_frame(text)); }
+
+can::Frame fd_frame(std::uint32_t id, unsigned size, unsigned value, bool brs = true) {
+  can::Frame f;
+  f.id = id;
+  f.fd = true;
+  f.brs = brs;
+  f.size = static_cast<std::uint8_t>(size);
+  for (unsigned i = 0; i < size; ++i) f.data[i] = static_cast<std::uint8_t>(value);
+  return f;
+}
+
+}  // namespace
+
+TEST(FdLength, EmptyBaseFrame) {
+  // 0 10101010101 0 0 1 0 1 | 0 0000: five dominant bits end the data field: the fixed stuff bit stands there.
+  EXPECT_EQ(fd("555##1"), (can::FdBits{17, 1 + 4 + 4 + 17 + 6 + 1, 12}));
+  // Without BRS: res, BRS, ESI and two of DLC are five dominant bits: one stuff bit before the other two.
+  EXPECT_EQ(fd("555##0"), (can::FdBits{17, 34, 12}));
+  // ESI recessive breaks that run.
+  EXPECT_EQ(fd("555##2"), (can::FdBits{17, 33, 12}));
+  // SOF, 11 of the identifier, RRS and IDE: 14 dominant bits, two stuff bits.
+  EXPECT_EQ(fd("000##1"), (can::FdBits{19, 33, 12}));
+  // 0 11111 [0] 11111 [0] 1 00 1 0 1
+  EXPECT_EQ(fd("7FF##1"), (can::FdBits{19, 33, 12}));
+}
+
+TEST(FdLength, ExtendedFrame) {
+  // 0 01010101010 11 010101010101010101 0 1 0 1 | 0 0000
+  EXPECT_EQ(fd("0AA95555##1"), (can::FdBits{36, 33, 12}));
+  // Identifier 0: SOF and 11 dominant: two stuff bits; SRR and IDE; 18 of the identifier and RRS: three stuff bits.
+  EXPECT_EQ(fd("00000000##1"), (can::FdBits{41, 33, 12}));
+}
+
+TEST(FdLength, EightBytes) {
+  EXPECT_EQ(can::exact_fd_bits(fd_frame(0x555, 8, 0x55)), (can::FdBits{17, 33 + 64, 12}));
+  // DLC 1000 and 64 dominant bits: a run of 67, 13 stuff bits.
+  EXPECT_EQ(can::exact_fd_bits(fd_frame(0x555, 8, 0x00)), (can::FdBits{17, 33 + 64 + 13, 12}));
+  // DLC 1000, then 64 recessive: 12 stuff bits.
+  EXPECT_EQ(can::exact_fd_bits(fd_frame(0x555, 8, 0xFF)), (can::FdBits{17, 33 + 64 + 12, 12}));
+  // DLC 0101 and 40 dominant bits: eight runs of five, of which the last is at the end: seven stuff bits.
+  EXPECT_EQ(can::exact_fd_bits(fd_frame(0x555, 5, 0x00)), (can::FdBits{17, 33 + 40 + 7, 12}));
+}
+
+TEST(FdLength, TheLongerCrcBeyondSixteenBytes) {
+  // DLC of 16 is 1010: no run of five with 0x55 behind it (…10 01…).
+  EXPECT_EQ(can::exact_fd_bits(fd_frame(0x555, 16, 0x55)), (can::FdBits{17, 33 + 128, 12}));
+  EXPECT_EQ(can::exact_fd_bits(fd_frame(0x555, 20, 0x55)), (can::FdBits{17, 38 + 160, 12}));
+  EXPECT_EQ(can::exact_fd_bits(fd_frame(0x555, 64, 0x55)), (can::FdBits{17, 38 + 512, 12}));
+  // DLC 1111: 512 dominant bits, 102 stuff bits; 516 recessive ones, 103.
+  EXPECT_EQ(can::exact_fd_bits(fd_frame(0x555, 64, 0x00)), (can::FdBits{17, 38 + 512 + 102, 12}));
+  EXPECT_EQ(can::exact_fd_bits(fd_frame(0x555, 64, 0xFF)), (can::FdBits{17, 38 + 512 + 103, 12}));
+}
+
+TEST(FdLength, BetweenItsBounds) {
+  Random random(11);
+  constexpr unsigned sizes[] = {0, 1, 2, 3, 4, 5, 6, 7, 8, 12, 16, 20, 24, 32, 48, 64};
+  for (int i = 0; i < 20000; ++i) {
+    can::Frame f = fd_frame(0, sizes[random.below(16)], 0, random.below(2) != 0);
+    f.extended = random.below(2) != 0;
+    f.esi = random.below(2) != 0;
+    f.id = static_cast<std::uint32_t>(random.below(f.extended ? 1U << 29 : 1U << 11));
+    const auto kind = random.below(3);
+    for (unsigned k = 0; k < f.size; ++k) {
+      f.data[k] = static_cast<std::uint8_t>(kind == 0 ? 0 : kind == 1 ? 0xFF : random.next());
+    }
+    const auto bits = can::exact_fd_bits(f);
+    const unsigned head = f.extended ? 36 : 17;
+    const unsigned stuffed = 5 + 8U * f.size;
+    const unsigned data = stuffed + (f.size > 16 ? 33 : 28);
+    ASSERT_GE(bits.head, head);
+    ASSERT_GE(bits.data, data);
+    ASSERT_LE(bits.head, head + (head - 1) / 4);
+    ASSERT_LE(bits.all(), head + data + 12 + (head + stuffed - 1) / 4) << can::to_string(f);
+    ASSERT_EQ(bits.tail, 12U);
+  }
+}
+
+TEST(FdLength, Dlc) {
+  EXPECT_EQ(can::fd_dlc(8), 8U);
+  EXPECT_EQ(can::fd_dlc(12), 9U);
+  EXPECT_EQ(can::fd_dlc(64), 15U);
+  EXPECT_FALSE(can::fd_dlc(9));
+  EXPECT_FALSE(can::fd_dlc(63));
+  EXPECT_FALSE(can::fd_dlc(65));
+}

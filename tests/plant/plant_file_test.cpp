@@ -346,7 +346,7 @@ RC_GTEST_PROP(PlantFile, WrittenIsReadBackEqual, (std::uint64_t seed)) {
   Random r(seed);
   PlantFile plant;
   plant.seed = r.chance(500'000) ? r.next() : r.below(5);
-  plant.buses = {{"b", 0}, {"bus \"2\"", 10'000}};
+  plant.buses = {{"b", 0}, {"bus \"2\"", 10'000, 2'000'000}};
   for (std::size_t n = 1 + r.below(6), i = 0; i < n; ++i) plant.devices.push_back(random_device(r, i, plant.buses));
   for (std::size_t n = r.below(8); n > 0; --n) plant.events.push_back(random_event(r, plant));
   const auto text = write_plant(plant, "seed 7\n\nfrom ./run faults\x01");
