@@ -122,7 +122,13 @@ rt::Task<Result<bool>> Identify::proven(Run& run, const LssAddress& device) {
   const lss::ServiceOptions service{.timeout = run.longest(), .retries = 1, .full_window = true};
   const auto selected = co_await services_.lss.switch_selective(device, service);
   Found found{.address = device, .at = {}, .active = {}, .assigned = {}, .by = Method::identify};
+  bool itself = false;
   if (selected) {
+    // 44h may be a late one, of who was selected before.
+    const auto own = co_await services_.lss.inquire(3, service);
+    itself = own.has_value() && !own->differ && own->value() == device.serial;
+  }
+  if (selected && itself) {
     const auto id = co_await services_.lss.inquire_node_id(service);
     found.at = services_.dispatcher.executor().now();
     found.possible_clone = selected->answers > 1;
@@ -136,7 +142,7 @@ rt::Task<Result<bool>> Identify::proven(Run& run, const LssAddress& device) {
   const auto waiting = co_await services_.lss.switch_global(lss::State::waiting);
   if (!waiting) co_return fail(waiting.error());
   if (!selected && selected.error().code == Errc::bus) co_return fail(selected.error());
-  if (!selected) co_return false;
+  if (!selected || !itself) co_return false;
   run.report.known = found.at;
   const bool blank = !found.active.configured() && !found.possible_clone;
   if (blank) {
