@@ -28,7 +28,7 @@ const char* name(Phase phase) noexcept {
 namespace {
 
 // RAND has been asked before.
-constexpr discovery::AutoOptions only_the_rest{.rand = false};
+constexpr discovery::AutoOptions only_the_rest{.rand = false, .configured = false};
 
 }  // namespace
 

@@ -27,7 +27,7 @@
 #include "berth/co/nmt_master.hpp"
 #include "berth/co/sdo_client.hpp"
 #include "berth/design/machine.hpp"
-#include "berth/discovery/discovery.hpp"
+#include "berth/discovery/auto.hpp"
 #include "berth/lss/master.hpp"
 #include "berth/manager/configurator.hpp"
 #include "berth/nodeid/rand_master.hpp"
@@ -214,6 +214,8 @@ class Network final : private co::HeartbeatConsumer::Observer,
   rt::Task<void> tell_who_is_known();
   rt::Task<void> inquire_found(bool all);
   rt::Task<void> discover_by_rand();
+  rt::Task<void> discover_the_rest(bool also_configured);
+  [[nodiscard]] discovery::Auto& rest(bool also_configured);
   rt::Task<void> discover_by(discovery::Discovery& way);
   rt::Task<bool> anybody_new();
   rt::Task<bool> anybody_blank();
@@ -359,7 +361,7 @@ class Network final : private co::HeartbeatConsumer::Observer,
   co::NmtMaster nmt_;
   co::HeartbeatConsumer heartbeats_;
   places::BootWatch boots_;
-  std::unique_ptr<discovery::Discovery> rest_;    // whoever RAND does not find
+  std::unique_ptr<discovery::Auto> rest_;         // whoever RAND does not find
   std::unique_ptr<discovery::Discovery> chosen_;  // by `discovery =`
   std::string chosen_name_;
   std::string method_;  // of `bind_once`, while it runs

@@ -83,16 +83,13 @@ rt::Task<void> Network::discover() {
   news_ = false;
   if (by_rand) {
     co_await discover_by_rand();
-    const bool rest = method() == "auto" && rest_ != nullptr;
-    const bool due = rest && somebody_missing() && (once_ || executor_->now() >= rest_at_);
+    const bool others = method() == "auto";
+    const bool due = others && somebody_missing() && (once_ || executor_->now() >= rest_at_);
     // Devices that are still booting are no reason to search for long; one that could answer now is.
-    const bool asks = rest && !due && !rest_wanted_ && somebody_missing();
+    const bool asks = others && !due && !rest_wanted_ && somebody_missing();
     if (asks) co_await anybody_blank();
     const bool wanted = std::exchange(rest_wanted_, false);
-    if (rest && (due || wanted)) {
-      co_await discover_by(*rest_);
-      rest_at_ = executor_->now() + 8 * bus_->timing.probe_period;
-    }
+    if (others && (due || wanted)) co_await discover_the_rest(due);
   } else {
     discovery::Discovery* const way = chosen();
     if (way != nullptr) co_await discover_by(*way);
@@ -102,6 +99,23 @@ rt::Task<void> Network::discover() {
       return std::ranges::find(found_, seen.first, &places::Found::device) == found_.end();
     });
   }
+}
+
+// Who has no node-ID is found in a fraction of a second. Who has one is searched for among all numbers of the known
+// types, which takes longer with each device that runs: only when a slot is without a device afterwards.
+rt::Task<void> Network::discover_the_rest(bool also_configured) {
+  co_await discover_by(rest(false));
+  if (!also_configured) co_return;
+  rest_at_ = executor_->now() + 8 * bus_->timing.probe_period;
+  if (!somebody_missing()) co_return;
+  co_await discover_by(rest(true));
+}
+
+discovery::Auto& Network::rest(bool also_configured) {
+  discovery::AutoOptions options = rest_->options();
+  options.configured = also_configured;
+  rest_->set_options(options);
+  return *rest_;
 }
 
 rt::Task<void> Network::discover_by_rand() {
@@ -292,7 +306,7 @@ rt::Task<Result<Network::NewDevices>> Network::find_new() {
     all.complete = found->end == nodeid::DiscoveryReport::End::complete;
     if (!all.complete) all.end = name(found->end);
   }
-  discovery::Discovery* const way = by_rand ? (method() == "auto" ? rest_.get() : nullptr) : chosen();
+  discovery::Discovery* const way = by_rand ? (method() == "auto" ? &rest(true) : nullptr) : chosen();
   if (way != nullptr) {
     discovery::Known known = known_devices();
     for (const auto& found : all.found) known.registered.push_back(found.address);
