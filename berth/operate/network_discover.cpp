@@ -82,13 +82,13 @@ rt::Task<void> Network::discover() {
   known_before_ = std::exchange(heard_of_, {});
   news_ = false;
   if (by_rand) {
+    const std::size_t before = found_.size();
     co_await discover_by_rand();
     const bool others = method() == "auto";
     const bool due = others && somebody_missing() && (once_ || executor_->now() >= rest_at_);
-    // Devices that are still booting are no reason to search for long; one that could answer now is.
-    const bool asks = others && !due && !rest_wanted_ && somebody_missing();
-    if (asks) co_await anybody_blank();
-    const bool wanted = std::exchange(rest_wanted_, false);
+    // Who speaks RAND answers LSS too while it has no node-ID: it is found already.
+    const bool unheard = found_.size() == before || somebody_missing();
+    const bool wanted = std::exchange(rest_wanted_, false) && unheard;
     if (others && (due || wanted)) co_await discover_the_rest(due);
   } else {
     discovery::Discovery* const way = chosen();

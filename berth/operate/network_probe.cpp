@@ -113,14 +113,24 @@ rt::Task<bool> Network::read_probes(LssAddress device, NodeId id) {
   co_return true;
 }
 
-// The new devices whose place a probe tells. False: nobody could be read.
+// The new devices whose place a probe tells. False: nobody could be read, or somebody did not answer who was found just
+// now: it may be resetting, and the place that two show is not the one's that is alone for a moment.
 rt::Task<bool> Network::read_places() {
+  constexpr unsigned patience = 3;
   const std::vector<LssAddress> devices = plan_.probes;
   bool any = false;
   co_await prepare_loans();
   for (const LssAddress& device : devices) {
     const auto read = co_await read_place(device);
     any = any || read;
+  }
+  const bool gone = std::ranges::any_of(devices, [&](const LssAddress& device) {
+    return std::ranges::find(found_, device, &places::Found::device) == found_.end();
+  });
+  unread_rounds_ = gone ? unread_rounds_ + 1 : 0;
+  if (gone && unread_rounds_ <= patience) {
+    look_anew_ = true;
+    co_return false;
   }
   co_return any;
 }
