@@ -239,6 +239,7 @@ class Network final : private co::HeartbeatConsumer::Observer,
   void forget_readings(const LssAddress& device);
   rt::Task<bool> read_probes(LssAddress device, NodeId id);
   rt::Task<bool> read_places();
+  void note_puzzling();
   rt::Task<bool> read_place(LssAddress device);
   rt::Task<bool> stays_in_place(Seat& seat);
   // network_bind.cpp: binding, start
@@ -391,10 +392,11 @@ class Network final : private co::HeartbeatConsumer::Observer,
   rt::Time retry_at_{};
   rt::Time anew_at_{};          // the whole bus is not asked again before
   unsigned unread_rounds_ = 0;  // in a row in which a device was found and did not answer when its place was asked
-  bool rest_wanted_ = false;    // somebody without a node-ID answered LSS: whoever RAND does not find is looked for
-  rt::Time blank_at_{};         // such an answer is no news before
-  rt::Time rest_at_{};          // a slot without a device alone is no reason to look for them before
-  bool once_ = false;           // `bind_once` runs: there is no later look
+  std::vector<LssAddress> puzzling_;  // devices whose probes did not tell their places when they were read last
+  bool rest_wanted_ = false;  // somebody without a node-ID answered LSS: whoever RAND does not find is looked for
+  rt::Time blank_at_{};       // such an answer is no news before
+  rt::Time rest_at_{};        // a slot without a device alone is no reason to look for them before
+  bool once_ = false;         // `bind_once` runs: there is no later look
   unsigned looks_ = 0;
   bool idle_ = false;
   bool running_ = false;

@@ -70,6 +70,7 @@ rt::Task<void> Network::carry_out() {
     make_plan();
     if (!read) break;
   }
+  note_puzzling();
   co_await take_ids_back();
   report_plan();
   const bool any = std::ranges::any_of(seats_, [](const auto& s) { return s->slot.record.confirmed.has_value(); });

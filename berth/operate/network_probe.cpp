@@ -60,6 +60,15 @@ rt::Task<Result<NodeId>> Network::lend_id(LssAddress device) {
   co_return id;
 }
 
+// Whose probes did not tell their places: the next look must hear all of them before one gets a place.
+void Network::note_puzzling() {
+  for (const auto& question : plan_.questions) {
+    const bool probed =
+        std::ranges::any_of(question.slots, [&](std::size_t i) { return seats_[i]->slot.spec.probe.has_value(); });
+    if (probed) puzzling_ = question.devices;
+  }
+}
+
 // Whoever was seated meanwhile has left it already.
 rt::Task<void> Network::take_ids_back() {
   const std::vector<places::Seat> lent = std::exchange(lent_, {});
@@ -124,14 +133,16 @@ rt::Task<bool> Network::read_places() {
     const auto read = co_await read_place(device);
     any = any || read;
   }
-  const bool gone = std::ranges::any_of(devices, [&](const LssAddress& device) {
-    return std::ranges::find(found_, device, &places::Found::device) == found_.end();
-  });
+  const auto unheard = [&](const LssAddress& device) {
+    return seat_of(device) == nullptr && std::ranges::find(found_, device, &places::Found::device) == found_.end();
+  };
+  const bool gone = std::ranges::any_of(devices, unheard) || std::ranges::any_of(puzzling_, unheard);
   unread_rounds_ = gone ? unread_rounds_ + 1 : 0;
   if (gone && unread_rounds_ <= patience) {
     look_anew_ = true;
     co_return false;
   }
+  puzzling_.clear();
   co_return any;
 }
 
