@@ -104,6 +104,7 @@ rt::Task<Result<Report>> Walker::Search::run() {
     if (fruitless > options_.retries) break;
     // What one device answers late is taken for an answer to the next question: with feedback a wrong way down.
     asker_.be_patient(fruitless > 0);
+    by_bits_ = fruitless > 1;
   }
   if (!broken_) co_await look_for_clones();
   if (held_ && !broken_) co_await release();

@@ -11,9 +11,10 @@
 ///   part of which several values were confirmed in this search): an answer that came late, twice, or was forged makes
 ///   nobody found. A device that was perhaps selected unheard is sent back to waiting before anybody else is selected.
 ///
-/// A round is: 80h, the known parts, then the serial numbers below them until nobody more is found there. Whoever
-/// answers the next 80h begins the next round; the search is over when 80h stays unanswered for the longest window. So
-/// wrong silence, a device that joins meanwhile, or one that forgets the part it is at, cost time only.
+/// A round is: 80h, the known parts, then the serial numbers below them until nobody more is found there, or until
+/// more than `Options::retries` places in a row have answered and led to nobody. Whoever answers the next 80h begins
+/// the next round; the search is over when 80h stays unanswered for the longest window. So wrong silence, a device that
+/// joins meanwhile, or one that forgets the part it is at, cost time only.
 ///
 /// Found devices leave the tree: with an `Assigner` they get a node-ID, else they stay in LSS configuration until the
 /// search is over (`04 00` to all, also when the task is destroyed). Therefore nothing else may be configured by LSS
@@ -25,7 +26,8 @@
 /// either has been worth its question), then the places where two were heard where only one went on.
 ///
 /// With feedback every chunk that was heard is a child to go to, also one that was heard after the next request had
-/// been chosen. Devices without feedback among them are found by bits in the rounds after.
+/// been chosen. Devices without feedback among them are found by bits in the rounds after, also when somebody whose
+/// feedback leads nowhere remains: two rounds in a row that found nobody, and the next ones go by bits alone.
 #pragma once
 
 #include <memory>

@@ -123,9 +123,11 @@ class Walker::Search {
   bool overtaken_ = false;  // the last `enter` was not sent: the question before it was answered
   bool below_ = false;      // the last question was such a one
   unsigned backs_ = 0;
+  unsigned failed_ = 0;           // places in a row at which somebody was heard and nobody found
   unsigned entered_answers_ = 0;  // to the message that moved on to this part
   Worth next_;
   Worth near_;
+  bool by_bits_ = false;     // feedback has led nowhere: it hides those who send none
   bool hints_fail_ = false;  // equal answers fall into one here: their number says nothing
   bool forgets_ = false;     // slaves forget their part at `04 00`
   std::array<std::uint32_t, 4> last_chain_{};

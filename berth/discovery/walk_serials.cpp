@@ -63,7 +63,7 @@ void Walker::Search::elsewhere() noexcept {
 
 void Walker::Search::take_feedback(const std::vector<lss::FeedbackValue>& heard, unsigned sub, Prefix at,
                                    std::vector<Prefix>& to) {
-  if (sub > 3) return;
+  if (sub > 3 || by_bits_) return;
   for (const auto& f : heard) {
     const unsigned width = f.kind == lss::Feedback::extended ? 16 : 4;
     const bool other_half = width == 16 && f.toggle != (at.bit == 16);
@@ -98,11 +98,13 @@ rt::Task<void> Walker::Search::serials() {
     open_.push_back({Prefix{}, Open::Why::answered});
   }
   const bool look = !feedback && (entered_answers_ > 1 || hints_fail_);
-  while (!over()) {
+  failed_ = 0;
+  while (!over() && failed_ <= options_.retries) {
     if (open_.empty()) {
       if (!look) co_return;
       const bool left = co_await anybody_left();
       if (!left) co_return;
+      seen_.clear();  // who is heard again is still there
     }
     const Open next = open_.back();
     open_.pop_back();
@@ -185,7 +187,8 @@ rt::Task<bool> Walker::Search::anybody_left() {
   co_return false;
 }
 
-// Goes down from one place and takes the device that it comes to.
+// Goes down from one place and takes the device that it comes to. Somebody who answers and is not found there may
+// answer for ever: after so many such places in a row the round ends, and the search counts it.
 rt::Task<bool> Walker::Search::place(Open place) {
   unsigned answers = place.at.bit == 32 ? entered_answers_ : 2;
   careful_ = 0;
@@ -194,9 +197,13 @@ rt::Task<bool> Walker::Search::place(Open place) {
   if (place.at.bit != 0 && place.why != Open::Why::answered) {
     Heard heard = co_await ask(place.at, sub_, Wait::learnt);
     if (!heard.yes() && place.why == Open::Why::heard) heard = co_await ask(place.at, sub_, Wait::bound);
-    if (!heard.yes()) co_return false;
+    if (!heard.yes()) {
+      if (place.why == Open::Why::heard) ++failed_;
+      co_return false;
+    }
     answers = heard.answers;
   }
+  ++failed_;
   anchors_.assign(1, place.at);
   Prefix from = place.at;
   while (!over()) {
@@ -207,7 +214,10 @@ rt::Task<bool> Walker::Search::place(Open place) {
       if (!one_only()) open(leaf_, Open::Why::maybe);
       outcome = co_await settle(leaf_.value ^ 1U);
     }
-    if (outcome == Outcome::found) co_return true;
+    if (outcome == Outcome::found) {
+      failed_ = 0;
+      co_return true;
+    }
     if (place.at.bit == 0) co_return false;
     const bool again = co_await back();
     if (!again) co_return false;

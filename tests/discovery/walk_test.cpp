@@ -352,6 +352,39 @@ TEST_P(Planner, HalfAProtocol) {
   }
 }
 
+// HC3.3: somebody answers for a place and cannot be followed down from it, again and again. That has an end.
+TEST_P(Planner, WhoAnswersAndIsNeverFoundEndsTheSearch) {
+  for (const auto feedback : {lss::Feedback::none, lss::Feedback::extended, lss::Feedback::base}) {
+    for (const unsigned deepest : {31U, 28U, 16U, 1U}) {
+      for (const bool binds : {true, false}) {
+        SCOPED_TRACE(testing::Message() << int(feedback) << ' ' << deepest << ' ' << binds);
+        World w(deepest);
+        NodeOptions like;
+        add_random(w, 2, like);
+        like.feedback = feedback;
+        add_random(w, 2, like);
+        // Two of the four hear no question about a serial number that goes below this bit.
+        for (const unsigned i : {1U, 3U}) {
+          w.nodes[i]->overhears = [deepest](const can::Frame& f) {
+            const auto request = lss::decode_fastscan(f);
+            return request && request->sub == 3 && request->bit_checked < deepest;
+          };
+        }
+        Giver giver;
+        if (binds) w.options.assigner = &giver;
+        w.known.kinds = {{type, revision}};
+        const auto report = w.find(GetParam());
+        ASSERT_TRUE(report) << describe(report.error());
+        EXPECT_EQ(report->end, Report::End::gave_up) << name(report->end);
+        EXPECT_EQ(report->found.size(), 2U);
+        EXPECT_GT(report->restarts, w.options.retries);
+        EXPECT_LT(report->requests, 10'000U);
+        w.expect_right(giver);
+      }
+    }
+  }
+}
+
 // Real slaves differ in what they keep: these forget their part at `04 00`.
 TEST_P(Planner, SlavesThatForgetTheirPart) {
   World w;
