@@ -45,6 +45,18 @@ std::string problems(const BitRateReport& report) {
   return text;
 }
 
+// What a person must do when not all were heard again.
+std::string way_out(const BitRateReport& report) {
+  const std::string cycle = "switch the power of every device of this bus off and on: ";
+  std::string kept;
+  for (const auto& node : report.nodes) {
+    if (node.stored) kept += fmt::format("{}{}", kept.empty() ? "" : ", ", named(node));
+  }
+  if (kept.empty()) return cycle + fmt::format("nothing was stored, so all come back at {} bit/s", report.before);
+  return cycle + fmt::format("all come back at {} bit/s but those that stored the new rate or may have: {}",
+                             report.before, kept);
+}
+
 void tell(const BitRateReport& report, const BitRateOptions& options, const std::string& bus, CommandReply& reply) {
   Json json = json_of(report, bus);
   const std::string where = fmt::format("bus {}, move to {} bit/s", bus, options.rate);
@@ -73,9 +85,7 @@ void tell(const BitRateReport& report, const BitRateOptions& options, const std:
       return no(1, fmt::format("{}: brought back to {} bit/s: {}", where, report.rate, problems(report)),
                 "see to that device, then try again");
     case End::lost:
-      return no(
-          3, fmt::format("{}: not all were heard again: {}", where, problems(report)),
-          fmt::format("switch the machine off and on: what has not stored comes back at {} bit/s", report.before));
+      return no(3, fmt::format("{}: not all were heard again: {}", where, problems(report)), way_out(report));
   }
 }
 

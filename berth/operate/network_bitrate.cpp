@@ -13,20 +13,25 @@ using namespace std::chrono_literals;
 using Node = BitRateReport::Node;
 using End = BitRateReport::End;
 
-constexpr unsigned patience = 60;  // restarts of the port until a device at the wrong rate is error-passive
 constexpr rt::Duration settle = 50ms;
+constexpr std::int64_t crowd = 100;  // frames of others that a request waits for at most, at 135 bits
 
 /// One move. Lives in the coroutine's frame.
 class Move {
  public:
   Move(Network& network, const BitRateOptions& options, BitRateReport& report)
-      : network_(network), options_(options), report_(report) {}
+      : network_(network), options_(options), report_(report), usual_(network.lss().options()) {}
+  ~Move() { network_.lss().set_options(usual_); }
+  Move(const Move&) = delete;
+  Move& operator=(const Move&) = delete;
 
   rt::Task<void> who_is_there();
   rt::Task<void> check();
   rt::Task<void> carry_out();
 
  private:
+  void allow();
+  [[nodiscard]] bool late() const noexcept { return network_.executor().now() >= until_; }
   rt::Task<void> state_of(Node& node);
   rt::Task<bool> alone(Node& node);
   rt::Task<bool> answers(Node& node);
@@ -34,19 +39,37 @@ class Move {
   rt::Task<bool> prepare(Node& node, std::uint32_t rate);
   rt::Task<bool> prepare_all(std::uint32_t rate);
   rt::Task<bool> together(std::uint32_t rate);
+  rt::Task<bool> select(Node& node);
+  rt::Task<void> revive();
   rt::Task<bool> hear_all();
   rt::Task<bool> store_all();
+  rt::Task<void> prepare_back();
   rt::Task<void> bring_back();
 
   Network& network_;
   const BitRateOptions& options_;
   BitRateReport& report_;
+  lss::MasterOptions usual_;
+  rt::Time until_{};  // of the step under way
 };
 
 std::string refusal(const Error& error, const char* code1) {
   if (error.code == Errc::timeout) return "it does not answer";
   if (error.code != Errc::aborted) return describe(error);
   return (error.detail & 0xFFU) == 1 ? code1 : fmt::format("it refuses with error code {}", error.detail & 0xFFU);
+}
+
+// A step begins: the time until it is given up, and until a request that does not get out is. On a jammed bus every
+// second spent on one request would be a second in which the port is not started again.
+void Move::allow() {
+  const auto& timing = network_.bus().timing;
+  const auto nodes = static_cast<std::int64_t>(report_.nodes.size());
+  until_ = network_.executor().now() + timing.boot_timeout + nodes * timing.tries * timing.lss_timeout;
+  const auto rate = std::max<std::int64_t>(1, network_.dispatcher().port().status().bit_rate);
+  const rt::Duration others = crowd * 135 * rt::Duration(1s) / rate;
+  lss::MasterOptions options = usual_;
+  options.send_timeout = std::min(usual_.send_timeout, timing.lss_timeout + others);
+  network_.lss().set_options(options);
 }
 
 rt::Task<void> Move::who_is_there() {
@@ -87,12 +110,14 @@ rt::Task<void> Move::state_of(Node& node) {
 }
 
 // The bus is heard by all and nobody is selected. A stranger may send the port to bus-off until it is passive itself.
+// Only from bus-off is the port started again: otherwise its counters would never let it become passive.
 rt::Task<bool> Move::all_waiting() {
   can::Port& port = network_.dispatcher().port();
-  for (unsigned i = 0; i < patience; ++i) {
+  while (!late()) {
     const auto told = co_await network_.lss().switch_global(lss::State::waiting);
     if (told) co_return true;
-    if (!port.restart(port.status().bit_rate)) co_return false;
+    const auto status = port.status();
+    if (status.bus_off && !port.restart(status.bit_rate)) co_return false;
     co_await rt::sleep_for(settle);
   }
   co_return false;
@@ -126,6 +151,7 @@ rt::Task<bool> Move::answers(Node& node) {
 }
 
 rt::Task<void> Move::check() {
+  allow();
   for (auto& node : report_.nodes) {
     co_await state_of(node);
     if (!node.problem.empty()) continue;
@@ -147,6 +173,7 @@ rt::Task<bool> Move::prepare(Node& node, std::uint32_t rate) {
 }
 
 rt::Task<bool> Move::prepare_all(std::uint32_t rate) {
+  allow();
   for (auto& node : report_.nodes) {
     const auto ready = co_await prepare(node, rate);
     if (!ready) co_return false;
@@ -160,12 +187,16 @@ rt::Task<bool> Move::together(std::uint32_t rate) {
   if (!quiet) co_return false;
   for (auto& node : report_.nodes) {
     if (!node.heard) continue;
-    const LssAddress device = *node.device;
-    const auto selected = co_await network_.lss().switch_selective(device);
-    if (!selected) node.problem = "it did not answer before the change";
+    const auto there = co_await select(node);
+    if (!there) node.problem = "it did not answer before the change";
   }
-  const auto delay = static_cast<std::uint16_t>(options_.delay.count());
-  const auto told = co_await network_.lss().activate_bit_timing(delay);
+  bool told = false;
+  while (!told && !late()) {
+    const auto delay = static_cast<std::uint16_t>(options_.delay.count());
+    const auto sent = co_await network_.lss().activate_bit_timing(delay);
+    told = sent.has_value();
+    if (!told) co_await revive();
+  }
   if (!told) co_return false;
   const rt::Duration pause = options_.delay;
   co_await rt::sleep_for(pause);
@@ -178,28 +209,60 @@ rt::Task<bool> Move::together(std::uint32_t rate) {
   co_return true;
 }
 
+// Into configuration, beside those who are there.
+rt::Task<bool> Move::select(Node& node) {
+  const LssAddress device = *node.device;
+  for (unsigned i = 0; i < network_.bus().timing.tries && !late(); ++i) {
+    const auto selected = co_await network_.lss().switch_selective(device);
+    if (selected) co_return true;
+    co_await revive();
+  }
+  co_return false;
+}
+
+// Out of bus-off, after a request that did not get out.
+rt::Task<void> Move::revive() {
+  can::Port& port = network_.dispatcher().port();
+  const auto status = port.status();
+  if (status.bus_off) port.restart(status.bit_rate);
+  co_await rt::sleep_for(settle);
+}
+
+// Round after round, so that the time that one takes who is not there is not the others'.
 rt::Task<bool> Move::hear_all() {
-  bool all = true;
+  allow();
+  std::vector<std::string> before;
   for (auto& node : report_.nodes) {
     node.heard = false;
-    const std::string before = std::exchange(node.problem, {});
-    for (unsigned i = 0; i < 3 && !node.heard; ++i) {
+    before.push_back(std::exchange(node.problem, {}));
+  }
+  bool all = false;
+  for (unsigned round = 0; round < network_.bus().timing.tries && !all && !late(); ++round) {
+    all = true;
+    for (auto& node : report_.nodes) {
+      if (node.heard) continue;
+      node.problem.clear();
       const auto there = co_await answers(node);
       node.heard = there;
+      all = all && there;
     }
-    node.problem = node.heard ? before : "not heard";
-    all = all && node.heard;
+  }
+  for (std::size_t i = 0; i < before.size(); ++i) {
+    auto& node = report_.nodes[i];
+    node.problem = node.heard ? before[i] : "not heard";
   }
   co_return all;
 }
 
 rt::Task<bool> Move::store_all() {
   for (auto& node : report_.nodes) {
+    allow();
     const auto selected = co_await alone(node);
     if (!selected) co_return false;
     const auto stored = co_await network_.lss().store();
-    node.stored = stored.has_value();
-    if (node.stored) continue;
+    // Who did not answer may have stored all the same.
+    node.stored = stored.has_value() || stored.error().code == Errc::timeout;
+    if (stored) continue;
     node.problem = "it does not store: " + refusal(stored.error(), "it does not support it");
     co_return false;
   }
@@ -207,19 +270,33 @@ rt::Task<bool> Move::store_all() {
   co_return quiet;
 }
 
-rt::Task<void> Move::bring_back() {
-  for (auto& node : report_.nodes) {
-    if (!node.heard) continue;
-    const std::string why = std::exchange(node.problem, {});
-    const auto ready = co_await prepare(node, report_.before);
-    if (ready && node.stored) {
+// Who was not heard may have changed all the same: it is asked, too. `heard`: has the old rate pending.
+rt::Task<void> Move::prepare_back() {
+  allow();
+  for (auto& node : report_.nodes) node.heard = false;
+  bool all = false;
+  for (unsigned round = 0; round < network_.bus().timing.tries && !all && !late(); ++round) {
+    all = true;
+    for (auto& node : report_.nodes) {
+      if (node.heard) continue;
+      const std::string why = std::exchange(node.problem, {});
+      const auto ready = co_await prepare(node, report_.before);
+      node.heard = ready;
+      node.problem = why;
+      all = all && ready;
+      if (!ready || !node.stored) continue;
       const auto stored = co_await network_.lss().store();
       if (stored) node.stored = false;
+      allow();
     }
-    if (node.problem.empty()) node.problem = why;
   }
+}
+
+rt::Task<void> Move::bring_back() {
+  co_await prepare_back();
   std::vector<std::string> why;
   for (const auto& node : report_.nodes) why.push_back(node.problem);
+  allow();
   const auto back = co_await together(report_.before);
   if (!back) network_.dispatcher().port().restart(report_.before);
   const auto all = co_await hear_all();
@@ -227,8 +304,10 @@ rt::Task<void> Move::bring_back() {
     auto& node = report_.nodes[i];
     if (node.heard) {
       node.problem = why[i];
-    } else if (!why[i].empty()) {
-      node.problem = why[i] + " at the new rate, and not at the old one";
+    } else if (why[i].empty()) {
+      node.problem = "not heard again at the old rate";
+    } else {
+      node.problem = why[i] + " at the new rate, and not heard at the old one";
     }
   }
   report_.end = all ? End::brought_back : End::lost;
@@ -238,6 +317,7 @@ rt::Task<void> Move::carry_out() {
   const auto ready = co_await prepare_all(options_.rate);
   if (!ready) {
     // What is pending is not in use: it is put back, so that no later activation or store takes it.
+    allow();
     for (auto& node : report_.nodes) {
       const std::string why = std::exchange(node.problem, {});
       if (!why.empty()) {
@@ -252,6 +332,7 @@ rt::Task<void> Move::carry_out() {
     report_.end = End::refused;
     co_return;
   }
+  allow();
   const auto changed = co_await together(options_.rate);
   if (!changed && network_.dispatcher().port().status().bit_rate != options_.rate) {
     if (report_.reason.empty()) report_.reason = "the command to change did not get onto the bus";

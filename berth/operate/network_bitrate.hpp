@@ -11,7 +11,9 @@
 ///    had stored store the old one.
 ///
 /// A device that stayed behind destroys what the others send (S4.1): the port may go bus-off and is started again until
-/// the stranger is error-passive.
+/// the stranger is error-passive. Each step has an end: the machine file's `boot_timeout` + nodes x `tries` x
+/// `lss_timeout`, plus what is under way by then; in hearing all, `tries` rounds. Who cannot be brought back within it
+/// is named (`lost`), and a person has to switch the bus's power off and on.
 ///
 /// What a crash leaves: before step 3 nothing; before step 4's stores every device comes back at the old rate when it
 /// is switched off and on; between the stores some come back at the old rate and some at the new one: run it again
@@ -45,7 +47,7 @@ struct BitRateReport {
     std::optional<LssAddress> device;  ///< empty: it did not tell
     std::string problem;               ///< what is in the way, or went wrong; empty: nothing
     bool moved = false;                ///< heard at the new rate
-    bool stored = false;               ///< has stored the new rate
+    bool stored = false;               ///< has stored the new rate, or may have: it did not answer
     bool heard = true;                 ///< heard at the end, at the rate of the end
   };
   End end = End::refused;

@@ -189,6 +189,53 @@ TEST_F(BitRate, WhoDiesOnTheWayIsNamed) {
   EXPECT_EQ(now[1], 125'000U);
 }
 
+// Reset between the command and the change: it stays at the old rate, and jams the new one. Whatever comes of it, it is
+// over in bounded bus time, nothing was stored, and the way out that the error names is one: power off and on.
+TEST_F(BitRate, WhoStaysBehindDoesNotHoldTheMoveForEver) {
+  machine_.buses.front().timing.boot_timeout = 1s;
+  make();
+  when_told([this] { world_->find("c")->reset(); });
+  const auto began = world_->executor().now();
+  const auto report = move(250'000);
+  const auto took = world_->executor().now() - began;
+  EXPECT_LT(took, 12s) << words(report);  // four steps of 1.9 s each, and what is under way then
+  EXPECT_EQ(report.rate, 125'000U) << words(report);
+  EXPECT_TRUE(report.end == End::brought_back || report.end == End::lost) << words(report);
+  ASSERT_EQ(report.nodes.size(), 3U);
+  for (const auto& node : report.nodes) {
+    EXPECT_FALSE(node.stored);
+    const bool told = node.problem.find("heard again at the old") != std::string::npos ||
+                      node.problem.find("heard at the old") != std::string::npos;
+    EXPECT_NE(node.heard, told) << words(report);
+  }
+  EXPECT_FALSE(report.nodes[2].moved);
+  EXPECT_NE(report.nodes[2].problem.find("not heard"), std::string::npos) << words(report);
+  EXPECT_EQ(stored(), (Rates{125'000, 125'000, 125'000}));
+  for (const char* name : {"a", "b", "c"}) world_->find(name)->power(false);
+  for (const char* name : {"a", "b", "c"}) world_->find(name)->power(true);
+  world_->sim().run_for(2s);
+  EXPECT_EQ(rates(), (Rates{125'000, 125'000, 125'000}));
+}
+
+// All were heard, the first has stored, the second cannot: the first stores the old rate again.
+TEST_F(BitRate, WhoCannotStoreBringsAllBack) {
+  make();
+  world_->find("b")->memory().broken(true);
+  const auto report = move(250'000);
+  EXPECT_EQ(report.end, End::brought_back) << words(report);
+  EXPECT_EQ(report.rate, 125'000U);
+  ASSERT_EQ(report.nodes.size(), 3U);
+  for (const auto& node : report.nodes) {
+    EXPECT_TRUE(node.moved);
+    EXPECT_TRUE(node.heard);
+    EXPECT_FALSE(node.stored);
+  }
+  EXPECT_NE(report.nodes[1].problem.find("does not store"), std::string::npos) << words(report);
+  EXPECT_EQ(rates(), (Rates{125'000, 125'000, 125'000}));
+  EXPECT_EQ(stored(), (Rates{125'000, 125'000, 125'000}));
+  EXPECT_EQ(world_->find("a")->memory().writes_ended(), 2U);
+}
+
 TEST_F(BitRate, RatesThatLssDoesNotKnow) {
   make();
   EXPECT_EQ(move(100'000).end, End::refused);
