@@ -71,8 +71,10 @@ rt::Task<Walker::Search::Outcome> Walker::Search::selected(const LssAddress& dev
 
 // The selected device says who it is.
 rt::Task<bool> Walker::Search::itself(const LssAddress& device) {
-  // Somebody may have been left in configuration, unheard: it would take the same node-ID, and it answers here too.
-  const lss::ServiceOptions first = one_by_one();
+  // Somebody may have been left in configuration, unheard: it would take the same node-ID, and it answers here too. Of
+  // one whom a master before us left nothing is learnt yet, and while it stored it heard no `04 00`.
+  const lss::ServiceOptions first = strangers_ ? service(true) : one_by_one();
+  strangers_ = true;
   const lss::ServiceOptions others = service(false);
   for (unsigned part = 4; part-- > 0;) {
     if (part < 3 && !varied_[part]) continue;
@@ -81,6 +83,7 @@ rt::Task<bool> Walker::Search::itself(const LssAddress& device) {
     if (!reply || reply->differ || reply->value() != device.part(part)) co_return false;
     asker_.sent_elsewhere(reply->sent);
   }
+  strangers_ = false;
   co_return true;
 }
 

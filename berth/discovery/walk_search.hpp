@@ -127,6 +127,7 @@ class Walker::Search {
   unsigned entered_answers_ = 0;  // to the message that moved on to this part
   Worth next_;
   Worth near_;
+  bool strangers_ = true;    // no selected device has yet been the only one to say its serial number
   bool by_bits_ = false;     // feedback has led nowhere: it hides those who send none
   bool hints_fail_ = false;  // equal answers fall into one here: their number says nothing
   bool forgets_ = false;     // slaves forget their part at `04 00`

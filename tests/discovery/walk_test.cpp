@@ -482,6 +482,30 @@ TEST_P(Planner, AMasterThatRestartsInTheMiddle) {
   }
 }
 
+// S1.53, HC3.3: a master before us left somebody in configuration who heard no `04 00`, as it was storing, and who is
+// slower than everybody we have heard. It answers the first inquiry late, and must not take that device's node-ID.
+TEST_P(Planner, ASlowOneLeftInConfigurationTakesNobodysNodeId) {
+  for (std::uint64_t seed = 1; seed <= 10; ++seed) {
+    SCOPED_TRACE(seed);
+    World w(seed);
+    NodeOptions like;
+    like.feedback = seed % 2 == 0 ? lss::Feedback::base : lss::Feedback::none;
+    add_random(w, 5, like);
+    like.timing = {.response_min = 7ms, .response_max = 9ms};
+    like.address = {type.vendor, type.product, revision, 0xABCD};
+    auto& left = w.add(like);
+    left.slave.handle(lss::request(lss::Command::switch_global, 1));
+    bool asked = false;
+    left.overhears = [&](const can::Frame& f) {
+      asked = asked || lss::command(f) == lss::Command::inquire_serial;
+      return !asked && lss::command(f) == lss::Command::switch_global;
+    };
+    w.known.kinds = {{type, revision}};
+    expect_all_bound(w, GetParam());
+    if (HasFailure()) return;
+  }
+}
+
 TEST_P(Planner, OneSearchAtATime) {
   World w;
   add_random(w, 2);

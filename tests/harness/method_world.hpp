@@ -108,6 +108,9 @@ class MethodRun final : private discovery::Observer, private plant::World::Obser
     }
     // What a master says before its first search: whoever was left selected or identified is not.
     master_->dispatcher->send(lss::request(lss::Command::switch_global, 0));
+    nobody_identified();
+  }
+  void nobody_identified() {
     master_->dispatcher->send(nodeid::switch_identification_global(nodeid::Identification::unknown));
     master_->dispatcher->send(nodeid::and_switch_global(nodeid::Identification::unknown));
   }
@@ -203,6 +206,8 @@ class MethodRun final : private discovery::Observer, private plant::World::Obser
     world_->sim().run_for(1s);
     begin_master();
     world_->sim().run_for(1s);  // who was given a node-ID unheard takes it
+    nobody_identified();        // and heard nothing while it did
+    world_->sim().run_for(20ms);
     const auto expected = findable();
     begin_search();
     if (!world_->sim().run_until([&] { return finished(); }, longest_search)) {
