@@ -8,6 +8,11 @@ namespace berth::discovery {
 namespace {
 constexpr rt::Duration default_window = std::chrono::milliseconds(10);
 constexpr std::int64_t answer_bits = 126;
+// Halves that were not asked because the other half was silent: after so many in a row the next one is asked, so that
+// a question that somebody did not hear is not followed down to the last bit.
+constexpr unsigned most_assumed = 6;
+// A device with a small receive buffer loses some of six frames back to back.
+constexpr rt::Duration slow_inhibit = std::chrono::milliseconds(10);
 
 constexpr std::uint32_t middle(std::uint32_t low, std::uint32_t high) noexcept { return low + (high - low) / 2; }
 
@@ -160,17 +165,21 @@ rt::Task<Result<void>> Identify::search(Run& run, const Kind& kind, const Box& b
   struct Open {
     Box box;
     bool answered;
+    unsigned assumed;
   };
-  std::vector<Open> open(1, Open{box, true});
+  std::vector<Open> open(1, Open{box, true, 0});
   while (!open.empty() && !run.over()) {
     const Open next = open.back();
     const Box at = next.box;
     open.pop_back();
-    if (!next.answered) {
-      const auto heard = co_await ask(run, kind, at, false);
+    const bool doubtful = next.assumed >= most_assumed;
+    if (!next.answered || doubtful) {
+      const auto heard = co_await ask(run, kind, at, doubtful);
       if (!heard) co_return fail(heard.error());
+      if (!*heard && doubtful) ++run.failures;
       if (!*heard) continue;
     }
+    const unsigned assumed = doubtful ? 0 : next.assumed;
     if (at.single()) {
       const LssAddress device{kind.type.vendor, kind.type.product, at.revision_low, at.serial_low};
       const auto there = co_await proven(run, device);
@@ -182,8 +191,8 @@ rt::Task<Result<void>> Identify::search(Run& run, const Kind& kind, const Box& b
     const Box upper = at.upper();
     const auto heard = co_await ask(run, kind, lower, run.failures > 0);
     if (!heard) co_return fail(heard.error());
-    open.push_back({upper, !*heard});
-    if (*heard) open.push_back({lower, true});
+    open.push_back({upper, !*heard, *heard ? 0 : assumed + 1});
+    if (*heard) open.push_back({lower, true, 0});
   }
   co_return Result<void>{};
 }
@@ -223,6 +232,9 @@ rt::Task<Result<Report>> Identify::find(const Known& known, const Options& optio
       }
       if (quiet || run.report.found.size() > before) continue;
       ++run.report.restarts;
+      lss::MasterOptions slower = services_.lss.options();
+      slower.inhibit = std::max(slower.inhibit, slow_inhibit);
+      services_.lss.set_options(slower);
       if (++fruitless <= options.retries) continue;
       run.report.end = Report::End::gave_up;
       break;

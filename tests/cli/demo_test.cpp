@@ -130,6 +130,7 @@ TEST(Examples, AllEndOperational) {
     const std::string file = entry.path().string();
     if (!file.ends_with(".plant.toml") || file.ends_with("/ailing.plant.toml")) continue;  // a patient for the doctor
     const std::string machine_file = file.substr(0, file.size() - std::string(".plant.toml").size()) + ".toml";
+    if (!std::filesystem::exists(machine_file)) continue;  // devices that agree without a master
     const Outcome run = berth({"up", machine_file, "--sim", file, "--until", "operational", "--json"});
     EXPECT_EQ(run.status, 0) << file << run.err;
     EXPECT_TRUE(all_operational(Json::parse(run.out))) << file;
