@@ -98,6 +98,8 @@ struct Options {
   bool confirm = false;
   Observer* observer = nullptr;  ///< may be null
   unsigned most_devices = 1000;
+  /// A search by identify ranges that takes longer gives up; 0 = never. Devices that lose frames can make it very long.
+  rt::Duration most_time{0};
   unsigned retries = 4;  ///< restarts in a row without finding anybody
 };
 

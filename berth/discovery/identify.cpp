@@ -100,7 +100,9 @@ struct Identify::Run {
     }
     return result;
   }
-  [[nodiscard]] bool over() const { return report.found.size() >= options.most_devices; }
+  bool late = false;  // `most_time` is over
+
+  [[nodiscard]] bool over() const { return late || report.found.size() >= options.most_devices; }
 };
 
 rt::Task<Result<bool>> Identify::ask(Run& run, const Kind& kind, const Box& box, bool patient) {
@@ -119,6 +121,8 @@ rt::Task<Result<bool>> Identify::ask(Run& run, const Kind& kind, const Box& box,
   const auto reply = co_await services_.lss.identify_remote(ranges, service);
   if (!reply) co_return fail(reply.error());
   if (reply->answers > 0) latency_.note(reply->heard_at[0] - reply->sent);
+  const rt::Duration since = services_.dispatcher.executor().now() - run.report.began;
+  run.late = run.options.most_time.count() > 0 && since > run.options.most_time;
   co_return reply->answers > 0;
 }
 
@@ -222,7 +226,7 @@ rt::Task<Result<Report>> Identify::find(const Known& known, const Options& optio
       quiet = true;
       const auto before = run.report.found.size();
       const std::vector<Box> open = gaps(all, run.known_of(kind.type));
-      for (std::size_t i = 0; i < open.size(); ++i) {
+      for (std::size_t i = 0; i < open.size() && !run.late; ++i) {
         const auto heard = co_await ask(run, kind, open[i], true);
         if (!heard) co_return fail(heard.error());
         if (!*heard) continue;
@@ -241,7 +245,11 @@ rt::Task<Result<Report>> Identify::find(const Known& known, const Options& optio
       break;
     }
   }
-  if (run.over()) run.report.end = Report::End::limit;
+  if (run.late) {
+    run.report.end = Report::End::gave_up;
+  } else if (run.over()) {
+    run.report.end = Report::End::limit;
+  }
   run.report.ended = services_.dispatcher.executor().now();
   co_return run.report;
 }

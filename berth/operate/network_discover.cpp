@@ -208,7 +208,9 @@ discovery::Options Network::search_options() {
   // The longest frame of the bus: 8 bytes, 29 bits, every stuff bit there can be.
   options.blocking = std::chrono::nanoseconds(160'000'000'000LL / bus_->bitrate);
   options.inhibit = lss_.options().inhibit;
-  options.retries = 2;  // who is missed now is looked for again later, and the machine waits meanwhile
+  // Who is missed now is looked for again later, and the machine waits meanwhile.
+  options.retries = 2;
+  options.most_time = std::chrono::seconds(15);
   // Plain Fastscan does not find the next device before this one has a node-ID; the planners need none.
   if (published) options.assigner = this;
   options.confirm = published;
