@@ -104,10 +104,13 @@ rt::Task<void> Network::discover() {
 // Who has no node-ID is found in a fraction of a second. Who has one is searched for among all numbers of the known
 // types, which takes longer with each device that runs: only when a slot is without a device afterwards.
 rt::Task<void> Network::discover_the_rest(bool also_configured) {
+  const rt::Time began = executor_->now();
   co_await discover_by(rest(false));
   if (!also_configured) co_return;
   rest_at_ = executor_->now() + 8 * bus_->timing.probe_period;
-  if (!somebody_missing()) co_return;
+  // One long search at a time: what happens on the bus meanwhile is dealt with behind it.
+  const bool took_long = executor_->now() - began > std::chrono::seconds(5);
+  if (!somebody_missing() || took_long) co_return;
   co_await discover_by(rest(true));
 }
 
@@ -208,9 +211,9 @@ discovery::Options Network::search_options() {
   // The longest frame of the bus: 8 bytes, 29 bits, every stuff bit there can be.
   options.blocking = std::chrono::nanoseconds(160'000'000'000LL / bus_->bitrate);
   options.inhibit = lss_.options().inhibit;
-  // Who is missed now is looked for again later, and the machine waits meanwhile.
+  // Who is missed now is looked for again later, and the machine waits meanwhile: a lost heartbeat is seen behind it.
   options.retries = 2;
-  options.most_time = std::chrono::seconds(15);
+  options.most_time = std::chrono::seconds(10);
   // Plain Fastscan does not find the next device before this one has a node-ID; the planners need none.
   if (published) options.assigner = this;
   options.confirm = published;
