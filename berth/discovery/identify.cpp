@@ -239,7 +239,6 @@ rt::Task<Result<Report>> Identify::find(const Known& known, const Options& optio
       lss::MasterOptions slower = services_.lss.options();
       slower.inhibit = std::max(slower.inhibit, slow_inhibit);
       services_.lss.set_options(slower);
-      run.failures = 0;  // the pauses are the patience
       if (++fruitless <= options.retries) continue;
       run.report.end = Report::End::gave_up;
       break;
