@@ -94,14 +94,6 @@ std::string csv(const std::vector<Cell>& cells) {
   return text;
 }
 
-std::optional<Failure> write_file(const std::string& path, const std::string& text) {
-  std::ofstream file(path, std::ios::binary);
-  file << text;
-  file.close();
-  if (file.good()) return std::nullopt;
-  return failure(Exit::failed, path + ": " + std::strerror(errno));
-}
-
 std::string remark(const Cell& c) {
   std::string text;
   if (c.found < c.devices) text = fmt::format("{} of {} found", c.found, c.devices);

@@ -2,8 +2,13 @@
 
 #include <unistd.h>
 
+#include <cerrno>
 #include <cstdio>
+#include <cstring>
+#include <fstream>
 #include <nlohmann/json.hpp>
+
+#include "options.hpp"
 
 namespace berth::cli {
 
@@ -67,5 +72,13 @@ void print_error(const std::string& message) {
 }
 
 bool on_terminal() { return ::isatty(STDOUT_FILENO) == 1; }
+
+std::optional<Failure> write_file(const std::string& path, const std::string& text) {
+  std::ofstream file(path, std::ios::binary);
+  file << text;
+  file.close();
+  if (file.good()) return std::nullopt;
+  return failure(Exit::failed, path + ": " + std::strerror(errno));
+}
 
 }  // namespace berth::cli

@@ -1,6 +1,7 @@
 /// What goes to a person or a program, and how.
 #pragma once
 
+#include <optional>
 #include <string>
 #include <vector>
 
@@ -25,5 +26,7 @@ void print_line(const std::string& line);
 void print_lines(const std::vector<std::string>& lines);
 void print_error(const std::string& message);
 [[nodiscard]] bool on_terminal();
+/// Writes a whole file; what went wrong, if anything did. Status 3.
+[[nodiscard]] std::optional<Failure> write_file(const std::string& path, const std::string& text);
 
 }  // namespace berth::cli

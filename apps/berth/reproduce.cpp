@@ -72,14 +72,6 @@ void print_rows(const study::Figures& figures) {
   }
 }
 
-std::optional<Failure> write_file(const std::string& path, const std::string& text) {
-  std::ofstream file(path, std::ios::binary);
-  file << text;
-  file.close();
-  if (file.good()) return std::nullopt;
-  return failure(Exit::failed, path + ": " + std::strerror(errno));
-}
-
 std::optional<Failure> write_traces(const study::Figures& figures, const std::string& folder) {
   std::error_code error;
   std::filesystem::create_directories(folder, error);

@@ -2,6 +2,7 @@
 
 #include <algorithm>
 
+#include "berth/discovery/busy.hpp"
 #include "berth/discovery/identify.hpp"
 #include "berth/discovery/published.hpp"
 #include "berth/discovery/walk.hpp"
@@ -24,13 +25,6 @@ std::unique_ptr<Discovery> make(Method method, const Services& services) {
 }
 
 namespace {
-struct Busy {
-  explicit Busy(bool& flag) noexcept : flag_(flag) { flag_ = true; }
-  ~Busy() { flag_ = false; }
-  Busy(const Busy&) = delete;
-  Busy& operator=(const Busy&) = delete;
-  bool& flag_;
-};
 constexpr const char* busy_text = "another discovery is under way";
 }  // namespace
 

@@ -2,6 +2,7 @@
 
 #include <algorithm>
 
+#include "berth/discovery/busy.hpp"
 #include "berth/discovery/by_name.hpp"
 
 namespace berth::discovery {
@@ -15,14 +16,6 @@ constexpr unsigned most_assumed = 6;
 constexpr rt::Duration slow_inhibit = std::chrono::milliseconds(10);
 
 constexpr std::uint32_t middle(std::uint32_t low, std::uint32_t high) noexcept { return low + (high - low) / 2; }
-
-struct Busy {
-  explicit Busy(bool& flag) noexcept : flag_(flag) { flag_ = true; }
-  ~Busy() { flag_ = false; }
-  Busy(const Busy&) = delete;
-  Busy& operator=(const Busy&) = delete;
-  bool& flag_;
-};
 
 // The ranges of one dimension between known values.
 template <class Add>

@@ -4,6 +4,7 @@
 #include <algorithm>
 #include <utility>
 
+#include "berth/discovery/busy.hpp"
 #include "berth/discovery/walk_search.hpp"
 
 namespace berth::discovery {
@@ -13,13 +14,6 @@ Walker::Walker(const Services& services, bool feedback)
 Walker::~Walker() = default;
 
 namespace {
-struct Busy {
-  explicit Busy(bool& flag) noexcept : flag_(flag) { flag_ = true; }
-  ~Busy() { flag_ = false; }
-  Busy(const Busy&) = delete;
-  Busy& operator=(const Busy&) = delete;
-  bool& flag_;
-};
 constexpr lss::FastscanRequest start_scan{};
 
 std::uint16_t base_of(const lss::Master& master) noexcept {
