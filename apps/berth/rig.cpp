@@ -85,7 +85,7 @@ tl::expected<void, Failure> Rig::read(const Options& options, const Sources& sou
           Exit::failed, fmt::format("{}:{}: bus {}: this Berth has no port {} yet; real ports come "
                                     "with a later version: give --sim PLANT to run the machine "
                                     "on a simulated bus",
-                                    machine.machine->file, bus.place.line, bus.name, design::to_string(bus.port))));
+                                    machine.machine->file, bus.place.line, bus.name, can::to_string(bus.port))));
     }
     return tl::unexpected(
         failure(Exit::usage, "the machine's buses are simulated: give the plant file with --sim PLANT"));

@@ -22,6 +22,7 @@ struct Status {
   std::uint16_t rec = 0;       ///< receive error counter, where the port knows it
   std::uint16_t queued = 0;    ///< frames that wait to be sent
   std::uint32_t errors = 0;    ///< errors this node has noticed so far, its own frames' included; counts on over 2^32
+  std::uint32_t lost = 0;      ///< frames that came in and never reached the listener, as far as known; counts on
   bool listen_only = false;
   bool bus_off = false;
   bool up = false;              ///< interface up, cable in, power on

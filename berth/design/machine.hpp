@@ -12,6 +12,7 @@
 #include "berth/base/finding.hpp"
 #include "berth/base/ids.hpp"
 #include "berth/base/result.hpp"
+#include "berth/can/port_spec.hpp"
 #include "berth/design/library.hpp"
 #include "berth/places/slot.hpp"
 #include "berth/text/toml.hpp"
@@ -24,22 +25,8 @@ using Duration = text::Duration;
 enum class Role : std::uint8_t { master, commissioner, observer };
 [[nodiscard]] const char* name(Role role) noexcept;
 
-/// Which kind of port a bus is reached through.
-enum class PortKind : std::uint8_t {
-  sim,         ///< "sim": a simulated bus, the plant file's bus of the same name
-  socketcan,   ///< "socketcan:can0"
-  slcan,       ///< "slcan:/dev/ttyACM0"
-  socketcand,  ///< "socketcand://host:29536/can0"
-  plant,       ///< "plant:/run/plant.sock": the bus of the same name of a `berth plant` in another process
-};
-
-struct PortSpec {
-  PortKind kind = PortKind::sim;
-  std::string address;  ///< what follows the kind: "can0", "/dev/ttyACM0", "host:29536/can0"; empty for `sim`
-  friend bool operator==(const PortSpec&, const PortSpec&) = default;
-};
-[[nodiscard]] std::string to_string(const PortSpec& port);  ///< as it stands in the file
-[[nodiscard]] std::optional<PortSpec> parse_port(std::string_view text);
+using can::PortKind;
+using can::PortSpec;
 
 /// How long Berth waits, and how often it does things. Every one is a key of `[timing]` (all buses) and of
 /// `[bus.NAME.timing]` (that bus, stronger); the names are the same.

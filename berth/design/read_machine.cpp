@@ -193,7 +193,7 @@ class MachineReader {
   static void read_port(Table& table, Bus& bus) {
     const auto text = table.string("port");
     if (!text) return;
-    const auto port = parse_port(*text);
+    const auto port = can::parse_port(*text);
     if (port) {
       bus.port = *port;
     } else {

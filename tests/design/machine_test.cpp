@@ -315,19 +315,6 @@ TEST(MachineFile, AMissingFileIsAFinding) {
   EXPECT_EQ(to_string(result.findings[0]), "/nowhere/at/all.toml: error: cannot be read: No such file or directory");
 }
 
-TEST(Port, EveryKind) {
-  for (const char* text :
-       {"sim", "plant:/run/p.sock", "socketcan:can0", "slcan:/dev/ttyACM0", "socketcand://host:29536/can0"}) {
-    const auto port = parse_port(text);
-    ASSERT_TRUE(port) << text;
-    EXPECT_EQ(to_string(*port), text);
-  }
-  for (const char* text :
-       {"", "can0", "socketcan:", "slcan:", "plant:", "socketcand://host", "socketcand:///can0", "sim:x"}) {
-    EXPECT_FALSE(parse_port(text)) << text;
-  }
-}
-
 // Whatever is done to a good file, the reader ends with a machine or with an error that has a place.
 RC_GTEST_PROP(MachineFile, NeverNeitherMachineNorError, (std::uint64_t seed)) {
   Random random(seed);

@@ -1,0 +1,24 @@
+#include "berth/io/open_port.hpp"
+
+#include "berth/io/plant_port.hpp"
+
+namespace berth::io {
+
+using Opened = tl::expected<std::unique_ptr<can::Port>, std::string>;
+
+Opened open_port(Loop& loop, const can::PortSpec& spec, const PortOptions& options) {
+  switch (spec.kind) {
+    case can::PortKind::plant: {
+      auto port = PlantPort::connect(loop, spec.address, options.bus);
+      if (!port) return tl::unexpected(std::move(port.error()));
+      return Opened(std::move(*port));
+    }
+    case can::PortKind::socketcan:
+    case can::PortKind::slcan:
+    case can::PortKind::socketcand:
+    case can::PortKind::sim: break;
+  }
+  return tl::unexpected(can::to_string(spec) + ": this Berth has no such port");
+}
+
+}  // namespace berth::io
