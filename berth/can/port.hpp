@@ -25,10 +25,11 @@ struct Status {
   std::uint32_t lost = 0;      ///< frames that came in and never reached the listener, as far as known; counts on
   bool listen_only = false;
   bool bus_off = false;
-  bool up = false;              ///< interface up, cable in, power on
-  bool knows_counters = false;  ///< `tec` and `rec` are real
-  bool knows_sent = false;      ///< `sent` comes at the true end of the frame, not when the driver took it
-  bool knows_errors = false;    ///< `errors` is real, as error frames of a SocketCAN interface are
+  bool up = false;                 ///< interface up, cable in, power on
+  bool knows_counters = false;     ///< `tec` and `rec` are real
+  bool knows_sent = false;         ///< `sent` comes at the true end of the frame, not when the driver took it
+  bool knows_errors = false;       ///< `errors` is real, as error frames of a SocketCAN interface are
+  bool bit_rate_is_label = false;  ///< `bit_rate` is what the user said: the interface (vcan) has none
 
   [[nodiscard]] bool error_passive() const noexcept { return tec > 127 || rec > 127; }
 };
