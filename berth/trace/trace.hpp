@@ -1,4 +1,5 @@
-/// A recorded trace: which frame was on which bus when. Plain data; `candump.hpp` reads and writes it.
+/// A recorded trace: which frame was on which bus when. Plain data; `stream.hpp` reads and writes it in every format,
+/// piece by piece, `candump.hpp` whole.
 #pragma once
 
 #include <cstdint>
@@ -11,6 +12,9 @@
 
 namespace berth::trace {
 
+/// Of a frame, as seen by the controller that recorded it.
+enum class Direction : std::uint8_t { unknown, received, sent };
+
 /// One frame of a trace.
 struct Entry {
   /// When the frame had ended on the wire, since the recorder's zero: the beginning of a simulated world, or 1970 for a
@@ -18,6 +22,10 @@ struct Entry {
   rt::Duration at{};
   std::uint16_t bus = 0;  ///< index of `Trace::buses`
   can::Frame frame;
+  Direction direction = Direction::unknown;
+  /// No frame but SocketCAN's report of an error: `frame.id` holds the class bits (without 2000 0000h), `frame.data`
+  /// the details as linux/can/error.h has them. Never in what `read_candump` gives.
+  bool error = false;
   friend bool operator==(const Entry&, const Entry&) = default;
 };
 

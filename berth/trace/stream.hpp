@@ -1,0 +1,117 @@
+/// Trace files as streams: bytes in by chunks of any size, entries out; entries in, bytes out. Constant memory however
+/// long the file is, no I/O, no allocation per frame. One reader and one writer for each format:
+///
+/// | format | what it is | what writing it loses |
+/// | --- | --- | --- |
+/// | candump | can-utils `candump -L` (candump.hpp) | time below 1 us |
+/// | pcapng | PCAP Next Generation, LINKTYPE_CAN_SOCKETCAN (pcapng.hpp) | nothing |
+/// | asc | Vector's ASCII log (asc.hpp) | time below 1 us; what an error frame says; that a direction is unknown (Rx) |
+/// | trc | PEAK's trace 2.1 (trc.hpp) | time below 1 us; most of what an error frame says; unknown direction (Rx) |
+/// | trc, version 1.1 | the same, older | besides: time below 100 us, FD frames (left out), buses (one is left) |
+///
+///     auto reader = trace::make_reader(trace::Format::candump, "run.log");
+///     while (read(chunk)) reader->feed(chunk, sink);      // sink.entry(...), sink.finding(...)
+///     reader->finish(sink);
+///
+///     auto writer = trace::make_writer(trace::Format::pcapng);
+///     writer->write(entry, reader->buses()[entry.bus], out);   // appends to `out`; the caller takes it away
+///     writer->finish(out);
+///     for (const auto& line : writer->lost()) print(line);
+#pragma once
+
+#include <array>
+#include <cstdint>
+#include <memory>
+#include <optional>
+#include <span>
+#include <string>
+#include <string_view>
+#include <vector>
+
+#include "berth/base/finding.hpp"
+#include "berth/trace/trace.hpp"
+
+namespace berth::trace {
+
+enum class Format : std::uint8_t { candump, pcapng, asc, trc };
+inline constexpr Format all_formats[] = {Format::candump, Format::pcapng, Format::asc, Format::trc};
+[[nodiscard]] std::string_view name(Format format) noexcept;  ///< "candump", "pcapng", "asc", "trc"
+/// Of a name; "log" is candump too.
+[[nodiscard]] std::optional<Format> parse_format(std::string_view name) noexcept;
+/// By the ending of a file's name: .log .pcapng .asc .trc, in either case.
+[[nodiscard]] std::optional<Format> format_of_path(std::string_view path) noexcept;
+/// By content: the first bytes of a file. 4096 are enough for all that tools write; empty: none of them.
+[[nodiscard]] std::optional<Format> recognise(std::string_view head) noexcept;
+inline constexpr std::size_t head_size = 4096;
+
+/// Who hears what a reader reads, in the order of the file. Called from inside `feed` and `finish`.
+class Sink {
+ public:
+  virtual void entry(const Entry& entry) = 0;
+  /// error: a line or block that is not of the format, left out; warning: what was read and looks odd; note: what a
+  /// format has beside frames, and a file that may be cut short. Text formats give line and column; pcapng gives the
+  /// byte in `key` ("byte 1204").
+  virtual void finding(Finding finding) = 0;
+
+ protected:
+  ~Sink() = default;
+};
+
+class Reader {
+ public:
+  virtual ~Reader() = default;
+  /// The next bytes of the file, cut anywhere. They need not stay.
+  virtual void feed(std::string_view bytes, Sink& sink) = 0;
+  /// The file is over: a last line without an end is read; a block that was cut short is an error. Then the reader is
+  /// done.
+  virtual void finish(Sink& sink) = 0;
+  /// The names that `Entry::bus` counts; grows.
+  [[nodiscard]] const std::vector<std::string>& buses() const noexcept { return buses_; }
+
+ protected:
+  std::vector<std::string> buses_;
+};
+
+/// `file_name` stands in the findings, nothing is opened.
+[[nodiscard]] std::unique_ptr<Reader> make_reader(Format format, std::string file_name);
+
+/// What a written file does not say of what it was given.
+enum class Loss : std::uint8_t {
+  fd_frame,          ///< left out: the format has no FD frames
+  error_frame,       ///< left out
+  time,              ///< rounded to the format's unit
+  time_before_zero,  ///< written as 0
+  direction,         ///< unknown, written as received
+  error_detail,      ///< an error frame's class and data
+  bus,               ///< the format has one bus
+  count_
+};
+
+class Writer {
+ public:
+  virtual ~Writer() = default;
+  /// Appends the entry to `out`, and before it whatever the format wants first. `bus` is the name of `entry.bus`; a
+  /// number has the same name each time. A name with blanks or control characters is written with `_` for them.
+  virtual void write(const Entry& entry, std::string_view bus, std::string& out) = 0;
+  /// Appends what the format wants last (and first, when nothing was written).
+  virtual void finish(std::string& out) = 0;
+  /// How many entries lost this.
+  [[nodiscard]] std::uint64_t lost(Loss loss) const noexcept { return lost_[static_cast<std::size_t>(loss)]; }
+  /// In words, one line each: "12 FD frames are left out: TRC 1.1 has none". Empty: nothing was lost.
+  [[nodiscard]] std::vector<std::string> lost() const;
+
+ protected:
+  void lose(Loss loss) noexcept { ++lost_[static_cast<std::size_t>(loss)]; }
+
+ private:
+  std::array<std::uint64_t, static_cast<std::size_t>(Loss::count_)> lost_{};
+};
+
+struct WriteOptions {
+  bool trc_1_1 = false;    ///< TRC: version 1.1 instead of 2.1
+  bool directions = true;  ///< candump: ` R` or ` T` behind a frame whose direction is known, as `candump -x` does.
+                           ///< canplayer passes over it; tshark 4.0 takes it for an error.
+};
+[[nodiscard]] std::unique_ptr<Writer> make_writer(Format format, const WriteOptions& options = {});
+
+}  // namespace berth::trace
