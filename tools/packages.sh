@@ -4,6 +4,8 @@
 build_packages=(g++ cmake ninja-build libexpected-dev libcli11-dev libfmt-dev nlohmann-json3-dev libtomlplusplus-dev
   libpugixml-dev libsqlitecpp-dev libsqlite3-dev)
 test_packages=(ccache python3 libgtest-dev librapidcheck-dev libbenchmark-dev valgrind)
+# What ./run vm and the tests in it need; Ubuntu packs its kernel with zstd.
+vm_packages=(python3 qemu-system-x86 busybox-static iproute2 can-utils zstd)
 bench_packages=(libbenchmark-dev valgrind)
 clang_packages=(clang-16 libclang-rt-16-dev)
 lint_packages=(clang-format-16 clang-tidy-16)
