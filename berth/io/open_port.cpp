@@ -1,6 +1,7 @@
 #include "berth/io/open_port.hpp"
 
 #include "berth/io/plant_port.hpp"
+#include "berth/io/socketcan_port.hpp"
 
 namespace berth::io {
 
@@ -13,7 +14,11 @@ Opened open_port(Loop& loop, const can::PortSpec& spec, const PortOptions& optio
       if (!port) return tl::unexpected(std::move(port.error()));
       return Opened(std::move(*port));
     }
-    case can::PortKind::socketcan:
+    case can::PortKind::socketcan: {
+      auto port = SocketCanPort::open(loop, spec.address, options);
+      if (!port) return tl::unexpected("socketcan:" + port.error());
+      return Opened(std::move(*port));
+    }
     case can::PortKind::slcan:
     case can::PortKind::socketcand:
     case can::PortKind::sim: break;

@@ -33,8 +33,8 @@ namespace berth::io {
 
 class SocketCanPort final : public can::Port {
  public:
-  static constexpr unsigned queue_depth = 256;  ///< frames given that the kernel has not taken; then `Queued::full`
-  static constexpr unsigned most_unconfirmed = 1024;  ///< frames written whose echo is awaited; then they wait here
+  static constexpr unsigned queue_depth = 256;        ///< given and not taken by the kernel; then `Queued::full`
+  static constexpr unsigned most_unconfirmed = 1024;  ///< written and not echoed; of more the oldest are never `sent`
 
   /// Opens an interface that is there and up. With `options.bit_rate` an interface that is down is brought up, and one
   /// with another bit rate set to it, when the system allows that; without, it is used as it stands and must be up.
