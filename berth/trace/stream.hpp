@@ -78,7 +78,6 @@ class Reader {
 /// What a written file does not say of what it was given.
 enum class Loss : std::uint8_t {
   fd_frame,          ///< left out: the format has no FD frames
-  error_frame,       ///< left out
   time,              ///< rounded to the format's unit
   time_before_zero,  ///< written as 0
   direction,         ///< unknown, written as received
@@ -91,7 +90,7 @@ class Writer {
  public:
   virtual ~Writer() = default;
   /// Appends the entry to `out`, and before it whatever the format wants first. `bus` is the name of `entry.bus`; a
-  /// number has the same name each time. A name with blanks or control characters is written with `_` for them.
+  /// number has the same name each time. Text formats write `_` for a blank in it.
   virtual void write(const Entry& entry, std::string_view bus, std::string& out) = 0;
   /// Appends what the format wants last (and first, when nothing was written).
   virtual void finish(std::string& out) = 0;
