@@ -124,13 +124,16 @@ std::size_t PcapngReader::step(std::string_view bytes) {
   const auto whole = bytes.substr(0, length);
   if (u32(whole, length - 4) != length)
     return lose(fmt::format("a block of {} bytes says at its end that it has {}", length, u32(whole, length - 4)));
+  unsure_ = false;
   block(type, whole);
   return length;
 }
 
 std::size_t PcapngReader::lose(std::string message) {
-  tell(Finding::Severity::error, std::move(message), "the reader goes on where the next block seems to begin");
-  lost_ = true;
+  // What only looked like a block on the way to the next one is not told.
+  if (!unsure_)
+    tell(Finding::Severity::error, std::move(message), "the reader goes on where the next block seems to begin");
+  lost_ = unsure_ = true;
   return 1;
 }
 
@@ -322,7 +325,7 @@ std::optional<rt::Duration> PcapngReader::time(const Interface& it, std::uint64_
 
 void PcapngReader::finish(Sink& sink) {
   sink_ = &sink;
-  if (!rest_.empty() || passing_ > 0) {
+  if ((!rest_.empty() && !unsure_) || passing_ > 0) {
     tell(Finding::Severity::error,
          passing_ > 0 ? fmt::format("the file is cut short: {} bytes of a block are missing", passing_)
                       : fmt::format("the file is cut short: {} bytes of a block are there", rest_.size()));

@@ -69,6 +69,7 @@ class PcapngReader final : public Reader {
   std::uint64_t offset_ = 0;   // in the file, of the block at hand
   std::uint64_t passing_ = 0;  // bytes of a block that nobody looks into
   bool lost_ = false;          // looking for the next block
+  bool unsure_ = false;        // since then no block was whole
   bool big_endian_ = false;
   bool in_section_ = false;
   std::vector<Interface> interfaces_;  // of the section
