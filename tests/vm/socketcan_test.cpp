@@ -1,0 +1,380 @@
+#include <gtest/gtest.h>
+#include <linux/can.h>
+#include <linux/can/raw.h>
+
+#include <algorithm>
+#include <cstdio>
+#include <deque>
+#include <optional>
+#include <thread>
+
+#include "berth/io/open_port.hpp"
+#include "berth/io/socketcan_port.hpp"
+#include "tests/vm/interface.hpp"
+
+namespace berth::io {
+namespace {
+
+using namespace std::chrono_literals;
+using test::shell;
+using test::until;
+
+constexpr can::IdRange everything[] = {can::all_base, can::all_extended};
+
+class Ear final : public can::Listener {
+ public:
+  explicit Ear(rt::Executor& executor) : executor_(&executor) {}
+  void received(const can::Frame& f, rt::Time at) noexcept override {
+    ++frames;
+    note("< " + can::to_string(f), at);
+    last_frame = f;
+  }
+  void sent(std::uint32_t tag, rt::Time at) noexcept override {
+    ++confirmed;
+    note("sent " + std::to_string(tag), at);
+  }
+  void changed(const can::Status& s, rt::Time at) noexcept override {
+    states.push_back(s);
+    note(s.bus_off ? "bus-off" : s.up ? "up" : "down", at);
+  }
+  std::vector<std::string> log;
+  std::vector<can::Status> states;
+  can::Frame last_frame;
+  unsigned frames = 0;
+  unsigned confirmed = 0;
+  bool times_hold = true;  // each before now and not before the last
+  bool keeps_log = true;
+  rt::Time last = rt::Time::min();
+
+ private:
+  void note(std::string text, rt::Time at) {
+    if (keeps_log) log.push_back(std::move(text));
+    times_hold = times_hold && at >= last && at <= executor_->now();
+    last = at;
+  }
+  rt::Executor* executor_;
+};
+
+class SocketCan : public ::testing::Test {
+ protected:
+  void SetUp() override {
+    const auto why = test::no_interface("vcan0");
+    if (!why.empty()) GTEST_SKIP() << why;
+    vcan_.emplace("bvcan0");
+  }
+  std::unique_ptr<can::Port> open(const PortOptions& options = {}) {
+    auto port = open_port(loop_, {can::PortKind::socketcan, vcan_->name()}, options);
+    EXPECT_TRUE(port) << port.error();
+    return port ? std::move(*port) : nullptr;
+  }
+  bool until(const std::function<bool()>& holds) { return test::until(loop_, holds); }
+  void cansend(const std::string& frame) { ASSERT_TRUE(shell("cansend " + vcan_->name() + " " + frame)); }
+
+  rt::Executor executor_;
+  Loop loop_{executor_};
+  std::optional<test::Vcan> vcan_;
+};
+
+TEST_F(SocketCan, OwnFramesAreConfirmedAndNeverReceivedAndOthersHearThem) {
+  auto a = open({.bit_rate = 250'000});
+  auto b = open();
+  ASSERT_TRUE(a && b);
+  EXPECT_TRUE(a->status().up);
+  EXPECT_EQ(a->status().bit_rate, 250'000U);
+  EXPECT_TRUE(a->status().bit_rate_is_label);
+  EXPECT_EQ(b->status().bit_rate, 0U);
+  Ear ear_a(executor_);
+  Ear ear_b(executor_);
+  a->listen(&ear_a, everything);
+  b->listen(&ear_b, everything);
+  EXPECT_EQ(a->send(can::Frame::base(0x601, {1, 2, 3}), 7), can::Queued::yes);
+  EXPECT_EQ(a->send(can::Frame::ext(0x601, {4}), 0), can::Queued::yes);
+  EXPECT_EQ(a->send(can::Frame::request(0x701, 1), 9), can::Queued::yes);
+  EXPECT_TRUE(ear_a.log.empty());  // never from inside send
+  ASSERT_TRUE(until([&] { return ear_b.log.size() == 3 && ear_a.log.size() == 2; }));
+  test::idle(loop_, 50ms);
+  EXPECT_EQ(ear_a.log, (std::vector<std::string>{"sent 7", "sent 9"}));
+  EXPECT_EQ(ear_b.log, (std::vector<std::string>{"< 601#010203", "< 00000601#04", "< 701#R1"}));
+  EXPECT_TRUE(ear_a.times_hold && ear_b.times_hold);
+  EXPECT_EQ(a->status().queued, 0);
+}
+
+TEST_F(SocketCan, AConfirmationStandsInOrderWithWhatWasHeard) {
+  auto a = open();
+  auto b = open();
+  ASSERT_TRUE(a && b);
+  Ear ear(executor_);
+  a->listen(&ear, everything);
+  for (std::uint32_t i = 0; i < 50; ++i) {
+    ASSERT_EQ(b->send(can::Frame::base(0x100 + i, {}), 0), can::Queued::yes);
+    ASSERT_EQ(a->send(can::Frame::base(0x7E5, {0x51}), i + 1), can::Queued::yes);
+  }
+  ASSERT_TRUE(until([&] { return ear.log.size() == 100; }));
+  for (std::uint32_t i = 0; i < 50; ++i) {
+    EXPECT_EQ(ear.log[2 * i], "< " + can::to_string(can::Frame::base(0x100 + i, {})));
+    EXPECT_EQ(ear.log[2 * i + 1], "sent " + std::to_string(i + 1));
+  }
+  EXPECT_TRUE(ear.times_hold);
+}
+
+TEST_F(SocketCan, OnlyWhatIsListenedToComes) {
+  auto a = open();
+  auto b = open();
+  ASSERT_TRUE(a && b);
+  Ear ear(executor_);
+  constexpr can::IdRange some[] = {
+      {0x181, 0x184}, can::only(0x700), {can::extended_flag | 0x100, can::extended_flag | 0x1FF}};
+  a->listen(&ear, some);
+  const auto offer = [&] {
+    for (std::uint32_t id : {0x180U, 0x181U, 0x184U, 0x185U, 0x700U}) b->send(can::Frame::base(id, {}), 0);
+    b->send(can::Frame::request(0x182, 2), 0);
+    for (std::uint32_t id : {0xFFU, 0x100U, 0x1FFU, 0x200U}) b->send(can::Frame::ext(id, {}), 0);
+    b->send(can::Frame::base(0x100, {}), 0);
+  };
+  offer();
+  const std::vector<std::string> wanted{"< 181#", "< 184#", "< 700#", "< 182#R2", "< 00000100#", "< 000001FF#"};
+  ASSERT_TRUE(until([&] { return ear.log.size() >= wanted.size(); }));
+  test::idle(loop_, 50ms);
+  EXPECT_EQ(ear.log, wanted);
+  ear.log.clear();
+  constexpr can::IdRange one[] = {can::only(0x185)};
+  a->listen(&ear, one);
+  offer();
+  ASSERT_TRUE(until([&] { return !ear.log.empty(); }));
+  test::idle(loop_, 50ms);
+  EXPECT_EQ(ear.log, std::vector<std::string>{"< 185#"});
+  ear.log.clear();
+  a->listen(nullptr, {});
+  offer();
+  test::idle(loop_, 50ms);
+  EXPECT_TRUE(ear.log.empty());
+}
+
+TEST_F(SocketCan, OtherLocalProgramsAreHeardAndHear) {
+  auto a = open();
+  ASSERT_TRUE(a);
+  Ear ear(executor_);
+  a->listen(&ear, everything);
+  cansend("701#7F");
+  ASSERT_TRUE(until([&] { return ear.frames == 1; }));
+  EXPECT_EQ(ear.log.back(), "< 701#7F");
+  std::FILE* dump = ::popen(("timeout 20 candump -n 1 -L " + vcan_->name()).c_str(), "r");
+  ASSERT_NE(dump, nullptr);
+  std::string line(200, 0);
+  // When candump listens nobody tells; so it is sent until it was heard.
+  std::size_t n = 0;
+  std::thread reader([&] { n = std::fread(line.data(), 1, line.size(), dump); });
+  std::uint32_t tag = 1;
+  const auto end = std::chrono::steady_clock::now() + 20s;
+  while (n == 0 && std::chrono::steady_clock::now() < end) {
+    a->send(can::Frame::base(0x581, {0x43}), tag++);
+    test::idle(loop_, 50ms);
+  }
+  reader.join();
+  ::pclose(dump);
+  EXPECT_NE(line.find("581#43"), std::string::npos) << line;
+}
+
+TEST_F(SocketCan, FdFramesGoWhereTheInterfaceTakesThem) {
+  auto a = open();
+  auto b = open();
+  ASSERT_TRUE(a && b);
+  Ear ear(executor_);
+  Ear own(executor_);
+  a->listen(&own, everything);
+  b->listen(&ear, everything);
+  can::Frame f;
+  f.id = 0x123;
+  f.fd = f.brs = true;
+  f.size = 64;
+  for (std::size_t i = 0; i < 64; ++i) f.data[i] = static_cast<std::uint8_t>(i * 3);
+  ASSERT_EQ(a->send(f, 5), can::Queued::yes);
+  ASSERT_TRUE(until([&] { return ear.frames == 1 && own.confirmed == 1; }));
+  EXPECT_EQ(ear.last_frame, f);
+  f.size = 9;  // no such length
+  EXPECT_EQ(a->send(f, 6), can::Queued::closed);
+  vcan_->down();
+  ASSERT_TRUE(shell("ip link set bvcan0 mtu 16 up"));
+  ASSERT_TRUE(until([&] { return own.states.size() >= 2 && own.states.back().up; }));
+  f.size = 8;
+  EXPECT_EQ(a->send(f, 7), can::Queued::closed);
+  EXPECT_EQ(a->send(can::Frame::base(0x123, {1}), 8), can::Queued::yes);
+  ASSERT_TRUE(until([&] { return own.confirmed == 2; }));
+}
+
+TEST_F(SocketCan, DownAndUpAreToldAndNothingOldIsSent) {
+  auto a = open({.bit_rate = 125'000});
+  ASSERT_TRUE(a);
+  Ear ear(executor_);
+  a->listen(&ear, everything);
+  vcan_->down();
+  ASSERT_TRUE(until([&] { return !ear.log.empty(); }));
+  EXPECT_EQ(ear.log.back(), "down");
+  EXPECT_FALSE(a->status().up);
+  EXPECT_EQ(a->send(can::Frame::base(0x1, {}), 1), can::Queued::closed);
+  vcan_->up();
+  ASSERT_TRUE(until([&] { return ear.log.size() == 2; }));
+  EXPECT_EQ(ear.log.back(), "up");
+  EXPECT_EQ(ear.states.back().bit_rate, 125'000U);
+  EXPECT_EQ(a->send(can::Frame::base(0x2, {}), 2), can::Queued::yes);
+  cansend("003#");
+  ASSERT_TRUE(until([&] { return ear.log.size() == 4; }));
+  EXPECT_EQ(ear.log, (std::vector<std::string>{"down", "up", "sent 2", "< 003#"}));
+}
+
+TEST_F(SocketCan, AnInterfaceThatVanishesAndComesBackIsBoundAgainAndWhatItReceivedIsDelivered) {
+  auto a = open();
+  auto b = open();
+  ASSERT_TRUE(a && b);
+  Ear ear(executor_);
+  Ear other(executor_);
+  a->listen(&ear, everything);
+  b->listen(&other, everything);
+  for (int round = 0; round < 3; ++round) {
+    ear.log.clear();
+    cansend("123#01");  // waits in the socket while the interface goes
+    vcan_->drop();
+    ASSERT_TRUE(until([&] { return ear.log.size() >= 2; }));
+    EXPECT_EQ(ear.log.size(), 2U);
+    EXPECT_EQ(std::ranges::count(ear.log, "< 123#01"), 1);
+    EXPECT_EQ(std::ranges::count(ear.log, "down"), 1);
+    EXPECT_EQ(a->send(can::Frame::base(0x1, {}), 1), can::Queued::closed);
+    test::idle(loop_, 30ms);
+    vcan_->make();
+    ASSERT_TRUE(until([&] { return a->status().up && b->status().up; }));
+    ASSERT_EQ(a->send(can::Frame::base(0x42, {1}), 2), can::Queued::yes);
+    ASSERT_TRUE(until([&] { return ear.log.back() == "sent 2" && other.log.back() == "< 042#01"; }));
+    cansend("333#03");
+    ASSERT_TRUE(until([&] { return ear.log.back() == "< 333#03"; }));
+  }
+}
+
+TEST_F(SocketCan, GoneAndBackBeforeAnybodyLooked) {
+  auto a = open();
+  ASSERT_TRUE(a);
+  Ear ear(executor_);
+  a->listen(&ear, everything);
+  vcan_->drop();
+  vcan_->make();
+  ASSERT_TRUE(until([&] { return ear.log.size() >= 2; }));
+  EXPECT_EQ(ear.log, (std::vector<std::string>{"down", "up"}));
+  cansend("321#");
+  ASSERT_TRUE(until([&] { return ear.frames == 1; }));
+}
+
+// Another program's frames while nobody reads.
+class Flood {
+ public:
+  explicit Flood(const char* interface) : fd_(::socket(PF_CAN, SOCK_RAW, CAN_RAW)) {
+    sockaddr_can address{};
+    address.can_family = AF_CAN;
+    address.can_ifindex = static_cast<int>(::if_nametoindex(interface));
+    const void* const plain = &address;
+    EXPECT_EQ(::bind(fd_, static_cast<const sockaddr*>(plain), sizeof address), 0);
+  }
+  ~Flood() { ::close(fd_); }
+  Flood(const Flood&) = delete;
+  Flood& operator=(const Flood&) = delete;
+  bool send(std::uint32_t count) {
+    can_frame f{};
+    f.can_id = 0x123;
+    f.len = 4;
+    for (std::uint32_t i = 0; i < count; ++i) {
+      std::memcpy(f.data, &i, sizeof i);
+      if (::write(fd_, &f, sizeof f) != sizeof f) return false;
+    }
+    return true;
+  }
+
+ private:
+  int fd_;
+};
+
+TEST_F(SocketCan, OfABurstThatNobodyReadNothingIsLostUncounted) {
+  auto a = open();
+  ASSERT_TRUE(a);
+  Ear ear(executor_);
+  ear.keeps_log = false;
+  a->listen(&ear, everything);
+  Flood flood("bvcan0");
+  ASSERT_TRUE(flood.send(20'000));  // a second of a full bus at 1 Mbit/s
+  ASSERT_TRUE(until([&] { return ear.frames + a->status().lost == 20'000; }))
+      << ear.frames << " received, " << a->status().lost << " lost";
+  EXPECT_EQ(a->status().lost, 0U);
+  ASSERT_TRUE(flood.send(40'000));  // more than the receive buffer holds
+  ASSERT_TRUE(until([&] { return ear.frames + a->status().lost == 60'000; }))
+      << ear.frames << " received, " << a->status().lost << " lost";
+  EXPECT_GT(a->status().lost, 0U);
+  EXPECT_GT(ear.frames, 30'000U);
+  const auto lost = a->status().lost;
+  const auto before = ear.frames;
+  ASSERT_TRUE(flood.send(500));
+  ASSERT_TRUE(until([&] { return ear.frames == before + 500; }));
+  EXPECT_EQ(a->status().lost, lost);
+}
+
+TEST_F(SocketCan, SendersAndReceiversInOneLoopLoseNothing) {
+  constexpr std::uint32_t all = 5'000;
+  auto a = open();
+  auto b = open();
+  ASSERT_TRUE(a && b);
+  Ear ear(executor_);
+  Ear own(executor_);
+  ear.keeps_log = own.keeps_log = false;
+  a->listen(&own, {});
+  b->listen(&ear, everything);
+  std::uint32_t given = 0;
+  const auto go_on = [&] {
+    for (int i = 0; i < 50 && given < all; ++i) {
+      can::Frame f = can::Frame::base(0x200 + given % 64, {0, 0, 0, 0});
+      std::memcpy(f.data.data(), &given, 4);
+      if (a->send(f, given + 1) != can::Queued::yes) break;
+      ++given;
+    }
+    loop_.serve();
+    return ear.frames >= all && own.confirmed >= all;
+  };
+  EXPECT_TRUE(test::until(loop_, go_on, 120s));
+  EXPECT_EQ(ear.frames, all);
+  EXPECT_EQ(own.confirmed, all);
+  EXPECT_EQ(b->status().lost, 0U);
+  EXPECT_TRUE(own.times_hold && ear.times_hold);
+}
+
+TEST_F(SocketCan, TheLabelOfAVirtualInterfaceCanBeChanged) {
+  auto a = open({.bit_rate = 125'000});
+  ASSERT_TRUE(a);
+  EXPECT_FALSE(a->restart(0));
+  EXPECT_TRUE(a->restart(500'000));
+  EXPECT_EQ(a->status().bit_rate, 500'000U);
+  EXPECT_TRUE(a->status().up);
+}
+
+TEST_F(SocketCan, ListenOnlySendsNothing) {
+  auto a = open({.listen_only = true});
+  ASSERT_TRUE(a);
+  EXPECT_TRUE(a->status().listen_only);
+  EXPECT_EQ(a->send(can::Frame::base(1, {}), 1), can::Queued::listen_only);
+}
+
+TEST_F(SocketCan, WhatIsWrongWhenOpeningIsSaidWithTheCommandThatHelps) {
+  vcan_->down();
+  auto port = open_port(loop_, {can::PortKind::socketcan, "bvcan0"}, {});
+  ASSERT_FALSE(port);
+  EXPECT_EQ(port.error(), "socketcan:bvcan0: is down; as root: ip link set bvcan0 up");
+  port = open_port(loop_, {can::PortKind::socketcan, "bvcan0"}, {.bit_rate = 125'000});  // root may
+  EXPECT_TRUE(port) << port.error();
+  port = open_port(loop_, {can::PortKind::socketcan, "vcan77"}, {});
+  ASSERT_FALSE(port);
+  EXPECT_EQ(port.error(),
+            "socketcan:vcan77: there is no such interface; as root: ip link add dev vcan77 type vcan && ip link set "
+            "vcan77 up");
+  port = open_port(loop_, {can::PortKind::socketcan, "lo"}, {});
+  ASSERT_FALSE(port);
+  EXPECT_EQ(port.error(), "socketcan:lo: is no CAN interface");
+  port = open_port(loop_, {can::PortKind::socketcan, "a-name-that-is-too-long"}, {});
+  ASSERT_FALSE(port);
+}
+
+}  // namespace
+}  // namespace berth::io
