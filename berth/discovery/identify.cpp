@@ -27,6 +27,24 @@ void between(std::uint32_t low, std::uint32_t high, const std::vector<std::uint3
   }
   if (from <= high) add(static_cast<std::uint32_t>(from), high);
 }
+
+// Pauses between the frames for as long as a search lasts, once one fruitless pass was no accident.
+class Pace {
+ public:
+  explicit Pace(lss::Master& lss) : lss_(&lss), before_(lss.options()) {}
+  ~Pace() { lss_->set_options(before_); }
+  Pace(const Pace&) = delete;
+  Pace& operator=(const Pace&) = delete;
+  void slow_down() {
+    lss::MasterOptions slower = before_;
+    slower.inhibit = std::max(slower.inhibit, slow_inhibit);
+    lss_->set_options(slower);
+  }
+
+ private:
+  lss::Master* lss_;
+  lss::MasterOptions before_;
+};
 }  // namespace
 
 Box Box::lower() const noexcept {
@@ -197,6 +215,7 @@ rt::Task<Result<void>> Identify::search(Run& run, const Kind& kind, const Box& b
 rt::Task<Result<Report>> Identify::find(const Known& known, const Options& options) {
   if (busy_) co_return fail(Errc::invalid, "another search by identify ranges is under way");
   const Busy busy(busy_);
+  Pace pace(services_.lss);
   Run run{.known = known, .options = options};
   const auto rate = services_.dispatcher.port().status().bit_rate;
   if (rate > 0) run.frame = rt::Duration(answer_bits * 1'000'000'000 / rate);
@@ -229,9 +248,7 @@ rt::Task<Result<Report>> Identify::find(const Known& known, const Options& optio
       }
       if (quiet || run.report.found.size() > before) continue;
       ++run.report.restarts;
-      lss::MasterOptions slower = services_.lss.options();
-      slower.inhibit = std::max(slower.inhibit, slow_inhibit);
-      services_.lss.set_options(slower);
+      if (fruitless > 0) pace.slow_down();
       if (++fruitless <= options.retries) continue;
       run.report.end = Report::End::gave_up;
       break;
