@@ -1,81 +1,13 @@
 #include "berth/plant/world.hpp"
 
 #include <fmt/format.h>
-#include <unistd.h>
 
 #include <algorithm>
 #include <array>
-#include <charconv>
-#include <cstdio>
-#include <filesystem>
-#include <fstream>
-#include <iterator>
 #include <utility>
-
-#include "berth/device/dictionary.hpp"
-#include "berth/eds/xdd.hpp"
-#include "berth/text/file.hpp"
 
 namespace berth::plant {
 namespace {
-
-constexpr rt::Duration bus_off_recovery = std::chrono::milliseconds(100);  // then a device restarts its controller
-constexpr std::string_view state_header = "berth-plant-state 1";
-
-device::Timing timing_of(const PlantDevice& plan) {
-  device::Timing t;
-  t.response_min = plan.response.min;
-  t.response_max = plan.response.max;
-  t.outlier_per_million = plan.response.outlier_ppm;
-  t.outlier = plan.response.outlier;
-  t.rx_depth = static_cast<std::uint16_t>(std::clamp<std::uint32_t>(plan.rx_depth, 1, 1024));
-  t.boot = plan.boot;
-  t.reset = plan.reset;
-  t.deaf_while_storing = plan.deaf_while_storing;
-  t.power_cycle_after_store = plan.power_cycle_after_store;
-  t.drift_ppm = plan.drift_ppm;
-  return t;
-}
-
-bool remembers(NodeIdSource source) noexcept {
-  return source == NodeIdSource::blank || source == NodeIdSource::nonvolatile;
-}
-
-device::Options options_of(const PlantDevice& plan, const LssAddress& address, std::uint32_t bit_rate,
-                           std::uint64_t seed) {
-  device::Options o;
-  o.address = address;
-  o.source = remembers(plan.source) ? device::NodeIdSource::nonvolatile : device::NodeIdSource::fixed;
-  o.node_id = plan.source == NodeIdSource::blank ? NodeId() : plan.node_id;
-  o.bit_rate = bit_rate;
-  o.lss = plan.speaks.has(Speaks::lss);
-  o.fastscan = plan.speaks.has(Speaks::fastscan);
-  if (plan.speaks.has(Speaks::feedback_29)) o.feedback = lss::Feedback::extended;
-  if (plan.speaks.has(Speaks::feedback_11)) o.feedback = lss::Feedback::base;
-  if (!plan.speaks.has(Speaks::rand)) {
-    o.rand = device::RandMode::off;
-  } else {
-    o.rand = plan.speaks.has(Speaks::rand_literal) ? device::RandMode::literal : device::RandMode::on;
-  }
-  o.rand_resume = plan.speaks.has(Speaks::rand_resume);
-  o.and_protocol = plan.speaks.has(Speaks::and_protocol);
-  o.claim = plan.speaks.has(Speaks::claim);
-  if (plan.speaks.has(Speaks::negotiation)) {
-    const bool literal = plan.speaks.has(Speaks::negotiation_literal);
-    o.negotiation = literal ? device::NegotiationMode::literal : device::NegotiationMode::on;
-  }
-  o.negotiator.seed = seed;
-  if (plan.source == NodeIdSource::blank) o.negotiator.configured = plan.node_id;  // no file says one; a study does
-  o.node_id_object = plan.node_id_object;
-  if (plan.node_id_signature) {
-    o.node_id_signature = device::Signature{plan.node_id_signature->object, plan.node_id_signature->value};
-  }
-  o.bus_off_recovery = bus_off_recovery;
-  if (plan.eds.empty()) o.name = plan.name;
-  const auto heartbeat = std::chrono::duration_cast<std::chrono::milliseconds>(plan.heartbeat).count();
-  if (heartbeat > 0) o.presets.push_back({{0x1017, 0}, static_cast<std::uint64_t>(heartbeat)});
-  return o;
-}
 
 std::uint32_t bit_rate_of(const PlantDevice& plan, const sim::Bus& bus) noexcept {
   return plan.bitrate != 0 ? plan.bitrate : bus.bit_rate();
@@ -100,93 +32,6 @@ void refuse(Findings& findings, std::string key, std::string message, std::strin
   finding.message = std::move(message);
   finding.fix = std::move(fix);
   findings.push_back(std::move(finding));
-}
-
-std::string hex(std::span<const std::uint8_t> bytes) {
-  std::string text;
-  for (const auto byte : bytes) text += fmt::format("{:02x}", byte);
-  return text;
-}
-
-std::optional<std::vector<std::uint8_t>> unhex(std::string_view text) {
-  if (text.size() % 2 != 0) return std::nullopt;
-  std::vector<std::uint8_t> bytes;
-  for (std::size_t i = 0; i < text.size(); i += 2) {
-    std::uint8_t byte = 0;
-    const auto [end, error] = std::from_chars(text.data() + i, text.data() + i + 2, byte, 16);
-    if (error != std::errc{} || end != text.data() + i + 2) return std::nullopt;
-    bytes.push_back(byte);
-  }
-  return bytes;
-}
-
-/// What tells a minimal device's dictionary from the minimal one; a text that no file is called.
-std::string own_objects(const PlantDevice& plan) {
-  if (!plan.node_id_object) return {};
-  std::string text = "node-ID object " + text::write_object(*plan.node_id_object);
-  if (const auto& s = plan.node_id_signature) text += fmt::format(" {} {}", text::write_object(s->object), s->size);
-  return text;
-}
-
-void add_object(od::DescriptionBuilder& b, ObjectRef ref, std::string_view name, unsigned size) {
-  using od::DataType;
-  constexpr std::array<DataType, 8> types{DataType::unsigned8,  DataType::unsigned16, DataType::unsigned24,
-                                          DataType::unsigned32, DataType::unsigned40, DataType::unsigned48,
-                                          DataType::unsigned56, DataType::unsigned64};
-  const DataType type = types.at(size - 1);
-  if (ref.sub == 0) {
-    b.variable(ref.index, {.name = name, .type = type, .initial = od::Literal::number(0)});
-  } else {
-    b.object(ref.index, od::ObjectCode::record, name);
-    b.sub(ref.index, {.sub = ref.sub, .name = name, .type = type, .initial = od::Literal::number(0)});
-  }
-}
-
-std::shared_ptr<const od::Description> with_node_id_object(const PlantDevice& plan) {
-  od::DescriptionBuilder b;
-  device::add_device(b);
-  add_object(b, *plan.node_id_object, "Node-ID", 1);
-  if (const auto& s = plan.node_id_signature) add_object(b, s->object, "Node-ID signature", s->size);
-  return b.build();
-}
-
-/// Takes the next word off a line.
-std::string_view word(std::string_view& line) noexcept {
-  const auto end = std::min(line.find(' '), line.size());
-  const auto taken = line.substr(0, end);
-  line.remove_prefix(std::min(end + 1, line.size()));
-  return taken;
-}
-
-std::optional<std::uint32_t> number(std::string_view text) noexcept {
-  std::uint32_t value = 0;
-  const auto [end, error] = std::from_chars(text.data(), text.data() + text.size(), value);
-  if (error != std::errc{} || end != text.data() + text.size() || text.empty()) return std::nullopt;
-  return value;
-}
-
-/// One line of a state file.
-struct Kept {
-  std::uint32_t serial = 0;
-  NodeId node_id;
-  std::uint32_t bit_rate = 0;
-  bool plugged = false;
-  std::vector<std::uint8_t> image;
-  std::string_view name;
-};
-
-std::optional<Kept> parse_kept(std::string_view line) {
-  Kept k;
-  const auto serial = number(word(line));
-  const auto id = number(word(line));
-  const auto rate = number(word(line));
-  const auto plugged = number(word(line));
-  const auto image = unhex(word(line));
-  if (!serial || !id || !rate || !plugged || !image || line.empty()) return std::nullopt;
-  const auto node_id = NodeId::make(*id);
-  if (!node_id || *plugged > 1) return std::nullopt;
-  k = {*serial, *node_id, *rate, *plugged == 1, *image, line};
-  return k;
 }
 
 }  // namespace
@@ -338,7 +183,7 @@ std::unique_ptr<World> World::make(const PlantFile& plant, std::span<const BusRa
   auto world = std::unique_ptr<World>(new World(plant.seed));
   bool good = world->make_buses(plant, rates, findings);
   for (const auto& plan : plant.devices) {
-    const Described* described = world->describe(plan, findings);
+    const Described* described = world->descriptions_.of(plan, findings);
     sim::Bus* bus = world->bus(plan.bus);
     if (bus == nullptr && good) {
       refuse(findings, plan.name, "bus \"" + plan.bus + "\" is neither in the plant nor in the machine file",
@@ -348,14 +193,8 @@ std::unique_ptr<World> World::make(const PlantFile& plant, std::span<const BusRa
       good = false;
       continue;
     }
-    auto address = plan.address;
-    if (plan.address_of_eds) {
-      address.vendor = described->type.vendor;
-      address.product = described->type.product;
-      address.revision = described->revision;
-    }
-    world->devices_.push_back(
-        std::make_unique<SimDevice>(*world, *bus, plan, address, described->description, world->sim_.random().fork()));
+    world->devices_.push_back(std::make_unique<SimDevice>(*world, *bus, plan, address_of(plan, *described),
+                                                          described->description, world->sim_.random().fork()));
   }
   world->events_ = plant.events;
   if (!good) world.reset();
@@ -382,29 +221,6 @@ bool World::make_buses(const PlantFile& plant, std::span<const BusRate> rates, F
     if (bus.bit_rate != 0 && sim_.find_bus(bus.name) == nullptr) sim_.add_bus(bus.name, bus.bit_rate);
   }
   return good;
-}
-
-const World::Described* World::describe(const PlantDevice& device, Findings& findings) {
-  const auto& file = device.eds_path.empty() ? device.eds : device.eds_path;
-  const auto path = file.empty() ? own_objects(device) : file;
-  auto& described = descriptions_[path];
-  if (described.description) return &described;
-  if (described.unreadable) return nullptr;
-  if (file.empty()) {
-    described.description = path.empty() ? device::minimal_description() : with_node_id_object(device);
-    return &described;
-  }
-  const auto reading = eds::read_any_file(path);
-  std::ranges::copy_if(reading.findings, std::back_inserter(findings),
-                       [](const Finding& f) { return f.severity == Finding::Severity::error; });
-  if (!reading.usable()) {
-    described.unreadable = true;
-    return nullptr;
-  }
-  described.description = reading.file.description;
-  described.type = reading.file.type_code();
-  described.revision = reading.file.revision();
-  return &described;
 }
 
 void World::start() {
@@ -531,34 +347,21 @@ void World::tell(const SimDevice& device) noexcept {
 // --- State -----------------------------------------------------------------------------------------------------------
 
 std::string World::state() const {
-  std::string text = fmt::format("{}\n", state_header);
+  std::vector<Kept> kept;
   for (const auto& d : devices_) {
     const auto& o = d->device_.options();
-    text += fmt::format("{} {} {} {} {} {}\n", d->next_serial_.value_or(o.address.serial),
-                        d->next_node_id_.value_or(o.node_id).value(), o.bit_rate, d->plugged_ ? 1 : 0,
-                        hex(d->kept_image()), d->name());
+    kept.push_back({d->next_serial_.value_or(o.address.serial), d->next_node_id_.value_or(o.node_id), o.bit_rate,
+                    d->plugged_, d->kept_image(), d->name()});
   }
-  return text;
+  return write_state(kept);
 }
 
 Result<void> World::restore(std::string_view state) {
-  std::vector<Kept> kept;
-  bool header = false;
-  while (!state.empty()) {
-    const auto end = std::min(state.find('\n'), state.size());
-    const auto line = state.substr(0, end);
-    state.remove_prefix(std::min(end + 1, state.size()));
-    if (!std::exchange(header, true)) {
-      if (line != state_header) return fail(Errc::invalid, "not the state of a plant");
-      continue;
-    }
-    auto one = parse_kept(line);
-    if (!one) return fail(Errc::invalid, "the state of a plant is damaged");
-    if (find(one->name) == nullptr) return fail(Errc::mismatch, "the state belongs to another plant");
-    kept.push_back(*std::move(one));
-  }
-  if (kept.size() != devices_.size()) return fail(Errc::mismatch, "the state belongs to another plant");
-  for (const auto& one : kept) {
+  const auto kept = parse_state(state);
+  if (!kept) return tl::unexpected(kept.error());
+  const bool ours = std::ranges::all_of(*kept, [this](const Kept& one) { return find(one.name) != nullptr; });
+  if (!ours || kept->size() != devices_.size()) return fail(Errc::mismatch, "the state belongs to another plant");
+  for (const auto& one : *kept) {
     auto& device = *find(one.name);
     auto address = device.device_.options().address;
     address.serial = one.serial;
@@ -571,29 +374,18 @@ Result<void> World::restore(std::string_view state) {
 }
 
 Result<void> World::keep_state(const std::string& path) {
-  std::error_code unknown;
-  if (std::filesystem::exists(path, unknown)) {
-    Findings findings;
-    const auto text = text::read_file(path, findings);
-    if (!text) return fail(Errc::io, "cannot be read; is it a file?");
-    if (auto restored = restore(*text); !restored) return restored;
+  const auto text = read_state_file(path);
+  if (!text) return tl::unexpected(text.error());
+  if (text->has_value()) {
+    if (auto restored = restore(**text); !restored) return restored;
   }
-  // Better refused now than forgotten at the end; what is there is not touched before something is to be kept.
-  const auto folder = std::filesystem::absolute(path, unknown).parent_path();
-  if (::access(folder.c_str(), W_OK) != 0) return fail(Errc::io, "its folder is not there or cannot be written");
   state_path_ = path;
   return {};
 }
 
 void World::save() noexcept {
-  if (state_path_.empty()) return;
-  const auto fresh = state_path_ + ".new";
-  {
-    std::ofstream out(fresh, std::ios::binary | std::ios::trunc);
-    out << state();
-    if (!out.flush()) return;  // the old file stays; a full disk must not end the simulation
-  }
-  std::rename(fresh.c_str(), state_path_.c_str());
+  // A full disk must not end the simulation.
+  if (!state_path_.empty()) write_state_file(state_path_, state());
 }
 
 }  // namespace berth::plant

@@ -10,7 +10,6 @@
 /// may look at it.
 #pragma once
 
-#include <map>
 #include <memory>
 #include <optional>
 #include <span>
@@ -24,6 +23,7 @@
 #include "berth/base/result.hpp"
 #include "berth/can/dispatcher.hpp"
 #include "berth/device/device.hpp"
+#include "berth/plant/device_plan.hpp"
 #include "berth/plant/plant_file.hpp"
 #include "berth/sim/world.hpp"
 
@@ -175,22 +175,15 @@ class World {
 
  private:
   friend class SimDevice;
-  struct Described {
-    std::shared_ptr<const od::Description> description;
-    TypeCode type;
-    std::uint32_t revision = 0;
-    bool unreadable = false;
-  };
   explicit World(std::uint64_t seed) : sim_(seed) {}
   bool make_buses(const PlantFile& plant, std::span<const BusRate> rates, Findings& findings);
-  const Described* describe(const PlantDevice& device, Findings& findings);
   bool strike(const PlantEvent& event);
   bool nodes(const PlantEvent& event, std::vector<sim::Controller*>& found);
   void tell(const SimDevice& device) noexcept;
   void save() noexcept;
 
   sim::World sim_;
-  std::map<std::string, Described> descriptions_;
+  Descriptions descriptions_;
   std::vector<std::unique_ptr<SimDevice>> devices_;
   std::vector<PlantEvent> events_;
   std::vector<Observer*> observers_;

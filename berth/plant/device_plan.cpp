@@ -1,0 +1,244 @@
+#include "berth/plant/device_plan.hpp"
+
+#include <fmt/format.h>
+#include <unistd.h>
+
+#include <algorithm>
+#include <array>
+#include <charconv>
+#include <cstdio>
+#include <filesystem>
+#include <fstream>
+#include <iterator>
+#include <utility>
+
+#include "berth/device/dictionary.hpp"
+#include "berth/eds/xdd.hpp"
+#include "berth/text/file.hpp"
+
+namespace berth::plant {
+namespace {
+
+constexpr rt::Duration bus_off_recovery = std::chrono::milliseconds(100);  // then a device restarts its controller
+constexpr std::string_view state_header = "berth-plant-state 1";
+
+bool remembers(NodeIdSource source) noexcept {
+  return source == NodeIdSource::blank || source == NodeIdSource::nonvolatile;
+}
+
+std::string hex(std::span<const std::uint8_t> bytes) {
+  std::string text;
+  for (const auto byte : bytes) text += fmt::format("{:02x}", byte);
+  return text;
+}
+
+std::optional<std::vector<std::uint8_t>> unhex(std::string_view text) {
+  if (text.size() % 2 != 0) return std::nullopt;
+  std::vector<std::uint8_t> bytes;
+  for (std::size_t i = 0; i < text.size(); i += 2) {
+    std::uint8_t byte = 0;
+    const auto [end, error] = std::from_chars(text.data() + i, text.data() + i + 2, byte, 16);
+    if (error != std::errc{} || end != text.data() + i + 2) return std::nullopt;
+    bytes.push_back(byte);
+  }
+  return bytes;
+}
+
+/// What tells a minimal device's dictionary from the minimal one; a text that no file is called.
+std::string own_objects(const PlantDevice& plan) {
+  if (!plan.node_id_object) return {};
+  std::string text = "node-ID object " + text::write_object(*plan.node_id_object);
+  if (const auto& s = plan.node_id_signature) text += fmt::format(" {} {}", text::write_object(s->object), s->size);
+  return text;
+}
+
+void add_object(od::DescriptionBuilder& b, ObjectRef ref, std::string_view name, unsigned size) {
+  using od::DataType;
+  constexpr std::array<DataType, 8> types{DataType::unsigned8,  DataType::unsigned16, DataType::unsigned24,
+                                          DataType::unsigned32, DataType::unsigned40, DataType::unsigned48,
+                                          DataType::unsigned56, DataType::unsigned64};
+  const DataType type = types.at(size - 1);
+  if (ref.sub == 0) {
+    b.variable(ref.index, {.name = name, .type = type, .initial = od::Literal::number(0)});
+  } else {
+    b.object(ref.index, od::ObjectCode::record, name);
+    b.sub(ref.index, {.sub = ref.sub, .name = name, .type = type, .initial = od::Literal::number(0)});
+  }
+}
+
+std::shared_ptr<const od::Description> with_node_id_object(const PlantDevice& plan) {
+  od::DescriptionBuilder b;
+  device::add_device(b);
+  add_object(b, *plan.node_id_object, "Node-ID", 1);
+  if (const auto& s = plan.node_id_signature) add_object(b, s->object, "Node-ID signature", s->size);
+  return b.build();
+}
+
+/// Takes the next word off a line.
+std::string_view word(std::string_view& line) noexcept {
+  const auto end = std::min(line.find(' '), line.size());
+  const auto taken = line.substr(0, end);
+  line.remove_prefix(std::min(end + 1, line.size()));
+  return taken;
+}
+
+std::optional<std::uint32_t> number(std::string_view text) noexcept {
+  std::uint32_t value = 0;
+  const auto [end, error] = std::from_chars(text.data(), text.data() + text.size(), value);
+  if (error != std::errc{} || end != text.data() + text.size() || text.empty()) return std::nullopt;
+  return value;
+}
+
+std::optional<Kept> parse_kept(std::string_view line) {
+  Kept k;
+  const auto serial = number(word(line));
+  const auto id = number(word(line));
+  const auto rate = number(word(line));
+  const auto plugged = number(word(line));
+  const auto image = unhex(word(line));
+  if (!serial || !id || !rate || !plugged || !image || line.empty()) return std::nullopt;
+  const auto node_id = NodeId::make(*id);
+  if (!node_id || *plugged > 1) return std::nullopt;
+  k = {*serial, *node_id, *rate, *plugged == 1, *image, std::string(line)};
+  return k;
+}
+
+}  // namespace
+
+device::Timing timing_of(const PlantDevice& plan) {
+  device::Timing t;
+  t.response_min = plan.response.min;
+  t.response_max = plan.response.max;
+  t.outlier_per_million = plan.response.outlier_ppm;
+  t.outlier = plan.response.outlier;
+  t.rx_depth = static_cast<std::uint16_t>(std::clamp<std::uint32_t>(plan.rx_depth, 1, 1024));
+  t.boot = plan.boot;
+  t.reset = plan.reset;
+  t.deaf_while_storing = plan.deaf_while_storing;
+  t.power_cycle_after_store = plan.power_cycle_after_store;
+  t.drift_ppm = plan.drift_ppm;
+  return t;
+}
+
+device::Options options_of(const PlantDevice& plan, const LssAddress& address, std::uint32_t bit_rate,
+                           std::uint64_t seed) {
+  device::Options o;
+  o.address = address;
+  o.source = remembers(plan.source) ? device::NodeIdSource::nonvolatile : device::NodeIdSource::fixed;
+  o.node_id = plan.source == NodeIdSource::blank ? NodeId() : plan.node_id;
+  o.bit_rate = bit_rate;
+  o.lss = plan.speaks.has(Speaks::lss);
+  o.fastscan = plan.speaks.has(Speaks::fastscan);
+  if (plan.speaks.has(Speaks::feedback_29)) o.feedback = lss::Feedback::extended;
+  if (plan.speaks.has(Speaks::feedback_11)) o.feedback = lss::Feedback::base;
+  if (!plan.speaks.has(Speaks::rand)) {
+    o.rand = device::RandMode::off;
+  } else {
+    o.rand = plan.speaks.has(Speaks::rand_literal) ? device::RandMode::literal : device::RandMode::on;
+  }
+  o.rand_resume = plan.speaks.has(Speaks::rand_resume);
+  o.and_protocol = plan.speaks.has(Speaks::and_protocol);
+  o.claim = plan.speaks.has(Speaks::claim);
+  if (plan.speaks.has(Speaks::negotiation)) {
+    const bool literal = plan.speaks.has(Speaks::negotiation_literal);
+    o.negotiation = literal ? device::NegotiationMode::literal : device::NegotiationMode::on;
+  }
+  o.negotiator.seed = seed;
+  if (plan.source == NodeIdSource::blank) o.negotiator.configured = plan.node_id;  // no file says one; a study does
+  o.node_id_object = plan.node_id_object;
+  if (plan.node_id_signature) {
+    o.node_id_signature = device::Signature{plan.node_id_signature->object, plan.node_id_signature->value};
+  }
+  o.bus_off_recovery = bus_off_recovery;
+  if (plan.eds.empty()) o.name = plan.name;
+  const auto heartbeat = std::chrono::duration_cast<std::chrono::milliseconds>(plan.heartbeat).count();
+  if (heartbeat > 0) o.presets.push_back({{0x1017, 0}, static_cast<std::uint64_t>(heartbeat)});
+  return o;
+}
+
+const Described* Descriptions::of(const PlantDevice& device, Findings& findings) {
+  const auto& file = device.eds_path.empty() ? device.eds : device.eds_path;
+  const auto path = file.empty() ? own_objects(device) : file;
+  auto& described = known_[path];
+  if (described.description) return &described;
+  if (described.unreadable) return nullptr;
+  if (file.empty()) {
+    described.description = path.empty() ? device::minimal_description() : with_node_id_object(device);
+    return &described;
+  }
+  const auto reading = eds::read_any_file(path);
+  std::ranges::copy_if(reading.findings, std::back_inserter(findings),
+                       [](const Finding& f) { return f.severity == Finding::Severity::error; });
+  if (!reading.usable()) {
+    described.unreadable = true;
+    return nullptr;
+  }
+  described.description = reading.file.description;
+  described.type = reading.file.type_code();
+  described.revision = reading.file.revision();
+  return &described;
+}
+
+LssAddress address_of(const PlantDevice& device, const Described& described) noexcept {
+  auto address = device.address;
+  if (!device.address_of_eds) return address;
+  address.vendor = described.type.vendor;
+  address.product = described.type.product;
+  address.revision = described.revision;
+  return address;
+}
+
+std::string write_state(std::span<const Kept> devices) {
+  std::string text = fmt::format("{}\n", state_header);
+  for (const auto& k : devices) {
+    text += fmt::format("{} {} {} {} {} {}\n", k.serial, k.node_id.value(), k.bit_rate, k.plugged ? 1 : 0, hex(k.image),
+                        k.name);
+  }
+  return text;
+}
+
+Result<std::vector<Kept>> parse_state(std::string_view text) {
+  std::vector<Kept> kept;
+  bool header = false;
+  while (!text.empty()) {
+    const auto end = std::min(text.find('\n'), text.size());
+    const auto line = text.substr(0, end);
+    text.remove_prefix(std::min(end + 1, text.size()));
+    if (!std::exchange(header, true)) {
+      if (line != state_header) return fail(Errc::invalid, "not the state of a plant");
+      continue;
+    }
+    auto one = parse_kept(line);
+    if (!one) return fail(Errc::invalid, "the state of a plant is damaged");
+    kept.push_back(*std::move(one));
+  }
+  if (!header) return fail(Errc::invalid, "not the state of a plant");
+  return kept;
+}
+
+bool write_state_file(const std::string& path, std::string_view text) {
+  const auto fresh = path + ".new";
+  {
+    std::ofstream out(fresh, std::ios::binary | std::ios::trunc);
+    out << text;
+    if (!out.flush()) return false;
+  }
+  return std::rename(fresh.c_str(), path.c_str()) == 0;
+}
+
+Result<std::optional<std::string>> read_state_file(const std::string& path) {
+  std::optional<std::string> state;
+  std::error_code unknown;
+  if (std::filesystem::exists(path, unknown)) {
+    Findings findings;
+    auto text = text::read_file(path, findings);
+    if (!text) return fail(Errc::io, "cannot be read; is it a file?");
+    state = std::move(text);
+  }
+  // Better refused now than forgotten at the end; what is there is not touched before something is to be kept.
+  const auto folder = std::filesystem::absolute(path, unknown).parent_path();
+  if (::access(folder.c_str(), W_OK) != 0) return fail(Errc::io, "its folder is not there or cannot be written");
+  return state;
+}
+
+}  // namespace berth::plant

@@ -1,0 +1,59 @@
+/// What a device of a plant file is made of, wherever it sits: on a simulated bus (`SimDevice`) or on a port
+/// (`PortDevice`). Inside of room `plant`.
+#pragma once
+
+#include <map>
+#include <memory>
+#include <optional>
+#include <span>
+#include <string>
+#include <string_view>
+#include <vector>
+
+#include "berth/base/finding.hpp"
+#include "berth/base/result.hpp"
+#include "berth/device/device.hpp"
+#include "berth/plant/plant_file.hpp"
+
+namespace berth::plant {
+
+[[nodiscard]] device::Timing timing_of(const PlantDevice& plan);
+/// `bit_rate`: what blank memory counts as, bit/s; `seed`: for what the device draws itself.
+[[nodiscard]] device::Options options_of(const PlantDevice& plan, const LssAddress& address, std::uint32_t bit_rate,
+                                         std::uint64_t seed);
+
+struct Described {
+  std::shared_ptr<const od::Description> description;
+  TypeCode type;  ///< with a description file only
+  std::uint32_t revision = 0;
+  bool unreadable = false;
+};
+
+/// Device descriptions, each read once.
+class Descriptions {
+ public:
+  /// Null when it cannot be read; the findings, errors only, are those of its first reading.
+  [[nodiscard]] const Described* of(const PlantDevice& device, Findings& findings);
+
+ private:
+  std::map<std::string, Described> known_;
+};
+[[nodiscard]] LssAddress address_of(const PlantDevice& device, const Described& described) noexcept;
+
+/// What a device remembers between two runs of the program: one line of a state file.
+struct Kept {
+  std::uint32_t serial = 0;
+  NodeId node_id;
+  std::uint32_t bit_rate = 0;
+  bool plugged = false;
+  std::vector<std::uint8_t> image;
+  std::string name;
+};
+[[nodiscard]] std::string write_state(std::span<const Kept> devices);
+[[nodiscard]] Result<std::vector<Kept>> parse_state(std::string_view text);
+/// By renaming, so that it is whole at any time; false: the old one stays.
+bool write_state_file(const std::string& path, std::string_view text);
+/// The text of a state file, none when there is no file. Refused: it cannot be read, or could not be written.
+[[nodiscard]] Result<std::optional<std::string>> read_state_file(const std::string& path);
+
+}  // namespace berth::plant

@@ -1,0 +1,104 @@
+#include "berth/plant/port_device.hpp"
+
+#include <algorithm>
+#include <utility>
+
+namespace berth::plant {
+
+PortDevice::PortDevice(PortDevices& all, rt::Executor& executor, const PlantDevice& plan, const Described& described,
+                       std::unique_ptr<can::Port> port, std::uint32_t rate, Random random)
+    : all_(&all),
+      plan_(plan),
+      timing_(timing_of(plan)),
+      flash_(executor, device::Device::memory_size(*described.description), timing_.in_world(plan.store)),
+      port_(std::move(port)),
+      host_(executor, *port_, timing_, random),
+      dispatcher_(executor, host_),
+      device_(
+          dispatcher_, described.description, &flash_,
+          options_of(plan, address_of(plan, described), plan.bitrate != 0 ? plan.bitrate : rate, Random(random).next()),
+          &host_, timing_) {
+  flash_.watch(this);
+  device_.observe(this);
+}
+
+PortDevice::~PortDevice() {
+  flash_.watch(nullptr);
+  device_.observe(nullptr);
+}
+
+void PortDevice::power(bool on) noexcept {
+  if (on == device_.powered()) return;
+  if (on) {
+    device_.power_on();
+  } else {
+    device_.power_off();
+    all_->tell(*this);
+  }
+}
+
+void PortDevice::device_changed(const device::Device&) noexcept { all_->tell(*this); }
+
+void PortDevice::write_ended() noexcept { all_->save(); }
+
+// --- PortDevices -----------------------------------------------------------------------------------------------------
+
+PortDevice* PortDevices::add(const PlantDevice& plan, std::unique_ptr<can::Port> port, std::uint32_t rate,
+                             Random random, Findings& findings) {
+  const auto* const described = descriptions_.of(plan, findings);
+  if (described == nullptr) return nullptr;
+  devices_.push_back(std::make_unique<PortDevice>(*this, *executor_, plan, *described, std::move(port), rate, random));
+  return devices_.back().get();
+}
+
+std::string PortDevices::state() const {
+  auto kept = others_;
+  for (const auto& d : devices_) {
+    const auto& o = d->device_.options();
+    const auto image = d->flash_.image();
+    kept.push_back({o.address.serial, o.node_id, o.bit_rate, true, {image.begin(), image.end()}, d->name()});
+  }
+  return write_state(kept);
+}
+
+Result<void> PortDevices::restore(std::string_view state) {
+  auto kept = parse_state(state);
+  if (!kept) return tl::unexpected(kept.error());
+  others_.clear();
+  for (auto& one : *kept) {
+    const auto it =
+        std::ranges::find(devices_, one.name, [](const auto& d) -> const std::string& { return d->name(); });
+    if (it == devices_.end()) {
+      others_.push_back(std::move(one));
+      continue;
+    }
+    auto& device = **it;
+    auto address = device.device_.options().address;
+    address.serial = one.serial;
+    device.device_.set_address(address);
+    device.device_.set_blank(one.node_id, one.bit_rate);
+    device.flash_.restore(one.image);
+  }
+  return {};
+}
+
+Result<void> PortDevices::keep_state(const std::string& path) {
+  const auto text = read_state_file(path);
+  if (!text) return tl::unexpected(text.error());
+  if (text->has_value()) {
+    if (auto restored = restore(**text); !restored) return restored;
+  }
+  state_path_ = path;
+  return {};
+}
+
+void PortDevices::tell(const PortDevice& device) noexcept {
+  if (observer_ != nullptr) observer_->device_changed(device);
+}
+
+void PortDevices::save() noexcept {
+  if (state_path_.empty() || write_state_file(state_path_, state())) return;
+  if (observer_ != nullptr) observer_->state_not_kept();
+}
+
+}  // namespace berth::plant

@@ -1,0 +1,111 @@
+/// A device of a plant file on a port that is not the simulator's: on SocketCAN, say, in real time, among devices that
+/// somebody built.
+///
+///     PortDevices devices(executor);
+///     auto* device = devices.add(plan, std::move(port), 125'000, random, findings);   // null: findings say why
+///     auto kept = devices.keep_state("left.state");
+///     device->power(true);
+///
+/// Each has a port of its own, and with it its own place in the order of frames. What a plant file says of the wire
+/// (`queue`, `disturb`, `overrun`, cables) is the port's affair and has no effect here.
+#pragma once
+
+#include <memory>
+#include <span>
+#include <string>
+#include <string_view>
+#include <vector>
+
+#include "berth/base/finding.hpp"
+#include "berth/base/random.hpp"
+#include "berth/base/result.hpp"
+#include "berth/can/dispatcher.hpp"
+#include "berth/can/port.hpp"
+#include "berth/device/device.hpp"
+#include "berth/plant/device_plan.hpp"
+#include "berth/plant/plant_file.hpp"
+
+namespace berth::plant {
+
+class PortDevices;
+
+class PortDevice final : private device::Device::Observer, private device::SimFlash::Watcher {
+ public:
+  /// `rate`: bit/s that its blank memory counts as, where the plan says none; 0 = it knows no bit rates.
+  PortDevice(PortDevices& all, rt::Executor& executor, const PlantDevice& plan, const Described& described,
+             std::unique_ptr<can::Port> port, std::uint32_t rate, Random random);
+  ~PortDevice();
+  PortDevice(const PortDevice&) = delete;
+  PortDevice& operator=(const PortDevice&) = delete;
+
+  void power(bool on) noexcept;
+  [[nodiscard]] const std::string& name() const noexcept { return plan_.name; }
+  [[nodiscard]] const PlantDevice& plan() const noexcept { return plan_; }
+  [[nodiscard]] const device::Device& device() const noexcept { return device_; }
+  [[nodiscard]] device::Device& device() noexcept { return device_; }
+  [[nodiscard]] can::Status port_status() const noexcept { return port_->status(); }
+  /// Frames that it lost because its firmware was slow or deaf, as the plan wants; the port's own losses are in
+  /// `port_status`.
+  [[nodiscard]] std::uint64_t lost() const noexcept { return host_.lost(); }
+
+ private:
+  friend class PortDevices;
+  void device_changed(const device::Device& device) noexcept override;
+  void write_began() noexcept override {}
+  void write_ended() noexcept override;
+  void cut() noexcept override {}
+
+  PortDevices* all_;
+  PlantDevice plan_;
+  device::Timing timing_;
+  device::SimFlash flash_;
+  std::unique_ptr<can::Port> port_;
+  device::TimedPort host_;
+  can::Dispatcher dispatcher_;
+  mutable device::Device device_;
+};
+
+/// The devices of one process, and the file that keeps what they remember.
+class PortDevices {
+ public:
+  /// Told from jobs, after the fact. Must only look.
+  class Observer {
+   public:
+    virtual void device_changed(const PortDevice& device) noexcept = 0;
+    /// `keep_state`'s file could not be written; it holds what it held.
+    virtual void state_not_kept() noexcept = 0;
+
+   protected:
+    ~Observer() = default;
+  };
+
+  explicit PortDevices(rt::Executor& executor, Observer* observer = nullptr)
+      : executor_(&executor), observer_(observer) {}
+
+  /// Without power. Null: its description cannot be read. `rate` as of `PortDevice`.
+  PortDevice* add(const PlantDevice& plan, std::unique_ptr<can::Port> port, std::uint32_t rate, Random random,
+                  Findings& findings);
+  [[nodiscard]] std::span<const std::unique_ptr<PortDevice>> all() const noexcept { return devices_; }
+
+  /// What outlives the process, as text with one line a device, in the form of `World::state`. Lines of devices that
+  /// are not here are kept as they are.
+  [[nodiscard]] std::string state() const;
+  [[nodiscard]] Result<void> restore(std::string_view state);
+  /// Restores from the file when it is there, and from now on writes it anew whenever a device's memory was written.
+  /// Before `power`.
+  [[nodiscard]] Result<void> keep_state(const std::string& path);
+
+ private:
+  friend class PortDevice;
+  void tell(const PortDevice& device) noexcept;
+  void save() noexcept;
+
+  rt::Executor* executor_;
+  Observer* observer_;
+  Descriptions descriptions_;
+  std::vector<std::unique_ptr<PortDevice>> devices_;
+  std::vector<Kept> others_;
+  std::string state_path_;
+};
+
+}  // namespace berth::plant
