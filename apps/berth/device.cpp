@@ -1,0 +1,353 @@
+// `berth device`: devices of a plant file in real time on real ports, each a node of its own there.
+#include "device.hpp"
+
+#include <fmt/format.h>
+#include <fmt/ranges.h>
+#include <sys/epoll.h>
+
+#include <CLI/CLI.hpp>
+#include <algorithm>
+#include <map>
+#include <memory>
+#include <nlohmann/json.hpp>
+#include <set>
+
+#include "berth/io/open_port.hpp"
+#include "berth/plant/port_device.hpp"
+#include "berth/serve/hub.hpp"
+#include "drive.hpp"
+#include "output.hpp"
+
+namespace berth::cli {
+namespace {
+
+using namespace std::chrono_literals;
+using Json = nlohmann::ordered_json;
+using Done = tl::expected<void, Failure>;
+
+constexpr rt::Duration port_check = 200ms;
+
+/// The port of each bus: of the only one when none is named.
+using Ports = std::map<std::string, can::PortSpec>;
+
+tl::expected<Ports, Failure> read_ports(const plant::PlantFile& plant, const Options& options,
+                                        const DeviceOptions& device) {
+  std::set<std::string> buses;
+  for (const auto& one : plant.devices) buses.insert(one.bus);
+  Ports ports;
+  for (const auto& written : device.ports) {
+    auto spec = can::parse_port(written);
+    std::string bus = options.bus;
+    if (const auto equals = written.find('='); !spec && equals != std::string::npos) {
+      bus = written.substr(0, equals);
+      spec = can::parse_port(written.substr(equals + 1));
+    }
+    if (!spec || spec->kind == can::PortKind::sim) {
+      return tl::unexpected(
+          failure(Exit::usage, fmt::format("--port {}: no port; write socketcan:can0, slcan:/dev/ttyACM0, "
+                                           "socketcand://HOST/BUS or plant:SOCKET",
+                                           written)));
+    }
+    if (bus.empty() && buses.size() == 1) bus = *buses.begin();
+    if (!buses.contains(bus)) {
+      return tl::unexpected(failure(
+          Exit::usage, fmt::format("--port {}: {}; the plant has devices on {}", written,
+                                   bus.empty() ? "of which bus? Write BUS=PORT" : "nothing is on bus \"" + bus + "\"",
+                                   fmt::join(buses, ", "))));
+    }
+    if (!ports.emplace(bus, *spec).second) {
+      return tl::unexpected(failure(Exit::usage, fmt::format("two ports for the bus \"{}\"", bus)));
+    }
+  }
+  return ports;
+}
+
+/// Which devices: those named, else all that are plugged in and on a bus with a port.
+tl::expected<std::set<std::string>, Failure> choose(const plant::PlantFile& plant, const Ports& ports,
+                                                    const std::vector<std::string>& names) {
+  std::set<std::string> chosen;
+  for (const auto& name : names) {
+    const auto* const found = plant.device(name);
+    if (found == nullptr) {
+      std::vector<std::string_view> known;
+      for (const auto& one : plant.devices) known.push_back(one.name);
+      const auto meant = text::closest(name, known);
+      return tl::unexpected(failure(Exit::usage, fmt::format("the plant has no device \"{}\"{}", name,
+                                                             meant.empty() ? "" : fmt::format("; {}?", meant))));
+    }
+    if (!ports.contains(found->bus)) {
+      return tl::unexpected(failure(
+          Exit::usage,
+          fmt::format("{} is on the bus \"{}\", which has no port: add --port {}=PORT", name, found->bus, found->bus)));
+    }
+    chosen.insert(name);
+  }
+  if (!names.empty()) return chosen;
+  for (const auto& one : plant.devices) {
+    if (one.plugged && ports.contains(one.bus)) chosen.insert(one.name);
+  }
+  if (chosen.empty()) return tl::unexpected(failure(Exit::usage, "no device of the plant is plugged in there"));
+  return chosen;
+}
+
+/// Ports of one bus, one for each device. A serial line or a connection is one for all of them.
+class BusPorts {
+ public:
+  BusPorts(io::Loop& loop, can::PortSpec spec, io::PortOptions options)
+      : loop_(&loop), spec_(std::move(spec)), options_(std::move(options)) {}
+
+  tl::expected<std::unique_ptr<can::Port>, Failure> next() {
+    if (hub_) return hub_->attach();
+    auto port = io::open_port(*loop_, spec_, options_);
+    if (!port) return tl::unexpected(failure(Exit::failed, port.error()));
+    const bool one_for_all = spec_.kind == can::PortKind::slcan || spec_.kind == can::PortKind::socketcand;
+    if (!one_for_all) return std::move(*port);
+    hub_ = std::make_unique<serve::Hub>(loop_->executor(), std::move(*port));
+    return hub_->attach();
+  }
+  [[nodiscard]] std::string name() const { return can::to_string(spec_); }
+
+ private:
+  io::Loop* loop_;
+  can::PortSpec spec_;
+  io::PortOptions options_;
+  std::unique_ptr<serve::Hub> hub_;
+};
+
+/// What it says, a line each: for people or as JSON.
+class Voice final : public plant::PortDevices::Observer {
+ public:
+  Voice(const rt::Executor& executor, bool json) : executor_(&executor), json_(json) {}
+
+  void device_changed(const plant::PortDevice& device) noexcept override {
+    const auto& d = device.device();
+    const Seen seen{d.powered(), d.booting(), d.node_id(), d.state()};
+    auto& before = seen_[device.name()];
+    if (seen == before || !quiet_.empty()) return;
+    before = seen;
+    if (json_) {
+      auto json = line("changed");
+      json["device"] = device.name();
+      json["node_id"] = seen.id.configured() ? Json(seen.id.value()) : Json(nullptr);
+      json["state"] = seen.word();
+      return print_line(json.dump());
+    }
+    const auto id = seen.id.configured() ? fmt::format("node-ID {:>3}", seen.id.value()) : std::string("no node-ID ");
+    print_line(fmt::format("{:>10.3f} s  {:<20} {}  {}", now(), device.name(), id, seen.word()));
+  }
+
+  void state_not_kept() noexcept override {
+    if (std::exchange(told_not_kept_, true)) return;
+    print_error("the file of --sim-state cannot be written; what the devices store is forgotten at the end");
+  }
+
+  void started(const Options& options, const plant::PortDevices& devices,
+               const std::map<std::string, std::unique_ptr<BusPorts>>& ports) {
+    if (json_) {
+      auto json = line("started");
+      json["plant"] = options.sim;
+      for (const auto& d : devices.all()) {
+        json["devices"].push_back({{"device", d->name()},
+                                   {"bus", d->plan().bus},
+                                   {"port", ports.at(d->plan().bus)->name()},
+                                   {"lss_address", to_string(d->device().options().address)}});
+      }
+      return print_line(json.dump());
+    }
+    for (const auto& d : devices.all()) {
+      print_line(fmt::format("{:<20} {} on {}", d->name(), to_string(d->device().options().address),
+                             ports.at(d->plan().bus)->name()));
+    }
+    print_line("Ctrl-C ends it");
+  }
+
+  void port_changed(const std::string& port, const can::Status& status) {
+    const char* const word = !status.up ? "down" : status.bus_off ? "bus-off" : "up";
+    if (json_) {
+      auto json = line("port");
+      json["port"] = port;
+      json["state"] = word;
+      return print_line(json.dump());
+    }
+    print_line(fmt::format("{:>10.3f} s  {} is {}", now(), port, word));
+  }
+
+  void ended(const plant::PortDevices& devices, bool interrupted) {
+    quiet_ = "ended";
+    if (!json_) {
+      for (const auto& d : devices.all()) {
+        const auto lost = d->port_status().lost + d->lost();
+        if (lost > 0) print_line(fmt::format("{}: {} frames came in and were lost", d->name(), lost));
+      }
+      return;
+    }
+    auto json = line("ended");
+    json["why"] = interrupted ? "signal" : "time";
+    for (const auto& d : devices.all()) {
+      const auto id = d->device().node_id();
+      json["devices"].push_back({{"device", d->name()},
+                                 {"node_id", id.configured() ? Json(id.value()) : Json(nullptr)},
+                                 {"state", name(d->device().state())},
+                                 {"lost", d->lost()},
+                                 {"lost_by_port", d->port_status().lost}});
+    }
+    print_line(json.dump());
+  }
+
+ private:
+  struct Seen {
+    bool powered = false;
+    bool booting = false;
+    NodeId id;
+    NmtState state = NmtState::initialising;
+    friend bool operator==(const Seen&, const Seen&) = default;
+    [[nodiscard]] std::string word() const { return !powered ? "off" : booting ? "boots" : name(state); }
+  };
+  [[nodiscard]] double now() const {
+    return std::chrono::duration<double>(executor_->now().time_since_epoch()).count();
+  }
+  [[nodiscard]] Json line(const char* event) const { return {{"event", event}, {"at_s", now()}}; }
+
+  const rt::Executor* executor_;
+  bool json_;
+  bool told_not_kept_ = false;
+  std::string quiet_;
+  std::map<std::string, Seen> seen_;
+};
+
+/// Tells when a port goes down or comes back.
+class PortWatch {
+ public:
+  PortWatch(const plant::PortDevices& devices, const std::map<std::string, std::unique_ptr<BusPorts>>& ports,
+            Voice& voice)
+      : ports_(&ports), voice_(&voice) {
+    for (const auto& d : devices.all()) first_.try_emplace(d->plan().bus, d.get());
+    for (const auto& [bus, d] : first_) was_[bus] = state(*d);
+  }
+  void look(rt::Time now) {
+    if (now < due_) return;
+    due_ = now + port_check;
+    for (const auto& [bus, d] : first_) {
+      if (std::exchange(was_[bus], state(*d)) != state(*d))
+        voice_->port_changed(ports_->at(bus)->name(), d->port_status());
+    }
+  }
+
+ private:
+  static std::pair<bool, bool> state(const plant::PortDevice& device) {
+    const auto status = device.port_status();
+    return {status.up, status.bus_off};
+  }
+  const std::map<std::string, std::unique_ptr<BusPorts>>* ports_;
+  Voice* voice_;
+  std::map<std::string, const plant::PortDevice*> first_;
+  std::map<std::string, std::pair<bool, bool>> was_;
+  rt::Time due_{};
+};
+
+class Waker final : public io::Watcher {
+ public:
+  void ready(std::uint32_t) noexcept override {}
+};
+
+struct Household {
+  explicit Household(bool json) : loop(executor), voice(executor, json), devices(executor, &voice) {}
+  rt::Executor executor;
+  io::Loop loop;
+  Voice voice;
+  std::map<std::string, std::unique_ptr<BusPorts>> ports;
+  plant::PortDevices devices;
+};
+
+Done fill(Household& house, const plant::PlantFile& plant, const Ports& ports, const std::set<std::string>& chosen,
+          const DeviceOptions& options) {
+  for (const auto& [bus, spec] : ports) {
+    house.ports[bus] =
+        std::make_unique<BusPorts>(house.loop, spec, io::PortOptions{.bit_rate = options.bit_rate, .bus = bus});
+  }
+  Random seeds(plant.seed);
+  Findings findings;
+  for (const auto& plan : plant.devices) {
+    const auto random = seeds.fork();  // the same for a device whoever else is chosen
+    if (!chosen.contains(plan.name)) continue;
+    auto port = house.ports.at(plan.bus)->next();
+    if (!port) return tl::unexpected(port.error());
+    const auto* const bus = plant.bus(plan.bus);
+    const auto own = (*port)->status().bit_rate;
+    house.devices.add(plan, std::move(*port), own != 0 || bus == nullptr ? own : bus->bitrate, random, findings);
+  }
+  if (has_errors(findings)) return tl::unexpected(failure(findings));
+  return {};
+}
+
+}  // namespace
+
+int run_device(const Options& options, const DeviceOptions& wanted) {
+  auto file = plant::load_plant(options.sim);
+  if (!file.plant) return tell(failure(file.findings), options.json);
+  if (options.seed) file.plant->seed = *options.seed;
+  const auto ports = read_ports(*file.plant, options, wanted);
+  if (!ports) return tell(ports.error(), options.json);
+  const auto chosen = choose(*file.plant, *ports, wanted.names);
+  if (!chosen) return tell(chosen.error(), options.json);
+
+  Interrupt interrupt;
+  Waker waker;
+  Household house(options.json);
+  house.loop.watch(interrupt.descriptor(), waker, EPOLLIN);
+  if (const auto filled = fill(house, *file.plant, *ports, *chosen, wanted); !filled) {
+    return tell(filled.error(), options.json);
+  }
+  if (!options.state.empty()) {
+    const auto kept = house.devices.keep_state(options.state);
+    if (!kept)
+      return tell(failure(Exit::failed, fmt::format("{}: {}", options.state, describe(kept.error()))), options.json);
+  }
+  house.voice.started(options, house.devices, house.ports);
+  for (const auto& device : house.devices.all()) device->power(true);
+  PortWatch watch(house.devices, house.ports, house.voice);
+  const auto end = wanted.duration ? house.loop.clock() + *wanted.duration : rt::Time::max();
+  while (!interrupt.came() && house.loop.clock() < end) {
+    house.loop.turn(std::min(port_check, end - house.loop.clock()));
+    watch.look(house.loop.clock());
+  }
+  house.voice.ended(house.devices, interrupt.came());
+  for (const auto& device : house.devices.all()) device->power(false);
+  return Exit::done;
+}
+
+void add_device(CLI::App& app, Options& options, std::function<int()>& action) {
+  const auto device = std::make_shared<DeviceOptions>();
+  auto* const sub = app.add_subcommand("device", "devices of a plant file on a real port, in real time");
+  // The callback owns the options: they live as long as the command line.
+  sub->callback([&options, &action, device] { action = [&options, device] { return run_device(options, *device); }; });
+  sub->add_option("plant", options.sim, "plant file")->required()->option_text("PLANT");
+  sub->add_option("--port", device->ports, "port that the plant's bus is, or BUS=PORT")
+      ->required()
+      ->allow_extra_args(false)
+      ->option_text("[BUS=]PORT");
+  sub->add_option("--device", device->names, "these alone (default: all that are plugged in at the start)")
+      ->allow_extra_args(false)
+      ->option_text("NAME");
+  sub->add_option("--bus", options.bus, "bus of --port, where the plant has several");
+  sub->add_option("--bitrate", device->bit_rate, "bit/s to set the interface to (default: as it stands)");
+  sub->add_option("--sim-state,--plant-state", options.state,
+                  "file that keeps what these devices remember between runs");
+  sub->add_option("--seed", options.seed, "seed of what the devices draw, instead of the plant file's");
+  const auto read = [device](const std::string& text) {
+    device->duration = text::parse_duration(text);
+    if (!device->duration) device->duration = text::parse_duration(text + " s");
+    if (device->duration && device->duration->count() > 0) return std::string();
+    return fmt::format("\"{}\" is no time; write 30, \"30 s\" or \"500 ms\"", text);
+  };
+  sub->add_option_function<std::string>(
+         "--for", [](const std::string&) {}, "end after this time (default: Ctrl-C)")
+      ->check(CLI::Validator(read, "TIME"));
+  sub->add_flag("--json", options.json, "one JSON object a line");
+  sub->footer(
+      "Events of the plant file and what it says of the wire have no effect on a real port.\n"
+      "Examples:\n  berth device plant.toml --port socketcan:vcan0\n"
+      "  berth device plant.toml --port socketcan:can0 --device left --sim-state left.state");
+}
+
+}  // namespace berth::cli
