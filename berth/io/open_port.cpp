@@ -2,6 +2,7 @@
 
 #include "berth/io/plant_port.hpp"
 #include "berth/io/socketcan_port.hpp"
+#include "berth/io/socketcand_port.hpp"
 
 namespace berth::io {
 
@@ -19,8 +20,13 @@ Opened open_port(Loop& loop, const can::PortSpec& spec, const PortOptions& optio
       if (!port) return tl::unexpected("socketcan:" + port.error());
       return Opened(std::move(*port));
     }
+    case can::PortKind::socketcand: {
+      auto port = SocketcandPort::connect(loop, spec.address,
+                                          {.bit_rate = options.bit_rate, .listen_only = options.listen_only});
+      if (!port) return tl::unexpected(std::move(port.error()));
+      return Opened(std::move(*port));
+    }
     case can::PortKind::slcan:
-    case can::PortKind::socketcand:
     case can::PortKind::sim: break;
   }
   return tl::unexpected(can::to_string(spec) + ": this Berth has no such port");

@@ -182,7 +182,8 @@ void Stream::close() noexcept {
 }
 
 void Stream::watch() noexcept {
-  const std::uint32_t events = (held_ ? 0U : std::uint32_t{EPOLLIN}) | (waiting() > 0 ? std::uint32_t{EPOLLOUT} : 0U);
+  const std::uint32_t in = !held_ ? std::uint32_t{EPOLLIN} : hung_up_ ? 0U : std::uint32_t{EPOLLRDHUP};
+  const std::uint32_t events = in | (waiting() > 0 ? std::uint32_t{EPOLLOUT} : 0U);
   if (gone() || events_ == (events | 1U << 31U)) return;
   events_ = events | 1U << 31U;
   if (!loop_->watch(fd_, *watcher_, events)) gone_ = true;
@@ -190,6 +191,11 @@ void Stream::watch() noexcept {
 
 void Stream::hold(bool on) noexcept {
   held_ = on;
+  watch();
+}
+
+void Stream::hung_up() noexcept {
+  hung_up_ = true;
   watch();
 }
 

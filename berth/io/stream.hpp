@@ -67,7 +67,7 @@ class Stream {
   bool flush() noexcept;
   /// Bytes that came in; empty: none now, or `gone`.
   [[nodiscard]] std::string_view get(std::span<char> buffer) noexcept;
-  /// True: no bytes are taken in, so that the peer has to wait.
+  /// True: no bytes are taken in, so that the peer has to wait. That it has hung up comes as EPOLLRDHUP, once.
   void hold(bool on) noexcept;
   [[nodiscard]] bool held() const noexcept { return held_; }
 
@@ -79,6 +79,8 @@ class Stream {
   [[nodiscard]] std::size_t waiting() const noexcept { return out_.size() - sent_; }
   [[nodiscard]] int descriptor() const noexcept { return fd_; }
   void close() noexcept;
+  /// To be called with EPOLLRDHUP: it is not told again.
+  void hung_up() noexcept;
 
  private:
   void watch() noexcept;
@@ -91,6 +93,7 @@ class Stream {
   std::size_t sent_ = 0;  // of out_
   std::uint32_t events_ = 0;
   bool held_ = false;
+  bool hung_up_ = false;
   bool gone_ = false;
   bool too_slow_ = false;
 };

@@ -45,7 +45,7 @@ void Client::greet() {
 // ---- the connection ----
 
 void Client::say(std::string_view bytes) {
-  if (over_) return;
+  if (over_ || (leaving_ && stream_.gone())) return;
   if (!stream_.put(bytes)) {
     end(stream_.too_slow() ? "too slow: it does not take what it asked for" : "gone");
     return;
@@ -54,7 +54,15 @@ void Client::say(std::string_view bytes) {
 }
 
 void Client::flush() noexcept {
-  if (!over_ && !stream_.flush()) end("gone");
+  if (!over_ && !leaving_ && !stream_.flush()) end("gone");
+}
+
+// It has hung up; the frames that it gave are sent first, if the bus takes them, as the kernel would do.
+void Client::leave() {
+  if (over_) return;
+  if (!port_ || (!pending_ && on_the_way_.empty())) return end("left");
+  if (!leaving_) leaving_ = house_->executor().now();
+  arm(*leaving_ + linger);
 }
 
 void Client::end(const std::string& why, std::string_view last_word) {
@@ -80,7 +88,11 @@ void Client::ready(std::uint32_t events) noexcept {
   if (over_) return;
   if ((events & EPOLLOUT) != 0 && !stream_.flush()) return end("gone");
   if (stream_.held()) {
-    if ((events & (EPOLLHUP | EPOLLERR)) != 0) end("gone");
+    if ((events & (EPOLLHUP | EPOLLERR)) != 0) return end("gone");
+    if ((events & EPOLLRDHUP) != 0) {
+      stream_.hung_up();
+      leave();
+    }
     return;
   }
   std::array<char, 4096> buffer;  // so much at a time, that nobody has to wait long
@@ -90,7 +102,9 @@ void Client::ready(std::uint32_t events) noexcept {
     release();
     work();
   }
-  if (stream_.gone()) end("left");
+  if (over_ || !stream_.gone()) return;
+  stream_.close();
+  leave();
 }
 
 // Elements, as long as the bus takes what they say.
@@ -105,13 +119,13 @@ void Client::work() {
     if (!element) break;
     act(*element);
   }
-  if (!over_) stream_.hold(stalled());
+  if (!over_ && !stream_.gone()) stream_.hold(stalled());
 }
 
 // The bus may have room again.
 void Client::go_on() {
   if (pending_ && hand_over(*pending_)) pending_.reset();
-  if (!over_ && stream_.held() && !stalled()) work();
+  if (!over_ && (stream_.held() || leaving_) && !stalled()) work();
 }
 
 // ---- time ----
@@ -126,6 +140,7 @@ void Client::tick() noexcept {
     if (now >= patience_until_) return end("no < open > in time");
     return arm(patience_until_);
   }
+  if (leaving_ && now >= *leaving_ + linger) return end("left");
   if (quiet_until_ && now >= *quiet_until_) release();
   if (restart_at_ && now >= *restart_at_) {
     restart_at_.reset();
@@ -139,6 +154,7 @@ void Client::tick() noexcept {
   if (over_) return;
   if (quiet_until_) arm(*quiet_until_);
   if (restart_at_) arm(*restart_at_);
+  if (leaving_) arm(*leaving_ + linger);
   if (!echoes_.empty()) arm(echoes_.front().deadline);
 }
 
@@ -270,6 +286,9 @@ void Client::sent(std::uint32_t tag, rt::Time at) noexcept {
   on_the_way_.erase(it);
   answer_echoes(at);
   if (!over_) go_on();
+  if (over_ || !leaving_) return;
+  leaving_ = at;
+  if (stream_.gone()) leave();
 }
 
 void Client::answer_echoes(rt::Time now) {
@@ -316,7 +335,7 @@ void Client::tell_frame(const can::Frame& frame, rt::Time at) {
   ++house_->counters->frames_out;
   if (!quiet_until_) return say(text);
   later_ += text;
-  if (later_.size() > house_->options->most_waiting) release();
+  if (later_.size() > house_->options->most_waiting / 2) release();
 }
 
 void Client::release() {

@@ -40,6 +40,7 @@ class Client final : private io::Watcher, private can::Listener {
   static constexpr rt::Duration quiet_after_ok = std::chrono::milliseconds(100);
   static constexpr rt::Duration least_interval = std::chrono::milliseconds(1);
   static constexpr rt::Duration bus_off_pause = std::chrono::seconds(1);
+  static constexpr rt::Duration linger = std::chrono::seconds(1);  ///< for the frames of who has hung up
   static constexpr std::size_t most_jobs = 64;          ///< and as many subscriptions; further ones are `malformed`
   static constexpr std::size_t most_on_the_way = 1024;  ///< frames remembered until they are sent
   static constexpr std::size_t most_echoes = 256;       ///< not yet answered; then the client waits
@@ -104,6 +105,7 @@ class Client final : private io::Watcher, private can::Listener {
   void arm(rt::Time when) noexcept;
   void work();
   void go_on();
+  void leave();
   [[nodiscard]] bool stalled() const noexcept { return pending_.has_value() || echoes_.size() >= most_echoes; }
   void act(std::string_view element);
   void act_without_bus(const io::SocketcandCommand& command);
@@ -135,6 +137,7 @@ class Client final : private io::Watcher, private can::Listener {
   Clock clock_{*this};
   Mode mode_ = Mode::no_bus;
   bool over_ = false;
+  std::optional<rt::Time> leaving_;  // it has hung up: since then nothing of its was sent
   rt::Time patience_until_;
   std::optional<can::Frame> pending_;  // the bus has no room for it now
   std::vector<OnTheWay> on_the_way_;   // queued on the bus

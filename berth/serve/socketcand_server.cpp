@@ -77,6 +77,8 @@ class SocketcandServer::Impl final : private io::Watcher {
 
   void take(int fd) {
     io::tune_tcp(fd);
+    const int kernel_buffer = 1 << 17;  // what waits shall wait here, where it is counted
+    ::setsockopt(fd, SOL_SOCKET, SO_SNDBUF, &kernel_buffer, sizeof kernel_buffer);
     ++counters_.clients;
     const bool room = clients() < options_.most_clients;
     clients_.push_back(std::make_unique<Client>(house_, fd, io::peer_name(fd)));

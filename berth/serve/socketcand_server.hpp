@@ -34,7 +34,7 @@ namespace berth::serve {
 
 struct ServerOptions {
   std::size_t most_clients = 64;                    ///< one more is told so and let go
-  std::size_t most_waiting = 1U << 20U;             ///< bytes that a client did not take; then it is let go
+  std::size_t most_waiting = 1U << 22U;             ///< bytes that a client did not take; then it is let go
   rt::Duration patience = std::chrono::minutes(1);  ///< for a client's `< open >`
   /// Wall-clock time of the executor's time 0, for the frames' times; 0: by the system's clock at the beginning.
   std::chrono::microseconds epoch{0};
