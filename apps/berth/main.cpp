@@ -8,6 +8,7 @@
 #include "eds.hpp"
 #include "options.hpp"
 #include "output.hpp"
+#include "serve.hpp"
 #include "study.hpp"
 
 namespace berth::cli {
@@ -28,6 +29,7 @@ class CommandLine {
     add_eds();
     add_doctor();
     add_study(app_, options_, action_);
+    add_serve(app_, options_, action_);
     add_rest();
   }
 

@@ -1,0 +1,274 @@
+// `berth serve`: the buses of a simulated plant in real time, of a machine file, or single ports, offered to other
+// programs by socketcand over TCP.
+#include "serve.hpp"
+
+#include <fmt/format.h>
+
+#include <CLI/CLI.hpp>
+#include <algorithm>
+#include <charconv>
+#include <map>
+#include <memory>
+#include <nlohmann/json.hpp>
+
+#include "berth/design/machine.hpp"
+#include "berth/io/open_port.hpp"
+#include "berth/io/socketcand_protocol.hpp"
+#include "berth/plant/world.hpp"
+#include "berth/serve/hub.hpp"
+#include "berth/serve/socketcand_server.hpp"
+#include "drive.hpp"
+#include "output.hpp"
+
+namespace berth::cli {
+namespace {
+
+using namespace std::chrono_literals;
+using Json = nlohmann::ordered_json;
+using Done = tl::expected<void, Failure>;
+
+/// "can1", "vcan1" mean the second bus: what socketcand's clients like to ask for.
+std::optional<std::size_t> number_of(std::string_view name) {
+  if (name.starts_with('v')) name.remove_prefix(1);
+  if (!name.starts_with("can")) return std::nullopt;
+  name.remove_prefix(3);
+  std::size_t number = 0;
+  const auto [end, error] = std::from_chars(name.data(), name.data() + name.size(), number);
+  if (error != std::errc{} || end != name.data() + name.size()) return std::nullopt;
+  return number;
+}
+
+/// The buses that are offered, and a node on one for whoever asks.
+class Buses {
+ public:
+  virtual ~Buses() = default;
+  /// In order; no name twice.
+  [[nodiscard]] const std::vector<std::string>& names() const noexcept { return names_; }
+  [[nodiscard]] io::Loop& loop() noexcept { return *loop_; }
+  virtual void start() {}
+  std::unique_ptr<can::Port> attach(const std::string& asked, std::string& why) {
+    const bool known = std::ranges::find(names_, asked) != names_.end();
+    const auto number = known ? std::nullopt : number_of(asked);
+    if (known || (number && *number < names_.size())) return node(known ? asked : names_[*number]);
+    why = fmt::format("there is none of this name, but {}", fmt::join(names_, ", "));
+    return nullptr;
+  }
+
+ protected:
+  virtual std::unique_ptr<can::Port> node(const std::string& bus) = 0;
+  std::vector<std::string> names_;
+  std::unique_ptr<io::Loop> loop_;
+};
+
+class PlantBuses final : public Buses {
+ public:
+  PlantBuses(std::unique_ptr<plant::World> world, bool listen_only)
+      : world_(std::move(world)), listen_only_(listen_only) {
+    loop_ = std::make_unique<io::Loop>(world_->executor());
+    for (const auto& bus : world_->sim().buses()) names_.push_back(bus->name());
+  }
+  void start() override { world_->start(); }
+
+ private:
+  std::unique_ptr<can::Port> node(const std::string& bus) override {
+    sim::ControllerOptions options;
+    options.listen_only = listen_only_;
+    options.fd = world_->bus(bus)->fd();
+    return world_->attach_master(bus, options);
+  }
+  std::unique_ptr<plant::World> world_;
+  bool listen_only_;
+};
+
+class PortBuses final : public Buses {
+ public:
+  PortBuses() { loop_ = std::make_unique<io::Loop>(executor_); }
+  Done add(const std::string& name, const can::PortSpec& spec, const io::PortOptions& options) {
+    if (std::ranges::find(names_, name) != names_.end()) {
+      return tl::unexpected(
+          failure(Exit::usage, fmt::format("two ports are called {}: write one as NAME={}", name, to_string(spec))));
+    }
+    auto port = io::open_port(*loop_, spec, options);
+    if (!port) return tl::unexpected(failure(Exit::failed, port.error()));
+    hubs_[name] = std::make_unique<serve::Hub>(executor_, std::move(*port));
+    names_.push_back(name);
+    return {};
+  }
+
+ private:
+  std::unique_ptr<can::Port> node(const std::string& bus) override { return hubs_.at(bus)->attach(); }
+  rt::Executor executor_;
+  std::map<std::string, std::unique_ptr<serve::Hub>> hubs_;
+};
+
+using Made = tl::expected<std::unique_ptr<Buses>, Failure>;
+
+Made plant_buses(const Options& options, const ServeOptions& serve) {
+  auto file = plant::load_plant(serve.plant);
+  if (!file.plant) return tl::unexpected(failure(file.findings));
+  if (options.seed) file.plant->seed = *options.seed;
+  std::vector<plant::BusRate> rates;
+  if (!options.machine.empty()) {
+    const auto machine = design::load_machine(options.machine);
+    if (!machine.machine) return tl::unexpected(failure(machine.findings));
+    for (const auto& bus : machine.machine->buses) rates.push_back({bus.name, bus.bitrate});
+  }
+  Findings findings;
+  auto world = plant::World::make(*file.plant, rates, findings);
+  if (!world) return tl::unexpected(failure(findings));
+  if (!options.state.empty()) {
+    const auto kept = world->keep_state(options.state);
+    if (!kept)
+      return tl::unexpected(failure(Exit::failed, fmt::format("{}: {}", options.state, describe(kept.error()))));
+  }
+  return std::make_unique<PlantBuses>(std::move(world), serve.listen_only);
+}
+
+/// What a port's bus is called when nobody says: as its interface, or as on its server.
+std::string name_of(const can::PortSpec& spec) {
+  if (spec.kind == can::PortKind::socketcan) return spec.address;
+  if (spec.kind == can::PortKind::socketcand) return spec.address.substr(spec.address.find('/') + 1);
+  return "can0";
+}
+
+Done add_port(PortBuses& buses, const std::string& written, const ServeOptions& serve) {
+  auto equals = written.find('=');
+  auto spec = can::parse_port(written);
+  if (spec) equals = std::string::npos;  // a device's path may have one
+  if (!spec && equals != std::string::npos) spec = can::parse_port(written.substr(equals + 1));
+  if (!spec || spec->kind == can::PortKind::sim) {
+    return tl::unexpected(
+        failure(Exit::usage, fmt::format("--port {}: no port; write socketcan:can0, slcan:/dev/ttyACM0, "
+                                         "socketcand://HOST/BUS or BUS=plant:SOCKET",
+                                         written)));
+  }
+  const auto name = equals == std::string::npos ? name_of(*spec) : written.substr(0, equals);
+  return buses.add(name, *spec, {.bit_rate = serve.bit_rate, .listen_only = serve.listen_only, .bus = name});
+}
+
+Done add_machine(PortBuses& buses, const Options& options, const ServeOptions& serve) {
+  const auto machine = design::load_machine(options.machine);
+  if (!machine.machine) return tl::unexpected(failure(machine.findings));
+  for (const auto& bus : machine.machine->buses) {
+    if (bus.port.kind == can::PortKind::sim) {
+      return tl::unexpected(failure(
+          Exit::usage, fmt::format("{}:{}: bus {} is simulated: give the plant file: berth serve PLANT --machine {}",
+                                   machine.machine->file, bus.place.line, bus.name, options.machine)));
+    }
+    auto added =
+        buses.add(bus.name, bus.port, {.bit_rate = bus.bitrate, .listen_only = serve.listen_only, .bus = bus.name});
+    if (!added) return added;
+  }
+  return {};
+}
+
+Made port_buses(const Options& options, const ServeOptions& serve) {
+  auto buses = std::make_unique<PortBuses>();
+  for (const auto& port : serve.ports) {
+    if (auto added = add_port(*buses, port, serve); !added) return tl::unexpected(added.error());
+  }
+  if (serve.ports.empty()) {
+    if (auto added = add_machine(*buses, options, serve); !added) return tl::unexpected(added.error());
+  }
+  return buses;
+}
+
+void tell_counters(const serve::ServerCounters& c, bool json) {
+  if (json) {
+    print_line(Json{{"clients", c.clients},
+                    {"too_slow", c.too_slow},
+                    {"misbehaved", c.misbehaved},
+                    {"frames_out", c.frames_out},
+                    {"frames_in", c.frames_in},
+                    {"not_sent", c.not_sent},
+                    {"unspeakable", c.unspeakable},
+                    {"malformed", c.malformed}}
+                   .dump());
+    return;
+  }
+  print_line(fmt::format("{} clients, {} frames to them, {} from them", c.clients, c.frames_out, c.frames_in));
+  if (c.too_slow > 0) print_line(fmt::format("{} let go because they took too little", c.too_slow));
+  if (c.misbehaved > 0) print_line(fmt::format("{} let go because of what they sent", c.misbehaved));
+  if (c.not_sent > 0) print_line(fmt::format("{} frames that the bus did not take", c.not_sent));
+  if (c.unspeakable > 0) print_line(fmt::format("{} remote and FD frames, which socketcand cannot say", c.unspeakable));
+  if (c.malformed > 0) print_line(fmt::format("{} commands with wrong words", c.malformed));
+}
+
+}  // namespace
+
+int run_serve(const Options& options, const ServeOptions& serve) {
+  const auto where = io::parse_endpoint(serve.listen, io::socketcand_port);
+  if (!where) {
+    return tell(
+        failure(Exit::usage, fmt::format("--listen {}: write HOST:PORT, such as 127.0.0.1:29536", serve.listen)),
+        options.json);
+  }
+  if (serve.plant.empty() && serve.ports.empty() && options.machine.empty()) {
+    return tell(failure(Exit::usage, "what is to be served? Give a plant file, --port PORT, or --machine FILE"),
+                options.json);
+  }
+  auto buses = serve.plant.empty() ? port_buses(options, serve) : plant_buses(options, serve);
+  if (!buses) return tell(buses.error(), options.json);
+  Interrupt interrupt;
+  io::Loop& loop = (*buses)->loop();
+  serve::ServerOptions server_options;
+  server_options.tell = [json = options.json](const std::string& text) {
+    print_line(json ? Json{{"client", text}}.dump() : text);
+  };
+  auto server = serve::SocketcandServer::listen(
+      loop, *where, [&](const std::string& bus, std::string& why) { return (*buses)->attach(bus, why); },
+      std::move(server_options));
+  if (!server) return tell(failure(Exit::failed, server.error()), options.json);
+  (*buses)->start();
+  const auto address = io::to_string((*server)->where());
+  if (options.json) {
+    print_line(Json{{"listening", address}, {"buses", Json((*buses)->names())}}.dump());
+  } else {
+    for (const auto& name : (*buses)->names()) print_line(fmt::format("socketcand://{}/{}", address, name));
+  }
+  const auto end = serve.duration ? loop.clock() + *serve.duration : rt::never;
+  while (!interrupt.came() && loop.clock() < end) loop.turn(std::min<rt::Duration>(50ms, end - loop.clock()));
+  tell_counters((*server)->counters(), options.json);
+  return Exit::done;
+}
+
+void add_serve(CLI::App& app, Options& options, std::function<int()>& action) {
+  const auto serve = std::make_shared<ServeOptions>();
+  auto* const sub =
+      app.add_subcommand("serve", "offer buses to other programs by socketcand (python-can, another Berth)");
+  sub->callback([&options, &action, serve] { action = [&options, serve] { return run_serve(options, *serve); }; });
+  sub->footer(
+      "Examples:\n  berth serve plant.toml --machine machine.toml\n  berth serve --port slcan:/dev/ttyACM0 --bitrate "
+      "125000\n"
+      "  berth serve --port socketcan:can0 --listen 0.0.0.0:29536 --for \"1 h\"\n"
+      "  berth serve --port backbone=plant:/tmp/plant.sock\n"
+      "Clients: can.Bus(interface=\"socketcand\", host=\"127.0.0.1\", port=29536, channel=\"BUS\") of python-can;\n"
+      "port = \"socketcand://127.0.0.1:29536/BUS\" in a machine file. can0 is the first bus, can1 the second.");
+  auto* const plant =
+      sub->add_option("plant", serve->plant, "plant file: its buses, simulated in real time")->option_text("PLANT");
+  sub->add_option("--machine", options.machine,
+                  "machine file: with PLANT the bit rates of its buses; alone: its buses' own ports");
+  sub->add_option("--port", serve->ports, "this port, as PORT or NAME=PORT; as often as wanted")
+      ->option_text("[NAME=]PORT")
+      ->allow_extra_args(false)
+      ->excludes(plant);
+  sub->add_option("--bitrate", serve->bit_rate, "bit rate of the ports")->option_text("BIT/S");
+  sub->add_option("--listen", serve->listen, "where to listen (default 127.0.0.1:29536; port 0: any that is free)")
+      ->option_text("HOST:PORT");
+  sub->add_flag("--listen-only", serve->listen_only, "clients hear and cannot send");
+  const auto read = [serve](const std::string& text) {
+    auto time = text::parse_duration(text);
+    if (!time) time = text::parse_duration(text + " s");
+    if (!time || time->count() <= 0) return fmt::format("\"{}\" is no time; write 30, \"30 s\" or \"500 ms\"", text);
+    serve->duration = *time;
+    return std::string();
+  };
+  sub->add_option_function<std::string>(
+         "--for", [](const std::string&) {}, "end after this time")
+      ->check(CLI::Validator(read, "TIME"));
+  sub->add_option("--sim-state", options.state, "file that keeps what the simulated devices remember between runs");
+  sub->add_option("--seed", options.seed, "seed of the world, instead of the plant file's");
+  sub->add_flag("--json", options.json, "JSON objects, one per line");
+}
+
+}  // namespace berth::cli
