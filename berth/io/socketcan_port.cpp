@@ -75,7 +75,6 @@ class SocketCanPort::Impl final : private Watcher {
     if (!bind()) return false;
     learn(link);
     events_.clear();
-    look_.arm(look_again);
     return true;
   }
   void was(const Link& before) { put_back_ = before; }
@@ -222,6 +221,7 @@ class SocketCanPort::Impl final : private Watcher {
     if (link.state == CanState::active && status_.error_passive()) status_.tec = status_.rec = 0;
     if (before.up && !status_.up) drop_queue();
     if (status_.up) trouble_.clear();
+    if (look_needed() && !look_.timed()) look_.arm(look_again);
     if (before.up != status_.up || before.bus_off != status_.bus_off || before.bit_rate != status_.bit_rate ||
         before.listen_only != status_.listen_only || level != level_of(status_)) {
       tell_changed(executor_->now());
@@ -231,6 +231,7 @@ class SocketCanPort::Impl final : private Watcher {
   void goes_down() noexcept {
     drop_queue();
     ask();
+    look_.arm(look_again);
     if (!status_.up) return;
     status_.up = false;
     trouble_ = name_ + " went down; " + ip_command(down(link_), wanted_);
@@ -287,10 +288,13 @@ class SocketCanPort::Impl final : private Watcher {
     return false;
   }
 
+  // A virtual interface that is up has nothing to be looked at, and a timer would cost each wait for frames.
   void look() noexcept {
+    if (!look_needed()) return;
     look_.arm(look_again);
-    if (link_.controller() || !status_.up) ask();
+    ask();
   }
+  [[nodiscard]] bool look_needed() const noexcept { return link_.controller() || !status_.up; }
 
   bool out_of_bus_off() {
     if (link_.restart_ms != 0) return true;  // the kernel does it by itself, and nobody else may
@@ -384,13 +388,19 @@ class SocketCanPort::Impl final : private Watcher {
 
   void read_all() noexcept {
     for (unsigned i = 0; i < most_batches && events_.size() < most_events; ++i) {
-      const std::size_t room = std::min(CanSocket::batch, most_events - events_.size());
+      const std::size_t room = std::min(at_a_time_, most_events - events_.size());
       int error = 0;
       const auto got = socket_.read(room, error);
-      if (!got.empty()) stamps_.begin(loop_->clock(), wall_clock());
+      const bool backlog = !got.empty() && got.front().stamp && *got.front().stamp < read_at_;
+      if (!got.empty()) {
+        read_at_ = wall_clock();
+        stamps_.begin(loop_->clock(), read_at_);
+      }
       for (const auto& r : got) arrived(r);
       if (error != 0) goes_down();
-      if (error == 0 && got.size() < room) break;
+      // One by one while they come one by one: asking for more than there is costs the kernel a look in vain.
+      at_a_time_ = backlog ? std::min(at_a_time_ * 2, CanSocket::batch) : got.size() < room ? 1 : at_a_time_;
+      if (error == 0 && (got.size() < room || room == 1)) break;
     }
   }
 
@@ -524,6 +534,8 @@ class SocketCanPort::Impl final : private Watcher {
   rt::Time counted_{};
   std::string trouble_;
   StampMap stamps_;
+  std::int64_t read_at_ = 0;   // by the wall clock
+  std::size_t at_a_time_ = 1;  // frames asked for
   can::Listener* listener_ = nullptr;
   std::vector<can::IdRange> accept_;     // what the listener wants
   std::vector<can::IdRange> echoed_;     // what is or was sent with a tag

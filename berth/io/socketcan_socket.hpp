@@ -58,6 +58,7 @@ class CanSocket {
     iovec part;
   };
   void prepare();
+  int read_one() noexcept;
   void take(const msghdr& head, Received& to) noexcept;
 
   int fd_ = -1;
