@@ -1,27 +1,17 @@
 /// Frames in words, and traces as the papers print theirs.
 #pragma once
 
-#include <cstdint>
-#include <optional>
 #include <string>
 #include <vector>
 
 #include "berth/can/frame.hpp"
+#include "berth/decode/words.hpp"
 #include "berth/trace/trace.hpp"
 
 namespace berth::study {
 
-/// Says in words what a frame is: LSS and its feedback as paper 4's Table 1 and 2 do, negotiation as paper 2's Figure 2
-/// does, RAND, AND, NMT, error control, SDO, EMCY, SYNC, TIME, PDOs. Frames of one bus in their order: RAND's DIS and
-/// the Fastscan feedback have the same identifiers (S1.24), and what asked last tells them apart.
-class Interpreter {
- public:
-  [[nodiscard]] std::string words(const can::Frame& frame);
-
- private:
-  enum class Asked : std::uint8_t { nothing, fastscan, rand };
-  Asked asked_ = Asked::nothing;
-};
+/// Says in words what a frame is.
+using decode::Interpreter;
 
 /// "51 00 00 00 00 80 00 00"; "remote, 1" for a remote frame.
 [[nodiscard]] std::string raw(const can::Frame& frame);

@@ -5,6 +5,7 @@
 #include <cstdint>
 #include <string>
 #include <string_view>
+#include <unordered_map>
 #include <vector>
 
 #include "berth/can/frame.hpp"
@@ -38,11 +39,15 @@ struct Trace {
   friend bool operator==(const Trace&, const Trace&) = default;
 };
 
-/// What one identifier took.
+/// What one identifier took. A period is the time between the ends of two of its frames.
 struct IdStatistics {
   std::uint32_t key = 0;  ///< `can::Frame::key`
   std::uint64_t frames = 0;
   std::uint64_t bits = 0;
+  rt::Duration shortest{};  ///< period; all 0 with fewer than two frames
+  rt::Duration average{};
+  rt::Duration longest{};
+  rt::Duration jitter{};  ///< standard deviation of the periods
   friend bool operator==(const IdStatistics&, const IdStatistics&) = default;
 };
 
@@ -62,6 +67,25 @@ struct Statistics {
   [[nodiscard]] double load(std::uint32_t bit_rate) const noexcept;
 
   std::uint64_t first_bits = 0;  ///< of the first frame
+};
+
+/// Counts one bus as its frames come, in memory for its identifiers only. Error frames are none.
+class Counter {
+ public:
+  void add(const Entry& entry);
+  [[nodiscard]] Statistics statistics() const;
+
+ private:
+  struct Id {
+    std::uint64_t frames = 0;
+    std::uint64_t bits = 0;
+    rt::Duration first{}, last{}, shortest{}, longest{};
+    double mean = 0;     // of the periods, ns; with `squares` by Welford's method
+    double squares = 0;  // sum of the squares of the deviations from the mean
+  };
+  Statistics all_;
+  std::vector<Id> base_ = std::vector<Id>(can::base_mask + 1);
+  std::unordered_map<std::uint32_t, Id> extended_;
 };
 
 /// Of all entries of one bus.

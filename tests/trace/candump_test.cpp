@@ -4,6 +4,8 @@
 #include <gtest/gtest.h>
 #include <rapidcheck/gtest.h>
 
+#include <cmath>
+
 namespace berth::trace {
 namespace {
 
@@ -150,11 +152,27 @@ TEST(TraceStatistics, CountsBitsExactly) {
   ASSERT_EQ(a.ids.size(), 3U);
   EXPECT_EQ(a.ids[0], (IdStatistics{0x000, 1, 68}));
   EXPECT_EQ(a.ids[1], (IdStatistics{0x123, 1, 0}));
-  EXPECT_EQ(a.ids[2], (IdStatistics{0x701, 2, 116}));
+  EXPECT_EQ(a.ids[2], (IdStatistics{0x701, 2, 116, 6ms, 6ms, 6ms}));
   const auto b = statistics(reading.trace, 1);
   EXPECT_EQ(b.frames, 1U);
   EXPECT_EQ(b.bits, 51U);
   EXPECT_EQ(b.load(50'000), 0);
+}
+
+// Periods 10, 10, 20 and 0 ms: average 10, deviations 0, 0, 10 and -10: the root of 200 / 4.
+TEST(TraceStatistics, PeriodsAndJitter) {
+  const auto reading = read_candump(
+      "(1.000000) a 181#\n(1.010000) a 181#\n(1.020000) a 181#\n(1.040000) a 181#\n(1.040000) a 181#\n"
+      "(1.050000) a 1F900135#\n",
+      "t");
+  const auto all = statistics(reading.trace, 0);
+  ASSERT_EQ(all.ids.size(), 2U);
+  EXPECT_EQ(all.ids[0].shortest, rt::Duration(0));
+  EXPECT_EQ(all.ids[0].longest, rt::Duration(20ms));
+  EXPECT_EQ(all.ids[0].average, rt::Duration(10ms));
+  EXPECT_NEAR(static_cast<double>(all.ids[0].jitter.count()), std::sqrt(50.0) * 1e6, 1);
+  EXPECT_EQ(all.ids[1].key, 0x1F90'0135U | can::extended_flag);
+  EXPECT_EQ(all.ids[1].longest, rt::Duration(0));
 }
 
 }  // namespace

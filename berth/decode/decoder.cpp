@@ -1,0 +1,554 @@
+#include "berth/decode/decoder.hpp"
+
+#include <fmt/format.h>
+
+#include <algorithm>
+#include <bitset>
+#include <iterator>
+
+#include "berth/base/bytes.hpp"
+#include "berth/co/cob_id.hpp"
+#include "berth/co/nmt.hpp"
+#include "berth/co/pdo_mapping.hpp"
+#include "berth/decode/standard_objects.hpp"
+#include "berth/od/abort_code.hpp"
+
+namespace berth::decode {
+namespace {
+
+template <class... T>
+void say(std::string& out, fmt::format_string<T...> format, T&&... values) {
+  fmt::format_to(std::back_inserter(out), format, std::forward<T>(values)...);
+}
+
+constexpr unsigned most_pdos = 512;
+constexpr std::uint8_t mpdo_destination = 255;
+constexpr std::uint8_t mpdo_source = 254;
+
+std::string object_text(ObjectRef ref) { return fmt::format("{:04X}h:{:02X}", ref.index, ref.sub); }
+
+bool printable(std::span<const std::uint8_t> bytes) noexcept {
+  return std::all_of(bytes.begin(), bytes.end(), [](std::uint8_t b) { return b >= ' ' && b < 0x7F; });
+}
+
+void put_hex(std::span<const std::uint8_t> bytes, std::size_t most, std::string& out) {
+  for (std::size_t i = 0; i < std::min(bytes.size(), most); ++i) say(out, "{}{:02X}", i == 0 ? "" : " ", bytes[i]);
+  if (bytes.size() > most) out += " ...";
+}
+
+// The entry's identifier as an object of a COB-ID says it; invalid when the value is none.
+co::CobId cob_id(const od::Values& values, ObjectRef ref) noexcept {
+  const co::CobId id(values.get_or<std::uint32_t>(ref, co::CobId::invalid_bit));
+  return id.well_formed() ? id : co::CobId();
+}
+
+}  // namespace
+
+struct Decoder::Signal {
+  std::string name;
+  od::DataType type = od::DataType::none;
+  std::uint8_t at = 0;  // bit
+  std::uint8_t bits = 0;
+  bool dummy = false;
+};
+
+struct Decoder::Pdo {
+  std::uint8_t node = 0;
+  bool transmit = false;
+  unsigned number = 1;
+  std::uint8_t special = 0;  // 254, 255: an MPDO
+  unsigned bits = 0;
+  std::vector<Signal> signals;
+};
+
+struct Decoder::Channel {
+  std::uint8_t node = 0;
+  unsigned number = 1;  // of the server's channels
+  SdoTransfer transfer;
+  trace::Entry last;  // of the transfer that is under way
+};
+
+struct Decoder::Node {
+  std::string name;
+  std::unique_ptr<od::Values> values;  // null: no description
+  std::vector<std::uint16_t> givers;   // objects that give identifiers to further SDO channels and PDOs
+  std::vector<std::uint32_t> keys;     // whose routes are this node's own
+};
+
+struct Decoder::Route {
+  enum class Kind : std::uint8_t { none, pdo, request, response, emcy, sync };
+  Kind kind = Kind::none;
+  std::uint8_t node = 0;
+  std::uint16_t index = 0;  // pdo: of `Bus::pdos`; request, response: of `Bus::channels`
+};
+
+struct Decoder::Bus {
+  std::uint16_t number = 0;
+  Interpreter interpreter;
+  std::array<std::unique_ptr<Node>, 128> nodes;
+  std::vector<Pdo> pdos;  // those of disconnected nodes have node 0 and are used again
+  std::vector<std::unique_ptr<Channel>> channels;
+  std::vector<Route> base = std::vector<Route>(can::base_mask + 1);
+  std::unordered_map<std::uint32_t, Route> extended;
+  std::bitset<128> guarded;  // asked by a remote frame, not answered yet
+
+  std::uint16_t channel(std::uint8_t node, unsigned which) {
+    const auto found = std::find_if(channels.begin(), channels.end(),
+                                    [&](const auto& c) { return c->node == node && c->number == which; });
+    if (found != channels.end()) return static_cast<std::uint16_t>(found - channels.begin());
+    channels.push_back(std::make_unique<Channel>());
+    channels.back()->node = node;
+    channels.back()->number = which;
+    return static_cast<std::uint16_t>(channels.size() - 1);
+  }
+};
+
+Decoder::Decoder(Rows& rows, DecodeOptions options) : rows_(&rows), options_(options) {}
+Decoder::~Decoder() = default;
+
+Decoder::Bus& Decoder::bus(std::uint16_t number) {
+  if (number >= buses_.size()) buses_.resize(number + std::size_t{1});
+  if (!buses_[number]) {
+    buses_[number] = std::make_unique<Bus>();
+    Bus& made = *buses_[number];
+    made.number = number;
+    for (std::uint8_t node = 1; node <= 127; ++node) {
+      const auto channel = made.channel(node, 1);
+      made.base[0x600U + node] = {Route::Kind::request, node, channel};
+      made.base[0x580U + node] = {Route::Kind::response, node, channel};
+    }
+  }
+  return *buses_[number];
+}
+
+Decoder::Route Decoder::route(const Bus& bus, std::uint32_t key) const noexcept {
+  if (key <= can::base_mask) return bus.base[key];
+  if (bus.extended.empty()) return {};
+  const auto found = bus.extended.find(key);
+  return found == bus.extended.end() ? Route{} : found->second;
+}
+
+void Decoder::set_route(Bus& bus, std::uint32_t key, Route route) {
+  if (key <= can::base_mask) {
+    bus.base[key] = route;
+  } else if (route.kind == Route::Kind::none) {
+    bus.extended.erase(key);
+  } else {
+    bus.extended[key] = route;
+  }
+}
+
+void Decoder::know(std::uint16_t number, NodeId node, Profile profile) {
+  if (!node.configured()) return;
+  Bus& bus = this->bus(number);
+  disconnect(bus, node.value());
+  auto& known = bus.nodes[node.value()];
+  known = std::make_unique<Node>();
+  known->name = std::move(profile.name);
+  if (!profile.description) return;
+  known->values = std::make_unique<od::Values>(std::move(profile.description), node);
+  for (const auto& [object, bytes] : profile.settings) (void)known->values->set_bytes(object, bytes);
+  for (const auto& object : known->values->description().objects()) {
+    const bool gives = (object.index > 0x1200 && object.index < 0x1280) ||
+                       (object.index >= 0x1400 && object.index < 0x1400 + most_pdos) ||
+                       (object.index >= 0x1800 && object.index < 0x1800 + most_pdos);
+    if (gives) known->givers.push_back(object.index);
+  }
+  connect(bus, node.value());
+}
+
+void Decoder::disconnect(Bus& bus, std::uint8_t id) {
+  if (!bus.nodes[id]) return;
+  for (const auto key : bus.nodes[id]->keys) {
+    const bool own =
+        key <= can::base_mask ? bus.base[key].node == id : bus.extended.contains(key) && bus.extended[key].node == id;
+    if (own) set_route(bus, key, {});
+  }
+  bus.nodes[id]->keys.clear();
+  for (auto& pdo : bus.pdos) {
+    if (pdo.node == id) pdo = Pdo{};
+  }
+}
+
+// Every identifier that the node's objects give.
+void Decoder::connect(Bus& bus, std::uint8_t id) {
+  Node& node = *bus.nodes[id];
+  const od::Values& values = *node.values;
+  const auto own = [&](co::CobId cob, Route route) {
+    if (!cob.valid() || taken(bus, cob.key())) return;
+    set_route(bus, cob.key(), route);
+    node.keys.push_back(cob.key());
+  };
+  const auto emcy = cob_id(values, {0x1014, 0});
+  if (emcy.key() != 0x80U + id) own(emcy, {Route::Kind::emcy, id, 0});
+  if (values.get<std::uint32_t>({0x1005, 0})) {
+    const co::CobId sync(values.get_or<std::uint32_t>({0x1005, 0}, 0x80) & ~co::CobId::invalid_bit);
+    if (sync.key() != co::sync_id) own(sync, {Route::Kind::sync, 0, 0});
+  }
+  for (const auto index : node.givers) {
+    if (index >= 0x1800) {
+      add_pdo(bus, node, id, true, index - 0x1800U + 1);
+    } else if (index >= 0x1400) {
+      add_pdo(bus, node, id, false, index - 0x1400U + 1);
+    } else {
+      const auto channel = bus.channel(id, index - 0x1200U + 1);
+      own(cob_id(values, {index, 1}), {Route::Kind::request, id, channel});
+      own(cob_id(values, {index, 2}), {Route::Kind::response, id, channel});
+    }
+  }
+}
+
+void Decoder::add_pdo(Bus& bus, Node& node, std::uint8_t id, bool transmit, unsigned number) {
+  const od::Values& values = *node.values;
+  const auto offset = static_cast<std::uint16_t>(number - 1);
+  const auto cob = cob_id(values, {static_cast<std::uint16_t>((transmit ? 0x1800 : 0x1400) + offset), 1});
+  if (!cob.valid()) return;
+  const Route before = cob.key() <= can::base_mask        ? bus.base[cob.key()]
+                       : bus.extended.contains(cob.key()) ? bus.extended[cob.key()]
+                                                          : Route{};
+  // Who sends it names its signals; a receiver is asked when no sender is known.
+  if (before.kind != Route::Kind::none &&
+      (before.kind != Route::Kind::pdo || !transmit || bus.pdos[before.index].transmit))
+    return;
+  Pdo pdo{.node = id, .transmit = transmit, .number = number, .signals = {}};
+  const auto mapping = static_cast<std::uint16_t>((transmit ? 0x1A00 : 0x1600) + offset);
+  const auto count = values.get_or<std::uint8_t>({mapping, 0}, 0);
+  if (count == mpdo_source || count == mpdo_destination) {
+    pdo.special = count;
+  } else {
+    for (std::uint8_t sub = 1; sub <= std::min<unsigned>(count, co::PdoMapping::most_entries); ++sub) {
+      const auto entry = co::PdoEntry::of(values.get_or<std::uint32_t>({mapping, sub}, 0));
+      if (entry.bits == 0 || pdo.bits + entry.bits > co::PdoMapping::most_bits) break;
+      Signal signal;
+      signal.at = static_cast<std::uint8_t>(pdo.bits);
+      signal.bits = entry.bits;
+      signal.dummy = entry.object.index < 0x20;
+      signal.name = object_name(values.description(), entry.object);
+      if (signal.name.empty()) signal.name = object_text(entry.object);
+      const auto* const described = values.description().find(entry.object);
+      if (described != nullptr) signal.type = described->type;
+      pdo.bits += entry.bits;
+      pdo.signals.push_back(std::move(signal));
+    }
+  }
+  auto free = std::find_if(bus.pdos.begin(), bus.pdos.end(), [](const Pdo& p) { return p.node == 0; });
+  const auto index = static_cast<std::uint16_t>(free - bus.pdos.begin());
+  if (free == bus.pdos.end()) {
+    bus.pdos.push_back(std::move(pdo));
+  } else {
+    *free = std::move(pdo);
+  }
+  set_route(bus, cob.key(), {Route::Kind::pdo, id, index});
+  node.keys.push_back(cob.key());
+}
+
+// "Identity object.Vendor-ID"; the object alone when it is a VAR; empty when it is not described.
+std::string Decoder::object_name(const od::Description& description, ObjectRef ref) {
+  const auto* const object = description.find(ref.index);
+  if (object == nullptr) return {};
+  std::string name(description.name(*object));
+  const auto* const sub = description.find(*object, ref.sub);
+  if (sub == nullptr || object->code == od::ObjectCode::var) return name;
+  const auto own = description.name(*sub);
+  if (!own.empty() && own != name) say(name, ".{}", own);
+  return name;
+}
+
+bool Decoder::taken(const Bus& bus, std::uint32_t key) {
+  if (key <= can::base_mask) return bus.base[key].kind != Route::Kind::none;
+  return bus.extended.contains(key);
+}
+
+// A transfer said what stands in an object that decides what frames mean.
+void Decoder::learn(Bus& bus, std::uint8_t id, ObjectRef object, std::span<const std::uint8_t> bytes) {
+  const bool decides = object.index == 0x1005 || object.index == 0x1014 ||
+                       (object.index >= 0x1200 && object.index < 0x1280) ||
+                       (object.index >= 0x1400 && object.index < 0x1C00);
+  if (!decides || !bus.nodes[id] || !bus.nodes[id]->values) return;
+  od::Values& values = *bus.nodes[id]->values;
+  const auto before = values.bytes(object);
+  if (std::equal(before.begin(), before.end(), bytes.begin(), bytes.end())) return;
+  if (values.set_bytes(object, bytes) != od::AbortCode::none) return;
+  // All of them: who receives what this node sends is known by other nodes' objects.
+  for (std::uint8_t each = 1; each < bus.nodes.size(); ++each) disconnect(bus, each);
+  for (std::uint8_t each = 1; each < bus.nodes.size(); ++each) {
+    if (bus.nodes[each] && bus.nodes[each]->values) connect(bus, each);
+  }
+}
+
+void Decoder::field(Field::Kind kind, std::string_view key, std::string value) {
+  if (options_.fields) fields_.push_back({kind, std::string(key), std::move(value)});
+}
+
+void Decoder::add_name(std::uint8_t node) {
+  if (node == 0 || node > 127 || !bus_->nodes[node] || bus_->nodes[node]->name.empty()) return;
+  say(words_, " [{}]", bus_->nodes[node]->name);
+}
+
+void Decoder::give(Meaning meaning) {
+  const Row row{
+      .entry = entry_, .began = entry_->at, .frames = 1, .meaning = meaning, .words = words_, .fields = fields_};
+  rows_->row(row);
+}
+
+void Decoder::entry(const trace::Entry& entry) {
+  entry_ = &entry;
+  Bus& bus = this->bus(entry.bus);
+  bus_ = &bus;
+  words_.clear();
+  if (options_.fields) fields_.clear();
+  const can::Frame& frame = entry.frame;
+  if (entry.error) {
+    error_words(frame, words_);
+    return give({Service::error, 0});
+  }
+  const Route route = frame.fd ? Route{} : this->route(bus, frame.key());
+  switch (route.kind) {
+    case Route::Kind::pdo: return pdo(bus, route.index, frame);
+    case Route::Kind::request:
+    case Route::Kind::response: return sdo(*bus.channels[route.index], route.kind == Route::Kind::request);
+    case Route::Kind::emcy:
+    case Route::Kind::sync: {
+      // As if it came on the identifier of the predefined connection set.
+      can::Frame moved = frame;
+      moved.extended = false;
+      moved.id = route.kind == Route::Kind::sync ? co::sync_id : 0x80U + route.node;
+      const Meaning meaning = bus.interpreter.words(moved, words_);
+      add_name(route.node);
+      return give(meaning);
+    }
+    case Route::Kind::none: break;
+  }
+  const Meaning meaning = bus.interpreter.words(frame, words_);
+  if (meaning.service == Service::heartbeat) heartbeat(bus);
+  if (meaning.service == Service::emcy && options_.fields && frame.size == 8 && !frame.remote) {
+    field(Field::Kind::text, "code", fmt::format("{:04X}", load_le<std::uint16_t>(frame.data.data())));
+    field(Field::Kind::number, "register", std::to_string(frame.data[2]));
+  }
+  add_name(meaning.node);
+  give(meaning);
+}
+
+// What answers a remote frame is no heartbeat.
+void Decoder::heartbeat(Bus& bus) {
+  const can::Frame& frame = entry_->frame;
+  const std::uint8_t node = frame.id & 0x7FU;
+  if (frame.remote) {
+    bus.guarded.set(node);
+    return;
+  }
+  if (!bus.guarded.test(node) || frame.size != 1) return;
+  bus.guarded.reset(node);
+  const auto state = co::nmt_state(frame.data[0] & 0x7FU);
+  if (!state) return;
+  words_.clear();
+  say(words_, "Node guarding answer of node {}: {}, toggle {}", node, berth::name(*state), frame.data[0] >> 7);
+}
+
+void Decoder::pdo(const Bus& bus, unsigned index, const can::Frame& frame) {
+  const Pdo& pdo = bus.pdos[index];
+  say(words_, "{} {} of node {}", pdo.transmit ? "TPDO" : "RPDO", pdo.number, pdo.node);
+  add_name(pdo.node);
+  if (options_.fields) {
+    field(Field::Kind::text, "kind", pdo.transmit ? "tpdo" : "rpdo");
+    field(Field::Kind::number, "number", std::to_string(pdo.number));
+  }
+  if (frame.remote) {
+    words_ += ": remote request";
+  } else if (pdo.special != 0) {
+    if (frame.size != 8) {
+      words_ += ": MPDO, not eight bytes";
+    } else {
+      const ObjectRef object{load_le<std::uint16_t>(frame.data.data() + 1), frame.data[3]};
+      say(words_, ": MPDO {} node {}, {}, {:02X} {:02X} {:02X} {:02X}", (frame.data[0] & 0x80U) != 0 ? "to" : "from",
+          frame.data[0] & 0x7FU, object_text(object), frame.data[4], frame.data[5], frame.data[6], frame.data[7]);
+    }
+  } else {
+    signals(pdo, frame);
+  }
+  give({Service::pdo, pdo.node});
+}
+
+void Decoder::signals(const Pdo& pdo, const can::Frame& frame) {
+  std::uint64_t all = 0;
+  for (unsigned i = frame.size; i-- > 0;) all = all << 8 | frame.data[i];
+  const char* between = ": ";
+  for (const Signal& signal : pdo.signals) {
+    if (signal.dummy) continue;
+    if (signal.at + signal.bits > 8U * frame.size) {
+      say(words_, "{}too short for {}", between, signal.name);
+      break;
+    }
+    const std::uint64_t mask = signal.bits == 64 ? ~std::uint64_t{0} : (std::uint64_t{1} << signal.bits) - 1;
+    const std::uint64_t raw = all >> signal.at & mask;
+    say(words_, "{}{} = ", between, signal.name);
+    between = ", ";
+    const std::size_t begin = words_.size();
+    if (od::bit_length(signal.type) != signal.bits || od::is_time(signal.type)) {
+      say(words_, "{:X}h", raw);
+    } else if (od::is_real(signal.type)) {
+      say(words_, "{}", od::real_of(signal.type, raw));
+    } else if (od::is_signed(signal.type)) {
+      say(words_, "{}", static_cast<std::int64_t>(od::wrap(signal.type, raw)));
+    } else {
+      say(words_, "{}", raw);
+    }
+    if (options_.fields) field(Field::Kind::signal, signal.name, words_.substr(begin));
+  }
+  if (frame.size > (pdo.bits + 7) / 8) say(words_, " (and {} bytes more)", frame.size - (pdo.bits + 7) / 8);
+}
+
+void Decoder::sdo(Channel& channel, bool request) {
+  const can::Frame& frame = entry_->frame;
+  if (!options_.fold || frame.size != 8 || frame.remote) return sdo_frame(*bus_, channel, request);
+  channel_ = &channel;
+  channel.transfer.frame(frame, request, entry_->at, *this);
+  if (channel.transfer.busy()) channel.last = *entry_;
+}
+
+// One frame of a channel by itself.
+void Decoder::sdo_frame(const Bus& bus, const Channel& channel, bool request) {
+  can::Frame moved = entry_->frame;
+  moved.extended = false;
+  moved.id = (request ? 0x600U : 0x580U) + channel.node;
+  Interpreter plain;
+  plain.words(moved, words_);
+  const unsigned specifier = moved.data[0] >> 5;
+  const Node* const node = bus.nodes[channel.node].get();
+  const bool with_object =
+      moved.size == 8 && !moved.remote && (specifier == 2 || specifier == 4 || specifier == (request ? 1U : 3U));
+  if (with_object) {
+    const ObjectRef object{load_le<std::uint16_t>(moved.data.data() + 1), moved.data[3]};
+    std::string name =
+        node != nullptr && node->values ? object_name(node->values->description(), object) : std::string();
+    if (name.empty()) name = standard_object(object).name;
+    if (!name.empty()) say(words_, " {}", name);
+    if (options_.fields) {
+      field(Field::Kind::text, "object", object_text(object));
+      if (!name.empty()) field(Field::Kind::text, "name", name);
+      if (specifier == 4)
+        field(Field::Kind::text, "abort", fmt::format("{:08X}", load_le<std::uint32_t>(moved.data.data() + 4)));
+    }
+  }
+  add_name(channel.node);
+  give({Service::sdo, channel.node});
+}
+
+// A value in words: by its type, else as a number of its size, text, or bytes.
+void Decoder::put_value(od::DataType type, std::span<const std::uint8_t> bytes, bool all) {
+  constexpr std::size_t most_text = 80;
+  constexpr std::size_t most_bytes = 16;
+  const auto length = od::byte_size(type);
+  if (type != od::DataType::none && length == bytes.size() && length > 0) {
+    value_ += od::print(type, bytes);
+    if (od::is_unsigned(type) && length > 1) {
+      std::uint64_t raw = od::load(type, bytes.data());
+      say(value_, " (0x{:0{}X})", raw, 2 * length);
+    }
+    return;
+  }
+  if ((type == od::DataType::visible_string || (bytes.size() > 4 && type == od::DataType::none)) && printable(bytes)) {
+    const auto shown = std::min(bytes.size(), most_text);
+    say(value_, "\"{}\"", std::string_view(reinterpret_cast<const char*>(bytes.data()), shown));
+    if (shown < bytes.size() || !all) value_ += " ...";
+    return;
+  }
+  put_hex(bytes, most_bytes, value_);
+}
+
+void Decoder::ended(const SdoRecord& record) {
+  using End = SdoRecord::End;
+  Bus& bus = *bus_;
+  const std::uint8_t id = channel_->node;
+  const Node* const node = bus.nodes[id].get();
+  words_.clear();
+  value_.clear();
+  if (options_.fields) fields_.clear();
+  // An abort by itself may have refused either.
+  const bool nothing_known = record.end == End::stray || (record.frames == 1 && record.abort != 0);
+  say(words_, "SDO {} node {}", nothing_known ? "of" : record.write ? "write" : "read", id);
+  if (channel_->number > 1) say(words_, " (channel {})", channel_->number);
+  od::DataType type = od::DataType::none;
+  if (record.has_object) {
+    std::string name;
+    if (node != nullptr && node->values) {
+      name = object_name(node->values->description(), record.object);
+      const auto* const sub = node->values->description().find(record.object);
+      if (sub != nullptr) type = sub->type;
+    }
+    if (name.empty()) {
+      const auto standard = standard_object(record.object);
+      name = standard.name;
+      type = standard.type;
+    }
+    say(words_, " {:04X}h:{:02X}", record.object.index, record.object.sub);
+    if (!name.empty()) say(words_, " {}", name);
+    field(Field::Kind::text, "object", options_.fields ? object_text(record.object) : std::string());
+    if (!name.empty()) field(Field::Kind::text, "name", std::move(name));
+  }
+  std::span<const std::uint8_t> bytes(record.bytes);
+  if (!record.sized && od::byte_size(type) > 0) bytes = bytes.first(std::min(bytes.size(), od::byte_size(type)));
+  const bool has_value = record.end == End::done || (record.write && record.length > 0 && record.end != End::stray);
+  if (has_value) {
+    put_value(type, bytes, record.bytes.size() == record.length);
+    say(words_, " = {}", value_);
+  }
+  if (options_.fields && has_value) {
+    field(Field::Kind::text, "value", value_);
+    std::string hex;
+    put_hex(bytes, bytes.size(), hex);
+    field(Field::Kind::text, "bytes", std::move(hex));
+    field(Field::Kind::number, "length", std::to_string(record.sized ? record.length : bytes.size()));
+  }
+  constexpr const char* modes[]{"expedited", "segmented", "block"};
+  constexpr const char* results[]{"done", "aborted by the client", "aborted by the server", "unfinished", "stray"};
+  const char* const mode = modes[static_cast<int>(record.mode)];
+  if (options_.fields) {
+    if (!nothing_known) {
+      field(Field::Kind::text, "access", record.write ? "write" : "read");
+      field(Field::Kind::text, "mode", mode);
+    }
+    field(Field::Kind::text, "result", results[static_cast<int>(record.end)]);
+  }
+  switch (record.end) {
+    case End::done:
+      if (record.announced && *record.announced != record.length)
+        say(words_, " ({} bytes were announced, {} came)", *record.announced, record.length);
+      break;
+    case End::aborted_by_client:
+    case End::aborted_by_server: {
+      say(words_, ": abort by the {}, {:08X}h, {}", record.end == End::aborted_by_client ? "client" : "server",
+          record.abort, od::text(static_cast<od::AbortCode>(record.abort)));
+      if (options_.fields) field(Field::Kind::text, "abort", fmt::format("{:08X}", record.abort));
+      break;
+    }
+    case End::unfinished: words_ += record.frames == 1 ? ": no answer" : ": unfinished"; break;
+    case End::stray: words_ += ": belongs to no transfer that was seen to begin"; break;
+  }
+  if (record.mode != SdoRecord::Mode::expedited)
+    say(words_, " ({}, {} bytes, {} frames)", mode, record.length, record.frames);
+  add_name(id);
+  // What did not end is told when another began, or never: its own last frame stands for it.
+  const Row row{.entry = record.end == End::unfinished ? &channel_->last : entry_,
+                .began = record.began,
+                .frames = record.frames,
+                .meaning = {Service::sdo, id},
+                .words = words_,
+                .fields = fields_};
+  rows_->row(row);
+  if (record.end == End::done && record.bytes.size() == record.length) learn(bus, id, record.object, bytes);
+}
+
+void Decoder::finish() {
+  for (const auto& bus : buses_) {
+    if (!bus) continue;
+    bus_ = bus.get();
+    for (const auto& channel : bus->channels) {
+      if (!channel->transfer.busy()) continue;
+      channel_ = channel.get();
+      channel->transfer.finish(*this);
+    }
+  }
+}
+
+}  // namespace berth::decode
