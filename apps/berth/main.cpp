@@ -4,6 +4,7 @@
 #include <CLI/CLI.hpp>
 
 #include "berth/text/quantity.hpp"
+#include "device.hpp"
 #include "doctor.hpp"
 #include "eds.hpp"
 #include "options.hpp"
@@ -30,6 +31,7 @@ class CommandLine {
     add_doctor();
     add_study(app_, options_, action_);
     add_serve(app_, options_, action_);
+    add_device(app_, options_, action_);
     add_rest();
   }
 
