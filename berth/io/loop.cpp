@@ -1,10 +1,11 @@
 #include "berth/io/loop.hpp"
 
-#include <sys/epoll.h>
+#include <poll.h>
 #include <unistd.h>
 
 #include <algorithm>
 #include <array>
+#include <cerrno>
 
 namespace berth::io {
 
@@ -47,12 +48,37 @@ Watcher* Loop::watcher_of(int fd) const noexcept {
   return it == watched_.end() ? nullptr : it->watcher;
 }
 
+namespace {
+
+timespec as_timespec(rt::Duration d) noexcept {
+  return {static_cast<time_t>(d.count() / 1'000'000'000), static_cast<long>(d.count() % 1'000'000'000)};
+}
+
+int wait_for(int epoll, std::span<epoll_event> events, rt::Duration most) noexcept {
+  const timespec time = as_timespec(most);
+  const int count = ::epoll_pwait2(epoll, events.data(), static_cast<int>(events.size()), &time, nullptr);
+  return count < 0 && errno == ENOSYS ? detail::wait_by_poll(epoll, events, most) : count;
+}
+
+// Linux may wake a thread late by 0.1 % of its sleep, 0.5 % when it is nice, to save wake-ups (PR_SET_TIMERSLACK is the
+// least, 50 us). A long sleep to a timer is therefore done in two parts.
+constexpr rt::Duration long_sleep = std::chrono::milliseconds(20);
+constexpr int last_part = 128;
+
+}  // namespace
+
+int detail::wait_by_poll(int epoll, std::span<epoll_event> events, rt::Duration most) noexcept {
+  pollfd one{epoll, POLLIN, 0};
+  const timespec time = as_timespec(most);
+  const int ready = ::ppoll(&one, 1, &time, nullptr);
+  return ready <= 0 ? ready : ::epoll_wait(epoll, events.data(), static_cast<int>(events.size()), 0);
+}
+
 // One batch; a watcher that an earlier one of the batch made forgotten is not called.
-void Loop::wait(std::int64_t nanoseconds) noexcept {
-  std::array<epoll_event, 32> events{};
-  const timespec time{nanoseconds / 1'000'000'000, nanoseconds % 1'000'000'000};
-  const int count = ::epoll_pwait2(epoll_, events.data(), static_cast<int>(events.size()), &time, nullptr);
-  if (count <= 0) return;
+bool Loop::wait(rt::Duration most) noexcept {
+  std::array<epoll_event, 32> events;
+  const int count = wait_for(epoll_, events, most);
+  if (count <= 0) return count < 0;
   rt::Time until = clock();
   if (const auto next = executor_->next()) until = std::min(until, *next - rt::Duration{1});
   if (until > executor_->now()) executor_->advance(until);
@@ -60,13 +86,16 @@ void Loop::wait(std::int64_t nanoseconds) noexcept {
     const auto& event = events[static_cast<std::size_t>(i)];
     if (Watcher* const watcher = watcher_of(event.data.fd)) watcher->ready(event.events);
   }
+  return true;
 }
 
 void Loop::turn(rt::Duration most) {
   const rt::Time now = clock();
   const auto next = executor_->next();
   if (next) most = std::min(most, std::max(*next - now, rt::Duration{0}));
-  wait(most.count());
+  const bool in_parts = next && most > long_sleep;
+  if (!wait(in_parts ? most - most / last_part : most) && in_parts)
+    wait(std::max(now + most - clock(), rt::Duration{0}));
   executor_->advance(clock());
 }
 

@@ -8,8 +8,11 @@
 /// One thread. Watchers are called between jobs, never from inside one; what they make ready runs in the same turn.
 #pragma once
 
+#include <sys/epoll.h>
+
 #include <chrono>
 #include <cstdint>
+#include <span>
 #include <vector>
 
 #include "berth/rt/executor.hpp"
@@ -26,6 +29,11 @@ class Watcher {
  protected:
   ~Watcher() = default;
 };
+
+namespace detail {
+/// What epoll_pwait2(2) does, for kernels before 5.11 that have it not.
+int wait_by_poll(int epoll, std::span<epoll_event> events, rt::Duration most) noexcept;
+}  // namespace detail
 
 class Loop {
  public:
@@ -53,7 +61,7 @@ class Loop {
   /// Calls the watchers of descriptors that are ready, without sleeping, for a driver that runs the executor by
   /// `clock()` itself. Before that the executor's time comes up to the clock, or just before its next timer when that
   /// is overdue: what came in while the process slept counts before the timeout.
-  void poll() noexcept { wait(0); }
+  void poll() noexcept { wait(rt::Duration{0}); }
   /// Readable while a watched descriptor is ready: to wait for it in a poll of somebody else's.
   [[nodiscard]] int descriptor() const noexcept { return epoll_; }
 
@@ -62,7 +70,8 @@ class Loop {
     int fd;
     Watcher* watcher;
   };
-  void wait(std::int64_t nanoseconds) noexcept;
+  /// False: nothing came in all that time.
+  bool wait(rt::Duration most) noexcept;
   [[nodiscard]] Watcher* watcher_of(int fd) const noexcept;
 
   rt::Executor* executor_;

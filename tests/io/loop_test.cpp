@@ -106,5 +106,42 @@ TEST(Loop, AForgottenDescriptorIsNotCalledEvenWhenItWasReadyInTheSameBatch) {
   EXPECT_EQ(a.calls + b.calls, 1);
 }
 
+// A long sleep is done in two parts; together they end at the timer, neither before nor long after.
+TEST(Loop, ALongSleepEndsAtItsTimerInOneTurn) {
+  rt::Executor executor;
+  Loop loop(executor);
+  Counter counter;
+  const rt::Time due = loop.clock() + 60ms;
+  executor.at(due, counter);
+  loop.turn(1h);
+  EXPECT_EQ(counter.runs, 1);
+  EXPECT_GE(loop.clock(), due);
+}
+
+TEST(Loop, ALongSleepEndsWhenThereIsSomethingToRead) {
+  rt::Executor executor;
+  Loop loop(executor);
+  Pipe pipe(loop);
+  Counter counter;
+  executor.at(rt::Time{} + 1h, counter);
+  pipe.put();
+  loop.turn(1h);  // would not return
+  EXPECT_EQ(pipe.calls, 1);
+  EXPECT_EQ(counter.runs, 0);
+}
+
+TEST(Loop, WithoutEpollPwait2ItWaitsByPoll) {
+  rt::Executor executor;
+  Loop loop(executor);
+  Pipe pipe(loop);
+  std::array<epoll_event, 4> events{};
+  const auto began = loop.clock();
+  EXPECT_EQ(detail::wait_by_poll(loop.descriptor(), events, 3ms), 0);
+  EXPECT_GE(loop.clock() - began, 3ms);
+  pipe.put();
+  EXPECT_EQ(detail::wait_by_poll(loop.descriptor(), events, 1h), 1);
+  EXPECT_EQ(events[0].events, static_cast<std::uint32_t>(EPOLLIN));
+}
+
 }  // namespace
 }  // namespace berth::io

@@ -1,0 +1,18 @@
+/// Real-time priority and memory that stays in RAM, for who masters a bus with deadlines of milliseconds.
+#pragma once
+
+#include <string>
+#include <tl/expected.hpp>
+
+namespace berth::io {
+
+struct RealTime {
+  int priority = 0;  ///< SCHED_FIFO, 1 (low) to 99; 0 = leave the scheduling as it is. The kernel's interrupts have 50
+  bool lock_memory = false;  ///< what the process has and will have is never paged out
+};
+
+/// For the calling thread (priority; threads that it starts do not inherit it) and the whole process (memory). Nothing
+/// is changed when a part is refused: the error says what the system wants for it.
+[[nodiscard]] tl::expected<void, std::string> go_real_time(const RealTime& wanted);
+
+}  // namespace berth::io
