@@ -1,6 +1,7 @@
 #include "berth/io/open_port.hpp"
 
 #include "berth/io/plant_port.hpp"
+#include "berth/io/slcan_port.hpp"
 #include "berth/io/socketcan_port.hpp"
 #include "berth/io/socketcand_port.hpp"
 
@@ -26,7 +27,12 @@ Opened open_port(Loop& loop, const can::PortSpec& spec, const PortOptions& optio
       if (!port) return tl::unexpected(std::move(port.error()));
       return Opened(std::move(*port));
     }
-    case can::PortKind::slcan:
+    case can::PortKind::slcan: {
+      auto port =
+          SlcanPort::open(loop, spec.address, {.bit_rate = options.bit_rate, .listen_only = options.listen_only});
+      if (!port) return tl::unexpected(std::move(port.error()));
+      return Opened(std::move(*port));
+    }
     case can::PortKind::sim: break;
   }
   return tl::unexpected(can::to_string(spec) + ": this Berth has no such port");
