@@ -1,10 +1,12 @@
-// What may be written behind `berth trace`, `berth reproduce` and `berth compare`.
+// What may be written behind `berth reproduce` and `berth compare`.
 #include "study.hpp"
 
 #include <fmt/format.h>
 
 #include <CLI/CLI.hpp>
 #include <memory>
+
+#include "trace.hpp"
 
 namespace berth::cli {
 namespace {
@@ -15,17 +17,6 @@ void json_flag(CLI::App& sub, Options& options) { sub.add_flag("--json", options
 
 void bit_rate_flag(CLI::App& sub, StudyOptions& study, const char* help) {
   sub.add_option("--bitrate", study.bit_rate, help)->check(CLI::Range(10'000, 1'000'000))->option_text("BIT/S");
-}
-
-void add_trace(CLI::App& sub, Options& options, StudyOptions& study) {
-  sub.footer(
-      "Examples:\n  berth trace run.log\n  berth trace run.log --table\n"
-      "  berth trace run.log --stats --bitrate 125000");
-  sub.add_option("file", study.file, "log of candump -L, or of --record")->required()->option_text("FILE");
-  auto* const stats = sub.add_flag("--stats", study.stats, "frames, bits, first and last time, span, by identifier");
-  sub.add_flag("--table", study.table, "number, identifier, details, raw message, with tabs between")->excludes(stats);
-  bit_rate_flag(sub, study, "with --stats: bus load at this bit rate");
-  json_flag(sub, options);
 }
 
 void add_reproduce(CLI::App& sub, Options& options, StudyOptions& study) {
@@ -80,7 +71,7 @@ void add_study(CLI::App& app, Options& options, std::function<int()>& action) {
         [&options, &action, study, run] { action = [&options, study, run] { return run(options, *study); }; });
     return *sub;
   };
-  add_trace(command("trace", "a recorded trace in words, or in numbers", run_trace), options, *study);
+  add_trace(app, options, action);
   add_reproduce(command("reproduce", "the papers' figures: published, formula, simulated, Berth", run_reproduce),
                 options, *study);
   add_compare(command("compare", "every way to find devices and give them node-IDs, side by side", run_compare),

@@ -1,5 +1,4 @@
-/// `berth trace`, `berth reproduce`, `berth compare`: recorded traces, the papers' figures and the methods side by
-/// side. One source file a command.
+/// `berth reproduce`, `berth compare`: the papers' figures and the methods side by side. One source file a command.
 #pragma once
 
 #include <cstdint>
@@ -17,13 +16,8 @@ class App;
 namespace berth::cli {
 
 struct StudyOptions {
-  // trace
-  std::string file;
-  bool stats = false;
-  bool table = false;
-  // trace, reproduce
-  std::optional<std::uint32_t> bit_rate;
   // reproduce
+  std::optional<std::uint32_t> bit_rate;
   std::optional<text::Duration> latency;
   std::string folder;   ///< --record
   std::string listing;  ///< --trace: which of the papers' traces to print
@@ -35,10 +29,9 @@ struct StudyOptions {
   std::string csv, plot;                             ///< files; empty: none
 };
 
-/// Adds the three to the command line; `action` becomes what the chosen one does.
+/// Adds the two, and `berth trace` (trace.hpp), to the command line; `action` becomes what the chosen one does.
 void add_study(CLI::App& app, Options& options, std::function<int()>& action);
 
-int run_trace(const Options& options, const StudyOptions& study);
 int run_reproduce(const Options& options, const StudyOptions& study);
 int run_compare(const Options& options, const StudyOptions& study);
 

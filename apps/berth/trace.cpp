@@ -1,14 +1,15 @@
-// `berth trace`: a recorded trace in words or in numbers.
-#include "berth/study/words.hpp"
+// `berth trace`: entries from a source through filters to words, numbers or another file. Constant memory.
+#include "trace.hpp"
 
 #include <fmt/format.h>
 
+#include <algorithm>
+#include <cctype>
 #include <nlohmann/json.hpp>
 
-#include "berth/text/file.hpp"
-#include "berth/trace/candump.hpp"
-#include "output.hpp"
-#include "study.hpp"
+#include "trace_known.hpp"
+#include "trace_outlet.hpp"
+#include "trace_source.hpp"
 
 namespace berth::cli {
 namespace {
@@ -22,115 +23,333 @@ std::string key_text(std::uint32_t key) {
   return key == id ? fmt::format("{:03X}", id) : fmt::format("{:08X}", id);
 }
 
-Json json_of(const Findings& findings) {
-  Json all = Json::array();
-  for (const auto& f : findings) {
-    const char* const kinds[]{"note", "warning", "error"};
-    all.push_back({{"severity", kinds[static_cast<int>(f.severity)]},
-                   {"line", f.line},
-                   {"column", f.column},
-                   {"message", f.message}});
-  }
-  return all;
+bool contains_word(std::string_view text, std::string_view word) {
+  const auto same = [](char a, char b) {
+    return std::tolower(static_cast<unsigned char>(a)) == std::tolower(static_cast<unsigned char>(b));
+  };
+  return std::search(text.begin(), text.end(), word.begin(), word.end(), same) != text.end();
 }
 
-Json json_of(const trace::Trace& trace, std::uint16_t bus, const StudyOptions& study) {
-  const auto all = trace::statistics(trace, bus);
-  Json json{{"bus", trace.buses[bus]},
-            {"frames", all.frames},
-            {"bits", all.bits},
-            {"fd_frames", all.fd_frames},
-            {"first_s", seconds(all.first)},
-            {"last_s", seconds(all.last)},
-            {"span_s", seconds(all.span())},
-            {"longest_gap_s", seconds(all.longest_gap)},
-            {"bitrate", nullptr},
-            {"load", nullptr},
-            {"ids", Json::array()}};
-  if (study.bit_rate) {
-    json["bitrate"] = *study.bit_rate;
-    json["load"] = all.load(*study.bit_rate);
-  }
-  for (const auto& id : all.ids)
-    json["ids"].push_back({{"id", key_text(id.key)}, {"frames", id.frames}, {"bits", id.bits}});
-  return json;
-}
+/// Everything between a source and what is printed or written.
+class Pipeline final : public trace::Sink, private decode::Rows {
+ public:
+  Pipeline(const Options& options, const TraceOptions& trace, const KnownNodes& known)
+      : options_(options),
+        trace_(trace),
+        known_(known),
+        live_(trace.file.empty() || trace.follow),
+        prints_(!trace.stats && (!trace.to || live_) && !(trace.quiet && trace.to)),
+        decodes_(prints_ || trace.filters_rows()),
+        decoder_(*this, {.fold = !trace.frames && !trace.table && !writes_and_filters(), .fields = options.json}) {}
 
-Json stats_json(const trace::Trace& trace, const StudyOptions& study) {
-  Json buses = Json::array();
-  for (std::uint16_t bus = 0; bus < trace.buses.size(); ++bus) buses.push_back(json_of(trace, bus, study));
-  return buses;
-}
-
-void print_stats(const trace::Trace& trace, const StudyOptions& study) {
-  if (trace.buses.empty()) print_line("no frames");
-  for (std::uint16_t bus = 0; bus < trace.buses.size(); ++bus) {
-    const auto all = trace::statistics(trace, bus);
-    print_line(fmt::format("bus {}", trace.buses[bus]));
-    print_line(fmt::format("  frames       {}", all.frames));
-    print_line(fmt::format("  bits         {}{}", all.bits,
-                           all.fd_frames > 0 ? fmt::format(" (without {} FD frames)", all.fd_frames) : ""));
-    print_line(fmt::format("  first        {:.6f} s (end of the frame)", seconds(all.first)));
-    print_line(fmt::format("  last         {:.6f} s", seconds(all.last)));
-    print_line(fmt::format("  span         {:.6f} s", seconds(all.span())));
-    print_line(fmt::format("  longest gap  {:.6f} s", seconds(all.longest_gap)));
-    if (study.bit_rate)
-      print_line(fmt::format("  load         {:.2f} % at {} bit/s", 100 * all.load(*study.bit_rate), *study.bit_rate));
-    print_line(fmt::format("  {:<10}{:>10}{:>12}", "identifier", "frames", "bits"));
-    for (const auto& id : all.ids)
-      print_line(fmt::format("  {:<10}{:>10}{:>12}", key_text(id.key), id.frames, id.bits));
+  std::optional<Failure> open() {
+    if (!trace_.to) return std::nullopt;
+    writer_ = trace::make_writer(*trace_.to, {.trc_1_1 = trace_.trc_1_1, .directions = trace_.directions});
+    return file_.open(trace_.output.empty() ? "-" : trace_.output, live_);
   }
-}
+  void attach(const TraceSource& source) { source_ = &source; }
 
-Json frames_json(const trace::Trace& trace) {
-  Json frames = Json::array();
-  std::vector<study::Interpreter> interpreters(trace.buses.size());
-  for (const auto& e : trace.entries) {
-    frames.push_back({{"at_s", seconds(e.at)},
-                      {"bus", trace.buses[e.bus]},
-                      {"frame", can::to_string(e.frame)},
-                      {"words", interpreters[e.bus].words(e.frame)}});
+  void entry(const trace::Entry& entry) override {
+    ++read_;
+    if (!first_) first_ = entry.at;
+    if (!in_time(entry.at) || !wanted_bus(entry.bus)) return;
+    if (decodes_) {
+      decoder_.entry(entry);
+      if (trace_.filters_rows()) return;  // `row` writes and counts
+    }
+    take(entry);
   }
-  return frames;
-}
 
-void print_frames(const trace::Trace& trace) {
-  std::vector<study::Interpreter> interpreters(trace.buses.size());
-  for (const auto& e : trace.entries) {
-    print_line(fmt::format("{:<58}  {}", trace::candump_line(e.at, trace.buses[e.bus], e.frame),
-                           interpreters[e.bus].words(e.frame)));
+  void finding(Finding finding) override {
+    if (finding.severity == Finding::Severity::error) ++errors_;
+    if (shown_ == most_shown) {
+      ++not_shown_;
+      return;
+    }
+    ++shown_;
+    if (options_.json) {
+      if (prints_) {
+        screen_.buffer() += "{\"finding\":";
+        put_json(screen_.buffer(), finding);
+        screen_.buffer() += "}\n";
+      } else {
+        findings_.push_back(std::move(finding));
+      }
+      return;
+    }
+    // In the order in which they came, where both streams go to one place.
+    screen_.flush();
+    print_error(to_string(finding));
   }
+
+  /// After each turn: what came is seen now, and recorded.
+  void settle() {
+    if (!live_) return;
+    screen_.flush();
+    file_.flush();
+  }
+  [[nodiscard]] bool broken() const noexcept { return screen_.broken() || file_.broken(); }
+
+  int finish(const std::string& file) {
+    if (decodes_) decoder_.finish();
+    if (not_shown_ > 0) finding_of_rest(fmt::format("{} more findings", not_shown_), file);
+    if (writer_) writer_->finish(file_.buffer());
+    const auto bad = writer_ ? file_.done() : std::nullopt;
+    if (trace_.stats) {
+      print_stats(file);
+    } else if (writer_) {
+      print_conversion(file);
+    }
+    const auto unprinted = screen_.done();
+    if (bad) return tell(*bad, options_.json);
+    if (unprinted) return tell(*unprinted, false);
+    return errors_ > 0 ? Exit::usage : Exit::done;
+  }
+
+ private:
+  static constexpr std::size_t most_shown = 100;
+
+  [[nodiscard]] bool writes_and_filters() const noexcept {
+    return trace_.filters_rows() && (trace_.to || trace_.stats);
+  }
+
+  [[nodiscard]] bool in_time(rt::Duration at) const noexcept {
+    const auto point = [&](const TracePoint& p) { return p.from_first ? *first_ + p.at : p.at; };
+    return (!trace_.after || at >= point(*trace_.after)) && (!trace_.before || at <= point(*trace_.before));
+  }
+
+  // Looked at once for each bus; the decoder is told who is on it.
+  [[nodiscard]] bool wanted_bus(std::uint16_t bus) {
+    while (wanted_.size() <= bus) {
+      const auto number = static_cast<std::uint16_t>(wanted_.size());
+      const std::string& name = source_->buses()[number];
+      const std::string machine_name = known_.machine_bus(name);
+      const bool wanted = trace_.buses.empty() || std::ranges::any_of(trace_.buses, [&](const std::string& b) {
+                            return b == name || b == machine_name;
+                          });
+      wanted_.push_back(wanted);
+      if (decodes_ && wanted) known_.tell(decoder_, number, name);
+    }
+    return wanted_[bus];
+  }
+
+  void row(const decode::Row& row) override {
+    const std::uint16_t bus = row.entry->bus;
+    if (trace_.filters_rows()) {
+      const auto& services = trace_.services;
+      if (!services.empty() && std::ranges::find(services, row.meaning.service) == services.end()) return;
+      if (!trace_.nodes.empty() && std::ranges::find(trace_.nodes, row.meaning.node) == trace_.nodes.end()) return;
+      if (!trace_.text.empty() && !contains_word(row.words, trace_.text)) return;
+      take(*row.entry);
+    }
+    if (!prints_) return;
+    const std::string& name = source_->buses()[bus];
+    if (options_.json) {
+      text_.json(screen_.buffer(), row, name);
+    } else if (trace_.table) {
+      if (!headed_) screen_.buffer() += "Msg\tID\tDetails\tRaw Message\n";
+      headed_ = true;
+      text_.table(screen_.buffer(), row);
+    } else {
+      text_.words(screen_.buffer(), row, name);
+    }
+    screen_.full();
+  }
+
+  // An entry that passed every filter.
+  void take(const trace::Entry& entry) {
+    ++taken_;
+    if (trace_.stats) {
+      if (counters_.size() <= entry.bus) counters_.resize(entry.bus + std::size_t{1});
+      counters_[entry.bus].add(entry);
+    }
+    if (!writer_) return;
+    writer_->write(entry, source_->buses()[entry.bus], file_.buffer());
+    file_.full();
+  }
+
+  void finding_of_rest(std::string message, const std::string& file) {
+    --shown_;
+    const auto severity = errors_ > 0 ? Finding::Severity::error : Finding::Severity::warning;
+    const auto before = errors_;
+    finding({severity, file, 0, 0, {}, std::move(message), {}});
+    errors_ = before;
+  }
+
+  [[nodiscard]] Json findings_json() const {
+    Json all = Json::array();
+    for (const auto& finding : findings_) {
+      std::string text;
+      put_json(text, finding);
+      all.push_back(Json::parse(text));
+    }
+    return all;
+  }
+
+  [[nodiscard]] Json json_of(std::uint16_t bus) const {
+    const auto all = counters_[bus].statistics();
+    Json json{{"bus", source_->buses()[bus]},
+              {"frames", all.frames},
+              {"bits", all.bits},
+              {"fd_frames", all.fd_frames},
+              {"first_s", seconds(all.first)},
+              {"last_s", seconds(all.last)},
+              {"span_s", seconds(all.span())},
+              {"longest_gap_s", seconds(all.longest_gap)},
+              {"bitrate", nullptr},
+              {"load", nullptr},
+              {"ids", Json::array()}};
+    if (trace_.bit_rate) {
+      json["bitrate"] = *trace_.bit_rate;
+      json["load"] = all.load(*trace_.bit_rate);
+    }
+    for (const auto& id : all.ids) {
+      Json one{{"id", key_text(id.key)},  {"frames", id.frames},     {"bits", id.bits},     {"period_min_s", nullptr},
+               {"period_avg_s", nullptr}, {"period_max_s", nullptr}, {"jitter_s", nullptr}, {"load", nullptr}};
+      if (id.frames > 1) {
+        one["period_min_s"] = seconds(id.shortest);
+        one["period_avg_s"] = seconds(id.average);
+        one["period_max_s"] = seconds(id.longest);
+        one["jitter_s"] = seconds(id.jitter);
+      }
+      if (trace_.bit_rate) one["load"] = load_of(id, all);
+      json["ids"].push_back(std::move(one));
+    }
+    return json;
+  }
+
+  [[nodiscard]] double load_of(const trace::IdStatistics& id, const trace::Statistics& all) const {
+    const double span = seconds(all.span());
+    return span > 0 ? static_cast<double>(id.bits) / *trace_.bit_rate / span : 0;
+  }
+
+  void print_stats(const std::string& file) {
+    std::string& out = screen_.buffer();
+    if (options_.json) {
+      Json json{{"file", file}, {"format", source_->format()}, {"findings", findings_json()}};
+      Json buses = Json::array();
+      for (std::uint16_t bus = 0; bus < counters_.size(); ++bus) {
+        if (wanted_[bus]) buses.push_back(json_of(bus));
+      }
+      if (buses.size() == 1) json.update(buses.front());
+      json["buses"] = std::move(buses);
+      out += json.dump(2, ' ', false, Json::error_handler_t::replace) + "\n";
+      return;
+    }
+    if (counters_.empty()) out += "no frames\n";
+    for (std::uint16_t bus = 0; bus < counters_.size(); ++bus) {
+      if (wanted_[bus]) print_stats(out, source_->buses()[bus], counters_[bus].statistics());
+    }
+  }
+
+  void print_stats(std::string& out, const std::string& bus, const trace::Statistics& all) const {
+    out += fmt::format("bus {}\n  frames       {}\n  bits         {}{}\n", bus, all.frames, all.bits,
+                       all.fd_frames > 0 ? fmt::format(" (without {} FD frames)", all.fd_frames) : "");
+    out += fmt::format("  first        {:.6f} s (end of the frame)\n  last         {:.6f} s\n  span         {:.6f} s\n",
+                       seconds(all.first), seconds(all.last), seconds(all.span()));
+    out += fmt::format("  longest gap  {:.6f} s\n", seconds(all.longest_gap));
+    if (trace_.bit_rate)
+      out += fmt::format("  load         {:.2f} % at {} bit/s\n", 100 * all.load(*trace_.bit_rate), *trace_.bit_rate);
+    out += fmt::format("  {:<10}{:>10}{:>12}{:>14}{:>14}{:>14}{:>14}{}\n", "identifier", "frames", "bits",
+                       "shortest ms", "average ms", "longest ms", "jitter ms", trace_.bit_rate ? "    load %" : "");
+    const auto ms = [](rt::Duration time) { return std::chrono::duration<double, std::milli>(time).count(); };
+    for (const auto& id : all.ids) {
+      out += fmt::format("  {:<10}{:>10}{:>12}", key_text(id.key), id.frames, id.bits);
+      if (id.frames > 1) {
+        out += fmt::format("{:>14.3f}{:>14.3f}{:>14.3f}{:>14.3f}", ms(id.shortest), ms(id.average), ms(id.longest),
+                           ms(id.jitter));
+      } else if (trace_.bit_rate) {
+        out += std::string(56, ' ');
+      }
+      if (trace_.bit_rate) out += fmt::format("{:>10.2f}", 100 * load_of(id, all));
+      out += '\n';
+    }
+  }
+
+  void print_conversion(const std::string& file) {
+    const auto lost = writer_->lost();
+    const bool to_screen = trace_.output.empty() || trace_.output == "-";
+    if (options_.json && !prints_ && !to_screen) {
+      Json json{{"file", file},
+                {"from", source_->format()},
+                {"to", trace::name(*trace_.to)},
+                {"output", trace_.output},
+                {"frames", taken_},
+                {"lost", lost},
+                {"findings", findings_json()}};
+      screen_.buffer() += json.dump(2, ' ', false, Json::error_handler_t::replace) + "\n";
+      return;
+    }
+    std::string words = fmt::format("{} ({}) to {} ({}): {} frames", file, source_->format(), trace_.output,
+                                    trace::name(*trace_.to), taken_);
+    if (taken_ < read_) words += fmt::format(" of {}", read_);
+    if (!to_screen && !live_) screen_.buffer() += words + "\n";
+    if (lost.empty()) return;
+    screen_.flush();
+    for (const auto& line : lost)
+      print_error(fmt::format("{}: {}", to_screen ? "standard output" : trace_.output, line));
+  }
+
+  const Options& options_;
+  const TraceOptions& trace_;
+  const KnownNodes& known_;
+  const TraceSource* source_ = nullptr;
+  bool live_;
+  bool prints_;
+  bool decodes_;
+  decode::Decoder decoder_;
+  std::unique_ptr<trace::Writer> writer_;
+  Outlet file_;
+  Outlet screen_;
+  RowText text_;
+  bool headed_ = false;
+  std::vector<bool> wanted_;  // by bus
+  std::vector<trace::Counter> counters_;
+  std::optional<rt::Duration> first_;
+  std::uint64_t read_ = 0;
+  std::uint64_t taken_ = 0;
+  std::uint64_t errors_ = 0;
+  std::uint64_t not_shown_ = 0;
+  std::size_t shown_ = 0;
+  Findings findings_;
+};
+
+// The formats that the names of files tell.
+std::optional<Failure> complete(TraceOptions& trace) {
+  if (trace.to || trace.output.empty()) return std::nullopt;
+  trace.to = trace.output == "-" ? trace::Format::candump : trace::format_of_path(trace.output);
+  if (trace.to) return std::nullopt;
+  return failure(Exit::usage,
+                 fmt::format("{}: which format? Write --to, or a name with .log, .pcapng, .asc or .trc", trace.output));
 }
 
 }  // namespace
 
-int run_trace(const Options& options, const StudyOptions& study) {
-  Findings unreadable;
-  const auto text = text::read_file(study.file, unreadable);
-  if (!text) return tell(failure(unreadable), options.json);
-  const auto reading = trace::read_candump(*text, study.file);
-  const int status = has_errors(reading.findings) ? Exit::usage : Exit::done;
-  if (options.json) {
-    Json json{{"file", study.file}, {"findings", json_of(reading.findings)}};
-    if (study.stats) {
-      auto buses = stats_json(reading.trace, study);
-      if (buses.size() == 1) json.update(buses.front());
-      json["buses"] = std::move(buses);
-    } else {
-      json["frames"] = frames_json(reading.trace);
-    }
-    print_line(json.dump(2, ' ', false, Json::error_handler_t::replace));
-    return status;
+int run_trace(const Options& options, const TraceOptions& written) {
+  TraceOptions trace = written;
+  if (const auto bad = complete(trace)) return tell(*bad, options.json);
+  if (trace.to && trace.stats)
+    return tell(failure(Exit::usage, "--stats and a conversion are two things: run it twice"), options.json);
+  const auto known = KnownNodes::load(options, trace);
+  if (!known) return tell(known.error(), options.json);
+  auto source = open_source(options, trace, *known);
+  if (!source) return tell(source.error(), options.json);
+  Pipeline pipeline(options, trace, *known);
+  pipeline.attach(**source);
+  if (const auto bad = pipeline.open()) return tell(*bad, options.json);
+  const auto begin = std::chrono::steady_clock::now();
+  std::optional<Failure> failed;
+  for (;;) {
+    const auto state = (*source)->turn(pipeline);
+    pipeline.settle();
+    if (!state) failed = state.error();
+    if (!state || *state == TraceSource::State::over || pipeline.broken()) break;
+    const bool live = trace.follow || trace.file.empty();
+    if (live && options.timeout && std::chrono::steady_clock::now() - begin >= *options.timeout) break;
   }
-  for (const auto& finding : reading.findings) print_error(to_string(finding));
-  if (study.stats) {
-    print_stats(reading.trace, study);
-  } else if (study.table) {
-    print_lines(study::message_table(reading.trace));
-  } else {
-    print_frames(reading.trace);
-  }
-  return status;
+  (*source)->finish(pipeline);
+  const int status = pipeline.finish(trace.file.empty() ? trace.port : trace.file);
+  return failed ? tell(*failed, options.json) : status;
 }
 
 }  // namespace berth::cli

@@ -1,0 +1,61 @@
+/// `berth trace`: trace files and live buses in words, in numbers, and from one format into another.
+///
+/// `trace_options.cpp` is the command line, `trace_source.*` where entries come from, `trace_outlet.*` where they go,
+/// `trace_known.*` what the machine file and the descriptions know, `trace.cpp` the command.
+#pragma once
+
+#include <chrono>
+#include <cstdint>
+#include <functional>
+#include <optional>
+#include <string>
+#include <vector>
+
+#include "berth/decode/words.hpp"
+#include "berth/trace/stream.hpp"
+#include "options.hpp"
+
+namespace CLI {
+class App;
+}
+
+namespace berth::cli {
+
+/// One end of a time range: as the log counts, or from its first frame.
+struct TracePoint {
+  std::chrono::nanoseconds at{};
+  bool from_first = false;
+};
+
+struct TraceOptions {
+  std::string file;  ///< "-": standard input; empty: a live port
+  std::optional<trace::Format> from;
+  // Where it goes; neither: words to standard output.
+  std::optional<trace::Format> to;
+  bool trc_1_1 = false;
+  bool directions = true;
+  std::string output;  ///< file; "-": standard output
+  // What it is.
+  std::vector<std::string> eds;  ///< FILE, or N=FILE
+  bool stats = false;
+  bool table = false;
+  bool frames = false;  ///< every frame by itself
+  std::optional<std::uint32_t> bit_rate;
+  // Which of it.
+  std::vector<unsigned> nodes;
+  std::vector<decode::Service> services;
+  std::vector<std::string> buses;
+  std::string text;
+  std::optional<TracePoint> after, before;
+  // Live.
+  bool follow = false;
+  std::string port;
+  bool quiet = false;  ///< no words while it records
+
+  [[nodiscard]] bool filters_rows() const noexcept { return !nodes.empty() || !services.empty() || !text.empty(); }
+};
+
+void add_trace(CLI::App& app, Options& options, std::function<int()>& action);
+int run_trace(const Options& options, const TraceOptions& trace);
+
+}  // namespace berth::cli

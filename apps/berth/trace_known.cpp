@@ -1,0 +1,111 @@
+#include "trace_known.hpp"
+
+#include <fmt/format.h>
+
+#include <charconv>
+#include <filesystem>
+#include <map>
+
+#include "berth/eds/eds.hpp"
+#include "berth/manager/configuration.hpp"
+
+namespace berth::cli {
+namespace {
+
+using Described = tl::expected<std::shared_ptr<const od::Description>, Failure>;
+
+Described description(const std::string& path) {
+  auto reading = eds::read_file(path);
+  if (!reading.usable()) return tl::unexpected(failure(reading.findings));
+  return reading.file.description;
+}
+
+bool describes(const std::string& path) {
+  const auto ending = std::filesystem::path(path).extension().string();
+  return ending == ".dcf" || ending == ".eds" || ending == ".xdc" || ending == ".xdd";
+}
+
+}  // namespace
+
+tl::expected<KnownNodes, Failure> KnownNodes::load(const Options& options, const TraceOptions& trace) {
+  KnownNodes known;
+  if (!options.machine.empty()) {
+    if (auto bad = known.add_machine(options.machine)) return tl::unexpected(std::move(*bad));
+  }
+  for (const auto& text : trace.eds) {
+    if (auto bad = known.add_eds(text, trace)) return tl::unexpected(std::move(*bad));
+  }
+  return known;
+}
+
+std::optional<Failure> KnownNodes::add_machine(const std::string& path) {
+  auto loaded = design::load_machine(path);
+  if (!loaded.machine) return failure(loaded.findings);
+  machine_ = std::move(*loaded.machine);
+  std::map<std::string, std::shared_ptr<const od::Description>> read;
+  for (const auto& slot : machine_->slots) {
+    Known known{slot.spec.name.bus, slot.spec.id, {.name = slot.spec.name.name, .description = nullptr}};
+    // A configuration that is a description itself has the values that the device is given.
+    const std::string& file = !slot.eds_path.empty()        ? slot.eds_path
+                              : describes(slot.spec.config) ? slot.spec.config
+                                                            : "";
+    if (!file.empty()) {
+      auto& found = read[file];
+      if (!found) {
+        auto described = description(file);
+        if (!described) return described.error();
+        found = *described;
+      }
+      known.profile.description = found;
+    }
+    if (!slot.spec.config.empty() && known.profile.description) {
+      const auto configuration = manager::load_configuration(slot.spec.config);
+      if (!configuration.usable()) return failure(configuration.findings);
+      const auto wanted = manager::wanted(configuration.configuration, slot.spec.id);
+      if (wanted) {
+        for (const auto& entry : wanted->entries) known.profile.settings.emplace_back(entry.object, entry.bytes);
+      }
+    }
+    nodes_.push_back(std::move(known));
+  }
+  return std::nullopt;
+}
+
+std::optional<Failure> KnownNodes::add_eds(const std::string& text, const TraceOptions& trace) {
+  const auto equals = text.find('=');
+  unsigned node = 0;
+  std::string path = text;
+  if (equals != std::string::npos) {
+    const auto [end, bad] = std::from_chars(text.data(), text.data() + equals, node);
+    if (bad == std::errc{} && end == text.data() + equals) path = text.substr(equals + 1);
+    if (bad != std::errc{} || end != text.data() + equals) node = 0;
+  }
+  if (node == 0 && trace.nodes.size() == 1) node = trace.nodes.front();
+  const auto id = NodeId::make(node);
+  if (!id || !id->configured())
+    return failure(Exit::usage, fmt::format("--eds {}: of which node? Write --eds 5={}, or one --node", text, path));
+  auto described = description(path);
+  if (!described) return described.error();
+  // What a person names here is stronger than the machine file.
+  std::erase_if(nodes_, [&](const Known& k) { return k.node == *id; });
+  nodes_.push_back({{}, *id, {.name = {}, .description = *described}});
+  return std::nullopt;
+}
+
+std::string KnownNodes::machine_bus(const std::string& log_name) const {
+  if (!machine_) return {};
+  if (machine_->bus(log_name) != nullptr) return log_name;
+  for (const auto& bus : machine_->buses) {
+    if (!bus.port.address.empty() && bus.port.address == log_name) return bus.name;
+  }
+  return machine_->buses.size() == 1 ? machine_->buses.front().name : std::string();
+}
+
+void KnownNodes::tell(decode::Decoder& decoder, std::uint16_t bus, const std::string& log_name) const {
+  const std::string name = machine_bus(log_name);
+  for (const auto& known : nodes_) {
+    if (known.bus.empty() || known.bus == name) decoder.know(bus, known.node, known.profile);
+  }
+}
+
+}  // namespace berth::cli

@@ -1,0 +1,164 @@
+#include "trace_outlet.hpp"
+
+#include <fcntl.h>
+#include <fmt/format.h>
+#include <poll.h>
+#include <sys/stat.h>
+#include <unistd.h>
+
+#include <algorithm>
+#include <cerrno>
+#include <cstring>
+#include <iterator>
+#include <nlohmann/json.hpp>
+
+#include "berth/study/words.hpp"
+
+namespace berth::cli {
+
+Outlet::~Outlet() {
+  if (fd_ > STDOUT_FILENO) ::close(fd_);
+  if (!temporary_.empty()) ::unlink(temporary_.c_str());
+}
+
+std::optional<Failure> Outlet::open(const std::string& path, bool grows) {
+  path_ = path;
+  if (path == "-") return std::nullopt;
+  struct stat what {};
+  // What is no plain file (a pipe, a terminal) cannot be replaced.
+  const bool plain = ::stat(path.c_str(), &what) != 0 || S_ISREG(what.st_mode);
+  if (!grows && plain) temporary_ = fmt::format("{}.{}.part", path, ::getpid());
+  const std::string& name = temporary_.empty() ? path : temporary_;
+  fd_ = ::open(name.c_str(), O_WRONLY | O_CREAT | O_TRUNC | O_CLOEXEC, 0666);
+  if (fd_ >= 0) return std::nullopt;
+  error_ = errno;
+  temporary_.clear();
+  return failed();
+}
+
+Failure Outlet::failed() const {
+  return failure(Exit::failed, fmt::format("{}: {}", path_.empty() || path_ == "-" ? "standard output" : path_,
+                                           std::strerror(error_)));
+}
+
+void Outlet::flush() {
+  std::string_view rest(buffer_);
+  while (!rest.empty() && error_ == 0) {
+    const auto wrote = ::write(fd_, rest.data(), rest.size());
+    if (wrote >= 0) {
+      rest.remove_prefix(static_cast<std::size_t>(wrote));
+    } else if (errno == EAGAIN) {
+      pollfd ready{fd_, POLLOUT, 0};
+      ::poll(&ready, 1, -1);
+    } else if (errno != EINTR) {
+      error_ = errno;
+    }
+  }
+  buffer_.clear();
+}
+
+std::optional<Failure> Outlet::done() {
+  flush();
+  if (error_ == 0 && !temporary_.empty()) {
+    if (::fsync(fd_) != 0 || ::rename(temporary_.c_str(), path_.c_str()) != 0) {
+      error_ = errno;
+    } else {
+      temporary_.clear();
+    }
+  }
+  if (error_ == 0) return std::nullopt;
+  return failed();
+}
+
+void put_json(std::string& out, std::string_view text) {
+  const bool plain =
+      std::all_of(text.begin(), text.end(), [](char c) { return c >= ' ' && c < 0x7F && c != '"' && c != '\\'; });
+  if (plain) {
+    out += '"';
+    out += text;
+    out += '"';
+    return;
+  }
+  out += nlohmann::json(text).dump(-1, ' ', false, nlohmann::json::error_handler_t::replace);
+}
+
+void put_seconds(std::string& out, rt::Duration time) {
+  const auto nanos = time.count();
+  const auto size = nanos < 0 ? -nanos : nanos;
+  if (nanos < 0) out += '-';
+  if (size % 1000 == 0) {
+    fmt::format_to(std::back_inserter(out), "{}.{:06}", size / 1'000'000'000, size / 1000 % 1'000'000);
+  } else {
+    fmt::format_to(std::back_inserter(out), "{}.{:09}", size / 1'000'000'000, size % 1'000'000'000);
+  }
+}
+
+void put_json(std::string& out, const Finding& finding) {
+  constexpr const char* kinds[]{"note", "warning", "error"};
+  fmt::format_to(std::back_inserter(out), "{{\"severity\":\"{}\",\"file\":", kinds[static_cast<int>(finding.severity)]);
+  put_json(out, finding.file);
+  fmt::format_to(std::back_inserter(out), ",\"line\":{},\"column\":{},\"message\":", finding.line, finding.column);
+  put_json(out, finding.key.empty() ? finding.message : finding.key + ": " + finding.message);
+  out += '}';
+}
+
+void RowText::words(std::string& out, const decode::Row& row, const std::string& bus) {
+  constexpr std::size_t width = 60;
+  const std::size_t begin = out.size();
+  writer_.write(*row.entry, bus, out);
+  out.pop_back();  // the end of its line
+  const std::size_t used = out.size() - begin;
+  out.append(used < width ? width - used : 2, ' ');
+  out += row.words;
+  if (row.frames > 1)
+    fmt::format_to(std::back_inserter(out), "  [{} frames, {:.3f} ms]", row.frames,
+                   std::chrono::duration<double, std::milli>(row.entry->at - row.began).count());
+  out += '\n';
+}
+
+void RowText::json(std::string& out, const decode::Row& row, const std::string& bus) {
+  out += "{\"at_s\":";
+  put_seconds(out, row.entry->at);
+  out += ",\"bus\":";
+  put_json(out, bus);
+  line_.clear();
+  writer_.write(*row.entry, bus, line_);
+  line_.pop_back();
+  // "(time) bus frame R": what stands behind the second blank, without the direction.
+  auto frame = std::string_view(line_).substr(line_.find(' ', line_.find(' ') + 1) + 1);
+  frame = frame.substr(0, frame.find(' '));
+  out += ",\"frame\":";
+  put_json(out, frame);
+  if (row.entry->direction != trace::Direction::unknown)
+    out += row.entry->direction == trace::Direction::sent ? ",\"direction\":\"sent\"" : ",\"direction\":\"received\"";
+  out += ",\"words\":";
+  put_json(out, row.words);
+  fmt::format_to(std::back_inserter(out), ",\"service\":\"{}\"", decode::name(row.meaning.service));
+  if (row.meaning.node != 0) fmt::format_to(std::back_inserter(out), ",\"node\":{}", row.meaning.node);
+  if (row.frames > 1) {
+    fmt::format_to(std::back_inserter(out), ",\"frames\":{},\"began_s\":", row.frames);
+    put_seconds(out, row.began);
+  }
+  bool signals = false;
+  for (const auto& field : row.fields) {
+    const bool signal = field.kind == decode::Field::Kind::signal;
+    if (signal != signals) out += signal ? ",\"signals\":{" : "}";
+    if (!signal || signals) out += ',';
+    signals = signal;
+    put_json(out, field.key);
+    out += ':';
+    if (field.kind == decode::Field::Kind::number) {
+      out += field.value;
+    } else {
+      put_json(out, field.value);
+    }
+  }
+  out += signals ? "}}\n" : "}\n";
+}
+
+void RowText::table(std::string& out, const decode::Row& row) {
+  fmt::format_to(std::back_inserter(out), "{}\t{}\t{}\t{}\n", ++number_, study::id_text(row.entry->frame), row.words,
+                 study::raw(row.entry->frame));
+}
+
+}  // namespace berth::cli

@@ -1,0 +1,246 @@
+#include "trace_source.hpp"
+
+#include <fcntl.h>
+#include <fmt/format.h>
+#include <poll.h>
+#include <sys/stat.h>
+#include <unistd.h>
+
+#include <array>
+#include <cerrno>
+#include <cstring>
+
+#include "berth/can/port_spec.hpp"
+#include "berth/io/open_port.hpp"
+#include "drive.hpp"
+#include "trace_known.hpp"
+
+namespace berth::cli {
+namespace {
+
+using namespace std::chrono_literals;
+using State = TraceSource::State;
+using Turned = tl::expected<State, Failure>;
+using Opened = tl::expected<std::unique_ptr<TraceSource>, Failure>;
+
+constexpr auto look_again = 50ms;  // at a file that may have grown
+
+/// A file or standard input, perhaps one that grows.
+class FileSource final : public TraceSource {
+ public:
+  FileSource(int fd, std::string name, const TraceOptions& options)
+      : fd_(fd), name_(std::move(name)), follow_(options.follow), format_(options.from) {
+    if (follow_) interrupt_ = std::make_unique<Interrupt>();
+    if (format_) reader_ = trace::make_reader(*format_, name_);
+  }
+  ~FileSource() override {
+    if (fd_ > STDIN_FILENO) ::close(fd_);
+  }
+  FileSource(const FileSource&) = delete;
+  FileSource& operator=(const FileSource&) = delete;
+
+  Turned turn(trace::Sink& sink) override {
+    const auto got = ::read(fd_, buffer_.data(), buffer_.size());
+    if (got < 0) {
+      if (errno == EINTR) return State::more;
+      return tl::unexpected(failure(Exit::failed, fmt::format("{}: {}", name_, std::strerror(errno))));
+    }
+    if (got == 0) return follow_ ? wait(sink) : State::over;
+    read_ += got;
+    return feed({buffer_.data(), static_cast<std::size_t>(got)}, sink);
+  }
+
+  void finish(trace::Sink& sink) override {
+    if (!reader_ && !head_.empty()) (void)begin(sink, true);
+    if (reader_) reader_->finish(sink);
+  }
+  const std::vector<std::string>& buses() const noexcept override { return reader_ ? reader_->buses() : none_; }
+  std::string format() const override { return format_ ? std::string(trace::name(*format_)) : "empty"; }
+
+ private:
+  Turned feed(std::string_view bytes, trace::Sink& sink) {
+    if (reader_) {
+      reader_->feed(bytes, sink);
+      return State::more;
+    }
+    head_ += bytes;
+    return begin(sink, head_.size() >= trace::head_size);
+  }
+
+  // Which format it is, as soon as that can be told.
+  Turned begin(trace::Sink& sink, bool whole_head) {
+    format_ = trace::recognise(head_);
+    if (!format_ && whole_head) {
+      // Without a word of its own a text is read as candump, whose errors say what is wrong with each line.
+      if (head_.find('\0') != std::string::npos)
+        return tl::unexpected(failure(
+            Exit::usage,
+            fmt::format("{}: this is neither candump, pcapng, Vector ASC nor PEAK TRC; name it by --from", name_)));
+      format_ = trace::Format::candump;
+    }
+    if (!format_) return State::more;
+    reader_ = trace::make_reader(*format_, name_);
+    reader_->feed(head_, sink);
+    head_.clear();
+    return State::more;
+  }
+
+  Turned wait(trace::Sink& sink) {
+    pollfd stop{interrupt_->descriptor(), POLLIN, 0};
+    ::poll(&stop, 1, static_cast<int>(look_again / 1ms));
+    if (interrupt_->came()) return State::over;
+    struct stat now {};
+    if (::fstat(fd_, &now) == 0 && S_ISREG(now.st_mode) && now.st_size < read_) {
+      sink.finding(
+          {Finding::Severity::warning, name_, 0, 0, {}, "the file became shorter: it is read from its beginning", {}});
+      ::lseek(fd_, 0, SEEK_SET);
+      read_ = 0;
+    }
+    return State::waiting;
+  }
+
+  int fd_;
+  std::string name_;
+  bool follow_;
+  std::optional<trace::Format> format_;
+  std::unique_ptr<trace::Reader> reader_;
+  std::unique_ptr<Interrupt> interrupt_;
+  std::string head_;  // until the format is known
+  std::vector<std::string> none_;
+  std::int64_t read_ = 0;
+  std::vector<char> buffer_ = std::vector<char>(std::size_t{1} << 18U);
+};
+
+/// A live bus, listened to only.
+class PortSource final : public TraceSource, private can::Listener {
+ public:
+  explicit PortSource(std::string bus, std::string name)
+      : loop_(executor_), buses_{std::move(bus)}, name_(std::move(name)) {
+    loop_.watch(interrupt_.descriptor(), stop_, 1 /* EPOLLIN */);
+  }
+  ~PortSource() override {
+    if (port_) port_->listen(nullptr, {});
+    port_.reset();
+    loop_.forget(interrupt_.descriptor());
+  }
+  PortSource(const PortSource&) = delete;
+  PortSource& operator=(const PortSource&) = delete;
+
+  std::optional<Failure> open(const can::PortSpec& spec, const io::PortOptions& options) {
+    auto port = io::open_port(loop_, spec, options);
+    if (!port) return failure(Exit::failed, port.error());
+    port_ = std::move(*port);
+    // The port's clock counts from the loop's beginning, a log from 1970.
+    since_1970_ = std::chrono::duration_cast<rt::Duration>(std::chrono::system_clock::now().time_since_epoch()) -
+                  loop_.clock().time_since_epoch();
+    const std::array ranges{can::all_base, can::all_extended};
+    port_->listen(this, ranges);
+    return std::nullopt;
+  }
+
+  Turned turn(trace::Sink& sink) override {
+    sink_ = &sink;
+    got_ = false;
+    loop_.turn(look_again);
+    tell_losses();
+    sink_ = nullptr;
+    if (interrupt_.came()) return State::over;
+    return got_ ? State::more : State::waiting;
+  }
+  void finish(trace::Sink&) override {}
+  const std::vector<std::string>& buses() const noexcept override { return buses_; }
+  std::string format() const override { return "live"; }
+
+ private:
+  class Stop final : public io::Watcher {
+    void ready(std::uint32_t) noexcept override {}  // `came` asks
+  };
+
+  void received(const can::Frame& frame, rt::Time at) noexcept override {
+    got_ = true;
+    entry_.at = at.time_since_epoch() + since_1970_;
+    entry_.frame = frame;
+    if (sink_ != nullptr) sink_->entry(entry_);
+  }
+  void sent(std::uint32_t, rt::Time) noexcept override {}
+  void changed(const can::Status& status, rt::Time) noexcept override {
+    if (sink_ == nullptr || status.up == up_) return;
+    up_ = status.up;
+    sink_->finding({Finding::Severity::warning, name_, 0, 0, {}, up_ ? "the bus is back" : "the bus is gone", {}});
+  }
+  void tell_losses() {
+    const auto lost = port_->status().lost;
+    if (lost == lost_) return;
+    sink_->finding({Finding::Severity::warning,
+                    name_,
+                    0,
+                    0,
+                    {},
+                    fmt::format("{} frames came in and were lost on the way", lost - lost_),
+                    {}});
+    lost_ = lost;
+  }
+
+  rt::Executor executor_;
+  io::Loop loop_;
+  Interrupt interrupt_;
+  Stop stop_;
+  std::unique_ptr<can::Port> port_;
+  std::vector<std::string> buses_;
+  std::string name_;
+  rt::Duration since_1970_{};
+  trace::Entry entry_;
+  trace::Sink* sink_ = nullptr;
+  bool got_ = false;
+  bool up_ = true;
+  std::uint32_t lost_ = 0;
+};
+
+Opened open_live(const Options& options, const TraceOptions& trace, const KnownNodes& known) {
+  const design::Bus* machine_bus = nullptr;
+  if (known.machine()) {
+    const auto& buses = known.machine()->buses;
+    machine_bus = !trace.buses.empty() ? known.machine()->bus(trace.buses.front())
+                  : buses.size() == 1  ? &buses.front()
+                                       : nullptr;
+  }
+  std::optional<can::PortSpec> spec;
+  if (!trace.port.empty()) {
+    spec = can::parse_port(trace.port);
+    if (!spec)
+      return tl::unexpected(failure(
+          Exit::usage, fmt::format("--port {}: write socketcan:can0, slcan:/dev/ttyACM0, socketcand://HOST:PORT/BUS or "
+                                   "plant:PATH",
+                                   trace.port)));
+  } else if (machine_bus != nullptr) {
+    spec = machine_bus->port;
+  }
+  if (!spec)
+    return tl::unexpected(failure(Exit::usage, "nothing to read: write a file, - or --port; see berth trace --help"));
+  std::string bus = !trace.buses.empty() ? trace.buses.front() : machine_bus != nullptr ? machine_bus->name : "";
+  io::PortOptions how{.bit_rate = trace.bit_rate.value_or(0), .listen_only = true, .bus = bus};
+  if (bus.empty()) bus = spec->address;
+  auto source = std::make_unique<PortSource>(bus, can::to_string(*spec));
+  if (auto bad = source->open(*spec, how)) return tl::unexpected(std::move(*bad));
+  (void)options;
+  return source;
+}
+
+}  // namespace
+
+Opened open_source(const Options& options, const TraceOptions& trace, const KnownNodes& known) {
+  if (!trace.file.empty() && !trace.port.empty())
+    return tl::unexpected(failure(Exit::usage, "a file or --port, not both"));
+  if (trace.file.empty()) return open_live(options, trace, known);
+  if (trace.file == "-") return std::make_unique<FileSource>(STDIN_FILENO, "standard input", trace);
+  const int fd = ::open(trace.file.c_str(), O_RDONLY | O_CLOEXEC);
+  struct stat what {};
+  if (fd >= 0 && ::fstat(fd, &what) == 0 && S_ISDIR(what.st_mode)) {
+    ::close(fd);
+    return tl::unexpected(failure(Exit::usage, trace.file + ": this is a folder"));
+  }
+  if (fd < 0) return tl::unexpected(failure(Exit::usage, fmt::format("{}: {}", trace.file, std::strerror(errno))));
+  return std::make_unique<FileSource>(fd, trace.file, trace);
+}
+
+}  // namespace berth::cli
