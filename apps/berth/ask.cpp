@@ -18,6 +18,14 @@ using operate::Event;
 
 bool someone_types() noexcept { return ::isatty(STDIN_FILENO) == 1; }
 
+bool ask_yes(const std::string& question) {
+  fmt::print("{} [y/N] ", question);
+  std::fflush(stdout);
+  std::string answer;
+  if (!std::getline(std::cin, answer)) return false;
+  return answer == "y" || answer == "yes";
+}
+
 std::vector<std::string> lines_of(const Event& question) {
   std::vector<std::string> lines{fmt::format("bus {}: {}", question.bus, question.text)};
   for (std::size_t i = 0; i < question.devices.size(); ++i) {

@@ -9,7 +9,6 @@
 
 #include "berth/doctor/diagnose.hpp"
 #include "berth/doctor/questions.hpp"
-#include "berth/io/plant_port.hpp"
 #include "berth/rt/scope.hpp"
 #include "drive.hpp"
 
@@ -26,6 +25,7 @@ constexpr rt::Duration settled = 1s;
 struct Patient {
   const design::Bus* bus = nullptr;
   std::unique_ptr<can::Port> port{};
+  can::Port* outside = nullptr;  // the rig's, instead
   std::unique_ptr<can::Dispatcher> dispatcher{};
   std::unique_ptr<doctor::Ear> ear{};
   doctor::Heard heard{};  // before anything was asked: questions make collisions of their own
@@ -45,12 +45,8 @@ doctor::Expected expected_on(const design::Machine& machine, const design::Bus& 
   return e;
 }
 
+// On a simulated bus, a node of its own.
 tl::expected<std::unique_ptr<can::Port>, Failure> node_on(Rig& rig, const design::Bus& bus) {
-  if (rig.loop() != nullptr) {
-    auto port = io::PlantPort::connect(*rig.loop(), bus.port.address, bus.name);
-    if (!port) return tl::unexpected(failure(Exit::failed, port.error()));
-    return std::unique_ptr<can::Port>(std::move(*port));
-  }
   auto port = rig.world().attach_master(bus.name);
   if (port) return std::unique_ptr<can::Port>(std::move(port));
   return tl::unexpected(failure(Exit::failed, fmt::format("the simulated world has no bus \"{}\"", bus.name)));
@@ -59,8 +55,8 @@ tl::expected<std::unique_ptr<can::Port>, Failure> node_on(Rig& rig, const design
 // A simulated machine: devices boot, and with --up it is brought up first. What the plant file plans behind
 // "operational" does not happen: the machine is looked at as it stands.
 tl::expected<void, Failure> prepare(Rig& rig, const Options& options) {
-  if (rig.loop() != nullptr) return {};
   rig.world().start();
+  if (rig.loop() != nullptr) return {};
   rt::Duration boot{0};
   for (const auto& device : rig.plant().devices) boot = std::max(boot, device.boot);
   if (options.bring_up) {
@@ -112,11 +108,14 @@ tl::expected<std::vector<Patient>, Failure> patients_of(Rig& rig, const Options&
                                    "listens",
                                    bus.name)));
     }
-    auto port = node_on(rig, bus);
-    if (!port) return tl::unexpected(port.error());
     Patient p;
     p.bus = &bus;
-    p.port = std::move(*port);
+    p.outside = rig.outside(bus.name);
+    if (p.outside == nullptr) {
+      auto port = node_on(rig, bus);
+      if (!port) return tl::unexpected(port.error());
+      p.port = std::move(*port);
+    }
     p.expected = expected_on(rig.machine(), bus);
     p.questions.lss_timeout = bus.timing.lss_timeout;
     p.questions.identify_window = std::min<rt::Duration>(bus.timing.lss_timeout, 30ms);
@@ -215,6 +214,8 @@ int run_doctor(const Options& options, const DoctorOptions& wanted) {
                 options.json);
   }
   Options own = options;
+  own.slot_table = false;
+  own.observe = !wanted.active;
   own.store.clear();  // it needs no slot table, and `berth up` may hold it
   auto made = Rig::make(own, {options.machine, options.sim, {}, {}});
   if (!made) return tell(made.error(), options.json);
@@ -225,8 +226,12 @@ int run_doctor(const Options& options, const DoctorOptions& wanted) {
   auto patients = patients_of(rig, options, wanted);
   if (!patients) return tell(patients.error(), options.json);
   for (auto& p : *patients) {
-    p.dispatcher = std::make_unique<can::Dispatcher>(rig.world().executor(), *p.port);
+    p.dispatcher = std::make_unique<can::Dispatcher>(rig.world().executor(), p.port ? *p.port : *p.outside);
     p.ear = std::make_unique<doctor::Ear>(*p.dispatcher);
+  }
+  if (wanted.active) {
+    const auto clear = rig.listen_first();
+    if (!clear) return tell(clear.error(), options.json);
   }
   const auto began = rig.world().executor().now();
   pass(rig, listening_time(*patients, wanted), interrupt);

@@ -147,6 +147,8 @@ bool Ending::reached() {
   return until_ == "replaced" && replaced();
 }
 
+bool Ending::hopeless() { return !until_.empty() && rig_->shut_out(); }
+
 bool Ending::settled() {
   const rt::Time now = rig_->world().executor().now();
   const rt::Duration quiet = rig_->session().operational() ? quiet_ : patience_;
@@ -214,9 +216,9 @@ class Pacer {
   bool over() {
     if (interrupt_.came()) {
       how_ = Ended::interrupted;
-    } else if (ending_.reached()) {
+    } else if (ending_.reached() || rig_.dry_run_over()) {
       how_ = Ended::reached;
-    } else if (rig_.world().executor().now() >= end_) {
+    } else if (rig_.world().executor().now() >= end_ || ending_.hopeless()) {
       how_ = Ended::timeout;
     } else {
       return false;
@@ -280,6 +282,11 @@ tl::expected<Ended, Failure> drive(Rig& rig, Ending& ending, Screen& screen, con
   });
   rig.world().start();
   rig.session().start();
+  if (options.dry_run && how.paced) {
+    constexpr rt::Duration longest = 10s;
+    const rt::Time end = rig.world().executor().now() + options.timeout.value_or(longest);
+    return Pacer(rig, ending, screen, interrupt, nullptr, nullptr, end).run();
+  }
   if (!how.paced) return drive_fast(rig, ending, interrupt, options.timeout.value_or(ending.limit()));
   const rt::Time end = options.timeout ? rig.world().executor().now() + *options.timeout : rt::never;
   const Ended ended = Pacer(rig, ending, screen, interrupt, server.get(), asker.get(), end).run();

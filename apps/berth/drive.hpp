@@ -54,6 +54,8 @@ class Ending {
   void milestone(const std::string& name);
   /// What `--until` names was reached.
   [[nodiscard]] bool reached();
+  /// It never will be: other masters are on every bus.
+  [[nodiscard]] bool hopeless();
   /// Nothing has changed for a while, nothing is under way, and nothing is planned any more.
   [[nodiscard]] bool settled();
   /// Bus time after which a run that does not settle is given up.

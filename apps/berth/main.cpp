@@ -3,6 +3,7 @@
 
 #include <CLI/CLI.hpp>
 
+#include "adopt.hpp"
 #include "berth/text/quantity.hpp"
 #include "device.hpp"
 #include "doctor.hpp"
@@ -31,6 +32,7 @@ class CommandLine {
     add_doctor();
     add_study(app_, options_, action_);
     add_serve(app_, options_, action_);
+    add_adopt(app_, options_, action_);
     add_device(app_, options_, action_);
     add_rest();
   }
@@ -73,6 +75,7 @@ class CommandLine {
   CLI::App* verb(CLI::App& parent, const std::string& name, const std::string& full, const std::string& help) {
     CLI::App* const sub = command(parent, name, help, [this, full] {
       request_.verb = full;
+      if (options_.yes) request_.arguments["yes"] = "1";
       return run_single(options_, request_);
     });
     common(*sub);
@@ -111,12 +114,16 @@ class CommandLine {
     sub.add_flag("--json", options_.json, "one JSON object");
     sub.add_option("--machine", options_.machine, "machine file");
     sub.add_option("--bus", options_.bus, "one bus of the machine");
+    sub.add_option("--port", options_.ports, "port of the bus, or BUS=PORT, instead of the machine file's")
+        ->allow_extra_args(false)
+        ->option_text("[BUS=]PORT");
     sub.add_option("--sim", options_.sim, "plant file: run on a simulated world");
     sub.add_option("--sim-state", options_.state, "file that keeps what the simulated devices remember between runs");
     sub.add_option("--seed", options_.seed, "seed of the simulated world, instead of the plant file's")
         ->check(is_seed());
     sub.add_option("--store", options_.store, "slot table's file (default: in memory on a simulated world)");
     sub.add_option("--record", options_.record, "write every frame to this file, as candump -L does");
+    sub.add_flag("--yes,-y", options_.yes, "confirms what would else be asked");
     sub.add_flag("--dry-run", options_.dry_run, "print every frame that Berth would send, and change nothing");
     const auto read = [this](const std::string& text) {
       auto time = text::parse_duration(text);
@@ -149,6 +156,9 @@ class CommandLine {
     common(*up);
     up->add_option("machine,-m", options_.machine, "machine file")->option_text("MACHINE");
     drive_flags(*up, {"operational", "replaced"});
+    up->add_option("--on-exit", options_.on_exit,
+                   "to the devices when it ends: leave, preop, stop (default: as the machine file)")
+        ->check(CLI::IsMember({"leave", "preop", "stop"}));
   }
 
   void add_single_commands() {
@@ -160,8 +170,6 @@ class CommandLine {
     bind->add_flag_function(
         "--from-scratch", [this](std::int64_t) { request_.arguments["from-scratch"] = "1"; },
         "stop the bus, forget every binding, take every node-ID that LSS can change, and bind all anew");
-    bind->add_flag_function(
-        "--yes", [this](std::int64_t) { request_.arguments["yes"] = "1"; }, "confirms --from-scratch");
     auto* const locate = verb(app_, "locate", "locate", "a device shows itself: both of its indicators flicker");
     word(locate, "target", "target", "slot, LSS address or node-ID")->required();
     word(locate, "--seconds", "seconds", "for so long (1 to 600, default 10)");
@@ -231,9 +239,6 @@ class CommandLine {
     auto* const move = service("move-bit-rate", "every device of a bus to another bit rate, together");
     word(move, "rate", "rate", "bit/s")->required();
     word(move, "--delay", "delay", "switch delay in ms (default 200)");
-    move->add_flag_function(
-        "--yes", [this](std::int64_t) { request_.arguments["yes"] = "1"; },
-        "do it: without this it only says who would change");
     auto* const identify = service("identify", "is a device within these ranges?");
     word(identify, "vendor", "vendor", "vendor-ID")->required();
     word(identify, "product", "product", "product code")->required();

@@ -5,6 +5,7 @@
 #include <cstdint>
 #include <optional>
 #include <string>
+#include <vector>
 
 #include "berth/operate/commands.hpp"
 
@@ -16,13 +17,20 @@ enum Exit : int { done = 0, no = 1, usage = 2, failed = 3 };
 struct Options {
   bool json = false;
   bool dry_run = false;
+  bool yes = false;          ///< a person confirms what is asked for
+  bool observe = false;      ///< sends nothing on ports outside this process, and owns none of them
+  bool read_only = false;    ///< sends SDO upload requests there, and nothing else
+  bool slot_table = true;    ///< the command uses the store
+  bool makes_store = false;  ///< and makes it on a real machine when there is none
+  std::string on_exit;       ///< "", "leave", "preop", "stop"
   std::string machine;
   std::string bus;
-  std::string sim;      ///< plant file
-  std::string state;    ///< file that keeps what the simulated devices remember
-  std::string store;    ///< empty: in memory on a simulated bus
-  std::string control;  ///< empty: operate::control_path of the machine
-  std::string record;   ///< candump log of every frame
+  std::vector<std::string> ports;  ///< "socketcan:can0" or "BUS=socketcan:can0": instead of the machine file's
+  std::string sim;                 ///< plant file
+  std::string state;               ///< file that keeps what the simulated devices remember
+  std::string store;               ///< empty: in memory on a simulated bus
+  std::string control;             ///< empty: operate::control_path of the machine
+  std::string record;              ///< candump log of every frame
   std::optional<std::uint64_t> seed;
   std::optional<std::chrono::nanoseconds> timeout;
   std::string until;  ///< "", "operational", "replaced"

@@ -7,9 +7,10 @@
 #include <cstring>
 #include <filesystem>
 
-#include "berth/io/plant_port.hpp"
+#include "berth/io/open_port.hpp"
 #include "berth/store/database.hpp"
 #include "berth/text/file.hpp"
+#include "ports.hpp"
 #include "up.hpp"
 
 namespace berth::cli {
@@ -44,6 +45,8 @@ Rig::Made Rig::make(const Options& options, const Sources& sources) {
 
 Rig::~Rig() {
   session_.reset();
+  ports_.clear();  // gates before what they guard
+  raw_.clear();
   store_.reset();
   if (log_ != nullptr) std::fclose(log_);
   std::error_code ignored;
@@ -58,59 +61,50 @@ void warn(const Findings& findings, bool json) {
   }
 }
 
-bool in_another_process(const design::Machine& machine) noexcept {
-  return std::ranges::all_of(machine.buses, [](const auto& b) { return b.port.kind == design::PortKind::plant; });
-}
-
 }  // namespace
 
 tl::expected<void, Failure> Rig::read(const Options& options, const Sources& sources) {
   auto machine = sources.machine_text.empty()
                      ? design::load_machine(sources.machine_name)
                      : design::read_machine(sources.machine_text, sources.machine_name, design::eds_loader());
+  const bool simulate = !sources.plant_name.empty() || !sources.plant_text.empty();
+  auto plant = !simulate                    ? plant::PlantResult{plant::PlantFile{}, {}}
+               : sources.plant_text.empty() ? plant::load_plant(sources.plant_name)
+                                            : plant::read_plant(sources.plant_text, sources.plant_name);
   Findings findings = machine.findings;
-  const bool file_named = !sources.plant_name.empty() || !sources.plant_text.empty();
-  if (machine.machine && !file_named && in_another_process(*machine.machine)) {
-    warn(findings, options.json);
-    machine_ = std::move(*machine.machine);
-    elsewhere_ = true;
-    if (!options.dry_run && !options.fast && options.record.empty()) return {};
-    return tl::unexpected(
-        failure(Exit::usage, "--dry-run, --fast and --record need a world of this process: give --sim PLANT"));
-  }
-  if (machine.machine && sources.plant_name.empty()) {
-    for (const auto& bus : machine.machine->buses) {
-      if (bus.port.kind == design::PortKind::sim) continue;
-      return tl::unexpected(failure(
-          Exit::failed, fmt::format("{}:{}: bus {}: this Berth has no port {} yet; real ports come "
-                                    "with a later version: give --sim PLANT to run the machine "
-                                    "on a simulated bus",
-                                    machine.machine->file, bus.place.line, bus.name, can::to_string(bus.port))));
-    }
-    return tl::unexpected(
-        failure(Exit::usage, "the machine's buses are simulated: give the plant file with --sim PLANT"));
-  }
-  auto plant = sources.plant_text.empty() ? plant::load_plant(sources.plant_name)
-                                          : plant::read_plant(sources.plant_text, sources.plant_name);
   findings.insert(findings.end(), plant.findings.begin(), plant.findings.end());
   if (!machine.machine || !plant.plant) return tl::unexpected(failure(findings));
   warn(findings, options.json);
   machine_ = std::move(*machine.machine);
   plant_ = std::move(*plant.plant);
   if (options.seed) plant_.seed = *options.seed;
+  return settle_ports(options, simulate);
+}
+
+// --sim is stronger than what the file says, --port stronger than --sim.
+tl::expected<void, Failure> Rig::settle_ports(const Options& options, bool simulate) {
   if (!options.bus.empty() && machine_.bus(options.bus) == nullptr) {
     std::string names;
     for (const auto& bus : machine_.buses) names += (names.empty() ? "" : ", ") + bus.name;
     return tl::unexpected(
         failure(Exit::usage, fmt::format("{}: there is no bus \"{}\"; use {}", machine_.file, options.bus, names)));
   }
-  return {};
+  for (auto& bus : machine_.buses) {
+    if (simulate) bus.port = {};
+  }
+  if (auto good = override_ports(machine_, options); !good) return good;
+  if (!simulate && !options.bus.empty()) restrict_to(machine_, options.bus);
+  if (!simulate && !all_elsewhere(machine_)) return tl::unexpected(needs_plant(machine_));
+  const auto is_outside = [](const auto& b) { return b.port.kind != can::PortKind::sim; };
+  outside_ = std::ranges::any_of(machine_.buses, is_outside);
+  if (!outside_ || !options.fast) return {};
+  return tl::unexpected(failure(Exit::usage, "--fast needs a world of this process: give --sim PLANT"));
 }
 
 tl::expected<void, Failure> Rig::build_world(const Options& options) {
   std::vector<plant::BusRate> rates;
   for (const auto& bus : machine_.buses) {
-    if (!elsewhere_) rates.push_back({bus.name, bus.bitrate});
+    if (bus.port.kind == can::PortKind::sim) rates.push_back({bus.name, bus.bitrate});
   }
   Findings findings;
   world_ = plant::World::make(plant_, rates, findings);
@@ -119,7 +113,7 @@ tl::expected<void, Failure> Rig::build_world(const Options& options) {
   }
   if (!world_) return tl::unexpected(failure(findings));
   warn(findings, options.json);
-  if (elsewhere_) loop_ = std::make_unique<io::Loop>(world_->executor());
+  if (outside_) loop_ = std::make_unique<io::Loop>(world_->executor());
   if (options.state.empty()) return {};
   Result<void> kept;
   if (!options.dry_run) {
@@ -137,6 +131,11 @@ tl::expected<void, Failure> Rig::build_world(const Options& options) {
 // A dry run works on a copy of the store, so that it sends what the real one would.
 tl::expected<void, Failure> Rig::open_store(const Options& options) {
   std::string path = options.store;
+  const bool real = std::ranges::any_of(machine_.buses, [](const auto& b) { return is_real(b.port); });
+  if (path.empty() && real && options.slot_table) {
+    path = default_store(machine_.file);
+    if (!options.makes_store && !fs::exists(path)) path.clear();
+  }
   if (options.dry_run && !path.empty()) {
     if (fs::exists(path)) {
       std::string pattern = (fs::temp_directory_path() / "berth-dry-run-XXXXXX").string();
@@ -163,17 +162,78 @@ tl::expected<void, Failure> Rig::open_store(const Options& options) {
   return {};
 }
 
+tl::expected<std::unique_ptr<can::Port>, Failure> Rig::open_port(const design::Bus& bus) {
+  io::PortOptions wanted;
+  wanted.bit_rate = bus.bitrate;
+  wanted.listen_only = bus.role == design::Role::observer;
+  wanted.bus = bus.name;
+  auto port = io::open_port(*loop_, bus.port, wanted);
+  if (!port) return tl::unexpected(failure(Exit::failed, fmt::format("bus {}: {}", bus.name, port.error())));
+  const auto rate = (*port)->status().bit_rate;
+  if (rate == bus.bitrate || rate == 0) return std::move(*port);
+  return tl::unexpected(
+      failure(Exit::failed, fmt::format("{}:{}: bus {} is told to run at {} bit/s, and {} runs at {}", machine_.file,
+                                        bus.place.line, bus.name, bus.bitrate, can::to_string(bus.port), rate)));
+}
+
+namespace {
+
+live::Role role_of(design::Role role) noexcept {
+  switch (role) {
+    case design::Role::master: return live::Role::master;
+    case design::Role::commissioner: return live::Role::commissioner;
+    case design::Role::observer: break;
+  }
+  return live::Role::observer;
+}
+
+}  // namespace
+
+std::unique_ptr<can::Port> Rig::guard(const design::Bus& bus, can::Port& port, const Options& options) {
+  live::GateOptions wanted;
+  wanted.role = options.observe ? live::Role::observer : options.read_only ? live::Role::reader : role_of(bus.role);
+  wanted.listen = bus.timing.listen;
+  wanted.watch.own = bus.master;
+  wanted.watch.tolerated = bus.tolerate;
+  wanted.dry_run = options.dry_run;
+  for (const auto& spec : machine_.specs(bus.name)) wanted.slots.push_back(spec.id);
+  auto gate = std::make_unique<live::Gate>(world_->executor(), port, std::move(wanted));
+  gates_.emplace_back(bus.name, gate.get());
+  gate->on_change([this, name = bus.name, raw = gate.get()] { gate_changed(name, *raw); });
+  const auto note = [this, name = bus.name](const can::Frame& frame, rt::Time at, bool own) {
+    recorded({operate::seconds(at), name, can::to_string(frame), own});
+  };
+  if (options.dry_run) {
+    gate->on_held([this, note](const can::Frame& frame, rt::Time at) {
+      note(frame, at, true);
+      if (live::expects_answer(frame)) question_at_ = std::min(question_at_, at);
+    });
+  } else if (!options.record.empty()) {
+    gate->on_frame(note);
+  }
+  return gate;
+}
+
+void Rig::gate_changed(const std::string& bus, const live::Gate& gate) {
+  if (session_ == nullptr || gate.state() != live::GateState::foreign) return;
+  std::string text;
+  for (const auto& line : gate.report()) text += (text.empty() ? "" : "; ") + line;
+  session_->tell(bus, "error", text + ". Berth writes nothing more on this bus; end that master, then start anew");
+}
+
 // Berth's own node on one bus.
-tl::expected<std::unique_ptr<can::Port>, Failure> Rig::attach(const design::Bus& bus, const Options& options) {
-  if (loop_) {
-    auto port = io::PlantPort::connect(*loop_, bus.port.address, bus.name);
-    if (!port) return tl::unexpected(failure(Exit::failed, port.error()));
-    const auto rate = (*port)->status().bit_rate;
-    if (rate == bus.bitrate) return std::unique_ptr<can::Port>(std::move(*port));
-    return tl::unexpected(
-        failure(Exit::failed, fmt::format("{}:{}: bus {} is told to run at {} bit/s, and the plant's "
-                                          "runs at {}",
-                                          machine_.file, bus.place.line, bus.name, bus.bitrate, rate)));
+tl::expected<can::Port*, Failure> Rig::attach(const design::Bus& bus, const Options& options) {
+  if (bus.port.kind != can::PortKind::sim) {
+    if (is_real(bus.port) && bus.role != design::Role::observer && !options.observe) {
+      auto lock = PortLock::take(bus.port);
+      if (!lock) return tl::unexpected(lock.error());
+      locks_.push_back(std::move(*lock));
+    }
+    auto port = open_port(bus);
+    if (!port) return tl::unexpected(port.error());
+    raw_.push_back(std::move(*port));
+    ports_.push_back(guard(bus, *raw_.back(), options));
+    return ports_.back().get();
   }
   auto port = world_->attach_master(bus.name);
   if (!port)
@@ -181,17 +241,18 @@ tl::expected<std::unique_ptr<can::Port>, Failure> Rig::attach(const design::Bus&
   if (options.dry_run || !options.record.empty()) {
     taps_.push_back(std::make_unique<BusTap>(*this, *world_->bus(bus.name), port->number()));
   }
-  return std::unique_ptr<can::Port>(std::move(port));
+  ports_.push_back(std::move(port));
+  return ports_.back().get();
 }
 
 tl::expected<void, Failure> Rig::open_session(const Options& options) {
   session_ = std::make_unique<operate::Session>(world_->executor(), machine_, *store_);
+  session_->set_careful(std::ranges::any_of(machine_.buses, [](const auto& b) { return is_real(b.port); }));
   for (const auto& bus : machine_.buses) {
     auto port = attach(bus, options);
     if (!port) return tl::unexpected(port.error());
     const auto connected = session_->connect(bus.name, **port);
     if (!connected) return tl::unexpected(failure(Exit::failed, describe(connected.error())));
-    ports_.push_back(std::move(*port));
   }
   if (!options.record.empty()) {
     log_ = std::fopen(options.record.c_str(), "we");
@@ -200,6 +261,81 @@ tl::expected<void, Failure> Rig::open_session(const Options& options) {
   const auto opened = session_->open();
   if (opened) return {};
   return tl::unexpected(failure(Exit::failed, "the slot table cannot be read: " + describe(opened.error())));
+}
+
+// ---- real ports ----
+
+tl::expected<void, Failure> Rig::listen_first() {
+  if (!loop_) return {};
+  rt::Duration longest{0};
+  for (const auto& bus : machine_.buses) longest = std::max(longest, bus.timing.listen);
+  constexpr rt::Duration slack = std::chrono::seconds(1);  // a port that was just opened comes up
+  const rt::Time end = world_->executor().now() + longest + slack;
+  const auto undecided = [](const auto& entry) { return !entry.second->decided(); };
+  while (std::ranges::any_of(gates_, undecided) && world_->executor().now() < end) {
+    loop_->turn(std::chrono::milliseconds(50));
+  }
+  std::string problem;
+  for (const auto& [bus, gate] : gates_) {
+    if (gate->state() != live::GateState::foreign) continue;
+    const auto report = gate->report();
+    problem += fmt::format("{}bus {}: {}", problem.empty() ? "" : "\n", bus, report.front());
+    for (auto line = report.begin() + 1; line != report.end(); ++line) problem += "\n    " + *line;
+  }
+  if (problem.empty()) return {};
+  return tl::unexpected(failure(
+      Exit::no, problem +
+                    "\nBerth sends nothing there. End that master; or use the bus as role = \"commissioner\" or "
+                    "\"observer\"; or, when the machine's own devices send these frames, say so by tolerate = […]"));
+}
+
+const live::Gate* Rig::gate(std::string_view bus) const noexcept {
+  const auto gate = std::ranges::find(gates_, bus, [](const auto& g) { return std::string_view(g.first); });
+  return gate == gates_.end() ? nullptr : gate->second;
+}
+
+can::Port* Rig::outside(std::string_view bus) noexcept {
+  const auto gate = std::ranges::find(gates_, bus, [](const auto& g) { return std::string_view(g.first); });
+  return gate == gates_.end() ? nullptr : gate->second;
+}
+
+bool Rig::first_start() {
+  const bool real = std::ranges::any_of(
+      machine_.buses, [](const auto& b) { return is_real(b.port) && b.role != design::Role::observer; });
+  if (!real) return false;
+  const auto records = store_->load(machine_.name);
+  return !records || std::ranges::none_of(*records, [](const auto& r) { return r.confirmed || r.asked; });
+}
+
+bool Rig::dry_run_over() const noexcept {
+  constexpr rt::Duration patience = std::chrono::milliseconds(900);  // what goes out beside the first question
+  return question_at_ != rt::never && world_->executor().now() >= question_at_ + patience;
+}
+
+bool Rig::shut_out() const noexcept {
+  return !gates_.empty() && gates_.size() == machine_.buses.size() &&
+         std::ranges::all_of(gates_, [](const auto& g) { return g.second->state() == live::GateState::foreign; });
+}
+
+void Rig::leave(const Options& options) {
+  bool any = false;
+  for (const auto& bus : machine_.buses) {
+    auto wish = bus.on_exit;
+    if (!options.on_exit.empty()) {
+      wish = options.on_exit == "stop"    ? design::OnExit::stop
+             : options.on_exit == "preop" ? design::OnExit::pre_operational
+                                          : design::OnExit::leave;
+    }
+    auto* const network = session_->network(bus.name);
+    if (wish == design::OnExit::leave || bus.role != design::Role::master || network == nullptr) continue;
+    const auto command = wish == design::OnExit::stop ? co::NmtCommand::stop : co::NmtCommand::enter_pre_operational;
+    any = network->dispatcher().send(co::to_frame({command, co::NmtTarget::all()})) == can::Queued::yes || any;
+  }
+  if (!any) return;
+  constexpr rt::Duration time_to_send = std::chrono::milliseconds(100);
+  if (!loop_) return world_->sim().run_for(time_to_send);
+  const auto end = world_->executor().now() + time_to_send;
+  while (world_->executor().now() < end) loop_->turn(end - world_->executor().now());
 }
 
 // candump's log format.

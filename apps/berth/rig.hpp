@@ -10,10 +10,12 @@
 
 #include "berth/design/machine.hpp"
 #include "berth/io/loop.hpp"
+#include "berth/live/gate.hpp"
 #include "berth/operate/session.hpp"
 #include "berth/plant/world.hpp"
 #include "options.hpp"
 #include "output.hpp"
+#include "ports.hpp"
 
 namespace berth::cli {
 
@@ -46,10 +48,25 @@ class Rig {
   [[nodiscard]] const plant::PlantFile& plant() const noexcept { return plant_; }
   [[nodiscard]] plant::World& world() noexcept { return *world_; }
   [[nodiscard]] operate::Session& session() noexcept { return *session_; }
-  /// The buses are in another process (`berth plant`): real time only, and the world has no bus. Null: simulated here.
+  /// A bus at least is outside this process (a real port, or a `berth plant` in another process): real time only, by
+  /// this loop. The world has those buses alone that are simulated here. Null: all of them are.
   [[nodiscard]] io::Loop* loop() noexcept { return loop_.get(); }
+  /// The gate of a bus that is outside this process, for who uses it instead of the session; null: simulated here.
+  [[nodiscard]] can::Port* outside(std::string_view bus) noexcept;
+  [[nodiscard]] const live::Gate* gate(std::string_view bus) const noexcept;
   /// Keeps the frames that Berth sends from now on.
   void record_sent(std::vector<Recorded>& into) { sent_ = &into; }
+  /// Waits until every gate has listened long enough (nothing to wait for on simulated buses). Refused, status 1, when
+  /// another master is on a bus: who, and by which frames. A port that is down is no failure here.
+  [[nodiscard]] tl::expected<void, Failure> listen_first();
+  /// Confirmation of a person is wanted, or was given by --yes: the first start of a machine whose devices are real.
+  [[nodiscard]] bool first_start();
+  /// Dry run on a real port: the first question was put, and what comes then depends on the answer.
+  [[nodiscard]] bool dry_run_over() const noexcept;
+  /// Ends a session as the machine file, or --on-exit, wants: its NMT command goes out before this returns.
+  void leave(const Options& options);
+  /// Every bus's port is shut: another master is on each of them.
+  [[nodiscard]] bool shut_out() const noexcept;
   /// False when a line of `--record` could not be written.
   [[nodiscard]] bool record_kept() noexcept { return !log_failed_ && (log_ == nullptr || std::fflush(log_) == 0); }
 
@@ -57,11 +74,14 @@ class Rig {
   class BusTap;
   Rig() = default;
   [[nodiscard]] tl::expected<void, Failure> read(const Options& options, const Sources& sources);
-  [[nodiscard]] tl::expected<std::unique_ptr<can::Port>, Failure> attach(const design::Bus& bus,
-                                                                         const Options& options);
+  [[nodiscard]] tl::expected<std::unique_ptr<can::Port>, Failure> open_port(const design::Bus& bus);
+  [[nodiscard]] tl::expected<can::Port*, Failure> attach(const design::Bus& bus, const Options& options);
+  [[nodiscard]] tl::expected<void, Failure> settle_ports(const Options& options, bool simulate);
   [[nodiscard]] tl::expected<void, Failure> build_world(const Options& options);
   [[nodiscard]] tl::expected<void, Failure> open_store(const Options& options);
   [[nodiscard]] tl::expected<void, Failure> open_session(const Options& options);
+  [[nodiscard]] std::unique_ptr<can::Port> guard(const design::Bus& bus, can::Port& port, const Options& options);
+  void gate_changed(const std::string& bus, const live::Gate& gate);
   void recorded(const Recorded& frame);
 
   design::Machine machine_;
@@ -71,10 +91,14 @@ class Rig {
   bool log_failed_ = false;
   std::string throw_away_;  // folder of a copied store
   std::unique_ptr<plant::World> world_;
-  bool elsewhere_ = false;  // every bus is a plant's in another process
+  bool outside_ = false;  // a bus is outside this process
   std::unique_ptr<io::Loop> loop_;
   std::vector<std::unique_ptr<BusTap>> taps_;
+  std::vector<std::unique_ptr<can::Port>> raw_;  // real ports; their gates are among `ports_`
   std::vector<std::unique_ptr<can::Port>> ports_;
+  std::vector<std::pair<std::string, live::Gate*>> gates_;
+  std::vector<PortLock> locks_;
+  rt::Time question_at_ = rt::never;  // dry run: the first frame that somebody would have to answer
   std::unique_ptr<places::SlotStore> store_;
   std::unique_ptr<operate::Session> session_;
 };

@@ -7,6 +7,7 @@
 #include "ask.hpp"
 #include "berth/rt/scope.hpp"
 #include "drive.hpp"
+#include "ports.hpp"
 #include "single.hpp"
 #include "up.hpp"
 
@@ -17,6 +18,14 @@ using namespace std::chrono_literals;
 using Json = nlohmann::ordered_json;
 using operate::CommandReply;
 using operate::CommandRequest;
+
+// A reply that asks for a person's confirmation.
+bool wants_yes(const CommandReply& reply) {
+  const auto json = Json::parse(reply.json, nullptr, false);
+  return reply.status == Exit::no && json.is_object() && json.value("result", "") == "unconfirmed";
+}
+
+bool may_ask(const Options& options) { return !options.json && !options.yes && someone_types(); }
 
 int show(const CommandReply& reply, bool json) {
   if (json) {
@@ -56,27 +65,60 @@ tl::expected<void, Failure> prepare(Rig& rig, const Options& options) {
     fast.timeout.reset();
     Screen screen(rig.session(), false, true);
     Ending ending(rig, "operational");
-    const auto ended = drive(rig, ending, screen, fast, {});
+    DriveOptions how;
+    how.paced = rig.loop() != nullptr;
+    if (how.paced) fast.timeout = options.timeout.value_or(5min);
+    const auto ended = drive(rig, ending, screen, fast, how);
     rig.session().on_event({});
     rig.session().on_milestone({});
     if (!ended) return tl::unexpected(ended.error());
     return {};
   }
   rig.world().start();
+  if (rig.loop() != nullptr) return {};
   rt::Duration boot{0};
   for (const auto& device : rig.plant().devices) boot = std::max(boot, device.boot);
   rig.world().sim().run_for(boot + 100ms);
   return {};
 }
 
+// Until it is over, `limit` of the bus's time went by, or a person ended it.
+void pass_until(Rig& rig, const bool& over, rt::Duration limit) {
+  if (rig.loop() == nullptr) {
+    rig.world().sim().run_until([&] { return over; }, limit);
+    return;
+  }
+  Interrupt interrupt;
+  const auto end = rig.world().executor().now() + limit;
+  while (!over && rig.world().executor().now() < end && !rig.dry_run_over() && !interrupt.came()) {
+    rig.loop()->turn(50ms);
+  }
+}
+
 using Replied = tl::expected<CommandReply, Failure>;
 
+// A slot table is made where one is written for the first time.
+Options own_options(const Options& options, const CommandRequest& request) {
+  Options own = options;
+  own.makes_store = request.verb == "bind" || request.verb == "replace";
+  return own;
+}
+
 Replied reply_of_own_world(const Options& options, const CommandRequest& request, std::vector<Recorded>& sent) {
-  auto made = Rig::make(options, {options.machine, options.sim, {}, {}});
+  auto made = Rig::make(own_options(options, request), {options.machine, options.sim, {}, {}});
   if (!made) return tl::unexpected(made.error());
   Rig& rig = **made;
+  if (const auto clear = rig.listen_first(); !clear) return tl::unexpected(clear.error());
   const auto ready = prepare(rig, options);
   if (!ready) return tl::unexpected(ready.error());
+  if (request.verb == "bind" && !options.dry_run && !options.yes && rig.first_start()) {
+    auto reply = operate::refusal(Exit::no,
+                                  "no slot of this machine has a device yet: binding searches for devices by LSS and "
+                                  "RAND, gives them node-IDs and lets them store these; nothing was sent; confirm it "
+                                  "with --yes");
+    reply.json = R"({"result": "unconfirmed"})";
+    return reply;
+  }
   if (options.dry_run) rig.record_sent(sent);
   CommandReply reply;
   bool over = false;
@@ -84,9 +126,10 @@ Replied reply_of_own_world(const Options& options, const CommandRequest& request
   {
     rt::Scope scope(rig.world().executor());
     scope.spawn(run(rig.session(), request, reply, over));
-    rig.world().sim().run_until([&] { return over; }, limit);
+    pass_until(rig, over, limit);
   }
-  if (over && request.verb == "bind" && !options.json && !options.dry_run && on_terminal() && someone_types()) {
+  if (over && request.verb == "bind" && rig.loop() == nullptr && !options.json && !options.dry_run && on_terminal() &&
+      someone_types()) {
     print_lines(reply.lines);
     ask_here(rig, limit);
     const auto now = rig.session().report();
@@ -102,16 +145,20 @@ Replied reply_of_own_world(const Options& options, const CommandRequest& request
     }
   }
   if (over) return reply;
+  if (options.dry_run && rig.loop() != nullptr) {
+    reply = {};
+    reply.json = R"({"result": "what comes next depends on the answer"})";
+    return reply;
+  }
   const double s = std::chrono::duration<double>(limit).count();
   return operate::refusal(
       Exit::failed, fmt::format("{}: not done within {} s of bus time; give a longer --timeout", request.verb, s));
 }
 
-int in_own_world(const Options& options, const CommandRequest& request) {
+int dry_in_own_world(const Options& options, const CommandRequest& request) {
   std::vector<Recorded> sent;
   const auto reply = reply_of_own_world(options, request, sent);
-  if (!reply) return tell(reply.error(), options.json);
-  return options.dry_run ? show_dry(sent, *reply, options.json) : show(*reply, options.json);
+  return reply ? show_dry(sent, *reply, options.json) : tell(reply.error(), options.json);
 }
 
 int foreseen(const Options& options, const CommandRequest& request) {
@@ -134,13 +181,17 @@ int foreseen(const Options& options, const CommandRequest& request) {
   return Exit::done;
 }
 
-Replied reply_of_running_up(const Options& options, const CommandRequest& request) {
-  std::string path = options.control;
-  if (path.empty()) {
-    const auto machine = design::load_machine(options.machine);
-    if (!machine.machine) return tl::unexpected(failure(machine.findings));
-    path = operate::control_path(machine.machine->name);
-  }
+// Whoever runs the machine, or this bus of it, at the control socket.
+std::vector<std::string> control_paths(const Options& options, const design::Machine& machine) {
+  if (!options.control.empty()) return {options.control};
+  std::vector<std::string> paths{operate::control_path(machine.name)};
+  const bool only = options.bus.empty() && machine.buses.size() == 1;
+  const std::string bus = only ? machine.buses.front().name : options.bus;
+  if (!bus.empty()) paths.push_back(operate::control_path(bus_process(machine.name, bus)));
+  return paths;
+}
+
+Replied ask_running_up(const Options& options, const CommandRequest& request, const std::string& path) {
   const auto patience = std::chrono::duration_cast<std::chrono::milliseconds>(options.timeout.value_or(2min)).count();
   const auto reply =
       operate::control_call(path, request, static_cast<int>(std::min<std::int64_t>(patience, 24 * 3'600'000)));
@@ -152,16 +203,35 @@ Replied reply_of_running_up(const Options& options, const CommandRequest& reques
                                 machine, reply.error(), machine)));
 }
 
-int by_running_up(const Options& options, const CommandRequest& request) {
-  if (options.dry_run) {
-    if (options.control.empty()) {
-      const auto machine = design::load_machine(options.machine);
-      if (!machine.machine) return tell(failure(machine.findings), options.json);
-    }
-    return foreseen(options, request);
+// Who does it: a running `berth up` before all, since one process owns a port; else this process on the machine's
+// ports; else nobody, which the failure of asking says.
+Replied reply_outside(const Options& options, const CommandRequest& request, std::vector<Recorded>& sent) {
+  if (options.machine.empty()) return ask_running_up(options, request, options.control);
+  auto loaded = design::load_machine(options.machine);
+  if (!loaded.machine) return tl::unexpected(failure(loaded.findings));
+  design::Machine machine = std::move(*loaded.machine);
+  const auto paths = control_paths(options, machine);
+  for (const auto& path : paths) {
+    if (operate::control_answers(path)) return ask_running_up(options, request, path);
   }
-  const auto reply = reply_of_running_up(options, request);
-  return reply ? show(*reply, options.json) : tell(reply.error(), options.json);
+  if (auto good = override_ports(machine, options); !good) return tl::unexpected(good.error());
+  if (!options.bus.empty()) restrict_to(machine, options.bus);
+  if (options.control.empty() && all_elsewhere(machine)) return reply_of_own_world(options, request, sent);
+  return ask_running_up(options, request, paths.front());
+}
+
+// Without a world to throw away: the frames that go out whatever anybody answers; or, on the machine's own ports, what
+// goes out up to the first question.
+int dry_outside(const Options& options, const CommandRequest& request) {
+  std::string problem;
+  static_cast<void>(operate::foreseeable_frames(request, problem));
+  if (options.machine.empty()) return foreseen(options, request);
+  auto loaded = design::load_machine(options.machine);
+  if (!loaded.machine) return tell(failure(loaded.findings), options.json);
+  if (problem.empty() || !options.control.empty()) return foreseen(options, request);
+  if (auto good = override_ports(*loaded.machine, options); !good) return tell(good.error(), options.json);
+  if (!options.bus.empty()) restrict_to(*loaded.machine, options.bus);
+  return all_elsewhere(*loaded.machine) ? dry_in_own_world(options, request) : foreseen(options, request);
 }
 
 tl::expected<void, Failure> complete(const Options& options, CommandRequest& request) {
@@ -175,14 +245,25 @@ tl::expected<void, Failure> complete(const Options& options, CommandRequest& req
 int run_single(const Options& options, CommandRequest request) {
   const auto known = complete(options, request);
   if (!known) return tell(known.error(), options.json);
-  return options.sim.empty() ? by_running_up(options, request) : in_own_world(options, request);
+  if (options.dry_run) return options.sim.empty() ? dry_outside(options, request) : dry_in_own_world(options, request);
+  auto reply = carry_out(options, request);
+  if (reply && wants_yes(*reply) && may_ask(options)) {
+    print_lines(reply->lines);
+    print_line(reply->error);
+    if (!ask_yes("Do it?")) return Exit::no;
+    request.arguments["yes"] = "1";
+    Options sure = options;
+    sure.yes = true;
+    reply = carry_out(sure, request);
+  }
+  return reply ? show(*reply, options.json) : tell(reply.error(), options.json);
 }
 
 tl::expected<CommandReply, Failure> carry_out(const Options& options, CommandRequest request) {
   const auto known = complete(options, request);
   if (!known) return tl::unexpected(known.error());
   std::vector<Recorded> sent;
-  return options.sim.empty() ? reply_of_running_up(options, request) : reply_of_own_world(options, request, sent);
+  return options.sim.empty() ? reply_outside(options, request, sent) : reply_of_own_world(options, request, sent);
 }
 
 }  // namespace berth::cli

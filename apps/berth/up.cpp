@@ -6,8 +6,10 @@
 #include <cmath>
 #include <nlohmann/json.hpp>
 
+#include "ask.hpp"
 #include "berth/trace/candump.hpp"
 #include "drive.hpp"
+#include "ports.hpp"
 
 namespace berth::cli {
 namespace {
@@ -38,6 +40,38 @@ void print_frames(const std::vector<Recorded>& frames, bool json) {
   for (const auto& f : frames) print_line(candump_line(f));
 }
 
+// A process for one of several buses leaves the machine's name to whoever runs them all.
+std::string process_name(Rig& rig, const Options& options) {
+  const auto& name = rig.machine().name;
+  return rig.loop() != nullptr && !options.bus.empty() ? bus_process(name, options.bus) : name;
+}
+
+std::string first_start_text(Rig& rig) {
+  std::string text = fmt::format("this is the first start of {}: no slot has a device yet.", rig.machine().name);
+  for (const auto& bus : rig.machine().buses) {
+    if (!is_real(bus.port) || bus.role == design::Role::observer) continue;
+    text += fmt::format(
+        "\nbus {} on {}: Berth will search for devices (LSS, RAND), give the {} slots' node-IDs to those that fit and "
+        "let them store these{}",
+        bus.name, can::to_string(bus.port), rig.machine().specs(bus.name).size(),
+        bus.role == design::Role::master ? ", reset and configure them, and start them: outputs may switch" : "");
+  }
+  return text;
+}
+
+bool confirmed(Rig& rig, const Options& options) {
+  if (options.yes || !rig.first_start()) return true;
+  if (options.json || !someone_types()) return false;
+  print_line(first_start_text(rig));
+  return ask_yes("Start it?");
+}
+
+Failure unconfirmed(Rig& rig) {
+  return failure(Exit::no, first_start_text(rig) +
+                               "\nNothing was sent. Confirm it with --yes; --dry-run shows what "
+                               "would be sent first");
+}
+
 }  // namespace
 
 std::string candump_line(const Recorded& f) {
@@ -52,17 +86,20 @@ int bring_up(const Options& options, const Sources& sources) {
   if (options.dry_run) rig.record_sent(sent);
   DriveOptions how;
   const bool live = on_terminal() && !options.json && !options.dry_run;
-  how.paced = !options.dry_run && !options.fast && (options.pace || live || rig.loop() != nullptr);
-  if (how.paced) how.control = options.control.empty() ? operate::control_path(rig.machine().name) : options.control;
+  how.paced = rig.loop() != nullptr || (!options.dry_run && !options.fast && (options.pace || live));
+  if (how.paced)
+    how.control = options.control.empty() ? operate::control_path(process_name(rig, options)) : options.control;
   Screen screen(rig.session(), live && how.paced, options.json || options.dry_run);
   Ending ending(rig, options.until);
   const auto ended = drive(rig, ending, screen, options, how);
   if (!ended) return tell(ended.error(), options.json);
   rig.session().on_event({});
+  if (!options.dry_run) rig.leave(options);
   const bool good =
       rig.session().operational() && (*ended != Ended::settled || options.until != "replaced" || ending.reached());
   if (options.dry_run) {
     print_frames(sent, options.json);
+    if (rig.loop() != nullptr) return Exit::done;
   } else if (options.json) {
     print_line(operate::to_json(rig.session().report()));
   } else if (!live || !how.paced) {
@@ -82,7 +119,9 @@ int bring_up(const Options& options, const Sources& sources) {
 int run_up(const Options& options) {
   if (options.machine.empty())
     return tell(failure(Exit::usage, "name the machine file: berth up machine.toml"), options.json);
-  return bring_up(options, {options.machine, options.sim, {}, {}});
+  Options own = options;
+  own.makes_store = true;
+  return bring_up(own, {options.machine, options.sim, {}, {}});
 }
 
 }  // namespace berth::cli

@@ -14,6 +14,7 @@
 #include "berth/base/result.hpp"
 #include "berth/can/port_spec.hpp"
 #include "berth/design/library.hpp"
+#include "berth/live/foreign_watch.hpp"
 #include "berth/places/slot.hpp"
 #include "berth/text/toml.hpp"
 
@@ -24,6 +25,11 @@ using Duration = text::Duration;
 /// How a bus is used: `commissioner` never sends NMT start or reset and never SYNC, `observer` never sends a frame.
 enum class Role : std::uint8_t { master, commissioner, observer };
 [[nodiscard]] const char* name(Role role) noexcept;
+
+/// What happens to the devices when `berth up` ends: they run on, or become pre-operational or stopped.
+enum class OnExit : std::uint8_t { leave, pre_operational, stop };
+/// What happens after bus-off: the controller is started again, or a person has to do it.
+enum class BusOff : std::uint8_t { restart, stay };
 
 using can::PortKind;
 using can::PortSpec;
@@ -43,7 +49,12 @@ struct Timing {
   Duration heartbeat_timeout = std::chrono::milliseconds(1500);  ///< silence that makes a slot absent; over the period
   Duration boot_timeout = std::chrono::seconds(10);              ///< reset or power to boot-up message
   Duration probe_period = std::chrono::seconds(1);               ///< how often a running machine looks for new devices
-  std::uint32_t tries = 3;                                       ///< before silence counts (S1.30); 1..100
+  Duration listen = std::chrono::seconds(2);  ///< before the first frame on a real port: is another master there?
+                                              ///< 0 = not at all
+  Duration bus_off_pause = std::chrono::seconds(1);  ///< from bus-off to the controller's restart
+  std::uint32_t bus_off_limit = 0;                   ///< restarts in a row, each less than 10 pauses and 10 s after the
+                                                     ///< one before; then the port stays bus-off. 0 = no limit
+  std::uint32_t tries = 3;                           ///< before silence counts (S1.30); 1..100
 
   friend bool operator==(const Timing&, const Timing&) = default;
 };
@@ -62,7 +73,11 @@ struct Bus {
   std::uint32_t bitrate = 125'000;  ///< bit/s, one of CiA 301's
   Role role = Role::master;
   NodeId master{127};  ///< `master_id`
+  OnExit on_exit = OnExit::leave;
+  BusOff bus_off = BusOff::restart;
+  live::Signs tolerate;  ///< frames of this machine's own devices that else mean another master
   std::optional<Gateway> gateway;
+  text::Place gateway_place;
   std::string discovery = "auto";  ///< "auto", or the one method by which new devices are found, as `discovery::name`
   Timing timing;
   text::Place place;  ///< of its table

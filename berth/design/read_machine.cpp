@@ -7,6 +7,7 @@
 #include <map>
 
 #include "berth/design/machine.hpp"
+#include "berth/design/read_parts.hpp"
 #include "berth/text/file.hpp"
 
 namespace berth::design {
@@ -17,38 +18,11 @@ using std::string_view;
 using text::Limits;
 using text::Table;
 
-constexpr std::array<string_view, 3> role_words{"master", "commissioner", "observer"};
 constexpr std::array<string_view, 5> ambiguous_words{"ask", "ascending", "one-at-a-time", "probe", "first-seen"};
 constexpr std::array<string_view, 3> revision_words{"any", "major", "exact"};
 constexpr std::array<string_view, 2> replacement_words{"ask", "auto"};
 constexpr std::array<string_view, 3> assign_words{"lss", "fixed", "recipe"};
 constexpr std::array<string_view, 3> activate_words{"at-once", "reset", "power-cycle"};
-// As `discovery::name` has them; rooms of this floor do not link that one.
-constexpr std::array<string_view, 10> discovery_words{"auto",
-                                                      "rand",
-                                                      "and",
-                                                      "fastscan",
-                                                      "fastscan-feedback-29",
-                                                      "fastscan-feedback-11",
-                                                      "identify",
-                                                      "planner-rand",
-                                                      "planner-fastscan",
-                                                      "planner-feedback"};
-constexpr Limits node_ids{1, 127};
-
-template <class Enum, std::size_t N>
-void read_word(Table& table, string_view key, const std::array<string_view, N>& words, Enum& into) {
-  if (const auto index = table.word(key, words)) into = static_cast<Enum>(*index);
-}
-
-/// A name that a person gives: shown in tables and used in paths like "left sensor/Position".
-bool good_name(string_view name) noexcept {
-  if (name.empty() || name.size() > 100 || name.front() == ' ' || name.back() == ' ') return false;
-  return std::ranges::none_of(name,
-                              [](char c) { return static_cast<unsigned char>(c) < 0x20 || c == '/' || c == 0x7F; });
-}
-constexpr const char* name_fix = "use 1 to 100 characters without '/', control characters and outer spaces";
-
 /// "6000h:01", "6000h", "0x6000:1": hex digits, index and sub-index; the latter is 0 when left out.
 std::optional<std::pair<std::uint16_t, std::uint8_t>> parse_object(string_view text) noexcept {
   const auto number = [](string_view part, unsigned most) -> std::optional<unsigned> {
@@ -79,7 +53,7 @@ class MachineReader {
     read_head(table);
     read_own_library(table);
     read_timing(table, timing_);
-    for (auto& [name, bus] : table.named_tables("bus")) read_bus(name, bus);
+    for (auto& [name, bus] : table.named_tables("bus")) machine_.buses.push_back(read_bus(name, bus, timing_));
     if (machine_.buses.empty()) table.error("", "there is no bus", "write a table [bus.NAME]");
     check_gateway_buses();
     for (auto& slot : table.tables("slot")) read_slot(slot);
@@ -133,111 +107,10 @@ class MachineReader {
     }
   }
 
-  static void read_duration(Table& table, string_view key, Duration low, Duration high, Duration& into) {
-    if (const auto value = table.duration(key, low, high)) into = *value;
-  }
-
-  static void read_timing(Table& parent, Timing& timing) {
-    auto table = parent.table("timing");
-    if (!table) return;
-    read_duration(*table, "lss_timeout", 1ms, 1min, timing.lss_timeout);
-    read_duration(*table, "store_timeout", 1ms, 10min, timing.store_timeout);
-    read_duration(*table, "save_timeout", 1ms, 10min, timing.save_timeout);
-    read_duration(*table, "sdo_timeout", 1ms, 1min, timing.sdo_timeout);
-    read_duration(*table, "guard_timeout", 1ms, 1min, timing.guard_timeout);
-    read_duration(*table, "rand_response", 100us, 10s, timing.rand_response);
-    read_duration(*table, "rand_processing", 0s, 1s, timing.rand_processing);
-    read_heartbeat(*table, timing);
-    read_duration(*table, "boot_timeout", 1ms, 1h, timing.boot_timeout);
-    read_duration(*table, "probe_period", 10ms, 1h, timing.probe_period);
-    if (const auto tries = table->u32("tries", {1, 100})) timing.tries = *tries;
-    table->finish();
-  }
-
-  // 1017h and 1016h count whole milliseconds in 16 bits (CiA 301 §7.5.2.14, .15).
-  static void read_heartbeat(Table& table, Timing& timing) {
-    if (const auto period = table.duration("heartbeat_period", 1ms, 65535ms)) {
-      timing.heartbeat_period = *period;
-      timing.heartbeat_timeout = std::min<Duration>(*period * 3, 65535ms);
-      if (*period % 1ms != 0ns) table.error("heartbeat_period", "heartbeat counts whole milliseconds", "round it");
-    }
-    read_duration(table, "heartbeat_timeout", 1ms, 65535ms, timing.heartbeat_timeout);
-    if (timing.heartbeat_timeout % 1ms != 0ns) {
-      table.error("heartbeat_timeout", "heartbeat counts whole milliseconds", "round it");
-    }
-    if (timing.heartbeat_timeout <= timing.heartbeat_period) {
-      table.error("heartbeat_timeout",
-                  fmt::format("{} is not longer than the period of {}", text::write_duration(timing.heartbeat_timeout),
-                              text::write_duration(timing.heartbeat_period)),
-                  "use about three times the period");
-    }
-  }
-
-  void read_bus(const std::string& name, Table& table) {
-    Bus bus;
-    bus.name = name;
-    bus.place = table.begin();
-    bus.timing = timing_;
-    if (!good_name(name)) table.error("", fmt::format("{} is no bus name", text::quoted(name)), name_fix);
-    if (table.require("port", "such as \"sim\" or \"socketcan:can0\"")) read_port(table, bus);
-    if (table.require("bitrate", "such as 125_000")) read_bitrate(table, bus);
-    read_word(table, "role", role_words, bus.role);
-    if (const auto id = table.integer("master_id", node_ids)) bus.master = NodeId(static_cast<std::uint8_t>(*id));
-    read_gateway(table, bus);
-    if (const auto method = table.word("discovery", discovery_words)) bus.discovery = discovery_words[*method];
-    read_timing(table, bus.timing);
-    table.finish();
-    machine_.buses.push_back(std::move(bus));
-  }
-
-  static void read_port(Table& table, Bus& bus) {
-    const auto text = table.string("port");
-    if (!text) return;
-    const auto port = can::parse_port(*text);
-    if (port) {
-      bus.port = *port;
-    } else {
-      table.error("port", fmt::format("{} is no port", text::quoted(*text)),
-                  "use \"sim\", \"plant:/run/plant.sock\", \"socketcan:can0\", \"slcan:/dev/ttyACM0\" or "
-                  "\"socketcand://host:29536/can0\"");
-    }
-  }
-
-  static void read_bitrate(Table& table, Bus& bus) {
-    const auto rate = table.integer("bitrate", {});
-    if (!rate) return;
-    if (*rate > 0 && *rate <= 1'000'000 && is_canopen_bitrate(static_cast<std::uint32_t>(*rate))) {
-      bus.bitrate = static_cast<std::uint32_t>(*rate);
-      return;
-    }
-    const bool kilo = *rate > 0 && *rate <= 1000 && is_canopen_bitrate(static_cast<std::uint32_t>(*rate) * 1000);
-    table.error("bitrate", fmt::format("{} bit/s is no CANopen bit rate", *rate),
-                kilo ? fmt::format("write {}_000", *rate)
-                     : "use 10_000, 20_000, 50_000, 125_000, 250_000, 500_000, 800_000 or 1_000_000");
-  }
-
-  void read_gateway(Table& table, Bus& bus) {
-    auto entry = table.table("gateway");
-    if (!entry) return;
-    Gateway gateway;
-    const bool named = entry->require("bus", "name the bus above");
-    const bool placed = entry->require("slot", "give the node-ID of the gateway's slot");
-    if (named) gateway.bus = entry->string("bus").value_or("");
-    if (placed) {
-      const auto id = entry->integer("slot", node_ids);
-      if (id) gateway.slot = NodeId(static_cast<std::uint8_t>(*id));
-    }
-    gateway.mandatory = entry->boolean("mandatory").value_or(true);
-    entry->finish();
-    if (gateway.bus.empty() || !gateway.slot.configured()) return;
-    gateway_places_[bus.name] = entry->begin();
-    bus.gateway = std::move(gateway);
-  }
-
   void check_gateway_buses() {
     for (auto& bus : machine_.buses) {
       if (!bus.gateway) continue;
-      const auto place = gateway_places_[bus.name];
+      const auto place = bus.gateway_place;
       const auto key = fmt::format("bus.{}.gateway", bus.name);
       if (machine_.bus(bus.gateway->bus) == nullptr) {
         error_at(place, key, fmt::format("there is no bus {}", text::quoted(bus.gateway->bus)), bus_fix());
@@ -261,7 +134,7 @@ class MachineReader {
       if (!bus.gateway || machine_.bus(bus.gateway->bus) == nullptr) continue;
       if (machine_.slot(bus.gateway->bus, bus.gateway->slot) != nullptr) continue;
       error_at(
-          gateway_places_[bus.name], fmt::format("bus.{}.gateway.slot", bus.name),
+          bus.gateway_place, fmt::format("bus.{}.gateway.slot", bus.name),
           fmt::format("bus {} has no slot with node-ID {}", text::quoted(bus.gateway->bus), bus.gateway->slot.value()),
           "write that [[slot]], or name another");
     }
@@ -644,7 +517,6 @@ class MachineReader {
   Findings& findings_;
   Machine machine_;
   Timing timing_;
-  std::map<std::string, text::Place> gateway_places_;
   std::map<std::string, std::optional<DeviceType>> types_;
   std::map<std::string, std::optional<ConfigType>> config_types_;
 };

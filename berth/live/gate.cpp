@@ -57,9 +57,22 @@ bool expects_answer(const can::Frame& frame) noexcept {
   return key == rand_requests || key == and_requests;
 }
 
+namespace {
+
+// Client command specifiers 2 and 3, CiA 301 §7.2.4.3.
+bool uploads(const can::Frame& frame) noexcept {
+  const auto key = frame.key();
+  const bool request = key >= co::all_sdo_requests.first && key <= co::all_sdo_requests.last && !frame.remote;
+  const auto specifier = static_cast<unsigned>(frame.data[0]) >> 5U;
+  return request && frame.size == 8 && (specifier == 2 || specifier == 3);
+}
+
+}  // namespace
+
 bool allowed(Role role, const can::Frame& frame) noexcept {
   if (role == Role::master) return true;
   if (role == Role::observer) return false;
+  if (role == Role::reader) return uploads(frame);
   if (frame.key() == co::sync_id) return false;
   if (frame.key() != co::nmt_command_id) return true;
   const auto request = co::parse_nmt(frame);

@@ -27,7 +27,8 @@
 
 namespace berth::live {
 
-enum class Role : std::uint8_t { master, commissioner, observer };
+/// A reader uploads by SDO, segmented, and does nothing else: who looks at a machine that others run.
+enum class Role : std::uint8_t { master, commissioner, reader, observer };
 
 struct GateOptions {
   Role role = Role::master;
@@ -51,7 +52,7 @@ enum class GateState : std::uint8_t {
 /// A service answers it: an SDO request, an LSS request with an answer, a discovery request. Heartbeats, NMT commands,
 /// SYNC, LSS switch and configure-activate have none.
 [[nodiscard]] bool expects_answer(const can::Frame& frame) noexcept;
-/// A commissioner's frame: everything but NMT start, NMT resets, SYNC.
+/// A commissioner's frame: everything but NMT start, NMT resets, SYNC. A reader's: SDO upload requests.
 [[nodiscard]] bool allowed(Role role, const can::Frame& frame) noexcept;
 
 class Gate final : public can::Port, private can::Listener {

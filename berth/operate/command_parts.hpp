@@ -101,6 +101,10 @@ struct LssArguments {
 /// What is wrong is in `problem`.
 [[nodiscard]] LssArguments lss_arguments(const CommandRequest& request, std::string& problem);
 
+/// On a real bus (`Session::careful`) a command that disturbs operational devices needs "yes"; false: `reply` says so.
+/// Takes "yes" out of requests that do not know it.
+[[nodiscard]] bool confirmed(Session& session, CommandRequest& request, CommandReply& reply);
+
 // The verbs (commands.cpp, command_sdo.cpp, command_eds.cpp, command_lss.cpp, command_locate.cpp).
 rt::Task<void> configure(Session& session, const CommandRequest& request, CommandReply& reply);
 rt::Task<void> locate(Session& session, const CommandRequest& request, CommandReply& reply);

@@ -442,8 +442,11 @@ rt::Task<void> replace(Session& session, const CommandRequest& request, CommandR
 
 }  // namespace
 
-rt::Task<void> execute(Session& session, const CommandRequest& request, CommandReply& reply) {
+rt::Task<void> execute(Session& session, const CommandRequest& wanted, CommandReply& reply) {
   reply = CommandReply{};
+  CommandRequest request = wanted;
+  const bool goes = confirmed(session, request, reply);
+  if (!goes) co_return;
   const std::string& verb = request.verb;
   if (verb == "report") co_return report(session, request, reply);
   if (verb == "scan") {

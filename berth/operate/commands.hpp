@@ -4,6 +4,9 @@
 /// Verbs and their arguments, all text as the person wrote it; numbers in C notation, `?` = may be left out. `bus` may
 /// be left out of all of them when the machine has one bus; `scan` and `bind` then take every bus.
 ///
+/// On a real bus, `nmt` resets, `lss` services and `sdo write` to 1010h and 1011h take yes? ("1") too: without it they
+/// are refused (status 1, {"result": "unconfirmed"}) while a device that they disturb is operational.
+///
 ///     report
 ///     scan              bus?
 ///     bind              bus?, method? ("auto" or a discovery method; default: the machine file's)

@@ -96,6 +96,11 @@ std::string control_path(const std::string& machine) {
 
 // ---- the asking side ----
 
+bool control_answers(const std::string& path) {
+  sockaddr_un address{};
+  return address_of(path, address) && listener_of(address) != 0;
+}
+
 tl::expected<CommandReply, std::string> control_call(const std::string& path, const CommandRequest& request,
                                                      int timeout_ms) {
   sockaddr_un address{};

@@ -27,6 +27,9 @@ namespace berth::operate {
 [[nodiscard]] tl::expected<CommandReply, std::string> control_call(const std::string& path,
                                                                    const CommandRequest& request, int timeout_ms);
 
+/// Somebody accepts connections at `path`.
+[[nodiscard]] bool control_answers(const std::string& path);
+
 /// Listens and runs what it is asked, in the session's executor. Never blocks; its owner polls. Not from inside a job.
 class ControlServer {
  public:

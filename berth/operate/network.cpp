@@ -8,6 +8,7 @@
 #include "berth/operate/master_device.hpp"
 #include "berth/operate/network_seat.hpp"
 #include "berth/operate/timing_options.hpp"
+#include "berth/text/quantity.hpp"
 
 namespace berth::operate {
 
@@ -86,6 +87,10 @@ void Network::start() {
   running_ = true;
   dispatcher_.on_status(this);
   heartbeats_.hear_all_boot_ups(true);
+  if (!usable(port_->status())) {
+    resting_ = true;
+    return;
+  }
   scope_.spawn(job());
 }
 
@@ -93,8 +98,46 @@ void Network::stop() noexcept {
   scope_.cancel();
   dispatcher_.on_status(nullptr);
   restart_.cancel();
-  running_ = false;
+  running_ = resting_ = works_ = false;
   idle_ = false;
+}
+
+bool Network::usable(const can::Status& status) const noexcept {
+  return status.up && (bus_->role == design::Role::observer || !status.listen_only);
+}
+
+// A port that was away may hang on another machine now, and devices may have been changed meanwhile: everything that
+// was known of them is asked anew, as after a start.
+void Network::rest_or_go_on(const can::Status& status) {
+  if (!running_) return;
+  if (!usable(status) && !resting_) {
+    go_to_rest(status.up ? "the port takes no frame of Berth's"
+                         : "the port is down; what is wrong with cable, adapter or "
+                           "interface? Berth waits for it");
+  } else if (usable(status) && resting_) {
+    resting_ = false;
+    look_anew_ = true;
+    tell("step", "", "the port takes frames: looking who is there");
+    scope_.spawn(job());
+  }
+}
+
+void Network::go_to_rest(const std::string& why) {
+  resting_ = true;
+  scope_.cancel();
+  if (std::exchange(works_, false)) turn_.give();
+  idle_ = false;
+  fall_silent();
+  vacancy_ = {};
+  found_.clear();
+  told_.clear();
+  for (auto& seat : seats_) {
+    heartbeats_.supervise(seat->id(), rt::Duration{0});
+    seat->there = seat->started = false;
+    seat->checked = {};
+    set_state(*seat, SlotState::unknown, why);
+  }
+  tell("error", "", why);
 }
 
 // The master's own messages begin when nobody else was found under its node-ID: two nodes that boot under one node-ID
@@ -118,14 +161,32 @@ void Network::changed(const can::Status& status, rt::Time) noexcept {
     tell("error", "",
          "this port is error-passive: is a wire loose, or another node at a wrong bit rate or with our node-ID?");
   }
-  if (status.bus_off && !restart_.timed()) {
-    tell("error", "", "this port is bus-off; it is started again in 1 s");
-    executor_->after(bus_off_pause, restart_);
+  if (status.bus_off && !restart_.timed()) way_out_of_bus_off();
+  rest_or_go_on(status);
+}
+
+void Network::way_out_of_bus_off() {
+  const auto& timing = bus_->timing;
+  if (bus_->bus_off == design::BusOff::stay) {
+    return tell_once("error",
+                     "this port is bus-off and stays so (bus_off = \"stay\"); find the fault, then start anew");
   }
+  const auto calm = std::max<rt::Duration>(10 * timing.bus_off_pause, std::chrono::seconds(10));
+  if (restarts_ > 0 && executor_->now() - restarted_ > calm) restarts_ = 0;
+  if (timing.bus_off_limit > 0 && restarts_ >= timing.bus_off_limit) {
+    return tell_once("error", fmt::format("this port is bus-off again after {} restarts (bus_off_limit), and stays so; "
+                                          "find the fault, then start anew",
+                                          restarts_));
+  }
+  tell("error", "",
+       fmt::format("this port is bus-off; it is started again in {}", text::write_duration(timing.bus_off_pause)));
+  executor_->after(timing.bus_off_pause, restart_);
 }
 
 void Network::Restart::run() noexcept {
   network_.tell("step", "", "starting the port again after bus-off");
+  ++network_.restarts_;
+  network_.restarted_ = network_.executor_->now();
   // Its own: the network may have moved to another (network_bitrate.hpp).
   const auto rate = network_.port_->status().bit_rate;
   network_.port_->restart(rate != 0 ? rate : network_.bus_->bitrate);

@@ -90,6 +90,9 @@ class Network final : private co::HeartbeatConsumer::Observer,
   void start();
   /// Stops the main job where it stands, as if Berth had been ended.
   void stop() noexcept;
+  /// The main job rests: the port is down, or takes no frame (another master, a gate that listens still). It begins
+  /// anew by itself when the port takes frames again.
+  [[nodiscard]] bool resting() const noexcept { return resting_; }
 
   [[nodiscard]] const design::Bus& bus() const noexcept { return *bus_; }
   [[nodiscard]] std::vector<SlotReport> report() const;
@@ -347,12 +350,17 @@ class Network final : private co::HeartbeatConsumer::Observer,
    private:
     Network& network_;
   };
-  static constexpr rt::Duration bus_off_pause = std::chrono::seconds(1);
+  void rest_or_go_on(const can::Status& status);
+  void go_to_rest(const std::string& why);
+  void way_out_of_bus_off();
+  [[nodiscard]] bool usable(const can::Status& status) const noexcept;
 
   const design::Bus* bus_;
   can::Port* port_;
   Restart restart_;
-  bool speaks_ = false;  // the master's own device is on
+  rt::Time restarted_{};        // after bus-off, last
+  std::uint32_t restarts_ = 0;  // in a row
+  bool speaks_ = false;         // the master's own device is on
   places::SlotStore* store_;
   NetworkObserver observer_;
   can::Dispatcher dispatcher_;
@@ -400,6 +408,8 @@ class Network final : private co::HeartbeatConsumer::Observer,
   unsigned looks_ = 0;
   bool idle_ = false;
   bool running_ = false;
+  bool resting_ = false;
+  bool works_ = false;     // the main job has the turn
   bool look_anew_ = true;  // the next look asks everybody, not only who is unknown
   rt::Turn turn_;
   rt::Scope scope_;  // last: its tasks use everything above

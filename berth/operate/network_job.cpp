@@ -12,14 +12,17 @@ using places::SlotState;
 
 rt::Task<void> Network::job() {
   co_await turn_.take();
+  works_ = true;
   co_await opening();
   co_await prepare();
   for (;;) {
     co_await round();
     idle_ = true;
+    works_ = false;
     turn_.give();
     co_await watch();
     co_await turn_.take();
+    works_ = true;
     idle_ = false;
   }
 }

@@ -103,6 +103,10 @@ void Session::stop() noexcept {
   started_ = false;
 }
 
+void Session::tell(std::string_view bus, std::string kind, std::string text) {
+  record({executor_->now(), std::string(bus), std::move(kind), {}, std::move(text)});
+}
+
 void Session::record(const Event& event) {
   if (events_.size() == most_events) events_.pop_front();
   events_.push_back(event);

@@ -36,6 +36,12 @@ class Session {
   /// The main job runs; without it the session only serves single commands.
   [[nodiscard]] bool started() const noexcept { return started_; }
 
+  /// Real devices hang on these buses: what disturbs one that is operational wants a person's confirmation.
+  void set_careful(bool careful) noexcept { careful_ = careful; }
+  [[nodiscard]] bool careful() const noexcept { return careful_; }
+  /// An event of whoever guards a bus's port. `kind`: "step" or "error".
+  void tell(std::string_view bus, std::string kind, std::string text);
+
   /// Every event, as it happens. Events are kept for `report` too, the newest `most_events`.
   void on_event(std::function<void(const Event&)> handler) { on_event_ = std::move(handler); }
   /// "discovered", "bound", "operational": when the last bus has reached it.
@@ -74,6 +80,7 @@ class Session {
   std::vector<std::pair<std::string, std::size_t>> milestones_;
   rt::Time began_{};
   bool started_ = false;
+  bool careful_ = false;
 };
 
 }  // namespace berth::operate

@@ -1,0 +1,34 @@
+/// `berth adopt`, `berth export`, `berth import`: a running machine gets its files; files go to another computer.
+#pragma once
+
+#include <chrono>
+#include <functional>
+#include <string>
+
+#include "options.hpp"
+
+namespace CLI {
+class App;
+}
+
+namespace berth::cli {
+
+struct AdoptOptions {
+  std::string file;                 ///< the machine file to write
+  std::string name = "adopted";     ///< of the machine
+  std::uint32_t bitrate = 125'000;  ///< bit/s
+  std::chrono::nanoseconds listen{std::chrono::seconds(8)};
+  bool passive = false;    ///< sends nothing
+  bool everybody = false;  ///< asks node-IDs that are silent, too
+};
+
+/// Exit status: 0 done; 1 nobody was found whose place could be written; 3 the port or a file failed.
+int run_adopt(const Options& options, const AdoptOptions& adopt);
+/// Machine file, the files it names, and the slot table, as one file. Status 1: `to` is there already.
+int run_export(const Options& options, const std::string& to);
+/// The way back, into a folder. Nothing is overwritten: status 1 names what is there.
+int run_import(const Options& options, const std::string& from, const std::string& folder);
+
+void add_adopt(CLI::App& app, Options& options, std::function<int()>& action);
+
+}  // namespace berth::cli

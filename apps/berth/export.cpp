@@ -1,0 +1,259 @@
+// `berth export` and `berth import`: a machine's files and its slot table as one file, for another computer. The file
+// is JSON: {"berth_export": 1, "machine": "conveyor.toml", "files": [{"name", "base64"}], "store": {"name", "base64"}}.
+// Names are relative to the machine file's folder and stay beneath it.
+#include <fcntl.h>
+#include <fmt/format.h>
+#include <unistd.h>
+
+#include <array>
+#include <cerrno>
+#include <cstring>
+#include <filesystem>
+#include <nlohmann/json.hpp>
+#include <set>
+
+#include "adopt.hpp"
+#include "berth/store/database.hpp"
+#include "berth/text/file.hpp"
+#include "ports.hpp"
+
+namespace berth::cli {
+namespace {
+
+namespace fs = std::filesystem;
+using Json = nlohmann::ordered_json;
+
+constexpr int export_version = 1;
+constexpr std::string_view digits = "ABCDEFGHIJKLMNOPQRSTUVWXYZabcdefghijklmnopqrstuvwxyz0123456789+/";
+
+std::string to_base64(std::string_view bytes) {
+  std::string text;
+  for (std::size_t i = 0; i < bytes.size(); i += 3) {
+    std::uint32_t word = 0;
+    const std::size_t count = std::min<std::size_t>(3, bytes.size() - i);
+    for (std::size_t k = 0; k < 3; ++k) word = word << 8U | (k < count ? static_cast<unsigned char>(bytes[i + k]) : 0U);
+    for (std::size_t k = 0; k < 4; ++k) text.push_back(k <= count ? digits[word >> (18U - 6U * k) & 0x3FU] : '=');
+  }
+  return text;
+}
+
+std::optional<std::string> from_base64(std::string_view text) {
+  if (text.size() % 4 != 0) return std::nullopt;
+  std::string bytes;
+  for (std::size_t i = 0; i < text.size(); i += 4) {
+    std::uint32_t word = 0;
+    std::size_t count = 3;
+    for (std::size_t k = 0; k < 4; ++k) {
+      const char c = text[i + k];
+      const bool last = i + 4 == text.size();
+      if (c == '=' && last && k >= 2) {
+        count = std::min(count, k - 1);
+        word <<= 6U;
+        continue;
+      }
+      const auto value = digits.find(c);
+      if (value == std::string_view::npos || count < 3) return std::nullopt;
+      word = word << 6U | static_cast<std::uint32_t>(value);
+    }
+    for (std::size_t k = 0; k < count; ++k) bytes.push_back(static_cast<char>(word >> (16U - 8U * k) & 0xFFU));
+  }
+  return bytes;
+}
+
+/// Whole or not at all, and never over a file that is there.
+std::optional<Failure> write_new(const fs::path& path, std::string_view bytes) {
+  const std::string temporary = fmt::format("{}.{}.part", path.string(), ::getpid());
+  const int fd = ::open(temporary.c_str(), O_WRONLY | O_CREAT | O_EXCL | O_CLOEXEC, 0644);
+  const auto wrong = [&](int error) {
+    ::unlink(temporary.c_str());
+    return failure(error == EEXIST ? Exit::no : Exit::failed,
+                   path.string() + ": " + (error == EEXIST ? "is there already" : std::strerror(error)));
+  };
+  if (fd < 0) return wrong(errno);
+  for (std::size_t done = 0; done < bytes.size();) {
+    const auto n = ::write(fd, bytes.data() + done, bytes.size() - done);
+    if (n < 0 && errno == EINTR) continue;
+    if (n <= 0) {
+      const int error = errno;
+      ::close(fd);
+      return wrong(error);
+    }
+    done += static_cast<std::size_t>(n);
+  }
+  const bool synced = ::fsync(fd) == 0;
+  const int error = errno;
+  ::close(fd);
+  if (!synced) return wrong(error);
+  if (::link(temporary.c_str(), path.c_str()) != 0) return wrong(errno);
+  ::unlink(temporary.c_str());
+  return std::nullopt;
+}
+
+tl::expected<std::string, Failure> bytes_of(const std::string& path) {
+  Findings findings;
+  auto text = text::read_file(path, findings);
+  if (!text) return tl::unexpected(failure(findings));
+  return std::move(*text);
+}
+
+// A name that stays beneath the folder it is put into.
+bool is_safe(const std::string& name) {
+  const fs::path path(name);
+  if (name.empty() || path.is_absolute() || !path.has_filename()) return false;
+  return std::ranges::none_of(path, [](const fs::path& part) { return part == ".." || part == "."; });
+}
+
+/// The files that a machine file names, itself first, as seen from its folder.
+tl::expected<std::vector<std::string>, Failure> files_of(const design::Machine& machine) {
+  const fs::path folder = fs::path(machine.file).parent_path();
+  std::vector<std::string> names{fs::path(machine.file).filename().string()};
+  std::set<std::string> seen;
+  for (const auto& slot : machine.slots) {
+    seen.insert(slot.eds_path);
+    seen.insert(slot.spec.config);
+  }
+  for (const auto& device : machine.library) {
+    seen.insert(device.eds_path);
+    if (device.file != machine.file) seen.insert(device.file);
+  }
+  seen.erase("");
+  for (const auto& path : seen) {
+    const std::string name = fs::path(path).lexically_relative(folder.empty() ? fs::path(".") : folder).string();
+    const std::string inside = folder.empty() ? fs::path(path).lexically_normal().string() : name;
+    if (!is_safe(inside)) {
+      return tl::unexpected(failure(
+          Exit::no, path + ": lies outside of the machine file's folder, where an import could not put it; move it "
+                           "beneath that folder and name it so"));
+    }
+    if (std::ranges::find(names, inside) == names.end()) names.push_back(inside);
+  }
+  return names;
+}
+
+// SQLite's files are one only when nobody has them open: opening takes the store's lock and closing folds the log in.
+tl::expected<std::string, Failure> store_bytes(const std::string& path) {
+  {
+    const auto opened = store::Database::open(path);
+    if (!opened) return tl::unexpected(failure(Exit::failed, opened.error().message));
+  }
+  std::error_code ignored;
+  if (fs::exists(path + "-wal") && fs::file_size(path + "-wal", ignored) > 0) {
+    return tl::unexpected(failure(Exit::failed, path + ": another process uses it; end it, then export"));
+  }
+  return bytes_of(path);
+}
+
+/// What an export holds, decoded.
+struct Content {
+  std::string name;
+  std::string bytes;
+};
+
+tl::expected<Content, Failure> content_of(const Json& entry, const std::string& from) {
+  const bool shaped = entry.is_object() && entry.contains("name") && entry.at("name").is_string() &&
+                      entry.contains("base64") && entry.at("base64").is_string();
+  if (!shaped) return tl::unexpected(failure(Exit::usage, from + ": a file in it has no name or no content"));
+  const auto name = entry.at("name").get<std::string>();
+  if (!is_safe(name)) {
+    return tl::unexpected(failure(Exit::usage, fmt::format("{}: \"{}\" is no name beneath a folder", from, name)));
+  }
+  auto bytes = from_base64(entry.at("base64").get<std::string>());
+  if (!bytes) return tl::unexpected(failure(Exit::usage, fmt::format("{}: {} is damaged", from, name)));
+  return Content{name, std::move(*bytes)};
+}
+
+tl::expected<std::vector<Content>, Failure> contents_of(const std::string& text, const std::string& from) {
+  const auto json = Json::parse(text, nullptr, false);
+  const bool ours = json.is_object() && json.contains("berth_export") && json.at("berth_export").is_number_integer() &&
+                    json.contains("files") && json.at("files").is_array();
+  if (!ours) return tl::unexpected(failure(Exit::usage, from + ": this is no export of Berth's"));
+  const auto version = json.at("berth_export").get<std::int64_t>();
+  if (version != export_version) {
+    return tl::unexpected(failure(Exit::usage, fmt::format("{}: it is of version {}, and this Berth reads version {}",
+                                                           from, version, export_version)));
+  }
+  std::vector<Content> all;
+  for (const auto& entry : json.at("files")) {
+    auto content = content_of(entry, from);
+    if (!content) return tl::unexpected(content.error());
+    all.push_back(std::move(*content));
+  }
+  if (json.contains("store") && !json.at("store").is_null()) {
+    auto content = content_of(json.at("store"), from);
+    if (!content) return tl::unexpected(content.error());
+    all.push_back(std::move(*content));
+  }
+  std::set<std::string> names;
+  for (const auto& content : all) {
+    if (names.insert(content.name).second) continue;
+    return tl::unexpected(failure(Exit::usage, fmt::format("{}: {} is in it twice", from, content.name)));
+  }
+  return all;
+}
+
+}  // namespace
+
+int run_export(const Options& options, const std::string& to) {
+  auto loaded = design::load_machine(options.machine);
+  if (!loaded.machine) return tell(failure(loaded.findings), options.json);
+  const auto names = files_of(*loaded.machine);
+  if (!names) return tell(names.error(), options.json);
+  Json all{{"berth_export", export_version}, {"machine", names->front()}, {"name", loaded.machine->name}};
+  all["files"] = Json::array();
+  const fs::path folder = fs::path(options.machine).parent_path();
+  for (const auto& name : *names) {
+    const auto bytes = bytes_of((folder / name).string());
+    if (!bytes) return tell(bytes.error(), options.json);
+    all["files"].push_back({{"name", name}, {"base64", to_base64(*bytes)}});
+  }
+  const std::string store = options.store.empty() ? default_store(options.machine) : options.store;
+  all["store"] = nullptr;
+  const bool has_store = fs::exists(store);
+  if (!has_store && !options.store.empty()) {
+    return tell(failure(Exit::failed, store + ": there is no such slot table"), options.json);
+  }
+  if (has_store) {
+    const auto bytes = store_bytes(store);
+    if (!bytes) return tell(bytes.error(), options.json);
+    const std::string name = fs::path(default_store(names->front())).filename().string();
+    all["store"] = {{"name", name}, {"base64", to_base64(*bytes)}};
+  }
+  if (const auto wrong = write_new(to, all.dump(1) + "\n")) return tell(*wrong, options.json);
+  if (options.json) {
+    print_line(Json{{"export", to}, {"files", names->size()}, {"store", has_store}}.dump(2));
+  } else {
+    print_line(fmt::format("{}: {} file{}{}", to, names->size(), names->size() == 1 ? "" : "s",
+                           has_store ? " and the slot table" : "; there is no slot table (" + store + ")"));
+  }
+  return Exit::done;
+}
+
+int run_import(const Options& options, const std::string& from, const std::string& folder) {
+  const auto text = bytes_of(from);
+  if (!text) return tell(text.error(), options.json);
+  const auto contents = contents_of(*text, from);
+  if (!contents) return tell(contents.error(), options.json);
+  const fs::path base(folder.empty() ? "." : folder);
+  std::string there;
+  for (const auto& content : *contents) {
+    if (fs::exists(base / content.name)) there += "\n  " + (base / content.name).string();
+  }
+  if (!there.empty()) {
+    return tell(failure(Exit::no, "import overwrites nothing, and these files are there already:" + there),
+                options.json);
+  }
+  Json written = Json::array();
+  for (const auto& content : *contents) {
+    const fs::path path = base / content.name;
+    std::error_code error;
+    if (path.has_parent_path()) fs::create_directories(path.parent_path(), error);
+    if (error) return tell(failure(Exit::failed, path.string() + ": " + error.message()), options.json);
+    if (const auto wrong = write_new(path, content.bytes)) return tell(*wrong, options.json);
+    written.push_back(path.string());
+    if (!options.json) print_line(path.string());
+  }
+  if (options.json) print_line(Json{{"written", written}}.dump(2));
+  return Exit::done;
+}
+
+}  // namespace berth::cli

@@ -1,0 +1,132 @@
+#include "ports.hpp"
+
+#include <fmt/format.h>
+
+#include <fcntl.h>
+#include <sys/file.h>
+#include <sys/stat.h>
+#include <unistd.h>
+
+#include <algorithm>
+#include <array>
+#include <cerrno>
+#include <cstring>
+#include <filesystem>
+
+#include "berth/operate/control.hpp"
+
+namespace berth::cli {
+
+namespace {
+
+std::string bus_names(const design::Machine& machine) {
+  std::string names;
+  for (const auto& bus : machine.buses) names += (names.empty() ? "" : ", ") + bus.name;
+  return names;
+}
+
+Failure wrong_port(const std::string& written, const std::string& why) {
+  return failure(Exit::usage, fmt::format("--port {}: {}", written, why));
+}
+
+}  // namespace
+
+tl::expected<void, Failure> override_ports(design::Machine& machine, const Options& options) {
+  for (const auto& written : options.ports) {
+    const auto equals = written.find('=');
+    const bool names_bus = equals != std::string::npos && machine.bus(written.substr(0, equals)) != nullptr;
+    std::string name = names_bus ? written.substr(0, equals) : options.bus;
+    if (name.empty() && machine.buses.size() == 1) name = machine.buses.front().name;
+    if (name.empty()) {
+      return tl::unexpected(
+          wrong_port(written, fmt::format("which bus? Write BUS=PORT; the buses are {}", bus_names(machine))));
+    }
+    const auto port = can::parse_port(names_bus ? written.substr(equals + 1) : written);
+    if (!port || port->kind == can::PortKind::sim) {
+      return tl::unexpected(wrong_port(written,
+                                       "this is no port; use socketcan:can0, slcan:/dev/ttyACM0, "
+                                       "socketcand://host:29536/can0 or plant:/run/plant.sock"));
+    }
+    const auto bus = std::ranges::find(machine.buses, name, &design::Bus::name);
+    if (bus == machine.buses.end()) {
+      return tl::unexpected(
+          wrong_port(written, fmt::format("there is no bus \"{}\"; the buses are {}", name, bus_names(machine))));
+    }
+    bus->port = *port;
+  }
+  return {};
+}
+
+void restrict_to(design::Machine& machine, const std::string& bus) {
+  std::erase_if(machine.buses, [&](const auto& b) { return b.name != bus; });
+  std::erase_if(machine.slots, [&](const auto& s) { return s.spec.name.bus != bus; });
+  std::erase_if(machine.links, [&](const auto& link) {
+    const auto elsewhere = [&](const design::LinkEnd& end) { return machine.slot(end.slot) == nullptr; };
+    return elsewhere(link.from) || std::ranges::any_of(link.to, elsewhere);
+  });
+}
+
+std::string bus_process(const std::string& machine, const std::string& bus) { return machine + "." + bus; }
+
+bool all_elsewhere(const design::Machine& machine) noexcept {
+  return std::ranges::none_of(machine.buses, [](const auto& b) { return b.port.kind == can::PortKind::sim; });
+}
+
+// Beside the control sockets: that folder is this user's.
+tl::expected<PortLock, Failure> PortLock::take(const can::PortSpec& port) {
+  std::string name = can::to_string(port);
+  std::error_code error;
+  const auto canonical = port.kind == can::PortKind::slcan ? std::filesystem::canonical(port.address, error) : "";
+  if (!canonical.empty()) name = "slcan:" + canonical.string();
+  std::string path = operate::control_path("port-" + name);
+  path.replace(path.size() - std::strlen(".sock"), std::string::npos, ".lock");
+  ::mkdir(std::filesystem::path(path).parent_path().c_str(), 0700);
+  const int fd = ::open(path.c_str(), O_RDWR | O_CREAT | O_CLOEXEC | O_NOFOLLOW, 0600);
+  if (fd < 0) {
+    return tl::unexpected(failure(Exit::failed, fmt::format("{}: {}", path, std::strerror(errno))));
+  }
+  if (::flock(fd, LOCK_EX | LOCK_NB) == 0) {
+    const auto pid = fmt::format("{}\n", ::getpid());
+    const bool told = ::ftruncate(fd, 0) == 0 && ::pwrite(fd, pid.data(), pid.size(), 0) > 0;
+    static_cast<void>(told);  // only for the message below
+    return PortLock(fd);
+  }
+  std::array<char, 16> text{};
+  const auto size = ::pread(fd, text.data(), text.size() - 1, 0);
+  ::close(fd);
+  std::string holder(text.data(), size > 0 ? static_cast<std::size_t>(size) : 0);
+  std::erase(holder, '\n');
+  return tl::unexpected(
+      failure(Exit::failed,
+              fmt::format("{} belongs to {} already: one process owns a port. Ask that one (its control socket is "
+                          "found by the machine's name, or give --control), or end it",
+                          can::to_string(port), holder.empty() ? "another process of Berth" : "process " + holder)));
+}
+
+PortLock::~PortLock() {
+  if (fd_ >= 0) ::close(fd_);
+}
+
+bool is_real(const can::PortSpec& port) noexcept {
+  return port.kind != can::PortKind::sim && port.kind != can::PortKind::plant;
+}
+
+Failure needs_plant(const design::Machine& machine) {
+  const auto simulated =
+      std::ranges::find_if(machine.buses, [](const auto& b) { return b.port.kind == can::PortKind::sim; });
+  const bool only = std::ranges::all_of(machine.buses, [](const auto& b) { return b.port.kind == can::PortKind::sim; });
+  if (only || simulated == machine.buses.end()) {
+    return failure(Exit::usage,
+                   "the machine's buses are simulated: give the plant file with --sim PLANT, or a port with --port");
+  }
+  return failure(Exit::usage, fmt::format("{}:{}: bus {} is simulated and others are not: give it a port with "
+                                          "--port {}=PORT, take one of the others by --bus, or give --sim PLANT to "
+                                          "simulate them all",
+                                          machine.file, simulated->place.line, simulated->name, simulated->name));
+}
+
+std::string default_store(const std::string& machine_file) {
+  return std::filesystem::path(machine_file).replace_extension(".db").string();
+}
+
+}  // namespace berth::cli

@@ -1,0 +1,51 @@
+/// Which port each bus of a machine runs on: what the machine file says, `--port` stronger, `--sim` strongest.
+#pragma once
+
+#include <tl/expected.hpp>
+#include <utility>
+
+#include "berth/design/machine.hpp"
+#include "options.hpp"
+#include "output.hpp"
+
+namespace berth::cli {
+
+/// Puts `--port` in place of what the file says: "socketcan:vcan0" for the only bus (or the one of `--bus`),
+/// "drives=socketcan:can1" for a bus by its name, as often as there are buses.
+[[nodiscard]] tl::expected<void, Failure> override_ports(design::Machine& machine, const Options& options);
+
+/// Only this bus and its slots are left: one process for one network of a machine.
+void restrict_to(design::Machine& machine, const std::string& bus);
+
+/// The name by which a process for one bus alone is known: its control socket's.
+[[nodiscard]] std::string bus_process(const std::string& machine, const std::string& bus);
+
+/// The buses are all in other hands than this process's simulator, so that it runs in real time by a loop.
+[[nodiscard]] bool all_elsewhere(const design::Machine& machine) noexcept;
+
+/// Devices that somebody built hang on it: neither a simulated bus of this process nor a plant's of another.
+[[nodiscard]] bool is_real(const can::PortSpec& port) noexcept;
+
+/// One process of this user owns a real port: a lock that goes with the process however it ends. Not for ports that
+/// give everybody a node of his own (`plant:`).
+class PortLock {
+ public:
+  /// Refused with the process that has it.
+  [[nodiscard]] static tl::expected<PortLock, Failure> take(const can::PortSpec& port);
+  PortLock(PortLock&& other) noexcept : fd_(std::exchange(other.fd_, -1)) {}
+  PortLock& operator=(PortLock&&) = delete;
+  ~PortLock();
+
+ private:
+  explicit PortLock(int fd) noexcept : fd_(fd) {}
+  int fd_;
+};
+
+/// Why the machine cannot run without `--sim`, when it cannot: a bus that is simulated beside one that is not.
+[[nodiscard]] Failure needs_plant(const design::Machine& machine);
+
+/// Where the slot table of a machine on real ports is when nobody says it: beside the machine file,
+/// "conveyor.toml" -> "conveyor.db".
+[[nodiscard]] std::string default_store(const std::string& machine_file);
+
+}  // namespace berth::cli

@@ -1,0 +1,158 @@
+// `[bus.NAME]` and `[timing]` of the machine file: docs/machine-file.md.
+#include <fmt/format.h>
+
+#include <algorithm>
+
+#include "berth/design/read_parts.hpp"
+
+namespace berth::design {
+namespace {
+
+using namespace std::chrono_literals;
+using std::string_view;
+using text::Table;
+
+constexpr std::array<string_view, 3> role_words{"master", "commissioner", "observer"};
+// As `discovery::name` has them; rooms of this floor do not link that one.
+constexpr std::array<string_view, 10> discovery_words{"auto",
+                                                      "rand",
+                                                      "and",
+                                                      "fastscan",
+                                                      "fastscan-feedback-29",
+                                                      "fastscan-feedback-11",
+                                                      "identify",
+                                                      "planner-rand",
+                                                      "planner-fastscan",
+                                                      "planner-feedback"};
+constexpr std::array<string_view, 3> on_exit_words{"leave", "preop", "stop"};
+constexpr std::array<string_view, 2> bus_off_words{"restart", "stay"};
+
+void read_duration(Table& table, string_view key, Duration low, Duration high, Duration& into) {
+  if (const auto value = table.duration(key, low, high)) into = *value;
+}
+
+// 1017h and 1016h count whole milliseconds in 16 bits (CiA 301 §7.5.2.14, .15).
+void read_heartbeat(Table& table, Timing& timing) {
+  if (const auto period = table.duration("heartbeat_period", 1ms, 65535ms)) {
+    timing.heartbeat_period = *period;
+    timing.heartbeat_timeout = std::min<Duration>(*period * 3, 65535ms);
+    if (*period % 1ms != 0ns) table.error("heartbeat_period", "heartbeat counts whole milliseconds", "round it");
+  }
+  read_duration(table, "heartbeat_timeout", 1ms, 65535ms, timing.heartbeat_timeout);
+  if (timing.heartbeat_timeout % 1ms != 0ns) {
+    table.error("heartbeat_timeout", "heartbeat counts whole milliseconds", "round it");
+  }
+  if (timing.heartbeat_timeout <= timing.heartbeat_period) {
+    table.error("heartbeat_timeout",
+                fmt::format("{} is not longer than the period of {}", text::write_duration(timing.heartbeat_timeout),
+                            text::write_duration(timing.heartbeat_period)),
+                "use about three times the period");
+  }
+}
+
+void read_port(Table& table, Bus& bus) {
+  const auto text = table.string("port");
+  if (!text) return;
+  const auto port = can::parse_port(*text);
+  if (port) {
+    bus.port = *port;
+  } else {
+    table.error("port", fmt::format("{} is no port", text::quoted(*text)),
+                "use \"sim\", \"plant:/run/plant.sock\", \"socketcan:can0\", \"slcan:/dev/ttyACM0\" or "
+                "\"socketcand://host:29536/can0\"");
+  }
+}
+
+void read_bitrate(Table& table, Bus& bus) {
+  const auto rate = table.integer("bitrate", {});
+  if (!rate) return;
+  if (*rate > 0 && *rate <= 1'000'000 && is_canopen_bitrate(static_cast<std::uint32_t>(*rate))) {
+    bus.bitrate = static_cast<std::uint32_t>(*rate);
+    return;
+  }
+  const bool kilo = *rate > 0 && *rate <= 1000 && is_canopen_bitrate(static_cast<std::uint32_t>(*rate) * 1000);
+  table.error("bitrate", fmt::format("{} bit/s is no CANopen bit rate", *rate),
+              kilo ? fmt::format("write {}_000", *rate)
+                   : "use 10_000, 20_000, 50_000, 125_000, 250_000, 500_000, 800_000 or 1_000_000");
+}
+
+void read_gateway(Table& table, Bus& bus) {
+  auto entry = table.table("gateway");
+  if (!entry) return;
+  Gateway gateway;
+  const bool named = entry->require("bus", "name the bus above");
+  const bool placed = entry->require("slot", "give the node-ID of the gateway's slot");
+  if (named) gateway.bus = entry->string("bus").value_or("");
+  if (placed) {
+    const auto id = entry->integer("slot", node_ids);
+    if (id) gateway.slot = NodeId(static_cast<std::uint8_t>(*id));
+  }
+  gateway.mandatory = entry->boolean("mandatory").value_or(true);
+  entry->finish();
+  if (gateway.bus.empty() || !gateway.slot.configured()) return;
+  bus.gateway_place = entry->begin();
+  bus.gateway = std::move(gateway);
+}
+
+void read_tolerated(Table& table, Bus& bus) {
+  const auto words = table.strings("tolerate");
+  if (!words) return;
+  for (const auto& word : *words) {
+    const auto sign = live::sign_named(word);
+    if (sign) {
+      bus.tolerate.set(static_cast<std::size_t>(*sign));
+    } else {
+      table.error("tolerate", fmt::format("{} is no sign of another master", text::quoted(word)),
+                  "use nmt, lss, discovery, flying-master, sdo, sync, heartbeat or guarding");
+    }
+  }
+}
+
+}  // namespace
+
+bool good_name(string_view name) noexcept {
+  if (name.empty() || name.size() > 100 || name.front() == ' ' || name.back() == ' ') return false;
+  return std::ranges::none_of(name,
+                              [](char c) { return static_cast<unsigned char>(c) < 0x20 || c == '/' || c == 0x7F; });
+}
+void read_timing(text::Table& parent, Timing& timing) {
+  auto table = parent.table("timing");
+  if (!table) return;
+  read_duration(*table, "lss_timeout", 1ms, 1min, timing.lss_timeout);
+  read_duration(*table, "store_timeout", 1ms, 10min, timing.store_timeout);
+  read_duration(*table, "save_timeout", 1ms, 10min, timing.save_timeout);
+  read_duration(*table, "sdo_timeout", 1ms, 1min, timing.sdo_timeout);
+  read_duration(*table, "guard_timeout", 1ms, 1min, timing.guard_timeout);
+  read_duration(*table, "rand_response", 100us, 10s, timing.rand_response);
+  read_duration(*table, "rand_processing", 0s, 1s, timing.rand_processing);
+  read_heartbeat(*table, timing);
+  read_duration(*table, "boot_timeout", 1ms, 1h, timing.boot_timeout);
+  read_duration(*table, "probe_period", 10ms, 1h, timing.probe_period);
+  read_duration(*table, "listen", 0s, 1min, timing.listen);
+  read_duration(*table, "bus_off_pause", 10ms, 1h, timing.bus_off_pause);
+  if (const auto limit = table->u32("bus_off_limit", {0, 1'000'000})) timing.bus_off_limit = *limit;
+  if (const auto tries = table->u32("tries", {1, 100})) timing.tries = *tries;
+  table->finish();
+}
+
+Bus read_bus(const std::string& name, text::Table& table, const Timing& timing) {
+  Bus bus;
+  bus.name = name;
+  bus.place = table.begin();
+  bus.timing = timing;
+  if (!good_name(name)) table.error("", fmt::format("{} is no bus name", text::quoted(name)), name_fix);
+  if (table.require("port", "such as \"sim\" or \"socketcan:can0\"")) read_port(table, bus);
+  if (table.require("bitrate", "such as 125_000")) read_bitrate(table, bus);
+  read_word(table, "role", role_words, bus.role);
+  if (const auto id = table.integer("master_id", node_ids)) bus.master = NodeId(static_cast<std::uint8_t>(*id));
+  read_word(table, "on_exit", on_exit_words, bus.on_exit);
+  read_word(table, "bus_off", bus_off_words, bus.bus_off);
+  read_tolerated(table, bus);
+  read_gateway(table, bus);
+  if (const auto method = table.word("discovery", discovery_words)) bus.discovery = discovery_words[*method];
+  read_timing(table, bus.timing);
+  table.finish();
+  return bus;
+}
+
+}  // namespace berth::design

@@ -1,0 +1,193 @@
+#include "berth/live/census.hpp"
+
+#include <algorithm>
+
+#include "berth/base/bytes.hpp"
+#include "berth/co/cob_id.hpp"
+#include "berth/co/nmt.hpp"
+
+namespace berth::live {
+
+namespace {
+
+constexpr can::IdRange every_base_frame{0, can::base_mask};
+constexpr std::size_t gaps_kept = 16;
+
+bool in(std::uint32_t key, can::IdRange range) noexcept { return key >= range.first && key <= range.last; }
+
+rt::Duration median(std::vector<rt::Duration> gaps) {
+  if (gaps.empty()) return rt::Duration{0};
+  const auto middle = gaps.begin() + static_cast<std::ptrdiff_t>(gaps.size() / 2);
+  std::ranges::nth_element(gaps, middle);
+  return *middle;
+}
+
+// What people can read; the rest of a name that a device gives is left out.
+std::string printable(std::span<const std::uint8_t> bytes) {
+  std::string text;
+  for (const auto byte : bytes) {
+    if (byte == 0) break;
+    if (byte >= 0x20 && byte < 0x7F) text.push_back(static_cast<char>(byte));
+  }
+  const auto last = text.find_last_not_of(' ');
+  return last == std::string::npos ? std::string() : text.substr(0, std::min<std::size_t>(last + 1, 64));
+}
+
+}  // namespace
+
+Census::Census(can::Dispatcher& dispatcher) : dispatcher_(&dispatcher), sdo_(dispatcher) {
+  for (std::size_t id = 1; id < nodes_.size(); ++id) nodes_[id].seen.id = NodeId(static_cast<std::uint8_t>(id));
+  dispatcher.add(every_base_frame, *this);
+}
+
+// ---- what is heard ----
+
+// Own frames never come in, so every SDO request here is another client's.
+void Census::received(const can::Frame& frame, rt::Time at) noexcept {
+  ++frames_;
+  const auto key = frame.key();
+  Node& node = nodes_[key & 0x7FU];
+  if (key == co::sync_id) {
+    if (last_sync_) sync_period_ = at - *last_sync_;
+    last_sync_ = at;
+  } else if (in(key, co::all_error_control)) {
+    if (frame.remote) {
+      node.seen.guarded = node.heard = true;
+    } else {
+      beat(node, frame, at);
+    }
+  } else if (in(key, co::all_sdo_requests) && !frame.remote) {
+    node.foreign = at;
+    node.seen.foreign_client = true;
+  } else if (in(key, co::all_emcy) || in(key, co::all_sdo_responses)) {
+    node.heard = true;
+  }
+}
+
+void Census::beat(Node& node, const can::Frame& frame, rt::Time at) {
+  if (frame.size == 0) return;
+  const auto state = co::nmt_state(frame.data[0]);
+  if (!state) return;
+  node.heard = true;
+  node.seen.state = *state;
+  if (*state == NmtState::initialising) {
+    node.last_beat.reset();
+    return;
+  }
+  ++node.seen.beats;
+  if (node.last_beat) {
+    if (node.gaps.size() == gaps_kept) node.gaps.erase(node.gaps.begin());
+    node.gaps.push_back(at - *node.last_beat);
+  }
+  node.last_beat = at;
+}
+
+std::vector<NodeSeen> Census::nodes() const {
+  std::vector<NodeSeen> all;
+  for (const auto& node : nodes_) {
+    if (!node.heard) continue;
+    all.push_back(node.seen);
+    if (!node.seen.guarded) all.back().period = median(node.gaps);
+  }
+  return all;
+}
+
+// ---- what is asked ----
+
+bool Census::may_ask(const Node& node, const CensusOptions& options) const noexcept {
+  return !node.foreign || dispatcher_->executor().now() - *node.foreign > options.client_gone;
+}
+
+rt::Task<Result<void>> Census::ask(CensusOptions options) {
+  for (std::uint8_t id = 1; id < 128; ++id) {
+    Node& node = nodes_[id];
+    const bool wanted = node.heard || options.everybody;
+    if (!wanted || NodeId(id) == options.own) continue;
+    if (!may_ask(node, options)) {
+      node.seen.problem = "another SDO client talks to it";
+      continue;
+    }
+    const auto asked = co_await ask_node(NodeId(id), options);
+    if (!asked) co_return fail(asked.error());
+  }
+  co_return Result<void>();
+}
+
+rt::Task<Result<co::SdoValue>> Census::upload(NodeId id, ObjectRef ref, CensusOptions options) {
+  Node& node = nodes_[id.value()];
+  co_await rt::sleep_for(options.pause);
+  if (!may_ask(node, options)) co_return fail(Errc::cancelled, "another SDO client talks to it");
+  co::SdoOptions sdo;
+  sdo.timeout = options.sdo_timeout;
+  sdo.abort_on_timeout = false;  // it would end another client's transfer
+  const rt::Time began = dispatcher_->executor().now();
+  auto value = co_await sdo_.upload(id, ref.index, ref.sub, sdo);
+  const bool mixed = node.foreign && *node.foreign >= began;
+  if (mixed) co_return fail(Errc::cancelled, "another SDO client talks to it");
+  co_return value;
+}
+
+// Empty: the device has no such object.
+rt::Task<Result<std::optional<std::uint32_t>>> Census::number(NodeId id, ObjectRef ref, CensusOptions options) {
+  const auto value = co_await upload(id, ref, options);
+  if (!value) {
+    if (value.error().code != Errc::aborted) co_return fail(value.error());
+    co_return std::optional<std::uint32_t>();
+  }
+  const auto bytes = value->bytes();
+  if (bytes.size() != 4) co_return std::optional<std::uint32_t>();
+  co_return std::optional<std::uint32_t>(load_le<std::uint32_t>(bytes.data()));
+}
+
+rt::Task<Result<std::string>> Census::text(NodeId id, std::uint16_t index, CensusOptions options) {
+  const ObjectRef ref{index, 0};
+  const auto value = co_await upload(id, ref, options);
+  if (!value) {
+    if (value.error().code != Errc::aborted) co_return fail(value.error());
+    co_return std::string();
+  }
+  co_return printable(value->bytes());
+}
+
+// A device that does not answer, or that another client takes, is left; only a port that takes no frame is an error.
+rt::Task<Result<void>> Census::ask_node(NodeId id, CensusOptions options) {
+  Node& node = nodes_[id.value()];
+  const ObjectRef type_object{0x1000, 0};
+  const auto type = co_await number(id, type_object, options);
+  if (!type) {
+    if (type.error().code == Errc::bus) co_return fail(type.error());
+    const bool silent = type.error().code == Errc::timeout;
+    if (node.heard) node.seen.problem = silent ? "no answer to SDO" : describe(type.error());
+    co_return Result<void>();
+  }
+  node.heard = true;
+  node.seen.device_type = *type;
+  std::array<std::uint32_t, 4> parts{};
+  bool complete = true;
+  for (std::uint8_t sub = 1; sub <= 4; ++sub) {
+    const ObjectRef ref{0x1018, sub};
+    const auto part = co_await number(id, ref, options);
+    if (!part) {
+      node.seen.problem = describe(part.error());
+      co_return Result<void>();
+    }
+    // Revision and serial number may be missing: they count as 0, as LSS has it.
+    complete = complete && (*part || sub > 2);
+    parts[sub - 1U] = part->value_or(0);
+  }
+  if (complete) {
+    node.seen.identity = LssAddress{parts[0], parts[1], parts[2], parts[3]};
+  } else {
+    node.seen.problem = "it has no identity object 1018h";
+  }
+  const std::array<std::pair<std::uint16_t, std::string*>, 3> texts{
+      {{0x1008, &node.seen.name}, {0x1009, &node.seen.hardware}, {0x100A, &node.seen.software}}};
+  for (const auto& [index, into] : texts) {
+    auto told = co_await text(id, index, options);
+    if (!told) break;
+    *into = std::move(*told);
+  }
+  co_return Result<void>();
+}
+
+}  // namespace berth::live

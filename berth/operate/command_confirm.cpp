@@ -1,0 +1,120 @@
+// What a person confirms first on a real bus: reset, LSS and store towards a device that is operational.
+#include <fmt/format.h>
+
+#include <algorithm>
+#include <nlohmann/json.hpp>
+
+#include "berth/operate/command_parts.hpp"
+
+namespace berth::operate {
+namespace {
+
+bool is_operational(Network& network, NodeId id) {
+  const auto slots = network.report();
+  const auto slot = std::ranges::find(slots, id, &SlotReport::id);
+  if (slot != slots.end() && slot->state == places::SlotState::operational) return true;
+  const auto heard = network.boots().heard(id);
+  const auto fresh = network.executor().now() -
+                     std::max<rt::Duration>(4 * network.bus().timing.heartbeat_timeout, std::chrono::seconds(10));
+  return heard && *heard >= fresh && network.boots().state(id) == NmtState::operational;
+}
+
+std::vector<NodeId> operational_of(Network& network, co::NmtTarget target) {
+  std::vector<NodeId> nodes;
+  for (std::uint8_t id = 1; id < 128; ++id) {
+    const NodeId node(id);
+    if (node != network.bus().master && target.includes(node) && is_operational(network, node)) nodes.push_back(node);
+  }
+  return nodes;
+}
+
+/// Whom a command disturbs, and how.
+struct Disturbed {
+  Network* network = nullptr;
+  std::vector<NodeId> nodes{};
+  std::string how{};
+};
+
+Disturbed by_nmt(Session& session, const CommandRequest& request) {
+  Arguments arguments(request, {"bus", "command", "node"});
+  const auto wanted = nmt_arguments(arguments);
+  const auto network = network_for(session, wanted.bus, Use::look);
+  const bool resets =
+      wanted.command == co::NmtCommand::reset_node || wanted.command == co::NmtCommand::reset_communication;
+  if (!arguments.good() || !network || !resets) return {};
+  return {*network, operational_of(**network, wanted.target),
+          "boots and leaves operational: its outputs go to their "
+          "fault values"};
+}
+
+Disturbed by_sdo(Session& session, const CommandRequest& request) {
+  Arguments arguments(request, {"bus", "node", "index", "sub", "value", "type"});
+  const auto object = object_arguments(arguments);
+  const auto network = network_for(session, object.bus, Use::look);
+  constexpr std::uint16_t store_parameters = 0x1010;
+  constexpr std::uint16_t restore_defaults = 0x1011;
+  const bool stores = object.index == store_parameters || object.index == restore_defaults;
+  if (!arguments.good() || !network || !stores) return {};
+  return {*network, operational_of(**network, co::NmtTarget(object.node)),
+          "writes its memory while it works; some devices are deaf meanwhile"};
+}
+
+Disturbed by_lss(Session& session, const CommandRequest& request) {
+  std::string problem;
+  const auto wanted = lss_arguments(request, problem);
+  const auto network = network_for(session, wanted.bus, Use::look);
+  const std::string& service = wanted.service;
+  if (!problem.empty() || !network || service == "find" || service == "identify") return {};
+  const bool harmless = service == "global" && wanted.state == lss::State::waiting;
+  if (harmless) return {};
+  const std::string how = "is configured by LSS while it works; some devices stop then";
+  if (!wanted.device) return {*network, operational_of(**network, co::NmtTarget::all()), how};
+  const auto slots = (*network)->report();
+  const auto slot = std::ranges::find(slots, wanted.device, &SlotReport::device);
+  if (slot == slots.end()) return {};
+  return {*network, operational_of(**network, co::NmtTarget(slot->id)), how};
+}
+
+Disturbed disturbed_by(Session& session, const CommandRequest& request) {
+  if (request.verb == "nmt") return by_nmt(session, request);
+  if (request.verb == "sdo write") return by_sdo(session, request);
+  if (request.verb.starts_with("lss ") && request.verb != "lss move-bit-rate") return by_lss(session, request);
+  return {};
+}
+
+std::string whom(const Network& network, const std::vector<NodeId>& nodes) {
+  const auto slots = network.report();
+  std::string text;
+  for (const auto id : nodes) {
+    const auto slot = std::ranges::find(slots, id, &SlotReport::id);
+    const std::string name = slot == slots.end() ? "" : fmt::format(" ({})", slot->name);
+    text += fmt::format("{}{}{}", text.empty() ? "" : ", ", id.value(), name);
+  }
+  return text;
+}
+
+}  // namespace
+
+bool confirmed(Session& session, CommandRequest& request, CommandReply& reply) {
+  const bool has_own = request.verb == "bind" || request.verb == "lss move-bit-rate";
+  if (has_own) return true;
+  const bool yes = request.arguments.erase("yes") > 0;
+  if (yes || !session.careful()) return true;
+  const auto disturbed = disturbed_by(session, request);
+  if (disturbed.nodes.empty()) return true;
+  const std::string nodes = whom(*disturbed.network, disturbed.nodes);
+  const std::string text = fmt::format("bus {}: node {} is operational and {}; nothing was sent; confirm it with --yes",
+                                       disturbed.network->bus().name, nodes, disturbed.how);
+  Json json;
+  json["result"] = "unconfirmed";
+  json["bus"] = disturbed.network->bus().name;
+  json["operational"] = Json::array();
+  for (const auto id : disturbed.nodes) json["operational"].push_back(id.value());
+  json["what"] = text;
+  give(reply, json, {});
+  reply.status = 1;
+  reply.error = text;
+  return false;
+}
+
+}  // namespace berth::operate
