@@ -140,12 +140,17 @@ rt::Task<Result<bool>> Fastscan::part(std::uint8_t sub) {
   if (unknown == 0) co_return true;
   const bool merged = options_.form != FastscanForm::standard;
   for (unsigned bit = unknown; bit-- > 0;) {
+    const std::uint32_t one = 1U << bit;
+    if ((options_.known_bits.part(sub) & one) != 0) {
+      id_ |= options_.known.part(sub) & one;
+      continue;
+    }
     const bool last = merged && bit == 0;
     const std::uint8_t next = last ? after(sub) : sub;
     const auto zero = co_await ask(sub, bit, next);
     if (!zero) co_return fail(zero.error());
     if (*zero && last) co_return true;
-    if (!*zero) id_ |= 1U << bit;
+    if (!*zero) id_ |= one;
   }
   // Bits that are 1 were never said: silence has only been taken for it.
   const std::uint8_t next = after(sub);

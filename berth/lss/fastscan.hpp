@@ -44,7 +44,11 @@ struct FastscanOptions {
   bool confirm = true;
   bool wait_first = true;  ///< begins with `04 00`: a scan broken off has left somebody in configuration
   bool store = false;      ///< 17h after the node-ID
-  unsigned retries = 4;    ///< scans begun anew in a row
+  /// What is known of the address already: the bits of `known` where `known_bits` has ones are not asked for, only
+  /// confirmed with their part. Not with feedback. Who differs there makes a scan end fruitless.
+  LssAddress known{};
+  LssAddress known_bits{};
+  unsigned retries = 4;  ///< scans begun anew in a row
   unsigned most_devices = 1000;
 };
 

@@ -1,0 +1,91 @@
+/// The PDOs of a CiA 309-3 gateway on one network: no objects, only values. A conversation has its own.
+///
+/// An RPDO is what the gateway receives: with each reception (types SYNC: with the next SYNC after it) `Ear::received`
+/// is called. A frame shorter than mapped is not taken; of a longer one the first bytes are. A TPDO is what it sends:
+/// type event when it is written, at the end of the inhibit time when that runs, and again by the event timer; type rtr
+/// when a remote frame asks; types SYNC with the next, or every n-th, SYNC; the first time after the first write.
+/// Values are bit rows, as long as their type, the first in the lowest bits of the first byte (CiA 301 §7.4.7).
+#pragma once
+
+#include <map>
+#include <optional>
+#include <span>
+#include <vector>
+
+#include "berth/can/dispatcher.hpp"
+#include "berth/co/cob_id.hpp"
+#include "berth/serve/gateway_309.hpp"
+
+namespace berth::serve {
+
+class Pdos309 final : private can::Handler, private rt::Job {
+ public:
+  class Ear {
+   public:
+    virtual void received(std::uint16_t number, std::span<const std::uint64_t> values) noexcept = 0;
+
+   protected:
+    ~Ear() = default;
+  };
+  Pdos309(can::Dispatcher& dispatcher, Ear& ear) : dispatcher_(&dispatcher), ear_(&ear) {}
+
+  /// `pdo_length`: more than 64 bits. `pdo_used`: another PDO of this conversation has this CAN-ID. `internal_state`: a
+  /// CAN-ID that no PDO may have. A setting whose COB-ID has bit 31 takes the PDO away.
+  std::optional<Code309> set_rpdo(const PdoSetting309& setting);
+  std::optional<Code309> set_tpdo(const PdoSetting309& setting);
+  /// A TPDO sends with this key.
+  [[nodiscard]] bool sends(std::uint32_t key) const noexcept;
+  [[nodiscard]] const can::Dispatcher& dispatcher() const noexcept { return *dispatcher_; }
+
+  /// An RPDO as it is now.
+  struct State {
+    std::span<const std::uint64_t> values{};  ///< empty before the first reception
+    std::uint64_t receptions = 0;
+    bool by_request = false;  ///< type rtr
+  };
+  /// Empty: there is none of this number.
+  [[nodiscard]] std::optional<State> rpdo(std::uint16_t number) const noexcept;
+  /// Asks for an RPDO by a remote frame.
+  can::Queued ask(std::uint16_t number) noexcept;
+
+  struct Written {
+    std::optional<Code309> error{};  ///< `internal_state`: there is none; `pdo_length`: other values than mapped
+    can::Queued queued = can::Queued::yes;
+  };
+  /// New values of a TPDO.
+  Written write(std::uint16_t number, std::span<const std::uint64_t> values);
+  void clear() noexcept;
+
+ private:
+  struct Pdo {
+    co::CobId cob_id;
+    PdoSetting309 setting;
+    std::vector<unsigned> bits;
+    std::vector<std::uint64_t> values;
+    std::vector<std::uint64_t> coming;  // RPDO: waits for SYNC
+    std::uint64_t receptions = 0;
+    std::uint8_t size = 0;          // bytes
+    std::uint8_t syncs = 0;         // TPDO: since the last transmission
+    bool written = false;           // TPDO: there are values
+    bool wants = false;             // TPDO: an event waits
+    bool counting = false;          // TPDO: the SYNC start value was there
+    rt::Time free_at{};             // TPDO: end of the inhibit time
+    rt::Time again_at = rt::never;  // TPDO: event timer
+  };
+  using Table = std::map<std::uint16_t, Pdo>;
+  std::optional<Code309> set(Table& table, const PdoSetting309& setting);
+  void received(const can::Frame& frame, rt::Time at) noexcept override;
+  void run() noexcept override;
+  void synchronise(std::uint8_t counter);
+  void store(std::uint16_t number, Pdo& pdo, const can::Frame& frame);
+  can::Queued send(Pdo& pdo) noexcept;
+  void listen() noexcept;
+  void arm() noexcept;
+
+  can::Dispatcher* dispatcher_;
+  Ear* ear_;
+  Table rpdos_;
+  Table tpdos_;
+};
+
+}  // namespace berth::serve
