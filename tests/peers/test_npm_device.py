@@ -65,7 +65,7 @@ type   = {{ vendor = 0x321, product = 9 }}
 class UnderBerth(OnOneBus):
     bus_keys = ""
     slot_keys = ""
-    id = NODE
+    slot_id = NODE
 
     @classmethod
     def begin(cls, scope):
@@ -73,7 +73,7 @@ class UnderBerth(OnOneBus):
             support.absent("this Berth's commands have no real ports")
         cls.machine = f"{cls.shared}/machine.toml"
         with open(cls.machine, "w") as file:
-            file.write(MACHINE.format(port=cls.port, bus=cls.bus_keys, slot=cls.slot_keys, id=cls.id))
+            file.write(MACHINE.format(port=cls.port, bus=cls.bus_keys, slot=cls.slot_keys, id=cls.slot_id))
         cls.device()
 
     @staticmethod
@@ -147,7 +147,7 @@ class Services(UnderBerth):
 
 class Lss(UnderBerth):
     bus_keys = 'discovery = "fastscan"'
-    id = 11
+    slot_id = 11
 
     @classmethod
     def device(cls):
@@ -168,7 +168,7 @@ class Lss(UnderBerth):
 
     def test_a_node_id_by_fastscan_and_lss(self):
         self.berth("up", "--yes", "--until", "operational", "--store", f"{self.folder}/store.db", "--on-exit", "leave")
-        self.assertEqual(self.js("return [my.d.id, my.d.state]"), [self.id, 5])
+        self.assertEqual(self.js("return [my.d.id, my.d.state]"), [self.slot_id, 5])
         self.node.wait_for(0x7E5, lambda data: data[0] == 0x51, what="a question of Fastscan")
 
 

@@ -88,16 +88,19 @@ class CanUtils(OnVcan):
     def test_slcanpty_carries_it_over_a_pseudo_terminal(self):
         support.need("slcanpty")
         lines = self.dump(interface="vcan1")
-        pty = subprocess.Popen(["slcanpty", "/dev/ptmx", "vcan1"], stdout=subprocess.PIPE, stderr=subprocess.STDOUT, text=True)
+        said = self.path("slcanpty")
+        with open(said, "w") as out:  # it keeps to itself what it prints to a pipe, but for stdbuf
+            pty = subprocess.Popen(["stdbuf", "-oL", "slcanpty", "/dev/ptmx", "vcan1"], stdout=out, stderr=subprocess.STDOUT)
 
         def stop():
             pty.terminate()
             pty.wait()
-            pty.stdout.close()
         self.addCleanup(stop)
-        said = pty.stdout.readline()
-        terminal = next((word for word in said.split() if word.startswith("/dev/pts/")), None)
-        self.assertIsNotNone(terminal, f"slcanpty said {said!r}")
+
+        def pseudo_terminal():
+            with open(said) as file:
+                return next((word for word in file.read().split() if word.startswith("/dev/pts/")), None)
+        terminal = support.until(pseudo_terminal, "slcanpty names its pseudo-terminal")
         self.partner(f"slcan:{terminal}")
         self.hears(lines, "705#00")
         self.cansend("605#4018100400000000", "vcan1")
