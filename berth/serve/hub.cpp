@@ -170,6 +170,7 @@ void Hub::Impl::pump() noexcept {
     const auto& next = user.waiting.front();
     const auto queued = port_->send(next.frame, last_ + 1);
     if (queued == can::Queued::full) {
+      turn_ = (turn_ + users_.size() - 1) % users_.size();  // it is this one's turn again
       if (given_.empty()) executor_->after(2ms, *this);
       return;
     }

@@ -1,0 +1,140 @@
+// `berth serve` in a process of its own, and clients of it in this one.
+#include <signal.h>
+#include <unistd.h>
+
+#include <nlohmann/json.hpp>
+#include <sstream>
+
+#include "berth/io/open_port.hpp"
+#include "berth/io/stream.hpp"
+#include "process.hpp"
+
+namespace berth::test {
+namespace {
+
+using namespace std::chrono_literals;
+
+constexpr can::IdRange everything[] = {can::all_base, can::all_extended};
+
+std::string free_port() {
+  const int fd = io::listen_tcp({"127.0.0.1", 0}).value();
+  const auto where = io::to_string(*io::local_endpoint(fd));
+  ::close(fd);
+  return where;
+}
+
+class Ear final : public can::Listener {
+ public:
+  void received(const can::Frame& f, rt::Time) noexcept override { frames.push_back(f); }
+  void sent(std::uint32_t tag, rt::Time) noexcept override { tags.push_back(tag); }
+  void changed(const can::Status&, rt::Time) noexcept override {}
+  [[nodiscard]] bool heard(const std::string& frame) const {
+    return std::ranges::find(frames, *can::parse_frame(frame)) != frames.end();
+  }
+  std::vector<can::Frame> frames;
+  std::vector<std::uint32_t> tags;
+};
+
+/// A node on a bus of the server's, as a machine file would name it.
+struct Node {
+  explicit Node(const std::string& where, const std::string& bus) {
+    const auto spec = can::parse_port("socketcand://" + where + "/" + bus);
+    // The server needs a moment to be there.
+    for (int i = 0; i < 600 && !port; ++i) {
+      auto opened = io::open_port(loop, *spec, {.bit_rate = 125'000});
+      if (opened) port = std::move(*opened);
+      if (!port) ::usleep(100'000);
+    }
+    if (port) port->listen(&ear, everything);
+  }
+  template <class Done>
+  bool until(Done done) {
+    const auto end = std::chrono::steady_clock::now() + 60s;
+    while (!done()) {
+      if (std::chrono::steady_clock::now() > end) return false;
+      loop.turn(10ms);
+    }
+    return true;
+  }
+  bool says(const std::string& frame, const std::string& answer) {
+    ear.frames.clear();
+    return port->send(*can::parse_frame(frame), 1) == can::Queued::yes && until([&] { return ear.heard(answer); });
+  }
+  rt::Executor executor;
+  io::Loop loop{executor};
+  Ear ear;
+  std::unique_ptr<can::Port> port;
+};
+
+TEST(Serve, APlantInAnotherProcessAnswersThroughSocketcand) {
+  const auto where = free_port();
+  Background server({"serve", example("ailing.plant.toml"), "--listen", where, "--json"});
+  Node node(where, "line");
+  ASSERT_TRUE(node.port);
+  ASSERT_TRUE(node.port->status().up);
+  // "sound" is node 1: its heartbeat comes, and 1018h:00 has four entries. The bus is the first: can0.
+  EXPECT_TRUE(node.until(
+      [&] { return std::ranges::any_of(node.ear.frames, [](const can::Frame& f) { return f.id == 0x701; }); }));
+  EXPECT_TRUE(node.says("601#4018100000000000", "581#4F18100004000000"));
+  Node other(where, "can0");
+  ASSERT_TRUE(other.port);
+  EXPECT_TRUE(other.says("601#4018100100000000", "581#4318100101000000"));          // vendor 1
+  EXPECT_TRUE(node.until([&] { return node.ear.heard("601#4018100100000000"); }));  // clients hear each other
+  Node busy(where, "busy");
+  EXPECT_TRUE(busy.port);
+  server.signal(SIGTERM);
+  const auto outcome = server.end();
+  EXPECT_EQ(outcome.status, 0) << outcome.err;
+  std::istringstream lines(outcome.out);
+  std::string line;
+  ASSERT_TRUE(std::getline(lines, line));
+  const auto first = nlohmann::json::parse(line);
+  EXPECT_EQ(first.at("listening"), where);
+  EXPECT_EQ(first.at("buses"), (nlohmann::json{"line", "mixed", "busy"}));
+  nlohmann::json last;
+  while (std::getline(lines, line)) last = nlohmann::json::parse(line);
+  EXPECT_EQ(last.at("clients"), 3);
+  EXPECT_EQ(last.at("frames_in"), 2);
+  EXPECT_GE(last.at("frames_out"), 3);
+}
+
+TEST(Serve, APortOfAnotherServerIsPassedOn) {
+  const auto first = free_port();
+  const auto second = free_port();
+  Background plant({"serve", example("ailing.plant.toml"), "--listen", first});
+  ASSERT_TRUE(Node(first, "line").port);
+  Background relay({"serve", "--port", "passed on=socketcand://" + first + "/line", "--listen", second});
+  Node node(second, "passed on");
+  ASSERT_TRUE(node.port);
+  EXPECT_TRUE(node.says("601#4018100000000000", "581#4F18100004000000"));
+}
+
+TEST(Serve, ItEndsByItself) {
+  const auto outcome = berth({"serve", example("ailing.plant.toml"), "--listen", "127.0.0.1:0", "--for", "100 ms"});
+  EXPECT_EQ(outcome.status, 0) << outcome.err;
+  EXPECT_EQ(outcome.out.find("socketcand://127.0.0.1:"), 0U) << outcome.out;
+  EXPECT_NE(outcome.out.find("/mixed\n"), std::string::npos) << outcome.out;
+}
+
+TEST(Serve, WhatIsWrongIsTold) {
+  const auto says = [](const Words& words, int status, const std::string& what) {
+    const auto outcome = berth(words);
+    EXPECT_EQ(outcome.status, status) << outcome.err;
+    EXPECT_NE(outcome.err.find(what), std::string::npos) << outcome.err;
+  };
+  const auto plant = example("ailing.plant.toml");
+  says({"serve"}, 2, "what is to be served?");
+  says({"serve", "/no/such/plant.toml"}, 2, "/no/such/plant.toml");
+  says({"serve", plant, "--listen", "127.0.0.1:99999"}, 2, "HOST:PORT");
+  says({"serve", plant, "--for", "soon"}, 2, "is no time");
+  says({"serve", "--port", "can0"}, 2, "socketcan:can0");
+  says({"serve", "--port", "slcan:/dev/no-such-device"}, 3, "no such device");
+  says({"serve", "--machine", example("ailing.toml")}, 2, "give the plant file");
+  says({"serve", plant, "--listen", "no.such.host.invalid:1"}, 3, "no such host");
+  const auto taken = io::listen_tcp({"127.0.0.1", 0}).value();
+  says({"serve", plant, "--listen", io::to_string(*io::local_endpoint(taken))}, 3, "another program listens there");
+  ::close(taken);
+}
+
+}  // namespace
+}  // namespace berth::test
