@@ -56,7 +56,9 @@ void read_controller(Bytes data, Link& link) {
   while (const auto a = attributes.next()) {
     const std::uint32_t number = read<std::uint32_t>(a->value).value_or(0);
     switch (a->type) {
-      case IFLA_CAN_BITTIMING: link.bit_rate = number; break;  // the struct begins with it
+      case IFLA_CAN_BITTIMING:  // the struct begins with it; slcan adapters that were not told have "unknown"
+        link.bit_rate = number == 0xFFFF'FFFFU ? 0 : number;
+        break;
       case IFLA_CAN_DATA_BITTIMING: link.data_bit_rate = number; break;
       case IFLA_CAN_STATE:
         if (number <= static_cast<unsigned>(CanState::sleeping)) link.state = static_cast<CanState>(number);

@@ -215,7 +215,11 @@ void StampMap::begin(rt::Time loop, std::int64_t wall) noexcept {
 rt::Time StampMap::at(std::optional<std::int64_t> stamp, rt::Time latest) noexcept {
   rt::Time at = loop_;
   if (stamp && steady_ && *stamp < wall_) at -= rt::Duration(wall_ - *stamp);
-  last_ = std::max(last_, std::min(at, latest));
+  return not_before(std::min(at, latest));
+}
+
+rt::Time StampMap::not_before(rt::Time time) noexcept {
+  last_ = std::max(last_, time);
   return last_;
 }
 

@@ -66,6 +66,8 @@ class StampMap {
   void begin(rt::Time loop, std::int64_t wall) noexcept;
   /// The time of a frame of this batch, not after `latest`. No `stamp`: it arrived now.
   [[nodiscard]] rt::Time at(std::optional<std::int64_t> stamp, rt::Time latest) noexcept;
+  /// Something else happened at `time`, or when the last frame came if that was later: no frame is earlier from now on.
+  rt::Time not_before(rt::Time time) noexcept;
 
  private:
   rt::Time loop_{};

@@ -55,7 +55,6 @@ class SocketCanPort::Impl final : private Watcher {
  public:
   Impl(Loop& loop, std::string name, const Wanted& wanted)
       : loop_(&loop), executor_(&loop.executor()), name_(std::move(name)), wanted_(wanted), links_ear_(*this) {
-    status_.knows_sent = true;
     status_.bit_rate = wanted.bit_rate;
   }
   ~Impl() {
@@ -131,11 +130,13 @@ class SocketCanPort::Impl final : private Watcher {
       return false;
     }
     wanted_.bit_rate = bit_rate;
-    if (status_.bus_off && bit_rate == link_.bit_rate && link_.listen_only == wanted_.listen_only)
+    if (status_.bus_off && link_.controller() && bit_rate == link_.bit_rate &&
+        link_.listen_only == wanted_.listen_only) {
       return out_of_bus_off();
+    }
     const Steps steps = steps_to(link_, wanted_, true);
     if (steps.none()) {
-      if (!link_.controller()) learn(link_);  // the label
+      if (!link_.controller()) learn_label();
       return status_.up;
     }
     if (changes_for_listening(link_, steps, wanted_) && !put_back_) put_back_ = link_;
@@ -206,11 +207,12 @@ class SocketCanPort::Impl final : private Watcher {
     const can::Status before = status_;
     const Level level = level_of(status_);
     link_ = link;
-    status_.bus_off = link.state == CanState::bus_off;
+    if (link.state) status_.bus_off = link.state == CanState::bus_off;
     status_.up = there_ && link.up && (link.running || status_.bus_off);
     status_.listen_only = wanted_.listen_only || link.listen_only;
-    status_.bit_rate_is_label = !link.controller();
-    status_.bit_rate = link.controller() ? link.bit_rate : wanted_.bit_rate;
+    status_.bit_rate_is_label = link.bit_rate == 0;
+    status_.bit_rate = link.bit_rate != 0 ? link.bit_rate : wanted_.bit_rate;
+    status_.knows_sent = link.echo || link.kind == "vcan" || link.kind == "vxcan";
     status_.knows_errors = !link.controller() || link.reports_errors;
     if (link.counts) {
       status_.knows_counters = true;
@@ -224,8 +226,16 @@ class SocketCanPort::Impl final : private Watcher {
     if (look_needed() && !look_.timed()) look_.arm(look_again);
     if (before.up != status_.up || before.bus_off != status_.bus_off || before.bit_rate != status_.bit_rate ||
         before.listen_only != status_.listen_only || level != level_of(status_)) {
-      tell_changed(executor_->now());
+      tell_changed();
     }
+  }
+
+  // A virtual interface's bus-off is another program's error frame, and its rate a word.
+  void learn_label() {
+    status_.bus_off = false;
+    status_.tec = status_.rec = 0;
+    status_.bit_rate = wanted_.bit_rate;
+    tell_changed();
   }
 
   void goes_down() noexcept {
@@ -235,7 +245,7 @@ class SocketCanPort::Impl final : private Watcher {
     if (!status_.up) return;
     status_.up = false;
     trouble_ = name_ + " went down; " + ip_command(down(link_), wanted_);
-    tell_changed(executor_->now());
+    tell_changed();
   }
   static Link down(Link link) {
     link.up = false;
@@ -249,7 +259,7 @@ class SocketCanPort::Impl final : private Watcher {
     drop_queue();
     trouble_ = name_ + ": there is no such interface any more";
     if (!std::exchange(status_.up, false)) return;
-    tell_changed(executor_->now());
+    tell_changed();
   }
 
   // An answer that was on its way when something newer was heard is not believed.
@@ -497,6 +507,7 @@ class SocketCanPort::Impl final : private Watcher {
     e.at = at;
     return e;
   }
+  void tell_changed() noexcept { tell_changed(stamps_.not_before(executor_->now() - rt::Duration{1})); }
   void tell_changed(rt::Time at) noexcept {
     if (listener_ == nullptr) return;
     const auto now = status();

@@ -109,6 +109,17 @@ TEST(Netlink, TheOrderOfAttributesDoesNotMatter) {
   EXPECT_EQ(notices[0].link.name, "can1");
 }
 
+// slcan's CAN_BITRATE_UNKNOWN
+TEST(Netlink, AnUnknownRateIsNone) {
+  const Bytes m = message(
+      new_link, 0, 0,
+      info(arphrd_can, 2, 0) + attribute(linkinfo, attribute(kind, text("can")) +
+                                                       attribute(data, attribute(bittiming, bit_timing(0xFFFFFFFF)))));
+  const auto notices = decode_links(m);
+  ASSERT_EQ(notices.size(), 1U);
+  EXPECT_EQ(notices[0].link.bit_rate, 0U);
+}
+
 TEST(Netlink, AReplyHasItsErrorAndTheKernelsWords) {
   const Bytes request_head = u32(32) + u16(16) + u16(5) + u32(7) + u32(0);
   const auto done = decode_links(message(nl_error, 0x100, 7, u32(0) + request_head));  // capped

@@ -231,6 +231,10 @@ TEST(SocketCanTime, ItNeverGoesBackAndNeverBeyondNow) {
   EXPECT_EQ(map.at(day - 1'000'000, rt::Time{10s}), rt::Time{10s} - 1ms);
   EXPECT_EQ(map.at(day - 5'000'000, rt::Time{10s}), rt::Time{10s} - 1ms);
   EXPECT_EQ(map.at(day + 5'000'000, rt::Time{10s}), rt::Time{10s});
+  EXPECT_EQ(map.not_before(rt::Time{9s}), rt::Time{10s});
+  EXPECT_EQ(map.not_before(rt::Time{11s}), rt::Time{11s});
+  map.begin(rt::Time{12s}, day + 2'000'000'000);
+  EXPECT_EQ(map.at(day + 500'000'000, rt::Time{12s}), rt::Time{11s});
 }
 
 TEST(SocketCanTime, AWallClockThatIsSetMovesNoFrame) {

@@ -1,6 +1,9 @@
+#include <fcntl.h>
 #include <gtest/gtest.h>
 #include <linux/can.h>
 #include <linux/can/raw.h>
+#include <linux/sockios.h>
+#include <sys/ioctl.h>
 
 #include <algorithm>
 #include <cstdio>
@@ -374,6 +377,258 @@ TEST_F(SocketCan, WhatIsWrongWhenOpeningIsSaidWithTheCommandThatHelps) {
   EXPECT_EQ(port.error(), "socketcan:lo: is no CAN interface");
   port = open_port(loop_, {can::PortKind::socketcan, "a-name-that-is-too-long"}, {});
   ASSERT_FALSE(port);
+}
+
+// Error frames come from drivers; another program can write them, too.
+TEST_F(SocketCan, ErrorFramesTellTheState) {
+  auto a = open({.bit_rate = 125'000});
+  ASSERT_TRUE(a);
+  Ear ear(executor_);
+  a->listen(&ear, everything);
+  cansend("20000088#0000040000000000");
+  ASSERT_TRUE(until([&] { return a->status().errors >= 1; }));
+  EXPECT_TRUE(ear.log.empty());  // not for each error
+  cansend("20000204#0020000000008005");
+  ASSERT_TRUE(until([&] { return ear.states.size() == 1; }));
+  EXPECT_TRUE(ear.states[0].error_passive() && ear.states[0].knows_counters);
+  EXPECT_EQ(ear.states[0].tec, 128);
+  EXPECT_EQ(ear.states[0].rec, 5);
+  cansend("20000004#0001000000000000");
+  ASSERT_TRUE(until([&] { return a->status().lost == 1; }));
+  cansend("20000040#0000000000000000");
+  ASSERT_TRUE(until([&] { return a->status().bus_off; }));
+  EXPECT_TRUE(a->status().up);
+  EXPECT_EQ(a->send(can::Frame::base(1, {}), 1), can::Queued::bus_off);
+  cansend("20000100#0000000000000000");
+  ASSERT_TRUE(until([&] { return !a->status().bus_off; }));
+  EXPECT_EQ(a->status().tec, 0);
+  cansend("20000040#0000000000000000");
+  ASSERT_TRUE(until([&] { return a->status().bus_off; }));
+  EXPECT_TRUE(a->restart(125'000));
+  EXPECT_FALSE(a->status().bus_off);
+  EXPECT_EQ(a->send(can::Frame::base(1, {}), 1), can::Queued::yes);
+  ASSERT_TRUE(until([&] { return ear.confirmed == 1; }));
+}
+
+// ---- two emulated controllers on one bus ----
+
+class Controllers : public ::testing::Test {
+ protected:
+  void SetUp() override {
+    auto why = test::no_interface("can0");
+    if (why.empty()) why = test::no_interface("can1");
+    if (!why.empty()) GTEST_SKIP() << why;
+    ASSERT_TRUE(shell(
+        "ip link set can0 down; ip link set can1 down; ip link set can0 type can listen-only off bitrate 250000"));
+    ASSERT_TRUE(shell("ip link set can1 txqueuelen 10 type can bitrate 250000 && ip link set can1 up"));
+    ASSERT_TRUE(shell("ip link set can0 txqueuelen 10 up"));
+  }
+  std::unique_ptr<SocketCanPort> open(const std::string& name, const PortOptions& options) {
+    auto port = SocketCanPort::open(loop_, name, options);
+    EXPECT_TRUE(port) << port.error();
+    return port ? std::move(*port) : nullptr;
+  }
+  bool until(const std::function<bool()>& holds) { return test::until(loop_, holds); }
+  static bool shows(const std::string& name, const std::string& words) {
+    return shell("ip -details link show " + name + " | grep -q '" + words + "'");
+  }
+  rt::Executor executor_;
+  Loop loop_{executor_};
+};
+
+TEST_F(Controllers, TheirRateIsReadAndSetAndFramesGoAcross) {
+  auto a = open("can0", {});
+  ASSERT_TRUE(a);
+  EXPECT_EQ(a->status().bit_rate, 250'000U);
+  EXPECT_FALSE(a->status().bit_rate_is_label);
+  EXPECT_TRUE(a->status().knows_sent && a->status().knows_counters && a->status().up);
+  auto b = open("can1", {.bit_rate = 125'000});
+  ASSERT_TRUE(b);
+  EXPECT_TRUE(shows("can1", "bitrate 125000 sample-point 0.875"));
+  Ear ear_a(executor_);
+  Ear ear_b(executor_);
+  a->listen(&ear_a, everything);
+  b->listen(&ear_b, everything);
+  EXPECT_TRUE(a->restart(125'000)) << a->trouble();
+  EXPECT_TRUE(shows("can0", "bitrate 125000"));
+  EXPECT_TRUE(a->status().up);
+  ASSERT_EQ(a->send(can::Frame::base(0x601, {1, 2}), 1), can::Queued::yes);
+  ASSERT_TRUE(until([&] { return ear_b.frames == 1 && ear_a.confirmed == 1; }));
+  EXPECT_TRUE(ear_a.times_hold && ear_b.times_hold);
+  EXPECT_EQ(ear_a.frames, 0U);
+  EXPECT_FALSE(a->restart(7'777'777));
+  EXPECT_NE(a->trouble().find("ip link set can0"), std::string::npos) << a->trouble();
+  ASSERT_TRUE(until([&] { return a->status().up; }));  // put back
+  EXPECT_EQ(a->status().bit_rate, 125'000U);
+  test::idle(loop_, 1500ms);  // looked at again
+  EXPECT_TRUE(a->status().up);
+}
+
+TEST_F(Controllers, WithoutTheRightTheErrorHasTheCommand) {
+  ASSERT_EQ(::seteuid(65534), 0);
+  const auto other = SocketCanPort::open(loop_, "can0", {.bit_rate = 500'000});
+  const auto same = SocketCanPort::open(loop_, "can0", {.bit_rate = 250'000});
+  const bool restarts = same && (*same)->restart(125'000);
+  ASSERT_EQ(::seteuid(0), 0);
+  ASSERT_FALSE(other);
+  EXPECT_EQ(other.error(),
+            "can0: setting it up needs root or CAP_NET_ADMIN; as root: ip link set can0 down && "
+            "ip link set can0 up type can bitrate 500000");
+  ASSERT_TRUE(same);
+  EXPECT_FALSE(restarts);
+  EXPECT_NE((*same)->trouble().find("bitrate 125000"), std::string::npos);
+  EXPECT_TRUE((*same)->status().up);
+  EXPECT_TRUE(shows("can0", "bitrate 250000"));
+}
+
+TEST_F(Controllers, AListenerThatSetsTheRateIsSilentAndPutsBackWhatWas) {
+  {
+    auto a = open("can0", {.bit_rate = 125'000, .listen_only = true});
+    ASSERT_TRUE(a);
+    EXPECT_TRUE(shows("can0", "LISTEN-ONLY"));
+    EXPECT_TRUE(a->status().listen_only);
+    EXPECT_TRUE(a->restart(500'000)) << a->trouble();
+    EXPECT_TRUE(shows("can0", "LISTEN-ONLY"));
+    EXPECT_TRUE(shows("can0", "bitrate 500000"));
+  }
+  EXPECT_FALSE(shows("can0", "LISTEN-ONLY"));
+  EXPECT_TRUE(shows("can0", "bitrate 250000"));
+  auto a = open("can0", {.bit_rate = 250'000, .listen_only = true});  // as wanted: stays
+  ASSERT_TRUE(a);
+  EXPECT_FALSE(shows("can0", "LISTEN-ONLY"));
+}
+
+TEST_F(Controllers, DownAndUp) {
+  auto a = open("can0", {});
+  ASSERT_TRUE(a);
+  Ear ear(executor_);
+  a->listen(&ear, everything);
+  ASSERT_TRUE(shell("ip link set can0 down"));
+  ASSERT_TRUE(until([&] { return !a->status().up; }));
+  EXPECT_NE(a->trouble().find("ip link set can0 up type can bitrate 250000"), std::string::npos) << a->trouble();
+  ASSERT_TRUE(shell("ip link set can0 type can bitrate 1000000 && ip link set can0 up"));
+  ASSERT_TRUE(until([&] { return a->status().up; }));
+  EXPECT_EQ(a->status().bit_rate, 1'000'000U);
+  EXPECT_TRUE(a->trouble().empty());
+  ASSERT_EQ(a->send(can::Frame::base(1, {}), 1), can::Queued::yes);
+  ASSERT_TRUE(until([&] { return ear.confirmed == 1; }));
+}
+
+TEST_F(Controllers, ABurstGoesOutInOrderAndWhatOverranIsCounted) {
+  auto a = open("can0", {});
+  auto b = open("can1", {});
+  ASSERT_TRUE(a && b);
+  Ear ear_a(executor_);
+  Ear ear_b(executor_);
+  ear_b.keeps_log = false;
+  a->listen(&ear_a, {});
+  b->listen(&ear_b, everything);
+  std::uint32_t given = 0;
+  ASSERT_TRUE(until([&] {
+    while (given < 600 &&
+           a->send(can::Frame::base(0x100 + given % 256, {1, 2, 3, 4, 5, 6, 7, 8}), given + 1) == can::Queued::yes)
+      ++given;
+    return ear_a.confirmed == 600;
+  })) << ear_a.confirmed;
+  for (std::uint32_t i = 0; i < 600; ++i) ASSERT_EQ(ear_a.log[i], "sent " + std::to_string(i + 1));
+  test::idle(loop_, 200ms);
+  std::printf("600 frames from controller to controller: %u received, %u losses told\n", ear_b.frames,
+              b->status().lost);
+  EXPECT_TRUE(ear_b.frames == 600 || b->status().lost > 0);
+}
+
+// ---- a serial adapter's kernel driver: its queue fills when nobody reads the line ----
+
+class FullQueue : public ::testing::Test {
+ protected:
+  void SetUp() override {
+    const auto why = test::no_interface("vcan0");
+    if (!why.empty()) GTEST_SKIP() << why;
+    master_ = ::posix_openpt(O_RDWR | O_NOCTTY | O_NONBLOCK);
+    ASSERT_GE(master_, 0);
+    ASSERT_EQ(::grantpt(master_), 0);
+    ASSERT_EQ(::unlockpt(master_), 0);
+    slave_ = ::open(::ptsname(master_), O_RDWR | O_NOCTTY);
+    ASSERT_GE(slave_, 0);
+    const int slcan = 17;  // N_SLCAN
+    if (::ioctl(slave_, TIOCSETD, &slcan) != 0) GTEST_SKIP() << "no slcan in this kernel: " << std::strerror(errno);
+    char name[64] = {};
+    ASSERT_EQ(::ioctl(slave_, SIOCGIFNAME, name), 0);
+    name_ = name;
+    ASSERT_TRUE(shell("ip link set " + name_ + " txqueuelen 10 up"));
+  }
+  void TearDown() override {
+    if (slave_ >= 0) ::close(slave_);
+    if (master_ >= 0) ::close(master_);
+  }
+  bool until(const std::function<bool()>& holds) { return test::until(loop_, holds); }
+  std::string read_line() {
+    std::string all(65536, 0);
+    const auto n = ::read(master_, all.data(), all.size());
+    all.resize(n > 0 ? static_cast<std::size_t>(n) : 0);
+    return all;
+  }
+  rt::Executor executor_;
+  Loop loop_{executor_};
+  int master_ = -1;
+  int slave_ = -1;
+  std::string name_;
+};
+
+TEST_F(FullQueue, WhatTheKernelDoesNotTakeWaitsInOrderAndCanBeWithdrawn) {
+  auto port = SocketCanPort::open(loop_, name_, {});
+  ASSERT_TRUE(port) << port.error();
+  can::Port& p = **port;
+  Ear ear(executor_);
+  p.listen(&ear, {});
+  // Until this port's own queue is full: the line's, the kernel's and that are.
+  std::uint32_t given = 0;
+  while (given < 20'000 &&
+         p.send(can::Frame::base(0x123, {static_cast<std::uint8_t>(given >> 8U), static_cast<std::uint8_t>(given)}),
+                given + 1) == can::Queued::yes)
+    ++given;
+  ASSERT_LT(given, 20'000U);
+  ASSERT_GT(given, SocketCanPort::queue_depth);
+  EXPECT_EQ(p.send(can::Frame::base(0x7FF, {}), 0), can::Queued::full);
+  EXPECT_GE(p.status().queued, SocketCanPort::queue_depth);
+  p.withdraw(given);  // the last, which waits here
+  std::string expected;
+  for (std::uint32_t i = 0; i + 1 < given; ++i) {
+    char text[32];
+    std::snprintf(text, sizeof text, "t1232%04X\r", i);
+    expected += text;
+  }
+  // The driver takes one after the other when the line was read.
+  std::string line;
+  const auto of_frames = [&line] { return line.substr(std::min(line.find("t123"), line.size())); };
+  EXPECT_TRUE(until([&] {
+    line += read_line();
+    return of_frames().size() >= expected.size();
+  }));
+  test::idle(loop_, 100ms);
+  line += read_line();
+  EXPECT_TRUE(of_frames() == expected) << of_frames().size() << " bytes of " << expected.size();
+  ASSERT_TRUE(until([&] { return ear.confirmed == given - 1; }));
+  for (std::uint32_t i = 0; i + 1 < given; ++i) ASSERT_EQ(ear.log[i], "sent " + std::to_string(i + 1));
+  std::printf("%u frames given until full, all but the withdrawn one on the line in order\n", given);
+}
+
+// The adapter is pulled out while frames wait.
+TEST_F(FullQueue, AnAdapterPulledOutTakesItsFramesAlong) {
+  auto port = SocketCanPort::open(loop_, name_, {});
+  ASSERT_TRUE(port) << port.error();
+  can::Port& p = **port;
+  Ear ear(executor_);
+  p.listen(&ear, {});
+  std::uint32_t given = 0;
+  while (given < 20'000 && p.send(can::Frame::base(0x123, {1}), given + 1) == can::Queued::yes) ++given;
+  ::close(slave_);
+  ::close(master_);
+  slave_ = master_ = -1;
+  ASSERT_TRUE(test::until(loop_, [&] { return !p.status().up; }));
+  EXPECT_EQ(p.status().queued, 0);
+  EXPECT_EQ(p.send(can::Frame::base(1, {}), 1), can::Queued::closed);
+  EXPECT_EQ(std::ranges::count(ear.log, "down"), 1);
 }
 
 }  // namespace
