@@ -219,8 +219,9 @@ TEST(Words, OfCanopen) {
   EXPECT_EQ(words.words(can::Frame::request(0x705, 1)), "Node guarding of node 5");
   EXPECT_EQ(words.words(can::Frame::base(0x605, {0x40, 0x18, 0x10, 4, 0, 0, 0, 0})), "SDO to node 5: read 1018h:04");
   EXPECT_EQ(words.words(can::Frame::base(0x585, {0x80, 0x18, 0x10, 4, 0, 0, 2, 6})),
-            "SDO of node 5: abort 1018h:04, 06020000h");
-  EXPECT_EQ(words.words(can::Frame::base(0x85, {0x50, 0x81, 0x11, 0, 0, 0, 0, 0})), "EMCY of node 5: 8150h");
+            "SDO of node 5: abort 1018h:04, 06020000h, object does not exist");
+  EXPECT_EQ(words.words(can::Frame::base(0x85, {0x50, 0x81, 0x11, 0, 0, 0, 0, 0})),
+            "EMCY of node 5: 8150h CAN-ID collision, register 11h (generic, communication)");
   EXPECT_EQ(words.words(can::Frame::base(0x185, {1})), "TPDO 1 of node 5");
   EXPECT_EQ(words.words(can::Frame::base(0x205, {1})), "RPDO 1 of node 5");
   EXPECT_EQ(words.words(can::Frame::ext(0x1019, {})), "sub: 1, byte: 0, value: 0x19");
