@@ -1,0 +1,198 @@
+#include "berth/serve/gateway_309_server.hpp"
+
+#include <fmt/format.h>
+#include <sys/epoll.h>
+#include <sys/socket.h>
+
+#include <algorithm>
+#include <array>
+#include <vector>
+
+#include "berth/io/acceptor.hpp"
+#include "berth/serve/gateway_309_client.hpp"
+
+namespace berth::serve {
+
+class Gateway309Server::Impl final {
+ public:
+  Impl(io::Loop& loop, int fd, operate::Session& session, Gateway309Options options);
+  ~Impl() { clients_.clear(); }
+  Impl(const Impl&) = delete;
+  Impl& operator=(const Impl&) = delete;
+
+  class Client;
+  void take(int fd);
+  [[nodiscard]] std::size_t clients() const noexcept;
+
+  io::Loop* loop;
+  Gateway309Options options;
+  Gateway309Counters counters;
+  io::Endpoint where;
+  House309 house;
+
+  class Reaper final : public rt::Job {
+   public:
+    explicit Reaper(Impl& server) : server_(&server) {}
+    void run() noexcept override;
+
+   private:
+    Impl* server_;
+  };
+  Reaper reaper{*this};
+
+ private:
+  std::vector<std::unique_ptr<Client>> clients_;
+  io::Acceptor acceptor_;
+};
+
+/// One connection: bytes to lines, lines to a conversation, replies to bytes.
+class Gateway309Server::Impl::Client final : private io::Watcher {
+ public:
+  Client(Impl& server, int fd)
+      : server_(&server),
+        name_(io::peer_name(fd)),
+        stream_(*server.loop, fd, io::Stream::Kind::socket, *this, server.options.most_waiting),
+        conversation_(
+            server.house, [this](std::string_view text) { say(text); }, [this] { work(); }) {}
+  Client(const Client&) = delete;
+  Client& operator=(const Client&) = delete;
+  ~Client() = default;
+
+  [[nodiscard]] const std::string& name() const noexcept { return name_; }
+  [[nodiscard]] bool over() const noexcept { return over_; }
+  void end(const std::string& why) {
+    if (std::exchange(over_, true)) return;
+    if (stream_.too_slow()) ++server_->counters.too_slow;
+    if (!stream_.gone()) stream_.flush();
+    stream_.close();
+    flush_.cancel();
+    if (server_->options.tell) server_->options.tell(fmt::format("{}: {}", name_, why));
+    server_->loop->executor().post(server_->reaper);
+  }
+
+ private:
+  class Flush final : public rt::Job {
+   public:
+    explicit Flush(Client& client) : client_(&client) {}
+    void run() noexcept override { client_->flush(); }
+
+   private:
+    Client* client_;
+  };
+
+  void say(std::string_view text) {
+    if (over_) return;
+    if (!stream_.put(text)) {
+      return end(stream_.too_slow() ? "too slow: it does not take the replies to what it asked" : "gone");
+    }
+    if (!flush_.ready()) server_->loop->executor().post(flush_);
+  }
+  void flush() noexcept {
+    if (over_) return;
+    if (!stream_.flush()) return end("gone");
+    if (hung_up_ && in_.empty() && conversation_.idle() && stream_.waiting() == 0) end("left");
+  }
+
+  void ready(std::uint32_t events) noexcept override {
+    if (over_) return;
+    if ((events & EPOLLOUT) != 0) flush();
+    if (over_ || stream_.held()) {
+      if (!over_ && (events & (EPOLLHUP | EPOLLERR)) != 0) end("gone");
+      if (!over_ && (events & EPOLLRDHUP) != 0) stream_.hung_up();
+      return;
+    }
+    char one = 0;
+    if (::recv(stream_.descriptor(), &one, 1, MSG_PEEK | MSG_DONTWAIT) == 0) return half_closed();
+    std::array<char, 4096> buffer;  // so much at a time, that nobody has to wait long
+    in_ += stream_.get(buffer);
+    if (stream_.gone()) return end("gone");
+    work();
+  }
+
+  // It says no more, and may still listen.
+  void half_closed() {
+    hung_up_ = true;
+    stream_.hold(true);
+    stream_.hung_up();
+    if (!in_.empty()) in_ += '\n';  // a last line without its end
+    work();
+  }
+
+  void work() {
+    while (!over_ && !conversation_.full() && line()) {
+    }
+    if (over_) return;
+    in_.erase(0, std::exchange(at_, 0));
+    stream_.hold(hung_up_ || conversation_.full());
+    if (hung_up_ && !flush_.ready()) server_->loop->executor().post(flush_);
+  }
+
+  // Takes one line out of `in_`; false: there is none.
+  bool line() {
+    const auto end = in_.find('\n', at_);
+    const auto rest = std::string_view(in_).substr(at_, end == std::string::npos ? end : end - at_);
+    const bool too_long = rest.size() > conversation_.command_size() + 1;  // its CR
+    if (end == std::string::npos && !too_long && !skipping_) return false;
+    if (!skipping_) {
+      ++server_->counters.lines;
+      too_long ? conversation_.take_too_long(rest) : conversation_.take(rest);
+    }
+    skipping_ = end == std::string::npos;
+    at_ = skipping_ ? in_.size() : end + 1;
+    return !skipping_;
+  }
+
+  Impl* server_;
+  std::string name_;
+  io::Stream stream_;
+  Flush flush_{*this};
+  std::string in_;
+  std::size_t at_ = 0;     // of `in_`: lines before it are taken
+  bool skipping_ = false;  // the rest of a line that is too long
+  bool hung_up_ = false;
+  bool over_ = false;
+  Conversation309 conversation_;  // last: it speaks through the rest
+};
+
+Gateway309Server::Impl::Impl(io::Loop& on, int fd, operate::Session& session, Gateway309Options wanted)
+    : loop(&on),
+      options(std::move(wanted)),
+      where(io::local_endpoint(fd).value_or(io::Endpoint{})),
+      house{&session, options.confirmed, options.tell, {}},
+      acceptor_(on, fd, [this](int connection) { take(connection); }) {}
+
+void Gateway309Server::Impl::Reaper::run() noexcept {
+  std::erase_if(server_->clients_, [](const auto& client) { return client->over(); });
+}
+
+std::size_t Gateway309Server::Impl::clients() const noexcept {
+  return static_cast<std::size_t>(std::ranges::count_if(clients_, [](const auto& c) { return !c->over(); }));
+}
+
+void Gateway309Server::Impl::take(int fd) {
+  io::tune_tcp(fd);
+  ++counters.clients;
+  const bool room = clients() < options.most_clients;
+  if (!room) ++counters.too_many;
+  clients_.push_back(std::make_unique<Client>(*this, fd));
+  if (!room) return clients_.back()->end("one too many");
+  if (options.tell) options.tell(clients_.back()->name() + ": connected");
+}
+
+tl::expected<std::unique_ptr<Gateway309Server>, std::string> Gateway309Server::listen(io::Loop& loop,
+                                                                                      const io::Endpoint& where,
+                                                                                      operate::Session& session,
+                                                                                      Gateway309Options options) {
+  const auto fd = io::listen_tcp(where);
+  if (!fd) return tl::unexpected(fd.error());
+  return std::unique_ptr<Gateway309Server>(
+      new Gateway309Server(std::make_unique<Impl>(loop, *fd, session, std::move(options))));
+}
+
+Gateway309Server::Gateway309Server(std::unique_ptr<Impl> impl) noexcept : impl_(std::move(impl)) {}
+Gateway309Server::~Gateway309Server() = default;
+const io::Endpoint& Gateway309Server::where() const noexcept { return impl_->where; }
+std::size_t Gateway309Server::clients() const noexcept { return impl_->clients(); }
+const Gateway309Counters& Gateway309Server::counters() const noexcept { return impl_->counters; }
+
+}  // namespace berth::serve
