@@ -4,6 +4,7 @@ import collections
 import os
 import unittest
 
+import berth_trace
 import support
 import tshark
 import wire
@@ -32,7 +33,25 @@ class Judge(support.Case):
             self.assertFalse(reading.malformed, where)
             self.assertEqual(reading.fields, expected, where)
         self.assertLess(sum(excused.values()), len(frames))
+        self.agree(log, frames, readings)
         return kinds
+
+    def agree(self, log, frames, readings):
+        """`berth trace` reads the same as tshark in each frame."""
+        reader, compared = wire.Reader(), 0
+        rows = berth_trace.rows(log)
+        self.assertEqual(len(rows), len(frames), f"{log}: rows of berth trace")
+        for number, (frame, reading, row) in enumerate(zip(frames, readings, rows), 1):
+            kind, _ = reader.read(frame)
+            if not kind or tshark.known_to_be_wrong(frame, kind):
+                continue
+            values, words = berth_trace.expected(reading)
+            where = f"{log}:{number}: {frame.line}: berth trace says {row}; tshark reads {reading.fields}"
+            self.assertEqual({name: row.get(name) for name in values}, values, where)
+            for word in words:
+                self.assertIn(word, row["words"], where)
+            compared += bool(values)
+        self.assertGreater(compared, 0)
 
     def seen(self, kinds, *wanted):
         for kind in wanted:
