@@ -1,0 +1,220 @@
+// The CiA 309-3 gateway over TCP, with clients that are plain sockets: pieces, floods, slow, half closed, gone.
+#include <fmt/format.h>
+#include <sys/socket.h>
+#include <unistd.h>
+
+#include <array>
+
+#include "berth/io/stream.hpp"
+#include "berth/serve/gateway_309_server.hpp"
+#include "gateway_309_rig.hpp"
+
+namespace berth::serve {
+namespace {
+
+class Gateway309Tcp : public ::testing::Test {
+ protected:
+  void serve(Gateway309Options options = {}) {
+    options.tell = [this](const std::string& text) { told_.push_back(text); };
+    auto made = Gateway309Server::listen(loop_, {"127.0.0.1", 0}, rig_.session(), std::move(options));
+    ASSERT_TRUE(made) << made.error();
+    server_ = std::move(*made);
+  }
+  // Until `done`; a loaded machine may take long.
+  template <class Done>
+  bool until(Done done) {
+    const auto end = std::chrono::steady_clock::now() + 60s;
+    while (!done()) {
+      if (std::chrono::steady_clock::now() > end) return false;
+      loop_.turn(1ms);
+    }
+    return true;
+  }
+
+  class Socket {
+   public:
+    explicit Socket(Gateway309Tcp& test, int receive_buffer = 0) : test_(&test) {
+      fd_ = io::begin_connect(io::look_up(test.server_->where()).value().front());
+      if (receive_buffer > 0) ::setsockopt(fd_, SOL_SOCKET, SO_RCVBUF, &receive_buffer, sizeof receive_buffer);
+    }
+    ~Socket() { close(); }
+    Socket(const Socket&) = delete;
+    Socket& operator=(const Socket&) = delete;
+    void close() {
+      if (fd_ >= 0) ::close(fd_);
+      fd_ = -1;
+    }
+    void shut() { ::shutdown(fd_, SHUT_WR); }
+    // As much as goes without waiting.
+    std::size_t push(std::string_view text) {
+      const auto n = ::send(fd_, text.data(), text.size(), MSG_NOSIGNAL | MSG_DONTWAIT);
+      return n > 0 ? static_cast<std::size_t>(n) : 0;
+    }
+    void say(std::string_view text) {
+      ASSERT_TRUE(test_->until([&] {
+        text.remove_prefix(push(text));
+        return text.empty();
+      }));
+    }
+    const std::string& heard() {
+      std::array<char, 65536> buffer;
+      for (;;) {
+        const auto n = ::recv(fd_, buffer.data(), buffer.size(), MSG_DONTWAIT);
+        if (n == 0 || (n < 0 && errno != EAGAIN)) ended = true;
+        if (n <= 0) return text_;
+        text_.append(buffer.data(), static_cast<std::size_t>(n));
+      }
+    }
+    bool hear(const std::string& expected) {
+      const bool good = test_->until([&] { return heard().size() >= expected.size() || ended; });
+      EXPECT_EQ(text_, expected);
+      return good && std::exchange(text_, {}) == expected;
+    }
+    bool hung_up() {
+      return test_->until([&] {
+        heard();
+        return ended;
+      });
+    }
+    bool ended = false;
+
+   private:
+    Gateway309Tcp* test_;
+    int fd_ = -1;
+    std::string text_;
+  };
+
+  Rig309 rig_;
+  io::Loop loop_{rig_.world().executor()};
+  std::vector<std::string> told_;
+  std::unique_ptr<Gateway309Server> server_;
+};
+
+TEST_F(Gateway309Tcp, LinesInPiecesAndManyAtOnce) {
+  serve();
+  Socket client(*this);
+  for (const char c : std::string("[1] 1 5 r 0x1000 0 u32\r\n")) client.say({&c, 1});
+  ASSERT_TRUE(client.hear("[1] 74565\r\n"));
+  client.say("[2] set network 1\n[3] set node 5\n\n# c\n[4] r 0x1000 0 u32\n[5] r 0x10");
+  ASSERT_TRUE(client.hear("[2] OK\r\n[3] OK\r\n[4] 74565\r\n"));
+  client.say("00 0 u32\n");
+  EXPECT_TRUE(client.hear("[5] 74565\r\n"));
+  EXPECT_EQ(server_->counters().lines, 7U);
+}
+
+TEST_F(Gateway309Tcp, ClientsHaveTheirOwnDefaultsAndAllHearTheIndications) {
+  serve();
+  Socket a(*this);
+  Socket b(*this);
+  a.say("[1] set network 1\n[2] 5 start\n");
+  ASSERT_TRUE(a.hear("[1] OK\r\n[2] OK\r\n"));
+  b.say("[1] 5 start\n");
+  ASSERT_TRUE(b.hear("[1] ERROR:104\r\n"));
+  a.say("[3] 5 reset node\n");
+  EXPECT_TRUE(a.hear("[3] OK\r\n1 5 BOOT_UP\r\n"));
+  EXPECT_TRUE(b.hear("1 5 BOOT_UP\r\n"));
+  EXPECT_EQ(server_->clients(), 2U);
+}
+
+// printf '...' | nc
+TEST_F(Gateway309Tcp, WhoHasClosedHisHalfGetsHisReplies) {
+  serve();
+  Socket client(*this);
+  client.say("[1] 1 6 r 0x1000 0\n[2] 1 5 r 0x1000 0 u32");  // no end of line
+  client.shut();
+  EXPECT_TRUE(client.hung_up());
+  EXPECT_EQ(client.heard(), "[1] ERROR:0x05040000\r\n[2] 74565\r\n");
+  EXPECT_TRUE(until([&] { return server_->clients() == 0; }));
+}
+
+TEST_F(Gateway309Tcp, ALineWithoutEnd) {
+  serve();
+  Socket client(*this);
+  client.say("[1] set command_size 100\n[77] 1 5 w 0x2000 0 d " + std::string(200'000, 'A'));
+  ASSERT_TRUE(client.hear("[1] OK\r\n[77] ERROR:600\r\n"));
+  client.say(std::string(200'000, 'B') + "\n[2] set network 1\n");
+  EXPECT_TRUE(client.hear("[2] OK\r\n"));
+}
+
+// More commands than the bus can do: they wait in TCP, in order, and nothing is lost.
+TEST_F(Gateway309Tcp, AFloodOfCommands) {
+  serve();
+  Socket client(*this);
+  std::string all;
+  std::string expected;
+  for (int i = 0; i < 3000; ++i) {
+    all += fmt::format("[{}] 1 5 r 0x1000 0 u32\n", i);
+    expected += fmt::format("[{}] 74565\r\n", i);
+  }
+  client.say(all);
+  EXPECT_TRUE(client.hear(expected));
+}
+
+// It asks and asks and never takes a reply. The other one is served meanwhile.
+TEST_F(Gateway309Tcp, WhoTakesNothingIsLetGo) {
+  serve({.most_waiting = 20'000});
+  Socket good(*this);
+  Socket slow(*this, 4096);
+  std::string flood;
+  for (int i = 0; i < 1000; ++i) flood += "[1] help\n";
+  ASSERT_TRUE(until([&] {
+    slow.push(flood);
+    return server_->counters().too_slow == 1;
+  }));
+  good.say("[1] 1 5 r 0x1000 0 u32\n");
+  EXPECT_TRUE(good.hear("[1] 74565\r\n"));
+  EXPECT_TRUE(until([&] { return server_->clients() == 1; }));
+}
+
+TEST_F(Gateway309Tcp, GarbageIsAnsweredWithErrorsAndHarmsNobody) {
+  serve();
+  Socket client(*this);
+  client.say("GET / HTTP/1.1\r\nHost: x\r\n\r\n" + std::string("\x00\xFF\x80\n", 4));
+  EXPECT_TRUE(client.hear("[0] ERROR:101\r\n[0] ERROR:101\r\n[0] ERROR:101\r\n"));
+  client.say("[1] set network 1\n");
+  EXPECT_TRUE(client.hear("[1] OK\r\n"));
+}
+
+TEST_F(Gateway309Tcp, OneTooManyIsLetGo) {
+  serve({.most_clients = 1});
+  Socket a(*this);
+  a.say("[1] set network 1\n");
+  ASSERT_TRUE(a.hear("[1] OK\r\n"));
+  Socket b(*this);
+  EXPECT_TRUE(b.hung_up());
+  EXPECT_EQ(server_->counters().too_many, 1U);
+  a.say("[2] set node 5\n");
+  EXPECT_TRUE(a.hear("[2] OK\r\n"));
+}
+
+TEST_F(Gateway309Tcp, WhoVanishesInMidCommandLeavesNothingBehind) {
+  serve();
+  for (int i = 0; i < 3; ++i) {
+    Socket client(*this);
+    client.say("[1] 1 lss_switch_glob 1\n");
+    ASSERT_TRUE(client.hear("[1] OK\r\n"));
+    client.say("[2] 1 _lss_fastscan 100\n");
+    client.close();
+    ASSERT_TRUE(until([&] { return server_->clients() == 0; }));
+  }
+  ASSERT_TRUE(until([&] { return !rig_.session().network("backbone")->turn().taken(); }));
+}
+
+TEST_F(Gateway309Tcp, TheServerGoesWhileCommandsAreUnderWay) {
+  serve();
+  Socket client(*this);
+  client.say("[1] 1 6 r 0x1000 0\n[2] 1 lss_switch_glob 1\n");
+  ASSERT_TRUE(until([&] { return server_->counters().lines == 2; }));
+  server_.reset();
+  EXPECT_TRUE(client.hung_up());
+}
+
+TEST_F(Gateway309Tcp, APortThatIsTaken) {
+  serve();
+  const auto second = Gateway309Server::listen(loop_, server_->where(), rig_.session(), {});
+  ASSERT_FALSE(second);
+  EXPECT_NE(second.error().find(std::to_string(server_->where().port)), std::string::npos) << second.error();
+}
+
+}  // namespace
+}  // namespace berth::serve
