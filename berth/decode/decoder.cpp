@@ -45,7 +45,8 @@ co::CobId cob_id(const od::Values& values, ObjectRef ref) noexcept {
 }  // namespace
 
 struct Decoder::Signal {
-  std::string name;
+  std::string label;  // its name and " = "
+  std::size_t name_size = 0;
   od::DataType type = od::DataType::none;
   std::uint8_t at = 0;  // bit
   std::uint8_t bits = 0;
@@ -53,6 +54,7 @@ struct Decoder::Signal {
 };
 
 struct Decoder::Pdo {
+  std::string head;  // "TPDO 1 of node 5 [left sensor]"
   std::uint8_t node = 0;
   bool transmit = false;
   unsigned number = 1;
@@ -210,7 +212,12 @@ void Decoder::add_pdo(Bus& bus, Node& node, std::uint8_t id, bool transmit, unsi
   if (before.kind != Route::Kind::none &&
       (before.kind != Route::Kind::pdo || !transmit || bus.pdos[before.index].transmit))
     return;
-  Pdo pdo{.node = id, .transmit = transmit, .number = number, .signals = {}};
+  Pdo pdo{.head = fmt::format("{} {} of node {}", transmit ? "TPDO" : "RPDO", number, id),
+          .node = id,
+          .transmit = transmit,
+          .number = number,
+          .signals = {}};
+  if (!node.name.empty()) say(pdo.head, " [{}]", node.name);
   const auto mapping = static_cast<std::uint16_t>((transmit ? 0x1A00 : 0x1600) + offset);
   const auto count = values.get_or<std::uint8_t>({mapping, 0}, 0);
   if (count == mpdo_source || count == mpdo_destination) {
@@ -223,8 +230,10 @@ void Decoder::add_pdo(Bus& bus, Node& node, std::uint8_t id, bool transmit, unsi
       signal.at = static_cast<std::uint8_t>(pdo.bits);
       signal.bits = entry.bits;
       signal.dummy = entry.object.index < 0x20;
-      signal.name = object_name(values.description(), entry.object);
-      if (signal.name.empty()) signal.name = object_text(entry.object);
+      signal.label = object_name(values.description(), entry.object);
+      if (signal.label.empty()) signal.label = object_text(entry.object);
+      signal.name_size = signal.label.size();
+      signal.label += " = ";
       const auto* const described = values.description().find(entry.object);
       if (described != nullptr) signal.type = described->type;
       pdo.bits += entry.bits;
@@ -347,8 +356,7 @@ void Decoder::heartbeat(Bus& bus) {
 
 void Decoder::pdo(const Bus& bus, unsigned index, const can::Frame& frame) {
   const Pdo& pdo = bus.pdos[index];
-  say(words_, "{} {} of node {}", pdo.transmit ? "TPDO" : "RPDO", pdo.number, pdo.node);
-  add_name(pdo.node);
+  words_ = pdo.head;
   if (options_.fields) {
     field(Field::Kind::text, "kind", pdo.transmit ? "tpdo" : "rpdo");
     field(Field::Kind::number, "number", std::to_string(pdo.number));
@@ -375,25 +383,28 @@ void Decoder::signals(const Pdo& pdo, const can::Frame& frame) {
   const char* between = ": ";
   for (const Signal& signal : pdo.signals) {
     if (signal.dummy) continue;
+    words_ += between;
     if (signal.at + signal.bits > 8U * frame.size) {
-      say(words_, "{}too short for {}", between, signal.name);
+      words_ += "too short for ";
+      words_.append(signal.label, 0, signal.name_size);
       break;
     }
     const std::uint64_t mask = signal.bits == 64 ? ~std::uint64_t{0} : (std::uint64_t{1} << signal.bits) - 1;
     const std::uint64_t raw = all >> signal.at & mask;
-    say(words_, "{}{} = ", between, signal.name);
+    words_ += signal.label;
     between = ", ";
     const std::size_t begin = words_.size();
+    const auto put = [&](const auto& digits) { words_.append(digits.data(), digits.size()); };
     if (od::bit_length(signal.type) != signal.bits || od::is_time(signal.type)) {
       say(words_, "{:X}h", raw);
     } else if (od::is_real(signal.type)) {
       say(words_, "{}", od::real_of(signal.type, raw));
     } else if (od::is_signed(signal.type)) {
-      say(words_, "{}", static_cast<std::int64_t>(od::wrap(signal.type, raw)));
+      put(fmt::format_int(static_cast<std::int64_t>(od::wrap(signal.type, raw))));
     } else {
-      say(words_, "{}", raw);
+      put(fmt::format_int(raw));
     }
-    if (options_.fields) field(Field::Kind::signal, signal.name, words_.substr(begin));
+    if (options_.fields) field(Field::Kind::signal, signal.label.substr(0, signal.name_size), words_.substr(begin));
   }
   if (frame.size > (pdo.bits + 7) / 8) say(words_, " (and {} bytes more)", frame.size - (pdo.bits + 7) / 8);
 }

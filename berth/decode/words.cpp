@@ -29,6 +29,13 @@ void say(std::string& out, fmt::format_string<T...> format, T&&... values) {
   fmt::format_to(std::back_inserter(out), format, std::forward<T>(values)...);
 }
 
+// The frames that come a thousand times a second are not formatted.
+void put(std::string& out, std::string_view before, unsigned number) {
+  const fmt::format_int digits(number);
+  out += before;
+  out.append(digits.data(), digits.size());
+}
+
 std::string of_rand(const can::Frame& frame) {
   const auto request = nodeid::decode_rand_request(frame);
   if (!request) return "RAND: not a request";
@@ -95,7 +102,9 @@ void of_error_control(const can::Frame& frame, unsigned node, std::string& out) 
   if (frame.data[0] == 0) return say(out, "Boot up of node {}", node);
   const auto state = co::nmt_state(frame.data[0]);
   if (!state) return say(out, "Error control of node {}: no state", node);
-  say(out, "Heartbeat of node {}: {}", node, name(*state));
+  put(out, "Heartbeat of node ", node);
+  out += ": ";
+  out += name(*state);
 }
 
 void of_emcy(const can::Frame& frame, unsigned node, std::string& out) {
@@ -222,7 +231,8 @@ Meaning Interpreter::base(const can::Frame& frame, std::string& out) const {
   } else if (node != 0 && id > 0x180 && id < 0x580) {
     meaning.service = Service::pdo;
     const unsigned number = (id - 0x180U) / 0x100U + 1;
-    say(out, "{} {} of node {}", (id & 0x80U) != 0 ? "TPDO" : "RPDO", number, node);
+    put(out, (id & 0x80U) != 0 ? "TPDO " : "RPDO ", number);
+    put(out, " of node ", node);
     if (frame.remote) out += ": remote request";
   } else if (node != 0 && id > 0x580 && id < 0x680) {
     meaning.service = Service::sdo;
