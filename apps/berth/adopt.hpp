@@ -1,4 +1,4 @@
-/// `berth adopt`, `berth export`, `berth import`: a running machine gets its files; files go to another computer.
+/// `berth adopt`, `berth export`, `berth import`, `berth scan --bitrate auto`: machines that are there already.
 #pragma once
 
 #include <chrono>
@@ -28,6 +28,9 @@ int run_adopt(const Options& options, const AdoptOptions& adopt);
 int run_export(const Options& options, const std::string& to);
 /// The way back, into a folder. Nothing is overwritten: status 1 names what is there.
 int run_import(const Options& options, const std::string& from, const std::string& folder);
+
+/// `berth scan --bitrate auto`: exit status 0 found; 1 undecidable, or the port has no rate; 3 the port failed.
+int run_bit_rate(const Options& options);
 
 void add_adopt(CLI::App& app, Options& options, std::function<int()>& action);
 

@@ -162,7 +162,16 @@ class CommandLine {
   }
 
   void add_single_commands() {
-    verb(app_, "scan", "scan", "who is on this bus: configured, unconfigured, duplicates");
+    auto* const scan = verb(app_, "scan", "scan", "who is on this bus: configured, unconfigured, duplicates");
+    scan->add_option("--bitrate", bitrate_, "auto: which bit rate does the bus run at? Listens, sends nothing")
+        ->check(CLI::IsMember({"auto"}));
+    scan->callback([this] {
+      action_ = [this] {
+        if (!bitrate_.empty()) return run_bit_rate(options_);
+        request_.verb = "scan";
+        return run_single(options_, request_);
+      };
+    });
     verb(app_, "status", "report", "the slot table as it stands");
     auto* const bind = verb(app_, "bind", "bind", "discovery and binding once, without starting anything");
     word(bind, "--method", "method",
@@ -366,6 +375,7 @@ class CommandLine {
   EdsOptions eds_;
   DoctorOptions doctor_;
   operate::CommandRequest request_;
+  std::string bitrate_;  // of scan: "auto"
   Action action_;
 };
 
