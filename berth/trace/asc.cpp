@@ -126,7 +126,7 @@ bool AscReader::event() {
   }
   const auto channel = number(kind, 10, most_channels);
   if (!channel || *channel == 0) {
-    ++others_;
+    if (kind != "Start") ++others_;  // "Start of measurement": every log has it
     return true;
   }
   classic(*channel);
