@@ -1,4 +1,4 @@
-"""Trace files that others write and read: can-utils' log2asc and asc2log for Vector ASC, tshark for pcapng and ASC.
+"""Trace files that others write and read: can-utils' log2asc and asc2log for Vector ASC, tshark for pcapng.
 
 log2asc 2020.11 takes a log whose first seconds are 0 for one that has not begun, and asc2log counts from today when it does
 not know the date's language: times are compared by their differences, and the log begins at second 1,600,000,000."""
@@ -52,16 +52,14 @@ class Formats(support.Case):
         berth("trace", self.path("theirs.asc"), "--to", "candump", "--no-directions", "-o", self.path("back.log"), "-q")
         self.same(self.path("back.log"))
 
-    def test_pcapng_and_asc_of_berth_are_read_by_tshark(self):
+    def test_pcapng_of_berth_is_read_by_tshark(self):
         support.need("tshark")
         expected = tshark.read(self.log)
         self.assertEqual(len(expected), len(self.frames))
-        for name in ("ours.pcapng", "ours.asc"):
-            with self.subTest(name):
-                berth("trace", self.log, "-o", self.path(name), "-q")
-                readings = tshark.read(self.path(name))
-                self.assertEqual([(r.id, r.length, r.malformed, r.fields) for r in readings],
-                                 [(r.id, r.length, r.malformed, r.fields) for r in expected])
+        berth("trace", self.log, "-o", self.path("ours.pcapng"), "-q")
+        readings = tshark.read(self.path("ours.pcapng"))
+        self.assertEqual([(r.id, r.length, r.malformed, r.fields) for r in readings],
+                         [(r.id, r.length, r.malformed, r.fields) for r in expected])
 
 
 if __name__ == "__main__":
