@@ -109,6 +109,25 @@ TEST(Serve, APortOfAnotherServerIsPassedOn) {
   EXPECT_TRUE(node.says("601#4018100000000000", "581#4F18100004000000"));
 }
 
+// The main job, in a third process.
+TEST(Serve, AMachineComesUpFromBlankToOperationalOverSocketcand) {
+  const auto where = free_port();
+  const Folder folder;
+  auto machine = contents(example("five-slaves.toml"));
+  const std::string simulated = "port      = \"sim\"";
+  const auto at = machine.find(simulated);
+  ASSERT_NE(at, std::string::npos);
+  machine.replace(at, simulated.size(), "port = \"socketcand://" + where + "/field\"");
+  const auto file = folder.write("machine.toml", machine);
+  Background server(
+      {"serve", example("five-slaves.plant.toml"), "--machine", example("five-slaves.toml"), "--listen", where});
+  ASSERT_TRUE(Node(where, "field").port);
+  const auto outcome = berth({"up", file, "--until", "operational", "--pace", "--yes", "--json", "--store",
+                              folder.file("store.db"), "--control", folder.file("up.sock")});
+  EXPECT_EQ(outcome.status, 0) << outcome.out << outcome.err;
+  EXPECT_NE(outcome.out.find("\"operational\""), std::string::npos) << outcome.out;
+}
+
 TEST(Serve, ItEndsByItself) {
   const auto outcome = berth({"serve", example("ailing.plant.toml"), "--listen", "127.0.0.1:0", "--for", "100 ms"});
   EXPECT_EQ(outcome.status, 0) << outcome.err;
