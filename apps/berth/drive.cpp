@@ -9,6 +9,7 @@
 #include <algorithm>
 
 #include "ask.hpp"
+#include "gateway.hpp"
 
 namespace berth::cli {
 
@@ -184,8 +185,15 @@ Ended drive_fast(Rig& rig, Ending& ending, Interrupt& interrupt, rt::Duration li
 class Pacer {
  public:
   Pacer(Rig& rig, Ending& ending, Screen& screen, Interrupt& interrupt, operate::ControlServer* server, Asker* asker,
-        rt::Time end)
-      : rig_(rig), ending_(ending), screen_(screen), interrupt_(interrupt), server_(server), asker_(asker), end_(end) {}
+        io::Loop* loop, rt::Time end)
+      : rig_(rig),
+        ending_(ending),
+        screen_(screen),
+        interrupt_(interrupt),
+        server_(server),
+        asker_(asker),
+        loop_(loop),
+        end_(end) {}
 
   Ended run() {
     rig_.world().sim().run_paced(rt::never, [this](rt::Time target) { return wait(target); });
@@ -193,9 +201,7 @@ class Pacer {
   }
 
  private:
-  [[nodiscard]] rt::Time clock() const {
-    return rig_.loop() != nullptr ? rig_.loop()->clock() : began_ + (Clock::now() - real_);
-  }
+  [[nodiscard]] rt::Time clock() const { return loop_ != nullptr ? loop_->clock() : began_ + (Clock::now() - real_); }
 
   // Sleeps until the world may be at `target`, or something came in. A time in the past ends the run.
   rt::Time wait(rt::Time target) {
@@ -231,12 +237,12 @@ class Pacer {
     descriptors_.push_back({interrupt_.descriptor(), POLLIN, 0});
     if (server_ != nullptr) server_->fill(descriptors_);
     if (asker_ != nullptr) asker_->fill(descriptors_);
-    if (rig_.loop() != nullptr) descriptors_.push_back({rig_.loop()->descriptor(), POLLIN, 0});
+    if (loop_ != nullptr) descriptors_.push_back({loop_->descriptor(), POLLIN, 0});
     const auto whole = std::chrono::duration_cast<std::chrono::seconds>(left);
     const timespec time{static_cast<time_t>(whole.count()), static_cast<long>((left - whole).count())};
     const int ready = ::ppoll(descriptors_.data(), descriptors_.size(), &time, nullptr);
     polled_ = Clock::now();
-    if (rig_.loop() != nullptr && ready > 0) rig_.loop()->poll();
+    if (loop_ != nullptr && ready > 0) loop_->poll();
     return ready > 0;
   }
 
@@ -246,6 +252,7 @@ class Pacer {
   Interrupt& interrupt_;
   operate::ControlServer* server_;
   Asker* asker_;
+  io::Loop* loop_;  // null: nothing hangs on one
   rt::Time end_;
   rt::Time began_ = rig_.world().executor().now();
   Clock::time_point real_ = Clock::now();
@@ -265,6 +272,14 @@ tl::expected<Ended, Failure> drive(Rig& rig, Ending& ending, Screen& screen, con
     if (!listening) return tl::unexpected(failure(Exit::failed, listening.error()));
     server = std::move(*listening);
   }
+  std::unique_ptr<GatewayHost> gateway;
+  if (how.paced && !options.gateway.empty()) {
+    auto host = GatewayHost::listen(rig, options.gateway, options.yes, [&](const std::string& t) { screen.line(t); });
+    if (!host) return tl::unexpected(host.error());
+    gateway = std::move(*host);
+    screen.line("CiA 309-3 gateway at " + gateway->where());
+  }
+  io::Loop* const loop = gateway ? &gateway->loop() : rig.loop();
   std::unique_ptr<Asker> asker;
   if (how.paced && !options.json && someone_types()) {
     asker = std::make_unique<Asker>(rig.session(), [&](const std::string& line) { screen.line(line); });
@@ -285,11 +300,11 @@ tl::expected<Ended, Failure> drive(Rig& rig, Ending& ending, Screen& screen, con
   if (options.dry_run && how.paced) {
     constexpr rt::Duration longest = 10s;
     const rt::Time end = rig.world().executor().now() + options.timeout.value_or(longest);
-    return Pacer(rig, ending, screen, interrupt, nullptr, nullptr, end).run();
+    return Pacer(rig, ending, screen, interrupt, nullptr, nullptr, rig.loop(), end).run();
   }
   if (!how.paced) return drive_fast(rig, ending, interrupt, options.timeout.value_or(ending.limit()));
   const rt::Time end = options.timeout ? rig.world().executor().now() + *options.timeout : rt::never;
-  const Ended ended = Pacer(rig, ending, screen, interrupt, server.get(), asker.get(), end).run();
+  const Ended ended = Pacer(rig, ending, screen, interrupt, server.get(), asker.get(), loop, end).run();
   screen.refresh(true);
   if (asker) rig.session().on_event({});
   return ended;

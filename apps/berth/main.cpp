@@ -8,8 +8,10 @@
 #include "device.hpp"
 #include "doctor.hpp"
 #include "eds.hpp"
+#include "gateway.hpp"
 #include "options.hpp"
 #include "output.hpp"
+#include "real_time.hpp"
 #include "serve.hpp"
 #include "study.hpp"
 
@@ -32,8 +34,10 @@ class CommandLine {
     add_doctor();
     add_study(app_, options_, action_);
     add_serve(app_, options_, action_);
+    add_gateway(app_, options_, action_);
     add_adopt(app_, options_, action_);
     add_device(app_, options_, action_);
+    add_real_time(app_, options_, action_);
     add_rest();
   }
 

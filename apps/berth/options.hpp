@@ -31,6 +31,7 @@ struct Options {
   std::string store;               ///< empty: in memory on a simulated bus
   std::string control;             ///< empty: operate::control_path of the machine
   std::string record;              ///< candump log of every frame
+  std::string gateway;             ///< where the main job offers CiA 309-3; empty: not
   std::optional<std::uint64_t> seed;
   std::optional<std::chrono::nanoseconds> timeout;
   std::string until;  ///< "", "operational", "replaced"
