@@ -35,7 +35,7 @@ struct SocketcandOptions {
 
 /// What went wrong on the way, for people.
 struct LineFaults {
-  std::uint64_t count = 0;  ///< what came in and could not be understood
+  std::uint64_t count = 0;  ///< what came in and could not be understood, and connections that failed or ended
   std::uint64_t at = 0;     ///< of the last: bytes since the connection or line was opened
   std::string what{};       ///< of the last, in words
 };
