@@ -346,7 +346,8 @@ void Decoder::heartbeat(Bus& bus) {
     bus.guarded.set(node);
     return;
   }
-  if (!bus.guarded.test(node) || frame.size != 1) return;
+  // 00h is a boot-up message whoever asked before it: nobody answers guarding while it initialises.
+  if (!bus.guarded.test(node) || frame.size != 1 || frame.data[0] == 0) return;
   bus.guarded.reset(node);
   const auto state = co::nmt_state(frame.data[0] & 0x7FU);
   if (!state) return;

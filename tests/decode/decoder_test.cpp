@@ -93,6 +93,9 @@ TEST(Decoder, ServicesByThemselves) {
   EXPECT_EQ(words("705#R1 705#85 705#85"),
             "Node guarding of node 5\nNode guarding answer of node 5: operational, toggle 1\n"
             "Heartbeat of node 5: operational\n");
+  // 00h is a boot-up message, and answers no question: the node was silent when it was asked.
+  EXPECT_EQ(words("705#R1 705#00 705#7F"),
+            "Node guarding of node 5\nBoot up of node 5\nNode guarding answer of node 5: pre-operational, toggle 0\n");
   EXPECT_EQ(words("185#0102 205#"), "TPDO 1 of node 5\nRPDO 1 of node 5\n");
   EXPECT_EQ(words("7E5#5100000000800000 7E5#0401000000000000").find("LSS Fastscan"), 0U);
   EXPECT_NE(words("085#3081110500000000").find("8130h life guard"), std::string::npos) << words("085#3081110500000000");
