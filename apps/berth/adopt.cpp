@@ -159,6 +159,11 @@ tl::expected<Learnt, Failure> learn(Rig& rig, const Options& options, const Adop
   learnt.bus = bus.name;
   learnt.master = gate.report();
   if (gate.watch().foreign()) learnt.master_id = gate.watch().probably();
+  if (adopt.master != 0) learnt.master_id = NodeId(static_cast<std::uint8_t>(adopt.master));
+  if (!learnt.master.empty() && !learnt.master_id.configured()) {
+    learnt.master.emplace_back(
+        "which node it is could not be told: if it is among the slots, take it out (--master ID)");
+  }
   if (!adopt.passive) {
     std::string problem;
     live::CensusOptions ask;

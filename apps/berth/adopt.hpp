@@ -19,6 +19,7 @@ struct AdoptOptions {
   std::uint32_t bitrate = 125'000;  ///< bit/s
   std::chrono::nanoseconds listen{std::chrono::seconds(8)};
   bool passive = false;    ///< sends nothing
+  unsigned master = 0;     ///< node-ID of the master that runs it; 0: as far as it can be told
   bool everybody = false;  ///< asks node-IDs that are silent, too
 };
 

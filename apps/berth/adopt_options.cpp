@@ -34,6 +34,8 @@ void add_adopting(CLI::App& app, Options& options, std::function<int()>& action)
       ->check(CLI::Validator(read, "TIME"));
   auto* const passive = sub->add_flag("--passive", wanted->passive, "send nothing: only what is heard is told");
   sub->add_flag("--all", wanted->everybody, "ask silent node-IDs, too")->excludes(passive);
+  sub->add_option("--master", wanted->master, "node-ID of the master that runs it: it gets no slot")
+      ->check(CLI::Range(1, 127));
   sub->add_flag("--json", options.json, "one JSON object");
   sub->footer(
       "Sends SDO upload requests (1000h, 1018h, 1008h to 100Ah) and nothing else; a node that another SDO "

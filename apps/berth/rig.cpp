@@ -8,6 +8,7 @@
 #include <filesystem>
 
 #include "berth/io/open_port.hpp"
+#include "berth/live/reopening_port.hpp"
 #include "berth/store/database.hpp"
 #include "berth/text/file.hpp"
 #include "ports.hpp"
@@ -221,6 +222,15 @@ void Rig::gate_changed(const std::string& bus, const live::Gate& gate) {
   session_->tell(bus, "error", text + ". Berth writes nothing more on this bus; end that master, then start anew");
 }
 
+// Other kinds come back by themselves.
+std::unique_ptr<can::Port> Rig::reopening(const design::Bus& bus, std::unique_ptr<can::Port> port) {
+  const auto open = [this, &bus]() -> std::unique_ptr<can::Port> {
+    auto again = open_port(bus);
+    return again ? std::move(*again) : nullptr;
+  };
+  return std::make_unique<live::ReopeningPort>(world_->executor(), std::move(port), open);
+}
+
 // Berth's own node on one bus.
 tl::expected<can::Port*, Failure> Rig::attach(const design::Bus& bus, const Options& options) {
   if (bus.port.kind != can::PortKind::sim) {
@@ -231,7 +241,7 @@ tl::expected<can::Port*, Failure> Rig::attach(const design::Bus& bus, const Opti
     }
     auto port = open_port(bus);
     if (!port) return tl::unexpected(port.error());
-    raw_.push_back(std::move(*port));
+    raw_.push_back(bus.port.kind == can::PortKind::plant ? reopening(bus, std::move(*port)) : std::move(*port));
     ports_.push_back(guard(bus, *raw_.back(), options));
     return ports_.back().get();
   }

@@ -75,6 +75,7 @@ class Rig {
   Rig() = default;
   [[nodiscard]] tl::expected<void, Failure> read(const Options& options, const Sources& sources);
   [[nodiscard]] tl::expected<std::unique_ptr<can::Port>, Failure> open_port(const design::Bus& bus);
+  [[nodiscard]] std::unique_ptr<can::Port> reopening(const design::Bus& bus, std::unique_ptr<can::Port> port);
   [[nodiscard]] tl::expected<can::Port*, Failure> attach(const design::Bus& bus, const Options& options);
   [[nodiscard]] tl::expected<void, Failure> settle_ports(const Options& options, bool simulate);
   [[nodiscard]] tl::expected<void, Failure> build_world(const Options& options);

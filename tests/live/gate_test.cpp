@@ -6,6 +6,7 @@
 #include <rapidcheck/gtest.h>
 
 #include "berth/can/dispatcher.hpp"
+#include "berth/live/reopening_port.hpp"
 #include "berth/sim/world.hpp"
 
 namespace berth::live {
@@ -401,6 +402,42 @@ TEST(Gate, AFrameThatIsNeverConfirmedFillsNothingForEver) {
   EXPECT_EQ(gate.send(beat, 9999), can::Queued::yes);
   EXPECT_TRUE(gate.restart(125'000));
   EXPECT_EQ(gate.send(beat, 10'000), can::Queued::yes);
+}
+
+TEST(ReopeningPort, AsksForAnotherOneUntilThereIsOne) {
+  rt::Executor executor;
+  auto first = std::make_unique<Cable>();
+  first->now.up = true;
+  Cable* const one = first.get();
+  Cable* two = nullptr;
+  unsigned asked = 0;
+  const auto open = [&]() -> std::unique_ptr<can::Port> {
+    if (++asked < 3) return nullptr;
+    auto next = std::make_unique<Cable>();
+    next->now.up = true;
+    two = next.get();
+    return next;
+  };
+  ReopeningPort port(executor, std::move(first), open, 1s);
+  Ear ear;
+  port.listen(&ear, std::span(&all, 1));
+  EXPECT_EQ(port.send(beat, 1), can::Queued::yes);
+  one->plug(false);
+  ASSERT_EQ(ear.statuses.size(), 1U);
+  EXPECT_FALSE(port.status().up);
+  executor.advance(executor.now() + 2500ms);
+  EXPECT_EQ(asked, 2U);
+  EXPECT_EQ(port.send(beat, 1), can::Queued::closed);
+  executor.advance(executor.now() + 1s);
+  ASSERT_NE(two, nullptr);
+  ASSERT_EQ(ear.statuses.size(), 2U);
+  EXPECT_TRUE(ear.statuses.back().up);
+  two->ear->received(beat, executor.now());
+  EXPECT_EQ(ear.heard.size(), 1U);
+  two->plug(false);
+  two->plug(true);
+  executor.advance(executor.now() + 10s);
+  EXPECT_EQ(asked, 3U) << "it came back by itself";
 }
 
 // Whatever anybody sends: an observer's and a commissioner's frames stay within their roles, and a master that heard a

@@ -1,0 +1,45 @@
+/// A port that is opened anew when it went down for good: for kinds of ports that do not come back by themselves.
+#pragma once
+
+#include <functional>
+#include <memory>
+#include <vector>
+
+#include "berth/can/port.hpp"
+
+namespace berth::live {
+
+class ReopeningPort final : public can::Port, private can::Listener, private rt::Job {
+ public:
+  /// Null: not now. Called from the executor; what it blocks, it blocks everybody.
+  using Open = std::function<std::unique_ptr<can::Port>()>;
+
+  /// `port` is open. Down for `pause`, it is given up, and `open` is asked every `pause`.
+  ReopeningPort(rt::Executor& executor, std::unique_ptr<can::Port> port, Open open,
+                rt::Duration pause = std::chrono::seconds(1));
+  ~ReopeningPort() override;
+  ReopeningPort(const ReopeningPort&) = delete;
+  ReopeningPort& operator=(const ReopeningPort&) = delete;
+
+  // can::Port. While there is none, `send` says `Queued::closed`.
+  can::Queued send(const can::Frame& frame, std::uint32_t tag) noexcept override;
+  void withdraw(std::uint32_t tag) noexcept override;
+  void listen(can::Listener* listener, std::span<const can::IdRange> accept) noexcept override;
+  [[nodiscard]] can::Status status() const noexcept override;
+  bool restart(std::uint32_t bit_rate) noexcept override;
+
+ private:
+  void run() noexcept override;
+  void received(const can::Frame& frame, rt::Time at) noexcept override;
+  void sent(std::uint32_t tag, rt::Time at) noexcept override;
+  void changed(const can::Status& status, rt::Time at) noexcept override;
+
+  rt::Executor* executor_;
+  std::unique_ptr<can::Port> port_;
+  Open open_;
+  rt::Duration pause_;
+  can::Listener* listener_ = nullptr;
+  std::vector<can::IdRange> accept_;
+};
+
+}  // namespace berth::live

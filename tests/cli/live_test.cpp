@@ -1,0 +1,282 @@
+// Buses that are outside this process: another master is seen before the first frame and named, roles hold on the wire,
+// ports are given on the command line, single commands find their way, the port goes and comes back.
+#include <gtest/gtest.h>
+#include <signal.h>
+#include <unistd.h>
+
+#include <fstream>
+#include <nlohmann/json.hpp>
+
+#include "machines.hpp"
+#include "process.hpp"
+
+namespace berth::test {
+namespace {
+
+using Json = nlohmann::json;
+
+std::string replaced(std::string text, const std::string& what, const std::string& with) {
+  const auto at = text.find(what);
+  if (at != std::string::npos) text.replace(at, what.size(), with);
+  return text;
+}
+
+bool wait_for(const std::string& path) {
+  for (int i = 0; i < 600 && !exists(path); ++i) ::usleep(50'000);
+  return exists(path);
+}
+
+/// The small plant in a process of its own, and the small machine on it. Each process of Berth gets a folder of its own
+/// for sockets, so that no two of them know of each other but by the bus.
+class Live : public ::testing::Test {
+ protected:
+  Live() : socket(folder.file("plant.sock")) {
+    plant_file = folder.write("plant.toml", small_plant);
+    sim_file = folder.write("sim.toml", small_machine);
+    machine = folder.write("machine.toml", on_plant("cli test"));
+    start_plant();
+  }
+  void start_plant() {
+    plant = std::make_unique<Background>(
+        Words{"plant", plant_file, "--listen", socket, "--machine", sim_file, "--plant-state", folder.file("state")});
+    ASSERT_TRUE(wait_for(socket));
+  }
+  [[nodiscard]] std::string on_plant(const std::string& name, const std::string& more = {}) const {
+    std::string text = replaced(small_machine, "\"sim\"", "\"plant:" + socket + "\"" + more);
+    text = replaced(text, "cli test", name);
+    return replaced(text, "probe_period", "listen            = \"1 s\"\nprobe_period");
+  }
+  [[nodiscard]] bool operational(const std::string& file, const std::string& control) const {
+    for (int i = 0; i < 240; ++i) {
+      const Outcome status = berth({"status", "--machine", file, "--control", control, "--json"});
+      const Json report = Json::parse(status.out, nullptr, false);
+      if (status.status == 0 && report.contains("slots") &&
+          std::ranges::all_of(report.at("slots"), [](const Json& s) { return s.at("state") == "operational"; })) {
+        return true;
+      }
+      ::usleep(250'000);
+    }
+    return false;
+  }
+  Folder folder;
+  std::string socket, plant_file, sim_file, machine;
+  std::unique_ptr<Background> plant;
+};
+
+TEST_F(Live, BesideAnotherMasterUpRefusesAndNamesIt) {
+  const std::string control = folder.file("first.sock");
+  const Background first({"up", machine, "--pace", "--control", control});
+  ASSERT_TRUE(operational(machine, control));
+  const std::string other = folder.write("other.toml", on_plant("other machine"));
+  const Outcome up = berth({"up", other, "--until", "operational", "--control", folder.file("second.sock")});
+  EXPECT_EQ(up.status, 1) << up.out << up.err;
+  EXPECT_NE(up.err.find("another master is on this bus, probably node 127"), std::string::npos) << up.err;
+  EXPECT_NE(up.err.find("discovery requests"), std::string::npos) << up.err;
+  EXPECT_NE(up.err.find("commissioner"), std::string::npos) << up.err;
+  const Outcome json = berth({"up", other, "--json", "--control", folder.file("second.sock")});
+  EXPECT_EQ(json.status, 1);
+  EXPECT_TRUE(Json::parse(json.out).contains("error")) << json.out;
+  EXPECT_TRUE(operational(machine, control)) << "the first is not disturbed";
+}
+
+// Two masters of which each listened before the other sent: the second frame shuts one of them at least.
+TEST_F(Live, AMasterThatComesLaterShutsTheFirst) {
+  const std::string control = folder.file("first.sock");
+  const Background first({"up", machine, "--pace", "--control", control});
+  ASSERT_TRUE(operational(machine, control));
+  const std::string deaf = folder.write(
+      "deaf.toml", replaced(on_plant("deaf machine"), "listen            = \"1 s\"", "listen            = \"0 s\""));
+  const Background second({"up", deaf, "--pace", "--control", folder.file("second.sock")});
+  std::string text;
+  for (int i = 0; i < 120 && text.find("another master") == std::string::npos; ++i) {
+    text = berth({"status", "--machine", machine, "--control", control, "--json"}).out;
+    ::usleep(250'000);
+  }
+  EXPECT_NE(text.find("another master is on this bus"), std::string::npos) << text;
+  EXPECT_NE(text.find("Berth writes nothing more on this bus"), std::string::npos) << text;
+  EXPECT_EQ(text.find("\"state\": \"operational\""), std::string::npos) << text;
+}
+
+TEST_F(Live, AnObserverSendsNoFrameAndACommissionerNoNmt) {
+  const std::string record = folder.file("frames.log");
+  const Background ear({"up", folder.write("ear.toml", on_plant("ear", "\nrole = \"observer\"")), "--pace", "--record",
+                        record, "--control", folder.file("ear.sock")});
+  ASSERT_TRUE(wait_for(folder.file("ear.sock")));
+  const std::string commissioner = folder.write("comm.toml", on_plant("comm", "\nrole = \"commissioner\""));
+  const Outcome bind = berth({"bind", "--machine", commissioner, "--control", folder.file("none.sock")});
+  EXPECT_NE(bind.status, 0) << "a control socket that is named and not there is no leave to open the port";
+  const Outcome bound = berth({"bind", "--machine", commissioner, "--timeout", "60"});
+  EXPECT_EQ(bound.status, 0) << bound.out << bound.err;
+  ear.signal(SIGTERM);
+  for (int i = 0; i < 100; ++i) {
+    ::usleep(50'000);
+    std::ifstream in(record);
+  }
+  std::ifstream in(record);
+  std::string line;
+  std::size_t lss = 0;
+  while (std::getline(in, line)) {
+    if (line.find(" 7E5#") != std::string::npos) ++lss;
+    EXPECT_EQ(line.find(" 000#01"), std::string::npos) << line;
+    EXPECT_EQ(line.find(" 000#8"), std::string::npos) << line;
+    EXPECT_EQ(line.find(" 080#"), std::string::npos) << line;
+  }
+  EXPECT_GT(lss, 0U) << "the record is real";
+}
+
+TEST_F(Live, ThePortOfTheCommandLineIsStrongerThanTheFile) {
+  const Outcome up = berth({"up", sim_file, "--port", "plant:" + socket, "--until", "operational", "--timeout", "100"});
+  EXPECT_EQ(up.status, 0) << up.out << up.err;
+  EXPECT_EQ(berth({"up", sim_file, "--port", "nonsense"}).status, 2);
+  EXPECT_EQ(berth({"up", sim_file, "--port", "ghost=plant:" + socket}).status, 2);
+  const Outcome none = berth({"up", sim_file, "--port", "line=plant:" + folder.file("none")});
+  EXPECT_EQ(none.status, 3) << none.err;
+  EXPECT_NE(none.err.find("bus line"), std::string::npos) << none.err;
+}
+
+TEST_F(Live, SingleCommandsOpenThePortWhenNobodyRuns) {
+  const Outcome scan = berth({"scan", "--machine", machine, "--json"});
+  ASSERT_EQ(scan.status, 0) << scan.out << scan.err;
+  EXPECT_EQ(Json::parse(scan.out).at("unconfigured"), 3) << scan.out;
+  ASSERT_EQ(berth({"bind", "--machine", machine}).status, 0);
+  const Outcome read = berth({"sdo", "read", "9", "0x1018", "4", "--type", "u32", "--machine", machine, "--json"});
+  EXPECT_EQ(read.status, 0) << read.out << read.err;
+  EXPECT_NE(read.out.find("48"), std::string::npos) << read.out;  // 30h
+}
+
+TEST_F(Live, ADryRunListensAndSendsNothing) {
+  const std::string record = folder.file("frames.log");
+  const Background ear({"up", folder.write("ear.toml", on_plant("ear", "\nrole = \"observer\"")), "--pace", "--record",
+                        record, "--control", folder.file("ear.sock")});
+  ASSERT_TRUE(wait_for(folder.file("ear.sock")));
+  const Outcome dry = berth({"up", machine, "--dry-run", "--json"});
+  ASSERT_EQ(dry.status, 0) << dry.out << dry.err;
+  const Json frames = Json::parse(dry.out).at("frames");
+  ASSERT_FALSE(frames.empty()) << dry.out;
+  EXPECT_EQ(frames[0].at("frame"), "7E5#0400000000000000") << "the opening: all devices to LSS waiting";
+  EXPECT_EQ(berth({"scan", "--machine", machine, "--dry-run"}).status, 0);
+  ::usleep(500'000);
+  EXPECT_EQ(contents(record).find(" 7E5#"), std::string::npos) << contents(record);
+  EXPECT_EQ(contents(record).find(" 60"), std::string::npos);
+}
+
+TEST_F(Live, OnExitTheDevicesAreMadePreOperational) {
+  const std::string control = folder.file("up.sock");
+  Background up({"up", machine, "--pace", "--control", control, "--on-exit", "preop"});
+  ASSERT_TRUE(operational(machine, control));
+  up.signal(SIGTERM);
+  static_cast<void>(up.end());
+  const Outcome scan = berth({"scan", "--machine", machine, "--json"});
+  ASSERT_EQ(scan.status, 0) << scan.out << scan.err;
+  const Json nodes = Json::parse(scan.out).at("nodes");
+  ASSERT_EQ(nodes.size(), 3U);
+  for (const auto& node : nodes) EXPECT_EQ(node.at("state"), "pre-operational") << node;
+}
+
+TEST_F(Live, TheSessionSurvivesThePortsGoingAndComingBack) {
+  const std::string control = folder.file("up.sock");
+  const Background up({"up", machine, "--pace", "--control", control});
+  ASSERT_TRUE(operational(machine, control));
+  plant.reset();
+  std::string text;
+  for (int i = 0; i < 120 && text.find("the port is down") == std::string::npos; ++i) {
+    text = berth({"status", "--machine", machine, "--control", control}).out;
+    ::usleep(250'000);
+  }
+  EXPECT_NE(text.find("the port is down"), std::string::npos) << text;
+  ::unlink(socket.c_str());
+  start_plant();
+  EXPECT_TRUE(operational(machine, control));
+}
+
+TEST_F(Live, OneBusOfAMachineInAProcessOfItsOwn) {
+  const std::string two = on_plant("two") + "\n[bus.other]\nport = \"sim\"\nbitrate = 125_000\n";
+  const std::string file = folder.write("two.toml", replaced(two, "[[slot]]", "\n[[slot]]"));
+  EXPECT_EQ(berth({"up", file, "--until", "operational"}).status, 2) << "one bus is simulated and the other is not";
+  const Outcome up = berth({"up", file, "--bus", "line", "--until", "operational", "--timeout", "100"});
+  EXPECT_EQ(up.status, 0) << up.out << up.err;
+  EXPECT_EQ(berth({"up", file, "--bus", "none"}).status, 2);
+}
+
+// The other master tolerates an SDO client, as most do.
+TEST_F(Live, AdoptWritesAMachineFileThatUpRuns) {
+  const std::string control = folder.file("first.sock");
+  const std::string running =
+      folder.write("running.toml", on_plant("running", "\ntolerate = [\"sdo\"]\nmaster_id = 100"));
+  const Background first({"up", running, "--pace", "--control", control});
+  ASSERT_TRUE(operational(running, control));
+  ::usleep(6'000'000);  // its SDO transfers are long over
+  const std::string file = folder.file("adopted.toml");
+  const Words words{"adopt",  file,       "--port", "plant:" + socket, "--bus", "line", "--bitrate",
+                    "500000", "--master", "100",    "--json"};
+  const Outcome adopt = berth(words);
+  ASSERT_EQ(adopt.status, 0) << adopt.out << adopt.err;
+  EXPECT_EQ(Json::parse(adopt.out).at("slots"), 3) << adopt.out;
+  EXPECT_TRUE(operational(running, control)) << "nobody was disturbed";
+  const std::string text = contents(file);
+  EXPECT_NE(text.find("id   = 9"), std::string::npos) << text;
+  EXPECT_NE(text.find("heartbeat_period = \"100 ms\""), std::string::npos) << text;
+  EXPECT_EQ(berth(words).status, 1) << "nothing is overwritten";
+  const Outcome up = berth({"up", file, "--sim", plant_file, "--store", folder.file("adopted.db"), "--fast", "--until",
+                            "operational", "--json"});
+  EXPECT_EQ(up.status, 0) << up.out << up.err;
+}
+
+TEST_F(Live, APassiveAdoptTellsWhatItHearsAndSendsNothing) {
+  const std::string control = folder.file("first.sock");
+  const Background first({"up", machine, "--pace", "--control", control});
+  ASSERT_TRUE(operational(machine, control));
+  const Outcome adopt = berth({"adopt", folder.file("adopted.toml"), "--port", "plant:" + socket, "--bus", "line",
+                               "--bitrate", "500000", "--passive", "--for", "3", "--json"});
+  EXPECT_EQ(adopt.status, 1) << adopt.out << adopt.err;
+  const Json report = Json::parse(adopt.out);
+  EXPECT_EQ(report.at("nodes").size(), 4U) << "three devices and the master: " << adopt.out;
+  EXPECT_NE(report.at("master").at(0).get<std::string>().find("probably node 127"), std::string::npos) << adopt.out;
+  EXPECT_FALSE(exists(folder.file("adopted.toml")));
+  EXPECT_TRUE(operational(machine, control));
+}
+
+TEST(Moving, ExportAndImportMoveAMachineWithItsBindings) {
+  const Folder here;
+  const Folder there;
+  const std::string machine = here.write("small.toml", small_machine);
+  const std::string plant = here.write("plant.toml", small_plant);
+  const std::string state = here.file("state");
+  ASSERT_EQ(berth({"up", machine, "--sim", plant, "--sim-state", state, "--store", here.file("small.db"), "--fast",
+                   "--until", "operational"})
+                .status,
+            0);
+  const std::string file = there.file("small.berth");
+  const Outcome out = berth({"export", machine, file, "--json"});
+  ASSERT_EQ(out.status, 0) << out.out << out.err;
+  EXPECT_EQ(berth({"export", machine, file}).status, 1) << "nothing is overwritten";
+  const Outcome in = berth({"import", file, there.file(".")});
+  ASSERT_EQ(in.status, 0) << in.out << in.err;
+  EXPECT_EQ(contents(there.file("small.toml")), contents(machine));
+  EXPECT_EQ(berth({"import", file, there.file(".")}).status, 1) << "nor here";
+  // Everybody is known at the new place: nobody is bound anew.
+  const Outcome up = berth({"up", there.file("small.toml"), "--sim", plant, "--sim-state", state, "--store",
+                            there.file("small.db"), "--fast", "--until", "operational", "--json"});
+  ASSERT_EQ(up.status, 0) << up.out << up.err;
+  EXPECT_EQ(up.out.find("\"kind\": \"bound\""), std::string::npos) << up.out;
+}
+
+TEST(Moving, WhatIsNoExportIsRefused) {
+  const Folder folder;
+  const auto import = [&](const std::string& text) {
+    return berth({"import", folder.write("x.berth", text), folder.file("into")}).status;
+  };
+  EXPECT_EQ(import("nonsense"), 2);
+  EXPECT_EQ(import("{}"), 2);
+  EXPECT_EQ(import(R"({"berth_export": 2, "files": []})"), 2);
+  EXPECT_EQ(import(R"({"berth_export": 1, "files": [{"name": "../evil", "base64": ""}]})"), 2);
+  EXPECT_EQ(import(R"({"berth_export": 1, "files": [{"name": "/evil", "base64": ""}]})"), 2);
+  EXPECT_EQ(import(R"({"berth_export": 1, "files": [{"name": "a", "base64": "A"}]})"), 2);
+  EXPECT_EQ(import(R"({"berth_export": 1, "files": [{"name": "a", "base64": "=AAA"}]})"), 2);
+  EXPECT_EQ(import(R"({"berth_export": 1, "files": [{"name": "a", "base64": ""}, {"name": "a", "base64": ""}]})"), 2);
+  EXPECT_EQ(berth({"import", folder.file("none")}).status, 2);
+  EXPECT_FALSE(exists(folder.file("into")));
+}
+
+}  // namespace
+}  // namespace berth::test
