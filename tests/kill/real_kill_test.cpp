@@ -97,7 +97,7 @@ class RealKill : public ::testing::Test {
     std::ofstream machine(file("machine.toml"));
     machine << "[machine]\nname = \"killed\"\n\n[bus.field]\nport = \"plant:" << file("plant.sock")
             << "\"\nbitrate = 500_000\n\n[timing]\nheartbeat_period = \"300 ms\"\nheartbeat_timeout = \"2 s\"\n"
-            << "probe_period = \"500 ms\"\nrand_response = \"8 ms\"\n";
+            << "probe_period = \"500 ms\"\nrand_response = \"8 ms\"\nlisten = \"50 ms\"\n";
     std::ofstream plant(file("plant.toml"));
     plant << "[plant]\nseed = 3\n\n[bus.field]\nbitrate = 500_000\n";
     for (unsigned i = 1; i <= slots; ++i) {
