@@ -1,0 +1,171 @@
+// A plant file's device on a port of somebody else's; here the port is a controller of a simulated bus without a world
+// of devices around it, so that it can be compared with the same device in one.
+#include <fmt/format.h>
+#include <unistd.h>
+
+#include <filesystem>
+
+#include "../pch.hpp"
+#include "berth/plant/port_device.hpp"
+#include "berth/plant/world.hpp"
+
+namespace berth::plant {
+namespace {
+
+using std::chrono::milliseconds;
+
+class Record final : public can::Tap {
+ public:
+  explicit Record(sim::Bus& bus) : bus_(bus) { bus.add_tap(*this); }
+  ~Record() { bus_.remove_tap(*this); }
+  void frame(const can::Frame& frame, rt::Time at, int) noexcept override {
+    text.push_back(fmt::format("{} {}", at.time_since_epoch().count(), can::to_string(frame)));
+  }
+  [[nodiscard]] bool has(std::string_view frame) const {
+    return std::ranges::any_of(text, [&](const auto& line) { return line.ends_with(frame); });
+  }
+  std::vector<std::string> text;
+
+ private:
+  sim::Bus& bus_;
+};
+
+PlantDevice device(const std::string& name, std::uint32_t serial, std::uint8_t id = 0xFF) {
+  PlantDevice d;
+  d.name = name;
+  d.bus = "b";
+  d.address = {1, 2, 3, serial};
+  d.source = id == 0xFF ? NodeIdSource::blank : NodeIdSource::nonvolatile;
+  d.node_id = NodeId(id);
+  d.boot = milliseconds(10);
+  d.reset = milliseconds(5);
+  return d;
+}
+
+/// What is said to the devices in both worlds.
+void talk(sim::World& world, sim::Controller& me) {
+  world.run_for(milliseconds(50));
+  for (const char* const frame : {"000#0105", "605#4018100400000000", "605#2B17100064000000", "7E5#0401000000000000",
+                                  "7E5#1107000000000000", "7E5#1700000000000000", "7E5#0400000000000000"}) {
+    me.send(*can::parse_frame(frame), 0);
+    world.run_for(milliseconds(150));
+  }
+}
+
+struct Scene {
+  explicit Scene(const std::vector<PlantDevice>& plans, PortDevices::Observer* observer = nullptr)
+      : bus(world.add_bus("b", 250'000)), devices(world.executor(), observer) {
+    for (const auto& plan : plans) devices.add(plan, bus.attach(), 250'000, Random(1), findings);
+    me = bus.attach();
+    record = std::make_unique<Record>(bus);
+  }
+  void start() {
+    for (const auto& d : devices.all()) d->power(true);
+    world.run_for(milliseconds(50));
+  }
+  void ask(std::string_view frame) {
+    me->send(*can::parse_frame(frame), 0);
+    world.run_for(milliseconds(100));
+  }
+  sim::World world{1};
+  sim::Bus& bus;
+  Findings findings;
+  PortDevices devices;
+  std::unique_ptr<sim::Controller> me;
+  std::unique_ptr<Record> record;
+};
+
+TEST(PortDevices, IsToTheNanosecondTheDeviceOfASimulatedBus) {
+  PlantFile file;
+  file.buses.push_back({"b", 250'000});
+  file.devices.push_back(device("a", 9, 5));
+  Findings findings;
+  const auto world = World::make(file, {}, findings);
+  ASSERT_TRUE(world);
+  std::vector<std::string> want;
+  {
+    Record record(*world->bus("b"));
+    const auto me = world->attach_master("b");
+    world->start();
+    talk(world->sim(), *me);
+    want = record.text;
+  }
+  Scene s(file.devices);
+  for (const auto& d : s.devices.all()) d->power(true);
+  talk(s.world, *s.me);
+  EXPECT_TRUE(s.record->has("585#4318100409000000"));
+  EXPECT_TRUE(s.record->has("7E4#1700000000000000"));
+  EXPECT_EQ(s.record->text, want);
+}
+
+TEST(PortDevices, WhatTheyRememberOutlivesThemAndOthersLinesStay) {
+  std::string state;
+  {
+    Scene s({device("a", 9), device("b", 10, 6)});
+    s.start();
+    for (const char* const frame : {"7E5#4001000000000000", "7E5#4102000000000000", "7E5#4203000000000000",
+                                    "7E5#4309000000000000", "7E5#1107000000000000", "7E5#1700000000000000"}) {
+      s.ask(frame);
+    }
+    EXPECT_TRUE(s.record->has("7E4#4400000000000000"));
+    EXPECT_TRUE(s.record->has("7E4#1700000000000000"));
+    state = s.devices.state();
+  }
+  {
+    Scene s({device("a", 9)});
+    ASSERT_TRUE(s.devices.restore(state));
+    EXPECT_EQ(s.devices.state().find("b\n") == std::string::npos, false);
+    s.start();
+    EXPECT_TRUE(s.record->has("707#00")) << "the stored node-ID counts";
+    state = s.devices.state();
+  }
+  PlantFile file;
+  file.buses.push_back({"b", 250'000});
+  file.devices = {device("a", 9), device("b", 10, 6)};
+  Findings findings;
+  const auto world = World::make(file, {}, findings);
+  ASSERT_TRUE(world);
+  ASSERT_TRUE(world->restore(state)) << "a simulated bus takes the same form";
+  EXPECT_EQ(world->find("a")->truth().persistent, NodeId(7));
+  EXPECT_EQ(world->find("b")->truth().persistent, NodeId(6));
+}
+
+TEST(PortDevices, ADamagedStateIsRefused) {
+  Scene s({device("a", 9)});
+  EXPECT_FALSE(s.devices.restore(""));
+  EXPECT_FALSE(s.devices.restore("something else\n"));
+  EXPECT_FALSE(s.devices.restore("berth-plant-state 1\n1 2 3\n"));
+  EXPECT_FALSE(s.devices.keep_state("/nowhere/at/all"));
+}
+
+struct Notes final : PortDevices::Observer {
+  void device_changed(const PortDevice& d) noexcept override { last = d.device().node_id(); }
+  void state_not_kept() noexcept override { ++not_kept; }
+  NodeId last;
+  int not_kept = 0;
+};
+
+TEST(PortDevices, TheFileIsWrittenWhenADeviceStoresAndALostFolderIsTold) {
+  const auto folder = std::filesystem::temp_directory_path() / fmt::format("berth-port-devices-{}", ::getpid());
+  std::filesystem::create_directory(folder);
+  const auto path = folder / "state";
+  Notes notes;
+  Scene s({device("a", 9, 5)}, &notes);
+  ASSERT_TRUE(s.devices.keep_state(path.string()));
+  EXPECT_FALSE(std::filesystem::exists(path)) << "nothing is to be kept yet";
+  s.start();
+  EXPECT_EQ(notes.last, NodeId(5));
+  s.ask("7E5#0401000000000000");
+  s.ask("7E5#1107000000000000");
+  s.ask("7E5#1700000000000000");
+  ASSERT_TRUE(std::filesystem::exists(path));
+  EXPECT_EQ(notes.not_kept, 0);
+  std::filesystem::remove_all(folder);
+  s.ask("7E5#1700000000000000");
+  EXPECT_EQ(notes.not_kept, 1);
+  s.devices.all().front()->power(false);
+  EXPECT_EQ(notes.last, NodeId()) << "without power it has none";
+}
+
+}  // namespace
+}  // namespace berth::plant
