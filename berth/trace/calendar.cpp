@@ -98,25 +98,35 @@ std::string write_date(rt::Duration since_1970) {
                      static_cast<int>(date.year()));
 }
 
-std::optional<rt::Duration> parse_seconds(std::string_view text) noexcept {
+namespace {
+
+// A decimal number of units; a unit is a power of ten of nanoseconds.
+std::optional<rt::Duration> parse_units(std::string_view text, std::int64_t unit) noexcept {
+  const std::int64_t most = most_seconds * (1'000'000'000 / unit);
   std::size_t at = 0;
-  std::int64_t seconds = 0;
+  std::int64_t whole = 0;
   for (; at < text.size() && is_digit(text[at]); ++at) {
-    seconds = seconds * 10 + (text[at] - '0');
-    if (seconds > most_seconds) return std::nullopt;
+    whole = whole * 10 + (text[at] - '0');
+    if (whole > most) return std::nullopt;
   }
   if (at == 0) return std::nullopt;
   std::int64_t nanos = 0;
   if (at < text.size()) {
     if (text[at] != '.' || at + 1 == text.size()) return std::nullopt;
-    std::int64_t unit = 100'000'000;
-    for (++at; at < text.size(); ++at, unit /= 10) {
+    std::int64_t part = unit / 10;
+    for (++at; at < text.size(); ++at, part /= 10) {
       if (!is_digit(text[at])) return std::nullopt;
-      nanos += unit * (text[at] - '0');
+      nanos += part * (text[at] - '0');
     }
   }
-  return std::chrono::seconds(seconds) + std::chrono::nanoseconds(nanos);
+  return std::chrono::nanoseconds(whole * unit + nanos);
 }
+
+}  // namespace
+
+std::optional<rt::Duration> parse_seconds(std::string_view text) noexcept { return parse_units(text, 1'000'000'000); }
+
+std::optional<rt::Duration> parse_milliseconds(std::string_view text) noexcept { return parse_units(text, 1'000'000); }
 
 std::optional<rt::Duration> parse_ole_date(std::string_view text) noexcept {
   std::size_t at = 0;

@@ -17,6 +17,8 @@ namespace berth::trace {
 
 /// "0.001900", "12": seconds; digits behind the ninth decimal are dropped. Empty: no such number, or too large.
 [[nodiscard]] std::optional<rt::Duration> parse_seconds(std::string_view text) noexcept;
+/// The same in milliseconds, to the nanosecond.
+[[nodiscard]] std::optional<rt::Duration> parse_milliseconds(std::string_view text) noexcept;
 
 /// OLE automation date: days since 30 December 1899, "43474.57245773". Rounded to microseconds. Since 1970.
 [[nodiscard]] std::optional<rt::Duration> parse_ole_date(std::string_view text) noexcept;

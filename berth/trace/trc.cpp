@@ -156,12 +156,12 @@ std::optional<TrcReader::Row> TrcReader::row() {
       }
     } else if (column == 'O') {
       const bool minus = text.starts_with('-');
-      const auto millis = parse_seconds(minus ? text.substr(1) : text);
-      if (!millis) {
+      const auto offset = parse_milliseconds(minus ? text.substr(1) : text);
+      if (!offset) {
         wrong(text, "this is no time in milliseconds");
         return std::nullopt;
       }
-      row.offset = minus ? -*millis / 1000 : *millis / 1000;
+      row.offset = minus ? -*offset : *offset;
     } else if (column == 'T') {
       if (!known_type(text)) {
         if (text.empty()) {
@@ -188,7 +188,6 @@ std::optional<TrcReader::Row> TrcReader::row() {
       row.size_kind = column;
     }
   }
-  // parse_seconds gives nine decimals of a millisecond as nanoseconds: a thousandth of that is right to the picosecond.
   if (row.offset > std::chrono::seconds(most_seconds) - start_ || row.offset < -start_) {
     error(0, "with the start, this time is no time from 1970 to 2255");
     return std::nullopt;

@@ -124,6 +124,17 @@ TEST(Trc, ColumnsInAnotherOrder) {
   EXPECT_EQ(kept.trace.entries[0].frame, can::Frame::base(0x123, {0xAA, 0xBB}));
 }
 
+// Found by the fuzz target: offsets of more than 104 days.
+TEST(Trc, FramesYearsApart) {
+  Trace trace;
+  trace.buses = {"can0"};
+  trace.entries.push_back({5s + 1us, 0, can::Frame::base(1, {1}), Direction::received});
+  trace.entries.push_back({1436509052250001us, 0, can::Frame::base(2, {1}), Direction::received});
+  const auto kept = read(Format::trc, test::write(Format::trc, trace).bytes);
+  EXPECT_EQ(kept.errors(), 0U) << kept.text();
+  EXPECT_EQ(kept.trace, trace);
+}
+
 TEST(Trc, SaysWhereItIsWrong) {
   const std::pair<const char*, int> wrong[] = {
       {"nonsense", 1},
