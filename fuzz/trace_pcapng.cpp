@@ -1,0 +1,7 @@
+// A pcapng file's bytes: see trace_stream.hpp.
+#include "fuzz/trace_stream.hpp"
+
+extern "C" int LLVMFuzzerTestOneInput(const std::uint8_t* data, std::size_t size) {
+  berth::fuzz::check(berth::trace::Format::pcapng, {reinterpret_cast<const char*>(data), size});
+  return 0;
+}
