@@ -1,0 +1,222 @@
+// `berth trace` from the outside: formats, names, filters, conversions, a file that grows, a live bus.
+#include <gtest/gtest.h>
+#include <unistd.h>
+
+#include <chrono>
+#include <csignal>
+#include <fstream>
+#include <nlohmann/json.hpp>
+#include <sstream>
+#include <thread>
+
+#include "process.hpp"
+
+namespace berth::test {
+namespace {
+
+using Json = nlohmann::json;
+using namespace std::chrono_literals;
+
+const char* const sdo_log =
+    "(0000000001.000000) can0 705#00\n"
+    "(0000000001.001000) can0 605#4018100100000000\n"
+    "(0000000001.001500) can0 706#05\n"
+    "(0000000001.002000) can0 585#431810011F000000\n"
+    "(0000000001.003000) can0 606#2B171000F4010000\n"
+    "(0000000001.004000) can0 586#8017100022000008\n"
+    "(0000000001.005000) can1 085#3081110000000000\n";
+
+std::vector<Json> lines_of(const std::string& text) {
+  std::vector<Json> all;
+  std::istringstream in(text);
+  std::string line;
+  while (std::getline(in, line)) all.push_back(Json::parse(line));
+  return all;
+}
+
+TEST(TraceCommand, ATransferIsOneRow) {
+  const Folder folder;
+  const auto log = folder.write("t.log", sdo_log);
+  const auto shown = berth({"trace", log});
+  EXPECT_EQ(shown.status, 0) << shown.err;
+  EXPECT_NE(
+      shown.out.find("SDO read node 5 1018h:01 Identity object.Vendor-ID = 31 (0x0000001F)  [2 frames, 1.000 ms]"),
+      std::string::npos)
+      << shown.out;
+  EXPECT_NE(shown.out.find("SDO write node 6 1017h:00 Producer heartbeat time = 500 (0x01F4): abort by the server, "
+                           "08000022h"),
+            std::string::npos)
+      << shown.out;
+  EXPECT_EQ(std::ranges::count(shown.out, '\n'), 5);
+  const auto frames = berth({"trace", log, "--frames"});
+  EXPECT_EQ(std::ranges::count(frames.out, '\n'), 7);
+  const auto rows = lines_of(berth({"trace", log, "--json"}).out);
+  ASSERT_EQ(rows.size(), 5U);
+  EXPECT_EQ(rows[2].at("object"), "1018h:01");
+  EXPECT_EQ(rows[2].at("bytes"), "1F 00 00 00");
+  EXPECT_EQ(rows[2].at("frames"), 2);
+  EXPECT_DOUBLE_EQ(rows[2].at("began_s").get<double>(), 1.001);
+  EXPECT_EQ(rows[3].at("abort"), "08000022");
+  EXPECT_EQ(rows[4].at("bus"), "can1");
+  EXPECT_EQ(rows[4].at("service"), "emcy");
+  EXPECT_EQ(rows[4].at("code"), "8130");
+  EXPECT_EQ(rows[4].at("frame"), "085#3081110000000000");
+}
+
+TEST(TraceCommand, Filters) {
+  const Folder folder;
+  const auto log = folder.write("t.log", sdo_log);
+  const auto rows = [&](Words words) {
+    words.insert(words.begin(), {"trace", log});
+    const auto run = berth(words);
+    EXPECT_EQ(run.status, 0) << run.err;
+    return std::ranges::count(run.out, '\n');
+  };
+  EXPECT_EQ(rows({"--node", "6"}), 2);
+  EXPECT_EQ(rows({"--node", "5", "--node", "6"}), 5);
+  EXPECT_EQ(rows({"--service", "sdo"}), 2);
+  EXPECT_EQ(rows({"--service", "heartbeat,emcy"}), 3);
+  EXPECT_EQ(rows({"--text", "ABORT"}), 1);
+  EXPECT_EQ(rows({"--bus", "can1"}), 1);
+  EXPECT_EQ(rows({"--after", "1.003"}), 2);
+  EXPECT_EQ(rows({"--before", "+0.0015", "--service", "heartbeat"}), 2);
+  const auto wrong = berth({"trace", log, "--service", "telepathy"});
+  EXPECT_EQ(wrong.status, 2);
+  EXPECT_NE(wrong.err.find("heartbeat"), std::string::npos) << wrong.err;
+  EXPECT_EQ(berth({"trace", log, "--after", "noon"}).status, 2);
+  // What is converted is filtered too, by every frame of the service.
+  const auto out = folder.file("sdo.log");
+  const auto run = berth({"trace", log, "--service", "sdo", "-o", out});
+  EXPECT_EQ(run.status, 0) << run.err;
+  EXPECT_EQ(std::ranges::count(contents(out), '\n'), 4);
+  EXPECT_NE(run.out.find("4 frames of 7"), std::string::npos) << run.out;
+}
+
+TEST(TraceCommand, ConvertsThroughEveryFormatAndBack) {
+  const Folder folder;
+  const auto log = folder.write("t.log",
+                                "(1436509052.249713) can0 7E5#5100000000800000 R\n"
+                                "(1436509052.250001) backbone 1F900135# T\n"
+                                "(1436509052.250900) can0 123##1AABB R\n");
+  std::string last = log;
+  for (const char* name : {"a.pcapng", "b.asc", "c.trc", "d.pcapng", "e.log"}) {
+    const auto next = folder.file(name);
+    const auto run = berth({"trace", last, "-o", next});
+    ASSERT_EQ(run.status, 0) << name << run.err;
+    EXPECT_EQ(run.err, "") << name;
+    last = next;
+  }
+  EXPECT_EQ(contents(last), contents(log));
+  const auto lossy = berth({"trace", log, "--to", "trc1.1", "-o", folder.file("x.trc"), "--json"});
+  ASSERT_EQ(lossy.status, 0) << lossy.err;
+  const auto json = Json::parse(lossy.out);
+  EXPECT_EQ(json.at("from"), "candump");
+  EXPECT_EQ(json.at("frames"), 3);
+  ASSERT_EQ(json.at("lost").size(), 3U);
+  EXPECT_NE(json.at("lost")[0].get<std::string>().find("1 FD frames"), std::string::npos);
+  EXPECT_EQ(berth({"trace", log, "-o", folder.file("x.xyz")}).status, 2);
+  EXPECT_EQ(berth({"trace", log, "-o", folder.file("none/x.asc")}).status, 3);
+  EXPECT_EQ(berth({"trace", log, "--to", "yaml"}).status, 2);
+  EXPECT_EQ(berth({"trace", log, "--to", "candump", "--no-directions"}).out,
+            "(1436509052.249713) can0 7E5#5100000000800000\n(1436509052.250001) backbone 1F900135#\n"
+            "(1436509052.250900) can0 123##1AABB\n");
+}
+
+TEST(TraceCommand, WrongLinesAreNamedAndNothingElseIsLost) {
+  const Folder folder;
+  const auto log = folder.write("t.asc",
+                                "date Fri Jul 10 06:17:32.249 2015\nbase hex  timestamps absolute\n"
+                                "   0.1 1  7G1  Rx   d 1 00\n   0.2 1  705  Rx   d 1 00\n");
+  const auto run = berth({"trace", log});
+  EXPECT_EQ(run.status, 2);
+  EXPECT_NE(run.err.find("t.asc:3:11: error"), std::string::npos) << run.err;
+  EXPECT_NE(run.out.find("Boot up of node 5"), std::string::npos) << run.out;
+  const auto json = lines_of(berth({"trace", log, "--json"}).out);
+  ASSERT_EQ(json.size(), 2U);
+  EXPECT_EQ(json[0].at("finding").at("line"), 3);
+  std::string many;
+  for (int i = 0; i < 1000; ++i) many += "(x\n";
+  const auto bad = berth({"trace", folder.write("many.log", many + "(1.000000) can0 705#00\n")});
+  EXPECT_EQ(bad.status, 2);
+  EXPECT_NE(bad.err.find("900 more findings"), std::string::npos) << bad.err;
+  EXPECT_NE(bad.out.find("Boot up"), std::string::npos);
+  EXPECT_EQ(berth({"trace", folder.write("b.bin", std::string(5000, '\0'))}).status, 2);
+  EXPECT_EQ(berth({"trace", folder.write("empty.log", "")}).status, 0);
+}
+
+TEST(TraceCommand, NamesOfTheMachineFileAndOfDescriptions) {
+  const Folder folder;
+  const auto eds = example("eds/pump.dcf");
+  ASSERT_TRUE(exists(eds)) << eds;
+  const auto log =
+      folder.write("t.log", "(1.000000) can0 605#4018100100000000\n(1.001000) can0 585#431810011F000000\n");
+  const auto run = berth({"trace", log, "--eds", "5=" + eds});
+  EXPECT_EQ(run.status, 0) << run.err;
+  EXPECT_NE(run.out.find("1018h:01"), std::string::npos) << run.out;
+  const auto unclear = berth({"trace", log, "--eds", eds});
+  EXPECT_EQ(unclear.status, 2);
+  EXPECT_NE(unclear.err.find("of which node"), std::string::npos) << unclear.err;
+  EXPECT_EQ(berth({"trace", log, "--eds", "5=" + folder.file("none.eds")}).status, 2);
+  const auto named = berth({"trace", log, "--machine", example("five-slaves.toml")});
+  EXPECT_EQ(named.status, 0) << named.err;
+  EXPECT_EQ(berth({"trace", log, "--machine", folder.file("none.toml")}).status, 2);
+}
+
+TEST(TraceCommand, StatisticsHavePeriodsAndJitter) {
+  const Folder folder;
+  const auto log =
+      folder.write("t.log", "(1.000000) a 181#\n(1.010000) a 181#\n(1.020000) a 181#\n(1.040000) a 181#\n");
+  const auto run = berth({"trace", log, "--stats", "--json", "--bitrate", "125000"});
+  ASSERT_EQ(run.status, 0) << run.err;
+  const auto id = Json::parse(run.out).at("ids").at(0);
+  EXPECT_DOUBLE_EQ(id.at("period_min_s").get<double>(), 0.01);
+  EXPECT_DOUBLE_EQ(id.at("period_max_s").get<double>(), 0.02);
+  EXPECT_NEAR(id.at("period_avg_s").get<double>(), 0.04 / 3, 1e-9);
+  EXPECT_GT(id.at("load").get<double>(), 0.01);
+}
+
+TEST(TraceCommand, FollowsAFileThatGrows) {
+  const Folder folder;
+  const auto log = folder.write("t.log", "(1.000000) can0 705#00\n");
+  const auto out = folder.file("seen.pcapng");
+  Background follow({"trace", log, "--follow", "-o", out, "--timeout", "60"});
+  const auto append = [&](const std::string& text) { std::ofstream(log, std::ios::app) << text << std::flush; };
+  const auto size = [&] { return exists(out) ? contents(out).size() : 0; };
+  const auto grown = [&](std::size_t from) {
+    for (int i = 0; i < 600 && size() <= from; ++i) std::this_thread::sleep_for(50ms);
+    return size();
+  };
+  const auto first = grown(0);
+  EXPECT_GT(first, 0U) << "what was read is recorded before the end";
+  append("(1.001000) can0 70");  // half a line
+  append("6#00\n");
+  const auto second = grown(first);
+  EXPECT_GT(second, first);
+  follow.signal(SIGINT);
+  const auto run = follow.end();
+  EXPECT_EQ(run.status, 0) << run.err;
+  EXPECT_NE(run.out.find("Boot up of node 5"), std::string::npos) << run.out;
+  EXPECT_NE(run.out.find("Boot up of node 6"), std::string::npos) << run.out;
+  EXPECT_EQ(berth({"trace", out, "--to", "candump", "-o", "-"}).out,
+            "(0000000001.000000) can0 705#00\n(0000000001.001000) can0 706#00\n");
+}
+
+TEST(TraceCommand, ListensToAPlantAndSendsNothing) {
+  const Folder folder;
+  const auto socket = folder.file("plant.sock");
+  const Background served({"plant", example("ailing.plant.toml"), "--listen", socket});
+  for (int i = 0; i < 600 && !exists(socket); ++i) std::this_thread::sleep_for(50ms);
+  ASSERT_TRUE(exists(socket));
+  const auto log = folder.file("live.log");
+  const auto run = berth({"trace", "--port", "plant:" + socket, "--bus", "line", "--timeout", "5 s", "-o", log});
+  EXPECT_EQ(run.status, 0) << run.err;
+  EXPECT_NE(run.out.find("Heartbeat of node"), std::string::npos) << run.out << run.err;
+  EXPECT_EQ(berth({"trace", log, "--service", "heartbeat"}).status, 0);
+  EXPECT_NE(contents(log).find(" line 7"), std::string::npos) << contents(log);
+  EXPECT_EQ(berth({"trace", "--port", "plant:" + folder.file("none.sock"), "--timeout", "1 s"}).status, 3);
+  EXPECT_EQ(berth({"trace", "--port", "telepathy:can0"}).status, 2);
+  EXPECT_EQ(berth({"trace"}).status, 2);
+}
+
+}  // namespace
+}  // namespace berth::test
