@@ -246,8 +246,8 @@ class LssMaster(OnOneBus):
         cls.partner = plant_bus.Partner(scope, cls.port, 255, 0x0A)
 
     def test_fastscan_and_a_node_id(self):
-        # 100 ms a question: the package takes silence for a set bit.
-        found = self.js("return await my.lss.fastscan({ timeout: 300 })")
+        # 300 ms a question: the package takes silence for a set bit. Null: nobody, the device is not up yet.
+        found = support.until(lambda: self.js("return await my.lss.fastscan({ timeout: 300 })"), "Fastscan finds somebody")
         self.assertEqual(found, {"vendorId": 0x123, "productCode": 7, "revisionNumber": 0x10000, "serialNumber": 0x0A})
         inquired = self.js("""return [await my.lss.inquireVendorId(10000), await my.lss.inquireProductCode(10000),
                                       await my.lss.inquireRevisionNumber(10000), await my.lss.inquireSerialNumber(10000)]""")
