@@ -85,15 +85,12 @@ class SocketCanPort::Impl final : private Watcher {
     if (status_.listen_only) return can::Queued::listen_only;
     if (status_.bus_off) return can::Queued::bus_off;
     if (tag != 0) expect_echo(frame.key());
-    if (!waiting_.empty()) return keep(frame, tag);
-    switch (socket_.write(bytes, size)) {
-      case CanSocket::Wrote::yes: note_written(frame, tag); return can::Queued::yes;
-      case CanSocket::Wrote::full: try_later(); return keep(frame, tag);
-      case CanSocket::Wrote::waiting: try_when_writable(true); return keep(frame, tag);
-      case CanSocket::Wrote::down: goes_down(); return can::Queued::closed;
-      case CanSocket::Wrote::refused: break;
-    }
-    return can::Queued::closed;
+    // Written when the job that sends is over: whoever says "I am here" has then also said what it wants to hear, and
+    // the answer passes the kernel's filter.
+    const bool first = waiting_.empty();
+    if (first) executor_->post(write_);
+    if (waiting_.size() >= queue_depth && !stuck_) flush();
+    return keep(frame, tag);
   }
 
   void withdraw(std::uint32_t tag) noexcept {
@@ -190,6 +187,7 @@ class SocketCanPort::Impl final : private Watcher {
     }
     there_ = true;
     watches_out_ = false;
+    if (hears_own_) hears_own_ = socket_.hear_own();
     install();
     return true;
   }
@@ -348,7 +346,7 @@ class SocketCanPort::Impl final : private Watcher {
 
   // Only what passes the filter comes back.
   void note_written(const can::Frame& frame, std::uint32_t tag) noexcept {
-    if (!contains(installed_, frame.key())) return;
+    if (!hears_own_ || !contains(installed_, frame.key())) return;
     if (written_.size() >= most_unconfirmed) written_.pop_front();
     written_.push_back({frame, tag, 0});
   }
@@ -366,6 +364,7 @@ class SocketCanPort::Impl final : private Watcher {
   }
 
   void flush() noexcept {
+    stuck_ = true;  // unless all is written
     while (!waiting_.empty() && status_.up && !status_.bus_off) {
       KernelFrame bytes;
       const std::size_t size = encode_frame(waiting_.front().frame, bytes);
@@ -378,13 +377,16 @@ class SocketCanPort::Impl final : private Watcher {
       }
       waiting_.pop_front();
     }
+    stuck_ = false;
     try_when_writable(false);
   }
 
   void drop_queue() noexcept {
     waiting_.clear();
     written_.clear();
+    stuck_ = false;
     retry_.cancel();
+    write_.cancel();
     if (there_) try_when_writable(false);
   }
 
@@ -471,7 +473,9 @@ class SocketCanPort::Impl final : private Watcher {
 
   // ---- acceptance ----
 
+  // Who never asks when a frame was sent is spared the reading of it.
   void expect_echo(std::uint32_t key) noexcept {
+    if (!hears_own_ && there_) hears_own_ = socket_.hear_own();
     if (contains(installed_, key)) return;
     if (echoed_.size() >= most_echoed) {
       echoed_ = {can::all_base, can::all_extended};
@@ -555,10 +559,13 @@ class SocketCanPort::Impl final : private Watcher {
   std::deque<Given> waiting_;  // the kernel has not taken them
   std::deque<Given> written_;  // echo awaited, oldest first
   std::uint32_t dropped_when_echoed_ = 0;
+  bool hears_own_ = false;
+  bool stuck_ = false;  // the kernel takes nothing now
   bool watches_out_ = false;
   bool freed_ = false;  // the kernel's queue has become shorter
   Ring<Event> events_;
   Later<&Impl::deliver> deliver_{*this};
+  Later<&Impl::flush> write_{*this};
   Later<&Impl::flush> retry_{*this};
   Later<&Impl::look> look_{*this};
 };

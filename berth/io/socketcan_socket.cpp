@@ -44,14 +44,16 @@ bool CanSocket::open(int index) noexcept {
   address.can_family = AF_CAN;
   address.can_ifindex = index;
   const void* const plain = &address;
-  if (set(fd_, SOL_CAN_RAW, CAN_RAW_RECV_OWN_MSGS, on) &&
-      ::bind(fd_, static_cast<const sockaddr*>(plain), sizeof address) == 0) {
-    return true;
-  }
+  if (::bind(fd_, static_cast<const sockaddr*>(plain), sizeof address) == 0) return true;
   const int why = errno;
   close();
   errno = why;
   return false;
+}
+
+bool CanSocket::hear_own() noexcept {
+  const int on = 1;
+  return set(fd_, SOL_CAN_RAW, CAN_RAW_RECV_OWN_MSGS, on);
 }
 
 void CanSocket::close() noexcept {

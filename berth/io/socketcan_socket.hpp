@@ -24,6 +24,8 @@ class CanSocket {
   /// A socket that hears nothing yet but error frames, bound to an interface. False: errno says why.
   [[nodiscard]] bool open(int index) noexcept;
   void close() noexcept;
+  /// What this socket writes comes back to it from now on, when it passes the filters. False: the kernel refused.
+  bool hear_own() noexcept;
   [[nodiscard]] int fd() const noexcept { return fd_; }
   /// What passes from now on. False: the kernel refused, and the filters are as before.
   bool filter(std::span<const KernelFilter> filters) noexcept;

@@ -110,7 +110,9 @@ TEST_F(SocketCan, AConfirmationStandsInOrderWithWhatWasHeard) {
   a->listen(&ear, everything);
   for (std::uint32_t i = 0; i < 50; ++i) {
     ASSERT_EQ(b->send(can::Frame::base(0x100 + i, {}), 0), can::Queued::yes);
+    loop_.serve();
     ASSERT_EQ(a->send(can::Frame::base(0x7E5, {0x51}), i + 1), can::Queued::yes);
+    loop_.serve();
   }
   ASSERT_TRUE(until([&] { return ear.log.size() == 100; }));
   for (std::uint32_t i = 0; i < 50; ++i) {
@@ -118,6 +120,48 @@ TEST_F(SocketCan, AConfirmationStandsInOrderWithWhatWasHeard) {
     EXPECT_EQ(ear.log[2 * i + 1], "sent " + std::to_string(i + 1));
   }
   EXPECT_TRUE(ear.times_hold);
+}
+
+// A device that says its boot-up and only then begins to listen to its SDO server: whoever answers at once is heard.
+TEST_F(SocketCan, WhatAJobSendsLeavesWhenTheJobIsOver) {
+  auto a = open();
+  ASSERT_TRUE(a);
+  const int raw = ::socket(PF_CAN, SOCK_RAW | SOCK_NONBLOCK, CAN_RAW);
+  ASSERT_GE(raw, 0);
+  sockaddr_can address{};
+  address.can_family = AF_CAN;
+  address.can_ifindex = static_cast<int>(::if_nametoindex(vcan_->name().c_str()));
+  const void* const plain = &address;
+  ASSERT_EQ(::bind(raw, static_cast<const sockaddr*>(plain), sizeof address), 0);
+  Ear ear(executor_);
+  a->listen(&ear, {});
+  class Boot final : public rt::Job {
+   public:
+    Boot(can::Port& port, Ear& ear, int raw) : port_(&port), ear_(&ear), raw_(raw) {}
+    void run() noexcept override {
+      port_->send(can::Frame::base(0x705, {0}), 0);
+      can_frame frame{};
+      left_early = ::read(raw_, &frame, sizeof frame) > 0;
+      constexpr can::IdRange own[] = {can::only(0x605)};
+      port_->listen(ear_, own);
+    }
+    bool left_early = false;
+
+   private:
+    can::Port* port_;
+    Ear* ear_;
+    int raw_;
+  };
+  Boot boot(*a, ear, raw);
+  executor_.post(boot);
+  loop_.serve();
+  EXPECT_FALSE(boot.left_early);
+  can_frame frame{};
+  EXPECT_GT(::read(raw, &frame, sizeof frame), 0);
+  EXPECT_EQ(frame.can_id, 0x705U);
+  ::close(raw);
+  cansend("605#4000100000000000");
+  ASSERT_TRUE(until([&] { return ear.frames == 1; }));
 }
 
 TEST_F(SocketCan, OnlyWhatIsListenedToComes) {
