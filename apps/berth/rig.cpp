@@ -339,6 +339,7 @@ void Rig::leave(const Options& options) {
     auto* const network = session_->network(bus.name);
     if (wish == design::OnExit::leave || bus.role != design::Role::master || network == nullptr) continue;
     const auto command = wish == design::OnExit::stop ? co::NmtCommand::stop : co::NmtCommand::enter_pre_operational;
+    session_->stop();  // the main job would start again whom it sees pre-operational
     any = network->dispatcher().send(co::to_frame({command, co::NmtTarget::all()})) == can::Queued::yes || any;
   }
   if (!any) return;

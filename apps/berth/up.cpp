@@ -96,9 +96,9 @@ int bring_up(const Options& options, const Sources& sources) {
   const auto ended = drive(rig, ending, screen, options, how);
   if (!ended) return tell(ended.error(), options.json);
   rig.session().on_event({});
-  if (!options.dry_run) rig.leave(options);
   const bool good =
       rig.session().operational() && (*ended != Ended::settled || options.until != "replaced" || ending.reached());
+  if (!options.dry_run) rig.leave(options);
   if (options.dry_run) {
     print_frames(sent, options.json);
     if (rig.loop() != nullptr) return Exit::done;

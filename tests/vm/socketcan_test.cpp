@@ -264,6 +264,7 @@ TEST_F(SocketCan, DownAndUpAreToldAndNothingOldIsSent) {
   EXPECT_EQ(ear.log.back(), "up");
   EXPECT_EQ(ear.states.back().bit_rate, 125'000U);
   EXPECT_EQ(a->send(can::Frame::base(0x2, {}), 2), can::Queued::yes);
+  loop_.serve();
   cansend("003#");
   ASSERT_TRUE(until([&] { return ear.log.size() == 4; }));
   EXPECT_EQ(ear.log, (std::vector<std::string>{"down", "up", "sent 2", "< 003#"}));
