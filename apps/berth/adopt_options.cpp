@@ -6,6 +6,7 @@
 
 #include "adopt.hpp"
 #include "berth/text/quantity.hpp"
+#include "time_option.hpp"
 
 namespace berth::cli {
 
@@ -22,16 +23,9 @@ void add_adopting(CLI::App& app, Options& options, std::function<int()>& action)
   sub->add_option("--bus", options.bus, "its name in the machine file (default: field)");
   sub->add_option("--name", wanted->name, "name of the machine (default: adopted)");
   sub->add_option("--store", options.store, "slot table to write (default: beside the machine file, .db)");
-  const auto read = [wanted](const std::string& text) {
-    auto time = text::parse_duration(text);
-    if (!time) time = text::parse_duration(text + " s");
-    if (!time || time->count() <= 0) return fmt::format("\"{}\" is no time; write 30, \"30 s\" or \"500 ms\"", text);
-    wanted->listen = *time;
-    return std::string();
-  };
-  sub->add_option_function<std::string>(
-         "--for", [](const std::string&) {}, "how long to listen (default: 8 s)")
-      ->check(CLI::Validator(read, "TIME"));
+  time_option(
+      *sub, "--for", [wanted](std::chrono::nanoseconds time) { wanted->listen = time; },
+      "how long to listen (default: 8 s)");
   auto* const passive = sub->add_flag("--passive", wanted->passive, "send nothing: only what is heard is told");
   sub->add_flag("--all", wanted->everybody, "ask silent node-IDs, too")->excludes(passive);
   sub->add_option("--master", wanted->master, "node-ID of the master that runs it: it gets no slot")

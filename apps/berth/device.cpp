@@ -17,6 +17,7 @@
 #include "berth/serve/hub.hpp"
 #include "drive.hpp"
 #include "output.hpp"
+#include "time_option.hpp"
 
 namespace berth::cli {
 namespace {
@@ -334,15 +335,9 @@ void add_device(CLI::App& app, Options& options, std::function<int()>& action) {
   sub->add_option("--sim-state,--plant-state", options.state,
                   "file that keeps what these devices remember between runs");
   sub->add_option("--seed", options.seed, "seed of what the devices draw, instead of the plant file's");
-  const auto read = [device](const std::string& text) {
-    device->duration = text::parse_duration(text);
-    if (!device->duration) device->duration = text::parse_duration(text + " s");
-    if (device->duration && device->duration->count() > 0) return std::string();
-    return fmt::format("\"{}\" is no time; write 30, \"30 s\" or \"500 ms\"", text);
-  };
-  sub->add_option_function<std::string>(
-         "--for", [](const std::string&) {}, "end after this time (default: Ctrl-C)")
-      ->check(CLI::Validator(read, "TIME"));
+  time_option(
+      *sub, "--for", [device](std::chrono::nanoseconds time) { device->duration = time; },
+      "end after this time (default: Ctrl-C)");
   sub->add_flag("--json", options.json, "one JSON object a line");
   sub->footer(
       "Events of the plant file and what it says of the wire have no effect on a real port.\n"

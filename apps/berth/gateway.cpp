@@ -9,6 +9,7 @@
 #include "berth/operate/report.hpp"
 #include "drive.hpp"
 #include "output.hpp"
+#include "time_option.hpp"
 
 namespace berth::cli {
 
@@ -105,16 +106,8 @@ void add_gateway(CLI::App& app, Options& options, std::function<int()>& action) 
   sub->add_option("--record", options.record, "write every frame to this file, as candump does");
   sub->add_option("--listen", gateway->listen, "where to listen (default 127.0.0.1:7000; port 0: any that is free)")
       ->option_text("HOST:PORT");
-  const auto read = [gateway](const std::string& text) {
-    auto time = text::parse_duration(text);
-    if (!time) time = text::parse_duration(text + " s");
-    if (!time || time->count() <= 0) return fmt::format("\"{}\" is no time; write 30, \"30 s\" or \"500 ms\"", text);
-    gateway->duration = *time;
-    return std::string();
-  };
-  sub->add_option_function<std::string>(
-         "--for", [](const std::string&) {}, "end after this time")
-      ->check(CLI::Validator(read, "TIME"));
+  time_option(
+      *sub, "--for", [gateway](std::chrono::nanoseconds time) { gateway->duration = time; }, "end after this time");
   sub->add_flag("--yes,-y", options.yes,
                 "clients may disturb operational devices of a real machine: reset, LSS, store");
   sub->add_flag("--json", options.json, "JSON objects, one per line");

@@ -14,6 +14,7 @@
 #include "real_time.hpp"
 #include "serve.hpp"
 #include "study.hpp"
+#include "time_option.hpp"
 
 namespace berth::cli {
 namespace {
@@ -101,19 +102,6 @@ class CommandLine {
             "NUMBER"};
   }
 
-  static CLI::Validator duration(std::optional<std::chrono::nanoseconds>& into) {
-    return {[&into](const std::string& text) {
-              auto time = text::parse_duration(text);
-              if (!time) time = text::parse_duration(text + " s");
-              if (!time || time->count() <= 0) {
-                return fmt::format("\"{}\" is no time; write 30, \"30 s\" or \"500 ms\"", text);
-              }
-              into = *time;
-              return std::string();
-            },
-            "TIME"};
-  }
-
   void common(CLI::App& sub) {
     sub.add_flag("--json", options_.json, "one JSON object");
     sub.add_option("--machine", options_.machine, "machine file");
@@ -129,16 +117,9 @@ class CommandLine {
     sub.add_option("--record", options_.record, "write every frame to this file, as candump -L does");
     sub.add_flag("--yes,-y", options_.yes, "confirms what would else be asked");
     sub.add_flag("--dry-run", options_.dry_run, "print every frame that Berth would send, and change nothing");
-    const auto read = [this](const std::string& text) {
-      auto time = text::parse_duration(text);
-      if (!time) time = text::parse_duration(text + " s");
-      if (!time || time->count() <= 0) return fmt::format("\"{}\" is no time; write 30, \"30 s\" or \"500 ms\"", text);
-      options_.timeout = *time;
-      return std::string();
-    };
-    sub.add_option_function<std::string>(
-           "--timeout", [](const std::string&) {}, "longest time, of the bus when it is simulated")
-        ->check(CLI::Validator(read, "TIME"));
+    time_option(
+        sub, "--timeout", [this](std::chrono::nanoseconds time) { options_.timeout = time; },
+        "longest time, of the bus when it is simulated");
   }
 
   void drive_flags(CLI::App& sub, std::vector<std::string> ends) {
@@ -321,16 +302,9 @@ class CommandLine {
                               [this] { return run_doctor(options_, doctor_); });
     common(*sub);
     sub->add_option("machine,-m", options_.machine, "machine file")->option_text("MACHINE");
-    const auto read = [this](const std::string& text) {
-      auto time = text::parse_duration(text);
-      if (!time) time = text::parse_duration(text + " s");
-      if (!time || time->count() <= 0) return fmt::format("\"{}\" is no time; write 30, \"30 s\" or \"500 ms\"", text);
-      doctor_.listen = *time;
-      return std::string();
-    };
-    sub->add_option_function<std::string>(
-           "--for", [](const std::string&) {}, "how long to listen (default: 5 heartbeat times, at least 5 s)")
-        ->check(CLI::Validator(read, "TIME"));
+    time_option(
+        *sub, "--for", [this](std::chrono::nanoseconds time) { doctor_.listen = time; },
+        "how long to listen (default: 5 heartbeat times, at least 5 s)");
     sub->add_flag("--active", doctor_.active, "ask by LSS, too");
     sub->add_flag_function(
         "--intrusive", [this](std::int64_t) { doctor_.active = doctor_.intrusive = true; }, "ask by LSS and SDO, too");
@@ -359,9 +333,9 @@ class CommandLine {
     plant->add_option("plant", options_.sim, "plant file")->required()->option_text("PLANT");
     auto* const how = plant->add_option_group("how");
     how->add_option("--listen", options_.control, "socket that `port = \"plant:PATH\"` of a machine file names");
-    how->add_option_function<std::string>(
-           "--for", [](const std::string&) {}, "no socket: the plant by itself, so long, as fast as possible")
-        ->check(duration(options_.timeout));
+    time_option(
+        *how, "--for", [this](std::chrono::nanoseconds time) { options_.timeout = time; },
+        "no socket: the plant by itself, so long, as fast as possible");
     how->require_option(1);
     plant->add_option("--record", options_.record, "with --for: write every frame to this file, as candump -L does");
     plant->add_option("--machine", options_.machine, "machine file: bit rates of buses that the plant file gives none");

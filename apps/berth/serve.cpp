@@ -19,6 +19,7 @@
 #include "berth/serve/socketcand_server.hpp"
 #include "drive.hpp"
 #include "output.hpp"
+#include "time_option.hpp"
 
 namespace berth::cli {
 namespace {
@@ -256,16 +257,8 @@ void add_serve(CLI::App& app, Options& options, std::function<int()>& action) {
   sub->add_option("--listen", serve->listen, "where to listen (default 127.0.0.1:29536; port 0: any that is free)")
       ->option_text("HOST:PORT");
   sub->add_flag("--listen-only", serve->listen_only, "clients hear and cannot send");
-  const auto read = [serve](const std::string& text) {
-    auto time = text::parse_duration(text);
-    if (!time) time = text::parse_duration(text + " s");
-    if (!time || time->count() <= 0) return fmt::format("\"{}\" is no time; write 30, \"30 s\" or \"500 ms\"", text);
-    serve->duration = *time;
-    return std::string();
-  };
-  sub->add_option_function<std::string>(
-         "--for", [](const std::string&) {}, "end after this time")
-      ->check(CLI::Validator(read, "TIME"));
+  time_option(
+      *sub, "--for", [serve](std::chrono::nanoseconds time) { serve->duration = time; }, "end after this time");
   sub->add_option("--sim-state", options.state, "file that keeps what the simulated devices remember between runs");
   sub->add_option("--seed", options.seed, "seed of the world, instead of the plant file's");
   sub->add_flag("--json", options.json, "JSON objects, one per line");

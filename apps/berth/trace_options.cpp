@@ -6,6 +6,7 @@
 #include <memory>
 
 #include "berth/text/quantity.hpp"
+#include "time_option.hpp"
 #include "trace.hpp"
 
 namespace berth::cli {
@@ -126,16 +127,9 @@ void add_trace(CLI::App& app, Options& options, std::function<int()>& action) {
   sub->add_option("--port", trace->port, "listen on a live bus and send nothing: socketcan:can0, plant:PATH, ...")
       ->option_text("PORT");
   sub->add_flag("--quiet,-q", trace->quiet, "with -o and a live source: no words");
-  const auto read = [&options](const std::string& text) {
-    auto time = text::parse_duration(text);
-    if (!time) time = text::parse_duration(text + " s");
-    if (!time || time->count() <= 0) return fmt::format("\"{}\" is no time; write 30, \"30 s\" or \"500 ms\"", text);
-    options.timeout = *time;
-    return std::string();
-  };
-  sub->add_option_function<std::string>(
-         "--timeout", [](const std::string&) {}, "end a live source after this time")
-      ->check(CLI::Validator(read, "TIME"));
+  time_option(
+      *sub, "--timeout", [&options](std::chrono::nanoseconds time) { options.timeout = time; },
+      "end a live source after this time");
   sub->add_flag("--json", options.json, "one JSON object a row; with --stats or a conversion one in all");
   sub->callback([&options, &action, trace] { action = [&options, trace] { return run_trace(options, *trace); }; });
 }

@@ -1,35 +1,27 @@
 #include "berth/serve/socketcand_server.hpp"
 
 #include <fmt/format.h>
-#include <sys/epoll.h>
 #include <sys/socket.h>
-#include <unistd.h>
 
 #include <algorithm>
-#include <cerrno>
+#include <optional>
 
+#include "berth/io/acceptor.hpp"
 #include "berth/serve/client.hpp"
 
 namespace berth::serve {
 
-using namespace std::chrono_literals;
-
-class SocketcandServer::Impl final : private io::Watcher {
+class SocketcandServer::Impl final {
  public:
   Impl(io::Loop& loop, int fd, Factory factory, ServerOptions options)
-      : loop_(&loop), fd_(fd), factory_(std::move(factory)), options_(std::move(options)) {
+      : loop_(&loop), factory_(std::move(factory)), options_(std::move(options)) {
     where_ = io::local_endpoint(fd).value_or(io::Endpoint{});
     house_ = {loop_, &options_, &factory_, &counters_, options_.epoch, &reaper_};
     if (house_.epoch.count() == 0) {
       const auto wall = std::chrono::system_clock::now().time_since_epoch();
       house_.epoch = std::chrono::duration_cast<std::chrono::microseconds>(wall - loop.clock().time_since_epoch());
     }
-    loop_->watch(fd_, *this, EPOLLIN);
-  }
-  ~Impl() {
-    clients_.clear();
-    loop_->forget(fd_);
-    ::close(fd_);
+    acceptor_.emplace(loop, fd, [this](int client) { take(client); });
   }
   Impl(const Impl&) = delete;
   Impl& operator=(const Impl&) = delete;
@@ -50,30 +42,6 @@ class SocketcandServer::Impl final : private io::Watcher {
    private:
     Impl* server_;
   };
-  // Without descriptors the listening socket would stay ready for ever and the loop would never sleep.
-  class Again final : public rt::Job {
-   public:
-    explicit Again(Impl& server) : server_(&server) {}
-    void run() noexcept override { server_->loop_->watch(server_->fd_, *server_, EPOLLIN); }
-
-   private:
-    Impl* server_;
-  };
-
-  void ready(std::uint32_t) noexcept override {
-    for (;;) {
-      const int fd = ::accept4(fd_, nullptr, nullptr, SOCK_CLOEXEC | SOCK_NONBLOCK);
-      if (fd >= 0) {
-        take(fd);
-      } else if (errno == EMFILE || errno == ENFILE || errno == ENOMEM || errno == ENOBUFS) {
-        loop_->forget(fd_);
-        loop_->executor().after(1s, again_);
-        return;
-      } else if (errno != EINTR && errno != ECONNABORTED) {
-        return;
-      }
-    }
-  }
 
   void take(int fd) {
     io::tune_tcp(fd);
@@ -87,15 +55,14 @@ class SocketcandServer::Impl final : private io::Watcher {
   }
 
   io::Loop* loop_;
-  int fd_;
   io::Endpoint where_;
   Factory factory_;
   ServerOptions options_;
   ServerCounters counters_;
   Reaper reaper_{*this};
-  Again again_{*this};
   Client::House house_;
   std::vector<std::unique_ptr<Client>> clients_;
+  std::optional<io::Acceptor> acceptor_;
 };
 
 tl::expected<std::unique_ptr<SocketcandServer>, std::string> SocketcandServer::listen(io::Loop& loop,
