@@ -155,7 +155,9 @@ Replied reply_of_own_world(const Options& options, const CommandRequest& request
       Exit::failed, fmt::format("{}: not done within {} s of bus time; give a longer --timeout", request.verb, s));
 }
 
-int dry_in_own_world(const Options& options, const CommandRequest& request) {
+// Nothing leaves this world, so nobody is asked.
+int dry_in_own_world(const Options& options, CommandRequest request) {
+  request.arguments["yes"] = "1";
   std::vector<Recorded> sent;
   const auto reply = reply_of_own_world(options, request, sent);
   return reply ? show_dry(sent, *reply, options.json) : tell(reply.error(), options.json);

@@ -100,6 +100,27 @@ class Child {
   pid_t pid_;
 };
 
+struct Cpu {
+  double user = 0, system = 0;  // seconds
+};
+Cpu cpu_of(pid_t pid) {
+  std::string text(1024, '\0');
+  std::FILE* const file = std::fopen(fmt::format("/proc/{}/stat", pid).c_str(), "r");
+  if (file == nullptr) return {};
+  text.resize(std::fread(text.data(), 1, text.size(), file));
+  std::fclose(file);
+  unsigned long user = 0, system = 0;
+  const auto behind_name = text.rfind(')') + 2;
+  std::sscanf(text.c_str() + behind_name, "%*c %*d %*d %*d %*d %*d %*u %*u %*u %*u %*u %lu %lu", &user,  // NOLINT
+              &system);
+  const auto tick = static_cast<double>(::sysconf(_SC_CLK_TCK));
+  return {static_cast<double>(user) / tick, static_cast<double>(system) / tick};
+}
+double cpu_seconds(pid_t pid) {
+  const auto cpu = cpu_of(pid);
+  return cpu.user + cpu.system;
+}
+
 void echo(const char* interface) {
   const int fd = raw_socket(interface, 0x600 + echo_node);
   for (can_frame frame{};;) {
@@ -192,6 +213,12 @@ void round_trips(std::vector<bench::Figure>& figures, unsigned rounds) {
                      fmt::format("{:.0f} us, {:.0f} us{}", b.median, b.p99, lost == 0 ? "" : ", some unanswered")});
   figures.push_back(bench::at_most("  median, to the echo's", b.median / e.median, 1.1, ""));
   figures.push_back(bench::at_most("  99th percentile, to the echo's", b.p99 / e.p99, 1.1, ""));
+  const auto cpu = [rounds](pid_t pid) {
+    const auto used = cpu_of(pid);
+    return fmt::format("{:.0f} us, {:.0f} us", used.user / rounds / 50 * 1e6, used.system / rounds / 50 * 1e6);
+  };
+  figures.push_back({"CPU a request, user and system: bare echo", cpu(bare.pid())});
+  figures.push_back({"CPU a request, user and system: Berth device", cpu(berth.pid())});
   ::close(to_echo);
   ::close(to_berth);
 }
@@ -368,19 +395,6 @@ void receiving(std::vector<bench::Figure>& figures, unsigned count) {
 }
 
 // ---- many devices ----
-
-double cpu_seconds(pid_t pid) {
-  std::string text(1024, '\0');
-  std::FILE* const file = std::fopen(fmt::format("/proc/{}/stat", pid).c_str(), "r");
-  if (file == nullptr) return 0;
-  text.resize(std::fread(text.data(), 1, text.size(), file));
-  std::fclose(file);
-  unsigned long user = 0, system = 0;
-  const auto behind_name = text.rfind(')') + 2;
-  std::sscanf(text.c_str() + behind_name, "%*c %*d %*d %*d %*d %*d %*u %*u %*u %*u %*u %lu %lu", &user,  // NOLINT
-              &system);
-  return static_cast<double>(user + system) / static_cast<double>(::sysconf(_SC_CLK_TCK));
-}
 
 void many(std::vector<bench::Figure>& figures, double seconds) {
   const Child devices([] { berth_devices("vcan1", 1, 127, 1s); });

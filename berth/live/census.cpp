@@ -87,7 +87,7 @@ std::vector<NodeSeen> Census::nodes() const {
   for (const auto& node : nodes_) {
     if (!node.heard) continue;
     all.push_back(node.seen);
-    if (!node.seen.guarded) all.back().period = median(node.gaps);
+    if (node.seen.period.count() == 0 && !node.seen.guarded) all.back().period = median(node.gaps);
   }
   return all;
 }
@@ -127,16 +127,19 @@ rt::Task<Result<co::SdoValue>> Census::upload(NodeId id, ObjectRef ref, CensusOp
   co_return value;
 }
 
-// Empty: the device has no such object.
-rt::Task<Result<std::optional<std::uint32_t>>> Census::number(NodeId id, ObjectRef ref, CensusOptions options) {
+// Empty: the device has no such object, or another `size` of it than the standard says.
+rt::Task<Result<std::optional<std::uint32_t>>> Census::number(NodeId id, ObjectRef ref, std::size_t size,
+                                                              CensusOptions options) {
   const auto value = co_await upload(id, ref, options);
   if (!value) {
     if (value.error().code != Errc::aborted) co_return fail(value.error());
     co_return std::optional<std::uint32_t>();
   }
   const auto bytes = value->bytes();
-  if (bytes.size() != 4) co_return std::optional<std::uint32_t>();
-  co_return std::optional<std::uint32_t>(load_le<std::uint32_t>(bytes.data()));
+  if (bytes.size() != size) co_return std::optional<std::uint32_t>();
+  std::array<std::uint8_t, 4> whole{};
+  std::ranges::copy(bytes, whole.begin());
+  co_return std::optional<std::uint32_t>(load_le<std::uint32_t>(whole.data()));
 }
 
 rt::Task<Result<std::string>> Census::text(NodeId id, std::uint16_t index, CensusOptions options) {
@@ -149,11 +152,20 @@ rt::Task<Result<std::string>> Census::text(NodeId id, std::uint16_t index, Censu
   co_return printable(value->bytes());
 }
 
+// What was heard has the jitter of two computers in it; the device knows (CiA 301, object 1017h).
+rt::Task<Result<void>> Census::ask_period(Node& node, CensusOptions options) {
+  const ObjectRef period_object{0x1017, 0};
+  const auto told = co_await number(node.seen.id, period_object, 2, options);
+  if (!told) co_return fail(told.error());
+  node.seen.period = std::chrono::milliseconds(told->value_or(0));
+  co_return Result<void>();
+}
+
 // A device that does not answer, or that another client takes, is left; only a port that takes no frame is an error.
 rt::Task<Result<void>> Census::ask_node(NodeId id, CensusOptions options) {
   Node& node = nodes_[id.value()];
   const ObjectRef type_object{0x1000, 0};
-  const auto type = co_await number(id, type_object, options);
+  const auto type = co_await number(id, type_object, 4, options);
   if (!type) {
     if (type.error().code == Errc::bus) co_return fail(type.error());
     const bool silent = type.error().code == Errc::timeout;
@@ -166,7 +178,7 @@ rt::Task<Result<void>> Census::ask_node(NodeId id, CensusOptions options) {
   bool complete = true;
   for (std::uint8_t sub = 1; sub <= 4; ++sub) {
     const ObjectRef ref{0x1018, sub};
-    const auto part = co_await number(id, ref, options);
+    const auto part = co_await number(id, ref, 4, options);
     if (!part) {
       node.seen.problem = describe(part.error());
       co_return Result<void>();
@@ -180,6 +192,7 @@ rt::Task<Result<void>> Census::ask_node(NodeId id, CensusOptions options) {
   } else {
     node.seen.problem = "it has no identity object 1018h";
   }
+  if (!co_await ask_period(node, options)) co_return Result<void>();
   const std::array<std::pair<std::uint16_t, std::string*>, 3> texts{
       {{0x1008, &node.seen.name}, {0x1009, &node.seen.hardware}, {0x100A, &node.seen.software}}};
   for (const auto& [index, into] : texts) {

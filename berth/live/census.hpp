@@ -5,7 +5,7 @@
 ///     co_await census.ask(options);          // may be left out: then only what was heard is known
 ///     for (const auto& node : census.nodes()) ...
 ///
-/// Only 1000h, 1018h:01..04 and 1008h..100Ah are uploaded (never block transfer), one request at a time on the whole
+/// Only 1000h, 1018h:01..04, 1017h and 1008h..100Ah are uploaded (never block transfer), one request at a time on the whole
 /// bus, with a pause between them. A node that another SDO client talks to is left alone: there is one default channel,
 /// and two clients in it break each other's transfers. When such a client shows up while Berth waits for an answer, the
 /// answer may be the other's: what was read is thrown away.
@@ -25,7 +25,7 @@ namespace berth::live {
 struct NodeSeen {
   NodeId id;
   std::uint32_t beats = 0;          ///< error control messages, boot-ups not counted
-  rt::Duration period{0};           ///< of its heartbeat: the median of the last 16; 0 = fewer than two were heard
+  rt::Duration period{0};           ///< of its heartbeat: as 1017h tells, else the median of the last 16; 0 = unknown
   std::optional<NmtState> state{};  ///< as it told last
   bool guarded = false;             ///< a master asks it by node guarding
   bool foreign_client = false;      ///< another SDO client talks to it
@@ -70,7 +70,9 @@ class Census final : private can::Handler {
   [[nodiscard]] bool may_ask(const Node& node, const CensusOptions& options) const noexcept;
   rt::Task<Result<void>> ask_node(NodeId id, CensusOptions options);
   rt::Task<Result<co::SdoValue>> upload(NodeId id, ObjectRef ref, CensusOptions options);
-  rt::Task<Result<std::optional<std::uint32_t>>> number(NodeId id, ObjectRef ref, CensusOptions options);
+  rt::Task<Result<std::optional<std::uint32_t>>> number(NodeId id, ObjectRef ref, std::size_t size,
+                                                        CensusOptions options);
+  rt::Task<Result<void>> ask_period(Node& node, CensusOptions options);
   rt::Task<Result<std::string>> text(NodeId id, std::uint16_t index, CensusOptions options);
 
   can::Dispatcher* dispatcher_;

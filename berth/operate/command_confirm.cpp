@@ -82,6 +82,14 @@ Disturbed disturbed_by(Session& session, const CommandRequest& request) {
   return {};
 }
 
+void unconfirmed(CommandReply& reply, Json json, const std::string& text) {
+  json["result"] = "unconfirmed";
+  json["what"] = text;
+  give(reply, json, {});
+  reply.status = 1;
+  reply.error = text;
+}
+
 std::string whom(const Network& network, const std::vector<NodeId>& nodes) {
   const auto slots = network.report();
   std::string text;
@@ -93,9 +101,30 @@ std::string whom(const Network& network, const std::vector<NodeId>& nodes) {
   return text;
 }
 
+// Every device of these buses loses its node-ID, on a simulated bus as well: what was bound is gone.
+bool confirmed_from_scratch(Session& session, const CommandRequest& request, CommandReply& reply) {
+  if (request.arguments.contains("yes")) return true;
+  Arguments arguments(request, {"bus", "method", "from-scratch", "yes"});
+  const auto networks = networks_for(session, arguments.text("bus"), Use::look);
+  if (!arguments.good() || !networks) return true;  // the command itself says what is wrong
+  std::size_t bound = 0;
+  for (const Network* const network : *networks) {
+    const auto slots = network->report();
+    bound += static_cast<std::size_t>(std::ranges::count_if(slots, [](const auto& s) { return s.device.has_value(); }));
+  }
+  unconfirmed(reply, {{"bound", bound}},
+              fmt::format("all devices stop, and every node-ID that LSS can change is taken from them; {} slots are "
+                          "bound now; nothing was sent; confirm it with --yes",
+                          bound));
+  return false;
+}
+
 }  // namespace
 
 bool confirmed(Session& session, CommandRequest& request, CommandReply& reply) {
+  if (request.verb == "bind" && request.arguments.contains("from-scratch")) {
+    return confirmed_from_scratch(session, request, reply);
+  }
   const bool has_own = request.verb == "bind" || request.verb == "lss move-bit-rate";
   if (has_own) return true;
   const bool yes = request.arguments.erase("yes") > 0;
@@ -106,14 +135,10 @@ bool confirmed(Session& session, CommandRequest& request, CommandReply& reply) {
   const std::string text = fmt::format("bus {}: node {} is operational and {}; nothing was sent; confirm it with --yes",
                                        disturbed.network->bus().name, nodes, disturbed.how);
   Json json;
-  json["result"] = "unconfirmed";
   json["bus"] = disturbed.network->bus().name;
   json["operational"] = Json::array();
   for (const auto id : disturbed.nodes) json["operational"].push_back(id.value());
-  json["what"] = text;
-  give(reply, json, {});
-  reply.status = 1;
-  reply.error = text;
+  unconfirmed(reply, std::move(json), text);
   return false;
 }
 

@@ -55,6 +55,8 @@ enum class Use : std::uint8_t { look, send, command };  ///< nothing, frames, NM
 
 /// The network that a command is for, or why there is none or it must not be used so.
 [[nodiscard]] Checked<Network*> network_for(Session& session, const std::string& bus, Use use);
+/// All buses when none is named.
+[[nodiscard]] Checked<std::vector<Network*>> networks_for(Session& session, const std::string& bus, Use use);
 
 void give(CommandReply& reply, const Json& json, std::vector<std::string> lines);
 /// `message` for people, `fix` what to do.
@@ -101,7 +103,8 @@ struct LssArguments {
 /// What is wrong is in `problem`.
 [[nodiscard]] LssArguments lss_arguments(const CommandRequest& request, std::string& problem);
 
-/// On a real bus (`Session::careful`) a command that disturbs operational devices needs "yes"; false: `reply` says so.
+/// On a real bus (`Session::careful`) a command that disturbs operational devices needs "yes", and on every bus so does
+/// "bind" from scratch; false: `reply` says so.
 /// Takes "yes" out of requests that do not know it.
 [[nodiscard]] bool confirmed(Session& session, CommandRequest& request, CommandReply& reply);
 

@@ -234,10 +234,6 @@ Checked<Network*> network_for(Session& session, const std::string& bus, Use use)
   return network;
 }
 
-// ---- verbs about the whole ----
-
-namespace {
-
 Checked<std::vector<Network*>> networks_for(Session& session, const std::string& bus, Use use) {
   std::vector<Network*> networks;
   for (const auto& b : session.machine().buses) {
@@ -249,6 +245,10 @@ Checked<std::vector<Network*>> networks_for(Session& session, const std::string&
   if (!networks.empty()) return networks;
   return tl::unexpected(network_for(session, bus, use).error());
 }
+
+// ---- verbs about the whole ----
+
+namespace {
 
 void report(Session& session, const CommandRequest& request, CommandReply& reply) {
   const Arguments arguments(request, {});

@@ -9,17 +9,20 @@
 ///
 ///     report
 ///     scan              bus?
-///     bind              bus?, method? ("auto" or a discovery method; default: the machine file's)
+///     bind              bus?, method? ("auto" or a discovery method; default: the machine file's),
 ///                       from-scratch? ("1": take every node-ID that LSS can change first), yes? ("1": confirms that)
 ///     replace           slot (name, "bus/name" or node-ID), device? (LSS address that shall sit there)
 ///     locate            bus?, target (slot, LSS address or node-ID), seconds? (1..600, default 10), anyway? ("1")
 ///     configure         bus?, slot?, check? ("1": compare only)
 ///     sdo read          node, index, sub?, type?                  type: u8 ... vs, see od::data_type
 ///     sdo write         node, index, sub?, value, type?           without a type the value is hex bytes: "91 01 0F"
-///     sdo probe         node, objects (hex: "1000:0,1018:0-4")     reads all; what a device refuses is told, no
-///     failure nmt               command (start stop preop reset-node reset-comm), node (1..127 or "all") lss global
-///     state (waiting, configuration) lss select        address lss inquire       address? without: whoever is in
-///     configuration state lss set-node-id   address, id (1..127, 255 = none), store?  store: "1" lss store address?
+///     sdo probe         node, objects (hex: "1000:0,1018:0-4")    reads all; a device's refusal is told, no failure
+///     nmt               command (start stop preop reset-node reset-comm), node (1..127 or "all")
+///     lss global        state (waiting, configuration)
+///     lss select        address
+///     lss inquire       address?                                  without: whoever is in configuration state
+///     lss set-node-id   address, id (1..127, 255 = none), store? ("1")
+///     lss store         address?
 ///     lss bit-timing    rate (bit/s), address?
 ///     lss activate      delay (ms), rate? (bit/s that Berth's own port changes to)
 ///     lss identify      vendor, product, revision-low?, revision-high?, serial-low?, serial-high?

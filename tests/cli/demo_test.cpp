@@ -6,6 +6,7 @@
 #include <map>
 #include <nlohmann/json.hpp>
 
+#include "../paths.hpp"
 #include "berth/can/frame.hpp"
 #include "machines.hpp"
 #include "process.hpp"
@@ -38,7 +39,7 @@ const std::map<std::string, std::string> table_2{{"s1", "0x000000000000000A"},
 
 // What the README shows is what one gets.
 TEST(Demo, PrintsWhatTheReadmeShows) {
-  const std::string readme = contents(std::string(BERTH_SOURCE_DIR) + "/README.md");
+  const std::string readme = contents(berth::test::source_dir() + "/README.md");
   const std::string fence = "```text\n";
   const auto begin = readme.find(fence) + fence.size();
   std::istringstream shown(readme.substr(begin, readme.find("```", begin) - begin));

@@ -50,6 +50,34 @@ TEST_F(PlacesCommand, S1_54_BindByMethod) {
   EXPECT_EQ(run({"bind", "--method", "magic"}).status, 2);
 }
 
+// Everybody's node-ID goes: that is asked first, whatever the bus; a dry run shows what would be sent.
+TEST_F(PlacesCommand, FromScratchIsConfirmedFirst) {
+  write({}, {});
+  const auto kept = [&](Words words) {
+    for (const std::string& word : {std::string("--store"), folder_.file("kept.db"), std::string("--sim-state"),
+                                    folder_.file("kept.state"), std::string("--json")}) {
+      words.push_back(word);
+    }
+    return run(words);
+  };
+  ASSERT_EQ(kept({"bind"}).status, 0);
+  const auto asked = kept({"bind", "--from-scratch"});
+  EXPECT_EQ(asked.status, 1) << asked.out << asked.err;
+  EXPECT_EQ(Json::parse(asked.out)["result"], "unconfirmed") << asked.out;
+  EXPECT_EQ(Json::parse(asked.out)["bound"], 3) << asked.out;
+  const auto in_words = run({"bind", "--from-scratch"});
+  EXPECT_EQ(in_words.status, 1);
+  EXPECT_NE(in_words.err.find("confirm it with --yes"), std::string::npos) << in_words.err;
+  const std::string taken = "7E5#11FF";  // LSS: configure node-ID, 255 is none
+  const auto dry = kept({"bind", "--from-scratch", "--dry-run"});
+  EXPECT_EQ(dry.status, 0) << dry.out << dry.err;
+  EXPECT_NE(dry.out.find(taken), std::string::npos) << dry.out;
+  EXPECT_EQ(Json::parse(kept({"bind", "--from-scratch"}).out)["bound"], 3) << "the dry run changed nothing";
+  const auto done = kept({"bind", "--from-scratch", "--yes"});
+  ASSERT_EQ(done.status, 0) << done.out << done.err;
+  for (const auto& slot : Json::parse(done.out)["slots"]) EXPECT_EQ(slot["state"], "present") << slot;
+}
+
 // The machine file's word, and one that is none.
 TEST_F(PlacesCommand, DiscoveryOfTheMachineFile) {
   write({{"bitrate = 500_000", "bitrate = 500_000\ndiscovery = \"planner-fastscan\""}},

@@ -1,4 +1,5 @@
 #include "process.hpp"
+#include "../paths.hpp"
 
 #include <fcntl.h>
 #include <poll.h>
@@ -33,12 +34,12 @@ Pipe make_pipe() {
 
 [[noreturn]] void become(const Words& arguments) {
   std::vector<char*> words;
-  std::string name = BERTH_BINARY;
+  std::string name = berth::test::binary();
   words.push_back(name.data());
   Words copy = arguments;
   for (auto& word : copy) words.push_back(word.data());
   words.push_back(nullptr);
-  ::execv(BERTH_BINARY, words.data());
+  ::execv(name.c_str(), words.data());
   ::_exit(127);
 }
 
@@ -138,6 +139,6 @@ std::string contents(const std::string& path) {
 
 bool exists(const std::string& path) { return std::filesystem::exists(path); }
 
-std::string example(const std::string& name) { return std::string(BERTH_SOURCE_DIR) + "/examples/" + name; }
+std::string example(const std::string& name) { return berth::test::source_dir() + "/examples/" + name; }
 
 }  // namespace berth::test

@@ -4,13 +4,14 @@
 #include <cstdio>
 #include <fstream>
 
+#include "../paths.hpp"
 #include "../pch.hpp"
 #include "berth/co/emcy.hpp"
 
 namespace {
 
 std::string printed(const std::string& arguments, int& status) {
-  std::string program = BERTH_BINARY;
+  std::string program = berth::test::binary();
   program = program.substr(0, program.rfind('/')) + "/examples/example_client " + arguments;
   FILE* const pipe = ::popen(program.c_str(), "r");
   if (pipe == nullptr) return {};
@@ -24,7 +25,7 @@ std::string printed(const std::string& arguments, int& status) {
 
 TEST(ExampleClient, PrintsWhatTheModuleDoes) {
   int status = -1;
-  const std::string out = printed(BERTH_SOURCE_DIR "/examples/eds/io.eds", status);
+  const std::string out = printed(berth::test::source_dir() + "/examples/eds/io.eds", status);
   EXPECT_EQ(status, 0);
   EXPECT_EQ(out, std::string("node 5: boot-up, initialising\n"
                              "device: Berth I/O module\n"
@@ -40,7 +41,7 @@ TEST(ExampleClient, PrintsWhatTheModuleDoes) {
                      "supply voltage: 24000 mV\n"
                      "outputs 7E\n");
   int again = -1;
-  EXPECT_EQ(printed(BERTH_SOURCE_DIR "/examples/eds/io.eds", again), out) << "deterministic";
+  EXPECT_EQ(printed(berth::test::source_dir() + "/examples/eds/io.eds", again), out) << "deterministic";
 }
 
 TEST(ExampleClient, WithoutAFileItSaysSo) {

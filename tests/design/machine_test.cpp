@@ -2,6 +2,7 @@
 
 #include <functional>
 
+#include "../paths.hpp"
 #include "berth/base/random.hpp"
 #include "tests/pch.hpp"
 
@@ -136,7 +137,7 @@ deadline = "20 ms"
 // S1.2, S1.28: phase one, before any slave is there: Node_ID and Type_Code are fixed by the machine file; a table of
 // the paper's form.
 TEST(MachineFile, S1_28_NodeTableOfThePaper) {
-  const auto result = load_machine(std::string(BERTH_SOURCE_DIR) + "/examples/five-slaves.toml");
+  const auto result = load_machine(berth::test::source_dir() + "/examples/five-slaves.toml");
   ASSERT_TRUE(result.machine) << to_string(result.findings.at(0));
   const TypeCode a{0x01000001, 0x00000001};
   const TypeCode b{0x00000001, 0x00000001};
@@ -151,7 +152,7 @@ TEST(MachineFile, EveryExampleReads) {
   const std::map<std::string, std::size_t> examples{
       {"five-slaves", 5}, {"hundred-twenty", 120}, {"by-eds", 5}, {"configured", 3}, {"ailing", 12}};
   for (const auto& [name, slots] : examples) {
-    const auto result = load_machine(std::string(BERTH_SOURCE_DIR) + "/examples/" + name + ".toml");
+    const auto result = load_machine(berth::test::source_dir() + "/examples/" + name + ".toml");
     ASSERT_TRUE(result.machine) << to_string(result.findings.at(0));
     EXPECT_TRUE(result.findings.empty()) << to_string(result.findings.at(0));
     EXPECT_EQ(result.machine->slots.size(), slots) << name;
@@ -197,7 +198,7 @@ TEST(MachineFile, AConfigurationIsLookedAt) {
 }
 
 TEST(MachineFile, TheTypeOfASlotComesFromItsDeviceDescription) {
-  const auto result = load_machine(std::string(BERTH_SOURCE_DIR) + "/examples/by-eds.toml");
+  const auto result = load_machine(berth::test::source_dir() + "/examples/by-eds.toml");
   ASSERT_TRUE(result.machine) << to_string(result.findings.at(0));
   const auto& drive = result.machine->slot("drive 10")->spec;
   EXPECT_EQ(drive.type, (TypeCode{1, 2}));  // examples/eds/drive.eds, objects 1018h:01 and :02

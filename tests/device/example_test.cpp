@@ -3,6 +3,7 @@
 #include <fstream>
 #include <sstream>
 
+#include "../paths.hpp"
 #include "../pch.hpp"
 
 namespace {
@@ -13,7 +14,7 @@ struct Run {
 };
 
 Run run_example() {
-  std::string program = BERTH_BINARY;
+  std::string program = berth::test::binary();
   program = program.substr(0, program.rfind('/')) + "/examples/example_device";
   Run run;
   FILE* pipe = popen(program.c_str(), "r");
@@ -55,7 +56,7 @@ TEST(ExampleDevice, DoesWhatItsMakerWrote) {
 
 // The issue: a device in about 40 lines of code.
 TEST(ExampleDevice, IsShort) {
-  std::ifstream file(BERTH_SOURCE_DIR "/examples/device/thermometer.hpp");
+  std::ifstream file(berth::test::source_dir() + "/examples/device/thermometer.hpp");
   int lines = 0;
   for (std::string line; std::getline(file, line);) {
     const auto first = line.find_first_not_of(' ');

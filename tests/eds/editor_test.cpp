@@ -3,6 +3,7 @@
 #include <filesystem>
 #include <fstream>
 
+#include "../paths.hpp"
 #include "berth/base/random.hpp"
 #include "berth/eds/write.hpp"
 #include "support.hpp"
@@ -122,7 +123,7 @@ TEST(EdsEditor, HU_10_TextGoesInAsWindows1252WhereTheFileIs) {
 std::vector<std::string> some_texts() {
   namespace fs = std::filesystem;
   std::vector<std::string> texts{"[A]\nk=1\nl=2\n\n;c\n[B]\r\nx=1 ;d\r\ny=\r\n\r\n[C]", "", "[A]\r[B]\rk=1\r\r"};
-  for (const fs::path& folder : {fs::path(BERTH_SOURCE_DIR) / "examples" / "eds", eds_folder()}) {
+  for (const fs::path& folder : {fs::path(berth::test::source_dir()) / "examples" / "eds", eds_folder()}) {
     if (!fs::is_directory(folder)) continue;
     for (const auto& entry : fs::directory_iterator(folder)) {
       if (entry.path().extension() != ".eds" && entry.path().extension() != ".dcf") continue;

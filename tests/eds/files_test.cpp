@@ -4,6 +4,7 @@
 #include <fstream>
 #include <set>
 
+#include "../paths.hpp"
 #include "berth/base/random.hpp"
 #include "support.hpp"
 
@@ -152,7 +153,7 @@ TEST(EdsFiles, ValuesOfTheKnownFiles) {
 
 TEST(EdsFiles, OurExamplesHaveNoFinding) {
   unsigned whole = 0;
-  for (const auto& entry : fs::directory_iterator(fs::path(BERTH_SOURCE_DIR) / "examples" / "eds")) {
+  for (const auto& entry : fs::directory_iterator(fs::path(berth::test::source_dir()) / "examples" / "eds")) {
     SCOPED_TRACE(entry.path().filename().string());
     const auto r = read_file(entry.path());
     EXPECT_TRUE(r.findings.empty()) << to_string(r.findings.front());
@@ -221,7 +222,7 @@ RC_GTEST_PROP(EdsFiles, AnyScalarDefaultArrivesInTheDevice, (std::uint64_t word)
 /// Lines of an example in any order, some lost, some twice, some broken: always an answer, never a crash, and every
 /// finding has a place in the file.
 RC_GTEST_PROP(EdsFiles, ScrambledFilesAreAnswered, (std::uint64_t seed)) {
-  static const std::string text = text_of(fs::path(BERTH_SOURCE_DIR) / "examples" / "eds" / "drive.eds");
+  static const std::string text = text_of(fs::path(berth::test::source_dir()) / "examples" / "eds" / "drive.eds");
   std::vector<std::string> lines;
   std::istringstream in(text);
   for (std::string line; std::getline(in, line);) lines.push_back(line);

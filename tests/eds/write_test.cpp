@@ -6,6 +6,7 @@
 #include <set>
 #include <sstream>
 
+#include "../paths.hpp"
 #include "random_description.hpp"
 #include "support.hpp"
 
@@ -386,7 +387,7 @@ TEST(EdsWrite, HU_10_BytesOfAStringStayWhateverTheFilesEncoding) {
 /// Every real file: unchanged by the editor byte for byte, and equal after being written anew.
 TEST(EdsWrite, HU_17_RealFilesLoseNothing) {
   unsigned files = 0;
-  for (const fs::path& from : {eds_folder(), fs::path(BERTH_SOURCE_DIR) / "examples" / "eds"}) {
+  for (const fs::path& from : {eds_folder(), fs::path(berth::test::source_dir()) / "examples" / "eds"}) {
     if (!fs::is_directory(from)) continue;
     for (const auto& entry : fs::directory_iterator(from)) {
       if (entry.path().extension() != ".eds" && entry.path().extension() != ".dcf") continue;

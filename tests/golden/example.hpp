@@ -4,6 +4,7 @@
 #include <memory>
 #include <string>
 
+#include "../paths.hpp"
 #include "berth/design/machine.hpp"
 #include "berth/operate/session.hpp"
 #include "berth/places/slot_store.hpp"
@@ -15,7 +16,7 @@ namespace berth::golden {
 class Example {
  public:
   explicit Example(const std::string& name, std::uint32_t bit_rate = 0) {
-    const std::string path = std::string(BERTH_SOURCE_DIR) + "/examples/" + name;
+    const std::string path = berth::test::source_dir() + "/examples/" + name;
     auto machine = design::load_machine(path + ".toml");
     auto plant = plant::load_plant(path + ".plant.toml");
     if (!machine.machine || !plant.plant) return;

@@ -10,6 +10,7 @@
 #include <string>
 #include <vector>
 
+#include "../paths.hpp"
 #include "berth/operate/network.hpp"
 #include "berth/places/slot_store.hpp"
 #include "berth/plant/world.hpp"
@@ -24,9 +25,7 @@ inline constexpr TypeCode type_c{0x00000001, 0x00000005};
 
 // The pump of examples/: a type whose devices have a configuration.
 inline constexpr TypeCode type_pump{0x00000001, 0x00000030};
-inline std::string example_eds(const std::string& name) {
-  return std::string(BERTH_SOURCE_DIR) + "/examples/eds/" + name;
-}
+inline std::string example_eds(const std::string& name) { return berth::test::source_dir() + "/examples/eds/" + name; }
 
 inline design::Machine one_bus(std::uint32_t bit_rate) {
   design::Machine m;

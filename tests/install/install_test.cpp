@@ -10,6 +10,7 @@
 #include <fstream>
 #include <sstream>
 
+#include "../paths.hpp"
 #include "../pch.hpp"
 
 namespace {
@@ -67,7 +68,7 @@ class Install : public testing::Test {
   }
   /// Configures tests/install/outside against the package. `packages` that the machine may well have are hidden.
   static Ran configure(const std::string& build, const std::string& rooms, const std::vector<std::string>& hidden) {
-    std::string command = std::string(BERTH_CMAKE) + " -S " BERTH_SOURCE_DIR "/tests/install/outside -B " +
+    std::string command = std::string(BERTH_CMAKE) + " -S " + berth::test::source_dir() + "/tests/install/outside -B " +
                           (folder / build).string() + " -G '" BERTH_GENERATOR "' -DCMAKE_CXX_COMPILER=" BERTH_CXX +
                           " -DCMAKE_BUILD_TYPE=None -DCMAKE_PREFIX_PATH=" + (folder / "prefix").string() +
                           " -DROOMS='" + rooms + "'" + " -DCMAKE_EXE_LINKER_FLAGS='" BERTH_LINK_FLAGS "'";
@@ -111,7 +112,7 @@ TEST_F(Install, EveryRoomHasItsTargetLibraryAndHeaders) {
   for (const auto& room : rooms()) {
     EXPECT_NE(targets.find("add_library(Berth::" + room + " STATIC IMPORTED)"), std::string::npos) << room;
     EXPECT_TRUE(fs::exists(package() / ".." / ".." / ("libberth_" + room + ".a"))) << room;
-    for (const auto& entry : fs::directory_iterator(fs::path(BERTH_SOURCE_DIR) / "berth" / room)) {
+    for (const auto& entry : fs::directory_iterator(fs::path(berth::test::source_dir()) / "berth" / room)) {
       if (entry.path().extension() != ".hpp") continue;
       const auto name = fs::path("berth") / room / entry.path().filename();
       EXPECT_EQ(contents(folder / "prefix" / "include" / name), contents(entry.path())) << name;
@@ -126,7 +127,7 @@ TEST_F(Install, NothingOfThisBuildLeaks) {
     EXPECT_EQ(text.find("-Werror"), std::string::npos) << entry.path();
     EXPECT_EQ(text.find("-fsanitize"), std::string::npos) << entry.path();
     EXPECT_EQ(text.find("berth_options"), std::string::npos) << entry.path();
-    EXPECT_EQ(text.find(BERTH_SOURCE_DIR), std::string::npos) << entry.path();
+    EXPECT_EQ(text.find(berth::test::source_dir()), std::string::npos) << entry.path();
   }
   for (const auto& entry : fs::recursive_directory_iterator(folder / "prefix" / "include")) {
     if (entry.is_regular_file()) {

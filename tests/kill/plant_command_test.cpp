@@ -6,6 +6,8 @@
 #include <filesystem>
 #include <fstream>
 
+#include "../paths.hpp"
+
 namespace berth {
 namespace {
 
@@ -17,7 +19,7 @@ struct Outcome {
 // Both streams together.
 Outcome berth(const std::string& words) {
   Outcome o;
-  std::FILE* const pipe = ::popen(("timeout 30 " BERTH_BINARY " " + words + " 2>&1").c_str(), "r");
+  std::FILE* const pipe = ::popen(("timeout 30 " + berth::test::binary() + " " + words + " 2>&1").c_str(), "r");
   if (pipe == nullptr) return o;
   char buffer[512];
   while (std::fgets(buffer, sizeof buffer, pipe) != nullptr) o.text += buffer;
@@ -76,8 +78,9 @@ TEST_F(PlantCommand, SimIsStrongerThanThePort) {
 }
 
 TEST_F(PlantCommand, ThePlantRunsInRealTimeForAProcessAfterAnother) {
-  const std::string plant = "(timeout 25 " BERTH_BINARY " plant " + folder_ + "p.toml --machine " + folder_ +
-                            "m.toml --listen " + folder_ + "s >" + folder_ + "log 2>&1 & echo $! >" + folder_ + "pid)";
+  const std::string plant = "(timeout 25 " + berth::test::binary() + " plant " + folder_ + "p.toml --machine " +
+                            folder_ + "m.toml --listen " + folder_ + "s >" + folder_ + "log 2>&1 & echo $! >" +
+                            folder_ + "pid)";
   ASSERT_EQ(std::system(plant.c_str()), 0);
   for (int i = 0; i < 2000 && !std::filesystem::exists(folder_ + "s"); ++i) ::usleep(5'000);
   const std::string up = "up " + folder_ + "m.toml --control " + folder_ + "c --until operational --timeout 15";

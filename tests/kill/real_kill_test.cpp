@@ -11,6 +11,7 @@
 #include <set>
 #include <sstream>
 
+#include "../paths.hpp"
 #include "berth/plant/world.hpp"
 #include "berth/store/database.hpp"
 
@@ -26,7 +27,7 @@ constexpr unsigned kills = 12;
 class Process {
  public:
   Process(std::vector<std::string> words, const std::string& out) {
-    words.insert(words.begin(), BERTH_BINARY);
+    words.insert(words.begin(), berth::test::binary());
     pid_ = ::fork();
     if (pid_ != 0) return;
     ::prctl(PR_SET_PDEATHSIG, SIGKILL);
@@ -36,7 +37,7 @@ class Process {
     std::vector<char*> arguments;
     for (auto& w : words) arguments.push_back(w.data());
     arguments.push_back(nullptr);
-    ::execv(BERTH_BINARY, arguments.data());
+    ::execv(words.front().c_str(), arguments.data());
     ::_exit(127);
   }
   ~Process() {

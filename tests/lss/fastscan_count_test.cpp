@@ -7,6 +7,7 @@
 #include <filesystem>
 #include <fstream>
 
+#include "../paths.hpp"
 #include "berth/base/random.hpp"
 #include "berth/lss/fastscan.hpp"
 #include "lss_world.hpp"
@@ -55,7 +56,7 @@ struct Counted {
 Counted count(const std::string& log) {
   const auto path = std::filesystem::path(::testing::TempDir()) / ("fastscan-" + std::to_string(::getpid()) + ".log");
   std::ofstream(path) << log;
-  const std::string command = std::string(BERTH_SOURCE_DIR) + "/tools/fastscan-count " + path.string() + " 2>&1";
+  const std::string command = berth::test::source_dir() + "/tools/fastscan-count " + path.string() + " 2>&1";
   Counted counted;
   FILE* pipe = ::popen(command.c_str(), "r");
   if (pipe == nullptr) return counted;

@@ -6,6 +6,7 @@
 #include <fstream>
 #include <sstream>
 
+#include "../paths.hpp"
 #include "berth/eds/xdd.hpp"
 #include "tests/manager/fake_device.hpp"
 
@@ -35,7 +36,7 @@ class Folder {
 };
 
 std::string pump_dcf() {
-  std::ifstream in(std::string(BERTH_SOURCE_DIR) + "/examples/eds/pump.dcf");
+  std::ifstream in(berth::test::source_dir() + "/examples/eds/pump.dcf");
   std::stringstream text;
   text << in.rdbuf();
   return text.str();

@@ -5,6 +5,7 @@
 #include <fstream>
 #include <sstream>
 
+#include "../paths.hpp"
 #include "tests/harness/config_watch.hpp"
 #include "tests/harness/rig.hpp"
 
@@ -17,7 +18,7 @@ namespace {
 
 constexpr TypeCode pump{0x00000001, 0x00000030};
 
-std::string example(const std::string& name) { return std::string(BERTH_SOURCE_DIR) + "/examples/eds/" + name; }
+std::string example(const std::string& name) { return berth::test::source_dir() + "/examples/eds/" + name; }
 
 // Files made from the example's, each by replacing text.
 class Files {

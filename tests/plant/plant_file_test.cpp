@@ -1,5 +1,6 @@
 #include "berth/plant/plant_file.hpp"
 
+#include "../paths.hpp"
 #include "berth/base/random.hpp"
 #include "tests/pch.hpp"
 
@@ -138,7 +139,7 @@ nodes = ["drive 1"]
 
 // S1.38: the paper's Table II devices are in the example (s4 and s5: digits lost, 06h and 07h).
 TEST(PlantFile, S1_38_TheFiveSlavesAndTheirReplacements) {
-  const auto result = load_plant(std::string(BERTH_SOURCE_DIR) + "/examples/five-slaves.plant.toml");
+  const auto result = load_plant(berth::test::source_dir() + "/examples/five-slaves.plant.toml");
   ASSERT_TRUE(result.plant) << to_string(result.findings.at(0));
   const auto& p = *result.plant;
   const std::map<std::string, LssAddress> expected{{"s1", {0x01000001, 1, 0, 0x0A}},
@@ -158,7 +159,7 @@ TEST(PlantFile, EveryExampleReads) {
   const std::map<std::string, std::size_t> examples{
       {"five-slaves", 7}, {"hundred-twenty", 120}, {"by-eds", 5}, {"configured", 4}};
   for (const auto& [name, devices] : examples) {
-    const auto result = load_plant(std::string(BERTH_SOURCE_DIR) + "/examples/" + name + ".plant.toml");
+    const auto result = load_plant(berth::test::source_dir() + "/examples/" + name + ".plant.toml");
     ASSERT_TRUE(result.plant) << to_string(result.findings.at(0));
     EXPECT_TRUE(result.findings.empty()) << to_string(result.findings.at(0));
     EXPECT_EQ(result.plant->devices.size(), devices) << name;

@@ -15,6 +15,8 @@
 #include <thread>
 #include <vector>
 
+#include "../paths.hpp"
+
 namespace berth::test {
 
 /// Everything in the machine takes 15 to 30 times longer than outside.
@@ -61,7 +63,7 @@ class Running {
   /// Its two streams go to NAME.out and NAME.err in `place`.
   Running(const Place& place, const std::string& name, std::vector<std::string> words)
       : out_(place.file(name + ".out")), err_(place.file(name + ".err")) {
-    words.insert(words.begin(), BERTH_BINARY);
+    words.insert(words.begin(), berth::test::binary());
     std::vector<char*> argv;
     for (auto& word : words) argv.push_back(word.data());
     argv.push_back(nullptr);

@@ -2,6 +2,7 @@
 // one of them killed and another one put in its place; the interface down and up.
 #include <nlohmann/json.hpp>
 
+#include "../paths.hpp"
 #include "interface.hpp"
 #include "process.hpp"
 
@@ -10,8 +11,8 @@ namespace {
 
 using namespace std::chrono_literals;
 
-const std::string machine = BERTH_SOURCE_DIR "/examples/five-slaves.toml";
-const std::string plant = BERTH_SOURCE_DIR "/examples/five-slaves.plant.toml";
+const std::string machine = berth::test::source_dir() + "/examples/five-slaves.toml";
+const std::string plant = berth::test::source_dir() + "/examples/five-slaves.plant.toml";
 
 class Up : public testing::Test {
  protected:

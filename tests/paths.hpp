@@ -1,0 +1,12 @@
+/// Where this build and its sources are. Functions of one file, not macros of every one: another clone compiles one
+/// test file anew, not all of them.
+#pragma once
+
+#include <string>
+
+namespace berth::test {
+
+[[nodiscard]] std::string source_dir();  ///< the repository, no slash at its end
+[[nodiscard]] std::string binary();      ///< the command `berth` of this build
+
+}  // namespace berth::test
