@@ -308,9 +308,9 @@ int run_device(const Options& options, const DeviceOptions& wanted) {
   for (const auto& device : house.devices.all()) device->power(true);
   PortWatch watch(house.devices, house.ports, house.voice);
   const auto end = wanted.duration ? house.loop.clock() + *wanted.duration : rt::Time::max();
-  while (!interrupt.came() && house.loop.clock() < end) {
-    house.loop.turn(std::min(port_check, end - house.loop.clock()));
-    watch.look(house.loop.clock());
+  while (!interrupt.came() && house.loop.woke() < end) {
+    house.loop.turn(std::min(port_check, end - house.loop.woke()));
+    watch.look(house.loop.woke());
   }
   house.voice.ended(house.devices, interrupt.came());
   for (const auto& device : house.devices.all()) device->power(false);

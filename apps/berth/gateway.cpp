@@ -77,7 +77,7 @@ int run_gateway(const Options& options, const GatewayOptions& gateway) {
   rig.world().start();
   io::Loop& loop = (*host)->loop();
   const auto end = gateway.duration ? loop.clock() + *gateway.duration : rt::never;
-  while (!interrupt.came() && loop.clock() < end) loop.turn(std::min<rt::Duration>(50ms, end - loop.clock()));
+  while (!interrupt.came() && loop.woke() < end) loop.turn(std::min<rt::Duration>(50ms, end - loop.woke()));
   tell_counters((*host)->counters(), options.json);
   rig.session().on_event({});
   host->reset();

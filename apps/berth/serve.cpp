@@ -228,7 +228,7 @@ int run_serve(const Options& options, const ServeOptions& serve) {
     for (const auto& name : (*buses)->names()) print_line(fmt::format("socketcand://{}/{}", address, name));
   }
   const auto end = serve.duration ? loop.clock() + *serve.duration : rt::never;
-  while (!interrupt.came() && loop.clock() < end) loop.turn(std::min<rt::Duration>(50ms, end - loop.clock()));
+  while (!interrupt.came() && loop.woke() < end) loop.turn(std::min<rt::Duration>(50ms, end - loop.woke()));
   tell_counters((*server)->counters(), options.json);
   return Exit::done;
 }

@@ -1,20 +1,32 @@
 #include "berth/io/loop.hpp"
 
-#include <poll.h>
+#include <sys/timerfd.h>
 #include <unistd.h>
 
 #include <algorithm>
 #include <array>
-#include <cerrno>
+#include <utility>
 
 namespace berth::io {
 
 using Clock = std::chrono::steady_clock;
 
+// std::chrono::steady_clock is CLOCK_MONOTONIC here.
 Loop::Loop(rt::Executor& executor)
-    : executor_(&executor), epoll_(::epoll_create1(EPOLL_CLOEXEC)), began_(executor.now()), real_(Clock::now()) {}
+    : executor_(&executor),
+      epoll_(::epoll_create1(EPOLL_CLOEXEC)),
+      alarm_(::timerfd_create(CLOCK_MONOTONIC, TFD_CLOEXEC | TFD_NONBLOCK)),
+      began_(executor.now()),
+      real_(Clock::now()),
+      woke_(began_) {
+  epoll_event event{};
+  event.events = EPOLLIN;
+  event.data.fd = alarm_;
+  if (good()) ::epoll_ctl(epoll_, EPOLL_CTL_ADD, alarm_, &event);
+}
 
 Loop::~Loop() {
+  if (alarm_ >= 0) ::close(alarm_);
   if (epoll_ >= 0) ::close(epoll_);
 }
 
@@ -48,55 +60,52 @@ Watcher* Loop::watcher_of(int fd) const noexcept {
   return it == watched_.end() ? nullptr : it->watcher;
 }
 
-namespace {
-
-timespec as_timespec(rt::Duration d) noexcept {
-  return {static_cast<time_t>(d.count() / 1'000'000'000), static_cast<long>(d.count() % 1'000'000'000)};
+// The alarm is left as it is when it comes early enough: what wakes in vain costs less than a system call for each
+// wait.
+void Loop::set_alarm(rt::Time at) noexcept {
+  if (alarm_at_ > woke_ && alarm_at_ <= at) return;
+  itimerspec setting{};  // zero: never
+  if (at != rt::never) {
+    const rt::Duration since_boot = real_.time_since_epoch() + (at - began_);
+    setting.it_value = {static_cast<time_t>(since_boot.count() / 1'000'000'000),
+                        static_cast<long>(since_boot.count() % 1'000'000'000)};
+  }
+  ::timerfd_settime(alarm_, TFD_TIMER_ABSTIME, &setting, nullptr);
+  alarm_at_ = at;
 }
 
-int wait_for(int epoll, std::span<epoll_event> events, rt::Duration most) noexcept {
-  const timespec time = as_timespec(most);
-  const int count = ::epoll_pwait2(epoll, events.data(), static_cast<int>(events.size()), &time, nullptr);
-  return count < 0 && errno == ENOSYS ? detail::wait_by_poll(epoll, events, most) : count;
-}
-
-// Linux may wake a thread late by 0.1 % of its sleep, 0.5 % when it is nice, to save wake-ups (PR_SET_TIMERSLACK is the
-// least, 50 us). A long sleep to a timer is therefore done in two parts.
-constexpr rt::Duration long_sleep = std::chrono::milliseconds(20);
-constexpr int last_part = 128;
-
-}  // namespace
-
-int detail::wait_by_poll(int epoll, std::span<epoll_event> events, rt::Duration most) noexcept {
-  pollfd one{epoll, POLLIN, 0};
-  const timespec time = as_timespec(most);
-  const int ready = ::ppoll(&one, 1, &time, nullptr);
-  return ready <= 0 ? ready : ::epoll_wait(epoll, events.data(), static_cast<int>(events.size()), 0);
-}
-
-// One batch; a watcher that an earlier one of the batch made forgotten is not called.
-bool Loop::wait(rt::Duration most) noexcept {
+// One batch; a watcher that an earlier one of the batch made forgotten is not called. False: only the alarm, or
+// nothing.
+bool Loop::wait(bool sleep) noexcept {
   std::array<epoll_event, 32> events;
-  const int count = wait_for(epoll_, events, most);
-  if (count <= 0) return count < 0;
-  rt::Time until = clock();
-  if (const auto next = executor_->next()) until = std::min(until, *next - rt::Duration{1});
-  if (until > executor_->now()) executor_->advance(until);
+  const int count = ::epoll_wait(epoll_, events.data(), static_cast<int>(events.size()), sleep ? -1 : 0);
+  woke_ = clock();
+  bool came = count < 0;
   for (int i = 0; i < count; ++i) {
     const auto& event = events[static_cast<std::size_t>(i)];
+    if (event.data.fd == alarm_) {
+      if (!sleep) set_alarm(rt::never);  // who polls the descriptor shall not find it readable for ever
+      continue;
+    }
+    if (!std::exchange(came, true)) {
+      rt::Time until = woke_;
+      if (const auto next = executor_->next()) until = std::min(until, *next - rt::Duration{1});
+      if (until > executor_->now()) executor_->advance(until);
+    }
     if (Watcher* const watcher = watcher_of(event.data.fd)) watcher->ready(event.events);
   }
-  return true;
+  return came;
 }
 
 void Loop::turn(rt::Duration most) {
-  const rt::Time now = clock();
-  const auto next = executor_->next();
-  if (next) most = std::min(most, std::max(*next - now, rt::Duration{0}));
-  const bool in_parts = next && most > long_sleep;
-  if (!wait(in_parts ? most - most / last_part : most) && in_parts)
-    wait(std::max(now + most - clock(), rt::Duration{0}));
-  executor_->advance(clock());
+  const rt::Time limit = most < rt::never - woke_ ? woke_ + most : rt::never;
+  for (;;) {
+    const rt::Time until = std::min(limit, executor_->next().value_or(rt::never));
+    const bool sleep = until > woke_;
+    if (sleep) set_alarm(until);
+    if (wait(sleep) || woke_ >= until) break;
+  }
+  executor_->advance(woke_);
 }
 
 }  // namespace berth::io

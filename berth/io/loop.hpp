@@ -5,6 +5,9 @@
 ///     loop.watch(fd, watcher);
 ///     while (!over) loop.turn(50ms);
 ///
+/// A wait costs one system call, and one reading of the clock: the alarm (a timerfd) is moved only when it would come
+/// too late. `most` of a turn counts from the end of the turn before.
+///
 /// One thread. Watchers are called between jobs, never from inside one; what they make ready runs in the same turn.
 #pragma once
 
@@ -12,7 +15,6 @@
 
 #include <chrono>
 #include <cstdint>
-#include <span>
 #include <vector>
 
 #include "berth/rt/executor.hpp"
@@ -30,11 +32,6 @@ class Watcher {
   ~Watcher() = default;
 };
 
-namespace detail {
-/// What epoll_pwait2(2) does, for kernels before 5.11 that have it not.
-int wait_by_poll(int epoll, std::span<epoll_event> events, rt::Duration most) noexcept;
-}  // namespace detail
-
 class Loop {
  public:
   explicit Loop(rt::Executor& executor);
@@ -42,11 +39,13 @@ class Loop {
   Loop(const Loop&) = delete;
   Loop& operator=(const Loop&) = delete;
 
-  /// False when the system refused to make or use the epoll descriptor; then nothing else works.
-  [[nodiscard]] bool good() const noexcept { return epoll_ >= 0; }
+  /// False when the system refused to make the descriptors of epoll and of the alarm; then nothing else works.
+  [[nodiscard]] bool good() const noexcept { return epoll_ >= 0 && alarm_ >= 0; }
   [[nodiscard]] rt::Executor& executor() const noexcept { return *executor_; }
   /// The time that it is in the world by the clock; never before the executor's.
   [[nodiscard]] rt::Time clock() const noexcept;
+  /// What the clock said when the last wait ended: in a watcher, when it was woken. Costs nothing.
+  [[nodiscard]] rt::Time woke() const noexcept { return woke_; }
 
   /// Calls `watcher` when `fd` has one of `events` (EPOLLIN, EPOLLOUT); watched already: changes both. The watcher must
   /// stay until `forget`. False: the system refused.
@@ -54,14 +53,14 @@ class Loop {
   /// Before `fd` is closed. Nothing happens when it is not watched.
   void forget(int fd) noexcept;
 
-  /// Sleeps until the executor's next work, a descriptor, or `most` from now; then does what is to be done.
+  /// Sleeps until the executor's next work, a descriptor, or for `most`; then does what is to be done.
   void turn(rt::Duration most);
   /// What can be done without sleeping: descriptors that are ready, then the executor up to the clock.
   void serve() { turn(rt::Duration{0}); }
   /// Calls the watchers of descriptors that are ready, without sleeping, for a driver that runs the executor by
   /// `clock()` itself. Before that the executor's time comes up to the clock, or just before its next timer when that
   /// is overdue: what came in while the process slept counts before the timeout.
-  void poll() noexcept { wait(rt::Duration{0}); }
+  void poll() noexcept { wait(false); }
   /// Readable while a watched descriptor is ready: to wait for it in a poll of somebody else's.
   [[nodiscard]] int descriptor() const noexcept { return epoll_; }
 
@@ -70,14 +69,17 @@ class Loop {
     int fd;
     Watcher* watcher;
   };
-  /// False: nothing came in all that time.
-  bool wait(rt::Duration most) noexcept;
+  bool wait(bool sleep) noexcept;
+  void set_alarm(rt::Time at) noexcept;
   [[nodiscard]] Watcher* watcher_of(int fd) const noexcept;
 
   rt::Executor* executor_;
   int epoll_;
+  int alarm_;
   rt::Time began_;
   std::chrono::steady_clock::time_point real_;
+  rt::Time woke_;
+  rt::Time alarm_at_ = rt::Time::min();  // in the past: it has gone off, or was never set
   std::vector<Watched> watched_;
 };
 

@@ -202,14 +202,25 @@ namespace {
 // Two clocks read one after the other differ by little, unless one was set between this batch and the last. A smaller
 // step moves times by as much.
 constexpr std::int64_t step = 20'000'000;  // ns
+constexpr rt::Duration offset_holds = std::chrono::milliseconds(100);
 }  // namespace
 
 void StampMap::begin(rt::Time loop, std::int64_t wall) noexcept {
   const std::int64_t offset = wall - loop.time_since_epoch().count();
   steady_ = !offset_ || std::abs(offset - *offset_) < step;
   offset_ = offset;
+  learnt_ = loop_ = loop;
+  wall_ = wall;
+}
+
+bool StampMap::begin_as_before(rt::Time loop, std::optional<std::int64_t> stamp) noexcept {
+  if (!offset_ || !steady_ || !stamp || loop - learnt_ >= offset_holds) return false;
+  const std::int64_t wall = *offset_ + loop.time_since_epoch().count();
+  const rt::Duration age(wall - *stamp);
+  if (age < rt::Duration{0} || age >= rt::Duration(step)) return false;
   loop_ = loop;
   wall_ = wall;
+  return true;
 }
 
 rt::Time StampMap::at(std::optional<std::int64_t> stamp, rt::Time latest) noexcept {

@@ -64,6 +64,12 @@ class StampMap {
  public:
   /// Before the times of one batch: the same instant by the loop's clock and by the wall clock (ns).
   void begin(rt::Time loop, std::int64_t wall) noexcept;
+  /// The same without the wall clock, whose reading costs as much as a tenth of a frame's whole way: 100 ms long the
+  /// two clocks run as they did. False, and nothing begins: that was too long ago, or `stamp`, the batch's last, is
+  /// not of the 20 ms before `loop`, so that the wall clock may have been set.
+  [[nodiscard]] bool begin_as_before(rt::Time loop, std::optional<std::int64_t> stamp) noexcept;
+  /// By the wall clock (ns), when this batch began.
+  [[nodiscard]] std::int64_t wall() const noexcept { return wall_; }
   /// The time of a frame of this batch, not after `latest`. No `stamp`: it arrived now.
   [[nodiscard]] rt::Time at(std::optional<std::int64_t> stamp, rt::Time latest) noexcept;
   /// Something else happened at `time`, or when the last frame came if that was later: no frame is earlier from now on.
@@ -73,6 +79,7 @@ class StampMap {
   rt::Time loop_{};
   std::int64_t wall_ = 0;
   std::optional<std::int64_t> offset_{};  // wall clock minus loop
+  rt::Time learnt_{};                     // when both were read
   rt::Time last_ = rt::Time::min();
   bool steady_ = true;
 };

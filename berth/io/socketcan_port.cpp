@@ -403,10 +403,10 @@ class SocketCanPort::Impl final : private Watcher {
       const std::size_t room = std::min(at_a_time_, most_events - events_.size());
       int error = 0;
       const auto got = socket_.read(room, error);
-      const bool backlog = !got.empty() && got.front().stamp && *got.front().stamp < read_at_;
-      if (!got.empty()) {
-        read_at_ = wall_clock();
-        stamps_.begin(loop_->clock(), read_at_);
+      // It was there when the last batch was read.
+      const bool backlog = !got.empty() && got.front().stamp && *got.front().stamp < stamps_.wall();
+      if (!got.empty() && !stamps_.begin_as_before(loop_->woke(), got.back().stamp)) {
+        stamps_.begin(loop_->clock(), wall_clock());
       }
       for (const auto& r : got) arrived(r);
       if (error != 0) goes_down();
@@ -549,7 +549,6 @@ class SocketCanPort::Impl final : private Watcher {
   rt::Time counted_{};
   std::string trouble_;
   StampMap stamps_;
-  std::int64_t read_at_ = 0;   // by the wall clock
   std::size_t at_a_time_ = 1;  // frames asked for
   can::Listener* listener_ = nullptr;
   std::vector<can::IdRange> accept_;     // what the listener wants

@@ -38,7 +38,6 @@ bool CanSocket::open(int index) noexcept {
   set(fd_, SOL_CAN_RAW, CAN_RAW_ERR_FILTER, errors_heard);
   set(fd_, SOL_CAN_RAW, CAN_RAW_FD_FRAMES, on);
   set(fd_, SOL_SOCKET, SO_TIMESTAMPNS, on);
-  set(fd_, SOL_SOCKET, SO_RXQ_OVFL, on);
   if (!set(fd_, SOL_SOCKET, SO_RCVBUFFORCE, receive_buffer)) set(fd_, SOL_SOCKET, SO_RCVBUF, receive_buffer);
   sockaddr_can address{};
   address.can_family = AF_CAN;
@@ -51,8 +50,11 @@ bool CanSocket::open(int index) noexcept {
   return false;
 }
 
+// Who hears its own frames must know which of them the receive buffer lost; others ask for the sum when they need it,
+// and are spared the counter that comes with each frame.
 bool CanSocket::hear_own() noexcept {
   const int on = 1;
+  set(fd_, SOL_SOCKET, SO_RXQ_OVFL, on);
   return set(fd_, SOL_CAN_RAW, CAN_RAW_RECV_OWN_MSGS, on);
 }
 

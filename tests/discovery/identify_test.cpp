@@ -135,6 +135,22 @@ TEST(Identify, OutliersCostTimeOnly) {
   }
 }
 
+// SX.4: identify is answered without saying by whom; who is left at the end must answer to its own address.
+TEST(Identify, SX_4_WhoDoesNotAnswerToItsAddressIsNotReported) {
+  World w;
+  w.add(lss_only(1, 5));
+  Node& ghost = w.add(lss_only(1, 0x8000'0000));
+  ghost.swallows = [](const can::Frame& request) {
+    return request.data[0] != static_cast<std::uint8_t>(lss::Command::identify_serial_high);
+  };
+  w.known.kinds = {{type, 1U}};
+  const auto report = w.find(Method::identify);
+  ASSERT_TRUE(report) << describe(report.error());
+  const std::vector<LssAddress> expected{{2, 3, 1, 5}};
+  EXPECT_EQ(addresses(*report), expected);
+  EXPECT_EQ(report->end, Report::End::gave_up) << "somebody answers and is not found: that is said";
+}
+
 TEST(Identify, TwoWithOneAddressAreTold) {
   World w;
   w.add(lss_only(1, 5, NodeId(1)));

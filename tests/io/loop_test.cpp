@@ -1,5 +1,6 @@
 #include "berth/io/loop.hpp"
 
+#include <poll.h>
 #include <sys/epoll.h>
 #include <unistd.h>
 
@@ -106,7 +107,6 @@ TEST(Loop, AForgottenDescriptorIsNotCalledEvenWhenItWasReadyInTheSameBatch) {
   EXPECT_EQ(a.calls + b.calls, 1);
 }
 
-// A long sleep is done in two parts; together they end at the timer, neither before nor long after.
 TEST(Loop, ALongSleepEndsAtItsTimerInOneTurn) {
   rt::Executor executor;
   Loop loop(executor);
@@ -130,17 +130,63 @@ TEST(Loop, ALongSleepEndsWhenThereIsSomethingToRead) {
   EXPECT_EQ(counter.runs, 0);
 }
 
-TEST(Loop, WithoutEpollPwait2ItWaitsByPoll) {
+// A later timer does not move the alarm, and the alarm of one that was taken back wakes nobody.
+TEST(Loop, ATimerThatWasTakenBackDoesNotEndTheSleep) {
+  rt::Executor executor;
+  Loop loop(executor);
+  Counter gone;
+  Counter counter;
+  executor.at(loop.clock() + 5ms, gone);
+  loop.turn(1ms);
+  gone.cancel();
+  const rt::Time due = loop.clock() + 30ms;
+  executor.at(due, counter);
+  loop.turn(1h);
+  EXPECT_EQ(gone.runs, 0);
+  EXPECT_EQ(counter.runs, 1);
+  EXPECT_GE(loop.woke(), due);
+}
+
+TEST(Loop, AnEarlierTimerMovesTheAlarm) {
+  rt::Executor executor;
+  Loop loop(executor);
+  Counter late;
+  Counter early;
+  executor.at(rt::Time{} + 1h, late);
+  loop.turn(1ms);
+  executor.at(loop.clock() + 5ms, early);
+  loop.turn(1h);  // would not return
+  EXPECT_EQ(early.runs, 1);
+  EXPECT_EQ(late.runs, 0);
+}
+
+TEST(Loop, ATurnEndsAfterItsTimeAndTheClockIsKnown) {
+  rt::Executor executor;
+  Loop loop(executor);
+  const rt::Time began = loop.woke();
+  loop.turn(4ms);
+  EXPECT_GE(loop.woke() - began, 4ms);
+  EXPECT_EQ(executor.now(), loop.woke());
+  EXPECT_LE(loop.woke(), loop.clock());
+}
+
+// Who waits for the descriptor in a poll of its own must not find it readable for ever after an alarm.
+TEST(Loop, AnAlarmIsNothingToReadForWhoPolls) {
   rt::Executor executor;
   Loop loop(executor);
   Pipe pipe(loop);
-  std::array<epoll_event, 4> events{};
-  const auto began = loop.clock();
-  EXPECT_EQ(detail::wait_by_poll(loop.descriptor(), events, 3ms), 0);
-  EXPECT_GE(loop.clock() - began, 3ms);
+  Counter counter;
+  executor.at(loop.clock() + 3ms, counter);
+  loop.turn(1ms);
+  ::usleep(5'000);
+  std::array<pollfd, 1> one{{{loop.descriptor(), POLLIN, 0}}};
+  EXPECT_EQ(::poll(one.data(), 1, 0), 1);
+  loop.poll();
+  EXPECT_EQ(::poll(one.data(), 1, 0), 0);
+  loop.turn(1h);
+  EXPECT_EQ(counter.runs, 1);
   pipe.put();
-  EXPECT_EQ(detail::wait_by_poll(loop.descriptor(), events, 1h), 1);
-  EXPECT_EQ(events[0].events, static_cast<std::uint32_t>(EPOLLIN));
+  EXPECT_EQ(::poll(one.data(), 1, 0), 1);
 }
 
 }  // namespace

@@ -250,5 +250,20 @@ TEST(SocketCanTime, AWallClockThatIsSetMovesNoFrame) {
   }
 }
 
+// The wall clock is not read for every batch: for 100 ms it runs as it did, unless a stamp says that it was set.
+TEST(SocketCanTime, ForAWhileTheWallClockRunsAsItDid) {
+  StampMap map;
+  EXPECT_FALSE(map.begin_as_before(rt::Time{10s}, day));
+  map.begin(rt::Time{10s}, day);
+  ASSERT_TRUE(map.begin_as_before(rt::Time{10s} + 50ms, day + 49'000'000));
+  EXPECT_EQ(map.wall(), day + 50'000'000);
+  EXPECT_EQ(map.at(day + 49'000'000, rt::Time{11s}), rt::Time{10s} + 49ms);
+  EXPECT_FALSE(map.begin_as_before(rt::Time{10s} + 100ms, day + 99'000'000)) << "too long ago";
+  EXPECT_FALSE(map.begin_as_before(rt::Time{10s} + 60ms, {}));
+  EXPECT_FALSE(map.begin_as_before(rt::Time{10s} + 60ms, day + 61'000'000)) << "of the future: set forward";
+  EXPECT_FALSE(map.begin_as_before(rt::Time{10s} + 60ms, day + 40'000'000)) << "20 ms old: set back";
+  EXPECT_EQ(map.at(day + 49'500'000, rt::Time{11s}), rt::Time{10s} + 49ms + 500us) << "the batch is the one before";
+}
+
 }  // namespace
 }  // namespace berth::io

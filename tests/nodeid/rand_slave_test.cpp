@@ -243,10 +243,13 @@ TEST(RandSlave, ResumeAnswersAtAnyDepthForItsOwnPrefixOnly) {
 }
 
 TEST(RandSlave, ResumeRequestsDoNotDisturbAPublishedProcedure) {
+  constexpr LssAddress of_another_branch{0xAABB'CCDD, 0xEEFF'0011, 0x2233'4455, 0x6677'8899};
   for (const bool resume : {false, true}) {
     RandSlave slave({.address = odd, .resume = resume});
     for (unsigned p = 0; p <= 8; ++p) {
       EXPECT_EQ(slave.handle(resume_request(7, odd), false).has_value(), resume);
+      EXPECT_FALSE(slave.handle(resume_request(7, of_another_branch), false));
+      EXPECT_FALSE(slave.handle(resume_request(1, of_another_branch), false));
       const auto mask = p == 0 ? std::uint16_t{0} : odd.chunk(p - 1);
       EXPECT_TRUE(slave.handle(p == 8 ? dirs(mask) : iurs(p, mask), false)) << p;
     }

@@ -1,0 +1,73 @@
+// The binding's table row by row, as the manual in binding.hpp has it. S1.29, S1.33, S1.53.
+#include "../pch.hpp"
+#include "berth/places/binding.hpp"
+
+namespace berth::places {
+namespace {
+
+constexpr Seat seat{{1, 2, 3, 4}, NodeId(5)};
+
+// The steps that are walked when every one ends well, for a device that had the node-ID `had`.
+std::vector<Step> walked(Binding::Kind kind, NodeId had) {
+  Binding binding(kind, kind == Binding::Kind::bind ? seat : Seat{seat.device, NodeId()});
+  std::vector<Step> steps{binding.step()};
+  while (!binding.ended() && steps.size() < 20) {
+    if (binding.step() == Step::inquire) binding.inquired(had);
+    binding.advance(Outcome::ok);
+    steps.push_back(binding.step());
+  }
+  return steps;
+}
+
+// Written as done only when it was heard under its node-ID, and asked who it is.
+TEST(BindingTable, S1_53_ABlankDeviceStepByStep) {
+  const std::vector<Step> expected{Step::check_vacant, Step::write_ask,     Step::select,  Step::inquire,
+                                   Step::configure,    Step::store,         Step::release, Step::await_boot_up,
+                                   Step::identify,     Step::write_confirm, Step::done};
+  EXPECT_EQ(walked(Binding::Kind::bind, NodeId()), expected);
+}
+
+TEST(BindingTable, S1_33_ADeviceWithAnotherNodeIdIsReset) {
+  const std::vector<Step> expected{Step::check_vacant,  Step::write_ask, Step::select,        Step::inquire,
+                                   Step::configure,     Step::store,     Step::release,       Step::reset,
+                                   Step::await_boot_up, Step::identify,  Step::write_confirm, Step::done};
+  EXPECT_EQ(walked(Binding::Kind::bind, NodeId(77)), expected);
+}
+
+TEST(BindingTable, S1_53_ADeviceThatHasItsNodeIdIsAskedAllTheSame) {
+  const std::vector<Step> expected{Step::check_vacant,  Step::write_ask, Step::select,  Step::inquire,
+                                   Step::configure,     Step::store,     Step::release, Step::identify,
+                                   Step::write_confirm, Step::done};
+  EXPECT_EQ(walked(Binding::Kind::bind, seat.id), expected);
+}
+
+TEST(BindingTable, S1_53_ANodeIdIsTakenAwayByTheSameTable) {
+  const std::vector<Step> expected{Step::write_ask, Step::select, Step::inquire,  Step::configure,     Step::store,
+                                   Step::release,   Step::reset,  Step::identify, Step::write_confirm, Step::done};
+  EXPECT_EQ(walked(Binding::Kind::blank, NodeId(77)), expected);
+}
+
+// As far as `step`, all well. False: it is not on the way.
+bool walk_to(Binding& binding, Step step) {
+  for (int i = 0; i < 20 && binding.step() != step; ++i) binding.advance(Outcome::ok);
+  return binding.step() == step;
+}
+
+// No way but `identify` leads to `write_confirm`, whatever the boot-up's wait ended with.
+TEST(BindingTable, S1_53_NothingIsConfirmedUnheard) {
+  for (const auto outcome : {Outcome::ok, Outcome::silent, Outcome::mismatch}) {
+    Binding binding(Binding::Kind::bind, seat);
+    ASSERT_TRUE(walk_to(binding, Step::await_boot_up));
+    binding.advance(outcome);
+    EXPECT_EQ(binding.step(), Step::identify);
+  }
+  for (const auto outcome : {Outcome::silent, Outcome::mismatch, Outcome::doubled}) {
+    Binding binding(Binding::Kind::bind, seat);
+    ASSERT_TRUE(walk_to(binding, Step::identify));
+    binding.advance(outcome);
+    EXPECT_NE(binding.step(), Step::write_confirm);
+  }
+}
+
+}  // namespace
+}  // namespace berth::places
