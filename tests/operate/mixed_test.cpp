@@ -69,10 +69,24 @@ INSTANTIATE_TEST_SUITE_P(Methods, OneScheme,
                          testing::Values(std::pair{"auto", Speaks::lss}, std::pair{"auto", Speaks::fastscan},
                                          std::pair{"auto", Speaks::feedback_29}, std::pair{"rand", Speaks::rand},
                                          std::pair{"planner-rand", Speaks::rand}, std::pair{"identify", Speaks::lss},
+                                         std::pair{"and", Speaks::and_protocol},
                                          std::pair{"fastscan", Speaks::fastscan},
                                          std::pair{"fastscan-feedback-29", Speaks::feedback_29},
+                                         std::pair{"fastscan-feedback-11", Speaks::feedback_11},
                                          std::pair{"planner-fastscan", Speaks::fastscan},
                                          std::pair{"planner-feedback", Speaks::feedback_29}));
+
+// The machine file's words are the methods' names, and there is no other.
+TEST(DiscoveryWords, AreTheNamesOfTheMethods) {
+  for (std::size_t i = 0; i < discovery::methods; ++i) {
+    const std::string word(discovery::name(static_cast<discovery::Method>(i)));
+    const auto result = design::read_machine(
+        "[machine]\nname = \"m\"\n[bus.b]\nport = \"sim\"\nbitrate = 125_000\ndiscovery = \"" + word + "\"\n", "m.toml",
+        {});
+    ASSERT_TRUE(result.machine) << word;
+    EXPECT_EQ(result.machine->buses.front().discovery, word);
+  }
+}
 
 // S1.36: a device without RAND that comes with a node-ID of another slot.
 TEST(MixedNetwork, S4_02_AStoredNodeIdWithoutRandIsFoundAndSetRight) {
