@@ -16,8 +16,8 @@
 #include <cstring>
 #include <deque>
 #include <optional>
-#include <vector>
 
+#include "berth/io/deliveries.hpp"
 #include "berth/io/slcan_codec.hpp"
 #include "berth/io/stream.hpp"
 
@@ -100,7 +100,7 @@ int open_line(const Device& device, std::string& why) {
 }  // namespace
 
 /// Lines are taken between jobs; what they say is delivered one per job.
-class SlcanPort::Impl final : private Watcher, private rt::Job {
+class SlcanPort::Impl final : private Watcher {
  public:
   Impl(Loop& loop, Device device, const SlcanOptions& options)
       : loop_(&loop), device_(std::move(device)), options_(options), bit_rate_(options.bit_rate) {}
@@ -130,8 +130,7 @@ class SlcanPort::Impl final : private Watcher, private rt::Job {
       if (n == 0) expire();
     }
     if (state_ != State::up) return faults_.what;
-    events_.clear();
-    cancel();
+    deliveries_.clear();
     return std::nullopt;
   }
 
@@ -140,7 +139,7 @@ class SlcanPort::Impl final : private Watcher, private rt::Job {
     if (options_.listen_only) return can::Queued::listen_only;
     if (waiting_.size() + flying_.size() >= queue_depth) return can::Queued::full;
     waiting_.push_back({frame, tag});
-    executor().post(pump_);
+    pump_.post();
     return can::Queued::yes;
   }
   void withdraw(std::uint32_t tag) noexcept {
@@ -155,8 +154,7 @@ class SlcanPort::Impl final : private Watcher, private rt::Job {
     }
   }
   void listen(can::Listener* listener, std::span<const can::IdRange> accept) noexcept {
-    listener_ = listener;
-    accept_.assign(accept.begin(), accept.end());
+    deliveries_.listen(listener, accept);
   }
   [[nodiscard]] can::Status status() const noexcept {
     can::Status s;
@@ -184,44 +182,20 @@ class SlcanPort::Impl final : private Watcher, private rt::Job {
  private:
   enum class State : std::uint8_t { down, meeting, leading, up };
   enum class Asked : std::uint8_t { nothing, frame, flags };
-  enum class What : std::uint8_t { received, sent, changed };
   struct Waiting {
     can::Frame frame;
     std::uint32_t tag = 0;
     unsigned tries = 0;
-  };
-  struct Event {
-    What what;
-    can::Frame frame;
-    std::uint32_t tag;
-    rt::Time at;
   };
   /// A command of the setup; what to say when the adapter refuses it, nothing: it may.
   struct Step {
     std::string command;
     std::string refusal;
   };
-  class Timer final : public rt::Job {
-   public:
-    explicit Timer(Impl& port) : port_(&port) {}
-    void run() noexcept override { port_->expire(); }
-
-   private:
-    Impl* port_;
-  };
-  class Pump final : public rt::Job {
-   public:
-    explicit Pump(Impl& port) : port_(&port) {}
-    void run() noexcept override { port_->pump(); }
-
-   private:
-    Impl* port_;
-  };
-
   [[nodiscard]] rt::Executor& executor() const noexcept { return loop_->executor(); }
   void wait_for(rt::Duration time) noexcept {
     patience_ = time;
-    executor().after(time, timer_);
+    timer_.arm(time);
   }
 
   // ---- setup ----
@@ -282,7 +256,7 @@ class SlcanPort::Impl final : private Watcher, private rt::Job {
     asked_ = Asked::nothing;
     flags_due_ = executor().now() + flags_period;
     asks_flags_ = confirms_ != Confirms::nothing;
-    push({What::changed, {}, 0, executor().now()});
+    deliveries_.changed(status(), executor().now());
     wait_for(flags_period);
   }
 
@@ -296,7 +270,7 @@ class SlcanPort::Impl final : private Watcher, private rt::Job {
     if (!stream_) return;
     if ((events & EPOLLOUT) != 0) {
       stream_->flush();
-      executor().post(pump_);
+      pump_.post();
     }
     std::array<char, 8192> buffer;
     const auto bytes = stream_->get(buffer);
@@ -309,7 +283,6 @@ class SlcanPort::Impl final : private Watcher, private rt::Job {
       }
     }
     if (stream_ && stream_->gone()) lost("unplugged");
-    if (!events_.empty()) executor().post(*this);
   }
 
   void heard(const SlcanReader::Line& line) {
@@ -317,7 +290,7 @@ class SlcanPort::Impl final : private Watcher, private rt::Job {
     const auto parsed = line.broken ? SlcanLine{} : parse_slcan(line.text);
     if (state_ != State::up) return met(parsed);
     switch (parsed.kind) {
-      case Kind::frame: return push({What::received, parsed.frame, 0, executor().now()});
+      case Kind::frame: return received(parsed.frame);
       case Kind::confirmed: return confirm(parsed.frame);
       case Kind::done:
       case Kind::taken:
@@ -410,7 +383,7 @@ class SlcanPort::Impl final : private Watcher, private rt::Job {
   void done(std::deque<Waiting>& queue) {
     const auto tag = queue.front().tag;
     queue.pop_front();
-    if (tag != 0) push({What::sent, {}, tag, executor().now()});
+    if (tag != 0) deliveries_.sent(tag, executor().now());
   }
 
   void confirm(const can::Frame& frame) noexcept {
@@ -418,7 +391,7 @@ class SlcanPort::Impl final : private Watcher, private rt::Job {
     if (it == flying_.end()) return;
     const auto tag = it->tag;
     flying_.erase(it);
-    if (tag != 0) push({What::sent, {}, tag, executor().now()});
+    if (tag != 0) deliveries_.sent(tag, executor().now());
   }
 
   void take_flags(std::uint8_t flags) noexcept {
@@ -476,32 +449,14 @@ class SlcanPort::Impl final : private Watcher, private rt::Job {
     drop();
     stream_.reset();
     wait_for(reopen_pause);
-    if (was_up) push({What::changed, {}, 0, executor().now()});
+    if (was_up) deliveries_.changed(status(), executor().now());
   }
 
-  // ---- the listener ----
-
-  void push(Event event) {
-    if (event.what == What::received && events_.size() >= events_kept) {
+  void received(const can::Frame& frame) noexcept {
+    if (deliveries_.size() >= events_kept) {
       ++lost_;
-      return;
-    }
-    events_.push_back(event);
-    executor().post(*this);
-  }
-  void run() noexcept override {
-    if (events_.empty()) return;
-    const Event event = events_.front();
-    events_.pop_front();
-    if (!events_.empty()) executor().post(*this);
-    if (listener_ == nullptr) return;
-    const auto passes = [key = event.frame.key()](const can::IdRange& r) { return r.contains(key); };
-    switch (event.what) {
-      case What::received:
-        if (std::ranges::any_of(accept_, passes)) listener_->received(event.frame, event.at);
-        return;
-      case What::sent: return listener_->sent(event.tag, event.at);
-      case What::changed: return listener_->changed(status(), event.at);
+    } else {
+      deliveries_.received(frame, executor().now());
     }
   }
 
@@ -523,13 +478,11 @@ class SlcanPort::Impl final : private Watcher, private rt::Job {
   rt::Time asked_at_{};
   std::optional<rt::Time> retry_at_;
   rt::Duration patience_{0};
-  Timer timer_{*this};
-  Pump pump_{*this};
-  can::Listener* listener_ = nullptr;
-  std::vector<can::IdRange> accept_;
+  Later<Impl, &Impl::expire> timer_{*this, loop_->executor()};
+  Later<Impl, &Impl::pump> pump_{*this, loop_->executor()};
+  Deliveries deliveries_{loop_->executor()};
   std::deque<Waiting> waiting_;  // the first is the one asked about
   std::deque<Waiting> flying_;   // taken by the adapter, not yet acknowledged
-  std::deque<Event> events_;
   std::uint32_t errors_ = 0;
   std::uint32_t lost_ = 0;
   LineFaults faults_;

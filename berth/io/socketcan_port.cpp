@@ -10,8 +10,8 @@
 #include <deque>
 #include <vector>
 
+#include "berth/io/deliveries.hpp"
 #include "berth/io/netlink_socket.hpp"
-#include "berth/io/ring.hpp"
 #include "berth/io/socketcan_codec.hpp"
 #include "berth/io/socketcan_setup.hpp"
 #include "berth/io/socketcan_socket.hpp"
@@ -73,7 +73,7 @@ class SocketCanPort::Impl final : private Watcher {
     link_ = link;
     if (!bind()) return false;
     learn(link);
-    events_.clear();
+    deliveries_.clear();
     return true;
   }
   void was(const Link& before) { put_back_ = before; }
@@ -88,7 +88,7 @@ class SocketCanPort::Impl final : private Watcher {
     // Written when the job that sends is over: whoever says "I am here" has then also said what it wants to hear, and
     // the answer passes the kernel's filter.
     const bool first = waiting_.empty();
-    if (first) executor_->post(write_);
+    if (first) write_.post();
     if (waiting_.size() >= queue_depth && !stuck_) flush();
     return keep(frame, tag);
   }
@@ -102,10 +102,8 @@ class SocketCanPort::Impl final : private Watcher {
   }
 
   void listen(can::Listener* listener, std::span<const can::IdRange> accept) noexcept {
-    if (listener != listener_) events_.clear();
-    listener_ = listener;
-    accept_ = listener != nullptr ? normalised(accept) : std::vector<can::IdRange>{};
-    if (!covers(installed_, accept_)) install();
+    deliveries_.listen(listener, accept);
+    if (!covers(installed_, deliveries_.accept())) install();
   }
 
   can::Status status() noexcept {
@@ -148,25 +146,6 @@ class SocketCanPort::Impl final : private Watcher {
     can::Frame frame;
     std::uint32_t tag;
     unsigned passed = 0;  // echoes of frames that were written later
-  };
-  enum class What : std::uint8_t { received, sent, changed };
-  struct Event {
-    What what;
-    std::uint32_t tag;
-    rt::Time at;
-    can::Frame frame;
-    can::Status status;
-  };
-  /// A job that calls a member.
-  template <void (Impl::*Do)() noexcept>
-  class Later final : public rt::Job {
-   public:
-    explicit Later(Impl& impl) noexcept : impl_(&impl) {}
-    void run() noexcept override { (impl_->*Do)(); }
-    void arm(rt::Duration delay) noexcept { impl_->executor_->after(delay, *this); }
-
-   private:
-    Impl* impl_;
   };
   class LinksEar final : public Watcher {
    public:
@@ -399,8 +378,8 @@ class SocketCanPort::Impl final : private Watcher {
   }
 
   void read_all() noexcept {
-    for (unsigned i = 0; i < most_batches && events_.size() < most_events; ++i) {
-      const std::size_t room = std::min(at_a_time_, most_events - events_.size());
+    for (unsigned i = 0; i < most_batches && deliveries_.size() < most_events; ++i) {
+      const std::size_t room = std::min(at_a_time_, most_events - deliveries_.size());
       int error = 0;
       const auto got = socket_.read(room, error);
       // It was there when the last batch was read.
@@ -422,10 +401,9 @@ class SocketCanPort::Impl final : private Watcher {
     if (const auto frame = decode_frame(r.bytes)) {
       if (r.own) {
         echoed(*frame, at);
-      } else if (listener_ != nullptr) {
-        add(What::received, at).frame = *frame;
       } else {
-        static_cast<void>(passes(*frame));
+        count_unwanted(*frame);
+        deliveries_.received(*frame, at);
       }
     } else if (const auto report = decode_error(r.bytes)) {
       heard_error(*report, at);
@@ -443,7 +421,7 @@ class SocketCanPort::Impl final : private Watcher {
     const auto first = lost_some ? written_.begin() : it;
     for (auto g = written_.begin(); g != first; ++g) ++g->passed;
     for (auto g = first; g <= it; ++g) {
-      if (g->tag != 0 && listener_ != nullptr) add(What::sent, at).tag = g->tag;
+      if (g->tag != 0) deliveries_.sent(g->tag, at);
     }
     written_.erase(first, it + 1);
     while (!written_.empty() && written_.front().passed >= most_passed) written_.pop_front();
@@ -487,7 +465,7 @@ class SocketCanPort::Impl final : private Watcher {
 
   void install() noexcept {
     auto all = echoed_;
-    all.insert(all.end(), accept_.begin(), accept_.end());
+    all.insert(all.end(), deliveries_.accept().begin(), deliveries_.accept().end());
     installed_ = normalised(all);
     unwanted_ = 0;
     if (!there_ || socket_.filter(kernel_filters(installed_, most_filters))) return;
@@ -495,41 +473,16 @@ class SocketCanPort::Impl final : private Watcher {
     socket_.filter({&everything, 1});
   }
 
-  // Also counts what passed the kernel's filter in vain.
-  [[nodiscard]] bool passes(const can::Frame& frame) noexcept {
-    if (contains(accept_, frame.key())) return true;
-    if (++unwanted_ >= much_unwanted) install();
-    return false;
+  // What passed the kernel's filter in vain.
+  void count_unwanted(const can::Frame& frame) noexcept {
+    if (!contains(deliveries_.accept(), frame.key()) && ++unwanted_ >= much_unwanted) install();
   }
 
   // ---- to the listener ----
 
-  Event& add(What what, rt::Time at) noexcept {
-    if (events_.empty()) executor_->post(deliver_);
-    Event& e = events_.push();
-    e.what = what;
-    e.at = at;
-    return e;
-  }
   void tell_changed() noexcept { tell_changed(stamps_.not_before(executor_->now() - rt::Duration{1})); }
   void tell_changed(rt::Time at) noexcept {
-    if (listener_ == nullptr) return;
-    const auto now = status();
-    add(What::changed, at).status = now;
-  }
-
-  void deliver() noexcept {
-    while (!events_.empty()) {
-      const Event event = events_.front();  // the listener may add some
-      events_.pop();
-      if (listener_ == nullptr || (event.what == What::received && !passes(event.frame))) continue;
-      if (!events_.empty()) executor_->post(deliver_);
-      switch (event.what) {
-        case What::received: return listener_->received(event.frame, event.at);
-        case What::sent: return listener_->sent(event.tag, event.at);
-        case What::changed: return listener_->changed(event.status, event.at);
-      }
-    }
+    if (deliveries_.anybody()) deliveries_.changed(status(), at);
   }
 
   Loop* loop_;
@@ -549,9 +502,7 @@ class SocketCanPort::Impl final : private Watcher {
   rt::Time counted_{};
   std::string trouble_;
   StampMap stamps_;
-  std::size_t at_a_time_ = 1;  // frames asked for
-  can::Listener* listener_ = nullptr;
-  std::vector<can::IdRange> accept_;     // what the listener wants
+  std::size_t at_a_time_ = 1;            // frames asked for
   std::vector<can::IdRange> echoed_;     // what is or was sent with a tag
   std::vector<can::IdRange> installed_;  // what passes the kernel's filter
   std::uint32_t unwanted_ = 0;
@@ -562,11 +513,10 @@ class SocketCanPort::Impl final : private Watcher {
   bool stuck_ = false;  // the kernel takes nothing now
   bool watches_out_ = false;
   bool freed_ = false;  // the kernel's queue has become shorter
-  Ring<Event> events_;
-  Later<&Impl::deliver> deliver_{*this};
-  Later<&Impl::flush> write_{*this};
-  Later<&Impl::flush> retry_{*this};
-  Later<&Impl::look> look_{*this};
+  Deliveries deliveries_{*executor_};
+  Later<Impl, &Impl::flush> write_{*this, *executor_};
+  Later<Impl, &Impl::flush> retry_{*this, *executor_};
+  Later<Impl, &Impl::look> look_{*this, *executor_};
 };
 
 namespace {

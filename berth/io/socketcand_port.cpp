@@ -12,6 +12,7 @@
 #include <optional>
 #include <vector>
 
+#include "berth/io/deliveries.hpp"
 #include "berth/io/socketcand_protocol.hpp"
 #include "berth/io/stream.hpp"
 
@@ -33,7 +34,7 @@ constexpr std::size_t events_kept = 8192;  // more than one reading can bring
 }  // namespace
 
 /// Bytes are taken from the socket between jobs; what they say is delivered one per job.
-class SocketcandPort::Impl final : private Watcher, private rt::Job {
+class SocketcandPort::Impl final : private Watcher {
  public:
   Impl(Loop& loop, std::vector<SocketAddress> addresses, std::string bus, const SocketcandOptions& options)
       : loop_(&loop), addresses_(std::move(addresses)), bus_(std::move(bus)), options_(options) {}
@@ -45,8 +46,7 @@ class SocketcandPort::Impl final : private Watcher, private rt::Job {
       begin();
       wait();
       if (state_ == State::up) {
-        events_.clear();
-        cancel();
+        deliveries_.clear();
         return std::nullopt;
       }
     }
@@ -61,7 +61,7 @@ class SocketcandPort::Impl final : private Watcher, private rt::Job {
     Watcher& self = *this;
     stream_.emplace(*loop_, fd, Stream::Kind::socket, self, most_waiting);
     state_ = State::connecting;
-    executor().after(handshake_time, timer_);
+    timer_.arm(handshake_time);
   }
 
   can::Queued send(const can::Frame& frame, std::uint32_t tag) noexcept {
@@ -80,8 +80,7 @@ class SocketcandPort::Impl final : private Watcher, private rt::Job {
     }
   }
   void listen(can::Listener* listener, std::span<const can::IdRange> accept) noexcept {
-    listener_ = listener;
-    accept_.assign(accept.begin(), accept.end());
+    deliveries_.listen(listener, accept);
   }
   [[nodiscard]] can::Status status() const noexcept {
     can::Status s;
@@ -100,34 +99,10 @@ class SocketcandPort::Impl final : private Watcher, private rt::Job {
 
  private:
   enum class State : std::uint8_t { down, connecting, greeting, opening, switching, up };
-  enum class What : std::uint8_t { received, sent, changed };
   struct Given {
     std::uint32_t tag = 0;
     rt::Time at{};
   };
-  struct Event {
-    What what;
-    can::Frame frame;
-    std::uint32_t tag;
-    rt::Time at;
-  };
-  class Timer final : public rt::Job {
-   public:
-    explicit Timer(Impl& port) : port_(&port) {}
-    void run() noexcept override { port_->expire(); }
-
-   private:
-    Impl* port_;
-  };
-  class Flush final : public rt::Job {
-   public:
-    explicit Flush(Impl& port) : port_(&port) {}
-    void run() noexcept override { port_->flush(); }
-
-   private:
-    Impl* port_;
-  };
-
   [[nodiscard]] rt::Executor& executor() const noexcept { return loop_->executor(); }
 
   void wait() {
@@ -158,7 +133,6 @@ class SocketcandPort::Impl final : private Watcher, private rt::Job {
       read_all();
     }
     if (stream_ && stream_->gone()) lost("the server has closed the connection");
-    if (!events_.empty()) executor().post(*this);
   }
 
   void read_all() {
@@ -193,21 +167,21 @@ class SocketcandPort::Impl final : private Watcher, private rt::Job {
     state_ = State::up;
     ++connections_;
     pause_ = least_pause;
-    push({What::changed, {}, 0, executor().now()});
+    deliveries_.changed(status(), executor().now());
     ask({}, 0);  // a Berth server holds frames back until the first word
-    executor().after(tick_time, timer_);
+    timer_.arm(tick_time);
   }
 
   void heard_up(const SocketcandNotice& notice, std::string_view element) {
     using Said = SocketcandNotice::Kind;
     const rt::Time at = executor().now();
     switch (notice.kind) {
-      case Said::frame: return push({What::received, notice.frame, 0, at});
+      case Said::frame: return received(notice.frame, at);
       case Said::echo: {
         if (given_.empty()) return;
         const auto tag = given_.front().tag;
         given_.pop_front();
-        if (tag != 0) push({What::sent, {}, tag, at});
+        if (tag != 0) deliveries_.sent(tag, at);
         return;
       }
       case Said::error:
@@ -231,33 +205,17 @@ class SocketcandPort::Impl final : private Watcher, private rt::Job {
   }
   void say(std::string_view text) {
     if (!stream_ || !stream_->put(text)) return lost("the server takes nothing");
-    executor().post(flush_);
+    flush_.post();
   }
   void flush() noexcept {
     if (stream_ && !stream_->flush()) lost("the connection is broken");
   }
 
-  void push(Event event) {
-    if (event.what == What::received && events_.size() >= events_kept) {
+  void received(const can::Frame& frame, rt::Time at) noexcept {
+    if (deliveries_.size() >= events_kept) {
       ++lost_;
-      return;
-    }
-    events_.push_back(event);
-    executor().post(*this);
-  }
-  void run() noexcept override {
-    if (events_.empty()) return;
-    const Event event = events_.front();
-    events_.pop_front();
-    if (!events_.empty()) executor().post(*this);
-    if (listener_ == nullptr) return;
-    const auto passes = [key = event.frame.key()](const can::IdRange& r) { return r.contains(key); };
-    switch (event.what) {
-      case What::received:
-        if (std::ranges::any_of(accept_, passes)) listener_->received(event.frame, event.at);
-        return;
-      case What::sent: return listener_->sent(event.tag, event.at);
-      case What::changed: return listener_->changed(status(), event.at);
+    } else {
+      deliveries_.received(frame, at);
     }
   }
 
@@ -272,7 +230,7 @@ class SocketcandPort::Impl final : private Watcher, private rt::Job {
       case State::up: break;
     }
     if (!given_.empty() && now - given_.front().at > answer_time) return lost("the server does not answer");
-    executor().after(tick_time, timer_);
+    timer_.arm(tick_time);
     if (given_.empty() && now - asked_ >= idle_time) ask({}, 0);
   }
 
@@ -283,9 +241,9 @@ class SocketcandPort::Impl final : private Watcher, private rt::Job {
     given_.clear();
     stream_.reset();
     flush_.cancel();
-    executor().after(pause_, timer_);
+    timer_.arm(pause_);
     pause_ = std::min(pause_ * 2, most_pause);
-    if (was_up) push({What::changed, {}, 0, executor().now()});
+    if (was_up) deliveries_.changed(status(), executor().now());
   }
 
   Loop* loop_;
@@ -298,12 +256,10 @@ class SocketcandPort::Impl final : private Watcher, private rt::Job {
   std::uint64_t known_faults_ = 0;
   State state_ = State::down;
   rt::Duration pause_ = least_pause;
-  Timer timer_{*this};
-  Flush flush_{*this};
-  can::Listener* listener_ = nullptr;
-  std::vector<can::IdRange> accept_;
+  Later<Impl, &Impl::expire> timer_{*this, loop_->executor()};
+  Later<Impl, &Impl::flush> flush_{*this, loop_->executor()};
+  Deliveries deliveries_{loop_->executor()};
   std::deque<Given> given_;
-  std::deque<Event> events_;
   rt::Time asked_{};
   std::uint32_t errors_ = 0;
   std::uint32_t lost_ = 0;

@@ -1,0 +1,48 @@
+#include "berth/io/deliveries.hpp"
+
+#include "berth/io/socketcan_codec.hpp"
+
+namespace berth::io {
+
+void Deliveries::listen(can::Listener* listener, std::span<const can::IdRange> accept) {
+  if (listener != listener_) events_.clear();
+  listener_ = listener;
+  accept_ = listener != nullptr ? normalised(accept) : std::vector<can::IdRange>{};
+}
+
+void Deliveries::received(const can::Frame& frame, rt::Time at) noexcept {
+  if (listener_ != nullptr) add(What::received, at).frame = frame;
+}
+
+void Deliveries::sent(std::uint32_t tag, rt::Time at) noexcept {
+  if (listener_ != nullptr) add(What::sent, at).tag = tag;
+}
+
+void Deliveries::changed(const can::Status& status, rt::Time at) noexcept {
+  if (listener_ != nullptr) add(What::changed, at).status = status;
+}
+
+Deliveries::Event& Deliveries::add(What what, rt::Time at) noexcept {
+  if (events_.empty()) executor_->post(*this);
+  Event& event = events_.push();
+  event.what = what;
+  event.at = at;
+  return event;
+}
+
+void Deliveries::run() noexcept {
+  while (!events_.empty()) {
+    const Event event = events_.front();  // the listener may add some
+    events_.pop();
+    if (listener_ == nullptr) continue;
+    if (event.what == What::received && !contains(accept_, event.frame.key())) continue;
+    if (!events_.empty()) executor_->post(*this);
+    switch (event.what) {
+      case What::received: return listener_->received(event.frame, event.at);
+      case What::sent: return listener_->sent(event.tag, event.at);
+      case What::changed: return listener_->changed(event.status, event.at);
+    }
+  }
+}
+
+}  // namespace berth::io

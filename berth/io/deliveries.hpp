@@ -1,0 +1,65 @@
+/// What a port tells its listener: noted while descriptors are read, delivered between them, one call a job. Inside of
+/// room `io`.
+#pragma once
+
+#include <span>
+#include <vector>
+
+#include "berth/can/port.hpp"
+#include "berth/io/ring.hpp"
+#include "berth/rt/executor.hpp"
+
+namespace berth::io {
+
+/// A job that calls a member of its owner. Let the owner hold it.
+template <class Owner, void (Owner::*Do)() noexcept>
+class Later final : public rt::Job {
+ public:
+  Later(Owner& owner, rt::Executor& executor) noexcept : owner_(&owner), executor_(&executor) {}
+  void run() noexcept override { (owner_->*Do)(); }
+  void post() noexcept { executor_->post(*this); }
+  void arm(rt::Duration delay) noexcept { executor_->after(delay, *this); }
+
+ private:
+  Owner* owner_;
+  rt::Executor* executor_;
+};
+
+class Deliveries final : private rt::Job {
+ public:
+  explicit Deliveries(rt::Executor& executor) noexcept : executor_(&executor) {}
+
+  /// What was noted for another listener is dropped. A frame is delivered when a range holds it at that moment.
+  void listen(can::Listener* listener, std::span<const can::IdRange> accept);
+  [[nodiscard]] bool anybody() const noexcept { return listener_ != nullptr; }
+  /// Sorted, without overlaps.
+  [[nodiscard]] const std::vector<can::IdRange>& accept() const noexcept { return accept_; }
+
+  // Noted for the listener there is; for nobody, forgotten.
+  void received(const can::Frame& frame, rt::Time at) noexcept;
+  void sent(std::uint32_t tag, rt::Time at) noexcept;
+  void changed(const can::Status& status, rt::Time at) noexcept;
+
+  [[nodiscard]] std::size_t size() const noexcept { return events_.size(); }
+  [[nodiscard]] bool empty() const noexcept { return events_.empty(); }
+  void clear() noexcept { events_.clear(); }
+
+ private:
+  enum class What : std::uint8_t { received, sent, changed };
+  struct Event {
+    What what = What::received;
+    std::uint32_t tag = 0;
+    rt::Time at{};
+    can::Frame frame{};
+    can::Status status{};
+  };
+  Event& add(What what, rt::Time at) noexcept;
+  void run() noexcept override;
+
+  rt::Executor* executor_;
+  can::Listener* listener_ = nullptr;
+  std::vector<can::IdRange> accept_;
+  Ring<Event> events_;
+};
+
+}  // namespace berth::io
