@@ -5,8 +5,8 @@
 
 #include <array>
 
-#include "berth/io/stream.hpp"
 #include "berth/serve/gateway_309_server.hpp"
+#include "client_socket.hpp"
 #include "gateway_309_rig.hpp"
 
 namespace berth::serve {
@@ -31,57 +31,11 @@ class Gateway309Tcp : public ::testing::Test {
     return true;
   }
 
-  class Socket {
+  class Socket : public ClientSocket {
    public:
-    explicit Socket(Gateway309Tcp& test, int receive_buffer = 0) : test_(&test) {
-      fd_ = io::begin_connect(io::look_up(test.server_->where()).value().front());
-      if (receive_buffer > 0) ::setsockopt(fd_, SOL_SOCKET, SO_RCVBUF, &receive_buffer, sizeof receive_buffer);
-    }
-    ~Socket() { close(); }
-    Socket(const Socket&) = delete;
-    Socket& operator=(const Socket&) = delete;
-    void close() {
-      if (fd_ >= 0) ::close(fd_);
-      fd_ = -1;
-    }
-    void shut() { ::shutdown(fd_, SHUT_WR); }
-    // As much as goes without waiting.
-    std::size_t push(std::string_view text) {
-      const auto n = ::send(fd_, text.data(), text.size(), MSG_NOSIGNAL | MSG_DONTWAIT);
-      return n > 0 ? static_cast<std::size_t>(n) : 0;
-    }
-    void say(std::string_view text) {
-      ASSERT_TRUE(test_->until([&] {
-        text.remove_prefix(push(text));
-        return text.empty();
-      }));
-    }
-    const std::string& heard() {
-      std::array<char, 65536> buffer;
-      for (;;) {
-        const auto n = ::recv(fd_, buffer.data(), buffer.size(), MSG_DONTWAIT);
-        if (n == 0 || (n < 0 && errno != EAGAIN)) ended = true;
-        if (n <= 0) return text_;
-        text_.append(buffer.data(), static_cast<std::size_t>(n));
-      }
-    }
-    bool hear(const std::string& expected) {
-      const bool good = test_->until([&] { return heard().size() >= expected.size() || ended; });
-      EXPECT_EQ(text_, expected);
-      return good && std::exchange(text_, {}) == expected;
-    }
-    bool hung_up() {
-      return test_->until([&] {
-        heard();
-        return ended;
-      });
-    }
-    bool ended = false;
-
-   private:
-    Gateway309Tcp* test_;
-    int fd_ = -1;
-    std::string text_;
+    explicit Socket(Gateway309Tcp& test, int receive_buffer = 0)
+        : ClientSocket([&test](const std::function<bool()>& done) { return test.until(done); }, test.server_->where(),
+                       receive_buffer) {}
   };
 
   Rig309 rig_;

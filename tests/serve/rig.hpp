@@ -2,16 +2,14 @@
 #pragma once
 
 #include <poll.h>
-#include <sys/socket.h>
-#include <unistd.h>
 
-#include <array>
 #include <string>
 #include <vector>
 
 #include "berth/io/stream.hpp"
 #include "berth/serve/socketcand_server.hpp"
 #include "berth/sim/world.hpp"
+#include "client_socket.hpp"
 
 namespace berth::serve {
 
@@ -67,56 +65,11 @@ class Rig : public ::testing::Test {
     run_until([&] { return std::chrono::steady_clock::now() > end; });
   }
 
-  /// Its socket does not block.
-  class Socket {
+  class Socket : public ClientSocket {
    public:
-    explicit Socket(Rig& rig, int receive_buffer = 0) : rig_(&rig) {
-      fd_ = io::begin_connect(io::look_up({"127.0.0.1", rig.port_}).value().front());
-      if (receive_buffer > 0) ::setsockopt(fd_, SOL_SOCKET, SO_RCVBUF, &receive_buffer, sizeof receive_buffer);
-    }
-    ~Socket() { close(); }
-    Socket(const Socket&) = delete;
-    Socket& operator=(const Socket&) = delete;
-    void close() {
-      if (fd_ >= 0) ::close(fd_);
-      fd_ = -1;
-    }
-    // All of it, however long the server makes it wait.
-    void say(std::string_view text) {
-      ASSERT_TRUE(rig_->run_until([&] {
-        const auto n = ::send(fd_, text.data(), text.size(), MSG_NOSIGNAL | MSG_DONTWAIT);
-        if (n > 0) text.remove_prefix(static_cast<std::size_t>(n));
-        return text.empty() || (n < 0 && errno != EAGAIN);
-      }));
-    }
-    // What came so far.
-    const std::string& heard() {
-      std::array<char, 65536> buffer;
-      for (;;) {
-        const auto n = ::recv(fd_, buffer.data(), buffer.size(), MSG_DONTWAIT);
-        if (n == 0 || (n < 0 && errno != EAGAIN)) ended = true;
-        if (n <= 0) return text_;
-        text_.append(buffer.data(), static_cast<std::size_t>(n));
-      }
-    }
-    bool hear(const std::string& expected) {
-      const bool good = rig_->run_until([&] { return heard().size() >= expected.size() || ended; }, 20s);
-      EXPECT_EQ(text_, expected);
-      const bool equal = good && text_ == expected;
-      text_.clear();
-      return equal;
-    }
-    bool contains(const std::string& expected) {
-      return rig_->run_until([&] { return heard().find(expected) != std::string::npos; }, 20s);
-    }
-    bool hung_up() {
-      return rig_->run_until(
-          [&] {
-            heard();
-            return ended;
-          },
-          20s);
-    }
+    explicit Socket(Rig& rig, int receive_buffer = 0)
+        : ClientSocket([&rig](const std::function<bool()>& done) { return rig.run_until(done, 20s); },
+                       {"127.0.0.1", rig.port_}, receive_buffer) {}
     // As python-can does it.
     void join(const std::string& bus = "backbone", bool raw = true) {
       ASSERT_TRUE(hear("< hi >"));
@@ -126,14 +79,6 @@ class Rig : public ::testing::Test {
       say("< rawmode >");
       ASSERT_TRUE(hear("< ok >"));
     }
-    void forget() { text_.clear(); }
-    [[nodiscard]] int fd() const { return fd_; }
-    bool ended = false;
-
-   private:
-    Rig* rig_;
-    int fd_ = -1;
-    std::string text_;
   };
 
   sim::World world_;
