@@ -8,39 +8,12 @@
 #include "../pch.hpp"
 #include "berth/plant/port_device.hpp"
 #include "berth/plant/world.hpp"
+#include "record.hpp"
 
 namespace berth::plant {
 namespace {
 
 using std::chrono::milliseconds;
-
-class Record final : public can::Tap {
- public:
-  explicit Record(sim::Bus& bus) : bus_(bus) { bus.add_tap(*this); }
-  ~Record() { bus_.remove_tap(*this); }
-  void frame(const can::Frame& frame, rt::Time at, int) noexcept override {
-    text.push_back(fmt::format("{} {}", at.time_since_epoch().count(), can::to_string(frame)));
-  }
-  [[nodiscard]] bool has(std::string_view frame) const {
-    return std::ranges::any_of(text, [&](const auto& line) { return line.ends_with(frame); });
-  }
-  std::vector<std::string> text;
-
- private:
-  sim::Bus& bus_;
-};
-
-PlantDevice device(const std::string& name, std::uint32_t serial, std::uint8_t id = 0xFF) {
-  PlantDevice d;
-  d.name = name;
-  d.bus = "b";
-  d.address = {1, 2, 3, serial};
-  d.source = id == 0xFF ? NodeIdSource::blank : NodeIdSource::nonvolatile;
-  d.node_id = NodeId(id);
-  d.boot = milliseconds(10);
-  d.reset = milliseconds(5);
-  return d;
-}
 
 /// What is said to the devices in both worlds.
 void talk(sim::World& world, sim::Controller& me) {
@@ -83,12 +56,14 @@ TEST(PortDevices, IsToTheNanosecondTheDeviceOfASimulatedBus) {
   const auto world = World::make(file, {}, findings);
   ASSERT_TRUE(world);
   std::vector<std::string> want;
+  std::vector<rt::Time> when;
   {
     Record record(*world->bus("b"));
     const auto me = world->attach_master("b");
     world->start();
     talk(world->sim(), *me);
     want = record.text;
+    when = record.times;
   }
   Scene s(file.devices);
   for (const auto& d : s.devices.all()) d->power(true);
@@ -96,6 +71,7 @@ TEST(PortDevices, IsToTheNanosecondTheDeviceOfASimulatedBus) {
   EXPECT_TRUE(s.record->has("585#4318100409000000"));
   EXPECT_TRUE(s.record->has("7E4#1700000000000000"));
   EXPECT_EQ(s.record->text, want);
+  EXPECT_EQ(s.record->times, when);
 }
 
 TEST(PortDevices, WhatTheyRememberOutlivesThemAndOthersLinesStay) {

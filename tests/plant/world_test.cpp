@@ -6,6 +6,7 @@
 
 #include "../pch.hpp"
 #include "berth/plant/world.hpp"
+#include "record.hpp"
 #include "tests/eds_folder.hpp"
 
 namespace berth::plant {
@@ -14,34 +15,6 @@ namespace {
 using std::chrono::microseconds;
 using std::chrono::milliseconds;
 using std::chrono::seconds;
-
-class Record final : public can::Tap {
- public:
-  explicit Record(sim::Bus& bus) : bus_(bus) { bus.add_tap(*this); }
-  ~Record() { bus_.remove_tap(*this); }
-  void frame(const can::Frame& frame, rt::Time at, int) noexcept override {
-    text.push_back(can::to_string(frame));
-    times.push_back(at);
-  }
-  [[nodiscard]] long count(std::string_view frame) const { return std::count(text.begin(), text.end(), frame); }
-  std::vector<std::string> text;
-  std::vector<rt::Time> times;
-
- private:
-  sim::Bus& bus_;
-};
-
-PlantDevice device(const std::string& name, std::uint32_t serial, std::uint8_t id = 0xFF) {
-  PlantDevice d;
-  d.name = name;
-  d.bus = "b";
-  d.address = {1, 2, 3, serial};
-  d.source = id == 0xFF ? NodeIdSource::blank : NodeIdSource::nonvolatile;
-  d.node_id = NodeId(id);
-  d.boot = milliseconds(10);
-  d.reset = milliseconds(5);
-  return d;
-}
 
 PlantEvent event(Action action, const std::string& name, Duration delay, After after = After::start) {
   PlantEvent e;
