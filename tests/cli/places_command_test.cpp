@@ -78,6 +78,19 @@ TEST_F(PlacesCommand, FromScratchIsConfirmedFirst) {
   for (const auto& slot : Json::parse(done.out)["slots"]) EXPECT_EQ(slot["state"], "present") << slot;
 }
 
+// On a terminal the person is asked, and only "y" or "yes" is a yes.
+TEST_F(PlacesCommand, OnATerminalAPersonIsAsked) {
+  write({}, {});
+  for (const auto& [answer, status] : {std::pair{"\n", 1}, {"nay\n", 1}, {"yes\n", 0}}) {
+    Background process({"bind", "--from-scratch", "--machine", machine_, "--sim", plant_}, true);
+    process.type(answer);
+    const auto outcome = process.end();
+    EXPECT_EQ(outcome.status, status) << answer << outcome.out << outcome.err;
+    EXPECT_NE(outcome.out.find("Do it? [y/N]"), std::string::npos) << outcome.out;
+    EXPECT_EQ(outcome.out.find("present") != std::string::npos, status == 0) << outcome.out;
+  }
+}
+
 // The machine file's word, and one that is none.
 TEST_F(PlacesCommand, DiscoveryOfTheMachineFile) {
   write({{"bitrate = 500_000", "bitrate = 500_000\ndiscovery = \"planner-fastscan\""}},

@@ -61,7 +61,10 @@ Background::Background(const Words& arguments, bool on_terminal) {
   if (pid_ == 0) {
     ::dup2(out.write, STDOUT_FILENO);
     ::dup2(err.write, STDERR_FILENO);
-    if (on_terminal) ::close(out.write);
+    if (on_terminal) {
+      ::dup2(out.write, STDIN_FILENO);
+      ::close(out.write);
+    }
     become(arguments);
   }
   ::close(out.write);
@@ -80,6 +83,10 @@ Background::~Background() {
 }
 
 void Background::signal(int number) const { ::kill(pid_, number); }
+
+void Background::type(const std::string& text) const {
+  if (::write(out_, text.data(), text.size()) < 0) throw std::runtime_error("the terminal takes nothing");
+}
 
 void Background::read_all(int timeout_ms) {
   const auto end = std::chrono::steady_clock::now() + std::chrono::milliseconds(timeout_ms);

@@ -19,7 +19,7 @@ using Words = std::vector<std::string>;
 /// Runs `berth` to its end; killed after two minutes.
 [[nodiscard]] Outcome berth(const Words& arguments);
 
-/// A `berth` that keeps running. Killed with its object.
+/// A `berth` that keeps running, on a terminal (but for its errors) when told so. Killed with its object.
 class Background {
  public:
   explicit Background(const Words& arguments, bool on_terminal = false);
@@ -27,6 +27,8 @@ class Background {
   Background(const Background&) = delete;
   Background& operator=(const Background&) = delete;
   void signal(int number) const;
+  /// On a terminal: what a person types there.
+  void type(const std::string& text) const;
   /// Waits for its end.
   [[nodiscard]] Outcome end();
   [[nodiscard]] pid_t pid() const noexcept { return pid_; }
