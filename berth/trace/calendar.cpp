@@ -14,6 +14,7 @@ namespace {
 constexpr std::array<std::string_view, 12> months{"jan", "feb", "mar", "apr", "may", "jun",
                                                   "jul", "aug", "sep", "oct", "nov", "dec"};
 constexpr std::int64_t days_to_1970 = 25'569;  // since 30 December 1899
+constexpr int last_year = 2255;                // that of `most_seconds`
 
 std::string_view next_word(std::string_view& text) {
   const auto begin = std::min(text.find_first_not_of(" \t"), text.size());
@@ -75,7 +76,7 @@ std::optional<rt::Duration> parse_date(std::string_view text) {
   const bool am = year_word == "am" || year_word == "AM";
   const bool pm = year_word == "pm" || year_word == "PM";
   if (am || pm) year_word = next_word(rest);
-  const auto year = digits(year_word, 2200);
+  const auto year = digits(year_word, last_year);
   if (month == 0 || !day || !clock || !year || *year < 1970) return std::nullopt;
   const std::chrono::year_month_day date{std::chrono::year(static_cast<int>(*year)), std::chrono::month(month),
                                          std::chrono::day(*day)};
@@ -133,7 +134,7 @@ std::optional<rt::Duration> parse_ole_date(std::string_view text) noexcept {
   std::int64_t days = 0;
   for (; at < text.size() && is_digit(text[at]); ++at) {
     days = days * 10 + (text[at] - '0');
-    if (days > 200'000) return std::nullopt;
+    if (days > days_to_1970 + most_seconds / 86'400) return std::nullopt;
   }
   if (at == 0 || days < days_to_1970) return std::nullopt;
   std::uint64_t fraction = 0;  // of a day, in units of 1e-15

@@ -136,6 +136,17 @@ TEST(Calendar, DatesAreWrittenAndRead) {
     EXPECT_FALSE(parse_date(no)) << no;
 }
 
+// A fuzzer's finding: the writer writes every time that a trace can hold, and the reader ended with the year 2200.
+TEST(Calendar, DatesToTheEndOfTime) {
+  const rt::Duration late = 7'777'777'400s;
+  EXPECT_EQ(parse_date(write_date(late)), late);
+  EXPECT_EQ(parse_date("Mon Dec 31 23:59:59.999 2255"), 9'025'257'599s + 999ms);
+  EXPECT_FALSE(parse_date("Tue Jan 01 00:00:00 2256"));
+  EXPECT_EQ(parse_ole_date("129735.5"), std::chrono::days(104'166) + 12h);
+  EXPECT_FALSE(parse_ole_date("129736")) << "nanoseconds of 64 bits end there";
+  EXPECT_FALSE(parse_ole_date("144548.6028595139"));
+}
+
 // PEAK's own example: 39414.8339742292 is 28 November 2007, 20:00:55.373 (forum of PEAK-System).
 TEST(Calendar, OleDates) {
   const auto found = parse_ole_date("39414.8339742292");
