@@ -192,7 +192,8 @@ rt::Task<Result<void>> Census::ask_node(NodeId id, CensusOptions options) {
   } else {
     node.seen.problem = "it has no identity object 1018h";
   }
-  if (!co_await ask_period(node, options)) co_return Result<void>();
+  const auto period = co_await ask_period(node, options);
+  if (!period) co_return Result<void>();
   const std::array<std::pair<std::uint16_t, std::string*>, 3> texts{
       {{0x1008, &node.seen.name}, {0x1009, &node.seen.hardware}, {0x100A, &node.seen.software}}};
   for (const auto& [index, into] : texts) {
