@@ -85,6 +85,7 @@ void Exchange::heard(const can::Frame& frame, rt::Time at) noexcept {
   if (reply_.answers > 0 && !(frame == reply_.heard[0])) reply_.differ = true;
   ++reply_.answers;
   reply_.last_at = at;
+  if (plan_.expected != Command::store) master_->learn(at - reply_.sent);
   if (!options_.full_window) window_over();
 }
 
@@ -197,6 +198,12 @@ void Master::note(const FeedbackValue& feedback, rt::Time at) noexcept {
     feedback_.pop_back();
   }
   feedback_.insert(feedback_.begin() + index, HeardFeedback{.feedback = feedback, .times = 1, .first = at});
+}
+
+void Master::learn(rt::Duration answer_time) noexcept {
+  constexpr int fades = 64;
+  times_.slowest = std::max(answer_time, times_.slowest - times_.slowest / fades);
+  ++times_.heard;
 }
 
 void Master::enter(Exchange& exchange) noexcept {

@@ -75,6 +75,13 @@ struct Reply {
   [[nodiscard]] std::uint8_t byte() const noexcept { return heard[0].data[1]; }
 };
 
+/// What a master has learnt of how its slaves answer; `select_alone` goes by it.
+struct AnswerTimes {
+  rt::Duration slowest{0};  ///< from a request's `sent` to an answer; what is long ago fades
+  unsigned heard = 0;       ///< answers that are in it
+  bool strangers = true;    ///< somebody may be in configuration unheard, of whom nothing is learnt
+};
+
 class Master;
 
 /// One service on the wire. Made by `Master`; destroying it ends the service. Once started it may outlive the master.
@@ -171,6 +178,12 @@ class Master final : private can::Handler {
   /// The whole LSS address of the one slave in configuration. `duplicate`: different answers to one inquiry.
   [[nodiscard]] rt::Task<Result<LssAddress>> inquire_address();
 
+  /// Of the answers to all services but store, which is slow by nature.
+  [[nodiscard]] const AnswerTimes& answer_times() const noexcept { return times_; }
+  /// Somebody may be in configuration unheard / a proof says that nobody is.
+  void suspect_strangers() noexcept { times_.strangers = true; }
+  void no_strangers() noexcept { times_.strangers = false; }
+
   /// Frames on 7E4h while no service was under way.
   [[nodiscard]] std::uint64_t unexpected() const noexcept { return unexpected_; }
 
@@ -179,6 +192,7 @@ class Master final : private can::Handler {
   void received(const can::Frame& frame, rt::Time at) noexcept override;
   void listen();
   void note(const FeedbackValue& feedback, rt::Time at) noexcept;
+  void learn(rt::Duration answer_time) noexcept;
   void enter(Exchange& exchange) noexcept;
   void leave(Exchange& exchange) noexcept;
   [[nodiscard]] static Exchange::Plan plan(Exchange::Answer answer, Command expected, const can::Frame& frame) noexcept;
@@ -187,6 +201,7 @@ class Master final : private can::Handler {
   MasterOptions options_;
   Exchange* first_ = nullptr;  // the one on the wire, then those that wait
   rt::Time earliest_{};        // inhibit
+  AnswerTimes times_{};
   std::uint64_t unexpected_ = 0;
   std::vector<HeardFeedback> feedback_;  // of the last window, ascending
 };

@@ -1,0 +1,113 @@
+#include "berth/lss/select_alone.hpp"
+
+#include <algorithm>
+
+namespace berth::lss {
+namespace {
+
+constexpr rt::Duration shortest_window = std::chrono::milliseconds(5);
+constexpr unsigned most_looks = 3;      // at one part
+constexpr unsigned enough_answers = 4;  // to know how slow a bus is
+constexpr unsigned serial = 3;          // the last part
+
+bool of_the_bus(const Error& error) noexcept { return error.code == Errc::bus || error.code == Errc::cancelled; }
+
+rt::Duration longest_of(const Master& master, const AloneOptions& options) noexcept {
+  return options.longest.count() > 0 ? options.longest : master.options().service.timeout;
+}
+
+rt::Duration window_of(const Master& master, const AloneOptions& options) noexcept {
+  const AnswerTimes& times = master.answer_times();
+  const rt::Duration longest = longest_of(master, options);
+  if (times.strangers || times.heard < enough_answers) return longest;
+  return std::clamp(3 * times.slowest, std::min(shortest_window, longest), longest);
+}
+
+// What is known of one part, asked until it is beyond doubt.
+rt::Task<Result<Selection>> look(Master& master, LssAddress device, unsigned part, AloneOptions options) {
+  unsigned heard = 0;
+  unsigned doubled = 0;
+  for (unsigned looks = 0; looks < most_looks; ++looks) {
+    const ServiceOptions service{.timeout = window_of(master, options), .retries = 0, .full_window = true};
+    const auto reply = co_await master.inquire(part, service);
+    if (!reply && of_the_bus(reply.error())) co_return fail(reply.error());
+    if (!reply) {
+      master.suspect_strangers();
+      continue;
+    }
+    ++heard;
+    if (reply->differ || reply->value() != device.part(part)) co_return Selection::not_alone;
+    if (!suspicious(*reply)) co_return Selection::alone;
+    if (reply->answers > 1 && ++doubled > 1) co_return Selection::twins;
+    master.suspect_strangers();
+  }
+  co_return heard == 0 ? Selection::absent : Selection::alone;
+}
+
+rt::Task<Result<void>> leave_unchanged(Master& master) {
+  master.suspect_strangers();
+  const auto waiting = co_await master.switch_global(State::waiting);
+  if (!waiting) co_return fail(waiting.error());
+  co_return Result<void>{};
+}
+
+}  // namespace
+
+const char* name(Selection selection) noexcept {
+  switch (selection) {
+    case Selection::alone: return "alone";
+    case Selection::absent: return "absent";
+    case Selection::not_alone: return "not alone";
+    case Selection::twins: return "twins";
+  }
+  return "?";
+}
+
+bool suspicious(const Reply& reply) noexcept {
+  return reply.answers > 1 || reply.differ || reply.others > 0 || reply.stale > 0;
+}
+
+PartMask parts_to_ask(const LssAddress& device, std::span<const LssAddress> others) noexcept {
+  PartMask parts = serial_part;
+  for (const LssAddress& other : others) {
+    if (other == device) continue;
+    PartMask differ = 0;
+    for (unsigned i = 0; i < 4; ++i) {
+      if (other.part(i) != device.part(i)) differ = static_cast<PartMask>(differ | 1U << i);
+    }
+    if ((differ & parts) == 0) parts = static_cast<PartMask>(parts | (differ & -differ));
+  }
+  return parts;
+}
+
+rt::Task<Result<Selection>> prove_alone(Master& master, LssAddress device, AloneOptions options) {
+  for (unsigned i = 0; i < 4; ++i) {
+    const unsigned part = serial - i;
+    if (part != serial && (options.parts >> part & 1U) == 0) continue;
+    const auto seen = co_await look(master, device, part, options);
+    if (!seen) co_return fail(seen.error());
+    if (*seen == Selection::alone) continue;
+    const auto left = co_await leave_unchanged(master);
+    if (!left) co_return fail(left.error());
+    co_return *seen;
+  }
+  master.no_strangers();
+  co_return Selection::alone;
+}
+
+rt::Task<Result<Selection>> select_alone(Master& master, LssAddress device, AloneOptions options) {
+  for (unsigned attempt = 0; attempt < options.attempts; ++attempt) {
+    const auto waiting = co_await master.switch_global(State::waiting);
+    if (!waiting) co_return fail(waiting.error());
+    const ServiceOptions once{.timeout = longest_of(master, options), .retries = 0, .full_window = false};
+    const auto selected = co_await master.switch_selective(device, once);
+    if (selected) co_return co_await prove_alone(master, device, options);
+    if (of_the_bus(selected.error())) co_return fail(selected.error());
+    master.suspect_strangers();  // it may have been selected unheard
+  }
+  const auto left = co_await leave_unchanged(master);
+  if (!left) co_return fail(left.error());
+  co_return Selection::absent;
+}
+
+}  // namespace berth::lss

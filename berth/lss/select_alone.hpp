@@ -1,0 +1,76 @@
+/// One device in LSS configuration, and the proof that it is the only one: what every path shares that configures by
+/// LSS. Nothing sends 11h, 13h or 17h without it, except to all devices of a bus on purpose (a new bit rate).
+///
+///     auto alone = co_await lss::select_alone(master, device, options);
+///     if (!alone) co_return fail(alone.error());            // the bus
+///     if (*alone != lss::Selection::alone) co_return ...;   // everybody is waiting again, unchanged
+///     ... 11h, 13h, 17h ...
+///     co_await master.switch_global(lss::State::waiting);   // yours to send, whatever came of it
+///
+/// `select_alone` sends `04 00`, because CiA 305 serves 40h to 43h in LSS waiting only (facts C.1), then 40h to 43h,
+/// and proves. Each further attempt begins with `04 00` too: the device may be in configuration and its 44h lost.
+/// `prove_alone` proves only, for a device that Fastscan's last match brought there. Fastscan's match may be proven so
+/// at once: 5Dh is served in configuration. To use 40h to 43h on it, `select_alone` sends the `04 00` that this needs.
+///
+/// Why a proof: `04 00` has no answer, and a device that lost it (its receive buffer was full, it was writing its
+/// memory, it was selected unheard) is in configuration beside the one that is selected. Both execute 11h and take one
+/// node-ID at the next `04 00`.
+///
+/// What is asked: the serial number (5Dh), then those parts of the address (5Ah to 5Ch) in which another device could
+/// differ that has the same serial number; each for a whole window. Every answer must be the device's own, and one.
+/// - Different answers, or one of another device: `not_alone`.
+/// - Two equal answers are a device with the same address, or a frame that came twice; asked once more. Twice so:
+///   `twins`.
+/// - Two devices that answer the same may fall into one frame on the wire (one identifier, one content, one instant).
+///   So 5Eh proves nothing, nor 44h, nor the answer to 11h; a serial number that both have needs a part that differs.
+/// - Two that answer differently at one instant destroy each other's frames: `absent`.
+/// - CANopenNode in configuration answers any 43h with 44h, its own or not. So 44h alone does not tell who is selected.
+///
+/// The window: the longest the bus is known to need. The first proof on a master, and each after a doubt, waits
+/// `AloneOptions::longest`; others three times what the slowest answer took that the master heard lately, not under
+/// 5 ms (`Master::answer_times`).
+///
+/// What no proof sees: a device that is in configuration, hears nothing at all while the questions are asked, and hears
+/// again before 11h. Its answer to 11h, or any other frame on 7E4h, then comes beside the selected one's:
+/// `suspicious(reply)`. Prove again then, before `04 00`; when it is not alone, `11 FF` to all that are in
+/// configuration takes the node-ID back before it is in use.
+#pragma once
+
+#include <span>
+
+#include "berth/lss/master.hpp"
+
+namespace berth::lss {
+
+enum class Selection : std::uint8_t {
+  alone,      ///< it is in configuration, and nobody else
+  absent,     ///< it does not answer
+  not_alone,  ///< somebody else is in configuration, or somebody else answers in its place
+  twins,      ///< its own address is answered twice, again and again: two devices have it
+};
+[[nodiscard]] const char* name(Selection selection) noexcept;
+
+/// Parts of an address, as bits: bit 0 vendor-ID to bit 3 serial number.
+using PartMask = std::uint8_t;
+inline constexpr PartMask serial_part = 0x8;
+inline constexpr PartMask all_parts = 0xF;
+/// The parts to ask so that `device` is told from each of `others`: the serial number, and for each that has the same
+/// serial number one part in which it differs. Who has been seen on the bus, or may come, belongs into `others`; who is
+/// not in there and has the same serial number goes unseen. `all_parts` misses nobody.
+[[nodiscard]] PartMask parts_to_ask(const LssAddress& device, std::span<const LssAddress> others) noexcept;
+
+struct AloneOptions {
+  PartMask parts = all_parts;  ///< the serial number is always asked
+  rt::Duration longest{0};     ///< longest window of a question; 0: `MasterOptions::service`'s time-out
+  unsigned attempts = 2;       ///< of 40h to 43h, each behind a `04 00`
+};
+
+/// `04 00`, 40h to 43h, and the proof. All but `alone`: `04 00` was sent, nobody was changed. Errors: `bus`,
+/// `cancelled`.
+[[nodiscard]] rt::Task<Result<Selection>> select_alone(Master& master, LssAddress device, AloneOptions options = {});
+/// The proof for a device that is in configuration already. As above.
+[[nodiscard]] rt::Task<Result<Selection>> prove_alone(Master& master, LssAddress device, AloneOptions options = {});
+/// Somebody else seems to have answered too: prove again before `04 00`.
+[[nodiscard]] bool suspicious(const Reply& reply) noexcept;
+
+}  // namespace berth::lss

@@ -1,0 +1,186 @@
+// One device in configuration, proven: what every path shares that configures by LSS (CiA 305 in facts C.1, C.2).
+#include "berth/lss/select_alone.hpp"
+
+#include <gtest/gtest.h>
+
+#include "lss_world.hpp"
+
+namespace berth::lss {
+namespace {
+
+using namespace test;
+
+constexpr LssAddress a{0x0100'0001, 0x0000'0001, 0x0002'0003, 0x0000'0010};
+constexpr LssAddress b{0x0100'0001, 0x0000'0001, 0x0002'0003, 0x0000'0011};
+constexpr LssAddress same_serial{0x0100'0001, 0x0000'0002, 0x0002'0003, 0x0000'0010};
+
+// Loses every `04 00`, so that once selected it stays in configuration.
+void loses_waiting(Node& node) {
+  node.overhears = [](const can::Frame& f) { return command(f) == Command::switch_global && f.data[1] == 0; };
+}
+void in_configuration(World& w, Node& node) {
+  ASSERT_TRUE(w.run(w.master->switch_selective(node.slave.address())));
+  ASSERT_EQ(node.slave.state(), State::configuration);
+}
+
+TEST(SelectAlone, SelectsTheOneAndAsksAllItsParts) {
+  World w;
+  Node& one = w.add(a);
+  w.add(b);
+  const Record record(w.bus);
+  const auto alone = w.run(select_alone(*w.master, a));
+  ASSERT_TRUE(alone);
+  EXPECT_EQ(*alone, Selection::alone);
+  EXPECT_EQ(one.slave.state(), State::configuration);
+  ASSERT_FALSE(record.text.empty());
+  EXPECT_EQ(record.text[0], "7E5#0400000000000000");
+  for (const char* part : {"7E5#5D00000000000000", "7E5#5A00000000000000", "7E5#5B00000000000000"}) {
+    EXPECT_EQ(std::ranges::count(record.text, part), 1) << part;
+  }
+}
+
+// CiA 305: switch selective is served in waiting only, so a device that is in configuration already needs `04 00`.
+TEST(SelectAlone, WhoIsInConfigurationAlreadyIsSelectedToo) {
+  World w;
+  Node& one = w.add(a);
+  in_configuration(w, one);
+  const auto alone = w.run(select_alone(*w.master, a));
+  ASSERT_TRUE(alone);
+  EXPECT_EQ(*alone, Selection::alone);
+}
+
+TEST(SelectAlone, AnotherThatLostItsWaitingIsHeardAndNobodyIsChanged) {
+  for (const rt::Duration slow : {rt::Duration(microseconds(300)), rt::Duration(milliseconds(60))}) {
+    World w;
+    Node& left = w.add(a, {}, slow);
+    in_configuration(w, left);
+    loses_waiting(left);
+    Node& one = w.add(b);
+    w.master = std::make_unique<Master>(w.dispatcher);  // a new master knows nothing of it
+    const auto alone = w.run(select_alone(*w.master, b));
+    ASSERT_TRUE(alone);
+    EXPECT_EQ(*alone, Selection::not_alone) << slow.count();
+    w.settle();
+    EXPECT_EQ(one.slave.state(), State::waiting);
+    EXPECT_FALSE(one.slave.pending().node_id.configured());
+    EXPECT_FALSE(left.slave.pending().node_id.configured());
+  }
+}
+
+// Both answer at one instant with one content: one frame. Only another part tells them apart.
+TEST(SelectAlone, EqualSerialNumbersFallIntoOneFrame) {
+  World w;
+  Node& left = w.add(same_serial);
+  in_configuration(w, left);
+  loses_waiting(left);
+  w.add(a);
+  const AloneOptions serial_only{.parts = serial_part};
+  const auto blind = w.run(select_alone(*w.master, a, serial_only));
+  ASSERT_TRUE(blind);
+  ASSERT_EQ(*blind, Selection::alone) << "the two answers are one frame here, or this tests nothing";
+  const std::array others{same_serial, b};
+  const AloneOptions told{.parts = parts_to_ask(a, others)};
+  const auto alone = w.run(select_alone(*w.master, a, told));
+  ASSERT_TRUE(alone);
+  EXPECT_NE(*alone, Selection::alone);
+  const auto all = w.run(select_alone(*w.master, a));
+  ASSERT_TRUE(all);
+  EXPECT_NE(*all, Selection::alone);
+}
+
+TEST(SelectAlone, PartsToAsk) {
+  EXPECT_EQ(parts_to_ask(a, {}), 0x8);
+  EXPECT_EQ(parts_to_ask(a, std::array{a, b}), 0x8) << "itself, and one of another serial number";
+  EXPECT_EQ(parts_to_ask(a, std::array{same_serial}), 0xA) << "the product tells them apart";
+  const LssAddress other_revision{a.vendor, a.product, 7, a.serial};
+  const LssAddress both_differ{a.vendor, 9, 7, a.serial};
+  EXPECT_EQ(parts_to_ask(a, std::array{other_revision, both_differ}), 0xC);
+}
+
+TEST(SelectAlone, NobodyIsAbsent) {
+  World w;
+  w.add(a);
+  const auto alone = w.run(select_alone(*w.master, b));
+  ASSERT_TRUE(alone);
+  EXPECT_EQ(*alone, Selection::absent);
+}
+
+// 44h was lost and 40h to 43h stay unheard in configuration: the second attempt begins with `04 00`.
+TEST(SelectAlone, ALostAnswerCostsAnAttempt) {
+  World w;
+  Node& one = w.add(a);
+  bool first = true;
+  one.hears = [&](const can::Frame& f) {
+    one.latency = command(f) == Command::select_serial && first ? seconds(5) : milliseconds(1);
+    first = first && command(f) != Command::select_serial;
+  };
+  const auto alone = w.run(select_alone(*w.master, a));
+  ASSERT_TRUE(alone);
+  EXPECT_EQ(*alone, Selection::alone);
+  EXPECT_EQ(one.slave.state(), State::configuration);
+}
+
+TEST(SelectAlone, S1_22_TwoWithOneAddressAreTwins) {
+  World w;
+  w.add(a, {}, microseconds(300));
+  w.add(a, {}, milliseconds(4));
+  const auto alone = w.run(select_alone(*w.master, a));
+  ASSERT_TRUE(alone);
+  EXPECT_EQ(*alone, Selection::twins);
+  w.settle();
+  for (const auto& n : w.nodes) EXPECT_EQ(n->slave.state(), State::waiting);
+}
+
+TEST(SelectAlone, OneFrameThatCameTwiceIsNoTwin) {
+  World w;
+  Node& one = w.add(a);
+  unsigned asked = 0;
+  one.hears = [&](const can::Frame& f) { one.repeats = command(f) == Command::inquire_serial && ++asked == 1; };
+  const auto alone = w.run(select_alone(*w.master, a));
+  ASSERT_TRUE(alone);
+  EXPECT_EQ(*alone, Selection::alone);
+  EXPECT_EQ(asked, 2U);
+}
+
+// After Fastscan's last match the device is in configuration: it answers 5Dh there.
+TEST(SelectAlone, ProvesWhomFastscanSelected) {
+  World w;
+  Node& one = w.add(a);
+  in_configuration(w, one);
+  const auto alone = w.run(prove_alone(*w.master, a));
+  ASSERT_TRUE(alone);
+  EXPECT_EQ(*alone, Selection::alone);
+  const auto wrong = w.run(prove_alone(*w.master, b));
+  ASSERT_TRUE(wrong);
+  EXPECT_EQ(*wrong, Selection::not_alone);
+  EXPECT_EQ(one.slave.state(), State::waiting);
+}
+
+TEST(SelectAlone, WindowsAreLearntAndADoubtMakesThemLongAgain) {
+  World w;
+  w.add(a);
+  const auto timed = [&] {
+    const rt::Time before = w.master->now();
+    const auto alone = w.run(select_alone(*w.master, a));
+    EXPECT_TRUE(alone && *alone == Selection::alone);
+    return w.master->now() - before;
+  };
+  const auto first = timed();
+  const auto learnt = timed();
+  EXPECT_GT(first, milliseconds(100));
+  EXPECT_LT(learnt, milliseconds(60)) << "four windows of some 6 ms, and 13 frames";
+  w.master->suspect_strangers();
+  EXPECT_GT(timed(), milliseconds(100));
+}
+
+TEST(SelectAlone, TheBusIsAnError) {
+  World w;
+  w.add(a);
+  w.port->power(false);
+  const auto alone = w.run(select_alone(*w.master, a));
+  ASSERT_FALSE(alone);
+  EXPECT_EQ(alone.error().code, Errc::bus);
+}
+
+}  // namespace
+}  // namespace berth::lss
