@@ -27,6 +27,7 @@ class CommandLine {
     app_.get_formatter()->column_width(34);
     add_long_jobs();
     add_single_commands();
+    add_forget();
     add_configure();
     add_sdo();
     add_nmt();
@@ -175,6 +176,11 @@ class CommandLine {
     replace->add_flag_function(
         "--used", [this](std::int64_t) { request_.arguments["used"] = "1"; },
         "the used device that waits for the slot, or sits in it: it gets its factory settings first");
+  }
+
+  void add_forget() {
+    auto* const forget = verb(app_, "forget", "forget", "a device that was to give its node-ID up is gone for good");
+    word(forget, "device", "device", "its LSS address")->required();
   }
 
   void add_configure() {

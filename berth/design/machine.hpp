@@ -47,6 +47,7 @@ struct Timing {
   Duration rand_processing = Duration(0);                   ///< paper 1's T_proc, before the next request
   Duration heartbeat_period = std::chrono::milliseconds(500);    ///< 1017h of the slots' devices and of the master
   Duration heartbeat_timeout = std::chrono::milliseconds(1500);  ///< silence that makes a slot absent; over the period
+  bool heartbeat_given = false;  ///< the file says the period; else it follows from the bus (`fit_heartbeats`)
   Duration boot_timeout = std::chrono::seconds(10);              ///< reset or power to boot-up message
   Duration probe_period = std::chrono::seconds(1);               ///< how often a running machine looks for new devices
   Duration listen = std::chrono::seconds(2);  ///< before the first frame on a real port: is another master there?
@@ -152,6 +153,16 @@ struct MachineResult {
 
 /// The same from a file; a file that cannot be read is a finding.
 [[nodiscard]] MachineResult load_machine(const std::string& path);
+
+/// The share of a bus that `nodes` heartbeats of this period take, each of the longest frame that it can be (65 bits,
+/// interframe space included): 1 is all of it.
+[[nodiscard]] double heartbeat_share(std::uint32_t bitrate, std::size_t nodes, Duration period) noexcept;
+/// The default period: 500 ms, or where the heartbeats of `nodes` nodes would take more than a fifth of the bus, as many
+/// tenths of a second as they need.
+[[nodiscard]] Duration heartbeat_period_for(std::uint32_t bitrate, std::size_t nodes) noexcept;
+/// Sets the periods that the file does not give, by each bus's bit rate and slots, and the time-outs to three of them.
+/// `read_machine` does it; for machines that are made in code.
+void fit_heartbeats(Machine& machine) noexcept;
 
 /// CiA 301's bit rates: 10, 20, 50, 125, 250, 500, 800, 1000 kbit/s.
 [[nodiscard]] bool is_canopen_bitrate(std::uint32_t bitrate) noexcept;

@@ -34,6 +34,7 @@ void read_duration(Table& table, string_view key, Duration low, Duration high, D
 // 1017h and 1016h count whole milliseconds in 16 bits (CiA 301 §7.5.2.14, .15).
 void read_heartbeat(Table& table, Timing& timing) {
   if (const auto period = table.duration("heartbeat_period", 1ms, 65535ms)) {
+    timing.heartbeat_given = true;
     timing.heartbeat_period = *period;
     timing.heartbeat_timeout = std::min<Duration>(*period * 3, 65535ms);
     if (*period % 1ms != 0ns) table.error("heartbeat_period", "heartbeat counts whole milliseconds", "round it");

@@ -58,6 +58,8 @@ class MachineReader {
     check_gateway_buses();
     for (auto& slot : table.tables("slot")) read_slot(slot);
     check_gateway_slots();
+    check_heartbeats();
+    fit_heartbeats(machine_);
     for (auto& link : table.tables("link")) read_link(link);
     table.finish();
     return std::move(machine_);
@@ -67,6 +69,23 @@ class MachineReader {
   void error_at(text::Place place, std::string key, std::string message, std::string fix) {
     findings_.push_back({Finding::Severity::error, file_, place.line, place.column, std::move(key), std::move(message),
                          std::move(fix)});
+  }
+
+  /// A period that the bus cannot carry would starve everything else on it.
+  void check_heartbeats() {
+    constexpr double most = 0.5;
+    for (const auto& bus : machine_.buses) {
+      const auto slots = std::ranges::count_if(machine_.slots,
+                                               [&](const Slot& s) { return s.spec.name.bus == bus.name; });
+      const auto nodes = static_cast<std::size_t>(slots) + 1;
+      const double share = heartbeat_share(bus.bitrate, nodes, bus.timing.heartbeat_period);
+      if (!bus.timing.heartbeat_given || share <= most) continue;
+      error_at(bus.place, "heartbeat_period",
+               fmt::format("{} heartbeats every {} take {:.0f} % of a bus at {} kbit/s", nodes,
+                           text::write_duration(bus.timing.heartbeat_period), share * 100, bus.bitrate / 1000),
+               fmt::format("leave heartbeat_period out, or give at least {}",
+                           text::write_duration(heartbeat_period_for(bus.bitrate, nodes))));
+    }
   }
 
   void read_head(Table& root) {

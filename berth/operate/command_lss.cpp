@@ -6,6 +6,7 @@
 
 #include "berth/co/guarding.hpp"
 #include "berth/lss/master.hpp"
+#include "berth/lss/select_alone.hpp"
 #include "berth/nodeid/rand_master.hpp"
 #include "berth/operate/command_parts.hpp"
 #include "berth/text/quantity.hpp"
@@ -49,11 +50,16 @@ std::string named(const std::optional<LssAddress>& device) {
 rt::Task<Result<void>> select(Network& network, std::optional<LssAddress> device) {
   if (!device) co_return Result<void>();
   const LssAddress address = *device;
-  const auto quiet = co_await network.lss().switch_global(lss::State::waiting);
-  if (!quiet) co_return fail(quiet.error());
-  const auto selected = co_await network.lss().switch_selective(address);
+  const lss::AloneOptions all_parts;
+  const auto selected = co_await lss::select_alone(network.lss(), address, all_parts);
   if (!selected) co_return fail(selected.error());
-  co_return Result<void>();
+  switch (*selected) {
+    case lss::Selection::alone: co_return Result<void>();
+    case lss::Selection::absent: co_return fail(Errc::timeout, "no answer");
+    case lss::Selection::not_alone: co_return fail(Errc::mismatch, "another device is in LSS configuration beside it");
+    case lss::Selection::twins: break;
+  }
+  co_return fail(Errc::duplicate, "two devices answer to its LSS address");
 }
 
 rt::Task<void> release(Network& network, std::optional<LssAddress> device) {

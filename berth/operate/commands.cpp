@@ -416,6 +416,7 @@ rt::Task<void> replace(Session& session, const CommandRequest& request, CommandR
     const auto looked = co_await network->bind_once();
     if (!looked && looked.error().code == Errc::bus) co_return fail_with(reply, looked.error(), "looking who is there");
   }
+  const auto before = slot_of(*network, name);
   Result<void> cleared;
   {
     co_await network->turn().take();
@@ -433,11 +434,38 @@ rt::Task<void> replace(Session& session, const CommandRequest& request, CommandR
   const bool seated = slot && (slot->state == SlotState::operational || slot->state == SlotState::present);
   reply.json = slot ? to_json(*slot) : "{}";
   reply.lines = to_table(slot ? std::vector<SlotReport>{*slot} : std::vector<SlotReport>{});
+  if (before && before->state == SlotState::absent) {
+    reply.lines.insert(reply.lines.begin(), fmt::format("slot {} is given away; it was kept: {}", name, before->reason));
+  }
   if (seated) co_return;
   reply.status = 1;
   reply.error = fmt::format("slot {} has no new device yet; its binding is cleared, and {}", name,
                             session.started() ? "the next device of its type that comes gets it"
                                               : "`berth up` or `berth bind` gives it to the next device of its type");
+}
+
+void forget(Session& session, const CommandRequest& request, CommandReply& reply) {
+  Arguments arguments(request, {"bus", "device"});
+  const LssAddress device = arguments.address("device");
+  if (!arguments.good()) return refuse(reply, 2, arguments.problem());
+  const auto networks = networks_for(session, arguments.text("bus"), Use::look);
+  if (!networks) return refuse(reply, 2, networks.error());
+  bool known = false;
+  for (Network* const network : *networks) {
+    const auto forgotten = network->forget(device);
+    const bool elsewhere = !forgotten && forgotten.error().code == Errc::not_found;
+    if (!forgotten && !elsewhere) {
+      return fail_with(reply, forgotten.error(), fmt::format("bus {}, forget", network->bus().name));
+    }
+    known = known || forgotten.has_value();
+  }
+  if (!known) {
+    return refuse(reply, 1, fmt::format("nothing unfinished is known of device {}", to_string(device)),
+                  "a device that sits in a slot leaves it by `berth replace SLOT`");
+  }
+  Json json;
+  put_address(json, device);
+  give(reply, json, {fmt::format("{} is no longer waited for", to_string(device))});
 }
 
 }  // namespace
@@ -449,6 +477,7 @@ rt::Task<void> execute(Session& session, const CommandRequest& wanted, CommandRe
   if (!goes) co_return;
   const std::string& verb = request.verb;
   if (verb == "report") co_return report(session, request, reply);
+  if (verb == "forget") co_return forget(session, request, reply);
   if (verb == "scan") {
     co_await scan(session, request, reply);
   } else if (verb == "bind") {

@@ -12,6 +12,7 @@
 ///     bind              bus?, method? ("auto" or a discovery method; default: the machine file's),
 ///                       from-scratch? ("1": take every node-ID that LSS can change first), yes? ("1": confirms that)
 ///     replace           slot (name, "bus/name" or node-ID), device? (LSS address that shall sit there)
+///     forget            bus?, device (LSS address): gone for good; its unfinished loss of a node-ID is given up
 ///     locate            bus?, target (slot, LSS address or node-ID), seconds? (1..600, default 10), anyway? ("1")
 ///     configure         bus?, slot?, check? ("1": compare only)
 ///     sdo read          node, index, sub?, type?                  type: u8 ... vs, see od::data_type

@@ -98,7 +98,7 @@ void Network::stop() noexcept {
   scope_.cancel();
   dispatcher_.on_status(nullptr);
   restart_.cancel();
-  running_ = resting_ = works_ = false;
+  running_ = resting_ = false;
   idle_ = false;
 }
 
@@ -125,7 +125,6 @@ void Network::rest_or_go_on(const can::Status& status) {
 void Network::go_to_rest(const std::string& why) {
   resting_ = true;
   scope_.cancel();
-  if (std::exchange(works_, false)) turn_.give();
   idle_ = false;
   fall_silent();
   vacancy_ = {};
@@ -297,10 +296,10 @@ std::vector<Event> Network::question_events() const {
 }
 
 void Network::make_plan() {
-  auto blanks = store_->unfinished_blanks();
   send_home();
   const std::vector<places::Found> found = without_used();
-  plan_ = places::plan(slots(), found, blanks ? *blanks : std::vector<LssAddress>{}, bus_->master, readings_);
+  plan_ = places::plan(slots(), found, blanks_to_finish(), bus_->master, readings_);
+  name_unfinished();
   ask_about_used();
   name_returned();
   respect_fixed();

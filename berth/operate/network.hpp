@@ -29,6 +29,7 @@
 #include "berth/design/machine.hpp"
 #include "berth/discovery/auto.hpp"
 #include "berth/lss/master.hpp"
+#include "berth/lss/select_alone.hpp"
 #include "berth/manager/configurator.hpp"
 #include "berth/nodeid/rand_master.hpp"
 #include "berth/operate/report.hpp"
@@ -122,6 +123,10 @@ class Network final : private co::HeartbeatConsumer::Observer,
   /// The master's own device is silent until the main job, if it runs, has looked around anew (network_bitrate.hpp).
   void fall_silent() noexcept;
 
+  /// `berth forget DEVICE`: gives up an unfinished intention to take the device's node-ID away. Errors: `not_found` there
+  /// is none on this bus.
+  Result<void> forget(const LssAddress& device);
+
   // The services, for single commands (`berth sdo`, `berth nmt`, `berth lss`). Whoever uses LSS or RAND takes the turn
   // first: the main job holds it while it works.
   [[nodiscard]] rt::Turn& turn() noexcept { return turn_; }
@@ -190,9 +195,15 @@ class Network final : private co::HeartbeatConsumer::Observer,
     rt::Time at{};
   };
   using Slots = std::vector<places::Slot>;
+  struct Loan {
+    LssAddress device;
+    NodeId id;
+    unsigned tries = 0;  ///< to take it back, in vain
+  };
 
   // network_job.cpp: the main job
   rt::Task<void> job();
+  rt::Task<void> work(bool first);
   rt::Task<void> round();
   rt::Task<void> opening();
   rt::Task<void> watch();
@@ -211,6 +222,7 @@ class Network final : private co::HeartbeatConsumer::Observer,
   rt::Task<void> adopt_fixed(Seat& seat);
   rt::Task<void> verify_vacancy();
   rt::Task<void> ask_vacancy(NodeId id);
+  rt::Task<bool> answers_at(NodeId id);
   rt::Task<void> scan_node(NodeId id, Seen& seen, co::SdoOptions patience);
   // network_discover.cpp: who is new, and what was found of whom
   rt::Task<void> discover();
@@ -238,7 +250,10 @@ class Network final : private co::HeartbeatConsumer::Observer,
   [[nodiscard]] bool may_be_lent(NodeId id) const noexcept;
   [[nodiscard]] NodeId id_to_lend() const noexcept;
   rt::Task<Result<NodeId>> lend_id(LssAddress device);
+  rt::Task<Result<void>> select_alone(LssAddress device);
+  [[nodiscard]] lss::PartMask parts_to_ask(const LssAddress& device) const;
   rt::Task<void> take_ids_back();
+  rt::Task<bool> take_id_back(LssAddress device, NodeId id);
   void forget_readings(const LssAddress& device);
   rt::Task<bool> read_probes(LssAddress device, NodeId id);
   rt::Task<bool> read_places();
@@ -267,6 +282,7 @@ class Network final : private co::HeartbeatConsumer::Observer,
   void tell_mismatch(const LssAddress& device, NodeId active);
   void learn_fixed(const places::Binding& binding);
   [[nodiscard]] std::vector<NodeId> ids_to_ask(bool everybody);
+  rt::Task<void> ask_own_ids();
   rt::Task<bool> find_configured(bool everybody);
   rt::Task<void> identity_at(NodeId id, std::vector<places::Found>& into);
   // network_recipe.cpp: node-IDs that are objects
@@ -299,6 +315,14 @@ class Network final : private co::HeartbeatConsumer::Observer,
   rt::Task<bool> restore_seat(Seat& seat);
   [[nodiscard]] Result<std::optional<LssAddress>> used_for(const Seat& seat) const;
   void make_welcome(const LssAddress& device);
+  // network_unfinished.cpp: what an earlier run, or an earlier try, left unfinished
+  [[nodiscard]] std::string machine_name() const;
+  [[nodiscard]] std::vector<places::UnfinishedBlank> unfinished_here() const;
+  [[nodiscard]] std::vector<LssAddress> blanks_to_finish() const;
+  rt::Task<void> look_for_unfinished();
+  rt::Task<bool> answers_by_lss(LssAddress device);
+  void keep_for_its_device(Seat& seat);
+  void name_unfinished();
   // network_configure.cpp: configuration before start
   void load_configurations();
   rt::Task<bool> configure_seat(Seat& seat, manager::ConfigurationReport& report);
@@ -380,7 +404,7 @@ class Network final : private co::HeartbeatConsumer::Observer,
   std::vector<places::Found> found_;
   std::map<LssAddress, rt::Time> first_seen_;  // of `found_`
   std::vector<places::Reading> readings_;      // of devices without a seat
-  std::vector<places::Seat> lent_;             // node-IDs that no slot has, until their devices are seated or not
+  std::vector<Loan> lent_;                     // node-IDs that no slot has, until their devices are seated or not
   std::array<rt::Time, 128> lent_until_{};     // boot-up messages up to then are of our making
   places::Plan plan_;
   std::vector<LssAddress> avoid_;         // devices whose action failed in this round
@@ -404,12 +428,12 @@ class Network final : private co::HeartbeatConsumer::Observer,
   bool rest_wanted_ = false;  // somebody without a node-ID answered LSS: whoever RAND does not find is looked for
   rt::Time blank_at_{};       // such an answer is no news before
   rt::Time rest_at_{};        // a slot without a device alone is no reason to look for them before
+  bool alone_ = false;        // nobody acknowledged the opening: no node-ID is asked before a search got through
   bool once_ = false;         // `bind_once` runs: there is no later look
   unsigned looks_ = 0;
   bool idle_ = false;
   bool running_ = false;
   bool resting_ = false;
-  bool works_ = false;     // the main job has the turn
   bool look_anew_ = true;  // the next look asks everybody, not only who is unknown
   rt::Turn turn_;
   rt::Scope scope_;  // last: its tasks use everything above

@@ -20,7 +20,20 @@ places::Binder::Services Network::services() noexcept {
 places::Binder::Options Network::binder_options() const {
   places::Binder::Options options = operate::binder_options(bus_->timing);
   options.before_step = observer_.before_step;
+  options.machine = machine_name();
+  options.bus = bus_->name;
   return options;
+}
+
+// Every address that was seen on this bus, or sits in it: one that may be in LSS configuration unheard is among them.
+lss::PartMask Network::parts_to_ask(const LssAddress& device) const {
+  std::vector<LssAddress> others;
+  for (const auto& [seen, at] : first_seen_) others.push_back(seen);
+  for (const auto& f : found_) others.push_back(f.device);
+  for (const auto& seat : seats_) {
+    if (const auto sits = seat->slot.record.device()) others.push_back(*sits);
+  }
+  return lss::parts_to_ask(device, others);
 }
 
 // ---- binding ----
@@ -55,6 +68,7 @@ rt::Task<void> Network::carry_out() {
   phase_ = Phase::binding;
   avoid_.clear();
   bool inquired_all = false;
+  co_await look_for_unfinished();
   make_plan();
   if (!found_.empty()) {
     co_await inquire_found(false);
@@ -110,9 +124,11 @@ rt::Task<bool> Network::act(const Action& action) {
 }
 
 rt::Task<bool> Network::bind_seat(Seat& seat, LssAddress device, std::string reason) {
-  Binding binding(Binding::Kind::bind, {device, seat.id()}, bus_->timing.tries);
+  const bool resumed = seat.slot.record.asked.has_value();
+  Binding binding(Binding::Kind::bind, {device, seat.id()}, bus_->timing.tries, resumed);
   set_state(seat, SlotState::binding, reason);
-  const places::Binder::Options options = binder_options();
+  places::Binder::Options options = binder_options();
+  options.parts = parts_to_ask(device);
   places::Binder binder(services(), options);
   const places::SlotId slot = seat.slot.record.slot;
   co_await binder.run(binding, slot, reason);
@@ -167,6 +183,7 @@ void Network::not_bound(Seat& seat, const Binding& binding) {
     if (!cleared) tell("error", seat.name(), "the slot table cannot be written: " + describe(cleared.error()));
     refresh(seat);
   }
+  if (binding.why() == Why::not_there && seat.slot.record.asked) return keep_for_its_device(seat);
   const std::string reason = fmt::format("{}: {}", to_string(binding.seat().device), places::name(binding.why()));
   if (clone || binding.why() == Why::other_device) {
     set_state(seat, SlotState::duplicate, reason);
@@ -179,7 +196,10 @@ void Network::not_bound(Seat& seat, const Binding& binding) {
 
 rt::Task<bool> Network::blank(LssAddress device, std::string reason) {
   Binding binding(Binding::Kind::blank, {device, NodeId()}, bus_->timing.tries);
-  const places::Binder::Options options = binder_options();
+  const auto had = std::ranges::find(found_, device, &places::Found::device);
+  if (had != found_.end()) binding.inquired(had->active);
+  places::Binder::Options options = binder_options();
+  options.parts = parts_to_ask(device);
   places::Binder binder(services(), options);
   tell("step", "", fmt::format("taking the node-ID of {}: {}", to_string(device), reason));
   const places::SlotId none;

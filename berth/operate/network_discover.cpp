@@ -67,6 +67,7 @@ rt::Task<void> Network::discover() {
   // Devices that wait without a seat are identified and would not answer: all are asked anew, who left is forgotten.
   const bool waiting = std::ranges::any_of(found_, [&](const auto& f) { return seat_of(f.device) == nullptr; });
   const bool by_rand = method() == "auto" || method() == "rand";
+  const bool speaks_rand = by_rand || method() == "planner-rand";
   const bool anew = look_anew_ || waiting;
   if (anew) {
     look_anew_ = false;
@@ -77,7 +78,8 @@ rt::Task<void> Network::discover() {
       if (goes(f)) forget_readings(f.device);
     }
     std::erase_if(found_, goes);
-    if (by_rand) co_await tell_who_is_known();
+    co_await ask_own_ids();
+    if (speaks_rand) co_await tell_who_is_known();
   }
   known_before_ = std::exchange(heard_of_, {});
   news_ = false;
@@ -129,6 +131,7 @@ rt::Task<void> Network::discover_by_rand() {
     tell_once("error", "discovery: " + describe(report.error()));
     co_return;
   }
+  alone_ = false;
   tell_discovery(*report);
 }
 
@@ -157,6 +160,7 @@ rt::Task<void> Network::discover_by(discovery::Discovery& way) {
     tell_once("error", "discovery: " + describe(report ? quiet.error() : report.error()));
     co_return;
   }
+  alone_ = false;
   take_found(*report);
 }
 
@@ -225,7 +229,7 @@ NodeId Network::assign(const LssAddress& device) noexcept {
   const NodeId id = id_to_lend();
   if (!id.configured()) return id;
   lent_until_[id.value()] = rt::never;
-  lent_.push_back({device, id});
+  lent_.push_back({device, id, 0});
   return id;
 }
 
@@ -254,7 +258,10 @@ void Network::tell_found(const LssAddress& device, bool clone) {
 void Network::found(const nodeid::Discovered& device) noexcept { tell_found(device.address, device.possible_clone); }
 
 void Network::tell_discovery(const nodeid::DiscoveryReport& report) {
-  for (const auto& d : report.found) note_found({d.address, NodeId(), d.possible_clone});
+  for (const auto& d : report.found) {
+    const auto known = std::ranges::find(found_, d.address, &places::Found::device);
+    note_found({d.address, known == found_.end() ? NodeId() : known->active, d.possible_clone});
+  }
   using End = nodeid::DiscoveryReport::End;
   if (report.end != End::complete) {
     tell_once("error",

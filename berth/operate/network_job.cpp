@@ -11,20 +11,23 @@ namespace berth::operate {
 using places::SlotState;
 
 rt::Task<void> Network::job() {
-  co_await turn_.take();
-  works_ = true;
-  co_await opening();
-  co_await prepare();
-  for (;;) {
-    co_await round();
-    idle_ = true;
-    works_ = false;
-    turn_.give();
+  for (bool first = true;; first = false) {
+    co_await work(first);
     co_await watch();
-    co_await turn_.take();
-    works_ = true;
-    idle_ = false;
   }
+}
+
+// The turn is given back also when the job is ended in the middle.
+rt::Task<void> Network::work(bool first) {
+  co_await turn_.take();
+  const rt::Held held(turn_);
+  idle_ = false;
+  if (first) {
+    co_await opening();
+    co_await prepare();
+  }
+  co_await round();
+  idle_ = true;
 }
 
 // What failed may succeed later: the device was slow, deaf or resetting. Not at once, and not for ever in a hurry.
@@ -91,20 +94,20 @@ rt::Task<void> Network::round() {
 }
 
 // An interrupted run may have left one device in configuration state with a node-ID pending: the next `04 00` would
-// bring it into use. Whoever listens gives it up first (berth/places/binding.hpp).
+// bring it into use. The device that listens gives it up first (berth/places/binding.hpp).
 rt::Task<void> Network::opening() {
   phase_ = Phase::opening;
   if (bus_->role == design::Role::observer) co_return;
-  const auto blanks = store_->unfinished_blanks();
   const bool unfinished = std::ranges::any_of(seats_, [](const auto& s) { return s->slot.record.asked.has_value(); }) ||
-                          (blanks && !blanks->empty());
+                          !unfinished_here().empty();
   if (unfinished) {
     tell("step", "", "finishing what an earlier run began");
     const auto reverted = co_await lss_.configure_node_id(NodeId());
     if (!reverted && reverted.error().code == Errc::bus) tell("error", "", describe(reverted.error()));
   }
   const auto quiet = co_await lss_.switch_global(lss::State::waiting);
-  if (!quiet) tell("error", "", "the bus: " + describe(quiet.error()));
+  alone_ = !quiet;
+  if (alone_) tell("error", "", "the bus: " + describe(quiet.error()));
 }
 
 // Returns when something is to be done about the bus as a whole: somebody new, or a slot that became free.

@@ -200,14 +200,19 @@ rt::Task<void> Network::verify_vacancy() {
   co_await asked.join();
 }
 
-rt::Task<void> Network::ask_vacancy(NodeId id) {
+rt::Task<void> Network::ask_vacancy(NodeId id) { co_await answers_at(id); }
+
+// True: a device answers SDO under this node-ID. Silence of SDO and guarding makes it vacant.
+rt::Task<bool> Network::answers_at(NodeId id) {
   const rt::Time began = executor_->now();
   const co::SdoOptions patience = asking(bus_->timing.tries - 1);
   const auto type = co_await sdo_.read<std::uint32_t>(id, 0x1000, 0, patience);
-  if (type || type.error().code != Errc::timeout) co_return;
+  if (type || type.error().code == Errc::aborted) co_return true;
+  if (type.error().code != Errc::timeout) co_return false;
   const auto guarded = co_await co::probe(dispatcher_, id, bus_->timing.guard_timeout, 1);
-  if (guarded || guarded.error().code != Errc::timeout) co_return;
-  vacancy_[id.value()] = began;
+  const bool silent = !guarded && guarded.error().code == Errc::timeout;
+  if (silent) vacancy_[id.value()] = began;
+  co_return false;
 }
 
 rt::Task<void> Network::scan_node(NodeId id, Seen& seen, co::SdoOptions patience) {
@@ -256,8 +261,16 @@ rt::Task<Result<std::vector<Network::Seen>>> Network::scan() {
     const auto id = co_await active_id(d.address);
     if (id) seen.id = *id;
     seen.device = d.address;
-    const bool shares = seen.id.configured() && std::ranges::find(nodes, seen.id, &Seen::id) != nodes.end();
-    seen.duplicate = d.possible_clone || shares;
+    seen.duplicate = d.possible_clone;
+    const auto under = std::ranges::find(nodes, seen.id, &Seen::id);
+    const bool shares = seen.id.configured() && under != nodes.end();
+    // A stopped device speaks no SDO: it is known by its node-ID from guarding, and by its address from LSS.
+    if (shares && !under->device) {
+      under->device = d.address;
+      under->duplicate = under->duplicate || d.possible_clone;
+      continue;
+    }
+    seen.duplicate = seen.duplicate || shares;
     nodes.push_back(seen);
   }
   for (auto& s : nodes) {

@@ -29,7 +29,7 @@ std::string text_of(const std::optional<std::uint32_t>& value) {
 bool Network::may_be_lent(NodeId id) const noexcept {
   const bool slot = std::ranges::any_of(seats_, [&](const auto& s) { return s->id() == id; });
   const bool held = std::ranges::any_of(found_, [&](const places::Found& f) { return f.active == id; });
-  const bool lent = std::ranges::any_of(lent_, [&](const places::Seat& l) { return l.id == id; });
+  const bool lent = std::ranges::any_of(lent_, [&](const Loan& l) { return l.id == id; });
   return !slot && !held && !lent && id != bus_->master && !boots_.heard(id);
 }
 
@@ -40,20 +40,32 @@ NodeId Network::id_to_lend() const noexcept {
   return {};
 }
 
+// The device is in LSS configuration, and no other is.
+rt::Task<Result<void>> Network::select_alone(LssAddress device) {
+  const lss::AloneOptions options{.parts = parts_to_ask(device)};
+  const auto selected = co_await lss::select_alone(lss_, device, options);
+  if (!selected) co_return fail(selected.error());
+  switch (*selected) {
+    case lss::Selection::alone: break;
+    case lss::Selection::absent: co_return fail(Errc::timeout, "it does not answer to its LSS address");
+    case lss::Selection::not_alone: co_return fail(Errc::mismatch, "another device is in LSS configuration beside it");
+    case lss::Selection::twins: co_return fail(Errc::duplicate, "two devices answer to its LSS address");
+  }
+  co_return Result<void>{};
+}
+
 rt::Task<Result<NodeId>> Network::lend_id(LssAddress device) {
   const NodeId id = id_to_lend();
   if (!id.configured()) co_return fail(Errc::exhausted, "no node-ID is left that could be lent to it");
   const rt::Time began = executor_->now();
   lent_until_[id.value()] = rt::never;
-  const auto quiet = co_await lss_.switch_global(lss::State::waiting);
-  if (!quiet) co_return fail(quiet.error());
-  const auto selected = co_await lss_.switch_selective(device);
+  const auto selected = co_await select_alone(device);
   if (!selected) co_return fail(selected.error());
   const auto given = co_await lss_.configure_node_id(id);
   const auto released = co_await lss_.switch_global(lss::State::waiting);
   if (!given) co_return fail(given.error());
   if (!released) co_return fail(released.error());
-  lent_.push_back({device, id});
+  lent_.push_back({device, id, 0});
   const rt::Time deadline = began + bus_->timing.boot_timeout;
   const bool heard = co_await boots_.wait(id, began, deadline);
   if (!heard) co_return fail(Errc::timeout, "it was lent a node-ID and was not heard under it");
@@ -69,31 +81,41 @@ void Network::note_puzzling() {
   }
 }
 
-// Whoever was seated meanwhile has left it already.
+// A device that was seated meanwhile has left it already. One that does not confirm keeps it, and is asked again in the
+// next rounds; before its node-ID is lent to another, it is asked for like any other (`prepare_loans`).
 rt::Task<void> Network::take_ids_back() {
-  const std::vector<places::Seat> lent = std::exchange(lent_, {});
+  constexpr unsigned most_tries = 3;
+  const std::vector<Loan> lent = std::exchange(lent_, {});
   for (const auto& loan : lent) {
     const LssAddress device = loan.device;
     const NodeId id = loan.id;
-    const auto found = std::ranges::find(found_, device, &places::Found::device);
-    const bool keeps = found != found_.end() && seat_of(device) == nullptr;
-    if (keeps) {
-      const auto selected = co_await lss_.switch_selective(device);
-      if (selected) {
-        const auto taken = co_await lss_.configure_node_id(NodeId());
-        const auto quiet = co_await lss_.switch_global(lss::State::waiting);
-        // A device with a single-slot receive buffer would lose the reset behind what was just sent.
-        co_await rt::sleep_for(bus_->timing.rand_response);
-        const bool told = taken && quiet;
-        if (told) co_await nmt_.send(co::NmtCommand::reset_communication, id);
-      }
-      const auto now = std::ranges::find(found_, device, &places::Found::device);
-      if (now != found_.end()) now->active = NodeId();
+    const bool seated = seat_of(device) != nullptr && seat_of(device)->there;
+    bool back = seated;
+    if (!back) back = co_await take_id_back(device, id);
+    if (!back && loan.tries + 1 < most_tries) {
+      lent_.push_back({device, id, loan.tries + 1});
+      continue;
     }
+    const auto found = std::ranges::find(found_, device, &places::Found::device);
+    if (back && !seated && found != found_.end()) found->active = NodeId();
     lent_until_[id.value()] = executor_->now();
-    boots_.forget(id);
+    if (back) boots_.forget(id);
     vacancy_[id.value()].reset();
   }
+}
+
+// False: it did not confirm that it gives the node-ID up.
+rt::Task<bool> Network::take_id_back(LssAddress device, NodeId id) {
+  const auto selected = co_await select_alone(device);
+  if (!selected) co_return false;
+  const auto taken = co_await lss_.configure_node_id(NodeId());
+  const auto released = co_await lss_.switch_global(lss::State::waiting);
+  const bool told = taken && released;
+  if (!told) co_return false;
+  // A device with a single-slot receive buffer would lose the reset behind what was just sent.
+  co_await rt::sleep_for(bus_->timing.rand_response);
+  const auto reset = co_await nmt_.send(co::NmtCommand::reset_communication, id);
+  co_return reset.has_value();
 }
 
 // ---- reading ----

@@ -102,7 +102,7 @@ void Network::learn_fixed(const places::Binding& binding) {
 
 std::vector<NodeId> Network::ids_to_ask(bool everybody) {
   const rt::Time now = executor_->now();
-  const bool sweeps = everybody || now >= sweep_at_;
+  const bool sweeps = everybody || now >= sweep_at_;  // also the slots' own: none stays empty unasked
   const auto waits = [](const auto& s) { return !s->slot.record.device() && s->state != SlotState::question; };
   const bool other =
       std::ranges::any_of(seats_, [&](const auto& s) { return s->slot.spec.assign != Assign::lss && !s->there; });
@@ -118,7 +118,8 @@ std::vector<NodeId> Network::ids_to_ask(bool everybody) {
     const auto heard = boots_.heard(id);
     const bool speaks = heard && *heard > asked_at_[i];
     const bool factory = std::ranges::find(factory_ids, id) != factory_ids.end();
-    const bool asks = speaks || everybody || (sweeps && (other || (factory && by_lss)));
+    const bool own = seat != nullptr && seat->slot.spec.assign != Assign::fixed;
+    const bool asks = speaks || everybody || (sweeps && (own || other || (factory && by_lss)));
     if (!asks) continue;
     asked_at_[i] = now;
     ids.push_back(id);
@@ -128,6 +129,7 @@ std::vector<NodeId> Network::ids_to_ask(bool everybody) {
 
 // True: somebody was found of whom the plan did not know.
 rt::Task<bool> Network::find_configured(bool everybody) {
+  if (alone_) co_return false;
   const std::vector<NodeId> ids = ids_to_ask(everybody);
   if (ids.empty()) co_return false;
   std::vector<places::Found> answered;
@@ -160,11 +162,29 @@ rt::Task<bool> Network::find_configured(bool everybody) {
   co_return news;
 }
 
+// Before anything is searched for, and before anything is called empty: a device may sit where it belongs already, have
+// booted long ago, beat no heart and speak no LSS. All are asked side by side; silence makes the node-ID vacant, which is
+// to be known before it is given.
+rt::Task<void> Network::ask_own_ids() {
+  if (alone_) co_return;
+  std::vector<places::Found> answered;
+  {
+    rt::Scope asked(*executor_);
+    for (const auto& seat : seats_) {
+      const bool waits = !seat->there && seat->slot.spec.assign == Assign::lss && !seat->slot.record.confirmed;
+      if (waits) asked.spawn(identity_at(seat->id(), answered));
+    }
+    co_await asked.join();
+  }
+  for (const auto& f : answered) {
+    note_found(f);
+    tell_once("found", fmt::format("found {} with node-ID {}", to_string(f.device), f.active.value()));
+  }
+}
+
 rt::Task<void> Network::identity_at(NodeId id, std::vector<places::Found>& into) {
   const auto surplus = sdo_.surplus(id);
-  const co::SdoOptions patience = asking(1);
-  const auto type = co_await sdo_.read<std::uint32_t>(id, 0x1000, 0, patience);
-  const bool answers = type || type.error().code == Errc::aborted;
+  const bool answers = co_await answers_at(id);
   if (!answers) co_return;
   const auto who = co_await places::Binder::read_identity(sdo_, id);
   if (sdo_.surplus(id) != surplus || !who) {

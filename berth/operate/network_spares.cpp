@@ -172,15 +172,20 @@ void Network::name_returned() {
   }
 }
 
-// Who sat in this slot under its node-ID, newest first, and sits nowhere now.
+// The devices that may have this slot's node-ID in their memory and sit nowhere now, newest first: they sat here, were
+// told it once and never heard under it, or were to give it up.
 std::vector<LssAddress> Network::formers_of(const Seat& seat) {
   std::vector<LssAddress> devices;
   const auto lines = store_->history(seat.slot.record.slot);
   if (!lines) return devices;
   for (auto line = lines->rbegin(); line != lines->rend() && devices.size() < most_formers; ++line) {
-    const bool sat = line->event == "confirmed" && line->device && line->id == seat.id();
-    if (!sat || seat_of(*line->device) != nullptr) continue;
+    const bool told = (line->event == "confirmed" || line->event == "asked") && line->device && line->id == seat.id();
+    if (!told || seat_of(*line->device) != nullptr) continue;
     if (std::ranges::find(devices, *line->device) == devices.end()) devices.push_back(*line->device);
+  }
+  for (const auto& blank : unfinished_here()) {
+    const bool known = std::ranges::find(devices, blank.device) != devices.end();
+    if (blank.id == seat.id() && !known && seat_of(blank.device) == nullptr) devices.push_back(blank.device);
   }
   return devices;
 }

@@ -25,13 +25,16 @@ class Session::StampedStore final : public places::SlotStore {
   Result<void> configure(places::SlotId slot, const places::Configured& configured, std::string_view reason) override {
     return stamped().configure(slot, configured, reason);
   }
-  Result<void> ask_blank(const LssAddress& device, std::string_view reason) override {
-    return stamped().ask_blank(device, reason);
+  Result<void> ask_blank(const places::UnfinishedBlank& blank, std::string_view reason) override {
+    return stamped().ask_blank(blank, reason);
   }
   Result<void> confirm_blank(const LssAddress& device, std::string_view reason) override {
     return stamped().confirm_blank(device, reason);
   }
-  Result<std::vector<LssAddress>> unfinished_blanks() override { return store_->unfinished_blanks(); }
+  Result<void> drop_blank(const LssAddress& device, std::string_view reason) override {
+    return stamped().drop_blank(device, reason);
+  }
+  Result<std::vector<places::UnfinishedBlank>> unfinished_blanks() override { return store_->unfinished_blanks(); }
   Result<void> mark(places::Mark mark, const LssAddress& device, NodeId id, std::string_view reason) override {
     return stamped().mark(mark, device, id, reason);
   }

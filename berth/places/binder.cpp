@@ -46,19 +46,15 @@ rt::Task<Outcome> Binder::perform(Binding& binding, SlotId slot, const std::stri
       co_return co_await select(device);
     }
     case Step::inquire: co_return co_await inquire(binding);
-    case Step::configure:
-    case Step::revert: {
-      const NodeId id = binding.step() == Step::configure ? binding.seat().id : binding.old_id();
-      const auto reply = co_await s_.lss.configure_node_id(id);
-      co_return reply ? Outcome::ok : outcome_of(reply.error());
-    }
+    case Step::configure: co_return co_await configure(binding.seat().id);
+    case Step::revert: co_return co_await configure(binding.old_id());
     case Step::store: co_return co_await store();
     case Step::release: co_return co_await release(binding);
     case Step::reset: co_return co_await reset(binding);
     case Step::await_boot_up: {
-      const rt::Time deadline = s_.dispatcher.executor().now() + options_.boot_timeout;
-      const bool heard = co_await s_.boots.wait(binding.seat().id, moved_, deadline);
-      co_return heard ? Outcome::ok : Outcome::silent;
+      const bool blank = !binding.old_id().configured();
+      const NodeId id = binding.seat().id;
+      co_return co_await await_boot_up(id, blank);
     }
     case Step::identify: {
       const bool blank = binding.kind() == Binding::Kind::blank;
@@ -105,29 +101,38 @@ Outcome Binder::write(const Binding& binding, SlotId slot, const std::string& re
   if (binding.kind() == Binding::Kind::bind) {
     written = ask ? s_.store.ask(slot, seat, reason) : s_.store.confirm(slot, seat, reason);
   } else {
-    written = ask ? s_.store.ask_blank(seat.device, reason) : s_.store.confirm_blank(seat.device, reason);
+    const UnfinishedBlank blank{seat.device, options_.machine, options_.bus, binding.old_id()};
+    written = ask ? s_.store.ask_blank(blank, reason) : s_.store.confirm_blank(seat.device, reason);
   }
   return written ? Outcome::ok : Outcome::error;
 }
 
-void Binder::note_strangers(const lss::Reply& reply) noexcept {
-  strangers_ = strangers_ || reply.answers > 1 || reply.others > 0 || reply.stale > 0;
-}
-
 rt::Task<Outcome> Binder::select(const LssAddress& device) {
-  strangers_ = false;
   if (silent_once_) {
     lss::MasterOptions slower = s_.lss.options();
     slower.inhibit = std::max(slower.inhibit, options_.slow_inhibit);
     s_.lss.set_options(slower);
   }
-  const auto quiet = co_await s_.lss.switch_global(lss::State::waiting);
-  if (!quiet) co_return Outcome::error;
-  const auto reply = co_await s_.lss.switch_selective(device);
-  silent_once_ = silent_once_ || !reply;
+  lss::AloneOptions options{.parts = options_.parts, .attempts = 1};
+  if (s_.lss.answer_times().strangers) options.parts = lss::all_parts;
+  const auto selected = co_await lss::select_alone(s_.lss, device, options);
+  if (!selected) co_return Outcome::error;
+  silent_once_ = silent_once_ || *selected == lss::Selection::absent;
+  switch (*selected) {
+    case lss::Selection::alone: co_return Outcome::ok;
+    case lss::Selection::absent: co_return Outcome::silent;
+    case lss::Selection::not_alone: co_return Outcome::mismatch;
+    case lss::Selection::twins: co_return Outcome::doubled;
+  }
+  co_return Outcome::error;
+}
+
+// A second answer is that of a device which heard nothing while the proof was asked: what it was told is taken back by
+// `revert`, which all that are in configuration hear, and the device is selected anew.
+rt::Task<Outcome> Binder::configure(NodeId id) {
+  const auto reply = co_await s_.lss.configure_node_id(id);
   if (!reply) co_return outcome_of(reply.error());
-  note_strangers(*reply);
-  co_return Outcome::ok;
+  co_return lss::suspicious(*reply) ? Outcome::silent : Outcome::ok;
 }
 
 // A second answer may be a late first one; two answers to one request within one window are two devices (S1.22).
@@ -145,15 +150,33 @@ rt::Task<Outcome> Binder::confirm_double(const LssAddress& device) {
   co_return doubled >= 2 ? Outcome::doubled : Outcome::ok;
 }
 
+// A device without a node-ID takes it at `04 00` and boots by itself (CiA 305). Lely core's slaves wait for NMT reset
+// communication, and obey it under the node-ID that they have meanwhile: 255, which no other device has.
+rt::Task<Outcome> Binder::await_boot_up(NodeId id, bool blank) {
+  const rt::Time began = s_.dispatcher.executor().now();
+  const rt::Time deadline = began + options_.boot_timeout;
+  if (blank) {
+    const rt::Time first = std::min(deadline, began + options_.own_boot);
+    const bool by_itself = co_await s_.boots.wait(id, moved_, first);
+    if (by_itself) co_return Outcome::ok;
+    can::Frame reset;
+    reset.id = 0;
+    reset.size = 2;
+    reset.data[0] = static_cast<std::uint8_t>(co::NmtCommand::reset_communication);
+    reset.data[1] = NodeId::unconfigured_value;
+    s_.dispatcher.send(reset);
+  }
+  const bool heard = co_await s_.boots.wait(id, moved_, deadline);
+  co_return heard ? Outcome::ok : Outcome::silent;
+}
+
 rt::Task<Outcome> Binder::inquire(Binding& binding) {
   const LssAddress device = binding.seat().device;
   auto reply = co_await s_.lss.inquire_node_id();
   if (!reply) co_return outcome_of(reply.error());
-  note_strangers(*reply);
-  if (strangers_ || reply->differ) {
+  if (lss::suspicious(*reply)) {
     const Outcome single = co_await confirm_double(device);
     if (single != Outcome::ok) co_return single;
-    strangers_ = false;
     auto again = co_await s_.lss.inquire_node_id();
     if (!again) co_return outcome_of(again.error());
     reply = again;
@@ -166,7 +189,7 @@ rt::Task<Outcome> Binder::inquire(Binding& binding) {
 
 rt::Task<Outcome> Binder::store() {
   const auto reply = co_await s_.lss.store();
-  if (reply) co_return Outcome::ok;
+  if (reply) co_return lss::suspicious(*reply) ? Outcome::silent : Outcome::ok;
   const bool unsupported = reply.error().code == Errc::aborted && (reply.error().detail & 0xFFU) == store_unsupported;
   co_return unsupported ? Outcome::unsupported : outcome_of(reply.error());
 }

@@ -11,6 +11,7 @@
 #include "berth/co/nmt_master.hpp"
 #include "berth/co/sdo_client.hpp"
 #include "berth/lss/master.hpp"
+#include "berth/lss/select_alone.hpp"
 #include "berth/places/binding.hpp"
 #include "berth/places/boot_watch.hpp"
 #include "berth/places/slot_store.hpp"
@@ -35,11 +36,17 @@ class Binder {
   struct Options {
     unsigned tries = 3;                                    ///< attempts before silence counts
     rt::Duration boot_timeout = std::chrono::seconds(10);  ///< reset to boot-up message
+    /// So long a device that had no node-ID may take to boot by itself before it is told to (NMT, node-ID 255).
+    rt::Duration own_boot = std::chrono::milliseconds(1500);
     rt::Duration guard_timeout = std::chrono::milliseconds(100);
     /// Least time between LSS requests once a device did not answer: one with a single-slot receive buffer loses the
     /// second of 40h..43h when they come back to back. Kept for the bus when it helped.
     rt::Duration slow_inhibit = std::chrono::milliseconds(10);
     bool use_guarding = true;                         ///< vacancy: ask by a remote frame too
+    /// What proves that the selected device is alone (`lss::parts_to_ask`); the first proof on a bus asks all.
+    lss::PartMask parts = lss::all_parts;
+    std::string machine{};                            ///< for the store: where a blanking was begun
+    std::string bus{};
     std::function<void(const Binding&)> before_step;  ///< for displays and fault plans; may be empty
   };
 
@@ -63,20 +70,19 @@ class Binder {
   rt::Task<Outcome> perform(Binding& binding, SlotId slot, const std::string& reason);
   rt::Task<Outcome> select(const LssAddress& device);
   rt::Task<Outcome> inquire(Binding& binding);
+  rt::Task<Outcome> configure(NodeId id);
+  rt::Task<Outcome> await_boot_up(NodeId id, bool blank);
   rt::Task<Outcome> store();
   rt::Task<Outcome> release(const Binding& binding);
   rt::Task<Outcome> reset(const Binding& binding);
   rt::Task<Outcome> identify(const Binding& binding);
   rt::Task<Outcome> identify_blank(const Binding& binding);
   Outcome write(const Binding& binding, SlotId slot, const std::string& reason);
-  /// Looks at a reply for signs of a second device; remembers them for `inquire`.
-  void note_strangers(const lss::Reply& reply) noexcept;
 
   Services s_;
   Options options_;
   rt::Time watch_since_{};  // vacancy was seen then
   rt::Time moved_{};        // the device may boot under its new node-ID from then on
-  bool strangers_ = false;
   bool silent_once_ = false;
 };
 

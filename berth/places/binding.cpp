@@ -28,6 +28,7 @@ const char* name(Why why) noexcept {
     case Why::none: return "";
     case Why::occupied: return "somebody else answers at this node-ID";
     case Why::not_there: return "nobody answers to this LSS address";
+    case Why::not_alone: return "another device is in LSS configuration beside this one";
     case Why::clone: return "two devices answer to this LSS address";
     case Why::refused: return "the device does not take this node-ID";
     case Why::not_stored: return "the device could not store its node-ID";
@@ -101,7 +102,7 @@ void Binding::advance(Outcome outcome) noexcept {
       } else if (outcome == Outcome::doubled) {
         give_up(Why::clone);  // both are in configuration now and must leave it unchanged
       } else {
-        again(Why::not_there);
+        again(outcome == Outcome::mismatch ? Why::not_alone : Why::not_there);
       }
       break;
     case Step::configure:

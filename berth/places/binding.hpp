@@ -4,7 +4,8 @@
 ///     step           does                                     ends well  next
 ///     check_vacant   asks whether the node-ID is in use       nobody     write_ask
 ///     write_ask      intention into the store, durable        written    select
-///     select         04h 00h, then 40h..43h of the address    44h        inquire
+///     select         04h 00h, 40h..43h of the address, and    44h, it    inquire
+///                    the proof that no other is selected too  alone
 ///     inquire        5Eh: the node-ID it has now              a node-ID  configure
 ///     configure      11h: the new one                         code 0     store
 ///     store          17h: into its own memory                 code 0     release
@@ -18,10 +19,14 @@
 /// Silence on the LSS side leads back to `select`, a bounded number of times: every step may be done twice without
 /// harm, so a restart after a crash simply begins again at `check_vacant`. A node-ID that is pending comes into use
 /// with the next 04h 00h, whoever that is meant for; so whatever leaves the table after `configure` passes `revert`
-/// first, and a start with unfinished work in the store begins with `11h FFh` to whoever was left in configuration. Why
-/// in this order: the intention is durable before the device can change, so that a node-ID that may be in somebody's
-/// memory is never given to another; and the device has stored before it can use the id, so that what was heard once is
-/// true after a power failure (S1.29, S1.53).
+/// first, and a start with unfinished work in the store begins with `11h FFh` to the device that was left in
+/// configuration. Why in this order: the intention is durable before the device can change, so that a node-ID that may
+/// be in a device's memory is never given to another; and the device has stored before it can use the id, so that what
+/// was heard once is true after a power failure (S1.29, S1.53).
+///
+/// An intention that an earlier binding left behind may have reached the device: it is dropped by no later failure
+/// (`untouched`), however often it is tried again. A device that is away may have stored the node-ID and lost its power
+/// before `04h 00h`; it comes back under it.
 ///
 /// Taking a node-ID away (`Kind::blank`) walks the same table without `check_vacant` and `await_boot_up`; there
 /// `identify` asks by LSS whether the device has no node-ID now.
@@ -58,8 +63,9 @@ enum class Outcome : std::uint8_t {
   silent,       ///< no answer in time
   refused,      ///< an answer with an error code
   unsupported,  ///< `store`: the device has no memory for it (error code 1)
-  mismatch,     ///< not the expected one: the id is taken (`check_vacant`), somebody else booted under it since then
-                ///< (`release`), another device answers or it still has its id (`identify`)
+  mismatch,     ///< not the expected one: the id is taken (`check_vacant`), another device is in configuration too
+                ///< (`select`), one booted under the id since then (`release`), another device answers or it still has
+                ///< its id (`identify`)
   doubled,      ///< more than one device answered
   error,        ///< the store, or the port, failed
 };
@@ -68,6 +74,7 @@ enum class Why : std::uint8_t {
   none,
   occupied,      ///< somebody else answers at the node-ID
   not_there,     ///< nobody answers to the LSS address
+  not_alone,     ///< another device is in LSS configuration beside it, or answers in its place, again and again
   clone,         ///< two devices answer to the LSS address
   refused,       ///< the device does not take the node-ID
   not_stored,    ///< the device could not store it
@@ -83,20 +90,26 @@ class Binding {
   enum class Kind : std::uint8_t { bind, blank };
 
   /// `seat.id` is the node-ID to give; for `blank` it is unconfigured. `tries`: how often `select` may be walked.
-  Binding(Kind kind, const Seat& seat, unsigned tries = 3) noexcept
-      : kind_(kind), seat_(seat), tries_(tries), step_(kind == Kind::bind ? Step::check_vacant : Step::write_ask) {}
+  /// `resumed`: the store holds this intention already, so an earlier binding may have told the device the node-ID.
+  Binding(Kind kind, const Seat& seat, unsigned tries = 3, bool resumed = false) noexcept
+      : kind_(kind),
+        seat_(seat),
+        tries_(tries),
+        step_(kind == Kind::bind ? Step::check_vacant : Step::write_ask),
+        untouched_(!resumed) {}
 
   [[nodiscard]] Kind kind() const noexcept { return kind_; }
   [[nodiscard]] const Seat& seat() const noexcept { return seat_; }
   [[nodiscard]] Step step() const noexcept { return step_; }
   [[nodiscard]] Why why() const noexcept { return why_; }
-  /// The node-ID that the device had when it was asked last.
+  /// The node-ID that the device had when it was asked last, or is known to have (`inquired` before the first step).
   [[nodiscard]] NodeId old_id() const noexcept { return old_id_; }
   [[nodiscard]] unsigned tries_left() const noexcept { return tries_; }
   [[nodiscard]] bool stored() const noexcept { return stored_; }
   /// The device has no memory for a node-ID: it must be given one at every power-on.
   [[nodiscard]] bool volatile_only() const noexcept { return volatile_only_; }
-  /// The device was never told a node-ID in this run: nothing in it can have changed.
+  /// The device was never told a node-ID, neither by this binding nor by one before it: nothing in it can have changed,
+  /// and the intention may be dropped.
   [[nodiscard]] bool untouched() const noexcept { return untouched_; }
   [[nodiscard]] bool ended() const noexcept {
     return step_ == Step::done || step_ == Step::failed || step_ == Step::power_cycle;
@@ -126,7 +139,7 @@ class Binding {
   NodeId old_id_;
   bool stored_ = false;
   bool volatile_only_ = false;
-  bool untouched_ = true;
+  bool untouched_;
   bool touched_ = false;  // a node-ID may be pending in the device
   bool failing_ = false;  // revert, release, then fail
 };

@@ -5,6 +5,8 @@
 #include <algorithm>
 #include <map>
 
+#include "berth/places/assignment.hpp"
+
 namespace berth::places {
 namespace {
 
@@ -24,7 +26,7 @@ class Planner {
     finish_blanks();
     finish_and_repair();
     seat_new_devices();
-    // Whoever holds a node-ID that belongs to someone else gives it up before anyone is seated.
+    // A device that holds another's node-ID gives it up before any is seated.
     std::ranges::stable_partition(plan_.actions, [](const Action& a) { return a.kind == Action::Kind::blank; });
     return std::move(plan_);
   }
@@ -155,7 +157,41 @@ class Planner {
     seat_listed_spares(group);
     leave_who_fits_nowhere(group);
     seat_by_probe(group);
-    if (!fresh.empty() && !free.empty()) seat_by_mode(group);
+    seat_who_has_one_place(group);
+    for (auto& part : parts(group)) seat_by_mode(part);
+  }
+
+  [[nodiscard]] FitGraph graph_of(const Group& group) const {
+    FitGraph graph{group.free.size(), {}};
+    for (const auto& f : group.fresh) {
+      std::vector<std::size_t> slots;
+      for (std::size_t k = 0; k < group.free.size(); ++k) {
+        if (fits(slots_[group.free[k]].spec, f.device)) slots.push_back(k);
+      }
+      graph.fits.push_back(std::move(slots));
+    }
+    return graph;
+  }
+
+  /// No question about what has only one answer.
+  void seat_who_has_one_place(Group& group) {
+    const Group all = group;
+    const auto places = only_places(graph_of(all));
+    for (std::size_t d = 0; d < places.size(); ++d) {
+      if (places[d]) take(group, all.free[*places[d]], all.fresh[d]);
+    }
+  }
+
+  /// What is left, in parts that have nothing to do with each other: such as two revisions of one type.
+  [[nodiscard]] std::vector<Group> parts(const Group& group) const {
+    std::vector<Group> all;
+    for (const auto& component : components(graph_of(group))) {
+      Group part;
+      for (const auto d : component.devices) part.fresh.push_back(group.fresh[d]);
+      for (const auto k : component.slots) part.free.push_back(group.free[k]);
+      all.push_back(std::move(part));
+    }
+    return all;
   }
 
   void take(Group& group, std::size_t slot, const Found& f) {
@@ -289,8 +325,6 @@ class Planner {
   void seat_by_mode(Group& group) {
     auto& [free, fresh] = group;
     const auto mode = slots_[free.front()].spec.when_ambiguous;
-    const bool one = fresh.size() == 1 && free.size() == 1 && all_fit(free, fresh);
-    if (one) return seat(free.front(), fresh.front());
     switch (mode) {
       case WhenAmbiguous::ascending:
         if (fresh.size() != free.size() || !all_fit(free, fresh)) break;

@@ -107,6 +107,15 @@ struct Configured {
 };
 [[nodiscard]] const char* name(Configured::Stage stage) noexcept;
 
+/// The intention to take a device's node-ID away, not confirmed yet: the device may have it in its memory still.
+struct UnfinishedBlank {
+  LssAddress device;
+  std::string machine;  ///< where it was begun; empty in stores of before schema 5, which means any
+  std::string bus;
+  NodeId id;  ///< that the device had then; unconfigured: not known
+  friend bool operator==(const UnfinishedBlank&, const UnfinishedBlank&) = default;
+};
+
 /// What the store knows of a slot. `asked` is what Berth set out to do, written before the bus is touched; `confirmed`
 /// is what the device was then heard to be. They are two facts: a crash leaves the first without the second, and the
 /// next start does the work again (S1.53).
@@ -149,7 +158,8 @@ struct HistoryEntry {
   std::int64_t stamp_ms = 0;   ///< given by the caller: Unix time, or bus time on a simulated bus
   std::optional<SlotId> slot;  ///< none for what concerns a device alone
   std::string event;           ///< "declared", "asked", "confirmed", "cleared", "blank asked", "blanked",
-                               ///< "configuring", "power cycle needed", "configured", what a `Mark` says, or a note
+                               ///< "blank dropped", "configuring", "power cycle needed", "configured", what a `Mark` says,
+                               ///< or a note
   std::optional<LssAddress> device;
   NodeId id;
   std::string reason;

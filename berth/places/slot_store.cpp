@@ -103,6 +103,7 @@ Result<void> MemoryStore::ask(SlotId slot, const Seat& seat, std::string_view re
                       (other.confirmed && other.confirmed->device == seat.device);
     if (sits && other.slot != slot) return fail(Errc::duplicate, "the device sits in another slot");
   }
+  if (record->device() && record->device() != seat.device) return fail(Errc::duplicate, "the slot is another device's");
   record->asked = seat;
   log(slot, "asked", seat.device, seat.id, reason);
   return {};
@@ -114,7 +115,7 @@ Result<void> MemoryStore::confirm(SlotId slot, const Seat& seat, std::string_vie
   if (record->asked != seat) return fail(Errc::mismatch, "confirmed something that was not asked for");
   record->asked.reset();
   record->confirmed = seat;
-  std::erase(blanks_, seat.device);
+  std::erase_if(blanks_, [&](const UnfinishedBlank& b) { return b.device == seat.device; });
   log(slot, "confirmed", seat.device, seat.id, reason);
   return {};
 }
@@ -138,19 +139,32 @@ Result<void> MemoryStore::configure(SlotId slot, const Configured& configured, s
   return {};
 }
 
-Result<void> MemoryStore::ask_blank(const LssAddress& device, std::string_view reason) {
-  if (std::ranges::find(blanks_, device) == blanks_.end()) blanks_.push_back(device);
-  log(std::nullopt, "blank asked", device, NodeId(), reason);
+Result<void> MemoryStore::ask_blank(const UnfinishedBlank& blank, std::string_view reason) {
+  const auto known = std::ranges::find(blanks_, blank.device, &UnfinishedBlank::device);
+  if (known == blanks_.end()) {
+    blanks_.push_back(blank);
+  } else {
+    *known = blank;
+  }
+  log(std::nullopt, "blank asked", blank.device, blank.id, reason);
   return {};
 }
 
 Result<void> MemoryStore::confirm_blank(const LssAddress& device, std::string_view reason) {
-  std::erase(blanks_, device);
+  std::erase_if(blanks_, [&](const UnfinishedBlank& b) { return b.device == device; });
   log(std::nullopt, "blanked", device, NodeId(), reason);
   return {};
 }
 
-Result<std::vector<LssAddress>> MemoryStore::unfinished_blanks() { return blanks_; }
+Result<void> MemoryStore::drop_blank(const LssAddress& device, std::string_view reason) {
+  const auto known = std::ranges::find(blanks_, device, &UnfinishedBlank::device);
+  if (known == blanks_.end()) return fail(Errc::not_found, "no unfinished intention of this device");
+  log(std::nullopt, "blank dropped", device, known->id, reason);
+  blanks_.erase(known);
+  return {};
+}
+
+Result<std::vector<UnfinishedBlank>> MemoryStore::unfinished_blanks() { return blanks_; }
 
 Result<void> MemoryStore::mark(Mark mark, const LssAddress& device, NodeId id, std::string_view reason) {
   marks_[{mark, device}] = id;

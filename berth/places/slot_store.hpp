@@ -23,8 +23,9 @@ class SlotStore {
   /// All slots of a machine, in the order in which they were declared.
   virtual Result<std::vector<SlotRecord>> load(std::string_view machine) = 0;
 
-  /// Writes the intention to seat a device, before the first frame that does it. Replaces an earlier intention of the
-  /// slot. The same device asked for or confirmed in another slot of the store is refused (`Errc::duplicate`).
+  /// Writes the intention to seat a device, before the first frame that does it. Refused (`Errc::duplicate`): the
+  /// device is asked for or confirmed in another slot of the store; another device is asked for or confirmed in this
+  /// slot, whose node-ID may be in that device's memory: `clear` comes first, and says why.
   virtual Result<void> ask(SlotId slot, const Seat& seat, std::string_view reason) = 0;
   /// The device was heard under its new node-ID and identified: the intention becomes the binding. `seat` must be what
   /// was asked for, else `Errc::mismatch`.
@@ -35,12 +36,15 @@ class SlotStore {
   /// Writes how far the configuration of the slot's device has come. Replaces what was known; `clear` forgets it.
   virtual Result<void> configure(SlotId slot, const Configured& configured, std::string_view reason) = 0;
 
-  /// Writes the intention to take a device's node-ID away, before the first frame that does it.
-  virtual Result<void> ask_blank(const LssAddress& device, std::string_view reason) = 0;
+  /// Writes the intention to take a device's node-ID away, before the first frame that does it. The newest of a device
+  /// counts.
+  virtual Result<void> ask_blank(const UnfinishedBlank& blank, std::string_view reason) = 0;
   /// The device was heard to be without a node-ID, stored.
   virtual Result<void> confirm_blank(const LssAddress& device, std::string_view reason) = 0;
-  /// Devices whose blanking was asked for and not confirmed.
-  virtual Result<std::vector<LssAddress>> unfinished_blanks() = 0;
+  /// A person gives the intention up: the device is gone for good.
+  virtual Result<void> drop_blank(const LssAddress& device, std::string_view reason) = 0;
+  /// The intentions that are neither confirmed nor dropped, of every bus.
+  virtual Result<std::vector<UnfinishedBlank>> unfinished_blanks() = 0;
 
   /// Remembers something of a device, or no more. `id`: the node-ID it has. Idempotent, but for the history.
   virtual Result<void> mark(Mark mark, const LssAddress& device, NodeId id, std::string_view reason) = 0;
@@ -68,9 +72,10 @@ class MemoryStore final : public SlotStore {
   Result<void> confirm(SlotId slot, const Seat& seat, std::string_view reason) override;
   Result<void> clear(SlotId slot, std::string_view reason) override;
   Result<void> configure(SlotId slot, const Configured& configured, std::string_view reason) override;
-  Result<void> ask_blank(const LssAddress& device, std::string_view reason) override;
+  Result<void> ask_blank(const UnfinishedBlank& blank, std::string_view reason) override;
   Result<void> confirm_blank(const LssAddress& device, std::string_view reason) override;
-  Result<std::vector<LssAddress>> unfinished_blanks() override;
+  Result<void> drop_blank(const LssAddress& device, std::string_view reason) override;
+  Result<std::vector<UnfinishedBlank>> unfinished_blanks() override;
   Result<void> mark(Mark mark, const LssAddress& device, NodeId id, std::string_view reason) override;
   Result<void> unmark(Mark mark, const LssAddress& device, std::string_view reason) override;
   Result<std::vector<Marked>> marked(Mark mark) override;
@@ -85,7 +90,7 @@ class MemoryStore final : public SlotStore {
            std::string_view reason);
 
   std::vector<SlotRecord> slots_;
-  std::vector<LssAddress> blanks_;
+  std::vector<UnfinishedBlank> blanks_;
   std::map<std::pair<Mark, LssAddress>, NodeId> marks_;
   std::vector<HistoryEntry> history_;
   std::int64_t stamp_ms_ = 0;

@@ -39,10 +39,14 @@ constexpr const char* drop_configuration_sql = "DELETE FROM configurations WHERE
 constexpr const char* drop_asked_sql = "DELETE FROM seats WHERE slot = ? AND fact = 'asked'";
 constexpr const char* drop_seats_sql = "DELETE FROM seats WHERE slot = ?";
 constexpr const char* put_blank_sql =
-    "INSERT INTO blanks (vendor, product, revision, serial) VALUES (?, ?, ?, ?) ON CONFLICT DO NOTHING";
+    "INSERT INTO blanks (vendor, product, revision, serial, machine, bus, node_id) VALUES (?, ?, ?, ?, ?, ?, ?) "
+    "ON CONFLICT DO UPDATE SET machine = excluded.machine, bus = excluded.bus, node_id = excluded.node_id";
 constexpr const char* drop_blank_sql =
     "DELETE FROM blanks WHERE vendor = ? AND product = ? AND revision = ? AND serial = ?";
-constexpr const char* blanks_sql = "SELECT vendor, product, revision, serial FROM blanks ORDER BY id";
+constexpr const char* blanks_sql =
+    "SELECT vendor, product, revision, serial, machine, bus, node_id FROM blanks ORDER BY id";
+constexpr const char* get_blank_sql =
+    "SELECT node_id FROM blanks WHERE vendor = ? AND product = ? AND revision = ? AND serial = ?";
 // Kept as the numbers of `places::Mark`, which are never given to another.
 constexpr const char* put_mark_sql =
     "INSERT OR REPLACE INTO marks (vendor, product, revision, serial, mark, node_id) VALUES (?, ?, ?, ?, ?, ?)";
@@ -289,6 +293,10 @@ Result<void> Database::ask(SlotId slot, const Seat& seat, std::string_view reaso
       query << seat.device << slot.value;
       if (query.row()) return fail(Errc::duplicate, "the device sits in another slot");
     }
+    for (const char* const fact : {"asked", "confirmed"}) {
+      const auto other = impl_->seat(slot, fact);
+      if (other && other->device != seat.device) return fail(Errc::duplicate, "the slot is another device's");
+    }
     impl_->put_seat(slot, "asked", seat);
     impl_->log(slot, "asked", seat.device, seat.id, reason);
     return {};
@@ -345,14 +353,14 @@ Result<void> Database::configure(SlotId slot, const places::Configured& configur
   });
 }
 
-Result<void> Database::ask_blank(const LssAddress& device, std::string_view reason) {
+Result<void> Database::ask_blank(const places::UnfinishedBlank& blank, std::string_view reason) {
   return impl_->write("writing an intention", [&]() -> Result<void> {
     {
       Query query(impl_->statement(put_blank_sql));
-      query << device;
+      query << blank.device << blank.machine << blank.bus << std::int64_t{blank.id.value()};
       query.run();
     }
-    impl_->log(std::nullopt, "blank asked", device, NodeId(), reason);
+    impl_->log(std::nullopt, "blank asked", blank.device, blank.id, reason);
     return {};
   });
 }
@@ -369,12 +377,31 @@ Result<void> Database::confirm_blank(const LssAddress& device, std::string_view 
   });
 }
 
-Result<std::vector<LssAddress>> Database::unfinished_blanks() {
-  return impl_->read("loading intentions", [&]() -> Result<std::vector<LssAddress>> {
-    std::vector<LssAddress> devices;
+Result<void> Database::drop_blank(const LssAddress& device, std::string_view reason) {
+  return impl_->write("dropping an intention", [&]() -> Result<void> {
+    std::optional<NodeId> id;
+    {
+      Query query(impl_->statement(get_blank_sql));
+      query << device;
+      if (query.row()) id = query.node_id(0);
+    }
+    if (!id) return fail(Errc::not_found, "no unfinished intention of this device");
+    {
+      Query query(impl_->statement(drop_blank_sql));
+      query << device;
+      query.run();
+    }
+    impl_->log(std::nullopt, "blank dropped", device, *id, reason);
+    return {};
+  });
+}
+
+Result<std::vector<places::UnfinishedBlank>> Database::unfinished_blanks() {
+  return impl_->read("loading intentions", [&]() -> Result<std::vector<places::UnfinishedBlank>> {
+    std::vector<places::UnfinishedBlank> blanks;
     Query query(impl_->statement(blanks_sql));
-    while (query.row()) devices.push_back(query.address(0));
-    return devices;
+    while (query.row()) blanks.push_back({query.address(0), query.text(4), query.text(5), query.node_id(6)});
+    return blanks;
   });
 }
 

@@ -25,7 +25,7 @@
 namespace berth::store {
 
 /// The schema this Berth writes. Older ones are brought up to it when a store is opened, in one transaction.
-inline constexpr int schema_version = 4;
+inline constexpr int schema_version = 5;
 
 /// A device that was ever named in the store.
 struct DeviceSeen {
@@ -68,9 +68,10 @@ class Database final : public places::SlotStore {
   Result<void> confirm(places::SlotId slot, const places::Seat& seat, std::string_view reason) override;
   Result<void> clear(places::SlotId slot, std::string_view reason) override;
   Result<void> configure(places::SlotId slot, const places::Configured& configured, std::string_view reason) override;
-  Result<void> ask_blank(const LssAddress& device, std::string_view reason) override;
+  Result<void> ask_blank(const places::UnfinishedBlank& blank, std::string_view reason) override;
   Result<void> confirm_blank(const LssAddress& device, std::string_view reason) override;
-  Result<std::vector<LssAddress>> unfinished_blanks() override;
+  Result<void> drop_blank(const LssAddress& device, std::string_view reason) override;
+  Result<std::vector<places::UnfinishedBlank>> unfinished_blanks() override;
   Result<void> mark(places::Mark mark, const LssAddress& device, NodeId id, std::string_view reason) override;
   Result<void> unmark(places::Mark mark, const LssAddress& device, std::string_view reason) override;
   Result<std::vector<places::Marked>> marked(places::Mark mark) override;

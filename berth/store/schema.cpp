@@ -112,6 +112,12 @@ CREATE TABLE marks (
   PRIMARY KEY (vendor, product, revision, serial, mark)
 ) STRICT, WITHOUT ROWID;
 CREATE INDEX history_of_device ON history (vendor, product, revision, serial) WHERE vendor IS NOT NULL;
+)",
+    // 5: where a blanking was begun, and which node-ID it takes; older ones are of any bus.
+    R"(
+ALTER TABLE blanks ADD COLUMN machine TEXT NOT NULL DEFAULT '';
+ALTER TABLE blanks ADD COLUMN bus TEXT NOT NULL DEFAULT '';
+ALTER TABLE blanks ADD COLUMN node_id INTEGER NOT NULL DEFAULT 255 CHECK (node_id BETWEEN 0 AND 255);
 )"};
 
 // One query per table that names every column, and the version that brought the table; preparing it fails when
@@ -120,7 +126,7 @@ struct Probe {
   int since;
   const char* query;
 };
-constexpr std::array<Probe, 7> probes{{
+constexpr std::array<Probe, 8> probes{{
     {1, "SELECT id, machine, bus, name FROM slots LIMIT 1"},
     {1, "SELECT slot, fact, vendor, product, revision, serial, node_id FROM seats LIMIT 1"},
     {1, "SELECT id, vendor, product, revision, serial FROM blanks LIMIT 1"},
@@ -129,6 +135,7 @@ constexpr std::array<Probe, 7> probes{{
     {2, "SELECT vendor, product, revision, serial, first_ms, last_ms, lines FROM devices LIMIT 1"},
     {3, "SELECT slot, stage, vendor, product, revision, serial, days, ms FROM configurations LIMIT 1"},
     {4, "SELECT vendor, product, revision, serial, mark, node_id FROM marks LIMIT 1"},
+    {5, "SELECT machine, bus, node_id FROM blanks LIMIT 1"},
 }};
 
 void apply(SQLite::Database& db, int from, int to) {

@@ -107,13 +107,16 @@ class MortalStore final : public places::SlotStore {
   Result<void> configure(places::SlotId slot, const places::Configured& configured, std::string_view reason) override {
     return write([&] { return database_->configure(slot, configured, reason); });
   }
-  Result<void> ask_blank(const LssAddress& device, std::string_view reason) override {
-    return write([&] { return database_->ask_blank(device, reason); });
+  Result<void> ask_blank(const places::UnfinishedBlank& blank, std::string_view reason) override {
+    return write([&] { return database_->ask_blank(blank, reason); });
   }
   Result<void> confirm_blank(const LssAddress& device, std::string_view reason) override {
     return write([&] { return database_->confirm_blank(device, reason); });
   }
-  Result<std::vector<LssAddress>> unfinished_blanks() override {
+  Result<void> drop_blank(const LssAddress& device, std::string_view reason) override {
+    return write([&] { return database_->drop_blank(device, reason); });
+  }
+  Result<std::vector<places::UnfinishedBlank>> unfinished_blanks() override {
     return read([&] { return database_->unfinished_blanks(); });
   }
   Result<void> mark(places::Mark mark, const LssAddress& device, NodeId id, std::string_view reason) override {

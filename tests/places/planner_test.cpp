@@ -125,6 +125,58 @@ TEST(Planner, RevisionRules) {
   EXPECT_EQ(p.oddities[0].kind, "wrong revision");
 }
 
+// Two slots of exact revisions and one device of each: only one assignment is possible, whatever `when_ambiguous` says.
+TEST(Planner, WhatHasOneAnswerIsNoQuestion) {
+  for (const auto mode : {WhenAmbiguous::ask, WhenAmbiguous::ascending, WhenAmbiguous::one_at_a_time}) {
+    std::vector<Slot> slots{slot(2, B), slot(4, B)};
+    for (auto& s : slots) {
+      s.spec.rule = RevisionRule::exact;
+      s.spec.when_ambiguous = mode;
+    }
+    slots[0].spec.revision = 0x00020000;
+    slots[1].spec.revision = 0x00010000;
+    // The smaller R_SN belongs in the larger slot: rule 2 alone would fail.
+    const auto p = plan(slots, blank({device(B, 5, 0x00010000), device(B, 6, 0x00020000)}), {}, master);
+    EXPECT_TRUE(p.questions.empty());
+    EXPECT_EQ(seats(slots, p), (std::map<unsigned, std::uint32_t>{{2, 6}, {4, 5}}));
+    // One device, and one slot that it fits: the other slot has nothing to do with it.
+    const auto one = plan(slots, blank({device(B, 5, 0x00010000)}), {}, master);
+    EXPECT_EQ(seats(slots, one), (std::map<unsigned, std::uint32_t>{{4, 5}}));
+  }
+}
+
+// The slot that takes any revision is left for the device that fits no other.
+TEST(Planner, OthersMayLeaveADeviceOnePlace) {
+  std::vector<Slot> slots{slot(2, B), slot(4, B)};
+  slots[1].spec.rule = RevisionRule::exact;
+  slots[1].spec.revision = 0x00020000;
+  for (auto& s : slots) s.spec.when_ambiguous = WhenAmbiguous::ask;
+  const auto p = plan(slots, blank({device(B, 7, 0x00020000), device(B, 9, 0x00010000)}), {}, master);
+  EXPECT_EQ(seats(slots, p), (std::map<unsigned, std::uint32_t>{{2, 9}, {4, 7}}));
+  // Alone, the newer one could sit in either.
+  const auto q = plan(slots, blank({device(B, 7, 0x00020000)}), {}, master);
+  EXPECT_TRUE(q.actions.empty());
+  ASSERT_EQ(q.questions.size(), 1U);
+  EXPECT_EQ(q.questions[0].slots, (std::vector<std::size_t>{0, 1}));
+}
+
+// Two of one revision stay a question, and only theirs: the other revision's device is seated.
+TEST(Planner, AQuestionNamesOnlyWhatItIsAbout) {
+  std::vector<Slot> slots{slot(2, B), slot(4, B), slot(6, B)};
+  for (auto& s : slots) {
+    s.spec.rule = RevisionRule::exact;
+    s.spec.revision = 0x00010000;
+    s.spec.when_ambiguous = WhenAmbiguous::ask;
+  }
+  slots[2].spec.revision = 0x00020000;
+  const auto p = plan(
+      slots, blank({device(B, 5, 0x00010000), device(B, 6, 0x00010000), device(B, 7, 0x00020000)}), {}, master);
+  EXPECT_EQ(seats(slots, p), (std::map<unsigned, std::uint32_t>{{6, 7}}));
+  ASSERT_EQ(p.questions.size(), 1U);
+  EXPECT_EQ(p.questions[0].slots, (std::vector<std::size_t>{0, 1}));
+  EXPECT_EQ(p.questions[0].devices.size(), 2U);
+}
+
 // S1.36
 TEST(Planner, S1_36_WhoHoldsAnothersNodeIdGivesItUpFirst) {
   const std::vector<Slot> slots{slot(1, A, device(A, 1)), slot(2, B)};

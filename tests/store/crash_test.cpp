@@ -42,7 +42,7 @@ State state_of(places::SlotStore& store) {
     state.lines.push_back(std::to_string(r.slot.value) + " " + r.name.name + " " + shown(r.asked) + " " +
                           shown(r.confirmed) + " " + shown(r.configured));
   }
-  for (const auto& b : must(store.unfinished_blanks())) state.lines.push_back("blank " + to_string(b));
+  for (const auto& b : must(store.unfinished_blanks())) state.lines.push_back("blank " + to_string(b.device));
   for (const auto& m : must(store.marked(places::Mark::restore))) state.lines.push_back("used " + to_string(m.device));
   for (const auto& h : must(store.history(std::nullopt))) {
     state.lines.push_back(std::to_string(h.sequence) + " " + h.event + " " + h.reason);
@@ -82,7 +82,7 @@ std::vector<Step> binding() {
         return s.configure(SlotId{2}, {Stage::done, device(6), 15'000, 1}, "b.dcf").has_value();
       },
       [=](auto& s) { return s.clear(SlotId{1}, "replaced by a person").has_value(); },
-      [=](auto& s) { return s.ask_blank(device(5), "found with a wrong node-ID").has_value(); },
+      [=](auto& s) { return s.ask_blank({device(5), "m", "b", NodeId(2)}, "found with a wrong node-ID").has_value(); },
       [=](auto& s) { return s.ask(SlotId{1}, c, std::string(9000, 'x')).has_value(); },  // more than one page
       [=](auto& s) { return s.confirm_blank(device(5), "heard").has_value(); },
       [=](auto& s) { return s.mark(places::Mark::restore, c.device, c.id, "used").has_value(); },

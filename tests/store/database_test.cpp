@@ -63,8 +63,8 @@ TEST(Store, KeepsEverythingOverARestart) {
     EXPECT_EQ(store->declare({"m", "b", "left \xC3\xA4"}).value(), slot);
     ASSERT_TRUE(store->ask(slot, seat, "because"));
     ASSERT_TRUE(store->confirm(slot, seat, "heard"));
-    ASSERT_TRUE(store->ask(slot, {device(1), NodeId(127)}, "again"));
-    ASSERT_TRUE(store->ask_blank(device(9), "stray"));
+    ASSERT_TRUE(store->ask(slot, {seat.device, NodeId(126)}, "again"));
+    ASSERT_TRUE(store->ask_blank({device(9), "m", "b", NodeId(5)}, "stray"));
     ASSERT_TRUE(store->note({0, 0, std::nullopt, "note", std::nullopt, NodeId(), "by hand"}));
   }
   EXPECT_FALSE(fs::exists(folder.file() + "-wal"));
@@ -73,8 +73,9 @@ TEST(Store, KeepsEverythingOverARestart) {
   ASSERT_EQ(records.size(), 1U);
   EXPECT_EQ(records[0].name.name, "left \xC3\xA4");
   EXPECT_EQ(records[0].confirmed, seat);
-  EXPECT_EQ(records[0].asked, (Seat{device(1), NodeId(127)}));
-  EXPECT_EQ(store->unfinished_blanks().value(), std::vector{device(9)});
+  EXPECT_EQ(records[0].asked, (Seat{seat.device, NodeId(126)}));
+  EXPECT_EQ(store->unfinished_blanks().value(),
+            (std::vector<places::UnfinishedBlank>{{device(9), "m", "b", NodeId(5)}}));
   const auto history = store->history(std::nullopt).value();
   std::vector<std::string> events;
   for (const auto& line : history) events.push_back(line.event);
@@ -86,7 +87,7 @@ TEST(Store, KeepsEverythingOverARestart) {
   EXPECT_EQ(history[1].reason, "because");
   EXPECT_EQ(store->history(records[0].slot).value().size(), 4U);
   EXPECT_TRUE(store->load("other").value().empty());
-  EXPECT_EQ(store->devices().value().size(), 3U);
+  EXPECT_EQ(store->devices().value().size(), 2U);
 }
 
 TEST(Store, ManySlotsAtOnceOldAndNewInTheirOrder) {
@@ -113,7 +114,7 @@ TEST(Store, DevicesSeenAreCountedByTheirHistory) {
   ASSERT_TRUE(store->confirm(slot, {device(5), NodeId(2)}, ""));
   ASSERT_TRUE(store->clear(slot, ""));
   store->stamp(30);
-  ASSERT_TRUE(store->ask_blank(device(4), ""));
+  ASSERT_TRUE(store->ask_blank({device(4), "m", "b", NodeId()}, ""));
   EXPECT_EQ(store->devices().value(), (std::vector<DeviceSeen>{{device(4), 30, 30, 1}, {device(5), 10, 20, 3}}));
 }
 
@@ -140,7 +141,9 @@ std::vector<std::string> all_of(places::SlotStore& store) {
                     seat(r.confirmed) + shown(r.configured));
     }
   }
-  for (const auto& b : must(store.unfinished_blanks())) out.push_back(to_string(b));
+  for (const auto& b : must(store.unfinished_blanks())) {
+    out.push_back(to_string(b.device) + b.machine + b.bus + std::to_string(b.id.value()));
+  }
   for (const auto mark : {places::Mark::restore, places::Mark::fixed}) {
     for (const auto& m : must(store.marked(mark))) {
       out.push_back(std::string(name(mark)) + to_string(m.device) + std::to_string(m.id.value()));
@@ -166,7 +169,8 @@ std::optional<Errc> random_call(places::SlotStore& store, Random r) {
   const auto code = [](const auto& result) { return result ? std::nullopt : std::optional(result.error().code); };
   store.stamp(static_cast<std::int64_t>(r.below(1000)));
   const auto mark = static_cast<places::Mark>(r.below(2));
-  switch (r.below(11)) {
+  switch (r.below(12)) {
+    case 11: return code(store.drop_blank(seat.device, "gone for good"));
     case 9: return code(store.mark(mark, seat.device, seat.id, "seen"));
     case 10: return code(store.unmark(mark, seat.device, "done"));
     case 0: return code(store.declare({r.chance(500'000) ? "m" : "n", "b", std::to_string(r.below(3))}));
@@ -176,7 +180,7 @@ std::optional<Errc> random_call(places::SlotStore& store, Random r) {
     case 4: return code(store.confirm(slot, seat, "heard"));
     case 5: return code(store.clear(slot, "gone"));
     case 6:
-      return r.chance(500'000) ? code(store.ask_blank(seat.device, "x")) : code(store.confirm_blank(seat.device, "y"));
+      return r.chance(500'000) ? code(store.ask_blank({seat.device, "m", "b", seat.id}, "x")) : code(store.confirm_blank(seat.device, "y"));
     case 7: {
       const auto stage = static_cast<places::Configured::Stage>(r.below(3));
       return code(store.configure(slot, {stage, seat.device, static_cast<std::uint32_t>(r.next()), 86'399'999}, "dcf"));
@@ -426,6 +430,27 @@ TEST(Store, MigratesSchemaTwoAndKeepsWhatWaitsForAPowerCycle) {
   EXPECT_EQ(store->history(SlotId{1}).value().back().event, "power cycle needed");
   ASSERT_TRUE(store->clear(SlotId{1}, "gone"));
   EXPECT_FALSE(store->load("m").value().at(0).configured);
+}
+
+// Schema 4 did not say where a blanking was begun: what is unfinished stays so, and is of any bus.
+TEST(Store, MigratesSchemaFourAndKeepsItsUnfinishedBlanks) {
+  const Folder folder;
+  {
+    SQLite::Database raw(folder.file(), SQLite::OPEN_READWRITE | SQLite::OPEN_CREATE);
+    create_schema(raw, 4);
+    raw.exec("INSERT INTO blanks (vendor, product, revision, serial) VALUES (1, 2, 0, 5), (1, 2, 0, 6)");
+  }
+  auto store = must_open(folder.file());
+  ASSERT_NE(store, nullptr);
+  const places::UnfinishedBlank five{{1, 2, 0, 5}, "", "", NodeId()};
+  const places::UnfinishedBlank six{{1, 2, 0, 6}, "m", "b", NodeId(3)};
+  EXPECT_EQ(store->unfinished_blanks().value().at(0), five);
+  ASSERT_TRUE(store->ask_blank(six, "the newest counts"));
+  EXPECT_EQ(store->unfinished_blanks().value().at(1), six);
+  ASSERT_TRUE(store->drop_blank(five.device, "gone for good"));
+  EXPECT_EQ(store->drop_blank(five.device, "again").error().code, Errc::not_found);
+  EXPECT_EQ(store->unfinished_blanks().value(), std::vector{six});
+  EXPECT_EQ(store->history_of(five.device).value().back().event, "blank dropped");
 }
 
 // Schema 3 had no marks, and its history is asked by device from now on.
