@@ -229,6 +229,7 @@ class Network final : private co::HeartbeatConsumer::Observer,
   rt::Task<void> tell_who_is_known();
   rt::Task<void> inquire_found(bool all);
   rt::Task<void> discover_by_rand();
+  rt::Task<void> discover_by_rand_once();
   rt::Task<void> discover_the_rest(bool also_configured);
   [[nodiscard]] discovery::Auto& rest(bool also_configured);
   rt::Task<void> discover_by(discovery::Discovery& way);
@@ -248,7 +249,8 @@ class Network final : private co::HeartbeatConsumer::Observer,
   NodeId assign(const LssAddress& device) noexcept override;
   // network_probe.cpp: the place, read from the device
   [[nodiscard]] bool may_be_lent(NodeId id) const noexcept;
-  [[nodiscard]] NodeId id_to_lend() const noexcept;
+  [[nodiscard]] bool free_for_a_loan(const Seat& seat, const LssAddress& device) const noexcept;
+  [[nodiscard]] NodeId id_to_lend(const LssAddress& device) const noexcept;
   rt::Task<Result<NodeId>> lend_id(LssAddress device);
   rt::Task<Result<void>> select_alone(LssAddress device);
   [[nodiscard]] lss::PartMask parts_to_ask(const LssAddress& device) const;
@@ -283,6 +285,7 @@ class Network final : private co::HeartbeatConsumer::Observer,
   void learn_fixed(const places::Binding& binding);
   [[nodiscard]] std::vector<NodeId> ids_to_ask(bool everybody);
   rt::Task<void> ask_own_ids();
+  rt::Task<bool> take_where_it_is(Seat& seat, LssAddress device);
   rt::Task<bool> find_configured(bool everybody);
   rt::Task<void> identity_at(NodeId id, std::vector<places::Found>& into);
   // network_recipe.cpp: node-IDs that are objects
@@ -427,6 +430,8 @@ class Network final : private co::HeartbeatConsumer::Observer,
   std::vector<LssAddress> puzzling_;  // devices whose probes did not tell their places when they were read last
   bool rest_wanted_ = false;  // somebody without a node-ID answered LSS: whoever RAND does not find is looked for
   rt::Time blank_at_{};       // such an answer is no news before
+  rt::Time scanned_at_{};     // nor one to Fastscan's first question before
+  bool by_fastscan_ = false;  // it was to that
   rt::Time rest_at_{};        // a slot without a device alone is no reason to look for them before
   bool alone_ = false;        // nobody acknowledged the opening: no node-ID is asked before a search got through
   bool once_ = false;         // `bind_once` runs: there is no later look

@@ -125,7 +125,13 @@ rt::Task<bool> Network::act(const Action& action) {
 
 rt::Task<bool> Network::bind_seat(Seat& seat, LssAddress device, std::string reason) {
   const bool resumed = seat.slot.record.asked.has_value();
-  Binding binding(Binding::Kind::bind, {device, seat.id()}, bus_->timing.tries, resumed);
+  const bool lent = std::ranges::any_of(lent_, [&](const Loan& l) { return l.device == device; });
+  const bool home = !lent && std::ranges::any_of(found_, [&](const places::Found& f) {
+    return f.device == device && f.active == seat.id() && !f.clone;
+  });
+  // A device that sits where it belongs may speak no LSS: it is asked once, for the sake of its memory.
+  const unsigned tries = home ? 1 : bus_->timing.tries;
+  Binding binding(Binding::Kind::bind, {device, seat.id()}, tries, resumed);
   set_state(seat, SlotState::binding, reason);
   places::Binder::Options options = binder_options();
   options.parts = parts_to_ask(device);
@@ -134,6 +140,11 @@ rt::Task<bool> Network::bind_seat(Seat& seat, LssAddress device, std::string rea
   co_await binder.run(binding, slot, reason);
   refresh(seat);
   const bool good = binding.step() == places::Step::done;
+  const bool no_lss = binding.why() == places::Why::not_there || binding.why() == places::Why::refused;
+  if (home && no_lss) {
+    const bool taken = co_await take_where_it_is(seat, device);
+    if (taken) co_return true;
+  }
   if (good) {
     bound(seat, binding);
   } else {

@@ -86,11 +86,16 @@ rt::Task<void> Network::discover() {
   if (by_rand) {
     const std::size_t before = found_.size();
     co_await discover_by_rand();
-    const bool others = method() == "auto";
+    const bool others = method() == "auto" && !alone_;
     const bool due = others && somebody_missing() && (once_ || executor_->now() >= rest_at_);
     // Who speaks RAND answers LSS too while it has no node-ID: it is found already.
     const bool unheard = found_.size() == before || somebody_missing();
-    const bool wanted = std::exchange(rest_wanted_, false) && unheard;
+    bool wanted = std::exchange(rest_wanted_, false) && unheard;
+    const bool asks = others && anew && !due && !wanted && somebody_missing();
+    if (asks) {
+      wanted = co_await anybody_blank();
+      rest_wanted_ = false;
+    }
     if (others && (due || wanted)) co_await discover_the_rest(due);
   } else {
     discovery::Discovery* const way = chosen();
@@ -106,8 +111,15 @@ rt::Task<void> Network::discover() {
 // Who has no node-ID is found in a fraction of a second. Who has one is searched for among all numbers of the known
 // types, which takes longer with each device that runs: only when a slot is without a device afterwards.
 rt::Task<void> Network::discover_the_rest(bool also_configured) {
+  constexpr unsigned most_again = 4;
   const rt::Time began = executor_->now();
+  std::size_t before = found_.size();
   co_await discover_by(rest(false));
+  // A device that was late once was not heard by that search: as long as it brings news, one is asked for that is missing.
+  for (unsigned again = 0; again < most_again && found_.size() > before && somebody_missing(); ++again) {
+    before = found_.size();
+    co_await discover_by(rest(false));
+  }
   if (!also_configured) co_return;
   rest_at_ = executor_->now() + 8 * bus_->timing.probe_period;
   // One long search at a time: what happens on the bus meanwhile is dealt with behind it.
@@ -123,22 +135,33 @@ discovery::Auto& Network::rest(bool also_configured) {
   return *rest_;
 }
 
+// Again as long as it brings news and one is missing: who was late was not heard, and who was found does not answer.
 rt::Task<void> Network::discover_by_rand() {
+  constexpr unsigned most_again = 4;
+  std::size_t before = found_.size();
+  co_await discover_by_rand_once();
+  for (unsigned again = 0; again < most_again && found_.size() > before && somebody_missing(); ++again) {
+    before = found_.size();
+    co_await discover_by_rand_once();
+  }
+}
+
+rt::Task<void> Network::discover_by_rand_once() {
   const nodeid::DiscoveryOptions options = discovery_options();
   nodeid::DiscoveryObserver* const watching = this;
   const auto report = co_await rand_.discover(options, watching);
+  alone_ = !report && report.error().code == Errc::bus;
   if (!report) {
     tell_once("error", "discovery: " + describe(report.error()));
     co_return;
   }
-  alone_ = false;
   tell_discovery(*report);
 }
 
-// As many node-IDs that nobody answers under as devices may come, asked side by side.
+// As many node-IDs that no device answers under as devices may come, asked side by side: the free slots' own are known.
 rt::Task<void> Network::prepare_loans() {
   std::size_t wanted = 2;
-  for (const auto& seat : seats_) wanted += seat->there ? 0U : 1U;
+  for (const auto& seat : seats_) wanted += seat->there || vacancy_[seat->id().value()] ? 0U : 1U;
   rt::Scope asked(*executor_);
   for (std::uint8_t value = 126; value > 0 && wanted > 0; --value) {
     const NodeId id(value);
@@ -218,15 +241,16 @@ discovery::Options Network::search_options() {
   // Who is missed now is looked for again later, and the machine waits meanwhile: a lost heartbeat is seen behind it.
   options.retries = 2;
   options.most_time = std::chrono::seconds(10);
-  // Plain Fastscan does not find the next device before this one has a node-ID; the planners need none.
-  if (published) options.assigner = this;
+  // A device that was found leaves the search with a node-ID: in LSS configuration, where it would be silent, some makers'
+  // devices answer everything, and Fastscan does not find the next one while this one answers.
+  options.assigner = this;
   options.confirm = published;
   return options;
 }
 
 // Lent while the device is the only one selected; it is seated, or blank again, before the round is over.
 NodeId Network::assign(const LssAddress& device) noexcept {
-  const NodeId id = id_to_lend();
+  const NodeId id = id_to_lend(device);
   if (!id.configured()) return id;
   lent_until_[id.value()] = rt::never;
   lent_.push_back({device, id, 0});
@@ -284,7 +308,9 @@ void Network::take_found(const discovery::Report& report) {
     note_found({d.address, d.assigned.configured() ? d.assigned : d.active, d.possible_clone});
   }
   // Who stays without a node-ID answers every poll: that is no news for a while.
-  blank_at_ = executor_->now() + (news_ ? rt::Duration{0} : 8 * bus_->timing.probe_period);
+  const rt::Time again = executor_->now() + (news_ ? rt::Duration{0} : 8 * bus_->timing.probe_period);
+  scanned_at_ = again;
+  if (!std::exchange(by_fastscan_, false)) blank_at_ = again;
   using End = discovery::Report::End;
   if (report.end != End::complete && report.end != End::held) {
     tell_once("error",
@@ -324,9 +350,10 @@ rt::Task<Result<Network::NewDevices>> Network::find_new() {
     discovery::Known known = known_devices();
     for (const auto& found : all.found) known.registered.push_back(found.address);
     discovery::Options options = search_options();
-    options.assigner = nullptr;  // a scan gives nobody a node-ID
+    co_await prepare_loans();
     const auto report = co_await way->find(known, options);
     const auto quiet = co_await lss_.switch_global(lss::State::waiting);
+    co_await take_ids_back();
     if (!report) co_return fail(report.error());
     if (!quiet) co_return fail(quiet.error());
     for (const auto& found : report->found) all.found.push_back(found);
@@ -382,16 +409,27 @@ rt::Task<bool> Network::anybody_new() {
     if (somebody || method() == "rand") co_return somebody;
   }
   const bool due = ++looks_ % 8 == 0 || somebody_missing();
-  if (!due || executor_->now() < blank_at_) co_return false;
+  if (!due) co_return false;
   co_return co_await anybody_blank();
 }
 
+// By LSS identify non-configured (4Ch), which CANopenNode's slaves do not know, and by Fastscan's first question, which
+// Lely core's answer with a node-ID too: that is no news for a while when the search after it brought none.
 rt::Task<bool> Network::anybody_blank() {
   lss::ServiceOptions options = lss_.options().identify;
   options.timeout = std::min<rt::Duration>(options.timeout, 2 * bus_->timing.rand_response);
   options.full_window = false;
-  const auto heard = co_await lss_.identify_non_configured(options);
-  rest_wanted_ = heard && heard->answers > 0;
+  rest_wanted_ = false;
+  if (executor_->now() >= blank_at_) {
+    const auto heard = co_await lss_.identify_non_configured(options);
+    rest_wanted_ = heard && heard->answers > 0;
+  }
+  if (!rest_wanted_ && executor_->now() >= scanned_at_) {
+    const lss::FastscanRequest anybody;
+    const auto heard = co_await lss_.fastscan(anybody, options);
+    rest_wanted_ = heard && heard->answers > 0;
+    by_fastscan_ = rest_wanted_;
+  }
   co_return rest_wanted_;
 }
 

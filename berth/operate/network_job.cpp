@@ -146,6 +146,8 @@ rt::Duration Network::look_period() const noexcept {
 
 rt::Task<void> Network::handle(Wake wake) {
   Seat* const seat = seat_at(wake.node);
+  const bool of_ours = wake.kind == Wake::Kind::boot_up && wake.at <= lent_until_[wake.node.value()];
+  if (of_ours && seat != nullptr && !seat->slot.record.confirmed) co_return;
   if (seat == nullptr) {
     // A boot-up under a node-ID of nobody here: look who it is.
     const bool lent = wake.at <= lent_until_[wake.node.value()];

@@ -33,7 +33,25 @@ bool Network::may_be_lent(NodeId id) const noexcept {
   return !slot && !held && !lent && id != bus_->master && !boots_.heard(id);
 }
 
-NodeId Network::id_to_lend() const noexcept {
+bool Network::free_for_a_loan(const Seat& seat, const LssAddress& device) const noexcept {
+  const NodeId id = seat.id();
+  const auto& vacant = vacancy_[id.value()];
+  const auto heard = boots_.heard(id);
+  const bool held = std::ranges::any_of(found_, [&](const places::Found& f) { return f.active == id; });
+  const bool lent = std::ranges::any_of(lent_, [&](const Loan& l) { return l.id == id; });
+  return !seat.there && !seat.slot.record.device() && seat.slot.spec.assign == places::Assign::lss && !held && !lent &&
+         vacant && (!heard || *heard < *vacant) && places::fits(seat.slot.spec, device);
+}
+
+// The lowest free slot's that it fits: searches find the devices of a type in ascending order, and with `ascending` that
+// is where it stays. Else one that no slot has.
+NodeId Network::id_to_lend(const LssAddress& device) const noexcept {
+  NodeId lowest;
+  for (const auto& seat : seats_) {
+    const bool lower = !lowest.configured() || seat->id() < lowest;
+    if (lower && free_for_a_loan(*seat, device)) lowest = seat->id();
+  }
+  if (lowest.configured()) return lowest;
   for (std::uint8_t value = 126; value > 0; --value) {
     if (may_be_lent(NodeId(value)) && vacancy_[value]) return NodeId(value);
   }
@@ -55,7 +73,7 @@ rt::Task<Result<void>> Network::select_alone(LssAddress device) {
 }
 
 rt::Task<Result<NodeId>> Network::lend_id(LssAddress device) {
-  const NodeId id = id_to_lend();
+  const NodeId id = id_to_lend(device);
   if (!id.configured()) co_return fail(Errc::exhausted, "no node-ID is left that could be lent to it");
   const rt::Time began = executor_->now();
   lent_until_[id.value()] = rt::never;
@@ -89,7 +107,12 @@ rt::Task<void> Network::take_ids_back() {
   for (const auto& loan : lent) {
     const LssAddress device = loan.device;
     const NodeId id = loan.id;
-    const bool seated = seat_of(device) != nullptr && seat_of(device)->there;
+    const Seat* const seat = seat_of(device);
+    const bool seated = seat != nullptr && seat->there;
+    if (seated && seat->id() == id) {
+      lent_until_[id.value()] = executor_->now();
+      continue;
+    }
     bool back = seated;
     if (!back) back = co_await take_id_back(device, id);
     if (!back && loan.tries + 1 < most_tries) {

@@ -162,6 +162,27 @@ rt::Task<bool> Network::find_configured(bool everybody) {
   co_return news;
 }
 
+// Nothing needs to be assigned: the device that LSS does not reach, or that does not take a node-ID, sits under the
+// slot's already. False: it is not there any more.
+rt::Task<bool> Network::take_where_it_is(Seat& seat, LssAddress device) {
+  const auto who = co_await places::Binder::read_identity(sdo_, seat.id());
+  if (!who || *who != device) co_return false;
+  const places::Seat wanted{device, seat.id()};
+  const std::string reason = "it has the slot's node-ID, and LSS does not change it";
+  const auto asked = store_->ask(seat.slot.record.slot, wanted, reason);
+  const auto confirmed = asked ? store_->confirm(seat.slot.record.slot, wanted, reason) : asked;
+  refresh(seat);
+  if (!confirmed) {
+    set_state(seat, SlotState::failed, "the slot table cannot be written: " + describe(confirmed.error()));
+    co_return true;
+  }
+  forget_found(device);
+  tell("bound", seat.name(), fmt::format("{} sits there by its own node-ID {}", to_string(device), seat.id().value()));
+  seat.fresh = true;
+  co_await ask_seat(seat);
+  co_return true;
+}
+
 // Before anything is searched for, and before anything is called empty: a device may sit where it belongs already, have
 // booted long ago, beat no heart and speak no LSS. All are asked side by side; silence makes the node-ID vacant, which is
 // to be known before it is given.

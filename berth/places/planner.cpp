@@ -327,6 +327,8 @@ class Planner {
     const auto mode = slots_[free.front()].spec.when_ambiguous;
     switch (mode) {
       case WhenAmbiguous::ascending:
+        if (fresh.size() != free.size()) leave_where_they_are(group);
+        if (fresh.empty() || free.empty()) return;
         if (fresh.size() != free.size() || !all_fit(free, fresh)) break;
         for (std::size_t k = 0; k < fresh.size(); ++k) seat(free[k], fresh[k]);
         return;
@@ -342,7 +344,18 @@ class Planner {
     ask(free, fresh, mode == WhenAmbiguous::ascending ? "plug in as many as there are slots" : nullptr);
   }
 
-  /// Each into the lowest slot that it fits; who comes too late finds none.
+  /// One of them is off, or is one too many, and the others have the node-IDs of slots of their type: a machine that was
+  /// commissioned before keeps its order.
+  void leave_where_they_are(Group& group) {
+    const Group all = group;
+    for (const auto& f : all.fresh) {
+      const auto own = std::ranges::find_if(all.free, [&](std::size_t i) { return slots_[i].spec.id == f.active; });
+      const bool alone = std::ranges::count(found_, f.active, &Found::active) == 1;
+      if (own != all.free.end() && alone && fits(slots_[*own].spec, f.device)) take(group, *own, f);
+    }
+  }
+
+  /// Each into the lowest slot that it fits; one that comes too late finds none.
   void seat_in_turn(Group& group) {
     const std::vector<Found> fresh = group.fresh;
     for (const auto& f : fresh) {
@@ -385,7 +398,12 @@ class Planner {
         fresh.size(), fresh.size() == 1 ? "" : "s", to_string(fresh.front().device.type()), free.size(),
         free.size() == 1 ? "" : "s", devices, names.empty() ? "-" : names,
         what_else == nullptr ? std::string("N") : capital(what_else) + ", or n");
-    for (const auto& f : fresh) keep_off_our_ids(f);
+    for (const auto& f : fresh) {
+      const bool may_stay =
+          std::ranges::any_of(free, [&](std::size_t i) { return slots_[i].spec.id == f.active; }) &&
+          std::ranges::count(found_, f.active, &Found::active) == 1;
+      if (!may_stay) keep_off_our_ids(f);
+    }
     plan_.questions.push_back(std::move(q));
   }
   [[nodiscard]] static std::string capital(std::string text) {
