@@ -65,7 +65,7 @@ class ConfigWatch final : public plant::World::Observer {
     if (r == records->end() || !r->confirmed || r->confirmed->device != t.address) return false;
     return std::ranges::count_if(world_->devices(), [&](const auto& d) {
              const auto o = d->truth();
-             return o.powered && o.active == t.active;
+             return o.powered && o.bus == t.bus && o.active == t.active;
            }) == 1;
   }
 

@@ -53,15 +53,16 @@ class KillWorld final {
       : scenario_(scenario),
         store_(axe_, disk_),
         rig_(machine(scenario), plant(scenario), &store_),
-        watch_(rig_.world()),
         machine_(machine(scenario)),
+        watch_(rig_.world(), machine_, nullptr),
         configured_(rig_.world(), machine_, store_) {
     for (const auto& d : rig_.world().devices()) {
       memories_.push_back(std::make_unique<Memory>(*this, *d));
       d->memory().watch(memories_.back().get());
     }
-    rig_.put_between([this](can::Port& port) {
-      port_ = std::make_unique<MortalPort>(axe_, port);
+    rig_.put_between([this](can::Port& port, const std::string& bus) {
+      mortal_ = std::make_unique<MortalPort>(axe_, port);
+      port_ = std::make_unique<HeardPort>(watch_, bus, *mortal_);
       return port_.get();
     });
     if (scenario == Scenario::replaced) replace();
@@ -180,6 +181,7 @@ class KillWorld final {
   }
 
   void run(Life& life) {
+    watch_.berth_began();
     if (!rig_.try_begin()) {
       if (!axe_.fallen()) life.failure = "the slot table cannot be read";
       return;
@@ -199,6 +201,7 @@ class KillWorld final {
     for (const auto& s : rig_.network().report()) {
       const bool silent =
           s.name == "s2" && s.state == places::SlotState::absent && s.device && s.device->serial == 0x22;
+      if (silent) watch_.replaced_by_a_person("d2");
       if (silent && !rig_.network().replace("s2", std::nullopt)) axe_.fall();  // its store has just died
     }
   }
@@ -230,14 +233,10 @@ class KillWorld final {
 
   void power_lost(plant::SimDevice& device) noexcept {
     struck_ = true;
-    watch_.disturbed(device.name());
     device.power(false);
     if (death_.torn && death_.victim == Victim::both) axe_.fall();
     plant::SimDevice* const back = &device;
-    rig_.world().sim().after(300ms, [this, back] {
-      watch_.disturbed(back->name());
-      back->power(true);
-    });
+    rig_.world().sim().after(300ms, [back] { back->power(true); });
   }
 
   [[nodiscard]] std::string states() {
@@ -332,10 +331,11 @@ class KillWorld final {
   Random random_{11};
   Axe axe_;
   MortalStore store_;
-  std::unique_ptr<MortalPort> port_;
+  std::unique_ptr<MortalPort> mortal_;
+  std::unique_ptr<HeardPort> port_;
   Rig rig_;
-  DoubleWatch watch_;
   design::Machine machine_;
+  DoubleWatch watch_;
   ConfigWatch configured_;
   std::vector<std::unique_ptr<Memory>> memories_;
   Death death_;

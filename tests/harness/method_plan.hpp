@@ -27,8 +27,8 @@ inline constexpr int method_faults = fault_kinds + 2;
 inline const char* method_fault_name(int fault) {
   if (fault == fault_join) return "join";
   if (fault == fault_restart) return "restart";
-  constexpr const char* names[] = {"overrun", "ov.master", "disturb", "twice",  "slow",
-                                   "deaf",    "reset",     "power",   "unplug", "cut"};
+  constexpr const char* names[] = {"overrun", "ov.master", "disturb", "twice", "slow", "deaf",
+                                   "reset",   "power",     "unplug",  "cut",   "04 00"};
   return names[fault];
 }
 

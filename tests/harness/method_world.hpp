@@ -167,8 +167,14 @@ class MethodRun final : private discovery::Observer, private plant::World::Obser
 
   void strike(int kind) {
     note(method_fault_name(kind));
-    if (!finished()) ++outcome_.hits[static_cast<std::size_t>(kind)];
-    if (kind == fault_join) {
+    const std::string who = victim(plan_.plant, {}, random_);
+    if (!finished() && kind != static_cast<int>(FaultKind::waiting_lost))
+      ++outcome_.hits[static_cast<std::size_t>(kind)];
+    if (kind == static_cast<int>(FaultKind::waiting_lost)) {
+      lose_next_waiting(*world_, who, [this, kind](std::uint64_t) {
+        if (master_ && !finished()) ++outcome_.hits[static_cast<std::size_t>(kind)];
+      });
+    } else if (kind == fault_join) {
       world_->devices().back()->plug();
     } else if (kind == fault_restart) {
       end_master();
@@ -176,7 +182,8 @@ class MethodRun final : private discovery::Observer, private plant::World::Obser
       begin_master();
       begin_search();
     } else {
-      for (const auto& e : events_of(static_cast<FaultKind>(kind), plan_.plant, now().time_since_epoch(), random_)) {
+      for (const auto& e :
+           events_of(static_cast<FaultKind>(kind), who, "backbone", now().time_since_epoch(), random_)) {
         due_.emplace(rt::Time{} + e.delay, e);
       }
       perform_due();

@@ -1,4 +1,5 @@
-// A machine, a plant, and Berth between them, for tests and for the programs that try many worlds. One bus.
+// A machine, a plant, and Berth between them, for tests and for the programs that try many worlds. One bus,
+// unless the machine has more: then `begin` makes one network for each, and what names none means the first.
 #pragma once
 
 #include <algorithm>
@@ -37,9 +38,9 @@ inline design::Machine one_bus(std::uint32_t bit_rate) {
   return m;
 }
 
-inline void add_slot(design::Machine& m, unsigned id, TypeCode type) {
+inline void add_slot(design::Machine& m, unsigned id, TypeCode type, const std::string& bus = "backbone") {
   design::Slot slot;
-  slot.spec.name = {m.name, "backbone", "s" + std::to_string(id)};
+  slot.spec.name = {m.name, bus, (bus == "backbone" ? "s" : bus + " s") + std::to_string(id)};
   slot.spec.id = NodeId(static_cast<std::uint8_t>(id));
   slot.spec.type = type;
   m.slots.push_back(slot);
@@ -52,11 +53,11 @@ inline plant::PlantFile one_bus_plant(std::uint64_t seed) {
   return p;
 }
 
-inline plant::PlantDevice& add_device(plant::PlantFile& p, const std::string& name, TypeCode type,
-                                      std::uint32_t serial) {
+inline plant::PlantDevice& add_device(plant::PlantFile& p, const std::string& name, TypeCode type, std::uint32_t serial,
+                                      const std::string& bus = "backbone") {
   plant::PlantDevice d;
   d.name = name;
-  d.bus = "backbone";
+  d.bus = bus;
   d.address = {type.vendor, type.product, 0, serial};
   d.response = {500us, 2ms, 0, 0ms};
   if (type == type_pump) d.eds = d.eds_path = example_eds("pump.eds");
@@ -99,8 +100,12 @@ class Rig {
   }
   ~Rig() { kill(); }
 
-  // What stands between Berth and its controller from the next `begin` on; it must stay until `kill`.
-  void put_between(std::function<can::Port*(can::Port&)> between) { between_ = std::move(between); }
+  // What stands between Berth and its controller of this bus from the next `begin` on; it must stay until `kill`.
+  using Between = std::function<can::Port*(can::Port&, const std::string& bus)>;
+  void put_between(Between between) { between_ = std::move(between); }
+  // Before each step of a binding, from the next `begin` on. Must not end Berth.
+  using OnStep = std::function<void(const std::string& bus, const places::Binding&)>;
+  void on_step(OnStep on_step) { on_step_ = std::move(on_step); }
 
   // Berth begins, as a new process would: nothing but the store and the bus.
   void begin() {
@@ -108,26 +113,37 @@ class Rig {
   }
   // False: the store cannot be read or written.
   bool try_begin() {
-    port_ = world_->attach_master("backbone");
-    can::Port& port = between_ ? *between_(*port_) : *port_;
-    network_ = std::make_unique<operate::Network>(
-        world_->executor(), port, machine_.buses.front(), machine_.specs("backbone"), *store_,
-        operate::NetworkObserver{[this](const operate::Event& e) { events_.push_back(e); },
-                                 [this](const std::string& m) { milestone(m); }});
-    if (!network_->open()) return false;
-    network_->start();
+    for (const auto& bus : machine_.buses) {
+      masters_.push_back(std::make_unique<Master>());
+      Master& master = *masters_.back();
+      master.port = world_->attach_master(bus.name);
+      can::Port& port = between_ ? *between_(*master.port, bus.name) : *master.port;
+      operate::NetworkObserver observer{[this](const operate::Event& e) { events_.push_back(e); },
+                                        [this](const std::string& m) { milestone(m); }};
+      if (on_step_) observer.before_step = [this, name = bus.name](const auto& binding) { on_step_(name, binding); };
+      master.network = std::make_unique<operate::Network>(world_->executor(), port, bus, machine_.specs(bus.name),
+                                                          *store_, std::move(observer));
+      if (!master.network->open()) return false;
+      master.network->start();
+    }
     return true;
   }
   // Berth dies where it stands.
   void kill() {
-    network_.reset();
-    port_.reset();
+    for (auto& master : masters_) master->network.reset();
+    masters_.clear();
   }
 
   bool run_until(const std::function<bool()>& done, rt::Duration limit) { return world_->sim().run_until(done, limit); }
   void run_for(rt::Duration time) { world_->sim().run_for(time); }
   bool until_operational(rt::Duration limit) {
-    return run_until([this] { return network_->operational() && network_->idle(); }, limit);
+    return run_until([this] { return operational() && idle(); }, limit);
+  }
+  [[nodiscard]] bool operational() const noexcept {
+    return std::ranges::all_of(masters_, [](const auto& m) { return m->network->operational(); });
+  }
+  [[nodiscard]] bool idle() const noexcept {
+    return std::ranges::all_of(masters_, [](const auto& m) { return m->network->idle(); });
   }
 
   // Slot id -> serial number of the device that the store has confirmed there.
@@ -141,7 +157,7 @@ class Rig {
     return result;
   }
   [[nodiscard]] places::SlotState state(unsigned id) const {
-    for (const auto& s : network_->report()) {
+    for (const auto& s : masters_.front()->network->report()) {
       if (s.id.value() == id) return s.state;
     }
     return places::SlotState::unknown;
@@ -149,15 +165,19 @@ class Rig {
   [[nodiscard]] std::string log() const {
     std::string text;
     for (const auto& e : events_) text += operate::to_line(e) + "\n";
-    for (const auto& line : network_ ? operate::to_table(network_->report()) : std::vector<std::string>{})
-      text += line + "\n";
+    for (const auto& master : masters_) {
+      if (!master->network) continue;
+      for (const auto& line : operate::to_table(master->network->report())) text += line + "\n";
+    }
     return text;
   }
 
   [[nodiscard]] plant::World& world() noexcept { return *world_; }
   [[nodiscard]] plant::SimDevice& device(const std::string& name) { return *world_->find(name); }
-  [[nodiscard]] operate::Network& network() noexcept { return *network_; }
-  [[nodiscard]] sim::Controller& port() noexcept { return *port_; }
+  [[nodiscard]] operate::Network& network(std::size_t bus = 0) noexcept { return *masters_[bus]->network; }
+  [[nodiscard]] std::size_t networks() const noexcept { return masters_.size(); }
+  [[nodiscard]] bool runs() const noexcept { return !masters_.empty(); }
+  [[nodiscard]] sim::Controller& port() noexcept { return *masters_.front()->port; }
   [[nodiscard]] places::SlotStore& store() noexcept { return *store_; }
   [[nodiscard]] const std::vector<operate::Event>& events() const noexcept { return events_; }
   [[nodiscard]] rt::Time now() const noexcept { return world_->executor().now(); }
@@ -174,9 +194,13 @@ class Rig {
   places::MemoryStore memory_;
   places::SlotStore* store_;
   std::unique_ptr<plant::World> world_;
-  std::unique_ptr<sim::Controller> port_;
-  std::function<can::Port*(can::Port&)> between_;
-  std::unique_ptr<operate::Network> network_;
+  struct Master {
+    std::unique_ptr<sim::Controller> port;
+    std::unique_ptr<operate::Network> network;
+  };
+  std::vector<std::unique_ptr<Master>> masters_;
+  Between between_;
+  OnStep on_step_;
   std::vector<operate::Event> events_;
 };
 

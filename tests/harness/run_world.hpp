@@ -3,8 +3,9 @@
 
 #include <array>
 #include <map>
+#include <set>
 
-#include "tests/harness/config_watch.hpp"
+#include "tests/harness/end_judge.hpp"
 #include "tests/harness/world_plan.hpp"
 
 namespace berth::harness {
@@ -13,59 +14,10 @@ struct Outcome {
   std::string failure;  // empty: good
   std::uint64_t hash = 0;
   rt::Duration bus_time{0};
-  std::array<std::array<unsigned, columns>, fault_kinds> hits{};
+  std::array<std::array<unsigned, columns>, world_fault_kinds> hits{};
+  std::array<std::array<unsigned, steps>, step_kinds> step_hits{};
   std::vector<plant::PlantEvent> events;  // what happened, when: replays this run
   std::string log;
-};
-
-// Berth must never be the one who makes two devices hold one node-ID.
-class DoubleWatch final : public plant::World::Observer {
- public:
-  explicit DoubleWatch(plant::World& world) : world_(&world) { world.add_observer(*this); }
-  ~DoubleWatch() { world_->remove_observer(*this); }
-
-  // A device that could not be heard lately may come back with what it had: nobody can have known.
-  void disturbed(const std::string& who) { unreachable_[who] = world_->executor().now(); }
-  void disturbed_all() {
-    for (const auto& d : world_->devices()) disturbed(d->name());
-  }
-  [[nodiscard]] const std::string& failure() const noexcept { return failure_; }
-
- private:
-  struct Life {
-    bool powered = false;
-    rt::Time on{};
-    NodeId came_with;
-    NodeId active;
-  };
-  void plant_changed(const plant::SimDevice& device) noexcept override {
-    const auto t = device.truth();
-    Life& life = lives_[t.name];
-    const rt::Time now = world_->executor().now();
-    if (t.powered && !life.powered) {
-      life.on = now;
-      life.came_with = t.persistent;
-    }
-    const bool woke = t.active.configured() && t.active != life.active;
-    life.powered = t.powered;
-    life.active = t.active;
-    if (!woke || !failure_.empty()) return;
-    if (t.active == life.came_with) return;  // what it had when it was switched on
-    for (const auto& other : world_->devices()) {
-      const auto o = other->truth();
-      if (o.name == t.name || !o.powered || o.booting || o.active != t.active || o.address == t.address) continue;
-      const auto lost = unreachable_.find(o.name);
-      const bool was_reachable =
-          now - lives_[o.name].on > 3s && (lost == unreachable_.end() || now - lost->second > 4s);
-      if (!was_reachable) continue;
-      failure_ =
-          "Berth gave node-ID " + std::to_string(t.active.value()) + " to " + t.name + " while " + o.name + " holds it";
-    }
-  }
-  plant::World* world_;
-  std::map<std::string, Life> lives_;
-  std::map<std::string, rt::Time> unreachable_;
-  std::string failure_;
 };
 
 class WorldRun {
@@ -73,18 +25,26 @@ class WorldRun {
   explicit WorldRun(const WorldPlan& plan)
       : plan_(plan),
         rig_(plan.machine, plan.plant),
-        watch_(rig_.world()),
+        watch_(rig_.world(), plan.machine, &rig_.store()),
         configured_(rig_.world(), plan.machine, rig_.store()),
-        random_(plan.seed ^ 0xFA17) {
+        judge_(rig_, plan.machine, watch_, configured_),
+        random_(plan.seed ^ 0xFA17),
+        step_faults_(plan.step_faults) {
     if (plan.perturbed) rig_.world().executor().perturb(plan.seed);
+    rig_.put_between([this](can::Port& port, const std::string& bus) {
+      ports_.push_back(std::make_unique<HeardPort>(watch_, bus, port));
+      return ports_.back().get();
+    });
+    rig_.on_step([this](const std::string& bus, const places::Binding& binding) { step_begins(bus, binding); });
   }
+  ~WorldRun() { rig_.kill(); }
 
   Outcome go() {
-    rig_.begin();
+    begin();
     troubles();
     if (sound()) ending();
-    if (!watch_.failure().empty()) outcome_.failure = watch_.failure();
     if (!configured_.failure().empty()) outcome_.failure = configured_.failure();
+    if (!watch_.failure().empty()) outcome_.failure = watch_.failure();
     outcome_.hash = rig_.world().sim().trace_hash();
     outcome_.bus_time = rig_.now().time_since_epoch();
     outcome_.log = rig_.log();
@@ -92,28 +52,41 @@ class WorldRun {
   }
 
  private:
-  [[nodiscard]] bool sound() const noexcept { return watch_.failure().empty() && configured_.failure().empty(); }
+  using Deed = std::function<void()>;
 
-  // The time in which things go wrong: until every fault had its chance, at most 20 s of bus time.
+  [[nodiscard]] bool sound() const noexcept { return watch_.failure().empty() && configured_.failure().empty(); }
+  [[nodiscard]] rt::Time now() const noexcept { return rig_.now(); }
+
+  void begin() {
+    watch_.berth_began();
+    ports_.clear();
+    rig_.begin();
+  }
+  void end_berth(rt::Duration for_so_long) {
+    if (!rig_.runs()) return;
+    rig_.kill();
+    due_.emplace(now() + for_so_long, [this] { begin(); });
+  }
+
+  // ---- the time in which things go wrong ----
+
+  // Until every fault had its chance, at most 20 s of bus time, and everybody is back who comes back.
   void troubles() {
-    const rt::Time limit = rig_.now() + 20s;
+    const rt::Time limit = now() + 20s;
     std::vector<PlannedFault> waiting = plan_.faults;
     bool restarted = !plan_.restarts;
-    while (rig_.now() < limit && sound()) {
-      if (waiting.empty() && restarted && due_.empty()) break;
+    while (sound()) {
+      const bool over = now() >= limit || (waiting.empty() && step_faults_.empty() && restarted);
+      if (over) step_faults_.clear();
+      if (over && due_.empty()) break;
       perform_due();
-      if (!restarted && rig_.now() - rt::Time{} >= plan_.restart_at) {
+      if (!restarted && now() - rt::Time{} >= plan_.restart_at) {
         restarted = true;
-        rig_.kill();
-        rig_.begin();
+        end_berth(0ms);
       }
-      const Column here = column_of(rig_.network().phase());
-      std::erase_if(waiting, [&](const PlannedFault& f) {
-        if (f.column != here || rig_.network().phase() == operate::Phase::opening) return false;
-        due_.emplace(rig_.now() + f.delay, f.kind);
-        return true;
-      });
-      rt::Time next = rig_.now() + 1ms;
+      if (!over && rig_.runs()) aim(waiting);
+      rt::Time next = now() + 1ms;
+      if (over || waiting.empty()) next = now() + 50ms;
       if (!due_.empty()) next = std::min(next, due_.begin()->first);
       if (!rig_.world().executor().step(next)) rig_.world().sim().run_until(next);
     }
@@ -121,118 +94,225 @@ class WorldRun {
   }
 
   void perform_due() {
-    while (!due_.empty() && due_.begin()->first <= rig_.now()) {
-      const FaultKind kind = due_.begin()->second;
+    while (!due_.empty() && due_.begin()->first <= now()) {
+      const Deed deed = std::move(due_.begin()->second);
       due_.erase(due_.begin());
-      ++outcome_.hits[static_cast<std::size_t>(kind)][static_cast<std::size_t>(column_of(rig_.network().phase()))];
-      for (const auto& e : events_of(kind, plan_.plant, rig_.now().time_since_epoch(), random_)) {
-        outcome_.events.push_back(e);
-        const rt::Duration later = e.delay - rig_.now().time_since_epoch();
-        if (!e.device.empty())
-          watch_.disturbed(e.device);
-        else
-          watch_.disturbed_all();
-        if (later <= 0ms) {
-          rig_.world().perform(e);
-        } else {
-          rig_.world().sim().after(later, [this, e] {
-            if (!e.device.empty())
-              watch_.disturbed(e.device);
-            else
-              watch_.disturbed_all();
-            rig_.world().perform(e);
-          });
-        }
-      }
+      deed();
     }
   }
 
-  // Nothing goes wrong any more: what can become operational does so in bounded bus time.
+  [[nodiscard]] Column column(std::size_t bus) { return column_of(rig_.network(bus).phase()); }
+
+  void aim(std::vector<PlannedFault>& waiting) {
+    std::erase_if(waiting, [&](const PlannedFault& f) {
+      const auto phase = rig_.network(f.bus).phase();
+      if (f.column != column_of(phase) || phase == operate::Phase::opening) return false;
+      due_.emplace(now() + f.delay, [this, f] { strike(f); });
+      return true;
+    });
+  }
+
+  void strike(const PlannedFault& f) {
+    if (!rig_.runs()) return;
+    const std::string bus = plan_.machine.buses[f.bus].name;
+    const std::string who = victim(plan_.plant, bus, random_);
+    unsigned& hits = outcome_.hits[static_cast<std::size_t>(f.kind)][static_cast<std::size_t>(column(f.bus))];
+    if (f.kind == FaultKind::waiting_lost) {
+      const rt::Duration armed = now().time_since_epoch();
+      lose_next_waiting(rig_.world(), who, [this, &hits, who, bus, armed](std::uint64_t frame) {
+        ++hits;
+        auto e = event(plant::Action::overrun, who, armed);
+        e.bus = bus;
+        e.nodes = {std::exchange(e.device, {})};
+        e.strike.frame = frame;
+        outcome_.events.push_back(e);
+      });
+      return;
+    }
+    ++hits;
+    const bool leaves = f.kind == FaultKind::away || f.kind == FaultKind::gone;
+    if (leaves && who.empty()) return;
+    for (const auto& e : events_of(f.kind, who, bus, now().time_since_epoch(), random_)) plan_event(e);
+    if (leaves) left(who);
+  }
+
+  static plant::PlantEvent event(plant::Action action, const std::string& who, rt::Duration at) {
+    plant::PlantEvent e;
+    e.action = action;
+    e.device = who;
+    e.delay = at;
+    return e;
+  }
+  void plan_event(const plant::PlantEvent& e) {
+    outcome_.events.push_back(e);
+    due_.emplace(std::max(now(), rt::Time{} + e.delay), [this, e] { rig_.world().perform(e); });
+  }
+
+  // ---- faults that are aimed at a step of a binding ----
+
+  void step_begins(const std::string& bus, const places::Binding& binding) {
+    const auto* const step = std::ranges::find(aimed_steps, binding.step());
+    if (step == std::end(aimed_steps) || !sound()) return;
+    const int place = static_cast<int>(step - std::begin(aimed_steps));
+    // Of clones, and of what no device has, the first or none.
+    const auto& devices = rig_.world().devices();
+    const auto device = std::ranges::find_if(
+        devices, [&](const auto& d) { return d->plan().bus == bus && d->truth().address == binding.seat().device; });
+    if (device == devices.end()) return;
+    for (auto it = step_faults_.begin(); it != step_faults_.end(); ++it) {
+      if (it->step != place) continue;
+      if (it->skip > 0) {
+        --it->skip;
+        continue;
+      }
+      const StepFault f = *it;
+      step_faults_.erase(it);
+      const NodeId id = binding.seat().id;
+      due_.emplace(now() + f.delay, [this, f, bus, who = (*device)->name(), id] { strike(f, bus, who, id); });
+      return;
+    }
+  }
+
+  void strike(const StepFault& f, const std::string& bus, const std::string& who, NodeId id) {
+    const auto frame = frame_of(f.kind, aimed_steps[f.step], id);
+    if (!rig_.runs()) return;
+    ++outcome_.step_hits[static_cast<std::size_t>(f.kind)][static_cast<std::size_t>(f.step)];
+    const rt::Duration at = now().time_since_epoch();
+    switch (f.kind) {
+      case StepKind::power:
+        plan_event(event(plant::Action::power_off, who, at));
+        if (f.back) plan_event(event(plant::Action::power_on, who, at + *f.back));
+        if (!f.back || *f.back > 10s) left(who);
+        break;
+      case StepKind::berth: end_berth(*f.back); break;
+      case StepKind::request_lost:
+      case StepKind::answer_lost: {
+        if (!frame) break;
+        auto e = event(plant::Action::overrun, {}, at);
+        e.bus = bus;
+        e.nodes = {f.kind == StepKind::request_lost ? who : std::string(plant::master_name)};
+        e.strike.id = *frame;
+        plan_event(e);
+        break;
+      }
+      case StepKind::count: break;
+    }
+    perform_due();
+  }
+
+  // ---- what a person does ----
+
+  // A device left for long: a spare of its kind is brought, and the person may say so.
+  void left(const std::string& who) {
+    const auto* const gone = plan_.plant.device(who);
+    for (const auto& d : plan_.plant.devices) {
+      const bool spare = !d.plugged && d.bus == gone->bus && d.address.type() == gone->address.type() &&
+                         d.address.revision == gone->address.revision && !brought_.contains(d.name);
+      if (!spare) continue;
+      brought_.insert(d.name);
+      const rt::Duration when(random_.between(rt::Duration(500ms).count(), rt::Duration(20s).count()));
+      plan_event(event(plant::Action::plug, d.name, now().time_since_epoch() + when));
+      break;
+    }
+    if (plan_.replaces) due_.emplace(now() + 8s, [this, who] { replace(who, 6); });
+  }
+
+  // `berth replace`, of a slot that is shown as absent, when Berth has nothing to do.
+  void replace(const std::string& who, int tries) {
+    const auto t = rig_.device(who).truth();
+    if (t.powered || tries == 0) return;
+    const auto again = [&] { due_.emplace(now() + 1s, [this, who, tries] { replace(who, tries - 1); }); };
+    if (!rig_.runs() || !rig_.idle()) return again();
+    for (std::size_t i = 0; i < rig_.networks(); ++i) {
+      for (const auto& s : rig_.network(i).report()) {
+        if (s.device != t.address || s.state != places::SlotState::absent || s.bus != t.bus) continue;
+        // From the instant on at which it is said; what the command says is judged elsewhere.
+        watch_.replaced_by_a_person(who);
+        if (rig_.network(i).replace(s.name, std::nullopt)) return;
+      }
+    }
+    again();
+  }
+
+  // ---- the end ----
+
+  // Nothing goes wrong any more: what can become operational does so in bounded bus time, and stays so.
   void ending() {
     const bool cycles =
         std::ranges::any_of(plan_.plant.devices, [](const auto& d) { return d.power_cycle_after_store; }) ||
         std::ranges::any_of(plan_.machine.slots,
                             [](const auto& s) { return s.spec.activate == places::Activate::power_cycle; });
     for (int round = 0; round < 6; ++round) {
-      if (rig_.until_operational(15s)) break;
-      if (!sound()) return;
+      if (comes_to_rest(15s) || !sound()) break;
       if (cycles) power_cycle();
     }
+    if (!sound()) return;
+    rig_.run_for(3s);
+    if (!sound()) return;
+    comes_to_rest(20s);
     check_end();
+  }
+
+  // Everything is as it must be, within this time.
+  bool comes_to_rest(rt::Duration limit) {
+    const rt::Time deadline = now() + limit;
+    while (now() < deadline && sound()) {
+      if (rig_.idle() && verdict().empty()) return true;
+      rig_.run_for(100ms);
+    }
+    return false;
   }
 
   // What a person does who reads "power cycle needed".
   void power_cycle() {
-    for (const auto& s : rig_.network().report()) {
-      if (s.state != places::SlotState::power_cycle || !s.device) continue;
-      for (const auto& d : rig_.world().devices()) {
-        if (d->truth().address != *s.device) continue;
-        watch_.disturbed(d->name());
-        d->power(false);
-        rig_.run_for(100ms);
-        d->power(true);
+    std::vector<LssAddress> waiting;
+    for (std::size_t i = 0; i < rig_.networks(); ++i) {
+      for (const auto& s : rig_.network(i).report()) {
+        if (s.state == places::SlotState::power_cycle && s.device) waiting.push_back(*s.device);
       }
     }
-    // Devices that were to be blanked wait for power too, in no slot's name.
     for (const auto& d : rig_.world().devices()) {
       const auto t = d->truth();
-      if (d->plan().power_cycle_after_store && t.active != t.persistent) {
-        watch_.disturbed(d->name());
-        d->power(false);
-        rig_.run_for(100ms);
-        d->power(true);
+      // Devices that were to be blanked wait for power too, in no slot's name.
+      const bool waits = std::ranges::find(waiting, t.address) != waiting.end() ||
+                         (d->plan().power_cycle_after_store && t.active != t.persistent);
+      if (!waits || !t.powered) continue;
+      d->power(false);
+      rig_.run_for(100ms);
+      d->power(true);
+    }
+  }
+
+  [[nodiscard]] std::string verdict() {
+    std::string wrong = judge_.wrong();
+    if (!wrong.empty() || !plan_.solvable) return wrong;
+    for (std::size_t i = 0; i < rig_.networks(); ++i) {
+      for (const auto& s : rig_.network(i).report()) {
+        const bool by_fastscan = rig_.network(i).bus().discovery.find("fastscan") != std::string::npos ||
+                                 rig_.network(i).bus().discovery == "planner-feedback";
+        if (s.state != places::SlotState::operational && !by_fastscan)
+          return "slot " + s.name + " is " + places::name(s.state) + ": " + s.reason;
       }
     }
+    return {};
   }
 
   void check_end() {
-    const auto fail = [&](const std::string& text) {
-      if (outcome_.failure.empty()) outcome_.failure = text;
-    };
-    if (!rig_.run_until([&] { return rig_.network().idle(); }, 20s)) fail("the main job does not come to rest");
-    for (const auto& s : rig_.network().report()) {
-      if (plan_.solvable && s.state != places::SlotState::operational) {
-        fail("slot " + s.name + " is " + places::name(s.state) + ": " + s.reason);
-      }
-      if (s.state == places::SlotState::unknown || s.state == places::SlotState::binding) {
-        fail("slot " + s.name + " ended as " + std::string(places::name(s.state)));
-      }
-      if (s.state == places::SlotState::operational) check_operational(s, fail);
-    }
-  }
-
-  template <class Fail>
-  void check_operational(const operate::SlotReport& s, const Fail& fail) {
-    unsigned holders = 0;
-    bool right = false;
-    for (const auto& t : rig_.world().truth()) {
-      if (!t.powered || t.active != s.id) continue;
-      ++holders;
-      right = right || (s.device && t.address == *s.device && t.state == NmtState::operational);
-    }
-    if (!right) fail("slot " + s.name + " is told operational and its device is not");
-    const bool twins = std::ranges::any_of(plan_.plant.devices, [](const auto& d) { return d.name == "twin"; });
-    if (!twins) check_configuration(s, fail);
-    if (holders > 1 && !twins) fail("two devices hold the node-ID of operational slot " + s.name);
-  }
-
-  template <class Fail>
-  void check_configuration(const operate::SlotReport& s, const Fail& fail) {
-    const design::Slot* const slot = plan_.machine.slot(s.bus, s.id);
-    for (const auto& d : rig_.world().devices()) {
-      const auto t = d->truth();
-      if (!t.powered || t.active != s.id || !s.device || t.address != *s.device) continue;
-      const auto wrong = configured_.check(*d, *slot);
-      if (!wrong.empty()) fail("slot " + s.name + " is operational, and " + wrong);
-    }
+    if (!rig_.idle() && outcome_.failure.empty()) outcome_.failure = "the main job does not come to rest";
+    const std::string wrong = verdict();
+    if (!wrong.empty() && outcome_.failure.empty()) outcome_.failure = wrong;
   }
 
   const WorldPlan& plan_;
   Rig rig_;
   DoubleWatch watch_;
   ConfigWatch configured_;
+  EndJudge judge_;
   Random random_;
-  std::multimap<rt::Time, FaultKind> due_;
+  std::vector<std::unique_ptr<HeardPort>> ports_;
+  std::multimap<rt::Time, Deed> due_;
+  std::vector<StepFault> step_faults_;
+  std::set<std::string> brought_;
   Outcome outcome_;
 };
 

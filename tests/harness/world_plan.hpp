@@ -1,9 +1,13 @@
 // Random machines, plants and faults from a seed, as explicit data: what a failed run is replayed and shrunk from.
 #pragma once
 
+#include <functional>
+#include <iterator>
 #include <string>
 #include <vector>
 
+#include "berth/discovery/discovery.hpp"
+#include "berth/lss/frames.hpp"
 #include "tests/harness/rig.hpp"
 
 namespace berth::harness {
@@ -19,14 +23,59 @@ enum class FaultKind : std::uint8_t {
   power,
   unplug,
   cut,
+  waiting_lost,  // one device loses the next `04 00`
+  away,          // a device leaves for 30 to 90 s
+  gone,          // a device leaves for ever
   count
 };
 inline const char* name(FaultKind k) {
-  constexpr const char* names[] = {"overrun", "overrun master", "disturb",    "frame twice", "slow",
-                                   "deaf",    "reset",          "power loss", "unplug",      "cable cut"};
+  constexpr const char* names[] = {"overrun",    "overrun master", "disturb",    "frame twice", "slow",
+                                   "deaf",       "reset",          "power loss", "unplug",      "cable cut",
+                                   "04 00 lost", "long away",      "gone"};
   return names[static_cast<int>(k)];
 }
-inline constexpr int fault_kinds = static_cast<int>(FaultKind::count);
+inline constexpr int world_fault_kinds = static_cast<int>(FaultKind::count);
+// Those that a single search is tried with too.
+inline constexpr int fault_kinds = static_cast<int>(FaultKind::away);
+
+// A fault that waits for a step of a binding and strikes before it, at this device.
+enum class StepKind : std::uint8_t {
+  power,         // the device loses power
+  berth,         // Berth ends, and begins anew
+  request_lost,  // the device loses the step's next frame
+  answer_lost,   // Berth loses the device's next frame
+  count
+};
+inline const char* name(StepKind k) {
+  constexpr const char* names[] = {"device off", "Berth ended", "request lost", "answer lost"};
+  return names[static_cast<int>(k)];
+}
+inline constexpr int step_kinds = static_cast<int>(StepKind::count);
+inline constexpr places::Step aimed_steps[] = {
+    places::Step::check_vacant,  places::Step::write_ask, places::Step::select,       places::Step::inquire,
+    places::Step::configure,     places::Step::store,     places::Step::release,      places::Step::reset,
+    places::Step::await_boot_up, places::Step::identify,  places::Step::write_confirm};
+inline constexpr int steps = static_cast<int>(std::size(aimed_steps));
+// The identifier of the frame that is lost at a step; none: the step sends, or waits for, none at the device.
+inline std::optional<std::uint32_t> frame_of(StepKind kind, places::Step step, NodeId id) {
+  using places::Step;
+  const bool lss = step == Step::select || step == Step::inquire || step == Step::configure || step == Step::store;
+  if (kind == StepKind::request_lost) {
+    if (lss || step == Step::release) return 0x7E5;
+    if (step == Step::reset) return 0x000;
+    if (step == Step::identify && id.configured()) return 0x600U + id.value();
+  }
+  if (kind == StepKind::answer_lost) {
+    if (lss) return 0x7E4;
+    if (step == Step::await_boot_up) return 0x700U + id.value();
+    if (step == Step::identify && id.configured()) return 0x580U + id.value();
+  }
+  return std::nullopt;
+}
+inline bool can_strike(StepKind kind, places::Step step) {
+  if (kind == StepKind::power || kind == StepKind::berth) return true;
+  return frame_of(kind, step, NodeId(1)).has_value();
+}
 // "opening" lasts a few frames and is counted with preparation.
 enum class Column : std::uint8_t { preparation, discovery, binding, start, watch, count };
 inline constexpr int columns = static_cast<int>(Column::count);
@@ -46,11 +95,21 @@ inline Column column_of(operate::Phase phase) {
   return Column::watch;
 }
 
-// A fault that waits for its phase, then for `delay`.
+// A fault that waits for its phase on a bus, then for `delay`.
 struct PlannedFault {
   FaultKind kind = FaultKind::overrun;
   Column column = Column::discovery;
   rt::Duration delay{0};
+  std::size_t bus = 0;
+};
+
+// A fault that waits for this step, lets so many such steps pass, and then strikes `delay` behind its beginning.
+struct StepFault {
+  StepKind kind = StepKind::power;
+  int step = 0;  // of `aimed_steps`
+  unsigned skip = 0;
+  rt::Duration delay{0};
+  std::optional<rt::Duration> back = 300ms;  // of who loses power, or of Berth; none: for ever
 };
 
 struct WorldPlan {
@@ -58,9 +117,11 @@ struct WorldPlan {
   design::Machine machine;
   plant::PlantFile plant;
   std::vector<PlannedFault> faults;
+  std::vector<StepFault> step_faults;
   bool solvable = true;   // every slot has exactly one device that fits: the end must be operational
   bool restarts = false;  // Berth is ended and begun again in the middle
   rt::Duration restart_at{0};
+  bool replaces = false;   // a person says `berth replace` of a slot whose device left for long
   bool perturbed = false;  // jobs of one instant in a drawn order
 };
 
@@ -70,10 +131,11 @@ class Planner {
 
   WorldPlan make() {
     machine();
-    for (std::size_t i = 0; i < plan_.machine.slots.size(); ++i) device(plan_.machine.slots[i].spec.type);
+    for (std::size_t i = 0; i < plan_.machine.slots.size(); ++i) device(plan_.machine.slots[i].spec);
     stored_ids();
     strangers();
     faults();
+    spares();
     plan_.perturbed = random_.below(2) == 0;
     return std::move(plan_);
   }
@@ -83,26 +145,56 @@ class Planner {
   static constexpr TypeCode types[type_count] = {type_a, type_b, type_c, type_pump};
 
   void machine() {
+    const auto draw = random_.below(10);
+    const std::size_t buses = draw < 7 ? 1 : draw < 9 ? 2 : 3;
+    plan_.plant = one_bus_plant(plan_.seed);
+    slow_stores_ = random_.below(4) == 0;
     constexpr std::uint32_t rates[] = {50'000, 125'000, 500'000, 1'000'000};
-    plan_.machine = one_bus(rates[random_.below(4)]);
-    auto& timing = plan_.machine.buses.front().timing;
+    constexpr const char* names[] = {"backbone", "second", "third"};
+    for (std::size_t i = 0; i < buses; ++i) {
+      if (i == 0) {
+        plan_.machine = one_bus(rates[random_.below(4)]);
+      } else {
+        design::Bus more = plan_.machine.buses.front();
+        more.name = names[i];
+        more.bitrate = rates[random_.below(4)];
+        plan_.machine.buses.push_back(more);
+        plan_.plant.buses.push_back({more.name, 0});
+      }
+      bus(plan_.machine.buses.back());
+      slots(plan_.machine.buses.back().name, 1 + random_.below(buses == 1 ? 5 : 3));
+    }
+  }
+
+  void bus(design::Bus& bus) {
+    auto& timing = bus.timing;
     timing.rand_response = 12ms;
     timing.boot_timeout = 2s;
     timing.heartbeat_period = 200ms;
     timing.heartbeat_timeout = 700ms;
     timing.probe_period = 400ms;
     timing.sdo_timeout = 200ms;
-    timing.store_timeout = 1s;
-    timing.save_timeout = 1s;
-    const auto slots = 1 + random_.below(5);
-    while (plan_.machine.slots.size() < slots) {
+    timing.store_timeout = slow_stores_ ? rt::Duration(2500ms) : rt::Duration(1s);
+    timing.save_timeout = timing.store_timeout;
+    const auto way = random_.below(2 * discovery::methods);
+    bus.discovery = "auto";
+    if (way < discovery::methods) bus.discovery = discovery::name(static_cast<discovery::Method>(way));
+  }
+
+  void slots(const std::string& bus, std::uint64_t count) {
+    while (count > 0) {
       const auto id = static_cast<unsigned>(1 + random_.below(12));
-      if (plan_.machine.slot("backbone", NodeId(static_cast<std::uint8_t>(id))) != nullptr) continue;
-      add_slot(plan_.machine, id, types[random_.below(type_count)]);
-      configuration(plan_.machine.slots.back().spec);
-      if (random_.below(3) == 0) plan_.machine.slots.back().spec.replacement = places::Replacement::automatic;
+      if (plan_.machine.slot(bus, NodeId(static_cast<std::uint8_t>(id))) != nullptr) continue;
+      --count;
+      add_slot(plan_.machine, id, types[random_.below(type_count)], bus);
+      auto& spec = plan_.machine.slots.back().spec;
+      configuration(spec);
+      if (random_.below(3) == 0) spec.replacement = places::Replacement::automatic;
+      if (random_.below(8) == 0) {
+        spec.rule = places::RevisionRule::exact;
+        spec.revision = static_cast<std::uint32_t>(1 + random_.below(2));
+      }
     }
-    plan_.plant = one_bus_plant(plan_.seed);
   }
 
   void configuration(places::SlotSpec& spec) {
@@ -113,7 +205,42 @@ class Planner {
     if (how == 1) spec.activate = places::Activate::power_cycle;
   }
 
-  plant::PlantDevice& device(TypeCode type) {
+  [[nodiscard]] std::string method_of(const std::string& bus) const { return plan_.machine.bus(bus)->discovery; }
+
+  // What the bus's one method finds; where all are tried, mostly RAND.
+  plant::SpeaksSet speaks(const std::string& bus) {
+    using enum plant::Speaks;
+    const auto method = discovery::method(method_of(bus));
+    if (!method) {
+      constexpr plant::Speaks others[] = {lss, fastscan, feedback_29, feedback_11, rand_resume, rand, rand, rand};
+      plant::SpeaksSet set{lss};
+      const bool mixed = random_.below(3) == 0;
+      set.add(mixed ? others[random_.below(8)] : rand);
+      return set;
+    }
+    switch (*method) {
+      case discovery::Method::rand:
+      case discovery::Method::planner_rand: return {lss, rand};
+      case discovery::Method::and_protocol: return {lss, and_protocol};
+      case discovery::Method::fastscan:
+      case discovery::Method::planner_fastscan: return {fastscan};
+      case discovery::Method::feedback_29: return {feedback_29};
+      case discovery::Method::feedback_11: return {feedback_11};
+      case discovery::Method::planner_feedback:
+        return random_.below(2) == 0 ? plant::SpeaksSet{feedback_29} : plant::SpeaksSet{feedback_11};
+      case discovery::Method::identify: return {lss};
+    }
+    return {lss, rand};
+  }
+
+  // One that fits the slot.
+  plant::PlantDevice& device(const places::SlotSpec& spec) {
+    auto& d = device(spec.type, spec.name.bus);
+    if (spec.revision) d.address.revision = *spec.revision;
+    return d;
+  }
+
+  plant::PlantDevice& device(TypeCode type, const std::string& bus) {
     const auto number = plan_.plant.devices.size() + 1;
     // Serial numbers that share long prefixes, are 0, or differ everywhere.
     std::uint32_t serial = static_cast<std::uint32_t>(number);
@@ -121,16 +248,20 @@ class Planner {
     if (number == 1 && random_.below(10) == 0) serial = 0;
     while (std::ranges::any_of(plan_.plant.devices, [&](const auto& d) { return d.address.serial == serial; }))
       ++serial;
-    auto& d = add_device(plan_.plant, "d" + std::to_string(number), type, serial);
+    auto& d = add_device(plan_.plant, "d" + std::to_string(number), type, serial, bus);
+    d.speaks = speaks(bus);
     d.response.min = between(0us, 3ms);
     d.response.max = d.response.min + between(0us, 5ms);
-    if (random_.below(4) == 0) {
+    // The published windows are fixed: who answers behind them is not found, as published (see "missed").
+    const bool published = method_of(bus) != "auto" && !method_of(bus).starts_with("planner");
+    if (random_.below(4) == 0 && !published) {
       d.response.outlier_ppm = 10'000;
       d.response.outlier = between(10ms, 40ms);
     }
     d.boot = between(1ms, 200ms);
     d.reset = between(1ms, 100ms);
     d.store = between(1ms, 200ms);
+    if (slow_stores_ && random_.below(2) == 0) d.store = between(300ms, 2s);
     d.deaf_while_storing = random_.below(3) == 0;
     d.power_cycle_after_store = random_.below(16) == 0;
     d.queue = random_.below(2) == 0 ? plant::QueueKind::in_order : plant::QueueKind::priority;
@@ -150,11 +281,12 @@ class Planner {
   void strangers() {
     if (random_.below(3) != 0) return;
     plan_.solvable = false;
+    const std::string bus = plan_.machine.buses[random_.below(plan_.machine.buses.size())].name;
     switch (random_.below(4)) {
-      case 0: device(types[random_.below(type_count)]); break;  // one too many, or of a type that has no slot
-      case 1: device({0x7777, 1}); break;                       // foreign
-      case 2: plan_.plant.devices.pop_back(); break;            // one missing
-      default: {                                                // a clone
+      case 0: device(types[random_.below(type_count)], bus); break;  // one too many, or of a type that has no slot
+      case 1: device({0x7777, 1}, bus); break;                       // foreign
+      case 2: plan_.plant.devices.pop_back(); break;                 // one missing
+      default: {                                                     // a clone
         plant::PlantDevice twin = plan_.plant.devices.front();
         twin.name = "twin";
         plan_.plant.devices.push_back(twin);
@@ -166,19 +298,63 @@ class Planner {
     const auto count = random_.below(5);
     for (std::uint64_t i = 0; i < count; ++i) {
       PlannedFault f;
-      f.kind = static_cast<FaultKind>(random_.below(fault_kinds));
+      f.kind = static_cast<FaultKind>(random_.below(world_fault_kinds));
+      // These make a world last, and there are enough of them.
+      const bool leaves = f.kind == FaultKind::away || f.kind == FaultKind::gone;
+      if (leaves && random_.below(2) == 0) f.kind = static_cast<FaultKind>(random_.below(fault_kinds));
       f.column = static_cast<Column>(random_.below(columns));
       // About as long as the phase lasts; binding and watch last long.
       constexpr rt::Duration lasts[] = {60ms, 80ms, 300ms, 120ms, 800ms};
       f.delay = between(0us, lasts[static_cast<int>(f.column)]);
+      f.bus = random_.below(plan_.machine.buses.size());
       plan_.faults.push_back(f);
     }
+    const auto aimed = random_.below(4);
+    for (std::uint64_t i = 0; i < aimed; ++i) step_fault();
     plan_.restarts = random_.below(2) == 0 ||
                      std::ranges::any_of(plan_.faults, [](const auto& f) { return f.column == Column::preparation; });
     // Preparation is for what an earlier run has bound.
     const bool prepares =
         std::ranges::any_of(plan_.faults, [](const auto& f) { return f.column == Column::preparation; });
     plan_.restart_at = prepares ? between(4s, 9s) : between(500ms, 6s);
+    plan_.replaces = random_.below(2) == 0;
+  }
+
+  void step_fault() {
+    StepFault f;
+    do {
+      f.kind = static_cast<StepKind>(random_.below(step_kinds));
+      f.step = static_cast<int>(random_.below(steps));
+    } while (!can_strike(f.kind, aimed_steps[f.step]));
+    f.skip = static_cast<unsigned>(random_.below(3));
+    // Half of them exactly between two steps: behind the 17h's answer and before the `04 00`, say.
+    if (random_.below(2) == 0) f.delay = between(0us, 4ms);
+    const auto lasts = random_.below(8);
+    f.back = between(1ms, 2500ms);
+    if (f.kind == StepKind::power && lasts >= 5) f.back = between(30s, 90s);
+    if (f.kind == StepKind::power && lasts == 7) f.back.reset();
+    plan_.step_faults.push_back(f);
+  }
+
+  // What a person brings when a device stays away; it comes with a story of its own.
+  void spares() {
+    const auto departs = [](const auto& f) { return f.kind == FaultKind::away || f.kind == FaultKind::gone; };
+    const auto stays_away = [](const auto& f) { return !f.back || *f.back > 10s; };
+    const bool gone = std::ranges::any_of(plan_.faults, [](const auto& f) { return f.kind == FaultKind::gone; }) ||
+                      std::ranges::any_of(plan_.step_faults, [](const auto& f) { return !f.back; });
+    if (gone) plan_.solvable = false;
+    const bool leaves =
+        std::ranges::any_of(plan_.faults, departs) || std::ranges::any_of(plan_.step_faults, stays_away);
+    if (!leaves || random_.below(3) == 0) return;
+    plan_.solvable = false;
+    const std::size_t most = plan_.machine.slots.size();
+    for (std::size_t i = 0; i < most; ++i) {
+      auto& d = device(plan_.machine.slots[i].spec);
+      d.plugged = false;
+      if (random_.below(4) != 0) continue;
+      d.source = plant::NodeIdSource::nonvolatile;
+      d.node_id = NodeId(static_cast<std::uint8_t>(1 + random_.below(14)));
+    }
   }
 
   rt::Duration between(rt::Duration low, rt::Duration high) {
@@ -187,14 +363,39 @@ class Planner {
 
   Random random_;
   WorldPlan plan_;
+  bool slow_stores_ = false;
 };
 
+// Does this device lose the next `04 00` of its bus? Then `hit` is told, with the number of the frame.
+inline void lose_next_waiting(plant::World& world, const std::string& who, std::function<void(std::uint64_t)> hit) {
+  plant::SimDevice* const device = world.find(who);
+  if (device == nullptr) return;
+  sim::Fault fault;
+  fault.kind = sim::Fault::Kind::overrun;
+  fault.trigger.when = [hit = std::move(hit), done = false](const sim::FrameStart& start) mutable {
+    const bool waiting = start.frame.key() == lss::master_cob_id && start.frame.data[0] == 0x04 &&
+                         start.frame.data[1] == static_cast<std::uint8_t>(lss::State::waiting);
+    if (waiting && !std::exchange(done, true)) hit(start.number);
+    return waiting;
+  };
+  fault.victims = {&device->controller()};
+  device->bus().inject(std::move(fault));
+}
+
+// Whom a fault strikes: a device of this bus, or of any where that is empty.
+inline std::string victim(const plant::PlantFile& plant, const std::string& bus, Random& random) {
+  std::vector<std::string> all;
+  for (const auto& d : plant.devices) {
+    if (bus.empty() || d.bus == bus) all.push_back(d.name);
+  }
+  return all.empty() ? std::string() : all[random.below(all.size())];
+}
+
 // The fault as an event of the plant, now: explicit, so that it can be written down and replayed.
-inline std::vector<plant::PlantEvent> events_of(FaultKind kind, const plant::PlantFile& plant, rt::Duration now,
-                                                Random& random) {
+inline std::vector<plant::PlantEvent> events_of(FaultKind kind, const std::string& who, const std::string& bus,
+                                                rt::Duration now, Random& random) {
   using plant::Action;
   std::vector<plant::PlantEvent> events;
-  const std::string who = plant.devices.empty() ? "" : plant.devices[random.below(plant.devices.size())].name;
   const auto some = [&](std::int64_t low_ms, std::int64_t high_ms) {
     return rt::Duration(std::chrono::milliseconds(random.between(low_ms, high_ms)));
   };
@@ -208,7 +409,7 @@ inline std::vector<plant::PlantEvent> events_of(FaultKind kind, const plant::Pla
   };
   const auto on_bus = [&](plant::PlantEvent& e) -> plant::PlantEvent& {
     e.device.clear();
-    e.bus = "backbone";
+    e.bus = bus;
     return e;
   };
   switch (kind) {
@@ -253,6 +454,12 @@ inline std::vector<plant::PlantEvent> events_of(FaultKind kind, const plant::Pla
       on_bus(add(Action::join, some(1, 1500)));
       break;
     }
+    case FaultKind::away:
+      add(Action::unplug);
+      add(Action::plug, some(30'000, 90'000));
+      break;
+    case FaultKind::gone: add(Action::unplug); break;
+    case FaultKind::waiting_lost:  // `lose_next_waiting`
     case FaultKind::count: break;
   }
   return events;

@@ -5,6 +5,7 @@
 #include <sys/wait.h>
 #include <unistd.h>
 
+#include <chrono>
 #include <cstdio>
 #include <cstring>
 #include <filesystem>
@@ -32,7 +33,8 @@ struct Options {
 
 constexpr unsigned fewest_hits = 20;
 
-using Matrix = std::array<std::array<unsigned, columns>, fault_kinds>;
+using Matrix = std::array<std::array<unsigned, columns>, world_fault_kinds>;
+using StepMatrix = std::array<std::array<unsigned, steps>, step_kinds>;
 
 // The run once more with its faults as explicit events and nothing drawn; true when it still fails.
 bool fails(const WorldPlan& plan) { return !run_world(plan).failure.empty(); }
@@ -43,6 +45,11 @@ WorldPlan shrink(WorldPlan plan) {
   for (std::size_t i = plan.faults.size(); i-- > 0;) {
     WorldPlan smaller = plan;
     smaller.faults.erase(smaller.faults.begin() + static_cast<std::ptrdiff_t>(i));
+    if (fails(smaller)) plan = smaller;
+  }
+  for (std::size_t i = plan.step_faults.size(); i-- > 0;) {
+    WorldPlan smaller = plan;
+    smaller.step_faults.erase(smaller.step_faults.begin() + static_cast<std::ptrdiff_t>(i));
     if (fails(smaller)) plan = smaller;
   }
   if (plan.restarts) {
@@ -56,6 +63,7 @@ WorldPlan shrink(WorldPlan plan) {
     if (fails(smaller)) plan = smaller;
   }
   for (std::size_t i = plan.machine.slots.size(); i-- > 0 && plan.machine.slots.size() > 1;) {
+    if (i >= plan.plant.devices.size()) continue;
     WorldPlan smaller = plan;
     smaller.machine.slots.erase(smaller.machine.slots.begin() + static_cast<std::ptrdiff_t>(i));
     smaller.plant.devices.erase(smaller.plant.devices.begin() + static_cast<std::ptrdiff_t>(i));
@@ -66,18 +74,24 @@ WorldPlan shrink(WorldPlan plan) {
 
 std::string machine_text(const design::Machine& m) {
   std::ostringstream out;
-  const auto& bus = m.buses.front();
   const auto ms = [](rt::Duration d) { return std::to_string(d.count() / 1'000'000) + " ms"; };
-  out << "[machine]\nname = \"" << m.name << "\"\n\n[bus.backbone]\nport = \"sim\"\nbitrate = " << bus.bitrate
-      << "\nmaster_id = " << unsigned{bus.master.value()} << "\n\n[timing]\n"
-      << "rand_response = \"" << ms(bus.timing.rand_response) << "\"\nboot_timeout = \"" << ms(bus.timing.boot_timeout)
-      << "\"\nheartbeat_period = \"" << ms(bus.timing.heartbeat_period) << "\"\nheartbeat_timeout = \""
-      << ms(bus.timing.heartbeat_timeout) << "\"\nprobe_period = \"" << ms(bus.timing.probe_period)
-      << "\"\nsdo_timeout = \"" << ms(bus.timing.sdo_timeout) << "\"\nstore_timeout = \""
-      << ms(bus.timing.store_timeout) << "\"\nsave_timeout = \"" << ms(bus.timing.save_timeout) << "\"\n";
+  out << "[machine]\nname = \"" << m.name << "\"\n";
+  for (const auto& bus : m.buses) {
+    out << "\n[bus." << bus.name << "]\nport = \"sim\"\nbitrate = " << bus.bitrate
+        << "\nmaster_id = " << unsigned{bus.master.value()} << "\ndiscovery = \"" << bus.discovery << "\"\n";
+  }
+  const auto& timing = m.buses.front().timing;
+  out << "\n[timing]\nrand_response = \"" << ms(timing.rand_response) << "\"\nboot_timeout = \""
+      << ms(timing.boot_timeout) << "\"\nheartbeat_period = \"" << ms(timing.heartbeat_period)
+      << "\"\nheartbeat_timeout = \"" << ms(timing.heartbeat_timeout) << "\"\nprobe_period = \""
+      << ms(timing.probe_period) << "\"\nsdo_timeout = \"" << ms(timing.sdo_timeout) << "\"\nstore_timeout = \""
+      << ms(timing.store_timeout) << "\"\nsave_timeout = \"" << ms(timing.save_timeout) << "\"\n";
   for (const auto& s : m.slots) {
-    out << "\n[[slot]]\nbus = \"backbone\"\nid = " << unsigned{s.spec.id.value()} << "\nname = \"" << s.spec.name.name
-        << "\"\ntype = { vendor = " << s.spec.type.vendor << ", product = " << s.spec.type.product << " }\n";
+    out << "\n[[slot]]\nbus = \"" << s.spec.name.bus << "\"\nid = " << unsigned{s.spec.id.value()} << "\nname = \""
+        << s.spec.name.name << "\"\ntype = { vendor = " << s.spec.type.vendor << ", product = " << s.spec.type.product;
+    if (s.spec.revision) out << ", revision = " << *s.spec.revision;
+    out << " }\n";
+    if (s.spec.rule == places::RevisionRule::exact) out << "revision = \"exact\"\n";
     if (!s.spec.config.empty()) out << "config = \"" << s.spec.config << "\"\n";
     if (s.spec.activate == places::Activate::reset) out << "activate = \"reset\"\n";
     if (s.spec.activate == places::Activate::power_cycle) out << "activate = \"power-cycle\"\n";
@@ -97,16 +111,30 @@ void report_failure(const WorldPlan& plan, const Outcome& outcome, bool show) {
   std::ofstream(stem + ".toml") << machine_text(small.machine);
   std::ofstream(stem + ".plant.toml") << plant::write_plant(file,
                                                             "seed " + std::to_string(plan.seed) + ": " + again.failure);
-  std::printf("  shrunk: %s; %zu slots, %zu devices, %zu faults\n  replay: berth up %s.toml --sim %s.plant.toml\n",
-              again.failure.c_str(), small.machine.slots.size(), small.plant.devices.size(), small.faults.size(),
-              stem.c_str(), stem.c_str());
+  std::printf(
+      "  shrunk: %s; %zu slots, %zu devices, %zu faults, %zu at steps\n  replay: berth up %s.toml --sim "
+      "%s.plant.toml\n",
+      again.failure.c_str(), small.machine.slots.size(), small.plant.devices.size(), small.faults.size(),
+      small.step_faults.size(), stem.c_str(), stem.c_str());
+  for (const auto& f : small.step_faults)
+    std::printf("    %s before \"%s\" %+.3f ms, the %u. of them\n", name(f.kind), name(aimed_steps[f.step]),
+                std::chrono::duration<double, std::milli>(f.delay).count(), f.skip + 1);
+  for (const auto& f : small.faults) std::printf("    %s in %s\n", name(f.kind), name(f.column));
   if (show) std::printf("%s\n", again.log.c_str());
 }
 
 struct Tally {
   Matrix hits{};
+  StepMatrix step_hits{};
   std::uint64_t runs = 0, failures = 0, solvable = 0, differ = 0;
 };
+
+template <class Cells>
+void sum(Cells& total, const Cells& part) {
+  for (std::size_t row = 0; row < total.size(); ++row) {
+    for (std::size_t c = 0; c < total[row].size(); ++c) total[row][c] += part[row][c];
+  }
+}
 
 Tally work(const Options& o, unsigned worker) {
   Tally tally;
@@ -115,9 +143,8 @@ Tally work(const Options& o, unsigned worker) {
     const Outcome outcome = run_world(plan);
     ++tally.runs;
     tally.solvable += plan.solvable;
-    for (int f = 0; f < fault_kinds; ++f) {
-      for (int c = 0; c < columns; ++c) tally.hits[f][c] += outcome.hits[f][c];
-    }
+    sum(tally.hits, outcome.hits);
+    sum(tally.step_hits, outcome.step_hits);
     if (run_world(plan).hash != outcome.hash) {
       ++tally.differ;
       std::printf("seed %llu: two runs differ\n", static_cast<unsigned long long>(seed));
@@ -170,9 +197,8 @@ void add(Tally& total, const Tally& part) {
   total.failures += part.failures;
   total.solvable += part.solvable;
   total.differ += part.differ;
-  for (int f = 0; f < fault_kinds; ++f) {
-    for (int c = 0; c < columns; ++c) total.hits[f][c] += part.hits[f][c];
-  }
+  sum(total.hits, part.hits);
+  sum(total.step_hits, part.step_hits);
 }
 void add(MethodTally& total, const MethodTally& part) {
   total.runs += part.runs;
@@ -224,7 +250,7 @@ bool print_matrix(const Tally& t, bool complete) {
   for (int c = 0; c < columns; ++c) std::printf("%13s", name(static_cast<Column>(c)));
   std::printf("\n");
   bool enough = true;
-  for (int f = 0; f < fault_kinds; ++f) {
+  for (int f = 0; f < world_fault_kinds; ++f) {
     std::printf("%-16s", name(static_cast<FaultKind>(f)));
     for (int c = 0; c < columns; ++c) {
       std::printf("%13u", t.hits[f][c]);
@@ -232,14 +258,30 @@ bool print_matrix(const Tally& t, bool complete) {
     }
     std::printf("\n");
   }
-  if (complete && !enough) std::printf("a fault hit a phase fewer than %u times\n", fewest_hits);
+  std::printf("\n%-28s", "fault \\ step of a binding");
+  for (int k = 0; k < step_kinds; ++k) std::printf("%14s", name(static_cast<StepKind>(k)));
+  std::printf("\n");
+  for (int s = 0; s < steps; ++s) {
+    std::printf("%-28s", name(aimed_steps[s]));
+    for (int k = 0; k < step_kinds; ++k) {
+      if (!can_strike(static_cast<StepKind>(k), aimed_steps[s])) {
+        std::printf("%14s", "-");
+        continue;
+      }
+      std::printf("%14u", t.step_hits[k][s]);
+      enough = enough && t.step_hits[k][s] >= fewest_hits;
+    }
+    std::printf("\n");
+  }
+  if (complete && !enough) std::printf("a fault hit a phase or a step fewer than %u times\n", fewest_hits);
   return enough || !complete;
 }
 
 // The negotiation has no master, and its faults are its own.
 bool can_hit(int row, int fault) {
   if (row != negotiation_row) return true;
-  constexpr std::array<int, 6> others{static_cast<int>(FaultKind::overrun_master),
+  constexpr std::array<int, 7> others{static_cast<int>(FaultKind::overrun_master),
+                                      static_cast<int>(FaultKind::waiting_lost),
                                       static_cast<int>(FaultKind::twice),
                                       static_cast<int>(FaultKind::slow),
                                       static_cast<int>(FaultKind::deaf),
@@ -292,7 +334,15 @@ bool choose_method(Options& o, const std::string& name) {
   return false;
 }
 
+// Of all that were tried, each run twice, by this machine as it is busy now.
+void print_speed(std::uint64_t worlds, std::chrono::steady_clock::time_point began, unsigned workers) {
+  const std::chrono::duration<double> took = std::chrono::steady_clock::now() - began;
+  std::printf("%.0f worlds per minute with %u worker%s, %.0f s\n", 60.0 * static_cast<double>(worlds) / took.count(),
+              workers, workers == 1 ? "" : "s", took.count());
+}
+
 bool main_job(const Options& o) {
+  const auto began = std::chrono::steady_clock::now();
   const Tally t = side_by_side(o, work);
   const bool enough = print_matrix(t, o.complete);
   std::printf(
@@ -300,6 +350,7 @@ bool main_job(const Options& o) {
       static_cast<unsigned long long>(t.runs), static_cast<unsigned long long>(o.from),
       static_cast<unsigned long long>(t.solvable), static_cast<unsigned long long>(t.differ),
       static_cast<unsigned long long>(t.failures));
+  print_speed(t.runs, began, o.workers);
   return t.failures == 0 && t.differ == 0 && enough && t.runs > 0;
 }
 
@@ -335,6 +386,11 @@ int main(int argc, char** argv) {
   if (counted) o.method_count = o.main_job ? (o.count + 9) / 10 : o.count;
   bool good = true;
   if (o.main_job) good = main_job(o);
-  if (o.first_row < o.last_row) good = print_methods(side_by_side(o, work_methods), o) && good;
+  if (o.first_row < o.last_row) {
+    const auto began = std::chrono::steady_clock::now();
+    const MethodTally t = side_by_side(o, work_methods);
+    good = print_methods(t, o) && good;
+    print_speed(t.runs, began, o.workers);
+  }
   return good ? 0 : 1;
 }

@@ -1,0 +1,356 @@
+// Does Berth ever make two devices hold one node-ID, or make it unavoidable? Looked at from the first instant, by the
+// ground truth and by what was on the wire; docs/faults.md says what is promised.
+//
+// Four ways to fail, each at the instant at which it happens:
+//
+//   one request, two devices   a node-ID is pending, by Berth's 11h, in two devices at once
+//   owned                      a node-ID is given (11h), or stored (17h), while another device has it by Berth:
+//   pending,
+//                              or written into its memory
+//   held                       a node-ID that Berth gave comes into use while a device that was heard under it, behind
+//                              the question for it, uses it
+//   unblanked                  a device comes back with a node-ID that Berth has noted as taken away from it
+//
+// What a device has by Berth counts over any time without power and over any number of Berth's lives. It ends when the
+// device's memory has another node-ID or none, and in the cases of `given_up`.
+#pragma once
+
+#include <algorithm>
+#include <map>
+#include <memory>
+#include <set>
+#include <string>
+#include <utility>
+#include <vector>
+
+#include "berth/design/machine.hpp"
+#include "berth/lss/frames.hpp"
+#include "berth/places/slot_store.hpp"
+#include "berth/plant/world.hpp"
+
+namespace berth::harness {
+
+class DoubleWatch final : public plant::World::Observer {
+ public:
+  // `store`: read for what `replacement = "auto"` has cleared; may be null where no slot says that.
+  DoubleWatch(plant::World& world, const design::Machine& machine, places::SlotStore* store)
+      : world_(&world), machine_(&machine), store_(store) {
+    for (const auto& bus : machine.buses) {
+      sim::Bus* const on = world.bus(bus.name);
+      if (on == nullptr) continue;
+      wires_.push_back(std::make_unique<Wire>(*this, *on, bus));
+      on->add_tap(*wires_.back());
+    }
+    for (const auto& d : world.devices()) note(*d);
+    world_->add_observer(*this);
+  }
+  ~DoubleWatch() {
+    world_->remove_observer(*this);
+    for (const auto& wire : wires_) wire->bus.remove_tap(*wire);
+  }
+  DoubleWatch(const DoubleWatch&) = delete;
+  DoubleWatch& operator=(const DoubleWatch&) = delete;
+
+  // A new Berth: what the one before it has asked proves nothing to this one.
+  void berth_began() {
+    for (const auto& wire : wires_) wire->asked.clear();
+  }
+  // Berth's controller handed this frame on.
+  void berth_heard(const std::string& bus, const can::Frame& frame, rt::Time at) noexcept {
+    for (const auto& wire : wires_) {
+      if (wire->bus.name() == bus) wire->received(frame, at);
+    }
+  }
+  // A person said `berth replace` of the slot that this device has.
+  void replaced_by_a_person(const std::string& device) { replaced_.insert(device); }
+
+  [[nodiscard]] const std::string& failure() const noexcept { return failure_; }
+  // The node-ID that stands in the device's memory by Berth; unconfigured: none.
+  [[nodiscard]] NodeId owned(const std::string& device) const {
+    const auto it = lives_.find(device);
+    return it == lives_.end() ? NodeId() : it->second.owned;
+  }
+  // The slot of this node-ID was given away although the device has it by Berth, and rightly: a person did it, or the
+  // machine file says `replacement = "auto"` and the device was silent. Whether it really was, `held` judges.
+  [[nodiscard]] bool given_up(const plant::Truth& t, NodeId id) const {
+    return replaced_.contains(t.name) || cleared_automatically(t, id);
+  }
+
+ private:
+  struct Life {
+    bool powered = false;
+    bool booting = false;
+    rt::Time boot_began{};
+    NodeId came_with;  // memory at power-on
+    NodeId active;
+    NodeId last_used;  // since power-on
+    NodeId pending;
+    NodeId given;  // pending by Berth's 11h
+    NodeId persistent;
+    NodeId owned;  // in memory by Berth's 17h
+    std::uint64_t writes = 0;
+  };
+
+  // What passes on one bus that counts as a question for a node-ID, or as a device's voice under it.
+  struct Wire final : can::Tap {
+    Wire(DoubleWatch& watch, sim::Bus& on, const design::Bus& described) : watch_(&watch), bus(on), plan(described) {}
+    void frame(const can::Frame& frame, rt::Time at, int sender) noexcept override {
+      const std::uint32_t key = frame.key();
+      if (key == lss::master_cob_id) {
+        if (frame.data[0] == static_cast<std::uint8_t>(lss::Command::configure_node_id)) {
+          configured = frame.data[1];
+          configured_at = at;
+        }
+        if (frame.data[0] == 0x04 && frame.data[1] == 0x00) moved.push_back(at);
+      } else if (key == 0x000) {
+        moved.push_back(at);
+      } else if ((key & ~0x7FU) == 0x600 && frame.data[0] == 0x40 && frame.data[1] == 0x00 && frame.data[2] == 0x10) {
+        Asked& a = asked[key & 0x7FU];
+        if (a.last == rt::Time{} || at - a.last > 2 * plan.timing.sdo_timeout + std::chrono::milliseconds(50))
+          a.first = at;
+        a.last = at;
+      }
+      const std::uint32_t function = key & ~0x7FU;
+      if (frame.remote || (function != 0x080 && function != 0x580 && function != 0x700) || (key & 0x7FU) == 0) return;
+      const std::string who = watch_->name_of(bus, sender);
+      if (who.empty()) return;
+      said = {key, at, who};
+      if (heard_key == key && heard_at == at) note_heard();
+    }
+    void received(const can::Frame& frame, rt::Time at) noexcept {
+      heard_key = frame.key();
+      heard_at = at;
+      if (said.key == heard_key && said.at == at) note_heard();
+    }
+    void note_heard() {
+      auto& times = voices[{said.who, said.key & 0x7FU}];
+      if (times.size() == most_voices) times.erase(times.begin(), times.begin() + most_voices / 2);
+      times.push_back(said.at);
+    }
+    // Did a frame of this device under this node-ID reach Berth from `from` on, before `until`?
+    [[nodiscard]] bool heard(const std::string& who, NodeId id, rt::Time from, rt::Time until) const {
+      const auto it = voices.find({who, id.value()});
+      return it != voices.end() &&
+             std::ranges::any_of(it->second, [&](rt::Time at) { return at >= from && at < until; });
+    }
+    // The last frame that could bring a node-ID into use, at `when` or before.
+    [[nodiscard]] rt::Time moved_before(rt::Time when) const {
+      for (auto it = moved.rbegin(); it != moved.rend(); ++it) {
+        if (*it <= when) return *it;
+      }
+      return {};
+    }
+    // What Berth hears this long before a frame of its own is on the wire, it may have heard after it gave the frame to
+    // its controller: two of the longest frames.
+    [[nodiscard]] rt::Duration margin() const {
+      return rt::Duration(320 * std::int64_t{1'000'000'000} / plan.bitrate) + std::chrono::milliseconds(1);
+    }
+
+    struct Asked {
+      rt::Time first{}, last{};
+    };
+    struct Said {
+      std::uint32_t key = 0;
+      rt::Time at{};
+      std::string who;
+    };
+    DoubleWatch* watch_;
+    sim::Bus& bus;
+    const design::Bus& plan;
+    std::map<unsigned, Asked> asked;  // 1000h of this node-ID, this Berth: the last questions in a row
+    static constexpr std::size_t most_voices = 512;
+    std::map<std::pair<std::string, unsigned>, std::vector<rt::Time>> voices;  // device, node-ID: what reached Berth
+    std::vector<rt::Time> moved;
+    unsigned configured = 0;
+    rt::Time configured_at{};
+    Said said;
+    std::uint32_t heard_key = 0;
+    rt::Time heard_at{};
+  };
+
+  [[nodiscard]] Wire* wire_of(const std::string& bus) const {
+    for (const auto& wire : wires_) {
+      if (wire->bus.name() == bus) return wire.get();
+    }
+    return nullptr;
+  }
+  [[nodiscard]] std::string name_of(const sim::Bus& bus, int sender) const {
+    for (const auto& d : world_->devices()) {
+      if (&d->bus() == &bus && d->controller().number() == sender) return d->name();
+    }
+    return {};
+  }
+  [[nodiscard]] rt::Time now() const { return world_->executor().now(); }
+  void fail_with(const std::string& text) {
+    if (failure_.empty()) failure_ = text;
+  }
+
+  void note(const plant::SimDevice& device) {
+    const auto t = device.truth();
+    Life& life = lives_[t.name];
+    life.persistent = t.persistent;
+    life.writes = t.memory_writes;
+    life.powered = t.powered;
+    life.booting = t.booting;
+    life.pending = t.pending;
+    life.active = t.active;
+    life.came_with = t.persistent;
+  }
+
+  void plant_changed(const plant::SimDevice& device) noexcept override {
+    const auto t = device.truth();
+    Life& life = lives_[t.name];
+    const Wire* const wire = wire_of(t.bus);
+    if (wire == nullptr) return;
+    const bool on = t.powered && !life.powered;
+    const bool off = !t.powered && life.powered;
+    if (on || off) {
+      life.given = life.last_used = NodeId();
+      life.pending = t.pending;
+    }
+    if (on) life.came_with = t.persistent;
+    // A memory written anew under the device's own node-ID is Berth's work too, LSS or configuration.
+    const bool written =
+        t.persistent != life.persistent || (t.memory_writes != life.writes && !device.device().storing());
+    const bool gets = written && t.persistent.configured() && t.pending == t.persistent && life.owned != t.persistent;
+    if (t.persistent != life.persistent) life.owned = NodeId();
+    if (written && t.persistent.configured() && t.pending == t.persistent) life.owned = t.persistent;
+    if (written) life.writes = t.memory_writes;
+    life.persistent = t.persistent;
+    if (t.booting && !life.booting) life.boot_began = now();
+    const bool configures = t.powered && t.pending != life.pending && t.pending.value() == wire->configured &&
+                            now() - wire->configured_at < std::chrono::seconds(1);
+    if (t.pending != life.pending) life.given = configures && t.pending.configured() ? t.pending : NodeId();
+    const bool gives = t.pending != life.pending && life.given.configured() && life.given != t.active;
+    const bool woke = t.powered && !t.booting && t.active.configured() && t.active != life.active;
+    life.powered = t.powered;
+    life.booting = t.booting;
+    life.pending = t.pending;
+    life.active = t.active;
+    if (!failure_.empty()) return;
+    if (gives) given(t, t.pending, *wire);
+    if (gets) given(t, t.persistent, *wire);
+    if (woke) in_use(t, life, *wire);
+    if (t.active.configured()) life.last_used = t.active;
+  }
+
+  // Devices with one LSS address are one to Berth until they answer at once: those states are judged at the end.
+  [[nodiscard]] static bool others(const plant::Truth& a, const plant::Truth& b) {
+    return a.name != b.name && a.bus == b.bus && a.address != b.address;
+  }
+
+  void given(const plant::Truth& t, NodeId id, const Wire& wire) {
+    const std::string what = "Berth gave node-ID " + std::to_string(id.value()) + " to " + t.name;
+    if (id == wire.plan.master) fail_with(what + ", and it is the master's");
+    for (const auto& other : world_->devices()) {
+      const auto o = other->truth();
+      if (!others(t, o)) continue;
+      const Life& life = lives_[o.name];
+      if (o.powered && life.given == id && o.pending == id) {
+        fail_with(what + " while it is pending, by Berth, in " + o.name);
+      } else if (life.owned == id && !given_up(o, id)) {
+        fail_with(what + ", and it stands, by Berth, in the memory of " + o.name +
+                  (o.powered ? "" : ", which is away"));
+      }
+    }
+  }
+
+  void in_use(const plant::Truth& t, const Life& life, const Wire& wire) {
+    const NodeId id = t.active;
+    // It booted again under what it uses: who came to this node-ID meanwhile was looked at then.
+    if (life.last_used == id) return;
+    const bool brought = life.came_with == id && life.given != id;
+    if (brought && life.owned != id && was_blanked(t)) {
+      fail_with(t.name + " came back with node-ID " + std::to_string(id.value()) + ", which Berth took away from it");
+    }
+    // It came from elsewhere with it, was off when Berth asked for it, and Berth never touched it; or it has it by
+    // Berth and its slot was given away, which `given` has judged. What it does now is the end's to judge.
+    if (brought) return;
+    for (const auto& other : world_->devices()) {
+      const auto o = other->truth();
+      if (!others(t, o) || !o.powered || o.booting || o.active != id) continue;
+      const std::string what =
+          "Berth gave node-ID " + std::to_string(id.value()) + " to " + t.name + " while " + o.name;
+      const auto asked = wire.asked.find(id.value());
+      if (asked == wire.asked.end()) {
+        fail_with(what + " holds it, and did not ask who has it");
+        continue;
+      }
+      // The holder came from elsewhere, or sat here and was given up, and nothing of it reached Berth between its
+      // question for the node-ID and the frame that brought it into use: off, cut off, deaf, or its frames were lost.
+      const rt::Time until = wire.moved_before(life.boot_began) - wire.margin();
+      if (wire.heard(o.name, id, asked->second.first, until)) fail_with(what + " was heard to have it");
+    }
+  }
+
+  // Its memory still has what the store says was taken away from it, and nothing was asked of it since.
+  [[nodiscard]] bool was_blanked(const plant::Truth& t) const {
+    if (store_ == nullptr) return false;
+    const auto lines = store_->history_of(t.address);
+    if (!lines) return false;
+    bool blanked = false;
+    for (const auto& line : *lines) {
+      if (line.event == "blanked") blanked = true;
+      if (line.event == "asked") blanked = false;
+    }
+    return blanked;
+  }
+
+  [[nodiscard]] bool cleared_automatically(const plant::Truth& t, NodeId id) const {
+    const design::Slot* const slot = machine_->slot(t.bus, id);
+    if (store_ == nullptr || slot == nullptr || slot->spec.replacement != places::Replacement::automatic) return false;
+    const auto lines = store_->history_of(t.address);
+    if (!lines) return false;
+    bool confirmed = false;
+    bool cleared = false;
+    for (const auto& line : *lines) {
+      if (line.event == "confirmed") confirmed = line.id == id;
+      if (line.event == "asked" && line.id == id) cleared = false;
+      // Only who was confirmed there can be missed there; an intention is no seat.
+      if (line.event == "cleared") cleared = confirmed;
+    }
+    return cleared;
+  }
+
+  plant::World* world_;
+  const design::Machine* machine_;
+  places::SlotStore* store_;
+  std::vector<std::unique_ptr<Wire>> wires_;
+  std::map<std::string, Life> lives_;
+  std::set<std::string> replaced_;
+  std::string failure_;
+};
+
+// Between Berth and its controller: tells the watch what Berth really heard.
+class HeardPort final : public can::Port, private can::Listener {
+ public:
+  HeardPort(DoubleWatch& watch, std::string bus, can::Port& beneath)
+      : watch_(&watch), bus_(std::move(bus)), beneath_(&beneath) {}
+
+  can::Queued send(const can::Frame& frame, std::uint32_t tag) noexcept override { return beneath_->send(frame, tag); }
+  void withdraw(std::uint32_t tag) noexcept override { beneath_->withdraw(tag); }
+  void listen(can::Listener* listener, std::span<const can::IdRange> accept) noexcept override {
+    listener_ = listener;
+    beneath_->listen(this, accept);
+  }
+  [[nodiscard]] can::Status status() const noexcept override { return beneath_->status(); }
+  bool restart(std::uint32_t bit_rate) noexcept override { return beneath_->restart(bit_rate); }
+
+ private:
+  void received(const can::Frame& frame, rt::Time at) noexcept override {
+    watch_->berth_heard(bus_, frame, at);
+    if (listener_ != nullptr) listener_->received(frame, at);
+  }
+  void sent(std::uint32_t tag, rt::Time at) noexcept override {
+    if (listener_ != nullptr) listener_->sent(tag, at);
+  }
+  void changed(const can::Status& status, rt::Time at) noexcept override {
+    if (listener_ != nullptr) listener_->changed(status, at);
+  }
+  DoubleWatch* watch_;
+  std::string bus_;
+  can::Port* beneath_;
+  can::Listener* listener_ = nullptr;
+};
+
+}  // namespace berth::harness

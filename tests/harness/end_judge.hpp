@@ -1,0 +1,269 @@
+// When nothing goes wrong any more: does every device sit where it must, and do Berth, its store and the devices'
+// memories say the same? See docs/faults.md.
+#pragma once
+
+#include <algorithm>
+#include <string>
+#include <vector>
+
+#include "berth/discovery/discovery.hpp"
+#include "tests/harness/config_watch.hpp"
+#include "tests/harness/double_watch.hpp"
+#include "tests/harness/rig.hpp"
+
+namespace berth::harness {
+
+// Which devices can sit in which free slots: `edges[slot][device]`.
+struct Choice {
+  std::vector<std::vector<bool>> edges;
+
+  // How many devices can be seated at once, and in how many ways.
+  struct Result {
+    std::size_t seated = 0;
+    std::size_t ways = 0;
+  };
+  [[nodiscard]] Result solve() const {
+    Result result;
+    if (edges.empty()) return result;
+    std::vector<bool> used(edges.front().size());
+    walk(0, 0, used, result);
+    return result;
+  }
+
+ private:
+  void walk(std::size_t slot, std::size_t seated, std::vector<bool>& used, Result& result) const {
+    if (slot == edges.size()) {
+      if (seated > result.seated) result = {seated, 0};
+      if (seated == result.seated) ++result.ways;
+      return;
+    }
+    walk(slot + 1, seated, used, result);
+    for (std::size_t d = 0; d < used.size(); ++d) {
+      if (!edges[slot][d] || used[d]) continue;
+      used[d] = true;
+      walk(slot + 1, seated + 1, used, result);
+      used[d] = false;
+    }
+  }
+};
+
+class EndJudge {
+ public:
+  EndJudge(Rig& rig, const design::Machine& machine, const DoubleWatch& watch, const ConfigWatch& configured)
+      : rig_(&rig), machine_(&machine), watch_(&watch), configured_(&configured) {}
+
+  // What is not as it must be, the first of it; empty: all is well.
+  [[nodiscard]] std::string wrong() {
+    wrong_.clear();
+    truth_ = rig_->world().truth();
+    const auto records = rig_->store().load(machine_->name);
+    const auto blanks = rig_->store().unfinished_blanks();
+    if (!records || !blanks) return "the store cannot be read";
+    records_ = *records;
+    for (std::size_t i = 0; i < rig_->networks(); ++i) {
+      for (const auto& s : rig_->network(i).report()) check_slot(s);
+      check_free(rig_->network(i));
+    }
+    for (const auto& t : truth_) check_device(t);
+    for (const auto& device : *blanks) {
+      const auto* const t = present(device);
+      if (t != nullptr && !twins(*t)) say(t->name + " is there, and taking its node-ID away is not finished");
+    }
+    return wrong_;
+  }
+
+ private:
+  void say(const std::string& text) {
+    if (wrong_.empty()) wrong_ = text;
+  }
+  [[nodiscard]] static bool is_present(const plant::Truth& t) { return t.powered && !t.booting; }
+  [[nodiscard]] const plant::Truth* present(const LssAddress& address) const {
+    const auto it =
+        std::ranges::find_if(truth_, [&](const plant::Truth& t) { return is_present(t) && t.address == address; });
+    return it == truth_.end() ? nullptr : &*it;
+  }
+  // Two devices with one LSS address cannot be told apart by anything that Berth may ask: told, and not judged.
+  [[nodiscard]] bool twins(const plant::Truth& t) const {
+    return std::ranges::count_if(truth_,
+                                 [&](const plant::Truth& o) { return is_present(o) && o.address == t.address; }) > 1;
+  }
+  [[nodiscard]] bool any_twins() const {
+    return std::ranges::any_of(truth_, [&](const auto& t) { return is_present(t) && twins(t); });
+  }
+  [[nodiscard]] const places::SlotRecord* record_of(const places::SlotName& name) const {
+    const auto it = std::ranges::find(records_, name, &places::SlotRecord::name);
+    return it == records_.end() ? nullptr : &*it;
+  }
+  [[nodiscard]] const places::SlotRecord* record_of(const plant::Truth& t) const {
+    const auto it =
+        std::ranges::find_if(records_, [&](const auto& r) { return r.name.bus == t.bus && r.device() == t.address; });
+    return it == records_.end() ? nullptr : &*it;
+  }
+
+  // ---- a slot: its row, its report, its device ----
+
+  void check_slot(const operate::SlotReport& s) {
+    using places::SlotState;
+    const design::Slot* const slot = machine_->slot(s.bus, s.id);
+    const places::SlotRecord* const row = record_of(slot->spec.name);
+    if (row == nullptr) return say("slot " + s.name + " has no row in the store");
+    if (s.state == SlotState::unknown || s.state == SlotState::binding) {
+      return say("slot " + s.name + " ended as " + places::name(s.state));
+    }
+    if (s.device != row->device()) return say("slot " + s.name + " and its row name two devices");
+    const plant::Truth* const t = row->device() ? present(*row->device()) : nullptr;
+    if (t != nullptr && t->bus == s.bus && !twins(*t)) {
+      check_seated(s, *slot, *row, *t);
+    } else if (s.state == SlotState::operational || s.state == SlotState::present) {
+      if (t == nullptr) say("slot " + s.name + " is " + places::name(s.state) + " and its device is not there");
+    }
+    if (s.state == SlotState::operational) check_operational(s, *slot);
+  }
+
+  void check_seated(const operate::SlotReport& s, const design::Slot& slot, const places::SlotRecord& row,
+                    const plant::Truth& t) {
+    using places::SlotState;
+    const std::string who = "slot " + s.name + ": its device " + t.name;
+    if (s.state == SlotState::power_cycle) return;
+    // Somebody of one address twice, on the slot's node-ID too: nothing there is started.
+    if (s.state == SlotState::duplicate && any_twins()) return;
+    if (row.asked) return say(who + " is there, and what was asked of it is not confirmed");
+    if (row.confirmed->id != slot.spec.id) return say(who + " is confirmed under another node-ID");
+    if (t.active != slot.spec.id) return say(who + " uses node-ID " + std::to_string(t.active.value()));
+    if (t.persistent != slot.spec.id)
+      return say(who + " is confirmed and has stored " + std::to_string(t.persistent.value()));
+    if (s.state != SlotState::operational)
+      return say(who + " is there, and the slot is " + places::name(s.state) + ": " + s.reason);
+  }
+
+  void check_operational(const operate::SlotReport& s, const design::Slot& slot) {
+    unsigned holders = 0;
+    bool right = false;
+    for (const auto& t : truth_) {
+      if (!t.powered || t.active != s.id || t.bus != s.bus) continue;
+      ++holders;
+      const bool its_own = s.device && t.address == *s.device;
+      right = right || (its_own && t.state == NmtState::operational);
+      if (!its_own || twins(t)) continue;
+      const auto wrong = configured_->check(rig_->device(t.name), slot);
+      if (!wrong.empty()) say("slot " + s.name + " is operational, and " + wrong);
+    }
+    if (!right) say("slot " + s.name + " is told operational and its device is not");
+    if (holders > 1 && !any_twins()) say("two devices hold the node-ID of operational slot " + s.name);
+  }
+
+  // ---- a device: does it sit where its memory says? ----
+
+  void check_device(const plant::Truth& t) {
+    const places::SlotRecord* const row = record_of(t);
+    if (row != nullptr && row->confirmed && !row->asked && !is_present(t) && !twin_of_any(t) &&
+        t.persistent != row->confirmed->id) {
+      say("the store has " + t.name + " confirmed as node-ID " + std::to_string(row->confirmed->id.value()) +
+          ", and its memory has " + std::to_string(t.persistent.value()));
+    }
+    check_owned(t, row);
+    if (!is_present(t) || twins(t) || !t.active.configured()) return;
+    const design::Bus* const bus = machine_->bus(t.bus);
+    if (t.active == bus->master) say(t.name + " holds the master's node-ID");
+    const design::Slot* const slot = machine_->slot(t.bus, t.active);
+    if (slot == nullptr) return;
+    const places::SlotRecord* const there = record_of(slot->spec.name);
+    if (there == nullptr || there->device() != t.address)
+      say(t.name + " holds the node-ID of slot " + slot->spec.name.name + " and does not sit there");
+  }
+  [[nodiscard]] bool twin_of_any(const plant::Truth& t) const {
+    return std::ranges::count(truth_, t.address, &plant::Truth::address) > 1;
+  }
+  // A node-ID that Berth wrote into a memory stays its device's in the store, there or away.
+  void check_owned(const plant::Truth& t, const places::SlotRecord* row) {
+    const NodeId id = watch_->owned(t.name);
+    if (!id.configured() || twin_of_any(t) || watch_->given_up(t, id)) return;
+    if (machine_->slot(t.bus, id) == nullptr) return;
+    const bool kept =
+        row != nullptr && ((row->asked && row->asked->id == id) || (row->confirmed && row->confirmed->id == id));
+    if (!kept)
+      say("node-ID " + std::to_string(id.value()) + " stands, by Berth, in the memory of " + t.name +
+          ", and no slot of the store says so");
+  }
+
+  // ---- what is free: is everybody seated who can be? ----
+
+  [[nodiscard]] bool can_be_found(const plant::Truth& t, const std::string& method) const {
+    if (method == "auto") return true;
+    const auto& plan = rig_->device(t.name).plan();
+    const bool by_rand = plan.speaks.has(plant::Speaks::rand);
+    if (method == "rand" || method == "planner-rand") return by_rand;
+    if (method == "and") return plan.speaks.has(plant::Speaks::and_protocol);
+    if (method == "identify") return plan.speaks.has(plant::Speaks::lss);
+    // Fastscan, with and without feedback, finds who has no node-ID (CiA 305).
+    return plan.speaks.has(plant::Speaks::fastscan) && !t.active.configured();
+  }
+
+  void check_free(const operate::Network& network) {
+    const auto& bus = network.bus();
+    std::vector<const plant::Truth*> devices;
+    for (const auto& t : truth_) {
+      const bool counts = is_present(t) && t.bus == bus.name && !twins(t) && record_of(t) == nullptr;
+      if (counts && can_be_found(t, bus.discovery)) devices.push_back(&t);
+    }
+    std::vector<const design::Slot*> slots;
+    std::vector<const operate::SlotReport*> reports;
+    const auto report = network.report();
+    for (const auto& s : report) {
+      const design::Slot* const slot = machine_->slot(s.bus, s.id);
+      const places::SlotRecord* const row = record_of(slot->spec.name);
+      if (row == nullptr || row->device()) continue;
+      slots.push_back(slot);
+      reports.push_back(&s);
+    }
+    // Slots of one type are one question: what one of them takes the others cannot.
+    for (std::size_t i = 0; i < slots.size(); ++i) check_group(i, slots, reports, devices);
+  }
+
+  void check_group(std::size_t at, const std::vector<const design::Slot*>& slots,
+                   const std::vector<const operate::SlotReport*>& reports,
+                   const std::vector<const plant::Truth*>& devices) {
+    const TypeCode type = slots[at]->spec.type;
+    std::vector<const design::Slot*> group;
+    for (const auto* slot : slots) {
+      if (slot->spec.type == type) group.push_back(slot);
+    }
+    std::vector<const plant::Truth*> fitting;
+    for (const auto* t : devices) {
+      if (std::ranges::any_of(group, [&](const auto* slot) { return places::fits(slot->spec, t->address); }))
+        fitting.push_back(t);
+    }
+    const auto state = reports[at]->state;
+    const std::string what =
+        "slot " + reports[at]->name + " is " + places::name(state) + " (" + reports[at]->reason + ")";
+    const bool open =
+        std::ranges::any_of(fitting, [&](const auto* t) { return places::fits(slots[at]->spec, t->address); });
+    if (!open) {
+      if (state == places::SlotState::question && fitting.empty()) say(what + " and no device fits it");
+      return;
+    }
+    if (state != places::SlotState::question) return say(what + " and " + fitting.front()->name + " fits it");
+    Choice choice;
+    for (const auto* slot : group) {
+      auto& row = choice.edges.emplace_back();
+      for (const auto* t : fitting) row.push_back(places::fits(slot->spec, t->address));
+    }
+    if (choice.solve().ways == 1) return say(what + " and there is one way only to seat who is there");
+    // Paper 1's rule 2: as many devices as slots, in the order of R_SN.
+    std::ranges::sort(group, {}, [](const auto* slot) { return slot->spec.id; });
+    std::ranges::sort(fitting, {}, [](const auto* t) { return t->address.r_sn(); });
+    bool pairs = group.size() == fitting.size();
+    for (std::size_t i = 0; pairs && i < group.size(); ++i) pairs = places::fits(group[i]->spec, fitting[i]->address);
+    if (pairs) say(what + " and rule 2 tells who belongs there");
+  }
+
+  Rig* rig_;
+  const design::Machine* machine_;
+  const DoubleWatch* watch_;
+  const ConfigWatch* configured_;
+  std::vector<plant::Truth> truth_;
+  std::vector<places::SlotRecord> records_;
+  std::string wrong_;
+};
+
+}  // namespace berth::harness
