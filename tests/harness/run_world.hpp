@@ -20,10 +20,12 @@ struct Outcome {
   std::string log;
 };
 
-class WorldRun {
+class WorldRun final : private can::Tap {
  public:
-  explicit WorldRun(const WorldPlan& plan)
+  // `frames`: the log has every frame too.
+  explicit WorldRun(const WorldPlan& plan, bool frames = false)
       : plan_(plan),
+        frames_(frames),
         rig_(plan.machine, plan.plant),
         watch_(rig_.world(), plan.machine, &rig_.store()),
         configured_(rig_.world(), plan.machine, rig_.store()),
@@ -36,8 +38,14 @@ class WorldRun {
       return ports_.back().get();
     });
     rig_.on_step([this](const std::string& bus, const places::Binding& binding) { step_begins(bus, binding); });
+    for (const auto& bus : plan.machine.buses) {
+      if (frames) rig_.world().bus(bus.name)->add_tap(*this);
+    }
   }
-  ~WorldRun() { rig_.kill(); }
+  ~WorldRun() {
+    rig_.kill();
+    for (const auto& bus : plan_.machine.buses) rig_.world().bus(bus.name)->remove_tap(*this);
+  }
 
   Outcome go() {
     begin();
@@ -48,11 +56,22 @@ class WorldRun {
     outcome_.hash = rig_.world().sim().trace_hash();
     outcome_.bus_time = rig_.now().time_since_epoch();
     outcome_.log = rig_.log();
+    if (frames_) outcome_.log = told_ + outcome_.log;
     return std::move(outcome_);
   }
 
  private:
   using Deed = std::function<void()>;
+
+  // With what Berth told before the frame, so that one reads both in the order of time.
+  void frame(const can::Frame& frame, rt::Time at, int sender) noexcept override {
+    for (; told_events_ < rig_.events().size(); ++told_events_)
+      told_ += operate::to_line(rig_.events()[told_events_]) + "\n";
+    std::array<char, 48> head{};
+    std::snprintf(head.data(), head.size(), "%12.6f s  %2d  ", std::chrono::duration<double>(at - rt::Time{}).count(),
+                  sender);
+    told_ += head.data() + can::to_string(frame) + "\n";
+  }
 
   [[nodiscard]] bool sound() const noexcept { return watch_.failure().empty() && configured_.failure().empty(); }
   [[nodiscard]] rt::Time now() const noexcept { return rig_.now(); }
@@ -304,6 +323,9 @@ class WorldRun {
   }
 
   const WorldPlan& plan_;
+  bool frames_;
+  std::string told_;
+  std::size_t told_events_ = 0;
   Rig rig_;
   DoubleWatch watch_;
   ConfigWatch configured_;
@@ -316,6 +338,6 @@ class WorldRun {
   Outcome outcome_;
 };
 
-inline Outcome run_world(const WorldPlan& plan) { return WorldRun(plan).go(); }
+inline Outcome run_world(const WorldPlan& plan, bool frames = false) { return WorldRun(plan, frames).go(); }
 
 }  // namespace berth::harness

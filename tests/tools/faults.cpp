@@ -25,6 +25,7 @@ struct Options {
   std::uint64_t count = 2000;
   unsigned workers = 2;
   bool show = false;
+  bool brief = false;  // a failure is named and neither shrunk nor written down
   bool main_job = true;
   std::uint64_t method_count = 200;           // worlds of each row
   int first_row = 0, last_row = method_rows;  // excluded
@@ -120,7 +121,7 @@ void report_failure(const WorldPlan& plan, const Outcome& outcome, bool show) {
     std::printf("    %s before \"%s\" %+.3f ms, the %u. of them\n", name(f.kind), name(aimed_steps[f.step]),
                 std::chrono::duration<double, std::milli>(f.delay).count(), f.skip + 1);
   for (const auto& f : small.faults) std::printf("    %s in %s\n", name(f.kind), name(f.column));
-  if (show) std::printf("%s\n", again.log.c_str());
+  if (show) std::printf("%s\n", run_world(small, true).log.c_str());
 }
 
 struct Tally {
@@ -151,7 +152,11 @@ Tally work(const Options& o, unsigned worker) {
     }
     if (!outcome.failure.empty()) {
       ++tally.failures;
-      report_failure(plan, outcome, o.show);
+      if (o.brief) {
+        std::printf("seed %llu: %s\n", static_cast<unsigned long long>(seed), outcome.failure.c_str());
+      } else {
+        report_failure(plan, outcome, o.show);
+      }
     }
     std::fflush(stdout);
   }
@@ -370,11 +375,13 @@ int main(int argc, char** argv) {
       o.workers = static_cast<unsigned>(value());
     } else if (std::strcmp(argv[i], "--show") == 0) {
       o.show = true;
+    } else if (std::strcmp(argv[i], "--brief") == 0) {
+      o.brief = true;
     } else if (std::strcmp(argv[i], "--method") == 0 && i + 1 < argc && choose_method(o, argv[i + 1])) {
       ++i;
     } else {
       std::fprintf(stderr,
-                   "usage: faults [--from SEED] [--count N] [--method NAME|all|none] [--workers N] [--show]\n"
+                   "usage: faults [--from SEED] [--count N] [--method NAME|all|none] [--workers N] [--show] [--brief]\n"
                    "methods:");
       for (int row = 0; row < method_rows; ++row) std::fprintf(stderr, " %s", row_name(row).c_str());
       std::fprintf(stderr, "\n");
