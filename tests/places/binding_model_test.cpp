@@ -1,7 +1,9 @@
 // The binding's table explored to the end: two slots of one type, two devices, and every interleaving of Berth's steps
 // with lost requests, lost answers, crashes of Berth before and after each effect, devices that lose and regain power,
-// and a person who clears a slot whose device is silent. The table and the planner are the real ones; bus, devices and
-// store are small models of what CiA 305 and `SlotStore` promise. S1.29, S1.33, S1.36, S1.53.
+// and a person who clears a slot whose device is silent. Intentions for devices without power are tried again, and
+// dropped as the main job drops them. The table, the planner and `Binding::untouched` are the real ones; bus, devices
+// and store are small models of what CiA 305 and `SlotStore` promise. S1.29, S1.33, S1.36, S1.53.
+#include <algorithm>
 #include <deque>
 #include <unordered_map>
 
@@ -21,6 +23,7 @@ struct Device {
   bool powered = true;
   NodeId persistent, pending, active;
   bool configuration = false;
+  bool ours = false;  // `persistent` is what Berth's 17h stored, and no person has given its slot away
 };
 
 struct State {
@@ -30,22 +33,23 @@ struct State {
   bool blank_asked[2] = {false, false};
   std::optional<Binding> work;
   std::size_t slot = 0;
-  bool quiet = false;              // this run of Berth has sent its opening 11 FF, 04 00
-  bool heard[2] = {false, false};  // a boot-up under slot i's id since its vacancy was checked
+  bool quiet = false;                // this run of Berth has sent its opening 11 FF, 04 00
+  bool heard[2] = {false, false};    // a boot-up under slot i's id since its vacancy was checked
+  bool avoided[2] = {false, false};  // an action for it failed in this round
   int faults = 0;
 
   [[nodiscard]] std::string key() const {
     std::string k;
     const auto put = [&](unsigned v) { k.push_back(static_cast<char>(v)); };
     for (const auto& d : devices) {
-      put(d.powered + 2U * d.configuration);
+      put(d.powered + 2U * d.configuration + 4U * d.ours);
       put(d.persistent.value());
       put(d.pending.value());
       put(d.active.value());
     }
     for (int i = 0; i < 2; ++i)
       put(static_cast<unsigned>((asked[i] + 1) * 16 + (confirmed[i] + 1) * 4 + blank_asked[i] * 2 + heard[i]));
-    put(static_cast<unsigned>(quiet * 16 + faults));
+    put(static_cast<unsigned>(quiet * 64 + avoided[0] * 32 + avoided[1] * 16 + faults));
     if (work) {
       put(1U + static_cast<unsigned>(work->kind()));
       put(work->seat().device == address_of[0] ? 0 : 1);
@@ -53,7 +57,7 @@ struct State {
       put(static_cast<unsigned>(work->step()));
       put(static_cast<unsigned>(work->why()));
       put(work->old_id().value());
-      put(work->tries_left() * 4 + work->stored() * 2 + work->volatile_only());
+      put(work->tries_left() * 8 + work->untouched() * 4 + work->stored() * 2 + work->volatile_only());
       put(static_cast<unsigned>(slot));
     }
     return k;
@@ -121,18 +125,53 @@ std::vector<LssAddress> blanks_of(const State& s) {
   return blanks;
 }
 
-// The first action whose device is there; the others wait for it to come back.
+// The main job tells a binding that the store has its intention already: an earlier one may have touched the device.
+template <class Table = Binding>
+Table make_binding(Binding::Kind kind, const Seat& seat, unsigned tries, bool resumed) {
+  if constexpr (std::is_constructible_v<Table, Binding::Kind, Seat, unsigned, bool>) {
+    return Table(kind, seat, tries, resumed);
+  } else {
+    return Table(kind, seat, tries);
+  }
+}
+
+// The first action whose device did not fail in this round, there or not; when all did, the next round begins.
 bool begin_next(State& s) {
   const auto p = plan(slots_of(s), found_in(s), blanks_of(s), master);
-  for (const auto& a : p.actions) {
-    if (!s.devices[index_of(a.device)].powered) continue;
-    const bool bind = a.kind == Action::Kind::bind;
-    s.slot = a.slot;
-    s.work.emplace(bind ? Binding::Kind::bind : Binding::Kind::blank, Seat{a.device, bind ? slot_id[a.slot] : NodeId()},
-                   2);
-    return true;
+  const auto waits = [&](const Action& a) { return !s.avoided[index_of(a.device)]; };
+  auto next = std::ranges::find_if(p.actions, waits);
+  if (next == p.actions.end()) {
+    s.avoided[0] = s.avoided[1] = false;
+    next = p.actions.begin();
   }
-  return false;
+  if (next == p.actions.end()) return false;
+  const bool bind = next->kind == Action::Kind::bind;
+  const int who = index_of(next->device);
+  s.slot = next->slot;
+  const bool resumed = bind ? s.asked[s.slot] == who : s.blank_asked[who];
+  s.work.emplace(make_binding(bind ? Binding::Kind::bind : Binding::Kind::blank,
+                              Seat{next->device, bind ? slot_id[s.slot] : NodeId()}, 2, resumed));
+  return true;
+}
+
+// What the main job does with a binding that has ended: `Network::not_bound`.
+void end_work(State& s) {
+  const Binding& w = *s.work;
+  const int who = index_of(w.seat().device);
+  const bool bind = w.kind() == Binding::Kind::bind;
+  if (w.step() == Step::failed) {
+    s.avoided[who] = true;
+    const bool dropped = bind && s.confirmed[s.slot] < 0 && s.asked[s.slot] >= 0 && w.untouched();
+    if (dropped) s.asked[s.slot] = -1;
+  }
+  // A node-ID that was given up may be what another one failed for.
+  if (w.step() == Step::done && !bind) s.avoided[0] = s.avoided[1] = false;
+  s.work.reset();
+}
+
+void advance(State& s, Outcome outcome) {
+  s.work->advance(outcome);
+  if (s.work->ended()) end_work(s);
 }
 
 Outcome effect(State& s) {
@@ -177,6 +216,7 @@ Outcome effect(State& s) {
     case Step::store:
       if (!d.powered || !d.configuration) return Outcome::silent;
       d.persistent = d.pending;
+      d.ours = d.persistent.configured();
       return Outcome::ok;
     case Step::release:
       if (bind && s.heard[s.slot] && w.why() == Why::none) return Outcome::mismatch;
@@ -214,6 +254,7 @@ void crash(State& s) {
   s.work.reset();
   s.quiet = false;
   s.heard[0] = s.heard[1] = false;
+  s.avoided[0] = s.avoided[1] = false;
 }
 
 // One move of Berth without faults; false when it has nothing to do.
@@ -229,8 +270,7 @@ bool berth_move(State& s) {
     return true;
   }
   if (!s.work) return begin_next(s);
-  s.work->advance(effect(s));
-  if (s.work->ended()) s.work.reset();
+  advance(s, effect(s));
   return true;
 }
 
@@ -247,7 +287,7 @@ bool settled(const State& s) {
 bool finishes(State s, std::unordered_map<std::string, bool>& known) {
   for (auto& d : s.devices) {
     if (!d.powered) {
-      d = Device{true, d.persistent, d.persistent, d.persistent, false};
+      d = Device{true, d.persistent, d.persistent, d.persistent, false, d.ours};
       note_boot(s, d.active, -1);
     }
   }
@@ -271,6 +311,7 @@ struct Explored {
   std::size_t caused = 0;     // Berth made two devices hold one node-ID
   std::size_t stuck = 0;      // no way to the end
   std::size_t two_seats = 0;  // one device in two slots
+  std::size_t forgotten = 0;  // a memory has a slot's node-ID by Berth, and the slot does not say so
   std::string example;
 };
 
@@ -299,6 +340,10 @@ Explored explore(const State& start, int budget) {
     }
     const auto seat = [&](int i) { return s.asked[i] >= 0 ? s.asked[i] : s.confirmed[i]; };
     if (seat(0) >= 0 && seat(0) == seat(1)) ++result.two_seats;
+    for (int i = 0; i < 2; ++i) {
+      for (int d = 0; d < 2; ++d)
+        result.forgotten += s.devices[d].ours && s.devices[d].persistent == slot_id[i] && seat(i) != d;
+    }
 
     State done = s;
     if (berth_move(done)) by_berth(s, done);
@@ -322,14 +367,12 @@ Explored explore(const State& start, int budget) {
       const bool answered = on_lss || step == Step::identify;
       if (answered) {  // the answer is lost
         next.work = s.work;
-        next.work->advance(Outcome::silent);
-        if (next.work->ended()) next.work.reset();
+        advance(next, Outcome::silent);
         by_berth(s, next);
       }
       if (answered && step != Step::select) {  // the request is lost
         State lost = faulty;
-        lost.work->advance(Outcome::silent);
-        if (lost.work->ended()) lost.work.reset();
+        advance(lost, Outcome::silent);
         by_berth(s, lost);
       }
     }
@@ -340,7 +383,7 @@ Explored explore(const State& start, int budget) {
         d.powered = false;
         d.configuration = false;
       } else {
-        d = Device{true, d.persistent, d.persistent, d.persistent, false};
+        d = Device{true, d.persistent, d.persistent, d.persistent, false, d.ours};
         note_boot(next, d.active, i);
       }
       visit(next);
@@ -350,6 +393,7 @@ Explored explore(const State& start, int budget) {
       if (who < 0 || s.devices[who].powered || s.work) continue;
       State next = faulty;
       next.asked[i] = next.confirmed[i] = -1;
+      next.devices[who].ours = false;
       visit(next);
     }
   }
@@ -371,6 +415,7 @@ void expect_sound(const State& start, int budget, const char* what) {
   EXPECT_EQ(e.caused, 0U) << what << " at " << e.example;
   EXPECT_EQ(e.stuck, 0U) << what << " at " << e.example;
   EXPECT_EQ(e.two_seats, 0U) << what;
+  EXPECT_EQ(e.forgotten, 0U) << what;
   EXPECT_GT(e.states, 100U) << what;
 }
 
