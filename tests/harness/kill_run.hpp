@@ -17,10 +17,12 @@ enum class Scenario : std::uint8_t {
   replaced,    // one left the machine, its replacement came with a node-ID of nobody stored, and a person says so
   stranger,    // beside the two there is a device of no slot that holds a slot's node-ID
   configured,  // one of the two gets a configuration, which it saves
+  away,        // who loses power stays away for 60 s, and a spare of its kind is brought meanwhile
+  gone,        // the same, for ever
   count,
 };
 inline const char* name(Scenario s) {
-  constexpr const char* names[] = {"blank", "taken", "crossed", "replaced", "stranger", "configured"};
+  constexpr const char* names[] = {"blank", "taken", "crossed", "replaced", "stranger", "configured", "away", "gone"};
   return names[static_cast<int>(s)];
 }
 inline constexpr int scenarios = static_cast<int>(Scenario::count);
@@ -34,6 +36,8 @@ struct Death {
   std::optional<std::uint64_t> disk;  // this step of the store's disk
   std::optional<std::uint64_t> torn;  // after so many bytes of device memory, counted per device
   std::string torn_device;
+  std::string off;    // at `at` this device loses power; Berth dies with `Victim::both` only
+  std::string loses;  // at `at` this device, or "master", loses the frame; Berth lives
   Victim victim = Victim::berth;
   store::Loss loss = store::Loss::none;  // what becomes of the unsynced writes
   bool restart_late = false;             // the next Berth comes after devices' timeouts, else at once
@@ -55,7 +59,8 @@ class KillWorld final {
         rig_(machine(scenario), plant(scenario), &store_),
         machine_(machine(scenario)),
         watch_(rig_.world(), machine_, nullptr),
-        configured_(rig_.world(), machine_, store_) {
+        configured_(rig_.world(), machine_, store_),
+        judge_(rig_, machine_, watch_, configured_) {
     for (const auto& d : rig_.world().devices()) {
       memories_.push_back(std::make_unique<Memory>(*this, *d));
       d->memory().watch(memories_.back().get());
@@ -86,9 +91,14 @@ class KillWorld final {
     return life;
   }
 
+  // Devices may stay away: then who sits where depends on when they left.
+  [[nodiscard]] static bool departs(Scenario s) { return s == Scenario::away || s == Scenario::gone; }
+
   // After a life that came to the end: what must be so. Empty: it is.
   std::string check() {
-    std::string wrong = check_devices();
+    std::string wrong = judge_.wrong();
+    if (wrong.empty() && departs(scenario_)) return check_rows();
+    if (wrong.empty()) wrong = check_devices();
     if (wrong.empty()) wrong = check_store();
     return wrong;
   }
@@ -112,7 +122,7 @@ class KillWorld final {
 
   static TypeCode first_type(Scenario scenario) {
     if (scenario == Scenario::configured) return type_pump;
-    return scenario == Scenario::blank ? type_b : type_a;
+    return scenario == Scenario::blank || departs(scenario) ? type_b : type_a;
   }
 
   static design::Machine machine(Scenario scenario) {
@@ -149,6 +159,10 @@ class KillWorld final {
       stored(d3, 5);
       d3.plugged = false;
     }
+    if (departs(scenario)) {
+      add_device(p, "d3", type_b, 0x33).plugged = false;
+      add_device(p, "d4", type_b, 0x44).plugged = false;
+    }
     if (scenario == Scenario::stranger) stored(add_device(p, "x", type_c, 0x33), 2);
     for (auto& d : p.devices) {
       d.response = {300us, 900us, 0, 0ms};
@@ -171,7 +185,10 @@ class KillWorld final {
   }
 
   void begin(const Death& death) {
-    axe_.life(death.at);
+    std::function<Axe::Instead()> instead;
+    if (!death.off.empty()) instead = [this] { return switched_off(); };
+    if (!death.loses.empty()) instead = [this] { return frame_lost(); };
+    axe_.life(death.at, std::move(instead));
     disk_.crash_at(death.disk);
     death_ = death;
     struck_ = false;
@@ -191,8 +208,23 @@ class KillWorld final {
       if (scenario_ == Scenario::replaced) say_replaced();
       return ended();
     };
-    if (!rig_.run_until(settled, 40s)) life.failure = "not operational after 40 s: " + states();
+    if (departs(scenario_)) {
+      if (!comes_to_rest()) life.failure = "no rest after 120 s: " + judge_.wrong() + "; " + states();
+    } else if (!rig_.run_until(settled, 40s)) {
+      life.failure = "not operational after 40 s: " + states();
+    }
     if (!setup_failure_.empty()) life.failure = setup_failure_;
+  }
+
+  // Who comes back is back, and everything is as it must be; and stays so.
+  [[nodiscard]] bool comes_to_rest() {
+    const auto over = [this] { return axe_.fallen() || !watch_.failure().empty(); };
+    for (const rt::Time limit = rig_.now() + 120s; rig_.now() < limit && !over();) {
+      if (rig_.run_until(over, 100ms) || returning_ > 0 || !rig_.idle() || !judge_.wrong().empty()) continue;
+      if (rig_.run_until(over, 3s) || !rig_.run_until([&] { return over() || rig_.idle(); }, 20s)) continue;
+      if (over() || judge_.wrong().empty()) return true;
+    }
+    return over();
   }
 
   // `berth replace s2`, as long as the table shows that the old device sits there and is silent.
@@ -231,12 +263,42 @@ class KillWorld final {
     if (death_.victim != Victim::device) axe_.fall();
   }
 
+  // At a point of Berth's: behind the instant, so that what is under way there ends as it does.
+  Axe::Instead switched_off() {
+    struck_ = true;
+    rig_.world().sim().after(0ms, [this, device = &rig_.device(death_.off)] { power_lost(*device); });
+    return death_.victim == Victim::both ? Axe::Instead::nothing : Axe::Instead::lives;
+  }
+  Axe::Instead frame_lost() {
+    struck_ = true;
+    if (death_.loses == plant::master_name) return Axe::Instead::loses_frame;
+    plant::SimDevice& device = rig_.device(death_.loses);
+    sim::Fault fault;
+    fault.kind = sim::Fault::Kind::overrun;
+    fault.trigger.when = [master = rig_.port().number()](const sim::FrameStart& start) {
+      return start.sender == master;
+    };
+    fault.victims = {&device.controller()};
+    device.bus().inject(std::move(fault));
+    return Axe::Instead::lives;
+  }
+
   void power_lost(plant::SimDevice& device) noexcept {
     struck_ = true;
     device.power(false);
     if (death_.torn && death_.victim == Victim::both) axe_.fall();
     plant::SimDevice* const back = &device;
-    rig_.world().sim().after(300ms, [back] { back->power(true); });
+    if (departs(scenario_)) {
+      // A device that is there already stays: each strike brings one spare at most.
+      plant::SimDevice& spare = rig_.device(rig_.device("d3").plugged() ? "d4" : "d3");
+      rig_.world().sim().after(500ms, [spare = &spare] { spare->plug(); });
+    }
+    if (scenario_ == Scenario::gone) return;
+    ++returning_;
+    rig_.world().sim().after(scenario_ == Scenario::away ? rt::Duration(60s) : rt::Duration(300ms), [this, back] {
+      --returning_;
+      back->power(true);
+    });
   }
 
   [[nodiscard]] std::string states() {
@@ -292,6 +354,27 @@ class KillWorld final {
     return wrong.empty() ? std::string() : "d1 has not saved it: " + wrong;
   }
 
+  // Where devices stay away: what stands in the store is on the disk.
+  [[nodiscard]] std::string check_rows() {
+    const auto before = store_.load("rig");
+    rig_.kill();
+    store_.die();
+    disk_.after_crash(store::Loss::all, random_);
+    axe_.life({});
+    const std::string refused = store_.open();
+    if (!refused.empty()) return "the store does not open at the end: " + refused;
+    const auto after = store_.load("rig");
+    store_.close();
+    if (!before || !after || before->size() != after->size()) return "the store cannot be read at the end";
+    for (std::size_t i = 0; i < after->size(); ++i) {
+      const auto& was = (*before)[i];
+      const auto& is = (*after)[i];
+      if (is.asked != was.asked || is.confirmed != was.confirmed)
+        return "slot " + is.name.name + " was not safely on the disk";
+    }
+    return {};
+  }
+
   // What Berth believes, and what a next process would read, are one and true.
   [[nodiscard]] std::string check_store() {
     const auto seats = expected();
@@ -337,6 +420,8 @@ class KillWorld final {
   design::Machine machine_;
   DoubleWatch watch_;
   ConfigWatch configured_;
+  EndJudge judge_;
+  int returning_ = 0;  // devices without power that will come back
   std::vector<std::unique_ptr<Memory>> memories_;
   Death death_;
   std::string setup_failure_;

@@ -5,6 +5,7 @@
 #pragma once
 
 #include <cstdint>
+#include <functional>
 #include <map>
 #include <memory>
 #include <optional>
@@ -29,31 +30,43 @@ enum class PointKind : std::uint8_t {
   memory_end,      // it is written, and the device has not told yet
   disk,            // a write, truncation, sync or deletion of the store's file
   memory_torn,     // one byte of a device's memory
+  lost_by_device,  // a device loses a frame that Berth sent
+  lost_by_berth,   // Berth loses a frame
+  device_off,      // a device loses power when a frame was sent or has come
   count,
 };
 inline const char* name(PointKind k) {
   constexpr const char* names[] = {"store write, before",  "store write, after",     "frame sent, before",
                                    "frame sent, after",    "frame received, before", "frame received, after",
                                    "device memory, begin", "device memory, end",     "store file, write or sync",
-                                   "device memory, torn"};
+                                   "device memory, torn",  "frame lost by a device", "frame lost by Berth",
+                                   "device without power"};
   return names[static_cast<int>(k)];
 }
 inline constexpr int point_kinds = static_cast<int>(PointKind::count);
 
 class Axe {
  public:
-  // A new life; the axe falls at its point `k`, from 0.
-  void life(std::optional<std::uint64_t> k) {
+  // What happens at the chosen point instead of Berth's death.
+  enum class Instead : std::uint8_t { nothing, lives, loses_frame };
+  // A new life; the axe falls at its point `k`, from 0, unless `instead` says otherwise.
+  void life(std::optional<std::uint64_t> k, std::function<Instead()> instead = {}) {
     trace_.clear();
     at_ = k;
-    fallen_ = false;
+    fallen_ = loses_ = false;
+    instead_ = std::move(instead);
   }
   // One point; true when Berth is dead now. Memory points do not kill by themselves.
   bool point(PointKind kind) noexcept {
     if (fallen_) return true;
-    if (hit(kind)) fallen_ = true;
+    if (!hit(kind)) return false;
+    const Instead instead = instead_ ? instead_() : Instead::nothing;
+    fallen_ = instead == Instead::nothing;
+    loses_ = instead == Instead::loses_frame;
     return fallen_;
   }
+  // The frame that has just come is lost.
+  [[nodiscard]] bool loses() noexcept { return std::exchange(loses_, false); }
   // Counts one point; true when it is the chosen one.
   bool hit(PointKind kind) noexcept {
     trace_.push_back(kind);
@@ -66,7 +79,9 @@ class Axe {
  private:
   std::vector<PointKind> trace_;
   std::optional<std::uint64_t> at_;
+  std::function<Instead()> instead_;
   bool fallen_ = false;
+  bool loses_ = false;
 };
 
 // The real store on a disk that keeps only what was synced. A dead Berth writes nothing.
@@ -191,7 +206,7 @@ class MortalPort final : public can::Port, private can::Listener {
 
  private:
   void received(const can::Frame& frame, rt::Time at) noexcept override {
-    if (axe_->point(PointKind::receive_before) || listener_ == nullptr) return;
+    if (axe_->point(PointKind::receive_before) || axe_->loses() || listener_ == nullptr) return;
     listener_->received(frame, at);
     axe_->point(PointKind::receive_after);
   }

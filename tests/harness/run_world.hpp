@@ -269,7 +269,7 @@ class WorldRun final : private can::Tap {
     rig_.run_for(3s);
     if (!sound()) return;
     comes_to_rest(20s);
-    check_end();
+    if (sound()) check_end();
   }
 
   // Everything is as it must be, within this time.
@@ -317,8 +317,8 @@ class WorldRun final : private can::Tap {
   }
 
   void check_end() {
-    if (!rig_.idle() && outcome_.failure.empty()) outcome_.failure = "the main job does not come to rest";
-    const std::string wrong = verdict();
+    const bool rests = rig_.run_until([this] { return rig_.idle(); }, 20s);
+    const std::string wrong = rests ? verdict() : "the main job does not come to rest";
     if (!wrong.empty() && outcome_.failure.empty()) outcome_.failure = wrong;
   }
 

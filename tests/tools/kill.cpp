@@ -38,6 +38,34 @@ Death vary(Death death, std::uint64_t n) {
   return death;
 }
 
+// The other things that can happen at a frame: it is lost, or a device loses power at it. Of the two devices that are
+// bound one has it at this frame, the other at the next of its kind; where devices stay away both have power losses at
+// all of them.
+void add_frame_points(std::vector<Point>& points, Scenario scenario, PointKind kind, std::uint64_t k) {
+  const bool departs = KillWorld::departs(scenario);
+  const std::string other = KillWorld::has(scenario, "d3") && !departs ? "d3" : "d2";
+  const std::string one = k / 2 % 2 == 0 ? "d1" : other;
+  Death death;
+  death.at = k;
+  if (kind == PointKind::send_before && !departs) {
+    death.loses = one;
+    points.push_back({PointKind::lost_by_device, death});
+  }
+  if (kind == PointKind::receive_before && !departs) {
+    death.loses = plant::master_name;
+    points.push_back({PointKind::lost_by_berth, death});
+  }
+  const bool here = kind == PointKind::send_after || kind == PointKind::receive_after;
+  if (!departs || !here) return;
+  for (const auto* const device : {"d1", "d2"}) {
+    Death off;
+    off.at = k;
+    off.off = device;
+    off.victim = k % 3 == 0 ? Victim::both : Victim::device;
+    points.push_back({PointKind::device_off, off});
+  }
+}
+
 // Every point of an undisturbed run, in a fixed order: their places in it are what --point means.
 std::vector<Point> points_of(Scenario scenario) {
   KillWorld world(scenario);
@@ -48,23 +76,25 @@ std::vector<Point> points_of(Scenario scenario) {
     std::exit(1);
   }
   std::vector<Point> points;
+  const bool departs = KillWorld::departs(scenario);
   for (std::uint64_t k = 0; k < whole.trace.size(); ++k) {
     Death death;
     death.at = k;
-    points.push_back({whole.trace[k], death});
+    if (!departs) points.push_back({whole.trace[k], death});
+    add_frame_points(points, scenario, whole.trace[k], k);
     if (!is_memory(whole.trace[k])) continue;
     for (const auto victim : {Victim::device, Victim::both}) {
       death.victim = victim;
       points.push_back({whole.trace[k], death});
     }
   }
-  for (std::uint64_t k = 0; k < whole.disk_steps; ++k) {
+  for (std::uint64_t k = 0; !departs && k < whole.disk_steps; ++k) {
     Death death;
     death.disk = k;
     points.push_back({PointKind::disk, death});
   }
   for (const char* device : {"d1", "d2", "d3", "x"}) {
-    if (!KillWorld::has(scenario, device)) continue;
+    if (!KillWorld::has(scenario, device) || (departs && *device == 'd' && device[1] == '3')) continue;
     for (std::uint64_t byte = 0;; ++byte) {
       Death death;
       death.torn = byte;
