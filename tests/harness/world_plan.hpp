@@ -312,6 +312,11 @@ class Planner {
       f.bus = random_.below(plan_.machine.buses.size());
       plan_.faults.push_back(f);
     }
+    // A search by one method gives node-IDs by name at its end, one `04 00` each.
+    for (std::size_t i = 0; i < plan_.machine.buses.size(); ++i) {
+      if (plan_.machine.buses[i].discovery == "auto" || random_.below(3) != 0) continue;
+      plan_.faults.push_back({FaultKind::waiting_lost, Column::discovery, between(0us, 1500ms), i});
+    }
     const auto aimed = random_.below(4);
     for (std::uint64_t i = 0; i < aimed; ++i) step_fault();
     plan_.restarts = random_.below(2) == 0 ||
