@@ -65,9 +65,10 @@ class EndJudge {
       check_free(rig_->network(i));
     }
     for (const auto& t : truth_) check_device(t);
-    for (const auto& device : *blanks) {
-      const auto* const t = present(device);
-      if (t != nullptr && !twins(*t)) say(t->name + " is there, and taking its node-ID away is not finished");
+    for (const auto& blank : *blanks) {
+      const auto* const t = present(blank.device);
+      if (t != nullptr && t->bus == blank.bus && !twins(*t))
+        say(t->name + " is there, and taking its node-ID away is not finished");
     }
     return wrong_;
   }

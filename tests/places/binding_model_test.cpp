@@ -125,16 +125,6 @@ std::vector<LssAddress> blanks_of(const State& s) {
   return blanks;
 }
 
-// The main job tells a binding that the store has its intention already: an earlier one may have touched the device.
-template <class Table = Binding>
-Table make_binding(Binding::Kind kind, const Seat& seat, unsigned tries, bool resumed) {
-  if constexpr (std::is_constructible_v<Table, Binding::Kind, Seat, unsigned, bool>) {
-    return Table(kind, seat, tries, resumed);
-  } else {
-    return Table(kind, seat, tries);
-  }
-}
-
 // The first action whose device did not fail in this round, there or not; when all did, the next round begins.
 bool begin_next(State& s) {
   const auto p = plan(slots_of(s), found_in(s), blanks_of(s), master);
@@ -148,9 +138,10 @@ bool begin_next(State& s) {
   const bool bind = next->kind == Action::Kind::bind;
   const int who = index_of(next->device);
   s.slot = next->slot;
+  // The store has its intention already: an earlier binding may have touched the device.
   const bool resumed = bind ? s.asked[s.slot] == who : s.blank_asked[who];
-  s.work.emplace(make_binding(bind ? Binding::Kind::bind : Binding::Kind::blank,
-                              Seat{next->device, bind ? slot_id[s.slot] : NodeId()}, 2, resumed));
+  s.work.emplace(bind ? Binding::Kind::bind : Binding::Kind::blank,
+                 Seat{next->device, bind ? slot_id[s.slot] : NodeId()}, 2U, resumed);
   return true;
 }
 
