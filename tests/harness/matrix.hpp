@@ -1,0 +1,305 @@
+// The matrix of issue 11: the main job at every size, with every kind of device, at every bit rate. One cell is one
+// machine and one plant of a seed of its own, from devices that are all there to operational. Needs no test library:
+// tests, ./run matrix and bench/matrix.cpp use it.
+#pragma once
+
+#include <algorithm>
+#include <array>
+#include <cstdint>
+#include <memory>
+#include <string>
+#include <string_view>
+#include <vector>
+
+#include "berth/base/random.hpp"
+#include "berth/design/machine.hpp"
+#include "berth/operate/session.hpp"
+#include "berth/places/slot_store.hpp"
+#include "berth/plant/world.hpp"
+
+namespace berth::harness::matrix {
+
+using namespace std::chrono_literals;
+
+// What all devices of a cell speak, or have.
+enum class Kind : std::uint8_t {
+  rand,         // and LSS without Fastscan
+  lss,          // without Fastscan, and nothing else
+  fastscan,     // and nothing else
+  feedback_29,  // and nothing else
+  feedback_11,
+  fixed,   // its slot's node-ID by switches; every second one speaks LSS
+  stored,  // a node-ID in its memory: its slot's, or that of another slot
+  mixed,   // one of the others each
+  count
+};
+inline constexpr std::array<const char*, static_cast<std::size_t>(Kind::count)> kind_names{
+    "rand", "lss", "fastscan", "feedback-29", "feedback-11", "fixed", "stored", "mixed"};
+[[nodiscard]] inline const char* name(Kind kind) { return kind_names.at(static_cast<std::size_t>(kind)); }
+
+enum class Latency : std::uint8_t {
+  equal,     // 1 ms
+  random,    // 0.2 to 4 ms
+  outliers,  // 0.2 to 2 ms, and 30 ms once in a hundred
+  count
+};
+inline constexpr std::array<const char*, static_cast<std::size_t>(Latency::count)> latency_names{"equal", "random",
+                                                                                                 "outliers"};
+[[nodiscard]] inline const char* name(Latency latency) { return latency_names.at(static_cast<std::size_t>(latency)); }
+
+inline constexpr std::array<unsigned, 7> sizes{1, 2, 5, 30, 60, 120, 126};
+inline constexpr std::array<std::uint32_t, 5> bit_rates{10'000, 50'000, 125'000, 500'000, 1'000'000};
+
+struct Cell {
+  Kind kind = Kind::rand;
+  unsigned devices = 1;
+  std::uint32_t bit_rate = 125'000;
+  Latency latency = Latency::equal;
+};
+
+[[nodiscard]] inline std::string describe(const Cell& c) {
+  return std::string(name(c.kind)) + ", " + std::to_string(c.devices) + " devices, " +
+         std::to_string(c.bit_rate / 1000) + " kbit/s, " + name(c.latency);
+}
+
+// Every cell has its own seed, the same in every run.
+[[nodiscard]] inline std::uint64_t seed_of(const Cell& c) {
+  std::uint64_t seed = static_cast<std::uint64_t>(c.kind) + 1;
+  for (const std::uint64_t part :
+       {std::uint64_t{c.devices}, std::uint64_t{c.bit_rate}, static_cast<std::uint64_t>(c.latency)}) {
+    seed = (seed ^ part) * 0x9E37'79B9'7F4A'7C15ULL;
+    seed ^= seed >> 29U;
+  }
+  return seed;
+}
+
+// Consecutive, stepped or random.
+[[nodiscard]] inline std::vector<std::uint32_t> serials(Random& random, unsigned count) {
+  std::vector<std::uint32_t> list;
+  constexpr std::array<std::uint32_t, 4> steps{1, 16, 1000, 0x1'0000};
+  const auto form = random.below(5);
+  const auto base = static_cast<std::uint32_t>(1 + random.below(0x1000'0000));
+  while (list.size() < count) {
+    const auto serial = form < steps.size() ? base + static_cast<std::uint32_t>(list.size()) * steps.at(form)
+                                            : static_cast<std::uint32_t>(random.next());
+    if (std::ranges::find(list, serial) == list.end()) list.push_back(serial);
+  }
+  return list;
+}
+
+[[nodiscard]] inline plant::Latency response_of(Latency latency) {
+  if (latency == Latency::equal) return {1ms, 1ms, 0, 0ms};
+  if (latency == Latency::random) return {200us, 4ms, 0, 0ms};
+  return {200us, 2ms, 10'000, 30ms};
+}
+
+inline void make_kind(plant::PlantDevice& d, Kind kind, unsigned number, NodeId kept) {
+  using plant::Speaks;
+  switch (kind) {
+    case Kind::rand: d.speaks = {Speaks::lss, Speaks::rand}; break;
+    case Kind::lss: d.speaks = {Speaks::lss}; break;
+    case Kind::fastscan: d.speaks = {Speaks::fastscan}; break;
+    case Kind::feedback_29: d.speaks = {Speaks::feedback_29}; break;
+    case Kind::feedback_11: d.speaks = {Speaks::feedback_11}; break;
+    case Kind::fixed:
+      d.source = plant::NodeIdSource::switches;
+      d.node_id = NodeId(static_cast<std::uint8_t>(number));
+      d.speaks = {};
+      if (number % 2 == 0) d.speaks = {Speaks::lss};
+      break;
+    case Kind::stored:
+      d.source = plant::NodeIdSource::nonvolatile;
+      d.node_id = kept;
+      d.speaks = {Speaks::fastscan};
+      if (number % 3 == 0) d.speaks = {Speaks::lss};
+      if (number % 3 == 1) d.speaks = {Speaks::lss, Speaks::rand};
+      break;
+    case Kind::mixed:
+    case Kind::count: break;
+  }
+}
+
+struct Made {
+  design::Machine machine;
+  plant::PlantFile plant;
+};
+
+[[nodiscard]] inline Made make(const Cell& cell) {
+  Random random(seed_of(cell));
+  Made made;
+  made.machine.name = "matrix";
+  design::Bus bus;
+  bus.name = "field";
+  bus.bitrate = cell.bit_rate;
+  made.machine.buses.push_back(bus);
+  made.plant.seed = random.next();
+  made.plant.buses.push_back({bus.name, 0});
+
+  const auto types = static_cast<unsigned>(1 + random.below(std::min(6U, cell.devices)));
+  const auto serial = serials(random, cell.devices);
+  // Stored node-IDs: each its slot's own, or all moved on by a few, so that some sit where another type belongs.
+  const auto moved = random.below(2) == 0 ? 0U : static_cast<unsigned>(random.below(cell.devices));
+  for (unsigned i = 0; i < cell.devices; ++i) {
+    const unsigned number = i + 1;
+    design::Slot slot;
+    slot.spec.name = {made.machine.name, bus.name, "s" + std::to_string(number)};
+    slot.spec.id = NodeId(static_cast<std::uint8_t>(number));
+    slot.spec.type = {0x0000'0301, 0x0001'0000 + i % types};
+    made.machine.slots.push_back(slot);
+
+    plant::PlantDevice d;
+    d.name = "d" + std::to_string(number);
+    d.bus = bus.name;
+    d.address = {slot.spec.type.vendor, slot.spec.type.product, 0x0001'0002, serial[i]};
+    d.response = response_of(cell.latency);
+    auto kind = cell.kind;
+    if (kind == Kind::mixed) kind = static_cast<Kind>(random.below(static_cast<std::uint64_t>(Kind::mixed)));
+    // A mixed plant's switches and memories must leave its slots' node-IDs to one device each.
+    const unsigned place = cell.kind == Kind::mixed ? i : (i + moved) % cell.devices;
+    make_kind(d, kind, number, NodeId(static_cast<std::uint8_t>(place + 1)));
+    made.plant.devices.push_back(d);
+  }
+  return made;
+}
+
+enum class End : std::uint8_t {
+  operational,
+  gave_up,  // nothing is going on any more, as `berth up` judges it
+  late,     // not within its bus time
+  lost,     // operational, and not any more ten seconds later
+  wrong,    // told operational, and the devices say otherwise
+};
+[[nodiscard]] inline const char* name(End end) {
+  constexpr std::array<const char*, 5> names{"operational", "gave up", "too late", "lost", "wrong"};
+  return names.at(static_cast<std::size_t>(end));
+}
+
+// Plain bytes: it goes through a pipe.
+struct Outcome {
+  End end = End::late;
+  rt::Duration bus_time{0};  // from Berth's first instant to operational, or to the end
+  std::uint64_t frames = 0;
+  unsigned operational = 0;  // slots
+  std::array<char, 400> why{};
+
+  void say(std::string_view words) {
+    const auto size = std::min(words.size(), why.size() - 1);
+    std::ranges::copy(words.substr(0, size), why.begin());
+    why.at(size) = '\0';
+  }
+};
+
+class Run {
+ public:
+  static constexpr std::size_t longest_reason = 110;
+  static constexpr rt::Duration there = 1s;      // every device has booted when Berth begins, and is not heard to
+  static constexpr rt::Duration holds = 10s;     // so long an operational machine is watched
+  static constexpr rt::Duration patience = 14s;  // of `berth up`, with the timing of a machine file that says none
+
+  explicit Run(const Cell& cell) : made_(make(cell)) {
+    Findings findings;
+    const auto& bus = made_.machine.buses.front();
+    const plant::BusRate rate{bus.name, bus.bitrate};
+    world_ = plant::World::make(made_.plant, {&rate, 1}, findings);
+  }
+
+  Outcome go(rt::Duration limit, bool show) {
+    if (!world_) return failed("no world");
+    world_->start();
+    world_->sim().run_for(there);
+    const auto port = world_->attach_master("field");
+    operate::Session session(world_->executor(), made_.machine, store_);
+    if (!session.connect("field", *port) || !session.open()) return failed("no session");
+    bool reached = false;
+    session.on_milestone([&](const std::string& m) { reached = reached || m == "operational"; });
+    session.on_event([&](const operate::Event& e) {
+      last_ = e.text;
+      if (show) std::printf("%s\n", operate::to_line(e).c_str());
+    });
+    begun_ = changed_ = world_->sim().now();
+    session.start();
+    while (!reached && world_->sim().now() < begun_ + limit && !settled(session)) {
+      world_->sim().run_until([&] { return reached; }, 100ms);
+    }
+    outcome_.bus_time = world_->sim().now() - begun_;
+    outcome_.frames = world_->bus("field")->statistics().frames;
+    if (!reached) {
+      outcome_.end = settled(session) ? End::gave_up : End::late;
+    } else {
+      world_->sim().run_for(holds);
+      outcome_.end = session.operational() ? End::operational : End::lost;
+      if (!truly_operational()) outcome_.end = End::wrong;
+    }
+    count(session);
+    session.stop();
+    return outcome_;
+  }
+
+ private:
+  Outcome failed(std::string_view why) {
+    outcome_.end = End::wrong;
+    outcome_.say(why);
+    return outcome_;
+  }
+
+  // As apps/berth's `Ending::settled`: the table did not change for so long, and nobody works at it.
+  bool settled(operate::Session& session) {
+    std::vector<std::pair<places::SlotState, bool>> table;
+    bool busy = !session.idle();
+    for (const auto& s : session.slots()) {
+      table.emplace_back(s.state, s.device.has_value());
+      busy = busy || s.state == places::SlotState::binding || s.state == places::SlotState::configuring ||
+             s.state == places::SlotState::unknown;
+    }
+    if (table != table_) {
+      table_ = std::move(table);
+      changed_ = world_->sim().now();
+    }
+    return !busy && world_->sim().now() - changed_ >= patience;
+  }
+
+  // By the devices' own memory: each slot's node-ID is held by one device, of its type, operational.
+  bool truly_operational() {
+    std::array<unsigned, 128> holders{};
+    for (const auto& t : world_->truth()) {
+      if (!t.active.configured()) return false;
+      ++holders.at(t.active.value());
+      const auto* const slot = made_.machine.slot("field", t.active);
+      if (slot == nullptr || t.state != NmtState::operational || t.address.type() != slot->spec.type) return false;
+    }
+    return std::ranges::all_of(holders, [](unsigned n) { return n <= 1; });
+  }
+
+  // How many slots are in which state, with the first one's reason.
+  void count(operate::Session& session) {
+    std::array<unsigned, 16> states{};
+    std::array<std::string, 16> reasons{};
+    for (const auto& s : session.slots()) {
+      const auto state = static_cast<std::size_t>(s.state);
+      if (states.at(state)++ == 0) reasons.at(state) = s.reason.substr(0, longest_reason);
+    }
+    outcome_.operational = states.at(static_cast<std::size_t>(places::SlotState::operational));
+    if (outcome_.end == End::operational) return;
+    std::string words;
+    for (std::size_t i = 0; i < states.size(); ++i) {
+      if (states.at(i) == 0) continue;
+      words += std::to_string(states.at(i)) + " " + places::name(static_cast<places::SlotState>(i));
+      words += reasons.at(i).empty() ? "; " : " (" + reasons.at(i) + "); ";
+    }
+    outcome_.say(words + "last told: " + last_);
+  }
+
+  Made made_;
+  places::MemoryStore store_;
+  std::unique_ptr<plant::World> world_;
+  std::vector<std::pair<places::SlotState, bool>> table_;
+  rt::Time begun_{}, changed_{};
+  std::string last_;
+  Outcome outcome_;
+};
+
+[[nodiscard]] inline Outcome run(const Cell& cell, rt::Duration limit, bool show = false) {
+  return Run(cell).go(limit, show);
+}
+
+}  // namespace berth::harness::matrix
