@@ -39,7 +39,7 @@ void each_its_own(const std::map<std::string, int>& ids, const std::set<std::str
   }
 }
 
-TEST(PlantAlone, HeatingSystem) {
+TEST(PlantAlone, S2_31_HeatingSystem) {
   const Json report = run(example("heating.plant.toml"), "20 s", 0);
   const auto ids = node_ids(report);
   ASSERT_EQ(ids.size(), 11U);
@@ -54,7 +54,7 @@ TEST(PlantAlone, HeatingSystem) {
   EXPECT_EQ(boiler[2], boiler[0]);
 }
 
-TEST(PlantAlone, BatteryCluster) {
+TEST(PlantAlone, S2_31_BatteryCluster) {
   const Json report = run(example("battery-cluster.plant.toml"), "60 s", 0);
   const auto ids = node_ids(report);
   ASSERT_EQ(ids.size(), 10U);

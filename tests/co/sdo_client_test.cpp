@@ -101,6 +101,73 @@ TEST_F(Client, S2_SegmentedUploadWithoutSize) {
   EXPECT_EQ(value->text(), "abcdefghij");
 }
 
+// HC1.S2: of any length, 0 included, in frames that are counted; and of a type, whose length is looked at all the same.
+TEST_F(Client, S2_SegmentedUploadWithoutSizeOfAnyLength) {
+  for (const std::size_t length : {0U, 1U, 6U, 7U, 8U, 14U, 700U}) {
+    Bytes data;
+    std::vector<std::string> even;
+    std::vector<std::string> odd;
+    const std::size_t segments = std::max<std::size_t>(1, (length + 6) / 7);
+    for (std::size_t i = 0; i < segments; ++i) {
+      const std::size_t bytes = std::min<std::size_t>(7, length - 7 * i);
+      const bool last = i + 1 == segments;
+      can::Frame segment = can::Frame::base(0x585, {0, 0, 0, 0, 0, 0, 0, 0});
+      segment.data[0] = static_cast<std::uint8_t>(i % 2 << 4U | (7 - bytes) << 1U | (last ? 1U : 0U));
+      for (std::size_t k = 0; k < bytes; ++k) {
+        data.push_back(static_cast<std::uint8_t>(3 * data.size() + 1));
+        segment.data[1 + k] = data.back();
+      }
+      (i % 2 == 0 ? even : odd).push_back(can::to_string(segment));
+    }
+    wire.log.clear();
+    reply("605#4008100000000000", {"585#4008100000000000"});
+    reply("605#6000000000000000", even);
+    if (!odd.empty()) reply("605#7000000000000000", odd);
+    auto op = client.upload(node, 0x1008, 0);
+    const auto value = await(*this, op);
+    ASSERT_TRUE(value) << length;
+    EXPECT_EQ(Bytes(value->bytes().begin(), value->bytes().end()), data) << length;
+    EXPECT_EQ(wire.log.size(), 2 * (1 + segments)) << length << ": no abort, no frame more";
+  }
+}
+TEST_F(Client, S2_SegmentedUploadWithoutSizeOfAType) {
+  reply("605#4000100000000000", {"585#4000100000000000"});
+  reply("605#6000000000000000", {"585#0792010200000000"});
+  auto op = client.read<std::uint32_t>(node, 0x1000, 0);
+  const auto value = await(*this, op);
+  ASSERT_TRUE(value);
+  EXPECT_EQ(*value, 0x00020192U);
+  for (const char* other : {"585#0992010200000000", "585#0592010200FF0000"}) {  // 3 bytes, 5 bytes
+    reply("605#6000000000000000", {other});
+    auto wrong = client.read<std::uint32_t>(node, 0x1000, 0);
+    const auto mismatch = await(*this, wrong);
+    ASSERT_FALSE(mismatch) << other;
+    EXPECT_EQ(mismatch.error().code, Errc::mismatch);
+  }
+}
+
+// HC1.S16: what is not 8 bytes long is no answer and no abort: the whole one that follows is taken, else it is silence.
+TEST_F(Client, S16_ShortAnswersAreNotHeard) {
+  std::vector<const char*> answers{"585#",   "585#43001000FF0102",  "585#4300100092010F00FF", "585#80001000000002",
+                                   "585#R8", "585#4300100092010200"};
+  const auto valid = [](const char* text) { return can::parse_frame(text).has_value(); };
+  std::erase_if(answers, [&](const char* text) { return !valid(text); });  // 9 bytes are no classic frame
+  ASSERT_EQ(answers.size(), 5U);
+  Peer stutters(wire, can::only(0x605), [&](Peer& self, const can::Frame&) {
+    for (const char* answer : answers) self.send(answer);
+  });
+  auto op = client.read<std::uint32_t>(node, 0x1000, 0);
+  const auto value = await(*this, op);
+  ASSERT_TRUE(value);
+  EXPECT_EQ(*value, 0x00020192U);
+  EXPECT_EQ(executor.now(), at(6 * wire.frame_time));
+  answers.pop_back();
+  const auto before = executor.now();
+  auto short_only = client.read<std::uint32_t>(node, 0x1000, 0);
+  EXPECT_EQ(await(*this, short_only).error().code, Errc::timeout);
+  EXPECT_GE(executor.now() - before, client.options().timeout);
+}
+
 // A7.2, the client's side.
 TEST_F(Client, SegmentedDownload) {
   const Bytes data{1, 2, 3, 4, 5, 6, 7, 8};
@@ -216,7 +283,7 @@ TEST_F(Client, S15_LateAnswerOfTheSameObjectBeforeTheFence) {
   EXPECT_EQ(client.surplus(node), 0U) << "late is not surplus";
 }
 
-// HC1.S2, HC1.S16 in reverse: silence ends in time, says so, and tells the server once (complaint 22: optional).
+// Silence ends in time, says so, and tells the server once (complaint 22: optional).
 TEST_F(Client, TimeoutAbortsOnceAndSaysNoAnswer) {
   auto op = client.read<std::uint32_t>(node, 0x1000, 0);
   const auto value = await(*this, op);

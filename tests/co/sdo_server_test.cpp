@@ -147,8 +147,14 @@ TEST_F(Server, S14_NewInitiateReplacesTheTransfer) {
 TEST_F(Server, S16_WrongLengthIsIgnored) {
   ask("2105200008000000");
   for (const char* data : {"", "40", "40001000", "40001000000000", "R8", "R0"}) EXPECT_EQ(ask(data), "") << data;
+  // A segment, an abort and a new initiate that lack a byte: the transfer is where it was.
+  for (const char* data : {"000A0B0C0D0E0F", "80052000000000", "2F0020002A0000", "80"}) {
+    EXPECT_EQ(ask(data), "") << data;
+    EXPECT_TRUE(server.busy()) << data;
+  }
   EXPECT_EQ(ask("0001020304050607"), "2000000000000000");
   EXPECT_EQ(ask("1D08000000000000"), "3000000000000000");
+  EXPECT_EQ(stored(0x2005), (Bytes{1, 2, 3, 4, 5, 6, 7, 8}));
 }
 
 // S17: an object of 0 bytes, both ways.

@@ -134,7 +134,7 @@ deadline = "20 ms"
   EXPECT_EQ(m.slot("drives", NodeId(3)), nullptr);
 }
 
-// S1.2, S1.28: phase one, before any slave is there: Node_ID and Type_Code are fixed by the machine file; a table of
+// S1.28: phase one, before any slave is there: Node_ID and Type_Code are fixed by the machine file; a table of
 // the paper's form.
 TEST(MachineFile, S1_28_NodeTableOfThePaper) {
   const auto result = load_machine(berth::test::source_dir() + "/examples/five-slaves.toml");

@@ -86,7 +86,7 @@ TEST(NegotiationFd, OnlyTheClassicRequestIsAnswered) {
 }
 
 // FD traffic, whatever its identifiers, stops nobody: bytes that would win, and node-IDs that would be in use.
-TEST(NegotiationFd, FdTrafficBesideIt) {
+TEST(NegotiationFd, S2_1_FdTrafficBesideIt) {
   FdNode node(negotiating());
   node.run(milliseconds(110));
   for (unsigned i = 0; i < 200 && !node.device.node_id().configured(); ++i) {

@@ -1,4 +1,6 @@
 // PDO, SYNC, TIME, error behaviour, supervision and the watch over its own identifiers in a whole device.
+#include <thread>
+
 #include "../pch.hpp"
 #include "berth/co/sdo_client.hpp"
 #include "rig.hpp"
@@ -477,6 +479,59 @@ TEST(Services, HC5_4_HU_27_TwoNetworksInOneProcess) {
   EXPECT_FALSE(a.device.emcy().active(0xFF01));
   EXPECT_EQ(right.write(0x1017, 0, 2, 77), Rig::done(0x1017, 0));
   EXPECT_EQ(a.device.values().get_or<std::uint16_t>({0x1017, 0}, 9), 0) << "one description, values of their own";
+}
+
+// A day of a network: two devices boot, start, beat, are read and written, raise an error and reset. `slice` is called
+// with each part of it.
+std::vector<std::string> day(const std::function<void(const std::function<void()>&)>& slice) {
+  std::unique_ptr<Rig> rig;
+  std::unique_ptr<Node> a;
+  std::unique_ptr<Node> b;
+  std::vector<std::string> found;
+  slice([&] {
+    rig = std::make_unique<Rig>();
+    a = std::make_unique<Node>(rig->world, rig->bus, node9(), Timing{}, rt::Duration{0}, description());
+    b = std::make_unique<Node>(rig->world, rig->bus, Options{.address = address_of(6), .node_id = NodeId(10)});
+    a->on();
+    b->on();
+  });
+  for (unsigned i = 0; i < 20; ++i) {
+    slice([&] {
+      rig->run(milliseconds(3));
+      if (i == 2) rig->write(0x1017, 0, 2, 7);
+      if (i == 5) rig->ask("000#0100");
+      if (i == 8) a->device.raise(0xFF01, 0x80);
+      if (i == 10) found.push_back(rig->read(0x1018, 4));
+      if (i == 12) rig->ask("000#8109");
+      if (i == 14) b->off();
+    });
+  }
+  slice([&] {
+    found.insert(found.end(), rig->record.text.begin(), rig->record.text.end());
+    b.reset();
+    a.reset();
+    rig.reset();
+  });
+  return found;
+}
+
+// HC5.4: nothing belongs to the thread that made it, but to the executor: each part of a day may run in another thread,
+// and two days at once, each in its own thread, are the same as each alone.
+TEST(Services, HC5_4_NoThreadIsAnyonesOwn) {
+  const auto here = [](const std::function<void()>& part) { part(); };
+  const auto elsewhere = [](const std::function<void()>& part) { std::thread(part).join(); };
+  const auto alone = day(here);
+  ASSERT_GT(alone.size(), 15U);
+  EXPECT_EQ(std::ranges::count(alone, "709#00"), 2) << "power-on and reset";
+  EXPECT_EQ(std::ranges::count(alone, "089#01FF810000000000"), 1);
+  EXPECT_EQ(day(elsewhere), alone);
+  std::array<std::vector<std::string>, 4> several;
+  std::vector<std::thread> threads;
+  for (auto& one : several) {
+    threads.emplace_back([&] { one = day(here); });
+  }
+  for (auto& thread : threads) thread.join();
+  for (const auto& one : several) EXPECT_EQ(one, alone);
 }
 
 // A9.4: the patterns of CiA 303-3, instant by instant.

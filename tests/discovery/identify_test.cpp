@@ -117,7 +117,7 @@ TEST(Identify, AssignsOnlyToThoseWithoutANodeId) {
   EXPECT_EQ(w.nodes[1]->id(), NodeId(32));
 }
 
-// SX.4: what is late costs time only.
+// What is late costs time only.
 TEST(Identify, OutliersCostTimeOnly) {
   for (std::uint64_t seed = 1; seed <= 30; ++seed) {
     SCOPED_TRACE(seed);
@@ -135,8 +135,8 @@ TEST(Identify, OutliersCostTimeOnly) {
   }
 }
 
-// SX.4: identify is answered without saying by whom; who is left at the end must answer to its own address.
-TEST(Identify, SX_4_WhoDoesNotAnswerToItsAddressIsNotReported) {
+// Identify is answered without saying by whom; who is left at the end must answer to its own address.
+TEST(Identify, WhoDoesNotAnswerToItsAddressIsNotReported) {
   World w;
   w.add(lss_only(1, 5));
   Node& ghost = w.add(lss_only(1, 0x8000'0000));

@@ -249,7 +249,7 @@ TEST_P(Planner, TheRefusedStayWithoutANodeId) {
   }
 }
 
-// SX.4: 1 % of the answers take 8 ms. No wrong binding, all found, in every world.
+// 1 % of the answers take 8 ms. No wrong binding, all found, in every world.
 TEST_P(Planner, OutliersCostTimeOnly) {
   for (std::uint64_t seed = 1; seed <= 60; ++seed) {
     SCOPED_TRACE(seed);

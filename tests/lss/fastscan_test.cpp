@@ -88,15 +88,36 @@ TEST(FastscanRequest, SilenceIsAnAnswer) {
   EXPECT_EQ(w.run(w.master->fastscan({0, 0, 4, 0})).error().code, Errc::invalid);
 }
 
-// S4.5: all answer with the same frame; equal ones may fall into one on the bus, and collide never.
+// S4.5: all answer with the same frame, whoever they are: at one instant it is one frame on the bus, at different ones
+// several, and never an error. Compare: addresses (inquired of two at one instant) differ under one identifier.
 TEST(FastscanRequest, S4_5_AnswersOfManyDoNotCollide) {
+  Random random(5);
+  for (const bool one_instant : {true, false}) {
+    FastscanWorld w;
+    for (unsigned i = 0; i < 30; ++i) {
+      w.with(any_address(random), Feedback::none, one_instant ? milliseconds(1) : microseconds(500 + 331 * (i % 11)));
+    }
+    const Record record(w.bus);
+    const auto reply = w.run(w.master->fastscan({}, {.timeout = milliseconds(60), .retries = 0, .full_window = true}));
+    ASSERT_TRUE(reply);
+    EXPECT_FALSE(reply->differ);
+    const auto answers = static_cast<std::size_t>(std::ranges::count(record.text, "7E4#4F00000000000000"));
+    EXPECT_EQ(answers + 1, record.text.size()) << "the request, and nothing else";
+    if (one_instant) {
+      EXPECT_EQ(answers, 1U);
+    } else {
+      EXPECT_GT(answers, 1U);
+    }
+    EXPECT_EQ(w.bus.statistics().collisions, 0U);
+    EXPECT_EQ(w.bus.statistics().error_frames, 0U);
+    EXPECT_EQ(w.port->rec(), 0U);
+  }
   FastscanWorld w;
-  for (std::uint32_t i = 0; i < 30; ++i) w.with({1, 1, 0, i});
-  const auto reply = w.run(w.master->fastscan({}));
-  ASSERT_TRUE(reply);
-  EXPECT_GE(reply->answers, 1U);
-  EXPECT_FALSE(reply->differ);
-  EXPECT_EQ(w.port->rec(), 0U);
+  for (const auto serial : {1U, 2U}) w.with({1, 1, 0, serial});
+  ASSERT_TRUE(w.run(w.master->switch_global(State::configuration)));
+  (void)w.run(w.master->inquire(3));
+  EXPECT_GT(w.bus.statistics().collisions, 0U);
+  EXPECT_GT(w.port->rec(), 0U);
 }
 
 TEST(FastscanRequest, TheWindowIsWholeOrEndsAtTheFirstAnswer) {

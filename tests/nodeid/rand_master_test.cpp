@@ -150,6 +150,31 @@ TEST(RandMaster, S1_31_KnownDevicesAreLeftOut) {
   EXPECT_FALSE(w.run(w.master.switch_global(Identification::selected)));
 }
 
+// S1.31: the steps as frames, in the paper's order: everybody unknown, the registered ones identified one by one, then
+// phases until nobody answers. s2 and s3 are registered; s1 comes from another plant, where it was identified.
+TEST(RandMaster, S1_31_TheStepsOfTheDiscovery) {
+  World w;
+  for (const auto& a : {s1, s2, s3}) w.add(a);
+  w.nodes[0]->slave.handle(switch_identification_global(Identification::identified), false);
+  const Record record(w.bus);
+  ASSERT_TRUE(w.run(w.master.switch_global(Identification::unknown)));
+  for (const auto& a : {s2, s3}) ASSERT_TRUE(w.run(w.master.switch_selective(a)));
+  ASSERT_TRUE(w.discover());
+  const std::vector<std::string> expected{
+      "1F940000#81000000",
+      // vendor, product, revision, serial, big-endian as all of RAND (docs/rand.md); 0: to identified
+      "1F940000#8200000000000001", "1F940000#8300000000000001", "1F940000#8400000000000000",
+      "1F940000#8500000000000005", "1F940000#8200000000000001", "1F940000#8300000000000005",
+      "1F940000#8400000000000000", "1F940000#8500000000000008",
+      // s1 alone
+      "1F940000#80000000", "1F500400#", "1F940000#80010100", "1F500004#", "1F940000#80020001", "1F500000#",
+      "1F940000#80030000", "1F500004#", "1F940000#80040001", "1F500000#", "1F940000#80050000", "1F500000#",
+      "1F940000#80060000", "1F500000#", "1F940000#80070000", "1F500028#", "1F940000#8008000A", "1F900028#",
+      // until nobody answers
+      "1F940000#80000000"};
+  EXPECT_EQ(record.text, expected);
+}
+
 // S1.19: equal chunks answered at one instant are one frame on the bus.
 TEST(RandMaster, S1_19_EqualAnswersMergeOrRepeat) {
   World w;

@@ -1,4 +1,5 @@
 // RAND frames and slave alone. Expected bytes are written by hand from paper 1 §II and the facts page (H.1).
+#include "berth/can/length.hpp"
 #include "berth/nodeid/paper1_times.hpp"
 #include "rand_world.hpp"
 
@@ -320,10 +321,42 @@ TEST(Paper1Times, S1_39_S1_40_Preparation190ms) {
   EXPECT_EQ(paper1::t_detect_all(paper1::bound, conditions), milliseconds(76));
 }
 
-TEST(Paper1Times, S1_41_S1_42_CollectAtLeast30Point1ms) {
+TEST(Paper1Times, S1_41_CollectAtLeast30Point1ms) {
   EXPECT_DOUBLE_EQ(in_ms(paper1::t_collect_least(paper1::published, conditions)), 30.1);
   EXPECT_EQ(paper1::t_collect_least(paper1::published, conditions), paper1::Printed::collect_least);
   EXPECT_DOUBLE_EQ(in_ms(paper1::t_collect_least(paper1::published, conditions, 30)), 4 + 31 * 2.9);
+}
+
+// S1.42: the paper counts 145 bits and 10 for each data byte; a stuffed frame has 80 and 10 at most. The frames of the
+// demonstration have 110 (phase 0) and 74 exactly, and fewer in other phases: counted apart from Berth, bit by bit.
+TEST(Paper1Times, S1_42_FrameLengths) {
+  const auto as_paper = [](unsigned bytes) { return 145 + 10 * bytes; };
+  EXPECT_EQ(paper1::published.iurs, as_paper(4));
+  EXPECT_EQ(paper1::published.ius, as_paper(0));
+  EXPECT_EQ(paper1::published.dirs, as_paper(4));
+  EXPECT_EQ(paper1::published.dis, as_paper(4)) << "four bytes in its arithmetic, none on the bus (S1.16)";
+  EXPECT_EQ(paper1::published.switch_global, as_paper(2));
+  EXPECT_EQ(paper1::published.select, as_paper(5));
+  EXPECT_EQ(paper1::published.select_answer, as_paper(2));
+  EXPECT_EQ(paper1::published.configure, as_paper(2));
+  EXPECT_EQ(paper1::published.configure_answer, as_paper(3));
+  EXPECT_DOUBLE_EQ(in_ms(paper1::time_of(paper1::published.iurs, conditions)), 3.7);
+  EXPECT_DOUBLE_EQ(in_ms(paper1::time_of(paper1::published.ius, conditions)), 2.9);
+  const auto bound = [](bool extended, unsigned bytes) { return (extended ? 80 : 55) + 10 * bytes; };
+  EXPECT_EQ(paper1::bound.iurs, bound(true, 4));
+  EXPECT_EQ(paper1::bound.ius, bound(true, 0));
+  EXPECT_EQ(paper1::bound.dis, bound(true, 0));
+  EXPECT_EQ(paper1::bound.select, bound(false, 8));
+  EXPECT_EQ(paper1::bound.guard, bound(false, 0));
+  EXPECT_EQ(paper1::bound.guard_answer, bound(false, 1));
+  EXPECT_EQ(can::exact_bits(iurs(0, 0)), 110U);
+  EXPECT_EQ(can::exact_bits(iurs(1, 0)), 109U);
+  EXPECT_EQ(can::exact_bits(iurs(4, 1)), 109U);
+  EXPECT_EQ(can::exact_bits(dirs(5)), 109U);
+  EXPECT_EQ(can::exact_bits(ius(0)), 74U);
+  EXPECT_EQ(can::exact_bits(ius(1)), 74U);
+  EXPECT_EQ(can::exact_bits(ius(5)), 71U);
+  EXPECT_EQ(can::exact_bits(dis(5)), 72U);
 }
 
 TEST(Paper1Times, S1_43_Network11Point14s) {

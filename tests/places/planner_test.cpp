@@ -69,11 +69,16 @@ TEST(Planner, S1_35_OnlyTheDevicesOfThisRunAreSorted) {
   EXPECT_EQ(seats(slots, p), (std::map<unsigned, std::uint32_t>{{2, 0x15}, {4, 0x18}}));
 }
 
-// S1.33: one node takes one row, not all free rows of its type.
+// S1.33 (a): one node takes one row, not all free rows of its type; (b): the row is the slot's, not the node's number.
 TEST(Planner, S1_33_OneDeviceOneSlot) {
-  const std::vector<Slot> slots{slot(2, B)};
-  const auto p = plan(slots, blank({device(B, 5)}), {}, master);
-  EXPECT_EQ(p.actions.size(), 1U);
+  auto slots = table_1();
+  for (auto& s : slots) s.spec.when_ambiguous = WhenAmbiguous::one_at_a_time;
+  const auto one = plan(slots, blank({device(B, 5)}), {}, master);
+  EXPECT_EQ(one.actions.size(), 1U);
+  EXPECT_EQ(seats(slots, one), (std::map<unsigned, std::uint32_t>{{2, 5}}));
+  // The only new node is number 0 of the discovered ones and belongs into row 3.
+  const auto other = plan(slots, blank({device(C, 8)}), {}, master);
+  EXPECT_EQ(seats(slots, other), (std::map<unsigned, std::uint32_t>{{3, 8}}));
 }
 
 // S1.34
@@ -93,7 +98,28 @@ TEST(Planner, S1_34_MoreDevicesThanSlotsIsAQuestion) {
   EXPECT_EQ(p.questions.size(), 1U);
 }
 
-// S1.3: only vendor-ID and product code say what a device is for.
+// S1.3: vendor-ID and product code together, and nothing else, say what a device is for; how many there are is known.
+TEST(Planner, S1_3_TheTypeIsVendorAndProduct) {
+  const TypeCode type{0x319, 0x1234};
+  const std::vector<Slot> slots{slot(7, type)};
+  const LssAddress right{0x319, 0x1234, 0x00010002, 99};
+  for (const LssAddress& same : {right, LssAddress{0x319, 0x1234, 0xFFFF0001, 99}, LssAddress{0x319, 0x1234, 0, 1}}) {
+    const auto p = plan(slots, blank({same}), {}, master);
+    EXPECT_EQ(seats(slots, p), (std::map<unsigned, std::uint32_t>{{7, same.serial}})) << to_string(same);
+    EXPECT_TRUE(p.oddities.empty());
+  }
+  for (const LssAddress& other : {LssAddress{0x31A, 0x1234, 0x00010002, 99}, LssAddress{0x319, 0x1235, 0x00010002, 99},
+                                  LssAddress{0x1234, 0x319, 0x00010002, 99}, LssAddress{0, 0x1234, 0x00010002, 99}}) {
+    const auto p = plan(slots, blank({other}), {}, master);
+    EXPECT_TRUE(p.actions.empty()) << to_string(other);
+    ASSERT_EQ(p.oddities.size(), 1U);
+    EXPECT_EQ(p.oddities[0].kind, "foreign");
+  }
+  // One more than the network has: none of the two is taken for the right one.
+  const auto two = plan(slots, blank({right, {0x319, 0x1234, 0x00010002, 100}}), {}, master);
+  EXPECT_TRUE(two.actions.empty());
+}
+
 TEST(Planner, S1_34_SurplusAndForeignDevicesAreNamed) {
   const std::vector<Slot> slots{slot(2, B, device(B, 5))};
   const auto p = plan(slots, blank({device(B, 6), device(C, 1)}), {}, master);

@@ -37,7 +37,7 @@ PlantFile several(unsigned count, std::uint32_t bit_rate = 125'000) {
   return file;
 }
 
-// S2.30: N devices take about N cycles of 280 ms: ten about 2.8 s.
+// S2.1, S2.30: N devices take about N cycles of 280 ms: ten about 2.8 s.
 TEST(NegotiationWorld, TenDevicesTakeTenCycles) {
   Built w(several(10));
   const auto time = w.settled(10s);
@@ -67,7 +67,7 @@ TEST(NegotiationWorld, AllNodeIdsAndOneDeviceMore) {
   EXPECT_TRUE(w.fault().empty()) << w.fault();
 }
 
-// S2.21: after a power failure each gets what it had; one that was exchanged takes another.
+// After a power failure each gets what it had; one that was exchanged takes another.
 TEST(NegotiationWorld, EverybodyRestarts) {
   Built w(several(6));
   ASSERT_TRUE(w.settled(10s));
@@ -79,7 +79,7 @@ TEST(NegotiationWorld, EverybodyRestarts) {
   EXPECT_EQ(held(*w.world), before);
 }
 
-// S2.23, S2.17: a joiner takes nothing from who is there.
+// A joiner takes nothing from who is there.
 TEST(NegotiationWorld, JoinersDisturbNobody) {
   auto file = several(8);
   for (std::size_t i = 4; i < 8; ++i) file.devices[i].plugged = false;

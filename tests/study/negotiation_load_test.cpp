@@ -10,7 +10,7 @@ using namespace std::chrono_literals;
 
 double ms(rt::Duration d) { return std::chrono::duration<double, std::milli>(d).count(); }
 
-// Facts page H.2: a cycle has 1 + 16 + 1 frames of 67 to 78 bits, and takes 275 ms at least; two devices take two.
+// S2.28: a cycle has 1 + 16 + 1 frames of 67 to 78 bits, and takes 275 ms at least; two devices take two.
 TEST(NegotiationLoad, TwoDevices) {
   const auto row = negotiation_load(2, 125'000, 1);
   ASSERT_TRUE(row.complete);
@@ -27,7 +27,7 @@ TEST(NegotiationLoad, TwoDevices) {
   EXPECT_LE(row.pdo_waited, row.longest_run + 2ms) << "no other frames than boot-up messages";
 }
 
-// Thirty at 50 kbit/s: the answers leave gaps, so that a PDO waits for a few frames and never for all of them.
+// S2.28: thirty at 50 kbit/s: the answers leave gaps, so that a PDO waits for a few frames and never for all of them.
 TEST(NegotiationLoad, AnswersLeaveGaps) {
   const auto row = negotiation_load(30, 50'000, 1);
   ASSERT_TRUE(row.complete);
