@@ -349,5 +349,27 @@ TEST(Storage, AnImageMovesToAnotherDevice) {
   EXPECT_EQ(b.all(), (Three{700, 21, 61}));
 }
 
+// S4.2: a node-ID of switches counts more than one that LSS stored before they were set: one memory, read by both
+// kinds.
+TEST(Storage, S4_2_SwitchesCountMoreThanTheMemory) {
+  Rig rig;
+  Node first(rig.world, rig.bus, {.address = address_of(5)}, {}, milliseconds(5));
+  first.on();
+  rig.run(milliseconds(10));
+  rig.give_id(address_of(5), 0x31);
+  rig.ask("7E5#1700000000000000", milliseconds(50));
+  rig.ask("7E5#0400000000000000", milliseconds(50));
+  ASSERT_EQ(first.device.node_id(), NodeId(0x31));
+  first.off();
+  for (const auto& [source, id] : {std::pair(NodeIdSource::nonvolatile, 0x31), std::pair(NodeIdSource::fixed, 0x44)}) {
+    Node again(rig.world, rig.bus, {.address = address_of(5), .source = source, .node_id = NodeId(0x44)});
+    again.flash.restore(first.flash.image());
+    again.on();
+    rig.run(milliseconds(20));
+    EXPECT_EQ(again.device.node_id().value(), id);
+    again.off();
+  }
+}
+
 }  // namespace
 }  // namespace berth::device::test
