@@ -52,9 +52,8 @@ rt::Task<Outcome> Binder::perform(Binding& binding, SlotId slot, const std::stri
     case Step::release: co_return co_await release(binding);
     case Step::reset: co_return co_await reset(binding);
     case Step::await_boot_up: {
-      const bool blank = !binding.old_id().configured();
       const NodeId id = binding.seat().id;
-      co_return co_await await_boot_up(id, blank);
+      co_return co_await await_boot_up(id);
     }
     case Step::identify: {
       const bool blank = binding.kind() == Binding::Kind::blank;
@@ -151,21 +150,20 @@ rt::Task<Outcome> Binder::confirm_double(const LssAddress& device) {
 }
 
 // A device without a node-ID takes it at `04 00` and boots by itself (CiA 305). Lely core's slaves wait for NMT reset
-// communication, and obey it under the node-ID that they have meanwhile: 255, which no other device has.
-rt::Task<Outcome> Binder::await_boot_up(NodeId id, bool blank) {
+// communication, and obey it under the node-ID that they have meanwhile, whatever 5Eh says: 255, which no device with a
+// node-ID has. It is sent to those that are slow, too, and means nothing to them.
+rt::Task<Outcome> Binder::await_boot_up(NodeId id) {
   const rt::Time began = s_.dispatcher.executor().now();
   const rt::Time deadline = began + options_.boot_timeout;
-  if (blank) {
-    const rt::Time first = std::min(deadline, began + options_.own_boot);
-    const bool by_itself = co_await s_.boots.wait(id, moved_, first);
-    if (by_itself) co_return Outcome::ok;
-    can::Frame reset;
-    reset.id = 0;
-    reset.size = 2;
-    reset.data[0] = static_cast<std::uint8_t>(co::NmtCommand::reset_communication);
-    reset.data[1] = NodeId::unconfigured_value;
-    s_.dispatcher.send(reset);
-  }
+  const rt::Time first = std::min(deadline, began + options_.own_boot);
+  const bool by_itself = co_await s_.boots.wait(id, moved_, first);
+  if (by_itself) co_return Outcome::ok;
+  can::Frame reset;
+  reset.id = 0;
+  reset.size = 2;
+  reset.data[0] = static_cast<std::uint8_t>(co::NmtCommand::reset_communication);
+  reset.data[1] = NodeId::unconfigured_value;
+  s_.dispatcher.send(reset);
   const bool heard = co_await s_.boots.wait(id, moved_, deadline);
   co_return heard ? Outcome::ok : Outcome::silent;
 }

@@ -36,8 +36,8 @@ class Binder {
   struct Options {
     unsigned tries = 3;                                    ///< attempts before silence counts
     rt::Duration boot_timeout = std::chrono::seconds(10);  ///< reset to boot-up message
-    /// So long a device that had no node-ID may take to boot by itself before it is told to (NMT, node-ID 255).
-    rt::Duration own_boot = std::chrono::milliseconds(1500);
+    /// So long a device may take to boot under its new node-ID before it is told to (NMT, node-ID 255).
+    rt::Duration own_boot = std::chrono::milliseconds(500);
     rt::Duration guard_timeout = std::chrono::milliseconds(100);
     /// Least time between LSS requests once a device did not answer: one with a single-slot receive buffer loses the
     /// second of 40h..43h when they come back to back. Kept for the bus when it helped.
@@ -71,7 +71,7 @@ class Binder {
   rt::Task<Outcome> select(const LssAddress& device);
   rt::Task<Outcome> inquire(Binding& binding);
   rt::Task<Outcome> configure(NodeId id);
-  rt::Task<Outcome> await_boot_up(NodeId id, bool blank);
+  rt::Task<Outcome> await_boot_up(NodeId id);
   rt::Task<Outcome> store();
   rt::Task<Outcome> release(const Binding& binding);
   rt::Task<Outcome> reset(const Binding& binding);
