@@ -297,6 +297,9 @@ std::vector<Event> Network::question_events() const {
 
 void Network::make_plan() {
   send_home();
+  for (auto& f : found_) {
+    f.lent = std::ranges::any_of(lent_, [&](const Loan& l) { return l.device == f.device && l.id == f.active; });
+  }
   const std::vector<places::Found> found = without_used();
   plan_ = places::plan(slots(), found, blanks_to_finish(), bus_->master, readings_);
   name_unfinished();

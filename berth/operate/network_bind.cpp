@@ -206,7 +206,9 @@ void Network::not_bound(Seat& seat, const Binding& binding) {
 }
 
 rt::Task<bool> Network::blank(LssAddress device, std::string reason) {
-  Binding binding(Binding::Kind::blank, {device, NodeId()}, bus_->timing.tries);
+  const auto known = unfinished_here();
+  const bool resumed = std::ranges::find(known, device, &places::UnfinishedBlank::device) != known.end();
+  Binding binding(Binding::Kind::blank, {device, NodeId()}, bus_->timing.tries, resumed);
   const auto had = std::ranges::find(found_, device, &places::Found::device);
   if (had != found_.end()) binding.inquired(had->active);
   places::Binder::Options options = binder_options();
@@ -224,6 +226,11 @@ rt::Task<bool> Network::blank(LssAddress device, std::string reason) {
   } else if (binding.why() != places::Why::not_there) {
     learn_fixed(binding);
     tell("error", "", fmt::format("{} keeps its node-ID: {}", to_string(device), name(binding.why())));
+  }
+  // It was never told anything: there is nothing to finish.
+  if (!good && binding.untouched()) {
+    const auto dropped = store_->drop_blank(device, places::name(binding.why()));
+    if (!dropped && dropped.error().code != Errc::not_found) tell("error", "", describe(dropped.error()));
   }
   co_return good;
 }

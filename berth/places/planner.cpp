@@ -4,6 +4,7 @@
 
 #include <algorithm>
 #include <map>
+#include <optional>
 
 #include "berth/places/assignment.hpp"
 
@@ -327,7 +328,7 @@ class Planner {
     const auto mode = slots_[free.front()].spec.when_ambiguous;
     switch (mode) {
       case WhenAmbiguous::ascending:
-        if (fresh.size() != free.size()) leave_where_they_are(group);
+        leave_where_they_are(group);
         if (fresh.empty() || free.empty()) return;
         if (fresh.size() != free.size() || !all_fit(free, fresh)) break;
         for (std::size_t k = 0; k < fresh.size(); ++k) seat(free[k], fresh[k]);
@@ -344,15 +345,25 @@ class Planner {
     ask(free, fresh, mode == WhenAmbiguous::ascending ? "plug in as many as there are slots" : nullptr);
   }
 
-  /// One of them is off, or is one too many, and the others have the node-IDs of slots of their type: a machine that was
-  /// commissioned before keeps its order.
+  /// Devices that have node-IDs of slots of their type were given them on purpose: rule 2 is for those without. A machine
+  /// that was commissioned before keeps its order, whatever the serial numbers are: its left drive stays the left one.
   void leave_where_they_are(Group& group) {
     const Group all = group;
     for (const auto& f : all.fresh) {
-      const auto own = std::ranges::find_if(all.free, [&](std::size_t i) { return slots_[i].spec.id == f.active; });
-      const bool alone = std::ranges::count(found_, f.active, &Found::active) == 1;
-      if (own != all.free.end() && alone && fits(slots_[*own].spec, f.device)) take(group, *own, f);
+      const auto own = own_place(all.free, f);
+      if (own) take(group, *own, f);
     }
+  }
+
+  /// The free slot whose node-ID it came with.
+  [[nodiscard]] std::optional<std::size_t> own_place(const std::vector<std::size_t>& free, const Found& f) const {
+    if (!f.active.configured() || f.lent) return std::nullopt;
+    const auto own = std::ranges::find_if(free, [&](std::size_t i) {
+      return slots_[i].spec.id == f.active && fits(slots_[i].spec, f.device);
+    });
+    const bool alone = std::ranges::count(found_, f.active, &Found::active) == 1;
+    if (own == free.end() || !alone) return std::nullopt;
+    return *own;
   }
 
   /// Each into the lowest slot that it fits; one that comes too late finds none.
@@ -399,10 +410,7 @@ class Planner {
         free.size() == 1 ? "" : "s", devices, names.empty() ? "-" : names,
         what_else == nullptr ? std::string("N") : capital(what_else) + ", or n");
     for (const auto& f : fresh) {
-      const bool may_stay =
-          std::ranges::any_of(free, [&](std::size_t i) { return slots_[i].spec.id == f.active; }) &&
-          std::ranges::count(found_, f.active, &Found::active) == 1;
-      if (!may_stay) keep_off_our_ids(f);
+      if (!own_place(free, f)) keep_off_our_ids(f);
     }
     plan_.questions.push_back(std::move(q));
   }

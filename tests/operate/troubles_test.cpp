@@ -296,6 +296,21 @@ TEST(Troubles, S1_22_ABlankTwinOfARunningDeviceIsNamed) {
 TEST(Troubles, S1_36_SwappedNodeIdsAreSetRightAtOnce) {
   auto plant = one_bus_plant(1);
   for (const unsigned id : {6U, 5U}) {
+    auto& d = add_device(plant, "d" + std::to_string(id), id == 6 ? type_b : type_c, 11 - id);
+    d.source = plant::NodeIdSource::nonvolatile;
+    d.node_id = NodeId(static_cast<std::uint8_t>(id));
+  }
+  Rig rig(slots_of({{5, type_b}, {6, type_c}}), plant);
+  rig.begin();
+  ASSERT_TRUE(rig.until_operational(8s)) << rig.log();
+  EXPECT_EQ(rig.seats(), (Seats{{5, 5}, {6, 6}}));
+}
+
+// A machine that another tool commissioned: both drives have node-IDs of slots of their type, against the order of their
+// serial numbers. Rule 2 would swap left and right.
+TEST(Troubles, NodeIdsOfSlotsOfTheirTypeAreKept) {
+  auto plant = one_bus_plant(1);
+  for (const unsigned id : {6U, 5U}) {
     auto& d = add_device(plant, "d" + std::to_string(id), type_b, 11 - id);  // serial 5 came as 6, serial 6 as 5
     d.source = plant::NodeIdSource::nonvolatile;
     d.node_id = NodeId(static_cast<std::uint8_t>(id));
@@ -303,7 +318,45 @@ TEST(Troubles, S1_36_SwappedNodeIdsAreSetRightAtOnce) {
   Rig rig(slots_of({{5, type_b}, {6, type_b}}), plant);
   rig.begin();
   ASSERT_TRUE(rig.until_operational(8s)) << rig.log();
-  EXPECT_EQ(rig.seats(), (Seats{{5, 5}, {6, 6}}));
+  EXPECT_EQ(rig.seats(), (Seats{{5, 6}, {6, 5}}));
+}
+
+// One of three is switched off: the others start, and no question is asked about what everybody sees.
+TEST(Troubles, ACommissionedMachineStartsWithoutItsMissingDevice) {
+  auto plant = one_bus_plant(1);
+  for (const unsigned id : {5U, 6U, 7U}) {
+    auto& d = add_device(plant, "d" + std::to_string(id), type_b, 20 - id);
+    d.source = plant::NodeIdSource::nonvolatile;
+    d.node_id = NodeId(static_cast<std::uint8_t>(id));
+    d.plugged = id != 6;
+  }
+  Rig rig(slots_of({{5, type_b}, {6, type_b}, {7, type_b}}), plant);
+  rig.begin();
+  rig.run_for(12s);
+  EXPECT_EQ(rig.state(5), SlotState::operational) << rig.log();
+  EXPECT_EQ(rig.state(7), SlotState::operational) << rig.log();
+  EXPECT_EQ(rig.state(6), SlotState::empty) << rig.log();
+  EXPECT_FALSE(heard(rig, "question")) << rig.log();
+  rig.device("d6").plug();
+  ASSERT_TRUE(rig.until_operational(20s)) << rig.log();
+  EXPECT_EQ(rig.seats(), (Seats{{5, 15}, {6, 14}, {7, 13}}));
+}
+
+// The same device of the right type at exactly its slot's node-ID, booted before Berth, without heartbeat, LSS or RAND.
+TEST(Troubles, ADeviceThatSitsWhereItBelongsIsFoundAtOnce) {
+  for (const bool lss : {false, true}) {
+    auto plant = one_bus_plant(1);
+    auto& d = add_device(plant, "d", type_b, 1);
+    d.source = lss ? plant::NodeIdSource::nonvolatile : plant::NodeIdSource::hard_coded;
+    d.node_id = NodeId(5);
+    d.speaks = {};
+    if (lss) d.speaks = {plant::Speaks::lss};
+    Rig rig(slots_of({{5, type_b}}), plant);
+    rig.run_for(5s);
+    rig.begin();
+    ASSERT_TRUE(rig.until_operational(3s)) << rig.log();
+    EXPECT_EQ(rig.seats(), (Seats{{5, 1}}));
+  }
 }
 
 // A device whose node-ID comes from switches is taken where it is and never written to.
