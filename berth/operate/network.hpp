@@ -239,6 +239,7 @@ class Network final : private co::HeartbeatConsumer::Observer,
   void note_found(const places::Found& found);
   void tell_found(const LssAddress& device, bool clone);
   void tell_discovery(const nodeid::DiscoveryReport& report);
+  void rest_from_searching();
   void take_found(const discovery::Report& report);
   [[nodiscard]] bool somebody_missing() const;
   [[nodiscard]] std::string method() const { return method_.empty() ? bus_->discovery : method_; }
@@ -254,6 +255,7 @@ class Network final : private co::HeartbeatConsumer::Observer,
   rt::Task<Result<NodeId>> lend_id(LssAddress device);
   rt::Task<Result<void>> select_alone(LssAddress device);
   [[nodiscard]] lss::PartMask parts_to_ask(const LssAddress& device) const;
+  rt::Task<void> take_back_what_is_in_the_way();
   rt::Task<void> take_ids_back();
   rt::Task<bool> take_id_back(LssAddress device, NodeId id);
   void forget_readings(const LssAddress& device);

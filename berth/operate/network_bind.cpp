@@ -86,6 +86,7 @@ rt::Task<void> Network::carry_out() {
   }
   note_puzzling();
   co_await take_ids_back();
+  rest_from_searching();
   report_plan();
   const bool any = std::ranges::any_of(seats_, [](const auto& s) { return s->slot.record.confirmed.has_value(); });
   if (any) reach("bound");
@@ -93,6 +94,7 @@ rt::Task<void> Network::carry_out() {
 
 rt::Task<void> Network::carry_out_actions(bool& inquired_all) {
   for (;;) {
+    co_await take_back_what_is_in_the_way();
     co_await verify_vacancy();
     const std::vector<Action> actions = plan_.actions;
     bool again = false;

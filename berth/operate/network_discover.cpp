@@ -325,6 +325,16 @@ void Network::take_found(const discovery::Report& report) {
   if (!report.found.empty()) reach("discovered");
 }
 
+// Devices that wait for their places without a node-ID answer every question: that is no news for a while.
+void Network::rest_from_searching() {
+  const bool waits = std::ranges::any_of(
+      found_, [&](const places::Found& f) { return !f.active.configured() && seat_of(f.device) == nullptr; });
+  if (!waits) return;
+  const rt::Time again = executor_->now() + 8 * bus_->timing.probe_period;
+  blank_at_ = std::max(blank_at_, again);
+  scanned_at_ = std::max(scanned_at_, again);
+}
+
 // For `berth scan` and `berth lss find`: no seat is thought of, nothing is remembered.
 rt::Task<Result<Network::NewDevices>> Network::find_new() {
   NewDevices all;

@@ -99,6 +99,26 @@ void Network::note_puzzling() {
   }
 }
 
+// A slot's node-ID that was lent to one device and is another's by the plan.
+rt::Task<void> Network::take_back_what_is_in_the_way() {
+  const std::vector<places::Action> actions = plan_.actions;
+  for (const auto& action : actions) {
+    if (action.kind != places::Action::Kind::bind) continue;
+    const NodeId id = seats_[action.slot]->id();
+    const auto loan = std::ranges::find_if(lent_, [&](const Loan& l) { return l.id == id && l.device != action.device; });
+    if (loan == lent_.end()) continue;
+    const LssAddress device = loan->device;
+    const bool back = co_await take_id_back(device, id);
+    if (!back) continue;  // vacancy is asked again before the node-ID is given
+    std::erase_if(lent_, [&](const Loan& l) { return l.id == id && l.device == device; });
+    const auto found = std::ranges::find(found_, device, &places::Found::device);
+    if (found != found_.end()) found->active = NodeId();
+    lent_until_[id.value()] = executor_->now();
+    boots_.forget(id);
+    vacancy_[id.value()].reset();
+  }
+}
+
 // A device that was seated meanwhile has left it already. One that does not confirm keeps it, and is asked again in the
 // next rounds; before its node-ID is lent to another, it is asked for like any other (`prepare_loans`).
 rt::Task<void> Network::take_ids_back() {

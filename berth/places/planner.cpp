@@ -82,7 +82,7 @@ class Planner {
   /// A device found at `id` that is not `device` must leave it first.
   void make_way(const LssAddress& device, NodeId id) {
     for (const auto& other : found_) {
-      if (other.device != device && other.active == id && !other.clone) {
+      if (other.device != device && other.active == id && !other.clone && !other.lent) {
         blank(other.device, fmt::format("it holds node-ID {} of another slot", id.value()));
       }
     }
@@ -139,7 +139,7 @@ class Planner {
 
   /// A device without a seat may keep a node-ID only when nobody here needs it.
   void keep_off_our_ids(const Found& f) {
-    if (f.active.configured() && id_is_taken(f.active) && !f.clone) {
+    if (f.active.configured() && id_is_taken(f.active) && !f.clone && !f.lent) {
       blank(f.device, fmt::format("it holds node-ID {}, which belongs to {}", f.active.value(),
                                   f.active == master_ ? "the master" : "a slot"));
     }

@@ -152,9 +152,10 @@ TEST(Places, S4_19_ProbesThatDoNotTellAreAQuestion) {
   rig.run_for(6s);
   EXPECT_EQ(rig.state(5), SlotState::question) << rig.log();
   EXPECT_TRUE(rig.seats().empty());
+  const std::string log = rig.log();
   rig.kill();
   for (const auto& t : rig.world().truth()) {
-    EXPECT_FALSE(t.active.configured()) << t.name;
+    EXPECT_FALSE(t.active.configured()) << t.name << "\n" << log;
     EXPECT_FALSE(t.persistent.configured()) << t.name;
   }
 }
