@@ -98,11 +98,19 @@ rt::Task<void> Network::carry_out_actions(bool& inquired_all) {
     co_await verify_vacancy();
     const std::vector<Action> actions = plan_.actions;
     bool again = false;
+    bool freed = false;  // node-IDs, since they were asked for last
     for (const auto& action : actions) {
       if (std::ranges::find(avoid_, action.device) != avoid_.end()) continue;
+      const bool blanks = action.kind == Action::Kind::blank;
+      const bool asks = freed && !blanks;
+      if (asks) {
+        co_await verify_vacancy();
+        freed = false;
+      }
       const bool good = co_await act(action);
-      // A node-ID that was given up may be what somebody failed for.
-      if (good && action.kind == Action::Kind::blank) avoid_.clear();
+      freed = freed || (good && blanks);
+      // A node-ID that was given up may be what another device failed for.
+      if (good && blanks) avoid_.clear();
       if (good) continue;
       avoid_.push_back(action.device);
       if (!inquired_all && !found_.empty()) {

@@ -243,10 +243,12 @@ rt::Task<Outcome> Binder::identify_blank(const Binding& binding) {
   const rt::Time deadline = s_.dispatcher.executor().now() + options_.boot_timeout;
   Outcome outcome = Outcome::silent;
   while (s_.dispatcher.executor().now() < deadline) {
-    const Outcome selected = co_await select(device);
-    outcome = selected;
-    if (selected == Outcome::error) break;
-    if (selected == Outcome::ok) {
+    const auto quiet = co_await s_.lss.switch_global(lss::State::waiting);
+    if (!quiet) co_return Outcome::error;
+    const auto selected = co_await s_.lss.switch_selective(device);
+    outcome = selected ? Outcome::ok : outcome_of(selected.error());
+    if (outcome == Outcome::error) break;
+    if (outcome == Outcome::ok) {
       const auto now = co_await s_.lss.inquire_node_id();
       if (now) outcome = now->byte() == NodeId::unconfigured_value ? Outcome::ok : Outcome::mismatch;
       if (outcome == Outcome::ok) break;
