@@ -136,13 +136,14 @@ TEST(WholeMachine, S1_31_UnknownBeforeTheFirstRequestAndNobodyInConfiguration) {
   EXPECT_EQ(first("7E5#0401"), trace.end());
 }
 
-// What Figure 10 shows of LSS; inquiries (5Eh) and store (17h), which the paper leaves out, are Berth's own. `04 00`
-// once where it is said twice in a row.
+// What Figure 10 shows of LSS; inquiries (5Ah to 5Eh, among them the proof that one device alone is selected) and store
+// (17h), which the paper leaves out, are Berth's own. `04 00` once where it is said twice in a row.
 Lines configuration(const Lines& trace) {
   Lines lines;
   for (const auto& line : trace) {
     const bool lss = line.starts_with("7E5#") || line.starts_with("7E4#");
-    const bool own = line.substr(4, 2) == "5E" || line.substr(4, 2) == "17";
+    const std::string service = line.substr(4, 2);
+    const bool own = (service >= "5A" && service <= "5E") || service == "17";
     const bool again = !lines.empty() && line == "7E5#0400000000000000" && lines.back() == line;
     if (lss && !own && !again) lines.push_back(line);
   }
