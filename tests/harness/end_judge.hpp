@@ -205,7 +205,10 @@ class EndJudge {
     std::vector<const plant::Truth*> devices;
     for (const auto& t : truth_) {
       const bool counts = is_present(t) && t.bus == bus.name && !twins(t) && record_of(t) == nullptr;
-      if (counts && can_be_found(t, bus.discovery)) devices.push_back(&t);
+      // Who sat in a slot before is used again when a person says so (docs/machine-file.md).
+      const auto lines = rig_->store().history_of(t.address);
+      const bool used = lines && places::former_seat(*lines).has_value();
+      if (counts && !used && can_be_found(t, bus.discovery)) devices.push_back(&t);
     }
     std::vector<const design::Slot*> slots;
     std::vector<const operate::SlotReport*> reports;

@@ -294,7 +294,7 @@ class WorldRun final : private can::Tap {
       const auto t = d->truth();
       // Devices that were to be blanked wait for power too, in no slot's name.
       const bool waits = std::ranges::find(waiting, t.address) != waiting.end() ||
-                         (d->plan().power_cycle_after_store && t.active != t.persistent);
+                         (d->plan().power_cycle_after_store && (t.active != t.persistent || t.active != t.pending));
       if (!waits || !t.powered) continue;
       d->power(false);
       rig_.run_for(100ms);
