@@ -127,7 +127,7 @@ class EndJudge {
     const std::string who = "slot " + s.name + ": its device " + t.name;
     if (s.state == SlotState::power_cycle) return;
     // Somebody of one address twice, on the slot's node-ID too: nothing there is started.
-    if (s.state == SlotState::duplicate && any_twins()) return;
+    if (s.state == SlotState::duplicate && (any_twins() || shared_out_of_reach(t))) return;
     if (row.asked) return say(who + " is there, and what was asked of it is not confirmed");
     if (row.confirmed->id != slot.spec.id) return say(who + " is confirmed under another node-ID");
     if (t.active != slot.spec.id) return say(who + " uses node-ID " + std::to_string(t.active.value()));
@@ -135,6 +135,19 @@ class EndJudge {
       return say(who + " is confirmed and has stored " + std::to_string(t.persistent.value()));
     if (s.state != SlotState::operational)
       return say(who + " is there, and the slot is " + places::name(s.state) + ": " + s.reason);
+  }
+
+  // Fastscan finds no device that has a node-ID: of one that came with it the address cannot be known where the machine
+  // file allows no other method, and so it cannot be told to leave. It is told to a person.
+  [[nodiscard]] bool out_of_reach(const plant::Truth& t) const {
+    const auto& method = machine_->bus(t.bus)->discovery;
+    const bool fastscan = method.find("fastscan") != std::string::npos || method == "planner-feedback";
+    return fastscan && t.active.configured() && watch_->owned(t.name) != t.active;
+  }
+  [[nodiscard]] bool shared_out_of_reach(const plant::Truth& t) const {
+    return std::ranges::any_of(truth_, [&](const plant::Truth& o) {
+      return o.name != t.name && is_present(o) && o.bus == t.bus && o.active == t.active && out_of_reach(o);
+    });
   }
 
   void check_operational(const operate::SlotReport& s, const design::Slot& slot) {
@@ -168,6 +181,7 @@ class EndJudge {
     if (t.active == bus->master) say(t.name + " holds the master's node-ID");
     const design::Slot* const slot = machine_->slot(t.bus, t.active);
     if (slot == nullptr) return;
+    if (out_of_reach(t)) return;
     const places::SlotRecord* const there = record_of(slot->spec.name);
     if (there == nullptr || there->device() != t.address)
       say(t.name + " holds the node-ID of slot " + slot->spec.name.name + " and does not sit there");
@@ -203,11 +217,13 @@ class EndJudge {
   void check_free(const operate::Network& network) {
     const auto& bus = network.bus();
     std::vector<const plant::Truth*> devices;
+    used_ = false;
     for (const auto& t : truth_) {
       const bool counts = is_present(t) && t.bus == bus.name && !twins(t) && record_of(t) == nullptr;
       // Who sat in a slot before is used again when a person says so (docs/machine-file.md).
       const auto lines = rig_->store().history_of(t.address);
       const bool used = lines && places::former_seat(*lines).has_value();
+      used_ = used_ || (counts && used);
       if (counts && !used && can_be_found(t, bus.discovery)) devices.push_back(&t);
     }
     std::vector<const design::Slot*> slots;
@@ -243,7 +259,7 @@ class EndJudge {
     const bool open =
         std::ranges::any_of(fitting, [&](const auto* t) { return places::fits(slots[at]->spec, t->address); });
     if (!open) {
-      if (state == places::SlotState::question && fitting.empty()) say(what + " and no device fits it");
+      if (state == places::SlotState::question && fitting.empty() && !used_) say(what + " and no device fits it");
       return;
     }
     if (state != places::SlotState::question) return say(what + " and " + fitting.front()->name + " fits it");
@@ -267,6 +283,7 @@ class EndJudge {
   const ConfigWatch* configured_;
   std::vector<plant::Truth> truth_;
   std::vector<places::SlotRecord> records_;
+  bool used_ = false;  // a device that sat in a slot before is there, without a slot
   std::string wrong_;
 };
 
