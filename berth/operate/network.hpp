@@ -427,6 +427,7 @@ class Network final : private co::HeartbeatConsumer::Observer,
   rt::Mailbox<Wake, 512> wakes_;
   Phase phase_ = Phase::opening;
   rt::Time retry_at_{};
+  bool retries_ = false;  // the round that begins is one of those
   rt::Time anew_at_{};          // the whole bus is not asked again before
   unsigned unread_rounds_ = 0;  // in a row in which a device was found and did not answer when its place was asked
   std::vector<LssAddress> puzzling_;  // devices whose probes did not tell their places when they were read last

@@ -27,6 +27,9 @@ rt::Task<void> Network::work(bool first) {
     co_await prepare();
   }
   co_await round();
+  // A search can take longer than the pause before the next one, which begins when it is over.
+  const auto pause = std::exchange(retries_, false) ? 8 : 1;
+  retry_at_ = std::max(retry_at_, executor_->now() + pause * bus_->timing.probe_period);
   idle_ = true;
 }
 
@@ -43,6 +46,7 @@ bool Network::retry_due() {
   });
   if (!needs || executor_->now() < retry_at_) return false;
   retry_at_ = executor_->now() + 8 * bus_->timing.probe_period;
+  retries_ = true;
   look_anew_ = true;
   for (auto& seat : seats_) {
     if (seat->state == SlotState::failed && seat->there && !seat->stuck)
