@@ -142,7 +142,8 @@ class Master final : private can::Handler {
 
   /// `04 state`. No answer exists; done when sent.
   [[nodiscard]] Exchange switch_global(State state) noexcept;
-  /// 40h..43h; the one slave with this address goes to configuration and answers 44h. `timeout`: no such slave.
+  /// 40h..43h; the one slave with this address goes from waiting to configuration and answers 44h. `timeout`: no such
+  /// slave, or it is in configuration already, where the standard does not serve this: `select_alone.hpp`.
   [[nodiscard]] Exchange switch_selective(const LssAddress& address) noexcept;
   [[nodiscard]] Exchange switch_selective(const LssAddress& address, const ServiceOptions& options) noexcept;
   /// `11 id`: 1..127, or unconfigured. Sets the pending node-ID. `aborted`: the slave refused.

@@ -8,11 +8,13 @@
 /// (set by LSS; loaded from persistent at power-on and reset node) and *active* (in use; taken from pending at reset
 /// communication). The bit rate also becomes active by activate bit timing.
 ///
-/// All of CiA 305. Fastscan (51h) finds only a slave that waits and has no node-ID, active and pending 255: one with a
-/// node-ID stays silent, so a Fastscan does not find it. It is complete, and the slave in configuration, only when all
-/// 32 bits of the serial number were asked in a request whose next part is 0 (or 4, as paper 4 has it, or more: S4.15);
-/// until then every matching request is answered and changes nothing but the part that is asked next. A request that
-/// does not match is not answered and changes nothing.
+/// All of CiA 305, each service in the LSS states that its table names (facts C.1): switch state selective in waiting
+/// only, so that a slave in configuration stays silent to its own address; configuration and inquiry in configuration
+/// only; switch state global and identification in both. Fastscan (51h) finds only a slave that waits and has no
+/// node-ID, active and pending 255: one with a node-ID stays silent, so a Fastscan does not find it. It is complete,
+/// and the slave in configuration, only when all 32 bits of the serial number were asked in a request whose next part
+/// is 0 (or 4, as paper 4 has it, or more: S4.15); until then every matching request is answered and changes nothing
+/// but the part that is asked next. A request that does not match is not answered and changes nothing.
 ///
 /// With feedback (paper 4; S4.10) an answer to Fastscan is preceded by the next bits of the own address: after 80h the
 /// vendor-ID's first; after bits 31 to 16 (in 29-bit frames) the lower half; after the whole of a part the first of the
