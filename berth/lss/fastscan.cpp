@@ -2,6 +2,8 @@
 
 #include <utility>
 
+#include "berth/lss/select_alone.hpp"
+
 namespace berth::lss {
 namespace {
 
@@ -55,9 +57,17 @@ rt::Task<Result<FastscanReport>> Fastscan::discover(FastscanOwner& owner) {
 // The one in configuration gets a node-ID and goes back to waiting, where it takes it and boots (S4.18).
 rt::Task<Result<FastscanReport::End>> Fastscan::give(FastscanReport& report, FastscanOwner& owner) {
   using End = FastscanReport::End;
-  const NodeId id = owner.assign(device_);
+  // Two devices with one address would take one node-ID; `prove_alone` has sent them back to waiting.
+  const bool twins = options_.confirm && device_.possible_clone;
+  const NodeId id = twins ? NodeId() : owner.assign(device_);
   auto end = End::complete;
-  if (id.configured()) {
+  if (id.configured() && options_.confirm) {
+    const auto given = co_await configure_alone(*master_, device_.address, id, options_.store);
+    if (!given) co_return fail(given.error());
+    const bool refused = given->outcome == Given::Outcome::refused;
+    if (given->outcome != Given::Outcome::taken) end = refused ? End::held : End::gave_up;
+    device_.stored = given->stored;
+  } else if (id.configured()) {
     const auto configured = co_await master_->configure_node_id(id);
     if (!configured && configured.error().code != Errc::timeout && configured.error().code != Errc::aborted) {
       co_return fail(configured.error());
@@ -67,7 +77,7 @@ rt::Task<Result<FastscanReport::End>> Fastscan::give(FastscanReport& report, Fas
     end = End::held;
   }
   if (end == End::complete) device_.assigned = id;
-  if (end == End::complete && options_.store) {
+  if (end == End::complete && options_.store && !options_.confirm) {
     const auto stored = co_await master_->store();
     device_.stored = stored.has_value();
   }
@@ -186,17 +196,13 @@ rt::Task<Result<bool>> Fastscan::ask(FastscanRequest request) {
   co_return reply->answers > 0;
 }
 
-// 40h to 43h: whoever has this address, and nobody else, says 44h.
+// The match has brought it into configuration, where it says itself who it is, and 40h to 43h are not served. One that
+// has lost a `04 00` is there too and would take the same node-ID.
 rt::Task<Result<bool>> Fastscan::confirmed() {
-  const ServiceOptions options{.timeout = options_.window, .retries = 1, .full_window = true};
-  const auto reply = co_await master_->switch_selective(device_.address, options);
-  if (!reply && reply.error().code != Errc::timeout) co_return fail(reply.error());
-  if (!reply) co_return false;
-  device_.possible_clone = reply->answers > 1;
-  // One that has lost a `04 00` is in configuration too and would take the same node-ID.
-  const auto own = co_await master_->inquire(3, options);
-  if (!own && own.error().code != Errc::timeout && own.error().code != Errc::aborted) co_return fail(own.error());
-  co_return own.has_value() && !own->differ && own->value() == device_.address.serial;
+  const auto selection = co_await prove_alone(*master_, device_.address);
+  if (!selection) co_return fail(selection.error());
+  device_.possible_clone = *selection == Selection::twins;
+  co_return *selection == Selection::alone || *selection == Selection::twins;
 }
 
 std::uint8_t Fastscan::after(std::uint8_t sub) const noexcept {

@@ -10,8 +10,8 @@
 ///
 /// Silence says something here, so every step waits its whole window, also when an answer came early: the late answer
 /// of a slower device would be taken for one to the next request (HC3.3). What comes later still, or twice, spoils the
-/// address that is being put together and nothing else: an address is reported only when its device was selected by it
-/// once more (`confirm`). Otherwise the scan begins anew.
+/// address that is being put together and nothing else: an address is reported only when its device said it once more
+/// itself (`confirm`). Otherwise the scan begins anew.
 ///
 /// Errors: `bus` a request could not be sent; `cancelled` the master was destroyed. All else is in the report.
 #pragma once
@@ -39,8 +39,8 @@ struct FastscanOptions {
   FastscanForm form = FastscanForm::standard;
   Feedback feedback = Feedback::none;  ///< what the scan uses; `base` needs `MasterOptions::feedback_base`
   rt::Duration window = std::chrono::milliseconds(10);  ///< of each request, from its confirmation; paper 4: 10, 20 ms
-  /// The address found must select a device (40h to 43h, 44h), which says its serial number (5Dh). The published
-  /// procedures do not ask.
+  /// The device that the last match brought into configuration says itself what its address is, and that it is alone
+  /// there (`prove_alone`), before it gets a node-ID. The published procedures do not ask.
   bool confirm = true;
   bool wait_first = true;  ///< begins with `04 00`: a scan broken off has left somebody in configuration
   bool store = false;      ///< 17h after the node-ID
@@ -79,7 +79,7 @@ struct FastscanReport {
   enum class End : std::uint8_t {
     complete,  ///< 80h stayed unanswered
     gave_up,   ///< `retries` scans in a row: somebody answers and cannot be identified, or takes no node-ID
-    held,      ///< the owner had no node-ID for the last one, or the device refused it
+    held,      ///< the owner had no node-ID for the last one, the device refused it, or two devices have its address
     limit,     ///< `most_devices`
   };
   End end = End::complete;

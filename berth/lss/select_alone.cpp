@@ -80,34 +80,85 @@ PartMask parts_to_ask(const LssAddress& device, std::span<const LssAddress> othe
   return parts;
 }
 
-rt::Task<Result<Selection>> prove_alone(Master& master, LssAddress device, AloneOptions options) {
+rt::Task<Result<Selection>> still_alone(Master& master, LssAddress device, AloneOptions options) {
+  const unsigned parts = master.answer_times().strangers ? all_parts : options.parts;
   for (unsigned i = 0; i < 4; ++i) {
     const unsigned part = serial - i;
-    if (part != serial && (options.parts >> part & 1U) == 0) continue;
+    if (part != serial && (parts >> part & 1U) == 0) continue;
     const auto seen = co_await look(master, device, part, options);
     if (!seen) co_return fail(seen.error());
     if (*seen == Selection::alone) continue;
-    const auto left = co_await leave_unchanged(master);
-    if (!left) co_return fail(left.error());
+    master.suspect_strangers();
     co_return *seen;
   }
   master.no_strangers();
   co_return Selection::alone;
 }
 
+rt::Task<Result<Selection>> prove_alone(Master& master, LssAddress device, AloneOptions options) {
+  const auto seen = co_await still_alone(master, device, options);
+  if (!seen) co_return fail(seen.error());
+  if (*seen == Selection::alone) co_return Selection::alone;
+  const auto left = co_await leave_unchanged(master);
+  if (!left) co_return fail(left.error());
+  co_return *seen;
+}
+
 rt::Task<Result<Selection>> select_alone(Master& master, LssAddress device, AloneOptions options) {
-  for (unsigned attempt = 0; attempt < options.attempts; ++attempt) {
+  const unsigned attempts = options.guess ? 1U : options.attempts;
+  for (unsigned attempt = 0; attempt < attempts; ++attempt) {
     const auto waiting = co_await master.switch_global(State::waiting);
     if (!waiting) co_return fail(waiting.error());
-    const ServiceOptions once{.timeout = longest_of(master, options), .retries = 0, .full_window = false};
+    const auto window = options.guess ? window_of(master, options) : longest_of(master, options);
+    const ServiceOptions once{.timeout = window, .retries = 0, .full_window = false};
     const auto selected = co_await master.switch_selective(device, once);
     if (selected) co_return co_await prove_alone(master, device, options);
     if (of_the_bus(selected.error())) co_return fail(selected.error());
-    master.suspect_strangers();  // it may have been selected unheard
+    if (!options.guess) master.suspect_strangers();  // it may have been selected unheard
   }
-  const auto left = co_await leave_unchanged(master);
+  const auto left = co_await master.switch_global(State::waiting);
   if (!left) co_return fail(left.error());
   co_return Selection::absent;
+}
+
+namespace {
+
+Given::Outcome outcome_of(const Result<Reply>& reply) noexcept {
+  if (reply) return reply->differ ? Given::Outcome::not_alone : Given::Outcome::taken;
+  return reply.error().code == Errc::aborted ? Given::Outcome::refused : Given::Outcome::silent;
+}
+
+}  // namespace
+
+rt::Task<Result<Given>> configure_alone(Master& master, LssAddress device, NodeId id, bool store,
+                                        AloneOptions options) {
+  const ServiceOptions service{.timeout = longest_of(master, options), .retries = 1, .full_window = false};
+  const auto set = co_await master.configure_node_id(id, service);
+  if (!set && of_the_bus(set.error())) co_return fail(set.error());
+  Given given{.outcome = outcome_of(set)};
+  const bool doubtful = set && suspicious(*set);
+  if (given.outcome == Given::Outcome::taken && (store || doubtful)) {
+    if (doubtful) master.suspect_strangers();
+    const auto again = co_await still_alone(master, device, options);
+    if (!again) co_return fail(again.error());
+    if (*again == Selection::absent) given.outcome = Given::Outcome::silent;
+    if (*again == Selection::not_alone || *again == Selection::twins) given.outcome = Given::Outcome::not_alone;
+  }
+  if (given.outcome == Given::Outcome::taken && store) {
+    const auto stored = co_await master.store();
+    if (!stored && of_the_bus(stored.error())) co_return fail(stored.error());
+    if (!stored && stored.error().code == Errc::timeout) master.suspect_strangers();
+    given.stored = stored.has_value();
+  }
+  if (given.outcome != Given::Outcome::taken) {
+    master.suspect_strangers();
+    const NodeId none;
+    const auto back = co_await master.configure_node_id(none, service);
+    if (!back && of_the_bus(back.error())) co_return fail(back.error());
+  }
+  const auto waiting = co_await master.switch_global(State::waiting);
+  if (!waiting) co_return fail(waiting.error());
+  co_return given;
 }
 
 }  // namespace berth::lss

@@ -4,8 +4,9 @@
 ///     auto alone = co_await lss::select_alone(master, device, options);
 ///     if (!alone) co_return fail(alone.error());            // the bus
 ///     if (*alone != lss::Selection::alone) co_return ...;   // everybody is waiting again, unchanged
-///     ... 11h, 13h, 17h ...
-///     co_await master.switch_global(lss::State::waiting);   // yours to send, whatever came of it
+///     auto given = co_await lss::configure_alone(master, device, id, store, options);  // 11h, 17h, 04 00
+///
+/// or 11h, 13h, 17h of your own, and `04 00` behind them whatever came of it.
 ///
 /// `select_alone` sends `04 00`, because CiA 305 serves 40h to 43h in LSS waiting only (facts C.1), then 40h to 43h,
 /// and proves. Each further attempt begins with `04 00` too: the device may be in configuration and its 44h lost.
@@ -26,14 +27,14 @@
 /// - Two that answer differently at one instant destroy each other's frames: `absent`.
 /// - CANopenNode in configuration answers any 43h with 44h, its own or not. So 44h alone does not tell who is selected.
 ///
-/// The window: the longest the bus is known to need. The first proof on a master, and each after a doubt, waits
-/// `AloneOptions::longest`; others three times what the slowest answer took that the master heard lately, not under
-/// 5 ms (`Master::answer_times`).
+/// The window: the longest the bus is known to need. The first proof on a master, and each after a doubt
+/// (`Master::suspect_strangers`), asks all parts and waits `AloneOptions::longest`; others three times what the slowest
+/// answer took that the master heard lately, not under 5 ms (`Master::answer_times`).
 ///
 /// What no proof sees: a device that is in configuration, hears nothing at all while the questions are asked, and hears
 /// again before 11h. Its answer to 11h, or any other frame on 7E4h, then comes beside the selected one's:
-/// `suspicious(reply)`. Prove again then, before `04 00`; when it is not alone, `11 FF` to all that are in
-/// configuration takes the node-ID back before it is in use.
+/// `suspicious(reply)`. Ask `still_alone` then, before 17h and before `04 00`; when it is not, `11 FF` to all that are
+/// in configuration takes the node-ID back before it is in use. `configure_alone` does so.
 #pragma once
 
 #include <span>
@@ -63,6 +64,8 @@ struct AloneOptions {
   PartMask parts = all_parts;  ///< the serial number is always asked
   rt::Duration longest{0};     ///< longest window of a question; 0: `MasterOptions::service`'s time-out
   unsigned attempts = 2;       ///< of 40h to 43h, each behind a `04 00`
+  /// The device may well not be there: one attempt, and 44h is waited for as long as answers usually take.
+  bool guess = false;
 };
 
 /// `04 00`, 40h to 43h, and the proof. All but `alone`: `04 00` was sent, nobody was changed. Errors: `bus`,
@@ -70,7 +73,27 @@ struct AloneOptions {
 [[nodiscard]] rt::Task<Result<Selection>> select_alone(Master& master, LssAddress device, AloneOptions options = {});
 /// The proof for a device that is in configuration already. As above.
 [[nodiscard]] rt::Task<Result<Selection>> prove_alone(Master& master, LssAddress device, AloneOptions options = {});
-/// Somebody else seems to have answered too: prove again before `04 00`.
+/// The questions alone: no `04 00`, whatever comes of it. For between 11h and `04 00`, which would bring the node-ID
+/// into use.
+[[nodiscard]] rt::Task<Result<Selection>> still_alone(Master& master, LssAddress device, AloneOptions options = {});
+
+/// What came of a node-ID for a device that is alone in configuration.
+struct Given {
+  enum class Outcome : std::uint8_t {
+    taken,      ///< it answered 11h with success
+    refused,    ///< it answered 11h with an error code
+    silent,     ///< it did not answer
+    not_alone,  ///< somebody else answered too: taken back from all
+  };
+  Outcome outcome = Outcome::silent;
+  bool stored = false;  ///< 17h was answered with success
+};
+/// 11h, 17h when `store`, `04 00`, for a device that was just proven alone. Proves once more before 17h, and when the
+/// answer to 11h is suspicious. In all outcomes but `taken` the pending node-ID is 255 again (`11 FF`) before the
+/// `04 00`. Errors: `bus`, `cancelled`.
+[[nodiscard]] rt::Task<Result<Given>> configure_alone(Master& master, LssAddress device, NodeId id, bool store,
+                                                      AloneOptions options = {});
+/// Somebody else seems to have answered too.
 [[nodiscard]] bool suspicious(const Reply& reply) noexcept;
 
 }  // namespace berth::lss

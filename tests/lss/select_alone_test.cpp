@@ -74,6 +74,8 @@ TEST(SelectAlone, EqualSerialNumbersFallIntoOneFrame) {
   in_configuration(w, left);
   loses_waiting(left);
   w.add(a);
+  w.run(select_alone(*w.master, b));
+  w.master->no_strangers();  // else all parts are asked
   const AloneOptions serial_only{.parts = serial_part};
   const auto blind = w.run(select_alone(*w.master, a, serial_only));
   ASSERT_TRUE(blind);
