@@ -98,7 +98,9 @@ rt::Task<Result<Report>> Auto::find(const Known& known, const Options& options) 
           static_cast<const Walker*>(parts_[static_cast<std::size_t>(Method::planner_feedback)].get())) {
     spoken_.feedback = walker->heard_feedback();
   }
-  bool look = options_.configured;
+  // Somebody on Fastscan has no node-ID, and only ranges can look behind it.
+  bool look = options_.configured || run.report.end == Report::End::held;
+  run.part.configured = options_.configured;
   if (options_.identify && run.all_assigned() && !run.over()) {
     Discovery& identify = of(Method::identify);
     const auto blank = co_await identify.anybody(options);

@@ -2,15 +2,24 @@
 #pragma once
 
 #include "berth/discovery/discovery.hpp"
-#include "berth/lss/master.hpp"
+#include "berth/lss/select_alone.hpp"
 
 namespace berth::discovery {
 
-/// Selects the device (40h to 43h), configures what the assigner says, stores when asked to, switches to waiting. The
-/// node-ID it took; unconfigured: none for it, or it refused or is gone. Error: `bus`.
-[[nodiscard]] rt::Task<Result<NodeId>> assign_by_name(lss::Master& lss, const LssAddress& device,
+/// What came of it.
+struct ByName {
+  NodeId id{};             ///< it took this; unconfigured: none for it, or it refused, or is gone
+  bool not_alone = false;  ///< somebody else is in configuration too: nobody was changed, and it may be tried again
+};
+/// Selects the device and proves that it is alone (`lss::select_alone`), asks the assigner, configures what it says,
+/// stores when asked to, switches to waiting. `parts`: what tells it from others. Error: `bus`.
+[[nodiscard]] rt::Task<Result<ByName>> assign_by_name(lss::Master& lss, LssAddress device, lss::PartMask parts,
                                                       const Options& options);
-/// `assign_by_name` for each device of the report that has none, when there is an assigner; tells the observer again.
-[[nodiscard]] rt::Task<Result<void>> assign_all(lss::Master& lss, Report& report, const Options& options);
+/// `assign_by_name` for each device of the report that has none, when there is an assigner; who was not alone is tried
+/// again behind the others. Tells the observer again.
+[[nodiscard]] rt::Task<Result<void>> assign_all(lss::Master& lss, const Known& known, Report& report,
+                                                const Options& options);
+/// What tells `device` from all who are known, found, or of a known kind.
+[[nodiscard]] lss::PartMask parts_that_tell(const LssAddress& device, const Known& known, const Report& report);
 
 }  // namespace berth::discovery

@@ -24,6 +24,7 @@ const char* name(Report::End end) noexcept {
     case Report::End::gave_up: return "gave up";
     case Report::End::stuck: return "stuck";
     case Report::End::limit: return "limit";
+    case Report::End::more: return "more";
     case Report::End::held: return "held";
   }
   return "?";

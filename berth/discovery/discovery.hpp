@@ -1,8 +1,9 @@
 /// One interface for finding the devices of a bus, whatever they speak: the published methods and Berth's planners.
 ///
 /// A discovery finds LSS addresses. It binds nobody: which device gets which node-ID is decided above, when all are
-/// known (`places::plan`), or at once by an `Assigner`, which the published Fastscan needs, because it finds the next
-/// device only when the one before has a node-ID.
+/// known (`places::plan`), or at once by an `Assigner`, which everything on Fastscan needs, because a device answers
+/// until it has a node-ID, and none is left in LSS configuration to keep it silent: a node-ID of its own, or one that
+/// is lent and taken back later.
 ///
 ///     Options options;                               // must outlive the task, as `known` must
 ///     auto report = co_await discovery.find(known, options);
@@ -63,19 +64,32 @@ struct Found {
   Method by = Method::rand;
 };
 
+/// How far a search by identify ranges is.
+struct Progress {
+  std::size_t kind = 0;   ///< of `kinds`, the one that is searched
+  std::size_t kinds = 0;  ///< `Known::kinds` and those of `Known::expected`
+  double swept = 0;       ///< of this kind's serial numbers, 0 to 1
+  std::size_t found = 0;  ///< by this call
+};
+
 /// Watches a discovery. Must not destroy it.
 class Observer {
  public:
   virtual void found(const Found& device) noexcept = 0;
+  /// Search by identify ranges: between two requests, whenever it got on.
+  virtual void progress(const Progress&) noexcept {}
+  /// Search by identify ranges: asked between two requests, with nobody in configuration. False: ends with `more`.
+  virtual bool goes_on() noexcept { return true; }
 
  protected:
   ~Observer() = default;
 };
 
-/// Gives each found device a node-ID at once, while it is the only one selected.
+/// Gives each found device a node-ID at once, when it is proven to be the only one in configuration.
 class Assigner {
  public:
-  /// Unconfigured: leave it without one. A method that cannot go on then ends with `Report::End::held`.
+  /// Unconfigured: leave it without one; it goes back to waiting. A method on Fastscan then ends with
+  /// `Report::End::held`.
   virtual NodeId assign(const LssAddress& device) noexcept = 0;
 
  protected:
@@ -98,8 +112,11 @@ struct Options {
   bool confirm = false;
   Observer* observer = nullptr;  ///< may be null
   unsigned most_devices = 1000;
-  /// A search by identify ranges that takes longer gives up; 0 = never. Devices that lose frames can make it very long.
+  /// A search by identify ranges that takes longer ends with `Report::End::more`; 0 = never.
   rt::Duration most_time{0};
+  /// Search by identify ranges: devices that have a node-ID too. False: it is over when identify non-configured (4Ch)
+  /// stays unanswered, which saves a question for each gap between known devices.
+  bool configured = true;
   unsigned retries = 4;  ///< restarts in a row without finding anybody
 };
 
@@ -109,12 +126,14 @@ struct Report {
     gave_up,   ///< `retries` restarts in a row: somebody answers and cannot be identified
     stuck,     ///< one address came again and again although it was taken out
     limit,     ///< `most_devices`
-    held,      ///< the next device cannot be found before this one has a node-ID
+    more,      ///< time is over, or the observer stopped it; called again, it goes on where it was
+    held,      ///< a device has no node-ID and answers on: others were searched for beside it, or could not be
   };
   End end = End::complete;
   std::vector<Found> found;
   unsigned requests = 0;
   unsigned restarts = 0;
+  unsigned unproven = 0;  ///< addresses that were answered for, and whose device did not say that it has them
   rt::Time began{};
   rt::Time known{};  ///< every address was known; without the closing question that nobody answered
   rt::Time ended{};

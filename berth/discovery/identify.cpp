@@ -1,6 +1,7 @@
 #include "berth/discovery/identify.hpp"
 
 #include <algorithm>
+#include <utility>
 
 #include "berth/discovery/busy.hpp"
 #include "berth/discovery/by_name.hpp"
@@ -9,27 +10,26 @@ namespace berth::discovery {
 namespace {
 constexpr rt::Duration default_window = std::chrono::milliseconds(10);
 constexpr std::int64_t answer_bits = 126;
+constexpr std::uint64_t all_serials = std::uint64_t{1} << 32;
+constexpr std::uint64_t first_width = 256;
+constexpr std::uint64_t least_width = 16;
+constexpr std::uint64_t widens = 8;  // times, after silence
 // Halves that were not asked because the other half was silent: after so many in a row the next one is asked, so that
 // a question that somebody did not hear is not followed down to the last bit.
 constexpr unsigned most_assumed = 6;
+constexpr unsigned most_unproven = 4;  // in a row, and the retries
 // A device with a small receive buffer loses some of six frames back to back.
 constexpr rt::Duration slow_inhibit = std::chrono::milliseconds(10);
 
-constexpr std::uint32_t middle(std::uint32_t low, std::uint32_t high) noexcept { return low + (high - low) / 2; }
-
-// The ranges of one dimension between known values.
-template <class Add>
-void between(std::uint32_t low, std::uint32_t high, const std::vector<std::uint32_t>& known, const Add& add) {
-  std::uint64_t from = low;
-  for (const std::uint32_t k : known) {
-    if (k > from) add(static_cast<std::uint32_t>(from), k - 1U);
-    from = std::uint64_t{k} + 1;
-  }
-  if (from <= high) add(static_cast<std::uint32_t>(from), high);
+Box box_of(const Kind& kind, std::uint64_t low, std::uint64_t end) noexcept {
+  Box box{.serial_low = static_cast<std::uint32_t>(low), .serial_high = static_cast<std::uint32_t>(end - 1)};
+  if (kind.revision) box.revision_low = box.revision_high = *kind.revision;
+  return box;
 }
+}  // namespace
 
 // Pauses between the frames for as long as a search lasts, once one fruitless pass was no accident.
-class Pace {
+class Identify::Pace {
  public:
   explicit Pace(lss::Master& lss) : lss_(&lss), before_(lss.options()) {}
   ~Pace() { lss_->set_options(before_); }
@@ -45,80 +45,68 @@ class Pace {
   lss::Master* lss_;
   lss::MasterOptions before_;
 };
-}  // namespace
-
-Box Box::lower() const noexcept {
-  Box b = *this;
-  if (revision_low != revision_high) {
-    b.revision_high = middle(revision_low, revision_high);
-  } else {
-    b.serial_high = middle(serial_low, serial_high);
-  }
-  return b;
-}
-
-Box Box::upper() const noexcept {
-  Box b = *this;
-  if (revision_low != revision_high) {
-    b.revision_low = middle(revision_low, revision_high) + 1;
-  } else {
-    b.serial_low = middle(serial_low, serial_high) + 1;
-  }
-  return b;
-}
-
-std::vector<Box> gaps(const Box& all, std::vector<R_SN> known) {
-  std::erase_if(known, [&](const R_SN& n) { return !all.contains(n); });
-  std::ranges::sort(known, {}, [](const R_SN& n) { return std::pair(n.serial, n.revision); });
-  std::vector<Box> result;
-  std::vector<std::uint32_t> serials;
-  for (const R_SN& n : known) {
-    if (serials.empty() || serials.back() != n.serial) serials.push_back(n.serial);
-  }
-  between(all.serial_low, all.serial_high, serials, [&](std::uint32_t low, std::uint32_t high) {
-    result.push_back({all.revision_low, all.revision_high, low, high});
-  });
-  for (const std::uint32_t serial : serials) {
-    std::vector<std::uint32_t> revisions;
-    for (const R_SN& n : known) {
-      const bool twice = !revisions.empty() && revisions.back() == n.revision;
-      if (n.serial == serial && !twice) revisions.push_back(n.revision);
-    }
-    between(all.revision_low, all.revision_high, revisions, [&](std::uint32_t low, std::uint32_t high) {
-      result.push_back({low, high, serial, serial});
-    });
-  }
-  return result;
-}
 
 struct Identify::Run {
   const Known& known;
   const Options& options;
   rt::Duration frame{0};
   Report report{};
-  unsigned failures = 0;
+  std::size_t kind = 0;
+  std::size_t kinds = 0;
+  unsigned unproven = 0;         // in a row
+  bool patient = false;          // haste has led nowhere
+  bool late_yes = false;         // the question before the last was answered after all
+  bool stopped = false;          // time is over, or the observer said so
+  bool no_blank = false;         // nobody without a node-ID is left, and nobody else is wanted
+  bool untrusted = false;        // somebody answers whatever is asked
+  std::optional<Box> left_at{};  // somebody is in there, and the search was stopped
+  std::vector<R_SN> passed{};    // answered for, and not proven, in this pass
 
   [[nodiscard]] rt::Duration longest() const noexcept {
     return (options.window.count() > 0 ? options.window : default_window) + frame + options.blocking;
   }
-  [[nodiscard]] std::vector<R_SN> known_of(TypeCode type) const {
-    std::vector<R_SN> result;
-    for (const auto& a : known.registered) {
-      if (a.type() == type) result.push_back(a.r_sn());
-    }
-    for (const auto& d : report.found) {
-      if (d.address.type() == type) result.push_back(d.address.r_sn());
-    }
+  [[nodiscard]] std::vector<R_SN> known_of(const Kind& kind_) const {
+    std::vector<R_SN> result = passed;
+    const auto add = [&](const LssAddress& a) {
+      if (a.type() == kind_.type && (!kind_.revision || a.revision == *kind_.revision)) result.push_back(a.r_sn());
+    };
+    for (const auto& a : known.registered) add(a);
+    for (const auto& d : report.found) add(d.address);
     return result;
   }
-  bool late = false;  // `most_time` is over
-
-  [[nodiscard]] bool over() const { return late || report.found.size() >= options.most_devices; }
+  [[nodiscard]] std::uint64_t next_known(const Kind& kind_, std::uint64_t from) const {
+    std::uint64_t next = all_serials;
+    for (const R_SN& n : known_of(kind_)) {
+      if (n.serial >= from) next = std::min<std::uint64_t>(next, n.serial);
+    }
+    return next;
+  }
+  [[nodiscard]] bool full() const noexcept { return report.found.size() >= options.most_devices; }
+  [[nodiscard]] bool over() const noexcept { return stopped || no_blank || untrusted || full(); }
+  void tell(std::uint64_t swept) const {
+    if (options.observer == nullptr) return;
+    options.observer->progress({.kind = kind,
+                                .kinds = kinds,
+                                .swept = static_cast<double>(swept) / static_cast<double>(all_serials),
+                                .found = report.found.size()});
+  }
+  // Between two requests, with nobody in configuration.
+  void look_at_the_time(rt::Time now) {
+    if (options.most_time.count() > 0 && now - report.began > options.most_time) stopped = true;
+    if (options.observer != nullptr && !options.observer->goes_on()) stopped = true;
+  }
+  void failed() {
+    patient = true;
+    ++report.unproven;
+    if (++unproven > options.retries + most_unproven) untrusted = true;
+  }
 };
 
-rt::Task<Result<bool>> Identify::ask(Run& run, const Kind& kind, const Box& box, bool patient) {
-  const lss::IdentifyRanges ranges{.vendor = kind.type.vendor,
-                                   .product = kind.type.product,
+// ---- questions --------------------------------------------------------------------------------------------------
+
+rt::Task<Result<bool>> Identify::ask(Run& run, const Cursor& cursor, Box box, bool patient) {
+  const lss::IdentifyRanges ranges{.vendor = cursor.kind.type.vendor,
+                                   .product = cursor.kind.type.product,
                                    .revision_low = box.revision_low,
                                    .revision_high = box.revision_high,
                                    .serial_low = box.serial_low,
@@ -126,90 +114,341 @@ rt::Task<Result<bool>> Identify::ask(Run& run, const Kind& kind, const Box& box,
   const rt::Duration learnt = latency_.response(run.options.shortest, run.longest()) + run.options.blocking;
   // A sample holds the answer's frame here. What comes later still belongs to no range of the next question: six
   // frames lie between.
+  const bool whole = patient || run.patient;
   const lss::ServiceOptions service{
-      .timeout = patient ? run.longest() : std::min(learnt, run.longest()), .retries = 0, .full_window = true};
+      .timeout = whole ? run.longest() : std::min(learnt, run.longest()), .retries = 0, .full_window = true};
   ++run.report.requests;
   const auto reply = co_await services_.lss.identify_remote(ranges, service);
   if (!reply) co_return fail(reply.error());
   if (reply->answers > 0) latency_.note(reply->heard_at[0] - reply->sent);
-  const rt::Duration since = services_.dispatcher.executor().now() - run.report.began;
-  run.late = run.options.most_time.count() > 0 && since > run.options.most_time;
+  run.late_yes = reply->stale > 0;
+  run.look_at_the_time(services_.dispatcher.executor().now());
   co_return reply->answers > 0;
 }
 
-// The device that is left must answer for itself; then it tells its node-ID.
-rt::Task<Result<bool>> Identify::proven(Run& run, const LssAddress& device) {
-  const lss::ServiceOptions service{.timeout = run.longest(), .retries = 1, .full_window = true};
-  const auto selected = co_await services_.lss.switch_selective(device, service);
-  Found found{.address = device, .at = {}, .active = {}, .assigned = {}, .by = Method::identify};
-  bool itself = false;
-  if (selected) {
-    // 44h may be a late one, of who was selected before.
-    const auto own = co_await services_.lss.inquire(3, service);
-    itself = own.has_value() && !own->differ && own->value() == device.serial;
-  }
-  if (selected && itself) {
-    const auto id = co_await services_.lss.inquire_node_id(service);
-    found.at = services_.dispatcher.executor().now();
-    found.possible_clone = selected->answers > 1;
-    if (id && !id->differ) found.active = NodeId::make(id->byte()).value_or(NodeId());
-    // Asked once more: a doubled frame would be a coincidence.
-    if (found.possible_clone || (id && (id->differ || id->answers > 1))) {
-      const auto again = co_await services_.lss.switch_selective(device, service);
-      found.possible_clone = again.has_value() && again->answers > 1;
-    }
-  }
-  const auto waiting = co_await services_.lss.switch_global(lss::State::waiting);
-  if (!waiting) co_return fail(waiting.error());
-  if (!selected && selected.error().code == Errc::bus) co_return fail(selected.error());
-  if (!selected || !itself) co_return false;
-  run.report.known = found.at;
-  const bool blank = !found.active.configured() && !found.possible_clone;
-  if (blank) {
-    const auto assigned = co_await assign_by_name(services_.lss, device, run.options);
-    if (!assigned) co_return fail(assigned.error());
-    found.assigned = *assigned;
-  }
-  run.report.found.push_back(found);
-  if (run.options.observer != nullptr) run.options.observer->found(found);
-  co_return true;
+rt::Task<Result<bool>> Identify::anybody(const Options& options) {
+  const rt::Duration window = options.window.count() > 0 ? options.window : default_window;
+  const lss::ServiceOptions service{.timeout = window + options.blocking, .retries = 0, .full_window = false};
+  const auto reply = co_await services_.lss.identify_non_configured(service);
+  if (!reply) co_return fail(reply.error());
+  co_return reply->answers > 0;
 }
 
-// Everybody in a box that was answered.
-rt::Task<Result<void>> Identify::search(Run& run, const Kind& kind, const Box& box) {
-  struct Open {
-    Box box;
-    bool answered;
-    unsigned assumed;
-  };
-  std::vector<Open> open(1, Open{box, true, 0});
-  while (!open.empty() && !run.over()) {
-    const Open next = open.back();
-    const Box at = next.box;
-    open.pop_back();
-    const bool doubtful = next.assumed >= most_assumed;
-    if (!next.answered || doubtful) {
-      const auto heard = co_await ask(run, kind, at, doubtful);
-      if (!heard) co_return fail(heard.error());
-      if (!*heard && doubtful) ++run.failures;
-      if (!*heard) continue;
-    }
-    const unsigned assumed = doubtful ? 0 : next.assumed;
-    if (at.single()) {
-      const LssAddress device{kind.type.vendor, kind.type.product, at.revision_low, at.serial_low};
-      const auto there = co_await proven(run, device);
-      if (!there) co_return fail(there.error());
-      if (!*there) ++run.failures;
-      continue;
-    }
-    const Box lower = at.lower();
-    const Box upper = at.upper();
-    const auto heard = co_await ask(run, kind, lower, run.failures > 0);
-    if (!heard) co_return fail(heard.error());
-    open.push_back({upper, !*heard, *heard ? 0 : assumed + 1});
-    if (*heard) open.push_back({lower, true, 0});
+rt::Task<Result<bool>> Identify::blank_left(Run& run) {
+  const lss::ServiceOptions service{.timeout = run.longest(), .retries = 1, .full_window = false};
+  ++run.report.requests;
+  const auto reply = co_await services_.lss.identify_non_configured(service);
+  if (!reply) co_return fail(reply.error());
+  run.no_blank = reply->answers == 0;
+  co_return reply->answers > 0;
+}
+
+// ---- one device -------------------------------------------------------------------------------------------------
+
+// The device that is left must answer for itself.
+rt::Task<Result<Identify::Sweep>> Identify::proven(Run& run, Cursor& cursor, LssAddress device, bool guess) {
+  lss::AloneOptions how{
+      .parts = parts_that_tell(device, run.known, run.report), .longest = run.longest(), .guess = guess};
+  auto alone = co_await lss::select_alone(services_.lss, device, how);
+  if (alone && *alone == lss::Selection::not_alone) {
+    // Who was left in configuration has been told to wait meanwhile.
+    how.guess = false;
+    alone = co_await lss::select_alone(services_.lss, device, how);
+  }
+  if (!alone) co_return fail(alone.error());
+  run.look_at_the_time(services_.dispatcher.executor().now());
+  const bool twins = *alone == lss::Selection::twins;
+  if (*alone != lss::Selection::alone && !twins) {
+    if (guess && *alone == lss::Selection::absent) co_return Sweep::nobody;
+    run.failed();
+    co_return Sweep::unproven;
+  }
+  Found found{.address = device, .at = {}, .active = {}, .assigned = {}, .by = Method::identify};
+  found.possible_clone = twins;
+  found.at = services_.dispatcher.executor().now();
+  if (!twins) {
+    const auto settled = co_await settle(run, found, how);
+    if (!settled) co_return fail(settled.error());
+  }
+  run.unproven = 0;
+  run.report.known = found.at;
+  run.report.found.push_back(found);
+  std::erase(cursor.revisions, device.revision);
+  cursor.revisions.insert(cursor.revisions.begin(), device.revision);
+  if (run.options.observer != nullptr) run.options.observer->found(found);
+  co_return Sweep::found;
+}
+
+// It tells its node-ID, gets one when it has none, and goes back to waiting.
+rt::Task<Result<void>> Identify::settle(Run& run, Found& found, const lss::AloneOptions& how) {
+  const lss::ServiceOptions service{.timeout = run.longest(), .retries = 1, .full_window = false};
+  const auto told = co_await services_.lss.inquire_node_id(service);
+  if (told) found.active = NodeId::make(told->byte()).value_or(NodeId());
+  NodeId id;
+  const bool blank = told && !found.active.configured();
+  if (blank && run.options.assigner != nullptr) id = run.options.assigner->assign(found.address);
+  if (id.configured()) {
+    const LssAddress device = found.address;
+    const auto given = co_await lss::configure_alone(services_.lss, device, id, run.options.store, how);
+    if (!given) co_return fail(given.error());
+    if (given->outcome == lss::Given::Outcome::taken) found.assigned = id;
+  } else {
+    const auto waiting = co_await services_.lss.switch_global(lss::State::waiting);
+    if (!waiting) co_return fail(waiting.error());
   }
   co_return Result<void>{};
+}
+
+// One serial number is left; its revision may be open: those that were seen are likely.
+rt::Task<Result<Identify::Sweep>> Identify::device_in(Run& run, Cursor& cursor, Box box) {
+  const TypeCode type = cursor.kind.type;
+  if (!box.single()) {
+    const std::vector<std::uint32_t> seen = cursor.revisions;
+    constexpr std::size_t most_tried = 3;
+    for (std::size_t i = 0; i < std::min(seen.size(), most_tried); ++i) {
+      if (!box.contains({seen[i], box.serial_low})) continue;
+      const LssAddress device{type.vendor, type.product, seen[i], box.serial_low};
+      const auto tried = co_await proven(run, cursor, device, true);
+      if (!tried) co_return fail(tried.error());
+      if (*tried != Sweep::nobody || run.over()) co_return *tried;
+    }
+    const auto left = co_await descend(run, cursor, box);
+    if (!left) co_return fail(left.error());
+    if (!*left) co_return Sweep::nobody;
+    box = **left;
+  }
+  const LssAddress device{type.vendor, type.product, box.revision_low, box.serial_low};
+  const auto there = co_await proven(run, cursor, device, false);
+  if (!there) co_return fail(there.error());
+  if (*there == Sweep::unproven) run.passed.push_back(device.r_sn());
+  co_return *there;
+}
+
+// ---- ranges -----------------------------------------------------------------------------------------------------
+
+// Somebody is in the box: the lowest there, down to one serial number, or one revision when the serial number is known.
+// Empty: nobody is there any more, or never was.
+rt::Task<Result<std::optional<Box>>> Identify::descend(Run& run, const Cursor& cursor, Box box) {
+  const bool by_serial = box.serial_low != box.serial_high;
+  std::optional<Box> silent;  // the last half that was taken for empty
+  unsigned assumed = 0;
+  std::optional<Box> result;
+  while (by_serial ? box.serial_low != box.serial_high : !box.single()) {
+    const bool check = assumed >= most_assumed;
+    const Box half = check ? box : box.lower();
+    const auto heard = co_await ask(run, cursor, half, check);
+    if (!heard) co_return fail(heard.error());
+    if (run.stopped) {
+      if (by_serial) run.left_at = box;
+      co_return result;
+    }
+    if (run.late_yes && silent) {  // it was not empty, only slow
+      box = *std::exchange(silent, std::nullopt);
+      assumed = 0;
+      continue;
+    }
+    silent.reset();
+    if (check) {
+      if (!*heard) co_return result;
+      assumed = 0;
+    } else if (*heard) {
+      box = half;
+      assumed = 0;
+    } else {
+      silent = half;
+      box = box.upper();
+      ++assumed;
+    }
+  }
+  result = box;
+  co_return result;
+}
+
+rt::Task<Result<void>> Identify::lowest_in(Run& run, Cursor& cursor, Box box) {
+  const bool was_patient = run.patient;
+  const auto left = co_await descend(run, cursor, box);
+  if (!left) co_return fail(left.error());
+  cursor.open = std::exchange(run.left_at, std::nullopt);
+  if (run.over()) co_return Result<void>{};
+  if (!*left) {
+    run.patient = true;
+    // Asked once more, patiently; then the closing questions will find who is there.
+    if (was_patient) cursor.next = std::uint64_t{box.serial_high} + 1;
+    co_return Result<void>{};
+  }
+  const Box one = **left;
+  const auto there = co_await device_in(run, cursor, one);
+  if (!there) co_return fail(there.error());
+  if (run.stopped && *there != Sweep::found) co_return Result<void>{};
+  cursor.next = std::uint64_t{one.serial_low} + 1;
+  if (*there != Sweep::found) co_return Result<void>{};
+  run.patient = false;
+  const std::uint64_t apart = one.serial_low - std::uint64_t{cursor.last};
+  if (cursor.any) {
+    cursor.apart = cursor.apart == 0 ? apart : (cursor.apart + apart) / 2;
+    // A hole in a row does not end it.
+    const bool hole = cursor.row >= 2 && apart % cursor.stride == 0;
+    if (!hole) cursor.row = 0;
+    if (!hole) cursor.stride = static_cast<std::uint32_t>(apart);
+    cursor.width = std::max(least_width, 2 * cursor.apart);
+  } else {
+    cursor.width = least_width;
+  }
+  cursor.any = true;
+  cursor.last = one.serial_low;
+  cursor.guesses = true;
+  co_return Result<void>{};
+}
+
+// The next of a row is asked for by name. True: it is there, or is known.
+rt::Task<Result<bool>> Identify::guess(Run& run, Cursor& cursor) {
+  const std::uint64_t serial = std::uint64_t{cursor.last} + cursor.stride;
+  cursor.guesses = false;
+  if (serial >= all_serials || serial < cursor.next || cursor.revisions.empty()) co_return false;
+  const auto wanted = static_cast<std::uint32_t>(serial);
+  const LssAddress device{cursor.kind.type.vendor, cursor.kind.type.product, cursor.revisions.front(), wanted};
+  const std::vector<R_SN> known = run.known_of(cursor.kind);
+  const bool is_known = std::ranges::find(known, device.r_sn()) != known.end();
+  bool there = is_known;
+  if (!is_known) {
+    const auto tried = co_await proven(run, cursor, device, true);
+    if (!tried) co_return fail(tried.error());
+    there = *tried == Sweep::found;
+  }
+  if (there) {
+    cursor.apart = (cursor.apart + cursor.stride) / 2;
+    cursor.last = wanted;
+    cursor.next = serial + 1;
+    cursor.guesses = true;
+    ++cursor.row;
+  } else if (cursor.row >= 2 && !run.options.configured && !run.stopped) {
+    const auto left = co_await blank_left(run);
+    if (!left) co_return fail(left.error());
+  }
+  co_return there;
+}
+
+rt::Task<Result<void>> Identify::sweep(Run& run, Cursor& cursor, std::uint64_t end) {
+  while (cursor.next < end && !run.over()) {
+    run.tell(cursor.next);
+    if (cursor.open) {
+      const Box box = *std::exchange(cursor.open, std::nullopt);
+      const auto done = co_await lowest_in(run, cursor, box);
+      if (!done) co_return fail(done.error());
+      continue;
+    }
+    if (cursor.guesses) {
+      const auto there = co_await guess(run, cursor);
+      if (!there) co_return fail(there.error());
+      if (*there || run.over()) continue;
+    }
+    const std::uint64_t low = cursor.next;
+    const std::uint64_t limit = std::min(end, run.next_known(cursor.kind, low));
+    if (limit == low) {
+      ++cursor.next;
+      continue;
+    }
+    const std::uint64_t width = cursor.width == 0 ? first_width : cursor.width;
+    const std::uint64_t high = std::min(limit, low + width);
+    const Box box = box_of(cursor.kind, low, high);
+    const auto heard = co_await ask(run, cursor, box, false);
+    if (!heard) co_return fail(heard.error());
+    if (run.stopped) break;
+    if (*heard) {
+      const auto done = co_await lowest_in(run, cursor, box);
+      if (!done) co_return fail(done.error());
+    } else {
+      cursor.next = high;
+      cursor.width = std::min(all_serials, width * widens);
+    }
+  }
+  co_return Result<void>{};
+}
+
+// Every gap is asked with the longest window. True: all were silent.
+rt::Task<Result<bool>> Identify::close(Run& run, Cursor& cursor) {
+  const Box all = box_of(cursor.kind, 0, all_serials);
+  const std::vector<Box> open = gaps(all, run.known_of(cursor.kind));
+  bool quiet = true;
+  for (std::size_t i = 0; i < open.size() && !run.over(); ++i) {
+    const Box box = open[i];
+    if (std::ranges::find(cursor.quiet, box) != cursor.quiet.end()) continue;
+    const auto heard = co_await ask(run, cursor, box, true);
+    if (!heard) co_return fail(heard.error());
+    if (!*heard) cursor.quiet.push_back(box);
+    if (run.stopped) break;
+    if (!*heard) continue;
+    quiet = false;
+    if (box.serial_low == box.serial_high) {
+      const auto there = co_await device_in(run, cursor, box);
+      if (!there) co_return fail(there.error());
+      continue;
+    }
+    Cursor part = cursor;
+    part.next = box.serial_low;
+    part.width = std::uint64_t{box.serial_high} - box.serial_low + 1;  // somebody is there
+    part.any = false;
+    part.guesses = false;
+    part.row = 0;
+    const std::uint64_t end = part.next + part.width;
+    const auto swept = co_await sweep(run, part, end);
+    if (!swept) co_return fail(swept.error());
+    cursor.revisions = part.revisions;
+  }
+  co_return quiet;
+}
+
+// ---- the search -------------------------------------------------------------------------------------------------
+
+std::vector<Identify::Cursor> Identify::begin(const Known& known) {
+  std::vector<Kind> kinds = known.kinds;
+  for (const auto& a : known.expected) kinds.push_back({a.type(), a.revision});
+  std::vector<Cursor> cursors;
+  for (const Kind& kind : kinds) {
+    if (std::ranges::find(cursors, kind, &Cursor::kind) != cursors.end()) continue;
+    Cursor cursor{.kind = kind};
+    if (kind.revision) cursor.revisions = {*kind.revision};
+    cursors.push_back(cursor);
+  }
+  // The rest of a search that was broken off, as long as the same is wanted.
+  const bool same = std::ranges::equal(cursors, cursors_, {}, &Cursor::kind, &Cursor::kind);
+  return same ? std::exchange(cursors_, {}) : cursors;
+}
+
+// One kind. False: it did not become quiet.
+rt::Task<Result<bool>> Identify::one_kind(Run& run, Cursor& cursor, Pace& pace) {
+  if (cursor.next == 0 && run.known_of(cursor.kind).empty()) {
+    const Box all = box_of(cursor.kind, 0, all_serials);
+    const auto anybody = co_await ask(run, cursor, all, true);
+    if (!anybody) co_return fail(anybody.error());
+    if (!*anybody && !run.stopped) {
+      cursor.next = all_serials;
+      cursor.closed = true;
+    }
+  }
+  const auto swept = co_await sweep(run, cursor, all_serials);
+  if (!swept) co_return fail(swept.error());
+  run.tell(cursor.next);
+  const bool quick = !run.options.configured && !run.over() && !cursor.closed;
+  if (quick) {
+    const auto left = co_await blank_left(run);
+    if (!left) co_return fail(left.error());
+  }
+  for (unsigned fruitless = 0; !cursor.closed && !run.over();) {
+    const auto before = run.report.found.size();
+    run.passed.clear();
+    const auto quiet = co_await close(run, cursor);
+    if (!quiet) co_return fail(quiet.error());
+    if (run.over()) break;
+    cursor.closed = *quiet;
+    if (*quiet || run.report.found.size() > before) continue;
+    ++run.report.restarts;
+    run.patient = true;
+    cursor.quiet.clear();
+    if (fruitless > 0) pace.slow_down();
+    if (++fruitless > run.options.retries) co_return false;
+  }
+  co_return !run.untrusted;
 }
 
 rt::Task<Result<Report>> Identify::find(const Known& known, const Options& options) {
@@ -221,54 +460,28 @@ rt::Task<Result<Report>> Identify::find(const Known& known, const Options& optio
   if (rate > 0) run.frame = rt::Duration(answer_bits * 1'000'000'000 / rate);
   run.report.began = services_.dispatcher.executor().now();
   run.report.known = run.report.began;
+  services_.lss.suspect_strangers();
   const auto waiting = co_await services_.lss.switch_global(lss::State::waiting);
   if (!waiting) co_return fail(waiting.error());
-  std::vector<Kind> kinds = known.kinds;
-  for (const auto& a : known.expected) kinds.push_back({a.type(), a.revision});
-  for (std::size_t k = 0; k < kinds.size(); ++k) {
-    const Kind kind = kinds[k];
-    if (std::find(kinds.begin(), kinds.begin() + static_cast<std::ptrdiff_t>(k), kind) !=
-        kinds.begin() + static_cast<std::ptrdiff_t>(k)) {
-      continue;
-    }
-    Box all;
-    if (kind.revision) all.revision_low = all.revision_high = *kind.revision;
-    bool quiet = false;
-    for (unsigned fruitless = 0; !quiet && !run.over();) {
-      quiet = true;
-      const auto before = run.report.found.size();
-      const std::vector<Box> open = gaps(all, run.known_of(kind.type));
-      for (std::size_t i = 0; i < open.size() && !run.late; ++i) {
-        const auto heard = co_await ask(run, kind, open[i], true);
-        if (!heard) co_return fail(heard.error());
-        if (!*heard) continue;
-        quiet = false;
-        const auto searched = co_await search(run, kind, open[i]);
-        if (!searched) co_return fail(searched.error());
-      }
-      if (quiet || run.report.found.size() > before) continue;
-      ++run.report.restarts;
-      if (fruitless > 0) pace.slow_down();
-      if (++fruitless <= options.retries) continue;
-      run.report.end = Report::End::gave_up;
-      break;
-    }
+  std::vector<Cursor> cursors = begin(known);
+  run.kinds = cursors.size();
+  bool gave_up = false;
+  for (std::size_t k = 0; k < cursors.size(); ++k) {
+    run.kind = k;
+    run.unproven = 0;
+    run.untrusted = false;
+    run.patient = false;
+    run.passed.clear();
+    if (cursors[k].closed || run.over()) continue;
+    const auto quiet = co_await one_kind(run, cursors[k], pace);
+    if (!quiet) co_return fail(quiet.error());
+    gave_up = gave_up || !*quiet;
   }
-  if (run.late) {
-    run.report.end = Report::End::gave_up;
-  } else if (run.over()) {
-    run.report.end = Report::End::limit;
-  }
+  using End = Report::End;
+  run.report.end = run.stopped ? End::more : gave_up ? End::gave_up : run.full() ? End::limit : End::complete;
+  if (run.stopped) cursors_ = std::move(cursors);
   run.report.ended = services_.dispatcher.executor().now();
   co_return run.report;
-}
-
-rt::Task<Result<bool>> Identify::anybody(const Options& options) {
-  const rt::Duration window = options.window.count() > 0 ? options.window : default_window;
-  const lss::ServiceOptions service{.timeout = window + options.blocking, .retries = 0, .full_window = false};
-  const auto reply = co_await services_.lss.identify_non_configured(service);
-  if (!reply) co_return fail(reply.error());
-  co_return reply->answers > 0;
 }
 
 }  // namespace berth::discovery

@@ -2,15 +2,37 @@
 /// or without Fastscan.
 ///
 /// The six frames ask for one vendor and product and a range of revisions and of serial numbers; every LSS slave that
-/// fits answers 4Fh, whatever its node-ID. So a range that is answered is halved until one address is left, which then
-/// has to answer for itself (40h to 43h, 44h) and tells its node-ID (5Eh). Devices that are known, because they are
-/// registered or were found, answer too: the search asks for what lies between them, and is over when no such gap is
-/// answered within the longest window. That takes one question more than there are known devices, for each kind; when a
-/// kind's revision is open, up to two more for each.
+/// fits answers 4Fh, whatever its node-ID. So devices that are known, because they are registered or were found, answer
+/// too, and the search asks for what lies between them.
+///
+/// The sweep, for each kind from serial number 0 upwards. A range behind the last device is asked, as wide as the last
+/// devices lay apart, eight times wider after silence; one that is answered is halved until one serial number is left:
+/// the lowest, so that nothing lies below it. That takes about log2(distance) + 2 questions a device, some 27 for 120
+/// random numbers. Numbers in a row and numbers at equal steps are guessed and asked for by name (40h to 43h) at once:
+/// no question at all. A revision that is open is looked for with the serial number known, those that were seen first.
+///
+/// Every device that is left must answer for itself (`lss::select_alone`), tells its node-ID (5Eh), gets one from the
+/// assigner when it has none, and `04 00`, and the observer is told, before the search goes on.
+///
+/// The search is over when no gap between the known is answered within the longest window: one question more than there
+/// are known devices that do not lie in a row, for each kind; up to two more for each when a kind's revision is open.
+/// With `Options::configured` false it is over as soon as identify non-configured (4Ch) stays unanswered.
+///
+/// It has no bound of its own. With `Options::most_time`, or when `Observer::goes_on` says so, it ends with
+/// `Report::End::more`; the next `find` on the same object goes on where it was, with what it has learnt. Meanwhile
+/// whoever was found may be seated: it belongs into `Known::registered` then, and costs nothing.
+///
+/// Addresses that were answered for and whose device did not say so itself are counted (`Report::unproven`) and passed
+/// over; after `Options::retries` + 4 of them in a row somebody answers whatever is asked, the kind is left, and the
+/// search ends with `gave_up`.
 #pragma once
+
+#include <optional>
+#include <vector>
 
 #include "berth/discovery/auto.hpp"
 #include "berth/discovery/latency.hpp"
+#include "berth/lss/select_alone.hpp"
 
 namespace berth::discovery {
 
@@ -27,7 +49,7 @@ struct Box {
     return n.revision >= revision_low && n.revision <= revision_high && n.serial >= serial_low &&
            n.serial <= serial_high;
   }
-  /// Halves; `single` must be false. Revisions first.
+  /// Halves; `single` must be false. Serial numbers first.
   [[nodiscard]] Box lower() const noexcept;
   [[nodiscard]] Box upper() const noexcept;
   friend constexpr bool operator==(const Box&, const Box&) noexcept = default;
@@ -47,11 +69,39 @@ class Identify final : public Discovery {
 
  private:
   struct Run;
-  [[nodiscard]] rt::Task<Result<bool>> ask(Run& run, const Kind& kind, const Box& box, bool patient);
-  [[nodiscard]] rt::Task<Result<void>> search(Run& run, const Kind& kind, const Box& box);
-  [[nodiscard]] rt::Task<Result<bool>> proven(Run& run, const LssAddress& device);
+  class Pace;
+  /// How far one kind has been swept.
+  struct Cursor {
+    Kind kind{};
+    std::uint64_t next = 0;    // below it everybody has been heard
+    std::uint64_t width = 0;   // of the next range; 0: nothing is known
+    std::uint64_t apart = 0;   // the last devices', on average
+    std::uint32_t last = 0;    // the last device
+    std::uint32_t stride = 1;  // the guess: last + stride
+    unsigned row = 0;          // devices in a row that were guessed
+    bool any = false;
+    bool guesses = false;                    // the next one is worth a guess
+    bool closed = false;                     // all gaps were silent
+    std::optional<Box> open{};               // somebody is in there: the search was stopped on the way down
+    std::vector<Box> quiet{};                // gaps that were silent
+    std::vector<std::uint32_t> revisions{};  // that were seen, the last one first
+  };
+  enum class Sweep : std::uint8_t { nobody, found, unproven };
+  [[nodiscard]] rt::Task<Result<bool>> ask(Run& run, const Cursor& cursor, Box box, bool patient);
+  [[nodiscard]] rt::Task<Result<void>> sweep(Run& run, Cursor& cursor, std::uint64_t end);
+  [[nodiscard]] rt::Task<Result<bool>> guess(Run& run, Cursor& cursor);
+  [[nodiscard]] rt::Task<Result<bool>> one_kind(Run& run, Cursor& cursor, Pace& pace);
+  [[nodiscard]] rt::Task<Result<bool>> close(Run& run, Cursor& cursor);
+  [[nodiscard]] rt::Task<Result<void>> lowest_in(Run& run, Cursor& cursor, Box box);
+  [[nodiscard]] rt::Task<Result<std::optional<Box>>> descend(Run& run, const Cursor& cursor, Box box);
+  [[nodiscard]] rt::Task<Result<Sweep>> device_in(Run& run, Cursor& cursor, Box box);
+  [[nodiscard]] rt::Task<Result<Sweep>> proven(Run& run, Cursor& cursor, LssAddress device, bool guess);
+  [[nodiscard]] rt::Task<Result<void>> settle(Run& run, Found& found, const lss::AloneOptions& how);
+  [[nodiscard]] rt::Task<Result<bool>> blank_left(Run& run);
+  [[nodiscard]] std::vector<Cursor> begin(const Known& known);
   Services services_;
   Latency latency_;
+  std::vector<Cursor> cursors_;  // of a search that ended with `more`
   bool busy_ = false;
 };
 

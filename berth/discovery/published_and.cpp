@@ -53,7 +53,7 @@ class And final : public Discovery, private nodeid::AndObserver {
     for (const auto& d : done->found) {
       if (d.address) report.found.push_back(one(d));
     }
-    const auto assigned = co_await assign_all(services_.lss, report, options);
+    const auto assigned = co_await assign_all(services_.lss, known, report, options);
     if (!assigned) co_return fail(assigned.error());
     co_return report;
   }

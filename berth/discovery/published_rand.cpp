@@ -63,7 +63,7 @@ class Rand final : public Discovery, private nodeid::DiscoveryObserver {
       report.found.push_back(one(d));
       report.known = std::max(report.known, d.at);
     }
-    const auto assigned = co_await assign_all(services_.lss, report, options);
+    const auto assigned = co_await assign_all(services_.lss, known, report, options);
     if (!assigned) co_return fail(assigned.error());
     co_return report;
   }
@@ -127,7 +127,7 @@ class RandTree final : public Discovery, private nodeid::WalkObserver {
     report.known = done->known;
     report.ended = done->ended;
     for (const auto& d : done->found) report.found.push_back(one(d));
-    const auto assigned = co_await assign_all(services_.lss, report, options);
+    const auto assigned = co_await assign_all(services_.lss, known, report, options);
     if (!assigned) co_return fail(assigned.error());
     co_return report;
   }

@@ -66,21 +66,16 @@ void Walker::Search::broken(Error error) noexcept {
   broken_ = true;
 }
 
-lss::ServiceOptions Walker::Search::service(bool full_window) const {
-  return {.timeout = asker_.longest(), .retries = 0, .full_window = full_window};
+bool Walker::Search::over() const {
+  return broken_ || stuck_ || set_aside_ || report_.found.size() >= options_.most_devices;
 }
-
-lss::ServiceOptions Walker::Search::one_by_one() const {
-  return {.timeout = asker_.usual(), .retries = 0, .full_window = true};
-}
-
-bool Walker::Search::over() const { return broken_ || stuck_ || report_.found.size() >= options_.most_devices; }
 
 rt::Task<Result<Report>> Walker::Search::run() {
   rt::Executor& executor = walker_.services_.dispatcher.executor();
   report_.began = executor.now();
   report_.known = report_.began;
   held_ = true;  // a master before us may have left somebody
+  lss_.suspect_strangers();
   co_await release();
   unsigned fruitless = 0;
   for (;;) {
@@ -88,9 +83,15 @@ rt::Task<Result<Report>> Walker::Search::run() {
     if (broken_ || !anybody.yes()) break;
     const auto found = report_.found.size();
     const auto marks = absent_.size();
-    co_await round();
+    if (aside_.empty()) {
+      co_await round();
+    } else {
+      by_bits_ = true;  // feedback of those put aside says nothing
+      co_await beside();
+    }
     last_round_found_ = report_.found.size() - found;
-    if (over()) break;
+    set_aside_ = false;
+    if (over() || exhausted_) break;
     // A known part that nobody has was tried: that happens once for each and is no restart.
     const bool restart = last_round_found_ == 0 && absent_.size() == marks;
     if (restart) ++report_.restarts;
@@ -100,12 +101,9 @@ rt::Task<Result<Report>> Walker::Search::run() {
     asker_.be_patient(fruitless > 0);
     by_bits_ = fruitless > 1;
   }
-  if (!broken_) co_await look_for_clones();
   if (held_ && !broken_) co_await release();
-  if (!parked_.empty() && !broken_) {  // once more, for whoever was busy
-    co_await rt::sleep_for(asker_.longest());
-    co_await release();
-  }
+  // Another scheme comes next, and its answers have our feedback's identifiers (S1.24).
+  if (!broken_) co_await rt::sleep_until(asker_.settled());
   if (broken_) co_return fail(error_);
   if (stuck_) {
     report_.end = Report::End::stuck;
@@ -113,6 +111,8 @@ rt::Task<Result<Report>> Walker::Search::run() {
     report_.end = Report::End::limit;
   } else if (fruitless > options_.retries) {
     report_.end = Report::End::gave_up;
+  } else if (exhausted_) {
+    report_.end = Report::End::held;
   }
   report_.requests = asker_.requests();
   report_.ended = executor.now();

@@ -8,17 +8,21 @@
 ///   *one* value is ever asked so for each part, and after silence the next round begins with 80h: else those who moved
 ///   unheard would stand among those of another value, and a wrong address could be put together;
 /// - an exact serial number with LSSNext 0 selects the device. Then it says its serial number itself (5Dh; and each
-///   part of which several values were confirmed in this search): an answer that came late, twice, or was forged makes
-///   nobody found. A device that was perhaps selected unheard is sent back to waiting before anybody else is selected.
+///   part of which several values were confirmed in this search), and that nobody else is in configuration
+///   (`lss::prove_alone`): an answer that came late, twice, or was forged makes nobody found, nor does a device that
+///   answers every question (CANopenNode in configuration; `Report::unproven`). A device that was perhaps selected
+///   unheard is sent back to waiting before anybody else is selected.
 ///
 /// A round is: 80h, the known parts, then the serial numbers below them until nobody more is found there, or until
 /// more than `Options::retries` places in a row have answered and led to nobody. Whoever answers the next 80h begins
 /// the next round; the search is over when 80h stays unanswered for the longest window. So wrong silence, a device that
 /// joins meanwhile, or one that forgets the part it is at, cost time only.
 ///
-/// Found devices leave the tree: with an `Assigner` they get a node-ID, else they stay in LSS configuration until the
-/// search is over (`04 00` to all, also when the task is destroyed). Therefore nothing else may be configured by LSS
-/// meanwhile.
+/// Found devices leave the tree: they get a node-ID from the `Assigner`, and `04 00`, before the next request. Nobody
+/// stays in configuration while others are searched for. Who gets none (no assigner, a refusal, twins) waits and
+/// answers on whatever it fits: from then on the walk asks the places beside such devices only, 128 questions for the
+/// first and fewer for each further one of its type, and ends with `Report::End::held`: 80h is answered, so nobody can
+/// say that these are all. With learnt windows and many devices of a type this is the slower way.
 ///
 /// Within a part the walk asks for the lower half first and concludes the upper one from silence; every eighth
 /// conclusion in a row is checked by a question that must be answered, and a path on which nobody answers any more is

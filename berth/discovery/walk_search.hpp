@@ -6,6 +6,7 @@
 
 #include "berth/discovery/prefix.hpp"
 #include "berth/discovery/walk.hpp"
+#include "berth/lss/select_alone.hpp"
 
 namespace berth::discovery {
 
@@ -45,6 +46,17 @@ class Walker::Search {
     }
   };
   enum class Outcome : std::uint8_t { nobody, found, late };
+  /// The first parts of an address that was put aside.
+  struct Place {
+    std::array<std::uint32_t, 3> part{};
+    unsigned parts = 0;
+    friend bool operator==(const Place&, const Place&) = default;
+  };
+  struct Silent {
+    Place place;
+    Prefix at;
+    friend bool operator==(const Silent&, const Silent&) = default;
+  };
 
   // Questions
   rt::Task<Heard> ask_once(Prefix at, unsigned next, Wait wait);
@@ -70,16 +82,17 @@ class Walker::Search {
   rt::Task<bool> back();
   // Devices
   rt::Task<Outcome> settle(std::uint32_t serial);
-  rt::Task<Outcome> selected(const LssAddress& device);
-  rt::Task<bool> itself(const LssAddress& device);
-  rt::Task<bool> by_its_address(const LssAddress& device);
-  rt::Task<bool> twice(const LssAddress& device);
-  rt::Task<NodeId> give(const LssAddress& device);
-  rt::Task<void> nobody_selected();
+  rt::Task<Outcome> selected(LssAddress device);
+  rt::Task<NodeId> give(LssAddress device);
   rt::Task<void> release();
-  rt::Task<void> park_again();
-  rt::Task<void> look_for_clones();
+  [[nodiscard]] lss::AloneOptions alone_options() const noexcept;
   void keep(const Found& device);
+  void put_aside(const LssAddress& device);
+  // Beside those who were put aside
+  rt::Task<void> beside();
+  rt::Task<bool> stand_at(Place place);
+  rt::Task<bool> ask_beside(Place place);
+  rt::Task<void> below(Prefix at);
   // What is known
   [[nodiscard]] const Path* choose() const;
   [[nodiscard]] bool fits_chain(const Path& path) const;
@@ -89,8 +102,6 @@ class Walker::Search {
   [[nodiscard]] bool over() const;
   [[nodiscard]] LssAddress address(std::uint32_t serial) const { return {chain_[0], chain_[1], chain_[2], serial}; }
   void broken(Error error) noexcept;
-  [[nodiscard]] lss::ServiceOptions service(bool full_window) const;
-  [[nodiscard]] lss::ServiceOptions one_by_one() const;  // all that answer, as long as it usually takes
 
   Walker& walker_;
   Asker& asker_;
@@ -127,16 +138,16 @@ class Walker::Search {
   unsigned entered_answers_ = 0;  // to the message that moved on to this part
   Worth next_;
   Worth near_;
-  bool strangers_ = true;    // no selected device has yet been the only one to say its serial number
   bool by_bits_ = false;     // feedback has led nowhere: it hides those who send none
   bool hints_fail_ = false;  // equal answers fall into one here: their number says nothing
   bool forgets_ = false;     // slaves forget their part at `04 00`
   std::array<std::uint32_t, 4> last_chain_{};
   std::size_t last_round_found_ = 0;
-  std::vector<LssAddress> parked_;     // in configuration, so that they are silent
-  std::vector<LssAddress> suspects_;   // answered twice
-  std::optional<LssAddress> counted_;  // the answers to the last question are this device's
-  bool held_ = false;                  // somebody may be in configuration
+  std::vector<LssAddress> aside_;  // found, and got no node-ID: they answer again
+  std::vector<Silent> silent_;     // asked beside those, and silent
+  bool set_aside_ = false;         // in this round: it can tell nothing more
+  bool exhausted_ = false;         // nobody is beside those
+  bool held_ = false;              // somebody may be in configuration
 };
 
 }  // namespace berth::discovery

@@ -26,10 +26,6 @@ rt::Task<Heard> Walker::Search::ask_once(Prefix at, unsigned next, Wait wait) {
   }
   if (!heard->sent) co_return *heard;
   count(*heard);
-  if (counted_) {
-    if (heard->before > 1) suspects_.push_back(*counted_);
-    counted_.reset();
-  }
   std::vector<Prefix> late;
   take_feedback(asker_.feedback_before(), asked_sub_, asked_, late);
   if (asked_sub_ == sub_) {

@@ -52,7 +52,7 @@ RC_GTEST_PROP(Box, HalvesAreDisjointAndMakeUpTheWhole, (std::uint32_t a, std::ui
   RC_PRE(!box.single());
   const Box low = box.lower();
   const Box high = box.upper();
-  const bool by_revision = box.revision_low != box.revision_high;
+  const bool by_revision = box.serial_low == box.serial_high;
   RC_ASSERT((by_revision ? low.revision_low : low.serial_low) == (by_revision ? box.revision_low : box.serial_low));
   RC_ASSERT((by_revision ? high.revision_high : high.serial_high) ==
             (by_revision ? box.revision_high : box.serial_high));

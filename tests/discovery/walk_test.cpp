@@ -38,11 +38,12 @@ void expect_all_bound(World& w, Method method) {
   for (const auto& n : w.nodes) EXPECT_TRUE(n->id().configured()) << to_string(n->options.address);
   w.expect_right(giver);
 }
+// Without a node-ID they answer on: all are found, and the search cannot say that these are all.
 void expect_all_found(World& w, Method method) {
   w.options.assigner = nullptr;
   const auto report = w.find(method);
   ASSERT_TRUE(report) << describe(report.error());
-  EXPECT_EQ(report->end, Report::End::complete) << name(report->end);
+  EXPECT_EQ(report->end, Report::End::held) << name(report->end);
   EXPECT_EQ(addresses(*report), addresses(w));
   for (const auto& d : report->found) EXPECT_FALSE(d.possible_clone) << to_string(d.address);
   w.world.run_for(50ms);
@@ -194,6 +195,87 @@ TEST_P(Planner, FindsSlowOnesWithFeedbackBesideQuickOnes) {
   }
 }
 
+// CiA 305 and nothing else, alone at 125 kbit/s: found at once, whether its address is known or not.
+TEST_P(Planner, AStrictSlaveAloneIsFoundAtOnce) {
+  for (const bool kind_known : {true, false}) {
+    World w;
+    add_random(w, 1);
+    if (kind_known) w.known.kinds = {{type, revision}};
+    Giver giver;
+    w.options.assigner = &giver;
+    const auto report = w.find(GetParam());
+    ASSERT_TRUE(report);
+    EXPECT_EQ(report->end, Report::End::complete);
+    EXPECT_EQ(report->restarts, 0U);
+    EXPECT_EQ(report->unproven, 0U);
+    EXPECT_TRUE(w.nodes[0]->id().configured());
+    EXPECT_LT(report->ended - report->began, 1s);
+  }
+}
+
+// Nobody stays in configuration while others are searched for: at every request at most one is there.
+TEST_P(Planner, NobodyIsParkedInConfiguration) {
+  for (const bool binds : {true, false}) {
+    World w;
+    add_random(w, 5);
+    w.known.kinds = {{type, revision}};
+    Giver giver;
+    giver.refuses = [](const LssAddress& a) { return (a.serial & 1U) != 0; };
+    if (binds) w.options.assigner = &giver;
+    unsigned parked = 0;
+    unsigned row = 0;  // of requests while a device is in configuration; its slow host hears `04 00` late
+    Record record(w.bus);
+    record.on_frame = [&](const can::Frame& f) {
+      const auto in_it =
+          std::ranges::count_if(w.nodes, [](const auto& n) { return n->slave.state() == lss::State::configuration; });
+      const auto request = lss::decode_fastscan(f);
+      if (request) row = in_it > 0 ? row + 1 : 0;
+      if (in_it > 1 || row > 3) ++parked;
+    };
+    const auto report = w.find(GetParam());
+    ASSERT_TRUE(report);
+    EXPECT_EQ(addresses(*report), addresses(w));
+    EXPECT_EQ(parked, 0U) << binds;
+  }
+}
+
+// CANopenNode's habits: in configuration it answers every 51h with 4Fh and every 43h with 44h, and neither 4Ch nor 46h
+// to 4Bh in any state; and it answers late when its main loop is busy. One slave is one device.
+TEST_P(Planner, ASlaveThatAnswersEverythingInConfigurationIsOneDevice) {
+  for (const bool loses : {false, true}) {
+    for (std::uint64_t seed = 1; seed <= 10; ++seed) {
+      SCOPED_TRACE(seed);
+      World w(seed);
+      NodeOptions like;
+      like.timing = {.response_min = 200us, .response_max = 1ms};
+      like.timing.outlier_per_million = 50'000;
+      like.timing.outlier = 40ms;
+      add_random(w, 1, like);
+      Node& odd = *w.nodes[0];
+      auto talker = w.bus.attach({.queue_depth = 16});
+      bool lost = false;
+      odd.overhears = [&](const can::Frame& f) {
+        const auto c = lss::command(f);
+        const bool in_it = odd.slave.state() == lss::State::configuration;
+        if (in_it && c == lss::Command::fastscan) talker->send(lss::answer(lss::Command::identified), 0);
+        if (in_it && c == lss::Command::select_serial) talker->send(lss::answer(lss::Command::selected), 0);
+        const bool waits = in_it && c == lss::Command::switch_global && f.data[1] == 0;
+        const bool loses_it = loses && waits && !std::exchange(lost, true);
+        return loses_it || c == lss::Command::identify_non_configured || (f.data[0] >= 0x46 && f.data[0] <= 0x4B);
+      };
+      w.options.window = 100ms;
+      Giver giver;
+      w.options.assigner = &giver;
+      const auto report = w.find(GetParam());
+      ASSERT_TRUE(report);
+      EXPECT_EQ(addresses(*report), addresses(w));
+      EXPECT_TRUE(odd.id().configured() || odd.slave.pending().node_id.configured());
+      EXPECT_LT(report->ended - report->began, 30s);
+      w.expect_right(giver);
+    }
+  }
+}
+
 // HU.6: who has a node-ID takes no part.
 TEST_P(Planner, LeavesConfiguredDevicesAlone) {
   World w;
@@ -238,7 +320,7 @@ TEST_P(Planner, TheRefusedStayWithoutANodeId) {
     w.known.kinds = {{type, revision}};
     const auto report = w.find(GetParam());
     ASSERT_TRUE(report) << describe(report.error());
-    EXPECT_EQ(report->end, Report::End::complete);
+    EXPECT_EQ(report->end, Report::End::held);
     EXPECT_EQ(addresses(*report), addresses(w));
     w.world.run_for(50ms);
     for (const auto& n : w.nodes) {
@@ -261,7 +343,8 @@ TEST_P(Planner, OutliersCostTimeOnly) {
     add_random(w, 6, like);
     add_consecutive(w, 4, like);
     w.known.kinds = {{type, revision}};
-    seed % 3 == 0 ? expect_all_found(w, GetParam()) : expect_all_bound(w, GetParam());
+    // Beside devices that keep no node-ID the windows are learnt ones only, which outliers miss.
+    expect_all_bound(w, GetParam());
     if (HasFailure()) return;
   }
 }
@@ -375,9 +458,14 @@ TEST_P(Planner, WhoAnswersAndIsNeverFoundEndsTheSearch) {
         w.known.kinds = {{type, revision}};
         const auto report = w.find(GetParam());
         ASSERT_TRUE(report) << describe(report.error());
-        EXPECT_EQ(report->end, Report::End::gave_up) << name(report->end);
-        EXPECT_EQ(report->found.size(), 2U);
-        EXPECT_GT(report->restarts, w.options.retries);
+        if (binds) {
+          EXPECT_EQ(report->end, Report::End::gave_up) << name(report->end);
+          EXPECT_EQ(report->found.size(), 2U);
+          EXPECT_GT(report->restarts, w.options.retries);
+        } else {  // who was found has no node-ID and answers there too
+          EXPECT_NE(report->end, Report::End::complete);
+          EXPECT_GE(report->found.size(), 1U);
+        }
         EXPECT_LT(report->requests, 10'000U);
         w.expect_right(giver);
       }

@@ -1,0 +1,99 @@
+// A search: beside devices that were found and got no node-ID. They are waiting, as nobody stays in configuration while
+// others are searched for, so they answer whatever they fit. What they do not fit is asked instead: at each part of
+// their addresses the places beside them.
+#include <algorithm>
+
+#include "berth/discovery/walk_search.hpp"
+
+namespace berth::discovery {
+namespace {
+
+// The largest places in `at` that hold none of `numbers`.
+void without(Prefix at, const std::vector<std::uint32_t>& numbers, std::vector<Prefix>& to) {
+  const bool holds = std::ranges::any_of(numbers, [&](std::uint32_t n) { return at.contains(n); });
+  if (!holds) {
+    to.push_back(at);
+  } else if (at.bit > 0) {
+    without(at.zero(), numbers, to);
+    without(at.one(), numbers, to);
+  }
+}
+
+}  // namespace
+
+// One device at most: who moved on stands elsewhere afterwards, and the next round begins with 80h.
+rt::Task<void> Walker::Search::beside() {
+  std::vector<Place> places;
+  for (unsigned parts = 4; parts-- > 0;) {  // the others are most likely of the same type
+    for (const LssAddress& a : aside_) {
+      Place place{.part = {}, .parts = parts};
+      for (unsigned i = 0; i < parts; ++i) place.part[i] = a.part(i);
+      if (std::ranges::find(places, place) == places.end()) places.push_back(place);
+    }
+  }
+  const auto found = report_.found.size();
+  for (std::size_t i = 0; i < places.size() && !over(); ++i) {
+    const Place place = places[i];
+    const bool answered = co_await ask_beside(place);
+    const bool done = answered || report_.found.size() > found;
+    if (done || broken_) co_return;
+  }
+  exhausted_ = !over();
+}
+
+rt::Task<bool> Walker::Search::stand_at(Place place) {
+  const Heard anybody = co_await start();
+  if (!anybody.yes()) co_return false;
+  while (sub_ < place.parts && !broken_) {
+    const bool entered = co_await enter(place.part[sub_]);
+    if (!entered) co_return false;
+  }
+  co_return !broken_;
+}
+
+// True: somebody answered beside them, or nobody was led there; the round is over.
+rt::Task<bool> Walker::Search::ask_beside(Place place) {
+  std::vector<std::uint32_t> numbers;
+  for (const LssAddress& a : aside_) {
+    bool here = true;
+    for (unsigned i = 0; i < place.parts; ++i) here = here && a.part(i) == place.part[i];
+    if (here) numbers.push_back(a.part(place.parts));
+  }
+  std::vector<Prefix> open;
+  without(Prefix{}, numbers, open);
+  std::erase_if(open, [&](Prefix p) { return std::ranges::find(silent_, Silent{place, p}) != silent_.end(); });
+  if (open.empty()) co_return false;
+  const bool there = co_await stand_at(place);
+  if (!there) co_return true;
+  children_.clear();  // theirs
+  for (std::size_t i = 0; i < open.size() && !broken_; ++i) {
+    const Prefix at = open[i];
+    elsewhere();
+    const Heard heard = co_await ask(at, sub_, Wait::learnt);
+    if (heard.yes()) {
+      co_await below(at);
+      co_return true;
+    }
+    silent_.push_back({place, at});
+  }
+  co_return false;
+}
+
+rt::Task<void> Walker::Search::below(Prefix at) {
+  open_.clear();
+  seen_.clear();
+  backs_ = 0;
+  careful_ = 0;
+  if (sub_ == 3) {
+    const Open somebody{at, Open::Why::answered};
+    co_await place(somebody);
+    co_return;
+  }
+  anchors_.assign(1, at);
+  const bool came = co_await descend(at, 2);
+  if (!came || broken_) co_return;
+  const bool entered = co_await enter(leaf_.value);
+  if (entered && !broken_) co_await round();
+}
+
+}  // namespace berth::discovery
