@@ -366,17 +366,31 @@ class Running : public Command {
     return berth(words);
   }
   [[nodiscard]] bool wait_for(const std::string& slot, const std::string& state) const {
-    for (int i = 0; i < 600; ++i) {
+    return eventually([&] {
       const Outcome outcome = ask({"status"});
-      const Json report = Json::parse(outcome.out, nullptr, false);
-      if (outcome.status == 0) {
-        for (const auto& s : report.at("slots")) {
-          if (s.at("name") == slot && s.at("state") == state) return true;
-        }
-      }
-      ::usleep(50'000);
-    }
-    return false;
+      if (outcome.status != 0) return false;
+      const Json slots = Json::parse(outcome.out).at("slots");
+      return std::ranges::any_of(slots, [&](const Json& s) { return s.at("name") == slot && s.at("state") == state; });
+    });
+  }
+  /// A connection of the control socket's own, without a process of Berth.
+  [[nodiscard]] int connected() const {
+    const int fd = ::socket(AF_UNIX, SOCK_STREAM | SOCK_CLOEXEC, 0);
+    sockaddr_un address{};
+    address.sun_family = AF_UNIX;
+    socket.copy(address.sun_path, sizeof address.sun_path - 1);
+    EXPECT_EQ(::connect(fd, reinterpret_cast<const sockaddr*>(&address), sizeof address), 0);
+    return fd;
+  }
+  static void put(int fd, const std::string& text) {
+    EXPECT_EQ(::send(fd, text.data(), text.size(), MSG_NOSIGNAL), static_cast<ssize_t>(text.size()));
+  }
+  /// Up to the end of the line, or of the connection.
+  static std::string take(int fd) {
+    std::string answer;
+    char c = 0;
+    while (!answer.ends_with('\n') && ::recv(fd, &c, 1, 0) == 1) answer += c;
+    return answer;
   }
   std::string socket = folder.file("up.sock");
   std::unique_ptr<Background> up_;
@@ -456,15 +470,9 @@ TEST_F(Running, TheSocketOfADeadProcessIsTakenOver) {
 TEST_F(Running, GarbageOnTheSocketIsAnsweredAndHarmsNobody) {
   begin(plant);
   const auto say = [&](const std::string& text) {
-    const int fd = ::socket(AF_UNIX, SOCK_STREAM | SOCK_CLOEXEC, 0);
-    sockaddr_un address{};
-    address.sun_family = AF_UNIX;
-    socket.copy(address.sun_path, sizeof address.sun_path - 1);
-    EXPECT_EQ(::connect(fd, reinterpret_cast<const sockaddr*>(&address), sizeof address), 0);
-    EXPECT_EQ(::send(fd, text.data(), text.size(), MSG_NOSIGNAL), static_cast<ssize_t>(text.size()));
-    std::string answer;
-    char c = 0;
-    while (!answer.ends_with('\n') && ::recv(fd, &c, 1, 0) == 1) answer += c;
+    const int fd = connected();
+    put(fd, text);
+    const std::string answer = take(fd);
     ::close(fd);
     return answer;
   };
@@ -481,14 +489,14 @@ TEST_F(Running, GarbageOnTheSocketIsAnsweredAndHarmsNobody) {
 
 TEST_F(Running, WhoHangsUpEndsHisCommand) {
   begin(plant);
-  const int fd = ::socket(AF_UNIX, SOCK_STREAM | SOCK_CLOEXEC, 0);
-  sockaddr_un address{};
-  address.sun_family = AF_UNIX;
-  socket.copy(address.sun_path, sizeof address.sun_path - 1);
-  ASSERT_EQ(::connect(fd, reinterpret_cast<const sockaddr*>(&address), sizeof address), 0);
-  const std::string text = "{\"verb\":\"scan\",\"arguments\":{}}\n";
-  ASSERT_EQ(::send(fd, text.data(), text.size(), MSG_NOSIGNAL), static_cast<ssize_t>(text.size()));
-  ::usleep(20'000);
+  const int fd = connected();
+  const int other = connected();
+  put(fd, "{\"verb\":\"scan\",\"arguments\":{}}\n");
+  put(other, "{\"verb\":\"status\",\"arguments\":{}}\n");
+  EXPECT_NE(take(other), "") << "asked later and answered: the scan has begun";
+  ::close(other);
+  char c = 0;
+  EXPECT_EQ(::recv(fd, &c, 1, MSG_DONTWAIT), -1) << "and is not over";
   ::close(fd);
   EXPECT_EQ(ask({"scan"}).status, 0) << "the bus is free again";
 }

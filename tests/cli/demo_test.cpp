@@ -313,8 +313,7 @@ device = "c"
 )");
   const std::string store = folder.file("slots.db");
   Background run({"up", machine, "--sim", lasting, "--store", store, "--timeout", "100 h"});
-  for (int i = 0; i < 400 && !exists(store); ++i) ::usleep(10'000);
-  ::usleep(200'000);
+  ASSERT_TRUE(run.says("operational"));
   run.signal(SIGINT);
   const Outcome outcome = run.end();
   EXPECT_EQ(outcome.status, 0) << outcome.err << outcome.out;
@@ -344,12 +343,7 @@ TEST_F(Up, StoreAndPlantStateOutliveARun) {
 TEST_F(Up, ASecondRunOnOneStoreIsRefusedWithTheOwner) {
   const std::string store = folder.file("slots.db");
   Background first({"up", machine, "--sim", plant, "--store", store, "--pace", "--control", folder.file("a.sock")});
-  Outcome status;
-  for (int i = 0; i < 200 && status.status != 0; ++i) {
-    ::usleep(50'000);
-    status = berth({"status", "--control", folder.file("a.sock")});
-  }
-  ASSERT_EQ(status.status, 0) << status.err;
+  ASSERT_TRUE(eventually([&] { return berth({"status", "--control", folder.file("a.sock")}).status == 0; }));
   const Outcome second = berth({"up", machine, "--sim", plant, "--store", store});
   EXPECT_EQ(second.status, 3);
   EXPECT_NE(second.err.find(std::to_string(first.pid())), std::string::npos) << second.err;

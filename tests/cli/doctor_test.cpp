@@ -38,10 +38,6 @@ std::string served(std::string text, const std::string& socket) {
   return text;
 }
 
-void wait_for(const std::string& path) {
-  for (int i = 0; i < 600 && !exists(path); ++i) ::usleep(50'000);
-}
-
 // The faults that examples/ailing.plant.toml has, as its comments say.
 const std::set<std::string> faults{
     "line duplicate-node-id 2",   // twin and other twin
@@ -75,9 +71,8 @@ TEST(DoctorCommand, S4_21_NamesEveryFaultOfAPlantThatHasThemAll) {
 TEST(DoctorCommand, FromAnotherProcessTheSameFindings) {
   const Folder folder;
   const std::string socket = folder.file("plant.sock");
-  const Background plant({"plant", example("ailing.plant.toml"), "--listen", socket});
-  wait_for(socket);
-  ::usleep(1'000'000);
+  Background plant({"plant", example("ailing.plant.toml"), "--listen", socket});
+  ASSERT_TRUE(plant.says("Ctrl-C ends it")) << "it listens";
   const std::string machine = folder.write("machine.toml", served(contents(example("ailing.toml")), socket));
   const Outcome run = berth({"doctor", machine, "--json"});
   ASSERT_EQ(run.status, 1) << run.out << run.err;
@@ -129,21 +124,19 @@ TEST(DoctorCommand, AHealthyMachineHasNone) {
 TEST(DoctorCommand, BesideARunningUpOnAHealthyMachine) {
   const Folder folder;
   const std::string socket = folder.file("plant.sock");
-  const Background plant({"plant", folder.write("plant.toml", small_plant), "--listen", socket, "--machine",
-                          folder.write("sim.toml", small_machine)});
-  wait_for(socket);
-  const std::string machine = folder.write("machine.toml", served(small_machine, socket));
+  Background plant({"plant", folder.write("plant.toml", small_plant), "--listen", socket, "--machine",
+                    folder.write("sim.toml", small_machine)});
+  ASSERT_TRUE(plant.says("Ctrl-C ends it")) << "it listens";
+  const std::string machine = folder.write("machine.toml", served(patient(small_machine), socket));
   const std::string control = folder.file("control.sock");
   const Background up({"up", machine, "--pace", "--control", control});
-  wait_for(control);
   const auto operational = [&] {
     const Outcome status = berth({"status", "--machine", machine, "--control", control, "--json"});
     const Json report = Json::parse(status.out, nullptr, false);
     if (status.status != 0 || !report.contains("slots")) return false;
     return std::ranges::all_of(report.at("slots"), [](const Json& s) { return s.at("state") == "operational"; });
   };
-  for (int i = 0; i < 120 && !operational(); ++i) ::usleep(250'000);
-  ASSERT_TRUE(operational());
+  ASSERT_TRUE(eventually(operational));
   const Outcome run = berth({"doctor", machine, "--json"});
   EXPECT_EQ(run.status, 0) << run.out << run.err;
   EXPECT_EQ(Json::parse(run.out).at("findings"), Json::array()) << run.out;

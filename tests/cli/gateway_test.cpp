@@ -30,17 +30,18 @@ class Script {
  public:
   explicit Script(const io::Endpoint& where) {
     const auto address = io::look_up(where).value().front();
-    for (int i = 0; i < 600 && fd_ < 0; ++i) {  // the server needs a moment to be there
+    const bool there = eventually([&] {
       const int fd = io::begin_connect(address);
       pollfd wait{fd, POLLOUT, 0};
       if (fd >= 0) ::poll(&wait, 1, 1000);
       if (fd >= 0 && io::connect_error(fd) == 0) {
         fd_ = fd;
-      } else {
-        if (fd >= 0) ::close(fd);
-        ::usleep(100'000);
+      } else if (fd >= 0) {
+        ::close(fd);
       }
-    }
+      return fd_ >= 0;
+    });
+    EXPECT_TRUE(there) << "no server";
   }
   ~Script() {
     if (fd_ >= 0) ::close(fd_);
@@ -89,8 +90,11 @@ TEST(Gateway, APlantByLinesOverTcp) {
   EXPECT_EQ(script.ask("[1] set network 1"), "[1] OK");
   EXPECT_EQ(script.ask("[2] set network 2"), "[2] ERROR:106");
   std::string answer;
-  for (int i = 0; i < 100 && answer != "[3] OK"; ++i) answer = script.ask("[3] lss_ident_nonconf");
-  EXPECT_EQ(answer, "[3] OK") << "blank devices, when they have booted";
+  const bool identified = eventually([&] {
+    answer = script.ask("[3] lss_ident_nonconf");
+    return answer == "[3] OK";
+  });
+  EXPECT_TRUE(identified) << "blank devices, when they have booted: " << answer;
   EXPECT_EQ(script.ask("[4] lss_store now"), "[4] ERROR:101");
   gateway.signal(SIGTERM);
   const auto end = gateway.end();
@@ -109,11 +113,11 @@ TEST(Gateway, BesideTheMainJob) {
                  io::to_string(where), "--control", folder.file("control")});
   Script script(where);
   std::string answer;
-  for (int i = 0; i < 600 && answer != "[1] 10"; ++i) {  // serial number 0Ah sits in slot 1
-    if (i > 0) ::usleep(100'000);
+  const bool seated = eventually([&] {
     answer = script.ask("[1] 1 1 read 0x1018 4 u32");
-  }
-  EXPECT_EQ(answer, "[1] 10");
+    return answer == "[1] 10";
+  });
+  EXPECT_TRUE(seated) << "serial number 0Ah sits in slot 1: " << answer;
   up.signal(SIGTERM);
   const auto end = up.end();
   EXPECT_NE(end.out.find("CiA 309-3 gateway at " + io::to_string(where)), std::string::npos) << end.out << end.err;

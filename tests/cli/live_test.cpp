@@ -22,8 +22,7 @@ std::string replaced(std::string text, const std::string& what, const std::strin
 }
 
 bool wait_for(const std::string& path) {
-  for (int i = 0; i < 600 && !exists(path); ++i) ::usleep(50'000);
-  return exists(path);
+  return eventually([&] { return exists(path); });
 }
 
 /// The small plant in a process of its own, and the small machine on it. Each process of Berth gets a folder of its own
@@ -39,24 +38,20 @@ class Live : public ::testing::Test {
   void start_plant() {
     plant = std::make_unique<Background>(
         Words{"plant", plant_file, "--listen", socket, "--machine", sim_file, "--plant-state", folder.file("state")});
-    ASSERT_TRUE(wait_for(socket));
+    ASSERT_TRUE(plant->says("Ctrl-C ends it")) << "it listens";
   }
   [[nodiscard]] std::string on_plant(const std::string& name, const std::string& more = {}) const {
-    std::string text = replaced(small_machine, "\"sim\"", "\"plant:" + socket + "\"" + more);
+    std::string text = replaced(patient(small_machine), "\"sim\"", "\"plant:" + socket + "\"" + more);
     text = replaced(text, "cli test", name);
     return replaced(text, "probe_period", "listen            = \"1 s\"\nprobe_period");
   }
   [[nodiscard]] bool operational(const std::string& file, const std::string& control) const {
-    for (int i = 0; i < 240; ++i) {
+    return eventually([&] {
       const Outcome status = berth({"status", "--machine", file, "--control", control, "--json"});
       const Json report = Json::parse(status.out, nullptr, false);
-      if (status.status == 0 && report.contains("slots") &&
-          std::ranges::all_of(report.at("slots"), [](const Json& s) { return s.at("state") == "operational"; })) {
-        return true;
-      }
-      ::usleep(250'000);
-    }
-    return false;
+      return status.status == 0 && report.contains("slots") &&
+             std::ranges::all_of(report.at("slots"), [](const Json& s) { return s.at("state") == "operational"; });
+    });
   }
   Folder folder;
   std::string socket, plant_file, sim_file, machine;
@@ -88,30 +83,26 @@ TEST_F(Live, AMasterThatComesLaterShutsTheFirst) {
       "deaf.toml", replaced(on_plant("deaf machine"), "listen            = \"1 s\"", "listen            = \"0 s\""));
   const Background second({"up", deaf, "--pace", "--control", folder.file("second.sock")});
   std::string text;
-  for (int i = 0; i < 120 && text.find("another master") == std::string::npos; ++i) {
+  EXPECT_TRUE(eventually([&] {
     text = berth({"status", "--machine", machine, "--control", control, "--json"}).out;
-    ::usleep(250'000);
-  }
-  EXPECT_NE(text.find("another master is on this bus"), std::string::npos) << text;
+    return text.find("another master is on this bus") != std::string::npos;
+  })) << text;
   EXPECT_NE(text.find("Berth writes nothing more on this bus"), std::string::npos) << text;
   EXPECT_EQ(text.find("\"state\": \"operational\""), std::string::npos) << text;
 }
 
 TEST_F(Live, AnObserverSendsNoFrameAndACommissionerNoNmt) {
   const std::string record = folder.file("frames.log");
-  const Background ear({"up", folder.write("ear.toml", on_plant("ear", "\nrole = \"observer\"")), "--pace", "--record",
-                        record, "--control", folder.file("ear.sock")});
-  ASSERT_TRUE(wait_for(folder.file("ear.sock")));
+  Background ear({"up", folder.write("ear.toml", on_plant("ear", "\nrole = \"observer\"")), "--pace", "--record",
+                  record, "--control", folder.file("ear.sock")});
+  ASSERT_TRUE(wait_for(folder.file("ear.sock"))) << "its port is open by then";
   const std::string commissioner = folder.write("comm.toml", on_plant("comm", "\nrole = \"commissioner\""));
   const Outcome bind = berth({"bind", "--machine", commissioner, "--control", folder.file("none.sock")});
   EXPECT_NE(bind.status, 0) << "a control socket that is named and not there is no leave to open the port";
   const Outcome bound = berth({"bind", "--machine", commissioner, "--timeout", "60"});
   EXPECT_EQ(bound.status, 0) << bound.out << bound.err;
   ear.signal(SIGTERM);
-  for (int i = 0; i < 100; ++i) {
-    ::usleep(50'000);
-    std::ifstream in(record);
-  }
+  static_cast<void>(ear.end());  // the record is closed
   std::ifstream in(record);
   std::string line;
   std::size_t lss = 0;
@@ -146,18 +137,24 @@ TEST_F(Live, SingleCommandsOpenThePortWhenNobodyRuns) {
 
 TEST_F(Live, ADryRunListensAndSendsNothing) {
   const std::string record = folder.file("frames.log");
-  const Background ear({"up", folder.write("ear.toml", on_plant("ear", "\nrole = \"observer\"")), "--pace", "--record",
-                        record, "--control", folder.file("ear.sock")});
-  ASSERT_TRUE(wait_for(folder.file("ear.sock")));
+  Background ear({"up", folder.write("ear.toml", on_plant("ear", "\nrole = \"observer\"")), "--pace", "--record",
+                  record, "--control", folder.file("ear.sock")});
+  ASSERT_TRUE(wait_for(folder.file("ear.sock"))) << "its port is open by then";
   const Outcome dry = berth({"up", machine, "--dry-run", "--json"});
   ASSERT_EQ(dry.status, 0) << dry.out << dry.err;
   const Json frames = Json::parse(dry.out).at("frames");
   ASSERT_FALSE(frames.empty()) << dry.out;
   EXPECT_EQ(frames[0].at("frame"), "7E5#0400000000000000") << "the opening: all devices to LSS waiting";
   EXPECT_EQ(berth({"scan", "--machine", machine, "--dry-run"}).status, 0);
-  ::usleep(500'000);
-  EXPECT_EQ(contents(record).find(" 7E5#"), std::string::npos) << contents(record);
-  EXPECT_EQ(contents(record).find(" 60"), std::string::npos);
+  // What is asked after it and stands in the record tells that the record would have the dry run's frames, too.
+  EXPECT_NE(berth({"sdo", "read", "77", "0x1018", "4", "--machine", machine}).status, 0) << "there is no node 77";
+  ear.signal(SIGTERM);
+  static_cast<void>(ear.end());
+  const std::string frames_heard = contents(record);
+  const auto marker = frames_heard.find(" 64D#");
+  ASSERT_NE(marker, std::string::npos) << frames_heard;
+  EXPECT_EQ(frames_heard.find(" 7E5#"), std::string::npos) << frames_heard;
+  EXPECT_EQ(frames_heard.find(" 60"), std::string::npos) << frames_heard;
 }
 
 TEST_F(Live, OnExitTheDevicesAreMadePreOperational) {
@@ -179,11 +176,10 @@ TEST_F(Live, TheSessionSurvivesThePortsGoingAndComingBack) {
   ASSERT_TRUE(operational(machine, control));
   plant.reset();
   std::string text;
-  for (int i = 0; i < 120 && text.find("the port is down") == std::string::npos; ++i) {
+  EXPECT_TRUE(eventually([&] {
     text = berth({"status", "--machine", machine, "--control", control}).out;
-    ::usleep(250'000);
-  }
-  EXPECT_NE(text.find("the port is down"), std::string::npos) << text;
+    return text.find("the port is down") != std::string::npos;
+  })) << text;
   ::unlink(socket.c_str());
   start_plant();
   EXPECT_TRUE(operational(machine, control));
@@ -205,7 +201,12 @@ TEST_F(Live, AdoptWritesAMachineFileThatUpRuns) {
       folder.write("running.toml", on_plant("running", "\ntolerate = [\"sdo\"]\nmaster_id = 100"));
   const Background first({"up", running, "--pace", "--control", control});
   ASSERT_TRUE(operational(running, control));
-  ::usleep(6'000'000);  // its SDO transfers are long over
+  EXPECT_TRUE(eventually([&] {
+    const std::string log = folder.file("heard.log");
+    static_cast<void>(berth({"trace", "--port", "plant:" + socket, "--bus", "line", "--timeout", "1 s", "-o", log}));
+    const std::string heard = contents(log);
+    return heard.find(" line 7") != std::string::npos && heard.find(" line 60") == std::string::npos;
+  })) << "its SDO transfers are over";
   const std::string file = folder.file("adopted.toml");
   const Words words{"adopt",  file,       "--port", "plant:" + socket, "--bus", "line", "--bitrate",
                     "500000", "--master", "100",    "--json"};

@@ -15,11 +15,13 @@
 #include <fstream>
 #include <sstream>
 #include <stdexcept>
+#include <thread>
 
 namespace berth::test {
 namespace {
 
 constexpr int two_minutes = 120'000;
+constexpr std::chrono::milliseconds between_looks{20};
 
 struct Pipe {
   int read = -1;
@@ -44,6 +46,15 @@ Pipe make_pipe() {
 }
 
 }  // namespace
+
+bool eventually(const std::function<bool()>& so) {
+  const auto end = std::chrono::steady_clock::now() + std::chrono::milliseconds(two_minutes);
+  while (!so()) {
+    if (std::chrono::steady_clock::now() >= end) return false;
+    std::this_thread::sleep_for(between_looks);
+  }
+  return true;
+}
 
 Background::Background(const Words& arguments, bool on_terminal) {
   const Pipe err = make_pipe();
@@ -88,9 +99,9 @@ void Background::type(const std::string& text) const {
   if (::write(out_, text.data(), text.size()) < 0) throw std::runtime_error("the terminal takes nothing");
 }
 
-void Background::read_all(int timeout_ms) {
+void Background::read_all(int timeout_ms, const std::function<bool()>& enough) {
   const auto end = std::chrono::steady_clock::now() + std::chrono::milliseconds(timeout_ms);
-  while (out_ >= 0 || err_ >= 0) {
+  while ((out_ >= 0 || err_ >= 0) && !enough()) {
     std::array<pollfd, 2> ends{{{out_, POLLIN, 0}, {err_, POLLIN, 0}}};
     const auto left = std::chrono::duration_cast<std::chrono::milliseconds>(end - std::chrono::steady_clock::now());
     if (left.count() <= 0 || ::poll(ends.data(), ends.size(), static_cast<int>(left.count())) <= 0) return;
@@ -110,7 +121,7 @@ void Background::read_all(int timeout_ms) {
 }
 
 Outcome Background::end() {
-  read_all(two_minutes);
+  read_all(two_minutes, [] { return false; });
   int status = 0;
   const bool ended = out_ < 0 && err_ < 0;
   if (!ended) ::kill(pid_, SIGKILL);
@@ -118,6 +129,12 @@ Outcome Background::end() {
   pid_ = -1;
   if (ended) outcome_.status = WIFEXITED(status) ? WEXITSTATUS(status) : 128 + WTERMSIG(status);
   return outcome_;
+}
+
+bool Background::says(const std::string& text) {
+  const auto said = [&] { return outcome_.out.find(text) != std::string::npos; };
+  read_all(two_minutes, said);
+  return said();
 }
 
 Outcome berth(const Words& arguments) { return Background(arguments).end(); }

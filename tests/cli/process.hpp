@@ -3,6 +3,7 @@
 
 #include <sys/types.h>
 
+#include <functional>
 #include <string>
 #include <vector>
 
@@ -15,6 +16,10 @@ struct Outcome {
 };
 
 using Words = std::vector<std::string>;
+
+/// Looks again and again until it is so; false when it was not within two minutes, which is no figure of the product:
+/// a machine that does much else needs some of it. The pause is between two looks, and nothing rests on it.
+[[nodiscard]] bool eventually(const std::function<bool()>& so);
 
 /// Runs `berth` to its end; killed after two minutes.
 [[nodiscard]] Outcome berth(const Words& arguments);
@@ -31,10 +36,12 @@ class Background {
   void type(const std::string& text) const;
   /// Waits for its end.
   [[nodiscard]] Outcome end();
+  /// Waits until it has said so on standard output; false when it ended without, or did not within two minutes.
+  [[nodiscard]] bool says(const std::string& text);
   [[nodiscard]] pid_t pid() const noexcept { return pid_; }
 
  private:
-  void read_all(int timeout_ms);
+  void read_all(int timeout_ms, const std::function<bool()>& enough);
   pid_t pid_ = -1;
   int out_ = -1;
   int err_ = -1;

@@ -39,13 +39,12 @@ class Ear final : public can::Listener {
 struct Node {
   explicit Node(const std::string& where, const std::string& bus) {
     const auto spec = can::parse_port("socketcand://" + where + "/" + bus);
-    // The server needs a moment to be there.
-    for (int i = 0; i < 600 && !port; ++i) {
+    const bool there = eventually([&] {
       auto opened = io::open_port(loop, *spec, {.bit_rate = 125'000});
       if (opened) port = std::move(*opened);
-      if (!port) ::usleep(100'000);
-    }
-    if (port) port->listen(&ear, everything);
+      return port != nullptr;
+    });
+    if (there) port->listen(&ear, everything);
   }
   template <class Done>
   bool until(Done done) {
@@ -93,7 +92,7 @@ TEST(Serve, APlantInAnotherProcessAnswersThroughSocketcand) {
   EXPECT_EQ(first.at("buses"), (nlohmann::json{"line", "mixed", "busy"}));
   nlohmann::json last;
   while (std::getline(lines, line)) last = nlohmann::json::parse(line);
-  EXPECT_EQ(last.at("clients"), 3);
+  EXPECT_GE(last.at("clients"), 3) << "and one for each try that a busy machine was too slow for";
   EXPECT_EQ(last.at("frames_in"), 2);
   EXPECT_GE(last.at("frames_out"), 3);
 }

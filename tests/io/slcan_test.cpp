@@ -216,7 +216,7 @@ class Adapter {
       ::poll(&wait, 1, 5);
       const auto n = ::read(master_, buffer.data(), buffer.size());
       if (n <= 0) {
-        std::this_thread::sleep_for(1ms);
+        std::this_thread::sleep_for(1ms);  // a line without a reader says at once that it hung up, again and again
         continue;
       }
       in.append(buffer.data(), static_cast<std::size_t>(n));

@@ -2,9 +2,11 @@
 #include <sys/wait.h>
 #include <unistd.h>
 
+#include <chrono>
 #include <cstdio>
 #include <filesystem>
 #include <fstream>
+#include <sstream>
 
 #include "../paths.hpp"
 
@@ -19,7 +21,7 @@ struct Outcome {
 // Both streams together.
 Outcome berth(const std::string& words) {
   Outcome o;
-  std::FILE* const pipe = ::popen(("timeout 30 " + berth::test::binary() + " " + words + " 2>&1").c_str(), "r");
+  std::FILE* const pipe = ::popen(("timeout 120 " + berth::test::binary() + " " + words + " 2>&1").c_str(), "r");
   if (pipe == nullptr) return o;
   char buffer[512];
   while (std::fgets(buffer, sizeof buffer, pipe) != nullptr) o.text += buffer;
@@ -78,12 +80,19 @@ TEST_F(PlantCommand, SimIsStrongerThanThePort) {
 }
 
 TEST_F(PlantCommand, ThePlantRunsInRealTimeForAProcessAfterAnother) {
-  const std::string plant = "(timeout 25 " + berth::test::binary() + " plant " + folder_ + "p.toml --machine " +
+  const std::string plant = "(timeout 400 " + berth::test::binary() + " plant " + folder_ + "p.toml --machine " +
                             folder_ + "m.toml --listen " + folder_ + "s >" + folder_ + "log 2>&1 & echo $! >" +
                             folder_ + "pid)";
   ASSERT_EQ(std::system(plant.c_str()), 0);
-  for (int i = 0; i < 2000 && !std::filesystem::exists(folder_ + "s"); ++i) ::usleep(5'000);
-  const std::string up = "up " + folder_ + "m.toml --control " + folder_ + "c --until operational --timeout 15";
+  const auto end = std::chrono::steady_clock::now() + std::chrono::minutes(2);
+  const auto listens = [&] {
+    std::ostringstream log;
+    log << std::ifstream(folder_ + "log").rdbuf();
+    return log.str().find("Ctrl-C ends it") != std::string::npos;
+  };
+  while (!listens() && std::chrono::steady_clock::now() < end) ::usleep(5'000);  // between two looks
+  ASSERT_TRUE(listens());
+  const std::string up = "up " + folder_ + "m.toml --control " + folder_ + "c --until operational --timeout 100";
   auto o = berth(up);
   EXPECT_EQ(o.status, 0) << o.text;
   EXPECT_NE(o.text.find("s1: bound to 00000001-00000001-00000000-00000005 as node-ID 1"), std::string::npos) << o.text;

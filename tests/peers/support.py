@@ -71,7 +71,7 @@ def until(condition, what, patience=PATIENCE, step=0.02):
             return result
         if time.monotonic() > end:
             raise AssertionError(f"not within {patience:.0f} s: {what}")
-        time.sleep(step)
+        time.sleep(step)  # between two looks; nothing rests on it
 
 
 class Running:

@@ -101,13 +101,10 @@ TEST_F(DeviceCommand, InterfaceDownAndUpIsToldAndTheDeviceGoesOn) {
   vcan->up();
   EXPECT_TRUE(device.says("socketcan:vt0 is up"));
   // The asker's own port comes back by itself, too, maybe later.
-  bool answered = false;
-  for (int i = 0; i < 30 && !answered; ++i) {
+  EXPECT_TRUE(eventually([&] {
     asker.send("605#4018100400000000");
-    asker.listen_for(500ms);
-    answered = asker.heard("585#431810040B000000");
-  }
-  EXPECT_TRUE(answered);
+    return asker.hears("585#431810040B000000", 1s);
+  }));
 }
 
 TEST_F(DeviceCommand, EndsAfterItsTime) {

@@ -3,6 +3,7 @@
 
 #include <gtest/gtest.h>
 #include <net/if.h>
+#include <sys/ioctl.h>
 #include <sys/socket.h>
 #include <unistd.h>
 
@@ -12,6 +13,7 @@
 #include <cstring>
 #include <functional>
 #include <string>
+#include <thread>
 
 #include "berth/can/port.hpp"
 #include "berth/io/loop.hpp"
@@ -29,6 +31,25 @@ inline std::string no_interface(const char* name) {
 }
 
 inline bool shell(const std::string& command) { return std::system(command.c_str()) == 0; }
+
+/// Waits until the kernel says that it runs. A controller or a serial adapter that was just set up does so when a
+/// worker of the kernel's comes to it, which on a busy machine is long after `ip` has ended.
+inline bool runs(const std::string& name) {
+  const int fd = ::socket(AF_INET, SOCK_DGRAM | SOCK_CLOEXEC, 0);
+  const auto end = std::chrono::steady_clock::now() + std::chrono::seconds(120);
+  ifreq request{};
+  name.copy(static_cast<char*>(request.ifr_name), IFNAMSIZ - 1);
+  const auto told = [&] {
+    return ::ioctl(fd, SIOCGIFFLAGS, &request) == 0 && (request.ifr_flags & IFF_UP) != 0 &&
+           (request.ifr_flags & IFF_RUNNING) != 0;
+  };
+  while (!told() && std::chrono::steady_clock::now() < end) {
+    std::this_thread::sleep_for(std::chrono::milliseconds(5));  // between two looks
+  }
+  const bool so = told();
+  ::close(fd);
+  return so;
+}
 
 /// A vcan interface of its own for as long as it lives.
 class Vcan {
@@ -49,7 +70,7 @@ class Vcan {
 
 /// Turns the loop until something holds, or so much time has passed that it never will.
 inline bool until(io::Loop& loop, const std::function<bool()>& holds,
-                  std::chrono::seconds most = std::chrono::seconds(20)) {
+                  std::chrono::seconds most = std::chrono::seconds(120)) {
   const auto end = std::chrono::steady_clock::now() + most;
   while (!holds()) {
     if (std::chrono::steady_clock::now() >= end) return false;
@@ -58,7 +79,8 @@ inline bool until(io::Loop& loop, const std::function<bool()>& holds,
   return true;
 }
 
-/// Turns the loop for so long: for what must not happen.
+/// Turns the loop for so long: for what must not happen, where the time is the subject. Never for what must: see
+/// `until`.
 inline void idle(io::Loop& loop, std::chrono::milliseconds time) {
   const auto end = std::chrono::steady_clock::now() + time;
   while (std::chrono::steady_clock::now() < end) loop.turn(std::chrono::milliseconds(10));

@@ -98,10 +98,11 @@ TEST_F(LiveOnVcan, APortBelongsToOneProcess) {
 TEST_F(LiveOnVcan, BesideAnotherMasterItRefuses) {
   Asker master("vt0");
   Running up(place, "up", {"up", machine, "--yes", "--control", place.file("control")});
-  while (up.running()) {
+  EXPECT_TRUE(eventually([&] {
     master.send("000#0100");
     master.listen_for(100ms);
-  }
+    return !up.running();
+  }));
   EXPECT_EQ(up.wait(), 1);
   EXPECT_NE(up.err().find("another master is on this bus"), std::string::npos) << up.out() << up.err();
   EXPECT_NE(up.err().find("000#0100"), std::string::npos) << up.err();
@@ -134,6 +135,7 @@ class LiveOnControllers : public LiveOnVcan {
         shell("ip link set can0 down; ip link set can1 down; "
               "ip link set can0 up type can listen-only off bitrate 250000 && "
               "ip link set can1 up type can listen-only off bitrate 250000"));
+    ASSERT_TRUE(runs("can0") && runs("can1"));
   }
   static bool shows(const std::string& words) { return shell("ip -details link show can0 | grep -q '" + words + "'"); }
 };
@@ -150,10 +152,11 @@ TEST_F(LiveOnControllers, TheBitRateIsFoundByListening) {
   EXPECT_TRUE(shows("bitrate 250000"));
   EXPECT_FALSE(shows("LISTEN-ONLY"));
   Running process(place, "heard", scan);
-  while (process.running()) {
+  EXPECT_TRUE(eventually([&] {
     other.send("705#05");
     other.listen_for(50ms);
-  }
+    return !process.running();
+  }));
   EXPECT_EQ(process.wait(), 0) << process.out() << process.err();
   const Json heard = Json::parse(process.out(), nullptr, false);
   ASSERT_FALSE(heard.is_discarded()) << process.out();

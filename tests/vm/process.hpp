@@ -27,7 +27,7 @@ inline bool eventually(const std::function<bool()>& so, std::chrono::seconds mos
   const auto end = std::chrono::steady_clock::now() + most;
   while (!so()) {
     if (std::chrono::steady_clock::now() >= end) return false;
-    std::this_thread::sleep_for(std::chrono::milliseconds(50));
+    std::this_thread::sleep_for(std::chrono::milliseconds(50));  // between two looks
   }
   return true;
 }
