@@ -56,12 +56,12 @@ void Segment::play_from(rt::Time start, bool sending) {
   played_since_ = start;
   for (Controller* node : nodes_) {
     if (node != nullptr && node->powered_ && node->runs_left_ != Controller::nothing) {
-      put_in_group(*node, start, sending);
+      put_in_group(*node, start, sending, start < free_at_);
     }
   }
 }
 
-void Segment::put_in_group(Controller& node, rt::Time start, bool sending) {
+void Segment::put_in_group(Controller& node, rt::Time start, bool sending, bool pauses) {
   Domain& domain = domain_of(node.bit_rate_, start);
   BitNode bits;
   bits.tec = node.tec_;
@@ -69,16 +69,21 @@ void Segment::put_in_group(Controller& node, rt::Time start, bool sending) {
   bits.bus_off = node.bus_off_;
   bits.listen_only = node.listen_only_;
   const bool suspended = node.suspends_ && node.not_before_ > start + sample_point(domain.bit);
-  node.suspends_ = false;
+  const bool sent_passive = std::exchange(node.suspends_, false);
   bool contends = sending && !suspended && node.heap_at_ != Controller::nothing && node.contends_since_ < starts_;
   if (contends) begin_attempt(node);
   contends = contends || node.sending_;
-  bool alone = contends || suspended || node.runs_left_ > 0;
+  bool alone = contends || suspended || node.runs_left_ > 0 || pauses;
   if (contends) {
     bits.begin_sending(node.head_frame(), false);
   } else if (node.runs_left_ > 0) {
     bits.integrate(node.runs_left_);
     bits.count = static_cast<unsigned>(std::max<std::int64_t>(0, (start - node.recessive_since_) / domain.bit) % 11);
+  } else if (pauses) {  // a frame has just ended well
+    bits.phase = BitNode::Phase::intermission;
+    const auto left = (free_at_ - start + domain.bit - rt::Duration(1)) / domain.bit;
+    bits.count = 3U - static_cast<unsigned>(std::clamp<std::int64_t>(left, 1, 3));
+    bits.transmitter = sent_passive;
   } else if (suspended) {
     bits.phase = BitNode::Phase::suspend;
     const auto left = (node.not_before_ - start + domain.bit - rt::Duration(1)) / domain.bit;
@@ -337,6 +342,8 @@ void Segment::disturb(Controller& node) noexcept {
     }
   }
   if (state_ == State::bitwise) take_out(node);
+  const auto sent = std::ranges::find_if(pending_, [&](const Pending& p) { return p.node == &node && p.sent; });
+  if (sent != pending_.end()) node.confirm(sent->at);  // it is on the wire whole
   std::erase_if(pending_, [&](const Pending& pending) { return pending.node == &node; });
   node.sending_ = false;
   node.suspends_ = false;
@@ -408,12 +415,14 @@ void Segment::hand_over(Controller& node, Segment& to) {
   if (!to.pending_.empty()) executor_->at(to.pending_.front().at, to.deliverer_);
   if (to.count_ == 0) to.free_at_ = free_at_;
   detach(node);
-  if (playing && to.state_ != State::bitwise) to.play_from(grid, false);
+  if (playing && to.state_ != State::bitwise) {
+    to.play_from(grid, false);
+    to.sof_ = sof_;
+  }
   to.join(node);
   if (to.state_ != State::bitwise) return to.offer(node);
-  to.sof_ = playing ? sof_ : to.sof_;
   if (group == nullptr) {
-    if (node.powered_ && node.runs_left_ != Controller::nothing) to.put_in_group(node, grid, false);
+    if (node.powered_ && node.runs_left_ != Controller::nothing) to.put_in_group(node, grid, false, false);
   } else {
     to.domain_of(node.bit_rate_, grid).groups.push_back(std::move(group));
   }

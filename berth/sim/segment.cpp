@@ -78,7 +78,7 @@ void Segment::integrate(Controller& node, std::uint32_t runs) noexcept {
   node.suspends_ = false;
   refresh();
   if (state_ == State::bitwise) {
-    if (node.powered_ && runs != Controller::nothing) put_in_group(node, executor_->now(), false);
+    if (node.powered_ && runs != Controller::nothing) put_in_group(node, executor_->now(), false, false);
   } else {
     offer(node);
   }

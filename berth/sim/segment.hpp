@@ -168,7 +168,7 @@ class Segment final : private rt::Job {
   [[nodiscard]] bool level_of_others(const Domain& domain, rt::Time at) const noexcept;
   void synchronise_others(const Domain& domain) noexcept;
   Domain& domain_of(std::uint32_t bit_rate, rt::Time start);
-  void put_in_group(Controller& node, rt::Time start, bool sending);
+  void put_in_group(Controller& node, rt::Time start, bool sending, bool pauses);
   std::unique_ptr<Group> take_out(Controller& node);
   Group& split(Domain& domain, Group& group, Controller& node);
   void single_out_victims();
