@@ -274,6 +274,7 @@ void Network::report_plan() {
       if (own || waits) set_state(*seat, SlotState::duplicate, oddity.text);
     }
   }
+  if (search_open_) return;  // who is missing may be found yet
   for (const auto& event : question_events()) {
     if (std::ranges::find(told_, event.text) != told_.end()) continue;
     told_.push_back(event.text);

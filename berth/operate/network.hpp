@@ -195,6 +195,11 @@ class Network final : private co::HeartbeatConsumer::Observer,
     rt::Time at{};
   };
   using Slots = std::vector<places::Slot>;
+  struct Progress final : discovery::Observer {
+    void found(const discovery::Found&) noexcept override {}
+    void progress(const discovery::Progress& progress) noexcept override { last = progress; }
+    discovery::Progress last{};
+  };
   struct Loan {
     LssAddress device;
     NodeId id;
@@ -204,6 +209,7 @@ class Network final : private co::HeartbeatConsumer::Observer,
   // network_job.cpp: the main job
   rt::Task<void> job();
   rt::Task<void> work(bool first);
+  rt::Task<void> handle_what_came();
   rt::Task<void> round();
   rt::Task<void> opening();
   rt::Task<void> watch();
@@ -231,6 +237,8 @@ class Network final : private co::HeartbeatConsumer::Observer,
   rt::Task<void> discover_by_rand();
   rt::Task<void> discover_by_rand_once();
   rt::Task<void> discover_the_rest(bool also_configured);
+  rt::Task<void> go_on_searching();
+  void tell_progress();
   [[nodiscard]] discovery::Auto& rest(bool also_configured);
   rt::Task<void> discover_by(discovery::Discovery& way);
   rt::Task<bool> anybody_new();
@@ -436,6 +444,10 @@ class Network final : private co::HeartbeatConsumer::Observer,
   rt::Time scanned_at_{};     // nor one to Fastscan's first question before
   bool by_fastscan_ = false;  // it was to that
   rt::Time rest_at_{};        // a slot without a device alone is no reason to look for them before
+  bool search_open_ = false;      // the last search had no end yet
+  bool open_configured_ = false;  // it looks for devices with a node-ID too
+  Progress progress_;
+  rt::Time progress_at_{};    // it is told again then
   bool alone_ = false;        // nobody acknowledged the opening: no node-ID is asked before a search got through
   bool once_ = false;         // `bind_once` runs: there is no later look
   unsigned looks_ = 0;

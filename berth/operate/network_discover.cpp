@@ -66,6 +66,7 @@ rt::Task<void> Network::discover() {
   if (rest_at_ == rt::Time{}) rest_at_ = executor_->now() + 2 * bus_->timing.probe_period;
   // Devices that wait without a seat are identified and would not answer: all are asked anew, who left is forgotten.
   const bool waiting = std::ranges::any_of(found_, [&](const auto& f) { return seat_of(f.device) == nullptr; });
+  if (search_open_) co_return co_await go_on_searching();
   const bool by_rand = method() == "auto" || method() == "rand";
   const bool speaks_rand = by_rand || method() == "planner-rand";
   const bool anew = look_anew_ || waiting;
@@ -108,6 +109,16 @@ rt::Task<void> Network::discover() {
   }
 }
 
+// A search that had no end yet: whom it found is seated by now, as far as that was safe.
+rt::Task<void> Network::go_on_searching() {
+  search_open_ = false;
+  known_before_ = std::exchange(heard_of_, {});
+  news_ = false;
+  if (method() == "auto") co_return co_await discover_by(rest(open_configured_));
+  discovery::Discovery* const way = chosen();
+  if (way != nullptr) co_await discover_by(*way);
+}
+
 // Who has no node-ID is found in a fraction of a second. Who has one is searched for among all numbers of the known
 // types, which takes longer with each device that runs: only when a slot is without a device afterwards.
 rt::Task<void> Network::discover_the_rest(bool also_configured) {
@@ -117,10 +128,11 @@ rt::Task<void> Network::discover_the_rest(bool also_configured) {
   co_await discover_by(rest(false));
   // A device that was late once was not heard by that search: as long as it brings news, one is asked for that is missing.
   for (unsigned again = 0; again < most_again && found_.size() > before && somebody_missing(); ++again) {
+    if (search_open_) co_return;
     before = found_.size();
     co_await discover_by(rest(false));
   }
-  if (!also_configured) co_return;
+  if (!also_configured || search_open_) co_return;
   rest_at_ = executor_->now() + 8 * bus_->timing.probe_period;
   // One long search at a time: what happens on the bus meanwhile is dealt with behind it.
   const bool took_long = executor_->now() - began > std::chrono::seconds(5);
@@ -130,7 +142,7 @@ rt::Task<void> Network::discover_the_rest(bool also_configured) {
 
 discovery::Auto& Network::rest(bool also_configured) {
   discovery::AutoOptions options = rest_->options();
-  options.configured = also_configured;
+  options.configured = open_configured_ = also_configured;
   rest_->set_options(options);
   return *rest_;
 }
@@ -240,7 +252,8 @@ discovery::Options Network::search_options() {
   options.inhibit = lss_.options().inhibit;
   // Who is missed now is looked for again later, and the machine waits meanwhile: a lost heartbeat is seen behind it.
   options.retries = 2;
-  options.most_time = std::chrono::seconds(10);
+  options.most_time = std::chrono::seconds(3);
+  options.observer = &progress_;
   // A device that was found leaves the search with a node-ID: in LSS configuration, where it would be silent, some makers'
   // devices answer everything, and Fastscan does not find the next one while this one answers.
   options.assigner = this;
@@ -312,7 +325,9 @@ void Network::take_found(const discovery::Report& report) {
   scanned_at_ = again;
   if (!std::exchange(by_fastscan_, false)) blank_at_ = again;
   using End = discovery::Report::End;
-  if (report.end != End::complete && report.end != End::held) {
+  search_open_ = report.end == End::more;
+  if (search_open_) tell_progress();
+  if (report.end != End::complete && report.end != End::held && report.end != End::more) {
     tell_once("error",
               fmt::format("discovery ended early: {}; a device answers that cannot be identified", name(report.end)));
   }
@@ -333,6 +348,16 @@ void Network::rest_from_searching() {
   const rt::Time again = executor_->now() + 8 * bus_->timing.probe_period;
   blank_at_ = std::max(blank_at_, again);
   scanned_at_ = std::max(scanned_at_, again);
+}
+
+// Not at every slice: a long search tells every ten seconds how far it is.
+void Network::tell_progress() {
+  if (executor_->now() < progress_at_) return;
+  progress_at_ = executor_->now() + std::chrono::seconds(10);
+  const auto& p = progress_.last;
+  tell("step", "",
+       fmt::format("searching on: {} found so far, type {} of {}, {:.0f} % of its serial numbers", found_.size(),
+                   p.kind + 1, p.kinds, p.swept * 100));
 }
 
 // For `berth scan` and `berth lss find`: no seat is thought of, nothing is remembered.
@@ -361,14 +386,22 @@ rt::Task<Result<Network::NewDevices>> Network::find_new() {
     for (const auto& found : all.found) known.registered.push_back(found.address);
     discovery::Options options = search_options();
     co_await prepare_loans();
-    const auto report = co_await way->find(known, options);
+    auto end = discovery::Report::End::more;
+    while (end == discovery::Report::End::more) {
+      const auto report = co_await way->find(known, options);
+      if (!report) co_await take_ids_back();
+      if (!report) co_return fail(report.error());
+      end = report->end;
+      for (const auto& found : report->found) {
+        all.found.push_back(found);
+        known.registered.push_back(found.address);
+      }
+    }
     const auto quiet = co_await lss_.switch_global(lss::State::waiting);
     co_await take_ids_back();
-    if (!report) co_return fail(report.error());
     if (!quiet) co_return fail(quiet.error());
-    for (const auto& found : report->found) all.found.push_back(found);
-    const bool complete = report->end == discovery::Report::End::complete;
-    if (!complete) all.end = name(report->end);
+    const bool complete = end == discovery::Report::End::complete;
+    if (!complete) all.end = name(end);
     all.complete = all.complete && complete;
   }
   co_return all;

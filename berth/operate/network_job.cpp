@@ -13,7 +13,24 @@ using places::SlotState;
 rt::Task<void> Network::job() {
   for (bool first = true;; first = false) {
     co_await work(first);
-    co_await watch();
+    if (search_open_) {
+      co_await handle_what_came();
+    } else {
+      co_await watch();
+    }
+  }
+}
+
+// Between two parts of a long search: what the bus told meanwhile, and a person's command, do not wait for its end.
+rt::Task<void> Network::handle_what_came() {
+  co_await turn_.take();
+  const rt::Held held(turn_);
+  while (wakes_.size() > 0) {
+    const rt::Time now = executor_->now();
+    const auto wake = co_await wakes_.next(now);
+    if (!wake) break;
+    const Wake w = *wake;
+    co_await handle(w);
   }
 }
 
@@ -30,7 +47,7 @@ rt::Task<void> Network::work(bool first) {
   // A search can take longer than the pause before the next one, which begins when it is over.
   const auto pause = std::exchange(retries_, false) ? 8 : 1;
   retry_at_ = std::max(retry_at_, executor_->now() + pause * bus_->timing.probe_period);
-  idle_ = true;
+  idle_ = !search_open_;
 }
 
 // What failed may succeed later: the device was slow, deaf or resetting. Not at once, and not for ever in a hurry.
