@@ -246,7 +246,9 @@ class DoubleWatch final : public plant::World::Observer {
       const auto o = other->truth();
       if (!others(t, o)) continue;
       const Life& life = lives_[o.name];
-      if (o.powered && life.given == id && o.pending == id) {
+      // One that takes a node-ID at power-on only never uses what is pending: it is gone with the power, unless stored.
+      const bool comes = !other->plan().power_cycle_after_store;
+      if (comes && o.powered && life.given == id && o.pending == id) {
         fail_with(what + " while it is pending, by Berth, in " + o.name);
       } else if (life.owned == id && !given_up(o, id)) {
         fail_with(what + ", and it stands, by Berth, in the memory of " + o.name +
