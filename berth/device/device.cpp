@@ -5,6 +5,7 @@
 #include <utility>
 
 #include "berth/base/bytes.hpp"
+#include "berth/co/cob_id.hpp"
 
 namespace berth::device {
 namespace {
@@ -78,6 +79,10 @@ Device::Device(can::Dispatcher& dispatcher, std::shared_ptr<const od::Descriptio
   load_settings();
   lss_.emplace(dispatcher_->executor(), static_cast<lss::SlaveOwner&>(*this),
                lss::SlaveOptions{.address = options_.address}, memory_);
+  if (options_.lss && options_.lss_habit != LssHabit::none) {
+    habits_ =
+        std::make_unique<LssHabits>(options_.lss_habit, dispatcher_->executor(), lss_answers_, options_.lss_habit_seed);
+  }
   reset_values(od::Area::all);
 }
 
@@ -135,6 +140,7 @@ void Device::power_on() noexcept {
                                   .feedback = options_.feedback,
                                   .feedback_base = options_.feedback_base};
   lss_.emplace(dispatcher_->executor(), static_cast<lss::SlaveOwner&>(*this), options, memory_);
+  if (habits_) habits_->reset();
   methods_.power_on(options_.address);
   if (negotiation_) negotiation_->power_on(options_.address);
   if (claiming_) claiming_->power_on(options_.address);
@@ -152,6 +158,7 @@ void Device::power_off() noexcept {
   bus_off_ = false;
   stop_services();
   lss_answers_.drop();
+  if (habits_) habits_->reset();
   nmt_.power_off();
   dispatcher_->remove(*this);
   if (negotiation_) negotiation_->power_off();
@@ -184,6 +191,7 @@ void Device::begin(Begin what, rt::Duration own_time) noexcept {
   if (negotiation_) negotiation_->resetting();
   if (claiming_) claiming_->resetting();
   lss_answers_.drop();
+  if (habits_) habits_->reset();
   // An LSS store goes on during a reset; its end is then nobody's answer any more. Parameters would be stored in part
   // with their values of after the reset: given up.
   if (parameters_ && parameters_->busy()) {
@@ -320,6 +328,8 @@ void Device::received(const can::Frame& frame, rt::Time) noexcept {
     const auto answers = answer_lss(frame);
     note_other_schemes(answers.has_value());
     lss_answers_.send(answers);
+  } else if (frame.key() == co::nmt_command_id) {
+    boot_by_nmt(frame);
   } else if (methods_.hears(frame.key())) {
     answer = methods_.handle(frame, options_.lss && lss_->state() == lss::State::configuration);
     note_other_schemes(answer.has_value());
@@ -330,6 +340,13 @@ void Device::received(const can::Frame& frame, rt::Time) noexcept {
   if (answer && !lss_->silent()) dispatcher_->send(*answer);
 }
 
+// As a stack does that takes 255 for its node-ID until it has another.
+void Device::boot_by_nmt(const can::Frame& frame) noexcept {
+  const bool reset = frame.size == 2 && (frame.data[0] == 0x81 || frame.data[0] == 0x82);
+  const bool mine = frame.data[1] == 0 || frame.data[1] == NodeId::unconfigured_value;
+  if (reset && mine && nmt_.state() == NmtState::initialising) nmt_.apply(static_cast<co::NmtCommand>(frame.data[0]));
+}
+
 lss::Answers Device::answer_lss(const can::Frame& frame) noexcept {
   if (lss_->silent()) return {};
   const bool configures =
@@ -337,7 +354,7 @@ lss::Answers Device::answer_lss(const can::Frame& frame) noexcept {
   if (configures && options_.source == NodeIdSource::fixed && lss_->state() == lss::State::configuration) {
     return std::optional(lss::answer(lss::Command::configure_node_id, lss::error::out_of_range));
   }
-  auto answer = lss_->handle(frame);
+  auto answer = habits_ ? habits_->handle(frame, *lss_) : lss_->handle(frame);
   if (configures) tell();
   return answer;
 }
@@ -364,6 +381,7 @@ void Device::written(bool ok) noexcept {
 }
 
 void Device::wants_reset_communication() noexcept {
+  if (habits_ && habits_->boots_by_nmt() && lss_->initialising()) return;
   if (!timing_.power_cycle_after_store) nmt_.apply(co::NmtCommand::reset_communication);
 }
 
@@ -391,7 +409,7 @@ std::size_t Device::memory() const noexcept {
          (pdos_ ? pdos_->memory() : 0) + (sync_ ? sizeof(co::Sync) : 0) + (time_ ? sizeof(co::TimeStamp) : 0) +
          (emcy_list_ ? sizeof(co::EmcyList) : 0) + (parameters_ ? sizeof(ParameterStore) : 0) +
          (configuration_ ? sizeof(ConfigurationWatch) : 0) + (negotiation_ ? sizeof(Negotiation) : 0) +
-         (claiming_ ? sizeof(Claiming) : 0) + (callbacks_ ? sizeof(Callbacks) : 0) +
+         (claiming_ ? sizeof(Claiming) : 0) + (habits_ ? sizeof(LssHabits) : 0) + (callbacks_ ? sizeof(Callbacks) : 0) +
          (writes_ ? sizeof(WriteWatch) + writes_->memory() : 0);
 }
 

@@ -45,6 +45,7 @@
 #include "berth/device/claiming.hpp"
 #include "berth/device/dictionary.hpp"
 #include "berth/device/leds.hpp"
+#include "berth/device/lss_habits.hpp"
 #include "berth/device/negotiation.hpp"
 #include "berth/device/node_id_methods.hpp"
 #include "berth/device/nv_memory.hpp"
@@ -78,6 +79,8 @@ struct Options {
   bool fastscan = true;                                      ///< with `lss`: answers LSS Fastscan (51h)
   lss::Feedback feedback = lss::Feedback::none;              ///< with `fastscan`
   std::uint16_t feedback_base = lss::default_feedback_base;  ///< `Feedback::base`: first of the sixteen identifiers
+  LssHabit lss_habit = LssHabit::none;                       ///< with `lss`: as a known stack's slave does
+  std::uint64_t lss_habit_seed = 0;                          ///< of what such a slave does at random
   RandMode rand = RandMode::on;
   bool rand_resume = false;   ///< RAND's extension: answers for any prefix of its address (docs/rand.md)
   bool and_protocol = false;  ///< answers AND
@@ -92,7 +95,7 @@ struct Options {
   /// the signature's, and in use after the next reset.
   std::optional<ObjectRef> node_id_object{};
   std::optional<Signature> node_id_signature{};
-  std::string name{};                ///< 1008h; empty: as described
+  std::string name{};  ///< 1008h; empty: as described
   std::vector<Preset> presets{};
   GroupOf parameter_group = default_parameter_group;  ///< what 1010h stores, by sub-index
   bool send_tpdos_at_start = true;                    ///< types FEh and FFh: once when operational is entered
@@ -266,6 +269,7 @@ class Device final : private co::NmtSlave::Owner,
   // LSS and RAND
   std::optional<lss::StoreResult> store(const lss::Settings& settings) noexcept override;
   void wants_reset_communication() noexcept override;
+  void boot_by_nmt(const can::Frame& frame) noexcept;
   void switch_bit_rate(lss::BitRateIndex index) noexcept override;
   void silence_over() noexcept override;
   void written(bool ok) noexcept override;
@@ -336,6 +340,7 @@ class Device final : private co::NmtSlave::Owner,
   std::optional<NvRecord> record_;
   std::optional<lss::Slave> lss_;
   lss::AnswerQueue lss_answers_;
+  std::unique_ptr<LssHabits> habits_;  // only with Options::lss_habit
   NodeIdMethods methods_;
   co::NmtSlave nmt_;
   co::HeartbeatProducer producer_;
@@ -356,7 +361,7 @@ class Device final : private co::NmtSlave::Owner,
   std::unique_ptr<WriteWatch> writes_;
   std::span<const std::uint8_t> eds_;
   bool keeps_node_id_ = false;  // `storing_` is the node-ID's object or its signature's
-  ObjectRef storing_{};  // the sub-object of 1010h or 1011h whose write is to be confirmed
+  ObjectRef storing_{};         // the sub-object of 1010h or 1011h whose write is to be confirmed
   Observer* observer_ = nullptr;
   lss::Settings memory_{};  // what the record holds, or stands for blank memory
   lss::Settings being_stored_{};

@@ -1,4 +1,5 @@
 // What goes wrong in a device, and who is told: EMCY, 1001h, 1003h, 1029h, the indicators.
+#include "berth/co/cob_id.hpp"
 #include "berth/device/device.hpp"
 
 namespace berth::device {
@@ -87,8 +88,7 @@ void Device::recover() noexcept {
 LedInputs Device::led_inputs() const noexcept {
   const auto status = dispatcher_->port().status();
   return {.state = nmt_.state(),
-          .lss = options_.lss && powered_ && !booting() &&
-                 lss_->state() == lss::State::configuration,
+          .lss = options_.lss && powered_ && !booting() && lss_->state() == lss::State::configuration,
           .bus_off = status.bus_off,
           .warning_limit = status.tec >= warning_limit || status.rec >= warning_limit,
           .error_control_event = emcy_.active(co::emcy_code::life_guard_or_heartbeat),
@@ -128,6 +128,8 @@ void Device::listen() noexcept {
   dispatcher_->remove(*this);
   if (options_.lss) dispatcher_->add(can::only(lss::master_cob_id), *this);
   methods_.listen(*dispatcher_, *this);
+  const bool told_to_boot = habits_ && habits_->boots_by_nmt() && nmt_.state() == NmtState::initialising;
+  if (told_to_boot) dispatcher_->add(can::only(co::nmt_command_id), *this);
   if (!options_.detect_collision) return;
   for_each_own_id([this](std::uint32_t own) { dispatcher_->add(can::only(own), *this); });
 }

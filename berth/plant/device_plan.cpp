@@ -131,6 +131,9 @@ device::Options options_of(const PlantDevice& plan, const LssAddress& address, s
   o.fastscan = plan.speaks.has(Speaks::fastscan);
   if (plan.speaks.has(Speaks::feedback_29)) o.feedback = lss::Feedback::extended;
   if (plan.speaks.has(Speaks::feedback_11)) o.feedback = lss::Feedback::base;
+  if (plan.habit == Habit::canopennode) o.lss_habit = device::LssHabit::canopennode;
+  if (plan.habit == Habit::lely) o.lss_habit = device::LssHabit::lely;
+  o.lss_habit_seed = seed;
   if (!plan.speaks.has(Speaks::rand)) {
     o.rand = device::RandMode::off;
   } else {

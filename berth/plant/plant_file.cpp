@@ -7,6 +7,7 @@
 namespace berth::plant {
 
 const char* name(NodeIdSource source) noexcept { return source_words[static_cast<std::size_t>(source)].data(); }
+const char* name(Habit habit) noexcept { return habit_words[static_cast<std::size_t>(habit)].data(); }
 const char* name(After after) noexcept { return after_words[static_cast<std::size_t>(after)].data(); }
 const char* name(Action action) noexcept { return action_words[static_cast<std::size_t>(action)].data(); }
 
@@ -14,8 +15,8 @@ bool operator==(const PlantDevice& a, const PlantDevice& b) noexcept {
   return a.name == b.name && a.bus == b.bus && a.eds == b.eds && a.address == b.address &&
          a.address_of_eds == b.address_of_eds && a.source == b.source && a.node_id == b.node_id &&
          a.node_id_object == b.node_id_object && a.node_id_signature == b.node_id_signature && a.bitrate == b.bitrate &&
-         a.speaks == b.speaks && a.response == b.response && a.boot == b.boot && a.reset == b.reset &&
-         a.store == b.store && a.deaf_while_storing == b.deaf_while_storing &&
+         a.speaks == b.speaks && a.habit == b.habit && a.response == b.response && a.boot == b.boot &&
+         a.reset == b.reset && a.store == b.store && a.deaf_while_storing == b.deaf_while_storing &&
          a.power_cycle_after_store == b.power_cycle_after_store && a.queue == b.queue && a.rx_depth == b.rx_depth &&
          a.heartbeat == b.heartbeat && a.bus_off_recovery == b.bus_off_recovery && a.repeat_ppm == b.repeat_ppm &&
          a.drift_ppm == b.drift_ppm && a.plugged == b.plugged;

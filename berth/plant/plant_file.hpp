@@ -80,6 +80,11 @@ class SpeaksSet {
   std::uint16_t bits_ = 0;
 };
 
+/// In what a device does as the CANopen stack of this name (docs/plant-file.md says what that is), not as CiA's
+/// documents want it. The words of `habits` in the plant file.
+enum class Habit : std::uint8_t { canopennode, lely };
+[[nodiscard]] const char* name(Habit habit) noexcept;
+
 /// Order in which a device's controller sends what is queued.
 enum class QueueKind : std::uint8_t { in_order, priority };
 
@@ -114,6 +119,7 @@ struct PlantDevice {
   std::optional<PlantSignature> node_id_signature;  ///< with `node_id_object`: written there, it is stored
   std::uint32_t bitrate = 0;                        ///< stored bit rate, bit/s; 0 = the bus's
   SpeaksSet speaks{Speaks::lss, Speaks::rand};
+  std::optional<Habit> habit;  ///< with `Speaks::fastscan`: both stacks always speak it
   Latency response;
   Duration boot = std::chrono::milliseconds(50);   ///< power-on to boot-up message
   Duration reset = std::chrono::milliseconds(20);  ///< NMT reset (node or communication) to boot-up message

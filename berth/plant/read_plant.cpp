@@ -101,6 +101,7 @@ class PlantReader {
     read_node_id(table, device);
     read_node_id_object(table, device);
     read_speaks(table, device);
+    read_habits(table, device);
     read_response(table, device);
     read_times(table, device);
     device.bitrate = table.u32("bitrate", bit_rates).value_or(0);
@@ -266,6 +267,30 @@ class PlantReader {
                     near.empty() ? fmt::format("use some of {}", fmt::join(speaks_words, ", "))
                                  : fmt::format("did you mean {}?", text::quoted(near)));
       }
+    }
+  }
+
+  static void read_habits(Table& table, PlantDevice& device) {
+    const auto words = table.strings("habits");
+    if (!words) return;
+    for (const auto& word : *words) {
+      const auto known = std::ranges::find(habit_words, word);
+      if (known == habit_words.end()) {
+        const auto near = text::closest(word, habit_words);
+        table.error("habits", fmt::format("{} is no stack whose habits are known", text::quoted(word)),
+                    near.empty() ? fmt::format("use one of {}", fmt::join(habit_words, ", "))
+                                 : fmt::format("did you mean {}?", text::quoted(near)));
+      } else if (device.habit) {
+        table.error("habits", "a device has one stack", fmt::format("keep one of {}", fmt::join(habit_words, ", ")));
+      } else {
+        device.habit = static_cast<Habit>(known - habit_words.begin());
+      }
+    }
+    if (!device.habit) return;
+    if (!table.has("speaks")) device.speaks = {Speaks::fastscan};
+    if (!device.speaks.has(Speaks::fastscan)) {
+      table.error("habits", fmt::format("a {} device speaks Fastscan", name(*device.habit)),
+                  "leave out speaks, or add \"fastscan\" to it");
     }
   }
 

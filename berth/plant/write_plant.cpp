@@ -64,6 +64,10 @@ void write_speaks(Writer& w, const PlantDevice& d) {
   w.strings("speaks", words);
 }
 
+void write_habits(Writer& w, const PlantDevice& d) {
+  if (d.habit) w.strings("habits", {name(*d.habit)});
+}
+
 void write_node_id(Writer& w, const PlantDevice& d) {
   if (d.node_id.configured()) w.raw("node_id", fmt::format("{}", d.node_id.value()));
   const auto implied = d.node_id.configured() ? NodeIdSource::nonvolatile : NodeIdSource::blank;
@@ -90,6 +94,7 @@ void write_device(Writer& w, const PlantDevice& d) {
   write_node_id(w, d);
   w.number("bitrate", d.bitrate, usual_device.bitrate);
   write_speaks(w, d);
+  write_habits(w, d);
   write_response(w, d.response);
   w.time("boot", d.boot, usual_device.boot);
   w.time("reset", d.reset, usual_device.reset);

@@ -206,6 +206,9 @@ TEST(PlantFile, EveryOtherMistakeIsAnError) {
       head + one + "source = \"blank\"\nnode_id = 5\n",
       head + one + "source = \"hard-coded\"\n",
       head + one + "speaks = [\"randd\"]\n",
+      head + one + "habits = [\"lelly\"]\n",
+      head + one + "habits = [\"lely\", \"canopennode\"]\n",
+      head + one + "habits = [\"lely\"]\nspeaks = [\"rand\"]\n",
       head + one + "response = { min = \"2 ms\", max = \"1 ms\" }\n",
       head + one + "response = { min = \"2 ms\" }\n",
       head + one + "response = 4\n",
@@ -238,6 +241,18 @@ TEST(PlantFile, EveryOtherMistakeIsAnError) {
     EXPECT_TRUE(has_errors(result.findings)) << text;
     for (const auto& f : result.findings) EXPECT_GE(f.line, 1) << text << to_string(f);
   }
+}
+
+// Both stacks have Fastscan built in, and neither knows RAND.
+TEST(PlantFile, HabitsAreThoseOfAStackThatSpeaksFastscan) {
+  const auto result = read_plant(head + one + "habits = [\"canopennode\"]\n", "p.toml");
+  ASSERT_TRUE(result.plant);
+  EXPECT_EQ(result.plant->devices[0].habit, Habit::canopennode);
+  EXPECT_EQ(result.plant->devices[0].speaks, SpeaksSet{Speaks::fastscan});
+  const auto both = read_plant(head + one + "habits = [\"lely\"]\nspeaks = [\"fastscan\", \"rand\"]\n", "p.toml");
+  ASSERT_TRUE(both.plant);
+  EXPECT_EQ(both.plant->devices[0].habit, Habit::lely);
+  EXPECT_EQ(both.plant->devices[0].speaks, (SpeaksSet{Speaks::fastscan, Speaks::rand}));
 }
 
 // S1.22: a cloned LSS address is something to try; it is named, and allowed.
@@ -276,6 +291,10 @@ PlantDevice random_device(Random& r, std::size_t i, const std::vector<PlantBus>&
   d.speaks = {};
   for (unsigned s = 0; s < 11; ++s) {
     if (r.chance(300'000)) d.speaks.add(static_cast<Speaks>(s));
+  }
+  if (r.chance(300'000)) {
+    d.habit = static_cast<Habit>(r.below(2));
+    d.speaks.add(Speaks::fastscan);
   }
   if (r.chance(700'000)) {
     d.response.min = random_time(r, 1h);
