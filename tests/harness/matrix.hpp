@@ -7,6 +7,7 @@
 #include <array>
 #include <cstdint>
 #include <memory>
+#include <optional>
 #include <string>
 #include <string_view>
 #include <vector>
@@ -28,13 +29,17 @@ enum class Kind : std::uint8_t {
   fastscan,     // and nothing else
   feedback_29,  // and nothing else
   feedback_11,
-  fixed,   // its slot's node-ID by switches; every second one speaks LSS
-  stored,  // a node-ID in its memory: its slot's, or that of another slot
-  mixed,   // one of the others each
+  fixed,         // its slot's node-ID by switches, and its slot says so; every second one speaks LSS
+  fixed_unsaid,  // the same, and its slot says nothing of it
+  stored,        // a node-ID in its memory: its slot's, or that of another slot
+  canopennode,   // Fastscan as CANopenNode does it
+  lely,          // Fastscan as Lely core does it
+  mixed,         // one of the others each
   count
 };
 inline constexpr std::array<const char*, static_cast<std::size_t>(Kind::count)> kind_names{
-    "rand", "lss", "fastscan", "feedback-29", "feedback-11", "fixed", "stored", "mixed"};
+    "rand",         "lss",    "fastscan",    "feedback-29", "feedback-11", "fixed",
+    "fixed-unsaid", "stored", "canopennode", "lely",        "mixed"};
 [[nodiscard]] inline const char* name(Kind kind) { return kind_names.at(static_cast<std::size_t>(kind)); }
 
 enum class Latency : std::uint8_t {
@@ -60,6 +65,19 @@ struct Cell {
 [[nodiscard]] inline std::string describe(const Cell& c) {
   return std::string(name(c.kind)) + ", " + std::to_string(c.devices) + " devices, " +
          std::to_string(c.bit_rate / 1000) + " kbit/s, " + name(c.latency);
+}
+
+// Why docs/limits.md excepts this cell; empty for the others.
+[[nodiscard]] inline std::optional<std::string_view> limit_of(const Cell&) { return std::nullopt; }
+
+// Bus time within which a cell must be operational: twice what its frames take when each device needs as many questions
+// as one whose serial number tells nothing about the others', and twice that where answers come late (docs/limits.md).
+[[nodiscard]] inline rt::Duration budget(const Cell& c) {
+  const auto frame = rt::Duration(128LL * 1'000'000'000 / c.bit_rate);
+  // Plain LSS asks in six frames, the others in one; 32 questions at most. Node-ID, check and start take forty more.
+  const std::int64_t frames = c.kind == Kind::lss || c.kind == Kind::stored || c.kind == Kind::mixed ? 32 * 7 : 32 * 3;
+  const rt::Duration one = (frames + 40) * frame + 300ms;
+  return (c.latency == Latency::outliers ? 4 : 2) * (15s + c.devices * one);
 }
 
 // Every cell has its own seed, the same in every run.
@@ -102,6 +120,7 @@ inline void make_kind(plant::PlantDevice& d, Kind kind, unsigned number, NodeId 
     case Kind::feedback_29: d.speaks = {Speaks::feedback_29}; break;
     case Kind::feedback_11: d.speaks = {Speaks::feedback_11}; break;
     case Kind::fixed:
+    case Kind::fixed_unsaid:
       d.source = plant::NodeIdSource::switches;
       d.node_id = NodeId(static_cast<std::uint8_t>(number));
       d.speaks = {};
@@ -113,6 +132,11 @@ inline void make_kind(plant::PlantDevice& d, Kind kind, unsigned number, NodeId 
       d.speaks = {Speaks::fastscan};
       if (number % 3 == 0) d.speaks = {Speaks::lss};
       if (number % 3 == 1) d.speaks = {Speaks::lss, Speaks::rand};
+      break;
+    case Kind::canopennode:
+    case Kind::lely:
+      d.speaks = {Speaks::fastscan};
+      d.habit = kind == Kind::lely ? plant::Habit::lely : plant::Habit::canopennode;
       break;
     case Kind::mixed:
     case Kind::count: break;
@@ -145,7 +169,6 @@ struct Made {
     slot.spec.name = {made.machine.name, bus.name, "s" + std::to_string(number)};
     slot.spec.id = NodeId(static_cast<std::uint8_t>(number));
     slot.spec.type = {0x0000'0301, 0x0001'0000 + i % types};
-    made.machine.slots.push_back(slot);
 
     plant::PlantDevice d;
     d.name = "d" + std::to_string(number);
@@ -154,11 +177,14 @@ struct Made {
     d.response = response_of(cell.latency);
     auto kind = cell.kind;
     if (kind == Kind::mixed) kind = static_cast<Kind>(random.below(static_cast<std::uint64_t>(Kind::mixed)));
+    if (kind == Kind::fixed) slot.spec.assign = places::Assign::fixed;
+    made.machine.slots.push_back(slot);
     // A mixed plant's switches and memories must leave its slots' node-IDs to one device each.
     const unsigned place = cell.kind == Kind::mixed ? i : (i + moved) % cell.devices;
     make_kind(d, kind, number, NodeId(static_cast<std::uint8_t>(place + 1)));
     made.plant.devices.push_back(d);
   }
+  design::fit_heartbeats(made.machine);  // as the reader of a machine file does
   return made;
 }
 
@@ -192,9 +218,8 @@ struct Outcome {
 class Run {
  public:
   static constexpr std::size_t longest_reason = 110;
-  static constexpr rt::Duration there = 1s;      // every device has booted when Berth begins, and is not heard to
-  static constexpr rt::Duration holds = 10s;     // so long an operational machine is watched
-  static constexpr rt::Duration patience = 14s;  // of `berth up`, with the timing of a machine file that says none
+  static constexpr rt::Duration there = 1s;   // every device has booted when Berth begins, and is not heard to
+  static constexpr rt::Duration holds = 10s;  // so long an operational machine is watched
 
   explicit Run(const Cell& cell) : made_(make(cell)) {
     Findings findings;
@@ -255,6 +280,8 @@ class Run {
       table_ = std::move(table);
       changed_ = world_->sim().now();
     }
+    const auto& timing = made_.machine.buses.front().timing;
+    const auto patience = timing.heartbeat_timeout + 12 * timing.probe_period + made_.plant.devices.front().boot;
     return !busy && world_->sim().now() - changed_ >= patience;
   }
 

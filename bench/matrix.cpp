@@ -1,0 +1,14 @@
+// The main job at every size, with every kind of device, at every bit rate: the bus time from blank devices to
+// operational (issue 11's matrix; tests/harness/matrix.hpp says what a cell is). The same as ./run matrix, optimised.
+#include "tests/harness/matrix_run.hpp"
+
+using namespace berth::harness::matrix;
+
+int main() {
+  const Choice everything;
+  const auto cells = cells_of(everything);
+  const auto all = run_all(everything, cells);
+  print_table(cells, all);
+  print_sum(cells, all);
+  return 0;
+}

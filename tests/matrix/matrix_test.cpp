@@ -1,0 +1,44 @@
+// The telling cells of the matrix (issue 11): those at which a method, a bit rate or a size was once too much for the
+// main job. All 1155 cells: ./run matrix.
+#include "tests/harness/matrix.hpp"
+
+#include <gtest/gtest.h>
+
+using namespace berth;
+using namespace berth::harness::matrix;
+
+namespace {
+
+class Matrix : public testing::TestWithParam<Cell> {};
+
+TEST_P(Matrix, EndsOperationalWithinItsBusTime) {
+  const Cell cell = GetParam();
+  ASSERT_FALSE(limit_of(cell)) << "a documented limit is no cell to test";
+  const auto outcome = run(cell, budget(cell));
+  EXPECT_EQ(outcome.end, End::operational)
+      << describe(cell) << ": " << name(outcome.end) << " at " << operate::seconds(rt::Time{} + outcome.bus_time)
+      << " s, " << outcome.operational << " operational: " << outcome.why.data();
+}
+
+std::string test_name(const testing::TestParamInfo<Cell>& info) {
+  std::string text = std::string(name(info.param.kind)) + "_" + std::to_string(info.param.devices) + "_at_" +
+                     std::to_string(info.param.bit_rate / 1000) + "_" + name(info.param.latency);
+  std::ranges::replace(text, '-', '_');
+  return text;
+}
+
+// What was wrong at each before: the window of a search and answers later than it; a search that ended at ten seconds;
+// heartbeats that fill the bus; slots whose devices have their node-IDs already.
+INSTANTIATE_TEST_SUITE_P(
+    Telling, Matrix,
+    testing::Values(
+        Cell{Kind::lss, 2, 500'000, Latency::outliers}, Cell{Kind::lss, 5, 10'000, Latency::equal},
+        Cell{Kind::lss, 30, 125'000, Latency::random}, Cell{Kind::lss, 120, 1'000'000, Latency::equal},
+        Cell{Kind::rand, 126, 10'000, Latency::random}, Cell{Kind::fastscan, 60, 500'000, Latency::outliers},
+        Cell{Kind::feedback_11, 126, 125'000, Latency::outliers}, Cell{Kind::feedback_29, 60, 10'000, Latency::random},
+        Cell{Kind::fixed, 30, 125'000, Latency::equal}, Cell{Kind::fixed_unsaid, 1, 1'000'000, Latency::outliers},
+        Cell{Kind::stored, 30, 50'000, Latency::random}, Cell{Kind::canopennode, 5, 125'000, Latency::random},
+        Cell{Kind::lely, 5, 125'000, Latency::random}, Cell{Kind::mixed, 60, 125'000, Latency::random}),
+    test_name);
+
+}  // namespace
