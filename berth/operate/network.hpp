@@ -199,6 +199,8 @@ class Network final : private co::HeartbeatConsumer::Observer,
     void found(const discovery::Found&) noexcept override {}
     void progress(const discovery::Progress& progress) noexcept override { last = progress; }
     discovery::Progress last{};
+    discovery::Progress before{};
+    unsigned idle = 0;  ///< slices in a row that brought nothing
   };
   struct Loan {
     LssAddress device;
@@ -239,6 +241,7 @@ class Network final : private co::HeartbeatConsumer::Observer,
   rt::Task<void> discover_the_rest(bool also_configured);
   rt::Task<void> go_on_searching();
   void tell_progress();
+  [[nodiscard]] bool gets_on();
   [[nodiscard]] discovery::Auto& rest(bool also_configured);
   rt::Task<void> discover_by(discovery::Discovery& way);
   rt::Task<bool> anybody_new();

@@ -139,8 +139,8 @@ rt::Task<bool> Network::bind_seat(Seat& seat, LssAddress device, std::string rea
   const bool home = !lent && std::ranges::any_of(found_, [&](const places::Found& f) {
     return f.device == device && f.active == seat.id() && !f.clone;
   });
-  // A device that sits where it belongs may speak no LSS: it is asked once, for the sake of its memory.
-  const unsigned tries = home ? 1 : bus_->timing.tries;
+  // A device that sits where it belongs may speak no LSS: it is asked twice, for the sake of its memory.
+  const unsigned tries = home ? std::min(2U, bus_->timing.tries) : bus_->timing.tries;
   Binding binding(Binding::Kind::bind, {device, seat.id()}, tries, resumed);
   set_state(seat, SlotState::binding, reason);
   places::Binder::Options options = binder_options();

@@ -325,7 +325,7 @@ void Network::take_found(const discovery::Report& report) {
   scanned_at_ = again;
   if (!std::exchange(by_fastscan_, false)) blank_at_ = again;
   using End = discovery::Report::End;
-  search_open_ = report.end == End::more;
+  search_open_ = report.end == End::more && gets_on();
   if (search_open_) tell_progress();
   if (report.end != End::complete && report.end != End::held && report.end != End::more) {
     tell_once("error",
@@ -348,6 +348,19 @@ void Network::rest_from_searching() {
   const rt::Time again = executor_->now() + 8 * bus_->timing.probe_period;
   blank_at_ = std::max(blank_at_, again);
   scanned_at_ = std::max(scanned_at_, again);
+}
+
+// A device that answers and cannot be selected would hold a search for ever.
+bool Network::gets_on() {
+  constexpr unsigned most_idle = 5;
+  const auto& now = progress_.last;
+  const bool same = !news_ && now.kind == progress_.before.kind && now.swept == progress_.before.swept;
+  progress_.idle = same ? progress_.idle + 1 : 0;
+  progress_.before = now;
+  if (progress_.idle < most_idle) return true;
+  progress_.idle = 0;
+  tell_once("error", "discovery ended early: a device answers to identify ranges that cannot be identified");
+  return false;
 }
 
 // Not at every slice: a long search tells every ten seconds how far it is.

@@ -107,7 +107,8 @@ void Binding::advance(Outcome outcome) noexcept {
       break;
     case Step::configure:
       untouched_ = untouched_ && outcome == Outcome::refused;
-      touched_ = outcome != Outcome::refused;
+      // Without a node-ID pending nothing comes into use that would have to be taken back.
+      touched_ = outcome != Outcome::refused && kind_ == Kind::bind;
       if (ok)
         step_ = Step::store;
       else if (outcome == Outcome::refused)
