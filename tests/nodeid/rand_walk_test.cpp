@@ -206,6 +206,25 @@ TEST(RandWalk, ADeviceThatDiesAtAnyRequestLeavesTheOthers) {
   }
 }
 
+// S1.20: the window has been learnt from many fast answers; one device's chunk(6) comes when it is over. The last chunk
+// is asked only when nothing of it can be under way, else 0100 would be taken for a serial number under 0001.
+TEST(RandWalk, ALateChunkIsNoSerialNumber) {
+  for (std::uint64_t seed = 1; seed <= 20; ++seed) {
+    WalkWorld w(125'000, seed);
+    for (std::uint32_t i = 0; i < 16; ++i) {
+      auto dice = std::make_shared<Random>(100 * seed + i);
+      w.put({1, 1, 0, 0x0001'0005 + i}, false, [dice] { return rt::Duration(dice->between(200'000, 2'000'000)); });
+    }
+    auto answers = std::make_shared<int>(0);
+    w.put({1, 1, 0, 0x0100'0007}, false,
+          [answers] { return rt::Duration(++*answers == 7 ? milliseconds(8) : microseconds(500)); });
+    w.walk_options.longest = milliseconds(10);
+    const auto report = w.go();
+    ASSERT_TRUE(report);
+    EXPECT_EQ(found(*report), there(w)) << seed;
+  }
+}
+
 TEST(RandWalk, LimitAndBusErrors) {
   WalkWorld w;
   for (const auto& a : {s1, s2, s3}) w.put(a, false);

@@ -200,8 +200,8 @@ TEST(PapersMainJob, S1_54_ASlaveWithoutRandIsSilentAndMissing) {
 }
 
 // S4.20: a device may come at any time: one question goes out every `probe_period`, and a device that has booted is
-// identified with the next. What that costs is one frame of 120 bits at most (and LSS 4Ch and Fastscan's first question,
-// 135 bits each, every eighth time).
+// identified with the next. What that costs is one frame of 120 bits at most (and LSS 4Ch and Fastscan's first
+// question, 135 bits each, every eighth time).
 TEST(PapersMainJob, S4_20_APollEveryPeriodAndItsLoad) {
   for (const rt::Duration period : {rt::Duration(100ms), rt::Duration(1s), rt::Duration(4s)}) {
     auto machine = five_slots();
@@ -228,7 +228,7 @@ TEST(PapersMainJob, S4_20_APollEveryPeriodAndItsLoad) {
       EXPECT_GE(polls, periods * 7U / 10U) << "each question has its window of up to 20 ms behind it";
       const double load = bits / (std::chrono::duration<double>(periods * period).count() * 50'000);
       const double most = (120 + 2 * 135 / 8.0) / (std::chrono::duration<double>(period).count() * 50'000);
-      EXPECT_LE(load, 1.1 * most);
+      EXPECT_LE(load, 1.3 * most) << "4Ch at every look would be 1.9";
       EXPECT_GE(load, 0.5 * most);
     }
     rig.run_for(37 * period / 100);
