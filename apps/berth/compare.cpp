@@ -100,6 +100,7 @@ std::string remark(const Cell& c) {
   if (c.bound < c.devices && c.bound != c.found)
     text += fmt::format("{}{} of {} bound", text.empty() ? "" : ", ", c.bound, c.devices);
   if (!c.trouble.empty()) text += (text.empty() ? "" : "; ") + c.trouble;
+  if (!c.wrong.empty()) text += (text.empty() ? "WRONG: " : "; WRONG: ") + c.wrong.front();
   return text;
 }
 
@@ -136,9 +137,11 @@ int run_compare(const Options& options, const StudyOptions& study) {
   if (!study.plot.empty()) {
     if (const auto bad = write_file(study.plot, study::plot(cells))) return tell(*bad, options.json);
   }
+  const bool wrong = std::ranges::any_of(cells, [](const Cell& c) { return !c.wrong.empty(); });
+  const int status = wrong ? Exit::failed : Exit::done;
   if (!options.json) {
     print_table(cells, contest);
-    return Exit::done;
+    return status;
   }
   Json json{{"rows", Json::array()}};
   for (const auto& c : cells) {
@@ -156,7 +159,7 @@ int run_compare(const Options& options, const StudyOptions& study) {
   }
   json["seeds"] = contest.seeds;
   print_line(json.dump(2));
-  return Exit::done;
+  return status;
 }
 
 }  // namespace berth::cli

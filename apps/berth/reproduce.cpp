@@ -82,6 +82,12 @@ std::optional<Failure> write_traces(const study::Figures& figures, const std::st
   return std::nullopt;
 }
 
+/// A run whose devices are not what it was to make of them counts for nothing, and says so.
+int verdict(const std::vector<std::string>& wrong) {
+  for (const auto& line : wrong) fmt::print(stderr, "wrong: {}\n", line);
+  return wrong.empty() ? Exit::done : Exit::failed;
+}
+
 int print_listing(const Options& options, const StudyOptions& study, const study::Conditions& conditions) {
   const auto found = study::listing(study.listing, conditions);
   if (!found) {
@@ -101,7 +107,7 @@ int print_listing(const Options& options, const StudyOptions& study, const study
   if (!options.json) {
     print_line(found->title);
     print_lines(lines);
-    return Exit::done;
+    return verdict(found->wrong);
   }
   Json json{{"trace", found->name}, {"title", found->title}, {"messages", Json::array()}};
   study::Interpreter interpreter;
@@ -113,11 +119,21 @@ int print_listing(const Options& options, const StudyOptions& study, const study
                                 {"raw", study::raw(e.frame)}});
   }
   print_line(json.dump(2));
-  return Exit::done;
+  return verdict(found->wrong);
 }
 
 double seconds(rt::Duration time) { return std::chrono::duration<double>(time).count(); }
 double ms(rt::Duration time) { return std::chrono::duration<double, std::milli>(time).count(); }
+
+std::vector<std::string> incomplete(const std::vector<study::LoadRow>& rows) {
+  std::vector<std::string> lines;
+  for (const auto& r : rows) {
+    if (!r.complete)
+      lines.push_back(
+          fmt::format("{} devices at {} bit/s: {} have a node-ID of their own", r.devices, r.bit_rate, r.with_id));
+  }
+  return lines;
+}
 
 int print_load(const Options& options) {
   const auto rows = study::negotiation_load(options.seed.value_or(1));
@@ -138,7 +154,7 @@ int print_load(const Options& options) {
                               {"pdo_undisturbed_s", seconds(r.pdo_undisturbed)}});
     }
     print_line(json.dump(2));
-    return Exit::done;
+    return verdict(incomplete(rows));
   }
   print_line("What the negotiation of node-IDs (paper 2) costs the rest of the bus; all devices get power at once");
   print_line(fmt::format("{:>7} {:>8} {:>7} {:>10} {:>8} {:>10} {:>10} {:>14} {:>10}", "devices", "kbit/s", "with ID",
@@ -148,7 +164,7 @@ int print_load(const Options& options) {
                            r.devices, r.bit_rate / 1000, r.with_id, seconds(r.settled), r.frames, 100 * r.mean_load,
                            100 * r.peak_load, ms(r.longest_run), ms(r.pdo_waited)));
   }
-  return Exit::done;
+  return verdict(incomplete(rows));
 }
 
 }  // namespace
@@ -165,12 +181,13 @@ int run_reproduce(const Options& options, const StudyOptions& study) {
   }
   if (!options.json) {
     print_rows(figures);
-    return Exit::done;
+    return verdict(figures.wrong);
   }
   Json json{{"rows", Json::array()}};
   for (const auto& row : figures.rows) json["rows"].push_back(json_of(row));
+  json["wrong"] = figures.wrong;
   print_line(json.dump(2));
-  return Exit::done;
+  return verdict(figures.wrong);
 }
 
 }  // namespace berth::cli

@@ -8,6 +8,7 @@
 
 #include "berth/discovery/auto.hpp"
 #include "berth/nodeid/negotiation_frames.hpp"
+#include "berth/study/verdict.hpp"
 
 namespace berth::study {
 namespace {
@@ -66,12 +67,14 @@ class Commissioner {
     bool bound = false;
     for (const auto& device : report->found) {
       if (real_.contains(device.address)) found.insert(device.address);
+      if (device.assigned.configured()) given.push_back({device.address, device.assigned});
       if (device.assigned.configured()) continue;
       const auto selected = co_await lss_.switch_selective(device.address);
       if (!selected) continue;
       const NodeId id = ids_.next();
       const auto configured = co_await lss_.configure_node_id(id);
       if (!configured) trouble = "a device did not take its node-ID";
+      if (configured) given.push_back({device.address, id});
       co_await lss_.switch_global(lss::State::waiting);
       bound = true;
     }
@@ -83,6 +86,7 @@ class Commissioner {
   unsigned found_count = 0;
   bool done = false;
   std::string trouble;
+  std::vector<places::Seat> given;
 
  private:
   Stage* stage_;
@@ -111,6 +115,7 @@ Trial with_master(Method method, const Cast& cast, std::uint32_t bit_rate) {
   t.found = master.found_count;
   t.bound = stage.bound();
   t.trouble = ended ? master.trouble : "not over after half an hour";
+  t.wrong = differences(stage, master.given, Hold::active);
   return t;
 }
 
@@ -166,6 +171,7 @@ Cell cell(const Contestant& method, unsigned devices, std::uint32_t bit_rate, Se
     c.found = std::min(c.found, t.found);
     c.bound = std::min(c.bound, t.bound);
     if (!t.trouble.empty()) c.trouble = t.trouble;
+    c.wrong.insert(c.wrong.end(), t.wrong.begin(), t.wrong.end());
   }
   const unsigned n = std::max(1U, contest.seeds);
   c.bus_time /= n;

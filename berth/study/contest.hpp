@@ -2,7 +2,9 @@
 ///
 /// A trial is one simulated world: blank devices have booted, then one master finds them by the method and gives each a
 /// node-ID, until all that got one have sent their boot-up message. Nothing is stored in the devices: how long that
-/// takes is theirs and not the method's. With `negotiation` there is no master: all devices boot at once.
+/// takes is theirs and not the method's. Giving is the same for every method, Berth's too: select, configure, switch
+/// state global; what `places::Binder` does beyond that is in `reproduce`. With `negotiation` there is no master: all
+/// devices boot at once. At the end each device is held against what it was given (study/verdict.hpp).
 ///
 /// Published methods keep the windows of their papers, whatever comes of it: a cell that finds fewer devices than there
 /// are says so. What a method may know: planners and `identify` the types of the devices, as the slot table has them;
@@ -49,9 +51,10 @@ struct Trial {
                              ///< later; negotiation: from the first frame until all are bound, to 5 ms
   std::uint64_t frames = 0;  ///< on the bus in this time, merged ones once
   std::uint64_t bits = 0;
-  unsigned found = 0;   ///< distinct true addresses (negotiation: distinct node-IDs announced)
-  unsigned bound = 0;   ///< devices with a node-ID of their own at the end
-  std::string trouble;  ///< why it ended early; empty when it did not
+  unsigned found = 0;              ///< distinct true addresses (negotiation: distinct node-IDs announced)
+  unsigned bound = 0;              ///< devices with a node-ID of their own at the end
+  std::string trouble;             ///< why it ended early; empty when it did not
+  std::vector<std::string> wrong;  ///< devices that are not what they were made; a figure with any does not count
 };
 [[nodiscard]] Trial trial(const Contestant& method, const Cast& cast, std::uint32_t bit_rate);
 
@@ -63,11 +66,12 @@ struct Cell {
   Serials serials = Serials::consecutive;
   rt::Duration bus_time{};  ///< mean
   rt::Duration worst{};
-  std::uint64_t frames = 0;  ///< mean
-  std::uint64_t bits = 0;    ///< mean
-  unsigned found = 0;        ///< the least
-  unsigned bound = 0;        ///< the least
-  std::string trouble{};     ///< of the last seed that had any
+  std::uint64_t frames = 0;          ///< mean
+  std::uint64_t bits = 0;            ///< mean
+  unsigned found = 0;                ///< the least
+  unsigned bound = 0;                ///< the least
+  std::string trouble{};             ///< of the last seed that had any
+  std::vector<std::string> wrong{};  ///< of all seeds
 };
 /// All cells in the order methods, devices, bit rates, serials. Runs on `threads` threads; what comes out does not
 /// depend on their number. `progress` is called with the number of cells done, from one thread at a time.

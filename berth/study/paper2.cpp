@@ -1,11 +1,14 @@
 // Paper 2: negotiation of node-IDs (S2.3, S2.7, S2.16, S2.18).
 #include <fmt/format.h>
 
+#include <algorithm>
+
 #include "berth/lss/fastscan.hpp"
 #include "berth/nodeid/negotiation_frames.hpp"
 #include "berth/study/formulas.hpp"
 #include "berth/study/listings.hpp"
 #include "berth/study/simulated.hpp"
+#include "berth/study/verdict.hpp"
 
 namespace berth::study {
 namespace {
@@ -35,11 +38,15 @@ plant::PlantFile plant_with(std::vector<plant::PlantDevice> devices) {
   return plant;
 }
 
-/// From power-on; nothing else on the bus.
-trace::Trace heard(const plant::PlantFile& plant, std::uint32_t bit_rate, rt::Duration time) {
+/// From power-on; nothing else on the bus. Each device gets the node-ID that it prefers.
+trace::Trace heard(const plant::PlantFile& plant, std::uint32_t bit_rate, rt::Duration time, Figures& figures,
+                   const char* name) {
   Stage stage(plant, bit_rate);
   stage.record();
   stage.settle(time);
+  std::vector<places::Seat> preferred;
+  for (const auto& device : plant.devices) preferred.push_back({device.address, device.node_id});
+  right(figures, name, differences(stage, preferred, Hold::active));
   return stage.trace();
 }
 
@@ -49,15 +56,16 @@ std::optional<double> up_to(const trace::Trace& all, const can::Frame& last, std
   trace::Trace part = all;
   while (!part.entries.empty() && !(part.entries.back().frame == last)) part.entries.pop_back();
   figures.traces.push_back({name, bit_rate, part});
-  if (part.entries.empty()) return std::nullopt;
+  if (part.entries.empty()) figures.wrong.push_back(name + ": its last frame was never sent");
+  if (std::ranges::any_of(figures.wrong, [&](const auto& line) { return line.starts_with(name); })) return std::nullopt;
   return seconds(part.entries.back().at - part.entries.front().at);
 }
 
-rt::Task<void> scan_one(Stage& stage, const lss::FastscanOptions& options, bool& found) {
+rt::Task<void> scan_one(Stage& stage, const lss::FastscanOptions& options, std::vector<LssAddress>& found) {
   lss::Master master(stage.master());
   lss::Fastscan fastscan(master, options);
   const auto device = co_await fastscan.scan();
-  if (device && *device) found = true;
+  if (device && *device) found.push_back((*device)->address);
 }
 
 Row fastscan(const Conditions& c, Figures& figures) {
@@ -70,11 +78,11 @@ Row fastscan(const Conditions& c, Figures& figures) {
   lss::FastscanOptions options;
   options.confirm = false;
   options.wait_first = false;
-  bool found = false;
   {
+    std::vector<LssAddress> found;
     Stage stage(plant, rate(c));
     row.simulated = measured(stage, scan_one(stage, options, found), 1min, figures, "paper2-fastscan");
-    if (!found) row.simulated.reset();
+    if (!right(figures, "paper2-fastscan", differences(stage, found))) row.simulated.reset();
   }
   row.berth = by_method(plant, rate(c), discovery::Method::planner_fastscan, {.window = 10ms}, figures,
                         "paper2-fastscan-berth");
@@ -103,17 +111,17 @@ void shares(Figures& figures) {
   figures.rows.push_back(ids);
 }
 
-trace::Trace figure_2(const Conditions& c) {
+trace::Trace figure_2(const Conditions& c, Figures& figures) {
   const LssAddress address{0x0000'0319, 0xAA55'EEFF, 0xDEAD'BEEF, 0x1234'5678};
-  return heard(plant_with({negotiator(address, 0x20, latency(c))}), rate(c), 1600ms);
+  return heard(plant_with({negotiator(address, 0x20, latency(c))}), rate(c), 1600ms, figures, "paper2-figure2");
 }
 
-trace::Trace table_4(const Conditions& c) {
+trace::Trace table_4(const Conditions& c, Figures& figures) {
   // The paper's two nodes began at one instant and ran up to 2 ms apart.
   auto a = negotiator({0x0000'0319, 0xAA55'EEFF, 0xDEAD'BEEF, 0x8765'4321}, 0x40, latency(c));
   auto b = negotiator({0x0000'0319, 0xAA55'EEFF, 0xDEAD'BEEF, 0x8765'43FF}, 0x41, latency(c));
   b.boot += 10ms;
-  return heard(plant_with({std::move(a), std::move(b)}), rate(c), 1800ms);
+  return heard(plant_with({std::move(a), std::move(b)}), rate(c), 1800ms, figures, "paper2-table4");
 }
 
 Row least_cycle() {
@@ -128,7 +136,7 @@ Row complete_cycle(const Conditions& c, Figures& figures) {
   Row row{.paper = 2, .what = "negotiation: complete cycle of one device, Figure 2"};
   row.published = 0.282;
   row.formula = seconds(cycle({}));
-  row.simulated = up_to(figure_2(c), nodeid::used(NodeId(0x20)), rate(c), figures, "paper2-figure2");
+  row.simulated = up_to(figure_2(c, figures), nodeid::used(NodeId(0x20)), rate(c), figures, "paper2-figure2");
   row.trace = "paper2-figure2";
   row.marks = "begin: 00000100# (ReqUsedNodeId); end: 00000220# (ActUsedNodeId 20h)";
   row.note =
@@ -142,7 +150,7 @@ Row two_nodes(const Conditions& c, Figures& figures) {
   Row row{.paper = 2, .what = "negotiation: two devices until both have booted, Table 4"};
   row.published = 0.562;
   row.formula = seconds(2 * cycle({}));
-  row.simulated = up_to(table_4(c), can::Frame::base(0x741, {0}), rate(c), figures, "paper2-table4");
+  row.simulated = up_to(table_4(c, figures), can::Frame::base(0x741, {0}), rate(c), figures, "paper2-table4");
   row.trace = "paper2-table4";
   row.marks = "begin: 00000100#; end: 741#00 (boot-up of node 41h)";
   row.note =
@@ -155,8 +163,8 @@ Row two_nodes(const Conditions& c, Figures& figures) {
 }  // namespace
 
 namespace paper2 {
-trace::Trace figure_2(const Conditions& conditions) { return study::figure_2(conditions); }
-trace::Trace table_4(const Conditions& conditions) { return study::table_4(conditions); }
+trace::Trace figure_2(const Conditions& conditions, Figures& figures) { return study::figure_2(conditions, figures); }
+trace::Trace table_4(const Conditions& conditions, Figures& figures) { return study::table_4(conditions, figures); }
 }  // namespace paper2
 
 void reproduce_paper2(const Conditions& conditions, Figures& figures) {

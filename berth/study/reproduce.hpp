@@ -1,5 +1,6 @@
 /// `berth reproduce`: every figure that papers 1, 2 and 4 print for finding devices and giving them node-IDs:
-/// published, by formula, simulated on the bit-exact bus, and the same job by Berth's planner.
+/// published, by formula, simulated on the bit-exact bus, and the same job as Berth's own code does it: found by its
+/// planners, bound by `places::Binder`.
 ///
 /// Formula and simulation never look at each other: the formula is arithmetic with frame lengths, time-outs and the
 /// conditions; the simulation is the procedure itself on devices that answer. A simulated time is the span of a
@@ -48,6 +49,9 @@ struct NamedTrace {
 struct Figures {
   std::vector<Row> rows;
   std::vector<NamedTrace> traces;
+  /// Runs that did not come to what they should: their figures are empty, and here is why, a line each. Each run's
+  /// devices are held against the truth of the world (study/verdict.hpp).
+  std::vector<std::string> wrong{};
 };
 
 /// All rows, ascending by paper. Takes about a second.
@@ -60,6 +64,7 @@ struct Listing {
   std::string title;
   trace::Trace trace;
   enum class Form : std::uint8_t { messages, times, view } form = Form::messages;  ///< of study/words.hpp
+  std::vector<std::string> wrong{};                                                ///< as in `Figures`
 };
 [[nodiscard]] const std::vector<std::string_view>& listings();
 /// Empty: there is none of this name.

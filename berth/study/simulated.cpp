@@ -1,24 +1,17 @@
 #include "berth/study/simulated.hpp"
 
+#include <fmt/format.h>
+
 #include <algorithm>
 
 #include "berth/discovery/auto.hpp"
+#include "berth/study/commissioning.hpp"
+#include "berth/study/verdict.hpp"
 
 namespace berth::study {
 namespace {
 
 using namespace std::chrono_literals;
-
-class From final : public discovery::Assigner {
- public:
-  explicit From(unsigned first) : next_(first) {}
-  NodeId assign(const LssAddress&) noexcept override {
-    return next_ > 126 ? NodeId() : NodeId(static_cast<std::uint8_t>(next_++));
-  }
-
- private:
-  unsigned next_;
-};
 
 struct Search {
   discovery::Method method;
@@ -26,11 +19,23 @@ struct Search {
   discovery::Options options;
 };
 
-rt::Task<void> search(Stage& stage, const Search& what, unsigned& found) {
-  lss::Master lss(stage.master());
+rt::Task<void> search(Stage& stage, lss::Master& lss, const Search& what, std::vector<LssAddress>& found) {
   const auto master = discovery::make(what.method, {stage.master(), lss});
   const auto report = co_await master->find(what.known, what.options);
-  if (report) found = static_cast<unsigned>(report->found.size());
+  if (!report) co_return;
+  for (const auto& device : report->found) found.push_back(device.address);
+}
+
+// As `operate::Network` does it: all to waiting behind the search, then the binder.
+rt::Task<void> search_and_bind(Stage& stage, Commissioning& berth, const Search& what, std::vector<places::Seat>& seats,
+                               unsigned first) {
+  std::vector<LssAddress> found;
+  co_await search(stage, berth.lss(), what, found);
+  const auto waiting = co_await berth.lss().switch_global(lss::State::waiting);
+  if (!waiting) co_return;
+  for (const auto& address : found) seats.push_back({address, NodeId(static_cast<std::uint8_t>(first++))});
+  const std::vector<places::Seat> wanted = seats;
+  co_await berth.bind(wanted);
 }
 
 std::int64_t micros(rt::Duration time) noexcept { return (time.count() + 500) / 1000; }
@@ -52,13 +57,13 @@ std::optional<double> measured(Stage& stage, rt::Task<void> task, rt::Duration l
   const bool ended = stage.run(std::move(task), limit);
   stage.mark();
   const double span = keep(stage, stage.bit_rate(), figures, name);
-  if (!ended) return std::nullopt;
-  return span;
+  if (ended) return span;
+  figures.wrong.push_back(name + ": not over in its time");
+  return std::nullopt;
 }
 
 std::optional<double> by_method(const plant::PlantFile& plant, std::uint32_t bit_rate, discovery::Method method,
                                 const Job& job, Figures& figures, const std::string& name) {
-  From ids(job.first_id);
   Search what{method, {}, {}};
   for (const auto& device : plant.devices) {
     const discovery::Kind kind{device.address.type(),
@@ -67,22 +72,25 @@ std::optional<double> by_method(const plant::PlantFile& plant, std::uint32_t bit
       what.known.kinds.push_back(kind);
   }
   what.options.window = job.window;
-  what.options.store = job.store;
-  if (job.assign) what.options.assigner = &ids;
-  unsigned found = 0;
   Stage stage(plant, bit_rate);
-  if (!job.assign) {
-    const auto span = measured(stage, search(stage, what, found), 30min, figures, name);
-    return found == plant.devices.size() ? span : std::nullopt;
+  if (!job.bind) {
+    std::vector<LssAddress> found;
+    lss::Master lss(stage.master());
+    const auto span = measured(stage, search(stage, lss, what, found), 30min, figures, name);
+    return right(figures, name, differences(stage, found)) ? span : std::nullopt;
   }
+  std::vector<places::Seat> seats;
+  Commissioning berth(stage);
   stage.settle();
   stage.record();
-  const bool ended = stage.run(search(stage, what, found), 30min);
-  stage.run_until_quiet(100ms, 10s);
+  const bool ended = stage.run(search_and_bind(stage, berth, what, seats, job.first_id), 30min);
   stage.crop_after_boot_up();
   const double span = keep(stage, bit_rate, figures, name);
-  if (!ended || found != plant.devices.size() || stage.bound() != found) return std::nullopt;
-  return span;
+  auto wrong = differences(stage, seats, Hold::stored);
+  if (!ended) wrong.emplace_back("not over in its time");
+  if (seats.size() != plant.devices.size() || berth.bound() != seats.size())
+    wrong.push_back(fmt::format("{} found and {} bound of {}", seats.size(), berth.bound(), plant.devices.size()));
+  return right(figures, name, wrong) ? std::optional(span) : std::nullopt;
 }
 
 std::optional<double> by_planner(const Cast& cast, std::uint32_t bit_rate, discovery::Method method, const Job& job,

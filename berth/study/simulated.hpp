@@ -15,23 +15,23 @@ namespace berth::study {
 }
 
 /// The stage settles; a mark, the task, a mark; the trace is kept under `name`. The time is its span, to the
-/// microsecond of the log. Empty: not over after `limit`; the trace is kept all the same.
+/// microsecond of the log. Empty: not over after `limit`, which is noted as wrong; the trace is kept all the same.
 [[nodiscard]] std::optional<double> measured(Stage& stage, rt::Task<void> task, rt::Duration limit, Figures& figures,
                                              const std::string& name);
 
-/// How a method of `discovery` works for `by_planner`.
+/// How Berth works for `by_planner` and `by_method`.
 struct Job {
   bool known_types = false;      ///< the slot table knows the types
   bool known_revisions = false;  ///< and the revisions
   rt::Duration window{0};        ///< `discovery::Options::window`
-  bool assign = false;           ///< give node-IDs from `first_id` on
-  bool store = false;
+  bool bind = false;             ///< `Commissioning` binds them from `first_id` on, in the order of finding
   unsigned first_id = 3;
 };
-/// The devices of `cast` found by a method, from mark to mark; empty unless all were found.
+/// The devices of `cast` found by a method, from mark to mark; empty unless all were found, and nobody else.
 [[nodiscard]] std::optional<double> by_planner(const Cast& cast, std::uint32_t bit_rate, discovery::Method method,
                                                const Job& job, Figures& figures, const std::string& name);
-/// The same for any plant. With `job.assign` the last frame is a boot-up message, and it is the end mark.
+/// The same for any plant. With `job.bind` the last frame is a boot-up message, and it is the end mark; empty unless
+/// each device has stored its own node-ID and uses it.
 [[nodiscard]] std::optional<double> by_method(const plant::PlantFile& plant, std::uint32_t bit_rate,
                                               discovery::Method method, const Job& job, Figures& figures,
                                               const std::string& name);
