@@ -302,7 +302,8 @@ NodeId Negotiator::choose() const noexcept {
   const unsigned first = preferred().value();
   for (unsigned i = 0; i < 127; ++i) {
     const NodeId id(static_cast<std::uint8_t>(1 + (first - 1 + i) % 127));
-    if (!used_.test(id.value()) && id != avoid_) return id;
+    const bool avoided = id == avoid_ && executor_->now() < avoided_until_;
+    if (!used_.test(id.value()) && !avoided) return id;
   }
   return {};
 }
@@ -337,7 +338,9 @@ void Negotiator::lose_id(IdLoss why) noexcept {
   lost_ = why;
   if (why != IdLoss::literal) {
     drop();
+    // Its holder's answer may be lost in the next cycle; when the quarrel is over, who is silent is gone.
     avoid_ = id;
+    avoided_until_ = executor_->now() + owner_->in_world(options_.contest);
   }
   speak_.cancel();
   calm_.cancel();
