@@ -72,7 +72,8 @@ struct Heard {
   can::Status worst{};   ///< highest counters of this port, and whether it was bus-off
   bool was_passive = false;
 
-  [[nodiscard]] const HeardNode& node(NodeId id) const noexcept { return nodes[id.value() & 0x7FU]; }
+  /// Of an unconfigured node-ID: nothing was heard.
+  [[nodiscard]] const HeardNode& node(NodeId id) const noexcept { return nodes[id.configured() ? id.value() : 0U]; }
   [[nodiscard]] std::size_t long_runs() const noexcept;
   /// Share of the time, 0..1, at `bit_rate`.
   [[nodiscard]] double load(std::uint32_t bit_rate) const noexcept;

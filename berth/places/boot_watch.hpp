@@ -30,7 +30,7 @@ class BootWatch final : private can::Handler {
   }
 
   /// The node gave this node-ID up.
-  void forget(NodeId id) noexcept { nodes_[id.value() & 0x7FU] = {}; }
+  void forget(NodeId id) noexcept { nodes_[place(id)] = {}; }
 
   /// Waits for a boot-up under `id` at or after `since`; true when it came before `deadline`. One waiter at a time.
   class Wait final : public rt::Operation<Wait>, private rt::Job {
@@ -61,7 +61,9 @@ class BootWatch final : private can::Handler {
     std::uint64_t beats = 0;
     std::uint64_t boot_ups = 0;
   };
-  [[nodiscard]] const Node& at(NodeId id) const noexcept { return nodes_[id.value() & 0x7FU]; }
+  // Nobody is ever heard under 0: what is asked of "no node-ID" (FFh) is that nothing was heard of it.
+  [[nodiscard]] static std::size_t place(NodeId id) noexcept { return id.configured() ? id.value() : 0U; }
+  [[nodiscard]] const Node& at(NodeId id) const noexcept { return nodes_[place(id)]; }
   void received(const can::Frame& frame, rt::Time at) noexcept override;
 
   std::array<Node, 128> nodes_{};

@@ -1,0 +1,51 @@
+// Who booted and who was heard, by node-ID; "no node-ID" is nobody's.
+#include "berth/places/boot_watch.hpp"
+
+#include <gtest/gtest.h>
+
+#include "berth/sim/world.hpp"
+
+namespace berth::places {
+namespace {
+
+using namespace std::chrono_literals;
+
+class Watch : public ::testing::Test {
+ protected:
+  void heard(std::uint32_t id, std::uint8_t state) {
+    other_->send(can::Frame::base(id, {state}), 0);
+    world_.run_for(10ms);
+  }
+
+  sim::World world_{1};
+  sim::Bus& bus_ = world_.add_bus("bus", 125'000);
+  std::unique_ptr<sim::Controller> own_ = bus_.attach();
+  std::unique_ptr<sim::Controller> other_ = bus_.attach();
+  can::Dispatcher dispatcher_{world_.executor(), *own_};
+  BootWatch boots_{dispatcher_};
+};
+
+// A device that had no node-ID gives up none: FFh is not 127.
+TEST_F(Watch, AnUnconfiguredNodeIdIsNot127) {
+  heard(0x77F, 0x00);
+  heard(0x77F, 0x05);
+  boots_.forget(NodeId());
+  EXPECT_TRUE(boots_.boot_up(NodeId(127)));
+  EXPECT_EQ(boots_.beats(NodeId(127)), 1U);
+  EXPECT_EQ(boots_.state(NodeId(127)), NmtState::operational);
+  EXPECT_FALSE(boots_.boot_up(NodeId()));
+  EXPECT_FALSE(boots_.heard(NodeId()));
+  EXPECT_FALSE(boots_.booted_since(NodeId(), {}));
+  EXPECT_EQ(boots_.boot_ups(NodeId()), 0U);
+}
+
+TEST_F(Watch, WhoGaveItsNodeIdUpIsForgottenAlone) {
+  heard(0x703, 0x00);
+  heard(0x704, 0x00);
+  boots_.forget(NodeId(3));
+  EXPECT_FALSE(boots_.boot_up(NodeId(3)));
+  EXPECT_TRUE(boots_.boot_up(NodeId(4)));
+}
+
+}  // namespace
+}  // namespace berth::places
