@@ -59,6 +59,15 @@ std::string refusal(const Error& error, const char* code1) {
   return (error.detail & 0xFFU) == 1 ? code1 : fmt::format("it refuses with error code {}", error.detail & 0xFFU);
 }
 
+// Only a pre-operational node is moved: an operational one is at work, and a stopped one answers no SDO and cannot say
+// who it is.
+std::optional<std::string> wrong_state(NmtState state) {
+  constexpr const char* advice = "make it pre-operational first (`berth nmt preop`)";
+  if (state == NmtState::operational) return fmt::format("it is operational: {}", advice);
+  if (state == NmtState::stopped) return fmt::format("it is stopped and answers no SDO: {}", advice);
+  return std::nullopt;
+}
+
 // A step begins: the time until it is given up, and until a request that does not get out is. On a jammed bus every
 // second spent on one request would be a second in which the port is not started again.
 void Move::allow() {
@@ -83,8 +92,8 @@ rt::Task<void> Move::who_is_there() {
     node.id = s.id;
     node.device = s.device;
     if (s.duplicate) node.problem = "two devices answer here: they cannot be told from each other";
-    if (s.state == NmtState::operational) node.problem = "it is operational: stop it first";
     if (!s.device) node.problem = "it does not tell its LSS address (1018h)";
+    if (s.state) node.problem = wrong_state(*s.state).value_or(node.problem);
     report_.nodes.push_back(node);
   }
   if (report_.nodes.empty()) report_.reason = "nobody is there";
@@ -106,7 +115,7 @@ rt::Task<void> Move::state_of(Node& node) {
     }
     state = asked->state;
   }
-  if (state == NmtState::operational) node.problem = "it is operational: stop it first";
+  node.problem = wrong_state(state).value_or("");
 }
 
 // The bus is heard by all and nobody is selected. A stranger may send the port to bus-off until it is passive itself.

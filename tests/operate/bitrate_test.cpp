@@ -146,6 +146,45 @@ TEST_F(BitRate, AnOperationalDeviceIsNamedAndNothingIsChanged) {
   EXPECT_EQ(rates(), (Rates{125'000, 125'000, 125'000}));
 }
 
+// The advice leads on: a device that is stopped answers no SDO and could not tell its LSS address, one that is
+// pre-operational can be moved (CiA 301 §7.3.2.2: SDO in pre-operational and operational alone).
+TEST_F(BitRate, TheAdviceForAnOperationalDeviceWorks) {
+  make();
+  port_->send(can::Frame::base(0x000, {0x01, 0x03}), 0);
+  world_->sim().run_for(300ms);
+  const auto refused = move(250'000);
+  ASSERT_EQ(refused.end, End::refused);
+  EXPECT_NE(refused.nodes[1].problem.find("berth nmt preop"), std::string::npos) << words(refused);
+  EXPECT_EQ(refused.nodes[1].problem.find("stop"), std::string::npos) << words(refused);
+  port_->send(can::Frame::base(0x000, {0x80, 0x03}), 0);
+  world_->sim().run_for(300ms);
+  const auto moved = move(250'000);
+  EXPECT_EQ(moved.end, End::moved) << words(moved);
+  EXPECT_EQ(rates(), (Rates{250'000, 250'000, 250'000}));
+}
+
+// By heartbeat and by guarding.
+TEST_F(BitRate, AStoppedDeviceIsToldApartFromOneWithoutIdentity) {
+  change_ = [](plant::PlantDevice& d) {
+    if (d.name == "c") d.heartbeat = 0ms;
+  };
+  make();
+  port_->send(can::Frame::base(0x000, {0x02, 0x00}), 0);
+  world_->sim().run_for(300ms);
+  const auto refused = move(250'000);
+  ASSERT_EQ(refused.end, End::refused);
+  for (std::uint8_t id = 2; id <= 4; ++id) {
+    const auto told = [&](const BitRateReport::Node& node) {
+      return node.id == NodeId(id) && node.problem.find("stopped") != std::string::npos &&
+             node.problem.find("berth nmt preop") != std::string::npos;
+    };
+    EXPECT_TRUE(std::ranges::any_of(refused.nodes, told)) << words(refused);
+  }
+  port_->send(can::Frame::base(0x000, {0x80, 0x00}), 0);
+  world_->sim().run_for(300ms);
+  EXPECT_EQ(move(250'000).end, End::moved);
+}
+
 // Without heartbeat the state comes by guarding.
 TEST_F(BitRate, AnOperationalDeviceWithoutHeartbeatIsSeenToo) {
   change_ = [](plant::PlantDevice& d) { d.heartbeat = 0ms; };
