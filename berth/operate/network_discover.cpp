@@ -252,7 +252,8 @@ discovery::Options Network::search_options() {
   options.inhibit = lss_.options().inhibit;
   // Who is missed now is looked for again later, and the machine waits meanwhile: a lost heartbeat is seen behind it.
   options.retries = 2;
-  options.most_time = std::chrono::seconds(3);
+  // Longer than the way down to one device takes where frames need pauses: it begins again after a stop.
+  options.most_time = std::chrono::seconds(20);
   options.observer = &progress_;
   // A device that was found leaves the search with a node-ID: in LSS configuration, where it would be silent, some makers'
   // devices answer everything, and Fastscan does not find the next one while this one answers.
@@ -352,7 +353,7 @@ void Network::rest_from_searching() {
 
 // A device that answers and cannot be selected would hold a search for ever.
 bool Network::gets_on() {
-  constexpr unsigned most_idle = 5;
+  constexpr unsigned most_idle = 2;
   const auto& now = progress_.last;
   const bool same = !news_ && now.kind == progress_.before.kind && now.swept == progress_.before.swept;
   progress_.idle = same ? progress_.idle + 1 : 0;
