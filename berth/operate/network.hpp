@@ -427,6 +427,7 @@ class Network final : private co::HeartbeatConsumer::Observer,
   std::vector<Used> used_;                // found, and sat somewhere before
   std::vector<LssAddress> welcome_;       // a person named them, or said that they may be used
   std::array<rt::Time, 128> asked_at_{};  // who answers at a node-ID of nobody was asked then
+  std::array<bool, 128> look_again_at_{};  // a device was there that waits for its place
   rt::Time sweep_at_{};                   // all node-IDs are not asked again before
   std::vector<places::Oddity> returned_;  // sat in a slot, came back, and gave its node-ID up
   std::vector<LssAddress> heard_of_;      // found by the last discovery
@@ -451,6 +452,7 @@ class Network final : private co::HeartbeatConsumer::Observer,
   bool open_configured_ = false;  // it looks for devices with a node-ID too
   Progress progress_;
   rt::Time progress_at_{};    // it is told again then
+  bool not_the_first_ = false;    // the store knew this machine when it was opened
   bool alone_ = false;        // nobody acknowledged the opening: no node-ID is asked before a search got through
   bool once_ = false;         // `bind_once` runs: there is no later look
   unsigned looks_ = 0;

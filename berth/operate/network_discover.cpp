@@ -77,6 +77,8 @@ rt::Task<void> Network::discover() {
     for (const auto& f : found_) {
       rest_wanted_ = rest_wanted_ || (goes(f) && std::ranges::find(by_rest_, f.device) != by_rest_.end());
       if (goes(f)) forget_readings(f.device);
+      // No search finds it again when it speaks nothing that finds devices with a node-ID.
+      if (goes(f) && f.active.configured() && !f.lent) look_again_at_[f.active.value()] = true;
     }
     std::erase_if(found_, goes);
     co_await ask_own_ids();

@@ -121,8 +121,9 @@ rt::Task<void> Network::opening() {
   if (bus_->role == design::Role::observer) co_return;
   const bool unfinished = std::ranges::any_of(seats_, [](const auto& s) { return s->slot.record.asked.has_value(); }) ||
                           !unfinished_here().empty();
-  if (unfinished) {
-    tell("step", "", "finishing what an earlier run began");
+  if (unfinished) tell("step", "", "finishing what an earlier run began");
+  // What was lent stands in no store: after any earlier run a device may wait with a node-ID pending.
+  if (unfinished || not_the_first_) {
     const auto reverted = co_await lss_.configure_node_id(NodeId());
     if (!reverted && reverted.error().code == Errc::bus) tell("error", "", describe(reverted.error()));
   }

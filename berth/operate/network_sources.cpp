@@ -119,7 +119,8 @@ std::vector<NodeId> Network::ids_to_ask(bool everybody) {
     const bool speaks = heard && *heard > asked_at_[i];
     const bool factory = std::ranges::find(factory_ids, id) != factory_ids.end();
     const bool own = seat != nullptr && seat->slot.spec.assign != Assign::fixed;
-    const bool asks = speaks || everybody || (sweeps && (own || other || (factory && by_lss)));
+    const bool again = std::exchange(look_again_at_[i], false);
+    const bool asks = speaks || again || everybody || (sweeps && (own || other || (factory && by_lss)));
     if (!asks) continue;
     asked_at_[i] = now;
     ids.push_back(id);

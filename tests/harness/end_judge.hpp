@@ -178,6 +178,7 @@ class EndJudge {
     check_owned(t, row);
     if (!is_present(t) || twins(t) || !t.active.configured()) return;
     const design::Bus* const bus = machine_->bus(t.bus);
+    if (out_of_reach(t) && shared_out_of_reach(t)) return;
     if (t.active == bus->master) say(t.name + " holds the master's node-ID");
     const design::Slot* const slot = machine_->slot(t.bus, t.active);
     if (slot == nullptr) return;
@@ -203,9 +204,21 @@ class EndJudge {
 
   // ---- what is free: is everybody seated who can be? ----
 
+  // The published procedures wait 10 ms for an answer, frames included: who is slower may be missed for ever, and who
+  // has a twin in front of it, which gets no node-ID and answers on, is not reached. Auto and the planners have neither
+  // limit.
+  [[nodiscard]] static bool published(const std::string& method) {
+    return method.starts_with("fastscan") || method == "and";
+  }
+  [[nodiscard]] bool too_slow(const plant::PlantDevice& plan) const {
+    const auto window = std::chrono::milliseconds(4);
+    return plan.response.max > window || (plan.response.outlier_ppm > 0 && plan.response.outlier > window);
+  }
+
   [[nodiscard]] bool can_be_found(const plant::Truth& t, const std::string& method) const {
     if (method == "auto") return true;
     const auto& plan = rig_->device(t.name).plan();
+    if (published(method) && too_slow(plan)) return false;
     const bool by_rand = plan.speaks.has(plant::Speaks::rand);
     if (method == "rand" || method == "planner-rand") return by_rand;
     if (method == "and") return plan.speaks.has(plant::Speaks::and_protocol);
@@ -224,8 +237,13 @@ class EndJudge {
       const auto lines = rig_->store().history_of(t.address);
       const bool used = lines && places::former_seat(*lines).has_value();
       used_ = used_ || (counts && used);
-      if (counts && !used && can_be_found(t, bus.discovery)) devices.push_back(&t);
+      const bool found = can_be_found(t, bus.discovery);
+      used_ = used_ || (counts && !found);
+      if (counts && !used && found) devices.push_back(&t);
     }
+    const bool doubled =
+        std::ranges::any_of(truth_, [&](const auto& t) { return is_present(t) && t.bus == bus.name && twins(t); });
+    if (doubled && published(bus.discovery)) return;
     std::vector<const design::Slot*> slots;
     std::vector<const operate::SlotReport*> reports;
     const auto report = network.report();
@@ -244,6 +262,11 @@ class EndJudge {
                    const std::vector<const operate::SlotReport*>& reports,
                    const std::vector<const plant::Truth*>& devices) {
     const TypeCode type = slots[at]->spec.type;
+    // Two devices of one address sit on the slot's node-ID: neither can be told to leave it.
+    if (std::ranges::any_of(truth_, [&](const auto& t) {
+          return is_present(t) && twins(t) && t.bus == slots[at]->spec.name.bus && t.active == slots[at]->spec.id;
+        }))
+      return;
     std::vector<const design::Slot*> group;
     for (const auto* slot : slots) {
       if (slot->spec.type == type) group.push_back(slot);

@@ -309,7 +309,9 @@ class WorldRun final : private can::Tap {
       for (const auto& s : rig_.network(i).report()) {
         const bool by_fastscan = rig_.network(i).bus().discovery.find("fastscan") != std::string::npos ||
                                  rig_.network(i).bus().discovery == "planner-feedback";
-        if (s.state != places::SlotState::operational && !by_fastscan)
+        // A device that was given away and came back is used again when a person says so.
+        const bool persons = s.state == places::SlotState::question && s.reason.find("--used") != std::string::npos;
+        if (s.state != places::SlotState::operational && !by_fastscan && !persons)
           return "slot " + s.name + " is " + places::name(s.state) + ": " + s.reason;
       }
     }
