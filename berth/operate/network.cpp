@@ -64,8 +64,6 @@ Network::Network(rt::Executor& executor, can::Port& port, const design::Bus& bus
 Network::~Network() { stop(); }
 
 Result<void> Network::open() {
-  const auto known = store_->load(machine_name());
-  not_the_first_ = known && !known->empty();
   for (auto& seat : seats_) {
     auto slot = store_->declare(seat->slot.spec.name);
     if (!slot) return fail(slot.error());

@@ -266,6 +266,8 @@ class Network final : private co::HeartbeatConsumer::Observer,
   rt::Task<Result<NodeId>> lend_id(LssAddress device);
   rt::Task<Result<void>> select_alone(LssAddress device);
   [[nodiscard]] lss::PartMask parts_to_ask(const LssAddress& device) const;
+  void note_loans(const LssAddress& device, NodeId id) noexcept;
+  void forget_loans();
   rt::Task<void> take_back_what_is_in_the_way();
   rt::Task<void> take_ids_back();
   rt::Task<bool> take_id_back(LssAddress device, NodeId id);
@@ -452,7 +454,7 @@ class Network final : private co::HeartbeatConsumer::Observer,
   bool open_configured_ = false;  // it looks for devices with a node-ID too
   Progress progress_;
   rt::Time progress_at_{};    // it is told again then
-  bool not_the_first_ = false;    // the store knew this machine when it was opened
+  bool loans_noted_ = false;      // the store knows that node-IDs are lent
   bool alone_ = false;        // nobody acknowledged the opening: no node-ID is asked before a search got through
   bool once_ = false;         // `bind_once` runs: there is no later look
   unsigned looks_ = 0;

@@ -139,9 +139,7 @@ rt::Task<bool> Network::bind_seat(Seat& seat, LssAddress device, std::string rea
   const bool home = !lent && std::ranges::any_of(found_, [&](const places::Found& f) {
     return f.device == device && f.active == seat.id() && !f.clone;
   });
-  // A device that sits where it belongs may speak no LSS: it is asked twice, for the sake of its memory.
-  const unsigned tries = home ? std::min(2U, bus_->timing.tries) : bus_->timing.tries;
-  Binding binding(Binding::Kind::bind, {device, seat.id()}, tries, resumed);
+  Binding binding(Binding::Kind::bind, {device, seat.id()}, bus_->timing.tries, resumed);
   set_state(seat, SlotState::binding, reason);
   places::Binder::Options options = binder_options();
   options.parts = parts_to_ask(device);
@@ -151,6 +149,7 @@ rt::Task<bool> Network::bind_seat(Seat& seat, LssAddress device, std::string rea
   refresh(seat);
   const bool good = binding.step() == places::Step::done;
   const bool no_lss = binding.why() == places::Why::not_there || binding.why() == places::Why::refused;
+  // A device that sits where it belongs may speak no LSS, or take no node-ID.
   if (home && no_lss) {
     const bool taken = co_await take_where_it_is(seat, device);
     if (taken) co_return true;

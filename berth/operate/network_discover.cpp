@@ -259,15 +259,19 @@ discovery::Options Network::search_options() {
   options.observer = &progress_;
   // A device that was found leaves the search with a node-ID: in LSS configuration, where it would be silent, some makers'
   // devices answer everything, and Fastscan does not find the next one while this one answers.
-  options.assigner = this;
+  const bool by_requests_alone = method() == "rand" || method() == "planner-rand" || method() == "and";
+  if (!by_requests_alone) options.assigner = this;
   options.confirm = published;
   return options;
 }
 
 // Lent while the device is the only one selected; it is seated, or blank again, before the round is over.
 NodeId Network::assign(const LssAddress& device) noexcept {
-  const NodeId id = id_to_lend(device);
+  const Seat* const seat = seat_of(device);
+  const bool own = seat != nullptr && vacancy_[seat->id().value()] && !boots_.heard(seat->id());
+  const NodeId id = own ? seat->id() : id_to_lend(device);
   if (!id.configured()) return id;
+  note_loans(device, id);
   lent_until_[id.value()] = rt::never;
   lent_.push_back({device, id, 0});
   return id;

@@ -122,10 +122,12 @@ rt::Task<void> Network::opening() {
   const bool unfinished = std::ranges::any_of(seats_, [](const auto& s) { return s->slot.record.asked.has_value(); }) ||
                           !unfinished_here().empty();
   if (unfinished) tell("step", "", "finishing what an earlier run began");
-  // What was lent stands in no store: after any earlier run a device may wait with a node-ID pending.
-  if (unfinished || not_the_first_) {
+  const auto lent = store_->marked(places::Mark::lent);
+  const bool lends = lent && !lent->empty();
+  if (unfinished || lends) {
     const auto reverted = co_await lss_.configure_node_id(NodeId());
     if (!reverted && reverted.error().code == Errc::bus) tell("error", "", describe(reverted.error()));
+    loans_noted_ = lends;
   }
   const auto quiet = co_await lss_.switch_global(lss::State::waiting);
   alone_ = !quiet;

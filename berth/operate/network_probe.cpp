@@ -79,6 +79,7 @@ rt::Task<Result<NodeId>> Network::lend_id(LssAddress device) {
   lent_until_[id.value()] = rt::never;
   const auto selected = co_await select_alone(device);
   if (!selected) co_return fail(selected.error());
+  note_loans(device, id);
   const auto given = co_await lss_.configure_node_id(id);
   const auto released = co_await lss_.switch_global(lss::State::waiting);
   if (!given) co_return fail(given.error());
@@ -96,6 +97,23 @@ void Network::note_puzzling() {
     const bool probed =
         std::ranges::any_of(question.slots, [&](std::size_t i) { return seats_[i]->slot.spec.probe.has_value(); });
     if (probed) puzzling_ = question.devices;
+  }
+}
+
+// Once for all of a search: what a run that is ended in the middle leaves behind is taken out of all at once.
+void Network::note_loans(const LssAddress& device, NodeId id) noexcept {
+  if (std::exchange(loans_noted_, true)) return;
+  const auto marked = store_->mark(places::Mark::lent, device, id, "node-IDs are lent for a search");
+  if (!marked) loans_noted_ = false;
+}
+
+void Network::forget_loans() {
+  if (!lent_.empty() || !std::exchange(loans_noted_, false)) return;
+  const auto lent = store_->marked(places::Mark::lent);
+  if (!lent) return;
+  for (const auto& each : *lent) {
+    const auto taken = store_->unmark(places::Mark::lent, each.device, "all that was lent is back");
+    if (!taken) tell("error", "", "the slot table cannot be written: " + describe(taken.error()));
   }
 }
 
@@ -145,6 +163,7 @@ rt::Task<void> Network::take_ids_back() {
     if (back) boots_.forget(id);
     vacancy_[id.value()].reset();
   }
+  forget_loans();
 }
 
 // False: it did not confirm that it gives the node-ID up.

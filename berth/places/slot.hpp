@@ -139,9 +139,11 @@ enum class Mark : std::uint8_t {
   restore,     ///< it shall have its factory settings before it is configured (a used spare); until that was done
   fixed,       ///< its node-ID comes from switches, plug or firmware: LSS cannot change it
   looks_used,  ///< it sits in a slot with a configuration of somewhere else, and a person was asked about it
+  lent,        ///< it was the first of a search that a node-ID was lent to; until all are given back. A run that finds
+               ///< this begins with `11 FF`: a device may wait in LSS configuration with a node-ID pending
 };
 /// What the history says when a mark is set, and when it is taken away: "restore asked", "restored"; "fixed node-ID",
-/// "node-ID not fixed"; "looks used", "may be used".
+/// "node-ID not fixed"; "looks used", "may be used"; "lent", "given back".
 [[nodiscard]] const char* name(Mark mark) noexcept;
 [[nodiscard]] const char* name_of_end(Mark mark) noexcept;
 

@@ -36,6 +36,7 @@ const char* name(Mark mark) noexcept {
     case Mark::restore: return "restore asked";
     case Mark::fixed: return "fixed node-ID";
     case Mark::looks_used: return "looks used";
+    case Mark::lent: return "lent";
   }
   return "";
 }
@@ -45,6 +46,7 @@ const char* name_of_end(Mark mark) noexcept {
     case Mark::restore: return "restored";
     case Mark::fixed: return "node-ID not fixed";
     case Mark::looks_used: return "may be used";
+    case Mark::lent: return "given back";
   }
   return "";
 }

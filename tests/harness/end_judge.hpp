@@ -291,6 +291,12 @@ class EndJudge {
       auto& row = choice.edges.emplace_back();
       for (const auto* t : fitting) row.push_back(places::fits(slot->spec, t->address));
     }
+    // One that its bus's method cannot find may have been found before, or by its node-ID.
+    const auto candidates = std::ranges::count_if(truth_, [&](const auto& t) {
+      return is_present(t) && t.bus == slots[at]->spec.name.bus && record_of(t) == nullptr &&
+             std::ranges::any_of(group, [&](const auto* slot) { return places::fits(slot->spec, t.address); });
+    });
+    if (candidates != std::ssize(fitting)) return;
     if (choice.solve().ways == 1) return say(what + " and there is one way only to seat who is there");
     // Paper 1's rule 2: as many devices as slots, in the order of R_SN.
     std::ranges::sort(group, {}, [](const auto* slot) { return slot->spec.id; });
