@@ -117,4 +117,41 @@ TEST(SimBus, LoneNodeBecomesPassiveAndStays) {
   EXPECT_EQ(b.ear.frames.size(), 1U);
 }
 
+// Facts page G.4: 701#05 ends with its 55th bit, whose sample point is at seven eighths: from there on its sender knows
+// that it is out, and a new bit rate does not send it again. Before that it is not out, though the receivers have it.
+TEST(SimBus, G4_AFrameSentWholeIsNotSentAgainAtAnotherBitRate) {
+  struct Case {
+    std::chrono::nanoseconds changed;
+    std::size_t heard;
+    rt::Time confirmed;
+  };
+  constexpr rt::Duration bit = 8us;
+  for (const bool restarts : {false, true}) {
+    for (const Case& each :
+         {Case{54 * bit + 6us, restarts ? 1U : 2U, {}}, Case{54 * bit + 7500ns, 1, at_bit(55, bit)}}) {
+      SCOPED_TRACE(testing::Message() << each.changed.count() << (restarts ? " restart" : " set_bit_rate"));
+      sim::World world;
+      sim::Bus& bus = world.add_bus("a", 125'000);
+      Node a(bus);
+      Node b(bus);
+      a.port->send(Frame::base(0x701, {0x05}), 7);
+      world.run_for(each.changed);
+      if (restarts) a.port->restart(250'000);
+      if (!restarts) a.port->set_bit_rate(250'000);
+      a.port->silent(true);  // until b is at that rate too
+      world.run_for(1ms);
+      b.port->set_bit_rate(250'000);
+      world.run_for(1ms);
+      a.port->silent(false);
+      world.run_for(10ms);
+      EXPECT_EQ(b.ear.frames.size(), each.heard);
+      EXPECT_EQ(a.port->statistics().sent, each.confirmed == rt::Time{} && restarts ? 0U : 1U);
+      EXPECT_EQ(a.port->status().queued, 0U);
+      if (each.confirmed == rt::Time{}) continue;
+      ASSERT_EQ(a.ear.confirmed.size(), 1U);
+      EXPECT_EQ(a.ear.confirmed[0], std::make_pair(7U, each.confirmed));
+    }
+  }
+}
+
 }  // namespace
