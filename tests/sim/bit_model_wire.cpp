@@ -1,5 +1,4 @@
 // The judge's frames, bit by bit.
-#pragma GCC optimize("O2")
 #include <algorithm>
 #include <utility>
 
