@@ -181,7 +181,6 @@ TEST_F(Server, ASlowClientIsLetGoAndSlowsNobody) {
   Socket slow(*this, 4096);
   good.join();
   slow.join();
-  const auto began = std::chrono::steady_clock::now();
   constexpr int frames = 20'000;
   int given = 0;
   std::size_t heard = 0;
@@ -193,10 +192,7 @@ TEST_F(Server, ASlowClientIsLetGoAndSlowsNobody) {
   })) << heard
       << " of " << given;
   EXPECT_EQ(heard, static_cast<std::size_t>(frames));
-  // On a machine that needs so long TCP lets it go before it is too slow (TCP_USER_TIMEOUT of io::tune_tcp).
-  if (std::chrono::steady_clock::now() - began < 20s) {
-    EXPECT_EQ(server_->counters().too_slow, 1U);
-  }
+  EXPECT_EQ(server_->counters().too_slow, 1U);
   EXPECT_EQ(server_->clients(), 1U);
   EXPECT_FALSE(good.ended);
 }
