@@ -46,7 +46,8 @@ struct Auto::Run {
   [[nodiscard]] bool over() const { return report.found.size() >= options.most_devices; }
   // Whoever has no node-ID after all schemes were run: the non-configured question means them too.
   [[nodiscard]] bool all_assigned() const {
-    return std::ranges::all_of(report.found, [](const Found& f) { return f.assigned.configured(); });
+    return std::ranges::all_of(report.found,
+                               [](const Found& f) { return f.assigned.configured() || f.active.configured(); });
   }
 };
 

@@ -1,3 +1,5 @@
+#include <algorithm>
+
 #include "berth/discovery/published.hpp"
 #include "berth/lss/fastscan.hpp"
 
@@ -10,8 +12,15 @@ Report::End end_of(lss::FastscanReport::End end) noexcept {
     case lss::FastscanReport::End::gave_up: return Report::End::gave_up;
     case lss::FastscanReport::End::held: return Report::End::held;
     case lss::FastscanReport::End::limit: return Report::End::limit;
+    case lss::FastscanReport::End::stuck: return Report::End::stuck;
   }
   return Report::End::gave_up;
+}
+
+// Registered, with its node-ID, and answers on.
+bool seated(const Known& known, const lss::FastscanDevice& device) noexcept {
+  const bool registered = std::ranges::find(known.registered, device.address) != known.registered.end();
+  return registered && device.active.configured();
 }
 
 class PublishedFastscan final : public Discovery {
@@ -27,7 +36,7 @@ class PublishedFastscan final : public Discovery {
     return Method::fastscan;
   }
 
-  [[nodiscard]] rt::Task<Result<Report>> find(const Known&, const Options& options) override {
+  [[nodiscard]] rt::Task<Result<Report>> find(const Known& known, const Options& options) override {
     listen();
     lss::FastscanOptions how{
         .form = lss::FastscanForm::merged, .feedback = feedback_, .confirm = options.confirm, .store = options.store};
@@ -35,7 +44,7 @@ class PublishedFastscan final : public Discovery {
     how.retries = options.retries;
     how.most_devices = options.most_devices;
     lss::Fastscan fastscan(services_.lss, how);
-    Owner owner(*this, options);
+    Owner owner(*this, known, options);
     const auto done = co_await fastscan.discover(owner);
     if (!done) co_return fail(done.error());
     Report report;
@@ -45,7 +54,9 @@ class PublishedFastscan final : public Discovery {
     report.began = done->began;
     report.known = done->known;
     report.ended = done->ended;
-    for (const auto& d : done->found) report.found.push_back(found(d));
+    for (const auto& d : done->found) {
+      if (!seated(known, d)) report.found.push_back(found(d));
+    }
     co_return report;
   }
 
@@ -62,7 +73,8 @@ class PublishedFastscan final : public Discovery {
  private:
   class Owner final : public lss::FastscanOwner {
    public:
-    Owner(const PublishedFastscan& method, const Options& options) noexcept : method_(method), options_(options) {}
+    Owner(const PublishedFastscan& method, const Known& known, const Options& options) noexcept
+        : method_(method), known_(known), options_(options) {}
     NodeId assign(const lss::FastscanDevice& device) noexcept override {
       const NodeId id = options_.assigner == nullptr ? NodeId() : options_.assigner->assign(device.address);
       if (!id.configured()) tell(device);
@@ -72,16 +84,17 @@ class PublishedFastscan final : public Discovery {
 
    private:
     void tell(const lss::FastscanDevice& device) noexcept {
-      if (options_.observer != nullptr) options_.observer->found(method_.found(device));
+      if (options_.observer != nullptr && !seated(known_, device)) options_.observer->found(method_.found(device));
     }
     const PublishedFastscan& method_;
+    const Known& known_;
     const Options& options_;
   };
 
   [[nodiscard]] Found found(const lss::FastscanDevice& d) const noexcept {
     return {.address = d.address,
             .at = d.at,
-            .active = {},
+            .active = d.active,
             .assigned = d.assigned,
             .possible_clone = d.possible_clone,
             .by = method()};

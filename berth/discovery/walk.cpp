@@ -66,9 +66,7 @@ void Walker::Search::broken(Error error) noexcept {
   broken_ = true;
 }
 
-bool Walker::Search::over() const {
-  return broken_ || stuck_ || set_aside_ || report_.found.size() >= options_.most_devices;
-}
+bool Walker::Search::over() const { return broken_ || set_aside_ || report_.found.size() >= options_.most_devices; }
 
 rt::Task<Result<Report>> Walker::Search::run() {
   rt::Executor& executor = walker_.services_.dispatcher.executor();
@@ -83,6 +81,7 @@ rt::Task<Result<Report>> Walker::Search::run() {
     if (broken_ || !anybody.yes()) break;
     const auto found = report_.found.size();
     const auto marks = absent_.size();
+    const bool sure = sure_;
     if (aside_.empty()) {
       co_await round();
     } else {
@@ -90,10 +89,10 @@ rt::Task<Result<Report>> Walker::Search::run() {
       co_await beside();
     }
     last_round_found_ = report_.found.size() - found;
-    set_aside_ = false;
+    const bool one_more_aside = std::exchange(set_aside_, false);
     if (over() || exhausted_) break;
     // A known part that nobody has was tried: that happens once for each and is no restart.
-    const bool restart = last_round_found_ == 0 && absent_.size() == marks;
+    const bool restart = last_round_found_ == 0 && absent_.size() == marks && !one_more_aside && sure == sure_;
     if (restart) ++report_.restarts;
     fruitless = restart ? fruitless + 1 : last_round_found_ > 0 ? 0 : fruitless;
     if (fruitless > options_.retries) break;
@@ -105,13 +104,11 @@ rt::Task<Result<Report>> Walker::Search::run() {
   // Another scheme comes next, and its answers have our feedback's identifiers (S1.24).
   if (!broken_) co_await rt::sleep_until(asker_.settled());
   if (broken_) co_return fail(error_);
-  if (stuck_) {
-    report_.end = Report::End::stuck;
-  } else if (report_.found.size() >= options_.most_devices) {
+  if (report_.found.size() >= options_.most_devices) {
     report_.end = Report::End::limit;
   } else if (fruitless > options_.retries) {
     report_.end = Report::End::gave_up;
-  } else if (exhausted_) {
+  } else if (exhausted_ && nameless_) {
     report_.end = Report::End::held;
   }
   report_.requests = asker_.requests();
@@ -222,6 +219,14 @@ const Walker::Search::Path* Walker::Search::choose() const {
 
 bool Walker::Search::is_found(const LssAddress& device) const {
   return std::ranges::find(report_.found, device, &Found::address) != report_.found.end();
+}
+
+bool Walker::Search::is_registered(const LssAddress& device) const {
+  return std::ranges::find(known_.registered, device) != known_.registered.end();
+}
+
+bool Walker::Search::is_aside(const LssAddress& device) const {
+  return std::ranges::find(aside_, device) != aside_.end();
 }
 
 }  // namespace berth::discovery

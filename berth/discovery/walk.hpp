@@ -24,6 +24,11 @@
 /// first and fewer for each further one of its type, and ends with `Report::End::held`: 80h is answered, so nobody can
 /// say that these are all. With learnt windows and many devices of a type this is the slower way.
 ///
+/// A slave that answers Fastscan whatever node-ID it has (Lely core's) is taken out by none. Each selected device tells
+/// its node-ID (5Eh): who has one keeps it. It is reported once, unless it is registered, and the walk goes round it as
+/// above, by the names of the registered first; with nobody without a node-ID among those it ends `complete`. That a
+/// device is met again is no sign of a clone; two answers to one question are.
+///
 /// Within a part the walk asks for the lower half first and concludes the upper one from silence; every eighth
 /// conclusion in a row is checked by a question that must be answered, and a path on which nobody answers any more is
 /// left at the deepest place that still answers. After a device: the next serial number, then its neighbourhood (while

@@ -1,12 +1,15 @@
-// A search: beside devices that were found and got no node-ID. They are waiting, as nobody stays in configuration while
-// others are searched for, so they answer whatever they fit. What they do not fit is asked instead: at each part of
-// their addresses the places beside them.
+// A search: beside devices that are known and answer on, because they got no node-ID, or because they answer Fastscan
+// whatever node-ID they have. They are waiting, as nobody stays in configuration while others are searched for, so they
+// answer whatever they fit. What they do not fit is asked instead: at each part of their addresses the places beside
+// them.
 #include <algorithm>
 
 #include "berth/discovery/walk_search.hpp"
 
 namespace berth::discovery {
 namespace {
+
+constexpr rt::Duration most_sure = std::chrono::seconds(2);  // for all silent places, with the longest window
 
 // The largest places in `at` that hold none of `numbers`.
 void without(Prefix at, const std::vector<std::uint32_t>& numbers, std::vector<Prefix>& to) {
@@ -38,7 +41,12 @@ rt::Task<void> Walker::Search::beside() {
     const bool done = answered || report_.found.size() > found;
     if (done || broken_) co_return;
   }
-  exhausted_ = !over();
+  if (over()) co_return;
+  // Slow ones were perhaps missed by what was learnt from quick ones.
+  const bool once_more = !sure_ && static_cast<std::int64_t>(silent_.size()) * asker_.longest() <= most_sure;
+  if (once_more) silent_.clear();
+  sure_ = true;
+  exhausted_ = !once_more;
 }
 
 rt::Task<bool> Walker::Search::stand_at(Place place) {
@@ -63,18 +71,23 @@ rt::Task<bool> Walker::Search::ask_beside(Place place) {
   without(Prefix{}, numbers, open);
   std::erase_if(open, [&](Prefix p) { return std::ranges::find(silent_, Silent{place, p}) != silent_.end(); });
   if (open.empty()) co_return false;
-  const bool there = co_await stand_at(place);
-  if (!there) co_return true;
+  const bool stands = co_await stand_at(place);
+  if (!stands) co_return true;
   children_.clear();  // theirs
   for (std::size_t i = 0; i < open.size() && !broken_; ++i) {
     const Prefix at = open[i];
     elsewhere();
-    const Heard heard = co_await ask(at, sub_, Wait::learnt);
-    if (heard.yes()) {
-      co_await below(at);
+    const Wait wait = sure_ ? Wait::bound : Wait::learnt;
+    const Heard heard = co_await ask_once(at, sub_, wait);
+    const bool before = heard.late && i > 0;  // the place asked before this one was answered
+    if (before || heard.yes()) {
+      if (before) silent_.pop_back();
+      const Prefix there = before ? open[i - 1] : at;
+      co_await below(there);
       co_return true;
     }
-    silent_.push_back({place, at});
+    if (!heard.sent) --i;
+    if (heard.sent) silent_.push_back({place, at});
   }
   co_return false;
 }

@@ -1,22 +1,23 @@
 // A search: what is done with a device once its serial number is known.
 #include <algorithm>
+#include <utility>
 
 #include "berth/discovery/walk_search.hpp"
 
 namespace berth::discovery {
 
-namespace {
-constexpr unsigned most_again = 3;  // one address so often: it cannot be taken out
-}  // namespace
-
 // The device with this serial number goes to configuration, if it is there.
 rt::Task<Walker::Search::Outcome> Walker::Search::settle(std::uint32_t serial) {
   const LssAddress device = address(serial);
-  if (std::ranges::find(aside_, device) != aside_.end()) co_return Outcome::nobody;
-  held_ = true;
+  if (is_aside(device)) co_return Outcome::nobody;
+  const bool held = std::exchange(held_, true);
   const Prefix whole{serial, 0};
   const Heard heard = co_await ask_once(whole, 0, Wait::bound);
   if (broken_) co_return Outcome::nobody;
+  if (!heard.sent) {  // so nobody was selected, and a `04 00` would make some slaves forget their part
+    held_ = held;
+    co_return Outcome::late;
+  }
   if (!heard.yes()) {
     // It may be there and have been slow, or its answer lost.
     lss_.suspect_strangers();
@@ -56,12 +57,48 @@ rt::Task<Walker::Search::Outcome> Walker::Search::selected(LssAddress device) {
   }
   found.possible_clone = twins;
   if (alone) {
+    const NodeId has = co_await active_id();
+    found.active = has;
+  }
+  const bool told = is_found(device);
+  if (alone && (told || found.active.configured())) {
+    co_await release();
+    const Outcome outcome = co_await stays(found, told);
+    co_return outcome;
+  }
+  if (alone) {
     const NodeId id = co_await give(device);
     found.assigned = id;
   }
   if (broken_) co_return Outcome::nobody;
   keep(found);
-  if (!found.assigned.configured()) put_aside(device);
+  // Where some stay, this one may stay too: it is gone round, which costs time only when it does not.
+  if (!found.assigned.configured() || some_stay_) put_aside(device, found.assigned.configured());
+  co_return Outcome::found;
+}
+
+// Lely core's slaves answer Fastscan whatever node-ID they have.
+rt::Task<NodeId> Walker::Search::active_id() {
+  const lss::ServiceOptions service{.timeout = asker_.longest(), .retries = 0, .full_window = false};
+  const auto told = co_await lss_.inquire_node_id(service);
+  const auto now = walker_.services_.dispatcher.executor().now();
+  asker_.sent_elsewhere(now);
+  if (told) co_return NodeId::make(told->byte()).value_or(NodeId());
+  if (told.error().code == Errc::bus || told.error().code == Errc::cancelled) broken(told.error());
+  lss_.suspect_strangers();  // its answer may come to the next question
+  co_return NodeId();
+}
+
+// It was proven alone, and no node-ID of ours takes it out of the search. That it is met again makes it no clone.
+rt::Task<Walker::Search::Outcome> Walker::Search::stays(const Found& device, bool told) {
+  if (broken_) co_return Outcome::nobody;
+  some_stay_ = some_stay_ || device.active.configured();
+  if (is_registered(device.address)) {
+    stayers_.note(true);
+  } else if (!told) {
+    keep(device);
+  }
+  put_aside(device.address, device.active.configured());
   co_return Outcome::found;
 }
 
@@ -94,8 +131,9 @@ rt::Task<void> Walker::Search::release() {
   held_ = false;
 }
 
-void Walker::Search::put_aside(const LssAddress& device) {
-  if (std::ranges::find(aside_, device) == aside_.end()) aside_.push_back(device);
+void Walker::Search::put_aside(const LssAddress& device, bool has_node_id) {
+  if (!is_aside(device)) aside_.push_back(device);
+  nameless_ = nameless_ || !has_node_id;
   set_aside_ = true;
 }
 
@@ -107,9 +145,7 @@ void Walker::Search::keep(const Found& device) {
     paths_.insert(paths_.begin(), Path{.part = {a.vendor, a.product, a.revision, 0}, .parts = 3});
     known = report_.found.insert(known, device);
   } else {
-    known->possible_clone = true;  // it was taken out, and is there again
-    if (!known->assigned.configured()) known->assigned = device.assigned;
-    if (++again_ > most_again) stuck_ = true;
+    known->possible_clone = known->possible_clone || device.possible_clone;
   }
   if (options_.observer != nullptr) options_.observer->found(*known);
 }

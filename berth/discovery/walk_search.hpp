@@ -73,10 +73,12 @@ class Walker::Search {
   rt::Task<void> round();
   rt::Task<void> serials();
   rt::Task<void> by_name();
+  rt::Task<void> registered_by_name();
   rt::Task<bool> place(Open place);
   rt::Task<bool> anybody_left();
   rt::Task<void> around();
   rt::Task<bool> again_at_serials();
+  rt::Task<bool> lead_to_serials();
   rt::Task<bool> descend(Prefix at, unsigned answers);
   rt::Task<bool> down_feedback(Prefix& at);
   rt::Task<bool> back();
@@ -87,7 +89,9 @@ class Walker::Search {
   rt::Task<void> release();
   [[nodiscard]] lss::AloneOptions alone_options() const noexcept;
   void keep(const Found& device);
-  void put_aside(const LssAddress& device);
+  rt::Task<NodeId> active_id();
+  rt::Task<Outcome> stays(const Found& device, bool told);
+  void put_aside(const LssAddress& device, bool has_node_id);
   // Beside those who were put aside
   rt::Task<void> beside();
   rt::Task<bool> stand_at(Place place);
@@ -99,6 +103,8 @@ class Walker::Search {
   [[nodiscard]] bool absent(const Path& path) const;
   [[nodiscard]] bool chunk_heard(std::uint32_t value) const;
   [[nodiscard]] bool is_found(const LssAddress& device) const;
+  [[nodiscard]] bool is_registered(const LssAddress& device) const;
+  [[nodiscard]] bool is_aside(const LssAddress& device) const;
   [[nodiscard]] bool over() const;
   [[nodiscard]] LssAddress address(std::uint32_t serial) const { return {chain_[0], chain_[1], chain_[2], serial}; }
   void broken(Error error) noexcept;
@@ -110,8 +116,6 @@ class Walker::Search {
   const Options& options_;
   Report report_{};
   bool broken_ = false;
-  bool stuck_ = false;
-  unsigned again_ = 0;  // one address came once more
   Error error_{};
 
   std::vector<Path> paths_;
@@ -143,10 +147,14 @@ class Walker::Search {
   bool forgets_ = false;     // slaves forget their part at `04 00`
   std::array<std::uint32_t, 4> last_chain_{};
   std::size_t last_round_found_ = 0;
-  std::vector<LssAddress> aside_;  // found, and got no node-ID: they answer again
+  std::vector<LssAddress> aside_;  // known, and they answer again
   std::vector<Silent> silent_;     // asked beside those, and silent
   bool set_aside_ = false;         // in this round: it can tell nothing more
   bool exhausted_ = false;         // nobody is beside those
+  bool sure_ = false;              // what is asked beside those waits for the longest window
+  bool nameless_ = false;          // one of those has no node-ID
+  bool some_stay_ = false;         // whatever node-ID they have
+  Worth stayers_;                  // registered devices, asked for by name: they answer although they have a node-ID
   bool held_ = false;              // somebody may be in configuration
 };
 

@@ -87,6 +87,7 @@ rt::Task<void> Walker::Search::serials() {
   const auto children = children_;
   const auto before = report_.found.size();
   co_await by_name();
+  co_await registered_by_name();
   const bool named = report_.found.size() > before;
   if (feedback) {
     for (auto it = children.rbegin(); it != children.rend(); ++it) open(*it, Open::Why::heard);
@@ -115,6 +116,11 @@ rt::Task<void> Walker::Search::serials() {
 // Slaves that forget their part are led to it once more.
 rt::Task<bool> Walker::Search::again_at_serials() {
   if (!forgets_) co_return true;
+  const bool led = co_await lead_to_serials();
+  co_return led;
+}
+
+rt::Task<bool> Walker::Search::lead_to_serials() {
   const auto parts = chain_;
   const Heard anybody = co_await start();
   if (!anybody.yes()) co_return false;
@@ -142,6 +148,25 @@ rt::Task<void> Walker::Search::by_name() {
     if (outcome != Outcome::found) continue;
     const bool there = co_await again_at_serials();
     if (!there) co_return;
+  }
+}
+
+// Who has a node-ID and answers all the same is soonest known by its name, and gone round from then on.
+rt::Task<void> Walker::Search::registered_by_name() {
+  for (const LssAddress& a : known_.registered) {
+    if (a != address(a.serial) || is_found(a) || is_aside(a)) continue;
+    if (broken_ || !stayers_.ask() || report_.found.size() >= options_.most_devices) co_return;
+    elsewhere();
+    const Prefix whole{a.serial, 0};
+    const Heard heard = co_await ask(whole, 3, Wait::learnt);
+    if (!heard.yes()) {
+      stayers_.note(false);
+      continue;
+    }
+    const Outcome outcome = co_await settle(a.serial);
+    if (outcome != Outcome::found) continue;
+    const bool led = co_await lead_to_serials();
+    if (!led) co_return;
   }
 }
 

@@ -1,5 +1,6 @@
 #include "berth/lss/fastscan.hpp"
 
+#include <algorithm>
 #include <utility>
 
 #include "berth/lss/select_alone.hpp"
@@ -17,6 +18,7 @@ const char* name(FastscanReport::End end) noexcept {
     case FastscanReport::End::gave_up: return "gave up";
     case FastscanReport::End::held: return "held";
     case FastscanReport::End::limit: return "limit";
+    case FastscanReport::End::stuck: return "stuck";
   }
   return "?";
 }
@@ -39,8 +41,14 @@ rt::Task<Result<FastscanReport>> Fastscan::discover(FastscanOwner& owner) {
     if (!found && found.error().code != Errc::timeout) co_return fail(found.error());
     if (!found) report.end = End::gave_up;
     if (!found || !*found) break;
-    report.known = device_.at;
-    const auto end = co_await give(report, owner);
+    const bool told = std::ranges::find(report.found, device_.address, &FastscanDevice::address) != report.found.end();
+    if (!told) report.known = device_.at;
+    Result<End> end = End::stuck;
+    if (options_.confirm && told) {
+      end = co_await leave(report);
+    } else {
+      end = co_await give(report, owner);
+    }
     if (!end) co_return fail(end.error());
     streak = *end == End::gave_up ? streak + 1 : 0;
     const bool again = *end == End::gave_up && streak <= options_.retries;
@@ -54,12 +62,36 @@ rt::Task<Result<FastscanReport>> Fastscan::discover(FastscanOwner& owner) {
   co_return std::move(report);
 }
 
+// It was found and given a node-ID before, and answers on: a further one would not end that either.
+rt::Task<Result<FastscanReport::End>> Fastscan::leave(FastscanReport& report) {
+  const auto waiting = co_await master_->switch_global(State::waiting);
+  if (!waiting) co_return fail(waiting.error());
+  const auto known = std::ranges::find(report.found, device_.address, &FastscanDevice::address);
+  known->possible_clone = known->possible_clone || device_.possible_clone;
+  co_return FastscanReport::End::stuck;
+}
+
+rt::Task<Result<NodeId>> Fastscan::active_id() {
+  const ServiceOptions service{.timeout = options_.window, .retries = 0, .full_window = false};
+  const auto told = co_await master_->inquire_node_id(service);
+  if (told) co_return NodeId::make(told->byte()).value_or(NodeId());
+  if (told.error().code != Errc::timeout) co_return fail(told.error());
+  master_->suspect_strangers();  // its answer may come to the next question
+  co_return NodeId();
+}
+
 // The one in configuration gets a node-ID and goes back to waiting, where it takes it and boots (S4.18).
 rt::Task<Result<FastscanReport::End>> Fastscan::give(FastscanReport& report, FastscanOwner& owner) {
   using End = FastscanReport::End;
   // Two devices with one address would take one node-ID; `prove_alone` has sent them back to waiting.
   const bool twins = options_.confirm && device_.possible_clone;
-  const NodeId id = twins ? NodeId() : owner.assign(device_);
+  if (options_.confirm && !twins) {
+    const auto active = co_await active_id();
+    if (!active) co_return fail(active.error());
+    device_.active = *active;
+  }
+  const bool seated = device_.active.configured();
+  const NodeId id = twins || seated ? NodeId() : owner.assign(device_);
   auto end = End::complete;
   if (id.configured() && options_.confirm) {
     const auto given = co_await configure_alone(*master_, device_.address, id, options_.store);
@@ -74,7 +106,7 @@ rt::Task<Result<FastscanReport::End>> Fastscan::give(FastscanReport& report, Fas
     }
     if (!configured) end = configured.error().code == Errc::timeout ? End::gave_up : End::held;
   } else {
-    end = End::held;
+    end = seated ? End::stuck : End::held;
   }
   if (end == End::complete) device_.assigned = id;
   if (end == End::complete && options_.store && !options_.confirm) {
@@ -88,7 +120,7 @@ rt::Task<Result<FastscanReport::End>> Fastscan::give(FastscanReport& report, Fas
     co_return end;
   }
   report.found.push_back(device_);
-  if (end == End::complete) owner.assigned(device_);
+  if (end == End::complete || seated) owner.assigned(device_);
   co_return end;
 }
 

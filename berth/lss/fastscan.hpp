@@ -5,8 +5,9 @@
 ///     auto report = co_await fastscan.discover(owner);          // everybody, each is given a node-ID
 ///
 /// It finds only devices that wait and have no node-ID, active and pending 255 (HU.6): who has one, also a stored or a
-/// hard-coded one, stays silent and is not found (S4.21). Of several the one with the lowest address is found first
-/// (vendor, product, revision, serial number, most significant bit first), with feedback too.
+/// hard-coded one, stays silent and is not found (S4.21). Slaves that answer all the same hide those with higher
+/// addresses: the procedure then ends with `stuck`, and each was told once. Of several the one with the lowest address
+/// is found first (vendor, product, revision, serial number, most significant bit first), with feedback too.
 ///
 /// Silence says something here, so every step waits its whole window, also when an answer came early: the late answer
 /// of a slower device would be taken for one to the next request (HC3.3). What comes later still, or twice, spoils the
@@ -58,6 +59,7 @@ struct FastscanDevice {
   rt::Time at{};                ///< when the last bit of its address was confirmed
   unsigned requests = 0;        ///< that the scan which found it took
   bool possible_clone = false;  ///< its last answer came twice: more than one device seems to have this address
+  NodeId active{};              ///< it has one already, as it says itself (5Eh, with `confirm`): it is given none
   NodeId assigned{};
   bool stored = false;  ///< 17h was answered with success
 };
@@ -68,7 +70,7 @@ class FastscanOwner {
   /// Called while the device is the only one in configuration. Unconfigured: it gets none, and the discovery ends,
   /// `held`.
   virtual NodeId assign(const FastscanDevice& device) noexcept = 0;
-  /// It has its node-ID, and was told to wait.
+  /// It has its node-ID, given now or `FastscanDevice::active`, and was told to wait.
   virtual void assigned(const FastscanDevice&) noexcept {}
 
  protected:
@@ -81,6 +83,7 @@ struct FastscanReport {
     gave_up,   ///< `retries` scans in a row: somebody answers and cannot be identified, or takes no node-ID
     held,      ///< the owner had no node-ID for the last one, the device refused it, or two devices have its address
     limit,     ///< `most_devices`
+    stuck,     ///< a device that has a node-ID, perhaps the one it was just given, answers on (Lely core's slaves do)
   };
   End end = End::complete;
   std::vector<FastscanDevice> found{};
@@ -124,6 +127,8 @@ class Fastscan {
   [[nodiscard]] rt::Task<Result<bool>> ask(FastscanRequest request);
   [[nodiscard]] rt::Task<Result<bool>> confirmed();
   [[nodiscard]] rt::Task<Result<FastscanReport::End>> give(FastscanReport& report, FastscanOwner& owner);
+  [[nodiscard]] rt::Task<Result<FastscanReport::End>> leave(FastscanReport& report);
+  [[nodiscard]] rt::Task<Result<NodeId>> active_id();
   [[nodiscard]] std::uint8_t after(std::uint8_t sub) const noexcept;
   void keep(const Reply& reply, bool lower) noexcept;
 

@@ -12,6 +12,7 @@
 
 #include "berth/base/random.hpp"
 #include "berth/can/dispatcher.hpp"
+#include "berth/device/lss_habits.hpp"
 #include "berth/device/timed_port.hpp"
 #include "berth/discovery/auto.hpp"
 #include "berth/lss/answer_queue.hpp"
@@ -31,6 +32,7 @@ struct NodeOptions {
   bool lss = true;
   bool rand = false;
   NodeId node_id{};  // it has one
+  device::LssHabit habit = device::LssHabit::none;
   device::Timing timing{.response_min = 200us, .response_max = 2ms};
 };
 
@@ -45,8 +47,8 @@ class Node final : private can::Handler, private lss::SlaveOwner {
         port_(world.executor(), *controller_, timing_, random),
         dispatcher_(world.executor(), port_),
         queue_(dispatcher_),
-        slave(world.executor(), *this,
-              {.address = how.address, .fastscan = how.fastscan, .feedback = how.feedback},
+        habits_(how.habit, world.executor(), queue_, how.habit == device::LssHabit::none ? 0 : random.next()),
+        slave(world.executor(), *this, {.address = how.address, .fastscan = how.fastscan, .feedback = how.feedback},
               {.node_id = how.node_id}),
         rand({.address = how.address}) {
     if (how.lss) dispatcher_.add(can::only(lss::master_cob_id), *this);
@@ -79,12 +81,14 @@ class Node final : private can::Handler, private lss::SlaveOwner {
       if (answer) dispatcher_.send(*answer);
       return;
     }
-    const auto answers = slave.handle(frame);
+    const bool strict = options.habit == device::LssHabit::none;
+    const auto answers = strict ? slave.handle(frame) : habits_.handle(frame, slave);
     if (answers && swallows && swallows(frame)) return;
     queue_.send(answers);
   }
   std::optional<lss::StoreResult> store(const lss::Settings&) noexcept override { return lss::StoreResult{}; }
   void wants_reset_communication() noexcept override {
+    if (habits_.boots_by_nmt()) return;
     ++resets;
     slave.reset_communication();
     if (after_reset) after_reset();
@@ -98,6 +102,7 @@ class Node final : private can::Handler, private lss::SlaveOwner {
   device::TimedPort port_;
   can::Dispatcher dispatcher_;
   lss::AnswerQueue queue_;
+  device::LssHabits habits_;
 
  public:
   lss::Slave slave;

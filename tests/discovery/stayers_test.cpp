@@ -1,0 +1,201 @@
+// Devices that answer Fastscan whatever node-ID they have, as Lely core's slaves do (HC3.3, HU.6): giving them a
+// node-ID takes them out of no search.
+#include "berth/discovery/walk.hpp"
+
+#include "discovery_world.hpp"
+
+namespace berth::discovery::test {
+namespace {
+
+constexpr TypeCode type{0x360, 5};
+constexpr std::uint32_t revision = 3;
+
+NodeOptions lely(std::uint32_t serial, NodeId id = {}) {
+  NodeOptions o;
+  o.address = {type.vendor, type.product, revision, serial};
+  o.habit = device::LssHabit::lely;
+  o.node_id = id;
+  return o;
+}
+
+class Stayers : public testing::TestWithParam<Method> {};
+INSTANTIATE_TEST_SUITE_P(All, Stayers, testing::Values(Method::planner_fastscan, Method::planner_feedback));
+
+void expect_each_once(const Report& report, const Giver& giver, std::size_t devices) {
+  EXPECT_EQ(report.end, Report::End::complete) << name(report.end);
+  EXPECT_EQ(report.found.size(), devices);
+  EXPECT_EQ(giver.asked.size(), devices) << "a device was lent more than one node-ID";
+  for (const auto& d : report.found) EXPECT_FALSE(d.possible_clone) << to_string(d.address);
+}
+
+TEST_P(Stayers, BlankOnesAreFoundOnceAndLentOneNodeId) {
+  for (const unsigned devices : {1U, 2U, 10U}) {
+    for (const bool kind_known : {true, false}) {
+      for (const bool random_serials : {true, false}) {
+        SCOPED_TRACE(testing::Message() << devices << kind_known << random_serials);
+        World w(devices);
+        for (unsigned i = 0; i < devices; ++i) {
+          w.add(lely(random_serials ? static_cast<std::uint32_t>(w.random.next()) : 4 + i));
+        }
+        if (kind_known) w.known.kinds = {{type, revision}};
+        Giver giver;
+        w.options.assigner = &giver;
+        const auto report = w.find(GetParam());
+        ASSERT_TRUE(report) << describe(report.error());
+        expect_each_once(*report, giver, devices);
+        EXPECT_EQ(addresses(*report), addresses(w));
+        for (const auto& n : w.nodes) EXPECT_EQ(n->slave.pending().node_id, giver.given[n->options.address]);
+        EXPECT_LT(report->ended - report->began, 3s + devices * 500ms);
+      }
+    }
+  }
+}
+
+// It is 360h-5-3-4 in memory of the peers' trial: one blank slave, every later search meets it again.
+TEST_P(Stayers, WhoIsSeatedIsNotFoundAgain) {
+  World w;
+  w.add(lely(4, NodeId(2)));
+  w.known.kinds = {{type, revision}};
+  w.known.registered = {w.nodes[0]->options.address};
+  Giver giver;
+  w.options.assigner = &giver;
+  const auto report = w.find(GetParam());
+  ASSERT_TRUE(report) << describe(report.error());
+  expect_each_once(*report, giver, 0);
+  EXPECT_EQ(w.nodes[0]->slave.pending().node_id, NodeId(2));
+  EXPECT_LT(report->ended - report->began, 3s);
+}
+
+// A node-ID that was in its memory: told, and left.
+TEST_P(Stayers, WhoHasANodeIdKeepsIt) {
+  World w;
+  w.add(lely(4, NodeId(77)));
+  Giver giver;
+  w.options.assigner = &giver;
+  const auto report = w.find(GetParam());
+  ASSERT_TRUE(report) << describe(report.error());
+  EXPECT_EQ(report->end, Report::End::complete);
+  EXPECT_TRUE(giver.asked.empty());
+  ASSERT_EQ(report->found.size(), 1U);
+  EXPECT_EQ(report->found[0].active, NodeId(77));
+  EXPECT_EQ(w.nodes[0]->slave.pending().node_id, NodeId(77));
+}
+
+// A registered device that lost its node-ID is found, whoever else stays.
+TEST_P(Stayers, ARegisteredOneWithoutANodeIdIsFound) {
+  World w;
+  w.add(lely(4, NodeId(2)));
+  w.add(lely(5));
+  w.known.kinds = {{type, revision}};
+  for (const auto& n : w.nodes) w.known.registered.push_back(n->options.address);
+  Giver giver;
+  giver.next = 50;
+  w.options.assigner = &giver;
+  const auto report = w.find(GetParam());
+  ASSERT_TRUE(report) << describe(report.error());
+  expect_each_once(*report, giver, 1);
+  EXPECT_EQ(w.nodes[1]->slave.pending().node_id, NodeId(50));
+}
+
+TEST_P(Stayers, ANewOneAmongThirtyThatAreSeated) {
+  for (const bool random_serials : {true, false}) {
+    for (const bool stays : {true, false}) {
+      for (const auto feedback : {lss::Feedback::none, lss::Feedback::extended}) {
+        SCOPED_TRACE(testing::Message() << random_serials << stays << int(feedback));
+        World w(30);
+        for (unsigned i = 0; i < 30; ++i) {
+          const auto number = random_serials ? static_cast<std::uint32_t>(w.random.next()) : 100 + i;
+          w.add(lely(number, NodeId(static_cast<std::uint8_t>(1 + i))));
+          w.known.registered.push_back(w.nodes.back()->options.address);
+        }
+        NodeOptions blank = lely(random_serials ? static_cast<std::uint32_t>(w.random.next()) : 130);
+        if (!stays) blank.habit = device::LssHabit::none;
+        blank.feedback = feedback;
+        w.add(blank);
+        w.known.kinds = {{type, revision}};
+        Giver giver;
+        giver.next = 50;
+        w.options.assigner = &giver;
+        const auto report = w.find(GetParam());
+        ASSERT_TRUE(report) << describe(report.error());
+        expect_each_once(*report, giver, 1);
+        EXPECT_EQ(w.nodes.back()->slave.pending().node_id, NodeId(50));
+        EXPECT_LT(report->known - report->began, 6s);
+        EXPECT_LT(report->ended - report->began, 10s);
+      }
+    }
+  }
+}
+
+// Two with one address are told by two answers to one question, staying or not.
+TEST_P(Stayers, TwinsAreTold) {
+  unsigned told = 0;
+  for (std::uint64_t seed = 1; seed <= 20; ++seed) {
+    World w(seed);
+    w.add(lely(4));
+    w.add(lely(4));
+    Giver giver;
+    w.options.assigner = &giver;
+    const auto report = w.find(GetParam());
+    ASSERT_TRUE(report);
+    ASSERT_EQ(report->found.size(), 1U);
+    told += report->found[0].possible_clone ? 1U : 0U;
+  }
+  EXPECT_GE(told, 18U);
+}
+
+// The published procedure cannot look past who answers on: found once, lent one node-ID, and it says why it ends.
+TEST(StayersPublished, TheProcedureEndsInWords) {
+  for (const NodeId has : {NodeId(), NodeId(33)}) {
+    World w;
+    w.add(lely(4, has));
+    Giver giver;
+    w.options.assigner = &giver;
+    w.options.confirm = true;
+    const auto report = w.find(Method::fastscan);
+    ASSERT_TRUE(report) << describe(report.error());
+    EXPECT_EQ(report->end, Report::End::stuck) << name(report->end);
+    ASSERT_EQ(report->found.size(), 1U);
+    EXPECT_FALSE(report->found[0].possible_clone);
+    EXPECT_EQ(report->found[0].active, has);
+    EXPECT_EQ(giver.asked.size(), has.configured() ? 0U : 1U);
+    EXPECT_EQ(w.nodes[0]->slave.pending().node_id, has.configured() ? has : NodeId(1));
+  }
+}
+
+TEST(StayersPublished, WhoIsRegisteredIsNotToldAgain) {
+  World w;
+  w.add(lely(4, NodeId(33)));
+  w.known.registered = {w.nodes[0]->options.address};
+  Giver giver;
+  w.options.assigner = &giver;
+  w.options.confirm = true;
+  const auto report = w.find(Method::fastscan);
+  ASSERT_TRUE(report) << describe(report.error());
+  EXPECT_TRUE(report->found.empty());
+  EXPECT_EQ(report->end, Report::End::stuck);
+}
+
+TEST(StayersAuto, FindsEachOnceAndEnds) {
+  World w;
+  w.add(lely(4));
+  w.add(lely(9, NodeId(2)));
+  w.add(lely(10, NodeId(3)));
+  w.known.kinds = {{type, revision}};
+  w.known.registered = {w.nodes[1]->options.address};
+  Giver giver;
+  giver.next = 50;
+  w.options.assigner = &giver;
+  Auto all(w.services(), {});
+  const auto report = w.run(all.find(w.known, w.options));
+  ASSERT_TRUE(report) << describe(report.error());
+  EXPECT_EQ(report->end, Report::End::complete) << name(report->end);
+  EXPECT_EQ(giver.asked.size(), 1U);
+  ASSERT_EQ(report->found.size(), 2U);
+  for (const auto& d : report->found) EXPECT_FALSE(d.possible_clone);
+  EXPECT_EQ(w.nodes[2]->slave.pending().node_id, NodeId(3));
+  EXPECT_LT(report->ended - report->began, 5s);
+}
+
+}  // namespace
+}  // namespace berth::discovery::test
