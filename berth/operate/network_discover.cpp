@@ -94,7 +94,10 @@ rt::Task<void> Network::discover() {
     // Who speaks RAND answers LSS too while it has no node-ID: it is found already.
     const bool unheard = found_.size() == before || somebody_missing();
     bool wanted = std::exchange(rest_wanted_, false) && unheard;
-    const bool asks = others && anew && !due && !wanted && somebody_missing();
+    // One that RAND found answers LSS too.
+    const bool answers =
+        std::ranges::any_of(found_, [](const places::Found& f) { return !f.active.configured() && !f.clone; });
+    const bool asks = others && anew && !due && !wanted && !answers && somebody_missing();
     if (asks) {
       wanted = co_await anybody_blank();
       rest_wanted_ = false;
@@ -267,6 +270,9 @@ discovery::Options Network::search_options() {
 
 // Lent while the device is the only one selected; it is seated, or blank again, before the round is over.
 NodeId Network::assign(const LssAddress& device) noexcept {
+  const auto found = std::ranges::find(found_, device, &places::Found::device);
+  const bool by_rand = found != found_.end() && std::ranges::find(by_rest_, device) == by_rest_.end();
+  if (by_rand) return {};  // it waits for its place, and leaves no search by a loan
   const Seat* const seat = seat_of(device);
   const bool own = seat != nullptr && vacancy_[seat->id().value()] && !boots_.heard(seat->id());
   const NodeId id = own ? seat->id() : id_to_lend(device);

@@ -196,6 +196,8 @@ rt::Task<void> Network::handle(Wake wake) {
         const auto cleared = clear_seat(*seat, "it fell silent, and the machine file says replacement = \"auto\"");
         if (!cleared) tell("error", seat->name(), describe(cleared.error()));
         look_anew_ = true;
+        // A replacement that comes now is heard at once; the long search for devices with a node-ID would be in its way.
+        rest_at_ = std::max(rest_at_, executor_->now() + 8 * bus_->timing.probe_period);
       }
       break;
     }

@@ -120,7 +120,8 @@ std::vector<NodeId> Network::ids_to_ask(bool everybody) {
     const bool factory = std::ranges::find(factory_ids, id) != factory_ids.end();
     const bool own = seat != nullptr && seat->slot.spec.assign != Assign::fixed;
     const bool again = std::exchange(look_again_at_[i], false);
-    const bool asks = speaks || again || everybody || (sweeps && (own || other || (factory && by_lss)));
+    const bool masters = sweeps && id == bus_->master && !vacancy_[i];  // it was asked, and answered
+    const bool asks = speaks || again || masters || everybody || (sweeps && (own || other || (factory && by_lss)));
     if (!asks) continue;
     asked_at_[i] = now;
     ids.push_back(id);
@@ -195,6 +196,17 @@ rt::Task<void> Network::ask_own_ids() {
     for (const auto& seat : seats_) {
       const bool waits = !seat->there && seat->slot.spec.assign == Assign::lss && !seat->slot.record.confirmed;
       if (waits) asked.spawn(identity_at(seat->id(), answered));
+    }
+    // And who was heard under a node-ID of no slot: nothing is given away before all that speak are known.
+    for (std::uint8_t i = 1; i <= 127; ++i) {
+      const NodeId id(i);
+      const auto heard = boots_.heard(id);
+      const bool again = std::exchange(look_again_at_[i], false);
+      const bool spoke = heard && *heard > asked_at_[i] && *heard > lent_until_[i];
+      const bool strange = (again || spoke) && seat_at(id) == nullptr && id != bus_->master;
+      if (!strange) continue;
+      asked_at_[i] = executor_->now();
+      asked.spawn(identity_at(id, answered));
     }
     co_await asked.join();
   }

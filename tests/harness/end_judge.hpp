@@ -144,6 +144,14 @@ class EndJudge {
     const bool fastscan = method.find("fastscan") != std::string::npos || method == "planner-feedback";
     return fastscan && t.active.configured() && watch_->owned(t.name) != t.active;
   }
+  // Its slot's node-ID is held by two devices of one address, which no master can tell apart: a person takes one off.
+  [[nodiscard]] bool waits_for_twins(const plant::Truth& t) const {
+    return std::ranges::any_of(truth_, [&](const plant::Truth& twin) {
+      const design::Slot* const slot = machine_->slot(t.bus, twin.active);
+      return is_present(twin) && twins(twin) && twin.bus == t.bus && slot != nullptr &&
+             places::fits(slot->spec, t.address);
+    });
+  }
   [[nodiscard]] bool shared_out_of_reach(const plant::Truth& t) const {
     return std::ranges::any_of(truth_, [&](const plant::Truth& o) {
       return o.name != t.name && is_present(o) && o.bus == t.bus && o.active == t.active && out_of_reach(o);
@@ -179,6 +187,7 @@ class EndJudge {
     if (!is_present(t) || twins(t) || !t.active.configured()) return;
     const design::Bus* const bus = machine_->bus(t.bus);
     if (out_of_reach(t) && shared_out_of_reach(t)) return;
+    if (waits_for_twins(t)) return;
     if (t.active == bus->master) say(t.name + " holds the master's node-ID");
     const design::Slot* const slot = machine_->slot(t.bus, t.active);
     if (slot == nullptr) return;
