@@ -81,7 +81,6 @@ rt::Task<Result<Report>> Walker::Search::run() {
     if (broken_ || !anybody.yes()) break;
     const auto found = report_.found.size();
     const auto marks = absent_.size();
-    const bool sure = sure_;
     if (aside_.empty()) {
       co_await round();
     } else {
@@ -92,7 +91,7 @@ rt::Task<Result<Report>> Walker::Search::run() {
     const bool one_more_aside = std::exchange(set_aside_, false);
     if (over() || exhausted_) break;
     // A known part that nobody has was tried: that happens once for each and is no restart.
-    const bool restart = last_round_found_ == 0 && absent_.size() == marks && !one_more_aside && sure == sure_;
+    const bool restart = last_round_found_ == 0 && absent_.size() == marks && !one_more_aside;
     if (restart) ++report_.restarts;
     fruitless = restart ? fruitless + 1 : last_round_found_ > 0 ? 0 : fruitless;
     if (fruitless > options_.retries) break;

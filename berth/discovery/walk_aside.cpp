@@ -9,8 +9,6 @@
 namespace berth::discovery {
 namespace {
 
-constexpr rt::Duration most_sure = std::chrono::seconds(2);  // for all silent places, with the longest window
-
 // The largest places in `at` that hold none of `numbers`.
 void without(Prefix at, const std::vector<std::uint32_t>& numbers, std::vector<Prefix>& to) {
   const bool holds = std::ranges::any_of(numbers, [&](std::uint32_t n) { return at.contains(n); });
@@ -41,12 +39,7 @@ rt::Task<void> Walker::Search::beside() {
     const bool done = answered || report_.found.size() > found;
     if (done || broken_) co_return;
   }
-  if (over()) co_return;
-  // Slow ones were perhaps missed by what was learnt from quick ones.
-  const bool once_more = !sure_ && static_cast<std::int64_t>(silent_.size()) * asker_.longest() <= most_sure;
-  if (once_more) silent_.clear();
-  sure_ = true;
-  exhausted_ = !once_more;
+  if (!over()) exhausted_ = true;
 }
 
 rt::Task<bool> Walker::Search::stand_at(Place place) {
@@ -77,8 +70,7 @@ rt::Task<bool> Walker::Search::ask_beside(Place place) {
   for (std::size_t i = 0; i < open.size() && !broken_; ++i) {
     const Prefix at = open[i];
     elsewhere();
-    const Wait wait = sure_ ? Wait::bound : Wait::learnt;
-    const Heard heard = co_await ask_once(at, sub_, wait);
+    const Heard heard = co_await ask_once(at, sub_, Wait::learnt);
     const bool before = heard.late && i > 0;  // the place asked before this one was answered
     if (before || heard.yes()) {
       if (before) silent_.pop_back();

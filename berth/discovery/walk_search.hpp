@@ -151,7 +151,6 @@ class Walker::Search {
   std::vector<Silent> silent_;     // asked beside those, and silent
   bool set_aside_ = false;         // in this round: it can tell nothing more
   bool exhausted_ = false;         // nobody is beside those
-  bool sure_ = false;              // what is asked beside those waits for the longest window
   bool nameless_ = false;          // one of those has no node-ID
   bool some_stay_ = false;         // whatever node-ID they have
   Worth stayers_;                  // registered devices, asked for by name: they answer although they have a node-ID

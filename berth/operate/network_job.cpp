@@ -100,9 +100,9 @@ rt::Task<void> Network::round() {
       const bool fixed = seat->slot.spec.assign == places::Assign::fixed && !seat->slot.record.confirmed;
       if (fixed) co_await adopt_fixed(*seat);
     }
+    const bool everybody = false;
     co_await discover();
     co_await carry_out();
-    const bool everybody = false;
     const bool others = co_await find_configured(everybody);
     co_await bind_by_recipe();
     if (others) co_await carry_out();

@@ -30,6 +30,8 @@ rt::Task<void> Commissioning::bind(std::vector<places::Seat> seats) {
   rt::Scope asked(dispatcher_->executor());
   for (const auto& seat : seats) asked.spawn(ask(seat));
   co_await asked.join();
+  others_.clear();
+  for (const auto& seat : seats) others_.push_back(seat.device);
   for (const auto& seat : seats) co_await bind_one(seat);
 }
 
@@ -45,7 +47,8 @@ rt::Task<void> Commissioning::bind_one(places::Seat seat) {
   if (!slot) co_return;
   const places::SlotId place = *slot;
   const std::string reason = "found";
-  const places::Binder::Options options;
+  places::Binder::Options options;
+  options.parts = lss::parts_to_ask(seat.device, others_);  // as the main job does
   places::Binder binder(services(), options);
   places::Binding binding(places::Binding::Kind::bind, seat, options.tries);
   co_await binder.run(binding, place, reason);

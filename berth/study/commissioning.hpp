@@ -34,6 +34,7 @@ class Commissioning {
   places::BootWatch boots_;
   places::MemoryStore store_;
   places::VacancyTable vacancy_{};
+  std::vector<LssAddress> others_;  // that may be in configuration unheard
   unsigned bound_ = 0;
 };
 

@@ -311,11 +311,25 @@ class WorldRun final : private can::Tap {
                                  rig_.network(i).bus().discovery == "planner-feedback";
         // A device that was given away and came back is used again when a person says so.
         const bool persons = s.state == places::SlotState::question && s.reason.find("--used") != std::string::npos;
-        if (s.state != places::SlotState::operational && !by_fastscan && !persons)
+        if (s.state != places::SlotState::operational && !by_fastscan && !persons && !kept_elsewhere(s))
           return "slot " + s.name + " is " + places::name(s.state) + ": " + s.reason;
       }
     }
     return {};
+  }
+
+  // A device that came with the node-ID of a slot that it fits was seated there, before one was found that fits no other:
+  // who sits is not moved.
+  [[nodiscard]] bool kept_elsewhere(const operate::SlotReport& empty) {
+    const auto records = rig_.store().load(plan_.machine.name);
+    if (!records || empty.state != places::SlotState::empty) return false;
+    const design::Slot* const slot = plan_.machine.slot(empty.bus, empty.id);
+    return std::ranges::any_of(plan_.plant.devices, [&](const plant::PlantDevice& d) {
+      return slot != nullptr && d.node_id.configured() && places::fits(slot->spec, d.address) &&
+             std::ranges::any_of(*records, [&](const places::SlotRecord& r) {
+               return r.confirmed && r.confirmed->device == d.address && r.confirmed->id == d.node_id;
+             });
+    });
   }
 
   void check_end() {

@@ -142,12 +142,17 @@ TEST(Reproduce, BerthsBindingIsTheBindersOwn) {
     if (frame.id > 0x600 && frame.id < 0x680 && frame.data[1] == 0x18 && frame.data[3] == 4)
       steps.push_back("1018h:04");
   }
-  ASSERT_EQ(steps.size(), 30 * 10U);
+  // The proof that one slave alone is selected: the first on a bus by all parts of the address, the others by what they
+  // differ in, the serial number.
+  const auto proof = [](unsigned i) { return i == 0 ? 4U : 1U; };
+  ASSERT_EQ(steps.size(), 30 * 10U + 4U + 29U);
   ASSERT_EQ(booted.size(), 30U);
   for (unsigned i = 0; i < 30; ++i) {
-    const auto* const step = &steps[i * std::size_t{10}];
+    const auto* step = &steps[i == 0 ? 0U : 14U + (i - 1) * std::size_t{11}];
     EXPECT_EQ(step[0], "04 00") << i;
     EXPECT_EQ(step[4].substr(0, 2), "43") << i;
+    EXPECT_EQ(step[5].substr(0, 2), "5D") << i;
+    step += proof(i);
     EXPECT_EQ(step[5].substr(0, 2), "5E") << i;
     EXPECT_EQ(step[6], fmt::format("11 {:02X}", i + 1)) << i;
     EXPECT_EQ(step[7].substr(0, 2), "17") << i;
