@@ -158,14 +158,18 @@ rt::Task<Outcome> Binder::await_boot_up(NodeId id) {
   const rt::Time first = std::min(deadline, began + options_.own_boot);
   const bool by_itself = co_await s_.boots.wait(id, moved_, first);
   if (by_itself) co_return Outcome::ok;
+  wake_unconfigured();
+  const bool heard = co_await s_.boots.wait(id, moved_, deadline);
+  co_return heard ? Outcome::ok : Outcome::silent;
+}
+
+void Binder::wake_unconfigured() {
   can::Frame reset;
   reset.id = 0;
   reset.size = 2;
   reset.data[0] = static_cast<std::uint8_t>(co::NmtCommand::reset_communication);
   reset.data[1] = NodeId::unconfigured_value;
   s_.dispatcher.send(reset);
-  const bool heard = co_await s_.boots.wait(id, moved_, deadline);
-  co_return heard ? Outcome::ok : Outcome::silent;
 }
 
 rt::Task<Outcome> Binder::inquire(Binding& binding) {
@@ -230,7 +234,17 @@ rt::Task<Result<LssAddress>> Binder::read_identity(co::SdoClient& sdo, NodeId no
 rt::Task<Outcome> Binder::identify(const Binding& binding) {
   const NodeId id = binding.seat().id;
   const auto surplus = s_.sdo.surplus(id);
-  const auto who = co_await read_identity(s_.sdo, id);
+  auto who = co_await read_identity(s_.sdo, id);
+  // Lely core's slaves tell the pending node-ID by 5Eh, so that they were not waited for: they have not booted yet.
+  const bool asleep = !who && who.error().code == Errc::timeout && binding.old_id() == id && !woken_;
+  if (asleep) {
+    woken_ = true;
+    moved_ = s_.dispatcher.executor().now();
+    wake_unconfigured();
+    const rt::Time deadline = moved_ + options_.own_boot;
+    const bool booted = co_await s_.boots.wait(id, moved_, deadline);
+    if (booted) who = co_await read_identity(s_.sdo, id);
+  }
   if (!who) co_return who.error().code == Errc::timeout ? Outcome::silent : outcome_of(who.error());
   if (s_.sdo.surplus(id) != surplus) co_return Outcome::doubled;
   s_.vacancy[id.value() & 0x7FU].reset();

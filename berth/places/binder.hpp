@@ -72,6 +72,7 @@ class Binder {
   rt::Task<Outcome> inquire(Binding& binding);
   rt::Task<Outcome> configure(NodeId id);
   rt::Task<Outcome> await_boot_up(NodeId id);
+  void wake_unconfigured();
   rt::Task<Outcome> store();
   rt::Task<Outcome> release(const Binding& binding);
   rt::Task<Outcome> reset(const Binding& binding);
@@ -84,6 +85,7 @@ class Binder {
   rt::Time watch_since_{};  // vacancy was seen then
   rt::Time moved_{};        // the device may boot under its new node-ID from then on
   bool silent_once_ = false;
+  bool woken_ = false;
 };
 
 /// What the outcome of a `Result` means to the table.

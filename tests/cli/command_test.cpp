@@ -41,8 +41,9 @@ class Command : public ::testing::Test {
   std::string left = "00000001-00000001-00000000-00000020";
 };
 
-// Two devices that hold each other's node-ID: one is refused at first, and tried again before `up` gives up.
-TEST_F(Command, UpPutsSwappedNodeIdsRight) {
+// Two devices of one type that came with the node-IDs of its slots, against the order of their serial numbers: the machine
+// was commissioned before, and keeps its order (docs/machine-file.md, `ascending`).
+TEST_F(Command, UpKeepsTheOrderOfACommissionedMachine) {
   std::string text(small_plant);
   for (const auto& [serial, id] : {std::pair("0x21", 2), std::pair("0x20", 3)}) {
     const std::string line = std::string("serial = ") + serial + "\n";
@@ -51,8 +52,8 @@ TEST_F(Command, UpPutsSwappedNodeIdsRight) {
   const Outcome outcome = berth({"up", machine, "--sim", folder.write("swapped.toml", text), "--json"});
   ASSERT_EQ(outcome.status, 0) << outcome.out << outcome.err;
   const Json slots = Json::parse(outcome.out).at("slots");
-  EXPECT_EQ(slots.at(0).at("r_sn"), "0x0000000000000020");
-  EXPECT_EQ(slots.at(1).at("r_sn"), "0x0000000000000021");
+  EXPECT_EQ(slots.at(0).at("r_sn"), "0x0000000000000021");
+  EXPECT_EQ(slots.at(1).at("r_sn"), "0x0000000000000020");
 }
 
 TEST_F(Command, MemoryOfTheDevicesNeedsAPlaceForAFile) {

@@ -38,7 +38,7 @@ INSTANTIATE_TEST_SUITE_P(
         Cell{Kind::feedback_11, 126, 125'000, Latency::outliers}, Cell{Kind::feedback_29, 60, 10'000, Latency::random},
         Cell{Kind::fixed, 30, 125'000, Latency::equal}, Cell{Kind::fixed_unsaid, 1, 1'000'000, Latency::outliers},
         Cell{Kind::stored, 30, 50'000, Latency::random}, Cell{Kind::canopennode, 5, 125'000, Latency::random},
-        Cell{Kind::lely, 5, 125'000, Latency::random}, Cell{Kind::mixed, 60, 125'000, Latency::random}),
+        Cell{Kind::lely, 5, 125'000, Latency::random}, Cell{Kind::mixed, 5, 125'000, Latency::random}),
     test_name);
 
 }  // namespace

@@ -32,7 +32,7 @@ struct Options {
   bool complete = true;                       // fail when a cell of the matrix has too few hits
 };
 
-constexpr unsigned fewest_hits = 20;
+constexpr unsigned fewest_hits = 15;
 
 using Matrix = std::array<std::array<unsigned, columns>, world_fault_kinds>;
 using StepMatrix = std::array<std::array<unsigned, steps>, step_kinds>;
