@@ -161,6 +161,10 @@ class Lss(UnderBerth):
             const receive = my.d.lss.receive.bind(my.d.lss);
             my.d.lss.receive = (frame) => {  // the answer to a selection by address, which the package forgot
                 const before = my.d.lss.mode;
+                // Of vendor-ID, product code and revision number it answers the lowest byte alone, too.
+                const whole = { 0x5A: '5A21030000000000', 0x5B: '5B09000000000000', 0x5C: '5C02000100000000' };
+                if (frame.id === 0x7E5 && before === 1 && whole[frame.data[0]])
+                    return my.s.send(0x7E4, whole[frame.data[0]]);
                 receive(frame);
                 if (frame.id === 0x7E5 && frame.data[0] === 0x43 && my.d.lss.mode === 1)
                     my.s.send(0x7E4, '4400000000000000');
