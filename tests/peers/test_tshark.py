@@ -68,7 +68,7 @@ class Plants(Judge):
         log = self.path("demo.log")
         berth("demo", "--fast", "--record", log)
         self.seen(self.judge(log), "NMT", "boot-up", "error control", "SDO upload", "SDO download", "SDO abort",
-                  "LSS switch global", "LSS select", "LSS select answer", "LSS inquire", "LSS inquire answer", "LSS identify",
+                  "LSS switch global", "LSS select", "LSS select answer", "LSS inquire", "LSS inquire answer",
                   "LSS identify non-configured", "LSS node-ID", "LSS node-ID answer", "LSS store", "LSS store answer",
                   "LSS Fastscan")
 
