@@ -56,6 +56,10 @@ struct Node {
     }
     return true;
   }
+  /// A request before its boot-up would be lost.
+  [[nodiscard]] bool hears_heartbeat_of_1() const {
+    return std::ranges::any_of(ear.frames, [](const can::Frame& f) { return f.id == 0x701; });
+  }
   bool says(const std::string& frame, const std::string& answer) {
     ear.frames.clear();
     return port->send(*can::parse_frame(frame), 1) == can::Queued::yes && until([&] { return ear.heard(answer); });
@@ -81,8 +85,7 @@ TEST(Serve, APlantInAnotherProcessAnswersThroughSocketcand) {
   ASSERT_TRUE(node.port);
   ASSERT_TRUE(node.port->status().up);
   // "sound" is node 1: its heartbeat comes, and 1018h:00 has four entries. The bus is the first: can0.
-  EXPECT_TRUE(node.until(
-      [&] { return std::ranges::any_of(node.ear.frames, [](const can::Frame& f) { return f.id == 0x701; }); }));
+  EXPECT_TRUE(node.until([&] { return node.hears_heartbeat_of_1(); }));
   EXPECT_TRUE(node.says("601#4018100000000000", "581#4F18100004000000"));
   Node other(where, "can0");
   ASSERT_TRUE(other.port);
@@ -136,6 +139,7 @@ TEST(Serve, APortOfAnotherServerIsPassedOn) {
   }));
   Node node(second, "passed on");
   ASSERT_TRUE(node.port);
+  EXPECT_TRUE(node.until([&] { return node.hears_heartbeat_of_1(); })) << "before that, node 1 is still booting";
   EXPECT_TRUE(node.says("601#4018100000000000", "581#4F18100004000000"));
 }
 
