@@ -8,6 +8,7 @@ constexpr rt::Duration default_window = std::chrono::milliseconds(10);  // paper
 constexpr rt::Duration send_timeout = std::chrono::seconds(1);
 constexpr std::int64_t answer_bits = 126;  // 4Fh and seven zeros, with the space behind it
 constexpr std::size_t most_feedback = 256;
+constexpr unsigned enough_samples = 128;  // a device that is late once in fifty answers was late among them
 }  // namespace
 
 // ---- one question -----------------------------------------------------------------------------------------------
@@ -48,8 +49,12 @@ void Question::sent(rt::Time at) noexcept {
   heard_.at = at;
   step_ = Step::listening;
   const Options& o = *a.options_;
-  const rt::Duration bound = a.longest() - a.frame_ - o.blocking;
-  const rt::Duration learnt = a.patient_ ? bound : a.latency_.response(o.shortest, bound);
+  const rt::Duration longest = a.longest() - a.frame_ - o.blocking;
+  const rt::Duration bound = a.patient_ ? a.patience(longest) : longest;
+  // What one device alone answers late is found out within a few questions; with several that happens at every other.
+  const bool patient = a.patient_ && !(alone_ && wait_ == Wait::quick);
+  const rt::Duration learnt = patient ? bound : a.latency_.response(o.shortest, bound);
+  a.asked_patiently_ = patient;
   ready_by_ = at + learnt;
   const bool quick = wait_ == Wait::quick && a.takes_back_;
   const rt::Duration silence = quick ? learnt : (wait_ == Wait::bound ? bound : learnt) + a.frame_ + o.blocking;
@@ -59,7 +64,7 @@ void Question::sent(rt::Time at) noexcept {
 void Question::answered(rt::Time at, bool whole) noexcept {
   if (step_ == Step::listening) {
     // Behind the first answer others may stand: they go out while we wait, or before the next request.
-    executor().at(alone_ && whole && !asker_->patient_ ? at : std::max(at, ready_by_), *this);
+    executor().at(alone_ && whole ? at : std::max(at, ready_by_), *this);
   } else if (step_ == Step::sending || step_ == Step::inhibited) {
     late(at);
   }
@@ -148,7 +153,7 @@ rt::Duration Asker::longest() const noexcept {
 }
 
 rt::Duration Asker::usual() const noexcept {
-  if (patient_) return longest();
+  if (patient_) return patience(longest() - frame_ - options_->blocking) + frame_ + options_->blocking;
   return latency_.response(options_->shortest, longest() - frame_ - options_->blocking) + frame_ + options_->blocking;
 }
 
@@ -178,6 +183,13 @@ void Asker::learn() noexcept {
   rt::Duration sample = first_;
   if (signs_ == answers_ && answers_ > 1) sample = std::max(sample, last_ - asked_ - 2 * frame_);
   latency_.note(sample);
+  if (!asked_patiently_) return;
+  ++unhurried_;
+  slowest_ = std::max(slowest_, sample);
+}
+
+rt::Duration Asker::patience(rt::Duration bound) const noexcept {
+  return unhurried_ < enough_samples ? bound : std::clamp(slowest_ * 3 / 2, options_->shortest, bound);
 }
 
 }  // namespace berth::discovery

@@ -451,6 +451,37 @@ rt::Task<Result<bool>> Identify::one_kind(Run& run, Cursor& cursor, Pace& pace) 
   co_return !run.untrusted;
 }
 
+// False: one of them did not become quiet.
+rt::Task<Result<bool>> Identify::all_kinds(Run& run, std::vector<Cursor>& cursors, Pace& pace) {
+  bool quiet = true;
+  for (std::size_t k = 0; k < cursors.size(); ++k) {
+    run.kind = k;
+    run.unproven = 0;
+    run.untrusted = false;
+    run.patient = false;
+    run.passed.clear();
+    if (cursors[k].closed || run.over()) continue;
+    const auto done = co_await one_kind(run, cursors[k], pace);
+    if (!done) co_return fail(done.error());
+    quiet = quiet && *done;
+  }
+  co_return quiet;
+}
+
+// A device whose receive buffer holds one frame answers 4Ch, which is a single one, and no question of six back to back.
+rt::Task<Result<bool>> Identify::slowly(Run& run, std::vector<Cursor>& cursors, Pace& pace) {
+  const auto left = co_await blank_left(run);
+  if (!left) co_return fail(left.error());
+  if (!*left) co_return true;
+  pace.slow_down();
+  for (Cursor& cursor : cursors) {
+    cursor.closed = false;
+    cursor.quiet.clear();
+  }
+  const auto quiet = co_await all_kinds(run, cursors, pace);
+  co_return quiet;
+}
+
 rt::Task<Result<Report>> Identify::find(const Known& known, const Options& options) {
   if (busy_) co_return fail(Errc::invalid, "another search by identify ranges is under way");
   const Busy busy(busy_);
@@ -465,18 +496,14 @@ rt::Task<Result<Report>> Identify::find(const Known& known, const Options& optio
   if (!waiting) co_return fail(waiting.error());
   std::vector<Cursor> cursors = begin(known);
   run.kinds = cursors.size();
-  bool gave_up = false;
-  for (std::size_t k = 0; k < cursors.size(); ++k) {
-    run.kind = k;
-    run.unproven = 0;
-    run.untrusted = false;
-    run.patient = false;
-    run.passed.clear();
-    if (cursors[k].closed || run.over()) continue;
-    const auto quiet = co_await one_kind(run, cursors[k], pace);
+  auto quiet = co_await all_kinds(run, cursors, pace);
+  if (!quiet) co_return fail(quiet.error());
+  const bool unheard = *quiet && !run.over();
+  if (unheard) {
+    quiet = co_await slowly(run, cursors, pace);
     if (!quiet) co_return fail(quiet.error());
-    gave_up = gave_up || !*quiet;
   }
+  const bool gave_up = !*quiet;
   using End = Report::End;
   run.report.end = run.stopped ? End::more : gave_up ? End::gave_up : run.full() ? End::limit : End::complete;
   if (run.stopped) cursors_ = std::move(cursors);

@@ -91,6 +91,8 @@ class Identify final : public Discovery {
   [[nodiscard]] rt::Task<Result<void>> sweep(Run& run, Cursor& cursor, std::uint64_t end);
   [[nodiscard]] rt::Task<Result<bool>> guess(Run& run, Cursor& cursor);
   [[nodiscard]] rt::Task<Result<bool>> one_kind(Run& run, Cursor& cursor, Pace& pace);
+  [[nodiscard]] rt::Task<Result<bool>> all_kinds(Run& run, std::vector<Cursor>& cursors, Pace& pace);
+  [[nodiscard]] rt::Task<Result<bool>> slowly(Run& run, std::vector<Cursor>& cursors, Pace& pace);
   [[nodiscard]] rt::Task<Result<bool>> close(Run& run, Cursor& cursor);
   [[nodiscard]] rt::Task<Result<void>> lowest_in(Run& run, Cursor& cursor, Box box);
   [[nodiscard]] rt::Task<Result<std::optional<Box>>> descend(Run& run, const Cursor& cursor, Box box);

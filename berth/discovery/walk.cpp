@@ -15,6 +15,7 @@ Walker::~Walker() = default;
 
 namespace {
 constexpr lss::FastscanRequest start_scan{};
+constexpr rt::Duration breath = std::chrono::milliseconds(10);
 
 std::uint16_t base_of(const lss::Master& master) noexcept {
   const auto configured = master.options().feedback_base;
@@ -76,8 +77,14 @@ rt::Task<Result<Report>> Walker::Search::run() {
   lss_.suspect_strangers();
   co_await release();
   unsigned fruitless = 0;
+  bool patient = false;
   for (;;) {
-    const Heard anybody = co_await start();
+    Heard anybody = co_await start();
+    if (!anybody.yes() && !broken_) {
+      // `04 00` went before: a device whose receive buffer holds one frame has lost the question behind it.
+      co_await rt::sleep_for(breath);
+      anybody = co_await start();
+    }
     if (broken_ || !anybody.yes()) break;
     const auto found = report_.found.size();
     const auto marks = absent_.size();
@@ -95,8 +102,11 @@ rt::Task<Result<Report>> Walker::Search::run() {
     if (restart) ++report_.restarts;
     fruitless = restart ? fruitless + 1 : last_round_found_ > 0 ? 0 : fruitless;
     if (fruitless > options_.retries) break;
+    if (patient && last_round_found_ == 0) asker_.be_more_patient();
+    if (!patient) haste_.note(last_round_found_ > 0);
+    patient = fruitless > 0 || !haste_.ask();
     // What one device answers late is taken for an answer to the next question: with feedback a wrong way down.
-    asker_.be_patient(fruitless > 0);
+    asker_.be_patient(patient);
     by_bits_ = fruitless > 1;
   }
   if (held_ && !broken_) co_await release();

@@ -35,6 +35,16 @@ class Walker::Search {
     std::array<std::uint32_t, 4> part{};
     unsigned parts = 2;  // known: 2, 3, or 4 for a whole address
   };
+  /// Whether quick rounds find as many devices as they cost rounds.
+  struct Haste {
+    unsigned rounds = 0;
+    unsigned good = 0;
+    [[nodiscard]] bool ask() const noexcept { return rounds <= 2 * good + 2; }
+    void note(bool found) noexcept {
+      ++rounds;
+      if (found) ++good;
+    }
+  };
   /// Whether a kind of question has been worth asking.
   struct Worth {
     unsigned tries = 0;
@@ -77,6 +87,8 @@ class Walker::Search {
   rt::Task<bool> place(Open place);
   rt::Task<bool> anybody_left();
   rt::Task<void> around();
+  rt::Task<Outcome> guess(std::uint64_t serial, Worth& worth);
+  [[nodiscard]] std::uint32_t stride_below(std::uint32_t serial) const;
   rt::Task<bool> again_at_serials();
   rt::Task<bool> lead_to_serials();
   rt::Task<bool> descend(Prefix at, unsigned answers);
@@ -140,6 +152,8 @@ class Walker::Search {
   unsigned backs_ = 0;
   unsigned failed_ = 0;           // places in a row at which somebody was heard and nobody found
   unsigned entered_answers_ = 0;  // to the message that moved on to this part
+  Haste haste_;
+  Worth row_;
   Worth next_;
   Worth near_;
   bool by_bits_ = false;     // feedback has led nowhere: it hides those who send none

@@ -170,24 +170,20 @@ rt::Task<void> Walker::Search::registered_by_name() {
   }
 }
 
-// The next serial number, then the neighbourhood; both only while it has been worth it.
+// The next of a row, the next serial number, then the neighbourhood; each only while it has been worth it.
 rt::Task<void> Walker::Search::around() {
   while (!over()) {
     const std::uint32_t last = report_.found.back().address.serial;
-    if (last != 0xFFFF'FFFF && next_.ask() && !is_found(address(last + 1))) {
-      const Prefix next{last + 1, 0};
-      elsewhere();
-      const Heard heard = co_await ask(next, 3, Wait::learnt);
-      next_.note(heard.yes());
-      if (heard.yes()) {
-        const Outcome outcome = co_await settle(last + 1);
-        if (outcome != Outcome::found) co_return;
-        const bool there = co_await again_at_serials();
-        if (!there) co_return;
-        continue;
-      }
+    const std::uint64_t of_row = std::uint64_t{last} + stride_below(last);
+    Outcome outcome = co_await guess(of_row, row_);
+    if (outcome == Outcome::nobody) outcome = co_await guess(std::uint64_t{last} + 1, next_);
+    if (outcome == Outcome::found) {
+      const bool there = co_await again_at_serials();
+      if (!there) co_return;
+      continue;
     }
-    if (!near_.ask()) co_return;
+    const bool done = outcome == Outcome::late || over() || !near_.ask();
+    if (done) co_return;
     const Prefix block = Prefix::of(last, neighbourhood);
     elsewhere();
     const Heard heard = co_await ask(block, 3, Wait::learnt);
@@ -195,6 +191,32 @@ rt::Task<void> Walker::Search::around() {
     if (heard.yes()) open(block, Open::Why::answered);
     co_return;
   }
+}
+
+// From the next lower serial number that is known here; 0: none is.
+std::uint32_t Walker::Search::stride_below(std::uint32_t serial) const {
+  std::uint32_t stride = 0;
+  const auto look = [&](const LssAddress& a) {
+    if (a != address(a.serial) || a.serial >= serial) return;
+    stride = stride == 0 ? serial - a.serial : std::min(stride, serial - a.serial);
+  };
+  for (const LssAddress& a : known_.registered) look(a);
+  for (const Found& f : report_.found) look(f.address);
+  return stride;
+}
+
+// `late`: one answered there, and did not say so when it was selected.
+rt::Task<Walker::Search::Outcome> Walker::Search::guess(std::uint64_t serial, Worth& worth) {
+  const auto value = static_cast<std::uint32_t>(serial);
+  if (serial > 0xFFFF'FFFF || !worth.ask()) co_return Outcome::nobody;
+  if (is_found(address(value)) || is_registered(address(value))) co_return Outcome::nobody;
+  const Prefix whole{value, 0};
+  elsewhere();
+  const Heard heard = co_await ask(whole, 3, Wait::learnt);
+  worth.note(heard.yes());
+  if (!heard.yes()) co_return Outcome::nobody;
+  const Outcome outcome = co_await settle(value);
+  co_return outcome == Outcome::found ? outcome : Outcome::late;
 }
 
 rt::Task<bool> Walker::Search::anybody_left() {
@@ -323,12 +345,14 @@ rt::Task<bool> Walker::Search::down_feedback(Prefix& at) {
 
 // Nobody is on this path any more, or never was: up to the deepest place that still answers, and patiently from there.
 rt::Task<bool> Walker::Search::back() {
-  careful_ = check_after + 2;
   elsewhere();
   if (++backs_ > most_backs) co_return false;
+  careful_ = backs_ > 1 ? 32 : check_after + 2;
+  const bool anchored = anchors_.size() > 1;
   while (!anchors_.empty() && !broken_) {
     const Prefix at = anchors_.back();
-    if (at.bit == 32) co_return true;
+    // Nothing below was ever answered: nobody moved on to this part, and a late answer stood for the one that should.
+    if (at.bit == 32) co_return anchored;
     const Heard heard = co_await ask(at, sub_, Wait::bound);
     if (heard.yes()) co_return true;
     anchors_.pop_back();

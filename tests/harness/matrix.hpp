@@ -14,6 +14,7 @@
 
 #include "berth/base/random.hpp"
 #include "berth/design/machine.hpp"
+#include "berth/lss/interpret.hpp"
 #include "berth/operate/session.hpp"
 #include "berth/places/slot_store.hpp"
 #include "berth/plant/world.hpp"
@@ -60,6 +61,7 @@ struct Cell {
   unsigned devices = 1;
   std::uint32_t bit_rate = 125'000;
   Latency latency = Latency::equal;
+  unsigned rx_depth = 16;  // frames that a device's receive buffer holds; not part of the matrix
 };
 
 [[nodiscard]] inline std::string describe(const Cell& c) {
@@ -77,7 +79,9 @@ struct Cell {
   // Plain LSS asks in six frames, the others in one; 32 questions at most. Node-ID, check and start take forty more.
   const std::int64_t frames = c.kind == Kind::lss || c.kind == Kind::stored || c.kind == Kind::mixed ? 32 * 7 : 32 * 3;
   const rt::Duration one = (frames + 40) * frame + 300ms;
-  return (c.latency == Latency::outliers ? 4 : 2) * (15s + c.devices * one);
+  // CANopenNode's slaves answer from their main loop, ten times later once in fifty answers.
+  const bool late = c.latency == Latency::outliers || c.kind == Kind::canopennode || c.kind == Kind::mixed;
+  return (late ? 4 : 2) * (15s + c.devices * one);
 }
 
 // Every cell has its own seed, the same in every run.
@@ -175,6 +179,7 @@ struct Made {
     d.bus = bus.name;
     d.address = {slot.spec.type.vendor, slot.spec.type.product, 0x0001'0002, serial[i]};
     d.response = response_of(cell.latency);
+    d.rx_depth = cell.rx_depth;
     auto kind = cell.kind;
     if (kind == Kind::mixed) kind = static_cast<Kind>(random.below(static_cast<std::uint64_t>(Kind::mixed)));
     if (kind == Kind::fixed) slot.spec.assign = places::Assign::fixed;
@@ -215,7 +220,7 @@ struct Outcome {
   }
 };
 
-class Run {
+class Run final : private can::Tap {
  public:
   static constexpr std::size_t longest_reason = 110;
   static constexpr rt::Duration there = 1s;   // every device has booted when Berth begins, and is not heard to
@@ -226,6 +231,11 @@ class Run {
     const auto& bus = made_.machine.buses.front();
     const plant::BusRate rate{bus.name, bus.bitrate};
     world_ = plant::World::make(made_.plant, {&rate, 1}, findings);
+  }
+
+  /// Prints every frame too, LSS in words.
+  void show_frames() {
+    if (world_) world_->bus("field")->add_tap(*this);
   }
 
   Outcome go(rt::Duration limit, bool show) {
@@ -261,6 +271,11 @@ class Run {
   }
 
  private:
+  void frame(const can::Frame& frame, rt::Time at, int sender) noexcept override {
+    std::printf("%11.6f s  %3d  %s  %s\n", operate::seconds(at), sender, can::to_string(frame).c_str(),
+                lss::interpret(frame).c_str());
+  }
+
   Outcome failed(std::string_view why) {
     outcome_.end = End::wrong;
     outcome_.say(why);
@@ -325,8 +340,10 @@ class Run {
   Outcome outcome_;
 };
 
-[[nodiscard]] inline Outcome run(const Cell& cell, rt::Duration limit, bool show = false) {
-  return Run(cell).go(limit, show);
+[[nodiscard]] inline Outcome run(const Cell& cell, rt::Duration limit, bool show = false, bool frames = false) {
+  Run one(cell);
+  if (frames) one.show_frames();
+  return one.go(limit, show);
 }
 
 }  // namespace berth::harness::matrix

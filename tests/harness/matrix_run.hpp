@@ -19,8 +19,10 @@ struct Choice {
   std::optional<std::uint32_t> bit_rate;
   std::optional<Latency> latency;
   std::optional<rt::Duration> limit;
+  unsigned rx_depth = 16;
   unsigned workers = 2;
   bool show = false;
+  bool frames = false;
 };
 
 struct Done {
@@ -35,7 +37,7 @@ inline std::vector<Cell> cells_of(const Choice& o) {
     for (const auto n : sizes) {
       for (const auto rate : bit_rates) {
         for (int l = 0; l < static_cast<int>(Latency::count); ++l) {
-          const Cell cell{static_cast<Kind>(k), n, rate, static_cast<Latency>(l)};
+          const Cell cell{static_cast<Kind>(k), n, rate, static_cast<Latency>(l), o.rx_depth};
           const bool chosen = (!o.kind || *o.kind == cell.kind) && (!o.devices || *o.devices == n) &&
                               (!o.bit_rate || *o.bit_rate == rate) && (!o.latency || *o.latency == cell.latency);
           if (chosen) cells.push_back(cell);
@@ -50,7 +52,7 @@ inline Done run_one(const Choice& o, const std::vector<Cell>& cells, std::size_t
   const auto began = std::chrono::steady_clock::now();
   Done done;
   done.cell = i;
-  done.outcome = run(cells[i], o.limit.value_or(budget(cells[i])), o.show);
+  done.outcome = run(cells[i], o.limit.value_or(budget(cells[i])), o.show, o.frames);
   done.wall = std::chrono::duration<double>(std::chrono::steady_clock::now() - began).count();
   return done;
 }

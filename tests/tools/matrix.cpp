@@ -1,6 +1,6 @@
-// ./run matrix [--kind K] [--devices N] [--bitrate KBIT] [--latency L] [--limit SECONDS] [--show]: the main job at
-// every size, with every kind of device and at every bit rate, from blank devices to operational. Prints the bus times
-// as a table; exit 1 when a cell that docs/limits.md does not except is not operational within its bus time.
+// ./run matrix [--kind K] [--devices N] [--bitrate KBIT] [--latency L] [--limit SECONDS] [--rx-depth N] [--show]
+// [--frames]: the main job at every size, with every kind of device and at every bit rate, from blank devices to operational. Prints the
+// bus times as a table; exit 1 when a cell that docs/limits.md does not except is not operational within its bus time.
 #include <cstdio>
 #include <cstdlib>
 #include <cstring>
@@ -21,8 +21,9 @@ int place_of(const Names& names, const char* wanted) {
 bool read_options(Choice& o, int argc, char** argv) {
   for (int i = 1; i < argc; ++i) {
     const std::string_view option = argv[i];
-    if (option == "--show") {
+    if (option == "--show" || option == "--frames") {
       o.show = true;
+      o.frames = o.frames || option == "--frames";
       continue;
     }
     if (i + 1 == argc) return false;
@@ -42,6 +43,8 @@ bool read_options(Choice& o, int argc, char** argv) {
       o.bit_rate = static_cast<std::uint32_t>(number < 10'000 ? number * 1000 : number);
     } else if (option == "--limit") {
       o.limit = std::chrono::seconds(number);
+    } else if (option == "--rx-depth") {
+      o.rx_depth = std::max(1U, static_cast<unsigned>(number));
     } else if (option == "--workers") {
       o.workers = std::max(1U, static_cast<unsigned>(number));
     } else {
@@ -60,8 +63,8 @@ int main(int argc, char** argv) {
   if (!read || cells.empty()) {
     std::fprintf(
         stderr,
-        "usage: matrix [--kind K] [--devices N] [--bitrate KBIT] [--latency L] [--limit SECONDS] [--workers N] "
-        "[--show]\nkinds:");
+        "usage: matrix [--kind K] [--devices N] [--bitrate KBIT] [--latency L] [--limit SECONDS] [--rx-depth N] "
+        "[--workers N] [--show] [--frames]\nkinds:");
     for (const auto* kind : kind_names) std::fprintf(stderr, " %s", kind);
     std::fprintf(stderr, "\nlatencies:");
     for (const auto* latency : latency_names) std::fprintf(stderr, " %s", latency);
