@@ -228,6 +228,7 @@ class Network final : private co::HeartbeatConsumer::Observer,
   rt::Task<Result<NodeId>> active_id(LssAddress device);
   rt::Task<Result<NodeId>> ask_active_id(LssAddress device);
   rt::Task<void> adopt_fixed(Seat& seat);
+  [[nodiscard]] std::size_t most_at_once() const noexcept;
   rt::Task<void> verify_vacancy();
   rt::Task<void> ask_vacancy(NodeId id);
   rt::Task<bool> answers_at(NodeId id);

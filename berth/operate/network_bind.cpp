@@ -248,7 +248,7 @@ rt::Task<bool> Network::blank(LssAddress device, std::string reason) {
 
 rt::Task<void> Network::check_and_start() {
   phase_ = Phase::start;
-  rt::Scope starts(*executor_);
+  rt::Scope starts(*executor_, most_at_once());
   for (auto& seat : seats_) {
     const bool ready = seat->there && !seat->started && seat->state == SlotState::present;
     if (ready) starts.spawn(start_seat(*seat));

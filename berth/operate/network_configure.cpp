@@ -366,7 +366,7 @@ rt::Task<Result<std::vector<SlotConfiguration>>> Network::configure(std::string 
   if (!slot.empty() && chosen.empty()) co_return fail(Errc::not_found, "no slot of this name on this bus");
   std::vector<SlotConfiguration> results(chosen.size());
   {
-    rt::Scope side_by_side(*executor_);
+    rt::Scope side_by_side(*executor_, most_at_once());
     for (std::size_t i = 0; i < chosen.size(); ++i) side_by_side.spawn(compare_seat(*chosen[i], write, results[i]));
     co_await side_by_side.join();
   }

@@ -179,7 +179,7 @@ rt::Task<void> Network::discover_by_rand_once() {
 rt::Task<void> Network::prepare_loans() {
   std::size_t wanted = 2;
   for (const auto& seat : seats_) wanted += seat->there || vacancy_[seat->id().value()] ? 0U : 1U;
-  rt::Scope asked(*executor_);
+  rt::Scope asked(*executor_, most_at_once());
   for (std::uint8_t value = 126; value > 0 && wanted > 0; --value) {
     const NodeId id(value);
     if (!may_be_lent(id)) continue;

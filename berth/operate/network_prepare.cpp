@@ -36,7 +36,7 @@ rt::Task<void> Network::prepare() {
   while (executor_->now() < deadline && !all_heard()) {
     co_await rt::sleep_for(bus_->timing.heartbeat_period / 16 + std::chrono::milliseconds(1));
   }
-  rt::Scope asked(*executor_);
+  rt::Scope asked(*executor_, most_at_once());
   for (auto& seat : seats_) {
     if (seat->slot.record.confirmed) asked.spawn(ask_seat(*seat));
   }
@@ -45,6 +45,14 @@ rt::Task<void> Network::prepare() {
     const bool silent = seat->slot.record.confirmed && !seat->there;
     if (silent) co_await look_by_lss(*seat);
   }
+}
+
+// So many that the questions of those that stay silent leave room on the bus for the answers of the others: behind more
+// of them a remote frame, which has the lower priority, would wait until its own time is over.
+std::size_t Network::most_at_once() const noexcept {
+  constexpr double question_bits = 150;  // eight bytes of data and every stuff bit there can be, and room for others
+  const double timeout = std::chrono::duration<double>(bus_->timing.guard_timeout).count();
+  return std::max<std::size_t>(2, static_cast<std::size_t>(timeout * bus_->bitrate / question_bits));
 }
 
 // By heartbeat, else SDO 1000h, else guarding; then by identity: another device may sit at the slot's node-ID.
@@ -187,7 +195,7 @@ rt::Task<void> Network::adopt_fixed(Seat& seat) {
 
 // All node-IDs that are about to be given, asked side by side: one time-out for all of them.
 rt::Task<void> Network::verify_vacancy() {
-  rt::Scope asked(*executor_);
+  rt::Scope asked(*executor_, most_at_once());
   if (!speaks_) asked.spawn(ask_vacancy(bus_->master));
   for (const auto& action : plan_.actions) {
     if (action.kind != places::Action::Kind::bind) continue;
@@ -240,7 +248,7 @@ rt::Task<Result<std::vector<Network::Seen>>> Network::scan() {
   std::vector<Seen> nodes(127);
   const co::SdoOptions patience = asking(1);
   {
-    rt::Scope asked(*executor_);
+    rt::Scope asked(*executor_, most_at_once());
     for (std::uint8_t i = 1; i <= 127; ++i) {
       const NodeId id(i);
       if (id != bus_->master) asked.spawn(scan_node(id, nodes[i - 1U], patience));

@@ -136,7 +136,7 @@ rt::Task<bool> Network::find_configured(bool everybody) {
   if (ids.empty()) co_return false;
   std::vector<places::Found> answered;
   {
-    rt::Scope asked(*executor_);
+    rt::Scope asked(*executor_, most_at_once());
     for (const NodeId id : ids) asked.spawn(identity_at(id, answered));
     co_await asked.join();
   }
@@ -192,7 +192,7 @@ rt::Task<void> Network::ask_own_ids() {
   if (alone_) co_return;
   std::vector<places::Found> answered;
   {
-    rt::Scope asked(*executor_);
+    rt::Scope asked(*executor_, most_at_once());
     for (const auto& seat : seats_) {
       const bool waits = !seat->there && seat->slot.spec.assign == Assign::lss && !seat->slot.record.confirmed;
       if (waits) asked.spawn(identity_at(seat->id(), answered));

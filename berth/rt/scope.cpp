@@ -9,7 +9,13 @@ void Scope::spawn(Task<void> task) {
   if (first_ != nullptr) first_->previous_ = child;
   first_ = child;
   ++running_;
-  executor_->post(*child);
+  if (at_once_ < most_) {
+    ++at_once_;
+    executor_->post(*child);
+    return;
+  }
+  (last_turn_ == nullptr ? next_turn_ : last_turn_->behind_) = child;
+  last_turn_ = child;
 }
 
 void Scope::Child::run() noexcept {
@@ -28,6 +34,13 @@ void Scope::remove(Child& child) noexcept {
   }
   if (child.next_ != nullptr) child.next_->previous_ = child.previous_;
   delete &child;
+  if (at_once_ > 0) --at_once_;
+  if (next_turn_ != nullptr) {
+    Child& next = *std::exchange(next_turn_, next_turn_->behind_);
+    if (next_turn_ == nullptr) last_turn_ = nullptr;
+    ++at_once_;
+    executor_->post(next);
+  }
   if (--running_ > 0 || join_ == nullptr) return;
   Join& join = *std::exchange(join_, nullptr);
   join.scope_ = nullptr;
@@ -35,8 +48,10 @@ void Scope::remove(Child& child) noexcept {
 }
 
 void Scope::cancel() noexcept {
+  next_turn_ = last_turn_ = nullptr;
   // NOLINTNEXTLINE(clang-analyzer-cplusplus.NewDelete): remove() makes first_ the next child
   while (first_ != nullptr) remove(*first_);
+  at_once_ = 0;
 }
 
 }  // namespace berth::rt

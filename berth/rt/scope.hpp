@@ -7,7 +7,9 @@ namespace berth::rt {
 
 class Scope {
  public:
-  explicit Scope(Executor& executor) noexcept : executor_(&executor) {}
+  /// `most`: so many children run at once; the others wait their turn, in the order of `spawn`.
+  explicit Scope(Executor& executor, std::size_t most = static_cast<std::size_t>(-1)) noexcept
+      : executor_(&executor), most_(most) {}
   ~Scope() { cancel(); }
   Scope(const Scope&) = delete;
   Scope& operator=(const Scope&) = delete;
@@ -17,6 +19,7 @@ class Scope {
   void spawn(Task<void> task);
   /// Destroys every child. Not from inside a child.
   void cancel() noexcept;
+  /// Children that have not ended, also those that wait their turn.
   [[nodiscard]] std::size_t running() const noexcept { return running_; }
   [[nodiscard]] Executor& executor() const noexcept { return *executor_; }
 
@@ -51,11 +54,16 @@ class Scope {
     bool started_ = false;
     Child* previous_ = nullptr;
     Child* next_ = nullptr;
+    Child* behind_ = nullptr;  // waits its turn after this one
   };
   void remove(Child& child) noexcept;
 
   Executor* executor_;
+  std::size_t most_;
+  std::size_t at_once_ = 0;
   Child* first_ = nullptr;
+  Child* next_turn_ = nullptr;
+  Child* last_turn_ = nullptr;
   std::size_t running_ = 0;
   Join* join_ = nullptr;
 };

@@ -264,6 +264,22 @@ TEST_F(ScopeTest, ChildrenNeverOutliveTheirScope) {
   }
 }
 
+TEST_F(ScopeTest, NoMoreThanSoManyAtOnceInTheirOrder) {
+  rt::Scope scope(executor, 2);
+  for (int name = 1; name <= 4; ++name) scope.spawn(writes(alive, log, name, name == 1 ? 5ms : 3ms));
+  EXPECT_EQ(scope.running(), 4U);
+  executor.advance(Time(4ms));
+  EXPECT_EQ(log, (std::vector{1, 2, 102, 3}));
+  scope.cancel();  // one that waits, two that run
+  EXPECT_EQ(alive, 0);
+  EXPECT_EQ(scope.running(), 0U);
+  log.clear();
+  for (int name = 5; name <= 7; ++name) scope.spawn(writes(alive, log, name, 2ms));
+  executor.advance(Time(1s));
+  EXPECT_EQ(log, (std::vector{5, 6, 105, 106, 7, 107}));
+  EXPECT_EQ(alive, 0);
+}
+
 TEST_F(ScopeTest, CancelDestroysAllAndTheScopeIsUsableAgain) {
   rt::Scope scope(executor);
   scope.spawn(writes(alive, log, 1, 5ms));
