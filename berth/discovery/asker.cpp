@@ -8,7 +8,6 @@ constexpr rt::Duration default_window = std::chrono::milliseconds(10);  // paper
 constexpr rt::Duration send_timeout = std::chrono::seconds(1);
 constexpr std::int64_t answer_bits = 126;  // 4Fh and seven zeros, with the space behind it
 constexpr std::size_t most_feedback = 256;
-constexpr unsigned enough_samples = 128;  // a device that is late once in fifty answers was late among them
 }  // namespace
 
 // ---- one question -----------------------------------------------------------------------------------------------
@@ -50,7 +49,7 @@ void Question::sent(rt::Time at) noexcept {
   step_ = Step::listening;
   const Options& o = *a.options_;
   const rt::Duration longest = a.longest() - a.frame_ - o.blocking;
-  const rt::Duration bound = a.patient_ ? a.patience(longest) : longest;
+  const rt::Duration bound = a.patient_ ? a.patience_.response(o.shortest, longest) : longest;
   // What one device alone answers late is found out within a few questions; with several that happens at every other.
   const bool patient = a.patient_ && !(alone_ && wait_ == Wait::quick);
   const rt::Duration learnt = patient ? bound : a.latency_.response(o.shortest, bound);
@@ -153,8 +152,10 @@ rt::Duration Asker::longest() const noexcept {
 }
 
 rt::Duration Asker::usual() const noexcept {
-  if (patient_) return patience(longest() - frame_ - options_->blocking) + frame_ + options_->blocking;
-  return latency_.response(options_->shortest, longest() - frame_ - options_->blocking) + frame_ + options_->blocking;
+  const rt::Duration bound = longest() - frame_ - options_->blocking;
+  const rt::Duration shortest = options_->shortest;
+  const auto response = patient_ ? patience_.response(shortest, bound) : latency_.response(shortest, bound);
+  return response + frame_ + options_->blocking;
 }
 
 void Asker::received(const can::Frame& frame, rt::Time at) noexcept {
@@ -183,13 +184,7 @@ void Asker::learn() noexcept {
   rt::Duration sample = first_;
   if (signs_ == answers_ && answers_ > 1) sample = std::max(sample, last_ - asked_ - 2 * frame_);
   latency_.note(sample);
-  if (!asked_patiently_) return;
-  ++unhurried_;
-  slowest_ = std::max(slowest_, sample);
-}
-
-rt::Duration Asker::patience(rt::Duration bound) const noexcept {
-  return unhurried_ < enough_samples ? bound : std::clamp(slowest_ * 3 / 2, options_->shortest, bound);
+  if (asked_patiently_) patience_.note(sample);
 }
 
 }  // namespace berth::discovery

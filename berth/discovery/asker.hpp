@@ -32,6 +32,7 @@
 
 #include "berth/can/dispatcher.hpp"
 #include "berth/discovery/discovery.hpp"
+#include "berth/discovery/haste.hpp"
 #include "berth/discovery/latency.hpp"
 #include "berth/lss/frames.hpp"
 
@@ -102,7 +103,7 @@ class Asker final : private can::Handler {
   /// haste has led nowhere. So long is the bound, until enough patient questions have told the slowest answer.
   void be_patient(bool on) noexcept { patient_ = on; }
   /// Patience has led nowhere either: the slowest answer is still to be learnt.
-  void be_more_patient() noexcept { unhurried_ = 0; }
+  void be_more_patient() noexcept { patience_.renew(); }
   /// Feedback heard since the last question's confirmation, distinct, ascending. Good until the next question is sent.
   [[nodiscard]] const std::vector<lss::FeedbackValue>& feedback() const noexcept { return feedback_; }
   /// What was heard of the question before that one.
@@ -126,7 +127,6 @@ class Asker final : private can::Handler {
   friend class Question;
   void received(const can::Frame& frame, rt::Time at) noexcept override;
   void learn() noexcept;
-  [[nodiscard]] rt::Duration patience(rt::Duration bound) const noexcept;
   void sign(rt::Duration own, rt::Time at, bool whole) noexcept;
 
   can::Dispatcher* dispatcher_;
@@ -140,8 +140,7 @@ class Asker final : private can::Handler {
   unsigned requests_ = 0;
   bool patient_ = false;
   bool asked_patiently_ = false;
-  unsigned unhurried_ = 0;  // patient questions that were answered
-  rt::Duration slowest_{0};
+  Patience patience_;
   bool takes_back_ = false;  // what is queued, before it is on the wire
   rt::Duration frame_{0};    // an answer's time on the wire; 0 when the port does not know its bit rate
   rt::Time asked_{};         // confirmation of the last question

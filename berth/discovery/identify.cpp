@@ -1,6 +1,7 @@
 #include "berth/discovery/identify.hpp"
 
 #include <algorithm>
+#include <array>
 #include <utility>
 
 #include "berth/discovery/busy.hpp"
@@ -18,6 +19,7 @@ constexpr std::uint64_t widens = 8;  // times, after silence
 // a question that somebody did not hear is not followed down to the last bit.
 constexpr unsigned most_assumed = 6;
 constexpr unsigned most_unproven = 4;  // in a row, and the retries
+constexpr unsigned enough_alone = 3;
 // A device with a small receive buffer loses some of six frames back to back.
 constexpr rt::Duration slow_inhibit = std::chrono::milliseconds(10);
 
@@ -54,7 +56,12 @@ struct Identify::Run {
   std::size_t kind = 0;
   std::size_t kinds = 0;
   unsigned unproven = 0;         // in a row
-  bool patient = false;          // haste has led nowhere
+  // How far haste has led nowhere. `wary`: patient, until one device is left; what it answers late is found out within
+  // a few questions. `most`: to the end.
+  enum class Care : std::uint8_t { none, wary, most };
+  Care care = Care::none;
+  unsigned alone = 0;  // ranges in a row, each in the one before, that got one answer
+  Haste haste{};
   bool late_yes = false;         // the question before the last was answered after all
   bool stopped = false;          // time is over, or the observer said so
   bool no_blank = false;         // nobody without a node-ID is left, and nobody else is wanted
@@ -95,8 +102,17 @@ struct Identify::Run {
     if (options.most_time.count() > 0 && now - report.began > options.most_time) stopped = true;
     if (options.observer != nullptr && !options.observer->goes_on()) stopped = true;
   }
+  void more_care() {
+    if (care == Care::none) haste.note(false);
+    care = care == Care::none ? Care::wary : Care::most;
+  }
+  // A device was found.
+  void less_care() {
+    if (care == Care::none) haste.note(true);
+    care = haste.pays() ? Care::none : Care::wary;
+  }
   void failed() {
-    patient = true;
+    more_care();
     ++report.unproven;
     if (++unproven > options.retries + most_unproven) untrusted = true;
   }
@@ -111,19 +127,29 @@ rt::Task<Result<bool>> Identify::ask(Run& run, const Cursor& cursor, Box box, bo
                                    .revision_high = box.revision_high,
                                    .serial_low = box.serial_low,
                                    .serial_high = box.serial_high};
-  const rt::Duration learnt = latency_.response(run.options.shortest, run.longest()) + run.options.blocking;
-  // A sample holds the answer's frame here. What comes later still belongs to no range of the next question: six
-  // frames lie between.
-  const bool whole = patient || run.patient;
-  const lss::ServiceOptions service{
-      .timeout = whole ? run.longest() : std::min(learnt, run.longest()), .retries = 0, .full_window = true};
+  const bool alone = run.alone >= enough_alone && run.care != Run::Care::most;
+  const bool whole = patient || (run.care != Run::Care::none && !alone);
+  // What comes later still belongs to no range of the next question: six frames lie between.
+  const lss::ServiceOptions service{.timeout = window_of(run, whole), .retries = 0, .full_window = !alone};
   ++run.report.requests;
   const auto reply = co_await services_.lss.identify_remote(ranges, service);
   if (!reply) co_return fail(reply.error());
-  if (reply->answers > 0) latency_.note(reply->heard_at[0] - reply->sent);
+  if (reply->answers > 0) {
+    latency_.note(reply->heard_at[0] - reply->sent);
+    if (whole) patience_.note(reply->heard_at[0] - reply->sent);
+    run.alone = reply->answers == 1 ? run.alone + 1 : 0;
+  }
   run.late_yes = reply->stale > 0;
   run.look_at_the_time(services_.dispatcher.executor().now());
   co_return reply->answers > 0;
+}
+
+// A sample holds the answer's frame.
+rt::Duration Identify::window_of(const Run& run, bool whole) const {
+  const rt::Duration shortest = run.options.shortest;
+  const rt::Duration longest = run.longest();
+  const auto response = whole ? patience_.response(shortest, longest) : latency_.response(shortest, longest);
+  return std::min(response + run.options.blocking, longest);
 }
 
 rt::Task<Result<bool>> Identify::anybody(const Options& options) {
@@ -226,14 +252,40 @@ rt::Task<Result<Identify::Sweep>> Identify::device_in(Run& run, Cursor& cursor, 
 
 // ---- ranges -----------------------------------------------------------------------------------------------------
 
+// The half that answers, of one device alone: its silence may be lateness, so the other half has to answer then.
+rt::Task<Result<std::optional<Box>>> Identify::surely(Run& run, const Cursor& cursor, Box box) {
+  const std::array<Box, 2> halves{box.lower(), box.upper()};
+  std::optional<Box> result;
+  for (const bool patient : {false, true}) {
+    // The late answer belongs to one of both, and says nothing.
+    if (patient && !result) co_await rt::sleep_for(window_of(run, true));
+    for (std::size_t i = 0; i < halves.size() && !result && !run.stopped; ++i) {
+      const auto heard = co_await ask(run, cursor, halves[i], patient);
+      if (!heard) co_return fail(heard.error());
+      if (*heard) result = halves[i];
+    }
+  }
+  run.alone = enough_alone;
+  co_return result;
+}
+
 // Somebody is in the box: the lowest there, down to one serial number, or one revision when the serial number is known.
 // Empty: nobody is there any more, or never was.
 rt::Task<Result<std::optional<Box>>> Identify::descend(Run& run, const Cursor& cursor, Box box) {
   const bool by_serial = box.serial_low != box.serial_high;
+  run.alone = by_serial ? 0 : enough_alone;
   std::optional<Box> silent;  // the last half that was taken for empty
   unsigned assumed = 0;
   std::optional<Box> result;
   while (by_serial ? box.serial_low != box.serial_high : !box.single()) {
+    if (run.care == Run::Care::wary && run.alone >= enough_alone) {
+      const auto half = co_await surely(run, cursor, box);
+      if (!half) co_return fail(half.error());
+      if (run.stopped && by_serial) run.left_at = box;
+      if (run.stopped || !*half) co_return result;
+      box = **half;
+      continue;
+    }
     const bool check = assumed >= most_assumed;
     const Box half = check ? box : box.lower();
     const auto heard = co_await ask(run, cursor, half, check);
@@ -265,15 +317,16 @@ rt::Task<Result<std::optional<Box>>> Identify::descend(Run& run, const Cursor& c
 }
 
 rt::Task<Result<void>> Identify::lowest_in(Run& run, Cursor& cursor, Box box) {
-  const bool was_patient = run.patient;
+  const Run::Care before = run.care;
   const auto left = co_await descend(run, cursor, box);
   if (!left) co_return fail(left.error());
   cursor.open = std::exchange(run.left_at, std::nullopt);
   if (run.over()) co_return Result<void>{};
   if (!*left) {
-    run.patient = true;
-    // Asked once more, patiently; then the closing questions will find who is there.
-    if (was_patient) cursor.next = std::uint64_t{box.serial_high} + 1;
+    run.more_care();
+    if (before != Run::Care::none) patience_.renew();
+    // Asked again, with more patience; then the closing questions will find what is there.
+    if (before == Run::Care::most) cursor.next = std::uint64_t{box.serial_high} + 1;
     co_return Result<void>{};
   }
   const Box one = **left;
@@ -282,7 +335,7 @@ rt::Task<Result<void>> Identify::lowest_in(Run& run, Cursor& cursor, Box box) {
   if (run.stopped && *there != Sweep::found) co_return Result<void>{};
   cursor.next = std::uint64_t{one.serial_low} + 1;
   if (*there != Sweep::found) co_return Result<void>{};
-  run.patient = false;
+  run.less_care();
   const std::uint64_t apart = one.serial_low - std::uint64_t{cursor.last};
   if (cursor.any) {
     cursor.apart = cursor.apart == 0 ? apart : (cursor.apart + apart) / 2;
@@ -443,7 +496,7 @@ rt::Task<Result<bool>> Identify::one_kind(Run& run, Cursor& cursor, Pace& pace) 
     cursor.closed = *quiet;
     if (*quiet || run.report.found.size() > before) continue;
     ++run.report.restarts;
-    run.patient = true;
+    run.care = Run::Care::most;
     cursor.quiet.clear();
     if (fruitless > 0) pace.slow_down();
     if (++fruitless > run.options.retries) co_return false;
@@ -458,7 +511,7 @@ rt::Task<Result<bool>> Identify::all_kinds(Run& run, std::vector<Cursor>& cursor
     run.kind = k;
     run.unproven = 0;
     run.untrusted = false;
-    run.patient = false;
+    run.care = run.haste.pays() ? Run::Care::none : Run::Care::wary;
     run.passed.clear();
     if (cursors[k].closed || run.over()) continue;
     const auto done = co_await one_kind(run, cursors[k], pace);

@@ -31,6 +31,7 @@
 #include <vector>
 
 #include "berth/discovery/auto.hpp"
+#include "berth/discovery/haste.hpp"
 #include "berth/discovery/latency.hpp"
 #include "berth/lss/select_alone.hpp"
 
@@ -96,13 +97,16 @@ class Identify final : public Discovery {
   [[nodiscard]] rt::Task<Result<bool>> close(Run& run, Cursor& cursor);
   [[nodiscard]] rt::Task<Result<void>> lowest_in(Run& run, Cursor& cursor, Box box);
   [[nodiscard]] rt::Task<Result<std::optional<Box>>> descend(Run& run, const Cursor& cursor, Box box);
+  [[nodiscard]] rt::Task<Result<std::optional<Box>>> surely(Run& run, const Cursor& cursor, Box box);
   [[nodiscard]] rt::Task<Result<Sweep>> device_in(Run& run, Cursor& cursor, Box box);
   [[nodiscard]] rt::Task<Result<Sweep>> proven(Run& run, Cursor& cursor, LssAddress device, bool guess);
   [[nodiscard]] rt::Task<Result<void>> settle(Run& run, Found& found, const lss::AloneOptions& how);
   [[nodiscard]] rt::Task<Result<bool>> blank_left(Run& run);
   [[nodiscard]] std::vector<Cursor> begin(const Known& known);
   Services services_;
+  [[nodiscard]] rt::Duration window_of(const Run& run, bool whole) const;
   Latency latency_;
+  Patience patience_;
   std::vector<Cursor> cursors_;  // of a search that ended with `more`
   bool busy_ = false;
 };

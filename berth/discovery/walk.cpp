@@ -104,7 +104,7 @@ rt::Task<Result<Report>> Walker::Search::run() {
     if (fruitless > options_.retries) break;
     if (patient && last_round_found_ == 0) asker_.be_more_patient();
     if (!patient) haste_.note(last_round_found_ > 0);
-    patient = fruitless > 0 || !haste_.ask();
+    patient = fruitless > 0 || !haste_.pays();
     // What one device answers late is taken for an answer to the next question: with feedback a wrong way down.
     asker_.be_patient(patient);
     by_bits_ = fruitless > 1;

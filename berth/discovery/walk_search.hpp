@@ -35,16 +35,6 @@ class Walker::Search {
     std::array<std::uint32_t, 4> part{};
     unsigned parts = 2;  // known: 2, 3, or 4 for a whole address
   };
-  /// Whether quick rounds find as many devices as they cost rounds.
-  struct Haste {
-    unsigned rounds = 0;
-    unsigned good = 0;
-    [[nodiscard]] bool ask() const noexcept { return rounds <= 2 * good + 2; }
-    void note(bool found) noexcept {
-      ++rounds;
-      if (found) ++good;
-    }
-  };
   /// Whether a kind of question has been worth asking.
   struct Worth {
     unsigned tries = 0;

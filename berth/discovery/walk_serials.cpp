@@ -175,8 +175,9 @@ rt::Task<void> Walker::Search::around() {
   while (!over()) {
     const std::uint32_t last = report_.found.back().address.serial;
     const std::uint64_t of_row = std::uint64_t{last} + stride_below(last);
+    const std::uint64_t next = std::uint64_t{last} + 1;
     Outcome outcome = co_await guess(of_row, row_);
-    if (outcome == Outcome::nobody) outcome = co_await guess(std::uint64_t{last} + 1, next_);
+    if (outcome == Outcome::nobody) outcome = co_await guess(next, next_);
     if (outcome == Outcome::found) {
       const bool there = co_await again_at_serials();
       if (!there) co_return;
