@@ -67,6 +67,11 @@ rt::Task<bool> Walker::Search::ask_beside(Place place) {
   const bool stands = co_await stand_at(place);
   if (!stands) co_return true;
   children_.clear();  // theirs
+  const bool rows = place.parts == 3 && !report_.found.empty();
+  if (rows) {
+    const bool found = co_await row_beside();
+    if (found || broken_) co_return true;
+  }
   for (std::size_t i = 0; i < open.size() && !broken_; ++i) {
     const Prefix at = open[i];
     elsewhere();
@@ -82,6 +87,15 @@ rt::Task<bool> Walker::Search::ask_beside(Place place) {
     if (heard.sent) silent_.push_back({place, at});
   }
   co_return false;
+}
+
+// The next of the row that ends with the last one found.
+rt::Task<bool> Walker::Search::row_beside() {
+  const LssAddress last = report_.found.back().address;
+  if (last != address(last.serial)) co_return false;
+  const std::uint64_t next = std::uint64_t{last.serial} + stride_below(last.serial);
+  const Outcome outcome = co_await guess(next, row_);
+  co_return outcome == Outcome::found;
 }
 
 rt::Task<void> Walker::Search::below(Prefix at) {

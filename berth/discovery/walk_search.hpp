@@ -2,6 +2,7 @@
 #pragma once
 
 #include <array>
+#include <optional>
 #include <vector>
 
 #include "berth/discovery/prefix.hpp"
@@ -76,6 +77,7 @@ class Walker::Search {
   rt::Task<void> registered_by_name();
   rt::Task<bool> place(Open place);
   rt::Task<bool> anybody_left();
+  rt::Task<std::optional<Prefix>> others_left();
   rt::Task<void> around();
   rt::Task<Outcome> guess(std::uint64_t serial, Worth& worth);
   [[nodiscard]] std::uint32_t stride_below(std::uint32_t serial) const;
@@ -98,6 +100,7 @@ class Walker::Search {
   rt::Task<void> beside();
   rt::Task<bool> stand_at(Place place);
   rt::Task<bool> ask_beside(Place place);
+  rt::Task<bool> row_beside();
   rt::Task<void> below(Prefix at);
   // What is known
   [[nodiscard]] const Path* choose() const;
@@ -149,6 +152,7 @@ class Walker::Search {
   bool by_bits_ = false;     // feedback has led nowhere: it hides those who send none
   bool hints_fail_ = false;  // equal answers fall into one here: their number says nothing
   bool forgets_ = false;     // slaves forget their part at `04 00`
+  bool remembering_tested_ = false;
   std::array<std::uint32_t, 4> last_chain_{};
   std::size_t last_round_found_ = 0;
   std::vector<LssAddress> aside_;  // known, and they answer again

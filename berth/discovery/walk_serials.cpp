@@ -1,5 +1,6 @@
 // A search: the tree of one part's bits.
 #include <algorithm>
+#include <utility>
 
 #include "berth/discovery/walk_search.hpp"
 
@@ -113,8 +114,13 @@ rt::Task<void> Walker::Search::serials() {
   }
 }
 
-// Slaves that forget their part are led to it once more.
+// Slaves that forget their part are led to it once more. Others were there when this one was: one answers, or forgot.
 rt::Task<bool> Walker::Search::again_at_serials() {
+  const bool test = !forgets_ && entered_answers_ > 1 && !std::exchange(remembering_tested_, true);
+  if (test) {
+    const auto left = co_await others_left();
+    forgets_ = !left && !broken_;
+  }
   if (!forgets_) co_return true;
   const bool led = co_await lead_to_serials();
   co_return led;
@@ -221,14 +227,19 @@ rt::Task<Walker::Search::Outcome> Walker::Search::guess(std::uint64_t serial, Wo
 }
 
 rt::Task<bool> Walker::Search::anybody_left() {
+  const auto half = co_await others_left();
+  if (half) open(*half, Open::Why::answered);
+  co_return half.has_value();
+}
+
+// The half of the serial numbers that one is in.
+rt::Task<std::optional<Prefix>> Walker::Search::others_left() {
   for (const Prefix half : {Prefix{}.zero(), Prefix{}.one()}) {
     elsewhere();
     const Heard heard = co_await ask(half, 3, Wait::learnt);
-    if (!heard.yes()) continue;
-    open(half, Open::Why::answered);
-    co_return true;
+    if (heard.yes()) co_return half;
   }
-  co_return false;
+  co_return std::nullopt;
 }
 
 // Goes down from one place and takes the device that it comes to. Somebody who answers and is not found there may
