@@ -102,8 +102,9 @@ rt::Task<Result<Report>> Walker::Search::run() {
     if (restart) ++report_.restarts;
     fruitless = restart ? fruitless + 1 : last_round_found_ > 0 ? 0 : fruitless;
     if (fruitless > options_.retries) break;
-    if (patient && last_round_found_ == 0) asker_.be_more_patient();
-    if (!patient) haste_.note(last_round_found_ > 0);
+    if (patient && restart) asker_.be_more_patient();
+    const bool judged = !patient && (restart || last_round_found_ > 0);
+    if (judged) haste_.note(!restart);
     patient = fruitless > 0 || !haste_.pays();
     // What one device answers late is taken for an answer to the next question: with feedback a wrong way down.
     asker_.be_patient(patient);

@@ -254,6 +254,8 @@ discovery::Options Network::search_options() {
   if (!published) options.window = bus_->timing.lss_timeout;
   // The longest frame of the bus: 8 bytes, 29 bits, every stuff bit there can be.
   options.blocking = std::chrono::nanoseconds(160'000'000'000LL / bus_->bitrate);
+  // On a slow bus a window that is shorter saves nothing, and an answer that it misses costs several frames.
+  options.shortest = std::max(options.shortest, options.blocking / 3);
   options.inhibit = lss_.options().inhibit;
   // Who is missed now is looked for again later, and the machine waits meanwhile: a lost heartbeat is seen behind it.
   options.retries = 2;
