@@ -85,7 +85,8 @@ rt::Task<void> Network::carry_out() {
     if (!read) break;
   }
   note_puzzling();
-  co_await take_ids_back();
+  // While the search goes on they keep what was lent: else it would find them all again.
+  if (!search_open_) co_await take_ids_back();
   rest_from_searching();
   report_plan();
   const bool any = std::ranges::any_of(seats_, [](const auto& s) { return s->slot.record.confirmed.has_value(); });

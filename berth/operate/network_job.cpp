@@ -109,7 +109,8 @@ rt::Task<void> Network::round() {
     speak();
   }
   for (auto& seat : seats_) {
-    if (seat->state == SlotState::unknown) set_state(*seat, SlotState::empty, "no device of its type was found");
+    const bool none = seat->state == SlotState::unknown && !search_open_;
+    if (none) set_state(*seat, SlotState::empty, "no device of its type was found");
   }
   co_await check_and_start();
 }

@@ -79,9 +79,9 @@ struct Cell {
   // Plain LSS asks in six frames, the others in one; 32 questions at most. Node-ID, check and start take forty more.
   const std::int64_t frames = c.kind == Kind::lss || c.kind == Kind::stored || c.kind == Kind::mixed ? 32 * 7 : 32 * 3;
   const rt::Duration one = (frames + 40) * frame + 300ms;
-  // CANopenNode's slaves answer from their main loop, ten times later once in fifty answers.
-  const bool late = c.latency == Latency::outliers || c.kind == Kind::canopennode || c.kind == Kind::mixed;
-  return (late ? 4 : 2) * (15s + c.devices * one);
+  // CANopenNode's slaves answer ten times later once in fifty answers, Lely core's have to be gone round.
+  const bool known = c.kind == Kind::canopennode || c.kind == Kind::lely || c.kind == Kind::mixed;
+  return (c.latency == Latency::outliers ? 2 : 1) * (known ? 4 : 2) * (15s + c.devices * one);
 }
 
 // Every cell has its own seed, the same in every run.
