@@ -137,6 +137,7 @@ class Planner {
     faults();
     spares();
     plan_.perturbed = random_.below(2) == 0;
+    habits();
     return std::move(plan_);
   }
 
@@ -231,6 +232,20 @@ class Planner {
       case discovery::Method::identify: return {lss};
     }
     return {lss, rand};
+  }
+
+  // Stacks that speak Fastscan only, each in its way, where Berth looks for such. Drawn by themselves: worlds without
+  // them stay as they are.
+  void habits() {
+    Random random(plan_.seed ^ 0x4A81);
+    for (auto& d : plan_.plant.devices) {
+      const auto way = method_of(d.bus);
+      const bool reached = way == "auto" || way == "planner-fastscan";
+      if (!reached || random.below(10) != 0) continue;
+      d.habit = static_cast<plant::Habit>(random.below(2));
+      d.speaks = {plant::Speaks::fastscan};
+      d.rx_depth = 32;
+    }
   }
 
   // One that fits the slot.
