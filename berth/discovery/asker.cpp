@@ -136,7 +136,7 @@ void Asker::begin(const Options& options, std::uint16_t feedback_base) noexcept 
     }
     feedback_base_ = feedback_base;
   }
-  patient_ = false;
+  patient_ = wholly_ = false;
   requests_ = 0;
   answers_ = 0;
   signs_ = 0;

@@ -97,11 +97,15 @@ class Asker final : private can::Handler {
   void begin(const Options& options, std::uint16_t feedback_base) noexcept;
 
   [[nodiscard]] Question ask(const lss::FastscanRequest& request, Wait wait, bool alone = false) noexcept {
-    return {*this, request, wait, alone};
+    return {*this, request, wait, alone && !wholly_};
   }
   /// Every window is as long as an answer may need, and no answer cuts it short unless one device is left: for when
-  /// haste has led nowhere. So long is the bound, until enough patient questions have told the slowest answer.
-  void be_patient(bool on) noexcept { patient_ = on; }
+  /// haste has led nowhere. So long is the bound, until enough patient questions have told the slowest answer. `wholly`:
+  /// nor when one device seems to be left.
+  void be_patient(bool on, bool wholly) noexcept {
+    patient_ = on;
+    wholly_ = on && wholly;
+  }
   /// Patience has led nowhere either: the slowest answer is still to be learnt.
   void be_more_patient() noexcept { patience_.renew(); }
   /// Feedback heard since the last question's confirmation, distinct, ascending. Good until the next question is sent.
@@ -139,6 +143,7 @@ class Asker final : private can::Handler {
   unsigned answers_ = 0;
   unsigned requests_ = 0;
   bool patient_ = false;
+  bool wholly_ = false;
   bool asked_patiently_ = false;
   Patience patience_;
   bool takes_back_ = false;  // what is queued, before it is on the wire

@@ -107,7 +107,7 @@ rt::Task<Result<Report>> Walker::Search::run() {
     if (judged) haste_.note(!restart);
     patient = fruitless > 0 || !haste_.pays();
     // What one device answers late is taken for an answer to the next question: with feedback a wrong way down.
-    asker_.be_patient(patient);
+    asker_.be_patient(patient, fruitless > 1);
     by_bits_ = fruitless > 1;
   }
   if (held_ && !broken_) co_await release();

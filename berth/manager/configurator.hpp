@@ -56,7 +56,7 @@ struct Failure {
   std::vector<std::uint8_t> held;
   Error error;
 
-  /// Worth another try as it is: the device was silent, busy, or restarted. Else only a change of the file or of the
+  /// Worth another try as it is: the device was silent, busy, or restarted, or a transfer was spoilt. Else only a change of the file or of the
   /// device helps.
   [[nodiscard]] bool passing() const noexcept;
 };

@@ -56,7 +56,19 @@ bool Failure::passing() const noexcept {
   }
   if (error.code != Errc::aborted) return true;
   const auto code = static_cast<od::AbortCode>(error.detail);
-  return code == od::AbortCode::local_control || code == od::AbortCode::device_state || code == od::AbortCode::timeout;
+  using od::AbortCode;
+  switch (code) {
+    case AbortCode::local_control:
+    case AbortCode::device_state:
+    case AbortCode::timeout: return true;
+    // The transfer was spoilt, by a frame that came twice or not at all, and not refused.
+    case AbortCode::toggle_bit:
+    case AbortCode::command_specifier:
+    case AbortCode::block_size:
+    case AbortCode::sequence_number:
+    case AbortCode::crc: return true;
+    default: return false;
+  }
 }
 
 std::string describe(const Failure& f, const std::string& file) {

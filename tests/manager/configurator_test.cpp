@@ -224,6 +224,19 @@ TEST(Configurator, HU_20_ADeviceThatIsNotReadyIsAskedAgain) {
 }
 
 // HU.21: no answer says of which node and object, and that the request was on the bus.
+// A frame that came twice ends a transfer with an abort code that is no refusal of the value.
+TEST(Configurator, ASpoiltTransferIsWorthAnotherTry) {
+  manager::Failure failure;
+  for (const std::uint32_t code : {0x0503'0000U, 0x0504'0000U, 0x0504'0001U, 0x0504'0002U, 0x0504'0003U, 0x0504'0004U}) {
+    failure.error = Error{.code = Errc::aborted, .detail = code};
+    EXPECT_TRUE(failure.passing()) << std::hex << code;
+  }
+  for (const std::uint32_t code : {0x0504'0005U, 0x0601'0002U, 0x0602'0000U, 0x0609'0030U, 0x0800'0000U}) {
+    failure.error = Error{.code = Errc::aborted, .detail = code};
+    EXPECT_FALSE(failure.passing()) << std::hex << code;
+  }
+}
+
 TEST(Configurator, HU_21_SilenceNamesNodeAndObject) {
   auto d = pump();
   d.silent.insert(gain);
