@@ -220,6 +220,7 @@ class Network final : private co::HeartbeatConsumer::Observer,
   rt::Task<void> take_back(const places::Found& found);
   rt::Task<void> handle(Wake wake);
   rt::Task<void> came_back(Seat& seat, rt::Time booted);
+  void hurry(Seat& seat);
   // network_prepare.cpp: who is there
   [[nodiscard]] co::SdoOptions asking(unsigned retries) const;
   rt::Task<void> prepare();

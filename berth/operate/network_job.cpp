@@ -197,6 +197,8 @@ rt::Task<void> Network::handle(Wake wake) {
         const auto cleared = clear_seat(*seat, "it fell silent, and the machine file says replacement = \"auto\"");
         if (!cleared) tell("error", seat->name(), describe(cleared.error()));
         look_anew_ = true;
+        anew_at_ = executor_->now();  // who waited for the slot is seated
+        seat->hurried = {};
         // A replacement that comes now is heard at once; the long search for devices with a node-ID would be in its way.
         rest_at_ = std::max(rest_at_, executor_->now() + 8 * bus_->timing.probe_period);
       }
@@ -230,6 +232,15 @@ rt::Task<void> Network::handle(Wake wake) {
   }
 }
 
+// A device that boots again and again, and is not taken, does not keep the bus busy.
+void Network::hurry(Seat& seat) {
+  const rt::Time now = executor_->now();
+  const bool lately = seat.hurried != rt::Time{} && now < seat.hurried + 8 * bus_->timing.probe_period;
+  if (lately) return;
+  seat.hurried = now;
+  anew_at_ = std::min(anew_at_, now);
+}
+
 // Somebody booted, or spoke again, under the slot's node-ID: is it the slot's device?
 rt::Task<void> Network::came_back(Seat& seat, rt::Time booted) {
   tell("step", seat.name(), fmt::format("node-ID {} is heard again", seat.id().value()));
@@ -252,6 +263,7 @@ rt::Task<void> Network::came_back(Seat& seat, rt::Time booted) {
   }
   if (!seat.slot.record.confirmed) {
     look_anew_ = true;
+    hurry(seat);
     co_return;
   }
   co_await ask_seat(seat);

@@ -24,6 +24,7 @@ struct Network::Seat {
   bool misplaced = false;                  ///< its probe tells another place, which no slot has
   bool guarded = false;                    ///< the device has no 1017h: it is asked by guarding
   rt::Time checked{};                      ///< when it was identified last
+  rt::Time hurried{};                      ///< when a boot-up under its node-ID last hastened the look at the bus
   std::optional<places::Binding> waiting;  ///< bound but for a power cycle
   std::uint64_t beats = 0;                 ///< heartbeats heard when their rate was looked at last
   rt::Time beats_at{};
