@@ -304,6 +304,9 @@ class Network final : private co::HeartbeatConsumer::Observer,
   rt::Task<void> ask_own_ids();
   rt::Task<bool> take_where_it_is(Seat& seat, LssAddress device);
   rt::Task<bool> find_configured(bool everybody);
+  [[nodiscard]] bool everywhere_due();
+  rt::Task<void> ask_everywhere();
+  rt::Task<void> knock(NodeId id);
   rt::Task<void> identity_at(NodeId id, std::vector<places::Found>& into);
   // network_recipe.cpp: node-IDs that are objects
   [[nodiscard]] Seat* recipe_seat(const places::Found& found);
@@ -432,7 +435,9 @@ class Network final : private co::HeartbeatConsumer::Observer,
   std::vector<LssAddress> welcome_;       // a person named them, or said that they may be used
   std::array<rt::Time, 128> asked_at_{};  // who answers at a node-ID of nobody was asked then
   std::array<bool, 128> look_again_at_{};  // a device was there that waits for its place
-  rt::Time sweep_at_{};                   // all node-IDs are not asked again before
+  rt::Time sweep_at_{};                   // the slots' own node-IDs are not asked again before
+  rt::Time everywhere_at_{};              // nor all the others, for a slot without a device
+  bool asked_everywhere_ = false;
   std::vector<places::Oddity> returned_;  // sat in a slot, came back, and gave its node-ID up
   std::vector<LssAddress> heard_of_;      // found by the last discovery
   std::vector<LssAddress> known_before_;

@@ -129,9 +129,52 @@ std::vector<NodeId> Network::ids_to_ask(bool everybody) {
   return ids;
 }
 
+// A slot stays without a device: not at once, as devices may still be booting, and then so that it takes little of the bus.
+bool Network::everywhere_due() {
+  const rt::Time now = executor_->now();
+  const auto period = bus_->timing.probe_period;
+  if (everywhere_at_ == rt::Time{}) everywhere_at_ = once_ ? now : now + 2 * period;
+  const bool first = !asked_everywhere_;
+  const bool waits = std::ranges::any_of(seats_, [&](const auto& s) {
+    const bool counts = first || !s->slot.spec.optional;
+    return counts && !s->there && s->slot.spec.assign == Assign::lss && !s->slot.record.device() &&
+           s->state != SlotState::question;
+  });
+  const bool due = method() == "auto" && waits && !search_open_ && now >= everywhere_at_;
+  if (!due) return false;
+  constexpr std::int64_t bits = 127LL * 150;
+  const rt::Duration takes(bits * 1'000'000'000 / bus_->bitrate);
+  everywhere_at_ = now + std::max<rt::Duration>(8 * period, 20 * takes);
+  asked_everywhere_ = true;
+  return true;
+}
+
+// Who has a node-ID of no slot, booted long ago, beats no heart and answers no identify (CANopenNode's slaves) is found
+// by no search. One question each: who answers is asked again, with patience.
+rt::Task<void> Network::ask_everywhere() {
+  const bool due = everywhere_due();
+  if (!due) co_return;
+  rt::Scope asked(*executor_, most_at_once());
+  for (std::uint8_t i = 1; i <= 127; ++i) {
+    const NodeId id(i);
+    const Seat* const seat = seat_at(id);
+    const bool known = (seat != nullptr && seat->there) || id == bus_->master ||
+                       std::ranges::find(found_, id, &places::Found::active) != found_.end();
+    if (!known) asked.spawn(knock(id));
+  }
+  co_await asked.join();
+}
+
+rt::Task<void> Network::knock(NodeId id) {
+  const co::SdoOptions patience = asking(0);
+  const auto type = co_await sdo_.read<std::uint32_t>(id, 0x1000, 0, patience);
+  if (type || type.error().code == Errc::aborted) look_again_at_[id.value()] = true;
+}
+
 // True: somebody was found of whom the plan did not know.
 rt::Task<bool> Network::find_configured(bool everybody) {
   if (alone_) co_return false;
+  co_await ask_everywhere();
   const std::vector<NodeId> ids = ids_to_ask(everybody);
   if (ids.empty()) co_return false;
   std::vector<places::Found> answered;

@@ -146,6 +146,28 @@ TEST(Sources, S4_21_StoredFactoryNodeIdsAreFoundAndSetRight) {
   }
 }
 
+// CANopenNode's slaves answer no identify, and Fastscan only without a node-ID: it booted before Berth began, and beats no
+// heart.
+TEST(Sources, S4_21_AStoredNodeIdThatNoSearchFindsIsAskedFor) {
+  for (const unsigned id : {9U, 32U, 126U}) {
+    design::Machine m = one_bus(125'000);
+    add_slot(m, 7, type_b);
+    add_slot(m, 8, type_a);
+    m.slots.back().spec.optional = true;
+    auto p = one_bus_plant(1);
+    add_device(p, "neighbour", type_a, 1);
+    auto& d = with_id(add_device(p, "a", type_b, 1), NodeIdSource::nonvolatile, id);
+    d.speaks = {plant::Speaks::fastscan};
+    d.habit = plant::Habit::canopennode;
+    Rig rig(m, p);
+    rig.run_for(3s);
+    rig.begin();
+    ASSERT_TRUE(rig.until_operational(15s)) << id << "\n" << rig.log();
+    EXPECT_EQ(rig.seats(), (Seats{{7, 1}, {8, 1}}));
+    EXPECT_EQ(rig.device("a").truth().persistent, NodeId(7)) << id;
+  }
+}
+
 TEST(Sources, FromScratchBindsAnewWhatWasCrossed) {
   design::Machine m = one_bus(125'000);
   add_slot(m, 2, type_a);
