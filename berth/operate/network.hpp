@@ -428,6 +428,7 @@ class Network final : private co::HeartbeatConsumer::Observer,
   std::map<LssAddress, rt::Time> first_seen_;  // of `found_`
   std::vector<places::Reading> readings_;      // of devices without a seat
   std::vector<Loan> lent_;                     // node-IDs that no slot has, until their devices are seated or not
+  std::vector<LssAddress> borrowers_;          // had a loan, and were not bound since: what they have is not stored
   std::array<rt::Time, 128> lent_until_{};     // boot-up messages up to then are of our making
   places::Plan plan_;
   std::vector<LssAddress> avoid_;         // devices whose action failed in this round

@@ -136,8 +136,8 @@ rt::Task<bool> Network::act(const Action& action) {
 
 rt::Task<bool> Network::bind_seat(Seat& seat, LssAddress device, std::string reason) {
   const bool resumed = seat.slot.record.asked.has_value();
-  const bool lent = std::ranges::any_of(lent_, [&](const Loan& l) { return l.device == device; });
-  const bool home = !lent && std::ranges::any_of(found_, [&](const places::Found& f) {
+  const bool borrows = std::ranges::find(borrowers_, device) != borrowers_.end();
+  const bool home = !borrows && std::ranges::any_of(found_, [&](const places::Found& f) {
     return f.device == device && f.active == seat.id() && !f.clone;
   });
   Binding binding(Binding::Kind::bind, {device, seat.id()}, bus_->timing.tries, resumed);
@@ -156,6 +156,7 @@ rt::Task<bool> Network::bind_seat(Seat& seat, LssAddress device, std::string rea
     if (taken) co_return true;
   }
   if (good) {
+    std::erase(borrowers_, device);
     bound(seat, binding);
   } else {
     not_bound(seat, binding);

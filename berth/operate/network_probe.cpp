@@ -102,6 +102,7 @@ void Network::note_puzzling() {
 
 // Once for all of a search: what a run that is ended in the middle leaves behind is taken out of all at once.
 void Network::note_loans(const LssAddress& device, NodeId id) noexcept {
+  if (std::ranges::find(borrowers_, device) == borrowers_.end()) borrowers_.push_back(device);
   if (std::exchange(loans_noted_, true)) return;
   const auto marked = store_->mark(places::Mark::lent, device, id, "node-IDs are lent for a search");
   if (!marked) loans_noted_ = false;

@@ -137,8 +137,7 @@ bool Network::everywhere_due() {
   const bool first = !asked_everywhere_;
   const bool waits = std::ranges::any_of(seats_, [&](const auto& s) {
     const bool counts = first || !s->slot.spec.optional;
-    return counts && !s->there && s->slot.spec.assign == Assign::lss && !s->slot.record.device() &&
-           s->state != SlotState::question;
+    return counts && !s->there && s->slot.spec.assign == Assign::lss && !s->slot.record.device();
   });
   const bool due = method() == "auto" && waits && !search_open_ && now >= everywhere_at_;
   if (!due) return false;
