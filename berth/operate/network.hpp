@@ -196,11 +196,14 @@ class Network final : private co::HeartbeatConsumer::Observer,
   };
   using Slots = std::vector<places::Slot>;
   struct Progress final : discovery::Observer {
-    void found(const discovery::Found&) noexcept override {}
+    void found(const discovery::Found& device) noexcept override {
+      if (device.active.configured()) told[device.active.value()] = true;
+    }
     void progress(const discovery::Progress& progress) noexcept override { last = progress; }
     discovery::Progress last{};
     discovery::Progress before{};
     unsigned idle = 0;  ///< slices in a row that brought nothing
+    std::array<bool, 128> told{};  ///< a device that was found has this node-ID, or will when it boots
   };
   struct Loan {
     LssAddress device;

@@ -193,6 +193,7 @@ rt::Task<void> Network::discover_by(discovery::Discovery& way) {
   const discovery::Known known = known_devices();
   const discovery::Options options = search_options();
   if (options.assigner != nullptr) co_await prepare_loans();
+  progress_.told = {};
   const auto report = co_await way.find(known, options);
   // Whoever was found may still be in LSS configuration, where a planner leaves those who shall not answer again.
   const auto quiet = co_await lss_.switch_global(lss::State::waiting);
@@ -276,7 +277,8 @@ NodeId Network::assign(const LssAddress& device) noexcept {
   const bool by_rand = found != found_.end() && std::ranges::find(by_rest_, device) == by_rest_.end();
   if (by_rand) return {};  // it waits for its place, and leaves no search by a loan
   const Seat* const seat = seat_of(device);
-  const bool own = seat != nullptr && vacancy_[seat->id().value()] && !boots_.heard(seat->id());
+  const bool own = seat != nullptr && vacancy_[seat->id().value()] && !boots_.heard(seat->id()) &&
+                   !progress_.told[seat->id().value()];
   const NodeId id = own ? seat->id() : id_to_lend(device);
   if (!id.configured()) return id;
   note_loans(device, id);

@@ -30,7 +30,7 @@ bool Network::may_be_lent(NodeId id) const noexcept {
   const bool slot = std::ranges::any_of(seats_, [&](const auto& s) { return s->id() == id; });
   const bool held = std::ranges::any_of(found_, [&](const places::Found& f) { return f.active == id; });
   const bool lent = std::ranges::any_of(lent_, [&](const Loan& l) { return l.id == id; });
-  return !slot && !held && !lent && id != bus_->master && !boots_.heard(id);
+  return !slot && !held && !lent && !progress_.told[id.value()] && id != bus_->master && !boots_.heard(id);
 }
 
 bool Network::free_for_a_loan(const Seat& seat, const LssAddress& device) const noexcept {
@@ -39,8 +39,9 @@ bool Network::free_for_a_loan(const Seat& seat, const LssAddress& device) const 
   const auto heard = boots_.heard(id);
   const bool held = std::ranges::any_of(found_, [&](const places::Found& f) { return f.active == id; });
   const bool lent = std::ranges::any_of(lent_, [&](const Loan& l) { return l.id == id; });
-  return !seat.there && !seat.slot.record.device() && seat.slot.spec.assign == places::Assign::lss && !held && !lent &&
-         vacant && (!heard || *heard < *vacant) && places::fits(seat.slot.spec, device);
+  const bool free = !held && !lent && !progress_.told[id.value()];
+  return !seat.there && !seat.slot.record.device() && seat.slot.spec.assign == places::Assign::lss && free && vacant &&
+         (!heard || *heard < *vacant) && places::fits(seat.slot.spec, device);
 }
 
 // The lowest free slot's that it fits: searches find the devices of a type in ascending order, and with `ascending` that
