@@ -77,7 +77,6 @@ rt::Task<Result<Report>> Walker::Search::run() {
   lss_.suspect_strangers();
   co_await release();
   unsigned fruitless = 0;
-  bool patient = false;
   for (;;) {
     Heard anybody = co_await start();
     if (!anybody.yes() && !broken_) {
@@ -102,12 +101,12 @@ rt::Task<Result<Report>> Walker::Search::run() {
     if (restart) ++report_.restarts;
     fruitless = restart ? fruitless + 1 : last_round_found_ > 0 ? 0 : fruitless;
     if (fruitless > options_.retries) break;
-    if (patient && restart) asker_.be_more_patient();
-    const bool judged = !patient && (restart || last_round_found_ > 0);
+    if (patient_ && restart) asker_.be_more_patient();
+    const bool judged = !patient_ && (restart || last_round_found_ > 0);
     if (judged) haste_.note(!restart);
-    patient = fruitless > 0 || !haste_.pays();
+    patient_ = fruitless > 0 || !haste_.pays();
     // What one device answers late is taken for an answer to the next question: with feedback a wrong way down.
-    asker_.be_patient(patient, fruitless > 1);
+    asker_.be_patient(patient_, fruitless > 1);
     by_bits_ = fruitless > 1;
   }
   if (held_ && !broken_) co_await release();
@@ -158,11 +157,21 @@ rt::Task<bool> Walker::Search::enter(std::uint32_t value) {
   has_used_[sub_] = true;
   const Prefix whole{value, 0};
   const Heard heard = co_await ask_once(whole, sub_ + 1, Wait::bound);
-  overtaken_ = heard.late && !heard.sent;
+  overtaken_ = heard.late && !heard.yes();
   if (!heard.yes()) co_return false;
   chain_[sub_++] = value;
   entered_answers_ = heard.answers;
   co_return true;
+}
+
+// Where the lowest bit was 0 after all, the question for it was answered too late, and nobody has moved on yet.
+rt::Task<bool> Walker::Search::enter_leaf() {
+  const std::uint32_t value = leaf_.value;
+  bool entered = co_await enter(value);
+  const bool other = overtaken_ && !broken_;
+  if (other) entered = co_await enter(value ^ 1U);
+  overtaken_ = false;
+  co_return entered;
 }
 
 rt::Task<void> Walker::Search::round() {
@@ -186,10 +195,7 @@ rt::Task<void> Walker::Search::round() {
     anchors_.assign(1, Prefix{});
     const Prefix root;
     bool found = co_await descend(root, entered_answers_);
-    if (found && !broken_) found = co_await enter(leaf_.value);
-    // The lowest bit was 0 after all, and nobody was asked to move yet.
-    if (overtaken_ && !broken_) found = co_await enter(leaf_.value ^ 1U);
-    overtaken_ = false;
+    if (found && !broken_) found = co_await enter_leaf();
     if (!found || broken_) co_return;
   }
   const bool same = chain_ == last_chain_;

@@ -42,17 +42,30 @@ rt::Task<void> Walker::Search::beside() {
   if (!over()) exhausted_ = true;
 }
 
-rt::Task<bool> Walker::Search::stand_at(Place place) {
-  const Heard anybody = co_await start();
-  if (!anybody.yes()) co_return false;
-  while (sub_ < place.parts && !broken_) {
-    const bool entered = co_await enter(place.part[sub_]);
-    if (!entered) co_return false;
-  }
-  co_return !broken_;
+bool Walker::Search::is_vacant(const Place& place) const {
+  return std::ranges::any_of(vacant_, [&](const Place& v) {
+    return place.parts >= v.parts && std::equal(v.part.begin(), v.part.begin() + v.parts, place.part.begin());
+  });
 }
 
-// True: somebody answered beside them, or nobody was led there; the round is over.
+// Who was put aside may have left the search with its node-ID after all: then nobody is led there, twice.
+rt::Task<Walker::Search::Stand> Walker::Search::stand_at(Place place) {
+  Place silent;
+  for (int tries = 0; tries < 2; ++tries) {
+    const Heard anybody = co_await start();
+    if (!anybody.yes()) co_return Stand::nobody;
+    bool entered = true;
+    while (entered && sub_ < place.parts && !broken_) entered = co_await enter(place.part[sub_]);
+    if (broken_) co_return Stand::nobody;
+    if (entered) co_return Stand::there;
+    silent = place;
+    silent.parts = sub_ + 1;
+  }
+  vacant_.push_back(silent);
+  co_return Stand::vacant;
+}
+
+// True: somebody answered beside them, or nobody answers at all; the round is over.
 rt::Task<bool> Walker::Search::ask_beside(Place place) {
   std::vector<std::uint32_t> numbers;
   for (const LssAddress& a : aside_) {
@@ -62,11 +75,15 @@ rt::Task<bool> Walker::Search::ask_beside(Place place) {
   }
   std::vector<Prefix> open;
   without(Prefix{}, numbers, open);
-  std::erase_if(open, [&](Prefix p) { return std::ranges::find(silent_, Silent{place, p}) != silent_.end(); });
-  if (open.empty()) co_return false;
-  const bool stands = co_await stand_at(place);
-  if (!stands) co_return true;
+  std::erase_if(open, [&](Prefix p) {
+    return std::ranges::any_of(silent_, [&](const Silent& s) { return s.place == place && s.at == p; });
+  });
+  if (open.empty() || is_vacant(place)) co_return false;
+  const Stand stand = co_await stand_at(place);
+  if (stand != Stand::there) co_return stand == Stand::nobody;
   children_.clear();  // theirs
+  // An answer of theirs that is late would be one to the first question.
+  if (entered_answers_ < numbers.size()) co_await rt::sleep_until(asker_.settled());
   const bool rows = place.parts == 3 && !report_.found.empty();
   if (rows) {
     const bool found = co_await row_beside();
@@ -75,16 +92,23 @@ rt::Task<bool> Walker::Search::ask_beside(Place place) {
   for (std::size_t i = 0; i < open.size() && !broken_; ++i) {
     const Prefix at = open[i];
     elsewhere();
+    const bool doubted =
+        std::ranges::any_of(doubted_, [&](const Silent& s) { return s.place == place && s.at == at; });
+    asker_.be_patient(patient_ && doubted);
     const Heard heard = co_await ask_once(at, sub_, Wait::learnt);
+    asker_.be_patient(patient_);
     const bool before = heard.late && i > 0;  // the place asked before this one was answered
     if (before || heard.yes()) {
       if (before) silent_.pop_back();
       const Prefix there = before ? open[i - 1] : at;
+      const auto found = report_.found.size();
       co_await below(there);
+      const bool led_astray = report_.found.size() == found && !set_aside_;
+      if (led_astray) forget_silence(heard.at);
       co_return true;
     }
     if (!heard.sent) --i;
-    if (heard.sent) silent_.push_back({place, at});
+    if (heard.sent) silent_.push_back({place, at, heard.at});
   }
   co_return false;
 }
@@ -96,6 +120,15 @@ rt::Task<bool> Walker::Search::row_beside() {
   const std::uint64_t next = std::uint64_t{last.serial} + stride_below(last.serial);
   const Outcome outcome = co_await guess(next, row_);
   co_return outcome == Outcome::found;
+}
+
+// The answer may have been one to any of the questions shortly before it: those are asked again, patiently.
+void Walker::Search::forget_silence(rt::Time answered) {
+  std::erase_if(silent_, [&](const Silent& s) {
+    const bool lately = s.asked + asker_.longest() >= answered;
+    if (lately) doubted_.push_back(s);
+    return lately;
+  });
 }
 
 rt::Task<void> Walker::Search::below(Prefix at) {
@@ -111,7 +144,7 @@ rt::Task<void> Walker::Search::below(Prefix at) {
   anchors_.assign(1, at);
   const bool came = co_await descend(at, 2);
   if (!came || broken_) co_return;
-  const bool entered = co_await enter(leaf_.value);
+  const bool entered = co_await enter_leaf();
   if (entered && !broken_) co_await round();
 }
 

@@ -53,10 +53,11 @@ class Walker::Search {
     unsigned parts = 0;
     friend bool operator==(const Place&, const Place&) = default;
   };
+  enum class Stand : std::uint8_t { there, vacant, nobody };
   struct Silent {
     Place place;
     Prefix at;
-    friend bool operator==(const Silent&, const Silent&) = default;
+    rt::Time asked{};
   };
 
   // Questions
@@ -68,6 +69,7 @@ class Walker::Search {
   rt::Task<Heard> ask(Prefix at, unsigned next, Wait wait);
   rt::Task<Heard> start();
   rt::Task<bool> enter(std::uint32_t value);
+  rt::Task<bool> enter_leaf();
   void take_feedback(const std::vector<lss::FeedbackValue>& heard, unsigned sub, Prefix at, std::vector<Prefix>& to);
   void open(Prefix at, Open::Why why);
   // The walk
@@ -98,7 +100,9 @@ class Walker::Search {
   void put_aside(const LssAddress& device, bool has_node_id);
   // Beside those who were put aside
   rt::Task<void> beside();
-  rt::Task<bool> stand_at(Place place);
+  rt::Task<Stand> stand_at(Place place);
+  [[nodiscard]] bool is_vacant(const Place& place) const;
+  void forget_silence(rt::Time answered);
   rt::Task<bool> ask_beside(Place place);
   rt::Task<bool> row_beside();
   rt::Task<void> below(Prefix at);
@@ -140,7 +144,7 @@ class Walker::Search {
   Prefix leaf_{};
   unsigned careful_ = 0;    // so many steps down with the longest window
   unsigned alone_ = 0;      // questions in a row, each below the one before, that got one answer
-  bool overtaken_ = false;  // the last `enter` was not sent: the question before it was answered
+  bool overtaken_ = false;  // nobody entered, but the question before it was answered
   bool below_ = false;      // the last question was such a one
   unsigned backs_ = 0;
   unsigned failed_ = 0;           // places in a row at which somebody was heard and nobody found
@@ -156,6 +160,9 @@ class Walker::Search {
   std::array<std::uint32_t, 4> last_chain_{};
   std::size_t last_round_found_ = 0;
   std::vector<LssAddress> aside_;  // known, and they answer again
+  std::vector<Silent> doubted_;    // silent when they were asked in haste
+  bool patient_ = false;           // haste has led nowhere
+  std::vector<Place> vacant_;      // nobody is led there
   std::vector<Silent> silent_;     // asked beside those, and silent
   bool set_aside_ = false;         // in this round: it can tell nothing more
   bool exhausted_ = false;         // nobody is beside those

@@ -127,6 +127,67 @@ TEST_P(Stayers, ANewOneAmongThirtyThatAreSeated) {
   }
 }
 
+NodeOptions leaves(TypeCode type_of, std::uint32_t serial) {
+  NodeOptions o;
+  o.address = {type_of.vendor, type_of.product, revision, serial};
+  o.habit = device::LssHabit::canopennode;
+  return o;
+}
+
+// Where one stayed, whoever is found after it is gone round too, though it left the search with its node-ID: nobody is
+// led to its address any more, and that is no reason to begin again.
+TEST_P(Stayers, WhoLeavesBesideOneThatStaysEndsNoSearch) {
+  for (std::uint64_t seed = 1; seed <= 20; ++seed) {
+    for (const bool other_type : {true, false}) {
+      SCOPED_TRACE(testing::Message() << seed << other_type);
+      World w(seed);
+      w.add(lely(4));
+      w.add(leaves(other_type ? TypeCode{0x360, 2} : type, 7));
+      w.add(leaves(other_type ? TypeCode{0x361, 9} : type, 0x12345678));
+      w.known.kinds = {{type, revision}, {{0x360, 2}, revision}};
+      Giver giver;
+      w.options.assigner = &giver;
+      w.options.window = 100ms;
+      const auto report = w.find(GetParam());
+      ASSERT_TRUE(report) << describe(report.error());
+      expect_each_once(*report, giver, 3);
+      EXPECT_LT(report->ended - report->began, 15s);
+    }
+  }
+}
+
+// As SocketCAN's port: what was received is told a little later, when the next request is on the wire.
+TEST_P(Stayers, ANewOneIsFoundSoonThroughASlowHost) {
+  rt::Duration sum{0};
+  rt::Duration longest{0};
+  constexpr unsigned runs = 60;
+  for (std::uint64_t seed = 1; seed <= runs; ++seed) {
+    World w(seed);
+    const auto controller = w.bus.attach();
+    const device::Timing host{.response_min = 100us, .response_max = 1500us};
+    device::TimedPort slow(w.world.executor(), *controller, host, Random(seed));
+    can::Dispatcher dispatcher(w.world.executor(), slow);
+    lss::Master master(dispatcher);
+    w.add(lely(4, NodeId(2)));
+    w.known.registered = {w.nodes[0]->options.address};
+    w.add(seed % 2 == 0 ? lely(0x12345678) : leaves({0x360, 2}, 0x12345678));
+    w.known.kinds = {{type, revision}};
+    Giver giver;
+    giver.next = 50;
+    w.options.assigner = &giver;
+    w.options.window = 100ms;
+    const auto walker = make(GetParam(), {dispatcher, master});
+    const auto report = w.run(walker->find(w.known, w.options));
+    ASSERT_TRUE(report) << describe(report.error());
+    expect_each_once(*report, giver, 1);
+    const auto time = report->ended - report->began;
+    sum += time;
+    longest = std::max<rt::Duration>(longest, time);
+  }
+  EXPECT_LT(sum / runs, 6s);
+  EXPECT_LT(longest, 15s);
+}
+
 // Two with one address are told by two answers to one question, staying or not.
 TEST_P(Stayers, TwinsAreTold) {
   unsigned told = 0;
