@@ -92,8 +92,7 @@ rt::Task<bool> Walker::Search::ask_beside(Place place) {
   for (std::size_t i = 0; i < open.size() && !broken_; ++i) {
     const Prefix at = open[i];
     elsewhere();
-    const bool doubted =
-        std::ranges::any_of(doubted_, [&](const Silent& s) { return s.place == place && s.at == at; });
+    const bool doubted = std::ranges::any_of(doubted_, [&](const Silent& s) { return s.place == place && s.at == at; });
     asker_.be_patient(patient_ && doubted);
     const Heard heard = co_await ask_once(at, sub_, Wait::learnt);
     asker_.be_patient(patient_);

@@ -129,7 +129,8 @@ std::vector<NodeId> Network::ids_to_ask(bool everybody) {
   return ids;
 }
 
-// A slot stays without a device: not at once, as devices may still be booting, and then so that it takes little of the bus.
+// When a slot stays without a device: not at once, as devices may still be booting, and then so that it takes little of
+// the bus.
 bool Network::everywhere_due() {
   const rt::Time now = executor_->now();
   const auto period = bus_->timing.probe_period;

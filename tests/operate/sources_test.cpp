@@ -146,8 +146,8 @@ TEST(Sources, S4_21_StoredFactoryNodeIdsAreFoundAndSetRight) {
   }
 }
 
-// CANopenNode's slaves answer no identify, and Fastscan only without a node-ID: it booted before Berth began, and beats no
-// heart.
+// CANopenNode's slaves answer no identify, and Fastscan only without a node-ID: this one booted before Berth began, and
+// beats no heart.
 TEST(Sources, S4_21_AStoredNodeIdThatNoSearchFindsIsAskedFor) {
   for (const unsigned id : {9U, 32U, 126U}) {
     design::Machine m = one_bus(125'000);
