@@ -102,7 +102,7 @@ class Asker final : private can::Handler {
   /// Every window is as long as an answer may need, and no answer cuts it short unless one device is left: for when
   /// haste has led nowhere. So long is the bound, until enough patient questions have told the slowest answer. `wholly`:
   /// nor when one device seems to be left.
-  void be_patient(bool on, bool wholly) noexcept {
+  void be_patient(bool on, bool wholly = false) noexcept {
     patient_ = on;
     wholly_ = on && wholly;
   }
