@@ -174,9 +174,9 @@ rt::Task<void> Network::handle(Wake wake) {
   const bool of_ours = wake.kind == Wake::Kind::boot_up && wake.at <= lent_until_[wake.node.value()];
   if (of_ours && seat != nullptr && !seat->slot.record.confirmed) co_return;
   if (seat == nullptr) {
-    // A boot-up under a node-ID of nobody here: look who it is.
+    // A boot-up under a node-ID of nobody here, or under the master's own: look who it is.
     const bool lent = wake.at <= lent_until_[wake.node.value()];
-    if (wake.kind == Wake::Kind::boot_up && wake.node != bus_->master && !lent) look_anew_ = true;
+    if (wake.kind == Wake::Kind::boot_up && !lent) look_anew_ = true;
     co_return;
   }
   switch (wake.kind) {

@@ -112,11 +112,11 @@ std::vector<NodeId> Network::ids_to_ask(bool everybody) {
   for (std::uint8_t i = 1; i <= 127; ++i) {
     const NodeId id(i);
     const Seat* const seat = seat_at(id);
-    const bool known = (seat != nullptr && seat->there) || (id == bus_->master && speaks_) ||
-                       std::ranges::find(found_, id, &places::Found::active) != found_.end();
-    if (known) continue;
     const auto heard = boots_.heard(id);
     const bool speaks = heard && *heard > asked_at_[i];
+    const bool known = (seat != nullptr && seat->there) || (id == bus_->master && speaks_ && !speaks) ||
+                       std::ranges::find(found_, id, &places::Found::active) != found_.end();
+    if (known) continue;
     const bool factory = std::ranges::find(factory_ids, id) != factory_ids.end();
     const bool own = seat != nullptr && seat->slot.spec.assign != Assign::fixed;
     const bool again = std::exchange(look_again_at_[i], false);
