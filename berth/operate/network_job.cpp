@@ -131,6 +131,8 @@ rt::Task<void> Network::opening() {
     loans_noted_ = lends;
   }
   const auto quiet = co_await lss_.switch_global(lss::State::waiting);
+  // One that keeps what it was lent pending would be silent until the next reset of all.
+  if (lends && quiet && may_command()) places::wake_unconfigured(dispatcher_);
   alone_ = !quiet;
   if (alone_) tell("error", "", "the bus: " + describe(quiet.error()));
 }

@@ -197,8 +197,12 @@ rt::Task<bool> Network::isolate_former(Seat& seat) {
   if (bus_->role == design::Role::observer || !seat.slot.record.confirmed) co_return false;
   const std::vector<LssAddress> formers = formers_of(seat);
   bool any = false;
+  bool silent = false;
   for (const auto& device : formers) {
-    const auto id = co_await ask_active_id(device);
+    Result<NodeId> id = co_await ask_active_id(device);
+    const bool slowly = !id && seat.suspected > 0;
+    if (slowly) id = co_await active_id(device);
+    silent = silent || !id;
     if (!id || *id != seat.id()) continue;
     const auto sat = former_seat_of(device);
     const std::string text =
@@ -211,7 +215,10 @@ rt::Task<bool> Network::isolate_former(Seat& seat) {
     returned_.push_back({"returned", device, gone ? NodeId() : *id, text});
     any = true;
   }
-  seat.suspect = false;
+  // What spoke here may have been one that did not hear the question: it is asked for twice more.
+  seat.suspect = silent && !any && ++seat.suspected < 3;
+  if (!seat.suspect) seat.suspected = 0;
+  if (seat.suspect) look_anew_ = true;
   co_return any;
 }
 

@@ -158,18 +158,18 @@ rt::Task<Outcome> Binder::await_boot_up(NodeId id) {
   const rt::Time first = std::min(deadline, began + options_.own_boot);
   const bool by_itself = co_await s_.boots.wait(id, moved_, first);
   if (by_itself) co_return Outcome::ok;
-  wake_unconfigured();
+  wake_unconfigured(s_.dispatcher);
   const bool heard = co_await s_.boots.wait(id, moved_, deadline);
   co_return heard ? Outcome::ok : Outcome::silent;
 }
 
-void Binder::wake_unconfigured() {
+void wake_unconfigured(can::Dispatcher& dispatcher) noexcept {
   can::Frame reset;
   reset.id = 0;
   reset.size = 2;
   reset.data[0] = static_cast<std::uint8_t>(co::NmtCommand::reset_communication);
   reset.data[1] = NodeId::unconfigured_value;
-  s_.dispatcher.send(reset);
+  dispatcher.send(reset);
 }
 
 rt::Task<Outcome> Binder::inquire(Binding& binding) {
@@ -240,7 +240,7 @@ rt::Task<Outcome> Binder::identify(const Binding& binding) {
   if (asleep) {
     woken_ = true;
     moved_ = s_.dispatcher.executor().now();
-    wake_unconfigured();
+    wake_unconfigured(s_.dispatcher);
     const rt::Time deadline = moved_ + options_.own_boot;
     const bool booted = co_await s_.boots.wait(id, moved_, deadline);
     if (booted) who = co_await read_identity(s_.sdo, id);

@@ -22,6 +22,10 @@ namespace berth::places {
 /// makes a node-ID vacant without asking again.
 using VacancyTable = std::array<std::optional<rt::Time>, 128>;
 
+/// NMT reset communication to node-ID 255. Lely core's slaves begin to use a node-ID that is pending at this command, and
+/// not at `04 00` as CiA 305 has it; others take it for a reset of no node.
+void wake_unconfigured(can::Dispatcher& dispatcher) noexcept;
+
 class Binder {
  public:
   struct Services {
@@ -72,7 +76,6 @@ class Binder {
   rt::Task<Outcome> inquire(Binding& binding);
   rt::Task<Outcome> configure(NodeId id);
   rt::Task<Outcome> await_boot_up(NodeId id);
-  void wake_unconfigured();
   rt::Task<Outcome> store();
   rt::Task<Outcome> release(const Binding& binding);
   rt::Task<Outcome> reset(const Binding& binding);
