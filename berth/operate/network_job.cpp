@@ -47,6 +47,7 @@ rt::Task<void> Network::work(bool first) {
   // A search can take longer than the pause before the next one, which begins when it is over.
   const auto pause = std::exchange(retries_, false) ? 8 : 1;
   retry_at_ = std::max(retry_at_, executor_->now() + pause * bus_->timing.probe_period);
+  anew_at_ = std::max(anew_at_, executor_->now() + 2 * bus_->timing.probe_period);
   idle_ = !search_open_;
 }
 
