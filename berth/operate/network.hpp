@@ -286,6 +286,7 @@ class Network final : private co::HeartbeatConsumer::Observer,
   rt::Task<void> carry_out();
   rt::Task<void> carry_out_actions(bool& inquired_all);
   rt::Task<bool> act(const places::Action& action);
+  [[nodiscard]] bool may_borrow(Seat& seat) const;
   rt::Task<bool> bind_seat(Seat& seat, LssAddress device, std::string reason);
   rt::Task<bool> blank(LssAddress device, std::string reason);
   rt::Task<void> check_and_start();
@@ -431,6 +432,7 @@ class Network final : private co::HeartbeatConsumer::Observer,
   std::map<LssAddress, rt::Time> first_seen_;  // of `found_`
   std::vector<places::Reading> readings_;      // of devices without a seat
   std::vector<Loan> lent_;                     // node-IDs that no slot has, until their devices are seated or not
+  bool earlier_loans_ = false;                 // an earlier run was ended while node-IDs were lent
   std::vector<LssAddress> borrowers_;          // had a loan, and were not bound since: what they have is not stored
   std::array<rt::Time, 128> lent_until_{};     // boot-up messages up to then are of our making
   places::Plan plan_;

@@ -134,9 +134,16 @@ rt::Task<bool> Network::act(const Action& action) {
   co_return co_await bind_seat(seat, device, reason);
 }
 
+// An earlier run was ended while node-IDs were lent. A device that does not answer LSS is believed to have its own when
+// it was asked a third time.
+bool Network::may_borrow(Seat& seat) const {
+  constexpr unsigned enough = 3;
+  return earlier_loans_ && ++seat.asked_by_lss < enough;
+}
+
 rt::Task<bool> Network::bind_seat(Seat& seat, LssAddress device, std::string reason) {
   const bool resumed = seat.slot.record.asked.has_value();
-  const bool borrows = std::ranges::find(borrowers_, device) != borrowers_.end();
+  const bool borrows = std::ranges::find(borrowers_, device) != borrowers_.end() || may_borrow(seat);
   const bool home = !borrows && std::ranges::any_of(found_, [&](const places::Found& f) {
     return f.device == device && f.active == seat.id() && !f.clone;
   });

@@ -129,7 +129,7 @@ rt::Task<void> Network::opening() {
   if (unfinished || lends) {
     const auto reverted = co_await lss_.configure_node_id(NodeId());
     if (!reverted && reverted.error().code == Errc::bus) tell("error", "", describe(reverted.error()));
-    loans_noted_ = lends;
+    loans_noted_ = earlier_loans_ = lends;
   }
   const auto quiet = co_await lss_.switch_global(lss::State::waiting);
   // One that keeps what it was lent pending would be silent until the next reset of all.

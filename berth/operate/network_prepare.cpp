@@ -10,6 +10,10 @@ namespace berth::operate {
 
 using places::SlotState;
 
+namespace {
+constexpr rt::Duration second_answer = std::chrono::milliseconds(20);
+}  // namespace
+
 // To ask whether anybody is there: silence is the expected answer, so it is not waited for long nor aborted.
 co::SdoOptions Network::asking(unsigned retries) const {
   co::SdoOptions patience = sdo_.options();
@@ -90,6 +94,8 @@ rt::Task<void> Network::ask_seat(Seat& seat) {
               stopped ? std::string() : "its identity cannot be read: " + describe(who.error()));
     co_return;
   }
+  // The answer of a second device may come a little behind that of the first.
+  co_await rt::sleep_for(second_answer);
   if (sdo_.surplus(id) != surplus) {
     set_state(seat, SlotState::duplicate, "two devices answer under this node-ID; take one of them off the bus");
     look_anew_ = true;
