@@ -135,6 +135,45 @@ TEST(Identify, OutliersCostTimeOnly) {
   }
 }
 
+// Six frames back to back are more than a receive buffer of one or two frames holds: such a device answers 4Ch, which is
+// one frame, and no range, until there are pauses between the frames.
+TEST(Identify, SmallReceiveBuffersAreFoundByPauses) {
+  for (const std::uint16_t depth : {std::uint16_t{1}, std::uint16_t{2}}) {
+    SCOPED_TRACE(depth);
+    World w(depth);
+    for (std::uint32_t serial : {7U, 0x1234'5678U, 0x1234'5679U}) {
+      auto o = lss_only(2, serial);
+      o.timing.rx_depth = depth;
+      w.add(o);
+    }
+    w.known.kinds = {{type, std::nullopt}};
+    w.options.configured = false;
+    const auto report = w.find(Method::identify);
+    ASSERT_TRUE(report);
+    EXPECT_EQ(addresses(*report), addresses(w));
+    EXPECT_EQ(w.services().lss.options().inhibit, lss::MasterOptions{}.inhibit) << "the pauses end with the search";
+  }
+}
+
+// Six frames a question: one answer in twenty comes ten times later than the others. To wait for the latest at every
+// silence would take 40 ms for each of some seventy questions a device.
+TEST(Identify, LateAnswersAreNotWaitedForAtEverySilence) {
+  World w(11);
+  for (unsigned i = 0; i < 12; ++i) {
+    auto o = lss_only(2, static_cast<std::uint32_t>(w.random.next()));
+    o.timing.outlier_per_million = 10'000;
+    o.timing.outlier = 30ms;
+    w.add(o);
+  }
+  w.known.kinds = {{type, 2}};
+  w.options.window = 100ms;
+  const auto report = w.find(Method::identify);
+  ASSERT_TRUE(report);
+  EXPECT_EQ(addresses(*report), addresses(w));
+  const double seconds = std::chrono::duration<double>(report->ended - report->began).count();
+  EXPECT_LT(seconds / 12, 2.0) << "of bus time for a device";
+}
+
 // Identify is answered without saying by whom; who is left at the end must answer to its own address.
 TEST(Identify, WhoDoesNotAnswerToItsAddressIsNotReported) {
   World w;

@@ -381,6 +381,39 @@ TEST_P(Planner, DoubledAnswersSingleSlotsAndMergedAnswers) {
   }
 }
 
+// `04 00` and the 80h behind it are two frames back to back.
+TEST_P(Planner, SingleSlotReceiveBuffersWithoutPauses) {
+  for (std::uint64_t seed = 1; seed <= 10; ++seed) {
+    SCOPED_TRACE(seed);
+    World w(seed);
+    NodeOptions like;
+    like.timing.rx_depth = 1;
+    add_random(w, 1 + static_cast<unsigned>(seed % 3), like);
+    w.known.kinds = {{type, revision}};
+    expect_all_bound(w, GetParam());
+    if (HasFailure()) return;
+  }
+}
+
+// Serial numbers with a constant step are guessed once one step is known: one question for each, and its selection.
+TEST_P(Planner, ARowOfSerialNumbersIsGuessed) {
+  World w;
+  for (std::uint32_t i = 0; i < 12; ++i) {
+    NodeOptions o;
+    o.address = {type.vendor, type.product, revision, 0x1000 + i * 0x1'0001};
+    o.feedback = lss::Feedback::none;
+    w.add(o);
+  }
+  w.known.kinds = {{type, revision}};
+  Giver giver;
+  w.options.assigner = &giver;
+  const auto report = w.find(GetParam());
+  ASSERT_TRUE(report);
+  EXPECT_EQ(addresses(*report), addresses(w));
+  // Two devices by their bits, ten guessed with two questions each; in between some were in vain.
+  EXPECT_LT(report->requests, 2U * 40 + 10U * 5);
+}
+
 // Somebody answers 4Fh to everything, whatever was asked; and forged feedback.
 TEST_P(Planner, ForgedAnswersBindNobody) {
   World w;
