@@ -131,6 +131,9 @@ rt::Task<bool> Network::act(const Action& action) {
   const std::string reason = action.reason;
   if (action.kind == Action::Kind::blank) co_return co_await blank(device, reason);
   Seat& seat = *seats_[action.slot];
+  // One that is silent may have it pending, as Lely core's slaves do, and no question finds that out.
+  const bool lent = std::ranges::any_of(lent_, [&](const Loan& l) { return l.id == seat.id() && l.device != device; });
+  if (lent) co_return false;
   co_return co_await bind_seat(seat, device, reason);
 }
 

@@ -62,7 +62,17 @@ NodeId Network::id_to_lend(const LssAddress& device) const noexcept {
 // The device is in LSS configuration, and no other is.
 rt::Task<Result<void>> Network::select_alone(LssAddress device) {
   const lss::AloneOptions options{.parts = parts_to_ask(device)};
-  const auto selected = co_await lss::select_alone(lss_, device, options);
+  auto selected = co_await lss::select_alone(lss_, device, options);
+  const bool unheard = selected && *selected == lss::Selection::absent;
+  if (unheard) {
+    // Again with pauses: a single-slot receive buffer loses frames that come back to back.
+    const lss::MasterOptions before = lss_.options();
+    lss::MasterOptions slower = before;
+    slower.inhibit = std::max(slower.inhibit, bus_->timing.rand_response);
+    lss_.set_options(slower);
+    selected = co_await lss::select_alone(lss_, device, options);
+    lss_.set_options(before);
+  }
   if (!selected) co_return fail(selected.error());
   switch (*selected) {
     case lss::Selection::alone: break;
@@ -129,7 +139,7 @@ rt::Task<void> Network::take_back_what_is_in_the_way() {
     if (loan == lent_.end()) continue;
     const LssAddress device = loan->device;
     const bool back = co_await take_id_back(device, id);
-    if (!back) continue;  // vacancy is asked again before the node-ID is given
+    if (!back) continue;  // `act` gives it to no other before that was tried often enough
     std::erase_if(lent_, [&](const Loan& l) { return l.id == id && l.device == device; });
     const auto found = std::ranges::find(found_, device, &places::Found::device);
     if (found != found_.end()) found->active = NodeId();

@@ -244,7 +244,6 @@ class Planner {
       if (!reached || random.below(10) != 0) continue;
       d.habit = static_cast<plant::Habit>(random.below(2));
       d.speaks = {plant::Speaks::fastscan};
-      d.rx_depth = 32;
     }
   }
 
@@ -280,10 +279,12 @@ class Planner {
     d.deaf_while_storing = random_.below(3) == 0;
     d.power_cycle_after_store = random_.below(16) == 0;
     d.queue = random_.below(2) == 0 ? plant::QueueKind::in_order : plant::QueueKind::priority;
-    // What RAND sends leaves a small receive buffer time; the other searches send 40h to 4Bh back to back.
-    const bool by_rand = d.speaks.has(plant::Speaks::rand) && (method_of(bus) == "auto" || method_of(bus) == "rand");
+    // What RAND sends leaves a small receive buffer time, and `auto` pauses between the frames of LSS where it must; the
+    // other searches send 40h to 4Bh back to back.
+    const auto way = method_of(bus);
+    const bool by_rand = d.speaks.has(plant::Speaks::rand) && way == "rand";
     d.rx_depth = std::array<std::uint32_t, 3>{1, 2, 16}[random_.below(3)];
-    if (!by_rand) d.rx_depth = 32;
+    if (!by_rand && way != "auto") d.rx_depth = 32;
     d.drift_ppm = static_cast<std::int32_t>(random_.between(-200, 200));
     return d;
   }
