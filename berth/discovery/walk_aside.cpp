@@ -116,8 +116,10 @@ rt::Task<bool> Walker::Search::ask_beside(Place place) {
 rt::Task<bool> Walker::Search::row_beside() {
   const LssAddress last = report_.found.back().address;
   if (last != address(last.serial)) co_return false;
-  const std::uint64_t next = std::uint64_t{last.serial} + stride_below(last.serial);
-  const Outcome outcome = co_await guess(next, row_);
+  const bool up = true;
+  const auto next = next_of_row(last.serial, up);
+  if (!next) co_return false;
+  const Outcome outcome = co_await guess(*next, row_);
   co_return outcome == Outcome::found;
 }
 

@@ -82,7 +82,7 @@ class Walker::Search {
   rt::Task<std::optional<Prefix>> others_left();
   rt::Task<void> around();
   rt::Task<Outcome> guess(std::uint64_t serial, Worth& worth);
-  [[nodiscard]] std::uint32_t stride_below(std::uint32_t serial) const;
+  [[nodiscard]] std::optional<std::uint32_t> next_of_row(std::uint32_t serial, bool up) const;
   rt::Task<bool> again_at_serials();
   rt::Task<bool> lead_to_serials();
   rt::Task<bool> descend(Prefix at, unsigned answers);

@@ -180,9 +180,12 @@ rt::Task<void> Walker::Search::registered_by_name() {
 rt::Task<void> Walker::Search::around() {
   while (!over()) {
     const std::uint32_t last = report_.found.back().address.serial;
-    const std::uint64_t of_row = std::uint64_t{last} + stride_below(last);
     const std::uint64_t next = std::uint64_t{last} + 1;
-    Outcome outcome = co_await guess(of_row, row_);
+    Outcome outcome = Outcome::nobody;
+    for (const bool up : {true, false}) {
+      const auto of_row = next_of_row(last, up);
+      if (outcome == Outcome::nobody && of_row) outcome = co_await guess(*of_row, row_);
+    }
     if (outcome == Outcome::nobody) outcome = co_await guess(next, next_);
     if (outcome == Outcome::found) {
       const bool there = co_await again_at_serials();
@@ -200,16 +203,25 @@ rt::Task<void> Walker::Search::around() {
   }
 }
 
-// From the next lower serial number that is known here; 0: none is.
-std::uint32_t Walker::Search::stride_below(std::uint32_t serial) const {
-  std::uint32_t stride = 0;
+// The step of the row is the distance to the nearest serial number that is known here.
+std::optional<std::uint32_t> Walker::Search::next_of_row(std::uint32_t serial, bool up) const {
+  constexpr unsigned longest_row = 126;
+  std::uint32_t step = 0;
   const auto look = [&](const LssAddress& a) {
-    if (a != address(a.serial) || a.serial >= serial) return;
-    stride = stride == 0 ? serial - a.serial : std::min(stride, serial - a.serial);
+    const std::uint32_t apart = a.serial > serial ? a.serial - serial : serial - a.serial;
+    if (a == address(a.serial) && apart != 0 && (step == 0 || apart < step)) step = apart;
   };
   for (const LssAddress& a : known_.registered) look(a);
   for (const Found& f : report_.found) look(f.address);
-  return stride;
+  if (step == 0) return std::nullopt;
+  std::uint32_t at = serial;
+  for (unsigned i = 0; i < longest_row; ++i) {
+    const bool ends = up ? at > 0xFFFF'FFFF - step : at < step;
+    if (ends) return std::nullopt;
+    at = up ? at + step : at - step;
+    if (!is_found(address(at)) && !is_registered(address(at))) return at;
+  }
+  return std::nullopt;
 }
 
 // `late`: one answered there, and did not say so when it was selected.

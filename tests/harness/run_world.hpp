@@ -338,7 +338,8 @@ class WorldRun final : private can::Tap {
     for (const auto& e : outcome_.events) last = std::max(last, rt::Duration(e.delay));
     const rt::Duration since = now() - rt::Time{} - last;
     if (since < 15s) rig_.run_for(15s - std::max(since, rt::Duration{0}));
-    const bool rests = rig_.run_until([this] { return rig_.idle(); }, 20s);
+    // A long search: it pauses between the frames of each question when a small receive buffer may be there.
+    const bool rests = rig_.run_until([this] { return rig_.idle(); }, 40s);
     const std::string wrong = rests ? verdict() : "the main job does not come to rest";
     if (!wrong.empty() && outcome_.failure.empty()) outcome_.failure = wrong;
   }
