@@ -1,5 +1,6 @@
 #include "berth/base/crc.hpp"
 #include "berth/base/ids.hpp"
+#include "berth/base/result.hpp"
 
 #include <string_view>
 
@@ -18,6 +19,14 @@ TEST(LssAddress, S1_11_ChunksAreBigEndianOverTheWholeAddress) {
   EXPECT_EQ(s1.chunk(1), 0x0001);
   EXPECT_EQ(s1.chunk(3), 0x0001);
   EXPECT_EQ(s1.chunk(7), 0x000A);
+}
+
+TEST(Result, DescribesTheObjectWithItsSubIndexZeroToo) {
+  EXPECT_EQ(describe(Error{.code = Errc::aborted, .node = 5, .sub = 0, .index = 0x1018}).find("node 5, object 1018h:00: "),
+            0U);
+  EXPECT_EQ(describe(Error{.code = Errc::aborted, .node = 5, .sub = 4, .index = 0x1018}).find("node 5, object 1018h:04: "),
+            0U);
+  EXPECT_EQ(describe(Error{.code = Errc::bus}).find("object"), std::string::npos);
 }
 
 TEST(LssAddress, TextForm) {

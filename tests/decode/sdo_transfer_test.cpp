@@ -113,6 +113,22 @@ TEST(SdoTransfer, BlockWriteWithALostSegment) {
   EXPECT_EQ(h.records[0].frames, 10U);
 }
 
+// The receiver had it, and the log has not: what stands behind the gap is not put in its place.
+TEST(SdoTransfer, ABlockWriteOfWhichTheLogLacksASegment) {
+  Heard h;
+  h.client({0xC6, 0x50, 0x1F, 0x01, 21});
+  h.server({0xA4, 0x50, 0x1F, 0x01, 3});
+  h.client({0x01, 1, 2, 3, 4, 5, 6, 7});
+  h.client({0x83, 15, 16, 17, 18, 19, 20, 21});  // 02h is not in the log
+  h.server({0xA2, 3, 3});
+  h.client({0xC1, 0x12, 0x34});
+  h.server({0xA1});
+  h.client({0x40, 0x00, 0x10, 0x00});
+  h.server({0x43, 0x00, 0x10, 0x00, 1, 0, 0, 0});
+  ASSERT_FALSE(h.records.empty());
+  EXPECT_EQ(h.records[0].bytes, (Bytes{1, 2, 3, 4, 5, 6, 7}));
+}
+
 // Segments that were all recorded, and of which the receiver acknowledged fewer: they come again.
 TEST(SdoTransfer, BlockReadWhereFewerAreAcknowledged) {
   Heard h;

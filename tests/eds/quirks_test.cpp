@@ -101,6 +101,14 @@ TEST(EdsQuirks, HC4_09_DuplicateKeyLastWins) {
   EXPECT_TRUE(warned(r, "[2000] defaultvalue"));
 }
 
+TEST(EdsQuirks, HC4_09_DuplicateKeyOfTheDeviceLastWins) {
+  std::string text = file_with(variable(u32, ""));
+  text.replace(text.find("VendorNumber=1"), 14, "VendorNumber=1\nvendornumber=2");
+  const auto r = read_text(text);
+  EXPECT_EQ(r.file.device.vendor_number, 2U);
+  EXPECT_TRUE(warned(r, "[DeviceInfo] vendornumber"));
+}
+
 TEST(EdsQuirks, HC4_09_DuplicateSectionLastWins) {
   const auto r =
       read_text(file_with(variable(u32, "DefaultValue=1\nLowLimit=1") +

@@ -136,6 +136,19 @@ RC_GTEST_PROP(SlcanProperty, FramesComeBackEqualThroughRubbish, (std::uint64_t s
   for (std::size_t i = 0; i < found.size(); ++i) RC_ASSERT(found[i] == given[i]);
 }
 
+// Some adapters end their words with CR LF.
+TEST(Slcan, LinesThatEndWithCrLf) {
+  SlcanReader reader;
+  reader.add("V1013\r\nt10021133\r\nz\r\n");
+  for (const char* expected : {"V1013", "t10021133", "z"}) {
+    const auto line = reader.next();
+    ASSERT_TRUE(line);
+    EXPECT_EQ(line->text, expected);
+    EXPECT_FALSE(line->broken);
+  }
+  EXPECT_FALSE(reader.next());
+}
+
 TEST(Slcan, BelInTheMiddleOfALine) {
   SlcanReader reader;
   reader.add("t100\a\r\ax\r");

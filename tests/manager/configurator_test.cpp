@@ -258,6 +258,20 @@ TEST(Configurator, DyingInTheMiddleIsAFailureWhereverItHappens) {
   }
 }
 
+// The date of the configuration before says nothing of what a broken download leaves behind.
+TEST(Configurator, ABrokenDownloadLeavesNoDate) {
+  auto d = pump();
+  d.dates_itself = false;
+  d.objects[{0x1020, 1}].value = u32(10'000);
+  d.objects[{0x1020, 2}].value = u32(1);
+  d.save_now();
+  d.refuses_write[limit] = AbortCode::local_control;
+  const auto r = configure(d, pump_wanted(), quick());
+  ASSERT_FALSE(r.good());
+  EXPECT_EQ(d.value({0x1020, 1}), u32(0));
+  EXPECT_EQ(d.value({0x1020, 2}), u32(0));
+}
+
 // A device that restarts in the middle has lost what was written: never good, and never saved with a valid date.
 TEST(Configurator, ARestartInTheMiddleNeverEndsWell) {
   for (const bool told : {true, false}) {

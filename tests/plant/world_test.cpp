@@ -59,6 +59,20 @@ struct Scene {
   std::unique_ptr<sim::Controller> me;
 };
 
+// Without power it is no node of the bus: nobody is left who acknowledges.
+TEST(PlantWorld, ADeviceThatIsOffDoesNotAcknowledge) {
+  Scene s(plant({device("only", 6, 3)}, {event(Action::power_off, "only", milliseconds(60))}));
+  ASSERT_TRUE(s.world);
+  s.run(milliseconds(50));
+  const auto before = s.me->status().tec;
+  s.ask("603#4000100000000000");
+  EXPECT_EQ(s.me->status().tec, before);
+  s.run(milliseconds(10));
+  s.ask("603#4000100000000000", milliseconds(50));
+  EXPECT_GE(s.me->status().tec, 128) << "error-passive: its frame is on the bus again and again";
+  EXPECT_EQ(s.me->status().queued, 1);
+}
+
 TEST(PlantWorld, DevicesBootAndAnswerAsThePlanSays) {
   auto late = device("late", 8, 4);
   late.plugged = false;

@@ -2,6 +2,7 @@
 
 #include <functional>
 #include <memory>
+#include <thread>
 
 #include "berth/base/random.hpp"
 
@@ -84,6 +85,18 @@ TEST_F(ExecutorTest, TimersFireAtTheirTimesAndEqualOnesInTheOrderOfSetting) {
   EXPECT_EQ(log, (std::vector<std::pair<int, Time>>{{2, Time(10ns)}, {4, Time(20ns)}}));
   executor.advance(Time(30ns));
   EXPECT_EQ(order(), (std::vector{2, 4, 1, 3}));
+}
+
+// HC5.4: a thread may set a timer while the executor's own stands still (a program that starts up in parts).
+TEST_F(ExecutorTest, EqualTimesRunInTheOrderOfSettingWhicheverThreadSetThem) {
+  const auto a = job(1);
+  const auto b = job(2);
+  const auto c = job(3);
+  executor.at(Time(5ms), *a);
+  executor.at(Time(5ms), *b);
+  std::thread([&] { executor.at(Time(5ms), *c); }).join();
+  executor.advance(Time(5ms));
+  EXPECT_EQ(order(), (std::vector{1, 2, 3}));
 }
 
 TEST_F(ExecutorTest, MovedEarlierAndLater) {
