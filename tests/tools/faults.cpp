@@ -22,7 +22,7 @@ namespace {
 
 struct Options {
   std::uint64_t from = 1;
-  std::uint64_t count = 2000;
+  std::uint64_t count = 2200;
   unsigned workers = 2;
   bool show = false;
   bool brief = false;  // a failure is named and neither shrunk nor written down
@@ -390,7 +390,7 @@ int main(int argc, char** argv) {
     }
   }
   if (o.workers == 0) o.workers = 1;
-  o.complete = o.count >= 2000;
+  o.complete = o.count >= 2200;
   if (counted) o.method_count = o.main_job ? (o.count + 9) / 10 : o.count;
   bool good = true;
   if (o.main_job) good = main_job(o);
