@@ -133,7 +133,11 @@ rt::Task<void> Network::opening() {
   }
   const auto quiet = co_await lss_.switch_global(lss::State::waiting);
   // One that keeps what it was lent pending would be silent until the next reset of all.
-  if (lends && quiet && may_command()) places::wake_unconfigured(dispatcher_);
+  const bool wakes = lends && quiet && may_command();
+  if (wakes) {
+    co_await rt::sleep_for(bus_->timing.rand_response);  // a single-slot receive buffer would lose it behind `04 00`
+    places::wake_unconfigured(dispatcher_);
+  }
   alone_ = !quiet;
   if (alone_) tell("error", "", "the bus: " + describe(quiet.error()));
 }
