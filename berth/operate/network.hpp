@@ -233,6 +233,7 @@ class Network final : private co::HeartbeatConsumer::Observer,
   rt::Task<Result<NodeId>> ask_active_id(LssAddress device);
   rt::Task<void> adopt_fixed(Seat& seat);
   [[nodiscard]] std::size_t most_at_once() const noexcept;
+  [[nodiscard]] lss::MasterOptions with_pauses() const;
   rt::Task<void> verify_vacancy();
   rt::Task<void> ask_vacancy(NodeId id);
   rt::Task<bool> answers_at(NodeId id);
@@ -266,6 +267,7 @@ class Network final : private co::HeartbeatConsumer::Observer,
   NodeId assign(const LssAddress& device) noexcept override;
   // network_probe.cpp: the place, read from the device
   [[nodiscard]] bool may_be_lent(NodeId id) const noexcept;
+  [[nodiscard]] bool spoken_for(NodeId id) const noexcept;
   [[nodiscard]] bool free_for_a_loan(const Seat& seat, const LssAddress& device) const noexcept;
   [[nodiscard]] NodeId id_to_lend(const LssAddress& device) const noexcept;
   rt::Task<Result<NodeId>> lend_id(LssAddress device);

@@ -129,15 +129,20 @@ rt::Task<void> Network::look_by_lss(Seat& seat) {
   note_found({device, *id});
 }
 
+// So that a single-slot receive buffer loses none of the frames.
+lss::MasterOptions Network::with_pauses() const {
+  lss::MasterOptions slower = lss_.options();
+  slower.inhibit = std::max(slower.inhibit, bus_->timing.rand_response);
+  return slower;
+}
+
 // The node-ID that the device with this address uses now, by LSS; every other device in waiting meanwhile.
 rt::Task<Result<NodeId>> Network::active_id(LssAddress device) {
   const auto quick = co_await ask_active_id(device);
   if (quick || quick.error().code != Errc::timeout) co_return quick;
   // Again with pauses: a single-slot receive buffer loses frames that come back to back.
   const lss::MasterOptions before = lss_.options();
-  lss::MasterOptions slower = before;
-  slower.inhibit = std::max(slower.inhibit, bus_->timing.rand_response);
-  lss_.set_options(slower);
+  lss_.set_options(with_pauses());
   const auto slow = co_await ask_active_id(device);
   if (!slow) lss_.set_options(before);
   co_return slow;

@@ -28,20 +28,22 @@ std::string text_of(const std::optional<std::uint32_t>& value) {
 // vacant.
 bool Network::may_be_lent(NodeId id) const noexcept {
   const bool slot = std::ranges::any_of(seats_, [&](const auto& s) { return s->id() == id; });
+  return !slot && !spoken_for(id) && id != bus_->master && !boots_.heard(id);
+}
+
+// A device that was found has it, was lent it, or has told that it will have it when it boots.
+bool Network::spoken_for(NodeId id) const noexcept {
   const bool held = std::ranges::any_of(found_, [&](const places::Found& f) { return f.active == id; });
   const bool lent = std::ranges::any_of(lent_, [&](const Loan& l) { return l.id == id; });
-  return !slot && !held && !lent && !progress_.told[id.value()] && id != bus_->master && !boots_.heard(id);
+  return held || lent || progress_.told[id.value()];
 }
 
 bool Network::free_for_a_loan(const Seat& seat, const LssAddress& device) const noexcept {
   const NodeId id = seat.id();
   const auto& vacant = vacancy_[id.value()];
   const auto heard = boots_.heard(id);
-  const bool held = std::ranges::any_of(found_, [&](const places::Found& f) { return f.active == id; });
-  const bool lent = std::ranges::any_of(lent_, [&](const Loan& l) { return l.id == id; });
-  const bool free = !held && !lent && !progress_.told[id.value()];
-  return !seat.there && !seat.slot.record.device() && seat.slot.spec.assign == places::Assign::lss && free && vacant &&
-         (!heard || *heard < *vacant) && places::fits(seat.slot.spec, device);
+  return !seat.there && !seat.slot.record.device() && seat.slot.spec.assign == places::Assign::lss && !spoken_for(id) &&
+         vacant && (!heard || *heard < *vacant) && places::fits(seat.slot.spec, device);
 }
 
 // The lowest free slot's that it fits: searches find the devices of a type in ascending order, and with `ascending` that
@@ -67,9 +69,7 @@ rt::Task<Result<void>> Network::select_alone(LssAddress device) {
   if (unheard) {
     // Again with pauses: a single-slot receive buffer loses frames that come back to back.
     const lss::MasterOptions before = lss_.options();
-    lss::MasterOptions slower = before;
-    slower.inhibit = std::max(slower.inhibit, bus_->timing.rand_response);
-    lss_.set_options(slower);
+    lss_.set_options(with_pauses());
     selected = co_await lss::select_alone(lss_, device, options);
     lss_.set_options(before);
   }
