@@ -50,6 +50,7 @@ Network::Network(rt::Executor& executor, can::Port& port, const design::Bus& bus
       boots_(dispatcher_),
       rest_(std::make_unique<discovery::Auto>(discovery::Services{dispatcher_, lss_}, only_the_rest)),
       device_(std::make_unique<MasterDevice>(dispatcher_, bus.master, bus.timing.heartbeat_period)),
+      loans_(store, slots.empty() ? std::string() : slots.front().name.machine, bus.name),
       wakes_(executor),
       scope_(executor) {
   for (auto& spec : slots) {
@@ -299,11 +300,13 @@ std::vector<Event> Network::question_events() const {
 void Network::make_plan() {
   send_home();
   for (auto& f : found_) {
-    f.lent = std::ranges::any_of(lent_, [&](const Loan& l) { return l.device == f.device && l.id == f.active; });
+    const auto* const loan = loans_.of(f.device);
+    f.lent = loan != nullptr && loan->id == f.active;
   }
   const std::vector<places::Found> found = without_used();
   plan_ = places::plan(slots(), found, blanks_to_finish(), bus_->master, readings_);
   name_unfinished();
+  name_loans();
   ask_about_used();
   name_returned();
   respect_fixed();
@@ -418,6 +421,10 @@ Result<void> Network::replace(const std::string& slot, std::optional<LssAddress>
   }
   const auto cleared = clear_seat(*seat, std::string(places::by_a_person));
   if (!cleared) return cleared;
+  while (const auto* const loan = loans_.to_another(seat->id(), device.value_or(LssAddress{}))) {
+    const auto ended = loans_.end(loan->device);
+    if (!ended) return ended;
+  }
   if (device) {
     make_welcome(*device);
     const places::Seat wanted{*device, seat->id()};

@@ -32,6 +32,7 @@
 #include "berth/lss/select_alone.hpp"
 #include "berth/manager/configurator.hpp"
 #include "berth/nodeid/rand_master.hpp"
+#include "berth/operate/loans.hpp"
 #include "berth/operate/report.hpp"
 #include "berth/places/binder.hpp"
 #include "berth/places/boot_watch.hpp"
@@ -205,11 +206,6 @@ class Network final : private co::HeartbeatConsumer::Observer,
     unsigned idle = 0;  ///< slices in a row that brought nothing
     std::array<bool, 128> told{};  ///< a device that was found has this node-ID, or will when it boots
   };
-  struct Loan {
-    LssAddress device;
-    NodeId id;
-    unsigned tries = 0;  ///< to take it back, in vain
-  };
 
   // network_job.cpp: the main job
   rt::Task<void> job();
@@ -262,10 +258,10 @@ class Network final : private co::HeartbeatConsumer::Observer,
   [[nodiscard]] std::string method() const { return method_.empty() ? bus_->discovery : method_; }
   [[nodiscard]] discovery::Known known_devices() const;
   [[nodiscard]] discovery::Options search_options();
-  rt::Task<void> prepare_loans();
   [[nodiscard]] discovery::Discovery* chosen();
+  // network_loans.cpp: node-IDs that devices are lent
+  rt::Task<void> prepare_loans();
   NodeId assign(const LssAddress& device) noexcept override;
-  // network_probe.cpp: the place, read from the device
   [[nodiscard]] bool may_be_lent(NodeId id) const noexcept;
   [[nodiscard]] bool spoken_for(NodeId id) const noexcept;
   [[nodiscard]] bool free_for_a_loan(const Seat& seat, const LssAddress& device) const noexcept;
@@ -273,11 +269,15 @@ class Network final : private co::HeartbeatConsumer::Observer,
   rt::Task<Result<NodeId>> lend_id(LssAddress device);
   rt::Task<Result<void>> select_alone(LssAddress device);
   [[nodiscard]] lss::PartMask parts_to_ask(const LssAddress& device) const;
-  void note_loans(const LssAddress& device, NodeId id) noexcept;
-  void forget_loans();
+  bool lend(const LssAddress& device, NodeId id);
+  void end_loan(const LssAddress& device);
+  void name_loans();
+  [[nodiscard]] bool may_be_asked(const Loans::Loan& loan) const noexcept;
+  rt::Task<void> end_or_keep(Loans::Loan loan);
   rt::Task<void> take_back_what_is_in_the_way();
   rt::Task<void> take_ids_back();
   rt::Task<bool> take_id_back(LssAddress device, NodeId id);
+  // network_probe.cpp: the place, read from the device
   void forget_readings(const LssAddress& device);
   rt::Task<bool> read_probes(LssAddress device, NodeId id);
   rt::Task<bool> read_places();
@@ -288,7 +288,6 @@ class Network final : private co::HeartbeatConsumer::Observer,
   rt::Task<void> carry_out();
   rt::Task<void> carry_out_actions(bool& inquired_all);
   rt::Task<bool> act(const places::Action& action);
-  [[nodiscard]] bool may_borrow(Seat& seat) const;
   rt::Task<bool> bind_seat(Seat& seat, LssAddress device, std::string reason);
   rt::Task<bool> blank(LssAddress device, std::string reason);
   rt::Task<void> check_and_start();
@@ -433,10 +432,7 @@ class Network final : private co::HeartbeatConsumer::Observer,
   std::vector<places::Found> found_;
   std::map<LssAddress, rt::Time> first_seen_;  // of `found_`
   std::vector<places::Reading> readings_;      // of devices without a seat
-  std::vector<Loan> lent_;                     // node-IDs that no slot has, until their devices are seated or not
-  bool earlier_loans_ = false;                 // an earlier run was ended while node-IDs were lent
-  std::vector<LssAddress> borrowers_;          // had a loan, and were not bound since: what they have is not stored
-  std::array<rt::Time, 128> lent_until_{};     // boot-up messages up to then are of our making
+  Loans loans_;
   places::Plan plan_;
   std::vector<LssAddress> avoid_;         // devices whose action failed in this round
   std::vector<Used> used_;                // found, and sat somewhere before
@@ -469,7 +465,6 @@ class Network final : private co::HeartbeatConsumer::Observer,
   bool open_configured_ = false;  // it looks for devices with a node-ID too
   Progress progress_;
   rt::Time progress_at_{};    // it is told again then
-  bool loans_noted_ = false;      // the store knows that node-IDs are lent
   bool alone_ = false;        // nobody acknowledged the opening: no node-ID is asked before a search got through
   bool once_ = false;         // `bind_once` runs: there is no later look
   unsigned looks_ = 0;

@@ -132,21 +132,21 @@ rt::Task<bool> Network::act(const Action& action) {
   if (action.kind == Action::Kind::blank) co_return co_await blank(device, reason);
   Seat& seat = *seats_[action.slot];
   // One that is silent may have it pending, as Lely core's slaves do, and no question finds that out.
-  const bool lent = std::ranges::any_of(lent_, [&](const Loan& l) { return l.id == seat.id() && l.device != device; });
-  if (lent) co_return false;
+  const auto* const loan = loans_.to_another(seat.id(), device);
+  if (loan != nullptr) {
+    set_state(
+        seat, SlotState::empty,
+        fmt::format("its node-ID was lent to {}, which does not answer: switch that on, or `berth forget {}` when it "
+                    "is gone for good",
+                    to_string(loan->device), to_string(loan->device)));
+    co_return false;
+  }
   co_return co_await bind_seat(seat, device, reason);
-}
-
-// An earlier run was ended while node-IDs were lent. A device that does not answer LSS is believed to have its own when
-// it was asked a third time.
-bool Network::may_borrow(Seat& seat) const {
-  constexpr unsigned enough = 3;
-  return earlier_loans_ && ++seat.asked_by_lss < enough;
 }
 
 rt::Task<bool> Network::bind_seat(Seat& seat, LssAddress device, std::string reason) {
   const bool resumed = seat.slot.record.asked.has_value();
-  const bool borrows = std::ranges::find(borrowers_, device) != borrowers_.end() || may_borrow(seat);
+  const bool borrows = loans_.borrowed(device);
   const bool home = !borrows && std::ranges::any_of(found_, [&](const places::Found& f) {
     return f.device == device && f.active == seat.id() && !f.clone;
   });
@@ -166,7 +166,6 @@ rt::Task<bool> Network::bind_seat(Seat& seat, LssAddress device, std::string rea
     if (taken) co_return true;
   }
   if (good) {
-    std::erase(borrowers_, device);
     bound(seat, binding);
   } else {
     not_bound(seat, binding);
@@ -175,6 +174,8 @@ rt::Task<bool> Network::bind_seat(Seat& seat, LssAddress device, std::string rea
 }
 
 void Network::bound(Seat& seat, const Binding& binding) {
+  end_loan(binding.seat().device);
+  loans_.bound(binding.seat().device);
   forget_found(binding.seat().device);
   forget_readings(binding.seat().device);
   seat.there = true;
@@ -242,6 +243,7 @@ rt::Task<bool> Network::blank(LssAddress device, std::string reason) {
   if (good) {
     // Whatever was heard under its old node-ID is history.
     boots_.forget(binding.old_id());
+    end_loan(device);
     const auto it = std::ranges::find(found_, device, &places::Found::device);
     if (it != found_.end()) it->active = NodeId();
   } else if (binding.why() != places::Why::not_there) {

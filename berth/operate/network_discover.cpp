@@ -21,7 +21,8 @@ nodeid::DiscoveryOptions Network::discovery_options() const {
 void Network::note_found(const places::Found& found) {
   const auto [seen, fresh] = first_seen_.try_emplace(found.device, executor_->now());
   const auto booted = found.active.configured() ? boots_.boot_up(found.active) : std::nullopt;
-  if (booted && lent_until_[found.active.value()] < *booted) seen->second = std::min(seen->second, *booted);
+  if (booted && !loans_.of_ours(found.active, *booted)) seen->second = std::min(seen->second, *booted);
+  loans_.seen(found.device);
   places::Found noted = found;
   noted.seen = seen->second;
   const auto it = std::ranges::find(found_, found.device, &places::Found::device);
@@ -175,20 +176,6 @@ rt::Task<void> Network::discover_by_rand_once() {
   tell_discovery(*report);
 }
 
-// As many node-IDs that no device answers under as devices may come, asked side by side: the free slots' own are known.
-rt::Task<void> Network::prepare_loans() {
-  std::size_t wanted = 2;
-  for (const auto& seat : seats_) wanted += seat->there || vacancy_[seat->id().value()] ? 0U : 1U;
-  rt::Scope asked(*executor_, most_at_once());
-  for (std::uint8_t value = 126; value > 0 && wanted > 0; --value) {
-    const NodeId id(value);
-    if (!may_be_lent(id)) continue;
-    --wanted;
-    if (!vacancy_[value]) asked.spawn(ask_vacancy(id));
-  }
-  co_await asked.join();
-}
-
 rt::Task<void> Network::discover_by(discovery::Discovery& way) {
   const discovery::Known known = known_devices();
   const discovery::Options options = search_options();
@@ -269,22 +256,6 @@ discovery::Options Network::search_options() {
   if (!by_requests_alone) options.assigner = this;
   options.confirm = published;
   return options;
-}
-
-// Lent while the device is the only one selected; it is seated, or blank again, before the round is over.
-NodeId Network::assign(const LssAddress& device) noexcept {
-  const auto found = std::ranges::find(found_, device, &places::Found::device);
-  const bool by_rand = found != found_.end() && std::ranges::find(by_rest_, device) == by_rest_.end();
-  if (by_rand) return {};  // it waits for its place, and leaves no search by a loan
-  const Seat* const seat = seat_of(device);
-  const bool own = seat != nullptr && vacancy_[seat->id().value()] && !boots_.heard(seat->id()) &&
-                   !progress_.told[seat->id().value()];
-  const NodeId id = own ? seat->id() : id_to_lend(device);
-  if (!id.configured()) return id;
-  note_loans(device, id);
-  lent_until_[id.value()] = rt::never;
-  lent_.push_back({device, id, 0});
-  return id;
 }
 
 discovery::Discovery* Network::chosen() {

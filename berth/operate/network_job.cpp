@@ -124,12 +124,12 @@ rt::Task<void> Network::opening() {
   const bool unfinished = std::ranges::any_of(seats_, [](const auto& s) { return s->slot.record.asked.has_value(); }) ||
                           !unfinished_here().empty();
   if (unfinished) tell("step", "", "finishing what an earlier run began");
-  const auto lent = store_->marked(places::Mark::lent);
-  const bool lends = lent && !lent->empty();
+  const auto loaded = loans_.load();
+  if (!loaded) tell("error", "", "the slot table cannot be read: " + describe(loaded.error()));
+  const bool lends = !loans_.empty();
   if (unfinished || lends) {
     const auto reverted = co_await lss_.configure_node_id(NodeId());
     if (!reverted && reverted.error().code == Errc::bus) tell("error", "", describe(reverted.error()));
-    loans_noted_ = earlier_loans_ = lends;
   }
   const auto quiet = co_await lss_.switch_global(lss::State::waiting);
   // One that keeps what it was lent pending would be silent until the next reset of all.
@@ -178,11 +178,11 @@ rt::Duration Network::look_period() const noexcept {
 
 rt::Task<void> Network::handle(Wake wake) {
   Seat* const seat = seat_at(wake.node);
-  const bool of_ours = wake.kind == Wake::Kind::boot_up && wake.at <= lent_until_[wake.node.value()];
+  const bool of_ours = wake.kind == Wake::Kind::boot_up && loans_.of_ours(wake.node, wake.at);
   if (of_ours && seat != nullptr && !seat->slot.record.confirmed) co_return;
   if (seat == nullptr) {
     // A boot-up under a node-ID of nobody here, or under the master's own: look who it is.
-    const bool lent = wake.at <= lent_until_[wake.node.value()];
+    const bool lent = loans_.of_ours(wake.node, wake.at);
     if (wake.kind == Wake::Kind::boot_up && !lent) look_anew_ = true;
     co_return;
   }

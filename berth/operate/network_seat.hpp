@@ -18,7 +18,6 @@ struct Network::Seat {
   bool started = false;                    ///< NMT start was sent
   bool awaited = false;                    ///< NMT start was sent just now, and its heartbeat has not told yet
   bool fresh = false;                      ///< bound in this run, and not yet looked at for a past elsewhere
-  unsigned asked_by_lss = 0;               ///< bindings, after a run that was ended while node-IDs were lent
   unsigned suspected = 0;                  ///< rounds in a row in which devices that sat here before were asked for in vain
   bool suspect = false;                    ///< traffic says that a second device may hold its node-ID
   bool held = false;                       ///< a person took it out of operational: it is not started again

@@ -160,7 +160,9 @@ rt::Task<void> Network::ask_everywhere() {
     const Seat* const seat = seat_at(id);
     const bool known = (seat != nullptr && seat->there) || id == bus_->master ||
                        std::ranges::find(found_, id, &places::Found::active) != found_.end();
-    if (!known) asked.spawn(knock(id));
+    if (known) continue;
+    asked.spawn(knock(id));
+    co_await rt::sleep_for(bus_->timing.rand_response);  // a single-slot receive buffer loses its own behind another's
   }
   co_await asked.join();
 }
@@ -245,7 +247,7 @@ rt::Task<void> Network::ask_own_ids() {
       const NodeId id(i);
       const auto heard = boots_.heard(id);
       const bool again = std::exchange(look_again_at_[i], false);
-      const bool spoke = heard && *heard > asked_at_[i] && *heard > lent_until_[i];
+      const bool spoke = heard && *heard > asked_at_[i] && !loans_.of_ours(id, *heard);
       const bool strange = (again || spoke) && seat_at(id) == nullptr && id != bus_->master;
       if (!strange) continue;
       asked_at_[i] = executor_->now();

@@ -1,5 +1,5 @@
-// What an earlier run, or an earlier try, left unfinished: a device that was told its node-ID and is away keeps it, and a
-// device that was to give its node-ID up is asked for again where that was begun (S1.29, S1.53).
+// What an earlier run, or an earlier try, left unfinished: a device that was told its node-ID and is away keeps it, and
+// a device that was to give its node-ID up is asked for again where that was begun (S1.29, S1.53).
 #include <fmt/format.h>
 
 #include <algorithm>
@@ -85,6 +85,12 @@ void Network::name_unfinished() {
 }
 
 Result<void> Network::forget(const LssAddress& device) {
+  if (loans_.of(device) != nullptr) {
+    const auto ended = loans_.end(device);
+    if (!ended) return ended;
+    tell("forgotten", "", fmt::format("{} is no longer waited for", to_string(device)));
+    return {};
+  }
   const auto here = unfinished_here();
   if (std::ranges::find(here, device, &UnfinishedBlank::device) == here.end()) {
     return fail(Errc::not_found, "nothing unfinished is known of this device on this bus");

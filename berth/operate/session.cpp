@@ -42,6 +42,9 @@ class Session::StampedStore final : public places::SlotStore {
     return stamped().unmark(mark, device, reason);
   }
   Result<std::vector<places::Marked>> marked(places::Mark mark) override { return store_->marked(mark); }
+  Result<void> lend(const places::LentId& lent) override { return store_->lend(lent); }
+  Result<void> give_back(const LssAddress& device) override { return store_->give_back(device); }
+  Result<std::vector<places::LentId>> lent() override { return store_->lent(); }
   Result<void> note(const places::HistoryEntry& entry) override { return stamped().note(entry); }
   Result<std::vector<places::HistoryEntry>> history_of(const LssAddress& device) override {
     return store_->history_of(device);

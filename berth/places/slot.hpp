@@ -116,6 +116,16 @@ struct UnfinishedBlank {
   friend bool operator==(const UnfinishedBlank&, const UnfinishedBlank&) = default;
 };
 
+/// A node-ID that a device was lent for a search (`11h`, not stored), and was not seen to give back: it may use it, or
+/// have it pending, as long as it has power.
+struct LentId {
+  LssAddress device;
+  std::string machine;  ///< where it was lent; empty in stores of before schema 6, which means any
+  std::string bus;
+  NodeId id;
+  friend bool operator==(const LentId&, const LentId&) = default;
+};
+
 /// What the store knows of a slot. `asked` is what Berth set out to do, written before the bus is touched; `confirmed`
 /// is what the device was then heard to be. They are two facts: a crash leaves the first without the second, and the
 /// next start does the work again (S1.53).
@@ -139,11 +149,9 @@ enum class Mark : std::uint8_t {
   restore,     ///< it shall have its factory settings before it is configured (a used spare); until that was done
   fixed,       ///< its node-ID comes from switches, plug or firmware: LSS cannot change it
   looks_used,  ///< it sits in a slot with a configuration of somewhere else, and a person was asked about it
-  lent,        ///< it was the first of a search that a node-ID was lent to; until all are given back. A run that finds
-               ///< this begins with `11 FF`: a device may wait in LSS configuration with a node-ID pending
 };
 /// What the history says when a mark is set, and when it is taken away: "restore asked", "restored"; "fixed node-ID",
-/// "node-ID not fixed"; "looks used", "may be used"; "lent", "given back".
+/// "node-ID not fixed"; "looks used", "may be used".
 [[nodiscard]] const char* name(Mark mark) noexcept;
 [[nodiscard]] const char* name_of_end(Mark mark) noexcept;
 

@@ -36,7 +36,6 @@ const char* name(Mark mark) noexcept {
     case Mark::restore: return "restore asked";
     case Mark::fixed: return "fixed node-ID";
     case Mark::looks_used: return "looks used";
-    case Mark::lent: return "lent";
   }
   return "";
 }
@@ -46,7 +45,6 @@ const char* name_of_end(Mark mark) noexcept {
     case Mark::restore: return "restored";
     case Mark::fixed: return "node-ID not fixed";
     case Mark::looks_used: return "may be used";
-    case Mark::lent: return "given back";
   }
   return "";
 }
@@ -186,6 +184,22 @@ Result<std::vector<Marked>> MemoryStore::marked(Mark mark) {
     if (key.first == mark) devices.push_back({key.second, id});
   }
   return devices;
+}
+
+Result<void> MemoryStore::lend(const LentId& lent) {
+  lent_[lent.device] = lent;
+  return {};
+}
+
+Result<void> MemoryStore::give_back(const LssAddress& device) {
+  lent_.erase(device);
+  return {};
+}
+
+Result<std::vector<LentId>> MemoryStore::lent() {
+  std::vector<LentId> all;
+  for (const auto& [device, lent] : lent_) all.push_back(lent);
+  return all;
 }
 
 Result<void> MemoryStore::note(const HistoryEntry& entry) {

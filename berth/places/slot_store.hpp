@@ -52,6 +52,14 @@ class SlotStore {
   /// The devices with this mark, in the order of their addresses.
   virtual Result<std::vector<Marked>> marked(Mark mark) = 0;
 
+  /// Writes that a device is lent a node-ID, before the first frame that does it. The newest of a device counts.
+  virtual Result<void> lend(const LentId& lent) = 0;
+  /// The device has another node-ID now or none, in use and pending. Idempotent. Neither is a line of the history: a
+  /// device that waits for its place is lent one at every search.
+  virtual Result<void> give_back(const LssAddress& device) = 0;
+  /// What is lent, on every bus, in the order of the devices' addresses.
+  virtual Result<std::vector<LentId>> lent() = 0;
+
   /// Adds a line to the history that changes nothing else.
   virtual Result<void> note(const HistoryEntry& entry) = 0;
   /// The history, oldest first; of one slot, or all.
@@ -79,6 +87,9 @@ class MemoryStore final : public SlotStore {
   Result<void> mark(Mark mark, const LssAddress& device, NodeId id, std::string_view reason) override;
   Result<void> unmark(Mark mark, const LssAddress& device, std::string_view reason) override;
   Result<std::vector<Marked>> marked(Mark mark) override;
+  Result<void> lend(const LentId& lent) override;
+  Result<void> give_back(const LssAddress& device) override;
+  Result<std::vector<LentId>> lent() override;
   Result<void> note(const HistoryEntry& entry) override;
   Result<std::vector<HistoryEntry>> history(std::optional<SlotId> slot) override;
   Result<std::vector<HistoryEntry>> history_of(const LssAddress& device) override;
@@ -92,6 +103,7 @@ class MemoryStore final : public SlotStore {
   std::vector<SlotRecord> slots_;
   std::vector<UnfinishedBlank> blanks_;
   std::map<std::pair<Mark, LssAddress>, NodeId> marks_;
+  std::map<LssAddress, LentId> lent_;
   std::vector<HistoryEntry> history_;
   std::int64_t stamp_ms_ = 0;
 };

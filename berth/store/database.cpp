@@ -54,6 +54,12 @@ constexpr const char* drop_mark_sql =
     "DELETE FROM marks WHERE vendor = ? AND product = ? AND revision = ? AND serial = ? AND mark = ?";
 constexpr const char* marked_sql =
     "SELECT vendor, product, revision, serial, node_id FROM marks WHERE mark = ? ORDER BY 1, 2, 3, 4";
+constexpr const char* put_loan_sql =
+    "INSERT OR REPLACE INTO loans (vendor, product, revision, serial, machine, bus, node_id) VALUES (?, ?, ?, ?, ?, ?, ?)";
+constexpr const char* drop_loan_sql =
+    "DELETE FROM loans WHERE vendor = ? AND product = ? AND revision = ? AND serial = ?";
+constexpr const char* loans_sql =
+    "SELECT vendor, product, revision, serial, machine, bus, node_id FROM loans ORDER BY 1, 2, 3, 4";
 constexpr const char* log_sql =
     "INSERT INTO history (vendor, product, revision, serial, stamp_ms, slot, event, node_id, reason) "
     "VALUES (?, ?, ?, ?, ?, ?, ?, ?, ?)";
@@ -436,6 +442,33 @@ Result<std::vector<places::Marked>> Database::marked(places::Mark mark) {
     query << static_cast<std::int64_t>(mark);
     while (query.row()) devices.push_back({query.address(0), query.node_id(4)});
     return devices;
+  });
+}
+
+Result<void> Database::lend(const places::LentId& lent) {
+  return impl_->write("writing a loan", [&]() -> Result<void> {
+    Query query(impl_->statement(put_loan_sql));
+    query << lent.device << lent.machine << lent.bus << std::int64_t{lent.id.value()};
+    query.run();
+    return {};
+  });
+}
+
+Result<void> Database::give_back(const LssAddress& device) {
+  return impl_->write("writing that a loan ended", [&]() -> Result<void> {
+    Query query(impl_->statement(drop_loan_sql));
+    query << device;
+    query.run();
+    return {};
+  });
+}
+
+Result<std::vector<places::LentId>> Database::lent() {
+  return impl_->read("loading loans", [&]() -> Result<std::vector<places::LentId>> {
+    std::vector<places::LentId> all;
+    Query query(impl_->statement(loans_sql));
+    while (query.row()) all.push_back({query.address(0), query.text(4), query.text(5), query.node_id(6)});
+    return all;
   });
 }
 

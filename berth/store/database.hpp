@@ -25,7 +25,7 @@
 namespace berth::store {
 
 /// The schema this Berth writes. Older ones are brought up to it when a store is opened, in one transaction.
-inline constexpr int schema_version = 5;
+inline constexpr int schema_version = 6;
 
 /// A device that was ever named in the store.
 struct DeviceSeen {
@@ -75,6 +75,9 @@ class Database final : public places::SlotStore {
   Result<void> mark(places::Mark mark, const LssAddress& device, NodeId id, std::string_view reason) override;
   Result<void> unmark(places::Mark mark, const LssAddress& device, std::string_view reason) override;
   Result<std::vector<places::Marked>> marked(places::Mark mark) override;
+  Result<void> lend(const places::LentId& lent) override;
+  Result<void> give_back(const LssAddress& device) override;
+  Result<std::vector<places::LentId>> lent() override;
   Result<void> note(const places::HistoryEntry& entry) override;
   Result<std::vector<places::HistoryEntry>> history(std::optional<places::SlotId> slot) override;
   Result<std::vector<places::HistoryEntry>> history_of(const LssAddress& device) override;

@@ -118,6 +118,21 @@ CREATE INDEX history_of_device ON history (vendor, product, revision, serial) WH
 ALTER TABLE blanks ADD COLUMN machine TEXT NOT NULL DEFAULT '';
 ALTER TABLE blanks ADD COLUMN bus TEXT NOT NULL DEFAULT '';
 ALTER TABLE blanks ADD COLUMN node_id INTEGER NOT NULL DEFAULT 255 CHECK (node_id BETWEEN 0 AND 255);
+)",
+    // 6: every node-ID that is lent, and where; before, a mark (3) of the first of a search.
+    R"(
+CREATE TABLE loans (
+  vendor   INTEGER NOT NULL CHECK (vendor BETWEEN 0 AND 4294967295),
+  product  INTEGER NOT NULL CHECK (product BETWEEN 0 AND 4294967295),
+  revision INTEGER NOT NULL CHECK (revision BETWEEN 0 AND 4294967295),
+  serial   INTEGER NOT NULL CHECK (serial BETWEEN 0 AND 4294967295),
+  machine  TEXT NOT NULL,
+  bus      TEXT NOT NULL,
+  node_id  INTEGER NOT NULL CHECK (node_id BETWEEN 0 AND 255),
+  PRIMARY KEY (vendor, product, revision, serial)
+) STRICT, WITHOUT ROWID;
+INSERT INTO loans SELECT vendor, product, revision, serial, '', '', node_id FROM marks WHERE mark = 3;
+DELETE FROM marks WHERE mark = 3;
 )"};
 
 // One query per table that names every column, and the version that brought the table; preparing it fails when
@@ -126,7 +141,7 @@ struct Probe {
   int since;
   const char* query;
 };
-constexpr std::array<Probe, 8> probes{{
+constexpr std::array<Probe, 9> probes{{
     {1, "SELECT id, machine, bus, name FROM slots LIMIT 1"},
     {1, "SELECT slot, fact, vendor, product, revision, serial, node_id FROM seats LIMIT 1"},
     {1, "SELECT id, vendor, product, revision, serial FROM blanks LIMIT 1"},
@@ -136,6 +151,7 @@ constexpr std::array<Probe, 8> probes{{
     {3, "SELECT slot, stage, vendor, product, revision, serial, days, ms FROM configurations LIMIT 1"},
     {4, "SELECT vendor, product, revision, serial, mark, node_id FROM marks LIMIT 1"},
     {5, "SELECT machine, bus, node_id FROM blanks LIMIT 1"},
+    {6, "SELECT vendor, product, revision, serial, machine, bus, node_id FROM loans LIMIT 1"},
 }};
 
 void apply(SQLite::Database& db, int from, int to) {

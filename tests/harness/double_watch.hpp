@@ -249,7 +249,9 @@ class DoubleWatch final : public plant::World::Observer {
       const Life& life = lives_[o.name];
       // One that takes a node-ID at power-on only never uses what is pending: it is gone with the power, unless stored.
       const bool comes = !other->plan().power_cycle_after_store;
-      if (comes && o.powered && life.given == id && o.pending == id) {
+      // What was stored is pending too, until the next power-on: then its slot may have been given away.
+      const bool kept_rightly = life.owned == id && given_up(o, id);
+      if (comes && o.powered && life.given == id && o.pending == id && !kept_rightly) {
         fail_with(what + " while it is pending, by Berth, in " + o.name);
       } else if (life.owned == id && !given_up(o, id)) {
         fail_with(what + ", and it stands, by Berth, in the memory of " + o.name +

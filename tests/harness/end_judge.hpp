@@ -259,12 +259,21 @@ class EndJudge {
     for (const auto& s : report) {
       const design::Slot* const slot = machine_->slot(s.bus, s.id);
       const places::SlotRecord* const row = record_of(slot->spec.name);
-      if (row == nullptr || row->device()) continue;
+      if (row == nullptr || row->device() || waits_for_a_borrower(bus.name, s)) continue;
       slots.push_back(slot);
       reports.push_back(&s);
     }
     // Slots of one type are one question: what one of them takes the others cannot.
     for (std::size_t i = 0; i < slots.size(); ++i) check_group(i, slots, reports, devices);
+  }
+
+  // Its node-ID was lent to a device that left before it gave it back: it has it as long as it has power, and only it or
+  // a person can end that.
+  [[nodiscard]] bool waits_for_a_borrower(const std::string& bus, const operate::SlotReport& s) const {
+    const auto lent = rig_->store().lent();
+    return lent && s.state == places::SlotState::empty && std::ranges::any_of(*lent, [&](const places::LentId& l) {
+             return l.bus == bus && l.id == s.id && present(l.device) == nullptr;
+           });
   }
 
   void check_group(std::size_t at, const std::vector<const design::Slot*>& slots,

@@ -143,6 +143,15 @@ class MortalStore final : public places::SlotStore {
   Result<std::vector<places::Marked>> marked(places::Mark mark) override {
     return read([&] { return database_->marked(mark); });
   }
+  Result<void> lend(const places::LentId& lent) override {
+    return write([&] { return database_->lend(lent); });
+  }
+  Result<void> give_back(const LssAddress& device) override {
+    return write([&] { return database_->give_back(device); });
+  }
+  Result<std::vector<places::LentId>> lent() override {
+    return read([&] { return database_->lent(); });
+  }
   Result<std::vector<places::HistoryEntry>> history_of(const LssAddress& device) override {
     return read([&] { return database_->history_of(device); });
   }

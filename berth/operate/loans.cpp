@@ -1,0 +1,68 @@
+#include "berth/operate/loans.hpp"
+
+#include <algorithm>
+#include <utility>
+
+namespace berth::operate {
+
+Loans::Loans(places::SlotStore& store, std::string machine, std::string bus)
+    : store_(&store), machine_(std::move(machine)), bus_(std::move(bus)) {}
+
+Result<void> Loans::load() {
+  const auto lent = store_->lent();
+  if (!lent) return fail(lent.error());
+  for (const auto& l : *lent) {
+    const bool here = l.bus.empty() || (l.bus == bus_ && l.machine == machine_);
+    if (!here || of(l.device) != nullptr) continue;
+    all_.push_back({l.device, l.id, 0});
+    if (!borrowed(l.device)) borrowers_.push_back(l.device);
+  }
+  return {};
+}
+
+Result<void> Loans::lend(const LssAddress& device, NodeId id) {
+  const auto written = store_->lend({device, machine_, bus_, id});
+  if (!written) return written;
+  std::erase_if(all_, [&](const Loan& l) { return l.device == device; });
+  all_.push_back({device, id, 0});
+  if (!borrowed(device)) borrowers_.push_back(device);
+  return {};
+}
+
+Result<void> Loans::end(const LssAddress& device) {
+  if (of(device) == nullptr) return {};
+  const auto written = store_->give_back(device);
+  if (!written) return written;
+  std::erase_if(all_, [&](const Loan& l) { return l.device == device; });
+  return {};
+}
+
+void Loans::kept(const LssAddress& device) noexcept {
+  const auto loan = std::ranges::find(all_, device, &Loan::device);
+  if (loan != all_.end()) ++loan->tries;
+}
+
+void Loans::seen(const LssAddress& device) noexcept {
+  const auto loan = std::ranges::find(all_, device, &Loan::device);
+  if (loan != all_.end()) loan->tries = 0;
+}
+
+const Loans::Loan* Loans::of(const LssAddress& device) const noexcept {
+  const auto loan = std::ranges::find(all_, device, &Loan::device);
+  return loan == all_.end() ? nullptr : &*loan;
+}
+
+const Loans::Loan* Loans::to_another(NodeId id, const LssAddress& device) const noexcept {
+  const auto loan = std::ranges::find_if(all_, [&](const Loan& l) { return l.id == id && l.device != device; });
+  return loan == all_.end() ? nullptr : &*loan;
+}
+
+bool Loans::lent(NodeId id) const noexcept { return std::ranges::find(all_, id, &Loan::id) != all_.end(); }
+
+bool Loans::borrowed(const LssAddress& device) const noexcept {
+  return std::ranges::find(borrowers_, device) != borrowers_.end();
+}
+
+void Loans::bound(const LssAddress& device) noexcept { std::erase(borrowers_, device); }
+
+}  // namespace berth::operate

@@ -1,0 +1,71 @@
+/// The node-IDs that devices are lent, not stored, while they are searched for or read, until they are seated or give
+/// them back. What is lent to one device is given to no other: a device that did not confirm that it gave its own back
+/// may use it, or have it pending, as long as it has power (`docs/node-id.md`).
+///
+/// A loan is in the store before the device hears of it, so that a run that begins after a crash knows every one.
+#pragma once
+
+#include <array>
+#include <string>
+#include <vector>
+
+#include "berth/base/result.hpp"
+#include "berth/places/slot_store.hpp"
+#include "berth/rt/executor.hpp"
+
+namespace berth::operate {
+
+class Loans {
+ public:
+  struct Loan {
+    LssAddress device;
+    NodeId id;
+    unsigned tries = 0;  ///< to take it back, in vain, since the device was found last
+  };
+
+  /// `store` must stay. `machine` and `bus` say where the devices are.
+  Loans(places::SlotStore& store, std::string machine, std::string bus);
+
+  /// Takes over what an earlier run lent here and did not see given back.
+  Result<void> load();
+  /// Before the `11h` that does it. An earlier loan of the device ends.
+  Result<void> lend(const LssAddress& device, NodeId id);
+  /// The device has another node-ID or none, in use and pending. No error when nothing was lent to it.
+  Result<void> end(const LssAddress& device);
+  /// The device was asked to give its node-ID back and did not confirm it.
+  void kept(const LssAddress& device) noexcept;
+  /// The device was found, on this bus: it can be asked again.
+  void seen(const LssAddress& device) noexcept;
+
+  [[nodiscard]] const std::vector<Loan>& all() const noexcept { return all_; }
+  [[nodiscard]] bool empty() const noexcept { return all_.empty(); }
+  /// Null: nothing is lent to this device.
+  [[nodiscard]] const Loan* of(const LssAddress& device) const noexcept;
+  /// The node-ID is lent to another device than this one.
+  [[nodiscard]] const Loan* to_another(NodeId id, const LssAddress& device) const noexcept;
+  [[nodiscard]] bool lent(NodeId id) const noexcept;
+  /// It did not confirm often enough that it gives its node-ID back: it is not asked at every round.
+  [[nodiscard]] static bool given_up(const Loan& loan) noexcept { return loan.tries >= most_tries; }
+
+  /// Had a loan in this run, or in one before it that did not end it, and was not bound since: what it uses may be what
+  /// it was lent, whatever it confirmed (the reset behind it can have been lost).
+  [[nodiscard]] bool borrowed(const LssAddress& device) const noexcept;
+  /// It was bound: what it uses is stored.
+  void bound(const LssAddress& device) noexcept;
+
+  /// Boot-up messages under this node-ID are of Berth's making from now on, and until when they are.
+  void expect_boot_up(NodeId id) noexcept { of_ours_until_[id.value()] = rt::never; }
+  void expected_boot_up(NodeId id, rt::Time until) noexcept { of_ours_until_[id.value()] = until; }
+  [[nodiscard]] bool of_ours(NodeId id, rt::Time at) const noexcept { return at <= of_ours_until_[id.value()]; }
+
+ private:
+  static constexpr unsigned most_tries = 3;
+  places::SlotStore* store_;
+  std::string machine_;
+  std::string bus_;
+  std::vector<Loan> all_;
+  std::vector<LssAddress> borrowers_;
+  std::array<rt::Time, 128> of_ours_until_{};
+};
+
+}  // namespace berth::operate
