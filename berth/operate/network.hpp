@@ -349,6 +349,7 @@ class Network final : private co::HeartbeatConsumer::Observer,
   [[nodiscard]] std::vector<LssAddress> blanks_to_finish() const;
   rt::Task<void> look_for_unfinished();
   rt::Task<bool> answers_by_lss(LssAddress device);
+  rt::Task<bool> waits_for_its_power_cycle(Seat& seat);
   void keep_for_its_device(Seat& seat);
   void name_unfinished();
   // network_configure.cpp: configuration before start

@@ -27,6 +27,7 @@ struct Network::Seat {
   rt::Time checked{};                      ///< when it was identified last
   rt::Time hurried{};                      ///< when a boot-up under its node-ID last hastened the look at the bus
   std::optional<places::Binding> waiting;  ///< bound but for a power cycle
+  unsigned looked_at = 0;                  ///< rounds in which it was
   std::uint64_t beats = 0;                 ///< heartbeats heard when their rate was looked at last
   rt::Time beats_at{};
   unsigned fast = 0;                                            ///< looks in a row at which there were too many

@@ -50,8 +50,13 @@ rt::Task<bool> Network::answers_by_lss(LssAddress device) {
 rt::Task<void> Network::look_for_unfinished() {
   for (auto& seat : seats_) {
     const bool by_lss = seat->slot.spec.assign == places::Assign::lss && seat->slot.record.asked.has_value();
-    if (!by_lss || seat->state == SlotState::power_cycle) continue;
+    if (!by_lss) continue;
     const LssAddress device = seat->slot.record.asked->device;
+    if (seat->state == SlotState::power_cycle) {
+      const bool waits = co_await waits_for_its_power_cycle(*seat);
+      if (waits) avoid_.push_back(device);
+      continue;
+    }
     const bool answers = co_await answers_by_lss(device);
     if (answers) continue;
     avoid_.push_back(device);
@@ -61,6 +66,18 @@ rt::Task<void> Network::look_for_unfinished() {
     const LssAddress device = blank.device;
     co_await answers_by_lss(device);
   }
+}
+
+// It has stored its node-ID, and uses another still: telling it again would wear its memory out. A power cycle that was not
+// heard, and brought nothing, is thought of now and then.
+rt::Task<bool> Network::waits_for_its_power_cycle(Seat& seat) {
+  constexpr unsigned sometimes = 8;
+  if (!seat.waiting || ++seat.looked_at % sometimes == 0) co_return false;
+  const NodeId old = seat.waiting->old_id();
+  const auto booted = old.configured() ? boots_.boot_up(old) : std::nullopt;
+  if (booted && *booted > seat.since) co_return false;
+  const auto id = co_await active_id(seat.waiting->seat().device);
+  co_return !id || *id == old;
 }
 
 void Network::keep_for_its_device(Seat& seat) {
