@@ -281,8 +281,18 @@ void Network::report_plan() {
     told_.push_back(event.text);
     if (observer_.event) observer_.event(event);
   }
+  std::vector<const Seat*> asked;
   for (const auto& question : plan_.questions) {
-    for (const auto i : question.slots) set_state(*seats_[i], SlotState::question, question.text);
+    for (const auto i : question.slots) {
+      set_state(*seats_[i], SlotState::question, question.text);
+      asked.push_back(seats_[i].get());
+    }
+  }
+  // Its devices left, or sit elsewhere by now.
+  for (auto& seat : seats_) {
+    const bool over = seat->state == SlotState::question && !seat->slot.record.device() &&
+                      std::ranges::find(asked, seat.get()) == asked.end();
+    if (over) set_state(*seat, SlotState::empty, "no device of its type was found");
   }
 }
 
@@ -336,7 +346,8 @@ void Network::heartbeat(const co::HeartbeatEvent& event, rt::Time at) noexcept {
 }
 
 // A second answer to one SDO request: two devices hold this node-ID, or another SDO client is at work.
-void Network::surplus(NodeId node, const can::Frame&, rt::Time) noexcept {
+void Network::surplus(NodeId node, const can::Frame& frame, rt::Time) noexcept {
+  if (shared_ && shared_->id == node) return note_shared(frame);
   look_anew_ = true;
   if (Seat* const seat = seat_at(node)) seat->suspect = true;
   const std::string text = fmt::format(

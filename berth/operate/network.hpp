@@ -313,6 +313,17 @@ class Network final : private co::HeartbeatConsumer::Observer,
   rt::Task<void> ask_everywhere();
   rt::Task<void> knock(NodeId id);
   rt::Task<void> identity_at(NodeId id, std::vector<places::Found>& into);
+  // network_doubles.cpp: two devices under one node-ID
+  struct Shared {
+    NodeId id;
+    std::array<std::vector<std::uint32_t>, 4> parts;  // of the LSS addresses that were heard under it
+  };
+  void note_shared(const can::Frame& frame);
+  rt::Task<void> hear_parts(NodeId id);
+  [[nodiscard]] static std::vector<LssAddress> addresses_of(const Shared& shared);
+  rt::Task<bool> ask_addresses(NodeId id, std::vector<LssAddress> addresses, bool slowly);
+  rt::Task<bool> tell_apart(NodeId id);
+  rt::Task<bool> tell_all_apart(std::vector<NodeId> ids);
   // network_recipe.cpp: node-IDs that are objects
   [[nodiscard]] Seat* recipe_seat(const places::Found& found);
   rt::Task<void> bind_by_recipe();
@@ -434,6 +445,9 @@ class Network final : private co::HeartbeatConsumer::Observer,
   std::map<LssAddress, rt::Time> first_seen_;  // of `found_`
   std::vector<places::Reading> readings_;      // of devices without a seat
   Loans loans_;
+  std::optional<Shared> shared_;          // while two devices are told apart
+  std::vector<NodeId> doubled_;           // node-IDs that were answered as by two devices, in this round
+  std::array<rt::Time, 128> apart_at_{};  // they are not told apart again before
   places::Plan plan_;
   std::vector<LssAddress> avoid_;         // devices whose action failed in this round
   std::vector<Used> used_;                // found, and sat somewhere before

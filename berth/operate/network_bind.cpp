@@ -133,7 +133,9 @@ rt::Task<bool> Network::act(const Action& action) {
   Seat& seat = *seats_[action.slot];
   // One that is silent may have it pending, as Lely core's slaves do, and no question finds that out.
   const auto* const loan = loans_.to_another(seat.id(), device);
-  if (loan != nullptr) {
+  const bool has_it = std::ranges::any_of(
+      found_, [&](const places::Found& f) { return f.device == device && f.active == seat.id() && !f.clone; });
+  if (loan != nullptr && !has_it) {
     set_state(
         seat, SlotState::empty,
         fmt::format("its node-ID was lent to {}, which does not answer: switch that on, or `berth forget {}` when it "

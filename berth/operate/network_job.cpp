@@ -93,6 +93,11 @@ rt::Task<void> Network::round() {
       const bool asks = other || again;
       if (asks) co_await ask_seat(*seat);
     }
+    const bool shares = seat->state == SlotState::duplicate && seat->slot.record.confirmed && !seat->there;
+    if (shares) {
+      const NodeId id = seat->id();
+      co_await tell_apart(id);
+    }
     const bool elsewhere = again && !seat->there;
     if (elsewhere) co_await look_by_lss(*seat);
   }

@@ -185,7 +185,8 @@ rt::Task<bool> Network::find_configured(bool everybody) {
     for (const NodeId id : ids) asked.spawn(identity_at(id, answered));
     co_await asked.join();
   }
-  bool news = false;
+  const std::vector<NodeId> doubled = std::exchange(doubled_, {});
+  bool news = co_await tell_all_apart(doubled);
   for (const auto& f : answered) {
     const auto known = std::ranges::find(found_, f.device, &places::Found::device);
     const bool same = known != found_.end() && known->active == f.active;
@@ -255,6 +256,8 @@ rt::Task<void> Network::ask_own_ids() {
     }
     co_await asked.join();
   }
+  const std::vector<NodeId> doubled = std::exchange(doubled_, {});
+  co_await tell_all_apart(doubled);
   for (const auto& f : answered) {
     note_found(f);
     tell_once("found", fmt::format("found {} with node-ID {}", to_string(f.device), f.active.value()));
@@ -267,6 +270,7 @@ rt::Task<void> Network::identity_at(NodeId id, std::vector<places::Found>& into)
   if (!answers) co_return;
   const auto who = co_await places::Binder::read_identity(sdo_, id);
   if (sdo_.surplus(id) != surplus || !who) {
+    doubled_.push_back(id);
     tell_once("duplicate",
               fmt::format("node-ID {} answers, and not as one device: two devices may hold it; leave one of "
                           "them on the bus",

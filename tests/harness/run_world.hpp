@@ -343,7 +343,22 @@ class WorldRun final : private can::Tap {
       });
       if (any && !rig_.network(i).idle()) return false;
     }
-    return true;
+    return !any_boots();
+  }
+
+  // One that was told to reset just now is neither there nor away.
+  [[nodiscard]] bool any_boots() {
+    return std::ranges::any_of(rig_.world().devices(), [](const auto& d) { return d->truth().booting; });
+  }
+  // A command that was sent just now has still to be obeyed.
+  [[nodiscard]] bool comes_to_rest() {
+    const rt::Time end = now() + 40s;
+    while (now() < end) {
+      if (!rig_.run_until([this] { return at_rest(); }, end - now())) return false;
+      rig_.run_for(5ms);
+      if (!any_boots()) return true;
+    }
+    return false;
   }
 
   void check_end() {
@@ -353,7 +368,7 @@ class WorldRun final : private can::Tap {
     const rt::Duration since = now() - rt::Time{} - last;
     if (since < 15s) rig_.run_for(15s - std::max(since, rt::Duration{0}));
     // A long search: it pauses between the frames of each question when a small receive buffer may be there.
-    const bool rests = rig_.run_until([this] { return at_rest(); }, 40s);
+    const bool rests = comes_to_rest();
     const std::string wrong = rests ? verdict() : "the main job does not come to rest";
     if (!wrong.empty() && outcome_.failure.empty()) outcome_.failure = wrong;
   }
