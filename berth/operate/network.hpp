@@ -324,6 +324,7 @@ class Network final : private co::HeartbeatConsumer::Observer,
   rt::Task<bool> ask_addresses(NodeId id, std::vector<LssAddress> addresses, bool slowly);
   rt::Task<bool> tell_apart(NodeId id);
   rt::Task<bool> tell_all_apart(std::vector<NodeId> ids);
+  rt::Task<void> tell_seats_apart();
   // network_recipe.cpp: node-IDs that are objects
   [[nodiscard]] Seat* recipe_seat(const places::Found& found);
   rt::Task<void> bind_by_recipe();

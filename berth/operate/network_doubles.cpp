@@ -103,4 +103,13 @@ rt::Task<bool> Network::tell_all_apart(std::vector<NodeId> ids) {
   co_return any;
 }
 
+rt::Task<void> Network::tell_seats_apart() {
+  std::vector<NodeId> ids;
+  for (const auto& seat : seats_) {
+    const bool shares = seat->state == places::SlotState::duplicate && seat->slot.record.confirmed && !seat->there;
+    if (shares) ids.push_back(seat->id());
+  }
+  co_await tell_all_apart(ids);
+}
+
 }  // namespace berth::operate

@@ -93,11 +93,6 @@ rt::Task<void> Network::round() {
       const bool asks = other || again;
       if (asks) co_await ask_seat(*seat);
     }
-    const bool shares = seat->state == SlotState::duplicate && seat->slot.record.confirmed && !seat->there;
-    if (shares) {
-      const NodeId id = seat->id();
-      co_await tell_apart(id);
-    }
     const bool elsewhere = again && !seat->there;
     if (elsewhere) co_await look_by_lss(*seat);
   }
@@ -108,6 +103,7 @@ rt::Task<void> Network::round() {
     }
     const bool everybody = false;
     co_await discover();
+    co_await tell_seats_apart();
     co_await carry_out();
     const bool others = co_await find_configured(everybody);
     co_await bind_by_recipe();
