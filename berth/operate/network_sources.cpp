@@ -114,13 +114,13 @@ std::vector<NodeId> Network::ids_to_ask(bool everybody) {
     const Seat* const seat = seat_at(id);
     const auto heard = boots_.heard(id);
     const bool speaks = heard && *heard > asked_at_[i];
-    const bool known = (seat != nullptr && seat->there) || (id == bus_->master && speaks_ && !speaks) ||
+    const bool known = (seat != nullptr && seat->there) || (id == bus_->master && speaks_ && !speaks && !sweeps) ||
                        std::ranges::find(found_, id, &places::Found::active) != found_.end();
     if (known) continue;
     const bool factory = std::ranges::find(factory_ids, id) != factory_ids.end();
     const bool own = seat != nullptr && seat->slot.spec.assign != Assign::fixed;
     const bool again = std::exchange(look_again_at_[i], false);
-    const bool masters = sweeps && id == bus_->master && !vacancy_[i];  // it was asked, and answered
+    const bool masters = sweeps && id == bus_->master;  // the master's own device does not hear its own port's question
     const bool asks = speaks || again || masters || everybody || (sweeps && (own || other || (factory && by_lss)));
     if (!asks) continue;
     asked_at_[i] = now;
