@@ -349,7 +349,10 @@ void Network::heartbeat(const co::HeartbeatEvent& event, rt::Time at) noexcept {
 void Network::surplus(NodeId node, const can::Frame& frame, rt::Time) noexcept {
   if (shared_ && shared_->id == node) return note_shared(frame);
   look_anew_ = true;
-  if (Seat* const seat = seat_at(node)) seat->suspect = true;
+  if (Seat* const seat = seat_at(node)) {
+    seat->suspect = true;
+    seat->shared = most_tries_apart;
+  }
   const std::string text = fmt::format(
       "node {} answered one SDO request twice: two devices hold this node-ID, or another "
       "SDO client is on the bus",
@@ -376,6 +379,7 @@ void Network::check_rates() {
     seat->beats_at = executor_->now();
     if (seat->fast >= 2) {
       seat->suspect = true;
+      seat->shared = most_tries_apart;
       look_anew_ = true;
       set_state(*seat, SlotState::duplicate,
                 "its heartbeat comes too often: a second device holds this node-ID; take one of them off the bus");

@@ -318,10 +318,11 @@ class Network final : private co::HeartbeatConsumer::Observer,
     NodeId id;
     std::array<std::vector<std::uint32_t>, 4> parts;  // of the LSS addresses that were heard under it
   };
+  static constexpr unsigned most_tries_apart = 3;
   void note_shared(const can::Frame& frame);
   rt::Task<void> hear_parts(NodeId id);
   [[nodiscard]] static std::vector<LssAddress> addresses_of(const Shared& shared);
-  rt::Task<bool> ask_addresses(NodeId id, std::vector<LssAddress> addresses, bool slowly);
+  rt::Task<void> ask_addresses(NodeId id, std::vector<LssAddress> addresses, bool slowly);
   rt::Task<bool> tell_apart(NodeId id);
   rt::Task<bool> tell_all_apart(std::vector<NodeId> ids);
   rt::Task<void> tell_seats_apart();

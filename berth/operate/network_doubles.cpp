@@ -57,8 +57,7 @@ std::vector<LssAddress> Network::addresses_of(const Shared& shared) {
 }
 
 // Those of the addresses at which a device uses this node-ID. `slowly`: with pauses between the frames.
-rt::Task<bool> Network::ask_addresses(NodeId id, std::vector<LssAddress> addresses, bool slowly) {
-  bool any = false;
+rt::Task<void> Network::ask_addresses(NodeId id, std::vector<LssAddress> addresses, bool slowly) {
   for (const LssAddress& address : addresses) {
     const LssAddress device = address;
     Result<NodeId> active = NodeId();
@@ -68,48 +67,58 @@ rt::Task<bool> Network::ask_addresses(NodeId id, std::vector<LssAddress> address
       active = co_await ask_active_id(device);
     }
     if (!active || *active != id) continue;
-    any = true;
     note_found({device, id});
     tell_once("found", fmt::format("found {} with node-ID {}, beside another device", to_string(device), id.value()));
   }
-  co_return any;
 }
 
-// True: one of them at least is known now, and the plan gives each its own.
+// True: who shares it is known now, and the plan gives each its own. A slot's device that is alone there is known.
 rt::Task<bool> Network::tell_apart(NodeId id) {
-  const rt::Time now = executor_->now();
-  auto& not_before = apart_at_[id.value()];
-  if (now < not_before || bus_->role == design::Role::observer) co_return false;
+  if (bus_->role == design::Role::observer) co_return false;
   shared_ = Shared{id, {}};
   co_await hear_parts(id);
-  const std::vector<LssAddress> addresses = addresses_of(*shared_);
+  std::vector<LssAddress> addresses = addresses_of(*shared_);
   shared_.reset();
-  const bool quickly = false;
-  bool any = co_await ask_addresses(id, addresses, quickly);
-  const bool slowly = true;
-  if (!any) any = co_await ask_addresses(id, addresses, slowly);
-  constexpr int seldom = 32;
-  not_before = any ? now : executor_->now() + seldom * bus_->timing.probe_period;
-  co_return any;
+  const Seat* const seat = seat_at(id);
+  const bool sits = seat != nullptr && seat->slot.record.confirmed;
+  if (sits) std::erase(addresses, seat->slot.record.confirmed->device);
+  const auto found = [&](const LssAddress& device) {
+    return std::ranges::any_of(found_, [&](const places::Found& f) { return f.device == device && f.active == id; });
+  };
+  const std::ptrdiff_t enough = sits ? 1 : 2;
+  for (const bool slowly : {false, true}) {
+    std::vector<LssAddress> left;
+    std::ranges::copy_if(addresses, std::back_inserter(left), [&](const LssAddress& a) { return !found(a); });
+    if (std::ssize(addresses) - std::ssize(left) >= enough) break;
+    co_await ask_addresses(id, left, slowly);
+  }
+  co_return std::ranges::any_of(addresses, found);
 }
 
 rt::Task<bool> Network::tell_all_apart(std::vector<NodeId> ids) {
+  constexpr int seldom = 32;
   bool any = false;
   for (const NodeId& each : ids) {
     const NodeId id = each;
+    auto& not_before = apart_at_[id.value()];
+    if (executor_->now() < not_before) continue;
     const bool known = co_await tell_apart(id);
+    if (!known) not_before = executor_->now() + seldom * bus_->timing.probe_period;
     any = any || known;
   }
   co_return any;
 }
 
+// A slot's device and another: which of them is found here beside it is taken off the node-ID by the plan.
 rt::Task<void> Network::tell_seats_apart() {
-  std::vector<NodeId> ids;
-  for (const auto& seat : seats_) {
-    const bool shares = seat->state == places::SlotState::duplicate && seat->slot.record.confirmed && !seat->there;
-    if (shares) ids.push_back(seat->id());
+  for (auto& seat : seats_) {
+    const bool shares = seat->shared > 0 && seat->slot.record.confirmed;
+    if (!shares) continue;
+    --seat->shared;
+    const NodeId id = seat->id();
+    const bool other = co_await tell_apart(id);
+    if (other) seat->shared = 0;
   }
-  co_await tell_all_apart(ids);
 }
 
 }  // namespace berth::operate

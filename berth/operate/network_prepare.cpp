@@ -98,11 +98,13 @@ rt::Task<void> Network::ask_seat(Seat& seat) {
   co_await rt::sleep_for(second_answer);
   if (sdo_.surplus(id) != surplus) {
     set_state(seat, SlotState::duplicate, "two devices answer under this node-ID; take one of them off the bus");
+    seat.shared = most_tries_apart;
     look_anew_ = true;
     co_return;
   }
   const bool same = *who == seat.slot.record.confirmed->device;
   if (!same) {
+    seat.shared = most_tries_apart;
     look_anew_ = true;
     set_state(seat, SlotState::absent, fmt::format("device {} answers under its node-ID", to_string(*who)));
     co_return;

@@ -19,6 +19,7 @@ struct Network::Seat {
   bool awaited = false;                    ///< NMT start was sent just now, and its heartbeat has not told yet
   bool fresh = false;                      ///< bound in this run, and not yet looked at for a past elsewhere
   unsigned suspected = 0;                  ///< rounds in a row in which devices that sat here before were asked for in vain
+  unsigned shared = 0;                     ///< tries left to tell two devices under its node-ID apart
   bool suspect = false;                    ///< traffic says that a second device may hold its node-ID
   bool held = false;                       ///< a person took it out of operational: it is not started again
   bool ask_again = false;                  ///< silent, and due to be asked once more
