@@ -32,8 +32,11 @@ void Network::note_shared(const can::Frame& frame) {
   put(shared_->parts[sub - 1], value);
 }
 
+// Twice, with pauses: a single-slot receive buffer loses a question behind another frame.
 rt::Task<void> Network::hear_parts(NodeId id) {
-  for (std::uint8_t sub = 1; sub <= 4; ++sub) {
+  co_await rt::sleep_for(second_answer);
+  for (std::uint8_t i = 0; i < 8; ++i) {
+    const std::uint8_t sub = static_cast<std::uint8_t>(i % 4 + 1);
     const auto first = co_await sdo_.read<std::uint32_t>(id, 0x1018, sub);
     if (first) put(shared_->parts[sub - 1U], *first);
     const bool none = !first && first.error().code == Errc::aborted;
