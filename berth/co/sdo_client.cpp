@@ -138,6 +138,7 @@ void SdoTransfer::sent(rt::Time at) noexcept {
   if (state_ == State::closing) return complete();
   window_ = true;
   auto& line = *line_;
+  if (at > line.owed_until_) line.owed_ = 0;
   line.owed_ = static_cast<std::uint16_t>(std::min(line.owed_ + expects_, 0xFFFF));
   line.owed_until_ = at + line.settings_->late_window;
   const bool collecting = state_ == State::block && !download_;

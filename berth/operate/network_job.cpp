@@ -190,6 +190,8 @@ rt::Task<void> Network::handle(Wake wake) {
   switch (wake.kind) {
     case Wake::Kind::boot_up:
       if (wake.at > seat->checked) {
+        // It was at work a moment ago: what booted may be a second device, which beats no heart and is not heard again.
+        if (seat->there && seat->started) seat->shared = std::max(seat->shared, 1U);
         // The slot's own device, or one that sat here before?
         co_await isolate_former(*seat);
         co_await came_back(*seat, wake.at);

@@ -70,7 +70,9 @@ void Binding::advance_identify(Outcome outcome) noexcept {
   } else if (outcome == Outcome::doubled) {
     fail(Why::clone);
   } else if (outcome == Outcome::mismatch && kind_ == Kind::bind) {
-    fail(Why::other_device);
+    // This one may have missed `04 00`, and would take the node-ID at the next.
+    touched_ = true;
+    give_up(Why::other_device);
   } else if (tries_ <= 1 && stored_ && !volatile_only_) {
     step_ = Step::power_cycle;
   } else {

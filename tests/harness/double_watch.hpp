@@ -212,9 +212,10 @@ class DoubleWatch final : public plant::World::Observer {
     // A memory written anew under the device's own node-ID is Berth's work too, LSS or configuration.
     const bool written =
         t.persistent != life.persistent || (t.memory_writes != life.writes && !device.device().storing());
-    const bool gets = written && t.persistent.configured() && t.pending == t.persistent && life.owned != t.persistent;
+    // What was being written when the power went says nothing: a blanking that was cut off leaves what was there.
+    const bool gets = written && !off && t.persistent.configured() && t.pending == t.persistent && life.owned != t.persistent;
     if (t.persistent != life.persistent) life.owned = NodeId();
-    if (written && t.persistent.configured() && t.pending == t.persistent) life.owned = t.persistent;
+    if (written && !off && t.persistent.configured() && t.pending == t.persistent) life.owned = t.persistent;
     if (written) life.writes = t.memory_writes;
     life.persistent = t.persistent;
     if (t.booting && !life.booting) life.boot_began = now();
