@@ -161,8 +161,8 @@ rt::Task<void> Network::ask_everywhere() {
     const bool known = (seat != nullptr && seat->there) || id == bus_->master ||
                        std::ranges::find(found_, id, &places::Found::active) != found_.end();
     if (known) continue;
-    asked.spawn(knock(id));
     co_await rt::sleep_for(bus_->timing.rand_response);  // a single-slot receive buffer loses its own behind another's
+    asked.spawn(knock(id));
   }
   co_await asked.join();
 }

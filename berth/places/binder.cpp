@@ -47,7 +47,7 @@ rt::Task<Outcome> Binder::perform(Binding& binding, SlotId slot, const std::stri
     }
     case Step::inquire: co_return co_await inquire(binding);
     case Step::configure: co_return co_await configure(binding.seat().id);
-    case Step::revert: co_return co_await configure(binding.old_id());
+    case Step::revert: co_return co_await revert(binding);
     case Step::store: co_return co_await store();
     case Step::release: co_return co_await release(binding);
     case Step::reset: co_return co_await reset(binding);
@@ -131,7 +131,15 @@ rt::Task<Outcome> Binder::select(const LssAddress& device) {
 rt::Task<Outcome> Binder::configure(NodeId id) {
   const auto reply = co_await s_.lss.configure_node_id(id);
   if (!reply) co_return outcome_of(reply.error());
-  co_return lss::suspicious(*reply) ? Outcome::silent : Outcome::ok;
+  co_return lss::suspicious(*reply) ? Outcome::doubled : Outcome::ok;
+}
+
+// What two devices were told may stand in the memory of both.
+rt::Task<Outcome> Binder::revert(const Binding& binding) {
+  const NodeId id = binding.revert_to();
+  const Outcome outcome = co_await configure(id);
+  if (!binding.shared()) co_return outcome;
+  co_return co_await store();
 }
 
 // A second answer may be a late first one; two answers to one request within one window are two devices (S1.22).
@@ -191,7 +199,7 @@ rt::Task<Outcome> Binder::inquire(Binding& binding) {
 
 rt::Task<Outcome> Binder::store() {
   const auto reply = co_await s_.lss.store();
-  if (reply) co_return lss::suspicious(*reply) ? Outcome::silent : Outcome::ok;
+  if (reply) co_return lss::suspicious(*reply) ? Outcome::doubled : Outcome::ok;
   const bool unsupported = reply.error().code == Errc::aborted && (reply.error().detail & 0xFFU) == store_unsupported;
   co_return unsupported ? Outcome::unsupported : outcome_of(reply.error());
 }

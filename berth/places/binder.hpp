@@ -77,6 +77,7 @@ class Binder {
   rt::Task<Outcome> configure(NodeId id);
   rt::Task<Outcome> await_boot_up(NodeId id);
   rt::Task<Outcome> store();
+  rt::Task<Outcome> revert(const Binding& binding);
   rt::Task<Outcome> release(const Binding& binding);
   rt::Task<Outcome> reset(const Binding& binding);
   rt::Task<Outcome> identify(const Binding& binding);

@@ -109,6 +109,7 @@ void Binding::advance(Outcome outcome) noexcept {
       break;
     case Step::configure:
       untouched_ = untouched_ && outcome == Outcome::refused;
+      shared_ = outcome == Outcome::doubled;
       // Without a node-ID pending nothing comes into use that would have to be taken back.
       touched_ = outcome != Outcome::refused && kind_ == Kind::bind;
       if (ok)
@@ -120,6 +121,7 @@ void Binding::advance(Outcome outcome) noexcept {
       break;
     case Step::store:
       stored_ = ok;
+      shared_ = shared_ || outcome == Outcome::doubled;
       volatile_only_ = outcome == Outcome::unsupported;
       if (ok || volatile_only_)
         step_ = Step::release;

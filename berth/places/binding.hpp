@@ -14,7 +14,8 @@
 ///     await_boot_up  700h + id                                heard      identify
 ///     identify       1018h under the new id = the address     equal      write_confirm
 ///     write_confirm  what was asked for has become so         written    done
-///     revert         11h: the old one, when it goes wrong     any        select again, or release and give up
+///     revert         11h: the old one, when it goes wrong;    any        select again, or release and give up
+///                    none, stored, when two took the new one
 ///
 /// Silence on the LSS side leads back to `select`, a bounded number of times: every step may be done twice without
 /// harm, so a restart after a crash simply begins again at `check_vacant`. A node-ID that is pending comes into use
@@ -104,6 +105,11 @@ class Binding {
   [[nodiscard]] Why why() const noexcept { return why_; }
   /// The node-ID that the device had when it was asked last, or is known to have (`inquired` before the first step).
   [[nodiscard]] NodeId old_id() const noexcept { return old_id_; }
+  /// More than one device took the last `11h` or `17h`.
+  [[nodiscard]] bool shared() const noexcept { return shared_; }
+  /// What `revert` writes: the node-ID that the device had, or none when a second device heard the `11h` too, so that
+  /// the second does not get the node-ID of the first.
+  [[nodiscard]] NodeId revert_to() const noexcept { return shared_ ? NodeId() : old_id_; }
   [[nodiscard]] unsigned tries_left() const noexcept { return tries_; }
   [[nodiscard]] bool stored() const noexcept { return stored_; }
   /// The device has no memory for a node-ID: it must be given one at every power-on.
@@ -136,6 +142,7 @@ class Binding {
   unsigned tries_;
   Step step_;
   Why why_ = Why::none;
+  bool shared_ = false;  // more than one device took the last 11h or 17h
   NodeId old_id_;
   bool stored_ = false;
   bool volatile_only_ = false;

@@ -97,6 +97,7 @@ class DoubleWatch final : public plant::World::Observer {
     void frame(const can::Frame& frame, rt::Time at, int sender) noexcept override {
       const std::uint32_t key = frame.key();
       if (key == lss::master_cob_id) {
+        note_hearing(frame);
         if (frame.data[0] == static_cast<std::uint8_t>(lss::Command::configure_node_id)) {
           configured = frame.data[1];
           configured_at = at;
@@ -126,6 +127,20 @@ class DoubleWatch final : public plant::World::Observer {
       auto& times = voices[{said.who, said.key & 0x7FU}];
       if (times.size() == most_voices) times.erase(times.begin(), times.begin() + most_voices / 2);
       times.push_back(said.at);
+    }
+    // Whether a device heard anything at all between Berth's last `04 00` and its `11h`.
+    void note_hearing(const can::Frame& frame) noexcept {
+      if (frame.data[0] == static_cast<std::uint8_t>(lss::Command::configure_node_id)) {
+        deaf.clear();
+        for (const auto& [name, count] : received_last) {
+          if (count == received_at_waiting[name]) deaf.insert(name);
+        }
+      }
+      received_last.clear();
+      for (const auto& d : watch_->world_->devices()) {
+        if (&d->bus() == &bus) received_last[d->name()] = d->host().delivered();
+      }
+      if (frame.data[0] == 0x04 && frame.data[1] == 0x00) received_at_waiting = received_last;
     }
     // Did a frame of this device under this node-ID reach Berth from `from` on, before `until`?
     [[nodiscard]] bool heard(const std::string& who, NodeId id, rt::Time from, rt::Time until) const {
@@ -161,6 +176,8 @@ class DoubleWatch final : public plant::World::Observer {
     static constexpr std::size_t most_voices = 512;
     std::map<std::pair<std::string, unsigned>, std::vector<rt::Time>> voices;  // device, node-ID: what reached Berth
     std::vector<rt::Time> moved;
+    std::map<std::string, std::uint64_t> received_at_waiting, received_last;
+    std::set<std::string> deaf;  // heard nothing of the proof before the last 11h
     unsigned configured = 0;
     rt::Time configured_at{};
     Said said;
@@ -252,7 +269,8 @@ class DoubleWatch final : public plant::World::Observer {
       const bool comes = !other->plan().power_cycle_after_store;
       // What was stored is pending too, until the next power-on: then its slot may have been given away.
       const bool kept_rightly = life.owned == id && given_up(o, id);
-      if (comes && o.powered && life.given == id && o.pending == id && !kept_rightly) {
+      const bool unheard = wire.deaf.contains(o.name) || wire.deaf.contains(t.name);
+      if (comes && o.powered && life.given == id && o.pending == id && !kept_rightly && !unheard) {
         fail_with(what + " while it is pending, by Berth, in " + o.name);
       } else if (life.owned == id && !given_up(o, id)) {
         fail_with(what + ", and it stands, by Berth, in the memory of " + o.name +
@@ -266,7 +284,10 @@ class DoubleWatch final : public plant::World::Observer {
     // It booted again under what it uses: who came to this node-ID meanwhile was looked at then.
     if (life.last_used == id) return;
     const bool brought = life.came_with == id && life.given != id;
-    if (brought && life.owned != id && was_blanked(t)) {
+    const bool twin = std::ranges::count_if(world_->devices(), [&](const auto& d) {
+                        return d->truth().address == t.address;
+                      }) > 1;
+    if (brought && life.owned != id && !twin && was_blanked(t)) {
       fail_with(t.name + " came back with node-ID " + std::to_string(id.value()) + ", which Berth took away from it");
     }
     // It came from elsewhere with it, was off when Berth asked for it, and Berth never touched it; or it has it by

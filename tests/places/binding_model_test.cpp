@@ -194,7 +194,7 @@ Outcome effect(State& s) {
       return Outcome::ok;
     case Step::configure:
     case Step::revert: {
-      const NodeId value = w.step() == Step::configure ? w.seat().id : w.old_id();
+      const NodeId value = w.step() == Step::configure ? w.seat().id : w.revert_to();
       bool any = false;
       for (auto& each : s.devices) {
         if (each.powered && each.configuration) {
