@@ -58,6 +58,8 @@ Network::Network(rt::Executor& executor, can::Port& port, const design::Bus& bus
     seats_.back()->slot.spec = std::move(spec);
   }
   sdo_.set_observer(this);
+  // One that leaves between its last heartbeat before it is watched and the first after is missed too.
+  heartbeats_.set_never_seen_time(bus.timing.heartbeat_timeout + bus.timing.heartbeat_period);
   // A saving may be answered long after it was given up.
   sdo_.set_late_window(std::max<rt::Duration>(std::chrono::seconds(5), 2 * bus.timing.save_timeout));
 }
