@@ -274,6 +274,7 @@ class Network final : private co::HeartbeatConsumer::Observer,
   void name_loans();
   [[nodiscard]] bool may_be_asked(const Loans::Loan& loan) const noexcept;
   rt::Task<void> end_or_keep(Loans::Loan loan);
+  rt::Task<void> make_pending(Loans::Loan loan, NodeId own);
   rt::Task<void> take_back_what_is_in_the_way();
   rt::Task<void> take_ids_back();
   rt::Task<bool> take_id_back(LssAddress device, NodeId id);

@@ -107,6 +107,8 @@ NodeId Network::assign(const LssAddress& device) noexcept {
   const bool by_rand = found != found_.end() && std::ranges::find(by_rest_, device) == by_rest_.end();
   if (by_rand) return {};  // it waits for its place, and leaves no search by a loan
   const Seat* const seat = seat_of(device);
+  // Lely core's slaves answer Fastscan with a node-ID too: what they use stays, and nothing else is pending.
+  if (seat != nullptr && seat->there && seat->slot.record.confirmed) return seat->id();
   const bool own = seat != nullptr && vacancy_[seat->id().value()] && !boots_.heard(seat->id()) &&
                    !progress_.told[seat->id().value()];
   const NodeId id = own ? seat->id() : id_to_lend(device);
@@ -151,13 +153,36 @@ rt::Task<void> Network::take_ids_back() {
   for (const auto& loan : lent) {
     const Seat* const seat = seat_of(loan.device);
     const bool seated = seat != nullptr && seat->there;
-    if (seated) {
+    const bool nothing_pending = seated && seat->id() == loan.id;
+    if (nothing_pending) {
       end_loan(loan.device);
       continue;
     }
     if (!may_be_asked(loan)) continue;
+    if (seated) {
+      const Loans::Loan one = loan;
+      const NodeId own = seat->id();
+      co_await make_pending(one, own);
+      continue;
+    }
     const Loans::Loan one = loan;
     co_await end_or_keep(one);
+  }
+}
+
+// It came back by itself, to its own node-ID, and what it was lent would come into use at its next reset.
+rt::Task<void> Network::make_pending(Loans::Loan loan, NodeId own) {
+  const auto selected = co_await select_alone(loan.device);
+  if (!selected) {
+    loans_.kept(loan.device);
+    co_return;
+  }
+  const auto given = co_await lss_.configure_node_id(own);
+  const auto released = co_await lss_.switch_global(lss::State::waiting);
+  if (given && released) {
+    end_loan(loan.device);
+  } else {
+    loans_.kept(loan.device);
   }
 }
 
