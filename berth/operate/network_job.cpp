@@ -209,7 +209,8 @@ rt::Task<void> Network::handle(Wake wake) {
         look_anew_ = true;
         anew_at_ = executor_->now();  // who waited for the slot is seated
         seat->hurried = {};
-        // A replacement that comes now is heard at once; the long search for devices with a node-ID would be in its way.
+        // A replacement that comes now is heard at once; the long search for devices with a node-ID would be in its
+        // way.
         rest_at_ = std::max(rest_at_, executor_->now() + 8 * bus_->timing.probe_period);
       }
       break;

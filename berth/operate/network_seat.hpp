@@ -14,19 +14,19 @@ struct Network::Seat {
   places::SlotState state = places::SlotState::unknown;
   rt::Time since{};
   std::string reason;
-  bool there = false;                      ///< its device was identified under the slot's node-ID
-  bool started = false;                    ///< NMT start was sent
-  bool awaited = false;                    ///< NMT start was sent just now, and its heartbeat has not told yet
-  bool fresh = false;                      ///< bound in this run, and not yet looked at for a past elsewhere
-  unsigned suspected = 0;                  ///< rounds in a row in which devices that sat here before were asked for in vain
-  unsigned shared = 0;                     ///< tries left to tell two devices under its node-ID apart
-  bool suspect = false;                    ///< traffic says that a second device may hold its node-ID
-  bool held = false;                       ///< a person took it out of operational: it is not started again
-  bool ask_again = false;                  ///< silent, and due to be asked once more
-  bool misplaced = false;                  ///< its probe tells another place, which no slot has
-  bool guarded = false;                    ///< the device has no 1017h: it is asked by guarding
-  rt::Time checked{};                      ///< when it was identified last
-  rt::Time hurried{};                      ///< when a boot-up under its node-ID last hastened the look at the bus
+  bool there = false;      ///< its device was identified under the slot's node-ID
+  bool started = false;    ///< NMT start was sent
+  bool awaited = false;    ///< NMT start was sent just now, and its heartbeat has not told yet
+  bool fresh = false;      ///< bound in this run, and not yet looked at for a past elsewhere
+  unsigned suspected = 0;  ///< rounds in a row in which devices that sat here before were asked for in vain
+  unsigned shared = 0;     ///< tries left to tell two devices under its node-ID apart
+  bool suspect = false;    ///< traffic says that a second device may hold its node-ID
+  bool held = false;       ///< a person took it out of operational: it is not started again
+  bool ask_again = false;  ///< silent, and due to be asked once more
+  bool misplaced = false;  ///< its probe tells another place, which no slot has
+  bool guarded = false;    ///< the device has no 1017h: it is asked by guarding
+  rt::Time checked{};      ///< when it was identified last
+  rt::Time hurried{};      ///< when a boot-up under its node-ID last hastened the look at the bus
   std::optional<places::Binding> waiting;  ///< bound but for a power cycle
   unsigned looked_at = 0;                  ///< rounds in which it was
   std::uint64_t beats = 0;                 ///< heartbeats heard when their rate was looked at last

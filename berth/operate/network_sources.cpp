@@ -120,7 +120,8 @@ std::vector<NodeId> Network::ids_to_ask(bool everybody) {
     const bool factory = std::ranges::find(factory_ids, id) != factory_ids.end();
     const bool own = seat != nullptr && seat->slot.spec.assign != Assign::fixed;
     const bool again = std::exchange(look_again_at_[i], false);
-    const bool masters = sweeps && id == bus_->master;  // the master's own device does not hear its own port's question
+    const bool masters = sweeps && id == bus_->master &&
+                         (speaks_ || !vacancy_[i]);  // the master's own device does not hear its own port's question
     const bool asks = speaks || again || masters || everybody || (sweeps && (own || other || (factory && by_lss)));
     if (!asks) continue;
     asked_at_[i] = now;
@@ -161,6 +162,11 @@ rt::Task<void> Network::ask_everywhere() {
     const bool known = (seat != nullptr && seat->there) || id == bus_->master ||
                        std::ranges::find(found_, id, &places::Found::active) != found_.end();
     if (known) continue;
+    // A device that boots meanwhile is more than one that may be there.
+    if (wakes_.size() > 0) {
+      everywhere_at_ = executor_->now() + 2 * bus_->timing.probe_period;
+      break;
+    }
     co_await rt::sleep_for(bus_->timing.rand_response);  // a single-slot receive buffer loses its own behind another's
     asked.spawn(knock(id));
   }
@@ -232,8 +238,8 @@ rt::Task<bool> Network::take_where_it_is(Seat& seat, LssAddress device) {
 }
 
 // Before anything is searched for, and before anything is called empty: a device may sit where it belongs already, have
-// booted long ago, beat no heart and speak no LSS. All are asked side by side; silence makes the node-ID vacant, which is
-// to be known before it is given.
+// booted long ago, beat no heart and speak no LSS. All are asked side by side; silence makes the node-ID vacant, which
+// is to be known before it is given.
 rt::Task<void> Network::ask_own_ids() {
   if (alone_) co_return;
   std::vector<places::Found> answered;
