@@ -274,7 +274,9 @@ tl::expected<Ended, Failure> drive(Rig& rig, Ending& ending, Screen& screen, con
   }
   std::unique_ptr<GatewayHost> gateway;
   if (how.paced && !options.gateway.empty()) {
-    auto host = GatewayHost::listen(rig, options.gateway, options.yes, [&](const std::string& t) { screen.line(t); });
+    auto host =
+        GatewayHost::listen(rig, options.gateway, {options.gateway_commands, options.gateway_commands && options.yes},
+                            [&](const std::string& t) { screen.line(t); });
     if (!host) return tl::unexpected(host.error());
     gateway = std::move(*host);
     screen.line("CiA 309-3 gateway at " + gateway->where());
