@@ -37,6 +37,15 @@ bool Interrupt::came() noexcept {
   return came_;
 }
 
+std::function<bool()> ended_by(std::optional<std::chrono::nanoseconds> after) {
+  const auto end = after ? Clock::now() + *after : Clock::time_point::max();
+  return [end] {
+    sigset_t waiting;
+    ::sigpending(&waiting);
+    return ::sigismember(&waiting, SIGINT) == 1 || ::sigismember(&waiting, SIGTERM) == 1 || Clock::now() >= end;
+  };
+}
+
 // ---- Screen ----
 
 Screen::Screen(operate::Session& session, bool live, bool quiet) : session_(&session), live_(live), quiet_(quiet) {}

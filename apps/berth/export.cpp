@@ -15,6 +15,7 @@
 #include "adopt.hpp"
 #include "berth/store/database.hpp"
 #include "berth/text/file.hpp"
+#include "drive.hpp"
 #include "ports.hpp"
 
 namespace berth::cli {
@@ -133,7 +134,7 @@ tl::expected<std::vector<std::string>, Failure> files_of(const design::Machine& 
 // SQLite's files are one only when nobody has them open: opening takes the store's lock and closing folds the log in.
 tl::expected<std::string, Failure> store_bytes(const std::string& path) {
   {
-    const auto opened = store::Database::open(path);
+    const auto opened = store::Database::open(path, {.ended = ended_by({})});
     if (!opened) return tl::unexpected(failure(Exit::failed, opened.error().message));
   }
   std::error_code ignored;

@@ -90,7 +90,8 @@ std::optional<OpenError> prepare(SQLite::Database& db, const std::string& path, 
   const auto kind = classify(application, version, has_tables);
   if (auto refused = verdict(path, kind, version)) return refused;
   if (kind == FileKind::ours) {
-    const auto said = damage(db, static_cast<int>(version));
+    auto said = strange(db, static_cast<int>(version));
+    if (said.empty()) said = damage(db);
     if (!said.empty()) {
       return refuse(Errc::invalid, "the store is damaged",
                     fmt::format("{}: this store is damaged ({}); it was left as it is. Restore a copy, or move it away "
@@ -111,6 +112,22 @@ std::optional<OpenError> prepare(SQLite::Database& db, const std::string& path, 
   return std::nullopt;
 }
 
+/// What a file from elsewhere may not do: run functions from its schema, change the schema by writes, hold a value
+/// longer than any of Berth's, take longer than its user will wait.
+void confine(SQLite::Database& db, Database::Impl& impl) {
+  constexpr int longest_value = 1 << 20;
+  constexpr int steps_between_questions = 100'000;  // some milliseconds
+  sqlite3* const handle = db.getHandle();
+  sqlite3_db_config(handle, SQLITE_DBCONFIG_DEFENSIVE, 1, nullptr);
+  sqlite3_db_config(handle, SQLITE_DBCONFIG_TRUSTED_SCHEMA, 0, nullptr);
+  sqlite3_db_config(handle, SQLITE_DBCONFIG_ENABLE_VIEW, 0, nullptr);
+  sqlite3_limit(handle, SQLITE_LIMIT_LENGTH, longest_value);
+  db.exec("PRAGMA cell_size_check = ON");
+  if (!impl.ended) return;
+  const auto ask = [](void* of) { return static_cast<Database::Impl*>(of)->ended() ? 1 : 0; };
+  sqlite3_progress_handler(handle, steps_between_questions, ask, &impl);
+}
+
 std::string real_path(const std::string& path) {
   std::error_code code;
   const auto real = fs::weakly_canonical(path, code);
@@ -119,7 +136,13 @@ std::string real_path(const std::string& path) {
 
 OpenError sqlite_error(const std::string& path, int code, const char* what) {
   const auto kind = code & 0xFF;
-  const bool damaged = kind == SQLITE_CORRUPT || kind == SQLITE_NOTADB;
+  if (kind == SQLITE_INTERRUPT) {
+    return refuse(Errc::io, "ended before the store was read",
+                  fmt::format("{}: ended before the store was read; it was left as it is.", path),
+                  static_cast<std::uint32_t>(code))
+        .value();
+  }
+  const bool damaged = kind == SQLITE_CORRUPT || kind == SQLITE_NOTADB || kind == SQLITE_TOOBIG;
   const auto text = damaged ? "the store is damaged" : "the store cannot be opened";
   const auto words = damaged ? fmt::format(
                                    "{}: this store is damaged ({}); it was left as it is. Restore a copy, or move "
@@ -148,6 +171,8 @@ Database::Opened Database::open(const std::string& given, const OpenOptions& opt
   try {
     const int flags = SQLite::OPEN_READWRITE | SQLite::OPEN_CREATE | SQLITE_OPEN_EXRESCODE;
     impl->db.emplace(path, flags, 0, options.vfs);
+    impl->ended = options.ended;
+    confine(*impl->db, *impl);
     if (auto refused = prepare(*impl->db, path, has_log, options.sync))
       return tl::unexpected<OpenError>(std::move(*refused));
   } catch (const SQLite::Exception& error) {
