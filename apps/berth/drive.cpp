@@ -9,6 +9,7 @@
 #include <algorithm>
 
 #include "ask.hpp"
+#include "berth/text/printable.hpp"
 #include "gateway.hpp"
 
 namespace berth::cli {
@@ -93,12 +94,12 @@ void Screen::refresh(bool now) {
   dirty_ = false;
   const std::size_t width = terminal_width();
   std::string text = drawn_ > 0 ? fmt::format("\x1b[{}A\r\x1b[J", drawn_) : "";
-  for (const auto& line : waiting_) text += line + "\n";
+  for (const auto& line : waiting_) text += text::printable(line) + "\n";
   waiting_.clear();
   std::vector<std::string> table{"", fmt::format("{}  {:.1f} s on the bus  Ctrl-C ends it", session_->machine().name,
                                                  operate::seconds(session_->executor().now()))};
   std::ranges::move(operate::to_table(session_->slots()), std::back_inserter(table));
-  for (const auto& line : table) text += cut(line, width) + "\n";
+  for (const auto& line : table) text += cut(text::printable(line), width) + "\n";
   drawn_ = table.size();
   std::fwrite(text.data(), 1, text.size(), stdout);
   std::fflush(stdout);
