@@ -143,16 +143,8 @@ std::set<Made> schema_of(SQLite::Database& db, std::size_t most) {
   return made;
 }
 
-constexpr std::size_t most_made = 100;  // more than any version has
-
-// A name from elsewhere, for a person.
-std::string shown(std::string name) {
-  constexpr std::size_t longest = 64;
-  name.resize(std::min(name.size(), longest));
-  std::ranges::replace_if(
-      name, [](char c) { return c < ' ' || c > '~'; }, '?');
-  return name;
-}
+constexpr std::size_t most_made = 100;    // more than any version has
+constexpr std::size_t longest_name = 64;  // of a foreign one, when told
 
 // The subqueries of step 2 would look through the whole history for each device.
 constexpr const char* help_step_2 =
@@ -206,7 +198,8 @@ std::string strange(SQLite::Database& db, int version) {
     if (std::ranges::none_of(there, same_name)) return fmt::format("no such {}: {}", made.type, made.name);
   }
   for (const auto& made : there) {
-    if (!wanted.contains(made)) return fmt::format("Berth did not make its {} {}", made.type, shown(made.name));
+    if (!wanted.contains(made))
+      return fmt::format("Berth did not make its {} {}", made.type, made.name.substr(0, longest_name));
   }
   return {};
 }
