@@ -14,6 +14,8 @@ using places::SlotState;
 
 namespace {
 
+constexpr std::size_t longest_probe = 8;  // what is longer, or never ends, says nothing of a place
+
 std::string name_of(const Probe& probe) { return fmt::format("{:04X}h:{:02X}", probe.index, probe.sub); }
 
 std::string text_of(const std::optional<std::uint32_t>& value) {
@@ -46,8 +48,8 @@ bool Network::free_for_a_loan(const Seat& seat, const LssAddress& device) const 
          vacant && (!heard || *heard < *vacant) && places::fits(seat.slot.spec, device);
 }
 
-// The lowest free slot's that it fits: searches find the devices of a type in ascending order, and with `ascending` that
-// is where it stays. Else one that no slot has.
+// The lowest free slot's that it fits: searches find the devices of a type in ascending order, and with `ascending`
+// that is where it stays. Else one that no slot has.
 NodeId Network::id_to_lend(const LssAddress& device) const noexcept {
   NodeId lowest;
   for (const auto& seat : seats_) {
@@ -135,7 +137,8 @@ rt::Task<void> Network::take_back_what_is_in_the_way() {
   for (const auto& action : actions) {
     if (action.kind != places::Action::Kind::bind) continue;
     const NodeId id = seats_[action.slot]->id();
-    const auto loan = std::ranges::find_if(lent_, [&](const Loan& l) { return l.id == id && l.device != action.device; });
+    const auto loan =
+        std::ranges::find_if(lent_, [&](const Loan& l) { return l.id == id && l.device != action.device; });
     if (loan == lent_.end()) continue;
     const LssAddress device = loan->device;
     const bool back = co_await take_id_back(device, id);
@@ -203,9 +206,12 @@ rt::Task<bool> Network::read_probes(LssAddress device, NodeId id) {
   const Slots all = slots();
   const std::vector<Probe> probes = places::probes_for(all, device);
   forget_readings(device);
+  co::SdoOptions patience = sdo_.options();
+  patience.longest = longest_probe;
   for (const Probe& probe : probes) {
-    const auto value = co_await sdo_.upload(id, probe.index, probe.sub);
-    if (!value && value.error().code != Errc::aborted) co_return false;
+    const auto value = co_await sdo_.upload(id, probe.index, probe.sub, patience);
+    const bool there = value || value.error().code == Errc::aborted || value.error().code == Errc::mismatch;
+    if (!there) co_return false;
     Reading reading{device, probe.index, probe.sub, std::nullopt};
     if (value) {
       const auto bytes = value->bytes();
