@@ -122,7 +122,7 @@ Result<void> write_seat(places::SlotStore& store, const std::string& machine, co
 
 tl::expected<void, Failure> write_store(const std::string& path, const std::string& machine, const std::string& bus,
                                         const std::vector<Seated>& seats) {
-  auto opened = store::Database::open(path);
+  auto opened = store::Database::open(path, {.ended = ended_by({})});
   if (!opened) return tl::unexpected(failure(Exit::failed, opened.error().message));
   for (const auto& seated : seats) {
     const auto written = write_seat(**opened, machine, bus, seated);

@@ -9,6 +9,7 @@
 #include <algorithm>
 
 #include "ask.hpp"
+#include "berth/text/printable.hpp"
 #include "gateway.hpp"
 
 namespace berth::cli {
@@ -35,6 +36,15 @@ bool Interrupt::came() noexcept {
   signalfd_siginfo info{};
   came_ = came_ || ::read(fd_, &info, sizeof info) == static_cast<ssize_t>(sizeof info);
   return came_;
+}
+
+std::function<bool()> ended_by(std::optional<std::chrono::nanoseconds> after) {
+  const auto end = after ? Clock::now() + *after : Clock::time_point::max();
+  return [end] {
+    sigset_t waiting;
+    ::sigpending(&waiting);
+    return ::sigismember(&waiting, SIGINT) == 1 || ::sigismember(&waiting, SIGTERM) == 1 || Clock::now() >= end;
+  };
 }
 
 // ---- Screen ----
@@ -84,12 +94,12 @@ void Screen::refresh(bool now) {
   dirty_ = false;
   const std::size_t width = terminal_width();
   std::string text = drawn_ > 0 ? fmt::format("\x1b[{}A\r\x1b[J", drawn_) : "";
-  for (const auto& line : waiting_) text += line + "\n";
+  for (const auto& line : waiting_) text += text::printable(line) + "\n";
   waiting_.clear();
   std::vector<std::string> table{"", fmt::format("{}  {:.1f} s on the bus  Ctrl-C ends it", session_->machine().name,
                                                  operate::seconds(session_->executor().now()))};
   std::ranges::move(operate::to_table(session_->slots()), std::back_inserter(table));
-  for (const auto& line : table) text += cut(line, width) + "\n";
+  for (const auto& line : table) text += cut(text::printable(line), width) + "\n";
   drawn_ = table.size();
   std::fwrite(text.data(), 1, text.size(), stdout);
   std::fflush(stdout);
@@ -274,7 +284,9 @@ tl::expected<Ended, Failure> drive(Rig& rig, Ending& ending, Screen& screen, con
   }
   std::unique_ptr<GatewayHost> gateway;
   if (how.paced && !options.gateway.empty()) {
-    auto host = GatewayHost::listen(rig, options.gateway, options.yes, [&](const std::string& t) { screen.line(t); });
+    auto host =
+        GatewayHost::listen(rig, options.gateway, {options.gateway_commands, options.gateway_commands && options.yes},
+                            [&](const std::string& t) { screen.line(t); });
     if (!host) return tl::unexpected(host.error());
     gateway = std::move(*host);
     screen.line("CiA 309-3 gateway at " + gateway->where());

@@ -1,14 +1,19 @@
 /// Drives a rig: as fast as possible, or paced to real time with a control socket, until it is to end.
 #pragma once
 
+#include <chrono>
 #include <functional>
 #include <memory>
+#include <optional>
 #include <string>
 
 #include "berth/operate/control.hpp"
 #include "rig.hpp"
 
 namespace berth::cli {
+
+/// True when SIGINT or SIGTERM waits to be taken, or `after` is over from now on: what ends a call that takes long.
+[[nodiscard]] std::function<bool()> ended_by(std::optional<std::chrono::nanoseconds> after);
 
 /// Ctrl-C and SIGTERM as a descriptor, so that a run ends cleanly. One at a time.
 class Interrupt {

@@ -17,6 +17,7 @@
 #include "berth/eds/xdd.hpp"
 #include "berth/text/file.hpp"
 #include "berth/text/quantity.hpp"
+#include "berth/text/printable.hpp"
 #include "eds.hpp"
 
 namespace berth::cli {
@@ -301,7 +302,8 @@ int run_eds_convert(const Options& options, const EdsOptions& asked) {
   if (to_stream && options.json)
     return tell(failure(Exit::usage, "--json and the file itself cannot both go to standard output"), true);
   if (to_stream) {
-    std::fwrite(converted->bytes.data(), 1, converted->bytes.size(), stdout);
+    const std::string bytes = on_terminal() ? text::printable(converted->bytes) : converted->bytes;
+    std::fwrite(bytes.data(), 1, bytes.size(), stdout);
     std::fflush(stdout);
   } else if (const auto why = replace_file(out, converted->bytes)) {
     return tell(failure(Exit::failed, fmt::format("{} cannot be written: {}", out, *why)), options.json);

@@ -3,6 +3,7 @@
 // Names are relative to the machine file's folder and stay beneath it.
 #include <fcntl.h>
 #include <fmt/format.h>
+#include <sys/stat.h>
 #include <unistd.h>
 
 #include <array>
@@ -15,6 +16,8 @@
 #include "adopt.hpp"
 #include "berth/store/database.hpp"
 #include "berth/text/file.hpp"
+#include "berth/text/printable.hpp"
+#include "drive.hpp"
 #include "ports.hpp"
 
 namespace berth::cli {
@@ -63,9 +66,9 @@ std::optional<std::string> from_base64(std::string_view text) {
 /// Whole or not at all, and never over a file that is there.
 std::optional<Failure> write_new(const fs::path& path, std::string_view bytes) {
   const std::string temporary = fmt::format("{}.{}.part", path.string(), ::getpid());
-  const int fd = ::open(temporary.c_str(), O_WRONLY | O_CREAT | O_EXCL | O_CLOEXEC, 0644);
+  const int fd = ::open(temporary.c_str(), O_WRONLY | O_CREAT | O_EXCL | O_NOFOLLOW | O_CLOEXEC, 0644);
   const auto wrong = [&](int error) {
-    ::unlink(temporary.c_str());
+    if (fd >= 0) ::unlink(temporary.c_str());
     return failure(error == EEXIST ? Exit::no : Exit::failed,
                    path.string() + ": " + (error == EEXIST ? "is there already" : std::strerror(error)));
   };
@@ -96,11 +99,15 @@ tl::expected<std::string, Failure> bytes_of(const std::string& path) {
   return std::move(*text);
 }
 
-// A name that stays beneath the folder it is put into.
+// A name that stays beneath the folder it is put into, and is what it looks like: no hidden file (a shell or a tool
+// might read it), no characters that a terminal would not show.
 bool is_safe(const std::string& name) {
+  constexpr std::size_t longest = 200;
   const fs::path path(name);
-  if (name.empty() || path.is_absolute() || !path.has_filename()) return false;
-  return std::ranges::none_of(path, [](const fs::path& part) { return part == ".." || part == "."; });
+  if (name.empty() || name.size() > longest || path.is_absolute() || !path.has_filename()) return false;
+  if (name.find("//") != std::string::npos) return false;
+  if (!text::is_printable(name) || name.find_first_of("\n\t\\") != std::string::npos) return false;
+  return std::ranges::none_of(path, [](const fs::path& part) { return part.empty() || part.native().front() == '.'; });
 }
 
 /// The files that a machine file names, itself first, as seen from its folder.
@@ -122,8 +129,8 @@ tl::expected<std::vector<std::string>, Failure> files_of(const design::Machine& 
     const std::string inside = folder.empty() ? fs::path(path).lexically_normal().string() : name;
     if (!is_safe(inside)) {
       return tl::unexpected(failure(
-          Exit::no, path + ": lies outside of the machine file's folder, where an import could not put it; move it "
-                           "beneath that folder and name it so"));
+          Exit::no, path + ": lies outside of the machine file's folder or is hidden, and an import would not put it "
+                           "there; move it beneath that folder under a plain name"));
     }
     if (std::ranges::find(names, inside) == names.end()) names.push_back(inside);
   }
@@ -133,7 +140,7 @@ tl::expected<std::vector<std::string>, Failure> files_of(const design::Machine& 
 // SQLite's files are one only when nobody has them open: opening takes the store's lock and closing folds the log in.
 tl::expected<std::string, Failure> store_bytes(const std::string& path) {
   {
-    const auto opened = store::Database::open(path);
+    const auto opened = store::Database::open(path, {.ended = ended_by({})});
     if (!opened) return tl::unexpected(failure(Exit::failed, opened.error().message));
   }
   std::error_code ignored;
@@ -155,14 +162,40 @@ tl::expected<Content, Failure> content_of(const Json& entry, const std::string& 
   if (!shaped) return tl::unexpected(failure(Exit::usage, from + ": a file in it has no name or no content"));
   const auto name = entry.at("name").get<std::string>();
   if (!is_safe(name)) {
-    return tl::unexpected(failure(Exit::usage, fmt::format("{}: \"{}\" is no name beneath a folder", from, name)));
+    return tl::unexpected(
+        failure(Exit::usage, fmt::format("{}: \"{}\" is no plain name beneath a folder", from, name)));
   }
   auto bytes = from_base64(entry.at("base64").get<std::string>());
   if (!bytes) return tl::unexpected(failure(Exit::usage, fmt::format("{}: {} is damaged", from, name)));
   return Content{name, std::move(*bytes)};
 }
 
+// Where the text is nested deeper, or has more values, than any export: what a reader of JSON makes of it costs a
+// hundred times its size.
+std::optional<std::size_t> beyond_an_export(std::string_view text) {
+  constexpr unsigned deepest = 8;
+  constexpr unsigned most_values = 100'000;
+  unsigned depth = 0;
+  unsigned values = 0;
+  bool quoted = false;
+  for (std::size_t at = 0; at < text.size(); ++at) {
+    const char c = text[at];
+    if (quoted && c == '\\') ++at;
+    if (c == '"') quoted = !quoted;
+    if (quoted) continue;
+    const bool opens = c == '[' || c == '{';
+    if (opens && ++depth > deepest) return at;
+    if ((c == ']' || c == '}') && depth > 0) --depth;
+    if ((opens || c == ',') && ++values > most_values) return at;
+  }
+  return std::nullopt;
+}
+
 tl::expected<std::vector<Content>, Failure> contents_of(const std::string& text, const std::string& from) {
+  if (const auto at = beyond_an_export(text)) {
+    return tl::unexpected(
+        failure(Exit::usage, fmt::format("{}: this is no export of Berth's: too many values, at byte {}", from, *at)));
+  }
   const auto json = Json::parse(text, nullptr, false);
   const bool ours = json.is_object() && json.contains("berth_export") && json.at("berth_export").is_number_integer() &&
                     json.contains("files") && json.at("files").is_array();
@@ -181,6 +214,8 @@ tl::expected<std::vector<Content>, Failure> contents_of(const std::string& text,
   if (json.contains("store") && !json.at("store").is_null()) {
     auto content = content_of(json.at("store"), from);
     if (!content) return tl::unexpected(content.error());
+    const auto seen = store::Database::look(content->bytes, from + ", " + content->name, {.ended = ended_by({})});
+    if (!seen) return tl::unexpected(failure(Exit::usage, seen.error().message));
     all.push_back(std::move(*content));
   }
   std::set<std::string> names;
@@ -188,7 +223,59 @@ tl::expected<std::vector<Content>, Failure> contents_of(const std::string& text,
     if (names.insert(content.name).second) continue;
     return tl::unexpected(failure(Exit::usage, fmt::format("{}: {} is in it twice", from, content.name)));
   }
+  for (const auto& name : names) {
+    for (auto folder = fs::path(name).parent_path(); !folder.empty(); folder = folder.parent_path()) {
+      if (!names.contains(folder.string())) continue;
+      return tl::unexpected(
+          failure(Exit::usage, fmt::format("{}: {} is a file and a folder in it", from, folder.string())));
+    }
+  }
   return all;
+}
+
+/// What an import has made so far. What is not kept is taken away again, and nothing else.
+class Written {
+ public:
+  Written() = default;
+  ~Written() {
+    if (kept_) return;
+    for (auto path = made_.rbegin(); path != made_.rend(); ++path) ::remove(path->c_str());
+  }
+  Written(const Written&) = delete;
+  Written& operator=(const Written&) = delete;
+
+  std::optional<Failure> folder(const fs::path& path) {
+    std::error_code ignored;
+    if (path.empty() || fs::is_directory(path, ignored)) return std::nullopt;
+    if (auto wrong = folder(path.parent_path())) return wrong;
+    if (::mkdir(path.c_str(), 0777) != 0) return failure(Exit::failed, path.string() + ": " + std::strerror(errno));
+    made_.push_back(path);
+    return std::nullopt;
+  }
+  std::optional<Failure> file(const fs::path& path, std::string_view bytes) {
+    if (auto wrong = folder(path.parent_path())) return wrong;
+    if (auto wrong = write_new(path, bytes)) return wrong;
+    made_.push_back(path);
+    return std::nullopt;
+  }
+  void keep() noexcept { kept_ = true; }
+
+ private:
+  std::vector<fs::path> made_;
+  bool kept_ = false;
+};
+
+// What is in the way of a name beneath a folder: itself, or a part of it that is no folder (a link may lead elsewhere).
+std::string in_the_way(const fs::path& base, const std::string& name) {
+  fs::path path = base;
+  for (const auto& part : fs::path(name)) {
+    path /= part;
+    std::error_code ignored;
+    const auto status = fs::symlink_status(path, ignored);
+    const bool last = path == base / name;
+    if (fs::exists(status) && (last || !fs::is_directory(status))) return "\n  " + path.string();
+  }
+  return {};
 }
 
 }  // namespace
@@ -236,21 +323,22 @@ int run_import(const Options& options, const std::string& from, const std::strin
   const fs::path base(folder.empty() ? "." : folder);
   std::string there;
   for (const auto& content : *contents) {
-    if (fs::exists(base / content.name)) there += "\n  " + (base / content.name).string();
+    there += in_the_way(base, content.name);
   }
   if (!there.empty()) {
     return tell(failure(Exit::no, "import overwrites nothing, and these files are there already:" + there),
                 options.json);
   }
   Json written = Json::array();
+  Written made;
   for (const auto& content : *contents) {
     const fs::path path = base / content.name;
-    std::error_code error;
-    if (path.has_parent_path()) fs::create_directories(path.parent_path(), error);
-    if (error) return tell(failure(Exit::failed, path.string() + ": " + error.message()), options.json);
-    if (const auto wrong = write_new(path, content.bytes)) return tell(*wrong, options.json);
+    if (const auto wrong = made.file(path, content.bytes)) return tell(*wrong, options.json);
     written.push_back(path.string());
-    if (!options.json) print_line(path.string());
+  }
+  made.keep();
+  if (!options.json) {
+    for (const auto& path : written) print_line(path.get<std::string>());
   }
   if (options.json) print_line(Json{{"written", written}}.dump(2));
   return Exit::done;

@@ -17,7 +17,7 @@ using namespace std::chrono_literals;
 using Json = nlohmann::ordered_json;
 
 tl::expected<std::unique_ptr<GatewayHost>, Failure> GatewayHost::listen(Rig& rig, const std::string& where,
-                                                                        bool confirmed,
+                                                                        GatewayRights rights,
                                                                         std::function<void(const std::string&)> say) {
   const auto endpoint = io::parse_endpoint(where, serve::gateway_309_port);
   if (!endpoint) {
@@ -28,7 +28,8 @@ tl::expected<std::unique_ptr<GatewayHost>, Failure> GatewayHost::listen(Rig& rig
   if (rig.loop() == nullptr) host->own_ = std::make_unique<io::Loop>(rig.world().executor());
   host->loop_ = host->own_ ? host->own_.get() : rig.loop();
   serve::Gateway309Options options;
-  options.confirmed = confirmed;
+  options.commands = rights.commands;
+  options.confirmed = rights.confirmed;
   options.tell = std::move(say);
   auto server = serve::Gateway309Server::listen(*host->loop_, *endpoint, rig.session(), std::move(options));
   if (!server) return tl::unexpected(failure(Exit::failed, server.error()));
@@ -51,11 +52,19 @@ void announce(const GatewayHost& host, const design::Machine& machine, bool json
 
 void tell_counters(const serve::Gateway309Counters& c, bool json) {
   if (json) {
-    return print_line(
-        Json{{"clients", c.clients}, {"too_slow", c.too_slow}, {"too_many", c.too_many}, {"lines", c.lines}}.dump());
+    return print_line(Json{
+        {"clients", c.clients},
+        {"too_slow", c.too_slow},
+        {"too_many", c.too_many},
+        {"silent", c.silent},
+        {"strange", c.strange},
+        {"lines",
+         c.lines}}.dump());
   }
   print_line(fmt::format("{} clients, {} lines", c.clients, c.lines));
   if (c.too_slow > 0) print_line(fmt::format("{} let go because they took too little", c.too_slow));
+  if (c.silent > 0) print_line(fmt::format("{} let go because they were silent", c.silent));
+  if (c.strange > 0) print_line(fmt::format("{} let go because they did not begin with a command", c.strange));
   if (c.too_many > 0) print_line(fmt::format("{} let go because there were enough", c.too_many));
 }
 
@@ -71,7 +80,7 @@ int run_gateway(const Options& options, const GatewayOptions& gateway) {
   };
   rig.session().on_event([&](const operate::Event& event) { say(operate::to_line(event)); });
   if (const auto clear = rig.listen_first(); !clear) return tell(clear.error(), options.json);
-  auto host = GatewayHost::listen(rig, gateway.listen, options.yes, say);
+  auto host = GatewayHost::listen(rig, gateway.listen, {gateway.commands || options.yes, options.yes}, say);
   if (!host) return tell(host.error(), options.json);
   announce(**host, rig.machine(), options.json);
   rig.world().start();
@@ -94,8 +103,9 @@ void add_gateway(CLI::App& app, Options& options, std::function<int()>& action) 
   sub->footer(
       "Examples:\n  berth gateway machine.toml --sim plant.toml\n  berth gateway machine.toml --listen 127.0.0.1:7000\n"
       "  printf '[1] 1 5 read 0x1000 0 u32\\n' | nc -N 127.0.0.1 7000\n"
-      "Net 1 is the first bus of the machine file. Anybody who can connect commands the machine: no password. Beside\n"
-      "the main job: berth up machine.toml --gateway 127.0.0.1:7000. docs/gateway.md has the commands.");
+      "Net 1 is the first bus of the machine file. There is no password. On real buses clients may only read unless\n"
+      "--commands is given. Beside the main job: berth up machine.toml --gateway 127.0.0.1:7000. docs/gateway.md has "
+      "the commands.");
   sub->add_option("machine,--machine,-m", options.machine, "machine file")->option_text("MACHINE")->required();
   sub->add_option("--sim", options.sim, "plant file: run on a simulated world, in real time");
   sub->add_option("--sim-state", options.state, "file that keeps what the simulated devices remember between runs");
@@ -108,8 +118,10 @@ void add_gateway(CLI::App& app, Options& options, std::function<int()>& action) 
       ->option_text("HOST:PORT");
   time_option(
       *sub, "--for", [gateway](std::chrono::nanoseconds time) { gateway->duration = time; }, "end after this time");
+  sub->add_flag("--commands", gateway->commands,
+                "clients may command a real machine: NMT, SDO download, PDO, LSS; else they only read");
   sub->add_flag("--yes,-y", options.yes,
-                "clients may disturb operational devices of a real machine: reset, LSS, store");
+                "--commands, and they may disturb operational devices of it: reset, LSS, store");
   sub->add_flag("--json", options.json, "JSON objects, one per line");
   // It needs real time.
   auto* const up = app.get_subcommand("up");
@@ -118,6 +130,8 @@ void add_gateway(CLI::App& app, Options& options, std::function<int()>& action) 
         "offer the buses by CiA 309-3 there too, such as 127.0.0.1:7000")
       ->option_text("HOST:PORT")
       ->excludes("--fast");
+  up->add_flag("--gateway-commands", options.gateway_commands,
+               "clients of --gateway may command a real machine: NMT, SDO download, PDO, LSS; else they only read");
 }
 
 }  // namespace berth::cli

@@ -17,9 +17,16 @@ class App;
 
 namespace berth::cli {
 
+/// What a person lets clients do on real buses.
+struct GatewayRights {
+  bool commands = false;   ///< NMT, SDO download, PDO, LSS
+  bool confirmed = false;  ///< disturb operational devices
+};
+
 struct GatewayOptions {
   std::string listen = "127.0.0.1:7000";
   std::optional<text::Duration> duration;
+  bool commands = false;
 };
 
 /// A gateway to a rig's session, and the loop that it works in: the rig's, or one of its own where all is simulated.
@@ -27,7 +34,7 @@ class GatewayHost {
  public:
   /// `say` gets what a person may want to know. The rig must stay.
   [[nodiscard]] static tl::expected<std::unique_ptr<GatewayHost>, Failure> listen(
-      Rig& rig, const std::string& where, bool confirmed, std::function<void(const std::string&)> say);
+      Rig& rig, const std::string& where, GatewayRights rights, std::function<void(const std::string&)> say);
   /// "127.0.0.1:7000".
   [[nodiscard]] std::string where() const { return io::to_string(server_->where()); }
   [[nodiscard]] io::Loop& loop() noexcept { return *loop_; }

@@ -32,6 +32,7 @@ struct Options {
   std::string control;             ///< empty: operate::control_path of the machine
   std::string record;              ///< candump log of every frame
   std::string gateway;             ///< where the main job offers CiA 309-3; empty: not
+  bool gateway_commands = false;   ///< its clients may command a real machine
   std::optional<std::uint64_t> seed;
   std::optional<std::chrono::nanoseconds> timeout;
   std::string until;  ///< "", "operational", "replaced"

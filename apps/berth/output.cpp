@@ -8,6 +8,7 @@
 #include <fstream>
 #include <nlohmann/json.hpp>
 
+#include "berth/text/printable.hpp"
 #include "options.hpp"
 
 namespace berth::cli {
@@ -57,7 +58,8 @@ int tell(const Failure& failure, bool json) {
 }
 
 void print_line(const std::string& line) {
-  std::fwrite(line.data(), 1, line.size(), stdout);
+  const std::string text = text::printable(line);
+  std::fwrite(text.data(), 1, text.size(), stdout);
   std::fputc('\n', stdout);
   std::fflush(stdout);
 }
@@ -68,7 +70,7 @@ void print_lines(const std::vector<std::string>& lines) {
 
 void print_error(const std::string& message) {
   std::fflush(stdout);
-  std::fprintf(stderr, "berth: %s\n", message.c_str());
+  std::fprintf(stderr, "berth: %s\n", text::printable(message).c_str());
 }
 
 bool on_terminal() { return ::isatty(STDOUT_FILENO) == 1; }

@@ -22,6 +22,8 @@ struct Failure {
 /// Message on standard error, or with `json` the object on standard output. Gives the status.
 int tell(const Failure& failure, bool json);
 
+/// These, `Screen` and `Outlet` are the only places that write to a terminal, and each filters what it writes
+/// (`text::printable`): texts of devices, files and peers reach them as they came.
 void print_line(const std::string& line);
 void print_lines(const std::vector<std::string>& lines);
 void print_error(const std::string& message);

@@ -11,6 +11,7 @@
 #include "berth/live/reopening_port.hpp"
 #include "berth/store/database.hpp"
 #include "berth/text/file.hpp"
+#include "drive.hpp"
 #include "ports.hpp"
 #include "up.hpp"
 
@@ -157,7 +158,7 @@ tl::expected<void, Failure> Rig::open_store(const Options& options) {
     store_ = std::make_unique<places::MemoryStore>();
     return {};
   }
-  auto opened = store::Database::open(path);
+  auto opened = store::Database::open(path, {.ended = ended_by(options.timeout)});
   if (!opened) return tl::unexpected(failure(Exit::failed, opened.error().message));
   store_ = std::move(*opened);
   return {};

@@ -13,6 +13,7 @@
 #include <nlohmann/json.hpp>
 
 #include "berth/study/words.hpp"
+#include "berth/text/printable.hpp"
 
 namespace berth::cli {
 
@@ -23,6 +24,7 @@ Outlet::~Outlet() {
 
 std::optional<Failure> Outlet::open(const std::string& path, bool grows) {
   path_ = path;
+  screen_ = false;
   if (path == "-") return std::nullopt;
   struct stat what {};
   // What is no plain file (a pipe, a terminal) cannot be replaced.
@@ -42,6 +44,7 @@ Failure Outlet::failed() const {
 }
 
 void Outlet::flush() {
+  if (screen_ || (fd_ == STDOUT_FILENO && ::isatty(fd_) == 1)) buffer_ = text::printable(buffer_);
   std::string_view rest(buffer_);
   while (!rest.empty() && error_ == 0) {
     const auto wrote = ::write(fd_, rest.data(), rest.size());

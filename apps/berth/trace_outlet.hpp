@@ -36,6 +36,7 @@ class Outlet {
  private:
   [[nodiscard]] Failure failed() const;
   int fd_ = 1;
+  bool screen_ = true;  // lines for a person or a program, no file of a trace
   int error_ = 0;
   std::string path_;
   std::string temporary_;  // empty: it grows, or is standard output

@@ -12,6 +12,10 @@ rt::Task<Result<std::uint32_t>> SdoAccess::read_u32(std::uint16_t index, std::ui
   co_return *number;
 }
 
+rt::Task<Result<SdoValue>> SdoAccess::read_up_to(std::uint16_t index, std::uint8_t sub, std::size_t) {
+  co_return co_await read(index, sub);
+}
+
 rt::Task<Result<void>> SdoAccess::write_u32(std::uint16_t index, std::uint8_t sub, std::uint32_t value) {
   std::array<std::uint8_t, 4> bytes{};
   store_le(bytes.data(), value);
@@ -21,6 +25,12 @@ rt::Task<Result<void>> SdoAccess::write_u32(std::uint16_t index, std::uint8_t su
 
 rt::Task<Result<SdoValue>> NodeAccess::read(std::uint16_t index, std::uint8_t sub) {
   const SdoOptions options = options_.value_or(client_->options());
+  co_return co_await client_->upload(node_, index, sub, options);
+}
+
+rt::Task<Result<SdoValue>> NodeAccess::read_up_to(std::uint16_t index, std::uint8_t sub, std::size_t most) {
+  SdoOptions options = options_.value_or(client_->options());
+  options.longest = most;
   co_return co_await client_->upload(node_, index, sub, options);
 }
 

@@ -13,6 +13,9 @@ class SdoAccess {
   virtual ~SdoAccess() = default;
   /// Errors as `SdoTransfer` has them.
   [[nodiscard]] virtual rt::Task<Result<SdoValue>> read(std::uint16_t index, std::uint8_t sub) = 0;
+  /// The same for an object that has at most so many bytes: a device that gives more, or never ends, is given up
+  /// (Errc::mismatch). As long as `read` where it is not overridden.
+  [[nodiscard]] virtual rt::Task<Result<SdoValue>> read_up_to(std::uint16_t index, std::uint8_t sub, std::size_t most);
   /// `data` must stay until the task is done.
   [[nodiscard]] virtual rt::Task<Result<void>> write(std::uint16_t index, std::uint8_t sub,
                                                      std::span<const std::uint8_t> data) = 0;
@@ -29,6 +32,7 @@ class NodeAccess final : public SdoAccess {
       : client_(&client), options_(options), node_(node) {}
   [[nodiscard]] NodeId node() const noexcept { return node_; }
   rt::Task<Result<SdoValue>> read(std::uint16_t index, std::uint8_t sub) override;
+  rt::Task<Result<SdoValue>> read_up_to(std::uint16_t index, std::uint8_t sub, std::size_t most) override;
   rt::Task<Result<void>> write(std::uint16_t index, std::uint8_t sub, std::span<const std::uint8_t> data) override;
 
  private:

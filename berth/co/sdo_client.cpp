@@ -96,6 +96,7 @@ void SdoTransfer::attempt() noexcept {
   if (extra_) extra_->pump.stop();
   state_ = State::initiate;
   value_.clear();
+  began_ = line_->dispatcher().executor().now();
   offset_ = indicated_ = 0;
   toggle_ = last_ = unsized_ = size_indicated_ = false;
   if (!begin_anew()) return fail_with(Errc::timeout, 0, "no answer to the SDO request; the source cannot begin anew");
@@ -163,6 +164,18 @@ void SdoTransfer::timed_out() noexcept {
   if (block_ || (options_.abort_on_timeout && !again)) send_abort(AbortCode::timeout);
   if (again) return attempt();
   fail_with(Errc::timeout, 0, "no answer to the SDO request");
+}
+
+bool SdoTransfer::lingers() noexcept {
+  const rt::Duration lasted = line_->dispatcher().executor().now() - began_;
+  if (lasted <= most_lingering || streamed_) [[likely]]
+    return false;
+  const auto patience = std::max<rt::Duration>(8 * options_.timeout, most_lingering);
+  const rt::Duration allowed = std::chrono::milliseconds(offset_ * 1000 / slowest_pace);
+  if (lasted <= patience + allowed) return false;
+  send_abort(AbortCode::timeout);
+  fail_with(Errc::timeout, 0, "the transfer takes too long for what it carries");
+  return true;
 }
 
 bool SdoTransfer::answer(const can::Frame& frame) noexcept {
@@ -291,6 +304,7 @@ void SdoTransfer::consume(std::size_t count) noexcept {
 }
 
 void SdoTransfer::next_segment() noexcept {
+  if (lingers()) return;
   const unsigned toggle = toggle_ ? sdo::toggle_bit : 0U;
   if (!download_) {
     sdo::put(request_, static_cast<std::uint8_t>(0x60U | toggle), {});

@@ -11,6 +11,7 @@
 /// may be begun anywhere, in a callback as well: whoever waits is woken through the executor.
 #pragma once
 
+#include <algorithm>
 #include <array>
 #include <memory>
 #include <optional>
@@ -30,7 +31,9 @@ enum class SdoMode : std::uint8_t {
   automatic,  ///< a download of `block_from` bytes or more, or of unknown size, and every upload as block transfer
 };
 
-/// How a transfer is done, and how patient it is.
+/// How a transfer is done, and how patient it is. Beside the time for each answer there is one for all of it: without
+/// source or sink a transfer that is slower than `slowest_pace` for longer than `most_lingering` (or 8 `timeout`s) is
+/// given up with Errc::timeout, however punctual each answer is.
 struct SdoOptions {
   rt::Duration timeout = std::chrono::seconds(1);  ///< for each answer, from the moment the request was on the wire
   rt::Duration send_timeout = std::chrono::seconds(1);  ///< for each request to get onto the wire
@@ -45,6 +48,9 @@ struct SdoOptions {
   std::uint8_t protocol_switch = 0;  ///< block upload: a server may send so few bytes (or fewer) segmented; 0 = never
   std::size_t block_from = 64;       ///< automatic, in bytes; also its protocol switch threshold, less one
 };
+
+inline constexpr std::size_t slowest_pace = 64;  ///< bytes a second
+inline constexpr rt::Duration most_lingering = std::chrono::seconds(4);
 
 class SdoLine;
 class SdoClient;
@@ -78,6 +84,8 @@ class SdoTransfer : public rt::Operation<SdoTransfer>, private rt::Job, private 
   [[nodiscard]] SdoValue& value() noexcept { return value_; }
   [[nodiscard]] Error make_error(Errc code, std::uint32_t detail, const char* text) const noexcept;
   void set_data(std::span<const std::uint8_t> data) noexcept { data_ = data; }
+  static constexpr std::size_t longest_integer = 8;
+  void expect_at_most(std::size_t bytes) noexcept { options_.longest = std::min(options_.longest, bytes); }
   /// True when the server did not say how many of the four expedited bytes count.
   [[nodiscard]] bool unsized() const noexcept { return unsized_; }
 
@@ -113,6 +121,8 @@ class SdoTransfer : public rt::Operation<SdoTransfer>, private rt::Job, private 
   void send_abort(AbortCode code) noexcept;
   void next_segment() noexcept;
   void timed_out() noexcept;
+  /// True: it takes too long for what has come; it has ended by that.
+  [[nodiscard]] bool lingers() noexcept;
   /// False when the frame is no answer to the request on its way.
   bool answer(const can::Frame& frame) noexcept;
   bool quick_answer(const can::Frame& frame) noexcept;
@@ -156,6 +166,7 @@ class SdoTransfer : public rt::Operation<SdoTransfer>, private rt::Job, private 
   std::unique_ptr<Extra, FreeExtra> extra_;  // what streams and block transfers need
   std::size_t offset_ = 0;                   // bytes done
   std::size_t indicated_ = 0;
+  rt::Time began_{};     // this attempt
   rt::Time give_up_{};   // for the request that waits for the wire
   rt::Time deadline_{};  // when `run` has something to do
   can::Frame request_;   // the newest, in case the port was full
@@ -191,7 +202,9 @@ template <class T>
 class SdoRead final : public SdoTransfer {
  public:
   SdoRead(SdoLine& line, NodeId node, ObjectRef ref, const SdoOptions& options) noexcept
-      : SdoTransfer(line, node, ref, options) {}
+      : SdoTransfer(line, node, ref, options) {
+    expect_at_most(longest_integer);
+  }
   Result<T> await_resume() noexcept {
     if (error()) return fail(*error());
     if (unsized() && value().size() > sizeof(T)) {

@@ -121,6 +121,7 @@ void SdoTransfer::begin_sub_block(unsigned size) noexcept {
 bool SdoTransfer::block_segment(const can::Frame& frame) noexcept {
   auto& extra = *extra_;
   extra.heard = line_->dispatcher().executor().now();
+  if (lingers()) return true;
   switch (extra.receiver.take(frame)) {
     case sdo::BlockReceiver::Heard::more:
       if (expects_ > 0) --expects_;

@@ -39,6 +39,15 @@ void check_counter(Context& context, const Section& section, const char* counter
   context.tell(Severity::note, section, entry, fmt::format("says {}, {} stand there", *promised, found));
 }
 
+/// CiA 306: `Lines` is an Unsigned16.
+constexpr std::size_t most_numbered = 0xFFFF;
+
+void tell_too_many(Context& context, const Section& section, const char* what, std::size_t found) {
+  if (found <= most_numbered) return;
+  context.tell(Severity::warning, section, nullptr,
+               fmt::format("{} {}, and {} can be counted: the rest is left out", found, what, most_numbered));
+}
+
 /// The data types of the network variables' index ranges (CiA 302-4): 64 indices each, in this order, for what the
 /// device produces from A000h and for what it consumes from A480h on.
 constexpr std::array<od::DataType, 18> variable_types{
@@ -136,12 +145,14 @@ std::optional<std::uint32_t> DynamicSegment::address(ObjectRef variable) const n
 
 std::vector<std::string> read_comments(Context& context, const Section& section) {
   std::vector<std::pair<std::uint32_t, std::string>> lines;
+  std::size_t found = 0;
   for (const Entry& each : context.document().entries(section)) {
     const auto number = numbered_word(context.document().key(each), "Line");
-    if (number) lines.emplace_back(*number, context.text(&each));
+    if (number && ++found <= most_numbered) lines.emplace_back(*number, context.text(&each));
   }
+  tell_too_many(context, section, "lines", found);
   std::ranges::stable_sort(lines, {}, &std::pair<std::uint32_t, std::string>::first);
-  check_counter(context, section, "Lines", lines.size());
+  check_counter(context, section, "Lines", found);
   std::vector<std::string> made;
   made.reserve(lines.size());
   for (auto& [number, line] : lines) made.push_back(std::move(line));
@@ -153,7 +164,7 @@ std::vector<Tool> read_tools(Context& context) {
   std::vector<std::pair<std::uint32_t, Tool>> found;
   for (const Section& each : document.sections()) {
     const auto number = numbered_word(document.name(each), "Tool");
-    if (!number) continue;
+    if (!number || found.size() == most_numbered) continue;
     found.emplace_back(*number,
                        Tool{context.text(document.find(each, "Name")), context.text(document.find(each, "Command"))});
   }

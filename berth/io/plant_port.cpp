@@ -80,7 +80,9 @@ class PlantPort::Impl final : private Watcher, private rt::Job {
   void ready(std::uint32_t events) noexcept override {
     if ((events & EPOLLOUT) != 0) socket_.flush();
     const rt::Time at = executor_->now();
-    while (auto message = socket_.receive()) {
+    for (unsigned i = 0; i < PlantSocket::most_at_once; ++i) {
+      auto message = socket_.receive();
+      if (!message) break;
       if (events_.size() >= events_kept) {
         socket_.close();
         break;

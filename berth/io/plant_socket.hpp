@@ -19,6 +19,8 @@ class PlantSocket {
  public:
   static constexpr std::size_t most_waiting = 4096;  ///< packets that the peer did not take; then it is given up
 
+  static constexpr unsigned most_at_once = 64;  ///< messages to take in one turn of the loop
+
   /// Owns `fd`, a connected non-blocking SEQPACKET socket, and watches it with `watcher`.
   PlantSocket(Loop& loop, int fd, Watcher& watcher);
   ~PlantSocket();

@@ -12,6 +12,8 @@ namespace {
 
 constexpr can::IdRange every_base_frame{0, can::base_mask};
 constexpr std::size_t gaps_kept = 16;
+constexpr std::size_t longest_number = 8;  // of another size than the standard's, perhaps
+constexpr std::size_t longest_text = 256;  // 1008h to 100Ah
 
 bool in(std::uint32_t key, can::IdRange range) noexcept { return key >= range.first && key <= range.last; }
 
@@ -113,13 +115,14 @@ rt::Task<Result<void>> Census::ask(CensusOptions options) {
   co_return Result<void>();
 }
 
-rt::Task<Result<co::SdoValue>> Census::upload(NodeId id, ObjectRef ref, CensusOptions options) {
+rt::Task<Result<co::SdoValue>> Census::upload(NodeId id, ObjectRef ref, std::size_t most, CensusOptions options) {
   Node& node = nodes_[id.value()];
   co_await rt::sleep_for(options.pause);
   if (!may_ask(node, options)) co_return fail(Errc::cancelled, "another SDO client talks to it");
   co::SdoOptions sdo;
   sdo.timeout = options.sdo_timeout;
   sdo.abort_on_timeout = false;  // it would end another client's transfer
+  sdo.longest = most;
   const rt::Time began = dispatcher_->executor().now();
   auto value = co_await sdo_.upload(id, ref.index, ref.sub, sdo);
   const bool mixed = node.foreign && *node.foreign >= began;
@@ -130,7 +133,7 @@ rt::Task<Result<co::SdoValue>> Census::upload(NodeId id, ObjectRef ref, CensusOp
 // Empty: the device has no such object, or another `size` of it than the standard says.
 rt::Task<Result<std::optional<std::uint32_t>>> Census::number(NodeId id, ObjectRef ref, std::size_t size,
                                                               CensusOptions options) {
-  const auto value = co_await upload(id, ref, options);
+  const auto value = co_await upload(id, ref, longest_number, options);
   if (!value) {
     if (value.error().code != Errc::aborted) co_return fail(value.error());
     co_return std::optional<std::uint32_t>();
@@ -144,7 +147,7 @@ rt::Task<Result<std::optional<std::uint32_t>>> Census::number(NodeId id, ObjectR
 
 rt::Task<Result<std::string>> Census::text(NodeId id, std::uint16_t index, CensusOptions options) {
   const ObjectRef ref{index, 0};
-  const auto value = co_await upload(id, ref, options);
+  const auto value = co_await upload(id, ref, longest_text, options);
   if (!value) {
     if (value.error().code != Errc::aborted) co_return fail(value.error());
     co_return std::string();

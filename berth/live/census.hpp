@@ -5,10 +5,11 @@
 ///     co_await census.ask(options);          // may be left out: then only what was heard is known
 ///     for (const auto& node : census.nodes()) ...
 ///
-/// Only 1000h, 1018h:01..04, 1017h and 1008h..100Ah are uploaded (never block transfer), one request at a time on the whole
-/// bus, with a pause between them. A node that another SDO client talks to is left alone: there is one default channel,
-/// and two clients in it break each other's transfers. When such a client shows up while Berth waits for an answer, the
-/// answer may be the other's: what was read is thrown away.
+/// Only 1000h, 1018h:01..04, 1017h and 1008h..100Ah are uploaded (never block transfer), one request at a time on the
+/// whole bus, with a pause between them. A node that another SDO client talks to is left alone: there is one default
+/// channel, and two clients in it break each other's transfers. When such a client shows up while Berth waits for an
+/// answer, the answer may be the other's: what was read is thrown away. A node that gives more than such an object can
+/// hold, or trickles, is given up (`NodeSeen::problem`), and the others are asked.
 #pragma once
 
 #include <array>
@@ -69,7 +70,7 @@ class Census final : private can::Handler {
   void beat(Node& node, const can::Frame& frame, rt::Time at);
   [[nodiscard]] bool may_ask(const Node& node, const CensusOptions& options) const noexcept;
   rt::Task<Result<void>> ask_node(NodeId id, CensusOptions options);
-  rt::Task<Result<co::SdoValue>> upload(NodeId id, ObjectRef ref, CensusOptions options);
+  rt::Task<Result<co::SdoValue>> upload(NodeId id, ObjectRef ref, std::size_t most, CensusOptions options);
   rt::Task<Result<std::optional<std::uint32_t>>> number(NodeId id, ObjectRef ref, std::size_t size,
                                                         CensusOptions options);
   rt::Task<Result<void>> ask_period(Node& node, CensusOptions options);

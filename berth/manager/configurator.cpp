@@ -59,9 +59,12 @@ struct Configurator::DateRead {
 // ---- one access ----
 
 // A device that answers "not now" is asked again (HU.20); one that is silent was asked again by the SDO client.
-rt::Task<Result<co::SdoValue>> Configurator::read(ObjectRef object) {
+rt::Task<Result<co::SdoValue>> Configurator::read(ObjectRef object, std::size_t wanted) {
+  // A device may hold a longer text than it is to get, but none without end.
+  constexpr std::size_t least = 4096;
+  const std::size_t most = std::max(least, 2 * wanted);
   for (unsigned attempt = 1;; ++attempt) {
-    auto value = co_await values_->read(object.index, object.sub);
+    auto value = co_await values_->read_up_to(object.index, object.sub, most);
     if (value || attempt >= options_->tries || !not_ready(value.error())) co_return value;
     co_await rt::sleep_for(options_->pause);
   }
@@ -216,7 +219,7 @@ rt::Task<bool> Configurator::own_agree(ConfigurationReport& report) {
 rt::Task<bool> Configurator::read_entry(std::size_t index, ConfigurationReport& report) {
   const Entry& entry = wanted_->entries[index];
   const ObjectRef object = entry.object;
-  auto value = co_await read(object);
+  auto value = co_await read(object, entry.bytes.size());
   if (!value) {
     const bool write_only = !entry.compare_only && aborted_with(value.error(), {od::AbortCode::write_only});
     if (!write_only) {
@@ -331,7 +334,7 @@ rt::Task<bool> Configurator::read_back(ConfigurationReport& report) {
   for (std::size_t i = 0; i < entries.size(); ++i) {
     if (!changes_[i] || !readable_[i]) continue;
     const ObjectRef object = entries[i].object;
-    const auto value = co_await read(object);
+    const auto value = co_await read(object, entries[i].bytes.size());
     if (!value) {
       fail_at(report, Stage::reading_back, entries[i], value.error());
       co_return false;

@@ -56,8 +56,8 @@ struct Failure {
   std::vector<std::uint8_t> held;
   Error error;
 
-  /// Worth another try as it is: the device was silent, busy, or restarted, or a transfer was spoilt. Else only a change of the file or of the
-  /// device helps.
+  /// Worth another try as it is: the device was silent, busy, or restarted, or a transfer was spoilt. Else only a
+  /// change of the file or of the device helps.
   [[nodiscard]] bool passing() const noexcept;
 };
 /// "writing 6110h:01 \"Limit\" = 5 (pump.dcf:34): the device refused it: value too high (0609 0031h)".
@@ -140,7 +140,8 @@ class Configurator {
  private:
   struct DateRead;
   rt::Task<void> read_date(DateRead& into);
-  rt::Task<Result<co::SdoValue>> read(ObjectRef object);
+  /// `wanted`: bytes that it is to hold.
+  rt::Task<Result<co::SdoValue>> read(ObjectRef object, std::size_t wanted = 0);
   rt::Task<Result<void>> write(ObjectRef object, std::span<const std::uint8_t> data);
   [[nodiscard]] bool may_change(ConfigurationReport& report) const;
   rt::Task<bool> own_agree(ConfigurationReport& report);

@@ -6,16 +6,20 @@
 #include <sys/un.h>
 #include <unistd.h>
 
+#include <algorithm>
+#include <array>
 #include <cctype>
 #include <cerrno>
 #include <chrono>
 #include <cstdlib>
 #include <cstring>
+#include <optional>
 
 namespace berth::operate {
 namespace {
 
 constexpr std::size_t longest_request = 64 * 1024;
+constexpr std::size_t longest_answer = std::size_t{16} << 20U;
 constexpr std::size_t most_clients = 16;
 
 class Descriptor {
@@ -51,16 +55,44 @@ std::string too_long(const std::string& path) {
                      sizeof(sockaddr_un::sun_path) - 1);
 }
 
-/// The process that listens at a path; 0 when nobody does. -1: somebody, it does not say who.
-pid_t listener_of(const sockaddr_un& address) {
-  const Descriptor fd(::socket(AF_UNIX, SOCK_STREAM | SOCK_CLOEXEC, 0));
-  if (fd.get() < 0 || ::connect(fd.get(), plain(address), sizeof address) != 0) return 0;
+/// Of the other end of a connection; empty: the system does not say.
+std::optional<ucred> peer_of(int fd) {
   ucred who{};
   socklen_t size = sizeof who;
-  return ::getsockopt(fd.get(), SOL_SOCKET, SO_PEERCRED, &who, &size) == 0 ? who.pid : -1;
+  if (::getsockopt(fd, SOL_SOCKET, SO_PEERCRED, &who, &size) != 0) return std::nullopt;
+  return who;
 }
 
-// The folder must be the caller's alone: whoever can write there could put a socket of his own in place of ours.
+/// This user, or root, who can do everything in any case.
+bool trusted(const std::optional<ucred>& peer) noexcept { return peer && (peer->uid == ::geteuid() || peer->uid == 0); }
+
+/// Never waits: EAGAIN when a listener takes nobody.
+bool connects(int fd, const sockaddr_un& address) noexcept {
+  return ::connect(fd, plain(address), sizeof address) == 0;
+}
+
+/// The process that listens at a path; 0 when nobody does. -1: somebody, it does not say who.
+pid_t listener_of(const sockaddr_un& address) {
+  const Descriptor fd(::socket(AF_UNIX, SOCK_STREAM | SOCK_NONBLOCK | SOCK_CLOEXEC, 0));
+  if (fd.get() < 0) return 0;
+  if (!connects(fd.get(), address)) return errno == EAGAIN ? -1 : 0;
+  const auto who = peer_of(fd.get());
+  return who ? who->pid : -1;
+}
+
+// Whoever can write into the folder could put a socket of his own in place of ours. Where the folder is not there,
+// nobody listens in it.
+std::string untrusted_folder(const std::string& path) {
+  const auto slash = path.rfind('/');
+  const std::string folder = slash == std::string::npos ? std::string() : path.substr(0, slash);
+  const bool ours_by_name = folder == fmt::format("/tmp/berth-{}", ::getuid());
+  struct stat itself {};
+  if (!ours_by_name || ::lstat(folder.c_str(), &itself) != 0) return {};
+  const bool safe = S_ISDIR(itself.st_mode) && itself.st_uid == ::getuid() && (itself.st_mode & 0077U) == 0;
+  return safe ? std::string()
+              : fmt::format("{}: this folder is not this user's alone; remove it or give --control", folder);
+}
+
 std::string make_folder(const std::string& path) {
   const auto slash = path.rfind('/');
   if (slash == std::string::npos || slash == 0) return {};
@@ -70,13 +102,7 @@ std::string make_folder(const std::string& path) {
   struct stat status {};
   const bool there = error == EEXIST && ::stat(folder.c_str(), &status) == 0 && S_ISDIR(status.st_mode);
   if (!there) return fmt::format("{}: the folder cannot be made: {}", folder, reason(error));
-  const bool ours_by_name = folder == fmt::format("/tmp/berth-{}", ::getuid());
-  if (!ours_by_name) return {};
-  struct stat itself {};
-  const bool safe = ::lstat(folder.c_str(), &itself) == 0 && S_ISDIR(itself.st_mode) && itself.st_uid == ::getuid() &&
-                    (itself.st_mode & 0077U) == 0;
-  return safe ? std::string()
-              : fmt::format("{}: this folder is not this user's alone; remove it or give --control", folder);
+  return untrusted_folder(path);
 }
 
 }  // namespace
@@ -96,6 +122,39 @@ std::string control_path(const std::string& machine) {
 
 // ---- the asking side ----
 
+namespace {
+
+using Deadline = std::chrono::steady_clock::time_point;
+
+bool ready(int fd, short events, Deadline end) {
+  for (;;) {
+    const auto left =
+        std::chrono::duration_cast<std::chrono::milliseconds>(end - std::chrono::steady_clock::now()).count();
+    if (left <= 0) return false;
+    pollfd wait{fd, events, 0};
+    const int found = ::poll(&wait, 1, static_cast<int>(left));
+    if (found >= 0) return found > 0;
+    if (errno != EINTR) return false;
+  }
+}
+
+/// Empty when all of it went.
+std::string give(int fd, const std::string& line, Deadline end) {
+  for (std::size_t done = 0; done < line.size();) {
+    const auto n = ::send(fd, line.data() + done, line.size() - done, MSG_NOSIGNAL);
+    if (n > 0) {
+      done += static_cast<std::size_t>(n);
+    } else if (errno == EAGAIN || errno == EINTR) {
+      if (!ready(fd, POLLOUT, end)) return "it is not taken";
+    } else {
+      return reason(errno);
+    }
+  }
+  return {};
+}
+
+}  // namespace
+
 bool control_answers(const std::string& path) {
   sockaddr_un address{};
   return address_of(path, address) && listener_of(address) != 0;
@@ -105,33 +164,34 @@ tl::expected<CommandReply, std::string> control_call(const std::string& path, co
                                                      int timeout_ms) {
   sockaddr_un address{};
   if (!address_of(path, address)) return tl::unexpected(too_long(path));
-  const Descriptor fd(::socket(AF_UNIX, SOCK_STREAM | SOCK_CLOEXEC, 0));
+  if (const auto problem = untrusted_folder(path); !problem.empty()) return tl::unexpected(problem);
+  const Descriptor fd(::socket(AF_UNIX, SOCK_STREAM | SOCK_NONBLOCK | SOCK_CLOEXEC, 0));
   if (fd.get() < 0) return tl::unexpected(reason(errno));
-  if (::connect(fd.get(), plain(address), sizeof address) != 0) {
+  if (!connects(fd.get(), address)) {
     return tl::unexpected(fmt::format("{}: nobody listens there ({})", path, reason(errno)));
   }
-  const std::string line = to_json(request) + "\n";
-  for (std::size_t done = 0; done < line.size();) {
-    const auto n = ::send(fd.get(), line.data() + done, line.size() - done, MSG_NOSIGNAL);
-    if (n <= 0) return tl::unexpected(fmt::format("{}: the request could not be sent: {}", path, reason(errno)));
-    done += static_cast<std::size_t>(n);
+  if (const auto peer = peer_of(fd.get()); !trusted(peer)) {
+    return tl::unexpected(fmt::format("{}: another user ({}) listens there: nothing was asked of it; give --control",
+                                      path, peer ? std::to_string(peer->uid) : "unknown"));
   }
-  std::string answer;
   const auto end = std::chrono::steady_clock::now() + std::chrono::milliseconds(timeout_ms);
-  while (answer.find('\n') == std::string::npos) {
-    const auto left =
-        std::chrono::duration_cast<std::chrono::milliseconds>(end - std::chrono::steady_clock::now()).count();
-    pollfd wait{fd.get(), POLLIN, 0};
-    const int ready = left > 0 ? ::poll(&wait, 1, static_cast<int>(left)) : 0;
-    if (ready < 0 && errno == EINTR) continue;
-    if (ready <= 0)
+  if (auto problem = give(fd.get(), to_json(request) + "\n", end); !problem.empty())
+    return tl::unexpected(fmt::format("{}: the request could not be sent: {}", path, problem));
+  std::string answer;
+  for (;;) {
+    if (answer.size() > longest_answer)
+      return tl::unexpected(fmt::format("{}: an answer of more than {} bytes is none", path, longest_answer));
+    if (!ready(fd.get(), POLLIN, end))
       return tl::unexpected(fmt::format("{}: no answer within {} ms; give a longer --timeout", path, timeout_ms));
-    char buffer[4096];
-    const auto n = ::recv(fd.get(), buffer, sizeof buffer, 0);
+    std::array<char, 65536> buffer;
+    const auto n = ::recv(fd.get(), buffer.data(), buffer.size(), 0);
+    if (n < 0 && (errno == EINTR || errno == EAGAIN)) continue;
     if (n <= 0) return tl::unexpected(fmt::format("{}: the running `berth up` ended before it answered", path));
-    answer.append(buffer, static_cast<std::size_t>(n));
+    const auto line_end = std::find(buffer.begin(), buffer.begin() + n, '\n');
+    answer.append(buffer.begin(), line_end);
+    if (line_end != buffer.begin() + n) break;
   }
-  return parse_reply(answer.substr(0, answer.find('\n')));
+  return parse_reply(answer);
 }
 
 // ---- the serving side ----
@@ -210,6 +270,10 @@ void ControlServer::accept_all() {
   while (clients_.size() < most_clients) {
     const int fd = ::accept4(fd_, nullptr, nullptr, SOCK_NONBLOCK | SOCK_CLOEXEC);
     if (fd < 0) return;
+    if (!trusted(peer_of(fd))) {
+      ::close(fd);
+      continue;
+    }
     clients_.push_back(std::make_unique<Client>(fd, session_->executor()));
   }
 }
@@ -225,7 +289,8 @@ bool ControlServer::read_from(Client& client) {
     if (client.in.size() + static_cast<std::size_t>(n) > longest_request) return false;
     client.in.append(buffer, static_cast<std::size_t>(n));
   }
-  if (!client.busy) begin(client);
+  // Who takes no answer gets no more of them.
+  if (!client.busy && client.out.empty()) begin(client);
   return true;
 }
 

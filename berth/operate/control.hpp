@@ -1,6 +1,6 @@
 /// The control socket of a running `berth up`: a second command sends one line of JSON (`CommandRequest`) and gets one
 /// line back (`CommandReply`). A Unix domain socket in a folder of its owner's, so that nobody else commands the
-/// machine.
+/// machine. Both ends look who the other is: this user, or root; a stranger's socket or folder is refused in words.
 #pragma once
 
 #include <poll.h>
@@ -23,7 +23,7 @@ namespace berth::operate {
 [[nodiscard]] std::string control_path(const std::string& machine);
 
 /// Sends `request` to who listens at `path` and waits for the answer. A failure is told in words: nobody there, no
-/// answer in `timeout_ms`.
+/// answer in `timeout_ms`, another user's folder or process, an answer beyond 16 MiB. Nothing is sent to a stranger.
 [[nodiscard]] tl::expected<CommandReply, std::string> control_call(const std::string& path,
                                                                    const CommandRequest& request, int timeout_ms);
 

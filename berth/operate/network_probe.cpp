@@ -14,6 +14,8 @@ using places::SlotState;
 
 namespace {
 
+constexpr std::size_t longest_probe = 8;  // what is longer, or never ends, says nothing of a place
+
 std::string name_of(const Probe& probe) { return fmt::format("{:04X}h:{:02X}", probe.index, probe.sub); }
 
 std::string text_of(const std::optional<std::uint32_t>& value) {
@@ -31,9 +33,12 @@ rt::Task<bool> Network::read_probes(LssAddress device, NodeId id) {
   const Slots all = slots();
   const std::vector<Probe> probes = places::probes_for(all, device);
   forget_readings(device);
+  co::SdoOptions patience = sdo_.options();
+  patience.longest = longest_probe;
   for (const Probe& probe : probes) {
-    const auto value = co_await sdo_.upload(id, probe.index, probe.sub);
-    if (!value && value.error().code != Errc::aborted) co_return false;
+    const auto value = co_await sdo_.upload(id, probe.index, probe.sub, patience);
+    const bool there = value || value.error().code == Errc::aborted || value.error().code == Errc::mismatch;
+    if (!there) co_return false;
     Reading reading{device, probe.index, probe.sub, std::nullopt};
     if (value) {
       const auto bytes = value->bytes();

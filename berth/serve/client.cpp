@@ -16,13 +16,9 @@ namespace {
 constexpr std::string_view unknown_command = "< error unknown command >";
 constexpr can::IdRange everything[] = {can::all_base, can::all_extended};
 
-// What a stranger wrote, for a terminal.
 std::string shown(const std::string& name) {
   constexpr std::size_t longest = 64;
-  std::string text = name.substr(0, longest);
-  std::ranges::replace_if(
-      text, [](char c) { return c < ' ' || c > '~'; }, '?');
-  return name.size() > longest ? text + "..." : text;
+  return name.size() > longest ? name.substr(0, longest) + "..." : name;
 }
 
 }  // namespace

@@ -27,6 +27,21 @@ bool for_all_nodes(Verb309 verb) noexcept {
 
 bool is_lss(Verb309 verb) noexcept { return verb >= Verb309::lss_switch_global && verb <= Verb309::lss_allnodes; }
 
+/// Changes a device, or sends what devices act on. LSS questions leave everything as it is.
+bool changes(Verb309 verb) noexcept {
+  using enum Verb309;
+  switch (verb) {
+    case lss_inquire_address:
+    case lss_get_node:
+    case lss_identity:
+    case lss_identify_non_configured: return false;
+    case write:
+    case set_tpdo:
+    case write_pdo: return true;
+    default: return for_all_nodes(verb) || is_lss(verb);
+  }
+}
+
 }  // namespace
 
 Conversation309::Conversation309(House309& house, std::function<void(std::string_view)> say, std::function<void()> more)
@@ -192,6 +207,17 @@ bool Conversation309::may_send(const Net& net, bool commands) const {
   return network.has_value();
 }
 
+bool Conversation309::allowed(const Request309& request, const Net& net) const {
+  const bool refused = house_->session->careful() && !house_->commands && changes(request.verb);
+  if (refused) {
+    tell(
+        fmt::format("bus {}: a client wanted to command devices; on a real bus it may only read and ask. Nothing was "
+                    "sent. Allow it with --commands (berth gateway) or --gateway-commands (berth up)",
+                    net.network.bus().name));
+  }
+  return !refused;
+}
+
 bool Conversation309::undisturbing(const CommandRequest& wanted) const {
   CommandRequest request = wanted;
   if (house_->confirmed) request.arguments["yes"] = "1";
@@ -242,6 +268,7 @@ Conversation309::Outcome Conversation309::settle(const Request309& request) {
 }
 
 Conversation309::Outcome Conversation309::of_net(const Request309& request, Net& net) {
+  if (!allowed(request, net)) return Outcome::refused(Code309::internal_state);
   const std::uint32_t first = request.numbers[0];
   const NodeId node(request.node.value_or(NodeId::unconfigured_value));
   switch (request.verb) {
@@ -333,6 +360,7 @@ rt::Task<Conversation309::Outcome> Conversation309::read_pdo(std::uint16_t numbe
 
 rt::Task<Conversation309::Outcome> Conversation309::perform(const Request309& request) {
   Net& net = *nets_[*request.net - 1U];
+  if (!allowed(request, net)) co_return Outcome::refused(Code309::internal_state);
   switch (request.verb) {
     case Verb309::read: co_return co_await read(request, net);
     case Verb309::write: co_return co_await write(request, net);

@@ -7,8 +7,9 @@
 /// Every conversation is a gateway of its own: default net and node, time-outs, PDOs, guarding and heartbeat
 /// supervision are its own and end with it. Net n is the n-th bus of the machine file.
 ///
-/// It does nothing that `operate`'s commands would not: roles hold, LSS waits for its turn, and what disturbs
-/// operational devices on a real bus is refused (102) unless `House309::confirmed`. Who has put devices into LSS
+/// It does nothing that `operate`'s commands would not: roles hold, LSS waits for its turn. On a real bus it only reads
+/// and asks unless `House309::commands`; what disturbs operational devices there is refused (102) unless
+/// `House309::confirmed`. Who has put devices into LSS
 /// configuration state keeps the turn until `lss_switch_glob 0`, for `lss_patience` after the last LSS command, or
 /// until the conversation ends; then all are told to wait.
 #pragma once
@@ -35,6 +36,7 @@ class Pdos309;
 /// What the conversations of one gateway share. Must stay, and the session too.
 struct House309 {
   operate::Session* session = nullptr;
+  bool commands = false;   ///< a person lets clients change real devices: NMT, SDO download, PDO, LSS
   bool confirmed = false;  ///< a person has confirmed what disturbs operational devices on real buses
   /// Told in words why something was refused; may be empty.
   std::function<void(const std::string&)> tell{};
@@ -108,6 +110,7 @@ class Conversation309 {
   [[nodiscard]] std::optional<Code309> aim(Request309& request) const;
   [[nodiscard]] bool immediate(Verb309 verb) const noexcept;
   [[nodiscard]] bool may_send(const Net& net, bool commands) const;
+  [[nodiscard]] bool allowed(const Request309& request, const Net& net) const;
   [[nodiscard]] bool undisturbing(const operate::CommandRequest& request) const;
   Outcome of_net(const Request309& request, Net& net);
   Outcome init(Net& net, std::uint32_t index);

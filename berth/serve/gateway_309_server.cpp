@@ -22,6 +22,7 @@ class Gateway309Server::Impl final {
 
   class Client;
   void take(int fd);
+  bool make_room(std::string_view peer);
   [[nodiscard]] std::size_t clients() const noexcept;
 
   io::Loop* loop;
@@ -51,34 +52,57 @@ class Gateway309Server::Impl::Client final : private io::Watcher {
   Client(Impl& server, int fd)
       : server_(&server),
         name_(io::peer_name(fd)),
+        heard_(server.loop->executor().now()),
         stream_(*server.loop, fd, io::Stream::Kind::socket, *this, server.options.most_waiting),
         conversation_(
-            server.house, [this](std::string_view text) { say(text); }, [this] { work(); }) {}
+            server.house, [this](std::string_view text) { say(text); }, [this] { work(); }) {
+    server.loop->executor().after(server.options.patience, patience_);
+  }
   Client(const Client&) = delete;
   Client& operator=(const Client&) = delete;
   ~Client() = default;
 
   [[nodiscard]] const std::string& name() const noexcept { return name_; }
+  /// Its name without the port.
+  [[nodiscard]] std::string_view peer() const noexcept { return std::string_view(name_).substr(0, name_.rfind(':')); }
   [[nodiscard]] bool over() const noexcept { return over_; }
+  [[nodiscard]] bool busy() const noexcept { return !conversation_.idle() || !in_.empty(); }
+  /// When it said something last.
+  [[nodiscard]] rt::Time heard() const noexcept { return heard_; }
   void end(const std::string& why) {
     if (std::exchange(over_, true)) return;
     if (stream_.too_slow()) ++server_->counters.too_slow;
-    if (!stream_.gone()) stream_.flush();
+    if (!stream_.gone()) last_word();
     stream_.close();
     flush_.cancel();
+    patience_.cancel();
     if (server_->options.tell) server_->options.tell(fmt::format("{}: {}", name_, why));
     server_->loop->executor().post(server_->reaper);
   }
 
  private:
-  class Flush final : public rt::Job {
+  template <void (Client::*Method)()>
+  class Call final : public rt::Job {
    public:
-    explicit Flush(Client& client) : client_(&client) {}
-    void run() noexcept override { client_->flush(); }
+    explicit Call(Client& client) : client_(&client) {}
+    void run() noexcept override { (client_->*Method)(); }
 
    private:
     Client* client_;
   };
+
+  // Unread bytes at the close would make the system reset the connection, and the last word would be lost.
+  void last_word() {
+    stream_.flush();
+    ::shutdown(stream_.descriptor(), SHUT_WR);
+    std::array<char, 4096> unread{};
+    for (int i = 0; i < 16 && !stream_.get(unread).empty();) ++i;
+  }
+  void out_of_patience() {
+    if (commanded_ || over_) return;
+    ++server_->counters.silent;
+    end("no command in time");
+  }
 
   void say(std::string_view text) {
     if (over_) return;
@@ -87,7 +111,7 @@ class Gateway309Server::Impl::Client final : private io::Watcher {
     }
     if (!flush_.ready()) server_->loop->executor().post(flush_);
   }
-  void flush() noexcept {
+  void flush() {
     if (over_) return;
     if (!stream_.flush()) return end("gone");
     if (hung_up_ && in_.empty() && conversation_.idle() && stream_.waiting() == 0) end("left");
@@ -105,6 +129,7 @@ class Gateway309Server::Impl::Client final : private io::Watcher {
     if (::recv(stream_.descriptor(), &one, 1, MSG_PEEK | MSG_DONTWAIT) == 0) return half_closed();
     std::array<char, 4096> buffer;  // so much at a time, that nobody has to wait long
     in_ += stream_.get(buffer);
+    heard_ = server_->loop->executor().now();
     if (stream_.gone()) return end("gone");
     work();
   }
@@ -135,6 +160,7 @@ class Gateway309Server::Impl::Client final : private io::Watcher {
     if (end == std::string::npos && !too_long && !skipping_) return false;
     if (!skipping_) {
       ++server_->counters.lines;
+      if (!commanded_ && !begins(rest, too_long)) return false;
       too_long ? conversation_.take_too_long(rest) : conversation_.take(rest);
     }
     skipping_ = end == std::string::npos;
@@ -142,13 +168,31 @@ class Gateway309Server::Impl::Client final : private io::Watcher {
     return !skipping_;
   }
 
+  // Whoever speaks this language begins with a command. False: it does not, and is let go.
+  bool begins(std::string_view rest, bool too_long) {
+    const auto first = parse_309(rest.substr(0, conversation_.command_size()));
+    if (!too_long && first.error != Code309::syntax) {
+      commanded_ = !first.error && first.request.verb != Verb309::nothing;
+      return true;
+    }
+    const bool http = rest.substr(0, 4096).find(" HTTP/") != std::string_view::npos;
+    ++server_->counters.strange;
+    say(error_309(first.request.sequence, too_long ? Code309::no_memory : Code309::syntax));
+    end(http ? "spoke HTTP: a web page, or a program that takes this for a web server"
+             : "began with something else than a command");
+    return false;
+  }
+
   Impl* server_;
   std::string name_;
+  rt::Time heard_;
   io::Stream stream_;
-  Flush flush_{*this};
+  Call<&Client::flush> flush_{*this};
+  Call<&Client::out_of_patience> patience_{*this};
   std::string in_;
   std::size_t at_ = 0;     // of `in_`: lines before it are taken
   bool skipping_ = false;  // the rest of a line that is too long
+  bool commanded_ = false;
   bool hung_up_ = false;
   bool over_ = false;
   Conversation309 conversation_;  // last: it speaks through the rest
@@ -158,7 +202,7 @@ Gateway309Server::Impl::Impl(io::Loop& on, int fd, operate::Session& session, Ga
     : loop(&on),
       options(std::move(wanted)),
       where(io::local_endpoint(fd).value_or(io::Endpoint{})),
-      house{&session, options.confirmed, options.tell, {}},
+      house{&session, options.commands, options.confirmed, options.tell, {}},
       acceptor_(on, fd, [this](int connection) { take(connection); }) {}
 
 void Gateway309Server::Impl::Reaper::run() noexcept {
@@ -169,10 +213,28 @@ std::size_t Gateway309Server::Impl::clients() const noexcept {
   return static_cast<std::size_t>(std::ranges::count_if(clients_, [](const auto& c) { return !c->over(); }));
 }
 
+// Room for one more of this peer; a silent one may have to go for it.
+bool Gateway309Server::Impl::make_room(std::string_view peer) {
+  const auto of_peer = std::ranges::count_if(clients_, [&](const auto& c) { return !c->over() && c->peer() == peer; });
+  const bool its_own = static_cast<std::size_t>(of_peer) >= options.most_per_peer;
+  if (!its_own && clients() < options.most_clients) return true;
+  Client* silent = nullptr;
+  for (const auto& c : clients_) {
+    if (c->over() || c->busy() || (its_own && c->peer() != peer)) continue;
+    if (silent == nullptr || c->heard() < silent->heard()) silent = c.get();
+  }
+  if (silent == nullptr || loop->executor().now() - silent->heard() < options.idle) return false;
+  ++counters.silent;
+  silent->end("silent, and another wants in");
+  return true;
+}
+
 void Gateway309Server::Impl::take(int fd) {
   io::tune_tcp(fd);
   ++counters.clients;
-  const bool room = clients() < options.most_clients;
+  const std::string name = io::peer_name(fd);
+  const auto peer = std::string_view(name).substr(0, name.rfind(':'));
+  const bool room = make_room(peer);
   if (!room) ++counters.too_many;
   clients_.push_back(std::make_unique<Client>(*this, fd));
   if (!room) return clients_.back()->end("one too many");

@@ -5,10 +5,16 @@
 ///
 /// In one `io::Loop`, non-blocking, bounded: lines up to `set command_size`, 64 commands that wait (then the client
 /// waits, its bytes stay in TCP), `most_waiting` bytes of replies (then it is let go). Who has closed his half gets the
-/// replies to what he has asked for. Anybody who can connect commands the machine: it listens on loopback unless it is
-/// told otherwise, and there is no password.
+/// replies to what he has asked for. There is no password: it listens on loopback unless it is told otherwise, and on
+/// real buses clients only read unless `commands`.
+///
+/// A web page can make a browser connect to loopback, too, and its text follows header lines. So a connection ends at a
+/// syntax error before its first valid command (an HTTP request line is one), and nothing behind it is carried out.
+/// Silent connections lock nobody out: without a valid command one ends after `patience`; when there is no room for a
+/// new one, that of the same peer (or, at `most_clients`, of any) which was silent longest goes, if it was for `idle`.
 #pragma once
 
+#include <chrono>
 #include <functional>
 #include <memory>
 #include <string>
@@ -23,8 +29,12 @@ namespace berth::serve {
 inline constexpr std::uint16_t gateway_309_port = 7000;
 
 struct Gateway309Options {
+  bool commands = false;                             ///< see `House309`
   bool confirmed = false;                            ///< see `House309`
-  std::size_t most_clients = 16;                     ///< one more is let go
+  std::size_t most_clients = 16;                     ///< one more is let go, or one that is silent
+  std::size_t most_per_peer = 8;                     ///< connections from one address
+  rt::Duration patience = std::chrono::seconds(30);  ///< for the first valid command
+  rt::Duration idle = std::chrono::seconds(10);      ///< silence after which a connection may make room for another
   std::size_t most_waiting = std::size_t{4} << 20U;  ///< bytes that a client did not take; then it is let go
   /// Told in words who came and why it went, and what was refused why. Must not destroy the server.
   std::function<void(const std::string&)> tell{};
@@ -34,6 +44,8 @@ struct Gateway309Counters {
   std::uint64_t clients = 0;   ///< that came, ever
   std::uint64_t too_slow = 0;  ///< let go because they took too little
   std::uint64_t too_many = 0;  ///< let go because there were enough
+  std::uint64_t silent = 0;    ///< let go because they said nothing, for too long or when there was no room
+  std::uint64_t strange = 0;   ///< let go because they began with something else than a command
   std::uint64_t lines = 0;     ///< taken
 };
 

@@ -5,6 +5,9 @@
 /// leaves the state before or after the call. One process owns a store at a time. A file that is damaged, not Berth's,
 /// or of a newer Berth is refused in words and not changed by one byte.
 ///
+/// A store from elsewhere can do no harm: its schema is compared whole with what Berth makes before anything of it is
+/// run (so it has no trigger, view, CHECK or default of its own), and it is opened in SQLite's defensive mode.
+///
 /// The file is never the only copy of what a person wrote; it holds what Berth learnt. While a store is open, or after
 /// a crash, `<file>-wal` belongs to it: move both or neither. `<file>.lock` holds the owner's process id and stays
 /// behind.
@@ -14,6 +17,7 @@
 #pragma once
 
 #include <cstdint>
+#include <functional>
 #include <memory>
 #include <string>
 #include <string_view>
@@ -47,7 +51,10 @@ struct OpenOptions {
   /// the process still loses nothing; a power failure may lose or damage the store.
   bool sync = true;
   std::string vfs{};  ///< name of a SQLite VFS; empty = the system's
-  bool lock = true;   ///< false only where no other process can reach the file (tests on a VFS of their own)
+  /// Asked every some milliseconds while SQLite works: true ends the call (`io`), and it has changed nothing. What a
+  /// signal or a deadline says.
+  std::function<bool()> ended{};
+  bool lock = true;  ///< false only where no other process can reach the file (tests on a VFS of their own)
 };
 
 class Database final : public places::SlotStore {
@@ -56,6 +63,10 @@ class Database final : public places::SlotStore {
 
   /// Opens the store at `path`, or makes it. The folder must be there.
   [[nodiscard]] static Opened open(const std::string& path, const OpenOptions& options = {});
+  /// Looks at the bytes of a store that was not yet put into a file: what `open` would refuse, it says, in `name`'s
+  /// name. Nothing is written. `options`: `ended` only.
+  [[nodiscard]] static tl::expected<void, OpenError> look(std::string bytes, const std::string& name,
+                                                          const OpenOptions& options = {});
   ~Database() override;
   Database(const Database&) = delete;
   Database& operator=(const Database&) = delete;
@@ -86,8 +97,9 @@ class Database final : public places::SlotStore {
   /// All devices ever named, in the order of their addresses.
   Result<std::vector<DeviceSeen>> devices();
 
- private:
   struct Impl;
+
+ private:
   explicit Database(std::unique_ptr<Impl> impl) noexcept;
   std::unique_ptr<Impl> impl_;
 };

@@ -6,6 +6,7 @@
 #include <SQLiteCpp/Transaction.h>
 #include <sqlite3.h>
 
+#include <functional>
 #include <map>
 #include <optional>
 #include <string>
@@ -18,6 +19,7 @@ namespace berth::store {
 
 struct Database::Impl {
   FileLock lock;
+  std::function<bool()> ended{};  ///< see `OpenOptions`; before `db`, which asks it
   std::optional<SQLite::Database> db;
   std::map<const char*, SQLite::Statement> statements;  ///< by the address of their text; after `db`, so gone before it
   std::int64_t stamp_ms = 0;

@@ -1,11 +1,13 @@
 // Opening a store: one owner, and nothing is written before the file is known to be Berth's, whole and not newer.
 #include <fmt/format.h>
 
+#include <algorithm>
 #include <array>
 #include <cerrno>
 #include <cstring>
 #include <filesystem>
 #include <fstream>
+#include <functional>
 #include <optional>
 
 #include "berth/base/bytes.hpp"
@@ -42,18 +44,25 @@ bool has_content(const fs::path& path) {
   return !code && size > 0;
 }
 
-/// Looks at the bytes of a file that SQLite has nothing to finish in, so that not even SQLite touches a foreign file.
-std::optional<OpenError> look_at_header(const std::string& path) {
-  if (!has_content(path) || has_content(path + "-wal") || has_content(path + "-journal")) return std::nullopt;
-  std::array<std::uint8_t, 100> header{};
-  std::ifstream in(path, std::ios::binary);
-  in.read(reinterpret_cast<char*>(header.data()), header.size());
-  if (!in || std::memcmp(header.data(), "SQLite format 3", 16) != 0) return verdict(path, FileKind::foreign, 0);
+using Header = std::array<std::uint8_t, 100>;
+
+std::optional<OpenError> look_at(const std::string& path, const Header& header) {
+  if (std::memcmp(header.data(), "SQLite format 3", 16) != 0) return verdict(path, FileKind::foreign, 0);
   const auto big_endian = [&](std::size_t at) {
     return static_cast<std::int64_t>(header[at]) << 24 | header[at + 1] << 16 | header[at + 2] << 8 | header[at + 3];
   };
   const auto version = big_endian(60);
   return verdict(path, classify(big_endian(68), version, true), version);
+}
+
+/// Looks at the bytes of a file that SQLite has nothing to finish in, so that not even SQLite touches a foreign file.
+std::optional<OpenError> look_at_header(const std::string& path) {
+  if (!has_content(path) || has_content(path + "-wal") || has_content(path + "-journal")) return std::nullopt;
+  Header header{};
+  std::ifstream in(path, std::ios::binary);
+  in.read(reinterpret_cast<char*>(header.data()), header.size());
+  if (!in) return verdict(path, FileKind::foreign, 0);
+  return look_at(path, header);
 }
 
 std::optional<OpenError> take_lock(FileLock& lock, const std::string& path) {
@@ -77,6 +86,18 @@ std::int64_t pragma(SQLite::Database& db, const char* name) {
   return db.execAndGet(fmt::format("PRAGMA {}", name)).getInt64();
 }
 
+/// Of a file that says it is Berth's.
+std::optional<OpenError> look_inside(SQLite::Database& db, const std::string& path, int version) {
+  auto said = strange(db, version);
+  if (said.empty()) said = damage(db);
+  if (said.empty()) return std::nullopt;
+  return refuse(Errc::invalid, "the store is damaged",
+                fmt::format("{}: this store is damaged ({}); it was left as it is. Restore a copy, or move it away and "
+                            "bind the machine again.",
+                            path, said))
+      .value();
+}
+
 /// Checks, and brings to today's schema.
 std::optional<OpenError> prepare(SQLite::Database& db, const std::string& path, bool has_log, bool sync) {
   // Until the file is accepted, closing must not write what a crash left in the log back into it.
@@ -90,14 +111,7 @@ std::optional<OpenError> prepare(SQLite::Database& db, const std::string& path, 
   const auto kind = classify(application, version, has_tables);
   if (auto refused = verdict(path, kind, version)) return refused;
   if (kind == FileKind::ours) {
-    const auto said = damage(db, static_cast<int>(version));
-    if (!said.empty()) {
-      return refuse(Errc::invalid, "the store is damaged",
-                    fmt::format("{}: this store is damaged ({}); it was left as it is. Restore a copy, or move it away "
-                                "and bind the machine again.",
-                                path, said))
-          .value();
-    }
+    if (auto refused = look_inside(db, path, static_cast<int>(version))) return refused;
   }
   if (kind == FileKind::fresh) {
     create_schema(db, schema_version);
@@ -111,6 +125,22 @@ std::optional<OpenError> prepare(SQLite::Database& db, const std::string& path, 
   return std::nullopt;
 }
 
+/// What a file from elsewhere may not do: run functions from its schema, change the schema by writes, hold a value
+/// longer than any of Berth's, take longer than its user will wait. `ended` stays.
+void confine(SQLite::Database& db, std::function<bool()>& ended) {
+  constexpr int longest_value = 1 << 20;
+  constexpr int steps_between_questions = 100'000;  // some milliseconds
+  sqlite3* const handle = db.getHandle();
+  sqlite3_db_config(handle, SQLITE_DBCONFIG_DEFENSIVE, 1, nullptr);
+  sqlite3_db_config(handle, SQLITE_DBCONFIG_TRUSTED_SCHEMA, 0, nullptr);
+  sqlite3_db_config(handle, SQLITE_DBCONFIG_ENABLE_VIEW, 0, nullptr);
+  sqlite3_limit(handle, SQLITE_LIMIT_LENGTH, longest_value);
+  db.exec("PRAGMA cell_size_check = ON");
+  if (!ended) return;
+  const auto ask = [](void* of) { return (*static_cast<std::function<bool()>*>(of))() ? 1 : 0; };
+  sqlite3_progress_handler(handle, steps_between_questions, ask, &ended);
+}
+
 std::string real_path(const std::string& path) {
   std::error_code code;
   const auto real = fs::weakly_canonical(path, code);
@@ -119,7 +149,13 @@ std::string real_path(const std::string& path) {
 
 OpenError sqlite_error(const std::string& path, int code, const char* what) {
   const auto kind = code & 0xFF;
-  const bool damaged = kind == SQLITE_CORRUPT || kind == SQLITE_NOTADB;
+  if (kind == SQLITE_INTERRUPT) {
+    return refuse(Errc::io, "ended before the store was read",
+                  fmt::format("{}: ended before the store was read; it was left as it is.", path),
+                  static_cast<std::uint32_t>(code))
+        .value();
+  }
+  const bool damaged = kind == SQLITE_CORRUPT || kind == SQLITE_NOTADB || kind == SQLITE_TOOBIG;
   const auto text = damaged ? "the store is damaged" : "the store cannot be opened";
   const auto words = damaged ? fmt::format(
                                    "{}: this store is damaged ({}); it was left as it is. Restore a copy, or move "
@@ -148,12 +184,39 @@ Database::Opened Database::open(const std::string& given, const OpenOptions& opt
   try {
     const int flags = SQLite::OPEN_READWRITE | SQLite::OPEN_CREATE | SQLITE_OPEN_EXRESCODE;
     impl->db.emplace(path, flags, 0, options.vfs);
+    impl->ended = options.ended;
+    confine(*impl->db, impl->ended);
     if (auto refused = prepare(*impl->db, path, has_log, options.sync))
       return tl::unexpected<OpenError>(std::move(*refused));
   } catch (const SQLite::Exception& error) {
     return tl::unexpected<OpenError>(sqlite_error(path, error.getExtendedErrorCode(), error.what()));
   }
   return std::unique_ptr<Database>(new Database(std::move(impl)));
+}
+
+tl::expected<void, OpenError> Database::look(std::string bytes, const std::string& name, const OpenOptions& options) {
+  if (bytes.empty()) return {};
+  Header header{};
+  std::memcpy(header.data(), bytes.data(), std::min(bytes.size(), header.size()));
+  if (auto refused = look_at(name, header)) return tl::unexpected<OpenError>(std::move(*refused));
+  // A database in memory has no write-ahead log: these two bytes say that the file has one.
+  constexpr std::size_t write_version = 18;
+  constexpr std::size_t read_version = 19;
+  if (bytes.size() >= header.size()) bytes[write_version] = bytes[read_version] = 1;
+  std::function<bool()> ended = options.ended;
+  try {
+    SQLite::Database db(":memory:", SQLite::OPEN_READWRITE | SQLite::OPEN_CREATE);
+    confine(db, ended);
+    const auto size = static_cast<sqlite3_int64>(bytes.size());
+    void* const plain = bytes.data();
+    sqlite3_deserialize(db.getHandle(), "main", static_cast<unsigned char*>(plain), size, size,
+                        SQLITE_DESERIALIZE_READONLY);
+    if (auto refused = look_inside(db, name, static_cast<int>(pragma(db, "user_version"))))
+      return tl::unexpected<OpenError>(std::move(*refused));
+  } catch (const SQLite::Exception& error) {
+    return tl::unexpected<OpenError>(sqlite_error(name, error.getExtendedErrorCode(), error.what()));
+  }
+  return {};
 }
 
 }  // namespace berth::store

@@ -5,7 +5,12 @@
 #include <SQLiteCpp/Transaction.h>
 #include <fmt/format.h>
 
+#include <algorithm>
 #include <array>
+#include <compare>
+#include <map>
+#include <ranges>
+#include <set>
 
 #include "berth/store/database.hpp"
 
@@ -135,28 +140,38 @@ INSERT INTO loans SELECT vendor, product, revision, serial, '', '', node_id FROM
 DELETE FROM marks WHERE mark = 3;
 )"};
 
-// One query per table that names every column, and the version that brought the table; preparing it fails when
-// something is missing.
-struct Probe {
-  int since;
-  const char* query;
+/// What a schema is made of: tables, indices, triggers and views, SQLite's own tables too.
+struct Made {
+  std::string type;
+  std::string name;
+  std::string sql;  ///< "" for the indices that come with a table
+  auto operator<=>(const Made&) const = default;
 };
-constexpr std::array<Probe, 9> probes{{
-    {1, "SELECT id, machine, bus, name FROM slots LIMIT 1"},
-    {1, "SELECT slot, fact, vendor, product, revision, serial, node_id FROM seats LIMIT 1"},
-    {1, "SELECT id, vendor, product, revision, serial FROM blanks LIMIT 1"},
-    {1,
-     "SELECT sequence, stamp_ms, slot, event, vendor, product, revision, serial, node_id, reason FROM history LIMIT 1"},
-    {2, "SELECT vendor, product, revision, serial, first_ms, last_ms, lines FROM devices LIMIT 1"},
-    {3, "SELECT slot, stage, vendor, product, revision, serial, days, ms FROM configurations LIMIT 1"},
-    {4, "SELECT vendor, product, revision, serial, mark, node_id FROM marks LIMIT 1"},
-    {5, "SELECT machine, bus, node_id FROM blanks LIMIT 1"},
-    {6, "SELECT vendor, product, revision, serial, machine, bus, node_id FROM loans LIMIT 1"},
-}};
+
+// At most `most`: a schema from elsewhere may have millions.
+std::set<Made> schema_of(SQLite::Database& db, std::size_t most) {
+  SQLite::Statement query(db, "SELECT type, name, coalesce(sql, '') FROM sqlite_master LIMIT ?");
+  query.bind(1, static_cast<std::int64_t>(most));
+  std::set<Made> made;
+  const auto text = [&](int column) { return query.getColumn(column).getString(); };
+  while (query.executeStep()) made.insert({text(0), text(1), text(2)});
+  return made;
+}
+
+constexpr std::size_t most_made = 100;    // more than any version has
+constexpr std::size_t longest_name = 64;  // of a foreign one, when told
+
+// The subqueries of step 2 would look through the whole history for each device.
+constexpr const char* help_step_2 =
+    "CREATE INDEX berth_passing ON history (vendor, product, revision, serial) WHERE vendor IS NOT NULL";
 
 void apply(SQLite::Database& db, int from, int to) {
   SQLite::Transaction transaction(db, SQLite::TransactionBehavior::IMMEDIATE);
-  for (int version = from; version < to; ++version) db.exec(steps[static_cast<std::size_t>(version)]);
+  for (int version = from; version < to; ++version) {
+    if (version == 1) db.exec(help_step_2);
+    db.exec(steps[static_cast<std::size_t>(version)]);
+    if (version == 1) db.exec("DROP INDEX berth_passing");
+  }
   db.exec(fmt::format("PRAGMA application_id = {}", application_id));
   db.exec(fmt::format("PRAGMA user_version = {}", to));
   transaction.commit();
@@ -176,20 +191,38 @@ void migrate(SQLite::Database& db, int version) {
   if (version < schema_version) apply(db, version, schema_version);
 }
 
-std::string damage(SQLite::Database& db, int version) {
-  SQLite::Statement check(db, "PRAGMA quick_check(1)");
-  std::string said = check.executeStep() ? check.getColumn(0).getString() : std::string("no answer");
-  if (said != "ok") return said;
-  for (const auto& probe : probes) {
-    if (version < probe.since) continue;
-    try {
-      SQLite::Statement statement(db, probe.query);
-      (void)statement.executeStep();
-    } catch (const SQLite::Exception& error) {
-      return error.what();
-    }
+namespace {
+
+const std::set<Made>& made_in(int version) {
+  static std::map<int, std::set<Made>> known;
+  auto& made = known[version];
+  if (!made.empty()) return made;
+  SQLite::Database model(":memory:", SQLite::OPEN_READWRITE | SQLite::OPEN_CREATE);
+  create_schema(model, version);
+  made = schema_of(model, most_made);
+  return made;
+}
+
+}  // namespace
+
+std::string strange(SQLite::Database& db, int version) {
+  const auto& wanted = made_in(version);
+  const auto there = schema_of(db, most_made);
+  for (const auto& made : wanted | std::views::reverse) {  // tables before their indices
+    const auto same_name = [&](const Made& other) { return other.type == made.type && other.name == made.name; };
+    if (std::ranges::none_of(there, same_name)) return fmt::format("no such {}: {}", made.type, made.name);
+  }
+  for (const auto& made : there) {
+    if (!wanted.contains(made))
+      return fmt::format("Berth did not make its {} {}", made.type, made.name.substr(0, longest_name));
   }
   return {};
+}
+
+std::string damage(SQLite::Database& db) {
+  SQLite::Statement check(db, "PRAGMA quick_check(1)");
+  const std::string said = check.executeStep() ? check.getColumn(0).getString() : std::string("no answer");
+  return said == "ok" ? std::string() : said;
 }
 
 }  // namespace berth::store

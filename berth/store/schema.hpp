@@ -24,7 +24,12 @@ void create_schema(SQLite::Database& db, int version);
 /// Brings the tables from `version` to `schema_version`. One transaction; nothing to do when they are equal.
 void migrate(SQLite::Database& db, int version);
 
-/// Empty when the file is whole and has every table and column that is needed; else what is wrong. Reads only.
-[[nodiscard]] std::string damage(SQLite::Database& db, int version);
+/// Empty when tables, indices and triggers are those that Berth makes in `version`, to the letter, and there are no
+/// others; else what is strange. To be asked before any statement that could run what a schema from elsewhere says
+/// (`damage` runs its CHECKs, a write its triggers). Reads only.
+[[nodiscard]] std::string strange(SQLite::Database& db, int version);
+
+/// Empty when the file is whole; else what is wrong. Reads only.
+[[nodiscard]] std::string damage(SQLite::Database& db);
 
 }  // namespace berth::store

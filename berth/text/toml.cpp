@@ -85,6 +85,20 @@ std::optional<Place> too_deep(std::string_view text) noexcept {
   return std::nullopt;
 }
 
+// Each value and each line costs the parser some hundred bytes.
+std::optional<Place> too_long(std::string_view text) noexcept {
+  constexpr std::size_t most = 200'000;
+  Place at{1, 0};
+  std::size_t seen = 0;
+  for (const char c : text) {
+    ++at.column;
+    if (c != '\n' && c != ',') continue;
+    if (++seen > most) return at;
+    if (c == '\n') at = {at.line + 1, 0};
+  }
+  return std::nullopt;
+}
+
 }  // namespace
 
 const Value* Value::find(std::string_view key) const noexcept {
@@ -126,6 +140,11 @@ std::optional<Value> parse_toml(std::string_view text, const std::string& file, 
   if (const auto deep = too_deep(text)) {
     findings.push_back({Finding::Severity::error, file, deep->line, deep->column, "", "a row of more than 256 dots",
                         "tables are not nested so deep here"});
+    return std::nullopt;
+  }
+  if (const auto end = too_long(text)) {
+    findings.push_back({Finding::Severity::error, file, end->line, end->column, "",
+                        "more than 200,000 lines and values up to here", "no file of a machine or plant is so long"});
     return std::nullopt;
   }
   try {

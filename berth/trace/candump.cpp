@@ -101,10 +101,10 @@ bool CandumpReader::quick(std::string_view line) {
       std::memcmp(at, last_name_.data(), last_name_.size()) != 0) {
     const auto name = std::string_view(at, room).substr(0, std::string_view(at, room).find_first_of(" \t"));
     // A name is only taken from a line that is right as a whole: `careful` looks at it.
-    const auto known = name.empty() ? buses_.end() : std::find(buses_.begin(), buses_.end(), name);
-    if (known == buses_.end() || name.size() == room || at[name.size()] != ' ') return false;
+    const auto known = name.empty() ? std::nullopt : known_bus(name);
+    if (!known || name.size() == room || at[name.size()] != ' ') return false;
     last_name_ = name;
-    last_bus_ = static_cast<std::uint16_t>(known - buses_.begin());
+    last_bus_ = *known;
   }
   at += last_name_.size() + 1;
   std::uint32_t id = 0;

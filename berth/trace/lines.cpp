@@ -83,12 +83,17 @@ void LineReader::tell_back() {
        "earlier than the line before of this bus: the clock was set back, or two logs were joined");
 }
 
+std::optional<std::uint16_t> LineReader::known_bus(std::string_view name) const {
+  const auto known = known_.find(std::string(name));
+  return known == known_.end() ? std::nullopt : std::optional(known->second);
+}
+
 std::optional<std::uint16_t> LineReader::bus(std::string_view name) {
   const auto [place, added] = known_.try_emplace(std::string(name), static_cast<std::uint16_t>(buses_.size()));
   if (!added) return place->second;
   if (buses_.size() >= most_buses) {
     known_.erase(place);
-    error(0, "a trace has at most 65,536 buses");
+    error(0, fmt::format("a trace has at most {} buses", most_buses));
     return std::nullopt;
   }
   buses_.emplace_back(name);

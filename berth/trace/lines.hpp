@@ -92,7 +92,8 @@ inline constexpr std::int64_t most_seconds = 9'000'000'000;
 class LineReader : public Reader {
  public:
   static constexpr std::size_t longest_line = 16'384;
-  static constexpr std::size_t most_buses = 65'536;
+  /// No machine has so many; each costs its readers memory (a statistic of 2048 identifiers, a decoder's nodes).
+  static constexpr std::size_t most_buses = 256;
 
   void feed(std::string_view bytes, Sink& sink) final;
   void finish(Sink& sink) final;
@@ -113,6 +114,8 @@ class LineReader : public Reader {
   void tell_of_file(Finding::Severity severity, std::string message, std::string fix = {});
   /// The number of a name; empty (and told) when there are too many.
   std::optional<std::uint16_t> bus(std::string_view name);
+  /// The same without adding it.
+  [[nodiscard]] std::optional<std::uint16_t> known_bus(std::string_view name) const;
   /// Gives the entry away. A time before the bus's last one is a warning, once for each step back.
   void keep(const Entry& entry) {
     rt::Duration& latest = latest_[entry.bus];

@@ -19,6 +19,7 @@ constexpr std::uint32_t simple_packet = 3;
 constexpr std::uint32_t enhanced_packet = 6;
 constexpr std::uint32_t byte_order_magic = 0x1A2B'3C4D;
 constexpr std::uint16_t link_type_can = 227;
+constexpr std::size_t most_interfaces = 65'536;  // of which few are CAN
 
 constexpr std::uint32_t flag_remote = 0x4000'0000;
 constexpr std::uint32_t flag_error = 0x2000'0000;
@@ -184,8 +185,8 @@ void PcapngReader::interface(std::string_view block) {
     interfaces_.emplace_back();
     return tell(Finding::Severity::error, "an interface's description is too short");
   }
-  if (interfaces_.size() >= LineReader::most_buses)
-    return tell(Finding::Severity::error, "a trace has at most 65,536 buses");
+  if (interfaces_.size() >= most_interfaces)
+    return tell(Finding::Severity::error, fmt::format("a section has at most {} interfaces", most_interfaces));
   Interface it;
   const std::uint16_t link_type = u16(block, 8);
   it.can = link_type == link_type_can;
@@ -203,7 +204,7 @@ void PcapngReader::interface(std::string_view block) {
     const auto known = std::find(buses_.begin(), buses_.end(), name);
     if (known == buses_.end() && buses_.size() >= LineReader::most_buses) {
       it.can = false;
-      tell(Finding::Severity::error, "a trace has at most 65,536 buses");
+      tell(Finding::Severity::error, fmt::format("a trace has at most {} buses", LineReader::most_buses));
     } else {
       it.bus = static_cast<std::uint16_t>(known - buses_.begin());
       if (known == buses_.end()) buses_.push_back(name);

@@ -34,7 +34,7 @@ struct Trace {
   std::vector<std::string> buses;  ///< names as written, in the order in which they first appear
   std::vector<Entry> entries;      ///< in the order of the file
 
-  /// The index of a bus; it is added when it is not there. At most 65,536.
+  /// The index of a bus; it is added when it is not there.
   std::uint16_t bus(std::string_view name);
   friend bool operator==(const Trace&, const Trace&) = default;
 };

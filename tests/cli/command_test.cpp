@@ -3,8 +3,10 @@
 #include <sys/socket.h>
 #include <sys/stat.h>
 #include <sys/un.h>
+#include <sys/wait.h>
 #include <unistd.h>
 
+#include <functional>
 #include <nlohmann/json.hpp>
 
 #include "berth/can/frame.hpp"
@@ -41,8 +43,8 @@ class Command : public ::testing::Test {
   std::string left = "00000001-00000001-00000000-00000020";
 };
 
-// Two devices of one type that came with the node-IDs of its slots, against the order of their serial numbers: the machine
-// was commissioned before, and keeps its order (docs/machine-file.md, `ascending`).
+// Two devices of one type that came with the node-IDs of its slots, against the order of their serial numbers: the
+// machine was commissioned before, and keeps its order (docs/machine-file.md, `ascending`).
 TEST_F(Command, UpKeepsTheOrderOfACommissionedMachine) {
   std::string text(small_plant);
   for (const auto& [serial, id] : {std::pair("0x21", 2), std::pair("0x20", 3)}) {
@@ -581,6 +583,83 @@ TEST(ControlPath, LiesWithItsOwnerAndKnowsItsMachine) {
   ::setenv("XDG_RUNTIME_DIR", "/no/such/folder", 1);
   EXPECT_EQ(operate::control_path("m"), "/tmp/berth-" + std::to_string(::getuid()) + "/m.sock");
   ::unsetenv("XDG_RUNTIME_DIR");
+}
+
+// /tmp/berth-UID is whoever's who made it first: a client asks nothing of what listens in a stranger's folder.
+TEST(ControlPath, AFolderThatOthersCanWriteToIsNotBelieved) {
+  const std::string folder = "/tmp/berth-" + std::to_string(::getuid());
+  struct stat before {};
+  const bool there = ::stat(folder.c_str(), &before) == 0;
+  ASSERT_TRUE(there || ::mkdir(folder.c_str(), 0700) == 0);
+  ASSERT_EQ(::chmod(folder.c_str(), 0777), 0);
+  const auto reply = operate::control_call(folder + "/m.sock", {"report", {}}, 100);
+  ASSERT_EQ(::chmod(folder.c_str(), 0700), 0);
+  if (!there) ::rmdir(folder.c_str());
+  ASSERT_FALSE(reply);
+  EXPECT_TRUE(contains(reply.error(), "not this user's alone")) << reply.error();
+}
+
+/// Listens as a stranger might, in a process of its own, and does `with` what it accepts.
+class Listener {
+ public:
+  Listener(const std::string& path, uid_t as, const std::function<void(int)>& with) {
+    const int fd = ::socket(AF_UNIX, SOCK_STREAM, 0);
+    sockaddr_un address{};
+    address.sun_family = AF_UNIX;
+    path.copy(address.sun_path, sizeof address.sun_path - 1);
+    EXPECT_EQ(::bind(fd, reinterpret_cast<sockaddr*>(&address), sizeof address), 0);
+    ::chmod(path.c_str(), 0777);
+    child_ = ::fork();
+    if (child_ == 0) {
+      // The credentials that a peer sees are those at the time of listen(2).
+      if (as != ::geteuid() && ::setuid(as) != 0) ::_exit(1);
+      ::listen(fd, 8);
+      ::kill(::getpid(), SIGSTOP);
+      for (int client = 0; (client = ::accept(fd, nullptr, nullptr)) >= 0; ::close(client)) with(client);
+      ::_exit(0);
+    }
+    int status = 0;
+    ::waitpid(child_, &status, WUNTRACED);
+    ::kill(child_, SIGCONT);
+    ::close(fd);
+  }
+  ~Listener() {
+    ::kill(child_, SIGKILL);
+    ::waitpid(child_, nullptr, 0);
+  }
+  Listener(const Listener&) = delete;
+  Listener& operator=(const Listener&) = delete;
+
+ private:
+  pid_t child_ = -1;
+};
+
+TEST(ControlPath, AnotherUsersProcessIsNotAsked) {
+  if (::geteuid() != 0) GTEST_SKIP() << "only root can be a stranger to itself";
+  const Folder folder;
+  const std::string path = folder.file("s");
+  constexpr uid_t stranger = 65534;
+  const Listener listener(path, stranger, [](int fd) {
+    constexpr std::string_view lie = "{\"status\": 0, \"reply\": {}, \"lines\": [\"all is well\"], \"error\": \"\"}\n";
+    (void)::write(fd, lie.data(), lie.size());
+  });
+  const auto reply = operate::control_call(path, {"report", {}}, 5000);
+  ASSERT_FALSE(reply);
+  EXPECT_TRUE(contains(reply.error(), "another user (65534)")) << reply.error();
+}
+
+TEST(ControlPath, AnAnswerWithoutEndIsGivenUp) {
+  const Folder folder;
+  const std::string path = folder.file("s");
+  const Listener listener(path, ::geteuid(), [](int fd) {
+    const std::string much(65536, 'x');
+    for (int i = 0; i < 320 && ::send(fd, much.data(), much.size(), MSG_NOSIGNAL) > 0;
+         ++i) {  // 20 MiB, and no line end
+    }
+  });
+  const auto reply = operate::control_call(path, {"report", {}}, 60'000);
+  ASSERT_FALSE(reply);
+  EXPECT_TRUE(contains(reply.error(), "more than 16777216 bytes")) << reply.error();
 }
 
 TEST(ControlPath, ALongOneIsRefusedInWords) {

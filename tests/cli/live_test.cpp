@@ -275,8 +275,68 @@ TEST(Moving, WhatIsNoExportIsRefused) {
   EXPECT_EQ(import(R"({"berth_export": 1, "files": [{"name": "a", "base64": "A"}]})"), 2);
   EXPECT_EQ(import(R"({"berth_export": 1, "files": [{"name": "a", "base64": "=AAA"}]})"), 2);
   EXPECT_EQ(import(R"({"berth_export": 1, "files": [{"name": "a", "base64": ""}, {"name": "a", "base64": ""}]})"), 2);
+  EXPECT_EQ(import(std::string(1'000'000, '[')), 2);
+  const auto many =
+      berth({"import", folder.write("y.berth", "{\"a\\\"[[[[[[[[[[\": [" + std::string(100'001, ',') + "]}")});
+  EXPECT_NE(many.err.find("too many values, at byte 100017"), std::string::npos) << many.err;
   EXPECT_EQ(berth({"import", folder.file("none")}).status, 2);
   EXPECT_FALSE(exists(folder.file("into")));
+}
+
+TEST(Moving, AnExportFromElsewhereWritesNothingButPlainNewFiles) {
+  const Folder folder;
+  const auto import = [&](const std::string& name, const std::string& more = "") {
+    const std::string text = R"({"berth_export": 1, "files": [{"name": "a/first", "base64": ""}, {"name": ")" + name +
+                             R"(", "base64": ""}])" + more + "}";
+    return berth({"import", folder.write("x.berth", text), folder.file("into")});
+  };
+  for (const char* const name : {".bashrc", ".config/x", "x/.hidden", "a/./b", "a//b", "x\\u001b[2J", "x\\ny", "x\\\\y",
+                                 "\\u202egnp", "x/", "..", "a/first/under", "a"}) {
+    const auto out = import(name);
+    EXPECT_EQ(out.status, 2) << name << out.err;
+    EXPECT_EQ(out.err.find('\x1b'), std::string::npos) << name;
+    EXPECT_FALSE(exists(folder.file("into"))) << name;
+  }
+  const auto store = import("b", R"(, "store": {"name": "m.db", "base64": "bm8gc3RvcmU="})");
+  EXPECT_EQ(store.status, 2) << store.err;
+  EXPECT_NE(store.err.find("not a Berth store"), std::string::npos) << store.err;
+  EXPECT_FALSE(exists(folder.file("into")));
+}
+
+// The folder that it is put into may be another person's work: links in it lead elsewhere.
+TEST(Moving, AnImportFollowsNoLinks) {
+  const Folder folder;
+  const Folder elsewhere;
+  const std::string file = folder.write(
+      "x.berth",
+      R"({"berth_export": 1, "files": [{"name": "m.toml", "base64": ""}, {"name": "sub/b", "base64": ""}]})");
+  ASSERT_EQ(::symlink(elsewhere.file(".").c_str(), folder.file("sub").c_str()), 0);
+  const auto out = berth({"import", file, folder.file(".")});
+  EXPECT_EQ(out.status, 1) << out.err;
+  EXPECT_FALSE(exists(elsewhere.file("b")));
+  EXPECT_FALSE(exists(folder.file("m.toml")));
+  ASSERT_EQ(::unlink(folder.file("sub").c_str()), 0);
+  ASSERT_EQ(::symlink(elsewhere.file("new").c_str(), folder.file("m.toml").c_str()), 0);
+  EXPECT_EQ(berth({"import", file, folder.file(".")}).status, 1);
+  EXPECT_FALSE(exists(elsewhere.file("new")));
+  EXPECT_FALSE(exists(folder.file("sub")));
+}
+
+TEST(Moving, AnImportThatFailsHalfWayTakesAwayWhatItMadeAndNothingElse) {
+  const Folder folder;
+  // The name of the last file fits into an export, and with its folder into no path of the system.
+  std::string deep = "d";
+  for (int i = 0; i < 40; ++i) deep += "/dd";
+  const std::string into = folder.file(std::string(100, 'p') + "/" + std::string(200, 'q'));
+  std::string base = into;
+  while (base.size() < 4000) base += "/" + std::string(100, 'r');
+  const std::string file =
+      folder.write("x.berth", R"({"berth_export": 1, "files": [{"name": "a", "base64": ""}, {"name": ")" + deep +
+                                  R"(", "base64": ""}]})");
+  const auto out = berth({"import", file, base});
+  EXPECT_NE(out.status, 0);
+  EXPECT_FALSE(exists(folder.file(std::string(100, 'p'))));
+  EXPECT_TRUE(exists(file));
 }
 
 }  // namespace

@@ -318,6 +318,16 @@ TEST(EdsQuirks, HC4_22_InlineComment) {
   EXPECT_EQ(read_variable(u32, "DefaultValue=;none").file.description->default_of(*sub(text, 0x2000)).present(), true);
 }
 
+// `Lines` is an Unsigned16: more comments than it can count are a file made to fill memory.
+TEST(EdsQuirks, VeryManyCommentsAreLeftOut) {
+  std::string text = file_with(variable(u32, "")) + "[Comments]\nLines=70000\n";
+  for (int i = 1; i <= 70'000; ++i) text += "Line" + std::to_string(i) + "=a\n";
+  const auto loaded = read_text(text);
+  EXPECT_EQ(loaded.file.comments.size(), 65'535U);
+  EXPECT_TRUE(std::ranges::any_of(loaded.findings,
+                                  [](const Finding& f) { return f.message.find("left out") != std::string::npos; }));
+}
+
 TEST(EdsQuirks, HC4_23_CommentsWithoutLinesAndPartialDummyUsage) {
   const auto r =
       read_text(file_with(variable(u32, "")) + "[Comments]\nLine1=hello\n[DummyUsage]\nDummy0005=1\nDummy0002=0\n");

@@ -357,5 +357,39 @@ TEST_F(PlantPortTest, AStrangerWhoSendsNonsenseIsPutOutAndOthersGoOn) {
   EXPECT_TRUE(run_until([&] { return std::ranges::count(peer_ear_.log, "< 123#") == 1; }));
 }
 
+// The loop comes round while a client writes without end.
+TEST_F(PlantPortTest, AFastWriterGetsItsShareOfATurn) {
+  sockaddr_un address{};
+  ASSERT_TRUE(address_of(path_, address));
+  const int fd = ::socket(AF_UNIX, SOCK_SEQPACKET, 0);
+  ASSERT_EQ(::connect(fd, reinterpret_cast<sockaddr*>(&address), sizeof address), 0);
+  const auto give = [&](const Message& m) {
+    const auto bytes = encode(m);
+    return ::send(fd, bytes.data(), bytes.size(), MSG_NOSIGNAL | MSG_DONTWAIT) > 0;
+  };
+  const auto answers = [&] {
+    std::array<std::uint8_t, longest_message> bytes{};
+    unsigned count = 0;
+    while (::recv(fd, bytes.data(), bytes.size(), MSG_DONTWAIT) > 0) ++count;
+    return count;
+  };
+  Message hello{.kind = MessageKind::hello};
+  hello.text = "backbone";
+  ASSERT_TRUE(give(hello));
+  unsigned welcomed = 0;
+  ASSERT_TRUE(run_until([&] { return (welcomed += answers()) > 0; }));
+  // Of no tag: each is refused at once.
+  Message frame{.kind = MessageKind::send};
+  frame.frame = can::Frame::base(0x123, {});
+  unsigned given = 0;
+  while (given < 200 && give(frame)) ++given;
+  ASSERT_GT(given, 2 * PlantSocket::most_at_once) << "so many must be there at once";
+  loop_.serve();
+  EXPECT_LE(answers(), PlantSocket::most_at_once);
+  unsigned rest = 0;
+  EXPECT_TRUE(run_until([&] { return (rest += answers()) + PlantSocket::most_at_once >= given; }));
+  ::close(fd);
+}
+
 }  // namespace
 }  // namespace berth::io

@@ -454,6 +454,39 @@ TEST_F(SlcanPortTest, RubbishIsPassedOverAndToldWithItsPlace) {
   EXPECT_TRUE(port->status().up);
 }
 
+// An adapter that means harm: answers that nobody asked for, confirmations of frames that were never given, lines cut
+// anywhere, bytes that are no line. What waits stays bounded, each frame is confirmed once at most, and the port goes
+// on.
+TEST_F(SlcanPortTest, AHostileAdapterAtTheByteLevel) {
+  Adapter adapter(path_, Style::lawicel);
+  adapter.acknowledge = false;
+  const auto port = open();
+  ASSERT_TRUE(port);
+  const std::array<std::string, 12> words{
+      "\r",           "\a",      "z\r",         "Z\r",     "F81\r", "t1232AABB\r",
+      "T1F9400000\r", "V1013\r", "t7E520401\r", "N1234\r", "t1239", std::string("\0\xff\x1b[2J", 6)};
+  Random random(9);
+  std::uint32_t tag = 0;
+  for (int round = 0; round < 300; ++round) {
+    std::string bytes;
+    for (int i = 0; i < 20; ++i) {
+      const std::string& word = words[random.below(words.size())];
+      bytes += word.substr(0, 1 + random.below(word.size()));
+    }
+    adapter.put(bytes);
+    if (port->send(can::Frame::base(0x7E5, {4, 1}), tag + 1) == can::Queued::yes) ++tag;
+    for (int i = 0; i < 3; ++i) loop_.turn(1ms);
+    ASSERT_LE(port->status().queued, 64U);
+    ASSERT_LE(ear_.tags.size(), tag);
+    ear_.frames.clear();
+  }
+  std::ranges::sort(ear_.tags);
+  EXPECT_EQ(std::ranges::adjacent_find(ear_.tags), ear_.tags.end()) << "confirmed twice";
+  adapter.acknowledge = true;
+  adapter.put("\r\rt1252DDEE\r");
+  EXPECT_TRUE(run_until([&] { return std::ranges::count(ear_.frames, can::Frame::base(0x125, {0xDD, 0xEE})) == 1; }));
+}
+
 TEST_F(SlcanPortTest, FlagsCount) {
   Adapter adapter(path_, Style::lawicel);
   adapter.flags = "F81\r";

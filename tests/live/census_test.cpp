@@ -15,18 +15,33 @@ using can::Frame;
 using Objects = std::map<std::uint32_t, std::vector<std::uint8_t>>;  // index << 8 | sub
 
 // Node 5: answers uploads from a list, in one segment, and beats when it is told to.
-class Node final : private can::Handler {
+class Node final : private can::Handler, private rt::Job {
  public:
   Node(can::Dispatcher& dispatcher, Objects objects) : dispatcher_(&dispatcher), objects_(std::move(objects)) {
     dispatcher.add({0x605, 0x605}, *this);
   }
   void beat() { dispatcher_->send(Frame::base(0x705, {0x05})); }
   unsigned asked = 0;
+  std::uint32_t endless = 0;  // of this object there is no last segment
+  std::uint8_t piece = 7;     // bytes in each
+  rt::Duration after{0};
 
  private:
   void received(const Frame& frame, rt::Time) noexcept override {
     ++asked;
     const auto& in = frame.data;
+    const auto object = std::uint32_t(in[2]) << 16U | std::uint32_t(in[1]) << 8U | in[3];
+    if (endless != 0 && in[0] == 0x40 && object == endless) {
+      dispatcher_->send(Frame::base(0x585, {0x40, in[1], in[2], in[3], 0, 0, 0, 0}));
+      return;
+    }
+    if ((in[0] & 0xE0U) == 0x60) {
+      const auto command = static_cast<std::uint8_t>((in[0] & 0x10U) | (7U - piece) << 1U);
+      next_ = Frame::base(0x585, {command, 'x', 'x', 'x', 'x', 'x', 'x', 'x'});
+      dispatcher_->executor().after(after, *this);
+      return;
+    }
+    if (in[0] == 0x80) return;
     Frame answer = Frame::base(0x585, {0x80, in[1], in[2], in[3], 0x00, 0x00, 0x02, 0x06});
     const auto found = objects_.find(std::uint32_t(in[2]) << 16U | std::uint32_t(in[1]) << 8U | in[3]);
     if (found != objects_.end()) {
@@ -37,8 +52,10 @@ class Node final : private can::Handler {
     }
     dispatcher_->send(answer);
   }
+  void run() noexcept override { dispatcher_->send(next_); }
   can::Dispatcher* dispatcher_;
   Objects objects_;
+  Frame next_;
 };
 
 const Objects complete{{0x100000, {0x91, 0x01, 0, 0}}, {0x101801, {1, 0, 0, 0}},    {0x101802, {2, 0, 0, 0}},
@@ -125,6 +142,29 @@ TEST_F(CensusOnABus, WithoutAnIdentityItSaysSo) {
   const auto nodes = ask();
   EXPECT_FALSE(nodes.at(0).identity);
   EXPECT_EQ(nodes[0].problem, "it has no identity object 1018h");
+}
+
+// A node may give segments for ever, fast or each just in time: it is left, and the next one is asked.
+class EndlessNode : public CensusOnABus, public ::testing::WithParamInterface<std::tuple<std::uint32_t, bool>> {};
+INSTANTIATE_TEST_SUITE_P(Objects, EndlessNode,
+                         ::testing::Combine(::testing::Values(0x100000U, 0x101801U, 0x101700U, 0x100800U),
+                                            ::testing::Bool()));
+
+TEST_P(EndlessNode, IsGivenUp) {
+  const auto [object, trickles] = GetParam();
+  Node node(device, complete);
+  node.endless = object;
+  node.piece = trickles ? 1 : 7;
+  node.after = trickles ? rt::Duration(450ms) : rt::Duration(0);
+  node.beat();
+  device.send(Frame::base(0x706, {0x05}));
+  world.run_for(1ms);
+  const auto nodes = ask();
+  ASSERT_EQ(nodes.size(), 2U);
+  EXPECT_GT(node.asked, 3U) << "it gave segments";
+  EXPECT_EQ(nodes[1].problem, "no answer to SDO") << "node 6, which only beats, was asked after it";
+  EXPECT_LT(nodes[0].name.size(), 65U);
+  EXPECT_EQ(nodes[0].identity.has_value(), object == 0x101700U || object == 0x100800U);
 }
 
 }  // namespace

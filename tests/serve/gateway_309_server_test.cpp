@@ -120,13 +120,69 @@ TEST_F(Gateway309Tcp, WhoTakesNothingIsLetGo) {
   EXPECT_TRUE(until([&] { return server_->clients() == 1; }));
 }
 
-TEST_F(Gateway309Tcp, GarbageIsAnsweredWithErrorsAndHarmsNobody) {
+TEST_F(Gateway309Tcp, GarbageAfterAValidCommandIsAnsweredWithErrorsAndHarmsNobody) {
   serve();
   Socket client(*this);
-  client.say("GET / HTTP/1.1\r\nHost: x\r\n\r\n" + std::string("\x00\xFF\x80\n", 4));
-  EXPECT_TRUE(client.hear("[0] ERROR:101\r\n[0] ERROR:101\r\n[0] ERROR:101\r\n"));
-  client.say("[1] set network 1\n");
-  EXPECT_TRUE(client.hear("[1] OK\r\n"));
+  client.say("[1] info version\nHost: x\r\n\r\n" + std::string("\x00\xFF\x80\n", 4));
+  EXPECT_TRUE(client.hear("[1] 0 0 0.0 0 2 3.0 1.0\r\n[0] ERROR:101\r\n[0] ERROR:101\r\n"));
+  client.say("[2] set network 1\n");
+  EXPECT_TRUE(client.hear("[2] OK\r\n"));
+}
+
+// A web page may post text/plain to any port of the person's own machine without being asked first: the header lines
+// are syntax errors, and a line of the body would be a command.
+TEST_F(Gateway309Tcp, AWebPageCommandsNothing) {
+  serve();
+  for (const std::string first :
+       {"POST / HTTP/1.1\r\n", "GET /?[1] HTTP/1.0\n", "Host: 127.0.0.1\n", "\r\n \r\nHEAD x HTTP/2\n"}) {
+    Socket page(*this);
+    page.say(first + "Host: 127.0.0.1:7000\r\nContent-Type: text/plain\r\n\r\n[2] 1 0 start\r\n[3] 1 5 start\r\n");
+    ASSERT_TRUE(page.hung_up()) << first;
+    EXPECT_EQ(page.heard(), "[0] ERROR:101\r\n") << first;
+  }
+  EXPECT_NE(std::ranges::find_if(told_, [](const auto& text) { return text.find("HTTP") != std::string::npos; }),
+            told_.end());
+  rig_.run_for(1s);
+  EXPECT_TRUE(rig_.heard().frames.empty()) << rig_.heard().frames.front();
+  EXPECT_TRUE(until([&] { return server_->clients() == 0; }));
+}
+
+TEST_F(Gateway309Tcp, ALineThatIsTooLongBeforeTheFirstCommandEndsTheConnection) {
+  serve();
+  Socket client(*this);
+  client.say("[77] 1 5 w 0x2000 0 d " + std::string(200'000, 'A') + "\n[2] 1 0 start\n");
+  EXPECT_TRUE(client.hung_up());
+  rig_.run_for(1s);
+  EXPECT_TRUE(rig_.heard().frames.empty());
+}
+
+TEST_F(Gateway309Tcp, WhoSaysNothingIsLetGo) {
+  serve({.patience = 50ms});
+  Socket silent(*this);
+  Socket listener(*this);
+  listener.say("[1] set network 1\n");
+  ASSERT_TRUE(listener.hear("[1] OK\r\n"));
+  EXPECT_TRUE(silent.hung_up());
+  rig_.run_for(1s);
+  loop_.turn(1ms);
+  EXPECT_FALSE(listener.ended) << "after a command it may listen as long as it likes";
+  EXPECT_EQ(server_->clients(), 1U);
+}
+
+// All are of one peer here, so its own bound counts.
+TEST_F(Gateway309Tcp, SilentConnectionsLockNobodyOut) {
+  serve({.most_clients = 16, .most_per_peer = 8, .idle = 0ms});
+  std::vector<std::unique_ptr<Socket>> silent;
+  for (int i = 0; i < 16; ++i) {
+    silent.push_back(std::make_unique<Socket>(*this));
+    silent.back()->say("[1] set network 1\n");
+    ASSERT_TRUE(silent.back()->hear("[1] OK\r\n"));
+    EXPECT_LE(server_->clients(), 8U);
+  }
+  EXPECT_TRUE(silent.front()->hung_up()) << "silent for the longest";
+  Socket late(*this);
+  late.say("[1] 1 5 r 0x1000 0 u32\n");
+  EXPECT_TRUE(late.hear("[1] 74565\r\n"));
 }
 
 TEST_F(Gateway309Tcp, OneTooManyIsLetGo) {

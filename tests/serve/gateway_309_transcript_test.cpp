@@ -437,6 +437,7 @@ TEST(Gateway309, ACommissionerNeitherStartsNorResets) {
 TEST(Gateway309, AnOperationalDeviceOfARealBusIsLeftAlone) {
   Rig309 rig;
   rig.session().set_careful(true);
+  rig.house().commands = true;
   const char* const disturbing = R"(
 > [1] 1 5 reset node
 < [1] ERROR:102
@@ -460,6 +461,49 @@ TEST(Gateway309, AnOperationalDeviceOfARealBusIsLeftAlone) {
   for (const auto& f : rig.heard().frames) EXPECT_TRUE(f.starts_with("705#")) << f;
   rig.house().confirmed = true;
   rig.play("> [8] 1 5 reset node\n< [8] OK\n< 1 5 BOOT_UP\n");
+}
+
+// Nothing that changes a device leaves the gateway towards a real bus unless a person has allowed it there; questions
+// do.
+TEST(Gateway309, ARealBusIsOnlyReadUntilAPersonAllowsMore) {
+  const char* const commands = R"(
+> [1] 1 5 start
+< [1] ERROR:102
+> [2] 1 0 preop
+< [2] ERROR:102
+> [3] 1 5 stop
+< [3] ERROR:102
+> [4] 1 5 w 0x1017 0 u16 100
+< [4] ERROR:102
+> [5] 1 set tpdo 1 0x205 event 1 u8
+< [5] ERROR:102
+> [6] 1 write pdo 1 1 7
+< [6] ERROR:102
+> [7] 1 lss_switch_glob 0
+< [7] ERROR:102
+> [8] 1 lss_switch_sel 1 2 3 4
+< [8] ERROR:102
+> [9] 1 lss_set_node 9
+< [9] ERROR:102
+> [10] 1 lss_allnodes
+< [10] ERROR:102
+> [11] 1 _lss_fastscan
+< [11] ERROR:102
+)";
+  Rig309 rig;
+  rig.session().set_careful(true);
+  rig.play(commands);
+  EXPECT_TRUE(rig.heard().frames.empty()) << rig.heard().frames.front();
+  ASSERT_FALSE(rig.told.empty());
+  EXPECT_NE(rig.told.front().find("--commands"), std::string::npos) << rig.told.front();
+  rig.play("> [12] 1 5 r 0x1000 0 u32\n< [12] 74565\n> [13] 1 lss_ident_nonconf\n< [13] ERROR:103\n");
+  rig.house().commands = true;
+  rig.play("> [14] 1 5 w 0x1017 0 u16 100\n< [14] OK\n> [15] 1 5 start\n< [15] OK\n");
+}
+
+TEST(Gateway309, ASimulatedBusNeedsNoAllowance) {
+  Rig309 rig;
+  rig.play("> [1] 1 5 w 0x1017 0 u16 100\n< [1] OK\n> [2] 1 set tpdo 1 0x205 event 1 u8\n< [2] OK\n");
 }
 
 }  // namespace

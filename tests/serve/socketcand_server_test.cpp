@@ -113,7 +113,8 @@ TEST_F(Server, ABusThatIsNotThere) {
   EXPECT_TRUE(client.hung_up());
   EXPECT_EQ(client.heard(), "< error could not open bus >");
   ASSERT_TRUE(run_until([&] { return server_->clients() == 0; }));
-  for (const auto& line : told_) EXPECT_EQ(line.find('\x1b'), std::string::npos) << line;
+  // As it came: what prints it filters it (berth/text/printable.hpp).
+  EXPECT_TRUE(std::ranges::any_of(told_, [](const auto& line) { return line.find("\x1b[31mcan7") != line.npos; }));
 }
 
 TEST_F(Server, ABusNameWithBlanks) {

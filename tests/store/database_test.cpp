@@ -180,7 +180,8 @@ std::optional<Errc> random_call(places::SlotStore& store, Random r) {
     case 4: return code(store.confirm(slot, seat, "heard"));
     case 5: return code(store.clear(slot, "gone"));
     case 6:
-      return r.chance(500'000) ? code(store.ask_blank({seat.device, "m", "b", seat.id}, "x")) : code(store.confirm_blank(seat.device, "y"));
+      return r.chance(500'000) ? code(store.ask_blank({seat.device, "m", "b", seat.id}, "x"))
+                               : code(store.confirm_blank(seat.device, "y"));
     case 7: {
       const auto stage = static_cast<places::Configured::Stage>(r.below(3));
       return code(store.configure(slot, {stage, seat.device, static_cast<std::uint32_t>(r.next()), 86'399'999}, "dcf"));
@@ -342,6 +343,127 @@ TEST(Store, RefusesADamagedStore) {
     raw.exec("PRAGMA journal_mode = DELETE; DROP TABLE blanks");
   }
   expect_refused(folder.file("tableless"), "no such table: blanks");
+}
+
+// A store from elsewhere may bring statements of its own: none of them is ever run.
+TEST(Store, RefusesASchemaThatBerthDidNotMake) {
+  const Folder folder;
+  must_open(folder.file());
+  const auto whole = bytes_of(folder.file());
+  struct Case {
+    const char* sql;
+    const char* words;
+  };
+  const Case cases[] = {
+      {"CREATE TRIGGER fill AFTER INSERT ON history BEGIN INSERT INTO slots (machine, bus, name) WITH RECURSIVE n(i) "
+       "AS "
+       "(SELECT 1 UNION ALL SELECT i + 1 FROM n) SELECT 'm', 'b', 'x' || i FROM n; END",
+       "trigger fill"},
+      {"CREATE VIEW look AS SELECT randomblob(1000000000)", "view look"},
+      {"CREATE TABLE more (x)", "table more"},
+      {"CREATE INDEX slow ON history (hex(reason))", "index slow"},
+      {"DROP TRIGGER history_names_devices", "no such trigger: history_names_devices"},
+      {"DROP TABLE marks", "no such table: marks"},
+      {"ALTER TABLE slots ADD COLUMN more TEXT DEFAULT (1)", "table slots"},
+      {"DROP TABLE slots; CREATE TABLE slots (id INTEGER PRIMARY KEY AUTOINCREMENT, machine TEXT NOT NULL, bus TEXT "
+       "NOT "
+       "NULL, name TEXT NOT NULL CHECK ((WITH RECURSIVE n(i) AS (SELECT 1) SELECT 1 FROM n)), UNIQUE (machine, bus, "
+       "name)) STRICT",
+       ""},
+      {"PRAGMA writable_schema = ON; UPDATE sqlite_master SET sql = replace(sql, 'BETWEEN 0 AND 255', '< "
+       "randomblob(9)')",
+       "table"},
+  };
+  for (const auto& c : cases) {
+    write_bytes(folder.file("x"), whole);
+    try {
+      SQLite::Database raw(folder.file("x"), SQLite::OPEN_READWRITE);
+      raw.exec("PRAGMA journal_mode = DELETE");
+      raw.exec(c.sql);
+    } catch (const SQLite::Exception& error) {
+      EXPECT_STREQ(c.words, "") << error.what();  // SQLite itself refuses a subquery in a CHECK
+      continue;
+    }
+    expect_refused(folder.file("x"), c.words);
+  }
+}
+
+// What `open` would refuse is refused before it is a file.
+TEST(Store, BytesAreLookedAtBeforeTheyAreAFile) {
+  const Folder folder;
+  {
+    auto store = must_open(folder.file());
+    for (int i = 0; i < 50; ++i) ASSERT_TRUE(store->declare({"m", "b", "slot " + std::to_string(i)}));
+  }
+  const auto whole = bytes_of(folder.file());
+  EXPECT_TRUE(Database::look(whole, "in x"));
+  EXPECT_TRUE(Database::look("", "in x"));
+  const auto refused = [](const std::string& bytes, const char* words) {
+    const auto seen = Database::look(bytes, "in x");
+    ASSERT_FALSE(seen) << words;
+    EXPECT_TRUE(seen.error().message.starts_with("in x: ")) << seen.error().message;
+    EXPECT_NE(seen.error().message.find(words), std::string::npos) << seen.error().message;
+  };
+  refused("x", "not a Berth store");
+  refused(whole.substr(0, 100), "damaged");
+  refused(whole.substr(0, whole.size() / 2), "damaged");
+  {
+    SQLite::Database raw(folder.file(), SQLite::OPEN_READWRITE);
+    raw.exec("PRAGMA journal_mode = DELETE; CREATE TRIGGER fill AFTER INSERT ON history BEGIN SELECT 1; END");
+  }
+  refused(bytes_of(folder.file()), "trigger fill");
+}
+
+// A signal or a deadline ends what takes long, and nothing is changed.
+TEST(Store, WhatTakesLongCanBeEnded) {
+  const Folder folder;
+  must_open(folder.file());
+  {
+    SQLite::Database raw(folder.file(), SQLite::OPEN_READWRITE);
+    raw.exec(
+        "WITH RECURSIVE n(i) AS (SELECT 1 UNION ALL SELECT i + 1 FROM n LIMIT 50000) "
+        "INSERT INTO history (stamp_ms, event, node_id, reason) SELECT i, 'e', 255, 'r' FROM n");
+  }
+  unsigned asked = 0;
+  const auto refused = Database::open(folder.file(), {.ended = [&] { return ++asked > 0; }});
+  ASSERT_FALSE(refused);
+  EXPECT_GT(asked, 0U);
+  EXPECT_NE(refused.error().message.find("ended"), std::string::npos) << refused.error().message;
+  EXPECT_TRUE(refused.error().message.starts_with(folder.file()));
+  bool over = false;
+  auto opened = Database::open(folder.file(), {.ended = [&] { return over; }});
+  ASSERT_TRUE(opened);
+  EXPECT_EQ((*opened)->history(std::nullopt).value().size(), 50'000U);
+  over = true;
+  EXPECT_FALSE((*opened)->history(std::nullopt));
+}
+
+// Many devices in a store of schema 1: what brings it up looks at each line of the history a few times, not at all
+// lines for each device.
+TEST(Store, AnOldStoreWithManyDevicesIsBroughtUpInReason) {
+  const Folder folder;
+  {
+    SQLite::Database raw(folder.file(), SQLite::OPEN_READWRITE | SQLite::OPEN_CREATE);
+    create_schema(raw, 1);
+    raw.exec(
+        "WITH RECURSIVE n(i) AS (SELECT 1 UNION ALL SELECT i + 1 FROM n LIMIT 20000) INSERT INTO history (stamp_ms, "
+        "event, vendor, product, revision, serial, node_id, reason) SELECT i, 'e', 1, 2, 3, i, 255, '' FROM n");
+  }
+  unsigned asked = 0;  // once in 100,000 steps
+  auto opened = Database::open(folder.file(), {.ended = [&] { return ++asked > 200; }});
+  ASSERT_TRUE(opened) << opened.error().message;
+  EXPECT_EQ((*opened)->devices().value().size(), 20'000U);
+}
+
+TEST(Store, AValueLongerThanAnyOfBerthsIsDamage) {
+  const Folder folder;
+  must_open(folder.file());
+  {
+    SQLite::Database raw(folder.file(), SQLite::OPEN_READWRITE);
+    raw.exec("INSERT INTO slots (machine, bus, name) VALUES ('m', 'b', hex(zeroblob(2000000)))");
+  }
+  auto opened = Database::open(folder.file());
+  EXPECT_TRUE(!opened || !(*opened)->load("m"));
 }
 
 TEST(Store, ADamagedByteNeverCrashesIt) {

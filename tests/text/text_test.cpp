@@ -1,4 +1,5 @@
 #include "berth/text/file.hpp"
+#include "berth/text/printable.hpp"
 #include "berth/text/toml.hpp"
 #include "tests/pch.hpp"
 
@@ -44,6 +45,32 @@ TEST(Ranges, AscendingOnly) {
   }
 }
 
+TEST(Printable, WhatMovesATerminalIsShownInstead) {
+  EXPECT_EQ(printable("plain\n\ttext"), "plain\n\ttext");
+  EXPECT_EQ(printable("Gr\xC3\xB6\xC3\x9F"
+                      "e \xE2\x82\xAC \xF0\x9F\x9A\xA2"),
+            "Gr\xC3\xB6\xC3\x9F"
+            "e \xE2\x82\xAC \xF0\x9F\x9A\xA2");
+  EXPECT_EQ(printable("\x1B[2J\x1B]0;x\x07"), "\\u001b[2J\\u001b]0;x\\u0007");
+  EXPECT_EQ(printable("a\rb\x08\x7F"), "a\\u000db\\u0008\\u007f");
+  EXPECT_EQ(printable(std::string_view("\0", 1)), "\\u0000");
+  EXPECT_EQ(printable("\x9B"
+                      "31m"),
+            "\\x9b31m")
+      << "C1 as a byte";
+  EXPECT_EQ(printable("\xC2\x9B"
+                      "31m"),
+            "\\u009b31m")
+      << "C1 as UTF-8";
+  EXPECT_EQ(printable("\xE2\x80\xAE"
+                      "exe\xE2\x81\xA9"),
+            "\\u202eexe\\u2069")
+      << "the direction of writing";
+  EXPECT_EQ(printable("\xC0\x9B\xE0\x82\x9B\xED\xA0\x80"), "\\xc0\\x9b\\xe0\\x82\\x9b\\xed\\xa0\\x80")
+      << "overlong, a surrogate";
+  EXPECT_EQ(printable("\xE2\x82"), "\\xe2\\x82") << "cut short";
+}
+
 TEST(Closest, NearWordsOnly) {
   const std::array<std::string_view, 3> words{"bitrate", "port", "master_id"};
   EXPECT_EQ(closest("bitrat", words), "bitrate");
@@ -55,6 +82,22 @@ TEST(Closest, NearWordsOnly) {
 }
 
 std::optional<Value> read(std::string_view text, Findings& findings) { return parse_toml(text, "t.toml", findings); }
+
+// Nor is the memory: a file with very many values is refused where they are too many.
+TEST(Toml, AFileOfVeryManyValuesIsRefused) {
+  Findings findings;
+  std::string lines;
+  for (int i = 0; i < 200'001; ++i) lines += "#\n";
+  EXPECT_FALSE(read(lines, findings));
+  ASSERT_EQ(findings.size(), 1U);
+  EXPECT_EQ(findings[0].line, 200'001);
+  findings.clear();
+  std::string row = "a = [";
+  for (int i = 0; i < 200'001; ++i) row += "1,";
+  EXPECT_FALSE(read(row + "]", findings));
+  ASSERT_EQ(findings.size(), 1U);
+  EXPECT_EQ(findings[0].column, 5 + 2 * 200'001);
+}
 
 // The stack is not theirs: a key of many parts is a table in a table in a table.
 TEST(Toml, AKeyOfVeryManyPartsIsRefused) {

@@ -95,6 +95,21 @@ TEST(Candump, ErrorFramesAndClocksSetBackAreWarnings) {
   EXPECT_EQ(reading.trace.entries.size(), 3U);
 }
 
+// Each bus costs what reads the trace: there is a bound, and what is beyond it is told with its line.
+TEST(Candump, VeryManyBusesAreRefused) {
+  std::string text;
+  for (int i = 0; i < 300; ++i) text += "(0.000001) bus" + std::to_string(i) + " 123#\n";
+  text += "(0.000002) bus7 124#\n";
+  const auto reading = read_candump(text, "t.log");
+  EXPECT_EQ(reading.trace.buses.size(), 256U);
+  EXPECT_EQ(reading.trace.entries.size(), 257U) << "of the known ones all";
+  EXPECT_EQ(reading.trace.entries.back().bus, 7U);
+  ASSERT_FALSE(reading.findings.empty());
+  EXPECT_EQ(reading.findings.front().severity, Finding::Severity::error);
+  EXPECT_EQ(reading.findings.front().line, 257);
+  EXPECT_NE(reading.findings.front().message.find("256 buses"), std::string::npos);
+}
+
 TEST(Candump, ManyFindingsAreCounted) {
   std::string text;
   for (int i = 0; i < 1000; ++i) text += "bad\n";
