@@ -118,6 +118,8 @@ TEST_F(Channels, A1_2_RestrictedCanIds) {
     }
   }
   EXPECT_EQ(write(0x1201, 1, 0x800), AbortCode::invalid_value) << "more than 11 bits";
+  EXPECT_EQ(write(0x1201, 1, 0x8000'0800U), AbortCode::invalid_value) << "valid or not";
+  EXPECT_EQ(write(0x1280, 2, 0x9000'0000U), AbortCode::invalid_value);
   for (const std::uint32_t id : {0x080U, 0x100U, 0x181U, 0x580U, 0x600U, 0x680U, 0x6DFU, 0x700U}) {
     EXPECT_EQ(write(0x1202, 1, id), AbortCode::none) << id;
     EXPECT_EQ(write(0x1202, 1, 0x8000'0000U | id), AbortCode::none);
