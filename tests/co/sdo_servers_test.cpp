@@ -244,7 +244,7 @@ TEST_F(Pending, StreamsOpenAndCloseLater) {
   stream.on_open = stream.on_close = AbortCode::pending;
   EXPECT_EQ(ask("C204200007000000"), "");
   EXPECT_EQ(ask("0183060000000000"), "") << "segments before the answer are not heard";
-  EXPECT_EQ(completed(AbortCode::none).substr(0, 16), "585#A40420007F00");
+  EXPECT_EQ(completed(AbortCode::none).substr(0, 16), "585#A00420007F00");
   Bytes data(7);
   for (std::size_t i = 0; i < 7; ++i) data[i] = Pattern::at(i);
   EXPECT_EQ(ask(segments_of(data)[0]).substr(0, 4), "A201");
