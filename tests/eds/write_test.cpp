@@ -186,14 +186,21 @@ struct StrictReader {
     }
     need("FileInfo", {"FileName", "FileVersion", "FileRevision", "EDSVersion", "Description", "CreationTime",
                       "CreationDate", "CreatedBy", "ModificationTime", "ModificationDate", "ModifiedBy"});
-    need("DeviceInfo", {"VendorName",        "VendorNumber",   "ProductName",
-                        "ProductNumber",     "RevisionNumber", "OrderCode",
-                        "BaudRate_10",       "BaudRate_20",    "BaudRate_50",
-                        "BaudRate_125",      "BaudRate_250",   "BaudRate_500",
-                        "BaudRate_800",      "BaudRate_1000",  "SimpleBootUpMaster",
-                        "SimpleBootUpSlave", "Granularity",    "DynamicChannelsSupported",
-                        "GroupMessaging",    "NrOfRXPDO",      "NrOfTXPDO",
-                        "LSS_Supported"});
+    // A key whose number is not known is absent: an empty one is no number to python-canopen.
+    for (const char* number : {"VendorNumber", "ProductNumber", "RevisionNumber"}) {
+      const auto found = sections["DeviceInfo"].find(number);
+      if (found != sections["DeviceInfo"].end() && found->second.empty()) fail(std::string(number) + " is empty");
+    }
+    for (const char* number : {"NodeID", "Baudrate", "NetNumber"}) {
+      const auto commissioning = sections.find("DeviceComissioning");
+      if (commissioning == sections.end()) break;
+      const auto found = commissioning->second.find(number);
+      if (found != commissioning->second.end() && found->second.empty()) fail(std::string(number) + " is empty");
+    }
+    need("DeviceInfo",
+         {"VendorName", "ProductName", "OrderCode", "BaudRate_10", "BaudRate_20", "BaudRate_50", "BaudRate_125",
+          "BaudRate_250", "BaudRate_500", "BaudRate_800", "BaudRate_1000", "SimpleBootUpMaster", "SimpleBootUpSlave",
+          "Granularity", "DynamicChannelsSupported", "GroupMessaging", "NrOfRXPDO", "NrOfTXPDO", "LSS_Supported"});
     need("DummyUsage", {"Dummy0001", "Dummy0002", "Dummy0003", "Dummy0004", "Dummy0005", "Dummy0006", "Dummy0007"});
     need("Comments", {"Lines"});
     std::set<std::string> listed;
