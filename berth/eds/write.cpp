@@ -245,8 +245,9 @@ class Writer {
       value(object, subs.front(), object.code, std::nullopt);
     } else {
       parameter_name(description_.name(object), name);
+      // Their sub-objects have a DataType each; beside ObjectType it is for CompactSubObj only (CiA 306-1 §4.6.3), and
+      // the npm package canopen takes no file that has it there.
       out_.plain("ObjectType", fmt::format("0x{:X}", static_cast<unsigned>(object.code)));
-      if (object.type != od::DataType::none) data_type(object.type);
       flags(object.obj_flags);
       out_.number("SubNumber", static_cast<std::uint64_t>(std::ranges::count_if(
                                    subs, [](const od::SubObject& each) { return each.sub != 0xFF; })));

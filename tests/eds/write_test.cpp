@@ -391,6 +391,20 @@ TEST(EdsWrite, HU_10_BytesOfAStringStayWhateverTheFilesEncoding) {
   }
 }
 
+// A DataType beside ObjectType is for CompactSubObj only: the npm package canopen refuses a file with another.
+TEST(EdsWrite, E2_2_AnArrayHasItsDataTypeInItsSubObjects) {
+  od::DescriptionBuilder builder;
+  builder.object(0x2000, od::ObjectCode::array, "words", DataType::unsigned16);
+  builder.sub(0x2000, {.sub = 1, .name = "word", .type = DataType::unsigned16});
+  File file;
+  file.description = builder.build();
+  const auto text = write(file).text;
+  const auto begin = text.find("[2000]");
+  const auto section = text.substr(begin, text.find("[2000sub0]") - begin);
+  EXPECT_EQ(section.find("DataType"), std::string::npos) << section;
+  EXPECT_EQ(read(text, "t").file.description->find(ObjectRef{0x2000, 1})->type, DataType::unsigned16);
+}
+
 /// Every real file: unchanged by the editor byte for byte, and equal after being written anew.
 TEST(EdsWrite, HU_17_RealFilesLoseNothing) {
   unsigned files = 0;
