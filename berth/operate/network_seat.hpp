@@ -14,6 +14,8 @@ struct Network::Seat {
   places::SlotState state = places::SlotState::unknown;
   rt::Time since{};
   std::string reason;
+  // Its last error, since its boot-up.
+  std::optional<co::Emcy> emergency;
   bool there = false;                      ///< its device was identified under the slot's node-ID
   bool started = false;                    ///< NMT start was sent
   bool awaited = false;                    ///< NMT start was sent just now, and its heartbeat has not told yet

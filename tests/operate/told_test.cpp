@@ -11,6 +11,27 @@ std::string reason_of(Rig& rig) { return rig.network().report().front().reason; 
 
 }  // namespace
 
+// Issue 12: "no heartbeat told ..." hid the EMCY 5000h that explains it.
+TEST(Told, AnEmergencyExplainsWhyADeviceDoesNotBecomeOperational) {
+  auto machine = one_bus(125'000);
+  add_slot(machine, 3, type_b);
+  auto plant = one_bus_plant(1);
+  add_device(plant, "a", type_b, 7);
+  Rig rig(machine, plant);
+  auto& device = rig.device("a").device();
+  device.on().state = [&](NmtState state) {
+    if (state != NmtState::operational) return;
+    device.raise(0x5000, 0x01);
+    device.apply(co::NmtCommand::enter_pre_operational);
+  };
+  rig.begin();
+  rig.run_for(20s);
+  EXPECT_EQ(rig.state(3), SlotState::failed) << rig.log();
+  EXPECT_EQ(
+      reason_of(rig),
+      "it was started and no heartbeat told that it is operational; it told an error: EMCY 5000h (device hardware)");
+}
+
 // Issue 12: `nmt preop` after `nmt stop` left "it was made stopped" in the status.
 TEST(Told, TheReasonFollowsTheNextCommand) {
   auto machine = one_bus(125'000);
