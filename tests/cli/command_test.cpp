@@ -41,8 +41,8 @@ class Command : public ::testing::Test {
   std::string left = "00000001-00000001-00000000-00000020";
 };
 
-// Two devices of one type that came with the node-IDs of its slots, against the order of their serial numbers: the machine
-// was commissioned before, and keeps its order (docs/machine-file.md, `ascending`).
+// Two devices of one type that came with the node-IDs of its slots, against the order of their serial numbers: the
+// machine was commissioned before, and keeps its order (docs/machine-file.md, `ascending`).
 TEST_F(Command, UpKeepsTheOrderOfACommissionedMachine) {
   std::string text(small_plant);
   for (const auto& [serial, id] : {std::pair("0x21", 2), std::pair("0x20", 3)}) {
@@ -117,6 +117,16 @@ TEST_F(Command, SdoReadsAndWritesWithTypes) {
   EXPECT_EQ(raw.at("index"), "0x1018");
   EXPECT_EQ(reply({"sdo", "write", "9", "0x1017", "0", "0x1F4", "--type", "u16"}, 0, true).at("bytes"), "F4 01");
   EXPECT_EQ(reply({"sdo", "write", "9", "0x1017", "0", "F4 01"}, 0, true).at("bytes"), "F4 01");
+}
+
+// Issue 12: no bytes are a value, and block transfer can be wanted.
+TEST_F(Command, SdoOfNoBytesAndByBlockTransfer) {
+  EXPECT_EQ(reply({"sdo", "write", "9", "0x1017", "0", "500", "--type", "u16", "--block"}, 0, true).at("bytes"),
+            "F4 01");
+  EXPECT_EQ(reply({"sdo", "read", "9", "0x1017", "0", "--type", "u16", "--block"}, 0, true).at("value"), 100);
+  const Json nothing = reply({"sdo", "write", "9", "0x1017", "0", ""}, 1, true).at("error");
+  EXPECT_EQ(nothing.at("abort_code"), "0x06070013") << "it went to the device, whose object has two bytes";
+  EXPECT_EQ(reply({"sdo", "write", "9", "0x1017", "0", "", "-t", "u16"}, 2, true).at("error").is_object(), true);
 }
 
 TEST_F(Command, SdoFailuresSayWhereAndWhy) {
