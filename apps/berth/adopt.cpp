@@ -54,6 +54,7 @@ std::string remarks(const live::NodeSeen& node) {
     add("heartbeat every " + text::write_duration(std::chrono::round<std::chrono::milliseconds>(node.period)));
   }
   if (node.guarded) add("guarded by its master");
+  if (node.nmt_master) add("an NMT master by its 1F80h");
   if (node.state) add(berth::name(*node.state));
   return text;
 }
@@ -144,6 +145,17 @@ void pass(Rig& rig, rt::Duration time, const bool& over, Interrupt& interrupt) {
   }
 }
 
+// A master that sends nothing but its heartbeat commands nobody while we listen: its objects tell.
+void name_quiet_master(Learnt& learnt) {
+  for (const auto& node : learnt.nodes) {
+    if (!node.nmt_master || learnt.master_id.configured()) continue;
+    learnt.master_id = node.id;
+    learnt.master.push_back(
+        fmt::format("node {} is an NMT master: bit 0 of its 1F80h is set{}; it commanded nobody while Berth listened",
+                    node.id.value(), node.network_list ? ", and it has a network list (1F81h)" : std::string()));
+  }
+}
+
 tl::expected<Learnt, Failure> learn(Rig& rig, const Options& options, const AdoptOptions& adopt) {
   const design::Bus& bus = rig.machine().buses.front();
   auto& dispatcher = rig.session().network(bus.name)->dispatcher();
@@ -176,6 +188,7 @@ tl::expected<Learnt, Failure> learn(Rig& rig, const Options& options, const Adop
     if (!problem.empty()) return tl::unexpected(failure(Exit::failed, fmt::format("bus {}: {}", bus.name, problem)));
   }
   learnt.nodes = census.nodes();
+  name_quiet_master(learnt);
   learnt.sync = census.sync_period();
   learnt.frames = census.frames();
   return learnt;
@@ -189,6 +202,7 @@ Json json_of(const live::NodeSeen& node) {
   if (!node.name.empty()) json["name"] = node.name;
   if (!node.problem.empty()) json["problem"] = node.problem;
   json["other_sdo_client"] = node.foreign_client;
+  json["nmt_master"] = node.nmt_master;
   return json;
 }
 

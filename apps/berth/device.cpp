@@ -12,6 +12,7 @@
 #include <nlohmann/json.hpp>
 #include <set>
 
+#include "berth/device/storage_words.hpp"
 #include "berth/io/open_port.hpp"
 #include "berth/plant/port_device.hpp"
 #include "berth/serve/hub.hpp"
@@ -151,13 +152,15 @@ class Voice final : public plant::PortDevices::Observer {
         json["devices"].push_back({{"device", d->name()},
                                    {"bus", d->plan().bus},
                                    {"port", ports.at(d->plan().bus)->name()},
-                                   {"lss_address", to_string(d->device().options().address)}});
+                                   {"lss_address", to_string(d->device().options().address)},
+                                   {"unlike_description", device::storage_words(d->device())}});
       }
       return print_line(json.dump());
     }
     for (const auto& d : devices.all()) {
       print_line(fmt::format("{:<20} {} on {}", d->name(), to_string(d->device().options().address),
                              ports.at(d->plan().bus)->name()));
+      for (const auto& words : device::storage_words(d->device())) print_line("    " + words);
     }
     print_line("Ctrl-C ends it");
   }

@@ -7,8 +7,10 @@
 #include <algorithm>
 #include <nlohmann/json.hpp>
 
+#include "berth/doctor/conformance.hpp"
 #include "berth/doctor/diagnose.hpp"
 #include "berth/doctor/questions.hpp"
+#include "berth/eds/xdd.hpp"
 #include "berth/rt/scope.hpp"
 #include "drive.hpp"
 
@@ -203,6 +205,89 @@ int report(std::vector<Patient>& patients, rt::Duration listened, const Options&
   return found == 0 ? Exit::done : Exit::no;
 }
 
+// --- Conformance -----------------------------------------------------------------------------------------------------
+
+// What the node is described by: --eds, else its slot's; null when neither is there.
+tl::expected<std::shared_ptr<const od::Description>, Failure> description_of(const Rig& rig, const Patient& patient,
+                                                                             const DoctorOptions& wanted) {
+  std::string path = wanted.eds;
+  for (const auto& slot : rig.machine().slots) {
+    const bool is = slot.spec.name.bus == patient.bus->name && slot.spec.id.value() == *wanted.conformance;
+    if (is && path.empty()) path = slot.eds_path;
+  }
+  if (path.empty()) return std::shared_ptr<const od::Description>();
+  const auto reading = eds::read_any_file(path);
+  if (!reading.usable()) return tl::unexpected(failure(reading.findings));
+  return reading.file.description;
+}
+
+rt::Task<void> examine_node(Patient& patient, const doctor::ConformanceOptions& options, doctor::Conformance& report,
+                            bool& over) {
+  const auto done = co_await doctor::examine(*patient.dispatcher, options, report);
+  if (!done) {
+    patient.problem =
+        fmt::format("bus {}, node {}: {}", patient.bus->name, options.node.value(), describe(done.error()));
+  }
+  over = true;
+}
+
+Json json_of(const doctor::Check& check) {
+  Json j;
+  j["paragraph"] = check.paragraph;
+  if (check.has_object) {
+    j["index"] = fmt::format("0x{:04X}", check.object.index);
+    j["sub"] = check.object.sub;
+  }
+  j["what"] = check.what;
+  j["verdict"] = doctor::name(check.verdict);
+  if (!check.told.empty()) j["told"] = check.told;
+  return j;
+}
+
+int report_conformance(const doctor::Conformance& report, const Patient& patient, unsigned node,
+                       const Options& options) {
+  using doctor::Verdict;
+  const auto passed = report.count(Verdict::passed), failed = report.count(Verdict::failed),
+             skipped = report.count(Verdict::skipped);
+  if (options.json) {
+    Json json{{"bus", patient.bus->name}, {"node", node},       {"passed", passed},       {"failed", failed},
+              {"skipped", skipped},       {"problem", nullptr}, {"checks", Json::array()}};
+    if (!patient.problem.empty()) json["problem"] = patient.problem;
+    for (const auto& check : report.checks) json["checks"].push_back(json_of(check));
+    print_line(json.dump(2));
+  } else {
+    for (const auto& check : report.checks) {
+      if (check.verdict != Verdict::passed) print_line(to_string(check));
+    }
+    print_line(fmt::format("{}, node {}: CiA 301: {} checks passed, {} failed, {} skipped", patient.bus->name, node,
+                           passed, failed, skipped));
+    if (!patient.problem.empty()) print_error(patient.problem);
+  }
+  if (!patient.problem.empty()) return Exit::failed;
+  return failed == 0 ? Exit::done : Exit::no;
+}
+
+int run_conformance(Rig& rig, std::vector<Patient>& patients, const Options& options, const DoctorOptions& wanted,
+                    Interrupt& interrupt) {
+  if (patients.size() != 1) return tell(failure(Exit::usage, "of which bus? Give --bus NAME"), options.json);
+  Patient& patient = patients.front();
+  auto description = description_of(rig, patient, wanted);
+  if (!description) return tell(description.error(), options.json);
+  const doctor::ConformanceOptions how{.node = NodeId(static_cast<std::uint8_t>(*wanted.conformance)),
+                                       .description = *description,
+                                       .timeout = patient.bus->timing.sdo_timeout};
+  doctor::Conformance report;
+  bool over = false;
+  {
+    rt::Scope scope(rig.world().executor());
+    scope.spawn(examine_node(patient, how, report, over));
+    const auto limit = rig.world().executor().now() + options.timeout.value_or(10min);
+    while (!over && rig.world().executor().now() < limit && !interrupt.came()) pass(rig, 20ms, interrupt);
+  }
+  if (!over) patient.problem = "not all checks could be made: give a longer --timeout";
+  return report_conformance(report, patient, *wanted.conformance, options);
+}
+
 }  // namespace
 
 int run_doctor(const Options& options, const DoctorOptions& wanted) {
@@ -233,6 +318,7 @@ int run_doctor(const Options& options, const DoctorOptions& wanted) {
     const auto clear = rig.listen_first();
     if (!clear) return tell(clear.error(), options.json);
   }
+  if (wanted.conformance) return run_conformance(rig, *patients, options, wanted, interrupt);
   const auto began = rig.world().executor().now();
   pass(rig, listening_time(*patients, wanted), interrupt);
   for (auto& p : *patients) p.heard = p.ear->heard();

@@ -202,7 +202,11 @@ class CommandLine {
     word(read, "sub", "sub", "sub-index (default 0)");
     word(write, "sub", "sub", "sub-index")->required();
     word(write, "value", "value", "value of --type; without a type hex bytes such as \"F4 01\"")->required();
-    for (CLI::App* const sub : {read, write}) word(sub, "--type,-t", "type", "u8 u16 u32 i8 i16 i32 r32 vs os …");
+    for (CLI::App* const sub : {read, write}) {
+      word(sub, "--type,-t", "type", "u8 u16 u32 i8 i16 i32 r32 vs os …");
+      sub->add_flag_function(
+          "--block", [this](std::int64_t) { request_.arguments["block"] = "1"; }, "by SDO block transfer");
+    }
   }
 
   void add_nmt() {
@@ -304,8 +308,10 @@ class CommandLine {
   }
 
   void add_doctor() {
-    auto* const sub = command(app_, "doctor", "what is wrong on the buses; sends nothing unless it is told to",
-                              [this] { return run_doctor(options_, doctor_); });
+    auto* const sub = command(app_, "doctor", "what is wrong on the buses; sends nothing unless it is told to", [this] {
+      if (doctor_.conformance) doctor_.active = true;
+      return run_doctor(options_, doctor_);
+    });
     common(*sub);
     sub->add_option("machine,-m", options_.machine, "machine file")->option_text("MACHINE");
     time_option(
@@ -314,9 +320,16 @@ class CommandLine {
     sub->add_flag("--active", doctor_.active, "ask by LSS, too");
     sub->add_flag_function(
         "--intrusive", [this](std::int64_t) { doctor_.active = doctor_.intrusive = true; }, "ask by LSS and SDO, too");
+    sub->add_option("--conformance", doctor_.conformance,
+                    "instead: what CiA 301 wants of this node, paragraph by paragraph, by SDO; changes nothing")
+        ->check(CLI::Range(1U, 127U))
+        ->option_text("NODE");
+    sub->add_option("--eds", doctor_.eds, "with --conformance: its description (default: its slot's)")
+        ->option_text("FILE");
     sub->add_flag("--up", options_.bring_up, "with --sim: first bring the machine up");
     sub->footer(
-        "Examples:\n  berth doctor machine.toml\n  berth doctor machine.toml --sim plant.toml --up\n"
+        "Examples:\n  berth doctor machine.toml\n  berth doctor machine.toml --conformance 5 --eds drive.eds\n  berth "
+        "doctor machine.toml --sim plant.toml --up\n"
         "  berth doctor machine.toml --active --for \"20 s\" --json");
   }
 

@@ -101,6 +101,8 @@ using Replied = tl::expected<CommandReply, Failure>;
 Options own_options(const Options& options, const CommandRequest& request) {
   Options own = options;
   own.makes_store = request.verb == "bind" || request.verb == "replace";
+  // It sends nothing: a port that it held would be missing to a `berth up` that starts just now.
+  if (request.verb == "report" && options.sim.empty()) own.observe = true;
   return own;
 }
 

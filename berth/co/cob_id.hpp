@@ -62,6 +62,8 @@ class CobId {
   [[nodiscard]] constexpr bool well_formed() const noexcept {
     return extended() || (raw_ & (can::extended_mask & ~can::base_mask)) == 0;
   }
+  /// The same, of an EMCY: its bit 30 is reserved, always 0 (CiA 301 §7.5.2.17, §7.5.2.31).
+  [[nodiscard]] constexpr bool well_formed_emcy() const noexcept { return well_formed() && (raw_ & second_bit) == 0; }
   /// May be given to a PDO, SYNC, TIME or EMCY.
   [[nodiscard]] constexpr bool allowed() const noexcept { return well_formed() && (extended() || !restricted(id())); }
   friend constexpr bool operator==(CobId, CobId) noexcept = default;

@@ -41,6 +41,7 @@ od::AbortCode EmcyList::writing(const od::Values&, ObjectRef ref, std::span<cons
   if (ref.sub == 0 || value.size() != 4) return od::AbortCode::none;
   const CobId before(values_->get_or<std::uint32_t>(ref, CobId::invalid_bit));
   const CobId after(load_le<std::uint32_t>(value.data()));
+  if (!after.well_formed_emcy()) return od::AbortCode::invalid_value;
   if (!after.valid()) return od::AbortCode::none;
   const bool fine = before.valid() ? before.same_identifier(after) : after.allowed();
   return fine ? od::AbortCode::none : od::AbortCode::invalid_value;

@@ -6,8 +6,10 @@
 ///
 /// Writes from the network to the records are checked (`od::AbortCode`):
 /// - COB-ID: bits 29..0 while it is and stays valid, a restricted CAN-ID (`restricted`), bits above bit 10 of an
-///   11-bit identifier: 0609 0030; a mapping that cannot be used: its own code. Bit 30 may change at any time.
-/// - Transmission type: F1h..FBh, for RPDOs also FCh and FDh, for MPDOs all but FEh and FFh: 0609 0030.
+///   11-bit identifier (valid or not): 0609 0030; a mapping that cannot be used: its own code. Bit 30 may change at any
+///   time, but see the type.
+/// - Transmission type: F1h..FBh, for RPDOs also FCh and FDh, for MPDOs all but FEh and FFh: 0609 0030. A valid TPDO of
+///   type FCh or FDh with bit 30 set (no remote frames) would never be sent: what would make one is 0609 0030.
 /// - Inhibit time and SYNC start value while valid, a start value above 240: 0609 0030. Sub-index 4: 0609 0011.
 /// - Mapping, in the order of CiA 301 §7.5.2.36 (COB-ID invalid, sub-index 0 = 0, entries, sub-index 0 = n, COB-ID
 ///   valid): anything while the PDO is valid, an entry while sub-index 0 is not 0: 0601 0000. Entries: `check_entry`; 0
@@ -131,6 +133,7 @@ class Pdos final : private od::Hook, private can::Handler, private rt::Job {
   void written(od::Values& values, ObjectRef ref) noexcept override;
   od::AbortCode writing_communication(PdoKind kind, unsigned number, std::uint8_t sub,
                                       std::uint32_t value) const noexcept;
+  od::AbortCode writing_type(PdoKind kind, unsigned number, std::uint8_t value) const noexcept;
   od::AbortCode writing_cob_id(PdoKind kind, unsigned number, std::uint32_t value) const noexcept;
   od::AbortCode writing_mapping(PdoKind kind, unsigned number, std::uint8_t sub, std::uint32_t value) const noexcept;
   od::AbortCode check_count(PdoKind kind, unsigned number, std::uint8_t count) const noexcept;
@@ -139,6 +142,7 @@ class Pdos final : private od::Hook, private can::Handler, private rt::Job {
   [[nodiscard]] std::uint8_t type(PdoKind kind, unsigned number) const noexcept;
   [[nodiscard]] std::uint8_t mapped(PdoKind kind, unsigned number) const noexcept;
   [[nodiscard]] static PdoMode mode_of(std::uint8_t count) noexcept;
+  [[nodiscard]] static bool contradicts(PdoKind kind, CobId cob, std::uint8_t type) noexcept;
   [[nodiscard]] static bool usable_type(PdoKind kind, std::uint8_t type, std::uint8_t count) noexcept;
   [[nodiscard]] bool other_producer(unsigned number) const noexcept;
   template <class Visit>

@@ -46,6 +46,12 @@ bool Pdos::usable_type(PdoKind kind, std::uint8_t type, std::uint8_t count) noex
   return synchronous(type) || (kind == PdoKind::tpdo && (type == rtr_sampled_at_sync || type == rtr_only));
 }
 
+// FCh and FDh are sent on remote frames alone, which bit 30 of the COB-ID forbids.
+bool Pdos::contradicts(PdoKind kind, CobId cob, std::uint8_t type) noexcept {
+  const bool on_request = type == rtr_sampled_at_sync || type == rtr_only;
+  return kind == PdoKind::tpdo && on_request && cob.valid() && (cob.raw() & CobId::second_bit) != 0;
+}
+
 bool Pdos::other_producer(unsigned number) const noexcept {
   for (const Tpdo& pdo : tpdos()) {
     if (pdo.number != number && mode_of(mapped(PdoKind::tpdo, pdo.number)) != PdoMode::mapped) return true;
@@ -114,8 +120,7 @@ od::AbortCode Pdos::writing_communication(PdoKind kind, unsigned number, std::ui
     case cob_id_sub: return writing_cob_id(kind, number, value);
     case type_sub:
       if (value > 0xFF) return od::AbortCode::invalid_value;
-      return usable_type(kind, static_cast<std::uint8_t>(value), mapped(kind, number)) ? od::AbortCode::none
-                                                                                       : od::AbortCode::invalid_value;
+      return writing_type(kind, number, static_cast<std::uint8_t>(value));
     case inhibit_sub: return frozen() ? od::AbortCode::invalid_value : od::AbortCode::none;
     case reserved_sub: return od::AbortCode::no_sub_index;
     case start_sub: return frozen() || value > most_sync_counter ? od::AbortCode::invalid_value : od::AbortCode::none;
@@ -123,10 +128,19 @@ od::AbortCode Pdos::writing_communication(PdoKind kind, unsigned number, std::ui
   }
 }
 
+od::AbortCode Pdos::writing_type(PdoKind kind, unsigned number, std::uint8_t value) const noexcept {
+  const bool same = type(kind, number) == value;
+  const bool fine =
+      usable_type(kind, value, mapped(kind, number)) && (same || !contradicts(kind, cob_id(kind, number), value));
+  return fine ? od::AbortCode::none : od::AbortCode::invalid_value;
+}
+
 od::AbortCode Pdos::writing_cob_id(PdoKind kind, unsigned number, std::uint32_t value) const noexcept {
   const CobId before = cob_id(kind, number);
   const CobId after(value);
-  if (!after.valid()) return od::AbortCode::none;
+  if (!after.well_formed()) return od::AbortCode::invalid_value;
+  if (!after.valid() || after == before) return od::AbortCode::none;
+  if (contradicts(kind, after, type(kind, number))) return od::AbortCode::invalid_value;
   if (before.valid()) return before.same_identifier(after) ? od::AbortCode::none : od::AbortCode::invalid_value;
   if (!after.allowed()) return od::AbortCode::invalid_value;
   const std::uint8_t count = mapped(kind, number);

@@ -28,7 +28,8 @@ namespace berth::co {
 ///   meanwhile. Downloads are collected in the buffer and written once, at the end; what does not fit is refused with
 ///   0504 0005. An object with an `od::Stream` goes through the buffer, however long it is.
 /// - Downloads without indicated size, segmented, block and expedited, are legal (S1, S3, S17).
-/// - Block: CRC is used when the client can, too (S10). A block upload of an object not longer than the client's
+/// - Block: CRC is used, and offered, when the client can, too (S10). A block upload of an object not longer than the
+/// client's
 ///   protocol switch threshold is answered as a normal upload (S11). A lost segment is asked for again, and sub-blocks
 ///   become smaller then; 16 sub-blocks in a row without progress end the transfer with 0504 0000.
 class SdoServer {
@@ -118,8 +119,9 @@ class SdoServer {
   CobId response_id_;
   ObjectRef ref_;
   State state_ = State::idle;
-  State then_ = State::idle;     // after the pending write
-  bool toggle_ = false;          // expected in the next segment
+  State then_ = State::idle;  // after the pending write
+  bool toggle_ = false;       // expected in the next segment
+  [[nodiscard]] unsigned crc_bit() const noexcept { return crc_used_ ? 0x04U : 0x00U; }
   bool crc_used_ = false;        // block
   std::uint8_t block_size_ = 0;  // upload: what the client asked for first
   std::uint16_t crc_ = 0;        // block download: of what is committed

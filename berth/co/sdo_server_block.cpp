@@ -29,7 +29,7 @@ bool SdoServer::begin_block_download(const can::Frame& request, can::Frame& answ
   receiver_.begin();
   receiver_.sub_block(sdo::longest_block, nullptr);
   if (const auto placed = next_block(); placed != AbortCode::none) code = placed;
-  sdo::put(answer, 0xA4, ref_, receiver_.size());
+  sdo::put(answer, static_cast<std::uint8_t>(0xA0U | crc_bit()), ref_, receiver_.size());
   return confirm_or_defer(request, answer, code, State::block_download);
 }
 
@@ -124,7 +124,9 @@ bool SdoServer::begin_block_upload(const can::Frame& request, can::Frame& answer
   if (size && threshold > 0 && *size <= threshold) return answer_upload(answer);
   state_ = State::block_upload_start;
   sender_.begin(crc_used_);
-  sdo::put(answer, size ? 0xC6 : 0xC4, ref_, static_cast<std::uint32_t>(size.value_or(0)));
+  const unsigned sized = size ? 0x02U : 0x00U;
+  sdo::put(answer, static_cast<std::uint8_t>(0xC0U | crc_bit() | sized), ref_,
+           static_cast<std::uint32_t>(size.value_or(0)));
   return true;
 }
 

@@ -23,6 +23,7 @@ SdoChannel channel_of(const od::Values& values, std::uint16_t index) noexcept {
 
 // CiA 301 §7.5.2.33: bits 29..0 stand while the channel is valid.
 AbortCode check_cob_id(CobId before, CobId after) noexcept {
+  if (!after.well_formed()) return AbortCode::invalid_value;
   if (!after.valid()) return AbortCode::none;
   if (before.valid()) return before.same_identifier(after) ? AbortCode::none : AbortCode::invalid_value;
   return after.allowed() ? AbortCode::none : AbortCode::invalid_value;

@@ -143,14 +143,18 @@ od::AbortCode Sync::writing_cob_id(std::uint32_t value) const noexcept {
 
 od::AbortCode Sync::writing_overflow(std::uint8_t value) const noexcept {
   if (value != 0 && (value < least_overflow || value > most_overflow)) return od::AbortCode::invalid_value;
-  return producer() ? od::AbortCode::device_state : od::AbortCode::none;
+  const bool frozen = values_->get_or<std::uint32_t>(period_object, 0) != 0;
+  const bool changes = values_->get_or<std::uint8_t>(overflow_object, 0) != value;
+  return frozen && changes ? od::AbortCode::device_state : od::AbortCode::none;
 }
 
 void Sync::written(od::Values&, ObjectRef ref) noexcept {
   if (!running_) return;
   if (ref == window_object) return read_window();
+  const bool was_producer = produces(cob_id_);
   if (ref == overflow_object) counter_ = 0;
   apply();
+  if (!was_producer && produces(cob_id_)) counter_ = 0;
 }
 
 }  // namespace berth::co

@@ -4,8 +4,9 @@
 /// the network take effect at once and are checked:
 /// - 1005h: bits 30..0 other than bit 30 itself while bit 30 (producer) is set, a restricted CAN-ID, bits above bit 10
 ///   of an 11-bit identifier: 0609 0030.
-/// - 1019h: 1 and 241..255: 0609 0030; while SYNC is produced (1005h bit 30 and 1006h not 0): 0800 0022.
-/// A write of 1005h or 1006h begins the period anew.
+/// - 1019h: 1 and 241..255: 0609 0030; another value than it has while 1006h is not 0, whoever makes the SYNC:
+///   0800 0022 (CiA 301 §7.5.2.22).
+/// A write of 1005h or 1006h begins the period anew; bit 30 set anew begins the counter anew.
 ///
 /// The producer sends every 1006h microseconds by the device's clock, without drift, first after one period; a SYNC
 /// that is not on the bus when the next is due is replaced, and the counter counts those that were on the bus. Own

@@ -51,10 +51,11 @@ od::AbortCode Device::writing(const od::Values&, ObjectRef ref, std::span<const 
   }
 }
 
-// The identifier may change only while the object is not valid before or after (CiA 301 §7.5.2.17).
+// The identifier may change only while the object is not valid before or after; bit 30 is reserved (CiA 301 §7.5.2.17).
 od::AbortCode Device::writing_emcy_id(std::uint32_t value) const noexcept {
   const co::CobId now(values_.get_or<std::uint32_t>({0x1014, 0}, co::CobId::invalid_bit));
   const co::CobId next(value);
+  if (!next.well_formed_emcy()) return od::AbortCode::invalid_value;
   if (!next.valid()) return od::AbortCode::none;
   if (now.valid() && now.key() != next.key()) return od::AbortCode::invalid_value;
   if (!next.extended() && co::restricted(next.id())) return od::AbortCode::invalid_value;

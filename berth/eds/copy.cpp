@@ -15,7 +15,7 @@ void copy_object(const od::Description& from, const od::Object& object, od::Desc
                           .low = limits == nullptr ? od::Literal{} : limits->low,
                           .high = limits == nullptr ? od::Literal{} : limits->high,
                           .obj_flags = sub.obj_flags,
-                          .capacity = sub.variable_length() ? sub.capacity : 0});
+                          .capacity = sub.described_length()});
   }
 }
 

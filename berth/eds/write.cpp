@@ -127,8 +127,10 @@ class Writer {
 
   void device_info() {
     const DeviceInfo& device = file_.device;
+    // CiA 306 wants all keys; but who reads a number out of an empty one fails (python-canopen), and an empty text is
+    // one.
     const auto number = [this](std::string_view key, const std::optional<std::uint32_t>& value) {
-      out_.plain(key, value ? fmt::format("0x{:08X}", *value) : std::string());
+      if (value) out_.plain(key, fmt::format("0x{:08X}", *value));
     };
     out_.section("DeviceInfo");
     out_.text("VendorName", device.vendor_name);
@@ -154,10 +156,10 @@ class Writer {
 
   void commissioning(const Commissioning& given) {
     out_.section("DeviceComissioning");
-    out_.plain("NodeID", given.node_id ? fmt::format("0x{:02X}", given.node_id->value()) : std::string());
+    if (given.node_id) out_.plain("NodeID", fmt::format("0x{:02X}", given.node_id->value()));
     out_.text("NodeName", given.node_name);
-    out_.plain("Baudrate", given.baud_rate ? std::to_string(*given.baud_rate) : std::string());
-    out_.plain("NetNumber", given.net_number ? std::to_string(*given.net_number) : std::string());
+    if (given.baud_rate) out_.plain("Baudrate", std::to_string(*given.baud_rate));
+    if (given.net_number) out_.plain("NetNumber", std::to_string(*given.net_number));
     out_.text("NetworkName", given.network_name);
     out_.flag("CANopenManager", given.canopen_manager);
     if (given.lss_serial_number) out_.number("LSS_SerialNumber", *given.lss_serial_number);
@@ -243,8 +245,9 @@ class Writer {
       value(object, subs.front(), object.code, std::nullopt);
     } else {
       parameter_name(description_.name(object), name);
+      // Their sub-objects have a DataType each; beside ObjectType it is for CompactSubObj only (CiA 306-1 §4.6.3), and
+      // the npm package canopen takes no file that has it there.
       out_.plain("ObjectType", fmt::format("0x{:X}", static_cast<unsigned>(object.code)));
-      if (object.type != od::DataType::none) data_type(object.type);
       flags(object.obj_flags);
       out_.number("SubNumber", static_cast<std::uint64_t>(std::ranges::count_if(
                                    subs, [](const od::SubObject& each) { return each.sub != 0xFF; })));

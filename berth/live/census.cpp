@@ -164,6 +164,20 @@ rt::Task<Result<void>> Census::ask_period(Node& node, CensusOptions options) {
   co_return Result<void>();
 }
 
+// A master may send nothing but its heartbeat: only its objects tell what it is (CiA 302-2: 1F80h bit 0, 1F81h).
+rt::Task<Result<void>> Census::ask_whether_master(Node& node, CensusOptions options) {
+  const ObjectRef startup_object{0x1F80, 0};
+  const auto startup = co_await number(node.seen.id, startup_object, 4, options);
+  if (!startup) co_return fail(startup.error());
+  node.seen.nmt_master = (startup->value_or(0) & 1U) != 0;
+  if (!node.seen.nmt_master) co_return Result<void>();
+  const ObjectRef list_object{0x1F81, 0};
+  const auto list = co_await number(node.seen.id, list_object, 1, options);
+  if (!list) co_return fail(list.error());
+  if (*list) node.seen.network_list = static_cast<std::uint8_t>(**list);
+  co_return Result<void>();
+}
+
 // A device that does not answer, or that another client takes, is left; only a port that takes no frame is an error.
 rt::Task<Result<void>> Census::ask_node(NodeId id, CensusOptions options) {
   Node& node = nodes_[id.value()];
@@ -197,6 +211,8 @@ rt::Task<Result<void>> Census::ask_node(NodeId id, CensusOptions options) {
   }
   const auto period = co_await ask_period(node, options);
   if (!period) co_return Result<void>();
+  const auto master = co_await ask_whether_master(node, options);
+  if (!master) co_return Result<void>();
   const std::array<std::pair<std::uint16_t, std::string*>, 3> texts{
       {{0x1008, &node.seen.name}, {0x1009, &node.seen.hardware}, {0x100A, &node.seen.software}}};
   for (const auto& [index, into] : texts) {

@@ -5,11 +5,11 @@
 ///     co_await census.ask(options);          // may be left out: then only what was heard is known
 ///     for (const auto& node : census.nodes()) ...
 ///
-/// Only 1000h, 1018h:01..04, 1017h and 1008h..100Ah are uploaded (never block transfer), one request at a time on the
-/// whole bus, with a pause between them. A node that another SDO client talks to is left alone: there is one default
-/// channel, and two clients in it break each other's transfers. When such a client shows up while Berth waits for an
-/// answer, the answer may be the other's: what was read is thrown away. A node that gives more than such an object can
-/// hold, or trickles, is given up (`NodeSeen::problem`), and the others are asked.
+/// Only 1000h, 1018h:01..04, 1017h, 1F80h, 1F81h:00 and 1008h..100Ah are uploaded (never block transfer), one request
+/// at a time on the whole bus, with a pause between them. A node that another SDO client talks to is left alone: there
+/// is one default channel, and two clients in it break each other's transfers. When such a client shows up while Berth
+/// waits for an answer, the answer may be the other's: what was read is thrown away. A node that gives more than such
+/// an object can hold, or trickles, is given up (`NodeSeen::problem`), and the others are asked.
 #pragma once
 
 #include <array>
@@ -30,6 +30,8 @@ struct NodeSeen {
   std::optional<NmtState> state{};  ///< as it told last
   bool guarded = false;             ///< a master asks it by node guarding
   bool foreign_client = false;      ///< another SDO client talks to it
+  bool nmt_master = false;          ///< 1F80h bit 0: a master, however quiet (CiA 302-2)
+  std::optional<std::uint8_t> network_list{};  ///< 1F81h:00 of such a master: node-IDs that it may have in its care
   std::optional<std::uint32_t> device_type{};  ///< 1000h
   std::optional<LssAddress> identity{};        ///< 1018h, complete
   std::string name{};                          ///< 1008h
@@ -74,6 +76,7 @@ class Census final : private can::Handler {
   rt::Task<Result<std::optional<std::uint32_t>>> number(NodeId id, ObjectRef ref, std::size_t size,
                                                         CensusOptions options);
   rt::Task<Result<void>> ask_period(Node& node, CensusOptions options);
+  [[nodiscard]] rt::Task<Result<void>> ask_whether_master(Node& node, CensusOptions options);
   rt::Task<Result<std::string>> text(NodeId id, std::uint16_t index, CensusOptions options);
 
   can::Dispatcher* dispatcher_;

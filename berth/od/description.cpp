@@ -9,7 +9,11 @@
 namespace berth::od {
 namespace {
 
+// For values whose description gives no length, as no EDS does.
 constexpr std::uint32_t usual_capacity = 64;
+constexpr std::uint32_t roomy_string = 250;  // the longest that 1010h can store
+constexpr std::uint32_t roomy_domain = 16U << 10U;
+constexpr std::size_t most_room = 1U << 20U;
 constexpr std::uint8_t structure_sub = 0xFF;  ///< sub-index FFh describes the structure (CiA 301 §7.4.5)
 
 constexpr bool has_count(ObjectCode code) noexcept {
@@ -114,7 +118,9 @@ struct DescriptionBuilder::State {
   std::array<std::unique_ptr<Page>, 256> pages;
   std::string names;
   std::uint32_t dummies = 0;
+  std::size_t room = 0;  ///< given beyond the usual
 
+  std::uint32_t room_for(const SubSpec& spec);
   std::uint32_t add_name(std::string_view name) {
     const auto where = static_cast<std::uint32_t>(names.size());
     names.append(name.substr(0, 0xFFFF));
@@ -153,6 +159,13 @@ struct DescriptionBuilder::State {
   void sort_subs();
 };
 
+std::uint32_t DescriptionBuilder::State::room_for(const SubSpec& spec) {
+  const std::uint32_t wanted = spec.type == DataType::domain ? roomy_domain : roomy_string;
+  if (!writable(spec.access) || room + wanted > most_room) return usual_capacity;
+  room += wanted;
+  return wanted;
+}
+
 void DescriptionBuilder::State::add_sub(PendingObject& parent, const SubSpec& spec) {
   parent.subs[spec.sub / 64] |= 1ULL << (spec.sub % 64);
   PendingSub pending;
@@ -170,7 +183,8 @@ void DescriptionBuilder::State::add_sub(PendingObject& parent, const SubSpec& sp
   sub.obj_flags = spec.obj_flags;
   sub.mappable = spec.mappable;
   const std::size_t fixed = byte_size(spec.type);
-  sub.capacity = fixed != 0 ? static_cast<std::uint32_t>(fixed) : spec.capacity == 0 ? usual_capacity : spec.capacity;
+  sub.bounded = fixed != 0 || spec.capacity != 0;
+  sub.capacity = fixed != 0 ? static_cast<std::uint32_t>(fixed) : sub.bounded ? spec.capacity : room_for(spec);
   set_initial(pending, spec.initial);
   subs.push_back(pending);
 }
@@ -264,7 +278,7 @@ std::optional<SubSpec> DescriptionBuilder::spec_of(ObjectRef ref) const {
                  .low = limits.low,
                  .high = limits.high,
                  .obj_flags = found->sub.obj_flags,
-                 .capacity = found->sub.variable_length() ? found->sub.capacity : 0};
+                 .capacity = found->sub.described_length()};
 }
 
 DescriptionBuilder& DescriptionBuilder::initial(ObjectRef ref, const Literal& value) {

@@ -46,7 +46,7 @@ inline constexpr std::uint32_t no_value = 0xFFFF'FFFF;
 /// One value of the dictionary, 32 bytes. A VAR object has exactly one, sub-index 0.
 struct SubObject {
   std::uint32_t offset = 0;    ///< where its value stands in `Values`; of variable length: a U32 length, then the bytes
-  std::uint32_t capacity = 0;  ///< bytes reserved: the size of a scalar, the longest string or DOMAIN
+  std::uint32_t capacity = 0;  ///< bytes reserved: the size of a scalar, the longest string or DOMAIN there is room for
   std::uint32_t name_at = 0;
   std::uint32_t default_at = 0;  ///< position in the table of $NODEID offsets when `relative`
   std::uint32_t limits_at = 0;   ///< 0 = no limits, else index + 1
@@ -58,8 +58,11 @@ struct SubObject {
   bool mappable : 1 = false;     ///< may be mapped into a PDO
   bool has_default : 1 = false;  ///< the description gives a default (else the value starts as 0 or empty)
   bool relative : 1 = false;     ///< the default is $NODEID + an offset
+  bool bounded : 1 = true;       ///< `capacity` is what the description says; false: no more than there is memory
 
   [[nodiscard]] bool variable_length() const noexcept { return byte_size(type) == 0; }
+  /// As `SubSpec::capacity` has it.
+  [[nodiscard]] std::uint32_t described_length() const noexcept { return variable_length() && bounded ? capacity : 0; }
 };
 
 struct Object {
@@ -160,7 +163,9 @@ struct SubSpec {
   Literal low = {};
   Literal high = {};
   std::uint8_t obj_flags = 0;
-  /// Strings, DOMAIN and unknown types: longest value in bytes; 0 = 64. A longer default raises it.
+  /// Strings, DOMAIN and unknown types: longest value in bytes. 0 = the description says nothing: room for 64 bytes, of
+  /// what can be written for 250, of a DOMAIN for 16 KiB, as long as that is not more than 1 MiB in all. A longer
+  /// default raises it.
   std::uint32_t capacity = 0;
 };
 

@@ -115,7 +115,7 @@ Answer<std::size_t> Values::read(ObjectRef ref, std::span<std::uint8_t> into) co
 }
 
 AbortCode Values::check_length(const SubObject& sub, std::size_t length) const noexcept {
-  if (length > sub.capacity) return AbortCode::length_too_high;
+  if (length > sub.capacity) return sub.bounded ? AbortCode::length_too_high : AbortCode::out_of_memory;
   if (!sub.variable_length() && length < sub.capacity) return AbortCode::length_too_low;
   if (sub.type == DataType::unicode_string && length % 2 != 0) return AbortCode::length_mismatch;
   return AbortCode::none;

@@ -74,8 +74,9 @@ class Values {
 
   /// @name The network side
   /// Refusals in this order: no_object 0602 0000, no_sub_index 0609 0011, write_only 0601 0001 or read_only
-  /// 0601 0002, length 0607 0012/0013, value 0609 0030/31/32/36, then the hooks'. A DOMAIN that was never given a
-  /// value answers no_data 0800 0024.
+  /// 0601 0002, length 0607 0012/0013, value 0609 0030/31/32/36, then the hooks'. A string or DOMAIN without a
+  /// described length that does not fit: out_of_memory 0504 0005. A DOMAIN that was never given a value answers no_data
+  /// 0800 0024.
   /// @{
   /// The value to upload, without a copy; valid until the next access to the same object.
   [[nodiscard]] Answer<std::span<const std::uint8_t>> view(ObjectRef ref) const noexcept;

@@ -12,10 +12,14 @@ namespace {
 using Frames = std::vector<can::Frame>;
 
 Frames sdo_frames(const CommandRequest& request, bool write, std::string& problem) {
-  Arguments arguments(request, {"bus", "node", "index", "sub", "type", "value"});
+  Arguments arguments(request, {"bus", "node", "index", "sub", "type", "value", "block"});
   const ObjectArguments object = object_arguments(arguments);
-  const std::string text = write ? arguments.required("value") : std::string();
+  if (write && !request.arguments.contains("value")) arguments.wrong("\"sdo write\" needs value");
+  const std::string text = arguments.text("value");
   problem = arguments.problem();
+  if (problem.empty() && !arguments.text("block").empty()) {
+    problem = "what a block transfer sends depends on the device's answers";
+  }
   if (!problem.empty()) return {};
   const std::uint32_t id = 0x600U + object.node.value();
   if (!write) return {co::sdo::make(id, 0x40, {object.index, object.sub})};
@@ -23,7 +27,7 @@ Frames sdo_frames(const CommandRequest& request, bool write, std::string& proble
   if (!bytes) problem = bytes.error();
   if (!bytes) return {};
   if (bytes->size() > 4 || bytes->empty()) {
-    problem = "a value of more than four bytes goes in segments, which depend on the device's answers";
+    problem = "a value of no or more than four bytes goes in segments, which depend on the device's answers";
     return {};
   }
   const auto unused = static_cast<unsigned>(4 - bytes->size());

@@ -82,6 +82,7 @@ std::string value_text(DataType type, std::span<const std::uint8_t> bytes) {
 
 Checked<std::vector<std::uint8_t>> value_bytes(DataType type, const std::string& text, NodeId node) {
   const DataType read_as = type == DataType::none ? DataType::octet_string : type;
+  if (text.empty() && od::byte_size(read_as) == 0) return std::vector<std::uint8_t>();
   const auto parsed = od::parse(read_as, text);
   if (!parsed) return tl::unexpected(fmt::format("value {}: {}", text::quoted(text), parsed.error().what));
   if (!parsed->value.present()) return tl::unexpected(std::string("the value is empty"));
@@ -120,6 +121,15 @@ Checked<Network*> sdo_network(Session& session, const ObjectArguments& object) {
   return network;
 }
 
+// By block transfer when it is wanted, and then by nothing else.
+co::SdoOptions transfer_options(Network& bus, Arguments& arguments) {
+  co::SdoOptions options = bus.sdo().options();
+  if (arguments.text("block").empty()) return options;
+  options.mode = co::SdoMode::block;
+  options.fall_back = false;
+  return options;
+}
+
 const char* sdo_fix(Errc code) {
   switch (code) {
     case Errc::timeout: return "is the device there and not stopped? `berth scan` shows who answers";
@@ -131,13 +141,14 @@ const char* sdo_fix(Errc code) {
 }  // namespace
 
 rt::Task<void> sdo_read(Session& session, const CommandRequest& request, CommandReply& reply) {
-  Arguments arguments(request, {"bus", "node", "index", "sub", "type"});
+  Arguments arguments(request, {"bus", "node", "index", "sub", "type", "block"});
   const ObjectArguments object = object_arguments(arguments);
   if (!arguments.good()) co_return refuse(reply, 2, arguments.problem());
   const auto network = sdo_network(session, object);
   if (!network) co_return refuse(reply, 2, network.error());
   Network& bus = **network;
-  const auto value = co_await bus.sdo().upload(object.node, object.index, object.sub);
+  const auto how = transfer_options(bus, arguments);
+  const auto value = co_await bus.sdo().upload(object.node, object.index, object.sub, how);
   const std::string where = fmt::format("bus {}, SDO read", bus.bus().name);
   if (!value) co_return fail_with(reply, value.error(), where, sdo_fix(value.error().code));
   const auto bytes = value->bytes();
@@ -161,16 +172,19 @@ rt::Task<void> sdo_read(Session& session, const CommandRequest& request, Command
 }
 
 rt::Task<void> sdo_write(Session& session, const CommandRequest& request, CommandReply& reply) {
-  Arguments arguments(request, {"bus", "node", "index", "sub", "type", "value"});
+  Arguments arguments(request, {"bus", "node", "index", "sub", "type", "value", "block"});
   const ObjectArguments object = object_arguments(arguments);
-  const std::string text = arguments.required("value");
+  if (!request.arguments.contains("value")) arguments.wrong("\"sdo write\" needs value");
+  const std::string text = arguments.text("value");
   if (!arguments.good()) co_return refuse(reply, 2, arguments.problem());
   const auto network = sdo_network(session, object);
   if (!network) co_return refuse(reply, 2, network.error());
   const auto bytes = value_bytes(object.type, text, object.node);
   if (!bytes) co_return refuse(reply, 2, bytes.error());
   Network& bus = **network;
-  const auto written = co_await bus.sdo().download(object.node, object.index, object.sub, *bytes);
+  const auto how = transfer_options(bus, arguments);
+  const std::span<const std::uint8_t> data(*bytes);
+  const auto written = co_await bus.sdo().download(object.node, object.index, object.sub, data, how);
   const std::string where = fmt::format("bus {}, SDO write", bus.bus().name);
   if (!written) co_return fail_with(reply, written.error(), where, sdo_fix(written.error().code));
   Json json = object_json(bus, object);

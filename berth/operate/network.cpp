@@ -47,6 +47,7 @@ Network::Network(rt::Executor& executor, can::Port& port, const design::Bus& bus
       sdo_(dispatcher_, sdo_options(bus.timing)),
       nmt_(dispatcher_),
       heartbeats_(dispatcher_, *this),
+      emergencies_(dispatcher_, *this),
       boots_(dispatcher_),
       rest_(std::make_unique<discovery::Auto>(discovery::Services{dispatcher_, lss_}, only_the_rest)),
       device_(std::make_unique<MasterDevice>(dispatcher_, bus.master, bus.timing.heartbeat_period)),
@@ -90,6 +91,7 @@ void Network::start() {
   running_ = true;
   dispatcher_.on_status(this);
   heartbeats_.hear_all_boot_ups(true);
+  emergencies_.hear_all();
   if (!usable(port_->status())) {
     resting_ = true;
     return;
@@ -100,6 +102,7 @@ void Network::start() {
 void Network::stop() noexcept {
   scope_.cancel();
   dispatcher_.on_status(nullptr);
+  emergencies_.clear();
   restart_.cancel();
   running_ = resting_ = false;
   idle_ = false;
@@ -326,6 +329,17 @@ void Network::make_plan() {
 
 // ---- what the bus tells ----
 
+// The last one of a device since its boot-up, while it has an error.
+void Network::emergency(NodeId node, const co::Emcy& message, rt::Time) noexcept {
+  Seat* seat = seat_at(node);
+  if (seat == nullptr) return;
+  if (message.code == co::emcy_code::error_reset) {
+    seat->emergency.reset();
+  } else if ((message.code >> 8U) != 0) {
+    seat->emergency = message;
+  }
+}
+
 void Network::heartbeat(const co::HeartbeatEvent& event, rt::Time at) noexcept {
   using Kind = co::HeartbeatEvent::Kind;
   Wake wake{Wake::Kind::look, event.node, at};
@@ -338,6 +352,7 @@ void Network::heartbeat(const co::HeartbeatEvent& event, rt::Time at) noexcept {
     case Kind::state_changed: wake.kind = Wake::Kind::state; break;
   }
   Seat* seat = seat_at(event.node);
+  if (seat != nullptr && event.kind == Kind::boot_up) seat->emergency.reset();
   if (seat != nullptr && seat->there && seat->started && event.state == NmtState::operational &&
       wake.kind == Wake::Kind::state && seat->state != SlotState::duplicate) {
     set_state(*seat, SlotState::operational);

@@ -22,6 +22,7 @@
 #include <vector>
 
 #include "berth/can/dispatcher.hpp"
+#include "berth/co/emcy.hpp"
 #include "berth/co/guarding.hpp"
 #include "berth/co/heartbeat.hpp"
 #include "berth/co/nmt_master.hpp"
@@ -74,6 +75,7 @@ struct SlotConfiguration {
 class MasterDevice;  // the master is a device: network.cpp
 
 class Network final : private co::HeartbeatConsumer::Observer,
+                      private co::EmcyConsumer::Observer,
                       private co::SdoClient::Observer,
                       private can::StatusHandler,
                       private nodeid::DiscoveryObserver,
@@ -383,6 +385,7 @@ class Network final : private co::HeartbeatConsumer::Observer,
   [[nodiscard]] bool rebooted(const Seat& seat) const noexcept;
   // network.cpp: state and reports
   void heartbeat(const co::HeartbeatEvent& event, rt::Time at) noexcept override;
+  void emergency(NodeId node, const co::Emcy& message, rt::Time at) noexcept override;
   void surplus(NodeId node, const can::Frame& frame, rt::Time at) noexcept override;
   void changed(const can::Status& status, rt::Time at) noexcept override;
   void phase(const nodeid::PhaseEvent&) noexcept override {}
@@ -436,6 +439,7 @@ class Network final : private co::HeartbeatConsumer::Observer,
   co::SdoClient sdo_;
   co::NmtMaster nmt_;
   co::HeartbeatConsumer heartbeats_;
+  co::EmcyConsumer emergencies_;
   places::BootWatch boots_;
   std::unique_ptr<discovery::Auto> rest_;         // whoever RAND does not find
   std::unique_ptr<discovery::Discovery> chosen_;  // by `discovery =`

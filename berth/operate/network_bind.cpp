@@ -346,7 +346,11 @@ rt::Task<void> Network::await_operational() {
     seat->awaited = false;
     if (!still) continue;
     seat->started = false;
-    set_state(*seat, SlotState::failed, "it was started and no heartbeat told that it is operational");
+    std::string why = "it was started and no heartbeat told that it is operational";
+    if (const auto& e = seat->emergency) {
+      why += fmt::format("; it told an error: EMCY {:04X}h ({})", e->code, co::emcy_text(e->code));
+    }
+    set_state(*seat, SlotState::failed, why);
   }
 }
 

@@ -10,6 +10,15 @@ namespace berth::operate {
 
 using places::SlotState;
 
+namespace {
+
+// Why a slot stays as it is: a person's command did it.
+std::string made(NmtState state, NodeId id) {
+  return fmt::format("it was made {}; `berth nmt start {}` starts it", berth::name(state), id.value());
+}
+
+}  // namespace
+
 rt::Task<void> Network::job() {
   for (bool first = true;; first = false) {
     co_await work(first);
@@ -222,7 +231,12 @@ rt::Task<void> Network::handle(Wake wake) {
       const auto state = heartbeats_.state(seat->id());
       const bool left =
           seat->there && seat->state == SlotState::operational && state && *state != NmtState::operational;
-      if (!left) break;
+      if (!left) {
+        // From stopped to pre-operational, say, as it was told.
+        const bool made_else = seat->there && seat->held && seat->state == SlotState::present && state;
+        if (made_else) set_state(*seat, SlotState::present, made(*state, seat->id()));
+        break;
+      }
       // A second device under this node-ID tells its own state.
       const rt::Time told = executor_->now();
       const bool other = co_await isolate_former(*seat);
@@ -235,8 +249,7 @@ rt::Task<void> Network::handle(Wake wake) {
       seat->started = stays;
       set_state(
           *seat, SlotState::present,
-          stays ? fmt::format("it was made {}; `berth nmt start {}` starts it", berth::name(*state), seat->id().value())
-                : fmt::format("it left operational by itself: {}", berth::name(*state)));
+          stays ? made(*state, seat->id()) : fmt::format("it left operational by itself: {}", berth::name(*state)));
       break;
     }
     case Wake::Kind::look: break;

@@ -14,10 +14,11 @@ struct Network::Seat {
   places::SlotState state = places::SlotState::unknown;
   rt::Time since{};
   std::string reason;
-  bool there = false;      ///< its device was identified under the slot's node-ID
-  bool started = false;    ///< NMT start was sent
-  bool awaited = false;    ///< NMT start was sent just now, and its heartbeat has not told yet
-  bool fresh = false;      ///< bound in this run, and not yet looked at for a past elsewhere
+  std::optional<co::Emcy> emergency{};  ///< its last error since its boot-up
+  bool there = false;                   ///< its device was identified under the slot's node-ID
+  bool started = false;                 ///< NMT start was sent
+  bool awaited = false;                 ///< NMT start was sent just now, and its heartbeat has not told yet
+  bool fresh = false;                   ///< bound in this run, and not yet looked at for a past elsewhere
   unsigned suspected = 0;  ///< rounds in a row in which devices that sat here before were asked for in vain
   unsigned shared = 0;     ///< tries left to tell two devices under its node-ID apart
   bool suspect = false;    ///< traffic says that a second device may hold its node-ID

@@ -121,6 +121,16 @@ TEST_F(Command, SdoReadsAndWritesWithTypes) {
   EXPECT_EQ(reply({"sdo", "write", "9", "0x1017", "0", "F4 01"}, 0, true).at("bytes"), "F4 01");
 }
 
+// Issue 12: no bytes are a value, and block transfer can be wanted.
+TEST_F(Command, SdoOfNoBytesAndByBlockTransfer) {
+  EXPECT_EQ(reply({"sdo", "write", "9", "0x1017", "0", "500", "--type", "u16", "--block"}, 0, true).at("bytes"),
+            "F4 01");
+  EXPECT_EQ(reply({"sdo", "read", "9", "0x1017", "0", "--type", "u16", "--block"}, 0, true).at("value"), 100);
+  const Json nothing = reply({"sdo", "write", "9", "0x1017", "0", ""}, 1, true).at("error");
+  EXPECT_EQ(nothing.at("abort_code"), "0x06070013") << "it went to the device, whose object has two bytes";
+  EXPECT_EQ(reply({"sdo", "write", "9", "0x1017", "0", "", "-t", "u16"}, 2, true).at("error").is_object(), true);
+}
+
 TEST_F(Command, SdoFailuresSayWhereAndWhy) {
   const Json missing = reply({"sdo", "read", "9", "0x7777", "1"}, 1, true).at("error");
   EXPECT_EQ(missing.at("code"), "aborted");

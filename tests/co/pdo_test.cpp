@@ -54,6 +54,7 @@ TEST(PdoRecord, A1_3_BitsOfACobId) {
   Rig rig;
   EXPECT_EQ(rig.write_u32(0x1800, 1, 0x00000985), AbortCode::invalid_value);
   EXPECT_EQ(rig.write_u32(0x1800, 1, 0x00012345), AbortCode::invalid_value);
+  EXPECT_EQ(rig.write_u32(0x1800, 1, 0x80012345), AbortCode::invalid_value) << "no COB-ID, valid or not";
   EXPECT_EQ(rig.write_u32(0x1800, 1, 0x20012345), ok);
 }
 

@@ -118,6 +118,8 @@ TEST_F(Channels, A1_2_RestrictedCanIds) {
     }
   }
   EXPECT_EQ(write(0x1201, 1, 0x800), AbortCode::invalid_value) << "more than 11 bits";
+  EXPECT_EQ(write(0x1201, 1, 0x8000'0800U), AbortCode::invalid_value) << "valid or not";
+  EXPECT_EQ(write(0x1280, 2, 0x9000'0000U), AbortCode::invalid_value);
   for (const std::uint32_t id : {0x080U, 0x100U, 0x181U, 0x580U, 0x600U, 0x680U, 0x6DFU, 0x700U}) {
     EXPECT_EQ(write(0x1202, 1, id), AbortCode::none) << id;
     EXPECT_EQ(write(0x1202, 1, 0x8000'0000U | id), AbortCode::none);
@@ -242,7 +244,7 @@ TEST_F(Pending, StreamsOpenAndCloseLater) {
   stream.on_open = stream.on_close = AbortCode::pending;
   EXPECT_EQ(ask("C204200007000000"), "");
   EXPECT_EQ(ask("0183060000000000"), "") << "segments before the answer are not heard";
-  EXPECT_EQ(completed(AbortCode::none).substr(0, 16), "585#A40420007F00");
+  EXPECT_EQ(completed(AbortCode::none).substr(0, 16), "585#A00420007F00");
   Bytes data(7);
   for (std::size_t i = 0; i < 7; ++i) data[i] = Pattern::at(i);
   EXPECT_EQ(ask(segments_of(data)[0]).substr(0, 4), "A201");

@@ -142,23 +142,42 @@ TEST_F(Sync, A5_3_OverflowValues) {
   }
 }
 
-// HC2.4: only while no SYNC is made: 0800 0022.
-TEST_F(Sync, A5_3_HC2_4_TheOverflowChangesOnlyWhileNoSyncIsMade) {
+// HC2.4: only while 1006h is 0, whether this device makes the SYNC or hears it (CiA 301 §7.5.2.22): 0800 0022.
+TEST_F(Sync, A5_3_HC2_4_TheOverflowChangesOnlyWhileThePeriodIsZero) {
+  for (const std::uint32_t role : {0x40000080U, 0x80U}) {
+    ASSERT_EQ(write_u32(0x1005, 0, role), ok);
+    ASSERT_EQ(write_u32(0x1006, 0, 0), ok);
+    EXPECT_EQ(write_u8(0x1019, 0, 10), ok);
+    ASSERT_EQ(write_u32(0x1006, 0, 1000), ok);
+    EXPECT_EQ(write_u8(0x1019, 0, 20), AbortCode::device_state) << role;
+    EXPECT_EQ(write_u8(0x1019, 0, 0), AbortCode::device_state) << role;
+    EXPECT_EQ(values.get<std::uint8_t>({0x1019, 0}), 10);
+    EXPECT_EQ(write_u8(0x1019, 0, 10), ok) << "nothing changes";
+    EXPECT_EQ(write_u8(0x1019, 0, 241), AbortCode::invalid_value) << "never, whatever the period";
+  }
+}
+
+// Bit 30 set anew begins to count anew (CiA 301 §7.2.5.3.1); another write of a producer's 1005h does not.
+TEST_F(Sync, A5_3_Bit30SetAnewStartsTheCounterAnew) {
+  produce(10'000, 10);
+  run(35ms);
+  EXPECT_EQ(take(), (Log{"080#01", "080#02", "080#03"}));
   ASSERT_EQ(write_u32(0x1005, 0, 0x40000080), ok);
-  EXPECT_EQ(write_u8(0x1019, 0, 10), ok) << "the period is 0";
-  ASSERT_EQ(write_u32(0x1006, 0, 1000), ok);
-  EXPECT_EQ(write_u8(0x1019, 0, 20), AbortCode::device_state);
-  EXPECT_EQ(values.get<std::uint8_t>({0x1019, 0}), 10);
+  run(15ms);
+  EXPECT_EQ(take(), Log{"080#04"}) << "bit 30 was set already";
   ASSERT_EQ(write_u32(0x1005, 0, 0x80), ok);
-  EXPECT_EQ(write_u8(0x1019, 0, 20), ok) << "a consumer";
+  run(25ms);
+  ASSERT_EQ(write_u32(0x1005, 0, 0x40000080), ok);
+  run(25ms);
+  EXPECT_EQ(take(), (Log{"080#01", "080#02"}));
 }
 
 TEST_F(Sync, A5_3_AnotherOverflowStartsTheCounterAnew) {
   produce(10'000, 10);
   run(35ms);
-  ASSERT_EQ(write_u32(0x1005, 0, 0x80), ok);
+  ASSERT_EQ(write_u32(0x1006, 0, 0), ok);
   ASSERT_EQ(write_u8(0x1019, 0, 20), ok);
-  ASSERT_EQ(write_u32(0x1005, 0, 0x40000080), ok);
+  ASSERT_EQ(write_u32(0x1006, 0, 10'000), ok);
   run(15ms);
   EXPECT_EQ(take(), (Log{"080#01", "080#02", "080#03", "080#01"}));
 }

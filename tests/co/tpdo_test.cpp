@@ -117,9 +117,25 @@ TEST_F(Tpdo, A8_3_HC2_4_RemoteFrameBeforeTheFirstSync) {
   EXPECT_EQ(take(), Log{"185#09"});
 }
 
+// HC2.2: a type that is sent on remote frames alone, and bit 30 that forbids them: no valid PDO has both, in whatever
+// order they come.
+TEST_F(Tpdo, A1_3_HC2_2_Bit30AndTheTypesOfRemoteFramesExcludeEachOther) {
+  for (const unsigned type : {0xFC, 0xFD}) {
+    one({.cob_id = 0x40000185, .type = 0xFF});
+    EXPECT_EQ(write_u8(0x1800, 2, type), AbortCode::invalid_value) << type;
+    one({.type = static_cast<std::uint8_t>(type)});
+    EXPECT_EQ(write_u32(0x1800, 1, 0x40000185), AbortCode::invalid_value) << type;
+    ASSERT_EQ(write_u32(0x1800, 1, 0xC0000185), ok) << "not valid";
+    EXPECT_EQ(write_u32(0x1800, 1, 0x40000185), AbortCode::invalid_value) << type;
+    EXPECT_EQ(write_u8(0x1800, 2, type), ok) << "not valid: in any order";
+    EXPECT_EQ(write_u32(0x1800, 1, 0x00000185), ok) << type;
+  }
+  EXPECT_EQ(write_u8(0x1400, 2, 0xFC), AbortCode::invalid_value) << "an RPDO has no such type";
+}
+
 // HC2.2: bit 30 forbids remote frames, also when it is set while the PDO is valid.
 TEST_F(Tpdo, A1_3_HC2_2_Bit30ForbidsRemoteFrames) {
-  for (const unsigned type : {0xFC, 0xFD, 0xFE, 0xFF}) {
+  for (const unsigned type : {0xFE, 0xFF}) {
     one({.cob_id = 0x40000185, .type = static_cast<std::uint8_t>(type)});
     sync();
     take();

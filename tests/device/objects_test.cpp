@@ -257,6 +257,10 @@ TEST(Objects, OD_1014_OD_1015_EmergencyIdentifierAndInhibitTime) {
   for (const std::uint32_t restricted : {0x000U, 0x07FU, 0x101U, 0x180U, 0x581U, 0x601U, 0x6E0U, 0x701U, 0x7FFU}) {
     EXPECT_EQ(s.rig.write(0x1014, 0, 4, restricted), Rig::refused(0x1014, 0, AbortCode::invalid_value)) << restricted;
   }
+  // Bits 28..11 belong to 29-bit identifiers, bit 30 is reserved (CiA 301 §7.5.2.17), valid or not.
+  for (const std::uint32_t malformed : {0x889U, 0x1000'0089U, 0x4000'0089U, 0x6000'0089U, 0x8000'0889U, 0xC000'0089U}) {
+    EXPECT_EQ(s.rig.write(0x1014, 0, 4, malformed), Rig::refused(0x1014, 0, AbortCode::invalid_value)) << malformed;
+  }
   EXPECT_EQ(s.rig.write(0x1015, 0, 2, 100), Rig::done(0x1015, 0));  // 10 ms
   EXPECT_EQ(s.rig.write(0x1014, 0, 4, 0x0FE), Rig::done(0x1014, 0));
   EXPECT_EQ(s.rig.record.count("0FE#01FF810000000000"), 1U);
@@ -276,6 +280,9 @@ TEST(Objects, OD_1028_EmergencyConsumer) {
   };
   s.rig.ask("083#30810100000000AA");
   EXPECT_TRUE(heard.empty());
+  for (const std::uint32_t malformed : {0x883U, 0x4000'0083U, 0x8000'0883U, 0xC000'0083U}) {
+    EXPECT_EQ(s.rig.write(0x1028, 3, 4, malformed), Rig::refused(0x1028, 3, AbortCode::invalid_value)) << malformed;
+  }
   EXPECT_EQ(s.rig.write(0x1028, 3, 4, 0x083), Rig::done(0x1028, 3));
   EXPECT_EQ(s.rig.write(0x1028, 4, 4, 0x0FD), Rig::done(0x1028, 4)) << "another identifier for node 4";
   s.rig.ask("083#30810100000000AA");

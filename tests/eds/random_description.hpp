@@ -122,7 +122,11 @@ inline std::string difference(const od::Description& a, const od::Description& b
     const od::Object& x = a.objects()[i];
     const od::Object& y = b.objects()[i];
     const std::string where = std::to_string(x.index);
-    if (x.index != y.index || x.code != y.code || x.type != y.type || x.obj_flags != y.obj_flags) return where;
+    if (x.index != y.index || x.code != y.code || x.obj_flags != y.obj_flags) return where;
+    // Of an ARRAY or RECORD it stands with the sub-objects.
+    const bool simple =
+        x.code != od::ObjectCode::array && x.code != od::ObjectCode::record && x.code != od::ObjectCode::defstruct;
+    if (simple && x.type != y.type) return where + " type";
     if (a.name(x) != b.name(y)) return where + " name " + std::string(a.name(x)) + "/" + std::string(b.name(y));
     if (x.count != y.count) return where + " count";
     for (std::size_t k = 0; k < x.count; ++k) {

@@ -186,14 +186,21 @@ struct StrictReader {
     }
     need("FileInfo", {"FileName", "FileVersion", "FileRevision", "EDSVersion", "Description", "CreationTime",
                       "CreationDate", "CreatedBy", "ModificationTime", "ModificationDate", "ModifiedBy"});
-    need("DeviceInfo", {"VendorName",        "VendorNumber",   "ProductName",
-                        "ProductNumber",     "RevisionNumber", "OrderCode",
-                        "BaudRate_10",       "BaudRate_20",    "BaudRate_50",
-                        "BaudRate_125",      "BaudRate_250",   "BaudRate_500",
-                        "BaudRate_800",      "BaudRate_1000",  "SimpleBootUpMaster",
-                        "SimpleBootUpSlave", "Granularity",    "DynamicChannelsSupported",
-                        "GroupMessaging",    "NrOfRXPDO",      "NrOfTXPDO",
-                        "LSS_Supported"});
+    // A key whose number is not known is absent: an empty one is no number to python-canopen.
+    for (const char* number : {"VendorNumber", "ProductNumber", "RevisionNumber"}) {
+      const auto found = sections["DeviceInfo"].find(number);
+      if (found != sections["DeviceInfo"].end() && found->second.empty()) fail(std::string(number) + " is empty");
+    }
+    for (const char* number : {"NodeID", "Baudrate", "NetNumber"}) {
+      const auto commissioning = sections.find("DeviceComissioning");
+      if (commissioning == sections.end()) break;
+      const auto found = commissioning->second.find(number);
+      if (found != commissioning->second.end() && found->second.empty()) fail(std::string(number) + " is empty");
+    }
+    need("DeviceInfo",
+         {"VendorName", "ProductName", "OrderCode", "BaudRate_10", "BaudRate_20", "BaudRate_50", "BaudRate_125",
+          "BaudRate_250", "BaudRate_500", "BaudRate_800", "BaudRate_1000", "SimpleBootUpMaster", "SimpleBootUpSlave",
+          "Granularity", "DynamicChannelsSupported", "GroupMessaging", "NrOfRXPDO", "NrOfTXPDO", "LSS_Supported"});
     need("DummyUsage", {"Dummy0001", "Dummy0002", "Dummy0003", "Dummy0004", "Dummy0005", "Dummy0006", "Dummy0007"});
     need("Comments", {"Lines"});
     std::set<std::string> listed;
@@ -382,6 +389,20 @@ TEST(EdsWrite, HU_10_BytesOfAStringStayWhateverTheFilesEncoding) {
     const auto back = read(written.text, "t");
     EXPECT_EQ(difference(*file.description, *back.file.description), "");
   }
+}
+
+// A DataType beside ObjectType is for CompactSubObj only: the npm package canopen refuses a file with another.
+TEST(EdsWrite, E2_2_AnArrayHasItsDataTypeInItsSubObjects) {
+  od::DescriptionBuilder builder;
+  builder.object(0x2000, od::ObjectCode::array, "words", DataType::unsigned16);
+  builder.sub(0x2000, {.sub = 1, .name = "word", .type = DataType::unsigned16});
+  File file;
+  file.description = builder.build();
+  const auto text = write(file).text;
+  const auto begin = text.find("[2000]");
+  const auto section = text.substr(begin, text.find("[2000sub0]") - begin);
+  EXPECT_EQ(section.find("DataType"), std::string::npos) << section;
+  EXPECT_EQ(read(text, "t").file.description->find(ObjectRef{0x2000, 1})->type, DataType::unsigned16);
 }
 
 /// Every real file: unchanged by the editor byte for byte, and equal after being written anew.

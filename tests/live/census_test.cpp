@@ -109,6 +109,31 @@ TEST_F(CensusOnABus, TheHeartbeatIsTheOneThatTheDeviceTells) {
   EXPECT_EQ(nodes[0].problem, "");
 }
 
+TEST_F(CensusOnABus, ADeviceWithoutTheObjectIsNoMaster) {
+  Objects objects = complete;
+  Node plain(device, objects);
+  plain.beat();
+  world.run_for(1ms);
+  EXPECT_FALSE(ask().front().nmt_master) << "it has no 1F80h";
+}
+
+// Issue 12: a master with nothing but a heartbeat looks like a device until it is asked.
+TEST_F(CensusOnABus, AMasterIsToldByBit0Of1F80) {
+  for (const std::uint8_t startup : std::array<std::uint8_t, 4>{0x00, 0x08, 0x01, 0x0F}) {
+    Objects objects = complete;
+    objects[0x1F8000] = {startup, 0, 0, 0};
+    objects[0x1F8100] = {127};
+    Node node(device, objects);
+    node.beat();
+    world.run_for(1ms);
+    const auto seen = ask();
+    ASSERT_EQ(seen.size(), 1U);
+    EXPECT_EQ(seen.front().nmt_master, (startup & 1U) != 0) << int{startup};
+    EXPECT_EQ(seen.front().network_list.has_value(), (startup & 1U) != 0);
+    EXPECT_EQ(seen.front().name, "pump") << "and the rest is read";
+  }
+}
+
 TEST_F(CensusOnABus, WithoutTheObjectTheHeartbeatIsWhatWasHeard) {
   for (const bool wrong_size : {false, true}) {
     Objects objects = complete;

@@ -92,6 +92,32 @@ TEST(OdAccess, HC1_S17_Lengths) {
   EXPECT_EQ(hex(v.length_of_unsized({0x6000, 0}, 4).error()), 0x06070013U);
 }
 
+// A string or DOMAIN whose description gives no length has none that a write could exceed: what does not fit is the
+// device's memory (0504 0005), not the description (0607 0012).
+TEST(OdAccess, HC1_S17_WithoutADescribedLengthTheMemoryEnds) {
+  DescriptionBuilder b;
+  b.variable(0x2000, {.type = DataType::visible_string});
+  b.variable(0x2001, {.type = DataType::visible_string, .initial = Literal::text("four")});
+  b.variable(0x2002, {.type = DataType::domain});
+  b.variable(0x2003, {.type = DataType::visible_string, .capacity = 300});
+  Values v(b.build());
+  for (const std::uint16_t text : {std::uint16_t{0x2000}, std::uint16_t{0x2001}}) {
+    EXPECT_EQ(hex(write(v, {text, 0}, Bytes(250, 'x'))), 0U) << "more than any name takes";
+    EXPECT_EQ(hex(v.check_write({text, 0}, 100'000)), 0x05040005U);
+    EXPECT_EQ(hex(write(v, {text, 0}, Bytes(100'000, 'x'))), 0x05040005U);
+  }
+  EXPECT_EQ(hex(write(v, {0x2002, 0}, Bytes(10'000, 1))), 0U);
+  EXPECT_EQ(hex(write(v, {0x2002, 0}, Bytes(1'000'000, 1))), 0x05040005U);
+  EXPECT_EQ(hex(write(v, {0x2003, 0}, Bytes(301, 1))), 0x06070012U) << "described";
+}
+
+// A description with very many of them does not take very much memory for each.
+TEST(OdAccess, TheRoomForValuesWithoutADescribedLengthIsBounded) {
+  DescriptionBuilder b;
+  for (unsigned i = 0; i < 2000; ++i) b.variable(static_cast<std::uint16_t>(0x2000 + i), {.type = DataType::domain});
+  EXPECT_LT(b.build()->value_bytes(), 2U << 20U);
+}
+
 // hard-cases "EDS/DCF" complaint 17: limits are in the dictionary and must be enforced.
 TEST(OdAccess, LimitsAreEnforced) {
   Values v(device(), NodeId(5));
