@@ -1,6 +1,7 @@
 #include "berth/places/assignment.hpp"
 
 #include <algorithm>
+#include <numeric>
 
 namespace berth::places {
 namespace {
@@ -71,6 +72,51 @@ std::vector<std::optional<std::size_t>> only_places(const FitGraph& graph) {
     if (!choice) places[d] = slot;
   }
   return places;
+}
+
+namespace {
+
+bool all_placed(const FitGraph& graph) {
+  const Matching matching(graph);
+  for (std::size_t d = 0; d < graph.fits.size(); ++d) {
+    if (matching.slot_of(d) == none) return false;
+  }
+  return true;
+}
+
+// The device fits this slot only, and the slot takes no other.
+FitGraph with_pair(const FitGraph& graph, std::size_t device, std::size_t slot) {
+  FitGraph paired = graph;
+  for (auto& fits : paired.fits) std::erase(fits, slot);
+  paired.fits[device] = {slot};
+  return paired;
+}
+
+}  // namespace
+
+std::optional<std::vector<std::size_t>> pairs_in_order(const FitGraph& graph) {
+  if (graph.slots != graph.fits.size()) return std::nullopt;
+  std::vector<std::size_t> device_of(graph.slots);
+  std::iota(device_of.begin(), device_of.end(), std::size_t{0});
+  const bool as_they_come = std::ranges::all_of(device_of, [&](std::size_t d) {
+    return std::ranges::find(graph.fits[d], d) != graph.fits[d].end();
+  });
+  if (as_they_come) return device_of;
+  if (!all_placed(graph)) return std::nullopt;
+  device_of.clear();
+  FitGraph left = graph;
+  for (std::size_t slot = 0; slot < graph.slots; ++slot) {
+    for (std::size_t d = 0; d < left.fits.size(); ++d) {
+      const auto& fits = left.fits[d];
+      if (std::ranges::find(fits, slot) == fits.end()) continue;
+      FitGraph paired = with_pair(left, d, slot);
+      if (!all_placed(paired)) continue;
+      left = std::move(paired);
+      device_of.push_back(d);
+      break;
+    }
+  }
+  return device_of;
 }
 
 std::vector<FitComponent> components(const FitGraph& graph) {

@@ -19,6 +19,10 @@ struct FitGraph {
 /// others leave it that one.
 [[nodiscard]] std::vector<std::optional<std::size_t>> only_places(const FitGraph& graph);
 
+/// For each slot its device, when all slots and all devices can be paired: the lowest slot gets the lowest device with
+/// which the others can still be paired, and so on. Without revisions that tell devices apart this is paper 1's rule 2.
+[[nodiscard]] std::optional<std::vector<std::size_t>> pairs_in_order(const FitGraph& graph);
+
 /// Devices and slots that hang together, so that what one gets says something about the others.
 struct FitComponent {
   std::vector<std::size_t> devices;  ///< ascending

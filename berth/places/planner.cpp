@@ -330,9 +330,12 @@ class Planner {
       case WhenAmbiguous::ascending:
         leave_where_they_are(group);
         if (fresh.empty() || free.empty()) return;
-        if (fresh.size() != free.size() || !all_fit(free, fresh)) break;
-        for (std::size_t k = 0; k < fresh.size(); ++k) seat(free[k], fresh[k]);
-        return;
+        if (fresh.size() != free.size()) break;
+        if (const auto device_of = pairs_in_order(graph_of(group))) {
+          for (std::size_t k = 0; k < free.size(); ++k) seat(free[k], fresh[(*device_of)[k]]);
+          return;
+        }
+        break;
       case WhenAmbiguous::one_at_a_time:
         if (fresh.size() != 1) {
           return ask(free, fresh, "they come one at a time here: leave only the next one switched on");
@@ -377,13 +380,6 @@ class Planner {
         leave(f, "surplus", "came when every slot of its type was taken; take it off the bus, or `berth replace` one");
       }
     }
-  }
-
-  [[nodiscard]] bool all_fit(const std::vector<std::size_t>& free, const std::vector<Found>& fresh) const {
-    for (std::size_t k = 0; k < fresh.size(); ++k) {
-      if (!fits(slots_[free[k]].spec, fresh[k].device)) return false;
-    }
-    return true;
   }
 
   void seat(std::size_t slot, const Found& f) {

@@ -322,7 +322,8 @@ class WorldRun final : private can::Tap {
   // who sits is not moved.
   [[nodiscard]] bool kept_elsewhere(const operate::SlotReport& empty) {
     const auto records = rig_.store().load(plan_.machine.name);
-    if (!records || empty.state != places::SlotState::empty) return false;
+    const bool left = empty.state == places::SlotState::empty || empty.state == places::SlotState::question;
+    if (!records || !left) return false;
     const design::Slot* const slot = plan_.machine.slot(empty.bus, empty.id);
     return std::ranges::any_of(plan_.plant.devices, [&](const plant::PlantDevice& d) {
       return slot != nullptr && d.node_id.configured() && places::fits(slot->spec, d.address) &&

@@ -59,6 +59,31 @@ RC_GTEST_PROP(Assignment, OnlyPlacesAreThoseOfEveryLargestAssignment, ()) {
   RC_ASSERT(only_places(graph) == tried(graph));
 }
 
+// The first of all whole assignments, slot by slot, of those that were tried.
+RC_GTEST_PROP(Assignment, PairsInOrderAreTheFirstWholeAssignment, ()) {
+  FitGraph graph;
+  graph.slots = *rc::gen::inRange<std::size_t>(0, 6);
+  for (std::size_t d = 0; d < graph.slots; ++d) {
+    std::vector<std::size_t> slots;
+    for (std::size_t s = 0; s < graph.slots; ++s) {
+      if (*rc::gen::inRange(0, 3) != 0) slots.push_back(s);
+    }
+    graph.fits.push_back(slots);
+  }
+  std::optional<std::vector<std::size_t>> first;
+  std::vector<bool> used(graph.slots, false);
+  Choice choice(graph.fits.size());
+  each_assignment(graph, 0, used, choice, [&](const Choice& c) {
+    std::vector<std::size_t> device_of(graph.slots);
+    for (std::size_t d = 0; d < c.size(); ++d) {
+      if (!c[d]) return;
+      device_of[*c[d]] = d;
+    }
+    if (!first || device_of < *first) first = device_of;
+  });
+  RC_ASSERT(pairs_in_order(graph) == first);
+}
+
 TEST(Assignment, ComponentsHangTogetherBySlots) {
   const FitGraph graph{5, {{0, 1}, {3}, {1, 2}, {}}};
   const auto parts = components(graph);

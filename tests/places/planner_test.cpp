@@ -171,6 +171,19 @@ TEST(Planner, WhatHasOneAnswerIsNoQuestion) {
   }
 }
 
+// Rule 2 among those that revisions leave: the slots that want revision 2 get the devices of revision 2 in their order,
+// the others the rest, and no person is asked.
+TEST(Planner, AscendingGoesRoundRevisions) {
+  std::vector<Slot> slots{slot(1, B), slot(3, B), slot(5, B), slot(10, B)};
+  for (const std::size_t i : {0U, 2U}) {
+    slots[i].spec.rule = RevisionRule::exact;
+    slots[i].spec.revision = 2;
+  }
+  const auto p = plan(slots, blank({device(B, 1, 0), device(B, 2, 2), device(B, 3, 0), device(B, 5, 2)}), {}, master);
+  EXPECT_TRUE(p.questions.empty());
+  EXPECT_EQ(seats(slots, p), (std::map<unsigned, std::uint32_t>{{1, 2}, {3, 1}, {5, 5}, {10, 3}}));
+}
+
 // The slot that takes any revision is left for the device that fits no other.
 TEST(Planner, OthersMayLeaveADeviceOnePlace) {
   std::vector<Slot> slots{slot(2, B), slot(4, B)};
