@@ -283,6 +283,24 @@ TEST_F(Client, S15_LateAnswerOfTheSameObjectBeforeTheFence) {
   EXPECT_EQ(client.surplus(node), 0U) << "late is not surplus";
 }
 
+// An answer is late for a while only, however many requests follow: a second device under the node-ID is not taken for it.
+TEST_F(Client, S15_AnOldSilenceExcusesNoSecondAnswer) {
+  client.set_late_window(100ms);
+  co::SdoOptions impatient = client.options();
+  impatient.timeout = 20ms;
+  impatient.abort_on_timeout = false;
+  auto silent = client.read<std::uint32_t>(node, 0x1000, 0, impatient);
+  EXPECT_EQ(await(*this, silent).error().code, Errc::timeout);
+  run(200ms);
+  reply("605#4000100000000000", {"585#4300100022222222"});
+  auto answered = client.read<std::uint32_t>(node, 0x1000, 0);
+  EXPECT_EQ(*await(*this, answered), 0x22222222U);
+  server.send("585#4300100033333333");
+  run(1ms);
+  EXPECT_EQ(client.surplus(node), 1U);
+  EXPECT_EQ(client.late(node), 0U);
+}
+
 // Silence ends in time, says so, and tells the server once (complaint 22: optional).
 TEST_F(Client, TimeoutAbortsOnceAndSaysNoAnswer) {
   auto op = client.read<std::uint32_t>(node, 0x1000, 0);

@@ -53,6 +53,35 @@ bool walk_to(Binding& binding, Step step) {
   return binding.step() == step;
 }
 
+// Another device answers under the new node-ID: this one may have missed `04 00` and would take it at the next.
+TEST(BindingTable, S1_53_WhatAnotherAnswersUnderIsTakenBack) {
+  Binding binding(Binding::Kind::bind, seat);
+  ASSERT_TRUE(walk_to(binding, Step::identify));
+  binding.advance(Outcome::mismatch);
+  EXPECT_EQ(binding.step(), Step::revert);
+  binding.advance(Outcome::silent);
+  binding.advance(Outcome::ok);
+  EXPECT_EQ(binding.step(), Step::failed);
+  EXPECT_EQ(binding.why(), Why::other_device);
+}
+
+// Two devices took the `11h`, or the `17h`: both lose the node-ID, and the one does not get the other's old one.
+TEST(BindingTable, S1_53_WhatTwoWereToldIsTakenBackFromBoth) {
+  for (const auto step : {Step::configure, Step::store}) {
+    Binding binding(Binding::Kind::bind, seat);
+    ASSERT_TRUE(walk_to(binding, Step::configure));
+    binding.inquired(NodeId(77));
+    EXPECT_EQ(binding.revert_to(), NodeId(77));
+    ASSERT_TRUE(walk_to(binding, step));
+    binding.advance(Outcome::doubled);
+    EXPECT_EQ(binding.step(), Step::revert);
+    EXPECT_TRUE(binding.shared());
+    EXPECT_FALSE(binding.revert_to().configured());
+    ASSERT_TRUE(walk_to(binding, Step::store));
+    EXPECT_FALSE(binding.shared()) << "the next `11h` was taken by one";
+  }
+}
+
 // No way but `identify` leads to `write_confirm`, whatever the boot-up's wait ended with.
 TEST(BindingTable, S1_53_NothingIsConfirmedUnheard) {
   for (const auto outcome : {Outcome::ok, Outcome::silent, Outcome::mismatch}) {

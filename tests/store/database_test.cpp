@@ -610,5 +610,27 @@ TEST(Store, MigratesSchemaThreeAndKnowsWhereADeviceSat) {
   EXPECT_FALSE(former_seat(store->history_of(old).value())) << "it has its factory settings: as good as new";
 }
 
+// Schema 6: each loan and where it is; a store of before knew the first of a search only, of any bus.
+TEST(Store, LoansAreKeptAndOldMarksBecomeLoans) {
+  const Folder folder;
+  const LssAddress lent{1, 2, 3, 4};
+  const LssAddress second{1, 2, 3, 5};
+  {
+    SQLite::Database raw(folder.file(), SQLite::OPEN_READWRITE | SQLite::OPEN_CREATE);
+    create_schema(raw, 5);
+    raw.exec("INSERT INTO marks VALUES (1, 2, 3, 4, 3, 126)");
+  }
+  {
+    const auto store = must_open(folder.file());
+    EXPECT_EQ(store->lent().value(), (std::vector<places::LentId>{{lent, "", "", NodeId(126)}}));
+    ASSERT_TRUE(store->lend({second, "m", "b", NodeId(7)}));
+    ASSERT_TRUE(store->lend({second, "m", "b", NodeId(8)}));
+    ASSERT_TRUE(store->give_back(lent));
+    ASSERT_TRUE(store->give_back(lent)) << "idempotent";
+    EXPECT_TRUE(store->history_of(second).value().empty()) << "each search lends: no line of the history";
+  }
+  EXPECT_EQ(must_open(folder.file())->lent().value(), (std::vector<places::LentId>{{second, "m", "b", NodeId(8)}}));
+}
+
 }  // namespace
 }  // namespace berth::store

@@ -1,0 +1,198 @@
+// Two devices under one node-ID, devices that are lent node-IDs, devices that leave unnoticed: what random worlds found,
+// each as one case.
+#include "berth/operate/loans.hpp"
+#include "tests/harness/rig.hpp"
+
+using namespace berth;
+using namespace berth::harness;
+using operate::Loans;
+using places::SlotState;
+using plant::Habit;
+using plant::Speaks;
+using Seats = std::vector<std::pair<unsigned, std::uint32_t>>;
+
+namespace {
+
+constexpr LssAddress one{1, 2, 3, 4};
+constexpr LssAddress other{1, 2, 3, 5};
+
+plant::PlantDevice& stored(plant::PlantFile& plant, const std::string& name, TypeCode type, std::uint32_t serial,
+                           unsigned id) {
+  auto& d = add_device(plant, name, type, serial);
+  d.source = plant::NodeIdSource::nonvolatile;
+  d.node_id = NodeId(static_cast<std::uint8_t>(id));
+  d.speaks = {Speaks::lss, Speaks::fastscan};
+  d.habit = Habit::canopennode;
+  return d;
+}
+
+struct LssEar final : can::Tap {
+  void frame(const can::Frame& f, rt::Time, int) noexcept override {
+    if (f.extended || f.id != 0x7E5) return;
+    stores += f.data[0] == 0x17 ? 1U : 0U;
+  }
+  unsigned stores = 0;
+};
+
+}  // namespace
+
+// As they leave the factory: both with node-ID 32, which no slot has, no heartbeat, no answer to identify or Fastscan.
+TEST(Doubles, TwoWithTheFactorysNodeIdAreToldApartAndSeated) {
+  design::Machine m = one_bus(125'000);
+  add_slot(m, 3, type_a);
+  add_slot(m, 7, type_b);
+  auto p = one_bus_plant(1);
+  stored(p, "a", type_a, 0xA1, 32);
+  stored(p, "b", type_b, 0xB2, 32);
+  Rig rig(m, p);
+  rig.begin();
+  ASSERT_TRUE(rig.until_operational(60s)) << rig.log();
+  EXPECT_EQ(rig.seats(), (Seats{{3, 0xA1}, {7, 0xB2}}));
+}
+
+// Three of one type differ in their serial numbers alone.
+TEST(Doubles, ThreeWithOneNodeId) {
+  design::Machine m = one_bus(125'000);
+  auto p = one_bus_plant(1);
+  for (unsigned i = 1; i <= 3; ++i) {
+    add_slot(m, i + 2, type_a);
+    stored(p, "d" + std::to_string(i), type_a, i * 0x1111, 1);
+  }
+  Rig rig(m, p);
+  rig.begin();
+  ASSERT_TRUE(rig.until_operational(120s)) << rig.log();
+  EXPECT_EQ(rig.seats(), (Seats{{3, 0x1111}, {4, 0x2222}, {5, 0x3333}}));
+}
+
+// A stranger with the node-ID of a slot comes while the slot's device runs: it is taken off, and the device runs on.
+TEST(Doubles, AStrangerUnderARunningDevicesNodeIdIsTakenOff) {
+  design::Machine m = one_bus(125'000);
+  add_slot(m, 5, type_b);
+  auto p = one_bus_plant(1);
+  add_device(p, "own", type_b, 1);
+  stored(p, "stranger", type_c, 9, 5).plugged = false;
+  Rig rig(m, p);
+  rig.begin();
+  ASSERT_TRUE(rig.until_operational(30s)) << rig.log();
+  rig.device("stranger").plug();
+  ASSERT_TRUE(rig.run_until([&] { return !rig.device("stranger").truth().persistent.configured(); }, 60s)) << rig.log();
+  ASSERT_TRUE(rig.until_operational(30s)) << rig.log();
+  EXPECT_FALSE(rig.device("stranger").truth().active.configured()) << rig.log();
+  EXPECT_EQ(rig.seats(), (Seats{{5, 1}}));
+}
+
+// It leaves between its last heartbeat and the first that the new run waits for.
+TEST(Doubles, ADeviceThatLeavesAsItIsIdentifiedIsMissed) {
+  design::Machine m = one_bus(125'000);
+  add_slot(m, 5, type_b);
+  auto p = one_bus_plant(1);
+  add_device(p, "own", type_b, 1);
+  Rig rig(m, p);
+  rig.begin();
+  ASSERT_TRUE(rig.until_operational(30s)) << rig.log();
+  rig.kill();
+  rig.begin();
+  ASSERT_TRUE(rig.run_until([&] { return rig.state(5) == SlotState::operational; }, 10s)) << rig.log();
+  rig.device("own").unplug();
+  EXPECT_TRUE(rig.run_until([&] { return rig.state(5) == SlotState::absent; }, 10s)) << rig.log();
+}
+
+// What was stored once is not stored again at every look: memory wears out.
+TEST(Doubles, ADeviceThatWaitsForItsPowerCycleIsNotToldAgainAndAgain) {
+  design::Machine m = one_bus(125'000);
+  add_slot(m, 5, type_b);
+  auto p = one_bus_plant(1);
+  stored(p, "a", type_b, 7, 9).power_cycle_after_store = true;
+  Rig rig(m, p);
+  LssEar ear;
+  rig.world().bus("backbone")->add_tap(ear);
+  rig.begin();
+  ASSERT_TRUE(rig.run_until([&] { return rig.state(5) == SlotState::power_cycle; }, 60s)) << rig.log();
+  const unsigned before = ear.stores;
+  rig.run_for(20s);
+  EXPECT_EQ(ear.stores, before);
+  EXPECT_EQ(rig.state(5), SlotState::power_cycle);
+  rig.device("a").power(false);
+  rig.run_for(100ms);
+  rig.device("a").power(true);
+  EXPECT_TRUE(rig.until_operational(60s)) << rig.log();
+  rig.world().bus("backbone")->remove_tap(ear);
+}
+
+// Two devices and one slot: the question ends when both have left.
+TEST(Doubles, AQuestionEndsWithItsDevices) {
+  design::Machine m = one_bus(125'000);
+  add_slot(m, 5, type_b);
+  auto p = one_bus_plant(1);
+  add_device(p, "a", type_b, 1);
+  add_device(p, "b", type_b, 2);
+  Rig rig(m, p);
+  rig.begin();
+  ASSERT_TRUE(rig.run_until([&] { return rig.state(5) == SlotState::question; }, 30s)) << rig.log();
+  rig.device("a").unplug();
+  rig.device("b").unplug();
+  EXPECT_TRUE(rig.run_until([&] { return rig.state(5) == SlotState::empty; }, 60s)) << rig.log();
+}
+
+// Lely core's slaves answer Fastscan with a node-ID too: a search for another device lends nothing to one that sits.
+TEST(Doubles, ASearchLeavesNothingPendingInADeviceThatSits) {
+  design::Machine m = one_bus(125'000);
+  add_slot(m, 5, type_b);
+  add_slot(m, 6, type_a);
+  auto p = one_bus_plant(1);
+  auto& lely = add_device(p, "lely", type_b, 1);
+  lely.speaks = {Speaks::lss, Speaks::fastscan};
+  lely.habit = Habit::lely;
+  Rig rig(m, p);
+  rig.begin();
+  ASSERT_TRUE(rig.run_until([&] { return rig.state(5) == SlotState::operational; }, 60s)) << rig.log();
+  rig.run_for(30s);
+  const auto t = rig.device("lely").truth();
+  EXPECT_EQ(t.pending, NodeId(5)) << rig.log();
+  EXPECT_EQ(t.active, NodeId(5));
+}
+
+// ---- the list of loans ----
+
+TEST(LoanList, IsInTheStoreBeforeAnythingElse) {
+  places::MemoryStore store;
+  Loans loans(store, "m", "b");
+  ASSERT_TRUE(loans.lend(one, NodeId(126)));
+  EXPECT_EQ(store.lent().value(), (std::vector<places::LentId>{{one, "m", "b", NodeId(126)}}));
+  Loans next(store, "m", "b");
+  ASSERT_TRUE(next.load());
+  ASSERT_EQ(next.all().size(), 1U);
+  EXPECT_TRUE(next.borrowed(one)) << "what it uses may be what an earlier run lent it";
+  Loans elsewhere(store, "m", "another bus");
+  ASSERT_TRUE(elsewhere.load());
+  EXPECT_TRUE(elsewhere.empty());
+}
+
+TEST(LoanList, ANodeIdIsLentToNobodyElseUntilItIsBack) {
+  places::MemoryStore store;
+  Loans loans(store, "m", "b");
+  ASSERT_TRUE(loans.lend(one, NodeId(126)));
+  EXPECT_TRUE(loans.lent(NodeId(126)));
+  EXPECT_EQ(loans.to_another(NodeId(126), one), nullptr);
+  ASSERT_NE(loans.to_another(NodeId(126), other), nullptr);
+  for (int i = 0; i < 10; ++i) loans.kept(one);
+  EXPECT_TRUE(Loans::given_up(loans.all().front()));
+  EXPECT_TRUE(loans.lent(NodeId(126))) << "it was not seen to give it back";
+  loans.seen(one);
+  EXPECT_FALSE(Loans::given_up(loans.all().front()));
+  ASSERT_TRUE(loans.end(one));
+  EXPECT_FALSE(loans.lent(NodeId(126)));
+  EXPECT_TRUE(store.lent().value().empty());
+  EXPECT_TRUE(loans.borrowed(one)) << "the reset behind it may have been lost";
+  loans.bound(one);
+  EXPECT_FALSE(loans.borrowed(one));
+}
+
+TEST(LoanList, ADevicesNewLoanEndsItsOldOne) {
+  places::MemoryStore store;
+  Loans loans(store, "m", "b");
+  ASSERT_TRUE(loans.lend(one, NodeId(126)));
+  ASSERT_TRUE(loans.lend(one, NodeId(125)));
+  EXPECT_FALSE(loans.lent(NodeId(126)));
+  EXPECT_EQ(loans.of(one)->id, NodeId(125));
+}
