@@ -463,6 +463,7 @@ class Network final : private co::HeartbeatConsumer::Observer,
   std::array<bool, 128> look_again_at_{};  // a device was there that waits for its place
   rt::Time sweep_at_{};                   // the slots' own node-IDs are not asked again before
   rt::Time everywhere_at_{};              // nor all the others, for a slot without a device
+  std::uint8_t everywhere_from_ = 1;      // node-ID at which the questions go on that a boot-up interrupted
   bool asked_everywhere_ = false;
   std::vector<places::Oddity> returned_;  // sat in a slot, came back, and gave its node-ID up
   std::vector<LssAddress> heard_of_;      // found by the last discovery

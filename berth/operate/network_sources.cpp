@@ -156,14 +156,16 @@ rt::Task<void> Network::ask_everywhere() {
   const bool due = everywhere_due();
   if (!due) co_return;
   rt::Scope asked(*executor_, most_at_once());
-  for (std::uint8_t i = 1; i <= 127; ++i) {
+  const std::size_t waiting = wakes_.size();
+  for (std::uint8_t i = std::exchange(everywhere_from_, std::uint8_t{1}); i <= 127; ++i) {
     const NodeId id(i);
     const Seat* const seat = seat_at(id);
     const bool known = (seat != nullptr && seat->there) || id == bus_->master ||
                        std::ranges::find(found_, id, &places::Found::active) != found_.end();
     if (known) continue;
     // A device that boots meanwhile is more than one that may be there.
-    if (wakes_.size() > 0) {
+    if (wakes_.size() > waiting) {
+      everywhere_from_ = i;
       everywhere_at_ = executor_->now() + 2 * bus_->timing.probe_period;
       break;
     }
