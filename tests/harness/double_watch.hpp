@@ -107,7 +107,7 @@ class DoubleWatch final : public plant::World::Observer {
         moved.push_back(at);
       } else if ((key & ~0x7FU) == 0x600 && frame.data[0] == 0x40 && frame.data[1] == 0x00 && frame.data[2] == 0x10) {
         Asked& a = asked[key & 0x7FU];
-        if (a.last == rt::Time{} || at - a.last > 2 * plan.timing.sdo_timeout + std::chrono::milliseconds(50))
+        if (a.last == rt::Time{} || at - a.last > plan.timing.sdo_timeout + std::chrono::milliseconds(100))
           a.first = at;
         a.last = at;
       }
