@@ -134,24 +134,6 @@ TEST(Doubles, AQuestionEndsWithItsDevices) {
   EXPECT_TRUE(rig.run_until([&] { return rig.state(5) == SlotState::empty; }, 60s)) << rig.log();
 }
 
-// Lely core's slaves answer Fastscan with a node-ID too: a search for another device lends nothing to one that sits.
-TEST(Doubles, ASearchLeavesNothingPendingInADeviceThatSits) {
-  design::Machine m = one_bus(125'000);
-  add_slot(m, 5, type_b);
-  add_slot(m, 6, type_a);
-  auto p = one_bus_plant(1);
-  auto& lely = add_device(p, "lely", type_b, 1);
-  lely.speaks = {Speaks::lss, Speaks::fastscan};
-  lely.habit = Habit::lely;
-  Rig rig(m, p);
-  rig.begin();
-  ASSERT_TRUE(rig.run_until([&] { return rig.state(5) == SlotState::operational; }, 60s)) << rig.log();
-  rig.run_for(30s);
-  const auto t = rig.device("lely").truth();
-  EXPECT_EQ(t.pending, NodeId(5)) << rig.log();
-  EXPECT_EQ(t.active, NodeId(5));
-}
-
 // ---- the list of loans ----
 
 TEST(LoanList, IsInTheStoreBeforeAnythingElse) {
