@@ -3,12 +3,16 @@
 #include <fmt/format.h>
 
 #include <algorithm>
+#include <array>
 #include <cerrno>
 #include <cstring>
 #include <filesystem>
+#include <thread>
+#include <utility>
 
 #include "berth/io/open_port.hpp"
 #include "berth/live/reopening_port.hpp"
+#include "berth/rt/scope.hpp"
 #include "berth/store/database.hpp"
 #include "berth/text/file.hpp"
 #include "drive.hpp"
@@ -46,6 +50,7 @@ Rig::Made Rig::make(const Options& options, const Sources& sources) {
 }
 
 Rig::~Rig() {
+  heard_.clear();
   session_.reset();
   ports_.clear();  // gates before what they guard
   raw_.clear();
@@ -278,6 +283,10 @@ tl::expected<void, Failure> Rig::open_session(const Options& options) {
 
 tl::expected<void, Failure> Rig::listen_first() {
   if (!loop_) return {};
+  for (const auto& bus : machine_.buses) {
+    if (bus.role != design::Role::master || gate(bus.name) == nullptr) continue;
+    heard_[bus.name] = std::make_unique<live::Census>(session_->network(bus.name)->dispatcher());
+  }
   rt::Duration longest{0};
   for (const auto& bus : machine_.buses) longest = std::max(longest, bus.timing.listen);
   constexpr rt::Duration slack = std::chrono::seconds(1);  // a port that was just opened comes up
@@ -286,6 +295,10 @@ tl::expected<void, Failure> Rig::listen_first() {
   while (std::ranges::any_of(gates_, undecided) && world_->executor().now() < end) {
     loop_->turn(std::chrono::milliseconds(50));
   }
+  return no_foreign_frames();
+}
+
+tl::expected<void, Failure> Rig::no_foreign_frames() const {
   std::string problem;
   for (const auto& [bus, gate] : gates_) {
     if (gate->state() != live::GateState::foreign) continue;
@@ -298,6 +311,56 @@ tl::expected<void, Failure> Rig::listen_first() {
       Exit::no, problem +
                     "\nBerth sends nothing there. End that master; or use the bus as role = \"commissioner\" or "
                     "\"observer\"; or, when the machine's own devices send these frames, say so by tolerate = […]"));
+}
+
+namespace {
+
+rt::Task<void> ask_whether_masters(live::Census& census, live::CensusOptions options, bool& over) {
+  const auto asked = co_await census.ask(options);
+  static_cast<void>(asked);  // a port that takes no frame is the session's to report
+  over = true;
+}
+
+}  // namespace
+
+// "another master: node 100, its 1F80h bit 0 is set": one line for each; empty when there is none.
+std::string Rig::quiet_masters(const design::Bus& bus, live::Census& census) {
+  live::CensusOptions ask;
+  ask.masters_only = true;
+  ask.own = bus.master;
+  for (const auto& spec : machine_.specs(bus.name)) ask.known.push_back(spec.id);
+  bool over = false;
+  {
+    rt::Scope scope(world_->executor());
+    scope.spawn(ask_whether_masters(census, ask, over));
+    const auto shut = [&] { return gate(bus.name)->state() != live::GateState::open; };
+    while (!over && !shut() && !dry_run_over()) loop_->turn(std::chrono::milliseconds(50));
+  }
+  std::string text;
+  for (const auto& node : census.nodes()) {
+    if (!node.nmt_master) continue;
+    text += fmt::format(
+        "{}bus {}: another master: node {}, its 1F80h bit 0 is set{}{}; it commanded nobody while Berth "
+        "listened",
+        text.empty() ? "" : "\n", bus.name, node.id.value(), node.network_list ? ", it has a network list (1F81h)" : "",
+        node.device_type ? fmt::format(", its device type is {:08X}h", *node.device_type) : "");
+  }
+  return text;
+}
+
+tl::expected<void, Failure> Rig::ask_strangers() {
+  std::string problem;
+  const auto heard = std::exchange(heard_, {});
+  for (const auto& bus : machine_.buses) {
+    const auto census = heard.find(bus.name);
+    if (census == heard.end() || gate(bus.name)->state() != live::GateState::open) continue;
+    const std::string masters = quiet_masters(bus, *census->second);
+    if (!masters.empty()) problem += (problem.empty() ? "" : "\n") + masters;
+  }
+  if (problem.empty()) return no_foreign_frames();
+  return tl::unexpected(failure(
+      Exit::no, problem + "\nBerth does not take its bus. End that master; or use the bus as role = "
+                          "\"commissioner\" or \"observer\"; or, when it is a device of this machine, give it a slot"));
 }
 
 const live::Gate* Rig::gate(std::string_view bus) const noexcept {
