@@ -135,7 +135,42 @@ tl::expected<void, Failure> Rig::build_world(const Options& options) {
   return tl::unexpected(failure(Exit::failed, fmt::format("{}: {}", options.state, describe(kept.error()))));
 }
 
-// A dry run works on a copy of the store, so that it sends what the real one would.
+namespace {
+
+// Of the store and of what is written beside it.
+std::array<fs::file_time_type, 2> written_at(const std::string& path) {
+  std::error_code none;
+  return {fs::last_write_time(path, none), fs::last_write_time(path + "-wal", none)};
+}
+
+}  // namespace
+
+// Into a folder that goes with the rig. The store may be in use: a copy during which it changed is made anew.
+tl::expected<std::string, Failure> Rig::copied_store(const std::string& path) {
+  std::string pattern = (fs::temp_directory_path() / "berth-copy-XXXXXX").string();
+  if (::mkdtemp(pattern.data()) == nullptr)
+    return tl::unexpected(failure(Exit::failed, pattern + ": " + std::strerror(errno)));
+  throw_away_ = pattern;
+  const std::string copy = (fs::path(throw_away_) / "store.db").string();
+  constexpr int tries = 50;
+  std::error_code error;
+  for (int i = 0; i < tries; ++i) {
+    const auto before = written_at(path);
+    fs::copy_file(path, copy, fs::copy_options::overwrite_existing, error);
+    if (!error && fs::exists(path + "-wal")) {
+      fs::copy_file(path + "-wal", copy + "-wal", fs::copy_options::overwrite_existing, error);
+    } else {
+      fs::remove(copy + "-wal");
+    }
+    if (written_at(path) == before) break;
+    std::this_thread::sleep_for(std::chrono::milliseconds(20));
+  }
+  if (error) return tl::unexpected(failure(Exit::failed, path + ": " + error.message()));
+  return copy;
+}
+
+// A dry run works on a copy of the store, so that it sends what the real one would; who only looks does, because the
+// store belongs to the process that runs the machine, or is about to.
 tl::expected<void, Failure> Rig::open_store(const Options& options) {
   std::string path = options.store;
   const bool real = std::ranges::any_of(machine_.buses, [](const auto& b) { return is_real(b.port); });
@@ -143,20 +178,13 @@ tl::expected<void, Failure> Rig::open_store(const Options& options) {
     path = default_store(machine_.file);
     if (!options.makes_store && !fs::exists(path)) path.clear();
   }
-  if (options.dry_run && !path.empty()) {
-    if (fs::exists(path)) {
-      std::string pattern = (fs::temp_directory_path() / "berth-dry-run-XXXXXX").string();
-      if (::mkdtemp(pattern.data()) == nullptr)
-        return tl::unexpected(failure(Exit::failed, pattern + ": " + std::strerror(errno)));
-      throw_away_ = pattern;
-      const fs::path copy = fs::path(throw_away_) / "store.db";
-      std::error_code error;
-      fs::copy_file(path, copy, error);
-      if (!error && fs::exists(path + "-wal")) fs::copy_file(path + "-wal", copy.string() + "-wal", error);
-      if (error) return tl::unexpected(failure(Exit::failed, path + ": " + error.message()));
-      path = copy.string();
-    } else {
+  if ((options.dry_run || options.observe) && !path.empty()) {
+    if (!fs::exists(path)) {
       path.clear();
+    } else {
+      auto copy = copied_store(path);
+      if (!copy) return tl::unexpected(copy.error());
+      path = std::move(*copy);
     }
   }
   if (path.empty()) {

@@ -85,6 +85,7 @@ class Rig {
   [[nodiscard]] tl::expected<void, Failure> settle_ports(const Options& options, bool simulate);
   [[nodiscard]] tl::expected<void, Failure> build_world(const Options& options);
   [[nodiscard]] tl::expected<void, Failure> open_store(const Options& options);
+  [[nodiscard]] tl::expected<std::string, Failure> copied_store(const std::string& path);
   [[nodiscard]] tl::expected<void, Failure> open_session(const Options& options);
   [[nodiscard]] std::unique_ptr<can::Port> guard(const design::Bus& bus, can::Port& port, const Options& options);
   void gate_changed(const std::string& bus, const live::Gate& gate);

@@ -158,6 +158,33 @@ TEST_F(Live, SingleCommandsOpenThePortWhenNobodyRuns) {
   EXPECT_NE(read.out.find("48"), std::string::npos) << read.out;  // 30h
 }
 
+// Issue 12, part 2: who only looks takes no lock, and needs none. The `up` is at a control socket that `status` does
+// not know: as one that is starting, it has its locks and does not answer.
+TEST_F(Live, StatusIsNotHeldUpByAnUpThatStarts) {
+  const std::string store = folder.file("slots.db");
+  const std::string slow = folder.write(
+      "slow.toml", replaced(on_plant("slow"), "listen            = \"1 s\"", "listen            = \"60 s\""));
+  const Background up({"up", slow, "--pace", "--store", store, "--control", folder.file("slow.sock")});
+  ASSERT_TRUE(eventually([&] { return !contents(store + ".lock").empty(); })) << "the slot table is its own by now";
+  const Outcome status = berth({"status", "--machine", slow, "--store", store, "--json"});
+  EXPECT_EQ(status.status, 0) << status.out << status.err;
+  EXPECT_EQ(Json::parse(status.out).at("slots").size(), 3U) << status.out;
+}
+
+TEST_F(Live, StatusTellsTheSlotTableAndLeavesNoTraceOfIt) {
+  const std::string store = folder.file("slots.db");
+  ASSERT_EQ(berth({"bind", "--machine", machine, "--store", store}).status, 0);
+  std::filesystem::remove(store + ".lock");
+  const std::string before = contents(store);
+  const Outcome status = berth({"status", "--machine", machine, "--store", store, "--json"});
+  EXPECT_EQ(status.status, 0) << status.out << status.err;
+  EXPECT_NE(status.out.find("\"r_sn\": \"0x0000000300000030\""), std::string::npos) << status.out;
+  EXPECT_FALSE(exists(store + ".lock")) << "an up that starts just now would be refused";
+  EXPECT_EQ(contents(store), before);
+  EXPECT_EQ(berth({"status", "--machine", machine, "--store", folder.file("none.db")}).status, 0);
+  EXPECT_FALSE(exists(folder.file("none.db"))) << "it makes none either";
+}
+
 TEST_F(Live, ADryRunListensAndSendsNothing) {
   const std::string record = folder.file("frames.log");
   Background ear({"up", folder.write("ear.toml", on_plant("ear", "\nrole = \"observer\"")), "--pace", "--record",
