@@ -3,12 +3,16 @@
 #include <fmt/format.h>
 
 #include <algorithm>
+#include <array>
 #include <cerrno>
 #include <cstring>
 #include <filesystem>
+#include <thread>
+#include <utility>
 
 #include "berth/io/open_port.hpp"
 #include "berth/live/reopening_port.hpp"
+#include "berth/rt/scope.hpp"
 #include "berth/store/database.hpp"
 #include "berth/text/file.hpp"
 #include "drive.hpp"
@@ -46,6 +50,7 @@ Rig::Made Rig::make(const Options& options, const Sources& sources) {
 }
 
 Rig::~Rig() {
+  heard_.clear();
   session_.reset();
   ports_.clear();  // gates before what they guard
   raw_.clear();
@@ -130,7 +135,42 @@ tl::expected<void, Failure> Rig::build_world(const Options& options) {
   return tl::unexpected(failure(Exit::failed, fmt::format("{}: {}", options.state, describe(kept.error()))));
 }
 
-// A dry run works on a copy of the store, so that it sends what the real one would.
+namespace {
+
+// Of the store and of what is written beside it.
+std::array<fs::file_time_type, 2> written_at(const std::string& path) {
+  std::error_code none;
+  return {fs::last_write_time(path, none), fs::last_write_time(path + "-wal", none)};
+}
+
+}  // namespace
+
+// Into a folder that goes with the rig. The store may be in use: a copy during which it changed is made anew.
+tl::expected<std::string, Failure> Rig::copied_store(const std::string& path) {
+  std::string pattern = (fs::temp_directory_path() / "berth-copy-XXXXXX").string();
+  if (::mkdtemp(pattern.data()) == nullptr)
+    return tl::unexpected(failure(Exit::failed, pattern + ": " + std::strerror(errno)));
+  throw_away_ = pattern;
+  const std::string copy = (fs::path(throw_away_) / "store.db").string();
+  constexpr int tries = 50;
+  std::error_code error;
+  for (int i = 0; i < tries; ++i) {
+    const auto before = written_at(path);
+    fs::copy_file(path, copy, fs::copy_options::overwrite_existing, error);
+    if (!error && fs::exists(path + "-wal")) {
+      fs::copy_file(path + "-wal", copy + "-wal", fs::copy_options::overwrite_existing, error);
+    } else {
+      fs::remove(copy + "-wal");
+    }
+    if (written_at(path) == before) break;
+    std::this_thread::sleep_for(std::chrono::milliseconds(20));
+  }
+  if (error) return tl::unexpected(failure(Exit::failed, path + ": " + error.message()));
+  return copy;
+}
+
+// A dry run works on a copy of the store, so that it sends what the real one would; who only looks does, because the
+// store belongs to the process that runs the machine, or is about to.
 tl::expected<void, Failure> Rig::open_store(const Options& options) {
   std::string path = options.store;
   const bool real = std::ranges::any_of(machine_.buses, [](const auto& b) { return is_real(b.port); });
@@ -138,20 +178,13 @@ tl::expected<void, Failure> Rig::open_store(const Options& options) {
     path = default_store(machine_.file);
     if (!options.makes_store && !fs::exists(path)) path.clear();
   }
-  if (options.dry_run && !path.empty()) {
-    if (fs::exists(path)) {
-      std::string pattern = (fs::temp_directory_path() / "berth-dry-run-XXXXXX").string();
-      if (::mkdtemp(pattern.data()) == nullptr)
-        return tl::unexpected(failure(Exit::failed, pattern + ": " + std::strerror(errno)));
-      throw_away_ = pattern;
-      const fs::path copy = fs::path(throw_away_) / "store.db";
-      std::error_code error;
-      fs::copy_file(path, copy, error);
-      if (!error && fs::exists(path + "-wal")) fs::copy_file(path + "-wal", copy.string() + "-wal", error);
-      if (error) return tl::unexpected(failure(Exit::failed, path + ": " + error.message()));
-      path = copy.string();
-    } else {
+  if ((options.dry_run || options.observe) && !path.empty()) {
+    if (!fs::exists(path)) {
       path.clear();
+    } else {
+      auto copy = copied_store(path);
+      if (!copy) return tl::unexpected(copy.error());
+      path = std::move(*copy);
     }
   }
   if (path.empty()) {
@@ -278,6 +311,10 @@ tl::expected<void, Failure> Rig::open_session(const Options& options) {
 
 tl::expected<void, Failure> Rig::listen_first() {
   if (!loop_) return {};
+  for (const auto& bus : machine_.buses) {
+    if (bus.role != design::Role::master || gate(bus.name) == nullptr) continue;
+    heard_[bus.name] = std::make_unique<live::Census>(session_->network(bus.name)->dispatcher());
+  }
   rt::Duration longest{0};
   for (const auto& bus : machine_.buses) longest = std::max(longest, bus.timing.listen);
   constexpr rt::Duration slack = std::chrono::seconds(1);  // a port that was just opened comes up
@@ -286,6 +323,10 @@ tl::expected<void, Failure> Rig::listen_first() {
   while (std::ranges::any_of(gates_, undecided) && world_->executor().now() < end) {
     loop_->turn(std::chrono::milliseconds(50));
   }
+  return no_foreign_frames();
+}
+
+tl::expected<void, Failure> Rig::no_foreign_frames() const {
   std::string problem;
   for (const auto& [bus, gate] : gates_) {
     if (gate->state() != live::GateState::foreign) continue;
@@ -298,6 +339,56 @@ tl::expected<void, Failure> Rig::listen_first() {
       Exit::no, problem +
                     "\nBerth sends nothing there. End that master; or use the bus as role = \"commissioner\" or "
                     "\"observer\"; or, when the machine's own devices send these frames, say so by tolerate = […]"));
+}
+
+namespace {
+
+rt::Task<void> ask_whether_masters(live::Census& census, live::CensusOptions options, bool& over) {
+  const auto asked = co_await census.ask(options);
+  static_cast<void>(asked);  // a port that takes no frame is the session's to report
+  over = true;
+}
+
+}  // namespace
+
+// "another master: node 100, its 1F80h bit 0 is set": one line for each; empty when there is none.
+std::string Rig::quiet_masters(const design::Bus& bus, live::Census& census) {
+  live::CensusOptions ask;
+  ask.masters_only = true;
+  ask.own = bus.master;
+  for (const auto& spec : machine_.specs(bus.name)) ask.known.push_back(spec.id);
+  bool over = false;
+  {
+    rt::Scope scope(world_->executor());
+    scope.spawn(ask_whether_masters(census, ask, over));
+    const auto shut = [&] { return gate(bus.name)->state() != live::GateState::open; };
+    while (!over && !shut() && !dry_run_over()) loop_->turn(std::chrono::milliseconds(50));
+  }
+  std::string text;
+  for (const auto& node : census.nodes()) {
+    if (!node.nmt_master) continue;
+    text += fmt::format(
+        "{}bus {}: another master: node {}, its 1F80h bit 0 is set{}{}; it commanded nobody while Berth "
+        "listened",
+        text.empty() ? "" : "\n", bus.name, node.id.value(), node.network_list ? ", it has a network list (1F81h)" : "",
+        node.device_type ? fmt::format(", its device type is {:08X}h", *node.device_type) : "");
+  }
+  return text;
+}
+
+tl::expected<void, Failure> Rig::ask_strangers() {
+  std::string problem;
+  const auto heard = std::exchange(heard_, {});
+  for (const auto& bus : machine_.buses) {
+    const auto census = heard.find(bus.name);
+    if (census == heard.end() || gate(bus.name)->state() != live::GateState::open) continue;
+    const std::string masters = quiet_masters(bus, *census->second);
+    if (!masters.empty()) problem += (problem.empty() ? "" : "\n") + masters;
+  }
+  if (problem.empty()) return no_foreign_frames();
+  return tl::unexpected(failure(
+      Exit::no, problem + "\nBerth does not take its bus. End that master; or use the bus as role = "
+                          "\"commissioner\" or \"observer\"; or, when it is a device of this machine, give it a slot"));
 }
 
 const live::Gate* Rig::gate(std::string_view bus) const noexcept {

@@ -2,6 +2,7 @@
 #pragma once
 
 #include <cstdio>
+#include <map>
 #include <memory>
 #include <string>
 #include <string_view>
@@ -10,6 +11,7 @@
 
 #include "berth/design/machine.hpp"
 #include "berth/io/loop.hpp"
+#include "berth/live/census.hpp"
 #include "berth/live/gate.hpp"
 #include "berth/operate/session.hpp"
 #include "berth/plant/world.hpp"
@@ -59,6 +61,9 @@ class Rig {
   /// Waits until every gate has listened long enough (nothing to wait for on simulated buses). Refused, status 1, when
   /// another master is on a bus: who, and by which frames. A port that is down is no failure here.
   [[nodiscard]] tl::expected<void, Failure> listen_first();
+  /// Asks the nodes that were heard meanwhile and belong to no slot whether they are NMT masters, however quiet (1F80h
+  /// bit 0, CiA 302-2), on every bus outside this process whose master Berth is to be. Refused as by `listen_first`.
+  [[nodiscard]] tl::expected<void, Failure> ask_strangers();
   /// Confirmation of a person is wanted, or was given by --yes: the first start of a machine whose devices are real.
   [[nodiscard]] bool first_start();
   /// Dry run on a real port: the first question was put, and what comes then depends on the answer.
@@ -80,9 +85,12 @@ class Rig {
   [[nodiscard]] tl::expected<void, Failure> settle_ports(const Options& options, bool simulate);
   [[nodiscard]] tl::expected<void, Failure> build_world(const Options& options);
   [[nodiscard]] tl::expected<void, Failure> open_store(const Options& options);
+  [[nodiscard]] tl::expected<std::string, Failure> copied_store(const std::string& path);
   [[nodiscard]] tl::expected<void, Failure> open_session(const Options& options);
   [[nodiscard]] std::unique_ptr<can::Port> guard(const design::Bus& bus, can::Port& port, const Options& options);
   void gate_changed(const std::string& bus, const live::Gate& gate);
+  [[nodiscard]] tl::expected<void, Failure> no_foreign_frames() const;
+  [[nodiscard]] std::string quiet_masters(const design::Bus& bus, live::Census& census);
   void recorded(const Recorded& frame);
 
   design::Machine machine_;
@@ -102,6 +110,7 @@ class Rig {
   rt::Time question_at_ = rt::never;  // dry run: the first frame that somebody would have to answer
   std::unique_ptr<places::SlotStore> store_;
   std::unique_ptr<operate::Session> session_;
+  std::map<std::string, std::unique_ptr<live::Census>> heard_;  // by bus, while Berth listens before it takes it
 };
 
 }  // namespace berth::cli

@@ -106,11 +106,19 @@ Options own_options(const Options& options, const CommandRequest& request) {
   return own;
 }
 
+// It looks for devices by LSS and RAND, which is a master's right alone.
+bool takes_bus(const CommandRequest& request) {
+  return request.verb == "scan" || request.verb == "bind" || request.verb == "replace";
+}
+
 Replied reply_of_own_world(const Options& options, const CommandRequest& request, std::vector<Recorded>& sent) {
   auto made = Rig::make(own_options(options, request), {options.machine, options.sim, {}, {}});
   if (!made) return tl::unexpected(made.error());
   Rig& rig = **made;
   if (const auto clear = rig.listen_first(); !clear) return tl::unexpected(clear.error());
+  if (options.bring_up) {
+    if (const auto alone = rig.ask_strangers(); !alone) return tl::unexpected(alone.error());
+  }
   const auto ready = prepare(rig, options);
   if (!ready) return tl::unexpected(ready.error());
   if (request.verb == "bind" && !options.dry_run && !options.yes && rig.first_start()) {
@@ -122,6 +130,9 @@ Replied reply_of_own_world(const Options& options, const CommandRequest& request
     return reply;
   }
   if (options.dry_run) rig.record_sent(sent);
+  if (takes_bus(request)) {
+    if (const auto alone = rig.ask_strangers(); !alone) return tl::unexpected(alone.error());
+  }
   CommandReply reply;
   bool over = false;
   const auto limit = options.timeout.value_or(5min);

@@ -89,6 +89,7 @@ int bring_up(const Options& options, const Sources& sources) {
   how.paced = rig.loop() != nullptr || (!options.dry_run && !options.fast && (options.pace || live));
   if (const auto clear = rig.listen_first(); !clear) return tell(clear.error(), options.json);
   if (!options.dry_run && !confirmed(rig, options)) return tell(unconfirmed(rig), options.json);
+  if (const auto alone = rig.ask_strangers(); !alone) return tell(alone.error(), options.json);
   if (how.paced && !options.dry_run)
     how.control = options.control.empty() ? operate::control_path(process_name(rig, options)) : options.control;
   Screen screen(rig.session(), live && how.paced, options.json || options.dry_run);

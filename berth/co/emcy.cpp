@@ -133,7 +133,7 @@ bool EmcyProducer::active(std::uint16_t code, std::uint8_t source) const noexcep
 bool EmcyProducer::raise(std::uint16_t code, std::uint8_t register_bits, const std::array<std::uint8_t, 5>& info,
                          std::uint8_t source) noexcept {
   if ((code >> 8) == 0 || active(code, source) || error_count_ == most_errors) return false;
-  errors_[error_count_++] = {code, register_bits, source};
+  errors_[error_count_++] = {code, register_bits, source, info};
   queue({.code = code, .error_register = error_register(), .info = info});
   return true;
 }
@@ -145,8 +145,12 @@ bool EmcyProducer::clear(std::uint16_t code, const std::array<std::uint8_t, 5>& 
   if (it == end) return false;
   std::copy(it + 1, end, it);
   --error_count_;
-  const auto message = error_count_ == 0 ? emcy_code::error_reset : static_cast<std::uint16_t>(code >> 8);
-  queue({.code = message, .error_register = error_register(), .info = info});
+  if (error_count_ == 0) {
+    queue({.code = emcy_code::error_reset, .error_register = 0, .info = info});
+  } else {
+    const Active& remains = errors_[error_count_ - 1];
+    queue({.code = remains.code, .error_register = error_register(), .info = remains.info});
+  }
   return true;
 }
 

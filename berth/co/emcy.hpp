@@ -41,7 +41,9 @@ struct Emcy {
 ///
 /// An error is raised once and cleared once, by its code and, where one code has several sources (heartbeats of several
 /// nodes: 8130h), its source. Clearing the last one sends 0000h "error reset" with register
-/// 0; clearing one of several sends 00xxh with the register that remains, xx = upper byte of the code that is gone.
+/// 0; clearing one of several tells the newest that remains once more, with its own manufacturer-specific bytes and the
+/// register as it is now. CiA 301 allows 00xxh there, too, but peers take each 00xxh for a reset of all errors
+/// (python-canopen, `emcy.py`: `code & 0xFF00 == 0` empties its list).
 /// Messages wait while the service is off (initialising, stopped), while 1014h is invalid, and for the inhibit time;
 /// when more than `queue_size` wait, the oldest is dropped and counted.
 class EmcyProducer final : private rt::Job {
@@ -76,6 +78,7 @@ class EmcyProducer final : private rt::Job {
     std::uint16_t code = 0;
     std::uint8_t bits = 0;
     std::uint8_t source = 0;
+    std::array<std::uint8_t, 5> info{};
   };
   void queue(const Emcy& message) noexcept;
   void flush() noexcept;

@@ -104,9 +104,15 @@ rt::Task<Result<void>> Census::ask(CensusOptions options) {
   for (std::uint8_t id = 1; id < 128; ++id) {
     Node& node = nodes_[id];
     const bool wanted = node.heard || options.everybody;
-    if (!wanted || NodeId(id) == options.own) continue;
+    const bool known = std::ranges::find(options.known, NodeId(id)) != options.known.end();
+    if (!wanted || known || NodeId(id) == options.own) continue;
     if (!may_ask(node, options)) {
       node.seen.problem = "another SDO client talks to it";
+      continue;
+    }
+    if (options.masters_only) {
+      const auto told = co_await ask_stranger(NodeId(id), options);
+      if (!told) co_return fail(told.error());
       continue;
     }
     const auto asked = co_await ask_node(NodeId(id), options);
@@ -175,6 +181,22 @@ rt::Task<Result<void>> Census::ask_whether_master(Node& node, CensusOptions opti
   const auto list = co_await number(node.seen.id, list_object, 1, options);
   if (!list) co_return fail(list.error());
   if (*list) node.seen.network_list = static_cast<std::uint8_t>(**list);
+  co_return Result<void>();
+}
+
+rt::Task<Result<void>> Census::ask_stranger(NodeId id, CensusOptions options) {
+  Node& node = nodes_[id.value()];
+  const auto master = co_await ask_whether_master(node, options);
+  if (!master) {
+    if (master.error().code == Errc::bus) co_return fail(master.error());
+    node.seen.problem = master.error().code == Errc::timeout ? "no answer to SDO" : describe(master.error());
+    co_return Result<void>();
+  }
+  if (!node.seen.nmt_master) co_return Result<void>();
+  const ObjectRef type_object{0x1000, 0};
+  const auto type = co_await number(id, type_object, 4, options);
+  if (!type && type.error().code == Errc::bus) co_return fail(type.error());
+  if (type) node.seen.device_type = *type;
   co_return Result<void>();
 }
 

@@ -46,6 +46,8 @@ struct CensusOptions {
   rt::Duration client_gone = std::chrono::seconds(5);  ///< a foreign client silent for so long has left the node
   bool everybody = false;                              ///< nodes 1..127, not only those that were heard
   NodeId own{};                                        ///< Berth's node-ID: not asked
+  std::vector<NodeId> known{};                         ///< not asked either: who they are is known
+  bool masters_only = false;  ///< is it a master? 1F80h, and of a master 1F81h:00 and 1000h; nothing else is asked
 };
 
 class Census final : private can::Handler {
@@ -77,6 +79,7 @@ class Census final : private can::Handler {
                                                         CensusOptions options);
   rt::Task<Result<void>> ask_period(Node& node, CensusOptions options);
   [[nodiscard]] rt::Task<Result<void>> ask_whether_master(Node& node, CensusOptions options);
+  rt::Task<Result<void>> ask_stranger(NodeId id, CensusOptions options);
   rt::Task<Result<std::string>> text(NodeId id, std::uint16_t index, CensusOptions options);
 
   can::Dispatcher* dispatcher_;

@@ -4,6 +4,8 @@
 #include <signal.h>
 #include <unistd.h>
 
+#include <algorithm>
+#include <filesystem>
 #include <fstream>
 #include <nlohmann/json.hpp>
 
@@ -18,6 +20,27 @@ using Json = nlohmann::json;
 std::string replaced(std::string text, const std::string& what, const std::string& with) {
   const auto at = text.find(what);
   if (at != std::string::npos) text.replace(at, what.size(), with);
+  return text;
+}
+
+/// A device that says of itself that it is the NMT master (CiA 302-2: 1F80h bit 0) and starts itself (bit 3).
+std::string master_eds(const std::string& startup) {
+  const auto object = [](const std::string& section, const std::string& type, const std::string& value) {
+    return "\n[" + section + "]\nParameterName=o" + section + "\nObjectType=7\nDataType=" + type +
+           "\nAccessType=rw\nDefaultValue=" + value + "\nPDOMapping=0\n";
+  };
+  std::string text =
+      "[FileInfo]\nFileName=master.eds\nEDSVersion=4.0\n[DeviceInfo]\nVendorName=v\nVendorNumber=2\n"
+      "ProductNumber=9\nRevisionNumber=1\nBaudRate_500=1\nGranularity=8\n"
+      "[MandatoryObjects]\nSupportedObjects=3\n1=0x1000\n2=0x1001\n3=0x1018\n"
+      "[OptionalObjects]\nSupportedObjects=3\n1=0x1017\n2=0x1F80\n3=0x1F81\n";
+  text += object("1000", "7", "0x191") + object("1001", "5", "0") + object("1017", "6", "100");
+  text += object("1F80", "7", startup);
+  text += "\n[1018]\nParameterName=identity\nObjectType=9\nSubNumber=5\n" + object("1018sub0", "5", "4") +
+          object("1018sub1", "7", "2") + object("1018sub2", "7", "9") + object("1018sub3", "7", "1") +
+          object("1018sub4", "7", "0x77");
+  text += "\n[1F81]\nParameterName=list\nObjectType=8\nSubNumber=2\n" + object("1F81sub0", "5", "1") +
+          object("1F81sub1", "7", "5");
   return text;
 }
 
@@ -135,6 +158,33 @@ TEST_F(Live, SingleCommandsOpenThePortWhenNobodyRuns) {
   EXPECT_NE(read.out.find("48"), std::string::npos) << read.out;  // 30h
 }
 
+// Issue 12, part 2: who only looks takes no lock, and needs none. The `up` is at a control socket that `status` does
+// not know: as one that is starting, it has its locks and does not answer.
+TEST_F(Live, StatusIsNotHeldUpByAnUpThatStarts) {
+  const std::string store = folder.file("slots.db");
+  const std::string slow = folder.write(
+      "slow.toml", replaced(on_plant("slow"), "listen            = \"1 s\"", "listen            = \"60 s\""));
+  const Background up({"up", slow, "--pace", "--store", store, "--control", folder.file("slow.sock")});
+  ASSERT_TRUE(eventually([&] { return !contents(store + ".lock").empty(); })) << "the slot table is its own by now";
+  const Outcome status = berth({"status", "--machine", slow, "--store", store, "--json"});
+  EXPECT_EQ(status.status, 0) << status.out << status.err;
+  EXPECT_EQ(Json::parse(status.out).at("slots").size(), 3U) << status.out;
+}
+
+TEST_F(Live, StatusTellsTheSlotTableAndLeavesNoTraceOfIt) {
+  const std::string store = folder.file("slots.db");
+  ASSERT_EQ(berth({"bind", "--machine", machine, "--store", store}).status, 0);
+  std::filesystem::remove(store + ".lock");
+  const std::string before = contents(store);
+  const Outcome status = berth({"status", "--machine", machine, "--store", store, "--json"});
+  EXPECT_EQ(status.status, 0) << status.out << status.err;
+  EXPECT_NE(status.out.find("\"r_sn\": \"0x0000000300000030\""), std::string::npos) << status.out;
+  EXPECT_FALSE(exists(store + ".lock")) << "an up that starts just now would be refused";
+  EXPECT_EQ(contents(store), before);
+  EXPECT_EQ(berth({"status", "--machine", machine, "--store", folder.file("none.db")}).status, 0);
+  EXPECT_FALSE(exists(folder.file("none.db"))) << "it makes none either";
+}
+
 TEST_F(Live, ADryRunListensAndSendsNothing) {
   const std::string record = folder.file("frames.log");
   Background ear({"up", folder.write("ear.toml", on_plant("ear", "\nrole = \"observer\"")), "--pace", "--record",
@@ -235,6 +285,87 @@ TEST_F(Live, APassiveAdoptTellsWhatItHearsAndSendsNothing) {
   EXPECT_NE(report.at("master").at(0).get<std::string>().find("probably node 127"), std::string::npos) << adopt.out;
   EXPECT_FALSE(exists(folder.file("adopted.toml")));
   EXPECT_TRUE(operational(machine, control));
+}
+
+/// Beside the small plant's devices sits node 100, which sends nothing but a heartbeat, and node 5, a device as any.
+class BesideAQuietNode : public Live {
+ protected:
+  void node_100(const std::string& startup) {
+    const std::string eds = folder.write("master.eds", master_eds(startup));
+    plant.reset();
+    std::filesystem::remove(folder.file("state"));  // it belongs to the plant without node 100
+    plant_file = folder.write("plant.toml", std::string(small_plant) +
+                                                "\n[[device]]\nbus = \"line\"\nname = \"quiet\"\neds = \"" + eds +
+                                                "\"\nserial = 0x77\nnode_id = 100\nheartbeat = \"100 ms\"\n" + worker);
+    start_plant();
+  }
+  [[nodiscard]] Outcome up(const std::string& file, const Words& more = {}) const {
+    Words words{"up", file, "--until", "operational", "--timeout", "100", "--control", folder.file("up.sock")};
+    words.insert(words.end(), more.begin(), more.end());
+    return berth(words);
+  }
+  static constexpr const char* worker =
+      "[[device]]\nbus = \"line\"\nname = \"worker\"\ntype = { vendor = 1, product = 8 }\nserial = 0x50\n"
+      "node_id = 5\nheartbeat = \"100 ms\"\n";
+  const std::string named = "another master: node 100, its 1F80h bit 0 is set";
+};
+
+// Issue 12, part 2: a master with nothing but a heartbeat was taken for a device, and the bus was taken from it.
+TEST_F(BesideAQuietNode, UpDoesNotTakeTheBusOfAMasterThatOnlyBeats) {
+  node_100("0x9");
+  const std::string record = folder.file("frames.log");
+  const Outcome refused = up(machine, {"--record", record});
+  EXPECT_EQ(refused.status, 1) << refused.out << refused.err;
+  EXPECT_NE(refused.err.find(named), std::string::npos) << refused.err;
+  EXPECT_NE(refused.err.find("1F81h"), std::string::npos) << refused.err;
+  EXPECT_NE(refused.err.find("commissioner"), std::string::npos) << refused.err;
+  std::ifstream in(record);
+  std::size_t asked = 0;
+  for (std::string line; std::getline(in, line);) {
+    if (line.find(" 664#40801F00") != std::string::npos) ++asked;
+    for (const char* const taken : {" 000#", " 7E5#", " 7C2#", " 1F94"}) {
+      EXPECT_EQ(line.find(taken), std::string::npos) << line;
+    }
+  }
+  EXPECT_EQ(asked, 1U) << "it was asked for 1F80h, and the bus was not taken";
+  const Outcome scan = berth({"scan", "--machine", machine});
+  EXPECT_EQ(scan.status, 1) << scan.out << scan.err;
+  EXPECT_NE(scan.err.find(named), std::string::npos) << scan.err;
+  const Outcome json = up(machine, {"--json"});
+  EXPECT_EQ(json.status, 1);
+  EXPECT_TRUE(Json::parse(json.out).contains("error")) << json.out;
+}
+
+TEST_F(BesideAQuietNode, ANodeThatIsNoMasterIsNoReasonToRefuse) {
+  node_100("0x8");
+  const Outcome done = up(machine);
+  EXPECT_EQ(done.status, 0) << done.out << done.err;
+  EXPECT_EQ(done.err.find("another master"), std::string::npos) << done.err;
+}
+
+// A device that has its slot is this machine's, whatever its 1F80h says; beside a master a commissioner may work.
+TEST_F(BesideAQuietNode, ASlotsOwnDeviceAndACommissionerAreNotRefused) {
+  node_100("0x9");
+  const std::string slot =
+      "\n[[slot]]\nbus = \"line\"\nid = 100\nname = \"quiet\"\ntype = { vendor = 2, product = 9, revision = 1 }\n";
+  const Outcome done = up(folder.write("own.toml", on_plant("own") + slot));
+  EXPECT_EQ(done.err.find("another master"), std::string::npos) << done.err;
+  const std::string commissioner = folder.write("comm.toml", on_plant("comm", "\nrole = \"commissioner\""));
+  const Outcome scan = berth({"scan", "--machine", commissioner, "--json"});
+  EXPECT_EQ(scan.status, 0) << scan.out << scan.err;
+}
+
+TEST_F(BesideAQuietNode, AdoptWritesTheMasterDownAsWhatItIs) {
+  node_100("0x9");
+  const std::string file = folder.file("adopted.toml");
+  const Outcome adopt = berth(
+      {"adopt", file, "--port", "plant:" + socket, "--bus", "line", "--bitrate", "500000", "--for", "2", "--json"});
+  ASSERT_EQ(adopt.status, 0) << adopt.out << adopt.err;
+  EXPECT_NE(adopt.out.find("node 100 is an NMT master: bit 0 of its 1F80h is set"), std::string::npos) << adopt.out;
+  const std::string text = contents(file);
+  EXPECT_NE(text.find("\nmaster_id = 100\n"), std::string::npos) << text;
+  EXPECT_NE(text.find("\nid   = 5\n"), std::string::npos) << text;
+  EXPECT_EQ(text.find("id   = 100"), std::string::npos) << "it is no slot: " << text;
 }
 
 TEST(Moving, ExportAndImportMoveAMachineWithItsBindings) {

@@ -80,7 +80,7 @@ TEST(EmcyFrame, A6_1_HC2_9_ErrorResetInhibitAndStates) {
   EXPECT_TRUE(producer.clear(0x4210));
   b.run(100ms);
   EXPECT_EQ(b.wire.log,
-            (Log{"085#3081110102030405", "085#1042190000000000", "085#8100090000000000", "085#0000000000000000"}));
+            (Log{"085#3081110102030405", "085#1042190000000000", "085#1042090000000000", "085#0000000000000000"}));
   for (std::size_t i = 1; i < b.wire.times.size(); ++i) EXPECT_GE(b.wire.times[i] - b.wire.times[i - 1], 10ms);
 }
 

@@ -234,7 +234,7 @@ TEST(Objects, A6_3_OD_1001_ErrorRegister) {
   EXPECT_EQ(shown(), Rig::value(0x1001, 0, 1, 0x0B));
   device.clear(0x4200);
   EXPECT_EQ(shown(), Rig::value(0x1001, 0, 1, 0x03));
-  EXPECT_EQ(s.rig.record.count("089#4200030000000000"), 1U) << "00xxh with what remains";
+  EXPECT_EQ(s.rig.record.count("089#1023030000000000"), 1U) << "what remains, with the register as it is";
   device.clear(0x2310);
   EXPECT_EQ(shown(), Rig::value(0x1001, 0, 1, 0));
   EXPECT_EQ(s.rig.record.count("089#0000000000000000"), 1U);

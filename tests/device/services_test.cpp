@@ -402,7 +402,7 @@ TEST(Services, A4_6_HU_23_HeartbeatErrorsNodeByNode) {
   EXPECT_EQ(s.rig.read(0x1003, 1), Rig::value(0x1003, 1, 4, 0x00028130));
   EXPECT_EQ(s.rig.read(0x1003, 2), Rig::value(0x1003, 2, 4, 0x00018130));
   s.rig.ask("701#05");
-  EXPECT_EQ(s.rig.record.count("089#8100110100000000"), 1U) << "node 1 is back, one error remains";
+  EXPECT_EQ(s.rig.record.count("089#3081110200000000"), 2U) << "node 1 is back, and node 2's error remains";
   EXPECT_EQ(s.rig.read(0x1001, 0), Rig::value(0x1001, 0, 1, 0x11));
   EXPECT_EQ(s.rig.write(0x1016, 2, 4, 0), Rig::done(0x1016, 2)) << "node 2 is not supervised any more";
   EXPECT_EQ(s.rig.record.count("089#0000000200000000"), 1U);
