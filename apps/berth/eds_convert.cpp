@@ -16,8 +16,8 @@
 #include "berth/eds/write.hpp"
 #include "berth/eds/xdd.hpp"
 #include "berth/text/file.hpp"
-#include "berth/text/quantity.hpp"
 #include "berth/text/printable.hpp"
+#include "berth/text/quantity.hpp"
 #include "eds.hpp"
 
 namespace berth::cli {

@@ -126,8 +126,8 @@ class Network final : private co::HeartbeatConsumer::Observer,
   /// The master's own device is silent until the main job, if it runs, has looked around anew (network_bitrate.hpp).
   void fall_silent() noexcept;
 
-  /// `berth forget DEVICE`: gives up an unfinished intention to take the device's node-ID away. Errors: `not_found` there
-  /// is none on this bus.
+  /// `berth forget DEVICE`: gives up an unfinished intention to take the device's node-ID away. Errors: `not_found`
+  /// there is none on this bus.
   Result<void> forget(const LssAddress& device);
 
   // The services, for single commands (`berth sdo`, `berth nmt`, `berth lss`). Whoever uses LSS or RAND takes the turn
@@ -205,7 +205,7 @@ class Network final : private co::HeartbeatConsumer::Observer,
     void progress(const discovery::Progress& progress) noexcept override { last = progress; }
     discovery::Progress last{};
     discovery::Progress before{};
-    unsigned idle = 0;  ///< slices in a row that brought nothing
+    unsigned idle = 0;             ///< slices in a row that brought nothing
     std::array<bool, 128> told{};  ///< a device that was found has this node-ID, or will when it boots
   };
 
@@ -456,14 +456,14 @@ class Network final : private co::HeartbeatConsumer::Observer,
   std::vector<NodeId> doubled_;           // node-IDs that were answered as by two devices, in this round
   std::array<rt::Time, 128> apart_at_{};  // they are not told apart again before
   places::Plan plan_;
-  std::vector<LssAddress> avoid_;         // devices whose action failed in this round
-  std::vector<Used> used_;                // found, and sat somewhere before
-  std::vector<LssAddress> welcome_;       // a person named them, or said that they may be used
-  std::array<rt::Time, 128> asked_at_{};  // who answers at a node-ID of nobody was asked then
+  std::vector<LssAddress> avoid_;          // devices whose action failed in this round
+  std::vector<Used> used_;                 // found, and sat somewhere before
+  std::vector<LssAddress> welcome_;        // a person named them, or said that they may be used
+  std::array<rt::Time, 128> asked_at_{};   // who answers at a node-ID of nobody was asked then
   std::array<bool, 128> look_again_at_{};  // a device was there that waits for its place
-  rt::Time sweep_at_{};                   // the slots' own node-IDs are not asked again before
-  rt::Time everywhere_at_{};              // nor all the others, for a slot without a device
-  std::uint8_t everywhere_from_ = 1;      // node-ID at which the questions go on that a boot-up interrupted
+  rt::Time sweep_at_{};                    // the slots' own node-IDs are not asked again before
+  rt::Time everywhere_at_{};               // nor all the others, for a slot without a device
+  std::uint8_t everywhere_from_ = 1;       // node-ID at which the questions go on that a boot-up interrupted
   bool asked_everywhere_ = false;
   std::vector<places::Oddity> returned_;  // sat in a slot, came back, and gave its node-ID up
   std::vector<LssAddress> heard_of_;      // found by the last discovery
@@ -475,21 +475,21 @@ class Network final : private co::HeartbeatConsumer::Observer,
   rt::Mailbox<Wake, 512> wakes_;
   Phase phase_ = Phase::opening;
   rt::Time retry_at_{};
-  bool retries_ = false;  // the round that begins is one of those
+  bool retries_ = false;        // the round that begins is one of those
   rt::Time anew_at_{};          // the whole bus is not asked again before
   unsigned unread_rounds_ = 0;  // in a row in which a device was found and did not answer when its place was asked
   std::vector<LssAddress> puzzling_;  // devices whose probes did not tell their places when they were read last
-  bool rest_wanted_ = false;  // somebody without a node-ID answered LSS: whoever RAND does not find is looked for
-  rt::Time blank_at_{};       // such an answer is no news before
-  rt::Time scanned_at_{};     // nor one to Fastscan's first question before
-  bool by_fastscan_ = false;  // it was to that
-  rt::Time rest_at_{};        // a slot without a device alone is no reason to look for them before
+  bool rest_wanted_ = false;      // somebody without a node-ID answered LSS: whoever RAND does not find is looked for
+  rt::Time blank_at_{};           // such an answer is no news before
+  rt::Time scanned_at_{};         // nor one to Fastscan's first question before
+  bool by_fastscan_ = false;      // it was to that
+  rt::Time rest_at_{};            // a slot without a device alone is no reason to look for them before
   bool search_open_ = false;      // the last search had no end yet
   bool open_configured_ = false;  // it looks for devices with a node-ID too
   Progress progress_;
-  rt::Time progress_at_{};    // it is told again then
-  bool alone_ = false;        // nobody acknowledged the opening: no node-ID is asked before a search got through
-  bool once_ = false;         // `bind_once` runs: there is no later look
+  rt::Time progress_at_{};  // it is told again then
+  bool alone_ = false;      // nobody acknowledged the opening: no node-ID is asked before a search got through
+  bool once_ = false;       // `bind_once` runs: there is no later look
   unsigned looks_ = 0;
   bool idle_ = false;
   bool running_ = false;

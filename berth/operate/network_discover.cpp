@@ -132,7 +132,8 @@ rt::Task<void> Network::discover_the_rest(bool also_configured) {
   const rt::Time began = executor_->now();
   std::size_t before = found_.size();
   co_await discover_by(rest(false));
-  // A device that was late once was not heard by that search: as long as it brings news, one is asked for that is missing.
+  // A device that was late once was not heard by that search: as long as it brings news, one is asked for that is
+  // missing.
   for (unsigned again = 0; again < most_again && found_.size() > before && somebody_missing(); ++again) {
     if (search_open_) co_return;
     before = found_.size();
@@ -250,8 +251,8 @@ discovery::Options Network::search_options() {
   // Longer than the way down to one device takes where frames need pauses: it begins again after a stop.
   options.most_time = std::chrono::seconds(20);
   options.observer = &progress_;
-  // A device that was found leaves the search with a node-ID: in LSS configuration, where it would be silent, some makers'
-  // devices answer everything, and Fastscan does not find the next one while this one answers.
+  // A device that was found leaves the search with a node-ID: in LSS configuration, where it would be silent, some
+  // makers' devices answer everything, and Fastscan does not find the next one while this one answers.
   const bool by_requests_alone = method() == "rand" || method() == "planner-rand" || method() == "and";
   if (!by_requests_alone) options.assigner = this;
   options.confirm = published;

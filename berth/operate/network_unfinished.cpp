@@ -68,8 +68,8 @@ rt::Task<void> Network::look_for_unfinished() {
   }
 }
 
-// It has stored its node-ID, and uses another still: telling it again would wear its memory out. A power cycle that was not
-// heard, and brought nothing, is thought of now and then.
+// It has stored its node-ID, and uses another still: telling it again would wear its memory out. A power cycle that was
+// not heard, and brought nothing, is thought of now and then.
 rt::Task<bool> Network::waits_for_its_power_cycle(Seat& seat) {
   constexpr unsigned sometimes = 8;
   if (!seat.waiting || ++seat.looked_at % sometimes == 0) co_return false;

@@ -98,9 +98,8 @@ std::optional<std::vector<std::size_t>> pairs_in_order(const FitGraph& graph) {
   if (graph.slots != graph.fits.size()) return std::nullopt;
   std::vector<std::size_t> device_of(graph.slots);
   std::iota(device_of.begin(), device_of.end(), std::size_t{0});
-  const bool as_they_come = std::ranges::all_of(device_of, [&](std::size_t d) {
-    return std::ranges::find(graph.fits[d], d) != graph.fits[d].end();
-  });
+  const bool as_they_come = std::ranges::all_of(
+      device_of, [&](std::size_t d) { return std::ranges::find(graph.fits[d], d) != graph.fits[d].end(); });
   if (as_they_come) return device_of;
   if (!all_placed(graph)) return std::nullopt;
   device_of.clear();

@@ -22,8 +22,8 @@ namespace berth::places {
 /// makes a node-ID vacant without asking again.
 using VacancyTable = std::array<std::optional<rt::Time>, 128>;
 
-/// NMT reset communication to node-ID 255. Lely core's slaves begin to use a node-ID that is pending at this command, and
-/// not at `04 00` as CiA 305 has it; others take it for a reset of no node.
+/// NMT reset communication to node-ID 255. Lely core's slaves begin to use a node-ID that is pending at this command,
+/// and not at `04 00` as CiA 305 has it; others take it for a reset of no node.
 void wake_unconfigured(can::Dispatcher& dispatcher) noexcept;
 
 class Binder {
@@ -46,10 +46,10 @@ class Binder {
     /// Least time between LSS requests once a device did not answer: one with a single-slot receive buffer loses the
     /// second of 40h..43h when they come back to back. Kept for the bus when it helped.
     rt::Duration slow_inhibit = std::chrono::milliseconds(10);
-    bool use_guarding = true;                         ///< vacancy: ask by a remote frame too
+    bool use_guarding = true;  ///< vacancy: ask by a remote frame too
     /// What proves that the selected device is alone (`lss::parts_to_ask`); the first proof on a bus asks all.
     lss::PartMask parts = lss::all_parts;
-    std::string machine{};                            ///< for the store: where a blanking was begun
+    std::string machine{};  ///< for the store: where a blanking was begun
     std::string bus{};
     std::function<void(const Binding&)> before_step;  ///< for displays and fault plans; may be empty
   };

@@ -348,8 +348,9 @@ class Planner {
     ask(free, fresh, mode == WhenAmbiguous::ascending ? "plug in as many as there are slots" : nullptr);
   }
 
-  /// Devices that have node-IDs of slots of their type were given them on purpose: rule 2 is for those without. A machine
-  /// that was commissioned before keeps its order, whatever the serial numbers are: its left drive stays the left one.
+  /// Devices that have node-IDs of slots of their type were given them on purpose: rule 2 is for those without. A
+  /// machine that was commissioned before keeps its order, whatever the serial numbers are: its left drive stays the
+  /// left one.
   void leave_where_they_are(Group& group) {
     const Group all = group;
     for (const auto& f : all.fresh) {
@@ -361,9 +362,8 @@ class Planner {
   /// The free slot whose node-ID it came with.
   [[nodiscard]] std::optional<std::size_t> own_place(const std::vector<std::size_t>& free, const Found& f) const {
     if (!f.active.configured() || f.lent) return std::nullopt;
-    const auto own = std::ranges::find_if(free, [&](std::size_t i) {
-      return slots_[i].spec.id == f.active && fits(slots_[i].spec, f.device);
-    });
+    const auto own = std::ranges::find_if(
+        free, [&](std::size_t i) { return slots_[i].spec.id == f.active && fits(slots_[i].spec, f.device); });
     const bool alone = std::ranges::count(found_, f.active, &Found::active) == 1;
     if (own == free.end() || !alone) return std::nullopt;
     return *own;

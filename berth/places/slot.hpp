@@ -168,8 +168,8 @@ struct HistoryEntry {
   std::int64_t stamp_ms = 0;   ///< given by the caller: Unix time, or bus time on a simulated bus
   std::optional<SlotId> slot;  ///< none for what concerns a device alone
   std::string event;           ///< "declared", "asked", "confirmed", "cleared", "blank asked", "blanked",
-                               ///< "blank dropped", "configuring", "power cycle needed", "configured", what a `Mark` says,
-                               ///< or a note
+                      ///< "blank dropped", "configuring", "power cycle needed", "configured", what a `Mark` says,
+                      ///< or a note
   std::optional<LssAddress> device;
   NodeId id;
   std::string reason;

@@ -55,7 +55,8 @@ constexpr const char* drop_mark_sql =
 constexpr const char* marked_sql =
     "SELECT vendor, product, revision, serial, node_id FROM marks WHERE mark = ? ORDER BY 1, 2, 3, 4";
 constexpr const char* put_loan_sql =
-    "INSERT OR REPLACE INTO loans (vendor, product, revision, serial, machine, bus, node_id) VALUES (?, ?, ?, ?, ?, ?, ?)";
+    "INSERT OR REPLACE INTO loans (vendor, product, revision, serial, machine, bus, node_id) VALUES (?, ?, ?, ?, ?, ?, "
+    "?)";
 constexpr const char* drop_loan_sql =
     "DELETE FROM loans WHERE vendor = ? AND product = ? AND revision = ? AND serial = ?";
 constexpr const char* loans_sql =

@@ -283,7 +283,8 @@ TEST_F(Client, S15_LateAnswerOfTheSameObjectBeforeTheFence) {
   EXPECT_EQ(client.surplus(node), 0U) << "late is not surplus";
 }
 
-// An answer is late for a while only, however many requests follow: a second device under the node-ID is not taken for it.
+// An answer is late for a while only, however many requests follow: a second device under the node-ID is not taken for
+// it.
 TEST_F(Client, S15_AnOldSilenceExcusesNoSecondAnswer) {
   client.set_late_window(100ms);
   co::SdoOptions impatient = client.options();

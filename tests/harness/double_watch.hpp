@@ -230,7 +230,8 @@ class DoubleWatch final : public plant::World::Observer {
     const bool written =
         t.persistent != life.persistent || (t.memory_writes != life.writes && !device.device().storing());
     // What was being written when the power went says nothing: a blanking that was cut off leaves what was there.
-    const bool gets = written && !off && t.persistent.configured() && t.pending == t.persistent && life.owned != t.persistent;
+    const bool gets =
+        written && !off && t.persistent.configured() && t.pending == t.persistent && life.owned != t.persistent;
     if (t.persistent != life.persistent) life.owned = NodeId();
     if (written && !off && t.persistent.configured() && t.pending == t.persistent) life.owned = t.persistent;
     if (written) life.writes = t.memory_writes;
@@ -284,9 +285,8 @@ class DoubleWatch final : public plant::World::Observer {
     // It booted again under what it uses: who came to this node-ID meanwhile was looked at then.
     if (life.last_used == id) return;
     const bool brought = life.came_with == id && life.given != id;
-    const bool twin = std::ranges::count_if(world_->devices(), [&](const auto& d) {
-                        return d->truth().address == t.address;
-                      }) > 1;
+    const bool twin =
+        std::ranges::count_if(world_->devices(), [&](const auto& d) { return d->truth().address == t.address; }) > 1;
     if (brought && life.owned != id && !twin && was_blanked(t)) {
       fail_with(t.name + " came back with node-ID " + std::to_string(id.value()) + ", which Berth took away from it");
     }

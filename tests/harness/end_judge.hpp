@@ -267,8 +267,8 @@ class EndJudge {
     for (std::size_t i = 0; i < slots.size(); ++i) check_group(i, slots, reports, devices);
   }
 
-  // Its node-ID was lent to a device that left before it gave it back: it has it as long as it has power, and only it or
-  // a person can end that.
+  // Its node-ID was lent to a device that left before it gave it back: it has it as long as it has power, and only it
+  // or a person can end that.
   [[nodiscard]] bool waits_for_a_borrower(const std::string& bus, const operate::SlotReport& s) const {
     const auto lent = rig_->store().lent();
     return lent && s.state == places::SlotState::empty && std::ranges::any_of(*lent, [&](const places::LentId& l) {

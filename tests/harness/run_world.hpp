@@ -318,8 +318,8 @@ class WorldRun final : private can::Tap {
     return {};
   }
 
-  // A device that came with the node-ID of a slot that it fits was seated there, before one was found that fits no other:
-  // who sits is not moved.
+  // A device that came with the node-ID of a slot that it fits was seated there, before one was found that fits no
+  // other: who sits is not moved.
   [[nodiscard]] bool kept_elsewhere(const operate::SlotReport& empty) {
     const auto records = rig_.store().load(plan_.machine.name);
     const bool left = empty.state == places::SlotState::empty || empty.state == places::SlotState::question;
@@ -333,8 +333,8 @@ class WorldRun final : private can::Tap {
     });
   }
 
-  // On a bus on which nothing acknowledges, each question takes a second, and there is no end of asking: it is not waited
-  // for until no bus asks anything.
+  // On a bus on which nothing acknowledges, each question takes a second, and there is no end of asking: it is not
+  // waited for until no bus asks anything.
   [[nodiscard]] bool at_rest() {
     for (std::size_t i = 0; i < rig_.networks(); ++i) {
       const auto& bus = rig_.network(i).bus().name;

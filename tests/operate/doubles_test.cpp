@@ -1,5 +1,5 @@
-// Two devices under one node-ID, devices that are lent node-IDs, devices that leave unnoticed: what random worlds found,
-// each as one case.
+// Two devices under one node-ID, devices that are lent node-IDs, devices that leave unnoticed: what random worlds
+// found, each as one case.
 #include "berth/operate/loans.hpp"
 #include "tests/harness/rig.hpp"
 

@@ -208,8 +208,8 @@ TEST(Planner, AQuestionNamesOnlyWhatItIsAbout) {
     s.spec.when_ambiguous = WhenAmbiguous::ask;
   }
   slots[2].spec.revision = 0x00020000;
-  const auto p = plan(
-      slots, blank({device(B, 5, 0x00010000), device(B, 6, 0x00010000), device(B, 7, 0x00020000)}), {}, master);
+  const auto p =
+      plan(slots, blank({device(B, 5, 0x00010000), device(B, 6, 0x00010000), device(B, 7, 0x00020000)}), {}, master);
   EXPECT_EQ(seats(slots, p), (std::map<unsigned, std::uint32_t>{{6, 7}}));
   ASSERT_EQ(p.questions.size(), 1U);
   EXPECT_EQ(p.questions[0].slots, (std::vector<std::size_t>{0, 1}));
