@@ -1,6 +1,6 @@
 /// The node-IDs that devices are lent, not stored, while they are searched for or read, until they are seated or give
 /// them back. What is lent to one device is given to no other: a device that did not confirm that it gave its own back
-/// may use it, or have it pending, as long as it has power (`docs/node-id.md`).
+/// may use it, or have it pending, as long as it has power (`docs/limits.md`).
 ///
 /// A loan is in the store before the device hears of it, so that a run that begins after a crash knows every one.
 #pragma once
