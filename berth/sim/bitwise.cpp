@@ -12,18 +12,33 @@ namespace berth::sim {
 struct Segment::Group {
   BitNode bits;
   std::vector<Controller*> members;
-  bool open = false;  // others in the same state may still join
-  bool sees = false;  // the level of the bit
+  bool open = false;   // others in the same state may still join
+  bool sees = false;   // the level of the bit
+  bool drove = false;  // dominant in the bit before
 };
 
 /// The nodes of one bit rate and their common bit clock.
 struct Segment::Domain final : rt::Job {
   Domain(Segment& s, std::uint32_t rate, rt::Time begin)
       : segment(s), bit_rate(rate), bit(bit_time_of(rate)), start(begin) {}
-  void run() noexcept override { segment.tick(*this, false); }
-  void set_clock() noexcept { segment.executor_->at(start + sample_point(bit), *this, rt::Phase::medium); }
+  void run() noexcept override {
+    if (at_edge) {
+      segment.edge(*this);
+    } else {
+      segment.tick(*this, false);
+    }
+  }
+  /// Beside others the beginning of the bit comes first: they see what begins there before it is sampled here.
+  void set_clock() noexcept {
+    at_edge = !segment.one_rate() && start >= segment.executor_->now();
+    segment.executor_->at(at_edge ? start : start + sample_point(bit), *this, rt::Phase::medium);
+  }
   [[nodiscard]] bool drives() const noexcept {
     return std::ranges::any_of(groups, [](const auto& group) { return group->bits.drives(); });
+  }
+  /// Behind its sample point a node still drives the bit that it sampled.
+  [[nodiscard]] bool drives(rt::Time at) const noexcept {
+    return at < start ? std::ranges::any_of(groups, [](const auto& group) { return group->drove; }) : drives();
   }
   [[nodiscard]] bool quiet() const noexcept {
     return std::ranges::all_of(groups, [](const auto& group) { return group->bits.quiet(); });
@@ -32,9 +47,8 @@ struct Segment::Domain final : rt::Job {
   Segment& segment;
   std::uint32_t bit_rate;
   rt::Duration bit;
-  rt::Time start;       // of the bit that is sampled next
-  bool before = false;  // dominant in the bit before it
-  bool now = false;     // dominant in it
+  rt::Time start;        // of the bit that is sampled next
+  bool at_edge = false;  // what comes next is its beginning
   std::vector<std::unique_ptr<Group>> groups;
 };
 
@@ -105,7 +119,12 @@ void Segment::put_in_group(Controller& node, rt::Time start, bool sending, bool 
 
 Segment::Domain& Segment::domain_of(std::uint32_t bit_rate, rt::Time start) {
   for (auto& domain : domains_) {
-    if (domain->bit_rate == bit_rate) return *domain;
+    if (domain->bit_rate != bit_rate) continue;
+    if (domain->groups.empty()) {
+      domain->start = start;
+      domain->set_clock();
+    }
+    return *domain;
   }
   domains_.push_back(std::make_unique<Domain>(*this, bit_rate, start));
   domains_.back()->set_clock();
@@ -146,30 +165,39 @@ void Segment::end_bitwise() noexcept {
   schedule_start();
 }
 
+void Segment::edge(Domain& domain) {
+  begin_frames(domain);
+  domain.at_edge = false;
+  executor_->at(domain.start + sample_point(domain.bit), domain, rt::Phase::medium);
+}
+
 // One bit of one domain, at its sample point. `again`: it is played a second time and nobody new begins.
 void Segment::tick(Domain& domain, bool again) {
-  if (!again) begin_frames(domain);
-  domain.now = domain.drives();
-  const bool dominant = domain.now || level_of_others(domain, domain.start + sample_point(domain.bit));
+  if (!again && one_rate()) begin_frames(domain);
+  const bool dominant = domain.drives() || level_of_others(domain, domain.start + sample_point(domain.bit));
   // What a bit means may begin a frame, with disturbances and groups of its own: they do not concern this bit any more.
-  for (auto& group : domain.groups) group->sees = seen(domain, *group, dominant);
+  for (auto& group : domain.groups) {
+    group->sees = seen(domain, *group, dominant);
+    group->drove = group->bits.drives();
+  }
   const std::size_t count = domain.groups.size();
   for (std::size_t i = 0; i < count; ++i) {
     Group& group = *domain.groups[i];
     if (const auto outcome = group.bits.sample(group.sees); outcome.any()) note(domain, group, outcome);
   }
-  domain.before = domain.now;
   domain.start += domain.bit;
-  domain.now = domain.drives();
   if (again) return;
   if (std::ranges::all_of(domains_, [](const auto& each) { return each->quiet(); })) return end_bitwise();
   domain.set_clock();
 }
 
 bool Segment::level_of_others(const Domain& domain, rt::Time at) const noexcept {
-  return domains_.size() > 1 && std::ranges::any_of(domains_, [&](const auto& other) {
-           return other.get() != &domain && (at < other->start ? other->before : other->now);
-         });
+  return domains_.size() > 1 &&
+         std::ranges::any_of(domains_, [&](const auto& other) { return other.get() != &domain && other->drives(at); });
+}
+
+bool Segment::one_rate() const noexcept {
+  return std::ranges::count_if(domains_, [](const auto& domain) { return !domain->groups.empty(); }) < 2;
 }
 
 bool Segment::seen(const Domain& domain, const Group& group, bool dominant) const noexcept {
@@ -193,7 +221,7 @@ void Segment::begin_frames(Domain& domain) {
     const auto members = domain.groups[i]->members;
     for (Controller* node : members) {
       if (!node->offers() || node->sending_) continue;
-      Group& own = split(domain, *domain.groups[i], *node);
+      Group& own = alone(domain, *node);
       frame_begun(domain, *node);
       own.bits.begin_sending(node->head_frame(), false);
     }
@@ -205,7 +233,7 @@ void Segment::join_started(Domain& domain, Group& group) {
   const auto members = group.members;
   for (Controller* node : members) {
     if (!node->offers() || node->sending_) continue;
-    Group& own = split(domain, group, *node);
+    Group& own = alone(domain, *node);
     frame_begun(domain, *node);
     own.bits.begin_sending(node->head_frame(), true);
   }
@@ -226,7 +254,6 @@ void Segment::synchronise_others(const Domain& domain) noexcept {
   for (auto& other : domains_) {
     if (other.get() == &domain || !other->quiet()) continue;
     other->start = domain.start;
-    other->before = false;
     other->set_clock();
   }
 }
@@ -356,7 +383,7 @@ std::unique_ptr<Segment::Group> Segment::take_out(Controller& node) {
     for (auto it = domain->groups.begin(); it != domain->groups.end(); ++it) {
       auto& members = (*it)->members;
       if (std::erase(members, &node) == 0) continue;
-      auto own = std::make_unique<Group>(Group{(*it)->bits, {&node}, false, false});
+      auto own = std::make_unique<Group>(Group{(*it)->bits, {&node}, false, false, (*it)->drove});
       if (members.empty()) domain->groups.erase(it);
       return own;
     }
@@ -364,10 +391,18 @@ std::unique_ptr<Segment::Group> Segment::take_out(Controller& node) {
   return nullptr;
 }
 
+// Wherever it is: the first that begins in a bit may have parted the group that it was in.
+Segment::Group& Segment::alone(Domain& domain, Controller& node) {
+  const auto its = std::ranges::find_if(domain.groups, [&](const auto& group) {
+    return std::ranges::find(group->members, &node) != group->members.end();
+  });
+  return split(domain, **its, node);
+}
+
 Segment::Group& Segment::split(Domain& domain, Group& group, Controller& node) {
   if (group.members.size() == 1) return group;
   std::erase(group.members, &node);
-  domain.groups.push_back(std::make_unique<Group>(Group{group.bits, {&node}, false, false}));
+  domain.groups.push_back(std::make_unique<Group>(Group{group.bits, {&node}, false, false, group.drove}));
   return *domain.groups.back();
 }
 

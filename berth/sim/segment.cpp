@@ -72,7 +72,9 @@ void Segment::refresh() noexcept {
 
 void Segment::integrate(Controller& node, std::uint32_t runs) noexcept {
   node.runs_left_ = Controller::nothing;
-  if (state_ == State::busy && unanswered_) replay();
+  // A node of another bit rate samples what the frame under way has left of it.
+  const bool other_rate = node.powered_ && runs != Controller::nothing && bit_time_of(node.bit_rate_) != bit_;
+  if (state_ == State::busy && (unanswered_ || (other_rate && !frame_.fd))) replay();
   node.runs_left_ = runs;
   node.recessive_since_ = executor_->now();
   node.suspends_ = false;

@@ -155,6 +155,7 @@ class Segment final : private rt::Job {
   void play_from(rt::Time start, bool sending);
   void replay();
   void end_bitwise() noexcept;
+  void edge(Domain& domain);
   void tick(Domain& domain, bool again);
   void begin_frames(Domain& domain);
   void join_started(Domain& domain, Group& group);
@@ -166,10 +167,12 @@ class Segment final : private rt::Job {
   void note_sent(Domain& domain, Controller& node);
   [[nodiscard]] bool seen(const Domain& domain, const Group& group, bool dominant) const noexcept;
   [[nodiscard]] bool level_of_others(const Domain& domain, rt::Time at) const noexcept;
+  [[nodiscard]] bool one_rate() const noexcept;
   void synchronise_others(const Domain& domain) noexcept;
   Domain& domain_of(std::uint32_t bit_rate, rt::Time start);
   void put_in_group(Controller& node, rt::Time start, bool sending, bool pauses);
   std::unique_ptr<Group> take_out(Controller& node);
+  Group& alone(Domain& domain, Controller& node);
   Group& split(Domain& domain, Group& group, Controller& node);
   void single_out_victims();
   void deliver_pending() noexcept;

@@ -10,8 +10,8 @@
 ///    no other edge does. On a silent segment every node is quiet and there are no bits to wait for: a frame begins at
 ///    once, but not before the last bit that was sampled is over for every node. So a plan has no edge upon a sample
 ///    point, nor between it and the end of a bit that a quiet node counts: its instants are multiples of 1 µs, its bits
-///    1, 2 and 4 µs, or 1 and 1.25 µs.
-///    No test compares the bus with nodes of several bit rates yet: they still differ there.
+///    1, 2 and 4 µs. Who leaves, comes back or changes its bit rate amid several rates is not compared: they still
+///    differ in about one such plan of 200 (docs/limits.md).
 /// 2. *Contending.* With a first sender contends who is ready before the sample point of the fastest node's start of
 ///    frame. While a segment is not silent, a node begins at the beginning of one of its bits; where all are of one bit
 ///    rate, before the bit's sample point.

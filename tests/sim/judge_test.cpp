@@ -93,6 +93,65 @@ TEST(Judge, G3_PowerCablesAndRecoveryFromBusOff) {
   EXPECT_GT(recovered, 100U);
 }
 
+// One or two nodes of another bit rate than the others' 1 Mbit/s.
+Plan draw_rates(std::uint64_t seed, bool listening) {
+  Random dice(seed);
+  Plan plan = draw_traffic(dice, 7);
+  const auto strangers = 1 + dice.below(2);
+  for (std::uint64_t i = 0; i < strangers; ++i) {
+    NodePlan stranger{draw_counter(dice, false), draw_counter(dice, true), dice.below(2) == 0};
+    if (listening) stranger = {.listen_only = true};
+    stranger.bit = dice.below(2) == 0 ? 2000 : 4000;
+    const auto node = static_cast<int>(plan.nodes.size());
+    plan.nodes.push_back(stranger);
+    if (!listening && dice.below(2) == 0)
+      plan.acts.push_back({1000 * static_cast<Time>(dice.below(600)), Kind::send, node, draw_frame(dice)});
+  }
+  return plan;
+}
+
+// Facts page G.3: a node of another bit rate takes frames for errors and destroys them, as others destroy its own.
+TEST(Judge, G3_NodesOfOtherBitRates) {
+  std::uint64_t struck = 0;
+  std::uint64_t off = 0;
+  std::vector<std::uint64_t> seeds{1869};  // two begin at one edge, and a disturbance parts their group in between
+  for (std::uint64_t seed = 1; seed <= 600; ++seed) seeds.push_back(seed);
+  for (const auto seed : seeds) {
+    Plan plan = draw_rates(seed, false);
+    if (seed % 3 == 0) {
+      Random dice(seed);
+      draw_disturbances(dice, plan, 3);
+    }
+    Result r;
+    ASSERT_TRUE(agree(plan, &r, seed % 2)) << "seed " << seed;
+    struck += r.errors > 0 ? 1U : 0U;
+    for (const auto& [tec, rec, is_off] : r.counters) off += is_off ? 1U : 0U;
+  }
+  EXPECT_GT(struck, 450U);
+  EXPECT_GT(off, 100U);
+}
+
+// Listening only it sends neither flags nor acknowledgements: the others are as if it were not there.
+TEST(Judge, G3_WhoOnlyListensAtAnotherBitRateHarmsNobody) {
+  std::uint64_t frames = 0;
+  for (std::uint64_t seed = 1; seed <= 300; ++seed) {
+    Plan plan = draw_rates(seed, true);
+    Result with;
+    ASSERT_TRUE(agree(plan, &with)) << "seed " << seed;
+    std::size_t others = plan.nodes.size();
+    while (plan.nodes[others - 1].bit != 1000) --others;
+    plan.nodes.resize(others);
+    Result without;
+    ASSERT_TRUE(agree(plan, &without)) << "seed " << seed;
+    std::erase_if(with.events, [&](const Event& e) { return e.node >= static_cast<int>(others); });
+    with.counters.resize(others);
+    ASSERT_EQ(with.events, without.events) << "seed " << seed;
+    ASSERT_EQ(with.counters, without.counters) << "seed " << seed;
+    frames += with.events.size();
+  }
+  EXPECT_GT(frames, 1000U);
+}
+
 // FD frames beside classic ones.
 Plan draw_fd(std::uint64_t seed) {
   Random dice(seed);
