@@ -106,6 +106,7 @@ TEST(PapersMainJob, S1_31_UnknownThenTheRegisteredOnesThenQuestions) {
     EXPECT_TRUE(told) << serial;
   }
   EXPECT_EQ(trace.count("1F940000#8500000000000005"), 0U);
+  EXPECT_EQ(trace.count("7E5#0401"), 0U) << "running devices stay out of LSS configuration";
   ASSERT_TRUE(rig.until_operational(60s)) << rig.log();
   EXPECT_EQ(rig.seats(), (Seats{{1, 0x0A}, {2, 0x15}, {3, 8}, {4, 6}, {5, 7}})) << rig.log();
   // Nobody but the new one answered, with chunk(7) = 0015 (54 after the shift by two), and the last phase 0 is silent.
@@ -132,6 +133,24 @@ TEST(PapersMainJob, S1_33_OnlineOnlyWhenTheDeviceHasItsNodeId) {
   };
   ASSERT_TRUE(rig.run_until(all, 60s)) << rig.log();
   EXPECT_TRUE(early.empty()) << early.front() << " is online before its device has the node-ID";
+}
+
+// S1.33 (c): a device that leaves before it has confirmed its node-ID never makes its slot online.
+TEST(PapersMainJob, S1_33_NotOnlineWithoutItsConfirmation) {
+  Rig rig(five_slots(), five_slaves());
+  const Trace trace(rig);
+  rig.begin();
+  ASSERT_TRUE(rig.run_until([&] { return trace.count("7E5#1103") > 0; }, 60s)) << rig.log();
+  rig.device("d3").unplug();
+  bool online = false;
+  rig.run_until(
+      [&] {
+        const auto state = rig.state(3);
+        online = online || state == SlotState::present || state == SlotState::operational;
+        return online;
+      },
+      20s);
+  EXPECT_FALSE(online) << rig.log();
 }
 
 // S1.37: who speaks when, while five blank slaves are bound: the master selects one, it confirms, the master configures

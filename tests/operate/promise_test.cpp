@@ -71,6 +71,25 @@ struct OneSlot {
 
 }  // namespace
 
+// A run ended between 11h and 17h: its device is in LSS configuration with a node-ID pending. The next run takes that
+// back before its first `04 00`, which would bring it into use with nobody knowing.
+TEST(Promise, S1_53_TheOpeningTakesBackWhatIsPending) {
+  OneSlot o;
+  const auto pending = [&] { return o.rig.device("x").truth().pending; };
+  o.rig.begin();
+  ASSERT_TRUE(o.rig.run_until([&] { return pending() == NodeId(2); }, 20s)) << o.rig.log();
+  o.rig.kill();
+  o.rig.run_for(100ms);
+  ASSERT_EQ(pending(), NodeId(2));
+  ASSERT_FALSE(o.rig.device("x").truth().active.configured());
+  o.rig.begin();
+  ASSERT_TRUE(
+      o.rig.run_until([&] { return pending() != NodeId(2) || o.rig.device("x").truth().active == NodeId(2); }, 20s));
+  EXPECT_FALSE(o.rig.device("x").truth().active.configured()) << "taken into use by `04 00`";
+  EXPECT_FALSE(pending().configured());
+  ASSERT_TRUE(o.rig.until_operational(60s)) << o.rig.log();
+}
+
 TEST(Promise, S1_53_ANodeIdThatWasStoredIsNotGivenToAnother) {
   OneSlot o;
   o.cut_x();

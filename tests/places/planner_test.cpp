@@ -76,6 +76,10 @@ TEST(Planner, S1_33_OneDeviceOneSlot) {
   const auto one = plan(slots, blank({device(B, 5)}), {}, master);
   EXPECT_EQ(one.actions.size(), 1U);
   EXPECT_EQ(seats(slots, one), (std::map<unsigned, std::uint32_t>{{2, 5}}));
+  // As many nodes as rows: each its own, none twice.
+  const auto table = table_1();
+  const auto all = plan(table, blank({device(B, 7), device(B, 5), device(B, 6)}), {}, master);
+  EXPECT_EQ(seats(table, all), (std::map<unsigned, std::uint32_t>{{2, 5}, {4, 6}, {5, 7}}));
   // The only new node is number 0 of the discovered ones and belongs into row 3.
   const auto other = plan(slots, blank({device(C, 8)}), {}, master);
   EXPECT_EQ(seats(slots, other), (std::map<unsigned, std::uint32_t>{{3, 8}}));
