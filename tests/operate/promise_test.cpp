@@ -9,27 +9,31 @@ using Seats = std::vector<std::pair<unsigned, std::uint32_t>>;
 
 namespace {
 
-// Takes the device's power at the instant at which its answer to LSS store (17h) is on the wire: its memory has the
-// node-ID, and `04 00` never reaches it.
-class CutAfterStore final : public can::Tap {
+// Takes the device's power at the instant at which this LSS frame is on the wire. Its answer to store (17h): its memory
+// has the node-ID, and `04 00` never reaches it.
+class CutAfter final : public can::Tap {
  public:
-  CutAfterStore(Rig& rig, std::string device) : rig_(&rig), device_(std::move(device)) {
+  CutAfter(Rig& rig, std::string device, std::uint32_t id = 0x7E4, std::uint8_t command = 0x17)
+      : rig_(&rig), device_(std::move(device)), id_(id), command_(command) {
     rig.device(device_).bus().add_tap(*this);
   }
-  ~CutAfterStore() { rig_->device(device_).bus().remove_tap(*this); }
-  CutAfterStore(const CutAfterStore&) = delete;
-  CutAfterStore& operator=(const CutAfterStore&) = delete;
+  ~CutAfter() { rig_->device(device_).bus().remove_tap(*this); }
+  CutAfter(const CutAfter&) = delete;
+  CutAfter& operator=(const CutAfter&) = delete;
   [[nodiscard]] bool done() const noexcept { return done_; }
 
  private:
   void frame(const can::Frame& frame, rt::Time, int) noexcept override {
-    const bool stored = !frame.extended && frame.id == 0x7E4 && frame.data[0] == 0x17 && frame.data[1] == 0;
-    if (!stored || done_) return;
+    const bool fits =
+        !frame.extended && frame.id == id_ && frame.data[0] == command_ && (id_ != 0x7E4 || frame.data[1] == 0);
+    if (!fits || done_) return;
     done_ = true;
     rig_->world().sim().after(1us, [this] { rig_->device(device_).unplug(); });
   }
   Rig* rig_;
   std::string device_;
+  std::uint32_t id_;
+  std::uint8_t command_;
   bool done_ = false;
 };
 
@@ -48,7 +52,7 @@ struct OneSlot {
   }
   // X has the node-ID in its memory, and is away; its slot waits for it.
   void cut_x() {
-    const CutAfterStore cut(rig, "x");
+    const CutAfter cut(rig, "x");
     rig.begin();
     EXPECT_TRUE(rig.run_until([&] { return cut.done() && !rig.device("x").plugged(); }, 20s)) << rig.log();
     EXPECT_EQ(rig.device("x").truth().persistent, NodeId(2));
@@ -70,6 +74,23 @@ struct OneSlot {
 };
 
 }  // namespace
+
+// An earlier run asked X to store, and ended before it heard an answer. X is found again and leaves as it is selected:
+// what it has in memory is as open as before, so its slot is not free for Y.
+TEST(Promise, S1_53_AFruitlessRetryDoesNotFreeTheSlot) {
+  OneSlot o;
+  o.rig.begin();
+  ASSERT_TRUE(o.rig.run_until([&] { return o.rig.device("x").truth().pending == NodeId(2); }, 20s)) << o.rig.log();
+  o.rig.kill();
+  o.rig.run_for(100ms);
+  const CutAfter cut(o.rig, "x", 0x7E5, 0x40);
+  o.rig.begin();
+  ASSERT_TRUE(o.rig.run_until([&] { return cut.done() && !o.rig.device("x").plugged(); }, 20s)) << o.rig.log();
+  o.rig.run_for(5s);
+  o.rig.device("y").plug();
+  EXPECT_TRUE(o.quiet_for(40s)) << o.rig.log();
+  EXPECT_EQ(o.rig.state(2), SlotState::absent) << o.rig.log();
+}
 
 // A run ended between 11h and 17h: its device is in LSS configuration with a node-ID pending. The next run takes that
 // back before its first `04 00`, which would bring it into use with nobody knowing.
