@@ -48,8 +48,8 @@ struct Timing {
   Duration heartbeat_period = std::chrono::milliseconds(500);    ///< 1017h of the slots' devices and of the master
   Duration heartbeat_timeout = std::chrono::milliseconds(1500);  ///< silence that makes a slot absent; over the period
   bool heartbeat_given = false;  ///< the file says the period; else it follows from the bus (`fit_heartbeats`)
-  Duration boot_timeout = std::chrono::seconds(10);              ///< reset or power to boot-up message
-  Duration probe_period = std::chrono::seconds(1);               ///< how often a running machine looks for new devices
+  Duration boot_timeout = std::chrono::seconds(10);  ///< reset or power to boot-up message
+  Duration probe_period = std::chrono::seconds(1);   ///< how often a running machine looks for new devices
   Duration listen = std::chrono::seconds(2);  ///< before the first frame on a real port: is another master there?
                                               ///< 0 = not at all
   Duration bus_off_pause = std::chrono::seconds(1);  ///< from bus-off to the controller's restart
@@ -157,8 +157,8 @@ struct MachineResult {
 /// The share of a bus that `nodes` heartbeats of this period take, each of the longest frame that it can be (65 bits,
 /// interframe space included): 1 is all of it.
 [[nodiscard]] double heartbeat_share(std::uint32_t bitrate, std::size_t nodes, Duration period) noexcept;
-/// The default period: 500 ms, or where the heartbeats of `nodes` nodes would take more than a fifth of the bus, as many
-/// tenths of a second as they need.
+/// The default period: 500 ms, or where the heartbeats of `nodes` nodes would take more than a fifth of the bus, as
+/// many tenths of a second as they need.
 [[nodiscard]] Duration heartbeat_period_for(std::uint32_t bitrate, std::size_t nodes) noexcept;
 /// Sets the periods that the file does not give, by each bus's bit rate and slots, and the time-outs to three of them.
 /// `read_machine` does it; for machines that are made in code.

@@ -75,8 +75,8 @@ class MachineReader {
   void check_heartbeats() {
     constexpr double most = 0.5;
     for (const auto& bus : machine_.buses) {
-      const auto slots = std::ranges::count_if(machine_.slots,
-                                               [&](const Slot& s) { return s.spec.name.bus == bus.name; });
+      const auto slots =
+          std::ranges::count_if(machine_.slots, [&](const Slot& s) { return s.spec.name.bus == bus.name; });
       const auto nodes = static_cast<std::size_t>(slots) + 1;
       const double share = heartbeat_share(bus.bitrate, nodes, bus.timing.heartbeat_period);
       if (!bus.timing.heartbeat_given || share <= most) continue;

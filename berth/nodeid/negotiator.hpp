@@ -211,8 +211,8 @@ class Negotiator final {
   std::bitset<128> used_;  // heard since the cycle began
   NodeId last_;            // preferred
   NodeId node_id_;
-  NodeId candidate_;        // announced, not yet on the wire
-  NodeId avoid_;            // lost in a conflict, until `avoided_until_`
+  NodeId candidate_;  // announced, not yet on the wire
+  NodeId avoid_;      // lost in a conflict, until `avoided_until_`
   rt::Time avoided_until_{};
   rt::Time since_{};        // settled: when
   rt::Time window_ends_{};  // listening, asked: not before

@@ -22,10 +22,12 @@ TEST(LssAddress, S1_11_ChunksAreBigEndianOverTheWholeAddress) {
 }
 
 TEST(Result, DescribesTheObjectWithItsSubIndexZeroToo) {
-  EXPECT_EQ(describe(Error{.code = Errc::aborted, .node = 5, .sub = 0, .index = 0x1018}).find("node 5, object 1018h:00: "),
-            0U);
-  EXPECT_EQ(describe(Error{.code = Errc::aborted, .node = 5, .sub = 4, .index = 0x1018}).find("node 5, object 1018h:04: "),
-            0U);
+  EXPECT_EQ(
+      describe(Error{.code = Errc::aborted, .node = 5, .sub = 0, .index = 0x1018}).find("node 5, object 1018h:00: "),
+      0U);
+  EXPECT_EQ(
+      describe(Error{.code = Errc::aborted, .node = 5, .sub = 4, .index = 0x1018}).find("node 5, object 1018h:04: "),
+      0U);
   EXPECT_EQ(describe(Error{.code = Errc::bus}).find("object"), std::string::npos);
 }
 

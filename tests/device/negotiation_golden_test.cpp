@@ -91,8 +91,8 @@ Options negotiating(const LssAddress& address, std::uint8_t id, NegotiationMode 
 
 class Golden : public ::testing::TestWithParam<NegotiationMode> {};
 
-// Figure 2 (S2.16): 16 messages suffice for the winner (S2.20), then it announces its node-ID (S2.15). The lines behind the
-// announcement are the boot-up message and the heartbeat of node 20h.
+// Figure 2 (S2.16): 16 messages suffice for the winner (S2.20), then it announces its node-ID (S2.15). The lines behind
+// the announcement are the boot-up message and the heartbeat of node 20h.
 TEST_P(Golden, Figure2) {
   const Lines figure{{0.000, "00000100#"}, {0.106, "00001019#"}, {0.111, "00001103#"}, {0.116, "00001200#"},
                      {0.123, "00001300#"}, {0.126, "000014FF#"}, {0.130, "000015EE#"}, {0.136, "00001655#"},

@@ -227,7 +227,8 @@ TEST(Configurator, HU_20_ADeviceThatIsNotReadyIsAskedAgain) {
 // A frame that came twice ends a transfer with an abort code that is no refusal of the value.
 TEST(Configurator, ASpoiltTransferIsWorthAnotherTry) {
   manager::Failure failure;
-  for (const std::uint32_t code : {0x0503'0000U, 0x0504'0000U, 0x0504'0001U, 0x0504'0002U, 0x0504'0003U, 0x0504'0004U}) {
+  for (const std::uint32_t code :
+       {0x0503'0000U, 0x0504'0000U, 0x0504'0001U, 0x0504'0002U, 0x0504'0003U, 0x0504'0004U}) {
     failure.error = Error{.code = Errc::aborted, .detail = code};
     EXPECT_TRUE(failure.passing()) << std::hex << code;
   }

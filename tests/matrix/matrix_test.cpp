@@ -42,23 +42,24 @@ INSTANTIATE_TEST_SUITE_P(
         Cell{Kind::lely, 5, 125'000, Latency::random}, Cell{Kind::mixed, 5, 125'000, Latency::random}),
     test_name);
 
-// What was wrong at each: answers that come late once in fifty, among many devices; found devices that were searched for
-// again in each part of a long search; more questions at once than the bus carries.
-INSTANTIATE_TEST_SUITE_P(
-    Late, Matrix,
-    testing::Values(Cell{Kind::lss, 60, 125'000, Latency::outliers}, Cell{Kind::canopennode, 60, 125'000, Latency::random},
-                    Cell{Kind::lely, 60, 500'000, Latency::random}, Cell{Kind::mixed, 60, 125'000, Latency::random},
-                    Cell{Kind::mixed, 120, 1'000'000, Latency::outliers},
-                    Cell{Kind::feedback_29, 126, 10'000, Latency::equal},
-                    Cell{Kind::stored, 60, 10'000, Latency::random}),
-    test_name);
+// What was wrong at each: answers that come late once in fifty, among many devices; found devices that were searched
+// for again in each part of a long search; more questions at once than the bus carries.
+INSTANTIATE_TEST_SUITE_P(Late, Matrix,
+                         testing::Values(Cell{Kind::lss, 60, 125'000, Latency::outliers},
+                                         Cell{Kind::canopennode, 60, 125'000, Latency::random},
+                                         Cell{Kind::lely, 60, 500'000, Latency::random},
+                                         Cell{Kind::mixed, 60, 125'000, Latency::random},
+                                         Cell{Kind::mixed, 120, 1'000'000, Latency::outliers},
+                                         Cell{Kind::feedback_29, 126, 10'000, Latency::equal},
+                                         Cell{Kind::stored, 60, 10'000, Latency::random}),
+                         test_name);
 
 // Receive buffers that hold one frame, or two: what comes back to back is lost.
-INSTANTIATE_TEST_SUITE_P(
-    SmallBuffers, Matrix,
-    testing::Values(Cell{Kind::lss, 5, 125'000, Latency::equal, 1}, Cell{Kind::lss, 5, 125'000, Latency::random, 2},
-                    Cell{Kind::fastscan, 5, 125'000, Latency::random, 1},
-                    Cell{Kind::lely, 5, 125'000, Latency::equal, 1}),
-    test_name);
+INSTANTIATE_TEST_SUITE_P(SmallBuffers, Matrix,
+                         testing::Values(Cell{Kind::lss, 5, 125'000, Latency::equal, 1},
+                                         Cell{Kind::lss, 5, 125'000, Latency::random, 2},
+                                         Cell{Kind::fastscan, 5, 125'000, Latency::random, 1},
+                                         Cell{Kind::lely, 5, 125'000, Latency::equal, 1}),
+                         test_name);
 
 }  // namespace

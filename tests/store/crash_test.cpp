@@ -82,7 +82,9 @@ std::vector<Step> binding() {
         return s.configure(SlotId{2}, {Stage::done, device(6), 15'000, 1}, "b.dcf").has_value();
       },
       [=](auto& s) { return s.clear(SlotId{1}, "replaced by a person").has_value(); },
-      [=](auto& s) { return s.ask_blank({device(5), "m", "b", NodeId(2)}, "found with a wrong node-ID").has_value(); },
+      [=](auto& s) {
+        return s.ask_blank({device(5), "m", "b", NodeId(2)}, "found with a wrong node-ID").has_value();
+      },
       [=](auto& s) { return s.ask(SlotId{1}, c, std::string(9000, 'x')).has_value(); },  // more than one page
       [=](auto& s) { return s.confirm_blank(device(5), "heard").has_value(); },
       [=](auto& s) { return s.mark(places::Mark::restore, c.device, c.id, "used").has_value(); },

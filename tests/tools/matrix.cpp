@@ -1,6 +1,7 @@
 // ./run matrix [--kind K] [--devices N] [--bitrate KBIT] [--latency L] [--limit SECONDS] [--rx-depth N] [--show]
-// [--frames]: the main job at every size, with every kind of device and at every bit rate, from blank devices to operational. Prints the
-// bus times as a table; exit 1 when a cell that docs/limits.md does not except is not operational within its bus time.
+// [--frames]: the main job at every size, with every kind of device and at every bit rate, from blank devices to
+// operational. Prints the bus times as a table; exit 1 when a cell that docs/limits.md does not except is not
+// operational within its bus time.
 #include <cstdio>
 #include <cstdlib>
 #include <cstring>
