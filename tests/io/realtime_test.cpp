@@ -7,12 +7,13 @@
 #include <unistd.h>
 
 extern "C" __attribute__((weak)) void __asan_init();
+extern "C" __attribute__((weak)) void __tsan_init();
 
 namespace berth::io {
 namespace {
 
-// With the sanitizer mlockall does nothing, and that well.
-bool locks_memory() { return __asan_init == nullptr; }
+// With a sanitizer mlockall does nothing, and that well.
+bool locks_memory() { return __asan_init == nullptr && __tsan_init == nullptr; }
 
 // In a process of its own, as what it changes stays. 0: everything was as it should.
 int in_child(int (*body)()) {
