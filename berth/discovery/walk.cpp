@@ -106,8 +106,8 @@ rt::Task<Result<Report>> Walker::Search::run() {
     if (judged) haste_.note(!restart);
     patient_ = fruitless > 0 || !haste_.pays();
     // What one device answers late is taken for an answer to the next question: with feedback a wrong way down.
-    asker_.be_patient(patient_, fruitless > 1);
-    by_bits_ = fruitless > 1;
+    wholly_ = by_bits_ = fruitless > 1;
+    asker_.be_patient(patient_, wholly_);
   }
   if (held_ && !broken_) co_await release();
   // Another scheme comes next, and its answers have our feedback's identifiers (S1.24).

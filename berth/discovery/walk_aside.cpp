@@ -93,9 +93,9 @@ rt::Task<bool> Walker::Search::ask_beside(Place place) {
     const Prefix at = open[i];
     elsewhere();
     const bool doubted = std::ranges::any_of(doubted_, [&](const Silent& s) { return s.place == place && s.at == at; });
-    asker_.be_patient(patient_ && doubted);
+    asker_.be_patient(patient_ && doubted, wholly_ && doubted);
     const Heard heard = co_await ask_once(at, sub_, Wait::learnt);
-    asker_.be_patient(patient_);
+    asker_.be_patient(patient_, wholly_);
     const bool before = heard.late && i > 0;  // the place asked before this one was answered
     if (before || heard.yes()) {
       if (before) silent_.pop_back();

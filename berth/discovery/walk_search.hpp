@@ -162,6 +162,7 @@ class Walker::Search {
   std::vector<LssAddress> aside_;  // known, and they answer again
   std::vector<Silent> doubted_;    // silent when they were asked in haste
   bool patient_ = false;           // haste has led nowhere
+  bool wholly_ = false;            // again and again
   std::vector<Place> vacant_;      // nobody is led there
   std::vector<Silent> silent_;     // asked beside those, and silent
   bool set_aside_ = false;         // in this round: it can tell nothing more

@@ -156,8 +156,12 @@ rt::Task<Result<Given>> configure_alone(Master& master, LssAddress device, NodeI
     const auto back = co_await master.configure_node_id(none, service);
     if (!back && of_the_bus(back.error())) co_return fail(back.error());
   }
-  const auto waiting = co_await master.switch_global(State::waiting);
-  if (!waiting) co_return fail(waiting.error());
+  // Twice: one that misses it stays in configuration, takes the next device's node-ID too, and is not there in time to
+  // the questions when it is slow.
+  for (int time = 0; time < 2; ++time) {
+    const auto waiting = co_await master.switch_global(State::waiting);
+    if (!waiting) co_return fail(waiting.error());
+  }
   co_return given;
 }
 

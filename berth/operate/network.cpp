@@ -149,8 +149,7 @@ void Network::go_to_rest(const std::string& why) {
 // and have nobody to acknowledge them would repeat their messages against each other for ever.
 void Network::speak() {
   const auto& vacant = vacancy_[bus_->master.value()];
-  const auto heard = boots_.heard(bus_->master);
-  const bool free = vacant && (!heard || *heard < *vacant);
+  const bool free = vacant && boots_.silent_since(bus_->master, *vacant);
   if (speaks_ || !free || bus_->role == design::Role::observer || port_->status().error_passive()) return;
   speaks_ = true;
   device_->power_on();

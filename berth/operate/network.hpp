@@ -279,6 +279,7 @@ class Network final : private co::HeartbeatConsumer::Observer,
   rt::Task<void> make_pending(Loans::Loan loan, NodeId own);
   rt::Task<void> take_back_what_is_in_the_way();
   rt::Task<void> take_ids_back();
+  rt::Task<bool> tell_pending(LssAddress device, NodeId id);
   rt::Task<bool> take_id_back(LssAddress device, NodeId id);
   // network_probe.cpp: the place, read from the device
   void forget_readings(const LssAddress& device);
@@ -291,6 +292,7 @@ class Network final : private co::HeartbeatConsumer::Observer,
   rt::Task<void> carry_out();
   rt::Task<void> carry_out_actions(bool& inquired_all);
   rt::Task<bool> act(const places::Action& action);
+  [[nodiscard]] bool uses(const LssAddress& device, NodeId id) const noexcept;
   rt::Task<bool> bind_seat(Seat& seat, LssAddress device, std::string reason);
   rt::Task<bool> blank(LssAddress device, std::string reason);
   rt::Task<void> check_and_start();
@@ -466,6 +468,7 @@ class Network final : private co::HeartbeatConsumer::Observer,
   std::uint8_t everywhere_from_ = 1;       // node-ID at which the questions go on that a boot-up interrupted
   bool asked_everywhere_ = false;
   std::vector<places::Oddity> returned_;  // sat in a slot, came back, and gave its node-ID up
+  std::vector<LssAddress> clones_;        // two devices had this address when it was asked last
   std::vector<LssAddress> heard_of_;      // found by the last discovery
   std::vector<LssAddress> known_before_;
   std::vector<LssAddress> by_rest_;   // found otherwise than by RAND

@@ -133,9 +133,7 @@ rt::Task<bool> Network::act(const Action& action) {
   Seat& seat = *seats_[action.slot];
   // One that is silent may have it pending, as Lely core's slaves do, and no question finds that out.
   const auto* const loan = loans_.to_another(seat.id(), device);
-  const bool has_it = std::ranges::any_of(
-      found_, [&](const places::Found& f) { return f.device == device && f.active == seat.id() && !f.clone; });
-  if (loan != nullptr && !has_it) {
+  if (loan != nullptr && !uses(device, seat.id())) {
     set_state(
         seat, SlotState::empty,
         fmt::format("its node-ID was lent to {}, which does not answer: switch that on, or `berth forget {}` when it "
@@ -146,12 +144,16 @@ rt::Task<bool> Network::act(const Action& action) {
   co_return co_await bind_seat(seat, device, reason);
 }
 
+// It was found, as the only one of its address, with this node-ID in use.
+bool Network::uses(const LssAddress& device, NodeId id) const noexcept {
+  return std::ranges::any_of(found_,
+                             [&](const places::Found& f) { return f.device == device && f.active == id && !f.clone; });
+}
+
 rt::Task<bool> Network::bind_seat(Seat& seat, LssAddress device, std::string reason) {
   const bool resumed = seat.slot.record.asked.has_value();
   const bool borrows = loans_.borrowed(device);
-  const bool home = !borrows && std::ranges::any_of(found_, [&](const places::Found& f) {
-    return f.device == device && f.active == seat.id() && !f.clone;
-  });
+  const bool home = !borrows && uses(device, seat.id());
   Binding binding(Binding::Kind::bind, {device, seat.id()}, bus_->timing.tries, resumed);
   set_state(seat, SlotState::binding, reason);
   places::Binder::Options options = binder_options();
@@ -167,6 +169,12 @@ rt::Task<bool> Network::bind_seat(Seat& seat, LssAddress device, std::string rea
     const bool taken = co_await take_where_it_is(seat, device);
     if (taken) co_return true;
   }
+  // What it was lent is another's by now: the next reset of all would bring it into use.
+  if (binding.why() == places::Why::occupied && loans_.of(device) != nullptr) {
+    const NodeId none;
+    const auto given_up = co_await tell_pending(device, none);
+    if (given_up) end_loan(device);
+  }
   if (good) {
     bound(seat, binding);
   } else {
@@ -178,6 +186,7 @@ rt::Task<bool> Network::bind_seat(Seat& seat, LssAddress device, std::string rea
 void Network::bound(Seat& seat, const Binding& binding) {
   end_loan(binding.seat().device);
   loans_.bound(binding.seat().device);
+  std::erase(clones_, binding.seat().device);
   forget_found(binding.seat().device);
   forget_readings(binding.seat().device);
   seat.there = true;
@@ -279,6 +288,7 @@ rt::Task<void> Network::check_and_start() {
 
 rt::Task<void> Network::start_seat(Seat& seat) {
   const NodeId id = seat.id();
+  if (rebooted(seat)) co_return;  // which device booted is asked first
   const bool clear = co_await clear_past(seat);
   if (!clear) co_return;
   const bool configures = !seat.slot.spec.config.empty() && bus_->role != design::Role::observer;

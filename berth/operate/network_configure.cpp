@@ -5,6 +5,7 @@
 #include <algorithm>
 #include <map>
 
+#include "berth/od/abort_code.hpp"
 #include "berth/operate/network_seat.hpp"
 #include "berth/operate/timing_options.hpp"
 
@@ -147,7 +148,11 @@ rt::Task<bool> Network::configure_seat(Seat& seat, ConfigurationReport& report) 
   for (unsigned attempt = 1;; ++attempt) {
     const bool good = co_await configure_once(seat, all, options, report);
     const bool restarted = !good && report.failure && report.failure->why == manager::Failure::Why::restarted;
-    if (restarted && attempt < most_attempts) continue;
+    if (restarted && attempt < most_attempts) {
+      co_await ask_seat(seat);  // another device may have come under this node-ID
+      if (!seat.there || seat.started) co_return false;
+      continue;
+    }
     if (!good) co_return false;
     if (verifies && !report.differences.empty()) {
       forgot(seat, report, all);
@@ -230,7 +235,11 @@ rt::Task<bool> Network::configure_once(Seat& seat, const Wanted& wanted, Configu
     if (report.saved != Saved::unanswered) seat.failed_savings = 0;
     co_return true;
   }
-  if (report.failure->stage == manager::Stage::saving) ++seat.failed_savings;
+  // One that is saving still, for a run of Berth before this one, wrote nothing for this one.
+  const Error& error = report.failure->error;
+  const bool busy =
+      error.code == Errc::aborted && error.detail == static_cast<std::uint32_t>(od::AbortCode::device_state);
+  if (report.failure->stage == manager::Stage::saving && !busy) ++seat.failed_savings;
   seat.stuck = !report.failure->passing();
   set_state(seat, SlotState::failed, "its configuration failed: " + describe(*report.failure, wanted.file));
   co_return false;

@@ -23,6 +23,7 @@ void Network::note_found(const places::Found& found) {
   const auto booted = found.active.configured() ? boots_.boot_up(found.active) : std::nullopt;
   if (booted && !loans_.of_ours(found.active, *booted)) seen->second = std::min(seen->second, *booted);
   loans_.seen(found.device);
+  if (found.clone && std::ranges::find(clones_, found.device) == clones_.end()) clones_.push_back(found.device);
   places::Found noted = found;
   noted.seen = seen->second;
   const auto it = std::ranges::find(found_, found.device, &places::Found::device);
@@ -203,7 +204,8 @@ bool Network::somebody_missing() const {
     const auto device = seat->slot.record.device();
     std::size_t i = 0;
     const auto here = [&](const places::Found& f) {
-      return !f.clone && (device == f.device || places::fits(seat->slot.spec, f.device));
+      const bool clone = f.clone || std::ranges::find(clones_, f.device) != clones_.end();
+      return !clone && (device == f.device || places::fits(seat->slot.spec, f.device));
     };
     while (i < found_.size() && (used[i] || !here(found_[i]))) ++i;
     if (i == found_.size()) return true;

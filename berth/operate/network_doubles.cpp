@@ -13,7 +13,6 @@ namespace berth::operate {
 namespace {
 
 constexpr std::size_t most_addresses = 81;  // three devices without a part in common
-constexpr rt::Duration second_answer = std::chrono::milliseconds(20);
 
 void put(std::vector<std::uint32_t>& values, std::uint32_t value) {
   if (std::ranges::find(values, value) == values.end()) values.push_back(value);

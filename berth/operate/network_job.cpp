@@ -76,10 +76,13 @@ bool Network::retry_due() {
   retries_ = true;
   look_anew_ = true;
   for (auto& seat : seats_) {
-    if (seat->state == SlotState::failed && seat->there && !seat->stuck)
-      set_state(*seat, SlotState::present, "trying again");
+    const bool again = seat->state == SlotState::failed && seat->there && !seat->stuck;
+    const auto heard = boots_.heard(seat->id());
+    const bool beats = heard && executor_->now() - *heard <= bus_->timing.heartbeat_timeout;
+    if (again && beats) set_state(*seat, SlotState::present, "trying again");
     const bool troubled = seat->state == SlotState::absent || seat->state == SlotState::duplicate || seat->misplaced;
-    seat->ask_again = troubled && seat->slot.record.confirmed && !seat->slot.record.asked;
+    const bool silent = again && !beats;  // it may have left before its heartbeat was waited for
+    seat->ask_again = (troubled || silent) && seat->slot.record.confirmed && !seat->slot.record.asked;
     if (seat->state == SlotState::duplicate && !seat->slot.record.device())
       set_state(*seat, SlotState::empty, "looking again");
   }
@@ -226,7 +229,8 @@ rt::Task<void> Network::handle(Wake wake) {
     }
     case Wake::Kind::recovered:
       if (!seat->there && wake.at > seat->checked) co_await came_back(*seat, wake.at);
-      break;
+      // It came back before its loss was dealt with; what it tells now may be another state than before.
+      [[fallthrough]];
     case Wake::Kind::state: {
       const auto state = heartbeats_.state(seat->id());
       const bool left =

@@ -8,8 +8,6 @@
 
 namespace berth::operate {
 
-using places::SlotState;
-
 // Not a slot's, not the master's, not one under which anybody was ever heard. `prepare_loans` asks whether it is
 // vacant.
 bool Network::may_be_lent(NodeId id) const noexcept {
@@ -26,9 +24,8 @@ bool Network::spoken_for(NodeId id) const noexcept {
 bool Network::free_for_a_loan(const Seat& seat, const LssAddress& device) const noexcept {
   const NodeId id = seat.id();
   const auto& vacant = vacancy_[id.value()];
-  const auto heard = boots_.heard(id);
   return !seat.there && !seat.slot.record.device() && seat.slot.spec.assign == places::Assign::lss && !spoken_for(id) &&
-         vacant && (!heard || *heard < *vacant) && places::fits(seat.slot.spec, device);
+         vacant && boots_.silent_since(id, *vacant) && places::fits(seat.slot.spec, device);
 }
 
 // The lowest free slot's that it fits: searches find the devices of a type in ascending order, and with `ascending`
@@ -172,14 +169,8 @@ rt::Task<void> Network::take_ids_back() {
 
 // It came back by itself, to its own node-ID, and what it was lent would come into use at its next reset.
 rt::Task<void> Network::make_pending(Loans::Loan loan, NodeId own) {
-  const auto selected = co_await select_alone(loan.device);
-  if (!selected) {
-    loans_.kept(loan.device);
-    co_return;
-  }
-  const auto given = co_await lss_.configure_node_id(own);
-  const auto released = co_await lss_.switch_global(lss::State::waiting);
-  if (given && released) {
+  const auto told = co_await tell_pending(loan.device, own);
+  if (told) {
     end_loan(loan.device);
   } else {
     loans_.kept(loan.device);
@@ -216,13 +207,19 @@ void Network::name_loans() {
   }
 }
 
-// False: it did not confirm that it gives the node-ID up.
-rt::Task<bool> Network::take_id_back(LssAddress device, NodeId id) {
+// Only this device has the node-ID pending, and is in LSS waiting. False: it did not confirm that.
+rt::Task<bool> Network::tell_pending(LssAddress device, NodeId id) {
   const auto selected = co_await select_alone(device);
   if (!selected) co_return false;
-  const auto taken = co_await lss_.configure_node_id(NodeId());
+  const auto given = co_await lss_.configure_node_id(id);
   const auto released = co_await lss_.switch_global(lss::State::waiting);
-  const bool told = taken && released;
+  co_return given&& released;
+}
+
+// False: it did not confirm that it gives the node-ID up.
+rt::Task<bool> Network::take_id_back(LssAddress device, NodeId id) {
+  const NodeId none;
+  const auto told = co_await tell_pending(device, none);
   if (!told) co_return false;
   // A device with a single-slot receive buffer would lose the reset behind what was just sent.
   co_await rt::sleep_for(bus_->timing.rand_response);

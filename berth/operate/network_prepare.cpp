@@ -10,10 +10,6 @@ namespace berth::operate {
 
 using places::SlotState;
 
-namespace {
-constexpr rt::Duration second_answer = std::chrono::milliseconds(20);
-}  // namespace
-
 // To ask whether anybody is there: silence is the expected answer, so it is not waited for long nor aborted.
 co::SdoOptions Network::asking(unsigned retries) const {
   co::SdoOptions patience = sdo_.options();
@@ -64,7 +60,8 @@ rt::Task<void> Network::ask_seat(Seat& seat) {
   const NodeId id = seat.id();
   seat.there = false;
   const auto heard = boots_.heard(id);
-  bool alive = heard && executor_->now() - *heard <= bus_->timing.heartbeat_timeout;
+  const bool beats = heard && executor_->now() - *heard <= bus_->timing.heartbeat_timeout;
+  bool alive = beats;
   if (!alive) {
     const auto type = co_await sdo_.read<std::uint32_t>(id, 0x1000, 0);
     alive = type.has_value() || type.error().code == Errc::aborted;
@@ -83,7 +80,7 @@ rt::Task<void> Network::ask_seat(Seat& seat) {
                           id.value()));
     co_return;
   }
-  if (heard) state = boots_.state(id);
+  if (beats) state = boots_.state(id);
   const auto surplus = sdo_.surplus(id);
   const auto who = co_await places::Binder::read_identity(sdo_, id);
   if (!who) {
@@ -213,9 +210,8 @@ rt::Task<void> Network::verify_vacancy() {
   for (const auto& action : plan_.actions) {
     if (action.kind != places::Action::Kind::bind) continue;
     const NodeId id = seats_[action.slot]->id();
-    const auto heard = boots_.heard(id);
     const auto& vacant = vacancy_[id.value()];
-    const bool known = vacant && (!heard || *heard < *vacant);
+    const bool known = vacant && boots_.silent_since(id, *vacant);
     if (!known) asked.spawn(ask_vacancy(id));
   }
   co_await asked.join();

@@ -9,6 +9,9 @@
 
 namespace berth::operate {
 
+/// An SDO answer of a second device under one node-ID comes behind that of the first by no more than this.
+inline constexpr rt::Duration second_answer = std::chrono::milliseconds(20);
+
 struct Network::Seat {
   places::Slot slot;
   places::SlotState state = places::SlotState::unknown;

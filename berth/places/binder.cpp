@@ -69,8 +69,7 @@ rt::Task<Outcome> Binder::perform(Binding& binding, SlotId slot, const std::stri
 
 rt::Task<Outcome> Binder::vacant(NodeId id, const LssAddress& device) {
   auto& vacant_at = s_.vacancy[id.value() & 0x7FU];
-  const auto heard = s_.boots.heard(id);
-  if (vacant_at && (!heard || *heard < *vacant_at)) {
+  if (vacant_at && s_.boots.silent_since(id, *vacant_at)) {
     watch_since_ = *vacant_at;
     co_return Outcome::ok;
   }
@@ -134,10 +133,17 @@ rt::Task<Outcome> Binder::configure(NodeId id) {
   co_return lss::suspicious(*reply) ? Outcome::doubled : Outcome::ok;
 }
 
-// What two devices were told may stand in the memory of both.
+// What two devices were told may stand in the memory of both. A device that is in LSS waiting with a node-ID that
+// another device uses is looked for: as Lely core's slaves it may wait for the next reset of all to use it.
 rt::Task<Outcome> Binder::revert(const Binding& binding) {
   const NodeId id = binding.revert_to();
-  const Outcome outcome = co_await configure(id);
+  Outcome outcome = co_await configure(id);
+  const bool waits = outcome == Outcome::silent && binding.why() == Why::other_device;
+  if (waits) {
+    const LssAddress device = binding.seat().device;
+    outcome = co_await select(device);
+    if (outcome == Outcome::ok) outcome = co_await configure(id);
+  }
   if (!binding.shared()) co_return outcome;
   co_return co_await store();
 }
@@ -242,7 +248,12 @@ rt::Task<Result<LssAddress>> Binder::read_identity(co::SdoClient& sdo, NodeId no
 rt::Task<Outcome> Binder::identify(const Binding& binding) {
   const NodeId id = binding.seat().id;
   const auto surplus = s_.sdo.surplus(id);
+  const rt::Time began = s_.dispatcher.executor().now();
   auto who = co_await read_identity(s_.sdo, id);
+  // A boot-up that came while the first question was repeated: the device's own, or that of another which came with
+  // this node-ID. Neither must be woken.
+  const bool came = !who && who.error().code == Errc::timeout && !s_.boots.silent_since(id, began);
+  if (came) who = co_await read_identity(s_.sdo, id);
   // Lely core's slaves tell the pending node-ID by 5Eh, so that they were not waited for: they have not booted yet.
   const bool asleep = !who && who.error().code == Errc::timeout && binding.old_id() == id && !woken_;
   if (asleep) {

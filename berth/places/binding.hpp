@@ -107,9 +107,13 @@ class Binding {
   [[nodiscard]] NodeId old_id() const noexcept { return old_id_; }
   /// More than one device took the last `11h` or `17h`.
   [[nodiscard]] bool shared() const noexcept { return shared_; }
-  /// What `revert` writes: the node-ID that the device had, or none when a second device heard the `11h` too, so that
-  /// the second does not get the node-ID of the first.
-  [[nodiscard]] NodeId revert_to() const noexcept { return shared_ ? NodeId() : old_id_; }
+  /// What `revert` writes: the node-ID that the device had. None when a second device heard the `11h` too, which must
+  /// not get the node-ID of the first; none when another device answers under the node-ID that this one told to have
+  /// (Lely core's slaves tell the pending one).
+  [[nodiscard]] NodeId revert_to() const noexcept {
+    const bool lost = why_ == Why::other_device && old_id_ == seat_.id;
+    return shared_ || lost ? NodeId() : old_id_;
+  }
   [[nodiscard]] unsigned tries_left() const noexcept { return tries_; }
   [[nodiscard]] bool stored() const noexcept { return stored_; }
   /// The device has no memory for a node-ID: it must be given one at every power-on.

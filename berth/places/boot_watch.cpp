@@ -2,11 +2,24 @@
 
 namespace berth::places {
 
-BootWatch::BootWatch(can::Dispatcher& dispatcher) { dispatcher.add({0x701, 0x77F}, *this); }
+BootWatch::BootWatch(can::Dispatcher& dispatcher) {
+  dispatcher.add({0x081, 0x0FF}, *this);
+  dispatcher.add({0x581, 0x5FF}, *this);
+  dispatcher.add({0x701, 0x77F}, *this);
+}
 
 void BootWatch::received(const can::Frame& frame, rt::Time at) noexcept {
-  if (frame.remote || frame.size != 1) return;
+  if (frame.remote) return;
   Node& node = nodes_[frame.id & 0x7FU];
+  if (frame.id >= 0x701) {
+    error_control(node, frame, at);
+  } else if (frame.size == 8) {
+    node.voice = at;
+  }
+}
+
+void BootWatch::error_control(Node& node, const can::Frame& frame, rt::Time at) noexcept {
+  if (frame.size != 1) return;
   node.heard = at;
   node.state = static_cast<NmtState>(frame.data[0] & 0x7FU);
   if (frame.data[0] != 0) {

@@ -1,5 +1,7 @@
-/// Hears every error control frame and remembers per node-ID when it last booted and when it was last heard: who came
-/// under a node-ID since a moment, and whether anybody is there at all (CiA 301 §7.2.8.3).
+/// Hears what only the device that has a node-ID sends under it, and remembers per node-ID when it last booted and when
+/// it was last heard: whether a device came under a node-ID since a moment, and whether any is there at all. Error
+/// control (CiA 301 §7.2.8.3) tells boots and states; EMCY and SDO answers on their predefined COB-IDs tell that the
+/// node-ID is in use.
 #pragma once
 
 #include <array>
@@ -20,6 +22,11 @@ class BootWatch final : private can::Handler {
   /// When any error control message under this node-ID was heard, and the NMT state it told.
   [[nodiscard]] std::optional<rt::Time> heard(NodeId id) const noexcept { return at(id).heard; }
   [[nodiscard]] NmtState state(NodeId id) const noexcept { return at(id).state; }
+  /// Nothing was heard under this node-ID at or after `since`: no error control message, EMCY or SDO answer.
+  [[nodiscard]] bool silent_since(NodeId id, rt::Time since) const noexcept {
+    const Node& node = at(id);
+    return (!node.heard || *node.heard < since) && (!node.voice || *node.voice < since);
+  }
   /// How many error control messages were heard under this node-ID, boot-ups not counted.
   [[nodiscard]] std::uint64_t beats(NodeId id) const noexcept { return at(id).beats; }
   /// How many boot-up messages.
@@ -57,6 +64,7 @@ class BootWatch final : private can::Handler {
   struct Node {
     std::optional<rt::Time> boot_up;
     std::optional<rt::Time> heard;
+    std::optional<rt::Time> voice;  // EMCY, SDO answer
     NmtState state = NmtState::initialising;
     std::uint64_t beats = 0;
     std::uint64_t boot_ups = 0;
@@ -65,6 +73,8 @@ class BootWatch final : private can::Handler {
   [[nodiscard]] static std::size_t place(NodeId id) noexcept { return id.configured() ? id.value() : 0U; }
   [[nodiscard]] const Node& at(NodeId id) const noexcept { return nodes_[place(id)]; }
   void received(const can::Frame& frame, rt::Time at) noexcept override;
+
+  void error_control(Node& node, const can::Frame& frame, rt::Time at) noexcept;
 
   std::array<Node, 128> nodes_{};
   Wait* waiter_ = nullptr;

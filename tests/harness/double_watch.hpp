@@ -61,8 +61,15 @@ class DoubleWatch final : public plant::World::Observer {
       if (wire->bus.name() == bus) wire->received(frame, at);
     }
   }
-  // A person said `berth replace` of the slot that this device has.
-  void replaced_by_a_person(const std::string& device) { replaced_.insert(device); }
+  // A person said `berth replace` of the slot that this device has, or another of its address: the person cannot know
+  // which of them was there.
+  void replaced_by_a_person(const std::string& device) {
+    for (const auto& d : world_->devices()) {
+      for (const auto& same : world_->devices()) {
+        if (d->name() == device && same->truth().address == d->truth().address) replaced_.insert(same->name());
+      }
+    }
+  }
 
   [[nodiscard]] const std::string& failure() const noexcept { return failure_; }
   // The node-ID that stands in the device's memory by Berth; unconfigured: none.

@@ -184,6 +184,28 @@ TEST(Configuration, B4_7_TheDateAgreesAtTheNextStart) {
   }
 }
 
+// The slot's device left while it was being configured; a spare that came with the slot's node-ID is asked who it is
+// before it is configured, however near to the next attempt it comes.
+TEST(Configuration, ASpareWithTheSlotsNodeIdIsNotConfiguredInItsPlace) {
+  for (int i = 0; i < 40; ++i) {
+    auto plant = plant_of(1);
+    auto& spare = add_pump(plant, "spare", 99);
+    spare.plugged = false;
+    spare.source = plant::NodeIdSource::nonvolatile;
+    spare.node_id = NodeId(5);
+    Rig rig(pumps({5}), plant);
+    rig.begin();
+    ASSERT_TRUE(rig.run_until([&] { return rig.state(5) == SlotState::configuring; }, 30s)) << rig.log();
+    rig.device("p1").unplug();
+    ASSERT_TRUE(rig.run_until([&] { return rig.state(5) != SlotState::configuring; }, 30s)) << rig.log();
+    rig.run_for(1s + i * 100ms);
+    rig.device("spare").plug();
+    rig.run_for(20s);
+    EXPECT_NE(rig.device("spare").truth().state, NmtState::operational) << i << rig.log();
+    EXPECT_NE(rig.state(5), SlotState::operational) << i;
+  }
+}
+
 // A replacement is put to work without a technician, with the configuration of the one before.
 TEST(Configuration, AReplacementGetsTheConfiguration) {
   auto machine = pumps({5});

@@ -16,6 +16,10 @@ class Watch : public ::testing::Test {
     other_->send(can::Frame::base(id, {state}), 0);
     world_.run_for(10ms);
   }
+  void heard_of_eight(std::uint32_t id) {
+    other_->send(can::Frame::base(id, {0, 0, 0, 0, 0, 0, 0, 0}), 0);
+    world_.run_for(10ms);
+  }
 
   sim::World world_{1};
   sim::Bus& bus_ = world_.add_bus("bus", 125'000);
@@ -45,6 +49,24 @@ TEST_F(Watch, WhoGaveItsNodeIdUpIsForgottenAlone) {
   boots_.forget(NodeId(3));
   EXPECT_FALSE(boots_.boot_up(NodeId(3)));
   EXPECT_TRUE(boots_.boot_up(NodeId(4)));
+}
+
+// A node-ID whose device tells an error or answers another client's question is in use, error control or not.
+TEST_F(Watch, AnEmergencyOrAnSdoAnswerEndsTheSilenceOfANodeId) {
+  const rt::Time began = world_.executor().now();
+  heard_of_eight(0x085);
+  heard_of_eight(0x586);
+  heard(0x707, 0x05);
+  heard_of_eight(0x608);  // a request to 8 is no word of 8
+  heard_of_eight(0x080);  // SYNC and TIME are nobody's
+  heard_of_eight(0x100);
+  for (std::uint8_t id = 1; id < 128; ++id) {
+    EXPECT_EQ(boots_.silent_since(NodeId(id), began), id < 5 || id > 7) << int(id);
+    EXPECT_TRUE(boots_.silent_since(NodeId(id), world_.executor().now())) << int(id);
+  }
+  EXPECT_FALSE(boots_.heard(NodeId(5))) << "it says nothing of a state";
+  boots_.forget(NodeId(5));
+  EXPECT_TRUE(boots_.silent_since(NodeId(5), began));
 }
 
 }  // namespace
