@@ -28,6 +28,14 @@ design::Machine two_slots() {
   return m;
 }
 
+// Beside them a pump, whose configuration there is much to compare of.
+design::Machine with_a_pump() {
+  design::Machine m = two_slots();
+  add_slot(m, 5, type_pump);
+  m.slots.back().spec.config = example_eds("pump.dcf");
+  return m;
+}
+
 // d3 is on the shelf.
 plant::PlantFile three_slaves() {
   plant::PlantFile p = one_bus_plant(1);
@@ -119,14 +127,17 @@ INSTANTIATE_TEST_SUITE_P(Each, DestroyedOperation,
                          ::testing::Values(Operation{"scan", scan}, Operation{"bind", bind},
                                            Operation{"bind_from_scratch", bind_from_scratch},
                                            Operation{"configure", configure}, Operation{"locate", locate}),
-                         [](const auto& info) { return std::string(info.param.name); });
+                         [](const auto& each) { return std::string(each.param.name); });
 
 // The network stays: it has its turn back, does another operation, and all devices run in the end.
 TEST_P(DestroyedOperation, AfterEachFrame) {
   bool whole = false;
-  for (std::size_t frames = 0; !whole; frames = next(frames)) {
+  std::size_t frames = 0;
+  for (; !whole; frames = next(frames)) {
     SCOPED_TRACE(frames);
-    Rig rig(two_slots(), three_slaves());
+    auto plant = three_slaves();
+    add_device(plant, "pump", type_pump, 9);
+    Rig rig(with_a_pump(), plant);
     rig.begin();
     ASSERT_TRUE(rig.until_operational(60s));
     Counter bus(rig);
@@ -141,8 +152,9 @@ TEST_P(DestroyedOperation, AfterEachFrame) {
     rig.kill();
     rig.begin();
     ASSERT_TRUE(rig.until_operational(60s)) << rig.log();
-    ASSERT_EQ(rig.seats(), (Seats{{1, 0x0A}, {2, 5}})) << rig.log();
+    ASSERT_EQ(rig.seats(), (Seats{{1, 0x0A}, {2, 5}, {5, 9}})) << rig.log();
   }
+  EXPECT_GT(frames, 20U) << "it was hardly destroyed anywhere";
 }
 
 // What `berth adopt` asks: everybody of a bus.

@@ -217,11 +217,12 @@ class OnTheBus(OnOneBus):
 
     @tries("npm device", "PDO")
     def test_pdos_both_ways(self):
-        self.node.send(0x000, f"01{self.PARTNER:02X}")
+        self.node.send(0x000, "0100")  # all, each into operational
         self.put(0x2000, 0, 0x1234, 2)
         self.npm.wait_for("pdo", cobId=0x180 + self.PARTNER, values=[0x1234])
         self.js("my.said.value = 0xCAFE0001")
         self.until_it_has(0x2001, 0xCAFE0001, "Berth's device takes its PDO")
+        self.node.send(0x000, "8000")
 
 
 class Lss(UnderBerth):
