@@ -85,7 +85,7 @@ class PythonCan(Demo):
             support.absent("python3-can is not installed for /usr/bin/python3 (apt-get install python3-can)")
 
     def without_what_it_drops(self, kind):
-        """Its TRC reader passes over remote frames, and its writer writes them as data frames."""
+        """Its TRC reader passes over remote frames, and its writer leaves them out."""
         return [frame for frame in self.frames if kind != "trc" or not frame.remote]
 
     KINDS = {"asc": "asc", "trc": "trc", "log": "candump"}
