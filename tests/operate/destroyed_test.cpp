@@ -51,27 +51,36 @@ std::size_t next(std::size_t frames) { return frames + (frames < 60 ? 1 : 7); }
 using Run = rt::Task<void> (*)(operate::Network&, bool& done);
 
 rt::Task<void> scan(operate::Network& network, bool& done) {
-  static_cast<void>(co_await network.scan());
+  const auto end = co_await network.scan();
+  static_cast<void>(end);
   done = true;
 }
 rt::Task<void> bind(operate::Network& network, bool& done) {
-  static_cast<void>(co_await network.bind_once());
+  const auto end = co_await network.bind_once();
+  static_cast<void>(end);
   done = true;
 }
 rt::Task<void> bind_from_scratch(operate::Network& network, bool& done) {
-  static_cast<void>(co_await network.bind_from_scratch(true));
+  const auto end = co_await network.bind_from_scratch(true);
+  static_cast<void>(end);
   done = true;
 }
 rt::Task<void> configure(operate::Network& network, bool& done) {
-  static_cast<void>(co_await network.configure("", true));
+  const auto end = co_await network.configure("", true);
+  static_cast<void>(end);
   done = true;
 }
 rt::Task<void> locate(operate::Network& network, bool& done) {
-  static_cast<void>(co_await network.locate({type_a.vendor, type_a.product, 0, 0x0A}, 1s, true));
+  const LssAddress device{type_a.vendor, type_a.product, 0, 0x0A};
+  const auto end = co_await network.locate(device, 1s, true);
+  static_cast<void>(end);
   done = true;
 }
 rt::Task<void> ask(live::Census& census, bool& done) {
-  static_cast<void>(co_await census.ask({.everybody = true}));
+  live::CensusOptions everybody;
+  everybody.everybody = true;
+  const auto end = co_await census.ask(everybody);
+  static_cast<void>(end);
   done = true;
 }
 
