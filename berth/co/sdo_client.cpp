@@ -171,7 +171,9 @@ bool SdoTransfer::lingers() noexcept {
   if (lasted <= most_lingering || streamed_) [[likely]]
     return false;
   const auto patience = std::max<rt::Duration>(8 * options_.timeout, most_lingering);
-  const rt::Duration allowed = std::chrono::milliseconds(offset_ * 1000 / slowest_pace);
+  const bool collecting = state_ == State::block && !download_;
+  const std::size_t unacknowledged = collecting ? extra_->receiver.good() * sdo::segment_bytes : 0U;
+  const rt::Duration allowed = std::chrono::milliseconds((offset_ + unacknowledged) * 1000 / slowest_pace);
   if (lasted <= patience + allowed) return false;
   send_abort(AbortCode::timeout);
   fail_with(Errc::timeout, 0, "the transfer takes too long for what it carries");

@@ -93,7 +93,7 @@ bool SdoTransfer::block_acknowledged(const can::Frame& frame) noexcept {
     case Heard::go_on:
       extra_->pump.stop();
       consume(sender.acknowledged());
-      send_block(sender.size());
+      if (!lingers()) send_block(sender.size());
       return true;
     default: break;
   }

@@ -16,7 +16,7 @@ struct Place {
   std::uint16_t last;
   std::string_view paragraph;
 };
-constexpr std::array<Place, 40> places{{
+constexpr std::array<Place, 38> places{{
     {0x1000, 0x1000, "7.5.2.1"},  {0x1001, 0x1001, "7.5.2.2"},  {0x1002, 0x1002, "7.5.2.3"},
     {0x1003, 0x1003, "7.5.2.4"},  {0x1005, 0x1005, "7.5.2.5"},  {0x1006, 0x1006, "7.5.2.6"},
     {0x1007, 0x1007, "7.5.2.7"},  {0x1008, 0x1008, "7.5.2.8"},  {0x1009, 0x1009, "7.5.2.9"},
@@ -29,8 +29,7 @@ constexpr std::array<Place, 40> places{{
     {0x1025, 0x1025, "7.5.2.28"}, {0x1026, 0x1026, "7.5.2.29"}, {0x1027, 0x1027, "7.5.2.30"},
     {0x1028, 0x1028, "7.5.2.31"}, {0x1029, 0x1029, "7.5.2.32"}, {0x1200, 0x127F, "7.5.2.33"},
     {0x1280, 0x12FF, "7.5.2.34"}, {0x1400, 0x15FF, "7.5.2.35"}, {0x1600, 0x17FF, "7.5.2.36"},
-    {0x1800, 0x19FF, "7.5.2.37"}, {0x1A00, 0x1BFF, "7.5.2.38"}, {0x1FA0, 0x1FCF, "7.5.2.39"},
-    {0x1FD0, 0x1FFF, "7.5.2.40"},
+    {0x1800, 0x19FF, "7.5.2.37"}, {0x1A00, 0x1BFF, "7.5.2.38"},
 }};
 
 std::string written(od::AbortCode code) {
@@ -297,7 +296,7 @@ bool Examiner::described_away(std::uint16_t index, std::uint8_t sub, const Told&
   return missing && options_->description != nullptr && described(index, sub) == nullptr;
 }
 
-// Reserved by CiA 301 §7.4.1, so that no device has it.
+// Reserved in the layout of the object dictionary, so that no device has it.
 std::uint16_t Examiner::absent() const noexcept {
   std::uint16_t index = 0x0FFF;
   while (has(index)) --index;

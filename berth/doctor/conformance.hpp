@@ -32,7 +32,7 @@ enum class Verdict : std::uint8_t { passed, failed, skipped };
 [[nodiscard]] const char* name(Verdict verdict) noexcept;
 
 struct Check {
-  std::string_view paragraph{};  ///< of CiA 301 v4.2.0: "7.2.4.3.17"
+  std::string_view paragraph{};  ///< of CiA 301 v4.2.0: "7.2.4.3.17"; the chapter where the paragraph is not known
   ObjectRef object{};
   bool has_object = false;  ///< a service else
   std::string what{};       ///< what must be so

@@ -14,6 +14,7 @@ constexpr std::array<std::uint32_t, 12> restricted{0x000, 0x07F, 0x101, 0x180, 0
                                                    0x601, 0x67F, 0x6E0, 0x6FF, 0x701, 0x7FF};
 constexpr std::uint32_t malformed_bit = 0x800;  // bit 11 of an 11-bit identifier
 constexpr std::uint32_t wrong_signature = 0x1234'5678;
+constexpr std::uint8_t vendor_id = 1;  // of 1018h, the mandatory one
 
 bool tpdo(std::uint16_t index) noexcept { return index >= 0x1800; }
 std::uint16_t mapping_of(std::uint16_t communication) noexcept {
@@ -24,32 +25,37 @@ std::uint16_t mapping_of(std::uint16_t communication) noexcept {
 
 rt::Task<void> Examiner::mandatory() {
   const auto type = co_await read(0x1000, 0);
-  if (described_away(0x1000, 0, type)) {
-    skip("7.5.2.1", {0x1000, 0}, "the device type is there", "the description has none, though it is mandatory");
-  } else {
-    holds("7.5.2.1", {0x1000, 0}, "the device type is there, four bytes", type.good() && type.bytes.size() == 4,
-          type.words());
+  holds("7.5.2.1", {0x1000, 0}, "the device type is there, four bytes", type.good() && type.bytes.size() == 4,
+        type.words());
+  if (type.good()) {
     const auto told = co_await write(0x1000, 0, type.bytes);
     refused("7.5.2.1", {0x1000, 0}, "a download to the device type", told, codes::read_only);
   }
   co_await error_register();
+  co_await error_control();
   co_await identity();
 }
 
 rt::Task<void> Examiner::error_register() {
   const auto error = co_await read(0x1001, 0);
-  if (described_away(0x1001, 0, error)) {
-    skip("7.5.2.2", {0x1001, 0}, "the error register is there", "the description has none, though it is mandatory");
-    co_return;
-  }
   holds("7.5.2.2", {0x1001, 0}, "the error register is there, one byte", error.good() && error.bytes.size() == 1,
         error.words());
+  if (!error.good()) co_return;
   const auto bits = error.number();
   const bool generic = bits == 0 || (bits & 1U) != 0;
   holds("7.5.2.2", {0x1001, 0}, "bit 0 is set when another is, bit 6 is not", generic && (bits & 0x40U) == 0,
         fmt::format("{:02X}h", bits));
   const auto told = co_await write(0x1001, 0, error.bytes);
   refused("7.5.2.2", {0x1001, 0}, "a download to the error register", told, codes::read_only);
+}
+
+// One of the two is mandatory.
+rt::Task<void> Examiner::error_control() {
+  const auto heartbeat = co_await read(0x1017, 0);
+  const auto guard_time = co_await read(0x100C, 0);
+  const auto life_time = co_await read(0x100D, 0);
+  holds("7.5.2.20", {0x1017, 0}, "heartbeat (1017h) or node guarding (100Ch, 100Dh) is there",
+        heartbeat.good() || (guard_time.good() && life_time.good()), heartbeat.words());
 }
 
 rt::Task<void> Examiner::identity() {
@@ -59,7 +65,7 @@ rt::Task<void> Examiner::identity() {
   holds("7.5.2.21", {0x1018, 0}, "the identity has one to four parts", few, count.words());
   for (std::uint8_t sub = 1; few && sub <= parts; ++sub) {
     const auto part = co_await read(0x1018, sub);
-    if (described_away(0x1018, sub, part)) {
+    if (sub != vendor_id && described_away(0x1018, sub, part)) {
       skip("7.5.2.21", {0x1018, sub}, "a part of the identity is there", "sub-index 0 counts what is not described");
       continue;
     }

@@ -8,9 +8,8 @@
 namespace berth::doctor {
 namespace {
 
-constexpr std::string_view machine = "7.3.2.2", sub_states = "7.3.2.2.2", node_control = "7.2.8.2.1",
-                           heartbeats = "7.2.8.3.2.2", guards = "7.2.8.3.2.1", boot_up = "7.2.8.3.3",
-                           counter = "7.2.5.3.1";
+constexpr std::string_view machine = "7.3.2.2", node_control = "7.2.8.2.1", heartbeats = "7.2.8.3.2.2",
+                           guards = "7.2.8.3.2.1", boot_up = "7.2.8.3.3", counter = "7.2.5.3.1";
 constexpr std::uint8_t start = 0x01, stop = 0x02, pre_operational = 0x80, reset_node = 0x81, reset_communication = 0x82;
 constexpr std::uint8_t operational_state = 0x05, stopped_state = 0x04, pre_operational_state = 0x7F;
 constexpr auto beat = std::chrono::milliseconds(50);
@@ -57,7 +56,8 @@ rt::Task<bool> Examiner::reset(std::uint8_t which) {
   co_return false;
 }
 
-// What §7.3.2.2.2 says of the values: reset communication brings back 1000h to 1FFFh, reset node everything.
+// What §7.3.2.2 (initialisation) says of the values: reset communication brings back 1000h to 1FFFh, reset node
+// everything.
 rt::Task<void> Examiner::resets() {
   ObjectRef where{};
   const auto* const application = application_object(where);
@@ -78,15 +78,15 @@ rt::Task<void> Examiner::resets() {
     holds(boot_up, {}, all ? "reset node: boot-up" : "reset communication: boot-up", booted, "it did not come");
     const auto period = co_await read(0x1017, 0);
     if (base.good()) {
-      holds(sub_states, {0x1017, 0}, all ? "reset node brings back its value" : "reset communication brings it back",
+      holds(machine, {0x1017, 0}, all ? "reset node brings back its value" : "reset communication brings it back",
             period.bytes == base.bytes, fmt::format("{} instead of {}", period.number(), base.number()));
     }
     if (!changed) continue;
     const auto value = co_await read(where.index, where.sub);
     if (all) {
-      holds(sub_states, where, "reset node brings back its value", value.bytes == own.bytes, value.words());
+      holds(machine, where, "reset node brings back its value", value.bytes == own.bytes, value.words());
     } else {
-      holds(sub_states, where, "reset communication leaves it alone", value.bytes == other, value.words());
+      holds(machine, where, "reset communication leaves it alone", value.bytes == other, value.words());
     }
   }
 }

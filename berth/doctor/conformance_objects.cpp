@@ -6,7 +6,7 @@
 namespace berth::doctor {
 namespace {
 
-constexpr std::string_view access = "7.2.4.3.17";
+constexpr std::string_view access = "7.2.4.3.17", sub_indices = "7.4";
 constexpr std::uint8_t structure_sub = 0xFF;
 
 bool within(std::uint16_t index, std::uint16_t first, std::uint16_t last) noexcept {
@@ -48,7 +48,7 @@ rt::Task<void> Examiner::object(const od::Object& object) {
     co_await highest_sub(object);
   } else if (!has_subs) {
     const auto more = co_await read(object.index, 1);
-    refused("7.4.5", {object.index, 1}, "sub-index 1 of an object without sub-objects", more, codes::no_sub);
+    refused(sub_indices, {object.index, 1}, "sub-index 1 of an object without sub-objects", more, codes::no_sub);
   }
 }
 
@@ -63,7 +63,7 @@ rt::Task<void> Examiner::highest_sub(const od::Object& object) {
   }
   const auto told = count.number();
   if (counts_use(object.index)) {
-    holds("7.4.5", ref, "sub-index 0 counts no more than there are", told <= highest || told >= 0xFE,
+    holds(sub_indices, ref, "sub-index 0 counts no more than there are", told <= highest || told >= 0xFE,
           fmt::format("it says {}, {} are described", told, highest));
   } else {
     const auto& first = subs.front();
@@ -71,15 +71,15 @@ rt::Task<void> Examiner::highest_sub(const od::Object& object) {
     const bool contradiction = written.kind == od::Literal::Kind::number && written.raw != highest;
     const char* const what = "sub-index 0 is the highest sub-index";
     if (contradiction) {
-      skip("7.4.5", ref, what, fmt::format("the description contradicts itself: {} and {}", written.raw, highest));
+      skip(sub_indices, ref, what, fmt::format("the description contradicts itself: {} and {}", written.raw, highest));
     } else {
-      holds("7.4.5", ref, what, told == highest, fmt::format("it says {}, {} are described", told, highest));
+      holds(sub_indices, ref, what, told == highest, fmt::format("it says {}, {} are described", told, highest));
     }
   }
   if (highest >= 0xFE) co_return;
   const auto beyond = static_cast<std::uint8_t>(highest + 1);
   const auto more = co_await read(object.index, beyond);
-  refused("7.4.5", {object.index, beyond}, "the sub-index behind the highest", more, codes::no_sub);
+  refused(sub_indices, {object.index, beyond}, "the sub-index behind the highest", more, codes::no_sub);
 }
 
 rt::Task<void> Examiner::sub_object(const od::Object& object, const od::SubObject& sub) {
@@ -107,7 +107,7 @@ rt::Task<void> Examiner::sub_object(const od::Object& object, const od::SubObjec
   const auto initial = options_->description->default_of(sub);
   if (sub.access == od::Access::constant && size != 0 && now.good() && initial.present()) {
     const auto wanted = initial.resolve(sub.type, options_->node.value());
-    holds("7.4.4", ref, "a constant has the value of its description", od::load(sub.type, now.bytes.data()) == wanted,
+    holds("7.4.5", ref, "a constant has the value of its description", od::load(sub.type, now.bytes.data()) == wanted,
           fmt::format("{:X}h", now.number()));
   }
   co_await writing(sub, index, now);

@@ -120,6 +120,7 @@ class Examiner final : private can::Handler {
   // Communication objects (conformance_communication.cpp)
   rt::Task<void> mandatory();
   rt::Task<void> error_register();
+  rt::Task<void> error_control();
   rt::Task<void> identity();
   rt::Task<void> errors();
   rt::Task<void> storage();

@@ -5,8 +5,8 @@
 namespace berth::doctor {
 namespace {
 
-constexpr std::string_view abort_codes = "7.2.4.3.17", protocol = "7.2.4.3", upload = "7.2.4.3.5",
-                           segments = "7.2.4.3.6", download_segments = "7.2.4.3.4", blocks = "7.2.4.3.13";
+constexpr std::string_view abort_codes = "7.2.4.3.17", protocol = "7.2.4.3", upload = "7.2.4.3.6",
+                           segments = "7.2.4.3.7", download_segments = "7.2.4.3.4", blocks = "7.2.4.3.13";
 constexpr std::size_t expedited = 4;
 
 constexpr std::uint8_t initiate_upload = 0x40, upload_segment = 0x60, toggle = 0x10, client_abort = 0x80,

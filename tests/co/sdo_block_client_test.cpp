@@ -39,6 +39,32 @@ struct BlockClient : ::testing::Test, Bench {
                 for (const auto& each : it->second.front()) self.send(each.c_str());
                 if (it->second.size() > 1) it->second.erase(it->second.begin());
               }};
+  static can::Frame segment(unsigned number) {
+    auto frame = *can::parse_frame("585#0001020304050607");
+    frame.data[0] = static_cast<std::uint8_t>(number);
+    return frame;
+  }
+  // The server's frames that come after a while, each so long after the one before.
+  struct Late final : rt::Job {
+    explicit Late(BlockClient& test) : test_(&test) {}
+    void send_each(rt::Duration time, Log frames) {
+      time_ = time;
+      frames_ = std::move(frames);
+      sent_ = 0;
+      test_->executor.after(time, *this);
+    }
+    void send_after(rt::Duration time, const std::string& frame) { send_each(time, {frame}); }
+    void run() noexcept override {
+      test_->server.send(frames_[sent_++].c_str());
+      if (sent_ < frames_.size()) test_->executor.after(time_, *this);
+    }
+
+   private:
+    BlockClient* test_;
+    rt::Duration time_{};
+    Log frames_;
+    std::size_t sent_ = 0;
+  } late{*this};
   Station station{wire};
   co::SdoClient client{station.dispatcher};
   co::SdoOptions options;
@@ -460,6 +486,79 @@ TEST_F(BlockClient, Retries) {
   reply("A300000000000000", {{}, frames(segments_of(numbers(7)))});
   reply("A2017F0000000000", {{"585#C1" + le16(slow_crc(numbers(7))) + "0000000000"}});
   EXPECT_EQ(upload()->size(), 7U);
+}
+
+// A server may take what it is sent one segment at a time, each answer just within the time-out, for ever.
+TEST_F(BlockClient, ADownloadThatTricklesIsGivenUp) {
+  server.action = [this](Peer& self, const can::Frame& f) {
+    if (f.data[0] == 0xC6) self.send("585#A404200001000000");
+    if (f.data[0] == 0x01) late.send_after(900ms, "585#A201010000000000");
+  };
+  const auto done = download(numbers(4000));
+  ASSERT_FALSE(done);
+  EXPECT_EQ(done.error().code, Errc::timeout);
+  EXPECT_LT(executor.now(), at(12s));
+  run(100ms);  // the abort leaves
+  const auto frames = said();
+  EXPECT_EQ(frames.back(), "8004200000000405");
+  EXPECT_LT(frames.size(), 14U) << "8 time-outs of 1 s, and what 64 bytes a second allow: 900 ms a segment";
+}
+
+// As slow, but for no longer than it may: 8 segments in 7.2 s.
+TEST_F(BlockClient, AShortDownloadMayTrickle) {
+  server.action = [this](Peer& self, const can::Frame& f) {
+    if (f.data[0] == 0xC6) self.send("585#A404200001000000");
+    if (f.data[0] == 0x01 || f.data[0] == 0x81) late.send_after(900ms, "585#A201010000000000");
+    if ((f.data[0] & 0xE1U) == 0xC1) self.send("585#A100000000000000");
+  };
+  EXPECT_TRUE(download(numbers(56)));
+}
+
+// 70 bytes a second, and the first acknowledgement after 12.7 s: what came of a sub-block counts before it is over.
+TEST_F(BlockClient, AnUploadAsSlowAsItMayBeIsNotGivenUp) {
+  const auto segments = segments_of(numbers(889));
+  server.action = [&](Peer& self, const can::Frame& f) {
+    if (f.data[0] == 0xA4) self.send("585#C404200000000000");
+    if (f.data[0] == 0xA3) late.send_each(100ms, frames(segments));
+    if (f.data[0] == 0xA2) self.send(("585#C1" + le16(slow_crc(numbers(889))) + "0000000000").c_str());
+  };
+  const auto value = upload();
+  ASSERT_TRUE(value) << describe(value.error());
+  EXPECT_EQ(value->size(), 889U);
+}
+
+// An upload without a length whose segments never end: fast ones end at the longest that is allowed, slow ones by time.
+TEST_F(BlockClient, AnUploadThatNeverEndsIsGivenUp) {
+  options.longest = 4000;
+  server.action = [&](Peer& self, const can::Frame& f) {
+    if (f.data[0] == 0xA4) self.send("585#C404200000000000");
+    if (f.data[0] != 0xA3 && f.data[0] != 0xA2) return;
+    self.port.capacity = 200;
+    for (unsigned number = 1; number <= 127; ++number) self.dispatcher.send(segment(number));
+  };
+  const auto value = upload();
+  ASSERT_FALSE(value);
+  EXPECT_EQ(value.error().detail, 0x0504'0005U);
+  run(100ms);
+  EXPECT_EQ(said().back(), "8004200005000405");
+}
+
+TEST_F(BlockClient, AnUploadThatTricklesIsGivenUp) {
+  for (const bool whole_blocks : {false, true}) {
+    options.block_size = whole_blocks ? 1 : 127;
+    const auto began = executor.now();
+    server.action = [&](Peer& self, const can::Frame& f) {
+      if ((f.data[0] & 0xE3U) == 0xA0) self.send("585#C404200000000000");
+      if (f.data[0] != 0xA3 && f.data[0] != 0xA2) return;
+      late.send_after(whole_blocks ? 450ms : 200ms, can::to_string(segment(1)));
+    };
+    const auto value = upload();
+    ASSERT_FALSE(value);
+    EXPECT_EQ(value.error().code, Errc::timeout);
+    EXPECT_LT(executor.now() - began, 12s);
+    run(1s);
+    EXPECT_EQ(said().back(), "8004200000000405");
+  }
 }
 
 }  // namespace

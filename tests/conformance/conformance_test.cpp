@@ -1,6 +1,8 @@
 // A Berth device made from any description against a conformance tester's checks (berth/doctor/conformance.hpp), and
 // the checks against devices that are wrong.
 #include <filesystem>
+#include <fstream>
+#include <set>
 
 #include "../eds_folder.hpp"
 #include "../paths.hpp"
@@ -101,13 +103,32 @@ Examined examine(const fs::path& eds, bool lasting, Liar::Lie lie = nullptr) {
   return examined;
 }
 
-void expect_good(const Examined& examined, std::size_t least) {
+/// Fails, with its object, for each mandatory object that `absent` names.
+void expect_good(const Examined& examined, std::size_t least, const std::set<std::uint16_t>& absent = {}) {
   ASSERT_TRUE(examined.done) << "it did not end";
   EXPECT_TRUE(*examined.done) << describe(examined.done->error());
+  std::set<std::uint16_t> failed;
   for (const auto& check : examined.report.checks) {
-    EXPECT_NE(check.verdict, Verdict::failed) << to_string(check);
+    if (check.verdict != Verdict::failed) continue;
+    const bool of_a_service = !check.has_object && check.what.find("1018h") != std::string::npos;
+    const std::uint16_t index = of_a_service ? 0x1018 : check.object.index;
+    EXPECT_TRUE(absent.contains(index)) << to_string(check);
+    failed.insert(index);
   }
+  EXPECT_EQ(failed, absent);
   EXPECT_GE(examined.report.count(Verdict::passed), least);
+}
+
+/// What every device must have and this description has not.
+std::set<std::uint16_t> mandatory_absent(const fs::path& file) {
+  const auto reading = eds::read_any_file(file);
+  const auto has = [&](std::uint16_t index) { return reading.file.description->find(index) != nullptr; };
+  std::set<std::uint16_t> absent;
+  for (const std::uint16_t index : std::array<std::uint16_t, 3>{0x1000, 0x1001, 0x1018}) {
+    if (!has(index)) absent.insert(index);
+  }
+  if (!has(0x1017) && !(has(0x100C) && has(0x100D))) absent.insert(0x1017);
+  return absent;
 }
 
 std::vector<fs::path> descriptions(const fs::path& folder) {
@@ -136,7 +157,7 @@ TEST(Conformance, NoFailureOfADeviceMadeFromRealDescriptions) {
   }
   for (const auto& file : descriptions(test::eds_folder())) {
     SCOPED_TRACE(file.filename().string());
-    expect_good(examine(file, true), 40);
+    expect_good(examine(file, true), 40, mandatory_absent(file));
   }
 }
 
@@ -151,6 +172,38 @@ TEST(Conformance, TheHarmlessPartChangesNothing) {
 }
 
 const fs::path drive = fs::path(test::source_dir()) / "examples" / "eds" / "drive.eds";
+
+/// The drive's description without some objects: their sections and their places in the lists.
+fs::path without(const std::vector<std::string>& indices) {
+  std::ifstream whole(drive);
+  fs::path path = fs::path(::testing::TempDir()) / ("without-" + indices.front() + ".eds");
+  std::ofstream rest(path);
+  bool dropped = false;
+  const auto one_of = [&](const std::string& text, std::string_view before) {
+    return std::ranges::any_of(indices, [&](const auto& index) { return text.find(std::string(before) + index) == 0; });
+  };
+  for (std::string line; std::getline(whole, line);) {
+    if (line.starts_with('[')) dropped = one_of(line, "[");
+    const auto value = line.find('=');
+    const bool listed = value != std::string::npos && std::isdigit(static_cast<unsigned char>(line[0])) != 0 &&
+                        one_of(line.substr(value + 1), "0x");
+    if (!dropped && !listed) rest << line << '\n';
+  }
+  return path;
+}
+
+// The report is of the device: that its description lacks the object too is no excuse.
+TEST(Conformance, AMissingMandatoryObjectIsAFailure) {
+  const std::vector<std::pair<std::vector<std::string>, std::uint16_t>> lacking{
+      {{"1000"}, 0x1000}, {{"1001"}, 0x1001}, {{"1018"}, 0x1018}, {{"1017", "100C"}, 0x1017}};
+  for (const auto& [indices, object] : lacking) {
+    SCOPED_TRACE(indices.front());
+    const auto file = without(indices);
+    ASSERT_EQ(mandatory_absent(file), std::set<std::uint16_t>{object});
+    expect_good(examine(file, false), 40, {object});
+    fs::remove(file);
+  }
+}
 
 // No refusal is taken for right because it is one: with another abort code every check of a refusal fails.
 TEST(Conformance, AnotherAbortCodeFailsEveryCheckOfARefusal) {

@@ -1,4 +1,5 @@
 // A real `kill -9` of `berth up`, again and again, while the plant runs on in another process.
+#include <SQLiteCpp/Database.h>
 #include <fcntl.h>
 #include <signal.h>
 #include <sys/prctl.h>
@@ -14,6 +15,7 @@
 #include "../paths.hpp"
 #include "berth/plant/world.hpp"
 #include "berth/store/database.hpp"
+#include "berth/store/schema.hpp"
 
 namespace berth {
 namespace {
@@ -218,6 +220,30 @@ TEST_F(RealKill, S1_53_BerthUpKilledWhileThePlantRunsOn) {
   std::printf("%u kills, %u of them in the middle of a binding, %u after the end\n", kills, left_asked_, early);
   EXPECT_LT(early, kills);
   EXPECT_GT(left_asked_, 0U) << "no kill came in the middle of a binding";
+}
+
+// Bringing up an old store with a long history takes its time; a signal ends it there, and the store is what it was.
+TEST_F(RealKill, ASignalEndsALongStoreCall) {
+  constexpr int lines = 1'500'000;
+  const auto number = [](SQLite::Database& db, const char* what) { return db.execAndGet(what).getInt(); };
+  {
+    SQLite::Database raw(file("berth.db"), SQLite::OPEN_READWRITE | SQLite::OPEN_CREATE);
+    raw.exec("PRAGMA synchronous = OFF");
+    store::create_schema(raw, 1);
+    raw.exec("WITH RECURSIVE n(i) AS (SELECT 1 UNION ALL SELECT i + 1 FROM n LIMIT " + std::to_string(lines) +
+             ") INSERT INTO history (stamp_ms, event, vendor, product, revision, serial, node_id, reason) "
+             "SELECT i, 'e', 1, 2, 3, i, 255, '' FROM n");
+    ASSERT_EQ(number(raw, "PRAGMA user_version"), 1);
+  }
+  Process berth({"up", file("machine.toml"), "--sim", file("plant.toml"), "--store", file("berth.db"), "--fast",
+                 "--until", "operational"},
+                file("up.out"));
+  const bool ended = berth.ended_or([&] { return !contents(file("berth.db.lock")).empty(); }, 60s);
+  ASSERT_FALSE(ended) << contents(file("up.out"));
+  EXPECT_NE(berth.end(SIGTERM), 0) << contents(file("up.out"));
+  SQLite::Database raw(file("berth.db"), SQLite::OPEN_READWRITE);
+  EXPECT_EQ(number(raw, "PRAGMA user_version"), 1) << "it was brought up to its end: " << contents(file("up.out"));
+  EXPECT_EQ(number(raw, "SELECT count(*) FROM history"), lines);
 }
 
 }  // namespace

@@ -20,6 +20,7 @@ import unittest
 import npm_peer
 import plant_bus
 import support
+from matrix import tries
 from support import BERTH, berth
 from test_npm_master import OnOneBus
 
@@ -98,6 +99,8 @@ class Services(UnderBerth):
             my.runs({NODE});
         """)
 
+    @tries("npm device", "SDO expedited upload", "SDO expedited download",
+           "SDO segmented upload", "SDO segmented download")
     def test_sdo_read_and_write(self):
         self.assertIn("801", self.berth("sdo", "read", NODE, "0x1018", "1", "--type", "u32"))  # 0x321
         self.assertIn("4660", self.berth("sdo", "read", NODE, "0x2000", "0", "--type", "u16"))  # 0x1234
@@ -123,6 +126,7 @@ class Services(UnderBerth):
                 # An abort ends the transfer: it has no answer (S13).
                 self.assertFalse([f for f in self.node.frames[since:] if f.id == 0x600 + NODE and f.data[0] == 0x80])
 
+    @tries("npm device", "SDO block upload", "SDO block download", "SDO segmented upload", "SDO segmented download")
     def test_sdo_block(self):
         partner = plant_bus.Partner(self, self.port, 20)
         for length in (5, 7, 889, 890, 2000):
@@ -134,6 +138,7 @@ class Services(UnderBerth):
         partner.order("download", NODE, "2001", 0, "48656C6C6F2C207365676D656E7473")
         self.assertEqual(partner.order("upload", NODE, "2001", 0), "48656C6C6F2C207365676D656E7473")
 
+    @tries("npm device", "NMT")
     def test_nmt(self):
         self.berth("nmt", "start", NODE)
         support.until(lambda: self.js("return my.d.state") == 5, "operational")
@@ -146,6 +151,78 @@ class Services(UnderBerth):
         self.berth("up", "--yes", "--until", "operational", "--store", f"{self.folder}/store.db", "--on-exit", "leave")
         self.assertEqual(self.js("return my.d.state"), 5)
         self.js("my.d.nmt.setState(127)")
+
+
+class OnTheBus(OnOneBus):
+    """What needs no master: the package's device and Berth's own, each hearing the other."""
+
+    PARTNER = 20
+
+    @classmethod
+    def begin(cls, _):
+        cls.npm.js(DEVICE % {"lss": "false"} + f"""
+            my.heard = eds.addEntry(0x2010, {{ parameterName: 'heard', dataType: UNSIGNED16 }});
+            my.said = eds.addEntry(0x2011, {{ parameterName: 'said', dataType: canopen.DataType.UNSIGNED32 }});
+            eds.setSyncCobId(0x80);
+            eds.addReceivePdo({{ cobId: 0x180 + {cls.PARTNER}, dataObjects: [my.heard] }});
+            eds.addTransmitPdo({{ cobId: 0x200 + {cls.PARTNER}, transmissionType: 254, dataObjects: [my.said] }});
+            my.s = await join('slave', new canopen.Device({{ eds }}));
+            my.d = my.s.device;
+            my.runs({NODE});
+        """)
+
+    def setUp(self):
+        super().setUp()
+        since = len(self.node.frames)
+        plant_bus.Partner(self, self.port, self.PARTNER)
+        self.node.wait_for(0x700 + self.PARTNER, "00", since=since, what="the partner's boot-up message")
+        self.client = plant_bus.Partner(self, self.port, 21, 2)
+
+    def put(self, index, sub, value, size, node=PARTNER):
+        self.client.order("download", node, f"{index:04X}", sub, value.to_bytes(size, "little").hex())
+
+    def get(self, index):
+        return int.from_bytes(bytes.fromhex(self.client.order("upload", self.PARTNER, f"{index:04X}", 0)), "little")
+
+    def until_it_has(self, index, value, what):
+        support.until(lambda: self.get(index) == value, what)
+
+    @tries("npm device", "heartbeat")
+    def test_its_heartbeat_is_supervised(self):
+        self.put(0x1016, 1, NODE << 16 | 2000, 4)
+        self.put(0x1017, 0, 200, 2, NODE)
+        self.until_it_has(0x2060, 127, "Berth's device hears its heartbeat")
+        self.node.send(0x000, f"01{NODE:02X}")
+        self.until_it_has(0x2060, 5, "and that it is operational")
+        self.node.send(0x000, f"80{NODE:02X}")
+        since = len(self.node.frames)
+        self.put(0x1017, 0, 0, 2, NODE)
+        self.node.wait_for(0x080 + self.PARTNER, lambda data: data[:2] == b"\x30\x81", since=since,
+                           what="EMCY 8130h: it beats no more")
+
+    @tries("npm device", "EMCY")
+    def test_its_emergencies_are_heard(self):
+        self.put(0x1028, 10, 0x80 + NODE, 4)
+        self.js("my.d.emcy.write(0x4210, Buffer.from([1, 2, 3]))")
+        self.until_it_has(0x2050, 0x4210, "Berth's device hears its emergency")
+        self.assertEqual(self.get(0x2051), NODE)
+
+    @tries("npm device", "SYNC")
+    def test_it_hears_sync(self):
+        before = len(self.npm.heard("sync"))
+        self.put(0x1006, 0, 50_000, 4)
+        self.put(0x1005, 0, 0x4000_0080, 4)
+        support.until(lambda: len(self.npm.heard("sync")) >= before + 4, "SYNC of Berth's device")
+        self.put(0x1005, 0, 0x80, 4)
+
+    @tries("npm device", "PDO")
+    def test_pdos_both_ways(self):
+        self.node.send(0x000, "0100")  # all, each into operational
+        self.put(0x2000, 0, 0x1234, 2)
+        self.npm.wait_for("pdo", cobId=0x180 + self.PARTNER, values=[0x1234])
+        self.js("my.said.value = 0xCAFE0001")
+        self.until_it_has(0x2001, 0xCAFE0001, "Berth's device takes its PDO")
+        self.node.send(0x000, "8000")
 
 
 class Lss(UnderBerth):
@@ -175,6 +252,7 @@ class Lss(UnderBerth):
             };
         """)
 
+    @tries("npm device", "LSS")
     def test_a_node_id_by_fastscan_and_lss(self):
         self.berth("up", "--yes", "--until", "operational", "--store", f"{self.folder}/store.db", "--on-exit", "leave")
         self.assertEqual(self.js("return [my.d.id, my.d.state]"), [self.slot_id, 5])

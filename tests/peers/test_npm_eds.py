@@ -9,6 +9,7 @@ import tempfile
 
 import npm_peer
 import support
+from matrix import tries
 
 READ = """
 const load = require('module')._load;
@@ -38,6 +39,8 @@ class Descriptions(support.Case):
         self.assertEqual(done.returncode, 0, done.stderr[-1500:])
         return json.loads(done.stdout)
 
+    @tries("npm master", "EDS load")
+    @tries("npm device", "EDS load")
     def test_every_converted_file_loads(self):
         files = [f for kind in ("eds", "dcf", "xdd") for where in (folder(), support.example("eds"))
                  for f in sorted(glob.glob(os.path.join(where, f"*.{kind}")))]

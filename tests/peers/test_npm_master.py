@@ -18,6 +18,7 @@ import npm_peer
 import plant_bus
 import support
 import test_tshark
+from matrix import SDO, tries
 from npm_peer import PeerError
 
 NODE = 5
@@ -97,6 +98,7 @@ class Master(OnOneBus):
         self.js(f"my.d.nmt.{command}({NODE})")
         self.node.wait_for(0x700 + NODE, f"{state:02X}", since=since, what=f"a heartbeat after {command}")
 
+    @tries("npm master", "SDO expedited upload", "SDO expedited download")
     def test_sdo_expedited(self):
         self.assertEqual([self.number(0x1018, sub) for sub in (1, 2, 3, 4)], [0x123, 7, 0x10000, 1])
         self.assertEqual(self.read(0x2014), "3412")
@@ -116,6 +118,7 @@ class Master(OnOneBus):
         self.refused("06070013", self.write, 0x2001, 0, "0100")
         self.assertEqual(self.number(0x1018, 1), 0x123)  # and the server goes on, after the package's answers to its aborts
 
+    @tries("npm master", "SDO segmented upload", "SDO segmented download")
     def test_sdo_segmented(self):
         for length in (5, 7, 8, 14, 300):
             with self.subTest(length):
@@ -126,6 +129,7 @@ class Master(OnOneBus):
         self.assertEqual(self.read(0x2013), "0102030405060708")
         self.assertEqual(bytes.fromhex(self.read(0x1008)), b"Berth, the partner of other stacks")
 
+    @tries("npm master", "SDO block upload", "SDO block download")
     def test_sdo_block(self):
         for length in (1, 6, 7, 8, 889, 890, 4000):  # 889: exactly one sub-block of 127 segments
             with self.subTest(length):
@@ -134,6 +138,7 @@ class Master(OnOneBus):
                 self.assertEqual(self.read(0x2011, block=True), data)
         self.refused("06020000", self.read, 0x3000, 0, True)
 
+    @tries("npm master", "NMT", "heartbeat")
     def test_nmt_and_heartbeats(self):
         self.write(0x1017, 0, "6400")  # 100 ms
         self.go("startNode", 5)
@@ -148,6 +153,7 @@ class Master(OnOneBus):
             self.node.wait_for(0x700 + NODE, "00", since=since, what=f"the boot-up message after {command}")
             self.assertEqual(self.number(0x1017), 0)
 
+    @tries("npm master", "EMCY")
     def test_emergencies_of_the_device(self):
         self.write(0x2030, 0, "2031")
         heard = self.npm.wait_for("emergency", cobId=0x80 + NODE, code=0x3120)
@@ -157,6 +163,7 @@ class Master(OnOneBus):
         self.assertEqual(heard["register"], 0)
         self.assertEqual(self.number(0x1003, 1) & 0xFFFF, 0x3120)
 
+    @tries("npm master", "EMCY")
     def test_emergencies_of_the_master(self):
         self.write(0x1028, MASTER, f"{0x80 + MASTER:02X}000000")
         self.js("my.d.emcy.write(0x5530, Buffer.from([9, 8, 7]))")
@@ -164,6 +171,7 @@ class Master(OnOneBus):
         self.assertEqual(self.number(0x2051), MASTER)
         self.write(0x1028, MASTER, "00000080")
 
+    @tries("npm master", "heartbeat")
     def test_heartbeat_of_the_master_is_supervised(self):
         self.write(0x1016, 1, f"E803{MASTER:02X}00")  # 1000 ms
         self.js("my.d.eds.setHeartbeatProducerTime(200)")
@@ -175,6 +183,7 @@ class Master(OnOneBus):
         self.write(0x1016, 1, "00000000")
         self.js("my.d.eds.setHeartbeatProducerTime(0)")
 
+    @tries("npm master", "PDO")
     def test_pdo(self):
         self.write(0x1017, 0, "6400")
         self.go("startNode", 5)
@@ -193,6 +202,7 @@ class Master(OnOneBus):
         self.go("enterPreOperational", 127)
         self.write(0x1017, 0, "0000")
 
+    @tries("npm master", "SYNC")
     def test_sync(self):
         before = self.number(0x2040)
         self.js("my.d.sync.write()")
@@ -221,6 +231,7 @@ class Master(OnOneBus):
         self.write(0x2022, 0, "01")  # sends 1984-01-02 00:00:00.001
         self.npm.wait_for("time", ms=441_763_200_000 + 86_400_000 + 1)
 
+    @tries("tshark", *SDO, "NMT", "heartbeat", "EMCY", "SYNC", "PDO")
     def test_zz_what_was_on_the_bus_is_decoded_by_tshark(self):
         """Last of its class: everything that the tests before it put on the bus."""
         support.need("tshark")
@@ -245,6 +256,7 @@ class LssMaster(OnOneBus):
         """)
         cls.partner = plant_bus.Partner(scope, cls.port, 255, 0x0A)
 
+    @tries("npm master", "LSS")
     def test_fastscan_and_a_node_id(self):
         # 300 ms a question: the package takes silence for a set bit. Null: nobody, the device is not up yet.
         found = support.until(lambda: self.js("return await my.lss.fastscan({ timeout: 300 })"), "Fastscan finds somebody")

@@ -11,8 +11,10 @@ import time
 import unittest
 
 import bus
+import by_hand
 import plant_bus
 import support
+from matrix import SERVICES, tries
 
 try:
     import can
@@ -78,6 +80,7 @@ class Socketcand(support.Case):
         self.say(line, 0x000, "8102")
         self.expect(line, 0x702, "00", "boot-up after reset node")
 
+    @tries("python-can", "LSS")
     def test_lss_by_hand(self):
         line = self.open()
         for command, value in ((0x40, 0x123), (0x41, 7), (0x42, 0x10000), (0x43, 0xAB)):
@@ -112,6 +115,36 @@ class Socketcand(support.Case):
         for _ in range(5):
             can.Bus(interface="socketcand", channel="field", host="127.0.0.1", port=self.port).shutdown()
         self.expect(self.open(), 0x702, what="the device's heartbeat")
+
+
+class Services(support.Case):
+    """Every service by hand, from python-can to Berth's own device."""
+
+    @tries("python-can", *SERVICES)
+    def test_every_service(self):
+        if can is None:
+            support.absent("python3-can is not installed for /usr/bin/python3 (apt-get install python3-can)")
+        port = plant_bus.serve(self, self.folder)
+        line = can.Bus(interface="socketcand", channel="field", host="127.0.0.1", port=port)
+        self.addCleanup(line.shutdown)
+        plant_bus.Partner(self, port, 5, 0xAB)
+
+        def sends(text):
+            identifier, _, data = text.partition("#")
+            line.send(can.Message(arbitration_id=int(identifier, 16), data=bytes.fromhex(data), is_extended_id=False))
+
+        def hears(text):
+            end, passed = time.monotonic() + support.PATIENCE, []
+            while time.monotonic() < end:
+                frame = line.recv(1.0)
+                if frame is not None:
+                    passed.append(f"{frame.arbitration_id:03X}#{bytes(frame.data).hex().upper()}")
+                    if passed[-1] == text:
+                        return
+            raise AssertionError(f"python-can did not hear {text}, but {passed[-20:]}")
+
+        hears("705#00")
+        by_hand.play(sends, hears)
 
 
 if __name__ == "__main__":

@@ -9,10 +9,19 @@ import unittest
 import support
 import tshark
 import wire
+from matrix import tries
 from support import berth
 
 
-class Formats(support.Case):
+try:
+    import can
+except ImportError:
+    can = None
+
+
+class Demo(support.Case):
+    """The demo's frames in a candump log that begins at second 1,600,000,000."""
+
     def setUp(self):
         super().setUp()
         if "--output" not in berth("trace", "--help"):
@@ -39,12 +48,16 @@ class Formats(support.Case):
         done = subprocess.run(command, capture_output=True, text=True, timeout=support.PATIENCE)
         self.assertEqual(done.returncode, 0, done.stderr)
 
+
+class Formats(Demo):
+    @tries("can-utils", "trace formats")
     def test_asc_of_berth_is_read_by_asc2log(self):
         support.need("asc2log")
         berth("trace", self.log, "-o", self.path("ours.asc"), "-q")
         self.run_tool("asc2log", "-I", self.path("ours.asc"), "-O", self.path("back.log"))
         self.same(self.path("back.log"))
 
+    @tries("can-utils", "trace formats")
     def test_asc_of_log2asc_is_read_by_berth(self):
         support.need("log2asc")
         bus = self.frames[0].bus
@@ -52,6 +65,7 @@ class Formats(support.Case):
         berth("trace", self.path("theirs.asc"), "--to", "candump", "--no-directions", "-o", self.path("back.log"), "-q")
         self.same(self.path("back.log"))
 
+    @tries("tshark", "trace formats")
     def test_pcapng_of_berth_is_read_by_tshark(self):
         support.need("tshark")
         expected = tshark.read(self.log)
@@ -60,6 +74,47 @@ class Formats(support.Case):
         readings = tshark.read(self.path("ours.pcapng"))
         self.assertEqual([(r.id, r.length, r.malformed, r.fields) for r in readings],
                          [(r.id, r.length, r.malformed, r.fields) for r in expected])
+
+
+class PythonCan(Demo):
+    """ASC, TRC and candump logs, written by one and read by the other."""
+
+    def setUp(self):
+        super().setUp()
+        if can is None:
+            support.absent("python3-can is not installed for /usr/bin/python3 (apt-get install python3-can)")
+
+    def without_what_it_drops(self, kind):
+        """Its TRC reader passes over remote frames, and its writer leaves them out."""
+        return [frame for frame in self.frames if kind != "trc" or not frame.remote]
+
+    KINDS = {"asc": "asc", "trc": "trc", "log": "candump"}
+
+    @tries("python-can", "trace formats")
+    def test_what_berth_writes_is_read(self):
+        for kind, name in self.KINDS.items():
+            with self.subTest(kind):
+                berth("trace", self.log, "--to", name, "--no-directions", "-o", self.path("ours." + kind), "-q")
+                with can.LogReader(self.path("ours." + kind)) as reader:
+                    back = [(f"{m.arbitration_id:03X}", m.is_remote_frame, bytes(m.data), m.timestamp) for m in reader]
+                frames = self.without_what_it_drops(kind)
+                self.assertEqual([b[:3] for b in back], [(f"{f.id:03X}", f.remote, f.data) for f in frames])
+                for (*_, at), frame in zip(back, frames):
+                    self.assertAlmostEqual(at - back[0][3], frame.time - frames[0].time, delta=2e-5, msg=frame.line)
+
+    @tries("python-can", "trace formats")
+    def test_what_it_writes_is_read_by_berth(self):
+        for kind in self.KINDS:
+            with self.subTest(kind):
+                with can.Logger(self.path("theirs." + kind)) as writer:
+                    self.frames = self.without_what_it_drops(kind)
+                    for frame in self.frames:
+                        length = int(frame.line[-1]) if frame.remote else len(frame.data)
+                        writer(can.Message(timestamp=frame.time, arbitration_id=frame.id, data=frame.data, dlc=length,
+                                           channel=0, is_extended_id=frame.extended, is_remote_frame=frame.remote))
+                berth("trace", self.path("theirs." + kind), "--to", "candump", "--no-directions", "-o",
+                      self.path("back.log"), "-q")
+                self.same(self.path("back.log"), slack=2e-3 if kind == "trc" else 2e-5)
 
 
 if __name__ == "__main__":

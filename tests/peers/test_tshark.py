@@ -8,6 +8,7 @@ import berth_trace
 import support
 import tshark
 import wire
+from matrix import tries
 from support import berth, example
 
 
@@ -64,6 +65,7 @@ class Plants(Judge):
         berth("up", example(name + ".toml"), "--sim", example(name + ".plant.toml"), "--fast", "--record", log, *more)
         return self.judge(log)
 
+    @tries("tshark", "NMT", "heartbeat", "LSS", "SDO expedited upload", "SDO expedited download")
     def test_the_demo(self):
         log = self.path("demo.log")
         berth("demo", "--fast", "--record", log)
@@ -75,12 +77,14 @@ class Plants(Judge):
     def test_devices_made_from_descriptions(self):
         self.seen(self.up("by-eds"), "PDO", "SDO upload", "boot-up")
 
+    @tries("tshark", "PDO", "SDO segmented upload", "SDO segmented download")
     def test_devices_that_are_configured(self):
         self.seen(self.up("configured"), "PDO", "SDO download", "SDO download segment", "SDO upload segment", "NMT")
 
     def test_a_hundred_and_twenty_devices(self):
         self.seen(self.up("hundred-twenty"), "LSS node-ID", "boot-up", "NMT")
 
+    @tries("tshark", "EMCY", "SYNC", "heartbeat")
     def test_a_plant_by_itself_that_ails(self):
         log = self.path("ailing.log")
         berth("plant", example("ailing.plant.toml"), "--machine", example("ailing.toml"), "--for", "3 s", "--record", log,
@@ -115,6 +119,7 @@ class Services(Judge):
         for word in ("preop", "reset-comm"):
             self.assertGreater(self.one("nmt", word, "2", "--up")["NMT"], 5)  # the five starts, and this one
 
+    @tries("tshark", "LSS")
     def test_lss(self):
         s1 = "01000001-00000001-00000000-0000000A"
         self.seen(self.one("lss", "select", s1), "LSS select", "LSS select answer")

@@ -6,6 +6,7 @@ import sys
 import unittest
 
 import support
+from matrix import tried_by
 
 INSIDE = os.path.join(support.PEERS, "inside")
 VM = os.path.join(support.ROOT, "tools", "vm")
@@ -44,17 +45,25 @@ class InTheVirtualMachine(support.Case):
             self.fail(text)
 
 
-def names(suite):
+def each(suite):
     for test in suite:
         if isinstance(test, unittest.TestSuite):
-            yield from names(test)
+            yield from each(test)
         else:
-            yield test.id()
+            yield test
+
+
+def stand_in(test):
+    """A test out here that tells what came of one in there, and tries what that does."""
+    def told(self):
+        self.outcome_of(test.id())
+    told.tries = tried_by(test)
+    return told
 
 
 sys.path.insert(0, INSIDE)
-for number, found in enumerate(names(unittest.TestLoader().discover(INSIDE, "test_*.py", top_level_dir=INSIDE))):
-    setattr(InTheVirtualMachine, "test_" + found.replace(".", "_"), lambda self, name=found: self.outcome_of(name))
+for found in each(unittest.TestLoader().discover(INSIDE, "test_*.py", top_level_dir=INSIDE)):
+    setattr(InTheVirtualMachine, "test_" + found.id().replace(".", "_"), stand_in(found))
 
 
 if __name__ == "__main__":

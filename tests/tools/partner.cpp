@@ -34,6 +34,7 @@ std::shared_ptr<const od::Description> dictionary() {
   device::add_device(b, {.name = "Berth, the partner of other stacks"});
   device::add_sync(b);
   b.variable(0x1012, {.name = "COB-ID TIME", .initial = Literal::number(0xC000'0100)});  // consumer and producer
+  b.sub(0x1028, {.sub = 10, .name = "Emergency consumer 10", .initial = Literal::number(0x8000'0000)});
   b.sub(0x1028, {.sub = 127, .name = "Emergency consumer 127", .initial = Literal::number(0x8000'0000)});
   b.variable(0x2000,
              {.name = "Sent when it changes", .type = DataType::unsigned16, .access = Access::rw, .mappable = true});

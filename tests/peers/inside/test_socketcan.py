@@ -7,7 +7,9 @@ import subprocess
 import time
 import unittest
 
+import by_hand
 import support
+from matrix import SERVICES, tries
 
 try:
     import can
@@ -84,6 +86,22 @@ class CanUtils(OnVcan):
         for frame in ("585#4318100123010000", "585#4318100207000000", "585#6000200000000000", "585#4B00200034120000"):
             self.hears(lines, frame)
         support.until(lambda: lines().count("705#00") == 2, "the second boot-up message")
+
+    @tries("can-utils", *SERVICES)
+    def test_every_service(self):
+        lines = self.dump()
+        self.partner()
+        heard = 0
+
+        def hears(frame):
+            nonlocal heard
+            try:
+                heard = support.until(lambda: frame in lines()[heard:] and heard + lines()[heard:].index(frame) + 1, frame)
+            except AssertionError as error:
+                raise AssertionError(f"{error}; candump has {lines()[heard:]}") from None
+
+        hears("705#00")
+        by_hand.play(self.cansend, hears)
 
     def test_slcanpty_carries_it_over_a_pseudo_terminal(self):
         support.need("slcanpty")
