@@ -49,6 +49,7 @@ Network::Network(rt::Executor& executor, can::Port& port, const design::Bus& bus
       heartbeats_(dispatcher_, *this),
       emergencies_(dispatcher_, *this),
       boots_(dispatcher_),
+      rand_planner_(discovery::make(discovery::Method::planner_rand, {dispatcher_, lss_})),
       rest_(std::make_unique<discovery::Auto>(discovery::Services{dispatcher_, lss_}, only_the_rest)),
       device_(std::make_unique<MasterDevice>(dispatcher_, bus.master, bus.timing.heartbeat_period)),
       loans_(store, slots.empty() ? std::string() : slots.front().name.machine, bus.name),

@@ -5,8 +5,9 @@
 /// What it does, in this order, again and again while it runs:
 ///   1. opening: whoever an interrupted run left in LSS configuration state is taken out of it
 ///   2. preparation: is the device of every bound slot there? By heartbeat, else SDO 1000h, else guarding (S1.30)
-///   3. discovery: RAND finds every device that no slot knows (S1.31); while a slot's device is missing still, whatever
-///      else devices speak is tried (`discovery::Auto`). A bus with `discovery =` uses that method alone
+///   3. discovery: RAND, by Berth's planner, finds every device that no slot knows (S1.31); while a slot's device is
+///      missing still, whatever else devices speak is tried (`discovery::Auto`). A bus with `discovery =` uses that
+///      method alone; `"rand"` is RAND as published
 ///   4. plan and binding: `places::plan`, then one binding after the other (S1.32, S1.33)
 ///   5. check, configuration and start: identity, what `config =` wants, heartbeat, NMT start; operational when the
 ///      device says so
@@ -242,6 +243,8 @@ class Network final : private co::HeartbeatConsumer::Observer,
   rt::Task<void> inquire_found(bool all);
   rt::Task<void> discover_by_rand();
   rt::Task<void> discover_by_rand_once();
+  rt::Task<Result<discovery::Report>> search_by_rand_planner();
+  rt::Task<void> discover_by_rand_planner();
   rt::Task<void> discover_the_rest(bool also_configured);
   rt::Task<void> go_on_searching();
   void tell_progress();
@@ -256,6 +259,7 @@ class Network final : private co::HeartbeatConsumer::Observer,
   void tell_discovery(const nodeid::DiscoveryReport& report);
   void rest_from_searching();
   void take_found(const discovery::Report& report);
+  void tell_end(const discovery::Report& report);
   [[nodiscard]] bool somebody_missing() const;
   [[nodiscard]] std::string method() const { return method_.empty() ? bus_->discovery : method_; }
   [[nodiscard]] discovery::Known known_devices() const;
@@ -292,6 +296,9 @@ class Network final : private co::HeartbeatConsumer::Observer,
   rt::Task<void> carry_out();
   rt::Task<void> carry_out_actions(bool& inquired_all);
   rt::Task<bool> act(const places::Action& action);
+  rt::Task<void> act_aside(const places::Action& action, bool& good);
+  rt::Task<void> bind_side_by_side(const std::vector<places::Action>& actions, std::vector<LssAddress>& failed);
+  [[nodiscard]] bool is_avoided(const LssAddress& device) const noexcept;
   [[nodiscard]] bool uses(const LssAddress& device, NodeId id) const noexcept;
   rt::Task<bool> bind_seat(Seat& seat, LssAddress device, std::string reason);
   rt::Task<bool> blank(LssAddress device, std::string reason);
@@ -409,7 +416,7 @@ class Network final : private co::HeartbeatConsumer::Observer,
   [[nodiscard]] Slots slots() const;
   [[nodiscard]] nodeid::DiscoveryOptions discovery_options() const;
   [[nodiscard]] places::Binder::Services services() noexcept;
-  [[nodiscard]] places::Binder::Options binder_options() const;
+  [[nodiscard]] places::Binder::Options binder_options();
   [[nodiscard]] bool may_command() const noexcept { return bus_->role == design::Role::master; }
 
   rt::Executor* executor_;
@@ -443,6 +450,7 @@ class Network final : private co::HeartbeatConsumer::Observer,
   co::HeartbeatConsumer heartbeats_;
   co::EmcyConsumer emergencies_;
   places::BootWatch boots_;
+  std::unique_ptr<discovery::Discovery> rand_planner_;
   std::unique_ptr<discovery::Auto> rest_;         // whoever RAND does not find
   std::unique_ptr<discovery::Discovery> chosen_;  // by `discovery =`
   std::string chosen_name_;
@@ -499,6 +507,7 @@ class Network final : private co::HeartbeatConsumer::Observer,
   bool resting_ = false;
   bool look_anew_ = true;  // the next look asks everybody, not only who is unknown
   rt::Turn turn_;
+  rt::Turn lss_turn_;  // of the bindings that run side by side, under the other
   rt::Scope scope_;  // last: its tasks use everything above
 };
 

@@ -2,6 +2,7 @@
 #include <fmt/format.h>
 
 #include <algorithm>
+#include <deque>
 
 #include "berth/operate/master_device.hpp"
 #include "berth/operate/network_seat.hpp"
@@ -17,8 +18,9 @@ places::Binder::Services Network::services() noexcept {
   return {dispatcher_, lss_, sdo_, nmt_, boots_, *store_, vacancy_};
 }
 
-places::Binder::Options Network::binder_options() const {
+places::Binder::Options Network::binder_options() {
   places::Binder::Options options = operate::binder_options(bus_->timing);
+  options.lss_turn = &lss_turn_;
   options.before_step = observer_.before_step;
   options.machine = machine_name();
   options.bus = bus_->name;
@@ -98,33 +100,52 @@ rt::Task<void> Network::carry_out_actions(bool& inquired_all) {
     co_await take_back_what_is_in_the_way();
     co_await verify_vacancy();
     const std::vector<Action> actions = plan_.actions;
-    bool again = false;
+    std::vector<LssAddress> failed;
     bool freed = false;  // node-IDs, since they were asked for last
     for (const auto& action : actions) {
-      if (std::ranges::find(avoid_, action.device) != avoid_.end()) continue;
-      const bool blanks = action.kind == Action::Kind::blank;
-      const bool asks = freed && !blanks;
-      if (asks) {
-        co_await verify_vacancy();
-        freed = false;
-      }
+      if (action.kind != Action::Kind::blank || is_avoided(action.device)) continue;
       const bool good = co_await act(action);
-      freed = freed || (good && blanks);
+      freed = freed || good;
       // A node-ID that was given up may be what another device failed for.
-      if (good && blanks) avoid_.clear();
-      if (good) continue;
-      avoid_.push_back(action.device);
-      if (!inquired_all && !found_.empty()) {
-        inquired_all = true;
-        co_await inquire_found(true);
-      }
-      again = true;
-      break;
+      if (good) avoid_.clear();
+      if (!good) failed.push_back(action.device);
+      if (!good) break;
+    }
+    if (failed.empty()) {
+      if (freed) co_await verify_vacancy();
+      co_await bind_side_by_side(actions, failed);
+    }
+    std::ranges::copy(failed, std::back_inserter(avoid_));
+    const bool asks = !failed.empty() && !inquired_all && !found_.empty();
+    if (asks) {
+      inquired_all = true;
+      co_await inquire_found(true);
     }
     make_plan();
-    if (!again) break;
+    if (failed.empty()) break;
   }
 }
+
+bool Network::is_avoided(const LssAddress& device) const noexcept {
+  return std::ranges::find(avoid_, device) != avoid_.end();
+}
+
+// While one device boots under its new node-ID the next is told its own.
+rt::Task<void> Network::bind_side_by_side(const std::vector<Action>& actions, std::vector<LssAddress>& failed) {
+  constexpr std::size_t most_bindings = 16;
+  std::deque<bool> good(actions.size(), true);
+  rt::Scope bindings(*executor_, most_bindings);
+  for (std::size_t i = 0; i < actions.size(); ++i) {
+    const bool binds = actions[i].kind == Action::Kind::bind && !is_avoided(actions[i].device);
+    if (binds) bindings.spawn(act_aside(actions[i], good[i]));
+  }
+  co_await bindings.join();
+  for (std::size_t i = 0; i < actions.size(); ++i) {
+    if (!good[i]) failed.push_back(actions[i].device);
+  }
+}
+
+rt::Task<void> Network::act_aside(const Action& action, bool& good) { good = co_await act(action); }
 
 rt::Task<bool> Network::act(const Action& action) {
   const LssAddress device = action.device;
@@ -171,6 +192,8 @@ rt::Task<bool> Network::bind_seat(Seat& seat, LssAddress device, std::string rea
   }
   // What it was lent is another's by now: the next reset of all would bring it into use.
   if (binding.why() == places::Why::occupied && loans_.of(device) != nullptr) {
+    co_await lss_turn_.take();
+    const rt::Held lss(lss_turn_);
     const NodeId none;
     const auto given_up = co_await tell_pending(device, none);
     if (given_up) end_loan(device);

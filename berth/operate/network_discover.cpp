@@ -166,7 +166,9 @@ rt::Task<void> Network::discover_by_rand() {
   }
 }
 
+// As published only by name: the planner asks a fraction of it.
 rt::Task<void> Network::discover_by_rand_once() {
+  if (method() == "auto") co_return co_await discover_by_rand_planner();
   const nodeid::DiscoveryOptions options = discovery_options();
   nodeid::DiscoveryObserver* const watching = this;
   const auto report = co_await rand_.discover(options, watching);
@@ -176,6 +178,30 @@ rt::Task<void> Network::discover_by_rand_once() {
     co_return;
   }
   tell_discovery(*report);
+}
+
+rt::Task<Result<discovery::Report>> Network::search_by_rand_planner() {
+  discovery::Known known = known_devices();
+  known.registered.clear();  // one that answers though its address sits in a slot is a second device
+  discovery::Options options = search_options();
+  options.assigner = nullptr;  // who was found is identified and silent
+  options.window = bus_->timing.rand_response;
+  co_return co_await rand_planner_->find(known, options);
+}
+
+rt::Task<void> Network::discover_by_rand_planner() {
+  const auto report = co_await search_by_rand_planner();
+  alone_ = !report && report.error().code == Errc::bus;
+  if (!report) {
+    tell_once("error", "discovery: " + describe(report.error()));
+    co_return;
+  }
+  for (const auto& d : report->found) {
+    tell_found(d.address, d.possible_clone);
+    const auto known = std::ranges::find(found_, d.address, &places::Found::device);
+    note_found({d.address, known == found_.end() ? NodeId() : known->active, d.possible_clone});
+  }
+  tell_end(*report);
 }
 
 rt::Task<void> Network::discover_by(discovery::Discovery& way) {
@@ -318,16 +344,21 @@ void Network::take_found(const discovery::Report& report) {
   using End = discovery::Report::End;
   search_open_ = report.end == End::more && gets_on();
   if (search_open_) tell_progress();
+  tell_end(report);
+  news_ = news_ || told_before;
+}
+
+void Network::tell_end(const discovery::Report& report) {
+  using End = discovery::Report::End;
   if (report.end != End::complete && report.end != End::held && report.end != End::more) {
     tell_once("error",
               fmt::format("discovery ended early: {}; a device answers that cannot be identified", name(report.end)));
   }
-  if (news_) {
+  if (news_ && !report.found.empty()) {
     tell("step", "",
          fmt::format("discovery: {} found by {}, {} requests, {:.3f} s", report.found.size(),
                      name(report.found.front().by), report.requests, seconds(report.ended) - seconds(report.began)));
   }
-  news_ = news_ || told_before;
   if (!report.found.empty()) reach("discovered");
 }
 
@@ -368,9 +399,18 @@ void Network::tell_progress() {
 rt::Task<Result<Network::NewDevices>> Network::find_new() {
   NewDevices all;
   const bool by_rand = method() == "auto" || method() == "rand";
+  const bool published = method() == "rand";
   if (by_rand) {
     const auto everybody = co_await rand_.switch_global(nodeid::Identification::unknown);
     if (!everybody) co_return fail(everybody.error());
+  }
+  if (by_rand && !published) {
+    const auto report = co_await search_by_rand_planner();
+    if (!report) co_return fail(report.error());
+    all.found = report->found;
+    all.complete = report->end == discovery::Report::End::complete;
+    if (!all.complete) all.end = name(report->end);
+  } else if (published) {
     const nodeid::DiscoveryOptions options = discovery_options();
     const auto found = co_await rand_.discover(options);
     if (!found) co_return fail(found.error());

@@ -1,6 +1,7 @@
 #include "berth/places/binder.hpp"
 
 #include <algorithm>
+#include <utility>
 
 #include "berth/co/guarding.hpp"
 
@@ -11,7 +12,38 @@ using namespace std::chrono_literals;
 
 constexpr std::uint8_t store_unsupported = 1;  // CiA 305, error code of 17h
 
+// From the intention's row to the release: a run that ends in between has told one device of one node-ID at most.
+//
+// One without a node-ID that hears `04 00` leaves LSS configuration and boots; one that missed it stays there, does not
+// boot, and answers the proof before the next device is told anything. One that is reset may be both, in configuration
+// and deaf while it boots: nothing is said by LSS before it has booted.
+bool needs_lss(const Binding& binding) noexcept {
+  switch (binding.step()) {
+    case Step::write_ask:
+    case Step::select:
+    case Step::inquire:
+    case Step::configure:
+    case Step::store:
+    case Step::revert:
+    case Step::release:
+    case Step::reset: return true;
+    case Step::await_boot_up: return binding.old_id().configured();
+    case Step::identify: return binding.kind() == Binding::Kind::blank;
+    default: return false;
+  }
+}
+
 }  // namespace
+
+Binder::Binder(const Services& services, const Options& options)
+    : s_(services), options_(options), lss_(options_.lss_turn) {}
+
+rt::Task<void> Binder::take_lss() {
+  const bool missing = lss_.missing();
+  if (!missing) co_return;
+  co_await lss_.turn().take();
+  lss_.taken();
+}
 
 Outcome outcome_of(const Error& error) noexcept {
   switch (error.code) {
@@ -26,10 +58,17 @@ Outcome outcome_of(const Error& error) noexcept {
 rt::Task<void> Binder::run(Binding& binding, SlotId slot, const std::string& reason) {
   const lss::MasterOptions before = s_.lss.options();
   while (!binding.ended()) {
+    const bool needs = needs_lss(binding);
+    if (needs) {
+      co_await take_lss();
+    } else {
+      lss_.give();
+    }
     if (options_.before_step) options_.before_step(binding);
     const Outcome outcome = co_await perform(binding, slot, reason);
     binding.advance(outcome);
   }
+  lss_.give();
   if (binding.step() != Step::done) s_.lss.set_options(before);
 }
 
@@ -172,9 +211,15 @@ rt::Task<Outcome> Binder::await_boot_up(NodeId id) {
   const rt::Time first = std::min(deadline, began + options_.own_boot);
   const bool by_itself = co_await s_.boots.wait(id, moved_, first);
   if (by_itself) co_return Outcome::ok;
-  wake_unconfigured(s_.dispatcher);
+  co_await wake();
   const bool heard = co_await s_.boots.wait(id, moved_, deadline);
   co_return heard ? Outcome::ok : Outcome::silent;
+}
+
+// Not while another device has a node-ID pending that is not stored yet; and LSS rests until it has booted.
+rt::Task<void> Binder::wake() {
+  co_await take_lss();
+  wake_unconfigured(s_.dispatcher);
 }
 
 void wake_unconfigured(can::Dispatcher& dispatcher) noexcept {
@@ -259,7 +304,7 @@ rt::Task<Outcome> Binder::identify(const Binding& binding) {
   if (asleep) {
     woken_ = true;
     moved_ = s_.dispatcher.executor().now();
-    wake_unconfigured(s_.dispatcher);
+    co_await wake();
     const rt::Time deadline = moved_ + options_.own_boot;
     const bool booted = co_await s_.boots.wait(id, moved_, deadline);
     if (booted) who = co_await read_identity(s_.sdo, id);

@@ -6,6 +6,7 @@
 #include <functional>
 #include <optional>
 #include <string>
+#include <utility>
 
 #include "berth/can/dispatcher.hpp"
 #include "berth/co/nmt_master.hpp"
@@ -15,6 +16,7 @@
 #include "berth/places/binding.hpp"
 #include "berth/places/boot_watch.hpp"
 #include "berth/places/slot_store.hpp"
+#include "berth/rt/turn.hpp"
 
 namespace berth::places {
 
@@ -52,12 +54,15 @@ class Binder {
     std::string machine{};  ///< for the store: where a blanking was begun
     std::string bus{};
     std::function<void(const Binding&)> before_step;  ///< for displays and fault plans; may be empty
+    /// Shared by the binders that run side by side on one bus: who has it has LSS. Null: LSS is this binder's alone.
+    rt::Turn* lss_turn = nullptr;
   };
 
-  Binder(const Services& services, const Options& options) : s_(services), options_(options) {}
+  Binder(const Services& services, const Options& options);
 
   /// Runs the table to its end. `binding`, `slot` (of `Kind::bind`) and `reason` must stay. LSS belongs to this task
-  /// meanwhile.
+  /// meanwhile; with `lss_turn` from the intention's row to the release only, so that the next device is told its node-ID
+  /// while this one boots.
   [[nodiscard]] rt::Task<void> run(Binding& binding, SlotId slot, const std::string& reason);
 
   /// Reads identity object 1018h, sub-indices 1 to 4. A device without one of 2 to 4 has 0 there.
@@ -71,11 +76,31 @@ class Binder {
   [[nodiscard]] rt::Task<Outcome> confirm_double(const LssAddress& device);
 
  private:
+  // Gives the turn back also when the task is destroyed.
+  class LssHeld {
+   public:
+    explicit LssHeld(rt::Turn* turn) noexcept : turn_(turn) {}
+    ~LssHeld() { give(); }
+    LssHeld(const LssHeld&) = delete;
+    LssHeld& operator=(const LssHeld&) = delete;
+    [[nodiscard]] bool missing() const noexcept { return turn_ != nullptr && !held_; }
+    [[nodiscard]] rt::Turn& turn() noexcept { return *turn_; }
+    void taken() noexcept { held_ = true; }
+    void give() noexcept {
+      if (std::exchange(held_, false)) turn_->give();
+    }
+
+   private:
+    rt::Turn* turn_;
+    bool held_ = false;
+  };
+  rt::Task<void> take_lss();
   rt::Task<Outcome> perform(Binding& binding, SlotId slot, const std::string& reason);
   rt::Task<Outcome> select(const LssAddress& device);
   rt::Task<Outcome> inquire(Binding& binding);
   rt::Task<Outcome> configure(NodeId id);
   rt::Task<Outcome> await_boot_up(NodeId id);
+  rt::Task<void> wake();
   rt::Task<Outcome> store();
   rt::Task<Outcome> revert(const Binding& binding);
   rt::Task<Outcome> release(const Binding& binding);
@@ -88,6 +113,7 @@ class Binder {
   Options options_;
   rt::Time watch_since_{};  // vacancy was seen then
   rt::Time moved_{};        // the device may boot under its new node-ID from then on
+  LssHeld lss_;
   bool silent_once_ = false;
   bool woken_ = false;
 };

@@ -28,27 +28,37 @@ void BootWatch::error_control(Node& node, const can::Frame& frame, rt::Time at) 
   }
   ++node.boot_ups;
   node.boot_up = at;
-  if (waiter_ != nullptr && waiter_->id_.value() == (frame.id & 0x7FU)) {
-    Wait* const waiter = waiter_;
-    waiter_ = nullptr;
-    waiter->cancel();
-    waiter->finish();
+  for (Wait* waiter = waiters_; waiter != nullptr;) {
+    Wait* const next = waiter->next_;
+    if (waiter->id_.value() == (frame.id & 0x7FU)) {
+      waiter->leave();
+      waiter->cancel();
+      waiter->finish();
+    }
+    waiter = next;
   }
 }
 
-BootWatch::Wait::~Wait() {
-  if (watch_->waiter_ == this) watch_->waiter_ = nullptr;
+BootWatch::Wait::~Wait() { leave(); }
+
+void BootWatch::Wait::leave() noexcept {
+  for (Wait** place = &watch_->waiters_; *place != nullptr; place = &(*place)->next_) {
+    if (*place != this) continue;
+    *place = next_;
+    return;
+  }
 }
 
 bool BootWatch::Wait::start() noexcept {
   if (watch_->booted_since(id_, since_) || deadline_ <= executor().now()) return false;
-  watch_->waiter_ = this;
+  next_ = watch_->waiters_;
+  watch_->waiters_ = this;
   executor().at(deadline_, *this);
   return true;
 }
 
 void BootWatch::Wait::run() noexcept {
-  if (watch_->waiter_ == this) watch_->waiter_ = nullptr;
+  leave();
   finish();
 }
 

@@ -39,7 +39,7 @@ class BootWatch final : private can::Handler {
   /// The node gave this node-ID up.
   void forget(NodeId id) noexcept { nodes_[place(id)] = {}; }
 
-  /// Waits for a boot-up under `id` at or after `since`; true when it came before `deadline`. One waiter at a time.
+  /// Waits for a boot-up under `id` at or after `since`; true when it came before `deadline`. Must not outlive the watch.
   class Wait final : public rt::Operation<Wait>, private rt::Job {
    public:
     Wait(BootWatch& watch, NodeId id, rt::Time since, rt::Time deadline) noexcept
@@ -51,7 +51,9 @@ class BootWatch final : private can::Handler {
    private:
     friend class BootWatch;
     void run() noexcept override;
+    void leave() noexcept;
     BootWatch* watch_;
+    Wait* next_ = nullptr;
     NodeId id_;
     rt::Time since_;
     rt::Time deadline_;
@@ -77,7 +79,7 @@ class BootWatch final : private can::Handler {
   void error_control(Node& node, const can::Frame& frame, rt::Time at) noexcept;
 
   std::array<Node, 128> nodes_{};
-  Wait* waiter_ = nullptr;
+  Wait* waiters_ = nullptr;
 };
 
 }  // namespace berth::places

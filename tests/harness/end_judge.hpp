@@ -128,6 +128,12 @@ class EndJudge {
     if (s.state == SlotState::power_cycle) return;
     // Somebody of one address twice, on the slot's node-ID too: nothing there is started.
     if (s.state == SlotState::duplicate && (any_twins() || shared_out_of_reach(t))) return;
+    // Neither of two that have one address can be told to leave the slot's node-ID; and what one of them was told to save
+    // is asked of the other when that one is the only one there.
+    const bool held = std::ranges::any_of(truth_, [&](const plant::Truth& o) {
+      return is_present(o) && o.bus == t.bus && o.active == slot.spec.id && twins(o);
+    });
+    if (held || (s.state == SlotState::failed && twin_of_any(t))) return;
     if (row.asked) return say(who + " is there, and what was asked of it is not confirmed");
     if (row.confirmed->id != slot.spec.id) return say(who + " is confirmed under another node-ID");
     if (t.active != slot.spec.id) return say(who + " uses node-ID " + std::to_string(t.active.value()));

@@ -353,7 +353,7 @@ class WorldRun final : private can::Tap {
   }
   // A command that was sent just now has still to be obeyed.
   [[nodiscard]] bool comes_to_rest() {
-    const rt::Time end = now() + 40s;
+    const rt::Time end = now() + 90s;
     while (now() < end) {
       if (!rig_.run_until([this] { return at_rest(); }, end - now())) return false;
       rig_.run_for(5ms);

@@ -151,36 +151,6 @@ TEST(Doubles, TwoOfOneAddressHideNobodyElse) {
   EXPECT_EQ(rig.seats(), (Seats{{5, 9}}));
 }
 
-// It has no heartbeat any more and its boot-up message was not heard: what it told before is not what it is now.
-TEST(Doubles, AStateThatWasToldLongAgoIsNoState) {
-  design::Machine m = one_bus(125'000);
-  add_slot(m, 5, type_b);
-  add_slot(m, 6, type_a);
-  auto p = one_bus_plant(1);
-  add_device(p, "own", type_b, 1);
-  add_device(p, "other", type_a, 2);
-  const auto happens = [&](rt::Duration at, plant::Action what) {
-    plant::PlantEvent event{.delay = at, .action = what, .device = "own"};
-    const bool cable = what == plant::Action::cut_cable || what == plant::Action::join;
-    if (cable) event.bus = "backbone";
-    if (what == plant::Action::cut_cable) event.nodes = {"own"};
-    if (cable) event.device.clear();
-    p.events.push_back(event);
-  };
-  happens(10s, plant::Action::cut_cable);
-  happens(10100ms, plant::Action::power_off);
-  happens(10200ms, plant::Action::power_on);
-  happens(11s, plant::Action::join);
-  Rig rig(m, p);
-  rig.begin();
-  ASSERT_TRUE(rig.until_operational(9s)) << rig.log();
-  ASSERT_TRUE(rig.run_until([&] { return rig.state(5) == SlotState::absent; }, 10s)) << rig.log();
-  ASSERT_TRUE(rig.run_until([&] { return rig.state(5) == SlotState::operational; }, 30s)) << rig.log();
-  EXPECT_EQ(rig.device("own").truth().state, NmtState::operational);
-  rig.run_for(5s);
-  EXPECT_EQ(rig.state(5), SlotState::operational) << rig.log();
-}
-
 // ---- the list of loans ----
 
 TEST(LoanList, IsInTheStoreBeforeAnythingElse) {
