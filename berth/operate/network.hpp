@@ -8,7 +8,8 @@
 ///   3. discovery: RAND, by Berth's planner, finds every device that no slot knows (S1.31); while a slot's device is
 ///      missing still, whatever else devices speak is tried (`discovery::Auto`). A bus with `discovery =` uses that
 ///      method alone; `"rand"` is RAND as published
-///   4. plan and binding: `places::plan`, then one binding after the other (S1.32, S1.33)
+///   4. plan and binding: `places::plan`, then the bindings, side by side as far as LSS allows: one device is told its
+///      node-ID while those before it boot (S1.32, S1.33)
 ///   5. check, configuration and start: identity, what `config =` wants, heartbeat, NMT start; operational when the
 ///      device says so
 ///   6. watch: heartbeats and boot-ups; every `probe_period` one question whether somebody new is there

@@ -172,7 +172,8 @@ rt::Task<Outcome> Binder::configure(NodeId id) {
   co_return lss::suspicious(*reply) ? Outcome::doubled : Outcome::ok;
 }
 
-// What two devices were told may stand in the memory of both. A device that is in LSS waiting with a node-ID that
+// What two devices were told may stand in the memory of both, and what was stored before it went wrong would come into
+// use when the device is reset. A device that is in LSS waiting with a node-ID that
 // another device uses is looked for: as Lely core's slaves it may wait for the next reset of all to use it.
 rt::Task<Outcome> Binder::revert(const Binding& binding) {
   const NodeId id = binding.revert_to();
@@ -183,7 +184,7 @@ rt::Task<Outcome> Binder::revert(const Binding& binding) {
     outcome = co_await select(device);
     if (outcome == Outcome::ok) outcome = co_await configure(id);
   }
-  if (!binding.shared()) co_return outcome;
+  if (!binding.shared() && !binding.stored()) co_return outcome;
   co_return co_await store();
 }
 

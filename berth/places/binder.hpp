@@ -61,8 +61,8 @@ class Binder {
   Binder(const Services& services, const Options& options);
 
   /// Runs the table to its end. `binding`, `slot` (of `Kind::bind`) and `reason` must stay. LSS belongs to this task
-  /// meanwhile; with `lss_turn` from the intention's row to the release only, so that the next device is told its node-ID
-  /// while this one boots.
+  /// meanwhile; with `lss_turn` from the intention's row to the release only, so that the next device is told its
+  /// node-ID while this one boots.
   [[nodiscard]] rt::Task<void> run(Binding& binding, SlotId slot, const std::string& reason);
 
   /// Reads identity object 1018h, sub-indices 1 to 4. A device without one of 2 to 4 has 0 there.

@@ -39,7 +39,8 @@ class BootWatch final : private can::Handler {
   /// The node gave this node-ID up.
   void forget(NodeId id) noexcept { nodes_[place(id)] = {}; }
 
-  /// Waits for a boot-up under `id` at or after `since`; true when it came before `deadline`. Must not outlive the watch.
+  /// Waits for a boot-up under `id` at or after `since`; true when it came before `deadline`. Must not outlive the
+  /// watch.
   class Wait final : public rt::Operation<Wait>, private rt::Job {
    public:
     Wait(BootWatch& watch, NodeId id, rt::Time since, rt::Time deadline) noexcept

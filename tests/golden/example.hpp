@@ -23,6 +23,7 @@ class Example {
     machine_ = std::move(*machine.machine);
     auto& bus = machine_.buses.front();
     if (bit_rate != 0) bus.bitrate = bit_rate;
+    bus.discovery = "rand";  // as published; the default asks by Berth's planner
     Findings findings;
     const plant::BusRate rate{bus.name, bus.bitrate};
     world_ = plant::World::make(*plant.plant, {&rate, 1}, findings);

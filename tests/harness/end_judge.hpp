@@ -128,8 +128,8 @@ class EndJudge {
     if (s.state == SlotState::power_cycle) return;
     // Somebody of one address twice, on the slot's node-ID too: nothing there is started.
     if (s.state == SlotState::duplicate && (any_twins() || shared_out_of_reach(t))) return;
-    // Neither of two that have one address can be told to leave the slot's node-ID; and what one of them was told to save
-    // is asked of the other when that one is the only one there.
+    // Neither of two that have one address can be told to leave the slot's node-ID; and what one of them was told to
+    // save is asked of the other when that one is the only one there.
     const bool held = std::ranges::any_of(truth_, [&](const plant::Truth& o) {
       return is_present(o) && o.bus == t.bus && o.active == slot.spec.id && twins(o);
     });

@@ -173,9 +173,9 @@ TEST(PapersMainJob, S1_37_TheSequenceBetweenMasterAndSlaves) {
   for (unsigned slot = 1; slot <= 5; ++slot) {
     auto expected = slaves[slot - 1];
     const std::string id = "0" + std::to_string(slot);
-    for (const auto& line : {"7E5#11" + id + "000000000000", std::string("7E4#1100000000000000"),
-                             std::string("7E5#1700000000000000"), std::string("7E4#1700000000000000"),
-                             std::string("7E5#0400000000000000")}) {
+    for (const auto& line :
+         {"7E5#11" + id + "000000000000", std::string("7E4#1100000000000000"), std::string("7E5#1700000000000000"),
+          std::string("7E4#1700000000000000"), std::string("7E5#0400000000000000")}) {
       expected.push_back(line);
     }
     at = trace.first(expected.front().substr(0, 14), at);
