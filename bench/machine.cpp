@@ -1,11 +1,15 @@
-// The 120-slave machine (paper 1's emulation; examples/hundred-twenty.toml) from blank devices to operational.
+// The 120-slave machine (paper 1's emulation; examples/hundred-twenty.toml) from blank devices to operational; then up
+// to a hundred of it, each on a bus of its own, to see that the work grows no faster than the number of devices.
 #include <fmt/format.h>
 
+#include <algorithm>
+#include <array>
 #include <cstdio>
 #include <cstdlib>
 #include <vector>
 
 #include "bench/tools/figures.hpp"
+#include "bench/tools/many_buses.hpp"
 #include "berth/can/port.hpp"
 #include "berth/operate/session.hpp"
 #include "berth/plant/world.hpp"
@@ -70,6 +74,53 @@ Run run(design::Machine machine, const plant::PlantFile& plant, std::uint32_t bi
   return result;
 }
 
+/// Commit 1632e8a, where every event copied every slot of the machine: such files by its program, built by g++ 12 -O2,
+/// measured for issue 13 in one session with the first new ones (0.07, 0.40, 2.93, 14.65 s).
+struct Before {
+  unsigned buses;
+  double wall;  // seconds
+};
+constexpr std::array<Before, 4> before{{{1, 0.10}, {5, 0.81}, {20, 9.03}, {60, 70.78}}};
+
+constexpr double most_wall = 10;       // seconds, at 100 buses
+constexpr double most_memory = 200;    // MiB
+constexpr double most_growth = 1.2;    // instructions a device, 20 buses against 1
+constexpr unsigned most_counted = 20;  // buses; valgrind is fifty times slower
+
+std::string old_wall(unsigned buses) {
+  const auto* const it = std::ranges::find(before, buses, &Before::buses);
+  return it == before.end() ? "-" : fmt::format("{:.2f} s", it->wall);
+}
+
+void print_growth(const design::Machine& machine, const plant::PlantFile& plant) {
+  std::vector<std::vector<std::string>> rows;
+  bench::UpCost last;
+  std::vector<double> counted;  // instructions a device
+  for (const unsigned buses : {1U, 5U, 20U, 60U, 100U}) {
+    const bench::ManyBuses many(machine, plant, buses);
+    const auto cost = many.bring_up();
+    if (!cost) give_up({}, fmt::format("the program did not bring {} buses up", buses).c_str());
+    last = *cost;
+    const auto devices = static_cast<double>(buses * plant.devices.size());
+    const auto count = buses <= most_counted ? many.count_instructions() : std::nullopt;
+    if (count) counted.push_back(static_cast<double>(*count) / devices);
+    rows.push_back({std::to_string(buses), bench::grouped(devices), old_wall(buses),
+                    fmt::format("{:.2f} s", cost->wall), fmt::format("{:.2f} s", cost->cpu),
+                    fmt::format("{:.2f} ms", cost->cpu * 1000 / devices), count ? bench::grouped(counted.back()) : "-",
+                    fmt::format("{:.0f} MiB", cost->peak)});
+  }
+  bench::print_columns(
+      "berth up --fast --until operational, 120 devices a bus",
+      {"buses", "devices", "wall at 1632e8a", "wall", "CPU", "CPU a device", "instructions a device", "memory"}, rows);
+  std::vector<bench::Figure> figures{bench::at_most("wall time of 12,000 devices", last.wall, most_wall, "s"),
+                                     bench::at_most("memory of 12,000 devices", last.peak, most_memory, "MiB")};
+  if (counted.size() > 1) {
+    figures.push_back(bench::at_most("instructions a device, 20 buses against 1", counted.back() / counted.front(),
+                                     most_growth, "times"));
+  }
+  bench::print_figures("Growth", figures);
+}
+
 }  // namespace
 
 int main() {
@@ -90,5 +141,6 @@ int main() {
   }
   bench::print_figures("120 slaves, blank to operational", figures);
   bench::print_columns("The same on the bus", {"bit rate", "bus time", "frames", "RAND requests"}, rows);
+  print_growth(*machine.machine, *plant.plant);
   return 0;
 }

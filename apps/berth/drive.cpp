@@ -123,11 +123,15 @@ Ending::Ending(Rig& rig, std::string until) : rig_(&rig), until_(std::move(until
 }
 
 // A device that finds no place is found again and again; that is no change.
-void Ending::event() {
-  decltype(table_) table;
-  for (const auto& slot : rig_->session().slots()) table.emplace_back(slot.state, slot.device);
-  if (table == table_) return;
-  table_ = std::move(table);
+// Only the event's own bus is looked at: a machine of a hundred buses has a hundred times the events.
+void Ending::event(const operate::Event& event) {
+  look_ = true;
+  const auto* const network = rig_->session().network(event.bus);
+  if (network == nullptr) return;
+  auto slots = network->occupancy();
+  auto& known = now_[event.bus];
+  if (slots == known) return;
+  known = std::move(slots);
   changed_ = rig_->world().executor().now();
 }
 
@@ -139,31 +143,34 @@ void Ending::milestone(const std::string& name) {
   }
   if (name != "operational") return;
   first_.clear();
-  for (const auto& slot : rig_->session().slots()) first_.push_back(slot.device);
+  for (const auto& network : rig_->session().networks()) first_[network->bus().name] = network->occupancy();
 }
 
 bool Ending::plan_over() const { return rig_->world().executor().now() >= due_; }
 
 bool Ending::replaced() const {
-  if (first_.empty() || !plan_over() || !rig_->session().operational()) return false;
-  const auto slots = rig_->session().slots();
-  for (std::size_t i = 0; i < slots.size(); ++i) {
-    if (slots[i].device && slots[i].device != first_[i]) return true;
-  }
-  return false;
+  if (first_.empty() || !rig_->session().operational()) return false;
+  return std::ranges::any_of(rig_->session().networks(), [this](const auto& network) {
+    const auto stays = [](const auto& now, const auto& first) { return !now.device || now.device == first.device; };
+    return !std::ranges::equal(network->occupancy(), first_.at(network->bus().name), stays);
+  });
 }
 
 bool Ending::reached() {
-  if (until_ == "operational") return rig_->session().operational();
-  return until_ == "replaced" && replaced();
+  if (until_.empty() || !look_) return false;
+  const bool replacing = until_ == "replaced";
+  if (replacing && !plan_over()) return false;
+  look_ = false;
+  return replacing ? replaced() : rig_->session().operational();
 }
 
 bool Ending::hopeless() { return !until_.empty() && rig_->shut_out(); }
 
 bool Ending::settled() {
   const rt::Time now = rig_->world().executor().now();
-  const rt::Duration quiet = rig_->session().operational() ? quiet_ : patience_;
-  if (now < changed_ + quiet || now < due_ + quiet || !rig_->session().idle()) return false;
+  const rt::Time still_since = std::max(changed_, due_);
+  if (now < still_since + quiet_ || !rig_->session().idle()) return false;
+  if (now < still_since + patience_ && !rig_->session().operational()) return false;
   const auto slots = rig_->session().slots();
   return std::ranges::none_of(slots, [](const auto& s) {
     return s.state == places::SlotState::binding || s.state == places::SlotState::configuring ||
@@ -297,7 +304,7 @@ tl::expected<Ended, Failure> drive(Rig& rig, Ending& ending, Screen& screen, con
     asker = std::make_unique<Asker>(rig.session(), [&](const std::string& line) { screen.line(line); });
   }
   rig.session().on_event([&](const operate::Event& event) {
-    ending.event();
+    ending.event(event);
     screen.line(operate::to_line(event));
     if (asker) asker->event(event);
   });

@@ -3,6 +3,7 @@
 
 #include <chrono>
 #include <functional>
+#include <map>
 #include <memory>
 #include <optional>
 #include <string>
@@ -55,7 +56,7 @@ class Screen {
 class Ending {
  public:
   Ending(Rig& rig, std::string until);
-  void event();
+  void event(const operate::Event& event);
   void milestone(const std::string& name);
   /// What `--until` names was reached.
   [[nodiscard]] bool reached();
@@ -67,17 +68,19 @@ class Ending {
   [[nodiscard]] rt::Duration limit() const noexcept { return limit_; }
 
  private:
+  using Slots = std::vector<operate::Network::Occupancy>;  // of one bus
   [[nodiscard]] bool plan_over() const;
   [[nodiscard]] bool replaced() const;
   Rig* rig_;
   std::string until_;
-  rt::Time changed_{};  // when a slot's state or device changed last
-  std::vector<std::pair<places::SlotState, std::optional<LssAddress>>> table_;
-  rt::Time due_{};           // of the last planned event known
+  rt::Time changed_{};                // when a slot's state or device changed last
+  std::map<std::string, Slots> now_;  // by bus
+  bool look_ = true;  // an event came since `reached` looked: nothing else can change its answer, but the plan's end
+  rt::Time due_{};    // of the last planned event known
   rt::Duration quiet_{};     // how long nothing may change
   rt::Duration patience_{};  // the same while the machine is not operational
   rt::Duration limit_{};
-  std::vector<std::optional<LssAddress>> first_;  // who sat in each slot when all were operational first
+  std::map<std::string, Slots> first_;  // who sat in each slot when all were operational first, by bus
 };
 
 /// Runs the rig's session. `paced`: real time and a control socket at `control`; it ends by `--until` or a signal.

@@ -90,10 +90,16 @@ std::string time_text(std::chrono::nanoseconds time) {
 }
 
 std::optional<std::uint64_t> instructions(const std::vector<std::string>& arguments) {
-  std::string command = "valgrind --tool=callgrind --callgrind-out-file=/dev/null '" + own_path() + "'";
-  for (const auto& argument : arguments) command += " '" + argument + "'";
-  command += " 2>&1";
-  std::FILE* pipe = ::popen(command.c_str(), "r");
+  std::vector<std::string> command{own_path()};
+  command.insert(command.end(), arguments.begin(), arguments.end());
+  return instructions_of(command);
+}
+
+std::optional<std::uint64_t> instructions_of(const std::vector<std::string>& command) {
+  std::string line = "valgrind --tool=callgrind --callgrind-out-file=/dev/null";
+  for (const auto& word : command) line += " '" + word + "'";
+  line += " 2>&1 >/dev/null";  // valgrind tells on standard error
+  std::FILE* pipe = ::popen(line.c_str(), "r");
   if (pipe == nullptr) return std::nullopt;
   std::string output;
   std::array<char, 4096> piece{};

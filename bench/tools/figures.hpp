@@ -46,6 +46,8 @@ class Watch {
 /// Instructions that this program takes when it is started with these arguments, counted by valgrind's callgrind.
 /// Empty: no valgrind here, or the run failed.
 [[nodiscard]] std::optional<std::uint64_t> instructions(const std::vector<std::string>& arguments);
+/// The same of any program: `command` is its path and its arguments.
+[[nodiscard]] std::optional<std::uint64_t> instructions_of(const std::vector<std::string>& command);
 /// What is counted, of what: `option N` makes this program do it N times.
 struct Counted {
   const char* name;

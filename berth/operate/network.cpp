@@ -81,10 +81,9 @@ Result<void> Network::open() {
 }
 
 void Network::refresh(Seat& seat) {
-  const auto records = store_->load(seat.slot.spec.name.machine);
-  if (!records) return tell("error", seat.name(), "the slot table cannot be read: " + describe(records.error()));
-  const auto it = std::ranges::find(*records, seat.slot.record.slot, &places::SlotRecord::slot);
-  if (it != records->end()) seat.slot.record = *it;
+  auto record = store_->load(seat.slot.record.slot);
+  if (!record) return tell("error", seat.name(), "the slot table cannot be read: " + describe(record.error()));
+  seat.slot.record = std::move(*record);
 }
 
 void Network::start() {
@@ -207,6 +206,12 @@ std::vector<SlotReport> Network::report() const {
                      seat->state, seat->since, seat->reason});
   }
   std::ranges::sort(slots, {}, &SlotReport::id);
+  return slots;
+}
+
+std::vector<Network::Occupancy> Network::occupancy() const {
+  std::vector<Occupancy> slots;
+  for (const auto& seat : seats_) slots.push_back({seat->state, seat->slot.record.device()});
   return slots;
 }
 

@@ -102,6 +102,13 @@ class Network final : private co::HeartbeatConsumer::Observer,
 
   [[nodiscard]] const design::Bus& bus() const noexcept { return *bus_; }
   [[nodiscard]] std::vector<SlotReport> report() const;
+  /// The part of `report` that is cheap enough to be looked at on every event, in the slots' own order.
+  struct Occupancy {
+    places::SlotState state;
+    std::optional<LssAddress> device;
+    friend bool operator==(const Occupancy&, const Occupancy&) = default;
+  };
+  [[nodiscard]] std::vector<Occupancy> occupancy() const;
   /// Every slot that is not optional is operational.
   [[nodiscard]] bool operational() const noexcept;
   /// The main job has nothing to do now but to watch.

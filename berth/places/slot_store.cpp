@@ -69,20 +69,22 @@ std::optional<FormerSeat> former_seat(const std::vector<HistoryEntry>& lines) {
 }
 
 SlotRecord* MemoryStore::find(SlotId slot) noexcept {
-  const auto it = std::ranges::find(slots_, slot, &SlotRecord::slot);
-  return it == slots_.end() ? nullptr : &*it;
+  const bool known = slot.value >= 1 && slot.value <= static_cast<std::int64_t>(slots_.size());
+  return known ? &slots_[static_cast<std::size_t>(slot.value - 1)] : nullptr;
 }
 
 void MemoryStore::log(std::optional<SlotId> slot, std::string_view event, std::optional<LssAddress> device, NodeId id,
                       std::string_view reason) {
+  if (slot) lines_of_slot_[*slot].push_back(history_.size());
+  if (device) lines_of_device_[*device].push_back(history_.size());
   history_.push_back({static_cast<std::int64_t>(history_.size()) + 1, stamp_ms_, slot, std::string(event), device, id,
                       std::string(reason)});
 }
 
 Result<SlotId> MemoryStore::declare(const SlotName& name) {
-  const auto it = std::ranges::find(slots_, name, &SlotRecord::name);
-  if (it != slots_.end()) return it->slot;
   const SlotId slot{static_cast<std::int64_t>(slots_.size()) + 1};
+  const auto [known, is_new] = names_.emplace(name, slot);
+  if (!is_new) return known->second;
   slots_.push_back({slot, name, std::nullopt, std::nullopt, std::nullopt});
   log(slot, "declared", std::nullopt, NodeId(), name.name);
   return slot;
@@ -95,16 +97,20 @@ Result<std::vector<SlotRecord>> MemoryStore::load(std::string_view machine) {
   return records;
 }
 
+Result<SlotRecord> MemoryStore::load(SlotId slot) {
+  const SlotRecord* const record = find(slot);
+  if (record == nullptr) return fail(Errc::not_found, "no such slot");
+  return *record;
+}
+
 Result<void> MemoryStore::ask(SlotId slot, const Seat& seat, std::string_view reason) {
   SlotRecord* record = find(slot);
   if (record == nullptr) return fail(Errc::not_found, "no such slot");
-  for (const auto& other : slots_) {
-    const bool sits = (other.asked && other.asked->device == seat.device) ||
-                      (other.confirmed && other.confirmed->device == seat.device);
-    if (sits && other.slot != slot) return fail(Errc::duplicate, "the device sits in another slot");
-  }
+  const auto sits = sits_.find(seat.device);
+  if (sits != sits_.end() && sits->second != slot) return fail(Errc::duplicate, "the device sits in another slot");
   if (record->device() && record->device() != seat.device) return fail(Errc::duplicate, "the slot is another device's");
   record->asked = seat;
+  sits_[seat.device] = slot;
   log(slot, "asked", seat.device, seat.id, reason);
   return {};
 }
@@ -124,6 +130,7 @@ Result<void> MemoryStore::clear(SlotId slot, std::string_view reason) {
   SlotRecord* record = find(slot);
   if (record == nullptr) return fail(Errc::not_found, "no such slot");
   log(slot, "cleared", record->device(), NodeId(), reason);
+  if (record->device()) sits_.erase(*record->device());
   record->asked.reset();
   record->confirmed.reset();
   record->configured.reset();
@@ -207,17 +214,22 @@ Result<void> MemoryStore::note(const HistoryEntry& entry) {
   return {};
 }
 
-Result<std::vector<HistoryEntry>> MemoryStore::history(std::optional<SlotId> slot) {
+template <class Key>
+std::vector<HistoryEntry> MemoryStore::lines_at(const std::map<Key, std::vector<std::size_t>>& index,
+                                                const Key& key) const {
   std::vector<HistoryEntry> lines;
-  std::ranges::copy_if(history_, std::back_inserter(lines),
-                       [&](const HistoryEntry& h) { return !slot || h.slot == slot; });
+  const auto at = index.find(key);
+  if (at == index.end()) return lines;
+  std::ranges::transform(at->second, std::back_inserter(lines), [&](std::size_t i) { return history_[i]; });
   return lines;
 }
 
+Result<std::vector<HistoryEntry>> MemoryStore::history(std::optional<SlotId> slot) {
+  return slot ? lines_at(lines_of_slot_, *slot) : history_;
+}
+
 Result<std::vector<HistoryEntry>> MemoryStore::history_of(const LssAddress& device) {
-  std::vector<HistoryEntry> lines;
-  std::ranges::copy_if(history_, std::back_inserter(lines), [&](const HistoryEntry& h) { return h.device == device; });
-  return lines;
+  return lines_at(lines_of_device_, device);
 }
 
 }  // namespace berth::places

@@ -22,6 +22,8 @@ class SlotStore {
   virtual Result<SlotId> declare(const SlotName& name) = 0;
   /// All slots of a machine, in the order in which they were declared.
   virtual Result<std::vector<SlotRecord>> load(std::string_view machine) = 0;
+  /// One slot, in a time that does not grow with their number. Errors: `not_found`.
+  virtual Result<SlotRecord> load(SlotId slot) = 0;
 
   /// Writes the intention to seat a device, before the first frame that does it. Refused (`Errc::duplicate`): the
   /// device is asked for or confirmed in another slot of the store; another device is asked for or confirmed in this
@@ -76,6 +78,7 @@ class MemoryStore final : public SlotStore {
  public:
   Result<SlotId> declare(const SlotName& name) override;
   Result<std::vector<SlotRecord>> load(std::string_view machine) override;
+  Result<SlotRecord> load(SlotId slot) override;
   Result<void> ask(SlotId slot, const Seat& seat, std::string_view reason) override;
   Result<void> confirm(SlotId slot, const Seat& seat, std::string_view reason) override;
   Result<void> clear(SlotId slot, std::string_view reason) override;
@@ -97,14 +100,21 @@ class MemoryStore final : public SlotStore {
 
  private:
   SlotRecord* find(SlotId slot) noexcept;
+  template <class Key>
+  [[nodiscard]] std::vector<HistoryEntry> lines_at(const std::map<Key, std::vector<std::size_t>>& index,
+                                                   const Key& key) const;
   void log(std::optional<SlotId> slot, std::string_view event, std::optional<LssAddress> device, NodeId id,
            std::string_view reason);
 
-  std::vector<SlotRecord> slots_;
+  std::vector<SlotRecord> slots_;  // by SlotId, from 1
+  std::map<SlotName, SlotId> names_;
+  std::map<LssAddress, SlotId> sits_;  // asked for or confirmed
   std::vector<UnfinishedBlank> blanks_;
   std::map<std::pair<Mark, LssAddress>, NodeId> marks_;
   std::map<LssAddress, LentId> lent_;
   std::vector<HistoryEntry> history_;
+  std::map<SlotId, std::vector<std::size_t>> lines_of_slot_;  // indices into `history_`
+  std::map<LssAddress, std::vector<std::size_t>> lines_of_device_;
   std::int64_t stamp_ms_ = 0;
 };
 

@@ -21,7 +21,8 @@ using text::Limits;
 using text::Table;
 using text::Value;
 
-constexpr std::size_t most_devices = 10'000;
+constexpr std::size_t most_of_a_kind = 10'000;
+constexpr std::size_t most_devices = 20'000;
 constexpr Limits node_id_or_blank{1, 255};
 
 /// Any rate that a controller can be set to: a node at a wrong bit rate is something to try.
@@ -123,7 +124,7 @@ class PlantReader {
   std::vector<std::uint32_t> read_serials(Table& table) {
     const auto single = table.u32("serial");
     const auto list = table.integers("serials", text::any_u32);
-    const auto count = table.u32("count", {1, most_devices});
+    const auto count = table.u32("count", {1, most_of_a_kind});
     const auto first = table.u32("serial_first");
     const auto step = table.u32("serial_step", {0, 0xFFFF'FFFF});
     const int ways = int{table.has("serial")} + int{table.has("serials")} + int{table.has("count")};
@@ -134,7 +135,7 @@ class PlantReader {
     }
     if (ways > 1) return {};
     if (list) {
-      if (list->empty() || list->size() > most_devices) {
+      if (list->empty() || list->size() > most_of_a_kind) {
         table.error("serials", "the number of devices is out of range", "name 1 to 10000 serial numbers");
       }
       return {list->begin(), list->end()};
@@ -325,7 +326,7 @@ class PlantReader {
 
   void add_devices(Table& table, const PlantDevice& pattern, const std::vector<std::uint32_t>& serials) {
     if (plant_.devices.size() + serials.size() > most_devices) {
-      return table.error("", "there are more than 10000 devices", "use fewer");
+      return table.error("", "there are more than 20000 devices", "use fewer");
     }
     std::size_t n = 0;
     for (const auto serial : serials) {

@@ -21,8 +21,13 @@ constexpr const char* has_slot_sql = "SELECT 1 FROM slots WHERE id = ?";
 constexpr const char* load_sql =
     "SELECT s.id, s.machine, s.bus, s.name, t.fact, t.vendor, t.product, t.revision, t.serial, t.node_id "
     "FROM slots s LEFT JOIN seats t ON t.slot = s.id WHERE s.machine = ? ORDER BY s.id, t.fact";
+constexpr const char* load_slot_sql =
+    "SELECT s.id, s.machine, s.bus, s.name, t.fact, t.vendor, t.product, t.revision, t.serial, t.node_id "
+    "FROM slots s LEFT JOIN seats t ON t.slot = s.id WHERE s.id = ? ORDER BY t.fact";
 constexpr const char* other_seat_sql =
-    "SELECT 1 FROM seats WHERE vendor = ? AND product = ? AND revision = ? AND serial = ? AND slot <> ?";
+    // With `fact`, which is the first column of the index.
+    "SELECT 1 FROM seats WHERE fact IN ('asked', 'confirmed') AND vendor = ? AND product = ? AND revision = ? AND "
+    "serial = ? AND slot <> ?";
 constexpr const char* get_seat_sql =
     "SELECT vendor, product, revision, serial, node_id FROM seats WHERE slot = ? AND fact = ?";
 constexpr const char* put_seat_sql =
@@ -31,7 +36,9 @@ constexpr const char* put_seat_sql =
     "revision = excluded.revision, serial = excluded.serial, node_id = excluded.node_id";
 constexpr const char* configurations_sql =
     "SELECT c.slot, c.stage, c.vendor, c.product, c.revision, c.serial, c.days, c.ms FROM configurations c "
-    "JOIN slots s ON s.id = c.slot WHERE s.machine = ?";
+    "JOIN slots s ON s.id = c.slot WHERE s.machine = ? ORDER BY c.slot";
+constexpr const char* configuration_sql =
+    "SELECT slot, stage, vendor, product, revision, serial, days, ms FROM configurations WHERE slot = ?";
 constexpr const char* put_configuration_sql =
     "INSERT OR REPLACE INTO configurations (vendor, product, revision, serial, slot, stage, days, ms) "
     "VALUES (?, ?, ?, ?, ?, ?, ?, ?)";
@@ -76,6 +83,8 @@ constexpr const char* history_of_device_sql =
 constexpr const char* devices_sql =
     "SELECT vendor, product, revision, serial, first_ms, last_ms, lines FROM devices ORDER BY 1, 2, 3, 4";
 
+}  // namespace
+
 /// A prepared statement in use: parameters in order, reset at the end.
 class Query {
  public:
@@ -116,6 +125,8 @@ class Query {
   SQLite::Statement& statement_;
   int next_ = 1;
 };
+
+namespace {
 
 /// The rows of the history's queries.
 std::vector<HistoryEntry> lines_of(Query& query) {
@@ -185,13 +196,28 @@ void Database::Impl::put_seat(SlotId slot, std::string_view fact, const Seat& se
   query.run();
 }
 
-void Database::Impl::add_configurations(std::string_view machine, std::vector<SlotRecord>& records) {
-  using Stage = places::Configured::Stage;
-  Query query(statement(configurations_sql));
-  query << machine;
+std::vector<SlotRecord> Database::Impl::records_of(Query& query) {
+  std::vector<SlotRecord> records;
   while (query.row()) {
-    const auto it = std::ranges::find(records, SlotId{query.number(0)}, &SlotRecord::slot);
-    if (it == records.end()) continue;
+    const SlotId slot{query.number(0)};
+    if (records.empty() || records.back().slot != slot) {
+      records.push_back({slot, {query.text(1), query.text(2), query.text(3)}, std::nullopt, std::nullopt, {}});
+    }
+    if (query.null(4)) continue;
+    auto& fact = query.text(4) == "asked" ? records.back().asked : records.back().confirmed;
+    fact = Seat{query.address(5), query.node_id(9)};
+  }
+  return records;
+}
+
+// Both in the order of their slots.
+void Database::Impl::add_configurations(Query& query, std::vector<SlotRecord>& records) {
+  using Stage = places::Configured::Stage;
+  auto it = records.begin();
+  while (query.row()) {
+    const SlotId slot{query.number(0)};
+    while (it != records.end() && it->slot < slot) ++it;
+    if (it == records.end() || it->slot != slot) continue;
     const auto text = query.text(1);
     const auto stage = text == name(Stage::done)          ? Stage::done
                        : text == name(Stage::power_cycle) ? Stage::power_cycle
@@ -275,20 +301,26 @@ Result<std::vector<SlotId>> Database::declare_all(const std::vector<SlotName>& n
 
 Result<std::vector<SlotRecord>> Database::load(std::string_view machine) {
   return impl_->read("loading the slots", [&]() -> Result<std::vector<SlotRecord>> {
-    std::vector<SlotRecord> records;
-    Query query(impl_->statement(load_sql));
-    query << machine;
-    while (query.row()) {
-      const SlotId slot{query.number(0)};
-      if (records.empty() || records.back().slot != slot) {
-        records.push_back({slot, {query.text(1), query.text(2), query.text(3)}, std::nullopt, std::nullopt, {}});
-      }
-      if (query.null(4)) continue;
-      auto& fact = query.text(4) == "asked" ? records.back().asked : records.back().confirmed;
-      fact = Seat{query.address(5), query.node_id(9)};
-    }
-    impl_->add_configurations(machine, records);
+    Query slots(impl_->statement(load_sql));
+    slots << machine;
+    auto records = Impl::records_of(slots);
+    Query configurations(impl_->statement(configurations_sql));
+    configurations << machine;
+    Impl::add_configurations(configurations, records);
     return records;
+  });
+}
+
+Result<SlotRecord> Database::load(SlotId slot) {
+  return impl_->read("loading a slot", [&]() -> Result<SlotRecord> {
+    Query slots(impl_->statement(load_slot_sql));
+    slots << slot.value;
+    auto records = Impl::records_of(slots);
+    if (records.empty()) return fail(Errc::not_found, "no such slot");
+    Query configuration(impl_->statement(configuration_sql));
+    configuration << slot.value;
+    Impl::add_configurations(configuration, records);
+    return records.front();
   });
 }
 

@@ -75,6 +75,7 @@ class Database final : public places::SlotStore {
   /// Finds or makes all of them in one transaction (one sync instead of one each); ids in the same order.
   Result<std::vector<places::SlotId>> declare_all(const std::vector<places::SlotName>& names);
   Result<std::vector<places::SlotRecord>> load(std::string_view machine) override;
+  Result<places::SlotRecord> load(places::SlotId slot) override;
   Result<void> ask(places::SlotId slot, const places::Seat& seat, std::string_view reason) override;
   Result<void> confirm(places::SlotId slot, const places::Seat& seat, std::string_view reason) override;
   Result<void> clear(places::SlotId slot, std::string_view reason) override;

@@ -17,6 +17,8 @@
 
 namespace berth::store {
 
+class Query;
+
 struct Database::Impl {
   FileLock lock;
   std::function<bool()> ended{};  ///< see `OpenOptions`; before `db`, which asks it
@@ -31,7 +33,8 @@ struct Database::Impl {
   [[nodiscard]] bool has_slot(places::SlotId slot);
   [[nodiscard]] std::optional<places::Seat> seat(places::SlotId slot, std::string_view fact);
   void put_seat(places::SlotId slot, std::string_view fact, const places::Seat& seat);
-  void add_configurations(std::string_view machine, std::vector<places::SlotRecord>& records);
+  [[nodiscard]] static std::vector<places::SlotRecord> records_of(Query& query);
+  static void add_configurations(Query& query, std::vector<places::SlotRecord>& records);
   void log(std::optional<places::SlotId> slot, std::string_view event, const std::optional<LssAddress>& device,
            NodeId id, std::string_view reason);
 

@@ -110,6 +110,9 @@ class MortalStore final : public places::SlotStore {
   Result<std::vector<places::SlotRecord>> load(std::string_view machine) override {
     return read([&] { return database_->load(machine); });
   }
+  Result<places::SlotRecord> load(places::SlotId slot) override {
+    return read([&] { return database_->load(slot); });
+  }
   Result<void> ask(places::SlotId slot, const places::Seat& seat, std::string_view reason) override {
     return write([&] { return database_->ask(slot, seat, reason); });
   }

@@ -87,6 +87,7 @@ TEST(Store, KeepsEverythingOverARestart) {
   EXPECT_EQ(history[1].reason, "because");
   EXPECT_EQ(store->history(records[0].slot).value().size(), 4U);
   EXPECT_TRUE(store->load("other").value().empty());
+  EXPECT_EQ(store->load(places::SlotId{2}).error().code, Errc::not_found);
   EXPECT_EQ(store->devices().value().size(), 2U);
 }
 
@@ -139,6 +140,10 @@ std::vector<std::string> all_of(places::SlotStore& store) {
     for (const auto& r : must(store.load(machine))) {
       out.push_back(std::to_string(r.slot.value) + r.name.machine + r.name.bus + r.name.name + seat(r.asked) +
                     seat(r.confirmed) + shown(r.configured));
+      const auto same = must(store.load(r.slot));
+      RC_ASSERT(same.slot == r.slot && same.name == r.name && same.asked == r.asked);
+      RC_ASSERT(same.confirmed == r.confirmed && same.configured == r.configured);
+      for (const auto& h : must(store.history(r.slot))) out.push_back(std::to_string(h.sequence));
     }
   }
   for (const auto& b : must(store.unfinished_blanks())) {
