@@ -2,8 +2,15 @@
 
 add_library(berth_options INTERFACE)
 target_compile_options(berth_options INTERFACE
-  -Wall -Wextra -Wpedantic -Werror -Wshadow -Wconversion -Wno-sign-conversion -Wdelete-non-virtual-dtor -Wold-style-cast
+  -Wall -Wextra -Wpedantic -Werror -Wconversion -Wno-sign-conversion -Wdelete-non-virtual-dtor -Wold-style-cast
   -Wcast-qual -Woverloaded-virtual -Wundef)
+# A unit of several sources is no source: what stands in its anonymous namespaces is used from no other, and a local name
+# may be what another source calls something of its own. The builds without units see both.
+if(BERTH_UNITY)
+  target_compile_options(berth_options INTERFACE -Wno-subobject-linkage)
+else()
+  target_compile_options(berth_options INTERFACE -Wshadow)
+endif()
 # g++ 12 warns wrongly of uninitialised and out-of-bounds members inside inlined optionals, expecteds and strings.
 if(CMAKE_CXX_COMPILER_ID STREQUAL "GNU")
   target_compile_options(berth_options INTERFACE -Wno-maybe-uninitialized -Wno-restrict -Wno-stringop-overflow
@@ -14,11 +21,6 @@ if(CMAKE_CXX_COMPILER_ID MATCHES "Clang")
     -Wno-unknown-pragmas)
 endif()
 target_include_directories(berth_options INTERFACE ${PROJECT_SOURCE_DIR})
-if(BERTH_BREAK)
-  target_compile_definitions(berth_options INTERFACE BERTH_BREAK=${BERTH_BREAK})
-else()
-  target_compile_definitions(berth_options INTERFACE BERTH_BREAK=0)
-endif()
 
 # Tests are linked with the sanitizer runtime but not instrumented: half of the time for what finds bugs in the product.
 add_library(berth_sanitize INTERFACE)
@@ -45,6 +47,23 @@ if(BERTH_FUZZ)
   target_link_options(berth_sanitize_link INTERFACE -fsanitize=fuzzer-no-link)
 endif()
 
+# Many sources of one room in one unit: the standard library is read once for all of them. Those that follow stand
+# alone, because a name in an anonymous namespace of theirs is in another source of the room too.
+set(berth_alone
+  co/guarding.cpp co/nmt_master.cpp co/time_stamp.cpp decode/words.cpp design/read_bus.cpp discovery/identify.cpp
+  discovery/published_rand.cpp doctor/conformance_sdo.cpp eds/eds.cpp eds/modules_read.cpp eds/objects.cpp eds/write.cpp
+  io/plant_protocol.cpp io/socketcand_port.cpp live/foreign_watch.cpp live/gate.cpp manager/configuration_plan.cpp manager/configurator.cpp
+  nodeid/rand_frames.cpp nodeid/rand_master.cpp nodeid/rand_walk.cpp plant/write_plant.cpp study/paper1.cpp text/table.cpp)
+function(berth_unity target)
+  if(NOT BERTH_UNITY)
+    return()
+  endif()
+  set_target_properties(${target} PROPERTIES UNITY_BUILD ON UNITY_BUILD_BATCH_SIZE 12)
+  foreach(source IN LISTS berth_alone)
+    set_source_files_properties(${PROJECT_SOURCE_DIR}/berth/${source} PROPERTIES SKIP_UNITY_BUILD_INCLUSION ON)
+  endforeach()
+endfunction()
+
 function(berth_rooms)
   file(STRINGS ${PROJECT_SOURCE_DIR}/berth/floors.txt lines REGEX "^[0-9]")
   set(rooms "")
@@ -58,6 +77,7 @@ function(berth_rooms)
     endif()
     add_library(berth_${room} STATIC ${sources})
     add_library(berth::${room} ALIAS berth_${room})
+    berth_unity(berth_${room})
     # Flags are for this build only, not for whoever uses the installed package.
     target_link_libraries(berth_${room} PRIVATE $<BUILD_INTERFACE:berth_sanitize>
       PUBLIC $<BUILD_INTERFACE:berth_options> $<BUILD_INTERFACE:berth_sanitize_link>)
@@ -81,7 +101,5 @@ function(berth_rooms)
   find_package(SQLiteCpp REQUIRED)
   find_package(SQLite3 REQUIRED)
   target_link_libraries(berth_store PRIVATE SQLiteCpp SQLite::SQLite3)
-  foreach(room store operate)
-    target_link_libraries(berth_${room} PRIVATE nlohmann_json::nlohmann_json)
-  endforeach()
+  target_link_libraries(berth_operate PRIVATE nlohmann_json::nlohmann_json)
 endfunction()
