@@ -173,8 +173,8 @@ rt::Task<Outcome> Binder::configure(NodeId id) {
 }
 
 // What two devices were told may stand in the memory of both, and what was stored before it went wrong would come into
-// use when the device is reset. A device that is in LSS waiting with a node-ID that
-// another device uses is looked for: as Lely core's slaves it may wait for the next reset of all to use it.
+// use when the device is reset. A device that is in LSS waiting with a node-ID that another device uses is looked for:
+// as Lely core's slaves it may wait for the next reset of all to use it.
 rt::Task<Outcome> Binder::revert(const Binding& binding) {
   const NodeId id = binding.revert_to();
   Outcome outcome = co_await configure(id);
@@ -304,8 +304,8 @@ rt::Task<Outcome> Binder::identify(const Binding& binding) {
   const bool asleep = !who && who.error().code == Errc::timeout && binding.old_id() == id && !woken_;
   if (asleep) {
     woken_ = true;
-    moved_ = s_.dispatcher.executor().now();
     co_await wake();
+    moved_ = s_.dispatcher.executor().now();
     const rt::Time deadline = moved_ + options_.own_boot;
     const bool booted = co_await s_.boots.wait(id, moved_, deadline);
     if (booted) who = co_await read_identity(s_.sdo, id);
