@@ -19,6 +19,10 @@
 #include "berth/rt/executor.hpp"
 #include "berth/rt/task.hpp"
 
+namespace berth::nodeid {
+struct DiscoveryReport;
+}
+
 namespace berth::discovery {
 
 /// The published procedures, and Berth's own that are made of the same requests and find the same devices sooner.
@@ -139,6 +143,8 @@ struct Report {
   rt::Time ended{};
 };
 [[nodiscard]] const char* name(Report::End end) noexcept;
+/// What RAND as published found, in the words of all methods.
+[[nodiscard]] Report report_of(const nodeid::DiscoveryReport& rand);
 
 /// One method on one bus. One procedure at a time; never two methods with overlapping identifiers at once (S1.24): a
 /// bus has one turn for all of them.

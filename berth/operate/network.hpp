@@ -264,7 +264,7 @@ class Network final : private co::HeartbeatConsumer::Observer,
   void forget_found(const LssAddress& device);
   void note_found(const places::Found& found);
   void tell_found(const LssAddress& device, bool clone);
-  void tell_discovery(const nodeid::DiscoveryReport& report);
+  void take_rand(const discovery::Report& report);
   void rest_from_searching();
   void take_found(const discovery::Report& report);
   void tell_end(const discovery::Report& report);
@@ -304,7 +304,7 @@ class Network final : private co::HeartbeatConsumer::Observer,
   rt::Task<void> carry_out();
   rt::Task<void> carry_out_actions(bool& inquired_all);
   rt::Task<bool> act(const places::Action& action);
-  rt::Task<void> act_aside(const places::Action& action, bool& good);
+  rt::Task<void> act_aside(const places::Action& action, std::vector<LssAddress>& failed);
   rt::Task<void> bind_side_by_side(const std::vector<places::Action>& actions, std::vector<LssAddress>& failed);
   [[nodiscard]] bool is_avoided(const LssAddress& device) const noexcept;
   [[nodiscard]] bool uses(const LssAddress& device, NodeId id) const noexcept;

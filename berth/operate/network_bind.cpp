@@ -2,7 +2,6 @@
 #include <fmt/format.h>
 
 #include <algorithm>
-#include <deque>
 
 #include "berth/operate/master_device.hpp"
 #include "berth/operate/network_seat.hpp"
@@ -133,19 +132,18 @@ bool Network::is_avoided(const LssAddress& device) const noexcept {
 // While one device boots under its new node-ID the next is told its own.
 rt::Task<void> Network::bind_side_by_side(const std::vector<Action>& actions, std::vector<LssAddress>& failed) {
   constexpr std::size_t most_bindings = 16;
-  std::deque<bool> good(actions.size(), true);
   rt::Scope bindings(*executor_, most_bindings);
-  for (std::size_t i = 0; i < actions.size(); ++i) {
-    const bool binds = actions[i].kind == Action::Kind::bind && !is_avoided(actions[i].device);
-    if (binds) bindings.spawn(act_aside(actions[i], good[i]));
+  for (const auto& action : actions) {
+    const bool binds = action.kind == Action::Kind::bind && !is_avoided(action.device);
+    if (binds) bindings.spawn(act_aside(action, failed));
   }
   co_await bindings.join();
-  for (std::size_t i = 0; i < actions.size(); ++i) {
-    if (!good[i]) failed.push_back(actions[i].device);
-  }
 }
 
-rt::Task<void> Network::act_aside(const Action& action, bool& good) { good = co_await act(action); }
+rt::Task<void> Network::act_aside(const Action& action, std::vector<LssAddress>& failed) {
+  const bool good = co_await act(action);
+  if (!good) failed.push_back(action.device);
+}
 
 rt::Task<bool> Network::act(const Action& action) {
   const LssAddress device = action.device;

@@ -177,7 +177,7 @@ rt::Task<void> Network::discover_by_rand_once() {
     tell_once("error", "discovery: " + describe(report.error()));
     co_return;
   }
-  tell_discovery(*report);
+  take_rand(discovery::report_of(*report));
 }
 
 rt::Task<Result<discovery::Report>> Network::search_by_rand_planner() {
@@ -196,12 +196,8 @@ rt::Task<void> Network::discover_by_rand_planner() {
     tell_once("error", "discovery: " + describe(report.error()));
     co_return;
   }
-  for (const auto& d : report->found) {
-    tell_found(d.address, d.possible_clone);
-    const auto known = std::ranges::find(found_, d.address, &places::Found::device);
-    note_found({d.address, known == found_.end() ? NodeId() : known->active, d.possible_clone});
-  }
-  tell_end(*report);
+  for (const auto& d : report->found) tell_found(d.address, d.possible_clone);
+  take_rand(*report);
 }
 
 rt::Task<void> Network::discover_by(discovery::Discovery& way) {
@@ -311,23 +307,13 @@ void Network::tell_found(const LssAddress& device, bool clone) {
 
 void Network::found(const nodeid::Discovered& device) noexcept { tell_found(device.address, device.possible_clone); }
 
-void Network::tell_discovery(const nodeid::DiscoveryReport& report) {
+// RAND tells no node-ID: what is known of it stays.
+void Network::take_rand(const discovery::Report& report) {
   for (const auto& d : report.found) {
     const auto known = std::ranges::find(found_, d.address, &places::Found::device);
     note_found({d.address, known == found_.end() ? NodeId() : known->active, d.possible_clone});
   }
-  using End = nodeid::DiscoveryReport::End;
-  if (report.end != End::complete) {
-    tell_once("error",
-              fmt::format("discovery ended early: {}; a device answers that cannot be identified", name(report.end)));
-  }
-  if (report.found.empty()) return;
-  if (news_) {
-    tell("step", "",
-         fmt::format("discovery: {} found, {} requests, {:.3f} s", report.found.size(), report.requests,
-                     seconds(report.ended) - seconds(report.began)));
-  }
-  reach("discovered");
+  tell_end(report);
 }
 
 void Network::take_found(const discovery::Report& report) {
@@ -395,6 +381,16 @@ void Network::tell_progress() {
                    p.kind + 1, p.kinds, p.swept * 100));
 }
 
+namespace {
+
+void take(Network::NewDevices& all, const discovery::Report& report) {
+  all.found = report.found;
+  all.complete = report.end == discovery::Report::End::complete;
+  if (!all.complete) all.end = name(report.end);
+}
+
+}  // namespace
+
 // For `berth scan` and `berth lss find`: no seat is thought of, nothing is remembered.
 rt::Task<Result<Network::NewDevices>> Network::find_new() {
   NewDevices all;
@@ -407,22 +403,12 @@ rt::Task<Result<Network::NewDevices>> Network::find_new() {
   if (by_rand && !published) {
     const auto report = co_await search_by_rand_planner();
     if (!report) co_return fail(report.error());
-    all.found = report->found;
-    all.complete = report->end == discovery::Report::End::complete;
-    if (!all.complete) all.end = name(report->end);
+    take(all, *report);
   } else if (published) {
     const nodeid::DiscoveryOptions options = discovery_options();
     const auto found = co_await rand_.discover(options);
     if (!found) co_return fail(found.error());
-    for (const auto& d : found->found) {
-      discovery::Found one;
-      one.address = d.address;
-      one.at = d.at;
-      one.possible_clone = d.possible_clone;
-      all.found.push_back(one);
-    }
-    all.complete = found->end == nodeid::DiscoveryReport::End::complete;
-    if (!all.complete) all.end = name(found->end);
+    take(all, discovery::report_of(*found));
   }
   discovery::Discovery* const way = by_rand ? (method() == "auto" ? &rest(true) : nullptr) : chosen();
   if (way != nullptr) {

@@ -71,7 +71,10 @@ bool Network::retry_due() {
     const bool powered = s->state == SlotState::power_cycle && !s->waits_since;
     return failed || powered || asked || silent || waits || doubled;
   });
-  if (!needs || executor_->now() < retry_at_) return false;
+  // One that failed left a device under a node-ID that is not its own, the master's say.
+  const bool blanks =
+      std::ranges::any_of(plan_.actions, [](const auto& a) { return a.kind == places::Action::Kind::blank; });
+  if ((!needs && !blanks) || executor_->now() < retry_at_) return false;
   retry_at_ = executor_->now() + 8 * bus_->timing.probe_period;
   retries_ = true;
   look_anew_ = true;
