@@ -53,8 +53,8 @@ struct NmtRequest {
   }
 }
 
-/// Which communication objects work (CiA 301 §7.3.2.2.5, table 37; facts page A.3). LSS is not among them: it works
-/// in every state, also unconfigured (CiA 305).
+/// Which communication objects work (CiA 301 §7.3.2.2.5, table 37; docs/protocols/cia301.md §NMT). LSS is not among
+/// them: it works in every state, also unconfigured (CiA 305).
 struct Services {
   bool pdo = false;
   bool sdo = false;

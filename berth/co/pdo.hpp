@@ -1,4 +1,5 @@
-/// All PDOs of one device (CiA 301 §7.2.2, objects 1400h..1BFFh and the MPDO lists 1FA0h..1FFFh; facts page A.8).
+/// All PDOs of one device (CiA 301 §7.2.2, objects 1400h..1BFFh and the MPDO lists 1FA0h..1FFFh;
+/// docs/protocols/cia301.md §PDO).
 ///
 /// Up to 512 RPDOs and 512 TPDOs; memory is taken for those that the dictionary describes (communication and mapping
 /// record), about 100 bytes each, by the constructor. PDOs live from `start` (NMT operational entered) to `stop`

@@ -1,4 +1,4 @@
-/// What SDO server and client share (CiA 301 §7.2.4; facts page A.7).
+/// What SDO server and client share (CiA 301 §7.2.4; docs/protocols/cia301.md §SDO).
 #pragma once
 
 #include <algorithm>
@@ -156,7 +156,7 @@ inline void address(can::Frame& frame, CobId id) noexcept {
   frame.extended = id.extended();
 }
 
-/// An SDO frame is a base data frame of exactly 8 bytes; anything else is not heard (CiA 301 §7.2.4.3; hard-cases S16).
+/// An SDO frame is a base data frame of exactly 8 bytes; anything else is not heard (CiA 301 §7.2.4.3; HC1.S16).
 [[nodiscard]] constexpr bool well_formed(const can::Frame& frame) noexcept {
   return frame.size == 8 && !frame.remote && !frame.fd;
 }

@@ -1,4 +1,5 @@
-/// SYNC producer and consumer of one device (CiA 301 §7.2.5, objects 1005h, 1006h, 1007h, 1019h; facts page A.5).
+/// SYNC producer and consumer of one device (CiA 301 §7.2.5, objects 1005h, 1006h, 1007h, 1019h;
+/// docs/protocols/cia301.md §SYNC and TIME).
 ///
 /// Works on the objects of a dictionary; those that are missing count as their defaults (080h, 0, 0, 0). Writes from
 /// the network take effect at once and are checked:

@@ -1,7 +1,7 @@
 /// The planners on CiA 305 Fastscan, with and without feedback: one walk of the tree of addresses.
 ///
 /// Slaves are unmodified: a slave answers 51h when it is at the part asked and the upper bits fit, and then goes to the
-/// part named by LSSNext (facts C.4). So
+/// part named by LSSNext (docs/protocols/cia305.md §Fastscan). So
 ///
 /// - a question about some of the bits has LSSNext = LSSSub: nobody moves, nobody is selected;
 /// - a part that is known is confirmed with one message that moves on those who fit (S4.9). Since the last 80h only

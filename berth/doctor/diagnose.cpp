@@ -148,7 +148,7 @@ class Consultation {
   }
 
   // A node at another bit rate: dozens of attempts in a row destroyed, again and again, or errors all the time while
-  // several nodes complain; its own frames are never heard (facts G.3).
+  // several nodes complain; its own frames are never heard (docs/protocols/can-frames.md §Fault confinement).
   void find_strangers_rate() {
     const auto runs = heard_.long_runs();
     const auto loud = complaining();

@@ -1,5 +1,5 @@
 /// What the doctor finds wrong with a network: a kind, whom it is about, what was heard, how sure it is, what to do
-/// (issue 4, part 8; S4.1, S4.21, SX.7).
+/// (S4.1, S4.21, SX.7).
 #pragma once
 
 #include <cstdint>

@@ -119,7 +119,7 @@ class SdoEar final : private can::Handler {
   std::vector<std::uint32_t> values_;
 };
 
-// Everybody who answers an upload of this object under this node-ID (expedited; facts A.7).
+// Everybody who answers an upload of this object under this node-ID (expedited; docs/protocols/cia301.md §SDO).
 rt::Task<Result<Answers::Serials>> read_all(can::Dispatcher& dispatcher, NodeId node, ObjectRef object,
                                             rt::Duration window) {
   const SdoEar ear(dispatcher, node, object);

@@ -175,7 +175,8 @@ inline constexpr std::uint16_t default_feedback_base = 0x6D0;
 /// Reads a Fastscan request. Empty for all else, and when `bit_checked` is neither 0..31 nor 80h or `sub` is beyond 3.
 [[nodiscard]] std::optional<FastscanRequest> decode_fastscan(const can::Frame& frame) noexcept;
 
-/// True for a base data frame with 8 bytes and this identifier: nothing else is an LSS frame (CiA 305; facts C.1).
+/// True for a base data frame with 8 bytes and this identifier: nothing else is an LSS frame (docs/protocols/cia305.md
+/// §Frames).
 [[nodiscard]] constexpr bool is_lss(const can::Frame& frame, std::uint32_t cob_id) noexcept {
   return frame.id == cob_id && !frame.extended && !frame.remote && !frame.fd && frame.size == 8;
 }

@@ -8,10 +8,11 @@
 ///
 /// or 11h, 13h, 17h of your own, and `04 00` behind them whatever came of it.
 ///
-/// `select_alone` sends `04 00`, because CiA 305 serves 40h to 43h in LSS waiting only (facts C.1), then 40h to 43h,
-/// and proves. Each further attempt begins with `04 00` too: the device may be in configuration and its 44h lost.
-/// `prove_alone` proves only, for a device that Fastscan's last match brought there. Fastscan's match may be proven so
-/// at once: 5Dh is served in configuration. To use 40h to 43h on it, `select_alone` sends the `04 00` that this needs.
+/// `select_alone` sends `04 00`, because CiA 305 serves 40h to 43h in LSS waiting only (docs/protocols/cia305.md §State
+/// table), then 40h to 43h, and proves. Each further attempt begins with `04 00` too: the device may be in
+/// configuration and its 44h lost. `prove_alone` proves only, for a device that Fastscan's last match brought there.
+/// Fastscan's match may be proven so at once: 5Dh is served in configuration. To use 40h to 43h on it, `select_alone`
+/// sends the `04 00` that this needs.
 ///
 /// Why a proof: `04 00` has no answer, and a device that lost it (its receive buffer was full, it was writing its
 /// memory, it was selected unheard) is in configuration beside the one that is selected. Both execute 11h and take one

@@ -1,5 +1,5 @@
-/// One node bit by bit: the protocol controller's state machine (Bosch CAN 2.0; facts page G.3). Internal to `sim`:
-/// the bus uses it only while something is wrong.
+/// One node bit by bit: the protocol controller's state machine (Bosch CAN 2.0; docs/protocols/can-frames.md §Fault
+/// confinement). Internal to `sim`: the bus uses it only while something is wrong.
 #pragma once
 
 #include <array>

@@ -4,9 +4,9 @@
 /// node that is ready before the sample point (7/8) of that start-of-frame bit contends. While nothing is wrong, a
 /// frame costs one arbitration and one delivery; where frames of one identifier collide, nobody acknowledges, a fault
 /// falls or bit rates differ, the segment is played bit by bit until it is quiet again (`bits.hpp`). Rules: Bosch CAN
-/// 2.0, facts page G. Choices where it leaves one: a REC above 127 becomes 127 by a good frame; REC counts up to 255;
-/// a bit error within an error flag starts a new flag; overload frames answer what they see without limit in number
-/// (no node here asks for one itself).
+/// 2.0; docs/protocols/can-frames.md. Choices where it leaves one: a REC above 127 becomes 127 by a good frame; REC
+/// counts up to 255; a bit error within an error flag starts a new flag; overload frames answer what they see without
+/// limit in number (no node here asks for one itself).
 ///
 /// An FD bus carries classic and FD frames side by side; they compare in arbitration as their bits do (RRS is
 /// dominant). An FD frame with which nothing is wrong takes its exact time, its data phase at the data bit rate. It is

@@ -1,5 +1,5 @@
-/// Textbook scenes of fault confinement, step by step, as `berth sim` prints them (facts page G.2, G.3; paper 4's two
-/// roads to bus-off, S4.1).
+/// Textbook scenes of fault confinement, step by step, as `berth sim` prints them (docs/protocols/can-frames.md
+/// §Arbitration, §Fault confinement; paper 4's two roads to bus-off, S4.1).
 #pragma once
 
 #include <cstdint>
