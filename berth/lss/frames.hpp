@@ -112,9 +112,9 @@ struct IdentifyRanges {
   }
 };
 
-/// One Fastscan request: "whoever is at part `sub` and whose bits 31 to `bit_checked` of it are those of `id`: answer,
-/// and go to part `next`". With `start_scan` in place of a bit: "whoever has no node-ID: answer, and go to part 0"; the
-/// rest is then 0.
+/// One Fastscan request: "slave at part `sub` whose bits 31 to `bit_checked` of it are those of `id`: answer,
+/// and go to part `next`". With `start_scan` in place of a bit: "slave without a node-ID: answer, and go to part 0";
+/// the rest is then 0.
 struct FastscanRequest {
   static constexpr std::uint8_t start_scan = 0x80;
   static constexpr std::uint8_t after_last = 4;  ///< paper 4's `next` after the serial number (S4.15); the standard: 0
