@@ -21,7 +21,7 @@ enum class NmtCommand : std::uint8_t {
 [[nodiscard]] const char* name(NmtCommand command) noexcept;
 [[nodiscard]] std::optional<NmtCommand> nmt_command(std::uint8_t specifier) noexcept;
 
-/// Whom a command is for: one node, or all of them.
+/// Which node a command is for: one, or all of them.
 struct NmtTarget {
   std::uint8_t node = 0;  ///< 1..127, or 0 = all
   constexpr NmtTarget() noexcept = default;

@@ -87,7 +87,7 @@ class Pdos final : private od::Hook, private can::Handler, private rt::Job {
   [[nodiscard]] bool any() const noexcept { return rpdo_count_ + tpdo_count_ != 0; }
   void observe(Observer* observer) noexcept { observer_ = observer; }
 
-  /// Operational is entered, as `node` (whom DAM MPDOs address).
+  /// Operational is entered, as `node` (which DAM MPDOs address).
   void start(NodeId node) noexcept;
   /// Operational is left: waiting PDOs are withdrawn, received ones that wait for a SYNC forgotten, errors cleared.
   void stop() noexcept;

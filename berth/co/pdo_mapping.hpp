@@ -44,7 +44,7 @@ class PdoField {
  public:
   /// Places above are not mappable: scalars that stand behind 64 MiB of strings and DOMAINs.
   static constexpr std::uint32_t most_offset = (1U << 26) - 2;
-  static constexpr std::uint32_t nowhere = (1U << 26) - 1;  ///< dummy: bits that nobody wants
+  static constexpr std::uint32_t nowhere = (1U << 26) - 1;  ///< dummy: bits that are not wanted
 
   constexpr PdoField() noexcept = default;
   constexpr PdoField(std::uint32_t offset, unsigned bits) noexcept : word_(offset << 6 | (bits - 1)) {}

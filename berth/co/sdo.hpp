@@ -148,7 +148,7 @@ inline constexpr std::uint8_t toggle_bit = 0x10;
 inline constexpr std::size_t segment_bytes = 7;
 /// How soon a full port is tried again.
 inline constexpr rt::Duration full_retry = std::chrono::milliseconds(1);
-/// Who collects a sub-block and hears no more of it acknowledges what there is after this part of its time-out.
+/// A receiver of a sub-block that hears no more of it acknowledges what there is after this part of its time-out.
 inline constexpr int block_gap_part = 4;
 
 inline void address(can::Frame& frame, CobId id) noexcept {

@@ -32,7 +32,7 @@ class SlotStore {
   /// The device was heard under its new node-ID and identified: the intention becomes the binding. `seat` must be what
   /// was asked for, else `Errc::mismatch`.
   virtual Result<void> confirm(SlotId slot, const Seat& seat, std::string_view reason) = 0;
-  /// Forgets who sits in the slot, asked and confirmed, and its configuration; the history keeps it.
+  /// Forgets which device sits in the slot, intended and confirmed, and its configuration; the history keeps it.
   virtual Result<void> clear(SlotId slot, std::string_view reason) = 0;
 
   /// Writes how far the configuration of the slot's device has come. Replaces what was known; `clear` forgets it.
