@@ -102,7 +102,8 @@ rt::Task<Walker::Search::Outcome> Walker::Search::stays(const Found& device, boo
   if (!told) co_return Outcome::found;
   // The others of its type stay too.
   for (const Found& f : report_.found) {
-    if (f.address.type() == device.address.type()) put_aside(f.address, f.assigned.configured() || f.active.configured());
+    if (f.address.type() == device.address.type())
+      put_aside(f.address, f.assigned.configured() || f.active.configured());
   }
   co_return Outcome::found;
 }

@@ -435,7 +435,8 @@ rt::Task<void> replace(Session& session, const CommandRequest& request, CommandR
   reply.json = slot ? to_json(*slot) : "{}";
   reply.lines = to_table(slot ? std::vector<SlotReport>{*slot} : std::vector<SlotReport>{});
   if (before && before->state == SlotState::absent) {
-    reply.lines.insert(reply.lines.begin(), fmt::format("slot {} is given away; it was kept: {}", name, before->reason));
+    reply.lines.insert(reply.lines.begin(),
+                       fmt::format("slot {} is given away; it was kept: {}", name, before->reason));
   }
   if (seated) co_return;
   reply.status = 1;
