@@ -13,7 +13,7 @@
 ///     reset          NMT reset communication to the old id    sent       await_boot_up
 ///     await_boot_up  700h + id                                heard      identify
 ///     identify       1018h under the new id = the address     equal      write_confirm
-///     write_confirm  what was asked for has become so         written    done
+///     write_confirm  what was intended has become so          written    done
 ///     revert         11h: the old one, when it goes wrong;    any        select again, or release and give up
 ///                    none, stored, when two took the new one
 ///

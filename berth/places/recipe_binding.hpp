@@ -10,7 +10,7 @@
 ///     reset          NMT reset to the old id                    sent       await_boot_up
 ///     await_boot_up  700h + new id                              heard      identify
 ///     identify       1018h under the new id = the address       equal      write_confirm
-///     write_confirm  what was asked for has become so           written    done
+///     write_confirm  what was intended has become so            written    done
 ///     revert         all objects again, with the old node-ID    any        failed
 ///
 /// Every step may be done twice without harm, so a restart after a crash begins again with wherever the device is heard

@@ -126,7 +126,7 @@ struct LentId {
   friend bool operator==(const LentId&, const LentId&) = default;
 };
 
-/// What the store knows of a slot. `asked` is what Berth set out to do, written before the bus is touched; `confirmed`
+/// What the store knows of a slot. `asked` is the intention, written before the bus is touched; `confirmed`
 /// is what the device was then heard to be. They are two facts: a crash leaves the first without the second, and the
 /// next start does the work again (S1.53).
 struct SlotRecord {
@@ -136,7 +136,7 @@ struct SlotRecord {
   std::optional<Seat> confirmed;
   std::optional<Configured> configured = {};
 
-  /// The device that this slot is about: the one asked for, else the one confirmed.
+  /// The device that this slot is about: the one intended, else the one confirmed.
   [[nodiscard]] std::optional<LssAddress> device() const noexcept {
     if (asked) return asked->device;
     if (confirmed) return confirmed->device;
