@@ -26,7 +26,7 @@ namespace fs = std::filesystem;
 struct Learnt {
   std::string bus;
   std::vector<live::NodeSeen> nodes;
-  std::vector<std::string> master;  // who commands it: verdict and evidence
+  std::vector<std::string> master;  // what commands it: verdict and evidence
   NodeId master_id;
   rt::Duration sync{0};
   std::uint64_t frames = 0;
@@ -145,7 +145,7 @@ void pass(Rig& rig, rt::Duration time, const bool& over, Interrupt& interrupt) {
   }
 }
 
-// A master that sends nothing but its heartbeat commands nobody while we listen: its objects tell.
+// A master that sends nothing but its heartbeat commands no node while we listen: its objects tell.
 void name_quiet_master(Learnt& learnt) {
   for (const auto& node : learnt.nodes) {
     if (!node.nmt_master || learnt.master_id.configured()) continue;

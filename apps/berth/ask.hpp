@@ -51,12 +51,12 @@ class Asker {
   operate::Session* session_;
   std::function<void(const std::string&)> say_;
   std::string typed_;
-  bool over_ = false;  // nobody types any more
+  bool over_ = false;  // the input has ended
   std::vector<std::unique_ptr<Answer>> answers_;
   rt::Scope scope_;  // last: its tasks use the answers
 };
 
-/// Asks until nothing is open or nobody answers; the world stands still meanwhile. For `berth bind`.
+/// Asks until nothing is open or no answer comes; the world stands still meanwhile. For `berth bind`.
 void ask_here(Rig& rig, rt::Duration limit);
 
 }  // namespace berth::cli

@@ -272,7 +272,7 @@ Done fill(Household& house, const plant::PlantFile& plant, const Ports& ports, c
   Random seeds(plant.seed);
   Findings findings;
   for (const auto& plan : plant.devices) {
-    const auto random = seeds.fork();  // the same for a device whoever else is chosen
+    const auto random = seeds.fork();  // the same for a device whatever others are chosen
     if (!chosen.contains(plan.name)) continue;
     auto port = house.ports.at(plan.bus)->next();
     if (!port) return tl::unexpected(port.error());

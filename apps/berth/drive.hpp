@@ -80,7 +80,7 @@ class Ending {
   rt::Duration quiet_{};     // how long nothing may change
   rt::Duration patience_{};  // the same while the machine is not operational
   rt::Duration limit_{};
-  std::map<std::string, Slots> first_;  // who sat in each slot when all were operational first, by bus
+  std::map<std::string, Slots> first_;  // which device sat in each slot when all were operational first, by bus
 };
 
 /// Runs the rig's session. `paced`: real time and a control socket at `control`; it ends by `--until` or a signal.

@@ -137,7 +137,8 @@ tl::expected<std::vector<std::string>, Failure> files_of(const design::Machine& 
   return names;
 }
 
-// SQLite's files are one only when nobody has them open: opening takes the store's lock and closing folds the log in.
+// SQLite's files are one only when no process has them open: opening takes the store's lock and closing folds the log
+// in.
 tl::expected<std::string, Failure> store_bytes(const std::string& path) {
   {
     const auto opened = store::Database::open(path, {.ended = ended_by({})});

@@ -23,11 +23,11 @@ void restrict_to(design::Machine& machine, const std::string& bus);
 /// The buses are all in other hands than this process's simulator, so that it runs in real time by a loop.
 [[nodiscard]] bool all_elsewhere(const design::Machine& machine) noexcept;
 
-/// Devices that somebody built hang on it: neither a simulated bus of this process nor a plant's of another.
+/// Real devices hang on it: neither a simulated bus of this process nor a plant's of another.
 [[nodiscard]] bool is_real(const can::PortSpec& port) noexcept;
 
 /// One process of this user owns a real port: a lock that goes with the process however it ends. Not for ports that
-/// give everybody a node of his own (`plant:`).
+/// give each user a node of its own (`plant:`).
 class PortLock {
  public:
   /// Refused with the process that has it.
@@ -44,7 +44,7 @@ class PortLock {
 /// Why the machine cannot run without `--sim`, when it cannot: a bus that is simulated beside one that is not.
 [[nodiscard]] Failure needs_plant(const design::Machine& machine);
 
-/// Where the slot table of a machine on real ports is when nobody says it: beside the machine file,
+/// Where the slot table of a machine on real ports is when it is not said: beside the machine file,
 /// "conveyor.toml" -> "conveyor.db".
 [[nodiscard]] std::string default_store(const std::string& machine_file);
 

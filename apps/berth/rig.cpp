@@ -169,8 +169,8 @@ tl::expected<std::string, Failure> Rig::copied_store(const std::string& path) {
   return copy;
 }
 
-// A dry run works on a copy of the store, so that it sends what the real one would; who only looks does, because the
-// store belongs to the process that runs the machine, or is about to.
+// A dry run works on a copy of the store, so that it sends what the real one would; a command that only looks does,
+// because the store belongs to the process that runs the machine, or is about to.
 tl::expected<void, Failure> Rig::open_store(const Options& options) {
   std::string path = options.store;
   const bool real = std::ranges::any_of(machine_.buses, [](const auto& b) { return is_real(b.port); });
@@ -431,7 +431,7 @@ void Rig::leave(const Options& options) {
     auto* const network = session_->network(bus.name);
     if (wish == design::OnExit::leave || bus.role != design::Role::master || network == nullptr) continue;
     const auto command = wish == design::OnExit::stop ? co::NmtCommand::stop : co::NmtCommand::enter_pre_operational;
-    session_->stop();  // the main job would start again whom it sees pre-operational
+    session_->stop();  // the main job would start again what it sees pre-operational
     any = network->dispatcher().send(co::to_frame({command, co::NmtTarget::all()})) == can::Queued::yes || any;
   }
   if (!any) return;

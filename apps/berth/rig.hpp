@@ -53,13 +53,13 @@ class Rig {
   /// A bus at least is outside this process (a real port, or a `berth plant` in another process): real time only, by
   /// this loop. The world has those buses alone that are simulated here. Null: all of them are.
   [[nodiscard]] io::Loop* loop() noexcept { return loop_.get(); }
-  /// The gate of a bus that is outside this process, for who uses it instead of the session; null: simulated here.
+  /// The gate of a bus that is outside this process, for a user of it instead of the session; null: simulated here.
   [[nodiscard]] can::Port* outside(std::string_view bus) noexcept;
   [[nodiscard]] const live::Gate* gate(std::string_view bus) const noexcept;
   /// Keeps the frames that Berth sends from now on.
   void record_sent(std::vector<Recorded>& into) { sent_ = &into; }
   /// Waits until every gate has listened long enough (nothing to wait for on simulated buses). Refused, status 1, when
-  /// another master is on a bus: who, and by which frames. A port that is down is no failure here.
+  /// another master is on a bus: which, and by which frames. A port that is down is no failure here.
   [[nodiscard]] tl::expected<void, Failure> listen_first();
   /// Asks the nodes that were heard meanwhile and belong to no slot whether they are NMT masters, however quiet (1F80h
   /// bit 0, CiA 302-2), on every bus outside this process whose master Berth is to be. Refused as by `listen_first`.
@@ -107,7 +107,7 @@ class Rig {
   std::vector<std::unique_ptr<can::Port>> ports_;
   std::vector<std::pair<std::string, live::Gate*>> gates_;
   std::vector<PortLock> locks_;
-  rt::Time question_at_ = rt::never;  // dry run: the first frame that somebody would have to answer
+  rt::Time question_at_ = rt::never;  // dry run: the first frame that a device would have to answer
   std::unique_ptr<places::SlotStore> store_;
   std::unique_ptr<operate::Session> session_;
   std::map<std::string, std::unique_ptr<live::Census>> heard_;  // by bus, while Berth listens before it takes it

@@ -168,7 +168,7 @@ Replied reply_of_own_world(const Options& options, const CommandRequest& request
       Exit::failed, fmt::format("{}: not done within {} s of bus time; give a longer --timeout", request.verb, s));
 }
 
-// Nothing leaves this world, so nobody is asked.
+// Nothing leaves this world, so the user is not asked.
 int dry_in_own_world(const Options& options, CommandRequest request) {
   request.arguments["yes"] = "1";
   std::vector<Recorded> sent;
@@ -196,7 +196,7 @@ int foreseen(const Options& options, const CommandRequest& request) {
   return Exit::done;
 }
 
-// Whoever runs the machine, or this bus of it, at the control socket.
+// The processes that run the machine, or this bus of it, at the control socket.
 std::vector<std::string> control_paths(const Options& options, const design::Machine& machine) {
   if (!options.control.empty()) return {options.control};
   std::vector<std::string> paths{operate::control_path(machine.name)};
@@ -218,8 +218,8 @@ Replied ask_running_up(const Options& options, const CommandRequest& request, co
                                 machine, reply.error(), machine)));
 }
 
-// Who does it: a running `berth up` before all, since one process owns a port; else this process on the machine's
-// ports; else nobody, which the failure of asking says.
+// What does it: a running `berth up` before all, since one process owns a port; else this process on the machine's
+// ports; else none, which the failure of asking says.
 Replied reply_outside(const Options& options, const CommandRequest& request, std::vector<Recorded>& sent) {
   if (options.machine.empty()) return ask_running_up(options, request, options.control);
   auto loaded = design::load_machine(options.machine);
@@ -235,7 +235,7 @@ Replied reply_outside(const Options& options, const CommandRequest& request, std
   return ask_running_up(options, request, paths.front());
 }
 
-// Without a world to throw away: the frames that go out whatever anybody answers; or, on the machine's own ports, what
+// Without a world to throw away: the frames that go out whatever is answered; or, on the machine's own ports, what
 // goes out up to the first question.
 int dry_outside(const Options& options, const CommandRequest& request) {
   std::string problem;

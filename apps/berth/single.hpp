@@ -8,7 +8,7 @@
 
 namespace berth::cli {
 
-/// The reply, which may say no. Failures: no machine file, no such world, nobody who runs.
+/// The reply, which may say no. Failures: no machine file, no such world, no process that runs it.
 [[nodiscard]] tl::expected<operate::CommandReply, Failure> carry_out(const Options& options,
                                                                      operate::CommandRequest request);
 

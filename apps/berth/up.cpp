@@ -40,7 +40,7 @@ void print_frames(const std::vector<Recorded>& frames, bool json) {
   for (const auto& f : frames) print_line(candump_line(f));
 }
 
-// A process for one of several buses leaves the machine's name to whoever runs them all.
+// A process for one of several buses leaves the machine's name to the one that runs them all.
 std::string process_name(Rig& rig, const Options& options) {
   const auto& name = rig.machine().name;
   return rig.loop() != nullptr && !options.bus.empty() ? bus_process(name, options.bus) : name;

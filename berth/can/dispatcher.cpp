@@ -81,7 +81,7 @@ void Dispatcher::refresh() noexcept {
   port_->listen(this, accept_);
 }
 
-// How many ranges begin at `key` or before. Without branches: which way it goes is anybody's guess.
+// How many ranges begin at `key` or before. Without branches: which way it goes cannot be predicted.
 inline std::size_t Dispatcher::after(std::uint32_t key) const noexcept {
   const std::uint32_t* base = firsts_.data();
   std::size_t length = firsts_.size();

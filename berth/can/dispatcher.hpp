@@ -46,7 +46,7 @@ class Confirmation {
   std::uint32_t tag_ = 0;
 };
 
-/// Error state, bus-off and cable, for whoever must act on them.
+/// Error state, bus-off and cable, for a service that must act on them.
 class StatusHandler {
  public:
   virtual void changed(const Status& status, rt::Time at) noexcept = 0;
@@ -76,7 +76,7 @@ class Dispatcher final : private Listener {
   void remove(Handler& handler) noexcept;
   void on_status(StatusHandler* handler) noexcept { status_handler_ = handler; }
 
-  /// Queues a frame that nobody waits for.
+  /// Queues a frame whose end is not waited for.
   Queued send(const Frame& frame) noexcept { return port_->send(frame, 0); }
   /// Queues a frame; `confirmation.sent` is called once when it is on the wire. One frame per confirmation at a time.
   Queued send(const Frame& frame, Confirmation& confirmation) noexcept;

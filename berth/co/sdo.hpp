@@ -1,4 +1,4 @@
-/// What SDO server and client share (CiA 301 §7.2.4; facts page A.7).
+/// What SDO server and client share (CiA 301 §7.2.4; docs/protocols/cia301.md §SDO).
 #pragma once
 
 #include <algorithm>
@@ -148,7 +148,7 @@ inline constexpr std::uint8_t toggle_bit = 0x10;
 inline constexpr std::size_t segment_bytes = 7;
 /// How soon a full port is tried again.
 inline constexpr rt::Duration full_retry = std::chrono::milliseconds(1);
-/// Who collects a sub-block and hears no more of it acknowledges what there is after this part of its time-out.
+/// A receiver of a sub-block that hears no more of it acknowledges what there is after this part of its time-out.
 inline constexpr int block_gap_part = 4;
 
 inline void address(can::Frame& frame, CobId id) noexcept {
@@ -156,7 +156,7 @@ inline void address(can::Frame& frame, CobId id) noexcept {
   frame.extended = id.extended();
 }
 
-/// An SDO frame is a base data frame of exactly 8 bytes; anything else is not heard (CiA 301 §7.2.4.3; hard-cases S16).
+/// An SDO frame is a base data frame of exactly 8 bytes; anything else is not heard (CiA 301 §7.2.4.3; HC1.S16).
 [[nodiscard]] constexpr bool well_formed(const can::Frame& frame) noexcept {
   return frame.size == 8 && !frame.remote && !frame.fd;
 }

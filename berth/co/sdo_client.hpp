@@ -8,7 +8,7 @@
 /// `SdoClient` uses the default channels of all nodes, `SdoChannelClient` one channel of its own (1280h..). Transfers
 /// in different channels run side by side; those in one wait for each other, first come, first served. Destroying an
 /// operation cancels it; a transfer of several frames on its way is then aborted on the bus (0800 0000). An operation
-/// may be begun anywhere, in a callback as well: whoever waits is woken through the executor.
+/// may be begun anywhere, in a callback as well: what waits is woken through the executor.
 #pragma once
 
 #include <algorithm>
@@ -58,7 +58,7 @@ class SdoChannelClient;
 
 /// One transfer; use the derived classes. How it ends otherwise than well (node, index and sub are filled in):
 /// - Errc::aborted: the server refused; detail = abort code
-/// - Errc::timeout: the request was on the wire and nobody answered in time
+/// - Errc::timeout: the request was on the wire and no answer came in time
 /// - Errc::bus: a request never left: bus-off, listen-only, closed port, no other node that acknowledges (detail: 0)
 /// - Errc::mismatch: the answer broke the protocol, or has another length than asked for, or the source or sink
 ///   refused; detail = abort code sent
@@ -271,7 +271,7 @@ class SdoStreamUpload final : public SdoTransfer {
   }
 };
 
-/// Told of answers that nobody asked for.
+/// Told of answers without a request.
 class SdoObserver {
  public:
   /// A second answer to one request: two devices share `node`'s node-ID, or another client uses its channel.

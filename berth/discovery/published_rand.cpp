@@ -27,7 +27,7 @@ Found one(const nodeid::Discovered& d) noexcept {
           .by = Method::rand};
 }
 
-// Those who sit in their slots do not answer (S1.31 step 3).
+// Devices that sit in their slots do not answer (S1.31 step 3).
 rt::Task<Result<void>> tell_who_is_known(nodeid::RandMaster& rand, const Known& known, const Options& options) {
   const rt::Duration pause = options.inhibit;
   for (std::size_t i = 0; i < known.registered.size(); ++i) {

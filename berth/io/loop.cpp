@@ -84,7 +84,7 @@ bool Loop::wait(bool sleep) noexcept {
   for (int i = 0; i < count; ++i) {
     const auto& event = events[static_cast<std::size_t>(i)];
     if (event.data.fd == alarm_) {
-      if (!sleep) set_alarm(rt::never);  // who polls the descriptor shall not find it readable for ever
+      if (!sleep) set_alarm(rt::never);  // a poll of the descriptor shall not find it readable for ever
       continue;
     }
     if (!std::exchange(came, true)) {

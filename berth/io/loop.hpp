@@ -61,7 +61,7 @@ class Loop {
   /// `clock()` itself. Before that the executor's time comes up to the clock, or just before its next timer when that
   /// is overdue: what came in while the process slept counts before the timeout.
   void poll() noexcept { wait(false); }
-  /// Readable while a watched descriptor is ready: to wait for it in a poll of somebody else's.
+  /// Readable while a watched descriptor is ready: to wait for it in another loop's poll.
   [[nodiscard]] int descriptor() const noexcept { return epoll_; }
 
  private:

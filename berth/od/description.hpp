@@ -40,7 +40,7 @@ enum class Access : std::uint8_t { ro, wo, rw, rwr, rww, constant };
 inline constexpr std::uint8_t refuse_write_on_download = 1;
 inline constexpr std::uint8_t refuse_read_on_scan = 2;
 
-/// The length word of a value of variable length that is not there (a DOMAIN nobody filled).
+/// The length word of a value of variable length that is not there (a DOMAIN that was not filled).
 inline constexpr std::uint32_t no_value = 0xFFFF'FFFF;
 
 /// One value of the dictionary, 32 bytes. A VAR object has exactly one, sub-index 0.

@@ -344,7 +344,7 @@ Stream* Values::find_stream(ObjectRef ref) const noexcept {
 AbortCode Values::write_whole(Stream& stream, ObjectRef ref, std::span<const std::uint8_t> value) noexcept {
   StreamUse use;
   const AbortCode opened = use.open_write(stream, ref, value.size());
-  // Who must wait before the first byte cannot be served at one go.
+  // A stream that must wait before the first byte cannot be served at one go.
   if (opened == AbortCode::pending) return AbortCode::device_state;
   if (opened != AbortCode::none) return opened;
   if (!value.empty()) {

@@ -1,6 +1,6 @@
 /// The values of one device's object dictionary.
 ///
-/// Two sides use it. The *network* side (SDO server, and whoever acts for it) goes through access rules, limits and
+/// Two sides use it. The *network* side (SDO server, and what acts for it) goes through access rules, limits and
 /// hooks and gets abort codes: `size`, `view`, `read`, `check_write`, `write`. The *local* side (the device's own
 /// services and application) reads and writes what is stored, whatever the access type: `get`, `set`, `bytes`.
 /// No call uses the heap; memory is reserved by the constructor: `Description::value_bytes()` and a few words.
@@ -94,7 +94,7 @@ class Values {
   [[nodiscard]] AbortCode write(ObjectRef ref, std::span<const std::uint8_t> value) noexcept;
   /// Would an upload be let in? Hooks are not asked.
   [[nodiscard]] AbortCode check_read(ObjectRef ref) const noexcept;
-  /// Who transfers this object piece by piece; null: nobody, its value stands here. Ask `check_read` or `check_write`
+  /// What transfers this object piece by piece; null: its value stands here. Ask `check_read` or `check_write`
   /// before. `view` and `size` of such an object are refused with 0601 0000; `read` and `write` go to the stream.
   [[nodiscard]] Stream* stream(ObjectRef ref) const noexcept { return streams_.empty() ? nullptr : find_stream(ref); }
   /// @}

@@ -31,7 +31,7 @@ Executor::~Executor() {
 }
 
 void Executor::unlink_ready(Job& job) noexcept {
-  // NOLINTNEXTLINE(clang-analyzer-core.NullDereference): who is in the ring has neighbours; the analyzer cannot know
+  // NOLINTNEXTLINE(clang-analyzer-core.NullDereference): a job in the ring has neighbours; the analyzer cannot know
   job.ready_prev_->ready_next_ = job.ready_next_;
   job.ready_next_->ready_prev_ = job.ready_prev_;
   job.ready_prev_ = job.ready_next_ = nullptr;

@@ -1,5 +1,5 @@
 /// The one executor. It knows the time it is told, the jobs that wait for a time and the jobs that are ready;
-/// who tells it the time (`sim::World`, `io::Loop`, a fuzzer, a main loop) only calls `next` and `advance`.
+/// what tells it the time (`sim::World`, `io::Loop`, a fuzzer, a main loop) only calls `next` and `advance`.
 ///
 /// One thread. Jobs are intrusive: to queue one never allocates and never fails, and a job that is destroyed
 /// leaves every queue by itself. No job runs inside another: `post` and timers only queue.
@@ -27,7 +27,7 @@ class Executor;
 /// Something to run. Belongs to at most one executor at a time; may be ready and have a timer at once.
 class Job {
  public:
-  /// Called by the executor, never by anyone else. May destroy the job itself.
+  /// Called by the executor, never by others. May destroy the job itself.
   virtual void run() noexcept = 0;
   Job(const Job&) = delete;
   Job& operator=(const Job&) = delete;

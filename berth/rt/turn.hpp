@@ -56,7 +56,7 @@ class Turn {
     bool granted_ = false;
   };
   [[nodiscard]] Take take() noexcept { return Take(*this); }
-  /// Hands it to who has waited longest.
+  /// Hands it to the task that has waited longest.
   void give() noexcept {
     taken_ = first_ != nullptr;
     if (first_ == nullptr) return;

@@ -63,7 +63,7 @@ class World {
     return run_until([&] { return !go_on(); }, limit);
   }
 
-  // Paced: someone else says what time it is.
+  // Paced: the caller says what time it is.
   /// The earliest instant with work; empty when there is none.
   [[nodiscard]] std::optional<rt::Time> next() const noexcept { return executor_.next(); }
   /// Runs the work of one instant, the earliest, if it is not after `until`.

@@ -121,7 +121,7 @@ TEST_F(Command, SdoReadsAndWritesWithTypes) {
   EXPECT_EQ(reply({"sdo", "write", "9", "0x1017", "0", "F4 01"}, 0, true).at("bytes"), "F4 01");
 }
 
-// Issue 12: no bytes are a value, and block transfer can be wanted.
+// No bytes are a value, and block transfer can be wanted.
 TEST_F(Command, SdoOfNoBytesAndByBlockTransfer) {
   EXPECT_EQ(reply({"sdo", "write", "9", "0x1017", "0", "500", "--type", "u16", "--block"}, 0, true).at("bytes"),
             "F4 01");
@@ -525,7 +525,8 @@ TEST(Program, VersionHelpAndScenes) {
   EXPECT_TRUE(contains(berth({"skan"}).err, "did you mean scan?"));
 }
 
-// Facts page G.2: the seventeenth collision; a lone node stays error passive and is never bus-off.
+// docs/protocols/can-frames.md §Arbitration: the seventeenth collision; a lone node stays error passive and is never
+// bus-off.
 TEST(Program, Scenes) {
   const Json two = Json::parse(berth({"sim", "two-with-one-id", "--json"}).out);
   bool both_passive = false;

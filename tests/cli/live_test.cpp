@@ -158,7 +158,7 @@ TEST_F(Live, SingleCommandsOpenThePortWhenNobodyRuns) {
   EXPECT_NE(read.out.find("48"), std::string::npos) << read.out;  // 30h
 }
 
-// Issue 12, part 2: who only looks takes no lock, and needs none. The `up` is at a control socket that `status` does
+// A command that only looks takes no lock, and needs none. The `up` is at a control socket that `status` does
 // not know: as one that is starting, it has its locks and does not answer.
 TEST_F(Live, StatusIsNotHeldUpByAnUpThatStarts) {
   const std::string store = folder.file("slots.db");
@@ -310,7 +310,7 @@ class BesideAQuietNode : public Live {
   const std::string named = "another master: node 100, its 1F80h bit 0 is set";
 };
 
-// Issue 12, part 2: a master with nothing but a heartbeat was taken for a device, and the bus was taken from it.
+// A master with nothing but a heartbeat was taken for a device, and the bus was taken from it.
 TEST_F(BesideAQuietNode, UpDoesNotTakeTheBusOfAMasterThatOnlyBeats) {
   node_100("0x9");
   const std::string record = folder.file("frames.log");

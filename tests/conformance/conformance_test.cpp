@@ -141,7 +141,7 @@ std::vector<fs::path> descriptions(const fs::path& folder) {
   return found;
 }
 
-// Issue 12: a conformance report of a Berth device made from any description has no failure.
+// A conformance report of a Berth device made from any description has no failure.
 TEST(Conformance, NoFailureOfADeviceMadeFromOurDescriptions) {
   const auto files = descriptions(fs::path(test::source_dir()) / "examples" / "eds");
   ASSERT_GE(files.size(), 3U);

@@ -11,7 +11,7 @@ std::string reason_of(Rig& rig) { return rig.network().report().front().reason; 
 
 }  // namespace
 
-// Issue 12: "no heartbeat told ..." hid the EMCY 5000h that explains it.
+// "No heartbeat told ..." hid the EMCY 5000h that explains it.
 TEST(Told, AnEmergencyExplainsWhyADeviceDoesNotBecomeOperational) {
   auto machine = one_bus(125'000);
   add_slot(machine, 3, type_b);
@@ -32,7 +32,7 @@ TEST(Told, AnEmergencyExplainsWhyADeviceDoesNotBecomeOperational) {
       "it was started and no heartbeat told that it is operational; it told an error: EMCY 5000h (device hardware)");
 }
 
-// Issue 12: `nmt preop` after `nmt stop` left "it was made stopped" in the status.
+// `nmt preop` after `nmt stop` left "it was made stopped" in the status.
 TEST(Told, TheReasonFollowsTheNextCommand) {
   auto machine = one_bus(125'000);
   add_slot(machine, 3, type_b);
