@@ -19,6 +19,8 @@ class Turn {
   Turn& operator=(const Turn&) = delete;
 
   [[nodiscard]] bool taken() const noexcept { return taken_; }
+  /// Another waits for it.
+  [[nodiscard]] bool waited_for() const noexcept { return first_ != nullptr; }
 
   class Take final : public Operation<Take> {
    public:
