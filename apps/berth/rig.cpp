@@ -60,16 +60,6 @@ Rig::~Rig() {
   if (!throw_away_.empty()) fs::remove_all(throw_away_, ignored);
 }
 
-namespace {
-
-void warn(const Findings& findings, bool json) {
-  for (const auto& f : findings) {
-    if (f.severity == Finding::Severity::warning && !json) print_error(to_string(f));
-  }
-}
-
-}  // namespace
-
 tl::expected<void, Failure> Rig::read(const Options& options, const Sources& sources) {
   auto machine = sources.machine_text.empty()
                      ? design::load_machine(sources.machine_name)
