@@ -160,7 +160,7 @@ tl::expected<Learnt, Failure> learn(Rig& rig, const Options& options, const Adop
   const design::Bus& bus = rig.machine().buses.front();
   auto& dispatcher = rig.session().network(bus.name)->dispatcher();
   live::Census census(dispatcher);
-  Interrupt interrupt;
+  Interrupt& interrupt = rig.interrupt();
   bool over = false;
   pass(rig, adopt.listen, over, interrupt);
   const live::Gate& gate = *rig.gate(bus.name);
