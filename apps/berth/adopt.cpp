@@ -185,6 +185,7 @@ tl::expected<Learnt, Failure> learn(Rig& rig, const Options& options, const Adop
     rt::Scope scope(rig.world().executor());
     scope.spawn(ask_all(census, ask, problem, over));
     pass(rig, options.timeout.value_or(10min), over, interrupt);
+    if (interrupt.came()) return tl::unexpected(failure(Exit::no, "ended before all were asked; nothing was written"));
     if (!problem.empty()) return tl::unexpected(failure(Exit::failed, fmt::format("bus {}: {}", bus.name, problem)));
   }
   learnt.nodes = census.nodes();
@@ -230,6 +231,12 @@ std::string seed_machine(const Options& options, const AdoptOptions& adopt) {
                      adopt.name, options.bus, adopt.bitrate);
 }
 
+// Nothing of it was there before; left behind, it would keep the next adoption from beginning.
+void take_back(const std::string& file, const std::string& store) {
+  std::error_code ignored;
+  for (const auto& path : {file, store, store + "-wal"}) fs::remove(path, ignored);
+}
+
 std::optional<std::string> problem_with(const std::string& file, const std::string& store) {
   for (const auto& path : {file, store}) {
     if (fs::exists(path)) return path + " is there already; adopt overwrites nothing: name another file";
@@ -271,6 +278,7 @@ int run_adopt(const Options& wanted, const AdoptOptions& adopt) {
   if (!checked.machine) return tell(failure(checked.findings), options.json);
   if (const auto written = write_file(adopt.file, text)) return tell(*written, options.json);
   if (const auto good = write_store(store, adopt.name, learnt->bus, seats); !good) {
+    take_back(adopt.file, store);
     return tell(good.error(), options.json);
   }
   report(*learnt, seats, adopt.file, store, options.json);
