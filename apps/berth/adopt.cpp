@@ -163,6 +163,8 @@ tl::expected<Learnt, Failure> learn(Rig& rig, const Options& options, const Adop
   Interrupt& interrupt = rig.interrupt();
   bool over = false;
   pass(rig, adopt.listen, over, interrupt);
+  // The gate listens for a time of its own before it lets a question out.
+  if (const auto heard = rig.listen_first(); !heard && !adopt.passive) return tl::unexpected(heard.error());
   const live::Gate& gate = *rig.gate(bus.name);
   if (gate.state() == live::GateState::down) {
     return tl::unexpected(failure(Exit::failed, fmt::format("bus {}: {} is down", bus.name, can::to_string(bus.port))));

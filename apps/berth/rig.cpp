@@ -320,7 +320,7 @@ tl::expected<void, Failure> Rig::listen_first() {
 
 tl::expected<void, Failure> Rig::not_ended() {
   if (!interrupt_->came()) return {};
-  return tl::unexpected(failure(Exit::no, "ended before Berth took a bus"));
+  return tl::unexpected(failure(Exit::no, "ended before its work on a bus began"));
 }
 
 tl::expected<void, Failure> Rig::no_foreign_frames() const {

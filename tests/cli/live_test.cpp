@@ -384,6 +384,14 @@ TEST_F(BesideAQuietNode, AnAdoptionThatIsEndedWritesNothing) {
   EXPECT_FALSE(exists(folder.file("adopted.db")));
 }
 
+// It asked before its port let a question out, and failed with "the port is listen-only".
+TEST_F(BesideAQuietNode, AnAdoptionThatListensBrieflyWaitsForItsGate) {
+  node_100("0x9");
+  const Outcome adopt = berth({"adopt", folder.file("adopted.toml"), "--port", "plant:" + socket, "--bus", "line",
+                               "--bitrate", "500000", "--for", "500 ms"});
+  EXPECT_EQ(adopt.status, 0) << adopt.out << adopt.err;
+}
+
 TEST_F(BesideAQuietNode, AnAdoptionThatFailsLeavesNothing) {
   node_100("0x9");
   const std::string file = folder.file("adopted.toml");
