@@ -160,9 +160,11 @@ tl::expected<Learnt, Failure> learn(Rig& rig, const Options& options, const Adop
   const design::Bus& bus = rig.machine().buses.front();
   auto& dispatcher = rig.session().network(bus.name)->dispatcher();
   live::Census census(dispatcher);
-  Interrupt interrupt;
+  Interrupt& interrupt = rig.interrupt();
   bool over = false;
   pass(rig, adopt.listen, over, interrupt);
+  // The gate listens for a time of its own before it lets a question out.
+  if (const auto heard = rig.listen_first(); !heard && !adopt.passive) return tl::unexpected(heard.error());
   const live::Gate& gate = *rig.gate(bus.name);
   if (gate.state() == live::GateState::down) {
     return tl::unexpected(failure(Exit::failed, fmt::format("bus {}: {} is down", bus.name, can::to_string(bus.port))));
@@ -185,6 +187,7 @@ tl::expected<Learnt, Failure> learn(Rig& rig, const Options& options, const Adop
     rt::Scope scope(rig.world().executor());
     scope.spawn(ask_all(census, ask, problem, over));
     pass(rig, options.timeout.value_or(10min), over, interrupt);
+    if (interrupt.came()) return tl::unexpected(failure(Exit::no, "ended before all were asked; nothing was written"));
     if (!problem.empty()) return tl::unexpected(failure(Exit::failed, fmt::format("bus {}: {}", bus.name, problem)));
   }
   learnt.nodes = census.nodes();
@@ -230,6 +233,12 @@ std::string seed_machine(const Options& options, const AdoptOptions& adopt) {
                      adopt.name, options.bus, adopt.bitrate);
 }
 
+// Nothing of it was there before; left behind, it would keep the next adoption from beginning.
+void take_back(const std::string& file, const std::string& store) {
+  std::error_code ignored;
+  for (const auto& path : {file, store, store + "-wal"}) fs::remove(path, ignored);
+}
+
 std::optional<std::string> problem_with(const std::string& file, const std::string& store) {
   for (const auto& path : {file, store}) {
     if (fs::exists(path)) return path + " is there already; adopt overwrites nothing: name another file";
@@ -271,6 +280,7 @@ int run_adopt(const Options& wanted, const AdoptOptions& adopt) {
   if (!checked.machine) return tell(failure(checked.findings), options.json);
   if (const auto written = write_file(adopt.file, text)) return tell(*written, options.json);
   if (const auto good = write_store(store, adopt.name, learnt->bus, seats); !good) {
+    take_back(adopt.file, store);
     return tell(good.error(), options.json);
   }
   report(*learnt, seats, adopt.file, store, options.json);

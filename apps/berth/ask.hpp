@@ -18,8 +18,8 @@ namespace berth::cli {
 /// A person can type here: standard input is a terminal.
 [[nodiscard]] bool someone_types() noexcept;
 
-/// Waits for "y" or "yes" and Enter; anything else is no.
-[[nodiscard]] bool ask_yes(const std::string& question);
+/// Waits for "y" or "yes" and Enter; anything else is no, a signal too.
+[[nodiscard]] bool ask_yes(const std::string& question, Interrupt& interrupt);
 
 /// What is open and how to answer, line by line: the devices are numbered.
 [[nodiscard]] std::vector<std::string> lines_of(const operate::Event& question);

@@ -264,7 +264,7 @@ struct Household {
 };
 
 Done fill(Household& house, const plant::PlantFile& plant, const Ports& ports, const std::set<std::string>& chosen,
-          const DeviceOptions& options) {
+          const DeviceOptions& options, bool as_json) {
   for (const auto& [bus, spec] : ports) {
     house.ports[bus] =
         std::make_unique<BusPorts>(house.loop, spec, io::PortOptions{.bit_rate = options.bit_rate, .bus = bus});
@@ -281,6 +281,7 @@ Done fill(Household& house, const plant::PlantFile& plant, const Ports& ports, c
     house.devices.add(plan, std::move(*port), own != 0 || bus == nullptr ? own : bus->bitrate, random, findings);
   }
   if (has_errors(findings)) return tl::unexpected(failure(findings));
+  warn(findings, as_json);
   return {};
 }
 
@@ -299,7 +300,7 @@ int run_device(const Options& options, const DeviceOptions& wanted) {
   Waker waker;
   Household house(options.json);
   house.loop.watch(interrupt.descriptor(), waker, EPOLLIN);
-  if (const auto filled = fill(house, *file.plant, *ports, *chosen, wanted); !filled) {
+  if (const auto filled = fill(house, *file.plant, *ports, *chosen, wanted, options.json); !filled) {
     return tell(filled.error(), options.json);
   }
   if (!options.state.empty()) {

@@ -305,7 +305,7 @@ int run_doctor(const Options& options, const DoctorOptions& wanted) {
   auto made = Rig::make(own, {options.machine, options.sim, {}, {}});
   if (!made) return tell(made.error(), options.json);
   Rig& rig = **made;
-  Interrupt interrupt;
+  Interrupt& interrupt = rig.interrupt();
   const auto ready = prepare(rig, options);
   if (!ready) return tell(ready.error(), options.json);
   auto patients = patients_of(rig, options, wanted);

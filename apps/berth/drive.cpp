@@ -1,9 +1,7 @@
 #include "drive.hpp"
 
 #include <fmt/format.h>
-#include <signal.h>
 #include <sys/ioctl.h>
-#include <sys/signalfd.h>
 #include <unistd.h>
 
 #include <algorithm>
@@ -16,36 +14,6 @@ namespace berth::cli {
 
 using namespace std::chrono_literals;
 using Clock = std::chrono::steady_clock;
-
-// ---- Interrupt ----
-
-Interrupt::Interrupt() {
-  sigset_t set;
-  sigemptyset(&set);
-  sigaddset(&set, SIGINT);
-  sigaddset(&set, SIGTERM);
-  ::sigprocmask(SIG_BLOCK, &set, nullptr);
-  fd_ = ::signalfd(-1, &set, SFD_NONBLOCK | SFD_CLOEXEC);
-}
-
-Interrupt::~Interrupt() {
-  if (fd_ >= 0) ::close(fd_);
-}
-
-bool Interrupt::came() noexcept {
-  signalfd_siginfo info{};
-  came_ = came_ || ::read(fd_, &info, sizeof info) == static_cast<ssize_t>(sizeof info);
-  return came_;
-}
-
-std::function<bool()> ended_by(std::optional<std::chrono::nanoseconds> after) {
-  const auto end = after ? Clock::now() + *after : Clock::time_point::max();
-  return [end] {
-    sigset_t waiting;
-    ::sigpending(&waiting);
-    return ::sigismember(&waiting, SIGINT) == 1 || ::sigismember(&waiting, SIGTERM) == 1 || Clock::now() >= end;
-  };
-}
 
 // ---- Screen ----
 
@@ -282,7 +250,7 @@ class Pacer {
 
 tl::expected<Ended, Failure> drive(Rig& rig, Ending& ending, Screen& screen, const Options& options,
                                    const DriveOptions& how) {
-  Interrupt interrupt;
+  Interrupt& interrupt = rig.interrupt();
   std::unique_ptr<operate::ControlServer> server;
   if (!how.control.empty()) {
     auto listening = operate::ControlServer::listen(how.control, rig.session());

@@ -2,35 +2,16 @@
 #pragma once
 
 #include <chrono>
-#include <functional>
 #include <map>
 #include <memory>
 #include <optional>
 #include <string>
 
 #include "berth/operate/control.hpp"
+#include "interrupt.hpp"
 #include "rig.hpp"
 
 namespace berth::cli {
-
-/// True when SIGINT or SIGTERM waits to be taken, or `after` is over from now on: what ends a call that takes long.
-[[nodiscard]] std::function<bool()> ended_by(std::optional<std::chrono::nanoseconds> after);
-
-/// Ctrl-C and SIGTERM as a descriptor, so that a run ends cleanly. One at a time.
-class Interrupt {
- public:
-  Interrupt();
-  ~Interrupt();
-  Interrupt(const Interrupt&) = delete;
-  Interrupt& operator=(const Interrupt&) = delete;
-  [[nodiscard]] int descriptor() const noexcept { return fd_; }
-  /// True once a signal came.
-  [[nodiscard]] bool came() noexcept;
-
- private:
-  int fd_ = -1;
-  bool came_ = false;
-};
 
 /// The lines of a run: on a terminal above a live slot table, else plain.
 class Screen {

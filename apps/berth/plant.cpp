@@ -33,6 +33,7 @@ tl::expected<std::unique_ptr<plant::World>, Failure> world_of(const Options& opt
   Findings findings;
   auto world = plant::World::make(*file.plant, *rates, findings);
   if (!world) return tl::unexpected(failure(findings));
+  warn(findings, options.json);
   if (options.state.empty()) return world;
   const auto kept = world->keep_state(options.state);
   if (kept) return world;

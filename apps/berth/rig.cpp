@@ -44,6 +44,7 @@ Rig::Made Rig::make(const Options& options, const Sources& sources) {
   std::unique_ptr<Rig> rig(new Rig);
   if (auto good = rig->read(options, sources); !good) return tl::unexpected(good.error());
   if (auto good = rig->build_world(options); !good) return tl::unexpected(good.error());
+  rig->interrupt_.emplace();
   if (auto good = rig->open_store(options); !good) return tl::unexpected(good.error());
   if (auto good = rig->open_session(options); !good) return tl::unexpected(good.error());
   return rig;
@@ -59,16 +60,6 @@ Rig::~Rig() {
   std::error_code ignored;
   if (!throw_away_.empty()) fs::remove_all(throw_away_, ignored);
 }
-
-namespace {
-
-void warn(const Findings& findings, bool json) {
-  for (const auto& f : findings) {
-    if (f.severity == Finding::Severity::warning && !json) print_error(to_string(f));
-  }
-}
-
-}  // namespace
 
 tl::expected<void, Failure> Rig::read(const Options& options, const Sources& sources) {
   auto machine = sources.machine_text.empty()
@@ -320,10 +311,16 @@ tl::expected<void, Failure> Rig::listen_first() {
   constexpr rt::Duration slack = std::chrono::seconds(1);  // a port that was just opened comes up
   const rt::Time end = world_->executor().now() + longest + slack;
   const auto undecided = [](const auto& entry) { return !entry.second->decided(); };
-  while (std::ranges::any_of(gates_, undecided) && world_->executor().now() < end) {
+  while (std::ranges::any_of(gates_, undecided) && world_->executor().now() < end && !interrupt_->came()) {
     loop_->turn(std::chrono::milliseconds(50));
   }
+  if (auto goes_on = not_ended(); !goes_on) return goes_on;
   return no_foreign_frames();
+}
+
+tl::expected<void, Failure> Rig::not_ended() {
+  if (!interrupt_->came()) return {};
+  return tl::unexpected(failure(Exit::no, "ended before its work on a bus began"));
 }
 
 tl::expected<void, Failure> Rig::no_foreign_frames() const {
@@ -362,7 +359,7 @@ std::string Rig::quiet_masters(const design::Bus& bus, live::Census& census) {
     rt::Scope scope(world_->executor());
     scope.spawn(ask_whether_masters(census, ask, over));
     const auto shut = [&] { return gate(bus.name)->state() != live::GateState::open; };
-    while (!over && !shut() && !dry_run_over()) loop_->turn(std::chrono::milliseconds(50));
+    while (!over && !shut() && !dry_run_over() && !interrupt_->came()) loop_->turn(std::chrono::milliseconds(50));
   }
   std::string text;
   for (const auto& node : census.nodes()) {
@@ -385,6 +382,7 @@ tl::expected<void, Failure> Rig::ask_strangers() {
     const std::string masters = quiet_masters(bus, *census->second);
     if (!masters.empty()) problem += (problem.empty() ? "" : "\n") + masters;
   }
+  if (auto goes_on = not_ended(); !goes_on) return goes_on;
   if (problem.empty()) return no_foreign_frames();
   return tl::unexpected(failure(
       Exit::no, problem + "\nBerth does not take its bus. End that master; or use the bus as role = "

@@ -4,6 +4,7 @@
 #include <cstdio>
 #include <map>
 #include <memory>
+#include <optional>
 #include <string>
 #include <string_view>
 #include <tl/expected.hpp>
@@ -15,6 +16,7 @@
 #include "berth/live/gate.hpp"
 #include "berth/operate/session.hpp"
 #include "berth/plant/world.hpp"
+#include "interrupt.hpp"
 #include "options.hpp"
 #include "output.hpp"
 #include "ports.hpp"
@@ -50,6 +52,8 @@ class Rig {
   [[nodiscard]] const plant::PlantFile& plant() const noexcept { return plant_; }
   [[nodiscard]] plant::World& world() noexcept { return *world_; }
   [[nodiscard]] operate::Session& session() noexcept { return *session_; }
+  /// The signals that end a command: in place before the store is opened.
+  [[nodiscard]] Interrupt& interrupt() noexcept { return *interrupt_; }
   /// A bus at least is outside this process (a real port, or a `berth plant` in another process): real time only, by
   /// this loop. The world has those buses alone that are simulated here. Null: all of them are.
   [[nodiscard]] io::Loop* loop() noexcept { return loop_.get(); }
@@ -59,7 +63,8 @@ class Rig {
   /// Keeps the frames that Berth sends from now on.
   void record_sent(std::vector<Recorded>& into) { sent_ = &into; }
   /// Waits until every gate has listened long enough (nothing to wait for on simulated buses). Refused, status 1, when
-  /// another master is on a bus: which, and by which frames. A port that is down is no failure here.
+  /// another master is on a bus: which, and by which frames; and when a signal came. A port that is down is no failure
+  /// here.
   [[nodiscard]] tl::expected<void, Failure> listen_first();
   /// Asks the nodes that were heard meanwhile and belong to no slot whether they are NMT masters, however quiet (1F80h
   /// bit 0, CiA 302-2), on every bus outside this process whose master Berth is to be. Refused as by `listen_first`.
@@ -90,6 +95,7 @@ class Rig {
   [[nodiscard]] std::unique_ptr<can::Port> guard(const design::Bus& bus, can::Port& port, const Options& options);
   void gate_changed(const std::string& bus, const live::Gate& gate);
   [[nodiscard]] tl::expected<void, Failure> no_foreign_frames() const;
+  [[nodiscard]] tl::expected<void, Failure> not_ended();
   [[nodiscard]] std::string quiet_masters(const design::Bus& bus, live::Census& census);
   void recorded(const Recorded& frame);
 
@@ -99,6 +105,7 @@ class Rig {
   std::FILE* log_ = nullptr;
   bool log_failed_ = false;
   std::string throw_away_;  // folder of a copied store
+  std::optional<Interrupt> interrupt_;
   std::unique_ptr<plant::World> world_;
   bool outside_ = false;  // a bus is outside this process
   std::unique_ptr<io::Loop> loop_;

@@ -117,6 +117,7 @@ Made plant_buses(const Options& options, const ServeOptions& serve) {
   Findings findings;
   auto world = plant::World::make(*file.plant, rates, findings);
   if (!world) return tl::unexpected(failure(findings));
+  warn(findings, options.json);
   if (!options.state.empty()) {
     const auto kept = world->keep_state(options.state);
     if (!kept)

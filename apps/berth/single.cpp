@@ -84,11 +84,12 @@ tl::expected<void, Failure> prepare(Rig& rig, const Options& options) {
 
 // Until it is over, `limit` of the bus's time went by, or a person ended it.
 void pass_until(Rig& rig, const bool& over, rt::Duration limit) {
+  Interrupt& interrupt = rig.interrupt();
   if (rig.loop() == nullptr) {
-    rig.world().sim().run_until([&] { return over; }, limit);
+    unsigned looks = 0;
+    rig.world().sim().run_until([&] { return over || (++looks % 256 == 0 && interrupt.came()); }, limit);
     return;
   }
-  Interrupt interrupt;
   const auto end = rig.world().executor().now() + limit;
   while (!over && rig.world().executor().now() < end && !rig.dry_run_over() && !interrupt.came()) {
     rig.loop()->turn(50ms);
@@ -163,6 +164,7 @@ Replied reply_of_own_world(const Options& options, const CommandRequest& request
     reply.json = R"({"result": "what comes next depends on the answer"})";
     return reply;
   }
+  if (rig.interrupt().came()) return operate::refusal(Exit::failed, request.verb + ": ended before it was done");
   const double s = std::chrono::duration<double>(limit).count();
   return operate::refusal(
       Exit::failed, fmt::format("{}: not done within {} s of bus time; give a longer --timeout", request.verb, s));
@@ -265,7 +267,7 @@ int run_single(const Options& options, CommandRequest request) {
   if (reply && wants_yes(*reply) && may_ask(options)) {
     print_lines(reply->lines);
     print_line(reply->error);
-    if (!ask_yes("Do it?")) return Exit::no;
+    if (Interrupt interrupt; !ask_yes("Do it?", interrupt)) return Exit::no;
     request.arguments["yes"] = "1";
     Options sure = options;
     sure.yes = true;

@@ -63,7 +63,7 @@ bool confirmed(Rig& rig, const Options& options) {
   if (options.yes || !rig.first_start()) return true;
   if (options.json || !someone_types()) return false;
   print_line(first_start_text(rig));
-  return ask_yes("Start it?");
+  return ask_yes("Start it?", rig.interrupt());
 }
 
 Failure unconfirmed(Rig& rig) {
