@@ -2,6 +2,7 @@
 
 #include <algorithm>
 #include <cassert>
+#include <utility>
 
 namespace berth::can {
 Handler::~Handler() {
@@ -148,10 +149,16 @@ void Dispatcher::withdraw(Confirmation& confirmation) noexcept {
 }
 
 void Dispatcher::sent(std::uint32_t tag, rt::Time at) noexcept {
-  const auto it = std::ranges::find(waiting_, tag, [](const Confirmation* c) { return c->tag_; });
-  if (it == waiting_.end()) return;
-  Confirmation& confirmation = **it;
-  waiting_.erase(it);
+  // Few frames wait at a time, and their order means nothing.
+  for (auto& place : waiting_) {
+    if (place->tag_ != tag) continue;
+    Confirmation& confirmation = *std::exchange(place, waiting_.back());
+    waiting_.pop_back();
+    return confirm(confirmation, at);
+  }
+}
+
+inline void Dispatcher::confirm(Confirmation& confirmation, rt::Time at) noexcept {
   confirmation.dispatcher_ = nullptr;
   confirmation.tag_ = 0;
   confirmation.sent(at);

@@ -100,6 +100,7 @@ class Dispatcher final : private Listener {
   void erase(std::size_t i) noexcept;
   void refresh() noexcept;
   void forget(Confirmation& confirmation) noexcept;
+  static void confirm(Confirmation& confirmation, rt::Time at) noexcept;
 
   rt::Executor* executor_;
   Port* port_;

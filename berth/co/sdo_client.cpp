@@ -102,7 +102,6 @@ void SdoTransfer::attempt() noexcept {
   if (!begin_anew()) return fail_with(Errc::timeout, 0, "no answer to the SDO request; the source cannot begin anew");
   block_ = wants_block();
   sdo::address(request_, line_->request_);
-  request_.size = 8;
   prepare_initiate();
   send();
 }
@@ -313,8 +312,7 @@ void SdoTransfer::next_segment() noexcept {
     return send();
   }
   if (data_.size() - offset_ > sdo::segment_bytes && !streamed_) {
-    request_.data[0] = static_cast<std::uint8_t>(toggle);
-    std::memcpy(request_.data.data() + 1, data_.data() + offset_, sdo::segment_bytes);
+    sdo::put_segment(request_, static_cast<std::uint8_t>(toggle), data_.data() + offset_);
     offset_ += sdo::segment_bytes;
     return send();
   }
@@ -322,12 +320,12 @@ void SdoTransfer::next_segment() noexcept {
   if (!rest) return refuse(rest.error(), "the source gave no more bytes");
   last_ = rest->size() <= sdo::segment_bytes;
   const auto count = last_ ? rest->size() : sdo::segment_bytes;
-  if (last_) std::memset(request_.data.data() + 1, 0, sdo::segment_bytes);
-  request_.data[0] = static_cast<std::uint8_t>(toggle | ((sdo::segment_bytes - count) << 1U) | (last_ ? 1U : 0U));
+  const auto command = static_cast<std::uint8_t>(toggle | ((sdo::segment_bytes - count) << 1U) | (last_ ? 1U : 0U));
   if (!last_) {
-    std::memcpy(request_.data.data() + 1, rest->data(), sdo::segment_bytes);
-  } else if (count > 0) {
-    std::memcpy(request_.data.data() + 1, rest->data(), count);
+    sdo::put_segment(request_, command, rest->data());
+  } else {
+    sdo::put(request_, command, {});
+    if (count > 0) std::memcpy(request_.data.data() + 1, rest->data(), count);
   }
   consume(count);
   send();

@@ -44,7 +44,6 @@ inline bool SdoServer::respond(const can::Frame& request, can::Frame& answer) no
 bool SdoServer::handle(const can::Frame& request, can::Frame& answer) noexcept {
   if (!sdo::well_formed(request)) return false;
   sdo::address(answer, response_id_);
-  answer.size = 8;
   return respond(request, answer);
 }
 
@@ -89,7 +88,7 @@ std::optional<can::Frame> SdoServer::complete(AbortCode code) noexcept {
 
 std::optional<can::Frame> SdoServer::expire() noexcept {
   if (!busy() || state_ == State::pending) return std::nullopt;
-  can::Frame answer = sdo::make(0, 0);
+  can::Frame answer;
   sdo::address(answer, response_id_);
   if (collecting()) {
     receiver_.give_up();
@@ -180,7 +179,10 @@ AbortCode SdoServer::take(const std::uint8_t* bytes, std::size_t count, bool las
 // ---- upload
 
 bool SdoServer::begin_upload(can::Frame& answer) noexcept {
-  state_ = State::idle;  // `open_read` forgets the rest
+  state_ = State::idle;
+  data_.drop();
+  const auto plain = data_.values().view_plain(ref_);
+  if (plain.size() - 1 < 4) return put_expedited(answer, plain);
   std::span<const std::uint8_t> value;
   const auto code = data_.open_read(ref_, value);
   if (code != AbortCode::none) return abort(answer, code);
@@ -189,7 +191,11 @@ bool SdoServer::begin_upload(can::Frame& answer) noexcept {
 
 bool SdoServer::put_expedited(can::Frame& answer, std::span<const std::uint8_t> value) noexcept {
   std::uint32_t number = 0;
-  for (std::size_t i = value.size(); i-- > 0;) number = number << 8U | value[i];
+  if (value.size() == sizeof number) [[likely]] {
+    number = load_le<std::uint32_t>(value.data());
+  } else {
+    for (std::size_t i = value.size(); i-- > 0;) number = number << 8U | value[i];
+  }
   sdo::put(answer, static_cast<std::uint8_t>(0x43U | ((4U - value.size()) << 2U)), ref_, number);
   return true;
 }
@@ -214,23 +220,22 @@ bool SdoServer::upload_segment(const can::Frame& request, can::Frame& answer) no
   if (state_ != State::upload) return refuse_unknown(request, answer);
   if (!toggled(request)) return abort(answer, AbortCode::toggle_bit);
   if (const std::uint8_t* const bytes = data_.quick_read()) {
-    answer.data[0] = request.data[0] & sdo::toggle_bit;
-    std::memcpy(answer.data.data() + 1, bytes, sdo::segment_bytes);
+    sdo::put_segment(answer, request.data[0] & sdo::toggle_bit, bytes);
     return true;
   }
   const auto window = data_.window(sdo::segment_bytes);
   if (!window) return abort(answer, window.error());
   const bool last = window->size() <= sdo::segment_bytes;
   const auto count = last ? window->size() : sdo::segment_bytes;
-  answer.data[0] = static_cast<std::uint8_t>((request.data[0] & sdo::toggle_bit) |
-                                             ((sdo::segment_bytes - count) << 1U) | (last ? 1U : 0U));
+  const auto command = static_cast<std::uint8_t>((request.data[0] & sdo::toggle_bit) |
+                                                 ((sdo::segment_bytes - count) << 1U) | (last ? 1U : 0U));
   if (last) {
-    std::memset(answer.data.data() + 1, 0, sdo::segment_bytes);
+    sdo::put(answer, command, {});
     if (count > 0) std::memcpy(answer.data.data() + 1, window->data(), count);
     data_.close_read();
     state_ = State::idle;
   } else {
-    std::memcpy(answer.data.data() + 1, window->data(), sdo::segment_bytes);
+    sdo::put_segment(answer, command, window->data());
     data_.consume(sdo::segment_bytes);
   }
   return true;
