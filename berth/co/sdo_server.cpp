@@ -13,6 +13,26 @@ std::optional<can::Frame> SdoServer::handle(const can::Frame& request) noexcept 
   return handle(request, answer) ? std::optional(answer) : std::nullopt;
 }
 
+inline bool SdoServer::put_expedited(can::Frame& answer, std::span<const std::uint8_t> value) noexcept {
+  std::uint32_t number = 0;
+  if (value.size() == sizeof number) [[likely]] {
+    sdo::put(answer, 0x43, ref_, load_le<std::uint32_t>(value.data()));
+    return true;
+  }
+  for (std::size_t i = value.size(); i-- > 0;) number = number << 8U | value[i];
+  sdo::put(answer, static_cast<std::uint8_t>(0x43U | ((4U - value.size()) << 2U)), ref_, number);
+  return true;
+}
+
+inline bool SdoServer::begin_upload(can::Frame& answer) noexcept {
+  state_ = State::idle;
+  if (!data_.streaming()) [[likely]] {
+    const auto plain = data_.values().view_plain(ref_);
+    if (plain.size() - 1 < 4) return put_expedited(answer, plain);
+  }
+  return open_upload(answer);
+}
+
 // What frames mean otherwise than by their command. False: look no further.
 bool SdoServer::respond_in_block(const can::Frame& request, can::Frame& answer, bool& has_answer) noexcept {
   // In a sub-block every first byte but the abort's is a segment number.
@@ -43,7 +63,7 @@ inline bool SdoServer::respond(const can::Frame& request, can::Frame& answer) no
 
 bool SdoServer::handle(const can::Frame& request, can::Frame& answer) noexcept {
   if (!sdo::well_formed(request)) return false;
-  sdo::address(answer, response_id_);
+  answer.set_head(response_key_, 8);
   return respond(request, answer);
 }
 
@@ -80,7 +100,7 @@ bool SdoServer::confirm_or_defer(const can::Frame& request, can::Frame& answer, 
 std::optional<can::Frame> SdoServer::complete(AbortCode code) noexcept {
   if (state_ != State::pending || code == AbortCode::pending) return std::nullopt;
   can::Frame answer = can::Frame::base(0, pending_answer_);
-  sdo::address(answer, response_id_);
+  answer.set_head(response_key_, 8);
   state_ = then_;
   if (code != AbortCode::none) abort(answer, code);
   return answer;
@@ -89,7 +109,7 @@ std::optional<can::Frame> SdoServer::complete(AbortCode code) noexcept {
 std::optional<can::Frame> SdoServer::expire() noexcept {
   if (!busy() || state_ == State::pending) return std::nullopt;
   can::Frame answer;
-  sdo::address(answer, response_id_);
+  answer.set_head(response_key_, 8);
   if (collecting()) {
     receiver_.give_up();
     acknowledge_block(answer);
@@ -178,26 +198,11 @@ AbortCode SdoServer::take(const std::uint8_t* bytes, std::size_t count, bool las
 
 // ---- upload
 
-bool SdoServer::begin_upload(can::Frame& answer) noexcept {
-  state_ = State::idle;
-  data_.drop();
-  const auto plain = data_.values().view_plain(ref_);
-  if (plain.size() - 1 < 4) return put_expedited(answer, plain);
+bool SdoServer::open_upload(can::Frame& answer) noexcept {
   std::span<const std::uint8_t> value;
   const auto code = data_.open_read(ref_, value);
   if (code != AbortCode::none) return abort(answer, code);
   return value.empty() ? answer_upload(answer) : put_expedited(answer, value);
-}
-
-bool SdoServer::put_expedited(can::Frame& answer, std::span<const std::uint8_t> value) noexcept {
-  std::uint32_t number = 0;
-  if (value.size() == sizeof number) [[likely]] {
-    number = load_le<std::uint32_t>(value.data());
-  } else {
-    for (std::size_t i = value.size(); i-- > 0;) number = number << 8U | value[i];
-  }
-  sdo::put(answer, static_cast<std::uint8_t>(0x43U | ((4U - value.size()) << 2U)), ref_, number);
-  return true;
 }
 
 // The object is open: expedited when it fits, else the first of a segmented transfer.

@@ -85,7 +85,7 @@ class Values {
     const Object* const object = description_->find(ref.index);
     if (object == nullptr || hooked(*object)) return {};
     const SubObject* const sub = description_->find(*object, ref.sub);
-    if (sub == nullptr || !readable(sub->access) || sub->variable_length()) return {};
+    if (sub == nullptr || !readable(sub->access) || !sub->fixed) return {};
     return {data_.data() + sub->offset, sub->capacity};
   }
   [[nodiscard]] Answer<std::size_t> size(ObjectRef ref) const noexcept;
