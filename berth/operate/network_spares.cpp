@@ -28,8 +28,8 @@ std::string moment(std::int64_t stamp_ms) {
 }  // namespace
 
 bool Network::is_marked(Mark mark, const LssAddress& device) const {
-  const auto all = store_->marked(mark);
-  return all && std::ranges::find(*all, device, &places::Marked::device) != all->end();
+  const auto marked = store_->is_marked(mark, device);
+  return marked && *marked;
 }
 
 void Network::set_mark(Mark mark, const LssAddress& device, NodeId id, const std::string& reason) {
