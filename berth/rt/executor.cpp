@@ -62,6 +62,7 @@ Job* Executor::meld(Job* a, Job* b) noexcept {
 
 // Two-pass pairing of a list of siblings. What `before_` and `sibling_` of a root say means nothing.
 Job* Executor::combine(Job* first) noexcept {
+  if (first == nullptr || first->sibling_ == nullptr) return first;
   Job* pairs = nullptr;
   while (first != nullptr) {
     Job* const a = first;
@@ -138,14 +139,16 @@ std::optional<Time> Executor::next() const noexcept {
 }
 
 void Executor::make_due_ready() noexcept {
-  drop_lazy();
-  while (root_ != nullptr && root_->due_ <= now_) {
+  while (may_be_due()) {
     Job& job = *root_;
+    if (job.order_ != job.key_order_) {  // was set anew: it may be due later
+      drop_lazy();
+      continue;
+    }
     root_ = combine(job.child_);
     job.child_ = nullptr;
     job.timed_ = false;
     post(job, job.phase_);
-    drop_lazy();
   }
 }
 
