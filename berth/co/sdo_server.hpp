@@ -37,8 +37,8 @@ class SdoServer {
   SdoServer(od::Values& values, std::size_t buffer);
 
   /// Where answers go: 580h + node-ID for the default channel. The request's identifier is not looked at.
-  void set_response_id(CobId id) noexcept { response_id_ = id; }
-  void set_response_id(std::uint32_t id) noexcept { response_id_ = CobId(id); }
+  void set_response_id(CobId id) noexcept { response_key_ = id.key(); }
+  void set_response_id(std::uint32_t id) noexcept { set_response_id(CobId(id)); }
 
   /// Takes a request. True: `answer` is to be sent. Otherwise see whether segments are to be sent now (`sending`).
   [[nodiscard]] bool handle(const can::Frame& request, can::Frame& answer) noexcept;
@@ -92,6 +92,7 @@ class SdoServer {
   bool download_segment(const can::Frame& request, can::Frame& answer) noexcept;
   [[nodiscard]] AbortCode take(const std::uint8_t* bytes, std::size_t count, bool last) noexcept;
   bool begin_upload(can::Frame& answer) noexcept;
+  bool open_upload(can::Frame& answer) noexcept;
   bool answer_upload(can::Frame& answer) noexcept;
   bool put_expedited(can::Frame& answer, std::span<const std::uint8_t> value) noexcept;
   bool upload_segment(const can::Frame& request, can::Frame& answer) noexcept;
@@ -116,7 +117,7 @@ class SdoServer {
   SdoServerData data_;
   sdo::BlockSender sender_;
   sdo::BlockReceiver receiver_;
-  CobId response_id_;
+  std::uint32_t response_key_ = 0;
   ObjectRef ref_;
   State state_ = State::idle;
   State then_ = State::idle;  // after the pending write

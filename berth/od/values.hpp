@@ -80,6 +80,14 @@ class Values {
   /// @{
   /// The value to upload, without a copy; valid until the next access to the same object.
   [[nodiscard]] Answer<std::span<const std::uint8_t>> view(ObjectRef ref) const noexcept;
+  /// The same of a readable scalar without hooks, which most are, in few instructions. Empty: `view` says.
+  [[nodiscard]] std::span<const std::uint8_t> view_plain(ObjectRef ref) const noexcept {
+    const Object* const object = description_->find(ref.index);
+    if (object == nullptr || hooked(*object)) return {};
+    const SubObject* const sub = description_->find(*object, ref.sub);
+    if (sub == nullptr || !readable(sub->access) || !sub->fixed) return {};
+    return {data_.data() + sub->offset, sub->capacity};
+  }
   [[nodiscard]] Answer<std::size_t> size(ObjectRef ref) const noexcept;
   /// Copies the value to `into`; returns its length. `into` too small: out_of_memory 0504 0005.
   [[nodiscard]] Answer<std::size_t> read(ObjectRef ref, std::span<std::uint8_t> into) const noexcept;
@@ -184,7 +192,11 @@ class Values {
                                              std::span<const std::uint8_t> value) noexcept;
   [[nodiscard]] static Answer<std::size_t> read_whole(Stream& stream, ObjectRef ref,
                                                       std::span<std::uint8_t> into) noexcept;
-  [[nodiscard]] bool hooked(const Object& object) const noexcept;
+  [[nodiscard]] bool hooked(const Object& object) const noexcept {
+    if (hooked_.empty()) return false;
+    const auto position = static_cast<std::size_t>(&object - description_->objects_.data());
+    return ((hooked_[position / 64] >> (position % 64)) & 1U) != 0;
+  }
   [[nodiscard]] Answer<std::span<const std::uint8_t>> view_hooked(ObjectRef ref, const SubObject& sub) const noexcept;
   void mark_hooked() noexcept;
   [[nodiscard]] std::size_t slot_of(std::uint32_t index) const noexcept;

@@ -107,8 +107,8 @@ Result<void> SlotTable::clear(Seat& seat, const std::string& reason) {
 }
 
 bool SlotTable::is_marked(Mark mark, const LssAddress& device) const {
-  const auto all = store_->marked(mark);
-  return all && std::ranges::find(*all, device, &places::Marked::device) != all->end();
+  const auto marked = store_->is_marked(mark, device);
+  return marked && *marked;
 }
 
 void SlotTable::set_mark(Mark mark, const LssAddress& device, NodeId id, const std::string& reason) {

@@ -53,6 +53,8 @@ class SlotStore {
   virtual Result<void> unmark(Mark mark, const LssAddress& device, std::string_view reason) = 0;
   /// The devices with this mark, in the order of their addresses.
   virtual Result<std::vector<Marked>> marked(Mark mark) = 0;
+  /// Whether one device has it, in a time that does not grow with their number.
+  virtual Result<bool> is_marked(Mark mark, const LssAddress& device) = 0;
 
   /// Writes that a device is lent a node-ID, before the first frame that does it. The newest of a device counts.
   virtual Result<void> lend(const LentId& lent) = 0;
@@ -90,6 +92,7 @@ class MemoryStore final : public SlotStore {
   Result<void> mark(Mark mark, const LssAddress& device, NodeId id, std::string_view reason) override;
   Result<void> unmark(Mark mark, const LssAddress& device, std::string_view reason) override;
   Result<std::vector<Marked>> marked(Mark mark) override;
+  Result<bool> is_marked(Mark mark, const LssAddress& device) override { return marks_.contains({mark, device}); }
   Result<void> lend(const LentId& lent) override;
   Result<void> give_back(const LssAddress& device) override;
   Result<std::vector<LentId>> lent() override;

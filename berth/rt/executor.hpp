@@ -81,7 +81,11 @@ class Executor {
   [[nodiscard]] Time now() const noexcept { return now_; }
 
   /// Makes `job` ready: it runs after the current job returned, in the order of posting. Already ready: nothing.
-  void post(Job& job, Phase phase = Phase::node) noexcept;
+  void post(Job& job, Phase phase = Phase::node) noexcept {
+    if (job.ready()) return;
+    Job& anchor = phase == Phase::node ? static_cast<Job&>(node_) : medium_;
+    link_ready(job, shuffle_ == 0 ? *anchor.ready_prev_ : drawn_place(anchor));
+  }
 
   /// Gives `job` a timer, or moves the one it has. Moving it later is O(1). A time not after `now()` is due at once,
   /// and still only after the current job returned. Equal times fire in the order in which they were set, a timer that
@@ -122,7 +126,19 @@ class Executor {
   void drop_lazy() noexcept;
   void make_due_ready() noexcept;
   void run_one(Job& anchor) noexcept;
+  [[nodiscard]] Job& drawn_place(Job& anchor) noexcept;
+  static void link_ready(Job& job, Job& after) noexcept {
+    job.ready_prev_ = &after;
+    job.ready_next_ = after.ready_next_;
+    after.ready_next_->ready_prev_ = &job;
+    after.ready_next_ = &job;
+  }
   static void unlink_ready(Job& job) noexcept;
+  [[nodiscard]] bool has_ready() const noexcept {
+    return node_.ready_next_ != &node_ || medium_.ready_next_ != &medium_;
+  }
+  /// Some timer may be due: a key is never after its timer's time.
+  [[nodiscard]] bool may_be_due() const noexcept { return root_ != nullptr && root_->key_ <= now_; }
 
   Time now_{};
   std::uint64_t order_ = 0;

@@ -267,6 +267,22 @@ TEST_F(Client, S15_ForeignAnswersAreIgnored) {
   EXPECT_EQ(*op.await_resume(), 0x00020192U);
 }
 
+// The timer is the channel's and stays when a transfer ends: it must not end the next one before its own time.
+TEST_F(Client, TheTimeOfTheTransferBeforeIsNotTheNextOnes) {
+  reply("605#4000100000000000", {"585#4300100092010200"});
+  auto first = client.read<std::uint32_t>(node, 0x1000, 0);
+  ASSERT_TRUE(await(*this, first));
+  run(900ms);
+  auto second = client.read<std::uint32_t>(node, 0x1001, 0);  // is not answered
+  Flag flag;
+  second.begin(executor, flag);
+  run(950ms);  // the first one's time of 1 s ended meanwhile
+  EXPECT_FALSE(flag.set);
+  run(100ms);
+  ASSERT_TRUE(flag.set);
+  EXPECT_EQ(second.await_resume().error().code, Errc::timeout);
+}
+
 // HC1.S15: the answer to a request that was given up comes while the next one is on its way. An answer outranks the
 // next request, so what is heard before the request's confirmation is not its answer.
 TEST_F(Client, S15_LateAnswerOfTheSameObjectBeforeTheFence) {
