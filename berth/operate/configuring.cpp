@@ -111,95 +111,113 @@ rt::Task<Result<Wanted>> Configuring::wanted_of(Seat& seat) {
   co_return all;
 }
 
-// True: the device has its configuration, in use, and may be started. Else the slot's state says why not.
-rt::Task<bool> Configuring::configure(Seat& seat, ConfigurationReport& report) {
+// One configuration of one device, and how far it has come.
+struct Configuring::Attempt {
+  const Wanted& wanted;
+  Configurator& looking;
+  ConfigurationReport& report;
+  ConfiguratorOptions options;
+  bool verifies = false;  ///< it was switched off and on to have what it saved
+  unsigned number = 1;
+};
+
+bool Configuring::may_be_configured(Seat& seat) {
   if (!seat.configuration) {
     seat.stuck = true;
     slots_.set_state(seat, SlotState::failed, seat.unreadable);
-    co_return false;
+    return false;
   }
-  if (seat.failed_savings >= most_attempts) {
-    seat.stuck = true;
-    slots_.set_state(
-        seat, SlotState::failed,
-        fmt::format("it failed to save its configuration {} times and is not asked again, for its memory's sake; "
-                    "`berth configure` does",
-                    most_attempts));
-    co_return false;
-  }
+  if (seat.failed_savings < most_attempts) return true;
+  seat.stuck = true;
+  slots_.set_state(
+      seat, SlotState::failed,
+      fmt::format("it failed to save its configuration {} times and is not asked again, for its memory's sake; "
+                  "`berth configure` does",
+                  most_attempts));
+  return false;
+}
+
+rt::Task<bool> Configuring::configure(Seat& seat, ConfigurationReport& report) {
+  const bool may = may_be_configured(seat);
+  if (!may) co_return false;
   slots_.set_state(seat, SlotState::configuring, "comparing with " + short_name(seat.slot.spec.config));
   const auto wanted = co_await wanted_of(seat);
   if (!wanted) {
     slots_.set_state(seat, SlotState::failed, "not configured: " + describe(wanted.error()));
     co_return false;
   }
-  ConfiguratorOptions options = configurator_options(s_.bus.timing);
   const NodeId id = seat.id();
   co::NodeAccess values(s_.sdo, id);
-  Configurator looking(values, values, *wanted, options);
+  Configurator looking(values, values, *wanted, configurator_options(s_.bus.timing));
   const bool waits = co_await waits_for_power(seat, looking, *wanted);
   if (waits) co_return false;
-  const bool verifies = is_in(seat.slot.record, Configured::Stage::power_cycle, *wanted);
-  options.write = !verifies;
-  options.trust_date = !verifies && !was_begun(seat.slot.record);
-  options.save_anyway = is_in(seat.slot.record, Configured::Stage::writing, *wanted);
+  Attempt attempt{*wanted, looking, report, configurator_options(s_.bus.timing)};
+  attempt.verifies = is_in(seat.slot.record, Configured::Stage::power_cycle, *wanted);
+  attempt.options.write = !attempt.verifies;
+  attempt.options.trust_date = !attempt.verifies && !was_begun(seat.slot.record);
+  attempt.options.save_anyway = is_in(seat.slot.record, Configured::Stage::writing, *wanted);
   seat.waits_since.reset();
-  const Wanted& all = *wanted;
-  for (unsigned attempt = 1;; ++attempt) {
-    const bool good = co_await configure_once(seat, all, options, report);
-    const bool restarted = !good && report.failure && report.failure->why == manager::Failure::Why::restarted;
-    if (restarted && attempt < most_attempts) {
-      co_await asker_->ask_seat(seat);  // another device may have come under this node-ID
-      if (!seat.there || seat.started) co_return false;
-      continue;
-    }
-    if (!good) co_return false;
-    if (verifies && !report.differences.empty()) {
-      forgot(seat, report, all);
-      co_return false;
-    }
-    const bool changed = report.changed() || report.saved != Saved::no_need;
-    const Activate activate = changed ? seat.slot.spec.activate : Activate::at_once;
-    const bool unsure = report.saved == Saved::unanswered;
-    if (activate != Activate::at_once && report.saved == Saved::cannot) {
-      seat.stuck = true;
-      slots_.set_state(
-          seat, SlotState::failed,
-          "its configuration is in use only after a restart, says the machine file, and it cannot save it");
-      co_return false;
-    }
-    const bool resets = (unsure || activate == Activate::reset) && s_.may_command() && attempt < most_attempts;
-    if (activate == Activate::power_cycle && !unsure) {
-      const std::string reason = "its configuration is saved; switch the device off and on";
-      co_await wait_for_power(seat, looking, all, reason);
-      co_return false;
-    }
-    if (!unsure && activate == Activate::at_once) break;
-    if (!resets) {
-      const std::string reason = unsure ? "it did not answer the saving of its configuration; switch it off and on"
-                                        : "its configuration is saved; reset the device, or switch it off and on";
-      co_await wait_for_power(seat, looking, all, reason);
-      co_return false;
-    }
-    slots_.set_state(seat, SlotState::configuring,
-                     unsure ? "it did not answer the saving: it is reset to see what it has saved"
-                            : "it is reset to take its configuration into use");
-    // Some answer first and save then: the reset before came too early for them.
-    if (attempt > 1) co_await rt::sleep_for(s_.bus.timing.save_timeout / 4);
-    const bool back = co_await reset_and_wait(seat);
-    if (!back) co_return false;
-    options.trust_date = false;
-    options.save_anyway = false;
-  }
+  Next next = Next::again;
+  for (; next == Next::again; ++attempt.number) next = co_await try_once(seat, attempt);
+  if (next == Next::not_now) co_return false;
   seat.checked = s_.executor.now();
-  const bool noted = note(seat, Configured::Stage::done, all);
+  const bool noted = note(seat, Configured::Stage::done, *wanted);
   if (!noted) {
     slots_.set_state(seat, SlotState::failed, "the slot table cannot be written");
     co_return false;
   }
-  slots_.tell("configured", seat.name(), summary(report, all.file));
+  slots_.tell("configured", seat.name(), summary(report, wanted->file));
   slots_.set_state(seat, SlotState::present);
   co_return true;
+}
+
+rt::Task<Configuring::Next> Configuring::try_once(Seat& seat, Attempt& attempt) {
+  const ConfigurationReport& report = attempt.report;
+  const bool good = co_await configure_once(seat, attempt.wanted, attempt.options, attempt.report);
+  const bool restarted = !good && report.failure && report.failure->why == manager::Failure::Why::restarted;
+  if (restarted && attempt.number < most_attempts) {
+    co_await asker_->ask_seat(seat);  // another device may have come under this node-ID
+    co_return seat.there && !seat.started ? Next::again : Next::not_now;
+  }
+  if (!good) co_return Next::not_now;
+  if (attempt.verifies && !report.differences.empty()) {
+    forgot(seat, report, attempt.wanted);
+    co_return Next::not_now;
+  }
+  co_return co_await take_into_use(seat, attempt);
+}
+
+rt::Task<Configuring::Next> Configuring::take_into_use(Seat& seat, Attempt& attempt) {
+  const ConfigurationReport& report = attempt.report;
+  const bool changed = report.changed() || report.saved != Saved::no_need;
+  const Activate activate = changed ? seat.slot.spec.activate : Activate::at_once;
+  const bool unsure = report.saved == Saved::unanswered;
+  if (activate != Activate::at_once && report.saved == Saved::cannot) {
+    seat.stuck = true;
+    slots_.set_state(seat, SlotState::failed,
+                     "its configuration is in use only after a restart, says the machine file, and it cannot save it");
+    co_return Next::not_now;
+  }
+  if (!unsure && activate == Activate::at_once) co_return Next::done;
+  const bool resets = (unsure || activate == Activate::reset) && s_.may_command() && attempt.number < most_attempts;
+  const bool by_power = activate == Activate::power_cycle && !unsure;
+  if (by_power || !resets) {
+    std::string reason = "its configuration is saved; reset the device, or switch it off and on";
+    if (by_power) reason = "its configuration is saved; switch the device off and on";
+    if (unsure) reason = "it did not answer the saving of its configuration; switch it off and on";
+    co_await wait_for_power(seat, attempt.looking, attempt.wanted, reason);
+    co_return Next::not_now;
+  }
+  slots_.set_state(seat, SlotState::configuring,
+                   unsure ? "it did not answer the saving: it is reset to see what it has saved"
+                          : "it is reset to take its configuration into use");
+  // Some answer first and save then: the reset before came too early for them.
+  if (attempt.number > 1) co_await rt::sleep_for(s_.bus.timing.save_timeout / 4);
+  const bool back = co_await reset_and_wait(seat);
+  if (!back) co_return Next::not_now;
+  attempt.options.trust_date = false;
+  attempt.options.save_anyway = false;
+  co_return Next::again;
 }
 
 // After its power cycle it does not have what it saved. The next boot-up, or a person, begins anew.

@@ -51,6 +51,11 @@ class Configuring {
   [[nodiscard]] bool rebooted(const Seat& seat) const noexcept;
 
  private:
+  struct Attempt;
+  enum class Next : std::uint8_t { done, again, not_now };
+  [[nodiscard]] bool may_be_configured(Seat& seat);
+  rt::Task<Next> try_once(Seat& seat, Attempt& attempt);
+  rt::Task<Next> take_into_use(Seat& seat, Attempt& attempt);
   rt::Task<bool> configure_once(Seat& seat, const manager::Wanted& wanted, manager::ConfiguratorOptions& options,
                                 manager::ConfigurationReport& report);
   rt::Task<bool> waits_for_power(Seat& seat, manager::Configurator& configurator, const manager::Wanted& wanted);

@@ -41,32 +41,47 @@ rt::Task<void> Presence::prepare() {
   }
 }
 
-// By heartbeat, else SDO 1000h, else guarding; then by identity: another device may sit at the slot's node-ID.
+rt::Task<Presence::Sign> Presence::sign_of_life(NodeId id) {
+  const auto heard = s_.boots.heard(id);
+  const bool beats = heard && s_.executor.now() - *heard <= s_.bus.timing.heartbeat_timeout;
+  if (beats) co_return Sign{true, s_.boots.state(id)};
+  const auto type = co_await s_.sdo.read<std::uint32_t>(id, 0x1000, 0);
+  if (type || type.error().code == Errc::aborted) co_return Sign{true, std::nullopt};
+  const auto guarded = co_await co::probe(s_.dispatcher, id, s_.bus.timing.guard_timeout, s_.bus.timing.tries);
+  if (!guarded) co_return Sign{};
+  co_return Sign{true, guarded->state};
+}
+
 rt::Task<void> Presence::ask_seat(Seat& seat) {
   const NodeId id = seat.id();
   seat.there = false;
-  const auto heard = s_.boots.heard(id);
-  const bool beats = heard && s_.executor.now() - *heard <= s_.bus.timing.heartbeat_timeout;
-  bool alive = beats;
-  if (!alive) {
-    const auto type = co_await s_.sdo.read<std::uint32_t>(id, 0x1000, 0);
-    alive = type.has_value() || type.error().code == Errc::aborted;
-  }
-  std::optional<NmtState> state;
-  if (!alive) {
-    const auto guarded = co_await co::probe(s_.dispatcher, id, s_.bus.timing.guard_timeout, s_.bus.timing.tries);
-    alive = guarded.has_value();
-    if (guarded) state = guarded->state;
-  }
+  const Sign sign = co_await sign_of_life(id);
   seat.checked = s_.executor.now();
-  if (!alive) {
+  if (!sign.alive) {
     slots_.set_state(seat, SlotState::absent,
                      fmt::format("no heartbeat, SDO or guarding answer from node-ID {}; switch the device "
                                  "on, or `berth replace` it",
                                  id.value()));
     co_return;
   }
-  if (beats) state = s_.boots.state(id);
+  const bool own = co_await is_its_own(seat, sign.state);
+  if (!own) co_return;
+  const bool stays = co_await places_.stays_in_place(seat);
+  if (!stays) co_return;
+  seat.there = true;
+  seat.started = sign.state == NmtState::operational || seat.held;
+  if (sign.state != NmtState::operational) {
+    slots_.set_state(seat, SlotState::present);
+    co_return;
+  }
+  s_.heartbeats.supervise(id, s_.bus.timing.heartbeat_timeout);
+  slots_.set_state(seat, SlotState::operational);
+  if (seat.configuration) co_await configuring_.look_at_running(seat);
+}
+
+// False: the slot's state says why, and whether its device is there all the same.
+rt::Task<bool> Presence::is_its_own(Seat& seat, std::optional<NmtState> state) {
+  const NodeId id = seat.id();
   const auto surplus = s_.sdo.surplus(id);
   const auto who = co_await places::Binder::read_identity(s_.sdo, id);
   if (!who) {
@@ -75,34 +90,20 @@ rt::Task<void> Presence::ask_seat(Seat& seat) {
     if (stopped) seat.there = true;
     slots_.set_state(seat, stopped ? SlotState::present : SlotState::absent,
                      stopped ? std::string() : "its identity cannot be read: " + describe(who.error()));
-    co_return;
+    co_return false;
   }
   // The answer of a second device may come a little behind that of the first.
   co_await rt::sleep_for(second_answer);
-  if (s_.sdo.surplus(id) != surplus) {
+  const bool doubled = s_.sdo.surplus(id) != surplus;
+  if (!doubled && *who == seat.slot.record.confirmed->device) co_return true;
+  seat.shared = Doubles::most_tries;
+  agenda_.look_anew = true;
+  if (doubled) {
     slots_.set_state(seat, SlotState::duplicate, "two devices answer under this node-ID; take one of them off the bus");
-    seat.shared = Doubles::most_tries;
-    agenda_.look_anew = true;
-    co_return;
-  }
-  const bool same = *who == seat.slot.record.confirmed->device;
-  if (!same) {
-    seat.shared = Doubles::most_tries;
-    agenda_.look_anew = true;
+  } else {
     slots_.set_state(seat, SlotState::absent, fmt::format("device {} answers under its node-ID", to_string(*who)));
-    co_return;
   }
-  const bool stays = co_await places_.stays_in_place(seat);
-  if (!stays) co_return;
-  seat.there = true;
-  seat.started = state == NmtState::operational || seat.held;
-  if (state == NmtState::operational) {
-    s_.heartbeats.supervise(id, s_.bus.timing.heartbeat_timeout);
-    slots_.set_state(seat, SlotState::operational);
-    if (seat.configuration) co_await configuring_.look_at_running(seat);
-    co_return;
-  }
-  slots_.set_state(seat, SlotState::present);
+  co_return false;
 }
 
 // A bound device that is silent under its node-ID may have lost it, or have another.

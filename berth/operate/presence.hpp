@@ -36,6 +36,13 @@ class Presence final : public SeatAsker {
   rt::Task<bool> take_where_it_is(Seat& seat, LssAddress device);
 
  private:
+  struct Sign {
+    bool alive = false;
+    std::optional<NmtState> state;
+  };
+  rt::Task<Sign> sign_of_life(NodeId id);
+  rt::Task<bool> is_its_own(Seat& seat, std::optional<NmtState> state);
+
   BusServices& s_;
   SlotTable& slots_;
   Agenda& agenda_;
