@@ -3,7 +3,6 @@
 
 #include <fmt/format.h>
 #include <fmt/ranges.h>
-#include <sys/epoll.h>
 
 #include <CLI/CLI.hpp>
 #include <algorithm>
@@ -13,11 +12,13 @@
 #include <set>
 
 #include "berth/device/storage_words.hpp"
+#include "berth/io/loop_driver.hpp"
 #include "berth/io/open_port.hpp"
 #include "berth/plant/port_device.hpp"
 #include "berth/serve/hub.hpp"
-#include "drive.hpp"
+#include "interrupt.hpp"
 #include "output.hpp"
+#include "simulated.hpp"
 #include "time_option.hpp"
 
 namespace berth::cli {
@@ -249,15 +250,10 @@ class PortWatch {
   rt::Time due_{};
 };
 
-class Waker final : public io::Watcher {
- public:
-  void ready(std::uint32_t) noexcept override {}
-};
-
 struct Household {
-  explicit Household(bool json) : loop(executor), voice(executor, json), devices(executor, &voice) {}
+  explicit Household(bool json) : voice(executor, json), devices(executor, &voice) {}
   rt::Executor executor;
-  io::Loop loop;
+  io::LoopDriver driver{executor, port_check};
   Voice voice;
   std::map<std::string, std::unique_ptr<BusPorts>> ports;
   plant::PortDevices devices;
@@ -266,8 +262,8 @@ struct Household {
 Done fill(Household& house, const plant::PlantFile& plant, const Ports& ports, const std::set<std::string>& chosen,
           const DeviceOptions& options) {
   for (const auto& [bus, spec] : ports) {
-    house.ports[bus] =
-        std::make_unique<BusPorts>(house.loop, spec, io::PortOptions{.bit_rate = options.bit_rate, .bus = bus});
+    house.ports[bus] = std::make_unique<BusPorts>(house.driver.loop(), spec,
+                                                  io::PortOptions{.bit_rate = options.bit_rate, .bus = bus});
   }
   Random seeds(plant.seed);
   Findings findings;
@@ -287,19 +283,16 @@ Done fill(Household& house, const plant::PlantFile& plant, const Ports& ports, c
 }  // namespace
 
 int run_device(const Options& options, const DeviceOptions& wanted) {
-  auto file = plant::load_plant(options.sim);
-  if (!file.plant) return tell(failure(file.findings), options.json);
-  if (options.seed) file.plant->seed = *options.seed;
-  const auto ports = read_ports(*file.plant, options, wanted);
+  const auto plant = load_plant(options.sim, options);
+  if (!plant) return tell(plant.error(), options.json);
+  const auto ports = read_ports(*plant, options, wanted);
   if (!ports) return tell(ports.error(), options.json);
-  const auto chosen = choose(*file.plant, *ports, wanted.names);
+  const auto chosen = choose(*plant, *ports, wanted.names);
   if (!chosen) return tell(chosen.error(), options.json);
 
-  Interrupt interrupt;
-  Waker waker;
   Household house(options.json);
-  house.loop.watch(interrupt.descriptor(), waker, EPOLLIN);
-  if (const auto filled = fill(house, *file.plant, *ports, *chosen, wanted); !filled) {
+  Interrupt interrupt(&house.driver.loop());
+  if (const auto filled = fill(house, *plant, *ports, *chosen, wanted); !filled) {
     return tell(filled.error(), options.json);
   }
   if (!options.state.empty()) {
@@ -310,11 +303,11 @@ int run_device(const Options& options, const DeviceOptions& wanted) {
   house.voice.started(options, house.devices, house.ports);
   for (const auto& device : house.devices.all()) device->power(true);
   PortWatch watch(house.devices, house.ports, house.voice);
-  const auto end = wanted.duration ? house.loop.clock() + *wanted.duration : rt::Time::max();
-  while (!interrupt.came() && house.loop.woke() < end) {
-    house.loop.turn(std::min(port_check, end - house.loop.woke()));
-    watch.look(house.loop.woke());
-  }
+  const auto look = [&] {
+    watch.look(house.driver.now());
+    return false;
+  };
+  wait_until(house.driver, interrupt, look, wanted.duration.value_or(rt::Duration::max()));
   house.voice.ended(house.devices, interrupt.came());
   for (const auto& device : house.devices.all()) device->power(false);
   return Exit::done;

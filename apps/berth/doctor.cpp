@@ -12,7 +12,8 @@
 #include "berth/doctor/questions.hpp"
 #include "berth/eds/xdd.hpp"
 #include "berth/rt/scope.hpp"
-#include "drive.hpp"
+#include "interrupt.hpp"
+#include "rig.hpp"
 
 namespace berth::cli {
 namespace {
@@ -49,33 +50,23 @@ doctor::Expected expected_on(const design::Machine& machine, const design::Bus& 
 
 // On a simulated bus, a node of its own.
 tl::expected<std::unique_ptr<can::Port>, Failure> node_on(Rig& rig, const design::Bus& bus) {
-  auto port = rig.world().attach_master(bus.name);
+  auto port = rig.world()->attach_master(bus.name);
   if (port) return std::unique_ptr<can::Port>(std::move(port));
   return tl::unexpected(failure(Exit::failed, fmt::format("the simulated world has no bus \"{}\"", bus.name)));
 }
 
 // A simulated machine: devices boot, and with --up it is brought up first. What the plant file plans behind
 // "operational" does not happen: the machine is looked at as it stands.
-tl::expected<void, Failure> prepare(Rig& rig, const Options& options) {
-  rig.world().start();
-  if (rig.loop() != nullptr) return {};
-  rt::Duration boot{0};
-  for (const auto& device : rig.plant().devices) boot = std::max(boot, device.boot);
-  if (options.bring_up) {
+void prepare(Rig& rig, const Options& options, Interrupt& interrupt) {
+  if (options.bring_up && rig.loop() == nullptr) {
+    rig.power_on();
     rig.session().start();
     const auto limit = options.timeout.value_or(5min);
-    const bool done = rig.world().sim().run_until([&] { return rig.session().operational(); }, limit);
+    const bool done = wait_until(
+        rig.driver(), interrupt, [&] { return rig.session().operational(); }, limit);
     if (!done) print_error("--up: the machine is not operational; it is looked at as it is");
   }
-  rig.world().sim().run_for(boot + settled);
-  return {};
-}
-
-void pass(Rig& rig, rt::Duration time, Interrupt& interrupt) {
-  if (rig.loop() == nullptr) return rig.world().sim().run_for(time);
-  const auto end = rig.world().executor().now() + time;
-  while (rig.world().executor().now() < end && !interrupt.came())
-    rig.loop()->turn(std::min<rt::Duration>(50ms, end - rig.world().executor().now()));
+  rig.power_on_and_boot(settled);
 }
 
 rt::Task<void> question(Patient& patient, unsigned& open) {
@@ -87,14 +78,14 @@ rt::Task<void> question(Patient& patient, unsigned& open) {
 
 void ask_all(Rig& rig, std::vector<Patient>& patients, const Options& options, Interrupt& interrupt) {
   unsigned open = 0;
-  rt::Scope scope(rig.world().executor());
+  rt::Scope scope(rig.driver().executor());
   for (auto& patient : patients) {
     ++open;
     scope.spawn(question(patient, open));
   }
-  const auto limit = rig.world().executor().now() + options.timeout.value_or(5min);
-  while (open > 0 && rig.world().executor().now() < limit && !interrupt.came()) pass(rig, 20ms, interrupt);
-  if (open == 0) return;
+  const bool done = wait_until(
+      rig.driver(), interrupt, [&] { return open == 0; }, options.timeout.value_or(5min));
+  if (done) return;
   for (auto& patient : patients) {
     if (patient.problem.empty()) patient.problem = "bus " + patient.bus->name + ": not all questions could be asked";
   }
@@ -112,7 +103,7 @@ tl::expected<std::vector<Patient>, Failure> patients_of(Rig& rig, const Options&
     }
     Patient p;
     p.bus = &bus;
-    p.outside = rig.outside(bus.name);
+    p.outside = rig.guards().gate(bus.name);
     if (p.outside == nullptr) {
       auto port = node_on(rig, bus);
       if (!port) return tl::unexpected(port.error());
@@ -279,10 +270,10 @@ int run_conformance(Rig& rig, std::vector<Patient>& patients, const Options& opt
   doctor::Conformance report;
   bool over = false;
   {
-    rt::Scope scope(rig.world().executor());
+    rt::Scope scope(rig.driver().executor());
     scope.spawn(examine_node(patient, how, report, over));
-    const auto limit = rig.world().executor().now() + options.timeout.value_or(10min);
-    while (!over && rig.world().executor().now() < limit && !interrupt.came()) pass(rig, 20ms, interrupt);
+    wait_until(
+        rig.driver(), interrupt, [&] { return over; }, options.timeout.value_or(10min));
   }
   if (!over) patient.problem = "not all checks could be made: give a longer --timeout";
   return report_conformance(report, patient, *wanted.conformance, options);
@@ -305,25 +296,24 @@ int run_doctor(const Options& options, const DoctorOptions& wanted) {
   auto made = Rig::make(own, {options.machine, options.sim, {}, {}});
   if (!made) return tell(made.error(), options.json);
   Rig& rig = **made;
-  Interrupt interrupt;
-  const auto ready = prepare(rig, options);
-  if (!ready) return tell(ready.error(), options.json);
+  Interrupt interrupt(rig.loop());
+  prepare(rig, options, interrupt);
   auto patients = patients_of(rig, options, wanted);
   if (!patients) return tell(patients.error(), options.json);
   for (auto& p : *patients) {
-    p.dispatcher = std::make_unique<can::Dispatcher>(rig.world().executor(), p.port ? *p.port : *p.outside);
+    p.dispatcher = std::make_unique<can::Dispatcher>(rig.driver().executor(), p.port ? *p.port : *p.outside);
     p.ear = std::make_unique<doctor::Ear>(*p.dispatcher);
   }
   if (wanted.active) {
-    const auto clear = rig.listen_first();
+    const auto clear = rig.strangers().listen_first();
     if (!clear) return tell(clear.error(), options.json);
   }
   if (wanted.conformance) return run_conformance(rig, *patients, options, wanted, interrupt);
-  const auto began = rig.world().executor().now();
-  pass(rig, listening_time(*patients, wanted), interrupt);
+  const auto began = rig.now();
+  wait_for(rig.driver(), interrupt, listening_time(*patients, wanted));
   for (auto& p : *patients) p.heard = p.ear->heard();
   if (wanted.active) ask_all(rig, *patients, options, interrupt);
-  return report(*patients, rig.world().executor().now() - began, options, wanted);
+  return report(*patients, rig.now() - began, options, wanted);
 }
 
 }  // namespace berth::cli

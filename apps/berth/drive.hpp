@@ -1,36 +1,14 @@
-/// Drives a rig: as fast as possible, or paced to real time with a control socket, until it is to end.
+/// Runs the main job of a rig until it is to end.
 #pragma once
 
 #include <chrono>
-#include <functional>
 #include <map>
-#include <memory>
-#include <optional>
 #include <string>
 
-#include "berth/operate/control.hpp"
+#include "interrupt.hpp"
 #include "rig.hpp"
 
 namespace berth::cli {
-
-/// True when SIGINT or SIGTERM waits to be taken, or `after` is over from now on: what ends a call that takes long.
-[[nodiscard]] std::function<bool()> ended_by(std::optional<std::chrono::nanoseconds> after);
-
-/// Ctrl-C and SIGTERM as a descriptor, so that a run ends cleanly. One at a time.
-class Interrupt {
- public:
-  Interrupt();
-  ~Interrupt();
-  Interrupt(const Interrupt&) = delete;
-  Interrupt& operator=(const Interrupt&) = delete;
-  [[nodiscard]] int descriptor() const noexcept { return fd_; }
-  /// True once a signal came.
-  [[nodiscard]] bool came() noexcept;
-
- private:
-  int fd_ = -1;
-  bool came_ = false;
-};
 
 /// The lines of a run: on a terminal above a live slot table, else plain.
 class Screen {
@@ -83,14 +61,10 @@ class Ending {
   std::map<std::string, Slots> first_;  // who sat in each slot when all were operational first, by bus
 };
 
-/// Runs the rig's session. `paced`: real time and a control socket at `control`; it ends by `--until` or a signal.
-/// Otherwise as fast as possible; it also ends when it is settled.
-struct DriveOptions {
-  bool paced = false;
-  std::string control;  ///< empty: none
-};
 enum class Ended : std::uint8_t { reached, settled, timeout, interrupted };
+/// Runs the rig's session. In real time beside a control socket at `control` (empty: none), and it ends by `--until` or
+/// a signal; in simulated time it also ends when it is settled.
 [[nodiscard]] tl::expected<Ended, Failure> drive(Rig& rig, Ending& ending, Screen& screen, const Options& options,
-                                                 const DriveOptions& how);
+                                                 const std::string& control);
 
 }  // namespace berth::cli

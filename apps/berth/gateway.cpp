@@ -7,13 +7,12 @@
 #include <nlohmann/json.hpp>
 
 #include "berth/operate/report.hpp"
-#include "drive.hpp"
+#include "interrupt.hpp"
 #include "output.hpp"
 #include "time_option.hpp"
 
 namespace berth::cli {
 
-using namespace std::chrono_literals;
 using Json = nlohmann::ordered_json;
 
 tl::expected<std::unique_ptr<GatewayHost>, Failure> GatewayHost::listen(Rig& rig, const std::string& where,
@@ -25,13 +24,11 @@ tl::expected<std::unique_ptr<GatewayHost>, Failure> GatewayHost::listen(Rig& rig
         failure(Exit::usage, fmt::format("gateway at {}: write HOST:PORT, such as 127.0.0.1:7000", where)));
   }
   std::unique_ptr<GatewayHost> host(new GatewayHost);
-  if (rig.loop() == nullptr) host->own_ = std::make_unique<io::Loop>(rig.world().executor());
-  host->loop_ = host->own_ ? host->own_.get() : rig.loop();
   serve::Gateway309Options options;
   options.commands = rights.commands;
   options.confirmed = rights.confirmed;
   options.tell = std::move(say);
-  auto server = serve::Gateway309Server::listen(*host->loop_, *endpoint, rig.session(), std::move(options));
+  auto server = serve::Gateway309Server::listen(*rig.loop(), *endpoint, rig.session(), std::move(options));
   if (!server) return tl::unexpected(failure(Exit::failed, server.error()));
   host->server_ = std::move(*server);
   return host;
@@ -70,28 +67,28 @@ void tell_counters(const serve::Gateway309Counters& c, bool json) {
 
 }  // namespace
 
-int run_gateway(const Options& options, const GatewayOptions& gateway) {
+int run_gateway(const Options& wanted, const GatewayOptions& gateway) {
+  Options options = wanted;
+  options.pace = true;
   auto made = Rig::make(options, {options.machine, options.sim, {}, {}});
   if (!made) return tell(made.error(), options.json);
   Rig& rig = **made;
-  Interrupt interrupt;
+  Interrupt interrupt(rig.loop());
   const auto say = [&](const std::string& text) {
     print_line(options.json ? Json{{"event", text}}.dump(-1, ' ', false, Json::error_handler_t::replace) : text);
   };
   rig.session().on_event([&](const operate::Event& event) { say(operate::to_line(event)); });
-  if (const auto clear = rig.listen_first(); !clear) return tell(clear.error(), options.json);
+  if (const auto clear = rig.strangers().listen_first(); !clear) return tell(clear.error(), options.json);
   auto host = GatewayHost::listen(rig, gateway.listen, {gateway.commands || options.yes, options.yes}, say);
   if (!host) return tell(host.error(), options.json);
   announce(**host, rig.machine(), options.json);
-  rig.world().start();
-  io::Loop& loop = (*host)->loop();
-  const auto end = gateway.duration ? loop.clock() + *gateway.duration : rt::never;
-  while (!interrupt.came() && loop.woke() < end) loop.turn(std::min<rt::Duration>(50ms, end - loop.woke()));
+  rig.power_on();
+  wait_for(rig.driver(), interrupt, gateway.duration.value_or(rt::Duration::max()));
   tell_counters((*host)->counters(), options.json);
   rig.session().on_event({});
   host->reset();
-  return rig.record_kept() ? Exit::done
-                           : tell(failure(Exit::failed, options.record + ": the record could not be written"), false);
+  return rig.record().kept() ? Exit::done
+                             : tell(failure(Exit::failed, options.record + ": the record could not be written"), false);
 }
 
 void add_gateway(CLI::App& app, Options& options, std::function<int()>& action) {

@@ -12,19 +12,19 @@
 #include <nlohmann/json.hpp>
 
 #include "berth/design/machine.hpp"
+#include "berth/io/loop_driver.hpp"
 #include "berth/io/open_port.hpp"
 #include "berth/io/socketcand_protocol.hpp"
-#include "berth/plant/world.hpp"
 #include "berth/serve/hub.hpp"
 #include "berth/serve/socketcand_server.hpp"
-#include "drive.hpp"
+#include "interrupt.hpp"
 #include "output.hpp"
+#include "simulated.hpp"
 #include "time_option.hpp"
 
 namespace berth::cli {
 namespace {
 
-using namespace std::chrono_literals;
 using Json = nlohmann::ordered_json;
 using Done = tl::expected<void, Failure>;
 
@@ -45,7 +45,7 @@ class Buses {
   virtual ~Buses() = default;
   /// In order; no name twice.
   [[nodiscard]] const std::vector<std::string>& names() const noexcept { return names_; }
-  [[nodiscard]] io::Loop& loop() noexcept { return *loop_; }
+  [[nodiscard]] io::LoopDriver& driver() noexcept { return *driver_; }
   virtual void start() {}
   std::unique_ptr<can::Port> attach(const std::string& asked, std::string& why) {
     const bool known = std::ranges::find(names_, asked) != names_.end();
@@ -58,14 +58,14 @@ class Buses {
  protected:
   virtual std::unique_ptr<can::Port> node(const std::string& bus) = 0;
   std::vector<std::string> names_;
-  std::unique_ptr<io::Loop> loop_;
+  std::unique_ptr<io::LoopDriver> driver_;
 };
 
 class PlantBuses final : public Buses {
  public:
   PlantBuses(std::unique_ptr<plant::World> world, bool listen_only)
       : world_(std::move(world)), listen_only_(listen_only) {
-    loop_ = std::make_unique<io::Loop>(world_->executor());
+    driver_ = std::make_unique<io::LoopDriver>(world_->executor());
     for (const auto& bus : world_->sim().buses()) names_.push_back(bus->name());
   }
   void start() override { world_->start(); }
@@ -83,13 +83,13 @@ class PlantBuses final : public Buses {
 
 class PortBuses final : public Buses {
  public:
-  PortBuses() { loop_ = std::make_unique<io::Loop>(executor_); }
+  PortBuses() { driver_ = std::make_unique<io::LoopDriver>(executor_); }
   Done add(const std::string& name, const can::PortSpec& spec, const io::PortOptions& options) {
     if (std::ranges::find(names_, name) != names_.end()) {
       return tl::unexpected(
           failure(Exit::usage, fmt::format("two ports are called {}: write one as NAME={}", name, to_string(spec))));
     }
-    auto port = io::open_port(*loop_, spec, options);
+    auto port = io::open_port(driver_->loop(), spec, options);
     if (!port) return tl::unexpected(failure(Exit::failed, port.error()));
     hubs_[name] = std::make_unique<serve::Hub>(executor_, std::move(*port));
     names_.push_back(name);
@@ -105,24 +105,13 @@ class PortBuses final : public Buses {
 using Made = tl::expected<std::unique_ptr<Buses>, Failure>;
 
 Made plant_buses(const Options& options, const ServeOptions& serve) {
-  auto file = plant::load_plant(serve.plant);
-  if (!file.plant) return tl::unexpected(failure(file.findings));
-  if (options.seed) file.plant->seed = *options.seed;
-  std::vector<plant::BusRate> rates;
-  if (!options.machine.empty()) {
-    const auto machine = design::load_machine(options.machine);
-    if (!machine.machine) return tl::unexpected(failure(machine.findings));
-    for (const auto& bus : machine.machine->buses) rates.push_back({bus.name, bus.bitrate});
-  }
-  Findings findings;
-  auto world = plant::World::make(*file.plant, rates, findings);
-  if (!world) return tl::unexpected(failure(findings));
-  if (!options.state.empty()) {
-    const auto kept = world->keep_state(options.state);
-    if (!kept)
-      return tl::unexpected(failure(Exit::failed, fmt::format("{}: {}", options.state, describe(kept.error()))));
-  }
-  return std::make_unique<PlantBuses>(std::move(world), serve.listen_only);
+  const auto plant = load_plant(serve.plant, options);
+  if (!plant) return tl::unexpected(plant.error());
+  const auto rates = bus_rates(options.machine);
+  if (!rates) return tl::unexpected(rates.error());
+  auto world = make_world(*plant, *rates, serve.plant, options);
+  if (!world) return tl::unexpected(world.error());
+  return std::make_unique<PlantBuses>(std::move(*world), serve.listen_only);
 }
 
 /// What a port's bus is called when nobody says: as its interface, or as on its server.
@@ -210,14 +199,14 @@ int run_serve(const Options& options, const ServeOptions& serve) {
   }
   auto buses = serve.plant.empty() ? port_buses(options, serve) : plant_buses(options, serve);
   if (!buses) return tell(buses.error(), options.json);
-  Interrupt interrupt;
-  io::Loop& loop = (*buses)->loop();
+  io::LoopDriver& driver = (*buses)->driver();
+  Interrupt interrupt(&driver.loop());
   serve::ServerOptions server_options;
   server_options.tell = [json = options.json](const std::string& text) {
     print_line(json ? Json{{"client", text}}.dump() : text);
   };
   auto server = serve::SocketcandServer::listen(
-      loop, *where, [&](const std::string& bus, std::string& why) { return (*buses)->attach(bus, why); },
+      driver.loop(), *where, [&](const std::string& bus, std::string& why) { return (*buses)->attach(bus, why); },
       std::move(server_options));
   if (!server) return tell(failure(Exit::failed, server.error()), options.json);
   (*buses)->start();
@@ -227,8 +216,7 @@ int run_serve(const Options& options, const ServeOptions& serve) {
   } else {
     for (const auto& name : (*buses)->names()) print_line(fmt::format("socketcand://{}/{}", address, name));
   }
-  const auto end = serve.duration ? loop.clock() + *serve.duration : rt::never;
-  while (!interrupt.came() && loop.woke() < end) loop.turn(std::min<rt::Duration>(50ms, end - loop.woke()));
+  wait_for(driver, interrupt, serve.duration.value_or(rt::Duration::max()));
   tell_counters((*server)->counters(), options.json);
   return Exit::done;
 }
