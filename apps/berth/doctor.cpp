@@ -1,7 +1,5 @@
 // `berth doctor`: listens on a machine's buses, asks when it may, and says what is wrong. It joins each bus as a node
 // of its own, in this world or in a plant's in another process, and knows nothing but what its port tells.
-#include "doctor.hpp"
-
 #include <fmt/format.h>
 
 #include <algorithm>
@@ -14,12 +12,21 @@
 #include "berth/rt/scope.hpp"
 #include "interrupt.hpp"
 #include "rig.hpp"
+#include "verbs.hpp"
 
 namespace berth::cli {
 namespace {
 
 using namespace std::chrono_literals;
 using Json = nlohmann::ordered_json;
+
+struct DoctorOptions {
+  std::optional<std::chrono::nanoseconds> listen;  ///< empty: five heartbeat times of the slowest bus, 5 s at least
+  bool active = false;                             ///< LSS questions
+  bool intrusive = false;                          ///< SDO questions too
+  std::optional<unsigned> conformance;             ///< this node is examined instead (docs/doctor.md)
+  std::string eds;                                 ///< its description; empty: its slot's
+};
 
 /// Simulated devices have run so long when the doctor comes: it does not see them boot, as on a machine that runs.
 constexpr rt::Duration settled = 1s;
@@ -279,9 +286,9 @@ int run_conformance(Rig& rig, std::vector<Patient>& patients, const Options& opt
   return report_conformance(report, patient, *wanted.conformance, options);
 }
 
-}  // namespace
-
-int run_doctor(const Options& options, const DoctorOptions& wanted) {
+// Exit status: 0 no findings, 1 findings, 3 a bus could not be reached or asked.
+int run_doctor(const Options& options, DoctorOptions wanted) {
+  wanted.active = wanted.active || wanted.conformance.has_value();
   if (options.machine.empty()) return tell(failure(Exit::usage, "name the machine file: --machine FILE"), options.json);
   if (options.dry_run) {
     return tell(failure(Exit::usage,
@@ -314,6 +321,31 @@ int run_doctor(const Options& options, const DoctorOptions& wanted) {
   for (auto& p : *patients) p.heard = p.ear->heard();
   if (wanted.active) ask_all(rig, *patients, options, interrupt);
   return report(*patients, rig.now() - began, options, wanted);
+}
+
+}  // namespace
+
+void add_doctor(Verb& berth, Options& options) {
+  const auto wanted = std::make_shared<DoctorOptions>();
+  const Verb doctor = berth.add("doctor", "what is wrong on the buses; sends nothing unless it is told to",
+                                [&options, wanted] { return run_doctor(options, *wanted); });
+  machine_words(doctor, options);
+  machine_word(doctor, options);
+  doctor.time("--for", wanted->listen, "how long to listen (default: 5 heartbeat times, at least 5 s)");
+  doctor.flag("--active", wanted->active, "ask by LSS, too");
+  doctor.flag(
+      "--intrusive", [wanted] { wanted->active = wanted->intrusive = true; }, "ask by LSS and SDO, too");
+  doctor
+      .word("--conformance", wanted->conformance,
+            "instead: what CiA 301 wants of this node, paragraph by paragraph, by SDO; changes nothing")
+      .from_to(1, 127)
+      .shown("NODE");
+  doctor.word("--eds", wanted->eds, "with --conformance: its description (default: its slot's)").shown("FILE");
+  doctor.flag("--up", options.bring_up, "with --sim: first bring the machine up");
+  doctor.footer(
+      "Examples:\n  berth doctor machine.toml\n  berth doctor machine.toml --conformance 5 --eds drive.eds\n  berth "
+      "doctor machine.toml --sim plant.toml --up\n"
+      "  berth doctor machine.toml --active --for \"20 s\" --json");
 }
 
 }  // namespace berth::cli

@@ -3,13 +3,12 @@
 
 #include <fmt/format.h>
 
-#include <CLI/CLI.hpp>
 #include <nlohmann/json.hpp>
 
 #include "berth/operate/report.hpp"
 #include "interrupt.hpp"
 #include "output.hpp"
-#include "time_option.hpp"
+#include "verbs.hpp"
 
 namespace berth::cli {
 
@@ -35,6 +34,12 @@ tl::expected<std::unique_ptr<GatewayHost>, Failure> GatewayHost::listen(Rig& rig
 }
 
 namespace {
+
+struct GatewayOptions {
+  std::string listen = "127.0.0.1:7000";
+  std::optional<std::chrono::nanoseconds> duration;
+  bool commands = false;
+};
 
 void announce(const GatewayHost& host, const design::Machine& machine, bool json) {
   if (json) {
@@ -65,8 +70,6 @@ void tell_counters(const serve::Gateway309Counters& c, bool json) {
   if (c.too_many > 0) print_line(fmt::format("{} let go because there were enough", c.too_many));
 }
 
-}  // namespace
-
 int run_gateway(const Options& wanted, const GatewayOptions& gateway) {
   Options options = wanted;
   options.pace = true;
@@ -91,44 +94,33 @@ int run_gateway(const Options& wanted, const GatewayOptions& gateway) {
                              : tell(failure(Exit::failed, options.record + ": the record could not be written"), false);
 }
 
-void add_gateway(CLI::App& app, Options& options, std::function<int()>& action) {
-  const auto gateway = std::make_shared<GatewayOptions>();
-  auto* const sub =
-      app.add_subcommand("gateway", "the machine's buses for scripts and tools by CiA 309-3 (ASCII) over TCP");
-  sub->callback(
-      [&options, &action, gateway] { action = [&options, gateway] { return run_gateway(options, *gateway); }; });
-  sub->footer(
+}  // namespace
+
+void add_gateway(Verb& berth, Options& options) {
+  const auto wanted = std::make_shared<GatewayOptions>();
+  const Verb gateway = berth.add("gateway", "the machine's buses for scripts and tools by CiA 309-3 (ASCII) over TCP",
+                                 [&options, wanted] { return run_gateway(options, *wanted); });
+  gateway.footer(
       "Examples:\n  berth gateway machine.toml --sim plant.toml\n  berth gateway machine.toml --listen 127.0.0.1:7000\n"
       "  printf '[1] 1 5 read 0x1000 0 u32\\n' | nc -N 127.0.0.1 7000\n"
       "Net 1 is the first bus of the machine file. There is no password. On real buses clients may only read unless\n"
       "--commands is given. Beside the main job: berth up machine.toml --gateway 127.0.0.1:7000. docs/gateway.md has "
       "the commands.");
-  sub->add_option("machine,--machine,-m", options.machine, "machine file")->option_text("MACHINE")->required();
-  sub->add_option("--sim", options.sim, "plant file: run on a simulated world, in real time");
-  sub->add_option("--sim-state", options.state, "file that keeps what the simulated devices remember between runs");
-  sub->add_option("--seed", options.seed, "seed of the simulated world, instead of the plant file's");
-  sub->add_option("--port", options.ports, "port of the bus, or BUS=PORT, instead of the machine file's")
-      ->allow_extra_args(false)
-      ->option_text("[BUS=]PORT");
-  sub->add_option("--record", options.record, "write every frame to this file, as candump does");
-  sub->add_option("--listen", gateway->listen, "where to listen (default 127.0.0.1:7000; port 0: any that is free)")
-      ->option_text("HOST:PORT");
-  time_option(
-      *sub, "--for", [gateway](std::chrono::nanoseconds time) { gateway->duration = time; }, "end after this time");
-  sub->add_flag("--commands", gateway->commands,
-                "clients may command a real machine: NMT, SDO download, PDO, LSS; else they only read");
-  sub->add_flag("--yes,-y", options.yes,
-                "--commands, and they may disturb operational devices of it: reset, LSS, store");
-  sub->add_flag("--json", options.json, "JSON objects, one per line");
-  // It needs real time.
-  auto* const up = app.get_subcommand("up");
-  up->add_option_function<std::string>(
-        "--gateway", [&options](const std::string& where) { options.gateway = where, options.pace = true; },
-        "offer the buses by CiA 309-3 there too, such as 127.0.0.1:7000")
-      ->option_text("HOST:PORT")
-      ->excludes("--fast");
-  up->add_flag("--gateway-commands", options.gateway_commands,
-               "clients of --gateway may command a real machine: NMT, SDO download, PDO, LSS; else they only read");
+  gateway.word("machine,--machine,-m", options.machine, "machine file").shown("MACHINE").required();
+  gateway.word("--sim", options.sim, "plant file: run on a simulated world, in real time");
+  plant_words(gateway, options);
+  gateway.word("--port", options.ports, "port of the bus, or BUS=PORT, instead of the machine file's")
+      .one_each()
+      .shown("[BUS=]PORT");
+  gateway.word("--record", options.record, "write every frame to this file, as candump does");
+  gateway.word("--listen", wanted->listen, "where to listen (default 127.0.0.1:7000; port 0: any that is free)")
+      .shown("HOST:PORT");
+  gateway.time("--for", wanted->duration, "end after this time");
+  gateway.flag("--commands", wanted->commands,
+               "clients may command a real machine: NMT, SDO download, PDO, LSS; else they only read");
+  gateway.flag("--yes,-y", options.yes,
+               "--commands, and they may disturb operational devices of it: reset, LSS, store");
+  json_flag(gateway, options, "JSON objects, one per line");
 }
 
 }  // namespace berth::cli

@@ -3,17 +3,10 @@
 
 #include <functional>
 #include <memory>
-#include <optional>
 #include <string>
 
 #include "berth/serve/gateway_309_server.hpp"
-#include "berth/text/quantity.hpp"
-#include "options.hpp"
 #include "rig.hpp"
-
-namespace CLI {
-class App;
-}
 
 namespace berth::cli {
 
@@ -21,12 +14,6 @@ namespace berth::cli {
 struct GatewayRights {
   bool commands = false;   ///< NMT, SDO download, PDO, LSS
   bool confirmed = false;  ///< disturb operational devices
-};
-
-struct GatewayOptions {
-  std::string listen = "127.0.0.1:7000";
-  std::optional<text::Duration> duration;
-  bool commands = false;
 };
 
 /// A gateway to the session of a rig that runs in real time.
@@ -43,9 +30,5 @@ class GatewayHost {
   GatewayHost() = default;
   std::unique_ptr<serve::Gateway309Server> server_;
 };
-
-/// Adds the command, and `--gateway` to `berth up`; `action` becomes what it does.
-void add_gateway(CLI::App& app, Options& options, std::function<int()>& action);
-int run_gateway(const Options& options, const GatewayOptions& gateway);
 
 }  // namespace berth::cli

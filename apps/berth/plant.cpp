@@ -10,6 +10,7 @@
 #include "berth/io/plant_port.hpp"
 #include "interrupt.hpp"
 #include "simulated.hpp"
+#include "verbs.hpp"
 
 namespace berth::cli {
 namespace {
@@ -158,8 +159,6 @@ int run_alone(plant::World& world, const Options& options) {
   return good ? Exit::done : Exit::no;
 }
 
-}  // namespace
-
 int run_plant(const Options& options) {
   auto world = world_of(options);
   if (!world) return tell(world.error(), options.json);
@@ -177,6 +176,23 @@ int run_plant(const Options& options) {
                           : fmt::format("plant {} at {}; Ctrl-C ends it", options.sim, options.control));
   wait_for(driver, interrupt, rt::Duration::max());
   return Exit::done;
+}
+
+}  // namespace
+
+void add_plant(Verb& berth, Options& options) {
+  const Verb plant =
+      berth.add("plant", "a simulated plant: in real time for `berth up` in other processes, or by itself",
+                [&options] { return run_plant(options); });
+  plant.word("plant", options.sim, "plant file").required().shown("PLANT");
+  plant.exactly_one([&options](const Verb& how) {
+    how.word("--listen", options.control, "socket that `port = \"plant:PATH\"` of a machine file names");
+    how.time("--for", options.timeout, "no socket: the plant by itself, so long, as fast as possible");
+  });
+  plant.word("--record", options.record, "with --for: write every frame to this file, as candump -L does");
+  plant.word("--machine", options.machine, "machine file: bit rates of buses that the plant file gives none");
+  plant_words(plant, options);
+  json_flag(plant, options);
 }
 
 }  // namespace berth::cli

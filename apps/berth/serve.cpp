@@ -1,10 +1,7 @@
 // `berth serve`: the buses of a simulated plant in real time, of a machine file, or single ports, offered to other
 // programs by socketcand over TCP.
-#include "serve.hpp"
-
 #include <fmt/format.h>
 
-#include <CLI/CLI.hpp>
 #include <algorithm>
 #include <charconv>
 #include <map>
@@ -20,13 +17,22 @@
 #include "interrupt.hpp"
 #include "output.hpp"
 #include "simulated.hpp"
-#include "time_option.hpp"
+#include "verbs.hpp"
 
 namespace berth::cli {
 namespace {
 
 using Json = nlohmann::ordered_json;
 using Done = tl::expected<void, Failure>;
+
+struct ServeOptions {
+  std::string plant;               ///< plant file; empty: real ports
+  std::vector<std::string> ports;  ///< "NAME=PORT" or "PORT"
+  std::string listen = "127.0.0.1:29536";
+  std::optional<std::chrono::nanoseconds> duration;
+  std::uint32_t bit_rate = 0;
+  bool listen_only = false;
+};
 
 /// "can1", "vcan1" mean the second bus: what socketcand's clients like to ask for.
 std::optional<std::size_t> number_of(std::string_view name) {
@@ -184,8 +190,6 @@ void tell_counters(const serve::ServerCounters& c, bool json) {
   if (c.malformed > 0) print_line(fmt::format("{} commands with wrong words", c.malformed));
 }
 
-}  // namespace
-
 int run_serve(const Options& options, const ServeOptions& serve) {
   const auto where = io::parse_endpoint(serve.listen, io::socketcand_port);
   if (!where) {
@@ -221,35 +225,34 @@ int run_serve(const Options& options, const ServeOptions& serve) {
   return Exit::done;
 }
 
-void add_serve(CLI::App& app, Options& options, std::function<int()>& action) {
-  const auto serve = std::make_shared<ServeOptions>();
-  auto* const sub =
-      app.add_subcommand("serve", "offer buses to other programs by socketcand (python-can, another Berth)");
-  sub->callback([&options, &action, serve] { action = [&options, serve] { return run_serve(options, *serve); }; });
-  sub->footer(
+}  // namespace
+
+void add_serve(Verb& berth, Options& options) {
+  const auto wanted = std::make_shared<ServeOptions>();
+  const Verb serve = berth.add("serve", "offer buses to other programs by socketcand (python-can, another Berth)",
+                               [&options, wanted] { return run_serve(options, *wanted); });
+  serve.footer(
       "Examples:\n  berth serve plant.toml --machine machine.toml\n  berth serve --port slcan:/dev/ttyACM0 --bitrate "
       "125000\n"
       "  berth serve --port socketcan:can0 --listen 0.0.0.0:29536 --for \"1 h\"\n"
       "  berth serve --port backbone=plant:/tmp/plant.sock\n"
       "Clients: can.Bus(interface=\"socketcand\", host=\"127.0.0.1\", port=29536, channel=\"BUS\") of python-can;\n"
       "port = \"socketcand://127.0.0.1:29536/BUS\" in a machine file. can0 is the first bus, can1 the second.");
-  auto* const plant =
-      sub->add_option("plant", serve->plant, "plant file: its buses, simulated in real time")->option_text("PLANT");
-  sub->add_option("--machine", options.machine,
-                  "machine file: with PLANT the bit rates of its buses; alone: its buses' own ports");
-  sub->add_option("--port", serve->ports, "this port, as PORT or NAME=PORT; as often as wanted")
-      ->option_text("[NAME=]PORT")
-      ->allow_extra_args(false)
-      ->excludes(plant);
-  sub->add_option("--bitrate", serve->bit_rate, "bit rate of the ports")->option_text("BIT/S");
-  sub->add_option("--listen", serve->listen, "where to listen (default 127.0.0.1:29536; port 0: any that is free)")
-      ->option_text("HOST:PORT");
-  sub->add_flag("--listen-only", serve->listen_only, "clients hear and cannot send");
-  time_option(
-      *sub, "--for", [serve](std::chrono::nanoseconds time) { serve->duration = time; }, "end after this time");
-  sub->add_option("--sim-state", options.state, "file that keeps what the simulated devices remember between runs");
-  sub->add_option("--seed", options.seed, "seed of the world, instead of the plant file's");
-  sub->add_flag("--json", options.json, "JSON objects, one per line");
+  const Word plant = serve.word("plant", wanted->plant, "plant file: its buses, simulated in real time").shown("PLANT");
+  serve.word("--machine", options.machine,
+             "machine file: with PLANT the bit rates of its buses; alone: its buses' own ports");
+  serve.word("--port", wanted->ports, "this port, as PORT or NAME=PORT; as often as wanted")
+      .shown("[NAME=]PORT")
+      .one_each()
+      .excludes(plant);
+  serve.word("--bitrate", wanted->bit_rate, "bit rate of the ports").shown("BIT/S");
+  serve.word("--listen", wanted->listen, "where to listen (default 127.0.0.1:29536; port 0: any that is free)")
+      .shown("HOST:PORT");
+  serve.flag("--listen-only", wanted->listen_only, "clients hear and cannot send");
+  serve.time("--for", wanted->duration, "end after this time");
+  plant_words(serve, options);
+  json_flag(serve, options, "JSON objects, one per line");
+  real_time_word(serve, options);
 }
 
 }  // namespace berth::cli

@@ -9,6 +9,7 @@
 #include "berth/operate/control.hpp"
 #include "drive.hpp"
 #include "ports.hpp"
+#include "verbs.hpp"
 
 namespace berth::cli {
 namespace {
@@ -113,12 +114,48 @@ int bring_up(const Options& wanted, const Sources& sources) {
   return Exit::no;
 }
 
+namespace {
+
 int run_up(const Options& options) {
   if (options.machine.empty())
     return tell(failure(Exit::usage, "name the machine file: berth up machine.toml"), options.json);
   Options own = options;
   own.makes_store = true;
   return bring_up(own, {options.machine, options.sim, {}, {}});
+}
+
+// It needs real time.
+void gateway_words(const Verb& up, Options& options, const Word& fast) {
+  const auto take = [&options](const std::string& where) { options.gateway = where, options.pace = true; };
+  up.word("--gateway", take, "offer the buses by CiA 309-3 there too, such as 127.0.0.1:7000")
+      .shown("HOST:PORT")
+      .excludes(fast);
+  up.flag("--gateway-commands", options.gateway_commands,
+          "clients of --gateway may command a real machine: NMT, SDO download, PDO, LSS; else they only read");
+}
+
+}  // namespace
+
+Word drive_words(const Verb& verb, Options& options) {
+  verb.word("--until", options.until, "end when this is reached")
+      .one_of(std::vector<std::string>{"operational", "replaced"});
+  const Word pace = verb.flag("--pace", options.pace, "in real time, and stay up until Ctrl-C (on a terminal: always)");
+  Word fast = verb.flag("--fast", options.fast, "as fast as possible, on a terminal too; ends by itself");
+  fast.excludes(pace);
+  verb.word("--listen,--control", options.control, "socket for other commands (default: by the machine's name)");
+  return fast;
+}
+
+void add_up(Verb& berth, Options& options) {
+  const Verb up = berth.add("up", "bring a machine up and keep it running", [&options] { return run_up(options); });
+  machine_words(up, options);
+  machine_word(up, options);
+  const Word fast = drive_words(up, options);
+  up.word("--on-exit", options.on_exit,
+          "to the devices when it ends: leave, preop, stop (default: as the machine file)")
+      .one_of(std::vector<std::string>{"leave", "preop", "stop"});
+  gateway_words(up, options, fast);
+  real_time_word(up, options);
 }
 
 }  // namespace berth::cli
