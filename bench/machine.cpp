@@ -75,7 +75,7 @@ Run run(design::Machine machine, const plant::PlantFile& plant, std::uint32_t bi
 }
 
 /// Commit 1632e8a, where every event copied every slot of the machine: such files by its program, built by g++ 12 -O2,
-/// measured for issue 13 in one session with the first new ones (0.07, 0.40, 2.93, 14.65 s).
+/// measured in one session with the first new ones (0.07, 0.40, 2.93, 14.65 s).
 struct Before {
   unsigned buses;
   double wall;  // seconds

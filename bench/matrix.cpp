@@ -1,5 +1,5 @@
 // The main job at every size, with every kind of device, at every bit rate: the bus time from blank devices to
-// operational (issue 11's matrix; tests/harness/matrix.hpp says what a cell is). The same as ./run matrix, optimised.
+// operational (tests/harness/matrix.hpp says what a cell is). The same as ./run matrix, optimised.
 #include "tests/harness/matrix_run.hpp"
 
 using namespace berth::harness::matrix;

@@ -76,9 +76,9 @@ class Line {
 };
 
 constexpr std::uint64_t timed = 1'000'000;
-constexpr int rounds = 15;  // short ones: the best of them had the machine for itself
+constexpr int rounds = 15;
 constexpr double speed_aim = 25e6;
-constexpr bench::Counted instructions{"instructions each", "--pdos", 50'000, 400, 400};
+constexpr bench::Counted instructions{"instructions each", "--pdos", 50'000, 330, 330};
 
 }  // namespace
 
@@ -91,14 +91,17 @@ int main(int argc, char** argv) {
     return line.run(pdos) ? 0 : 1;
   }
   std::vector<bench::Figure> figures;
-  double best = 0;
+  bench::Rounds measured;
   for (int round = 0; round < rounds; ++round) {
     const bench::Watch watch;
     if (!line.run(timed)) return 1;
-    best = std::max(best, static_cast<double>(timed) / watch.seconds());
+    measured.add(static_cast<double>(timed) / watch.seconds());
   }
-  figures.push_back(bench::at_least("PDOs sent, received and stored", best, speed_aim, "/s"));
+  figures.push_back(bench::at_least("PDOs sent, received and stored", measured, speed_aim, "/s"));
   figures.push_back(bench::count(instructions));
-  bench::print_figures("PDO without a bus", figures);
+  bench::print_figures(
+      "PDO without a bus; one receive entry, one TPDO and one RPDO each, no time-outs; median (minimum to maximum) of "
+      "15",
+      figures);
   return 0;
 }

@@ -25,7 +25,7 @@ namespace fs = std::filesystem;
 struct Learnt {
   std::string bus;
   std::vector<live::NodeSeen> nodes;
-  std::vector<std::string> master;  // who commands it: verdict and evidence
+  std::vector<std::string> master;  // what commands it: verdict and evidence
   NodeId master_id;
   rt::Duration sync{0};
   std::uint64_t frames = 0;
@@ -137,7 +137,7 @@ rt::Task<void> ask_all(live::Census& census, live::CensusOptions options, std::s
   over = true;
 }
 
-// A master that sends nothing but its heartbeat commands nobody while we listen: its objects tell.
+// A master that sends nothing but its heartbeat commands no node while we listen: its objects tell.
 void name_quiet_master(Learnt& learnt) {
   for (const auto& node : learnt.nodes) {
     if (!node.nmt_master || learnt.master_id.configured()) continue;
@@ -152,8 +152,12 @@ tl::expected<Learnt, Failure> learn(Rig& rig, const Options& options, const Adop
   const design::Bus& bus = rig.machine().buses.front();
   auto& dispatcher = rig.session().network(bus.name)->dispatcher();
   live::Census census(dispatcher);
-  Interrupt interrupt(rig.loop());
+  Interrupt& interrupt = rig.interrupt();
   wait_for(rig.driver(), interrupt, adopt.listen);
+  // The gate listens for a time of its own before it lets a question out.
+  if (const auto heard = rig.strangers().listen_first(); !heard && !adopt.passive) {
+    return tl::unexpected(heard.error());
+  }
   const live::Gate& gate = *rig.guards().gate(bus.name);
   if (gate.state() == live::GateState::down) {
     return tl::unexpected(failure(Exit::failed, fmt::format("bus {}: {} is down", bus.name, can::to_string(bus.port))));
@@ -178,6 +182,7 @@ tl::expected<Learnt, Failure> learn(Rig& rig, const Options& options, const Adop
     scope.spawn(ask_all(census, ask, problem, over));
     wait_until(
         rig.driver(), interrupt, [&] { return over; }, options.timeout.value_or(10min));
+    if (interrupt.came()) return tl::unexpected(failure(Exit::no, "ended before all were asked; nothing was written"));
     if (!problem.empty()) return tl::unexpected(failure(Exit::failed, fmt::format("bus {}: {}", bus.name, problem)));
   }
   learnt.nodes = census.nodes();
@@ -223,6 +228,12 @@ std::string seed_machine(const Options& options, const AdoptOptions& adopt) {
                      adopt.name, options.bus, adopt.bitrate);
 }
 
+// Nothing of it was there before; left behind, it would keep the next adoption from beginning.
+void take_back(const std::string& file, const std::string& store) {
+  std::error_code ignored;
+  for (const auto& path : {file, store, store + "-wal"}) fs::remove(path, ignored);
+}
+
 std::optional<std::string> problem_with(const std::string& file, const std::string& store) {
   for (const auto& path : {file, store}) {
     if (fs::exists(path)) return path + " is there already; adopt overwrites nothing: name another file";
@@ -264,6 +275,7 @@ int run_adopt(const Options& wanted, const AdoptOptions& adopt) {
   if (!checked.machine) return tell(failure(checked.findings), options.json);
   if (const auto written = write_file(adopt.file, text)) return tell(*written, options.json);
   if (const auto good = write_store(store, adopt.name, learnt->bus, seats); !good) {
+    take_back(adopt.file, store);
     return tell(good.error(), options.json);
   }
   report(*learnt, seats, adopt.file, store, options.json);

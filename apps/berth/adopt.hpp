@@ -18,7 +18,7 @@ struct AdoptOptions {
   bool everybody = false;  ///< asks node-IDs that are silent, too
 };
 
-/// Exit status: 0 done; 1 nobody was found whose place could be written; 3 the port or a file failed.
+/// Exit status: 0 done; 1 no device was found whose place could be written; 3 the port or a file failed.
 int run_adopt(const Options& options, const AdoptOptions& adopt);
 /// Machine file, the files it names, and the slot table, as one file. Status 1: `to` is there already.
 int run_export(const Options& options, const std::string& to);

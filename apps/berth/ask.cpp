@@ -1,10 +1,13 @@
 #include "ask.hpp"
 
 #include <fmt/format.h>
+#include <poll.h>
 #include <unistd.h>
 
 #include <algorithm>
+#include <array>
 #include <iostream>
+#include <optional>
 
 #include "berth/text/quantity.hpp"
 #include "execute.hpp"
@@ -18,11 +21,24 @@ using operate::Event;
 
 bool someone_types() noexcept { return ::isatty(STDIN_FILENO) == 1; }
 
-bool ask_yes(const std::string& question) {
+namespace {
+
+// Of a terminal, which gives a whole line at once. Nothing: its end, or a signal came.
+std::optional<std::string> typed_line(Interrupt& interrupt) {
+  if (interrupt.came()) return std::nullopt;
+  std::array<pollfd, 2> wait{pollfd{STDIN_FILENO, POLLIN, 0}, pollfd{interrupt.descriptor(), POLLIN, 0}};
+  ::poll(wait.data(), wait.size(), -1);
+  std::string line;
+  if (interrupt.came() || !std::getline(std::cin, line)) return std::nullopt;
+  return line;
+}
+
+}  // namespace
+
+bool ask_yes(const std::string& question, Interrupt& interrupt) {
   fmt::print("{} [y/N] ", question);
   std::fflush(stdout);
-  std::string answer;
-  if (!std::getline(std::cin, answer)) return false;
+  const auto answer = typed_line(interrupt);
   return answer == "y" || answer == "yes";
 }
 
@@ -141,22 +157,22 @@ void Asker::take(const std::string& line) {
 
 // ---- in a world that stands still ----
 
-void ask_here(Rig& rig, Interrupt& interrupt, rt::Duration limit) {
+void ask_here(Rig& rig, rt::Duration limit) {
   for (;;) {
     const auto questions = open_questions(rig.session());
     const auto question = std::ranges::find_if(questions, [](const Event& q) { return !q.devices.empty(); });
     if (question == questions.end()) return;
     print_lines(lines_of(*question));
-    std::string line;
-    if (!std::getline(std::cin, line) || line.empty()) return;
+    const auto line = typed_line(rig.interrupt());
+    if (!line || line->empty()) return;
     std::string problem;
-    const auto request = answer_of(*question, line, problem);
+    const auto request = answer_of(*question, *line, problem);
     if (request.verb.empty()) {
       print_error(problem);
       continue;
     }
     CommandReply reply;
-    if (!execute_in(rig, interrupt, request, reply, limit)) return;
+    if (!execute_in(rig, request, reply, limit)) return;
     if (!reply.error.empty()) print_error(reply.error);
   }
 }

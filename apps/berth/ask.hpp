@@ -17,8 +17,8 @@ namespace berth::cli {
 /// A person can type here: standard input is a terminal.
 [[nodiscard]] bool someone_types() noexcept;
 
-/// Waits for "y" or "yes" and Enter; anything else is no.
-[[nodiscard]] bool ask_yes(const std::string& question);
+/// Waits for "y" or "yes" and Enter; anything else is no, a signal too.
+[[nodiscard]] bool ask_yes(const std::string& question, Interrupt& interrupt);
 
 /// What is open and how to answer, line by line: the devices are numbered.
 [[nodiscard]] std::vector<std::string> lines_of(const operate::Event& question);
@@ -59,13 +59,13 @@ class Asker final : private io::Watcher {
   io::Loop* loop_;
   std::function<void(const std::string&)> say_;
   std::string typed_;
-  bool over_ = false;  // nothing more will be typed
+  bool over_ = false;  // the input has ended
   Reporting reporting_{*this};
   std::vector<std::unique_ptr<Answer>> answers_;
   rt::Scope scope_;  // last: its tasks use the rest
 };
 
-/// Asks until nothing is open or nobody answers; the simulated world stands still meanwhile. For `berth bind`.
-void ask_here(Rig& rig, Interrupt& interrupt, rt::Duration limit);
+/// Asks until nothing is open or no answer comes; the simulated world stands still meanwhile. For `berth bind`.
+void ask_here(Rig& rig, rt::Duration limit);
 
 }  // namespace berth::cli

@@ -264,7 +264,7 @@ struct Household {
 };
 
 Done fill(Household& house, const plant::PlantFile& plant, const Ports& ports, const std::set<std::string>& chosen,
-          const DeviceOptions& options) {
+          const DeviceOptions& options, bool as_json) {
   for (const auto& [bus, spec] : ports) {
     house.ports[bus] = std::make_unique<BusPorts>(house.driver.loop(), spec,
                                                   io::PortOptions{.bit_rate = options.bit_rate, .bus = bus});
@@ -272,7 +272,7 @@ Done fill(Household& house, const plant::PlantFile& plant, const Ports& ports, c
   Random seeds(plant.seed);
   Findings findings;
   for (const auto& plan : plant.devices) {
-    const auto random = seeds.fork();  // the same for a device whoever else is chosen
+    const auto random = seeds.fork();  // the same for a device whatever others are chosen
     if (!chosen.contains(plan.name)) continue;
     auto port = house.ports.at(plan.bus)->next();
     if (!port) return tl::unexpected(port.error());
@@ -281,6 +281,7 @@ Done fill(Household& house, const plant::PlantFile& plant, const Ports& ports, c
     house.devices.add(plan, std::move(*port), own != 0 || bus == nullptr ? own : bus->bitrate, random, findings);
   }
   if (has_errors(findings)) return tl::unexpected(failure(findings));
+  warn(findings, as_json);
   return {};
 }
 
@@ -294,7 +295,7 @@ int run_device(const Options& options, const DeviceOptions& wanted) {
 
   Household house(options.json);
   Interrupt interrupt(&house.driver.loop());
-  if (const auto filled = fill(house, *plant, *ports, *chosen, wanted); !filled) {
+  if (const auto filled = fill(house, *plant, *ports, *chosen, wanted, options.json); !filled) {
     return tell(filled.error(), options.json);
   }
   if (!options.state.empty()) {

@@ -64,13 +64,13 @@ tl::expected<std::unique_ptr<can::Port>, Failure> node_on(Rig& rig, const design
 
 // A simulated machine: devices boot, and with --up it is brought up first. What the plant file plans behind
 // "operational" does not happen: the machine is looked at as it stands.
-void prepare(Rig& rig, const Options& options, Interrupt& interrupt) {
+void prepare(Rig& rig, const Options& options) {
   if (options.bring_up && rig.loop() == nullptr) {
     rig.power_on();
     rig.session().start();
     const auto limit = options.timeout.value_or(5min);
     const bool done = wait_until(
-        rig.driver(), interrupt, [&] { return rig.session().operational(); }, limit);
+        rig.driver(), rig.interrupt(), [&] { return rig.session().operational(); }, limit);
     if (!done) print_error("--up: the machine is not operational; it is looked at as it is");
   }
   rig.power_on_and_boot(settled);
@@ -83,7 +83,7 @@ rt::Task<void> question(Patient& patient, unsigned& open) {
   --open;
 }
 
-void ask_all(Rig& rig, std::vector<Patient>& patients, const Options& options, Interrupt& interrupt) {
+void ask_all(Rig& rig, std::vector<Patient>& patients, const Options& options) {
   unsigned open = 0;
   rt::Scope scope(rig.driver().executor());
   for (auto& patient : patients) {
@@ -91,7 +91,7 @@ void ask_all(Rig& rig, std::vector<Patient>& patients, const Options& options, I
     scope.spawn(question(patient, open));
   }
   const bool done = wait_until(
-      rig.driver(), interrupt, [&] { return open == 0; }, options.timeout.value_or(5min));
+      rig.driver(), rig.interrupt(), [&] { return open == 0; }, options.timeout.value_or(5min));
   if (done) return;
   for (auto& patient : patients) {
     if (patient.problem.empty()) patient.problem = "bus " + patient.bus->name + ": not all questions could be asked";
@@ -265,8 +265,7 @@ int report_conformance(const doctor::Conformance& report, const Patient& patient
   return failed == 0 ? Exit::done : Exit::no;
 }
 
-int run_conformance(Rig& rig, std::vector<Patient>& patients, const Options& options, const DoctorOptions& wanted,
-                    Interrupt& interrupt) {
+int run_conformance(Rig& rig, std::vector<Patient>& patients, const Options& options, const DoctorOptions& wanted) {
   if (patients.size() != 1) return tell(failure(Exit::usage, "of which bus? Give --bus NAME"), options.json);
   Patient& patient = patients.front();
   auto description = description_of(rig, patient, wanted);
@@ -280,7 +279,7 @@ int run_conformance(Rig& rig, std::vector<Patient>& patients, const Options& opt
     rt::Scope scope(rig.driver().executor());
     scope.spawn(examine_node(patient, how, report, over));
     wait_until(
-        rig.driver(), interrupt, [&] { return over; }, options.timeout.value_or(10min));
+        rig.driver(), rig.interrupt(), [&] { return over; }, options.timeout.value_or(10min));
   }
   if (!over) patient.problem = "not all checks could be made: give a longer --timeout";
   return report_conformance(report, patient, *wanted.conformance, options);
@@ -303,8 +302,7 @@ int run_doctor(const Options& options, DoctorOptions wanted) {
   auto made = Rig::make(own, {options.machine, options.sim, {}, {}});
   if (!made) return tell(made.error(), options.json);
   Rig& rig = **made;
-  Interrupt interrupt(rig.loop());
-  prepare(rig, options, interrupt);
+  prepare(rig, options);
   auto patients = patients_of(rig, options, wanted);
   if (!patients) return tell(patients.error(), options.json);
   for (auto& p : *patients) {
@@ -315,11 +313,11 @@ int run_doctor(const Options& options, DoctorOptions wanted) {
     const auto clear = rig.strangers().listen_first();
     if (!clear) return tell(clear.error(), options.json);
   }
-  if (wanted.conformance) return run_conformance(rig, *patients, options, wanted, interrupt);
+  if (wanted.conformance) return run_conformance(rig, *patients, options, wanted);
   const auto began = rig.now();
-  wait_for(rig.driver(), interrupt, listening_time(*patients, wanted));
+  wait_for(rig.driver(), rig.interrupt(), listening_time(*patients, wanted));
   for (auto& p : *patients) p.heard = p.ear->heard();
-  if (wanted.active) ask_all(rig, *patients, options, interrupt);
+  if (wanted.active) ask_all(rig, *patients, options);
   return report(*patients, rig.now() - began, options, wanted);
 }
 

@@ -194,7 +194,7 @@ rt::Duration allowed(const Ending& ending, const Options& options, bool real_tim
 tl::expected<Ended, Failure> drive(Rig& rig, Ending& ending, Screen& screen, const Options& options,
                                    const std::string& control) {
   const bool real_time = rig.loop() != nullptr;
-  Interrupt interrupt(rig.loop());
+  Interrupt& interrupt = rig.interrupt();
   auto beside = serve_beside(rig, screen, options, control);
   if (!beside) return tl::unexpected(beside.error());
   rig.session().on_event([&](const operate::Event& event) {

@@ -58,7 +58,7 @@ class Ending {
   rt::Duration quiet_{};     // how long nothing may change
   rt::Duration patience_{};  // the same while the machine is not operational
   rt::Duration limit_{};
-  std::map<std::string, Slots> first_;  // who sat in each slot when all were operational first, by bus
+  std::map<std::string, Slots> first_;  // which device sat in each slot when all were operational first, by bus
 };
 
 enum class Ended : std::uint8_t { reached, settled, timeout, interrupted };

@@ -157,7 +157,7 @@ class Converter {
     }
   }
 
-  /// Unconfigured when nobody says it; that will do until a value needs it.
+  /// Unconfigured when it is not said; that will do until a value needs it.
   NodeId node_of(const eds::File& file) const {
     if (asked_.node) return NodeId(static_cast<std::uint8_t>(*asked_.node));
     return file.commissioning ? file.commissioning->node_id.value_or(NodeId()) : NodeId();

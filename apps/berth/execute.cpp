@@ -13,13 +13,12 @@ rt::Task<void> run(operate::Session& session, const operate::CommandRequest& req
 
 }  // namespace
 
-bool execute_in(Rig& rig, Interrupt& interrupt, const operate::CommandRequest& request, operate::CommandReply& reply,
-                rt::Duration limit) {
+bool execute_in(Rig& rig, const operate::CommandRequest& request, operate::CommandReply& reply, rt::Duration limit) {
   bool over = false;
   rt::Scope scope(rig.driver().executor());
   scope.spawn(run(rig.session(), request, reply, over));
   wait_until(
-      rig.driver(), interrupt, [&] { return over || rig.guards().dry_run_over(); }, limit);
+      rig.driver(), rig.interrupt(), [&] { return over || rig.guards().dry_run_over(); }, limit);
   return over;
 }
 

@@ -137,9 +137,11 @@ tl::expected<std::vector<std::string>, Failure> files_of(const design::Machine& 
   return names;
 }
 
-// SQLite's files are one only when nobody has them open: opening takes the store's lock and closing folds the log in.
+// SQLite's files are one only when no process has them open: opening takes the store's lock and closing folds the log
+// in.
 tl::expected<std::string, Failure> store_bytes(const std::string& path) {
   {
+    const Interrupt interrupt;
     const auto opened = store::Database::open(path, {.ended = ended_by({})});
     if (!opened) return tl::unexpected(failure(Exit::failed, opened.error().message));
   }
@@ -214,6 +216,7 @@ tl::expected<std::vector<Content>, Failure> contents_of(const std::string& text,
   if (json.contains("store") && !json.at("store").is_null()) {
     auto content = content_of(json.at("store"), from);
     if (!content) return tl::unexpected(content.error());
+    const Interrupt interrupt;
     const auto seen = store::Database::look(content->bytes, from + ", " + content->name, {.ended = ended_by({})});
     if (!seen) return tl::unexpected(failure(Exit::usage, seen.error().message));
     all.push_back(std::move(*content));

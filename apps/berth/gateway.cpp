@@ -76,7 +76,7 @@ int run_gateway(const Options& wanted, const GatewayOptions& gateway) {
   auto made = Rig::make(options, {options.machine, options.sim, {}, {}});
   if (!made) return tell(made.error(), options.json);
   Rig& rig = **made;
-  Interrupt interrupt(rig.loop());
+  Interrupt& interrupt = rig.interrupt();
   const auto say = [&](const std::string& text) {
     print_line(options.json ? Json{{"event", text}}.dump(-1, ' ', false, Json::error_handler_t::replace) : text);
   };

@@ -13,14 +13,18 @@ Interrupt::Interrupt(io::Loop* loop) : loop_(loop) {
   sigemptyset(&set);
   sigaddset(&set, SIGINT);
   sigaddset(&set, SIGTERM);
-  ::sigprocmask(SIG_BLOCK, &set, nullptr);
+  ::sigprocmask(SIG_BLOCK, &set, &before_);
   fd_ = ::signalfd(-1, &set, SFD_NONBLOCK | SFD_CLOEXEC);
   if (loop_ != nullptr) loop_->watch(fd_, *this, EPOLLIN);
 }
 
+// A signal that nobody has looked at since is taken: what it was to end is over.
 Interrupt::~Interrupt() {
+  signalfd_siginfo info{};
+  while (::read(fd_, &info, sizeof info) == static_cast<ssize_t>(sizeof info)) continue;
   if (loop_ != nullptr) loop_->forget(fd_);
   if (fd_ >= 0) ::close(fd_);
+  ::sigprocmask(SIG_SETMASK, &before_, nullptr);
 }
 
 bool Interrupt::came() noexcept {

@@ -1,8 +1,10 @@
-/// Ctrl-C and SIGTERM, and waiting that ends by them: the one way in which a command waits.
+/// SIGINT and SIGTERM, so that a command ends in words and with its own exit status; and waiting that ends by them: the
+/// one way in which a command waits.
 ///
-///     Interrupt interrupt(rig.loop());
-///     const bool done = wait_until(rig.driver(), interrupt, [&] { return over; }, 5min);
+///     const bool done = wait_until(rig.driver(), rig.interrupt(), [&] { return over; }, 5min);
 #pragma once
+
+#include <signal.h>
 
 #include <chrono>
 #include <functional>
@@ -13,15 +15,16 @@
 
 namespace berth::cli {
 
-/// Signals as a descriptor, so that a run ends cleanly. One at a time.
+/// Both signals as a descriptor. While it lives neither ends the process by itself: what waits looks at `came` or waits
+/// by `wait_until`, what computes in a library asks `ended_by`. One at a time: a signal is told to one alone.
 class Interrupt final : private io::Watcher {
  public:
-  /// A signal ends a sleep of `loop`, which must stay; null: nothing sleeps.
+  /// A signal ends a sleep of `loop`, which must stay; null: nothing sleeps in a loop.
   explicit Interrupt(io::Loop* loop = nullptr);
   ~Interrupt();
   Interrupt(const Interrupt&) = delete;
   Interrupt& operator=(const Interrupt&) = delete;
-  /// For who waits by other means than a loop.
+  /// For what waits by other means than a loop. Once `came` it tells no more of that signal.
   [[nodiscard]] int descriptor() const noexcept { return fd_; }
   /// True once a signal came.
   [[nodiscard]] bool came() noexcept;
@@ -31,6 +34,7 @@ class Interrupt final : private io::Watcher {
  private:
   void ready(std::uint32_t events) noexcept override;
   io::Loop* loop_;
+  sigset_t before_{};
   int fd_ = -1;
   unsigned asked_ = 0;
   bool came_ = false;
@@ -42,6 +46,7 @@ bool wait_until(rt::Driver& driver, Interrupt& interrupt, const rt::Driver::Pred
 void wait_for(rt::Driver& driver, Interrupt& interrupt, rt::Duration time);
 
 /// True when SIGINT or SIGTERM waits to be taken, or `after` is over from now on: what ends a call that takes long.
+/// There must be an `Interrupt`, and its loop must not turn meanwhile.
 [[nodiscard]] std::function<bool()> ended_by(std::optional<std::chrono::nanoseconds> after);
 
 }  // namespace berth::cli

@@ -11,7 +11,7 @@
 
 namespace berth::cli {
 
-/// DESIGN §5.
+/// The exit status of every command: done, the answer is no, wrong usage or unreadable input, the bus or a file failed.
 enum Exit : int { done = 0, no = 1, usage = 2, failed = 3 };
 
 struct Options {

@@ -48,6 +48,12 @@ Failure failure(const Findings& findings) {
   return f;
 }
 
+void warn(const Findings& findings, bool json) {
+  for (const auto& f : findings) {
+    if (f.severity == Finding::Severity::warning && !json) print_error(to_string(f));
+  }
+}
+
 int tell(const Failure& failure, bool json) {
   if (json) {
     print_line(failure.json);

@@ -19,6 +19,8 @@ struct Failure {
 /// Of a file: every error with its place. Status 2.
 [[nodiscard]] Failure failure(const Findings& findings);
 
+/// Every warning, on standard error; with `json` nothing.
+void warn(const Findings& findings, bool json);
 /// Message on standard error, or with `json` the object on standard output. Gives the status.
 int tell(const Failure& failure, bool json);
 

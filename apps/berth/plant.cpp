@@ -40,7 +40,7 @@ std::string reason(const plant::SimDevice& device) {
   return fmt::format("negotiates: {}", nodeid::name(negotiator->state()));
 }
 
-/// Who took which node-ID when, and who lost it why.
+/// Which device took which node-ID when, and which lost it why.
 class NodeIds final : public plant::World::Observer {
  public:
   struct Event {

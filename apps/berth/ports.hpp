@@ -23,11 +23,11 @@ void restrict_to(design::Machine& machine, const std::string& bus);
 /// The buses are all in other hands than this process's simulator, so that it runs in real time by a loop.
 [[nodiscard]] bool all_elsewhere(const design::Machine& machine) noexcept;
 
-/// Devices that somebody built hang on it: neither a simulated bus of this process nor a plant's of another.
+/// Real devices hang on it: neither a simulated bus of this process nor a plant's of another.
 [[nodiscard]] bool is_real(const can::PortSpec& port) noexcept;
 
 /// One process of this user owns a real port: a lock that goes with the process however it ends. Not for ports that
-/// give everybody a node of his own (`plant:`).
+/// give each user a node of its own (`plant:`).
 class PortLock {
  public:
   /// Refused with the process that has it.

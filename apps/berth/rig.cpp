@@ -15,6 +15,7 @@ Rig::Made Rig::make(const Options& options, const Sources& sources) {
   std::unique_ptr<Rig> rig(new Rig);
   if (auto good = rig->read(options, sources); !good) return tl::unexpected(good.error());
   if (auto good = rig->build_world(options); !good) return tl::unexpected(good.error());
+  rig->interrupt_.emplace(rig->loop_);
   auto table = SlotTable::open(rig->machine_, options);
   if (!table) return tl::unexpected(table.error());
   rig->slot_table_ = std::move(*table);
@@ -23,12 +24,6 @@ Rig::Made Rig::make(const Options& options, const Sources& sources) {
 }
 
 namespace {
-
-void warn(const Findings& findings, bool json) {
-  for (const auto& f : findings) {
-    if (f.severity == Finding::Severity::warning && !json) print_error(to_string(f));
-  }
-}
 
 bool simulated(const design::Bus& bus) noexcept { return bus.port.kind == can::PortKind::sim; }
 
@@ -159,7 +154,7 @@ tl::expected<void, Failure> Rig::open_session(const Options& options) {
     const auto connected = session_->connect(bus.name, **port);
     if (!connected) return tl::unexpected(failure(Exit::failed, describe(connected.error())));
   }
-  strangers_ = std::make_unique<Strangers>(*driver_, *session_, guards_);
+  strangers_ = std::make_unique<Strangers>(*driver_, *interrupt_, *session_, guards_);
   if (!options.record.empty()) {
     if (auto good = record_.write_to(options.record); !good) return good;
   }
@@ -213,7 +208,7 @@ void Rig::leave(const Options& options) {
     auto* const network = session_->network(bus.name);
     if (wish == design::OnExit::leave || bus.role != design::Role::master || network == nullptr) continue;
     const auto command = wish == design::OnExit::stop ? co::NmtCommand::stop : co::NmtCommand::enter_pre_operational;
-    session_->stop();  // the main job would start again whom it sees pre-operational
+    session_->stop();  // the main job would start again what it sees pre-operational
     any = network->dispatcher().send(co::to_frame({command, co::NmtTarget::all()})) == can::Queued::yes || any;
   }
   constexpr rt::Duration time_to_send = std::chrono::milliseconds(100);

@@ -3,6 +3,7 @@
 #pragma once
 
 #include <memory>
+#include <optional>
 #include <string>
 #include <string_view>
 #include <tl/expected.hpp>
@@ -14,6 +15,7 @@
 #include "berth/plant/world.hpp"
 #include "berth/sim/world_driver.hpp"
 #include "guards.hpp"
+#include "interrupt.hpp"
 #include "options.hpp"
 #include "output.hpp"
 #include "ports.hpp"
@@ -43,6 +45,8 @@ class Rig {
   [[nodiscard]] const design::Machine& machine() const noexcept { return machine_; }
   [[nodiscard]] const plant::PlantFile& plant() const noexcept { return plant_; }
   [[nodiscard]] operate::Session& session() noexcept { return *session_; }
+  /// The signals that end a command: in place before the store is opened.
+  [[nodiscard]] Interrupt& interrupt() noexcept { return *interrupt_; }
   /// What all of it runs on. Real ports have an executor and a loop, and nothing else.
   [[nodiscard]] rt::Driver& driver() noexcept { return *driver_; }
   [[nodiscard]] rt::Time now() const noexcept { return driver_->now(); }
@@ -86,6 +90,7 @@ class Rig {
   rt::Executor executor_;  // where there is no world
   std::unique_ptr<rt::Driver> driver_;
   io::Loop* loop_ = nullptr;                      // of the driver
+  std::optional<Interrupt> interrupt_;            // until the store is closed
   std::vector<PortLock> locks_;                   // of real ports
   std::vector<std::unique_ptr<can::Port>> raw_;   // real ports, behind their gates
   std::vector<std::unique_ptr<can::Port>> ours_;  // Berth's nodes on simulated buses

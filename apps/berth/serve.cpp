@@ -45,7 +45,7 @@ std::optional<std::size_t> number_of(std::string_view name) {
   return number;
 }
 
-/// The buses that are offered, and a node on one for whoever asks.
+/// The buses that are offered, and a node on one for each client.
 class Buses {
  public:
   virtual ~Buses() = default;
@@ -120,7 +120,7 @@ Made plant_buses(const Options& options, const ServeOptions& serve) {
   return std::make_unique<PlantBuses>(std::move(*world), serve.listen_only);
 }
 
-/// What a port's bus is called when nobody says: as its interface, or as on its server.
+/// What a port's bus is called when it is not said: as its interface, or as on its server.
 std::string name_of(const can::PortSpec& spec) {
   if (spec.kind == can::PortKind::socketcan) return spec.address;
   if (spec.kind == can::PortKind::socketcand) return spec.address.substr(spec.address.find('/') + 1);

@@ -1,5 +1,5 @@
 // `berth sim two-with-one-id`, `again-with-one-id`, `wrong-bit-rate`, `lone-node`: fault confinement, step by step
-// (facts page G.2, G.3).
+// (docs/protocols/can-frames.md §Arbitration, §Fault confinement).
 #include <fmt/format.h>
 
 #include <nlohmann/json.hpp>

@@ -53,6 +53,7 @@ tl::expected<std::unique_ptr<plant::World>, Failure> make_world(const plant::Pla
     if (finding.file.empty()) finding.file = file;
   }
   if (!world) return tl::unexpected(failure(findings));
+  warn(findings, options.json);
   if (auto good = remember(*world, options); !good) return tl::unexpected(good.error());
   return world;
 }

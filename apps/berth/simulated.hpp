@@ -18,8 +18,8 @@ namespace berth::cli {
 /// Bit rates of a machine file's buses, for a plant that gives them none; empty when no machine file is named.
 [[nodiscard]] tl::expected<std::vector<plant::BusRate>, Failure> bus_rates(const std::string& machine_file);
 
-/// Its world, which remembers what `--sim-state` keeps; in a dry run it reads that and writes nothing. `file` is for
-/// messages.
+/// Its world, of which warnings are told, and which remembers what `--sim-state` keeps; in a dry run it reads that and
+/// writes nothing. `file` is for messages.
 [[nodiscard]] tl::expected<std::unique_ptr<plant::World>, Failure> make_world(const plant::PlantFile& plant,
                                                                               const std::vector<plant::BusRate>& rates,
                                                                               const std::string& file,

@@ -79,10 +79,10 @@ CommandReply unconfirmed_binding() {
   return reply;
 }
 
-// Binding in a simulated world, which can stand still: who types here is asked which device sits where.
-void ask_where_devices_sit(Rig& rig, Interrupt& interrupt, CommandReply& reply, rt::Duration limit) {
+// Binding in a simulated world, which can stand still: the person who types here is asked which device sits where.
+void ask_where_devices_sit(Rig& rig, CommandReply& reply, rt::Duration limit) {
   print_lines(reply.lines);
-  ask_here(rig, interrupt, limit);
+  ask_here(rig, limit);
   const auto now = rig.session().report();
   reply.lines = operate::to_table(now.slots);
   if (!now.questions.empty() || reply.status != Exit::no) return;
@@ -115,12 +115,11 @@ Replied reply_of_own_world(const Options& options, const CommandRequest& request
   if (takes_bus(request)) {
     if (const auto alone = strangers.ask(); !alone) return tl::unexpected(alone.error());
   }
-  Interrupt interrupt(rig.loop());
   CommandReply reply;
   const auto limit = options.timeout.value_or(5min);
-  if (execute_in(rig, interrupt, request, reply, limit)) {
+  if (execute_in(rig, request, reply, limit)) {
     const bool asks = binds && rig.loop() == nullptr && !options.json && !options.dry_run;
-    if (asks && on_terminal() && someone_types()) ask_where_devices_sit(rig, interrupt, reply, limit);
+    if (asks && on_terminal() && someone_types()) ask_where_devices_sit(rig, reply, limit);
     return reply;
   }
   if (options.dry_run && !rig.guards().empty()) {
@@ -128,12 +127,13 @@ Replied reply_of_own_world(const Options& options, const CommandRequest& request
     reply.json = R"({"result": "what comes next depends on the answer"})";
     return reply;
   }
+  if (rig.interrupt().came()) return operate::refusal(Exit::failed, request.verb + ": ended before it was done");
   const double s = std::chrono::duration<double>(limit).count();
   return operate::refusal(
       Exit::failed, fmt::format("{}: not done within {} s of bus time; give a longer --timeout", request.verb, s));
 }
 
-// Nothing leaves this world, so nobody is asked.
+// Nothing leaves this world, so the user is not asked.
 int dry_in_own_world(const Options& options, CommandRequest request) {
   request.arguments["yes"] = "1";
   std::vector<Recorded> sent;
@@ -156,7 +156,7 @@ int foreseen(const Options& options, const CommandRequest& request) {
   return Exit::done;
 }
 
-// Whoever runs the machine, or this bus of it, at the control socket.
+// The processes that run the machine, or this bus of it, at the control socket.
 std::vector<std::string> control_paths(const Options& options, const design::Machine& machine) {
   if (!options.control.empty()) return {options.control};
   std::vector<std::string> paths{operate::control_path(machine.name)};
@@ -178,8 +178,8 @@ Replied ask_running_up(const Options& options, const CommandRequest& request, co
                                 machine, reply.error(), machine)));
 }
 
-// Who does it: a running `berth up` before all, since one process owns a port; else this process on the machine's
-// ports; else nobody, which the failure of asking says.
+// What does it: a running `berth up` before all, since one process owns a port; else this process on the machine's
+// ports; else none, which the failure of asking says.
 Replied reply_outside(const Options& options, const CommandRequest& request, std::vector<Recorded>& sent) {
   if (options.machine.empty()) return ask_running_up(options, request, options.control);
   auto loaded = design::load_machine(options.machine);
@@ -195,7 +195,7 @@ Replied reply_outside(const Options& options, const CommandRequest& request, std
   return ask_running_up(options, request, paths.front());
 }
 
-// Without a world to throw away: the frames that go out whatever anybody answers; or, on the machine's own ports, what
+// Without a world to throw away: the frames that go out whatever is answered; or, on the machine's own ports, what
 // goes out up to the first question.
 int dry_outside(const Options& options, const CommandRequest& request) {
   std::string problem;
@@ -225,7 +225,7 @@ int run_single(const Options& options, CommandRequest request) {
   if (reply && wants_yes(*reply) && may_ask(options)) {
     print_lines(reply->lines);
     print_line(reply->error);
-    if (!ask_yes("Do it?")) return Exit::no;
+    if (Interrupt interrupt; !ask_yes("Do it?", interrupt)) return Exit::no;
     request.arguments["yes"] = "1";
     Options sure = options;
     sure.yes = true;

@@ -12,7 +12,7 @@
 
 namespace berth::cli {
 
-/// Where the slot table of a machine on real ports is when nobody says it: beside the machine file,
+/// Where the slot table of a machine on real ports is when it is not said: beside the machine file,
 /// "conveyor.toml" -> "conveyor.db".
 [[nodiscard]] std::string default_store(const std::string& machine_file);
 

@@ -17,8 +17,15 @@ tl::expected<void, Failure> Strangers::listen_first() {
     heard_[bus.name] = std::make_unique<live::Census>(session_->network(bus.name)->dispatcher());
   }
   constexpr rt::Duration slack = std::chrono::seconds(1);  // a port that was just opened comes up
-  driver_->run_until([&] { return guards_->decided(); }, driver_->later(longest + slack));
+  wait_until(
+      *driver_, *interrupt_, [&] { return guards_->decided(); }, longest + slack);
+  if (auto goes_on = not_ended(); !goes_on) return goes_on;
   return guards_->no_foreign_frames();
+}
+
+tl::expected<void, Failure> Strangers::not_ended() {
+  if (!interrupt_->came()) return {};
+  return tl::unexpected(failure(Exit::no, "ended before its work on a bus began"));
 }
 
 namespace {
@@ -43,7 +50,7 @@ std::string Strangers::quiet_masters(const design::Bus& bus, live::Census& censu
     scope.spawn(ask_whether_masters(census, ask, over));
     const auto& gate = *guards_->gate(bus.name);
     const auto ends = [&] { return over || gate.state() != live::GateState::open || guards_->dry_run_over(); };
-    driver_->run_until(ends, rt::never);
+    wait_until(*driver_, *interrupt_, ends, rt::Duration::max());
   }
   std::string text;
   for (const auto& node : census.nodes()) {
@@ -66,6 +73,7 @@ tl::expected<void, Failure> Strangers::ask() {
     const std::string masters = quiet_masters(bus, *census->second);
     if (!masters.empty()) problem += (problem.empty() ? "" : "\n") + masters;
   }
+  if (auto goes_on = not_ended(); !goes_on) return goes_on;
   if (problem.empty()) return guards_->no_foreign_frames();
   return tl::unexpected(failure(
       Exit::no, problem + "\nBerth does not take its bus. End that master; or use the bus as role = "

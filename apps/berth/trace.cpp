@@ -118,7 +118,7 @@ class Pipeline final : public trace::Sink, private decode::Rows {
     return (!trace_.after || at >= point(*trace_.after)) && (!trace_.before || at <= point(*trace_.before));
   }
 
-  // Looked at once for each bus; the decoder is told who is on it.
+  // Looked at once for each bus; the decoder is told which nodes are on it.
   [[nodiscard]] bool wanted_bus(std::uint16_t bus) {
     while (wanted_.size() <= bus) {
       const auto number = static_cast<std::uint16_t>(wanted_.size());

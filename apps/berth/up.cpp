@@ -27,8 +27,8 @@ std::string reasons(operate::Session& session, Ended ended) {
   return "not operational: " + text;
 }
 
-// Where other commands reach this one. A process for one of several buses leaves the machine's name to whoever runs
-// them all.
+// Where other commands reach this one. A process for one of several buses leaves the machine's name to the one that
+// runs them all.
 std::string control_of(Rig& rig, const Options& options) {
   if (rig.loop() == nullptr || options.dry_run) return {};
   if (!options.control.empty()) return options.control;
@@ -53,7 +53,7 @@ bool confirmed(Rig& rig, const Options& options) {
   if (options.yes || !rig.first_start()) return true;
   if (options.json || !someone_types()) return false;
   print_line(first_start_text(rig));
-  return ask_yes("Start it?");
+  return ask_yes("Start it?", rig.interrupt());
 }
 
 Failure unconfirmed(Rig& rig) {

@@ -36,6 +36,22 @@ std::optional<std::uint64_t> collected(std::string_view output) {
 
 }  // namespace
 
+double Rounds::median() const {
+  auto sorted = values_;
+  std::ranges::sort(sorted);
+  const auto half = sorted.size() / 2;
+  return sorted.size() % 2 != 0 ? sorted[half] : (sorted[half - 1] + sorted[half]) / 2;
+}
+
+std::string Rounds::text() const {
+  const auto [least, most] = std::ranges::minmax(values_);
+  return fmt::format("{} ({} to {})", grouped(median()), grouped(least), grouped(most));
+}
+
+Figure at_least(std::string name, const Rounds& rounds, double aim, const char* unit) {
+  return {std::move(name), rounds.text() + " " + unit, ">= " + grouped(aim), rounds.median() >= aim};
+}
+
 Figure at_least(std::string name, double measured, double aim, const char* unit) {
   return {std::move(name), grouped(measured) + " " + unit, ">= " + grouped(aim), measured >= aim};
 }

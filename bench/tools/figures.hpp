@@ -18,6 +18,20 @@ struct Figure {
   std::optional<bool> met{};
 };
 
+/// One measurement, made several times.
+class Rounds {
+ public:
+  void add(double value) { values_.push_back(value); }
+  [[nodiscard]] double median() const;
+  /// "median (minimum to maximum)"
+  [[nodiscard]] std::string text() const;
+
+ private:
+  std::vector<double> values_;
+};
+
+/// Of rounds the median counts; the text has the minimum and maximum, too.
+[[nodiscard]] Figure at_least(std::string name, const Rounds& rounds, double aim, const char* unit);
 [[nodiscard]] Figure at_least(std::string name, double measured, double aim, const char* unit);
 [[nodiscard]] Figure at_most(std::string name, double measured, double aim, const char* unit);
 

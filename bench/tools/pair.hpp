@@ -44,7 +44,7 @@ class Pair final : public can::Port, private rt::Job {
     std::uint32_t tag = 0;
   };
   void run() noexcept override {
-    const Waiting& waiting = queue_[first_];  // stays in its place: it counts until it is dealt with
+    const Waiting& waiting = queue_[first_ % room];  // stays in its place: it counts until it is dealt with
     const auto tag = waiting.tag;
     if (tag != gone && other_->accepts_.contains(waiting.frame.key())) {
       other_->listener_->received(waiting.frame, executor_->now());

@@ -48,8 +48,8 @@ struct R_SN {
   friend constexpr auto operator<=>(const R_SN&, const R_SN&) noexcept = default;
 };
 
-/// The 128-bit LSS address = identity object 1018h:01..04 (CiA 305 §4). Ordered as RAND and Fastscan
-/// find devices: vendor, product, revision, serial, most significant bit first.
+/// The 128-bit LSS address = identity object 1018h:01..04 (docs/protocols/cia305.md §Frames). Ordered as RAND and
+/// Fastscan find devices: vendor, product, revision, serial, most significant bit first.
 struct LssAddress {
   std::uint32_t vendor = 0;
   std::uint32_t product = 0;

@@ -2,18 +2,22 @@
 
 #include <algorithm>
 #include <cassert>
+#include <utility>
 
 namespace berth::can {
 Handler::~Handler() {
   if (dispatcher_ != nullptr) dispatcher_->remove(*this);
 }
 
-Confirmation::~Confirmation() {
-  if (dispatcher_ != nullptr) dispatcher_->withdraw(*this);
+// Takes the one that `place` leads to out of the list.
+inline void Dispatcher::forget(Confirmation*& place) noexcept {
+  Confirmation& confirmation = *place;
+  place = confirmation.next_;
+  confirmation.dispatcher_ = nullptr;
+  confirmation.tag_ = 0;
 }
 
 Dispatcher::Dispatcher(rt::Executor& executor, Port& port) noexcept : executor_(&executor), port_(&port) {
-  waiting_.reserve(4);
   entries_.reserve(12);
   firsts_.reserve(12);
   accept_.reserve(12);
@@ -23,10 +27,7 @@ Dispatcher::Dispatcher(rt::Executor& executor, Port& port) noexcept : executor_(
 Dispatcher::~Dispatcher() {
   port_->listen(nullptr, {});
   for (const auto& entry : entries_) entry.handler->dispatcher_ = nullptr;
-  for (auto* confirmation : waiting_) {
-    confirmation->dispatcher_ = nullptr;
-    confirmation->tag_ = 0;
-  }
+  while (waiting_ != nullptr) forget(waiting_);
 }
 
 void Dispatcher::add(IdRange range, Handler& handler) {
@@ -81,7 +82,7 @@ void Dispatcher::refresh() noexcept {
   port_->listen(this, accept_);
 }
 
-// How many ranges begin at `key` or before. Without branches: which way it goes is anybody's guess.
+// How many ranges begin at `key` or before. Without branches: which way it goes cannot be predicted.
 inline std::size_t Dispatcher::after(std::uint32_t key) const noexcept {
   const std::uint32_t* base = firsts_.data();
   std::size_t length = firsts_.size();
@@ -125,36 +126,33 @@ void Dispatcher::received_by_order(const Frame& frame, rt::Time at) noexcept {
 }
 
 Queued Dispatcher::send(const Frame& frame, Confirmation& confirmation) noexcept {
-  if (confirmation.dispatcher_ != nullptr) confirmation.dispatcher_->withdraw(confirmation);
+  if (confirmation.dispatcher_ != nullptr) [[unlikely]]
+    confirmation.dispatcher_->withdraw(confirmation);
   if (++next_tag_ == 0) next_tag_ = 1;
-  const auto queued = port_->send(frame, next_tag_);
+  const auto tag = next_tag_;
+  const auto queued = port_->send(frame, tag);
   if (queued != Queued::yes) return queued;
   confirmation.dispatcher_ = this;
-  confirmation.tag_ = next_tag_;
-  waiting_.push_back(&confirmation);
+  confirmation.tag_ = tag;
+  confirmation.next_ = std::exchange(waiting_, &confirmation);
   return Queued::yes;
-}
-
-void Dispatcher::forget(Confirmation& confirmation) noexcept {
-  std::erase(waiting_, &confirmation);
-  confirmation.dispatcher_ = nullptr;
-  confirmation.tag_ = 0;
 }
 
 void Dispatcher::withdraw(Confirmation& confirmation) noexcept {
   if (confirmation.dispatcher_ != this) return;
   port_->withdraw(confirmation.tag_);
-  forget(confirmation);
+  Confirmation** place = &waiting_;
+  while (*place != &confirmation) place = &(*place)->next_;
+  forget(*place);
 }
 
 void Dispatcher::sent(std::uint32_t tag, rt::Time at) noexcept {
-  const auto it = std::ranges::find(waiting_, tag, [](const Confirmation* c) { return c->tag_; });
-  if (it == waiting_.end()) return;
-  Confirmation& confirmation = **it;
-  waiting_.erase(it);
-  confirmation.dispatcher_ = nullptr;
-  confirmation.tag_ = 0;
-  confirmation.sent(at);
+  for (Confirmation** place = &waiting_; *place != nullptr; place = &(*place)->next_) {
+    Confirmation& confirmation = **place;
+    if (confirmation.tag_ != tag) continue;
+    forget(*place);
+    return confirmation.sent(at);
+  }
 }
 
 void Dispatcher::changed(const Status& status, rt::Time at) noexcept {

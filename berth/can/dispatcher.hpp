@@ -38,15 +38,16 @@ class Confirmation {
 
  protected:
   Confirmation() = default;
-  ~Confirmation();
+  inline ~Confirmation();
 
  private:
   friend class Dispatcher;
   Dispatcher* dispatcher_ = nullptr;
+  Confirmation* next_ = nullptr;  // of those that wait
   std::uint32_t tag_ = 0;
 };
 
-/// Error state, bus-off and cable, for whoever must act on them.
+/// Error state, bus-off and cable, for a service that must act on them.
 class StatusHandler {
  public:
   virtual void changed(const Status& status, rt::Time at) noexcept = 0;
@@ -76,7 +77,7 @@ class Dispatcher final : private Listener {
   void remove(Handler& handler) noexcept;
   void on_status(StatusHandler* handler) noexcept { status_handler_ = handler; }
 
-  /// Queues a frame that nobody waits for.
+  /// Queues a frame whose end is not waited for.
   Queued send(const Frame& frame) noexcept { return port_->send(frame, 0); }
   /// Queues a frame; `confirmation.sent` is called once when it is on the wire. One frame per confirmation at a time.
   Queued send(const Frame& frame, Confirmation& confirmation) noexcept;
@@ -99,20 +100,24 @@ class Dispatcher final : private Listener {
   void received_by_order(const Frame& frame, rt::Time at) noexcept;
   void erase(std::size_t i) noexcept;
   void refresh() noexcept;
-  void forget(Confirmation& confirmation) noexcept;
+  static void forget(Confirmation*& place) noexcept;
 
   rt::Executor* executor_;
   Port* port_;
   StatusHandler* status_handler_ = nullptr;
   std::vector<std::uint32_t> firsts_;  // sorted: where each entry's range begins; by itself, as the search touches it
   std::vector<Entry> entries_;         // beside `firsts_`; equal ones by order
-  std::vector<Confirmation*> waiting_;
-  std::vector<IdRange> accept_;  // what `refresh` builds; kept, so that a change of identifiers needs no heap
-  std::uint32_t widest_ = 0;     // widest range, so that a search knows how far back to look
+  Confirmation* waiting_ = nullptr;    // few wait at a time, and their order means nothing
+  std::vector<IdRange> accept_;        // what `refresh` builds; kept, so that a change of identifiers needs no heap
+  std::uint32_t widest_ = 0;           // widest range, so that a search knows how far back to look
   // Of the frame that several handlers hear:
   std::uint32_t heard_ = 0;  // order of the last handler called, plus one
   std::uint32_t end_ = 0;    // what a handler adds now is not called for this frame
   std::uint32_t next_tag_ = 0;
 };
+
+inline Confirmation::~Confirmation() {
+  if (dispatcher_ != nullptr) dispatcher_->withdraw(*this);
+}
 
 }  // namespace berth::can

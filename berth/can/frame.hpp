@@ -2,6 +2,7 @@
 #pragma once
 
 #include <array>
+#include <bit>
 #include <cstdint>
 #include <cstring>
 #include <initializer_list>
@@ -9,6 +10,7 @@
 #include <span>
 #include <string>
 #include <string_view>
+#include <type_traits>
 
 namespace berth::can {
 
@@ -18,38 +20,51 @@ inline constexpr std::uint32_t extended_flag = 0x8000'0000U;
 inline constexpr std::uint32_t base_mask = 0x7FFU;
 inline constexpr std::uint32_t extended_mask = 0x1FFF'FFFFU;
 
+/// All of a frame but its data, in one word: it is written and copied in one piece. A processor that loads
+/// eight bytes which were stored one by one just before waits until all of them are in its cache.
+struct FrameHead {
+  std::uint32_t id = 0;   ///< 0..7FFh or, when `extended`, 0..1FFF FFFFh
+  std::uint8_t size = 0;  ///< bytes: 0..8, FD also 12, 16, 20, 24, 32, 48, 64
+  bool extended = false;  ///< 29-bit format (IDE)
+  bool remote = false;    ///< remote frame (RTR): `size` is the DLC asked for, no data on the wire
+  bool fd : 1 = false;    ///< FD format (FDF); never remote
+  bool brs : 1 = false;   ///< FD: data phase at the second bit rate
+  bool esi : 1 = false;   ///< FD: sender is error passive
+
+  friend bool operator==(const FrameHead&, const FrameHead&) noexcept = default;
+};
+static_assert(sizeof(FrameHead) == 8 && std::is_trivially_copyable_v<FrameHead>);
+
 /// Copying copies only the bytes in use: a classic frame costs 16 bytes, not 72.
-struct Frame {
-  std::uint32_t id = 0;               ///< 0..7FFh or, when `extended`, 0..1FFF FFFFh
-  bool extended = false;              ///< 29-bit format (IDE)
-  bool remote = false;                ///< remote frame (RTR): `size` is the DLC asked for, no data on the wire
-  bool fd = false;                    ///< FD format (FDF); never remote
-  bool brs = false;                   ///< FD: data phase at the second bit rate
-  bool esi = false;                   ///< FD: sender is error passive
-  std::uint8_t size = 0;              ///< bytes: 0..8, FD also 12, 16, 20, 24, 32, 48, 64
+struct Frame : FrameHead {
   std::array<std::uint8_t, 64> data;  ///< the first `size` bytes hold something
 
   Frame() noexcept { std::memset(data.data(), 0, 8); }
   Frame(const Frame& other) noexcept { *this = other; }
   Frame& operator=(const Frame& other) noexcept {
-    id = other.id;
-    extended = other.extended;
-    remote = other.remote;
-    fd = other.fd;
-    brs = other.brs;
-    esi = other.esi;
-    size = other.size;
+    static_cast<FrameHead&>(*this) = other;
     std::memcpy(data.data(), other.data.data(), 8);
-    if (other.size > 8 && this != &other) std::memcpy(data.data() + 8, other.data.data() + 8, other.size - 8U);
+    if (other.size > 8 && this != &other) [[unlikely]] {
+      std::memcpy(data.data() + 8, other.data.data() + 8, other.size - 8U);
+    }
     return *this;
   }
   ~Frame() = default;
 
+  /// Makes it a classic data frame of so many bytes, in one store.
+  void set_head(std::uint32_t key, std::uint8_t bytes) noexcept {
+    if constexpr (std::endian::native == std::endian::little) {
+      const std::uint64_t word =
+          (key & ~extended_flag) | std::uint64_t{bytes} << 32U | std::uint64_t{key >> 31U} << 40U;
+      static_cast<FrameHead&>(*this) = std::bit_cast<FrameHead>(word);
+    } else {
+      static_cast<FrameHead&>(*this) = {.id = key & ~extended_flag, .size = bytes, .extended = key >> 31U != 0};
+    }
+  }
   /// A data frame in base format. At most 8 bytes are taken.
   [[nodiscard]] static Frame base(std::uint32_t id, std::span<const std::uint8_t> bytes) noexcept {
     Frame f;
-    f.id = id & base_mask;
-    f.size = static_cast<std::uint8_t>(bytes.size() < 8 ? bytes.size() : 8);
+    f.set_head(id & base_mask, static_cast<std::uint8_t>(bytes.size() < 8 ? bytes.size() : 8));
     if (f.size > 0) std::memcpy(f.data.data(), bytes.data(), f.size);
     return f;
   }
@@ -59,8 +74,7 @@ struct Frame {
   /// A data frame in extended format.
   [[nodiscard]] static Frame ext(std::uint32_t id, std::span<const std::uint8_t> bytes) noexcept {
     Frame f = base(0, bytes);
-    f.id = id & extended_mask;
-    f.extended = true;
+    f.set_head((id & extended_mask) | extended_flag, f.size);
     return f;
   }
   [[nodiscard]] static Frame ext(std::uint32_t id, std::initializer_list<std::uint8_t> bytes) noexcept {

@@ -114,7 +114,7 @@ unsigned worst_case_bits(bool extended, unsigned data_bytes) noexcept {
 }
 
 unsigned reachable_most_bits(bool extended, unsigned data_bytes) noexcept {
-  // Facts page G.4: over all identifiers and payloads.
+  // docs/protocols/can-frames.md §Lengths: over all identifiers and payloads.
   constexpr unsigned base[] = {53, 62, 72, 83, 93, 102, 113, 124, 133};
   constexpr unsigned ext[] = {78, 88, 98, 108, 118, 128, 138, 148, 158};
   const unsigned n = data_bytes < 8 ? data_bytes : 8;

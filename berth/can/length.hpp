@@ -1,5 +1,6 @@
 /// How long a frame is on the wire, exactly and at worst. Bits include SOF, stuff bits, CRC and ACK
-/// delimiters, EOF and the three bits of intermission (Bosch CAN 2.0; ISO 11898-1:2015 for FD; facts page G.1, G.4).
+/// delimiters, EOF and the three bits of intermission (Bosch CAN 2.0; ISO 11898-1:2015 for FD;
+/// docs/protocols/can-frames.md §Frame layout, §Lengths).
 #pragma once
 
 #include <optional>

@@ -14,34 +14,25 @@ class PackedFrame {
  public:
   PackedFrame() = default;
   /// Of a longer frame only the beginning is kept: that is not to be unpacked or compared. ESI is not kept.
-  explicit PackedFrame(const Frame& frame) noexcept
-      : key_(frame.key()), size_(frame.size), flags_(frame.fd ? fd_flags(frame) : frame.remote) {
+  explicit PackedFrame(const Frame& frame) noexcept : head_(frame) {
+    if (head_.fd) [[unlikely]]
+      head_.esi = false;
     std::copy_n(frame.data.begin(), data_.size(), data_.begin());
   }
   [[nodiscard]] Frame unpacked() const noexcept {
     Frame frame;
-    frame.id = key_ & ~extended_flag;
-    frame.extended = (key_ & extended_flag) != 0;
-    frame.remote = flags_ == 1;
-    if (fd()) [[unlikely]] {
-      frame.fd = true;
-      frame.brs = flags_ == 3;
-    }
-    frame.size = size_;
+    static_cast<FrameHead&>(frame) = head_;
     std::copy_n(data_.begin(), data_.size(), frame.data.begin());
     return frame;
   }
-  [[nodiscard]] bool fd() const noexcept { return flags_ > 1; }
+  [[nodiscard]] bool fd() const noexcept { return head_.fd; }
   friend bool operator==(const PackedFrame& a, const PackedFrame& b) noexcept {
-    return a.key_ == b.key_ && a.flags_ == b.flags_ && a.size_ == b.size_ &&
-           (a.flags_ == 1 || std::equal(a.data_.begin(), a.data_.begin() + a.size_, b.data_.begin()));
+    return a.head_ == b.head_ &&
+           (a.head_.remote || std::equal(a.data_.begin(), a.data_.begin() + a.head_.size, b.data_.begin()));
   }
 
  private:
-  static std::uint8_t fd_flags(const Frame& frame) noexcept { return frame.brs ? 3 : 2; }
-  std::uint32_t key_ = 0;
-  std::uint8_t size_ = 0;
-  std::uint8_t flags_ = 0;  // 1 remote; 2 FD, 3 with BRS
+  FrameHead head_;
   std::array<std::uint8_t, 8> data_{};
 };
 static_assert(sizeof(PackedFrame) <= 16);

@@ -43,7 +43,7 @@ class Listener {
   virtual void received(const Frame& frame, rt::Time at) noexcept = 0;
   /// The frame that was sent with this tag was acknowledged on the wire.
   virtual void sent(std::uint32_t tag, rt::Time at) noexcept = 0;
-  /// Error state, bus-off, cable or interface changed. Not for each error: who counts them asks `Port::status`.
+  /// Error state, bus-off, cable or interface changed. Not for each error: to count them, ask `Port::status`.
   virtual void changed(const Status& status, rt::Time at) noexcept = 0;
 
  protected:
@@ -53,12 +53,12 @@ class Listener {
 class Port {
  public:
   virtual ~Port() = default;
-  /// Queues a frame. `tag` comes back with `Listener::sent`; tag 0: nobody asks, `sent` is not called.
+  /// Queues a frame. `tag` comes back with `Listener::sent`; tag 0: `sent` is not called.
   virtual Queued send(const Frame& frame, std::uint32_t tag) noexcept = 0;
   /// Takes a frame back that is still queued; one that is on the wire is sent all the same, and not repeated when that
   /// attempt fails.
   virtual void withdraw(std::uint32_t tag) noexcept = 0;
-  /// Sets who hears and which keys (`Frame::key`) pass, like a controller's acceptance filter; both are replaced.
+  /// Sets the listener and which keys (`Frame::key`) pass, like a controller's acceptance filter; both are replaced.
   /// A null listener hears nothing. The listener must stay until replaced.
   virtual void listen(Listener* listener, std::span<const IdRange> accept) noexcept = 0;
   [[nodiscard]] virtual Status status() const noexcept = 0;

@@ -10,7 +10,7 @@
 /// - Errc::invalid: refused before the bus was used: C++ type, access type, limits, length. `detail` is the abort code
 ///   that the device would have answered, or 0
 /// - Errc::aborted: the device refused; `detail` = abort code
-/// - Errc::timeout: the request was on the wire and nobody answered
+/// - Errc::timeout: the request was on the wire and no answer came
 /// - Errc::bus: a frame never left
 /// - Errc::mismatch: an answer, and not one that fits the description or the protocol
 /// - Errc::cancelled: the node or network object is gone, or the device booted in the middle

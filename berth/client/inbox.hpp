@@ -1,5 +1,5 @@
 /// A bounded queue of events with one reader, for applications: unlike `rt::Mailbox` it keeps the newest when it is
-/// full, says why a wait ended, and may be destroyed while somebody waits.
+/// full, says why a wait ended, and may be destroyed while its reader waits.
 #pragma once
 
 #include <cstdint>
@@ -17,7 +17,7 @@ class Inbox {
   explicit Inbox(std::size_t most) noexcept : most_(most) {}
   Inbox(const Inbox&) = delete;
   Inbox& operator=(const Inbox&) = delete;
-  /// Who waits is woken with Errc::cancelled.
+  /// A reader that waits is woken with Errc::cancelled.
   ~Inbox() {
     if (reader_ == nullptr) return;
     reader_->box_ = nullptr;
@@ -39,11 +39,11 @@ class Inbox {
   }
   void clear() noexcept { messages_.clear(); }
   [[nodiscard]] std::size_t size() const noexcept { return messages_.size(); }
-  /// Messages that were lost because nobody took them.
+  /// Messages that were lost because they were not taken.
   [[nodiscard]] std::uint64_t dropped() const noexcept { return dropped_; }
 
   /// `const auto event = co_await box.next(deadline);` gives `Result<M>`, the oldest message. Errc::timeout: the
-  /// deadline came first; Errc::cancelled: whose events these are is gone; Errc::invalid: somebody else waits already.
+  /// deadline came first; Errc::cancelled: whose events these are is gone; Errc::invalid: another reader waits already.
   class Next final : public rt::Operation<Next>, private rt::Job {
    public:
     Next(Inbox& box, rt::Time deadline) noexcept : box_(&box), deadline_(deadline) {}

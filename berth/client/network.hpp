@@ -34,7 +34,7 @@ class Network final : private co::HeartbeatConsumer::Observer {
   [[nodiscard]] co::NmtMaster& nmt_master() noexcept { return nmt_; }
   [[nodiscard]] const co::HeartbeatConsumer& heartbeats() const noexcept { return heartbeats_; }
 
-  /// A command to all nodes; nobody waits. To one node: `RemoteNode::nmt`.
+  /// A command to all nodes, without waiting. To one node: `RemoteNode::nmt`.
   void nmt_all(co::NmtCommand command) { nmt_.queue(command, co::NmtTarget::all()); }
 
   /// A node whose first heartbeat is missing for so long after its `RemoteNode` was made, or after its boot-up, is told

@@ -91,7 +91,7 @@ class Tpdo final : private can::Handler {
   [[nodiscard]] std::uint64_t received() const noexcept { return count_; }
   /// Frames that are shorter than the mapping says: not decoded. What a longer one has more is not looked at.
   [[nodiscard]] std::uint64_t too_short() const noexcept { return too_short_; }
-  /// Samples lost because nobody took them by `next`.
+  /// Samples lost because they were not taken by `next`.
   [[nodiscard]] std::uint64_t dropped() const noexcept { return inbox_.dropped(); }
 
  private:

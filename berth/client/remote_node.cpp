@@ -23,7 +23,7 @@ RemoteNode::RemoteNode(Network& network, NodeId id, std::shared_ptr<const Names>
 }
 
 RemoteNode::~RemoteNode() {
-  // NOLINTNEXTLINE(clang-analyzer-cplusplus.NewDelete): who is deleted leaves the ring; the analyzer cannot see it
+  // NOLINTNEXTLINE(clang-analyzer-cplusplus.NewDelete): a deleted call leaves the ring; the analyzer cannot see it
   while (!calls_.alone()) delete static_cast<detail::CallBase*>(calls_.next());
   abandon("the node's object was destroyed");
   end_services();

@@ -13,7 +13,7 @@
 /// Callbacks are called from the executor, each in a job of its own and never inside another call of this library, so
 /// they may do anything: begin further accesses, destroy the node or the network. They must not throw.
 ///
-/// Destroying the node ends what is pending, each thing once: who awaits is resumed, through the executor, with
+/// Destroying the node ends what is pending, each thing once: a task that awaits is resumed, through the executor, with
 /// Errc::cancelled; callbacks are destroyed and not called any more. Accesses to one node run one after the other,
 /// first come, first served; those to different nodes side by side.
 ///

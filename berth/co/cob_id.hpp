@@ -1,4 +1,4 @@
-/// Identifiers of the predefined connection set and COB-ID entries (CiA 301 §7.3.5; facts page A.1).
+/// Identifiers of the predefined connection set and COB-ID entries (CiA 301 §7.3.5; docs/protocols/cia301.md §CAN-IDs).
 #pragma once
 
 #include <cstdint>

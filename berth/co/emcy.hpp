@@ -1,4 +1,4 @@
-/// Emergency objects (CiA 301 §7.2.7, objects 1001h, 1003h, 1014h, 1015h; facts page A.6).
+/// Emergency objects (CiA 301 §7.2.7, objects 1001h, 1003h, 1014h, 1015h; docs/protocols/cia301.md §Emergencies).
 #pragma once
 
 #include <array>

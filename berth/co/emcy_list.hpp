@@ -1,7 +1,7 @@
-/// Object 1028h, the emergency consumer object (CiA 301 §7.5.2.30; facts page A.6): an `EmcyConsumer` that hears whom
-/// the dictionary names. Sub-index n is the COB-ID of node n's emergencies; bit 31 = not heard. Writes from the
-/// network: bits 29..0 while it is and stays valid, a restricted CAN-ID, bits above bit 10 of an 11-bit identifier:
-/// 0609 0030.
+/// Object 1028h, the emergency consumer object (CiA 301 §7.5.2.31; docs/protocols/cia301.md §Emergencies): an
+/// `EmcyConsumer` that hears the nodes that the dictionary names. Sub-index n is the COB-ID of node n's emergencies;
+/// bit 31 = not heard. Writes from the network: bits 29..0 while it is and stays valid, a restricted CAN-ID, bits above
+/// bit 10 of an 11-bit identifier: 0609 0030.
 #pragma once
 
 #include "berth/co/emcy.hpp"

@@ -1,6 +1,6 @@
-/// Node guarding and life guarding (CiA 301 §7.2.8.3.2.1, objects 100Ch and 100Dh; facts page A.4): the elder of the
-/// two error control protocols, by remote frames on 700h + node-ID. CiA discourages it; paper 1's preparation step uses
-/// it.
+/// Node guarding and life guarding (CiA 301 §7.2.8.3.2.1, objects 100Ch and 100Dh; docs/protocols/cia301.md §Error
+/// control): the elder of the two error control protocols, by remote frames on 700h + node-ID. CiA discourages it;
+/// paper 1's preparation step uses it.
 #pragma once
 
 #include <optional>

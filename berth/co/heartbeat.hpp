@@ -1,4 +1,5 @@
-/// Heartbeat producer and consumer (CiA 301 §7.2.8.3.2.2, objects 1016h and 1017h; facts page A.4).
+/// Heartbeat producer and consumer (CiA 301 §7.2.8.3.2.2, objects 1016h and 1017h; docs/protocols/cia301.md §Error
+/// control).
 #pragma once
 
 #include <array>

@@ -21,7 +21,7 @@ enum class NmtCommand : std::uint8_t {
 [[nodiscard]] const char* name(NmtCommand command) noexcept;
 [[nodiscard]] std::optional<NmtCommand> nmt_command(std::uint8_t specifier) noexcept;
 
-/// Whom a command is for: one node, or all of them.
+/// Which node a command is for: one, or all of them.
 struct NmtTarget {
   std::uint8_t node = 0;  ///< 1..127, or 0 = all
   constexpr NmtTarget() noexcept = default;
@@ -53,8 +53,8 @@ struct NmtRequest {
   }
 }
 
-/// Which communication objects work (CiA 301 §7.3.2.2.5, table 37; facts page A.3). LSS is not among them: it works
-/// in every state, also unconfigured (CiA 305).
+/// Which communication objects work (CiA 301 §7.3.2.2.5, table 37; docs/protocols/cia301.md §NMT). LSS is not among
+/// them: it works in every state, also unconfigured (CiA 305).
 struct Services {
   bool pdo = false;
   bool sdo = false;

@@ -21,7 +21,7 @@ class NmtMaster final : private can::Confirmation, private rt::Job {
   /// How long a command may wait for the wire before it is given up. Default 1 s.
   void set_send_timeout(rt::Duration time) noexcept { send_timeout_ = time; }
 
-  /// Queues a command; nobody waits. One that cannot be sent is given up and counted in `lost()`.
+  /// Queues a command and does not wait. One that cannot be sent is given up and counted in `lost()`.
   void queue(NmtCommand command, NmtTarget target);
 
   /// `auto sent = co_await master.send(NmtCommand::start, node);` gives `Result<rt::Time>`: when it was on the wire.

@@ -1,4 +1,5 @@
-/// All PDOs of one device (CiA 301 §7.2.2, objects 1400h..1BFFh and the MPDO lists 1FA0h..1FFFh; facts page A.8).
+/// All PDOs of one device (CiA 301 §7.2.2, objects 1400h..1BFFh and the MPDO lists 1FA0h..1FFFh;
+/// docs/protocols/cia301.md §PDO).
 ///
 /// Up to 512 RPDOs and 512 TPDOs; memory is taken for those that the dictionary describes (communication and mapping
 /// record), about 100 bytes each, by the constructor. PDOs live from `start` (NMT operational entered) to `stop`
@@ -86,7 +87,7 @@ class Pdos final : private od::Hook, private can::Handler, private rt::Job {
   [[nodiscard]] bool any() const noexcept { return rpdo_count_ + tpdo_count_ != 0; }
   void observe(Observer* observer) noexcept { observer_ = observer; }
 
-  /// Operational is entered, as `node` (whom DAM MPDOs address).
+  /// Operational is entered, as `node` (which DAM MPDOs address).
   void start(NodeId node) noexcept;
   /// Operational is left: waiting PDOs are withdrawn, received ones that wait for a SYNC forgotten, errors cleared.
   void stop() noexcept;

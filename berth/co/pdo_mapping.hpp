@@ -1,4 +1,5 @@
-/// PDO mapping (CiA 301 §7.4.8.3, objects 1600h and 1A00h; facts page A.8): which objects stand where in a PDO.
+/// PDO mapping (CiA 301 §7.4.8.3, objects 1600h and 1A00h; docs/protocols/cia301.md §PDO): which objects stand where in
+/// a PDO.
 ///
 /// A mapping is resolved once to places in `od::Values`; packing and unpacking then touch no dictionary. Objects whose
 /// bits begin at byte borders are copied byte-wise, and neighbours in the dictionary's memory at once; everything else
@@ -43,7 +44,7 @@ class PdoField {
  public:
   /// Places above are not mappable: scalars that stand behind 64 MiB of strings and DOMAINs.
   static constexpr std::uint32_t most_offset = (1U << 26) - 2;
-  static constexpr std::uint32_t nowhere = (1U << 26) - 1;  ///< dummy: bits that nobody wants
+  static constexpr std::uint32_t nowhere = (1U << 26) - 1;  ///< dummy: bits that are not wanted
 
   constexpr PdoField() noexcept = default;
   constexpr PdoField(std::uint32_t offset, unsigned bits) noexcept : word_(offset << 6 | (bits - 1)) {}

@@ -1,4 +1,4 @@
-/// What SDO server and client share (CiA 301 §7.2.4; facts page A.7).
+/// What SDO server and client share (CiA 301 §7.2.4; docs/protocols/cia301.md §SDO).
 #pragma once
 
 #include <algorithm>
@@ -148,31 +148,33 @@ inline constexpr std::uint8_t toggle_bit = 0x10;
 inline constexpr std::size_t segment_bytes = 7;
 /// How soon a full port is tried again.
 inline constexpr rt::Duration full_retry = std::chrono::milliseconds(1);
-/// Who collects a sub-block and hears no more of it acknowledges what there is after this part of its time-out.
+/// A receiver of a sub-block that hears no more of it acknowledges what there is after this part of its time-out.
 inline constexpr int block_gap_part = 4;
 
-inline void address(can::Frame& frame, CobId id) noexcept {
-  frame.id = id.id();
-  frame.extended = id.extended();
-}
+/// Makes it a data frame of 8 bytes to this identifier.
+inline void address(can::Frame& frame, CobId id) noexcept { frame.set_head(id.key(), 8); }
 
-/// An SDO frame is a base data frame of exactly 8 bytes; anything else is not heard (CiA 301 §7.2.4.3; hard-cases S16).
+/// An SDO frame is a base data frame of exactly 8 bytes; anything else is not heard (CiA 301 §7.2.4.3; HC1.S16).
 [[nodiscard]] constexpr bool well_formed(const can::Frame& frame) noexcept {
   return frame.size == 8 && !frame.remote && !frame.fd;
 }
 [[nodiscard]] inline ObjectRef multiplexer(const can::Frame& frame) noexcept {
   return {load_le<std::uint16_t>(frame.data.data() + 1), frame.data[3]};
 }
-/// Command byte, multiplexer and a number in bytes 4..7 into the data of a frame, as two words.
+/// Command byte, multiplexer and a number in bytes 4..7 into the data of a frame, as one word (see `can::FrameHead`).
 inline void put(can::Frame& frame, std::uint8_t command, ObjectRef ref, std::uint32_t number = 0) noexcept {
-  store_le(frame.data.data(), command | std::uint32_t{ref.index} << 8U | std::uint32_t{ref.sub} << 24U);
-  store_le(frame.data.data() + 4, number);
+  const std::uint32_t low = command | std::uint32_t{ref.index} << 8U | std::uint32_t{ref.sub} << 24U;
+  store_le(frame.data.data(), low | std::uint64_t{number} << 32U);
+}
+/// Command byte and seven bytes from `from` on, as one word.
+inline void put_segment(can::Frame& frame, std::uint8_t command, const std::uint8_t* from) noexcept {
+  const std::uint64_t bytes = load_le<std::uint32_t>(from) | std::uint64_t{load_le<std::uint32_t>(from + 3)} << 24U;
+  store_le(frame.data.data(), bytes << 8U | command);
 }
 /// A frame with command byte and multiplexer, the other bytes 0.
 [[nodiscard]] inline can::Frame make(std::uint32_t id, std::uint8_t command, ObjectRef ref = {}) noexcept {
   can::Frame frame;
-  frame.id = id;
-  frame.size = 8;
+  frame.set_head(id, 8);
   put(frame, command, ref);
   return frame;
 }
@@ -180,7 +182,7 @@ inline void put_abort(can::Frame& frame, ObjectRef ref, AbortCode code) noexcept
   put(frame, 0x80, ref, static_cast<std::uint32_t>(code));
 }
 [[nodiscard]] inline can::Frame make_abort(CobId id, ObjectRef ref, AbortCode code) noexcept {
-  can::Frame frame = make(0, 0x80, ref);
+  can::Frame frame;
   address(frame, id);
   put_abort(frame, ref, code);
   return frame;

@@ -25,11 +25,9 @@ void BlockSender::sub_block(unsigned size, std::span<const std::uint8_t> window)
 void BlockSender::segment(can::Frame& frame) const noexcept {
   const std::size_t at = sent_ * segment_bytes;
   const unsigned number = sent_ + 1U;
-  frame.data[0] = static_cast<std::uint8_t>(number | (ends_ && number == count_ ? 0x80U : 0U));
-  if (at + segment_bytes <= available_) {
-    std::memcpy(frame.data.data() + 1, window_ + at, segment_bytes);
-    return;
-  }
+  const auto command = static_cast<std::uint8_t>(number | (ends_ && number == count_ ? 0x80U : 0U));
+  if (at + segment_bytes <= available_) return put_segment(frame, command, window_ + at);
+  frame.data[0] = command;
   std::memset(frame.data.data() + 1, 0, segment_bytes);
   if (at < available_) std::memcpy(frame.data.data() + 1, window_ + at, available_ - at);
 }
@@ -129,7 +127,6 @@ void BlockPump::stop() noexcept {
 void BlockPump::push() noexcept {
   can::Frame frame;
   address(frame, id_);
-  frame.size = 8;
   const auto before = sender_->sent();
   auto queued = can::Queued::yes;
   const unsigned count = std::clamp(sender_->left() - 1U, 1U, burst);

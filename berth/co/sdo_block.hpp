@@ -1,5 +1,5 @@
-/// SDO block transfer's two ends, as server and client share them (CiA 301 §7.2.4.3.9 to §7.2.4.3.14): who sends the
-/// sub-blocks and who collects them. Neither does I/O; `BlockPump` brings a sub-block's frames into a port's queue.
+/// SDO block transfer's two ends, as server and client share them (CiA 301 §7.2.4.3.9 to §7.2.4.3.14): the sender of
+/// the sub-blocks and their receiver. Neither does I/O; `BlockPump` brings a sub-block's frames into a port's queue.
 #pragma once
 
 #include <span>

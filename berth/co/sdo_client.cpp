@@ -72,7 +72,11 @@ std::optional<std::size_t> SdoTransfer::size_to_send() const noexcept {
 
 inline void SdoTransfer::prepare_initiate() noexcept {
   if (block_) return prepare_block_initiate();
-  if (!download_) return sdo::put(request_, 0x40, ref_);
+  if (!download_) {
+    sdo::put(request_, 0x40, ref_);
+    if (!streamed_) quick_ = load_le<std::uint32_t>(request_.data.data()) | 0x03U;
+    return;
+  }
   const auto size = size_to_send();
   if (!streamed_ && *size >= 1 && *size <= 4) {
     sdo::put(request_, static_cast<std::uint8_t>(0x23U | ((4U - *size) << 2U)), ref_);
@@ -83,7 +87,8 @@ inline void SdoTransfer::prepare_initiate() noexcept {
 }
 
 // False: the source cannot give its bytes once more.
-inline bool SdoTransfer::begin_anew() noexcept {
+bool SdoTransfer::begin_anew() noexcept {
+  extra_->pump.stop();
   if (!streamed_ || !download_) return true;
   if (extra_->touched && !extra_->source->rewind()) return false;
   extra_->touched = false;
@@ -93,42 +98,38 @@ inline bool SdoTransfer::begin_anew() noexcept {
 
 void SdoTransfer::attempt() noexcept {
   ++attempts_;
-  if (extra_) extra_->pump.stop();
   state_ = State::initiate;
+  quick_ = not_quick;
   value_.clear();
-  began_ = line_->dispatcher().executor().now();
+  began_ = line_->executor().now();
   offset_ = indicated_ = 0;
   toggle_ = last_ = unsized_ = size_indicated_ = false;
-  if (!begin_anew()) return fail_with(Errc::timeout, 0, "no answer to the SDO request; the source cannot begin anew");
+  if (extra_ && !begin_anew())
+    return fail_with(Errc::timeout, 0, "no answer to the SDO request; the source cannot begin anew");
   block_ = wants_block();
   sdo::address(request_, line_->request_);
-  request_.size = 8;
   prepare_initiate();
-  send();
+  send_by(began_ + options_.send_timeout, 1);
 }
 
 // Sends the request, to which so many answers may come.
-void SdoTransfer::send(unsigned answers) noexcept {
+void SdoTransfer::send(unsigned answers) noexcept { send_by(line_->executor().now() + options_.send_timeout, answers); }
+
+inline void SdoTransfer::send_by(rt::Time give_up, unsigned answers) noexcept {
   expects_ = static_cast<std::uint8_t>(answers);
-  give_up_ = line_->dispatcher().executor().now() + options_.send_timeout;
+  give_up_ = give_up;
   send_request();
 }
 
 void SdoTransfer::send_request() noexcept {
   window_ = false;
-  auto& executor = line_->dispatcher().executor();
+  auto& executor = line_->executor();
   const auto queued = line_->dispatcher().send(request_, *this);
   switch (queued) {
     case can::Queued::yes: wait_until(give_up_); break;
     case can::Queued::full: wait_until(std::min(executor.now() + sdo::full_retry, give_up_)); break;
     default: fail_with(Errc::bus, 0, why_not(queued));
   }
-}
-
-// A timer that comes too early is left alone: `run` sets it anew. Most waits end long before their timer.
-void SdoTransfer::wait_until(rt::Time when) noexcept {
-  deadline_ = when;
-  if (!timed() || due() > when) line_->dispatcher().executor().at(when, *this);
 }
 
 void SdoTransfer::send_abort(AbortCode code) noexcept {
@@ -140,7 +141,7 @@ void SdoTransfer::sent(rt::Time at) noexcept {
   window_ = true;
   auto& line = *line_;
   if (at > line.owed_until_) line.owed_ = 0;
-  line.owed_ = static_cast<std::uint16_t>(std::min(line.owed_ + expects_, 0xFFFF));
+  line.owed_ += expects_;
   line.owed_until_ = at + line.settings_->late_window;
   const bool collecting = state_ == State::block && !download_;
   if (collecting) extra_->heard = at;
@@ -150,8 +151,9 @@ void SdoTransfer::sent(rt::Time at) noexcept {
 
 void SdoTransfer::run() noexcept {
   if (state_ == State::queued) return attempt();
-  auto& executor = line_->dispatcher().executor();
-  if (executor.now() < deadline_) return executor.at(deadline_, *this);
+  auto& executor = line_->executor();
+  if (deadline_ == rt::never) return;
+  if (executor.now() < deadline_) return line_->wake_at(deadline_);
   if (window_) return state_ == State::block && !download_ ? block_silence() : timed_out();
   if (!pending() && executor.now() < give_up_) return send_request();
   if (pending()) line_->dispatcher().withdraw(*this);
@@ -167,7 +169,7 @@ void SdoTransfer::timed_out() noexcept {
 }
 
 bool SdoTransfer::lingers() noexcept {
-  const rt::Duration lasted = line_->dispatcher().executor().now() - began_;
+  const rt::Duration lasted = line_->executor().now() - began_;
   if (lasted <= most_lingering || streamed_) [[likely]]
     return false;
   const auto patience = std::max<rt::Duration>(8 * options_.timeout, most_lingering);
@@ -197,12 +199,13 @@ bool SdoTransfer::answer(const can::Frame& frame) noexcept {
 }
 
 // The most frequent of all: an expedited answer that says its length, to an upload into a value.
-inline bool SdoTransfer::quick_answer(const can::Frame& frame) noexcept {
-  const bool awaited = state_ == State::initiate && window_ && !download_ && !block_ && !streamed_;
-  if (!awaited || (frame.data[0] & 0xE3U) != 0x43 || sdo::multiplexer(frame) != ref_) return false;
+inline bool SdoTransfer::awaits(const can::Frame& frame) const noexcept {
+  return window_ && (load_le<std::uint32_t>(frame.data.data()) & 0xFFFF'FFE3U) == quick_;
+}
+
+inline void SdoTransfer::take_expedited(const can::Frame& frame) noexcept {
   value_.set_expedited(frame.data.data() + 4, 4U - ((frame.data[0] >> 2U) & 0x03U));
   complete();
-  return true;
 }
 
 bool SdoTransfer::take_abort(const can::Frame& frame) noexcept {
@@ -229,6 +232,7 @@ bool SdoTransfer::take_abort(const can::Frame& frame) noexcept {
 bool SdoTransfer::initiate_answer(const can::Frame& frame) noexcept {
   const auto command = static_cast<Scs>(sdo::specifier(frame.data[0]));
   if (sdo::multiplexer(frame) != ref_) return false;
+  quick_ = not_quick;
   if (block_ && command == (download_ ? Scs::block_download : Scs::block_upload)) {
     // Bits 1..0 (download) and 0 (upload) tell an initiate from an acknowledgement or an end.
     if ((frame.data[0] & (download_ ? 0x03U : 0x01U)) != 0) return false;
@@ -313,8 +317,7 @@ void SdoTransfer::next_segment() noexcept {
     return send();
   }
   if (data_.size() - offset_ > sdo::segment_bytes && !streamed_) {
-    request_.data[0] = static_cast<std::uint8_t>(toggle);
-    std::memcpy(request_.data.data() + 1, data_.data() + offset_, sdo::segment_bytes);
+    sdo::put_segment(request_, static_cast<std::uint8_t>(toggle), data_.data() + offset_);
     offset_ += sdo::segment_bytes;
     return send();
   }
@@ -322,12 +325,12 @@ void SdoTransfer::next_segment() noexcept {
   if (!rest) return refuse(rest.error(), "the source gave no more bytes");
   last_ = rest->size() <= sdo::segment_bytes;
   const auto count = last_ ? rest->size() : sdo::segment_bytes;
-  if (last_) std::memset(request_.data.data() + 1, 0, sdo::segment_bytes);
-  request_.data[0] = static_cast<std::uint8_t>(toggle | ((sdo::segment_bytes - count) << 1U) | (last_ ? 1U : 0U));
+  const auto command = static_cast<std::uint8_t>(toggle | ((sdo::segment_bytes - count) << 1U) | (last_ ? 1U : 0U));
   if (!last_) {
-    std::memcpy(request_.data.data() + 1, rest->data(), sdo::segment_bytes);
-  } else if (count > 0) {
-    std::memcpy(request_.data.data() + 1, rest->data(), count);
+    sdo::put_segment(request_, command, rest->data());
+  } else {
+    sdo::put(request_, command, {});
+    if (count > 0) std::memcpy(request_.data.data() + 1, rest->data(), count);
   }
   consume(count);
   send();
@@ -385,12 +388,24 @@ void SdoTransfer::fail_with(Errc code, std::uint32_t detail, const char* text) n
   finish();
 }
 
+inline void SdoLine::remove(SdoTransfer& transfer) noexcept {
+  if (first_ == &transfer) {
+    first_ = transfer.next_;
+    if (first_ != nullptr) executor().post(*this);
+    return;
+  }
+  SdoTransfer** link = &first_;
+  while (*link != nullptr && *link != &transfer) link = &(*link)->next_;
+  if (*link != nullptr) *link = transfer.next_;
+}
+
 void SdoTransfer::leave() noexcept {
   state_ = State::done;
   window_ = false;
-  cancel();
-  if (pending()) line_->dispatcher().withdraw(*this);
-  if (extra_) extra_->pump.stop();
+  if (pending()) [[unlikely]]
+    line_->dispatcher().withdraw(*this);
+  if (extra_) [[unlikely]]
+    extra_->pump.stop();
   line_->remove(*this);
 }
 
@@ -411,21 +426,18 @@ void SdoLine::enqueue(SdoTransfer& transfer) noexcept {
   *end = &transfer;
 }
 
-void SdoLine::remove(SdoTransfer& transfer) noexcept {
-  SdoTransfer** link = &first_;
-  const bool was_first = *link == &transfer;
-  while (*link != nullptr && *link != &transfer) link = &(*link)->next_;
-  if (*link == nullptr) return;
-  *link = transfer.next_;
-  if (was_first && *link != nullptr) dispatcher().executor().post(**link);
-}
-
-void SdoLine::received(NodeId node, const can::Frame& frame, rt::Time at) noexcept {
+inline void SdoLine::received(NodeId node, const can::Frame& frame, rt::Time at) noexcept {
   if (!sdo::well_formed(frame)) return;
   if (owed_ > 0 && at > owed_until_) owed_ = 0;
+  if (first_ == nullptr || !first_->awaits(frame)) return received_other(node, frame, at);
+  if (owed_ > 0) --owed_;
+  first_->take_expedited(frame);
+}
+
+void SdoLine::received_other(NodeId node, const can::Frame& frame, rt::Time at) noexcept {
   const unsigned open = first_ != nullptr && first_->window_ ? first_->expects_ : 0;
   const bool owed = owed_ > open;
-  if (first_ != nullptr && (first_->quick_answer(frame) || first_->answer(frame))) {
+  if (first_ != nullptr && first_->answer(frame)) {
     if (owed_ > 0) --owed_;
   } else if (owed) {
     --owed_;

@@ -8,7 +8,7 @@
 /// `SdoClient` uses the default channels of all nodes, `SdoChannelClient` one channel of its own (1280h..). Transfers
 /// in different channels run side by side; those in one wait for each other, first come, first served. Destroying an
 /// operation cancels it; a transfer of several frames on its way is then aborted on the bus (0800 0000). An operation
-/// may be begun anywhere, in a callback as well: whoever waits is woken through the executor.
+/// may be begun anywhere, in a callback as well: what waits is woken through the executor.
 #pragma once
 
 #include <algorithm>
@@ -58,13 +58,13 @@ class SdoChannelClient;
 
 /// One transfer; use the derived classes. How it ends otherwise than well (node, index and sub are filled in):
 /// - Errc::aborted: the server refused; detail = abort code
-/// - Errc::timeout: the request was on the wire and nobody answered in time
+/// - Errc::timeout: the request was on the wire and no answer came in time
 /// - Errc::bus: a request never left: bus-off, listen-only, closed port, no other node that acknowledges (detail: 0)
 /// - Errc::mismatch: the answer broke the protocol, or has another length than asked for, or the source or sink
 ///   refused; detail = abort code sent
 /// - Errc::invalid: the node-ID is unconfigured, the channel is not valid
 /// - Errc::cancelled: the client was destroyed, or `cancel` was called
-class SdoTransfer : public rt::Operation<SdoTransfer>, private rt::Job, private can::Confirmation {
+class SdoTransfer : public rt::Operation<SdoTransfer>, private can::Confirmation {
  public:
   bool start();
 
@@ -107,7 +107,7 @@ class SdoTransfer : public rt::Operation<SdoTransfer>, private rt::Job, private 
     closing,    // block upload: the confirmation of its end is to leave
     done,
   };
-  void run() noexcept override;
+  void run() noexcept;  // its turn has come, or its time
   void sent(rt::Time at) noexcept override;
   void attempt() noexcept;
   [[nodiscard]] bool begin_anew() noexcept;
@@ -116,6 +116,7 @@ class SdoTransfer : public rt::Operation<SdoTransfer>, private rt::Job, private 
   }
   [[nodiscard]] bool size_wants_block() const noexcept;
   void send(unsigned answers = 1) noexcept;
+  void send_by(rt::Time give_up, unsigned answers) noexcept;
   void send_request() noexcept;
   void wait_until(rt::Time when) noexcept;
   void send_abort(AbortCode code) noexcept;
@@ -125,7 +126,8 @@ class SdoTransfer : public rt::Operation<SdoTransfer>, private rt::Job, private 
   [[nodiscard]] bool lingers() noexcept;
   /// False when the frame is no answer to the request on its way.
   bool answer(const can::Frame& frame) noexcept;
-  bool quick_answer(const can::Frame& frame) noexcept;
+  [[nodiscard]] bool awaits(const can::Frame& frame) const noexcept;
+  void take_expedited(const can::Frame& frame) noexcept;
   bool take_abort(const can::Frame& frame) noexcept;
   bool initiate_answer(const can::Frame& frame) noexcept;
   bool segment_answer(const can::Frame& frame) noexcept;
@@ -171,6 +173,9 @@ class SdoTransfer : public rt::Operation<SdoTransfer>, private rt::Job, private 
   rt::Time deadline_{};  // when `run` has something to do
   can::Frame request_;   // the newest, in case the port was full
   unsigned attempts_ = 0;
+  static constexpr std::uint32_t not_quick = 0xFFFF'FFFFU;  // no frame matches it
+  std::uint32_t quick_ =
+      not_quick;  // bytes 0..3 of an expedited answer but for its length, while that ends the transfer
   ObjectRef ref_;
   NodeId node_;
   State state_ = State::idle;
@@ -271,7 +276,7 @@ class SdoStreamUpload final : public SdoTransfer {
   }
 };
 
-/// Told of answers that nobody asked for.
+/// Told of answers without a request.
 class SdoObserver {
  public:
   /// A second answer to one request: two devices share `node`'s node-ID, or another client uses its channel.
@@ -290,7 +295,9 @@ struct SdoClientSettings {
 };
 
 /// One channel as its client sees it: the transfers in it, one behind the other. A part of the clients below.
-class SdoLine {
+/// The timer is the channel's and not the transfer's, as it is left alone when a transfer ends: most end long before
+/// it.
+class SdoLine : private rt::Job {
  public:
   SdoLine() = default;
   SdoLine(const SdoLine&) = delete;
@@ -301,19 +308,33 @@ class SdoLine {
   friend class SdoClient;
   friend class SdoChannelClient;
   void received(NodeId node, const can::Frame& frame, rt::Time at) noexcept;
+  void received_other(NodeId node, const can::Frame& frame, rt::Time at) noexcept;
   void enqueue(SdoTransfer& transfer) noexcept;
   void remove(SdoTransfer& transfer) noexcept;
   void cancel() noexcept;
+  void run() noexcept override {
+    if (first_ != nullptr) first_->run();
+  }
+  // A timer that comes too early is left alone: `SdoTransfer::run` sets it anew.
+  void wake_at(rt::Time when) noexcept {
+    if (!timed() || due() > when) executor().at(when, *this);
+  }
   [[nodiscard]] can::Dispatcher& dispatcher() const noexcept { return *settings_->dispatcher; }
+  [[nodiscard]] rt::Executor& executor() const noexcept { return dispatcher().executor(); }
 
   const SdoClientSettings* settings_ = nullptr;
   SdoTransfer* first_ = nullptr;  // on its way; others wait behind it
   CobId request_;
   std::uint32_t surplus_ = 0;
   std::uint32_t late_ = 0;
-  std::uint16_t owed_ = 0;  // answers that requests on the wire have not had
+  std::uint32_t owed_ = 0;  // answers that requests on the wire have not had
   rt::Time owed_until_{};
 };
+
+inline void SdoTransfer::wait_until(rt::Time when) noexcept {
+  deadline_ = when;
+  line_->wake_at(when);
+}
 
 class SdoClient final : private can::Handler {
  public:

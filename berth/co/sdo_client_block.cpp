@@ -62,7 +62,7 @@ void SdoTransfer::send_block(unsigned size) noexcept {
   if (!bytes) return refuse(bytes.error(), "the source gave no more bytes");
   state_ = State::block;
   window_ = false;
-  cancel_timer();  // the pump has its own
+  deadline_ = rt::never;  // the pump has its own
   extra.sender.sub_block(size, *bytes);
   extra.pump.start(extra.sender, line_->request_, options_.send_timeout);
 }

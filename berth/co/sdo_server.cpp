@@ -13,6 +13,26 @@ std::optional<can::Frame> SdoServer::handle(const can::Frame& request) noexcept 
   return handle(request, answer) ? std::optional(answer) : std::nullopt;
 }
 
+inline bool SdoServer::put_expedited(can::Frame& answer, std::span<const std::uint8_t> value) noexcept {
+  std::uint32_t number = 0;
+  if (value.size() == sizeof number) [[likely]] {
+    sdo::put(answer, 0x43, ref_, load_le<std::uint32_t>(value.data()));
+    return true;
+  }
+  for (std::size_t i = value.size(); i-- > 0;) number = number << 8U | value[i];
+  sdo::put(answer, static_cast<std::uint8_t>(0x43U | ((4U - value.size()) << 2U)), ref_, number);
+  return true;
+}
+
+inline bool SdoServer::begin_upload(can::Frame& answer) noexcept {
+  state_ = State::idle;
+  if (!data_.streaming()) [[likely]] {
+    const auto plain = data_.values().view_plain(ref_);
+    if (plain.size() - 1 < 4) return put_expedited(answer, plain);
+  }
+  return open_upload(answer);
+}
+
 // What frames mean otherwise than by their command. False: look no further.
 bool SdoServer::respond_in_block(const can::Frame& request, can::Frame& answer, bool& has_answer) noexcept {
   // In a sub-block every first byte but the abort's is a segment number.
@@ -43,8 +63,7 @@ inline bool SdoServer::respond(const can::Frame& request, can::Frame& answer) no
 
 bool SdoServer::handle(const can::Frame& request, can::Frame& answer) noexcept {
   if (!sdo::well_formed(request)) return false;
-  sdo::address(answer, response_id_);
-  answer.size = 8;
+  answer.set_head(response_key_, 8);
   return respond(request, answer);
 }
 
@@ -81,7 +100,7 @@ bool SdoServer::confirm_or_defer(const can::Frame& request, can::Frame& answer, 
 std::optional<can::Frame> SdoServer::complete(AbortCode code) noexcept {
   if (state_ != State::pending || code == AbortCode::pending) return std::nullopt;
   can::Frame answer = can::Frame::base(0, pending_answer_);
-  sdo::address(answer, response_id_);
+  answer.set_head(response_key_, 8);
   state_ = then_;
   if (code != AbortCode::none) abort(answer, code);
   return answer;
@@ -89,8 +108,8 @@ std::optional<can::Frame> SdoServer::complete(AbortCode code) noexcept {
 
 std::optional<can::Frame> SdoServer::expire() noexcept {
   if (!busy() || state_ == State::pending) return std::nullopt;
-  can::Frame answer = sdo::make(0, 0);
-  sdo::address(answer, response_id_);
+  can::Frame answer;
+  answer.set_head(response_key_, 8);
   if (collecting()) {
     receiver_.give_up();
     acknowledge_block(answer);
@@ -179,19 +198,11 @@ AbortCode SdoServer::take(const std::uint8_t* bytes, std::size_t count, bool las
 
 // ---- upload
 
-bool SdoServer::begin_upload(can::Frame& answer) noexcept {
-  state_ = State::idle;  // `open_read` forgets the rest
+bool SdoServer::open_upload(can::Frame& answer) noexcept {
   std::span<const std::uint8_t> value;
   const auto code = data_.open_read(ref_, value);
   if (code != AbortCode::none) return abort(answer, code);
   return value.empty() ? answer_upload(answer) : put_expedited(answer, value);
-}
-
-bool SdoServer::put_expedited(can::Frame& answer, std::span<const std::uint8_t> value) noexcept {
-  std::uint32_t number = 0;
-  for (std::size_t i = value.size(); i-- > 0;) number = number << 8U | value[i];
-  sdo::put(answer, static_cast<std::uint8_t>(0x43U | ((4U - value.size()) << 2U)), ref_, number);
-  return true;
 }
 
 // The object is open: expedited when it fits, else the first of a segmented transfer.
@@ -214,23 +225,22 @@ bool SdoServer::upload_segment(const can::Frame& request, can::Frame& answer) no
   if (state_ != State::upload) return refuse_unknown(request, answer);
   if (!toggled(request)) return abort(answer, AbortCode::toggle_bit);
   if (const std::uint8_t* const bytes = data_.quick_read()) {
-    answer.data[0] = request.data[0] & sdo::toggle_bit;
-    std::memcpy(answer.data.data() + 1, bytes, sdo::segment_bytes);
+    sdo::put_segment(answer, request.data[0] & sdo::toggle_bit, bytes);
     return true;
   }
   const auto window = data_.window(sdo::segment_bytes);
   if (!window) return abort(answer, window.error());
   const bool last = window->size() <= sdo::segment_bytes;
   const auto count = last ? window->size() : sdo::segment_bytes;
-  answer.data[0] = static_cast<std::uint8_t>((request.data[0] & sdo::toggle_bit) |
-                                             ((sdo::segment_bytes - count) << 1U) | (last ? 1U : 0U));
+  const auto command = static_cast<std::uint8_t>((request.data[0] & sdo::toggle_bit) |
+                                                 ((sdo::segment_bytes - count) << 1U) | (last ? 1U : 0U));
   if (last) {
-    std::memset(answer.data.data() + 1, 0, sdo::segment_bytes);
+    sdo::put(answer, command, {});
     if (count > 0) std::memcpy(answer.data.data() + 1, window->data(), count);
     data_.close_read();
     state_ = State::idle;
   } else {
-    std::memcpy(answer.data.data() + 1, window->data(), sdo::segment_bytes);
+    sdo::put_segment(answer, command, window->data());
     data_.consume(sdo::segment_bytes);
   }
   return true;

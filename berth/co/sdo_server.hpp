@@ -16,29 +16,29 @@ namespace berth::co {
 
 /// One channel. No heap use after construction.
 ///
-/// - Not heard: frames that are not 8 bytes, remote frames (hard-cases S16); an abort ends the transfer without an
-///   answer (S13).
-/// - A new initiate replaces the running transfer (S14), except while a sub-block of a block download comes in: there
-///   every frame but the abort is a segment. A segment that does not fit the transfer aborts it: wrong toggle
-///   0503 0000 (S5), no such transfer 0504 0001, more bytes than indicated 0607 0012, fewer 0607 0013, sub-block number
-///   out of range or more acknowledged than sent 0504 0003 (S6), block size 0 or above 127 0504 0002 (S8), CRC
-///   0504 0004.
+/// - Not heard: frames that are not 8 bytes, remote frames (HC1.S16); an abort ends the transfer without an
+///   answer (HC1.S13).
+/// - A new initiate replaces the running transfer (HC1.S14), except while a sub-block of a block download comes in:
+///   there every frame but the abort is a segment. A segment that does not fit the transfer aborts it: wrong toggle
+///   0503 0000 (HC1.S5), no such transfer 0504 0001, more bytes than indicated 0607 0012, fewer 0607 0013, sub-block
+///   number out of range or more acknowledged than sent 0504 0003 (HC1.S6), block size 0 or above 127 0504 0002
+///   (HC1.S8), CRC 0504 0004.
 /// - Uploads of at most `buffer` bytes are taken whole at the initiate, so that the client gets one consistent value;
 ///   longer ones are read from the dictionary piece by piece, and aborted with 0800 0022 when the length changes
 ///   meanwhile. Downloads are collected in the buffer and written once, at the end; what does not fit is refused with
 ///   0504 0005. An object with an `od::Stream` goes through the buffer, however long it is.
-/// - Downloads without indicated size, segmented, block and expedited, are legal (S1, S3, S17).
-/// - Block: CRC is used, and offered, when the client can, too (S10). A block upload of an object not longer than the
-/// client's
-///   protocol switch threshold is answered as a normal upload (S11). A lost segment is asked for again, and sub-blocks
-///   become smaller then; 16 sub-blocks in a row without progress end the transfer with 0504 0000.
+/// - Downloads without indicated size, segmented, block and expedited, are legal (HC1.S1, HC1.S3, HC1.S17).
+/// - Block: CRC is used, and offered, when the client can, too (HC1.S10). A block upload of an object not longer than
+///   the client's protocol switch threshold is answered as a normal upload (HC1.S11). A lost segment is asked for
+///   again, and sub-blocks become smaller then; 16 sub-blocks in a row without progress end the transfer with
+///   0504 0000.
 class SdoServer {
  public:
   SdoServer(od::Values& values, std::size_t buffer);
 
   /// Where answers go: 580h + node-ID for the default channel. The request's identifier is not looked at.
-  void set_response_id(CobId id) noexcept { response_id_ = id; }
-  void set_response_id(std::uint32_t id) noexcept { response_id_ = CobId(id); }
+  void set_response_id(CobId id) noexcept { response_key_ = id.key(); }
+  void set_response_id(std::uint32_t id) noexcept { set_response_id(CobId(id)); }
 
   /// Takes a request. True: `answer` is to be sent. Otherwise see whether segments are to be sent now (`sending`).
   [[nodiscard]] bool handle(const can::Frame& request, can::Frame& answer) noexcept;
@@ -92,6 +92,7 @@ class SdoServer {
   bool download_segment(const can::Frame& request, can::Frame& answer) noexcept;
   [[nodiscard]] AbortCode take(const std::uint8_t* bytes, std::size_t count, bool last) noexcept;
   bool begin_upload(can::Frame& answer) noexcept;
+  bool open_upload(can::Frame& answer) noexcept;
   bool answer_upload(can::Frame& answer) noexcept;
   bool put_expedited(can::Frame& answer, std::span<const std::uint8_t> value) noexcept;
   bool upload_segment(const can::Frame& request, can::Frame& answer) noexcept;
@@ -116,7 +117,7 @@ class SdoServer {
   SdoServerData data_;
   sdo::BlockSender sender_;
   sdo::BlockReceiver receiver_;
-  CobId response_id_;
+  std::uint32_t response_key_ = 0;
   ObjectRef ref_;
   State state_ = State::idle;
   State then_ = State::idle;  // after the pending write

@@ -23,6 +23,8 @@ class SdoServerData {
 
   [[nodiscard]] od::Values& values() const noexcept { return *values_; }
   [[nodiscard]] std::size_t memory() const noexcept { return reserve_; }
+  /// A stream is open, which `drop` closes.
+  [[nodiscard]] bool streaming() const noexcept { return stream_.open(); }
   /// Forgets the transfer; a stream is closed as broken off.
   void drop() noexcept { stream_.drop(); }
 

@@ -1,5 +1,6 @@
 /// All SDO channels of a device as its dictionary has them: the default channel (1200h), additional servers
-/// 1201h..127Fh, and the parameters of its clients 1280h..12FFh (CiA 301 §7.5.2.33, §7.5.2.34; facts page A.7).
+/// 1201h..127Fh, and the parameters of its clients 1280h..12FFh (CiA 301 §7.5.2.33, §7.5.2.34; docs/protocols/cia301.md
+/// §SDO).
 ///
 ///     co::SdoServers servers(dispatcher, values);
 ///     servers.start(node_id);                                   // pre-operational is entered

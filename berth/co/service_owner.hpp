@@ -8,7 +8,7 @@
 
 namespace berth::co {
 
-/// Implemented by whoever keeps the emergencies and the clock: `device::Device`, or a test.
+/// Implemented by what keeps the emergencies and the clock: `device::Device`, or a test.
 class ServiceOwner {
  public:
   /// An error began: to be reported as EMCY. Told once until `clear_error` with the same code; only 8150h (CAN-ID

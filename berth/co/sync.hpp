@@ -1,10 +1,11 @@
-/// SYNC producer and consumer of one device (CiA 301 §7.2.5, objects 1005h, 1006h, 1007h, 1019h; facts page A.5).
+/// SYNC producer and consumer of one device (CiA 301 §7.2.5, objects 1005h, 1006h, 1007h, 1019h;
+/// docs/protocols/cia301.md §SYNC and TIME).
 ///
 /// Works on the objects of a dictionary; those that are missing count as their defaults (080h, 0, 0, 0). Writes from
 /// the network take effect at once and are checked:
 /// - 1005h: bits 30..0 other than bit 30 itself while bit 30 (producer) is set, a restricted CAN-ID, bits above bit 10
 ///   of an 11-bit identifier: 0609 0030.
-/// - 1019h: 1 and 241..255: 0609 0030; another value than it has while 1006h is not 0, whoever makes the SYNC:
+/// - 1019h: 1 and 241..255: 0609 0030; another value than it has while 1006h is not 0, whichever device makes the SYNC:
 ///   0800 0022 (CiA 301 §7.5.2.22).
 /// A write of 1005h or 1006h begins the period anew; bit 30 set anew begins the counter anew.
 ///

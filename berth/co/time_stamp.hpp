@@ -1,4 +1,5 @@
-/// TIME producer and consumer of one device (CiA 301 §7.2.6, objects 1012h and 1013h; facts page A.5).
+/// TIME producer and consumer of one device (CiA 301 §7.2.6, objects 1012h and 1013h; docs/protocols/cia301.md §SYNC
+/// and TIME).
 ///
 /// Works on object 1012h: bit 31 consumer, bit 30 producer, bit 29 frame; without the object neither. Writes from the
 /// network: bits 29..0 while bit 31 or 30 is set, a restricted CAN-ID, bits above bit 10 of an 11-bit identifier: 0609

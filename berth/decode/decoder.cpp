@@ -208,7 +208,7 @@ void Decoder::add_pdo(Bus& bus, Node& node, std::uint8_t id, bool transmit, unsi
   const Route before = cob.key() <= can::base_mask        ? bus.base[cob.key()]
                        : bus.extended.contains(cob.key()) ? bus.extended[cob.key()]
                                                           : Route{};
-  // Who sends it names its signals; a receiver is asked when no sender is known.
+  // The sender names its signals; a receiver is asked when no sender is known.
   if (before.kind != Route::Kind::none &&
       (before.kind != Route::Kind::pdo || !transmit || bus.pdos[before.index].transmit))
     return;
@@ -278,7 +278,7 @@ void Decoder::learn(Bus& bus, std::uint8_t id, ObjectRef object, std::span<const
   const auto before = values.bytes(object);
   if (std::equal(before.begin(), before.end(), bytes.begin(), bytes.end())) return;
   if (values.set_bytes(object, bytes) != od::AbortCode::none) return;
-  // All of them: who receives what this node sends is known by other nodes' objects.
+  // All of them: which nodes receive what this one sends is known by other nodes' objects.
   for (std::uint8_t each = 1; each < bus.nodes.size(); ++each) disconnect(bus, each);
   for (std::uint8_t each = 1; each < bus.nodes.size(); ++each) {
     if (bus.nodes[each] && bus.nodes[each]->values) connect(bus, each);
@@ -346,7 +346,7 @@ void Decoder::heartbeat(Bus& bus) {
     bus.guarded.set(node);
     return;
   }
-  // 00h is a boot-up message whoever asked before it: nobody answers guarding while it initialises.
+  // 00h is a boot-up message whatever was asked before it: no node answers guarding while it initialises.
   if (!bus.guarded.test(node) || frame.size != 1 || frame.data[0] == 0) return;
   bus.guarded.reset(node);
   const auto state = co::nmt_state(frame.data[0] & 0x7FU);

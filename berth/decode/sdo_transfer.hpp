@@ -1,5 +1,5 @@
 /// Folds the frames of one SDO channel into transfers (CiA 301 §7.2.4): expedited, segmented, block, read and write, as
-/// somebody sees them who hears both sides and knows nothing else. Frames may be missing, repeated or wrong.
+/// a listener sees them that hears both sides and knows nothing else. Frames may be missing, repeated or wrong.
 #pragma once
 
 #include <cstdint>
@@ -30,7 +30,7 @@ struct SdoRecord {
   End end = End::unfinished;
   std::uint32_t abort = 0;                 ///< the code, when aborted
   bool sized = true;                       ///< false: expedited without a size; all four bytes are there
-  bool has_object = true;                  ///< false: of a stray segment nobody knows the object
+  bool has_object = true;                  ///< false: of a stray segment the object is not known
   std::uint64_t length = 0;                ///< bytes that came over
   std::vector<std::uint8_t> bytes;         ///< the first of them
   std::optional<std::uint64_t> announced;  ///< the size that its sender indicated

@@ -34,7 +34,7 @@ inline constexpr std::size_t services = static_cast<std::size_t>(Service::other)
 
 struct Meaning {
   Service service = Service::other;
-  std::uint8_t node = 0;  ///< whose frame it is, or whom it is for; 0: nobody's
+  std::uint8_t node = 0;  ///< whose frame it is, or which it is for; 0: none
 };
 
 /// Frames of one bus in their order: RAND's DIS and the Fastscan feedback have the same identifiers (S1.24), and what

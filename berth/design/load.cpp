@@ -13,7 +13,7 @@ TypeLoader eds_loader() {
     const auto reading = eds::read_any_file(path);
     findings.insert(findings.end(), reading.findings.begin(), reading.findings.end());
     if (!reading.usable()) return std::nullopt;
-    // Descriptions give revision 0 when nobody filled it in.
+    // Descriptions give revision 0 where it was not filled in.
     const auto revision = reading.file.revision();
     const DeviceType type{reading.file.type_code(), revision == 0 ? std::nullopt : std::optional(revision)};
     if (type.type == TypeCode{}) {

@@ -121,7 +121,7 @@ Device::~Device() {
   observer_ = nullptr;
   callbacks_.reset();
   stop_services();                   // says nothing on the bus
-  if (storing()) record_->forget();  // whoever the memory writes for: it would call what is gone
+  if (storing()) record_->forget();  // whatever the memory writes for: it would call what is gone
   if (host_ != nullptr) dispatcher_->on_status(nullptr);
 }
 
@@ -163,7 +163,7 @@ void Device::power_off() noexcept {
   dispatcher_->remove(*this);
   if (negotiation_) negotiation_->power_off();
   if (claiming_) claiming_->power_off();
-  if (record_) record_->forget();  // stops the memory, whoever it writes for
+  if (record_) record_->forget();  // stops the memory, whatever it writes for
   if (parameters_) parameters_->forget();
   load_settings();
   lss_->power_on(memory_);
@@ -192,8 +192,8 @@ void Device::begin(Begin what, rt::Duration own_time) noexcept {
   if (claiming_) claiming_->resetting();
   lss_answers_.drop();
   if (habits_) habits_->reset();
-  // An LSS store goes on during a reset; its end is then nobody's answer any more. Parameters would be stored in part
-  // with their values of after the reset: given up.
+  // An LSS store goes on during a reset; its end is then no request's answer any more. Parameters would be stored in
+  // part with their values of after the reset: given up.
   if (parameters_ && parameters_->busy()) {
     parameters_->abandon();
     if (host_ != nullptr) host_->deaf(TimedPort::Deaf::storing, false);
@@ -275,7 +275,8 @@ void Device::state_changed(NmtState from, NmtState to, rt::Time) noexcept {
   tell();
 }
 
-// 1F80h of a device that is no master: bit 3 "may start itself", bit 2 "waits to be started" (facts page A.3).
+// 1F80h of a device that is no master: bit 3 "may start itself", bit 2 "waits to be started" (docs/protocols/cia301.md
+// §NMT).
 void Device::self_start() noexcept {
   if (values_.description().find(self_start_object) == nullptr) return;
   if ((values_.get_or<std::uint32_t>({self_start_object, 0}, 0) & 0x0CU) == 0x08U) nmt_.apply(co::NmtCommand::start);
@@ -375,7 +376,7 @@ void Device::written(bool ok) noexcept {
     memory_ = being_stored_;
     if (options_.source == NodeIdSource::fixed) memory_.node_id = options_.node_id;
   }
-  // Without an answer when a reset came in between: nobody waits any more.
+  // Without an answer when a reset came in between: no master waits any more.
   if (const auto answer = lss_->stored({ok ? lss::error::ok : lss::error::storage, 0})) dispatcher_->send(*answer);
   tell();
 }

@@ -119,7 +119,7 @@ class Device final : private co::NmtSlave::Owner,
                      private od::Hook,
                      private rt::Job {
  public:
-  /// Who wants to know that the ground truth changed: power, NMT state, one of the node-IDs. Must only look.
+  /// Told that the ground truth changed: power, NMT state, one of the node-IDs. Must only look.
   class Observer {
    public:
     virtual void device_changed(const Device& device) noexcept = 0;

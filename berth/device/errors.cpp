@@ -1,4 +1,4 @@
-// What goes wrong in a device, and who is told: EMCY, 1001h, 1003h, 1029h, the indicators.
+// What goes wrong in a device, and where it shows: EMCY, 1001h, 1003h, 1029h, the indicators.
 #include "berth/co/cob_id.hpp"
 #include "berth/device/device.hpp"
 
@@ -53,7 +53,7 @@ void Device::heartbeat(const co::HeartbeatEvent& event, rt::Time) noexcept {
   call(&Callbacks::heartbeat, event);
 }
 
-/// 1016h was written: who is not supervised any more is not missed any more.
+/// 1016h was written: a node that is not supervised any more is not missed any more.
 void Device::forget_heartbeat_errors() noexcept {
   for (std::uint8_t node = 1; node <= 127; ++node) {
     if (!consumer_->lost(NodeId(node))) clear(co::emcy_code::life_guard_or_heartbeat, {node}, node);

@@ -1,5 +1,5 @@
-/// The two indicators of a CANopen device (CiA 303-3; facts page A.9): which of them is lit, by what the device is
-/// doing and the time. A pure function of time since its power-on: no timer, no state.
+/// The two indicators of a CANopen device (CiA 303-3; docs/protocols/cia301.md §Indicators): which of them is lit, by
+/// what the device is doing and the time. A pure function of time since its power-on: no timer, no state.
 #pragma once
 
 #include "berth/base/ids.hpp"

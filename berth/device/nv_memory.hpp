@@ -32,7 +32,7 @@ class NvMemory {
   /// Begins a write; false, and nothing is written, when one is under way or the place is out of range. `bytes` and
   /// `done` must stay until `written` was called or `forget`.
   virtual bool write(std::size_t at, std::span<const std::uint8_t> bytes, Done& done) noexcept = 0;
-  /// The device lost power or is reset: the write under way stops where it is; nobody is told.
+  /// The device lost power or is reset: the write under way stops where it is, and its `Done` is not told.
   virtual void forget() noexcept = 0;
 };
 

@@ -1,5 +1,5 @@
-/// A device's stored parameters (CiA 301 objects 1010h and 1011h; facts page A.9): an image of values in non-volatile
-/// memory that a power loss at any byte leaves old or new, never mixed.
+/// A device's stored parameters (CiA 301 objects 1010h and 1011h; docs/protocols/cia301.md §Stored parameters): an
+/// image of values in non-volatile memory that a power loss at any byte leaves old or new, never mixed.
 ///
 /// What is stored: objects that the network may read and write, except process data (rwr or rww, mappable, outside
 /// 1000h..1FFFh), DOMAINs, values that may be longer than `longest`, objects that a configuration tool must leave alone

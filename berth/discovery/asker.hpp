@@ -6,25 +6,25 @@
 /// after every answer to the one before, however loaded the bus is, and its confirmation is the fence: what was heard
 /// before it belongs to the request before, what is heard after it to itself. From this follow the windows:
 ///
-/// - Somebody answered: the window ends `response` after the confirmation. A slower device's answer to this request is
+/// - A device answered: the window ends `response` after the confirmation. A slower device's answer to this request is
 ///   then on the wire before the next request and is counted here (`Heard::answers`), not there.
-/// - Nobody answered yet: the window ends `response`, one answer's frame and `Options::blocking` after the
+/// - No device answered yet: the window ends `response`, one answer's frame and `Options::blocking` after the
 ///   confirmation, for then an answer has been heard unless other traffic holds it up. If it is held up, it is still
 ///   heard before the next request is confirmed. The next request is then taken back when it is not on the wire yet,
 ///   and its question ends at once with `Heard::late`: the request before *was* answered. Otherwise `late` comes with
 ///   its own outcome.
-/// - `Wait::quick`: `response` alone, where the port takes a queued request back in time (learnt too). For whoever
-///   looks at `Heard::late` of the question after.
+/// - `Wait::quick`: `response` alone, where the port takes a queued request back in time (learnt too). For a caller
+///   that looks at `Heard::late` of the question after.
 /// - `Wait::bound`: silence is believed only after the longest response, `Options::window`.
 ///
 /// A window is not cut at the first answer before `response` is over: a second device that answers later would be heard
 /// behind the next request, and its yes would be a yes to the wrong question. The one exception is `alone`, for the
-/// asker who goes down into ever smaller parts of the tree and has got exactly one answer, counted up to the fence, to
+/// asker that goes down into ever smaller parts of the tree and has got exactly one answer, counted up to the fence, to
 /// several questions in a row. Two devices there would have had to answer at the very same bit every time. If they
 /// always do, because their latency is fixed, none of them is late. If they did by chance, a late answer costs time.
 ///
-/// Whoever needs longer than `response` is wrongly taken as silent once, and its answer perhaps as one to the next
-/// request. Both cost time only: the walk that asks goes by whole confirmed parts and by what the selected device
+/// A device that needs longer than `response` is wrongly taken as silent once, and its answer perhaps as one to the
+/// next request. Both cost time only: the walk that asks goes by whole confirmed parts and by what the selected device
 /// itself says of its serial number.
 #pragma once
 
@@ -100,8 +100,8 @@ class Asker final : private can::Handler {
     return {*this, request, wait, alone && !wholly_};
   }
   /// Every window is as long as an answer may need, and no answer cuts it short unless one device is left: for when
-  /// haste has led nowhere. So long is the bound, until enough patient questions have told the slowest answer. `wholly`:
-  /// nor when one device seems to be left.
+  /// haste has led nowhere. So long is the bound, until enough patient questions have told the slowest answer.
+  /// `wholly`: nor when one device seems to be left.
   void be_patient(bool on, bool wholly = false) noexcept {
     patient_ = on;
     wholly_ = on && wholly;
@@ -121,7 +121,7 @@ class Asker final : private can::Handler {
   [[nodiscard]] unsigned answers() const noexcept { return answers_; }
   /// Questions sent since `begin`.
   [[nodiscard]] unsigned requests() const noexcept { return requests_; }
-  /// After `at` + this nobody answers a request that was confirmed at `at`.
+  /// After `at` + this no device answers a request that was confirmed at `at`.
   [[nodiscard]] rt::Duration longest() const noexcept;
   /// The same as far as it was learnt.
   [[nodiscard]] rt::Duration usual() const noexcept;

@@ -44,14 +44,14 @@ struct Auto::Run {
   Report report{};
 
   [[nodiscard]] bool over() const { return report.found.size() >= options.most_devices; }
-  // Whoever has no node-ID after all schemes were run: the non-configured question means them too.
+  // Devices that have no node-ID after all schemes were run: the non-configured question means them too.
   [[nodiscard]] bool all_assigned() const {
     return std::ranges::all_of(report.found,
                                [](const Found& f) { return f.assigned.configured() || f.active.configured(); });
   }
 };
 
-// One scheme. Whoever was found before is known to it, and not reported again.
+// One scheme. A device that was found before is known to it, and not reported again.
 rt::Task<Result<void>> Auto::part(Run& run, Method method) {
   Discovery& discovery = of(method);
   last_ = method;
@@ -99,7 +99,7 @@ rt::Task<Result<Report>> Auto::find(const Known& known, const Options& options) 
           static_cast<const Walker*>(parts_[static_cast<std::size_t>(Method::planner_feedback)].get())) {
     spoken_.feedback = walker->heard_feedback();
   }
-  // Somebody on Fastscan has no node-ID, and only ranges can look behind it.
+  // A device on Fastscan has no node-ID, and only ranges can look behind it.
   bool look = options_.configured || run.report.end == Report::End::held;
   run.part.configured = options_.configured;
   if (options_.identify && run.all_assigned() && !run.over()) {

@@ -1,12 +1,12 @@
 /// Makes the methods of one bus, and finds the devices of a bus whatever each of them speaks.
 ///
-///     Auto everybody({dispatcher, lss_master});
-///     auto report = co_await everybody.find(known, options);
+///     Auto all({dispatcher, lss_master});
+///     auto report = co_await all.find(known, options);
 ///
 /// `Auto` asks one question per scheme (Fastscan's "anybody?", with an ear for feedback; RAND's and AND's phase 0; LSS
-/// identify non-configured), runs the planner of each scheme that somebody answered, one scheme after the other and
+/// identify non-configured), runs the planner of each scheme that was answered, one scheme after the other and
 /// never two at once (S1.24: RAND's DIS and the feedback have the same identifiers), and looks with LSS identify ranges
-/// for those whom no scheme finds: devices without Fastscan, and devices that have a node-ID and are in no slot. The
+/// for those that no scheme finds: devices without Fastscan, and devices that have a node-ID and are in no slot. The
 /// ranges need `Known::kinds`.
 #pragma once
 
@@ -18,7 +18,7 @@
 
 namespace berth::discovery {
 
-/// What the methods are made of. Both must outlive them. Nobody else may use the LSS master while a method is under
+/// What the methods are made of. Both must outlive them. Nothing else may use the LSS master while a method is under
 /// way.
 struct Services {
   can::Dispatcher& dispatcher;
@@ -28,7 +28,7 @@ struct Services {
 /// A method on a bus. Never null.
 [[nodiscard]] std::unique_ptr<Discovery> make(Method method, const Services& services);
 
-/// What somebody on the bus answered to.
+/// What devices on the bus answered to.
 struct Spoken {
   bool fastscan = false;
   bool feedback = false;  ///< of either form
@@ -58,8 +58,8 @@ class Auto final : public Discovery {
 
   /// The planner that was used last.
   [[nodiscard]] Method method() const noexcept override { return last_; }
-  /// Finds everybody who is not registered. `Found::by` tells how each was found. A device that speaks several schemes
-  /// is reported once. The report ends with the worst end of its parts.
+  /// Finds every device that is not registered. `Found::by` tells how each was found. A device that speaks several
+  /// schemes is reported once. The report ends with the worst end of its parts.
   [[nodiscard]] rt::Task<Result<Report>> find(const Known& known, const Options& options) override;
   /// One question per scheme; ends at the first answer. For polls while the machine runs: 4 frames at most.
   [[nodiscard]] rt::Task<Result<bool>> anybody(const Options& options) override;

@@ -1,6 +1,6 @@
 /// One interface for finding the devices of a bus, whatever they speak: the published methods and Berth's planners.
 ///
-/// A discovery finds LSS addresses. It binds nobody: which device gets which node-ID is decided above, when all are
+/// A discovery finds LSS addresses. It binds no device: which one gets which node-ID is decided above, when all are
 /// known (`places::plan`), or at once by an `Assigner`, which everything on Fastscan needs, because a device answers
 /// until it has a node-ID, and none is left in LSS configuration to keep it silent: a node-ID of its own, or one that
 /// is lent and taken back later.
@@ -18,6 +18,10 @@
 #include "berth/base/result.hpp"
 #include "berth/rt/executor.hpp"
 #include "berth/rt/task.hpp"
+
+namespace berth::nodeid {
+struct DiscoveryReport;
+}
 
 namespace berth::discovery {
 
@@ -78,7 +82,7 @@ class Observer {
   virtual void found(const Found& device) noexcept = 0;
   /// Search by identify ranges: between two requests, whenever it got on.
   virtual void progress(const Progress&) noexcept {}
-  /// Search by identify ranges: asked between two requests, with nobody in configuration. False: ends with `more`.
+  /// Search by identify ranges: asked between two requests, with no device in configuration. False: ends with `more`.
   virtual bool goes_on() noexcept { return true; }
 
  protected:
@@ -108,7 +112,7 @@ struct Options {
   /// RAND's planner: every address is proven by DIRS and DIS, so that no device that is slower than `window` spoils
   /// one. Published Fastscan: the address found has to select a device that says its serial number itself, before it is
   /// told and gets a node-ID. The procedures as published do not ask, and a device that lost a request may then stand
-  /// for an address that nobody has.
+  /// for an address that no device has.
   bool confirm = false;
   Observer* observer = nullptr;  ///< may be null
   unsigned most_devices = 1000;
@@ -117,13 +121,13 @@ struct Options {
   /// Search by identify ranges: devices that have a node-ID too. False: it is over when identify non-configured (4Ch)
   /// stays unanswered, which saves a question for each gap between known devices.
   bool configured = true;
-  unsigned retries = 4;  ///< restarts in a row without finding anybody
+  unsigned retries = 4;  ///< restarts in a row without finding a device
 };
 
 struct Report {
   enum class End : std::uint8_t {
-    complete,  ///< nobody is left that this method can find
-    gave_up,   ///< `retries` restarts in a row: somebody answers and cannot be identified
+    complete,  ///< no device is left that this method can find
+    gave_up,   ///< `retries` restarts in a row: a device answers and cannot be identified
     stuck,     ///< one address came again and again although it was taken out
     limit,     ///< `most_devices`
     more,      ///< time is over, or the observer stopped it; called again, it goes on where it was
@@ -135,10 +139,12 @@ struct Report {
   unsigned restarts = 0;
   unsigned unproven = 0;  ///< addresses that were answered for, and whose device did not say that it has them
   rt::Time began{};
-  rt::Time known{};  ///< every address was known; without the closing question that nobody answered
+  rt::Time known{};  ///< every address was known; without the closing question that no device answered
   rt::Time ended{};
 };
 [[nodiscard]] const char* name(Report::End end) noexcept;
+/// What RAND as published found, in the words of all methods.
+[[nodiscard]] Report report_of(const nodeid::DiscoveryReport& rand);
 
 /// One method on one bus. One procedure at a time; never two methods with overlapping identifiers at once (S1.24): a
 /// bus has one turn for all of them.
@@ -146,10 +152,10 @@ class Discovery {
  public:
   virtual ~Discovery() = default;
   [[nodiscard]] virtual Method method() const noexcept = 0;
-  /// Finds everybody whom the method can find and who is not registered. Errors: `bus` a request could not be sent;
+  /// Finds every device that the method can find and that is not registered. Errors: `bus` a request could not be sent;
   /// `invalid` another procedure is under way.
   [[nodiscard]] virtual rt::Task<Result<Report>> find(const Known& known, const Options& options) = 0;
-  /// One question: is there anybody whom `find` would find?
+  /// One question: is there a device that `find` would find?
   [[nodiscard]] virtual rt::Task<Result<bool>> anybody(const Options& options) = 0;
 };
 

@@ -16,7 +16,7 @@ constexpr std::uint64_t first_width = 256;
 constexpr std::uint64_t least_width = 16;
 constexpr std::uint64_t widens = 8;  // times, after silence
 // Halves that were not asked because the other half was silent: after so many in a row the next one is asked, so that
-// a question that somebody did not hear is not followed down to the last bit.
+// a question that a device did not hear is not followed down to the last bit.
 constexpr unsigned most_assumed = 6;
 constexpr unsigned most_unproven = 4;  // in a row, and the retries
 constexpr unsigned enough_alone = 3;
@@ -55,7 +55,7 @@ struct Identify::Run {
   Report report{};
   std::size_t kind = 0;
   std::size_t kinds = 0;
-  unsigned unproven = 0;         // in a row
+  unsigned unproven = 0;  // in a row
   // How far haste has led nowhere. `wary`: patient, until one device is left; what it answers late is found out within
   // a few questions. `most`: to the end.
   enum class Care : std::uint8_t { none, wary, most };
@@ -64,9 +64,9 @@ struct Identify::Run {
   Haste haste{};
   bool late_yes = false;         // the question before the last was answered after all
   bool stopped = false;          // time is over, or the observer said so
-  bool no_blank = false;         // nobody without a node-ID is left, and nobody else is wanted
-  bool untrusted = false;        // somebody answers whatever is asked
-  std::optional<Box> left_at{};  // somebody is in there, and the search was stopped
+  bool no_blank = false;         // no device without a node-ID is left, and no other is wanted
+  bool untrusted = false;        // a device answers whatever is asked
+  std::optional<Box> left_at{};  // a device is in there, and the search was stopped
   std::vector<R_SN> passed{};    // answered for, and not proven, in this pass
 
   [[nodiscard]] rt::Duration longest() const noexcept {
@@ -97,7 +97,7 @@ struct Identify::Run {
                                 .swept = static_cast<double>(swept) / static_cast<double>(all_serials),
                                 .found = report.found.size()});
   }
-  // Between two requests, with nobody in configuration.
+  // Between two requests, with no device in configuration.
   void look_at_the_time(rt::Time now) {
     if (options.most_time.count() > 0 && now - report.began > options.most_time) stopped = true;
     if (options.observer != nullptr && !options.observer->goes_on()) stopped = true;
@@ -177,7 +177,7 @@ rt::Task<Result<Identify::Sweep>> Identify::proven(Run& run, Cursor& cursor, Lss
       .parts = parts_that_tell(device, run.known, run.report), .longest = run.longest(), .guess = guess};
   auto alone = co_await lss::select_alone(services_.lss, device, how);
   if (alone && *alone == lss::Selection::not_alone) {
-    // Who was left in configuration has been told to wait meanwhile.
+    // A device that was left in configuration has been told to wait meanwhile.
     how.guess = false;
     alone = co_await lss::select_alone(services_.lss, device, how);
   }
@@ -269,8 +269,8 @@ rt::Task<Result<std::optional<Box>>> Identify::surely(Run& run, const Cursor& cu
   co_return result;
 }
 
-// Somebody is in the box: the lowest there, down to one serial number, or one revision when the serial number is known.
-// Empty: nobody is there any more, or never was.
+// A device is in the box: the lowest there, down to one serial number, or one revision when the serial number is known.
+// Empty: no device is there any more, or none ever was.
 rt::Task<Result<std::optional<Box>>> Identify::descend(Run& run, const Cursor& cursor, Box box) {
   const bool by_serial = box.serial_low != box.serial_high;
   run.alone = by_serial ? 0 : enough_alone;
@@ -439,7 +439,7 @@ rt::Task<Result<bool>> Identify::close(Run& run, Cursor& cursor) {
     }
     Cursor part = cursor;
     part.next = box.serial_low;
-    part.width = std::uint64_t{box.serial_high} - box.serial_low + 1;  // somebody is there
+    part.width = std::uint64_t{box.serial_high} - box.serial_low + 1;  // a device is there
     part.any = false;
     part.guesses = false;
     part.row = 0;
@@ -521,7 +521,8 @@ rt::Task<Result<bool>> Identify::all_kinds(Run& run, std::vector<Cursor>& cursor
   co_return quiet;
 }
 
-// A device whose receive buffer holds one frame answers 4Ch, which is a single one, and no question of six back to back.
+// A device whose receive buffer holds one frame answers 4Ch, which is a single one, and no question of six back to
+// back.
 rt::Task<Result<bool>> Identify::slowly(Run& run, std::vector<Cursor>& cursors, Pace& pace) {
   const auto left = co_await blank_left(run);
   if (!left) co_return fail(left.error());

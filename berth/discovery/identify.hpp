@@ -20,10 +20,10 @@
 ///
 /// It has no bound of its own. With `Options::most_time`, or when `Observer::goes_on` says so, it ends with
 /// `Report::End::more`; the next `find` on the same object goes on where it was, with what it has learnt. Meanwhile
-/// whoever was found may be seated: it belongs into `Known::registered` then, and costs nothing.
+/// a device that was found may be seated: it belongs into `Known::registered` then, and costs nothing.
 ///
 /// Addresses that were answered for and whose device did not say so itself are counted (`Report::unproven`) and passed
-/// over; after `Options::retries` + 4 of them in a row somebody answers whatever is asked, the kind is left, and the
+/// over; after `Options::retries` + 4 of them in a row some device answers whatever is asked, the kind is left, and the
 /// search ends with `gave_up`.
 #pragma once
 
@@ -74,7 +74,7 @@ class Identify final : public Discovery {
   /// How far one kind has been swept.
   struct Cursor {
     Kind kind{};
-    std::uint64_t next = 0;    // below it everybody has been heard
+    std::uint64_t next = 0;    // below it every device has been heard
     std::uint64_t width = 0;   // of the next range; 0: nothing is known
     std::uint64_t apart = 0;   // the last devices', on average
     std::uint32_t last = 0;    // the last device
@@ -83,7 +83,7 @@ class Identify final : public Discovery {
     bool any = false;
     bool guesses = false;                    // the next one is worth a guess
     bool closed = false;                     // all gaps were silent
-    std::optional<Box> open{};               // somebody is in there: the search was stopped on the way down
+    std::optional<Box> open{};               // a device is in there: the search was stopped on the way down
     std::vector<Box> quiet{};                // gaps that were silent
     std::vector<std::uint32_t> revisions{};  // that were seen, the last one first
   };

@@ -100,7 +100,7 @@ class PublishedFastscan final : public Discovery {
             .by = method()};
   }
 
-  // The sixteen identifiers are ours to choose when nobody has configured them.
+  // The sixteen identifiers are ours to choose when they are not configured.
   void listen() {
     if (feedback_ != lss::Feedback::base || services_.lss.options().feedback_base != 0) return;
     lss::MasterOptions options = services_.lss.options();

@@ -18,7 +18,16 @@ Report::End end_of(nodeid::DiscoveryReport::End end) noexcept {
   return Report::End::gave_up;
 }
 
-// Those who sit in their slots do not answer (S1.31 step 3).
+Found one(const nodeid::Discovered& d) noexcept {
+  return {.address = d.address,
+          .at = d.at,
+          .active = {},
+          .assigned = {},
+          .possible_clone = d.possible_clone,
+          .by = Method::rand};
+}
+
+// Devices that sit in their slots do not answer (S1.31 step 3).
 rt::Task<Result<void>> tell_who_is_known(nodeid::RandMaster& rand, const Known& known, const Options& options) {
   const rt::Duration pause = options.inhibit;
   for (std::size_t i = 0; i < known.registered.size(); ++i) {
@@ -53,16 +62,7 @@ class Rand final : public Discovery, private nodeid::DiscoveryObserver {
     const auto done = co_await rand_.discover(how, watching);
     observer_ = nullptr;
     if (!done) co_return fail(done.error());
-    Report report;
-    report.end = end_of(done->end);
-    report.requests = done->requests;
-    report.restarts = done->restarts;
-    report.began = report.known = done->began;
-    report.ended = done->ended;
-    for (const auto& d : done->found) {
-      report.found.push_back(one(d));
-      report.known = std::max(report.known, d.at);
-    }
+    Report report = report_of(*done);
     const auto assigned = co_await assign_all(services_.lss, known, report, options);
     if (!assigned) co_return fail(assigned.error());
     co_return report;
@@ -80,14 +80,6 @@ class Rand final : public Discovery, private nodeid::DiscoveryObserver {
   void restarted(unsigned, rt::Time) noexcept override {}
   void found(const nodeid::Discovered& device) noexcept override {
     if (observer_ != nullptr) observer_->found(one(device));
-  }
-  static Found one(const nodeid::Discovered& d) noexcept {
-    return {.address = d.address,
-            .at = d.at,
-            .active = {},
-            .assigned = {},
-            .possible_clone = d.possible_clone,
-            .by = Method::rand};
   }
   Services services_;
   nodeid::RandMaster rand_;
@@ -160,6 +152,20 @@ class RandTree final : public Discovery, private nodeid::WalkObserver {
 };
 
 }  // namespace
+
+Report report_of(const nodeid::DiscoveryReport& rand) {
+  Report report;
+  report.end = end_of(rand.end);
+  report.requests = rand.requests;
+  report.restarts = rand.restarts;
+  report.began = report.known = rand.began;
+  report.ended = rand.ended;
+  for (const auto& d : rand.found) {
+    report.found.push_back(one(d));
+    report.known = std::max(report.known, d.at);
+  }
+  return report;
+}
 
 std::unique_ptr<Discovery> make_rand(const Services& services) { return std::make_unique<Rand>(services); }
 std::unique_ptr<Discovery> make_rand_walk(const Services& services) { return std::make_unique<RandTree>(services); }

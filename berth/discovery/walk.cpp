@@ -73,7 +73,7 @@ rt::Task<Result<Report>> Walker::Search::run() {
   rt::Executor& executor = walker_.services_.dispatcher.executor();
   report_.began = executor.now();
   report_.known = report_.began;
-  held_ = true;  // a master before us may have left somebody
+  held_ = true;  // a master before us may have left a device there
   lss_.suspect_strangers();
   co_await release();
   unsigned fruitless = 0;
@@ -96,7 +96,7 @@ rt::Task<Result<Report>> Walker::Search::run() {
     last_round_found_ = report_.found.size() - found;
     const bool one_more_aside = std::exchange(set_aside_, false);
     if (over() || exhausted_) break;
-    // A known part that nobody has was tried: that happens once for each and is no restart.
+    // A known part that no device has was tried: that happens once for each and is no restart.
     const bool restart = last_round_found_ == 0 && absent_.size() == marks && !one_more_aside;
     if (restart) ++report_.restarts;
     fruitless = restart ? fruitless + 1 : last_round_found_ > 0 ? 0 : fruitless;
@@ -150,7 +150,7 @@ rt::Task<Heard> Walker::Search::start() {
   co_return result;
 }
 
-// Everybody whose part is `value` moves on; the part after it is walked then.
+// Every device whose part is `value` moves on; the part after it is walked then.
 rt::Task<bool> Walker::Search::enter(std::uint32_t value) {
   if (sub_ < 3 && has_used_[sub_] && used_[sub_] != value) varied_[sub_] = true;
   used_[sub_] = value;
@@ -164,7 +164,7 @@ rt::Task<bool> Walker::Search::enter(std::uint32_t value) {
   co_return true;
 }
 
-// Where the lowest bit was 0 after all, the question for it was answered too late, and nobody has moved on yet.
+// Where the lowest bit was 0 after all, the question for it was answered too late, and no device has moved on yet.
 rt::Task<bool> Walker::Search::enter_leaf() {
   const std::uint32_t value = leaf_.value;
   bool entered = co_await enter(value);
@@ -223,7 +223,7 @@ bool Walker::Search::chunk_heard(std::uint32_t value) const {
   return std::ranges::any_of(children_, [&](Prefix p) { return p.contains(value); });
 }
 
-// With feedback only what was heard is tried: whoever sends none is left for when those who do have been found.
+// With feedback only what was heard is tried: a device that sends none is left until those that do have been found.
 const Walker::Search::Path* Walker::Search::choose() const {
   for (const Path& path : paths_) {
     if (path.parts <= sub_ || !fits_chain(path) || absent(path)) continue;

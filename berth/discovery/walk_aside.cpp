@@ -1,7 +1,7 @@
 // A search: beside devices that are known and answer on, because they got no node-ID, or because they answer Fastscan
-// whatever node-ID they have. They are waiting, as nobody stays in configuration while others are searched for, so they
-// answer whatever they fit. What they do not fit is asked instead: at each part of their addresses the places beside
-// them.
+// whatever node-ID they have. They are waiting, as no device stays in configuration while others are searched for, so
+// they answer whatever they fit. What they do not fit is asked instead: at each part of their addresses the places
+// beside them.
 #include <algorithm>
 
 #include "berth/discovery/walk_search.hpp"
@@ -22,7 +22,7 @@ void without(Prefix at, const std::vector<std::uint32_t>& numbers, std::vector<P
 
 }  // namespace
 
-// One device at most: who moved on stands elsewhere afterwards, and the next round begins with 80h.
+// One device at most: one that moved on stands elsewhere afterwards, and the next round begins with 80h.
 rt::Task<void> Walker::Search::beside() {
   std::vector<Place> places;
   for (unsigned parts = 4; parts-- > 0;) {  // the others are most likely of the same type
@@ -48,7 +48,7 @@ bool Walker::Search::is_vacant(const Place& place) const {
   });
 }
 
-// Who was put aside may have left the search with its node-ID after all: then nobody is led there, twice.
+// A device that was put aside may have left the search with its node-ID after all: then none is led there, twice.
 rt::Task<Walker::Search::Stand> Walker::Search::stand_at(Place place) {
   Place silent;
   for (int tries = 0; tries < 2; ++tries) {
@@ -65,7 +65,7 @@ rt::Task<Walker::Search::Stand> Walker::Search::stand_at(Place place) {
   co_return Stand::vacant;
 }
 
-// True: somebody answered beside them, or nobody answers at all; the round is over.
+// True: a device answered beside them, or none answers at all; the round is over.
 rt::Task<bool> Walker::Search::ask_beside(Place place) {
   std::vector<std::uint32_t> numbers;
   for (const LssAddress& a : aside_) {

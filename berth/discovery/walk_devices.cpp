@@ -14,7 +14,7 @@ rt::Task<Walker::Search::Outcome> Walker::Search::settle(std::uint32_t serial) {
   const Prefix whole{serial, 0};
   const Heard heard = co_await ask_once(whole, 0, Wait::bound);
   if (broken_) co_return Outcome::nobody;
-  if (!heard.sent) {  // so nobody was selected, and a `04 00` would make some slaves forget their part
+  if (!heard.sent) {  // so no device was selected, and a `04 00` would make some slaves forget their part
     held_ = held;
     co_return Outcome::late;
   }
@@ -102,7 +102,8 @@ rt::Task<Walker::Search::Outcome> Walker::Search::stays(const Found& device, boo
   if (!told) co_return Outcome::found;
   // The others of its type stay too.
   for (const Found& f : report_.found) {
-    if (f.address.type() == device.address.type()) put_aside(f.address, f.assigned.configured() || f.active.configured());
+    if (f.address.type() == device.address.type())
+      put_aside(f.address, f.assigned.configured() || f.active.configured());
   }
   co_return Outcome::found;
 }

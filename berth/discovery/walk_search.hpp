@@ -14,7 +14,7 @@ namespace berth::discovery {
 class Walker::Search {
  public:
   Search(Walker& walker, const Known& known, const Options& options);
-  /// Whoever is still in configuration goes back to waiting, however the search ends.
+  /// A device that is still in configuration goes back to waiting, however the search ends.
   ~Search();
   Search(const Search&) = delete;
   Search& operator=(const Search&) = delete;
@@ -24,9 +24,9 @@ class Walker::Search {
   /// A place to go on at.
   struct Open {
     enum class Why : std::uint8_t {
-      maybe,    // somebody may be there
+      maybe,    // a device may be there
       heard,    // feedback told so; to be asked for what is below
-      answered  // somebody answered for it
+      answered  // a device answered for it
     };
     Prefix at;
     Why why = Why::maybe;
@@ -98,7 +98,7 @@ class Walker::Search {
   rt::Task<NodeId> active_id();
   rt::Task<Outcome> stays(const Found& device, bool told);
   void put_aside(const LssAddress& device, bool has_node_id);
-  // Beside those who were put aside
+  // Beside the devices that were put aside
   rt::Task<void> beside();
   rt::Task<Stand> stand_at(Place place);
   [[nodiscard]] bool is_vacant(const Place& place) const;
@@ -128,7 +128,7 @@ class Walker::Search {
   Error error_{};
 
   std::vector<Path> paths_;
-  std::vector<Path> absent_;             // nobody moved on to these in this search
+  std::vector<Path> absent_;             // no device moved on to these in this search
   std::array<bool, 3> varied_{};         // several values of this part were asked in this search
   std::array<std::uint32_t, 4> used_{};  // the last asked value of each part
   std::array<bool, 4> has_used_{};
@@ -144,16 +144,16 @@ class Walker::Search {
   Prefix leaf_{};
   unsigned careful_ = 0;    // so many steps down with the longest window
   unsigned alone_ = 0;      // questions in a row, each below the one before, that got one answer
-  bool overtaken_ = false;  // nobody entered, but the question before it was answered
+  bool overtaken_ = false;  // no device entered, but the question before it was answered
   bool below_ = false;      // the last question was such a one
   unsigned backs_ = 0;
-  unsigned failed_ = 0;           // places in a row at which somebody was heard and nobody found
+  unsigned failed_ = 0;           // places in a row at which a device was heard and none found
   unsigned entered_answers_ = 0;  // to the message that moved on to this part
   Haste haste_;
   Worth row_;
   Worth next_;
   Worth near_;
-  bool by_bits_ = false;     // feedback has led nowhere: it hides those who send none
+  bool by_bits_ = false;     // feedback has led nowhere: it hides devices that send none
   bool hints_fail_ = false;  // equal answers fall into one here: their number says nothing
   bool forgets_ = false;     // slaves forget their part at `04 00`
   bool remembering_tested_ = false;
@@ -163,14 +163,14 @@ class Walker::Search {
   std::vector<Silent> doubted_;    // silent when they were asked in haste
   bool patient_ = false;           // haste has led nowhere
   bool wholly_ = false;            // again and again
-  std::vector<Place> vacant_;      // nobody is led there
+  std::vector<Place> vacant_;      // no device is led there
   std::vector<Silent> silent_;     // asked beside those, and silent
   bool set_aside_ = false;         // in this round: it can tell nothing more
-  bool exhausted_ = false;         // nobody is beside those
+  bool exhausted_ = false;         // no device is beside those
   bool nameless_ = false;          // one of those has no node-ID
   bool some_stay_ = false;         // whatever node-ID they have
   Worth stayers_;                  // registered devices, asked for by name: they answer although they have a node-ID
-  bool held_ = false;              // somebody may be in configuration
+  bool held_ = false;              // a device may be in configuration
 };
 
 }  // namespace berth::discovery

@@ -102,7 +102,7 @@ rt::Task<void> Walker::Search::serials() {
       if (!look) co_return;
       const bool left = co_await anybody_left();
       if (!left) co_return;
-      seen_.clear();  // who is heard again is still there
+      seen_.clear();  // a device that is heard again is still there
     }
     const Open next = open_.back();
     open_.pop_back();
@@ -137,7 +137,7 @@ rt::Task<bool> Walker::Search::lead_to_serials() {
   co_return true;
 }
 
-// Who is expected is asked for by name.
+// A device that is expected is asked for by name.
 rt::Task<void> Walker::Search::by_name() {
   const auto children = children_;
   unsigned patient = 4;  // so many are worth the longest window
@@ -157,7 +157,7 @@ rt::Task<void> Walker::Search::by_name() {
   }
 }
 
-// Who has a node-ID and answers all the same is soonest known by its name, and gone round from then on.
+// A device that has a node-ID and answers all the same is soonest known by its name, and gone round from then on.
 rt::Task<void> Walker::Search::registered_by_name() {
   for (const LssAddress& a : known_.registered) {
     if (a != address(a.serial) || is_found(a) || is_aside(a)) continue;
@@ -254,7 +254,7 @@ rt::Task<std::optional<Prefix>> Walker::Search::others_left() {
   co_return std::nullopt;
 }
 
-// Goes down from one place and takes the device that it comes to. Somebody who answers and is not found there may
+// Goes down from one place and takes the device that it comes to. One that answers and is not found there may
 // answer for ever: after so many such places in a row the round ends, and the search counts it.
 rt::Task<bool> Walker::Search::place(Open place) {
   unsigned answers = place.at.bit == 32 ? entered_answers_ : 2;
@@ -294,7 +294,7 @@ rt::Task<bool> Walker::Search::place(Open place) {
   co_return false;
 }
 
-// Down to one whole number in `leaf_`. Somebody is below `at`.
+// Down to one whole number in `leaf_`. A device is below `at`.
 rt::Task<bool> Walker::Search::descend(Prefix at, unsigned answers) {
   unsigned concluded = 0;
   while (at.bit > 0 && !broken_) {
@@ -343,7 +343,7 @@ rt::Task<bool> Walker::Search::descend(Prefix at, unsigned answers) {
   co_return !broken_;
 }
 
-// Where we turned to the upper half somebody in the lower one had answered, too late for us.
+// Where we turned to the upper half a device in the lower one had answered, too late for us.
 void Walker::Search::step_aside(Prefix& at) {
   if (!one_only()) open(at, Open::Why::maybe);
   at = at.brother();
@@ -367,7 +367,8 @@ rt::Task<bool> Walker::Search::down_feedback(Prefix& at) {
   co_return heard.yes();
 }
 
-// Nobody is on this path any more, or never was: up to the deepest place that still answers, and patiently from there.
+// No device is on this path any more, or none ever was: up to the deepest place that still answers, and patiently from
+// there.
 rt::Task<bool> Walker::Search::back() {
   elsewhere();
   if (++backs_ > most_backs) co_return false;
@@ -375,7 +376,8 @@ rt::Task<bool> Walker::Search::back() {
   const bool anchored = anchors_.size() > 1;
   while (!anchors_.empty() && !broken_) {
     const Prefix at = anchors_.back();
-    // Nothing below was ever answered: nobody moved on to this part, and a late answer stood for the one that should.
+    // Nothing below was ever answered: no device moved on to this part, and a late answer stood for the one that
+    // should.
     if (at.bit == 32) co_return anchored;
     const Heard heard = co_await ask(at, sub_, Wait::bound);
     if (heard.yes()) co_return true;

@@ -12,7 +12,7 @@
 /// takes what it must refuse gets the old value back at once. Still it is SDO traffic: another SDO client of the device
 /// is disturbed.
 ///
-/// With `lasting`, for a device that nobody needs: writes to all objects, re-mapping of PDOs, NMT commands, resets,
+/// With `lasting`, for a device that is not in use: writes to all objects, re-mapping of PDOs, NMT commands, resets,
 /// heartbeat, guarding and SYNC. What was changed comes back by reset node.
 #pragma once
 

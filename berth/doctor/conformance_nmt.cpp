@@ -8,8 +8,8 @@
 namespace berth::doctor {
 namespace {
 
-constexpr std::string_view machine = "7.3.2.2", node_control = "7.2.8.2.1", heartbeats = "7.2.8.3.2.2",
-                           guards = "7.2.8.3.2.1", boot_up = "7.2.8.3.3", counter = "7.2.5.3.1";
+constexpr std::string_view machine = "7.3.2.2", heartbeats = "7.2.8.3.2.2", guards = "7.2.8.3.2.1",
+                           boot_up = "7.2.8.3.3", counter = "7.2.5.3.1";
 constexpr std::uint8_t start = 0x01, stop = 0x02, pre_operational = 0x80, reset_node = 0x81, reset_communication = 0x82;
 constexpr std::uint8_t operational_state = 0x05, stopped_state = 0x04, pre_operational_state = 0x7F;
 constexpr auto beat = std::chrono::milliseconds(50);

@@ -122,10 +122,10 @@ rt::Task<void> Examiner::sdo_segments(std::uint16_t index, std::uint8_t sub) {
   const auto first = co_await raw(request(upload_segment, 0, 0));
   holds(segments, ref, "the first segment has toggle bit 0", first && (first->data[0] & 0xF0U) == 0, shown(first));
   const auto again = co_await raw(request(initiate_upload, index, sub));
-  const bool anew = again && begun && again->data == begun->data;
+  const bool anew = again && begun && *again == *begun;
   holds(protocol, ref, "an initiate within a transfer begins anew", anew, shown(again));
   const auto first_again = co_await raw(request(upload_segment, 0, 0));
-  const bool from_start = first_again && first && first_again->data == first->data;
+  const bool from_start = first_again && first && *first_again == *first;
   holds(protocol, ref, "and the value comes from its first byte again", from_start, shown(first_again));
   box_.clear();
   send(request(client_abort, index, sub, static_cast<std::uint32_t>(od::AbortCode::general)));

@@ -124,7 +124,7 @@ class Consultation {
   }
   [[nodiscard]] bool silent(const places::SlotSpec& slot) const { return heard_.node(slot.id).signs.count == 0; }
 
-  // ---- somebody at another bit rate ----
+  // ---- a node at another bit rate ----
 
   /// Nodes that told that they were error-passive or bus-off.
   [[nodiscard]] std::vector<NodeId> complaining() const {
@@ -136,7 +136,7 @@ class Consultation {
     return nodes;
   }
 
-  /// A node that alone complains, and around every long run: then it is its own wire, not somebody else.
+  /// A node that alone complains, and around every long run: then it is its own wire, not another node.
   [[nodiscard]] bool explained_by(NodeId id) const {
     const auto& node = heard_.node(id);
     const auto near = [](const Count& c, const ErrorRun& run) {
@@ -148,7 +148,7 @@ class Consultation {
   }
 
   // A node at another bit rate: dozens of attempts in a row destroyed, again and again, or errors all the time while
-  // several nodes complain; its own frames are never heard (facts G.3).
+  // several nodes complain; its own frames are never heard (docs/protocols/can-frames.md §Fault confinement).
   void find_strangers_rate() {
     const auto runs = heard_.long_runs();
     const auto loud = complaining();

@@ -1,5 +1,5 @@
-/// What the doctor finds wrong with a network: a kind, whom it is about, what was heard, how sure it is, what to do
-/// (issue 4, part 8; S4.1, S4.21, SX.7).
+/// What the doctor finds wrong with a network: a kind, which node it is about, what was heard, how sure it is, what to
+/// do (S4.1, S4.21, SX.7).
 #pragma once
 
 #include <cstdint>
@@ -15,9 +15,9 @@ namespace berth::doctor {
 
 enum class Kind : std::uint8_t {
   duplicate_node_id,     ///< two devices hold one node-ID
-  identifier_collision,  ///< somebody sends with an identifier that belongs to another
+  identifier_collision,  ///< a node sends with an identifier that belongs to another
   blank_node,            ///< a device without a node-ID
-  wrong_bit_rate,        ///< somebody destroys frames as a node at another bit rate does
+  wrong_bit_rate,        ///< frames are destroyed as by a node at another bit rate
   missing_heartbeat,     ///< a slot's node is silent, or without heartbeat
   error_passive,         ///< a node, or this port, is error-passive or was bus-off
   overload,              ///< more is sent than the bus, or a node, can take
@@ -35,10 +35,10 @@ enum class Certainty : std::uint8_t { possible, likely, certain };
 struct Diagnosis {
   Kind kind = Kind::disturbance;
   Certainty certainty = Certainty::possible;
-  NodeId node{};                          ///< unconfigured: not known, or nobody in particular
+  NodeId node{};                          ///< unconfigured: not known, or none in particular
   std::string slot{};                     ///< of the machine file, if the node has one
   std::optional<std::uint32_t> cob_id{};  ///< identifier_collision: which (`can::Frame::key`)
-  std::vector<LssAddress> devices{};      ///< who it is, as far as questions told
+  std::vector<LssAddress> devices{};      ///< which devices, as far as questions told
   std::string what{};                     ///< one sentence
   std::vector<std::string> evidence{};    ///< what was heard, how often, when
   std::string advice{};                   ///< what to do
@@ -50,7 +50,7 @@ struct Diagnosis {
 /// What should be on the bus. Without a machine file all but `bit_rate` stays empty, and only contradictions are found.
 struct Expected {
   std::vector<places::SlotSpec> slots{};
-  NodeId master{};                    ///< who sends the master's heartbeat
+  NodeId master{};                    ///< whose heartbeat is the master's
   rt::Duration heartbeat_period{0};   ///< 1017h of slots' devices and master; 0 = not known
   rt::Duration heartbeat_timeout{0};  ///< silence that counts
   std::uint32_t bit_rate = 125'000;   ///< bit/s, for the load

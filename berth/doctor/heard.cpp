@@ -92,7 +92,8 @@ void Ear::measure(const can::Frame& frame, rt::Time at) noexcept {
 
 void Ear::received(const can::Frame& frame, rt::Time at) noexcept {
   look(at);
-  // Two frames of one identifier that differ, back to back behind a long run: what a collision leaves (facts G.2).
+  // Two frames of one identifier that differ, back to back behind a long run: what a collision leaves
+  // (docs/protocols/can-frames.md §Arbitration).
   if (run_) {
     const bool is_long = run_->count >= Heard::long_run;
     end_run(at);

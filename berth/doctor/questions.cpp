@@ -23,7 +23,7 @@ rt::Task<Result<bool>> anybody(lss::Master& master, const lss::IdentifyRanges& r
   co_return heard->answers > 0;
 }
 
-/// A range that is yet to be looked into. `sure`: it follows from other answers that somebody is there.
+/// A range that is yet to be looked into. `sure`: it follows from other answers that a device is there.
 struct Open {
   lss::IdentifyRanges ranges;
   bool sure = false;
@@ -79,7 +79,7 @@ rt::Task<Result<void>> enumerate(lss::Master& master, TypeCode type, unsigned mo
   co_return Result<void>();
 }
 
-// Its node-ID in use. Everybody is in waiting state before and after.
+// Its node-ID in use. All devices are in waiting state before and after.
 rt::Task<Result<void>> node_id_of(lss::Master& master, Answers::Present& device) {
   const auto selected = co_await master.switch_selective(device.device);
   if (selected) {
@@ -119,7 +119,7 @@ class SdoEar final : private can::Handler {
   std::vector<std::uint32_t> values_;
 };
 
-// Everybody who answers an upload of this object under this node-ID (expedited; facts A.7).
+// All devices that answer an upload of this object under this node-ID (expedited; docs/protocols/cia301.md §SDO).
 rt::Task<Result<Answers::Serials>> read_all(can::Dispatcher& dispatcher, NodeId node, ObjectRef object,
                                             rt::Duration window) {
   const SdoEar ear(dispatcher, node, object);

@@ -3,10 +3,10 @@
 ///     Answers answers;                                          // all must outlive the task
 ///     auto done = co_await ask(dispatcher, ear, expected, options, answers);
 ///
-/// LSS questions that need no selection (identify) disturb nobody, whoever else asks. Selecting devices and inquiring
-/// their node-IDs does: an LSS master at work meanwhile could configure two devices at once. So it is left out when
-/// another master's requests were heard. SDO disturbs another SDO client of the same server (CiA 301 has one default
-/// channel): only when a person wants it.
+/// LSS questions that need no selection (identify) disturb nothing, whichever master else asks. Selecting devices and
+/// inquiring their node-IDs does: an LSS master at work meanwhile could configure two devices at once. So it is left
+/// out when another master's requests were heard. SDO disturbs another SDO client of the same server (CiA 301 has one
+/// default channel): only when a person wants it.
 #pragma once
 
 #include "berth/base/result.hpp"

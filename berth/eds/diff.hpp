@@ -51,7 +51,7 @@ struct Difference {
 [[nodiscard]] std::vector<Difference> diff(const File& first, const File& second);
 
 /// @name Against a live device
-/// Which objects to read, what came back, and what that means. The reading is somebody else's work (`berth eds diff
+/// Which objects to read, what came back, and what that means. The reading is the caller's work (`berth eds diff
 /// --node`), so that this is the same for every way to reach a device.
 /// @{
 

@@ -2,7 +2,7 @@
 ///
 /// The reader is tolerant: it accepts what files in the field contain, reports each oddity with line, column and key,
 /// and refuses (a finding of severity `error`) only what it cannot understand: a value that is no value of its type, a
-/// file without objects, a file beyond the limits below. Every row of docs "hard cases" §4 is a test
+/// file without objects, a file beyond the limits below. Every row of docs/hard-cases.md §4 is a test
 /// (tests/eds/quirks_test.cpp).
 #pragma once
 

@@ -29,7 +29,7 @@ bool is_time(std::string_view text) noexcept {
          (same_word(text.substr(5), "AM") || same_word(text.substr(5), "PM"));
 }
 
-/// One section: calls `set` for each entry, warns of keys that stand twice and of keys nobody knows.
+/// One section: calls `set` for each entry, warns of keys that stand twice and of unknown keys.
 class SectionKeys {
  public:
   SectionKeys(Context& context, const Section& section) : context_(context), section_(section) {}

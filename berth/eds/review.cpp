@@ -106,7 +106,7 @@ class Review {
   }
 
  private:
-  /// A hostile file is not to make more findings than anybody reads.
+  /// A hostile file is not to make more findings than can be read.
   bool room() noexcept {
     if (findings_.size() < most_findings) return true;
     ++dropped_;

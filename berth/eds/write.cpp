@@ -127,8 +127,8 @@ class Writer {
 
   void device_info() {
     const DeviceInfo& device = file_.device;
-    // CiA 306 wants all keys; but who reads a number out of an empty one fails (python-canopen), and an empty text is
-    // one.
+    // CiA 306 wants all keys; but a reader that wants a number of an empty one fails (python-canopen), and an empty
+    // text is one.
     const auto number = [this](std::string_view key, const std::optional<std::uint32_t>& value) {
       if (value) out_.plain(key, fmt::format("0x{:08X}", *value));
     };

@@ -35,7 +35,7 @@ class Deliveries final : private rt::Job {
   /// Sorted, without overlaps.
   [[nodiscard]] const std::vector<can::IdRange>& accept() const noexcept { return accept_; }
 
-  // Noted for the listener there is; for nobody, forgotten.
+  // Noted for the listener there is; without one, forgotten.
   void received(const can::Frame& frame, rt::Time at) noexcept;
   void sent(std::uint32_t tag, rt::Time at) noexcept;
   void changed(const can::Status& status, rt::Time at) noexcept;

@@ -21,7 +21,7 @@ struct Link {
   std::string name;
   std::string kind;       ///< "can": a controller; "vcan", "vxcan"; empty where the kernel does not tell
   bool can = false;       ///< a CAN interface at all (ARPHRD_CAN)
-  bool up = false;        ///< IFF_UP: somebody brought it up
+  bool up = false;        ///< IFF_UP: it was brought up
   bool running = false;   ///< IFF_RUNNING: ... and it sends and receives
   bool echo = false;      ///< IFF_ECHO: own frames come back at their end on the wire, else when the kernel sends them
   std::uint32_t mtu = 0;  ///< 16: classic frames, 72: FD frames too

@@ -1,4 +1,4 @@
-/// The frame protocol between a plant's process and those who use its buses: one message per packet of a Unix
+/// The frame protocol between a plant's process and those that use its buses: one message per packet of a Unix
 /// SEQPACKET socket, numbers little-endian. A client speaks for one node on one bus.
 ///
 ///     client to server                              server to client
@@ -15,8 +15,8 @@
 /// What a controller tells its host comes too: 'c' when its state changed, before a frame when errors came before it,
 /// and at least every `status_period` while counters move.
 ///
-/// Whoever gets a message that is none ends the connection. Order is kept: what a node was told came in the order in
-/// which it was on the wire.
+/// An end that gets a message that is none ends the connection. Order is kept: what a node was told came in the order
+/// in which it was on the wire.
 #pragma once
 
 #include <cstdint>

@@ -41,7 +41,7 @@ class PlantServer::Impl final : private Watcher {
    private:
     void ready(std::uint32_t events) noexcept override {
       if ((events & EPOLLOUT) != 0) socket_.flush();
-      // So many at a time, that a client which writes without end holds up nobody.
+      // So many at a time, that a client which writes without end holds up no other.
       for (unsigned i = 0; i < PlantSocket::most_at_once; ++i) {
         const auto message = socket_.receive();
         if (!message) break;

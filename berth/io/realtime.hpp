@@ -1,4 +1,4 @@
-/// Real-time priority and memory that stays in RAM, for who masters a bus with deadlines of milliseconds.
+/// Real-time priority and memory that stays in RAM, for a master of a bus with deadlines of milliseconds.
 #pragma once
 
 #include <string>

@@ -106,7 +106,7 @@ class SlcanPort::Impl final : private Watcher {
       : loop_(&loop), device_(std::move(device)), options_(options), bit_rate_(options.bit_rate) {}
   ~Impl() {
     if (!stream_ || state_ == State::down) return;
-    stream_->put("C\r");  // the adapter shall not fill a line that nobody reads
+    stream_->put("C\r");  // the adapter shall not fill a line that is not read
     stream_->flush();
   }
   Impl(const Impl&) = delete;
@@ -304,7 +304,7 @@ class SlcanPort::Impl final : private Watcher {
     fault(line.at, fmt::format("no line of an adapter: {}", shown(line.text)));
   }
 
-  // While it is set up: frames of the channel as it was before are nobody's.
+  // While it is set up: frames of the channel as it was before are dropped.
   void met(const SlcanLine& line) noexcept {
     using Kind = SlcanLine::Kind;
     const bool answer = line.kind == Kind::done || line.kind == Kind::refused;

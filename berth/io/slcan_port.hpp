@@ -4,9 +4,9 @@
 ///     auto port = io::SlcanPort::open(loop, "/dev/ttyACM0", {.bit_rate = 125'000});
 ///     auto port = io::SlcanPort::open(loop, "/dev/ttyUSB0@115200", {.bit_rate = 125'000});   // a line with a speed
 ///
-/// Opening closes the adapter's channel, asks who it is, sets the bit rate, opens the channel. An adapter that answers
-/// each command is led step by step, and a refusal is told; one that answers nothing (first firmware of CANable) is
-/// written to blindly. Without a bit rate it is left at the one it has, which the port does not know.
+/// Opening closes the adapter's channel, asks for its version, sets the bit rate, opens the channel. An adapter that
+/// answers each command is led step by step, and a refusal is told; one that answers nothing (first firmware of
+/// CANable) is written to blindly. Without a bit rate it is left at the one it has, which the port does not know.
 ///
 /// **What `sent` means** depends on the adapter, learned when it is opened (`confirms`):
 /// - `events`: it reports frames that were acknowledged on the bus (CANable 2 with newer firmware): as it should be,

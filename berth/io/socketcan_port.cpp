@@ -26,9 +26,9 @@ constexpr std::size_t most_events = 1024;     // read and not yet delivered; the
 constexpr unsigned most_batches = 8;          // read at a stretch, before others have their turn
 constexpr std::size_t most_echoed = 256;      // identifiers sent with a tag; then every echo is read
 constexpr unsigned most_passed = 32;          // echoes of later frames until one is given up: more than mailboxes are
-constexpr std::uint32_t much_unwanted = 256;  // frames that passed a filter and nobody wants; then it is narrowed
+constexpr std::uint32_t much_unwanted = 256;  // frames that passed a filter and are not wanted; then it is narrowed
 constexpr rt::Duration look_again = 1s;       // a controller's counters, and whether an interface is back
-constexpr rt::Duration count_again = 100ms;   // for who asks for the status: the losses so far
+constexpr rt::Duration count_again = 100ms;   // when the status is asked for: the losses so far
 constexpr rt::Duration open_patience = 2s;    // for a controller to be running
 constexpr rt::Duration restart_patience = 250ms;
 constexpr std::uint32_t first_sequence = 0xBE00'0000U;  // others count theirs from small numbers or the time
@@ -85,8 +85,8 @@ class SocketCanPort::Impl final : private Watcher {
     if (status_.listen_only) return can::Queued::listen_only;
     if (status_.bus_off) return can::Queued::bus_off;
     if (tag != 0) expect_echo(frame.key());
-    // Written when the job that sends is over: whoever says "I am here" has then also said what it wants to hear, and
-    // the answer passes the kernel's filter.
+    // Written when the job that sends is over: a service that says "I am here" has then also said what it wants to
+    // hear, and the answer passes the kernel's filter.
     const bool first = waiting_.empty();
     if (first) write_.post();
     if (waiting_.size() >= queue_depth && !stuck_) flush();
@@ -284,7 +284,7 @@ class SocketCanPort::Impl final : private Watcher {
   [[nodiscard]] bool look_needed() const noexcept { return link_.controller() || !status_.up; }
 
   bool out_of_bus_off() {
-    if (link_.restart_ms != 0) return true;  // the kernel does it by itself, and nobody else may
+    if (link_.restart_ms != 0) return true;  // the kernel does it by itself, and no other may
     const auto done = apply(link_.index, {.restart = true});
     if (!done) {
       trouble_ = name_ + ": the controller is bus-off and cannot be started again: " + done.error().text +
@@ -299,7 +299,7 @@ class SocketCanPort::Impl final : private Watcher {
     return true;
   }
 
-  // After this port set the interface up, or tried to: that it went down in between is nobody's business.
+  // After this port set the interface up, or tried to: that it went down in between is not told.
   bool settle(const tl::expected<Link, std::string>& now) {
     int error = 0;
     socklen_t size = sizeof error;
@@ -395,7 +395,7 @@ class SocketCanPort::Impl final : private Watcher {
     }
   }
 
-  // Strictly before this instant: who compares sees that a frame was heard later than it was on the wire.
+  // Strictly before this instant: a comparison shows that a frame was heard later than it was on the wire.
   void arrived(const CanSocket::Received& r) noexcept {
     const rt::Time at = stamps_.at(r.stamp, executor_->now() - rt::Duration{1});
     if (const auto frame = decode_frame(r.bytes)) {
@@ -451,7 +451,7 @@ class SocketCanPort::Impl final : private Watcher {
 
   // ---- acceptance ----
 
-  // Who never asks when a frame was sent is spared the reading of it.
+  // A user that never asks when a frame was sent is spared the reading of it.
   void expect_echo(std::uint32_t key) noexcept {
     if (!hears_own_ && there_) hears_own_ = socket_.hear_own();
     if (contains(installed_, key)) return;

@@ -50,8 +50,8 @@ bool CanSocket::open(int index) noexcept {
   return false;
 }
 
-// Who hears its own frames must know which of them the receive buffer lost; others ask for the sum when they need it,
-// and are spared the counter that comes with each frame.
+// A port that hears its own frames must know which of them the receive buffer lost; others ask for the sum when they
+// need it, and are spared the counter that comes with each frame.
 bool CanSocket::hear_own() noexcept {
   const int on = 1;
   set(fd_, SOL_SOCKET, SO_RXQ_OVFL, on);

@@ -32,7 +32,7 @@ class CanSocket {
 
   enum class Wrote : std::uint8_t {
     yes,
-    full,     ///< the interface's queue is full (ENOBUFS): nobody tells when that changes
+    full,     ///< the interface's queue is full (ENOBUFS): it is not told when that changes
     waiting,  ///< this socket has written as much as it may (EAGAIN): EPOLLOUT tells when that changes
     down,     ///< the interface is down or gone
     refused,  ///< the interface does not carry such a frame

@@ -155,7 +155,7 @@ int connect_error(int fd) noexcept {
   socklen_t size = sizeof error;
   if (::getsockopt(fd, SOL_SOCKET, SO_ERROR, &error, &size) != 0) return errno;
   if (error != 0) return error;
-  // Who connects again and again to a port of its own machine that nobody listens at may meet himself.
+  // A process that connects again and again to a port of its own machine without a listener may meet itself.
   sockaddr_storage here{};
   sockaddr_storage there{};
   socklen_t here_size = sizeof here;

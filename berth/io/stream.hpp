@@ -15,7 +15,7 @@
 
 namespace berth::io {
 
-/// Where somebody listens. `host` is a name or an address; IPv6 addresses stand without brackets here.
+/// Where a server listens. `host` is a name or an address; IPv6 addresses stand without brackets here.
 struct Endpoint {
   std::string host;
   std::uint16_t port = 0;
@@ -32,7 +32,7 @@ struct Endpoint {
 [[nodiscard]] tl::expected<int, std::string> listen_tcp(const Endpoint& endpoint);
 /// The socket's own address; empty when it has none.
 [[nodiscard]] std::optional<Endpoint> local_endpoint(int fd);
-/// Who is at the other end, for messages: "127.0.0.1:40022"; "somebody" when it is gone.
+/// The other end, for messages: "127.0.0.1:40022"; "somebody" when it is gone.
 [[nodiscard]] std::string peer_name(int fd);
 /// Small messages at once (TCP_NODELAY), and a peer that vanished without a word is noticed within about 20 s
 /// (keep-alive, TCP_USER_TIMEOUT).

@@ -1,4 +1,4 @@
-/// Who is on a bus that runs, without disturbing it: what is heard, and what a few careful SDO uploads add.
+/// Which nodes are on a bus that runs, without disturbing it: what is heard, and what a few careful SDO uploads add.
 ///
 ///     live::Census census(dispatcher);
 ///     ... listen for a while ...
@@ -37,7 +37,7 @@ struct NodeSeen {
   std::string name{};                          ///< 1008h
   std::string hardware{};                      ///< 1009h
   std::string software{};                      ///< 100Ah
-  std::string problem{};                       ///< why it was not asked, or did not tell who it is
+  std::string problem{};                       ///< why it was not asked, or did not tell its identity
 };
 
 struct CensusOptions {
@@ -46,7 +46,7 @@ struct CensusOptions {
   rt::Duration client_gone = std::chrono::seconds(5);  ///< a foreign client silent for so long has left the node
   bool everybody = false;                              ///< nodes 1..127, not only those that were heard
   NodeId own{};                                        ///< Berth's node-ID: not asked
-  std::vector<NodeId> known{};                         ///< not asked either: who they are is known
+  std::vector<NodeId> known{};                         ///< not asked either: their identities are known
   bool masters_only = false;  ///< is it a master? 1F80h, and of a master 1F81h:00 and 1000h; nothing else is asked
 };
 
@@ -54,7 +54,7 @@ class Census final : private can::Handler {
  public:
   explicit Census(can::Dispatcher& dispatcher);
 
-  /// Asks everybody who was heard and may be asked. Errors: `bus` the port takes no frame.
+  /// Asks every node that was heard and may be asked. Errors: `bus` the port takes no frame.
   [[nodiscard]] rt::Task<Result<void>> ask(CensusOptions options);
   /// In the order of their node-IDs.
   [[nodiscard]] std::vector<NodeSeen> nodes() const;

@@ -8,7 +8,7 @@
 ///     flying master  071h..076h            master detection and negotiation; 071h names the active master
 ///     sdo            600h + n              requests to the server of node n
 ///     sync           080h                  SYNC
-///     heartbeat      700h + own node-ID    error control of somebody under Berth's own node-ID
+///     heartbeat      700h + own node-ID    error control of another node under Berth's own node-ID
 ///     guarding       700h + n, remote      node guarding requests
 ///
 /// Not every one of them must come from a master: a drive may produce SYNC, a panel may read objects by SDO. Such a
@@ -47,7 +47,7 @@ struct Evidence {
 };
 
 struct WatchOptions {
-  NodeId own;         ///< Berth's node-ID on this bus; unconfigured: nobody's heartbeat is a sign
+  NodeId own;         ///< Berth's node-ID on this bus; unconfigured: no heartbeat is a sign
   Signs tolerated{};  ///< what devices of this machine do, and so says nothing
 };
 
@@ -67,8 +67,8 @@ class ForeignWatch {
   /// In the order of `Sign`; only what was heard.
   [[nodiscard]] std::vector<Evidence> evidence() const;
   /// The other master's node-ID, as far as it can be told: what an active flying master said of itself (071h), Berth's
-  /// own node-ID when somebody speaks under it, else the one node whose heartbeat was heard, that is operational and is
-  /// asked nothing. `slots`: node-IDs that the machine file gives to devices.
+  /// own node-ID when another node sends under it, else the one node whose heartbeat was heard, that is operational and
+  /// is asked nothing. `slots`: node-IDs that the machine file gives to devices.
   [[nodiscard]] NodeId probably(std::span<const NodeId> slots = {}) const noexcept;
   [[nodiscard]] std::uint32_t frames() const noexcept { return frames_; }
   void reset() noexcept;

@@ -15,8 +15,8 @@ constexpr std::uint32_t rand_requests = can::extended_flag | 0x1F94'0000U;
 constexpr std::uint32_t and_requests = 0x7C2;
 constexpr can::IdRange everything{0, std::numeric_limits<std::uint32_t>::max()};
 
-// CiA 305 §5: the services without an answer, by command specifier: switch state global, the first parts of switch
-// state selective and of identify remote slave, activate bit timing.
+// docs/protocols/cia305.md §Frames: the services without an answer, by command specifier: switch state global, the
+// first parts of switch state selective and of identify remote slave, activate bit timing.
 bool lss_answers(std::uint8_t specifier) noexcept {
   switch (specifier) {
     case 0x04:

@@ -27,7 +27,7 @@
 
 namespace berth::live {
 
-/// A reader uploads by SDO, segmented, and does nothing else: who looks at a machine that others run.
+/// A reader uploads by SDO, segmented, and does nothing else: for a look at a machine that others run.
 enum class Role : std::uint8_t { master, commissioner, reader, observer };
 
 struct GateOptions {
@@ -35,8 +35,8 @@ struct GateOptions {
   rt::Duration listen = std::chrono::seconds(2);  ///< before the first frame; 0 = not at all
   WatchOptions watch{};
   std::vector<NodeId> slots{};  ///< devices of this machine, which are not the other master
-  /// Nothing is sent: `on_held` gets what would be. Who waits for a confirmation gets it, but not for a frame that
-  /// somebody would have to answer: there the future is unknown, and the service waits.
+  /// Nothing is sent: `on_held` gets what would be. A service that waits for a confirmation gets it, but not for a
+  /// frame that a device would have to answer: there the future is unknown, and the service waits.
   bool dry_run = false;
 };
 
@@ -75,7 +75,7 @@ class Gate final : public can::Port, private can::Listener {
   [[nodiscard]] rt::Time since() const noexcept { return since_; }
   /// Frames that the role forbade.
   [[nodiscard]] std::uint32_t refused() const noexcept { return refused_; }
-  /// What a person is told about the other master: who, then one line for each sign; empty while there is none.
+  /// What a person is told about the other master: the verdict, then one line for each sign; empty while there is none.
   [[nodiscard]] std::vector<std::string> report() const;
   /// A person says that the other master is gone: it listens anew.
   void listen_again() noexcept;

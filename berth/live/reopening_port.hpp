@@ -11,7 +11,7 @@ namespace berth::live {
 
 class ReopeningPort final : public can::Port, private can::Listener, private rt::Job {
  public:
-  /// Null: not now. Called from the executor; what it blocks, it blocks everybody.
+  /// Null: not now. Called from the executor; what it blocks, it blocks for all.
   using Open = std::function<std::unique_ptr<can::Port>()>;
 
   /// `port` is open. Down for `pause`, it is given up, and `open` is asked every `pause`.

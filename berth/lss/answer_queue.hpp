@@ -17,7 +17,7 @@ class AnswerQueue final : private can::Confirmation, private rt::Job {
   ~AnswerQueue() { drop(); }
   AnswerQueue(const AnswerQueue&) = delete;
   AnswerQueue& operator=(const AnswerQueue&) = delete;
-  /// Nobody waits for an answer whose feedback found no place on the bus for so long.
+  /// No master waits for an answer whose feedback found no place on the bus for so long.
   static constexpr rt::Duration longest = std::chrono::milliseconds(100);
 
   /// Answers the newest request; what is still to be sent for an older one is dropped. Call it with no answer too.

@@ -137,14 +137,14 @@ rt::Task<Result<std::optional<FastscanDevice>>> Fastscan::scan() {
       co_return found;
     }
     ++restarts_;
-    // Somebody may be in configuration, unheard: then 80h would never find it.
+    // A device may be in configuration, unheard: then 80h would never find it.
     const auto waiting = co_await master_->switch_global(State::waiting);
     if (!waiting) co_return fail(waiting.error());
   }
   co_return fail(Errc::timeout, "somebody answers LSS Fastscan and cannot be identified");
 }
 
-// CiA 305: who is there? Then its vendor-ID, product code, revision number and serial number.
+// CiA 305: is a device there? Then its vendor-ID, product code, revision number and serial number.
 rt::Task<Result<Fastscan::Outcome>> Fastscan::once() {
   device_ = {};
   const unsigned before = requests_;
@@ -199,7 +199,7 @@ rt::Task<Result<bool>> Fastscan::part(std::uint8_t sub) {
   co_return co_await ask(sub, 0, next);
 }
 
-// Paper 4: the lowest value that was heard, in one message; silence: it was nobody's, or is nobody's any more.
+// Paper 4: the lowest value that was heard, in one message; silence: it was no device's, or is none's any more.
 rt::Task<Result<bool>> Fastscan::chunk(std::uint8_t sub, unsigned shift) {
   const Heard heard = heard_;
   const std::uint32_t before = id_;
@@ -228,8 +228,8 @@ rt::Task<Result<bool>> Fastscan::ask(FastscanRequest request) {
   co_return reply->answers > 0;
 }
 
-// The match has brought it into configuration, where it says itself who it is, and 40h to 43h are not served. One that
-// has lost a `04 00` is there too and would take the same node-ID.
+// The match has brought it into configuration, where it says its address itself, and 40h to 43h are not served. One
+// that has lost a `04 00` is there too and would take the same node-ID.
 rt::Task<Result<bool>> Fastscan::confirmed() {
   const auto selection = co_await prove_alone(*master_, device_.address);
   if (!selection) co_return fail(selection.error());

@@ -2,12 +2,12 @@
 /// by bit, or with feedback by asking the device.
 ///
 ///     Fastscan fastscan(master, options);                       // both must outlive the task
-///     auto report = co_await fastscan.discover(owner);          // everybody, each is given a node-ID
+///     auto report = co_await fastscan.discover(owner);          // all devices, each is given a node-ID
 ///
-/// It finds only devices that wait and have no node-ID, active and pending 255 (HU.6): who has one, also a stored or a
-/// hard-coded one, stays silent and is not found (S4.21). Slaves that answer all the same hide those with higher
-/// addresses: the procedure then ends with `stuck`, and each was told once. Of several the one with the lowest address
-/// is found first (vendor, product, revision, serial number, most significant bit first), with feedback too.
+/// It finds only devices that wait and have no node-ID, active and pending 255 (HU.6): a device that has one, also a
+/// stored or a hard-coded one, stays silent and is not found (S4.21). Slaves that answer all the same hide those with
+/// higher addresses: the procedure then ends with `stuck`, and each was told once. Of several the one with the lowest
+/// address is found first (vendor, product, revision, serial number, most significant bit first), with feedback too.
 ///
 /// Silence says something here, so every step waits its whole window, also when an answer came early: the late answer
 /// of a slower device would be taken for one to the next request (HC3.3). What comes later still, or twice, spoils the
@@ -43,10 +43,10 @@ struct FastscanOptions {
   /// The device that the last match brought into configuration says itself what its address is, and that it is alone
   /// there (`prove_alone`), before it gets a node-ID. The published procedures do not ask.
   bool confirm = true;
-  bool wait_first = true;  ///< begins with `04 00`: a scan broken off has left somebody in configuration
+  bool wait_first = true;  ///< begins with `04 00`: a scan broken off has left a device in configuration
   bool store = false;      ///< 17h after the node-ID
   /// What is known of the address already: the bits of `known` where `known_bits` has ones are not asked for, only
-  /// confirmed with their part. Not with feedback. Who differs there makes a scan end fruitless.
+  /// confirmed with their part. Not with feedback. A device that differs there makes a scan end fruitless.
   LssAddress known{};
   LssAddress known_bits{};
   unsigned retries = 4;  ///< scans begun anew in a row
@@ -64,7 +64,7 @@ struct FastscanDevice {
   bool stored = false;  ///< 17h was answered with success
 };
 
-/// Who is to have which node-ID.
+/// Which device is to have which node-ID.
 class FastscanOwner {
  public:
   /// Called while the device is the only one in configuration. Unconfigured: it gets none, and the discovery ends,
@@ -80,7 +80,7 @@ class FastscanOwner {
 struct FastscanReport {
   enum class End : std::uint8_t {
     complete,  ///< 80h stayed unanswered
-    gave_up,   ///< `retries` scans in a row: somebody answers and cannot be identified, or takes no node-ID
+    gave_up,   ///< `retries` scans in a row: a device answers and cannot be identified, or takes no node-ID
     held,      ///< the owner had no node-ID for the last one, the device refused it, or two devices have its address
     limit,     ///< `most_devices`
     stuck,     ///< a device that has a node-ID, perhaps the one it was just given, answers on (Lely core's slaves do)
@@ -95,7 +95,7 @@ struct FastscanReport {
 };
 [[nodiscard]] const char* name(FastscanReport::End end) noexcept;
 
-/// One procedure at a time, and nobody else's services on this master meanwhile.
+/// One procedure at a time, and no other service on this master meanwhile.
 class Fastscan {
  public:
   Fastscan(Master& master, const FastscanOptions& options) noexcept : master_(&master), options_(options) {}
@@ -103,7 +103,7 @@ class Fastscan {
   Fastscan& operator=(const Fastscan&) = delete;
 
   /// Finds one device, which is then in configuration. Empty: 80h stayed unanswered. `timeout`: `retries` scans in a
-  /// row found nobody although 80h was answered.
+  /// row found no device although 80h was answered.
   [[nodiscard]] rt::Task<Result<std::optional<FastscanDevice>>> scan();
   /// The whole procedure: scan, configure node-ID, store when asked for, switch to waiting, until 80h stays unanswered.
   [[nodiscard]] rt::Task<Result<FastscanReport>> discover(FastscanOwner& owner);

@@ -112,9 +112,9 @@ struct IdentifyRanges {
   }
 };
 
-/// One Fastscan request: "whoever is at part `sub` and whose bits 31 to `bit_checked` of it are those of `id`: answer,
-/// and go to part `next`". With `start_scan` in place of a bit: "whoever has no node-ID: answer, and go to part 0"; the
-/// rest is then 0.
+/// One Fastscan request: "slave at part `sub` whose bits 31 to `bit_checked` of it are those of `id`: answer,
+/// and go to part `next`". With `start_scan` in place of a bit: "slave without a node-ID: answer, and go to part 0";
+/// the rest is then 0.
 struct FastscanRequest {
   static constexpr std::uint8_t start_scan = 0x80;
   static constexpr std::uint8_t after_last = 4;  ///< paper 4's `next` after the serial number (S4.15); the standard: 0
@@ -175,7 +175,8 @@ inline constexpr std::uint16_t default_feedback_base = 0x6D0;
 /// Reads a Fastscan request. Empty for all else, and when `bit_checked` is neither 0..31 nor 80h or `sub` is beyond 3.
 [[nodiscard]] std::optional<FastscanRequest> decode_fastscan(const can::Frame& frame) noexcept;
 
-/// True for a base data frame with 8 bytes and this identifier: nothing else is an LSS frame (CiA 305; facts C.1).
+/// True for a base data frame with 8 bytes and this identifier: nothing else is an LSS frame (docs/protocols/cia305.md
+/// §Frames).
 [[nodiscard]] constexpr bool is_lss(const can::Frame& frame, std::uint32_t cob_id) noexcept {
   return frame.id == cob_id && !frame.extended && !frame.remote && !frame.fd && frame.size == 8;
 }

@@ -30,7 +30,7 @@ namespace berth::lss {
 /// How one service waits.
 struct ServiceOptions {
   rt::Duration timeout = std::chrono::milliseconds(100);  ///< reply window, from `sent` of the last request frame
-  unsigned retries = 1;                                   ///< attempts after the first when nobody answered
+  unsigned retries = 1;                                   ///< attempts after the first when no device answered
   /// Listen to the end of the window although an answer came: two devices with one LSS address answer twice (unless
   /// their frames fell into one on the bus), and a late answer cannot be taken for the next request's.
   bool full_window = false;
@@ -79,7 +79,7 @@ struct Reply {
 struct AnswerTimes {
   rt::Duration slowest{0};  ///< from a request's `sent` to an answer; what is long ago fades
   unsigned heard = 0;       ///< answers that are in it
-  bool strangers = true;    ///< somebody may be in configuration unheard, of whom nothing is learnt
+  bool strangers = true;    ///< a device may be in configuration unheard, of which nothing is learnt
 };
 
 class Master;
@@ -181,7 +181,7 @@ class Master final : private can::Handler {
 
   /// Of the answers to all services but store, which is slow by nature.
   [[nodiscard]] const AnswerTimes& answer_times() const noexcept { return times_; }
-  /// Somebody may be in configuration unheard / a proof says that nobody is.
+  /// A device may be in configuration unheard / a proof says that none is.
   void suspect_strangers() noexcept { times_.strangers = true; }
   void no_strangers() noexcept { times_.strangers = false; }
 

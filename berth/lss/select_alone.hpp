@@ -3,15 +3,16 @@
 ///
 ///     auto alone = co_await lss::select_alone(master, device, options);
 ///     if (!alone) co_return fail(alone.error());            // the bus
-///     if (*alone != lss::Selection::alone) co_return ...;   // everybody is waiting again, unchanged
+///     if (*alone != lss::Selection::alone) co_return ...;   // all devices are waiting again, unchanged
 ///     auto given = co_await lss::configure_alone(master, device, id, store, options);  // 11h, 17h, 04 00
 ///
 /// or 11h, 13h, 17h of your own, and `04 00` behind them whatever came of it.
 ///
-/// `select_alone` sends `04 00`, because CiA 305 serves 40h to 43h in LSS waiting only (facts C.1), then 40h to 43h,
-/// and proves. Each further attempt begins with `04 00` too: the device may be in configuration and its 44h lost.
-/// `prove_alone` proves only, for a device that Fastscan's last match brought there. Fastscan's match may be proven so
-/// at once: 5Dh is served in configuration. To use 40h to 43h on it, `select_alone` sends the `04 00` that this needs.
+/// `select_alone` sends `04 00`, because CiA 305 serves 40h to 43h in LSS waiting only (docs/protocols/cia305.md §State
+/// table), then 40h to 43h, and proves. Each further attempt begins with `04 00` too: the device may be in
+/// configuration and its 44h lost. `prove_alone` proves only, for a device that Fastscan's last match brought there.
+/// Fastscan's match may be proven so at once: 5Dh is served in configuration. To use 40h to 43h on it, `select_alone`
+/// sends the `04 00` that this needs.
 ///
 /// Why a proof: `04 00` has no answer, and a device that lost it (its receive buffer was full, it was writing its
 /// memory, it was selected unheard) is in configuration beside the one that is selected. Both execute 11h and take one
@@ -25,7 +26,8 @@
 /// - Two devices that answer the same may fall into one frame on the wire (one identifier, one content, one instant).
 ///   So 5Eh proves nothing, nor 44h, nor the answer to 11h; a serial number that both have needs a part that differs.
 /// - Two that answer differently at one instant destroy each other's frames: `absent`.
-/// - CANopenNode in configuration answers any 43h with 44h, its own or not. So 44h alone does not tell who is selected.
+/// - CANopenNode in configuration answers any 43h with 44h, its own or not. So 44h alone does not tell which device
+///   is selected.
 ///
 /// The window: the longest the bus is known to need. The first proof on a master, and each after a doubt
 /// (`Master::suspect_strangers`), asks all parts and waits `AloneOptions::longest`; others three times what the slowest
@@ -44,9 +46,9 @@
 namespace berth::lss {
 
 enum class Selection : std::uint8_t {
-  alone,      ///< it is in configuration, and nobody else
+  alone,      ///< it is in configuration, and no other
   absent,     ///< it does not answer
-  not_alone,  ///< somebody else is in configuration, or somebody else answers in its place
+  not_alone,  ///< another device is in configuration, or answers in its place
   twins,      ///< its own address is answered twice, again and again: two devices have it
 };
 [[nodiscard]] const char* name(Selection selection) noexcept;
@@ -56,8 +58,8 @@ using PartMask = std::uint8_t;
 inline constexpr PartMask serial_part = 0x8;
 inline constexpr PartMask all_parts = 0xF;
 /// The parts to ask so that `device` is told from each of `others`: the serial number, and for each that has the same
-/// serial number one part in which it differs. Who has been seen on the bus, or may come, belongs into `others`; who is
-/// not in there and has the same serial number goes unseen. `all_parts` misses nobody.
+/// serial number one part in which it differs. A device that has been seen on the bus, or may come, belongs into
+/// `others`; one that is not in there and has the same serial number goes unseen. `all_parts` misses none.
 [[nodiscard]] PartMask parts_to_ask(const LssAddress& device, std::span<const LssAddress> others) noexcept;
 
 struct AloneOptions {
@@ -68,7 +70,7 @@ struct AloneOptions {
   bool guess = false;
 };
 
-/// `04 00`, 40h to 43h, and the proof. All but `alone`: `04 00` was sent, nobody was changed. Errors: `bus`,
+/// `04 00`, 40h to 43h, and the proof. All but `alone`: `04 00` was sent, no device was changed. Errors: `bus`,
 /// `cancelled`.
 [[nodiscard]] rt::Task<Result<Selection>> select_alone(Master& master, LssAddress device, AloneOptions options = {});
 /// The proof for a device that is in configuration already. As above.
@@ -83,7 +85,7 @@ struct Given {
     taken,      ///< it answered 11h with success
     refused,    ///< it answered 11h with an error code
     silent,     ///< it did not answer
-    not_alone,  ///< somebody else answered too: taken back from all
+    not_alone,  ///< another device answered too: taken back from all
   };
   Outcome outcome = Outcome::silent;
   bool stored = false;  ///< 17h was answered with success
@@ -93,7 +95,7 @@ struct Given {
 /// `04 00`. Errors: `bus`, `cancelled`.
 [[nodiscard]] rt::Task<Result<Given>> configure_alone(Master& master, LssAddress device, NodeId id, bool store,
                                                       AloneOptions options = {});
-/// Somebody else seems to have answered too.
+/// Another device seems to have answered too.
 [[nodiscard]] bool suspicious(const Reply& reply) noexcept;
 
 }  // namespace berth::lss

@@ -63,7 +63,7 @@ Slave::Answer Slave::switch_global(std::uint8_t mode) noexcept {
   return std::nullopt;
 }
 
-// CiA 305 serves it in waiting only: who is in configuration stays there, and silent.
+// CiA 305 serves it in waiting only: a slave in configuration stays there, and silent.
 Slave::Answer Slave::select(unsigned i, std::uint32_t value) noexcept {
   if (state_ != State::waiting) return std::nullopt;
   if (i == 0) selected_ = 0;

@@ -8,13 +8,14 @@
 /// (set by LSS; loaded from persistent at power-on and reset node) and *active* (in use; taken from pending at reset
 /// communication). The bit rate also becomes active by activate bit timing.
 ///
-/// All of CiA 305, each service in the LSS states that its table names (facts C.1): switch state selective in waiting
-/// only, so that a slave in configuration stays silent to its own address; configuration and inquiry in configuration
-/// only; switch state global and identification in both. Fastscan (51h) finds only a slave that waits and has no
-/// node-ID, active and pending 255: one with a node-ID stays silent, so a Fastscan does not find it. It is complete,
-/// and the slave in configuration, only when all 32 bits of the serial number were asked in a request whose next part
-/// is 0 (or 4, as paper 4 has it, or more: S4.15); until then every matching request is answered and changes nothing
-/// but the part that is asked next. A request that does not match is not answered and changes nothing.
+/// All of CiA 305, each service in the LSS states that its table names (docs/protocols/cia305.md §State table): switch
+/// state selective in waiting only, so that a slave in configuration stays silent to its own address; configuration and
+/// inquiry in configuration only; switch state global and identification in both. Fastscan (51h) finds only a slave
+/// that waits and has no node-ID, active and pending 255: one with a node-ID stays silent, so a Fastscan does not find
+/// it. It is complete, and the slave in configuration, only when all 32 bits of the serial number were asked in a
+/// request whose next part is 0 (or 4, as paper 4 has it, or more: S4.15); until then every matching request is
+/// answered and changes nothing but the part that is asked next. A request that does not match is not answered and
+/// changes nothing.
 ///
 /// With feedback (paper 4; S4.10) an answer to Fastscan is preceded by the next bits of the own address: after 80h the
 /// vendor-ID's first; after bits 31 to 16 (in 29-bit frames) the lower half; after the whole of a part the first of the
@@ -50,9 +51,9 @@ class SlaveOwner {
   /// `Slave::stored` when it is done. Being slow or deaf meanwhile is the device's business: it just does not call
   /// `handle`.
   virtual std::optional<StoreResult> store(const Settings& settings) noexcept = 0;
-  /// The device was initialising without a node-ID, has got one and was switched to waiting (CiA 305; facts C.1): it
-  /// must now do its reset communication, which calls `Slave::reset_communication` and ends with the boot-up message.
-  /// Also called for a configured device with `SlaveOptions::change_at_waiting`.
+  /// The device was initialising without a node-ID, has got one and was switched to waiting (docs/protocols/cia305.md
+  /// §Node-ID and bit rate): it must now do its reset communication, which calls `Slave::reset_communication` and ends
+  /// with the boot-up message. Also called for a configured device with `SlaveOptions::change_at_waiting`.
   virtual void wants_reset_communication() noexcept = 0;
   /// First switch delay over: set the controller to the active bit rate (0 from `bit_rate` = detect it) and stay
   /// silent.
@@ -68,8 +69,8 @@ struct SlaveOptions {
   LssAddress address{};                         ///< object 1018h:01..04
   BitRateMask bit_rates = all_fixed_bit_rates;  ///< what configure bit timing accepts
   bool can_store = true;                        ///< false: 17h is answered 01
-  /// A *configured* device takes a changed node-ID already at `04 00` (such devices exist; facts C.1). The standard's
-  /// takes it at the next NMT reset communication.
+  /// A *configured* device takes a changed node-ID already at `04 00` (such devices exist; docs/protocols/cia305.md
+  /// §Node-ID and bit rate). The standard's takes it at the next NMT reset communication.
   bool change_at_waiting = false;
   bool fastscan = true;                                 ///< false: 51h is ignored
   Feedback feedback = Feedback::none;                   ///< with `fastscan`

@@ -120,7 +120,7 @@ class Loader {
     const bool refused = (sub->obj_flags & od::refuse_write_on_download) != 0 ||
                          ((description.find(object.index)->obj_flags & od::refuse_write_on_download) != 0);
     const bool compare_only = refused || !od::writable(sub->access);
-    // What a device measures is not what it was when somebody read it into the file.
+    // What a device measures is not what it was when it was read into the file.
     if (compare_only && !is_communication(object.index) && sub->access != od::Access::constant && sub->mappable) return;
     // The serial number is the device's, and everything else of the identity was checked before.
     if (object.index == identity_object) return;

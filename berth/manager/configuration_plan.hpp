@@ -1,4 +1,4 @@
-/// In which order a configuration is written (CiA 301 §7.5.2; facts page B.6). Pure.
+/// In which order a configuration is written (CiA 301 §7.5.2; docs/protocols/cia302.md §Configuration). Pure.
 ///
 /// Many communication objects take a value only while what they describe is switched off. The plan switches off first
 /// everything that will change, then writes the plain values, then fills what is off, and switches on last, so that two

@@ -326,7 +326,7 @@ rt::Task<bool> Configurator::put_date(ConfigurationReport& report) {
   co_return report.good();
 }
 
-// After the date: whoever restarted between the writing and now shows its old values here, or its old date.
+// After the date: a device that restarted between the writing and now shows its old values here, or its old date.
 rt::Task<bool> Configurator::read_back(ConfigurationReport& report) {
   const auto& entries = wanted_->entries;
   const auto total = static_cast<std::size_t>(std::ranges::count(changes_, true));

@@ -1,5 +1,6 @@
-/// The configuration manager (CiA 302-3; facts page B.4 steps 7 and 8, B.6): one device, from "is it right?" to "saved
-/// and dated". Everything goes through `co::SdoAccess`, so that the device may be anywhere.
+/// The configuration manager (CiA 302-3; docs/protocols/cia302.md §Boot-up of a slave, steps 7 and 8, §Configuration):
+/// one device, from "is it right?" to "saved and dated". Everything goes through `co::SdoAccess`, so that the device
+/// may be anywhere.
 ///
 ///     Configurator configurator(values, saving, wanted, options);
 ///     ConfigurationReport report;

@@ -8,7 +8,7 @@
 ///     DIRS     7C2h       80 0C n n n n n n        n: the whole address
 ///     switch   7C2h       81 state                 global
 ///     switch   7C2h       82 target n n n n n n    selective
-///     inquire  7C2h       83 part                  LSS address of who sent the last DIS; part 0, 1
+///     inquire  7C2h       83 part                  LSS address of the sender of the last DIS; part 0, 1
 ///     IUS      7A0h + nibble(phase)                00 x 8
 ///     DIS      7B0h + nibble(11)                   00 x 8
 ///     address  7C0h + part              two 32-bit values, big-endian: vendor, product; revision, serial

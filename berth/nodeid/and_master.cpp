@@ -99,7 +99,7 @@ rt::Task<Result<void>> AndMaster::switch_selective(AndAddress address, Identific
   co_return told;
 }
 
-// One request, its window and T_proc. True when somebody answered.
+// One request, its window and T_proc. True when a slave answered.
 rt::Task<Result<bool>> AndMaster::ask(Run& run, const can::Frame& frame, AndAnswer::Kind kind) {
   wanted_ = kind;
   heard_ = 0;
@@ -132,7 +132,7 @@ rt::Task<Result<AndMaster::Outcome>> AndMaster::procedure(Run& run) {
   const auto answered = co_await ask(run, frame, Kind::dis);
   if (!answered) co_return fail(answered.error());
   if ((heard_ >> run.path.nibble(11) & 1U) == 0) {
-    // Its DIS may have been late or lost: then nobody would ever find it.
+    // Its DIS may have been late or lost: then no master would ever find it.
     const auto back = and_switch_selective(run.path, Identification::unknown);
     const auto told = co_await tell(back);
     if (!told) co_return fail(told.error());
@@ -142,7 +142,7 @@ rt::Task<Result<AndMaster::Outcome>> AndMaster::procedure(Run& run) {
   co_return Outcome::found;
 }
 
-// The whole LSS address of who sent the last DIS.
+// The whole LSS address of the slave that sent the last DIS.
 rt::Task<Result<void>> AndMaster::inquire(Run& run, AndFound& device) {
   LssAddress address;
   for (unsigned part = 0; part < 2; ++part) {

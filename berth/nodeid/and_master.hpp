@@ -28,7 +28,7 @@ struct AndOptions {
 /// One device that was found.
 struct AndFound {
   AndAddress short_address{};
-  std::optional<LssAddress> address{};  ///< empty: not inquired, or nobody answered it
+  std::optional<LssAddress> address{};  ///< empty: not inquired, or not answered
   rt::Time at{};                        ///< its DIS
   unsigned dis_frames = 0;
   unsigned times_found = 1;
@@ -42,7 +42,7 @@ struct AndReport {
   unsigned requests = 0;
   unsigned restarts = 0;
   rt::Time began{};
-  rt::Time known{};  ///< the last device was found; without the closing phase 0 that nobody answered
+  rt::Time known{};  ///< the last device was found; without the closing phase 0 that no slave answered
   rt::Time ended{};
 };
 
@@ -61,13 +61,13 @@ class AndMaster final : private can::Handler {
  public:
   explicit AndMaster(can::Dispatcher& dispatcher);
 
-  /// Everybody to `unknown` or `identified`. Done when sent.
+  /// All slaves to `unknown` or `identified`. Done when sent.
   [[nodiscard]] rt::Task<Result<void>> switch_global(Identification state);
   /// The devices with this AND address. One frame, no answer.
   [[nodiscard]] rt::Task<Result<void>> switch_selective(AndAddress address, Identification target);
   /// Finds all unknown devices. Errors: `bus` a request cannot be sent; `invalid` something else is under way.
   [[nodiscard]] rt::Task<Result<AndReport>> discover(const AndOptions& options, AndObserver* observer = nullptr);
-  /// One IURS of phase 0: is anybody unknown there?
+  /// One IURS of phase 0: is an unknown slave there?
   [[nodiscard]] rt::Task<Result<bool>> probe(const AndOptions& options);
 
  private:

@@ -9,8 +9,8 @@
 /// | switch selective, its own     | as told                          | as told                         |
 /// | inquire part                  | -                                | its part, if it sent the last DIS |
 ///
-/// A request carries the whole prefix, so a slave keeps nothing between phases and a frame that was lost makes nobody
-/// answer for a prefix that is not his.
+/// A request carries the whole prefix, so a slave keeps nothing between phases and a frame that was lost makes no slave
+/// answer for a prefix that is not its own.
 #pragma once
 
 #include <optional>

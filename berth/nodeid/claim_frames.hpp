@@ -5,7 +5,7 @@
 /// with different data: bit errors, again at every repetition. That is what paper 2 holds against it.
 ///
 ///     claim           18EEFF00h + node-ID    NAME, 64 bit little-endian       node-ID 1..127; 254: cannot claim
-///     claim request   18EA0000h + to << 8 + from   00 EE 00                   to FFh: everybody
+///     claim request   18EA0000h + to << 8 + from   00 EE 00                   to FFh: all devices
 #pragma once
 
 #include <cstdint>
@@ -16,7 +16,7 @@
 
 namespace berth::nodeid {
 
-inline constexpr std::uint32_t claim_id = 0x18EE'FF00;          ///< priority 6, PGN EE00h, to everybody
+inline constexpr std::uint32_t claim_id = 0x18EE'FF00;          ///< priority 6, PGN EE00h, to all devices
 inline constexpr std::uint32_t claim_request_id = 0x18EA'0000;  ///< priority 6, PGN EA00h
 inline constexpr std::uint8_t claim_nobody = 254;               ///< J1939's null address
 inline constexpr std::uint8_t claim_everybody = 255;
@@ -45,7 +45,7 @@ struct Claim {
 
 /// Empty: no claim of a node-ID.
 [[nodiscard]] std::optional<Claim> decode_claim(const can::Frame& frame) noexcept;
-/// Whom the request asks; empty: no request for claims.
+/// Which node-ID the request asks; empty: no request for claims.
 [[nodiscard]] std::optional<std::uint8_t> decode_claim_request(const can::Frame& frame) noexcept;
 
 }  // namespace berth::nodeid

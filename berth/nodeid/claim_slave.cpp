@@ -79,7 +79,7 @@ void ClaimSlave::heard(const Claim& other) noexcept {
   owner_->claim_lost(lost);
 }
 
-// The node-ID after the one that was lost, of those that nobody was heard to claim.
+// The node-ID after the one that was lost, of those that no device was heard to claim.
 void ClaimSlave::next() noexcept {
   const unsigned from = id_.value();
   for (unsigned i = 0; i < 127; ++i) {

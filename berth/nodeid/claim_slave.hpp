@@ -4,7 +4,7 @@
 ///     off -> claiming -> settled            250 ms without a lower NAME for this node-ID
 ///              ^  |         |
 ///              |  |         +-- a lower NAME claims it: off, the device resets communication and starts anew
-///              |  +-- a lower NAME claims it: the next node-ID that nobody was heard to claim
+///              |  +-- a lower NAME claims it: the next node-ID that no device was heard to claim
 ///              +-- cannot: none is left; tells so when asked
 ///
 /// A higher NAME that claims the own node-ID is answered by the own claim. A device whose node-ID was given to it
@@ -34,7 +34,7 @@ struct ClaimOptions {
 /// The device. Called from the slave's calls and its timer; must not call back into it.
 class ClaimOwner {
  public:
-  /// Queues a frame; nobody asks what becomes of it.
+  /// Queues a frame; what becomes of it is not told.
   virtual void send(const can::Frame& frame) noexcept = 0;
   /// This node-ID is its own from now on.
   virtual void claimed(NodeId id) noexcept = 0;

@@ -7,8 +7,8 @@
 ///     bit 12..8   data code       1 ss bb: byte bb of identity object 1018h, sub-index ss + 1, bits 7..0 first (S2.8)
 ///     bit  7..0   data field      00001: ReqUsedNodeId, data field 0; 00010: ActUsedNodeId, the node-ID (S2.10)
 ///
-/// Base frames, FD frames and remote frames of the same number are not ours (S2.5), nor is a frame with data: somebody
-/// else's extended frame. Other codes are reserved and ignored.
+/// Base frames, FD frames and remote frames of the same number are not ours (S2.5), nor is a frame with data: another
+/// protocol's extended frame. Other codes are reserved and ignored.
 #pragma once
 
 #include <cstdint>

@@ -74,7 +74,7 @@ void Negotiator::settle(NodeId id, bool firm) noexcept {
   stop();
   node_id_ = id;
   firm_ = firm;
-  since_ = executor_->now() - owner_->in_world(options_.probation);  // nobody's newcomer
+  since_ = executor_->now() - owner_->in_world(options_.probation);  // past its probation
   state_ = Negotiating::settled;
   schedule_check();
 }
@@ -126,7 +126,7 @@ void Negotiator::heard_request() noexcept {
       used_.reset();
       leads_ = false;
       return join();
-    case Negotiating::asked:  // all who asked begin at the last of them: then they are in phase
+    case Negotiating::asked:  // all that asked begin at the last of them: then they are in phase
       leads_ = false;
       window_ends_ = executor_->now() + owner_->in_world(options_.answers);
       return restart_step(options_.answers + behind());
@@ -154,7 +154,7 @@ void Negotiator::heard_used(NodeId id) noexcept {
       }
       return;
     case Negotiating::announcing:
-      if (mine) rival_ = true;  // somebody has won this cycle too, and takes what this device would take
+      if (mine) rival_ = true;  // another device has won this cycle too, and takes what this one would take
       if (queued_ && mine) {
         drop();
         announce();
@@ -200,7 +200,7 @@ void Negotiator::sent() noexcept {
       owes_ = false;
       defended_ = true;
       return schedule_check();
-    default: return;  // the last word of who lost its node-ID
+    default: return;  // the last word of a device that lost its node-ID
   }
 }
 
@@ -220,7 +220,7 @@ void Negotiator::step() noexcept {
     case Negotiating::asking:
     case Negotiating::competing:
     case Negotiating::announcing:
-      // Queued, and still not sent: the bus is busy, all others send the same at the same instant so that nobody
+      // Queued, and still not sent: the bus is busy, all others send the same at the same instant so that none
       // acknowledges, or the controller was restarted and has forgotten it.
       if (queued_) {
         drop();
@@ -338,7 +338,7 @@ void Negotiator::lose_id(IdLoss why) noexcept {
   lost_ = why;
   if (why != IdLoss::literal) {
     drop();
-    // Its holder's answer may be lost in the next cycle; when the quarrel is over, who is silent is gone.
+    // Its holder's answer may be lost in the next cycle; when the quarrel is over, a holder that is silent is gone.
     avoid_ = id;
     avoided_until_ = executor_->now() + owner_->in_world(options_.contest);
   }
@@ -404,7 +404,7 @@ rt::Duration Negotiator::pace() noexcept {
   return spacing - frame * shortest_frame / longest_frame;
 }
 
-// Behind the one who leads, so that its byte is heard first and counts for all who have the same.
+// Behind the one that leads, so that its byte is heard first and counts for all that have the same.
 rt::Duration Negotiator::behind() const noexcept {
   return options_.literal || leads_ ? rt::Duration::zero() : 2 * frame_time();
 }

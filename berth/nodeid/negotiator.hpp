@@ -9,21 +9,22 @@
 /// Default rules, where the paper leaves a gap or is not safe (`literal` = as published):
 /// - A byte is compared with the own byte of that number whenever it is heard while negotiating (S2.27); a frame that
 ///   is still queued is dropped when a lower byte is heard. One that is equal to what was just heard counts as sent:
-///   nobody could tell the difference, and the bus is spared (not in `literal`).
+///   no device could tell the difference, and the bus is spared (not in `literal`).
 /// - Frames of one device are 5 ms and two frame times apart, twice that while the bus load that the device hears is
 ///   above a limit (S2.26, S2.28).
-/// - ReqUsedNodeId of another device is joined by whoever waits; asked twice, the window begins anew (S2.22, S2.23).
+/// - ReqUsedNodeId of another device is joined by each that waits; asked twice, the window begins anew (S2.22, S2.23).
 /// - ReqUsedNodeId is answered one after another: each device leaves a gap behind the answer before its own, so that
-///   127 answers, which outrank every PDO, never block the bus in one piece. Who asked waits until they end.
-/// - Frames that begin in one instant merge; when all nodes of a bus send, nobody acknowledges. So who asks waits a
-///   random time more, who only joined is two frame times behind with each byte, and a frame that is not acknowledged
-///   soon is taken back and sent again after a random time (in `literal` only this).
-/// - An announcement comes after 100 ms and a random time more; whoever hears it chooses another node-ID. So twins with
-///   one identity, and two winners after a lost frame, part here (S2.24, S2.25).
+///   127 answers, which outrank every PDO, never block the bus in one piece. The device that asked waits until they
+///   end.
+/// - Frames that begin in one instant merge; when all nodes of a bus send, none acknowledges. So a device that asks
+///   waits a random time more, one that only joined is two frame times behind with each byte, and a frame that is not
+///   acknowledged soon is taken back and sent again after a random time (in `literal` only this).
+/// - An announcement comes after 100 ms and a random time more; a device that hears it chooses another node-ID. So
+///   twins with one identity, and two winners after a lost frame, part here (S2.24, S2.25).
 /// - A device with a node-ID defends it: it answers an announcement of its own node-ID by ActUsedNodeId (S2.17). For
 ///   `probation` after its own announcement it is the newcomer and yields. Two that have both had it for long (two
-///   segments joined, twins) both defend, then throw a coin each time the other insists, until one yields. Who has a
-///   node-ID that was not negotiated (`firm`) never yields.
+///   segments joined, twins) both defend, then throw a coin each time the other insists, until one yields. One that has
+///   a node-ID that was not negotiated (`firm`) never yields.
 /// - With a node-ID, one ActUsedNodeId is sent at random about every `check`: where nothing else under the node-ID is
 ///   ever sent, this is the traffic that tells two holders apart.
 /// - All 127 in use: `exhausted`; asks again after `retry` (S2.29).
@@ -46,7 +47,7 @@ enum class Negotiating : std::uint8_t {
   suspended,   ///< another scheme is at work (SX.6)
   listening,   ///< has just begun: waits for silence (S2.23)
   asking,      ///< ReqUsedNodeId is queued
-  asked,       ///< hears who has which node-ID
+  asked,       ///< hears which node-IDs are used
   competing,   ///< sends its identity
   waiting,     ///< lost this cycle: waits for its end (S2.14)
   announcing,  ///< has won: waits, then announces
@@ -75,8 +76,8 @@ struct NegotiatorOptions {
   rt::Duration answers = std::chrono::milliseconds(100);    ///< ReqUsedNodeId to the first byte
   rt::Duration pause = std::chrono::milliseconds(100);      ///< last byte to the announcement
   rt::Duration spacing = std::chrono::milliseconds(5);      ///< least time from one own byte to the next
-  rt::Duration after_pause = std::chrono::milliseconds(5);  ///< `quiet` is so much longer for who lost: the winner, who
-                                                            ///< waits as long, announces first (Table 4)
+  rt::Duration after_pause = std::chrono::milliseconds(5);  ///< `quiet` is so much longer for a loser: the winner,
+                                                            ///< which waits as long, announces first (Table 4)
   // Not in `literal`:
   rt::Duration jitter = std::chrono::milliseconds(3);         ///< most that a request, announcement or defence waits
   rt::Duration answer_slot = std::chrono::microseconds(500);  ///< from one node-ID's turn to answer to the next's
@@ -145,7 +146,7 @@ class Negotiator final {
   [[nodiscard]] NodeId node_id() const noexcept { return node_id_; }
   /// Last loss.
   [[nodiscard]] IdLoss lost() const noexcept { return lost_; }
-  /// Somebody else won a cycle that this device won: a twin, or a frame was lost.
+  /// Another device won a cycle that this one won: a twin, or a frame was lost.
   [[nodiscard]] bool had_rival() const noexcept { return rival_; }
   /// Cycles begun, frames given to `send`.
   [[nodiscard]] std::uint32_t cycles() const noexcept { return cycles_; }

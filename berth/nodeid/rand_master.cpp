@@ -171,7 +171,7 @@ rt::Task<Result<void>> RandMaster::tell(Run& run, LssAddress address, Identifica
   co_return Result<void>{};
 }
 
-// One request, its window and T_proc. True when somebody answered; for DIRS, when the asked chunk did.
+// One request, its window and T_proc. True when a slave answered; for DIRS, when the asked chunk did.
 rt::Task<Result<bool>> RandMaster::ask(Run& run, unsigned phase, std::uint16_t mask) {
   direct_ = phase == direct_phase;
   const auto frame = direct_ ? dirs(mask) : iurs(phase, mask);
@@ -229,7 +229,7 @@ rt::Task<Result<RandMaster::Outcome>> RandMaster::procedure(Run& run) {
   if (run.last.dis_frames > 0) co_return Outcome::found;
   if (silent_phase == 0) co_return Outcome::nobody;
   if (silent_phase == direct_phase) {
-    // It may have answered too late or unheard and think that it is identified: then nobody would ever find it.
+    // It may have answered too late or unheard and think that it is identified: then no master would ever find it.
     const auto told = co_await tell(run, run.last.address, Identification::unknown);
     if (!told) co_return fail(told.error());
   }

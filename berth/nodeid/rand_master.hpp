@@ -1,7 +1,7 @@
 /// The RAND master: finds every device in state unknown, lowest LSS address first (paper 1 §II, §III; S1.18 to S1.24).
 ///
-/// One procedure finds one device: phase 0 asks everybody unknown, phases 1..7 ask those whose chunks so far are the
-/// lowest that answered, DIRS asks the one that is left to become identified. Procedures repeat until nobody answers
+/// One procedure finds one device: phase 0 asks all that are unknown, phases 1..7 ask those whose chunks so far are the
+/// lowest that answered, DIRS asks the one that is left to become identified. Procedures repeat until no slave answers
 /// phase 0. For N devices without trouble: 9 N + 1 requests.
 ///
 ///     DiscoveryOptions options;                       // must outlive the task
@@ -77,7 +77,7 @@ struct Discovered {
 struct DiscoveryReport {
   enum class End : std::uint8_t {
     complete,  ///< phase 0 stayed unanswered
-    gave_up,   ///< `retries` restarts in a row: somebody answers phase 0 and cannot be identified
+    gave_up,   ///< `retries` restarts in a row: a slave answers phase 0 and cannot be identified
     stuck,     ///< one address came again and again although it was told that it is identified
     limit,     ///< `most_devices`
   };
@@ -151,7 +151,7 @@ class RandMaster final : private can::Handler {
  public:
   explicit RandMaster(can::Dispatcher& dispatcher);
 
-  /// Everybody to `unknown` or `identified`. Done when sent.
+  /// All slaves to `unknown` or `identified`. Done when sent.
   [[nodiscard]] rt::Task<Result<void>> switch_global(Identification state);
   /// The device with this address to `identified` (S1.31 step 3) or back to `unknown`. Four frames, no answer; done
   /// when the last is sent. `inhibit`: pause after each frame, for devices with a single-slot receive buffer.
@@ -162,8 +162,8 @@ class RandMaster final : private can::Handler {
   /// way.
   [[nodiscard]] rt::Task<Result<DiscoveryReport>> discover(const DiscoveryOptions& options,
                                                            DiscoveryObserver* observer = nullptr);
-  /// One IURS of phase 0: is anybody unknown there? For polling while the machine runs. Whoever answered is `selected`
-  /// afterwards and answers the next phase 0 again.
+  /// One IURS of phase 0: is an unknown slave there? For polling while the machine runs. A slave that answered is
+  /// `selected` afterwards and answers the next phase 0 again.
   [[nodiscard]] rt::Task<Result<ProbeReport>> probe(const DiscoveryOptions& options,
                                                     DiscoveryObserver* observer = nullptr);
 

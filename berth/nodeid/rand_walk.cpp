@@ -46,7 +46,7 @@ struct RandWalk::Run {
   std::vector<Entry> entries{};
   std::map<Prefix, Node> tree{};  // of this round
   rt::Time last_sent{};
-  unsigned streak = 0;  // rounds without anybody new
+  unsigned streak = 0;  // rounds without a new device
   bool guess = true;    // the first round: `kinds` are believed
   bool hurry = true;    // known ways are walked without waiting for their answers
   unsigned too_fast_ = 0;
@@ -152,7 +152,7 @@ void RandWalk::note(std::uint16_t chunk, rt::Time at) noexcept {
 
 // ---- one request ----------------------------------------------------------------------------------------------------
 
-// True when somebody answered. What was late for the request before is in `late_` then, until the next call.
+// True when a slave answered. What was late for the request before is in `late_` then, until the next call.
 rt::Task<Result<bool>> RandWalk::ask(Run& run, const can::Frame& frame, Wait wait) {
   const auto& o = run.options;
   const auto inhibit = o.inhibit;
@@ -385,7 +385,7 @@ rt::Task<Result<void>> RandWalk::leaf(Run& run, const Prefix& prefix) {
   co_return told;
 }
 
-// Leads everybody with the address's chunks to the end of phase 7. False: nobody answered on the way.
+// Leads all slaves with the address's chunks to the end of phase 7. False: none answered on the way.
 rt::Task<Result<bool>> RandWalk::lead(Run& run, LssAddress address) {
   for (unsigned phase = 0; phase < 8; ++phase) {
     const auto frame = iurs(phase, phase == 0 ? std::uint16_t{0} : address.chunk(phase - 1));
@@ -400,7 +400,7 @@ rt::Task<Result<bool>> RandWalk::lead(Run& run, LssAddress address) {
 
 // ---- both -----------------------------------------------------------------------------------------------------------
 
-// Asks one address directly: who has it is identified then. `whole_window`: waits for a second DIS.
+// Asks one address directly: a slave that has it is identified then. `whole_window`: waits for a second DIS.
 rt::Task<Result<RandWalk::Proof>> RandWalk::prove(Run& run, LssAddress address, bool resumes, bool whole_window) {
   if (!resumes) {
     const auto led = co_await lead(run, address);
@@ -440,7 +440,7 @@ rt::Task<Result<void>> RandWalk::settle(Run& run) {
       entry.now = false;
       continue;
     }
-    // Nobody, or its DIS was lost: then it would never answer again.
+    // No slave, or its DIS was lost: then it would never answer again.
     const auto told = co_await tell(run, address, Identification::unknown);
     if (!told) co_return fail(told.error());
   }
@@ -476,7 +476,7 @@ rt::Task<Result<void>> RandWalk::clones(Run& run) {
   co_return Result<void>{};
 }
 
-// Phase 0: is anybody left?
+// Phase 0: is a slave left?
 rt::Task<Result<bool>> RandWalk::closing(Run& run) {
   const auto fence = run.last_sent + run.longest();
   if (run.report.requests > 0 && now() < fence) co_await rt::sleep_until(fence);

@@ -9,9 +9,10 @@
 /// - *Paper* slaves have to be led from phase 0 to each further branch. On the way through what is known a window
 ///   closes at the chunk that was expected.
 ///
-/// In the end every device that was found is `identified`, and phase 0 is asked until nobody answers, as the published
-/// procedure ends: so whoever was missed (an answer too late, a frame lost, a device that joined) is found by another
-/// round. No address is reported that could be made of answers of two devices: see `WalkOptions::longest`.
+/// In the end every device that was found is `identified`, and phase 0 is asked until no slave answers, as the
+/// published procedure ends: so a slave that was missed (an answer too late, a frame lost, a device that joined) is
+/// found by another round. No address is reported that could be made of answers of two devices: see
+/// `WalkOptions::longest`.
 ///
 ///     WalkOptions options;                            // must outlive the task, as `kinds` must
 ///     auto report = co_await walk.discover(kinds, options);
@@ -35,8 +36,8 @@ struct WalkKind {
 
 struct WalkOptions {
   /// No device answers later than this after a request is on the wire, frame and bus load included: the window of a
-  /// request that nobody answers, and the least time from one request to a phase 7 whose answers must not be those of
-  /// the request before. An answer later than that costs time when it is alone; see `prove_all`.
+  /// request that no device answers, and the least time from one request to a phase 7 whose answers must not be those
+  /// of the request before. An answer later than that costs time when it is alone; see `prove_all`.
   rt::Duration longest = std::chrono::milliseconds(20);
   /// A window closes so long after its last answer. 0: learnt from the gaps between answers that were heard, within
   /// `shortest` and `longest`, plus `blocking`.
@@ -47,7 +48,7 @@ struct WalkOptions {
   rt::Duration inhibit{0};                             ///< least time between the end of a window and the next request
   bool resume = true;      ///< ask for resuming slaves first; one unanswered request when there are none
   bool prove_all = false;  ///< every paper slave's address is proven by DIRS and DIS: against forged answers
-  unsigned retries = 4;    ///< rounds in a row that find nobody new while phase 0 is answered
+  unsigned retries = 4;    ///< rounds in a row that find no new device while phase 0 is answered
   unsigned most_devices = 1000;
   rt::Duration send_timeout = std::chrono::seconds(1);
 };
@@ -69,7 +70,7 @@ struct WalkReport {
   unsigned requests = 0;        ///< IURS, resume requests and DIRS
   unsigned switches = 0;        ///< switch identification state frames
   unsigned rounds = 0;          ///< closing phase 0s, the last of them unanswered
-  unsigned dead_branches = 0;   ///< prefixes that nobody answered for
+  unsigned dead_branches = 0;   ///< prefixes that no slave answered for
   unsigned dropped = 0;         ///< addresses that were heard once and could not be proven
   rt::Time began{};
   rt::Time known{};     ///< every address was known and heard alone under its prefix

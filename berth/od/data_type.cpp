@@ -147,7 +147,7 @@ tl::expected<std::uint64_t, TextError> fit(DataType type, const Number& number, 
   if (!number.negative && number.magnitude > mask(bits)) return wrong("too high for the data type", 0);
   const bool by_width =
       is_signed(type) ? !number.negative && number.magnitude >= half : number.negative && number.magnitude != 0;
-  // 0x80000000 is how everybody writes the lowest INTEGER32; decimal digits beyond the range are a slip.
+  // 0x80000000 is how files have the lowest INTEGER32; decimal digits beyond the range are a slip.
   if (by_width && !(is_signed(type) && number.hex)) notes.set(Note::wrapped);
   return wrap(type, number.negative ? 0 - number.magnitude : number.magnitude);
 }

@@ -51,11 +51,12 @@ std::string_view name(Access access) noexcept {
 void Description::index_objects() {
   const auto size = std::bit_ceil(std::max<std::size_t>(2, objects_.size() * 2));
   places_.assign(size, 0);
+  place_mask_ = static_cast<std::uint32_t>(size - 1);
   place_shift_ = 32U - static_cast<std::uint32_t>(std::countr_zero(size));
   for (std::uint32_t i = 0; i < objects_.size(); ++i) {
     auto at = place_of(objects_[i].index);
-    while (places_[at & (size - 1)] != 0) ++at;
-    places_[at & (size - 1)] = i + 1;
+    while (places_[at & place_mask_] != 0) ++at;
+    places_[at & place_mask_] = i + 1;
   }
 }
 
@@ -183,6 +184,7 @@ void DescriptionBuilder::State::add_sub(PendingObject& parent, const SubSpec& sp
   sub.obj_flags = spec.obj_flags;
   sub.mappable = spec.mappable;
   const std::size_t fixed = byte_size(spec.type);
+  sub.fixed = fixed != 0;
   sub.bounded = fixed != 0 || spec.capacity != 0;
   sub.capacity = fixed != 0 ? static_cast<std::uint32_t>(fixed) : sub.bounded ? spec.capacity : room_for(spec);
   set_initial(pending, spec.initial);

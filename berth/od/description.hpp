@@ -40,7 +40,7 @@ enum class Access : std::uint8_t { ro, wo, rw, rwr, rww, constant };
 inline constexpr std::uint8_t refuse_write_on_download = 1;
 inline constexpr std::uint8_t refuse_read_on_scan = 2;
 
-/// The length word of a value of variable length that is not there (a DOMAIN nobody filled).
+/// The length word of a value of variable length that is not there (a DOMAIN that was not filled).
 inline constexpr std::uint32_t no_value = 0xFFFF'FFFF;
 
 /// One value of the dictionary, 32 bytes. A VAR object has exactly one, sub-index 0.
@@ -58,6 +58,7 @@ struct SubObject {
   bool mappable : 1 = false;     ///< may be mapped into a PDO
   bool has_default : 1 = false;  ///< the description gives a default (else the value starts as 0 or empty)
   bool relative : 1 = false;     ///< the default is $NODEID + an offset
+  bool fixed : 1 = false;        ///< not of `variable_length`; the bit is quicker to ask
   bool bounded : 1 = true;       ///< `capacity` is what the description says; false: no more than there is memory
 
   [[nodiscard]] bool variable_length() const noexcept { return byte_size(type) == 0; }
@@ -94,7 +95,7 @@ class Description {
   /// nullptr when there is none. By hash: every access to an object begins here.
   [[nodiscard]] const Object* find(std::uint16_t index) const noexcept {
     for (std::uint32_t at = place_of(index);; ++at) {
-      const std::uint32_t position = places_[at & (places_.size() - 1)];
+      const std::uint32_t position = places_[at & place_mask_];
       if (position == 0) return nullptr;
       const Object& object = objects_[position - 1];
       if (object.index == index) return &object;
@@ -142,6 +143,7 @@ class Description {
   [[nodiscard]] const SubObject* search(const Object& object, std::uint8_t sub) const noexcept;
 
   std::vector<std::uint32_t> places_ = {0, 0};  ///< by hash of the index: position in objects_ + 1, 0 = nothing
+  std::uint32_t place_mask_ = 1;                ///< how many there are, less one
   std::uint32_t place_shift_ = 31;              ///< leaves as many bits of the hash as `places_` needs
   std::vector<Object> objects_;
   std::vector<SubObject> subs_;

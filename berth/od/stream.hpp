@@ -1,4 +1,4 @@
-/// A DOMAIN whose bytes do not stand in `Values`: a program, a log, a file of 100 MB. Whoever transfers it (the SDO
+/// A DOMAIN whose bytes do not stand in `Values`: a program, a log, a file of 100 MB. What transfers it (the SDO
 /// server) moves it piece by piece.
 #pragma once
 
@@ -31,7 +31,7 @@ class Stream {
   /// The next bytes, never empty. A refusal ends the transfer. Not `pending`.
   virtual AbortCode write(std::span<const std::uint8_t> bytes) noexcept;
   /// The transfer has ended; `complete`: all bytes were read, or written and found right (CRC, size). What it answers
-  /// is the last word on a complete download, `pending` is allowed; otherwise nobody looks at it.
+  /// is the last word on a complete download, `pending` is allowed; otherwise it is not looked at.
   virtual AbortCode close(ObjectRef ref, bool complete) noexcept;
 
  protected:

@@ -57,12 +57,6 @@ void Values::reset(NodeId node_id, Area area) noexcept {
   }
 }
 
-inline bool Values::hooked(const Object& object) const noexcept {
-  if (hooked_.empty()) return false;
-  const auto position = static_cast<std::size_t>(&object - description_->objects_.data());
-  return ((hooked_[position / 64] >> (position % 64)) & 1U) != 0;
-}
-
 inline Answer<Values::Found> Values::find(ObjectRef ref) const noexcept {
   const Object* const object = description_->find(ref.index);
   if (object == nullptr) return refuse(AbortCode::no_object);
@@ -344,7 +338,7 @@ Stream* Values::find_stream(ObjectRef ref) const noexcept {
 AbortCode Values::write_whole(Stream& stream, ObjectRef ref, std::span<const std::uint8_t> value) noexcept {
   StreamUse use;
   const AbortCode opened = use.open_write(stream, ref, value.size());
-  // Who must wait before the first byte cannot be served at one go.
+  // A stream that must wait before the first byte cannot be served at one go.
   if (opened == AbortCode::pending) return AbortCode::device_state;
   if (opened != AbortCode::none) return opened;
   if (!value.empty()) {

@@ -1,6 +1,6 @@
 /// The values of one device's object dictionary.
 ///
-/// Two sides use it. The *network* side (SDO server, and whoever acts for it) goes through access rules, limits and
+/// Two sides use it. The *network* side (SDO server, and what acts for it) goes through access rules, limits and
 /// hooks and gets abort codes: `size`, `view`, `read`, `check_write`, `write`. The *local* side (the device's own
 /// services and application) reads and writes what is stored, whatever the access type: `get`, `set`, `bytes`.
 /// No call uses the heap; memory is reserved by the constructor: `Description::value_bytes()` and a few words.
@@ -80,6 +80,14 @@ class Values {
   /// @{
   /// The value to upload, without a copy; valid until the next access to the same object.
   [[nodiscard]] Answer<std::span<const std::uint8_t>> view(ObjectRef ref) const noexcept;
+  /// The same of a readable scalar without hooks, which most are, in few instructions. Empty: `view` says.
+  [[nodiscard]] std::span<const std::uint8_t> view_plain(ObjectRef ref) const noexcept {
+    const Object* const object = description_->find(ref.index);
+    if (object == nullptr || hooked(*object)) return {};
+    const SubObject* const sub = description_->find(*object, ref.sub);
+    if (sub == nullptr || !readable(sub->access) || !sub->fixed) return {};
+    return {data_.data() + sub->offset, sub->capacity};
+  }
   [[nodiscard]] Answer<std::size_t> size(ObjectRef ref) const noexcept;
   /// Copies the value to `into`; returns its length. `into` too small: out_of_memory 0504 0005.
   [[nodiscard]] Answer<std::size_t> read(ObjectRef ref, std::span<std::uint8_t> into) const noexcept;
@@ -94,7 +102,7 @@ class Values {
   [[nodiscard]] AbortCode write(ObjectRef ref, std::span<const std::uint8_t> value) noexcept;
   /// Would an upload be let in? Hooks are not asked.
   [[nodiscard]] AbortCode check_read(ObjectRef ref) const noexcept;
-  /// Who transfers this object piece by piece; null: nobody, its value stands here. Ask `check_read` or `check_write`
+  /// What transfers this object piece by piece; null: its value stands here. Ask `check_read` or `check_write`
   /// before. `view` and `size` of such an object are refused with 0601 0000; `read` and `write` go to the stream.
   [[nodiscard]] Stream* stream(ObjectRef ref) const noexcept { return streams_.empty() ? nullptr : find_stream(ref); }
   /// @}
@@ -184,7 +192,11 @@ class Values {
                                              std::span<const std::uint8_t> value) noexcept;
   [[nodiscard]] static Answer<std::size_t> read_whole(Stream& stream, ObjectRef ref,
                                                       std::span<std::uint8_t> into) noexcept;
-  [[nodiscard]] bool hooked(const Object& object) const noexcept;
+  [[nodiscard]] bool hooked(const Object& object) const noexcept {
+    if (hooked_.empty()) return false;
+    const auto position = static_cast<std::size_t>(&object - description_->objects_.data());
+    return ((hooked_[position / 64] >> (position % 64)) & 1U) != 0;
+  }
   [[nodiscard]] Answer<std::span<const std::uint8_t>> view_hooked(ObjectRef ref, const SubObject& sub) const noexcept;
   void mark_hooked() noexcept;
   [[nodiscard]] std::size_t slot_of(std::uint32_t index) const noexcept;

@@ -28,7 +28,7 @@ std::vector<NodeId> operational_of(Network& network, co::NmtTarget target) {
   return nodes;
 }
 
-/// Whom a command disturbs, and how.
+/// Which devices a command disturbs, and how.
 struct Disturbed {
   Network* network = nullptr;
   std::vector<NodeId> nodes{};

@@ -13,7 +13,7 @@ namespace {
 struct Target {
   Network* network = nullptr;
   std::optional<LssAddress> device;
-  NodeId id;            // to be asked who it is
+  NodeId id;            // to be asked for its identity
   std::string problem;  // why there is none
 };
 

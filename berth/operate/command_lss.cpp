@@ -46,7 +46,7 @@ std::string named(const std::optional<LssAddress>& device) {
   return device ? to_string(*device) : std::string("the device in configuration state");
 }
 
-// One device in configuration state, every other in waiting. Without an address: whoever is there.
+// One device in configuration state, every other in waiting. Without an address: the devices that are there.
 rt::Task<Result<void>> select(Network& network, std::optional<LssAddress> device) {
   if (!device) co_return Result<void>();
   const LssAddress address = *device;
@@ -107,7 +107,7 @@ rt::Task<void> inquire(Network& network, std::optional<LssAddress> device, Comma
         fmt::format("node-ID       {}", id->byte() == 0xFF ? "255 (none)" : fmt::format("{}", id->byte()))});
 }
 
-// Who else holds this node-ID? Asked by SDO, then by guarding: either answer is one.
+// Does another device hold this node-ID? Asked by SDO, then by guarding: either answer is one.
 rt::Task<Result<bool>> is_taken(Network& network, NodeId id) {
   co::SdoOptions patience = network.sdo().options();
   patience.timeout = network.bus().timing.guard_timeout;
@@ -237,7 +237,7 @@ rt::Task<void> identify(Network& network, const lss::IdentifyRanges& ranges, Com
   if (heard->answers == 0) reply.status = 1;
 }
 
-// Who is found is left "unknown" as before when no slot knows it, so that a running main job finds it too.
+// A device that is found is left "unknown" as before when no slot knows it, so that a running main job finds it too.
 rt::Task<void> find(Network& network, CommandReply& reply) {
   const auto blank = co_await network.lss().identify_non_configured();
   if (!blank) co_return lss_failed(reply, network, blank.error(), "identify non-configured slaves");
@@ -259,7 +259,7 @@ rt::Task<void> find(Network& network, CommandReply& reply) {
     if (seated) continue;
     const LssAddress stranger = d.address;
     const auto told = co_await network.rand().switch_selective(stranger, nodeid::Identification::unknown);
-    static_cast<void>(told);  // the next discovery asks everybody anew
+    static_cast<void>(told);  // the next discovery asks all anew
   }
   lines.push_back(fmt::format("{} found; {} device without a node-ID answers LSS", report->found.size(),
                               blank->answers > 0 ? "at least one" : "no"));

@@ -385,7 +385,7 @@ std::optional<SlotReport> slot_of(const Network& network, const std::string& nam
   return it == slots.end() ? std::nullopt : std::optional<SlotReport>(*it);
 }
 
-// The main job does the work in its own time; a slot for which nobody comes stays empty.
+// The main job does the work in its own time; a slot for which no device comes stays empty.
 rt::Task<void> await_slot(Network& network, const std::string& name) {
   const auto& timing = network.bus().timing;
   const rt::Time deadline = network.executor().now() + 3 * timing.probe_period + timing.boot_timeout;
@@ -435,7 +435,8 @@ rt::Task<void> replace(Session& session, const CommandRequest& request, CommandR
   reply.json = slot ? to_json(*slot) : "{}";
   reply.lines = to_table(slot ? std::vector<SlotReport>{*slot} : std::vector<SlotReport>{});
   if (before && before->state == SlotState::absent) {
-    reply.lines.insert(reply.lines.begin(), fmt::format("slot {} is given away; it was kept: {}", name, before->reason));
+    reply.lines.insert(reply.lines.begin(),
+                       fmt::format("slot {} is given away; it was kept: {}", name, before->reason));
   }
   if (seated) co_return;
   reply.status = 1;

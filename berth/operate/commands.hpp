@@ -21,7 +21,7 @@
 ///     nmt               command (start stop preop reset-node reset-comm), node (1..127 or "all")
 ///     lss global        state (waiting, configuration)
 ///     lss select        address
-///     lss inquire       address?                                  without: whoever is in configuration state
+///     lss inquire       address?                                  without: the device in configuration state
 ///     lss set-node-id   address, id (1..127, 255 = none), store? ("1")
 ///     lss store         address?
 ///     lss bit-timing    rate (bit/s), address?
@@ -70,7 +70,7 @@ struct CommandReply {
 /// A reply that says only that, and why, something is not done.
 [[nodiscard]] CommandReply refusal(int status, std::string message);
 
-/// The frames that a command sends whatever anybody answers, up to the first answer it needs: one NMT command, an LSS
+/// The frames that a command sends whatever is answered, up to the first answer it needs: one NMT command, an LSS
 /// service, the initiate frame of an SDO transfer. Empty for commands that depend on what they hear; `problem` says
 /// why, or what is wrong with the request.
 [[nodiscard]] std::vector<can::Frame> foreseeable_frames(const CommandRequest& request, std::string& problem);

@@ -64,15 +64,15 @@ std::optional<ucred> peer_of(int fd) {
   return who;
 }
 
-/// This user, or root, who can do everything in any case.
+/// A process of this user, or of root, which can do everything in any case.
 bool trusted(const std::optional<ucred>& peer) noexcept { return peer && (peer->uid == ::geteuid() || peer->uid == 0); }
 
-/// Never waits: EAGAIN when a listener takes nobody.
+/// Never waits: EAGAIN when a listener takes no more.
 bool connects(int fd, const sockaddr_un& address) noexcept {
   return ::connect(fd, plain(address), sizeof address) == 0;
 }
 
-/// The process that listens at a path; 0 when nobody does. -1: somebody, it does not say who.
+/// The process that listens at a path; 0 when none does. -1: one does, and its identity is not told.
 pid_t listener_of(const sockaddr_un& address) {
   const Descriptor fd(::socket(AF_UNIX, SOCK_STREAM | SOCK_NONBLOCK | SOCK_CLOEXEC, 0));
   if (fd.get() < 0) return 0;
@@ -81,8 +81,8 @@ pid_t listener_of(const sockaddr_un& address) {
   return who ? who->pid : -1;
 }
 
-// Whoever can write into the folder could put a socket of his own in place of ours. Where the folder is not there,
-// nobody listens in it.
+// A user that can write into the folder could put another socket in place of ours. Where the folder is not there,
+// no process listens in it.
 std::string untrusted_folder(const std::string& path) {
   const auto slash = path.rfind('/');
   const std::string folder = slash == std::string::npos ? std::string() : path.substr(0, slash);
@@ -304,7 +304,7 @@ bool ControlServer::read_from(Client& client) {
     if (client.in.size() + static_cast<std::size_t>(n) > longest_request) return false;
     client.in.append(buffer, static_cast<std::size_t>(n));
   }
-  // Who takes no answer gets no more of them.
+  // A client that takes no answer gets no more of them.
   if (!client.busy && client.out.empty()) begin(client);
   return true;
 }

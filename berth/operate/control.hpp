@@ -1,6 +1,7 @@
 /// The control socket of a running `berth up`: a second command sends one line of JSON (`CommandRequest`) and gets one
-/// line back (`CommandReply`). A Unix domain socket in a folder of its owner's, so that nobody else commands the
-/// machine. Both ends look who the other is: this user, or root; a stranger's socket or folder is refused in words.
+/// line back (`CommandReply`). A Unix domain socket in a folder of its owner's, so that no other user commands the
+/// machine. Both ends look whose process the other is: this user's, or root's; a stranger's socket or folder is refused
+/// in words.
 #pragma once
 
 #include <cstdint>
@@ -21,12 +22,13 @@ namespace berth::operate {
 /// or underscore in the machine's name becomes an underscore.
 [[nodiscard]] std::string control_path(const std::string& machine);
 
-/// Sends `request` to who listens at `path` and waits for the answer. A failure is told in words: nobody there, no
-/// answer in `timeout_ms`, another user's folder or process, an answer beyond 16 MiB. Nothing is sent to a stranger.
+/// Sends `request` to the process that listens at `path` and waits for the answer. A failure is told in words: no
+/// process there, no answer in `timeout_ms`, another user's folder or process, an answer beyond 16 MiB. Nothing is sent
+/// to a stranger.
 [[nodiscard]] tl::expected<CommandReply, std::string> control_call(const std::string& path,
                                                                    const CommandRequest& request, int timeout_ms);
 
-/// Somebody accepts connections at `path`.
+/// A process accepts connections at `path`.
 [[nodiscard]] bool control_answers(const std::string& path);
 
 /// Listens and runs what it is asked, in a loop that drives the session's executor. Never blocks.

@@ -372,14 +372,6 @@ const char* name(BitRateReport::End end) noexcept {
   return "lost";
 }
 
-void Network::fall_silent() noexcept {
-  if (!speaks_) return;
-  speaks_ = false;
-  device_->power_off();
-  vacancy_[bus_->master.value()].reset();
-  look_anew_ = true;
-}
-
 rt::Task<BitRateReport> move_bit_rate(Network& network, const BitRateOptions& options) {
   BitRateReport report;
   report.before = report.rate = network.dispatcher().port().status().bit_rate;

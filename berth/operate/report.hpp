@@ -20,7 +20,7 @@ struct SlotReport {
   NodeId id;
   std::string name;
   TypeCode type;
-  std::optional<LssAddress> device;  ///< who is bound here, asked for or confirmed
+  std::optional<LssAddress> device;  ///< that is bound here, intended or confirmed
   places::SlotState state = places::SlotState::unknown;
   rt::Time since{};    ///< since when it is in this state
   std::string reason;  ///< for states that need one: what is wrong and what to do
@@ -30,8 +30,8 @@ struct SlotReport {
 struct Event {
   rt::Time at{};
   std::string bus;
-  std::string kind;  ///< "step", "found", "bound", "new device", "moved", "configured", "state", "question", "surplus", "foreign", "clone",
-                     ///< "duplicate", "lost", "error", ...
+  std::string kind;  ///< "step", "found", "bound", "new device", "moved", "configured", "state", "question", "surplus",
+                     ///< "foreign", "clone", "duplicate", "lost", "error", ...
   std::string slot;  ///< name, empty when no slot is concerned
   std::string text;
   std::vector<std::string> slots = {};    ///< of a "question": the slots that it is about

@@ -43,6 +43,9 @@ class Session::StampedStore final : public places::SlotStore {
     return stamped().unmark(mark, device, reason);
   }
   Result<std::vector<places::Marked>> marked(places::Mark mark) override { return store_->marked(mark); }
+  Result<bool> is_marked(places::Mark mark, const LssAddress& device) override {
+    return store_->is_marked(mark, device);
+  }
   Result<void> lend(const places::LentId& lent) override { return store_->lend(lent); }
   Result<void> give_back(const LssAddress& device) override { return store_->give_back(device); }
   Result<std::vector<places::LentId>> lent() override { return store_->lent(); }

@@ -39,7 +39,7 @@ class Session {
   /// Real devices hang on these buses: what disturbs one that is operational wants a person's confirmation.
   void set_careful(bool careful) noexcept { careful_ = careful; }
   [[nodiscard]] bool careful() const noexcept { return careful_; }
-  /// An event of whoever guards a bus's port. `kind`: "step" or "error".
+  /// An event of what guards a bus's port. `kind`: "step" or "error".
   void tell(std::string_view bus, std::string kind, std::string text);
 
   /// Every event, as it happens. Events are kept for `report` too, the newest `most_events`.

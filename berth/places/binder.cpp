@@ -1,7 +1,6 @@
 #include "berth/places/binder.hpp"
 
 #include <algorithm>
-#include <utility>
 
 #include "berth/co/guarding.hpp"
 
@@ -35,14 +34,10 @@ bool needs_lss(const Binding& binding) noexcept {
 
 }  // namespace
 
-Binder::Binder(const Services& services, const Options& options)
-    : s_(services), options_(options), lss_(options_.lss_turn) {}
-
 rt::Task<void> Binder::take_lss() {
-  const bool missing = lss_.missing();
-  if (!missing) co_return;
-  co_await lss_.turn().take();
-  lss_.taken();
+  if (options_.lss_turn == nullptr || lss_held_) co_return;
+  co_await options_.lss_turn->take();
+  lss_held_.emplace(*options_.lss_turn);
 }
 
 Outcome outcome_of(const Error& error) noexcept {
@@ -62,13 +57,13 @@ rt::Task<void> Binder::run(Binding& binding, SlotId slot, const std::string& rea
     if (needs) {
       co_await take_lss();
     } else {
-      lss_.give();
+      lss_held_.reset();
     }
     if (options_.before_step) options_.before_step(binding);
     const Outcome outcome = co_await perform(binding, slot, reason);
     binding.advance(outcome);
   }
-  lss_.give();
+  lss_held_.reset();
   if (binding.step() != Step::done) s_.lss.set_options(before);
 }
 

@@ -6,7 +6,6 @@
 #include <functional>
 #include <optional>
 #include <string>
-#include <utility>
 
 #include "berth/can/dispatcher.hpp"
 #include "berth/co/nmt_master.hpp"
@@ -58,7 +57,7 @@ class Binder {
     rt::Turn* lss_turn = nullptr;
   };
 
-  Binder(const Services& services, const Options& options);
+  Binder(const Services& services, const Options& options) : s_(services), options_(options) {}
 
   /// Runs the table to its end. `binding`, `slot` (of `Kind::bind`) and `reason` must stay. LSS belongs to this task
   /// meanwhile; with `lss_turn` from the intention's row to the release only, so that the next device is told its
@@ -76,24 +75,6 @@ class Binder {
   [[nodiscard]] rt::Task<Outcome> confirm_double(const LssAddress& device);
 
  private:
-  // Gives the turn back also when the task is destroyed.
-  class LssHeld {
-   public:
-    explicit LssHeld(rt::Turn* turn) noexcept : turn_(turn) {}
-    ~LssHeld() { give(); }
-    LssHeld(const LssHeld&) = delete;
-    LssHeld& operator=(const LssHeld&) = delete;
-    [[nodiscard]] bool missing() const noexcept { return turn_ != nullptr && !held_; }
-    [[nodiscard]] rt::Turn& turn() noexcept { return *turn_; }
-    void taken() noexcept { held_ = true; }
-    void give() noexcept {
-      if (std::exchange(held_, false)) turn_->give();
-    }
-
-   private:
-    rt::Turn* turn_;
-    bool held_ = false;
-  };
   rt::Task<void> take_lss();
   rt::Task<Outcome> perform(Binding& binding, SlotId slot, const std::string& reason);
   rt::Task<Outcome> select(const LssAddress& device);
@@ -113,7 +94,7 @@ class Binder {
   Options options_;
   rt::Time watch_since_{};  // vacancy was seen then
   rt::Time moved_{};        // the device may boot under its new node-ID from then on
-  LssHeld lss_;
+  std::optional<rt::Held> lss_held_;
   bool silent_once_ = false;
   bool woken_ = false;
 };

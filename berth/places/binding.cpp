@@ -148,7 +148,7 @@ void Binding::advance(Outcome outcome) noexcept {
       else
         step_ = kind_ == Kind::bind ? Step::await_boot_up : Step::identify;
       break;
-    case Step::await_boot_up: step_ = Step::identify; break;  // unheard or not, who is there now tells
+    case Step::await_boot_up: step_ = Step::identify; break;  // heard or not, the device there now tells
     case Step::identify: advance_identify(outcome); break;
     case Step::write_confirm:
       if (ok)

@@ -2,7 +2,7 @@
 /// steps on a bus; the tests explore every interleaving of them with crashes, losses and power failures.
 ///
 ///     step           does                                     ends well  next
-///     check_vacant   asks whether the node-ID is in use       nobody     write_ask
+///     check_vacant   asks whether the node-ID is in use       it is not  write_ask
 ///     write_ask      intention into the store, durable        written    select
 ///     select         04h 00h, 40h..43h of the address, and    44h, it    inquire
 ///                    the proof that no other is selected too  alone
@@ -13,14 +13,14 @@
 ///     reset          NMT reset communication to the old id    sent       await_boot_up
 ///     await_boot_up  700h + id                                heard      identify
 ///     identify       1018h under the new id = the address     equal      write_confirm
-///     write_confirm  what was asked for has become so         written    done
+///     write_confirm  what was intended has become so          written    done
 ///     revert         11h: the old one, when it goes wrong;    any        select again, or release and give up
 ///                    none, stored, when two took the new one
 ///
 /// Silence on the LSS side leads back to `select`, a bounded number of times: every step may be done twice without
 /// harm, so a restart after a crash simply begins again at `check_vacant`. A node-ID that is pending comes into use
-/// with the next 04h 00h, whoever that is meant for; so whatever leaves the table after `configure` passes `revert`
-/// first, and a start with unfinished work in the store begins with `11h FFh` to the device that was left in
+/// with the next 04h 00h, whichever device that is meant for; so whatever leaves the table after `configure` passes
+/// `revert` first, and a start with unfinished work in the store begins with `11h FFh` to the device that was left in
 /// configuration. Why in this order: the intention is durable before the device can change, so that a node-ID that may
 /// be in a device's memory is never given to another; and the device has stored before it can use the id, so that what
 /// was heard once is true after a power failure (S1.29, S1.53).
@@ -73,8 +73,8 @@ enum class Outcome : std::uint8_t {
 
 enum class Why : std::uint8_t {
   none,
-  occupied,      ///< somebody else answers at the node-ID
-  not_there,     ///< nobody answers to the LSS address
+  occupied,      ///< another device answers at the node-ID
+  not_there,     ///< no device answers to the LSS address
   not_alone,     ///< another device is in LSS configuration beside it, or answers in its place, again and again
   clone,         ///< two devices answer to the LSS address
   refused,       ///< the device does not take the node-ID
@@ -129,7 +129,7 @@ class Binding {
   void inquired(NodeId now) noexcept { old_id_ = now; }
   /// The step ended; `step()` is the next one.
   void advance(Outcome outcome) noexcept;
-  /// A device that waited for a power cycle was heard again: look who it is.
+  /// A device that waited for a power cycle was heard again: its identity is looked at.
   void heard_again() noexcept { step_ = Step::identify; }
 
   friend bool operator==(const Binding&, const Binding&) = default;

@@ -72,7 +72,7 @@ class BootWatch final : private can::Handler {
     std::uint64_t beats = 0;
     std::uint64_t boot_ups = 0;
   };
-  // Nobody is ever heard under 0: what is asked of "no node-ID" (FFh) is that nothing was heard of it.
+  // No node is ever heard under 0: what is asked of "no node-ID" (FFh) is that nothing was heard of it.
   [[nodiscard]] static std::size_t place(NodeId id) noexcept { return id.configured() ? id.value() : 0U; }
   [[nodiscard]] const Node& at(NodeId id) const noexcept { return nodes_[place(id)]; }
   void received(const can::Frame& frame, rt::Time at) noexcept override;

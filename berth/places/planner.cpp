@@ -137,7 +137,7 @@ class Planner {
     return a.kind == Action::Kind::blank ? 0U : slots_[a.slot].spec.id.value();
   }
 
-  /// A device without a seat may keep a node-ID only when nobody here needs it.
+  /// A device without a seat may keep a node-ID only when no slot here needs it.
   void keep_off_our_ids(const Found& f) {
     if (f.active.configured() && id_is_taken(f.active) && !f.clone && !f.lent) {
       blank(f.device, fmt::format("it holds node-ID {}, which belongs to {}", f.active.value(),
@@ -264,8 +264,8 @@ class Planner {
     return true;
   }
 
-  /// Seats each device in the one slot whose probe it shows, when no other device shows it too. Who is not read yet
-  /// is named in `Plan::probes` and waits.
+  /// Seats each device in the one slot whose probe it shows, when no other device shows it too. A device that is not
+  /// read yet is named in `Plan::probes` and waits.
   void seat_by_probe(Group& group) {
     std::vector<std::size_t> places;
     std::ranges::copy_if(group.free, std::back_inserter(places),
@@ -283,7 +283,7 @@ class Planner {
       plan_.probes.push_back(f.device);
       keep_off_others(f);
     }
-    if (waits) return group.fresh.clear();  // who shows a place alone is known when all were read
+    if (waits) return group.fresh.clear();  // which device shows a place alone is known when all were read
     for (const auto& f : fresh) {
       std::vector<std::size_t> mine;
       std::ranges::copy_if(places, std::back_inserter(mine), [&](std::size_t i) {
@@ -313,7 +313,7 @@ class Planner {
     return places;
   }
 
-  /// It is to be read under its own node-ID, unless that is somebody else's.
+  /// It is to be read under its own node-ID, unless that is another's.
   void keep_off_others(const Found& f) {
     const bool taken = f.active == master_ || std::ranges::any_of(slots_, [&](const Slot& s) {
                          return s.spec.id == f.active && s.record.device() && s.record.device() != f.device;

@@ -69,8 +69,9 @@ struct Plan {
 /// they were heard at a node-ID that is not theirs; `unfinished_blanks` from the store; `master` is the master's
 /// node-ID; `readings` what was read of the objects of `probes_for`.
 ///
-/// Who gets which slot, first what is certain: an unfinished or known binding; a listed spare its slot; a device with
-/// a probe the slot whose probe it shows. What is left goes by `when_ambiguous` of the type's lowest free slot.
+/// Which device gets which slot, first what is certain: an unfinished or known binding; a listed spare its slot; a
+/// device with a probe the slot whose probe it shows. What is left goes by `when_ambiguous` of the type's lowest free
+/// slot.
 [[nodiscard]] Plan plan(const std::vector<Slot>& slots, const std::vector<Found>& found,
                         const std::vector<LssAddress>& unfinished_blanks, NodeId master,
                         const std::vector<Reading>& readings = {});

@@ -74,7 +74,7 @@ rt::Task<Outcome> RecipeBinder::write(NodeId at, NodeId id) {
   co_return Outcome::ok;
 }
 
-// Who boots under either node-ID meanwhile is a second device: the first must not come to it.
+// What boots under either node-ID meanwhile is a second device: the first must not come to it.
 rt::Task<Outcome> RecipeBinder::reset(const RecipeBinding& binding) {
   if (s_.boots.booted_since(binding.old_id(), identified_)) co_return Outcome::doubled;
   if (s_.boots.booted_since(binding.seat().id, identified_)) co_return Outcome::mismatch;

@@ -89,7 +89,7 @@ void RecipeBinding::advance(Outcome outcome) noexcept {
       else
         give_up(outcome == Outcome::doubled ? Why::clone : Why::occupied);
       break;
-    case RecipeStep::await_boot_up: step_ = RecipeStep::identify; break;  // unheard or not, who is there now tells
+    case RecipeStep::await_boot_up: step_ = RecipeStep::identify; break;  // heard or not, the device there now tells
     case RecipeStep::identify: advance_identify(outcome); break;
     case RecipeStep::write_confirm:
       if (ok)

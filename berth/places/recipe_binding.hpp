@@ -2,20 +2,20 @@
 /// `Binding` is for LSS; `RecipeBinder` does the steps on a bus, and the tests explore them with losses and crashes.
 ///
 ///     step           does                                       ends well  next
-///     check_vacant   asks whether the new node-ID is in use     nobody     identify_old
+///     check_vacant   asks whether the new node-ID is in use     it is not  identify_old
 ///     identify_old   1018h under the old id = the address, and  equal      write_ask
-///                    nobody else answers there
+///                    no other answers there
 ///     write_ask      intention into the store, durable          written    write (identify when it is there already)
 ///     write          all objects of the recipe, in their order  accepted   reset or power_cycle
 ///     reset          NMT reset to the old id                    sent       await_boot_up
 ///     await_boot_up  700h + new id                              heard      identify
 ///     identify       1018h under the new id = the address       equal      write_confirm
-///     write_confirm  what was asked for has become so           written    done
+///     write_confirm  what was intended has become so            written    done
 ///     revert         all objects again, with the old node-ID    any        failed
 ///
 /// Every step may be done twice without harm, so a restart after a crash begins again with wherever the device is heard
 /// now. Once something was written, whatever goes wrong before the reset leaves through `revert`, and the store keeps
-/// the intention: the node-ID may be in the device's memory and is given to nobody else.
+/// the intention: the node-ID may be in the device's memory and is given to no other.
 #pragma once
 
 #include "berth/places/binding.hpp"
@@ -63,7 +63,7 @@ class RecipeBinding {
   }
   /// The step ended; `step()` is the next one.
   void advance(Outcome outcome) noexcept;
-  /// A device that waited for a power cycle was heard again: look who it is.
+  /// A device that waited for a power cycle was heard again: its identity is looked at.
   void heard_again() noexcept { step_ = RecipeStep::identify; }
 
  private:

@@ -29,7 +29,7 @@ struct SlotName {
   friend auto operator<=>(const SlotName&, const SlotName&) = default;
 };
 
-/// Who sits where when it is not one new device of a type for one free slot.
+/// Which device sits where when it is not one new device of a type for one free slot.
 enum class WhenAmbiguous : std::uint8_t {
   ask,            ///< a person says it
   ascending,      ///< paper 1's rule 2, when devices and slots are equal in number; else a person says it
@@ -84,7 +84,7 @@ struct SlotSpec {
 /// A device that `fits` this slot and is kept for it.
 [[nodiscard]] bool listed_spare(const SlotSpec& slot, const LssAddress& device) noexcept;
 
-/// Who sits, or shall sit, where.
+/// The device that sits, or shall sit, in a slot, with the node-ID that it has there.
 struct Seat {
   LssAddress device;
   NodeId id;
@@ -126,7 +126,7 @@ struct LentId {
   friend bool operator==(const LentId&, const LentId&) = default;
 };
 
-/// What the store knows of a slot. `asked` is what Berth set out to do, written before the bus is touched; `confirmed`
+/// What the store knows of a slot. `asked` is the intention, written before the bus is touched; `confirmed`
 /// is what the device was then heard to be. They are two facts: a crash leaves the first without the second, and the
 /// next start does the work again (S1.53).
 struct SlotRecord {
@@ -136,7 +136,7 @@ struct SlotRecord {
   std::optional<Seat> confirmed;
   std::optional<Configured> configured = {};
 
-  /// The device that this slot is about: the one asked for, else the one confirmed.
+  /// The device that this slot is about: the one intended, else the one confirmed.
   [[nodiscard]] std::optional<LssAddress> device() const noexcept {
     if (asked) return asked->device;
     if (confirmed) return confirmed->device;
@@ -177,7 +177,7 @@ struct HistoryEntry {
 
 /// The reason of `SlotStore::clear` when a person gives a slot away.
 inline constexpr std::string_view by_a_person = "replaced by a person";
-/// The reason when the whole bus is bound anew: where anybody sat before counts no more.
+/// The reason when the whole bus is bound anew: where a device sat before counts no more.
 inline constexpr std::string_view from_scratch = "bound from scratch";
 
 /// Where a device sat, and until when.
@@ -195,7 +195,7 @@ struct FormerSeat {
 /// What is going on with a slot now. The names stand in `--json` and in the documents.
 enum class SlotState : std::uint8_t {
   unknown,      ///< not looked yet
-  empty,        ///< nobody is bound and nobody suitable was found
+  empty,        ///< no device is bound and none suitable was found
   binding,      ///< a binding runs
   question,     ///< a person must say which device belongs here
   absent,       ///< bound, and silent

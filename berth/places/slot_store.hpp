@@ -26,13 +26,13 @@ class SlotStore {
   virtual Result<SlotRecord> load(SlotId slot) = 0;
 
   /// Writes the intention to seat a device, before the first frame that does it. Refused (`Errc::duplicate`): the
-  /// device is asked for or confirmed in another slot of the store; another device is asked for or confirmed in this
+  /// device is intended or confirmed in another slot of the store; another device is intended or confirmed in this
   /// slot, whose node-ID may be in that device's memory: `clear` comes first, and says why.
   virtual Result<void> ask(SlotId slot, const Seat& seat, std::string_view reason) = 0;
   /// The device was heard under its new node-ID and identified: the intention becomes the binding. `seat` must be what
-  /// was asked for, else `Errc::mismatch`.
+  /// was intended, else `Errc::mismatch`.
   virtual Result<void> confirm(SlotId slot, const Seat& seat, std::string_view reason) = 0;
-  /// Forgets who sits in the slot, asked and confirmed, and its configuration; the history keeps it.
+  /// Forgets which device sits in the slot, intended and confirmed, and its configuration; the history keeps it.
   virtual Result<void> clear(SlotId slot, std::string_view reason) = 0;
 
   /// Writes how far the configuration of the slot's device has come. Replaces what was known; `clear` forgets it.
@@ -53,6 +53,8 @@ class SlotStore {
   virtual Result<void> unmark(Mark mark, const LssAddress& device, std::string_view reason) = 0;
   /// The devices with this mark, in the order of their addresses.
   virtual Result<std::vector<Marked>> marked(Mark mark) = 0;
+  /// Whether one device has it, in a time that does not grow with their number.
+  virtual Result<bool> is_marked(Mark mark, const LssAddress& device) = 0;
 
   /// Writes that a device is lent a node-ID, before the first frame that does it. The newest of a device counts.
   virtual Result<void> lend(const LentId& lent) = 0;
@@ -90,6 +92,7 @@ class MemoryStore final : public SlotStore {
   Result<void> mark(Mark mark, const LssAddress& device, NodeId id, std::string_view reason) override;
   Result<void> unmark(Mark mark, const LssAddress& device, std::string_view reason) override;
   Result<std::vector<Marked>> marked(Mark mark) override;
+  Result<bool> is_marked(Mark mark, const LssAddress& device) override { return marks_.contains({mark, device}); }
   Result<void> lend(const LentId& lent) override;
   Result<void> give_back(const LssAddress& device) override;
   Result<std::vector<LentId>> lent() override;
@@ -108,7 +111,7 @@ class MemoryStore final : public SlotStore {
 
   std::vector<SlotRecord> slots_;  // by SlotId, from 1
   std::map<SlotName, SlotId> names_;
-  std::map<LssAddress, SlotId> sits_;  // asked for or confirmed
+  std::map<LssAddress, SlotId> sits_;  // intended or confirmed
   std::vector<UnfinishedBlank> blanks_;
   std::map<std::pair<Mark, LssAddress>, NodeId> marks_;
   std::map<LssAddress, LentId> lent_;

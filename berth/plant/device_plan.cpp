@@ -13,6 +13,7 @@
 #include <utility>
 
 #include "berth/device/dictionary.hpp"
+#include "berth/device/mandatory.hpp"
 #include "berth/eds/xdd.hpp"
 #include "berth/text/file.hpp"
 
@@ -103,6 +104,25 @@ std::optional<Kept> parse_kept(std::string_view line) {
   return k;
 }
 
+/// Tells what a device has that its description lacks; empty where it lacks nothing.
+void warn_of_supplied(Findings& findings, const std::string& file, std::span<const ObjectRef> supplied) {
+  if (supplied.empty()) return;
+  std::string names;
+  for (const ObjectRef& each : supplied) {
+    names += names.empty() ? "" : ", ";
+    names += each.sub == 0 ? fmt::format("{:04X}h", each.index) : text::write_object(each);
+  }
+  findings.push_back(
+      {Finding::Severity::warning,
+       file,
+       0,
+       0,
+       {},
+       fmt::format("not described, and mandatory in every device (CiA 301): {}. The device made from it has {}", names,
+                   supplied.size() == 1 ? "it" : "them"),
+       {}});
+}
+
 }  // namespace
 
 device::Timing timing_of(const PlantDevice& plan) {
@@ -176,7 +196,9 @@ const Described* Descriptions::of(const PlantDevice& device, Findings& findings)
     described.unreadable = true;
     return nullptr;
   }
-  described.description = reading.file.description;
+  const auto absent = device::mandatory_absent(*reading.file.description);
+  warn_of_supplied(findings, path, absent);
+  described.description = absent.empty() ? reading.file.description : device::with_mandatory(*reading.file.description);
   described.type = reading.file.type_code();
   described.revision = reading.file.revision();
   return &described;

@@ -32,7 +32,8 @@ struct Described {
 /// Device descriptions, each read once.
 class Descriptions {
  public:
-  /// Null when it cannot be read; the findings, errors only, are those of its first reading.
+  /// Null when it cannot be read. The findings are those of its first reading: the errors, and a warning of the
+  /// mandatory objects that it lacks and the device has all the same.
   [[nodiscard]] const Described* of(const PlantDevice& device, Findings& findings);
 
  private:

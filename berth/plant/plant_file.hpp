@@ -140,7 +140,7 @@ struct PlantDevice {
 /// What an event waits for.
 enum class After : std::uint8_t {
   start,        ///< time 0 of the world
-  discovered,   ///< a discovery has found somebody
+  discovered,   ///< a discovery has found a device
   bound,        ///< every slot that can be is bound
   operational,  ///< every mandatory slot is operational for the first time
 };
@@ -158,7 +158,7 @@ enum class Action : std::uint8_t {
   join,         ///< the bus is one again
   disturb,      ///< bits of one or more frames are wrong for `nodes`
   overrun,      ///< `nodes` lose one or more frames, acknowledged all the same
-  set_serial,   ///< the device's serial number is `value` from its next power-on (a swap nobody told of)
+  set_serial,   ///< the device's serial number is `value` from its next power-on (a swap that is not announced)
   set_node_id,  ///< the device's stored node-ID is `value` (255 blank) from its next power-on
 };
 [[nodiscard]] const char* name(Action action) noexcept;

@@ -1,5 +1,5 @@
 /// A device of a plant file on a port that is not the simulator's: on SocketCAN, say, in real time, among devices that
-/// somebody built.
+/// are real.
 ///
 ///     PortDevices devices(executor);
 ///     auto* device = devices.add(plan, std::move(port), 125'000, random, findings);   // null: findings say why

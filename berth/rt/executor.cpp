@@ -31,25 +31,18 @@ Executor::~Executor() {
 }
 
 void Executor::unlink_ready(Job& job) noexcept {
-  // NOLINTNEXTLINE(clang-analyzer-core.NullDereference): who is in the ring has neighbours; the analyzer cannot know
+  // NOLINTNEXTLINE(clang-analyzer-core.NullDereference): a job in the ring has neighbours; the analyzer cannot know
   job.ready_prev_->ready_next_ = job.ready_next_;
   job.ready_next_->ready_prev_ = job.ready_prev_;
   job.ready_prev_ = job.ready_next_ = nullptr;
 }
 
-void Executor::post(Job& job, Phase phase) noexcept {
-  if (job.ready()) return;
-  Job& anchor = phase == Phase::node ? static_cast<Job&>(node_) : medium_;
+// One of the last few places: enough to turn any two neighbours round.
+Job& Executor::drawn_place(Job& anchor) noexcept {
+  shuffle_ = shuffle_ * 6364136223846793005ULL + 1442695040888963407ULL;
   Job* after = anchor.ready_prev_;
-  if (shuffle_ != 0) {
-    // Into a drawn place of the last few: enough to turn any two neighbours round.
-    shuffle_ = shuffle_ * 6364136223846793005ULL + 1442695040888963407ULL;
-    for (auto skip = (shuffle_ >> 60) & 7U; skip > 0 && after != &anchor; --skip) after = after->ready_prev_;
-  }
-  job.ready_prev_ = after;
-  job.ready_next_ = after->ready_next_;
-  after->ready_next_->ready_prev_ = &job;
-  after->ready_next_ = &job;
+  for (auto skip = (shuffle_ >> 60) & 7U; skip > 0 && after != &anchor; --skip) after = after->ready_prev_;
+  return *after;
 }
 
 Job* Executor::meld(Job* a, Job* b) noexcept {
@@ -69,6 +62,7 @@ Job* Executor::meld(Job* a, Job* b) noexcept {
 
 // Two-pass pairing of a list of siblings. What `before_` and `sibling_` of a root say means nothing.
 Job* Executor::combine(Job* first) noexcept {
+  if (first == nullptr || first->sibling_ == nullptr) return first;
   Job* pairs = nullptr;
   while (first != nullptr) {
     Job* const a = first;
@@ -138,21 +132,23 @@ void Executor::drop_lazy() noexcept {
 }
 
 std::optional<Time> Executor::next() const noexcept {
-  if (node_.ready_next_ != &node_ || medium_.ready_next_ != &medium_) return now_;
+  if (has_ready()) return now_;
   const_cast<Executor*>(this)->drop_lazy();  // changes the shape of the heap, not what it says
   if (root_ == nullptr) return std::nullopt;
   return root_->due_;
 }
 
 void Executor::make_due_ready() noexcept {
-  drop_lazy();
-  while (root_ != nullptr && root_->due_ <= now_) {
+  while (may_be_due()) {
     Job& job = *root_;
+    if (job.order_ != job.key_order_) {  // was set anew: it may be due later
+      drop_lazy();
+      continue;
+    }
     root_ = combine(job.child_);
     job.child_ = nullptr;
     job.timed_ = false;
     post(job, job.phase_);
-    drop_lazy();
   }
 }
 
@@ -164,11 +160,11 @@ void Executor::run_one(Job& anchor) noexcept {
 }
 
 void Executor::settle() noexcept {
-  make_due_ready();
+  if (may_be_due()) make_due_ready();
   for (;;) {
     if (node_.ready_next_ != &node_) {
       run_one(node_);
-    } else if (root_ != nullptr && root_->key_ <= now_) {
+    } else if (may_be_due()) {
       make_due_ready();  // timers set for this very instant by the jobs just run
     } else if (medium_.ready_next_ != &medium_) {
       run_one(medium_);
@@ -179,9 +175,13 @@ void Executor::settle() noexcept {
 }
 
 bool Executor::step(Time until) noexcept {
-  const auto when = next();
-  if (!when || *when > until) return false;
-  if (*when > now_) now_ = *when;
+  if (has_ready()) {
+    if (now_ > until) return false;
+  } else {
+    drop_lazy();
+    if (root_ == nullptr || root_->due_ > until) return false;
+    if (root_->due_ > now_) now_ = root_->due_;
+  }
   settle();
   return true;
 }

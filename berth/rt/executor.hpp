@@ -1,5 +1,5 @@
 /// The one executor. It knows the time it is told, the jobs that wait for a time and the jobs that are ready;
-/// who tells it the time (`sim::World`, `io::Loop`, a fuzzer, a main loop) only calls `next` and `advance`.
+/// what tells it the time (`sim::World`, `io::Loop`, a fuzzer, a main loop) only calls `next` and `advance`.
 ///
 /// One thread. Jobs are intrusive: to queue one never allocates and never fails, and a job that is destroyed
 /// leaves every queue by itself. No job runs inside another: `post` and timers only queue.
@@ -27,7 +27,7 @@ class Executor;
 /// Something to run. Belongs to at most one executor at a time; may be ready and have a timer at once.
 class Job {
  public:
-  /// Called by the executor, never by anyone else. May destroy the job itself.
+  /// Called by the executor, never by others. May destroy the job itself.
   virtual void run() noexcept = 0;
   Job(const Job&) = delete;
   Job& operator=(const Job&) = delete;
@@ -81,7 +81,11 @@ class Executor {
   [[nodiscard]] Time now() const noexcept { return now_; }
 
   /// Makes `job` ready: it runs after the current job returned, in the order of posting. Already ready: nothing.
-  void post(Job& job, Phase phase = Phase::node) noexcept;
+  void post(Job& job, Phase phase = Phase::node) noexcept {
+    if (job.ready()) return;
+    Job& anchor = phase == Phase::node ? static_cast<Job&>(node_) : medium_;
+    link_ready(job, shuffle_ == 0 ? *anchor.ready_prev_ : drawn_place(anchor));
+  }
 
   /// Gives `job` a timer, or moves the one it has. Moving it later is O(1). A time not after `now()` is due at once,
   /// and still only after the current job returned. Equal times fire in the order in which they were set, a timer that
@@ -122,7 +126,19 @@ class Executor {
   void drop_lazy() noexcept;
   void make_due_ready() noexcept;
   void run_one(Job& anchor) noexcept;
+  [[nodiscard]] Job& drawn_place(Job& anchor) noexcept;
+  static void link_ready(Job& job, Job& after) noexcept {
+    job.ready_prev_ = &after;
+    job.ready_next_ = after.ready_next_;
+    after.ready_next_->ready_prev_ = &job;
+    after.ready_next_ = &job;
+  }
   static void unlink_ready(Job& job) noexcept;
+  [[nodiscard]] bool has_ready() const noexcept {
+    return node_.ready_next_ != &node_ || medium_.ready_next_ != &medium_;
+  }
+  /// Some timer may be due: a key is never after its timer's time.
+  [[nodiscard]] bool may_be_due() const noexcept { return root_ != nullptr && root_->key_ <= now_; }
 
   Time now_{};
   std::uint64_t order_ = 0;

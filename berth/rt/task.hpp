@@ -9,7 +9,7 @@
 ///     }
 ///
 /// A task is lazy: it starts when it is awaited or spawned in a `Scope`. Destroying a task cancels it and all that it
-/// awaits; that is safe at any time outside its own body, because nothing resumes inside another's call: whoever
+/// awaits; that is safe at any time outside its own body, because nothing resumes inside another's call: what
 /// completes posts the waiter to the executor.
 #pragma once
 

@@ -19,6 +19,8 @@ class Turn {
   Turn& operator=(const Turn&) = delete;
 
   [[nodiscard]] bool taken() const noexcept { return taken_; }
+  /// Another waits for it.
+  [[nodiscard]] bool waited_for() const noexcept { return first_ != nullptr; }
 
   class Take final : public Operation<Take> {
    public:
@@ -56,7 +58,7 @@ class Turn {
     bool granted_ = false;
   };
   [[nodiscard]] Take take() noexcept { return Take(*this); }
-  /// Hands it to who has waited longest.
+  /// Hands it to the task that has waited longest.
   void give() noexcept {
     taken_ = first_ != nullptr;
     if (first_ == nullptr) return;

@@ -91,7 +91,7 @@ void Client::ready(std::uint32_t events) noexcept {
     }
     return;
   }
-  std::array<char, 4096> buffer;  // so much at a time, that nobody has to wait long
+  std::array<char, 4096> buffer;  // so much at a time, that no other has to wait long
   const auto bytes = stream_.get(buffer);
   if (!bytes.empty()) {
     reader_.add(bytes);
@@ -259,7 +259,7 @@ bool Client::hand_over(const can::Frame& frame) {
       ++house_->counters->frames_in;
       return true;
     case can::Queued::full:
-      // Somebody's `sent` says when there is room; should it not come, the clock.
+      // A `sent` says when there is room; should it not come, the clock.
       arm(house_->executor().now() + echo_wait);
       return false;
     case can::Queued::bus_off:

@@ -40,7 +40,7 @@ class Client final : private io::Watcher, private can::Listener {
   static constexpr rt::Duration quiet_after_ok = std::chrono::milliseconds(100);
   static constexpr rt::Duration least_interval = std::chrono::milliseconds(1);
   static constexpr rt::Duration bus_off_pause = std::chrono::seconds(1);
-  static constexpr rt::Duration linger = std::chrono::seconds(1);  ///< for the frames of who has hung up
+  static constexpr rt::Duration linger = std::chrono::seconds(1);  ///< for the frames of a client that has hung up
   static constexpr std::size_t most_jobs = 64;          ///< and as many subscriptions; further ones are `malformed`
   static constexpr std::size_t most_on_the_way = 1024;  ///< frames remembered until they are sent
   static constexpr std::size_t most_echoes = 256;       ///< not yet answered; then the client waits

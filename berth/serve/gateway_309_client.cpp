@@ -157,7 +157,7 @@ void Conversation309::tell(const std::string& text) const {
   if (house_->tell) house_->tell(text);
 }
 
-// ---- whom a request is for, and whether it may be ----
+// ---- what a request is for, and whether it may be ----
 
 // Fills in the defaults. A net or node that does not matter to a command is not asked for.
 std::optional<Code309> Conversation309::aim(Request309& request) const {
@@ -388,7 +388,7 @@ co::SdoOptions sdo_options(operate::Network& network, rt::Duration timeout, bool
   return options;
 }
 
-// Nobody answered: CiA 301's abort code, which the device was told, too.
+// No answer: CiA 301's abort code, which the device was told, too.
 constexpr std::uint32_t no_answer = 0x0504'0000;
 
 }  // namespace

@@ -9,7 +9,7 @@
 ///
 /// It does nothing that `operate`'s commands would not: roles hold, LSS waits for its turn. On a real bus it only reads
 /// and asks unless `House309::commands`; what disturbs operational devices there is refused (102) unless
-/// `House309::confirmed`. Who has put devices into LSS
+/// `House309::confirmed`. A conversation that has put devices into LSS
 /// configuration state keeps the turn until `lss_switch_glob 0`, for `lss_patience` after the last LSS command, or
 /// until the conversation ends; then all are told to wait.
 #pragma once

@@ -1,5 +1,5 @@
-// The LSS commands of CiA 309-3. Who is put into configuration state stays there from one command to the next, and so
-// does the network's turn.
+// The LSS commands of CiA 309-3. A device that is put into configuration state stays there from one command to the
+// next, and so does the network's turn.
 #include <fmt/format.h>
 
 #include <algorithm>
@@ -46,7 +46,7 @@ rt::Task<bool> Conversation309::take_turn(Net& net) {
   co_return true;
 }
 
-// Nobody waits for the frame: the conversation may be on its way out.
+// The frame is not waited for: the conversation may be on its way out.
 void Conversation309::release(Net& net) noexcept {
   if (std::exchange(net.selected, false)) net.network.dispatcher().send(lss::request(lss::Command::switch_global, 0));
   if (std::exchange(net.has_turn, false)) net.network.turn().give();
@@ -135,9 +135,9 @@ rt::Task<Conversation309::Outcome> Conversation309::switch_selective(LssAddress 
   co_return Outcome();
 }
 
-// ---- services on who is in configuration state ----
+// ---- services on devices in configuration state ----
 
-// Whom this conversation has not put there may be anybody.
+// A device that this conversation has not put there may be any.
 bool Conversation309::may_configure(Net& net) const {
   if (net.selected) return true;
   const auto wanted = request_for(net, "lss store");
@@ -211,7 +211,7 @@ rt::Task<Conversation309::Outcome> Conversation309::inquire(const Request309& re
   co_return Outcome::value(fmt::format("0x{:08X}", part->value()));
 }
 
-// ---- who is there ----
+// ---- which devices are there ----
 
 rt::Task<Conversation309::Outcome> Conversation309::identify(const Request309& request, Net& net) {
   Result<lss::Reply> heard;
@@ -273,7 +273,7 @@ rt::Task<Conversation309::Outcome> Conversation309::fastscan(const Request309& r
   co_return Outcome::value(address_text((*found)->address));
 }
 
-/// Gives out node-IDs from one on, but none that somebody has.
+/// Gives out node-IDs from one on, but none that a device has.
 class Conversation309::Ids final : public lss::FastscanOwner {
  public:
   Ids(Net& net, std::uint8_t first) : net_(&net), next_(first) {}
@@ -308,7 +308,7 @@ rt::Task<Conversation309::Outcome> Conversation309::allnodes(const Request309& r
   if (!report) co_return failed(report.error(), net);
   net.selected = report->end == lss::FastscanReport::End::gave_up;
   using End = lss::FastscanReport::End;
-  const bool others_only = partial && report->end == End::gave_up;  // somebody answers who is not meant
+  const bool others_only = partial && report->end == End::gave_up;  // a device answers that is not meant
   const bool whole = report->end == End::complete || others_only;
   Outcome outcome;
   const auto count = std::ranges::count_if(report->found, [](const auto& d) { return d.assigned.configured(); });

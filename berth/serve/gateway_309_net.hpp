@@ -54,7 +54,7 @@ class Conversation309::Net final : private co::HeartbeatConsumer::Observer,
   bool sdo_block = false;
   bool boot_ups = true;
   bool has_turn = false;  ///< the network's, for LSS
-  bool selected = false;  ///< somebody may be in LSS configuration state because of this conversation
+  bool selected = false;  ///< a device may be in LSS configuration state because of this conversation
   co::HeartbeatConsumer heartbeats;
   co::GuardingMaster guards;
   Pdos309 pdos;

@@ -127,7 +127,7 @@ class Gateway309Server::Impl::Client final : private io::Watcher {
     }
     char one = 0;
     if (::recv(stream_.descriptor(), &one, 1, MSG_PEEK | MSG_DONTWAIT) == 0) return half_closed();
-    std::array<char, 4096> buffer;  // so much at a time, that nobody has to wait long
+    std::array<char, 4096> buffer;  // so much at a time, that no other has to wait long
     in_ += stream_.get(buffer);
     heard_ = server_->loop->executor().now();
     if (stream_.gone()) return end("gone");
@@ -168,7 +168,7 @@ class Gateway309Server::Impl::Client final : private io::Watcher {
     return !skipping_;
   }
 
-  // Whoever speaks this language begins with a command. False: it does not, and is let go.
+  // A client that speaks this language begins with a command. False: it does not, and is let go.
   bool begins(std::string_view rest, bool too_long) {
     const auto first = parse_309(rest.substr(0, conversation_.command_size()));
     if (!too_long && first.error != Code309::syntax) {

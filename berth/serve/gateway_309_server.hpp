@@ -4,14 +4,15 @@
 ///     while (!over) loop.turn(50ms);
 ///
 /// In one `io::Loop`, non-blocking, bounded: lines up to `set command_size`, 64 commands that wait (then the client
-/// waits, its bytes stay in TCP), `most_waiting` bytes of replies (then it is let go). Who has closed his half gets the
-/// replies to what he has asked for. There is no password: it listens on loopback unless it is told otherwise, and on
-/// real buses clients only read unless `commands`.
+/// waits, its bytes stay in TCP), `most_waiting` bytes of replies (then it is let go). One that has closed its half
+/// gets the replies to what it has asked for. There is no password: it listens on loopback unless it is told otherwise,
+/// and on real buses clients only read unless `commands`.
 ///
 /// A web page can make a browser connect to loopback, too, and its text follows header lines. So a connection ends at a
 /// syntax error before its first valid command (an HTTP request line is one), and nothing behind it is carried out.
-/// Silent connections lock nobody out: without a valid command one ends after `patience`; when there is no room for a
-/// new one, that of the same peer (or, at `most_clients`, of any) which was silent longest goes, if it was for `idle`.
+/// Silent connections lock no client out: without a valid command one ends after `patience`; when there is no room for
+/// a new one, that of the same peer (or, at `most_clients`, of any) which was silent longest goes, if it was for
+/// `idle`.
 #pragma once
 
 #include <chrono>
@@ -36,7 +37,7 @@ struct Gateway309Options {
   rt::Duration patience = std::chrono::seconds(30);  ///< for the first valid command
   rt::Duration idle = std::chrono::seconds(10);      ///< silence after which a connection may make room for another
   std::size_t most_waiting = std::size_t{4} << 20U;  ///< bytes that a client did not take; then it is let go
-  /// Told in words who came and why it went, and what was refused why. Must not destroy the server.
+  /// Told in words which client came and why it went, and what was refused why. Must not destroy the server.
   std::function<void(const std::string&)> tell{};
 };
 

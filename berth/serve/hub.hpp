@@ -1,5 +1,5 @@
 /// Shares one port among many users, as a kernel shares its interface among sockets: each hears what the port hears and
-/// what the other users sent, when it was sent; nobody hears himself. For ports of which there can be one only: a
+/// what the other users sent, when it was sent; none hears itself. For ports of which there can be one only: a
 /// serial line, a plant's socket.
 ///
 ///     serve::Hub hub(executor, std::move(port));
@@ -24,7 +24,7 @@ class Hub {
 
   /// `restart` of a user only brings a port back that is bus-off, at the rate it has.
   [[nodiscard]] std::unique_ptr<can::Port> attach();
-  /// Sees every frame, in both directions; null: nobody. Must stay until replaced.
+  /// Sees every frame, in both directions; null: none. Must stay until replaced.
   void tap(can::Tap* tap) noexcept;
   [[nodiscard]] const can::Port& port() const noexcept;
   [[nodiscard]] std::size_t users() const noexcept;

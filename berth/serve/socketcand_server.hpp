@@ -38,7 +38,7 @@ struct ServerOptions {
   rt::Duration patience = std::chrono::minutes(1);  ///< for a client's `< open >`
   /// Wall-clock time of the executor's time 0, for the frames' times; 0: by the system's clock at the beginning.
   std::chrono::microseconds epoch{0};
-  /// Told in words who came, opened what and why it went. Must not destroy the server.
+  /// Told in words which client came, opened what and why it went. Must not destroy the server.
   std::function<void(const std::string&)> tell{};
 };
 

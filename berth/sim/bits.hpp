@@ -1,5 +1,5 @@
-/// One node bit by bit: the protocol controller's state machine (Bosch CAN 2.0; facts page G.3). Internal to `sim`:
-/// the bus uses it only while something is wrong.
+/// One node bit by bit: the protocol controller's state machine (Bosch CAN 2.0; docs/protocols/can-frames.md §Fault
+/// confinement). Internal to `sim`: the bus uses it only while something is wrong.
 #pragma once
 
 #include <array>
@@ -92,7 +92,7 @@ class BitNode {
   [[nodiscard]] bool drives() const noexcept;
   Outcome sample(bool dominant) noexcept;
   [[nodiscard]] bool passive() const noexcept { return tec > 127 || rec > 127; }
-  /// Nothing will happen until someone begins a frame.
+  /// Nothing will happen until a node begins a frame.
   [[nodiscard]] bool quiet() const noexcept {
     return phase == Phase::idle || phase == Phase::suspend || phase == Phase::integrating || phase == Phase::off;
   }
@@ -122,7 +122,7 @@ class BitNode {
   Decoder decoder_;
   bool error_ = false;  // the flag was an error flag, not an overload flag
   bool crc_bad_ = false;
-  bool unacknowledged_ = false;  // passive: TEC rises only if someone answers the passive flag
+  bool unacknowledged_ = false;  // passive: TEC rises only if a node answers the passive flag
   bool run_level_ = false;       // passive flag: level of the run counted
   unsigned after_ = 0;           // dominant bits after the flag
 };

@@ -62,7 +62,7 @@ void Segment::start_bitwise() {
   play_from(sof_, true);
 }
 
-// All nodes as they are at the beginning of the bit at `start`; those who contend send their start of frame in it.
+// All nodes as they are at the beginning of the bit at `start`; those that contend send their start of frame in it.
 void Segment::play_from(rt::Time start, bool sending) {
   cancel();
   integrator_.cancel();
@@ -171,7 +171,7 @@ void Segment::edge(Domain& domain) {
   executor_->at(domain.start + sample_point(domain.bit), domain, rt::Phase::medium);
 }
 
-// One bit of one domain, at its sample point. `again`: it is played a second time and nobody new begins.
+// One bit of one domain, at its sample point. `again`: it is played a second time and no further node begins.
 void Segment::tick(Domain& domain, bool again) {
   if (!again && one_rate()) begin_frames(domain);
   const bool dominant = domain.drives() || level_of_others(domain, domain.start + sample_point(domain.bit));
@@ -228,7 +228,7 @@ void Segment::begin_frames(Domain& domain) {
   }
 }
 
-// Dominant in the third bit of intermission: who waits sends on from the bit behind it.
+// Dominant in the third bit of intermission: a node that waits sends on from the bit behind it.
 void Segment::join_started(Domain& domain, Group& group) {
   const auto members = group.members;
   for (Controller* node : members) {

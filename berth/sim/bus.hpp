@@ -2,19 +2,19 @@
 ///
 /// Time runs in bits of each node's bit rate. A frame begins when an idle bus has a node with a frame to send; every
 /// node that is ready before the sample point (7/8) of that start-of-frame bit contends. While nothing is wrong, a
-/// frame costs one arbitration and one delivery; where frames of one identifier collide, nobody acknowledges, a fault
+/// frame costs one arbitration and one delivery; where frames of one identifier collide, no node acknowledges, a fault
 /// falls or bit rates differ, the segment is played bit by bit until it is quiet again (`bits.hpp`). Rules: Bosch CAN
-/// 2.0, facts page G. Choices where it leaves one: a REC above 127 becomes 127 by a good frame; REC counts up to 255;
-/// a bit error within an error flag starts a new flag; overload frames answer what they see without limit in number
-/// (no node here asks for one itself).
+/// 2.0; docs/protocols/can-frames.md. Choices where it leaves one: a REC above 127 becomes 127 by a good frame; REC
+/// counts up to 255; a bit error within an error flag starts a new flag; overload frames answer what they see without
+/// limit in number (no node here asks for one itself).
 ///
 /// An FD bus carries classic and FD frames side by side; they compare in arbitration as their bits do (RRS is
 /// dominant). An FD frame with which nothing is wrong takes its exact time, its data phase at the data bit rate. It is
 /// not played bit by bit beyond FDF: where that would be needed (a fault that strikes it, senders of one identifier
-/// with different FD frames, nobody to acknowledge, its sender or the cable gone while it is on the wire, nodes of
+/// with different FD frames, no node to acknowledge, its sender or the cable gone while it is on the wire, nodes of
 /// several bit rates, a start while others still deal with an error) the WHOLE frame is destroyed at FDF, whatever the
 /// place: its senders signal an error there and count it like a missing acknowledgement, receivers see a stuff error,
-/// nobody has it, it is repeated. `BusStatistics::fd_destroyed` counts that, so that no result rests on it unseen. Of
+/// no node has it, it is repeated. `BusStatistics::fd_destroyed` counts that, so that no result rests on it unseen. Of
 /// an FD and a classic frame with one identifier the FD frame's sender has the bit error, at FDF, as in reality.
 #pragma once
 

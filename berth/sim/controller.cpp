@@ -116,7 +116,11 @@ void Controller::clear_queue() noexcept {
 void Controller::confirm(rt::Time at) noexcept {
   const std::uint32_t tag = head().tag;
   ++statistics_.sent;
-  std::erase(order_, head_);
+  if (order_.size() == 1) {
+    order_.clear();
+  } else {
+    std::erase(order_, head_);
+  }
   free_.push_back(head_);
   sending_ = abandoned_ = false;
   choose_head();
@@ -218,15 +222,15 @@ void Controller::run() noexcept {
   const rt::Time at = event.at;
   const std::uint32_t tag = event.tag;
   // The callback may push events, or destroy this controller.
-  const can::PackedFrame frame = event.frame;
+  const can::Frame frame = event.frame.unpacked();
   if (what == What::received) --rx_waiting_;
   first_event_ = (first_event_ + 1) & (events_.size() - 1);
   --event_count_;
   schedule_host();
   if (what == What::received) {
-    if (frame.fd()) [[unlikely]]
+    if (frame.fd) [[unlikely]]
       return receive_fd(at);
-    listener_->received(frame.unpacked(), at);
+    listener_->received(frame, at);
   } else if (what == What::sent) {
     listener_->sent(tag, at);
   } else {

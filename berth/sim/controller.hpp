@@ -48,7 +48,7 @@ struct NodeStatistics {
   std::uint64_t bus_offs = 0;
 };
 
-/// What a bit does to the node, for whoever watches a controller closely (see scenarios.hpp).
+/// What a bit does to the node, for a close look at a controller (see scenarios.hpp).
 enum class ErrorState : std::uint8_t { active, passive, bus_off };
 
 /// A `can::Port` whose TEC, REC and `sent` are exact. Made by `Bus::attach`, owned by the caller, to be destroyed
@@ -76,7 +76,7 @@ class Controller final : public can::Port, private rt::Job {
   // What happens to a node
   /// Off: at once silent, queue, receive buffer and counters lost. On: takes part after 11 recessive bits.
   void power(bool on) noexcept;
-  /// Out: the node is alone on its stub: it notices only that nobody acknowledges. Also see `Bus::split`.
+  /// Out: the node is alone on its stub: it notices only that no node acknowledges. Also see `Bus::split`.
   void cable(bool in) noexcept;
   /// As `restart`, but keeps the queue: a node at another bit rate than the rest destroys their frames until it is
   /// error-passive, and they its. It hard-synchronises on start of frame and does not resynchronise within a frame.

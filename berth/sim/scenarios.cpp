@@ -99,7 +99,7 @@ std::vector<Step> wrong_bit_rate(std::uint32_t stranger_rate) {
   const auto stranger = bus.attach({.name = "stranger", .bit_rate = stranger_rate});
   Narrator narrator(world);
   for (const auto* node : {a.get(), b.get(), stranger.get()}) narrator.watch(*node);
-  world.run_for(1000 * bit_time);  // everybody has seen eleven recessive bits of his own
+  world.run_for(1000 * bit_time);  // each node has seen eleven recessive bits of its own
   a->send(can::Frame::base(0x181, {0, 0, 0, 0, 0, 0, 0, 0}), 1);
   narrator.say(fmt::format("a sends 181h to b; the stranger listens at {} bit/s", stranger_rate));
   narrator.run(bus, 1000, 100'000);

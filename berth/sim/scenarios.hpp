@@ -1,5 +1,5 @@
-/// Textbook scenes of fault confinement, step by step, as `berth sim` prints them (facts page G.2, G.3; paper 4's two
-/// roads to bus-off, S4.1).
+/// Textbook scenes of fault confinement, step by step, as `berth sim` prints them (docs/protocols/can-frames.md
+/// §Arbitration, §Fault confinement; paper 4's two roads to bus-off, S4.1).
 #pragma once
 
 #include <cstdint>
@@ -35,12 +35,12 @@ struct Step {
 /// A node at `stranger_rate` (bit/s, less than 1 Mbit/s) only listens, hears nonsense where the others, at 1 Mbit/s,
 /// send a frame, and destroys it, again and again. Its flag of six bits is 6 x 1 Mbit/s / `stranger_rate` bits long for
 /// the others: beside the 8 of its error, the transmitter gets 8 more for the 8th dominant bit behind its own flag and
-/// for each further 8 (rule 6). It is bus-off after 32 attempts at most, and the stranger, who did it, is still
+/// for each further 8 (rule 6). It is bus-off after 32 attempts at most, and the stranger, which did it, is still
 /// error-active: its REC rises by 1 an attempt. At a quarter or half of the rate, its flag meets each new start of
 /// frame in arbitration, which is lost and costs nothing: there all become error-passive, and the frame gets through.
 [[nodiscard]] std::vector<Step> wrong_bit_rate(std::uint32_t stranger_rate = 125'000);
 
-/// One node sends on a bus without others: nobody acknowledges; TEC rises to 128 in 16 attempts and stays there, never
+/// One node sends on a bus without others: no node acknowledges; TEC rises to 128 in 16 attempts and stays there, never
 /// bus-off. `attempts` are shown.
 [[nodiscard]] std::vector<Step> lone_node(unsigned attempts = 20);
 

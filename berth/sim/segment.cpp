@@ -242,7 +242,7 @@ bool Segment::pick_senders() noexcept {
       }
     }
   }
-  // Few share the lowest key, and they stand at the top: whoever is equal to the least has parents that are.
+  // Few share the lowest key, and they stand at the top: one that is equal to the least has parents that are.
   if (suspended_ == 0 && (contenders_.size() < 2 || contenders_[1].arbitration() != best) &&
       (contenders_.size() < 3 || contenders_[2].arbitration() != best)) {
     senders_.push_back(nodes_[contenders_.front().slot()]);

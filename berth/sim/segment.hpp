@@ -27,7 +27,7 @@ namespace berth::sim {
 }
 [[nodiscard]] inline rt::Duration sample_point(rt::Duration bit) noexcept { return bit * 7 / 8; }
 
-/// Which nodes of a segment hear a key: one bit per node, so that a frame costs nothing for those who do not listen.
+/// Which nodes of a segment hear a key: one bit per node, so that a frame costs nothing for those that do not listen.
 class Filters {
  public:
   /// Node `slot` now hears `accept` instead of what it heard.
@@ -191,14 +191,14 @@ class Segment final : private rt::Job {
   unsigned count_ = 0;                 // nodes
   unsigned ackers_ = 0;                // nodes that would acknowledge
   unsigned present_ = 0;               // nodes that have power and are not bus-off
-  bool unanswered_ = false;            // busy with the frame of a passive node that has nobody to acknowledge it
+  bool unanswered_ = false;            // busy with the frame of a passive node that no node acknowledges
   unsigned noisy_ = 0;                 // nodes with TEC or REC not zero
   unsigned suspended_ = 0;             // nodes with suspends_
   unsigned integrating_ = 0;           // nodes with runs_left_ > 0 and power
-  std::vector<Controller*> nodes_;     // by slot, null where nobody is
+  std::vector<Controller*> nodes_;     // by slot, null where none is
   std::vector<Contender> contenders_;  // heap
   std::vector<Controller*> senders_;
-  std::vector<const Controller*> losers_;  // who loses the frame under way by Fault::Kind::overrun
+  std::vector<const Controller*> losers_;  // that lose the frame under way by Fault::Kind::overrun
   std::vector<Flaw> flaws_;
   std::vector<std::unique_ptr<Domain>> domains_;
   Filters filters_;

@@ -61,6 +61,8 @@ constexpr const char* drop_mark_sql =
     "DELETE FROM marks WHERE vendor = ? AND product = ? AND revision = ? AND serial = ? AND mark = ?";
 constexpr const char* marked_sql =
     "SELECT vendor, product, revision, serial, node_id FROM marks WHERE mark = ? ORDER BY 1, 2, 3, 4";
+constexpr const char* is_marked_sql =
+    "SELECT 1 FROM marks WHERE vendor = ? AND product = ? AND revision = ? AND serial = ? AND mark = ?";
 constexpr const char* put_loan_sql =
     "INSERT OR REPLACE INTO loans (vendor, product, revision, serial, machine, bus, node_id) VALUES (?, ?, ?, ?, ?, ?, "
     "?)";
@@ -475,6 +477,14 @@ Result<std::vector<places::Marked>> Database::marked(places::Mark mark) {
     query << static_cast<std::int64_t>(mark);
     while (query.row()) devices.push_back({query.address(0), query.node_id(4)});
     return devices;
+  });
+}
+
+Result<bool> Database::is_marked(places::Mark mark, const LssAddress& device) {
+  return impl_->read("loading a mark", [&]() -> Result<bool> {
+    Query query(impl_->statement(is_marked_sql));
+    query << device << static_cast<std::int64_t>(mark);
+    return query.row();
   });
 }
 

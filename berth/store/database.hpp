@@ -87,6 +87,7 @@ class Database final : public places::SlotStore {
   Result<void> mark(places::Mark mark, const LssAddress& device, NodeId id, std::string_view reason) override;
   Result<void> unmark(places::Mark mark, const LssAddress& device, std::string_view reason) override;
   Result<std::vector<places::Marked>> marked(places::Mark mark) override;
+  Result<bool> is_marked(places::Mark mark, const LssAddress& device) override;
   Result<void> lend(const places::LentId& lent) override;
   Result<void> give_back(const LssAddress& device) override;
   Result<std::vector<places::LentId>> lent() override;

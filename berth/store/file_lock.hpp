@@ -1,5 +1,5 @@
-/// One process owns a file: an advisory lock (flock) on `<file>.lock`, which also says who holds it. The lock goes with
-/// the process however it ends; the lock file stays, so that two processes never lock two files of one name.
+/// One process owns a file: an advisory lock (flock) on `<file>.lock`, which also says which process holds it. The lock
+/// goes with the process however it ends; the lock file stays, so that two processes never lock two files of one name.
 #pragma once
 
 #include <string>

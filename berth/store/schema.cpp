@@ -20,7 +20,7 @@ namespace {
 // One text per version, each applied to what the versions before it left. Texts of versions that were in use are never
 // changed: a new table or column is a new version.
 constexpr std::array<const char*, schema_version> steps{
-    // 1: slots by identities of their own, asked and confirmed as two facts, and the history.
+    // 1: slots by identities of their own, intention and confirmation as two facts, and the history.
     R"(
 CREATE TABLE slots (
   id      INTEGER PRIMARY KEY AUTOINCREMENT,

@@ -119,7 +119,7 @@ Trial with_master(Method method, const Cast& cast, std::uint32_t bit_rate) {
   return t;
 }
 
-/// Who was heard to have a node-ID.
+/// The devices that were heard to have a node-ID.
 class Announced final : public can::Tap {
  public:
   explicit Announced(sim::Bus& bus) : bus_(&bus) { bus.add_tap(*this); }

@@ -8,7 +8,7 @@
 ///
 /// Published methods keep the windows of their papers, whatever comes of it: a cell that finds fewer devices than there
 /// are says so. What a method may know: planners and `identify` the types of the devices, as the slot table has them;
-/// nobody a serial or revision number. The slaves are the same for a published method and Berth's: RAND's for `rand`
+/// none a serial or revision number. The slaves are the same for a published method and Berth's: RAND's for `rand`
 /// and `planner-rand`, CiA 305's for `fastscan` and `planner-fastscan`, paper 4's for the feedback.
 #pragma once
 

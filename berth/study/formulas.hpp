@@ -49,7 +49,7 @@ inline constexpr unsigned about_128 = 128;
   return frame + f.response + frame + frame + f.store + frame + frame + f.boot + time_of(boot_up_bits, f.bit_rate);
 }
 
-/// Paper 2: one negotiation that nobody disturbs.
+/// Paper 2: one negotiation without disturbance.
 struct Negotiation {
   std::uint32_t bit_rate = 125'000;
   rt::Duration silence = std::chrono::milliseconds(100);  ///< before and after

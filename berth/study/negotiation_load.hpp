@@ -23,7 +23,7 @@ struct LoadRow {
   rt::Duration longest_run{0};      ///< longest time in which negotiation frames followed each other without a gap: how
                                     ///< long any PDO can be blocked by it
   rt::Duration pdo_waited{0};       ///< longest that the node's PDO waited for the bus, other frames included
-  rt::Duration pdo_undisturbed{0};  ///< the same before the negotiation began (nobody else on the bus sends: 0 at best)
+  rt::Duration pdo_undisturbed{0};  ///< the same before the negotiation began (no other node sends: 0 at best)
   bool complete = false;            ///< every device had its own node-ID within the bound
 };
 

@@ -27,7 +27,7 @@ struct Job {
   bool bind = false;             ///< `Commissioning` binds them from `first_id` on, in the order of finding
   unsigned first_id = 3;
 };
-/// The devices of `cast` found by a method, from mark to mark; empty unless all were found, and nobody else.
+/// The devices of `cast` found by a method, from mark to mark; empty unless all were found, and no other.
 [[nodiscard]] std::optional<double> by_planner(const Cast& cast, std::uint32_t bit_rate, discovery::Method method,
                                                const Job& job, Figures& figures, const std::string& name);
 /// The same for any plant. With `job.bind` the last frame is a boot-up message, and it is the end mark; empty unless

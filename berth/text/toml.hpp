@@ -1,8 +1,8 @@
 /// Files that people write, read so that every remark can name line and column.
 ///
 /// A TOML text becomes a tree of `Value`s in the order of the file, each with the place where it stands. `Table` reads
-/// one table of it: it checks type and range, and at the end knows which keys nobody asked for. Nothing here knows what
-/// a machine or a plant is. The parser is toml++ (TOML 1.0), seen by `toml.cpp` only.
+/// one table of it: it checks type and range, and at the end knows which keys were not asked for. Nothing here knows
+/// what a machine or a plant is. The parser is toml++ (TOML 1.0), seen by `toml.cpp` only.
 #pragma once
 
 #include <cstdint>
@@ -105,7 +105,7 @@ class Table {
 
   /// Reports a key that must be there and is not; false then.
   bool require(std::string_view key, std::string_view fix);
-  /// Reports every key that nobody has asked for, with the nearest one that exists. Call it last.
+  /// Reports every key that was not asked for, with the nearest one that exists. Call it last.
   void finish();
 
   /// A finding about the value of `key`, or about the table itself when `key` is empty or absent.

@@ -67,7 +67,7 @@ class PcapngReader final : public Reader {
   std::string rest_;           // of a block whose end has not come yet
   std::size_t needed_ = 12;    // bytes of it that make the next step possible
   std::uint64_t offset_ = 0;   // in the file, of the block at hand
-  std::uint64_t passing_ = 0;  // bytes of a block that nobody looks into
+  std::uint64_t passing_ = 0;  // bytes of a block that are not looked into
   bool lost_ = false;          // looking for the next block
   bool unsure_ = false;        // since then no block was whole
   bool big_endian_ = false;

@@ -44,7 +44,7 @@ inline constexpr Format all_formats[] = {Format::candump, Format::pcapng, Format
 [[nodiscard]] std::optional<Format> recognise(std::string_view head) noexcept;
 inline constexpr std::size_t head_size = 4096;
 
-/// Who hears what a reader reads, in the order of the file. Called from inside `feed` and `finish`.
+/// Gets what a reader reads, in the order of the file. Called from inside `feed` and `finish`.
 class Sink {
  public:
   virtual void entry(const Entry& entry) = 0;

@@ -1,5 +1,5 @@
-// Lengths against the vectors of Bosch's rules (facts page G.1, G.4), worked out by hand-checkable bit strings
-// elsewhere.
+// Lengths against the vectors of Bosch's rules (docs/protocols/can-frames.md §Frame layout, §Lengths), worked out by
+// hand-checkable bit strings elsewhere.
 #include "berth/can/length.hpp"
 
 #include "berth/base/random.hpp"
@@ -71,7 +71,7 @@ can::Frame random_frame(Random& random) {
 }  // namespace
 
 TEST(Length, VectorsOfTheFactsPage) {
-  // G.4
+  // docs/protocols/can-frames.md §Lengths
   EXPECT_EQ(bits("080#"), 51U);
   EXPECT_EQ(bits("000#0100"), 68U);
   EXPECT_EQ(bits("701#05"), 58U);
@@ -81,7 +81,7 @@ TEST(Length, VectorsOfTheFactsPage) {
   EXPECT_EQ(bits("181#FFFFFFFFFFFFFFFF"), 124U);
   EXPECT_EQ(bits("601#4000100000000000"), 124U);
   EXPECT_EQ(bits("181#5555555555555555"), 112U);
-  // G.1
+  // docs/protocols/can-frames.md §Lengths: the usual bounds
   EXPECT_EQ(bits("000#8200"), 69U);
   EXPECT_EQ(bits("701#00"), 59U);
   EXPECT_EQ(bits("701#R"), 49U);
@@ -116,8 +116,8 @@ TEST(Length, NeverAboveTheReachableMost) {
   EXPECT_EQ(can::worst_case_bits(true, 8), 160U);
 }
 
-// G.4's table, over ALL frames of a kind: a walk over (bits so far, run of equal bits, CRC so far) that keeps the most
-// and the least stuff bits with which a state can be reached. No frame is left out and none is guessed.
+// The table of §Lengths, over ALL frames of a kind: a walk over (bits so far, run of equal bits, CRC so far) that keeps
+// the most and the least stuff bits with which a state can be reached. No frame is left out and none is guessed.
 #pragma GCC optimize("O2")
 namespace {
 
@@ -161,7 +161,7 @@ void walk(const Layer& from, Layer& to, unsigned bit) {
 }
 
 Extremes extremes(bool extended, unsigned size) {
-  // '0', '1' fixed, 'x' free: SOF, identifier and control field as section G.1 lays them out, then the data.
+  // '0', '1' fixed, 'x' free: SOF, identifier and control field as §Frame layout lays them out, then the data.
   std::string bits = extended ? "0xxxxxxxxxxx11xxxxxxxxxxxxxxxxxx000" : "0xxxxxxxxxxx000";
   for (int i = 3; i >= 0; --i) bits += ((size >> i) & 1U) != 0 ? '1' : '0';
   bits += std::string(8UL * size, 'x');
@@ -208,8 +208,9 @@ TEST(Length, G4_ReachableMaximaOverAllFrames) {
   }
 }
 
-// --- FD: ISO 11898-1:2015; facts page G.1. Worked out by hand: head 17 (base) or 36 (extended), data phase ESI 1,
-// DLC 4, 8 for each byte, then stuff count 4, CRC 17 with 6 fixed stuff bits or CRC 21 with 7, CRC delimiter 1.
+// --- FD: ISO 11898-1:2015; docs/protocols/can-frames.md §Frame layout. Worked out by hand: head 17 (base) or 36
+// (extended), data phase ESI 1, DLC 4, 8 for each byte, then stuff count 4, CRC 17 with 6 fixed stuff bits or CRC 21
+// with 7, CRC delimiter 1.
 namespace {
 
 can::FdBits fd(const char* text) { return can::exact_fd_bits(*can::parse_frame(text)); }

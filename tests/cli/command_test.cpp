@@ -124,11 +124,20 @@ TEST_F(Command, SdoReadsAndWritesWithTypes) {
   EXPECT_EQ(reply({"sdo", "write", "9", "0x1017", "0", "F4 01"}, 0, true).at("bytes"), "F4 01");
 }
 
-// Issue 12: no bytes are a value, and block transfer can be wanted.
+// No bytes are a value, and block transfer can be wanted.
 TEST_F(Command, SdoOfNoBytesAndByBlockTransfer) {
   EXPECT_EQ(reply({"sdo", "write", "9", "0x1017", "0", "500", "--type", "u16", "--block"}, 0, true).at("bytes"),
             "F4 01");
   EXPECT_EQ(reply({"sdo", "read", "9", "0x1017", "0", "--type", "u16", "--block"}, 0, true).at("value"), 100);
+  const Words world{"-t", "u16", "--block", "--dry-run", "--up", "--machine", machine, "--sim", plant};
+  const auto sent = [&](Words words) {
+    words.insert(words.end(), world.begin(), world.end());
+    return berth(words).out;
+  };
+  EXPECT_TRUE(contains(sent({"sdo", "write", "9", "0x1017", "0", "500"}), " 609#C617100002000000"))
+      << "CiA 301 §7.2.4.3.9: ccs 6, with CRC and size, two bytes";
+  EXPECT_TRUE(contains(sent({"sdo", "read", "9", "0x1017", "0"}), " 609#A41710007F000000"))
+      << "§7.2.4.3.13: ccs 5, with CRC, blocks of 127";
   const Json nothing = reply({"sdo", "write", "9", "0x1017", "0", ""}, 1, true).at("error");
   EXPECT_EQ(nothing.at("abort_code"), "0x06070013") << "it went to the device, whose object has two bytes";
   EXPECT_EQ(reply({"sdo", "write", "9", "0x1017", "0", "", "-t", "u16"}, 2, true).at("error").is_object(), true);
@@ -600,7 +609,8 @@ TEST(Program, VersionHelpAndScenes) {
   EXPECT_TRUE(contains(berth({"skan"}).err, "did you mean scan?"));
 }
 
-// Facts page G.2: the seventeenth collision; a lone node stays error passive and is never bus-off.
+// docs/protocols/can-frames.md §Arbitration: the seventeenth collision; a lone node stays error passive and is never
+// bus-off.
 TEST(Program, Scenes) {
   const Json two = Json::parse(berth({"sim", "two-with-one-id", "--json"}).out);
   bool both_passive = false;

@@ -55,7 +55,7 @@ const std::set<std::string> faults{
     "busy overload",              // the chatterbox
 };
 
-// S4.1, S4.21, SX.7: issue 4, part 8.
+// S4.1, S4.21, SX.7.
 TEST(DoctorCommand, S4_21_NamesEveryFaultOfAPlantThatHasThemAll) {
   const Outcome run = berth({"doctor", example("ailing.toml"), "--sim", example("ailing.plant.toml"), "--json"});
   ASSERT_EQ(run.status, 1) << run.out << run.err;

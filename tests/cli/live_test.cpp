@@ -158,7 +158,7 @@ TEST_F(Live, SingleCommandsOpenThePortWhenNobodyRuns) {
   EXPECT_NE(read.out.find("48"), std::string::npos) << read.out;  // 30h
 }
 
-// Issue 12, part 2: who only looks takes no lock, and needs none. The `up` is at a control socket that `status` does
+// A command that only looks takes no lock, and needs none. The `up` is at a control socket that `status` does
 // not know: as one that is starting, it has its locks and does not answer.
 TEST_F(Live, StatusIsNotHeldUpByAnUpThatStarts) {
   const std::string store = folder.file("slots.db");
@@ -310,7 +310,7 @@ class BesideAQuietNode : public Live {
   const std::string named = "another master: node 100, its 1F80h bit 0 is set";
 };
 
-// Issue 12, part 2: a master with nothing but a heartbeat was taken for a device, and the bus was taken from it.
+// A master with nothing but a heartbeat was taken for a device, and the bus was taken from it.
 TEST_F(BesideAQuietNode, UpDoesNotTakeTheBusOfAMasterThatOnlyBeats) {
   node_100("0x9");
   const std::string record = folder.file("frames.log");
@@ -366,6 +366,42 @@ TEST_F(BesideAQuietNode, AdoptWritesTheMasterDownAsWhatItIs) {
   EXPECT_NE(text.find("\nmaster_id = 100\n"), std::string::npos) << text;
   EXPECT_NE(text.find("\nid   = 5\n"), std::string::npos) << text;
   EXPECT_EQ(text.find("id   = 100"), std::string::npos) << "it is no slot: " << text;
+}
+
+// What is half an adoption is none: the next one would be refused because of its files.
+TEST_F(BesideAQuietNode, AnAdoptionThatIsEndedWritesNothing) {
+  node_100("0x9");
+  const std::string file = folder.file("adopted.toml");
+  Background trace({"trace", "--port", "plant:" + socket, "--bus", "line", "-q", "-o", "-", "--to", "candump"});
+  Background adopt(
+      {"adopt", file, "--port", "plant:" + socket, "--bus", "line", "--bitrate", "500000", "--for", "3 s", "--all"});
+  ASSERT_TRUE(trace.says(" 606#")) << "node 5 has told who it is, and 121 silent ones are still to be asked";
+  adopt.signal(SIGTERM);
+  const Outcome end = adopt.end();
+  EXPECT_EQ(end.status, 1) << end.out;
+  EXPECT_EQ(end.err, "berth: ended before all were asked; nothing was written\n");
+  EXPECT_FALSE(exists(file));
+  EXPECT_FALSE(exists(folder.file("adopted.db")));
+}
+
+// It asked before its port let a question out, and failed with "the port is listen-only".
+TEST_F(BesideAQuietNode, AnAdoptionThatListensBrieflyWaitsForItsGate) {
+  node_100("0x9");
+  const Outcome adopt = berth({"adopt", folder.file("adopted.toml"), "--port", "plant:" + socket, "--bus", "line",
+                               "--bitrate", "500000", "--for", "500 ms"});
+  EXPECT_EQ(adopt.status, 0) << adopt.out << adopt.err;
+}
+
+TEST_F(BesideAQuietNode, AnAdoptionThatFailsLeavesNothing) {
+  node_100("0x9");
+  const std::string file = folder.file("adopted.toml");
+  Words words{"adopt", file, "--port", "plant:" + socket, "--bus", "line", "--bitrate", "500000", "--for", "3 s"};
+  Words nowhere = words;
+  nowhere.insert(nowhere.end(), {"--store", folder.file("no folder/adopted.db")});
+  EXPECT_EQ(berth(nowhere).status, 3);
+  EXPECT_FALSE(exists(file));
+  const Outcome adopt = berth(words);
+  EXPECT_EQ(adopt.status, 0) << adopt.out << adopt.err;
 }
 
 TEST(Moving, ExportAndImportMoveAMachineWithItsBindings) {

@@ -39,6 +39,55 @@ void each_its_own(const std::map<std::string, int>& ids, const std::set<std::str
   }
 }
 
+// Issue 12: the device has what CiA 301 wants of every device, and whoever runs it hears what the file lacks.
+TEST(PlantAlone, WhatADescriptionLacksIsSaid) {
+  const Folder folder;
+  const auto eds = folder.write("small.eds", R"([DeviceInfo]
+VendorNumber=1
+ProductNumber=2
+[OptionalObjects]
+SupportedObjects=1
+1=0x1018
+[1018]
+ParameterName=Identity
+ObjectType=0x9
+SubNumber=2
+[1018sub0]
+ParameterName=Count
+ObjectType=0x7
+DataType=0x0005
+AccessType=ro
+DefaultValue=1
+[1018sub1]
+ParameterName=Vendor-ID
+ObjectType=0x7
+DataType=0x0007
+AccessType=ro
+)");
+  const auto plant = folder.write("plant.toml", R"([bus.b]
+bitrate = 125_000
+[[device]]
+bus = "b"
+name = "small"
+eds = "small.eds"
+node_id = 5
+)");
+  const std::string warning = "berth: " + eds +
+                              ": warning: not described, and mandatory in every device (CiA 301): 1000h, 1001h, 1017h. "
+                              "The device made from it has them\n";
+  const Outcome alone = berth({"plant", plant, "--for", "1 s"});
+  EXPECT_EQ(alone.status, 0) << alone.out;
+  EXPECT_EQ(alone.err, warning);
+  EXPECT_EQ(berth({"plant", plant, "--for", "1 s", "--json"}).err, "");
+  const std::string socket = folder.file("plant.sock");
+  const auto bus = folder.write("bus.toml", "[bus.b]\nbitrate = 125_000\n");
+  const Background wire({"plant", bus, "--listen", socket});
+  ASSERT_TRUE(eventually([&] { return exists(socket); }));
+  const Outcome device = berth({"device", plant, "--port", "plant:" + socket, "--for", "10 ms"});
+  EXPECT_EQ(device.status, 0) << device.out;
+  EXPECT_EQ(device.err, warning);
+}
+
 TEST(PlantAlone, S2_31_HeatingSystem) {
   const Json report = run(example("heating.plant.toml"), "20 s", 0);
   const auto ids = node_ids(report);

@@ -1,4 +1,5 @@
-// Emergency codes, the consumer object 1028h, and the rows that concern both ends (protocol-facts A.6).
+// Emergency codes, the consumer object 1028h, and the rows that concern both ends (docs/protocols/cia301.md
+// §Emergencies).
 #include "berth/co/emcy_list.hpp"
 #include "pdo_rig.hpp"
 

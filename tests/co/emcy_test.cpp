@@ -1,4 +1,4 @@
-// EMCY producer and consumer (protocol-facts A.6; hard-cases §2 EMCY row).
+// EMCY producer and consumer (docs/protocols/cia301.md §Emergencies; HC2.9).
 #include "berth/co/emcy.hpp"
 #include "wire.hpp"
 
@@ -22,7 +22,7 @@ struct Emergencies : ::testing::Test, Bench {
 };
 
 // "Error reset" 0000h only when the register goes to 0. One of several gone tells the newest that remains, with what it
-// was told with: python-canopen and others take every 00xxh for "nothing is wrong any more" (issue 12, part 2).
+// was told with: python-canopen and others take every 00xxh for "nothing is wrong any more".
 TEST_F(Emergencies, ErrorResetOnlyWhenTheRegisterIsZero) {
   EXPECT_TRUE(producer.raise(0x8130, reg::communication, {1, 2, 3, 4, 5}));
   EXPECT_EQ(take(), (Log{"085#3081110102030405"}));

@@ -1,4 +1,4 @@
-// Heartbeat and guarding (protocol-facts A.4; hard-cases §2: heartbeat, guarding; complaints 23, 24).
+// Heartbeat and guarding (docs/protocols/cia301.md §Error control; HC2.6, HC2.7, HU.23, HU.24).
 #include "berth/co/guarding.hpp"
 #include "berth/co/heartbeat.hpp"
 #include "wire.hpp"
@@ -43,7 +43,8 @@ struct Heartbeats : ::testing::Test, Bench {
   }
 };
 
-// A.4: the first heartbeat one period after the boot-up, then every period, with the state of the moment.
+// docs/protocols/cia301.md §Error control: the first heartbeat one period after the boot-up, then every period, with
+// the state of the moment.
 TEST_F(Heartbeats, A4_2_OD_1017_ProducerTiming) {
   co::HeartbeatProducer producer(other.dispatcher);
   producer.set_period(100ms);
@@ -164,7 +165,7 @@ TEST_F(Heartbeats, RecoversThroughABootUp) {
   EXPECT_FALSE(consumer.lost(NodeId(5)));
 }
 
-// Complaint 24, CN#362, EO#117: a node that was never seen is told apart, once, when asked for.
+// HU.24: a node that was never seen is told apart, once, when asked for.
 TEST_F(Heartbeats, HC2_6_HU_24_NeverSeenIsAnEventOfItsOwn) {
   consumer.set_never_seen_time(500ms);
   consumer.supervise(NodeId(5), 100ms);
@@ -304,7 +305,8 @@ struct Guarding : ::testing::Test, Bench {
   }
 };
 
-// A.4: toggle 0 in the first answer after reset communication, then alternating; any DLC of the request.
+// docs/protocols/cia301.md §Error control: toggle 0 in the first answer after reset communication, then alternating;
+// any DLC of the request.
 TEST_F(Guarding, A4_4_HC2_7_SlaveTogglesFromZero) {
   slave.start(NodeId(5));
   EXPECT_EQ(ask(), "705#7F");
@@ -439,7 +441,7 @@ TEST_F(Guarding, S1_30_ProbeSurvivesOneLostAnswer) {
   EXPECT_EQ(lost, 2);
 }
 
-// Complaint 21: silence of the node and of one's own port are two things; the window starts on the wire.
+// HU.21: silence of the node and of one's own port are two things; the window starts on the wire.
 TEST_F(Guarding, ProbeTellsBusFromSilence) {
   slave.start(NodeId(5));
   Station station(wire);

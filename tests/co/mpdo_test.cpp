@@ -1,4 +1,4 @@
-// Multiplex PDOs (protocol-facts A.8; HU.34).
+// Multiplex PDOs (docs/protocols/cia301.md §PDO; HU.34).
 #include "pdo_rig.hpp"
 
 using namespace berth;

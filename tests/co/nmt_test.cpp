@@ -1,4 +1,4 @@
-// NMT: slave state machine and master (protocol-facts A.3; hard-cases §2 NMT rows).
+// NMT: slave state machine and master (docs/protocols/cia301.md §NMT; HC2.8, HC2.10).
 #include "berth/co/nmt_master.hpp"
 #include "berth/co/nmt_slave.hpp"
 #include "wire.hpp"
@@ -52,7 +52,7 @@ TEST_F(NmtSlaveTest, A4_1_BootsWithOneBootUpMessageIntoPreOperational) {
             (Log{"reset node", std::string(name(NmtState::initialising)) + " -> " + name(NmtState::pre_operational)}));
 }
 
-// Complaint 5 (CN#102): an unconfigured node waits, and leaves the initial state as soon as it gets an id.
+// HU.5: an unconfigured node waits, and leaves the initial state as soon as it gets an id.
 TEST_F(NmtSlaveTest, A3_6_UnconfiguredStaysInInitialisingWithoutBootUp) {
   owner.id = NodeId();
   slave.power_on();
@@ -125,7 +125,7 @@ RC_GTEST_PROP(NmtSlaveProperty, RandomFramesNeverBreakIt, (std::vector<std::arra
   RC_ASSERT(slave.state() == NmtState::operational);
 }
 
-// Complaint 18: the boot-up message is not lost to a full queue; the node does not count as booted before it is queued.
+// HU.18: the boot-up message is not lost to a full queue; the node does not count as booted before it is queued.
 TEST_F(NmtSlaveTest, BootUpWaitsForThePort) {
   device.port.refuses = can::Queued::full;
   owner.id = NodeId(5);
@@ -154,7 +154,7 @@ TEST_F(NmtSlaveTest, A4_8_OD_1029_ErrorBehaviour1029) {
   EXPECT_EQ(from(NmtCommand::enter_pre_operational, 2), NmtState::stopped);
 }
 
-// protocol-facts A.3, the table of services.
+// docs/protocols/cia301.md §NMT: the table of services.
 TEST(NmtServices, A3_3_AsTheTableSays) {
   using co::services_in;
   EXPECT_EQ(services_in(NmtState::initialising), (co::Services{false, false, false, false, false}));
@@ -163,7 +163,7 @@ TEST(NmtServices, A3_3_AsTheTableSays) {
   EXPECT_EQ(services_in(NmtState::stopped), (co::Services{false, false, false, false, true}));
 }
 
-// protocol-facts A.1: identifiers never to be configured (hard-cases §2; CN PR#644).
+// docs/protocols/cia301.md §CAN-IDs: identifiers never to be configured (HC2.2).
 TEST(CobIds, RestrictedIdentifiers) {
   for (const std::uint32_t id : {0x000U, 0x07FU, 0x101U, 0x180U, 0x581U, 0x5FFU, 0x601U, 0x67FU, 0x6E0U, 0x6FFU, 0x701U,
                                  0x77FU, 0x780U, 0x7FFU}) {
@@ -211,7 +211,7 @@ TEST_F(NmtMasterTest, SendTellsWhenItWasOnTheWire) {
   EXPECT_EQ(*sent, at(5ms) + wire.frame_time);
 }
 
-// Complaint 21: "never left" is told, and the commands behind it still go.
+// HU.21: "never left" is told, and the commands behind it still go.
 TEST_F(NmtMasterTest, NeverLeftIsBus) {
   co::NmtMaster master(station.dispatcher);
   station.port.mute = true;

@@ -1,4 +1,4 @@
-// PDO mapping and the records 1400h..1BFFh (protocol-facts A.1, A.8; hard-cases §2).
+// PDO mapping and the records 1400h..1BFFh (docs/protocols/cia301.md §CAN-IDs, §PDO; HC2.1, HC2.2).
 #include "berth/base/random.hpp"
 #include "pdo_rig.hpp"
 

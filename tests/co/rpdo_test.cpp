@@ -1,4 +1,4 @@
-// RPDOs: transmission types, lengths, deadlines, dummies (protocol-facts A.8; hard-cases §2 RPDO row).
+// RPDOs: transmission types, lengths, deadlines, dummies (docs/protocols/cia301.md §PDO; HC2.5).
 #include "pdo_rig.hpp"
 
 using namespace berth;

@@ -1,5 +1,5 @@
-// SDO block transfer, the client's side (protocol-facts A.7; hard-cases §1). A scripted server speaks by hand-written
-// frames.
+// SDO block transfer, the client's side (docs/protocols/cia301.md §SDO; docs/hard-cases.md §1). A scripted server
+// speaks by hand-written frames.
 #include "sdo_rig.hpp"
 
 using namespace berth;

@@ -1,5 +1,5 @@
-// SDO block transfer, the server's side (protocol-facts A.7; hard-cases §1). Frames by hand from the standard's
-// layouts.
+// SDO block transfer, the server's side (docs/protocols/cia301.md §SDO; docs/hard-cases.md §1). Frames by hand from the
+// standard's layouts.
 #include "berth/base/crc.hpp"
 #include "sdo_rig.hpp"
 

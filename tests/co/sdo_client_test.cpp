@@ -1,4 +1,4 @@
-// SDO client (protocol-facts A.7; hard-cases §1 and §5; complaints 19 to 22, 25). Scripted servers speak by
+// SDO client (docs/protocols/cia301.md §SDO; docs/hard-cases.md §1, §5, §Users). Scripted servers speak by
 // hand-written frames; only the property tests at the end join the client with our own server.
 #include "berth/co/sdo_client.hpp"
 
@@ -267,6 +267,22 @@ TEST_F(Client, S15_ForeignAnswersAreIgnored) {
   EXPECT_EQ(*op.await_resume(), 0x00020192U);
 }
 
+// The timer is the channel's and stays when a transfer ends: it must not end the next one before its own time.
+TEST_F(Client, TheTimeOfTheTransferBeforeIsNotTheNextOnes) {
+  reply("605#4000100000000000", {"585#4300100092010200"});
+  auto first = client.read<std::uint32_t>(node, 0x1000, 0);
+  ASSERT_TRUE(await(*this, first));
+  run(900ms);
+  auto second = client.read<std::uint32_t>(node, 0x1001, 0);  // is not answered
+  Flag flag;
+  second.begin(executor, flag);
+  run(950ms);  // the first one's time of 1 s ended meanwhile
+  EXPECT_FALSE(flag.set);
+  run(100ms);
+  ASSERT_TRUE(flag.set);
+  EXPECT_EQ(second.await_resume().error().code, Errc::timeout);
+}
+
 // HC1.S15: the answer to a request that was given up comes while the next one is on its way. An answer outranks the
 // next request, so what is heard before the request's confirmation is not its answer.
 TEST_F(Client, S15_LateAnswerOfTheSameObjectBeforeTheFence) {
@@ -302,7 +318,7 @@ TEST_F(Client, S15_AnOldSilenceExcusesNoSecondAnswer) {
   EXPECT_EQ(client.late(node), 0U);
 }
 
-// Silence ends in time, says so, and tells the server once (complaint 22: optional).
+// Silence ends in time, says so, and tells the server once (HU.22: optional).
 TEST_F(Client, TimeoutAbortsOnceAndSaysNoAnswer) {
   auto op = client.read<std::uint32_t>(node, 0x1000, 0);
   const auto value = await(*this, op);
@@ -319,7 +335,7 @@ TEST_F(Client, TimeoutAbortsOnceAndSaysNoAnswer) {
   EXPECT_EQ(wire.log.size(), 3U);
 }
 
-// Complaint 21: it is told whether the frame left.
+// HU.21: it is told whether the frame left.
 TEST_F(Client, NeverLeftIsNotNoAnswer) {
   station.port.mute = true;
   auto op = client.read<std::uint32_t>(node, 0x1000, 0);
@@ -404,7 +420,7 @@ TEST_F(Client, OneNodeOneTransferAtATimeOthersInParallel) {
   EXPECT_LT(std::ranges::find(wire.log, "606#4000100000000000"), std::ranges::find(wire.log, "605#4001100000000000"));
 }
 
-// hard-cases §5: cancelled when the node resets or the client goes, with no waiter left behind; in any order.
+// HC5.1: cancelled when the node resets or the client goes, with no waiter left behind; in any order.
 TEST_F(Client, CancelAndDestroyAtAnyTime) {
   {
     auto a = client.upload(node, 0x1000, 0);
@@ -633,7 +649,7 @@ RC_GTEST_PROP(SdoProperty, AnyPayloadGoesDownAndUp, (std::uint64_t seed)) {
   RC_ASSERT(client.surplus(NodeId(5)) == 0U);
 }
 
-// hard-cases §5, complaint 25: an SDO begun inside a callback neither blocks nor nests; it queues.
+// HC5.3, HU.25: an SDO begun inside a callback neither blocks nor nests; it queues.
 TEST_F(Client, AnSdoBegunInsideACallback) {
   reply("605#4000100000000000", {"585#4300100001000000"});
   struct Asker final : co::SdoClient::Observer {

@@ -1,4 +1,5 @@
-// SDO server (protocol-facts A.7; hard-cases §1). Frames are written by hand from the standard's layouts.
+// SDO server (docs/protocols/cia301.md §SDO; docs/hard-cases.md §1). Frames are written by hand from the standard's
+// layouts.
 #include "berth/co/sdo_server.hpp"
 
 #include "berth/base/random.hpp"

@@ -1,5 +1,5 @@
 // SDO channels of a device (1200h.., 1280h..), answers that come later, and transfers that a reset, a dead node or a
-// destroyed client interrupts (protocol-facts A.1, A.7; hard-cases §1 and §5).
+// destroyed client interrupts (docs/protocols/cia301.md §CAN-IDs, §SDO; docs/hard-cases.md §1, §5).
 #include "berth/co/sdo_servers.hpp"
 
 #include "sdo_rig.hpp"

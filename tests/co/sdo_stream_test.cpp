@@ -1,5 +1,5 @@
 // SDO transfers of any length between our client and our server: streams at both ends, lossy wires, answers that come
-// later (protocol-facts A.7; hard-cases §1 and §5).
+// later (docs/protocols/cia301.md §SDO; docs/hard-cases.md §1, §5).
 #include "sdo_rig.hpp"
 
 using namespace berth;

@@ -1,4 +1,4 @@
-// SYNC producer and consumer (protocol-facts A.5; hard-cases §2 SYNC row).
+// SYNC producer and consumer (docs/protocols/cia301.md §SYNC and TIME; HC2.4).
 #include "pdo_rig.hpp"
 
 using namespace berth;

@@ -1,4 +1,4 @@
-// TIME producer and consumer (protocol-facts A.5).
+// TIME producer and consumer (docs/protocols/cia301.md §SYNC and TIME).
 #include "berth/co/time_stamp.hpp"
 #include "pdo_rig.hpp"
 

@@ -1,4 +1,4 @@
-// TPDOs: transmission types, inhibit time, event timer, window (protocol-facts A.8; hard-cases §2 TPDO row).
+// TPDOs: transmission types, inhibit time, event timer, window (docs/protocols/cia301.md §PDO; HC2.3, HC2.4).
 #include "berth/base/random.hpp"
 #include "pdo_rig.hpp"
 

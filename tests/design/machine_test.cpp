@@ -205,7 +205,7 @@ TEST(MachineFile, TheTypeOfASlotComesFromItsDeviceDescription) {
   EXPECT_EQ(drive.revision, 0x00020000U);
 }
 
-// Issue 2, "Bad input and bad luck": each names file, line and column.
+// Bad input: each error names file, line and column.
 TEST(MachineFile, SaysWhatIsWrongAndWhere) {
   EXPECT_EQ(only_error(head + "bitrat = 5\n" + slot2),
             "6:1: error: bus.b.bitrat: unknown key; did you mean \"bitrate\"?");

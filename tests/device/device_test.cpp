@@ -10,7 +10,8 @@ Options stored(std::uint32_t serial, std::uint8_t id) {
   return {.address = address_of(serial), .node_id = NodeId(id), .bit_rate = 500'000};
 }
 
-// Facts C.1: without a node-ID a device stops in initialising: LSS (and RAND) only, no boot-up. Hard-cases "users" 5.
+// docs/protocols/cia305.md §Node-ID and bit rate: without a node-ID a device stops in initialising: LSS (and RAND)
+// only, no boot-up. HU.5.
 TEST(Device, A3_6_HU_5_UnconfiguredStartsWithLssAndRandOnly) {
   Rig rig;
   Node node(rig.world, rig.bus, blank(5));
@@ -28,7 +29,8 @@ TEST(Device, A3_6_HU_5_UnconfiguredStartsWithLssAndRandOnly) {
   EXPECT_EQ(rig.record.text.back(), "1F500400#") << "chunk(0) = 0100h, shifted by two";
 }
 
-// Facts C.1: a pending 1..127 in that state, then switch global waiting: boot-up with the new node-ID.
+// docs/protocols/cia305.md §Node-ID and bit rate: a pending 1..127 in that state, then switch global waiting: boot-up
+// with the new node-ID.
 TEST(Device, HU_4_HU_5_LssGivesAnUnconfiguredDeviceItsNodeIdAndItBoots) {
   Rig rig;
   Node node(rig.world, rig.bus, blank(5));
@@ -107,8 +109,8 @@ TEST(Device, BrokenMemoryAnswersStorageError) {
   EXPECT_EQ(rig.record.text.back(), "7E4#1702000000000000");
 }
 
-// Facts C.1: of a configured device the pending node-ID becomes active with the next NMT reset communication; reset
-// node loads what is stored. Hard-cases LSS "persist pending vs active".
+// docs/protocols/cia305.md §Node-ID and bit rate: of a configured device the pending node-ID becomes active with the
+// next NMT reset communication; reset node loads what is stored. HC3.10.
 TEST(Device, HU_4_PendingBecomesActiveAtResetCommunicationNotAtResetNode) {
   Rig rig;
   Node node(rig.world, rig.bus, stored(5, 9));
@@ -229,7 +231,7 @@ std::shared_ptr<const od::Description> with_application() {
   return b.build();
 }
 
-// Hard-cases 2: reset communication concerns 1000h..1FFFh only, reset node also 2000h..9FFFh (and the rest).
+// HC2.8: reset communication concerns 1000h..1FFFh only, reset node also 2000h..9FFFh (and the rest).
 TEST(Device, HC2_8_ResetsConcernTheirObjectRanges) {
   Rig rig;
   Node node(rig.world, rig.bus, stored(5, 9), {}, {}, with_application());
@@ -254,7 +256,7 @@ TEST(Device, HC2_8_ResetsConcernTheirObjectRanges) {
   EXPECT_EQ(rig.record.count("709#00"), 3U);
 }
 
-// Facts A.3: services by state.
+// docs/protocols/cia301.md §NMT: services by state.
 TEST(Device, A3_2_A3_3_ServicesFollowTheNmtState) {
   Rig rig;
   Node node(rig.world, rig.bus, stored(5, 9));
@@ -279,7 +281,8 @@ TEST(Device, A3_2_A3_3_ServicesFollowTheNmtState) {
   EXPECT_EQ(node.device.state(), NmtState::pre_operational);
 }
 
-// Facts A.4: the first heartbeat follows one period after boot-up; a write of 1017h counts at once.
+// docs/protocols/cia301.md §Error control: the first heartbeat follows one period after boot-up; a write of 1017h
+// counts at once.
 TEST(Device, A4_2_OD_1017_HeartbeatPeriodIsTakenAtOnce) {
   Rig rig;
   auto options = stored(5, 9);
@@ -305,7 +308,7 @@ TEST(Device, A4_2_OD_1017_HeartbeatPeriodIsTakenAtOnce) {
   EXPECT_EQ(rig.record.text.size(), 0U);
 }
 
-// Facts A.4: toggle 0 in the first answer, then alternating; heartbeat wins. Hard-cases 2 "Guarding".
+// docs/protocols/cia301.md §Error control: toggle 0 in the first answer, then alternating; heartbeat wins. HC2.7.
 TEST(Device, A4_4_A4_5_GuardingTogglesAndHeartbeatWins) {
   Rig rig;
   Node node(rig.world, rig.bus, stored(5, 9));
@@ -326,8 +329,8 @@ TEST(Device, A4_4_A4_5_GuardingTogglesAndHeartbeatWins) {
   EXPECT_EQ(rig.record.text.size(), 1U);
 }
 
-// Facts A.4, A.6: life guarding and heartbeat lost: EMCY 8130h with register bits 4 and 0; pre-operational when
-// operational (1029h:01 = 0); 1001h and 1003h show it.
+// docs/protocols/cia301.md §Error control, §Emergencies: life guarding and heartbeat lost: EMCY 8130h with register
+// bits 4 and 0; pre-operational when operational (1029h:01 = 0); 1001h and 1003h show it.
 TEST(Device, A4_6_OD_100C_OD_100D_LifeGuardingLostIsReported) {
   Rig rig;
   Node node(rig.world, rig.bus, stored(5, 9));
@@ -354,7 +357,8 @@ TEST(Device, A4_6_OD_100C_OD_100D_LifeGuardingLostIsReported) {
   EXPECT_EQ(rig.record.text.back(), "589#4F01100000000000");
 }
 
-// Facts A.4: supervision starts with the first heartbeat; two entries for one node: 0604 0043.
+// docs/protocols/cia301.md §Error control: supervision starts with the first heartbeat; two entries for one node: 0604
+// 0043.
 TEST(Device, A4_3_OD_1016_HeartbeatConsumerActsAtOnce) {
   Rig rig;
   Node node(rig.world, rig.bus, stored(5, 9));
@@ -375,8 +379,8 @@ TEST(Device, A4_3_OD_1016_HeartbeatConsumerActsAtOnce) {
   EXPECT_EQ(rig.record.count("089#0000000100000000"), 1U);
 }
 
-// Facts A.6: 1003h: 0 clears, other values 0609 0030, beyond the count 0800 0024; 1014h: the identifier changes only
-// while it is invalid, restricted ones never.
+// docs/protocols/cia301.md §Emergencies: 1003h: 0 clears, other values 0609 0030, beyond the count 0800 0024; 1014h:
+// the identifier changes only while it is invalid, restricted ones never.
 TEST(Device, EmergencyObjectsKeepTheirRules) {
   Rig rig;
   Node node(rig.world, rig.bus, stored(5, 9));
@@ -409,7 +413,8 @@ TEST(Device, EmergencyObjectsKeepTheirRules) {
   EXPECT_EQ(rig.record.text.back(), "08A#02FF810000000000");
 }
 
-// Facts G.2, S4.1, SX.7: two devices with one node-ID. Equal frames merge, and each hears the other's.
+// docs/protocols/can-frames.md §Arbitration, S4.1, SX.7: two devices with one node-ID. Equal frames merge, and each
+// hears the other's.
 TEST(Device, SX_7_TwoDevicesWithOneNodeIdAreReported) {
   Rig rig;
   auto first = stored(5, 9);
@@ -476,7 +481,7 @@ TEST(Device, WithoutPowerNothingHappens) {
   EXPECT_FALSE(node.device.powered());
 }
 
-// Hard-cases "Boot": what a device may do by itself. 1F80h bit 3 set and bit 2 clear: operational on its own.
+// HC2.10: what a device may do by itself. 1F80h bit 3 set and bit 2 clear: operational on its own.
 TEST(Device, A3_5_SelfStart) {
   for (const unsigned value : {0U, 4U, 8U, 12U}) {
     Rig rig;

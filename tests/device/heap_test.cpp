@@ -108,7 +108,7 @@ class BarePort final : public can::Port, private rt::Job {
   bool arrived_ = false;
 };
 
-// DESIGN decision 3: no heap use after construction: frames, timers, stores, resets, new node-IDs.
+// docs/architecture.md, decision 4: no heap use after construction: frames, timers, stores, resets, new node-IDs.
 TEST(Device, FramesAndResetsTakeNothingFromTheHeap) {
   rt::Executor executor;
   BarePort bare(executor);

@@ -139,7 +139,8 @@ struct Pair {
   std::vector<std::unique_ptr<Node>> nodes;
 };
 
-// S2.4: "it collides": equal identifiers, different data, bit errors until one controller is error-passive (G.2).
+// S2.4: "it collides": equal identifiers, different data, bit errors until one controller is error-passive
+// (docs/protocols/can-frames.md §Arbitration).
 TEST(Claiming, S2_4_TwoClaimsAtOneMomentCollide) {
   Pair p({.claim = true});
   std::uint16_t worst = 0;

@@ -1,5 +1,5 @@
-// The objects of the communication profile as a device shows them over SDO (facts pages A.1, A.2, A.6), and those that
-// only hold a value.
+// The objects of the communication profile as a device shows them over SDO (docs/protocols/cia301.md §CAN-IDs, §Data
+// types, §Emergencies), and those that only hold a value.
 #include "../pch.hpp"
 #include "rig.hpp"
 

@@ -46,7 +46,7 @@ struct Site {
   Node node;
 };
 
-// Facts A.3: PDOs in operational only, SYNC and TIME in pre-operational too, EMCY not in stopped.
+// docs/protocols/cia301.md §NMT: PDOs in operational only, SYNC and TIME in pre-operational too, EMCY not in stopped.
 TEST(Services, A3_3_EachRunsInItsStates) {
   Site s;
   auto& device = s.node.device;

@@ -89,7 +89,7 @@ TEST(Timing, BootAndResetTakeTheirTime) {
   EXPECT_LT(gap, milliseconds(41));
 }
 
-// Hard-cases LSS: "single-slot mailbox loses the 2nd of 40h..43h" (users 22: frame floods overrun such receivers).
+// HC3.11: a mailbox for one frame loses the second of 40h..43h (HU.22: floods overrun such receivers).
 TEST(Timing, SingleSlotLosesTheSecondOfTwoFramesBackToBack) {
   for (const std::uint16_t depth : {std::uint16_t{1}, std::uint16_t{2}}) {
     Rig rig;

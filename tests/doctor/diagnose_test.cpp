@@ -164,7 +164,8 @@ TEST_F(Doctor, OneSyncProducerIsNone) {
   EXPECT_TRUE(listen(3s).empty());
 }
 
-// S4.1, facts G.2: a coincidence of two senders leaves two different frames of one identifier behind 16 errors.
+// S4.1, docs/protocols/can-frames.md §Arbitration: a coincidence of two senders leaves two different frames of one
+// identifier behind 16 errors.
 TEST_F(Doctor, S4_1_ACoincidenceIsTakenForWhatItIs) {
   beats(1, 10ms, 100ms, 2s);
   world_.at(rt::Time(1045ms), [this] {

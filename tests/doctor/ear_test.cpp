@@ -62,7 +62,8 @@ TEST_F(EarTest, ADeviceThatBootedMayComeBackInAnotherState) {
   EXPECT_EQ(ear_.heard().node(NodeId(3)).flips.count, 1U);
 }
 
-// Facts G.2: what destroys so many attempts in a row is no noise, but a second sender of the identifier.
+// docs/protocols/can-frames.md §Arbitration: what destroys so many attempts in a row is no noise, but a second sender
+// of the identifier.
 TEST_F(EarTest, OnlyALongRunOfErrorsTellsACollision) {
   const Frame one = Frame::base(0x181, {1});
   const Frame other = Frame::base(0x181, {2});

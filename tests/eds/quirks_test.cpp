@@ -1,4 +1,4 @@
-// hard-cases §4: each row of the table and of the list below it, as "a new reader should" behave. HC4_nn names the row
+// docs/hard-cases.md §4: each row of the table and of the list below it, as its last column says. HC4_nn names the row
 // of docs/checklist.txt.
 #include "support.hpp"
 

@@ -161,8 +161,8 @@ RC_GTEST_PROP(EdsWrite, HU_17_AnyDcfSurvivesWriteAndRead, (std::uint64_t seed)) 
   if (const auto text = difference(*file.description, *got.description); !text.empty()) RC_FAIL(text + written.text);
 }
 
-/// A reader as strict as those that fail on real files (hard cases §4): sections and keys as CiA 306 spells them, no
-/// duplicates, every mandatory key, lists without holes that name every object.
+/// A reader as strict as those that fail on real files (docs/hard-cases.md §4): sections and keys as CiA 306 spells
+/// them, no duplicates, every mandatory key, lists without holes that name every object.
 struct StrictReader {
   std::map<std::string, std::map<std::string, std::string>> sections;
   std::string wrong;

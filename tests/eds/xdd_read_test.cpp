@@ -1,4 +1,4 @@
-// XDD and XDC read (CiA 311; facts E.5).
+// XDD and XDC read (CiA 311; docs/protocols/cia306.md §XDD and XDC).
 #include <cstdlib>
 #include <filesystem>
 

@@ -1,5 +1,5 @@
-// XDD and XDC written (CiA 311; facts E.5): what is read back is equal, and the elements stand as the schema wants
-// them.
+// XDD and XDC written (CiA 311; docs/protocols/cia306.md §XDD and XDC): what is read back is equal, and the elements
+// stand as the schema wants them.
 #include <cstdlib>
 #include <filesystem>
 

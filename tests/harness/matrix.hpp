@@ -1,4 +1,4 @@
-// The matrix of issue 11: the main job at every size, with every kind of device, at every bit rate. One cell is one
+// The matrix: the main job at every size, with every kind of device, at every bit rate. One cell is one
 // machine and one plant of a seed of its own, from devices that are all there to operational. Needs no test library:
 // tests, ./run matrix and bench/matrix.cpp use it.
 #pragma once

@@ -146,6 +146,9 @@ class MortalStore final : public places::SlotStore {
   Result<std::vector<places::Marked>> marked(places::Mark mark) override {
     return read([&] { return database_->marked(mark); });
   }
+  Result<bool> is_marked(places::Mark mark, const LssAddress& device) override {
+    return read([&] { return database_->is_marked(mark, device); });
+  }
   Result<void> lend(const places::LentId& lent) override {
     return write([&] { return database_->lend(lent); });
   }

@@ -271,7 +271,7 @@ TEST_F(PlantPortTest, TheClientsDeathIsANodeOffTheBus) {
   EXPECT_GT(peer_->tec(), 0);
 }
 
-// Issue 4, part 8: who looks from another process sees what a controller tells, error counters included, and knows
+// An observer in another process sees what a controller tells, error counters included, and knows
 // which errors came before a frame.
 TEST_F(PlantPortTest, ErrorsAndCountersComeAlong) {
   const auto port = connect("backbone");

@@ -117,7 +117,7 @@ TEST_F(CensusOnABus, ADeviceWithoutTheObjectIsNoMaster) {
   EXPECT_FALSE(ask().front().nmt_master) << "it has no 1F80h";
 }
 
-// Issue 12: a master with nothing but a heartbeat looks like a device until it is asked.
+// A master with nothing but a heartbeat looks like a device until it is asked.
 TEST_F(CensusOnABus, AMasterIsToldByBit0Of1F80) {
   for (const std::uint8_t startup : std::array<std::uint8_t, 4>{0x00, 0x08, 0x01, 0x0F}) {
     Objects objects = complete;

@@ -1,5 +1,5 @@
 // Another master is told from devices; no frame passes the gate that may not. Expected values: CiA 301 §7.2.8 (NMT on
-// 000h, [command, node]), §7.3.5 (predefined connection set), CiA 305 §5 (7E5h), CiA 302-2 (071h: priority, node-ID).
+// 000h, [command, node]), §7.3.5 (predefined connection set), CiA 305 (7E5h), CiA 302-2 (071h: priority, node-ID).
 #include "berth/live/gate.hpp"
 
 #include <gtest/gtest.h>

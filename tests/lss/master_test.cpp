@@ -82,7 +82,7 @@ TEST(LssMaster, ArgumentsOutOfRangeNeverReachTheBus) {
   EXPECT_TRUE(record.text.empty());
 }
 
-// HC3.6, and complaint 3: identify remote slave is there for old devices.
+// HC3.6, HU.3: identify remote slave is there for old devices.
 TEST(LssMaster, IdentifyWaitsTheWholeWindowAndCountsAnswers) {
   World w;
   w.add(a1, {}, milliseconds(1));

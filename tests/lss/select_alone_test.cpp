@@ -1,4 +1,5 @@
-// One device in configuration, proven: what every path shares that configures by LSS (CiA 305 in facts C.1, C.2).
+// One device in configuration, proven: what every path shares that configures by LSS (docs/protocols/cia305.md §State
+// table, §Frames).
 #include "berth/lss/select_alone.hpp"
 
 #include <gtest/gtest.h>

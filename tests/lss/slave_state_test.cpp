@@ -1,5 +1,6 @@
-// CiA 305's table of services and LSS states (§6.3 to §6.7; facts C.1), cell by cell: a slave, with and without a
-// node-ID, in each state, gets the whole of each service. Expected bytes are written by hand (facts C.2).
+// CiA 305's table of services and LSS states (§6.3 to §6.7; docs/protocols/cia305.md §State table), cell by cell: a
+// slave, with and without a node-ID, in each state, gets the whole of each service. Expected bytes are written by hand
+// (docs/protocols/cia305.md §Frames).
 #include <gtest/gtest.h>
 
 #include <string>

@@ -1,4 +1,5 @@
-// The LSS slave alone: frames in, frames out. Expected bytes are written by hand from CiA 305 (facts page C.2).
+// The LSS slave alone: frames in, frames out. Expected bytes are written by hand from CiA 305 (docs/protocols/cia305.md
+// §Frames).
 #include "berth/lss/slave.hpp"
 
 #include "berth/base/random.hpp"
@@ -94,7 +95,8 @@ TEST_F(LssSlave, SelectingAnotherLeavesThisOneInConfiguration) {
   EXPECT_EQ(slave.state(), State::configuration);
 }
 
-// facts C.1: receivers accept DLC 8 only; remote, extended and other identifiers are not LSS.
+// docs/protocols/cia305.md §Frames: receivers accept DLC 8 only; remote, extended and other identifiers are not
+// LSS.
 TEST_F(LssSlave, AnswersOnlyBaseDataFramesOfEightBytes) {
   for (const auto* text :
        {"7E5#4C", "7E5#4C000000000000", "7E5#R8", "7E4#4C00000000000000", "000007E5#4C00000000000000"}) {
@@ -174,7 +176,7 @@ TEST_F(LssSlaveConfigured, InquireNodeIdAnswersTheActiveOne) {
   EXPECT_EQ(ask("5E00000000000000"), "7E4#5E05000000000000");
 }
 
-// HC3.7: store code 1 = not supported; facts C.2: 2 = medium, 255 = specific.
+// HC3.7: store code 1 = not supported; docs/protocols/cia305.md §Frames: 2 = medium, 255 = specific.
 TEST_F(LssSlave, StoreAnswersWhatTheOwnerSays) {
   select();
   ask("1107000000000000");
@@ -214,7 +216,7 @@ TEST_F(LssSlave, StoreThatEndsInWaitingIsNotAnswered) {
   EXPECT_EQ(slave.persistent().node_id, NodeId(7));
 }
 
-// HC3.9: 04 00 after 11h: a node that was unconfigured starts with the new id without a store (complaint 5).
+// HC3.9: 04 00 after 11h: a node that was unconfigured starts with the new id without a store (HU.5).
 TEST_F(LssSlave, LeavesInitialisingWithThePendingId) {
   select();
   ask("0400000000000000");
@@ -231,7 +233,7 @@ TEST_F(LssSlave, LeavesInitialisingWithThePendingId) {
   EXPECT_EQ(owner.resets, 1U) << "once";
 }
 
-// HC3.10, complaint 4, CN#347: pending, active and stored are three things.
+// HC3.10, HU.4: pending, active and stored are three things.
 TEST_F(LssSlaveConfigured, PendingBecomesActiveWithResetCommunicationOnly) {
   select();
   ask("1107000000000000");

@@ -39,7 +39,7 @@ ConfiguratorOptions quick() {
 
 }  // namespace
 
-// B.6: only what differs is written; the date comes last and is saved with it.
+// docs/protocols/cia302.md §Configuration: only what differs is written; the date comes last and is saved with it.
 TEST(Configurator, WritesOnlyDifferencesThenDatesThenSaves) {
   auto d = pump();
   const auto r = configure(d, pump_wanted());
@@ -57,7 +57,8 @@ TEST(Configurator, WritesOnlyDifferencesThenDatesThenSaves) {
   EXPECT_EQ(d.writes.back().first, (ObjectRef{0x1010, 1}));
 }
 
-// S5.17, B.4 step 7: the expected date agrees, so nothing is read but the date, nothing written, nothing saved.
+// S5.17, docs/protocols/cia302.md §Boot-up of a slave, step 7: the expected date agrees, so nothing is read but the
+// date, nothing written, nothing saved.
 TEST(Configurator, B4_7_TheExpectedDateNeedsNothing) {
   auto d = pump();
   ASSERT_TRUE(configure(d, pump_wanted()).good());
@@ -386,7 +387,8 @@ TEST(Configurator, StringsMayBePadded) {
 }
 
 // A8.6, HC2.1: whatever the device has and whatever is wanted, a strict device takes the plan without one refusal, and
-// has then what is wanted. Seeds of the library's own generator; the device's rules are the facts page's.
+// has then what is wanted. Seeds of the library's own generator; the device's rules are those of
+// docs/protocols/cia301.md.
 TEST(ConfigurationPlan, A8_6_AStrictDeviceTakesAnyPlan) {
   const auto any_record = [](Random& random, FakeDevice& d, std::vector<Entry>& entries) {
     const auto pick = [&](ObjectRef ref, const Bytes& has, const Bytes& shall) {

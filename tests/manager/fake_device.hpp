@@ -1,6 +1,6 @@
-// A device as strict as CiA 301 allows, written from the facts page and not from the plan: what is in use is frozen,
-// a mapping is closed unless it is empty, no node-ID stands twice in 1016h, 1019h is frozen while SYNC has a period. It
-// keeps 1020h and 1010h as the standard wants, and can be told to misbehave.
+// A device as strict as CiA 301 allows, written from docs/protocols/cia301.md and not from the plan: what is in use is
+// frozen, a mapping is closed unless it is empty, no node-ID stands twice in 1016h, 1019h is frozen while SYNC has a
+// period. It keeps 1020h and 1010h as the standard wants, and can be told to misbehave.
 #pragma once
 
 #include <algorithm>
@@ -177,7 +177,7 @@ class FakeDevice final : public co::SdoAccess {
     return number(it->second.value);
   }
 
-  // CiA 301 as facts page A.5, A.6, A.8 and A.4 have it.
+  // CiA 301 as docs/protocols/cia301.md §SYNC and TIME, §Emergencies, §PDO, §Error control have it.
   [[nodiscard]] AbortCode check(ObjectRef ref, const Bytes& bytes) const {
     const auto it = objects.find(ref);
     if (it == objects.end()) return no_such(ref);

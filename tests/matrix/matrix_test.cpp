@@ -1,4 +1,4 @@
-// The telling cells of the matrix (issue 11): those at which a method, a bit rate or a size was once too much for the
+// The telling cells of the matrix: those at which a method, a bit rate or a size was once too much for the
 // main job. All 1155 cells: ./run matrix.
 #include "tests/harness/matrix.hpp"
 

@@ -1,4 +1,4 @@
-// RAND frames and slave alone. Expected bytes are written by hand from paper 1 §II and the facts page (H.1).
+// RAND frames and slave alone. Expected bytes are written by hand from paper 1 §II and docs/rand.md.
 #include "berth/can/length.hpp"
 #include "berth/nodeid/paper1_times.hpp"
 #include "rand_world.hpp"

@@ -26,7 +26,7 @@ std::vector<std::uint8_t> bytes_of(DataType type, std::string_view text) {
 using Bytes = std::vector<std::uint8_t>;
 
 TEST(DataTypes, EveryTypeOfCia301WithItsIndexAndLength) {
-  // protocol-facts A.2: index -> bits (0 = variable).
+  // docs/protocols/cia301.md §Data types: index -> bits (0 = variable).
   const std::map<int, unsigned> table{
       {0x01, 1},  {0x02, 8},  {0x03, 16}, {0x04, 32}, {0x05, 8},  {0x06, 16}, {0x07, 32}, {0x08, 32}, {0x09, 0},
       {0x0A, 0},  {0x0B, 0},  {0x0C, 48}, {0x0D, 48}, {0x0F, 0},  {0x10, 24}, {0x11, 64}, {0x12, 40}, {0x13, 48},
@@ -191,7 +191,7 @@ TEST(DataTypes, CompareByMeaning) {
 }
 
 TEST(AbortCodes, EveryCodeOfThePageHasItsText) {
-  // protocol-facts A.7, "Abort codes, complete".
+  // docs/protocols/cia301.md §Abort codes.
   const std::vector<std::uint32_t> page{
       0x05030000, 0x05040000, 0x05040001, 0x05040002, 0x05040003, 0x05040004, 0x05040005, 0x06010000,
       0x06010001, 0x06010002, 0x06020000, 0x06040041, 0x06040042, 0x06040043, 0x06040047, 0x06060000,

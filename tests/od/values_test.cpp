@@ -51,7 +51,7 @@ std::shared_ptr<const Description> device() {
 AbortCode write(Values& values, ObjectRef ref, const Bytes& bytes) { return values.write(ref, bytes); }
 std::uint32_t hex(AbortCode code) { return static_cast<std::uint32_t>(code); }
 
-// hard-cases SDO S18: the codes that a conformance test expects of a dictionary.
+// HC1.S18: the codes that a conformance test expects of a dictionary.
 TEST(OdAccess, HC1_S18_AbortCodesOfAccess) {
   Values v(device(), NodeId(5));
   Bytes buffer(16);
@@ -72,7 +72,7 @@ TEST(OdAccess, HC1_S18_AbortCodesOfAccess) {
   EXPECT_EQ(hex(v.check_write({0x1017, 0})), 0U);
 }
 
-// hard-cases SDO S17: lengths; 0-byte objects; an object larger than the caller's buffer.
+// HC1.S17: lengths; 0-byte objects; an object larger than the caller's buffer.
 TEST(OdAccess, HC1_S17_Lengths) {
   Values v(device(), NodeId(5));
   EXPECT_EQ(hex(write(v, {0x1017, 0}, {1, 2, 3})), 0x06070012U);
@@ -118,7 +118,7 @@ TEST(OdAccess, TheRoomForValuesWithoutADescribedLengthIsBounded) {
   EXPECT_LT(b.build()->value_bytes(), 2U << 20U);
 }
 
-// hard-cases "EDS/DCF" complaint 17: limits are in the dictionary and must be enforced.
+// HU.17: limits are in the dictionary and must be enforced.
 TEST(OdAccess, LimitsAreEnforced) {
   Values v(device(), NodeId(5));
   EXPECT_EQ(hex(write(v, {0x2000, 0}, {10, 0})), 0U);
@@ -135,7 +135,7 @@ TEST(OdAccess, LimitsAreEnforced) {
   EXPECT_EQ(hex(write(v, {0x2007, 0}, {6})), 0U);
 }
 
-// hard-cases S17, S18: no data available.
+// HC1.S17, HC1.S18: no data available.
 TEST(OdAccess, DomainWithoutValueHasNoData) {
   Values v(device());
   EXPECT_EQ(hex(v.size({0x2003, 0}).error()), 0x08000024U);

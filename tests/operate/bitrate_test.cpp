@@ -1,4 +1,4 @@
-// A whole network to another bit rate (issue 4, part 8): together or not at all.
+// A whole network to another bit rate: together or not at all.
 #include "berth/operate/network_bitrate.hpp"
 #include "berth/rt/scope.hpp"
 #include "tests/harness/rig.hpp"

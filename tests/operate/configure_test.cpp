@@ -137,7 +137,8 @@ struct Watch final : can::Tap {
 
 }  // namespace
 
-// Issue 3, part 5: compared, downloaded, read back, saved and dated before it is started; B.4, steps 7 to 10.
+// docs/protocols/cia302.md §Boot-up of a slave, steps 7 to 10: compared, downloaded, read back, saved and dated before
+// it is started.
 TEST(Configuration, B4_FromBlankToConfiguredSavedDatedAndStarted) {
   Rig rig(pumps({5, 6}), plant_of(2));
   const Watch watch(rig, 5);

@@ -1,6 +1,8 @@
 // The main job and each operation of a network, destroyed after any frame: nothing is left behind (the address
 // sanitizer looks on), the bus goes on, and whoever begins afterwards comes to the same end.
 #include "berth/live/census.hpp"
+#include "berth/live/gate.hpp"
+#include "berth/operate/session.hpp"
 #include "berth/rt/scope.hpp"
 #include "tests/harness/rig.hpp"
 
@@ -48,6 +50,15 @@ plant::PlantFile three_slaves() {
 // Every frame of the beginning, then every seventh.
 std::size_t next(std::size_t frames) { return frames + (frames < 60 ? 1 : 7); }
 
+/// Berth dies, and a new one on the same store and bus comes to the same end.
+void expect_the_same_end(Rig& rig, const Seats& seats) {
+  rig.kill();
+  rig.run_for(1s);
+  rig.begin();
+  ASSERT_TRUE(rig.until_operational(60s)) << rig.log();
+  ASSERT_EQ(rig.seats(), seats) << rig.log();
+}
+
 using Run = rt::Task<void> (*)(operate::Network&, bool& done);
 
 rt::Task<void> scan(operate::Network& network, bool& done) {
@@ -76,10 +87,10 @@ rt::Task<void> locate(operate::Network& network, bool& done) {
   static_cast<void>(end);
   done = true;
 }
-rt::Task<void> ask(live::Census& census, bool& done) {
-  live::CensusOptions everybody;
-  everybody.everybody = true;
-  const auto end = co_await census.ask(everybody);
+rt::Task<void> ask(live::Census& census, bool everybody, bool& done) {
+  live::CensusOptions options;
+  options.everybody = everybody;
+  const auto end = co_await census.ask(options);
   static_cast<void>(end);
   done = true;
 }
@@ -101,11 +112,7 @@ TEST(Destroyed, TheMainJobAfterEachFrame) {
     rig.begin();
     ASSERT_TRUE(rig.run_until([&] { return bus.frames > frames || (rig.operational() && rig.idle()); }, 60s));
     whole = rig.operational() && rig.idle();
-    rig.kill();
-    rig.run_for(1s);
-    rig.begin();
-    ASSERT_TRUE(rig.until_operational(60s)) << rig.log();
-    ASSERT_EQ(rig.seats(), (Seats{{1, 0x0A}, {2, 5}})) << rig.log();
+    ASSERT_NO_FATAL_FAILURE(expect_the_same_end(rig, {{1, 0x0A}, {2, 5}}));
   }
 }
 
@@ -123,11 +130,7 @@ TEST(Destroyed, AReplacementAfterEachFrame) {
     ASSERT_TRUE(rig.network().replace("s2", std::nullopt));
     ASSERT_TRUE(rig.run_until([&] { return bus.frames > frames || (rig.operational() && rig.idle()); }, 60s));
     whole = rig.operational() && rig.idle();
-    rig.kill();
-    rig.run_for(1s);
-    rig.begin();
-    ASSERT_TRUE(rig.until_operational(60s)) << rig.log();
-    ASSERT_EQ(rig.seats(), (Seats{{1, 0x0A}, {2, 6}})) << rig.log();
+    ASSERT_NO_FATAL_FAILURE(expect_the_same_end(rig, {{1, 0x0A}, {2, 6}}));
   }
 }
 
@@ -158,15 +161,12 @@ TEST_P(DestroyedOperation, AfterEachFrame) {
     rt::Scope again(rig.world().executor());
     again.spawn(scan(rig.network(), scanned));
     ASSERT_TRUE(rig.run_until([&] { return scanned; }, 120s)) << "it kept the turn\n" << rig.log();
-    rig.kill();
-    rig.begin();
-    ASSERT_TRUE(rig.until_operational(60s)) << rig.log();
-    ASSERT_EQ(rig.seats(), (Seats{{1, 0x0A}, {2, 5}, {5, 9}})) << rig.log();
+    ASSERT_NO_FATAL_FAILURE(expect_the_same_end(rig, {{1, 0x0A}, {2, 5}, {5, 9}}));
   }
   EXPECT_GT(frames, 20U) << "it was hardly destroyed anywhere";
 }
 
-// What `berth adopt` asks: everybody of a bus.
+// What `berth adopt --all` asks.
 TEST(Destroyed, ACensusAfterEachFrame) {
   bool whole = false;
   for (std::size_t frames = 0; !whole; frames = next(frames)) {
@@ -179,13 +179,99 @@ TEST(Destroyed, ACensusAfterEachFrame) {
     live::Census census(dispatcher);
     Counter bus(rig);
     std::optional<rt::Scope> scope(rig.world().executor());
-    scope->spawn(ask(census, whole));
+    scope->spawn(ask(census, true, whole));
     ASSERT_TRUE(rig.run_until([&] { return bus.frames > frames || whole; }, 120s));
     scope.reset();
     bool asked = false;
     rt::Scope again(rig.world().executor());
-    again.spawn(ask(census, asked));
+    again.spawn(ask(census, true, asked));
     ASSERT_TRUE(rig.run_until([&] { return asked; }, 120s));
     ASSERT_GE(census.nodes().size(), 2U);
   }
+}
+
+namespace {
+
+/// What `berth adopt` has of a bus: a reader's gate, a session that does not begin, and a census on its dispatcher.
+class Adoption {
+ public:
+  explicit Adoption(plant::World& world) : machine_(one_bus(125'000)) {
+    machine_.buses.front().role = design::Role::commissioner;
+    port_ = world.attach_master("backbone");
+    live::GateOptions reader;
+    reader.role = live::Role::reader;
+    gate_ = std::make_unique<live::Gate>(world.executor(), *port_, reader);
+    session_ = std::make_unique<operate::Session>(world.executor(), machine_, store_);
+    if (!session_->connect("backbone", *gate_) || !session_->open()) std::abort();
+    census_.emplace(session_->network("backbone")->dispatcher());
+    scope_.emplace(world.executor());
+  }
+  void begin(bool& done) { scope_->spawn(ask(*census_, false, done)); }
+  /// What the command does at a signal: the questions end, and what was learnt so far is looked at.
+  [[nodiscard]] std::vector<live::NodeSeen> end() {
+    scope_.reset();
+    return census_->nodes();
+  }
+
+ private:
+  design::Machine machine_;
+  places::MemoryStore store_;
+  std::unique_ptr<sim::Controller> port_;
+  std::unique_ptr<live::Gate> gate_;
+  std::unique_ptr<operate::Session> session_;
+  std::optional<live::Census> census_;
+  std::optional<rt::Scope> scope_;
+};
+
+/// The serial numbers that were learnt, each with its node-ID.
+Seats learnt(const std::vector<live::NodeSeen>& nodes) {
+  Seats seats;
+  for (const auto& node : nodes) {
+    if (node.identity) seats.emplace_back(node.id.value(), node.identity->serial);
+  }
+  return seats;
+}
+
+}  // namespace
+
+// `berth adopt` of a machine that its master runs, from its first moment of listening on. What was learnt by then is
+// true, the machine runs on (its master may see that another asked, and nothing else), and the next one learns all.
+TEST(Destroyed, AnAdoptionAfterEachFrame) {
+  const Seats devices{{1, 0x0A}, {2, 5}};
+  const std::pair<unsigned, std::uint32_t> master{127, 0};
+  constexpr rt::Duration listening = 3s;  // longer than the gate's, and than two heartbeats
+  bool whole = false;
+  std::size_t frames = 0;
+  for (; !whole; frames = next(frames)) {
+    SCOPED_TRACE(frames);
+    Rig rig(two_slots(), three_slaves());
+    rig.begin();
+    ASSERT_TRUE(rig.until_operational(60s));
+    const auto events = static_cast<std::ptrdiff_t>(rig.events().size());
+    Counter bus(rig);
+    {
+      Adoption adoption(rig.world());
+      const bool while_listening = rig.run_until([&] { return bus.frames > frames; }, listening);
+      if (!while_listening) {
+        adoption.begin(whole);
+        ASSERT_TRUE(rig.run_until([&] { return bus.frames > frames || whole; }, 120s));
+      }
+      for (const auto& seat : learnt(adoption.end())) {
+        EXPECT_TRUE(seat == master || std::ranges::find(devices, seat) != devices.end()) << seat.first;
+      }
+    }
+    ASSERT_TRUE(rig.operational()) << rig.log();
+    ASSERT_TRUE(rig.until_operational(60s)) << rig.log();
+    for (auto told = rig.events().begin() + events; told != rig.events().end(); ++told) {
+      ASSERT_NE(told->text.find("another SDO client is on the bus"), std::string::npos) << rig.log();
+    }
+    rig.kill();  // a master that asks at the same time is left its nodes
+    bool asked = false;
+    Adoption again(rig.world());
+    rig.run_for(listening);
+    again.begin(asked);
+    ASSERT_TRUE(rig.run_until([&] { return asked; }, 120s));
+    ASSERT_EQ(learnt(again.end()), devices);
+  }
+  EXPECT_GT(frames, 60U) << "it was hardly destroyed anywhere";
 }

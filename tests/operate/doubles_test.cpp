@@ -26,6 +26,18 @@ plant::PlantDevice& stored(plant::PlantFile& plant, const std::string& name, Typ
   return d;
 }
 
+design::Machine slot_five() {
+  design::Machine m = one_bus(125'000);
+  add_slot(m, 5, type_b);
+  return m;
+}
+
+plant::PlantFile its_own_device() {
+  auto p = one_bus_plant(1);
+  add_device(p, "own", type_b, 1);
+  return p;
+}
+
 struct LssEar final : can::Tap {
   void frame(const can::Frame& f, rt::Time, int) noexcept override {
     if (f.extended || f.id != 0x7E5) return;
@@ -66,12 +78,9 @@ TEST(Doubles, ThreeWithOneNodeId) {
 
 // A stranger with the node-ID of a slot comes while the slot's device runs: it is taken off, and the device runs on.
 TEST(Doubles, AStrangerUnderARunningDevicesNodeIdIsTakenOff) {
-  design::Machine m = one_bus(125'000);
-  add_slot(m, 5, type_b);
-  auto p = one_bus_plant(1);
-  add_device(p, "own", type_b, 1);
+  auto p = its_own_device();
   stored(p, "stranger", type_c, 9, 5).plugged = false;
-  Rig rig(m, p);
+  Rig rig(slot_five(), p);
   rig.begin();
   ASSERT_TRUE(rig.until_operational(30s)) << rig.log();
   rig.device("stranger").plug();
@@ -83,11 +92,7 @@ TEST(Doubles, AStrangerUnderARunningDevicesNodeIdIsTakenOff) {
 
 // It leaves between its last heartbeat and the first that the new run waits for.
 TEST(Doubles, ADeviceThatLeavesAsItIsIdentifiedIsMissed) {
-  design::Machine m = one_bus(125'000);
-  add_slot(m, 5, type_b);
-  auto p = one_bus_plant(1);
-  add_device(p, "own", type_b, 1);
-  Rig rig(m, p);
+  Rig rig(slot_five(), its_own_device());
   rig.begin();
   ASSERT_TRUE(rig.until_operational(30s)) << rig.log();
   rig.kill();
@@ -99,11 +104,9 @@ TEST(Doubles, ADeviceThatLeavesAsItIsIdentifiedIsMissed) {
 
 // What was stored once is not stored again at every look: memory wears out.
 TEST(Doubles, ADeviceThatWaitsForItsPowerCycleIsNotToldAgainAndAgain) {
-  design::Machine m = one_bus(125'000);
-  add_slot(m, 5, type_b);
   auto p = one_bus_plant(1);
   stored(p, "a", type_b, 7, 9).power_cycle_after_store = true;
-  Rig rig(m, p);
+  Rig rig(slot_five(), p);
   LssEar ear;
   rig.world().bus("backbone")->add_tap(ear);
   rig.begin();

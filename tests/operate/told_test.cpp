@@ -7,17 +7,25 @@ using places::SlotState;
 
 namespace {
 
+design::Machine slot_three() {
+  auto machine = one_bus(125'000);
+  add_slot(machine, 3, type_b);
+  return machine;
+}
+
+plant::PlantFile its_device() {
+  auto plant = one_bus_plant(1);
+  add_device(plant, "a", type_b, 7);
+  return plant;
+}
+
 std::string reason_of(Rig& rig) { return rig.network().report().front().reason; }
 
 }  // namespace
 
-// Issue 12: "no heartbeat told ..." hid the EMCY 5000h that explains it.
+// "No heartbeat told ..." hid the EMCY 5000h that explains it.
 TEST(Told, AnEmergencyExplainsWhyADeviceDoesNotBecomeOperational) {
-  auto machine = one_bus(125'000);
-  add_slot(machine, 3, type_b);
-  auto plant = one_bus_plant(1);
-  add_device(plant, "a", type_b, 7);
-  Rig rig(machine, plant);
+  Rig rig(slot_three(), its_device());
   auto& device = rig.device("a").device();
   device.on().state = [&](NmtState state) {
     if (state != NmtState::operational) return;
@@ -32,13 +40,9 @@ TEST(Told, AnEmergencyExplainsWhyADeviceDoesNotBecomeOperational) {
       "it was started and no heartbeat told that it is operational; it told an error: EMCY 5000h (device hardware)");
 }
 
-// Issue 12: `nmt preop` after `nmt stop` left "it was made stopped" in the status.
+// `nmt preop` after `nmt stop` left "it was made stopped" in the status.
 TEST(Told, TheReasonFollowsTheNextCommand) {
-  auto machine = one_bus(125'000);
-  add_slot(machine, 3, type_b);
-  auto plant = one_bus_plant(1);
-  add_device(plant, "a", type_b, 7);
-  Rig rig(machine, plant);
+  Rig rig(slot_three(), its_device());
   rig.begin();
   ASSERT_TRUE(rig.until_operational(20s)) << rig.log();
   const auto tell = [&](co::NmtCommand command) {

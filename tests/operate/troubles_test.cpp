@@ -115,7 +115,7 @@ TEST(Troubles, SerialNumberZeroIsADeviceLikeAnother) {
   EXPECT_EQ(rig.seats(), (Seats{{5, 0}}));
 }
 
-// hard-cases 23, S1.30: one device is lost; the others stay as they are, and it comes back without anybody's help.
+// HU.23, S1.30: one device is lost; the others stay as they are, and it comes back without anybody's help.
 TEST(Troubles, S1_30_ALostDeviceIsAbsentAndComesBack) {
   Rig rig(five_slots(), five_slaves());
   rig.begin();
@@ -306,8 +306,8 @@ TEST(Troubles, S1_36_SwappedNodeIdsAreSetRightAtOnce) {
   EXPECT_EQ(rig.seats(), (Seats{{5, 5}, {6, 6}}));
 }
 
-// A machine that another tool commissioned: both drives have node-IDs of slots of their type, against the order of their
-// serial numbers. Rule 2 would swap left and right.
+// A machine that another tool commissioned: both drives have node-IDs of slots of their type, against the order of
+// their serial numbers. Rule 2 would swap left and right.
 TEST(Troubles, NodeIdsOfSlotsOfTheirTypeAreKept) {
   auto plant = one_bus_plant(1);
   for (const unsigned id : {6U, 5U}) {

@@ -153,6 +153,38 @@ TEST(Unfinished, ALentNodeIdIsTakenBackWhenThatIsConfirmed) {
   }
 }
 
+// A device with the master's node-ID comes late, and does not hear that it shall store that it has none: it is told
+// again, though every slot has its device (seed 17883 of `berth_faults`).
+TEST(Unfinished, ADeviceThatKeepsTheMastersNodeIdIsToldAgain) {
+  design::Machine m = one_slot();
+  auto p = one_bus_plant(1);
+  add_device(p, "own", type_b, 1);
+  auto& late = add_device(p, "late", type_b, 2);
+  late.source = plant::NodeIdSource::nonvolatile;
+  late.node_id = m.buses.front().master;
+  late.plugged = false;
+  Rig rig(m, p);
+  rig.begin();
+  ASSERT_TRUE(rig.until_operational(30s)) << rig.log();
+  unsigned losses = 0;
+  sim::Fault lost;
+  lost.kind = sim::Fault::Kind::overrun;
+  lost.trigger.when = [&](const sim::FrameStart& start) {
+    const bool store = start.frame.id == 0x7E5 && start.frame.data[0] == 0x17;
+    losses += store ? 1U : 0U;
+    return store;
+  };
+  lost.trigger.times = 3;
+  lost.victims = {&rig.device("late").controller()};
+  rig.world().bus("backbone")->inject(std::move(lost));
+  rig.device("late").plug();
+  ASSERT_TRUE(rig.run_until([&] { return !rig.device("late").truth().persistent.configured(); }, 60s)) << rig.log();
+  EXPECT_GE(losses, 3U);
+  rig.run_for(5s);
+  EXPECT_FALSE(rig.device("late").truth().active.configured()) << rig.log();
+  EXPECT_EQ(rig.state(5), SlotState::operational);
+}
+
 // Stopped at any moment of a round, it begins again: the turn is free.
 TEST(Unfinished, AMainJobThatWasStoppedInTheMiddleCanBeStartedAgain) {
   for (rt::Duration at = 0ms; at < 3s; at += 170ms) {

@@ -1,6 +1,6 @@
 """Devices made of the npm package `canopen` under a Berth master: single commands, `berth up`, Berth's SDO client.
 
-Where the package is known to be wrong (NC in the project's list of hard cases, and what was found here) the test steps
+Where the package is known to be wrong (NC in docs/hard-cases.md, and what was found here) the test steps
 around it, in `DEVICE` below or where it is used:
  - it sends no boot-up message: the test's application sends it;
  - as LSS slave it does not answer the selection by address (44h): the test's application does;

@@ -1,6 +1,6 @@
 """The npm package `canopen` as master of Berth's devices: every service that it has, on a bus that `berth serve` offers.
 
-Where the package is known to be wrong the test says so (NC in the project's list of hard cases, and what was found here):
+Where the package is known to be wrong the test says so (NC in docs/hard-cases.md, and what was found here):
  - it takes answers within 30 ms (SDO) and 20 ms (LSS) unless told otherwise: it is told otherwise;
  - Fastscan goes on at the first answer to a question and does not wait for the others: only one device takes part here;
  - it has no block transfer's resending after a lost segment right: nothing is lost here;

@@ -66,7 +66,7 @@ struct State {
 
 int index_of(const LssAddress& a) { return a == address_of[0] ? 0 : 1; }
 
-// ---- what the bus and the devices do (CiA 305; facts page C.1) ----
+// ---- what the bus and the devices do (docs/protocols/cia305.md) ----
 
 void switch_global_waiting(State& s) {
   for (auto& d : s.devices) {

@@ -460,7 +460,7 @@ void Bus::receive_bit(int index, bool dominant) {
   if (place == 9) events.push_back({n.start + 2 * n.bit, index, false, n.reading.frame});
 }
 
-// Facts page G.3, rule 12; and what a node must see before it takes part.
+// docs/protocols/can-frames.md §Fault confinement, rule 12; and what a node must see before it takes part.
 void Bus::count_recessive(Node& n, bool dominant) {
   n.done = dominant ? 0 : n.done + 1;
   if (n.done < 11) return;

@@ -1,5 +1,5 @@
 /// The judge: a CAN bus where every node goes bit by bit, slowly and plainly, written from Bosch CAN 2.0 part A and B
-/// and facts page G. It shares no code with berth/sim, only the type of a frame.
+/// and docs/protocols/can-frames.md. It shares no code with berth/sim, only the type of a frame.
 ///
 /// Each node samples its own bits, 7/8 into them, and drives its level over the whole of a bit. What happens to a node
 /// at an instant comes before what is sampled at that instant. What the simulator fixes where the standard leaves a

@@ -71,7 +71,7 @@ Wire encode(const Frame& f) {
   return w;
 }
 
-// ISO 11898-1:2015; facts page G.1.
+// ISO 11898-1:2015; docs/protocols/can-frames.md §Frame layout.
 FdLength fd_length(const Frame& f) {
   std::vector<char> plain = head(f);
   if (!f.extended) append(plain, 0, 1);  // IDE

@@ -1,4 +1,4 @@
-// Fault confinement in the scenes that facts page G.2 and G.3 derive.
+// Fault confinement in the scenes that docs/protocols/can-frames.md §Arbitration, §Fault confinement derive.
 #include "berth/can/length.hpp"
 #include "berth/sim/scenarios.hpp"
 #include "berth/sim/world.hpp"
@@ -35,8 +35,8 @@ struct Scene {
   Node c{bus, {.name = "c"}};
 };
 
-// Facts page G.2: 16 collisions bring both to 128; in the 17th the first to detect signals passively and the other
-// succeeds; the loser's turn comes later.
+// docs/protocols/can-frames.md §Arbitration: 16 collisions bring both to 128; in the 17th the first to detect signals
+// passively and the other succeeds; the loser's turn comes later.
 TEST(Confinement, G2_TwoWithOneId) {
   const auto steps = sim::two_with_one_id();
   std::vector<unsigned> tec_a;
@@ -69,9 +69,9 @@ TEST(Confinement, G2_TwoWithOneId) {
   EXPECT_EQ(steps.back().nodes[1].tec, 135);
 }
 
-// S4.1, facts page G.2: repeats. The first coincidence leaves b at 135 (16 x 8, + 8 passive, - 1) and a at 127; b loses
-// each further one: + 8, then - 1 for its own frame behind a's: + 7. Before the nineteenth it has 135 + 17 x 7 = 254,
-// and 262 is bus-off. a gains 1 each time, and never suffers.
+// S4.1, docs/protocols/can-frames.md §Arbitration: repeats. The first coincidence leaves b at 135 (16 x 8, + 8 passive,
+// - 1) and a at 127; b loses each further one: + 8, then - 1 for its own frame behind a's: + 7. Before the nineteenth
+// it has 135 + 17 x 7 = 254, and 262 is bus-off. a gains 1 each time, and never suffers.
 TEST(Confinement, S4_1_CoincidencesAgainAndAgainAreBusOff) {
   const auto steps = sim::two_with_one_id(30);
   std::vector<unsigned> before;
@@ -125,7 +125,7 @@ TEST(Confinement, S4_1_NearerRatesEndErrorPassive) {
   }
 }
 
-// Facts page G.3, rule 3: error-passive after 16 attempts, and there it stays.
+// docs/protocols/can-frames.md §Fault confinement, rule 3: error-passive after 16 attempts, and there it stays.
 TEST(Confinement, G3_LoneNode) {
   const auto steps = sim::lone_node(40);
   unsigned attempt = 0;
@@ -148,7 +148,7 @@ TEST(Confinement, G3_LoneNode) {
   EXPECT_EQ(bits[30] - bits[29], period + 8);
 }
 
-// Issue 2, part 1: disturbed in the last bit of end-of-frame for the sender, the receivers get the frame twice.
+// Disturbed in the last bit of end-of-frame for the sender, the receivers get the frame twice.
 TEST(Confinement, LastBitOfEndOfFrameDuplicates) {
   Scene s;
   s.bus.inject({.where = sim::from_end(0), .victims = {s.a.port.get()}});
@@ -225,8 +225,8 @@ TEST(Confinement, DominantInSecondBitOfIntermissionIsOverload) {
   EXPECT_EQ(s.b.ear.frames.size(), 1U);
 }
 
-// Facts page G.3, last paragraph: passive after 15 to 128 frames, then the others are free of it; its own frames are
-// destroyed: bus-off after 32 attempts.
+// docs/protocols/can-frames.md §Fault confinement, another bit rate: passive after 15 to 128 frames, then the others
+// are free of it; its own frames are destroyed: bus-off after 32 attempts.
 TEST(Confinement, G3_NodeAtAnotherBitRate) {
   Scene s;
   s.c.port->set_bit_rate(500'000);

@@ -86,7 +86,8 @@ TEST_F(FdBus, SixtyFourBytesArriveWhole) {
   EXPECT_EQ(bus.statistics().fd_destroyed, 0U);
 }
 
-// Facts page G.2; RRS is dominant: an FD frame beats the remote and the extended frame of its first 11 bits.
+// docs/protocols/can-frames.md §Arbitration; RRS is dominant: an FD frame beats the remote and the extended frame of
+// its first 11 bits.
 TEST_F(FdBus, ArbitrationBesideClassicFrames) {
   Node ear(bus);
   Node a(bus);

@@ -15,7 +15,7 @@ Plan draw(std::uint64_t seed, bool disturbed) {
   return plan;
 }
 
-// Issue 2, part 1: the results of a bit-by-bit model, collisions, merging and fault confinement included.
+// The results of a bit-by-bit model, collisions, merging and fault confinement included.
 TEST(Judge, RandomFramesWithoutDisturbance) {
   std::uint64_t collisions = 0;
   for (std::uint64_t seed = 1; seed <= 1500; ++seed) {
@@ -82,7 +82,7 @@ Plan draw_changes(std::uint64_t seed) {
   return plan;
 }
 
-// HU.34: facts page G.3 rule 12 among them.
+// HU.34: docs/protocols/can-frames.md §Fault confinement rule 12 among them.
 TEST(Judge, G3_PowerCablesAndRecoveryFromBusOff) {
   std::uint64_t recovered = 0;
   for (std::uint64_t seed = 1; seed <= 800; ++seed) {
@@ -110,7 +110,8 @@ Plan draw_rates(std::uint64_t seed, bool listening) {
   return plan;
 }
 
-// Facts page G.3: a node of another bit rate takes frames for errors and destroys them, as others destroy its own.
+// docs/protocols/can-frames.md §Fault confinement: a node of another bit rate takes frames for errors and destroys
+// them, as others destroy its own.
 TEST(Judge, G3_NodesOfOtherBitRates) {
   std::uint64_t struck = 0;
   std::uint64_t off = 0;
@@ -189,7 +190,8 @@ TEST(Judge, FdFramesBesideClassicOnes) {
 
 // ---- the judge itself ----
 
-// Facts page G.1 and G.4, interframe space included: figures that neither this judge nor the product computed.
+// docs/protocols/can-frames.md §Frame layout, §Lengths, interframe space included: figures that neither this judge nor
+// the product computed.
 TEST(Judge, G4_LengthsOfTheTable) {
   const std::pair<const char*, unsigned> table[] = {
       {"080#", 51},
@@ -233,8 +235,8 @@ TEST(Judge, G4_LengthsOfTheTable) {
   }
 }
 
-// Facts page G.1 (FD), worked out by hand: 17 bits of head, 12 of tail; ESI, DLC, data, stuff count 4 and CRC 17 with 6
-// fixed stuff bits or 21 with 7, CRC delimiter; stuff bits where five are equal.
+// docs/protocols/can-frames.md §Frame layout (FD), worked out by hand: 17 bits of head, 12 of tail; ESI, DLC, data,
+// stuff count 4 and CRC 17 with 6 fixed stuff bits or 21 with 7, CRC delimiter; stuff bits where five are equal.
 TEST(Judge, LengthsOfFdFrames) {
   const auto frame = [](unsigned size, unsigned value) {
     Frame f;

@@ -42,7 +42,7 @@ TEST(SimBus, FrameArrivesAtTheEndOfItsLastBit) {
   Node c(bus);
   ASSERT_EQ(a.port->send(Frame::base(0x701, {0x05}), 7), can::Queued::yes);
   world.run_for(1ms);
-  // Facts page G.4: 701#05 has 58 bits with three of intermission.
+  // docs/protocols/can-frames.md §Lengths: 701#05 has 58 bits with three of intermission.
   ASSERT_EQ(b.ear.frames.size(), 1U);
   ASSERT_EQ(c.ear.frames.size(), 1U);
   EXPECT_EQ(b.ear.frames[0].at, at_bit(55, 1us));
@@ -59,7 +59,8 @@ TEST(SimBus, LowestArbitrationFieldGoesFirst) {
   sim::World world;
   sim::Bus& bus = world.add_bus("a", 1'000'000);
   Node ear(bus);
-  // Facts page G.2: base data, base remote, extended data and extended remote of one prefix, in this order.
+  // docs/protocols/can-frames.md §Arbitration: base data, base remote, extended data and extended remote of one prefix,
+  // in this order.
   const std::vector<Frame> order{Frame::base(0x100, {1}), Frame::request(0x100, 1), Frame::ext(0x100U << 18U, {1}),
                                  [] {
                                    Frame f = Frame::ext(0x100U << 18U, {});
@@ -118,8 +119,9 @@ TEST(SimBus, LoneNodeBecomesPassiveAndStays) {
   EXPECT_EQ(b.ear.frames.size(), 1U);
 }
 
-// Facts page G.4: 701#05 ends with its 55th bit, whose sample point is at seven eighths: from there on its sender knows
-// that it is out, and a new bit rate does not send it again. Before that it is not out, though the receivers have it.
+// docs/protocols/can-frames.md §Lengths: 701#05 ends with its 55th bit, whose sample point is at seven eighths: from
+// there on its sender knows that it is out, and a new bit rate does not send it again. Before that it is not out,
+// though the receivers have it.
 TEST(SimBus, G4_AFrameSentWholeIsNotSentAgainAtAnotherBitRate) {
   struct Case {
     std::chrono::nanoseconds changed;

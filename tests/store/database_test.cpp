@@ -150,8 +150,13 @@ std::vector<std::string> all_of(places::SlotStore& store) {
     out.push_back(to_string(b.device) + b.machine + b.bus + std::to_string(b.id.value()));
   }
   for (const auto mark : {places::Mark::restore, places::Mark::fixed}) {
-    for (const auto& m : must(store.marked(mark))) {
+    const auto marked = must(store.marked(mark));
+    for (const auto& m : marked) {
       out.push_back(std::string(name(mark)) + to_string(m.device) + std::to_string(m.id.value()));
+    }
+    for (std::uint32_t serial = 0; serial < 4; ++serial) {
+      const bool among = std::ranges::find(marked, device(serial), &places::Marked::device) != marked.end();
+      RC_ASSERT(must(store.is_marked(mark, device(serial))) == among);
     }
   }
   for (std::uint32_t serial = 0; serial < 4; ++serial) {

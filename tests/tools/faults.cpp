@@ -150,11 +150,12 @@ Tally work(const Options& o, unsigned worker) {
       ++tally.differ;
       std::printf("seed %llu: two runs differ\n", static_cast<unsigned long long>(seed));
     }
+    if (o.show && o.brief) std::printf("%s\n", run_world(plan, true).log.c_str());
     if (!outcome.failure.empty()) {
       ++tally.failures;
       if (o.brief) {
         std::printf("seed %llu: %s\n", static_cast<unsigned long long>(seed), outcome.failure.c_str());
-        if (o.show) std::printf("%s\n", run_world(plan, true).log.c_str());
+
       } else {
         report_failure(plan, outcome, o.show);
       }

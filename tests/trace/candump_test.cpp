@@ -148,7 +148,7 @@ RC_GTEST_PROP(Candump, WhatIsWrittenIsReadAgain, ()) {
   RC_ASSERT(reading.trace == trace);
 }
 
-// Lengths by the facts of the data link: 000#0100 has 68 bits, 701#05 58, 080# 51.
+// Lengths (docs/protocols/can-frames.md): 000#0100 has 68 bits, 701#05 58, 080# 51.
 TEST(TraceStatistics, CountsBitsExactly) {
   const auto reading = read_candump(
       "(1.000000) a 000#0100\n(1.002000) b 080#\n(1.004000) a 701#05\n(1.010000) a 701#05\n(1.011000) a 123##1AABB\n",

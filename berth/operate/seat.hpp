@@ -1,18 +1,19 @@
-/// One slot at run time: inside of `Network`, shared by its source files.
+/// One slot at run time: what the machine file and the store say of it, and what the bus has told.
 #pragma once
 
 #include <memory>
 #include <optional>
+#include <string>
 
-#include "berth/manager/configurator.hpp"
-#include "berth/operate/network.hpp"
+#include "berth/co/emcy.hpp"
+#include "berth/manager/configuration.hpp"
+#include "berth/places/binding.hpp"
+#include "berth/places/planner.hpp"
+#include "berth/rt/executor.hpp"
 
 namespace berth::operate {
 
-/// An SDO answer of a second device under one node-ID comes behind that of the first by no more than this.
-inline constexpr rt::Duration second_answer = std::chrono::milliseconds(20);
-
-struct Network::Seat {
+struct Seat {
   places::Slot slot;
   places::SlotState state = places::SlotState::unknown;
   rt::Time since{};
@@ -25,6 +26,7 @@ struct Network::Seat {
   unsigned suspected = 0;  ///< rounds in a row in which devices that sat here before were asked for in vain
   unsigned shared = 0;     ///< tries left to tell two devices under its node-ID apart
   bool suspect = false;    ///< traffic says that a second device may hold its node-ID
+  bool left = false;       ///< it told that it left operational, and whether it is the slot's device is not asked yet
   bool held = false;       ///< a person took it out of operational: it is not started again
   bool ask_again = false;  ///< silent, and due to be asked once more
   bool misplaced = false;  ///< its probe tells another place, which no slot has

@@ -1,6 +1,7 @@
 // A device shows itself (CiA 303-3): in LSS configuration state both indicators flicker, in turn.
+#include "berth/co/guarding.hpp"
 #include "berth/lss/frames.hpp"
-#include "berth/operate/network_seat.hpp"
+#include "berth/operate/network.hpp"
 
 namespace berth::operate {
 namespace {
@@ -26,23 +27,24 @@ class Shown {
 }  // namespace
 
 rt::Task<Result<Network::Located>> Network::locate(LssAddress device, rt::Duration time, bool anyway) {
-  co_await turn_.take();
-  const rt::Held held(turn_);
+  co_await parts_.bus.turn.take();
+  const rt::Held held(parts_.bus.turn);
   Located located;
   located.device = device;
-  Shown shown(dispatcher_);  // asking for its node-ID selects it, too
-  const auto active = co_await active_id(device);
+  Shown shown(parts_.bus.dispatcher);  // asking for its node-ID selects it, too
+  const auto active = co_await parts_.asking.active_id(device);
   if (!active) {
     if (active.error().code != Errc::timeout) co_return fail(active.error());
     co_return fail(Errc::not_found, "no device answers to this LSS address");
   }
   located.id = *active;
   if (located.id.configured()) {
-    const auto heard = boots_.heard(located.id);
-    if (heard && executor_->now() - *heard <= bus_->timing.heartbeat_timeout) {
-      located.state = boots_.state(located.id);
+    const auto heard = parts_.bus.boots.heard(located.id);
+    if (heard && parts_.bus.executor.now() - *heard <= parts_.bus.bus.timing.heartbeat_timeout) {
+      located.state = parts_.bus.boots.state(located.id);
     } else {
-      const auto guarded = co_await co::probe(dispatcher_, located.id, bus_->timing.guard_timeout, bus_->timing.tries);
+      const auto guarded = co_await co::probe(parts_.bus.dispatcher, located.id, parts_.bus.bus.timing.guard_timeout,
+                                              parts_.bus.bus.timing.tries);
       if (guarded) located.state = guarded->state;
     }
   } else {
@@ -50,14 +52,14 @@ rt::Task<Result<Network::Located>> Network::locate(LssAddress device, rt::Durati
   }
   if (!anyway && !located.state) co_return fail(Errc::invalid, "whether it is operational cannot be known");
   if (!anyway && *located.state == NmtState::operational) co_return fail(Errc::invalid, "it is operational");
-  const auto selected = co_await lss_.switch_selective(device);
+  const auto selected = co_await parts_.bus.lss.switch_selective(device);
   if (!selected) {
     if (selected.error().code != Errc::timeout) co_return fail(selected.error());
     co_return fail(Errc::not_found, "no device answers to this LSS address");
   }
-  tell("step", "", "showing " + to_string(device));
+  parts_.slots.tell("step", "", "showing " + to_string(device));
   co_await rt::sleep_for(time);
-  const auto quiet = co_await lss_.switch_global(lss::State::waiting);
+  const auto quiet = co_await parts_.bus.lss.switch_global(lss::State::waiting);
   if (!quiet) co_return fail(quiet.error());
   shown.over();
   co_return located;

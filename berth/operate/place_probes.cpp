@@ -1,10 +1,8 @@
-// Which place a device sits in, read from the device itself (paper 4, S4.19). A device without a node-ID speaks no SDO:
-// it is lent one that no slot has, which it does not store, and gives it back when no slot is found for it.
+#include "berth/operate/place_probes.hpp"
+
 #include <fmt/format.h>
 
 #include <algorithm>
-
-#include "berth/operate/network_seat.hpp"
 
 namespace berth::operate {
 
@@ -24,19 +22,19 @@ std::string text_of(const std::optional<std::uint32_t>& value) {
 
 }  // namespace
 
-void Network::forget_readings(const LssAddress& device) {
+void PlaceProbes::forget(const LssAddress& device) {
   std::erase_if(readings_, [&](const Reading& r) { return r.device == device; });
 }
 
 // False: it does not answer.
-rt::Task<bool> Network::read_probes(LssAddress device, NodeId id) {
-  const Slots all = slots();
+rt::Task<bool> PlaceProbes::read_probes(LssAddress device, NodeId id) {
+  const std::vector<places::Slot> all = slots_.plain();
   const std::vector<Probe> probes = places::probes_for(all, device);
-  forget_readings(device);
-  co::SdoOptions patience = sdo_.options();
+  forget(device);
+  co::SdoOptions patience = s_.sdo.options();
   patience.longest = longest_probe;
   for (const Probe& probe : probes) {
-    const auto value = co_await sdo_.upload(id, probe.index, probe.sub, patience);
+    const auto value = co_await s_.sdo.upload(id, probe.index, probe.sub, patience);
     const bool there = value || value.error().code == Errc::aborted || value.error().code == Errc::mismatch;
     if (!there) co_return false;
     Reading reading{device, probe.index, probe.sub, std::nullopt};
@@ -52,75 +50,77 @@ rt::Task<bool> Network::read_probes(LssAddress device, NodeId id) {
 }
 
 // Whose probes did not tell their places: the next look must hear all of them before one gets a place.
-void Network::note_puzzling() {
-  for (const auto& question : plan_.questions) {
-    const bool probed =
-        std::ranges::any_of(question.slots, [&](std::size_t i) { return seats_[i]->slot.spec.probe.has_value(); });
+void PlaceProbes::note_puzzling(const std::vector<places::Question>& questions) {
+  for (const auto& question : questions) {
+    const bool probed = std::ranges::any_of(
+        question.slots, [&](std::size_t i) { return slots_.seats()[i]->slot.spec.probe.has_value(); });
     if (probed) puzzling_ = question.devices;
   }
 }
 
 // The new devices whose place a probe tells. False: nobody could be read, or somebody did not answer who was found just
 // now: it may be resetting, and the place that two show is not the one's that is alone for a moment.
-rt::Task<bool> Network::read_places() {
+rt::Task<bool> PlaceProbes::read_places(std::vector<LssAddress> devices) {
   constexpr unsigned patience = 3;
-  const std::vector<LssAddress> devices = plan_.probes;
   bool any = false;
-  co_await prepare_loans();
+  co_await lending_.prepare();
   for (const LssAddress& device : devices) {
     const auto read = co_await read_place(device);
     any = any || read;
   }
   const auto unheard = [&](const LssAddress& device) {
-    return seat_of(device) == nullptr && std::ranges::find(found_, device, &places::Found::device) == found_.end();
+    return slots_.of(device) == nullptr && found_.of(device) == nullptr;
   };
   const bool gone = std::ranges::any_of(devices, unheard) || std::ranges::any_of(puzzling_, unheard);
   unread_rounds_ = gone ? unread_rounds_ + 1 : 0;
   if (gone && unread_rounds_ <= patience) {
-    look_anew_ = true;
+    agenda_.look_anew = true;
     co_return false;
   }
   puzzling_.clear();
   co_return any;
 }
 
-rt::Task<bool> Network::read_place(LssAddress device) {
-  const auto active = co_await active_id(device);
+rt::Task<bool> PlaceProbes::read_place(LssAddress device) {
+  const auto active = co_await asking_.active_id(device);
   if (!active) {
-    if (active.error().code == Errc::duplicate) note_found({device, NodeId(), true});
-    if (active.error().code == Errc::timeout) forget_found(device);
+    if (active.error().code == Errc::duplicate) found_.note({device, NodeId(), true});
+    if (active.error().code == Errc::timeout) found_.forget(device);
     co_return true;
   }
   NodeId id = *active;
-  note_found({device, id});
-  const Seat* const holder = seat_at(id);
+  found_.note({device, id});
+  const Seat* const holder = slots_.at(id);
   const bool taken = holder != nullptr && holder->slot.record.device() && holder->slot.record.device() != device;
   if (taken) co_return false;  // it is blanked first
   if (!id.configured()) {
-    const auto lent = co_await lend_id(device);
+    const auto lent = co_await lending_.lend_to(device);
     if (!lent) {
-      tell_once("error", fmt::format("the place of {} cannot be read: {}", to_string(device), lent.error().text));
+      slots_.tell_once("error",
+                       fmt::format("the place of {} cannot be read: {}", to_string(device), lent.error().text));
       co_return false;
     }
     id = *lent;
-    note_found({device, id});
+    found_.note({device, id});
   }
   const bool read = co_await read_probes(device, id);
   if (read) {
     for (const auto& r : readings_) {
       if (r.device != device) continue;
-      tell("step", "", fmt::format("{} has {} in {:04X}h:{:02X}", to_string(device), text_of(r.value), r.index, r.sub));
+      slots_.tell("step", "",
+                  fmt::format("{} has {} in {:04X}h:{:02X}", to_string(device), text_of(r.value), r.index, r.sub));
     }
   } else {
-    tell("error", "", fmt::format("{} does not answer under node-ID {} to its probe", to_string(device), id.value()));
+    slots_.tell("error", "",
+                fmt::format("{} does not answer under node-ID {} to its probe", to_string(device), id.value()));
   }
   co_return read;
 }
 
 // At every boot of a slot's device: does it still sit in this place? The probe wins over the serial number that the
 // slot remembers: a device that a mechanic moved gives its slot up and is seated anew.
-rt::Task<bool> Network::stays_in_place(Seat& seat) {
-  if (!seat.slot.spec.probe || bus_->role == design::Role::observer) co_return true;
+rt::Task<bool> PlaceProbes::stays_in_place(Seat& seat) {
+  if (!seat.slot.spec.probe || s_.only_observes()) co_return true;
   const LssAddress device = seat.slot.record.confirmed->device;
   const NodeId id = seat.id();
   const Probe own = *seat.slot.spec.probe;
@@ -132,36 +132,36 @@ rt::Task<bool> Network::stays_in_place(Seat& seat) {
   };
   seat.misplaced = !shows(own);
   if (!seat.misplaced) {
-    forget_readings(device);
+    forget(device);
     co_return true;
   }
-  const auto other = std::ranges::find_if(seats_, [&](const auto& s) {
+  const auto other = std::ranges::find_if(slots_.seats(), [&](const auto& s) {
     const auto& spec = s->slot.spec;
     return s.get() != &seat && spec.probe && places::fits(spec, device) && shows(*spec.probe);
   });
-  if (other == seats_.end()) {
+  if (other == slots_.seats().end()) {
     const auto it = std::ranges::find_if(
         readings_, [&](const Reading& r) { return r.device == device && r.index == own.index && r.sub == own.sub; });
     const std::string has = !read                   ? "it does not answer"
                             : it == readings_.end() ? "it was not read"
                                                     : "it has " + text_of(it->value);
-    set_state(seat, SlotState::failed,
-              fmt::format("its probe {} shall be {:X}h in this place, and {}; is it in the right place?", name_of(own),
-                          own.value, has));
+    slots_.set_state(seat, SlotState::failed,
+                     fmt::format("its probe {} shall be {:X}h in this place, and {}; is it in the right place?",
+                                 name_of(own), own.value, has));
     co_return false;
   }
   const std::string reason =
       fmt::format("by its probe {} its device sits in the place of slot {}", name_of(own), (*other)->name());
-  tell("moved", seat.name(), reason);
-  const auto cleared = clear_seat(seat, reason);
+  slots_.tell("moved", seat.name(), reason);
+  const auto cleared = slots_.clear(seat, reason);
   if (!cleared) {
-    set_state(seat, SlotState::failed, "the slot table cannot be written: " + describe(cleared.error()));
+    slots_.set_state(seat, SlotState::failed, "the slot table cannot be written: " + describe(cleared.error()));
     co_return false;
   }
   seat.misplaced = false;
-  note_found({device, id});
-  look_anew_ = true;
-  wakes_.push({Wake::Kind::look, id, executor_->now()});
+  found_.note({device, id});
+  agenda_.look_anew = true;
+  agenda_.wakes.push({Wake::Kind::look, id, s_.executor.now()});
   co_return false;
 }
 

@@ -1,12 +1,8 @@
-// Two devices under one node-ID, as they leave the factory or come from two plants: each SDO request is answered twice.
-// LSS tells them apart when their addresses are known. What both say in 1018h is put together, part by part, and each
-// address that this may be is asked for by LSS, which needs no search and finds devices that no search finds
-// (CANopenNode's slaves with a node-ID answer 40h to 43h alone).
+#include "berth/operate/doubles.hpp"
+
 #include <fmt/format.h>
 
 #include <algorithm>
-
-#include "berth/operate/network_seat.hpp"
 
 namespace berth::operate {
 
@@ -20,8 +16,28 @@ void put(std::vector<std::uint32_t>& values, std::uint32_t value) {
 
 }  // namespace
 
+// A second answer to one SDO request: two devices hold this node-ID, or another SDO client is at work.
+void Doubles::surplus(NodeId node, const can::Frame& frame, rt::Time) noexcept {
+  if (shared_ && shared_->id == node) return note_shared(frame);
+  agenda_.look_anew = true;
+  if (Seat* const seat = slots_.at(node)) {
+    seat->suspect = true;
+    seat->shared = most_tries;
+  }
+  const std::string text = fmt::format(
+      "node {} answered one SDO request twice: two devices hold this node-ID, or another "
+      "SDO client is on the bus",
+      node.value());
+  slots_.tell_once("duplicate", text);
+}
+
+Doubles::Doubles(BusServices& services, SlotTable& slots, Agenda& agenda, FoundDevices& found, Asking& asking) noexcept
+    : s_(services), slots_(slots), agenda_(agenda), found_(found), asking_(asking) {
+  s_.sdo.set_observer(this);
+}
+
 // An answer to the upload of a part that the first answer had ended.
-void Network::note_shared(const can::Frame& frame) {
+void Doubles::note_shared(const can::Frame& frame) {
   const bool expedited =
       frame.size == 8 && (frame.data[0] & 0xE3U) == 0x43U && frame.data[1] == 0x18 && frame.data[2] == 0x10;
   const std::size_t sub = frame.data[3];
@@ -32,11 +48,11 @@ void Network::note_shared(const can::Frame& frame) {
 }
 
 // Twice, with pauses: a single-slot receive buffer loses a question behind another frame.
-rt::Task<void> Network::hear_parts(NodeId id) {
+rt::Task<void> Doubles::hear_parts(NodeId id) {
   co_await rt::sleep_for(second_answer);
   for (std::uint8_t i = 0; i < 8; ++i) {
     const std::uint8_t sub = static_cast<std::uint8_t>(i % 4 + 1);
-    const auto first = co_await sdo_.read<std::uint32_t>(id, 0x1018, sub);
+    const auto first = co_await s_.sdo.read<std::uint32_t>(id, 0x1018, sub);
     if (first) put(shared_->parts[sub - 1U], *first);
     const bool none = !first && first.error().code == Errc::aborted;
     if (none) put(shared_->parts[sub - 1U], 0);
@@ -44,7 +60,7 @@ rt::Task<void> Network::hear_parts(NodeId id) {
   }
 }
 
-std::vector<LssAddress> Network::addresses_of(const Shared& shared) {
+std::vector<LssAddress> Doubles::addresses_of(const Shared& shared) {
   std::vector<LssAddress> all;
   for (const auto vendor : shared.parts[0]) {
     for (const auto product : shared.parts[1]) {
@@ -59,33 +75,35 @@ std::vector<LssAddress> Network::addresses_of(const Shared& shared) {
 }
 
 // Those of the addresses at which a device uses this node-ID. `slowly`: with pauses between the frames.
-rt::Task<void> Network::ask_addresses(NodeId id, std::vector<LssAddress> addresses, bool slowly) {
+rt::Task<void> Doubles::ask_addresses(NodeId id, std::vector<LssAddress> addresses, bool slowly) {
   for (const LssAddress& address : addresses) {
     const LssAddress device = address;
     Result<NodeId> active = NodeId();
     if (slowly) {
-      active = co_await active_id(device);
+      active = co_await asking_.active_id(device);
     } else {
-      active = co_await ask_active_id(device);
+      active = co_await asking_.active_id_once(device);
     }
     if (!active || *active != id) continue;
-    note_found({device, id});
-    tell_once("found", fmt::format("found {} with node-ID {}, beside another device", to_string(device), id.value()));
+    found_.note({device, id});
+    slots_.tell_once("found",
+                     fmt::format("found {} with node-ID {}, beside another device", to_string(device), id.value()));
   }
 }
 
 // True: who shares it is known now, and the plan gives each its own. A slot's device that is alone there is known.
-rt::Task<bool> Network::tell_apart(NodeId id) {
-  if (bus_->role == design::Role::observer) co_return false;
+rt::Task<bool> Doubles::tell_one_apart(NodeId id) {
+  if (s_.only_observes()) co_return false;
   shared_ = Shared{id, {}};
   co_await hear_parts(id);
   std::vector<LssAddress> addresses = addresses_of(*shared_);
   shared_.reset();
-  const Seat* const seat = seat_at(id);
+  const Seat* const seat = slots_.at(id);
   const bool sits = seat != nullptr && seat->slot.record.confirmed;
   if (sits) std::erase(addresses, seat->slot.record.confirmed->device);
   const auto found = [&](const LssAddress& device) {
-    return std::ranges::any_of(found_, [&](const places::Found& f) { return f.device == device && f.active == id; });
+    return std::ranges::any_of(found_.all(),
+                               [&](const places::Found& f) { return f.device == device && f.active == id; });
   };
   const std::ptrdiff_t enough = sits ? 1 : 2;
   for (const bool slowly : {false, true}) {
@@ -97,28 +115,28 @@ rt::Task<bool> Network::tell_apart(NodeId id) {
   co_return std::ranges::any_of(addresses, found);
 }
 
-rt::Task<bool> Network::tell_all_apart(std::vector<NodeId> ids) {
+rt::Task<bool> Doubles::tell_apart(std::vector<NodeId> ids) {
   constexpr int seldom = 32;
   bool any = false;
   for (const NodeId& each : ids) {
     const NodeId id = each;
-    auto& not_before = apart_at_[id.value()];
-    if (executor_->now() < not_before) continue;
-    const bool known = co_await tell_apart(id);
-    if (!known) not_before = executor_->now() + seldom * bus_->timing.probe_period;
+    auto& not_before = not_before_[id.value()];
+    if (s_.executor.now() < not_before) continue;
+    const bool known = co_await tell_one_apart(id);
+    if (!known) not_before = s_.executor.now() + seldom * s_.bus.timing.probe_period;
     any = any || known;
   }
   co_return any;
 }
 
 // A slot's device and another: which of them is found here beside it is taken off the node-ID by the plan.
-rt::Task<void> Network::tell_seats_apart() {
-  for (auto& seat : seats_) {
+rt::Task<void> Doubles::tell_seats_apart() {
+  for (auto& seat : slots_.seats()) {
     const bool shares = seat->shared > 0 && seat->slot.record.confirmed;
     if (!shares) continue;
     --seat->shared;
     const NodeId id = seat->id();
-    const bool other = co_await tell_apart(id);
+    const bool other = co_await tell_one_apart(id);
     if (other) seat->shared = 0;
   }
 }

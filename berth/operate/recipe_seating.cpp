@@ -1,9 +1,9 @@
-// Devices without LSS: a node-ID that is an object, written as the device library says (`places::Recipe`).
+#include "berth/operate/recipe_seating.hpp"
+
 #include <fmt/format.h>
 
 #include <algorithm>
 
-#include "berth/operate/network_seat.hpp"
 #include "berth/places/recipe_binder.hpp"
 
 namespace berth::operate {
@@ -14,15 +14,15 @@ using places::SlotState;
 using places::WhenAmbiguous;
 
 // The slot of a device that has its node-ID by recipe: its own, else the free one. Null: none, or a person must say.
-Network::Seat* Network::recipe_seat(const places::Found& found) {
+Seat* RecipeSeating::seat_for(const places::Found& found) {
   std::vector<Seat*> free;
-  for (auto& seat : seats_) {
+  for (auto& seat : slots_.seats()) {
     const bool by_recipe = seat->slot.spec.assign == Assign::recipe && seat->slot.spec.recipe != nullptr;
     if (!by_recipe || seat->there) continue;
     if (seat->slot.record.device() == found.device) return seat.get();
     if (!seat->slot.record.device() && places::fits(seat->slot.spec, found.device)) free.push_back(seat.get());
   }
-  if (free.empty() || seat_of(found.device) != nullptr) return nullptr;
+  if (free.empty() || slots_.of(found.device) != nullptr) return nullptr;
   std::ranges::sort(free, {}, [](const Seat* s) { return s->id(); });
   const auto listed =
       std::ranges::find_if(free, [&](const Seat* s) { return places::listed_spare(s->slot.spec, found.device); });
@@ -32,65 +32,66 @@ Network::Seat* Network::recipe_seat(const places::Found& found) {
       "device {} has node-ID {} and {} slots of its type are free: which is its place? `berth replace SLOT --device "
       "{}`",
       to_string(found.device), found.active.value(), free.size(), to_string(found.device));
-  tell_once("question", text);
-  for (Seat* const seat : free) set_state(*seat, SlotState::question, text);
+  slots_.tell_once("question", text);
+  for (Seat* const seat : free) slots_.set_state(*seat, SlotState::question, text);
   return nullptr;
 }
 
-rt::Task<void> Network::bind_by_recipe() {
-  const std::vector<places::Found> found = found_;
+rt::Task<void> RecipeSeating::bind_all() {
+  const std::vector<places::Found> found = found_.all();
   for (const auto& f : found) {
     if (f.clone || !f.active.configured()) continue;
-    Seat* const seat = recipe_seat(f);
+    Seat* const seat = seat_for(f);
     if (seat == nullptr) continue;
     const LssAddress device = f.device;
     const NodeId now = f.active;
-    co_await bind_recipe(*seat, device, now);
+    co_await bind(*seat, device, now);
   }
 }
 
-rt::Task<void> Network::bind_recipe(Seat& seat, LssAddress device, NodeId now) {
+rt::Task<void> RecipeSeating::bind(Seat& seat, LssAddress device, NodeId now) {
   const places::Recipe& recipe = *seat.slot.spec.recipe;
   const bool leaves_factory = std::ranges::find(recipe.from, now) != recipe.from.end();
   const bool own = seat.slot.record.device() == device || now == seat.id();
   if (!leaves_factory && !own) {
-    tell_once("recipe", fmt::format("device {} has node-ID {}, with which such devices do not leave the factory; "
-                                    "`berth replace {} --device {}` takes it all the same",
-                                    to_string(device), now.value(), seat.name(), to_string(device)));
+    slots_.tell_once("recipe",
+                     fmt::format("device {} has node-ID {}, with which such devices do not leave the factory; "
+                                 "`berth replace {} --device {}` takes it all the same",
+                                 to_string(device), now.value(), seat.name(), to_string(device)));
     co_return;
   }
   const bool resumed = seat.slot.record.asked.has_value();
-  places::RecipeBinding binding(recipe.after, {device, seat.id()}, now, bus_->timing.tries, resumed);
+  places::RecipeBinding binding(recipe.after, {device, seat.id()}, now, s_.bus.timing.tries, resumed);
   const std::string reason = fmt::format("by the recipe of {}, from node-ID {}", recipe.name, now.value());
-  set_state(seat, SlotState::binding, reason);
-  const places::Binder::Options options = binder_options();
-  places::RecipeBinder binder(services(), options, recipe);
+  slots_.set_state(seat, SlotState::binding, reason);
+  const places::Binder::Options options = asking_.binder_options();
+  places::RecipeBinder binder(asking_.binder_services(), options, recipe);
   const places::SlotId slot = seat.slot.record.slot;
   co_await binder.run(binding, slot, reason);
-  refresh(seat);
-  forget_found(device);
-  seat.checked = executor_->now();
+  slots_.refresh(seat);
+  found_.forget(device);
+  seat.checked = s_.executor.now();
   if (binding.step() == RecipeStep::done) {
     seat.there = seat.fresh = true;
     seat.started = false;
-    if (now != seat.id()) boots_.forget(now);
-    tell("bound", seat.name(),
-         fmt::format("bound to {} as node-ID {} {}", to_string(device), seat.id().value(), reason));
-    set_state(seat, SlotState::present);
+    if (now != seat.id()) s_.boots.forget(now);
+    slots_.tell("bound", seat.name(),
+                fmt::format("bound to {} as node-ID {} {}", to_string(device), seat.id().value(), reason));
+    slots_.set_state(seat, SlotState::present);
   } else if (binding.step() == RecipeStep::power_cycle) {
-    set_state(seat, SlotState::power_cycle, "node-ID written; switch the device off and on");
+    slots_.set_state(seat, SlotState::power_cycle, "node-ID written; switch the device off and on");
   } else {
-    not_bound_by_recipe(seat, binding);
+    not_bound(seat, binding);
   }
 }
 
-void Network::not_bound_by_recipe(Seat& seat, const places::RecipeBinding& binding) {
+void RecipeSeating::not_bound(Seat& seat, const places::RecipeBinding& binding) {
   // Nothing in the device can have changed: the slot is free again. Else it stays the slot's until it is seen.
   const bool fresh = !seat.slot.record.confirmed && binding.untouched() && seat.slot.record.asked;
   if (fresh) {
-    const auto cleared = store_->clear(seat.slot.record.slot, places::name(binding.why()));
-    if (!cleared) tell("error", seat.name(), "the slot table cannot be written: " + describe(cleared.error()));
-    refresh(seat);
+    const auto cleared = slots_.store().clear(seat.slot.record.slot, places::name(binding.why()));
+    if (!cleared) slots_.tell("error", seat.name(), "the slot table cannot be written: " + describe(cleared.error()));
+    slots_.refresh(seat);
   }
   const bool clone = binding.why() == places::Why::clone;
   const std::string reason =
@@ -99,7 +100,7 @@ void Network::not_bound_by_recipe(Seat& seat, const places::RecipeBinding& bindi
                   "bus",
                   binding.old_id().value())
             : fmt::format("{}: {} (recipe)", to_string(binding.seat().device), places::name(binding.why()));
-  set_state(seat, clone ? SlotState::duplicate : SlotState::failed, reason);
+  slots_.set_state(seat, clone ? SlotState::duplicate : SlotState::failed, reason);
 }
 
 }  // namespace berth::operate

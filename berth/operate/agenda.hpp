@@ -1,0 +1,45 @@
+/// What is due on one bus: the parts of a `Network` write it, its main job reads it.
+#pragma once
+
+#include <string>
+
+#include "berth/base/ids.hpp"
+#include "berth/rt/mailbox.hpp"
+
+namespace berth::operate {
+
+/// Where the main job is.
+enum class Phase : std::uint8_t { opening, preparation, discovery, binding, start, watch };
+[[nodiscard]] const char* name(Phase phase) noexcept;
+
+/// Something that the bus told, or a person, and that the main job acts on when it has the turn.
+struct Wake {
+  enum class Kind : std::uint8_t { boot_up, lost, recovered, state, look };
+  Kind kind = Kind::look;
+  NodeId node;
+  rt::Time at{};
+};
+
+struct Agenda {
+  Agenda(rt::Executor& executor, const std::string& discovery) : wakes(executor), of_bus(discovery) {}
+
+  /// How devices are found: "auto", or a name of `discovery::Method`.
+  [[nodiscard]] const std::string& method() const noexcept { return of_command.empty() ? of_bus : of_command; }
+
+  rt::Mailbox<Wake, 512> wakes;
+  Phase phase = Phase::opening;
+  std::string of_bus;        ///< `discovery =`
+  std::string of_command;    ///< in its place while `berth bind` runs
+  bool look_anew = true;     ///< the next look asks all devices, not only those that are unknown
+  rt::Time anew_at{};        ///< not before
+  rt::Time retry_at{};       ///< what failed is not tried again before
+  bool retries = false;      ///< the round that begins is one of those
+  rt::Time rest_at{};        ///< devices without RAND are not searched for before, when nothing else asks for it
+  bool calls = false;        ///< a slot's device told something that is acted on: no search goes on without that
+  bool search_open = false;  ///< the last search had no end yet
+  bool speaks = false;       ///< the master's own device is on
+  bool alone = false;        ///< no node acknowledged the opening: no node-ID is asked before a search got through
+  bool once = false;         ///< a single round (`berth bind`): there is no later look
+};
+
+}  // namespace berth::operate

@@ -1,0 +1,135 @@
+#include "berth/operate/asking.hpp"
+
+#include <algorithm>
+
+#include "berth/co/guarding.hpp"
+#include "berth/operate/timing_options.hpp"
+
+namespace berth::operate {
+
+// To ask whether anybody is there: silence is the expected answer, so it is not waited for long nor aborted.
+co::SdoOptions Asking::patience(unsigned retries) const {
+  co::SdoOptions patience = s_.sdo.options();
+  patience.timeout = s_.bus.timing.guard_timeout;
+  patience.retries = retries;
+  patience.abort_on_timeout = false;
+  return patience;
+}
+
+// So many that the questions of those that stay silent leave room on the bus for the answers of the others: behind more
+// of them a remote frame, which has the lower priority, would wait until its own time is over.
+std::size_t Asking::most_at_once() const noexcept {
+  constexpr double question_bits = 150;  // eight bytes of data and every stuff bit there can be, and room for others
+  const double timeout = std::chrono::duration<double>(s_.bus.timing.guard_timeout).count();
+  return std::max<std::size_t>(2, static_cast<std::size_t>(timeout * s_.bus.bitrate / question_bits));
+}
+
+// So that a single-slot receive buffer loses none of the frames.
+lss::MasterOptions Asking::with_pauses() const {
+  lss::MasterOptions slower = s_.lss.options();
+  slower.inhibit = std::max(slower.inhibit, s_.bus.timing.rand_response);
+  return slower;
+}
+
+// True: a device answers SDO under this node-ID. Silence of SDO and guarding makes it vacant.
+rt::Task<bool> Asking::answers_at(NodeId id) {
+  const rt::Time began = s_.executor.now();
+  const co::SdoOptions how = patience(s_.bus.timing.tries - 1);
+  const auto type = co_await s_.sdo.read<std::uint32_t>(id, 0x1000, 0, how);
+  if (type || type.error().code == Errc::aborted) co_return true;
+  if (type.error().code != Errc::timeout) co_return false;
+  const auto guarded = co_await co::probe(s_.dispatcher, id, s_.bus.timing.guard_timeout, 1);
+  const bool silent = !guarded && guarded.error().code == Errc::timeout;
+  if (silent) s_.vacancy[id.value()] = began;
+  co_return false;
+}
+
+rt::Task<void> Asking::vacancy(NodeId id) { co_await answers_at(id); }
+
+// The node-ID that the device with this address uses now, by LSS; every other device in waiting meanwhile.
+rt::Task<Result<NodeId>> Asking::active_id(LssAddress device) {
+  const auto quick = co_await active_id_once(device);
+  if (quick || quick.error().code != Errc::timeout) co_return quick;
+  // Again with pauses: a single-slot receive buffer loses frames that come back to back.
+  const lss::MasterOptions before = s_.lss.options();
+  s_.lss.set_options(with_pauses());
+  const auto slow = co_await active_id_once(device);
+  if (!slow) s_.lss.set_options(before);
+  co_return slow;
+}
+
+rt::Task<Result<NodeId>> Asking::active_id_once(LssAddress device) {
+  const auto quiet = co_await s_.lss.switch_global(lss::State::waiting);
+  if (!quiet) co_return fail(quiet.error());
+  // The device of a slot that is there and answers RAND all the same may be another one with its address.
+  const Seat* const seat = slots_.of(device);
+  lss::ServiceOptions patience = s_.lss.options().service;
+  patience.full_window = seat != nullptr && seat->there;
+  const auto selected = co_await s_.lss.switch_selective(device, patience);
+  if (!selected) co_return fail(selected.error());
+  const auto reply = co_await s_.lss.inquire_node_id(patience);
+  const auto strange = [](const lss::Reply& r) { return r.answers > 1 || r.others > 0 || r.stale > 0 || r.differ; };
+  const bool doubtful = strange(*selected) || (reply && strange(*reply));
+  if (doubtful) {
+    const places::Binder::Options options = binder_options();
+    places::Binder binder(binder_services(), options);
+    const places::Outcome single = co_await binder.confirm_double(device);
+    if (single == places::Outcome::doubled) {
+      const auto calm = co_await s_.lss.switch_global(lss::State::waiting);
+      if (!calm) co_return fail(calm.error());
+      co_return fail(Errc::duplicate, "two devices answer to one LSS address");
+    }
+  }
+  const auto released = co_await s_.lss.switch_global(lss::State::waiting);
+  if (!reply) co_return fail(reply.error());
+  if (!released) co_return fail(released.error());
+  const auto id = NodeId::make(reply->byte());
+  if (!id) co_return fail(Errc::mismatch, "the node-ID it told is none");
+  co_return *id;
+}
+
+// Every address that was seen on this bus, or sits in it: one that may be in LSS configuration unheard is among them.
+lss::PartMask Asking::parts_to_ask(const LssAddress& device) const {
+  std::vector<LssAddress> others = found_.addresses();
+  for (const auto& seat : slots_.seats()) {
+    if (const auto sits = seat->slot.record.device()) others.push_back(*sits);
+  }
+  return lss::parts_to_ask(device, others);
+}
+
+// The device is in LSS configuration, and no other is.
+rt::Task<Result<void>> Asking::select_alone(LssAddress device) {
+  const lss::AloneOptions options{.parts = parts_to_ask(device)};
+  auto selected = co_await lss::select_alone(s_.lss, device, options);
+  const bool unheard = selected && *selected == lss::Selection::absent;
+  if (unheard) {
+    // Again with pauses: a single-slot receive buffer loses frames that come back to back.
+    const lss::MasterOptions before = s_.lss.options();
+    s_.lss.set_options(with_pauses());
+    selected = co_await lss::select_alone(s_.lss, device, options);
+    s_.lss.set_options(before);
+  }
+  if (!selected) co_return fail(selected.error());
+  switch (*selected) {
+    case lss::Selection::alone: break;
+    case lss::Selection::absent: co_return fail(Errc::timeout, "it does not answer to its LSS address");
+    case lss::Selection::not_alone: co_return fail(Errc::mismatch, "another device is in LSS configuration beside it");
+    case lss::Selection::twins: co_return fail(Errc::duplicate, "two devices answer to its LSS address");
+  }
+  co_return Result<void>{};
+}
+
+places::Binder::Services Asking::binder_services() const noexcept {
+  return {s_.dispatcher, s_.lss, s_.sdo, s_.nmt, s_.boots, slots_.store(), s_.vacancy};
+}
+
+places::Binder::Options Asking::binder_options() const {
+  places::Binder::Options options = operate::binder_options(s_.bus.timing);
+  options.lss_turn = &s_.lss_turn;
+  options.before_step = slots_.before_step();
+  options.machine = slots_.machine_name();
+  options.bus = s_.bus.name;
+  return options;
+}
+
+}  // namespace berth::operate

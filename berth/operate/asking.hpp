@@ -1,0 +1,53 @@
+/// Questions to one node-ID by SDO and guarding, and to one LSS address.
+#pragma once
+
+#include <optional>
+
+#include "berth/lss/select_alone.hpp"
+#include "berth/operate/found_devices.hpp"
+#include "berth/operate/slot_table.hpp"
+
+namespace berth::operate {
+
+/// An SDO answer of a second device under one node-ID comes behind that of the first by no more than this.
+inline constexpr rt::Duration second_answer = std::chrono::milliseconds(20);
+
+class Asking {
+ public:
+  Asking(BusServices& services, SlotTable& slots, FoundDevices& found) noexcept
+      : s_(services), slots_(slots), found_(found) {}
+
+  /// To ask whether a device is there: silence is the expected answer, so it is not waited for long nor aborted.
+  [[nodiscard]] co::SdoOptions patience(unsigned retries) const;
+  /// So many questions at once that those that stay unanswered leave room on the bus for the answers to the others.
+  [[nodiscard]] std::size_t most_at_once() const noexcept;
+  /// LSS with pauses, so that a single-slot receive buffer loses none of the frames.
+  [[nodiscard]] lss::MasterOptions with_pauses() const;
+
+  /// True: a device answers SDO under this node-ID. Silence of SDO and guarding makes it vacant.
+  rt::Task<bool> answers_at(NodeId id);
+  /// The same, for a scope.
+  rt::Task<void> vacancy(NodeId id);
+
+  /// The node-ID that the device with this address uses now, by LSS; every other device in waiting meanwhile. Errors:
+  /// `timeout` no device has this address; `duplicate` two have; those of the bus. The turn must be held.
+  rt::Task<Result<NodeId>> active_id(LssAddress device);
+  /// Once, without pauses.
+  rt::Task<Result<NodeId>> active_id_once(LssAddress device);
+  /// What proves that the selected device is alone: every address that was seen here may be in LSS configuration.
+  [[nodiscard]] lss::PartMask parts_to_ask(const LssAddress& device) const;
+  /// Puts the device into LSS configuration state, where no other is. Errors: `timeout` absent; `mismatch` not alone;
+  /// `duplicate` two devices have its address. The turn must be held.
+  rt::Task<Result<void>> select_alone(LssAddress device);
+
+  /// For `places::Binder`, and for `places::RecipeBinder`.
+  [[nodiscard]] places::Binder::Services binder_services() const noexcept;
+  [[nodiscard]] places::Binder::Options binder_options() const;
+
+ private:
+  BusServices& s_;
+  SlotTable& slots_;
+  FoundDevices& found_;
+};
+
+}  // namespace berth::operate

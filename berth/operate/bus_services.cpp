@@ -1,0 +1,29 @@
+#include "berth/operate/bus_services.hpp"
+
+#include <algorithm>
+
+#include "berth/operate/timing_options.hpp"
+
+namespace berth::operate {
+
+BusServices::BusServices(rt::Executor& clock, can::Port& port_used, const design::Bus& bus_line,
+                         co::HeartbeatConsumer::Observer& heartbeat_listener, co::EmcyConsumer::Observer& emcy_listener)
+    : executor(clock),
+      bus(bus_line),
+      port(port_used),
+      dispatcher(clock, port_used),
+      lss(dispatcher, lss_options(bus_line.timing)),
+      rand(dispatcher),
+      sdo(dispatcher, sdo_options(bus_line.timing)),
+      nmt(dispatcher),
+      heartbeats(dispatcher, heartbeat_listener),
+      emergencies(dispatcher, emcy_listener),
+      boots(dispatcher) {
+  const auto& timing = bus.timing;
+  // A device that leaves between its last heartbeat before it is watched and the first after is missed too.
+  heartbeats.set_never_seen_time(timing.heartbeat_timeout + timing.heartbeat_period);
+  // A saving may be answered long after it was given up.
+  sdo.set_late_window(std::max<rt::Duration>(std::chrono::seconds(5), 2 * timing.save_timeout));
+}
+
+}  // namespace berth::operate

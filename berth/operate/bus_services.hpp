@@ -1,0 +1,47 @@
+/// The services of one bus that the parts of a `Network` work with: one of each, on one port.
+///
+/// Who has the turn may use LSS and RAND, and changes what devices keep; SDO to one node, NMT and what is heard need no
+/// turn. `lss_turn` is the bindings' that run side by side under it.
+#pragma once
+
+#include "berth/can/dispatcher.hpp"
+#include "berth/co/emcy.hpp"
+#include "berth/co/heartbeat.hpp"
+#include "berth/co/nmt_master.hpp"
+#include "berth/co/sdo_client.hpp"
+#include "berth/design/machine.hpp"
+#include "berth/lss/master.hpp"
+#include "berth/nodeid/rand_master.hpp"
+#include "berth/places/binder.hpp"
+#include "berth/places/boot_watch.hpp"
+#include "berth/rt/turn.hpp"
+
+namespace berth::operate {
+
+struct BusServices {
+  /// `bus_line` and `port_used` must stay. `listener` hears heartbeats, boot-ups and EMCYs when it is told to.
+  BusServices(rt::Executor& clock, can::Port& port_used, const design::Bus& bus_line,
+              co::HeartbeatConsumer::Observer& heartbeat_listener, co::EmcyConsumer::Observer& emcy_listener);
+
+  /// NMT commands are Berth's to send.
+  [[nodiscard]] bool may_command() const noexcept { return bus.role == design::Role::master; }
+  /// LSS, and all that changes a device, is not.
+  [[nodiscard]] bool only_observes() const noexcept { return bus.role == design::Role::observer; }
+
+  rt::Executor& executor;
+  const design::Bus& bus;
+  can::Port& port;
+  can::Dispatcher dispatcher;
+  lss::Master lss;
+  nodeid::RandMaster rand;
+  co::SdoClient sdo;
+  co::NmtMaster nmt;
+  co::HeartbeatConsumer heartbeats;
+  co::EmcyConsumer emergencies;
+  places::BootWatch boots;
+  places::VacancyTable vacancy;
+  rt::Turn turn;
+  rt::Turn lss_turn;
+};
+
+}  // namespace berth::operate

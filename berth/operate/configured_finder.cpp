@@ -1,0 +1,192 @@
+#include "berth/operate/configured_finder.hpp"
+
+#include <fmt/format.h>
+
+#include <algorithm>
+
+#include "berth/rt/scope.hpp"
+
+namespace berth::operate {
+
+using places::Assign;
+using places::SlotState;
+
+namespace {
+
+// What devices leave the factory with most often (paper 4, S4.21).
+constexpr std::array<NodeId, 3> factory_ids{NodeId(1), NodeId(32), NodeId(127)};
+
+}  // namespace
+
+// Before anything is searched for, and before anything is called empty: a device may sit where it belongs already, have
+// booted long ago, beat no heart and speak no LSS. All are asked side by side; silence makes the node-ID vacant, which
+// is to be known before it is given.
+rt::Task<void> ConfiguredFinder::ask_slots_own() {
+  if (agenda_.alone) co_return;
+  std::vector<places::Found> answered;
+  {
+    rt::Scope asked(s_.executor, asking_.most_at_once());
+    for (const auto& seat : slots_.seats()) {
+      const bool waits = !seat->there && seat->slot.spec.assign == Assign::lss && !seat->slot.record.confirmed;
+      if (waits) asked.spawn(identity_at(seat->id(), answered));
+    }
+    // And who was heard under a node-ID of no slot: nothing is given away before all that speak are known.
+    for (std::uint8_t i = 1; i <= 127; ++i) {
+      const NodeId id(i);
+      const auto heard = s_.boots.heard(id);
+      const bool again = std::exchange(look_again_at_[i], false);
+      const bool spoke = heard && *heard > asked_at_[i] && !loans_.of_ours(id, *heard);
+      const bool strange = (again || spoke) && slots_.at(id) == nullptr && id != s_.bus.master;
+      if (!strange) continue;
+      asked_at_[i] = s_.executor.now();
+      asked.spawn(identity_at(id, answered));
+    }
+    co_await asked.join();
+  }
+  const std::vector<NodeId> doubled = std::exchange(doubled_, {});
+  co_await doubles_.tell_apart(doubled);
+  for (const auto& f : answered) {
+    found_.note(f);
+    slots_.tell_once("found", fmt::format("found {} with node-ID {}", to_string(f.device), f.active.value()));
+  }
+}
+
+// True: somebody was found of whom the plan did not know.
+rt::Task<bool> ConfiguredFinder::find(bool all) {
+  if (agenda_.alone) co_return false;
+  co_await ask_everywhere();
+  const std::vector<NodeId> ids = ids_to_ask(all);
+  if (ids.empty()) co_return false;
+  std::vector<places::Found> answered;
+  {
+    rt::Scope asked(s_.executor, asking_.most_at_once());
+    for (const NodeId id : ids) asked.spawn(identity_at(id, answered));
+    co_await asked.join();
+  }
+  const std::vector<NodeId> doubled = std::exchange(doubled_, {});
+  bool news = co_await doubles_.tell_apart(doubled);
+  for (const auto& f : answered) {
+    const auto known = found_.of(f.device);
+    const bool same = known != nullptr && known->active == f.active;
+    if (same) continue;
+    Seat* const seat = slots_.at(f.active);
+    const bool home = seat != nullptr && slots_.of(f.device) == seat && seat->slot.record.confirmed;
+    if (home) {
+      co_await presence_.ask_seat(*seat);
+      continue;
+    }
+    const bool adopts = seat != nullptr && !seat->slot.record.device() && planning_.never_by_lss(f.device) &&
+                        seat->slot.spec.assign != Assign::recipe;
+    if (adopts) {
+      co_await presence_.adopt_fixed(*seat);
+      continue;
+    }
+    found_.note(f);
+    news = true;
+    slots_.tell_once("found", fmt::format("found {} with node-ID {}", to_string(f.device), f.active.value()));
+  }
+  co_return news;
+}
+
+std::vector<NodeId> ConfiguredFinder::ids_to_ask(bool all) {
+  const rt::Time now = s_.executor.now();
+  const bool sweeps = all || now >= sweep_at_;  // also the slots' own: none stays empty unasked
+  const auto waits = [](const auto& s) { return !s->slot.record.device() && s->state != SlotState::question; };
+  const bool other = std::ranges::any_of(
+      slots_.seats(), [&](const auto& s) { return s->slot.spec.assign != Assign::lss && !s->there; });
+  const bool by_lss = std::ranges::any_of(slots_.seats(), waits);
+  if (sweeps) sweep_at_ = now + 8 * s_.bus.timing.probe_period;
+  std::vector<NodeId> ids;
+  for (std::uint8_t i = 1; i <= 127; ++i) {
+    const NodeId id(i);
+    const Seat* const seat = slots_.at(id);
+    const auto heard = s_.boots.heard(id);
+    const bool speaks = heard && *heard > asked_at_[i];
+    const bool known = (seat != nullptr && seat->there) ||
+                       (id == s_.bus.master && agenda_.speaks && !speaks && !sweeps) || found_.any_at(id);
+    if (known) continue;
+    const bool factory = std::ranges::find(factory_ids, id) != factory_ids.end();
+    const bool own = seat != nullptr && seat->slot.spec.assign != Assign::fixed;
+    const bool again = std::exchange(look_again_at_[i], false);
+    const bool masters =
+        sweeps && id == s_.bus.master &&
+        (agenda_.speaks || !s_.vacancy[i]);  // the master's own device does not hear its own port's question
+    const bool asks = speaks || again || masters || all || (sweeps && (own || other || (factory && by_lss)));
+    if (!asks) continue;
+    asked_at_[i] = now;
+    ids.push_back(id);
+  }
+  return ids;
+}
+
+// When a slot stays without a device: not at once, as devices may still be booting, and then so that it takes little of
+// the bus.
+bool ConfiguredFinder::everywhere_due() {
+  const rt::Time now = s_.executor.now();
+  const auto period = s_.bus.timing.probe_period;
+  if (everywhere_at_ == rt::Time{}) everywhere_at_ = agenda_.once ? now : now + 2 * period;
+  const bool first = !asked_everywhere_;
+  const bool waits = std::ranges::any_of(slots_.seats(), [&](const auto& s) {
+    const bool counts = first || !s->slot.spec.optional;
+    return counts && !s->there && s->slot.spec.assign == Assign::lss && !s->slot.record.device();
+  });
+  const bool due = agenda_.method() == "auto" && waits && !agenda_.search_open && now >= everywhere_at_;
+  if (!due) return false;
+  constexpr std::int64_t bits = 127LL * 150;
+  const rt::Duration takes(bits * 1'000'000'000 / s_.bus.bitrate);
+  everywhere_at_ = now + std::max<rt::Duration>(8 * period, 20 * takes);
+  asked_everywhere_ = true;
+  return true;
+}
+
+// Who has a node-ID of no slot, booted long ago, beats no heart and answers no identify (CANopenNode's slaves) is found
+// by no search. One question each: who answers is asked again, with patience.
+rt::Task<void> ConfiguredFinder::ask_everywhere() {
+  const bool due = everywhere_due();
+  if (!due) co_return;
+  rt::Scope asked(s_.executor, asking_.most_at_once());
+  const std::size_t waiting = agenda_.wakes.size();
+  for (std::uint8_t i = std::exchange(everywhere_from_, std::uint8_t{1}); i <= 127; ++i) {
+    const NodeId id(i);
+    const Seat* const seat = slots_.at(id);
+    const bool known = (seat != nullptr && seat->there) || id == s_.bus.master || found_.any_at(id);
+    if (known) continue;
+    // A device that boots meanwhile is more than one that may be there.
+    if (agenda_.wakes.size() > waiting) {
+      everywhere_from_ = i;
+      everywhere_at_ = s_.executor.now() + 2 * s_.bus.timing.probe_period;
+      break;
+    }
+    co_await rt::sleep_for(s_.bus.timing.rand_response);  // a single-slot receive buffer loses its own behind another's
+    asked.spawn(knock(id));
+  }
+  co_await asked.join();
+}
+
+rt::Task<void> ConfiguredFinder::knock(NodeId id) {
+  const co::SdoOptions patience = asking_.patience(0);
+  const auto type = co_await s_.sdo.read<std::uint32_t>(id, 0x1000, 0, patience);
+  if (type || type.error().code == Errc::aborted) look_again_at_[id.value()] = true;
+}
+
+rt::Task<void> ConfiguredFinder::identity_at(NodeId id, std::vector<places::Found>& into) {
+  const auto surplus = s_.sdo.surplus(id);
+  const bool answers = co_await asking_.answers_at(id);
+  if (!answers) co_return;
+  const auto who = co_await places::Binder::read_identity(s_.sdo, id);
+  if (s_.sdo.surplus(id) != surplus || !who) {
+    doubled_.push_back(id);
+    slots_.tell_once("duplicate",
+                     fmt::format("node-ID {} answers, and not as one device: two devices may hold it; leave one of "
+                                 "them on the bus",
+                                 id.value()));
+    co_return;
+  }
+  places::Found found;
+  found.device = *who;
+  found.active = id;
+  found.seen = s_.executor.now();
+  into.push_back(found);
+}
+
+}  // namespace berth::operate

@@ -1,0 +1,65 @@
+/// Finds devices that have a node-ID and speak nothing that a discovery hears, by SDO (paper 4, S4.2): what is stored
+/// is found and set right, what comes from switches, plugs and firmware is never written.
+#pragma once
+
+#include <array>
+#include <vector>
+
+#include "berth/operate/doubles.hpp"
+#include "berth/operate/planning.hpp"
+#include "berth/operate/presence.hpp"
+
+namespace berth::operate {
+
+class ConfiguredFinder {
+ public:
+  ConfiguredFinder(BusServices& services, SlotTable& slots, Agenda& agenda, FoundDevices& found, Loans& loans,
+                   Asking& asking, Doubles& doubles, Presence& presence, const Planning& planning) noexcept
+      : s_(services),
+        slots_(slots),
+        agenda_(agenda),
+        found_(found),
+        loans_(loans),
+        asking_(asking),
+        doubles_(doubles),
+        presence_(presence),
+        planning_(planning) {}
+
+  /// Before anything is searched for, and before a slot is called empty: its device may sit where it belongs already,
+  /// have booted long ago, send no heartbeat and speak no LSS. All are asked side by side; silence makes the node-ID
+  /// vacant, which is to be known before it is given.
+  rt::Task<void> ask_slots_own();
+  /// Node-IDs that were heard, where a device leaves the factory, those of the slots now and then; `all` of them when
+  /// it says so. True: a device was found of which the plan did not know.
+  rt::Task<bool> find(bool all);
+  /// A device was under this node-ID that waits for its place: it is asked for at the next look.
+  void look_again_at(NodeId id) noexcept { look_again_at_[id.value()] = true; }
+
+ private:
+  [[nodiscard]] std::vector<NodeId> ids_to_ask(bool all);
+  [[nodiscard]] bool is_known(NodeId id) const noexcept;
+  [[nodiscard]] bool everywhere_due();
+  rt::Task<void> ask_everywhere();
+  rt::Task<void> knock(NodeId id);
+  rt::Task<void> identity_at(NodeId id, std::vector<places::Found>& into);
+  rt::Task<bool> take(places::Found found);
+
+  BusServices& s_;
+  SlotTable& slots_;
+  Agenda& agenda_;
+  FoundDevices& found_;
+  Loans& loans_;
+  Asking& asking_;
+  Doubles& doubles_;
+  Presence& presence_;
+  const Planning& planning_;
+  std::array<rt::Time, 128> asked_at_{};
+  std::array<bool, 128> look_again_at_{};
+  std::vector<NodeId> doubled_;       // answered as by two devices
+  rt::Time sweep_at_{};               // the slots' own node-IDs are not asked again before
+  rt::Time everywhere_at_{};          // nor all the others, for a slot without a device
+  std::uint8_t everywhere_from_ = 1;  // node-ID at which the questions go on that a boot-up interrupted
+  bool asked_everywhere_ = false;
+};
+
+}  // namespace berth::operate

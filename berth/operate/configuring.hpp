@@ -1,0 +1,68 @@
+/// Configuration before start (CiA 302-2 boot slave, steps 7 and 8; CiA 302-3): what `config =` wants is brought into
+/// the device, saved and dated; only then is it started. What a device lacks stops that device and no other.
+#pragma once
+
+#include <string>
+
+#include "berth/manager/configurator.hpp"
+#include "berth/operate/slot_table.hpp"
+
+namespace berth::operate {
+
+/// What `berth configure` did, or found, in one slot.
+struct SlotConfiguration {
+  std::string bus;
+  std::string slot;
+  NodeId id;
+  std::string file;
+  std::string problem;  ///< why it was not even compared; empty: see `report`
+  manager::ConfigurationReport report;
+  places::SlotState state = places::SlotState::unknown;
+  std::string reason;
+};
+
+/// Looks which device is under a slot's node-ID.
+class SeatAsker {
+ public:
+  virtual rt::Task<void> ask_seat(Seat& seat) = 0;
+
+ protected:
+  ~SeatAsker() = default;
+};
+
+class Configuring {
+ public:
+  Configuring(BusServices& services, SlotTable& slots) noexcept : s_(services), slots_(slots) {}
+  /// Before the first `configure`; must stay.
+  void set_asker(SeatAsker& asker) noexcept { asker_ = &asker; }
+
+  /// Reads the files of `config =`. One file may stand for many slots.
+  void load();
+  /// True: the device has its configuration, in use, and may be started. Else the slot's state says why not.
+  rt::Task<bool> configure(Seat& seat, manager::ConfigurationReport& report);
+  /// A device that runs is left alone; that it runs with something else is told.
+  rt::Task<void> look_at_running(Seat& seat);
+  /// `berth configure`: compares, and with `write` makes right what differs; a device that runs is compared only.
+  rt::Task<void> compare(Seat& seat, bool write, SlotConfiguration& into);
+  /// The file's values, and the heartbeat of the machine file, which is what this network watches. Errors: the device
+  /// did not answer, or the file's values cannot be had for this node-ID.
+  rt::Task<Result<manager::Wanted>> wanted_of(Seat& seat);
+  /// A boot-up was heard after the device was looked at last: what was found belongs to the life before.
+  [[nodiscard]] bool rebooted(const Seat& seat) const noexcept;
+
+ private:
+  rt::Task<bool> configure_once(Seat& seat, const manager::Wanted& wanted, manager::ConfiguratorOptions& options,
+                                manager::ConfigurationReport& report);
+  rt::Task<bool> waits_for_power(Seat& seat, manager::Configurator& configurator, const manager::Wanted& wanted);
+  rt::Task<void> wait_for_power(Seat& seat, manager::Configurator& configurator, const manager::Wanted& wanted,
+                                const std::string& reason);
+  rt::Task<bool> reset_and_wait(Seat& seat);
+  void forgot(Seat& seat, const manager::ConfigurationReport& report, const manager::Wanted& wanted);
+  bool note(Seat& seat, places::Configured::Stage stage, const manager::Wanted& wanted);
+
+  BusServices& s_;
+  SlotTable& slots_;
+  SeatAsker* asker_ = nullptr;
+};
+
+}  // namespace berth::operate

@@ -1,0 +1,199 @@
+#include "berth/operate/finder.hpp"
+
+#include <algorithm>
+
+namespace berth::operate {
+
+rt::Task<void> Finder::discover() {
+  agenda_.phase = Phase::discovery;
+  if (agenda_.rest_at == rt::Time{}) agenda_.rest_at = s_.executor.now() + 2 * s_.bus.timing.probe_period;
+  if (agenda_.search_open) {
+    const bool ended = co_await search_.go_on();
+    if (ended) searched();
+    co_return;
+  }
+  // Devices that wait without a seat are identified and would not answer: all are asked anew, and what left is
+  // forgotten.
+  const bool waiting = std::ranges::any_of(found_.all(), [&](const auto& f) { return slots_.of(f.device) == nullptr; });
+  const bool anew = agenda_.look_anew || waiting;
+  if (anew) co_await forget_and_ask_anew();
+  search_.begin();
+  const bool rand_first = agenda_.method() == "auto" || agenda_.method() == "rand";
+  if (rand_first) {
+    co_await by_rand_and_the_rest(anew);
+  } else {
+    const bool ended = co_await search_.by_method();
+    if (ended) searched();
+  }
+  if (anew) found_.forget_who_left();
+}
+
+rt::Task<void> Finder::forget_and_ask_anew() {
+  agenda_.look_anew = false;
+  agenda_.anew_at = s_.executor.now() + 8 * s_.bus.timing.probe_period;
+  const auto goes = [&](const places::Found& f) { return f.clone || slots_.of(f.device) == nullptr; };
+  for (const auto& f : found_.all()) {
+    if (!goes(f)) continue;
+    rest_wanted_ = rest_wanted_ || found_.without_rand(f.device);
+    places_.forget(f.device);
+    // No search finds it again when it speaks nothing that finds devices with a node-ID.
+    if (f.active.configured() && !f.lent) configured_.look_again_at(f.active);
+  }
+  found_.forget_if(goes);
+  co_await configured_.ask_slots_own();
+  const auto& method = agenda_.method();
+  const bool speaks_rand = method == "auto" || method == "rand" || method == "planner-rand";
+  if (speaks_rand) co_await tell_which_are_known();
+}
+
+rt::Task<void> Finder::by_rand_and_the_rest(bool anew) {
+  const std::size_t before = found_.size();
+  co_await by_rand();
+  const bool others = agenda_.method() == "auto" && !agenda_.alone;
+  const bool due = others && is_one_missing() && (agenda_.once || s_.executor.now() >= agenda_.rest_at);
+  // A device that speaks RAND answers LSS too while it has no node-ID: it is found already.
+  const bool unheard = found_.size() == before || is_one_missing();
+  bool wanted = std::exchange(rest_wanted_, false) && unheard;
+  // One that RAND found answers LSS too.
+  const bool answers =
+      std::ranges::any_of(found_.all(), [](const places::Found& f) { return !f.active.configured() && !f.clone; });
+  const bool asks = others && anew && !due && !wanted && !answers && is_one_missing();
+  if (asks) {
+    wanted = co_await anybody_blank();
+    rest_wanted_ = false;
+  }
+  if (others && (due || wanted)) co_await the_rest(due);
+}
+
+// A device that stays without a node-ID answers every poll: that is no news for a while.
+void Finder::searched() {
+  const rt::Time again =
+      s_.executor.now() + (search_.last_had_news() ? rt::Duration{0} : 8 * s_.bus.timing.probe_period);
+  scanned_at_ = again;
+  if (!std::exchange(by_fastscan_, false)) blank_at_ = again;
+}
+
+rt::Task<void> Finder::by_rest(bool also_configured) {
+  const bool ended = co_await search_.by_rest(also_configured);
+  if (ended) searched();
+}
+
+// A device may come from another plant as "identified": all become unknown, then those that sit here become identified
+// again (S1.31). While the machine runs this is not repeated: a device that comes new is unknown from power-on.
+//
+// These services are unconfirmed, and a device with a single-slot receive buffer loses what comes back to back: the
+// first is sent twice, with pauses. A device that misses the second is found once more, which costs time and nothing
+// else.
+rt::Task<void> Finder::tell_which_are_known() {
+  const rt::Duration apart = s_.bus.timing.rand_response;
+  for (int time = 0; time < 2; ++time) {
+    co_await rt::sleep_for(apart);
+    const auto unknown = co_await s_.rand.switch_global(nodeid::Identification::unknown);
+    if (!unknown) co_return;
+  }
+  co_await rt::sleep_for(apart);
+  for (auto& seat : slots_.seats()) {
+    const bool known = seat->there && seat->slot.record.confirmed;
+    if (!known) continue;
+    const LssAddress device = seat->slot.record.confirmed->device;
+    const rt::Duration pause = s_.lss.options().inhibit;
+    const auto told = co_await s_.rand.switch_selective(device, nodeid::Identification::identified, pause);
+    if (!told) co_return;
+  }
+}
+
+// Again as long as it brings news and one is missing: a device that was late was not heard, and one that was found does
+// not answer.
+rt::Task<void> Finder::by_rand() {
+  constexpr unsigned most_again = 4;
+  std::size_t before = found_.size();
+  co_await search_.by_rand();
+  for (unsigned again = 0; again < most_again && found_.size() > before && is_one_missing(); ++again) {
+    before = found_.size();
+    co_await search_.by_rand();
+  }
+}
+
+// A device without a node-ID is found in a fraction of a second. One that has a node-ID is searched for among all
+// numbers of the known types, which takes longer with each device that runs: only when a slot is without a device
+// afterwards.
+rt::Task<void> Finder::the_rest(bool also_configured) {
+  constexpr unsigned most_again = 4;
+  const rt::Time began = s_.executor.now();
+  std::size_t before = found_.size();
+  co_await by_rest(false);
+  // A device that was late once was not heard by that search: as long as it brings news, one is asked for that is
+  // missing.
+  for (unsigned again = 0; again < most_again && found_.size() > before && is_one_missing(); ++again) {
+    if (agenda_.search_open) co_return;
+    before = found_.size();
+    co_await by_rest(false);
+  }
+  if (!also_configured || agenda_.search_open) co_return;
+  agenda_.rest_at = s_.executor.now() + 8 * s_.bus.timing.probe_period;
+  // One long search at a time: what happens on the bus meanwhile is dealt with behind it.
+  const bool took_long = s_.executor.now() - began > std::chrono::seconds(5);
+  if (!is_one_missing() || took_long) co_return;
+  co_await by_rest(true);
+}
+
+// A device that fits each slot without one, no device counted twice: else one is missing.
+bool Finder::is_one_missing() const {
+  std::vector<bool> used(found_.size(), false);
+  for (const auto& seat : slots_.seats()) {
+    if (seat->there || seat->slot.spec.assign != places::Assign::lss) continue;
+    const auto device = seat->slot.record.device();
+    std::size_t i = 0;
+    const auto here = [&](const places::Found& f) {
+      const bool clone = f.clone || found_.is_clone(f.device);
+      return !clone && (device == f.device || places::fits(seat->slot.spec, f.device));
+    };
+    while (i < found_.size() && (used[i] || !here(found_.all()[i]))) ++i;
+    if (i == found_.size()) return true;
+    used[i] = true;
+  }
+  return false;
+}
+
+rt::Task<bool> Finder::anybody_new() {
+  if (s_.only_observes()) co_return false;
+  const bool by_rand = agenda_.method() == "auto" || agenda_.method() == "rand";
+  if (by_rand) {
+    const bool any = co_await search_.anybody_by_rand();
+    if (any || agenda_.method() == "rand") co_return any;
+  }
+  const bool due = ++looks_ % 8 == 0 || is_one_missing();
+  if (!due) co_return false;
+  co_return co_await anybody_blank();
+}
+
+// By LSS identify non-configured (4Ch), which CANopenNode's slaves do not know, and by Fastscan's first question, which
+// Lely core's answer with a node-ID too: that is no news for a while when the search after it brought none.
+rt::Task<bool> Finder::anybody_blank() {
+  lss::ServiceOptions options = s_.lss.options().identify;
+  options.timeout = std::min<rt::Duration>(options.timeout, 2 * s_.bus.timing.rand_response);
+  options.full_window = false;
+  rest_wanted_ = false;
+  if (s_.executor.now() >= blank_at_) {
+    const auto heard = co_await s_.lss.identify_non_configured(options);
+    rest_wanted_ = heard && heard->answers > 0;
+  }
+  if (!rest_wanted_ && s_.executor.now() >= scanned_at_) {
+    const lss::FastscanRequest anybody;
+    const auto heard = co_await s_.lss.fastscan(anybody, options);
+    rest_wanted_ = heard && heard->answers > 0;
+    by_fastscan_ = rest_wanted_;
+  }
+  co_return rest_wanted_;
+}
+
+void Finder::rest_from_searching() {
+  const bool waits = std::ranges::any_of(
+      found_.all(), [&](const places::Found& f) { return !f.active.configured() && slots_.of(f.device) == nullptr; });
+  if (!waits) return;
+  const rt::Time again = s_.executor.now() + 8 * s_.bus.timing.probe_period;
+  blank_at_ = std::max(blank_at_, again);
+  scanned_at_ = std::max(scanned_at_, again);
+}
+
+}  // namespace berth::operate

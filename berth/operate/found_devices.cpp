@@ -1,0 +1,81 @@
+#include "berth/operate/found_devices.hpp"
+
+#include <algorithm>
+
+namespace berth::operate {
+
+void FoundDevices::note(const places::Found& found) {
+  const auto [seen, fresh] = first_seen_.try_emplace(found.device, s_.executor.now());
+  const auto booted = found.active.configured() ? s_.boots.boot_up(found.active) : std::nullopt;
+  if (booted && !loans_.of_ours(found.active, *booted)) seen->second = std::min(seen->second, *booted);
+  loans_.seen(found.device);
+  if (found.clone && !is_clone(found.device)) clones_.push_back(found.device);
+  places::Found noted = found;
+  noted.seen = seen->second;
+  places::Found* const known = of(found.device);
+  if (known == nullptr) {
+    list_.push_back(noted);
+  } else {
+    *known = noted;
+  }
+}
+
+void FoundDevices::forget(const LssAddress& device) {
+  std::erase_if(list_, [&](const places::Found& f) { return f.device == device; });
+}
+
+void FoundDevices::forget_who_left() {
+  std::erase_if(first_seen_, [&](const auto& seen) { return of(seen.first) == nullptr; });
+}
+
+places::Found* FoundDevices::of(const LssAddress& device) noexcept {
+  const auto it = std::ranges::find(list_, device, &places::Found::device);
+  return it == list_.end() ? nullptr : &*it;
+}
+
+const places::Found* FoundDevices::of(const LssAddress& device) const noexcept {
+  const auto it = std::ranges::find(list_, device, &places::Found::device);
+  return it == list_.end() ? nullptr : &*it;
+}
+
+bool FoundDevices::any_at(NodeId id) const noexcept {
+  return std::ranges::find(list_, id, &places::Found::active) != list_.end();
+}
+
+bool FoundDevices::uses(const LssAddress& device, NodeId id) const noexcept {
+  return std::ranges::any_of(list_,
+                             [&](const places::Found& f) { return f.device == device && f.active == id && !f.clone; });
+}
+
+void FoundDevices::mark_loans() {
+  for (auto& f : list_) {
+    const auto* const loan = loans_.of(f.device);
+    f.lent = loan != nullptr && loan->id == f.active;
+  }
+}
+
+NodeId FoundDevices::active_of(const LssAddress& device) const noexcept {
+  const places::Found* const known = of(device);
+  return known == nullptr ? NodeId() : known->active;
+}
+
+bool FoundDevices::is_clone(const LssAddress& device) const noexcept {
+  return std::ranges::find(clones_, device) != clones_.end();
+}
+
+void FoundDevices::note_without_rand(const LssAddress& device) {
+  if (!without_rand(device)) without_rand_.push_back(device);
+}
+
+bool FoundDevices::without_rand(const LssAddress& device) const noexcept {
+  return std::ranges::find(without_rand_, device) != without_rand_.end();
+}
+
+std::vector<LssAddress> FoundDevices::addresses() const {
+  std::vector<LssAddress> all;
+  for (const auto& [seen, at] : first_seen_) all.push_back(seen);
+  for (const auto& f : list_) all.push_back(f.device);
+  return all;
+}
+
+}  // namespace berth::operate

@@ -1,0 +1,192 @@
+#include "berth/operate/lending.hpp"
+
+#include <fmt/format.h>
+
+#include <algorithm>
+
+#include "berth/rt/scope.hpp"
+
+namespace berth::operate {
+
+// Not a slot's, not the master's, not one under which anybody was ever heard. `prepare_loans` asks whether it is
+// vacant.
+bool Lending::may_be_lent(NodeId id) const noexcept {
+  const bool slot = std::ranges::any_of(slots_.seats(), [&](const auto& s) { return s->id() == id; });
+  return !slot && !spoken_for(id) && id != s_.bus.master && !s_.boots.heard(id);
+}
+
+// A device that was found has it, was lent it, or has told that it will have it when it boots.
+bool Lending::spoken_for(NodeId id) const noexcept {
+  const bool held = std::ranges::any_of(found_.all(), [&](const places::Found& f) { return f.active == id; });
+  return held || loans_.lent(id) || told_[id.value()];
+}
+
+bool Lending::free_for_a_loan(const Seat& seat, const LssAddress& device) const noexcept {
+  const NodeId id = seat.id();
+  const auto& vacant = s_.vacancy[id.value()];
+  return !seat.there && !seat.slot.record.device() && seat.slot.spec.assign == places::Assign::lss && !spoken_for(id) &&
+         vacant && s_.boots.silent_since(id, *vacant) && places::fits(seat.slot.spec, device);
+}
+
+// The lowest free slot's that it fits: searches find the devices of a type in ascending order, and with `ascending`
+// that is where it stays. Else one that no slot has.
+NodeId Lending::id_to_lend(const LssAddress& device) const noexcept {
+  NodeId lowest;
+  for (const auto& seat : slots_.seats()) {
+    const bool lower = !lowest.configured() || seat->id() < lowest;
+    if (lower && free_for_a_loan(*seat, device)) lowest = seat->id();
+  }
+  if (lowest.configured()) return lowest;
+  for (std::uint8_t value = 126; value > 0; --value) {
+    if (may_be_lent(NodeId(value)) && s_.vacancy[value]) return NodeId(value);
+  }
+  return {};
+}
+
+rt::Task<Result<NodeId>> Lending::lend_to(LssAddress device) {
+  const NodeId id = id_to_lend(device);
+  if (!id.configured()) co_return fail(Errc::exhausted, "no node-ID is left that could be lent to it");
+  const rt::Time began = s_.executor.now();
+  loans_.expect_boot_up(id);
+  const auto selected = co_await asking_.select_alone(device);
+  if (!selected) co_return fail(selected.error());
+  const bool written = lend(device, id);
+  if (!written) co_return fail(Errc::io, "the slot table cannot be written");
+  const auto given = co_await s_.lss.configure_node_id(id);
+  const auto released = co_await s_.lss.switch_global(lss::State::waiting);
+  if (!given) co_return fail(given.error());
+  if (!released) co_return fail(released.error());
+  const rt::Time deadline = began + s_.bus.timing.boot_timeout;
+  const bool heard = co_await s_.boots.wait(id, began, deadline);
+  if (!heard) co_return fail(Errc::timeout, "it was lent a node-ID and was not heard under it");
+  co_return id;
+}
+
+// As many node-IDs that no device answers under as devices may come, asked side by side: the free slots' own are known.
+rt::Task<void> Lending::prepare() {
+  std::size_t wanted = 2;
+  for (const auto& seat : slots_.seats()) wanted += seat->there || s_.vacancy[seat->id().value()] ? 0U : 1U;
+  rt::Scope asked(s_.executor, asking_.most_at_once());
+  for (std::uint8_t value = 126; value > 0 && wanted > 0; --value) {
+    const NodeId id(value);
+    if (!may_be_lent(id)) continue;
+    --wanted;
+    if (!s_.vacancy[value]) asked.spawn(asking_.vacancy(id));
+  }
+  co_await asked.join();
+}
+
+// Lent while the device is the only one selected; it is seated, or blank again, before the round is over.
+NodeId Lending::assign(const LssAddress& device) noexcept {
+  const bool by_rand = found_.of(device) != nullptr && !found_.without_rand(device);
+  if (by_rand) return {};  // it waits for its place, and leaves no search by a loan
+  const Seat* const seat = slots_.of(device);
+  // Lely core's slaves answer Fastscan with a node-ID too: what they use stays, and nothing else is pending.
+  if (seat != nullptr && seat->there && seat->slot.record.confirmed) return seat->id();
+  const bool own =
+      seat != nullptr && s_.vacancy[seat->id().value()] && !s_.boots.heard(seat->id()) && !told_[seat->id().value()];
+  const NodeId id = own ? seat->id() : id_to_lend(device);
+  if (!id.configured()) return id;
+  const bool written = lend(device, id);
+  if (!written) return {};
+  loans_.expect_boot_up(id);
+  return id;
+}
+
+bool Lending::lend(const LssAddress& device, NodeId id) {
+  const auto written = loans_.lend(device, id);
+  if (!written) slots_.tell_once("error", "the slot table cannot be written: " + describe(written.error()));
+  return written.has_value();
+}
+
+void Lending::end(const LssAddress& device) {
+  const auto* const loan = loans_.of(device);
+  if (loan == nullptr) return;
+  loans_.expected_boot_up(loan->id, s_.executor.now());
+  const auto written = loans_.end(device);
+  if (!written) slots_.tell_once("error", "the slot table cannot be written: " + describe(written.error()));
+}
+
+// A slot's node-ID that was lent to one device and is another's by the plan.
+rt::Task<void> Lending::take_back_what_is_in_the_way(std::vector<places::Action> actions) {
+  for (const auto& action : actions) {
+    if (action.kind != places::Action::Kind::bind) continue;
+    const auto* const loan = loans_.to_another(slots_.seats()[action.slot]->id(), action.device);
+    const bool asks = loan != nullptr && may_be_asked(*loan);
+    if (!asks) continue;
+    const Loans::Loan in_the_way = *loan;
+    co_await end_or_keep(in_the_way);
+  }
+}
+
+// A device that does not confirm keeps its loan, and is asked again in the next rounds; later, when the whole bus is
+// asked anew.
+rt::Task<void> Lending::take_back_all() {
+  const std::vector<Loans::Loan> lent = loans_.all();
+  for (const auto& loan : lent) {
+    const Seat* const seat = slots_.of(loan.device);
+    const bool seated = seat != nullptr && seat->there;
+    const bool nothing_pending = seated && seat->id() == loan.id;
+    if (nothing_pending) {
+      end(loan.device);
+      continue;
+    }
+    if (!may_be_asked(loan)) continue;
+    if (seated) {
+      const Loans::Loan one = loan;
+      const NodeId own = seat->id();
+      co_await make_pending(one, own);
+      continue;
+    }
+    const Loans::Loan one = loan;
+    co_await end_or_keep(one);
+  }
+}
+
+// It came back by itself, to its own node-ID, and what it was lent would come into use at its next reset.
+rt::Task<void> Lending::make_pending(Loans::Loan loan, NodeId own) {
+  const auto told = co_await tell_pending(loan.device, own);
+  if (told) {
+    end(loan.device);
+  } else {
+    loans_.kept(loan.device);
+  }
+}
+
+bool Lending::may_be_asked(const Loans::Loan& loan) const noexcept { return !Loans::given_up(loan) || agenda_.retries; }
+
+rt::Task<void> Lending::end_or_keep(Loans::Loan loan) {
+  const auto back = co_await take_back(loan.device, loan.id);
+  s_.vacancy[loan.id.value()].reset();
+  if (!back) {
+    loans_.kept(loan.device);
+    loans_.expected_boot_up(loan.id, s_.executor.now());
+    co_return;
+  }
+  const auto found = found_.of(loan.device);
+  if (found != nullptr) found->active = NodeId();
+  end(loan.device);
+  s_.boots.forget(loan.id);
+}
+
+// Only this device has the node-ID pending, and is in LSS waiting. False: it did not confirm that.
+rt::Task<bool> Lending::tell_pending(LssAddress device, NodeId id) {
+  const auto selected = co_await asking_.select_alone(device);
+  if (!selected) co_return false;
+  const auto given = co_await s_.lss.configure_node_id(id);
+  const auto released = co_await s_.lss.switch_global(lss::State::waiting);
+  co_return given&& released;
+}
+
+// False: it did not confirm that it gives the node-ID up.
+rt::Task<bool> Lending::take_back(LssAddress device, NodeId id) {
+  const NodeId none;
+  const auto told = co_await tell_pending(device, none);
+  if (!told) co_return false;
+  // A device with a single-slot receive buffer would lose the reset behind what was just sent.
+  co_await rt::sleep_for(s_.bus.timing.rand_response);
+  const auto reset = co_await s_.nmt.send(co::NmtCommand::reset_communication, id);
+  co_return reset.has_value();
+}
+
+}  // namespace berth::operate

@@ -1,0 +1,316 @@
+#include "berth/operate/main_job.hpp"
+
+#include <algorithm>
+#include <utility>
+
+namespace berth::operate {
+
+using places::Assign;
+using places::SlotState;
+
+const char* name(Phase phase) noexcept {
+  switch (phase) {
+    case Phase::opening: return "opening";
+    case Phase::preparation: return "preparation";
+    case Phase::discovery: return "discovery";
+    case Phase::binding: return "binding";
+    case Phase::start: return "start";
+    case Phase::watch: return "watch";
+  }
+  return "";
+}
+
+rt::Task<void> MainJob::run() {
+  for (bool first = true;; first = false) {
+    co_await work(first);
+    if (p_.agenda.search_open) {
+      co_await handle_what_came();
+    } else {
+      co_await watch();
+    }
+  }
+}
+
+// The turn is given back also when the job is ended in the middle.
+rt::Task<void> MainJob::work(bool first) {
+  co_await p_.bus.turn.take();
+  const rt::Held held(p_.bus.turn);
+  idle_ = false;
+  if (first) {
+    co_await opening();
+    co_await p_.presence.prepare();
+  }
+  co_await round();
+  // A search can take longer than the pause before the next one, which begins when it is over.
+  Agenda& agenda = p_.agenda;
+  const rt::Time now = p_.bus.executor.now();
+  const rt::Duration period = p_.bus.bus.timing.probe_period;
+  const int pause = std::exchange(agenda.retries, false) ? 8 : 1;
+  agenda.retry_at = std::max(agenda.retry_at, now + pause * period);
+  agenda.anew_at = std::max(agenda.anew_at, now + 2 * period);
+  idle_ = !agenda.search_open;
+}
+
+// An interrupted run may have left one device in configuration state with a node-ID pending: the next `04 00` would
+// bring it into use. The device that listens gives it up first (berth/places/binding.hpp).
+rt::Task<void> MainJob::opening() {
+  BusServices& s = p_.bus;
+  p_.agenda.phase = Phase::opening;
+  if (s.only_observes()) co_return;
+  const bool unfinished =
+      std::ranges::any_of(p_.slots.seats(), [](const auto& seat) { return seat->slot.record.asked.has_value(); }) ||
+      !p_.slots.unfinished_here().empty();
+  if (unfinished) p_.slots.tell("step", "", "finishing what an earlier run began");
+  const auto loaded = p_.loans.load();
+  if (!loaded) p_.slots.tell("error", "", "the slot table cannot be read: " + describe(loaded.error()));
+  const bool lends = !p_.loans.empty();
+  if (unfinished || lends) {
+    const auto reverted = co_await s.lss.configure_node_id(NodeId());
+    if (!reverted && reverted.error().code == Errc::bus) p_.slots.tell("error", "", describe(reverted.error()));
+  }
+  const auto quiet = co_await s.lss.switch_global(lss::State::waiting);
+  // One that keeps what it was lent pending would be silent until the next reset of all.
+  const bool wakes = lends && quiet && s.may_command();
+  if (wakes) {
+    co_await rt::sleep_for(s.bus.timing.rand_response);  // a single-slot receive buffer would lose it behind `04 00`
+    places::wake_unconfigured(s.dispatcher);
+  }
+  p_.agenda.alone = !quiet;
+  if (p_.agenda.alone) p_.slots.tell("error", "", "the bus: " + describe(quiet.error()));
+}
+
+rt::Task<void> MainJob::round() {
+  co_await ask_the_troubled();
+  if (!p_.bus.only_observes()) {
+    co_await p_.presence.adopt_all_fixed();
+    co_await p_.finder.discover();
+    co_await p_.doubles.tell_seats_apart();
+    co_await carry_out();
+    co_await seat_the_configured();
+    port_.speak();
+  }
+  for (const auto& seat : p_.slots.seats()) {
+    const bool none = seat->state == SlotState::unknown && !p_.agenda.search_open;
+    if (none) p_.slots.set_state(*seat, SlotState::empty, "no device of its type was found");
+  }
+  co_await start();
+}
+
+rt::Task<void> MainJob::ask_the_troubled() {
+  for (const auto& seat : p_.slots.seats()) {
+    const bool asks = seat->ask_again || seat->suspect;
+    if (asks) co_await look_again_at(*seat);
+  }
+}
+
+rt::Task<void> MainJob::look_again_at(Seat& seat) {
+  const bool again = std::exchange(seat.ask_again, false);
+  const bool twins = again && seat.state == SlotState::duplicate;
+  if (twins) {
+    const LssAddress device = seat.slot.record.confirmed->device;
+    const auto id = co_await p_.asking.active_id(device);
+    const bool still = !id && id.error().code == Errc::duplicate;
+    if (still) co_return;
+  }
+  const bool other = co_await p_.spares.isolate_former(seat);
+  if (other || again) co_await p_.presence.ask_seat(seat);
+  const bool elsewhere = again && !seat.there;
+  if (elsewhere) co_await p_.presence.look_by_lss(seat);
+}
+
+rt::Task<void> MainJob::carry_out() {
+  co_await p_.seating.carry_out();
+  p_.finder.rest_from_searching();
+}
+
+// Devices that only SDO finds, and those without LSS.
+rt::Task<void> MainJob::seat_the_configured() {
+  const bool all = false;
+  const bool others = co_await p_.configured.find(all);
+  co_await p_.recipes.bind_all();
+  if (others) co_await carry_out();
+}
+
+rt::Task<void> MainJob::start() {
+  const bool operational = co_await p_.starter.check_and_start();
+  if (operational) port_.start_master();
+}
+
+// ---- between the rounds ----
+
+// Between two parts of a long search: what the bus told meanwhile, and a person's command, do not wait for its end.
+rt::Task<void> MainJob::handle_what_came() {
+  co_await p_.bus.turn.take();
+  const rt::Held held(p_.bus.turn);
+  p_.agenda.calls = false;
+  while (p_.agenda.wakes.size() > 0) {
+    const rt::Time now = p_.bus.executor.now();
+    const auto wake = co_await p_.agenda.wakes.next(now);
+    if (!wake) break;
+    const Wake w = *wake;
+    co_await p_.supervision.handle(w);
+  }
+  if (p_.starter.is_due()) co_await start();
+}
+
+// Returns when something is to be done about the bus as a whole: a new device, or a slot that became free.
+rt::Task<void> MainJob::watch() {
+  bool due = false;
+  while (!due) {
+    p_.agenda.phase = Phase::watch;
+    due = co_await look();
+  }
+}
+
+rt::Task<bool> MainJob::look() {
+  Agenda& agenda = p_.agenda;
+  const rt::Time deadline = p_.bus.executor.now() + look_period();
+  const auto wake = co_await agenda.wakes.next(deadline);
+  co_await p_.bus.turn.take();
+  const rt::Held held(p_.bus.turn);
+  idle_ = false;
+  agenda.calls = false;
+  bool anybody = false;
+  if (wake) {
+    const Wake w = *wake;
+    co_await p_.supervision.handle(w);
+    anybody = w.kind == Wake::Kind::look;
+  } else {
+    p_.supervision.check_rates();
+    anybody = co_await p_.finder.anybody_new();
+  }
+  const bool anew = agenda.look_anew && p_.bus.executor.now() >= agenda.anew_at;
+  const bool due = anybody || anew || retry_due();
+  if (due || p_.starter.is_due()) co_return true;
+  idle_ = agenda.wakes.size() == 0;
+  co_return false;
+}
+
+// While a slot waits for its device, new ones are looked for more often: machine and devices are switched on together.
+rt::Duration MainJob::look_period() const noexcept {
+  const bool waits = std::ranges::any_of(
+      p_.slots.seats(), [](const auto& s) { return s->state == SlotState::empty && !s->slot.spec.optional; });
+  const rt::Duration period = p_.bus.bus.timing.probe_period;
+  return waits ? period / 8 : period;
+}
+
+bool MainJob::needs_retry() const noexcept {
+  const bool slots = std::ranges::any_of(p_.slots.seats(), [](const auto& s) {
+    const bool asked = s->slot.record.asked.has_value();
+    const bool silent = s->state == SlotState::absent && s->slot.record.confirmed;
+    const bool waits = !s->slot.spec.optional && (s->state == SlotState::empty || s->state == SlotState::question);
+    const bool doubled = s->state == SlotState::duplicate;
+    const bool failed = s->state == SlotState::failed && !s->stuck;
+    const bool powered = s->state == SlotState::power_cycle && !s->waits_since;
+    return failed || powered || asked || silent || waits || doubled;
+  });
+  // A blank that failed left a device under a node-ID that is not its own, the master's say.
+  return slots || p_.planning.has_blanks();
+}
+
+// What failed may succeed later: the device was slow, deaf or resetting. Not at once, and not for ever in a hurry.
+bool MainJob::retry_due() {
+  const rt::Time now = p_.bus.executor.now();
+  const auto& timing = p_.bus.bus.timing;
+  if (!needs_retry() || now < p_.agenda.retry_at) return false;
+  p_.agenda.retry_at = now + 8 * timing.probe_period;
+  p_.agenda.retries = true;
+  p_.agenda.look_anew = true;
+  for (const auto& seat : p_.slots.seats()) {
+    const bool again = seat->state == SlotState::failed && seat->there && !seat->stuck;
+    const auto heard = p_.bus.boots.heard(seat->id());
+    const bool beats = heard && now - *heard <= timing.heartbeat_timeout;
+    if (again && beats) p_.slots.set_state(*seat, SlotState::present, "trying again");
+    const bool troubled = seat->state == SlotState::absent || seat->state == SlotState::duplicate || seat->misplaced;
+    const bool silent = again && !beats;  // it may have left before its heartbeat was waited for
+    seat->ask_again = (troubled || silent) && seat->slot.record.confirmed && !seat->slot.record.asked;
+    const bool unknown_double = seat->state == SlotState::duplicate && !seat->slot.record.device();
+    if (unknown_double) p_.slots.set_state(*seat, SlotState::empty, "looking again");
+  }
+  return true;
+}
+
+// ---- once ----
+
+namespace {
+
+// Also when the command is given up in the middle.
+class Once {
+ public:
+  Once(Agenda& agenda, std::string method) : agenda_(agenda) {
+    agenda_.of_command = std::move(method);
+    agenda_.once = agenda_.look_anew = true;
+  }
+  ~Once() {
+    agenda_.of_command.clear();
+    agenda_.once = false;
+  }
+  Once(const Once&) = delete;
+  Once& operator=(const Once&) = delete;
+
+ private:
+  Agenda& agenda_;
+};
+
+}  // namespace
+
+rt::Task<Result<void>> MainJob::bind_once(std::string method) {
+  co_await p_.bus.turn.take();
+  const rt::Held held(p_.bus.turn);
+  const Once once(p_.agenda, std::move(method));
+  co_await opening();
+  co_await p_.presence.prepare();
+  co_await p_.finder.discover();
+  co_await carry_out();
+  co_await p_.presence.adopt_all_fixed();
+  co_await seat_the_configured();
+  co_return all_there();
+}
+
+rt::Task<Result<void>> MainJob::bind_from_scratch(bool confirmed) {
+  co_await p_.bus.turn.take();
+  const rt::Held held(p_.bus.turn);
+  if (!confirmed) co_return fail(Errc::invalid, "every device would lose its node-ID; confirm it with --yes");
+  if (!p_.bus.may_command()) co_return fail(Errc::unsupported, "this bus is not commanded by Berth (role)");
+  const auto halted = co_await p_.bus.nmt.send(co::NmtCommand::enter_pre_operational, co::NmtTarget::all());
+  if (!halted) co_return fail(halted.error());
+  co_await opening();
+  const auto blanked = co_await blank_all();
+  if (!blanked) co_return fail(blanked.error());
+  co_await p_.presence.adopt_all_fixed();
+  co_await p_.recipes.bind_all();
+  co_await carry_out();
+  co_return all_there();
+}
+
+rt::Task<Result<void>> MainJob::blank_all() {
+  const std::string reason(places::from_scratch);
+  for (const auto& seat : p_.slots.seats()) {
+    if (!seat->slot.record.device()) continue;
+    const auto cleared = p_.slots.clear(*seat, reason);
+    if (!cleared) co_return fail(cleared.error());
+  }
+  p_.found.clear();
+  p_.agenda.look_anew = true;
+  co_await p_.finder.discover();
+  const bool all = true;
+  co_await p_.seating.inquire_found(all);
+  co_await p_.configured.find(all);
+  const std::vector<places::Found> found = p_.found.all();
+  for (const auto& f : found) {
+    const bool blanks = f.active.configured() && !f.clone && !p_.planning.never_by_lss(f.device);
+    if (!blanks) continue;
+    const LssAddress device = f.device;
+    co_await p_.seating.blank(device, reason);
+  }
+  co_return Result<void>{};
+}
+
+Result<void> MainJob::all_there() const {
+  const bool all =
+      std::ranges::all_of(p_.slots.seats(), [](const auto& s) { return s->slot.spec.optional || s->there; });
+  if (!all) return fail(Errc::not_found, "not every slot has its device; see the report");
+  return {};
+}
+
+}  // namespace berth::operate

@@ -1,0 +1,51 @@
+/// The order in which the parts of a network work (`berth/operate/network.hpp` says it in words).
+#pragma once
+
+#include <string>
+
+#include "berth/operate/parts.hpp"
+#include "berth/operate/port_health.hpp"
+
+namespace berth::operate {
+
+class MainJob {
+ public:
+  MainJob(Parts& parts, PortHealth& port) noexcept : p_(parts), port_(port) {}
+
+  /// Never ends by itself.
+  rt::Task<void> run();
+  /// Nothing to do now but to watch.
+  [[nodiscard]] bool idle() const noexcept { return idle_; }
+  /// `run` was cancelled.
+  void ended() noexcept { idle_ = false; }
+
+  /// One round without a start (`berth bind`). Waits for its turn. Errors: `not_found` a slot is without its device.
+  rt::Task<Result<void>> bind_once(std::string method);
+  /// The same, after every node-ID that LSS can take away was taken away. Errors: also `invalid` not `confirmed`;
+  /// `unsupported` Berth does not command this bus.
+  rt::Task<Result<void>> bind_from_scratch(bool confirmed);
+
+ private:
+  rt::Task<void> work(bool first);
+  rt::Task<void> opening();
+  rt::Task<void> round();
+  rt::Task<void> ask_the_troubled();
+  rt::Task<void> look_again_at(Seat& seat);
+  rt::Task<void> carry_out();
+  rt::Task<void> seat_the_configured();
+  rt::Task<void> start();
+  rt::Task<void> watch();
+  rt::Task<bool> look();
+  rt::Task<void> handle_what_came();
+  rt::Task<Result<void>> blank_all();
+  [[nodiscard]] rt::Duration look_period() const noexcept;
+  [[nodiscard]] bool retry_due();
+  [[nodiscard]] bool needs_retry() const noexcept;
+  [[nodiscard]] Result<void> all_there() const;
+
+  Parts& p_;
+  PortHealth& port_;
+  bool idle_ = false;
+};
+
+}  // namespace berth::operate

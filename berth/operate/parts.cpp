@@ -1,0 +1,33 @@
+#include "berth/operate/parts.hpp"
+
+#include <utility>
+
+namespace berth::operate {
+
+Parts::Parts(rt::Executor& executor, can::Port& port, const design::Bus& line, std::vector<places::SlotSpec> specs,
+             places::SlotStore& store, NetworkObserver observer, co::HeartbeatConsumer::Observer& heartbeats,
+             co::EmcyConsumer::Observer& emergencies)
+    : bus(executor, port, line, heartbeats, emergencies),
+      slots(bus, std::move(specs), store, std::move(observer)),
+      agenda(executor, line.discovery),
+      loans(store, slots.machine_name(), line.name),
+      found(bus, loans),
+      asking(bus, slots, found),
+      lending(bus, slots, agenda, found, loans, asking),
+      doubles(bus, slots, agenda, found, asking),
+      places(bus, slots, agenda, found, asking, lending),
+      configuring(bus, slots),
+      presence(bus, slots, agenda, found, asking, places, configuring),
+      planning(bus, slots, agenda, found, loans),
+      configured(bus, slots, agenda, found, loans, asking, doubles, presence, planning),
+      search(bus, slots, agenda, found, lending),
+      finder(bus, slots, agenda, found, places, configured, search),
+      seating(bus, slots, agenda, found, loans, asking, lending, places, presence, planning),
+      recipes(bus, slots, found, asking),
+      spares(bus, slots, agenda, asking, configuring, presence, planning, seating),
+      starter(bus, slots, agenda, asking, configuring, spares),
+      supervision(bus, slots, agenda, loans, presence, seating, spares) {
+  configuring.set_asker(presence);
+}
+
+}  // namespace berth::operate

@@ -1,0 +1,38 @@
+/// The parts of a `Network`, in the order in which they know each other: each sees those above it, and none below.
+#pragma once
+
+#include "berth/operate/finder.hpp"
+#include "berth/operate/recipe_seating.hpp"
+#include "berth/operate/starter.hpp"
+#include "berth/operate/supervision.hpp"
+
+namespace berth::operate {
+
+struct Parts {
+  Parts(rt::Executor& executor, can::Port& port, const design::Bus& bus, std::vector<places::SlotSpec> specs,
+        places::SlotStore& store, NetworkObserver observer, co::HeartbeatConsumer::Observer& heartbeats,
+        co::EmcyConsumer::Observer& emergencies);
+
+  BusServices bus;
+  SlotTable slots;
+  Agenda agenda;
+  Loans loans;
+  FoundDevices found;
+  Asking asking;
+  Lending lending;
+  Doubles doubles;
+  PlaceProbes places;
+  Configuring configuring;
+  Presence presence;
+  Planning planning;
+  ConfiguredFinder configured;
+  Search search;
+  Finder finder;
+  Seating seating;
+  RecipeSeating recipes;
+  Spares spares;
+  Starter starter;
+  Supervision supervision;
+};
+
+}  // namespace berth::operate

@@ -1,0 +1,317 @@
+#include "berth/operate/planning.hpp"
+
+#include <fmt/chrono.h>
+#include <fmt/format.h>
+
+#include <algorithm>
+
+namespace berth::operate {
+
+using places::Action;
+using places::Assign;
+using places::Mark;
+using places::SlotState;
+using places::UnfinishedBlank;
+
+namespace {
+
+/// For people: a date, or the time on a bus whose clock begins at 0.
+std::string moment(std::int64_t stamp_ms) {
+  constexpr std::int64_t year_2000_ms = 946'684'800'000;
+  if (stamp_ms < year_2000_ms) return fmt::format("{:.3f} s", static_cast<double>(stamp_ms) / 1e3);
+  return fmt::format("{:%Y-%m-%d %H:%M:%S} UTC", fmt::gmtime(static_cast<std::time_t>(stamp_ms / 1000)));
+}
+
+}  // namespace
+
+void Planning::make(const std::vector<places::Reading>& readings) {
+  send_home();
+  found_.mark_loans();
+  const std::vector<places::Found> found = without_used();
+  plan_ = places::plan(slots_.plain(), found, blanks_to_finish(), s_.bus.master, readings);
+  name_unfinished();
+  name_loans();
+  ask_about_used();
+  name_returned();
+  respect_fixed();
+}
+
+// A device whose slot Berth itself freed, because it was silent, and that is still free: it goes back there.
+void Planning::send_home() {
+  for (const auto& f : found_.all()) {
+    if (f.clone || slots_.of(f.device) != nullptr) continue;
+    const auto sat = slots_.former_seat_of(f.device);
+    if (!sat || sat->by_person) continue;
+    const auto home =
+        std::ranges::find_if(slots_.seats(), [&](const auto& s) { return s->slot.record.slot == sat->slot; });
+    const bool free = home != slots_.seats().end() && !(*home)->slot.record.device() && !(*home)->slot.spec.probe &&
+                      (*home)->slot.spec.assign == places::Assign::lss && places::fits((*home)->slot.spec, f.device);
+    if (!free) continue;
+    const auto asked = slots_.store().ask(sat->slot, {f.device, (*home)->id()}, "it sat here before");
+    if (asked) slots_.refresh(**home);
+  }
+}
+
+// Everybody but those who sat somewhere before and of whom nobody has said that they may be used.
+std::vector<places::Found> Planning::without_used() {
+  used_.clear();
+  std::vector<places::Found> rest;
+  for (const auto& f : found_.all()) {
+    // A device that a mechanic moved has sat elsewhere; where it belongs its probe says.
+    const bool by_probe = std::ranges::any_of(
+        slots_.seats(), [&](const auto& s) { return s->slot.spec.probe && places::fits(s->slot.spec, f.device); });
+    const bool known =
+        f.clone || by_probe || slots_.of(f.device) != nullptr || slots_.is_marked(Mark::restore, f.device);
+    const auto sat = known ? std::nullopt : slots_.former_seat_of(f.device);
+    const bool listed = sat && std::ranges::any_of(slots_.seats(), [&](const auto& s) {
+                          return !s->slot.record.device() && places::listed_spare(s->slot.spec, f.device);
+                        });
+    if (listed) slots_.set_mark(Mark::restore, f.device, f.active, "a listed spare that was used before");
+    if (!sat || listed) {
+      rest.push_back(f);
+    } else {
+      used_.push_back({f, *sat});
+    }
+  }
+  return rest;
+}
+
+// Only a device that is there can give anything up.
+std::vector<LssAddress> Planning::blanks_to_finish() const {
+  std::vector<LssAddress> devices;
+  for (const auto& blank : slots_.unfinished_here()) {
+    const bool there = found_.of(blank.device) != nullptr;
+    if (there) devices.push_back(blank.device);
+  }
+  return devices;
+}
+
+void Planning::name_unfinished() {
+  for (const auto& blank : slots_.unfinished_here()) {
+    const bool there = found_.of(blank.device) != nullptr;
+    if (there || slots_.of(blank.device) != nullptr) continue;
+    const std::string id = blank.id.configured() ? fmt::format("node-ID {}", blank.id.value()) : "its node-ID";
+    plan_.oddities.push_back(
+        {"unfinished", blank.device, blank.id,
+         fmt::format("device {} was to give up {} and does not answer: it may come back under it; switch it on, or "
+                     "`berth forget {}` when it is gone for good",
+                     to_string(blank.device), id, to_string(blank.device))});
+  }
+}
+
+// A device that is away may have power, and what it was lent.
+void Planning::name_loans() {
+  for (const auto& loan : loans_.all()) {
+    const bool there = found_.of(loan.device) != nullptr;
+    if (there || !Loans::given_up(loan)) continue;
+    plan_.oddities.push_back(
+        {"lent", loan.device, loan.id,
+         fmt::format(
+             "device {} was lent node-ID {} while it was searched for, and does not answer: the node-ID is given to "
+             "no other device; switch it on, or `berth forget {}` when it is gone for good",
+             to_string(loan.device), loan.id.value(), to_string(loan.device))});
+  }
+}
+
+void Planning::ask_about_used() {
+  for (const auto& [f, sat] : used_) {
+    places::Question question;
+    for (std::size_t i = 0; i < slots_.seats().size(); ++i) {
+      const auto& slot = slots_.seats()[i]->slot;
+      const bool planned = std::ranges::any_of(
+          plan_.actions, [&](const Action& a) { return a.kind == Action::Kind::bind && a.slot == i; });
+      const bool free = !slot.record.device() && slot.spec.assign == places::Assign::lss && !planned;
+      if (free && places::fits(slot.spec, f.device)) question.slots.push_back(i);
+    }
+    keep_off(f);
+    if (question.slots.empty()) {
+      plan_.oddities.push_back({"returned", f.device, f.active, text_of_return(f.device, sat)});
+      continue;
+    }
+    question.devices = {f.device};
+    question.text = fmt::format(
+        "device {} sat in {} until {}: shall it be used again? `berth replace {} --used` gives it its factory settings "
+        "and this slot; else take it off the bus",
+        to_string(f.device), place_of(sat), moment(sat.until_ms), slots_.seats()[question.slots.front()]->name());
+    plan_.questions.push_back(std::move(question));
+  }
+}
+
+// A device that waits may not wait under a node-ID that somebody needs.
+void Planning::keep_off(const places::Found& f) {
+  const bool taken = f.active.configured() && (f.active == s_.bus.master || slots_.at(f.active) != nullptr);
+  const bool planned = std::ranges::any_of(plan_.actions, [&](const Action& a) { return a.device == f.device; });
+  if (!taken || planned) return;
+  plan_.actions.insert(
+      plan_.actions.begin(),
+      Action{Action::Kind::blank, 0, f.device, fmt::format("it holds node-ID {} and has no slot", f.active.value())});
+}
+
+void Planning::name_returned() {
+  for (auto& oddity : plan_.oddities) {
+    if (oddity.kind != "surplus") continue;
+    const auto sat = slots_.former_seat_of(oddity.device);
+    if (!sat) continue;
+    oddity.kind = "returned";
+    oddity.text = text_of_return(oddity.device, *sat);
+  }
+  std::erase_if(returned_, [&](const places::Oddity& o) { return slots_.of(o.device) != nullptr; });
+  for (const auto& each : returned_) {
+    const bool named = std::ranges::any_of(plan_.oddities, [&](const auto& o) { return o.device == each.device; }) ||
+                       std::ranges::any_of(used_, [&](const auto& u) { return u.found.device == each.device; });
+    if (!named) plan_.oddities.push_back(each);
+  }
+}
+
+void Planning::returned(const LssAddress& device, NodeId holds, const std::string& text) {
+  std::erase_if(returned_, [&](const places::Oddity& o) { return o.device == device; });
+  returned_.push_back({"returned", device, holds, text});
+}
+
+void Planning::drop_unfinished(const LssAddress& device) {
+  std::erase_if(plan_.oddities, [&](const places::Oddity& o) { return o.device == device && o.kind == "unfinished"; });
+}
+
+bool Planning::has_blanks() const noexcept {
+  return std::ranges::any_of(plan_.actions, [](const Action& a) { return a.kind == Action::Kind::blank; });
+}
+
+std::string Planning::text_of_return(const LssAddress& device, const places::FormerSeat& sat) const {
+  const auto it = std::ranges::find_if(slots_.seats(), [&](const auto& s) { return s->slot.record.slot == sat.slot; });
+  const auto owner = it == slots_.seats().end() ? std::nullopt : (*it)->slot.record.device();
+  return fmt::format("the device that sat in {} until {} is back: {}{}; take it off the bus", place_of(sat),
+                     moment(sat.until_ms), to_string(device),
+                     owner ? fmt::format("; the slot belongs to {} now", to_string(*owner)) : std::string());
+}
+
+std::string Planning::place_of(const places::FormerSeat& seat) const {
+  const auto it = std::ranges::find_if(slots_.seats(), [&](const auto& s) { return s->slot.record.slot == seat.slot; });
+  return it == slots_.seats().end() ? fmt::format("another place (node-ID {})", seat.id.value())
+                                    : fmt::format("slot {}", (*it)->name());
+}
+
+Result<LssAddress> Planning::used_for(const Seat& seat) const {
+  std::vector<LssAddress> fitting;
+  for (const auto& each : used_) {
+    if (places::fits(seat.slot.spec, each.found.device)) fitting.push_back(each.found.device);
+  }
+  if (fitting.size() == 1) return fitting.front();
+  if (fitting.empty()) return fail(Errc::not_found, "no used device waits for this slot");
+  return fail(Errc::duplicate, "several used devices wait for this slot; name one with --device");
+}
+
+// It once refused 11h, or all slots that it fits say that its node-ID is not given by LSS.
+bool Planning::never_by_lss(const LssAddress& device) const {
+  if (slots_.is_marked(Mark::fixed, device)) return true;
+  bool any = false;
+  for (const auto& seat : slots_.seats()) {
+    if (!places::fits(seat->slot.spec, device)) continue;
+    if (seat->slot.spec.assign == Assign::lss) return false;
+    any = true;
+  }
+  return any;
+}
+
+// Takes out of the plan what LSS cannot do, and says what is the matter instead.
+void Planning::respect_fixed() {
+  std::vector<LssAddress> told;
+  std::erase_if(plan_.actions, [&](const Action& a) {
+    const bool bind = a.kind == Action::Kind::bind;
+    const auto assign = bind ? slots_.seats()[a.slot]->slot.spec.assign : Assign::lss;
+    if (assign == Assign::recipe) return true;  // network_recipe.cpp
+    const bool drops = assign == Assign::fixed || never_by_lss(a.device);
+    if (drops) told.push_back(a.device);
+    return drops;
+  });
+  for (const auto& oddity : plan_.oddities) {
+    if (oddity.kind == "fixed mismatch") told.push_back(oddity.device);
+  }
+  std::ranges::sort(told);
+  const auto twice = std::ranges::unique(told);
+  told.erase(twice.begin(), twice.end());
+  const auto by_recipe = [&](const LssAddress& device) {
+    return std::ranges::any_of(slots_.seats(), [&](const auto& s) {
+      return s->slot.spec.assign == Assign::recipe && places::fits(s->slot.spec, device);
+    });
+  };
+  for (const auto& device : told) {
+    if (by_recipe(device)) {
+      std::erase_if(plan_.oddities,
+                    [&](const places::Oddity& o) { return o.device == device && o.kind == "fixed mismatch"; });
+      continue;
+    }
+    std::erase_if(plan_.oddities, [&](const places::Oddity& o) { return o.device == device; });
+    const auto found = found_.of(device);
+    tell_mismatch(device, found == nullptr ? NodeId() : found->active);
+  }
+}
+
+void Planning::tell_mismatch(const LssAddress& device, NodeId active) {
+  std::string needed;
+  std::string number;
+  for (const auto& seat : slots_.seats()) {
+    const auto sits = seat->slot.record.device();
+    const bool waits = sits ? *sits == device : places::fits(seat->slot.spec, device);
+    if (!waits || seat->id() == active) continue;
+    needed += fmt::format("{}slot {} needs {}", needed.empty() ? "" : ", ", seat->name(), seat->id().value());
+    if (number.empty()) number = fmt::format("{}", seat->id().value());
+  }
+  const Seat* const owner = active.configured() ? slots_.at(active) : nullptr;
+  const bool at_home = owner != nullptr && places::fits(owner->slot.spec, device) &&
+                       owner->slot.record.device().value_or(device) == device;
+  if (at_home) return;  // it is taken as it is
+  std::string text = fmt::format("device {} has {}, by its switches, plug or firmware", to_string(device),
+                                 active.configured() ? fmt::format("node-ID {}", active.value()) : "a fixed node-ID");
+  if (owner != nullptr) text += fmt::format(", which belongs to slot {}", owner->name());
+  text += needed.empty() ? "; no slot waits for it: take it off the bus"
+                         : fmt::format("; {}: set its switches to {}, or put it into the place that has this coding",
+                                       needed, number);
+  plan_.oddities.push_back({"fixed mismatch", device, active, text});
+}
+
+void Planning::report() {
+  for (const auto& oddity : plan_.oddities) {
+    slots_.tell_once(oddity.kind, oddity.text);
+    for (auto& seat : slots_.seats()) {
+      const bool waits = oddity.kind == "fixed mismatch" && !seat->slot.record.device();
+      if (waits && places::fits(seat->slot.spec, oddity.device)) slots_.set_state(*seat, SlotState::empty, oddity.text);
+    }
+    if (oddity.kind != "clone") continue;
+    for (auto& seat : slots_.seats()) {
+      const auto device = seat->slot.record.device();
+      const bool own = device == oddity.device;
+      const bool waits = !device && places::fits(seat->slot.spec, oddity.device);
+      if (own || waits) slots_.set_state(*seat, SlotState::duplicate, oddity.text);
+    }
+  }
+  if (agenda_.search_open) return;  // who is missing may be found yet
+  for (const auto& event : question_events()) {
+    slots_.tell_once(event);
+  }
+  std::vector<const Seat*> asked;
+  for (const auto& question : plan_.questions) {
+    for (const auto i : question.slots) {
+      slots_.set_state(*slots_.seats()[i], SlotState::question, question.text);
+      asked.push_back(slots_.seats()[i].get());
+    }
+  }
+  // Its devices left, or sit elsewhere by now.
+  for (auto& seat : slots_.seats()) {
+    const bool over = seat->state == SlotState::question && !seat->slot.record.device() &&
+                      std::ranges::find(asked, seat.get()) == asked.end();
+    if (over) slots_.set_state(*seat, SlotState::empty, "no device of its type was found");
+  }
+}
+
+std::vector<Event> Planning::question_events() const {
+  std::vector<Event> events;
+  for (const auto& question : plan_.questions) {
+    Event event{s_.executor.now(), s_.bus.name, "question", {}, question.text};
+    for (const auto i : question.slots) event.slots.push_back(slots_.seats()[i]->name());
+    for (const auto& device : question.devices) event.devices.push_back(to_string(device));
+    events.push_back(std::move(event));
+  }
+  return events;
+}
+
+}  // namespace berth::operate

@@ -1,0 +1,128 @@
+#include "berth/operate/port_health.hpp"
+
+#include <fmt/format.h>
+
+#include <algorithm>
+
+#include "berth/text/quantity.hpp"
+
+namespace berth::operate {
+
+using places::SlotState;
+
+PortHealth::PortHealth(BusServices& services, SlotTable& slots, Agenda& agenda, FoundDevices& found, Owner& owner)
+    : s_(services),
+      slots_(slots),
+      agenda_(agenda),
+      found_(found),
+      owner_(owner),
+      device_(s_.dispatcher, s_.bus.master, s_.bus.timing.heartbeat_period),
+      job_(*this) {}
+
+bool PortHealth::begin() {
+  watches_ = true;
+  resting_ = !usable(s_.port.status());
+  return !resting_;
+}
+
+void PortHealth::end() noexcept {
+  job_.cancel();
+  watches_ = resting_ = false;
+}
+
+bool PortHealth::usable(const can::Status& status) const noexcept {
+  return status.up && (s_.only_observes() || !status.listen_only);
+}
+
+void PortHealth::changed(const can::Status& status) {
+  if (status.error_passive() && agenda_.speaks) {
+    // Something on the bus works against what this node sends: be silent, look what it is, and speak again after that.
+    fall_silent();
+    slots_.tell(
+        "error", "",
+        "this port is error-passive: is a wire loose, or another node at a wrong bit rate or with our node-ID?");
+  }
+  if (status.bus_off && !job_.timed()) way_out_of_bus_off();
+  if (watches_) rest_or_go_on(status);
+}
+
+// A port that was away may hang on another machine now, and devices may have been changed meanwhile: everything that
+// was known of them is asked anew, as after a start.
+void PortHealth::rest_or_go_on(const can::Status& status) {
+  if (!usable(status) && !resting_) {
+    go_to_rest(status.up ? "the port takes no frame of Berth's"
+                         : "the port is down; what is wrong with cable, adapter or "
+                           "interface? Berth waits for it");
+  } else if (usable(status) && resting_) {
+    resting_ = false;
+    agenda_.look_anew = true;
+    slots_.tell("step", "", "the port takes frames: looking who is there");
+    owner_.port_goes_on();
+  }
+}
+
+void PortHealth::go_to_rest(const std::string& why) {
+  resting_ = true;
+  owner_.port_rests();
+  fall_silent();
+  s_.vacancy = {};
+  found_.clear();
+  slots_.tell_again();
+  for (auto& seat : slots_.seats()) {
+    s_.heartbeats.supervise(seat->id(), rt::Duration{0});
+    seat->there = seat->started = false;
+    seat->checked = {};
+    slots_.set_state(*seat, SlotState::unknown, why);
+  }
+  slots_.tell("error", "", why);
+}
+
+void PortHealth::way_out_of_bus_off() {
+  const auto& timing = s_.bus.timing;
+  if (s_.bus.bus_off == design::BusOff::stay) {
+    return slots_.tell_once("error",
+                            "this port is bus-off and stays so (bus_off = \"stay\"); find the fault, then start anew");
+  }
+  const auto calm = std::max<rt::Duration>(10 * timing.bus_off_pause, std::chrono::seconds(10));
+  if (restarts_ > 0 && s_.executor.now() - restarted_ > calm) restarts_ = 0;
+  if (timing.bus_off_limit > 0 && restarts_ >= timing.bus_off_limit) {
+    return slots_.tell_once("error",
+                            fmt::format("this port is bus-off again after {} restarts (bus_off_limit), and stays so; "
+                                        "find the fault, then start anew",
+                                        restarts_));
+  }
+  slots_.tell(
+      "error", "",
+      fmt::format("this port is bus-off; it is started again in {}", text::write_duration(timing.bus_off_pause)));
+  s_.executor.after(timing.bus_off_pause, job_);
+}
+
+void PortHealth::restart() {
+  slots_.tell("step", "", "starting the port again after bus-off");
+  ++restarts_;
+  restarted_ = s_.executor.now();
+  // Its own: the network may have moved to another (`move_bit_rate`).
+  const auto rate = s_.port.status().bit_rate;
+  s_.port.restart(rate != 0 ? rate : s_.bus.bitrate);
+  agenda_.look_anew = true;
+}
+
+// Two nodes that boot under one node-ID, and have no other to acknowledge them, would repeat their messages against
+// each other for ever.
+void PortHealth::speak() {
+  const auto& vacant = s_.vacancy[s_.bus.master.value()];
+  const bool free = vacant && s_.boots.silent_since(s_.bus.master, *vacant);
+  if (agenda_.speaks || !free || s_.only_observes() || s_.port.status().error_passive()) return;
+  agenda_.speaks = true;
+  device_.power_on();
+}
+
+void PortHealth::fall_silent() noexcept {
+  if (!agenda_.speaks) return;
+  agenda_.speaks = false;
+  device_.power_off();
+  s_.vacancy[s_.bus.master.value()].reset();
+  agenda_.look_anew = true;
+}
+
+}  // namespace berth::operate

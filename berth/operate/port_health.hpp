@@ -1,0 +1,63 @@
+/// The master's port and the device behind it: the way out of bus-off, rest while the port takes no frame, and when the
+/// master's own device may speak.
+#pragma once
+
+#include "berth/operate/agenda.hpp"
+#include "berth/operate/found_devices.hpp"
+#include "berth/operate/master_device.hpp"
+#include "berth/operate/slot_table.hpp"
+
+namespace berth::operate {
+
+class PortHealth {
+ public:
+  class Owner {
+   public:
+    virtual void port_rests() noexcept = 0;
+    virtual void port_goes_on() = 0;
+
+   protected:
+    ~Owner() = default;
+  };
+  PortHealth(BusServices& services, SlotTable& slots, Agenda& agenda, FoundDevices& found, Owner& owner);
+
+  /// Watches from now on. False: the port takes no frame of Berth's yet.
+  bool begin();
+  void end() noexcept;
+  [[nodiscard]] bool resting() const noexcept { return resting_; }
+  void changed(const can::Status& status);
+
+  /// The master's own messages begin when no other device was found under its node-ID.
+  void speak();
+  void fall_silent() noexcept;
+  void start_master() noexcept { device_.start(); }
+
+ private:
+  class Restart final : public rt::Job {
+   public:
+    explicit Restart(PortHealth& health) noexcept : health_(health) {}
+    void run() noexcept override { health_.restart(); }
+
+   private:
+    PortHealth& health_;
+  };
+  [[nodiscard]] bool usable(const can::Status& status) const noexcept;
+  void rest_or_go_on(const can::Status& status);
+  void go_to_rest(const std::string& why);
+  void way_out_of_bus_off();
+  void restart();
+
+  BusServices& s_;
+  SlotTable& slots_;
+  Agenda& agenda_;
+  FoundDevices& found_;
+  Owner& owner_;
+  MasterDevice device_;
+  Restart job_;
+  rt::Time restarted_{};        // after bus-off, last
+  std::uint32_t restarts_ = 0;  // in a row
+  bool watches_ = false;
+  bool resting_ = false;
+};
+
+}  // namespace berth::operate

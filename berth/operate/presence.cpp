@@ -1,0 +1,172 @@
+#include "berth/operate/presence.hpp"
+
+#include <fmt/format.h>
+
+#include <algorithm>
+
+#include "berth/co/guarding.hpp"
+#include "berth/operate/doubles.hpp"
+#include "berth/rt/scope.hpp"
+
+namespace berth::operate {
+
+using places::SlotState;
+
+// A running machine is not disturbed: first its heartbeats are heard, and only who is silent is asked.
+rt::Task<void> Presence::prepare() {
+  const bool any =
+      std::ranges::any_of(slots_.seats(), [](const auto& s) { return s->slot.record.confirmed.has_value(); });
+  if (!any) co_return;
+  agenda_.phase = Phase::preparation;
+  slots_.tell("step", "", "preparation: looking for the devices of the bound slots");
+  const rt::Time began = s_.executor.now();
+  const rt::Time deadline = began + s_.bus.timing.heartbeat_period + s_.bus.timing.heartbeat_period / 4;
+  const auto all_heard = [&] {
+    return std::ranges::all_of(slots_.seats(), [&](const auto& s) {
+      const auto heard = s_.boots.heard(s->id());
+      return !s->slot.record.confirmed || (heard && *heard >= began);
+    });
+  };
+  while (s_.executor.now() < deadline && !all_heard()) {
+    co_await rt::sleep_for(s_.bus.timing.heartbeat_period / 16 + std::chrono::milliseconds(1));
+  }
+  rt::Scope asked(s_.executor, asking_.most_at_once());
+  for (auto& seat : slots_.seats()) {
+    if (seat->slot.record.confirmed) asked.spawn(ask_seat(*seat));
+  }
+  co_await asked.join();
+  for (auto& seat : slots_.seats()) {
+    const bool silent = seat->slot.record.confirmed && !seat->there;
+    if (silent) co_await look_by_lss(*seat);
+  }
+}
+
+// By heartbeat, else SDO 1000h, else guarding; then by identity: another device may sit at the slot's node-ID.
+rt::Task<void> Presence::ask_seat(Seat& seat) {
+  const NodeId id = seat.id();
+  seat.there = false;
+  const auto heard = s_.boots.heard(id);
+  const bool beats = heard && s_.executor.now() - *heard <= s_.bus.timing.heartbeat_timeout;
+  bool alive = beats;
+  if (!alive) {
+    const auto type = co_await s_.sdo.read<std::uint32_t>(id, 0x1000, 0);
+    alive = type.has_value() || type.error().code == Errc::aborted;
+  }
+  std::optional<NmtState> state;
+  if (!alive) {
+    const auto guarded = co_await co::probe(s_.dispatcher, id, s_.bus.timing.guard_timeout, s_.bus.timing.tries);
+    alive = guarded.has_value();
+    if (guarded) state = guarded->state;
+  }
+  seat.checked = s_.executor.now();
+  if (!alive) {
+    slots_.set_state(seat, SlotState::absent,
+                     fmt::format("no heartbeat, SDO or guarding answer from node-ID {}; switch the device "
+                                 "on, or `berth replace` it",
+                                 id.value()));
+    co_return;
+  }
+  if (beats) state = s_.boots.state(id);
+  const auto surplus = s_.sdo.surplus(id);
+  const auto who = co_await places::Binder::read_identity(s_.sdo, id);
+  if (!who) {
+    // Stopped devices speak no SDO; they are known by their error control alone (the paper's figure).
+    const bool stopped = state == NmtState::stopped;
+    if (stopped) seat.there = true;
+    slots_.set_state(seat, stopped ? SlotState::present : SlotState::absent,
+                     stopped ? std::string() : "its identity cannot be read: " + describe(who.error()));
+    co_return;
+  }
+  // The answer of a second device may come a little behind that of the first.
+  co_await rt::sleep_for(second_answer);
+  if (s_.sdo.surplus(id) != surplus) {
+    slots_.set_state(seat, SlotState::duplicate, "two devices answer under this node-ID; take one of them off the bus");
+    seat.shared = Doubles::most_tries;
+    agenda_.look_anew = true;
+    co_return;
+  }
+  const bool same = *who == seat.slot.record.confirmed->device;
+  if (!same) {
+    seat.shared = Doubles::most_tries;
+    agenda_.look_anew = true;
+    slots_.set_state(seat, SlotState::absent, fmt::format("device {} answers under its node-ID", to_string(*who)));
+    co_return;
+  }
+  const bool stays = co_await places_.stays_in_place(seat);
+  if (!stays) co_return;
+  seat.there = true;
+  seat.started = state == NmtState::operational || seat.held;
+  if (state == NmtState::operational) {
+    s_.heartbeats.supervise(id, s_.bus.timing.heartbeat_timeout);
+    slots_.set_state(seat, SlotState::operational);
+    if (seat.configuration) co_await configuring_.look_at_running(seat);
+    co_return;
+  }
+  slots_.set_state(seat, SlotState::present);
+}
+
+// A bound device that is silent under its node-ID may have lost it, or have another.
+rt::Task<void> Presence::look_by_lss(Seat& seat) {
+  if (seat.state == SlotState::duplicate || s_.only_observes()) co_return;
+  const LssAddress device = seat.slot.record.confirmed->device;
+  const auto id = co_await asking_.active_id(device);
+  if (!id) co_return;
+  found_.note({device, *id});
+}
+
+// A slot whose device gets its node-ID by switches, plug or firmware: whoever sits there with the right type is taken.
+// Nothing is written to it.
+rt::Task<void> Presence::adopt_fixed(Seat& seat) {
+  const co::SdoOptions patience = asking_.patience(1);
+  const NodeId id = seat.id();
+  const auto type = co_await s_.sdo.read<std::uint32_t>(id, 0x1000, 0, patience);
+  if (!type) co_return;
+  const auto who = co_await places::Binder::read_identity(s_.sdo, id);
+  if (!who) co_return;
+  if (!places::fits(seat.slot.spec, *who)) {
+    slots_.set_state(seat, SlotState::wrong_type, fmt::format("device {} has its node-ID", to_string(*who)));
+    co_return;
+  }
+  const places::Seat wanted{*who, id};
+  const auto asked = slots_.store().ask(seat.slot.record.slot, wanted, "found under its fixed node-ID");
+  const auto confirmed =
+      asked ? slots_.store().confirm(seat.slot.record.slot, wanted, "found under its fixed node-ID") : asked;
+  slots_.refresh(seat);
+  if (!confirmed) {
+    slots_.set_state(seat, SlotState::failed, "the slot table cannot be written: " + describe(confirmed.error()));
+    co_return;
+  }
+  slots_.tell("bound", seat.name(), fmt::format("{} sits there by its fixed node-ID {}", to_string(*who), id.value()));
+  co_await ask_seat(seat);
+}
+
+rt::Task<void> Presence::adopt_all_fixed() {
+  for (const auto& seat : slots_.seats()) {
+    const bool fixed = seat->slot.spec.assign == places::Assign::fixed && !seat->slot.record.confirmed;
+    if (fixed) co_await adopt_fixed(*seat);
+  }
+}
+
+// Nothing needs to be assigned: the device that LSS does not reach, or that does not take a node-ID, sits under the
+// slot's already. False: it is not there any more.
+rt::Task<bool> Presence::take_where_it_is(Seat& seat, LssAddress device) {
+  const auto who = co_await places::Binder::read_identity(s_.sdo, seat.id());
+  if (!who || *who != device) co_return false;
+  const places::Seat wanted{device, seat.id()};
+  const std::string reason = "it has the slot's node-ID, and LSS does not change it";
+  const auto asked = slots_.store().ask(seat.slot.record.slot, wanted, reason);
+  const auto confirmed = asked ? slots_.store().confirm(seat.slot.record.slot, wanted, reason) : asked;
+  slots_.refresh(seat);
+  if (!confirmed) {
+    slots_.set_state(seat, SlotState::failed, "the slot table cannot be written: " + describe(confirmed.error()));
+    co_return true;
+  }
+  found_.forget(device);
+  slots_.tell("bound", seat.name(),
+              fmt::format("{} sits there by its own node-ID {}", to_string(device), seat.id().value()));
+  seat.fresh = true;
+  co_await ask_seat(seat);
+  co_return true;
+}
+
+}  // namespace berth::operate

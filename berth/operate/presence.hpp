@@ -1,0 +1,48 @@
+/// Which devices of the slots are there: the preparation step (paper 1 §III.a; S1.30), and each slot's device when it
+/// is heard again.
+#pragma once
+
+#include "berth/operate/configuring.hpp"
+#include "berth/operate/place_probes.hpp"
+
+namespace berth::operate {
+
+class Presence final : public SeatAsker {
+ public:
+  Presence(BusServices& services, SlotTable& slots, Agenda& agenda, FoundDevices& found, Asking& asking,
+           PlaceProbes& places, Configuring& configuring) noexcept
+      : s_(services),
+        slots_(slots),
+        agenda_(agenda),
+        found_(found),
+        asking_(asking),
+        places_(places),
+        configuring_(configuring) {}
+
+  /// All bound slots. A running machine is not disturbed: heartbeats are heard first, and only a device that is silent
+  /// is asked.
+  rt::Task<void> prepare();
+  /// By heartbeat, else SDO 1000h, else guarding; then by identity: another device may sit at the slot's node-ID.
+  rt::Task<void> ask_seat(Seat& seat) override;
+  /// A bound device that is silent under its node-ID may have lost it, or have another. The turn must be held.
+  rt::Task<void> look_by_lss(Seat& seat);
+  /// A slot whose device gets its node-ID by switches, plug or firmware: the device of the right type that sits there
+  /// is taken. Nothing is written to it.
+  rt::Task<void> adopt_fixed(Seat& seat);
+  /// Each slot of that kind that has no device yet.
+  rt::Task<void> adopt_all_fixed();
+  /// Nothing needs to be assigned: the device that LSS does not reach, or that does not take a node-ID, sits under the
+  /// slot's already. False: it is not there any more.
+  rt::Task<bool> take_where_it_is(Seat& seat, LssAddress device);
+
+ private:
+  BusServices& s_;
+  SlotTable& slots_;
+  Agenda& agenda_;
+  FoundDevices& found_;
+  Asking& asking_;
+  PlaceProbes& places_;
+  Configuring& configuring_;
+};
+
+}  // namespace berth::operate

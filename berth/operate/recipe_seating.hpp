@@ -1,0 +1,28 @@
+/// Devices without LSS: a node-ID that is an object, written as the device library says (`places::Recipe`).
+#pragma once
+
+#include "berth/operate/asking.hpp"
+#include "berth/places/recipe_binding.hpp"
+
+namespace berth::operate {
+
+class RecipeSeating {
+ public:
+  RecipeSeating(BusServices& services, SlotTable& slots, FoundDevices& found, Asking& asking) noexcept
+      : s_(services), slots_(slots), found_(found), asking_(asking) {}
+
+  /// All that were found. The turn must be held.
+  rt::Task<void> bind_all();
+
+ private:
+  [[nodiscard]] Seat* seat_for(const places::Found& found);
+  rt::Task<void> bind(Seat& seat, LssAddress device, NodeId now);
+  void not_bound(Seat& seat, const places::RecipeBinding& binding);
+
+  BusServices& s_;
+  SlotTable& slots_;
+  FoundDevices& found_;
+  Asking& asking_;
+};
+
+}  // namespace berth::operate

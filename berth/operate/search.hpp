@@ -1,0 +1,92 @@
+/// One search for devices that no slot knows, by the bus's method, and what is told of it.
+#pragma once
+
+#include <memory>
+#include <string>
+#include <vector>
+
+#include "berth/discovery/auto.hpp"
+#include "berth/operate/lending.hpp"
+
+namespace berth::operate {
+
+/// The devices that a search found, for `berth scan` and `berth lss find`.
+struct NewDevices {
+  std::vector<discovery::Found> found;
+  bool complete = true;
+  std::string end;  ///< how it ended, when it is not complete
+};
+
+class Search final : private nodeid::DiscoveryObserver, private discovery::Observer {
+ public:
+  Search(BusServices& services, SlotTable& slots, Agenda& agenda, FoundDevices& found, Lending& lending);
+
+  /// What is found from now on is news, unless the search before found it too.
+  void begin();
+  /// A device was found that was not told before.
+  [[nodiscard]] bool has_news() const noexcept { return news_; }
+  /// By the last search of `by_rest`, `by_method` or `go_on`.
+  [[nodiscard]] bool last_had_news() const noexcept { return new_in_last_; }
+
+  /// RAND, by Berth's planner, as published only by name: the planner asks a fraction of it.
+  rt::Task<void> by_rand();
+  /// Whatever else devices speak, and `also_configured` those with a node-ID. False: the search failed.
+  rt::Task<bool> by_rest(bool also_configured);
+  /// `discovery =`. False: there is no such method, or the search failed.
+  rt::Task<bool> by_method();
+  /// A search that had no end yet (`Agenda::search_open`).
+  rt::Task<bool> go_on();
+  /// One question of RAND: which devices are new?
+  rt::Task<bool> anybody_by_rand();
+
+  /// All of them, as far as `discovery =` reaches; no slot is thought of and nothing is remembered. The turn must be
+  /// held.
+  rt::Task<Result<NewDevices>> find_new();
+
+ private:
+  rt::Task<Result<discovery::Report>> ask_rand_planner();
+  rt::Task<Result<discovery::Report>> ask_rand_as_published(bool watched);
+  rt::Task<Result<void>> find_the_rest(discovery::Discovery& way, NewDevices& all);
+  rt::Task<bool> by(discovery::Discovery& way);
+  [[nodiscard]] discovery::Auto& rest(bool also_configured);
+  [[nodiscard]] discovery::Discovery* chosen();
+  [[nodiscard]] discovery::Known known_devices() const;
+  [[nodiscard]] discovery::Options options();
+  [[nodiscard]] nodeid::DiscoveryOptions rand_options() const;
+  void take(const discovery::Report& report);
+  void tell_found(const LssAddress& device, bool clone);
+  void tell_end(const discovery::Report& report);
+  void tell_progress();
+  [[nodiscard]] bool gets_on();
+
+  void phase(const nodeid::PhaseEvent&) noexcept override {}
+  void found(const nodeid::Discovered& device) noexcept override;
+  void restarted(unsigned, rt::Time) noexcept override {}
+  void found(const discovery::Found& device) noexcept override;
+  void progress(const discovery::Progress& progress) noexcept override { now_ = progress; }
+  bool goes_on() noexcept override;
+
+  BusServices& s_;
+  SlotTable& slots_;
+  Agenda& agenda_;
+  FoundDevices& found_;
+  Lending& lending_;
+  std::unique_ptr<discovery::Discovery> rand_planner_;
+  std::unique_ptr<discovery::Auto> rest_;         // what RAND does not find
+  std::unique_ptr<discovery::Discovery> chosen_;  // by `discovery =`
+  std::string chosen_name_;
+  std::vector<LssAddress> heard_of_;      // found by this search
+  std::vector<LssAddress> known_before_;  // by the one before
+  discovery::Progress now_{};
+  discovery::Progress before_{};
+  rt::Time progress_at_{};  // it is told again then
+  unsigned idle_ = 0;       // slices in a row that brought nothing
+  rt::Time not_before_{};   // no interruption
+  bool may_be_interrupted_ = false;
+  bool interrupted_ = false;
+  bool news_ = false;
+  bool new_in_last_ = false;
+  bool open_configured_ = false;  // the search that is open looks for devices with a node-ID too
+};
+
+}  // namespace berth::operate

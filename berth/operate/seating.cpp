@@ -1,0 +1,403 @@
+#include "berth/operate/seating.hpp"
+
+#include <fmt/format.h>
+
+#include <algorithm>
+
+#include "berth/operate/timing_options.hpp"
+#include "berth/rt/scope.hpp"
+
+namespace berth::operate {
+
+using places::Action;
+using places::Binding;
+using places::Mark;
+using places::SlotState;
+
+rt::Task<void> Seating::carry_out() {
+  agenda_.phase = Phase::binding;
+  avoid_.clear();
+  bool inquired_all = false;
+  co_await look_for_unfinished();
+  planning_.make(places_.readings());
+  if (!found_.empty()) {
+    co_await inquire_found(false);
+    free_for_spares();
+    free_absent_slots();
+    planning_.make(places_.readings());
+  }
+  // Who must be read first is seated by the second plan; a device that has to give a node-ID up before that, the third.
+  for (int pass = 0; pass < 3; ++pass) {
+    co_await carry_out_actions(inquired_all);
+    if (planning_.plan().probes.empty()) break;
+    const bool read = co_await places_.read_places(planning_.plan().probes);
+    planning_.make(places_.readings());
+    if (!read) break;
+  }
+  places_.note_puzzling(planning_.plan().questions);
+  // While the search goes on they keep what was lent: else it would find them all again.
+  if (!agenda_.search_open) co_await lending_.take_back_all();
+  planning_.report();
+  const bool any =
+      std::ranges::any_of(slots_.seats(), [](const auto& s) { return s->slot.record.confirmed.has_value(); });
+  if (any) slots_.reach("bound");
+}
+
+rt::Task<void> Seating::carry_out_actions(bool& inquired_all) {
+  for (;;) {
+    co_await lending_.take_back_what_is_in_the_way(planning_.plan().actions);
+    co_await verify_vacancy();
+    const std::vector<Action> actions = planning_.plan().actions;
+    std::vector<LssAddress> failed;
+    bool freed = false;  // node-IDs, since they were asked for last
+    for (const auto& action : actions) {
+      if (action.kind != Action::Kind::blank || is_avoided(action.device)) continue;
+      const bool good = co_await act(action);
+      freed = freed || good;
+      // A node-ID that was given up may be what another device failed for.
+      if (good) avoid_.clear();
+      if (!good) failed.push_back(action.device);
+      if (!good) break;
+    }
+    if (failed.empty()) {
+      if (freed) co_await verify_vacancy();
+      co_await bind_side_by_side(actions, failed);
+    }
+    std::ranges::copy(failed, std::back_inserter(avoid_));
+    const bool asks = !failed.empty() && !inquired_all && !found_.empty();
+    if (asks) {
+      inquired_all = true;
+      co_await inquire_found(true);
+    }
+    planning_.make(places_.readings());
+    if (failed.empty()) break;
+  }
+}
+
+// All node-IDs that are about to be given, asked side by side: one time-out for all of them.
+rt::Task<void> Seating::verify_vacancy() {
+  rt::Scope asked(s_.executor, asking_.most_at_once());
+  if (!agenda_.speaks) asked.spawn(asking_.vacancy(s_.bus.master));
+  for (const auto& action : planning_.plan().actions) {
+    if (action.kind != places::Action::Kind::bind) continue;
+    const NodeId id = slots_.seats()[action.slot]->id();
+    const auto& vacant = s_.vacancy[id.value()];
+    const bool known = vacant && s_.boots.silent_since(id, *vacant);
+    if (!known) asked.spawn(asking_.vacancy(id));
+  }
+  co_await asked.join();
+}
+
+bool Seating::is_avoided(const LssAddress& device) const noexcept {
+  return std::ranges::find(avoid_, device) != avoid_.end();
+}
+
+// While one device boots under its new node-ID the next is told its own.
+rt::Task<void> Seating::bind_side_by_side(const std::vector<Action>& actions, std::vector<LssAddress>& failed) {
+  constexpr std::size_t most_bindings = 16;
+  rt::Scope bindings(s_.executor, most_bindings);
+  for (const auto& action : actions) {
+    const bool binds = action.kind == Action::Kind::bind && !is_avoided(action.device);
+    if (binds) bindings.spawn(act_aside(action, failed));
+  }
+  co_await bindings.join();
+}
+
+rt::Task<void> Seating::act_aside(const Action& action, std::vector<LssAddress>& failed) {
+  const bool good = co_await act(action);
+  if (!good) failed.push_back(action.device);
+}
+
+rt::Task<bool> Seating::act(const Action& action) {
+  const LssAddress device = action.device;
+  const std::string reason = action.reason;
+  if (action.kind == Action::Kind::blank) co_return co_await blank(device, reason);
+  Seat& seat = *slots_.seats()[action.slot];
+  // One that is silent may have it pending, as Lely core's slaves do, and no question finds that out.
+  const auto* const loan = loans_.to_another(seat.id(), device);
+  if (loan != nullptr && !found_.uses(device, seat.id())) {
+    slots_.set_state(
+        seat, SlotState::empty,
+        fmt::format("its node-ID was lent to {}, which does not answer: switch that on, or `berth forget {}` when it "
+                    "is gone for good",
+                    to_string(loan->device), to_string(loan->device)));
+    co_return false;
+  }
+  co_return co_await bind_seat(seat, device, reason);
+}
+
+rt::Task<bool> Seating::bind_seat(Seat& seat, LssAddress device, std::string reason) {
+  const bool resumed = seat.slot.record.asked.has_value();
+  const bool borrows = loans_.borrowed(device);
+  const bool home = !borrows && found_.uses(device, seat.id());
+  Binding binding(Binding::Kind::bind, {device, seat.id()}, s_.bus.timing.tries, resumed);
+  slots_.set_state(seat, SlotState::binding, reason);
+  places::Binder::Options options = asking_.binder_options();
+  options.parts = asking_.parts_to_ask(device);
+  places::Binder binder(asking_.binder_services(), options);
+  const places::SlotId slot = seat.slot.record.slot;
+  co_await binder.run(binding, slot, reason);
+  slots_.refresh(seat);
+  const bool good = binding.step() == places::Step::done;
+  const bool no_lss = binding.why() == places::Why::not_there || binding.why() == places::Why::refused;
+  // A device that sits where it belongs may speak no LSS, or take no node-ID.
+  if (home && no_lss) {
+    const bool taken = co_await presence_.take_where_it_is(seat, device);
+    if (taken) co_return true;
+  }
+  // What it was lent is another's by now: the next reset of all would bring it into use.
+  if (binding.why() == places::Why::occupied && loans_.of(device) != nullptr) {
+    co_await s_.lss_turn.take();
+    const rt::Held lss(s_.lss_turn);
+    const NodeId none;
+    const auto given_up = co_await lending_.tell_pending(device, none);
+    if (given_up) lending_.end(device);
+  }
+  ended(seat, binding);
+  co_return good || binding.step() == places::Step::power_cycle;
+}
+
+void Seating::ended(Seat& seat, const Binding& binding) {
+  if (binding.step() == places::Step::done) {
+    bound(seat, binding);
+  } else {
+    not_bound(seat, binding);
+  }
+}
+
+rt::Task<void> Seating::go_on_after_power_cycle(Seat& seat) {
+  Binding binding = *seat.waiting;
+  binding.heard_again();
+  const places::Binder::Options options = asking_.binder_options();
+  places::Binder binder(asking_.binder_services(), options);
+  const std::string reason = "after its power cycle";
+  const places::SlotId slot = seat.slot.record.slot;
+  co_await binder.run(binding, slot, reason);
+  slots_.refresh(seat);
+  ended(seat, binding);
+}
+
+void Seating::bound(Seat& seat, const Binding& binding) {
+  lending_.end(binding.seat().device);
+  loans_.bound(binding.seat().device);
+  found_.no_clone(binding.seat().device);
+  found_.forget(binding.seat().device);
+  places_.forget(binding.seat().device);
+  seat.there = true;
+  seat.started = false;
+  seat.waiting.reset();
+  seat.fresh = true;
+  seat.checked = s_.executor.now();
+  slots_.tell("bound", seat.name(),
+              fmt::format("bound to {} as node-ID {}{}", to_string(binding.seat().device), seat.id().value(),
+                          binding.volatile_only() ? ", which it cannot store" : ""));
+  if (seat.slot.spec.when_ambiguous == places::WhenAmbiguous::one_at_a_time) {
+    const LssAddress& device = binding.seat().device;
+    slots_.tell(
+        "new device", seat.name(),
+        fmt::format("new device: manufacturer {:08X}h, product {:08X}h, serial {:08X}h took slot {}, node-ID {}",
+                    device.vendor, device.product, device.serial, seat.name(), seat.id().value()));
+  }
+  slots_.set_state(seat, SlotState::present);
+}
+
+void Seating::not_bound(Seat& seat, const Binding& binding) {
+  using places::Step;
+  using places::Why;
+  seat.there = false;
+  if (binding.step() == Step::power_cycle) {
+    seat.waiting = binding;
+    found_.forget(binding.seat().device);
+    slots_.set_state(seat, SlotState::power_cycle, "node-ID stored; switch the device off and on");
+    return;
+  }
+  learn_fixed(binding);
+  const bool clone = binding.why() == Why::clone;
+  if (clone) found_.note({binding.seat().device, binding.old_id(), true});
+  if (binding.why() == Why::not_there) found_.forget(binding.seat().device);
+  // Nothing in the device can have changed: the slot is free again. Else it stays the slot's until it is seen.
+  const bool fresh = !seat.slot.record.confirmed && binding.untouched() && seat.slot.record.asked;
+  if (fresh) {
+    const auto cleared = slots_.store().clear(seat.slot.record.slot, places::name(binding.why()));
+    if (!cleared) slots_.tell("error", seat.name(), "the slot table cannot be written: " + describe(cleared.error()));
+    slots_.refresh(seat);
+  }
+  if (binding.why() == Why::not_there && seat.slot.record.asked) return keep_for_its_device(seat);
+  const std::string reason = fmt::format("{}: {}", to_string(binding.seat().device), places::name(binding.why()));
+  if (clone || binding.why() == Why::other_device) {
+    slots_.set_state(seat, SlotState::duplicate, reason);
+  } else if (binding.why() == Why::not_there) {
+    slots_.set_state(seat, fresh ? SlotState::empty : SlotState::absent, reason);
+  } else {
+    slots_.set_state(seat, SlotState::failed, reason);
+  }
+}
+
+// 11h was refused: the node-ID is not LSS's to give. It is not tried again, for the sake of the device and of time.
+void Seating::learn_fixed(const places::Binding& binding) {
+  if (binding.why() != places::Why::refused) return;
+  const LssAddress& device = binding.seat().device;
+  slots_.set_mark(Mark::fixed, device, binding.old_id(), "LSS configure node-ID was refused");
+  const auto found = found_.of(device);
+  if (found != nullptr) found->active = binding.old_id();
+}
+
+rt::Task<bool> Seating::blank(LssAddress device, std::string reason) {
+  const auto known = slots_.unfinished_here();
+  const bool resumed = std::ranges::find(known, device, &places::UnfinishedBlank::device) != known.end();
+  Binding binding(Binding::Kind::blank, {device, NodeId()}, s_.bus.timing.tries, resumed);
+  const auto had = found_.of(device);
+  if (had != nullptr) binding.inquired(had->active);
+  places::Binder::Options options = asking_.binder_options();
+  options.parts = asking_.parts_to_ask(device);
+  places::Binder binder(asking_.binder_services(), options);
+  slots_.tell("step", "", fmt::format("taking the node-ID of {}: {}", to_string(device), reason));
+  const places::SlotId none;
+  co_await binder.run(binding, none, reason);
+  const bool good = binding.step() == places::Step::done;
+  if (good) {
+    // Whatever was heard under its old node-ID is history.
+    s_.boots.forget(binding.old_id());
+    lending_.end(device);
+    const auto it = found_.of(device);
+    if (it != nullptr) it->active = NodeId();
+  } else if (binding.why() != places::Why::not_there) {
+    learn_fixed(binding);
+    slots_.tell("error", "", fmt::format("{} keeps its node-ID: {}", to_string(device), name(binding.why())));
+  }
+  // It was never told anything: there is nothing to finish.
+  if (!good && binding.untouched()) {
+    const auto dropped = slots_.store().drop_blank(device, places::name(binding.why()));
+    if (!dropped && dropped.error().code != Errc::not_found) slots_.tell("error", "", describe(dropped.error()));
+  }
+  co_return good;
+}
+
+// A device that was gone before this Berth began to watch: its slot is freed only when as many new devices of its type
+// are there as such slots, so that a machine whose devices boot slowly keeps its bindings.
+void Seating::free_absent_slots() {
+  const auto freed = [](const Seat& s) {
+    return s.state == SlotState::absent && s.slot.spec.replacement == places::Replacement::automatic &&
+           s.slot.record.confirmed && !s.slot.record.asked;
+  };
+  for (const auto& seat : slots_.seats()) {
+    if (!freed(*seat)) continue;
+    const TypeCode type = seat->slot.spec.type;
+    std::vector<Seat*> group;
+    for (const auto& each : slots_.seats()) {
+      if (freed(*each) && each->slot.spec.type == type) group.push_back(each.get());
+    }
+    const auto devices = std::ranges::count_if(found_.all(), [&](const places::Found& f) {
+      return !f.clone && f.device.type() == type && slots_.of(f.device) == nullptr;
+    });
+    if (std::ssize(group) != devices) continue;
+    for (Seat* each : group) {
+      const auto cleared =
+          slots_.clear(*each, "it is silent, a new device is there, and the machine file says replacement = \"auto\"");
+      if (!cleared) slots_.tell("error", each->name(), describe(cleared.error()));
+    }
+  }
+}
+
+// Listing a spare is the person's answer beforehand: a slot whose device is silent goes to its spare when that comes.
+void Seating::free_for_spares() {
+  for (auto& seat : slots_.seats()) {
+    const bool silent = seat->state == SlotState::absent && seat->slot.record.confirmed && !seat->slot.record.asked;
+    if (!silent) continue;
+    const auto spare = std::ranges::find_if(found_.all(), [&](const places::Found& f) {
+      return !f.clone && slots_.of(f.device) == nullptr && places::listed_spare(seat->slot.spec, f.device);
+    });
+    if (spare == found_.all().end()) continue;
+    const auto cleared =
+        slots_.clear(*seat, fmt::format("it is silent, and its listed spare {} is there", to_string(spare->device)));
+    if (!cleared) slots_.tell("error", seat->name(), describe(cleared.error()));
+  }
+}
+
+// RAND tells no node-ID. Who will be bound is asked in its binding; the others must be known by the node-ID they hold,
+// and so must bound devices that answered RAND: after a power-on they may be right where they belong.
+rt::Task<void> Seating::inquire_found(bool all) {
+  const std::vector<places::Found> found = found_.all();
+  for (const auto& f : found) {
+    const Seat* seat = slots_.of(f.device);
+    const bool binds =
+        std::ranges::any_of(planning_.plan().actions, [&](const Action& a) { return a.device == f.device; });
+    const bool asks = all || seat != nullptr || !binds;
+    if (!asks || f.clone) continue;
+    const auto id = co_await asking_.active_id(f.device);
+    if (id) {
+      const places::Found heard{f.device, *id, false};
+      found_.note(heard);
+      co_await take_back(heard);
+    } else if (id.error().code == Errc::duplicate) {
+      found_.note({f.device, f.active, true});
+    } else if (seat == nullptr && id.error().code == Errc::timeout && !f.active.configured()) {
+      found_.forget(f.device);  // it left; who was found by its node-ID may speak no LSS
+    }
+  }
+}
+
+// A slot's own device under its own node-ID, whose boot-up nobody heard: it is checked and started like one that was.
+rt::Task<void> Seating::take_back(const places::Found& found) {
+  const LssAddress device = found.device;
+  Seat* const seat = slots_.of(device);
+  const bool home =
+      seat != nullptr && seat->slot.record.confirmed && !seat->slot.record.asked && found.active == seat->id();
+  if (!home) co_return;
+  co_await presence_.ask_seat(*seat);
+  if (seat->there) found_.forget(device);
+}
+
+// One question for each instead of a whole binding at every look: a device can be away for ever.
+rt::Task<void> Seating::look_for_unfinished() {
+  for (auto& seat : slots_.seats()) {
+    const bool by_lss = seat->slot.spec.assign == places::Assign::lss && seat->slot.record.asked.has_value();
+    if (!by_lss) continue;
+    const LssAddress device = seat->slot.record.asked->device;
+    if (seat->state == SlotState::power_cycle) {
+      const bool waits = co_await waits_for_its_power_cycle(*seat);
+      if (waits) avoid_.push_back(device);
+      continue;
+    }
+    const bool answers = co_await answers_by_lss(device);
+    if (answers) continue;
+    avoid_.push_back(device);
+    keep_for_its_device(*seat);
+  }
+  for (const auto& blank : slots_.unfinished_here()) {
+    const LssAddress device = blank.device;
+    co_await answers_by_lss(device);
+  }
+}
+
+rt::Task<bool> Seating::answers_by_lss(LssAddress device) {
+  const bool known = found_.of(device) != nullptr;
+  if (known) co_return true;
+  const auto id = co_await asking_.active_id(device);
+  const bool clone = !id && id.error().code == Errc::duplicate;
+  if (id || clone) found_.note({device, id ? *id : NodeId(), clone});
+  co_return id || clone;
+}
+
+// It has stored its node-ID, and uses another still: telling it again would wear its memory out. A power cycle that was
+// not heard, and brought nothing, is thought of now and then.
+rt::Task<bool> Seating::waits_for_its_power_cycle(Seat& seat) {
+  constexpr unsigned sometimes = 8;
+  if (!seat.waiting || ++seat.looked_at % sometimes == 0) co_return false;
+  const NodeId old = seat.waiting->old_id();
+  const auto booted = old.configured() ? s_.boots.boot_up(old) : std::nullopt;
+  if (booted && *booted > seat.since) co_return false;
+  const auto id = co_await asking_.active_id(seat.waiting->seat().device);
+  co_return !id || *id == old;
+}
+
+void Seating::keep_for_its_device(Seat& seat) {
+  seat.there = false;
+  slots_.set_state(
+      seat, SlotState::absent,
+      fmt::format("{} may have node-ID {} in its memory and does not answer: the node-ID is kept for it; switch "
+                  "it on, or give the slot away with `berth replace {}`",
+                  to_string(seat.slot.record.asked->device), seat.id().value(), seat.name()));
+}
+
+}  // namespace berth::operate

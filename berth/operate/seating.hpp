@@ -1,0 +1,71 @@
+/// Carries the plan out: takes node-IDs away and gives them, by LSS (paper 1 §III.c; S1.32 to S1.36).
+#pragma once
+
+#include <string>
+#include <vector>
+
+#include "berth/operate/planning.hpp"
+#include "berth/operate/presence.hpp"
+
+namespace berth::operate {
+
+class Seating {
+ public:
+  Seating(BusServices& services, SlotTable& slots, Agenda& agenda, FoundDevices& found, Loans& loans, Asking& asking,
+          Lending& lending, PlaceProbes& places, Presence& presence, Planning& planning) noexcept
+      : s_(services),
+        slots_(slots),
+        agenda_(agenda),
+        found_(found),
+        loans_(loans),
+        asking_(asking),
+        lending_(lending),
+        places_(places),
+        presence_(presence),
+        planning_(planning) {}
+
+  /// Plans, and does what the plan says, until nothing is left that can be done. The turn must be held.
+  rt::Task<void> carry_out();
+  /// By LSS, the node-IDs of the devices that were found by RAND, which tells none; `all` of them, or those only that
+  /// no binding asks. The turn must be held.
+  rt::Task<void> inquire_found(bool all);
+  /// Takes the device's node-ID away. The turn must be held.
+  rt::Task<bool> blank(LssAddress device, std::string reason);
+  /// A device that waited for its power cycle is heard again.
+  rt::Task<void> go_on_after_power_cycle(Seat& seat);
+
+ private:
+  rt::Task<void> carry_out_actions(bool& inquired_all);
+  rt::Task<void> verify_vacancy();
+  rt::Task<bool> act(const places::Action& action);
+  rt::Task<void> act_aside(const places::Action& action, std::vector<LssAddress>& failed);
+  rt::Task<void> bind_side_by_side(const std::vector<places::Action>& actions, std::vector<LssAddress>& failed);
+  [[nodiscard]] bool is_avoided(const LssAddress& device) const noexcept;
+  rt::Task<bool> bind_seat(Seat& seat, LssAddress device, std::string reason);
+  void ended(Seat& seat, const places::Binding& binding);
+  void bound(Seat& seat, const places::Binding& binding);
+  void not_bound(Seat& seat, const places::Binding& binding);
+  void learn_fixed(const places::Binding& binding);
+  rt::Task<void> take_back(const places::Found& found);
+  void free_absent_slots();
+  void free_for_spares();
+  // What an earlier run, or an earlier try, left unfinished (S1.29, S1.53).
+  rt::Task<void> look_for_unfinished();
+  rt::Task<bool> answers_by_lss(LssAddress device);
+  rt::Task<bool> waits_for_its_power_cycle(Seat& seat);
+  void keep_for_its_device(Seat& seat);
+
+  BusServices& s_;
+  SlotTable& slots_;
+  Agenda& agenda_;
+  FoundDevices& found_;
+  Loans& loans_;
+  Asking& asking_;
+  Lending& lending_;
+  PlaceProbes& places_;
+  Presence& presence_;
+  Planning& planning_;
+  std::vector<LssAddress> avoid_;  // devices whose action failed in this round
+};
+
+}  // namespace berth::operate

@@ -1,0 +1,167 @@
+#include "berth/operate/slot_table.hpp"
+
+#include <fmt/format.h>
+
+#include <algorithm>
+
+namespace berth::operate {
+
+using places::Mark;
+using places::SlotState;
+using places::UnfinishedBlank;
+
+SlotTable::SlotTable(BusServices& services, std::vector<places::SlotSpec> specs, places::SlotStore& store,
+                     NetworkObserver observer)
+    : s_(services), store_(&store), observer_(std::move(observer)) {
+  for (auto& spec : specs) {
+    seats_.push_back(std::make_unique<Seat>());
+    seats_.back()->slot.spec = std::move(spec);
+  }
+}
+
+Result<void> SlotTable::open() {
+  for (auto& seat : seats_) {
+    auto slot = store_->declare(seat->slot.spec.name);
+    if (!slot) return fail(slot.error());
+    seat->slot.record.slot = *slot;
+    seat->slot.record.name = seat->slot.spec.name;
+    refresh(*seat);
+  }
+  return {};
+}
+
+std::string SlotTable::machine_name() const {
+  return seats_.empty() ? std::string() : seats_.front()->slot.spec.name.machine;
+}
+
+Seat* SlotTable::at(NodeId id) const noexcept {
+  const auto it = std::ranges::find_if(seats_, [&](const auto& s) { return s->id() == id; });
+  return it == seats_.end() ? nullptr : it->get();
+}
+
+Seat* SlotTable::named(const std::string& name) const noexcept {
+  const auto it = std::ranges::find_if(seats_, [&](const auto& s) { return s->name() == name; });
+  return it == seats_.end() ? nullptr : it->get();
+}
+
+Seat* SlotTable::of(const LssAddress& device) const noexcept {
+  const auto it = std::ranges::find_if(seats_, [&](const auto& s) { return s->slot.record.device() == device; });
+  return it == seats_.end() ? nullptr : it->get();
+}
+
+std::vector<places::Slot> SlotTable::plain() const {
+  std::vector<places::Slot> slots;
+  for (const auto& seat : seats_) slots.push_back(seat->slot);
+  return slots;
+}
+
+std::vector<SlotReport> SlotTable::report() const {
+  std::vector<SlotReport> slots;
+  for (const auto& seat : seats_) {
+    slots.push_back({s_.bus.name, seat->id(), seat->name(), seat->slot.spec.type, seat->slot.record.device(),
+                     seat->state, seat->since, seat->reason});
+  }
+  std::ranges::sort(slots, {}, &SlotReport::id);
+  return slots;
+}
+
+bool SlotTable::operational() const noexcept {
+  return std::ranges::all_of(seats_,
+                             [](const auto& s) { return s->slot.spec.optional || s->state == SlotState::operational; });
+}
+
+void SlotTable::refresh(Seat& seat) {
+  auto record = store_->load(seat.slot.record.slot);
+  if (!record) return tell("error", seat.name(), "the slot table cannot be read: " + describe(record.error()));
+  seat.slot.record = std::move(*record);
+}
+
+void SlotTable::set_state(Seat& seat, SlotState state, std::string reason) {
+  if (seat.state == state && seat.reason == reason) return;
+  if (seat.state != state) seat.since = s_.executor.now();
+  seat.state = state;
+  seat.reason = std::move(reason);
+  tell("state", seat.name(),
+       seat.reason.empty() ? places::name(state) : fmt::format("{}: {}", places::name(state), seat.reason));
+}
+
+Seat* SlotTable::with_record(places::SlotId slot) const noexcept {
+  const auto it = std::ranges::find_if(seats_, [&](const auto& s) { return s->slot.record.slot == slot; });
+  return it == seats_.end() ? nullptr : it->get();
+}
+
+Result<void> SlotTable::clear(Seat& seat, const std::string& reason) {
+  const auto cleared = store_->clear(seat.slot.record.slot, reason);
+  if (!cleared) return cleared;
+  s_.heartbeats.supervise(seat.id(), rt::Duration{0});
+  seat.slot.record.asked.reset();
+  seat.slot.record.confirmed.reset();
+  seat.there = seat.started = false;
+  seat.slot.record.configured.reset();
+  seat.waiting.reset();
+  seat.waits_since.reset();
+  seat.stuck = false;
+  seat.failed_savings = 0;
+  set_state(seat, SlotState::empty, reason);
+  return {};
+}
+
+bool SlotTable::is_marked(Mark mark, const LssAddress& device) const {
+  const auto marked = store_->is_marked(mark, device);
+  return marked && *marked;
+}
+
+void SlotTable::set_mark(Mark mark, const LssAddress& device, NodeId id, const std::string& reason) {
+  if (is_marked(mark, device)) return;
+  const auto marked = store_->mark(mark, device, id, reason);
+  if (!marked) tell("error", "", "the slot table cannot be written: " + describe(marked.error()));
+}
+
+void SlotTable::take_mark(Mark mark, const LssAddress& device, const std::string& reason) {
+  if (!is_marked(mark, device)) return;
+  const auto taken = store_->unmark(mark, device, reason);
+  if (!taken) tell("error", "", "the slot table cannot be written: " + describe(taken.error()));
+}
+
+std::optional<places::FormerSeat> SlotTable::former_seat_of(const LssAddress& device) const {
+  const auto lines = store_->history_of(device);
+  return lines ? places::former_seat(*lines) : std::nullopt;
+}
+
+// Those of stores of before schema 5 are of any bus.
+std::vector<UnfinishedBlank> SlotTable::unfinished_here() const {
+  std::vector<UnfinishedBlank> here;
+  const auto all = store_->unfinished_blanks();
+  if (!all) return here;
+  const std::string machine = machine_name();
+  std::ranges::copy_if(*all, std::back_inserter(here), [&](const UnfinishedBlank& b) {
+    return b.bus.empty() || (b.bus == s_.bus.name && (b.machine == machine || machine.empty()));
+  });
+  return here;
+}
+
+void SlotTable::tell(std::string kind, std::string slot, std::string text) {
+  if (observer_.event)
+    observer_.event({s_.executor.now(), s_.bus.name, std::move(kind), std::move(slot), std::move(text)});
+}
+
+void SlotTable::tell_once(const std::string& kind, const std::string& text) {
+  if (std::ranges::find(told_, text) != told_.end()) return;
+  told_.push_back(text);
+  tell(kind, "", text);
+}
+
+void SlotTable::tell_once(const Event& event) {
+  if (std::ranges::find(told_, event.text) != told_.end()) return;
+  told_.push_back(event.text);
+  if (observer_.event) observer_.event(event);
+}
+
+void SlotTable::reach(const char* milestone) {
+  if (std::ranges::find(reached_, milestone) != reached_.end()) return;
+  reached_.emplace_back(milestone);
+  tell("milestone", "", milestone);
+  if (observer_.milestone) observer_.milestone(milestone);
+}
+
+}  // namespace berth::operate

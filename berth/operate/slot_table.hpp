@@ -1,0 +1,89 @@
+/// The slots of one bus at run time: their states, their rows in the store, and the events that tell of them.
+#pragma once
+
+#include <functional>
+#include <memory>
+#include <optional>
+#include <string>
+#include <vector>
+
+#include "berth/operate/bus_services.hpp"
+#include "berth/operate/report.hpp"
+#include "berth/operate/seat.hpp"
+#include "berth/places/slot.hpp"
+#include "berth/places/slot_store.hpp"
+
+namespace berth::operate {
+
+/// What a network tells its owner. Called from the executor; must not destroy the network.
+struct NetworkObserver {
+  std::function<void(const Event&)> event = {};
+  /// "discovered": a discovery has found a device; "bound": every slot that can be is bound, and one at least;
+  /// "operational": every slot that is not optional is operational. Each once.
+  std::function<void(const std::string&)> milestone = {};
+  /// Before each step of a binding: for displays and fault plans. May be empty.
+  std::function<void(const places::Binding&)> before_step = {};
+};
+
+class SlotTable {
+ public:
+  using Seats = std::vector<std::unique_ptr<Seat>>;
+
+  SlotTable(BusServices& services, std::vector<places::SlotSpec> specs, places::SlotStore& store,
+            NetworkObserver observer);
+
+  /// Declares the slots in the store and takes over what it knows.
+  Result<void> open();
+  [[nodiscard]] places::SlotStore& store() const noexcept { return *store_; }
+  /// The machine file's name; empty without slots.
+  [[nodiscard]] std::string machine_name() const;
+
+  [[nodiscard]] const Seats& seats() const noexcept { return seats_; }
+  /// Null: there is none.
+  [[nodiscard]] Seat* at(NodeId id) const noexcept;
+  [[nodiscard]] Seat* named(const std::string& name) const noexcept;
+  [[nodiscard]] Seat* with_record(places::SlotId slot) const noexcept;
+  /// The slot that the device is bound to, asked for or confirmed.
+  [[nodiscard]] Seat* of(const LssAddress& device) const noexcept;
+  /// For `places::plan`.
+  [[nodiscard]] std::vector<places::Slot> plain() const;
+  [[nodiscard]] std::vector<SlotReport> report() const;
+  /// Every slot that is not optional is operational.
+  [[nodiscard]] bool operational() const noexcept;
+
+  /// Reads the slot's row again.
+  void refresh(Seat& seat);
+  void set_state(Seat& seat, places::SlotState state, std::string reason = {});
+  /// Forgets which device sits in the slot, in the store too.
+  Result<void> clear(Seat& seat, const std::string& reason);
+
+  [[nodiscard]] bool is_marked(places::Mark mark, const LssAddress& device) const;
+  void set_mark(places::Mark mark, const LssAddress& device, NodeId id, const std::string& reason);
+  void take_mark(places::Mark mark, const LssAddress& device, const std::string& reason);
+  /// Where the device sat before its slot was given away.
+  [[nodiscard]] std::optional<places::FormerSeat> former_seat_of(const LssAddress& device) const;
+  /// The intentions to take a node-ID away that were begun on this bus and are open. Those of stores of before schema 5
+  /// are of any bus.
+  [[nodiscard]] std::vector<places::UnfinishedBlank> unfinished_here() const;
+
+  void tell(std::string kind, std::string slot, std::string text);
+  /// Not again until `tell_again`.
+  void tell_once(const std::string& kind, const std::string& text);
+  void tell_once(const Event& event);
+  void tell_again() noexcept { told_.clear(); }
+  /// A milestone, once.
+  void reach(const char* milestone);
+  [[nodiscard]] const std::function<void(const places::Binding&)>& before_step() const noexcept {
+    return observer_.before_step;
+  }
+
+ private:
+  BusServices& s_;
+  places::SlotStore* store_;
+  NetworkObserver observer_;
+  Seats seats_;
+  std::vector<std::string> told_;     // with `tell_once`
+  std::vector<std::string> reached_;  // milestones
+};
+
+}  // namespace berth::operate

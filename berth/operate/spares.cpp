@@ -1,0 +1,177 @@
+#include "berth/operate/spares.hpp"
+
+#include <fmt/format.h>
+
+#include <algorithm>
+
+namespace berth::operate {
+
+using places::Mark;
+using places::SlotState;
+
+namespace {
+
+constexpr std::uint32_t load_signature = 0x6461'6F6C;  // "load", CiA 301 §7.5.2.14
+constexpr std::size_t most_formers = 4;                // of one slot that are looked for
+
+}  // namespace
+
+// The devices that may have this slot's node-ID in their memory and sit nowhere now, newest first: they sat here, were
+// told it once and never heard under it, or were to give it up.
+std::vector<LssAddress> Spares::formers_of(const Seat& seat) const {
+  std::vector<LssAddress> devices;
+  const auto lines = slots_.store().history(seat.slot.record.slot);
+  if (!lines) return devices;
+  for (auto line = lines->rbegin(); line != lines->rend() && devices.size() < most_formers; ++line) {
+    const bool told = (line->event == "confirmed" || line->event == "asked") && line->device && line->id == seat.id();
+    if (!told || slots_.of(*line->device) != nullptr) continue;
+    if (std::ranges::find(devices, *line->device) == devices.end()) devices.push_back(*line->device);
+  }
+  for (const auto& blank : slots_.unfinished_here()) {
+    const bool known = std::ranges::find(devices, blank.device) != devices.end();
+    if (blank.id == seat.id() && !known && slots_.of(blank.device) == nullptr) devices.push_back(blank.device);
+  }
+  return devices;
+}
+
+// Two devices under one node-ID cannot be told apart by SDO. By LSS they can: who sat here before is asked for by its
+// address, and gives the node-ID up. That takes an NMT reset, which the slot's own device does too: it is checked and
+// started again at its boot-up.
+rt::Task<bool> Spares::isolate_former(Seat& seat) {
+  if (s_.only_observes() || !seat.slot.record.confirmed) co_return false;
+  const std::vector<LssAddress> formers = formers_of(seat);
+  bool any = false;
+  bool silent = false;
+  for (const auto& device : formers) {
+    Result<NodeId> id = co_await asking_.active_id_once(device);
+    const bool slowly = !id && seat.suspected > 0;
+    if (slowly) id = co_await asking_.active_id(device);
+    silent = silent || !id;
+    if (!id || *id != seat.id()) continue;
+    const auto sat = slots_.former_seat_of(device);
+    const std::string text =
+        sat ? planning_.text_of_return(device, *sat)
+            : fmt::format("a device that sat in slot {} is back: {}", seat.name(), to_string(device));
+    slots_.tell("returned", seat.name(), text);
+    const std::string reason = "its slot was given to another device";
+    const bool gone = co_await seating_.blank(device, reason);
+    planning_.returned(device, gone ? NodeId() : *id, text);
+    any = true;
+  }
+  // What spoke here may have been one that did not hear the question: it is asked for twice more.
+  seat.suspect = silent && !any && ++seat.suspected < 3;
+  if (!seat.suspect) seat.suspected = 0;
+  if (seat.suspect) agenda_.look_anew = true;
+  co_return any;
+}
+
+// Before a device is configured for the first time in a slot that another had: a configuration that is not of this
+// slot says that it comes from somewhere. False: it waits for a person, or it is gone.
+rt::Task<bool> Spares::clear_past(Seat& seat) {
+  if (s_.only_observes()) co_return true;
+  const LssAddress device = seat.slot.record.confirmed->device;
+  const bool fresh = std::exchange(seat.fresh, false);
+  bool restores = slots_.is_marked(Mark::restore, device);
+  bool asks = slots_.is_marked(Mark::looks_used, device);
+  const bool spare = fresh && !restores && !asks && had_another(seat, device);
+  if (spare) {
+    const auto dated = co_await foreign_date(seat);
+    if (!dated) {
+      seat.fresh = true;
+      seat.there = false;
+      slots_.set_state(seat, SlotState::absent, "its configuration date cannot be read: " + describe(dated.error()));
+      co_return false;
+    }
+    const bool welcome =
+        std::ranges::find(welcome_, device) != welcome_.end() || places::listed_spare(seat.slot.spec, device);
+    restores = *dated && welcome;
+    asks = *dated && !welcome;
+    if (restores) slots_.set_mark(Mark::restore, device, seat.id(), "it has a configuration of somewhere else");
+    if (asks) slots_.set_mark(Mark::looks_used, device, seat.id(), "it has a configuration of somewhere else");
+  }
+  if (asks) {
+    slots_.set_state(
+        seat, SlotState::question,
+        fmt::format("device {} has a configuration that is not of this slot (1020h): shall it be used? `berth "
+                    "replace {} --used` gives it its factory settings first; else take it off the bus",
+                    to_string(device), seat.name()));
+    co_return false;
+  }
+  if (!restores) co_return true;
+  co_return co_await restore_seat(seat);
+}
+
+bool Spares::had_another(const Seat& seat, const LssAddress& device) const {
+  const auto lines = slots_.store().history(seat.slot.record.slot);
+  return lines && std::ranges::any_of(*lines, [&](const places::HistoryEntry& line) {
+           return line.event == "confirmed" && line.device != device;
+         });
+}
+
+rt::Task<Result<bool>> Spares::foreign_date(Seat& seat) {
+  const NodeId id = seat.id();
+  const auto days = co_await s_.sdo.read<std::uint32_t>(id, 0x1020, 1);
+  if (!days && days.error().code != Errc::aborted) co_return fail(days.error());
+  if (!days || *days == 0) co_return false;
+  const auto ms = co_await s_.sdo.read<std::uint32_t>(id, 0x1020, 2);
+  if (!ms && ms.error().code != Errc::aborted) co_return fail(ms.error());
+  if (!seat.configuration) co_return true;
+  const auto wanted = co_await configuring_.wanted_of(seat);
+  if (!wanted) co_return fail(wanted.error());
+  const manager::ConfigurationDate has{*days, ms.value_or(0)};
+  co_return has != wanted->date;
+}
+
+// 1011h:01 "load", then a reset: the device has its factory settings, perhaps no node-ID, and then is bound again.
+rt::Task<bool> Spares::restore_seat(Seat& seat) {
+  const NodeId id = seat.id();
+  const LssAddress device = seat.slot.record.confirmed->device;
+  co::SdoOptions patience = s_.sdo.options();
+  patience.timeout = s_.bus.timing.save_timeout;
+  const auto loaded = co_await s_.sdo.write<std::uint32_t>(id, 0x1011, 1, load_signature, patience);
+  if (!loaded && loaded.error().code != Errc::aborted) {
+    seat.there = false;
+    slots_.set_state(seat, SlotState::absent,
+                     "its factory settings could not be asked for: " + describe(loaded.error()));
+    co_return false;
+  }
+  if (!loaded) {
+    slots_.tell("restored", seat.name(), "it cannot restore its factory settings (1011h): " + describe(loaded.error()));
+    slots_.take_mark(Mark::restore, device, "it has no 1011h, or refuses");
+    co_return true;
+  }
+  if (!s_.may_command()) {
+    slots_.set_state(seat, SlotState::power_cycle, "its factory settings are in use when it was switched off and on");
+    slots_.take_mark(Mark::restore, device, "loaded; in use after a power cycle");
+    co_return false;
+  }
+  const rt::Time began = s_.executor.now();
+  const auto sent = co_await s_.nmt.send(co::NmtCommand::reset_node, id);
+  if (!sent) {
+    slots_.set_state(seat, SlotState::failed, "it could not be reset: " + describe(sent.error()));
+    co_return false;
+  }
+  const bool booted = co_await s_.boots.wait(id, began, began + s_.bus.timing.boot_timeout);
+  slots_.take_mark(Mark::restore, device, booted ? "loaded, and booted with them" : "loaded, and reset");
+  slots_.tell("restored", seat.name(), fmt::format("{} has its factory settings", to_string(device)));
+  const auto who = co_await places::Binder::read_identity(s_.sdo, id);
+  const bool same = who && *who == device;
+  seat.checked = s_.executor.now();
+  if (same) co_return true;
+  seat.there = false;
+  agenda_.look_anew = true;
+  slots_.set_state(seat, SlotState::absent, "it did not come back under its node-ID when it got its factory settings");
+  co_await presence_.look_by_lss(seat);
+  co_return false;
+}
+
+// A person named this device, or said that a used one may be used.
+void Spares::make_welcome(const LssAddress& device) {
+  welcome_.push_back(device);
+  if (slots_.former_seat_of(device))
+    slots_.set_mark(Mark::restore, device, NodeId(), "a person said that it may be used again");
+  slots_.take_mark(Mark::looks_used, device, "a person said that it may be used");
+  slots_.take_mark(Mark::fixed, device, "a person named it: it is tried again");
+}
+
+}  // namespace berth::operate

@@ -1,0 +1,53 @@
+/// Spares and devices that return: what becomes of a device whose slot was given away while it was gone, and of one
+/// that was used elsewhere before.
+#pragma once
+
+#include <vector>
+
+#include "berth/operate/seating.hpp"
+
+namespace berth::operate {
+
+class Spares {
+ public:
+  Spares(BusServices& services, SlotTable& slots, Agenda& agenda, Asking& asking, Configuring& configuring,
+         Presence& presence, Planning& planning, Seating& seating) noexcept
+      : s_(services),
+        slots_(slots),
+        agenda_(agenda),
+        asking_(asking),
+        configuring_(configuring),
+        presence_(presence),
+        planning_(planning),
+        seating_(seating) {}
+
+  /// Two devices under one node-ID cannot be told apart by SDO. By LSS they can: a device that sat here before is asked
+  /// for by its address, and gives the node-ID up. That takes an NMT reset, which the slot's own device does too: it is
+  /// checked and started again at its boot-up. True: there was one. The turn must be held.
+  rt::Task<bool> isolate_former(Seat& seat);
+  /// There may be a device that `isolate_former` would ask for.
+  [[nodiscard]] bool has_formers(const Seat& seat) const;
+  /// Before a device is configured for the first time in a slot that another had: a configuration that is not of this
+  /// slot says that it comes from somewhere. False: it waits for a person, or it is gone.
+  rt::Task<bool> clear_past(Seat& seat);
+  /// A person named this device, or said that a used one may be used.
+  void make_welcome(const LssAddress& device);
+
+ private:
+  [[nodiscard]] std::vector<LssAddress> formers_of(const Seat& seat) const;
+  [[nodiscard]] bool had_another(const Seat& seat, const LssAddress& device) const;
+  rt::Task<Result<bool>> foreign_date(Seat& seat);
+  rt::Task<bool> restore_seat(Seat& seat);
+
+  BusServices& s_;
+  SlotTable& slots_;
+  Agenda& agenda_;
+  Asking& asking_;
+  Configuring& configuring_;
+  Presence& presence_;
+  Planning& planning_;
+  Seating& seating_;
+  std::vector<LssAddress> welcome_;
+};
+
+}  // namespace berth::operate

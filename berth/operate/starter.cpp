@@ -1,0 +1,124 @@
+#include "berth/operate/starter.hpp"
+
+#include <fmt/format.h>
+
+#include <algorithm>
+
+#include "berth/rt/scope.hpp"
+
+#include "berth/co/guarding.hpp"
+
+namespace berth::operate {
+
+using places::SlotState;
+
+bool Starter::is_due() const noexcept {
+  return std::ranges::any_of(slots_.seats(),
+                             [](const auto& s) { return s->there && !s->started && s->state == SlotState::present; });
+}
+
+rt::Task<bool> Starter::check_and_start() {
+  agenda_.phase = Phase::start;
+  rt::Scope starts(s_.executor, asking_.most_at_once());
+  for (auto& seat : slots_.seats()) {
+    const bool ready = seat->there && !seat->started && seat->state == SlotState::present;
+    if (ready) starts.spawn(start_seat(*seat));
+  }
+  co_await starts.join();
+  co_await await_operational();
+  const bool all = slots_.operational() && s_.may_command();
+  if (all) slots_.reach("operational");
+  co_return all;
+}
+
+rt::Task<void> Starter::start_seat(Seat& seat) {
+  const NodeId id = seat.id();
+  if (configuring_.rebooted(seat)) co_return;  // which device booted is asked first
+  const bool clear = co_await spares_.clear_past(seat);
+  if (!clear) co_return;
+  const bool configures = !seat.slot.spec.config.empty() && !s_.only_observes();
+  if (configures) {
+    manager::ConfigurationReport report;
+    const bool ready = co_await configuring_.configure(seat, report);
+    if (!ready) co_return;
+  } else {
+    const bool beats = co_await set_heartbeat(seat);
+    if (!beats) co_return;
+  }
+  if (!seat.guarded) s_.heartbeats.supervise(id, s_.bus.timing.heartbeat_timeout);
+  if (!s_.may_command() || configuring_.rebooted(seat)) co_return;
+  co_await send_start(seat);
+}
+
+// False: it is not there any more.
+rt::Task<bool> Starter::set_heartbeat(Seat& seat) {
+  const NodeId id = seat.id();
+  const auto ms = std::chrono::duration_cast<std::chrono::milliseconds>(s_.bus.timing.heartbeat_period).count();
+  const auto period = static_cast<std::uint16_t>(std::clamp<std::int64_t>(ms, 0, 0xFFFF));
+  const auto written = co_await s_.sdo.write<std::uint16_t>(id, 0x1017, 0, period);
+  if (!written && written.error().code != Errc::aborted) {
+    seat.there = false;
+    slots_.set_state(seat, SlotState::absent, "its heartbeat could not be set: " + describe(written.error()));
+    co_return false;
+  }
+  seat.guarded = !written.has_value();
+  co_return true;
+}
+
+rt::Task<void> Starter::send_start(Seat& seat) {
+  const NodeId id = seat.id();
+  seat.started = seat.awaited = true;
+  const auto sent = co_await s_.nmt.send(co::NmtCommand::start, id);
+  if (!sent) {
+    seat.started = seat.awaited = false;
+    slots_.set_state(seat, SlotState::failed, "NMT start could not be sent: " + describe(sent.error()));
+    co_return;
+  }
+  if (!seat.guarded) co_return;
+  // No heartbeat in this device: it is asked once by guarding, which is all that can be known of it.
+  const auto guarded = co_await co::probe(s_.dispatcher, id, s_.bus.timing.guard_timeout, s_.bus.timing.tries);
+  if (guarded && guarded->state == NmtState::operational) {
+    slots_.set_state(seat, SlotState::operational);
+  } else {
+    slots_.set_state(seat, SlotState::failed, "it was started and did not become operational");
+  }
+}
+
+// Operational is what the device says in its heartbeat, not what it was told.
+rt::Task<void> Starter::await_operational() {
+  const auto waits = [](const auto& s) { return s->awaited && s->state == SlotState::present; };
+  const rt::Time deadline = s_.executor.now() + s_.bus.timing.heartbeat_timeout;
+  const rt::Duration patience = s_.bus.timing.heartbeat_period + s_.bus.timing.heartbeat_period / 4;
+  rt::Time again = s_.executor.now() + patience;
+  while (s_.executor.now() < deadline && std::ranges::any_of(slots_.seats(), waits)) {
+    co_await rt::sleep_for(s_.bus.timing.heartbeat_period / 16 + std::chrono::milliseconds(1));
+    if (s_.executor.now() < again) continue;
+    co_await start_again();
+    again = s_.executor.now() + patience;
+  }
+  for (auto& seat : slots_.seats()) {
+    const bool still = waits(seat);
+    seat->awaited = false;
+    if (!still) continue;
+    seat->started = false;
+    std::string why = "it was started and no heartbeat told that it is operational";
+    if (const auto& e = seat->emergency) {
+      why += fmt::format("; it told an error: EMCY {:04X}h ({})", e->code, co::emcy_text(e->code));
+    }
+    slots_.set_state(*seat, SlotState::failed, why);
+  }
+}
+
+// NMT commands have no answer, and every device hears those of all: a slow one's receive buffer overruns when a hundred
+// come back to back. Who is not operational yet is told again, one after the other at a pace that any device follows.
+rt::Task<void> Starter::start_again() {
+  for (auto& seat : slots_.seats()) {
+    if (!seat->awaited || seat->held || seat->state != SlotState::present || configuring_.rebooted(*seat)) continue;
+    const NodeId id = seat->id();
+    const auto sent = co_await s_.nmt.send(co::NmtCommand::start, id);
+    if (!sent) co_return;
+    co_await rt::sleep_for(s_.bus.timing.rand_response);
+  }
+}
+
+}  // namespace berth::operate

@@ -1,0 +1,35 @@
+/// Check, configuration and start of the devices that are in their slots.
+#pragma once
+
+#include "berth/operate/spares.hpp"
+
+namespace berth::operate {
+
+class Starter {
+ public:
+  Starter(BusServices& services, SlotTable& slots, Agenda& agenda, Asking& asking, Configuring& configuring,
+          Spares& spares) noexcept
+      : s_(services), slots_(slots), agenda_(agenda), asking_(asking), configuring_(configuring), spares_(spares) {}
+
+  /// A device is in its slot and was not started.
+  [[nodiscard]] bool is_due() const noexcept;
+  /// All that are due, side by side; returns when each has told that it is operational, or had its
+  /// time to. True: the network is operational, and Berth its master.
+  rt::Task<bool> check_and_start();
+
+ private:
+  rt::Task<void> start_seat(Seat& seat);
+  rt::Task<bool> set_heartbeat(Seat& seat);
+  rt::Task<void> send_start(Seat& seat);
+  rt::Task<void> await_operational();
+  rt::Task<void> start_again();
+
+  BusServices& s_;
+  SlotTable& slots_;
+  Agenda& agenda_;
+  Asking& asking_;
+  Configuring& configuring_;
+  Spares& spares_;
+};
+
+}  // namespace berth::operate

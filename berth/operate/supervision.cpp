@@ -1,0 +1,214 @@
+#include "berth/operate/supervision.hpp"
+
+#include <fmt/format.h>
+
+#include <algorithm>
+#include <utility>
+
+#include "berth/operate/doubles.hpp"
+
+namespace berth::operate {
+
+using places::SlotState;
+
+namespace {
+
+// Why a slot stays as it is: a person's command did it.
+std::string made(NmtState state, NodeId id) {
+  return fmt::format("it was made {}; `berth nmt start {}` starts it", berth::name(state), id.value());
+}
+
+// Stopped is what it was told to be; pre-operational may be its answer to an error, and is started again.
+bool stays(const Seat& seat, NmtState state) noexcept { return seat.held || state == NmtState::stopped; }
+
+std::string text_of_leaving(const Seat& seat, NmtState state) {
+  return stays(seat, state) ? made(state, seat.id())
+                            : fmt::format("it left operational by itself: {}", berth::name(state));
+}
+
+}  // namespace
+
+// What a slot's device tells shows at once; what has to be asked first waits for the turn.
+void Supervision::show(Seat& seat, const Wake& wake, NmtState state) {
+  if (!seat.there || seat.state != SlotState::operational) return;
+  if (wake.kind == Wake::Kind::lost) {
+    lost(seat);
+  } else if (wake.kind == Wake::Kind::boot_up) {
+    slots_.set_state(seat, SlotState::present, "it booted: it is asked what it is before it is started");
+  } else if (wake.kind == Wake::Kind::state && state != NmtState::operational) {
+    seat.left = true;
+    slots_.set_state(seat, SlotState::present, text_of_leaving(seat, state));
+  }
+}
+
+void Supervision::heartbeat(const co::HeartbeatEvent& event, rt::Time at) {
+  using Kind = co::HeartbeatEvent::Kind;
+  Wake wake{Wake::Kind::look, event.node, at};
+  switch (event.kind) {
+    case Kind::boot_up: wake.kind = Wake::Kind::boot_up; break;
+    case Kind::lost:
+    case Kind::never_seen: wake.kind = Wake::Kind::lost; break;
+    case Kind::recovered: wake.kind = Wake::Kind::recovered; break;
+    case Kind::started:
+    case Kind::state_changed: wake.kind = Wake::Kind::state; break;
+  }
+  Seat* seat = slots_.at(event.node);
+  if (seat != nullptr && event.kind == Kind::boot_up) seat->emergency.reset();
+  if (seat != nullptr && seat->there && seat->started && event.state == NmtState::operational &&
+      wake.kind == Wake::Kind::state && seat->state != SlotState::duplicate) {
+    seat->left = false;
+    slots_.set_state(*seat, SlotState::operational);
+    if (slots_.operational()) slots_.reach("operational");
+    return;
+  }
+  if (seat != nullptr) show(*seat, wake, event.state);
+  // A search is broken off for it.
+  const bool ours = wake.kind == Wake::Kind::boot_up && loans_.of_ours(event.node, at);
+  if (seat != nullptr && seat->slot.record.confirmed && !ours) agenda_.calls = true;
+  agenda_.wakes.push(wake);
+}
+
+// The last one of a device since its boot-up, while it has an error.
+void Supervision::emergency(NodeId node, const co::Emcy& message) noexcept {
+  Seat* seat = slots_.at(node);
+  if (seat == nullptr) return;
+  if (message.code == co::emcy_code::error_reset) {
+    seat->emergency.reset();
+  } else if ((message.code >> 8U) != 0) {
+    seat->emergency = message;
+  }
+}
+
+// Two devices with one identity that once fell into one frame drift apart: their heartbeats then come twice as often.
+void Supervision::check_rates() {
+  for (auto& seat : slots_.seats()) {
+    const auto beats = s_.boots.beats(seat->id());
+    const auto elapsed = s_.executor.now() - seat->beats_at;
+    const auto period = s_.bus.timing.heartbeat_period;
+    if (seat->state != SlotState::operational || period.count() == 0 || elapsed < 4 * period) {
+      if (seat->state != SlotState::operational) {
+        seat->beats = beats;
+        seat->beats_at = s_.executor.now();
+      }
+      continue;
+    }
+    const auto expected = elapsed / period + 1;
+    seat->fast = static_cast<std::int64_t>(beats - seat->beats) * 2 > expected * 3 ? seat->fast + 1 : 0;
+    seat->beats = beats;
+    seat->beats_at = s_.executor.now();
+    if (seat->fast >= 2) {
+      seat->suspect = true;
+      seat->shared = Doubles::most_tries;
+      agenda_.look_anew = true;
+      slots_.set_state(
+          *seat, SlotState::duplicate,
+          "its heartbeat comes too often: a second device holds this node-ID; take one of them off the bus");
+    }
+  }
+}
+
+void Supervision::commanded(co::NmtCommand command, co::NmtTarget target) noexcept {
+  for (auto& seat : slots_.seats()) {
+    if (!target.includes(seat->id())) continue;
+    seat->held = command == co::NmtCommand::stop || command == co::NmtCommand::enter_pre_operational;
+  }
+}
+
+rt::Task<void> Supervision::handle(Wake wake) {
+  Seat* const seat = slots_.at(wake.node);
+  const bool booted_so = wake.kind == Wake::Kind::boot_up;
+  const bool of_ours = booted_so && loans_.of_ours(wake.node, wake.at);
+  if (of_ours && seat != nullptr && !seat->slot.record.confirmed) co_return;
+  if (seat == nullptr) {
+    // A boot-up under a node-ID of no slot here, or under the master's own: look what it is.
+    if (booted_so && !of_ours) agenda_.look_anew = true;
+    co_return;
+  }
+  switch (wake.kind) {
+    case Wake::Kind::boot_up: co_return co_await booted(*seat, wake.at);
+    case Wake::Kind::lost: co_return lost(*seat);
+    case Wake::Kind::recovered: {
+      const bool back = !seat->there && wake.at > seat->checked;
+      if (back) co_await came_back(*seat, wake.at);
+      // It came back before its loss was dealt with; what it tells now may be another state than before.
+      co_return co_await told_state(*seat);
+    }
+    case Wake::Kind::state: co_return co_await told_state(*seat);
+    case Wake::Kind::look: break;
+  }
+}
+
+rt::Task<void> Supervision::booted(Seat& seat, rt::Time at) {
+  if (at <= seat.checked) {
+    const bool waits = seat.there && seat.state == SlotState::present && !seat.held;
+    if (waits && s_.heartbeats.state(seat.id()) != NmtState::operational) seat.started = false;
+    co_return;
+  }
+  // It was at work a moment ago: what booted may be a second device, which sends no heartbeat and is not heard again.
+  if (seat.there && seat.started) seat.shared = std::max(seat.shared, 1U);
+  // The slot's own device, or one that sat here before?
+  co_await spares_.isolate_former(seat);
+  co_await came_back(seat, at);
+}
+
+void Supervision::lost(Seat& seat) {
+  const bool gone = s_.heartbeats.lost(seat.id()) || !s_.heartbeats.state(seat.id());
+  if (!seat.there || !gone) return;
+  seat.there = seat.started = false;
+  slots_.set_state(seat, SlotState::absent, "its heartbeat stopped; switch the device on, or `berth replace` it");
+  const bool automatic = seat.slot.spec.replacement == places::Replacement::automatic;
+  if (!automatic || !seat.slot.record.device()) return;
+  const auto cleared = slots_.clear(seat, "it fell silent, and the machine file says replacement = \"auto\"");
+  if (!cleared) slots_.tell("error", seat.name(), describe(cleared.error()));
+  agenda_.look_anew = true;
+  agenda_.anew_at = s_.executor.now();  // a device that waited for the slot is seated
+  seat.hurried = {};
+  // A replacement that comes now is heard at once; the long search for devices with a node-ID would be in its way.
+  agenda_.rest_at = std::max(agenda_.rest_at, s_.executor.now() + 8 * s_.bus.timing.probe_period);
+}
+
+rt::Task<void> Supervision::told_state(Seat& seat) {
+  const auto state = s_.heartbeats.state(seat.id());
+  const bool left = std::exchange(seat.left, false) && seat.there && state && *state != NmtState::operational;
+  if (!left) {
+    // From stopped to pre-operational, say, as it was told.
+    const bool made_else = seat.there && seat.held && seat.state == SlotState::present && state;
+    if (made_else) slots_.set_state(seat, SlotState::present, made(*state, seat.id()));
+    co_return;
+  }
+  // A second device under this node-ID tells its own state.
+  const rt::Time told = s_.executor.now();
+  const bool other = co_await spares_.isolate_former(seat);
+  if (other) co_return co_await came_back(seat, told);
+  seat.started = stays(seat, *state);
+  slots_.set_state(seat, SlotState::present, text_of_leaving(seat, *state));
+}
+
+// A device that boots again and again, and is not taken, does not keep the bus busy.
+void Supervision::hurry(Seat& seat) {
+  const rt::Time now = s_.executor.now();
+  const bool lately = seat.hurried != rt::Time{} && now < seat.hurried + 8 * s_.bus.timing.probe_period;
+  if (lately) return;
+  seat.hurried = now;
+  agenda_.anew_at = std::min(agenda_.anew_at, now);
+}
+
+// A device booted, or spoke again, under the slot's node-ID: is it the slot's device?
+rt::Task<void> Supervision::came_back(Seat& seat, rt::Time booted) {
+  slots_.tell("step", seat.name(), fmt::format("node-ID {} is heard again", seat.id().value()));
+  seat.there = seat.started = seat.held = seat.stuck = false;
+  if (seat.waiting) {
+    co_await seating_.go_on_after_power_cycle(seat);
+    co_return;
+  }
+  if (!seat.slot.record.confirmed) {
+    agenda_.look_anew = true;
+    hurry(seat);
+    co_return;
+  }
+  co_await presence_.ask_seat(seat);
+  // Identified before it booted again: what was read belongs to the life before.
+  if (s_.boots.boot_up(seat.id()) && *s_.boots.boot_up(seat.id()) > booted) seat.checked = booted;
+}
+
+}  // namespace berth::operate

@@ -1,0 +1,49 @@
+/// Heartbeats, boot-ups and EMCYs of the slots' devices: what is heard, and what is done about it.
+#pragma once
+
+#include "berth/operate/spares.hpp"
+
+namespace berth::operate {
+
+class Supervision {
+ public:
+  Supervision(BusServices& services, SlotTable& slots, Agenda& agenda, Loans& loans, Presence& presence,
+              Seating& seating, Spares& spares) noexcept
+      : s_(services),
+        slots_(slots),
+        agenda_(agenda),
+        loans_(loans),
+        presence_(presence),
+        seating_(seating),
+        spares_(spares) {}
+
+  // What the bus tells.
+  void heartbeat(const co::HeartbeatEvent& event, rt::Time at);
+  void emergency(NodeId node, const co::Emcy& message) noexcept;
+
+  /// Acts on it. The turn must be held.
+  rt::Task<void> handle(Wake wake);
+  /// Two devices with one identity that once fell into one frame drift apart: their heartbeats then come twice as
+  /// often.
+  void check_rates();
+  /// A person sent this NMT command: it is not worked against.
+  void commanded(co::NmtCommand command, co::NmtTarget target) noexcept;
+
+ private:
+  void show(Seat& seat, const Wake& wake, NmtState state);
+  rt::Task<void> booted(Seat& seat, rt::Time at);
+  void lost(Seat& seat);
+  rt::Task<void> told_state(Seat& seat);
+  rt::Task<void> came_back(Seat& seat, rt::Time booted);
+  void hurry(Seat& seat);
+
+  BusServices& s_;
+  SlotTable& slots_;
+  Agenda& agenda_;
+  Loans& loans_;
+  Presence& presence_;
+  Seating& seating_;
+  Spares& spares_;
+};
+
+}  // namespace berth::operate

@@ -1,0 +1,112 @@
+// The slots' devices are watched whatever else runs: while a long search has the turn, a loss shows within the
+// heartbeat time-out, a device that restarts is started again, and a person's command does not wait for the search.
+#include "berth/rt/scope.hpp"
+#include "tests/harness/rig.hpp"
+
+using namespace berth;
+using namespace berth::harness;
+using places::SlotState;
+
+namespace {
+
+// d0 speaks RAND and runs at once; the others speak plain LSS alone and are searched for among all serial numbers, on a
+// slow bus.
+constexpr unsigned searched_for = 40;
+
+design::Machine slow_machine() {
+  design::Machine m = one_bus(20'000);
+  add_slot(m, 1, type_a);
+  for (unsigned i = 0; i < searched_for; ++i) add_slot(m, 10 + i, type_b);
+  return m;
+}
+
+plant::PlantFile slow_plant() {
+  auto p = one_bus_plant(7);
+  add_device(p, "d0", type_a, 0x0A);
+  for (unsigned i = 0; i < searched_for; ++i) {
+    add_device(p, "p" + std::to_string(i), type_b, 0x9E37'79B9U * (i + 1)).speaks = {plant::Speaks::lss};
+  }
+  return p;
+}
+
+// Returns when d0 runs and the search for the others goes on, and will for a while.
+void into_the_search(Rig& rig) {
+  rig.begin();
+  ASSERT_TRUE(rig.run_until([&] { return rig.state(1) == SlotState::operational; }, 120s)) << rig.log();
+  ASSERT_TRUE(rig.run_until([&] { return rig.network().phase() == operate::Phase::discovery; }, 60s)) << rig.log();
+  rig.run_for(2s);
+  ASSERT_EQ(rig.network().phase(), operate::Phase::discovery) << rig.log();
+}
+
+rt::Task<void> turn_of(operate::Network& network, bool& had) {
+  co_await network.turn().take();
+  const rt::Held held(network.turn());
+  had = true;
+}
+
+rt::Task<void> stop_node(operate::Network& network, NodeId node) {
+  const auto sent = co_await network.nmt().send(co::NmtCommand::stop, node);
+  EXPECT_TRUE(sent);
+}
+
+}  // namespace
+
+TEST(Supervision, ALossShowsWhileASearchHasTheTurn) {
+  Rig rig(slow_machine(), slow_plant());
+  ASSERT_NO_FATAL_FAILURE(into_the_search(rig));
+  const auto timeout = rig.network().bus().timing.heartbeat_timeout;
+  rig.device("d0").unplug();
+  ASSERT_TRUE(rig.run_until([&] { return rig.state(1) == SlotState::absent; }, timeout + 500ms)) << rig.log();
+  EXPECT_EQ(rig.network().phase(), operate::Phase::discovery) << "it was told beside the search";
+}
+
+TEST(Supervision, ADeviceThatRestartsIsStartedAgainBeforeTheSearchIsOver) {
+  Rig rig(slow_machine(), slow_plant());
+  ASSERT_NO_FATAL_FAILURE(into_the_search(rig));
+  rig.device("d0").power(false);
+  rig.run_for(200ms);
+  rig.device("d0").power(true);
+  ASSERT_TRUE(rig.run_until([&] { return rig.state(1) == SlotState::present; }, 3s)) << rig.log();
+  ASSERT_TRUE(rig.run_until([&] { return rig.state(1) == SlotState::operational; }, 8s)) << rig.log();
+  EXPECT_FALSE(rig.operational()) << "the search was over before";
+}
+
+TEST(Supervision, AStateShowsWhileASearchHasTheTurn) {
+  Rig rig(slow_machine(), slow_plant());
+  ASSERT_NO_FATAL_FAILURE(into_the_search(rig));
+  rig.network().commanded(co::NmtCommand::stop, NodeId(1));
+  rt::Scope scope(rig.world().executor());
+  scope.spawn(stop_node(rig.network(), NodeId(1)));
+  const auto period = rig.network().bus().timing.heartbeat_period;
+  ASSERT_TRUE(rig.run_until([&] { return rig.state(1) == SlotState::present; }, 2 * period)) << rig.log();
+  EXPECT_NE(rig.log().find("it was made stopped"), std::string::npos);
+}
+
+TEST(Supervision, ACommandWaitsForAnExchangeAndNotForASearch) {
+  Rig rig(slow_machine(), slow_plant());
+  ASSERT_NO_FATAL_FAILURE(into_the_search(rig));
+  bool had = false;
+  rt::Scope scope(rig.world().executor());
+  scope.spawn(turn_of(rig.network(), had));
+  ASSERT_TRUE(rig.run_until([&] { return had; }, 8s)) << rig.log();
+  EXPECT_FALSE(rig.operational()) << "the search was over before";
+}
+
+// A device that boots every second does not hold the search up for ever.
+TEST(Supervision, ADeviceThatBootsAgainAndAgainDoesNotEndTheSearch) {
+  Rig rig(slow_machine(), slow_plant());
+  ASSERT_NO_FATAL_FAILURE(into_the_search(rig));
+  const auto others = [&] {
+    unsigned running = 0;
+    for (unsigned i = 0; i < searched_for; ++i) running += rig.state(10 + i) == SlotState::operational ? 1U : 0U;
+    return running == searched_for;
+  };
+  for (unsigned i = 0; i < 600 && !others(); ++i) {
+    rig.device("d0").power(false);
+    rig.run_for(100ms);
+    rig.device("d0").power(true);
+    rig.run_until(others, 900ms);
+  }
+  EXPECT_TRUE(others()) << rig.log();
+  ASSERT_TRUE(rig.until_operational(60s)) << rig.log();
+}
