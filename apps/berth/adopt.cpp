@@ -11,8 +11,7 @@
 #include "berth/live/census.hpp"
 #include "berth/store/database.hpp"
 #include "berth/text/quantity.hpp"
-#include "drive.hpp"
-#include "ports.hpp"
+#include "interrupt.hpp"
 #include "rig.hpp"
 
 namespace berth::cli {
@@ -138,13 +137,6 @@ rt::Task<void> ask_all(live::Census& census, live::CensusOptions options, std::s
   over = true;
 }
 
-void pass(Rig& rig, rt::Duration time, const bool& over, Interrupt& interrupt) {
-  const auto end = rig.world().executor().now() + time;
-  while (!over && rig.world().executor().now() < end && !interrupt.came()) {
-    rig.loop()->turn(std::min<rt::Duration>(50ms, end - rig.world().executor().now()));
-  }
-}
-
 // A master that sends nothing but its heartbeat commands no node while we listen: its objects tell.
 void name_quiet_master(Learnt& learnt) {
   for (const auto& node : learnt.nodes) {
@@ -158,14 +150,15 @@ void name_quiet_master(Learnt& learnt) {
 
 tl::expected<Learnt, Failure> learn(Rig& rig, const Options& options, const AdoptOptions& adopt) {
   const design::Bus& bus = rig.machine().buses.front();
-  auto& dispatcher = rig.session().network(bus.name)->dispatcher();
+  auto& dispatcher = rig.session().network(bus.name)->services().dispatcher;
   live::Census census(dispatcher);
   Interrupt& interrupt = rig.interrupt();
-  bool over = false;
-  pass(rig, adopt.listen, over, interrupt);
+  wait_for(rig.driver(), interrupt, adopt.listen);
   // The gate listens for a time of its own before it lets a question out.
-  if (const auto heard = rig.listen_first(); !heard && !adopt.passive) return tl::unexpected(heard.error());
-  const live::Gate& gate = *rig.gate(bus.name);
+  if (const auto heard = rig.strangers().listen_first(); !heard && !adopt.passive) {
+    return tl::unexpected(heard.error());
+  }
+  const live::Gate& gate = *rig.guards().gate(bus.name);
   if (gate.state() == live::GateState::down) {
     return tl::unexpected(failure(Exit::failed, fmt::format("bus {}: {} is down", bus.name, can::to_string(bus.port))));
   }
@@ -184,9 +177,11 @@ tl::expected<Learnt, Failure> learn(Rig& rig, const Options& options, const Adop
     ask.everybody = adopt.everybody;
     ask.own = learnt.master_id;
     ask.client_gone = std::min<rt::Duration>(ask.client_gone, adopt.listen);
-    rt::Scope scope(rig.world().executor());
+    bool over = false;
+    rt::Scope scope(rig.driver().executor());
     scope.spawn(ask_all(census, ask, problem, over));
-    pass(rig, options.timeout.value_or(10min), over, interrupt);
+    wait_until(
+        rig.driver(), interrupt, [&] { return over; }, options.timeout.value_or(10min));
     if (interrupt.came()) return tl::unexpected(failure(Exit::no, "ended before all were asked; nothing was written"));
     if (!problem.empty()) return tl::unexpected(failure(Exit::failed, fmt::format("bus {}: {}", bus.name, problem)));
   }

@@ -2,14 +2,9 @@
 #pragma once
 
 #include <chrono>
-#include <functional>
 #include <string>
 
 #include "options.hpp"
-
-namespace CLI {
-class App;
-}
 
 namespace berth::cli {
 
@@ -32,7 +27,5 @@ int run_import(const Options& options, const std::string& from, const std::strin
 
 /// `berth scan --bitrate auto`: exit status 0 found; 1 undecidable, or the port has no rate; 3 the port failed.
 int run_bit_rate(const Options& options);
-
-void add_adopt(CLI::App& app, Options& options, std::function<int()>& action);
 
 }  // namespace berth::cli

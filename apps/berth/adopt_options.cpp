@@ -1,65 +1,51 @@
-// The command line of `berth adopt`, `berth export` and `berth import`.
-#include <fmt/format.h>
-
-#include <CLI/CLI.hpp>
+// What may be written behind `berth adopt`, `berth export` and `berth import`.
 #include <memory>
 
 #include "adopt.hpp"
-#include "berth/text/quantity.hpp"
-#include "time_option.hpp"
+#include "verbs.hpp"
 
 namespace berth::cli {
 
-namespace {
-
-void add_adopting(CLI::App& app, Options& options, std::function<int()>& action) {
-  auto* const sub = app.add_subcommand("adopt", "a machine that runs gets its machine file and bindings, undisturbed");
+void add_adopt(Verb& berth, Options& options) {
   const auto wanted = std::make_shared<AdoptOptions>();
-  sub->callback([&options, &action, wanted] { action = [&options, wanted] { return run_adopt(options, *wanted); }; });
-  sub->add_option("file", wanted->file, "machine file to write")->required()->option_text("MACHINE");
-  sub->add_option("--port", options.ports, "port of the bus")->required()->option_text("PORT")->expected(1);
-  sub->add_option("--bitrate", wanted->bitrate, "bit/s (default 125000)")
-      ->check(CLI::IsMember({10'000, 20'000, 50'000, 125'000, 250'000, 500'000, 800'000, 1'000'000}));
-  sub->add_option("--bus", options.bus, "its name in the machine file (default: field)");
-  sub->add_option("--name", wanted->name, "name of the machine (default: adopted)");
-  sub->add_option("--store", options.store, "slot table to write (default: beside the machine file, .db)");
-  time_option(
-      *sub, "--for", [wanted](std::chrono::nanoseconds time) { wanted->listen = time; },
-      "how long to listen (default: 8 s)");
-  auto* const passive = sub->add_flag("--passive", wanted->passive, "send nothing: only what is heard is told");
-  sub->add_flag("--all", wanted->everybody, "ask silent node-IDs, too")->excludes(passive);
-  sub->add_option("--master", wanted->master, "node-ID of the master that runs it: it gets no slot")
-      ->check(CLI::Range(1, 127));
-  sub->add_flag("--json", options.json, "one JSON object");
-  sub->footer(
+  const Verb adopt = berth.add("adopt", "a machine that runs gets its machine file and bindings, undisturbed",
+                               [&options, wanted] { return run_adopt(options, *wanted); });
+  adopt.word("file", wanted->file, "machine file to write").required().shown("MACHINE");
+  adopt.word("--port", options.ports, "port of the bus").required().shown("PORT").values(1, 1);
+  adopt.word("--bitrate", wanted->bitrate, "bit/s (default 125000)")
+      .one_of(std::vector<std::uint32_t>{10'000, 20'000, 50'000, 125'000, 250'000, 500'000, 800'000, 1'000'000});
+  adopt.word("--bus", options.bus, "its name in the machine file (default: field)");
+  adopt.word("--name", wanted->name, "name of the machine (default: adopted)");
+  adopt.word("--store", options.store, "slot table to write (default: beside the machine file, .db)");
+  adopt.time("--for", wanted->listen, "how long to listen (default: 8 s)");
+  const Word passive = adopt.flag("--passive", wanted->passive, "send nothing: only what is heard is told");
+  adopt.flag("--all", wanted->everybody, "ask silent node-IDs, too").excludes(passive);
+  adopt.word("--master", wanted->master, "node-ID of the master that runs it: it gets no slot").from_to(1, 127);
+  json_flag(adopt, options);
+  adopt.footer(
       "Sends SDO upload requests (1000h, 1018h, 1008h to 100Ah) and nothing else; a node that another SDO "
       "client talks to is left alone.\nExample:\n  berth adopt conveyor.toml --port socketcan:can0 --bitrate "
       "250000");
 }
 
-void add_moving(CLI::App& app, Options& options, std::function<int()>& action) {
-  const auto file = std::make_shared<std::string>();
-  const auto folder = std::make_shared<std::string>();
-  auto* const out = app.add_subcommand("export", "machine file, the files it names and its slot table as one file");
-  out->callback([&options, &action, file] { action = [&options, file] { return run_export(options, *file); }; });
-  out->add_option("machine", options.machine, "machine file")->required()->option_text("MACHINE");
-  out->add_option("to", *file, "file to write")->required()->option_text("FILE");
-  out->add_option("--store", options.store, "slot table (default: beside the machine file, .db)");
-  out->add_flag("--json", options.json, "one JSON object");
-  auto* const in = app.add_subcommand("import", "what `berth export` wrote, into a folder; overwrites nothing");
-  in->callback([&options, &action, file, folder] {
-    action = [&options, file, folder] { return run_import(options, *file, *folder); };
-  });
-  in->add_option("from", *file, "file that berth export wrote")->required()->option_text("FILE");
-  in->add_option("folder", *folder, "folder to write into (default: this one)")->option_text("FOLDER");
-  in->add_flag("--json", options.json, "one JSON object");
+void add_export(Verb& berth, Options& options) {
+  const auto to = std::make_shared<std::string>();
+  const Verb out = berth.add("export", "machine file, the files it names and its slot table as one file",
+                             [&options, to] { return run_export(options, *to); });
+  out.word("machine", options.machine, "machine file").required().shown("MACHINE");
+  out.word("to", *to, "file to write").required().shown("FILE");
+  out.word("--store", options.store, "slot table (default: beside the machine file, .db)");
+  json_flag(out, options);
 }
 
-}  // namespace
-
-void add_adopt(CLI::App& app, Options& options, std::function<int()>& action) {
-  add_adopting(app, options, action);
-  add_moving(app, options, action);
+void add_import(Verb& berth, Options& options) {
+  const auto from = std::make_shared<std::string>();
+  const auto folder = std::make_shared<std::string>();
+  const Verb in = berth.add("import", "what `berth export` wrote, into a folder; overwrites nothing",
+                            [&options, from, folder] { return run_import(options, *from, *folder); });
+  in.word("from", *from, "file that berth export wrote").required().shown("FILE");
+  in.word("folder", *folder, "folder to write into (default: this one)").shown("FOLDER");
+  json_flag(in, options);
 }
 
 }  // namespace berth::cli

@@ -1,7 +1,7 @@
 #include "ask.hpp"
 
-#include <fcntl.h>
 #include <fmt/format.h>
+#include <poll.h>
 #include <unistd.h>
 
 #include <algorithm>
@@ -10,6 +10,7 @@
 #include <optional>
 
 #include "berth/text/quantity.hpp"
+#include "execute.hpp"
 #include "output.hpp"
 
 namespace berth::cli {
@@ -24,6 +25,7 @@ namespace {
 
 // Of a terminal, which gives a whole line at once. Nothing: its end, or a signal came.
 std::optional<std::string> typed_line(Interrupt& interrupt) {
+  if (interrupt.came()) return std::nullopt;
   std::array<pollfd, 2> wait{pollfd{STDIN_FILENO, POLLIN, 0}, pollfd{interrupt.descriptor(), POLLIN, 0}};
   ::poll(wait.data(), wait.size(), -1);
   std::string line;
@@ -84,38 +86,38 @@ struct Asker::Answer {
 
 namespace {
 
-rt::Task<void> run(operate::Session& session, const CommandRequest& request, CommandReply& reply, bool& over) {
+rt::Task<void> run(operate::Session& session, const CommandRequest& request, CommandReply& reply, bool& over,
+                   rt::Job& then) {
   co_await operate::execute(session, request, reply);
   over = true;
+  session.executor().post(then);
 }
 
 std::vector<Event> open_questions(const operate::Session& session) { return session.report().questions; }
 
 }  // namespace
 
-Asker::Asker(operate::Session& session, std::function<void(const std::string&)> say)
-    : session_(&session), say_(std::move(say)), scope_(session.executor()) {}
+Asker::Asker(operate::Session& session, io::Loop& loop, std::function<void(const std::string&)> say)
+    : session_(&session), loop_(&loop), say_(std::move(say)), scope_(session.executor()) {}
 
-Asker::~Asker() { scope_.cancel(); }
+Asker::~Asker() {
+  loop_->forget(STDIN_FILENO);
+  scope_.cancel();
+}
 
 void Asker::event(const Event& event) {
   if (event.kind != "question" || event.devices.empty()) return;
   for (const auto& line : lines_of(event)) say_(line);
+  if (!over_) loop_->watch(STDIN_FILENO, *this, EPOLLIN);
 }
 
-void Asker::fill(std::vector<pollfd>& descriptors) const {
-  if (!over_ && !open_questions(*session_).empty()) descriptors.push_back({STDIN_FILENO, POLLIN, 0});
+// What is typed while nothing is asked is left for the shell.
+void Asker::ready(std::uint32_t) noexcept {
+  if (!open_questions(*session_).empty()) read_typed();
+  if (over_ || open_questions(*session_).empty()) loop_->forget(STDIN_FILENO);
 }
 
-void Asker::serve() {
-  std::erase_if(answers_, [&](const auto& answer) {
-    if (!answer->over) return false;
-    if (!answer->reply.error.empty()) say_(answer->reply.error);
-    return true;
-  });
-  if (over_ || open_questions(*session_).empty()) return;
-  pollfd input{STDIN_FILENO, POLLIN, 0};
-  if (::poll(&input, 1, 0) != 1) return;
+void Asker::read_typed() {
   std::array<char, 256> bytes{};
   const auto count = ::read(STDIN_FILENO, bytes.data(), bytes.size());
   if (count <= 0) {
@@ -130,6 +132,14 @@ void Asker::serve() {
   }
 }
 
+void Asker::report_answers() {
+  std::erase_if(answers_, [&](const auto& answer) {
+    if (!answer->over) return false;
+    if (!answer->reply.error.empty()) say_(answer->reply.error);
+    return true;
+  });
+}
+
 void Asker::take(const std::string& line) {
   std::string problem = "nothing is asked now";
   for (const auto& question : open_questions(*session_)) {
@@ -139,7 +149,7 @@ void Asker::take(const std::string& line) {
     answer->request = std::move(request);
     answers_.push_back(std::move(answer));
     Answer& mine = *answers_.back();
-    scope_.spawn(run(*session_, mine.request, mine.reply, mine.over));
+    scope_.spawn(run(*session_, mine.request, mine.reply, mine.over, reporting_));
     return;
   }
   say_(problem);
@@ -162,12 +172,8 @@ void ask_here(Rig& rig, rt::Duration limit) {
       continue;
     }
     CommandReply reply;
-    bool over = false;
-    rt::Scope scope(rig.world().executor());
-    scope.spawn(run(rig.session(), request, reply, over));
-    rig.world().sim().run_until([&] { return over; }, limit);
+    if (!execute_in(rig, request, reply, limit)) return;
     if (!reply.error.empty()) print_error(reply.error);
-    if (!over) return;
   }
 }
 

@@ -2,8 +2,6 @@
 /// slot? The answer is the request that `berth replace SLOT --device ADDRESS` makes.
 #pragma once
 
-#include <poll.h>
-
 #include <functional>
 #include <memory>
 #include <string>
@@ -11,6 +9,7 @@
 
 #include "berth/operate/session.hpp"
 #include "berth/rt/scope.hpp"
+#include "interrupt.hpp"
 #include "rig.hpp"
 
 namespace berth::cli {
@@ -29,34 +28,44 @@ namespace berth::cli {
 [[nodiscard]] operate::CommandRequest answer_of(const operate::Event& question, const std::string& line,
                                                 std::string& problem);
 
-/// Asks beside a run that goes on. `say` prints a line.
-class Asker {
+/// Asks beside a run that goes on, in the loop that drives it. `say` prints a line.
+class Asker final : private io::Watcher {
  public:
-  Asker(operate::Session& session, std::function<void(const std::string&)> say);
+  /// Session and loop must stay.
+  Asker(operate::Session& session, io::Loop& loop, std::function<void(const std::string&)> say);
   ~Asker();
   Asker(const Asker&) = delete;
   Asker& operator=(const Asker&) = delete;
 
-  /// Tells a question when it comes.
+  /// Tells a question when it comes; from then on what is typed is read.
   void event(const operate::Event& event);
-  /// Adds standard input while a question is open.
-  void fill(std::vector<pollfd>& descriptors) const;
-  /// Takes what was typed, without waiting.
-  void serve();
 
  private:
   struct Answer;
+  class Reporting final : public rt::Job {
+   public:
+    explicit Reporting(Asker& asker) noexcept : asker_(&asker) {}
+    void run() noexcept override { asker_->report_answers(); }
+
+   private:
+    Asker* asker_;
+  };
+  void ready(std::uint32_t events) noexcept override;
+  void read_typed();
   void take(const std::string& line);
+  void report_answers();
 
   operate::Session* session_;
+  io::Loop* loop_;
   std::function<void(const std::string&)> say_;
   std::string typed_;
   bool over_ = false;  // the input has ended
+  Reporting reporting_{*this};
   std::vector<std::unique_ptr<Answer>> answers_;
-  rt::Scope scope_;  // last: its tasks use the answers
+  rt::Scope scope_;  // last: its tasks use the rest
 };
 
-/// Asks until nothing is open or no answer comes; the world stands still meanwhile. For `berth bind`.
+/// Asks until nothing is open or no answer comes; the simulated world stands still meanwhile. For `berth bind`.
 void ask_here(Rig& rig, rt::Duration limit);
 
 }  // namespace berth::cli

@@ -4,9 +4,10 @@
 #include <nlohmann/json.hpp>
 
 #include "adopt.hpp"
+#include "berth/io/loop_driver.hpp"
 #include "berth/io/open_port.hpp"
 #include "berth/live/rate_search.hpp"
-#include "drive.hpp"
+#include "interrupt.hpp"
 #include "ports.hpp"
 
 namespace berth::cli {
@@ -34,14 +35,14 @@ std::string no_rate(const can::PortSpec& port) {
 }
 
 // Long enough for a heartbeat each second; ends as soon as the rate is clear.
-live::RateHeard listen_at(io::Loop& loop, const can::PortSpec& spec, std::uint32_t rate, Interrupt& interrupt,
+live::RateHeard listen_at(io::LoopDriver& driver, const can::PortSpec& spec, std::uint32_t rate, Interrupt& interrupt,
                           rt::Duration time, bool& label) {
   live::RateHeard heard;
   heard.rate = rate;
   io::PortOptions options;
   options.bit_rate = rate;
   options.listen_only = true;
-  auto port = io::open_port(loop, spec, options);
+  auto port = io::open_port(driver.loop(), spec, options);
   if (!port) {
     heard.problem = port.error();
     return heard;
@@ -51,8 +52,8 @@ live::RateHeard listen_at(io::Loop& loop, const can::PortSpec& spec, std::uint32
   (*port)->listen(&counter, std::span(&all, 1));
   const auto before = (*port)->status();
   label = before.bit_rate_is_label;
-  const auto end = loop.executor().now() + time;
-  while (!label && loop.executor().now() < end && counter.frames < 3 && !interrupt.came()) loop.turn(20ms);
+  wait_until(
+      driver, interrupt, [&] { return label || counter.frames >= 3; }, time);
   heard.frames = counter.frames;
   heard.errors = (*port)->status().errors - before.errors;
   (*port)->listen(nullptr, {});
@@ -138,20 +139,20 @@ int run_bit_rate(const Options& options) {
   if (const auto why = no_rate(*spec); !why.empty()) return nothing(why);
   auto lock = PortLock::take(*spec);
   if (!lock) return tell(lock.error(), options.json);
-  Interrupt interrupt;
   rt::Executor executor;
-  io::Loop loop(executor);
-  const std::uint32_t before = rate_now(loop, *spec);
+  io::LoopDriver driver(executor);
+  Interrupt interrupt(&driver.loop());
+  const std::uint32_t before = rate_now(driver.loop(), *spec);
   const rt::Duration time = options.timeout.value_or(1500ms);
   std::vector<live::RateHeard> heard;
   for (const auto rate : live::rates_to_try) {
     bool label = false;
-    heard.push_back(listen_at(loop, *spec, rate, interrupt, time, label));
+    heard.push_back(listen_at(driver, *spec, rate, interrupt, time, label));
     if (label) return nothing("a virtual interface has no bit rate");
     if (live::decide(heard) || interrupt.came()) break;
   }
   const std::uint32_t after = live::decide(heard).value_or(before);
-  if (after != 0 && spec->kind == can::PortKind::socketcan) put_back(loop, *spec, after);
+  if (after != 0 && spec->kind == can::PortKind::socketcan) put_back(driver.loop(), *spec, after);
   return report(*spec, heard, options.json);
 }
 

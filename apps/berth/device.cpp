@@ -1,11 +1,7 @@
 // `berth device`: devices of a plant file in real time on real ports, each a node of its own there.
-#include "device.hpp"
-
 #include <fmt/format.h>
 #include <fmt/ranges.h>
-#include <sys/epoll.h>
 
-#include <CLI/CLI.hpp>
 #include <algorithm>
 #include <map>
 #include <memory>
@@ -13,12 +9,14 @@
 #include <set>
 
 #include "berth/device/storage_words.hpp"
+#include "berth/io/loop_driver.hpp"
 #include "berth/io/open_port.hpp"
 #include "berth/plant/port_device.hpp"
 #include "berth/serve/hub.hpp"
-#include "drive.hpp"
+#include "interrupt.hpp"
 #include "output.hpp"
-#include "time_option.hpp"
+#include "simulated.hpp"
+#include "verbs.hpp"
 
 namespace berth::cli {
 namespace {
@@ -26,6 +24,13 @@ namespace {
 using namespace std::chrono_literals;
 using Json = nlohmann::ordered_json;
 using Done = tl::expected<void, Failure>;
+
+struct DeviceOptions {
+  std::vector<std::string> ports;  ///< "PORT" or "BUS=PORT"
+  std::vector<std::string> names;  ///< devices; empty: all that are plugged in
+  std::optional<std::chrono::nanoseconds> duration;
+  std::uint32_t bit_rate = 0;
+};
 
 constexpr rt::Duration port_check = 200ms;
 
@@ -249,15 +254,10 @@ class PortWatch {
   rt::Time due_{};
 };
 
-class Waker final : public io::Watcher {
- public:
-  void ready(std::uint32_t) noexcept override {}
-};
-
 struct Household {
-  explicit Household(bool json) : loop(executor), voice(executor, json), devices(executor, &voice) {}
+  explicit Household(bool json) : voice(executor, json), devices(executor, &voice) {}
   rt::Executor executor;
-  io::Loop loop;
+  io::LoopDriver driver{executor, port_check};
   Voice voice;
   std::map<std::string, std::unique_ptr<BusPorts>> ports;
   plant::PortDevices devices;
@@ -266,8 +266,8 @@ struct Household {
 Done fill(Household& house, const plant::PlantFile& plant, const Ports& ports, const std::set<std::string>& chosen,
           const DeviceOptions& options, bool as_json) {
   for (const auto& [bus, spec] : ports) {
-    house.ports[bus] =
-        std::make_unique<BusPorts>(house.loop, spec, io::PortOptions{.bit_rate = options.bit_rate, .bus = bus});
+    house.ports[bus] = std::make_unique<BusPorts>(house.driver.loop(), spec,
+                                                  io::PortOptions{.bit_rate = options.bit_rate, .bus = bus});
   }
   Random seeds(plant.seed);
   Findings findings;
@@ -285,22 +285,17 @@ Done fill(Household& house, const plant::PlantFile& plant, const Ports& ports, c
   return {};
 }
 
-}  // namespace
-
 int run_device(const Options& options, const DeviceOptions& wanted) {
-  auto file = plant::load_plant(options.sim);
-  if (!file.plant) return tell(failure(file.findings), options.json);
-  if (options.seed) file.plant->seed = *options.seed;
-  const auto ports = read_ports(*file.plant, options, wanted);
+  const auto plant = load_plant(options.sim, options);
+  if (!plant) return tell(plant.error(), options.json);
+  const auto ports = read_ports(*plant, options, wanted);
   if (!ports) return tell(ports.error(), options.json);
-  const auto chosen = choose(*file.plant, *ports, wanted.names);
+  const auto chosen = choose(*plant, *ports, wanted.names);
   if (!chosen) return tell(chosen.error(), options.json);
 
-  Interrupt interrupt;
-  Waker waker;
   Household house(options.json);
-  house.loop.watch(interrupt.descriptor(), waker, EPOLLIN);
-  if (const auto filled = fill(house, *file.plant, *ports, *chosen, wanted, options.json); !filled) {
+  Interrupt interrupt(&house.driver.loop());
+  if (const auto filled = fill(house, *plant, *ports, *chosen, wanted, options.json); !filled) {
     return tell(filled.error(), options.json);
   }
   if (!options.state.empty()) {
@@ -311,39 +306,37 @@ int run_device(const Options& options, const DeviceOptions& wanted) {
   house.voice.started(options, house.devices, house.ports);
   for (const auto& device : house.devices.all()) device->power(true);
   PortWatch watch(house.devices, house.ports, house.voice);
-  const auto end = wanted.duration ? house.loop.clock() + *wanted.duration : rt::Time::max();
-  while (!interrupt.came() && house.loop.woke() < end) {
-    house.loop.turn(std::min(port_check, end - house.loop.woke()));
-    watch.look(house.loop.woke());
-  }
+  const auto look = [&] {
+    watch.look(house.driver.now());
+    return false;
+  };
+  wait_until(house.driver, interrupt, look, wanted.duration.value_or(rt::Duration::max()));
   house.voice.ended(house.devices, interrupt.came());
   for (const auto& device : house.devices.all()) device->power(false);
   return Exit::done;
 }
 
-void add_device(CLI::App& app, Options& options, std::function<int()>& action) {
-  const auto device = std::make_shared<DeviceOptions>();
-  auto* const sub = app.add_subcommand("device", "devices of a plant file on a real port, in real time");
-  // The callback owns the options: they live as long as the command line.
-  sub->callback([&options, &action, device] { action = [&options, device] { return run_device(options, *device); }; });
-  sub->add_option("plant", options.sim, "plant file")->required()->option_text("PLANT");
-  sub->add_option("--port", device->ports, "port that the plant's bus is, or BUS=PORT")
-      ->required()
-      ->allow_extra_args(false)
-      ->option_text("[BUS=]PORT");
-  sub->add_option("--device", device->names, "these alone (default: all that are plugged in at the start)")
-      ->allow_extra_args(false)
-      ->option_text("NAME");
-  sub->add_option("--bus", options.bus, "bus of --port, where the plant has several");
-  sub->add_option("--bitrate", device->bit_rate, "bit/s to set the interface to (default: as it stands)");
-  sub->add_option("--sim-state,--plant-state", options.state,
-                  "file that keeps what these devices remember between runs");
-  sub->add_option("--seed", options.seed, "seed of what the devices draw, instead of the plant file's");
-  time_option(
-      *sub, "--for", [device](std::chrono::nanoseconds time) { device->duration = time; },
-      "end after this time (default: Ctrl-C)");
-  sub->add_flag("--json", options.json, "one JSON object a line");
-  sub->footer(
+}  // namespace
+
+void add_device(Verb& berth, Options& options) {
+  const auto wanted = std::make_shared<DeviceOptions>();
+  const Verb device = berth.add("device", "devices of a plant file on a real port, in real time",
+                                [&options, wanted] { return run_device(options, *wanted); });
+  device.word("plant", options.sim, "plant file").required().shown("PLANT");
+  device.word("--port", wanted->ports, "port that the plant's bus is, or BUS=PORT")
+      .required()
+      .one_each()
+      .shown("[BUS=]PORT");
+  device.word("--device", wanted->names, "these alone (default: all that are plugged in at the start)")
+      .one_each()
+      .shown("NAME");
+  device.word("--bus", options.bus, "bus of --port, where the plant has several");
+  device.word("--bitrate", wanted->bit_rate, "bit/s to set the interface to (default: as it stands)");
+  plant_words(device, options);
+  device.time("--for", wanted->duration, "end after this time (default: Ctrl-C)");
+  json_flag(device, options, "one JSON object a line");
+  real_time_word(device, options);
+  device.footer(
       "Events of the plant file and what it says of the wire have no effect on a real port.\n"
       "Examples:\n  berth device plant.toml --port socketcan:vcan0\n"
       "  berth device plant.toml --port socketcan:can0 --device left --sim-state left.state");

@@ -1,7 +1,5 @@
 // `berth doctor`: listens on a machine's buses, asks when it may, and says what is wrong. It joins each bus as a node
 // of its own, in this world or in a plant's in another process, and knows nothing but what its port tells.
-#include "doctor.hpp"
-
 #include <fmt/format.h>
 
 #include <algorithm>
@@ -12,13 +10,23 @@
 #include "berth/doctor/questions.hpp"
 #include "berth/eds/xdd.hpp"
 #include "berth/rt/scope.hpp"
-#include "drive.hpp"
+#include "interrupt.hpp"
+#include "rig.hpp"
+#include "verbs.hpp"
 
 namespace berth::cli {
 namespace {
 
 using namespace std::chrono_literals;
 using Json = nlohmann::ordered_json;
+
+struct DoctorOptions {
+  std::optional<std::chrono::nanoseconds> listen;  ///< empty: five heartbeat times of the slowest bus, 5 s at least
+  bool active = false;                             ///< LSS questions
+  bool intrusive = false;                          ///< SDO questions too
+  std::optional<unsigned> conformance;             ///< this node is examined instead (docs/doctor.md)
+  std::string eds;                                 ///< its description; empty: its slot's
+};
 
 /// Simulated devices have run so long when the doctor comes: it does not see them boot, as on a machine that runs.
 constexpr rt::Duration settled = 1s;
@@ -49,33 +57,23 @@ doctor::Expected expected_on(const design::Machine& machine, const design::Bus& 
 
 // On a simulated bus, a node of its own.
 tl::expected<std::unique_ptr<can::Port>, Failure> node_on(Rig& rig, const design::Bus& bus) {
-  auto port = rig.world().attach_master(bus.name);
+  auto port = rig.world()->attach_master(bus.name);
   if (port) return std::unique_ptr<can::Port>(std::move(port));
   return tl::unexpected(failure(Exit::failed, fmt::format("the simulated world has no bus \"{}\"", bus.name)));
 }
 
 // A simulated machine: devices boot, and with --up it is brought up first. What the plant file plans behind
 // "operational" does not happen: the machine is looked at as it stands.
-tl::expected<void, Failure> prepare(Rig& rig, const Options& options) {
-  rig.world().start();
-  if (rig.loop() != nullptr) return {};
-  rt::Duration boot{0};
-  for (const auto& device : rig.plant().devices) boot = std::max(boot, device.boot);
-  if (options.bring_up) {
+void prepare(Rig& rig, const Options& options) {
+  if (options.bring_up && rig.loop() == nullptr) {
+    rig.power_on();
     rig.session().start();
     const auto limit = options.timeout.value_or(5min);
-    const bool done = rig.world().sim().run_until([&] { return rig.session().operational(); }, limit);
+    const bool done = wait_until(
+        rig.driver(), rig.interrupt(), [&] { return rig.session().operational(); }, limit);
     if (!done) print_error("--up: the machine is not operational; it is looked at as it is");
   }
-  rig.world().sim().run_for(boot + settled);
-  return {};
-}
-
-void pass(Rig& rig, rt::Duration time, Interrupt& interrupt) {
-  if (rig.loop() == nullptr) return rig.world().sim().run_for(time);
-  const auto end = rig.world().executor().now() + time;
-  while (rig.world().executor().now() < end && !interrupt.came())
-    rig.loop()->turn(std::min<rt::Duration>(50ms, end - rig.world().executor().now()));
+  rig.power_on_and_boot(settled);
 }
 
 rt::Task<void> question(Patient& patient, unsigned& open) {
@@ -85,16 +83,16 @@ rt::Task<void> question(Patient& patient, unsigned& open) {
   --open;
 }
 
-void ask_all(Rig& rig, std::vector<Patient>& patients, const Options& options, Interrupt& interrupt) {
+void ask_all(Rig& rig, std::vector<Patient>& patients, const Options& options) {
   unsigned open = 0;
-  rt::Scope scope(rig.world().executor());
+  rt::Scope scope(rig.driver().executor());
   for (auto& patient : patients) {
     ++open;
     scope.spawn(question(patient, open));
   }
-  const auto limit = rig.world().executor().now() + options.timeout.value_or(5min);
-  while (open > 0 && rig.world().executor().now() < limit && !interrupt.came()) pass(rig, 20ms, interrupt);
-  if (open == 0) return;
+  const bool done = wait_until(
+      rig.driver(), rig.interrupt(), [&] { return open == 0; }, options.timeout.value_or(5min));
+  if (done) return;
   for (auto& patient : patients) {
     if (patient.problem.empty()) patient.problem = "bus " + patient.bus->name + ": not all questions could be asked";
   }
@@ -112,7 +110,7 @@ tl::expected<std::vector<Patient>, Failure> patients_of(Rig& rig, const Options&
     }
     Patient p;
     p.bus = &bus;
-    p.outside = rig.outside(bus.name);
+    p.outside = rig.guards().gate(bus.name);
     if (p.outside == nullptr) {
       auto port = node_on(rig, bus);
       if (!port) return tl::unexpected(port.error());
@@ -267,8 +265,7 @@ int report_conformance(const doctor::Conformance& report, const Patient& patient
   return failed == 0 ? Exit::done : Exit::no;
 }
 
-int run_conformance(Rig& rig, std::vector<Patient>& patients, const Options& options, const DoctorOptions& wanted,
-                    Interrupt& interrupt) {
+int run_conformance(Rig& rig, std::vector<Patient>& patients, const Options& options, const DoctorOptions& wanted) {
   if (patients.size() != 1) return tell(failure(Exit::usage, "of which bus? Give --bus NAME"), options.json);
   Patient& patient = patients.front();
   auto description = description_of(rig, patient, wanted);
@@ -279,18 +276,18 @@ int run_conformance(Rig& rig, std::vector<Patient>& patients, const Options& opt
   doctor::Conformance report;
   bool over = false;
   {
-    rt::Scope scope(rig.world().executor());
+    rt::Scope scope(rig.driver().executor());
     scope.spawn(examine_node(patient, how, report, over));
-    const auto limit = rig.world().executor().now() + options.timeout.value_or(10min);
-    while (!over && rig.world().executor().now() < limit && !interrupt.came()) pass(rig, 20ms, interrupt);
+    wait_until(
+        rig.driver(), rig.interrupt(), [&] { return over; }, options.timeout.value_or(10min));
   }
   if (!over) patient.problem = "not all checks could be made: give a longer --timeout";
   return report_conformance(report, patient, *wanted.conformance, options);
 }
 
-}  // namespace
-
-int run_doctor(const Options& options, const DoctorOptions& wanted) {
+// Exit status: 0 no findings, 1 findings, 3 a bus could not be reached or asked.
+int run_doctor(const Options& options, DoctorOptions wanted) {
+  wanted.active = wanted.active || wanted.conformance.has_value();
   if (options.machine.empty()) return tell(failure(Exit::usage, "name the machine file: --machine FILE"), options.json);
   if (options.dry_run) {
     return tell(failure(Exit::usage,
@@ -305,25 +302,48 @@ int run_doctor(const Options& options, const DoctorOptions& wanted) {
   auto made = Rig::make(own, {options.machine, options.sim, {}, {}});
   if (!made) return tell(made.error(), options.json);
   Rig& rig = **made;
-  Interrupt& interrupt = rig.interrupt();
-  const auto ready = prepare(rig, options);
-  if (!ready) return tell(ready.error(), options.json);
+  prepare(rig, options);
   auto patients = patients_of(rig, options, wanted);
   if (!patients) return tell(patients.error(), options.json);
   for (auto& p : *patients) {
-    p.dispatcher = std::make_unique<can::Dispatcher>(rig.world().executor(), p.port ? *p.port : *p.outside);
+    p.dispatcher = std::make_unique<can::Dispatcher>(rig.driver().executor(), p.port ? *p.port : *p.outside);
     p.ear = std::make_unique<doctor::Ear>(*p.dispatcher);
   }
   if (wanted.active) {
-    const auto clear = rig.listen_first();
+    const auto clear = rig.strangers().listen_first();
     if (!clear) return tell(clear.error(), options.json);
   }
-  if (wanted.conformance) return run_conformance(rig, *patients, options, wanted, interrupt);
-  const auto began = rig.world().executor().now();
-  pass(rig, listening_time(*patients, wanted), interrupt);
+  if (wanted.conformance) return run_conformance(rig, *patients, options, wanted);
+  const auto began = rig.now();
+  wait_for(rig.driver(), rig.interrupt(), listening_time(*patients, wanted));
   for (auto& p : *patients) p.heard = p.ear->heard();
-  if (wanted.active) ask_all(rig, *patients, options, interrupt);
-  return report(*patients, rig.world().executor().now() - began, options, wanted);
+  if (wanted.active) ask_all(rig, *patients, options);
+  return report(*patients, rig.now() - began, options, wanted);
+}
+
+}  // namespace
+
+void add_doctor(Verb& berth, Options& options) {
+  const auto wanted = std::make_shared<DoctorOptions>();
+  const Verb doctor = berth.add("doctor", "what is wrong on the buses; sends nothing unless it is told to",
+                                [&options, wanted] { return run_doctor(options, *wanted); });
+  machine_words(doctor, options);
+  machine_word(doctor, options);
+  doctor.time("--for", wanted->listen, "how long to listen (default: 5 heartbeat times, at least 5 s)");
+  doctor.flag("--active", wanted->active, "ask by LSS, too");
+  doctor.flag(
+      "--intrusive", [wanted] { wanted->active = wanted->intrusive = true; }, "ask by LSS and SDO, too");
+  doctor
+      .word("--conformance", wanted->conformance,
+            "instead: what CiA 301 wants of this node, paragraph by paragraph, by SDO; changes nothing")
+      .from_to(1, 127)
+      .shown("NODE");
+  doctor.word("--eds", wanted->eds, "with --conformance: its description (default: its slot's)").shown("FILE");
+  doctor.flag("--up", options.bring_up, "with --sim: first bring the machine up");
+  doctor.footer(
+      "Examples:\n  berth doctor machine.toml\n  berth doctor machine.toml --conformance 5 --eds drive.eds\n  berth "
+      "doctor machine.toml --sim plant.toml --up\n"
+      "  berth doctor machine.toml --active --for \"20 s\" --json");
 }
 
 }  // namespace berth::cli

@@ -7,6 +7,7 @@
 #include <algorithm>
 
 #include "ask.hpp"
+#include "berth/operate/control.hpp"
 #include "berth/text/printable.hpp"
 #include "gateway.hpp"
 
@@ -100,11 +101,11 @@ void Ending::event(const operate::Event& event) {
   auto& known = now_[event.bus];
   if (slots == known) return;
   known = std::move(slots);
-  changed_ = rig_->world().executor().now();
+  changed_ = rig_->now();
 }
 
 void Ending::milestone(const std::string& name) {
-  const rt::Time now = rig_->world().executor().now();
+  const rt::Time now = rig_->now();
   changed_ = now;
   for (const auto& event : rig_->plant().events) {
     if (plant::name(event.after) == name) due_ = std::max(due_, now + event.delay + event.duration);
@@ -114,7 +115,7 @@ void Ending::milestone(const std::string& name) {
   for (const auto& network : rig_->session().networks()) first_[network->bus().name] = network->occupancy();
 }
 
-bool Ending::plan_over() const { return rig_->world().executor().now() >= due_; }
+bool Ending::plan_over() const { return rig_->now() >= due_; }
 
 bool Ending::replaced() const {
   if (first_.empty() || !rig_->session().operational()) return false;
@@ -132,10 +133,10 @@ bool Ending::reached() {
   return replacing ? replaced() : rig_->session().operational();
 }
 
-bool Ending::hopeless() { return !until_.empty() && rig_->shut_out(); }
+bool Ending::hopeless() { return !until_.empty() && rig_->guards().shut_out(); }
 
 bool Ending::settled() {
-  const rt::Time now = rig_->world().executor().now();
+  const rt::Time now = rig_->now();
   const rt::Time still_since = std::max(changed_, due_);
   if (now < still_since + quiet_ || !rig_->session().idle()) return false;
   if (now < still_since + patience_ && !rig_->session().operational()) return false;
@@ -150,151 +151,80 @@ bool Ending::settled() {
 
 namespace {
 
-Ended drive_fast(Rig& rig, Ending& ending, Interrupt& interrupt, rt::Duration limit) {
-  Ended how = Ended::timeout;
-  unsigned looks = 0;
-  const auto over = [&] {
-    if (++looks % 256 == 0 && interrupt.came()) {
-      how = Ended::interrupted;
-    } else if (ending.reached()) {
-      how = Ended::reached;
-    } else if (ending.settled()) {
-      how = Ended::settled;
-    }
-    return how != Ended::timeout;
-  };
-  rig.world().sim().run_until(over, limit);
-  return how;
+/// What is served beside the main job, in real time. A dry run has none of it.
+struct Beside {
+  std::unique_ptr<operate::ControlServer> server;
+  std::unique_ptr<GatewayHost> gateway;
+  std::unique_ptr<Asker> asker;
+};
+
+tl::expected<Beside, Failure> serve_beside(Rig& rig, Screen& screen, const Options& options,
+                                           const std::string& control) {
+  Beside beside;
+  if (rig.loop() == nullptr) return beside;
+  const auto say = [&screen](const std::string& line) { screen.line(line); };
+  if (!control.empty()) {
+    auto listening = operate::ControlServer::listen(control, *rig.loop(), rig.session());
+    if (!listening) return tl::unexpected(failure(Exit::failed, listening.error()));
+    beside.server = std::move(*listening);
+  }
+  if (!options.gateway.empty()) {
+    auto host = GatewayHost::listen(rig, options.gateway,
+                                    {options.gateway_commands, options.gateway_commands && options.yes}, say);
+    if (!host) return tl::unexpected(host.error());
+    beside.gateway = std::move(*host);
+    screen.line("CiA 309-3 gateway at " + beside.gateway->where());
+  }
+  if (!options.json && !options.dry_run && someone_types()) {
+    beside.asker = std::make_unique<Asker>(rig.session(), *rig.loop(), say);
+  }
+  return beside;
 }
 
-class Pacer {
- public:
-  Pacer(Rig& rig, Ending& ending, Screen& screen, Interrupt& interrupt, operate::ControlServer* server, Asker* asker,
-        io::Loop* loop, rt::Time end)
-      : rig_(rig),
-        ending_(ending),
-        screen_(screen),
-        interrupt_(interrupt),
-        server_(server),
-        asker_(asker),
-        loop_(loop),
-        end_(end) {}
-
-  Ended run() {
-    rig_.world().sim().run_paced(rt::never, [this](rt::Time target) { return wait(target); });
-    return how_;
-  }
-
- private:
-  [[nodiscard]] rt::Time clock() const { return loop_ != nullptr ? loop_->clock() : began_ + (Clock::now() - real_); }
-
-  // Sleeps until the world may be at `target`, or something came in. A time in the past ends the run.
-  rt::Time wait(rt::Time target) {
-    for (;;) {
-      if (over()) return rt::Time::min();
-      screen_.refresh();
-      const rt::Time now = std::max(clock(), rig_.world().executor().now());
-      const bool behind = target <= now;
-      if (behind && Clock::now() - polled_ < 2ms) return now;
-      const auto left = behind ? rt::Duration{0} : std::min<rt::Duration>(target - now, 50ms);
-      const bool came_in = poll_for(left);
-      if (server_ != nullptr) server_->serve();
-      if (asker_ != nullptr) asker_->serve();
-      if (came_in || behind) return std::max(clock(), rig_.world().executor().now());
-    }
-  }
-
-  bool over() {
-    if (interrupt_.came()) {
-      how_ = Ended::interrupted;
-    } else if (ending_.reached() || rig_.dry_run_over()) {
-      how_ = Ended::reached;
-    } else if (rig_.world().executor().now() >= end_ || ending_.hopeless()) {
-      how_ = Ended::timeout;
-    } else {
-      return false;
-    }
-    return true;
-  }
-
-  bool poll_for(rt::Duration left) {
-    descriptors_.clear();
-    descriptors_.push_back({interrupt_.descriptor(), POLLIN, 0});
-    if (server_ != nullptr) server_->fill(descriptors_);
-    if (asker_ != nullptr) asker_->fill(descriptors_);
-    if (loop_ != nullptr) descriptors_.push_back({loop_->descriptor(), POLLIN, 0});
-    const auto whole = std::chrono::duration_cast<std::chrono::seconds>(left);
-    const timespec time{static_cast<time_t>(whole.count()), static_cast<long>((left - whole).count())};
-    const int ready = ::ppoll(descriptors_.data(), descriptors_.size(), &time, nullptr);
-    polled_ = Clock::now();
-    if (loop_ != nullptr && ready > 0) loop_->poll();
-    return ready > 0;
-  }
-
-  Rig& rig_;
-  Ending& ending_;
-  Screen& screen_;
-  Interrupt& interrupt_;
-  operate::ControlServer* server_;
-  Asker* asker_;
-  io::Loop* loop_;  // null: nothing hangs on one
-  rt::Time end_;
-  rt::Time began_ = rig_.world().executor().now();
-  Clock::time_point real_ = Clock::now();
-  Clock::time_point polled_{};
-  std::vector<pollfd> descriptors_;
-  Ended how_ = Ended::interrupted;
-};
+/// Bus time that a run may take.
+rt::Duration allowed(const Ending& ending, const Options& options, bool real_time) {
+  constexpr rt::Duration longest_dry_run = 10s;
+  if (options.timeout) return *options.timeout;
+  if (!real_time) return ending.limit();
+  return options.dry_run ? longest_dry_run : rt::Duration::max();
+}
 
 }  // namespace
 
 tl::expected<Ended, Failure> drive(Rig& rig, Ending& ending, Screen& screen, const Options& options,
-                                   const DriveOptions& how) {
+                                   const std::string& control) {
+  const bool real_time = rig.loop() != nullptr;
   Interrupt& interrupt = rig.interrupt();
-  std::unique_ptr<operate::ControlServer> server;
-  if (!how.control.empty()) {
-    auto listening = operate::ControlServer::listen(how.control, rig.session());
-    if (!listening) return tl::unexpected(failure(Exit::failed, listening.error()));
-    server = std::move(*listening);
-  }
-  std::unique_ptr<GatewayHost> gateway;
-  if (how.paced && !options.gateway.empty()) {
-    auto host =
-        GatewayHost::listen(rig, options.gateway, {options.gateway_commands, options.gateway_commands && options.yes},
-                            [&](const std::string& t) { screen.line(t); });
-    if (!host) return tl::unexpected(host.error());
-    gateway = std::move(*host);
-    screen.line("CiA 309-3 gateway at " + gateway->where());
-  }
-  io::Loop* const loop = gateway ? &gateway->loop() : rig.loop();
-  std::unique_ptr<Asker> asker;
-  if (how.paced && !options.json && someone_types()) {
-    asker = std::make_unique<Asker>(rig.session(), [&](const std::string& line) { screen.line(line); });
-  }
+  auto beside = serve_beside(rig, screen, options, control);
+  if (!beside) return tl::unexpected(beside.error());
   rig.session().on_event([&](const operate::Event& event) {
     ending.event(event);
     screen.line(operate::to_line(event));
-    if (asker) asker->event(event);
+    if (beside->asker) beside->asker->event(event);
   });
   rig.session().on_milestone([&](const std::string& name) {
     ending.milestone(name);
-    for (const auto after : {plant::After::discovered, plant::After::bound, plant::After::operational}) {
-      if (plant::name(after) == name) rig.world().milestone(after);
-    }
+    rig.milestone(name);
   });
-  rig.world().start();
+  rig.power_on();
   rig.session().start();
-  if (options.dry_run && how.paced) {
-    constexpr rt::Duration longest = 10s;
-    const rt::Time end = rig.world().executor().now() + options.timeout.value_or(longest);
-    return Pacer(rig, ending, screen, interrupt, nullptr, nullptr, rig.loop(), end).run();
-  }
-  if (!how.paced) return drive_fast(rig, ending, interrupt, options.timeout.value_or(ending.limit()));
-  const rt::Time end = options.timeout ? rig.world().executor().now() + *options.timeout : rt::never;
-  const Ended ended = Pacer(rig, ending, screen, interrupt, server.get(), asker.get(), loop, end).run();
+  Ended how = Ended::timeout;
+  const auto over = [&] {
+    screen.refresh();
+    if (interrupt.noticed()) {
+      how = Ended::interrupted;
+    } else if (ending.reached() || rig.guards().dry_run_over()) {
+      how = Ended::reached;
+    } else if (!real_time && ending.settled()) {
+      how = Ended::settled;
+    }
+    return how != Ended::timeout || ending.hopeless();
+  };
+  rig.driver().run_until(over, rig.driver().later(allowed(ending, options, real_time)));
   screen.refresh(true);
-  if (asker) rig.session().on_event({});
-  return ended;
+  rig.session().on_event({});
+  rig.session().on_milestone({});
+  return how;
 }
 
 }  // namespace berth::cli

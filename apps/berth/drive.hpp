@@ -1,13 +1,10 @@
-/// Drives a rig: as fast as possible, or paced to real time with a control socket, until it is to end.
+/// Runs the main job of a rig until it is to end.
 #pragma once
 
 #include <chrono>
 #include <map>
-#include <memory>
-#include <optional>
 #include <string>
 
-#include "berth/operate/control.hpp"
 #include "interrupt.hpp"
 #include "rig.hpp"
 
@@ -64,14 +61,10 @@ class Ending {
   std::map<std::string, Slots> first_;  // which device sat in each slot when all were operational first, by bus
 };
 
-/// Runs the rig's session. `paced`: real time and a control socket at `control`; it ends by `--until` or a signal.
-/// Otherwise as fast as possible; it also ends when it is settled.
-struct DriveOptions {
-  bool paced = false;
-  std::string control;  ///< empty: none
-};
 enum class Ended : std::uint8_t { reached, settled, timeout, interrupted };
+/// Runs the rig's session. In real time beside a control socket at `control` (empty: none), and it ends by `--until` or
+/// a signal; in simulated time it also ends when it is settled.
 [[nodiscard]] tl::expected<Ended, Failure> drive(Rig& rig, Ending& ending, Screen& screen, const Options& options,
-                                                 const DriveOptions& how);
+                                                 const std::string& control);
 
 }  // namespace berth::cli

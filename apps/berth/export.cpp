@@ -17,8 +17,8 @@
 #include "berth/store/database.hpp"
 #include "berth/text/file.hpp"
 #include "berth/text/printable.hpp"
-#include "drive.hpp"
-#include "ports.hpp"
+#include "interrupt.hpp"
+#include "slot_table.hpp"
 
 namespace berth::cli {
 namespace {

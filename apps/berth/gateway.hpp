@@ -3,17 +3,10 @@
 
 #include <functional>
 #include <memory>
-#include <optional>
 #include <string>
 
 #include "berth/serve/gateway_309_server.hpp"
-#include "berth/text/quantity.hpp"
-#include "options.hpp"
 #include "rig.hpp"
-
-namespace CLI {
-class App;
-}
 
 namespace berth::cli {
 
@@ -23,32 +16,19 @@ struct GatewayRights {
   bool confirmed = false;  ///< disturb operational devices
 };
 
-struct GatewayOptions {
-  std::string listen = "127.0.0.1:7000";
-  std::optional<text::Duration> duration;
-  bool commands = false;
-};
-
-/// A gateway to a rig's session, and the loop that it works in: the rig's, or one of its own where all is simulated.
+/// A gateway to the session of a rig that runs in real time.
 class GatewayHost {
  public:
-  /// `say` gets what a person may want to know. The rig must stay.
+  /// `say` gets what a person may want to know. The rig must stay, and have a loop.
   [[nodiscard]] static tl::expected<std::unique_ptr<GatewayHost>, Failure> listen(
       Rig& rig, const std::string& where, GatewayRights rights, std::function<void(const std::string&)> say);
   /// "127.0.0.1:7000".
   [[nodiscard]] std::string where() const { return io::to_string(server_->where()); }
-  [[nodiscard]] io::Loop& loop() noexcept { return *loop_; }
   [[nodiscard]] const serve::Gateway309Counters& counters() const noexcept { return server_->counters(); }
 
  private:
   GatewayHost() = default;
-  std::unique_ptr<io::Loop> own_;
-  io::Loop* loop_ = nullptr;
   std::unique_ptr<serve::Gateway309Server> server_;
 };
-
-/// Adds the command, and `--gateway` to `berth up`; `action` becomes what it does.
-void add_gateway(CLI::App& app, Options& options, std::function<int()>& action);
-int run_gateway(const Options& options, const GatewayOptions& gateway);
 
 }  // namespace berth::cli

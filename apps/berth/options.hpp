@@ -39,15 +39,7 @@ struct Options {
   bool pace = false;
   bool fast = false;
   bool bring_up = false;  ///< single commands: run the main job first
+  int real_time = 0;      ///< SCHED_FIFO priority; 0: none
 };
-
-int run_up(const Options& options);
-int run_demo(const Options& options);
-/// scan, bind, replace, sdo, nmt, lss, status: in a world of its own, or by a running `berth up`.
-int run_single(const Options& options, operate::CommandRequest request);
-/// Hosts the plant `sim` in real time and offers its buses to other processes at the socket `control`.
-int run_plant(const Options& options);
-int run_scenario(const Options& options, const std::string& scenario);
-int run_version(const Options& options);
 
 }  // namespace berth::cli

@@ -6,38 +6,21 @@
 #include <nlohmann/json.hpp>
 #include <set>
 
+#include "berth/io/loop_driver.hpp"
 #include "berth/io/plant_port.hpp"
-#include "drive.hpp"
+#include "interrupt.hpp"
+#include "simulated.hpp"
+#include "verbs.hpp"
 
 namespace berth::cli {
 namespace {
 
-using namespace std::chrono_literals;
-
-// The buses' bit rates, from the machine file when one is given.
-tl::expected<std::vector<plant::BusRate>, Failure> bus_rates(const Options& options) {
-  std::vector<plant::BusRate> rates;
-  if (options.machine.empty()) return rates;
-  const auto machine = design::load_machine(options.machine);
-  if (!machine.machine) return tl::unexpected(failure(machine.findings));
-  for (const auto& bus : machine.machine->buses) rates.push_back({bus.name, bus.bitrate});
-  return rates;
-}
-
 tl::expected<std::unique_ptr<plant::World>, Failure> world_of(const Options& options) {
-  auto file = plant::load_plant(options.sim);
-  if (!file.plant) return tl::unexpected(failure(file.findings));
-  if (options.seed) file.plant->seed = *options.seed;
-  const auto rates = bus_rates(options);
+  const auto plant = load_plant(options.sim, options);
+  if (!plant) return tl::unexpected(plant.error());
+  const auto rates = bus_rates(options.machine);
   if (!rates) return tl::unexpected(rates.error());
-  Findings findings;
-  auto world = plant::World::make(*file.plant, *rates, findings);
-  if (!world) return tl::unexpected(failure(findings));
-  warn(findings, options.json);
-  if (options.state.empty()) return world;
-  const auto kept = world->keep_state(options.state);
-  if (kept) return world;
-  return tl::unexpected(failure(Exit::failed, fmt::format("{}: {}", options.state, describe(kept.error()))));
+  return make_world(*plant, *rates, options.sim, options);
 }
 
 using Json = nlohmann::ordered_json;
@@ -176,15 +159,13 @@ int run_alone(plant::World& world, const Options& options) {
   return good ? Exit::done : Exit::no;
 }
 
-}  // namespace
-
 int run_plant(const Options& options) {
   auto world = world_of(options);
   if (!world) return tell(world.error(), options.json);
   if (options.timeout) return run_alone(**world, options);
-  Interrupt interrupt;
-  io::Loop loop((*world)->executor());
-  auto server = io::PlantServer::listen(loop, options.control, [&](const std::string& bus, std::string& why) {
+  io::LoopDriver driver((*world)->executor());
+  Interrupt interrupt(&driver.loop());
+  auto server = io::PlantServer::listen(driver.loop(), options.control, [&](const std::string& bus, std::string& why) {
     std::unique_ptr<can::Port> port = (*world)->attach_master(bus);
     if (!port) why = fmt::format("the plant has no bus \"{}\"", bus);
     return port;
@@ -193,8 +174,25 @@ int run_plant(const Options& options) {
   (*world)->start();
   print_line(options.json ? nlohmann::ordered_json{{"listening", options.control}}.dump()
                           : fmt::format("plant {} at {}; Ctrl-C ends it", options.sim, options.control));
-  while (!interrupt.came()) loop.turn(50ms);
+  wait_for(driver, interrupt, rt::Duration::max());
   return Exit::done;
+}
+
+}  // namespace
+
+void add_plant(Verb& berth, Options& options) {
+  const Verb plant =
+      berth.add("plant", "a simulated plant: in real time for `berth up` in other processes, or by itself",
+                [&options] { return run_plant(options); });
+  plant.word("plant", options.sim, "plant file").required().shown("PLANT");
+  plant.exactly_one([&options](const Verb& how) {
+    how.word("--listen", options.control, "socket that `port = \"plant:PATH\"` of a machine file names");
+    how.time("--for", options.timeout, "no socket: the plant by itself, so long, as fast as possible");
+  });
+  plant.word("--record", options.record, "with --for: write every frame to this file, as candump -L does");
+  plant.word("--machine", options.machine, "machine file: bit rates of buses that the plant file gives none");
+  plant_words(plant, options);
+  json_flag(plant, options);
 }
 
 }  // namespace berth::cli

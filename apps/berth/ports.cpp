@@ -125,8 +125,4 @@ Failure needs_plant(const design::Machine& machine) {
                                           machine.file, simulated->place.line, simulated->name, simulated->name));
 }
 
-std::string default_store(const std::string& machine_file) {
-  return std::filesystem::path(machine_file).replace_extension(".db").string();
-}
-
 }  // namespace berth::cli

@@ -44,8 +44,4 @@ class PortLock {
 /// Why the machine cannot run without `--sim`, when it cannot: a bus that is simulated beside one that is not.
 [[nodiscard]] Failure needs_plant(const design::Machine& machine);
 
-/// Where the slot table of a machine on real ports is when it is not said: beside the machine file,
-/// "conveyor.toml" -> "conveyor.db".
-[[nodiscard]] std::string default_store(const std::string& machine_file);
-
 }  // namespace berth::cli

@@ -1,10 +1,7 @@
 // `berth serve`: the buses of a simulated plant in real time, of a machine file, or single ports, offered to other
 // programs by socketcand over TCP.
-#include "serve.hpp"
-
 #include <fmt/format.h>
 
-#include <CLI/CLI.hpp>
 #include <algorithm>
 #include <charconv>
 #include <map>
@@ -12,21 +9,30 @@
 #include <nlohmann/json.hpp>
 
 #include "berth/design/machine.hpp"
+#include "berth/io/loop_driver.hpp"
 #include "berth/io/open_port.hpp"
 #include "berth/io/socketcand_protocol.hpp"
-#include "berth/plant/world.hpp"
 #include "berth/serve/hub.hpp"
 #include "berth/serve/socketcand_server.hpp"
-#include "drive.hpp"
+#include "interrupt.hpp"
 #include "output.hpp"
-#include "time_option.hpp"
+#include "simulated.hpp"
+#include "verbs.hpp"
 
 namespace berth::cli {
 namespace {
 
-using namespace std::chrono_literals;
 using Json = nlohmann::ordered_json;
 using Done = tl::expected<void, Failure>;
+
+struct ServeOptions {
+  std::string plant;               ///< plant file; empty: real ports
+  std::vector<std::string> ports;  ///< "NAME=PORT" or "PORT"
+  std::string listen = "127.0.0.1:29536";
+  std::optional<std::chrono::nanoseconds> duration;
+  std::uint32_t bit_rate = 0;
+  bool listen_only = false;
+};
 
 /// "can1", "vcan1" mean the second bus: what socketcand's clients like to ask for.
 std::optional<std::size_t> number_of(std::string_view name) {
@@ -45,7 +51,7 @@ class Buses {
   virtual ~Buses() = default;
   /// In order; no name twice.
   [[nodiscard]] const std::vector<std::string>& names() const noexcept { return names_; }
-  [[nodiscard]] io::Loop& loop() noexcept { return *loop_; }
+  [[nodiscard]] io::LoopDriver& driver() noexcept { return *driver_; }
   virtual void start() {}
   std::unique_ptr<can::Port> attach(const std::string& asked, std::string& why) {
     const bool known = std::ranges::find(names_, asked) != names_.end();
@@ -58,14 +64,14 @@ class Buses {
  protected:
   virtual std::unique_ptr<can::Port> node(const std::string& bus) = 0;
   std::vector<std::string> names_;
-  std::unique_ptr<io::Loop> loop_;
+  std::unique_ptr<io::LoopDriver> driver_;
 };
 
 class PlantBuses final : public Buses {
  public:
   PlantBuses(std::unique_ptr<plant::World> world, bool listen_only)
       : world_(std::move(world)), listen_only_(listen_only) {
-    loop_ = std::make_unique<io::Loop>(world_->executor());
+    driver_ = std::make_unique<io::LoopDriver>(world_->executor());
     for (const auto& bus : world_->sim().buses()) names_.push_back(bus->name());
   }
   void start() override { world_->start(); }
@@ -83,13 +89,13 @@ class PlantBuses final : public Buses {
 
 class PortBuses final : public Buses {
  public:
-  PortBuses() { loop_ = std::make_unique<io::Loop>(executor_); }
+  PortBuses() { driver_ = std::make_unique<io::LoopDriver>(executor_); }
   Done add(const std::string& name, const can::PortSpec& spec, const io::PortOptions& options) {
     if (std::ranges::find(names_, name) != names_.end()) {
       return tl::unexpected(
           failure(Exit::usage, fmt::format("two ports are called {}: write one as NAME={}", name, to_string(spec))));
     }
-    auto port = io::open_port(*loop_, spec, options);
+    auto port = io::open_port(driver_->loop(), spec, options);
     if (!port) return tl::unexpected(failure(Exit::failed, port.error()));
     hubs_[name] = std::make_unique<serve::Hub>(executor_, std::move(*port));
     names_.push_back(name);
@@ -105,25 +111,13 @@ class PortBuses final : public Buses {
 using Made = tl::expected<std::unique_ptr<Buses>, Failure>;
 
 Made plant_buses(const Options& options, const ServeOptions& serve) {
-  auto file = plant::load_plant(serve.plant);
-  if (!file.plant) return tl::unexpected(failure(file.findings));
-  if (options.seed) file.plant->seed = *options.seed;
-  std::vector<plant::BusRate> rates;
-  if (!options.machine.empty()) {
-    const auto machine = design::load_machine(options.machine);
-    if (!machine.machine) return tl::unexpected(failure(machine.findings));
-    for (const auto& bus : machine.machine->buses) rates.push_back({bus.name, bus.bitrate});
-  }
-  Findings findings;
-  auto world = plant::World::make(*file.plant, rates, findings);
-  if (!world) return tl::unexpected(failure(findings));
-  warn(findings, options.json);
-  if (!options.state.empty()) {
-    const auto kept = world->keep_state(options.state);
-    if (!kept)
-      return tl::unexpected(failure(Exit::failed, fmt::format("{}: {}", options.state, describe(kept.error()))));
-  }
-  return std::make_unique<PlantBuses>(std::move(world), serve.listen_only);
+  const auto plant = load_plant(serve.plant, options);
+  if (!plant) return tl::unexpected(plant.error());
+  const auto rates = bus_rates(options.machine);
+  if (!rates) return tl::unexpected(rates.error());
+  auto world = make_world(*plant, *rates, serve.plant, options);
+  if (!world) return tl::unexpected(world.error());
+  return std::make_unique<PlantBuses>(std::move(*world), serve.listen_only);
 }
 
 /// What a port's bus is called when it is not said: as its interface, or as on its server.
@@ -196,8 +190,6 @@ void tell_counters(const serve::ServerCounters& c, bool json) {
   if (c.malformed > 0) print_line(fmt::format("{} commands with wrong words", c.malformed));
 }
 
-}  // namespace
-
 int run_serve(const Options& options, const ServeOptions& serve) {
   const auto where = io::parse_endpoint(serve.listen, io::socketcand_port);
   if (!where) {
@@ -211,14 +203,14 @@ int run_serve(const Options& options, const ServeOptions& serve) {
   }
   auto buses = serve.plant.empty() ? port_buses(options, serve) : plant_buses(options, serve);
   if (!buses) return tell(buses.error(), options.json);
-  Interrupt interrupt;
-  io::Loop& loop = (*buses)->loop();
+  io::LoopDriver& driver = (*buses)->driver();
+  Interrupt interrupt(&driver.loop());
   serve::ServerOptions server_options;
   server_options.tell = [json = options.json](const std::string& text) {
     print_line(json ? Json{{"client", text}}.dump() : text);
   };
   auto server = serve::SocketcandServer::listen(
-      loop, *where, [&](const std::string& bus, std::string& why) { return (*buses)->attach(bus, why); },
+      driver.loop(), *where, [&](const std::string& bus, std::string& why) { return (*buses)->attach(bus, why); },
       std::move(server_options));
   if (!server) return tell(failure(Exit::failed, server.error()), options.json);
   (*buses)->start();
@@ -228,41 +220,39 @@ int run_serve(const Options& options, const ServeOptions& serve) {
   } else {
     for (const auto& name : (*buses)->names()) print_line(fmt::format("socketcand://{}/{}", address, name));
   }
-  const auto end = serve.duration ? loop.clock() + *serve.duration : rt::never;
-  while (!interrupt.came() && loop.woke() < end) loop.turn(std::min<rt::Duration>(50ms, end - loop.woke()));
+  wait_for(driver, interrupt, serve.duration.value_or(rt::Duration::max()));
   tell_counters((*server)->counters(), options.json);
   return Exit::done;
 }
 
-void add_serve(CLI::App& app, Options& options, std::function<int()>& action) {
-  const auto serve = std::make_shared<ServeOptions>();
-  auto* const sub =
-      app.add_subcommand("serve", "offer buses to other programs by socketcand (python-can, another Berth)");
-  sub->callback([&options, &action, serve] { action = [&options, serve] { return run_serve(options, *serve); }; });
-  sub->footer(
+}  // namespace
+
+void add_serve(Verb& berth, Options& options) {
+  const auto wanted = std::make_shared<ServeOptions>();
+  const Verb serve = berth.add("serve", "offer buses to other programs by socketcand (python-can, another Berth)",
+                               [&options, wanted] { return run_serve(options, *wanted); });
+  serve.footer(
       "Examples:\n  berth serve plant.toml --machine machine.toml\n  berth serve --port slcan:/dev/ttyACM0 --bitrate "
       "125000\n"
       "  berth serve --port socketcan:can0 --listen 0.0.0.0:29536 --for \"1 h\"\n"
       "  berth serve --port backbone=plant:/tmp/plant.sock\n"
       "Clients: can.Bus(interface=\"socketcand\", host=\"127.0.0.1\", port=29536, channel=\"BUS\") of python-can;\n"
       "port = \"socketcand://127.0.0.1:29536/BUS\" in a machine file. can0 is the first bus, can1 the second.");
-  auto* const plant =
-      sub->add_option("plant", serve->plant, "plant file: its buses, simulated in real time")->option_text("PLANT");
-  sub->add_option("--machine", options.machine,
-                  "machine file: with PLANT the bit rates of its buses; alone: its buses' own ports");
-  sub->add_option("--port", serve->ports, "this port, as PORT or NAME=PORT; as often as wanted")
-      ->option_text("[NAME=]PORT")
-      ->allow_extra_args(false)
-      ->excludes(plant);
-  sub->add_option("--bitrate", serve->bit_rate, "bit rate of the ports")->option_text("BIT/S");
-  sub->add_option("--listen", serve->listen, "where to listen (default 127.0.0.1:29536; port 0: any that is free)")
-      ->option_text("HOST:PORT");
-  sub->add_flag("--listen-only", serve->listen_only, "clients hear and cannot send");
-  time_option(
-      *sub, "--for", [serve](std::chrono::nanoseconds time) { serve->duration = time; }, "end after this time");
-  sub->add_option("--sim-state", options.state, "file that keeps what the simulated devices remember between runs");
-  sub->add_option("--seed", options.seed, "seed of the world, instead of the plant file's");
-  sub->add_flag("--json", options.json, "JSON objects, one per line");
+  const Word plant = serve.word("plant", wanted->plant, "plant file: its buses, simulated in real time").shown("PLANT");
+  serve.word("--machine", options.machine,
+             "machine file: with PLANT the bit rates of its buses; alone: its buses' own ports");
+  serve.word("--port", wanted->ports, "this port, as PORT or NAME=PORT; as often as wanted")
+      .shown("[NAME=]PORT")
+      .one_each()
+      .excludes(plant);
+  serve.word("--bitrate", wanted->bit_rate, "bit rate of the ports").shown("BIT/S");
+  serve.word("--listen", wanted->listen, "where to listen (default 127.0.0.1:29536; port 0: any that is free)")
+      .shown("HOST:PORT");
+  serve.flag("--listen-only", wanted->listen_only, "clients hear and cannot send");
+  serve.time("--for", wanted->duration, "end after this time");
+  plant_words(serve, options);
+  json_flag(serve, options, "JSON objects, one per line");
+  real_time_word(serve, options);
 }
 
 }  // namespace berth::cli

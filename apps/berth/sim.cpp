@@ -5,10 +5,11 @@
 #include <nlohmann/json.hpp>
 
 #include "berth/sim/scenarios.hpp"
-#include "options.hpp"
 #include "output.hpp"
+#include "verbs.hpp"
 
 namespace berth::cli {
+namespace {
 
 int run_scenario(const Options& options, const std::string& scenario) {
   constexpr unsigned until_bus_off = 30;  // coincidences: more than it takes
@@ -51,6 +52,26 @@ int run_version(const Options& options) {
     print_line(fmt::format("berth {}", BERTH_VERSION));
   }
   return Exit::done;
+}
+
+constexpr std::pair<const char*, const char*> scenes[] = {
+    {"two-with-one-id", "two nodes send different data under one identifier: error-passive"},
+    {"again-with-one-id", "the same, again and again: bus-off"},
+    {"wrong-bit-rate", "a node at another bit rate drives a healthy one to bus-off"},
+    {"lone-node", "one node sends and nobody acknowledges"}};
+
+}  // namespace
+
+void add_sim(Verb& berth, Options& options) {
+  const Verb sim = berth.group("sim", "textbook scenes of fault confinement, step by step");
+  for (const auto& [name, help] : scenes) {
+    json_flag(sim.add(name, help, [&options, scene = std::string(name)] { return run_scenario(options, scene); }),
+              options);
+  }
+}
+
+void add_version(Verb& berth, Options& options) {
+  json_flag(berth.add("version", "which Berth this is", [&options] { return run_version(options); }), options);
 }
 
 }  // namespace berth::cli

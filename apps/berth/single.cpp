@@ -5,11 +5,11 @@
 #include <nlohmann/json.hpp>
 
 #include "ask.hpp"
-#include "berth/rt/scope.hpp"
+#include "berth/operate/control.hpp"
 #include "drive.hpp"
+#include "execute.hpp"
 #include "ports.hpp"
 #include "single.hpp"
-#include "up.hpp"
 
 namespace berth::cli {
 namespace {
@@ -37,63 +37,20 @@ int show(const CommandReply& reply, bool json) {
   return reply.status;
 }
 
-// What a dry run says: the frames, and what came of the command in the throw-away world.
-int show_dry(const std::vector<Recorded>& frames, const CommandReply& reply, bool json) {
-  if (json) {
-    Json all;
-    all["dry_run"] = true;
-    all["frames"] = Json::array();
-    for (const auto& f : frames) all["frames"].push_back({{"at_s", f.at_s}, {"bus", f.bus}, {"frame", f.frame}});
-    all["reply"] = Json::parse(reply.json);
-    print_line(all.dump(2));
-    return reply.status;
-  }
-  for (const auto& f : frames) print_line(candump_line(f));
-  if (!reply.error.empty()) print_error(reply.error);
-  return reply.status;
-}
-
-rt::Task<void> run(operate::Session& session, const CommandRequest& request, CommandReply& reply, bool& over) {
-  co_await operate::execute(session, request, reply);
-  over = true;
-}
-
 // The simulated devices need their time to boot; with --up the main job gets the time it needs.
 tl::expected<void, Failure> prepare(Rig& rig, const Options& options) {
-  if (options.bring_up) {
-    Options fast = options;
-    fast.timeout.reset();
-    Screen screen(rig.session(), false, true);
-    Ending ending(rig, "operational");
-    DriveOptions how;
-    how.paced = rig.loop() != nullptr;
-    if (how.paced) fast.timeout = options.timeout.value_or(5min);
-    const auto ended = drive(rig, ending, screen, fast, how);
-    rig.session().on_event({});
-    rig.session().on_milestone({});
-    if (!ended) return tl::unexpected(ended.error());
+  if (!options.bring_up) {
+    rig.power_on_and_boot(100ms);
     return {};
   }
-  rig.world().start();
-  if (rig.loop() != nullptr) return {};
-  rt::Duration boot{0};
-  for (const auto& device : rig.plant().devices) boot = std::max(boot, device.boot);
-  rig.world().sim().run_for(boot + 100ms);
+  Options up = options;
+  up.timeout.reset();
+  if (rig.loop() != nullptr) up.timeout = options.timeout.value_or(5min);
+  Screen screen(rig.session(), false, true);
+  Ending ending(rig, "operational");
+  const auto ended = drive(rig, ending, screen, up, {});
+  if (!ended) return tl::unexpected(ended.error());
   return {};
-}
-
-// Until it is over, `limit` of the bus's time went by, or a person ended it.
-void pass_until(Rig& rig, const bool& over, rt::Duration limit) {
-  Interrupt& interrupt = rig.interrupt();
-  if (rig.loop() == nullptr) {
-    unsigned looks = 0;
-    rig.world().sim().run_until([&] { return over || (++looks % 256 == 0 && interrupt.came()); }, limit);
-    return;
-  }
-  const auto end = rig.world().executor().now() + limit;
-  while (!over && rig.world().executor().now() < end && !rig.dry_run_over() && !interrupt.came()) {
-    rig.loop()->turn(50ms);
-  }
 }
 
 using Replied = tl::expected<CommandReply, Failure>;
@@ -112,54 +69,60 @@ bool takes_bus(const CommandRequest& request) {
   return request.verb == "scan" || request.verb == "bind" || request.verb == "replace";
 }
 
+// What binding a machine that never ran would do.
+CommandReply unconfirmed_binding() {
+  auto reply = operate::refusal(Exit::no,
+                                "no slot of this machine has a device yet: binding searches for devices by LSS and "
+                                "RAND, gives them node-IDs and lets them store these; nothing was sent; confirm it "
+                                "with --yes");
+  reply.json = R"({"result": "unconfirmed"})";
+  return reply;
+}
+
+// Binding in a simulated world, which can stand still: the person who types here is asked which device sits where.
+void ask_where_devices_sit(Rig& rig, CommandReply& reply, rt::Duration limit) {
+  print_lines(reply.lines);
+  ask_here(rig, limit);
+  const auto now = rig.session().report();
+  reply.lines = operate::to_table(now.slots);
+  if (!now.questions.empty() || reply.status != Exit::no) return;
+  const bool all = std::ranges::none_of(now.slots, [&](const auto& s) {
+    const design::Slot* const slot = rig.machine().slot(s.bus, s.id);
+    const bool needed = slot == nullptr || !slot->spec.optional;
+    return needed && s.state != places::SlotState::present && s.state != places::SlotState::operational;
+  });
+  if (!all) return;
+  reply.status = Exit::done;
+  reply.error.clear();
+}
+
+// Buses that are outside this process are listened to before anything is sent, and asked for other masters before a
+// master's right is used.
 Replied reply_of_own_world(const Options& options, const CommandRequest& request, std::vector<Recorded>& sent) {
   auto made = Rig::make(own_options(options, request), {options.machine, options.sim, {}, {}});
   if (!made) return tl::unexpected(made.error());
   Rig& rig = **made;
-  if (const auto clear = rig.listen_first(); !clear) return tl::unexpected(clear.error());
+  Strangers& strangers = rig.strangers();
+  if (const auto clear = strangers.listen_first(); !clear) return tl::unexpected(clear.error());
   if (options.bring_up) {
-    if (const auto alone = rig.ask_strangers(); !alone) return tl::unexpected(alone.error());
+    if (const auto alone = strangers.ask(); !alone) return tl::unexpected(alone.error());
   }
   const auto ready = prepare(rig, options);
   if (!ready) return tl::unexpected(ready.error());
-  if (request.verb == "bind" && !options.dry_run && !options.yes && rig.first_start()) {
-    auto reply = operate::refusal(Exit::no,
-                                  "no slot of this machine has a device yet: binding searches for devices by LSS and "
-                                  "RAND, gives them node-IDs and lets them store these; nothing was sent; confirm it "
-                                  "with --yes");
-    reply.json = R"({"result": "unconfirmed"})";
-    return reply;
-  }
-  if (options.dry_run) rig.record_sent(sent);
+  const bool binds = request.verb == "bind";
+  if (binds && !options.dry_run && !options.yes && rig.first_start()) return unconfirmed_binding();
+  if (options.dry_run) rig.record().collect_sent(sent);
   if (takes_bus(request)) {
-    if (const auto alone = rig.ask_strangers(); !alone) return tl::unexpected(alone.error());
+    if (const auto alone = strangers.ask(); !alone) return tl::unexpected(alone.error());
   }
   CommandReply reply;
-  bool over = false;
   const auto limit = options.timeout.value_or(5min);
-  {
-    rt::Scope scope(rig.world().executor());
-    scope.spawn(run(rig.session(), request, reply, over));
-    pass_until(rig, over, limit);
+  if (execute_in(rig, request, reply, limit)) {
+    const bool asks = binds && rig.loop() == nullptr && !options.json && !options.dry_run;
+    if (asks && on_terminal() && someone_types()) ask_where_devices_sit(rig, reply, limit);
+    return reply;
   }
-  if (over && request.verb == "bind" && rig.loop() == nullptr && !options.json && !options.dry_run && on_terminal() &&
-      someone_types()) {
-    print_lines(reply.lines);
-    ask_here(rig, limit);
-    const auto now = rig.session().report();
-    reply.lines = operate::to_table(now.slots);
-    if (now.questions.empty() && reply.status == Exit::no) {
-      const bool all = std::ranges::none_of(now.slots, [&](const auto& s) {
-        const design::Slot* const slot = rig.machine().slot(s.bus, s.id);
-        const bool needed = slot == nullptr || !slot->spec.optional;
-        return needed && s.state != places::SlotState::present && s.state != places::SlotState::operational;
-      });
-      if (all) reply.status = Exit::done;
-      if (all) reply.error.clear();
-    }
-  }
-  if (over) return reply;
-  if (options.dry_run && rig.loop() != nullptr) {
+  if (options.dry_run && !rig.guards().empty()) {
     reply = {};
     reply.json = R"({"result": "what comes next depends on the answer"})";
     return reply;
@@ -175,7 +138,9 @@ int dry_in_own_world(const Options& options, CommandRequest request) {
   request.arguments["yes"] = "1";
   std::vector<Recorded> sent;
   const auto reply = reply_of_own_world(options, request, sent);
-  return reply ? show_dry(sent, *reply, options.json) : tell(reply.error(), options.json);
+  if (!reply) return tell(reply.error(), options.json);
+  print_dry_run(sent, &*reply, options.json);
+  return reply->status;
 }
 
 int foreseen(const Options& options, const CommandRequest& request) {
@@ -185,16 +150,9 @@ int foreseen(const Options& options, const CommandRequest& request) {
     return tell(failure(Exit::usage, problem + "; a dry run of it needs a world to throw away: give --sim PLANT"),
                 options.json);
   }
-  if (options.json) {
-    Json all;
-    all["dry_run"] = true;
-    all["frames"] = Json::array();
-    for (const auto& f : frames)
-      all["frames"].push_back({{"at_s", nullptr}, {"bus", options.bus}, {"frame", can::to_string(f)}});
-    print_line(all.dump(2));
-    return Exit::done;
-  }
-  for (const auto& f : frames) print_line(can::to_string(f));
+  std::vector<Recorded> sent;
+  for (const auto& f : frames) sent.push_back({std::nullopt, options.bus, can::to_string(f), true});
+  print_dry_run(sent, nullptr, options.json);
   return Exit::done;
 }
 

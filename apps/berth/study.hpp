@@ -2,16 +2,11 @@
 #pragma once
 
 #include <cstdint>
-#include <functional>
 #include <optional>
 #include <string>
 
 #include "berth/text/quantity.hpp"
 #include "options.hpp"
-
-namespace CLI {
-class App;
-}
 
 namespace berth::cli {
 
@@ -28,9 +23,6 @@ struct StudyOptions {
   unsigned threads = 0;                              ///< 0: one a processor
   std::string csv, plot;                             ///< files; empty: none
 };
-
-/// Adds the two, and `berth trace` (trace.hpp), to the command line; `action` becomes what the chosen one does.
-void add_study(CLI::App& app, Options& options, std::function<int()>& action);
 
 int run_reproduce(const Options& options, const StudyOptions& study);
 int run_compare(const Options& options, const StudyOptions& study);

@@ -6,7 +6,6 @@
 
 #include <chrono>
 #include <cstdint>
-#include <functional>
 #include <optional>
 #include <string>
 #include <vector>
@@ -14,10 +13,6 @@
 #include "berth/decode/words.hpp"
 #include "berth/trace/stream.hpp"
 #include "options.hpp"
-
-namespace CLI {
-class App;
-}
 
 namespace berth::cli {
 
@@ -55,7 +50,6 @@ struct TraceOptions {
   [[nodiscard]] bool filters_rows() const noexcept { return !nodes.empty() || !services.empty() || !text.empty(); }
 };
 
-void add_trace(CLI::App& app, Options& options, std::function<int()>& action);
 int run_trace(const Options& options, const TraceOptions& trace);
 
 }  // namespace berth::cli

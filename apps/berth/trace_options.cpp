@@ -1,13 +1,12 @@
 // What may be written behind `berth trace`.
 #include <fmt/format.h>
 
-#include <CLI/CLI.hpp>
 #include <charconv>
 #include <memory>
 
 #include "berth/text/quantity.hpp"
-#include "time_option.hpp"
 #include "trace.hpp"
+#include "verbs.hpp"
 
 namespace berth::cli {
 namespace {
@@ -24,55 +23,48 @@ std::optional<TracePoint> parse_point(std::string text) {
   return point;
 }
 
-void point_option(CLI::App& sub, const char* name, std::optional<TracePoint>& into, const char* help) {
+void point_word(const Verb& verb, const char* name, std::optional<TracePoint>& into, const char* help) {
   const auto read = [&into](const std::string& text) {
     into = parse_point(text);
     return into ? std::string()
                 : fmt::format("\"{}\" is no time; write seconds as the log does, or +2.5 from its first frame", text);
   };
-  sub.add_option_function<std::string>(
-         name, [](const std::string&) {}, help)
-      ->check(CLI::Validator(read, "SECONDS"));
+  verb.read(name, "SECONDS", read, help);
 }
 
-void format_option(CLI::App& sub, const char* name, const char* help, std::function<bool(const std::string&)> take,
-                   const char* words) {
+void format_word(const Verb& verb, const char* name, const char* help, std::function<bool(const std::string&)> take,
+                 const char* words) {
   const auto read = [take = std::move(take), words](const std::string& text) {
     return take(text) ? std::string() : fmt::format("there is no format \"{}\"; there are {}", text, words);
   };
-  sub.add_option_function<std::string>(
-         name, [](const std::string&) {}, help)
-      ->check(CLI::Validator(read, "FORMAT"));
+  verb.read(name, "FORMAT", read, help);
 }
 
-void add_formats(CLI::App& sub, TraceOptions& trace) {
-  format_option(
-      sub, "--from", "format of the file (default: by its content)",
+void add_formats(const Verb& verb, TraceOptions& trace) {
+  format_word(
+      verb, "--from", "format of the file (default: by its content)",
       [&trace](const std::string& text) {
         trace.from = trace::parse_format(text);
         return trace.from.has_value();
       },
       "candump, pcapng, asc and trc");
-  format_option(
-      sub, "--to", "convert: candump, pcapng, asc, trc or trc1.1 (default: by the ending of -o)",
+  format_word(
+      verb, "--to", "convert: candump, pcapng, asc, trc or trc1.1 (default: by the ending of -o)",
       [&trace](const std::string& text) {
         trace.trc_1_1 = text == "trc1.1";
         trace.to = trace::parse_format(trace.trc_1_1 ? "trc" : text);
         return trace.to.has_value();
       },
       "candump, pcapng, asc, trc and trc1.1");
-  sub.add_option("--output,-o,--record", trace.output, "write the frames to this file (- for standard output)")
-      ->option_text("FILE");
-  sub.add_flag_callback(
+  verb.word("--output,-o,--record", trace.output, "write the frames to this file (- for standard output)")
+      .shown("FILE");
+  verb.flag(
       "--no-directions", [&trace] { trace.directions = false; },
       "--to candump: without R and T behind the frames, which some readers do not know");
 }
 
-void add_filters(CLI::App& sub, TraceOptions& trace) {
-  sub.add_option("--node", trace.nodes, "only these nodes' frames")
-      ->check(CLI::Range(1, 127))
-      ->option_text("N...")
-      ->allow_extra_args(false);
+void add_filters(const Verb& verb, TraceOptions& trace) {
+  verb.word("--node", trace.nodes, "only these nodes' frames").from_to(1, 127).shown("N...").one_each();
   const auto service = [&trace](const std::string& text) {
     const auto found = decode::parse_service(text);
     if (found) {
@@ -84,54 +76,51 @@ void add_filters(CLI::App& sub, TraceOptions& trace) {
       names += fmt::format("{}{}", i > 0 ? ", " : "", decode::name(static_cast<decode::Service>(i)));
     return fmt::format("there is no service \"{}\"; there are {}", text, names);
   };
-  sub.add_option_function<std::vector<std::string>>(
-         "--service", [](const std::vector<std::string>&) {}, "only these: sdo, pdo, nmt, emcy, lss, heartbeat, ...")
-      ->delimiter(',')
-      ->allow_extra_args(false)
-      ->check(CLI::Validator(service, "SERVICE..."));
-  sub.add_option("--text", trace.text, "only rows whose words have this, in either case")->option_text("WORD");
-  sub.add_option("--bus", trace.buses, "only these buses: as the log names them, or the machine file")
-      ->option_text("BUS...")
-      ->allow_extra_args(false);
-  point_option(sub, "--after", trace.after, "only from this time on: as the log counts, or +2.5 from its first frame");
-  point_option(sub, "--before", trace.before, "only up to this time");
+  verb.read_each("--service", "SERVICE...", service, "only these: sdo, pdo, nmt, emcy, lss, heartbeat, ...")
+      .separated_by(',')
+      .one_each();
+  verb.word("--text", trace.text, "only rows whose words have this, in either case").shown("WORD");
+  verb.word("--bus", trace.buses, "only these buses: as the log names them, or the machine file")
+      .shown("BUS...")
+      .one_each();
+  point_word(verb, "--after", trace.after, "only from this time on: as the log counts, or +2.5 from its first frame");
+  point_word(verb, "--before", trace.before, "only up to this time");
+}
+
+void add_forms(const Verb& verb, TraceOptions& trace) {
+  const Word stats = verb.flag("--stats", trace.stats, "frames, bits, periods, jitter and load, by identifier");
+  verb.flag("--table", trace.table, "number, identifier, details, raw message, with tabs between").excludes(stats);
+  verb.flag("--frames", trace.frames, "every frame by itself: SDO transfers are not folded into one row");
 }
 
 }  // namespace
 
-void add_trace(CLI::App& app, Options& options, std::function<int()>& action) {
-  const auto trace = std::make_shared<TraceOptions>();
-  auto* const sub = app.add_subcommand("trace", "a trace file or a live bus: in words, in numbers, in another format");
-  sub->footer(
+void add_trace(Verb& berth, Options& options) {
+  const auto wanted = std::make_shared<TraceOptions>();
+  const Verb trace = berth.add("trace", "a trace file or a live bus: in words, in numbers, in another format",
+                               [&options, wanted] { return run_trace(options, *wanted); });
+  trace.footer(
       "Examples:\n  berth trace run.log\n  berth trace run.log --machine machine.toml --service sdo,emcy\n"
       "  berth trace run.log --eds 5=sensor.eds --node 5\n  berth trace run.pcapng --stats --bitrate 125000\n"
       "  berth trace run.asc -o run.pcapng\n  berth trace run.log --follow --text abort\n"
       "  berth trace --port socketcan:can0 -o run.log");
-  sub->add_option("file", trace->file, "candump, pcapng, Vector ASC or PEAK TRC; - for standard input")
-      ->option_text("FILE");
-  add_formats(*sub, *trace);
-  sub->add_option("--machine", options.machine, "machine file: its slots' names, descriptions and configurations");
-  sub->add_option("--eds", trace->eds, "description of a node: N=FILE, or FILE with one --node")
-      ->option_text("[N=]FILE")
-      ->allow_extra_args(false);
-  auto* const stats = sub->add_flag("--stats", trace->stats, "frames, bits, periods, jitter and load, by identifier");
-  auto* const table =
-      sub->add_flag("--table", trace->table, "number, identifier, details, raw message, with tabs between");
-  table->excludes(stats);
-  sub->add_flag("--frames", trace->frames, "every frame by itself: SDO transfers are not folded into one row");
-  sub->add_option("--bitrate", trace->bit_rate, "of the bus, for its load; of --port, to open it")
-      ->check(CLI::Range(10'000, 1'000'000))
-      ->option_text("BIT/S");
-  add_filters(*sub, *trace);
-  sub->add_flag("--follow,-f", trace->follow, "go on when the file's end is reached, until Ctrl-C or --timeout");
-  sub->add_option("--port", trace->port, "listen on a live bus and send nothing: socketcan:can0, plant:PATH, ...")
-      ->option_text("PORT");
-  sub->add_flag("--quiet,-q", trace->quiet, "with -o and a live source: no words");
-  time_option(
-      *sub, "--timeout", [&options](std::chrono::nanoseconds time) { options.timeout = time; },
-      "end a live source after this time");
-  sub->add_flag("--json", options.json, "one JSON object a row; with --stats or a conversion one in all");
-  sub->callback([&options, &action, trace] { action = [&options, trace] { return run_trace(options, *trace); }; });
+  trace.word("file", wanted->file, "candump, pcapng, Vector ASC or PEAK TRC; - for standard input").shown("FILE");
+  add_formats(trace, *wanted);
+  trace.word("--machine", options.machine, "machine file: its slots' names, descriptions and configurations");
+  trace.word("--eds", wanted->eds, "description of a node: N=FILE, or FILE with one --node")
+      .shown("[N=]FILE")
+      .one_each();
+  add_forms(trace, *wanted);
+  trace.word("--bitrate", wanted->bit_rate, "of the bus, for its load; of --port, to open it")
+      .from_to(10'000, 1'000'000)
+      .shown("BIT/S");
+  add_filters(trace, *wanted);
+  trace.flag("--follow,-f", wanted->follow, "go on when the file's end is reached, until Ctrl-C or --timeout");
+  trace.word("--port", wanted->port, "listen on a live bus and send nothing: socketcan:can0, plant:PATH, ...")
+      .shown("PORT");
+  trace.flag("--quiet,-q", wanted->quiet, "with -o and a live source: no words");
+  trace.time("--timeout", options.timeout, "end a live source after this time");
+  json_flag(trace, options, "one JSON object a row; with --stats or a conversion one in all");
 }
 
 }  // namespace berth::cli

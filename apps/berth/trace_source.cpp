@@ -12,7 +12,7 @@
 
 #include "berth/can/port_spec.hpp"
 #include "berth/io/open_port.hpp"
-#include "drive.hpp"
+#include "interrupt.hpp"
 #include "trace_known.hpp"
 
 namespace berth::cli {
@@ -115,13 +115,10 @@ class FileSource final : public TraceSource {
 class PortSource final : public TraceSource, private can::Listener {
  public:
   explicit PortSource(std::string bus, std::string name)
-      : loop_(executor_), buses_{std::move(bus)}, name_(std::move(name)) {
-    loop_.watch(interrupt_.descriptor(), stop_, 1 /* EPOLLIN */);
-  }
+      : loop_(executor_), buses_{std::move(bus)}, name_(std::move(name)) {}
   ~PortSource() override {
     if (port_) port_->listen(nullptr, {});
     port_.reset();
-    loop_.forget(interrupt_.descriptor());
   }
   PortSource(const PortSource&) = delete;
   PortSource& operator=(const PortSource&) = delete;
@@ -152,10 +149,6 @@ class PortSource final : public TraceSource, private can::Listener {
   std::string format() const override { return "live"; }
 
  private:
-  class Stop final : public io::Watcher {
-    void ready(std::uint32_t) noexcept override {}  // `came` asks
-  };
-
   void received(const can::Frame& frame, rt::Time at) noexcept override {
     got_ = true;
     entry_.at = at.time_since_epoch() + since_1970_;
@@ -183,8 +176,7 @@ class PortSource final : public TraceSource, private can::Listener {
 
   rt::Executor executor_;
   io::Loop loop_;
-  Interrupt interrupt_;
-  Stop stop_;
+  Interrupt interrupt_{&loop_};
   std::unique_ptr<can::Port> port_;
   std::vector<std::string> buses_;
   std::string name_;

@@ -3,18 +3,16 @@
 
 #include <fmt/format.h>
 
-#include <cmath>
-#include <nlohmann/json.hpp>
+#include <optional>
 
 #include "ask.hpp"
-#include "berth/trace/candump.hpp"
+#include "berth/operate/control.hpp"
 #include "drive.hpp"
 #include "ports.hpp"
+#include "verbs.hpp"
 
 namespace berth::cli {
 namespace {
-
-using Json = nlohmann::ordered_json;
 
 // Why it is not operational, one line a slot.
 std::string reasons(operate::Session& session, Ended ended) {
@@ -29,21 +27,13 @@ std::string reasons(operate::Session& session, Ended ended) {
   return "not operational: " + text;
 }
 
-void print_frames(const std::vector<Recorded>& frames, bool json) {
-  if (json) {
-    Json all;
-    all["dry_run"] = true;
-    all["frames"] = Json::array();
-    for (const auto& f : frames) all["frames"].push_back({{"at_s", f.at_s}, {"bus", f.bus}, {"frame", f.frame}});
-    return print_line(all.dump(2));
-  }
-  for (const auto& f : frames) print_line(candump_line(f));
-}
-
-// A process for one of several buses leaves the machine's name to the one that runs them all.
-std::string process_name(Rig& rig, const Options& options) {
+// Where other commands reach this one. A process for one of several buses leaves the machine's name to the one that
+// runs them all.
+std::string control_of(Rig& rig, const Options& options) {
+  if (rig.loop() == nullptr || options.dry_run) return {};
+  if (!options.control.empty()) return options.control;
   const auto& name = rig.machine().name;
-  return rig.loop() != nullptr && !options.bus.empty() ? bus_process(name, options.bus) : name;
+  return operate::control_path(!rig.guards().empty() && !options.bus.empty() ? bus_process(name, options.bus) : name);
 }
 
 std::string first_start_text(Rig& rig) {
@@ -72,44 +62,49 @@ Failure unconfirmed(Rig& rig) {
                                "would be sent first");
 }
 
-}  // namespace
-
-std::string candump_line(const Recorded& f) {
-  return trace::candump_line(rt::Duration(std::llround(f.at_s * 1e9)), f.bus, f.frame);
+// Another master on a bus, or no consent of a person's: nothing is started.
+std::optional<Failure> refusal(Rig& rig, const Options& options) {
+  if (const auto clear = rig.strangers().listen_first(); !clear) return clear.error();
+  if (!options.dry_run && !confirmed(rig, options)) return unconfirmed(rig);
+  if (const auto alone = rig.strangers().ask(); !alone) return alone.error();
+  return std::nullopt;
 }
 
-int bring_up(const Options& options, const Sources& sources) {
-  auto made = Rig::make(options, sources);
-  if (!made) return tell(made.error(), options.json);
-  Rig& rig = **made;
-  std::vector<Recorded> sent;
-  if (options.dry_run) rig.record_sent(sent);
-  DriveOptions how;
-  const bool live = on_terminal() && !options.json && !options.dry_run;
-  how.paced = rig.loop() != nullptr || (!options.dry_run && !options.fast && (options.pace || live));
-  if (const auto clear = rig.listen_first(); !clear) return tell(clear.error(), options.json);
-  if (!options.dry_run && !confirmed(rig, options)) return tell(unconfirmed(rig), options.json);
-  if (const auto alone = rig.ask_strangers(); !alone) return tell(alone.error(), options.json);
-  if (how.paced && !options.dry_run)
-    how.control = options.control.empty() ? operate::control_path(process_name(rig, options)) : options.control;
-  Screen screen(rig.session(), live && how.paced, options.json || options.dry_run);
-  Ending ending(rig, options.until);
-  const auto ended = drive(rig, ending, screen, options, how);
-  if (!ended) return tell(ended.error(), options.json);
-  rig.session().on_event({});
-  const bool good =
-      rig.session().operational() && (*ended != Ended::settled || options.until != "replaced" || ending.reached());
-  if (!options.dry_run) rig.leave(options);
+// `table`: the slots were not on the screen all the time.
+void print_outcome(Rig& rig, const Options& options, const std::vector<Recorded>& sent, bool table) {
   if (options.dry_run) {
-    print_frames(sent, options.json);
-    if (rig.loop() != nullptr) return Exit::done;
+    print_dry_run(sent, nullptr, options.json);
   } else if (options.json) {
     print_line(operate::to_json(rig.session().report()));
-  } else if (!live || !how.paced) {
+  } else if (table) {
     print_line("");
     print_lines(operate::to_table(rig.session().slots()));
   }
-  if (!rig.record_kept())
+}
+
+}  // namespace
+
+int bring_up(const Options& wanted, const Sources& sources) {
+  Options options = wanted;
+  bool live = on_terminal() && !options.json && !options.dry_run;
+  options.pace = (options.pace || live) && !options.fast && !options.dry_run;
+  auto made = Rig::make(options, sources);
+  if (!made) return tell(made.error(), options.json);
+  Rig& rig = **made;
+  live = live && rig.loop() != nullptr;
+  std::vector<Recorded> sent;
+  if (options.dry_run) rig.record().collect_sent(sent);
+  if (const auto no = refusal(rig, options)) return tell(*no, options.json);
+  Screen screen(rig.session(), live, options.json || options.dry_run);
+  Ending ending(rig, options.until);
+  const auto ended = drive(rig, ending, screen, options, control_of(rig, options));
+  if (!ended) return tell(ended.error(), options.json);
+  const bool good =
+      rig.session().operational() && (*ended != Ended::settled || options.until != "replaced" || ending.reached());
+  if (!options.dry_run) rig.leave(options);
+  print_outcome(rig, options, sent, !live);
+  if (options.dry_run && !rig.guards().empty()) return Exit::done;
+  if (!rig.record().kept())
     return tell(failure(Exit::failed, options.record + ": the record could not be written"), false);
   if (good) return Exit::done;
   screen.keep();
@@ -119,12 +114,48 @@ int bring_up(const Options& options, const Sources& sources) {
   return Exit::no;
 }
 
+namespace {
+
 int run_up(const Options& options) {
   if (options.machine.empty())
     return tell(failure(Exit::usage, "name the machine file: berth up machine.toml"), options.json);
   Options own = options;
   own.makes_store = true;
   return bring_up(own, {options.machine, options.sim, {}, {}});
+}
+
+// It needs real time.
+void gateway_words(const Verb& up, Options& options, const Word& fast) {
+  const auto take = [&options](const std::string& where) { options.gateway = where, options.pace = true; };
+  up.word("--gateway", take, "offer the buses by CiA 309-3 there too, such as 127.0.0.1:7000")
+      .shown("HOST:PORT")
+      .excludes(fast);
+  up.flag("--gateway-commands", options.gateway_commands,
+          "clients of --gateway may command a real machine: NMT, SDO download, PDO, LSS; else they only read");
+}
+
+}  // namespace
+
+Word drive_words(const Verb& verb, Options& options) {
+  verb.word("--until", options.until, "end when this is reached")
+      .one_of(std::vector<std::string>{"operational", "replaced"});
+  const Word pace = verb.flag("--pace", options.pace, "in real time, and stay up until Ctrl-C (on a terminal: always)");
+  Word fast = verb.flag("--fast", options.fast, "as fast as possible, on a terminal too; ends by itself");
+  fast.excludes(pace);
+  verb.word("--listen,--control", options.control, "socket for other commands (default: by the machine's name)");
+  return fast;
+}
+
+void add_up(Verb& berth, Options& options) {
+  const Verb up = berth.add("up", "bring a machine up and keep it running", [&options] { return run_up(options); });
+  machine_words(up, options);
+  machine_word(up, options);
+  const Word fast = drive_words(up, options);
+  up.word("--on-exit", options.on_exit,
+          "to the devices when it ends: leave, preop, stop (default: as the machine file)")
+      .one_of(std::vector<std::string>{"leave", "preop", "stop"});
+  gateway_words(up, options, fast);
+  real_time_word(up, options);
 }
 
 }  // namespace berth::cli

@@ -2,13 +2,14 @@
 #pragma once
 
 #include "rig.hpp"
+#include "verb.hpp"
 
 namespace berth::cli {
 
 /// Runs the main job, prints what it does and how it ended; the exit status.
 int bring_up(const Options& options, const Sources& sources);
 
-/// "(0000000000.215000) field 7E5#0400000000000000".
-[[nodiscard]] std::string candump_line(const Recorded& frame);
+/// --until, --pace, --fast, --control; gives --fast.
+Word drive_words(const Verb& verb, Options& options);
 
 }  // namespace berth::cli

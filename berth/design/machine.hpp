@@ -131,7 +131,7 @@ struct ConfigType {
 /// Reads the configuration at `path`; remarks go to `findings`, and at least one error when it cannot be used.
 using ConfigLoader = std::function<std::optional<ConfigType>(const std::string& path, Findings& findings)>;
 
-/// Reads DCF and concise DCF files through room `manager`.
+/// Reads DCF, XDC and concise DCF files through room `manager`.
 [[nodiscard]] ConfigLoader config_loader();
 
 /// Reads the text of the library file at `path`; an error goes to `findings` when it gives nothing.

@@ -317,7 +317,9 @@ class MachineReader {
       if (activates) table.error("activate", "there is no config that could be activated", "leave the key out");
       return;
     }
-    if (config->empty()) return table.error("config", "the file name is empty", "name a DCF, or leave the key out");
+    if (config->empty())
+      return table.error("config", "the file name is empty",
+                         "name a DCF, an XDC or a concise DCF, or leave the key out");
     spec.config = text::beside(file_, *config);
     if (configs_) check_config(table, slot, ids);
   }

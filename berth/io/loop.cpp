@@ -83,10 +83,7 @@ bool Loop::wait(bool sleep) noexcept {
   bool came = count < 0;
   for (int i = 0; i < count; ++i) {
     const auto& event = events[static_cast<std::size_t>(i)];
-    if (event.data.fd == alarm_) {
-      if (!sleep) set_alarm(rt::never);  // a poll of the descriptor shall not find it readable for ever
-      continue;
-    }
+    if (event.data.fd == alarm_) continue;
     if (!std::exchange(came, true)) {
       rt::Time until = woke_;
       if (const auto next = executor_->next()) until = std::min(until, *next - rt::Duration{1});

@@ -57,12 +57,6 @@ class Loop {
   void turn(rt::Duration most);
   /// What can be done without sleeping: descriptors that are ready, then the executor up to the clock.
   void serve() { turn(rt::Duration{0}); }
-  /// Calls the watchers of descriptors that are ready, without sleeping, for a driver that runs the executor by
-  /// `clock()` itself. Before that the executor's time comes up to the clock, or just before its next timer when that
-  /// is overdue: what came in while the process slept counts before the timeout.
-  void poll() noexcept { wait(false); }
-  /// Readable while a watched descriptor is ready: to wait for it in another loop's poll.
-  [[nodiscard]] int descriptor() const noexcept { return epoll_; }
 
  private:
   struct Watched {

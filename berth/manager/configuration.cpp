@@ -175,7 +175,7 @@ class Loader {
     const std::unique_ptr<std::FILE, int (*)(std::FILE*)> in(std::fopen(path_.c_str(), "rb"), std::fclose);
     const bool is_file = !code && std::filesystem::is_regular_file(path_, code) && in != nullptr;
     if (!is_file || std::fread(bytes.data(), 1, bytes.size(), in.get()) != bytes.size()) {
-      return error("the file cannot be read", "name a DCF or a concise DCF");
+      return error("the file cannot be read", "name a DCF, an XDC or a concise DCF");
     }
     const auto dcf = eds::decode_concise_dcf(bytes);
     if (!dcf) {

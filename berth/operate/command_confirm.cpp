@@ -13,10 +13,10 @@ bool is_operational(Network& network, NodeId id) {
   const auto slots = network.report();
   const auto slot = std::ranges::find(slots, id, &SlotReport::id);
   if (slot != slots.end() && slot->state == places::SlotState::operational) return true;
-  const auto heard = network.boots().heard(id);
-  const auto fresh = network.executor().now() -
+  const auto heard = network.services().boots.heard(id);
+  const auto fresh = network.services().executor.now() -
                      std::max<rt::Duration>(4 * network.bus().timing.heartbeat_timeout, std::chrono::seconds(10));
-  return heard && *heard >= fresh && network.boots().state(id) == NmtState::operational;
+  return heard && *heard >= fresh && network.services().boots.state(id) == NmtState::operational;
 }
 
 std::vector<NodeId> operational_of(Network& network, co::NmtTarget target) {

@@ -93,7 +93,7 @@ rt::Task<void> sdo_probe(Session& session, const CommandRequest& request, Comman
   std::size_t read = 0;
   unsigned silent = 0;
   for (const ObjectRef ref : probe.objects) {
-    const auto answer = co_await bus.sdo().upload(probe.node, ref.index, ref.sub);
+    const auto answer = co_await bus.services().sdo.upload(probe.node, ref.index, ref.sub);
     const bool heard = answer || answer.error().code == Errc::aborted || answer.error().code == Errc::mismatch;
     silent = heard ? 0 : silent + 1;
     const bool never = !heard && read == 0;

@@ -51,7 +51,7 @@ rt::Task<Result<void>> select(Network& network, std::optional<LssAddress> device
   if (!device) co_return Result<void>();
   const LssAddress address = *device;
   const lss::AloneOptions all_parts;
-  const auto selected = co_await lss::select_alone(network.lss(), address, all_parts);
+  const auto selected = co_await lss::select_alone(network.services().lss, address, all_parts);
   if (!selected) co_return fail(selected.error());
   switch (*selected) {
     case lss::Selection::alone: co_return Result<void>();
@@ -64,12 +64,12 @@ rt::Task<Result<void>> select(Network& network, std::optional<LssAddress> device
 
 rt::Task<void> release(Network& network, std::optional<LssAddress> device) {
   if (!device) co_return;
-  const auto released = co_await network.lss().switch_global(lss::State::waiting);
+  const auto released = co_await network.services().lss.switch_global(lss::State::waiting);
   static_cast<void>(released);  // what was asked for is done
 }
 
 rt::Task<void> global(Network& network, lss::State state, CommandReply& reply) {
-  const auto sent = co_await network.lss().switch_global(state);
+  const auto sent = co_await network.services().lss.switch_global(state);
   if (!sent) co_return lss_failed(reply, network, sent.error(), "switch state global");
   const char* const word = state == lss::State::waiting ? "waiting" : "configuration";
   Json json = start_json(network, "global");
@@ -89,9 +89,9 @@ rt::Task<void> select_one(Network& network, LssAddress device, CommandReply& rep
 rt::Task<void> inquire(Network& network, std::optional<LssAddress> device, CommandReply& reply) {
   const auto selected = co_await select(network, device);
   if (!selected) co_return lss_failed(reply, network, selected.error(), "inquire " + named(device));
-  const auto address = co_await network.lss().inquire_address();
+  const auto address = co_await network.services().lss.inquire_address();
   if (!address) co_return lss_failed(reply, network, address.error(), "inquire " + named(device));
-  const auto id = co_await network.lss().inquire_node_id();
+  const auto id = co_await network.services().lss.inquire_node_id();
   co_await release(network, device);
   if (!id) co_return lss_failed(reply, network, id.error(), "inquire node-ID of " + named(device));
   Json json = start_json(network, "inquire");
@@ -109,13 +109,13 @@ rt::Task<void> inquire(Network& network, std::optional<LssAddress> device, Comma
 
 // Does another device hold this node-ID? Asked by SDO, then by guarding: either answer is one.
 rt::Task<Result<bool>> is_taken(Network& network, NodeId id) {
-  co::SdoOptions patience = network.sdo().options();
+  co::SdoOptions patience = network.services().sdo.options();
   patience.timeout = network.bus().timing.guard_timeout;
   patience.abort_on_timeout = false;
-  const auto type = co_await network.sdo().read<std::uint32_t>(id, 0x1000, 0, patience);
+  const auto type = co_await network.services().sdo.read<std::uint32_t>(id, 0x1000, 0, patience);
   if (type || type.error().code == Errc::aborted || type.error().code == Errc::mismatch) co_return true;
   if (type.error().code != Errc::timeout) co_return fail(type.error());
-  const auto guarded = co_await co::probe(network.dispatcher(), id, patience.timeout, 1);
+  const auto guarded = co_await co::probe(network.services().dispatcher, id, patience.timeout, 1);
   if (guarded) co_return true;
   if (guarded.error().code != Errc::timeout) co_return fail(guarded.error());
   co_return false;
@@ -139,10 +139,10 @@ rt::Task<void> configure(Network& network, const NewId& wanted, NodeId old, Comm
           "take that device off the bus, or give it another node-ID first");
     }
   }
-  const auto set = co_await network.lss().configure_node_id(wanted.id);
+  const auto set = co_await network.services().lss.configure_node_id(wanted.id);
   if (!set) co_return lss_failed(reply, network, set.error(), doing, "it does not take this node-ID");
   if (wanted.store) {
-    const auto stored = co_await network.lss().store();
+    const auto stored = co_await network.services().lss.store();
     if (!stored) co_return lss_failed(reply, network, stored.error(), "store of " + to_string(wanted.device));
   }
   Json json = start_json(network, "set-node-id");
@@ -161,7 +161,7 @@ rt::Task<void> set_node_id(Network& network, const NewId& wanted, CommandReply& 
   const std::optional<LssAddress> device = wanted.device;
   const auto selected = co_await select(network, device);
   if (!selected) co_return lss_failed(reply, network, selected.error(), "select " + to_string(wanted.device));
-  const auto now = co_await network.lss().inquire_node_id();
+  const auto now = co_await network.services().lss.inquire_node_id();
   if (now) {
     const NodeId old = NodeId::make(now->byte()).value_or(NodeId());
     co_await configure(network, wanted, old, reply);
@@ -174,7 +174,7 @@ rt::Task<void> set_node_id(Network& network, const NewId& wanted, CommandReply& 
 rt::Task<void> store(Network& network, std::optional<LssAddress> device, CommandReply& reply) {
   const auto selected = co_await select(network, device);
   if (!selected) co_return lss_failed(reply, network, selected.error(), "select " + named(device));
-  const auto stored = co_await network.lss().store();
+  const auto stored = co_await network.services().lss.store();
   co_await release(network, device);
   if (!stored) co_return lss_failed(reply, network, stored.error(), "store of " + named(device));
   Json json = start_json(network, "store");
@@ -190,7 +190,7 @@ rt::Task<void> bit_timing(Network& network, std::uint32_t rate, std::optional<Ls
   }
   const auto selected = co_await select(network, device);
   if (!selected) co_return lss_failed(reply, network, selected.error(), "select " + named(device));
-  const auto set = co_await network.lss().configure_bit_timing(*index);
+  const auto set = co_await network.services().lss.configure_bit_timing(*index);
   if (!set)
     co_return lss_failed(reply, network, set.error(), "bit timing of " + named(device), "it cannot do this bit rate");
   Json json = start_json(network, "bit-timing");
@@ -206,12 +206,12 @@ rt::Task<void> bit_timing(Network& network, std::uint32_t rate, std::optional<Ls
 
 // CiA 305: each device is silent for one delay, changes, and is silent for another.
 rt::Task<void> activate(Network& network, std::uint16_t delay_ms, std::uint32_t rate, CommandReply& reply) {
-  const auto sent = co_await network.lss().activate_bit_timing(delay_ms);
+  const auto sent = co_await network.services().lss.activate_bit_timing(delay_ms);
   if (!sent) co_return lss_failed(reply, network, sent.error(), "activate bit timing");
   const rt::Duration delay = std::chrono::milliseconds(delay_ms);
   if (rate != 0) {
     co_await rt::sleep_for(delay);
-    if (!network.dispatcher().port().restart(rate)) {
+    if (!network.services().dispatcher.port().restart(rate)) {
       co_return refuse(reply, 3,
                        fmt::format("bus {}: Berth's own port does not change to {} bit/s", network.bus().name, rate));
     }
@@ -227,7 +227,7 @@ rt::Task<void> activate(Network& network, std::uint16_t delay_ms, std::uint32_t 
 }
 
 rt::Task<void> identify(Network& network, const lss::IdentifyRanges& ranges, CommandReply& reply) {
-  const auto heard = co_await network.lss().identify_remote(ranges);
+  const auto heard = co_await network.services().lss.identify_remote(ranges);
   if (!heard) co_return lss_failed(reply, network, heard.error(), "identify remote slave");
   Json json = start_json(network, "identify");
   json["anybody"] = heard->answers > 0;
@@ -239,7 +239,7 @@ rt::Task<void> identify(Network& network, const lss::IdentifyRanges& ranges, Com
 
 // A device that is found is left "unknown" as before when no slot knows it, so that a running main job finds it too.
 rt::Task<void> find(Network& network, CommandReply& reply) {
-  const auto blank = co_await network.lss().identify_non_configured();
+  const auto blank = co_await network.services().lss.identify_non_configured();
   if (!blank) co_return lss_failed(reply, network, blank.error(), "identify non-configured slaves");
   const auto report = co_await network.find_new();
   if (!report) co_return lss_failed(reply, network, report.error(), "discovery");
@@ -258,7 +258,7 @@ rt::Task<void> find(Network& network, CommandReply& reply) {
     const bool seated = std::ranges::any_of(slots, [&](const auto& s) { return s.device == d.address; });
     if (seated) continue;
     const LssAddress stranger = d.address;
-    const auto told = co_await network.rand().switch_selective(stranger, nodeid::Identification::unknown);
+    const auto told = co_await network.services().rand.switch_selective(stranger, nodeid::Identification::unknown);
     static_cast<void>(told);  // the next discovery asks all anew
   }
   lines.push_back(fmt::format("{} found; {} device without a node-ID answers LSS", report->found.size(),
@@ -337,8 +337,8 @@ rt::Task<void> lss_command(Session& session, const CommandRequest& request, Comm
   if (r.service == "set-node-id" && r.id == network.bus().master) {
     co_return refuse(reply, 2, fmt::format("node-ID {} is Berth's own on bus {}", r.id.value(), network.bus().name));
   }
-  co_await network.turn().take();
-  const rt::Held held(network.turn());
+  co_await network.services().turn.take();
+  const rt::Held held(network.services().turn);
   if (r.service == "global") {
     co_await global(network, r.state, reply);
   } else if (r.service == "select") {

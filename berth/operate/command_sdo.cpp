@@ -123,7 +123,7 @@ Checked<Network*> sdo_network(Session& session, const ObjectArguments& object) {
 
 // By block transfer when it is wanted, and then by nothing else.
 co::SdoOptions transfer_options(Network& bus, Arguments& arguments) {
-  co::SdoOptions options = bus.sdo().options();
+  co::SdoOptions options = bus.services().sdo.options();
   if (arguments.text("block").empty()) return options;
   options.mode = co::SdoMode::block;
   options.fall_back = false;
@@ -148,7 +148,7 @@ rt::Task<void> sdo_read(Session& session, const CommandRequest& request, Command
   if (!network) co_return refuse(reply, 2, network.error());
   Network& bus = **network;
   const auto how = transfer_options(bus, arguments);
-  const auto value = co_await bus.sdo().upload(object.node, object.index, object.sub, how);
+  const auto value = co_await bus.services().sdo.upload(object.node, object.index, object.sub, how);
   const std::string where = fmt::format("bus {}, SDO read", bus.bus().name);
   if (!value) co_return fail_with(reply, value.error(), where, sdo_fix(value.error().code));
   const auto bytes = value->bytes();
@@ -184,7 +184,7 @@ rt::Task<void> sdo_write(Session& session, const CommandRequest& request, Comman
   Network& bus = **network;
   const auto how = transfer_options(bus, arguments);
   const std::span<const std::uint8_t> data(*bytes);
-  const auto written = co_await bus.sdo().download(object.node, object.index, object.sub, data, how);
+  const auto written = co_await bus.services().sdo.download(object.node, object.index, object.sub, data, how);
   const std::string where = fmt::format("bus {}, SDO write", bus.bus().name);
   if (!written) co_return fail_with(reply, written.error(), where, sdo_fix(written.error().code));
   Json json = object_json(bus, object);
@@ -224,7 +224,7 @@ rt::Task<void> nmt_command(Session& session, const CommandRequest& request, Comm
   const auto network = network_for(session, nmt.bus, harmless ? Use::send : Use::command);
   if (!network) co_return refuse(reply, 2, network.error());
   Network& bus = **network;
-  const auto sent = co_await bus.nmt().send(nmt.command, nmt.target);
+  const auto sent = co_await bus.services().nmt.send(nmt.command, nmt.target);
   const bool all = nmt.target == co::NmtTarget::all();
   const std::string whom = all ? "all nodes" : fmt::format("node {}", nmt.target.node);
   if (!sent)

@@ -284,13 +284,13 @@ std::string line_of(const Network::Seen& seen, const std::string& bus) {
 
 // RAND has found them: they are "identified" and would not answer a running main job's question for new devices.
 rt::Task<void> make_unknown_again(Network& network, const std::vector<Network::Seen>& seen) {
-  co_await network.turn().take();
-  const rt::Held held(network.turn());
+  co_await network.services().turn.take();
+  const rt::Held held(network.services().turn);
   for (const auto& s : seen) {
     const bool stranger = s.device && s.slot.empty();
     if (!stranger) continue;
     const LssAddress device = *s.device;
-    const auto told = co_await network.rand().switch_selective(device, nodeid::Identification::unknown);
+    const auto told = co_await network.services().rand.switch_selective(device, nodeid::Identification::unknown);
     if (!told) co_return;
   }
 }
@@ -388,8 +388,8 @@ std::optional<SlotReport> slot_of(const Network& network, const std::string& nam
 // The main job does the work in its own time; a slot for which no device comes stays empty.
 rt::Task<void> await_slot(Network& network, const std::string& name) {
   const auto& timing = network.bus().timing;
-  const rt::Time deadline = network.executor().now() + 3 * timing.probe_period + timing.boot_timeout;
-  while (network.executor().now() < deadline) {
+  const rt::Time deadline = network.services().executor.now() + 3 * timing.probe_period + timing.boot_timeout;
+  while (network.services().executor.now() < deadline) {
     co_await rt::sleep_for(timing.heartbeat_period / 8 + std::chrono::milliseconds(1));
     const auto slot = slot_of(network, name);
     if (slot && settled(slot->state)) co_return;
@@ -419,8 +419,8 @@ rt::Task<void> replace(Session& session, const CommandRequest& request, CommandR
   const auto before = slot_of(*network, name);
   Result<void> cleared;
   {
-    co_await network->turn().take();
-    const rt::Held held(network->turn());
+    co_await network->services().turn.take();
+    const rt::Held held(network->services().turn);
     cleared = network->replace(name, device, used);
   }
   if (!cleared) co_return fail_with(reply, cleared.error(), fmt::format("bus {}, slot {}", network->bus().name, name));

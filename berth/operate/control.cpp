@@ -1,6 +1,7 @@
 #include "berth/operate/control.hpp"
 
 #include <fmt/format.h>
+#include <poll.h>
 #include <sys/socket.h>
 #include <sys/stat.h>
 #include <sys/un.h>
@@ -198,8 +199,13 @@ tl::expected<CommandReply, std::string> control_call(const std::string& path, co
 
 /// One connection: one request at a time; the next is read when the answer is out.
 struct ControlServer::Client {
-  Client(int descriptor, rt::Executor& executor) : fd(descriptor), scope(executor) {}
+  Client(int descriptor, io::Loop& its_loop) : loop(&its_loop), fd(descriptor), scope(its_loop.executor()) {}
+  ~Client() { loop->forget(fd.get()); }
+  Client(const Client&) = delete;
+  Client& operator=(const Client&) = delete;
+  io::Loop* loop;
   Descriptor fd;
+  std::uint32_t watched = 0;  // events
   std::string in;
   std::string out;
   CommandRequest request;
@@ -211,14 +217,16 @@ struct ControlServer::Client {
 
 namespace {
 
-rt::Task<void> run(Session& session, const CommandRequest& request, CommandReply& reply, bool& answered) {
+rt::Task<void> run(Session& session, const CommandRequest& request, CommandReply& reply, bool& answered,
+                   rt::Job& then) {
   co_await execute(session, request, reply);
   answered = true;
+  session.executor().post(then);
 }
 
 }  // namespace
 
-tl::expected<std::unique_ptr<ControlServer>, std::string> ControlServer::listen(const std::string& path,
+tl::expected<std::unique_ptr<ControlServer>, std::string> ControlServer::listen(const std::string& path, io::Loop& loop,
                                                                                 Session& session) {
   sockaddr_un address{};
   if (!address_of(path, address)) return tl::unexpected(too_long(path));
@@ -241,29 +249,36 @@ tl::expected<std::unique_ptr<ControlServer>, std::string> ControlServer::listen(
   ::umask(before);
   if (!bound) return tl::unexpected(fmt::format("{}: {}", path, reason(error)));
   if (::listen(fd.get(), 8) != 0) return tl::unexpected(fmt::format("{}: {}", path, reason(errno)));
-  return std::unique_ptr<ControlServer>(new ControlServer(path, fd.release(), session));
+  return std::unique_ptr<ControlServer>(new ControlServer(path, fd.release(), loop, session));
 }
 
-ControlServer::ControlServer(std::string path, int fd, Session& session)
-    : path_(std::move(path)), fd_(fd), session_(&session) {}
+ControlServer::ControlServer(std::string path, int fd, io::Loop& loop, Session& session)
+    : path_(std::move(path)), fd_(fd), loop_(&loop), session_(&session) {
+  loop_->watch(fd_, *this, EPOLLIN);
+}
 
 ControlServer::~ControlServer() {
   clients_.clear();
+  loop_->forget(fd_);
   ::close(fd_);
   ::unlink(path_.c_str());
 }
 
-void ControlServer::fill(std::vector<pollfd>& descriptors) const {
-  descriptors.push_back({fd_, POLLIN, 0});
-  for (const auto& client : clients_) {
-    const auto events = static_cast<short>(client->out.empty() ? POLLIN : POLLIN | POLLOUT);
-    descriptors.push_back({client->fd.get(), events, 0});
-  }
-}
+void ControlServer::ready(std::uint32_t) noexcept { serve(); }
 
+// All of them, whoever it was: there are few, and none of them blocks.
 void ControlServer::serve() {
+  const bool were_full = clients_.size() == most_clients;
   accept_all();
   std::erase_if(clients_, [&](const auto& client) { return !read_from(*client) || !write_to(*client); });
+  for (const auto& client : clients_) {
+    const std::uint32_t events = client->out.empty() ? EPOLLIN : EPOLLIN | EPOLLOUT;
+    if (std::exchange(client->watched, events) != events) loop_->watch(client->fd.get(), *this, events);
+  }
+  // Whoever waits to be accepted would let the loop never sleep.
+  const bool full = clients_.size() == most_clients;
+  if (full && !were_full) loop_->forget(fd_);
+  if (!full && were_full) loop_->watch(fd_, *this, EPOLLIN);
 }
 
 void ControlServer::accept_all() {
@@ -274,7 +289,7 @@ void ControlServer::accept_all() {
       ::close(fd);
       continue;
     }
-    clients_.push_back(std::make_unique<Client>(fd, session_->executor()));
+    clients_.push_back(std::make_unique<Client>(fd, *loop_));
   }
 }
 
@@ -306,8 +321,9 @@ void ControlServer::begin(Client& client) {
   client.answered = client.request.verb.empty();
   if (client.answered) {
     client.reply = refusal(2, problem);
+    session_->executor().post(answering_);
   } else {
-    client.scope.spawn(run(*session_, client.request, client.reply, client.answered));
+    client.scope.spawn(run(*session_, client.request, client.reply, client.answered, answering_));
   }
 }
 
@@ -322,6 +338,7 @@ bool ControlServer::write_to(Client& client) {
     if (n < 0) return errno == EAGAIN || errno == EWOULDBLOCK;
     client.out.erase(0, static_cast<std::size_t>(n));
   }
+  if (!client.busy) begin(client);  // what came while the answer was on its way
   return true;
 }
 

@@ -4,8 +4,6 @@
 /// in words.
 #pragma once
 
-#include <poll.h>
-
 #include <cstdint>
 #include <functional>
 #include <memory>
@@ -13,6 +11,7 @@
 #include <tl/expected.hpp>
 #include <vector>
 
+#include "berth/io/loop.hpp"
 #include "berth/operate/commands.hpp"
 #include "berth/operate/session.hpp"
 #include "berth/rt/scope.hpp"
@@ -32,27 +31,33 @@ namespace berth::operate {
 /// A process accepts connections at `path`.
 [[nodiscard]] bool control_answers(const std::string& path);
 
-/// Listens and runs what it is asked, in the session's executor. Never blocks; its owner polls. Not from inside a job.
-class ControlServer {
+/// Listens and runs what it is asked, in a loop that drives the session's executor. Never blocks.
+class ControlServer final : private io::Watcher {
  public:
   /// Makes the socket (mode 0600; its folder, when it has to be made, 0700). Refused when another process answers
-  /// there, with its process id; a socket that a dead process left is taken over.
+  /// there, with its process id; a socket that a dead process left is taken over. Loop and session must stay.
   [[nodiscard]] static tl::expected<std::unique_ptr<ControlServer>, std::string> listen(const std::string& path,
+                                                                                        io::Loop& loop,
                                                                                         Session& session);
   ~ControlServer();
   ControlServer(const ControlServer&) = delete;
   ControlServer& operator=(const ControlServer&) = delete;
 
-  /// Adds the descriptors to wait for.
-  void fill(std::vector<pollfd>& descriptors) const;
-  /// Does what can be done now: new connections, requests, answers. Call after `poll`, and after the executor ran.
-  void serve();
-
   [[nodiscard]] const std::string& path() const noexcept { return path_; }
 
  private:
   struct Client;
-  ControlServer(std::string path, int fd, Session& session);
+  class Answering final : public rt::Job {
+   public:
+    explicit Answering(ControlServer& server) noexcept : server_(&server) {}
+    void run() noexcept override { server_->serve(); }
+
+   private:
+    ControlServer* server_;
+  };
+  ControlServer(std::string path, int fd, io::Loop& loop, Session& session);
+  void ready(std::uint32_t events) noexcept override;
+  void serve();
   void accept_all();
   bool read_from(Client& client);
   bool write_to(Client& client);
@@ -60,8 +65,10 @@ class ControlServer {
 
   std::string path_;
   int fd_;
+  io::Loop* loop_;
   Session* session_;
   std::vector<std::unique_ptr<Client>> clients_;
+  Answering answering_{*this};  // posted when a command is done
 };
 
 }  // namespace berth::operate

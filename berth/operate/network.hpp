@@ -89,16 +89,9 @@ class Network final : private co::HeartbeatConsumer::Observer,
   /// there is none on this bus.
   Result<void> forget(const LssAddress& device);
 
-  // The services, for single commands (`berth sdo`, `berth nmt`, `berth lss`). Whoever uses LSS or RAND takes the turn
-  // first: the main job holds it while it works.
-  [[nodiscard]] rt::Turn& turn() noexcept { return parts_.bus.turn; }
-  [[nodiscard]] co::SdoClient& sdo() noexcept { return parts_.bus.sdo; }
-  [[nodiscard]] co::NmtMaster& nmt() noexcept { return parts_.bus.nmt; }
-  [[nodiscard]] lss::Master& lss() noexcept { return parts_.bus.lss; }
-  [[nodiscard]] nodeid::RandMaster& rand() noexcept { return parts_.bus.rand; }
-  [[nodiscard]] can::Dispatcher& dispatcher() noexcept { return parts_.bus.dispatcher; }
-  [[nodiscard]] places::BootWatch& boots() noexcept { return parts_.bus.boots; }
-  [[nodiscard]] rt::Executor& executor() noexcept { return parts_.bus.executor; }
+  /// For single commands (`berth sdo`, `berth nmt`, `berth lss`). A caller that uses LSS or RAND takes the turn first:
+  /// the main job holds it while it works.
+  [[nodiscard]] BusServices& services() noexcept { return parts_.bus; }
 
   /// What a scan found at one node-ID, or without one.
   struct Seen {

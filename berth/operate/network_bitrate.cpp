@@ -20,8 +20,8 @@ constexpr std::int64_t crowd = 100;  // frames of others that a request waits fo
 class Move {
  public:
   Move(Network& network, const BitRateOptions& options, BitRateReport& report)
-      : network_(network), options_(options), report_(report), usual_(network.lss().options()) {}
-  ~Move() { network_.lss().set_options(usual_); }
+      : network_(network), options_(options), report_(report), usual_(network.services().lss.options()) {}
+  ~Move() { network_.services().lss.set_options(usual_); }
   Move(const Move&) = delete;
   Move& operator=(const Move&) = delete;
 
@@ -31,7 +31,7 @@ class Move {
 
  private:
   void allow();
-  [[nodiscard]] bool late() const noexcept { return network_.executor().now() >= until_; }
+  [[nodiscard]] bool late() const noexcept { return network_.services().executor.now() >= until_; }
   rt::Task<void> state_of(Node& node);
   rt::Task<bool> alone(Node& node);
   rt::Task<bool> answers(Node& node);
@@ -73,12 +73,12 @@ std::optional<std::string> wrong_state(NmtState state) {
 void Move::allow() {
   const auto& timing = network_.bus().timing;
   const auto nodes = static_cast<std::int64_t>(report_.nodes.size());
-  until_ = network_.executor().now() + timing.boot_timeout + nodes * timing.tries * timing.lss_timeout;
-  const auto rate = std::max<std::int64_t>(1, network_.dispatcher().port().status().bit_rate);
+  until_ = network_.services().executor.now() + timing.boot_timeout + nodes * timing.tries * timing.lss_timeout;
+  const auto rate = std::max<std::int64_t>(1, network_.services().dispatcher.port().status().bit_rate);
   const rt::Duration others = crowd * 135 * rt::Duration(1s) / rate;
   lss::MasterOptions options = usual_;
   options.send_timeout = std::min(usual_.send_timeout, timing.lss_timeout + others);
-  network_.lss().set_options(options);
+  network_.services().lss.set_options(options);
 }
 
 rt::Task<void> Move::who_is_there() {
@@ -102,13 +102,13 @@ rt::Task<void> Move::who_is_there() {
 // Whoever sends no heartbeat is asked for its state by guarding.
 rt::Task<void> Move::state_of(Node& node) {
   if (!node.id.configured() || !node.problem.empty()) co_return;
-  const auto heard = network_.boots().heard(node.id);
+  const auto heard = network_.services().boots.heard(node.id);
   const auto silence = network_.bus().timing.heartbeat_timeout;
-  const bool lately = heard && network_.executor().now() - *heard < silence;
-  NmtState state = network_.boots().state(node.id);
+  const bool lately = heard && network_.services().executor.now() - *heard < silence;
+  NmtState state = network_.services().boots.state(node.id);
   if (!lately || state == NmtState::initialising) {
     const auto window = network_.bus().timing.guard_timeout;
-    const auto asked = co_await co::probe(network_.dispatcher(), node.id, window, 2);
+    const auto asked = co_await co::probe(network_.services().dispatcher, node.id, window, 2);
     if (!asked) {
       node.problem = "it does not tell whether it is operational: neither heartbeat nor guarding";
       co_return;
@@ -121,9 +121,9 @@ rt::Task<void> Move::state_of(Node& node) {
 // The bus is heard by all and nobody is selected. A stranger may send the port to bus-off until it is passive itself.
 // Only from bus-off is the port started again: otherwise its counters would never let it become passive.
 rt::Task<bool> Move::all_waiting() {
-  can::Port& port = network_.dispatcher().port();
+  can::Port& port = network_.services().dispatcher.port();
   while (!late()) {
-    const auto told = co_await network_.lss().switch_global(lss::State::waiting);
+    const auto told = co_await network_.services().lss.switch_global(lss::State::waiting);
     if (told) co_return true;
     const auto status = port.status();
     if (status.bus_off && !port.restart(status.bit_rate)) co_return false;
@@ -140,7 +140,7 @@ rt::Task<bool> Move::alone(Node& node) {
     co_return false;
   }
   const LssAddress device = *node.device;
-  const auto selected = co_await network_.lss().switch_selective(device);
+  const auto selected = co_await network_.services().lss.switch_selective(device);
   if (selected) co_return true;
   node.problem = "it does not speak LSS: " + refusal(selected.error(), "refused");
   co_return false;
@@ -149,7 +149,7 @@ rt::Task<bool> Move::alone(Node& node) {
 rt::Task<bool> Move::answers(Node& node) {
   const auto selected = co_await alone(node);
   if (!selected) co_return false;
-  const auto id = co_await network_.lss().inquire_node_id();
+  const auto id = co_await network_.services().lss.inquire_node_id();
   if (!id || id->differ) {
     node.problem = id ? "two devices have its LSS address" : "it does not speak LSS: " + refusal(id.error(), "refused");
     co_return false;
@@ -175,7 +175,7 @@ rt::Task<bool> Move::prepare(Node& node, std::uint32_t rate) {
   const auto selected = co_await alone(node);
   if (!selected) co_return false;
   const auto index = lss::bit_rate_index(rate);
-  const auto set = co_await network_.lss().configure_bit_timing(*index);
+  const auto set = co_await network_.services().lss.configure_bit_timing(*index);
   if (set) co_return true;
   node.problem = refusal(set.error(), "it does not support this bit rate");
   co_return false;
@@ -202,14 +202,14 @@ rt::Task<bool> Move::together(std::uint32_t rate) {
   bool told = false;
   while (!told && !late()) {
     const auto delay = static_cast<std::uint16_t>(options_.delay.count());
-    const auto sent = co_await network_.lss().activate_bit_timing(delay);
+    const auto sent = co_await network_.services().lss.activate_bit_timing(delay);
     told = sent.has_value();
     if (!told) co_await revive();
   }
   if (!told) co_return false;
   const rt::Duration pause = options_.delay;
   co_await rt::sleep_for(pause);
-  if (!network_.dispatcher().port().restart(rate)) {
+  if (!network_.services().dispatcher.port().restart(rate)) {
     report_.reason = fmt::format("Berth's own port does not change to {} bit/s", rate);
     co_return false;
   }
@@ -222,7 +222,7 @@ rt::Task<bool> Move::together(std::uint32_t rate) {
 rt::Task<bool> Move::select(Node& node) {
   const LssAddress device = *node.device;
   for (unsigned i = 0; i < network_.bus().timing.tries && !late(); ++i) {
-    const auto selected = co_await network_.lss().switch_selective(device);
+    const auto selected = co_await network_.services().lss.switch_selective(device);
     if (selected) co_return true;
     co_await revive();
   }
@@ -231,7 +231,7 @@ rt::Task<bool> Move::select(Node& node) {
 
 // Out of bus-off, after a request that did not get out.
 rt::Task<void> Move::revive() {
-  can::Port& port = network_.dispatcher().port();
+  can::Port& port = network_.services().dispatcher.port();
   const auto status = port.status();
   if (status.bus_off) port.restart(status.bit_rate);
   co_await rt::sleep_for(settle);
@@ -268,7 +268,7 @@ rt::Task<bool> Move::store_all() {
     allow();
     const auto selected = co_await alone(node);
     if (!selected) co_return false;
-    const auto stored = co_await network_.lss().store();
+    const auto stored = co_await network_.services().lss.store();
     // Who did not answer may have stored all the same.
     node.stored = stored.has_value() || stored.error().code == Errc::timeout;
     if (stored) continue;
@@ -294,7 +294,7 @@ rt::Task<void> Move::prepare_back() {
       node.problem = why;
       all = all && ready;
       if (!ready || !node.stored) continue;
-      const auto stored = co_await network_.lss().store();
+      const auto stored = co_await network_.services().lss.store();
       if (stored) node.stored = false;
       allow();
     }
@@ -307,7 +307,7 @@ rt::Task<void> Move::bring_back() {
   for (const auto& node : report_.nodes) why.push_back(node.problem);
   allow();
   const auto back = co_await together(report_.before);
-  if (!back) network_.dispatcher().port().restart(report_.before);
+  if (!back) network_.services().dispatcher.port().restart(report_.before);
   const auto all = co_await hear_all();
   for (std::size_t i = 0; i < why.size(); ++i) {
     auto& node = report_.nodes[i];
@@ -343,7 +343,7 @@ rt::Task<void> Move::carry_out() {
   }
   allow();
   const auto changed = co_await together(options_.rate);
-  if (!changed && network_.dispatcher().port().status().bit_rate != options_.rate) {
+  if (!changed && network_.services().dispatcher.port().status().bit_rate != options_.rate) {
     if (report_.reason.empty()) report_.reason = "the command to change did not get onto the bus";
     co_await bring_back();
     co_return;
@@ -374,7 +374,7 @@ const char* name(BitRateReport::End end) noexcept {
 
 rt::Task<BitRateReport> move_bit_rate(Network& network, const BitRateOptions& options) {
   BitRateReport report;
-  report.before = report.rate = network.dispatcher().port().status().bit_rate;
+  report.before = report.rate = network.services().dispatcher.port().status().bit_rate;
   if (report.before == 0) report.before = report.rate = network.bus().bitrate;
   const auto known = lss::bit_rate_index(options.rate);
   const auto old = lss::bit_rate_index(report.before);
@@ -386,8 +386,8 @@ rt::Task<BitRateReport> move_bit_rate(Network& network, const BitRateOptions& op
   }
   Move move(network, options, report);
   co_await move.who_is_there();
-  co_await network.turn().take();
-  const rt::Held held(network.turn());
+  co_await network.services().turn.take();
+  const rt::Held held(network.services().turn);
   if (report.reason.empty()) co_await move.check();
   const bool in_the_way =
       !report.reason.empty() || std::ranges::any_of(report.nodes, [](const Node& n) { return !n.problem.empty(); });
@@ -396,7 +396,7 @@ rt::Task<BitRateReport> move_bit_rate(Network& network, const BitRateOptions& op
   if (!options.confirmed) co_return report;
   network.fall_silent();
   co_await move.carry_out();
-  report.rate = network.dispatcher().port().status().bit_rate;
+  report.rate = network.services().dispatcher.port().status().bit_rate;
   co_return report;
 }
 

@@ -237,7 +237,7 @@ Conversation309::Outcome Conversation309::failed(const Error& error, Net& net) c
     case Errc::bus: break;
     default: return Outcome::refused(Code309::internal_state);
   }
-  const auto status = net.network.dispatcher().port().status();
+  const auto status = net.network.services().dispatcher.port().status();
   if (status.bus_off) return Outcome::refused(Code309::bus_off);
   if (!status.up) return Outcome::refused(Code309::can_init);
   if (status.listen_only) return Outcome::refused(Code309::internal_state);
@@ -303,7 +303,7 @@ Conversation309::Outcome Conversation309::init(Net& net, std::uint32_t index) {
   const auto rate = lss::bit_rate(static_cast<lss::BitRateIndex>(index));
   if (!rate || *rate == 0) return Outcome::refused(Code309::lss_bit_rate);
   if (!may_send(net, false)) return Outcome::refused(Code309::internal_state);
-  can::Port& port = net.network.dispatcher().port();
+  can::Port& port = net.network.services().dispatcher.port();
   const auto status = port.status();
   const auto now = status.bit_rate != 0 ? status.bit_rate : net.network.bus().bitrate;
   if (*rate == now && !status.bus_off) return {};
@@ -322,7 +322,7 @@ Conversation309::Outcome Conversation309::set_pdo(const Request309& request, Net
   if (!may_send(net, false)) return Outcome::refused(Code309::internal_state);
   const co::CobId id(request.pdo.cob_id);
   for (const Pdos309* const other : house_->pdos) {
-    const bool same_net = other != &net.pdos && &other->dispatcher() == &net.network.dispatcher();
+    const bool same_net = other != &net.pdos && &other->dispatcher() == &net.network.services().dispatcher;
     if (id.valid() && same_net && other->sends(id.key())) return Outcome::refused(Code309::pdo_used);
   }
   const auto wrong = net.pdos.set_tpdo(request.pdo);
@@ -380,7 +380,7 @@ rt::Task<Conversation309::Outcome> Conversation309::perform(const Request309& re
 namespace {
 
 co::SdoOptions sdo_options(operate::Network& network, rt::Duration timeout, bool block) {
-  co::SdoOptions options = network.sdo().options();
+  co::SdoOptions options = network.services().sdo.options();
   options.timeout = timeout;
   options.retries = 0;  // the client's to repeat
   options.mode = block ? co::SdoMode::automatic : co::SdoMode::segmented;
@@ -397,7 +397,7 @@ rt::Task<Conversation309::Outcome> Conversation309::read(const Request309& reque
   if (!may_send(net, false)) co_return Outcome::refused(Code309::internal_state);
   const auto options = sdo_options(net.network, net.sdo_timeout, net.sdo_block);
   const NodeId node(*request.node);
-  const auto value = co_await net.network.sdo().upload(node, request.index, request.sub, options);
+  const auto value = co_await net.network.services().sdo.upload(node, request.index, request.sub, options);
   if (!value && value.error().code == Errc::timeout) co_return Outcome::aborted(no_answer);
   if (!value) co_return failed(value.error(), net);
   const auto text = value_text_309(request.type, value->bytes());
@@ -414,7 +414,8 @@ rt::Task<Conversation309::Outcome> Conversation309::write(const Request309& requ
   if (!undisturbing(command)) co_return Outcome::refused(Code309::internal_state);
   const auto options = sdo_options(net.network, net.sdo_timeout, net.sdo_block);
   const NodeId node(*request.node);
-  const auto written = co_await net.network.sdo().download(node, request.index, request.sub, request.data, options);
+  const auto written =
+      co_await net.network.services().sdo.download(node, request.index, request.sub, request.data, options);
   if (!written && written.error().code == Errc::timeout) co_return Outcome::aborted(no_answer);
   if (!written) co_return failed(written.error(), net);
   co_return Outcome();
@@ -441,7 +442,7 @@ rt::Task<Conversation309::Outcome> Conversation309::command(const Request309& re
   if (!undisturbing(wanted)) co_return Outcome::refused(Code309::internal_state);
   co::NmtTarget target = co::NmtTarget::all();
   if (*request.node != 0) target = co::NmtTarget(NodeId(*request.node));
-  const auto sent = co_await net.network.nmt().send(word.command, target);
+  const auto sent = co_await net.network.services().nmt.send(word.command, target);
   if (!sent) co_return failed(sent.error(), net);
   net.network.commanded(word.command, target);
   co_return Outcome();

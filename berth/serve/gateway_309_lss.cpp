@@ -39,17 +39,18 @@ void take_known(lss::FastscanOptions& options, const Request309& request, std::s
 rt::Task<bool> Conversation309::take_turn(Net& net) {
   if (net.has_turn) co_return true;
   const rt::Time end = executor().now() + turn_patience;
-  while (net.network.turn().taken() && executor().now() < end) co_await rt::sleep_for(2ms);
-  if (net.network.turn().taken()) co_return false;
-  co_await net.network.turn().take();
+  while (net.network.services().turn.taken() && executor().now() < end) co_await rt::sleep_for(2ms);
+  if (net.network.services().turn.taken()) co_return false;
+  co_await net.network.services().turn.take();
   net.has_turn = true;
   co_return true;
 }
 
 // The frame is not waited for: the conversation may be on its way out.
 void Conversation309::release(Net& net) noexcept {
-  if (std::exchange(net.selected, false)) net.network.dispatcher().send(lss::request(lss::Command::switch_global, 0));
-  if (std::exchange(net.has_turn, false)) net.network.turn().give();
+  if (std::exchange(net.selected, false))
+    net.network.services().dispatcher.send(lss::request(lss::Command::switch_global, 0));
+  if (std::exchange(net.has_turn, false)) net.network.services().turn.give();
 }
 
 void Conversation309::release_turns() {
@@ -115,7 +116,7 @@ rt::Task<Conversation309::Outcome> Conversation309::switch_global(bool configura
   if (!undisturbing(wanted)) co_return Outcome::refused(Code309::internal_state);
   const auto state = configuration ? lss::State::configuration : lss::State::waiting;
   if (configuration) net.selected = true;
-  const auto sent = co_await net.network.lss().switch_global(state);
+  const auto sent = co_await net.network.services().lss.switch_global(state);
   if (!sent) co_return failed(sent.error(), net);
   if (!configuration) net.selected = false;
   co_return Outcome();
@@ -130,7 +131,7 @@ bool Conversation309::may_select(const LssAddress& address, Net& net) const {
 rt::Task<Conversation309::Outcome> Conversation309::switch_selective(LssAddress address, Net& net) {
   if (!may_select(address, net)) co_return Outcome::refused(Code309::internal_state);
   net.selected = true;
-  const auto selected = co_await net.network.lss().switch_selective(address);
+  const auto selected = co_await net.network.services().lss.switch_selective(address);
   if (!selected) co_return failed(selected.error(), net);
   co_return Outcome();
 }
@@ -147,16 +148,16 @@ bool Conversation309::may_configure(Net& net) const {
 // Another device that answers under this node-ID: asked by SDO.
 rt::Task<bool> Conversation309::is_taken(NodeId id, Net& net) {
   if (id == net.network.bus().master) co_return true;
-  co::SdoOptions patience = net.network.sdo().options();
+  co::SdoOptions patience = net.network.services().sdo.options();
   patience.timeout = net.network.bus().timing.guard_timeout;
   patience.abort_on_timeout = false;
-  const auto type = co_await net.network.sdo().upload(id, 0x1000, 0, patience);
+  const auto type = co_await net.network.services().sdo.upload(id, 0x1000, 0, patience);
   co_return type.has_value() || type.error().code == Errc::aborted || type.error().code == Errc::mismatch;
 }
 
 rt::Task<Conversation309::Outcome> Conversation309::set_node(NodeId id, Net& net) {
   if (!may_configure(net)) co_return Outcome::refused(Code309::internal_state);
-  const auto now = co_await net.network.lss().inquire_node_id();
+  const auto now = co_await net.network.services().lss.inquire_node_id();
   const bool keeps = now && now->byte() == id.value();
   if (id.configured() && !keeps) {
     const bool taken = co_await is_taken(id, net);
@@ -165,7 +166,7 @@ rt::Task<Conversation309::Outcome> Conversation309::set_node(NodeId id, Net& net
       co_return Outcome::refused(Code309::lss_node_id);
     }
   }
-  const auto set = co_await net.network.lss().configure_node_id(id);
+  const auto set = co_await net.network.services().lss.configure_node_id(id);
   if (!set) co_return lss_failed(set.error(), net, Code309::lss_node_id);
   co_return Outcome();
 }
@@ -177,36 +178,36 @@ rt::Task<Conversation309::Outcome> Conversation309::configure(const Request309& 
     auto wanted = request_for(net, "lss activate");
     wanted.arguments["delay"] = fmt::format("{}", n[0]);
     if (!undisturbing(wanted)) co_return Outcome::refused(Code309::internal_state);
-    const auto sent = co_await net.network.lss().activate_bit_timing(static_cast<std::uint16_t>(n[0]));
+    const auto sent = co_await net.network.services().lss.activate_bit_timing(static_cast<std::uint16_t>(n[0]));
     if (!sent) co_return failed(sent.error(), net);
     co_return Outcome();
   }
   if (!may_configure(net)) co_return Outcome::refused(Code309::internal_state);
   if (request.verb == Verb309::lss_store) {
-    const auto stored = co_await net.network.lss().store();
+    const auto stored = co_await net.network.services().lss.store();
     if (!stored) co_return lss_failed(stored.error(), net, Code309::lss_store);
     co_return Outcome();
   }
   const auto index = static_cast<lss::BitRateIndex>(n[1]);
   const bool known = n[0] == 0 && index != lss::BitRateIndex::reserved;
   if (!known) co_return Outcome::refused(Code309::lss_bit_rate);
-  const auto set = co_await net.network.lss().configure_bit_timing(index);
+  const auto set = co_await net.network.services().lss.configure_bit_timing(index);
   if (!set) co_return lss_failed(set.error(), net, Code309::lss_bit_rate);
   co_return Outcome();
 }
 
 rt::Task<Conversation309::Outcome> Conversation309::inquire(const Request309& request, Net& net) {
   if (request.verb == Verb309::lss_get_node) {
-    const auto id = co_await net.network.lss().inquire_node_id();
+    const auto id = co_await net.network.services().lss.inquire_node_id();
     if (!id) co_return failed(id.error(), net);
     co_return Outcome::value(fmt::format("{}", id->byte()));
   }
   if (request.count == 0) {
-    const auto address = co_await net.network.lss().inquire_address();
+    const auto address = co_await net.network.services().lss.inquire_address();
     if (!address) co_return failed(address.error(), net);
     co_return Outcome::value(address_text(*address));
   }
-  const auto part = co_await net.network.lss().inquire(request.numbers[0]);
+  const auto part = co_await net.network.services().lss.inquire(request.numbers[0]);
   if (!part) co_return failed(part.error(), net);
   co_return Outcome::value(fmt::format("0x{:08X}", part->value()));
 }
@@ -217,9 +218,9 @@ rt::Task<Conversation309::Outcome> Conversation309::identify(const Request309& r
   Result<lss::Reply> heard;
   if (request.verb == Verb309::lss_identity) {
     const auto ranges = ranges_of(request);
-    heard = co_await net.network.lss().identify_remote(ranges);
+    heard = co_await net.network.services().lss.identify_remote(ranges);
   } else {
-    heard = co_await net.network.lss().identify_non_configured();
+    heard = co_await net.network.services().lss.identify_non_configured();
   }
   if (!heard) co_return failed(heard.error(), net);
   if (heard->answers == 0) co_return Outcome::refused(Code309::timeout);
@@ -227,7 +228,7 @@ rt::Task<Conversation309::Outcome> Conversation309::identify(const Request309& r
 }
 
 rt::Task<Result<bool>> Conversation309::anybody_in(lss::IdentifyRanges ranges, Net& net) {
-  const auto heard = co_await net.network.lss().identify_remote(ranges);
+  const auto heard = co_await net.network.services().lss.identify_remote(ranges);
   if (!heard) co_return fail(heard.error());
   co_return heard->answers > 0;
 }
@@ -254,7 +255,7 @@ rt::Task<Conversation309::Outcome> Conversation309::slowscan(const Request309& r
   const LssAddress address{ranges.vendor, ranges.product, ranges.revision_low, ranges.serial_low};
   if (!may_select(address, net)) co_return Outcome::refused(Code309::internal_state);
   net.selected = true;
-  const auto selected = co_await net.network.lss().switch_selective(address);
+  const auto selected = co_await net.network.services().lss.switch_selective(address);
   if (!selected) co_return failed(selected.error(), net);
   co_return Outcome::value(address_text(address));
 }
@@ -263,9 +264,9 @@ rt::Task<Conversation309::Outcome> Conversation309::fastscan(const Request309& r
   lss::FastscanOptions options;
   options.window = request.count > 0 && request.numbers[0] > 0 ? request.numbers[0] * 1ms : usual_window;
   if (request.count == 9) take_known(options, request, 1);
-  const auto waiting = co_await net.network.lss().switch_global(lss::State::waiting);
+  const auto waiting = co_await net.network.services().lss.switch_global(lss::State::waiting);
   if (!waiting) co_return failed(waiting.error(), net);
-  lss::Fastscan scan(net.network.lss(), options);
+  lss::Fastscan scan(net.network.services().lss, options);
   net.selected = true;
   const auto found = co_await scan.scan();
   if (!found) co_return failed(found.error(), net);
@@ -292,7 +293,7 @@ class Conversation309::Ids final : public lss::FastscanOwner {
 };
 
 bool Conversation309::heard_lately(NodeId id, const Net& net) {
-  return id == net.network.bus().master || net.network.boots().heard(id).has_value();
+  return id == net.network.bus().master || net.network.services().boots.heard(id).has_value();
 }
 
 rt::Task<Conversation309::Outcome> Conversation309::allnodes(const Request309& request, Net& net) {
@@ -302,7 +303,7 @@ rt::Task<Conversation309::Outcome> Conversation309::allnodes(const Request309& r
   if (request.count == 11) take_known(options, request, 3);
   const bool partial = options.known_bits != LssAddress{};
   Ids ids(net, request.count >= 2 ? static_cast<std::uint8_t>(request.numbers[1]) : std::uint8_t{2});
-  lss::Fastscan scan(net.network.lss(), options);
+  lss::Fastscan scan(net.network.services().lss, options);
   net.selected = true;
   const auto report = co_await scan.discover(ids);
   if (!report) co_return failed(report.error(), net);

@@ -25,23 +25,23 @@ class Conversation309::Net final : private co::HeartbeatConsumer::Observer,
   Net(operate::Network& of, unsigned n, std::function<void(std::string_view)>& say)
       : network(of),
         number(n),
-        sdo_timeout(of.sdo().options().timeout),
-        heartbeats(of.dispatcher(), *this),
-        guards(of.dispatcher(), *this),
-        pdos(of.dispatcher(), *this),
+        sdo_timeout(of.services().sdo.options().timeout),
+        heartbeats(of.services().dispatcher, *this),
+        guards(of.services().dispatcher, *this),
+        pdos(of.services().dispatcher, *this),
         say_(&say),
-        emcy_(of.dispatcher(), *this) {
+        emcy_(of.services().dispatcher, *this) {
     heartbeats.hear_all_boot_ups(true);
     emcy_.hear_all();
   }
 
   void indicate_sync(bool on) {
-    network.dispatcher().remove(*this);
-    if (on) network.dispatcher().add(can::only(0x080), *this);
+    network.services().dispatcher.remove(*this);
+    if (on) network.services().dispatcher.add(can::only(0x080), *this);
   }
   /// Tells what is new about the port's own state.
   void look() {
-    const auto now = network.dispatcher().port().status();
+    const auto now = network.services().dispatcher.port().status();
     if (now.bus_off && !bus_off_) error(network.bus().master, Code309::bus_off);
     if (now.error_passive() && !now.bus_off && !passive_) error(network.bus().master, Code309::error_passive);
     bus_off_ = now.bus_off;

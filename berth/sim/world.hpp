@@ -63,24 +63,11 @@ class World {
     return run_until([&] { return !go_on(); }, limit);
   }
 
-  // Paced: the caller says what time it is.
+  // One instant after another; `io::LoopDriver` on the executor paces a world to real time.
   /// The earliest instant with work; empty when there is none.
   [[nodiscard]] std::optional<rt::Time> next() const noexcept { return executor_.next(); }
   /// Runs the work of one instant, the earliest, if it is not after `until`.
   bool step(rt::Time until) noexcept { return executor_.step(until); }
-  /// Runs up to `until`. Before each instant `wait(when)` is asked: it sleeps until the world may be at `when` and
-  /// returns the time it is in the world by its clock; when it returns early (input came, say), the world goes on to
-  /// that time and asks again. A return before `now()` ends the run.
-  template <class Wait>
-  void run_paced(rt::Time until, Wait wait) {
-    while (executor_.now() < until) {
-      const auto work = executor_.next();
-      const rt::Time target = work && *work < until ? *work : until;
-      const rt::Time reached = wait(target);
-      if (reached < executor_.now()) return;
-      executor_.advance(reached < until ? reached : until);
-    }
-  }
 
   /// Calls `action` once at `when`, in a job of its own. For plans of tests and plants, not for a frame's path.
   void at(rt::Time when, std::function<void()> action);

@@ -1,13 +1,16 @@
 // Single commands, wrong input, the control socket between two processes.
+#include <poll.h>
 #include <signal.h>
 #include <sys/socket.h>
 #include <sys/stat.h>
+#include <sys/time.h>
 #include <sys/un.h>
 #include <sys/wait.h>
 #include <unistd.h>
 
 #include <functional>
 #include <nlohmann/json.hpp>
+#include <sstream>
 
 #include "berth/can/frame.hpp"
 #include "berth/operate/commands.hpp"
@@ -371,6 +374,13 @@ TEST_F(Command, RealPortsAreRefusedInWords) {
   const Outcome outcome = berth({"up", real});
   EXPECT_EQ(outcome.status, 3);
   EXPECT_TRUE(contains(outcome.err, "socketcan:can0")) << outcome.err;
+  for (const Words& worldly : {Words{"--fast"}, Words{"--sim-state", folder.file("state")}}) {
+    Words words{"up", real};
+    words.insert(words.end(), worldly.begin(), worldly.end());
+    const Outcome refused = berth(words);
+    EXPECT_EQ(refused.status, 2) << "no simulated world stands behind a real port";
+    EXPECT_TRUE(contains(refused.err, worldly.front() + " needs a world of this process")) << refused.err;
+  }
   EXPECT_EQ(berth({"up", real, "--sim", plant, "--until", "operational"}).status, 0)
       << "the same file on a simulated bus";
 }
@@ -402,6 +412,8 @@ class Running : public Command {
     address.sun_family = AF_UNIX;
     socket.copy(address.sun_path, sizeof address.sun_path - 1);
     EXPECT_EQ(::connect(fd, reinterpret_cast<const sockaddr*>(&address), sizeof address), 0);
+    const timeval patience{60, 0};  // for an answer that never comes; no figure of the product
+    EXPECT_EQ(::setsockopt(fd, SOL_SOCKET, SO_RCVTIMEO, &patience, sizeof patience), 0);
     return fd;
   }
   static void put(int fd, const std::string& text) {
@@ -413,6 +425,15 @@ class Running : public Command {
     char c = 0;
     while (!answer.ends_with('\n') && ::recv(fd, &c, 1, 0) == 1) answer += c;
     return answer;
+  }
+  /// That the running process has used.
+  [[nodiscard]] double processor_seconds() const {
+    std::istringstream words(contents("/proc/" + std::to_string(up_->pid()) + "/stat"));
+    std::string word;
+    for (int i = 0; i < 13; ++i) words >> word;
+    double user = 0, system = 0;
+    words >> user >> system;
+    return (user + system) / static_cast<double>(::sysconf(_SC_CLK_TCK));
   }
   std::string socket = folder.file("up.sock");
   std::unique_ptr<Background> up_;
@@ -443,6 +464,28 @@ TEST_F(Running, OtherCommandsJoinItsWorld) {
   const Outcome late = ask({"status"});
   EXPECT_EQ(late.status, 3);
   EXPECT_TRUE(contains(late.out, "--sim PLANT")) << late.out;
+}
+
+// Which of two devices alike belongs in which slot is asked where the main job runs on a terminal, and what is typed
+// there is taken when a question is open.
+TEST_F(Running, OnATerminalAQuestionIsAnsweredByTyping) {
+  std::string text = small_machine;
+  const std::string ascending = "\"ascending\"";
+  for (auto at = text.find(ascending); at != std::string::npos; at = text.find(ascending)) {
+    text.replace(at, ascending.size(), "\"ask\"");
+  }
+  const std::string asks = folder.write("asks.toml", text);
+  up_ = std::make_unique<Background>(Words{"up", asks, "--sim", plant, "--control", socket}, true);
+  ASSERT_TRUE(up_->says("type a slot (left, right)"));
+  up_->type("left\n");
+  EXPECT_TRUE(up_->says("type a slot and the number of its device")) << "what is no answer is told";
+  up_->type("left 2\n");
+  EXPECT_TRUE(wait_for("left", "operational"));
+  EXPECT_TRUE(wait_for("right", "operational"));
+  const Json slots = Json::parse(ask({"status"}).out).at("slots");
+  EXPECT_NE(slots.at(0).dump().find("00000021"), std::string::npos) << slots;
+  up_->signal(SIGINT);
+  EXPECT_EQ(up_->end().status, 0);
 }
 
 TEST_F(Running, ANodeThatWasStoppedByHandStaysStopped) {
@@ -478,6 +521,38 @@ TEST_F(Running, ReplaceClearsAndSeatsTheNewDevice) {
   EXPECT_TRUE(wait_for("drive", "operational"));
   up_->signal(SIGTERM);
   EXPECT_EQ(up_->end().status, 0);
+}
+
+// A client may send its next request before it has the answer to the one before: nothing else wakes the process for it.
+TEST_F(Running, RequestsThatComeTogetherAreAnsweredOneAfterTheOther) {
+  begin(plant);
+  const int fd = connected();
+  put(fd, "no request\n{\"verb\": \"report\"}\n{\"verb\": \"scan\"}\nno request either\n");
+  std::vector<int> statuses;
+  for (int i = 0; i < 4; ++i) {
+    const Json answer = Json::parse(take(fd), nullptr, false);
+    ASSERT_TRUE(answer.is_object()) << "answer " << i;
+    statuses.push_back(answer.at("status").get<int>());
+  }
+  EXPECT_EQ(statuses, (std::vector<int>{2, 0, 0, 2}));
+  ::close(fd);
+}
+
+// It takes sixteen clients. Whoever waits behind them is served when one leaves, and keeps nobody awake meanwhile.
+TEST_F(Running, AClientTooManyWaitsWithoutKeepingTheProcessBusy) {
+  begin(plant);
+  std::vector<int> clients;
+  for (int i = 0; i < 17; ++i) clients.push_back(connected());
+  put(clients.back(), "{\"verb\": \"report\"}\n");
+  for (int i = 0; i < 16; ++i) put(clients[static_cast<std::size_t>(i)], "no request\n");
+  for (int i = 0; i < 16; ++i) EXPECT_FALSE(take(clients[static_cast<std::size_t>(i)]).empty());
+  const double before = processor_seconds();
+  pollfd answer{clients.back(), POLLIN, 0};
+  EXPECT_EQ(::poll(&answer, 1, 1000), 0) << "there is no place for it yet";
+  EXPECT_LT(processor_seconds() - before, 0.2);
+  ::close(clients.front());
+  EXPECT_FALSE(take(clients.back()).empty());
+  for (int i = 1; i < 17; ++i) ::close(clients[static_cast<std::size_t>(i)]);
 }
 
 TEST_F(Running, TheSocketOfADeadProcessIsTakenOver) {

@@ -1,9 +1,10 @@
-// SIGTERM and SIGINT while a store is being opened: the command ends in words, with its own exit status.
+// SIGTERM and SIGINT before a command's own work: it ends in words, with its own exit status.
 #include <fcntl.h>
 #include <signal.h>
 #include <sys/stat.h>
 #include <unistd.h>
 
+#include <chrono>
 #include <filesystem>
 
 #include "../pch.hpp"
@@ -83,6 +84,26 @@ TEST_P(Ended, WhileItsStoreIsOpened) {
   EXPECT_EQ(end.err, "berth: " + store.path() + ": ended before the store was read; it was left as it is.\n");
   fs::remove(store.path() + "-journal");
   EXPECT_EQ(berth({"up", machine, "--sim", plant, "--store", store.path()}).status, 0) << "the store is whole";
+}
+
+// Of another process's plant, where Berth listens for a minute before it may send.
+TEST(EndedBeforeItsBus, WhileItListens) {
+  const Folder folder;
+  const std::string socket = folder.file("plant.sock");
+  Background plant({"plant", folder.write("plant.toml", small_plant), "--listen", socket, "--machine",
+                    folder.write("sim.toml", small_machine)});
+  ASSERT_TRUE(plant.says("Ctrl-C ends it")) << "it listens";
+  std::string machine = small_machine;
+  machine.replace(machine.find("\"sim\""), 5, "\"plant:" + socket + "\"");
+  machine.replace(machine.find("probe_period"), 0, "listen = \"1 min\"\n");
+  const auto began = std::chrono::steady_clock::now();
+  Background run({"up", folder.write("machine.toml", machine), "--control", folder.file("control.sock")});
+  ASSERT_TRUE(eventually([&] { return has_open(run.pid(), "anon_inode:[signalfd]"); }));
+  run.signal(SIGTERM);
+  const Outcome end = run.end();
+  EXPECT_LT(std::chrono::steady_clock::now() - began, std::chrono::seconds(45)) << "not the whole minute";
+  EXPECT_EQ(end.status, 1) << end.out << end.err;
+  EXPECT_EQ(end.err, "berth: ended before its work on a bus began\n");
 }
 
 // A signal is no answer: nothing is done, and what is known is told.

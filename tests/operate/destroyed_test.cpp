@@ -203,7 +203,7 @@ class Adoption {
     gate_ = std::make_unique<live::Gate>(world.executor(), *port_, reader);
     session_ = std::make_unique<operate::Session>(world.executor(), machine_, store_);
     if (!session_->connect("backbone", *gate_) || !session_->open()) std::abort();
-    census_.emplace(session_->network("backbone")->dispatcher());
+    census_.emplace(session_->network("backbone")->services().dispatcher);
     scope_.emplace(world.executor());
   }
   void begin(bool& done) { scope_->spawn(ask(*census_, false, done)); }

@@ -39,13 +39,13 @@ void into_the_search(Rig& rig) {
 }
 
 rt::Task<void> turn_of(operate::Network& network, bool& had) {
-  co_await network.turn().take();
-  const rt::Held held(network.turn());
+  co_await network.services().turn.take();
+  const rt::Held held(network.services().turn);
   had = true;
 }
 
 rt::Task<void> stop_node(operate::Network& network, NodeId node) {
-  const auto sent = co_await network.nmt().send(co::NmtCommand::stop, node);
+  const auto sent = co_await network.services().nmt.send(co::NmtCommand::stop, node);
   EXPECT_TRUE(sent);
 }
 

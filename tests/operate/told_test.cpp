@@ -47,7 +47,7 @@ TEST(Told, TheReasonFollowsTheNextCommand) {
   ASSERT_TRUE(rig.until_operational(20s)) << rig.log();
   const auto tell = [&](co::NmtCommand command) {
     rig.network().commanded(command, NodeId(3));
-    rig.network().nmt().queue(command, NodeId(3));
+    rig.network().services().nmt.queue(command, NodeId(3));
     rig.run_for(5s);
   };
   tell(co::NmtCommand::stop);

@@ -222,12 +222,12 @@ TEST(Troubles, NmtCommandsOfAPersonStand) {
   ASSERT_TRUE(rig.until_operational(60s));
   for (const auto command : {co::NmtCommand::stop, co::NmtCommand::enter_pre_operational}) {
     rig.network().commanded(command, NodeId(3));
-    rig.network().nmt().queue(command, NodeId(3));
+    rig.network().services().nmt.queue(command, NodeId(3));
     rig.run_for(10s);
     EXPECT_EQ(rig.state(3), SlotState::present) << rig.log();
     EXPECT_EQ(rig.device("d3").truth().state, co::state_after(command));
     rig.network().commanded(co::NmtCommand::start, NodeId(3));
-    rig.network().nmt().queue(co::NmtCommand::start, NodeId(3));
+    rig.network().services().nmt.queue(co::NmtCommand::start, NodeId(3));
     rig.run_for(2s);
     EXPECT_EQ(rig.state(3), SlotState::operational) << rig.log();
   }

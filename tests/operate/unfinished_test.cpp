@@ -192,7 +192,7 @@ TEST(Unfinished, AMainJobThatWasStoppedInTheMiddleCanBeStartedAgain) {
     rig.begin();
     rig.run_for(at);
     rig.network().stop();
-    EXPECT_FALSE(rig.network().turn().taken()) << at.count();
+    EXPECT_FALSE(rig.network().services().turn.taken()) << at.count();
     rig.run_for(100ms);
     rig.network().start();
     ASSERT_TRUE(rig.until_operational(60s)) << at.count() << "\n" << rig.log();
@@ -205,7 +205,7 @@ TEST(Unfinished, AScanAfterNmtStopShowsEachDeviceOnce) {
   rig.begin();
   ASSERT_TRUE(rig.until_operational(60s)) << rig.log();
   rig.network().commanded(co::NmtCommand::stop, co::NmtTarget::all());
-  rig.network().nmt().queue(co::NmtCommand::stop, co::NmtTarget::all());
+  rig.network().services().nmt.queue(co::NmtCommand::stop, co::NmtTarget::all());
   rig.run_for(3s);
   rt::Scope scope(rig.world().executor());
   std::vector<operate::Network::Seen> seen;

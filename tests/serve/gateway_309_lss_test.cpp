@@ -48,7 +48,7 @@ TEST(Gateway309Lss, SelectConfigureStoreOneDevice) {
 < [18] 0x00000102
 )");
   EXPECT_EQ(rig.world().find("blank1")->truth().persistent, NodeId(20));
-  EXPECT_FALSE(rig.session().network("backbone")->turn().taken());
+  EXPECT_FALSE(rig.session().network("backbone")->services().turn.taken());
 }
 
 TEST(Gateway309Lss, NobodyAnswers) {
@@ -96,7 +96,7 @@ TEST(Gateway309Lss, Scans) {
 > [10] _lss_fastscan 5 0x10 0xFFFFFFFF 0 0 0 0 0 0
 < [10] ERROR:103
 )");
-  EXPECT_FALSE(rig.session().network("backbone")->turn().taken());
+  EXPECT_FALSE(rig.session().network("backbone")->services().turn.taken());
 }
 
 // Node-IDs that somebody has are passed over: the bench device has 5, heard by its boot-up.
@@ -115,7 +115,7 @@ TEST(Gateway309Lss, AllNodes) {
 < [3] 0x00000102
 )");
   EXPECT_EQ(rig.world().find("blank2")->truth().persistent, NodeId(7));
-  EXPECT_FALSE(rig.session().network("backbone")->turn().taken());
+  EXPECT_FALSE(rig.session().network("backbone")->services().turn.taken());
 }
 
 TEST(Gateway309Lss, AllNodesThatAreEqualToAValue) {
@@ -134,7 +134,7 @@ TEST(Gateway309Lss, AllNodesThatAreEqualToAValue) {
 // The device in configuration state and the main job's searches would be in each other's way.
 TEST(Gateway309Lss, WhoHasSelectedKeepsTheTurnUntilHeIsDone) {
   Rig309 rig({.blank = 1});
-  auto& turn = rig.session().network("backbone")->turn();
+  auto& turn = rig.session().network("backbone")->services().turn;
   rig.play("> [1] 1 lss_switch_sel 0x11 0x22 0x33 0x101\n< [1] OK\n");
   EXPECT_TRUE(turn.taken());
   std::string other;
@@ -157,7 +157,7 @@ TEST(Gateway309Lss, WhoLeavesLetsTheDevicesWaitAgain) {
   rig.play("> [1] 1 lss_switch_glob 1\n< [1] OK\n");
   rig.heard().frames.clear();
   rig.talk.reset();
-  EXPECT_FALSE(rig.session().network("backbone")->turn().taken());
+  EXPECT_FALSE(rig.session().network("backbone")->services().turn.taken());
   rig.run_for(10ms);
   EXPECT_EQ(rig.heard().frames, (std::vector<std::string>{"7E5#0400000000000000"}));
 }
@@ -168,7 +168,7 @@ TEST(Gateway309Lss, WhoLeavesInMidScan) {
   ASSERT_TRUE(rig.run_until([&] { return rig.heard().frames.size() > 40; }));
   rig.talk.reset();
   rig.run_for(100ms);
-  EXPECT_FALSE(rig.session().network("backbone")->turn().taken());
+  EXPECT_FALSE(rig.session().network("backbone")->services().turn.taken());
   EXPECT_EQ(rig.heard().frames.back(), "7E5#0400000000000000");
 }
 
@@ -176,7 +176,7 @@ TEST(Gateway309Lss, WhoseCommandTakesTooLong) {
   Rig309 rig({.blank = 1});
   rig.play("> [1] set command_timeout 200\n< [1] OK\n> [2] 1 _lss_fastscan 50\n< [2] ERROR:103\n");
   rig.play("> [3] 1 lss_switch_glob 0\n< [3] OK\n");
-  EXPECT_FALSE(rig.session().network("backbone")->turn().taken());
+  EXPECT_FALSE(rig.session().network("backbone")->services().turn.taken());
 }
 
 TEST(Gateway309Lss, BitRateOfOneDeviceAlone) {

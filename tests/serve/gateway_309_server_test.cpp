@@ -207,7 +207,7 @@ TEST_F(Gateway309Tcp, WhoVanishesInMidCommandLeavesNothingBehind) {
     client.close();
     ASSERT_TRUE(until([&] { return server_->clients() == 0; }));
   }
-  ASSERT_TRUE(until([&] { return !rig_.session().network("backbone")->turn().taken(); }));
+  ASSERT_TRUE(until([&] { return !rig_.session().network("backbone")->services().turn.taken(); }));
 }
 
 TEST_F(Gateway309Tcp, TheServerGoesWhileCommandsAreUnderWay) {

@@ -44,7 +44,8 @@ TEST(Destroyed, AfterEachFrameOfEachCommand) {
         rig.begin();
         rig.run_for(6s);
         rig.said.clear();  // devices that booted meanwhile
-        EXPECT_FALSE(rig.session().network("backbone")->turn().taken()) << command << " after frame " << frames;
+        EXPECT_FALSE(rig.session().network("backbone")->services().turn.taken())
+            << command << " after frame " << frames;
         rig.play("> [2] 1 5 r 0x1000 0 u32\n< [2] 74565\n");
         if (::testing::Test::HasFailure()) return;
       }

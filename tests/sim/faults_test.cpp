@@ -360,21 +360,6 @@ TEST(SimWorld, PerturbedOrderLosesNothing) {
   }
 }
 
-TEST(SimWorld, PacedRunAsksBeforeEachInstant) {
-  sim::World world;
-  std::vector<int> done;
-  world.after(10ms, [&] { done.push_back(1); });
-  world.after(20ms, [&] { done.push_back(2); });
-  std::vector<rt::Time> asked;
-  world.run_paced(rt::Time(30ms), [&](rt::Time when) {
-    asked.push_back(when);
-    return asked.size() == 1 ? rt::Time(4ms) : when;  // woken early once
-  });
-  EXPECT_EQ(done, (std::vector<int>{1, 2}));
-  EXPECT_EQ(asked, (std::vector<rt::Time>{rt::Time(10ms), rt::Time(10ms), rt::Time(20ms), rt::Time(30ms)}));
-  EXPECT_EQ(world.now(), rt::Time(30ms));
-}
-
 TEST(SimWorld, ControllerMayDieAtAnyTime) {
   for (int bit = 0; bit < 140; ++bit) {
     Scene s;

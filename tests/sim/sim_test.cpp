@@ -1,5 +1,6 @@
 #include "berth/can/length.hpp"
 #include "berth/sim/world.hpp"
+#include "berth/sim/world_driver.hpp"
 
 namespace {
 
@@ -154,6 +155,19 @@ TEST(SimBus, G4_AFrameSentWholeIsNotSentAgainAtAnotherBitRate) {
       EXPECT_EQ(a.ear.confirmed[0], std::make_pair(7U, each.confirmed));
     }
   }
+}
+
+TEST(WorldDriver, ItStopsInTheInstantThatMakesItTrueElseAtTheTimeAllowed) {
+  sim::World world;
+  sim::WorldDriver driver(world);
+  int done = 0;
+  for (const auto when : {3ms, 5ms, 8ms}) world.after(when, [&] { ++done; });
+  EXPECT_TRUE(driver.run_until([&] { return done == 2; }, rt::never));
+  EXPECT_EQ(driver.now(), rt::Time(5ms));
+  EXPECT_FALSE(driver.run_until([&] { return done == 3; }, driver.later(2ms)));
+  EXPECT_EQ(driver.now(), rt::Time(7ms));
+  driver.run_for(1ms);
+  EXPECT_EQ(done, 3);
 }
 
 }  // namespace

@@ -1,0 +1,14 @@
+/// One request, carried out by the session of a rig.
+#pragma once
+
+#include "interrupt.hpp"
+#include "rig.hpp"
+
+namespace berth::cli {
+
+/// False when it was not done after `limit`, by a signal, or because a dry run on real ports cannot know what comes
+/// next; `reply` is empty then.
+[[nodiscard]] bool execute_in(Rig& rig, const operate::CommandRequest& request, operate::CommandReply& reply,
+                              rt::Duration limit);
+
+}  // namespace berth::cli

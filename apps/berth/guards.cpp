@@ -1,0 +1,86 @@
+#include "guards.hpp"
+
+#include <fmt/format.h>
+
+#include <algorithm>
+
+namespace berth::cli {
+namespace {
+
+live::Role role_of(design::Role role) noexcept {
+  switch (role) {
+    case design::Role::master: return live::Role::master;
+    case design::Role::commissioner: return live::Role::commissioner;
+    case design::Role::observer: break;
+  }
+  return live::Role::observer;
+}
+
+}  // namespace
+
+can::Port& Guards::add(rt::Executor& executor, const design::Bus& bus, can::Port& port, const Options& options) {
+  executor_ = &executor;
+  live::GateOptions wanted;
+  wanted.role = options.observe ? live::Role::observer : options.read_only ? live::Role::reader : role_of(bus.role);
+  wanted.listen = bus.timing.listen;
+  wanted.watch.own = bus.master;
+  wanted.watch.tolerated = bus.tolerate;
+  wanted.dry_run = options.dry_run;
+  for (const auto& spec : machine_->specs(bus.name)) wanted.slots.push_back(spec.id);
+  auto gate = std::make_unique<live::Gate>(executor, port, std::move(wanted));
+  gate->on_change([this, name = bus.name, raw = gate.get()] { changed(name, *raw); });
+  if (options.dry_run) {
+    gate->on_held([this, name = bus.name](const can::Frame& frame, rt::Time at) {
+      record_->frame(name, frame, at, true);
+      if (live::expects_answer(frame)) question_at_ = std::min(question_at_, at);
+    });
+  } else if (!options.record.empty()) {
+    gate->on_frame([this, name = bus.name](const can::Frame& frame, rt::Time at, bool own) {
+      record_->frame(name, frame, at, own);
+    });
+  }
+  return *gates_.emplace_back(bus.name, std::move(gate)).second;
+}
+
+void Guards::changed(const std::string& bus, const live::Gate& gate) {
+  if (!on_foreign_ || gate.state() != live::GateState::foreign) return;
+  std::string text;
+  for (const auto& line : gate.report()) text += (text.empty() ? "" : "; ") + line;
+  on_foreign_(bus, text + ". Berth writes nothing more on this bus; end that master, then start anew");
+}
+
+live::Gate* Guards::gate(std::string_view bus) noexcept {
+  const auto gate = std::ranges::find(gates_, bus, [](const auto& g) { return std::string_view(g.first); });
+  return gate == gates_.end() ? nullptr : gate->second.get();
+}
+
+bool Guards::decided() const noexcept {
+  return std::ranges::all_of(gates_, [](const auto& g) { return g.second->decided(); });
+}
+
+tl::expected<void, Failure> Guards::no_foreign_frames() const {
+  std::string problem;
+  for (const auto& [bus, gate] : gates_) {
+    if (gate->state() != live::GateState::foreign) continue;
+    const auto report = gate->report();
+    problem += fmt::format("{}bus {}: {}", problem.empty() ? "" : "\n", bus, report.front());
+    for (auto line = report.begin() + 1; line != report.end(); ++line) problem += "\n    " + *line;
+  }
+  if (problem.empty()) return {};
+  return tl::unexpected(failure(
+      Exit::no, problem +
+                    "\nBerth sends nothing there. End that master; or use the bus as role = \"commissioner\" or "
+                    "\"observer\"; or, when the machine's own devices send these frames, say so by tolerate = […]"));
+}
+
+bool Guards::shut_out() const noexcept {
+  return !gates_.empty() && gates_.size() == machine_->buses.size() &&
+         std::ranges::all_of(gates_, [](const auto& g) { return g.second->state() == live::GateState::foreign; });
+}
+
+bool Guards::dry_run_over() const noexcept {
+  constexpr rt::Duration patience = std::chrono::milliseconds(900);  // what goes out beside the first question
+  return question_at_ != rt::never && executor_->now() >= question_at_ + patience;
+}
+
+}  // namespace berth::cli

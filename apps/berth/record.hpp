@@ -1,0 +1,75 @@
+/// Frames that are kept: in the file of `--record`, and for what a dry run prints.
+#pragma once
+
+#include <cstdio>
+#include <memory>
+#include <optional>
+#include <string>
+#include <tl/expected.hpp>
+#include <vector>
+
+#include "berth/can/port.hpp"
+#include "berth/operate/commands.hpp"
+#include "berth/sim/bus.hpp"
+#include "output.hpp"
+
+namespace berth::cli {
+
+/// One frame that was on a bus, or would be.
+struct Recorded {
+  std::optional<double> at_s;  ///< none: when is not known
+  std::string bus;
+  std::string frame;
+  bool by_master = false;
+};
+
+/// "(0000000000.215000) field 7E5#0400000000000000"; the frame alone when its time is not known.
+[[nodiscard]] std::string candump_line(const Recorded& frame);
+
+/// What a dry run says: the frames and, of a command, what came of it in the world that is thrown away; `reply` may be
+/// null.
+void print_dry_run(const std::vector<Recorded>& frames, const operate::CommandReply* reply, bool json);
+
+/// Takes the frames of all buses as they come.
+class Record {
+ public:
+  Record() = default;
+  ~Record();
+  Record(const Record&) = delete;
+  Record& operator=(const Record&) = delete;
+
+  /// A line for each frame from now on, as candump -L writes it.
+  [[nodiscard]] tl::expected<void, Failure> write_to(const std::string& path);
+  /// Keeps the frames that Berth sends from now on.
+  void collect_sent(std::vector<Recorded>& into) { sent_ = &into; }
+  void frame(const std::string& bus, const can::Frame& frame, rt::Time at, bool by_master);
+  /// False when a line could not be written.
+  [[nodiscard]] bool kept() noexcept { return !failed_ && (log_ == nullptr || std::fflush(log_) == 0); }
+
+ private:
+  std::vector<Recorded>* sent_ = nullptr;
+  std::FILE* log_ = nullptr;
+  bool failed_ = false;
+};
+
+/// Records every frame of one simulated bus. Both must stay.
+class BusTap final : public can::Tap {
+ public:
+  /// `master`: the number of Berth's own controller there.
+  BusTap(Record& record, sim::Bus& bus, int master) : record_(&record), bus_(&bus), master_(master) {
+    bus_->add_tap(*this);
+  }
+  ~BusTap() { bus_->remove_tap(*this); }
+  BusTap(const BusTap&) = delete;
+  BusTap& operator=(const BusTap&) = delete;
+  void frame(const can::Frame& frame, rt::Time at, int sender) noexcept override {
+    record_->frame(bus_->name(), frame, at, sender == master_);
+  }
+
+ private:
+  Record* record_;
+  sim::Bus* bus_;
+  int master_;
+};
+
+}  // namespace berth::cli

@@ -1,0 +1,28 @@
+/// A plant's simulated world, put together from files: the one way for every command that has one.
+#pragma once
+
+#include <memory>
+#include <string>
+#include <tl/expected.hpp>
+#include <vector>
+
+#include "berth/plant/world.hpp"
+#include "options.hpp"
+#include "output.hpp"
+
+namespace berth::cli {
+
+/// The plant file, with `--seed`.
+[[nodiscard]] tl::expected<plant::PlantFile, Failure> load_plant(const std::string& file, const Options& options);
+
+/// Bit rates of a machine file's buses, for a plant that gives them none; empty when no machine file is named.
+[[nodiscard]] tl::expected<std::vector<plant::BusRate>, Failure> bus_rates(const std::string& machine_file);
+
+/// Its world, of which warnings are told, and which remembers what `--sim-state` keeps; in a dry run it reads that and
+/// writes nothing. `file` is for messages.
+[[nodiscard]] tl::expected<std::unique_ptr<plant::World>, Failure> make_world(const plant::PlantFile& plant,
+                                                                              const std::vector<plant::BusRate>& rates,
+                                                                              const std::string& file,
+                                                                              const Options& options);
+
+}  // namespace berth::cli

@@ -1,0 +1,167 @@
+// The verbs that are one request: what may stand behind them becomes the request's arguments.
+#include <memory>
+
+#include "adopt.hpp"
+#include "single.hpp"
+#include "verbs.hpp"
+
+namespace berth::cli {
+namespace {
+
+using operate::CommandRequest;
+
+/// A verb and the request that it makes.
+class RequestVerb {
+ public:
+  /// `request`: its name in `operate::execute`.
+  RequestVerb(const Verb& parent, Options& options, const std::string& name, const std::string& request,
+              const std::string& help)
+      : request_(std::make_shared<CommandRequest>(CommandRequest{request, {}})),
+        verb_(parent.add(name, help, [&options, made = request_] { return run_request(options, *made); })) {
+    machine_words(verb_, options);
+    control_word(verb_, options);
+    verb_.flag("--up", options.bring_up, "with --sim: first run the main job until the machine is operational");
+  }
+  Word word(const std::string& names, const std::string& key, const std::string& help) const {
+    return verb_.word(
+        names, [made = request_, key](const std::string& text) { made->arguments[key] = text; }, help);
+  }
+  Word flag(const std::string& names, const std::string& key, const std::string& help) const {
+    return verb_.flag(
+        names, [made = request_, key] { made->arguments[key] = "1"; }, help);
+  }
+
+ private:
+  static int run_request(const Options& options, CommandRequest request) {
+    // No session can search for the bit rate: it would need one to begin with.
+    if (request.arguments.contains("bitrate")) return run_bit_rate(options);
+    if (options.yes) request.arguments["yes"] = "1";
+    return run_single(options, std::move(request));
+  }
+  std::shared_ptr<CommandRequest> request_;
+  Verb verb_;
+};
+
+}  // namespace
+
+void add_scan(Verb& berth, Options& options) {
+  const RequestVerb scan(berth, options, "scan", "scan", "who is on this bus: configured, unconfigured, duplicates");
+  scan.word("--bitrate", "bitrate", "auto: which bit rate does the bus run at? Listens, sends nothing")
+      .one_of(std::vector<std::string>{"auto"});
+}
+
+void add_status(Verb& berth, Options& options) {
+  const RequestVerb status(berth, options, "status", "report", "the slot table as it stands");
+}
+
+void add_bind(Verb& berth, Options& options) {
+  const RequestVerb bind(berth, options, "bind", "bind", "discovery and binding once, without starting anything");
+  bind.word("--method", "method", "how new devices are found: auto, rand, fastscan, … (default: as the machine file)");
+  bind.flag("--from-scratch", "from-scratch",
+            "stop the bus, forget every binding, take every node-ID that LSS can change, and bind all anew");
+}
+
+void add_locate(Verb& berth, Options& options) {
+  const RequestVerb locate(berth, options, "locate", "locate", "a device shows itself: both of its indicators flicker");
+  locate.word("target", "target", "slot, LSS address or node-ID").required();
+  locate.word("--seconds", "seconds", "for so long (1 to 600, default 10)");
+  locate.flag("--anyway", "anyway", "also when it is operational");
+}
+
+void add_replace(Verb& berth, Options& options) {
+  const RequestVerb replace(berth, options, "replace", "replace", "give a slot to a new device");
+  replace.word("slot", "slot", "its name, BUS/NAME or node-ID").required();
+  replace.word("--device", "device", "LSS address of the device that shall sit there");
+  replace.flag("--used", "used",
+               "the used device that waits for the slot, or sits in it: it gets its factory settings first");
+}
+
+void add_forget(Verb& berth, Options& options) {
+  const RequestVerb forget(berth, options, "forget", "forget",
+                           "a device that was to give its node-ID up is gone for good");
+  forget.word("device", "device", "its LSS address").required();
+}
+
+void add_configure(Verb& berth, Options& options) {
+  const RequestVerb configure(berth, options, "configure", "configure",
+                              "bring devices to what their configuration files want");
+  configure.word("slot", "slot", "its name, BUS/NAME or node-ID (default: every slot with a configuration)");
+  configure.flag("--check", "check", "compare only, and say what differs");
+}
+
+void add_sdo(Verb& berth, Options& options) {
+  const Verb sdo = berth.group("sdo", "read or write one object");
+  const RequestVerb read(sdo, options, "read", "sdo read", "read an object: berth sdo read 5 0x1018 4 --type u32");
+  const RequestVerb write(sdo, options, "write", "sdo write",
+                          "write an object: berth sdo write 5 0x1017 0 500 --type u16");
+  for (const RequestVerb* const sub : {&read, &write}) {
+    sub->word("node", "node", "node-ID").required();
+    sub->word("index", "index", "index, such as 0x1018").required();
+  }
+  read.word("sub", "sub", "sub-index (default 0)");
+  write.word("sub", "sub", "sub-index").required();
+  write.word("value", "value", "value of --type; without a type hex bytes such as \"F4 01\"").required();
+  for (const RequestVerb* const sub : {&read, &write}) {
+    sub->word("--type,-t", "type", "u8 u16 u32 i8 i16 i32 r32 vs os …");
+    sub->flag("--block", "block", "by SDO block transfer");
+  }
+}
+
+void add_nmt(Verb& berth, Options& options) {
+  const RequestVerb nmt(berth, options, "nmt", "nmt", "one NMT command to one node or all");
+  nmt.word("command", "command", "start, stop, preop, reset-node, reset-comm").required();
+  nmt.word("node", "node", "node-ID, or all").required();
+}
+
+namespace {
+
+const char* const address = "VENDOR-PRODUCT-REVISION-SERIAL, eight hex digits each";
+
+RequestVerb lss_verb(const Verb& lss, Options& options, const std::string& name, const std::string& help) {
+  return {lss, options, name, "lss " + name, help};
+}
+
+void add_lss_of_one_device(const Verb& lss, Options& options) {
+  lss_verb(lss, options, "select", "one device to configuration state").word("address", "address", address).required();
+  lss_verb(lss, options, "inquire", "vendor, product, revision, serial number, node-ID")
+      .word("address", "address", address);
+  lss_verb(lss, options, "store", "a device stores node-ID and bit rate").word("address", "address", address);
+  const auto set = lss_verb(lss, options, "set-node-id", "give a device a node-ID");
+  set.word("address", "address", address).required();
+  set.word("id", "id", "1 to 127, or 255 for none").required();
+  set.flag("--save", "store", "and let the device store it");
+  const auto timing = lss_verb(lss, options, "bit-timing", "give a device a bit rate");
+  timing.word("rate", "rate", "bit/s").required();
+  timing.word("address", "address", address);
+}
+
+void add_lss_of_a_bus(const Verb& lss, Options& options) {
+  const auto activate =
+      lss_verb(lss, options, "activate", "devices in configuration state change to their new bit rate");
+  activate.word("delay", "delay", "switch delay in ms").required();
+  activate.word("--rate", "rate", "bit/s that Berth's own port changes to");
+  lss_verb(lss, options, "global", "all devices to waiting or configuration state")
+      .word("state", "state", "waiting or configuration")
+      .required();
+  lss_verb(lss, options, "find", "every device that no slot has; is anybody without a node-ID?");
+  const auto move = lss_verb(lss, options, "move-bit-rate", "every device of a bus to another bit rate, together");
+  move.word("rate", "rate", "bit/s").required();
+  move.word("--delay", "delay", "switch delay in ms (default 200)");
+  const auto identify = lss_verb(lss, options, "identify", "is a device within these ranges?");
+  identify.word("vendor", "vendor", "vendor-ID").required();
+  identify.word("product", "product", "product code").required();
+  identify.word("--revision-low", "revision-low", "default 0");
+  identify.word("--revision-high", "revision-high", "default 0xFFFFFFFF");
+  identify.word("--serial-low", "serial-low", "default 0");
+  identify.word("--serial-high", "serial-high", "default 0xFFFFFFFF");
+}
+
+}  // namespace
+
+void add_lss(Verb& berth, Options& options) {
+  const Verb lss = berth.group("lss", "layer setting services (CiA 305), one at a time");
+  add_lss_of_one_device(lss, options);
+  add_lss_of_a_bus(lss, options);
+}
+
+}  // namespace berth::cli

@@ -1,0 +1,41 @@
+/// Before Berth takes a bus that is outside this process: is another master there? Heard first, then asked.
+#pragma once
+
+#include <map>
+#include <memory>
+#include <string>
+#include <tl/expected.hpp>
+
+#include "berth/live/census.hpp"
+#include "berth/operate/session.hpp"
+#include "berth/rt/driver.hpp"
+#include "guards.hpp"
+#include "interrupt.hpp"
+
+namespace berth::cli {
+
+class Strangers {
+ public:
+  /// The session's buses have their ports. All four must stay.
+  Strangers(rt::Driver& driver, Interrupt& interrupt, operate::Session& session, Guards& guards)
+      : driver_(&driver), interrupt_(&interrupt), session_(&session), guards_(&guards) {}
+
+  /// Waits until every gate has listened long enough (nothing to wait for on simulated buses). Refused, status 1, when
+  /// another master is on a bus: which one, and by which frames; and when a signal came. A port that is down is no
+  /// failure here.
+  [[nodiscard]] tl::expected<void, Failure> listen_first();
+  /// Asks the nodes that were heard meanwhile and belong to no slot whether they are NMT masters, however quiet (1F80h
+  /// bit 0, CiA 302-2), on every bus outside this process whose master Berth is to be. Refused as by `listen_first`.
+  [[nodiscard]] tl::expected<void, Failure> ask();
+
+ private:
+  [[nodiscard]] tl::expected<void, Failure> not_ended();
+  [[nodiscard]] std::string quiet_masters(const design::Bus& bus, live::Census& census);
+  rt::Driver* driver_;
+  Interrupt* interrupt_;
+  operate::Session* session_;
+  Guards* guards_;
+  std::map<std::string, std::unique_ptr<live::Census>> heard_;  // by bus, while Berth listens before it takes it
+};
+
+}  // namespace berth::cli

@@ -1,0 +1,248 @@
+#include "verb.hpp"
+
+#include <fmt/format.h>
+
+#include <CLI/CLI.hpp>
+#include <algorithm>
+#include <utility>
+
+#include "berth/io/realtime.hpp"
+#include "berth/text/quantity.hpp"
+#include "options.hpp"
+#include "output.hpp"
+
+namespace berth::cli {
+
+// ---- Word ----
+
+Word& Word::required() {
+  option_->required();
+  return *this;
+}
+
+Word& Word::shown(const std::string& value) {
+  option_->option_text(value);
+  return *this;
+}
+
+Word& Word::one_of(const std::vector<std::string>& words) {
+  option_->check(CLI::IsMember(words));
+  return *this;
+}
+
+Word& Word::one_of(const std::vector<std::uint32_t>& numbers) {
+  option_->check(CLI::IsMember(numbers));
+  return *this;
+}
+
+Word& Word::from_to(std::uint32_t low, std::uint32_t high) {
+  option_->check(CLI::Range(low, high));
+  return *this;
+}
+
+Word& Word::values(int least, int most) {
+  option_->expected(least, most);
+  return *this;
+}
+
+Word& Word::one_each() {
+  option_->allow_extra_args(false);
+  return *this;
+}
+
+Word& Word::separated_by(char delimiter) {
+  option_->delimiter(delimiter);
+  return *this;
+}
+
+Word& Word::excludes(const Word& other) {
+  option_->excludes(other.option_);
+  return *this;
+}
+
+// ---- Verb ----
+
+Verb Verb::add(const std::string& name, const std::string& help, Action does) const {
+  CLI::App* const sub = app_->add_subcommand(name, help);
+  sub->callback([action = action_, does = std::move(does)] { *action = does; });
+  return {*sub, *action_};
+}
+
+Verb Verb::group(const std::string& name, const std::string& help) const {
+  CLI::App* const sub = app_->add_subcommand(name, help);
+  sub->require_subcommand(1);
+  return {*sub, *action_};
+}
+
+void Verb::footer(const std::string& text) const { app_->footer(text); }
+
+Word Verb::word(const std::string& names, std::string& into, const std::string& help) const {
+  return Word(*app_->add_option(names, into, help));
+}
+Word Verb::word(const std::string& names, std::vector<std::string>& into, const std::string& help) const {
+  return Word(*app_->add_option(names, into, help));
+}
+Word Verb::word(const std::string& names, std::vector<unsigned>& into, const std::string& help) const {
+  return Word(*app_->add_option(names, into, help));
+}
+Word Verb::word(const std::string& names, int& into, const std::string& help) const {
+  return Word(*app_->add_option(names, into, help));
+}
+Word Verb::word(const std::string& names, unsigned& into, const std::string& help) const {
+  return Word(*app_->add_option(names, into, help));
+}
+Word Verb::word(const std::string& names, std::optional<unsigned>& into, const std::string& help) const {
+  return Word(*app_->add_option(names, into, help));
+}
+
+// CLI11 takes "-3" for a very large number.
+Word Verb::seed(const std::string& names, std::optional<std::uint64_t>& into, const std::string& help) const {
+  const auto is_seed = [](const std::string& text) {
+    return text.empty() || text.front() == '-' ? fmt::format("\"{}\" is no seed; write a number from 0", text)
+                                               : std::string();
+  };
+  return Word(*app_->add_option(names, into, help)->check(CLI::Validator(is_seed, "NUMBER")));
+}
+
+Word Verb::word(const std::string& names, const std::function<void(const std::string&)>& take,
+                const std::string& help) const {
+  return Word(*app_->add_option_function<std::string>(names, take, help));
+}
+
+// The check takes the value: one that is wrong is then told as every wrong value is.
+Word Verb::read(const std::string& names, const std::string& kind, const Read& read, const std::string& help) const {
+  const auto nothing = [](const std::string&) {};
+  return Word(*app_->add_option_function<std::string>(names, nothing, help)->check(CLI::Validator(read, kind)));
+}
+
+Word Verb::read_each(const std::string& names, const std::string& kind, const Read& read,
+                     const std::string& help) const {
+  const auto nothing = [](const std::vector<std::string>&) {};
+  return Word(
+      *app_->add_option_function<std::vector<std::string>>(names, nothing, help)->check(CLI::Validator(read, kind)));
+}
+
+Word Verb::time(const std::string& names, const std::function<void(std::chrono::nanoseconds)>& take,
+                const std::string& help) const {
+  const auto reads = [take](const std::string& text) {
+    auto time = text::parse_duration(text);
+    if (!time) time = text::parse_duration(text + " s");
+    if (!time || time->count() <= 0) return fmt::format("\"{}\" is no time; write 30, \"30 s\" or \"500 ms\"", text);
+    take(*time);
+    return std::string();
+  };
+  return read(names, "TIME", reads, help);
+}
+
+Word Verb::time(const std::string& names, std::optional<std::chrono::nanoseconds>& into,
+                const std::string& help) const {
+  return time(
+      names, [&into](std::chrono::nanoseconds time) { into = time; }, help);
+}
+
+Word Verb::time(const std::string& names, std::chrono::nanoseconds& into, const std::string& help) const {
+  return time(
+      names, [&into](std::chrono::nanoseconds time) { into = time; }, help);
+}
+
+Word Verb::flag(const std::string& names, bool& into, const std::string& help) const {
+  return Word(*app_->add_flag(names, into, help));
+}
+
+Word Verb::flag(const std::string& names, const std::function<void()>& take, const std::string& help) const {
+  return Word(*app_->add_flag_callback(names, take, help));
+}
+
+void Verb::exactly_one(const std::function<void(const Verb&)>& add) const {
+  auto* const these = app_->add_option_group("how");
+  add(Verb(*these, *action_));
+  these->require_option(1);
+}
+
+// ---- the command line ----
+
+namespace {
+
+std::string no_command(const CLI::App& app, const std::string& written) {
+  std::vector<std::string> names;
+  for (const auto* const sub : app.get_subcommands([](const CLI::App*) { return true; }))
+    names.push_back(sub->get_name());
+  const std::vector<std::string_view> known(names.begin(), names.end());
+  const auto meant = text::closest(written, known);
+  return fmt::format("there is no command {}{}; see berth --help", text::quoted(written),
+                     meant.empty() ? "" : fmt::format("; did you mean {}?", meant));
+}
+
+int wrong_use(const CLI::App& app, const CLI::ParseError& error, int argc, char** argv) {
+  if (error.get_exit_code() == 0) return app.exit(error);  // --help
+  const bool json = std::any_of(argv, argv + argc, [](const char* word) { return std::string_view(word) == "--json"; });
+  const auto used = app.get_subcommands();
+  if (used.empty() && argc > 1 && argv[1][0] != '-') {
+    return tell(failure(Exit::usage, no_command(app, argv[1])), json);
+  }
+  const std::string help = used.empty() ? "berth --help" : fmt::format("berth {} --help", used.front()->get_name());
+  return tell(failure(Exit::usage, fmt::format("{}; see {}", error.what(), help)), json);
+}
+
+}  // namespace
+
+int run_command_line(int argc, char** argv, const std::vector<AddVerb>& verbs) {
+  CLI::App app("Berth gives every CANopen device its place.", "berth");
+  app.require_subcommand(1);
+  app.set_version_flag("--version", std::string("berth ") + BERTH_VERSION);
+  app.get_formatter()->column_width(34);
+  Options options;
+  Verb::Action action;
+  Verb berth(app, action);
+  for (const auto add : verbs) add(berth, options);
+  try {
+    app.parse(argc, argv);
+  } catch (const CLI::ParseError& error) {
+    return wrong_use(app, error, argc, argv);
+  }
+  if (options.real_time == 0) return action();
+  const auto done = io::go_real_time({.priority = options.real_time, .lock_memory = true});
+  return done ? action() : tell(failure(Exit::failed, done.error()), options.json);
+}
+
+// ---- words that several verbs have ----
+
+void json_flag(const Verb& verb, Options& options, const char* help) { verb.flag("--json", options.json, help); }
+
+void plant_words(const Verb& verb, Options& options) {
+  verb.word("--sim-state,--plant-state", options.state,
+            "file that keeps what the simulated devices remember between runs");
+  verb.seed("--seed", options.seed, "seed of the simulated world, instead of the plant file's");
+}
+
+void machine_words(const Verb& verb, Options& options) {
+  json_flag(verb, options);
+  verb.word("--machine", options.machine, "machine file");
+  verb.word("--bus", options.bus, "one bus of the machine");
+  verb.word("--port", options.ports, "port of the bus, or BUS=PORT, instead of the machine file's")
+      .one_each()
+      .shown("[BUS=]PORT");
+  verb.word("--sim", options.sim, "plant file: run on a simulated world");
+  plant_words(verb, options);
+  verb.word("--store", options.store, "slot table's file (default: in memory on a simulated world)");
+  verb.word("--record", options.record, "write every frame to this file, as candump -L does");
+  verb.flag("--yes,-y", options.yes, "confirms what would else be asked");
+  verb.flag("--dry-run", options.dry_run, "print every frame that Berth would send, and change nothing");
+  verb.time("--timeout", options.timeout, "longest time, of the bus when it is simulated");
+}
+
+void machine_word(const Verb& verb, Options& options) {
+  verb.word("machine,-m", options.machine, "machine file").shown("MACHINE");
+}
+
+void control_word(const Verb& verb, Options& options) {
+  verb.word("--control", options.control, "socket of the running `berth up` (default: by the machine's name)");
+}
+
+void real_time_word(const Verb& verb, Options& options) {
+  verb.word("--real-time", options.real_time, "run with this SCHED_FIFO priority, memory locked")
+      .from_to(1, 99)
+      .shown("PRIORITY");
+}
+
+}  // namespace berth::cli

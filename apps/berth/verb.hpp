@@ -1,0 +1,120 @@
+/// What can be written on the command line. Each verb's file has one `add_…` function, which the table in main.cpp
+/// names; there it says what may stand behind the verb and what the verb does:
+///
+///     void add_forget(Verb& berth, Options& options) {
+///       const auto device = std::make_shared<std::string>();
+///       Verb forget = berth.add("forget", "a device is gone for good", [&options, device] { return … });
+///       forget.word("device", *device, "its LSS address").required();
+///     }
+///
+/// What a word is read into must live as long as the action: the action holds it. CLI11 is behind this, in verb.cpp
+/// alone, because it takes long to compile.
+#pragma once
+
+#include <chrono>
+#include <cstdint>
+#include <functional>
+#include <initializer_list>
+#include <optional>
+#include <string>
+#include <vector>
+
+namespace CLI {
+class App;
+class Option;
+}  // namespace CLI
+
+namespace berth::cli {
+
+struct Options;
+
+/// One word, option or flag behind a verb: what is required of it.
+class Word {
+ public:
+  explicit Word(CLI::Option& option) noexcept : option_(&option) {}
+
+  Word& required();
+  /// What the help shows in place of its value.
+  Word& shown(const std::string& value);
+  Word& one_of(const std::vector<std::string>& words);
+  Word& one_of(const std::vector<std::uint32_t>& numbers);
+  Word& from_to(std::uint32_t low, std::uint32_t high);
+  /// So many values.
+  Word& values(int least, int most);
+  /// Each time that it is written it takes one value; it may be written often.
+  Word& one_each();
+  Word& separated_by(char delimiter);
+  Word& excludes(const Word& other);
+
+ private:
+  CLI::Option* option_;
+};
+
+class Verb {
+ public:
+  using Action = std::function<int()>;
+  /// Reads a value; what is wrong with it, empty when it is good.
+  using Read = std::function<std::string(const std::string&)>;
+
+  /// `action` becomes what the verb that is written does.
+  Verb(CLI::App& app, Action& action) noexcept : app_(&app), action_(&action) {}
+
+  Verb add(const std::string& name, const std::string& help, Action does) const;
+  /// A word before verbs: `berth lss`. One of its verbs must be written.
+  [[nodiscard]] Verb group(const std::string& name, const std::string& help) const;
+  /// Printed below the help: examples.
+  void footer(const std::string& text) const;
+
+  // `names`: "file" stands for itself, in order; "--port,-p" is an option.
+  Word word(const std::string& names, std::string& into, const std::string& help) const;
+  Word word(const std::string& names, std::vector<std::string>& into, const std::string& help) const;
+  Word word(const std::string& names, std::vector<unsigned>& into, const std::string& help) const;
+  Word word(const std::string& names, int& into, const std::string& help) const;
+  Word word(const std::string& names, unsigned& into, const std::string& help) const;
+  Word word(const std::string& names, std::optional<unsigned>& into, const std::string& help) const;
+  /// A text for which something must be done.
+  Word word(const std::string& names, const std::function<void(const std::string&)>& take,
+            const std::string& help) const;
+  /// A value of a kind of its own, which the help calls `kind`.
+  Word read(const std::string& names, const std::string& kind, const Read& read, const std::string& help) const;
+  /// The same, and several values may be written.
+  Word read_each(const std::string& names, const std::string& kind, const Read& read, const std::string& help) const;
+  /// A time above 0: "500 ms", "30 s", or a number of seconds.
+  Word time(const std::string& names, std::optional<std::chrono::nanoseconds>& into, const std::string& help) const;
+  Word time(const std::string& names, std::chrono::nanoseconds& into, const std::string& help) const;
+  /// A number from 0.
+  Word seed(const std::string& names, std::optional<std::uint64_t>& into, const std::string& help) const;
+  Word flag(const std::string& names, bool& into, const std::string& help) const;
+  Word flag(const std::string& names, const std::function<void()>& take, const std::string& help) const;
+  /// One of these words, and no more of them, must be written.
+  void exactly_one(const std::function<void(const Verb&)>& add) const;
+
+ private:
+  Word time(const std::string& names, const std::function<void(std::chrono::nanoseconds)>& take,
+            const std::string& help) const;
+  CLI::App* app_;
+  Action* action_;
+};
+
+/// Adds what it knows to `berth`; `options` lives as long as the command line.
+using AddVerb = void (*)(Verb& berth, Options& options);
+
+/// Reads the command line and does what it says; the exit status. Wrong use is told, status 2.
+int run_command_line(int argc, char** argv, const std::vector<AddVerb>& verbs);
+
+// ---- words that several verbs have ----
+
+/// `--json`.
+void json_flag(const Verb& verb, Options& options, const char* help = "one JSON object");
+/// The machine, its buses' ports, its simulated world, its store; --yes, --dry-run, --timeout.
+void machine_words(const Verb& verb, Options& options);
+/// The machine file, which may also stand by itself.
+void machine_word(const Verb& verb, Options& options);
+/// `--control`: the socket of the running `berth up`.
+void control_word(const Verb& verb, Options& options);
+/// `--sim-state` and `--seed` of a simulated plant.
+void plant_words(const Verb& verb, Options& options);
+/// `--real-time PRIORITY`: of what runs for long on a real bus.
+void real_time_word(const Verb& verb, Options& options);
+
+}  // namespace berth::cli

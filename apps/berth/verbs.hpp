@@ -1,0 +1,37 @@
+/// The verbs: one function each, which adds it to the command line. They stand in the files that say what they do; the
+/// table in main.cpp has them in the order of the help.
+#pragma once
+
+#include "options.hpp"
+#include "verb.hpp"
+
+namespace berth::cli {
+
+void add_demo(Verb& berth, Options& options);
+void add_up(Verb& berth, Options& options);
+void add_scan(Verb& berth, Options& options);
+void add_status(Verb& berth, Options& options);
+void add_bind(Verb& berth, Options& options);
+void add_locate(Verb& berth, Options& options);
+void add_replace(Verb& berth, Options& options);
+void add_forget(Verb& berth, Options& options);
+void add_configure(Verb& berth, Options& options);
+void add_sdo(Verb& berth, Options& options);
+void add_nmt(Verb& berth, Options& options);
+void add_lss(Verb& berth, Options& options);
+void add_eds(Verb& berth, Options& options);
+void add_doctor(Verb& berth, Options& options);
+void add_trace(Verb& berth, Options& options);
+void add_reproduce(Verb& berth, Options& options);
+void add_compare(Verb& berth, Options& options);
+void add_serve(Verb& berth, Options& options);
+void add_gateway(Verb& berth, Options& options);
+void add_adopt(Verb& berth, Options& options);
+void add_export(Verb& berth, Options& options);
+void add_import(Verb& berth, Options& options);
+void add_device(Verb& berth, Options& options);
+void add_sim(Verb& berth, Options& options);
+void add_plant(Verb& berth, Options& options);
+void add_version(Verb& berth, Options& options);
+
+}  // namespace berth::cli

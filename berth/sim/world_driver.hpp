@@ -1,0 +1,21 @@
+/// Drives a simulated world as fast as it can be computed, instant by instant.
+#pragma once
+
+#include "berth/rt/driver.hpp"
+#include "berth/sim/world.hpp"
+
+namespace berth::sim {
+
+class WorldDriver final : public rt::Driver {
+ public:
+  /// The world must stay.
+  explicit WorldDriver(World& world) noexcept : Driver(world.executor()), world_(&world) {}
+
+  /// Asks after each instant. Not done, the world stands at `end`.
+  bool run_until(const Predicate& over, rt::Time end) override { return world_->run_until(over, end - now()); }
+
+ private:
+  World* world_;
+};
+
+}  // namespace berth::sim
