@@ -7,7 +7,6 @@
 
 namespace berth::operate {
 
-// To ask whether anybody is there: silence is the expected answer, so it is not waited for long nor aborted.
 co::SdoOptions Asking::patience(unsigned retries) const {
   co::SdoOptions patience = s_.sdo.options();
   patience.timeout = s_.bus.timing.guard_timeout;
@@ -24,14 +23,12 @@ std::size_t Asking::most_at_once() const noexcept {
   return std::max<std::size_t>(2, static_cast<std::size_t>(timeout * s_.bus.bitrate / question_bits));
 }
 
-// So that a single-slot receive buffer loses none of the frames.
 lss::MasterOptions Asking::with_pauses() const {
   lss::MasterOptions slower = s_.lss.options();
   slower.inhibit = std::max(slower.inhibit, s_.bus.timing.rand_response);
   return slower;
 }
 
-// True: a device answers SDO under this node-ID. Silence of SDO and guarding makes it vacant.
 rt::Task<bool> Asking::answers_at(NodeId id) {
   const rt::Time began = s_.executor.now();
   const co::SdoOptions how = patience(s_.bus.timing.tries - 1);
@@ -46,7 +43,6 @@ rt::Task<bool> Asking::answers_at(NodeId id) {
 
 rt::Task<void> Asking::vacancy(NodeId id) { co_await answers_at(id); }
 
-// The node-ID that the device with this address uses now, by LSS; every other device in waiting meanwhile.
 rt::Task<Result<NodeId>> Asking::active_id(LssAddress device) {
   const auto quick = co_await active_id_once(device);
   if (quick || quick.error().code != Errc::timeout) co_return quick;
@@ -97,7 +93,6 @@ lss::PartMask Asking::parts_to_ask(const LssAddress& device) const {
   return lss::parts_to_ask(device, others);
 }
 
-// The device is in LSS configuration, and no other is.
 rt::Task<Result<void>> Asking::select_alone(LssAddress device) {
   const lss::AloneOptions options{.parts = parts_to_ask(device)};
   auto selected = co_await lss::select_alone(s_.lss, device, options);

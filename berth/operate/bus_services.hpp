@@ -1,7 +1,7 @@
 /// The services of one bus that the parts of a `Network` work with: one of each, on one port.
 ///
-/// Who has the turn may use LSS and RAND, and changes what devices keep; SDO to one node, NMT and what is heard need no
-/// turn. `lss_turn` is the bindings' that run side by side under it.
+/// A task that has the turn may use LSS and RAND, and changes what devices keep; SDO to one node, NMT and what is heard
+/// need no turn. `lss_turn` is the bindings' that run side by side under it.
 #pragma once
 
 #include "berth/can/dispatcher.hpp"

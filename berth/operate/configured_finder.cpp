@@ -18,9 +18,6 @@ constexpr std::array<NodeId, 3> factory_ids{NodeId(1), NodeId(32), NodeId(127)};
 
 }  // namespace
 
-// Before anything is searched for, and before anything is called empty: a device may sit where it belongs already, have
-// booted long ago, beat no heart and speak no LSS. All are asked side by side; silence makes the node-ID vacant, which
-// is to be known before it is given.
 rt::Task<void> ConfiguredFinder::ask_slots_own() {
   if (agenda_.alone) co_return;
   std::vector<places::Found> answered;
@@ -30,7 +27,7 @@ rt::Task<void> ConfiguredFinder::ask_slots_own() {
       const bool waits = !seat->there && seat->slot.spec.assign == Assign::lss && !seat->slot.record.confirmed;
       if (waits) asked.spawn(identity_at(seat->id(), answered));
     }
-    // And who was heard under a node-ID of no slot: nothing is given away before all that speak are known.
+    // And devices that were heard under a node-ID of no slot: nothing is given away before all that speak are known.
     for (std::uint8_t i = 1; i <= 127; ++i) {
       const NodeId id(i);
       const auto heard = s_.boots.heard(id);
@@ -51,7 +48,6 @@ rt::Task<void> ConfiguredFinder::ask_slots_own() {
   }
 }
 
-// True: somebody was found of whom the plan did not know.
 rt::Task<bool> ConfiguredFinder::find(bool all) {
   if (agenda_.alone) co_return false;
   co_await ask_everywhere();
@@ -139,8 +135,8 @@ bool ConfiguredFinder::everywhere_due() {
   return true;
 }
 
-// Who has a node-ID of no slot, booted long ago, beats no heart and answers no identify (CANopenNode's slaves) is found
-// by no search. One question each: who answers is asked again, with patience.
+// A device that has a node-ID of no slot, booted long ago, sends no heartbeat and answers no identify (CANopenNode's
+// slaves) is found by no search. One question each: one that answers is asked again, with patience.
 rt::Task<void> ConfiguredFinder::ask_everywhere() {
   const bool due = everywhere_due();
   if (!due) co_return;

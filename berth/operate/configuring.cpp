@@ -46,7 +46,6 @@ std::string short_name(const std::string& path) {
 
 }  // namespace
 
-// One file may stand for many slots.
 void Configuring::load() {
   std::map<std::string, std::pair<std::shared_ptr<const manager::Configuration>, std::string>> known;
   for (auto& seat : slots_.seats()) {
@@ -68,7 +67,6 @@ void Configuring::load() {
   }
 }
 
-// A boot-up that was heard after the device was looked at last: what was found belongs to the life before.
 bool Configuring::rebooted(const Seat& seat) const noexcept {
   const auto booted = s_.boots.boot_up(seat.id());
   return booted && *booted > seat.checked;
@@ -88,8 +86,6 @@ bool Configuring::note(Seat& seat, Configured::Stage stage, const Wanted& wanted
   return true;
 }
 
-// The file's values, and the heartbeat of the machine file, which is what this network watches. Errors: the device did
-// not answer, or the file's values cannot be had for this node-ID.
 rt::Task<Result<Wanted>> Configuring::wanted_of(Seat& seat) {
   const auto period = std::chrono::duration_cast<std::chrono::milliseconds>(s_.bus.timing.heartbeat_period).count();
   std::vector<manager::Entry> own;
@@ -312,7 +308,6 @@ rt::Task<bool> Configuring::reset_and_wait(Seat& seat) {
   co_return false;
 }
 
-// A device that runs is left alone; that it runs with something else is said.
 rt::Task<void> Configuring::look_at_running(Seat& seat) {
   if (s_.only_observes()) co_return;
   const auto wanted = co_await wanted_of(seat);

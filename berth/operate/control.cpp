@@ -266,7 +266,7 @@ ControlServer::~ControlServer() {
 
 void ControlServer::ready(std::uint32_t) noexcept { serve(); }
 
-// All of them, whoever it was: there are few, and none of them blocks.
+// All of them, whichever it was: there are few, and none of them blocks.
 void ControlServer::serve() {
   const bool were_full = clients_.size() == most_clients;
   accept_all();
@@ -275,7 +275,7 @@ void ControlServer::serve() {
     const std::uint32_t events = client->out.empty() ? EPOLLIN : EPOLLIN | EPOLLOUT;
     if (std::exchange(client->watched, events) != events) loop_->watch(client->fd.get(), *this, events);
   }
-  // Whoever waits to be accepted would let the loop never sleep.
+  // A client that waits to be accepted would let the loop never sleep.
   const bool full = clients_.size() == most_clients;
   if (full && !were_full) loop_->forget(fd_);
   if (!full && were_full) loop_->watch(fd_, *this, EPOLLIN);

@@ -91,7 +91,8 @@ rt::Task<void> Doubles::ask_addresses(NodeId id, std::vector<LssAddress> address
   }
 }
 
-// True: who shares it is known now, and the plan gives each its own. A slot's device that is alone there is known.
+// True: the devices that share it are known now, and the plan gives each its own. A slot's device that is alone there
+// is known.
 rt::Task<bool> Doubles::tell_one_apart(NodeId id) {
   if (s_.only_observes()) co_return false;
   shared_ = Shared{id, {}};

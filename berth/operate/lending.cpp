@@ -76,7 +76,6 @@ rt::Task<void> Lending::prepare() {
   co_await asked.join();
 }
 
-// Lent while the device is the only one selected; it is seated, or blank again, before the round is over.
 NodeId Lending::assign(const LssAddress& device) noexcept {
   const bool by_rand = found_.of(device) != nullptr && !found_.without_rand(device);
   if (by_rand) return {};  // it waits for its place, and leaves no search by a loan
@@ -119,8 +118,6 @@ rt::Task<void> Lending::take_back_what_is_in_the_way(std::vector<places::Action>
   }
 }
 
-// A device that does not confirm keeps its loan, and is asked again in the next rounds; later, when the whole bus is
-// asked anew.
 rt::Task<void> Lending::take_back_all() {
   const std::vector<Loans::Loan> lent = loans_.all();
   for (const auto& loan : lent) {
@@ -169,7 +166,6 @@ rt::Task<void> Lending::end_or_keep(Loans::Loan loan) {
   s_.boots.forget(loan.id);
 }
 
-// Only this device has the node-ID pending, and is in LSS waiting. False: it did not confirm that.
 rt::Task<bool> Lending::tell_pending(LssAddress device, NodeId id) {
   const auto selected = co_await asking_.select_alone(device);
   if (!selected) co_return false;

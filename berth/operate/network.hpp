@@ -3,7 +3,7 @@
 /// machine.
 ///
 /// What it does, in this order, again and again while it runs:
-///   1. opening: whoever an interrupted run left in LSS configuration state is taken out of it
+///   1. opening: a device that an interrupted run left in LSS configuration state is taken out of it
 ///   2. preparation: is the device of every bound slot there? By heartbeat, else SDO 1000h, else guarding (S1.30)
 ///   3. discovery: RAND, by Berth's planner, finds every device that no slot knows (S1.31); while a slot's device is
 ///      missing still, whatever else devices speak is tried (`discovery::Auto`). A bus with `discovery =` uses that
@@ -12,7 +12,7 @@
 ///      node-ID while those before it boot (S1.32, S1.33)
 ///   5. check, configuration and start: identity, what `config =` wants, heartbeat, NMT start; operational when the
 ///      device says so
-///   6. watch: heartbeats and boot-ups; every `probe_period` one question whether somebody new is there
+///   6. watch: heartbeats and boot-ups; every `probe_period` one question whether a new device is there
 #pragma once
 
 #include <functional>
@@ -72,10 +72,10 @@ class Network final : private co::HeartbeatConsumer::Observer,
 
   // Commands of a person. They wait until the main job has nothing to do.
 
-  /// `berth replace SLOT`: forgets who sits in the slot and looks for a new device; `device` says which one it is and
-  /// so answers a question. Errors: `not_found` no such slot; `invalid` the slot's device is there and operational, or
-  /// `device` is not of the slot's type.
-  /// `used`: the used device that waits for this slot, or sits in it, may be used; it gets its factory settings first.
+  /// `berth replace SLOT`: forgets which device sits in the slot and looks for a new device; `device` says which one it
+  /// is and so answers a question. Errors: `not_found` no such slot; `invalid` the slot's device is there and
+  /// operational, or `device` is not of the slot's type. `used`: the used device that waits for this slot, or sits in
+  /// it, may be used; it gets its factory settings first.
   Result<void> replace(const std::string& slot, std::optional<LssAddress> device, bool used = false);
 
   /// A person sent this NMT command beside the main job, which then does not work against it: a node that was stopped
@@ -102,8 +102,8 @@ class Network final : private co::HeartbeatConsumer::Observer,
     bool duplicate = false;                    ///< more than one device answered under this node-ID or address
     std::string slot;                          ///< the slot it belongs to, if any
   };
-  /// Who is on this bus: node-IDs 1..127 by SDO, devices without one by RAND. Changes nothing but the devices' RAND
-  /// state. Waits for its turn.
+  /// The devices on this bus: node-IDs 1..127 by SDO, devices without one by RAND. Changes nothing but the devices'
+  /// RAND state. Waits for its turn.
   [[nodiscard]] rt::Task<Result<std::vector<Seen>>> scan();
 
   /// Compares the configurations of all slots that have one, or of the slot of this name, and with `write` makes right
@@ -131,14 +131,13 @@ class Network final : private co::HeartbeatConsumer::Observer,
   };
   /// Makes the device of this LSS address show itself for `time`: in LSS configuration state its two indicators flicker
   /// in turn (CiA 303-3). Then all are in LSS waiting again, also when the task is destroyed. Waits for its turn and
-  /// keeps it, so that nobody is searched for meanwhile. A device that is operational, or of which that is not known,
-  /// is shown `anyway` only: it goes on working, but some makers' devices do not like LSS there. Errors: `not_found` it
-  /// does not answer; `invalid` operational, or not known.
+  /// keeps it, so that no device is searched for meanwhile. A device that is operational, or of which that is not
+  /// known, is shown `anyway` only: it goes on working, but some makers' devices do not like LSS there. Errors:
+  /// `not_found` it does not answer; `invalid` operational, or not known.
   [[nodiscard]] rt::Task<Result<Located>> locate(LssAddress device, rt::Duration time, bool anyway);
 
  private:
   rt::Task<void> scan_node(NodeId id, Seen& seen, co::SdoOptions patience);
-  void add_new(std::vector<Seen>& nodes, const discovery::Found& found, NodeId id) const;
   void heartbeat(const co::HeartbeatEvent& event, rt::Time at) noexcept override;
   void emergency(NodeId node, const co::Emcy& message, rt::Time at) noexcept override;
   void changed(const can::Status& status, rt::Time at) noexcept override;

@@ -60,7 +60,7 @@ std::string refusal(const Error& error, const char* code1) {
 }
 
 // Only a pre-operational node is moved: an operational one is at work, and a stopped one answers no SDO and cannot say
-// who it is.
+// which it is.
 std::optional<std::string> wrong_state(NmtState state) {
   constexpr const char* advice = "make it pre-operational first (`berth nmt preop`)";
   if (state == NmtState::operational) return fmt::format("it is operational: {}", advice);
@@ -99,7 +99,7 @@ rt::Task<void> Move::who_is_there() {
   if (report_.nodes.empty()) report_.reason = "nobody is there";
 }
 
-// Whoever sends no heartbeat is asked for its state by guarding.
+// A node that sends no heartbeat is asked for its state by guarding.
 rt::Task<void> Move::state_of(Node& node) {
   if (!node.id.configured() || !node.problem.empty()) co_return;
   const auto heard = network_.services().boots.heard(node.id);
@@ -118,8 +118,8 @@ rt::Task<void> Move::state_of(Node& node) {
   node.problem = wrong_state(state).value_or("");
 }
 
-// The bus is heard by all and nobody is selected. A stranger may send the port to bus-off until it is passive itself.
-// Only from bus-off is the port started again: otherwise its counters would never let it become passive.
+// The bus is heard by all and no device is selected. A stranger may send the port to bus-off until it is passive
+// itself. Only from bus-off is the port started again: otherwise its counters would never let it become passive.
 rt::Task<bool> Move::all_waiting() {
   can::Port& port = network_.services().dispatcher.port();
   while (!late()) {
@@ -218,7 +218,7 @@ rt::Task<bool> Move::together(std::uint32_t rate) {
   co_return true;
 }
 
-// Into configuration, beside those who are there.
+// Into configuration, beside those that are there.
 rt::Task<bool> Move::select(Node& node) {
   const LssAddress device = *node.device;
   for (unsigned i = 0; i < network_.bus().timing.tries && !late(); ++i) {
@@ -237,7 +237,7 @@ rt::Task<void> Move::revive() {
   co_await rt::sleep_for(settle);
 }
 
-// Round after round, so that the time that one takes who is not there is not the others'.
+// Round after round, so that the time that a missing one takes is not the others'.
 rt::Task<bool> Move::hear_all() {
   allow();
   std::vector<std::string> before;
@@ -269,7 +269,7 @@ rt::Task<bool> Move::store_all() {
     const auto selected = co_await alone(node);
     if (!selected) co_return false;
     const auto stored = co_await network_.services().lss.store();
-    // Who did not answer may have stored all the same.
+    // One that did not answer may have stored all the same.
     node.stored = stored.has_value() || stored.error().code == Errc::timeout;
     if (stored) continue;
     node.problem = "it does not store: " + refusal(stored.error(), "it does not support it");
@@ -279,7 +279,7 @@ rt::Task<bool> Move::store_all() {
   co_return quiet;
 }
 
-// Who was not heard may have changed all the same: it is asked, too. `heard`: has the old rate pending.
+// One that was not heard may have changed all the same: it is asked, too. `heard`: has the old rate pending.
 rt::Task<void> Move::prepare_back() {
   allow();
   for (auto& node : report_.nodes) node.heard = false;

@@ -1,19 +1,20 @@
-/// Moves a whole network to another bit rate by LSS bit timing (CiA 305 §3.7; issue 4, part 8).
+/// Moves a whole network to another bit rate by LSS bit timing (docs/protocols/cia305.md §Node-ID and bit rate).
 ///
-/// 1. Who is there: node-IDs by SDO, guarding and heartbeat, devices without one by discovery. Each must answer LSS
+/// 1. Which nodes are there: node-IDs by SDO, guarding and heartbeat, devices without one by discovery. Each must
+/// answer LSS
 ///    under its own address, each must know the new rate, and none may be operational: otherwise nothing is changed,
-///    and who is in the way is named.
+///    and the node that is in the way is named.
 /// 2. Each gets the pending rate (13h) by itself. One that refuses: those before it get the old one back.
 /// 3. All are selected, and change together (15h): one delay until the change, one more of silence. Berth's own port
 ///    changes in between.
 /// 4. Each must answer at the new rate. Only when all have, each stores (17h).
-/// 5. Somebody missing, or one that cannot store: the rest goes back to the old rate in the same way, and those that
+/// 5. One that is missing, or cannot store: the rest goes back to the old rate in the same way, and those that
 ///    had stored store the old one.
 ///
 /// A device that stayed behind destroys what the others send (S4.1): the port may go bus-off and is started again until
 /// the stranger is error-passive. Each step has an end: the machine file's `boot_timeout` + nodes x `tries` x
-/// `lss_timeout`, plus what is under way by then; in hearing all, `tries` rounds. Who cannot be brought back within it
-/// is named (`lost`), and a person has to switch the bus's power off and on.
+/// `lss_timeout`, plus what is under way by then; in hearing all, `tries` rounds. One that cannot be brought back
+/// within it is named (`lost`), and a person has to switch the bus's power off and on.
 ///
 /// What a crash leaves: before step 3 nothing; before step 4's stores every device comes back at the old rate when it
 /// is switched off and on; between the stores some come back at the old rate and some at the new one: run it again
@@ -38,8 +39,8 @@ struct BitRateReport {
   enum class End : std::uint8_t {
     moved,         ///< all are at the new rate and have stored it
     unconfirmed,   ///< all could be moved; nothing was changed
-    refused,       ///< somebody is in the way; nothing was changed
-    brought_back,  ///< somebody was missing or could not store: all are at the old rate again
+    refused,       ///< a node is in the way; nothing was changed
+    brought_back,  ///< one was missing or could not store: all are at the old rate again
     lost,          ///< not all were heard again, at neither rate: see `nodes`
   };
   struct Node {

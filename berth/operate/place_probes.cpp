@@ -49,7 +49,6 @@ rt::Task<bool> PlaceProbes::read_probes(LssAddress device, NodeId id) {
   co_return true;
 }
 
-// Whose probes did not tell their places: the next look must hear all of them before one gets a place.
 void PlaceProbes::note_puzzling(const std::vector<places::Question>& questions) {
   for (const auto& question : questions) {
     const bool probed = std::ranges::any_of(
@@ -58,8 +57,6 @@ void PlaceProbes::note_puzzling(const std::vector<places::Question>& questions) 
   }
 }
 
-// The new devices whose place a probe tells. False: nobody could be read, or somebody did not answer who was found just
-// now: it may be resetting, and the place that two show is not the one's that is alone for a moment.
 rt::Task<bool> PlaceProbes::read_places(std::vector<LssAddress> devices) {
   constexpr unsigned patience = 3;
   bool any = false;
@@ -117,8 +114,6 @@ rt::Task<bool> PlaceProbes::read_place(LssAddress device) {
   co_return read;
 }
 
-// At every boot of a slot's device: does it still sit in this place? The probe wins over the serial number that the
-// slot remembers: a device that a mechanic moved gives its slot up and is seated anew.
 rt::Task<bool> PlaceProbes::stays_in_place(Seat& seat) {
   if (!seat.slot.spec.probe || s_.only_observes()) co_return true;
   const LssAddress device = seat.slot.record.confirmed->device;

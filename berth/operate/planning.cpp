@@ -52,7 +52,7 @@ void Planning::send_home() {
   }
 }
 
-// Everybody but those who sat somewhere before and of whom nobody has said that they may be used.
+// All but those that sat somewhere before and of which no person has said that they may be used.
 std::vector<places::Found> Planning::without_used() {
   used_.clear();
   std::vector<places::Found> rest;
@@ -137,7 +137,7 @@ void Planning::ask_about_used() {
   }
 }
 
-// A device that waits may not wait under a node-ID that somebody needs.
+// A device that waits may not wait under a node-ID that a slot or the master needs.
 void Planning::keep_off(const places::Found& f) {
   const bool taken = f.active.configured() && (f.active == s_.bus.master || slots_.at(f.active) != nullptr);
   const bool planned = std::ranges::any_of(plan_.actions, [&](const Action& a) { return a.device == f.device; });
@@ -200,7 +200,6 @@ Result<LssAddress> Planning::used_for(const Seat& seat) const {
   return fail(Errc::duplicate, "several used devices wait for this slot; name one with --device");
 }
 
-// It once refused 11h, or all slots that it fits say that its node-ID is not given by LSS.
 bool Planning::never_by_lss(const LssAddress& device) const {
   if (slots_.is_marked(Mark::fixed, device)) return true;
   bool any = false;
@@ -284,7 +283,7 @@ void Planning::report() {
       if (own || waits) slots_.set_state(*seat, SlotState::duplicate, oddity.text);
     }
   }
-  if (agenda_.search_open) return;  // who is missing may be found yet
+  if (agenda_.search_open) return;  // a missing device may be found yet
   for (const auto& event : question_events()) {
     slots_.tell_once(event);
   }

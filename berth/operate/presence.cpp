@@ -12,7 +12,6 @@ namespace berth::operate {
 
 using places::SlotState;
 
-// A running machine is not disturbed: first its heartbeats are heard, and only who is silent is asked.
 rt::Task<void> Presence::prepare() {
   const bool any =
       std::ranges::any_of(slots_.seats(), [](const auto& s) { return s->slot.record.confirmed.has_value(); });
@@ -106,7 +105,6 @@ rt::Task<bool> Presence::is_its_own(Seat& seat, std::optional<NmtState> state) {
   co_return false;
 }
 
-// A bound device that is silent under its node-ID may have lost it, or have another.
 rt::Task<void> Presence::look_by_lss(Seat& seat) {
   if (seat.state == SlotState::duplicate || s_.only_observes()) co_return;
   const LssAddress device = seat.slot.record.confirmed->device;
@@ -115,8 +113,6 @@ rt::Task<void> Presence::look_by_lss(Seat& seat) {
   found_.note({device, *id});
 }
 
-// A slot whose device gets its node-ID by switches, plug or firmware: whoever sits there with the right type is taken.
-// Nothing is written to it.
 rt::Task<void> Presence::adopt_fixed(Seat& seat) {
   const co::SdoOptions patience = asking_.patience(1);
   const NodeId id = seat.id();
@@ -148,8 +144,6 @@ rt::Task<void> Presence::adopt_all_fixed() {
   }
 }
 
-// Nothing needs to be assigned: the device that LSS does not reach, or that does not take a node-ID, sits under the
-// slot's already. False: it is not there any more.
 rt::Task<bool> Presence::take_where_it_is(Seat& seat, LssAddress device) {
   const auto who = co_await places::Binder::read_identity(s_.sdo, seat.id());
   if (!who || *who != device) co_return false;

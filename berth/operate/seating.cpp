@@ -26,7 +26,8 @@ rt::Task<void> Seating::carry_out() {
     free_absent_slots();
     planning_.make(places_.readings());
   }
-  // Who must be read first is seated by the second plan; a device that has to give a node-ID up before that, the third.
+  // A device that must be read first is seated by the second plan; one that has to give a node-ID up before that, the
+  // third.
   for (int pass = 0; pass < 3; ++pass) {
     co_await carry_out_actions(inquired_all);
     if (planning_.plan().probes.empty()) break;
@@ -314,8 +315,8 @@ void Seating::free_for_spares() {
   }
 }
 
-// RAND tells no node-ID. Who will be bound is asked in its binding; the others must be known by the node-ID they hold,
-// and so must bound devices that answered RAND: after a power-on they may be right where they belong.
+// RAND tells no node-ID. A device that will be bound is asked in its binding; the others must be known by the node-ID
+// they hold, and so must bound devices that answered RAND: after a power-on they may be right where they belong.
 rt::Task<void> Seating::inquire_found(bool all) {
   const std::vector<places::Found> found = found_.all();
   for (const auto& f : found) {
@@ -332,12 +333,12 @@ rt::Task<void> Seating::inquire_found(bool all) {
     } else if (id.error().code == Errc::duplicate) {
       found_.note({f.device, f.active, true});
     } else if (seat == nullptr && id.error().code == Errc::timeout && !f.active.configured()) {
-      found_.forget(f.device);  // it left; who was found by its node-ID may speak no LSS
+      found_.forget(f.device);  // it left; one that was found by its node-ID may speak no LSS
     }
   }
 }
 
-// A slot's own device under its own node-ID, whose boot-up nobody heard: it is checked and started like one that was.
+// A slot's own device under its own node-ID, whose boot-up was not heard: it is checked and started like one that was.
 rt::Task<void> Seating::take_back(const places::Found& found) {
   const LssAddress device = found.device;
   Seat* const seat = slots_.of(device);

@@ -128,7 +128,6 @@ std::optional<places::FormerSeat> SlotTable::former_seat_of(const LssAddress& de
   return lines ? places::former_seat(*lines) : std::nullopt;
 }
 
-// Those of stores of before schema 5 are of any bus.
 std::vector<UnfinishedBlank> SlotTable::unfinished_here() const {
   std::vector<UnfinishedBlank> here;
   const auto all = store_->unfinished_blanks();

@@ -34,9 +34,6 @@ std::vector<LssAddress> Spares::formers_of(const Seat& seat) const {
   return devices;
 }
 
-// Two devices under one node-ID cannot be told apart by SDO. By LSS they can: who sat here before is asked for by its
-// address, and gives the node-ID up. That takes an NMT reset, which the slot's own device does too: it is checked and
-// started again at its boot-up.
 rt::Task<bool> Spares::isolate_former(Seat& seat) {
   if (s_.only_observes() || !seat.slot.record.confirmed) co_return false;
   const std::vector<LssAddress> formers = formers_of(seat);
@@ -65,8 +62,6 @@ rt::Task<bool> Spares::isolate_former(Seat& seat) {
   co_return any;
 }
 
-// Before a device is configured for the first time in a slot that another had: a configuration that is not of this
-// slot says that it comes from somewhere. False: it waits for a person, or it is gone.
 rt::Task<bool> Spares::clear_past(Seat& seat) {
   if (s_.only_observes()) co_return true;
   const LssAddress device = seat.slot.record.confirmed->device;
@@ -165,7 +160,6 @@ rt::Task<bool> Spares::restore_seat(Seat& seat) {
   co_return false;
 }
 
-// A person named this device, or said that a used one may be used.
 void Spares::make_welcome(const LssAddress& device) {
   welcome_.push_back(device);
   if (slots_.former_seat_of(device))

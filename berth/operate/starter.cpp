@@ -110,7 +110,8 @@ rt::Task<void> Starter::await_operational() {
 }
 
 // NMT commands have no answer, and every device hears those of all: a slow one's receive buffer overruns when a hundred
-// come back to back. Who is not operational yet is told again, one after the other at a pace that any device follows.
+// come back to back. A device that is not operational yet is told again, one after the other at a pace that any device
+// follows.
 rt::Task<void> Starter::start_again() {
   for (auto& seat : slots_.seats()) {
     if (!seat->awaited || seat->held || seat->state != SlotState::present || configuring_.rebooted(*seat)) continue;

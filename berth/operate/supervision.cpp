@@ -79,7 +79,6 @@ void Supervision::emergency(NodeId node, const co::Emcy& message) noexcept {
   }
 }
 
-// Two devices with one identity that once fell into one frame drift apart: their heartbeats then come twice as often.
 void Supervision::check_rates() {
   for (auto& seat : slots_.seats()) {
     const auto beats = s_.boots.beats(seat->id());

@@ -263,7 +263,7 @@ rt::Task<Outcome> Binder::release(const Binding& binding) {
 
 rt::Task<Outcome> Binder::reset(const Binding& binding) {
   const bool taken = binding.kind() == Binding::Kind::bind && s_.boots.booted_since(binding.seat().id, moved_);
-  // A device that took its new node-ID with 04h 00h already has booted under it: look who it is.
+  // A device that took its new node-ID with 04h 00h already has booted under it: look which it is.
   if (taken) co_return Outcome::ok;
   // A single-slot receive buffer would lose this behind the `04 00` just sent.
   co_await rt::sleep_for(options_.slow_inhibit);

@@ -19,7 +19,7 @@
 
 namespace berth::places {
 
-/// When each node-ID was last asked for and nobody answered. With `BootWatch` (nobody booted or was heard since) that
+/// When each node-ID was last asked for and not answered. With `BootWatch` (nothing booted or was heard since) that
 /// makes a node-ID vacant without asking again.
 using VacancyTable = std::array<std::optional<rt::Time>, 128>;
 
@@ -53,7 +53,8 @@ class Binder {
     std::string machine{};  ///< for the store: where a blanking was begun
     std::string bus{};
     std::function<void(const Binding&)> before_step;  ///< for displays and fault plans; may be empty
-    /// Shared by the binders that run side by side on one bus: who has it has LSS. Null: LSS is this binder's alone.
+    /// Shared by the binders that run side by side on one bus: the one that has it has LSS. Null: LSS is this binder's
+    /// alone.
     rt::Turn* lss_turn = nullptr;
   };
 
@@ -67,7 +68,7 @@ class Binder {
   /// Reads identity object 1018h, sub-indices 1 to 4. A device without one of 2 to 4 has 0 there.
   [[nodiscard]] static rt::Task<Result<LssAddress>> read_identity(co::SdoClient& sdo, NodeId node);
 
-  /// Is this node-ID free for `device`? `ok`: nobody answers, or `device` itself does. `mismatch`: somebody else.
+  /// Is this node-ID free for `device`? `ok`: no device answers, or `device` itself does. `mismatch`: another.
   [[nodiscard]] rt::Task<Outcome> vacant(NodeId id, const LssAddress& device);
 
   /// Do two devices answer to this LSS address? `doubled`: at least twice in three looks (S1.22). Leaves the device in

@@ -135,8 +135,8 @@ TEST(Identify, OutliersCostTimeOnly) {
   }
 }
 
-// Six frames back to back are more than a receive buffer of one or two frames holds: such a device answers 4Ch, which is
-// one frame, and no range, until there are pauses between the frames.
+// Six frames back to back are more than a receive buffer of one or two frames holds: such a device answers 4Ch, which
+// is one frame, and no range, until there are pauses between the frames.
 TEST(Identify, SmallReceiveBuffersAreFoundByPauses) {
   for (const std::uint16_t depth : {std::uint16_t{1}, std::uint16_t{2}}) {
     SCOPED_TRACE(depth);

@@ -279,8 +279,8 @@ class Planner {
     d.deaf_while_storing = random_.below(3) == 0;
     d.power_cycle_after_store = random_.below(16) == 0;
     d.queue = random_.below(2) == 0 ? plant::QueueKind::in_order : plant::QueueKind::priority;
-    // What RAND sends leaves a small receive buffer time, and `auto` pauses between the frames of LSS where it must; the
-    // other searches send 40h to 4Bh back to back.
+    // What RAND sends leaves a small receive buffer time, and `auto` pauses between the frames of LSS where it must;
+    // the other searches send 40h to 4Bh back to back.
     const auto way = method_of(bus);
     const bool by_rand = d.speaks.has(plant::Speaks::rand) && way == "rand";
     d.rx_depth = std::array<std::uint32_t, 3>{1, 2, 16}[random_.below(3)];
