@@ -171,6 +171,9 @@ rt::Task<Configuring::Next> Configuring::try_once(Seat& seat, Attempt& attempt) 
   const ConfigurationReport& report = attempt.report;
   const bool good = co_await configure_once(seat, attempt.wanted, attempt.options, attempt.report);
   const bool restarted = !good && report.failure && report.failure->why == manager::Failure::Why::restarted;
+  // Or another device booted under this node-ID, which sends no heartbeat and is deaf while it saves what was meant for
+  // this one: they are told apart when this one runs.
+  if (restarted) seat.shared = std::max(seat.shared, 1U);
   if (restarted && attempt.number < most_attempts) {
     co_await asker_->ask_seat(seat);  // another device may have come under this node-ID
     co_return seat.there && !seat.started ? Next::again : Next::not_now;

@@ -40,6 +40,7 @@ rt::Task<void> Starter::start_seat(Seat& seat) {
   if (configures) {
     manager::ConfigurationReport report;
     const bool ready = co_await configuring_.configure(seat, report);
+    if (seat.shared > 0) agenda_.look_anew = true;
     if (!ready) co_return;
   } else {
     const bool beats = co_await set_heartbeat(seat);

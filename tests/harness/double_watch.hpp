@@ -15,6 +15,7 @@
 // device's memory has another node-ID or none, and in the cases of `given_up`.
 #pragma once
 
+#include <array>
 #include <algorithm>
 #include <map>
 #include <memory>
@@ -89,6 +90,7 @@ class DoubleWatch final : public plant::World::Observer {
     bool booting = false;
     rt::Time boot_began{};
     NodeId came_with;  // memory at power-on
+    rt::Time on_since{};
     NodeId active;
     NodeId last_used;  // since power-on
     NodeId pending;
@@ -108,6 +110,7 @@ class DoubleWatch final : public plant::World::Observer {
         if (frame.data[0] == static_cast<std::uint8_t>(lss::Command::configure_node_id)) {
           configured = frame.data[1];
           configured_at = at;
+          told_at[configured & 0xFFU] = at;
         }
         if (frame.data[0] == 0x04 && frame.data[1] == 0x00) moved.push_back(at);
       } else if (key == 0x000) {
@@ -187,6 +190,7 @@ class DoubleWatch final : public plant::World::Observer {
     std::set<std::string> deaf;  // heard nothing of the proof before the last 11h
     unsigned configured = 0;
     rt::Time configured_at{};
+    std::array<rt::Time, 256> told_at{};  // by node-ID: the last 11h with it
     Said said;
     std::uint32_t heard_key = 0;
     rt::Time heard_at{};
@@ -233,12 +237,17 @@ class DoubleWatch final : public plant::World::Observer {
       life.pending = t.pending;
     }
     if (on) life.came_with = t.persistent;
+    if (on) life.on_since = now();
     // A memory written anew under the device's own node-ID is Berth's work too, LSS or configuration.
     const bool written =
         t.persistent != life.persistent || (t.memory_writes != life.writes && !device.device().storing());
+    // One that comes with the node-ID of a slot while the slot's device saves its configuration (1010h) hears that,
+    // too, and saves what it came with: no 11h told that node-ID to any device since it is on, and nothing was given to
+    // it.
+    const bool as_it_came = t.persistent == life.came_with && wire->told_at[t.persistent.value()] < life.on_since;
     // What was being written when the power went says nothing: a blanking that was cut off leaves what was there.
-    const bool gets =
-        written && !off && t.persistent.configured() && t.pending == t.persistent && life.owned != t.persistent;
+    const bool gets = written && !as_it_came && !off && t.persistent.configured() && t.pending == t.persistent &&
+                      life.owned != t.persistent;
     if (t.persistent != life.persistent) life.owned = NodeId();
     if (written && !off && t.persistent.configured() && t.pending == t.persistent) life.owned = t.persistent;
     if (written) life.writes = t.memory_writes;
