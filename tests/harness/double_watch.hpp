@@ -15,8 +15,8 @@
 // device's memory has another node-ID or none, and in the cases of `given_up`.
 #pragma once
 
-#include <array>
 #include <algorithm>
+#include <array>
 #include <map>
 #include <memory>
 #include <set>
