@@ -19,7 +19,7 @@
 namespace berth::operate {
 
 struct BusServices {
-  /// `bus_line` and `port_used` must stay. `listener` hears heartbeats, boot-ups and EMCYs when it is told to.
+  /// All must stay. The listeners hear what `heartbeats` and `emergencies` are told to hear.
   BusServices(rt::Executor& clock, can::Port& port_used, const design::Bus& bus_line,
               co::HeartbeatConsumer::Observer& heartbeat_listener, co::EmcyConsumer::Observer& emcy_listener);
 

@@ -20,32 +20,44 @@ constexpr std::array<NodeId, 3> factory_ids{NodeId(1), NodeId(32), NodeId(127)};
 
 rt::Task<void> ConfiguredFinder::ask_slots_own() {
   if (agenda_.alone) co_return;
+  std::vector<NodeId> ids;
+  for (const auto& seat : slots_.seats()) {
+    const bool waits = !seat->there && seat->slot.spec.assign == Assign::lss && !seat->slot.record.confirmed;
+    if (waits) ids.push_back(seat->id());
+  }
+  // And devices that were heard under a node-ID of no slot: nothing is given away before all that speak are known.
+  for (std::uint8_t i = 1; i <= 127; ++i) {
+    const NodeId id(i);
+    const auto heard = s_.boots.heard(id);
+    const bool again = std::exchange(look_again_at_[i], false);
+    const bool spoke = heard && *heard > asked_at_[i] && !loans_.of_ours(id, *heard);
+    const bool strange = (again || spoke) && slots_.at(id) == nullptr && id != s_.bus.master;
+    if (!strange) continue;
+    asked_at_[i] = s_.executor.now();
+    ids.push_back(id);
+  }
+  const std::vector<places::Found> answered = co_await identities(ids);
+  co_await tell_doubled_apart();
+  for (const auto& f : answered) note(f);
+}
+
+// Side by side.
+rt::Task<std::vector<places::Found>> ConfiguredFinder::identities(std::vector<NodeId> ids) {
   std::vector<places::Found> answered;
-  {
-    rt::Scope asked(s_.executor, asking_.most_at_once());
-    for (const auto& seat : slots_.seats()) {
-      const bool waits = !seat->there && seat->slot.spec.assign == Assign::lss && !seat->slot.record.confirmed;
-      if (waits) asked.spawn(identity_at(seat->id(), answered));
-    }
-    // And devices that were heard under a node-ID of no slot: nothing is given away before all that speak are known.
-    for (std::uint8_t i = 1; i <= 127; ++i) {
-      const NodeId id(i);
-      const auto heard = s_.boots.heard(id);
-      const bool again = std::exchange(look_again_at_[i], false);
-      const bool spoke = heard && *heard > asked_at_[i] && !loans_.of_ours(id, *heard);
-      const bool strange = (again || spoke) && slots_.at(id) == nullptr && id != s_.bus.master;
-      if (!strange) continue;
-      asked_at_[i] = s_.executor.now();
-      asked.spawn(identity_at(id, answered));
-    }
-    co_await asked.join();
-  }
+  rt::Scope asked(s_.executor, asking_.most_at_once());
+  for (const NodeId id : ids) asked.spawn(identity_at(id, answered));
+  co_await asked.join();
+  co_return answered;
+}
+
+rt::Task<bool> ConfiguredFinder::tell_doubled_apart() {
   const std::vector<NodeId> doubled = std::exchange(doubled_, {});
-  co_await doubles_.tell_apart(doubled);
-  for (const auto& f : answered) {
-    found_.note(f);
-    slots_.tell_once("found", fmt::format("found {} with node-ID {}", to_string(f.device), f.active.value()));
-  }
+  co_return co_await doubles_.tell_apart(doubled);
+}
+
+void ConfiguredFinder::note(const places::Found& found) {
+  found_.note(found);
+  slots_.tell_once("found", fmt::format("found {} with node-ID {}", to_string(found.device), found.active.value()));
 }
 
 rt::Task<bool> ConfiguredFinder::find(bool all) {
@@ -53,14 +65,8 @@ rt::Task<bool> ConfiguredFinder::find(bool all) {
   co_await ask_everywhere();
   const std::vector<NodeId> ids = ids_to_ask(all);
   if (ids.empty()) co_return false;
-  std::vector<places::Found> answered;
-  {
-    rt::Scope asked(s_.executor, asking_.most_at_once());
-    for (const NodeId id : ids) asked.spawn(identity_at(id, answered));
-    co_await asked.join();
-  }
-  const std::vector<NodeId> doubled = std::exchange(doubled_, {});
-  bool news = co_await doubles_.tell_apart(doubled);
+  const std::vector<places::Found> answered = co_await identities(ids);
+  bool news = co_await tell_doubled_apart();
   for (const auto& f : answered) {
     const auto known = found_.of(f.device);
     const bool same = known != nullptr && known->active == f.active;
@@ -77,9 +83,8 @@ rt::Task<bool> ConfiguredFinder::find(bool all) {
       co_await presence_.adopt_fixed(*seat);
       continue;
     }
-    found_.note(f);
+    note(f);
     news = true;
-    slots_.tell_once("found", fmt::format("found {} with node-ID {}", to_string(f.device), f.active.value()));
   }
   co_return news;
 }

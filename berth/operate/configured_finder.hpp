@@ -37,12 +37,13 @@ class ConfiguredFinder {
 
  private:
   [[nodiscard]] std::vector<NodeId> ids_to_ask(bool all);
-  [[nodiscard]] bool is_known(NodeId id) const noexcept;
   [[nodiscard]] bool everywhere_due();
   rt::Task<void> ask_everywhere();
   rt::Task<void> knock(NodeId id);
   rt::Task<void> identity_at(NodeId id, std::vector<places::Found>& into);
-  rt::Task<bool> take(places::Found found);
+  rt::Task<std::vector<places::Found>> identities(std::vector<NodeId> ids);
+  rt::Task<bool> tell_doubled_apart();
+  void note(const places::Found& found);
 
   BusServices& s_;
   SlotTable& slots_;

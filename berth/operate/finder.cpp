@@ -67,8 +67,7 @@ rt::Task<void> Finder::by_rand_and_the_rest(bool anew) {
 
 // A device that stays without a node-ID answers every poll: that is no news for a while.
 void Finder::searched() {
-  const rt::Time again =
-      s_.executor.now() + (search_.last_had_news() ? rt::Duration{0} : 8 * s_.bus.timing.probe_period);
+  const rt::Time again = s_.executor.now() + (search_.has_news() ? rt::Duration{0} : 8 * s_.bus.timing.probe_period);
   scanned_at_ = again;
   if (!std::exchange(by_fastscan_, false)) blank_at_ = again;
 }

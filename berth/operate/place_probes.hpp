@@ -29,7 +29,6 @@ class PlaceProbes {
  private:
   rt::Task<bool> read_probes(LssAddress device, NodeId id);
   rt::Task<bool> read_place(LssAddress device);
-  [[nodiscard]] bool shows(const LssAddress& device, const places::Probe& probe) const noexcept;
 
   BusServices& s_;
   SlotTable& slots_;

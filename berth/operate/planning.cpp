@@ -42,13 +42,12 @@ void Planning::send_home() {
     if (f.clone || slots_.of(f.device) != nullptr) continue;
     const auto sat = slots_.former_seat_of(f.device);
     if (!sat || sat->by_person) continue;
-    const auto home =
-        std::ranges::find_if(slots_.seats(), [&](const auto& s) { return s->slot.record.slot == sat->slot; });
-    const bool free = home != slots_.seats().end() && !(*home)->slot.record.device() && !(*home)->slot.spec.probe &&
-                      (*home)->slot.spec.assign == places::Assign::lss && places::fits((*home)->slot.spec, f.device);
+    Seat* const home = slots_.with_record(sat->slot);
+    const bool free = home != nullptr && !home->slot.record.device() && !home->slot.spec.probe &&
+                      home->slot.spec.assign == places::Assign::lss && places::fits(home->slot.spec, f.device);
     if (!free) continue;
-    const auto asked = slots_.store().ask(sat->slot, {f.device, (*home)->id()}, "it sat here before");
-    if (asked) slots_.refresh(**home);
+    const auto asked = slots_.store().ask(sat->slot, {f.device, home->id()}, "it sat here before");
+    if (asked) slots_.refresh(*home);
   }
 }
 
@@ -177,17 +176,17 @@ bool Planning::has_blanks() const noexcept {
 }
 
 std::string Planning::text_of_return(const LssAddress& device, const places::FormerSeat& sat) const {
-  const auto it = std::ranges::find_if(slots_.seats(), [&](const auto& s) { return s->slot.record.slot == sat.slot; });
-  const auto owner = it == slots_.seats().end() ? std::nullopt : (*it)->slot.record.device();
+  const Seat* const seat = slots_.with_record(sat.slot);
+  const auto owner = seat == nullptr ? std::nullopt : seat->slot.record.device();
   return fmt::format("the device that sat in {} until {} is back: {}{}; take it off the bus", place_of(sat),
                      moment(sat.until_ms), to_string(device),
                      owner ? fmt::format("; the slot belongs to {} now", to_string(*owner)) : std::string());
 }
 
-std::string Planning::place_of(const places::FormerSeat& seat) const {
-  const auto it = std::ranges::find_if(slots_.seats(), [&](const auto& s) { return s->slot.record.slot == seat.slot; });
-  return it == slots_.seats().end() ? fmt::format("another place (node-ID {})", seat.id.value())
-                                    : fmt::format("slot {}", (*it)->name());
+std::string Planning::place_of(const places::FormerSeat& sat) const {
+  const Seat* const seat = slots_.with_record(sat.slot);
+  return seat == nullptr ? fmt::format("another place (node-ID {})", sat.id.value())
+                         : fmt::format("slot {}", seat->name());
 }
 
 Result<LssAddress> Planning::used_for(const Seat& seat) const {
@@ -217,7 +216,7 @@ void Planning::respect_fixed() {
   std::erase_if(plan_.actions, [&](const Action& a) {
     const bool bind = a.kind == Action::Kind::bind;
     const auto assign = bind ? slots_.seats()[a.slot]->slot.spec.assign : Assign::lss;
-    if (assign == Assign::recipe) return true;  // network_recipe.cpp
+    if (assign == Assign::recipe) return true;  // `RecipeSeating`
     const bool drops = assign == Assign::fixed || never_by_lss(a.device);
     if (drops) told.push_back(a.device);
     return drops;
@@ -240,8 +239,7 @@ void Planning::respect_fixed() {
       continue;
     }
     std::erase_if(plan_.oddities, [&](const places::Oddity& o) { return o.device == device; });
-    const auto found = found_.of(device);
-    tell_mismatch(device, found == nullptr ? NodeId() : found->active);
+    tell_mismatch(device, found_.active_of(device));
   }
 }
 

@@ -41,19 +41,17 @@ class Planning {
     places::Found found;
     places::FormerSeat sat;
   };
-  [[nodiscard]] std::string place_of(const places::FormerSeat& seat) const;
+  [[nodiscard]] std::string place_of(const places::FormerSeat& sat) const;
   [[nodiscard]] std::vector<LssAddress> blanks_to_finish() const;
   void send_home();
   [[nodiscard]] std::vector<places::Found> without_used();
   void respect_fixed();
-  [[nodiscard]] std::vector<LssAddress> take_out_what_lss_cannot();
   void tell_mismatch(const LssAddress& device, NodeId active);
   void name_unfinished();
   void name_loans();
   void ask_about_used();
   void keep_off(const places::Found& f);
   void name_returned();
-  void report_oddity(const places::Oddity& oddity);
 
   BusServices& s_;
   SlotTable& slots_;

@@ -193,18 +193,16 @@ rt::Task<bool> Search::by(discovery::Discovery& way) {
 }
 
 void Search::take(const discovery::Report& report) {
-  const bool told_before = std::exchange(news_, false);
+  news_ = false;
   for (const auto& d : report.found) {
     found_.note_without_rand(d.address);
     tell_found(d.address, d.possible_clone);
     found_.note({d.address, d.assigned.configured() ? d.assigned : d.active, d.possible_clone});
   }
-  new_in_last_ = news_;
   using End = discovery::Report::End;
   agenda_.search_open = report.end == End::more && gets_on();
   if (agenda_.search_open) tell_progress();
   tell_end(report);
-  news_ = news_ || told_before;
 }
 
 // A device that answers and cannot be selected would hold a search for ever.

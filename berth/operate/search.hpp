@@ -23,10 +23,8 @@ class Search final : private nodeid::DiscoveryObserver, private discovery::Obser
 
   /// What is found from now on is news, unless the search before found it too.
   void begin();
-  /// A device was found that was not told before.
+  /// The last search found a device that was not told before.
   [[nodiscard]] bool has_news() const noexcept { return news_; }
-  /// By the last search of `by_rest`, `by_method` or `go_on`.
-  [[nodiscard]] bool last_had_news() const noexcept { return new_in_last_; }
 
   /// RAND, by Berth's planner, as published only by name: the planner asks a fraction of it.
   rt::Task<void> by_rand();
@@ -85,7 +83,6 @@ class Search final : private nodeid::DiscoveryObserver, private discovery::Obser
   bool may_be_interrupted_ = false;
   bool interrupted_ = false;
   bool news_ = false;
-  bool new_in_last_ = false;
   bool open_configured_ = false;  // the search that is open looks for devices with a node-ID too
 };
 

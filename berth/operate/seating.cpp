@@ -4,7 +4,6 @@
 
 #include <algorithm>
 
-#include "berth/operate/timing_options.hpp"
 #include "berth/rt/scope.hpp"
 
 namespace berth::operate {
@@ -80,7 +79,7 @@ rt::Task<void> Seating::verify_vacancy() {
   rt::Scope asked(s_.executor, asking_.most_at_once());
   if (!agenda_.speaks) asked.spawn(asking_.vacancy(s_.bus.master));
   for (const auto& action : planning_.plan().actions) {
-    if (action.kind != places::Action::Kind::bind) continue;
+    if (action.kind != Action::Kind::bind) continue;
     const NodeId id = slots_.seats()[action.slot]->id();
     const auto& vacant = s_.vacancy[id.value()];
     const bool known = vacant && s_.boots.silent_since(id, *vacant);

@@ -145,9 +145,7 @@ void SlotTable::tell(std::string kind, std::string slot, std::string text) {
 }
 
 void SlotTable::tell_once(const std::string& kind, const std::string& text) {
-  if (std::ranges::find(told_, text) != told_.end()) return;
-  told_.push_back(text);
-  tell(kind, "", text);
+  tell_once(Event{s_.executor.now(), s_.bus.name, kind, {}, text});
 }
 
 void SlotTable::tell_once(const Event& event) {

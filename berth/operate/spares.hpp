@@ -25,8 +25,6 @@ class Spares {
   /// for by its address, and gives the node-ID up. That takes an NMT reset, which the slot's own device does too: it is
   /// checked and started again at its boot-up. True: there was one. The turn must be held.
   rt::Task<bool> isolate_former(Seat& seat);
-  /// There may be a device that `isolate_former` would ask for.
-  [[nodiscard]] bool has_formers(const Seat& seat) const;
   /// Before a device is configured for the first time in a slot that another had: a configuration that is not of this
   /// slot says that it comes from somewhere. False: it waits for a person, or it is gone.
   rt::Task<bool> clear_past(Seat& seat);
