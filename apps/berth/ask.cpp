@@ -9,14 +9,13 @@
 #include <iostream>
 #include <optional>
 
+#include "berth/command/verbs.hpp"
 #include "berth/text/quantity.hpp"
 #include "execute.hpp"
 #include "output.hpp"
 
 namespace berth::cli {
 
-using operate::CommandReply;
-using operate::CommandRequest;
 using operate::Event;
 
 bool someone_types() noexcept { return ::isatty(STDIN_FILENO) == 1; }
@@ -53,13 +52,13 @@ std::vector<std::string> lines_of(const Event& question) {
   return lines;
 }
 
-CommandRequest answer_of(const Event& question, const std::string& line, std::string& problem) {
+command::Request answer_of(const Event& question, const std::string& line, std::string& problem) {
   const auto end = line.find_last_not_of(" \t\r");
   const std::string text = end == std::string::npos ? "" : line.substr(0, end + 1);
   const auto space = text.find_last_of(" \t");
   const auto no = [&](std::string why) {
     problem = std::move(why);
-    return CommandRequest{};
+    return command::Request{};
   };
   if (space == std::string::npos) return no("type a slot and the number of its device, such as \"left 2\"");
   const auto last = text.find_last_not_of(" \t", space);
@@ -79,16 +78,16 @@ CommandRequest answer_of(const Event& question, const std::string& line, std::st
 // ---- beside a run ----
 
 struct Asker::Answer {
-  CommandRequest request;
-  CommandReply reply;
+  command::Request request;
+  command::Reply reply;
   bool over = false;
 };
 
 namespace {
 
-rt::Task<void> run(operate::Session& session, const CommandRequest& request, CommandReply& reply, bool& over,
+rt::Task<void> run(operate::Session& session, const command::Request& request, command::Reply& reply, bool& over,
                    rt::Job& then) {
-  co_await operate::execute(session, request, reply);
+  co_await command::execute(session, request, reply);
   over = true;
   session.executor().post(then);
 }
@@ -171,7 +170,7 @@ void ask_here(Rig& rig, rt::Duration limit) {
       print_error(problem);
       continue;
     }
-    CommandReply reply;
+    command::Reply reply;
     if (!execute_in(rig, request, reply, limit)) return;
     if (!reply.error.empty()) print_error(reply.error);
   }

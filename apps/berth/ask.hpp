@@ -25,8 +25,7 @@ namespace berth::cli {
 
 /// "left 2": the second device of the question for slot "left". An empty verb and the reason in `problem` for anything
 /// else.
-[[nodiscard]] operate::CommandRequest answer_of(const operate::Event& question, const std::string& line,
-                                                std::string& problem);
+[[nodiscard]] command::Request answer_of(const operate::Event& question, const std::string& line, std::string& problem);
 
 /// Asks beside a run that goes on, in the loop that drives it. `say` prints a line.
 class Asker final : private io::Watcher {

@@ -7,7 +7,7 @@
 #include <algorithm>
 
 #include "ask.hpp"
-#include "berth/operate/control.hpp"
+#include "berth/command/control.hpp"
 #include "berth/text/printable.hpp"
 #include "gateway.hpp"
 
@@ -153,7 +153,7 @@ namespace {
 
 /// What is served beside the main job, in real time. A dry run has none of it.
 struct Beside {
-  std::unique_ptr<operate::ControlServer> server;
+  std::unique_ptr<command::ControlServer> server;
   std::unique_ptr<GatewayHost> gateway;
   std::unique_ptr<Asker> asker;
 };
@@ -164,7 +164,7 @@ tl::expected<Beside, Failure> serve_beside(Rig& rig, Screen& screen, const Optio
   if (rig.loop() == nullptr) return beside;
   const auto say = [&screen](const std::string& line) { screen.line(line); };
   if (!control.empty()) {
-    auto listening = operate::ControlServer::listen(control, *rig.loop(), rig.session());
+    auto listening = command::ControlServer::listen(control, *rig.loop(), rig.session());
     if (!listening) return tl::unexpected(failure(Exit::failed, listening.error()));
     beside.server = std::move(*listening);
   }

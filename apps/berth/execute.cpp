@@ -1,19 +1,19 @@
 #include "execute.hpp"
 
+#include "berth/command/verbs.hpp"
 #include "berth/rt/scope.hpp"
 
 namespace berth::cli {
 namespace {
 
-rt::Task<void> run(operate::Session& session, const operate::CommandRequest& request, operate::CommandReply& reply,
-                   bool& over) {
-  co_await operate::execute(session, request, reply);
+rt::Task<void> run(operate::Session& session, const command::Request& request, command::Reply& reply, bool& over) {
+  co_await command::execute(session, request, reply);
   over = true;
 }
 
 }  // namespace
 
-bool execute_in(Rig& rig, const operate::CommandRequest& request, operate::CommandReply& reply, rt::Duration limit) {
+bool execute_in(Rig& rig, const command::Request& request, command::Reply& reply, rt::Duration limit) {
   bool over = false;
   rt::Scope scope(rig.driver().executor());
   scope.spawn(run(rig.session(), request, reply, over));

@@ -8,7 +8,6 @@ namespace berth::cli {
 
 /// False when it was not done after `limit`, by a signal, or because a dry run on real ports cannot know what comes
 /// next; `reply` is empty then.
-[[nodiscard]] bool execute_in(Rig& rig, const operate::CommandRequest& request, operate::CommandReply& reply,
-                              rt::Duration limit);
+[[nodiscard]] bool execute_in(Rig& rig, const command::Request& request, command::Reply& reply, rt::Duration limit);
 
 }  // namespace berth::cli

@@ -7,7 +7,7 @@
 #include <string>
 #include <vector>
 
-#include "berth/operate/commands.hpp"
+#include "berth/command/request.hpp"
 
 namespace berth::cli {
 
@@ -29,7 +29,7 @@ struct Options {
   std::string sim;                 ///< plant file
   std::string state;               ///< file that keeps what the simulated devices remember
   std::string store;               ///< empty: in memory on a simulated bus
-  std::string control;             ///< empty: operate::control_path of the machine
+  std::string control;             ///< empty: command::control_path of the machine
   std::string record;              ///< candump log of every frame
   std::string gateway;             ///< where the main job offers CiA 309-3; empty: not
   bool gateway_commands = false;   ///< its clients may command a real machine

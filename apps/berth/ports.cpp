@@ -13,7 +13,7 @@
 #include <cstring>
 #include <filesystem>
 
-#include "berth/operate/control.hpp"
+#include "berth/command/control.hpp"
 
 namespace berth::cli {
 
@@ -78,7 +78,7 @@ tl::expected<PortLock, Failure> PortLock::take(const can::PortSpec& port) {
   std::error_code error;
   const auto canonical = port.kind == can::PortKind::slcan ? std::filesystem::canonical(port.address, error) : "";
   if (!canonical.empty()) name = "slcan:" + canonical.string();
-  std::string path = operate::control_path("port-" + name);
+  std::string path = command::control_path("port-" + name);
   path.replace(path.size() - std::strlen(".sock"), std::string::npos, ".lock");
   ::mkdir(std::filesystem::path(path).parent_path().c_str(), 0700);
   const int fd = ::open(path.c_str(), O_RDWR | O_CREAT | O_CLOEXEC | O_NOFOLLOW, 0600);

@@ -18,7 +18,7 @@ std::string candump_line(const Recorded& f) {
   return trace::candump_line(rt::Duration(std::llround(*f.at_s * 1e9)), f.bus, f.frame);
 }
 
-void print_dry_run(const std::vector<Recorded>& frames, const operate::CommandReply* reply, bool json) {
+void print_dry_run(const std::vector<Recorded>& frames, const command::Reply* reply, bool json) {
   if (!json) {
     for (const auto& f : frames) print_line(candump_line(f));
     if (reply != nullptr && !reply->error.empty()) print_error(reply->error);

@@ -9,7 +9,7 @@
 #include <vector>
 
 #include "berth/can/port.hpp"
-#include "berth/operate/commands.hpp"
+#include "berth/command/request.hpp"
 #include "berth/sim/bus.hpp"
 #include "output.hpp"
 
@@ -28,7 +28,7 @@ struct Recorded {
 
 /// What a dry run says: the frames and, of a command, what came of it in the world that is thrown away; `reply` may be
 /// null.
-void print_dry_run(const std::vector<Recorded>& frames, const operate::CommandReply* reply, bool json);
+void print_dry_run(const std::vector<Recorded>& frames, const command::Reply* reply, bool json);
 
 /// Takes the frames of all buses as they come.
 class Record {

@@ -5,7 +5,8 @@
 #include <nlohmann/json.hpp>
 
 #include "ask.hpp"
-#include "berth/operate/control.hpp"
+#include "berth/command/control.hpp"
+#include "berth/command/verbs.hpp"
 #include "drive.hpp"
 #include "execute.hpp"
 #include "ports.hpp"
@@ -16,18 +17,16 @@ namespace {
 
 using namespace std::chrono_literals;
 using Json = nlohmann::ordered_json;
-using operate::CommandReply;
-using operate::CommandRequest;
 
 // A reply that asks for a person's confirmation.
-bool wants_yes(const CommandReply& reply) {
+bool wants_yes(const command::Reply& reply) {
   const auto json = Json::parse(reply.json, nullptr, false);
   return reply.status == Exit::no && json.is_object() && json.value("result", "") == "unconfirmed";
 }
 
 bool may_ask(const Options& options) { return !options.json && !options.yes && someone_types(); }
 
-int show(const CommandReply& reply, bool json) {
+int show(const command::Reply& reply, bool json) {
   if (json) {
     print_line(Json::parse(reply.json).dump(2));
     return reply.status;
@@ -53,10 +52,10 @@ tl::expected<void, Failure> prepare(Rig& rig, const Options& options) {
   return {};
 }
 
-using Replied = tl::expected<CommandReply, Failure>;
+using Replied = tl::expected<command::Reply, Failure>;
 
 // A slot table is made where one is written for the first time.
-Options own_options(const Options& options, const CommandRequest& request) {
+Options own_options(const Options& options, const command::Request& request) {
   Options own = options;
   own.makes_store = request.verb == "bind" || request.verb == "replace";
   // It sends nothing: a port that it held would be missing to a `berth up` that starts just now.
@@ -65,13 +64,13 @@ Options own_options(const Options& options, const CommandRequest& request) {
 }
 
 // It looks for devices by LSS and RAND, which is a master's right alone.
-bool takes_bus(const CommandRequest& request) {
+bool takes_bus(const command::Request& request) {
   return request.verb == "scan" || request.verb == "bind" || request.verb == "replace";
 }
 
 // What binding a machine that never ran would do.
-CommandReply unconfirmed_binding() {
-  auto reply = operate::refusal(Exit::no,
+command::Reply unconfirmed_binding() {
+  auto reply = command::refusal(Exit::no,
                                 "no slot of this machine has a device yet: binding searches for devices by LSS and "
                                 "RAND, gives them node-IDs and lets them store these; nothing was sent; confirm it "
                                 "with --yes");
@@ -80,7 +79,7 @@ CommandReply unconfirmed_binding() {
 }
 
 // Binding in a simulated world, which can stand still: the person who types here is asked which device sits where.
-void ask_where_devices_sit(Rig& rig, CommandReply& reply, rt::Duration limit) {
+void ask_where_devices_sit(Rig& rig, command::Reply& reply, rt::Duration limit) {
   print_lines(reply.lines);
   ask_here(rig, limit);
   const auto now = rig.session().report();
@@ -98,7 +97,7 @@ void ask_where_devices_sit(Rig& rig, CommandReply& reply, rt::Duration limit) {
 
 // Buses that are outside this process are listened to before anything is sent, and asked for other masters before a
 // master's right is used.
-Replied reply_of_own_world(const Options& options, const CommandRequest& request, std::vector<Recorded>& sent) {
+Replied reply_of_own_world(const Options& options, const command::Request& request, std::vector<Recorded>& sent) {
   auto made = Rig::make(own_options(options, request), {options.machine, options.sim, {}, {}});
   if (!made) return tl::unexpected(made.error());
   Rig& rig = **made;
@@ -115,7 +114,7 @@ Replied reply_of_own_world(const Options& options, const CommandRequest& request
   if (takes_bus(request)) {
     if (const auto alone = strangers.ask(); !alone) return tl::unexpected(alone.error());
   }
-  CommandReply reply;
+  command::Reply reply;
   const auto limit = options.timeout.value_or(5min);
   if (execute_in(rig, request, reply, limit)) {
     const bool asks = binds && rig.loop() == nullptr && !options.json && !options.dry_run;
@@ -127,14 +126,14 @@ Replied reply_of_own_world(const Options& options, const CommandRequest& request
     reply.json = R"({"result": "what comes next depends on the answer"})";
     return reply;
   }
-  if (rig.interrupt().came()) return operate::refusal(Exit::failed, request.verb + ": ended before it was done");
+  if (rig.interrupt().came()) return command::refusal(Exit::failed, request.verb + ": ended before it was done");
   const double s = std::chrono::duration<double>(limit).count();
-  return operate::refusal(
+  return command::refusal(
       Exit::failed, fmt::format("{}: not done within {} s of bus time; give a longer --timeout", request.verb, s));
 }
 
 // Nothing leaves this world, so the user is not asked.
-int dry_in_own_world(const Options& options, CommandRequest request) {
+int dry_in_own_world(const Options& options, command::Request request) {
   request.arguments["yes"] = "1";
   std::vector<Recorded> sent;
   const auto reply = reply_of_own_world(options, request, sent);
@@ -143,9 +142,9 @@ int dry_in_own_world(const Options& options, CommandRequest request) {
   return reply->status;
 }
 
-int foreseen(const Options& options, const CommandRequest& request) {
+int foreseen(const Options& options, const command::Request& request) {
   std::string problem;
-  const auto frames = operate::foreseeable_frames(request, problem);
+  const auto frames = command::foreseeable_frames(request, problem);
   if (!problem.empty()) {
     return tell(failure(Exit::usage, problem + "; a dry run of it needs a world to throw away: give --sim PLANT"),
                 options.json);
@@ -159,17 +158,17 @@ int foreseen(const Options& options, const CommandRequest& request) {
 // The processes that run the machine, or this bus of it, at the control socket.
 std::vector<std::string> control_paths(const Options& options, const design::Machine& machine) {
   if (!options.control.empty()) return {options.control};
-  std::vector<std::string> paths{operate::control_path(machine.name)};
+  std::vector<std::string> paths{command::control_path(machine.name)};
   const bool only = options.bus.empty() && machine.buses.size() == 1;
   const std::string bus = only ? machine.buses.front().name : options.bus;
-  if (!bus.empty()) paths.push_back(operate::control_path(bus_process(machine.name, bus)));
+  if (!bus.empty()) paths.push_back(command::control_path(bus_process(machine.name, bus)));
   return paths;
 }
 
-Replied ask_running_up(const Options& options, const CommandRequest& request, const std::string& path) {
+Replied ask_running_up(const Options& options, const command::Request& request, const std::string& path) {
   const auto patience = std::chrono::duration_cast<std::chrono::milliseconds>(options.timeout.value_or(2min)).count();
   const auto reply =
-      operate::control_call(path, request, static_cast<int>(std::min<std::int64_t>(patience, 24 * 3'600'000)));
+      command::control_call(path, request, static_cast<int>(std::min<std::int64_t>(patience, 24 * 3'600'000)));
   if (reply) return *reply;
   const std::string machine = options.machine.empty() ? "MACHINE" : options.machine;
   return tl::unexpected(failure(
@@ -180,14 +179,14 @@ Replied ask_running_up(const Options& options, const CommandRequest& request, co
 
 // What does it: a running `berth up` before all, since one process owns a port; else this process on the machine's
 // ports; else none, which the failure of asking says.
-Replied reply_outside(const Options& options, const CommandRequest& request, std::vector<Recorded>& sent) {
+Replied reply_outside(const Options& options, const command::Request& request, std::vector<Recorded>& sent) {
   if (options.machine.empty()) return ask_running_up(options, request, options.control);
   auto loaded = design::load_machine(options.machine);
   if (!loaded.machine) return tl::unexpected(failure(loaded.findings));
   design::Machine machine = std::move(*loaded.machine);
   const auto paths = control_paths(options, machine);
   for (const auto& path : paths) {
-    if (operate::control_answers(path)) return ask_running_up(options, request, path);
+    if (command::control_answers(path)) return ask_running_up(options, request, path);
   }
   if (auto good = override_ports(machine, options); !good) return tl::unexpected(good.error());
   if (!options.bus.empty()) restrict_to(machine, options.bus);
@@ -197,9 +196,9 @@ Replied reply_outside(const Options& options, const CommandRequest& request, std
 
 // Without a world to throw away: the frames that go out whatever is answered; or, on the machine's own ports, what
 // goes out up to the first question.
-int dry_outside(const Options& options, const CommandRequest& request) {
+int dry_outside(const Options& options, const command::Request& request) {
   std::string problem;
-  static_cast<void>(operate::foreseeable_frames(request, problem));
+  static_cast<void>(command::foreseeable_frames(request, problem));
   if (options.machine.empty()) return foreseen(options, request);
   auto loaded = design::load_machine(options.machine);
   if (!loaded.machine) return tell(failure(loaded.findings), options.json);
@@ -209,7 +208,7 @@ int dry_outside(const Options& options, const CommandRequest& request) {
   return all_elsewhere(*loaded.machine) ? dry_in_own_world(options, request) : foreseen(options, request);
 }
 
-tl::expected<void, Failure> complete(const Options& options, CommandRequest& request) {
+tl::expected<void, Failure> complete(const Options& options, command::Request& request) {
   if (!options.bus.empty()) request.arguments["bus"] = options.bus;
   if (!options.machine.empty() || (!options.control.empty() && options.sim.empty())) return {};
   return tl::unexpected(failure(Exit::usage, "name the machine file: --machine FILE"));
@@ -217,7 +216,7 @@ tl::expected<void, Failure> complete(const Options& options, CommandRequest& req
 
 }  // namespace
 
-int run_single(const Options& options, CommandRequest request) {
+int run_single(const Options& options, command::Request request) {
   const auto known = complete(options, request);
   if (!known) return tell(known.error(), options.json);
   if (options.dry_run) return options.sim.empty() ? dry_outside(options, request) : dry_in_own_world(options, request);
@@ -234,7 +233,7 @@ int run_single(const Options& options, CommandRequest request) {
   return reply ? show(*reply, options.json) : tell(reply.error(), options.json);
 }
 
-tl::expected<CommandReply, Failure> carry_out(const Options& options, CommandRequest request) {
+tl::expected<command::Reply, Failure> carry_out(const Options& options, command::Request request) {
   const auto known = complete(options, request);
   if (!known) return tl::unexpected(known.error());
   std::vector<Recorded> sent;

@@ -8,15 +8,13 @@
 namespace berth::cli {
 namespace {
 
-using operate::CommandRequest;
-
 /// A verb and the request that it makes.
 class RequestVerb {
  public:
-  /// `request`: its name in `operate::execute`.
+  /// `request`: its name in `command::execute`.
   RequestVerb(const Verb& parent, Options& options, const std::string& name, const std::string& request,
               const std::string& help)
-      : request_(std::make_shared<CommandRequest>(CommandRequest{request, {}})),
+      : request_(std::make_shared<command::Request>(command::Request{request, {}})),
         verb_(parent.add(name, help, [&options, made = request_] { return run_request(options, *made); })) {
     machine_words(verb_, options);
     control_word(verb_, options);
@@ -32,13 +30,13 @@ class RequestVerb {
   }
 
  private:
-  static int run_request(const Options& options, CommandRequest request) {
+  static int run_request(const Options& options, command::Request request) {
     // No session can search for the bit rate: it would need one to begin with.
     if (request.arguments.contains("bitrate")) return run_bit_rate(options);
     if (options.yes) request.arguments["yes"] = "1";
     return run_single(options, std::move(request));
   }
-  std::shared_ptr<CommandRequest> request_;
+  std::shared_ptr<command::Request> request_;
   Verb verb_;
 };
 

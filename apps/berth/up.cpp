@@ -6,7 +6,7 @@
 #include <optional>
 
 #include "ask.hpp"
-#include "berth/operate/control.hpp"
+#include "berth/command/control.hpp"
 #include "drive.hpp"
 #include "ports.hpp"
 #include "verbs.hpp"
@@ -33,7 +33,7 @@ std::string control_of(Rig& rig, const Options& options) {
   if (rig.loop() == nullptr || options.dry_run) return {};
   if (!options.control.empty()) return options.control;
   const auto& name = rig.machine().name;
-  return operate::control_path(!rig.guards().empty() && !options.bus.empty() ? bus_process(name, options.bus) : name);
+  return command::control_path(!rig.guards().empty() && !options.bus.empty() ? bus_process(name, options.bus) : name);
 }
 
 std::string first_start_text(Rig& rig) {

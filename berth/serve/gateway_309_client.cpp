@@ -4,15 +4,14 @@
 
 #include <algorithm>
 
+#include "berth/command/permission.hpp"
 #include "berth/lss/frames.hpp"
 #include "berth/od/abort_code.hpp"
-#include "berth/operate/command_parts.hpp"
 #include "berth/serve/gateway_309_net.hpp"
 
 namespace berth::serve {
 
 using namespace std::chrono_literals;
-using operate::CommandRequest;
 
 namespace {
 
@@ -193,16 +192,16 @@ bool Conversation309::immediate(Verb309 verb) const noexcept {
   }
 }
 
-CommandRequest Conversation309::request_for(const Net& net, std::string verb) const {
-  CommandRequest request;
+command::Request Conversation309::request_for(const Net& net, std::string verb) const {
+  command::Request request;
   request.verb = std::move(verb);
   request.arguments["bus"] = net.network.bus().name;
   return request;
 }
 
 bool Conversation309::may_send(const Net& net, bool commands) const {
-  const auto use = commands ? operate::Use::command : operate::Use::send;
-  const auto network = operate::network_for(*house_->session, net.network.bus().name, use);
+  const auto use = commands ? command::Use::command : command::Use::send;
+  const auto network = command::network_for(*house_->session, net.network.bus().name, use);
   if (!network) tell(network.error());
   return network.has_value();
 }
@@ -218,11 +217,11 @@ bool Conversation309::allowed(const Request309& request, const Net& net) const {
   return !refused;
 }
 
-bool Conversation309::undisturbing(const CommandRequest& wanted) const {
-  CommandRequest request = wanted;
+bool Conversation309::undisturbing(const command::Request& wanted) const {
+  command::Request request = wanted;
   if (house_->confirmed) request.arguments["yes"] = "1";
-  operate::CommandReply reply;
-  const bool goes = operate::confirmed(*house_->session, request, reply);
+  command::Reply reply;
+  const bool goes = command::confirmed(*house_->session, request, reply);
   if (!goes) tell(reply.error);
   return goes;
 }
@@ -407,7 +406,7 @@ rt::Task<Conversation309::Outcome> Conversation309::read(const Request309& reque
 
 rt::Task<Conversation309::Outcome> Conversation309::write(const Request309& request, Net& net) {
   if (!may_send(net, false)) co_return Outcome::refused(Code309::internal_state);
-  CommandRequest command = request_for(net, "sdo write");
+  command::Request command = request_for(net, "sdo write");
   command.arguments["node"] = fmt::format("{}", *request.node);
   command.arguments["index"] = fmt::format("{}", request.index);
   command.arguments["sub"] = fmt::format("{}", request.sub);
@@ -436,7 +435,7 @@ rt::Task<Conversation309::Outcome> Conversation309::command(const Request309& re
   const Word word = *std::ranges::find(words, request.verb, &Word::verb);
   const bool harmless = word.command == NmtCommand::stop || word.command == NmtCommand::enter_pre_operational;
   if (!may_send(net, !harmless)) co_return Outcome::refused(Code309::internal_state);
-  CommandRequest wanted = request_for(net, "nmt");
+  command::Request wanted = request_for(net, "nmt");
   wanted.arguments["command"] = word.word;
   wanted.arguments["node"] = *request.node == 0 ? "all" : fmt::format("{}", *request.node);
   if (!undisturbing(wanted)) co_return Outcome::refused(Code309::internal_state);

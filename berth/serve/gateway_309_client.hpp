@@ -23,8 +23,8 @@
 #include <vector>
 
 #include "berth/base/result.hpp"
+#include "berth/command/request.hpp"
 #include "berth/lss/frames.hpp"
-#include "berth/operate/commands.hpp"
 #include "berth/operate/session.hpp"
 #include "berth/rt/scope.hpp"
 #include "berth/serve/gateway_309.hpp"
@@ -111,7 +111,7 @@ class Conversation309 {
   [[nodiscard]] bool immediate(Verb309 verb) const noexcept;
   [[nodiscard]] bool may_send(const Net& net, bool commands) const;
   [[nodiscard]] bool allowed(const Request309& request, const Net& net) const;
-  [[nodiscard]] bool undisturbing(const operate::CommandRequest& request) const;
+  [[nodiscard]] bool undisturbing(const command::Request& request) const;
   Outcome of_net(const Request309& request, Net& net);
   Outcome init(Net& net, std::uint32_t index);
   Outcome set_pdo(const Request309& request, Net& net);
@@ -121,7 +121,7 @@ class Conversation309 {
   rt::Task<Outcome> write(const Request309& request, Net& net);
   rt::Task<Outcome> command(const Request309& request, Net& net);
   [[nodiscard]] Outcome failed(const Error& error, Net& net) const;
-  [[nodiscard]] operate::CommandRequest request_for(const Net& net, std::string verb) const;
+  [[nodiscard]] command::Request request_for(const Net& net, std::string verb) const;
 
   // gateway_309_lss.cpp
   class Ids;

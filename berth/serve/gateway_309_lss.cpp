@@ -5,7 +5,6 @@
 #include <algorithm>
 
 #include "berth/lss/fastscan.hpp"
-#include "berth/operate/command_parts.hpp"
 #include "berth/serve/gateway_309_net.hpp"
 
 namespace berth::serve {

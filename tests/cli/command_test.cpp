@@ -13,8 +13,8 @@
 #include <sstream>
 
 #include "berth/can/frame.hpp"
-#include "berth/operate/commands.hpp"
-#include "berth/operate/control.hpp"
+#include "berth/command/control.hpp"
+#include "berth/command/request.hpp"
 #include "machines.hpp"
 #include "process.hpp"
 
@@ -636,33 +636,33 @@ TEST(Program, Scenes) {
 }
 
 RC_GTEST_PROP(ControlLine, RequestsComeBack, ()) {
-  operate::CommandRequest request;
+  command::Request request;
   request.verb = "v" + *rc::gen::container<std::string>(rc::gen::inRange<char>(1, 127));
   request.arguments = *rc::gen::container<std::map<std::string, std::string>>(
       rc::gen::container<std::string>(rc::gen::inRange<char>(1, 127)),
       rc::gen::container<std::string>(rc::gen::inRange<char>(1, 127)));
-  const std::string line = operate::to_json(request);
+  const std::string line = command::to_json(request);
   RC_ASSERT(line.find('\n') == std::string::npos);
   std::string error;
-  RC_ASSERT(operate::parse_request(line, error) == request);
+  RC_ASSERT(command::parse_request(line, error) == request);
   RC_ASSERT(error.empty());
 }
 
 RC_GTEST_PROP(ControlLine, AnyBytesAreARequestOrAReason, (const std::string& bytes)) {
   std::string error;
-  const auto request = operate::parse_request(bytes, error);
+  const auto request = command::parse_request(bytes, error);
   RC_ASSERT(request.verb.empty() == !error.empty());
-  RC_ASSERT(operate::parse_reply(bytes).status == 3);
+  RC_ASSERT(command::parse_reply(bytes).status == 3);
 }
 
 RC_GTEST_PROP(ControlLine, RepliesComeBack, (int status, const std::vector<std::uint8_t>& bytes)) {
-  operate::CommandReply reply = operate::refusal(status, "because");
+  command::Reply reply = command::refusal(status, "because");
   std::string text;
   for (const auto b : bytes) text += static_cast<char>(1 + b % 126);
   reply.lines = {text, ""};
-  const std::string line = operate::to_json(reply);
+  const std::string line = command::to_json(reply);
   RC_ASSERT(line.find('\n') == std::string::npos);
-  const auto back = operate::parse_reply(line);
+  const auto back = command::parse_reply(line);
   RC_ASSERT(back.status == status);
   RC_ASSERT(back.lines == reply.lines);
   RC_ASSERT(back.error == "because");
@@ -671,12 +671,12 @@ RC_GTEST_PROP(ControlLine, RepliesComeBack, (int status, const std::vector<std::
 
 TEST(ControlPath, LiesWithItsOwnerAndKnowsItsMachine) {
   ::unsetenv("XDG_RUNTIME_DIR");
-  EXPECT_EQ(operate::control_path("five slaves"), "/tmp/berth-" + std::to_string(::getuid()) + "/five_slaves.sock");
-  EXPECT_EQ(operate::control_path("../x"), "/tmp/berth-" + std::to_string(::getuid()) + "/.._x.sock");
+  EXPECT_EQ(command::control_path("five slaves"), "/tmp/berth-" + std::to_string(::getuid()) + "/five_slaves.sock");
+  EXPECT_EQ(command::control_path("../x"), "/tmp/berth-" + std::to_string(::getuid()) + "/.._x.sock");
   ::setenv("XDG_RUNTIME_DIR", "/tmp", 1);
-  EXPECT_EQ(operate::control_path("m"), "/tmp/berth-m.sock");
+  EXPECT_EQ(command::control_path("m"), "/tmp/berth-m.sock");
   ::setenv("XDG_RUNTIME_DIR", "/no/such/folder", 1);
-  EXPECT_EQ(operate::control_path("m"), "/tmp/berth-" + std::to_string(::getuid()) + "/m.sock");
+  EXPECT_EQ(command::control_path("m"), "/tmp/berth-" + std::to_string(::getuid()) + "/m.sock");
   ::unsetenv("XDG_RUNTIME_DIR");
 }
 
@@ -687,7 +687,7 @@ TEST(ControlPath, AFolderThatOthersCanWriteToIsNotBelieved) {
   const bool there = ::stat(folder.c_str(), &before) == 0;
   ASSERT_TRUE(there || ::mkdir(folder.c_str(), 0700) == 0);
   ASSERT_EQ(::chmod(folder.c_str(), 0777), 0);
-  const auto reply = operate::control_call(folder + "/m.sock", {"report", {}}, 100);
+  const auto reply = command::control_call(folder + "/m.sock", {"report", {}}, 100);
   ASSERT_EQ(::chmod(folder.c_str(), 0700), 0);
   if (!there) ::rmdir(folder.c_str());
   ASSERT_FALSE(reply);
@@ -738,7 +738,7 @@ TEST(ControlPath, AnotherUsersProcessIsNotAsked) {
     constexpr std::string_view lie = "{\"status\": 0, \"reply\": {}, \"lines\": [\"all is well\"], \"error\": \"\"}\n";
     (void)::write(fd, lie.data(), lie.size());
   });
-  const auto reply = operate::control_call(path, {"report", {}}, 5000);
+  const auto reply = command::control_call(path, {"report", {}}, 5000);
   ASSERT_FALSE(reply);
   EXPECT_TRUE(contains(reply.error(), "another user (65534)")) << reply.error();
 }
@@ -752,13 +752,13 @@ TEST(ControlPath, AnAnswerWithoutEndIsGivenUp) {
          ++i) {  // 20 MiB, and no line end
     }
   });
-  const auto reply = operate::control_call(path, {"report", {}}, 60'000);
+  const auto reply = command::control_call(path, {"report", {}}, 60'000);
   ASSERT_FALSE(reply);
   EXPECT_TRUE(contains(reply.error(), "more than 16777216 bytes")) << reply.error();
 }
 
 TEST(ControlPath, ALongOneIsRefusedInWords) {
-  const auto reply = operate::control_call("/tmp/" + std::string(200, 'x'), {"report", {}}, 100);
+  const auto reply = command::control_call("/tmp/" + std::string(200, 'x'), {"report", {}}, 100);
   ASSERT_FALSE(reply);
   EXPECT_TRUE(contains(reply.error(), "--control"));
 }

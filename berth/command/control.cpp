@@ -1,4 +1,4 @@
-#include "berth/operate/control.hpp"
+#include "berth/command/control.hpp"
 
 #include <fmt/format.h>
 #include <poll.h>
@@ -16,7 +16,9 @@
 #include <cstring>
 #include <optional>
 
-namespace berth::operate {
+#include "berth/command/verbs.hpp"
+
+namespace berth::command {
 namespace {
 
 constexpr std::size_t longest_request = 64 * 1024;
@@ -161,8 +163,7 @@ bool control_answers(const std::string& path) {
   return address_of(path, address) && listener_of(address) != 0;
 }
 
-tl::expected<CommandReply, std::string> control_call(const std::string& path, const CommandRequest& request,
-                                                     int timeout_ms) {
+tl::expected<Reply, std::string> control_call(const std::string& path, const Request& request, int timeout_ms) {
   sockaddr_un address{};
   if (!address_of(path, address)) return tl::unexpected(too_long(path));
   if (const auto problem = untrusted_folder(path); !problem.empty()) return tl::unexpected(problem);
@@ -208,8 +209,8 @@ struct ControlServer::Client {
   std::uint32_t watched = 0;  // events
   std::string in;
   std::string out;
-  CommandRequest request;
-  CommandReply reply;
+  Request request;
+  Reply reply;
   bool busy = false;
   bool answered = false;
   rt::Scope scope;  // last: its task uses the rest
@@ -217,8 +218,7 @@ struct ControlServer::Client {
 
 namespace {
 
-rt::Task<void> run(Session& session, const CommandRequest& request, CommandReply& reply, bool& answered,
-                   rt::Job& then) {
+rt::Task<void> run(operate::Session& session, const Request& request, Reply& reply, bool& answered, rt::Job& then) {
   co_await execute(session, request, reply);
   answered = true;
   session.executor().post(then);
@@ -227,7 +227,7 @@ rt::Task<void> run(Session& session, const CommandRequest& request, CommandReply
 }  // namespace
 
 tl::expected<std::unique_ptr<ControlServer>, std::string> ControlServer::listen(const std::string& path, io::Loop& loop,
-                                                                                Session& session) {
+                                                                                operate::Session& session) {
   sockaddr_un address{};
   if (!address_of(path, address)) return tl::unexpected(too_long(path));
   if (const auto problem = make_folder(path); !problem.empty()) return tl::unexpected(problem);
@@ -252,7 +252,7 @@ tl::expected<std::unique_ptr<ControlServer>, std::string> ControlServer::listen(
   return std::unique_ptr<ControlServer>(new ControlServer(path, fd.release(), loop, session));
 }
 
-ControlServer::ControlServer(std::string path, int fd, io::Loop& loop, Session& session)
+ControlServer::ControlServer(std::string path, int fd, io::Loop& loop, operate::Session& session)
     : path_(std::move(path)), fd_(fd), loop_(&loop), session_(&session) {
   loop_->watch(fd_, *this, EPOLLIN);
 }
@@ -342,4 +342,4 @@ bool ControlServer::write_to(Client& client) {
   return true;
 }
 
-}  // namespace berth::operate
+}  // namespace berth::command

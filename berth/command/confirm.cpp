@@ -4,9 +4,12 @@
 #include <algorithm>
 #include <nlohmann/json.hpp>
 
-#include "berth/operate/command_parts.hpp"
+#include "berth/command/arguments.hpp"
+#include "berth/command/permission.hpp"
+#include "berth/command/reply.hpp"
+#include "berth/command/run.hpp"
 
-namespace berth::operate {
+namespace berth::command {
 namespace {
 
 bool is_operational(Network& network, NodeId id) {
@@ -35,8 +38,8 @@ struct Disturbed {
   std::string how{};
 };
 
-Disturbed by_nmt(Session& session, const CommandRequest& request) {
-  Arguments arguments(request, {"bus", "command", "node"});
+Disturbed by_nmt(Session& session, const Request& request) {
+  Arguments arguments(request);
   const auto wanted = nmt_arguments(arguments);
   const auto network = network_for(session, wanted.bus, Use::look);
   const bool resets =
@@ -47,8 +50,8 @@ Disturbed by_nmt(Session& session, const CommandRequest& request) {
           "fault values"};
 }
 
-Disturbed by_sdo(Session& session, const CommandRequest& request) {
-  Arguments arguments(request, {"bus", "node", "index", "sub", "value", "type"});
+Disturbed by_sdo(Session& session, const Request& request) {
+  Arguments arguments(request);
   const auto object = object_arguments(arguments);
   const auto network = network_for(session, object.bus, Use::look);
   constexpr std::uint16_t store_parameters = 0x1010;
@@ -59,7 +62,7 @@ Disturbed by_sdo(Session& session, const CommandRequest& request) {
           "writes its memory while it works; some devices are deaf meanwhile"};
 }
 
-Disturbed by_lss(Session& session, const CommandRequest& request) {
+Disturbed by_lss(Session& session, const Request& request) {
   std::string problem;
   const auto wanted = lss_arguments(request, problem);
   const auto network = network_for(session, wanted.bus, Use::look);
@@ -75,14 +78,14 @@ Disturbed by_lss(Session& session, const CommandRequest& request) {
   return {*network, operational_of(**network, co::NmtTarget(slot->id)), how};
 }
 
-Disturbed disturbed_by(Session& session, const CommandRequest& request) {
+Disturbed disturbed_by(Session& session, const Request& request) {
   if (request.verb == "nmt") return by_nmt(session, request);
   if (request.verb == "sdo write") return by_sdo(session, request);
   if (request.verb.starts_with("lss ") && request.verb != "lss move-bit-rate") return by_lss(session, request);
   return {};
 }
 
-void unconfirmed(CommandReply& reply, Json json, const std::string& text) {
+void unconfirmed(Reply& reply, Json json, const std::string& text) {
   json["result"] = "unconfirmed";
   json["what"] = text;
   give(reply, json, {});
@@ -102,9 +105,9 @@ std::string whom(const Network& network, const std::vector<NodeId>& nodes) {
 }
 
 // Every device of these buses loses its node-ID, on a simulated bus as well: what was bound is gone.
-bool confirmed_from_scratch(Session& session, const CommandRequest& request, CommandReply& reply) {
+bool confirmed_from_scratch(Session& session, const Request& request, Reply& reply) {
   if (request.arguments.contains("yes")) return true;
-  Arguments arguments(request, {"bus", "method", "from-scratch", "yes"});
+  Arguments arguments(request);
   const auto networks = networks_for(session, arguments.text("bus"), Use::look);
   if (!arguments.good() || !networks) return true;  // the command itself says what is wrong
   std::size_t bound = 0;
@@ -121,13 +124,13 @@ bool confirmed_from_scratch(Session& session, const CommandRequest& request, Com
 
 }  // namespace
 
-bool confirmed(Session& session, CommandRequest& request, CommandReply& reply) {
+bool confirmed(Session& session, const Request& request, Reply& reply) {
   if (request.verb == "bind" && request.arguments.contains("from-scratch")) {
     return confirmed_from_scratch(session, request, reply);
   }
   const bool has_own = request.verb == "bind" || request.verb == "lss move-bit-rate";
   if (has_own) return true;
-  const bool yes = request.arguments.erase("yes") > 0;
+  const bool yes = request.arguments.contains("yes");
   if (yes || !session.careful()) return true;
   const auto disturbed = disturbed_by(session, request);
   if (disturbed.nodes.empty()) return true;
@@ -142,4 +145,4 @@ bool confirmed(Session& session, CommandRequest& request, CommandReply& reply) {
   return false;
 }
 
-}  // namespace berth::operate
+}  // namespace berth::command

@@ -4,11 +4,16 @@
 #include <algorithm>
 #include <nlohmann/json.hpp>
 
-#include "berth/operate/command_parts.hpp"
+#include "berth/command/arguments.hpp"
+#include "berth/command/permission.hpp"
+#include "berth/command/reply.hpp"
+#include "berth/command/run.hpp"
 #include "berth/text/quantity.hpp"
 
-namespace berth::operate {
+namespace berth::command {
 namespace {
+
+using operate::SlotConfiguration;
 
 struct Wish {
   std::vector<Network*> networks;
@@ -54,7 +59,7 @@ Json json_of(const SlotConfiguration& c, bool write) {
   return json;
 }
 
-void give_result(CommandReply& reply, const std::vector<SlotConfiguration>& slots, bool write) {
+void give_result(Reply& reply, const std::vector<SlotConfiguration>& slots, bool write) {
   Json json;
   json["slots"] = Json::array();
   std::vector<std::string> lines;
@@ -79,8 +84,8 @@ void give_result(CommandReply& reply, const std::vector<SlotConfiguration>& slot
 }
 
 // Which networks; the problem is for people.
-std::string read_wish(Session& session, const CommandRequest& request, Wish& wish) {
-  Arguments arguments(request, {"bus", "slot", "check"});
+std::string read_wish(Session& session, const Request& request, Wish& wish) {
+  Arguments arguments(request);
   if (!arguments.good()) return arguments.problem();
   wish.write = !arguments.has("check");
   const std::string bus = arguments.text("bus");
@@ -115,7 +120,7 @@ std::string read_wish(Session& session, const CommandRequest& request, Wish& wis
 
 }  // namespace
 
-rt::Task<void> configure(Session& session, const CommandRequest& request, CommandReply& reply) {
+rt::Task<void> configure(Session& session, const Request& request, Reply& reply) {
   Wish wish;
   const std::string problem = read_wish(session, request, wish);
   if (!problem.empty()) co_return refuse(reply, 2, problem);
@@ -132,4 +137,4 @@ rt::Task<void> configure(Session& session, const CommandRequest& request, Comman
   give_result(reply, slots, wish.write);
 }
 
-}  // namespace berth::operate
+}  // namespace berth::command

@@ -1,5 +1,5 @@
-/// The control socket of a running `berth up`: a second command sends one line of JSON (`CommandRequest`) and gets one
-/// line back (`CommandReply`). A Unix domain socket in a folder of its owner's, so that no other user commands the
+/// The control socket of a running `berth up`: a second command sends one line of JSON (`Request`) and gets one
+/// line back (`Reply`). A Unix domain socket in a folder of its owner's, so that no other user commands the
 /// machine. Both ends look whose process the other is: this user's, or root's; a stranger's socket or folder is refused
 /// in words.
 #pragma once
@@ -11,12 +11,12 @@
 #include <tl/expected.hpp>
 #include <vector>
 
+#include "berth/command/request.hpp"
 #include "berth/io/loop.hpp"
-#include "berth/operate/commands.hpp"
 #include "berth/operate/session.hpp"
 #include "berth/rt/scope.hpp"
 
-namespace berth::operate {
+namespace berth::command {
 
 /// `$XDG_RUNTIME_DIR/berth-<machine>.sock`, else `/tmp/berth-<uid>/<machine>.sock`. What is no letter, digit, dot, dash
 /// or underscore in the machine's name becomes an underscore.
@@ -25,8 +25,8 @@ namespace berth::operate {
 /// Sends `request` to the process that listens at `path` and waits for the answer. A failure is told in words: no
 /// process there, no answer in `timeout_ms`, another user's folder or process, an answer beyond 16 MiB. Nothing is sent
 /// to a stranger.
-[[nodiscard]] tl::expected<CommandReply, std::string> control_call(const std::string& path,
-                                                                   const CommandRequest& request, int timeout_ms);
+[[nodiscard]] tl::expected<Reply, std::string> control_call(const std::string& path, const Request& request,
+                                                            int timeout_ms);
 
 /// A process accepts connections at `path`.
 [[nodiscard]] bool control_answers(const std::string& path);
@@ -38,7 +38,7 @@ class ControlServer final : private io::Watcher {
   /// there, with its process id; a socket that a dead process left is taken over. Loop and session must stay.
   [[nodiscard]] static tl::expected<std::unique_ptr<ControlServer>, std::string> listen(const std::string& path,
                                                                                         io::Loop& loop,
-                                                                                        Session& session);
+                                                                                        operate::Session& session);
   ~ControlServer();
   ControlServer(const ControlServer&) = delete;
   ControlServer& operator=(const ControlServer&) = delete;
@@ -55,7 +55,7 @@ class ControlServer final : private io::Watcher {
    private:
     ControlServer* server_;
   };
-  ControlServer(std::string path, int fd, io::Loop& loop, Session& session);
+  ControlServer(std::string path, int fd, io::Loop& loop, operate::Session& session);
   void ready(std::uint32_t events) noexcept override;
   void serve();
   void accept_all();
@@ -66,9 +66,9 @@ class ControlServer final : private io::Watcher {
   std::string path_;
   int fd_;
   io::Loop* loop_;
-  Session* session_;
+  operate::Session* session_;
   std::vector<std::unique_ptr<Client>> clients_;
   Answering answering_{*this};  // posted when a command is done
 };
 
-}  // namespace berth::operate
+}  // namespace berth::command

@@ -3,12 +3,17 @@
 
 #include <nlohmann/json.hpp>
 
-#include "berth/operate/command_parts.hpp"
+#include "berth/command/arguments.hpp"
+#include "berth/command/permission.hpp"
+#include "berth/command/reply.hpp"
+#include "berth/command/run.hpp"
 #include "berth/operate/network_bitrate.hpp"
 
-namespace berth::operate {
+namespace berth::command {
 namespace {
 
+using operate::BitRateOptions;
+using operate::BitRateReport;
 using End = BitRateReport::End;
 
 std::string named(const BitRateReport::Node& node) {
@@ -57,7 +62,7 @@ std::string way_out(const BitRateReport& report) {
                              report.before, kept);
 }
 
-void tell(const BitRateReport& report, const BitRateOptions& options, const std::string& bus, CommandReply& reply) {
+void tell(const BitRateReport& report, const BitRateOptions& options, const std::string& bus, Reply& reply) {
   Json json = json_of(report, bus);
   const std::string where = fmt::format("bus {}, move to {} bit/s", bus, options.rate);
   const auto no = [&](int status, const std::string& message, const std::string& fix) {
@@ -91,8 +96,8 @@ void tell(const BitRateReport& report, const BitRateOptions& options, const std:
 
 }  // namespace
 
-rt::Task<void> bit_rate_command(Session& session, const CommandRequest& request, CommandReply& reply) {
-  Arguments a(request, {"bus", "rate", "delay", "yes"});
+rt::Task<void> bit_rate_command(Session& session, const Request& request, Reply& reply) {
+  Arguments a(request);
   BitRateOptions options;
   options.rate = a.number("rate", 1, 1'000'000);
   options.delay = std::chrono::milliseconds(a.number("delay", 10, 10'000, 200));
@@ -107,8 +112,8 @@ rt::Task<void> bit_rate_command(Session& session, const CommandRequest& request,
   const auto found = network_for(session, a.text("bus"), Use::send);
   if (!found) co_return refuse(reply, 2, found.error());
   Network& network = **found;
-  const auto report = co_await move_bit_rate(network, options);
+  const auto report = co_await operate::move_bit_rate(network, options);
   tell(report, options, network.bus().name, reply);
 }
 
-}  // namespace berth::operate
+}  // namespace berth::command

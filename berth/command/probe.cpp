@@ -5,11 +5,14 @@
 #include <nlohmann/json.hpp>
 
 #include "berth/co/sdo_client.hpp"
+#include "berth/command/arguments.hpp"
+#include "berth/command/permission.hpp"
+#include "berth/command/reply.hpp"
+#include "berth/command/run.hpp"
 #include "berth/od/data_type.hpp"
-#include "berth/operate/command_parts.hpp"
 #include "berth/text/quantity.hpp"
 
-namespace berth::operate {
+namespace berth::command {
 namespace {
 
 constexpr std::size_t most_objects = 1U << 18U;
@@ -76,8 +79,8 @@ Json json_of(ObjectRef ref, const Result<co::SdoValue>& answer) {
 
 }  // namespace
 
-rt::Task<void> sdo_probe(Session& session, const CommandRequest& request, CommandReply& reply) {
-  Arguments arguments(request, {"bus", "node", "objects"});
+rt::Task<void> sdo_probe(Session& session, const Request& request, Reply& reply) {
+  Arguments arguments(request);
   const ProbeArguments probe = probe_arguments(arguments);
   if (!arguments.good()) co_return refuse(reply, 2, arguments.problem());
   const auto network = network_for(session, probe.bus, Use::send);
@@ -107,4 +110,4 @@ rt::Task<void> sdo_probe(Session& session, const CommandRequest& request, Comman
   give(reply, json, {fmt::format("node {}: {} of {} objects read", probe.node.value(), read, probe.objects.size())});
 }
 
-}  // namespace berth::operate
+}  // namespace berth::command

@@ -7,11 +7,14 @@
 
 #include "berth/co/nmt_master.hpp"
 #include "berth/co/sdo_client.hpp"
+#include "berth/command/arguments.hpp"
+#include "berth/command/permission.hpp"
+#include "berth/command/reply.hpp"
+#include "berth/command/run.hpp"
 #include "berth/od/data_type.hpp"
-#include "berth/operate/command_parts.hpp"
 #include "berth/text/quantity.hpp"
 
-namespace berth::operate {
+namespace berth::command {
 
 using od::DataType;
 
@@ -140,8 +143,8 @@ const char* sdo_fix(Errc code) {
 
 }  // namespace
 
-rt::Task<void> sdo_read(Session& session, const CommandRequest& request, CommandReply& reply) {
-  Arguments arguments(request, {"bus", "node", "index", "sub", "type", "block"});
+rt::Task<void> sdo_read(Session& session, const Request& request, Reply& reply) {
+  Arguments arguments(request);
   const ObjectArguments object = object_arguments(arguments);
   if (!arguments.good()) co_return refuse(reply, 2, arguments.problem());
   const auto network = sdo_network(session, object);
@@ -171,8 +174,8 @@ rt::Task<void> sdo_read(Session& session, const CommandRequest& request, Command
                     value_text(object.type, bytes))});
 }
 
-rt::Task<void> sdo_write(Session& session, const CommandRequest& request, CommandReply& reply) {
-  Arguments arguments(request, {"bus", "node", "index", "sub", "type", "value", "block"});
+rt::Task<void> sdo_write(Session& session, const Request& request, Reply& reply) {
+  Arguments arguments(request);
   const ObjectArguments object = object_arguments(arguments);
   if (!request.arguments.contains("value")) arguments.wrong("\"sdo write\" needs value");
   const std::string text = arguments.text("value");
@@ -216,8 +219,8 @@ NmtArguments nmt_arguments(Arguments& arguments) {
   return nmt;
 }
 
-rt::Task<void> nmt_command(Session& session, const CommandRequest& request, CommandReply& reply) {
-  Arguments arguments(request, {"bus", "command", "node"});
+rt::Task<void> nmt_command(Session& session, const Request& request, Reply& reply) {
+  Arguments arguments(request);
   const NmtArguments nmt = nmt_arguments(arguments);
   if (!arguments.good()) co_return refuse(reply, 2, arguments.problem());
   const bool harmless = nmt.command == co::NmtCommand::stop || nmt.command == co::NmtCommand::enter_pre_operational;
@@ -238,8 +241,8 @@ rt::Task<void> nmt_command(Session& session, const CommandRequest& request, Comm
   } else {
     json["node"] = nmt.target.node;
   }
-  json["sent_s"] = seconds(*sent);
+  json["sent_s"] = operate::seconds(*sent);
   give(reply, json, {fmt::format("NMT {} sent to {}", co::name(nmt.command), whom)});
 }
 
-}  // namespace berth::operate
+}  // namespace berth::command

@@ -4,10 +4,13 @@
 #include <algorithm>
 #include <nlohmann/json.hpp>
 
-#include "berth/operate/command_parts.hpp"
+#include "berth/command/arguments.hpp"
+#include "berth/command/permission.hpp"
+#include "berth/command/reply.hpp"
+#include "berth/command/run.hpp"
 #include "berth/text/quantity.hpp"
 
-namespace berth::operate {
+namespace berth::command {
 namespace {
 
 struct Target {
@@ -57,8 +60,8 @@ Target target_of(Session& session, const std::string& bus, const std::string& wo
 
 }  // namespace
 
-rt::Task<void> locate(Session& session, const CommandRequest& request, CommandReply& reply) {
-  Arguments arguments(request, {"bus", "target", "seconds", "anyway"});
+rt::Task<void> locate(Session& session, const Request& request, Reply& reply) {
+  Arguments arguments(request);
   const std::string word = arguments.required("target");
   const std::uint32_t seconds = arguments.number("seconds", 1, 600, 10);
   const bool anyway = arguments.text("anyway") == "1";
@@ -97,4 +100,4 @@ rt::Task<void> locate(Session& session, const CommandRequest& request, CommandRe
        {fmt::format("{} showed itself for {} s: both of its indicators flickered", to_string(device), seconds)});
 }
 
-}  // namespace berth::operate
+}  // namespace berth::command

@@ -1,5 +1,5 @@
-/// Single commands as data, so that the command line can run them in a world of its own or hand them to a running
-/// `berth up` through its control socket: the same code answers both.
+/// The verbs: what a request can ask for, and what carries it out. `verbs` is the table of them all, for whoever offers
+/// them to a person or to another program.
 ///
 /// Verbs and their arguments, all text as the person wrote it; numbers in C notation, `?` = may be left out. `bus` may
 /// be left out of all of them when the machine has one bus; `scan` and `bind` then take every bus.
@@ -31,52 +31,36 @@
 ///     lss move-bit-rate rate (bit/s), delay? (ms), yes? ("1"; without it nothing is changed)
 #pragma once
 
-#include <map>
+#include <span>
 #include <string>
+#include <string_view>
 #include <vector>
 
 #include "berth/can/frame.hpp"
+#include "berth/command/request.hpp"
+#include "berth/operate/session.hpp"
 #include "berth/rt/task.hpp"
 
-namespace berth::operate {
+namespace berth::command {
 
-class Session;
-
-/// "sdo read" with {"bus": "backbone", "node": "5", "index": "0x1000", "sub": "0"}.
-struct CommandRequest {
-  std::string verb;
-  std::map<std::string, std::string> arguments;
-  friend bool operator==(const CommandRequest&, const CommandRequest&) = default;
+struct Verb {
+  std::string_view name;                         ///< "sdo read"
+  std::span<const std::string_view> parameters;  ///< the arguments that it takes beside "yes"; any other is refused
+  rt::Task<void> (*run)(operate::Session& session, const Request& request, Reply& reply);  ///< see `execute`
 };
 
-/// Exit status as the command line has it: 0 done, 1 the answer is no, 2 wrong usage, 3 the bus or a file failed.
-struct CommandReply {
-  int status = 0;
-  std::string json;                ///< one JSON object on one line, always; a failure is {"error": {"message", ...}}
-  std::vector<std::string> lines;  ///< the same for people
-  std::string error;               ///< for people, when the status is not 0: what, where, what to do
-};
-
-/// One line of JSON: {"verb": ..., "arguments": {...}}. `parse_request` gives a request with an empty verb, and the
-/// reason in `error`, for anything else.
-[[nodiscard]] std::string to_json(const CommandRequest& request);
-[[nodiscard]] CommandRequest parse_request(const std::string& line, std::string& error);
-
-/// The reply as one line of JSON for the control socket: {"status", "reply", "lines", "error"}.
-[[nodiscard]] std::string to_json(const CommandReply& reply);
-/// Reads it back; `status` 3 and the reason in `error` for anything else.
-[[nodiscard]] CommandReply parse_reply(const std::string& line);
-
-/// A reply that says only that, and why, something is not done.
-[[nodiscard]] CommandReply refusal(int status, std::string message);
+/// In the order of the table above.
+[[nodiscard]] std::span<const Verb> verbs() noexcept;
+/// Null when there is none of this name.
+[[nodiscard]] const Verb* verb(std::string_view name) noexcept;
 
 /// The frames that a command sends whatever is answered, up to the first answer it needs: one NMT command, an LSS
 /// service, the initiate frame of an SDO transfer. Empty for commands that depend on what they hear; `problem` says
 /// why, or what is wrong with the request.
-[[nodiscard]] std::vector<can::Frame> foreseeable_frames(const CommandRequest& request, std::string& problem);
+[[nodiscard]] std::vector<can::Frame> foreseeable_frames(const Request& request, std::string& problem);
 
 /// Runs one command. `request` and `reply` must stay until the task is done. It waits until the main job has nothing to
 /// do on the bus, and may wait for devices: give it a limit from outside, by destroying the task.
-[[nodiscard]] rt::Task<void> execute(Session& session, const CommandRequest& request, CommandReply& reply);
+[[nodiscard]] rt::Task<void> execute(operate::Session& session, const Request& request, Reply& reply);
 
-}  // namespace berth::operate
+}  // namespace berth::command

@@ -4,15 +4,16 @@
 #include <nlohmann/json.hpp>
 
 #include "berth/co/sdo.hpp"
-#include "berth/operate/command_parts.hpp"
+#include "berth/command/arguments.hpp"
+#include "berth/command/verbs.hpp"
 
-namespace berth::operate {
+namespace berth::command {
 namespace {
 
 using Frames = std::vector<can::Frame>;
 
-Frames sdo_frames(const CommandRequest& request, bool write, std::string& problem) {
-  Arguments arguments(request, {"bus", "node", "index", "sub", "type", "value", "block"});
+Frames sdo_frames(const Request& request, bool write, std::string& problem) {
+  Arguments arguments(request);
   const ObjectArguments object = object_arguments(arguments);
   if (write && !request.arguments.contains("value")) arguments.wrong("\"sdo write\" needs value");
   const std::string text = arguments.text("value");
@@ -36,15 +37,15 @@ Frames sdo_frames(const CommandRequest& request, bool write, std::string& proble
   return {frame};
 }
 
-Frames nmt_frames(const CommandRequest& request, std::string& problem) {
-  Arguments arguments(request, {"bus", "command", "node"});
+Frames nmt_frames(const Request& request, std::string& problem) {
+  Arguments arguments(request);
   const NmtArguments nmt = nmt_arguments(arguments);
   problem = arguments.problem();
   if (!problem.empty()) return {};
   return {co::to_frame({nmt.command, nmt.target})};
 }
 
-Frames lss_frames(const CommandRequest& request, std::string& problem) {
+Frames lss_frames(const Request& request, std::string& problem) {
   if (request.verb == "lss move-bit-rate") {
     problem = "what `lss move-bit-rate` sends depends on the devices' answers";
     return {};
@@ -74,7 +75,7 @@ Frames lss_frames(const CommandRequest& request, std::string& problem) {
 
 }  // namespace
 
-std::vector<can::Frame> foreseeable_frames(const CommandRequest& request, std::string& problem) {
+std::vector<can::Frame> foreseeable_frames(const Request& request, std::string& problem) {
   problem.clear();
   if (request.verb == "nmt") return nmt_frames(request, problem);
   if (request.verb == "sdo read") return sdo_frames(request, false, problem);
@@ -84,4 +85,4 @@ std::vector<can::Frame> foreseeable_frames(const CommandRequest& request, std::s
   return {};
 }
 
-}  // namespace berth::operate
+}  // namespace berth::command

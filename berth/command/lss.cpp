@@ -5,13 +5,16 @@
 #include <nlohmann/json.hpp>
 
 #include "berth/co/guarding.hpp"
+#include "berth/command/arguments.hpp"
+#include "berth/command/permission.hpp"
+#include "berth/command/reply.hpp"
+#include "berth/command/run.hpp"
 #include "berth/lss/master.hpp"
 #include "berth/lss/select_alone.hpp"
 #include "berth/nodeid/rand_master.hpp"
-#include "berth/operate/command_parts.hpp"
 #include "berth/text/quantity.hpp"
 
-namespace berth::operate {
+namespace berth::command {
 namespace {
 
 // What a service's error code means depends on the service (CiA 305; lss/frames.hpp).
@@ -23,7 +26,7 @@ std::string refusal_text(std::uint32_t detail, const char* code1) {
   return fmt::format("with error code {}", code);
 }
 
-void lss_failed(CommandReply& reply, const Network& network, const Error& error, const std::string& doing,
+void lss_failed(Reply& reply, const Network& network, const Error& error, const std::string& doing,
                 const char* code1 = "it does not support this") {
   const std::string where = fmt::format("bus {}, LSS {}", network.bus().name, doing);
   switch (error.code) {
@@ -68,7 +71,7 @@ rt::Task<void> release(Network& network, std::optional<LssAddress> device) {
   static_cast<void>(released);  // what was asked for is done
 }
 
-rt::Task<void> global(Network& network, lss::State state, CommandReply& reply) {
+rt::Task<void> global(Network& network, lss::State state, Reply& reply) {
   const auto sent = co_await network.services().lss.switch_global(state);
   if (!sent) co_return lss_failed(reply, network, sent.error(), "switch state global");
   const char* const word = state == lss::State::waiting ? "waiting" : "configuration";
@@ -77,7 +80,7 @@ rt::Task<void> global(Network& network, lss::State state, CommandReply& reply) {
   give(reply, json, {fmt::format("all devices are told to be in LSS {} state", word)});
 }
 
-rt::Task<void> select_one(Network& network, LssAddress device, CommandReply& reply) {
+rt::Task<void> select_one(Network& network, LssAddress device, Reply& reply) {
   const auto selected = co_await select(network, device);
   if (!selected) co_return lss_failed(reply, network, selected.error(), "select " + to_string(device));
   Json json = start_json(network, "select");
@@ -86,7 +89,7 @@ rt::Task<void> select_one(Network& network, LssAddress device, CommandReply& rep
        {fmt::format("{} is in LSS configuration state, every other device in waiting", to_string(device))});
 }
 
-rt::Task<void> inquire(Network& network, std::optional<LssAddress> device, CommandReply& reply) {
+rt::Task<void> inquire(Network& network, std::optional<LssAddress> device, Reply& reply) {
   const auto selected = co_await select(network, device);
   if (!selected) co_return lss_failed(reply, network, selected.error(), "inquire " + named(device));
   const auto address = co_await network.services().lss.inquire_address();
@@ -128,7 +131,7 @@ struct NewId {
 };
 
 // Gives the node-ID to the device that is selected already; `old` is the one in use.
-rt::Task<void> configure(Network& network, const NewId& wanted, NodeId old, CommandReply& reply) {
+rt::Task<void> configure(Network& network, const NewId& wanted, NodeId old, Reply& reply) {
   const std::string doing = fmt::format("set node-ID {} of {}", wanted.id.value(), to_string(wanted.device));
   if (wanted.id.configured() && wanted.id != old) {
     const auto taken = co_await is_taken(network, wanted.id);
@@ -157,7 +160,7 @@ rt::Task<void> configure(Network& network, const NewId& wanted, NodeId old, Comm
   give(reply, json, std::move(lines));
 }
 
-rt::Task<void> set_node_id(Network& network, const NewId& wanted, CommandReply& reply) {
+rt::Task<void> set_node_id(Network& network, const NewId& wanted, Reply& reply) {
   const std::optional<LssAddress> device = wanted.device;
   const auto selected = co_await select(network, device);
   if (!selected) co_return lss_failed(reply, network, selected.error(), "select " + to_string(wanted.device));
@@ -171,7 +174,7 @@ rt::Task<void> set_node_id(Network& network, const NewId& wanted, CommandReply& 
   co_await release(network, device);
 }
 
-rt::Task<void> store(Network& network, std::optional<LssAddress> device, CommandReply& reply) {
+rt::Task<void> store(Network& network, std::optional<LssAddress> device, Reply& reply) {
   const auto selected = co_await select(network, device);
   if (!selected) co_return lss_failed(reply, network, selected.error(), "select " + named(device));
   const auto stored = co_await network.services().lss.store();
@@ -182,7 +185,7 @@ rt::Task<void> store(Network& network, std::optional<LssAddress> device, Command
   give(reply, json, {fmt::format("{} has stored node-ID and bit rate", named(device))});
 }
 
-rt::Task<void> bit_timing(Network& network, std::uint32_t rate, std::optional<LssAddress> device, CommandReply& reply) {
+rt::Task<void> bit_timing(Network& network, std::uint32_t rate, std::optional<LssAddress> device, Reply& reply) {
   const auto index = lss::bit_rate_index(rate);
   if (!index) {
     co_return refuse(reply, 2, fmt::format("LSS has no index for {} bit/s", rate),
@@ -205,7 +208,7 @@ rt::Task<void> bit_timing(Network& network, std::uint32_t rate, std::optional<Ls
 }
 
 // CiA 305: each device is silent for one delay, changes, and is silent for another.
-rt::Task<void> activate(Network& network, std::uint16_t delay_ms, std::uint32_t rate, CommandReply& reply) {
+rt::Task<void> activate(Network& network, std::uint16_t delay_ms, std::uint32_t rate, Reply& reply) {
   const auto sent = co_await network.services().lss.activate_bit_timing(delay_ms);
   if (!sent) co_return lss_failed(reply, network, sent.error(), "activate bit timing");
   const rt::Duration delay = std::chrono::milliseconds(delay_ms);
@@ -226,7 +229,7 @@ rt::Task<void> activate(Network& network, std::uint16_t delay_ms, std::uint32_t 
   give(reply, json, std::move(lines));
 }
 
-rt::Task<void> identify(Network& network, const lss::IdentifyRanges& ranges, CommandReply& reply) {
+rt::Task<void> identify(Network& network, const lss::IdentifyRanges& ranges, Reply& reply) {
   const auto heard = co_await network.services().lss.identify_remote(ranges);
   if (!heard) co_return lss_failed(reply, network, heard.error(), "identify remote slave");
   Json json = start_json(network, "identify");
@@ -238,7 +241,7 @@ rt::Task<void> identify(Network& network, const lss::IdentifyRanges& ranges, Com
 }
 
 // A device that is found is left "unknown" as before when no slot knows it, so that a running main job finds it too.
-rt::Task<void> find(Network& network, CommandReply& reply) {
+rt::Task<void> find(Network& network, Reply& reply) {
   const auto blank = co_await network.services().lss.identify_non_configured();
   if (!blank) co_return lss_failed(reply, network, blank.error(), "identify non-configured slaves");
   const auto report = co_await network.find_new();
@@ -270,64 +273,43 @@ rt::Task<void> find(Network& network, CommandReply& reply) {
 
 }  // namespace
 
-LssArguments lss_arguments(const CommandRequest& request, std::string& problem) {
+LssArguments lss_arguments(const Request& request, std::string& problem) {
   LssArguments r;
   r.service = request.verb.substr(4);
-  const auto read = [&](std::initializer_list<std::string_view> known, const auto& take) {
-    Arguments a(request, known);
-    r.bus = a.text("bus");
-    take(a);
-    problem = a.problem();
-  };
-  const auto device = [&](Arguments& a) { r.device = a.optional_address("address"); };
+  Arguments a(request);
+  r.bus = a.text("bus");
   if (r.service == "global") {
-    read({"bus", "state"}, [&](Arguments& a) {
-      const std::string word = a.required("state");
-      if (word == "configuration") r.state = lss::State::configuration;
-      if (word != "configuration" && word != "waiting") a.wrong("state is waiting or configuration");
-    });
+    const std::string word = a.required("state");
+    if (word == "configuration") r.state = lss::State::configuration;
+    if (word != "configuration" && word != "waiting") a.wrong("state is waiting or configuration");
   } else if (r.service == "select") {
-    read({"bus", "address"}, [&](Arguments& a) { r.device = a.address("address"); });
+    r.device = a.address("address");
   } else if (r.service == "inquire" || r.service == "store") {
-    read({"bus", "address"}, device);
+    r.device = a.optional_address("address");
   } else if (r.service == "set-node-id") {
-    read({"bus", "address", "id", "store"}, [&](Arguments& a) {
-      r.device = a.address("address");
-      const auto id = NodeId::make(a.number("id", 1, 255));
-      if (!id) a.wrong("id is 1 to 127, or 255 for none");
-      r.id = id.value_or(NodeId());
-      r.store = a.text("store") == "1";
-    });
+    r.device = a.address("address");
+    const auto id = NodeId::make(a.number("id", 1, 255));
+    if (!id) a.wrong("id is 1 to 127, or 255 for none");
+    r.id = id.value_or(NodeId());
+    r.store = a.text("store") == "1";
   } else if (r.service == "bit-timing") {
-    read({"bus", "rate", "address"}, [&](Arguments& a) {
-      r.rate = a.number("rate", 1, 1'000'000);
-      device(a);
-    });
+    r.rate = a.number("rate", 1, 1'000'000);
+    r.device = a.optional_address("address");
   } else if (r.service == "activate") {
-    read({"bus", "delay", "rate"}, [&](Arguments& a) {
-      r.delay_ms = static_cast<std::uint16_t>(a.number("delay", 0, 0xFFFF));
-      r.rate = a.number("rate", 1, 1'000'000, 0);
-      if (r.rate != 0 && !lss::bit_rate_index(r.rate)) a.wrong(fmt::format("{} bit/s is no CANopen bit rate", r.rate));
-    });
+    r.delay_ms = static_cast<std::uint16_t>(a.number("delay", 0, 0xFFFF));
+    r.rate = a.number("rate", 1, 1'000'000, 0);
+    if (r.rate != 0 && !lss::bit_rate_index(r.rate)) a.wrong(fmt::format("{} bit/s is no CANopen bit rate", r.rate));
   } else if (r.service == "identify") {
-    read({"bus", "vendor", "product", "revision-low", "revision-high", "serial-low", "serial-high"}, [&](Arguments& a) {
-      constexpr std::uint32_t top = 0xFFFF'FFFF;
-      r.ranges = {a.number("vendor", 0, top),          a.number("product", 0, top),
-                  a.number("revision-low", 0, top, 0), a.number("revision-high", 0, top, top),
-                  a.number("serial-low", 0, top, 0),   a.number("serial-high", 0, top, top)};
-    });
-  } else if (r.service == "find") {
-    read({"bus"}, [](Arguments&) {});
-  } else {
-    problem = fmt::format(
-        "there is no LSS service {}; use global, select, inquire, set-node-id, store, bit-timing, "
-        "activate, identify or find",
-        text::quoted(r.service));
+    constexpr std::uint32_t top = 0xFFFF'FFFF;
+    r.ranges = {a.number("vendor", 0, top),          a.number("product", 0, top),
+                a.number("revision-low", 0, top, 0), a.number("revision-high", 0, top, top),
+                a.number("serial-low", 0, top, 0),   a.number("serial-high", 0, top, top)};
   }
+  problem = a.problem();
   return r;
 }
 
-rt::Task<void> lss_command(Session& session, const CommandRequest& request, CommandReply& reply) {
+rt::Task<void> lss_command(Session& session, const Request& request, Reply& reply) {
   std::string problem;
   const LssArguments r = lss_arguments(request, problem);
   if (!problem.empty()) co_return refuse(reply, 2, problem);
@@ -361,4 +343,4 @@ rt::Task<void> lss_command(Session& session, const CommandRequest& request, Comm
   }
 }
 
-}  // namespace berth::operate
+}  // namespace berth::command

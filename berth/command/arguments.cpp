@@ -1,0 +1,82 @@
+#include "berth/command/arguments.hpp"
+
+#include <fmt/format.h>
+
+#include <algorithm>
+
+#include "berth/command/verbs.hpp"
+#include "berth/od/data_type.hpp"
+#include "berth/text/quantity.hpp"
+
+namespace berth::command {
+
+Arguments::Arguments(const Request& request) : request_(request) {
+  const Verb* const known = verb(request.verb);
+  if (known == nullptr) {
+    wrong(fmt::format("there is no command {}", text::quoted(request.verb)));
+    return;
+  }
+  for (const auto& [key, value] : request.arguments) {
+    const bool takes = key == "yes" || std::ranges::find(known->parameters, key) != known->parameters.end();
+    if (!takes) wrong(fmt::format("\"{}\" has no argument \"{}\"", request.verb, key));
+  }
+}
+
+bool Arguments::has(const std::string& key) const { return request_.arguments.contains(key); }
+
+std::string Arguments::text(const std::string& key) const {
+  const auto it = request_.arguments.find(key);
+  return it == request_.arguments.end() ? std::string() : it->second;
+}
+
+std::string Arguments::required(const std::string& key) {
+  if (text(key).empty()) wrong(fmt::format("\"{}\" needs {}", request_.verb, key));
+  return text(key);
+}
+
+void Arguments::wrong(std::string problem) {
+  if (problem_.empty()) problem_ = std::move(problem);
+}
+
+std::uint32_t Arguments::number(const std::string& key, std::uint32_t low, std::uint32_t high,
+                                std::optional<std::uint32_t> fallback) {
+  if (!has(key) && fallback) return *fallback;
+  const std::string word = required(key);
+  const auto parsed = od::parse_number(word);
+  const bool good =
+      parsed && !parsed->negative && !parsed->node_id && parsed->magnitude >= low && parsed->magnitude <= high;
+  if (good) return static_cast<std::uint32_t>(parsed->magnitude);
+  const bool as_hex = high > 0xFFF;
+  wrong(as_hex ? fmt::format("{} {} is no number from 0x{:X} to 0x{:X}", key, text::quoted(word), low, high)
+               : fmt::format("{} {} is no number from {} to {}", key, text::quoted(word), low, high));
+  return low;
+}
+
+LssAddress Arguments::address(const std::string& key) {
+  const std::string word = required(key);
+  const auto parsed = parse_lss_address(word);
+  if (parsed) return *parsed;
+  wrong(
+      fmt::format("{} {} is no LSS address; write vendor-product-revision-serial, eight hex digits each, such as "
+                  "00000001-00000001-00000000-00000005",
+                  key, text::quoted(word)));
+  return {};
+}
+
+std::optional<LssAddress> Arguments::optional_address(const std::string& key) {
+  if (!has(key)) return std::nullopt;
+  return address(key);
+}
+
+std::uint8_t Arguments::node(const std::string& key, bool all_allowed) {
+  const std::string word = required(key);
+  if (all_allowed && word == "all") return 0;
+  if (word.find('/') != std::string::npos) {
+    wrong(fmt::format("{} {} lies beneath a gateway; nodes beneath gateways cannot be reached yet", key,
+                      text::quoted(word)));
+    return 1;
+  }
+  return static_cast<std::uint8_t>(number(key, 1, 127));
+}
+
+}  // namespace berth::command

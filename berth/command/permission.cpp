@@ -1,0 +1,44 @@
+#include "berth/command/permission.hpp"
+
+#include <fmt/format.h>
+
+namespace berth::command {
+
+using operate::Network;
+using operate::Session;
+
+tl::expected<Network*, std::string> network_for(Session& session, const std::string& bus, Use use) {
+  Network* const network = session.network(bus);
+  if (network == nullptr) {
+    std::string names;
+    for (const auto& b : session.machine().buses) names += (names.empty() ? "" : ", ") + b.name;
+    return tl::unexpected(bus.empty() ? fmt::format("the machine has several buses; give --bus, one of {}", names)
+                                      : fmt::format("the machine has no bus {}; it has {}", text::quoted(bus), names));
+  }
+  const design::Role role = network->bus().role;
+  if (role == design::Role::observer && use != Use::look) {
+    return tl::unexpected(
+        fmt::format("bus {} is only observed (role = \"observer\"): Berth sends no frame there", network->bus().name));
+  }
+  if (role == design::Role::commissioner && use == Use::command) {
+    return tl::unexpected(
+        fmt::format("bus {} is only commissioned (role = \"commissioner\"): Berth sends no NMT start "
+                    "or reset there",
+                    network->bus().name));
+  }
+  return network;
+}
+
+tl::expected<std::vector<Network*>, std::string> networks_for(Session& session, const std::string& bus, Use use) {
+  std::vector<Network*> networks;
+  for (const auto& b : session.machine().buses) {
+    if (!bus.empty() && b.name != bus) continue;
+    const auto network = network_for(session, b.name, use);
+    if (!network) return tl::unexpected(network.error());
+    networks.push_back(*network);
+  }
+  if (!networks.empty()) return networks;
+  return tl::unexpected(network_for(session, bus, use).error());
+}
+
+}  // namespace berth::command

@@ -1,0 +1,29 @@
+/// Whether a command may be carried out: how a bus may be used (`design::Role`), and what a person confirms first.
+#pragma once
+
+#include <cstdint>
+#include <string>
+#include <tl/expected.hpp>
+#include <vector>
+
+#include "berth/command/request.hpp"
+#include "berth/operate/session.hpp"
+
+namespace berth::command {
+
+/// How a command uses a bus, for `design::Role`.
+enum class Use : std::uint8_t { look, send, command };  ///< nothing, frames, NMT start or reset
+
+/// The network that a command is for, or for people why there is none or it must not be used so. An empty `bus` means
+/// the machine's only one.
+[[nodiscard]] tl::expected<operate::Network*, std::string> network_for(operate::Session& session,
+                                                                       const std::string& bus, Use use);
+/// All buses when none is named.
+[[nodiscard]] tl::expected<std::vector<operate::Network*>, std::string> networks_for(operate::Session& session,
+                                                                                     const std::string& bus, Use use);
+
+/// On a real bus (`Session::careful`) a command that disturbs operational devices needs "yes", and on every bus so does
+/// "bind" from scratch; false: `reply` says so.
+[[nodiscard]] bool confirmed(operate::Session& session, const Request& request, Reply& reply);
+
+}  // namespace berth::command

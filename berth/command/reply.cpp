@@ -1,0 +1,74 @@
+#include "berth/command/reply.hpp"
+
+#include <fmt/format.h>
+
+#include <nlohmann/json.hpp>
+
+#include "berth/od/abort_code.hpp"
+
+namespace berth::command {
+
+std::string dump(const Json& json) { return json.dump(-1, ' ', false, Json::error_handler_t::replace); }
+
+std::string hex(std::uint32_t value, unsigned digits) { return fmt::format("0x{:0{}X}", value, digits); }
+
+void give(Reply& reply, const Json& json, std::vector<std::string> lines) {
+  reply.json = dump(json);
+  reply.lines = std::move(lines);
+}
+
+void refuse(Reply& reply, int status, const std::string& message, const std::string& fix) {
+  Json json;
+  json["error"]["message"] = message;
+  if (!fix.empty()) json["error"]["fix"] = fix;
+  reply.status = status;
+  reply.json = dump(json);
+  reply.lines.clear();
+  reply.error = fix.empty() ? message : message + "; " + fix;
+}
+
+int status_of(Errc code) noexcept {
+  switch (code) {
+    case Errc::bus:
+    case Errc::io:
+    case Errc::exhausted:
+    case Errc::cancelled: return 3;
+    default: return 1;
+  }
+}
+
+void fail_with(Reply& reply, const Error& error, const std::string& where, const std::string& fix) {
+  Json json;
+  auto& e = json["error"];
+  e["code"] = name(error.code);
+  if (error.node != 0) e["node"] = error.node;
+  std::string message = where + ": ";
+  if (error.node != 0) message += fmt::format("node {}", error.node);
+  if (error.index != 0) {
+    e["object"] = fmt::format("0x{:04X}:{:02X}", error.index, error.sub);
+    message += fmt::format("{}object {:04X}h:{:02X}", error.node != 0 ? ", " : "", error.index, error.sub);
+  }
+  if (error.node != 0 || error.index != 0) message += ": ";
+  if (error.code == Errc::aborted && error.index != 0) {
+    const auto* const text = od::text(static_cast<od::AbortCode>(error.detail));
+    e["abort_code"] = hex(error.detail);
+    e["text"] = text;
+    message += fmt::format("aborted with {:08X}h, {}", error.detail, text);
+  } else {
+    message += *error.text != '\0' ? error.text : name(error.code);
+  }
+  e["message"] = message;
+  if (!fix.empty()) e["fix"] = fix;
+  reply.status = status_of(error.code);
+  reply.json = dump(json);
+  reply.lines.clear();
+  reply.error = fix.empty() ? message : message + "; " + fix;
+}
+
+void put_address(Json& json, const LssAddress& address) {
+  json["address"] = to_string(address);
+  json["type"] = fmt::format("0x{:08X}{:08X}", address.vendor, address.product);
+  json["r_sn"] = fmt::format("0x{:016X}", address.r_sn().value());
+}
+
+}  // namespace berth::command

@@ -1,0 +1,39 @@
+/// Single commands as data, so that the command line can run them in a world of its own or hand them to a running
+/// `berth up` through its control socket: the same code answers both. Which verbs there are: verbs.hpp.
+#pragma once
+
+#include <map>
+#include <string>
+#include <vector>
+
+namespace berth::command {
+
+/// "sdo read" with {"bus": "backbone", "node": "5", "index": "0x1000", "sub": "0"}.
+struct Request {
+  std::string verb;
+  std::map<std::string, std::string> arguments;
+  friend bool operator==(const Request&, const Request&) = default;
+};
+
+/// Exit status as the command line has it: 0 done, 1 the answer is no, 2 wrong usage, 3 the bus or a file failed.
+struct Reply {
+  int status = 0;
+  std::string json;                ///< one JSON object on one line, always; a failure is {"error": {"message", ...}}
+  std::vector<std::string> lines;  ///< the same for people
+  std::string error;               ///< for people, when the status is not 0: what, where, what to do
+};
+
+/// One line of JSON: {"verb": ..., "arguments": {...}}. `parse_request` gives a request with an empty verb, and the
+/// reason in `error`, for anything else.
+[[nodiscard]] std::string to_json(const Request& request);
+[[nodiscard]] Request parse_request(const std::string& line, std::string& error);
+
+/// The reply as one line of JSON for the control socket: {"status", "reply", "lines", "error"}.
+[[nodiscard]] std::string to_json(const Reply& reply);
+/// Reads it back; `status` 3 and the reason in `error` for anything else.
+[[nodiscard]] Reply parse_reply(const std::string& line);
+
+/// A reply that says only that, and why, something is not done.
+[[nodiscard]] Reply refusal(int status, std::string message);
+
+}  // namespace berth::command

@@ -1,0 +1,28 @@
+/// What carries the verbs out, one function each. The request's verb is this one's; `request` and `reply` must stay.
+#pragma once
+
+#include "berth/command/request.hpp"
+#include "berth/operate/session.hpp"
+#include "berth/rt/task.hpp"
+
+namespace berth::command {
+
+using operate::Network;
+using operate::Session;
+using operate::SlotReport;
+
+rt::Task<void> report(Session& session, const Request& request, Reply& reply);            // slots.cpp
+rt::Task<void> bind(Session& session, const Request& request, Reply& reply);              // slots.cpp
+rt::Task<void> replace(Session& session, const Request& request, Reply& reply);           // slots.cpp
+rt::Task<void> forget(Session& session, const Request& request, Reply& reply);            // slots.cpp
+rt::Task<void> scan(Session& session, const Request& request, Reply& reply);              // scan.cpp
+rt::Task<void> configure(Session& session, const Request& request, Reply& reply);         // configure.cpp
+rt::Task<void> locate(Session& session, const Request& request, Reply& reply);            // locate.cpp
+rt::Task<void> sdo_read(Session& session, const Request& request, Reply& reply);          // sdo.cpp
+rt::Task<void> sdo_write(Session& session, const Request& request, Reply& reply);         // sdo.cpp
+rt::Task<void> nmt_command(Session& session, const Request& request, Reply& reply);       // sdo.cpp
+rt::Task<void> sdo_probe(Session& session, const Request& request, Reply& reply);         // probe.cpp
+rt::Task<void> lss_command(Session& session, const Request& request, Reply& reply);       // lss.cpp
+rt::Task<void> bit_rate_command(Session& session, const Request& request, Reply& reply);  // bit_rate.cpp
+
+}  // namespace berth::command

@@ -1,0 +1,175 @@
+// The slot table and its changes by a person: report, bind, replace, forget.
+#include <fmt/format.h>
+
+#include <algorithm>
+#include <nlohmann/json.hpp>
+
+#include "berth/command/arguments.hpp"
+#include "berth/command/permission.hpp"
+#include "berth/command/reply.hpp"
+#include "berth/command/run.hpp"
+#include "berth/text/quantity.hpp"
+
+namespace berth::command {
+
+using places::SlotState;
+
+rt::Task<void> report(Session& session, const Request& request, Reply& reply) {
+  const Arguments arguments(request);
+  if (!arguments.good()) co_return refuse(reply, 2, arguments.problem());
+  const operate::Report now = session.report();
+  reply.json = to_json(now, -1);
+  reply.lines = operate::to_table(now.slots);
+}
+
+namespace {
+
+void give_report(Session& session, Reply& reply) {
+  const operate::Report now = session.report();
+  reply.json = to_json(now, -1);
+  reply.lines = operate::to_table(now.slots);
+  for (const auto& network : session.networks()) {
+    for (const auto& question : network->questions()) reply.lines.push_back(question.text);
+    for (const auto& oddity : network->oddities()) reply.lines.push_back(oddity.text);
+  }
+}
+
+}  // namespace
+
+rt::Task<void> bind(Session& session, const Request& request, Reply& reply) {
+  Arguments arguments(request);
+  const bool scratch = arguments.has("from-scratch");
+  const bool yes = arguments.has("yes");
+  const std::string method = arguments.text("method");
+  if (!method.empty() && method != "auto" && !discovery::method(method)) {
+    arguments.wrong(fmt::format("there is no discovery method {}", text::quoted(method)));
+  }
+  if (!arguments.good()) co_return refuse(reply, 2, arguments.problem());
+  const auto networks = networks_for(session, arguments.text("bus"), Use::send);
+  if (!networks) co_return refuse(reply, 2, networks.error());
+  std::string problem;
+  int status = 0;
+  for (Network* const network : *networks) {
+    Result<void> bound;
+    if (scratch) {
+      bound = co_await network->bind_from_scratch(yes);
+    } else {
+      bound = co_await network->bind_once(method);
+    }
+    if (bound) continue;
+    status = std::max(status, status_of(bound.error().code));
+    problem += (problem.empty() ? "" : "; ") + fmt::format("bus {}: {}", network->bus().name, bound.error().text);
+  }
+  give_report(session, reply);
+  reply.status = status;
+  reply.error = problem;
+}
+
+namespace {
+
+// The new device's place is decided; an empty or silent slot may still get one.
+bool settled(SlotState state) {
+  switch (state) {
+    case SlotState::operational:
+    case SlotState::question:
+    case SlotState::power_cycle:
+    case SlotState::failed:
+    case SlotState::duplicate:
+    case SlotState::wrong_type: return true;
+    default: return false;
+  }
+}
+
+std::optional<SlotReport> slot_of(const Network& network, const std::string& name) {
+  const auto slots = network.report();
+  const auto it = std::ranges::find(slots, name, &SlotReport::name);
+  return it == slots.end() ? std::nullopt : std::optional<SlotReport>(*it);
+}
+
+// The main job does the work in its own time; a slot for which no device comes stays empty.
+rt::Task<void> await_slot(Network& network, const std::string& name) {
+  const auto& timing = network.bus().timing;
+  const rt::Time deadline = network.services().executor.now() + 3 * timing.probe_period + timing.boot_timeout;
+  while (network.services().executor.now() < deadline) {
+    co_await rt::sleep_for(timing.heartbeat_period / 8 + std::chrono::milliseconds(1));
+    const auto slot = slot_of(network, name);
+    if (slot && settled(slot->state)) co_return;
+  }
+}
+
+}  // namespace
+
+rt::Task<void> replace(Session& session, const Request& request, Reply& reply) {
+  Arguments arguments(request);
+  const bool used = arguments.has("used");
+  const std::string wanted = arguments.required("slot");
+  const std::optional<LssAddress> device = arguments.optional_address("device");
+  if (!arguments.good()) co_return refuse(reply, 2, arguments.problem());
+  const std::string bus = arguments.text("bus");
+  std::string name;
+  Network* const network = session.network_of_slot(bus.empty() ? wanted : bus + "/" + wanted, name);
+  if (network == nullptr) {
+    co_return refuse(reply, 2, fmt::format("the machine has no slot {}, or several", text::quoted(wanted)),
+                     "name it as the machine file does, with its bus before it if need be: BUS/SLOT");
+  }
+  const auto usable = network_for(session, network->bus().name, Use::send);
+  if (!usable) co_return refuse(reply, 2, usable.error());
+  // Whether the slot's device is there is known only after a look, which the main job has taken already.
+  if (!session.started()) {
+    const auto looked = co_await network->bind_once();
+    if (!looked && looked.error().code == Errc::bus) co_return fail_with(reply, looked.error(), "looking who is there");
+  }
+  const auto before = slot_of(*network, name);
+  Result<void> cleared;
+  {
+    co_await network->services().turn.take();
+    const rt::Held held(network->services().turn);
+    cleared = network->replace(name, device, used);
+  }
+  if (!cleared) co_return fail_with(reply, cleared.error(), fmt::format("bus {}, slot {}", network->bus().name, name));
+  if (session.started()) {
+    co_await await_slot(*network, name);
+  } else {
+    const auto bound = co_await network->bind_once();
+    if (!bound && bound.error().code == Errc::bus) co_return fail_with(reply, bound.error(), "binding");
+  }
+  const auto slot = slot_of(*network, name);
+  const bool seated = slot && (slot->state == SlotState::operational || slot->state == SlotState::present);
+  reply.json = slot ? to_json(*slot) : "{}";
+  reply.lines = operate::to_table(slot ? std::vector<SlotReport>{*slot} : std::vector<SlotReport>{});
+  if (before && before->state == SlotState::absent) {
+    reply.lines.insert(reply.lines.begin(),
+                       fmt::format("slot {} is given away; it was kept: {}", name, before->reason));
+  }
+  if (seated) co_return;
+  reply.status = 1;
+  reply.error = fmt::format("slot {} has no new device yet; its binding is cleared, and {}", name,
+                            session.started() ? "the next device of its type that comes gets it"
+                                              : "`berth up` or `berth bind` gives it to the next device of its type");
+}
+
+rt::Task<void> forget(Session& session, const Request& request, Reply& reply) {
+  Arguments arguments(request);
+  const LssAddress device = arguments.address("device");
+  if (!arguments.good()) co_return refuse(reply, 2, arguments.problem());
+  const auto networks = networks_for(session, arguments.text("bus"), Use::look);
+  if (!networks) co_return refuse(reply, 2, networks.error());
+  bool known = false;
+  for (Network* const network : *networks) {
+    const auto forgotten = network->forget(device);
+    const bool elsewhere = !forgotten && forgotten.error().code == Errc::not_found;
+    if (!forgotten && !elsewhere) {
+      co_return fail_with(reply, forgotten.error(), fmt::format("bus {}, forget", network->bus().name));
+    }
+    known = known || forgotten.has_value();
+  }
+  if (!known) {
+    co_return refuse(reply, 1, fmt::format("nothing unfinished is known of device {}", to_string(device)),
+                     "a device that sits in a slot leaves it by `berth replace SLOT`");
+  }
+  Json json;
+  put_address(json, device);
+  give(reply, json, {fmt::format("{} is no longer waited for", to_string(device))});
+}
+
+}  // namespace berth::command
