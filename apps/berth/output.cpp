@@ -1,8 +1,10 @@
 #include "output.hpp"
 
+#include <fcntl.h>
 #include <unistd.h>
 
 #include <cerrno>
+#include <csignal>
 #include <cstdio>
 #include <cstring>
 #include <fstream>
@@ -16,6 +18,8 @@ namespace berth::cli {
 using Json = nlohmann::ordered_json;
 
 namespace {
+
+int broken_by = 0;  // errno of the first write that failed
 
 std::string dump(const Json& json) { return json.dump(2, ' ', false, Json::error_handler_t::replace); }
 
@@ -63,12 +67,30 @@ int tell(const Failure& failure, bool json) {
   return failure.status;
 }
 
-void print_line(const std::string& line) {
-  const std::string text = text::printable(line);
-  std::fwrite(text.data(), 1, text.size(), stdout);
-  std::fputc('\n', stdout);
-  std::fflush(stdout);
+void secure_streams() {
+  for (const int fd : {STDIN_FILENO, STDOUT_FILENO, STDERR_FILENO}) {
+    if (::fcntl(fd, F_GETFD) < 0 && errno == EBADF) static_cast<void>(::open("/dev/null", O_RDWR));
+  }
+  std::signal(SIGPIPE, SIG_IGN);
 }
+
+bool output_broken() noexcept { return broken_by != 0; }
+
+int with_output(int status) {
+  if (std::fflush(stdout) != 0 && broken_by == 0) broken_by = errno;
+  if (broken_by == 0) return status;
+  // Who closed the pipe knows.
+  if (broken_by != EPIPE) print_error(std::string("standard output: ") + std::strerror(broken_by));
+  return Exit::failed;
+}
+
+void write_text(const std::string& text) {
+  if (output_broken()) return;
+  const bool good = std::fwrite(text.data(), 1, text.size(), stdout) == text.size() && std::fflush(stdout) == 0;
+  if (!good) broken_by = errno;
+}
+
+void print_line(const std::string& line) { write_text(text::printable(line) + "\n"); }
 
 void print_lines(const std::vector<std::string>& lines) {
   for (const auto& line : lines) print_line(line);

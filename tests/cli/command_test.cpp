@@ -475,7 +475,7 @@ TEST_F(Running, OnATerminalAQuestionIsAnsweredByTyping) {
     text.replace(at, ascending.size(), "\"ask\"");
   }
   const std::string asks = folder.write("asks.toml", text);
-  up_ = std::make_unique<Background>(Words{"up", asks, "--sim", plant, "--control", socket}, true);
+  up_ = std::make_unique<Background>(Words{"up", asks, "--sim", plant, "--control", socket}, OnTerminal{});
   ASSERT_TRUE(up_->says("type a slot (left, right)"));
   up_->type("left\n");
   EXPECT_TRUE(up_->says("type a slot and the number of its device")) << "what is no answer is told";

@@ -106,7 +106,7 @@ TEST(Demo, InAPipePlainLinesAndAnEndByItself) {
 
 TEST(Demo, OnATerminalALiveTableInRealTime) {
   const Folder folder;
-  Background demo({"demo", "--until", "operational", "--control", folder.file("demo.sock")}, true);
+  Background demo({"demo", "--until", "operational", "--control", folder.file("demo.sock")}, OnTerminal{});
   const Outcome run = demo.end();
   EXPECT_EQ(run.status, 0) << run.err;
   EXPECT_NE(run.out.find("\x1b["), std::string::npos) << "the table is drawn anew in place";
