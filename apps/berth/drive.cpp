@@ -105,6 +105,9 @@ tl::expected<Beside, Failure> serve_beside(Rig& rig, Screen& screen, const Optio
     auto listening = command::ControlServer::listen(control, *rig.loop(), rig.session());
     if (!listening) return tl::unexpected(failure(Exit::failed, listening.error()));
     beside.server = std::move(*listening);
+    auto* const server = beside.server.get();
+    rig.record().follow([server] { return server->followed(); },
+                        [server](const std::string& line) { server->frame(line); });
   }
   if (!options.gateway.empty()) {
     auto host = GatewayHost::listen(rig, options.gateway,
@@ -150,6 +153,7 @@ tl::expected<Ended, Failure> drive(Rig& rig, Ending& ending, Screen& screen, con
   Ended how = Ended::timeout;
   const auto over = [&] {
     screen.refresh();
+    rig.record().settle();
     if (interrupt.noticed()) {
       how = Ended::interrupted;
     } else if (ending.reached() || rig.guards().dry_run_over()) {
@@ -161,6 +165,7 @@ tl::expected<Ended, Failure> drive(Rig& rig, Ending& ending, Screen& screen, con
   };
   rig.driver().run_until(over, rig.driver().later(allowed(ending, options, real_time)));
   screen.refresh(true);
+  rig.record().follow({}, {});
   rig.session().on_event({});
   rig.session().on_milestone({});
   return how;

@@ -3,6 +3,8 @@
 #include <fcntl.h>
 #include <unistd.h>
 
+#include <fmt/format.h>
+
 #include <cerrno>
 #include <csignal>
 #include <cstdio>
@@ -18,6 +20,8 @@ namespace berth::cli {
 using Json = nlohmann::ordered_json;
 
 namespace {
+
+constexpr std::size_t most_told = 100;  // errors of one file, and warnings
 
 int broken_by = 0;  // errno of the first write that failed
 
@@ -35,8 +39,10 @@ Failure failure(const Findings& findings) {
   Failure f{2, {}, {}};
   Json json;
   auto& list = json["error"]["findings"];
+  std::size_t told = 0;
   for (const auto& finding : findings) {
     if (finding.severity != Finding::Severity::error) continue;
+    if (++told > most_told) continue;
     f.message += (f.message.empty() ? "" : "\n") + to_string(finding);
     Json one;
     one["file"] = finding.file;
@@ -47,15 +53,19 @@ Failure failure(const Findings& findings) {
     if (!finding.fix.empty()) one["fix"] = finding.fix;
     list.push_back(one);
   }
+  if (told > most_told) f.message += fmt::format("\n{} more errors are not shown", told - most_told);
   json["error"]["message"] = f.message;
   f.json = dump(json);
   return f;
 }
 
 void warn(const Findings& findings, bool json) {
+  std::size_t told = 0;
   for (const auto& f : findings) {
-    if (f.severity == Finding::Severity::warning && !json) print_error(to_string(f));
+    if (f.severity != Finding::Severity::warning || json) continue;
+    if (++told <= most_told) print_error(to_string(f));
   }
+  if (told > most_told) print_error(fmt::format("{} more warnings are not shown", told - most_told));
 }
 
 int tell(const Failure& failure, bool json) {

@@ -67,6 +67,8 @@ void Screen::line(const std::string& text) {
 
 void Screen::event(const operate::Event& event) {
   dirty_ = true;
+  if (options_.events) print_line(operate::to_json(event));
+  if (options_.quiet) return;
   put(events_.add(event));
   const std::string said = options_.comment ? options_.comment(event) : "";
   if (!said.empty()) line(said);

@@ -22,6 +22,7 @@ namespace berth::cli {
 struct ScreenOptions {
   bool live = false;        ///< draws the table; needs `can_draw`
   bool quiet = false;       ///< prints nothing
+  bool events = false;      ///< though quiet: every event as a line of JSON
   bool wall_clock = false;  ///< events have the time of day too: the buses are real
   /// What is said behind an event, for who sees it for the first time; empty: nothing.
   std::function<std::string(const operate::Event&)> comment{};

@@ -78,7 +78,7 @@ void print_outcome(Rig& rig, const Options& options, const std::vector<Recorded>
   if (options.dry_run) {
     print_dry_run(sent, nullptr, options.json);
   } else if (options.json) {
-    print_line(operate::to_json(rig.session().report()));
+    print_line(operate::to_json(rig.session().report(), options.events ? -1 : 2));
   } else if (table) {
     print_line("");
     print_lines(operate::to_table(rig.session().slots()));
@@ -90,6 +90,9 @@ void print_outcome(Rig& rig, const Options& options, const std::vector<Recorded>
 
 int bring_up(const Options& wanted, const Sources& sources, const Story& story) {
   Options options = wanted;
+  if (options.events && !options.json) {
+    return tell(failure(Exit::usage, "--events are lines of JSON: give --json too"), options.json);
+  }
   const bool watched = on_terminal() && !options.json && !options.dry_run;
   options.pace = (options.pace || watched) && !options.fast && !options.dry_run;
   auto made = Rig::make(options, sources);
@@ -99,7 +102,11 @@ int bring_up(const Options& wanted, const Sources& sources, const Story& story) 
   std::vector<Recorded> sent;
   if (options.dry_run) rig.record().collect_sent(sent);
   if (const auto no = refusal(rig, options)) return tell(*no, options.json);
-  Screen screen(rig.session(), {live, options.json || options.dry_run, !rig.guards().empty(), story.comment});
+  Screen screen(rig.session(), {.live = live,
+                                .quiet = options.json || options.dry_run,
+                                .events = options.events && !options.dry_run,
+                                .wall_clock = !rig.guards().empty(),
+                                .comment = story.comment});
   for (const auto& line : story.begin) screen.line(line);
   Ending ending(rig, options.until);
   const auto ended = drive(rig, ending, screen, options, control_of(rig, options));
@@ -149,6 +156,7 @@ Word drive_words(const Verb& verb, Options& options) {
   const Word pace = verb.flag("--pace", options.pace, "in real time, and stay up until Ctrl-C (on a terminal: always)");
   Word fast = verb.flag("--fast", options.fast, "as fast as possible, on a terminal too; ends by itself");
   fast.excludes(pace);
+  verb.flag("--events", options.events, "with --json: every event as a line, as it happens; the last is the report");
   verb.word("--listen,--control", options.control, "socket for other commands (default: by the machine's name)");
   return fast;
 }

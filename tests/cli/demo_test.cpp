@@ -156,6 +156,26 @@ TEST_F(Up, OperationalIsExitZero) {
   EXPECT_EQ(r_sn_by_slot(report).at("drive"), "0x0000000300000030");
 }
 
+TEST_F(Up, EventsAreLinesOfJsonAsTheyHappenAndTheLastIsTheReport) {
+  const Outcome run = berth({"up", machine, "--sim", plant, "--fast", "--json", "--events"});
+  EXPECT_EQ(run.status, 0) << run.err;
+  std::istringstream lines(run.out);
+  std::vector<Json> all;
+  for (std::string line; std::getline(lines, line);) all.push_back(Json::parse(line));
+  ASSERT_GT(all.size(), 10U);
+  EXPECT_TRUE(all_operational(all.back()));
+  all.pop_back();
+  double last = 0;
+  for (const auto& event : all) {
+    EXPECT_GE(event.at("at_s").get<double>(), last);
+    last = event.at("at_s");
+    EXPECT_FALSE(event.at("kind").get<std::string>().empty());
+  }
+  EXPECT_EQ(all.size(),
+            Json::parse(berth({"up", machine, "--sim", plant, "--fast", "--json"}).out).at("events").size());
+  EXPECT_EQ(berth({"up", machine, "--sim", plant, "--fast", "--events"}).status, 2);
+}
+
 TEST_F(Up, NotOperationalIsExitOneWithTheReasons) {
   const std::string without_drive = folder.write("broken.toml", std::string(small_plant) + R"(
 [[event]]

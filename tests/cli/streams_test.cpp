@@ -5,6 +5,8 @@
 #include <sys/wait.h>
 #include <unistd.h>
 
+#include <algorithm>
+
 #include "../paths.hpp"
 #include "machines.hpp"
 #include "process.hpp"
@@ -79,6 +81,32 @@ TEST(Suggestions, OfCommandsAndOptionsAtEveryDepth) {
   EXPECT_NE(option.find("did you mean --record?"), std::string::npos) << option;
   const auto deep = berth({"lss", "set-node-id", "--jsno"}).err;
   EXPECT_NE(deep.find("see berth lss set-node-id --help"), std::string::npos) << deep;
+}
+
+// A file with a hundred thousand mistakes is told in a hundred lines, in words and in JSON.
+TEST_F(Shell, MistakesWithoutEndAreCounted) {
+  std::string text = small_machine;
+  for (int i = 0; i < 20'000; ++i) text += "[[slot]]\nbus = \"nowhere\"\n";
+  const std::string bad = folder.write("bad.toml", text);
+  const auto words = berth({"up", bad, "--sim", plant, "--fast"});
+  EXPECT_EQ(words.status, 2);
+  EXPECT_EQ(std::ranges::count(words.err, '\n'), 101);
+  EXPECT_NE(words.err.find(" more errors are not shown"), std::string::npos);
+  EXPECT_LT(berth({"up", bad, "--sim", plant, "--fast", "--json"}).out.size(), 100'000U);
+}
+
+TEST_F(Shell, ASlotWithOneBracketTwice) {
+  const std::string bad = folder.write("bad.toml", "[machine]\nname = \"x\"\n[slot]\nid = 1\n[slot]\nid = 2\n");
+  const auto said = berth({"up", bad, "--sim", plant, "--fast"}).err;
+  EXPECT_NE(said.find("bad.toml:5:1"), std::string::npos) << said;
+  EXPECT_NE(said.find("[[slot]]"), std::string::npos) << said;
+}
+
+TEST_F(Shell, AFolderForTheControlSocketIsNotMade) {
+  const auto none = berth({"up", machine, "--sim", plant, "--pace", "--listen", folder.file("none/x.sock")});
+  EXPECT_EQ(none.status, 3);
+  EXPECT_NE(none.err.find("there is no such folder"), std::string::npos) << none.err;
+  EXPECT_FALSE(exists(folder.file("none")));
 }
 
 TEST(Help, OfAVerbByName) {
