@@ -254,7 +254,7 @@ rt::Task<Outcome> Binder::store() {
 rt::Task<Outcome> Binder::release(const Binding& binding) {
   const bool gives_up = binding.why() != Why::none;
   const bool taken = binding.kind() == Binding::Kind::bind && binding.old_id() != binding.seat().id &&
-                     s_.boots.booted_since(binding.seat().id, watch_since_);
+                     !s_.boots.silent_since(binding.seat().id, watch_since_);
   if (taken && !gives_up) co_return Outcome::mismatch;
   moved_ = s_.dispatcher.executor().now();
   const auto quiet = co_await s_.lss.switch_global(lss::State::waiting);
@@ -262,11 +262,15 @@ rt::Task<Outcome> Binder::release(const Binding& binding) {
 }
 
 rt::Task<Outcome> Binder::reset(const Binding& binding) {
-  const bool taken = binding.kind() == Binding::Kind::bind && s_.boots.booted_since(binding.seat().id, moved_);
-  // A device that took its new node-ID with 04h 00h already has booted under it: look which it is.
-  if (taken) co_return Outcome::ok;
+  // A device that took its new node-ID with 04h 00h already has booted under it, or another came with it, perhaps in the
+  // pause: look which it is.
+  const auto heard = [&] {
+    return binding.kind() == Binding::Kind::bind && !s_.boots.silent_since(binding.seat().id, moved_);
+  };
+  if (heard()) co_return Outcome::ok;
   // A single-slot receive buffer would lose this behind the `04 00` just sent.
   co_await rt::sleep_for(options_.slow_inhibit);
+  if (heard()) co_return Outcome::ok;
   const auto sent = co_await s_.nmt.send(co::NmtCommand::reset_communication, binding.old_id());
   co_return sent ? Outcome::ok : Outcome::error;
 }

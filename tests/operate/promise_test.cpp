@@ -73,6 +73,29 @@ struct OneSlot {
   Rig rig;
 };
 
+// Calls back at each frame with 11-bit identifier, whose first bytes are these.
+class At final : public can::Tap {
+ public:
+  using Act = std::function<void()>;
+  At(Rig& rig, std::uint32_t id, std::vector<std::uint8_t> bytes, Act act)
+      : rig_(&rig), id_(id), bytes_(std::move(bytes)), act_(std::move(act)) {
+    rig.world().bus("backbone")->add_tap(*this);
+  }
+  ~At() { rig_->world().bus("backbone")->remove_tap(*this); }
+  At(const At&) = delete;
+  At& operator=(const At&) = delete;
+
+ private:
+  void frame(const can::Frame& frame, rt::Time, int) noexcept override {
+    const bool fits = !frame.extended && frame.id == id_ && std::equal(bytes_.begin(), bytes_.end(), frame.data.begin());
+    if (fits) rig_->world().sim().after(1us, act_);
+  }
+  Rig* rig_;
+  std::uint32_t id_;
+  std::vector<std::uint8_t> bytes_;
+  Act act_;
+};
+
 }  // namespace
 
 // An earlier run asked X to store, and ended before it heard an answer. X is found again and leaves as it is selected:
@@ -176,6 +199,36 @@ TEST(Promise, APersonEndsItAndTheOldDeviceIsIsolatedWhenItComesBack) {
   EXPECT_FALSE(o.rig.device("x").truth().persistent.configured()) << "a power failure must not bring it back";
   ASSERT_TRUE(o.rig.until_operational(20s)) << o.rig.log();
   EXPECT_EQ(o.rig.seats(), (Seats{{2, 2}}));
+}
+
+// X comes with a node-ID of elsewhere, and has stored that of its slot. Before the reset that brings it into use another
+// device boots under it: X is not reset, and nothing is started.
+TEST(Promise, ANodeIdThatBootsElsewhereBeforeTheResetIsNotBroughtIntoUse) {
+  design::Machine m = one_bus(125'000);
+  add_slot(m, 2, type_b);
+  auto p = one_bus_plant(1);
+  auto& x = add_device(p, "x", type_b, 1);
+  x.source = plant::NodeIdSource::nonvolatile;
+  x.node_id = NodeId(9);
+  auto& y = add_device(p, "y", type_c, 2);
+  y.source = plant::NodeIdSource::nonvolatile;
+  y.node_id = NodeId(2);
+  y.boot = 3ms;
+  y.plugged = false;
+  Rig rig(m, p);
+  bool stored = false;
+  const At stores(rig, 0x7E4, {0x17, 0x00}, [&] { stored = true; });
+  const At released(rig, 0x7E5, {0x04, 0x00}, [&] {
+    if (stored && !rig.device("y").plugged()) rig.device("y").plug();
+  });
+  rig.begin();
+  ASSERT_TRUE(rig.run_until([&] { return rig.device("y").truth().active == NodeId(2); }, 20s)) << rig.log();
+  for (int i = 0; i < 2000; ++i) {
+    rig.run_for(5ms);
+    ASSERT_TRUE(rig.world().duplicates().empty()) << i << "\n" << rig.log();
+  }
+  ASSERT_TRUE(rig.until_operational(40s)) << rig.log();
+  EXPECT_EQ(rig.seats(), (Seats{{2, 1}}));
 }
 
 // The store is the last judge: an intention is never replaced by another device's.
