@@ -82,7 +82,7 @@ rt::Task<Outcome> Binder::perform(Binding& binding, SlotId slot, const std::stri
     case Step::inquire: co_return co_await inquire(binding);
     case Step::configure: co_return co_await configure(binding.seat().id);
     case Step::revert: co_return co_await revert(binding);
-    case Step::store: co_return co_await store();
+    case Step::store: co_return co_await store(false);
     case Step::release: co_return co_await release(binding);
     case Step::reset: co_return co_await reset(binding);
     case Step::await_boot_up: {
@@ -180,7 +180,7 @@ rt::Task<Outcome> Binder::revert(const Binding& binding) {
     if (outcome == Outcome::ok) outcome = co_await configure(id);
   }
   if (!binding.shared() && !binding.stored()) co_return outcome;
-  co_return co_await store();
+  co_return co_await store(binding.shared());
 }
 
 // A second answer may be a late first one; two answers to one request within one window are two devices (S1.22).
@@ -244,9 +244,15 @@ rt::Task<Outcome> Binder::inquire(Binding& binding) {
   co_return Outcome::ok;
 }
 
-rt::Task<Outcome> Binder::store() {
-  const auto reply = co_await s_.lss.store();
-  if (reply) co_return lss::suspicious(*reply) ? Outcome::doubled : Outcome::ok;
+// When more than one device was told (`by_all`), or seems to have been, each is waited for: one that is still storing
+// does not execute the next 17h, and its late answer would be taken for the answer to that.
+rt::Task<Outcome> Binder::store(bool by_all) {
+  lss::ServiceOptions options = s_.lss.options().store;
+  options.full_window = options.full_window || by_all;
+  const auto reply = co_await s_.lss.store(options);
+  const bool doubled = reply && lss::suspicious(*reply);
+  if (doubled && !options.full_window) co_await rt::sleep_for(options.timeout);
+  if (reply) co_return doubled ? Outcome::doubled : Outcome::ok;
   const bool unsupported = reply.error().code == Errc::aborted && (reply.error().detail & 0xFFU) == store_unsupported;
   co_return unsupported ? Outcome::unsupported : outcome_of(reply.error());
 }

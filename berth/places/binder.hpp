@@ -83,7 +83,7 @@ class Binder {
   rt::Task<Outcome> configure(NodeId id);
   rt::Task<Outcome> await_boot_up(NodeId id);
   rt::Task<void> wake();
-  rt::Task<Outcome> store();
+  rt::Task<Outcome> store(bool by_all);
   rt::Task<Outcome> revert(const Binding& binding);
   rt::Task<Outcome> release(const Binding& binding);
   rt::Task<Outcome> reset(const Binding& binding);

@@ -231,6 +231,34 @@ TEST(Promise, ANodeIdThatBootsElsewhereBeforeTheResetIsNotBroughtIntoUse) {
   EXPECT_EQ(rig.seats(), (Seats{{2, 1}}));
 }
 
+// Y hears neither the `04 00` that ends its binding nor the proof that X is alone, and then the 11h for X. What both are
+// told to store then is waited for from both: a device that is still storing executes no further 17h, and its late
+// answer would be taken for that of the next.
+TEST(Promise, WhatTwoDevicesAreToldToStoreIsWaitedForFromBoth) {
+  design::Machine m = one_bus(125'000);
+  m.buses.front().timing.boot_timeout = 1s;
+  add_slot(m, 2, type_a);
+  add_slot(m, 3, type_b);
+  auto p = one_bus_plant(1);
+  add_device(p, "y", type_a, 1).store = 2s;
+  add_device(p, "x", type_b, 2).store = 5ms;
+  Rig rig(m, p);
+  plant::SimDevice& y = rig.device("y");
+  int stores = 0;
+  const At stored(rig, 0x7E4, {0x17, 0x00}, [&] { y.controller().deaf(++stores == 1); });
+  const At proven(rig, 0x7E4, {0x5E}, [&] { y.controller().deaf(false); });
+  bool both = false;
+  const At taken(rig, 0x7E5, {0x17}, [&] { both = both || y.truth().pending == NodeId(3); });
+  std::vector<NodeId> before;
+  const At told(rig, 0x7E5, {0x11, 0x02}, [&] { before.push_back(y.truth().persistent); });
+  rig.begin();
+  ASSERT_TRUE(rig.until_operational(30s)) << rig.log();
+  ASSERT_TRUE(both) << "this case is not the one that is meant";
+  EXPECT_EQ(before, (std::vector<NodeId>{NodeId(), NodeId()}));
+  EXPECT_EQ(rig.seats(), (Seats{{2, 1}, {3, 2}}));
+  for (const auto& t : rig.world().truth()) EXPECT_EQ(t.persistent, t.active) << t.name;
+}
+
 // The store is the last judge: an intention is never replaced by another device's.
 TEST(Promise, TheStoreRefusesASecondIntentionForOneSlot) {
   places::MemoryStore store;
