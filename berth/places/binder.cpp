@@ -167,19 +167,32 @@ rt::Task<Outcome> Binder::configure(NodeId id) {
   co_return lss::suspicious(*reply) ? Outcome::doubled : Outcome::ok;
 }
 
+// A node-ID is given back to the device that had it alone: another that is left in configuration would take it at the
+// next `04 00`. When that is not proven, all that are in configuration are told to have none, and nothing is stored.
+//
 // What two devices were told may stand in the memory of both, and what was stored before it went wrong would come into
 // use when the device is reset. A device that is in LSS waiting with a node-ID that another device uses is looked for:
 // as Lely core's slaves it may wait for the next reset of all to use it.
 rt::Task<Outcome> Binder::revert(const Binding& binding) {
+  const LssAddress device = binding.seat().device;
   const NodeId id = binding.revert_to();
-  Outcome outcome = co_await configure(id);
+  bool told = true;
+  if (id.configured()) {
+    const auto alone = co_await lss::still_alone(s_.lss, device, {.parts = options_.parts});
+    if (!alone) co_return Outcome::error;
+    told = *alone == lss::Selection::alone;
+  }
+  Outcome outcome = co_await configure(told ? id : NodeId());
   const bool waits = outcome == Outcome::silent && binding.why() == Why::other_device;
   if (waits) {
-    const LssAddress device = binding.seat().device;
     outcome = co_await select(device);
-    if (outcome == Outcome::ok) outcome = co_await configure(id);
+    if (outcome == Outcome::ok) {
+      outcome = co_await configure(id);
+      told = true;
+    }
   }
-  if (!binding.shared() && !binding.stored()) co_return outcome;
+  const bool stores = told && (binding.shared() || binding.stored());
+  if (!stores) co_return outcome;
   co_return co_await store(binding.shared());
 }
 

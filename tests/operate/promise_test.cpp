@@ -259,6 +259,42 @@ TEST(Promise, WhatTwoDevicesAreToldToStoreIsWaitedForFromBoth) {
   for (const auto& t : rig.world().truth()) EXPECT_EQ(t.persistent, t.active) << t.name;
 }
 
+// Y hears neither the `04 00` that ends its binding nor the proof that X is alone, but what comes behind X's 17h, of which
+// the answer is lost: the node-ID that X had, and has again, is X's alone.
+TEST(Promise, WhatADeviceHadIsGivenBackToItAlone) {
+  design::Machine m = one_bus(125'000);
+  add_slot(m, 2, type_a);
+  add_slot(m, 3, type_b);
+  auto p = one_bus_plant(1);
+  add_device(p, "y", type_a, 1);
+  auto& x = add_device(p, "x", type_b, 2);
+  x.source = plant::NodeIdSource::nonvolatile;
+  x.node_id = NodeId(9);
+  Rig rig(m, p);
+  plant::SimDevice& y = rig.device("y");
+  int stores = 0;
+  const At stored(rig, 0x7E4, {0x17, 0x00}, [&] { y.controller().deaf(stores == 1); });
+  const At asked(rig, 0x7E5, {0x17}, [&] {
+    if (++stores != 2) return;
+    y.controller().deaf(false);
+    plant::PlantEvent lost;
+    lost.action = plant::Action::overrun;
+    lost.bus = "backbone";
+    lost.nodes = {std::string(plant::master_name)};
+    lost.strike.id = 0x7E4;
+    EXPECT_TRUE(rig.world().perform(lost));
+  });
+  rig.begin();
+  ASSERT_TRUE(rig.run_until([&] { return stores > 1; }, 20s)) << rig.log();
+  ASSERT_FALSE(y.truth().active.configured()) << "it heard `04 00`: not the case that is meant";
+  for (int i = 0; i < 4000; ++i) {
+    rig.run_for(5ms);
+    ASSERT_TRUE(rig.world().duplicates().empty()) << i << "\n" << rig.log();
+  }
+  ASSERT_TRUE(rig.until_operational(40s)) << rig.log();
+  EXPECT_EQ(rig.seats(), (Seats{{2, 1}, {3, 2}}));
+}
+
 // The store is the last judge: an intention is never replaced by another device's.
 TEST(Promise, TheStoreRefusesASecondIntentionForOneSlot) {
   places::MemoryStore store;
