@@ -80,9 +80,13 @@ rt::Task<Outcome> Binder::perform(Binding& binding, SlotId slot, const std::stri
       co_return co_await select(device);
     }
     case Step::inquire: co_return co_await inquire(binding);
-    case Step::configure: co_return co_await configure(binding.seat().id);
+    case Step::configure:
+      if (is_taken(binding)) co_return Outcome::mismatch;
+      co_return co_await configure(binding.seat().id);
     case Step::revert: co_return co_await revert(binding);
-    case Step::store: co_return co_await store(false);
+    case Step::store:
+      if (is_taken(binding)) co_return Outcome::mismatch;
+      co_return co_await store(false);
     case Step::release: co_return co_await release(binding);
     case Step::reset: co_return co_await reset(binding);
     case Step::await_boot_up: {
@@ -193,6 +197,8 @@ rt::Task<Outcome> Binder::revert(const Binding& binding) {
   }
   const bool stores = told && (binding.shared() || binding.stored());
   if (!stores) co_return outcome;
+  // Twice: one that is still storing what it was told before executes the second.
+  if (binding.shared()) co_await store(true);
   co_return co_await store(binding.shared());
 }
 
@@ -257,24 +263,26 @@ rt::Task<Outcome> Binder::inquire(Binding& binding) {
   co_return Outcome::ok;
 }
 
-// When more than one device was told (`by_all`), or seems to have been, each is waited for: one that is still storing
-// does not execute the next 17h, and its late answer would be taken for the answer to that.
+// When more than one device was told (`by_all`), each is waited for: its late answer would be taken for that to the next
+// 17h.
 rt::Task<Outcome> Binder::store(bool by_all) {
   lss::ServiceOptions options = s_.lss.options().store;
   options.full_window = options.full_window || by_all;
   const auto reply = co_await s_.lss.store(options);
-  const bool doubled = reply && lss::suspicious(*reply);
-  if (doubled && !options.full_window) co_await rt::sleep_for(options.timeout);
-  if (reply) co_return doubled ? Outcome::doubled : Outcome::ok;
+  if (reply) co_return lss::suspicious(*reply) ? Outcome::doubled : Outcome::ok;
   const bool unsupported = reply.error().code == Errc::aborted && (reply.error().detail & 0xFFU) == store_unsupported;
   co_return unsupported ? Outcome::unsupported : outcome_of(reply.error());
 }
 
+// Another device came under the node-ID since it was asked for.
+bool Binder::is_taken(const Binding& binding) const noexcept {
+  return binding.kind() == Binding::Kind::bind && binding.old_id() != binding.seat().id &&
+         !s_.boots.silent_since(binding.seat().id, watch_since_);
+}
+
 rt::Task<Outcome> Binder::release(const Binding& binding) {
   const bool gives_up = binding.why() != Why::none;
-  const bool taken = binding.kind() == Binding::Kind::bind && binding.old_id() != binding.seat().id &&
-                     !s_.boots.silent_since(binding.seat().id, watch_since_);
-  if (taken && !gives_up) co_return Outcome::mismatch;
+  if (!gives_up && is_taken(binding)) co_return Outcome::mismatch;
   moved_ = s_.dispatcher.executor().now();
   const auto quiet = co_await s_.lss.switch_global(lss::State::waiting);
   co_return quiet ? Outcome::ok : Outcome::error;

@@ -89,6 +89,7 @@ class Binder {
   rt::Task<Outcome> reset(const Binding& binding);
   rt::Task<Outcome> identify(const Binding& binding);
   rt::Task<Outcome> identify_blank(const Binding& binding);
+  [[nodiscard]] bool is_taken(const Binding& binding) const noexcept;
   Outcome write(const Binding& binding, SlotId slot, const std::string& reason);
 
   Services s_;

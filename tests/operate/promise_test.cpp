@@ -231,6 +231,28 @@ TEST(Promise, ANodeIdThatBootsElsewhereBeforeTheResetIsNotBroughtIntoUse) {
   EXPECT_EQ(rig.seats(), (Seats{{2, 1}}));
 }
 
+// A device boots under X's node-ID while X is proven alone: X is told nothing, for Berth could end before it took it back.
+TEST(Promise, ANodeIdThatBootsElsewhereIsNotTold) {
+  design::Machine m = one_bus(125'000);
+  add_slot(m, 2, type_b);
+  auto p = one_bus_plant(1);
+  add_device(p, "x", type_b, 1);
+  auto& y = add_device(p, "y", type_c, 2);
+  y.source = plant::NodeIdSource::nonvolatile;
+  y.node_id = NodeId(2);
+  y.boot = 3ms;
+  y.plugged = false;
+  Rig rig(m, p);
+  const At selected(rig, 0x7E4, {0x44}, [&] { rig.device("y").plug(); });
+  unsigned told = 0;
+  const At tells(rig, 0x7E5, {0x11, 0x02}, [&] { told += rig.device("y").truth().active == NodeId(2) ? 1U : 0U; });
+  rig.begin();
+  ASSERT_TRUE(rig.until_operational(40s)) << rig.log();
+  ASSERT_TRUE(rig.device("y").plugged());
+  EXPECT_EQ(told, 0U) << rig.log();
+  EXPECT_EQ(rig.seats(), (Seats{{2, 1}}));
+}
+
 // Y hears neither the `04 00` that ends its binding nor the proof that X is alone, and then the 11h for X. What both are
 // told to store then is waited for from both: a device that is still storing executes no further 17h, and its late
 // answer would be taken for that of the next.
