@@ -87,7 +87,8 @@ class At final : public can::Tap {
 
  private:
   void frame(const can::Frame& frame, rt::Time, int) noexcept override {
-    const bool fits = !frame.extended && frame.id == id_ && std::equal(bytes_.begin(), bytes_.end(), frame.data.begin());
+    const bool fits =
+        !frame.extended && frame.id == id_ && std::equal(bytes_.begin(), bytes_.end(), frame.data.begin());
     if (fits) rig_->world().sim().after(1us, act_);
   }
   Rig* rig_;
@@ -201,8 +202,8 @@ TEST(Promise, APersonEndsItAndTheOldDeviceIsIsolatedWhenItComesBack) {
   EXPECT_EQ(o.rig.seats(), (Seats{{2, 2}}));
 }
 
-// X comes with a node-ID of elsewhere, and has stored that of its slot. Before the reset that brings it into use another
-// device boots under it: X is not reset, and nothing is started.
+// X comes with a node-ID of elsewhere, and has stored that of its slot. Before the reset that brings it into use
+// another device boots under it: X is not reset, and nothing is started.
 TEST(Promise, ANodeIdThatBootsElsewhereBeforeTheResetIsNotBroughtIntoUse) {
   design::Machine m = one_bus(125'000);
   add_slot(m, 2, type_b);
@@ -231,7 +232,8 @@ TEST(Promise, ANodeIdThatBootsElsewhereBeforeTheResetIsNotBroughtIntoUse) {
   EXPECT_EQ(rig.seats(), (Seats{{2, 1}}));
 }
 
-// A device boots under X's node-ID while X is proven alone: X is told nothing, for Berth could end before it took it back.
+// A device boots under X's node-ID while X is proven alone: X is told nothing, for Berth could end before it took it
+// back.
 TEST(Promise, ANodeIdThatBootsElsewhereIsNotTold) {
   design::Machine m = one_bus(125'000);
   add_slot(m, 2, type_b);
@@ -253,8 +255,8 @@ TEST(Promise, ANodeIdThatBootsElsewhereIsNotTold) {
   EXPECT_EQ(rig.seats(), (Seats{{2, 1}}));
 }
 
-// Y hears neither the `04 00` that ends its binding nor the proof that X is alone, and then the 11h for X. What both are
-// told to store then is waited for from both: a device that is still storing executes no further 17h, and its late
+// Y hears neither the `04 00` that ends its binding nor the proof that X is alone, and then the 11h for X. What both
+// are told to store then is waited for from both: a device that is still storing executes no further 17h, and its late
 // answer would be taken for that of the next.
 TEST(Promise, WhatTwoDevicesAreToldToStoreIsWaitedForFromBoth) {
   design::Machine m = one_bus(125'000);
@@ -281,8 +283,8 @@ TEST(Promise, WhatTwoDevicesAreToldToStoreIsWaitedForFromBoth) {
   for (const auto& t : rig.world().truth()) EXPECT_EQ(t.persistent, t.active) << t.name;
 }
 
-// Y hears neither the `04 00` that ends its binding nor the proof that X is alone, but what comes behind X's 17h, of which
-// the answer is lost: the node-ID that X had, and has again, is X's alone.
+// Y hears neither the `04 00` that ends its binding nor the proof that X is alone, but what comes behind X's 17h, of
+// which the answer is lost: the node-ID that X had, and has again, is X's alone.
 TEST(Promise, WhatADeviceHadIsGivenBackToItAlone) {
   design::Machine m = one_bus(125'000);
   add_slot(m, 2, type_a);
@@ -315,6 +317,33 @@ TEST(Promise, WhatADeviceHadIsGivenBackToItAlone) {
   }
   ASSERT_TRUE(rig.until_operational(40s)) << rig.log();
   EXPECT_EQ(rig.seats(), (Seats{{2, 1}, {3, 2}}));
+}
+
+// Of a device that leaves and one that comes under its node-ID while the four parts of the identity are read none is
+// made that does not exist: a slot would wait for it for ever.
+TEST(Promise, NoDeviceIsPutTogetherOfTwo) {
+  design::Machine m = one_bus(125'000);
+  add_slot(m, 2, type_b);
+  auto p = one_bus_plant(1);
+  const auto with_two = [&](const char* name, std::uint32_t revision, std::uint32_t serial) -> plant::PlantDevice& {
+    auto& d = add_device(p, name, type_b, serial);
+    d.address.revision = revision;
+    d.source = plant::NodeIdSource::nonvolatile;
+    d.node_id = NodeId(2);
+    return d;
+  };
+  with_two("x", 1, 0x11).boot = 1ms;
+  auto& y = with_two("y", 2, 0x22);
+  y.boot = 1ms;
+  y.plugged = false;
+  Rig rig(m, p);
+  const At third(rig, 0x602, {0x40, 0x18, 0x10, 0x03}, [&] { rig.device("y").plug(); });
+  const At fourth(rig, 0x602, {0x40, 0x18, 0x10, 0x04}, [&] { rig.device("x").unplug(); });
+  rig.begin();
+  ASSERT_TRUE(rig.until_operational(40s)) << rig.log();
+  const LssAddress none{type_b.vendor, type_b.product, 1, 0x22};
+  EXPECT_EQ(rig.log().find(to_string(none)), std::string::npos) << rig.log();
+  EXPECT_EQ(rig.seats(), (Seats{{2, 0x22}}));
 }
 
 // The store is the last judge: an intention is never replaced by another device's.
