@@ -192,7 +192,7 @@ class DoubleWatch final : public plant::World::Observer {
     DoubleWatch* watch_;
     sim::Bus& bus;
     const design::Bus& plan;
-    std::map<unsigned, Asked> asked;  // 1000h of this node-ID, this Berth: the last questions in a row
+    std::map<unsigned, Asked> asked;         // 1000h of this node-ID, this Berth: the last questions in a row
     std::map<unsigned, Asked> asked_before;  // and the Berth before it
     rt::Time began{};                        // this Berth
     static constexpr std::size_t most_voices = 512;
