@@ -182,11 +182,13 @@ rt::Task<Outcome> Binder::revert(const Binding& binding) {
   const NodeId id = binding.revert_to();
   bool told = true;
   if (id.configured()) {
-    const auto alone = co_await lss::still_alone(s_.lss, device, {.parts = options_.parts});
+    const lss::AloneOptions options{.parts = options_.parts};
+    const auto alone = co_await lss::still_alone(s_.lss, device, options);
     if (!alone) co_return Outcome::error;
     told = *alone == lss::Selection::alone;
   }
-  Outcome outcome = co_await configure(told ? id : NodeId());
+  const NodeId first = told ? id : NodeId();
+  Outcome outcome = co_await configure(first);
   const bool waits = outcome == Outcome::silent && binding.why() == Why::other_device;
   if (waits) {
     outcome = co_await select(device);
@@ -263,8 +265,8 @@ rt::Task<Outcome> Binder::inquire(Binding& binding) {
   co_return Outcome::ok;
 }
 
-// When more than one device was told (`by_all`), each is waited for: its late answer would be taken for that to the next
-// 17h.
+// When more than one device was told (`by_all`), each is waited for: its late answer would be taken for that to the
+// next 17h.
 rt::Task<Outcome> Binder::store(bool by_all) {
   lss::ServiceOptions options = s_.lss.options().store;
   options.full_window = options.full_window || by_all;
@@ -289,8 +291,8 @@ rt::Task<Outcome> Binder::release(const Binding& binding) {
 }
 
 rt::Task<Outcome> Binder::reset(const Binding& binding) {
-  // A device that took its new node-ID with 04h 00h already has booted under it, or another came with it, perhaps in the
-  // pause: look which it is.
+  // A device that took its new node-ID with 04h 00h already has booted under it, or another came with it, perhaps in
+  // the pause: look which it is.
   const auto heard = [&] {
     return binding.kind() == Binding::Kind::bind && !s_.boots.silent_since(binding.seat().id, moved_);
   };
