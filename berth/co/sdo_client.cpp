@@ -145,7 +145,11 @@ void SdoTransfer::sent(rt::Time at) noexcept {
   line.owed_until_ = at + line.settings_->late_window;
   const bool collecting = state_ == State::block && !download_;
   if (collecting) extra_->heard = at;
-  const auto patience = collecting ? options_.timeout / sdo::block_gap_part : options_.timeout;
+  auto patience = collecting ? options_.timeout / sdo::block_gap_part : options_.timeout;
+  // Else each attempt would be lost behind a frame of the same period: the master's own heartbeat, say, in a server
+  // that has a receive buffer of one frame.
+  if (attempts_ > 1) [[unlikely]]
+    patience += patience * (attempts_ - 1) / 16;
   wait_until(at + patience);
 }
 

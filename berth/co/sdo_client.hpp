@@ -35,7 +35,8 @@ enum class SdoMode : std::uint8_t {
 /// source or sink a transfer that is slower than `slowest_pace` for longer than `most_lingering` (or 8 `timeout`s) is
 /// given up with Errc::timeout, however punctual each answer is.
 struct SdoOptions {
-  rt::Duration timeout = std::chrono::seconds(1);  ///< for each answer, from the moment the request was on the wire
+  /// For each answer, from the moment the request was on the wire; a sixteenth longer with each new attempt.
+  rt::Duration timeout = std::chrono::seconds(1);
   rt::Duration send_timeout = std::chrono::seconds(1);  ///< for each request to get onto the wire
   unsigned retries = 0;          ///< new attempts of the whole transfer after a time-out, the server's as well
   bool abort_on_timeout = true;  ///< tell the server (0504 0000) when giving up; block: always

@@ -172,9 +172,13 @@ rt::Task<void> ConfiguredFinder::knock(NodeId id) {
 
 rt::Task<void> ConfiguredFinder::identity_at(NodeId id, std::vector<places::Found>& into) {
   const auto surplus = s_.sdo.surplus(id);
+  const auto boot_ups = s_.boots.boot_ups(id);
   const bool answers = co_await asking_.answers_at(id);
   if (!answers) co_return;
-  const auto who = co_await places::Binder::read_identity(s_.sdo, id);
+  auto who = co_await places::Binder::read_identity(s_.sdo, id);
+  // Another came under it between the questions: the parts may be those of two devices.
+  const bool came = s_.boots.boot_ups(id) != boot_ups;
+  if (came) who = co_await places::Binder::read_identity(s_.sdo, id);
   if (s_.sdo.surplus(id) != surplus || !who) {
     doubled_.push_back(id);
     slots_.tell_once("duplicate",

@@ -166,9 +166,15 @@ rt::Task<void> Lending::end_or_keep(Loans::Loan loan) {
   s_.boots.forget(loan.id);
 }
 
+// Two devices of its address may both be told to have none: one of them was lent it, and which cannot be asked.
 rt::Task<bool> Lending::tell_pending(LssAddress device, NodeId id) {
   const auto selected = co_await asking_.select_alone(device);
-  if (!selected) co_return false;
+  const bool both = !selected && selected.error().code == Errc::duplicate && !id.configured();
+  if (!selected && !both) co_return false;
+  if (both) {
+    const auto again = co_await s_.lss.switch_selective(device);
+    if (!again) co_return false;
+  }
   const auto given = co_await s_.lss.configure_node_id(id);
   const auto released = co_await s_.lss.switch_global(lss::State::waiting);
   co_return given&& released;

@@ -255,7 +255,15 @@ rt::Task<bool> Seating::blank(LssAddress device, std::string reason) {
   const places::SlotId none;
   co_await binder.run(binding, none, reason);
   const bool good = binding.step() == places::Step::done;
-  if (good) {
+  const bool fades = binding.step() == places::Step::power_cycle;
+  fading_.erase(device);
+  if (fades) {
+    fading_[device] = {binding.old_id()};
+    slots_.tell_once(
+        "power cycle needed",
+        fmt::format("{} has no node-ID in its memory any more, and uses {} until it is switched off and on",
+                    to_string(device), binding.old_id().value()));
+  } else if (good) {
     // Whatever was heard under its old node-ID is history.
     s_.boots.forget(binding.old_id());
     lending_.end(device);
@@ -366,8 +374,19 @@ rt::Task<void> Seating::look_for_unfinished() {
   }
   for (const auto& blank : slots_.unfinished_here()) {
     const LssAddress device = blank.device;
-    co_await answers_by_lss(device);
+    const bool answers = co_await answers_by_lss(device);
+    if (answers && waits_to_be_blank(device)) avoid_.push_back(device);
   }
+}
+
+// As a slot's device that waits for its power cycle: it is told again now and then only.
+bool Seating::waits_to_be_blank(const LssAddress& device) noexcept {
+  constexpr unsigned sometimes = 8;
+  const auto it = fading_.find(device);
+  if (it == fading_.end()) return false;
+  const auto found = found_.of(device);
+  const bool still = found != nullptr && found->active == it->second.uses;
+  return still && ++it->second.looked_at % sometimes != 0;
 }
 
 rt::Task<bool> Seating::answers_by_lss(LssAddress device) {

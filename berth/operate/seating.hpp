@@ -1,6 +1,7 @@
 /// Carries the plan out: takes node-IDs away and gives them, by LSS (paper 1 §III.c; S1.32 to S1.36).
 #pragma once
 
+#include <map>
 #include <string>
 #include <vector>
 
@@ -53,6 +54,7 @@ class Seating {
   rt::Task<void> look_for_unfinished();
   rt::Task<bool> answers_by_lss(LssAddress device);
   rt::Task<bool> waits_for_its_power_cycle(Seat& seat);
+  [[nodiscard]] bool waits_to_be_blank(const LssAddress& device) noexcept;
   void keep_for_its_device(Seat& seat);
 
   BusServices& s_;
@@ -66,6 +68,12 @@ class Seating {
   Presence& presence_;
   Planning& planning_;
   std::vector<LssAddress> avoid_;  // devices whose action failed in this round
+  // Its memory has no node-ID any more, and it uses the one that it had until it is switched off and on.
+  struct Fading {
+    NodeId uses;
+    unsigned looked_at = 0;
+  };
+  std::map<LssAddress, Fading> fading_;
 };
 
 }  // namespace berth::operate

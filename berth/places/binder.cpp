@@ -80,9 +80,13 @@ rt::Task<Outcome> Binder::perform(Binding& binding, SlotId slot, const std::stri
       co_return co_await select(device);
     }
     case Step::inquire: co_return co_await inquire(binding);
-    case Step::configure: co_return co_await configure(binding.seat().id);
+    case Step::configure:
+      if (is_taken(binding)) co_return Outcome::mismatch;
+      co_return co_await configure(binding.seat().id);
     case Step::revert: co_return co_await revert(binding);
-    case Step::store: co_return co_await store();
+    case Step::store:
+      if (is_taken(binding)) co_return Outcome::mismatch;
+      co_return co_await store(false);
     case Step::release: co_return co_await release(binding);
     case Step::reset: co_return co_await reset(binding);
     case Step::await_boot_up: {
@@ -167,20 +171,37 @@ rt::Task<Outcome> Binder::configure(NodeId id) {
   co_return lss::suspicious(*reply) ? Outcome::doubled : Outcome::ok;
 }
 
+// A node-ID is given back to the device that had it alone: another that is left in configuration would take it at the
+// next `04 00`. When that is not proven, all that are in configuration are told to have none, and nothing is stored.
+//
 // What two devices were told may stand in the memory of both, and what was stored before it went wrong would come into
 // use when the device is reset. A device that is in LSS waiting with a node-ID that another device uses is looked for:
 // as Lely core's slaves it may wait for the next reset of all to use it.
 rt::Task<Outcome> Binder::revert(const Binding& binding) {
+  const LssAddress device = binding.seat().device;
   const NodeId id = binding.revert_to();
-  Outcome outcome = co_await configure(id);
+  bool told = true;
+  if (id.configured()) {
+    const lss::AloneOptions options{.parts = options_.parts};
+    const auto alone = co_await lss::still_alone(s_.lss, device, options);
+    if (!alone) co_return Outcome::error;
+    told = *alone == lss::Selection::alone;
+  }
+  const NodeId first = told ? id : NodeId();
+  Outcome outcome = co_await configure(first);
   const bool waits = outcome == Outcome::silent && binding.why() == Why::other_device;
   if (waits) {
-    const LssAddress device = binding.seat().device;
     outcome = co_await select(device);
-    if (outcome == Outcome::ok) outcome = co_await configure(id);
+    if (outcome == Outcome::ok) {
+      outcome = co_await configure(id);
+      told = true;
+    }
   }
-  if (!binding.shared() && !binding.stored()) co_return outcome;
-  co_return co_await store();
+  const bool stores = told && (binding.shared() || binding.stored());
+  if (!stores) co_return outcome;
+  // Twice: one that is still storing what it was told before executes the second.
+  if (binding.shared()) co_await store(true);
+  co_return co_await store(binding.shared());
 }
 
 // A second answer may be a late first one; two answers to one request within one window are two devices (S1.22).
@@ -244,29 +265,41 @@ rt::Task<Outcome> Binder::inquire(Binding& binding) {
   co_return Outcome::ok;
 }
 
-rt::Task<Outcome> Binder::store() {
-  const auto reply = co_await s_.lss.store();
+// When more than one device was told (`by_all`), each is waited for: its late answer would be taken for that to the
+// next 17h.
+rt::Task<Outcome> Binder::store(bool by_all) {
+  lss::ServiceOptions options = s_.lss.options().store;
+  options.full_window = options.full_window || by_all;
+  const auto reply = co_await s_.lss.store(options);
   if (reply) co_return lss::suspicious(*reply) ? Outcome::doubled : Outcome::ok;
   const bool unsupported = reply.error().code == Errc::aborted && (reply.error().detail & 0xFFU) == store_unsupported;
   co_return unsupported ? Outcome::unsupported : outcome_of(reply.error());
 }
 
+// Another device came under the node-ID since it was asked for.
+bool Binder::is_taken(const Binding& binding) const noexcept {
+  return binding.kind() == Binding::Kind::bind && binding.old_id() != binding.seat().id &&
+         !s_.boots.silent_since(binding.seat().id, watch_since_);
+}
+
 rt::Task<Outcome> Binder::release(const Binding& binding) {
   const bool gives_up = binding.why() != Why::none;
-  const bool taken = binding.kind() == Binding::Kind::bind && binding.old_id() != binding.seat().id &&
-                     s_.boots.booted_since(binding.seat().id, watch_since_);
-  if (taken && !gives_up) co_return Outcome::mismatch;
+  if (!gives_up && is_taken(binding)) co_return Outcome::mismatch;
   moved_ = s_.dispatcher.executor().now();
   const auto quiet = co_await s_.lss.switch_global(lss::State::waiting);
   co_return quiet ? Outcome::ok : Outcome::error;
 }
 
 rt::Task<Outcome> Binder::reset(const Binding& binding) {
-  const bool taken = binding.kind() == Binding::Kind::bind && s_.boots.booted_since(binding.seat().id, moved_);
-  // A device that took its new node-ID with 04h 00h already has booted under it: look which it is.
-  if (taken) co_return Outcome::ok;
+  // A device that took its new node-ID with 04h 00h already has booted under it, or another came with it, perhaps in
+  // the pause: look which it is.
+  const auto heard = [&] {
+    return binding.kind() == Binding::Kind::bind && !s_.boots.silent_since(binding.seat().id, moved_);
+  };
+  if (heard()) co_return Outcome::ok;
   // A single-slot receive buffer would lose this behind the `04 00` just sent.
   co_await rt::sleep_for(options_.slow_inhibit);
+  if (heard()) co_return Outcome::ok;
   const auto sent = co_await s_.nmt.send(co::NmtCommand::reset_communication, binding.old_id());
   co_return sent ? Outcome::ok : Outcome::error;
 }

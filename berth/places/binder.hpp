@@ -83,12 +83,13 @@ class Binder {
   rt::Task<Outcome> configure(NodeId id);
   rt::Task<Outcome> await_boot_up(NodeId id);
   rt::Task<void> wake();
-  rt::Task<Outcome> store();
+  rt::Task<Outcome> store(bool by_all);
   rt::Task<Outcome> revert(const Binding& binding);
   rt::Task<Outcome> release(const Binding& binding);
   rt::Task<Outcome> reset(const Binding& binding);
   rt::Task<Outcome> identify(const Binding& binding);
   rt::Task<Outcome> identify_blank(const Binding& binding);
+  [[nodiscard]] bool is_taken(const Binding& binding) const noexcept;
   Outcome write(const Binding& binding, SlotId slot, const std::string& reason);
 
   Services s_;

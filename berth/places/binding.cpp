@@ -108,6 +108,7 @@ void Binding::advance(Outcome outcome) noexcept {
       }
       break;
     case Step::configure:
+      if (outcome == Outcome::mismatch) return give_up(Why::occupied);  // it was told nothing by this `configure`
       untouched_ = untouched_ && outcome == Outcome::refused;
       shared_ = outcome == Outcome::doubled;
       // Without a node-ID pending nothing comes into use that would have to be taken back.
@@ -120,6 +121,7 @@ void Binding::advance(Outcome outcome) noexcept {
         again(Why::not_there);
       break;
     case Step::store:
+      if (outcome == Outcome::mismatch) return give_up(Why::occupied);
       stored_ = ok;
       shared_ = shared_ || outcome == Outcome::doubled;
       volatile_only_ = outcome == Outcome::unsupported;

@@ -7,7 +7,8 @@
 ///     select         04h 00h, 40h..43h of the address, and    44h, it    inquire
 ///                    the proof that no other is selected too  alone
 ///     inquire        5Eh: the node-ID it has now              a node-ID  configure
-///     configure      11h: the new one                         code 0     store
+///     configure      11h: the new one, unless another device  code 0     store
+///                    came under it meanwhile; so `store`
 ///     store          17h: into its own memory                 code 0     release
 ///     release        04h 00h                                  sent       await_boot_up, reset or identify
 ///     reset          NMT reset communication to the old id    sent       await_boot_up
@@ -65,8 +66,8 @@ enum class Outcome : std::uint8_t {
   refused,      ///< an answer with an error code
   unsupported,  ///< `store`: the device has no memory for it (error code 1)
   mismatch,     ///< not the expected one: the id is taken (`check_vacant`), another device is in configuration too
-                ///< (`select`), one booted under the id since then (`release`), another device answers or it still has
-                ///< its id (`identify`)
+                ///< (`select`), one booted under the id since then (`configure`, `store`, `release`), another device
+                ///< answers or it still has its id (`identify`)
   doubled,      ///< more than one device answered
   error,        ///< the store, or the port, failed
 };

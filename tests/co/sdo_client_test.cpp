@@ -401,6 +401,21 @@ TEST_F(Client, RetriesStartTheTransferAnew) {
   EXPECT_EQ(await(*this, hopeless).error().code, Errc::timeout);
 }
 
+// A server with a receive buffer of one frame loses what comes right behind a heartbeat, of the same period as the
+// client's time-out.
+TEST_F(Client, RetriesDoNotKeepStepWithAPeriodicFrame) {
+  auto options = client.options();
+  options.timeout = 20ms;
+  options.retries = 2;
+  reply("605#4000100000000000", {"585#4300100001000000"});
+  const rt::Time heartbeat = executor.now();
+  wire.lose = [&](const can::Frame& f) {
+    return f.id == 0x605 && (executor.now() - heartbeat) % rt::Duration(20ms) < rt::Duration(1ms);
+  };
+  auto op = client.upload(node, 0x1000, 0, options);
+  EXPECT_TRUE(await(*this, op));
+}
+
 TEST_F(Client, OneNodeOneTransferAtATimeOthersInParallel) {
   reply("605#4000100000000000", {"585#4300100001000000"});
   reply("605#4001100000000000", {"585#4301100002000000"});

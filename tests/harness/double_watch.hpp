@@ -52,9 +52,13 @@ class DoubleWatch final : public plant::World::Observer {
   DoubleWatch(const DoubleWatch&) = delete;
   DoubleWatch& operator=(const DoubleWatch&) = delete;
 
-  // A new Berth: what the one before it has asked proves nothing to this one.
+  // A new Berth: what the one before it has asked proves nothing to this one, and counts for what that one brought into
+  // use.
   void berth_began() {
-    for (const auto& wire : wires_) wire->asked.clear();
+    for (const auto& wire : wires_) {
+      wire->asked_before = std::exchange(wire->asked, {});
+      wire->began = now();
+    }
   }
   // Berth's controller handed this frame on.
   void berth_heard(const std::string& bus, const can::Frame& frame, rt::Time at) noexcept {
@@ -102,6 +106,9 @@ class DoubleWatch final : public plant::World::Observer {
 
   // What passes on one bus that counts as a question for a node-ID, or as a device's voice under it.
   struct Wire final : can::Tap {
+    struct Asked {
+      rt::Time first{}, last{};
+    };
     Wire(DoubleWatch& watch, sim::Bus& on, const design::Bus& described) : watch_(&watch), bus(on), plan(described) {}
     void frame(const can::Frame& frame, rt::Time at, int sender) noexcept override {
       const std::uint32_t key = frame.key();
@@ -165,15 +172,18 @@ class DoubleWatch final : public plant::World::Observer {
       }
       return {};
     }
+    // When who sent a frame at `when` asked for this node-ID, in a row that ended last; none: it did not.
+    [[nodiscard]] const Asked* asked_by(rt::Time when, NodeId id) const {
+      const auto& questions = when < began ? asked_before : asked;
+      const auto it = questions.find(id.value());
+      return it == questions.end() ? nullptr : &it->second;
+    }
     // What Berth hears this long before a frame of its own is on the wire, it may have heard after it gave the frame to
     // its controller: two of the longest frames.
     [[nodiscard]] rt::Duration margin() const {
       return rt::Duration(320 * std::int64_t{1'000'000'000} / plan.bitrate) + std::chrono::milliseconds(1);
     }
 
-    struct Asked {
-      rt::Time first{}, last{};
-    };
     struct Said {
       std::uint32_t key = 0;
       rt::Time at{};
@@ -182,7 +192,9 @@ class DoubleWatch final : public plant::World::Observer {
     DoubleWatch* watch_;
     sim::Bus& bus;
     const design::Bus& plan;
-    std::map<unsigned, Asked> asked;  // 1000h of this node-ID, this Berth: the last questions in a row
+    std::map<unsigned, Asked> asked;         // 1000h of this node-ID, this Berth: the last questions in a row
+    std::map<unsigned, Asked> asked_before;  // and the Berth before it
+    rt::Time began{};                        // this Berth
     static constexpr std::size_t most_voices = 512;
     std::map<std::pair<std::string, unsigned>, std::vector<rt::Time>> voices;  // device, node-ID: what reached Berth
     std::vector<rt::Time> moved;
@@ -314,15 +326,15 @@ class DoubleWatch final : public plant::World::Observer {
       if (!others(t, o) || !o.powered || o.booting || o.active != id) continue;
       const std::string what =
           "Berth gave node-ID " + std::to_string(id.value()) + " to " + t.name + " while " + o.name;
-      const auto asked = wire.asked.find(id.value());
-      if (asked == wire.asked.end()) {
+      const rt::Time moved = wire.moved_before(life.boot_began);
+      const auto* const asked = wire.asked_by(moved, id);
+      if (asked == nullptr) {
         fail_with(what + " holds it, and did not ask who has it");
         continue;
       }
       // The holder came from elsewhere, or sat here and was given up, and nothing of it reached Berth between its
       // question for the node-ID and the frame that brought it into use: off, cut off, deaf, or its frames were lost.
-      const rt::Time until = wire.moved_before(life.boot_began) - wire.margin();
-      if (wire.heard(o.name, id, asked->second.first, until)) fail_with(what + " was heard to have it");
+      if (wire.heard(o.name, id, asked->first, moved - wire.margin())) fail_with(what + " was heard to have it");
     }
   }
 

@@ -52,20 +52,25 @@ class EndJudge {
   EndJudge(Rig& rig, const design::Machine& machine, const DoubleWatch& watch, const ConfigWatch& configured)
       : rig_(&rig), machine_(&machine), watch_(&watch), configured_(&configured) {}
 
-  // What is not as it must be, the first of it; empty: all is well.
-  [[nodiscard]] std::string wrong() {
+  // What is not as it must be, on this bus or on all (""), the first of it; empty: all is well.
+  [[nodiscard]] std::string wrong(const std::string& bus = {}) {
     wrong_.clear();
+    const auto counts = [&](const std::string& name) { return bus.empty() || name == bus; };
     truth_ = rig_->world().truth();
     const auto records = rig_->store().load(machine_->name);
     const auto blanks = rig_->store().unfinished_blanks();
     if (!records || !blanks) return "the store cannot be read";
     records_ = *records;
     for (std::size_t i = 0; i < rig_->networks(); ++i) {
+      if (!counts(rig_->network(i).bus().name)) continue;
       for (const auto& s : rig_->network(i).report()) check_slot(s);
       check_free(rig_->network(i));
     }
-    for (const auto& t : truth_) check_device(t);
+    for (const auto& t : truth_) {
+      if (counts(t.bus)) check_device(t);
+    }
     for (const auto& blank : *blanks) {
+      if (!counts(blank.bus)) continue;
       const auto* const t = present(blank.device);
       if (t != nullptr && t->bus == blank.bus && !twins(*t))
         say(t->name + " is there, and taking its node-ID away is not finished");
@@ -137,7 +142,8 @@ class EndJudge {
     if (row.asked) return say(who + " is there, and what was asked of it is not confirmed");
     if (row.confirmed->id != slot.spec.id) return say(who + " is confirmed under another node-ID");
     if (t.active != slot.spec.id) return say(who + " uses node-ID " + std::to_string(t.active.value()));
-    if (t.persistent != slot.spec.id)
+    // The other of its address, which is away, stored it; this one has the node-ID by a loan of the slot's own.
+    if (t.persistent != slot.spec.id && !twin_of_any(t))
       return say(who + " is confirmed and has stored " + std::to_string(t.persistent.value()));
     if (s.state != SlotState::operational)
       return say(who + " is there, and the slot is " + places::name(s.state) + ": " + s.reason);

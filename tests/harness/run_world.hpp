@@ -263,7 +263,7 @@ class WorldRun final : private can::Tap {
                             [](const auto& s) { return s.spec.activate == places::Activate::power_cycle; });
     for (int round = 0; round < 6; ++round) {
       if (comes_to_rest(15s) || !sound()) break;
-      if (cycles) power_cycle();
+      if (cycles) static_cast<void>(power_cycle());
     }
     if (!sound()) return;
     rig_.run_for(3s);
@@ -282,8 +282,9 @@ class WorldRun final : private can::Tap {
     return false;
   }
 
-  // What a person does who reads "power cycle needed".
-  void power_cycle() {
+  // What a person does who reads "power cycle needed". False: nothing says so.
+  bool power_cycle() {
+    bool any = false;
     std::vector<LssAddress> waiting;
     for (std::size_t i = 0; i < rig_.networks(); ++i) {
       for (const auto& s : rig_.network(i).report()) {
@@ -296,16 +297,20 @@ class WorldRun final : private can::Tap {
       const bool waits = std::ranges::find(waiting, t.address) != waiting.end() ||
                          (d->plan().power_cycle_after_store && (t.active != t.persistent || t.active != t.pending));
       if (!waits || !t.powered) continue;
+      any = true;
       d->power(false);
       rig_.run_for(100ms);
       d->power(true);
     }
+    return any;
   }
 
-  [[nodiscard]] std::string verdict() {
-    std::string wrong = judge_.wrong();
+  // Of this bus, or of all ("").
+  [[nodiscard]] std::string verdict(const std::string& bus = {}) {
+    std::string wrong = judge_.wrong(bus);
     if (!wrong.empty() || !plan_.solvable) return wrong;
     for (std::size_t i = 0; i < rig_.networks(); ++i) {
+      if (!bus.empty() && rig_.network(i).bus().name != bus) continue;
       for (const auto& s : rig_.network(i).report()) {
         const bool by_fastscan = rig_.network(i).bus().discovery.find("fastscan") != std::string::npos ||
                                  rig_.network(i).bus().discovery == "planner-feedback";
@@ -334,45 +339,54 @@ class WorldRun final : private can::Tap {
   }
 
   // On a bus on which nothing acknowledges, each question takes a second, and there is no end of asking: it is not
-  // waited for until no bus asks anything.
-  [[nodiscard]] bool at_rest() {
-    for (std::size_t i = 0; i < rig_.networks(); ++i) {
-      const auto& bus = rig_.network(i).bus().name;
-      const bool any = std::ranges::any_of(rig_.world().devices(), [&](const auto& d) {
-        const auto t = d->truth();
-        return t.bus == bus && t.powered;
-      });
-      if (any && !rig_.network(i).idle()) return false;
-    }
-    return !any_boots();
+  // waited for until that asks nothing.
+  [[nodiscard]] bool at_rest(std::size_t network) {
+    const auto& bus = rig_.network(network).bus().name;
+    const bool any = std::ranges::any_of(rig_.world().devices(), [&](const auto& d) {
+      const auto t = d->truth();
+      return t.bus == bus && t.powered;
+    });
+    return (!any || rig_.network(network).idle()) && !any_boots(bus);
   }
 
   // One that was told to reset just now is neither there nor away.
-  [[nodiscard]] bool any_boots() {
-    return std::ranges::any_of(rig_.world().devices(), [](const auto& d) { return d->truth().booting; });
+  [[nodiscard]] bool any_boots(const std::string& bus) {
+    return std::ranges::any_of(rig_.world().devices(), [&](const auto& d) {
+      const auto t = d->truth();
+      return t.bus == bus && t.booting;
+    });
   }
   // A command that was sent just now has still to be obeyed.
-  [[nodiscard]] bool comes_to_rest() {
+  [[nodiscard]] bool comes_to_rest(std::size_t network) {
     const rt::Time end = now() + 90s;
     while (now() < end) {
-      if (!rig_.run_until([this] { return at_rest(); }, end - now())) return false;
+      if (!rig_.run_until([&] { return at_rest(network); }, end - now())) return false;
       rig_.run_for(5ms);
-      if (!any_boots()) return true;
+      if (!any_boots(rig_.network(network).bus().name)) return true;
     }
     return false;
   }
 
   // A command takes a device as long to obey as a question to answer, up to 40 ms: what is wrong is so at each of three
-  // rests.
-  [[nodiscard]] std::string verdict_that_stays() {
+  // rests. Each bus has its own main job, and is looked at when that rests: where a device is missing, or a question is
+  // open, each looks again and again, and they may rest alternately for ever.
+  [[nodiscard]] std::string verdict_that_stays(std::size_t network) {
+    const std::string bus = rig_.network(network).bus().name;
     std::string wrong;
     for (int look = 0; look < 3; ++look) {
-      if (!comes_to_rest()) return "the main job does not come to rest";
-      wrong = verdict();
+      if (!comes_to_rest(network)) return "the main job does not come to rest";
+      wrong = verdict(bus);
       if (wrong.empty()) break;
       rig_.run_for(50ms);
     }
     return wrong;
+  }
+  [[nodiscard]] std::string verdict_that_stays() {
+    for (std::size_t i = 0; i < rig_.networks(); ++i) {
+      std::string wrong = verdict_that_stays(i);
+      if (!wrong.empty()) return wrong;
+    }
+    return {};
   }
 
   void check_end() {
@@ -382,7 +396,12 @@ class WorldRun final : private can::Tap {
     const rt::Duration since = now() - rt::Time{} - last;
     if (since < 15s) rig_.run_for(15s - std::max(since, rt::Duration{0}));
     // A long search: it pauses between the frames of each question when a small receive buffer may be there.
-    const std::string wrong = verdict_that_stays();
+    std::string wrong = verdict_that_stays();
+    // What is to be switched off and on may have shown since the first rest.
+    for (int round = 0; round < 3 && !wrong.empty() && power_cycle(); ++round) {
+      rig_.run_for(15s);
+      wrong = verdict_that_stays();
+    }
     if (!wrong.empty() && outcome_.failure.empty()) outcome_.failure = wrong;
   }
 

@@ -102,6 +102,30 @@ TEST(Doubles, ADeviceThatLeavesAsItIsIdentifiedIsMissed) {
   EXPECT_TRUE(rig.run_until([&] { return rig.state(5) == SlotState::absent; }, 10s)) << rig.log();
 }
 
+// A stranger on the slot's node-ID has none in its memory any more, and uses it until its power cycle: a person is
+// told, and it is not told again and again.
+TEST(Doubles, ADeviceThatFadesIsNotBlankedAtEveryLook) {
+  auto p = one_bus_plant(1);
+  stored(p, "stranger", type_c, 9, 5).power_cycle_after_store = true;
+  add_device(p, "own", type_b, 1);
+  Rig rig(slot_five(), p);
+  LssEar ear;
+  rig.world().bus("backbone")->add_tap(ear);
+  rig.begin();
+  const auto told = [&] { return rig.log().find("until it is switched off and on") != std::string::npos; };
+  ASSERT_TRUE(rig.run_until(told, 120s)) << rig.log();
+  EXPECT_FALSE(rig.device("stranger").truth().persistent.configured());
+  const unsigned before = ear.stores;
+  rig.run_for(20s);
+  EXPECT_EQ(ear.stores, before) << rig.log();
+  rig.device("stranger").power(false);
+  rig.run_for(100ms);
+  rig.device("stranger").power(true);
+  ASSERT_TRUE(rig.until_operational(120s)) << rig.log();
+  EXPECT_EQ(rig.seats(), (Seats{{5, 1}}));
+  rig.world().bus("backbone")->remove_tap(ear);
+}
+
 // What was stored once is not stored again at every look: memory wears out.
 TEST(Doubles, ADeviceThatWaitsForItsPowerCycleIsNotToldAgainAndAgain) {
   auto p = one_bus_plant(1);

@@ -194,6 +194,7 @@ Outcome effect(State& s) {
       return Outcome::ok;
     case Step::configure:
     case Step::revert: {
+      if (bind && w.step() == Step::configure && s.heard[s.slot]) return Outcome::mismatch;
       const NodeId value = w.step() == Step::configure ? w.seat().id : w.revert_to();
       bool any = false;
       for (auto& each : s.devices) {
@@ -205,6 +206,7 @@ Outcome effect(State& s) {
       return any ? Outcome::ok : Outcome::silent;
     }
     case Step::store:
+      if (bind && s.heard[s.slot]) return Outcome::mismatch;
       if (!d.powered || !d.configuration) return Outcome::silent;
       d.persistent = d.pending;
       d.ours = d.persistent.configured();
