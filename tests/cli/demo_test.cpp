@@ -1,6 +1,9 @@
 // `berth demo`, `berth up`: the main job from the outside.
+#include <gtest/gtest.h>
 #include <signal.h>
 #include <unistd.h>
+#include <algorithm>
+#include <string>
 
 #include <filesystem>
 #include <map>

@@ -7,6 +7,8 @@
 #include <signal.h>
 #include <sys/wait.h>
 #include <unistd.h>
+#include <string>
+#include <vector>
 
 #include <array>
 #include <cerrno>

@@ -1,7 +1,10 @@
 // The package that `cmake --install` gives, and a project outside that uses it: this build is installed to a folder of
 // its own, and configured, built and run against from there.
+#include <gtest/gtest.h>
 #include <sys/wait.h>
 #include <unistd.h>
+#include <string>
+#include <vector>
 
 #include <array>
 #include <cstdio>

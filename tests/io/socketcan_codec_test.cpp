@@ -2,6 +2,9 @@
 
 #include <gtest/gtest.h>
 #include <rapidcheck/gtest.h>
+#include <chrono>
+#include <cstdint>
+#include <vector>
 
 #include <algorithm>
 
