@@ -100,6 +100,12 @@ TEST_F(Install, AnOutsideProjectFindsBuildsAndRuns) {
   EXPECT_EQ(ran.out, "node 5 has vendor-ID 0000002A\n");
 }
 
+// A room brings what it uses and no more: SQLite is the store's, and the main job knows only `places::SlotStore`.
+TEST_F(Install, OnlyTheStoreBringsSqlite) {
+  const auto without_store = configure("operate", "operate;command;serve", {"SQLiteCpp", "SQLite3"});
+  EXPECT_EQ(without_store.status, 0) << without_store.out;
+}
+
 TEST_F(Install, WhatIsMissingIsNamed) {
   const auto without_sqlite = configure("store", "store", {"SQLiteCpp"});
   EXPECT_NE(without_sqlite.status, 0);
