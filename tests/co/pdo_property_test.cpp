@@ -1,4 +1,5 @@
 // What a running set of PDOs made of any writes is what a set that starts afterwards makes of the records.
+#include <gtest/gtest.h>
 #include <rapidcheck/gtest.h>
 #include <algorithm>
 #include <cstdint>
