@@ -10,6 +10,7 @@
 #include <optional>
 
 #include "berth/command/verbs.hpp"
+#include "berth/text/printable.hpp"
 #include "berth/text/quantity.hpp"
 #include "execute.hpp"
 #include "output.hpp"
@@ -35,20 +36,17 @@ std::optional<std::string> typed_line(Interrupt& interrupt) {
 }  // namespace
 
 bool ask_yes(const std::string& question, Interrupt& interrupt) {
-  fmt::print("{} [y/N] ", question);
-  std::fflush(stdout);
+  write_text(text::printable(question) + " [y/N] ");
   const auto answer = typed_line(interrupt);
   return answer == "y" || answer == "yes";
 }
 
 std::vector<std::string> lines_of(const Event& question) {
-  std::vector<std::string> lines{fmt::format("bus {}: {}", question.bus, question.text)};
+  std::vector<std::string> lines;
   for (std::size_t i = 0; i < question.devices.size(); ++i) {
     lines.push_back(fmt::format("  {}  {}", i + 1, question.devices[i]));
   }
-  std::string slots;
-  for (const auto& slot : question.slots) slots += (slots.empty() ? "" : ", ") + slot;
-  lines.push_back(fmt::format("type a slot ({}) and the number of its device", slots));
+  lines.push_back(fmt::format("type a slot ({}) and the number of its device", operate::name_some(question.slots)));
   return lines;
 }
 
@@ -96,18 +94,18 @@ std::vector<Event> open_questions(const operate::Session& session) { return sess
 
 }  // namespace
 
-Asker::Asker(operate::Session& session, io::Loop& loop, std::function<void(const std::string&)> say)
-    : session_(&session), loop_(&loop), say_(std::move(say)), scope_(session.executor()) {}
+Asker::Asker(operate::Session& session, io::Loop& loop, std::function<void(const std::string&)> say, bool takes_lines)
+    : session_(&session), loop_(&loop), say_(std::move(say)), takes_lines_(takes_lines), scope_(session.executor()) {}
 
 Asker::~Asker() {
-  loop_->forget(STDIN_FILENO);
+  if (!takes_lines_) loop_->forget(STDIN_FILENO);
   scope_.cancel();
 }
 
 void Asker::event(const Event& event) {
   if (event.kind != "question" || event.devices.empty()) return;
   for (const auto& line : lines_of(event)) say_(line);
-  if (!over_) loop_->watch(STDIN_FILENO, *this, EPOLLIN);
+  if (!over_ && !takes_lines_) loop_->watch(STDIN_FILENO, *this, EPOLLIN);
 }
 
 // What is typed while nothing is asked is left for the shell.
@@ -161,6 +159,7 @@ void ask_here(Rig& rig, rt::Duration limit) {
     const auto questions = open_questions(rig.session());
     const auto question = std::ranges::find_if(questions, [](const Event& q) { return !q.devices.empty(); });
     if (question == questions.end()) return;
+    print_line(fmt::format("bus {}: {}", question->bus, question->text));
     print_lines(lines_of(*question));
     const auto line = typed_line(rig.interrupt());
     if (!line || line->empty()) return;

@@ -20,7 +20,7 @@ namespace berth::cli {
 /// Waits for "y" or "yes" and Enter; anything else is no, a signal too.
 [[nodiscard]] bool ask_yes(const std::string& question, Interrupt& interrupt);
 
-/// What is open and how to answer, line by line: the devices are numbered.
+/// How to answer, line by line: the devices are numbered.
 [[nodiscard]] std::vector<std::string> lines_of(const operate::Event& question);
 
 /// "left 2": the second device of the question for slot "left". An empty verb and the reason in `problem` for anything
@@ -30,14 +30,16 @@ namespace berth::cli {
 /// Asks beside a run that goes on, in the loop that drives it. `say` prints a line.
 class Asker final : private io::Watcher {
  public:
-  /// Session and loop must stay.
-  Asker(operate::Session& session, io::Loop& loop, std::function<void(const std::string&)> say);
+  /// Session and loop must stay. With `takes_lines` it reads nothing itself: what is typed comes by `take`.
+  Asker(operate::Session& session, io::Loop& loop, std::function<void(const std::string&)> say, bool takes_lines);
   ~Asker();
   Asker(const Asker&) = delete;
   Asker& operator=(const Asker&) = delete;
 
   /// Tells a question when it comes; from then on what is typed is read.
   void event(const operate::Event& event);
+  /// A line that was typed: the answer to an open question, or what it lacks is told.
+  void take(const std::string& line);
 
  private:
   struct Answer;
@@ -51,13 +53,13 @@ class Asker final : private io::Watcher {
   };
   void ready(std::uint32_t events) noexcept override;
   void read_typed();
-  void take(const std::string& line);
   void report_answers();
 
   operate::Session* session_;
   io::Loop* loop_;
   std::function<void(const std::string&)> say_;
   std::string typed_;
+  bool takes_lines_;
   bool over_ = false;  // the input has ended
   Reporting reporting_{*this};
   std::vector<std::unique_ptr<Answer>> answers_;

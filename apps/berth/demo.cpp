@@ -1,5 +1,11 @@
 // `berth demo`: paper 1's five slaves, from blank to operational, then its replacement story (S1.49 to S1.51).
 #include "demo_data.hpp"
+
+#include <errno.h>
+#include <fmt/format.h>
+
+#include <utility>
+
 #include "up.hpp"
 #include "verbs.hpp"
 
@@ -7,12 +13,49 @@ namespace berth::cli {
 
 namespace {
 
+/// Explains the first of each thing that happens.
+class Comments {
+ public:
+  std::string operator()(const operate::Event& event) {
+    const auto first = [](bool& told) { return !std::exchange(told, true); };
+    if (event.slot.empty() && event.text == "discovered" && first(found_)) {
+      return "-- All are found by their LSS addresses. Each now gets the node-ID of its slot.";
+    }
+    if (event.slot.empty() && event.text == "operational" && first(operational_)) {
+      return "-- From blank to operational. In two seconds the plant unplugs s2 and s4.";
+    }
+    if (!event.slot.empty() && event.text.starts_with("absent") && first(lost_)) {
+      return "-- Its heartbeat stopped. This machine file lets a new device take its place.";
+    }
+    if (lost_ && !event.slot.empty() && event.text.starts_with("bound to") && first(replaced_)) {
+      return "-- A new device was plugged in, and has the node-ID of the one that left.";
+    }
+    return {};
+  }
+
+ private:
+  bool found_ = false;
+  bool operational_ = false;
+  bool lost_ = false;
+  bool replaced_ = false;
+};
+
+Story story() {
+  return {{"-- Five devices without node-IDs on a simulated bus, those of paper 1.",
+           "-- Berth finds them, gives each its node-ID, and starts them."},
+          Comments(),
+          {"-- Next: examples/five-slaves.toml is this machine, five-slaves.plant.toml its",
+           "-- devices. Change a serial number, unplug one, and try:",
+           fmt::format("  {} up examples/five-slaves.toml --sim examples/five-slaves.plant.toml",
+                       program_invocation_name)}};
+}
+
 int run_demo(const Options& options) {
   if (!options.machine.empty() || !options.sim.empty()) {
     return tell(failure(Exit::usage, "the demo's machine is built in; for your own: berth up MACHINE --sim PLANT"),
                 options.json);
   }
-  return bring_up(options, {"demo machine", "demo plant", demo_machine, demo_plant});
+  return bring_up(options, {"demo machine", "demo plant", demo_machine, demo_plant}, story());
 }
 
 }  // namespace

@@ -1,78 +1,16 @@
 #include "drive.hpp"
 
 #include <fmt/format.h>
-#include <sys/ioctl.h>
-#include <unistd.h>
 
 #include <algorithm>
 
 #include "ask.hpp"
 #include "berth/command/control.hpp"
-#include "berth/text/printable.hpp"
 #include "gateway.hpp"
 
 namespace berth::cli {
 
 using namespace std::chrono_literals;
-using Clock = std::chrono::steady_clock;
-
-// ---- Screen ----
-
-Screen::Screen(operate::Session& session, bool live, bool quiet) : session_(&session), live_(live), quiet_(quiet) {}
-
-void Screen::line(const std::string& text) {
-  dirty_ = true;
-  if (quiet_) return;
-  if (live_) {
-    waiting_.push_back(text);
-  } else {
-    print_line(text);
-  }
-}
-
-namespace {
-
-// As many characters as fit, so that a line of the table is one line of the terminal.
-std::string cut(const std::string& text, std::size_t width) {
-  std::size_t shown = 0;
-  for (std::size_t i = 0; i < text.size(); ++i) {
-    const bool begins = (static_cast<unsigned char>(text[i]) & 0xC0U) != 0x80U;
-    if (begins && shown++ == width) return text.substr(0, i);
-  }
-  return text;
-}
-
-std::size_t terminal_width() {
-  winsize size{};
-  return ::ioctl(STDOUT_FILENO, TIOCGWINSZ, &size) == 0 && size.ws_col > 0 ? size.ws_col : 80;
-}
-
-}  // namespace
-
-void Screen::keep() {
-  refresh(true);
-  drawn_ = 0;
-  live_ = false;
-}
-
-void Screen::refresh(bool now) {
-  if (!live_ || quiet_) return;
-  const auto since = Clock::now() - last_;
-  if (!now && since < (dirty_ ? 100ms : 1000ms)) return;
-  last_ = Clock::now();
-  dirty_ = false;
-  const std::size_t width = terminal_width();
-  std::string text = drawn_ > 0 ? fmt::format("\x1b[{}A\r\x1b[J", drawn_) : "";
-  for (const auto& line : waiting_) text += text::printable(line) + "\n";
-  waiting_.clear();
-  std::vector<std::string> table{"", fmt::format("{}  {:.1f} s on the bus  Ctrl-C ends it", session_->machine().name,
-                                                 operate::seconds(session_->executor().now()))};
-  std::ranges::move(operate::to_table(session_->slots()), std::back_inserter(table));
-  for (const auto& line : table) text += cut(text::printable(line), width) + "\n";
-  drawn_ = table.size();
-  std::fwrite(text.data(), 1, text.size(), stdout);
-  std::fflush(stdout);
-}
 
 // ---- Ending ----
 
@@ -167,6 +105,9 @@ tl::expected<Beside, Failure> serve_beside(Rig& rig, Screen& screen, const Optio
     auto listening = command::ControlServer::listen(control, *rig.loop(), rig.session());
     if (!listening) return tl::unexpected(failure(Exit::failed, listening.error()));
     beside.server = std::move(*listening);
+    auto* const server = beside.server.get();
+    rig.record().follow([server] { return server->followed(); },
+                        [server](const std::string& line) { server->frame(line); });
   }
   if (!options.gateway.empty()) {
     auto host = GatewayHost::listen(rig, options.gateway,
@@ -176,7 +117,8 @@ tl::expected<Beside, Failure> serve_beside(Rig& rig, Screen& screen, const Optio
     screen.line("CiA 309-3 gateway at " + beside.gateway->where());
   }
   if (!options.json && !options.dry_run && someone_types()) {
-    beside.asker = std::make_unique<Asker>(rig.session(), *rig.loop(), say);
+    beside.asker = std::make_unique<Asker>(rig.session(), *rig.loop(), say, screen.live());
+    screen.listen(*rig.loop(), [asker = beside.asker.get()](const std::string& line) { asker->take(line); });
   }
   return beside;
 }
@@ -199,7 +141,7 @@ tl::expected<Ended, Failure> drive(Rig& rig, Ending& ending, Screen& screen, con
   if (!beside) return tl::unexpected(beside.error());
   rig.session().on_event([&](const operate::Event& event) {
     ending.event(event);
-    screen.line(operate::to_line(event));
+    screen.event(event);
     if (beside->asker) beside->asker->event(event);
   });
   rig.session().on_milestone([&](const std::string& name) {
@@ -211,6 +153,7 @@ tl::expected<Ended, Failure> drive(Rig& rig, Ending& ending, Screen& screen, con
   Ended how = Ended::timeout;
   const auto over = [&] {
     screen.refresh();
+    rig.record().settle();
     if (interrupt.noticed()) {
       how = Ended::interrupted;
     } else if (ending.reached() || rig.guards().dry_run_over()) {
@@ -222,6 +165,7 @@ tl::expected<Ended, Failure> drive(Rig& rig, Ending& ending, Screen& screen, con
   };
   rig.driver().run_until(over, rig.driver().later(allowed(ending, options, real_time)));
   screen.refresh(true);
+  rig.record().follow({}, {});
   rig.session().on_event({});
   rig.session().on_milestone({});
   return how;

@@ -1,34 +1,14 @@
 /// Runs the main job of a rig until it is to end.
 #pragma once
 
-#include <chrono>
 #include <map>
 #include <string>
 
 #include "interrupt.hpp"
 #include "rig.hpp"
+#include "screen.hpp"
 
 namespace berth::cli {
-
-/// The lines of a run: on a terminal above a live slot table, else plain.
-class Screen {
- public:
-  Screen(operate::Session& session, bool live, bool quiet);
-  void line(const std::string& text);
-  /// Draws the table anew when something changed or a second went by, at most ten times a second.
-  void refresh(bool now = false);
-  /// What is drawn stays; what comes goes below it.
-  void keep();
-
- private:
-  operate::Session* session_;
-  bool live_;
-  bool quiet_;
-  bool dirty_ = true;
-  std::size_t drawn_ = 0;  // lines of the table on the screen
-  std::vector<std::string> waiting_;
-  std::chrono::steady_clock::time_point last_{};
-};
 
 /// When a run is over. Watches the session's events and the plant's plan.
 class Ending {

@@ -303,8 +303,7 @@ int run_eds_convert(const Options& options, const EdsOptions& asked) {
     return tell(failure(Exit::usage, "--json and the file itself cannot both go to standard output"), true);
   if (to_stream) {
     const std::string bytes = on_terminal() ? text::printable(converted->bytes) : converted->bytes;
-    std::fwrite(bytes.data(), 1, bytes.size(), stdout);
-    std::fflush(stdout);
+    write_text(bytes);
   } else if (const auto why = replace_file(out, converted->bytes)) {
     return tell(failure(Exit::failed, fmt::format("{} cannot be written: {}", out, *why)), options.json);
   }

@@ -4,15 +4,31 @@
 #include <sys/signalfd.h>
 #include <unistd.h>
 
+#include <algorithm>
+#include <array>
+
+#include "output.hpp"
+
 namespace berth::cli {
 
 using Clock = std::chrono::steady_clock;
 
-Interrupt::Interrupt(io::Loop* loop) : loop_(loop) {
+namespace {
+
+// Those by which a person, a supervisor or a terminal that is closed ends a program.
+constexpr std::array<int, 3> ending{SIGINT, SIGTERM, SIGHUP};
+
+sigset_t ending_signals() noexcept {
   sigset_t set;
   sigemptyset(&set);
-  sigaddset(&set, SIGINT);
-  sigaddset(&set, SIGTERM);
+  for (const int signal : ending) sigaddset(&set, signal);
+  return set;
+}
+
+}  // namespace
+
+Interrupt::Interrupt(io::Loop* loop) : loop_(loop) {
+  const sigset_t set = ending_signals();
   ::sigprocmask(SIG_BLOCK, &set, &before_);
   fd_ = ::signalfd(-1, &set, SFD_NONBLOCK | SFD_CLOEXEC);
   if (loop_ != nullptr) loop_->watch(fd_, *this, EPOLLIN);
@@ -29,7 +45,7 @@ Interrupt::~Interrupt() {
 
 bool Interrupt::came() noexcept {
   signalfd_siginfo info{};
-  came_ = came_ || ::read(fd_, &info, sizeof info) == static_cast<ssize_t>(sizeof info);
+  came_ = came_ || output_broken() || ::read(fd_, &info, sizeof info) == static_cast<ssize_t>(sizeof info);
   return came_;
 }
 
@@ -39,7 +55,7 @@ void Interrupt::ready(std::uint32_t) noexcept { static_cast<void>(came()); }
 bool Interrupt::noticed() noexcept {
   constexpr unsigned seldom = 256;
   const bool looks = loop_ == nullptr && ++asked_ % seldom == 0;
-  return looks ? came() : came_;
+  return looks ? came() : came_ || output_broken();
 }
 
 bool wait_until(rt::Driver& driver, Interrupt& interrupt, const rt::Driver::Predicate& over, rt::Duration most) {
@@ -57,7 +73,8 @@ std::function<bool()> ended_by(std::optional<std::chrono::nanoseconds> after) {
   return [end] {
     sigset_t waiting;
     ::sigpending(&waiting);
-    return ::sigismember(&waiting, SIGINT) == 1 || ::sigismember(&waiting, SIGTERM) == 1 || Clock::now() >= end;
+    const bool ends = std::ranges::any_of(ending, [&](int s) { return ::sigismember(&waiting, s) == 1; });
+    return ends || output_broken() || Clock::now() >= end;
   };
 }
 

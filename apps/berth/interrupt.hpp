@@ -1,5 +1,5 @@
-/// SIGINT and SIGTERM, so that a command ends in words and with its own exit status; and waiting that ends by them: the
-/// one way in which a command waits.
+/// SIGINT, SIGTERM, SIGHUP and an output that is gone, so that a command ends in words and with its own exit status;
+/// and waiting that ends by them: the one way in which a command waits.
 ///
 ///     const bool done = wait_until(rig.driver(), rig.interrupt(), [&] { return over; }, 5min);
 #pragma once
@@ -15,7 +15,7 @@
 
 namespace berth::cli {
 
-/// Both signals as a descriptor. While it lives neither ends the process by itself: what waits looks at `came` or waits
+/// These signals as a descriptor. While it lives none ends the process by itself: what waits looks at `came` or waits
 /// by `wait_until`, what computes in a library asks `ended_by`. One at a time: a signal is told to one alone.
 class Interrupt final : private io::Watcher {
  public:
@@ -45,7 +45,7 @@ bool wait_until(rt::Driver& driver, Interrupt& interrupt, const rt::Driver::Pred
 /// Runs for `time`, or until a signal came.
 void wait_for(rt::Driver& driver, Interrupt& interrupt, rt::Duration time);
 
-/// True when SIGINT or SIGTERM waits to be taken, or `after` is over from now on: what ends a call that takes long.
+/// True when such a signal waits to be taken, or `after` is over from now on: what ends a call that takes long.
 /// There must be an `Interrupt`, and its loop must not turn meanwhile.
 [[nodiscard]] std::function<bool()> ended_by(std::optional<std::chrono::nanoseconds> after);
 

@@ -1,11 +1,13 @@
 // The command line: every verb, in the order of the help. How one is added: docs/architecture.md.
+#include "output.hpp"
 #include "verbs.hpp"
 
 int main(int argc, char** argv) {
   using namespace berth::cli;
-  return run_command_line(argc, argv,
-                          {add_demo,   add_up,        add_scan,    add_status, add_bind,    add_locate, add_replace,
-                           add_forget, add_configure, add_sdo,     add_nmt,    add_lss,     add_eds,    add_doctor,
-                           add_trace,  add_reproduce, add_compare, add_serve,  add_gateway, add_adopt,  add_export,
-                           add_import, add_device,    add_sim,     add_plant,  add_version});
+  secure_streams();
+  return with_output(run_command_line(
+      argc, argv, {add_demo,   add_up,        add_scan,    add_status, add_bind,    add_locate, add_replace,
+                   add_forget, add_configure, add_sdo,     add_nmt,    add_lss,     add_eds,    add_doctor,
+                   add_trace,  add_reproduce, add_compare, add_serve,  add_gateway, add_adopt,  add_export,
+                   add_import, add_device,    add_sim,     add_plant,  add_version}));
 }

@@ -38,6 +38,7 @@ struct Options {
   std::string until;  ///< "", "operational", "replaced"
   bool pace = false;
   bool fast = false;
+  bool events = false;    ///< --json: every event as a line, as it happens
   bool bring_up = false;  ///< single commands: run the main job first
   int real_time = 0;      ///< SCHED_FIFO priority; 0: none
 };

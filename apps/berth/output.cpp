@@ -1,8 +1,12 @@
 #include "output.hpp"
 
+#include <fcntl.h>
 #include <unistd.h>
 
+#include <fmt/format.h>
+
 #include <cerrno>
+#include <csignal>
 #include <cstdio>
 #include <cstring>
 #include <fstream>
@@ -16,6 +20,10 @@ namespace berth::cli {
 using Json = nlohmann::ordered_json;
 
 namespace {
+
+constexpr std::size_t most_told = 100;  // errors of one file, and warnings
+
+int broken_by = 0;  // errno of the first write that failed
 
 std::string dump(const Json& json) { return json.dump(2, ' ', false, Json::error_handler_t::replace); }
 
@@ -31,8 +39,10 @@ Failure failure(const Findings& findings) {
   Failure f{2, {}, {}};
   Json json;
   auto& list = json["error"]["findings"];
+  std::size_t told = 0;
   for (const auto& finding : findings) {
     if (finding.severity != Finding::Severity::error) continue;
+    if (++told > most_told) continue;
     f.message += (f.message.empty() ? "" : "\n") + to_string(finding);
     Json one;
     one["file"] = finding.file;
@@ -43,15 +53,19 @@ Failure failure(const Findings& findings) {
     if (!finding.fix.empty()) one["fix"] = finding.fix;
     list.push_back(one);
   }
+  if (told > most_told) f.message += fmt::format("\n{} more errors are not shown", told - most_told);
   json["error"]["message"] = f.message;
   f.json = dump(json);
   return f;
 }
 
 void warn(const Findings& findings, bool json) {
+  std::size_t told = 0;
   for (const auto& f : findings) {
-    if (f.severity == Finding::Severity::warning && !json) print_error(to_string(f));
+    if (f.severity != Finding::Severity::warning || json) continue;
+    if (++told <= most_told) print_error(to_string(f));
   }
+  if (told > most_told) print_error(fmt::format("{} more warnings are not shown", told - most_told));
 }
 
 int tell(const Failure& failure, bool json) {
@@ -63,12 +77,30 @@ int tell(const Failure& failure, bool json) {
   return failure.status;
 }
 
-void print_line(const std::string& line) {
-  const std::string text = text::printable(line);
-  std::fwrite(text.data(), 1, text.size(), stdout);
-  std::fputc('\n', stdout);
-  std::fflush(stdout);
+void secure_streams() {
+  for (const int fd : {STDIN_FILENO, STDOUT_FILENO, STDERR_FILENO}) {
+    if (::fcntl(fd, F_GETFD) < 0 && errno == EBADF) static_cast<void>(::open("/dev/null", O_RDWR));
+  }
+  std::signal(SIGPIPE, SIG_IGN);
 }
+
+bool output_broken() noexcept { return broken_by != 0; }
+
+int with_output(int status) {
+  if (std::fflush(stdout) != 0 && broken_by == 0) broken_by = errno;
+  if (broken_by == 0) return status;
+  // Who closed the pipe knows.
+  if (broken_by != EPIPE) print_error(std::string("standard output: ") + std::strerror(broken_by));
+  return Exit::failed;
+}
+
+void write_text(const std::string& text) {
+  if (output_broken()) return;
+  const bool good = std::fwrite(text.data(), 1, text.size(), stdout) == text.size() && std::fflush(stdout) == 0;
+  if (!good) broken_by = errno;
+}
+
+void print_line(const std::string& line) { write_text(text::printable(line) + "\n"); }
 
 void print_lines(const std::vector<std::string>& lines) {
   for (const auto& line : lines) print_line(line);

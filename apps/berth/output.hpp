@@ -24,11 +24,22 @@ void warn(const Findings& findings, bool json);
 /// Message on standard error, or with `json` the object on standard output. Gives the status.
 int tell(const Failure& failure, bool json);
 
+/// First thing in a program. A closed standard stream gets /dev/null, so that no file that is opened later takes its
+/// number and gets the text; and a reader of the output that leaves is an error of the output, not the program's end.
+void secure_streams();
+/// Something could not be written to standard output: who reads it has left, or the disk is full. What runs ends then,
+/// as by SIGTERM.
+[[nodiscard]] bool output_broken() noexcept;
+/// Last thing in a program: `status`, or 3 when standard output could not be written, which is told once.
+[[nodiscard]] int with_output(int status);
+
 /// These, `Screen` and `Outlet` are the only places that write to a terminal, and each filters what it writes
 /// (`text::printable`): texts of devices, files and peers reach them as they came.
 void print_line(const std::string& line);
 void print_lines(const std::vector<std::string>& lines);
 void print_error(const std::string& message);
+/// What moves a cursor, with the texts in it filtered already.
+void write_text(const std::string& text);
 [[nodiscard]] bool on_terminal();
 /// Writes a whole file; what went wrong, if anything did. Status 3.
 [[nodiscard]] std::optional<Failure> write_file(const std::string& path, const std::string& text);

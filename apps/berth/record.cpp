@@ -1,5 +1,8 @@
 #include "record.hpp"
 
+#include <fcntl.h>
+#include <unistd.h>
+
 #include <cerrno>
 #include <cmath>
 #include <cstring>
@@ -35,22 +38,67 @@ void print_dry_run(const std::vector<Recorded>& frames, const command::Reply* re
 }
 
 Record::~Record() {
-  if (log_ != nullptr) std::fclose(log_);
+  write_out();
+  if (log_ >= 0) ::close(log_);
 }
 
 tl::expected<void, Failure> Record::write_to(const std::string& path) {
-  log_ = std::fopen(path.c_str(), "we");
-  if (log_ != nullptr) return {};
+  log_ = ::open(path.c_str(), O_WRONLY | O_CREAT | O_TRUNC | O_CLOEXEC, 0666);
+  if (log_ >= 0) return {};
   return tl::unexpected(failure(Exit::failed, path + ": " + std::strerror(errno)));
 }
 
+void Record::follow(std::function<bool()> wanted, std::function<void(const std::string& line)> take) {
+  wanted_ = std::move(wanted);
+  take_ = std::move(take);
+}
+
 void Record::frame(const std::string& bus, const can::Frame& frame, rt::Time at, bool by_master) {
+  const bool followed = wanted_ && wanted_();
+  const bool sent = sent_ != nullptr && by_master;
+  if (log_ < 0 && !followed && !sent) return;
   const Recorded recorded{operate::seconds(at), bus, can::to_string(frame), by_master};
-  if (log_ != nullptr) {
+  if (log_ >= 0 || followed) {
     const std::string line = candump_line(recorded) + '\n';
-    failed_ = failed_ || std::fwrite(line.data(), 1, line.size(), log_) != line.size();
+    if (followed) take_(line);
+    if (log_ >= 0) lines_ += line;
   }
-  if (sent_ != nullptr && by_master) sent_->push_back(recorded);
+  if (sent) sent_->push_back(recorded);
+  constexpr std::size_t enough = std::size_t{1} << 16U;
+  if (lines_.size() >= enough) write_out();
+}
+
+void Record::settle() noexcept {
+  constexpr auto often = std::chrono::milliseconds(100);
+  if (lines_.empty() || std::chrono::steady_clock::now() - written_ < often) return;
+  write_out();
+}
+
+bool Record::kept() noexcept {
+  write_out();
+  return !failed_;
+}
+
+// Whole lines or none: what a full disk cut off is taken back.
+void Record::write_out() noexcept {
+  if (log_ < 0 || lines_.empty()) return;
+  written_ = std::chrono::steady_clock::now();
+  std::size_t done = 0;
+  while (done < lines_.size() && !failed_) {
+    const auto n = ::write(log_, lines_.data() + done, lines_.size() - done);
+    if (n > 0) {
+      done += static_cast<std::size_t>(n);
+    } else {
+      failed_ = n == 0 || errno != EINTR;
+    }
+  }
+  if (failed_ && done > 0) {
+    const auto newline = lines_.rfind('\n', done - 1);
+    const std::size_t whole = newline == std::string::npos ? 0 : newline + 1;
+    const off_t end = ::lseek(log_, 0, SEEK_CUR) - static_cast<off_t>(done - whole);
+    static_cast<void>(::ftruncate(log_, end));
+  }
+  lines_.clear();
 }
 
 }  // namespace berth::cli

@@ -1,7 +1,8 @@
 /// Frames that are kept: in the file of `--record`, and for what a dry run prints.
 #pragma once
 
-#include <cstdio>
+#include <chrono>
+#include <functional>
 #include <memory>
 #include <optional>
 #include <string>
@@ -42,13 +43,23 @@ class Record {
   [[nodiscard]] tl::expected<void, Failure> write_to(const std::string& path);
   /// Keeps the frames that Berth sends from now on.
   void collect_sent(std::vector<Recorded>& into) { sent_ = &into; }
+  /// Gives each frame's line to `take` from now on, while `wanted`; empty functions end that.
+  void follow(std::function<bool()> wanted, std::function<void(const std::string& line)> take);
   void frame(const std::string& bus, const can::Frame& frame, rt::Time at, bool by_master);
+  /// What came is in the file, so that it can be followed: whole lines, always.
+  void settle() noexcept;
   /// False when a line could not be written.
-  [[nodiscard]] bool kept() noexcept { return !failed_ && (log_ == nullptr || std::fflush(log_) == 0); }
+  [[nodiscard]] bool kept() noexcept;
 
  private:
+  void write_out() noexcept;
+
   std::vector<Recorded>* sent_ = nullptr;
-  std::FILE* log_ = nullptr;
+  std::function<bool()> wanted_;
+  std::function<void(const std::string&)> take_;
+  int log_ = -1;
+  std::string lines_;  // that are not in the file yet
+  std::chrono::steady_clock::time_point written_{};
   bool failed_ = false;
 };
 

@@ -137,7 +137,7 @@ tl::expected<can::Port*, Failure> Rig::attach(const design::Bus& bus, const Opti
   auto port = world_->attach_master(bus.name);
   if (!port)
     return tl::unexpected(failure(Exit::failed, fmt::format("the simulated world has no bus \"{}\"", bus.name)));
-  if (options.dry_run || !options.record.empty()) {
+  if (options.dry_run || !options.record.empty() || loop_ != nullptr) {
     taps_.push_back(std::make_unique<BusTap>(record_, *world_->bus(bus.name), port->number()));
   }
   ours_.push_back(std::move(port));

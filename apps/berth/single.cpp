@@ -45,7 +45,7 @@ tl::expected<void, Failure> prepare(Rig& rig, const Options& options) {
   Options up = options;
   up.timeout.reset();
   if (rig.loop() != nullptr) up.timeout = options.timeout.value_or(5min);
-  Screen screen(rig.session(), false, true);
+  Screen screen(rig.session(), {.quiet = true});
   Ending ending(rig, "operational");
   const auto ended = drive(rig, ending, screen, up, {});
   if (!ended) return tl::unexpected(ended.error());

@@ -103,7 +103,8 @@ void add_trace(Verb& berth, Options& options) {
       "Examples:\n  berth trace run.log\n  berth trace run.log --machine machine.toml --service sdo,emcy\n"
       "  berth trace run.log --eds 5=sensor.eds --node 5\n  berth trace run.pcapng --stats --bitrate 125000\n"
       "  berth trace run.asc -o run.pcapng\n  berth trace run.log --follow --text abort\n"
-      "  berth trace --port socketcan:can0 -o run.log");
+      "  berth trace --port socketcan:can0 -o run.log\n  berth trace --machine machine.toml     (the frames of the "
+      "`berth up` that runs it)");
   trace.word("file", wanted->file, "candump, pcapng, Vector ASC or PEAK TRC; - for standard input").shown("FILE");
   add_formats(trace, *wanted);
   trace.word("--machine", options.machine, "machine file: its slots' names, descriptions and configurations");
@@ -118,6 +119,7 @@ void add_trace(Verb& berth, Options& options) {
   trace.flag("--follow,-f", wanted->follow, "go on when the file's end is reached, until Ctrl-C or --timeout");
   trace.word("--port", wanted->port, "listen on a live bus and send nothing: socketcan:can0, plant:PATH, ...")
       .shown("PORT");
+  control_word(trace, options);
   trace.flag("--quiet,-q", wanted->quiet, "with -o and a live source: no words");
   trace.time("--timeout", options.timeout, "end a live source after this time");
   json_flag(trace, options, "one JSON object a row; with --stats or a conversion one in all");

@@ -11,7 +11,9 @@
 #include <cstring>
 
 #include "berth/can/port_spec.hpp"
+#include "berth/command/control.hpp"
 #include "berth/io/open_port.hpp"
+#include "berth/trace/candump.hpp"
 #include "interrupt.hpp"
 #include "trace_known.hpp"
 
@@ -188,7 +190,65 @@ class PortSource final : public TraceSource, private can::Listener {
   std::uint32_t lost_ = 0;
 };
 
-Opened open_live(const Options& options, const TraceOptions& trace, const KnownNodes& known) {
+/// The frames of a machine that `berth up` runs, through its control socket.
+class ControlSource final : public TraceSource {
+ public:
+  ControlSource(int fd, std::string path) : fd_(fd), path_(std::move(path)), reader_(path_) {}
+  ~ControlSource() override { ::close(fd_); }
+  ControlSource(const ControlSource&) = delete;
+  ControlSource& operator=(const ControlSource&) = delete;
+
+  Turned turn(trace::Sink& sink) override {
+    std::array<pollfd, 2> ends{pollfd{fd_, POLLIN, 0}, pollfd{interrupt_.descriptor(), POLLIN, 0}};
+    ::poll(ends.data(), ends.size(), static_cast<int>(look_again / 1ms));
+    if (interrupt_.came()) return State::over;
+    if (ends[0].revents == 0) return State::waiting;
+    const auto got = ::read(fd_, buffer_.data(), buffer_.size());
+    if (got < 0 && (errno == EINTR || errno == EAGAIN)) return State::waiting;
+    if (got <= 0) return State::over;
+    feed({buffer_.data(), static_cast<std::size_t>(got)}, sink);
+    return State::more;
+  }
+  void finish(trace::Sink& sink) override { reader_.finish(sink); }
+  const std::vector<std::string>& buses() const noexcept override { return reader_.buses(); }
+  std::string format() const override { return "live"; }
+
+ private:
+  void feed(std::string_view bytes, trace::Sink& sink) {
+    rest_ += bytes;
+    std::size_t from = 0;
+    for (auto end = rest_.find('\n'); end != std::string::npos; end = rest_.find('\n', from)) {
+      const std::string_view line = std::string_view(rest_).substr(from, end + 1 - from);
+      if (line.starts_with("dropped ")) {
+        tell_dropped(line.substr(0, line.size() - 1), sink);
+      } else {
+        reader_.feed(line, sink);
+      }
+      from = end + 1;
+    }
+    rest_.erase(0, from);
+  }
+  void tell_dropped(std::string_view line, trace::Sink& sink) const {
+    sink.finding(
+        {Finding::Severity::warning, path_, 0, 0, {}, fmt::format("{} frames: this reader was too slow", line), {}});
+  }
+
+  int fd_;
+  std::string path_;
+  trace::CandumpReader reader_;
+  Interrupt interrupt_;
+  std::string rest_;  // of a line that is not whole yet
+  std::vector<char> buffer_ = std::vector<char>(std::size_t{1} << 16U);
+};
+
+// Where a running `berth up` of this machine listens; empty: nowhere.
+std::string running(const Options& options, const KnownNodes& known) {
+  if (!known.machine()) return {};
+  const std::string path = options.control.empty() ? command::control_path(known.machine()->name) : options.control;
+  return command::control_answers(path) ? path : std::string();
+}
+
+Opened open_live(const TraceOptions& trace, const KnownNodes& known) {
   const design::Bus* machine_bus = nullptr;
   if (known.machine()) {
     const auto& buses = known.machine()->buses;
@@ -214,7 +274,6 @@ Opened open_live(const Options& options, const TraceOptions& trace, const KnownN
   if (bus.empty()) bus = spec->address;
   auto source = std::make_unique<PortSource>(bus, can::to_string(*spec));
   if (auto bad = source->open(*spec, how)) return tl::unexpected(std::move(*bad));
-  (void)options;
   return source;
 }
 
@@ -223,7 +282,14 @@ Opened open_live(const Options& options, const TraceOptions& trace, const KnownN
 Opened open_source(const Options& options, const TraceOptions& trace, const KnownNodes& known) {
   if (!trace.file.empty() && !trace.port.empty())
     return tl::unexpected(failure(Exit::usage, "a file or --port, not both"));
-  if (trace.file.empty()) return open_live(options, trace, known);
+  if (trace.file.empty() && trace.port.empty()) {
+    if (const auto path = running(options, known); !path.empty()) {
+      const auto fd = command::control_follow(path);
+      if (!fd) return tl::unexpected(failure(Exit::failed, fd.error()));
+      return std::make_unique<ControlSource>(*fd, path);
+    }
+  }
+  if (trace.file.empty()) return open_live(trace, known);
   if (trace.file == "-") return std::make_unique<FileSource>(STDIN_FILENO, "standard input", trace);
   const int fd = ::open(trace.file.c_str(), O_RDONLY | O_CLOEXEC);
   struct stat what {};

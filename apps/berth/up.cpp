@@ -14,16 +14,19 @@
 namespace berth::cli {
 namespace {
 
-// Why it is not operational, one line a slot.
+// Why it is not operational, each reason once.
 std::string reasons(operate::Session& session, Ended ended) {
-  std::string text = ended == Ended::timeout ? "the time allowed is over" : "";
-  for (const auto& s : session.slots()) {
+  std::vector<operate::SlotReport> wanting;
+  for (auto& s : session.slots()) {
     const design::Slot* const slot = session.machine().slot(s.bus, s.id);
     const bool optional = slot != nullptr && slot->spec.optional;
     if (optional || s.state == places::SlotState::operational) continue;
-    text += fmt::format("{}bus {}, slot {} (node-ID {}): {}{}", text.empty() ? "" : "\n", s.bus, s.name, s.id.value(),
-                        places::name(s.state), s.reason.empty() ? "" : ": " + s.reason);
+    if (s.reason.empty()) s.reason = "it did not become operational in that time";
+    s.name = fmt::format("slot {} (node-ID {})", s.name, s.id.value());
+    wanting.push_back(std::move(s));
   }
+  std::string text = ended == Ended::timeout ? "the time allowed is over" : "";
+  for (const auto& line : operate::reasons_of(wanting)) text += (text.empty() ? "" : "\n") + line;
   return "not operational: " + text;
 }
 
@@ -75,40 +78,51 @@ void print_outcome(Rig& rig, const Options& options, const std::vector<Recorded>
   if (options.dry_run) {
     print_dry_run(sent, nullptr, options.json);
   } else if (options.json) {
-    print_line(operate::to_json(rig.session().report()));
+    print_line(operate::to_json(rig.session().report(), options.events ? -1 : 2));
   } else if (table) {
     print_line("");
     print_lines(operate::to_table(rig.session().slots()));
+    for (const auto& question : rig.session().report().questions) print_line(question.text);
   }
 }
 
 }  // namespace
 
-int bring_up(const Options& wanted, const Sources& sources) {
+int bring_up(const Options& wanted, const Sources& sources, const Story& story) {
   Options options = wanted;
-  bool live = on_terminal() && !options.json && !options.dry_run;
-  options.pace = (options.pace || live) && !options.fast && !options.dry_run;
+  if (options.events && !options.json) {
+    return tell(failure(Exit::usage, "--events are lines of JSON: give --json too"), options.json);
+  }
+  const bool watched = on_terminal() && !options.json && !options.dry_run;
+  options.pace = (options.pace || watched) && !options.fast && !options.dry_run;
   auto made = Rig::make(options, sources);
   if (!made) return tell(made.error(), options.json);
   Rig& rig = **made;
-  live = live && rig.loop() != nullptr;
+  const bool live = watched && can_draw() && rig.loop() != nullptr;
   std::vector<Recorded> sent;
   if (options.dry_run) rig.record().collect_sent(sent);
   if (const auto no = refusal(rig, options)) return tell(*no, options.json);
-  Screen screen(rig.session(), live, options.json || options.dry_run);
+  Screen screen(rig.session(), {.live = live,
+                                .quiet = options.json || options.dry_run,
+                                .events = options.events && !options.dry_run,
+                                .wall_clock = !rig.guards().empty(),
+                                .comment = story.comment});
+  for (const auto& line : story.begin) screen.line(line);
   Ending ending(rig, options.until);
   const auto ended = drive(rig, ending, screen, options, control_of(rig, options));
   if (!ended) return tell(ended.error(), options.json);
   const bool good =
       rig.session().operational() && (*ended != Ended::settled || options.until != "replaced" || ending.reached());
   if (!options.dry_run) rig.leave(options);
+  screen.keep();
   print_outcome(rig, options, sent, !live);
   if (options.dry_run && !rig.guards().empty()) return Exit::done;
   if (!rig.record().kept())
     return tell(failure(Exit::failed, options.record + ": the record could not be written"), false);
+  const bool tells = !options.json && !options.dry_run;
+  if (tells) print_lines(story.end);
   if (good) return Exit::done;
-  screen.keep();
-  if (!options.json) {
+  if (!options.json && !output_broken()) {
     print_error(rig.session().operational() ? "no device was replaced" : reasons(rig.session(), *ended));
   }
   return Exit::no;
@@ -142,6 +156,7 @@ Word drive_words(const Verb& verb, Options& options) {
   const Word pace = verb.flag("--pace", options.pace, "in real time, and stay up until Ctrl-C (on a terminal: always)");
   Word fast = verb.flag("--fast", options.fast, "as fast as possible, on a terminal too; ends by itself");
   fast.excludes(pace);
+  verb.flag("--events", options.events, "with --json: every event as a line, as it happens; the last is the report");
   verb.word("--listen,--control", options.control, "socket for other commands (default: by the machine's name)");
   return fast;
 }

@@ -173,6 +173,49 @@ std::string no_command(const CLI::App& app, const std::string& written) {
                      meant.empty() ? "" : fmt::format("; did you mean {}?", meant));
 }
 
+/// The command whose words were wrong: the deepest that was named.
+const CLI::App& deepest(const CLI::App& app) {
+  const CLI::App* at = &app;
+  while (!at->get_subcommands().empty()) at = at->get_subcommands().front();
+  return *at;
+}
+
+std::string path_of(const CLI::App& app) {
+  const auto* const parent = app.get_parent();
+  return parent == nullptr || parent->get_name().empty() ? app.get_name() : path_of(*parent) + " " + app.get_name();
+}
+
+/// What a word that is not known was probably meant to be; empty: nothing is like it.
+std::string meant_by(const CLI::App& app, const std::string& word) {
+  std::vector<std::string> names;
+  if (word.starts_with("-")) {
+    for (const auto* const option : app.get_options()) {
+      for (const auto& name : option->get_lnames()) names.push_back("--" + name);
+    }
+  } else {
+    for (const auto* const sub : app.get_subcommands([](const CLI::App*) { return true; })) {
+      names.push_back(sub->get_name());
+    }
+  }
+  const std::vector<std::string_view> known(names.begin(), names.end());
+  return std::string(text::closest(word.substr(0, word.find('=')), known));
+}
+
+/// "; did you mean --bitrate?" for the first word behind the command that it does not know.
+std::string suggestion(const CLI::App& command, int argc, char** argv) {
+  const auto names = command.get_subcommands([](const CLI::App*) { return true; });
+  for (int i = 1; i < argc; ++i) {
+    const std::string word = argv[i];
+    const bool option = word.starts_with("--");
+    const bool known = option ? command.get_option_no_throw(word.substr(0, word.find('='))) != nullptr
+                              : names.empty() || std::string_view(word) == command.get_name();
+    if (known || word == "--") continue;
+    const auto meant = meant_by(command, word);
+    if (!meant.empty()) return fmt::format("; did you mean {}?", meant);
+  }
+  return {};
+}
+
 int wrong_use(const CLI::App& app, const CLI::ParseError& error, int argc, char** argv) {
   if (error.get_exit_code() == 0) return app.exit(error);  // --help
   const bool json = std::any_of(argv, argv + argc, [](const char* word) { return std::string_view(word) == "--json"; });
@@ -180,8 +223,10 @@ int wrong_use(const CLI::App& app, const CLI::ParseError& error, int argc, char*
   if (used.empty() && argc > 1 && argv[1][0] != '-') {
     return tell(failure(Exit::usage, no_command(app, argv[1])), json);
   }
-  const std::string help = used.empty() ? "berth --help" : fmt::format("berth {} --help", used.front()->get_name());
-  return tell(failure(Exit::usage, fmt::format("{}; see {}", error.what(), help)), json);
+  const CLI::App& command = deepest(app);
+  return tell(failure(Exit::usage, fmt::format("{}{}; see {} --help", error.what(), suggestion(command, argc, argv),
+                                               path_of(command))),
+              json);
 }
 
 }  // namespace
@@ -195,10 +240,18 @@ int run_command_line(int argc, char** argv, const std::vector<AddVerb>& verbs) {
   Verb::Action action;
   Verb berth(app, action);
   for (const auto add : verbs) add(berth, options);
+  // `berth help sdo read` is `berth sdo read --help`.
+  std::vector<char*> words(argv, argv + argc);
+  std::string help = "--help";
+  if (words.size() > 1 && std::string_view(words[1]) == "help") {
+    words.erase(words.begin() + 1);
+    words.push_back(help.data());
+  }
+  const int count = static_cast<int>(words.size());
   try {
-    app.parse(argc, argv);
+    app.parse(count, words.data());
   } catch (const CLI::ParseError& error) {
-    return wrong_use(app, error, argc, argv);
+    return wrong_use(app, error, count, words.data());
   }
   if (options.real_time == 0) return action();
   const auto done = io::go_real_time({.priority = options.real_time, .lock_memory = true});

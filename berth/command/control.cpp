@@ -100,9 +100,14 @@ std::string make_folder(const std::string& path) {
   const auto slash = path.rfind('/');
   if (slash == std::string::npos || slash == 0) return {};
   const std::string folder = path.substr(0, slash);
-  if (::mkdir(folder.c_str(), 0700) == 0) return {};
-  const int error = errno;
   struct stat status {};
+  // A folder that a person named is the person's to make.
+  const bool ours = folder == fmt::format("/tmp/berth-{}", ::getuid());
+  if (!ours && (::stat(folder.c_str(), &status) != 0 || !S_ISDIR(status.st_mode))) {
+    return fmt::format("{}: there is no such folder for the control socket", folder);
+  }
+  if (!ours || ::mkdir(folder.c_str(), 0700) == 0) return {};
+  const int error = errno;
   const bool there = error == EEXIST && ::stat(folder.c_str(), &status) == 0 && S_ISDIR(status.st_mode);
   if (!there) return fmt::format("{}: the folder cannot be made: {}", folder, reason(error));
   return untrusted_folder(path);
@@ -163,19 +168,41 @@ bool control_answers(const std::string& path) {
   return address_of(path, address) && listener_of(address) != 0;
 }
 
-tl::expected<Reply, std::string> control_call(const std::string& path, const Request& request, int timeout_ms) {
+namespace {
+
+/// A connection to the process that listens at `path`, when it is one to be trusted.
+tl::expected<int, std::string> connected_to(const std::string& path) {
   sockaddr_un address{};
   if (!address_of(path, address)) return tl::unexpected(too_long(path));
   if (const auto problem = untrusted_folder(path); !problem.empty()) return tl::unexpected(problem);
-  const Descriptor fd(::socket(AF_UNIX, SOCK_STREAM | SOCK_NONBLOCK | SOCK_CLOEXEC, 0));
+  Descriptor fd(::socket(AF_UNIX, SOCK_STREAM | SOCK_NONBLOCK | SOCK_CLOEXEC, 0));
   if (fd.get() < 0) return tl::unexpected(reason(errno));
   if (!connects(fd.get(), address)) {
-    return tl::unexpected(fmt::format("{}: nobody listens there ({})", path, reason(errno)));
+    return tl::unexpected(fmt::format("{}: no process listens there ({})", path, reason(errno)));
   }
   if (const auto peer = peer_of(fd.get()); !trusted(peer)) {
     return tl::unexpected(fmt::format("{}: another user ({}) listens there: nothing was asked of it; give --control",
                                       path, peer ? std::to_string(peer->uid) : "unknown"));
   }
+  return fd.release();
+}
+
+}  // namespace
+
+tl::expected<int, std::string> control_follow(const std::string& path) {
+  const auto made = connected_to(path);
+  if (!made) return tl::unexpected(made.error());
+  Descriptor fd(*made);
+  const auto end = std::chrono::steady_clock::now() + std::chrono::seconds(10);
+  if (auto problem = give(fd.get(), to_json(Request{"frames", {}}) + "\n", end); !problem.empty())
+    return tl::unexpected(fmt::format("{}: the request could not be sent: {}", path, problem));
+  return fd.release();
+}
+
+tl::expected<Reply, std::string> control_call(const std::string& path, const Request& request, int timeout_ms) {
+  const auto made = connected_to(path);
+  if (!made) return tl::unexpected(made.error());
+  const Descriptor fd(*made);
   const auto end = std::chrono::steady_clock::now() + std::chrono::milliseconds(timeout_ms);
   if (auto problem = give(fd.get(), to_json(request) + "\n", end); !problem.empty())
     return tl::unexpected(fmt::format("{}: the request could not be sent: {}", path, problem));
@@ -213,7 +240,9 @@ struct ControlServer::Client {
   Reply reply;
   bool busy = false;
   bool answered = false;
-  rt::Scope scope;  // last: its task uses the rest
+  bool follows = false;       // every frame
+  std::uint64_t dropped = 0;  // lines since the last that went out
+  rt::Scope scope;            // last: its task uses the rest
 };
 
 namespace {
@@ -309,6 +338,23 @@ bool ControlServer::read_from(Client& client) {
   return true;
 }
 
+bool ControlServer::followed() const noexcept {
+  return std::ranges::any_of(clients_, [](const auto& client) { return client->follows; });
+}
+
+void ControlServer::frame(const std::string& line) {
+  for (const auto& client : clients_) {
+    if (!client->follows) continue;
+    if (client->out.size() + line.size() > most_behind) {
+      ++client->dropped;
+      continue;
+    }
+    if (client->dropped > 0) client->out += fmt::format("dropped {}\n", std::exchange(client->dropped, 0));
+    client->out += line;
+  }
+  session_->executor().post(answering_);
+}
+
 // Takes the next whole line, if there is one.
 void ControlServer::begin(Client& client) {
   const auto end = client.in.find('\n');
@@ -317,6 +363,10 @@ void ControlServer::begin(Client& client) {
   client.in.erase(0, end + 1);
   std::string problem;
   client.request = parse_request(line, problem);
+  if (client.request.verb == "frames") {
+    client.follows = true;
+    return;
+  }
   client.busy = true;
   client.answered = client.request.verb.empty();
   if (client.answered) {

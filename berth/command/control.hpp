@@ -22,6 +22,10 @@ namespace berth::command {
 /// or underscore in the machine's name becomes an underscore.
 [[nodiscard]] std::string control_path(const std::string& machine);
 
+/// A connection that gives every frame of the machine that listens at `path`, line by line (`ControlServer::frame`).
+/// The caller closes it. Failures in words, as of `control_call`.
+[[nodiscard]] tl::expected<int, std::string> control_follow(const std::string& path);
+
 /// Sends `request` to the process that listens at `path` and waits for the answer. A failure is told in words: no
 /// process there, no answer in `timeout_ms`, another user's folder or process, an answer beyond 16 MiB. Nothing is sent
 /// to a stranger.
@@ -44,6 +48,13 @@ class ControlServer final : private io::Watcher {
   ControlServer& operator=(const ControlServer&) = delete;
 
   [[nodiscard]] const std::string& path() const noexcept { return path_; }
+
+  /// A client has asked for "frames": it gets every frame's line (candump -L's), until it leaves.
+  [[nodiscard]] bool followed() const noexcept;
+  /// The line of a frame, with its end, for those that follow. What a client that is too slow has not taken is bounded
+  /// (`most_behind` bytes): further lines are left out and counted, and the count is a line of its own, "dropped N".
+  void frame(const std::string& line);
+  static constexpr std::size_t most_behind = std::size_t{1} << 20U;
 
  private:
   struct Client;

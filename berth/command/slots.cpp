@@ -20,6 +20,7 @@ rt::Task<void> report(Session& session, const Request& request, Reply& reply) {
   const operate::Report now = session.report();
   reply.json = to_json(now, -1);
   reply.lines = operate::to_table(now.slots);
+  for (const auto& question : now.questions) reply.lines.push_back(question.text);
 }
 
 namespace {

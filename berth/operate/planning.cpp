@@ -288,7 +288,7 @@ void Planning::report() {
   std::vector<const Seat*> asked;
   for (const auto& question : plan_.questions) {
     for (const auto i : question.slots) {
-      slots_.set_state(*slots_.seats()[i], SlotState::question, question.text);
+      slots_.set_state(*slots_.seats()[i], SlotState::question, question.brief.empty() ? question.text : question.brief);
       asked.push_back(slots_.seats()[i].get());
     }
   }

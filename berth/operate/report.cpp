@@ -3,7 +3,11 @@
 #include <fmt/format.h>
 
 #include <algorithm>
+#include <iterator>
+#include <map>
 #include <nlohmann/json.hpp>
+
+#include "berth/text/columns.hpp"
 
 namespace berth::operate {
 namespace {
@@ -65,24 +69,49 @@ std::string to_line(const Event& e) {
   return fmt::format("{:9.3f} s  {}  {}{}", seconds(e.at), e.bus, e.slot.empty() ? "" : e.slot + ": ", e.text);
 }
 
+std::string name_some(const std::vector<std::string>& names) {
+  constexpr std::size_t most = 4;
+  const std::size_t shown = names.size() > most ? most - 1 : names.size();
+  std::string text;
+  for (std::size_t i = 0; i < shown; ++i) text += (i == 0 ? "" : ", ") + names[i];
+  return shown == names.size() ? text : fmt::format("{} and {} more", text, names.size() - shown);
+}
+
+std::vector<std::string> reasons_of(const std::vector<SlotReport>& slots) {
+  const bool one_bus = std::ranges::all_of(slots, [&](const auto& s) { return s.bus == slots.front().bus; });
+  std::vector<std::pair<const SlotReport*, std::vector<std::string>>> told;  // the first of each, and the names
+  std::map<std::pair<places::SlotState, std::string_view>, std::size_t> where;
+  for (const auto& s : slots) {
+    if (s.reason.empty()) continue;
+    const auto [it, added] = where.try_emplace({s.state, s.reason}, told.size());
+    if (added) told.push_back({&s, {}});
+    told[it->second].second.push_back(one_bus ? s.name : s.bus + "/" + s.name);
+  }
+  std::vector<std::string> lines;
+  for (const auto& [slot, names] : told) {
+    lines.push_back(fmt::format("{}: {}: {}", name_some(names), places::name(slot->state), slot->reason));
+  }
+  return lines;
+}
+
 std::vector<std::string> to_table(const std::vector<SlotReport>& slots) {
   std::size_t bus = 3;
   std::size_t name = 4;
-  std::size_t state = 11;  // with short names a row, but for its reason, fits a terminal of 80 columns
+  std::size_t state = 11;  // with short names a row fits a terminal of 80 columns
   for (const auto& s : slots) {
-    bus = std::max(bus, s.bus.size());
-    name = std::max(name, s.name.size());
+    bus = std::max(bus, text::columns(s.bus));
+    name = std::max(name, text::columns(s.name));
     state = std::max(state, std::string_view(places::name(s.state)).size());
   }
   std::vector<std::string> lines;
-  lines.push_back(fmt::format("{:<{}}  {:>3}  {:<{}}  {:<17}  {:<16}  {:<{}}  {:>9}", "bus", bus, "id", "slot", name,
-                              "type", "R_SN", "state", state, "since"));
+  lines.push_back(fmt::format("{:<{}}  {:>3}  {:<{}}  {:<{}}  {:>9}  {:<17}  {}", "bus", bus, "id", "slot", name,
+                              "state", state, "since", "type", "R_SN"));
   for (const auto& s : slots) {
-    lines.push_back(
-        fmt::format("{:<{}}  {:>3}  {:<{}}  {:<17}  {:<16}  {:<{}}  {:>7.3f} s{}", s.bus, bus, s.id.value(), s.name,
-                    name, to_string(s.type), s.device ? fmt::format("{:016X}", s.device->r_sn().value()) : "-",
-                    places::name(s.state), state, seconds(s.since), s.reason.empty() ? "" : "  " + s.reason));
+    lines.push_back(fmt::format("{}  {:>3}  {}  {:<{}}  {:>7.3f} s  {:<17}  {}", text::padded(s.bus, bus), s.id.value(),
+                                text::padded(s.name, name), places::name(s.state), state, seconds(s.since),
+                                to_string(s.type), s.device ? fmt::format("{:016X}", s.device->r_sn().value()) : "-"));
   }
+  std::ranges::move(reasons_of(slots), std::back_inserter(lines));
   return lines;
 }
 

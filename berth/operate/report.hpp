@@ -61,7 +61,11 @@ struct Report {
 
 /// "  0.215 s  backbone  slot 2 'left': bound to ...".
 [[nodiscard]] std::string to_line(const Event& event);
-/// The slot table in columns, a line a slot, headed.
+/// The slot table in columns, a line a slot, headed; then the reasons, each once with the slots that it is about.
 [[nodiscard]] std::vector<std::string> to_table(const std::vector<SlotReport>& slots);
+/// The reasons of these slots, each once: "left, right: question: ...". "field/left" when there are several buses.
+[[nodiscard]] std::vector<std::string> reasons_of(const std::vector<SlotReport>& slots);
+/// "a, b, c and 37 more".
+[[nodiscard]] std::string name_some(const std::vector<std::string>& names);
 
 }  // namespace berth::operate

@@ -345,7 +345,8 @@ class Planner {
       case WhenAmbiguous::ask:
       case WhenAmbiguous::probe: break;
     }
-    ask(free, fresh, mode == WhenAmbiguous::ascending ? "plug in as many as there are slots" : nullptr);
+    if (mode != WhenAmbiguous::ascending || free.size() == fresh.size()) return ask(free, fresh, nullptr);
+    ask(free, fresh, free.size() > fresh.size() ? "plug in the others too" : "unplug those that do not belong here");
   }
 
   /// Devices that have node-IDs of slots of their type were given them on purpose: rule 2 is for those without. A
@@ -392,23 +393,31 @@ class Planner {
   void ask(const std::vector<std::size_t>& free, const std::vector<Found>& fresh, const char* what_else) {
     Question q;
     q.slots = free;
-    std::string devices;
+    std::vector<std::string> devices;
     for (const auto& f : fresh) {
       q.devices.push_back(f.device);
-      devices += (devices.empty() ? "" : ", ") + to_string(f.device);
+      devices.push_back(to_string(f.device));
     }
-    std::string names;
-    for (const auto i : free) names += (names.empty() ? "" : ", ") + slots_[i].spec.name.name;
-    q.text = fmt::format(
-        "{} new device{} of type {} and {} free slot{}: which belongs where? Devices: {}. Slots: {}. {}ame them with "
-        "`berth replace SLOT --device ADDRESS`",
-        fresh.size(), fresh.size() == 1 ? "" : "s", to_string(fresh.front().device.type()), free.size(),
-        free.size() == 1 ? "" : "s", devices, names.empty() ? "-" : names,
-        what_else == nullptr ? std::string("N") : capital(what_else) + ", or n");
+    std::vector<std::string> names;
+    for (const auto i : free) names.push_back(slots_[i].spec.name.name);
+    q.brief = fmt::format("{} new device{} of type {} and {} free slot{}: which belongs where?", fresh.size(),
+                          fresh.size() == 1 ? "" : "s", to_string(fresh.front().device.type()), free.size(),
+                          free.size() == 1 ? "" : "s");
+    q.text = fmt::format("{} Devices: {}. Slots: {}. {}ame them with `berth replace SLOT --device ADDRESS`", q.brief,
+                         first_of(devices), names.empty() ? "-" : first_of(names),
+                         what_else == nullptr ? std::string("N") : capital(what_else) + ", or n");
     for (const auto& f : fresh) {
       if (!own_place(free, f)) keep_off_our_ids(f);
     }
     plan_.questions.push_back(std::move(q));
+  }
+  /// A question about a hundred devices is still read by a person.
+  [[nodiscard]] static std::string first_of(const std::vector<std::string>& names) {
+    constexpr std::size_t most = 8;
+    const std::size_t shown = names.size() > most ? most - 1 : names.size();
+    const auto text =
+        fmt::format("{}", fmt::join(names.begin(), names.begin() + static_cast<std::ptrdiff_t>(shown), ", "));
+    return shown == names.size() ? text : fmt::format("{} and {} more", text, names.size() - shown);
   }
   [[nodiscard]] static std::string capital(std::string text) {
     if (!text.empty() && text[0] >= 'a' && text[0] <= 'z') text[0] = static_cast<char>(text[0] - 'a' + 'A');

@@ -40,7 +40,8 @@ struct Action {
 struct Question {
   std::vector<std::size_t> slots;
   std::vector<LssAddress> devices;
-  std::string text;
+  std::string brief;  ///< what is asked, without the names and what to do
+  std::string text;   ///< the whole; of many devices and slots the first ones only
 };
 
 /// Something that is not as it should be, with what to do about it.

@@ -151,8 +151,11 @@ std::optional<Value> parse_toml(std::string_view text, const std::string& file, 
     return convert(toml::parse(text, file));
   } catch (const toml::parse_error& error) {
     const Place at = place(error.source().begin);
-    findings.push_back({Finding::Severity::error, file, at.line, at.column, "", std::string(error.description()),
-                        "correct the TOML syntax here"});
+    const std::string what(error.description());
+    const bool twice = what.find("cannot redefine existing table") != std::string::npos;
+    findings.push_back(
+        {Finding::Severity::error, file, at.line, at.column, "", what,
+         twice ? "what comes several times has two brackets, such as [[slot]]" : "correct the TOML syntax here"});
     return std::nullopt;
   }
 }

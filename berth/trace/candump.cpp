@@ -6,6 +6,8 @@
 #include <charconv>
 #include <optional>
 
+#include "berth/trace/candump_plain.hpp"
+
 namespace berth::trace {
 namespace {
 
@@ -72,7 +74,7 @@ class Collector final : public Sink {
 }  // namespace
 
 void CandumpReader::line(std::string_view line) {
-  if (quick(line)) return;
+  if (quick(line) || for_people(line)) return;
   line_ = line;
   column_ = 0;
   careful();
@@ -138,6 +140,25 @@ bool CandumpReader::quick(std::string_view line) {
   frame.extended = width == 8;
   frame.remote = frame.fd = frame.brs = frame.esi = false;
   frame.size = size;
+  keep(entry_);
+  return true;
+}
+
+// Without -L.
+bool CandumpReader::for_people(std::string_view text) {
+  const auto plain = parse_plain_candump(text);
+  if (!plain) return false;
+  if (plain->error && !error_frames_) {
+    tell(Finding::Severity::warning, 0, "an error frame of SocketCAN: it is left out");
+    return true;
+  }
+  const auto number = bus(plain->bus);
+  if (!number) return true;
+  entry_.at = plain->at;
+  entry_.bus = *number;
+  entry_.frame = plain->frame;
+  entry_.direction = plain->direction;
+  entry_.error = plain->error;
   keep(entry_);
   return true;
 }

@@ -7,7 +7,8 @@
 ///
 /// Time is seconds and six digits of microseconds; the bus's name has no blanks; the frame is as `can::to_string`
 /// writes it. A direction may stand behind it (` R`, ` T`: `candump -x`). SocketCAN's error frames are lines like any
-/// other, with 2000 0000h in the identifier: (1436509052.251100) can0 20000004#0008000000000000.
+/// other, with 2000 0000h in the identifier: (1436509052.251100) can0 20000004#0008000000000000. What `candump` prints
+/// without -L is read too (candump_plain.hpp).
 #pragma once
 
 #include <string>
@@ -29,6 +30,7 @@ class CandumpReader final : public LineReader {
  private:
   void line(std::string_view line) override;
   [[nodiscard]] bool quick(std::string_view line);
+  [[nodiscard]] bool for_people(std::string_view line);
   void careful();
   [[nodiscard]] std::optional<rt::Duration> time();
   [[nodiscard]] std::optional<std::string_view> word(const char* what);

@@ -6,6 +6,7 @@
 
 #include "berth/trace/asc.hpp"
 #include "berth/trace/candump.hpp"
+#include "berth/trace/candump_plain.hpp"
 #include "berth/trace/pcapng.hpp"
 #include "berth/trace/trc.hpp"
 
@@ -60,6 +61,7 @@ std::optional<Format> recognise(std::string_view head) noexcept {
     const auto line = head.substr(0, head.find('\n'));
     head.remove_prefix(std::min(line.size() + 1, head.size()));
     if (line.starts_with('(') && line.size() > 1 && is_digit(line[1])) return Format::candump;
+    if (parse_plain_candump(line)) return Format::candump;
     if (line.starts_with(';') || numbered(line)) return Format::trc;
     const std::string letters = small(line.substr(0, 16));
     if (letters.starts_with("date ") || letters.starts_with("base hex") || letters.starts_with("base dec") ||

@@ -482,7 +482,7 @@ TEST_F(Running, OnATerminalAQuestionIsAnsweredByTyping) {
     text.replace(at, ascending.size(), "\"ask\"");
   }
   const std::string asks = folder.write("asks.toml", text);
-  up_ = std::make_unique<Background>(Words{"up", asks, "--sim", plant, "--control", socket}, true);
+  up_ = std::make_unique<Background>(Words{"up", asks, "--sim", plant, "--control", socket}, OnTerminal{});
   ASSERT_TRUE(up_->says("type a slot (left, right)"));
   up_->type("left\n");
   EXPECT_TRUE(up_->says("type a slot and the number of its device")) << "what is no answer is told";
@@ -493,6 +493,62 @@ TEST_F(Running, OnATerminalAQuestionIsAnsweredByTyping) {
   EXPECT_NE(slots.at(0).dump().find("00000021"), std::string::npos) << slots;
   up_->signal(SIGINT);
   EXPECT_EQ(up_->end().status, 0);
+}
+
+// Every frame of a machine that runs, by its control socket: a second process decodes what the first one holds.
+TEST_F(Running, ATraceJoinsThroughTheControlSocket) {
+  begin(plant);
+  Background trace({"trace", "--machine", machine, "--control", socket});
+  ASSERT_TRUE(trace.says("Heartbeat")) << trace.said();
+  ASSERT_EQ(ask({"sdo", "read", "2", "0x1018", "4"}).status, 0);
+  EXPECT_TRUE(trace.says("1018")) << trace.said();
+  trace.signal(SIGINT);
+  EXPECT_EQ(trace.end().status, 0);
+}
+
+// A client that takes nothing costs a bounded amount, and is told how much it missed; the machine goes on.
+TEST_F(Running, AFollowerThatIsTooSlowMissesFramesAndIsTold) {
+  begin(plant);
+  const int slow = connected();
+  const int little = 2048;
+  ::setsockopt(slow, SOL_SOCKET, SO_RCVBUF, &little, sizeof little);
+  put(slow, "{\"verb\": \"frames\", \"arguments\": {}}\n");
+  const std::string first = take(slow);
+  EXPECT_TRUE(first.starts_with("(")) << first;
+  EXPECT_NE(first.find(") line "), std::string::npos) << first;
+  // 1 MiB and what the system keeps: some 40,000 frames.
+  const int flood = connected();
+  for (int i = 0; i < 40; ++i) {
+    put(flood, R"({"verb": "sdo probe", "arguments": {"node": "2", "objects": "1018:0-FF,1000:0-FF,1001:0-FF"}})"
+               "\n");
+    ASSERT_FALSE(take(flood).empty());
+  }
+  std::string line;
+  std::size_t dropped = 0;
+  for (int i = 0; i < 200'000 && dropped == 0; ++i) {
+    line = take(slow);
+    ASSERT_FALSE(line.empty());
+    if (line.starts_with("dropped ")) dropped = std::stoul(line.substr(8));
+  }
+  EXPECT_GT(dropped, 0U);
+  ::close(slow);
+  ::close(flood);
+  EXPECT_TRUE(wait_for("left", "operational"));
+}
+
+TEST_F(Running, ARecordIsWholeLinesWhileItGrowsAndWhenItIsKilled) {
+  const std::string record = folder.file("frames.log");
+  up_ = std::make_unique<Background>(
+      Words{"up", machine, "--sim", plant, "--pace", "--control", socket, "--record", record});
+  ASSERT_TRUE(wait_for("left", "operational"));
+  ASSERT_TRUE(eventually([&] { return contents(record).find(" 702#05") != std::string::npos; }))
+      << "it can be followed";
+  up_->signal(SIGKILL);
+  EXPECT_EQ(up_->end().status, 128 + SIGKILL);
+  const std::string text = contents(record);
+  EXPECT_TRUE(text.ends_with("\n"));
+  const auto read = berth({"trace", record, "--stats", "--json"});
+  EXPECT_EQ(read.status, 0) << read.out;
 }
 
 TEST_F(Running, ANodeThatWasStoppedByHandStaysStopped) {

@@ -4,6 +4,7 @@
 #include <unistd.h>
 #include <algorithm>
 #include <string>
+#include <vector>
 
 #include <filesystem>
 #include <map>
@@ -109,7 +110,7 @@ TEST(Demo, InAPipePlainLinesAndAnEndByItself) {
 
 TEST(Demo, OnATerminalALiveTableInRealTime) {
   const Folder folder;
-  Background demo({"demo", "--until", "operational", "--control", folder.file("demo.sock")}, true);
+  Background demo({"demo", "--until", "operational", "--control", folder.file("demo.sock")}, OnTerminal{});
   const Outcome run = demo.end();
   EXPECT_EQ(run.status, 0) << run.err;
   EXPECT_NE(run.out.find("\x1b["), std::string::npos) << "the table is drawn anew in place";
@@ -157,6 +158,26 @@ TEST_F(Up, OperationalIsExitZero) {
   EXPECT_TRUE(all_operational(report));
   EXPECT_EQ(r_sn_by_slot(report).at("left"), "0x0000000000000020");
   EXPECT_EQ(r_sn_by_slot(report).at("drive"), "0x0000000300000030");
+}
+
+TEST_F(Up, EventsAreLinesOfJsonAsTheyHappenAndTheLastIsTheReport) {
+  const Outcome run = berth({"up", machine, "--sim", plant, "--fast", "--json", "--events"});
+  EXPECT_EQ(run.status, 0) << run.err;
+  std::istringstream lines(run.out);
+  std::vector<Json> all;
+  for (std::string line; std::getline(lines, line);) all.push_back(Json::parse(line));
+  ASSERT_GT(all.size(), 10U);
+  EXPECT_TRUE(all_operational(all.back()));
+  all.pop_back();
+  double last = 0;
+  for (const auto& event : all) {
+    EXPECT_GE(event.at("at_s").get<double>(), last);
+    last = event.at("at_s");
+    EXPECT_FALSE(event.at("kind").get<std::string>().empty());
+  }
+  EXPECT_EQ(all.size(),
+            Json::parse(berth({"up", machine, "--sim", plant, "--fast", "--json"}).out).at("events").size());
+  EXPECT_EQ(berth({"up", machine, "--sim", plant, "--fast", "--events"}).status, 2);
 }
 
 TEST_F(Up, NotOperationalIsExitOneWithTheReasons) {

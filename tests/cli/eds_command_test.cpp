@@ -299,7 +299,7 @@ TEST_F(EdsCommand, ConvertRefusesInWords) {
         Case{{sensor, "/no such folder/x.xdd"}, 3, "cannot be written"},
         Case{{broken, folder.file("x.dcf"), "--eds", sensor, "--node", "5"}, 2, "at byte"},
         Case{{broken, folder.file("x.eds"), "--eds", sensor}, 2, "is a configuration"},
-        Case{{sensor}, 2, "see berth eds --help"}}) {
+        Case{{sensor}, 2, "see berth eds convert --help"}}) {
     Words words = each.words;
     words.insert(words.begin(), "convert");
     const Outcome outcome = eds(words);

@@ -113,7 +113,7 @@ TEST(EndedAtAQuestion, BeforeItIsConfirmed) {
   const Folder folder;
   Background run({"bind", "--from-scratch", "--machine", folder.write("machine.toml", small_machine), "--sim",
                   folder.write("plant.toml", small_plant)},
-                 true);
+                 OnTerminal{});
   ASSERT_TRUE(run.says("Do it? [y/N]"));
   run.signal(SIGINT);
   const Outcome end = run.end();
@@ -127,7 +127,7 @@ TEST(EndedAtAQuestion, WhichDeviceBelongsWhere) {
   machine.replace(machine.find("\"ascending\""), 11, "\"ask\"");
   Background run(
       {"bind", "--machine", folder.write("machine.toml", machine), "--sim", folder.write("plant.toml", small_plant)},
-      true);
+      OnTerminal{});
   ASSERT_TRUE(run.says("type a slot"));
   run.signal(SIGTERM);
   const Outcome end = run.end();

@@ -85,7 +85,7 @@ TEST_F(PlacesCommand, FromScratchIsConfirmedFirst) {
 TEST_F(PlacesCommand, OnATerminalAPersonIsAsked) {
   write({}, {});
   for (const auto& [answer, status] : {std::pair{"\n", 1}, {"nay\n", 1}, {"yes\n", 0}}) {
-    Background process({"bind", "--from-scratch", "--machine", machine_, "--sim", plant_}, true);
+    Background process({"bind", "--from-scratch", "--machine", machine_, "--sim", plant_}, OnTerminal{});
     process.type(answer);
     const auto outcome = process.end();
     EXPECT_EQ(outcome.status, status) << answer << outcome.out << outcome.err;

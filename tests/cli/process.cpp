@@ -5,8 +5,10 @@
 #include <poll.h>
 #include <pty.h>
 #include <signal.h>
+#include <sys/ioctl.h>
 #include <sys/wait.h>
 #include <unistd.h>
+#include <optional>
 #include <string>
 #include <vector>
 
@@ -58,13 +60,13 @@ bool eventually(const std::function<bool()>& so) {
   return true;
 }
 
-Background::Background(const Words& arguments, bool on_terminal) {
+Background::Background(const Words& arguments, const std::optional<OnTerminal>& terminal) {
   const Pipe err = make_pipe();
   Pipe out;
-  if (on_terminal) {
+  if (terminal) {
     winsize size{};
-    size.ws_row = 40;
-    size.ws_col = 100;
+    size.ws_row = terminal->rows;
+    size.ws_col = terminal->columns;
     if (::openpty(&out.read, &out.write, nullptr, nullptr, &size) != 0) throw std::runtime_error("openpty");
     ::fcntl(out.read, F_SETFD, FD_CLOEXEC);
   } else {
@@ -74,9 +76,15 @@ Background::Background(const Words& arguments, bool on_terminal) {
   if (pid_ == 0) {
     ::dup2(out.write, STDOUT_FILENO);
     ::dup2(err.write, STDERR_FILENO);
-    if (on_terminal) {
+    if (terminal) {
+      // Its own, as in a shell: who reads it must be in the foreground.
+      ::setsid();
+      ::ioctl(out.write, TIOCSCTTY, 0);
       ::dup2(out.write, STDIN_FILENO);
       ::close(out.write);
+      if (terminal->type.empty()) ::unsetenv("TERM");
+      if (!terminal->type.empty()) ::setenv("TERM", terminal->type.c_str(), 1);
+      if (!terminal->colours) ::setenv("NO_COLOR", "1", 1);
     }
     become(arguments);
   }
@@ -134,9 +142,20 @@ Outcome Background::end() {
 }
 
 bool Background::says(const std::string& text) {
-  const auto said = [&] { return outcome_.out.find(text) != std::string::npos; };
+  return says([&](const std::string& so_far) { return so_far.find(text) != std::string::npos; });
+}
+
+bool Background::says(const std::function<bool(const std::string& so_far)>& enough) {
+  const auto said = [&] { return enough(outcome_.out); };
   read_all(two_minutes, said);
   return said();
+}
+
+void Background::resize(unsigned short columns, unsigned short rows) const {
+  winsize size{};
+  size.ws_row = rows;
+  size.ws_col = columns;
+  ::ioctl(out_, TIOCSWINSZ, &size);
 }
 
 Outcome berth(const Words& arguments) { return Background(arguments).end(); }

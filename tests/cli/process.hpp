@@ -4,6 +4,7 @@
 #include <sys/types.h>
 
 #include <functional>
+#include <optional>
 #include <string>
 #include <vector>
 
@@ -24,10 +25,18 @@ using Words = std::vector<std::string>;
 /// Runs `berth` to its end; killed after two minutes.
 [[nodiscard]] Outcome berth(const Words& arguments);
 
+/// The terminal that a `berth` is started on.
+struct OnTerminal {
+  unsigned short columns = 100;
+  unsigned short rows = 40;
+  std::string type = "xterm";  ///< TERM; empty: unset
+  bool colours = true;         ///< false: NO_COLOR is set
+};
+
 /// A `berth` that keeps running, on a terminal (but for its errors) when told so. Killed with its object.
 class Background {
  public:
-  explicit Background(const Words& arguments, bool on_terminal = false);
+  explicit Background(const Words& arguments, const std::optional<OnTerminal>& terminal = std::nullopt);
   ~Background();
   Background(const Background&) = delete;
   Background& operator=(const Background&) = delete;
@@ -38,6 +47,12 @@ class Background {
   [[nodiscard]] Outcome end();
   /// Waits until it has said so on standard output; false when it ended without, or did not within two minutes.
   [[nodiscard]] bool says(const std::string& text);
+  /// Waits until this holds for all that was said so far.
+  [[nodiscard]] bool says(const std::function<bool(const std::string& so_far)>& enough);
+  /// What it has said so far.
+  [[nodiscard]] const std::string& said() const noexcept { return outcome_.out; }
+  /// Gives its terminal another size.
+  void resize(unsigned short columns, unsigned short rows) const;
   [[nodiscard]] pid_t pid() const noexcept { return pid_; }
 
  private:

@@ -1,0 +1,157 @@
+#include "berth/trace/candump_plain.hpp"
+
+#include <charconv>
+#include <chrono>
+#include <string>
+
+#include "berth/trace/lines.hpp"
+
+namespace berth::trace {
+namespace {
+
+/// Takes words off the front of a line.
+class Words {
+ public:
+  explicit Words(std::string_view line) noexcept : rest_(line) {}
+  std::string_view next() noexcept {
+    while (!rest_.empty() && is_blank(rest_.front())) rest_.remove_prefix(1);
+    std::size_t end = 0;
+    while (end < rest_.size() && !is_blank(rest_[end])) ++end;
+    const auto word = rest_.substr(0, end);
+    rest_.remove_prefix(end);
+    return word;
+  }
+  [[nodiscard]] std::string_view rest() const noexcept { return rest_; }
+
+ private:
+  std::string_view rest_;
+};
+
+template <class Number>
+bool read_number(std::string_view text, Number& into, int base = 10) {
+  const auto [end, bad] = std::from_chars(text.data(), text.data() + text.size(), into, base);
+  return !text.empty() && bad == std::errc{} && end == text.data() + text.size();
+}
+
+// "249713"
+std::optional<rt::Duration> micros_of(std::string_view text) {
+  std::uint32_t micros = 0;
+  if (text.size() != 6 || !is_digit(text.front()) || !read_number(text, micros)) return std::nullopt;
+  return std::chrono::microseconds(micros);
+}
+
+// "1436509052.249713", "000.000120"
+std::optional<rt::Duration> seconds_of(std::string_view text) {
+  const auto point = text.find('.');
+  if (point == std::string_view::npos || !is_digit(text.front())) return std::nullopt;
+  std::int64_t seconds = 0;
+  const auto micros = micros_of(text.substr(point + 1));
+  if (!micros || !read_number(text.substr(0, point), seconds) || seconds > most_seconds) return std::nullopt;
+  return std::chrono::seconds(seconds) + *micros;
+}
+
+// "2015-07-10" and "14:24:12.249713"
+std::optional<rt::Duration> date_of(std::string_view date, std::string_view time) {
+  if (date.size() != 10 || time.size() != 15 || date[4] != '-' || date[7] != '-' || time[2] != ':' || time[5] != ':' ||
+      time[8] != '.') {
+    return std::nullopt;
+  }
+  int year = 0;
+  unsigned month = 0;
+  unsigned day = 0;
+  unsigned h = 0;
+  unsigned m = 0;
+  unsigned s = 0;
+  const auto micros = micros_of(time.substr(9));
+  const bool numbers = read_number(date.substr(0, 4), year) && read_number(date.substr(5, 2), month) &&
+                       read_number(date.substr(8), day) && read_number(time.substr(0, 2), h) &&
+                       read_number(time.substr(3, 2), m) && read_number(time.substr(6, 2), s);
+  const std::chrono::year_month_day ymd{std::chrono::year(year), std::chrono::month(month), std::chrono::day(day)};
+  if (!numbers || !micros || !ymd.ok() || year < 1970 || year > 2250 || h > 23 || m > 59 || s > 60) return std::nullopt;
+  return std::chrono::sys_days(ymd).time_since_epoch() + std::chrono::hours(h) + std::chrono::minutes(m) +
+         std::chrono::seconds(s) + *micros;
+}
+
+// "(TIME)" or "(DATE TIME)", whose first word is given.
+std::optional<rt::Duration> time_of(std::string_view first, Words& words) {
+  first.remove_prefix(1);
+  if (first.ends_with(')')) return seconds_of(first.substr(0, first.size() - 1));
+  const auto second = words.next();
+  if (!second.ends_with(')')) return std::nullopt;
+  return date_of(first, second.substr(0, second.size() - 1));
+}
+
+// "RX - -" or "TX B E": -x; the first word is given.
+bool take_flags(std::string_view first, Words& words, PlainLine& line) {
+  line.direction = first == "RX" ? Direction::received : Direction::sent;
+  const auto brs = words.next();
+  const auto esi = words.next();
+  if ((brs != "-" && brs != "B") || (esi != "-" && esi != "E")) return false;
+  line.frame.brs = brs == "B";
+  line.frame.esi = esi == "E";
+  return true;
+}
+
+bool take_identifier(std::string_view text, PlainLine& line) {
+  std::uint32_t id = 0;
+  const bool width = text.size() == 3 || text.size() == 8;
+  if (!width || !read_number(text, id, 16)) return false;
+  line.error = text.size() == 8 && (id & 0x2000'0000U) != 0;
+  line.frame.extended = text.size() == 8 && !line.error;
+  line.frame.id = line.error ? id & can::extended_mask : id;
+  return line.frame.id == id || line.error;
+}
+
+// "[8]" or, FD, "[12]" and "[08]", with the data behind it.
+bool take_data(Words& words, PlainLine& line) {
+  const auto brackets = words.next();
+  if (brackets.size() < 3 || brackets.front() != '[' || brackets.back() != ']') return false;
+  const auto digits = brackets.substr(1, brackets.size() - 2);
+  unsigned size = 0;
+  if (!is_digit(digits.front()) || !read_number(digits, size)) return false;
+  line.frame.fd = digits.size() == 2;
+  const bool known = line.frame.fd ? size <= 8 || size == 12 || size == 16 || size == 20 || size == 24 || size == 32 ||
+                                         size == 48 || size == 64
+                                   : size <= 8;
+  if (!known) return false;
+  line.frame.size = static_cast<std::uint8_t>(size);
+  if (line.frame.id > (line.frame.extended || line.error ? can::extended_mask : can::base_mask)) return false;
+  Words ahead = words;
+  if (ahead.next() == "remote") {
+    line.frame.remote = true;
+    return !line.frame.fd && ahead.next() == "request";
+  }
+  for (unsigned i = 0; i < size; ++i) {
+    const auto byte = words.next();
+    if (byte.size() != 2 || !is_hex(byte[0]) || !is_hex(byte[1])) return false;
+    line.frame.data[i] = static_cast<std::uint8_t>(hex_value(byte[0]) << 4 | hex_value(byte[1]));
+  }
+  const auto behind = words.next();  // -a: '........'
+  return behind.empty() || behind.front() == '\'' || (line.error && behind == "ERRORFRAME");
+}
+
+}  // namespace
+
+std::optional<PlainLine> parse_plain_candump(std::string_view text) {
+  Words words(text);
+  PlainLine line;
+  auto word = words.next();
+  if (word.starts_with('(')) {
+    const auto at = time_of(word, words);
+    if (!at) return std::nullopt;
+    line.at = *at;
+    word = words.next();
+  }
+  if (word.empty()) return std::nullopt;
+  line.bus = word;
+  word = words.next();
+  if (word == "RX" || word == "TX") {
+    if (!take_flags(word, words, line)) return std::nullopt;
+    word = words.next();
+  }
+  if (!take_identifier(word, line) || !take_data(words, line)) return std::nullopt;
+  if (!line.frame.fd) line.frame.brs = line.frame.esi = false;
+  return line;
+}
+
+}  // namespace berth::trace

@@ -1,0 +1,30 @@
+/// What can-utils' `candump` prints without -L, for people: fields in columns, the time in one of its forms or left out.
+///
+///       can0  7E5   [8]  04 01 00 00 00 00 00 00
+///      (1436509052.249713)  can0  1F900135   [0]
+///      (2015-07-10 14:24:12.249713)  can0  RX - -  701   [0]  remote request
+///       can0  123  [12]  00 11 22 33 44 55 66 77 88 99 AA BB      FD
+///       can0  20000004   [8]  00 08 00 00 00 00 00 00   ERRORFRAME
+///
+/// candump -a's text behind the data is passed over. The FD flags BRS and ESI are not in it (-x has them).
+#pragma once
+
+#include <optional>
+#include <string_view>
+
+#include "berth/trace/trace.hpp"
+
+namespace berth::trace {
+
+struct PlainLine {
+  rt::Duration at{};     ///< 0: the line has no time; by date: since 1970, as if the date were UTC
+  std::string_view bus;  ///< points into the line
+  can::Frame frame;
+  Direction direction = Direction::unknown;
+  bool error = false;  ///< an error frame of SocketCAN
+};
+
+/// Nothing for a line that candump does not print.
+[[nodiscard]] std::optional<PlainLine> parse_plain_candump(std::string_view line);
+
+}  // namespace berth::trace

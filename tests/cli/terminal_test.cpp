@@ -1,0 +1,153 @@
+// `berth up` on terminals of every kind and size, with the screen compared.
+#include "terminal.hpp"
+
+#include <gtest/gtest.h>
+#include <signal.h>
+#include <string>
+
+#include <nlohmann/json.hpp>
+
+#include "machines.hpp"
+#include "process.hpp"
+
+namespace berth::test {
+namespace {
+
+class OnScreen : public ::testing::Test {
+ protected:
+  void write_machine(const std::string& text) { machine = folder.write("machine.toml", text); }
+  void start(const OnTerminal& terminal) {
+    size = terminal;
+    up = std::make_unique<Background>(Words{"up", machine, "--sim", plant, "--control", folder.file("s")}, terminal);
+  }
+  [[nodiscard]] Terminal screen() const {
+    Terminal shown(size.columns, size.rows);
+    shown.feed(up->said());
+    return shown;
+  }
+  /// Waits until the screen shows it.
+  [[nodiscard]] bool shows(const std::string& text) {
+    return up->says([&](const std::string&) { return screen().text().find(text) != std::string::npos; });
+  }
+
+  Folder folder;
+  std::string machine = folder.write("machine.toml", small_machine);
+  std::string plant = folder.write("plant.toml", small_plant);
+  OnTerminal size;
+  std::unique_ptr<Background> up;
+};
+
+std::string that_asks() {
+  std::string text = small_machine;
+  const std::string ascending = "\"ascending\"";
+  for (auto at = text.find(ascending); at != std::string::npos; at = text.find(ascending)) {
+    text.replace(at, ascending.size(), "\"ask\"");
+  }
+  return text;
+}
+
+TEST_F(OnScreen, TheTableStandsBelowWhatHappened) {
+  start({80, 24});
+  ASSERT_TRUE(shows("3 slots, 3 operational")) << screen().text();
+  const Terminal now = screen();
+  EXPECT_TRUE(now.row(17).starts_with("cli test  ")) << now.text();
+  EXPECT_EQ(now.row(18), "line: 3 slots, 3 operational");
+  EXPECT_EQ(now.row(19), " id  slot   state             since  type               R_SN");
+  EXPECT_TRUE(now.row(20).starts_with("  2  left   operational  ")) << now.text();
+  EXPECT_TRUE(now.row(20).ends_with("s  00000001-00000001  0000000000000020")) << now.text();
+  EXPECT_TRUE(now.row(21).starts_with("  3  right  operational  ")) << now.text();
+  EXPECT_TRUE(now.row(22).starts_with("  9  drive  operational  ")) << now.text();
+  EXPECT_EQ(now.row(23), "") << "the cursor's";
+}
+
+TEST_F(OnScreen, EverySizeHasATableThatFits) {
+  for (const auto& [columns, rows] : {std::pair<unsigned short, unsigned short>{1, 1}, {50, 8}, {200, 50}, {20, 2}}) {
+    start({columns, rows});
+    ASSERT_TRUE(up->says("operational")) << columns << "x" << rows;
+    up->signal(SIGINT);
+    EXPECT_EQ(up->end().status, 0);
+    EXPECT_NO_THROW(screen());
+    if (columns < 50) continue;
+    const auto text = screen().text();
+    EXPECT_NE(text.find("2  left"), std::string::npos) << "the whole table stays when it ends\n" << text;
+    EXPECT_NE(text.find("9  drive"), std::string::npos) << text;
+  }
+}
+
+// A second of an idle machine writes its time and no table.
+TEST_F(OnScreen, ARedrawWritesWhatChanged) {
+  start({100, 40});
+  ASSERT_TRUE(shows("3 slots, 3 operational"));
+  const auto headlines = [](const std::string& text) {
+    std::size_t count = 0;
+    for (auto at = text.find("on the bus"); at != std::string::npos; at = text.find("on the bus", at + 1)) ++count;
+    return count;
+  };
+  const std::size_t before = up->said().size();
+  ASSERT_TRUE(up->says([&](const std::string& said) { return headlines(said.substr(before)) >= 3; }));
+  const std::string later = up->said().substr(before);
+  EXPECT_EQ(later.find("R_SN"), std::string::npos) << later;
+  EXPECT_LT(later.size() / headlines(later), 120U) << later;
+}
+
+TEST_F(OnScreen, WhatIsTypedIsNeverErased) {
+  write_machine(that_asks());
+  start({100, 40});
+  ASSERT_TRUE(shows("type a slot (left, right)")) << screen().text();
+  up->type("lefx\x7f");
+  ASSERT_TRUE(shows("> lef_")) << screen().text();
+  const std::size_t so_far = up->said().size();
+  ASSERT_TRUE(up->says([&](const std::string& said) {
+    return said.find("on the bus", so_far) != std::string::npos && said.size() > so_far + 40;
+  }));
+  EXPECT_NE(screen().text().find("> lef_"), std::string::npos) << screen().text();
+  up->type("t 2\n");
+  EXPECT_TRUE(shows("3 slots, 3 operational")) << screen().text();
+  EXPECT_EQ(screen().text().find("> lef"), std::string::npos) << screen().text();
+}
+
+TEST_F(OnScreen, KeysMoveATableThatDoesNotFit) {
+  start({60, 8});
+  ASSERT_TRUE(shows("3 operational")) << screen().text();
+  ASSERT_TRUE(shows("lines 1 to 2 of 4")) << screen().text();
+  up->type("\x1b[F");
+  EXPECT_TRUE(shows("9  drive")) << screen().text();
+  up->type("\x1b[5~");
+  EXPECT_TRUE(shows("2  left")) << screen().text();
+  up->type("\x1b[1;5Z\x1b");  // unknown keys do nothing
+  up->type("\x1b[H");
+  EXPECT_TRUE(shows(" id  slot")) << screen().text();
+}
+
+TEST_F(OnScreen, ADumbTerminalGetsPlainLines) {
+  for (const char* type : {"dumb", ""}) {
+    start({80, 24, type});
+    ASSERT_TRUE(up->says("drive: operational")) << up->said();
+    up->signal(SIGINT);
+    EXPECT_EQ(up->end().status, 0);
+    EXPECT_EQ(up->said().find('\x1b'), std::string::npos) << up->said();
+    EXPECT_NE(up->said().find("  9  drive  operational"), std::string::npos) << "the table at the end";
+  }
+}
+
+TEST_F(OnScreen, ColoursUnlessTheyAreNotWanted) {
+  write_machine(that_asks());
+  for (const bool wanted : {true, false}) {
+    start({80, 24, "xterm", wanted});
+    ASSERT_TRUE(shows("2 question")) << screen().text();
+    EXPECT_EQ(up->said().find("\x1b[33m") != std::string::npos, wanted);
+  }
+}
+
+TEST_F(OnScreen, ATerminalThatIsResizedIsDrawnAnew) {
+  start({100, 40});
+  ASSERT_TRUE(shows("3 slots, 3 operational"));
+  up->resize(50, 8);
+  const std::size_t so_far = up->said().size();
+  ASSERT_TRUE(up->says([&](const std::string& said) { return said.find("lines 1 to", so_far) != std::string::npos; }));
+  const auto line = up->said().substr(up->said().rfind("lines 1 to"));
+  EXPECT_LE(line.find('\n'), 50U) << line;
+}
+
+}  // namespace
+}  // namespace berth::test
