@@ -47,21 +47,34 @@ if(BERTH_FUZZ)
   target_link_options(berth_sanitize_link INTERFACE -fsanitize=fuzzer-no-link)
 endif()
 
-# Many sources of one room in one unit: the standard library is read once for all of them. Those that follow stand
-# alone, because a name in an anonymous namespace of theirs is in another source of the room too.
-set(berth_alone
-  co/guarding.cpp co/nmt_master.cpp co/time_stamp.cpp decode/words.cpp design/read_bus.cpp discovery/identify.cpp
-  discovery/published_rand.cpp doctor/conformance_sdo.cpp eds/eds.cpp eds/modules_read.cpp eds/objects.cpp eds/write.cpp
-  io/plant_protocol.cpp io/socketcand_port.cpp live/foreign_watch.cpp live/gate.cpp manager/configuration_plan.cpp manager/configurator.cpp
-  nodeid/rand_frames.cpp nodeid/rand_master.cpp nodeid/rand_walk.cpp plant/write_plant.cpp study/paper1.cpp text/table.cpp)
-function(berth_unity target)
+# Many sources of one room, program or folder of tests in one unit: the standard library is read, and its templates are
+# compiled, once for all of them. cmake/apart.txt names those that need a unit of their own. Sources with options of
+# their own CMake leaves out.
+set_property(DIRECTORY APPEND PROPERTY CMAKE_CONFIGURE_DEPENDS ${PROJECT_SOURCE_DIR}/cmake/apart.txt)
+file(STRINGS ${PROJECT_SOURCE_DIR}/cmake/apart.txt berth_apart REGEX "^[^#]")
+function(berth_unity target most)
   if(NOT BERTH_UNITY)
     return()
   endif()
-  set_target_properties(${target} PROPERTIES UNITY_BUILD ON UNITY_BUILD_BATCH_SIZE 12)
-  foreach(source IN LISTS berth_alone)
-    set_source_files_properties(${PROJECT_SOURCE_DIR}/berth/${source} PROPERTIES SKIP_UNITY_BUILD_INCLUSION ON)
+  get_target_property(sources ${target} SOURCES)
+  set(index 0)
+  foreach(source IN LISTS sources)
+    file(RELATIVE_PATH path ${PROJECT_SOURCE_DIR} ${source})
+    set(group "")
+    foreach(line IN LISTS berth_apart)
+      string(REPLACE " " ";" names "${line}")
+      if(path IN_LIST names)
+        list(GET names 0 first)
+        string(MAKE_C_IDENTIFIER ${first} group)
+      endif()
+    endforeach()
+    if(NOT group)
+      math(EXPR group "${index} / ${most}")
+      math(EXPR index "${index} + 1")
+    endif()
+    set_source_files_properties(${source} PROPERTIES UNITY_GROUP ${group})
   endforeach()
+  set_target_properties(${target} PROPERTIES UNITY_BUILD ON UNITY_BUILD_MODE GROUP)
 endfunction()
 
 function(berth_rooms)
@@ -77,7 +90,7 @@ function(berth_rooms)
     endif()
     add_library(berth_${room} STATIC ${sources})
     add_library(berth::${room} ALIAS berth_${room})
-    berth_unity(berth_${room})
+    berth_unity(berth_${room} 12)
     # Flags are for this build only, not for whoever uses the installed package.
     target_link_libraries(berth_${room} PRIVATE $<BUILD_INTERFACE:berth_sanitize>
       PUBLIC $<BUILD_INTERFACE:berth_options> $<BUILD_INTERFACE:berth_sanitize_link>)
@@ -86,6 +99,12 @@ function(berth_rooms)
     foreach(link IN LISTS links)
       target_link_libraries(berth_${room} PUBLIC berth_${link})
     endforeach()
+  endforeach()
+
+  # All of it, for what tries the whole: tests that are no room's, fuzz targets, tools. Not installed.
+  add_library(berth_house INTERFACE)
+  foreach(room IN LISTS rooms)
+    target_link_libraries(berth_house INTERFACE berth_${room})
   endforeach()
 
   # What each room needs from outside (docs/dependencies.md; cmake/BerthConfig.cmake.in has the same list).

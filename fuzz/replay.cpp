@@ -11,6 +11,7 @@
 #include "berth/base/random.hpp"
 
 extern "C" int LLVMFuzzerTestOneInput(const std::uint8_t* data, std::size_t size);
+extern const char* const berth_corpus_folder;  // each target's (CMakeLists.txt), so that this file is compiled once
 
 namespace {
 
@@ -54,7 +55,7 @@ void mutate(Bytes& bytes, berth::Random& random) {
 
 int main(int argc, char** argv) {
   const auto runs = argc > 1 ? std::strtoull(argv[1], nullptr, 10) : 2000ULL;
-  const auto files = corpus(BERTH_CORPUS);
+  const auto files = corpus(berth_corpus_folder);
   for (const auto& file : files) LLVMFuzzerTestOneInput(file.data(), file.size());
   berth::Random random(1);
   for (std::uint64_t i = 0; i < runs; ++i) {
@@ -63,6 +64,6 @@ int main(int argc, char** argv) {
     for (std::uint64_t k = 0; k < rounds; ++k) mutate(bytes, random);
     LLVMFuzzerTestOneInput(bytes.data(), bytes.size());
   }
-  std::printf("%s: %zu corpus files, %llu mutations\n", BERTH_CORPUS, files.size() - 1, runs);
+  std::printf("%s: %zu corpus files, %llu mutations\n", berth_corpus_folder, files.size() - 1, runs);
   return 0;
 }

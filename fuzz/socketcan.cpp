@@ -5,6 +5,7 @@
 #include <span>
 #include <vector>
 
+#include "berth/can/ranges.hpp"
 #include "berth/io/socketcan_codec.hpp"
 #include "fuzz/require.hpp"
 
@@ -34,13 +35,13 @@ void filters(std::span<const std::uint8_t> bytes) {
   std::vector<can::IdRange> ranges(std::min<std::size_t>(bytes.size() / sizeof(can::IdRange), 64));
   if (!ranges.empty()) std::memcpy(ranges.data(), bytes.data(), ranges.size() * sizeof(can::IdRange));
   const auto made = io::kernel_filters(ranges, most);
-  const auto wanted = io::normalised(ranges);
+  const auto wanted = can::normalised(ranges);
   require(made.size() <= most);
   const auto passes = [&made](std::uint32_t id) {
     return std::ranges::any_of(made, [id](const io::KernelFilter& f) { return (id & f.mask) == (f.id & f.mask); });
   };
   for (const auto& r : wanted) {
-    require(r.first <= r.last && io::contains(wanted, r.first) && io::contains(wanted, r.last));
+    require(r.first <= r.last && can::contains(wanted, r.first) && can::contains(wanted, r.last));
     require(passes(r.first) && passes(r.last) && passes(r.first + (r.last - r.first) / 2));
     require(passes(r.last | 0x4000'0000U));
   }

@@ -1,3 +1,5 @@
+#include <string>
+
 #include "paths.hpp"
 
 namespace berth::test {

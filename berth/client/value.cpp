@@ -10,7 +10,7 @@ namespace berth::client {
 
 namespace {
 
-constexpr Complaint wrong_type{.what = "the C++ type does not fit", .code = od::AbortCode::none};
+constexpr Complaint unfit_type{.what = "the C++ type does not fit", .code = od::AbortCode::none};
 constexpr char32_t replacement = 0xFFFD;
 
 void put_utf8(char32_t c, std::string& into) {
@@ -156,7 +156,7 @@ std::string decode_text(od::DataType type, std::span<const std::uint8_t> bytes) 
 Complaint Input::encode(od::DataType type, Bytes& into) const {
   switch (cpp_.kind) {
     case Kind::boolean:
-      if (type != od::DataType::boolean) return wrong_type;
+      if (type != od::DataType::boolean) return unfit_type;
       return encode_integer(type, into);
     case Kind::unsigned_integer:
     case Kind::signed_integer: return encode_integer(type, into);
@@ -164,20 +164,20 @@ Complaint Input::encode(od::DataType type, Bytes& into) const {
     case Kind::text: return encode_text(type, into);
     case Kind::bytes: return encode_bytes(type, into);
     case Kind::any:
-      if (type_ != type) return wrong_type;
+      if (type_ != type) return unfit_type;
       return encode_bytes(type, into);
     case Kind::time: {
-      if (!od::is_time(type)) return wrong_type;
+      if (!od::is_time(type)) return unfit_type;
       const auto bytes = time_.encode();
       into.assign(bytes.begin(), bytes.end());
       return {};
     }
   }
-  return wrong_type;
+  return unfit_type;
 }
 
 Complaint Input::encode_integer(od::DataType type, Bytes& into) const {
-  if (!od::is_integer(type)) return wrong_type;
+  if (!od::is_integer(type)) return unfit_type;
   const std::uint64_t kept = od::wrap(type, number_);
   const bool same_sign = negative_ == (od::is_signed(type) && static_cast<std::int64_t>(kept) < 0);
   if (kept != number_ || !same_sign || (type == od::DataType::boolean && number_ > 1)) {
@@ -189,7 +189,7 @@ Complaint Input::encode_integer(od::DataType type, Bytes& into) const {
 }
 
 Complaint Input::encode_real(od::DataType type, Bytes& into) const {
-  if (!od::is_real(type)) return wrong_type;
+  if (!od::is_real(type)) return unfit_type;
   constexpr double most = std::numeric_limits<float>::max();
   if (type == od::DataType::real32 && std::isfinite(real_) && std::fabs(real_) > most) {
     return real_ < 0 ? Complaint{"the value is below the range of a REAL32", od::AbortCode::value_too_low}
@@ -204,7 +204,7 @@ Complaint Input::encode_text(od::DataType type, Bytes& into) const {
     into.assign(text_.begin(), text_.end());
     return {};
   }
-  if (type != od::DataType::unicode_string) return wrong_type;
+  if (type != od::DataType::unicode_string) return unfit_type;
   if (!utf16_of(text_, into)) return {"the text is not UTF-8", od::AbortCode::invalid_value};
   return {};
 }

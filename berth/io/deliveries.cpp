@@ -1,13 +1,13 @@
 #include "berth/io/deliveries.hpp"
 
-#include "berth/io/socketcan_codec.hpp"
+#include "berth/can/ranges.hpp"
 
 namespace berth::io {
 
 void Deliveries::listen(can::Listener* listener, std::span<const can::IdRange> accept) {
   if (listener != listener_) events_.clear();
   listener_ = listener;
-  accept_ = listener != nullptr ? normalised(accept) : std::vector<can::IdRange>{};
+  accept_ = listener != nullptr ? can::normalised(accept) : std::vector<can::IdRange>{};
 }
 
 void Deliveries::received(const can::Frame& frame, rt::Time at) noexcept {
@@ -35,7 +35,7 @@ void Deliveries::run() noexcept {
     const Event event = events_.front();  // the listener may add some
     events_.pop();
     if (listener_ == nullptr) continue;
-    if (event.what == What::received && !contains(accept_, event.frame.key())) continue;
+    if (event.what == What::received && !can::contains(accept_, event.frame.key())) continue;
     if (!events_.empty()) executor_->post(*this);
     switch (event.what) {
       case What::received: return listener_->received(event.frame, event.at);

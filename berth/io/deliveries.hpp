@@ -11,20 +11,6 @@
 
 namespace berth::io {
 
-/// A job that calls a member of its owner. Let the owner hold it.
-template <class Owner, void (Owner::*Do)() noexcept>
-class Later final : public rt::Job {
- public:
-  Later(Owner& owner, rt::Executor& executor) noexcept : owner_(&owner), executor_(&executor) {}
-  void run() noexcept override { (owner_->*Do)(); }
-  void post() noexcept { executor_->post(*this); }
-  void arm(rt::Duration delay) noexcept { executor_->after(delay, *this); }
-
- private:
-  Owner* owner_;
-  rt::Executor* executor_;
-};
-
 class Deliveries final : private rt::Job {
  public:
   explicit Deliveries(rt::Executor& executor) noexcept : executor_(&executor) {}

@@ -20,6 +20,7 @@
 #include "berth/io/deliveries.hpp"
 #include "berth/io/slcan_codec.hpp"
 #include "berth/io/stream.hpp"
+#include "berth/rt/later.hpp"
 
 namespace berth::io {
 
@@ -478,8 +479,8 @@ class SlcanPort::Impl final : private Watcher {
   rt::Time asked_at_{};
   std::optional<rt::Time> retry_at_;
   rt::Duration patience_{0};
-  Later<Impl, &Impl::expire> timer_{*this, loop_->executor()};
-  Later<Impl, &Impl::pump> pump_{*this, loop_->executor()};
+  rt::Later<Impl, &Impl::expire> timer_{*this, loop_->executor()};
+  rt::Later<Impl, &Impl::pump> pump_{*this, loop_->executor()};
   Deliveries deliveries_{loop_->executor()};
   std::deque<Waiting> waiting_;  // the first is the one asked about
   std::deque<Waiting> flying_;   // taken by the adapter, not yet acknowledged

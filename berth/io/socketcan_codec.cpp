@@ -9,6 +9,7 @@
 #include <cstring>
 
 #include "berth/can/length.hpp"
+#include "berth/can/ranges.hpp"
 
 namespace berth::io {
 
@@ -102,38 +103,6 @@ std::optional<BusReport> decode_error(std::span<const std::uint8_t> bytes) noexc
 
 // ---- filters ----
 
-std::vector<can::IdRange> normalised(std::span<const can::IdRange> ranges) {
-  std::vector<can::IdRange> parts;
-  for (const auto& r : ranges) {
-    for (const auto& space : {can::all_base, can::all_extended}) {
-      const can::IdRange part{std::max(r.first, space.first), std::min(r.last, space.last)};
-      if (part.first <= part.last) parts.push_back(part);
-    }
-  }
-  std::ranges::sort(parts, {}, &can::IdRange::first);
-  std::vector<can::IdRange> merged;
-  for (const auto& r : parts) {
-    if (!merged.empty() && r.first <= merged.back().last + 1) {
-      merged.back().last = std::max(merged.back().last, r.last);
-    } else {
-      merged.push_back(r);
-    }
-  }
-  return merged;
-}
-
-bool contains(std::span<const can::IdRange> ranges, std::uint32_t key) noexcept {
-  const auto after = std::ranges::upper_bound(ranges, key, {}, &can::IdRange::first);
-  return after != ranges.begin() && key <= std::prev(after)->last;
-}
-
-bool covers(std::span<const can::IdRange> outer, std::span<const can::IdRange> inner) noexcept {
-  return std::ranges::all_of(inner, [outer](const can::IdRange& r) {
-    const auto after = std::ranges::upper_bound(outer, r.first, {}, &can::IdRange::first);
-    return after != outer.begin() && r.last <= std::prev(after)->last;
-  });
-}
-
 namespace {
 
 constexpr std::uint32_t few = 8;  // identifiers of a block that stand singly
@@ -183,7 +152,7 @@ bool add_all(std::span<const can::IdRange> ranges, bool extended, std::size_t mo
 }  // namespace
 
 std::vector<KernelFilter> kernel_filters(std::span<const can::IdRange> ranges, std::size_t most) {
-  const auto wanted = normalised(ranges);
+  const auto wanted = can::normalised(ranges);
   Filters filters;
   if (!add_all(wanted, false, most - 2, filters)) filters.blocks.push_back({0, CAN_EFF_FLAG});
   // One may be needed for all extended frames, and one for remote frames.

@@ -51,13 +51,6 @@ inline constexpr std::size_t most_filters = 512;  ///< CAN_RAW_FILTER_MAX
 /// comparison, which is why small ranges become single identifiers and one filter passes all remote frames.
 [[nodiscard]] std::vector<KernelFilter> kernel_filters(std::span<const can::IdRange> ranges, std::size_t most);
 
-/// Sorted, without overlaps, only of keys that exist.
-[[nodiscard]] std::vector<can::IdRange> normalised(std::span<const can::IdRange> ranges);
-/// Whether a key is in normalised ranges.
-[[nodiscard]] bool contains(std::span<const can::IdRange> ranges, std::uint32_t key) noexcept;
-/// Whether all of `inner` is in `outer`, both normalised.
-[[nodiscard]] bool covers(std::span<const can::IdRange> outer, std::span<const can::IdRange> inner) noexcept;
-
 /// The kernel's times of arrival (wall clock) in the loop's time. They never go back, and a wall clock that is set
 /// meanwhile moves no frame: its batch then counts as arrived when it was read.
 class StampMap {

@@ -10,11 +10,13 @@
 #include <deque>
 #include <vector>
 
+#include "berth/can/ranges.hpp"
 #include "berth/io/deliveries.hpp"
 #include "berth/io/netlink_socket.hpp"
 #include "berth/io/socketcan_codec.hpp"
 #include "berth/io/socketcan_setup.hpp"
 #include "berth/io/socketcan_socket.hpp"
+#include "berth/rt/later.hpp"
 
 namespace berth::io {
 namespace {
@@ -103,7 +105,7 @@ class SocketCanPort::Impl final : private Watcher {
 
   void listen(can::Listener* listener, std::span<const can::IdRange> accept) noexcept {
     deliveries_.listen(listener, accept);
-    if (!covers(installed_, deliveries_.accept())) install();
+    if (!can::covers(installed_, deliveries_.accept())) install();
   }
 
   can::Status status() noexcept {
@@ -325,7 +327,7 @@ class SocketCanPort::Impl final : private Watcher {
 
   // Only what passes the filter comes back.
   void note_written(const can::Frame& frame, std::uint32_t tag) noexcept {
-    if (!hears_own_ || !contains(installed_, frame.key())) return;
+    if (!hears_own_ || !can::contains(installed_, frame.key())) return;
     if (written_.size() >= most_unconfirmed) written_.pop_front();
     written_.push_back({frame, tag, 0});
   }
@@ -454,7 +456,7 @@ class SocketCanPort::Impl final : private Watcher {
   // A user that never asks when a frame was sent is spared the reading of it.
   void expect_echo(std::uint32_t key) noexcept {
     if (!hears_own_ && there_) hears_own_ = socket_.hear_own();
-    if (contains(installed_, key)) return;
+    if (can::contains(installed_, key)) return;
     if (echoed_.size() >= most_echoed) {
       echoed_ = {can::all_base, can::all_extended};
     } else {
@@ -466,7 +468,7 @@ class SocketCanPort::Impl final : private Watcher {
   void install() noexcept {
     auto all = echoed_;
     all.insert(all.end(), deliveries_.accept().begin(), deliveries_.accept().end());
-    installed_ = normalised(all);
+    installed_ = can::normalised(all);
     unwanted_ = 0;
     if (!there_ || socket_.filter(kernel_filters(installed_, most_filters))) return;
     const KernelFilter everything;
@@ -475,7 +477,7 @@ class SocketCanPort::Impl final : private Watcher {
 
   // What passed the kernel's filter in vain.
   void count_unwanted(const can::Frame& frame) noexcept {
-    if (!contains(deliveries_.accept(), frame.key()) && ++unwanted_ >= much_unwanted) install();
+    if (!can::contains(deliveries_.accept(), frame.key()) && ++unwanted_ >= much_unwanted) install();
   }
 
   // ---- to the listener ----
@@ -514,9 +516,9 @@ class SocketCanPort::Impl final : private Watcher {
   bool watches_out_ = false;
   bool freed_ = false;  // the kernel's queue has become shorter
   Deliveries deliveries_{*executor_};
-  Later<Impl, &Impl::flush> write_{*this, *executor_};
-  Later<Impl, &Impl::flush> retry_{*this, *executor_};
-  Later<Impl, &Impl::look> look_{*this, *executor_};
+  rt::Later<Impl, &Impl::flush> write_{*this, *executor_};
+  rt::Later<Impl, &Impl::flush> retry_{*this, *executor_};
+  rt::Later<Impl, &Impl::look> look_{*this, *executor_};
 };
 
 namespace {

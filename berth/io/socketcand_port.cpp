@@ -15,6 +15,7 @@
 #include "berth/io/deliveries.hpp"
 #include "berth/io/socketcand_protocol.hpp"
 #include "berth/io/stream.hpp"
+#include "berth/rt/later.hpp"
 
 namespace berth::io {
 
@@ -256,8 +257,8 @@ class SocketcandPort::Impl final : private Watcher {
   std::uint64_t known_faults_ = 0;
   State state_ = State::down;
   rt::Duration pause_ = least_pause;
-  Later<Impl, &Impl::expire> timer_{*this, loop_->executor()};
-  Later<Impl, &Impl::flush> flush_{*this, loop_->executor()};
+  rt::Later<Impl, &Impl::expire> timer_{*this, loop_->executor()};
+  rt::Later<Impl, &Impl::flush> flush_{*this, loop_->executor()};
   Deliveries deliveries_{loop_->executor()};
   std::deque<Given> given_;
   rt::Time asked_{};

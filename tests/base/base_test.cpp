@@ -2,7 +2,11 @@
 #include "berth/base/ids.hpp"
 #include "berth/base/result.hpp"
 
+#include <gtest/gtest.h>
+#include <cstdint>
+#include <string>
 #include <string_view>
+#include <vector>
 
 using namespace berth;
 

@@ -1,5 +1,9 @@
 // Errors, findings, names, bytes and random numbers.
+#include <gtest/gtest.h>
+#include <cstdint>
 #include <set>
+#include <string>
+#include <vector>
 
 #include "berth/base/bytes.hpp"
 #include "berth/base/crc.hpp"

@@ -1,8 +1,13 @@
 // The dispatcher against a port that writes down what it is told.
 #include "berth/can/dispatcher.hpp"
 
+#include <gtest/gtest.h>
+#include <algorithm>
+#include <chrono>
+#include <cstdint>
 #include <functional>
 #include <memory>
+#include <vector>
 
 #include "berth/base/random.hpp"
 

@@ -1,3 +1,8 @@
+#include <gtest/gtest.h>
+#include <cstdint>
+#include <optional>
+#include <string>
+
 #include "berth/can/frame.hpp"
 
 #include "berth/base/random.hpp"

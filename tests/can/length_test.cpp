@@ -1,5 +1,11 @@
 // Lengths against the vectors of Bosch's rules (docs/protocols/can-frames.md §Frame layout, §Lengths), worked out by
 // hand-checkable bit strings elsewhere.
+#include <gtest/gtest.h>
+#include <algorithm>
+#include <cstdint>
+#include <string>
+#include <vector>
+
 #include "berth/can/length.hpp"
 
 #include "berth/base/random.hpp"

@@ -1,3 +1,5 @@
+#include <gtest/gtest.h>
+
 #include "berth/can/port_spec.hpp"
 
 namespace berth::can {

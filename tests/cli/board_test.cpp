@@ -3,6 +3,9 @@
 
 #include <gtest/gtest.h>
 #include <rapidcheck/gtest.h>
+#include <cstdint>
+#include <string>
+#include <vector>
 
 #include <algorithm>
 

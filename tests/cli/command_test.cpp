@@ -1,5 +1,7 @@
 // Single commands, wrong input, the control socket between two processes.
+#include <gtest/gtest.h>
 #include <poll.h>
+#include <rapidcheck/gtest.h>
 #include <signal.h>
 #include <sys/socket.h>
 #include <sys/stat.h>
@@ -7,6 +9,11 @@
 #include <sys/un.h>
 #include <sys/wait.h>
 #include <unistd.h>
+#include <algorithm>
+#include <cstdint>
+#include <map>
+#include <string>
+#include <vector>
 
 #include <functional>
 #include <nlohmann/json.hpp>

@@ -1,5 +1,7 @@
 // `berth configure`, and what `berth up` says of configurations.
+#include <gtest/gtest.h>
 #include <nlohmann/json.hpp>
+#include <string>
 
 #include "process.hpp"
 #include "tests/pch.hpp"

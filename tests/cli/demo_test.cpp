@@ -1,6 +1,10 @@
 // `berth demo`, `berth up`: the main job from the outside.
+#include <gtest/gtest.h>
 #include <signal.h>
 #include <unistd.h>
+#include <algorithm>
+#include <string>
+#include <vector>
 
 #include <filesystem>
 #include <map>

@@ -1,5 +1,8 @@
 // `berth doctor`: every fault of the ailing plant, the same from another process, and nothing on a healthy machine.
+#include <gtest/gtest.h>
+#include <algorithm>
 #include <chrono>
+#include <string>
 #include <thread>
 
 #include <signal.h>

@@ -1,6 +1,9 @@
 // berth eds: check, convert, diff, show; and a description compared with a device on a bus.
+#include <gtest/gtest.h>
+#include <algorithm>
 #include <filesystem>
 #include <nlohmann/json.hpp>
+#include <string>
 
 #include "machines.hpp"
 #include "process.hpp"

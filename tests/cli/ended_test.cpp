@@ -1,8 +1,10 @@
 // SIGTERM and SIGINT before a command's own work: it ends in words, with its own exit status.
 #include <fcntl.h>
+#include <gtest/gtest.h>
 #include <signal.h>
 #include <sys/stat.h>
 #include <unistd.h>
+#include <string>
 
 #include <chrono>
 #include <filesystem>

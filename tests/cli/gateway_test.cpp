@@ -1,9 +1,11 @@
 // `berth gateway` and `berth up --gateway` in processes of their own, and a script before them.
 #include <fmt/format.h>
+#include <gtest/gtest.h>
 #include <poll.h>
 #include <signal.h>
 #include <sys/socket.h>
 #include <unistd.h>
+#include <string>
 
 #include <array>
 #include <chrono>

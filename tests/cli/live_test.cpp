@@ -3,6 +3,7 @@
 #include <gtest/gtest.h>
 #include <signal.h>
 #include <unistd.h>
+#include <string>
 
 #include <algorithm>
 #include <filesystem>

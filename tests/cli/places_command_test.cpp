@@ -1,5 +1,8 @@
 // bind --method, locate, scan and find with devices of every kind, and questions as a program sees them.
+#include <gtest/gtest.h>
 #include <nlohmann/json.hpp>
+#include <string>
+#include <vector>
 
 #include "machines.hpp"
 #include "process.hpp"

@@ -1,5 +1,7 @@
 // `berth plant FILE --for TIME`: a plant by itself, and paper 2's two use cases (S2.31).
 #include <gtest/gtest.h>
+#include <string>
+#include <vector>
 
 #include <map>
 #include <nlohmann/json.hpp>

@@ -8,6 +8,9 @@
 #include <sys/ioctl.h>
 #include <sys/wait.h>
 #include <unistd.h>
+#include <optional>
+#include <string>
+#include <vector>
 
 #include <array>
 #include <cerrno>

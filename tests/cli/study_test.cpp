@@ -1,5 +1,7 @@
 // `berth trace`, `berth reproduce`, `berth compare` from the outside.
 #include <gtest/gtest.h>
+#include <algorithm>
+#include <string>
 
 #include <cmath>
 #include <nlohmann/json.hpp>

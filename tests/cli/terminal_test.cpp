@@ -1,7 +1,9 @@
 // `berth up` on terminals of every kind and size, with the screen compared.
 #include "terminal.hpp"
 
+#include <gtest/gtest.h>
 #include <signal.h>
+#include <string>
 
 #include <nlohmann/json.hpp>
 

@@ -1,6 +1,9 @@
 // `berth trace` from the outside: formats, names, filters, conversions, a file that grows, a live bus.
 #include <gtest/gtest.h>
 #include <unistd.h>
+#include <algorithm>
+#include <string>
+#include <vector>
 
 #include <chrono>
 #include <csignal>

@@ -1,5 +1,7 @@
 // The master program of examples/client: what it prints.
+#include <gtest/gtest.h>
 #include <sys/wait.h>
+#include <string>
 
 #include <cstdio>
 #include <fstream>

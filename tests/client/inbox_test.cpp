@@ -1,6 +1,11 @@
 // The queue that applications wait at.
-#include "berth/client/inbox.hpp"
+#include <gtest/gtest.h>
+#include <chrono>
+#include <optional>
+#include <vector>
+
 #include "../pch.hpp"
+#include "berth/client/inbox.hpp"
 #include "berth/rt/scope.hpp"
 
 namespace berth::client::test {

@@ -1,5 +1,11 @@
 // Ends and nestings: nodes and networks that go while something is pending, callbacks that do what callbacks must not,
 // many things at once, several networks.
+#include <gtest/gtest.h>
+#include <algorithm>
+#include <cstdint>
+#include <optional>
+#include <vector>
+
 #include "../pch.hpp"
 #include "rig.hpp"
 

@@ -1,4 +1,7 @@
 // Objects by name.
+#include <gtest/gtest.h>
+#include <string>
+
 #include "../pch.hpp"
 #include "rig.hpp"
 

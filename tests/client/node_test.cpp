@@ -1,4 +1,11 @@
 // Objects of a remote node: what is read and written, what is refused before the bus is used, and what is said.
+#include <gtest/gtest.h>
+#include <algorithm>
+#include <cstdint>
+#include <optional>
+#include <string>
+#include <vector>
+
 #include "../pch.hpp"
 #include "rig.hpp"
 

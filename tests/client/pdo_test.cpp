@@ -1,4 +1,10 @@
 // PDOs of a remote node by the names of its objects.
+#include <gtest/gtest.h>
+#include <rapidcheck/gtest.h>
+#include <cstdint>
+#include <string>
+#include <vector>
+
 #include "../pch.hpp"
 #include "berth/base/random.hpp"
 #include "rig.hpp"

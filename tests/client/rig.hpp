@@ -1,6 +1,12 @@
 // A simulated bus with whole devices on it, and a client's network: what the tests of this room run on.
 #pragma once
 
+#include <gtest/gtest.h>
+#include <chrono>
+#include <cstdint>
+#include <string>
+#include <vector>
+
 #include "berth/can/dispatcher.hpp"
 #include "berth/client/remote_node.hpp"
 #include "berth/device/device.hpp"

@@ -1,6 +1,10 @@
 // C++ types against CANopen types.
+#include <gtest/gtest.h>
+#include <rapidcheck/gtest.h>
 #include <cmath>
+#include <cstdint>
 #include <limits>
+#include <string>
 
 #include "../pch.hpp"
 #include "berth/client/value.hpp"

@@ -1,6 +1,8 @@
 // The object dictionary that the SDO tests serve.
 #pragma once
 
+#include <cstdint>
+
 #include "berth/od/values.hpp"
 
 namespace berth::test {

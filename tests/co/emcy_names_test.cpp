@@ -1,5 +1,10 @@
 // Emergency codes, the consumer object 1028h, and the rows that concern both ends (docs/protocols/cia301.md
 // §Emergencies).
+#include <gtest/gtest.h>
+#include <cstdint>
+#include <string>
+#include <vector>
+
 #include "berth/co/emcy_list.hpp"
 #include "pdo_rig.hpp"
 

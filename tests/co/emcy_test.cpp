@@ -1,4 +1,12 @@
 // EMCY producer and consumer (docs/protocols/cia301.md §Emergencies; HC2.9).
+#include <gtest/gtest.h>
+#include <rapidcheck/gtest.h>
+#include <algorithm>
+#include <cstdint>
+#include <map>
+#include <string>
+#include <vector>
+
 #include "berth/co/emcy.hpp"
 #include "wire.hpp"
 

@@ -1,4 +1,12 @@
 // Heartbeat and guarding (docs/protocols/cia301.md §Error control; HC2.6, HC2.7, HU.23, HU.24).
+#include <gtest/gtest.h>
+#include <rapidcheck/gtest.h>
+#include <algorithm>
+#include <chrono>
+#include <cstdint>
+#include <string>
+#include <vector>
+
 #include "berth/co/guarding.hpp"
 #include "berth/co/heartbeat.hpp"
 #include "wire.hpp"

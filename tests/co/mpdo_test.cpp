@@ -1,4 +1,7 @@
 // Multiplex PDOs (docs/protocols/cia301.md §PDO; HU.34).
+#include <gtest/gtest.h>
+#include <cstdint>
+
 #include "pdo_rig.hpp"
 
 using namespace berth;

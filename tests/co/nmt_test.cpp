@@ -1,4 +1,12 @@
 // NMT: slave state machine and master (docs/protocols/cia301.md §NMT; HC2.8, HC2.10).
+#include <gtest/gtest.h>
+#include <rapidcheck/gtest.h>
+#include <cstdint>
+#include <map>
+#include <optional>
+#include <string>
+#include <vector>
+
 #include "berth/co/nmt_master.hpp"
 #include "berth/co/nmt_slave.hpp"
 #include "wire.hpp"

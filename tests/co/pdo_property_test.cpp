@@ -1,4 +1,10 @@
 // What a running set of PDOs made of any writes is what a set that starts afterwards makes of the records.
+#include <gtest/gtest.h>
+#include <rapidcheck/gtest.h>
+#include <algorithm>
+#include <cstdint>
+#include <string>
+
 #include "berth/base/random.hpp"
 #include "pdo_rig.hpp"
 

@@ -1,6 +1,11 @@
 // A device with PDOs, SYNC and a dictionary to map, and a peer, on the ideal wire.
 #pragma once
 
+#include <gtest/gtest.h>
+#include <cstdint>
+#include <string>
+#include <vector>
+
 #include "berth/base/bytes.hpp"
 #include "berth/co/emcy.hpp"
 #include "berth/co/pdo.hpp"

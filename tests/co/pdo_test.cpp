@@ -1,4 +1,10 @@
 // PDO mapping and the records 1400h..1BFFh (docs/protocols/cia301.md §CAN-IDs, §PDO; HC2.1, HC2.2).
+#include <gtest/gtest.h>
+#include <rapidcheck/gtest.h>
+#include <algorithm>
+#include <cstdint>
+#include <vector>
+
 #include "berth/base/random.hpp"
 #include "pdo_rig.hpp"
 

@@ -1,4 +1,8 @@
 // RPDOs: transmission types, lengths, deadlines, dummies (docs/protocols/cia301.md §PDO; HC2.5).
+#include <gtest/gtest.h>
+#include <cstdint>
+#include <string>
+
 #include "pdo_rig.hpp"
 
 using namespace berth;

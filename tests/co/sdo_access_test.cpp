@@ -1,4 +1,9 @@
 // SdoAccess from a coroutine, and the value that uploads give.
+#include <gtest/gtest.h>
+#include <cstdint>
+#include <string>
+#include <vector>
+
 #include "berth/co/sdo_access.hpp"
 
 #include "berth/co/sdo_server.hpp"

@@ -1,5 +1,12 @@
 // SDO block transfer, the client's side (docs/protocols/cia301.md §SDO; docs/hard-cases.md §1). A scripted server
 // speaks by hand-written frames.
+#include <gtest/gtest.h>
+#include <algorithm>
+#include <cstdint>
+#include <map>
+#include <string>
+#include <vector>
+
 #include "sdo_rig.hpp"
 
 using namespace berth;

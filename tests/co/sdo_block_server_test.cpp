@@ -1,5 +1,10 @@
 // SDO block transfer, the server's side (docs/protocols/cia301.md §SDO; docs/hard-cases.md §1). Frames by hand from the
 // standard's layouts.
+#include <gtest/gtest.h>
+#include <cstdint>
+#include <string>
+#include <vector>
+
 #include "berth/base/crc.hpp"
 #include "sdo_rig.hpp"
 

@@ -1,5 +1,15 @@
 // SDO client (docs/protocols/cia301.md §SDO; docs/hard-cases.md §1, §5, §Users). Scripted servers speak by
 // hand-written frames; only the property tests at the end join the client with our own server.
+#include <gtest/gtest.h>
+#include <rapidcheck/gtest.h>
+#include <algorithm>
+#include <chrono>
+#include <cstdint>
+#include <map>
+#include <optional>
+#include <string>
+#include <vector>
+
 #include "berth/co/sdo_client.hpp"
 
 #include "berth/base/random.hpp"

@@ -2,6 +2,11 @@
 #pragma once
 
 #include <gtest/gtest.h>
+#include <algorithm>
+#include <cstdint>
+#include <optional>
+#include <string>
+#include <vector>
 
 #include "berth/base/random.hpp"
 #include "berth/co/sdo_client.hpp"

@@ -1,5 +1,11 @@
 // SDO server (docs/protocols/cia301.md §SDO; docs/hard-cases.md §1). Frames are written by hand from the standard's
 // layouts.
+#include <gtest/gtest.h>
+#include <rapidcheck/gtest.h>
+#include <cstdint>
+#include <string>
+#include <vector>
+
 #include "berth/co/sdo_server.hpp"
 
 #include "berth/base/random.hpp"

@@ -1,5 +1,13 @@
 // SDO channels of a device (1200h.., 1280h..), answers that come later, and transfers that a reset, a dead node or a
 // destroyed client interrupts (docs/protocols/cia301.md §CAN-IDs, §SDO; docs/hard-cases.md §1, §5).
+#include <gtest/gtest.h>
+#include <algorithm>
+#include <cstdint>
+#include <map>
+#include <optional>
+#include <string>
+#include <vector>
+
 #include "berth/co/sdo_servers.hpp"
 
 #include "sdo_rig.hpp"

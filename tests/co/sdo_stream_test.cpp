@@ -1,5 +1,12 @@
 // SDO transfers of any length between our client and our server: streams at both ends, lossy wires, answers that come
 // later (docs/protocols/cia301.md §SDO; docs/hard-cases.md §1, §5).
+#include <gtest/gtest.h>
+#include <rapidcheck/gtest.h>
+#include <algorithm>
+#include <cstdint>
+#include <optional>
+#include <string>
+
 #include "sdo_rig.hpp"
 
 using namespace berth;

@@ -1,4 +1,8 @@
 // SYNC producer and consumer (docs/protocols/cia301.md §SYNC and TIME; HC2.4).
+#include <gtest/gtest.h>
+#include <cstdint>
+#include <vector>
+
 #include "pdo_rig.hpp"
 
 using namespace berth;

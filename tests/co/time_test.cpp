@@ -1,4 +1,9 @@
 // TIME producer and consumer (docs/protocols/cia301.md §SYNC and TIME).
+#include <gtest/gtest.h>
+#include <rapidcheck/gtest.h>
+#include <cstdint>
+#include <vector>
+
 #include "berth/co/time_stamp.hpp"
 #include "pdo_rig.hpp"
 

@@ -1,4 +1,11 @@
 // TPDOs: transmission types, inhibit time, event timer, window (docs/protocols/cia301.md §PDO; HC2.3, HC2.4).
+#include <gtest/gtest.h>
+#include <rapidcheck/gtest.h>
+#include <chrono>
+#include <cstdint>
+#include <string>
+#include <vector>
+
 #include "berth/base/random.hpp"
 #include "pdo_rig.hpp"
 

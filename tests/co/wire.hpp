@@ -2,8 +2,15 @@
 // apart from the simulator on purpose: a mistake there must not hide one here.
 #pragma once
 
+#include <gtest/gtest.h>
+#include <algorithm>
+#include <chrono>
+#include <cstdint>
 #include <functional>
 #include <memory>
+#include <optional>
+#include <string>
+#include <vector>
 
 #include "berth/can/dispatcher.hpp"
 #include "berth/co/cob_id.hpp"

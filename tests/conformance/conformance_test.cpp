@@ -1,8 +1,15 @@
 // A Berth device made from any description against a conformance tester's checks (berth/doctor/conformance.hpp), and
 // the checks against devices that are wrong.
+#include <gtest/gtest.h>
+#include <algorithm>
+#include <chrono>
+#include <cstdint>
 #include <filesystem>
 #include <fstream>
+#include <optional>
 #include <set>
+#include <string>
+#include <vector>
 
 #include "../eds_folder.hpp"
 #include "../paths.hpp"

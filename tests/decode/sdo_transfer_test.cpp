@@ -2,6 +2,10 @@
 #include "berth/decode/sdo_transfer.hpp"
 
 #include <gtest/gtest.h>
+#include <chrono>
+#include <cstdint>
+#include <string>
+#include <vector>
 
 #include <numeric>
 

@@ -1,3 +1,8 @@
+#include <gtest/gtest.h>
+#include <rapidcheck/gtest.h>
+#include <cstdint>
+#include <string>
+
 #include "berth/design/edit.hpp"
 
 #include "berth/base/random.hpp"

@@ -1,4 +1,8 @@
 // The heartbeats that Berth asks for fit the bus, or the machine file is refused before anything is sent.
+#include <gtest/gtest.h>
+#include <chrono>
+#include <string>
+
 #include "berth/design/machine.hpp"
 #include "tests/pch.hpp"
 

@@ -1,4 +1,10 @@
 // The device library, and what slots take from it: recipes, successor types, listed spares.
+#include <gtest/gtest.h>
+#include <cstdint>
+#include <optional>
+#include <string>
+#include <vector>
+
 #include "berth/design/machine.hpp"
 #include "tests/pch.hpp"
 

@@ -1,6 +1,14 @@
 #include "berth/design/machine.hpp"
 
+#include <gtest/gtest.h>
+#include <rapidcheck/gtest.h>
+#include <chrono>
+#include <cstdint>
 #include <functional>
+#include <map>
+#include <optional>
+#include <string>
+#include <vector>
 
 #include "../paths.hpp"
 #include "berth/base/random.hpp"

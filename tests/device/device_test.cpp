@@ -1,4 +1,10 @@
 // A whole device on the simulated bus: start, node-ID, resets, objects that act, errors.
+#include <gtest/gtest.h>
+#include <cstdint>
+#include <map>
+#include <string>
+#include <vector>
+
 #include "../pch.hpp"
 #include "rig.hpp"
 

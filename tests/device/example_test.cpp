@@ -1,7 +1,10 @@
 // The device of examples/device, as a program: what it does on its bus, frame by frame.
+#include <gtest/gtest.h>
 #include <cstdio>
 #include <fstream>
 #include <sstream>
+#include <string>
+#include <vector>
 
 #include "../paths.hpp"
 #include "../pch.hpp"

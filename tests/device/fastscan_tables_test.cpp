@@ -2,6 +2,12 @@
 //
 // The rows that the paper prints are typed in from it. Those that it leaves out are made here by the rule that its text
 // gives (S4.6): nothing of Berth makes them.
+#include <gtest/gtest.h>
+#include <algorithm>
+#include <cstdint>
+#include <string>
+#include <vector>
+
 #include "berth/lss/fastscan.hpp"
 #include "berth/lss/interpret.hpp"
 #include "rig.hpp"

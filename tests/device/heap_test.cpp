@@ -1,5 +1,9 @@
 // That a running device takes nothing from the heap and throws nothing, whatever comes; and how much memory it has.
 #include <dlfcn.h>
+#include <gtest/gtest.h>
+#include <algorithm>
+#include <cstdint>
+#include <vector>
 
 #include <cstdlib>
 #include <new>

@@ -1,5 +1,11 @@
 // Across the schemes: who sends what, told apart from each other (SX.1, S1.24), and in which order each finds devices
 // (SX.2). The identifiers are written by hand from the papers and from docs/rand.md, docs/and.md, docs/claim.md.
+#include <gtest/gtest.h>
+#include <algorithm>
+#include <cstdint>
+#include <string>
+#include <vector>
+
 #include "berth/lss/frames.hpp"
 #include "berth/nodeid/and_frames.hpp"
 #include "berth/nodeid/and_master.hpp"

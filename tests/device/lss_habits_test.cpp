@@ -3,6 +3,8 @@
 #include "berth/device/lss_habits.hpp"
 
 #include <gtest/gtest.h>
+#include <cstdint>
+#include <string>
 
 #include <algorithm>
 

@@ -1,4 +1,8 @@
 // A description without what CiA 301 wants of every device: what is missing, and the description with it.
+#include <gtest/gtest.h>
+#include <cstdint>
+#include <vector>
+
 #include "berth/device/mandatory.hpp"
 
 #include "../pch.hpp"

@@ -1,6 +1,9 @@
 // S2.1, S2.5: negotiation on a controller that takes FD frames too: classic extended frames count, FD frames of the
 // same number do not. At the port's level; on a simulated FD bus: tests/plant/negotiation_fd_world_test.cpp.
 #include <gtest/gtest.h>
+#include <algorithm>
+#include <cstdint>
+#include <vector>
 
 #include "rig.hpp"
 

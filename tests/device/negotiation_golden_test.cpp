@@ -7,6 +7,11 @@
 // byte to byte, never less), and no line is further from the paper's time than 8 ms, which is how far its own lines
 // stray from the stated delays (107 ms from request to first byte, 7 ms between two bytes).
 #include <gtest/gtest.h>
+#include <chrono>
+#include <cstdint>
+#include <optional>
+#include <string>
+#include <vector>
 
 #include <algorithm>
 

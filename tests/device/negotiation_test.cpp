@@ -1,5 +1,10 @@
 // Paper 2's rules on a whole device, one by one: what another node sends is typed by hand.
 #include <gtest/gtest.h>
+#include <algorithm>
+#include <chrono>
+#include <cstdint>
+#include <string>
+#include <vector>
 
 #include "rig.hpp"
 

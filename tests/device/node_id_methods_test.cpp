@@ -1,5 +1,11 @@
 // The device's answers to RAND, its extension and AND, and its claims; expected frames by hand from docs/rand.md,
 // docs/and.md and docs/claim.md.
+#include <gtest/gtest.h>
+#include <algorithm>
+#include <cstdint>
+#include <string>
+#include <vector>
+
 #include "berth/nodeid/rand_walk.hpp"
 #include "rig.hpp"
 

@@ -1,4 +1,10 @@
 // Non-volatile memory: a power loss at any byte of a write leaves the old record or the new one.
+#include <gtest/gtest.h>
+#include <rapidcheck/gtest.h>
+#include <algorithm>
+#include <chrono>
+#include <cstdint>
+#include <optional>
 #include <set>
 
 #include "../pch.hpp"

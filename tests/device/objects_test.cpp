@@ -1,5 +1,10 @@
 // The objects of the communication profile as a device shows them over SDO (docs/protocols/cia301.md §CAN-IDs, §Data
 // types, §Emergencies), and those that only hold a value.
+#include <gtest/gtest.h>
+#include <cstdint>
+#include <string>
+#include <vector>
+
 #include "../pch.hpp"
 #include "rig.hpp"
 

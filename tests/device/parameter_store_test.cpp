@@ -1,6 +1,12 @@
 // Stored parameters by themselves: what is stored, group by group; a power loss at any byte, also a second one, leaves
 // the old image or the new one; another firmware's image is laid over only where it fits.
+#include <gtest/gtest.h>
+#include <rapidcheck/gtest.h>
+#include <chrono>
+#include <cstdint>
 #include <optional>
+#include <string>
+#include <vector>
 
 #include "../pch.hpp"
 #include "berth/base/random.hpp"

@@ -1,7 +1,11 @@
 /// A bus, a test's own port on it, and whole devices as a plant has them: what the tests of `device` run on.
 #pragma once
 
+#include <algorithm>
+#include <chrono>
+#include <cstdint>
 #include <memory>
+#include <optional>
 #include <string>
 #include <string_view>
 #include <vector>

@@ -1,5 +1,10 @@
 // PDO, SYNC, TIME, error behaviour, supervision and the watch over its own identifiers in a whole device.
+#include <gtest/gtest.h>
+#include <algorithm>
+#include <cstdint>
+#include <string>
 #include <thread>
+#include <vector>
 
 #include "../pch.hpp"
 #include "berth/co/sdo_client.hpp"

@@ -1,5 +1,11 @@
 // Objects 1010h, 1011h and 1020h of a whole device, over SDO: what is stored, when it counts, and what a power loss in
 // the middle leaves (docs/protocols/cia301.md §Stored parameters).
+#include <gtest/gtest.h>
+#include <cstdint>
+#include <map>
+#include <optional>
+#include <vector>
+
 #include "../pch.hpp"
 #include "rig.hpp"
 

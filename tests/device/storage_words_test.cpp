@@ -1,4 +1,9 @@
 // OD.1010, OD.1011: a capability that is another than the description's is told in words.
+#include <gtest/gtest.h>
+#include <cstdint>
+#include <string>
+#include <vector>
+
 #include "berth/device/storage_words.hpp"
 
 #include "../pch.hpp"

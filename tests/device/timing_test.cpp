@@ -1,4 +1,11 @@
 // What a slow, forgetful or overloaded device does to time.
+#include <gtest/gtest.h>
+#include <algorithm>
+#include <chrono>
+#include <cstdint>
+#include <string>
+#include <vector>
+
 #include "../pch.hpp"
 #include "rig.hpp"
 

@@ -1,4 +1,8 @@
 // Mixed buses: whoever speaks what is found, one scheme after the other (S1.24, S1.54, HU.1).
+#include <gtest/gtest.h>
+#include <cstdint>
+#include <optional>
+
 #include "berth/discovery/auto.hpp"
 
 #include "berth/nodeid/rand_frames.hpp"

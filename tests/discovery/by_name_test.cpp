@@ -1,4 +1,8 @@
 // Node-IDs that are given by name, by every method: only to a device that is proven to be alone in configuration.
+#include <gtest/gtest.h>
+#include <algorithm>
+#include <string>
+
 #include "discovery_world.hpp"
 
 namespace berth::discovery {

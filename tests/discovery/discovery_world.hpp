@@ -2,6 +2,9 @@
 #pragma once
 
 #include <gtest/gtest.h>
+#include <chrono>
+#include <cstdint>
+#include <optional>
 
 #include <algorithm>
 #include <functional>

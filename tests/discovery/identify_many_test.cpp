@@ -1,5 +1,11 @@
 // Plain LSS, many devices: identify ranges find them at every bit rate, in slices, and say how far they are.
 #include <fmt/format.h>
+#include <gtest/gtest.h>
+#include <algorithm>
+#include <chrono>
+#include <cstdint>
+#include <optional>
+#include <vector>
 
 #include "berth/discovery/identify.hpp"
 #include "discovery_world.hpp"

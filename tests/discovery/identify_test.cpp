@@ -1,8 +1,14 @@
 // LSS identify ranges as a search: devices without Fastscan, and devices that have a node-ID (HU.1).
 #include "berth/discovery/identify.hpp"
 
+#include <gtest/gtest.h>
 #include <rapidcheck.h>
 #include <rapidcheck/gtest.h>
+#include <algorithm>
+#include <chrono>
+#include <cstdint>
+#include <optional>
+#include <vector>
 
 #include "discovery_world.hpp"
 

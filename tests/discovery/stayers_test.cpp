@@ -1,5 +1,8 @@
 // Devices that answer Fastscan whatever node-ID they have, as Lely core's slaves do (HC3.3, HU.6): giving them a
 // node-ID takes them out of no search.
+#include <gtest/gtest.h>
+#include <cstdint>
+
 #include "berth/discovery/walk.hpp"
 
 #include "discovery_world.hpp"

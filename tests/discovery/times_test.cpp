@@ -1,6 +1,12 @@
 // SX.4: the papers' time-outs (4 ms and 40 ms of paper 1, 10 ms and 100 ms of paper 2, 10 and 20 ms of paper 4) are
 // parameters. Each is set to several values, the papers' among them; what is measured is the bus, from the end of a
 // request that nobody answers to what comes next.
+#include <gtest/gtest.h>
+#include <chrono>
+#include <cstdint>
+#include <string>
+#include <vector>
+
 #include "berth/lss/fastscan.hpp"
 #include "berth/nodeid/and_master.hpp"
 #include "berth/nodeid/negotiator.hpp"

@@ -1,4 +1,10 @@
 // The planners on Fastscan slaves, plain and with feedback, on the simulated bus.
+#include <gtest/gtest.h>
+#include <algorithm>
+#include <chrono>
+#include <cstdint>
+#include <optional>
+
 #include "berth/discovery/walk.hpp"
 
 #include "discovery_world.hpp"

@@ -1,6 +1,10 @@
 // What the doctor concludes from what it heard: frames written by hand, at times written by hand.
+#include <gtest/gtest.h>
 #include <algorithm>
+#include <chrono>
+#include <cstdint>
 #include <string>
+#include <vector>
 
 #include "berth/doctor/diagnose.hpp"
 #include "berth/doctor/questions.hpp"

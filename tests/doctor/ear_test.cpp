@@ -1,5 +1,7 @@
 // What the doctor's ear counts, from frames and error counters that are put into a port by hand.
 #include <gtest/gtest.h>
+#include <chrono>
+#include <cstdint>
 
 #include "berth/doctor/heard.hpp"
 

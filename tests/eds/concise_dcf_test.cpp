@@ -1,6 +1,11 @@
 // Concise DCF (CiA 302-3, 1F22h): bytes, broken streams, from and to parameters, and the order that devices take.
+#include <gtest/gtest.h>
+#include <rapidcheck/gtest.h>
 #include <algorithm>
+#include <cstdint>
 #include <map>
+#include <string>
+#include <vector>
 
 #include "berth/base/random.hpp"
 #include "berth/eds/concise_dcf.hpp"

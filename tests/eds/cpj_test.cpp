@@ -1,6 +1,12 @@
 // Nodelist projects (CiA 306-3 §6.2.2).
-#include "berth/eds/cpj.hpp"
+#include <gtest/gtest.h>
+#include <rapidcheck/gtest.h>
+#include <algorithm>
+#include <cstdint>
+#include <string>
+
 #include "berth/base/random.hpp"
+#include "berth/eds/cpj.hpp"
 #include "support.hpp"
 
 namespace {

@@ -1,5 +1,12 @@
 // DCFs (CiA 306 §5): what they say beyond an EDS, and making one from an EDS and values.
+#include <gtest/gtest.h>
+#include <rapidcheck/gtest.h>
 #include <unistd.h>
+#include <algorithm>
+#include <cstdint>
+#include <optional>
+#include <string>
+#include <vector>
 
 #include <filesystem>
 #include <fstream>

@@ -1,4 +1,11 @@
 // Two descriptions compared, and a description compared with what a device answers.
+#include <gtest/gtest.h>
+#include <rapidcheck/gtest.h>
+#include <algorithm>
+#include <cstdint>
+#include <string>
+#include <vector>
+
 #include "berth/eds/diff.hpp"
 
 #include "berth/base/random.hpp"

@@ -1,6 +1,12 @@
 // What an engineer finds in a description beyond its form.
+#include <gtest/gtest.h>
+#include <rapidcheck/gtest.h>
+#include <algorithm>
+#include <cstdint>
 #include <cstdlib>
 #include <filesystem>
+#include <string>
+#include <vector>
 
 #include "berth/base/random.hpp"
 #include "berth/eds/review.hpp"

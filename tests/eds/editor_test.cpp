@@ -1,7 +1,13 @@
 // Changing a file and leaving the rest of it as it is.
+#include <gtest/gtest.h>
+#include <rapidcheck/gtest.h>
+#include <cstdint>
 #include <cstdlib>
 #include <filesystem>
 #include <fstream>
+#include <optional>
+#include <string>
+#include <vector>
 
 #include "../paths.hpp"
 #include "berth/base/random.hpp"

@@ -1,8 +1,15 @@
 // Files of real projects, our own examples, and properties of the reader on any text.
+#include <gtest/gtest.h>
+#include <rapidcheck/gtest.h>
+#include <algorithm>
+#include <cstdint>
 #include <cstdlib>
 #include <filesystem>
 #include <fstream>
+#include <map>
 #include <set>
+#include <string>
+#include <vector>
 
 #include "../paths.hpp"
 #include "berth/base/random.hpp"

@@ -1,4 +1,10 @@
 // Modular devices, network variables, comments, tools and links (CiA 306-1 §8, 306-3).
+#include <gtest/gtest.h>
+#include <cstdint>
+#include <optional>
+#include <string>
+#include <vector>
+
 #include "random_description.hpp"
 #include "support.hpp"
 

@@ -1,5 +1,11 @@
 // docs/hard-cases.md §4: each row of the table and of the list below it, as its last column says. HC4_nn names the row
 // of docs/checklist.txt.
+#include <gtest/gtest.h>
+#include <algorithm>
+#include <cstdint>
+#include <string>
+#include <vector>
+
 #include "support.hpp"
 
 namespace {

@@ -1,10 +1,16 @@
 // Writing whole files: what is written is read back as it was, by readers stricter than this one too.
+#include <gtest/gtest.h>
+#include <rapidcheck/gtest.h>
+#include <algorithm>
+#include <cstdint>
 #include <cstdlib>
 #include <filesystem>
 #include <fstream>
 #include <map>
 #include <set>
 #include <sstream>
+#include <string>
+#include <vector>
 
 #include "../paths.hpp"
 #include "random_description.hpp"

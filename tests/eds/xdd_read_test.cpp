@@ -1,6 +1,11 @@
 // XDD and XDC read (CiA 311; docs/protocols/cia306.md §XDD and XDC).
+#include <gtest/gtest.h>
+#include <rapidcheck/gtest.h>
+#include <cstdint>
 #include <cstdlib>
 #include <filesystem>
+#include <string>
+#include <vector>
 
 #include "berth/base/random.hpp"
 #include "berth/eds/diff.hpp"

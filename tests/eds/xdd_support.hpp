@@ -1,6 +1,9 @@
 /// XDDs for the tests, put together from their parts.
 #pragma once
 
+#include <algorithm>
+#include <string>
+
 #include "berth/eds/xdd.hpp"
 #include "support.hpp"
 

@@ -1,7 +1,12 @@
 // XDD and XDC written (CiA 311; docs/protocols/cia306.md §XDD and XDC): what is read back is equal, and the elements
 // stand as the schema wants them.
+#include <gtest/gtest.h>
+#include <rapidcheck/gtest.h>
+#include <cstdint>
 #include <cstdlib>
 #include <filesystem>
+#include <string>
+#include <vector>
 
 #include "berth/base/random.hpp"
 #include "berth/eds/diff.hpp"

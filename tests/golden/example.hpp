@@ -1,6 +1,7 @@
 // An example machine of examples/, run by `operate::Session` on its plant.
 #pragma once
 
+#include <cstdint>
 #include <memory>
 #include <string>
 

@@ -2,6 +2,12 @@
 // whole machine's bus: examples/five-slaves, from blank. The lists are written by hand from that text, with the digits
 // of s4 and s5 from S1.38. Berth leaves the letter in one thing: not `04 01` to all, RAND is answered in waiting
 // (S1.31); tests/nodeid plays the literal one.
+#include <gtest/gtest.h>
+#include <algorithm>
+#include <chrono>
+#include <string>
+#include <vector>
+
 #include "tests/golden/example.hpp"
 
 using namespace berth;

@@ -1,5 +1,10 @@
 // S1.30, S1.39, S1.40: the paper's preparation: node guarding to every slave, one by one. 30 slaves at 50 kbit/s that
 // answer after 4 ms. And S1.48 with as many slaves as CANopen has node-IDs for.
+#include <gtest/gtest.h>
+#include <cstdint>
+#include <string>
+#include <vector>
+
 #include "berth/co/guarding.hpp"
 #include "berth/nodeid/paper1_times.hpp"
 #include "tests/golden/example.hpp"

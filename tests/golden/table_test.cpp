@@ -1,4 +1,11 @@
 // The table that Berth reports and the one that the frames on the bus tell are the same.
+#include <gtest/gtest.h>
+#include <chrono>
+#include <cstdint>
+#include <map>
+#include <string>
+#include <vector>
+
 #include "tests/golden/example.hpp"
 #include "tests/golden/trace_reader.hpp"
 

@@ -1,6 +1,7 @@
 // Is a device that runs in its slot as the slot's file wants it? Looked at whenever a device changes.
 #pragma once
 
+#include <algorithm>
 #include <map>
 #include <memory>
 #include <string>

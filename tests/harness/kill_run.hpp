@@ -2,8 +2,14 @@
 // by one that lives: what must hold at the end, and on the way.
 #pragma once
 
+#include <algorithm>
 #include <array>
+#include <cstdint>
+#include <map>
+#include <optional>
 #include <set>
+#include <string>
+#include <vector>
 
 #include "tests/harness/mortal.hpp"
 #include "tests/harness/run_world.hpp"

@@ -3,6 +3,10 @@
 
 #include <sys/wait.h>
 #include <unistd.h>
+#include <cstdint>
+#include <optional>
+#include <string>
+#include <vector>
 
 #include <chrono>
 #include <cstdio>

@@ -2,6 +2,12 @@
 #pragma once
 
 #include <fmt/format.h>
+#include <algorithm>
+#include <chrono>
+#include <cstdint>
+#include <optional>
+#include <string>
+#include <vector>
 
 #include <array>
 #include <map>

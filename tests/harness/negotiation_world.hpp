@@ -8,6 +8,10 @@
 #pragma once
 
 #include <fmt/format.h>
+#include <algorithm>
+#include <chrono>
+#include <cstdint>
+#include <vector>
 
 #include <map>
 #include <string>

@@ -1,9 +1,15 @@
 // One seeded world from beginning to end, with its invariants looked at after every change (see docs/faults.md).
 #pragma once
 
+#include <algorithm>
 #include <array>
+#include <chrono>
+#include <cstdint>
 #include <map>
+#include <optional>
 #include <set>
+#include <string>
+#include <vector>
 
 #include "tests/harness/end_judge.hpp"
 #include "tests/harness/world_plan.hpp"

@@ -1,8 +1,12 @@
 // Random machines, plants and faults from a seed, as explicit data: what a failed run is replayed and shrunk from.
 #pragma once
 
+#include <algorithm>
+#include <chrono>
+#include <cstdint>
 #include <functional>
 #include <iterator>
+#include <optional>
 #include <string>
 #include <vector>
 

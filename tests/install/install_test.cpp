@@ -1,7 +1,10 @@
 // The package that `cmake --install` gives, and a project outside that uses it: this build is installed to a folder of
 // its own, and configured, built and run against from there.
+#include <gtest/gtest.h>
 #include <sys/wait.h>
 #include <unistd.h>
+#include <string>
+#include <vector>
 
 #include <array>
 #include <cstdio>
@@ -95,6 +98,12 @@ TEST_F(Install, AnOutsideProjectFindsBuildsAndRuns) {
   const auto ran = run((folder / "outside" / "outside").string());
   EXPECT_EQ(ran.status, 0);
   EXPECT_EQ(ran.out, "node 5 has vendor-ID 0000002A\n");
+}
+
+// A room brings what it uses and no more: SQLite is the store's, and the main job knows only `places::SlotStore`.
+TEST_F(Install, OnlyTheStoreBringsSqlite) {
+  const auto without_store = configure("operate", "operate;command;serve", {"SQLiteCpp", "SQLite3"});
+  EXPECT_EQ(without_store.status, 0) << without_store.out;
 }
 
 TEST_F(Install, WhatIsMissingIsNamed) {

@@ -1,7 +1,10 @@
 #include "berth/io/loop.hpp"
 
+#include <gtest/gtest.h>
 #include <sys/epoll.h>
 #include <unistd.h>
+#include <chrono>
+#include <cstdint>
 
 #include "berth/io/loop_driver.hpp"
 #include "berth/sim/world.hpp"

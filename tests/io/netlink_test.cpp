@@ -1,6 +1,8 @@
 #include "berth/io/netlink.hpp"
 
 #include <gtest/gtest.h>
+#include <cstdint>
+#include <vector>
 
 #include "berth/base/random.hpp"
 #include "berth/io/socketcan_setup.hpp"

@@ -1,8 +1,14 @@
 #include "berth/io/plant_port.hpp"
 
+#include <gtest/gtest.h>
 #include <sys/socket.h>
 #include <sys/stat.h>
 #include <unistd.h>
+#include <algorithm>
+#include <chrono>
+#include <cstdint>
+#include <string>
+#include <vector>
 
 #include <atomic>
 #include <thread>

@@ -1,9 +1,15 @@
 #include <fcntl.h>
+#include <gtest/gtest.h>
 #include <poll.h>
 #include <pty.h>
 #include <rapidcheck/gtest.h>
 #include <termios.h>
 #include <unistd.h>
+#include <algorithm>
+#include <chrono>
+#include <cstdint>
+#include <string>
+#include <vector>
 
 #include <atomic>
 #include <mutex>

@@ -1,7 +1,11 @@
 #include "berth/io/socketcan_codec.hpp"
+#include "berth/can/ranges.hpp"
 
 #include <gtest/gtest.h>
 #include <rapidcheck/gtest.h>
+#include <chrono>
+#include <cstdint>
+#include <vector>
 
 #include <algorithm>
 
@@ -168,12 +172,12 @@ RC_GTEST_PROP(SocketCanFilter, WhatIsWantedPassesAndNoOtherDataFrame, ()) {
     ranges.push_back({first | flag, last | flag});
   }
   const auto filters = kernel_filters(ranges, most_filters);
-  const auto wanted = normalised(ranges);
+  const auto wanted = can::normalised(ranges);
   RC_ASSERT(filters.size() <= most_filters);
   std::uint32_t wrong = 0;
   const auto check = [&](std::uint32_t key) {
     const bool in = std::ranges::any_of(ranges, [key](const can::IdRange& range) { return range.contains(key); });
-    const bool right = kernel_passes(filters, key) == in && contains(wanted, key) == in &&
+    const bool right = kernel_passes(filters, key) == in && can::contains(wanted, key) == in &&
                        (!in || kernel_passes(filters, key | 0x4000'0000U));
     if (!right) wrong = key + 1;
   };
@@ -185,7 +189,7 @@ RC_GTEST_PROP(SocketCanFilter, WhatIsWantedPassesAndNoOtherDataFrame, ()) {
     }
   }
   RC_ASSERT(wrong == 0U);
-  RC_ASSERT(covers(wanted, wanted));
+  RC_ASSERT(can::covers(wanted, wanted));
 }
 
 TEST(SocketCanFilter, TooManyRangesPassMoreAndNeverLess) {
@@ -202,15 +206,17 @@ TEST(SocketCanFilter, TooManyRangesPassMoreAndNeverLess) {
 }
 
 TEST(SocketCanFilter, RangesOverTheBorderOfTheFormatsAndBeyondWhatExists) {
-  EXPECT_EQ(normalised(std::vector{can::IdRange{0x700, can::extended_flag | 0x10}}),
+  EXPECT_EQ(can::normalised(std::vector{can::IdRange{0x700, can::extended_flag | 0x10}}),
             (std::vector{can::IdRange{0x700, 0x7FF}, can::IdRange{can::extended_flag, can::extended_flag | 0x10}}));
-  EXPECT_TRUE(normalised(std::vector{can::IdRange{0x800, 0x7FFF'FFFF}, can::IdRange{5, 4}}).empty());
-  EXPECT_EQ(normalised(std::vector{can::IdRange{0, 0xFFFF'FFFF}}), (std::vector{can::all_base, can::all_extended}));
-  EXPECT_EQ(normalised(std::vector{can::only(3), can::IdRange{1, 2}, can::IdRange{2, 2}}),
+  EXPECT_TRUE(can::normalised(std::vector{can::IdRange{0x800, 0x7FFF'FFFF}, can::IdRange{5, 4}}).empty());
+  EXPECT_EQ(can::normalised(std::vector{can::IdRange{0, 0xFFFF'FFFF}}),
+            (std::vector{can::all_base, can::all_extended}));
+  EXPECT_EQ(can::normalised(std::vector{can::only(3), can::IdRange{1, 2}, can::IdRange{2, 2}}),
             (std::vector{can::IdRange{1, 3}}));
-  EXPECT_FALSE(covers(std::vector{can::IdRange{1, 3}}, std::vector{can::IdRange{3, 4}}));
-  EXPECT_TRUE(covers(std::vector{can::IdRange{1, 3}, can::all_extended}, std::vector{can::only(can::extended_flag)}));
-  EXPECT_FALSE(contains({}, 0));
+  EXPECT_FALSE(can::covers(std::vector{can::IdRange{1, 3}}, std::vector{can::IdRange{3, 4}}));
+  EXPECT_TRUE(
+      can::covers(std::vector{can::IdRange{1, 3}, can::all_extended}, std::vector{can::only(can::extended_flag)}));
+  EXPECT_FALSE(can::contains({}, 0));
 }
 
 // ---- times ----

@@ -1,6 +1,11 @@
 #include "berth/io/socketcand_protocol.hpp"
 
+#include <gtest/gtest.h>
 #include <rapidcheck/gtest.h>
+#include <chrono>
+#include <cstdint>
+#include <string>
+#include <vector>
 
 #include "berth/base/random.hpp"
 #include "berth/io/stream.hpp"

@@ -1,6 +1,8 @@
 // `berth plant`, and what `berth up` says when the plant is not as it should be. In one process after the other.
+#include <gtest/gtest.h>
 #include <sys/wait.h>
 #include <unistd.h>
+#include <string>
 
 #include <chrono>
 #include <cstdio>

@@ -1,10 +1,14 @@
 // A real `kill -9` of `berth up`, again and again, while the plant runs on in another process.
 #include <SQLiteCpp/Database.h>
 #include <fcntl.h>
+#include <gtest/gtest.h>
 #include <signal.h>
 #include <sys/prctl.h>
 #include <sys/wait.h>
 #include <unistd.h>
+#include <chrono>
+#include <string>
+#include <vector>
 
 #include <filesystem>
 #include <fstream>

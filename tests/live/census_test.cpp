@@ -1,5 +1,12 @@
 // Who is on a bus that runs: what is heard, and what a device tells. Expected values: CiA 301, objects 1000h, 1017h and
 // 1018h, SDO upload (expedited answers 4Fh, 4Bh, 47h, 43h; abort 80h), heartbeat on 700h + node-ID.
+#include <gtest/gtest.h>
+#include <algorithm>
+#include <chrono>
+#include <cstdint>
+#include <map>
+#include <vector>
+
 #include "berth/live/census.hpp"
 
 #include "../pch.hpp"

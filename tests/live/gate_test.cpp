@@ -4,6 +4,11 @@
 
 #include <gtest/gtest.h>
 #include <rapidcheck/gtest.h>
+#include <chrono>
+#include <cstdint>
+#include <optional>
+#include <string>
+#include <vector>
 
 #include "berth/can/dispatcher.hpp"
 #include "berth/live/reopening_port.hpp"

@@ -1,4 +1,8 @@
 // What is answered is sent in order, and not when nobody waits for it any more (S4.10).
+#include <gtest/gtest.h>
+#include <string>
+#include <vector>
+
 #include "berth/lss/answer_queue.hpp"
 
 #include "lss_world.hpp"

@@ -1,7 +1,11 @@
 // For 1,000 random addresses the request count equals what the rule says: the traces go to tools/fastscan-count, which
 // knows the rule and nothing of Berth (S4.6, S4.7, S4.14).
+#include <gtest/gtest.h>
 #include <sys/wait.h>
 #include <unistd.h>
+#include <chrono>
+#include <cstdint>
+#include <string>
 
 #include <cstdio>
 #include <filesystem>

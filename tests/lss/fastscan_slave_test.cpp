@@ -1,5 +1,12 @@
 // The slave's side of Fastscan and feedback alone. Expected frames are written by hand from CiA 305 (the rules of the
 // slave in its header) and from paper 4's Table 2.
+#include <gtest/gtest.h>
+#include <rapidcheck/gtest.h>
+#include <chrono>
+#include <cstdint>
+#include <optional>
+#include <string>
+
 #include "berth/lss/slave.hpp"
 
 namespace berth::lss {

@@ -1,7 +1,14 @@
 // Fastscan of the master against slaves on the simulated bus, plain and with feedback (S4.4 to S4.13, HC3.3).
 #include "berth/lss/fastscan.hpp"
 
+#include <gtest/gtest.h>
+#include <rapidcheck/gtest.h>
+#include <algorithm>
 #include <bit>
+#include <cstdint>
+#include <optional>
+#include <string>
+#include <vector>
 
 #include "berth/base/random.hpp"
 #include "lss_world.hpp"

@@ -1,4 +1,10 @@
 // What is said of a frame. Paper 4's tables are held as a whole in tests/device; here every service by itself.
+#include <gtest/gtest.h>
+#include <rapidcheck/gtest.h>
+#include <cstdint>
+#include <string>
+#include <vector>
+
 #include "berth/lss/interpret.hpp"
 
 namespace berth::lss {

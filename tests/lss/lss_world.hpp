@@ -1,8 +1,12 @@
 /// A bus with one LSS master and LSS slaves that answer after a latency of their own: what the tests of `lss` run on.
 #pragma once
 
+#include <gtest/gtest.h>
+#include <chrono>
+#include <cstdint>
 #include <functional>
 #include <memory>
+#include <optional>
 #include <string>
 #include <vector>
 

@@ -1,4 +1,11 @@
 // The LSS master against LSS slaves and scripted answers on the simulated bus.
+#include <gtest/gtest.h>
+#include <rapidcheck/gtest.h>
+#include <cstdint>
+#include <optional>
+#include <string>
+#include <vector>
+
 #include "berth/base/random.hpp"
 #include "lss_world.hpp"
 

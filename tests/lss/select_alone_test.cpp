@@ -3,6 +3,7 @@
 #include "berth/lss/select_alone.hpp"
 
 #include <gtest/gtest.h>
+#include <algorithm>
 
 #include "lss_world.hpp"
 

@@ -2,6 +2,8 @@
 // slave, with and without a node-ID, in each state, gets the whole of each service. Expected bytes are written by hand
 // (docs/protocols/cia305.md §Frames).
 #include <gtest/gtest.h>
+#include <chrono>
+#include <optional>
 
 #include <string>
 #include <vector>

@@ -1,5 +1,13 @@
 // The LSS slave alone: frames in, frames out. Expected bytes are written by hand from CiA 305 (docs/protocols/cia305.md
 // §Frames).
+#include <gtest/gtest.h>
+#include <rapidcheck/gtest.h>
+#include <chrono>
+#include <cstdint>
+#include <optional>
+#include <string>
+#include <vector>
+
 #include "berth/lss/slave.hpp"
 
 #include "berth/base/random.hpp"

@@ -1,7 +1,11 @@
 // What a configuration file says, and when its date changes.
 #include "berth/manager/configuration.hpp"
 
+#include <gtest/gtest.h>
 #include <unistd.h>
+#include <algorithm>
+#include <cstdint>
+#include <string>
 
 #include <fstream>
 #include <sstream>

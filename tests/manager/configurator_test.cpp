@@ -1,4 +1,10 @@
 // The configuration manager against a device that is strict, and against devices that misbehave.
+#include <gtest/gtest.h>
+#include <algorithm>
+#include <cstdint>
+#include <string>
+#include <vector>
+
 #include "tests/manager/fake_device.hpp"
 
 #include "berth/base/random.hpp"

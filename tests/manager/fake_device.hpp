@@ -3,7 +3,10 @@
 // period. It keeps 1020h and 1010h as the standard wants, and can be told to misbehave.
 #pragma once
 
+#include <gtest/gtest.h>
 #include <algorithm>
+#include <chrono>
+#include <cstdint>
 #include <functional>
 #include <map>
 #include <optional>

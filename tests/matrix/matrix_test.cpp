@@ -3,6 +3,8 @@
 #include "tests/harness/matrix.hpp"
 
 #include <gtest/gtest.h>
+#include <algorithm>
+#include <string>
 
 using namespace berth;
 using namespace berth::harness::matrix;

@@ -1,5 +1,10 @@
 // AND as Berth speaks it: frames by hand from docs/and.md, slave, master, and the comparison of paper 1.
+#include <gtest/gtest.h>
+#include <rapidcheck/gtest.h>
+#include <cstdint>
 #include <set>
+#include <string>
+#include <vector>
 
 #include "berth/nodeid/and_master.hpp"
 #include "berth/nodeid/and_slave.hpp"

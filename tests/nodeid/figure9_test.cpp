@@ -1,5 +1,10 @@
 // S1.49: paper 1, Figure 9 (the screenshot is lost), as the text of §IV tells it: one master, five slaves, RAND from
 // blank. The frame lists below are written by hand from that text (digits of s4 and s5 from S1.38), never generated.
+#include <gtest/gtest.h>
+#include <algorithm>
+#include <string>
+#include <vector>
+
 #include "rand_world.hpp"
 
 namespace berth::nodeid::test {

@@ -1,6 +1,8 @@
 // S2.5 to S2.10, S2.27: the identifiers of paper 2's negotiation.
 #include <gtest/gtest.h>
 #include <rapidcheck/gtest.h>
+#include <cstdint>
+#include <string>
 
 #include <bit>
 #include <cmath>

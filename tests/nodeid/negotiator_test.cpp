@@ -2,6 +2,9 @@
 #include "berth/nodeid/negotiator.hpp"
 
 #include <gtest/gtest.h>
+#include <chrono>
+#include <cstdint>
+#include <optional>
 
 #include <set>
 

@@ -1,5 +1,11 @@
 // The RAND master against RAND slaves on the simulated bus: good days, bad days, and random ones.
+#include <gtest/gtest.h>
+#include <rapidcheck/gtest.h>
+#include <algorithm>
+#include <cstdint>
 #include <set>
+#include <string>
+#include <vector>
 
 #include "rand_world.hpp"
 

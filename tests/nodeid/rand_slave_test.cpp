@@ -1,4 +1,11 @@
 // RAND frames and slave alone. Expected bytes are written by hand from paper 1 §II and docs/rand.md.
+#include <gtest/gtest.h>
+#include <rapidcheck/gtest.h>
+#include <chrono>
+#include <cstdint>
+#include <string>
+#include <vector>
+
 #include "berth/can/length.hpp"
 #include "berth/nodeid/paper1_times.hpp"
 #include "rand_world.hpp"

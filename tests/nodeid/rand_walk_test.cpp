@@ -1,8 +1,13 @@
 // The walk of the tree of chunks against RAND slaves on the simulated bus: paper slaves, resuming slaves, both.
 #include "berth/nodeid/rand_walk.hpp"
 
+#include <gtest/gtest.h>
+#include <algorithm>
+#include <cstdint>
 #include <cstdio>
 #include <set>
+#include <string>
+#include <vector>
 
 #include "rand_world.hpp"
 

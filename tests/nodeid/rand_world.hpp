@@ -2,6 +2,9 @@
 /// on.
 #pragma once
 
+#include <gtest/gtest.h>
+#include <chrono>
+#include <cstdint>
 #include <functional>
 #include <memory>
 #include <string>

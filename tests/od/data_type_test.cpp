@@ -1,8 +1,15 @@
 #include "berth/od/data_type.hpp"
 
+#include <gtest/gtest.h>
+#include <rapidcheck/gtest.h>
 #include <cmath>
+#include <cstdint>
 #include <cstring>
 #include <limits>
+#include <map>
+#include <optional>
+#include <string>
+#include <vector>
 
 #include "berth/od/abort_code.hpp"
 

@@ -1,9 +1,15 @@
 #include "berth/od/values.hpp"
 
+#include <gtest/gtest.h>
+#include <rapidcheck/gtest.h>
 #include <array>
 #include <cmath>
+#include <cstdint>
 #include <limits>
+#include <optional>
 #include <set>
+#include <string>
+#include <vector>
 
 namespace {
 

@@ -1,4 +1,10 @@
 // A whole network to another bit rate: together or not at all.
+#include <gtest/gtest.h>
+#include <algorithm>
+#include <cstdint>
+#include <string>
+#include <vector>
+
 #include "berth/operate/network_bitrate.hpp"
 #include "berth/rt/scope.hpp"
 #include "tests/harness/rig.hpp"

@@ -1,5 +1,11 @@
 // Configuration before start: from a DCF to an operational device, and what goes wrong on the way.
+#include <gtest/gtest.h>
 #include <unistd.h>
+#include <algorithm>
+#include <chrono>
+#include <cstdint>
+#include <optional>
+#include <string>
 
 #include <filesystem>
 #include <fstream>

@@ -1,5 +1,12 @@
 // The main job and each operation of a network, destroyed after any frame: nothing is left behind (the address
 // sanitizer looks on), the bus goes on, and whoever begins afterwards comes to the same end.
+#include <gtest/gtest.h>
+#include <algorithm>
+#include <cstdint>
+#include <optional>
+#include <string>
+#include <vector>
+
 #include "berth/live/census.hpp"
 #include "berth/live/gate.hpp"
 #include "berth/operate/session.hpp"

@@ -1,5 +1,10 @@
 // Two devices under one node-ID, devices that are lent node-IDs, devices that leave unnoticed: what random worlds
 // found, each as one case.
+#include <gtest/gtest.h>
+#include <cstdint>
+#include <string>
+#include <vector>
+
 #include "berth/operate/loans.hpp"
 #include "tests/harness/rig.hpp"
 

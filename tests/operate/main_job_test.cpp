@@ -1,4 +1,9 @@
 // The main job end to end on the simulator: paper 1's machine, its replacement story, and what goes wrong.
+#include <gtest/gtest.h>
+#include <cstdint>
+#include <optional>
+#include <vector>
+
 #include "tests/harness/rig.hpp"
 
 using namespace berth;

@@ -1,4 +1,9 @@
 // Networks where not every device speaks RAND (S1.54): whatever they speak, they are found and get their places.
+#include <gtest/gtest.h>
+#include <cstdint>
+#include <string>
+#include <vector>
+
 #include "tests/harness/rig.hpp"
 
 using namespace berth;

@@ -1,4 +1,12 @@
 // What the papers ask of the main job as a whole, read from the bus and from the devices, never from Berth's own words.
+#include <gtest/gtest.h>
+#include <algorithm>
+#include <chrono>
+#include <cstdint>
+#include <map>
+#include <string>
+#include <vector>
+
 #include "tests/harness/rig.hpp"
 
 using namespace berth;

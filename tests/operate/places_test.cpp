@@ -1,4 +1,10 @@
 // Who sits where when it is not one device for one slot: the five words of `when_ambiguous` (S4.19).
+#include <gtest/gtest.h>
+#include <algorithm>
+#include <cstdint>
+#include <string>
+#include <vector>
+
 #include "tests/harness/rig.hpp"
 
 using namespace berth;

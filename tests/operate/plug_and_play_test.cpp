@@ -1,4 +1,12 @@
 // Devices that come while the machine runs (S4.20), and devices that show themselves.
+#include <gtest/gtest.h>
+#include <algorithm>
+#include <cstdint>
+#include <map>
+#include <optional>
+#include <string>
+#include <vector>
+
 #include "tests/harness/rig.hpp"
 
 using namespace berth;

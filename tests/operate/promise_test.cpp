@@ -1,5 +1,11 @@
 // The promise: a node-ID that may be in a device's memory belongs to that device until it was seen to have lost it, or
 // a person gives it away. S1.29, S1.53.
+#include <gtest/gtest.h>
+#include <cstdint>
+#include <optional>
+#include <string>
+#include <vector>
+
 #include "tests/harness/rig.hpp"
 
 using namespace berth;

@@ -1,4 +1,10 @@
 // `replacement = "auto"`: a slot's device falls silent, and the same or another one comes.
+#include <gtest/gtest.h>
+#include <cstdint>
+#include <optional>
+#include <string>
+#include <vector>
+
 #include "tests/harness/rig.hpp"
 
 using namespace berth;

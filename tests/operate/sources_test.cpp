@@ -1,4 +1,11 @@
 // Where node-IDs come from (paper 4, S4.2, S4.21): hard-coded, switches, connector, stored, dynamic, and objects.
+#include <gtest/gtest.h>
+#include <algorithm>
+#include <cstdint>
+#include <optional>
+#include <string>
+#include <vector>
+
 #include "berth/rt/scope.hpp"
 #include "tests/harness/rig.hpp"
 

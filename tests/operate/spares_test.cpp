@@ -1,4 +1,11 @@
 // Spares that are listed or were used before, and devices that return after their slot was given away.
+#include <gtest/gtest.h>
+#include <algorithm>
+#include <cstdint>
+#include <optional>
+#include <string>
+#include <vector>
+
 #include "tests/harness/rig.hpp"
 
 using namespace berth;

@@ -1,5 +1,8 @@
 // The slots' devices are watched whatever else runs: while a long search has the turn, a loss shows within the
 // heartbeat time-out, a device that restarts is started again, and a person's command does not wait for the search.
+#include <gtest/gtest.h>
+#include <string>
+
 #include "berth/rt/scope.hpp"
 #include "tests/harness/rig.hpp"
 

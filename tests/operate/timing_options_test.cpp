@@ -1,4 +1,7 @@
 // Every service of a bus is as patient as the machine file says.
+#include <gtest/gtest.h>
+#include <chrono>
+
 #include "berth/operate/timing_options.hpp"
 
 #include "tests/pch.hpp"

@@ -1,4 +1,7 @@
 // What a slot's reason says after a person's commands.
+#include <gtest/gtest.h>
+#include <string>
+
 #include "tests/harness/rig.hpp"
 
 using namespace berth;

@@ -1,4 +1,11 @@
 // What goes wrong in the main job, one thing at a time: each ends in a clear state, and in the right one.
+#include <gtest/gtest.h>
+#include <algorithm>
+#include <cstdint>
+#include <optional>
+#include <string>
+#include <vector>
+
 #include "tests/harness/rig.hpp"
 
 using namespace berth;

@@ -1,5 +1,10 @@
 // What is left unfinished ends, and is never taken for done: a device that was to give its node-ID up and left, a lent
 // node-ID whose return was not confirmed, a main job that is stopped in the middle.
+#include <gtest/gtest.h>
+#include <cstdint>
+#include <string>
+#include <vector>
+
 #include "tests/harness/rig.hpp"
 
 using namespace berth;

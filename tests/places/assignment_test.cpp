@@ -1,5 +1,9 @@
 // Which devices have only one place: judged by trying every assignment.
+#include <gtest/gtest.h>
+#include <rapidcheck/gtest.h>
 #include <algorithm>
+#include <optional>
+#include <vector>
 
 #include "../pch.hpp"
 #include "berth/places/assignment.hpp"

@@ -3,9 +3,13 @@
 // and a person who clears a slot whose device is silent. Intentions for devices without power are tried again, and
 // dropped as the main job drops them. The table, the planner and `Binding::untouched` are the real ones; bus, devices
 // and store are small models of what CiA 305 and `SlotStore` promise. S1.29, S1.33, S1.36, S1.53.
+#include <gtest/gtest.h>
 #include <algorithm>
 #include <deque>
+#include <optional>
+#include <string>
 #include <unordered_map>
+#include <vector>
 
 #include "berth/places/binding.hpp"
 #include "berth/places/planner.hpp"

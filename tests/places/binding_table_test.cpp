@@ -1,4 +1,7 @@
 // The binding's table row by row, as the manual in binding.hpp has it. S1.29, S1.33, S1.53.
+#include <gtest/gtest.h>
+#include <vector>
+
 #include "../pch.hpp"
 #include "berth/places/binding.hpp"
 

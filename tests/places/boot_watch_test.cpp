@@ -2,6 +2,8 @@
 #include "berth/places/boot_watch.hpp"
 
 #include <gtest/gtest.h>
+#include <chrono>
+#include <cstdint>
 
 #include "berth/sim/world.hpp"
 

@@ -1,4 +1,11 @@
 // Paper 1's rules and what they leave open (checklist S1.27 to S1.38).
+#include <gtest/gtest.h>
+#include <rapidcheck/gtest.h>
+#include <cstdint>
+#include <map>
+#include <optional>
+#include <vector>
+
 #include "berth/places/planner.hpp"
 
 using namespace berth;

@@ -1,10 +1,13 @@
 // The recipe's table explored to the end: one slot, one device whose node-ID is an object with a signature, and every
 // interleaving with lost requests, lost answers, crashes of Berth before and after each effect, and power failures.
 // The table is the real one; device and store are small models. S4.2, S1.53.
+#include <gtest/gtest.h>
+#include <cstdint>
 #include <deque>
 #include <optional>
 #include <set>
 #include <string>
+#include <vector>
 
 #include "berth/places/recipe_binder.hpp"
 #include "tests/pch.hpp"

@@ -1,4 +1,8 @@
 // Where a device sat before, told by the history's lines.
+#include <gtest/gtest.h>
+#include <cstdint>
+#include <optional>
+
 #include "berth/places/slot_store.hpp"
 #include "tests/pch.hpp"
 

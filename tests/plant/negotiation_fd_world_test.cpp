@@ -1,6 +1,10 @@
 // S2.1, S2.5: negotiation on FD controllers beside FD traffic. Paper 2's frames are classic extended ones; FD base
 // frames that have the same numbers (100h, 200h + n) are no part of it, nor are FD extended ones.
 #include <gtest/gtest.h>
+#include <chrono>
+#include <cstdint>
+#include <string>
+#include <vector>
 
 #include "tests/harness/negotiation_world.hpp"
 

@@ -1,5 +1,10 @@
 // S2.1, S2.12 to S2.30: worlds of devices that agree on their node-IDs without a master.
 #include <gtest/gtest.h>
+#include <chrono>
+#include <cstdint>
+#include <optional>
+#include <string>
+#include <vector>
 
 #include <set>
 

@@ -1,4 +1,7 @@
 // Devices whose node-ID is an object: the words of the plant file.
+#include <gtest/gtest.h>
+#include <string>
+
 #include "berth/plant/plant_file.hpp"
 #include "tests/pch.hpp"
 

@@ -1,3 +1,11 @@
+#include <gtest/gtest.h>
+#include <rapidcheck/gtest.h>
+#include <chrono>
+#include <cstdint>
+#include <map>
+#include <string>
+#include <vector>
+
 #include "berth/plant/plant_file.hpp"
 
 #include "../paths.hpp"

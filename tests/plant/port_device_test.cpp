@@ -1,7 +1,11 @@
 // A plant file's device on a port of somebody else's; here the port is a controller of a simulated bus without a world
 // of devices around it, so that it can be compared with the same device in one.
 #include <fmt/format.h>
+#include <gtest/gtest.h>
 #include <unistd.h>
+#include <chrono>
+#include <string>
+#include <vector>
 
 #include <filesystem>
 

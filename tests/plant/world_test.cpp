@@ -1,5 +1,11 @@
 // The world that a plant file makes: devices, what happens to them, events, the truth, and what outlives the process.
+#include <gtest/gtest.h>
 #include <unistd.h>
+#include <algorithm>
+#include <chrono>
+#include <cstdint>
+#include <string>
+#include <vector>
 
 #include <filesystem>
 #include <fstream>

@@ -1,5 +1,10 @@
 // The patterns of docs/coroutines.md on this compiler: every value arrives, and every object with a destructor is
 // constructed and destroyed exactly once. g++ 12 breaks such things silently in the forms that the rules forbid.
+#include <gtest/gtest.h>
+#include <chrono>
+#include <string>
+#include <vector>
+
 #include "probe.hpp"
 
 using namespace probe;

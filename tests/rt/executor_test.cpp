@@ -1,8 +1,14 @@
 #include "berth/rt/executor.hpp"
 
+#include <gtest/gtest.h>
+#include <algorithm>
+#include <chrono>
+#include <cstdint>
 #include <functional>
 #include <memory>
+#include <optional>
 #include <thread>
+#include <vector>
 
 #include "berth/base/random.hpp"
 

@@ -2,6 +2,7 @@
 // themselves, an operation that waits or not, and a client whose calls give such values in every house form.
 #pragma once
 
+#include <chrono>
 #include <memory>
 #include <string>
 #include <utility>

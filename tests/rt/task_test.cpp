@@ -1,8 +1,13 @@
 // Tasks, scopes, mailboxes and turns: laziness, completion through the queue, and cancelling at every wait.
 #include "berth/rt/task.hpp"
 
+#include <gtest/gtest.h>
+#include <algorithm>
+#include <chrono>
 #include <functional>
 #include <memory>
+#include <optional>
+#include <vector>
 
 #include "berth/base/result.hpp"
 #include "berth/rt/mailbox.hpp"

@@ -1,5 +1,8 @@
 // The LSS commands of CiA 309-3 by transcript, on simulated devices.
 #include <fmt/format.h>
+#include <gtest/gtest.h>
+#include <string>
+#include <vector>
 
 #include "gateway_309_rig.hpp"
 

@@ -1,6 +1,10 @@
 // Lines of CiA 309-3: what each command means, what is wrong with a line, and the text of values. Expected values by
 // hand from the command table of docs/gateway.md.
+#include <gtest/gtest.h>
 #include <rapidcheck/gtest.h>
+#include <cstdint>
+#include <string>
+#include <vector>
 
 #include <cmath>
 #include <limits>

@@ -2,6 +2,10 @@
 /// that is played from a transcript, in virtual time.
 #pragma once
 
+#include <gtest/gtest.h>
+#include <algorithm>
+#include <chrono>
+#include <cstdint>
 #include <memory>
 #include <sstream>
 #include <string>

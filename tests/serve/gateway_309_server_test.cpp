@@ -1,7 +1,12 @@
 // The CiA 309-3 gateway over TCP, with clients that are plain sockets: pieces, floods, slow, half closed, gone.
 #include <fmt/format.h>
+#include <gtest/gtest.h>
 #include <sys/socket.h>
 #include <unistd.h>
+#include <algorithm>
+#include <chrono>
+#include <string>
+#include <vector>
 
 #include <array>
 

@@ -1,6 +1,11 @@
 // CiA 309-3 by transcript: what is said, and every line that is answered, by hand from the command table and the values
 // that the devices are made with.
 #include <fmt/format.h>
+#include <gtest/gtest.h>
+#include <algorithm>
+#include <cstdint>
+#include <string>
+#include <vector>
 
 #include "gateway_309_rig.hpp"
 

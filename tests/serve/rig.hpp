@@ -1,7 +1,10 @@
 /// A simulated bus in real time, a socketcand server before it, and clients that are plain sockets, in one thread.
 #pragma once
 
+#include <gtest/gtest.h>
 #include <poll.h>
+#include <chrono>
+#include <cstdint>
 
 #include <string>
 #include <vector>

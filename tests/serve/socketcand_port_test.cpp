@@ -1,8 +1,13 @@
 // The client port before the server of this house, and before servers that a test plays by hand; the hub.
 #include "berth/io/socketcand_port.hpp"
 
+#include <gtest/gtest.h>
+#include <algorithm>
 #include <atomic>
+#include <cstdint>
+#include <string>
 #include <thread>
+#include <vector>
 
 #include "berth/io/open_port.hpp"
 #include "berth/serve/hub.hpp"

@@ -1,3 +1,8 @@
+#include <gtest/gtest.h>
+#include <algorithm>
+#include <cstdint>
+#include <string>
+
 #include "rig.hpp"
 
 namespace berth::serve {

@@ -1,6 +1,8 @@
 // A gateway's conversation that is destroyed after any frame, and a bus that is flooded: nothing is left behind, and
 // memory has a plateau.
+#include <gtest/gtest.h>
 #include <malloc.h>
+#include <cstdint>
 
 #include "gateway_309_rig.hpp"
 

@@ -1,7 +1,9 @@
 #include "bit_model.hpp"
 
 #include <algorithm>
+#include <cstdint>
 #include <limits>
+#include <vector>
 
 namespace judge {
 namespace {

@@ -1,6 +1,8 @@
 // The judge's frames, bit by bit.
 #include <algorithm>
+#include <cstdint>
 #include <utility>
+#include <vector>
 
 #include "bit_model.hpp"
 

@@ -1,4 +1,11 @@
 // Fault confinement in the scenes that docs/protocols/can-frames.md §Arbitration, §Fault confinement derive.
+#include <gtest/gtest.h>
+#include <algorithm>
+#include <chrono>
+#include <cstdint>
+#include <string>
+#include <vector>
+
 #include "berth/can/length.hpp"
 #include "berth/sim/scenarios.hpp"
 #include "berth/sim/world.hpp"

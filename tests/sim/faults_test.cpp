@@ -1,4 +1,10 @@
 // What a wire and a node can do wrong, receive buffers, filters, determinism.
+#include <gtest/gtest.h>
+#include <algorithm>
+#include <chrono>
+#include <cstdint>
+#include <vector>
+
 #include "berth/can/dispatcher.hpp"
 #include "berth/can/length.hpp"
 #include "berth/sim/world.hpp"

@@ -1,4 +1,9 @@
 // CAN FD frames on the simulated bus: times, arbitration beside classic frames, and what destroys them.
+#include <gtest/gtest.h>
+#include <chrono>
+#include <cstdint>
+#include <vector>
+
 #include "berth/can/length.hpp"
 #include "berth/sim/world.hpp"
 

@@ -1,7 +1,12 @@
 #include "judge_plan.hpp"
 
+#include <gtest/gtest.h>
+#include <algorithm>
+#include <cstdint>
 #include <map>
 #include <memory>
+#include <string>
+#include <vector>
 
 #include "berth/sim/world.hpp"
 

@@ -1,5 +1,10 @@
 // The bus against the judge (bit_model.hpp): random frames, disturbances and things that happen to nodes, among up
 // to 8.
+#include <gtest/gtest.h>
+#include <algorithm>
+#include <cstdint>
+#include <vector>
+
 #include "judge_plan.hpp"
 
 namespace judge {

@@ -1,5 +1,9 @@
 // A node that is taken off in the middle of its frame and another that comes at the same instant: a process that is
 // ended and begun again. The bus must go on.
+#include <gtest/gtest.h>
+#include <chrono>
+#include <cstdint>
+
 #include "berth/can/dispatcher.hpp"
 #include "berth/sim/world.hpp"
 

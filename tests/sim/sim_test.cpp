@@ -1,3 +1,8 @@
+#include <gtest/gtest.h>
+#include <chrono>
+#include <cstdint>
+#include <vector>
+
 #include "berth/can/length.hpp"
 #include "berth/sim/world.hpp"
 #include "berth/sim/world_driver.hpp"

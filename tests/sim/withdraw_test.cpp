@@ -1,5 +1,6 @@
 // What `withdraw` means for a frame that is on the wire: it is sent all the same, and not repeated when it fails.
 #include <gtest/gtest.h>
+#include <chrono>
 
 #include "berth/sim/world.hpp"
 

@@ -1,5 +1,10 @@
+#include <gtest/gtest.h>
+#include <cstdint>
 #include <cstdio>
 #include <functional>
+#include <optional>
+#include <string>
+#include <vector>
 
 #include "berth/store/database.hpp"
 #include "tests/pch.hpp"

@@ -1,7 +1,10 @@
 #include "tests/store/crash_vfs.hpp"
 
 #include <algorithm>
+#include <cstdint>
 #include <cstring>
+#include <optional>
+#include <string>
 
 namespace berth::store {
 namespace {

@@ -1,8 +1,15 @@
 #include "berth/store/database.hpp"
 
 #include <SQLiteCpp/Database.h>
+#include <gtest/gtest.h>
+#include <rapidcheck/gtest.h>
 #include <sys/wait.h>
 #include <unistd.h>
+#include <algorithm>
+#include <cstdint>
+#include <optional>
+#include <string>
+#include <vector>
 
 #include <filesystem>
 #include <fstream>

@@ -2,6 +2,9 @@
 #include "berth/study/contest.hpp"
 
 #include <gtest/gtest.h>
+#include <chrono>
+#include <string>
+#include <vector>
 
 #include <algorithm>
 

@@ -1,5 +1,6 @@
 // S2.28: what the negotiation puts on the bus, and how long a PDO waits for it.
 #include <gtest/gtest.h>
+#include <chrono>
 
 #include "berth/study/negotiation_load.hpp"
 

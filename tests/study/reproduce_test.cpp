@@ -4,6 +4,9 @@
 
 #include <fmt/format.h>
 #include <gtest/gtest.h>
+#include <chrono>
+#include <string>
+#include <vector>
 
 #include <algorithm>
 #include <set>

@@ -2,6 +2,8 @@
 #include "berth/study/verdict.hpp"
 
 #include <gtest/gtest.h>
+#include <chrono>
+#include <vector>
 
 #include "berth/lss/master.hpp"
 #include "berth/study/commissioning.hpp"

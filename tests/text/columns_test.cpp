@@ -1,3 +1,8 @@
+#include <gtest/gtest.h>
+#include <rapidcheck/gtest.h>
+#include <string>
+#include <vector>
+
 #include "berth/text/columns.hpp"
 
 #include "tests/pch.hpp"

@@ -1,3 +1,11 @@
+#include <gtest/gtest.h>
+#include <rapidcheck/gtest.h>
+#include <chrono>
+#include <cstdint>
+#include <optional>
+#include <string>
+#include <vector>
+
 #include "berth/text/file.hpp"
 #include "berth/text/printable.hpp"
 #include "berth/text/toml.hpp"

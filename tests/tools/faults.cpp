@@ -4,6 +4,10 @@
 // "none").
 #include <sys/wait.h>
 #include <unistd.h>
+#include <algorithm>
+#include <cstdint>
+#include <string>
+#include <vector>
 
 #include <chrono>
 #include <cstdio>

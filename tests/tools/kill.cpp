@@ -2,6 +2,11 @@
 // again, and stops it again while it recovers. Prints how many points were tried and how many recovered.
 #include <sys/wait.h>
 #include <unistd.h>
+#include <algorithm>
+#include <cstdint>
+#include <optional>
+#include <string>
+#include <vector>
 
 #include <cstdio>
 #include <cstring>

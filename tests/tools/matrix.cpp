@@ -2,6 +2,9 @@
 // [--frames]: the main job at every size, with every kind of device and at every bit rate, from blank devices to
 // operational. Prints the bus times as a table; exit 1 when a cell that docs/limits.md does not except is not
 // operational within its bus time.
+#include <algorithm>
+#include <chrono>
+#include <cstdint>
 #include <cstdio>
 #include <cstdlib>
 #include <cstring>

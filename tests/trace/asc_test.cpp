@@ -1,4 +1,9 @@
 // Vector's ASCII log: what its tools write, in the forms that are met, and what is wrong and where.
+#include <gtest/gtest.h>
+#include <chrono>
+#include <string>
+#include <vector>
+
 #include "berth/trace/asc.hpp"
 
 #include "berth/trace/calendar.hpp"

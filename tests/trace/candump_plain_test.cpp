@@ -3,6 +3,9 @@
 
 #include <gtest/gtest.h>
 #include <rapidcheck/gtest.h>
+#include <chrono>
+#include <string>
+#include <vector>
 
 #include "berth/trace/candump.hpp"
 

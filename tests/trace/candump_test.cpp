@@ -3,6 +3,10 @@
 
 #include <gtest/gtest.h>
 #include <rapidcheck/gtest.h>
+#include <chrono>
+#include <cstdint>
+#include <string>
+#include <vector>
 
 #include <cmath>
 

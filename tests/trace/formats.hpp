@@ -2,6 +2,8 @@
 #pragma once
 
 #include <gtest/gtest.h>
+#include <string>
+#include <vector>
 
 #include "berth/trace/stream.hpp"
 

@@ -1,4 +1,10 @@
 // pcapng by hand: the blocks of the specification, both byte orders, and everything that can be cut or broken.
+#include <gtest/gtest.h>
+#include <chrono>
+#include <cstdint>
+#include <string>
+#include <vector>
+
 #include "berth/trace/pcapng.hpp"
 
 #include "formats.hpp"

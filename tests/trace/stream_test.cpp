@@ -1,7 +1,12 @@
 // Every format with every other: what one can hold comes through the other, whatever the pieces are.
 #include "berth/trace/stream.hpp"
 
+#include <gtest/gtest.h>
 #include <rapidcheck/gtest.h>
+#include <chrono>
+#include <cstdint>
+#include <string>
+#include <vector>
 
 #include "berth/can/length.hpp"
 #include "formats.hpp"

@@ -1,6 +1,9 @@
 // Other people's tools on what is written here, and what they write read here: tshark (pcapng, candump), log2asc and
 // asc2log of can-utils. Where a tool is missing the test says so.
+#include <gtest/gtest.h>
 #include <unistd.h>
+#include <chrono>
+#include <string>
 
 #include <cstdio>
 #include <cstdlib>

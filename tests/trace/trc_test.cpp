@@ -1,4 +1,9 @@
 // PEAK's trace files, version by version.
+#include <gtest/gtest.h>
+#include <chrono>
+#include <string>
+#include <vector>
+
 #include "berth/trace/trc.hpp"
 
 #include "formats.hpp"

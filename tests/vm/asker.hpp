@@ -1,8 +1,11 @@
 /// A master's port, for tests that speak to a `berth` by frames.
 #pragma once
 
+#include <gtest/gtest.h>
 #include <algorithm>
 #include <array>
+#include <chrono>
+#include <cstdint>
 #include <memory>
 #include <string>
 #include <string_view>

@@ -1,5 +1,10 @@
 // `berth device` on a virtual interface, asked by frames as the standards have them.
 #include <fmt/format.h>
+#include <gtest/gtest.h>
+#include <chrono>
+#include <optional>
+#include <string>
+#include <vector>
 
 #include <nlohmann/json.hpp>
 

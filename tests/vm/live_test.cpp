@@ -1,6 +1,11 @@
 // What makes Berth safe to plug in, on a kernel's CAN: it asks before it begins, shares its port with no other process,
 // yields to another master, and finds a bit rate by listening. And: its priority, when it is told one.
+#include <gtest/gtest.h>
 #include <sched.h>
+#include <chrono>
+#include <optional>
+#include <string>
+#include <vector>
 
 #include <nlohmann/json.hpp>
 

@@ -4,6 +4,10 @@
 #include <linux/can/raw.h>
 #include <linux/sockios.h>
 #include <sys/ioctl.h>
+#include <chrono>
+#include <cstdint>
+#include <string>
+#include <vector>
 
 #include <algorithm>
 #include <cstdio>

@@ -1,6 +1,12 @@
 // The main job on a kernel's CAN: `berth up` with `berth device` processes as the devices, from blank to operational;
 // one of them killed and another one put in its place; the interface down and up.
+#include <gtest/gtest.h>
+#include <algorithm>
+#include <chrono>
 #include <nlohmann/json.hpp>
+#include <optional>
+#include <string>
+#include <vector>
 
 #include "../paths.hpp"
 #include "interface.hpp"
