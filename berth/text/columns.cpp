@@ -22,12 +22,12 @@ class Utf8 {
   locale_t before_;
 };
 
-struct Character {
+struct Glyph {
   std::size_t bytes = 1;
   std::size_t columns = 1;
 };
 
-Character first_of(std::string_view line) noexcept {
+Glyph first_of(std::string_view line) noexcept {
   if (static_cast<unsigned char>(line.front()) < 0x80) return {};
   wchar_t wide = 0;
   std::mbstate_t state{};
@@ -42,7 +42,7 @@ std::size_t fitting(std::string_view line, std::size_t most) {
   const Utf8 utf8;
   std::size_t at = 0;
   for (std::size_t used = 0; at < line.size();) {
-    const Character c = first_of(line.substr(at));
+    const Glyph c = first_of(line.substr(at));
     if (used + c.columns > most) break;
     used += c.columns;
     at += c.bytes;
@@ -56,7 +56,7 @@ std::size_t columns(std::string_view line) {
   const Utf8 utf8;
   std::size_t sum = 0;
   for (std::size_t at = 0; at < line.size();) {
-    const Character c = first_of(line.substr(at));
+    const Glyph c = first_of(line.substr(at));
     sum += c.columns;
     at += c.bytes;
   }
