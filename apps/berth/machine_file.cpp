@@ -70,8 +70,7 @@ tl::expected<std::string, Failure> ad_hoc_machine(const Options& options) {
                                                            can::to_string(*port), can::to_string(*port))));
   }
   constexpr unsigned any_rate = 125'000;  // until the port says at which it runs
-  return fmt::format("[machine]\nname = {}\n[bus.{}]\nport = {}\nbitrate = {}\n",
-                     text::quoted("at " + can::to_string(*port)),
+  return fmt::format("[machine]\nname = \"a bus by itself\"\n[bus.{}]\nport = {}\nbitrate = {}\n",
                      text::quoted(options.bus.empty() ? "bus" : options.bus), text::quoted(can::to_string(*port)),
                      options.bit_rate.value_or(any_rate));
 }

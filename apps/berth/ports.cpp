@@ -35,6 +35,7 @@ namespace {
 
 // What a word is when it has no kind before it: a serial device and a plant's socket are files, a server has a colon.
 std::optional<can::PortSpec> guessed(const std::string& word) {
+  if (word.find('=') != std::string::npos) return std::nullopt;  // BUS=PORT with another machine's bus
   std::error_code none;
   const auto is = [&](std::filesystem::file_type type) { return std::filesystem::status(word, none).type() == type; };
   if (word.starts_with("/dev/") || is(std::filesystem::file_type::character)) {

@@ -374,7 +374,7 @@ class Running : public Command {
   [[nodiscard]] bool wait_for(const std::string& slot, const std::string& state) const {
     return eventually([&] {
       const Outcome outcome = ask({"status"});
-      if (outcome.status != 0) return false;
+      if (outcome.status > 1) return false;  // 1: a slot is not operational
       const Json slots = Json::parse(outcome.out).at("slots");
       return std::ranges::any_of(slots, [&](const Json& s) { return s.at("name") == slot && s.at("state") == state; });
     });
@@ -481,6 +481,8 @@ action = "unplug"
 device = "c"
 )"));
   ASSERT_TRUE(wait_for("drive", "absent"));
+  EXPECT_EQ(ask({"status"}).status, 1) << "a slot is not operational";
+  EXPECT_EQ(ask({"status", "--bus", "line"}).status, 1);
   const Json scan = Json::parse(ask({"scan"}).out);
   EXPECT_EQ(scan.at("configured"), 2) << scan;
 }
