@@ -11,6 +11,7 @@
 #include "berth/eds/xdd.hpp"
 #include "berth/rt/scope.hpp"
 #include "interrupt.hpp"
+#include "machine_file.hpp"
 #include "rig.hpp"
 #include "verbs.hpp"
 
@@ -286,9 +287,14 @@ int run_conformance(Rig& rig, std::vector<Patient>& patients, const Options& opt
 }
 
 // Exit status: 0 no findings, 1 findings, 3 a bus could not be reached or asked.
-int run_doctor(const Options& options, DoctorOptions wanted) {
+int run_doctor(const Options& given, DoctorOptions wanted) {
+  Options options = given;
+  options.machine = default_machine(given);
   wanted.active = wanted.active || wanted.conformance.has_value();
-  if (options.machine.empty()) return tell(failure(Exit::usage, "name the machine file: --machine FILE"), options.json);
+  if (options.machine.empty() && options.ports.empty()) {
+    return tell(failure(Exit::usage, "name the machine file: --machine FILE; or a bus without one: --port can0"),
+                options.json);
+  }
   if (options.dry_run) {
     return tell(failure(Exit::usage,
                         "the doctor sends nothing unless it is told --active; what it asks then depends on what it "
@@ -339,10 +345,13 @@ void add_doctor(Verb& berth, Options& options) {
       .from_to(1, 127)
       .shown("NODE");
   doctor.word("--eds", wanted->eds, "with --conformance: its description (default: its slot's)").shown("FILE");
+  doctor.word("--bitrate", options.bit_rate, "bit/s, where --port is all that is known of the bus")
+      .from_to(10'000, 1'000'000);
   doctor.flag("--up", options.bring_up, "with --sim: first bring the machine up");
   doctor.footer(
       "Examples:\n  berth doctor machine.toml\n  berth doctor machine.toml --conformance 5 --eds drive.eds\n  berth "
       "doctor machine.toml --sim plant.toml --up\n"
+      "  berth doctor --port can0 --for \"20 s\"\n"
       "  berth doctor machine.toml --active --for \"20 s\" --json");
 }
 

@@ -11,7 +11,9 @@
 #include "berth/eds/review.hpp"
 #include "berth/eds/write.hpp"
 #include "berth/eds/xdd.hpp"
+#include "berth/od/names.hpp"
 #include "berth/text/file.hpp"
+#include "berth/text/object.hpp"
 #include "berth/text/quantity.hpp"
 
 namespace berth::cli {
@@ -306,31 +308,21 @@ void print_table(const eds::File& file) {
   }
 }
 
-std::vector<const od::Object*> wanted_objects(const eds::File& file, const std::string& word,
-                                              std::optional<std::uint8_t>& sub) {
-  const od::Description& description = *file.description;
+struct Wanted {
+  std::vector<const od::Object*> objects;
+  std::optional<std::uint8_t> sub;
+  std::string problem;  // with the word itself; empty: there is no such object
+};
+
+std::string lower(std::string_view text) {
+  std::string out(text);
+  std::ranges::transform(out, out.begin(), [](unsigned char c) { return static_cast<char>(std::tolower(c)); });
+  return out;
+}
+
+// By a part of a name, its own or a sub-object's.
+std::vector<const od::Object*> named_like(const od::Description& description, const std::string& word) {
   std::vector<const od::Object*> found;
-  std::string index = word;
-  if (const auto colon = word.find_first_of(":/"); colon != std::string::npos) {
-    const auto parsed =
-        od::parse_number("0x" + word.substr(colon + (word.substr(colon + 1).starts_with("0x") ? 3 : 1)));
-    if (parsed && parsed->magnitude <= 0xFF && !parsed->node_id) {
-      sub = static_cast<std::uint8_t>(parsed->magnitude);
-      index = word.substr(0, colon);
-    }
-  }
-  if (index.ends_with('h') || index.ends_with('H')) index.pop_back();
-  const bool prefixed = index.starts_with("0x") || index.starts_with("0X");
-  const auto parsed = od::parse_number(prefixed ? index : "0x" + index);
-  if (parsed && parsed->magnitude <= 0xFFFF && !parsed->node_id && !parsed->negative) {
-    if (const auto* const object = description.find(static_cast<std::uint16_t>(parsed->magnitude))) return {object};
-  }
-  sub.reset();
-  const auto lower = [](std::string_view text) {
-    std::string out(text);
-    std::ranges::transform(out, out.begin(), [](unsigned char c) { return static_cast<char>(std::tolower(c)); });
-    return out;
-  };
   for (const od::Object& object : description.objects()) {
     bool named = lower(description.name(object)).find(lower(word)) != std::string::npos;
     for (const od::SubObject& each : description.subs(object))
@@ -338,6 +330,25 @@ std::vector<const od::Object*> wanted_objects(const eds::File& file, const std::
     if (named) found.push_back(&object);
   }
   return found;
+}
+
+Wanted wanted_objects(const eds::File& file, const std::string& word) {
+  const od::Description& description = *file.description;
+  const auto number = text::read_object(word);
+  if (number) {
+    const auto* const object = description.find(number->index);
+    if (object == nullptr || (number->sub && description.find(*object, *number->sub) == nullptr)) return {};
+    return {{object}, number->sub, {}};
+  }
+  if (number.error().kind == text::NoObject::Kind::bare) return {{}, {}, number.error().why};
+  Wanted wanted{named_like(description, word), {}, {}};
+  if (!wanted.objects.empty()) return wanted;
+  const auto named = od::find_named(description, word);  // "Identity object/Serial number"
+  if (named.size() == 1) return {{description.find(named.front().index)}, named.front().sub, {}};
+  if (number.error().kind == text::NoObject::Kind::unmarked) {
+    wanted.problem = number.error().why;
+  }
+  return wanted;
 }
 
 void print_detail(const eds::File& file, const od::Object& object, std::optional<std::uint8_t> only) {
@@ -388,18 +399,15 @@ int run_eds_show(const Options& options, const EdsOptions& asked) {
   const Described file = describe_file(asked.files.at(0));
   if (!file.readable()) return tell(unusable(file), options.json);
   const eds::File& read = file.reading.file;
-  std::optional<std::uint8_t> sub;
-  std::vector<const od::Object*> objects;
-  if (!asked.object.empty()) {
-    objects = wanted_objects(read, asked.object, sub);
-    const bool none = objects.empty() || (sub && read.description->find(*objects[0], *sub) == nullptr);
-    if (none) {
-      return tell(
-          failure(Exit::no,
-                  fmt::format("{}: there is no object {}; write an index such as 1018 or 0x1018:1, or a part of a name",
-                              file.name, text::quoted(asked.object))),
-          options.json);
-    }
+  const Wanted wanted = asked.object.empty() ? Wanted{} : wanted_objects(read, asked.object);
+  if (!wanted.problem.empty()) {
+    return tell(failure(Exit::usage, fmt::format("{}: {}", file.name, wanted.problem)), options.json);
+  }
+  if (!asked.object.empty() && wanted.objects.empty()) {
+    return tell(failure(Exit::no, fmt::format("{}: there is no object {}; write an index such as 1018h or 1018h:01, or "
+                                              "a part of a name",
+                                              file.name, text::quoted(asked.object))),
+                options.json);
   }
   if (options.json) {
     Json json;
@@ -412,7 +420,9 @@ int run_eds_show(const Options& options, const EdsOptions& asked) {
     if (asked.object.empty()) {
       for (const od::Object& object : read.description->objects()) json["objects"].push_back(json_of(read, object, {}));
     }
-    for (const od::Object* const object : objects) json["objects"].push_back(json_of(read, *object, sub));
+    for (const od::Object* const object : wanted.objects) {
+      json["objects"].push_back(json_of(read, *object, wanted.sub));
+    }
     print_line(dump(json));
     return Exit::done;
   }
@@ -421,7 +431,7 @@ int run_eds_show(const Options& options, const EdsOptions& asked) {
     print_table(read);
     return Exit::done;
   }
-  for (const od::Object* const object : objects) print_detail(read, *object, sub);
+  for (const od::Object* const object : wanted.objects) print_detail(read, *object, wanted.sub);
   return Exit::done;
 }
 

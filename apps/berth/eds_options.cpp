@@ -68,7 +68,7 @@ void add_show(const Verb& eds, Options& options, const Wanted& wanted) {
           "file", [wanted](const std::string& file) { wanted->files = {file}; }, "EDS, DCF, XDD or XDC")
       .required()
       .shown("FILE");
-  show.word("object", wanted->object, "index (1018, 0x1018:1) or a part of a name").shown("OBJECT");
+  show.word("object", wanted->object, "index (1018h, 0x1018:1) or a part of a name").shown("OBJECT");
   json_flag(show, options);
 }
 

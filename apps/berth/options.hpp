@@ -25,22 +25,25 @@ struct Options {
   std::string on_exit;       ///< "", "leave", "preop", "stop"
   std::string machine;
   std::string bus;
-  std::vector<std::string> ports;  ///< "socketcan:can0" or "BUS=socketcan:can0": instead of the machine file's
-  std::string sim;                 ///< plant file
-  std::string state;               ///< file that keeps what the simulated devices remember
-  std::string store;               ///< empty: in memory on a simulated bus
-  std::string control;             ///< empty: command::control_path of the machine
-  std::string record;              ///< candump log of every frame
-  std::string gateway;             ///< where the main job offers CiA 309-3; empty: not
-  bool gateway_commands = false;   ///< its clients may command a real machine
+  std::vector<std::string> ports;    ///< "socketcan:can0" or "BUS=socketcan:can0": instead of the machine file's
+  std::optional<unsigned> bit_rate;  ///< of the one port, where no machine file says it
+  std::vector<std::string> eds;      ///< "FILE" or "NODE=FILE": what devices are like that are in no slot
+  std::string sim;                   ///< plant file
+  std::string state;                 ///< file that keeps what the simulated devices remember
+  std::string store;                 ///< empty: in memory on a simulated bus
+  std::string control;               ///< empty: command::control_path of the machine
+  std::string record;                ///< candump log of every frame
+  std::string gateway;               ///< where the main job offers CiA 309-3; empty: not
+  bool gateway_commands = false;     ///< its clients may command a real machine
   std::optional<std::uint64_t> seed;
   std::optional<std::chrono::nanoseconds> timeout;
   std::string until;  ///< "", "operational", "replaced"
   bool pace = false;
   bool fast = false;
   bool events = false;    ///< --json: every event as a line, as it happens
-  bool bring_up = false;  ///< single commands: run the main job first
-  int real_time = 0;      ///< SCHED_FIFO priority; 0: none
+  bool bring_up = false;                          ///< single commands: run the main job first
+  std::optional<std::chrono::nanoseconds> watch;  ///< single commands: again and again, so far apart
+  int real_time = 0;                              ///< SCHED_FIFO priority; 0: none
 };
 
 }  // namespace berth::cli

@@ -31,6 +31,45 @@ Failure wrong_port(const std::string& written, const std::string& why) {
 
 }  // namespace
 
+namespace {
+
+// What a word is when it has no kind before it: a serial device and a plant's socket are files, a server has a colon.
+std::optional<can::PortSpec> guessed(const std::string& word) {
+  if (word.find('=') != std::string::npos) return std::nullopt;  // BUS=PORT with another machine's bus
+  std::error_code none;
+  const auto is = [&](std::filesystem::file_type type) { return std::filesystem::status(word, none).type() == type; };
+  if (word.starts_with("/dev/") || is(std::filesystem::file_type::character)) {
+    return can::PortSpec{can::PortKind::slcan, word};
+  }
+  if (word.ends_with(".sock") || is(std::filesystem::file_type::socket)) {
+    return can::PortSpec{can::PortKind::plant, word};
+  }
+  const auto colon = word.find(':');
+  const auto slash = word.find('/');
+  if (colon != std::string::npos) {
+    const bool server = slash != std::string::npos && slash > colon + 1;
+    return server ? can::parse_port("socketcand://" + word) : std::nullopt;
+  }
+  constexpr std::size_t longest_interface = 15;
+  const auto letter = [](char c) { return (c >= 'a' && c <= 'z') || (c >= '0' && c <= '9') || c == '_' || c == '-'; };
+  const bool interface =
+      word.size() <= longest_interface && word.find("can") != std::string::npos && std::ranges::all_of(word, letter);
+  if (interface) return can::PortSpec{can::PortKind::socketcan, word};
+  return std::nullopt;
+}
+
+}  // namespace
+
+tl::expected<can::PortSpec, std::string> port_of_word(const std::string& word) {
+  auto port = can::parse_port(word);
+  if (!port) port = guessed(word);
+  if (port && port->kind != can::PortKind::sim) return *port;
+  return tl::unexpected(fmt::format(
+      "--port {}: this is no port; use socketcan:can0 (or can0), slcan:/dev/ttyACM0, socketcand://host:29536/can0 or "
+      "plant:/run/plant.sock; `berth ports` lists what is plugged in",
+      word));
+}
+
 tl::expected<void, Failure> override_ports(design::Machine& machine, const Options& options) {
   for (const auto& written : options.ports) {
     const auto equals = written.find('=');
@@ -41,12 +80,8 @@ tl::expected<void, Failure> override_ports(design::Machine& machine, const Optio
       return tl::unexpected(
           wrong_port(written, fmt::format("which bus? Write BUS=PORT; the buses are {}", bus_names(machine))));
     }
-    const auto port = can::parse_port(names_bus ? written.substr(equals + 1) : written);
-    if (!port || port->kind == can::PortKind::sim) {
-      return tl::unexpected(wrong_port(written,
-                                       "this is no port; use socketcan:can0, slcan:/dev/ttyACM0, "
-                                       "socketcand://host:29536/can0 or plant:/run/plant.sock"));
-    }
+    const auto port = port_of_word(names_bus ? written.substr(equals + 1) : written);
+    if (!port) return tl::unexpected(failure(Exit::usage, port.error()));
     const auto bus = std::ranges::find(machine.buses, name, &design::Bus::name);
     if (bus == machine.buses.end()) {
       return tl::unexpected(

@@ -14,6 +14,10 @@ namespace berth::cli {
 /// "drives=socketcan:can1" for a bus by its name, as often as there are buses.
 [[nodiscard]] tl::expected<void, Failure> override_ports(design::Machine& machine, const Options& options);
 
+/// A port as a person names it: as in a machine file, or what it is guessed from: "can0", "/dev/ttyACM0",
+/// "host:29536/can0", "plant.sock". The error is for people.
+[[nodiscard]] tl::expected<can::PortSpec, std::string> port_of_word(const std::string& word);
+
 /// Only this bus and its slots are left: one process for one network of a machine.
 void restrict_to(design::Machine& machine, const std::string& bus);
 

@@ -7,6 +7,7 @@
 
 #include "berth/io/open_port.hpp"
 #include "berth/live/reopening_port.hpp"
+#include "machine_file.hpp"
 #include "simulated.hpp"
 
 namespace berth::cli {
@@ -29,10 +30,24 @@ bool simulated(const design::Bus& bus) noexcept { return bus.port.kind == can::P
 
 }  // namespace
 
+design::MachineResult Rig::read_machine(const Options& options, const Sources& sources,
+                                        std::optional<Failure>& problem) const {
+  if (!sources.machine_text.empty()) {
+    return design::read_machine(sources.machine_text, sources.machine_name, design::eds_loader());
+  }
+  if (!sources.machine_name.empty()) return design::load_machine(sources.machine_name);
+  const auto text = ad_hoc_machine(options);
+  if (!text) {
+    problem = text.error();
+    return {};
+  }
+  return design::read_machine(*text, no_machine_file, {});
+}
+
 tl::expected<void, Failure> Rig::read(const Options& options, const Sources& sources) {
-  auto machine = sources.machine_text.empty()
-                     ? design::load_machine(sources.machine_name)
-                     : design::read_machine(sources.machine_text, sources.machine_name, design::eds_loader());
+  std::optional<Failure> problem;
+  auto machine = read_machine(options, sources, problem);
+  if (problem) return tl::unexpected(std::move(*problem));
   const bool simulate = !sources.plant_name.empty() || !sources.plant_text.empty();
   auto plant = !simulate                    ? plant::PlantResult{plant::PlantFile{}, {}}
                : sources.plant_text.empty() ? plant::load_plant(sources.plant_name)
@@ -43,6 +58,8 @@ tl::expected<void, Failure> Rig::read(const Options& options, const Sources& sou
   warn(findings, options.json);
   machine_ = std::move(*machine.machine);
   plant_ = std::move(*plant.plant);
+  rate_as_it_stands_ = is_ad_hoc(machine_) && !options.bit_rate;
+  if (auto good = describe_nodes(machine_, options); !good) return good;
   if (options.seed) plant_.seed = *options.seed;
   return settle_ports(options, simulate);
 }
@@ -98,13 +115,13 @@ tl::expected<void, Failure> Rig::build_world(const Options& options) {
 
 tl::expected<std::unique_ptr<can::Port>, Failure> Rig::open_port(const design::Bus& bus) {
   io::PortOptions wanted;
-  wanted.bit_rate = bus.bitrate;
+  wanted.bit_rate = rate_as_it_stands_ ? 0 : bus.bitrate;
   wanted.listen_only = bus.role == design::Role::observer;
   wanted.bus = bus.name;
   auto port = io::open_port(*loop_, bus.port, wanted);
   if (!port) return tl::unexpected(failure(Exit::failed, fmt::format("bus {}: {}", bus.name, port.error())));
   const auto rate = (*port)->status().bit_rate;
-  if (rate == bus.bitrate || rate == 0) return std::move(*port);
+  if (rate == bus.bitrate || rate == 0 || rate_as_it_stands_) return std::move(*port);
   return tl::unexpected(
       failure(Exit::failed, fmt::format("{}:{}: bus {} is told to run at {} bit/s, and {} runs at {}", machine_.file,
                                         bus.place.line, bus.name, bus.bitrate, can::to_string(bus.port), rate)));
@@ -148,9 +165,11 @@ tl::expected<void, Failure> Rig::open_session(const Options& options) {
   session_ = std::make_unique<operate::Session>(driver_->executor(), machine_, slot_table_->store());
   session_->set_careful(std::ranges::any_of(machine_.buses, [](const auto& b) { return is_real(b.port); }));
   guards_.on_foreign([this](const std::string& bus, const std::string& text) { session_->tell(bus, "error", text); });
-  for (const auto& bus : machine_.buses) {
+  for (auto& bus : machine_.buses) {
     auto port = attach(bus, options);
     if (!port) return tl::unexpected(port.error());
+    const auto rate = rate_as_it_stands_ ? (*port)->status().bit_rate : 0;
+    if (rate != 0) bus.bitrate = rate;
     const auto connected = session_->connect(bus.name, **port);
     if (!connected) return tl::unexpected(failure(Exit::failed, describe(connected.error())));
   }

@@ -25,7 +25,8 @@
 
 namespace berth::cli {
 
-/// What a person gives: file names, or the texts that `berth demo` has built in.
+/// What a person gives: file names, or the texts that `berth demo` has built in. Without either, the machine is one bus
+/// without slots at `Options::ports` (machine_file.hpp).
 struct Sources {
   std::string machine_name;
   std::string plant_name;
@@ -73,6 +74,8 @@ class Rig {
  private:
   Rig() = default;
   [[nodiscard]] tl::expected<void, Failure> read(const Options& options, const Sources& sources);
+  [[nodiscard]] design::MachineResult read_machine(const Options& options, const Sources& sources,
+                                                   std::optional<Failure>& problem) const;
   [[nodiscard]] tl::expected<void, Failure> settle_ports(const Options& options, bool simulate);
   [[nodiscard]] tl::expected<void, Failure> build_world(const Options& options);
   void run_by_loop(rt::Executor& executor);
@@ -84,6 +87,7 @@ class Rig {
 
   // In the order in which they need each other: what comes later goes first.
   design::Machine machine_;
+  bool rate_as_it_stands_ = false;  // nobody said the bit rate: the port tells it
   plant::PlantFile plant_;
   Record record_;
   std::unique_ptr<plant::World> world_;

@@ -1,16 +1,22 @@
 // scan, bind, replace, sdo, nmt, lss, status: one request, carried out in a world of its own (`--sim`) or by a running
 // `berth up`.
 #include <fmt/format.h>
+#include <poll.h>
 
+#include <algorithm>
+#include <array>
 #include <nlohmann/json.hpp>
 
 #include "ask.hpp"
 #include "berth/command/control.hpp"
+#include "berth/command/stored.hpp"
 #include "berth/command/verbs.hpp"
 #include "drive.hpp"
 #include "execute.hpp"
+#include "machine_file.hpp"
 #include "ports.hpp"
 #include "single.hpp"
+#include "slot_table.hpp"
 
 namespace berth::cli {
 namespace {
@@ -26,9 +32,10 @@ bool wants_yes(const command::Reply& reply) {
 
 bool may_ask(const Options& options) { return !options.json && !options.yes && someone_types(); }
 
-int show(const command::Reply& reply, bool json) {
-  if (json) {
-    print_line(Json::parse(reply.json).dump(2));
+// A watched reply is one line.
+int show(const command::Reply& reply, const Options& options) {
+  if (options.json) {
+    print_line(Json::parse(reply.json).dump(options.watch ? -1 : 2));
     return reply.status;
   }
   print_lines(reply.lines);
@@ -53,13 +60,13 @@ tl::expected<void, Failure> prepare(Rig& rig, const Options& options) {
 }
 
 using Replied = tl::expected<command::Reply, Failure>;
+/// Takes each reply that another follows; empty: the request is made once.
+using Repeat = std::function<void(const command::Reply&)>;
 
 // A slot table is made where one is written for the first time.
 Options own_options(const Options& options, const command::Request& request) {
   Options own = options;
   own.makes_store = request.verb == "bind" || request.verb == "replace";
-  // It sends nothing: a port that it held would be missing to a `berth up` that starts just now.
-  if (request.verb == "report" && options.sim.empty()) own.observe = true;
   return own;
 }
 
@@ -95,9 +102,27 @@ void ask_where_devices_sit(Rig& rig, command::Reply& reply, rt::Duration limit) 
   reply.error.clear();
 }
 
+// Until a signal comes, the time of --timeout is over, or nobody answers any more.
+command::Reply repeated(Rig& rig, const command::Request& request, command::Reply reply, const Options& options,
+                        const Repeat& repeat) {
+  const rt::Time end = rig.now() + options.timeout.value_or(24h * 365);
+  while (reply.status <= Exit::no && rig.now() + *options.watch < end) {
+    repeat(reply);
+    wait_for(rig.driver(), rig.interrupt(), *options.watch);
+    command::Reply next;
+    if (rig.interrupt().came() || !execute_in(rig, request, next, end - rig.now())) {
+      reply.lines.clear();  // it is shown already
+      break;
+    }
+    reply = std::move(next);
+  }
+  return reply;
+}
+
 // Buses that are outside this process are listened to before anything is sent, and asked for other masters before a
 // master's right is used.
-Replied reply_of_own_world(const Options& options, const command::Request& request, std::vector<Recorded>& sent) {
+Replied reply_of_own_world(const Options& options, const command::Request& request, std::vector<Recorded>& sent,
+                           const Repeat& repeat) {
   auto made = Rig::make(own_options(options, request), {options.machine, options.sim, {}, {}});
   if (!made) return tl::unexpected(made.error());
   Rig& rig = **made;
@@ -117,6 +142,7 @@ Replied reply_of_own_world(const Options& options, const command::Request& reque
   command::Reply reply;
   const auto limit = options.timeout.value_or(5min);
   if (execute_in(rig, request, reply, limit)) {
+    if (repeat) return repeated(rig, request, std::move(reply), options, repeat);
     const bool asks = binds && rig.loop() == nullptr && !options.json && !options.dry_run;
     if (asks && on_terminal() && someone_types()) ask_where_devices_sit(rig, reply, limit);
     return reply;
@@ -136,15 +162,15 @@ Replied reply_of_own_world(const Options& options, const command::Request& reque
 int dry_in_own_world(const Options& options, command::Request request) {
   request.arguments["yes"] = "1";
   std::vector<Recorded> sent;
-  const auto reply = reply_of_own_world(options, request, sent);
+  const auto reply = reply_of_own_world(options, request, sent, {});
   if (!reply) return tell(reply.error(), options.json);
   print_dry_run(sent, &*reply, options.json);
   return reply->status;
 }
 
-int foreseen(const Options& options, const command::Request& request) {
+int foreseen(const Options& options, const command::Request& request, const design::Machine& machine) {
   std::string problem;
-  const auto frames = command::foreseeable_frames(request, problem);
+  const auto frames = command::foreseeable_frames(request, machine, problem);
   if (!problem.empty()) {
     return tell(failure(Exit::usage, problem + "; a dry run of it needs a world to throw away: give --sim PLANT"),
                 options.json);
@@ -177,50 +203,125 @@ Replied ask_running_up(const Options& options, const command::Request& request, 
                                 machine, reply.error(), machine)));
 }
 
+// --watch, by a running `berth up`.
+Replied ask_again(const Options& options, const command::Request& request, const std::string& path,
+                  const Repeat& repeat) {
+  auto reply = ask_running_up(options, request, path);
+  if (!repeat) return reply;
+  Interrupt interrupt;
+  const auto began = std::chrono::steady_clock::now();
+  const auto end = began + options.timeout.value_or(24h * 365);
+  while (reply && reply->status <= Exit::no && std::chrono::steady_clock::now() + *options.watch < end) {
+    repeat(*reply);
+    const auto pause = std::chrono::ceil<std::chrono::milliseconds>(*options.watch).count();
+    pollfd signals{interrupt.descriptor(), POLLIN, 0};
+    if (::poll(&signals, 1, static_cast<int>(pause)) > 0) {
+      reply->lines.clear();
+      return reply;
+    }
+    reply = ask_running_up(options, request, path);
+  }
+  return reply;
+}
+
+// ---- from the slot table ----
+
+// Its port is left alone, and a simulated machine has no slot table but one that is named.
+bool by_slot_table(const design::Machine& machine, const Options& options, const command::Request& request) {
+  const bool asks = request.verb == "report" || request.verb == "history";
+  return asks && options.control.empty() && (all_elsewhere(machine) || !options.store.empty());
+}
+
+Replied reply_of_slot_table(const design::Machine& machine, const Options& options, const command::Request& request) {
+  Options own = options;
+  own.observe = true;  // a copy: the table belongs to the process that runs the machine, or is about to
+  Interrupt interrupt;
+  auto table = SlotTable::open(machine, own);
+  if (!table) return tl::unexpected(table.error());
+  command::Reply reply;
+  if (request.verb == "report") {
+    command::tell_report((*table)->store(), machine, request, reply);
+  } else {
+    command::tell_history((*table)->store(), machine, request, reply);
+  }
+  return reply;
+}
+
 // What does it: a running `berth up` before all, since one process owns a port; else this process on the machine's
-// ports; else none, which the failure of asking says.
-Replied reply_outside(const Options& options, const command::Request& request, std::vector<Recorded>& sent) {
-  if (options.machine.empty()) return ask_running_up(options, request, options.control);
-  auto loaded = design::load_machine(options.machine);
-  if (!loaded.machine) return tl::unexpected(failure(loaded.findings));
-  design::Machine machine = std::move(*loaded.machine);
+// ports; else none, which the failure of asking says. What only the slot table tells needs neither.
+Replied reply_outside(const Options& options, const command::Request& request, std::vector<Recorded>& sent,
+                      const Repeat& repeat) {
+  const bool bus_alone = options.machine.empty() && !options.ports.empty();
+  if (options.machine.empty() && !bus_alone) return ask_again(options, request, options.control, repeat);
+  auto loaded = machine_of(options);
+  if (!loaded) return tl::unexpected(loaded.error());
+  design::Machine machine = std::move(*loaded);
   const auto paths = control_paths(options, machine);
   for (const auto& path : paths) {
-    if (command::control_answers(path)) return ask_running_up(options, request, path);
+    if (!bus_alone && command::control_answers(path)) return ask_again(options, request, path, repeat);
   }
   if (auto good = override_ports(machine, options); !good) return tl::unexpected(good.error());
   if (!options.bus.empty()) restrict_to(machine, options.bus);
-  if (options.control.empty() && all_elsewhere(machine)) return reply_of_own_world(options, request, sent);
+  if (by_slot_table(machine, options, request)) return reply_of_slot_table(machine, options, request);
+  if (options.control.empty() && all_elsewhere(machine)) return reply_of_own_world(options, request, sent, repeat);
   return ask_running_up(options, request, paths.front());
+}
+
+// What is asked of a bus alone: none of these needs to know slots.
+bool needs_slots(const command::Request& request) {
+  static constexpr std::array<std::string_view, 6> verbs{"report", "bind", "replace", "forget", "configure", "history"};
+  return std::ranges::find(verbs, request.verb) != verbs.end();
 }
 
 // Without a world to throw away: the frames that go out whatever is answered; or, on the machine's own ports, what
 // goes out up to the first question.
 int dry_outside(const Options& options, const command::Request& request) {
+  if (options.machine.empty() && options.ports.empty()) return foreseen(options, request, design::Machine());
+  auto loaded = machine_of(options);
+  if (!loaded) return tell(loaded.error(), options.json);
+  design::Machine& machine = *loaded;
   std::string problem;
-  static_cast<void>(command::foreseeable_frames(request, problem));
-  if (options.machine.empty()) return foreseen(options, request);
-  auto loaded = design::load_machine(options.machine);
-  if (!loaded.machine) return tell(failure(loaded.findings), options.json);
-  if (problem.empty() || !options.control.empty()) return foreseen(options, request);
-  if (auto good = override_ports(*loaded.machine, options); !good) return tell(good.error(), options.json);
-  if (!options.bus.empty()) restrict_to(*loaded.machine, options.bus);
-  return all_elsewhere(*loaded.machine) ? dry_in_own_world(options, request) : foreseen(options, request);
+  static_cast<void>(command::foreseeable_frames(request, machine, problem));
+  if (problem.empty() || !options.control.empty()) return foreseen(options, request, machine);
+  if (auto good = override_ports(machine, options); !good) return tell(good.error(), options.json);
+  if (!options.bus.empty()) restrict_to(machine, options.bus);
+  return all_elsewhere(machine) ? dry_in_own_world(options, request) : foreseen(options, request, machine);
 }
 
-tl::expected<void, Failure> complete(const Options& options, command::Request& request) {
+tl::expected<void, Failure> complete(Options& options, command::Request& request) {
   if (!options.bus.empty()) request.arguments["bus"] = options.bus;
+  options.machine = default_machine(options);
   if (!options.machine.empty() || (!options.control.empty() && options.sim.empty())) return {};
-  return tl::unexpected(failure(Exit::usage, "name the machine file: --machine FILE"));
+  const bool bus_alone = !options.ports.empty() && options.sim.empty();
+  if (bus_alone && !needs_slots(request)) {
+    request.arguments.erase("bus");  // it is the only one, whatever it is called
+    return {};
+  }
+  return tl::unexpected(failure(Exit::usage, bus_alone
+                                                 ? "this is about slots: name the machine file, --machine FILE"
+                                                 : "name the machine file, --machine FILE, or a port, --port can0"));
+}
+
+Replied carry_out_again(const Options& options, const command::Request& request, const Repeat& repeat) {
+  std::vector<Recorded> sent;
+  return options.sim.empty() ? reply_outside(options, request, sent, repeat)
+                             : reply_of_own_world(options, request, sent, repeat);
+}
+
+// --watch: every reply but the last, which the caller shows.
+Repeat watching(const Options& options) {
+  if (!options.watch) return {};
+  return [&options](const command::Reply& reply) { static_cast<void>(show(reply, options)); };
 }
 
 }  // namespace
 
-int run_single(const Options& options, command::Request request) {
+int run_single(const Options& given, command::Request request) {
+  Options options = given;
   const auto known = complete(options, request);
   if (!known) return tell(known.error(), options.json);
   if (options.dry_run) return options.sim.empty() ? dry_outside(options, request) : dry_in_own_world(options, request);
-  auto reply = carry_out(options, request);
+  auto reply = carry_out_again(options, request, watching(options));
   if (reply && wants_yes(*reply) && may_ask(options)) {
     print_lines(reply->lines);
     print_line(reply->error);
@@ -228,16 +329,16 @@ int run_single(const Options& options, command::Request request) {
     request.arguments["yes"] = "1";
     Options sure = options;
     sure.yes = true;
-    reply = carry_out(sure, request);
+    reply = carry_out_again(sure, request, watching(options));
   }
-  return reply ? show(*reply, options.json) : tell(reply.error(), options.json);
+  return reply ? show(*reply, options) : tell(reply.error(), options.json);
 }
 
-tl::expected<command::Reply, Failure> carry_out(const Options& options, command::Request request) {
+tl::expected<command::Reply, Failure> carry_out(const Options& given, command::Request request) {
+  Options options = given;
   const auto known = complete(options, request);
   if (!known) return tl::unexpected(known.error());
-  std::vector<Recorded> sent;
-  return options.sim.empty() ? reply_outside(options, request, sent) : reply_of_own_world(options, request, sent);
+  return carry_out_again(options, request, {});
 }
 
 }  // namespace berth::cli

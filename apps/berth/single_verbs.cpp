@@ -1,55 +1,30 @@
 // The verbs that are one request: what may stand behind them becomes the request's arguments.
 #include <memory>
 
-#include "adopt.hpp"
-#include "single.hpp"
+#include "berth/text/quantity.hpp"
+#include "request_verb.hpp"
 #include "verbs.hpp"
 
 namespace berth::cli {
-namespace {
-
-/// A verb and the request that it makes.
-class RequestVerb {
- public:
-  /// `request`: its name in `command::execute`.
-  RequestVerb(const Verb& parent, Options& options, const std::string& name, const std::string& request,
-              const std::string& help)
-      : request_(std::make_shared<command::Request>(command::Request{request, {}})),
-        verb_(parent.add(name, help, [&options, made = request_] { return run_request(options, *made); })) {
-    machine_words(verb_, options);
-    control_word(verb_, options);
-    verb_.flag("--up", options.bring_up, "with --sim: first run the main job until the machine is operational");
-  }
-  Word word(const std::string& names, const std::string& key, const std::string& help) const {
-    return verb_.word(
-        names, [made = request_, key](const std::string& text) { made->arguments[key] = text; }, help);
-  }
-  Word flag(const std::string& names, const std::string& key, const std::string& help) const {
-    return verb_.flag(
-        names, [made = request_, key] { made->arguments[key] = "1"; }, help);
-  }
-
- private:
-  static int run_request(const Options& options, command::Request request) {
-    // No session can search for the bit rate: it would need one to begin with.
-    if (request.arguments.contains("bitrate")) return run_bit_rate(options);
-    if (options.yes) request.arguments["yes"] = "1";
-    return run_single(options, std::move(request));
-  }
-  std::shared_ptr<command::Request> request_;
-  Verb verb_;
-};
-
-}  // namespace
 
 void add_scan(Verb& berth, Options& options) {
-  const RequestVerb scan(berth, options, "scan", "scan", "who is on this bus: configured, unconfigured, duplicates");
-  scan.word("--bitrate", "bitrate", "auto: which bit rate does the bus run at? Listens, sends nothing")
-      .one_of(std::vector<std::string>{"auto"});
-}
-
-void add_status(Verb& berth, Options& options) {
-  const RequestVerb status(berth, options, "status", "report", "the slot table as it stands");
+  const auto rate = std::make_shared<std::string>();
+  const RequestVerb scan(berth, options, "scan", "scan", "who is on this bus: configured, unconfigured, duplicates",
+                         [rate](command::Request& request) {
+                           if (*rate == "auto") request.arguments["bitrate"] = *rate;
+                           return std::string();
+                         });
+  const auto read = [&options, rate](const std::string& text) {
+    *rate = text;
+    const auto number = text::parse_ranges(text, 10'000, 1'000'000);
+    if (number && number->size() == 1) options.bit_rate = number->front();
+    return text == "auto" || options.bit_rate ? std::string() : "\"" + text + "\" is no bit rate; write bit/s, or auto";
+  };
+  scan.verb().read("--bitrate", "BIT/S", read,
+                   "bit/s, where --port is all that is known; auto: at which does the bus run? Listens, sends nothing");
+  scan.footer(
+      "Examples:\n  berth scan machine.toml\n  berth scan --port can0\n"
+      "  berth scan --bitrate auto --port slcan:/dev/ttyACM0");
 }
 
 void add_bind(Verb& berth, Options& options) {
@@ -64,6 +39,7 @@ void add_locate(Verb& berth, Options& options) {
   locate.word("target", "target", "slot, LSS address or node-ID").required();
   locate.word("--seconds", "seconds", "for so long (1 to 600, default 10)");
   locate.flag("--anyway", "anyway", "also when it is operational");
+  locate.footer("Examples:\n  berth locate left --anyway\n  berth locate 5 --port can0 --seconds 30");
 }
 
 void add_replace(Verb& berth, Options& options) {
@@ -87,28 +63,11 @@ void add_configure(Verb& berth, Options& options) {
   configure.flag("--check", "check", "compare only, and say what differs");
 }
 
-void add_sdo(Verb& berth, Options& options) {
-  const Verb sdo = berth.group("sdo", "read or write one object");
-  const RequestVerb read(sdo, options, "read", "sdo read", "read an object: berth sdo read 5 0x1018 4 --type u32");
-  const RequestVerb write(sdo, options, "write", "sdo write",
-                          "write an object: berth sdo write 5 0x1017 0 500 --type u16");
-  for (const RequestVerb* const sub : {&read, &write}) {
-    sub->word("node", "node", "node-ID").required();
-    sub->word("index", "index", "index, such as 0x1018").required();
-  }
-  read.word("sub", "sub", "sub-index (default 0)");
-  write.word("sub", "sub", "sub-index").required();
-  write.word("value", "value", "value of --type; without a type hex bytes such as \"F4 01\"").required();
-  for (const RequestVerb* const sub : {&read, &write}) {
-    sub->word("--type,-t", "type", "u8 u16 u32 i8 i16 i32 r32 vs os …");
-    sub->flag("--block", "block", "by SDO block transfer");
-  }
-}
-
 void add_nmt(Verb& berth, Options& options) {
   const RequestVerb nmt(berth, options, "nmt", "nmt", "one NMT command to one node or all");
   nmt.word("command", "command", "start, stop, preop, reset-node, reset-comm").required();
-  nmt.word("node", "node", "node-ID, or all").required();
+  nmt.word("node", "node", "node-ID, slot's name, or all").required();
+  nmt.footer("Example: berth nmt preop drive --machine machine.toml");
 }
 
 namespace {

@@ -10,6 +10,7 @@
 
 #include "berth/store/database.hpp"
 #include "interrupt.hpp"
+#include "machine_file.hpp"
 #include "ports.hpp"
 
 namespace berth::cli {
@@ -64,7 +65,7 @@ namespace {
 
 std::string path_of(const design::Machine& machine, const Options& options) {
   const bool real = std::ranges::any_of(machine.buses, [](const auto& b) { return is_real(b.port); });
-  if (!options.store.empty() || !real || !options.slot_table) return options.store;
+  if (!options.store.empty() || !real || !options.slot_table || is_ad_hoc(machine)) return options.store;
   const std::string path = default_store(machine.file);
   return options.makes_store || fs::exists(path) ? path : std::string();
 }

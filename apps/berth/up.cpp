@@ -8,6 +8,7 @@
 #include "ask.hpp"
 #include "berth/command/control.hpp"
 #include "drive.hpp"
+#include "machine_file.hpp"
 #include "ports.hpp"
 #include "verbs.hpp"
 
@@ -131,11 +132,17 @@ int bring_up(const Options& wanted, const Sources& sources, const Story& story) 
 namespace {
 
 int run_up(const Options& options) {
-  if (options.machine.empty())
-    return tell(failure(Exit::usage, "name the machine file: berth up machine.toml"), options.json);
   Options own = options;
+  if (own.machine.empty()) {
+    Options here = options;  // neither a port nor a socket is a machine
+    here.ports.clear();
+    here.control.clear();
+    own.machine = default_machine(here);
+  }
+  if (own.machine.empty())
+    return tell(failure(Exit::usage, "name the machine file: berth up machine.toml"), options.json);
   own.makes_store = true;
-  return bring_up(own, {options.machine, options.sim, {}, {}});
+  return bring_up(own, {own.machine, options.sim, {}, {}});
 }
 
 // It needs real time.

@@ -231,6 +231,72 @@ int wrong_use(const CLI::App& app, const CLI::ParseError& error, int argc, char*
 
 }  // namespace
 
+namespace {
+
+/// The words of a command line as CLI11 understands them. Two things that a person may write it does not: the machine
+/// file by itself among the words of a verb that has others (it ends in ".toml", which no slot, node or object does;
+/// such verbs have --up beside --machine), and a negative number, which it takes for an option.
+class CommandLine {
+ public:
+  CommandLine(const CLI::App& app, int argc, char** argv) : at_(&app), words_(argv + 1, argv + argc) {}
+
+  std::vector<std::string> made() {
+    for (next_ = 0; next_ < words_.size(); ++next_) take(words_[next_]);
+    if (!negative_) return std::move(words_);
+    // Behind "--" nothing is an option.
+    named_.emplace_back("--");
+    named_.insert(named_.end(), plain_.begin(), plain_.end());
+    return std::move(named_);
+  }
+
+ private:
+  void take(std::string& word) {
+    const bool dashed = word.size() > 1 && word.front() == '-' && !rest_is_plain_;
+    const bool number = dashed && std::isdigit(static_cast<unsigned char>(word[1])) != 0;
+    if (dashed && !number) return option(word);
+    negative_ = negative_ || number;
+    if (!rest_is_plain_ && plain_.empty() && verb(word)) return;
+    const bool names = at_->get_option_no_throw("--machine") != nullptr && at_->get_option_no_throw("--up") != nullptr;
+    const bool positional = at_->get_option_no_throw("machine") != nullptr;
+    if (names && !positional && !rest_is_plain_ && word.ends_with(".toml")) {
+      word = "--machine=" + word;
+      named_.push_back(word);
+    } else {
+      plain_.push_back(word);
+    }
+  }
+
+  void option(const std::string& word) {
+    if (word == "--") {
+      rest_is_plain_ = true;
+      return;
+    }
+    named_.push_back(word);
+    const auto equals = word.find('=');
+    const CLI::Option* const option = at_->get_option_no_throw(word.substr(0, equals));
+    const bool takes = option != nullptr && option->get_items_expected_max() > 0;
+    if (takes && equals == std::string::npos && next_ + 1 < words_.size()) named_.push_back(words_[++next_]);
+  }
+
+  bool verb(const std::string& word) {
+    const auto subs = at_->get_subcommands([&](const CLI::App* sub) { return sub->check_name(word); });
+    if (subs.empty()) return false;
+    at_ = subs.front();
+    named_.push_back(word);
+    return true;
+  }
+
+  const CLI::App* at_;  // the verb so far
+  std::vector<std::string> words_;
+  std::size_t next_ = 0;
+  std::vector<std::string> named_;  // verbs, options and their values
+  std::vector<std::string> plain_;  // the others
+  bool rest_is_plain_ = false;
+  bool negative_ = false;
+};
+
+}  // namespace
+
 int run_command_line(int argc, char** argv, const std::vector<AddVerb>& verbs) {
   CLI::App app("Berth gives every CANopen device its place.", "berth");
   app.require_subcommand(1);
@@ -241,17 +307,19 @@ int run_command_line(int argc, char** argv, const std::vector<AddVerb>& verbs) {
   Verb berth(app, action);
   for (const auto add : verbs) add(berth, options);
   // `berth help sdo read` is `berth sdo read --help`.
-  std::vector<char*> words(argv, argv + argc);
+  std::vector<char*> given(argv, argv + argc);
   std::string help = "--help";
-  if (words.size() > 1 && std::string_view(words[1]) == "help") {
-    words.erase(words.begin() + 1);
-    words.push_back(help.data());
+  if (given.size() > 1 && std::string_view(given[1]) == "help") {
+    given.erase(given.begin() + 1);
+    given.push_back(help.data());
   }
-  const int count = static_cast<int>(words.size());
+  const int count = static_cast<int>(given.size());
   try {
-    app.parse(count, words.data());
+    auto words = CommandLine(app, count, given.data()).made();
+    std::ranges::reverse(words);
+    app.parse(std::move(words));
   } catch (const CLI::ParseError& error) {
-    return wrong_use(app, error, count, words.data());
+    return wrong_use(app, error, count, given.data());
   }
   if (options.real_time == 0) return action();
   const auto done = io::go_real_time({.priority = options.real_time, .lock_memory = true});
@@ -270,9 +338,9 @@ void plant_words(const Verb& verb, Options& options) {
 
 void machine_words(const Verb& verb, Options& options) {
   json_flag(verb, options);
-  verb.word("--machine", options.machine, "machine file");
+  verb.word("--machine,-m", options.machine, "machine file (default: berth.toml, or the only one of the folder)");
   verb.word("--bus", options.bus, "one bus of the machine");
-  verb.word("--port", options.ports, "port of the bus, or BUS=PORT, instead of the machine file's")
+  verb.word("--port,-p", options.ports, "port of the bus, or BUS=PORT, instead of the machine file's")
       .one_each()
       .shown("[BUS=]PORT");
   verb.word("--sim", options.sim, "plant file: run on a simulated world");
@@ -285,7 +353,7 @@ void machine_words(const Verb& verb, Options& options) {
 }
 
 void machine_word(const Verb& verb, Options& options) {
-  verb.word("machine,-m", options.machine, "machine file").shown("MACHINE");
+  verb.word("machine", options.machine, "machine file").shown("MACHINE");
 }
 
 void control_word(const Verb& verb, Options& options) {

@@ -68,15 +68,4 @@ std::optional<LssAddress> Arguments::optional_address(const std::string& key) {
   return address(key);
 }
 
-std::uint8_t Arguments::node(const std::string& key, bool all_allowed) {
-  const std::string word = required(key);
-  if (all_allowed && word == "all") return 0;
-  if (word.find('/') != std::string::npos) {
-    wrong(fmt::format("{} {} lies beneath a gateway; nodes beneath gateways cannot be reached yet", key,
-                      text::quoted(word)));
-    return 1;
-  }
-  return static_cast<std::uint8_t>(number(key, 1, 127));
-}
-
 }  // namespace berth::command

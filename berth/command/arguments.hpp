@@ -6,10 +6,8 @@
 #include <string>
 #include <tl/expected.hpp>
 
-#include "berth/co/nmt.hpp"
 #include "berth/command/request.hpp"
 #include "berth/lss/frames.hpp"
-#include "berth/od/data_type.hpp"
 
 namespace berth::command {
 
@@ -33,9 +31,6 @@ class Arguments {
   LssAddress address(const std::string& key);
   /// Empty when absent.
   std::optional<LssAddress> optional_address(const std::string& key);
-  /// A node-ID; 0 for "all" when that is allowed.
-  std::uint8_t node(const std::string& key, bool all_allowed);
-
   void wrong(std::string problem);
   [[nodiscard]] bool good() const noexcept { return problem_.empty(); }
   [[nodiscard]] const std::string& problem() const noexcept { return problem_; }
@@ -44,25 +39,6 @@ class Arguments {
   const Request& request_;
   std::string problem_;
 };
-
-/// The object that an SDO command is about.
-struct ObjectArguments {
-  std::string bus;
-  NodeId node;
-  std::uint16_t index = 0;
-  std::uint8_t sub = 0;
-  od::DataType type = od::DataType::none;
-};
-[[nodiscard]] ObjectArguments object_arguments(Arguments& arguments);
-/// The bytes of a value as a person wrote it; type `none`: a row of hex bytes.
-[[nodiscard]] Checked<std::vector<std::uint8_t>> value_bytes(od::DataType type, const std::string& text, NodeId node);
-struct NmtArguments {
-  std::string bus;
-  co::NmtCommand command = co::NmtCommand::start;
-  co::NmtTarget target;
-  std::string word;
-};
-[[nodiscard]] NmtArguments nmt_arguments(Arguments& arguments);
 
 /// What an LSS command is about; only what its service takes means something.
 struct LssArguments {

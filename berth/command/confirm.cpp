@@ -4,7 +4,7 @@
 #include <algorithm>
 #include <nlohmann/json.hpp>
 
-#include "berth/command/arguments.hpp"
+#include "berth/command/objects.hpp"
 #include "berth/command/permission.hpp"
 #include "berth/command/reply.hpp"
 #include "berth/command/run.hpp"
@@ -40,7 +40,7 @@ struct Disturbed {
 
 Disturbed by_nmt(Session& session, const Request& request) {
   Arguments arguments(request);
-  const auto wanted = nmt_arguments(arguments);
+  const auto wanted = nmt_arguments(arguments, session.machine());
   const auto network = network_for(session, wanted.bus, Use::look);
   const bool resets =
       wanted.command == co::NmtCommand::reset_node || wanted.command == co::NmtCommand::reset_communication;
@@ -52,13 +52,15 @@ Disturbed by_nmt(Session& session, const Request& request) {
 
 Disturbed by_sdo(Session& session, const Request& request) {
   Arguments arguments(request);
-  const auto object = object_arguments(arguments);
-  const auto network = network_for(session, object.bus, Use::look);
+  const auto wanted = object_arguments(arguments, session.machine());
+  const auto network = network_for(session, wanted.node.bus, Use::look);
   constexpr std::uint16_t store_parameters = 0x1010;
   constexpr std::uint16_t restore_defaults = 0x1011;
-  const bool stores = object.index == store_parameters || object.index == restore_defaults;
+  const bool stores = std::ranges::any_of(wanted.objects, [](const KnownObject& object) {
+    return object.ref.index == store_parameters || object.ref.index == restore_defaults;
+  });
   if (!arguments.good() || !network || !stores) return {};
-  return {*network, operational_of(**network, co::NmtTarget(object.node)),
+  return {*network, operational_of(**network, co::NmtTarget(wanted.node.node)),
           "writes its memory while it works; some devices are deaf meanwhile"};
 }
 
@@ -78,9 +80,28 @@ Disturbed by_lss(Session& session, const Request& request) {
   return {*network, operational_of(**network, co::NmtTarget(slot->id)), how};
 }
 
+// Nobody knows what a frame of a person's does.
+Disturbed by_frame(Session& session, const Request& request) {
+  const auto bus = request.arguments.find("bus");
+  const auto network = network_for(session, bus == request.arguments.end() ? "" : bus->second, Use::look);
+  if (!network) return {};
+  return {*network, operational_of(**network, co::NmtTarget::all()), "may be disturbed by the frame"};
+}
+
+Disturbed by_memory(Session& session, const Request& request) {
+  Arguments arguments(request);
+  const auto node = node_argument(arguments, session.machine());
+  const auto network = network_for(session, node.bus, Use::look);
+  if (!arguments.good() || !network) return {};
+  return {*network, operational_of(**network, co::NmtTarget(node.node)),
+          "writes its memory while it works; some devices are deaf meanwhile"};
+}
+
 Disturbed disturbed_by(Session& session, const Request& request) {
   if (request.verb == "nmt") return by_nmt(session, request);
   if (request.verb == "sdo write") return by_sdo(session, request);
+  if (request.verb == "store" || request.verb == "restore") return by_memory(session, request);
+  if (request.verb == "send") return by_frame(session, request);
   if (request.verb.starts_with("lss ") && request.verb != "lss move-bit-rate") return by_lss(session, request);
   return {};
 }

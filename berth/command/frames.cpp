@@ -1,10 +1,8 @@
 // What a command sends, without a bus.
-#include <fmt/format.h>
-
-#include <nlohmann/json.hpp>
+#include <algorithm>
 
 #include "berth/co/sdo.hpp"
-#include "berth/command/arguments.hpp"
+#include "berth/command/objects.hpp"
 #include "berth/command/verbs.hpp"
 
 namespace berth::command {
@@ -12,34 +10,41 @@ namespace {
 
 using Frames = std::vector<can::Frame>;
 
-Frames sdo_frames(const Request& request, bool write, std::string& problem) {
+Frames upload_frames(const Request& request, const design::Machine& machine, std::string& problem) {
   Arguments arguments(request);
-  const ObjectArguments object = object_arguments(arguments);
-  if (write && !request.arguments.contains("value")) arguments.wrong("\"sdo write\" needs value");
-  const std::string text = arguments.text("value");
+  const ObjectArguments wanted = object_arguments(arguments, machine);
   problem = arguments.problem();
   if (problem.empty() && !arguments.text("block").empty()) {
     problem = "what a block transfer sends depends on the device's answers";
   }
   if (!problem.empty()) return {};
-  const std::uint32_t id = 0x600U + object.node.value();
-  if (!write) return {co::sdo::make(id, 0x40, {object.index, object.sub})};
-  const auto bytes = value_bytes(object.type, text, object.node);
-  if (!bytes) problem = bytes.error();
-  if (!bytes) return {};
-  if (bytes->size() > 4 || bytes->empty()) {
+  return {co::sdo::make(0x600U + wanted.node.node.value(), 0x40, wanted.objects.front().ref)};
+}
+
+Frames download_frames(const Request& request, const design::Machine& machine, std::string& problem) {
+  Arguments arguments(request);
+  const WriteArguments wanted = write_arguments(arguments, machine);
+  problem = arguments.problem();
+  if (!problem.empty()) return {};
+  if (!arguments.text("block").empty()) {
+    problem = "what a block transfer sends depends on the device's answers";
+    return {};
+  }
+  const auto& bytes = wanted.values.front();
+  if (bytes.size() > 4 || bytes.empty()) {
     problem = "a value of no or more than four bytes goes in segments, which depend on the device's answers";
     return {};
   }
-  const auto unused = static_cast<unsigned>(4 - bytes->size());
-  can::Frame frame = co::sdo::make(id, static_cast<std::uint8_t>(0x23U | unused << 2U), {object.index, object.sub});
-  std::ranges::copy(*bytes, frame.data.begin() + 4);
+  const auto unused = static_cast<unsigned>(4 - bytes.size());
+  can::Frame frame = co::sdo::make(0x600U + wanted.to.node.node.value(),
+                                   static_cast<std::uint8_t>(0x23U | unused << 2U), wanted.to.objects.front().ref);
+  std::ranges::copy(bytes, frame.data.begin() + 4);
   return {frame};
 }
 
-Frames nmt_frames(const Request& request, std::string& problem) {
+Frames nmt_frames(const Request& request, const design::Machine& machine, std::string& problem) {
   Arguments arguments(request);
-  const NmtArguments nmt = nmt_arguments(arguments);
+  const NmtArguments nmt = nmt_arguments(arguments, machine);
   problem = arguments.problem();
   if (!problem.empty()) return {};
   return {co::to_frame({nmt.command, nmt.target})};
@@ -75,11 +80,18 @@ Frames lss_frames(const Request& request, std::string& problem) {
 
 }  // namespace
 
-std::vector<can::Frame> foreseeable_frames(const Request& request, std::string& problem) {
+std::vector<can::Frame> foreseeable_frames(const Request& request, const design::Machine& machine,
+                                           std::string& problem) {
   problem.clear();
-  if (request.verb == "nmt") return nmt_frames(request, problem);
-  if (request.verb == "sdo read") return sdo_frames(request, false, problem);
-  if (request.verb == "sdo write") return sdo_frames(request, true, problem);
+  if (request.verb == "nmt") return nmt_frames(request, machine, problem);
+  if (request.verb == "sdo read") return upload_frames(request, machine, problem);
+  if (request.verb == "sdo write") return download_frames(request, machine, problem);
+  if (request.verb == "send") {
+    Arguments arguments(request);
+    const auto frames = frame_arguments(arguments);
+    problem = arguments.problem();
+    return frames;
+  }
   if (request.verb.starts_with("lss ")) return lss_frames(request, problem);
   problem = "what `" + request.verb + "` sends depends on the devices' answers";
   return {};

@@ -5,7 +5,7 @@
 #include <nlohmann/json.hpp>
 
 #include "berth/co/sdo_client.hpp"
-#include "berth/command/arguments.hpp"
+#include "berth/command/objects.hpp"
 #include "berth/command/permission.hpp"
 #include "berth/command/reply.hpp"
 #include "berth/command/run.hpp"
@@ -53,10 +53,11 @@ void read_objects(Arguments& arguments, const std::string& text, std::vector<Obj
   }
 }
 
-ProbeArguments probe_arguments(Arguments& arguments) {
+ProbeArguments probe_arguments(Arguments& arguments, const design::Machine& machine) {
   ProbeArguments probe;
-  probe.bus = arguments.text("bus");
-  probe.node = NodeId(arguments.node("node", false));
+  const NodeArgument node = node_argument(arguments, machine);
+  probe.bus = node.bus;
+  probe.node = node.node;
   read_objects(arguments, arguments.required("objects"), probe.objects);
   return probe;
 }
@@ -81,7 +82,7 @@ Json json_of(ObjectRef ref, const Result<co::SdoValue>& answer) {
 
 rt::Task<void> sdo_probe(Session& session, const Request& request, Reply& reply) {
   Arguments arguments(request);
-  const ProbeArguments probe = probe_arguments(arguments);
+  const ProbeArguments probe = probe_arguments(arguments, session.machine());
   if (!arguments.good()) co_return refuse(reply, 2, arguments.problem());
   const auto network = network_for(session, probe.bus, Use::send);
   if (!network) co_return refuse(reply, 2, network.error());

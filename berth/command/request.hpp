@@ -8,7 +8,7 @@
 
 namespace berth::command {
 
-/// "sdo read" with {"bus": "backbone", "node": "5", "index": "0x1000", "sub": "0"}.
+/// "sdo read" with {"bus": "backbone", "node": "5", "object": "1018h:04"}.
 struct Request {
   std::string verb;
   std::map<std::string, std::string> arguments;

@@ -20,9 +20,14 @@ rt::Task<void> configure(Session& session, const Request& request, Reply& reply)
 rt::Task<void> locate(Session& session, const Request& request, Reply& reply);            // locate.cpp
 rt::Task<void> sdo_read(Session& session, const Request& request, Reply& reply);          // sdo.cpp
 rt::Task<void> sdo_write(Session& session, const Request& request, Reply& reply);         // sdo.cpp
-rt::Task<void> nmt_command(Session& session, const Request& request, Reply& reply);       // sdo.cpp
+rt::Task<void> nmt_command(Session& session, const Request& request, Reply& reply);       // nmt.cpp
 rt::Task<void> sdo_probe(Session& session, const Request& request, Reply& reply);         // probe.cpp
 rt::Task<void> lss_command(Session& session, const Request& request, Reply& reply);       // lss.cpp
+rt::Task<void> sdo_dump(Session& session, const Request& request, Reply& reply);          // dump.cpp
+rt::Task<void> emcy(Session& session, const Request& request, Reply& reply);              // emcy.cpp
+rt::Task<void> device_memory(Session& session, const Request& request, Reply& reply);     // memory.cpp
+rt::Task<void> send(Session& session, const Request& request, Reply& reply);              // send.cpp
+rt::Task<void> history(Session& session, const Request& request, Reply& reply);           // history.cpp
 rt::Task<void> bit_rate_command(Session& session, const Request& request, Reply& reply);  // bit_rate.cpp
 
 }  // namespace berth::command

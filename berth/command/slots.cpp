@@ -17,10 +17,19 @@ using places::SlotState;
 rt::Task<void> report(Session& session, const Request& request, Reply& reply) {
   const Arguments arguments(request);
   if (!arguments.good()) co_return refuse(reply, 2, arguments.problem());
-  const operate::Report now = session.report();
+  const std::string bus = arguments.text("bus");
+  operate::Report now = session.report();
+  bool operational = session.operational();
+  if (!bus.empty()) {
+    const auto network = network_for(session, bus, Use::look);
+    if (!network) co_return refuse(reply, 2, network.error());
+    operational = (*network)->operational();
+    std::erase_if(now.slots, [&](const SlotReport& slot) { return slot.bus != bus; });
+  }
   reply.json = to_json(now, -1);
   reply.lines = operate::to_table(now.slots);
   for (const auto& question : now.questions) reply.lines.push_back(question.text);
+  reply.status = operational ? 0 : 1;
 }
 
 namespace {

@@ -13,16 +13,21 @@
 namespace berth::command {
 namespace {
 
-constexpr std::span<const std::string_view> nothing;
 constexpr std::array<std::string_view, 1> bus{"bus"};
 constexpr std::array<std::string_view, 3> of_bind{"bus", "method", "from-scratch"};
 constexpr std::array<std::string_view, 4> of_replace{"bus", "slot", "device", "used"};
 constexpr std::array<std::string_view, 2> of_forget{"bus", "device"};
 constexpr std::array<std::string_view, 4> of_locate{"bus", "target", "seconds", "anyway"};
 constexpr std::array<std::string_view, 3> of_configure{"bus", "slot", "check"};
-constexpr std::array<std::string_view, 6> of_sdo_read{"bus", "node", "index", "sub", "type", "block"};
-constexpr std::array<std::string_view, 7> of_sdo_write{"bus", "node", "index", "sub", "value", "type", "block"};
+constexpr std::array<std::string_view, 6> of_sdo_read{"bus", "node", "object", "sub", "type", "block"};
+constexpr std::array<std::string_view, 8> of_sdo_write{"bus",   "node", "object", "sub",
+                                                       "value", "type", "block",  "anyway"};
 constexpr std::array<std::string_view, 3> of_sdo_probe{"bus", "node", "objects"};
+constexpr std::array<std::string_view, 2> of_sdo_dump{"bus", "node"};
+constexpr std::array<std::string_view, 3> of_emcy{"bus", "node", "listen"};
+constexpr std::array<std::string_view, 3> of_memory{"bus", "node", "group"};
+constexpr std::array<std::string_view, 2> of_send{"bus", "frame"};
+constexpr std::array<std::string_view, 2> of_history{"bus", "slot"};
 constexpr std::array<std::string_view, 3> of_nmt{"bus", "command", "node"};
 constexpr std::array<std::string_view, 2> of_lss_global{"bus", "state"};
 constexpr std::array<std::string_view, 2> of_lss_device{"bus", "address"};
@@ -33,7 +38,7 @@ constexpr std::array<std::string_view, 7> of_lss_identify{"bus",           "vend
                                                           "revision-high", "serial-low", "serial-high"};
 
 constexpr std::array table{
-    Verb{"report", nothing, report},
+    Verb{"report", bus, report},
     Verb{"scan", bus, scan},
     Verb{"bind", of_bind, bind},
     Verb{"replace", of_replace, replace},
@@ -43,7 +48,13 @@ constexpr std::array table{
     Verb{"sdo read", of_sdo_read, sdo_read},
     Verb{"sdo write", of_sdo_write, sdo_write},
     Verb{"sdo probe", of_sdo_probe, sdo_probe},
+    Verb{"sdo dump", of_sdo_dump, sdo_dump},
     Verb{"nmt", of_nmt, nmt_command},
+    Verb{"emcy", of_emcy, emcy},
+    Verb{"store", of_memory, device_memory},
+    Verb{"restore", of_memory, device_memory},
+    Verb{"send", of_send, send},
+    Verb{"history", of_history, history},
     Verb{"lss global", of_lss_global, lss_command},
     Verb{"lss select", of_lss_device, lss_command},
     Verb{"lss inquire", of_lss_device, lss_command},

@@ -2,12 +2,14 @@
 /// them to a person or to another program.
 ///
 /// Verbs and their arguments, all text as the person wrote it; numbers in C notation, `?` = may be left out. `bus` may
-/// be left out of all of them when the machine has one bus; `scan` and `bind` then take every bus.
+/// be left out of all of them when the machine has one bus, and where a slot's name says it; `scan` and `bind` then
+/// take every bus. A node is a node-ID or a slot's name, an object an index such as 1018h:04 or its name (objects.hpp).
 ///
-/// On a real bus, `nmt` resets, `lss` services and `sdo write` to 1010h and 1011h take yes? ("1") too: without it they
-/// are refused (status 1, {"result": "unconfirmed"}) while a device that they disturb is operational.
+/// On a real bus, `nmt` resets, `lss` services, `store`, `restore`, `send` and `sdo write` to 1010h and 1011h take yes?
+/// ("1") too: without it they are refused (status 1, {"result": "unconfirmed"}) while a device that they disturb is
+/// operational.
 ///
-///     report
+///     report            bus?                                      status 1 while a slot is not operational
 ///     scan              bus?
 ///     bind              bus?, method? ("auto" or a discovery method; default: the machine file's),
 ///                       from-scratch? ("1": take every node-ID that LSS can change first), yes? ("1": confirms that)
@@ -15,10 +17,17 @@
 ///     forget            bus?, device (LSS address): gone for good; its unfinished loss of a node-ID is given up
 ///     locate            bus?, target (slot, LSS address or node-ID), seconds? (1..600, default 10), anyway? ("1")
 ///     configure         bus?, slot?, check? ("1": compare only)
-///     sdo read          node, index, sub?, type?                  type: u8 ... vs, see od::data_type
-///     sdo write         node, index, sub?, value, type?           without a type the value is hex bytes: "91 01 0F"
+///     sdo read          node, object (several: one a line), sub?, type? (u8 ... vs, see od::data_type; default: what
+///                       the description says), block? ("1": by block transfer and by nothing else)
+///     sdo write         the same, value (several objects: one a line; of an unknown type hex bytes: "91 01 0F"),
+///                       anyway? ("1": also outside of the description's limits)
 ///     sdo probe         node, objects (hex: "1000:0,1018:0-4")    reads all; a device's refusal is told, no failure
-///     nmt               command (start stop preop reset-node reset-comm), node (1..127 or "all")
+///     sdo dump          node                                      every object that can be read
+///     nmt               command (start stop preop reset-node reset-comm), node (or "all")
+///     emcy              node?, listen? (s)    1001h and 1003h of a node; with `listen` the messages that come
+///     store, restore    node, group? (all, communication, application, 4..127; default all)       1010h, 1011h
+///     send              frame (as candump writes it; several: one a line)
+///     history           bus?, slot?           what the store tells
 ///     lss global        state (waiting, configuration)
 ///     lss select        address
 ///     lss inquire       address?                                  without: the device in configuration state
@@ -56,8 +65,9 @@ struct Verb {
 
 /// The frames that a command sends whatever is answered, up to the first answer it needs: one NMT command, an LSS
 /// service, the initiate frame of an SDO transfer. Empty for commands that depend on what they hear; `problem` says
-/// why, or what is wrong with the request.
-[[nodiscard]] std::vector<can::Frame> foreseeable_frames(const Request& request, std::string& problem);
+/// why, or what is wrong with the request. `machine`: for names; one without slots knows none.
+[[nodiscard]] std::vector<can::Frame> foreseeable_frames(const Request& request, const design::Machine& machine,
+                                                         std::string& problem);
 
 /// Runs one command. `request` and `reply` must stay until the task is done. It waits until the main job has nothing to
 /// do on the bus, and may wait for devices: give it a limit from outside, by destroying the task.

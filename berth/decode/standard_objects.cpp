@@ -111,4 +111,22 @@ StandardObject standard_object(ObjectRef ref) {
   return {};
 }
 
+const od::Description& standard_names() {
+  static const std::shared_ptr<const od::Description> made = [] {
+    od::DescriptionBuilder builder;
+    for (const Var& var : variables) builder.variable(var.index, {.name = var.name, .type = var.type});
+    for (const List& list : lists) {
+      if (list.last > list.first) continue;
+      builder.object(list.first, od::ObjectCode::record, list.name);
+      builder.sub(list.first, {.sub = 0, .name = "Number of entries", .type = DataType::unsigned8});
+      for (std::size_t i = 0; i < std::size(list.subs); ++i) {
+        if (list.subs[i].empty()) continue;
+        builder.sub(list.first, {.sub = static_cast<std::uint8_t>(i + 1), .name = list.subs[i], .type = list.type});
+      }
+    }
+    return builder.build();
+  }();
+  return *made;
+}
+
 }  // namespace berth::decode

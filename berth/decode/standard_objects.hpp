@@ -1,11 +1,12 @@
-/// Inside of room `decode`: names and types of CiA 301's communication objects, for devices of which no description is
-/// at hand.
+/// Names and types of CiA 301's communication objects, for devices of which no description is at hand.
 #pragma once
 
+#include <memory>
 #include <string>
 
 #include "berth/base/ids.hpp"
 #include "berth/od/data_type.hpp"
+#include "berth/od/description.hpp"
 
 namespace berth::decode {
 
@@ -15,5 +16,9 @@ struct StandardObject {
 };
 /// CiA 301 §7.5.2, §7.5.1.
 [[nodiscard]] StandardObject standard_object(ObjectRef ref);
+
+/// The same objects up to 1029h as a description, to look their names up in. It says nothing of which of them a device
+/// has, nor of access, defaults or limits.
+[[nodiscard]] const od::Description& standard_names();
 
 }  // namespace berth::decode

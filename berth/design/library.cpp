@@ -6,6 +6,7 @@
 #include <array>
 
 #include "berth/text/file.hpp"
+#include "berth/text/object.hpp"
 
 namespace berth::design {
 namespace {
@@ -78,6 +79,7 @@ class LibraryReader {
     }
     device.type = type->type;
     device.revision = type->revision;
+    device.description = type->description;
   }
 
   static void read_recipe(Table& table, KnownDevice& device) {
@@ -116,13 +118,13 @@ class LibraryReader {
   }
 
   static bool read_object(Table& table, const std::string& object, Recipe::Write& write) {
-    const auto ref = text::parse_object(object);
+    const auto ref = text::read_object(object);
     if (!ref) {
-      table.error("object", fmt::format("{} is no object", text::quoted(object)), "write it as \"2000h:00\"");
+      table.error("object", ref.error().why, "such as \"2000h:00\"");
       return false;
     }
     write.index = ref->index;
-    write.sub = ref->sub;
+    write.sub = ref->sub.value_or(0);
     return true;
   }
 

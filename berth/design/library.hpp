@@ -14,6 +14,7 @@
 
 #include "berth/base/finding.hpp"
 #include "berth/base/ids.hpp"
+#include "berth/od/description.hpp"
 #include "berth/places/recipe.hpp"
 #include "berth/text/toml.hpp"
 
@@ -23,6 +24,7 @@ namespace berth::design {
 struct DeviceType {
   TypeCode type;
   std::optional<std::uint32_t> revision;
+  std::shared_ptr<const od::Description> description = {};  ///< null: the loader has none to give
 };
 /// Reads the description at `path`; remarks go to `findings`, and at least one error when it gives nothing.
 using TypeLoader = std::function<std::optional<DeviceType>(const std::string& path, Findings& findings)>;
@@ -32,10 +34,11 @@ struct KnownDevice {
   std::string name;  ///< what slots call it by `device =`; unique
   TypeCode type;
   std::optional<std::uint32_t> revision;
-  std::string eds;                               ///< as written; empty when the type is given by numbers
-  std::string eds_path;                          ///< the same, relative to the library's folder
-  std::shared_ptr<const places::Recipe> recipe;  ///< null: it has LSS, or a fixed node-ID
-  std::string file;                              ///< where it is written
+  std::string eds;                                     ///< as written; empty when the type is given by numbers
+  std::string eds_path;                                ///< the same, relative to the library's folder
+  std::shared_ptr<const od::Description> description;  ///< what `eds` says; null without one
+  std::shared_ptr<const places::Recipe> recipe;        ///< null: it has LSS, or a fixed node-ID
+  std::string file;                                    ///< where it is written
   text::Place place;
 };
 using Library = std::vector<KnownDevice>;

@@ -15,7 +15,8 @@ TypeLoader eds_loader() {
     if (!reading.usable()) return std::nullopt;
     // Descriptions give revision 0 where it was not filled in.
     const auto revision = reading.file.revision();
-    const DeviceType type{reading.file.type_code(), revision == 0 ? std::nullopt : std::optional(revision)};
+    const DeviceType type{reading.file.type_code(), revision == 0 ? std::nullopt : std::optional(revision),
+                          reading.file.description};
     if (type.type == TypeCode{}) {
       findings.push_back({Finding::Severity::error, path, 0, 0, "[1018sub1]",
                           "neither object 1018h nor [DeviceInfo] gives vendor-ID and product code",

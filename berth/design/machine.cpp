@@ -30,6 +30,14 @@ const Slot* Machine::slot(std::string_view bus_name, NodeId id) const noexcept {
   return it == slots.end() ? nullptr : &*it;
 }
 
+std::shared_ptr<const od::Description> Machine::description(std::string_view bus_name, NodeId id) const noexcept {
+  const auto named = std::ranges::find(described, id, &Described::node);
+  if (named != described.end()) return named->description;
+  if (const Slot* const known = slot(bus_name, id); known != nullptr && known->description) return known->description;
+  const auto any = std::ranges::find(described, NodeId(), &Described::node);
+  return any == described.end() ? nullptr : any->description;
+}
+
 std::vector<places::SlotSpec> Machine::specs(std::string_view bus_name) const {
   std::vector<places::SlotSpec> out;
   for (const auto& s : slots) {

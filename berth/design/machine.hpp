@@ -4,6 +4,7 @@
 
 #include <cstdint>
 #include <functional>
+#include <memory>
 #include <optional>
 #include <string>
 #include <string_view>
@@ -89,8 +90,9 @@ struct Slot {
   std::string device;     ///< the library's name for its type, as written; empty when the slot says it itself
   std::string eds;        ///< as written, empty when the slot gives `type`
   std::string eds_path;   ///< the same, relative to the machine file's folder
-  text::Place place;      ///< of its table
-  bool of_range = false;  ///< came out of `ids = "1..60"`
+  std::shared_ptr<const od::Description> description;  ///< what `eds`, or the library for `device`, says; may be null
+  text::Place place;                                   ///< of its table
+  bool of_range = false;                               ///< came out of `ids = "1..60"`
 };
 
 /// One object of one slot: "left sensor/Position" or "left sensor/6004h:00".
@@ -107,6 +109,12 @@ struct Link {
   text::Place place;
 };
 
+/// What the device with a node-ID is like, or with an unconfigured one every device of which nothing else is said.
+struct Described {
+  NodeId node;
+  std::shared_ptr<const od::Description> description;
+};
+
 struct Machine {
   std::string name;
   std::string file;
@@ -114,10 +122,14 @@ struct Machine {
   std::vector<Slot> slots;  ///< in the order of the file, ranges ascending
   std::vector<Link> links;
   Library library;  ///< of the file itself and of `devices =`
+  /// What devices in no slot are like: no key of the file's, but said beside it (`--eds`).
+  std::vector<Described> described;
 
   [[nodiscard]] const Bus* bus(std::string_view name) const noexcept;
   [[nodiscard]] const Slot* slot(std::string_view name) const noexcept;
   [[nodiscard]] const Slot* slot(std::string_view bus, NodeId id) const noexcept;
+  /// What is known of the device with this node-ID: by `described`, else its slot's; null when nothing is.
+  [[nodiscard]] std::shared_ptr<const od::Description> description(std::string_view bus, NodeId id) const noexcept;
   /// The specifications of one bus's slots, in the order of the file.
   [[nodiscard]] std::vector<places::SlotSpec> specs(std::string_view bus) const;
 };

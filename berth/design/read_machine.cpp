@@ -3,12 +3,12 @@
 
 #include <algorithm>
 #include <array>
-#include <charconv>
 #include <map>
 
 #include "berth/design/machine.hpp"
 #include "berth/design/read_parts.hpp"
 #include "berth/text/file.hpp"
+#include "berth/text/object.hpp"
 
 namespace berth::design {
 namespace {
@@ -23,22 +23,6 @@ constexpr std::array<string_view, 3> revision_words{"any", "major", "exact"};
 constexpr std::array<string_view, 2> replacement_words{"ask", "auto"};
 constexpr std::array<string_view, 3> assign_words{"lss", "fixed", "recipe"};
 constexpr std::array<string_view, 3> activate_words{"at-once", "reset", "power-cycle"};
-/// "6000h:01", "6000h", "0x6000:1": hex digits, index and sub-index; the latter is 0 when left out.
-std::optional<std::pair<std::uint16_t, std::uint8_t>> parse_object(string_view text) noexcept {
-  const auto number = [](string_view part, unsigned most) -> std::optional<unsigned> {
-    if (part.starts_with("0x")) part.remove_prefix(2);
-    if (part.ends_with('h')) part.remove_suffix(1);
-    unsigned value = 0;
-    const auto [end, error] = std::from_chars(part.data(), part.data() + part.size(), value, 16);
-    const bool good = error == std::errc{} && end == part.data() + part.size() && value <= most;
-    return good ? std::optional(value) : std::nullopt;
-  };
-  const auto colon = text.find(':');
-  const auto index = number(text.substr(0, colon), 0xFFFF);
-  const auto sub = colon == string_view::npos ? std::optional(0U) : number(text.substr(colon + 1), 0xFF);
-  if (!index || !sub || *index == 0) return std::nullopt;
-  return std::pair(static_cast<std::uint16_t>(*index), static_cast<std::uint8_t>(*sub));
-}
 
 class MachineReader {
  public:
@@ -197,6 +181,16 @@ class MachineReader {
     for (const unsigned id : ids) add_slot(table, slot, id, pattern);
   }
 
+  static void read_probe_object(Table& table, const std::string& word, places::Probe& probe) {
+    const auto object = text::read_object(word);
+    const bool good = object && object->index != 0;
+    if (!good) {
+      return table.error("object", object ? "there is no object 0000h" : object.error().why, "such as \"6000h:01\"");
+    }
+    probe.index = object->index;
+    probe.sub = object->sub.value_or(0);
+  }
+
   static void read_probe(Table& table, places::SlotSpec& spec, bool says_how) {
     auto entry = table.table("probe");
     const bool by_probe = spec.when_ambiguous == places::WhenAmbiguous::probe;
@@ -211,12 +205,7 @@ class MachineReader {
     places::Probe probe;
     if (entry->require("object", "such as \"6000h:01\"")) {
       const auto text = entry->string("object");
-      const auto object = text ? parse_object(*text) : std::nullopt;
-      if (text && !object) {
-        entry->error("object", fmt::format("{} is no object", text::quoted(*text)), "write index:sub, \"6000h:01\"");
-      }
-      probe.index = object ? object->first : 0;
-      probe.sub = object ? object->second : 0;
+      if (text) read_probe_object(*entry, *text, probe);
     }
     if (entry->require("value", "what the object has in this place")) probe.value = entry->u32("value").value_or(0);
     probe.mask = entry->u32("mask").value_or(probe.mask);
@@ -421,6 +410,7 @@ class MachineReader {
     slot.device = device->name;
     slot.eds = device->eds;
     slot.eds_path = device->eds_path;
+    slot.description = device->description;
     slot.spec.type = device->type;
     slot.spec.revision = device->revision;
   }
@@ -447,6 +437,7 @@ class MachineReader {
     }
     slot.spec.type = type->type;
     slot.spec.revision = type->revision;
+    slot.description = type->description;
   }
 
   std::optional<DeviceType> load_type(const std::string& path) {

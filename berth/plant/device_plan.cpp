@@ -16,6 +16,7 @@
 #include "berth/device/mandatory.hpp"
 #include "berth/eds/xdd.hpp"
 #include "berth/text/file.hpp"
+#include "berth/text/object.hpp"
 
 namespace berth::plant {
 namespace {

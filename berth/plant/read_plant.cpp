@@ -10,6 +10,7 @@
 #include "berth/plant/plant_file.hpp"
 #include "berth/plant/plant_words.hpp"
 #include "berth/text/file.hpp"
+#include "berth/text/object.hpp"
 #include "berth/text/toml.hpp"
 
 namespace berth::plant {
@@ -187,10 +188,10 @@ class PlantReader {
   static std::optional<ObjectRef> read_object(Table& table, string_view key) {
     const auto text = table.string(key);
     if (!text) return std::nullopt;
-    const auto object = text::parse_object(*text);
+    const auto object = text::read_object(*text);
     const bool own = object && object->index >= 0x2000;
-    if (own) return object;
-    table.error(key, fmt::format("{} is no object of a maker's own", text::quoted(*text)),
+    if (own) return object->ref();
+    table.error(key, object ? fmt::format("{} is no object of a maker's own", text::quoted(*text)) : object.error().why,
                 "write one from 2000h on, such as \"2000h:00\"");
     return std::nullopt;
   }

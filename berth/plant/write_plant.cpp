@@ -5,6 +5,7 @@
 
 #include "berth/plant/plant_file.hpp"
 #include "berth/plant/plant_words.hpp"
+#include "berth/text/object.hpp"
 
 namespace berth::plant {
 namespace {

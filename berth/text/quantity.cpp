@@ -4,7 +4,6 @@
 
 #include <algorithm>
 #include <array>
-#include <charconv>
 #include <limits>
 #include <utility>
 
@@ -176,31 +175,5 @@ std::string fill(std::string_view pattern, std::string_view key, std::string_vie
   }
   return out += pattern;
 }
-
-std::optional<ObjectRef> parse_object(std::string_view text) {
-  const auto colon = text.find(':');
-  auto index = text.substr(0, colon);
-  const auto sub = colon == std::string_view::npos ? std::string_view("0") : text.substr(colon + 1);
-  if (index.starts_with("0x")) {
-    index.remove_prefix(2);
-  } else if (index.ends_with('h')) {
-    index.remove_suffix(1);
-  } else {
-    return std::nullopt;
-  }
-  const auto hex = [](std::string_view digits, std::size_t most) -> std::optional<unsigned> {
-    unsigned value = 0;
-    if (digits.empty() || digits.size() > most) return std::nullopt;
-    const auto [end, error] = std::from_chars(digits.data(), digits.data() + digits.size(), value, 16);
-    if (error != std::errc() || end != digits.data() + digits.size()) return std::nullopt;
-    return value;
-  };
-  const auto i = hex(index, 4);
-  const auto s = hex(sub, 2);
-  if (!i || !s) return std::nullopt;
-  return ObjectRef{static_cast<std::uint16_t>(*i), static_cast<std::uint8_t>(*s)};
-}
-
-std::string write_object(ObjectRef object) { return fmt::format("{:04X}h:{:02X}", object.index, object.sub); }
 
 }  // namespace berth::text

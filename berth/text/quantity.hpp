@@ -9,8 +9,6 @@
 #include <string_view>
 #include <vector>
 
-#include "berth/base/ids.hpp"
-
 namespace berth::text {
 
 using Duration = std::chrono::nanoseconds;
@@ -22,12 +20,6 @@ using Duration = std::chrono::nanoseconds;
 /// Writes a duration that is not negative so that `parse_duration` gives it back: the largest unit that needs no
 /// decimals ("1500 ms", "2 s", "0 s").
 [[nodiscard]] std::string write_duration(Duration duration);
-
-/// "2000h:00", "0x2000:0" or "2000h" (sub-index 0): an object; the index in hexadecimal, the sub-index too. Empty for
-/// anything else.
-[[nodiscard]] std::optional<ObjectRef> parse_object(std::string_view text);
-/// "2000h:00".
-[[nodiscard]] std::string write_object(ObjectRef object);
 
 /// Reads `"1..60"`, `"7"` or `"1..10, 20, 30..32"`: ascending, every number at least `low` and at most `high`. Empty
 /// for anything else.

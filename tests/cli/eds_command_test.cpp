@@ -418,13 +418,16 @@ TEST_F(EdsCommand, ShowPrintsTheDictionary) {
   EXPECT_EQ(one.out,
             "2000h  Limit <mm>\n  object type   VAR\n  2000h:00  Limit <mm>\n    type        UNSIGNED16\n    access    "
             "  rw\n    PDO mapping no\n    default     $NODEID+0x10\n    low limit   1\n    high limit  900\n");
-  for (const char* word : {"1018:2", "0x1018:0x02", "1018h:02"})
+  for (const char* word : {"1018h/2", "0x1018:0x02", "1018h:02", "1018sub2", "Identity/Product code"})
     EXPECT_TRUE(contains(eds({"show", sensor, word}).out, "1018h:02  Product code")) << word;
   EXPECT_TRUE(contains(eds({"show", sensor, "HEARTBEAT"}).out, "1017h  Producer heartbeat time"));
-  EXPECT_EQ(eds({"show", sensor, "3000"}).status, 1);
-  EXPECT_EQ(eds({"show", sensor, "1018:9"}).status, 1);
+  EXPECT_EQ(eds({"show", sensor, "3000h"}).status, 1);
+  EXPECT_EQ(eds({"show", sensor, "1018h:9"}).status, 1);
+  const Outcome bare = eds({"show", sensor, "1018:2"});
+  EXPECT_EQ(bare.status, 2);
+  EXPECT_TRUE(contains(bare.err, "1018h:02") && contains(bare.err, "03FAh:02")) << bare.err;
   EXPECT_EQ(eds({"show", "/no such file"}).status, 2);
-  const Json report = json({"show", folder.write("left.dcf", sound_dcf()), "2000"}, 0);
+  const Json report = json({"show", folder.write("left.dcf", sound_dcf()), "2000h"}, 0);
   EXPECT_EQ(report.at("format"), "DCF");
   const Json& value = report.at("objects").at(0).at("subs").at(0);
   EXPECT_EQ(value.at("default"), "$NODEID+0x10");

@@ -149,6 +149,53 @@ TEST_F(Live, ThePortOfTheCommandLineIsStrongerThanTheFile) {
   EXPECT_NE(none.err.find("bus line"), std::string::npos) << none.err;
 }
 
+// Who sat where is told while nobody runs the machine, and no port is needed for it.
+TEST_F(Live, HistoryTellsWhoSatWhere) {
+  const std::string store = folder.file("slots.db");
+  ASSERT_EQ(berth({"bind", "--machine", machine, "--store", store}).status, 0);
+  plant.reset();
+  const Outcome all = berth({"history", machine, "--store", store, "--json"});
+  EXPECT_EQ(all.status, 0) << all.out << all.err;
+  const Json history = Json::parse(all.out).at("history");
+  const auto seated = [](const Json& line) { return line.at("event") == "confirmed"; };
+  EXPECT_EQ(std::ranges::count_if(history, seated), 3) << history;
+  const Outcome one = berth({"history", "drive", machine, "--store", store, "--json"});
+  for (const Json& line : Json::parse(one.out).at("history")) EXPECT_EQ(line.at("slot"), "line/drive") << line;
+  const Json drive = Json::parse(one.out).at("history").back();
+  EXPECT_EQ(drive.at("r_sn"), "0x0000000300000030");
+  EXPECT_EQ(drive.at("id"), 9);
+  EXPECT_EQ(berth({"history", "nobody", machine, "--store", store}).status, 2);
+}
+
+// A port is enough for what needs no slots, and nothing about the machine that nobody wrote is kept.
+TEST_F(Live, ABusWithoutAMachineFile) {
+  ASSERT_EQ(berth({"bind", "--machine", machine, "--store", folder.file("slots.db")}).status, 0);
+  const auto before = std::distance(std::filesystem::directory_iterator(folder.file("")), {});
+  const Outcome scan = berth({"scan", "--port", "plant:" + socket, "--bus", "line", "--json"});
+  ASSERT_EQ(scan.status, 0) << scan.out << scan.err;
+  EXPECT_EQ(Json::parse(scan.out).at("configured"), 3) << scan.out;
+  const Words bus{"--port", socket, "--bus", "line", "--json"};
+  const auto ask = [&](Words words) {
+    words.insert(words.end(), bus.begin(), bus.end());
+    return berth(words);
+  };
+  const Outcome read = ask({"sdo", "read", "9", "Identity object/Serial number"});
+  EXPECT_EQ(read.status, 0) << read.out << read.err;
+  EXPECT_EQ(Json::parse(read.out).at("value"), 0x30) << "a socket is guessed to be a plant's";
+  EXPECT_EQ(ask({"nmt", "preop", "9"}).status, 0);
+  EXPECT_EQ(ask({"lss", "find"}).status, 0);
+  EXPECT_EQ(ask({"emcy", "9"}).status, 0);
+  EXPECT_EQ(ask({"sdo", "read", "drive", "1018h"}).status, 2) << "nothing has a name";
+  for (const char* verb : {"bind", "status", "history", "configure"}) {
+    const Outcome slots = ask({verb});
+    EXPECT_EQ(slots.status, 2) << verb;
+    EXPECT_NE(slots.out.find("machine file"), std::string::npos) << slots.out;
+  }
+  const Outcome doctor = ask({"doctor", "--for", "2 s"});
+  EXPECT_LT(doctor.status, 2) << doctor.out << doctor.err;
+  EXPECT_EQ(std::distance(std::filesystem::directory_iterator(folder.file("")), {}), before) << "no file is made";
+}
+
 TEST_F(Live, SingleCommandsOpenThePortWhenNobodyRuns) {
   const Outcome scan = berth({"scan", "--machine", machine, "--json"});
   ASSERT_EQ(scan.status, 0) << scan.out << scan.err;
@@ -168,7 +215,7 @@ TEST_F(Live, StatusIsNotHeldUpByAnUpThatStarts) {
   const Background up({"up", slow, "--pace", "--store", store, "--control", folder.file("slow.sock")});
   ASSERT_TRUE(eventually([&] { return !contents(store + ".lock").empty(); })) << "the slot table is its own by now";
   const Outcome status = berth({"status", "--machine", slow, "--store", store, "--json"});
-  EXPECT_EQ(status.status, 0) << status.out << status.err;
+  EXPECT_EQ(status.status, 1) << "no slot is operational: " << status.out << status.err;
   EXPECT_EQ(Json::parse(status.out).at("slots").size(), 3U) << status.out;
 }
 
@@ -178,11 +225,11 @@ TEST_F(Live, StatusTellsTheSlotTableAndLeavesNoTraceOfIt) {
   std::filesystem::remove(store + ".lock");
   const std::string before = contents(store);
   const Outcome status = berth({"status", "--machine", machine, "--store", store, "--json"});
-  EXPECT_EQ(status.status, 0) << status.out << status.err;
+  EXPECT_EQ(status.status, 1) << "no slot is operational: " << status.out << status.err;
   EXPECT_NE(status.out.find("\"r_sn\": \"0x0000000300000030\""), std::string::npos) << status.out;
   EXPECT_FALSE(exists(store + ".lock")) << "an up that starts just now would be refused";
   EXPECT_EQ(contents(store), before);
-  EXPECT_EQ(berth({"status", "--machine", machine, "--store", folder.file("none.db")}).status, 0);
+  EXPECT_EQ(berth({"status", "--machine", machine, "--store", folder.file("none.db")}).status, 1);
   EXPECT_FALSE(exists(folder.file("none.db"))) << "it makes none either";
 }
 

@@ -199,17 +199,3 @@ RC_GTEST_PROP(Quoted, IsReadBackByTheParser, ()) {
 
 }  // namespace
 }  // namespace berth::text
-
-TEST(Quantity, ObjectsAsPeopleWriteThem) {
-  using berth::ObjectRef;
-  using berth::text::parse_object;
-  EXPECT_EQ(parse_object("2000h:00"), (ObjectRef{0x2000, 0}));
-  EXPECT_EQ(parse_object("0x1018:4"), (ObjectRef{0x1018, 4}));
-  EXPECT_EQ(parse_object("FFFFh:FF"), (ObjectRef{0xFFFF, 0xFF}));
-  EXPECT_EQ(parse_object("2000h"), (ObjectRef{0x2000, 0}));
-  for (const char* wrong :
-       {"", "h", "0x", "2000", "2000h:", ":1", "12345h", "2000h:100", "2000h:1h", "20 0h", "-1h", "2000h:0:1"}) {
-    EXPECT_FALSE(parse_object(wrong)) << wrong;
-  }
-  EXPECT_EQ(berth::text::write_object({0x1018, 4}), "1018h:04");
-}

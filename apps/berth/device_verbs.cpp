@@ -1,0 +1,73 @@
+// emcy, store, restore, send, history, status: one request each.
+#include <memory>
+
+#include "request_verb.hpp"
+#include "verbs.hpp"
+
+namespace berth::cli {
+
+void add_emcy(Verb& berth, Options& options) {
+  const auto time = std::make_shared<std::optional<std::chrono::nanoseconds>>();
+  const RequestVerb emcy(berth, options, "emcy", "emcy",
+                         "what devices say is wrong with them: now, before, as it comes",
+                         [time](command::Request& request) -> std::string {
+                           if (*time) {
+                             const auto seconds = std::chrono::ceil<std::chrono::seconds>(**time).count();
+                             request.arguments["listen"] = std::to_string(seconds);
+                           } else if (!request.arguments.contains("node")) {
+                             return "of which node? Or listen to all of them: berth emcy --listen \"30 s\"";
+                           }
+                           return {};
+                         });
+  emcy.word("node", "node", "node-ID or slot's name: its error register (1001h) and history (1003h)");
+  emcy.verb().time("--listen", *time, "instead: the messages that come, for so long");
+  emcy.footer("Examples:\n  berth emcy drive\n  berth emcy 5 --port can0\n  berth emcy --listen \"30 s\" --port can0");
+}
+
+namespace {
+
+void add_memory(Verb& berth, Options& options, const std::string& name, const std::string& help,
+                const std::string& example) {
+  const RequestVerb memory(berth, options, name, name, help);
+  memory.word("node", "node", "node-ID or slot's name").required();
+  memory.word("group", "group", "all (default), communication, application, or a sub-index that the maker describes");
+  memory.footer("Example:\n  " + example);
+}
+
+}  // namespace
+
+void add_store(Verb& berth, Options& options) {
+  add_memory(berth, options, "store", "a device stores its parameters (1010h)", "berth store drive communication");
+}
+
+void add_restore(Verb& berth, Options& options) {
+  add_memory(berth, options, "restore", "a device takes its default parameters, after a reset (1011h)",
+             "berth restore drive && berth nmt reset-node drive");
+}
+
+void add_send(Verb& berth, Options& options) {
+  const auto frames = std::make_shared<std::vector<std::string>>();
+  const RequestVerb send(berth, options, "send", "send", "frames as they are written, through the gate as ever",
+                         [frames](command::Request& request) {
+                           std::string& lines = request.arguments["frame"];
+                           for (const auto& frame : *frames) lines += (lines.empty() ? "" : "\n") + frame;
+                           return std::string();
+                         });
+  send.verb().word("frame", *frames, "as candump writes it: 601#4018100400000000").required().shown("FRAME...");
+  send.footer("Example:\n  berth send 080# 601#4018100400000000 --port can0");
+}
+
+void add_history(Verb& berth, Options& options) {
+  const RequestVerb history(berth, options, "history", "history", "who sat where, since when and why");
+  history.word("slot", "slot", "its name, BUS/NAME or node-ID (default: all)");
+  history.footer("Examples:\n  berth history\n  berth history left machine.toml");
+}
+
+void add_status(Verb& berth, Options& options) {
+  const RequestVerb status(berth, options, "status", "report",
+                           "the slot table as it stands; exit status 1 when a slot is not operational");
+  status.verb().time("--watch", options.watch, "again and again, so far apart");
+  status.footer("Examples:\n  berth status\n  berth status machine.toml --bus drives --watch \"2 s\"");
+}
+
+}  // namespace berth::cli

@@ -1,0 +1,208 @@
+// `berth sdo`: objects of a device, by index or by name.
+#include "sdo.hpp"
+
+#include <fmt/format.h>
+
+#include <algorithm>
+#include <memory>
+#include <nlohmann/json.hpp>
+
+#include "berth/text/file.hpp"
+#include "output.hpp"
+#include "request_verb.hpp"
+#include "single.hpp"
+#include "verbs.hpp"
+
+namespace berth::cli {
+
+std::string bytes_of(const std::string& hex) {
+  std::string bytes;
+  for (std::size_t at = 0; at + 1 < hex.size(); at += 3) {
+    bytes += static_cast<char>(std::stoul(hex.substr(at, 2), nullptr, 16));
+  }
+  return bytes;
+}
+
+namespace {
+
+std::string hex_of(const std::string& bytes) {
+  std::string hex;
+  for (const char c : bytes) hex += fmt::format("{:02X}", static_cast<unsigned char>(c));
+  return hex;
+}
+
+using Words = std::vector<std::string>;
+
+// "4", "0x1F", "1Fh": what stands behind an object is its sub-index, as an object is never so short.
+bool like_sub_index(const std::string& word) {
+  const bool marked = word.starts_with("0x") || word.starts_with("0X");
+  const bool h = !marked && (word.ends_with('h') || word.ends_with('H'));
+  const std::string digits = word.substr(marked ? 2 : 0, word.size() - (marked ? 2 : 0) - (h ? 1 : 0));
+  const bool hex = std::ranges::all_of(digits, [](unsigned char c) { return std::isxdigit(c) != 0; });
+  const bool begins = !word.empty() && std::isdigit(static_cast<unsigned char>(word.front())) != 0;
+  return begins && hex && !digits.empty() && digits.size() <= 3;
+}
+
+std::string one_a_line(const Words& words) {
+  std::string lines;
+  for (const auto& word : words) lines += (lines.empty() ? "" : "\n") + word;
+  return lines;
+}
+
+// OBJECT... or OBJECT SUB.
+std::string finish_read(const Words& words, command::Request& request) {
+  if (words.size() == 2 && like_sub_index(words[1])) {
+    request.arguments["object"] = words[0];
+    request.arguments["sub"] = words[1];
+  } else {
+    request.arguments["object"] = one_a_line(words);
+  }
+  return {};
+}
+
+// OBJECT VALUE, OBJECT SUB VALUE, or OBJECT=VALUE...
+std::string finish_write(const Words& words, command::Request& request) {
+  const bool pairs = std::ranges::all_of(words, [](const auto& w) { return w.find('=', 1) != std::string::npos; });
+  if (pairs) {
+    Words objects;
+    Words values;
+    for (const auto& word : words) {
+      const auto at = word.find('=', 1);
+      objects.push_back(word.substr(0, at));
+      values.push_back(word.substr(at + 1));
+    }
+    request.arguments["object"] = one_a_line(objects);
+    request.arguments["value"] = one_a_line(values);
+    return {};
+  }
+  if (words.size() != 2 && words.size() != 3) {
+    return "sdo write takes OBJECT VALUE, or OBJECT SUB VALUE, or several OBJECT=VALUE";
+  }
+  request.arguments["object"] = words.front();
+  if (words.size() == 3) request.arguments["sub"] = words[1];
+  request.arguments["value"] = words.back();
+  return {};
+}
+
+/// `sdo read` and `sdo write` as they are written.
+struct Wanted {
+  Words words;
+  std::string file;
+  command::Request request;
+};
+
+void word_of(const Verb& verb, const std::shared_ptr<Wanted>& wanted, const std::string& names, const std::string& key,
+             const std::string& help, bool required = false) {
+  Word word = verb.word(
+      names, [wanted, key](const std::string& text) { wanted->request.arguments[key] = text; }, help);
+  if (required) word.required();
+}
+
+void flag_of(const Verb& verb, const std::shared_ptr<Wanted>& wanted, const std::string& names, const std::string& key,
+             const std::string& help) {
+  verb.flag(
+      names, [wanted, key] { wanted->request.arguments[key] = "1"; }, help);
+}
+
+// The bytes of the one object that was read, as they are.
+int read_into_file(const Options& options, const Wanted& wanted) {
+  const auto reply = carry_out(options, wanted.request);
+  if (!reply) return tell(reply.error(), options.json);
+  if (reply->status != Exit::done) return tell({reply->status, reply->error, reply->json}, options.json);
+  const auto json = nlohmann::ordered_json::parse(reply->json);
+  const std::string bytes = bytes_of(json.at("bytes").get<std::string>());
+  if (const auto bad = write_file(wanted.file, bytes)) return tell(*bad, options.json);
+  if (options.json) {
+    nlohmann::ordered_json told = json;
+    told.erase("bytes");
+    told.erase("value");
+    told["file"] = wanted.file;
+    told["size"] = bytes.size();
+    print_line(told.dump(2));
+  } else {
+    print_line(fmt::format("{}: {} bytes", wanted.file, bytes.size()));
+  }
+  return Exit::done;
+}
+
+int run_read(const Options& options, Wanted wanted) {
+  const std::string wrong = finish_read(wanted.words, wanted.request);
+  if (!wrong.empty()) return tell(failure(Exit::usage, wrong), options.json);
+  if (options.yes) wanted.request.arguments["yes"] = "1";
+  if (wanted.file.empty()) return run_single(options, std::move(wanted.request));
+  const bool several = wanted.request.arguments["object"].find('\n') != std::string::npos;
+  if (several) return tell(failure(Exit::usage, "--file takes the bytes of one object"), options.json);
+  return read_into_file(options, wanted);
+}
+
+int run_write(const Options& options, Wanted wanted) {
+  std::string wrong;
+  if (!wanted.file.empty()) {
+    Findings findings;
+    const auto text = text::read_file(wanted.file, findings);
+    if (!text) return tell(failure(findings), options.json);
+    wrong = finish_read(wanted.words, wanted.request);
+    wanted.request.arguments["value"] = hex_of(*text);
+    wanted.request.arguments["type"] = "d";  // as it stands, whatever the object's type
+  } else {
+    wrong = finish_write(wanted.words, wanted.request);
+  }
+  if (!wrong.empty()) return tell(failure(Exit::usage, wrong), options.json);
+  if (options.yes) wanted.request.arguments["yes"] = "1";
+  return run_single(options, std::move(wanted.request));
+}
+
+const char* const type_help = "u8 u16 u32 i8 i16 i32 r32 vs os … (default: what the slot's eds = says)";
+
+void add_read(const Verb& sdo, Options& options) {
+  const auto wanted = std::make_shared<Wanted>();
+  wanted->request.verb = "sdo read";
+  const Verb read =
+      sdo.add("read", "read objects of a device", [&options, wanted] { return run_read(options, *wanted); });
+  request_words(read, options);
+  word_of(read, wanted, "node", "node", "node-ID or slot's name", true);
+  read.word("object", wanted->words, "1018h:04, 0x1018:4, 1018sub4, or its name: \"Producer heartbeat time\"")
+      .required()
+      .shown("OBJECT...");
+  word_of(read, wanted, "--type,-t", "type", type_help);
+  flag_of(read, wanted, "--block", "block", "by SDO block transfer");
+  read.word("--file", wanted->file, "write the bytes of the object there").shown("FILE");
+  read.time("--watch", options.watch, "again and again, so far apart");
+  read.footer(
+      "Examples:\n  berth sdo read 5 1018h:04\n  berth sdo read drive \"Identity object/Serial number\" 1017h\n"
+      "  berth sdo read 5 6041h --port can0 --eds drive.eds --watch \"200 ms\"\n"
+      "  berth sdo read 5 1F50h:01 --file program.bin");
+}
+
+void add_write(const Verb& sdo, Options& options) {
+  const auto wanted = std::make_shared<Wanted>();
+  wanted->request.verb = "sdo write";
+  const Verb write =
+      sdo.add("write", "write objects of a device", [&options, wanted] { return run_write(options, *wanted); });
+  request_words(write, options);
+  word_of(write, wanted, "node", "node", "node-ID or slot's name", true);
+  write
+      .word("object", wanted->words,
+            "an object and its value, or several as OBJECT=VALUE; of an unknown type hex bytes such as \"F4 01\"")
+      .required()
+      .shown("OBJECT VALUE");
+  word_of(write, wanted, "--type,-t", "type", type_help);
+  flag_of(write, wanted, "--block", "block", "by SDO block transfer");
+  flag_of(write, wanted, "--anyway", "anyway", "also a value outside of the description's limits");
+  write.word("--file", wanted->file, "the value is what stands in this file").shown("FILE");
+  write.footer(
+      "Examples:\n  berth sdo write 5 1017h 500\n  berth sdo write drive 1017h \"0.5 s\"\n"
+      "  berth sdo write drive 1017h=500 6000h:01=3\n  berth sdo write 5 2000h:01 -3 --type i16\n"
+      "  berth sdo write 5 1F50h:01 --file program.bin");
+}
+
+}  // namespace
+
+void add_sdo(Verb& berth, Options& options) {
+  const Verb sdo = berth.group("sdo", "read or write objects of a device");
+  add_read(sdo, options);
+  add_write(sdo, options);
+  add_dump(sdo, options);
+}
+
+}  // namespace berth::cli

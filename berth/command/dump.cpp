@@ -1,0 +1,182 @@
+// sdo dump: every object of a device that can be read, one after the other. What the device refuses is an answer like
+// any other.
+#include <fmt/format.h>
+
+#include <algorithm>
+#include <nlohmann/json.hpp>
+
+#include "berth/co/sdo_client.hpp"
+#include "berth/command/objects.hpp"
+#include "berth/command/permission.hpp"
+#include "berth/command/reply.hpp"
+#include "berth/command/run.hpp"
+#include "berth/command/values.hpp"
+#include "berth/decode/standard_objects.hpp"
+#include "berth/od/abort_code.hpp"
+#include "berth/text/object.hpp"
+
+namespace berth::command {
+namespace {
+
+constexpr unsigned patience = 3;  ///< objects in a row without an answer before the device is given up
+
+bool kept_back(const od::Object& object, const od::SubObject& sub) {
+  return ((object.obj_flags | sub.obj_flags) & od::refuse_read_on_scan) != 0;
+}
+
+// What a scan may read: not what its description keeps back, and no DOMAIN, which can be a whole program.
+std::vector<ObjectRef> described_objects(const od::Description& description) {
+  std::vector<ObjectRef> refs;
+  for (const od::Object& object : description.objects()) {
+    for (const od::SubObject& sub : description.subs(object)) {
+      const bool reads = od::readable(sub.access) && sub.type != od::DataType::domain && !kept_back(object, sub);
+      if (reads) refs.push_back({object.index, sub.sub});
+    }
+  }
+  return refs;
+}
+
+/// Without a description: CiA 301's objects, and of a record as many sub-indices as it says.
+class Walk {
+ public:
+  explicit Walk(const od::Description* description) : described_(description != nullptr) {
+    if (described_) {
+      left_ = described_objects(*description);
+    } else {
+      for (const auto& object : decode::standard_names().objects()) left_.push_back({object.index, 0});
+      for (const auto first : {0x1200, 0x1400, 0x1600, 0x1800, 0x1A00}) {
+        left_.push_back({static_cast<std::uint16_t>(first), 0});
+      }
+    }
+    std::ranges::reverse(left_);
+  }
+
+  [[nodiscard]] std::optional<ObjectRef> next() {
+    if (left_.empty()) return std::nullopt;
+    const ObjectRef ref = left_.back();
+    left_.pop_back();
+    return ref;
+  }
+
+  // What is there leads to more: the sub-indices of a record, and the next of its kind.
+  void was_read(ObjectRef ref, std::span<const std::uint8_t> bytes) {
+    if (described_ || ref.sub != 0) return;
+    const bool of_many = ref.index >= 0x1200 && ref.index < 0x1C00;
+    if (of_many && (ref.index & 0x1FFU) != 0x1FF) left_.push_back({static_cast<std::uint16_t>(ref.index + 1), 0});
+    if (bytes.size() != 1 || is_variable(ref.index)) return;
+    for (unsigned sub = bytes[0]; sub > 0; --sub) left_.push_back({ref.index, static_cast<std::uint8_t>(sub)});
+  }
+
+ private:
+  static bool is_variable(std::uint16_t index) {
+    const auto* const object = decode::standard_names().find(index);
+    return object != nullptr && object->code == od::ObjectCode::var;
+  }
+
+  bool described_;
+  std::vector<ObjectRef> left_;  // the next one last
+};
+
+/// What was heard, as JSON and as a table.
+struct Dump {
+  Json objects = Json::array();
+  std::vector<std::string> lines{};
+  std::size_t read = 0;
+  std::size_t refused = 0;
+
+  void value(const KnownObject& object, std::span<const std::uint8_t> bytes) {
+    ++read;
+    Json json = head(object);
+    put_value(json, object, bytes);
+    objects.push_back(std::move(json));
+    line(object, value_text(object, bytes));
+  }
+
+  void abort(const KnownObject& object, std::uint32_t code) {
+    ++refused;
+    Json json = head(object);
+    json["abort_code"] = hex(code);
+    json["text"] = od::text(static_cast<od::AbortCode>(code));
+    objects.push_back(std::move(json));
+    line(object, fmt::format("refused: {:08X}h, {}", code, od::text(static_cast<od::AbortCode>(code))));
+  }
+
+  void failure(const KnownObject& object, const Error& error) {
+    ++refused;
+    Json json = head(object);
+    json["failure"] = error.text;
+    objects.push_back(std::move(json));
+    line(object, fmt::format("not read: {}", error.text));
+  }
+
+ private:
+  static Json head(const KnownObject& object) {
+    Json json;
+    json["index"] = hex(object.ref.index, 4);
+    json["sub"] = object.ref.sub;
+    json["name"] = object.name;
+    return json;
+  }
+  void line(const KnownObject& object, const std::string& what) {
+    lines.push_back(fmt::format("{}  {:<44}  {}", text::write_object(object.ref), object.name, what));
+  }
+};
+
+bool is_absent(const Error& error) {
+  return error.code == Errc::aborted && (error.detail == static_cast<std::uint32_t>(od::AbortCode::no_object) ||
+                                         error.detail == static_cast<std::uint32_t>(od::AbortCode::no_sub_index));
+}
+
+}  // namespace
+
+rt::Task<void> sdo_dump(Session& session, const Request& request, Reply& reply) {
+  Arguments arguments(request);
+  const NodeArgument wanted = node_argument(arguments, session.machine());
+  if (!arguments.good()) co_return refuse(reply, 2, arguments.problem());
+  const auto network = node_network(session, wanted);
+  if (!network) co_return refuse(reply, 2, network.error());
+  Network& bus = **network;
+  const od::Description* const description = wanted.description.get();
+  Walk walk(description);
+  Dump dump;
+  unsigned silent = 0;
+  while (const auto ref = walk.next()) {
+    const KnownObject object = known_object(description, *ref);
+    const auto answer = co_await bus.services().sdo.upload(wanted.node, ref->index, ref->sub);
+    if (answer) {
+      silent = 0;
+      dump.value(object, answer->bytes());
+      walk.was_read(*ref, answer->bytes());
+      continue;
+    }
+    const Error& error = answer.error();
+    const bool heard = error.code == Errc::aborted || error.code == Errc::mismatch;
+    silent = heard ? 0 : silent + 1;
+    const bool never = !heard && dump.read + dump.refused == 0;
+    if (never || silent >= patience) {
+      co_return fail_with(reply, error, fmt::format("bus {}, SDO read", bus.bus().name),
+                          "is the device there and not stopped? `berth scan` shows who answers");
+    }
+    if (description == nullptr && is_absent(error)) continue;
+    if (error.code == Errc::aborted) {
+      dump.abort(object, error.detail);
+    } else {
+      dump.failure(object, error);
+    }
+  }
+  Json json;
+  json["bus"] = bus.bus().name;
+  json["node"] = wanted.node.value();
+  json["described"] = description != nullptr;
+  json["read"] = dump.read;
+  json["refused"] = dump.refused;
+  json["objects"] = std::move(dump.objects);
+  dump.lines.push_back(fmt::format("node {}: {} values read, {} refused{}", wanted.node.value(), dump.read,
+                                   dump.refused,
+                                   description != nullptr ? ""
+                                                          : "; no description is known: only CiA 301's objects were "
+                                                            "asked for (eds = of the slot, or --eds)"));
+  give(reply, json, std::move(dump.lines));
+}
+
+}  // namespace berth::command

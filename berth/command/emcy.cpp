@@ -1,0 +1,139 @@
+// emcy: what a device says is wrong with it, now (1001h), before (1003h) and as it happens, in words.
+#include "berth/co/emcy.hpp"
+
+#include <fmt/format.h>
+
+#include <array>
+#include <nlohmann/json.hpp>
+
+#include "berth/co/sdo_client.hpp"
+#include "berth/command/objects.hpp"
+#include "berth/command/permission.hpp"
+#include "berth/command/reply.hpp"
+#include "berth/command/run.hpp"
+#include "berth/command/values.hpp"
+
+namespace berth::command {
+namespace {
+
+// CiA 301 §7.5.2.2.
+std::string register_words(std::uint8_t bits) {
+  static constexpr std::array<const char*, 8> names{"generic",       "current",        "voltage",  "temperature",
+                                                    "communication", "device profile", "reserved", "manufacturer"};
+  std::string text;
+  for (unsigned i = 0; i < names.size(); ++i) {
+    if ((bits >> i & 1U) != 0) text += fmt::format("{}{}", text.empty() ? "" : ", ", names[i]);
+  }
+  return text.empty() ? "no error" : text;
+}
+
+std::uint32_t number(const co::SdoValue& value) {
+  std::uint32_t number = 0;
+  const auto bytes = value.bytes();
+  for (std::size_t i = std::min<std::size_t>(bytes.size(), 4); i-- > 0;) number = number << 8U | bytes[i];
+  return number;
+}
+
+struct Told {
+  Json history = Json::array();
+  std::vector<std::string> lines{};
+};
+
+// Sub-index 0 says how many there are, 1 is the newest (CiA 301 §7.5.2.4).
+rt::Task<Result<void>> read_history(Network& bus, NodeId node, Told& told) {
+  const auto count = co_await bus.services().sdo.upload(node, 0x1003, 0);
+  if (!count) co_return tl::unexpected(count.error());
+  const std::uint32_t entries = number(*count) & 0xFFU;
+  for (std::uint32_t sub = 1; sub <= entries; ++sub) {
+    const auto entry = co_await bus.services().sdo.upload(node, 0x1003, static_cast<std::uint8_t>(sub));
+    if (!entry) co_return tl::unexpected(entry.error());
+    const std::uint32_t raw = number(*entry);
+    const auto code = static_cast<std::uint16_t>(raw);
+    told.history.push_back(
+        {{"sub", sub}, {"code", hex(code, 4)}, {"text", co::emcy_text(code)}, {"manufacturer", hex(raw >> 16U, 4)}});
+    told.lines.push_back(
+        fmt::format("  1003h:{:02X}  {:04X}h  {} (manufacturer: {:04X}h)", sub, code, co::emcy_text(code), raw >> 16U));
+  }
+  co_return Result<void>{};
+}
+
+/// The messages of a bus, or of one node of it, as they come.
+class Ear final : private co::EmcyConsumer::Observer {
+ public:
+  Ear(Network& bus, NodeId only) : only_(only), consumer_(bus.services().dispatcher, *this) { consumer_.hear_all(); }
+  [[nodiscard]] const Json& heard() const noexcept { return heard_; }
+  [[nodiscard]] const std::vector<std::string>& lines() const noexcept { return lines_; }
+
+ private:
+  void emergency(NodeId node, const co::Emcy& message, rt::Time at) noexcept override {
+    constexpr std::size_t most = 10'000;
+    if ((only_.configured() && node != only_) || heard_.size() >= most) return;
+    Json json;
+    json["at_s"] = operate::seconds(at);
+    json["node"] = node.value();
+    json["code"] = hex(message.code, 4);
+    json["text"] = co::emcy_text(message.code);
+    json["register"] = hex(message.error_register, 2);
+    json["info"] = hex_bytes(message.info);
+    heard_.push_back(std::move(json));
+    lines_.push_back(fmt::format("{:9.3f} s  node {}  {:04X}h  {}; register: {}; info {}", operate::seconds(at),
+                                 node.value(), message.code, co::emcy_text(message.code),
+                                 register_words(message.error_register), hex_bytes(message.info)));
+  }
+  NodeId only_;
+  Json heard_ = Json::array();
+  std::vector<std::string> lines_;
+  co::EmcyConsumer consumer_;
+};
+
+rt::Task<void> listen(Session& session, const NodeArgument& node, std::uint32_t seconds, Reply& reply) {
+  const auto network = network_for(session, node.bus, Use::look);
+  if (!network) co_return refuse(reply, 2, network.error());
+  const Ear ear(**network, node.node);
+  co_await rt::sleep_for(std::chrono::seconds(seconds));
+  Json json;
+  json["bus"] = (*network)->bus().name;
+  json["listened_s"] = seconds;
+  json["messages"] = ear.heard();
+  auto lines = ear.lines();
+  lines.push_back(fmt::format("{} emergency messages in {} s", ear.heard().size(), seconds));
+  give(reply, json, std::move(lines));
+}
+
+}  // namespace
+
+rt::Task<void> emcy(Session& session, const Request& request, Reply& reply) {
+  Arguments arguments(request);
+  const bool listens = arguments.has("listen");
+  const std::uint32_t seconds = arguments.number("listen", 1, 86'400, 1);
+  const bool any = listens && !arguments.has("node");
+  const NodeArgument node =
+      any ? NodeArgument{arguments.text("bus"), NodeId(), nullptr} : node_argument(arguments, session.machine());
+  if (!arguments.good()) co_return refuse(reply, 2, arguments.problem());
+  if (listens) co_return co_await listen(session, node, seconds, reply);
+  const auto network = node_network(session, node);
+  if (!network) co_return refuse(reply, 2, network.error());
+  Network& bus = **network;
+  const std::string where = fmt::format("bus {}, SDO read", bus.bus().name);
+  const auto state = co_await bus.services().sdo.upload(node.node, 0x1001, 0);
+  if (!state) co_return fail_with(reply, state.error(), where, "`berth scan` shows who answers");
+  const auto bits = static_cast<std::uint8_t>(number(*state));
+  Told told;
+  const auto read = co_await read_history(bus, node.node, told);
+  // 1003h is optional (CiA 301 §7.5.2.4); a device without it has no history.
+  const bool none = !read && read.error().code == Errc::aborted;
+  if (!read && !none) co_return fail_with(reply, read.error(), where);
+  Json json;
+  json["bus"] = bus.bus().name;
+  json["node"] = node.node.value();
+  json["register"] = hex(bits, 2);
+  json["text"] = register_words(bits);
+  json["history"] = none ? Json() : told.history;
+  std::vector<std::string> lines{
+      fmt::format("node {}  1001h:00  {:02X}h  {}", node.node.value(), bits, register_words(bits))};
+  lines.insert(lines.end(), told.lines.begin(), told.lines.end());
+  if (told.lines.empty()) lines.push_back(none ? "  it keeps no history (1003h)" : "  its history (1003h) is empty");
+  give(reply, json, std::move(lines));
+}
+
+}  // namespace berth::command

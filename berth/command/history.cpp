@@ -1,0 +1,121 @@
+// history, and the report of a machine that nobody runs: what the slot table tells.
+#include "berth/command/stored.hpp"
+
+#include <fmt/format.h>
+#include <time.h>
+
+#include <algorithm>
+#include <map>
+#include <nlohmann/json.hpp>
+
+#include "berth/command/objects.hpp"
+#include "berth/command/permission.hpp"
+#include "berth/command/reply.hpp"
+#include "berth/command/run.hpp"
+
+namespace berth::command {
+namespace {
+
+// Unix time on a real bus; on a simulated one milliseconds since its world began, which no real clock shows.
+std::string when(std::int64_t stamp_ms) {
+  constexpr std::int64_t real = 1'000'000'000'000;  // September 2001
+  if (stamp_ms < real) return fmt::format("{:9.3f} s", static_cast<double>(stamp_ms) / 1000);
+  const auto seconds = static_cast<time_t>(stamp_ms / 1000);
+  tm utc{};
+  ::gmtime_r(&seconds, &utc);
+  return fmt::format("{:04}-{:02}-{:02} {:02}:{:02}:{:02}Z", utc.tm_year + 1900, utc.tm_mon + 1, utc.tm_mday,
+                     utc.tm_hour, utc.tm_min, utc.tm_sec);
+}
+
+struct Chosen {
+  std::optional<places::SlotId> slot;
+  std::map<places::SlotId, std::string> names;  // of this machine
+};
+
+Checked<Chosen> chosen(places::SlotStore& store, const design::Machine& machine, const Request& request) {
+  const auto records = store.load(machine.name);
+  if (!records) return tl::unexpected(std::string("the slot table cannot be read: ") + records.error().text);
+  Chosen made;
+  for (const auto& record : *records) made.names[record.slot] = record.name.bus + "/" + record.name.name;
+  const auto it = request.arguments.find("slot");
+  if (it == request.arguments.end()) return made;
+  const auto bus = request.arguments.find("bus");
+  const auto node = find_node(machine, bus == request.arguments.end() ? "" : bus->second, it->second);
+  if (!node) return tl::unexpected(node.error());
+  std::vector<const places::SlotRecord*> found;
+  for (const auto& record : *records) {
+    const auto* const slot = machine.slot(record.name.bus, node->node);
+    const bool named = slot != nullptr && slot->spec.name.name == record.name.name;
+    if (named && (node->bus.empty() || node->bus == record.name.bus)) found.push_back(&record);
+  }
+  if (found.size() != 1) {
+    return tl::unexpected(
+        fmt::format("the machine has {} slots with node-ID {}; name one", found.size(), node->node.value()));
+  }
+  made.slot = found.front()->slot;
+  return made;
+}
+
+}  // namespace
+
+void tell_history(places::SlotStore& store, const design::Machine& machine, const Request& request, Reply& reply) {
+  const Arguments arguments(request);
+  if (!arguments.good()) return refuse(reply, 2, arguments.problem());
+  const auto wanted = chosen(store, machine, request);
+  if (!wanted) return refuse(reply, 2, wanted.error());
+  const auto entries = store.history(wanted->slot);
+  if (!entries) return fail_with(reply, entries.error(), "the history");
+  Json json;
+  json["history"] = Json::array();
+  std::vector<std::string> lines;
+  for (const auto& entry : *entries) {
+    const auto name = entry.slot ? wanted->names.find(*entry.slot) : wanted->names.end();
+    if (entry.slot && name == wanted->names.end()) continue;  // another machine of the same store
+    const std::string where = name == wanted->names.end() ? "" : name->second;
+    Json line;
+    line["stamp_ms"] = entry.stamp_ms;
+    line["slot"] = where;
+    line["event"] = entry.event;
+    if (entry.device) put_address(line, *entry.device);
+    if (entry.id.configured()) line["id"] = entry.id.value();
+    line["reason"] = entry.reason;
+    json["history"].push_back(std::move(line));
+    const std::string device = entry.device ? "  " + to_string(*entry.device) : "";
+    const std::string id = entry.id.configured() ? fmt::format("  node-ID {}", entry.id.value()) : "";
+    lines.push_back(fmt::format("{}  {:<20}  {}{}{}{}", when(entry.stamp_ms), where, entry.event, device, id,
+                                entry.reason.empty() ? "" : "  " + entry.reason));
+  }
+  if (lines.empty()) lines.emplace_back("nothing has happened yet, as far as the slot table knows");
+  give(reply, json, std::move(lines));
+}
+
+void tell_report(places::SlotStore& store, const design::Machine& machine, const Request& request, Reply& reply) {
+  const Arguments arguments(request);
+  if (!arguments.good()) return refuse(reply, 2, arguments.problem());
+  const auto records = store.load(machine.name);
+  if (!records) return fail_with(reply, records.error(), "the slot table");
+  operate::Report report;
+  for (const auto& slot : machine.slots) {
+    const auto& spec = slot.spec;
+    SlotReport line;
+    line.bus = spec.name.bus;
+    line.id = spec.id;
+    line.name = spec.name.name;
+    line.type = spec.type;
+    const auto record = std::ranges::find(*records, spec.name, &places::SlotRecord::name);
+    if (record != records->end()) line.device = record->device();
+    line.state = line.device ? places::SlotState::unknown : places::SlotState::empty;
+    report.slots.push_back(std::move(line));
+  }
+  reply.json = to_json(report, -1);
+  reply.lines = operate::to_table(report.slots);
+  reply.lines.emplace_back("this is what the slot table knows: no process runs the machine");
+  reply.status = 1;
+}
+
+rt::Task<void> history(Session& session, const Request& request, Reply& reply) {
+  tell_history(session.store(), session.machine(), request, reply);
+  co_return;
+}
+
+}  // namespace berth::command

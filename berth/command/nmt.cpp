@@ -1,0 +1,68 @@
+// nmt: one NMT command.
+#include <fmt/format.h>
+
+#include <algorithm>
+#include <array>
+#include <nlohmann/json.hpp>
+
+#include "berth/co/nmt_master.hpp"
+#include "berth/command/objects.hpp"
+#include "berth/command/permission.hpp"
+#include "berth/command/reply.hpp"
+#include "berth/command/run.hpp"
+#include "berth/text/quantity.hpp"
+
+namespace berth::command {
+
+NmtArguments nmt_arguments(Arguments& arguments, const design::Machine& machine) {
+  static constexpr std::array<std::pair<std::string_view, co::NmtCommand>, 5> commands{
+      {{"start", co::NmtCommand::start},
+       {"stop", co::NmtCommand::stop},
+       {"preop", co::NmtCommand::enter_pre_operational},
+       {"reset-node", co::NmtCommand::reset_node},
+       {"reset-comm", co::NmtCommand::reset_communication}}};
+  NmtArguments nmt;
+  nmt.bus = arguments.text("bus");
+  nmt.word = arguments.required("command");
+  if (arguments.text("node") != "all") {
+    const NodeArgument node = node_argument(arguments, machine);
+    nmt.bus = node.bus;
+    nmt.target = node.node;
+  }
+  const auto* const it = std::ranges::find(commands, nmt.word, &decltype(commands)::value_type::first);
+  if (it != commands.end()) {
+    nmt.command = it->second;
+  } else {
+    arguments.wrong(
+        fmt::format("{} is no NMT command; use start, stop, preop, reset-node or reset-comm", text::quoted(nmt.word)));
+  }
+  return nmt;
+}
+
+rt::Task<void> nmt_command(Session& session, const Request& request, Reply& reply) {
+  Arguments arguments(request);
+  const NmtArguments nmt = nmt_arguments(arguments, session.machine());
+  if (!arguments.good()) co_return refuse(reply, 2, arguments.problem());
+  const bool harmless = nmt.command == co::NmtCommand::stop || nmt.command == co::NmtCommand::enter_pre_operational;
+  const auto network = network_for(session, nmt.bus, harmless ? Use::send : Use::command);
+  if (!network) co_return refuse(reply, 2, network.error());
+  Network& bus = **network;
+  const auto sent = co_await bus.services().nmt.send(nmt.command, nmt.target);
+  const bool all = nmt.target == co::NmtTarget::all();
+  const std::string whom = all ? "all nodes" : fmt::format("node {}", nmt.target.node);
+  if (!sent)
+    co_return fail_with(reply, sent.error(), fmt::format("bus {}, NMT {} to {}", bus.bus().name, nmt.word, whom));
+  bus.commanded(nmt.command, nmt.target);
+  Json json;
+  json["bus"] = bus.bus().name;
+  json["command"] = nmt.word;
+  if (all) {
+    json["node"] = "all";
+  } else {
+    json["node"] = nmt.target.node;
+  }
+  json["sent_s"] = operate::seconds(*sent);
+  give(reply, json, {fmt::format("NMT {} sent to {}", co::name(nmt.command), whom)});
+}
+
+}  // namespace berth::command

@@ -1,0 +1,251 @@
+#include "berth/command/objects.hpp"
+
+#include <fmt/format.h>
+
+#include <algorithm>
+
+#include "berth/command/permission.hpp"
+#include "berth/decode/standard_objects.hpp"
+#include "berth/od/names.hpp"
+#include "berth/text/object.hpp"
+#include "berth/text/quantity.hpp"
+
+namespace berth::command {
+namespace {
+
+constexpr std::size_t most_shown = 8;
+
+std::string list_of(const std::vector<std::string>& names) {
+  std::string text;
+  for (std::size_t i = 0; i < std::min(names.size(), most_shown); ++i) text += (i == 0 ? "" : ", ") + names[i];
+  if (names.size() > most_shown) text += fmt::format(" and {} more", names.size() - most_shown);
+  return text;
+}
+
+bool same_word(std::string_view a, std::string_view b) {
+  const auto lower = [](char c) { return c >= 'A' && c <= 'Z' ? static_cast<char>(c - 'A' + 'a') : c; };
+  return std::ranges::equal(a, b, {}, lower, lower);
+}
+
+// ---- nodes ----
+
+std::string path_of(const design::Slot& slot) { return slot.spec.name.bus + "/" + slot.spec.name.name; }
+
+// By name or bus/name; names that differ only in case are told apart by it.
+std::vector<const design::Slot*> slots_named(const design::Machine& machine, const std::string& bus,
+                                             const std::string& word) {
+  std::vector<const design::Slot*> exact;
+  std::vector<const design::Slot*> like;
+  for (const auto& slot : machine.slots) {
+    if (!bus.empty() && slot.spec.name.bus != bus) continue;
+    const std::string path = path_of(slot);
+    if (slot.spec.name.name == word || path == word) exact.push_back(&slot);
+    if (same_word(slot.spec.name.name, word) || same_word(path, word)) like.push_back(&slot);
+  }
+  return exact.empty() ? like : exact;
+}
+
+std::string no_slot(const design::Machine& machine, const std::string& word) {
+  if (machine.slots.empty()) {
+    return fmt::format("node {} is no node-ID from 1 to 127, and there is no machine file whose slots have names",
+                       text::quoted(word));
+  }
+  std::vector<std::string_view> names;
+  std::vector<std::string> shown;
+  for (const auto& slot : machine.slots) {
+    names.emplace_back(slot.spec.name.name);
+    shown.push_back(slot.spec.name.name);
+  }
+  const auto meant = text::closest(word, names);
+  if (!meant.empty()) {
+    return fmt::format("node {} is no node-ID from 1 to 127 and no slot; did you mean {}?", text::quoted(word), meant);
+  }
+  return fmt::format("node {} is no node-ID from 1 to 127 and no slot; the slots are {}", text::quoted(word),
+                     list_of(shown));
+}
+
+// "3/5": a path of numbers.
+bool beneath_a_gateway(const std::string& word) {
+  const auto slash = word.find('/');
+  return slash != std::string::npos &&
+         std::ranges::all_of(word, [](char c) { return c == '/' || (c >= '0' && c <= '9'); });
+}
+
+}  // namespace
+
+Checked<NodeArgument> find_node(const design::Machine& machine, const std::string& bus, const std::string& word) {
+  const auto slots = slots_named(machine, bus, word);
+  const auto number = od::parse_number(word);
+  const bool is_id =
+      number && !number->negative && !number->node_id && number->magnitude >= 1 && number->magnitude <= 127;
+  const NodeId id = is_id ? NodeId(static_cast<std::uint8_t>(number->magnitude)) : NodeId();
+  std::vector<std::string> meanings;
+  for (const auto* const slot : slots) {
+    meanings.push_back(fmt::format("{} (node-ID {})", path_of(*slot), slot->spec.id.value()));
+  }
+  const bool slot_of_that_id = slots.size() == 1 && slots.front()->spec.id == id;
+  if (is_id && !slots.empty() && !slot_of_that_id) meanings.push_back(fmt::format("node-ID {}", id.value()));
+  if (meanings.size() > 1) {
+    return tl::unexpected(
+        fmt::format("node {} can be {}; name it with its bus", text::quoted(word), list_of(meanings)));
+  }
+  if (!slots.empty()) {
+    const auto& spec = slots.front()->spec;
+    return NodeArgument{spec.name.bus, spec.id, machine.description(spec.name.bus, spec.id)};
+  }
+  if (is_id) {
+    const std::string on = bus.empty() && machine.buses.size() == 1 ? machine.buses.front().name : bus;
+    return NodeArgument{bus, id, machine.description(on, id)};
+  }
+  if (beneath_a_gateway(word)) {
+    return tl::unexpected(fmt::format("node {} lies beneath a gateway; nodes beneath gateways cannot be reached yet",
+                                      text::quoted(word)));
+  }
+  return tl::unexpected(no_slot(machine, word));
+}
+
+NodeArgument node_argument(Arguments& arguments, const design::Machine& machine) {
+  const std::string word = arguments.required("node");
+  if (word.empty()) return {};
+  auto found = find_node(machine, arguments.text("bus"), word);
+  if (found) return std::move(*found);
+  arguments.wrong(found.error());
+  return {arguments.text("bus"), NodeId(1), nullptr};
+}
+
+Checked<operate::Network*> node_network(operate::Session& session, const NodeArgument& node) {
+  const auto network = network_for(session, node.bus, Use::send);
+  if (network && node.node == (*network)->bus().master) {
+    return tl::unexpected(
+        fmt::format("node-ID {} is Berth's own on bus {}", node.node.value(), (*network)->bus().name));
+  }
+  return network;
+}
+
+// ---- objects ----
+
+namespace {
+
+std::string candidate(const od::Description& description, const od::NamedObject& object) {
+  if (object.sub) {
+    return fmt::format("{} {}", text::write_object(object.ref()), od::full_name(description, object.ref()));
+  }
+  const od::Object* const whole = description.find(object.index);
+  return fmt::format("{:04X}h {}", object.index, whole == nullptr ? "" : description.name(*whole));
+}
+
+Checked<ObjectRef> named(const od::Description& description, const std::string& word) {
+  const auto found = od::find_named(description, word);
+  if (found.size() == 1) return found.front().ref();
+  if (found.empty()) {
+    std::vector<std::string_view> names;
+    for (const auto& object : description.objects()) names.push_back(description.name(object));
+    const auto meant = text::closest(word, names);
+    return tl::unexpected(fmt::format("no object is called {}{}", text::quoted(word),
+                                      meant.empty() ? "; `berth sdo dump NODE` lists the objects, and an index is "
+                                                      "written 1018h:04"
+                                                    : fmt::format("; did you mean {}?", text::quoted(meant))));
+  }
+  std::vector<std::string> candidates;
+  for (const auto& object : found) candidates.push_back(candidate(description, object));
+  return tl::unexpected(
+      fmt::format("{} objects are called {}: {}", found.size(), text::quoted(word), list_of(candidates)));
+}
+
+}  // namespace
+
+KnownObject known_object(const od::Description* description, ObjectRef ref) {
+  KnownObject object;
+  object.ref = ref;
+  if (description != nullptr) {
+    object.described = description->find(ref);
+    object.name = od::full_name(*description, ref);
+  }
+  if (object.described != nullptr) {
+    object.type = object.described->type;
+    object.limits = description->limits(*object.described);
+    return object;
+  }
+  auto standard = decode::standard_object(ref);
+  object.type = standard.type;
+  if (object.name.empty()) object.name = od::full_name(decode::standard_names(), ref);
+  if (object.name.empty()) object.name = std::move(standard.name);
+  return object;
+}
+
+Checked<KnownObject> find_object(const od::Description* description, const std::string& word) {
+  const auto number = text::read_object(word);
+  if (number) return known_object(description, number->ref());
+  using Kind = text::NoObject::Kind;
+  if (number.error().kind == Kind::bare) return tl::unexpected(number.error().why);
+  const auto ref = named(description != nullptr ? *description : decode::standard_names(), word);
+  if (ref) return known_object(description, *ref);
+  return tl::unexpected(number.error().kind == Kind::unmarked ? number.error().why : ref.error());
+}
+
+std::vector<std::string> lines_of(const std::string& text) {
+  std::vector<std::string> lines;
+  std::size_t at = 0;
+  while (at <= text.size()) {
+    const auto end = std::min(text.find('\n', at), text.size());
+    lines.push_back(text.substr(at, end - at));
+    at = end + 1;
+  }
+  return lines;
+}
+
+namespace {
+
+void give_sub_index(Arguments& arguments, ObjectArguments& into) {
+  if (!arguments.has("sub") || into.objects.size() != 1) {
+    if (arguments.has("sub")) arguments.wrong("a sub-index by itself belongs to a single object");
+    return;
+  }
+  const auto sub = text::read_sub_index(arguments.text("sub"));
+  if (!sub) return arguments.wrong(sub.error());
+  KnownObject& object = into.objects.front();
+  const auto written = text::read_object(arguments.text("object"));
+  if ((written && written->sub) || object.ref.sub != 0) {
+    return arguments.wrong(fmt::format("{} has a sub-index already, and {} is another",
+                                       text::quoted(arguments.text("object")), text::quoted(arguments.text("sub"))));
+  }
+  object = known_object(into.node.description.get(), {object.ref.index, *sub});
+}
+
+void give_type(Arguments& arguments, ObjectArguments& into) {
+  const std::string type = arguments.text("type");
+  if (type.empty()) return;
+  const auto known = od::data_type(type);
+  if (!known) {
+    return arguments.wrong(
+        fmt::format("{} is no data type; use one of b i8 i16 i24 i32 i40 i48 i56 i64 u8 u16 u24 u32 u40 u48 "
+                    "u56 u64 r32 r64 t td vs os us d, or CiA 301's names such as UNSIGNED32",
+                    text::quoted(type)));
+  }
+  for (KnownObject& object : into.objects) {
+    object.type = *known;
+    object.type_given = true;
+  }
+}
+
+}  // namespace
+
+ObjectArguments object_arguments(Arguments& arguments, const design::Machine& machine) {
+  ObjectArguments wanted;
+  wanted.node = node_argument(arguments, machine);
+  const std::string words = arguments.required("object");
+  if (!arguments.good()) return wanted;
+  for (const auto& word : lines_of(words)) {
+    auto object = find_object(wanted.node.description.get(), word);
+    if (!object) {
+      arguments.wrong(object.error());
+      return wanted;
+    }
+    wanted.objects.push_back(std::move(*object));
+  }
+  give_sub_index(arguments, wanted);
+  give_type(arguments, wanted);
+  return wanted;
+}
+
+}  // namespace berth::command

@@ -1,0 +1,80 @@
+/// Which node and which objects a request means. A node is a node-ID or a slot's name; an object is an index
+/// (berth/text/object.hpp) or its name (berth/od/names.hpp) in the description of the node's device: `eds =` of its
+/// slot, else CiA 301's names. What a machine does not know cannot be named, and everything can be given by number.
+#pragma once
+
+#include <memory>
+#include <string>
+#include <vector>
+
+#include "berth/can/frame.hpp"
+#include "berth/co/nmt.hpp"
+#include "berth/command/arguments.hpp"
+#include "berth/design/machine.hpp"
+#include "berth/od/description.hpp"
+#include "berth/operate/session.hpp"
+
+namespace berth::command {
+
+/// A node as a request names it.
+struct NodeArgument {
+  std::string bus;  ///< as the request says, else that of the slot; empty: the machine's only one
+  NodeId node;
+  std::shared_ptr<const od::Description> description;  ///< null: not known
+};
+/// `word`: "5", "left", "line/left"; slots' names in either case. What is wrong, or ambiguous, is for people, with what
+/// there is to choose from.
+[[nodiscard]] Checked<NodeArgument> find_node(const design::Machine& machine, const std::string& bus,
+                                              const std::string& word);
+/// The request's "bus" and "node". What is wrong is kept by `arguments`.
+[[nodiscard]] NodeArgument node_argument(Arguments& arguments, const design::Machine& machine);
+
+/// The network that it is on, to be sent to; or for people why there is none, or it is Berth's own device.
+[[nodiscard]] Checked<operate::Network*> node_network(operate::Session& session, const NodeArgument& node);
+
+/// One object of a node, with what is known of it.
+struct KnownObject {
+  ObjectRef ref;
+  std::string name;                          ///< "Identity object/Serial number"; empty: not known
+  od::DataType type = od::DataType::none;    ///< none: not known
+  const od::SubObject* described = nullptr;  ///< of the node's description; null: it has none, or not this object
+  const od::Limits* limits = nullptr;        ///< null: the description gives none
+  bool type_given = false;                   ///< by the person, not by a description
+};
+/// `word`: "1018h:04", "Identity object/Serial number", "serial".
+[[nodiscard]] Checked<KnownObject> find_object(const od::Description* description, const std::string& word);
+/// What is known of an object.
+[[nodiscard]] KnownObject known_object(const od::Description* description, ObjectRef ref);
+
+/// What an SDO command is about.
+struct ObjectArguments {
+  NodeArgument node;
+  std::vector<KnownObject> objects;  ///< one at least, unless something is wrong
+};
+/// "node", "object" (one a line), "sub" (of a single object), "type".
+[[nodiscard]] ObjectArguments object_arguments(Arguments& arguments, const design::Machine& machine);
+
+/// What `sdo write` is about: a value for each object.
+struct WriteArguments {
+  ObjectArguments to;
+  std::vector<std::vector<std::uint8_t>> values;
+};
+/// The same, and "value": of several objects one a line.
+[[nodiscard]] WriteArguments write_arguments(Arguments& arguments, const design::Machine& machine);
+
+/// "frame": one a line, as candump writes them.
+[[nodiscard]] std::vector<can::Frame> frame_arguments(Arguments& arguments);
+/// What stands one a line in an argument.
+[[nodiscard]] std::vector<std::string> lines_of(const std::string& text);
+
+/// What an NMT command is about.
+struct NmtArguments {
+  std::string bus;
+  co::NmtCommand command = co::NmtCommand::start;
+  co::NmtTarget target;
+  std::string word;
+};
+/// "command", and "node", which may be "all".
+[[nodiscard]] NmtArguments nmt_arguments(Arguments& arguments, const design::Machine& machine);
+
+}  // namespace berth::command

@@ -1,0 +1,15 @@
+/// What the slot table tells by itself, while no process runs the machine: no port is opened, and no device is asked.
+#pragma once
+
+#include "berth/command/request.hpp"
+#include "berth/design/machine.hpp"
+#include "berth/places/slot_store.hpp"
+
+namespace berth::command {
+
+/// "history": who sat where. `reply` says what is wrong with the request, or with the store.
+void tell_history(places::SlotStore& store, const design::Machine& machine, const Request& request, Reply& reply);
+/// "report": which device belongs where; no slot is operational, so its status is 1.
+void tell_report(places::SlotStore& store, const design::Machine& machine, const Request& request, Reply& reply);
+
+}  // namespace berth::command

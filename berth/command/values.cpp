@@ -1,0 +1,213 @@
+#include "berth/command/values.hpp"
+
+#include <fmt/format.h>
+
+#include <algorithm>
+#include <nlohmann/json.hpp>
+
+#include "berth/text/object.hpp"
+#include "berth/text/quantity.hpp"
+
+namespace berth::command {
+
+using od::DataType;
+
+std::string hex_bytes(std::span<const std::uint8_t> bytes) {
+  std::string out;
+  for (const auto byte : bytes) out += fmt::format("{}{:02X}", out.empty() ? "" : " ", byte);
+  return out;
+}
+
+bool fits(DataType type, std::span<const std::uint8_t> bytes) noexcept {
+  const std::size_t size = od::byte_size(type);
+  return size == 0 || size == bytes.size();
+}
+
+namespace {
+
+/// The time that 1 is in the communication objects that count time (CiA 301 §7.5.2); 0: the object counts none.
+text::Duration tick(ObjectRef ref) {
+  using namespace std::chrono_literals;
+  const bool pdo = (ref.index >= 0x1400 && ref.index < 0x1600) || (ref.index >= 0x1800 && ref.index < 0x1A00);
+  if (pdo && ref.sub == 3) return 100us;
+  if (pdo && ref.sub == 5) return 1ms;
+  if (ref.sub != 0) return 0ns;
+  switch (ref.index) {
+    case 0x1006:
+    case 0x1007:
+    case 0x1013: return 1us;
+    case 0x100C:
+    case 0x1017: return 1ms;
+    case 0x1015: return 100us;
+    default: return 0ns;
+  }
+}
+
+bool printable(std::span<const std::uint8_t> bytes) {
+  return !bytes.empty() && std::ranges::all_of(bytes, [](std::uint8_t b) { return b >= 0x20 && b <= 0x7E; });
+}
+
+std::string unit_text(const KnownObject& object, std::span<const std::uint8_t> bytes) {
+  const auto one = tick(object.ref);
+  const bool counts = one.count() != 0 && od::is_unsigned(object.type) && fits(object.type, bytes);
+  if (!counts) return {};
+  return text::write_duration(one * static_cast<std::int64_t>(od::load(object.type, bytes.data())));
+}
+
+}  // namespace
+
+// ---- to a person ----
+
+std::string value_text(const KnownObject& object, std::span<const std::uint8_t> bytes) {
+  const DataType type = object.type;
+  if (type != DataType::none && fits(type, bytes)) {
+    const bool number = od::is_unsigned(type) && type != DataType::boolean;
+    if (!number) return od::print(type, bytes);
+    const auto digits = static_cast<int>(2 * od::byte_size(type));
+    const std::string unit = unit_text(object, bytes);
+    return fmt::format("{} (0x{:0{}X}){}", od::print(type, bytes), od::load(type, bytes.data()), digits,
+                       unit.empty() ? "" : " = " + unit);
+  }
+  std::string text = bytes.empty() ? "(no bytes)" : hex_bytes(bytes);
+  if (printable(bytes)) text += fmt::format("  \"{}\"", std::string(bytes.begin(), bytes.end()));
+  std::uint64_t number = 0;
+  for (std::size_t i = bytes.size(); i-- > 0 && bytes.size() <= 8;) number = number << 8U | bytes[i];
+  if (!bytes.empty() && bytes.size() <= 8) text += fmt::format("  = {} (0x{:X})", number, number);
+  return text;
+}
+
+// Numbers that JSON's readers keep exact go out as numbers.
+void put_value(nlohmann::ordered_json& json, const KnownObject& object, std::span<const std::uint8_t> bytes) {
+  const DataType type = object.type;
+  json["bytes"] = hex_bytes(bytes);
+  if (type == DataType::none || !fits(type, bytes)) return;
+  json["type"] = std::string(od::name(type));
+  if (!od::is_integer(type)) {
+    json["value"] = od::print(type, bytes);
+  } else if (od::is_signed(type)) {
+    json["value"] = static_cast<std::int64_t>(od::load(type, bytes.data()));
+  } else {
+    json["value"] = od::load(type, bytes.data());
+  }
+  if (const std::string unit = unit_text(object, bytes); !unit.empty()) json["time"] = unit;
+}
+
+// ---- from a person ----
+
+namespace {
+
+using Bytes = std::vector<std::uint8_t>;
+
+// "F4 01": two digits a byte, with blanks between.
+bool is_row_of_bytes(const std::string& text) {
+  const auto is_hex = [](char c) { return (c >= '0' && c <= '9') || (c >= 'a' && c <= 'f') || (c >= 'A' && c <= 'F'); };
+  if (text.size() % 3 != 2 || text.size() < 5) return false;
+  for (std::size_t i = 0; i < text.size(); ++i) {
+    if (i % 3 == 2 ? text[i] != ' ' : !is_hex(text[i])) return false;
+  }
+  return true;
+}
+
+Checked<Bytes> untyped(const std::string& text) {
+  if (text.empty()) return Bytes();
+  const auto parsed = od::parse(DataType::octet_string, text);
+  if (!parsed) return tl::unexpected(fmt::format("value {}: {}", text::quoted(text), parsed.error().what));
+  if (!parsed->value.present()) return tl::unexpected(std::string("the value is empty"));
+  if (!parsed->notes.has(od::Note::plain_text)) return parsed->value.bytes;
+  return tl::unexpected(
+      fmt::format("value {} is no row of hex bytes such as \"91 01 0F 00\"; the object's type is not known: give "
+                  "--type for anything else",
+                  text::quoted(text)));
+}
+
+// "500 ms": what is behind the number, and before it a number in decimal.
+bool has_unit(const std::string& text) {
+  const auto letter = [](char c) { return (c >= 'a' && c <= 'z') || (c >= 'A' && c <= 'Z') || (c & 0x80) != 0; };
+  const auto last_digit = text.find_last_of("0123456789");
+  const bool number_first = !text.empty() && text.front() >= '0' && text.front() <= '9';
+  const bool as_hex = text.starts_with("0x") || text.starts_with("0X");
+  return number_first && !as_hex && last_digit + 1 < text.size() &&
+         std::any_of(text.begin() + static_cast<std::ptrdiff_t>(last_digit) + 1, text.end(), letter);
+}
+
+Checked<std::uint64_t> in_ticks(const KnownObject& object, const std::string& text) {
+  const auto one = tick(object.ref);
+  if (one.count() == 0) {
+    return tl::unexpected(fmt::format("value {}: the unit of {} is not known; write the number by itself",
+                                      text::quoted(text), text::write_object(object.ref)));
+  }
+  const auto time = text::parse_duration(text);
+  if (!time) {
+    return tl::unexpected(
+        fmt::format("value {} is no time; the units are ns, us, ms, s, min and h", text::quoted(text)));
+  }
+  if (*time % one != text::Duration(0)) {
+    return tl::unexpected(fmt::format("value {} is no multiple of {}, which {} counts in", text::quoted(text),
+                                      text::write_duration(one), text::write_object(object.ref)));
+  }
+  return static_cast<std::uint64_t>(*time / one);
+}
+
+Checked<void> within_limits(const KnownObject& object, std::uint64_t raw, NodeId node, const std::string& text) {
+  const auto* const limits = object.limits;
+  const auto is = [&](const od::Literal& limit) { return limit.resolve(object.type, node.value()); };
+  const bool low = limits->low.present() && od::compare(object.type, raw, is(limits->low)) < 0;
+  const bool high = limits->high.present() && od::compare(object.type, raw, is(limits->high)) == 1;
+  if (!low && !high) return {};
+  Bytes bytes(od::byte_size(object.type));
+  od::store(object.type, is(low ? limits->low : limits->high), bytes.data());
+  return tl::unexpected(
+      fmt::format("value {} is {} {}, the {} limit of {} in the description; write it all the same "
+                  "with --anyway",
+                  text::quoted(text), low ? "below" : "above", od::print(object.type, bytes), low ? "low" : "high",
+                  text::write_object(object.ref)));
+}
+
+Checked<std::uint64_t> plain_number(const KnownObject& object, const std::string& text, NodeId node) {
+  const auto parsed = od::parse(object.type, text);
+  if (!parsed) return tl::unexpected(fmt::format("value {}: {}", text::quoted(text), parsed.error().what));
+  if (!parsed->value.present()) return tl::unexpected(std::string("the value is empty"));
+  if (parsed->notes.has(od::Note::wrapped)) {
+    return tl::unexpected(fmt::format("value {} does not fit {}", text::quoted(text), od::name(object.type)));
+  }
+  return parsed->value.resolve(object.type, node.value());
+}
+
+Checked<Bytes> scalar(const KnownObject& object, const std::string& text, NodeId node) {
+  const bool unit = od::is_integer(object.type) && has_unit(text);
+  const auto raw = unit ? in_ticks(object, text) : plain_number(object, text, node);
+  if (!raw) return tl::unexpected(raw.error());
+  if (od::wrap(object.type, *raw) != *raw) {
+    return tl::unexpected(fmt::format("value {} does not fit {}", text::quoted(text), od::name(object.type)));
+  }
+  Bytes bytes(od::byte_size(object.type));
+  od::store(object.type, *raw, bytes.data());
+  return bytes;
+}
+
+}  // namespace
+
+Checked<Bytes> value_bytes(const KnownObject& object, const std::string& text, NodeId node, bool anyway) {
+  const DataType type = object.type;
+  if (type == DataType::none) return untyped(text);
+  const bool text_like = od::byte_size(type) == 0;
+  if (text.empty() && (text_like || !object.type_given)) return Bytes();
+  if (!object.type_given && !text_like && is_row_of_bytes(text)) {
+    auto bytes = untyped(text);
+    if (bytes && fits(type, *bytes)) return bytes;
+    return tl::unexpected(fmt::format("value {} has {} bytes, {} has {}", text::quoted(text), text.size() / 3 + 1,
+                                      od::name(type), od::byte_size(type)));
+  }
+  if (text_like) {
+    const auto parsed = od::parse(type, text);
+    if (!parsed) return tl::unexpected(fmt::format("value {}: {}", text::quoted(text), parsed.error().what));
+    return parsed->value.bytes;
+  }
+  auto bytes = scalar(object, text, node);
+  if (!bytes || anyway || object.limits == nullptr) return bytes;
+  const auto good = within_limits(object, od::load(type, bytes->data()), node, text);
+  if (!good) return tl::unexpected(good.error());
+  return bytes;
+}
+
+}  // namespace berth::command

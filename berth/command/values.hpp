@@ -1,0 +1,32 @@
+/// Values of objects as people write and read them: by type, with a unit where one is known, as bytes where nothing is.
+#pragma once
+
+#include <cstdint>
+#include <nlohmann/json_fwd.hpp>
+#include <span>
+#include <string>
+#include <vector>
+
+#include "berth/command/arguments.hpp"
+#include "berth/command/objects.hpp"
+
+namespace berth::command {
+
+/// The bytes that a text is as a value of this object. A number is in C notation and may have the unit that the object
+/// is counted in, or a larger or smaller one ("0.5 s" for 1017h); a type that is only described gives way to a row of
+/// hex bytes ("F4 01", or none at all). Refused: what does not fit the type, other units, and unless `anyway` what is
+/// outside of the description's limits. `node`: for values with $NODEID.
+[[nodiscard]] Checked<std::vector<std::uint8_t>> value_bytes(const KnownObject& object, const std::string& text,
+                                                             NodeId node, bool anyway = false);
+
+/// For people: "500 (0x01F4) = 500 ms", "Pump", "01 00  = 1 (0x1)".
+[[nodiscard]] std::string value_text(const KnownObject& object, std::span<const std::uint8_t> bytes);
+/// Adds "bytes", and where the type is known "type", "value" and "unit".
+void put_value(nlohmann::ordered_json& json, const KnownObject& object, std::span<const std::uint8_t> bytes);
+
+/// "F4 01".
+[[nodiscard]] std::string hex_bytes(std::span<const std::uint8_t> bytes);
+/// The type can have these bytes.
+[[nodiscard]] bool fits(od::DataType type, std::span<const std::uint8_t> bytes) noexcept;
+
+}  // namespace berth::command

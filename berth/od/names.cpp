@@ -1,0 +1,80 @@
+#include "berth/od/names.hpp"
+
+#include <algorithm>
+#include <cstdint>
+
+namespace berth::od {
+namespace {
+
+/// How well a name is met, best first.
+enum class Met : std::uint8_t { exactly, in_either_case, as_prefix, not_at_all };
+
+char lower(char c) noexcept { return c >= 'A' && c <= 'Z' ? static_cast<char>(c - 'A' + 'a') : c; }
+
+Met met(std::string_view name, std::string_view wanted) noexcept {
+  if (wanted.empty() || wanted.size() > name.size()) return Met::not_at_all;
+  if (name == wanted) return Met::exactly;
+  if (!std::ranges::equal(name.substr(0, wanted.size()), wanted, {}, lower, lower)) return Met::not_at_all;
+  return name.size() == wanted.size() ? Met::in_either_case : Met::as_prefix;
+}
+
+// An object of one value, whose sub-object has no name of its own.
+bool is_plain(const Object& object) noexcept {
+  return object.code != ObjectCode::array && object.code != ObjectCode::record && object.count <= 1;
+}
+
+class Search {
+ public:
+  Search(const Description& description, std::string_view name) : description_(description), name_(name) {}
+
+  std::vector<NamedObject> run() {
+    for (const Object& object : description_.objects()) {
+      take(met(description_.name(object), name_), {object.index, std::nullopt});
+      if (is_plain(object)) continue;
+      for (const SubObject& sub : description_.subs(object)) look_at(object, sub);
+    }
+    return std::move(found_);
+  }
+
+ private:
+  // By its own name, and by the name with the object's before it. Names have slashes and dots of their own.
+  void look_at(const Object& object, const SubObject& sub) {
+    Met best = met(description_.name(sub), name_);
+    for (auto at = name_.find_first_of("/."); at != std::string_view::npos; at = name_.find_first_of("/.", at + 1)) {
+      const Met both = std::max(met(description_.name(object), name_.substr(0, at)),
+                                met(description_.name(sub), name_.substr(at + 1)));
+      best = std::min(best, both);
+    }
+    take(best, {object.index, sub.sub});
+  }
+
+  void take(Met how, NamedObject object) {
+    if (how > best_ || how == Met::not_at_all) return;
+    if (how < best_) found_.clear();
+    best_ = how;
+    found_.push_back(object);
+  }
+
+  const Description& description_;
+  std::string_view name_;
+  Met best_ = Met::not_at_all;
+  std::vector<NamedObject> found_;
+};
+
+}  // namespace
+
+std::vector<NamedObject> find_named(const Description& description, std::string_view name) {
+  return Search(description, name).run();
+}
+
+std::string full_name(const Description& description, ObjectRef ref) {
+  const Object* const object = description.find(ref.index);
+  const SubObject* const sub = object == nullptr ? nullptr : description.find(*object, ref.sub);
+  if (sub == nullptr) return {};
+  const std::string name(description.name(*object));
+  const std::string_view own = is_plain(*object) ? std::string_view() : description.name(*sub);
+  if (is_plain(*object)) return name;
+  return name.empty() || own.empty() ? std::string(own) : name + "/" + std::string(own);
+}
+
+}  // namespace berth::od
