@@ -50,10 +50,12 @@ endif()
 # Many sources of one room in one unit: the standard library is read once for all of them. Those that follow stand
 # alone, because a name in an anonymous namespace of theirs is in another source of the room too.
 set(berth_alone
-  co/guarding.cpp co/nmt_master.cpp co/time_stamp.cpp decode/words.cpp design/read_bus.cpp discovery/identify.cpp
-  discovery/published_rand.cpp doctor/conformance_sdo.cpp eds/eds.cpp eds/modules_read.cpp eds/objects.cpp eds/write.cpp
-  io/plant_protocol.cpp io/socketcand_port.cpp live/foreign_watch.cpp live/gate.cpp manager/configuration_plan.cpp manager/configurator.cpp
-  nodeid/rand_frames.cpp nodeid/rand_master.cpp nodeid/rand_walk.cpp plant/write_plant.cpp study/paper1.cpp text/table.cpp)
+  co/guarding.cpp co/nmt_master.cpp co/time_stamp.cpp command/dump.cpp command/emcy.cpp command/send.cpp
+  decode/words.cpp design/read_bus.cpp discovery/identify.cpp discovery/published_rand.cpp
+  doctor/conformance_sdo.cpp eds/eds.cpp eds/modules_read.cpp eds/objects.cpp eds/write.cpp io/list_ports.cpp
+  io/plant_protocol.cpp io/socketcand_port.cpp live/foreign_watch.cpp live/gate.cpp manager/configuration_plan.cpp
+  manager/configurator.cpp nodeid/rand_frames.cpp nodeid/rand_master.cpp nodeid/rand_walk.cpp od/names.cpp
+  plant/write_plant.cpp study/paper1.cpp text/table.cpp)
 function(berth_unity target)
   if(NOT BERTH_UNITY)
     return()
