@@ -23,6 +23,14 @@ std::string key_text(std::uint32_t key) {
   return key == id ? fmt::format("{:03X}", id) : fmt::format("{:08X}", id);
 }
 
+// In either case; a slash stands for the dot between an object and its sub-object.
+bool begins_so(std::string_view name, std::string_view wanted) {
+  const auto plain = [](char c) {
+    return c == '/' ? '.' : static_cast<char>(std::tolower(static_cast<unsigned char>(c)));
+  };
+  return wanted.size() <= name.size() && std::ranges::equal(name.substr(0, wanted.size()), wanted, {}, plain, plain);
+}
+
 bool contains_word(std::string_view text, std::string_view word) {
   const auto same = [](char a, char b) {
     return std::tolower(static_cast<unsigned char>(a)) == std::tolower(static_cast<unsigned char>(b));
@@ -40,7 +48,8 @@ class Pipeline final : public trace::Sink, private decode::Rows {
         live_(trace.file.empty() || trace.follow),
         prints_(!trace.stats && (!trace.to || live_) && !(trace.quiet && trace.to)),
         decodes_(prints_ || trace.filters_rows()),
-        decoder_(*this, {.fold = !trace.frames && !trace.table && !writes_and_filters(), .fields = options.json}) {}
+        decoder_(*this, {.fold = !trace.frames && !trace.table && !writes_and_filters(),
+                         .fields = options.json || !trace.objects.empty()}) {}
 
   std::optional<Failure> open() {
     if (!trace_.to) return std::nullopt;
@@ -133,6 +142,20 @@ class Pipeline final : public trace::Sink, private decode::Rows {
     return wanted_[bus];
   }
 
+  [[nodiscard]] bool of_wanted_object(const decode::Row& row) const {
+    const auto value = [&](std::string_view key) {
+      const auto field = std::ranges::find(row.fields, key, &decode::Field::key);
+      return field == row.fields.end() ? std::string() : field->value;
+    };
+    const auto object = text::parse_object(value("object"));
+    if (!object) return false;
+    const std::string name = value("name");
+    return std::ranges::any_of(trace_.objects, [&](const ObjectFilter& wanted) {
+      if (!wanted.number) return begins_so(name, wanted.name);
+      return wanted.number->index == object->index && wanted.number->sub.value_or(object->sub) == object->sub;
+    });
+  }
+
   void row(const decode::Row& row) override {
     const std::uint16_t bus = row.entry->bus;
     if (trace_.filters_rows()) {
@@ -140,6 +163,7 @@ class Pipeline final : public trace::Sink, private decode::Rows {
       if (!services.empty() && std::ranges::find(services, row.meaning.service) == services.end()) return;
       if (!trace_.nodes.empty() && std::ranges::find(trace_.nodes, row.meaning.node) == trace_.nodes.end()) return;
       if (!trace_.text.empty() && !contains_word(row.words, trace_.text)) return;
+      if (!trace_.objects.empty() && !of_wanted_object(row)) return;
       take(*row.entry);
     }
     if (!prints_) return;

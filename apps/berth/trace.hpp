@@ -11,6 +11,7 @@
 #include <vector>
 
 #include "berth/decode/words.hpp"
+#include "berth/text/object.hpp"
 #include "berth/trace/stream.hpp"
 #include "options.hpp"
 
@@ -20,6 +21,12 @@ namespace berth::cli {
 struct TracePoint {
   std::chrono::nanoseconds at{};
   bool from_first = false;
+};
+
+/// Which SDO transfers: by index, and sub-index if one is given, or by the beginning of the object's name.
+struct ObjectFilter {
+  std::optional<text::ObjectWord> number;
+  std::string name;
 };
 
 struct TraceOptions {
@@ -41,13 +48,16 @@ struct TraceOptions {
   std::vector<decode::Service> services;
   std::vector<std::string> buses;
   std::string text;
+  std::vector<ObjectFilter> objects;
   std::optional<TracePoint> after, before;
   // Live.
   bool follow = false;
   std::string port;
   bool quiet = false;  ///< no words while it records
 
-  [[nodiscard]] bool filters_rows() const noexcept { return !nodes.empty() || !services.empty() || !text.empty(); }
+  [[nodiscard]] bool filters_rows() const noexcept {
+    return !nodes.empty() || !services.empty() || !text.empty() || !objects.empty();
+  }
 };
 
 int run_trace(const Options& options, const TraceOptions& trace);

@@ -79,6 +79,15 @@ void add_filters(const Verb& verb, TraceOptions& trace) {
   verb.read_each("--service", "SERVICE...", service, "only these: sdo, pdo, nmt, emcy, lss, heartbeat, ...")
       .separated_by(',')
       .one_each();
+  const auto object = [&trace](const std::string& text) {
+    const auto number = text::read_object(text);
+    if (!number && number.error().kind != text::NoObject::Kind::other) return number.error().why;
+    trace.objects.push_back({number ? std::optional(*number) : std::nullopt, text});
+    return std::string();
+  };
+  verb.read_each("--object", "OBJECT...", object,
+                 "only SDO transfers of these: 1018h, 1018h:04, or the beginning of a name that the row shows")
+      .one_each();
   verb.word("--text", trace.text, "only rows whose words have this, in either case").shown("WORD");
   verb.word("--bus", trace.buses, "only these buses: as the log names them, or the machine file")
       .shown("BUS...")

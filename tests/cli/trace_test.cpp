@@ -80,6 +80,13 @@ TEST(TraceCommand, Filters) {
   EXPECT_EQ(rows({"--service", "sdo"}), 2);
   EXPECT_EQ(rows({"--service", "heartbeat,emcy"}), 3);
   EXPECT_EQ(rows({"--text", "ABORT"}), 1);
+  EXPECT_EQ(rows({"--object", "1018h"}), 1);
+  EXPECT_EQ(rows({"--object", "1018sub1", "--object", "0x1017"}), 2);
+  EXPECT_EQ(rows({"--object", "1018h:02"}), 0);
+  EXPECT_EQ(rows({"--object", "identity object/vendor"}), 1);
+  const auto bare = berth({"trace", log, "--object", "1018"});
+  EXPECT_EQ(bare.status, 2);
+  EXPECT_NE(bare.err.find("03FAh"), std::string::npos) << bare.err;
   EXPECT_EQ(rows({"--bus", "can1"}), 1);
   EXPECT_EQ(rows({"--after", "1.003"}), 2);
   EXPECT_EQ(rows({"--before", "+0.0015", "--service", "heartbeat"}), 2);
