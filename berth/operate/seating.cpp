@@ -177,7 +177,22 @@ rt::Task<void> Seating::go_on_after_power_cycle(Seat& seat) {
   ended(seat, binding);
 }
 
+// What a slot's device refused, or failed to save, was perhaps answered by the one that used its node-ID too, and has
+// left it now.
+void Seating::left_node_id(NodeId id) {
+  if (!id.configured()) return;
+  for (const auto& seat : slots_.seats()) {
+    if (seat->id() != id) continue;
+    const bool again = seat->stuck && seat->there && seat->state == SlotState::failed;
+    seat->stuck = false;
+    seat->failed_savings = 0;
+    if (again) slots_.set_state(*seat, SlotState::present, "trying again: another device has left its node-ID");
+  }
+}
+
 void Seating::bound(Seat& seat, const Binding& binding) {
+  if (binding.old_id() != seat.id()) left_node_id(binding.old_id());
+  if (seat.waiting && seat.waiting->old_id() != seat.id()) left_node_id(seat.waiting->old_id());
   lending_.end(binding.seat().device);
   loans_.bound(binding.seat().device);
   found_.no_clone(binding.seat().device);
@@ -266,6 +281,7 @@ rt::Task<bool> Seating::blank(LssAddress device, std::string reason) {
   } else if (good) {
     // Whatever was heard under its old node-ID is history.
     s_.boots.forget(binding.old_id());
+    left_node_id(binding.old_id());
     lending_.end(device);
     const auto it = found_.of(device);
     if (it != nullptr) it->active = NodeId();

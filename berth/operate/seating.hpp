@@ -44,6 +44,7 @@ class Seating {
   [[nodiscard]] bool is_avoided(const LssAddress& device) const noexcept;
   rt::Task<bool> bind_seat(Seat& seat, LssAddress device, std::string reason);
   void ended(Seat& seat, const places::Binding& binding);
+  void left_node_id(NodeId id);
   void bound(Seat& seat, const places::Binding& binding);
   void not_bound(Seat& seat, const places::Binding& binding);
   void learn_fixed(const places::Binding& binding);
