@@ -18,6 +18,7 @@ constexpr std::uint64_t widens = 8;  // times, after silence
 // Halves that were not asked because the other half was silent: after so many in a row the next one is asked, so that
 // a question that a device did not hear is not followed down to the last bit.
 constexpr unsigned most_assumed = 6;
+constexpr unsigned most_back = 2;
 constexpr unsigned most_unproven = 4;  // in a row, and the retries
 constexpr unsigned enough_alone = 3;
 // A device with a small receive buffer loses some of six frames back to back.
@@ -46,6 +47,23 @@ class Identify::Pace {
  private:
   lss::Master* lss_;
   lss::MasterOptions before_;
+};
+
+// The way down to one device.
+struct Identify::Descent {
+  Box box;
+  Box answered;                 // the last range that was: `box`, or around it
+  std::optional<Box> silent{};  // the last half that was taken for empty
+  unsigned assumed = 0;         // halves in a row that were not asked
+  unsigned back = 0;            // times that the way ended in silence, since it got on
+
+  void go_on(const Box& heard) noexcept {
+    if (heard != answered) back = 0;
+    box = answered = heard;
+    assumed = 0;
+  }
+  // False: too often, or in haste, of which less comes first; to come to one serial number again takes long.
+  bool go_back(const Run& run) noexcept;
 };
 
 struct Identify::Run {
@@ -117,6 +135,14 @@ struct Identify::Run {
     if (++unproven > options.retries + most_unproven) untrusted = true;
   }
 };
+
+bool Identify::Descent::go_back(const Run& run) noexcept {
+  box = answered;
+  silent.reset();
+  assumed = 0;
+  const bool by_revision = box.serial_low == box.serial_high;
+  return (run.care != Run::Care::none || by_revision) && ++back <= most_back;
+}
 
 // ---- questions --------------------------------------------------------------------------------------------------
 
@@ -225,11 +251,21 @@ rt::Task<Result<void>> Identify::settle(Run& run, Found& found, const lss::Alone
   co_return Result<void>{};
 }
 
+// Those that were found, the last one first, and those of the devices that are known.
+std::vector<std::uint32_t> Identify::likely_revisions(const Run& run, const Cursor& cursor) {
+  std::vector<std::uint32_t> seen = cursor.revisions;
+  for (const LssAddress& a : run.known.registered) {
+    const bool fresh = a.type() == cursor.kind.type && std::ranges::find(seen, a.revision) == seen.end();
+    if (fresh) seen.push_back(a.revision);
+  }
+  return seen;
+}
+
 // One serial number is left; its revision may be open: those that were seen are likely.
 rt::Task<Result<Identify::Sweep>> Identify::device_in(Run& run, Cursor& cursor, Box box) {
   const TypeCode type = cursor.kind.type;
   if (!box.single()) {
-    const std::vector<std::uint32_t> seen = cursor.revisions;
+    const std::vector<std::uint32_t> seen = likely_revisions(run, cursor);
     constexpr std::size_t most_tried = 3;
     for (std::size_t i = 0; i < std::min(seen.size(), most_tried); ++i) {
       if (!box.contains({seen[i], box.serial_low})) continue;
@@ -270,50 +306,58 @@ rt::Task<Result<std::optional<Box>>> Identify::surely(Run& run, const Cursor& cu
 }
 
 // A device is in the box: the lowest there, down to one serial number, or one revision when the serial number is known.
-// Empty: no device is there any more, or none ever was.
+// Where the way ends in silence it goes back to the last range that was answered: a device that loses one question of
+// twenty would never be reached from the top. Empty: no device is there any more, or none ever was.
 rt::Task<Result<std::optional<Box>>> Identify::descend(Run& run, const Cursor& cursor, Box box) {
   const bool by_serial = box.serial_low != box.serial_high;
   run.alone = by_serial ? 0 : enough_alone;
-  std::optional<Box> silent;  // the last half that was taken for empty
-  unsigned assumed = 0;
+  Descent way{.box = box, .answered = box};
+  const auto arrived = [&] { return by_serial ? way.box.serial_low == way.box.serial_high : way.box.single(); };
   std::optional<Box> result;
-  while (by_serial ? box.serial_low != box.serial_high : !box.single()) {
-    if (run.care == Run::Care::wary && run.alone >= enough_alone) {
-      const auto half = co_await surely(run, cursor, box);
+  while (!arrived() || (way.assumed > 0 && (way.back > 0 || run.care == Run::Care::most))) {
+    const bool sure = run.care == Run::Care::wary && run.alone >= enough_alone && !arrived();
+    bool on = false;
+    if (sure) {
+      const auto half = co_await surely(run, cursor, way.box);
       if (!half) co_return fail(half.error());
-      if (run.stopped && by_serial) run.left_at = box;
-      if (run.stopped || !*half) co_return result;
-      box = **half;
-      continue;
-    }
-    const bool check = assumed >= most_assumed;
-    const Box half = check ? box : box.lower();
-    const auto heard = co_await ask(run, cursor, half, check);
-    if (!heard) co_return fail(heard.error());
-    if (run.stopped) {
-      if (by_serial) run.left_at = box;
-      co_return result;
-    }
-    if (run.late_yes && silent) {  // it was not empty, only slow
-      box = *std::exchange(silent, std::nullopt);
-      assumed = 0;
-      continue;
-    }
-    silent.reset();
-    if (check) {
-      if (!*heard) co_return result;
-      assumed = 0;
-    } else if (*heard) {
-      box = half;
-      assumed = 0;
+      on = *half || way.go_back(run);
+      if (*half) way.go_on(**half);
     } else {
-      silent = half;
-      box = box.upper();
-      ++assumed;
+      const auto heard = co_await step(run, cursor, way, arrived());
+      if (!heard) co_return fail(heard.error());
+      on = *heard;
     }
+    if (run.stopped && by_serial) run.left_at = way.answered;
+    if (run.stopped || !on) co_return result;
   }
-  result = box;
+  result = way.box;
   co_return result;
+}
+
+// One question on the way down. False: nothing is there, however often it is asked.
+rt::Task<Result<bool>> Identify::step(Run& run, const Cursor& cursor, Descent& way, bool arrived) {
+  const bool check = arrived || way.assumed >= most_assumed;
+  const Box asked = check ? way.box : way.box.lower();
+  const bool patient = check || way.back > 0;
+  const auto heard = co_await ask(run, cursor, asked, patient);
+  if (!heard) co_return fail(heard.error());
+  if (run.stopped) co_return true;
+  if (run.late_yes && way.silent) {  // it was not empty, only slow
+    way.box = *std::exchange(way.silent, std::nullopt);
+    way.assumed = 0;
+    co_return true;
+  }
+  way.silent.reset();
+  if (*heard) {
+    way.go_on(asked);
+  } else if (check) {
+    co_return way.go_back(run);
+  } else {
+    way.silent = asked;
+    way.box = way.box.upper();
+    ++way.assumed;
+  }
+  co_return true;
 }
 
 rt::Task<Result<void>> Identify::lowest_in(Run& run, Cursor& cursor, Box box) {

@@ -9,7 +9,9 @@
 /// devices lay apart, eight times wider after silence; one that is answered is halved until one serial number is left:
 /// the lowest, so that nothing lies below it. That takes about log2(distance) + 2 questions a device, some 27 for 120
 /// random numbers. Numbers in a row and numbers at equal steps are guessed and asked for by name (40h to 43h) at once:
-/// no question at all. A revision that is open is looked for with the serial number known, those that were seen first.
+/// no question at all. A revision that is open is looked for with the serial number known, those that were seen first,
+/// then those of registered devices. A way down that ends in silence, once haste has led nowhere, goes back to the last
+/// range that was answered, twice at most: a device may lose questions.
 ///
 /// Every device that is left must answer for itself (`lss::select_alone`), tells its node-ID (5Eh), gets one from the
 /// assigner when it has none, and `04 00`, and the observer is told, before the search goes on.
@@ -70,6 +72,7 @@ class Identify final : public Discovery {
 
  private:
   struct Run;
+  struct Descent;
   class Pace;
   /// How far one kind has been swept.
   struct Cursor {
@@ -97,6 +100,8 @@ class Identify final : public Discovery {
   [[nodiscard]] rt::Task<Result<bool>> close(Run& run, Cursor& cursor);
   [[nodiscard]] rt::Task<Result<void>> lowest_in(Run& run, Cursor& cursor, Box box);
   [[nodiscard]] rt::Task<Result<std::optional<Box>>> descend(Run& run, const Cursor& cursor, Box box);
+  [[nodiscard]] rt::Task<Result<bool>> step(Run& run, const Cursor& cursor, Descent& way, bool arrived);
+  [[nodiscard]] static std::vector<std::uint32_t> likely_revisions(const Run& run, const Cursor& cursor);
   [[nodiscard]] rt::Task<Result<std::optional<Box>>> surely(Run& run, const Cursor& cursor, Box box);
   [[nodiscard]] rt::Task<Result<Sweep>> device_in(Run& run, Cursor& cursor, Box box);
   [[nodiscard]] rt::Task<Result<Sweep>> proven(Run& run, Cursor& cursor, LssAddress device, bool guess);

@@ -161,6 +161,23 @@ TEST(Identify, SmallReceiveBuffersAreFoundByPauses) {
   }
 }
 
+// A device with a small receive buffer and late moments loses questions in the middle of the way down to it, which
+// takes more than sixty.
+TEST(Identify, LostQuestionsDoNotHideADevice) {
+  for (std::uint64_t seed = 1; seed <= 30; ++seed) {
+    World w(seed);
+    Node& n = w.add(lss_only(static_cast<std::uint32_t>(w.random.next()), static_cast<std::uint32_t>(w.random.next())));
+    Random random(seed);
+    unsigned heard = 0;
+    n.overhears = [&](const can::Frame& f) { return f.data[0] == 0x4B && heard++ > 0 && random.below(12) == 0; };
+    w.known.kinds = {{type, std::nullopt}};
+    w.options.retries = 2;
+    const auto report = w.find(Method::identify);
+    ASSERT_TRUE(report);
+    EXPECT_EQ(addresses(*report), addresses(w)) << "seed " << seed << ", " << report->requests << " requests";
+  }
+}
+
 // Six frames a question: one answer in twenty comes ten times later than the others. To wait for the latest at every
 // silence would take 40 ms for each of some seventy questions a device.
 TEST(Identify, LateAnswersAreNotWaitedForAtEverySilence) {
