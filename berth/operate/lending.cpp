@@ -122,6 +122,9 @@ rt::Task<void> Lending::take_back_all() {
   const std::vector<Loans::Loan> lent = loans_.all();
   for (const auto& loan : lent) {
     const Seat* const seat = slots_.of(loan.device);
+    // What it has pending is what it stored, and `11 FF` would have it stored again.
+    const bool waits = seat != nullptr && seat->state == places::SlotState::power_cycle && seat->waiting;
+    if (waits) continue;
     const bool seated = seat != nullptr && seat->there;
     const bool nothing_pending = seated && seat->id() == loan.id;
     if (nothing_pending) {

@@ -151,6 +151,28 @@ TEST(Doubles, ADeviceThatWaitsForItsPowerCycleIsNotToldAgainAndAgain) {
   rig.world().bus("backbone")->remove_tap(ear);
 }
 
+// It was lent the slot's own node-ID for the search: taking that back would have it stored once more at every look.
+TEST(Doubles, ABorrowerThatWaitsForItsPowerCycleIsNotToldAgain) {
+  auto p = one_bus_plant(1);
+  auto& a = add_device(p, "a", type_b, 7);
+  a.speaks = {Speaks::lss, Speaks::fastscan};
+  a.power_cycle_after_store = true;
+  Rig rig(slot_five(), p);
+  LssEar ear;
+  rig.world().bus("backbone")->add_tap(ear);
+  rig.begin();
+  ASSERT_TRUE(rig.run_until([&] { return rig.state(5) == SlotState::power_cycle; }, 60s)) << rig.log();
+  const unsigned before = ear.stores;
+  rig.run_for(30s);
+  EXPECT_EQ(ear.stores, before);
+  EXPECT_EQ(rig.state(5), SlotState::power_cycle);
+  rig.device("a").power(false);
+  rig.run_for(100ms);
+  rig.device("a").power(true);
+  ASSERT_TRUE(rig.until_operational(60s)) << rig.log();
+  rig.world().bus("backbone")->remove_tap(ear);
+}
+
 // Two devices and one slot: the question ends when both have left.
 TEST(Doubles, AQuestionEndsWithItsDevices) {
   design::Machine m = one_bus(125'000);
