@@ -17,15 +17,15 @@ Parts::Parts(rt::Executor& executor, can::Port& port, const design::Bus& line, s
       doubles(bus, slots, agenda, found, asking),
       places(bus, slots, agenda, found, asking, lending),
       configuring(bus, slots),
-      presence(bus, slots, agenda, found, asking, places, configuring),
+      presence(bus, slots, agenda, found, fading, asking, places, configuring),
       planning(bus, slots, agenda, found, loans),
       configured(bus, slots, agenda, found, loans, asking, doubles, presence, planning),
       search(bus, slots, agenda, found, lending),
       finder(bus, slots, agenda, found, places, configured, search),
-      seating(bus, slots, agenda, found, loans, asking, lending, places, presence, planning),
+      seating(bus, slots, agenda, found, loans, asking, lending, places, presence, planning, fading),
       recipes(bus, slots, found, asking),
-      spares(bus, slots, agenda, asking, configuring, presence, planning, seating),
-      starter(bus, slots, agenda, asking, configuring, spares),
+      spares(bus, slots, agenda, asking, configuring, presence, planning, seating, fading),
+      starter(bus, slots, agenda, asking, configuring, spares, presence),
       supervision(bus, slots, agenda, loans, presence, seating, spares) {
   configuring.set_asker(presence);
 }

@@ -18,6 +18,7 @@ struct Parts {
   Agenda agenda;
   Loans loans;
   FoundDevices found;
+  Fading fading;
   Asking asking;
   Lending lending;
   Doubles doubles;

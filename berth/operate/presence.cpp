@@ -63,6 +63,8 @@ rt::Task<void> Presence::ask_seat(Seat& seat) {
                                  id.value()));
     co_return;
   }
+  const bool shares = sign.state != NmtState::operational && waits_beside_another(seat);
+  if (shares) co_return;
   const bool own = co_await is_its_own(seat, sign.state);
   if (!own) co_return;
   const bool stays = co_await places_.stays_in_place(seat);
@@ -103,6 +105,31 @@ rt::Task<bool> Presence::is_its_own(Seat& seat, std::optional<NmtState> state) {
     slots_.set_state(seat, SlotState::absent, fmt::format("device {} answers under its node-ID", to_string(*who)));
   }
   co_return false;
+}
+
+const LssAddress* Presence::other_at(const Seat& seat) const noexcept {
+  for (const auto& each : slots_.seats()) {
+    const bool waits = each.get() != &seat && each->waiting && each->waiting->old_id() == seat.id();
+    if (waits) return &each->waiting->seat().device;
+  }
+  return fading_.user_of(seat.id());
+}
+
+bool Presence::waits_beside_another(Seat& seat) {
+  const LssAddress* const other = other_at(seat);
+  seat.beside_another = other != nullptr;
+  if (other != nullptr) slots_.set_state(seat, SlotState::power_cycle, Fading::reason(*other));
+  return seat.beside_another;
+}
+
+rt::Task<void> Presence::go_on_alone() {
+  for (const auto& seat : slots_.seats()) {
+    const bool alone = seat->beside_another && other_at(*seat) == nullptr;
+    if (!alone) continue;
+    seat->beside_another = false;
+    const bool asks = seat->state == SlotState::power_cycle && seat->slot.record.confirmed;
+    if (asks) co_await ask_seat(*seat);
+  }
 }
 
 rt::Task<void> Presence::look_by_lss(Seat& seat) {

@@ -3,18 +3,20 @@
 #pragma once
 
 #include "berth/operate/configuring.hpp"
+#include "berth/operate/fading.hpp"
 #include "berth/operate/place_probes.hpp"
 
 namespace berth::operate {
 
 class Presence final : public SeatAsker {
  public:
-  Presence(BusServices& services, SlotTable& slots, Agenda& agenda, FoundDevices& found, Asking& asking,
-           PlaceProbes& places, Configuring& configuring) noexcept
+  Presence(BusServices& services, SlotTable& slots, Agenda& agenda, FoundDevices& found, const Fading& fading,
+           Asking& asking, PlaceProbes& places, Configuring& configuring) noexcept
       : s_(services),
         slots_(slots),
         agenda_(agenda),
         found_(found),
+        fading_(fading),
         asking_(asking),
         places_(places),
         configuring_(configuring) {}
@@ -34,6 +36,11 @@ class Presence final : public SeatAsker {
   /// Nothing needs to be assigned: the device that LSS does not reach, or that does not take a node-ID, sits under the
   /// slot's already. False: it is not there any more.
   rt::Task<bool> take_where_it_is(Seat& seat, LssAddress device);
+  /// True: a device that stored another node-ID, or none, uses the slot's until its power cycle. The slot's state says
+  /// so.
+  bool waits_beside_another(Seat& seat);
+  /// The slots of which that is no longer so.
+  rt::Task<void> go_on_alone();
 
  private:
   struct Sign {
@@ -41,12 +48,14 @@ class Presence final : public SeatAsker {
     std::optional<NmtState> state;
   };
   rt::Task<Sign> sign_of_life(NodeId id);
+  [[nodiscard]] const LssAddress* other_at(const Seat& seat) const noexcept;
   rt::Task<bool> is_its_own(Seat& seat, std::optional<NmtState> state);
 
   BusServices& s_;
   SlotTable& slots_;
   Agenda& agenda_;
   FoundDevices& found_;
+  const Fading& fading_;
   Asking& asking_;
   PlaceProbes& places_;
   Configuring& configuring_;

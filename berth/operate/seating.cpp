@@ -113,6 +113,11 @@ rt::Task<bool> Seating::act(const Action& action) {
   const std::string reason = action.reason;
   if (action.kind == Action::Kind::blank) co_return co_await blank(device, reason);
   Seat& seat = *slots_.seats()[action.slot];
+  const LssAddress* const other = fading_.user_of(seat.id());
+  if (other != nullptr && *other != device) {
+    slots_.set_state(seat, SlotState::power_cycle, Fading::reason(*other));
+    co_return false;
+  }
   // One that is silent may have it pending, as Lely core's slaves do, and no question finds that out.
   const auto* const loan = loans_.to_another(seat.id(), device);
   if (loan != nullptr && !found_.uses(device, seat.id())) {
@@ -192,6 +197,7 @@ void Seating::left_node_id(NodeId id) {
 
 void Seating::bound(Seat& seat, const Binding& binding) {
   if (binding.old_id() != seat.id()) left_node_id(binding.old_id());
+  left_node_id(fading_.forget(binding.seat().device));
   if (seat.waiting && seat.waiting->old_id() != seat.id()) left_node_id(seat.waiting->old_id());
   lending_.end(binding.seat().device);
   loans_.bound(binding.seat().device);
@@ -271,9 +277,9 @@ rt::Task<bool> Seating::blank(LssAddress device, std::string reason) {
   co_await binder.run(binding, none, reason);
   const bool good = binding.step() == places::Step::done;
   const bool fades = binding.step() == places::Step::power_cycle;
-  fading_.erase(device);
+  const NodeId used = fading_.forget(device);
   if (fades) {
-    fading_[device] = {binding.old_id()};
+    fading_.note(device, binding.old_id());
     slots_.tell_once(
         "power cycle needed",
         fmt::format("{} has no node-ID in its memory any more, and uses {} until it is switched off and on",
@@ -282,6 +288,7 @@ rt::Task<bool> Seating::blank(LssAddress device, std::string reason) {
     // Whatever was heard under its old node-ID is history.
     s_.boots.forget(binding.old_id());
     left_node_id(binding.old_id());
+    left_node_id(used);
     lending_.end(device);
     const auto it = found_.of(device);
     if (it != nullptr) it->active = NodeId();
@@ -391,18 +398,14 @@ rt::Task<void> Seating::look_for_unfinished() {
   for (const auto& blank : slots_.unfinished_here()) {
     const LssAddress device = blank.device;
     const bool answers = co_await answers_by_lss(device);
-    if (answers && waits_to_be_blank(device)) avoid_.push_back(device);
+    if (!answers) {
+      left_node_id(fading_.forget(device));
+      continue;
+    }
+    const auto found = found_.of(device);
+    const bool rests = found != nullptr && fading_.rests(device, found->active);
+    if (rests) avoid_.push_back(device);
   }
-}
-
-// As a slot's device that waits for its power cycle: it is told again now and then only.
-bool Seating::waits_to_be_blank(const LssAddress& device) noexcept {
-  constexpr unsigned sometimes = 8;
-  const auto it = fading_.find(device);
-  if (it == fading_.end()) return false;
-  const auto found = found_.of(device);
-  const bool still = found != nullptr && found->active == it->second.uses;
-  return still && ++it->second.looked_at % sometimes != 0;
 }
 
 rt::Task<bool> Seating::answers_by_lss(LssAddress device) {

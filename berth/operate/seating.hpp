@@ -1,10 +1,10 @@
 /// Carries the plan out: takes node-IDs away and gives them, by LSS (paper 1 §III.c; S1.32 to S1.36).
 #pragma once
 
-#include <map>
 #include <string>
 #include <vector>
 
+#include "berth/operate/fading.hpp"
 #include "berth/operate/planning.hpp"
 #include "berth/operate/presence.hpp"
 
@@ -13,7 +13,7 @@ namespace berth::operate {
 class Seating {
  public:
   Seating(BusServices& services, SlotTable& slots, Agenda& agenda, FoundDevices& found, Loans& loans, Asking& asking,
-          Lending& lending, PlaceProbes& places, Presence& presence, Planning& planning) noexcept
+          Lending& lending, PlaceProbes& places, Presence& presence, Planning& planning, Fading& fading) noexcept
       : s_(services),
         slots_(slots),
         agenda_(agenda),
@@ -23,7 +23,8 @@ class Seating {
         lending_(lending),
         places_(places),
         presence_(presence),
-        planning_(planning) {}
+        planning_(planning),
+        fading_(fading) {}
 
   /// Plans, and does what the plan says, until nothing is left that can be done. The turn must be held.
   rt::Task<void> carry_out();
@@ -55,7 +56,6 @@ class Seating {
   rt::Task<void> look_for_unfinished();
   rt::Task<bool> answers_by_lss(LssAddress device);
   rt::Task<bool> waits_for_its_power_cycle(Seat& seat);
-  [[nodiscard]] bool waits_to_be_blank(const LssAddress& device) noexcept;
   void keep_for_its_device(Seat& seat);
 
   BusServices& s_;
@@ -68,13 +68,8 @@ class Seating {
   PlaceProbes& places_;
   Presence& presence_;
   Planning& planning_;
+  Fading& fading_;
   std::vector<LssAddress> avoid_;  // devices whose action failed in this round
-  // Its memory has no node-ID any more, and it uses the one that it had until it is switched off and on.
-  struct Fading {
-    NodeId uses;
-    unsigned looked_at = 0;
-  };
-  std::map<LssAddress, Fading> fading_;
 };
 
 }  // namespace berth::operate

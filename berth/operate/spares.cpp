@@ -40,6 +40,7 @@ rt::Task<bool> Spares::isolate_former(Seat& seat) {
   bool any = false;
   bool silent = false;
   for (const auto& device : formers) {
+    if (fading_.uses(device, seat.id())) continue;  // it has given it up already
     Result<NodeId> id = co_await asking_.active_id_once(device);
     const bool slowly = !id && seat.suspected > 0;
     if (slowly) id = co_await asking_.active_id(device);

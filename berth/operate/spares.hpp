@@ -11,7 +11,7 @@ namespace berth::operate {
 class Spares {
  public:
   Spares(BusServices& services, SlotTable& slots, Agenda& agenda, Asking& asking, Configuring& configuring,
-         Presence& presence, Planning& planning, Seating& seating) noexcept
+         Presence& presence, Planning& planning, Seating& seating, const Fading& fading) noexcept
       : s_(services),
         slots_(slots),
         agenda_(agenda),
@@ -19,7 +19,8 @@ class Spares {
         configuring_(configuring),
         presence_(presence),
         planning_(planning),
-        seating_(seating) {}
+        seating_(seating),
+        fading_(fading) {}
 
   /// Two devices under one node-ID cannot be told apart by SDO. By LSS they can: a device that sat here before is asked
   /// for by its address, and gives the node-ID up. That takes an NMT reset, which the slot's own device does too: it is
@@ -45,6 +46,7 @@ class Spares {
   Presence& presence_;
   Planning& planning_;
   Seating& seating_;
+  const Fading& fading_;
   std::vector<LssAddress> welcome_;
 };
 

@@ -19,6 +19,7 @@ bool Starter::is_due() const noexcept {
 
 rt::Task<bool> Starter::check_and_start() {
   agenda_.phase = Phase::start;
+  co_await presence_.go_on_alone();
   rt::Scope starts(s_.executor, asking_.most_at_once());
   for (auto& seat : slots_.seats()) {
     const bool ready = seat->there && !seat->started && seat->state == SlotState::present;
@@ -34,6 +35,8 @@ rt::Task<bool> Starter::check_and_start() {
 rt::Task<void> Starter::start_seat(Seat& seat) {
   const NodeId id = seat.id();
   if (configuring_.rebooted(seat)) co_return;  // which device booted is asked first
+  const bool shares = presence_.waits_beside_another(seat);
+  if (shares) co_return;
   const bool clear = co_await spares_.clear_past(seat);
   if (!clear) co_return;
   const bool configures = !seat.slot.spec.config.empty() && !s_.only_observes();

@@ -8,8 +8,14 @@ namespace berth::operate {
 class Starter {
  public:
   Starter(BusServices& services, SlotTable& slots, Agenda& agenda, Asking& asking, Configuring& configuring,
-          Spares& spares) noexcept
-      : s_(services), slots_(slots), agenda_(agenda), asking_(asking), configuring_(configuring), spares_(spares) {}
+          Spares& spares, Presence& presence) noexcept
+      : s_(services),
+        slots_(slots),
+        agenda_(agenda),
+        asking_(asking),
+        configuring_(configuring),
+        spares_(spares),
+        presence_(presence) {}
 
   /// A device is in its slot and was not started.
   [[nodiscard]] bool is_due() const noexcept;
@@ -30,6 +36,7 @@ class Starter {
   Asking& asking_;
   Configuring& configuring_;
   Spares& spares_;
+  Presence& presence_;
 };
 
 }  // namespace berth::operate

@@ -139,12 +139,12 @@ class EndJudge {
     const bool held = std::ranges::any_of(truth_, [&](const plant::Truth& o) {
       return is_present(o) && o.bus == t.bus && o.active == slot.spec.id && twins(o);
     });
-    if (held || (s.state == SlotState::failed && twin_of_any(t))) return;
+    if (held || (s.state == SlotState::failed && twin_has(t, slot.spec.id))) return;
     if (row.asked) return say(who + " is there, and what was asked of it is not confirmed");
     if (row.confirmed->id != slot.spec.id) return say(who + " is confirmed under another node-ID");
     if (t.active != slot.spec.id) return say(who + " uses node-ID " + std::to_string(t.active.value()));
     // The other of its address, which is away, stored it; this one has the node-ID by a loan of the slot's own.
-    if (t.persistent != slot.spec.id && !twin_of_any(t))
+    if (t.persistent != slot.spec.id && !twin_has(t, slot.spec.id))
       return say(who + " is confirmed and has stored " + std::to_string(t.persistent.value()));
     if (s.state != SlotState::operational)
       return say(who + " is there, and the slot is " + places::name(s.state) + ": " + s.reason);
@@ -191,7 +191,7 @@ class EndJudge {
 
   void check_device(const plant::Truth& t) {
     const places::SlotRecord* const row = record_of(t);
-    if (row != nullptr && row->confirmed && !row->asked && !is_present(t) && !twin_of_any(t) &&
+    if (row != nullptr && row->confirmed && !row->asked && !is_present(t) && !twin_has(t, row->confirmed->id) &&
         t.persistent != row->confirmed->id) {
       say("the store has " + t.name + " confirmed as node-ID " + std::to_string(row->confirmed->id.value()) +
           ", and its memory has " + std::to_string(t.persistent.value()));
@@ -209,13 +209,18 @@ class EndJudge {
     if (there == nullptr || there->device() != t.address)
       say(t.name + " holds the node-ID of slot " + slot->spec.name.name + " and does not sit there");
   }
-  [[nodiscard]] bool twin_of_any(const plant::Truth& t) const {
-    return std::ranges::count(truth_, t.address, &plant::Truth::address) > 1;
+  // The other device of this one's address has this in its memory: what was asked of the one was asked of both.
+  [[nodiscard]] bool twin_has(const plant::Truth& t, NodeId id) const {
+    return std::ranges::any_of(truth_, [&](const plant::Truth& o) {
+      return o.name != t.name && o.address == t.address && o.persistent == id;
+    });
   }
   // A node-ID that Berth wrote into a memory stays its device's in the store, there or away.
   void check_owned(const plant::Truth& t, const places::SlotRecord* row) {
     const NodeId id = watch_->owned(t.name);
-    if (!id.configured() || twin_of_any(t) || watch_->given_up(t, id)) return;
+    if (!id.configured() || watch_->given_up(t, id)) return;
+    if (row == nullptr ? twin_has(t, NodeId()) : twin_has(t, row->confirmed ? row->confirmed->id : row->asked->id))
+      return;
     if (machine_->slot(t.bus, id) == nullptr) return;
     const bool kept =
         row != nullptr && ((row->asked && row->asked->id == id) || (row->confirmed && row->confirmed->id == id));

@@ -51,6 +51,14 @@ struct LssEar final : can::Tap {
   unsigned stores = 0;
 };
 
+struct WriteEar final : can::Tap {
+  void frame(const can::Frame& f, rt::Time, int) noexcept override {
+    const bool write = !f.extended && f.id == 0x605 && (f.data[0] & 0xE0U) == 0x20;
+    writes += write ? 1U : 0U;
+  }
+  unsigned writes = 0;
+};
+
 }  // namespace
 
 // As they leave the factory: both with node-ID 32, which no slot has, no heartbeat, no answer to identify or Fastscan.
@@ -129,6 +137,50 @@ TEST(Doubles, ADeviceThatFadesIsNotBlankedAtEveryLook) {
   ASSERT_TRUE(rig.until_operational(120s)) << rig.log();
   EXPECT_EQ(rig.seats(), (Seats{{5, 1}}));
   rig.world().bus("backbone")->remove_tap(ear);
+}
+
+// Its answers to what is written to the slot's own device would be taken for that one's.
+TEST(Doubles, ASlotWaitsWhileADeviceThatFadesUsesItsNodeIdToo) {
+  auto p = one_bus_plant(1);
+  stored(p, "own", type_b, 1, 5);
+  stored(p, "stranger", type_c, 9, 5).power_cycle_after_store = true;
+  Rig rig(slot_five(), p);
+  rig.begin();
+  ASSERT_TRUE(rig.run_until([&] { return rig.state(5) == SlotState::power_cycle; }, 120s)) << rig.log();
+  WriteEar ear;
+  rig.world().bus("backbone")->add_tap(ear);
+  rig.run_for(20s);
+  EXPECT_EQ(rig.state(5), SlotState::power_cycle) << rig.log();
+  EXPECT_EQ(ear.writes, 0U);
+  EXPECT_EQ(rig.device("stranger").truth().active, NodeId(5));
+  rig.device("stranger").power(false);
+  rig.run_for(100ms);
+  rig.device("stranger").power(true);
+  EXPECT_TRUE(rig.until_operational(120s)) << rig.log();
+  EXPECT_EQ(rig.seats(), (Seats{{5, 1}}));
+  EXPECT_GT(ear.writes, 0U);
+  rig.world().bus("backbone")->remove_tap(ear);
+}
+
+// It sits there already, and boots while the other, which was plugged in, fades.
+TEST(Doubles, ABoundSlotWaitsWhileADeviceThatFadesUsesItsNodeIdToo) {
+  auto p = one_bus_plant(1);
+  stored(p, "own", type_b, 1, 5);
+  stored(p, "stranger", type_c, 9, 5).power_cycle_after_store = true;
+  Rig rig(slot_five(), p);
+  rig.device("stranger").power(false);
+  rig.begin();
+  ASSERT_TRUE(rig.until_operational(60s)) << rig.log();
+  rig.device("stranger").power(true);
+  const auto fades = [&] { return rig.log().find("until it is switched off and on") != std::string::npos; };
+  ASSERT_TRUE(rig.run_until(fades, 120s)) << rig.log();
+  rig.device("own").power(false);
+  rig.run_for(100ms);
+  rig.device("own").power(true);
+  ASSERT_TRUE(rig.run_until([&] { return rig.state(5) == SlotState::power_cycle; }, 60s)) << rig.log();
+  rig.device("stranger").power(false);  // for good
+  EXPECT_TRUE(rig.until_operational(60s)) << rig.log();
+  EXPECT_EQ(rig.seats(), (Seats{{5, 1}}));
 }
 
 // What was stored once is not stored again at every look: memory wears out.

@@ -1,0 +1,39 @@
+#include "berth/operate/fading.hpp"
+
+#include <fmt/format.h>
+
+namespace berth::operate {
+
+NodeId Fading::forget(const LssAddress& device) {
+  const auto it = devices_.find(device);
+  if (it == devices_.end()) return {};
+  const NodeId used = it->second.uses;
+  devices_.erase(it);
+  return used;
+}
+
+bool Fading::rests(const LssAddress& device, NodeId active) noexcept {
+  constexpr unsigned sometimes = 8;
+  const auto it = devices_.find(device);
+  const bool still = it != devices_.end() && it->second.uses == active;
+  return still && ++it->second.looked_at % sometimes != 0;
+}
+
+bool Fading::uses(const LssAddress& device, NodeId id) const noexcept {
+  const auto it = devices_.find(device);
+  return it != devices_.end() && it->second.uses == id;
+}
+
+const LssAddress* Fading::user_of(NodeId id) const noexcept {
+  for (const auto& [device, each] : devices_) {
+    if (each.uses == id) return &device;
+  }
+  return nullptr;
+}
+
+std::string Fading::reason(const LssAddress& device) {
+  return fmt::format("{} uses its node-ID, too, until it is switched off and on: switch that one off and on",
+                     to_string(device));
+}
+
+}  // namespace berth::operate

@@ -1,0 +1,34 @@
+/// Devices whose memory has no node-ID any more and that use the one that they had until they are switched off and on.
+/// A slot of that node-ID waits with them: what two devices answer at once is nobody's answer.
+#pragma once
+
+#include <map>
+#include <string>
+
+#include "berth/base/ids.hpp"
+
+namespace berth::operate {
+
+class Fading {
+ public:
+  /// The device confirmed that its memory has no node-ID; it uses this one.
+  void note(const LssAddress& device, NodeId uses) { devices_[device] = {uses}; }
+  /// It was switched off and on, or left. What it used; unconfigured: it was not noted.
+  NodeId forget(const LssAddress& device);
+  /// It is told to give its node-ID up again now and then only, for its memory's sake. `active`: what it uses now.
+  [[nodiscard]] bool rests(const LssAddress& device, NodeId active) noexcept;
+  [[nodiscard]] bool uses(const LssAddress& device, NodeId id) const noexcept;
+  /// Null: none of them uses this node-ID.
+  [[nodiscard]] const LssAddress* user_of(NodeId id) const noexcept;
+  /// Why a slot waits for this device: for people.
+  [[nodiscard]] static std::string reason(const LssAddress& device);
+
+ private:
+  struct Device {
+    NodeId uses;
+    unsigned looked_at = 0;
+  };
+  std::map<LssAddress, Device> devices_;
+};
+
+}  // namespace berth::operate
