@@ -170,15 +170,29 @@ rt::Task<void> ConfiguredFinder::knock(NodeId id) {
   if (type || type.error().code == Errc::aborted) look_again_at_[id.value()] = true;
 }
 
+// When another comes under the node-ID between the questions, the parts may be those of two devices; when it stays, its
+// answers come a little behind.
+rt::Task<Result<LssAddress>> ConfiguredFinder::identity_of_one(NodeId id, std::uint64_t boot_ups) {
+  constexpr int most_readings = 3;
+  Result<LssAddress> who;
+  bool came = false;
+  for (int reading = 0; reading < most_readings; ++reading) {
+    who = co_await places::Binder::read_identity(s_.sdo, id);
+    const bool alone = s_.boots.boot_ups(id) == boot_ups;
+    boot_ups = s_.boots.boot_ups(id);
+    came = came || !alone;
+    if (came) co_await rt::sleep_for(second_answer);
+    if (alone) break;
+  }
+  co_return who;
+}
+
 rt::Task<void> ConfiguredFinder::identity_at(NodeId id, std::vector<places::Found>& into) {
   const auto surplus = s_.sdo.surplus(id);
   const auto boot_ups = s_.boots.boot_ups(id);
   const bool answers = co_await asking_.answers_at(id);
   if (!answers) co_return;
-  auto who = co_await places::Binder::read_identity(s_.sdo, id);
-  // Another came under it between the questions: the parts may be those of two devices.
-  const bool came = s_.boots.boot_ups(id) != boot_ups;
-  if (came) who = co_await places::Binder::read_identity(s_.sdo, id);
+  const auto who = co_await identity_of_one(id, boot_ups);
   if (s_.sdo.surplus(id) != surplus || !who) {
     doubled_.push_back(id);
     slots_.tell_once("duplicate",

@@ -40,6 +40,7 @@ class ConfiguredFinder {
   [[nodiscard]] bool everywhere_due();
   rt::Task<void> ask_everywhere();
   rt::Task<void> knock(NodeId id);
+  rt::Task<Result<LssAddress>> identity_of_one(NodeId id, std::uint64_t boot_ups);
   rt::Task<void> identity_at(NodeId id, std::vector<places::Found>& into);
   rt::Task<std::vector<places::Found>> identities(std::vector<NodeId> ids);
   rt::Task<bool> tell_doubled_apart();

@@ -4,6 +4,7 @@
 
 #include <algorithm>
 
+#include "berth/operate/doubles.hpp"
 #include "berth/rt/scope.hpp"
 
 #include "berth/co/guarding.hpp"
@@ -37,6 +38,11 @@ rt::Task<void> Starter::start_seat(Seat& seat) {
   if (configuring_.rebooted(seat)) co_return;  // which device booted is asked first
   const bool shares = presence_.waits_beside_another(seat);
   if (shares) co_return;
+  // A second answer was heard under it: before anything is written and saved there, they are told apart once.
+  if (seat.shared >= Doubles::most_tries && !s_.only_observes()) {
+    agenda_.look_anew = true;
+    co_return;
+  }
   const bool clear = co_await spares_.clear_past(seat);
   if (!clear) co_return;
   const bool configures = !seat.slot.spec.config.empty() && !s_.only_observes();

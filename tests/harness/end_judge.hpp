@@ -231,15 +231,21 @@ class EndJudge {
 
   // ---- what is free: is everybody seated who can be? ----
 
-  // The published procedures wait 10 ms for an answer, frames included: who is slower may be missed for ever, and who
-  // has a twin in front of it, which gets no node-ID and answers on, is not reached. Auto and the planners have neither
-  // limit.
+  // The published procedures wait 10 ms for an answer, frames included: a device that is slower may be missed for ever,
+  // and one that has such a device, or twins, in front of it is not reached. Auto and the planners have neither limit.
   [[nodiscard]] static bool published(const std::string& method) {
     return method.starts_with("fastscan") || method == "and";
   }
   [[nodiscard]] bool too_slow(const plant::PlantDevice& plan) const {
     const auto window = std::chrono::milliseconds(4);
     return plan.response.max > window || (plan.response.outlier_ppm > 0 && plan.response.outlier > window);
+  }
+
+  // One that answers behind the window at some of the questions is not identified, and ends the search each time.
+  [[nodiscard]] bool slow_in_front(const std::string& bus) const {
+    return std::ranges::any_of(truth_, [&](const plant::Truth& t) {
+      return is_present(t) && t.bus == bus && !t.active.configured() && too_slow(rig_->device(t.name).plan());
+    });
   }
 
   [[nodiscard]] bool can_be_found(const plant::Truth& t, const std::string& method) const {
@@ -270,7 +276,7 @@ class EndJudge {
     }
     const bool doubled =
         std::ranges::any_of(truth_, [&](const auto& t) { return is_present(t) && t.bus == bus.name && twins(t); });
-    if (doubled && published(bus.discovery)) return;
+    if (published(bus.discovery) && (doubled || slow_in_front(bus.name))) return;
     std::vector<const design::Slot*> slots;
     std::vector<const operate::SlotReport*> reports;
     const auto report = network.report();

@@ -352,6 +352,37 @@ TEST(Promise, NoDeviceIsPutTogetherOfTwo) {
   EXPECT_EQ(rig.seats(), (Seats{{2, 0x22}}));
 }
 
+// The same when both stay, and the other one answers the last question only, and first (seed 132376).
+TEST(Promise, NoDeviceIsPutTogetherOfTwoWhenTheLastAnswerIsTheOthers) {
+  design::Machine m = one_bus(125'000);
+  add_slot(m, 2, type_b);
+  auto p = one_bus_plant(1);
+  const auto with_two = [&](const char* name, std::uint32_t revision, std::uint32_t serial) -> plant::PlantDevice& {
+    auto& d = add_device(p, name, type_b, serial);
+    d.address.revision = revision;
+    d.source = plant::NodeIdSource::nonvolatile;
+    d.node_id = NodeId(2);
+    d.boot = 1ms;
+    return d;
+  };
+  with_two("x", 1, 0x11).response = {6ms, 6ms, 0, 0ms};
+  with_two("y", 2, 0x22).plugged = false;
+  Rig rig(m, p);
+  unsigned thirds = 0;
+  const At third(rig, 0x602, {0x40, 0x18, 0x10, 0x03}, [&] {
+    if (++thirds == 1) rig.device("y").plug();
+  });
+  unsigned firsts = 0;
+  const At first(rig, 0x602, {0x40, 0x18, 0x10, 0x01}, [&] {
+    // Until behind the third question, each of which takes x 6 ms to answer.
+    if (++firsts == 2) rig.device("y").deaf(17ms);
+  });
+  rig.begin();
+  rig.run_for(20s);
+  const LssAddress none{type_b.vendor, type_b.product, 1, 0x22};
+  EXPECT_EQ(rig.log().find(to_string(none)), std::string::npos) << rig.log();
+}
+
 // The store is the last judge: an intention is never replaced by another device's.
 TEST(Promise, TheStoreRefusesASecondIntentionForOneSlot) {
   places::MemoryStore store;
