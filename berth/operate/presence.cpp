@@ -115,21 +115,13 @@ const LssAddress* Presence::other_at(const Seat& seat) const noexcept {
   return fading_.user_of(seat.id());
 }
 
+// It is asked for again, as each slot's device that is not there.
 bool Presence::waits_beside_another(Seat& seat) {
   const LssAddress* const other = other_at(seat);
-  seat.beside_another = other != nullptr;
-  if (other != nullptr) slots_.set_state(seat, SlotState::power_cycle, Fading::reason(*other));
-  return seat.beside_another;
-}
-
-rt::Task<void> Presence::go_on_alone() {
-  for (const auto& seat : slots_.seats()) {
-    const bool alone = seat->beside_another && other_at(*seat) == nullptr;
-    if (!alone) continue;
-    seat->beside_another = false;
-    const bool asks = seat->state == SlotState::power_cycle && seat->slot.record.confirmed;
-    if (asks) co_await ask_seat(*seat);
-  }
+  if (other == nullptr) return false;
+  seat.there = false;
+  slots_.set_state(seat, SlotState::power_cycle, Fading::reason(*other));
+  return true;
 }
 
 rt::Task<void> Presence::look_by_lss(Seat& seat) {

@@ -39,8 +39,6 @@ class Presence final : public SeatAsker {
   /// True: a device that stored another node-ID, or none, uses the slot's until its power cycle. The slot's state says
   /// so.
   bool waits_beside_another(Seat& seat);
-  /// The slots of which that is no longer so.
-  rt::Task<void> go_on_alone();
 
  private:
   struct Sign {

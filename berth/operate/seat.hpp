@@ -30,10 +30,10 @@ struct Seat {
   bool held = false;       ///< a person took it out of operational: it is not started again
   bool ask_again = false;  ///< silent, and due to be asked once more
   bool misplaced = false;  ///< its probe tells another place, which no slot has
-  bool beside_another = false;  ///< it waits for a device that uses its node-ID until it is switched off and on
-  bool guarded = false;         ///< the device has no 1017h: it is asked by guarding
-  rt::Time checked{};           ///< when it was identified last
-  rt::Time hurried{};           ///< when a boot-up under its node-ID last hastened the look at the bus
+  bool guarded = false;    ///< the device has no 1017h: it is asked by guarding
+  rt::Time checked{};      ///< when it was identified last
+  rt::Time heard_again{};  ///< when it was told last that it is
+  rt::Time hurried{};      ///< when a boot-up under its node-ID last hastened the look at the bus
   std::optional<places::Binding> waiting;  ///< bound but for a power cycle
   unsigned looked_at = 0;                  ///< rounds in which it was
   std::uint64_t beats = 0;                 ///< heartbeats heard when their rate was looked at last

@@ -77,13 +77,15 @@ rt::Task<void> Seating::carry_out_actions(bool& inquired_all) {
 // All node-IDs that are about to be given, asked side by side: one time-out for all of them.
 rt::Task<void> Seating::verify_vacancy() {
   rt::Scope asked(s_.executor, asking_.most_at_once());
-  if (!agenda_.speaks) asked.spawn(asking_.vacancy(s_.bus.master));
+  const auto is_known = [this](NodeId id) {
+    const auto& vacant = s_.vacancy[id.value()];
+    return vacant && s_.boots.silent_since(id, *vacant);
+  };
+  if (!agenda_.speaks && !is_known(s_.bus.master)) asked.spawn(asking_.vacancy(s_.bus.master));
   for (const auto& action : planning_.plan().actions) {
     if (action.kind != Action::Kind::bind) continue;
     const NodeId id = slots_.seats()[action.slot]->id();
-    const auto& vacant = s_.vacancy[id.value()];
-    const bool known = vacant && s_.boots.silent_since(id, *vacant);
-    if (!known) asked.spawn(asking_.vacancy(id));
+    if (!is_known(id)) asked.spawn(asking_.vacancy(id));
   }
   co_await asked.join();
 }

@@ -20,7 +20,6 @@ bool Starter::is_due() const noexcept {
 
 rt::Task<bool> Starter::check_and_start() {
   agenda_.phase = Phase::start;
-  co_await presence_.go_on_alone();
   rt::Scope starts(s_.executor, asking_.most_at_once());
   for (auto& seat : slots_.seats()) {
     const bool ready = seat->there && !seat->started && seat->state == SlotState::present;

@@ -194,7 +194,8 @@ void Supervision::hurry(Seat& seat) {
 
 // A device booted, or spoke again, under the slot's node-ID: is it the slot's device?
 rt::Task<void> Supervision::came_back(Seat& seat, rt::Time booted) {
-  slots_.tell("step", seat.name(), fmt::format("node-ID {} is heard again", seat.id().value()));
+  const bool told = std::exchange(seat.heard_again, s_.executor.now()) == s_.executor.now();
+  if (!told) slots_.tell("step", seat.name(), fmt::format("node-ID {} is heard again", seat.id().value()));
   seat.there = seat.started = seat.held = seat.stuck = false;
   if (seat.waiting) {
     co_await seating_.go_on_after_power_cycle(seat);

@@ -171,7 +171,7 @@ TEST(Doubles, ASlotWaitsWhileADeviceThatFadesUsesItsNodeIdToo) {
 TEST(Doubles, NothingIsSavedUnderANodeIdThatAnsweredTwice) {
   auto p = one_bus_plant(1);
   stored(p, "own", type_b, 1, 5);
-  stored(p, "stranger", type_c, 9, 5).response = {40ms, 40ms, 0, 0ms};
+  stored(p, "stranger", type_c, 9, 5).response = {70ms, 70ms, 0, 0ms};
   Rig rig(slot_five(), p);
   WriteEar ear;
   rig.world().bus("backbone")->add_tap(ear);
@@ -203,6 +203,12 @@ TEST(Doubles, ABoundSlotWaitsWhileADeviceThatFadesUsesItsNodeIdToo) {
   rig.run_for(100ms);
   rig.device("own").power(true);
   ASSERT_TRUE(rig.run_until([&] { return rig.state(5) == SlotState::power_cycle; }, 60s)) << rig.log();
+  WriteEar ear;
+  rig.world().bus("backbone")->add_tap(ear);
+  rig.run_for(10s);
+  EXPECT_EQ(rig.state(5), SlotState::power_cycle) << rig.log();
+  EXPECT_EQ(ear.writes, 0U) << rig.log();
+  rig.world().bus("backbone")->remove_tap(ear);
   rig.device("stranger").power(false);  // for good
   EXPECT_TRUE(rig.until_operational(60s)) << rig.log();
   EXPECT_EQ(rig.seats(), (Seats{{5, 1}}));
