@@ -249,6 +249,7 @@ class Runner {
     EXPECT_TRUE(over) << "the task waits for ever";
   }
   [[nodiscard]] rt::Time now() const { return executor_.now(); }
+  [[nodiscard]] rt::Executor& executor() { return executor_; }
 
  private:
   static rt::Task<void> watch(rt::Task<void> task, bool& over) {

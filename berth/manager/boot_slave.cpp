@@ -1,0 +1,194 @@
+#include "berth/manager/boot_slave.hpp"
+
+#include <fmt/format.h>
+
+namespace berth::manager {
+namespace {
+
+constexpr std::uint16_t device_type_object = 0x1000;
+constexpr std::uint16_t identity_object = 0x1018;
+constexpr std::uint16_t date_object = 0x1020;
+constexpr std::uint16_t software_object = 0x1F56;
+
+bool of_the_bus(const Error& error) noexcept { return error.code == Errc::bus || error.code == Errc::cancelled; }
+
+bool fits(std::uint32_t is, const SlaveRules& rules) noexcept {
+  if (rules.revision_check == RevisionCheck::equal) return is == rules.revision;
+  return is >> 16U == rules.revision >> 16U && (is & 0xFFFFU) >= (rules.revision & 0xFFFFU);
+}
+
+}  // namespace
+
+rt::Task<Result<void>> BootSource::configure(BootTarget&, const SlaveRules&) { co_return Result<void>{}; }
+
+rt::Task<Result<void>> BootSource::update(BootTarget&, const SlaveRules&) {
+  co_return fail(Errc::unsupported, "there is no program for it (1F58h)");
+}
+
+std::string BootResult::text() const {
+  const std::string what(manager::text(status));
+  const std::string begin = status == BootStatus::booted ? what : fmt::format("{}: {}", letter(status), what);
+  return detail.empty() ? begin : fmt::format("{}: {}", begin, detail);
+}
+
+rt::Task<BootResult> BootSlave::run() {
+  const BootStatus status = co_await steps();
+  result_.status = status;
+  co_return result_;
+}
+
+rt::Task<BootStatus> BootSlave::steps() {
+  if (!rules_.assigned) co_return BootStatus::a;
+  BootStatus good = BootStatus::booted;
+  for (bool again = rules_.boots; again;) {
+    again = false;
+    const Verdict stranger = co_await check_identity();
+    if (stranger) co_return *stranger;
+    const Verdict state = co_await check_state();
+    if (state == BootStatus::l) good = BootStatus::l;
+    if (state == BootStatus::l) break;
+    if (state) co_return *state;
+    const Verdict software = co_await check_software(again);
+    if (software) co_return *software;
+    if (again) continue;
+    const Verdict configured = co_await configure();
+    if (configured) co_return *configured;
+  }
+  const Verdict lost = co_await start_error_control();
+  co_return lost.value_or(good);
+}
+
+void BootSlave::differs(std::uint32_t is, std::uint32_t expected) {
+  result_.detail = fmt::format("{:08X}h instead of {:08X}h", is, expected);
+}
+
+// ---- steps 2 and 3 --------------------------------------------------------------------------------------------------
+
+rt::Task<BootSlave::Verdict> BootSlave::check_identity() {
+  const auto type = co_await device_type();
+  // A slave that answers, and has no device type to tell, is there; it is of no type that can be expected.
+  const bool refused = !type && type.error().code == Errc::aborted;
+  if (!type && !refused) {
+    result_.detail = describe(type.error());
+    co_return BootStatus::b;
+  }
+  const bool other = rules_.device_type != 0 && (refused || *type != rules_.device_type);
+  if (other && refused) result_.detail = describe(type.error());
+  if (other && !refused) differs(*type, rules_.device_type);
+  if (other) co_return BootStatus::c;
+  const Expected all[] = {{1, rules_.vendor, BootStatus::d},
+                          {2, rules_.product, BootStatus::m},
+                          {3, rules_.revision, BootStatus::n},
+                          {4, rules_.serial, BootStatus::o}};
+  for (const Expected& expected : all) {
+    const Expected each = expected;
+    if (each.value == 0) continue;
+    const bool right = co_await is_as(each);
+    if (!right) co_return each.status;
+  }
+  co_return Verdict{};
+}
+
+rt::Task<Result<std::uint32_t>> BootSlave::device_type() {
+  for (;;) {
+    auto type = co_await target_->objects().read_u32(device_type_object, 0);
+    const bool silent = !type && type.error().code != Errc::aborted;
+    if (!silent || of_the_bus(type.error())) co_return type;
+    if (executor_->now() + options_.pause > options_.give_up) co_return type;
+    co_await rt::sleep_for(options_.pause);
+  }
+}
+
+rt::Task<bool> BootSlave::is_as(Expected expected) {
+  const auto is = co_await target_->objects().read_u32(identity_object, expected.sub);
+  if (!is) {
+    result_.detail = describe(is.error());
+    co_return false;
+  }
+  const bool right = expected.sub == 3 ? fits(*is, rules_) : *is == expected.value;
+  if (!right) differs(*is, expected.value);
+  co_return right;
+}
+
+// ---- step 4 ---------------------------------------------------------------------------------------------------------
+
+rt::Task<BootSlave::Verdict> BootSlave::check_state() {
+  if (!rules_.keep_alive) co_return Verdict{};
+  std::optional<NmtState> state;
+  const bool by_heartbeat = rules_.heartbeat.count() > 0;
+  if (by_heartbeat) {
+    state = co_await target_->heartbeat(rules_.heartbeat);
+  } else {
+    state = co_await target_->guard();
+  }
+  if (!state) co_return by_heartbeat ? BootStatus::e : BootStatus::f;
+  if (*state == NmtState::operational) co_return BootStatus::l;
+  const auto sent = co_await target_->command(co::NmtCommand::reset_communication);
+  if (!sent) {
+    result_.detail = describe(sent.error());
+    co_return BootStatus::b;
+  }
+  const bool booted = co_await target_->boots(*sent, *sent + options_.boot_timeout);
+  if (!booted) result_.detail = "no boot-up message after it was told to reset its communication";
+  co_return booted ? Verdict{} : Verdict{BootStatus::b};
+}
+
+// ---- steps 5 and 6 --------------------------------------------------------------------------------------------------
+
+rt::Task<BootSlave::Verdict> BootSlave::check_software(bool& begin_again) {
+  if (!rules_.checks_software) co_return Verdict{};
+  if (rules_.expected_software == 0) co_return BootStatus::g;
+  const auto is = co_await target_->objects().read_u32(software_object, 1);
+  if (!is) {
+    result_.detail = describe(is.error());
+    co_return BootStatus::g;
+  }
+  if (*is == rules_.expected_software) {
+    result_.detail.clear();
+    co_return Verdict{};
+  }
+  differs(*is, rules_.expected_software);
+  if (!rules_.may_update || rules_.keep_alive) co_return BootStatus::h;
+  if (result_.updated) co_return BootStatus::i;  // it took the program, and has other software all the same
+  const auto updated = co_await source_->update(*target_, rules_);
+  if (!updated) {
+    result_.detail = describe(updated.error());
+    co_return BootStatus::i;
+  }
+  result_.updated = begin_again = true;
+  co_return Verdict{};
+}
+
+// ---- steps 7 and 8 --------------------------------------------------------------------------------------------------
+
+rt::Task<bool> BootSlave::has_expected_date() {
+  if (rules_.expected_date == 0 || rules_.expected_time == 0) co_return false;
+  const auto date = co_await target_->objects().read_u32(date_object, 1);
+  if (!date || *date != rules_.expected_date) co_return false;
+  const auto time = co_await target_->objects().read_u32(date_object, 2);
+  co_return time&&* time == rules_.expected_time;
+}
+
+rt::Task<BootSlave::Verdict> BootSlave::configure() {
+  const bool done = co_await has_expected_date();
+  if (done) co_return Verdict{};
+  const auto configured = co_await source_->configure(*target_, rules_);
+  if (!configured) result_.detail = describe(configured.error());
+  if (!configured) co_return BootStatus::j;
+  result_.configured = true;
+  co_return Verdict{};
+}
+
+// ---- step 9 ---------------------------------------------------------------------------------------------------------
+
+rt::Task<BootSlave::Verdict> BootSlave::start_error_control() {
+  const bool by_heartbeat = rules_.heartbeat.count() > 0;
+  if (by_heartbeat) {
+    const auto state = co_await target_->heartbeat(rules_.heartbeat);
+    if (!state) co_return BootStatus::k;
+  }
+  target_->supervise(rules_);
+  co_return Verdict{};
+}
+
+}  // namespace berth::manager
