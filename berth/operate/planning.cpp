@@ -136,9 +136,10 @@ void Planning::ask_about_used() {
   }
 }
 
-// A device that waits may not wait under a node-ID that a slot or the master needs.
+// A device that waits may not wait under a node-ID that a slot or the master needs. What it was lent is taken back when
+// the search is over, without a word to its memory.
 void Planning::keep_off(const places::Found& f) {
-  const bool taken = f.active.configured() && (f.active == s_.bus.master || slots_.at(f.active) != nullptr);
+  const bool taken = !f.lent && f.active.configured() && (f.active == s_.bus.master || slots_.at(f.active) != nullptr);
   const bool planned = std::ranges::any_of(plan_.actions, [&](const Action& a) { return a.device == f.device; });
   if (!taken || planned) return;
   plan_.actions.insert(
@@ -288,7 +289,8 @@ void Planning::report() {
   std::vector<const Seat*> asked;
   for (const auto& question : plan_.questions) {
     for (const auto i : question.slots) {
-      slots_.set_state(*slots_.seats()[i], SlotState::question, question.brief.empty() ? question.text : question.brief);
+      slots_.set_state(*slots_.seats()[i], SlotState::question,
+                       question.brief.empty() ? question.text : question.brief);
       asked.push_back(slots_.seats()[i].get());
     }
   }

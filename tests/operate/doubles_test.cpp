@@ -48,8 +48,10 @@ struct LssEar final : can::Tap {
   void frame(const can::Frame& f, rt::Time, int) noexcept override {
     if (f.extended || f.id != 0x7E5) return;
     stores += f.data[0] == 0x17 ? 1U : 0U;
+    given += f.data[0] == 0x11 && f.data[1] != 0xFF ? 1U : 0U;
   }
   unsigned stores = 0;
+  unsigned given = 0;
 };
 
 struct WriteEar final : can::Tap {
@@ -231,6 +233,34 @@ TEST(Doubles, ADeviceThatWaitsForItsPowerCycleIsNotToldAgainAndAgain) {
   rig.run_for(100ms);
   rig.device("a").power(true);
   EXPECT_TRUE(rig.until_operational(60s)) << rig.log();
+  rig.world().bus("backbone")->remove_tap(ear);
+}
+
+// A person is asked whether it may be used again. Each search lends it a slot's node-ID meanwhile and takes that back;
+// its memory has none, and is not written again (seed 142477).
+TEST(Doubles, ADeviceThatWaitsForAPersonIsNotToldToStoreAtEverySearch) {
+  design::Machine m = one_bus(125'000);
+  add_slot(m, 4, type_b);
+  add_slot(m, 5, type_b);
+  add_slot(m, 9, type_c);
+  auto p = one_bus_plant(1);
+  add_device(p, "a", type_b, 1).speaks = {Speaks::lss};
+  add_device(p, "other", type_c, 2);
+  Rig rig(m, p);
+  rig.begin();
+  rig.run_for(5s);
+  ASSERT_TRUE(rig.network().replace("s4", LssAddress{type_b.vendor, type_b.product, 0, 1})) << rig.log();
+  ASSERT_TRUE(rig.run_until([&] { return rig.state(4) == SlotState::operational; }, 60s)) << rig.log();
+  rig.device("a").power(false);
+  ASSERT_TRUE(rig.run_until([&] { return rig.state(4) == SlotState::absent; }, 60s)) << rig.log();
+  ASSERT_TRUE(rig.network().replace("s4", std::nullopt));
+  rig.device("a").power(true);
+  ASSERT_TRUE(rig.run_until([&] { return rig.state(4) == SlotState::question; }, 60s)) << rig.log();
+  LssEar ear;
+  rig.world().bus("backbone")->add_tap(ear);
+  rig.run_for(120s);
+  EXPECT_EQ(ear.stores, 0U) << rig.log();
+  EXPECT_GT(ear.given, 0U) << "it was lent none: this shows nothing";
   rig.world().bus("backbone")->remove_tap(ear);
 }
 
