@@ -128,19 +128,23 @@ class Consultation {
 
   // ---- a bus on which nothing is said ----
 
-  // The cause of all that would be missed is told once. What was asked tells more.
+  // The cause of all that would be missed is told once.
   bool silent_bus() {
-    if (heard_.frames > 0 || heard_.errors > 0 || answers_.asked) return false;
+    const bool answered = answers_.blank || !answers_.present.empty() || !answers_.serials.empty();
+    if (heard_.frames > 0 || heard_.errors > 0 || answered) return false;
     auto& d = add(Kind::silent_bus, Certainty::certain);
     d.what = "nothing was heard on this bus";
     d.evidence.push_back(fmt::format("not one frame in {:.1f} s", ms(heard_.to - heard_.from) / 1000));
+    if (answers_.asked) d.evidence.emplace_back("no device answered the questions");
     std::size_t wanted = 0;
     for (const auto& slot : expected_.slots) wanted += slot.optional ? 0U : 1U;
     if (wanted > 0) d.evidence.push_back(fmt::format("{} slots have devices that should send heartbeats", wanted));
     d.advice =
         "is the bit rate right (`berth scan --bitrate auto`), is the cable plugged in, have devices power, is the bus "
-        "terminated? Devices without a node-ID are silent, too: `berth doctor --active` asks for "
-        "them";
+        "terminated?";
+    if (!answers_.asked) {
+      d.advice += " Devices without a node-ID are silent, too: `berth doctor --active` asks for them";
+    }
     return true;
   }
 
