@@ -136,9 +136,6 @@ class Consultation {
     d.what = "nothing was heard on this bus";
     d.evidence.push_back(fmt::format("not one frame in {:.1f} s", ms(heard_.to - heard_.from) / 1000));
     if (answers_.asked) d.evidence.emplace_back("no device answered the questions");
-    std::size_t wanted = 0;
-    for (const auto& slot : expected_.slots) wanted += slot.optional ? 0U : 1U;
-    if (wanted > 0) d.evidence.push_back(fmt::format("{} slots have devices that should send heartbeats", wanted));
     d.advice =
         "is the bit rate right (`berth scan --bitrate auto`), is the cable plugged in, have devices power, is the bus "
         "terminated?";
