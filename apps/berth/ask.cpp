@@ -9,6 +9,7 @@
 #include <iostream>
 #include <optional>
 
+#include "berth/base/words.hpp"
 #include "berth/command/verbs.hpp"
 #include "berth/text/printable.hpp"
 #include "berth/text/quantity.hpp"
@@ -46,7 +47,7 @@ std::vector<std::string> lines_of(const Event& question) {
   for (std::size_t i = 0; i < question.devices.size(); ++i) {
     lines.push_back(fmt::format("  {}  {}", i + 1, question.devices[i]));
   }
-  lines.push_back(fmt::format("type a slot ({}) and the number of its device", operate::name_some(question.slots)));
+  lines.push_back(fmt::format("type a slot ({}) and the number of its device", some_of(question.slots, 4)));
   return lines;
 }
 

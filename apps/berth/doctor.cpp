@@ -1,5 +1,6 @@
 // `berth doctor`: listens on a machine's buses, asks when it may, and says what is wrong. It joins each bus as a node
-// of its own, in this world or in a plant's in another process, and knows nothing but what its port tells.
+// of its own, in this world or in a plant's in another process, and knows nothing but what its port tells. A simulated
+// machine that another process runs it follows through that one's control socket.
 #include <fmt/format.h>
 
 #include <algorithm>
@@ -9,7 +10,9 @@
 #include "berth/doctor/diagnose.hpp"
 #include "berth/doctor/questions.hpp"
 #include "berth/eds/xdd.hpp"
+#include "berth/io/loop_driver.hpp"
 #include "berth/rt/scope.hpp"
+#include "followed.hpp"
 #include "interrupt.hpp"
 #include "machine_file.hpp"
 #include "rig.hpp"
@@ -99,6 +102,21 @@ void ask_all(Rig& rig, std::vector<Patient>& patients, const Options& options) {
   }
 }
 
+Patient patient_of(const design::Machine& machine, const design::Bus& bus, const DoctorOptions& wanted) {
+  Patient p;
+  p.bus = &bus;
+  p.expected = expected_on(machine, bus);
+  p.questions.lss_timeout = bus.timing.lss_timeout;
+  p.questions.identify_window = std::min<rt::Duration>(bus.timing.lss_timeout, 30ms);
+  p.questions.sdo_timeout = std::min<rt::Duration>(bus.timing.sdo_timeout, 200ms);
+  p.questions.intrusive = wanted.intrusive;
+  return p;
+}
+
+Failure no_such_bus(const Options& options) {
+  return failure(Exit::usage, fmt::format("there is no bus \"{}\"", options.bus));
+}
+
 tl::expected<std::vector<Patient>, Failure> patients_of(Rig& rig, const Options& options, const DoctorOptions& wanted) {
   std::vector<Patient> patients;
   for (const auto& bus : rig.machine().buses) {
@@ -109,22 +127,16 @@ tl::expected<std::vector<Patient>, Failure> patients_of(Rig& rig, const Options&
                                    "listens",
                                    bus.name)));
     }
-    Patient p;
-    p.bus = &bus;
+    Patient p = patient_of(rig.machine(), bus, wanted);
     p.outside = rig.guards().gate(bus.name);
     if (p.outside == nullptr) {
       auto port = node_on(rig, bus);
       if (!port) return tl::unexpected(port.error());
       p.port = std::move(*port);
     }
-    p.expected = expected_on(rig.machine(), bus);
-    p.questions.lss_timeout = bus.timing.lss_timeout;
-    p.questions.identify_window = std::min<rt::Duration>(bus.timing.lss_timeout, 30ms);
-    p.questions.sdo_timeout = std::min<rt::Duration>(bus.timing.sdo_timeout, 200ms);
-    p.questions.intrusive = wanted.intrusive;
     patients.push_back(std::move(p));
   }
-  if (patients.empty()) return tl::unexpected(failure(Exit::usage, fmt::format("there is no bus \"{}\"", options.bus)));
+  if (patients.empty()) return tl::unexpected(no_such_bus(options));
   return patients;
 }
 
@@ -286,6 +298,49 @@ int run_conformance(Rig& rig, std::vector<Patient>& patients, const Options& opt
   return report_conformance(report, patient, *wanted.conformance, options);
 }
 
+// --- Beside a simulated machine that runs ----------------------------------------------------------------------------
+
+// Its control socket; empty: the buses are real, in a world of this process, or nobody runs the machine.
+std::string running_world(const Options& options, const design::Machine& machine) {
+  const bool here = options.machine.empty() || !options.sim.empty() || !options.ports.empty() || all_elsewhere(machine);
+  return here ? std::string() : running_control(options, machine);
+}
+
+int run_joined(const design::Machine& machine, const std::string& path, const Options& options,
+               const DoctorOptions& wanted) {
+  if (wanted.active) {
+    return tell(
+        failure(Exit::no, fmt::format("{}: another process runs this simulated machine, and its devices hear only "
+                                      "that one: without --active and --conformance the doctor listens there; to "
+                                      "ask, end it and give --sim PLANT --up",
+                                      path)),
+        options.json);
+  }
+  rt::Executor executor;
+  io::LoopDriver driver(executor);
+  Interrupt interrupt(&driver.loop());
+  const auto followed = FollowedBuses::join(driver.loop(), path, machine);
+  if (!followed) return tell(followed.error(), options.json);
+  std::vector<Patient> patients;
+  for (const auto& bus : machine.buses) {
+    if (!options.bus.empty() && bus.name != options.bus) continue;
+    auto& p = patients.emplace_back(patient_of(machine, bus, wanted));
+    p.dispatcher = std::make_unique<can::Dispatcher>(executor, (*followed)->port(bus.name));
+    p.ear = std::make_unique<doctor::Ear>(*p.dispatcher);
+  }
+  if (patients.empty()) return tell(no_such_bus(options), options.json);
+  const auto began = driver.now();
+  wait_until(
+      driver, interrupt, [&] { return (*followed)->over(); }, listening_time(patients, wanted));
+  for (auto& p : patients) {
+    p.heard = p.ear->heard();
+    if ((*followed)->over()) p.problem = "bus " + p.bus->name + ": the running `berth up` ended meanwhile";
+  }
+  const int status = report(patients, driver.now() - began, options, wanted);
+  for (auto& p : patients) p.ear.reset(), p.dispatcher.reset();
+  return status;
+}
+
 // Exit status: 0 no findings, 1 findings, 3 a bus could not be reached or asked.
 int run_doctor(const Options& given, DoctorOptions wanted) {
   Options options = given;
@@ -300,6 +355,12 @@ int run_doctor(const Options& given, DoctorOptions wanted) {
                         "the doctor sends nothing unless it is told --active; what it asks then depends on what it "
                         "hears: there is no dry run"),
                 options.json);
+  }
+  if (!options.machine.empty()) {
+    const auto machine = design::load_machine(options.machine);
+    if (!machine.machine) return tell(failure(machine.findings), options.json);
+    const auto path = running_world(options, *machine.machine);
+    if (!path.empty()) return run_joined(*machine.machine, path, options, wanted);
   }
   Options own = options;
   own.slot_table = false;
@@ -335,6 +396,7 @@ void add_doctor(Verb& berth, Options& options) {
                                 [&options, wanted] { return run_doctor(options, *wanted); });
   machine_words(doctor, options);
   machine_word(doctor, options);
+  control_word(doctor, options);
   doctor.time("--for", wanted->listen, "how long to listen (default: 5 heartbeat times, at least 5 s)");
   doctor.flag("--active", wanted->active, "ask by LSS, too");
   doctor.flag(

@@ -6,7 +6,9 @@
 
 #include "ask.hpp"
 #include "berth/command/control.hpp"
+#include "berth/command/verbs.hpp"
 #include "gateway.hpp"
+#include "plant_commands.hpp"
 
 namespace berth::cli {
 
@@ -96,13 +98,20 @@ struct Beside {
   std::unique_ptr<Asker> asker;
 };
 
+rt::Task<void> answer(Rig& rig, const command::Request& request, command::Reply& reply) {
+  if (request.verb != plant_verb) co_return co_await command::execute(rig.session(), request, reply);
+  reply = do_in_plant({rig.world(), &rig.plant(), &rig.session()}, request);
+}
+
 tl::expected<Beside, Failure> serve_beside(Rig& rig, Screen& screen, const Options& options,
                                            const std::string& control) {
   Beside beside;
   if (rig.loop() == nullptr) return beside;
   const auto say = [&screen](const std::string& line) { screen.line(line); };
   if (!control.empty()) {
-    auto listening = command::ControlServer::listen(control, *rig.loop(), rig.session());
+    auto listening = command::ControlServer::listen(
+        control, *rig.loop(),
+        [&rig](const command::Request& request, command::Reply& reply) { return answer(rig, request, reply); });
     if (!listening) return tl::unexpected(failure(Exit::failed, listening.error()));
     beside.server = std::move(*listening);
     auto* const server = beside.server.get();

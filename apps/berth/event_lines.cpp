@@ -5,6 +5,8 @@
 
 #include <ctime>
 
+#include "berth/base/words.hpp"
+
 namespace berth::cli {
 namespace {
 
@@ -36,7 +38,7 @@ bool EventLines::joins(const operate::Event& event) const {
 void EventLines::complete(std::vector<std::string>& into) {
   if (!waiting_) return;
   operate::Event event = *waiting_;
-  event.slot = operate::name_some(slots_);
+  event.slot = some_of(slots_, 4);
   into.push_back((wall_clock_ ? time_of_day() : "") + operate::to_line(event));
   waiting_.reset();
   slots_.clear();

@@ -6,21 +6,21 @@
 #include <nlohmann/json.hpp>
 #include <set>
 
+#include "berth/command/control.hpp"
 #include "berth/io/loop_driver.hpp"
 #include "berth/io/plant_port.hpp"
 #include "interrupt.hpp"
+#include "plant_commands.hpp"
 #include "simulated.hpp"
 #include "verbs.hpp"
 
 namespace berth::cli {
 namespace {
 
-tl::expected<std::unique_ptr<plant::World>, Failure> world_of(const Options& options) {
-  const auto plant = load_plant(options.sim, options);
-  if (!plant) return tl::unexpected(plant.error());
+tl::expected<std::unique_ptr<plant::World>, Failure> world_of(const plant::PlantFile& plant, const Options& options) {
   const auto rates = bus_rates(options.machine);
   if (!rates) return tl::unexpected(rates.error());
-  return make_world(*plant, *rates, options.sim, options);
+  return make_world(plant, *rates, options.sim, options);
 }
 
 using Json = nlohmann::ordered_json;
@@ -159,8 +159,21 @@ int run_alone(plant::World& world, const Options& options) {
   return good ? Exit::done : Exit::no;
 }
 
+// `berth sim` from another process. Nothing is known of slots here.
+rt::Task<void> answer(plant::World& world, const plant::PlantFile& plant, const command::Request& request,
+                      command::Reply& reply) {
+  reply = request.verb == plant_verb
+              ? do_in_plant({&world, &plant, nullptr}, request)
+              : command::refusal(Exit::usage,
+                                 "this is a plant by itself: it takes `berth sim` and nothing else; ask "
+                                 "the `berth up` that uses it");
+  co_return;
+}
+
 int run_plant(const Options& options) {
-  auto world = world_of(options);
+  const auto plant = load_plant(options.sim, options);
+  if (!plant) return tell(plant.error(), options.json);
+  auto world = world_of(*plant, options);
   if (!world) return tell(world.error(), options.json);
   if (options.timeout) return run_alone(**world, options);
   io::LoopDriver driver((*world)->executor());
@@ -171,8 +184,13 @@ int run_plant(const Options& options) {
     return port;
   });
   if (!server) return tell(failure(Exit::failed, server.error()), options.json);
+  const std::string control = plant_control(options.control);
+  const auto commands = command::ControlServer::listen(
+      control, driver.loop(),
+      [&](const command::Request& request, command::Reply& reply) { return answer(**world, *plant, request, reply); });
+  if (!commands) return tell(failure(Exit::failed, commands.error()), options.json);
   (*world)->start();
-  print_line(options.json ? nlohmann::ordered_json{{"listening", options.control}}.dump()
+  print_line(options.json ? Json{{"listening", options.control}, {"control", control}}.dump()
                           : fmt::format("plant {} at {}; Ctrl-C ends it", options.sim, options.control));
   wait_for(driver, interrupt, rt::Duration::max());
   return Exit::done;

@@ -103,6 +103,21 @@ void restrict_to(design::Machine& machine, const std::string& bus) {
 
 std::string bus_process(const std::string& machine, const std::string& bus) { return machine + "." + bus; }
 
+std::vector<std::string> control_paths(const Options& options, const design::Machine& machine) {
+  if (!options.control.empty()) return {options.control};
+  std::vector<std::string> paths{command::control_path(machine.name)};
+  const bool only = options.bus.empty() && machine.buses.size() == 1;
+  const std::string bus = only ? machine.buses.front().name : options.bus;
+  if (!bus.empty()) paths.push_back(command::control_path(bus_process(machine.name, bus)));
+  return paths;
+}
+
+std::string running_control(const Options& options, const design::Machine& machine) {
+  const auto paths = control_paths(options, machine);
+  const auto found = std::ranges::find_if(paths, command::control_answers);
+  return found == paths.end() ? std::string() : *found;
+}
+
 bool all_elsewhere(const design::Machine& machine) noexcept {
   return std::ranges::none_of(machine.buses, [](const auto& b) { return b.port.kind == can::PortKind::sim; });
 }

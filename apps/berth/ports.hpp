@@ -24,6 +24,11 @@ void restrict_to(design::Machine& machine, const std::string& bus);
 /// The name by which a process for one bus alone is known: its control socket's.
 [[nodiscard]] std::string bus_process(const std::string& machine, const std::string& bus);
 
+/// Where a `berth up` that runs the machine, or only the bus of `--bus`, listens: `--control`, else by name.
+[[nodiscard]] std::vector<std::string> control_paths(const Options& options, const design::Machine& machine);
+/// That of them at which a process listens now; empty: none does.
+[[nodiscard]] std::string running_control(const Options& options, const design::Machine& machine);
+
 /// The buses are all in other hands than this process's simulator, so that it runs in real time by a loop.
 [[nodiscard]] bool all_elsewhere(const design::Machine& machine) noexcept;
 

@@ -17,10 +17,13 @@ Rig::Made Rig::make(const Options& options, const Sources& sources) {
   if (auto good = rig->read(options, sources); !good) return tl::unexpected(good.error());
   if (auto good = rig->build_world(options); !good) return tl::unexpected(good.error());
   rig->interrupt_.emplace(rig->loop_);
+  const auto ports = rig->attach_all(options);
+  if (!ports) return tl::unexpected(ports.error());
+  // Behind the ports: where one cannot be opened no slot table is made.
   auto table = SlotTable::open(rig->machine_, options);
   if (!table) return tl::unexpected(table.error());
   rig->slot_table_ = std::move(*table);
-  if (auto good = rig->open_session(options); !good) return tl::unexpected(good.error());
+  if (auto good = rig->open_session(options, *ports); !good) return tl::unexpected(good.error());
   return rig;
 }
 
@@ -161,16 +164,24 @@ tl::expected<can::Port*, Failure> Rig::attach(const design::Bus& bus, const Opti
   return ours_.back().get();
 }
 
-tl::expected<void, Failure> Rig::open_session(const Options& options) {
-  session_ = std::make_unique<operate::Session>(driver_->executor(), machine_, slot_table_->store());
-  session_->set_careful(std::ranges::any_of(machine_.buses, [](const auto& b) { return is_real(b.port); }));
-  guards_.on_foreign([this](const std::string& bus, const std::string& text) { session_->tell(bus, "error", text); });
+tl::expected<std::vector<can::Port*>, Failure> Rig::attach_all(const Options& options) {
+  std::vector<can::Port*> ports;
   for (auto& bus : machine_.buses) {
-    auto port = attach(bus, options);
+    const auto port = attach(bus, options);
     if (!port) return tl::unexpected(port.error());
     const auto rate = rate_as_it_stands_ ? (*port)->status().bit_rate : 0;
     if (rate != 0) bus.bitrate = rate;
-    const auto connected = session_->connect(bus.name, **port);
+    ports.push_back(*port);
+  }
+  return ports;
+}
+
+tl::expected<void, Failure> Rig::open_session(const Options& options, const std::vector<can::Port*>& ports) {
+  session_ = std::make_unique<operate::Session>(driver_->executor(), machine_, slot_table_->store());
+  session_->set_careful(std::ranges::any_of(machine_.buses, [](const auto& b) { return is_real(b.port); }));
+  guards_.on_foreign([this](const std::string& bus, const std::string& text) { session_->tell(bus, "error", text); });
+  for (std::size_t i = 0; i < ports.size(); ++i) {
+    const auto connected = session_->connect(machine_.buses[i].name, *ports[i]);
     if (!connected) return tl::unexpected(failure(Exit::failed, describe(connected.error())));
   }
   strangers_ = std::make_unique<Strangers>(*driver_, *interrupt_, *session_, guards_);
@@ -228,7 +239,10 @@ void Rig::leave(const Options& options) {
     if (wish == design::OnExit::leave || bus.role != design::Role::master || network == nullptr) continue;
     const auto command = wish == design::OnExit::stop ? co::NmtCommand::stop : co::NmtCommand::enter_pre_operational;
     session_->stop();  // the main job would start again what it sees pre-operational
-    any = network->services().dispatcher.send(co::to_frame({command, co::NmtTarget::all()})) == can::Queued::yes || any;
+    const bool goes =
+        network->services().dispatcher.send(co::to_frame({command, co::NmtTarget::all()})) == can::Queued::yes;
+    if (goes) network->commanded(command, co::NmtTarget::all());
+    any = any || goes;
   }
   constexpr rt::Duration time_to_send = std::chrono::milliseconds(100);
   if (any) driver_->run_for(time_to_send);

@@ -79,7 +79,8 @@ class Rig {
   [[nodiscard]] tl::expected<void, Failure> settle_ports(const Options& options, bool simulate);
   [[nodiscard]] tl::expected<void, Failure> build_world(const Options& options);
   void run_by_loop(rt::Executor& executor);
-  [[nodiscard]] tl::expected<void, Failure> open_session(const Options& options);
+  [[nodiscard]] tl::expected<std::vector<can::Port*>, Failure> attach_all(const Options& options);
+  [[nodiscard]] tl::expected<void, Failure> open_session(const Options& options, const std::vector<can::Port*>& ports);
   [[nodiscard]] tl::expected<can::Port*, Failure> attach(const design::Bus& bus, const Options& options);
   [[nodiscard]] tl::expected<can::Port*, Failure> attach_outside(const design::Bus& bus, const Options& options);
   [[nodiscard]] tl::expected<std::unique_ptr<can::Port>, Failure> open_port(const design::Bus& bus);

@@ -1,3 +1,4 @@
+// `berth sim`: what is done to a running plant (sim_running.cpp); and
 // `berth sim two-with-one-id`, `again-with-one-id`, `wrong-bit-rate`, `lone-node`: fault confinement, step by step
 // (docs/protocols/can-frames.md §Arbitration, §Fault confinement).
 #include <fmt/format.h>
@@ -55,15 +56,19 @@ int run_version(const Options& options) {
 }
 
 constexpr std::pair<const char*, const char*> scenes[] = {
-    {"two-with-one-id", "two nodes send different data under one identifier: error-passive"},
-    {"again-with-one-id", "the same, again and again: bus-off"},
-    {"wrong-bit-rate", "a node at another bit rate drives a healthy one to bus-off"},
-    {"lone-node", "one node sends and nobody acknowledges"}};
+    {"two-with-one-id", "scene: two nodes send different data under one identifier: error-passive"},
+    {"again-with-one-id", "scene: the same, again and again: bus-off"},
+    {"wrong-bit-rate", "scene: a node at another bit rate drives a healthy one to bus-off"},
+    {"lone-node", "scene: one node sends and nobody acknowledges"}};
 
 }  // namespace
 
 void add_sim(Verb& berth, Options& options) {
-  const Verb sim = berth.group("sim", "textbook scenes of fault confinement, step by step");
+  const Verb sim = berth.group("sim", "a running simulated machine: plug, unplug, power, faults; and textbook scenes");
+  sim.footer(
+      "To a machine that runs in another terminal (berth up MACHINE --sim PLANT --pace):\n"
+      "  berth sim unplug s2 machine.toml\n  berth sim power off s2 machine.toml\n  berth sim devices machine.toml");
+  add_running_plant(sim, options);
   for (const auto& [name, help] : scenes) {
     json_flag(sim.add(name, help, [&options, scene = std::string(name)] { return run_scenario(options, scene); }),
               options);

@@ -181,16 +181,6 @@ int foreseen(const Options& options, const command::Request& request, const desi
   return Exit::done;
 }
 
-// The processes that run the machine, or this bus of it, at the control socket.
-std::vector<std::string> control_paths(const Options& options, const design::Machine& machine) {
-  if (!options.control.empty()) return {options.control};
-  std::vector<std::string> paths{command::control_path(machine.name)};
-  const bool only = options.bus.empty() && machine.buses.size() == 1;
-  const std::string bus = only ? machine.buses.front().name : options.bus;
-  if (!bus.empty()) paths.push_back(command::control_path(bus_process(machine.name, bus)));
-  return paths;
-}
-
 Replied ask_running_up(const Options& options, const command::Request& request, const std::string& path) {
   const auto patience = std::chrono::duration_cast<std::chrono::milliseconds>(options.timeout.value_or(2min)).count();
   const auto reply =
@@ -256,15 +246,13 @@ Replied reply_outside(const Options& options, const command::Request& request, s
   auto loaded = machine_of(options);
   if (!loaded) return tl::unexpected(loaded.error());
   design::Machine machine = std::move(*loaded);
-  const auto paths = control_paths(options, machine);
-  for (const auto& path : paths) {
-    if (!bus_alone && command::control_answers(path)) return ask_again(options, request, path, repeat);
-  }
+  const auto path = bus_alone ? std::string() : running_control(options, machine);
+  if (!path.empty()) return ask_again(options, request, path, repeat);
   if (auto good = override_ports(machine, options); !good) return tl::unexpected(good.error());
   if (!options.bus.empty()) restrict_to(machine, options.bus);
   if (by_slot_table(machine, options, request)) return reply_of_slot_table(machine, options, request);
   if (options.control.empty() && all_elsewhere(machine)) return reply_of_own_world(options, request, sent, repeat);
-  return ask_running_up(options, request, paths.front());
+  return ask_running_up(options, request, control_paths(options, machine).front());
 }
 
 // What is asked of a bus alone: none of these needs to know slots.

@@ -15,6 +15,7 @@
 #include "berth/io/open_port.hpp"
 #include "berth/trace/candump.hpp"
 #include "interrupt.hpp"
+#include "ports.hpp"
 #include "trace_known.hpp"
 
 namespace berth::cli {
@@ -241,13 +242,6 @@ class ControlSource final : public TraceSource {
   std::vector<char> buffer_ = std::vector<char>(std::size_t{1} << 16U);
 };
 
-// Where a running `berth up` of this machine listens; empty: nowhere.
-std::string running(const Options& options, const KnownNodes& known) {
-  if (!known.machine()) return {};
-  const std::string path = options.control.empty() ? command::control_path(known.machine()->name) : options.control;
-  return command::control_answers(path) ? path : std::string();
-}
-
 Opened open_live(const TraceOptions& trace, const KnownNodes& known) {
   const design::Bus* machine_bus = nullptr;
   if (known.machine()) {
@@ -283,7 +277,8 @@ Opened open_source(const Options& options, const TraceOptions& trace, const Know
   if (!trace.file.empty() && !trace.port.empty())
     return tl::unexpected(failure(Exit::usage, "a file or --port, not both"));
   if (trace.file.empty() && trace.port.empty()) {
-    if (const auto path = running(options, known); !path.empty()) {
+    const auto path = known.machine() ? running_control(options, *known.machine()) : std::string();
+    if (!path.empty()) {
       const auto fd = command::control_follow(path);
       if (!fd) return tl::unexpected(failure(Exit::failed, fd.error()));
       return std::make_unique<ControlSource>(*fd, path);

@@ -235,7 +235,7 @@ namespace {
 
 /// The words of a command line as CLI11 understands them. Two things that a person may write it does not: the machine
 /// file by itself among the words of a verb that has others (it ends in ".toml", which no slot, node or object does;
-/// such verbs have --up beside --machine), and a negative number, which it takes for an option.
+/// such verbs have -m), and a negative number, which it takes for an option.
 class CommandLine {
  public:
   CommandLine(const CLI::App& app, int argc, char** argv) : at_(&app), words_(argv + 1, argv + argc) {}
@@ -256,7 +256,7 @@ class CommandLine {
     if (dashed && !number) return option(word);
     negative_ = negative_ || number;
     if (!rest_is_plain_ && plain_.empty() && verb(word)) return;
-    const bool names = at_->get_option_no_throw("--machine") != nullptr && at_->get_option_no_throw("--up") != nullptr;
+    const bool names = at_->get_option_no_throw("-m") != nullptr;
     const bool positional = at_->get_option_no_throw("machine") != nullptr;
     if (names && !positional && !rest_is_plain_ && word.ends_with(".toml")) {
       word = "--machine=" + word;

@@ -37,6 +37,8 @@ void add_export(Verb& berth, Options& options);
 void add_import(Verb& berth, Options& options);
 void add_device(Verb& berth, Options& options);
 void add_sim(Verb& berth, Options& options);
+/// Those of `berth sim` that another process carries out.
+void add_running_plant(const Verb& sim, Options& options);
 void add_plant(Verb& berth, Options& options);
 void add_version(Verb& berth, Options& options);
 

@@ -8,7 +8,9 @@ namespace {
 constexpr auto full_retry = std::chrono::milliseconds(1);
 
 tl::unexpected<Error> never_left(const NmtRequest& request) noexcept {
-  return fail(Error{.code = Errc::bus, .node = request.target.node, .text = "the NMT command never left"});
+  return fail(Error{.code = Errc::bus,
+                    .node = request.target.node,
+                    .text = "the NMT command never left: no device acknowledges it, or the port is down"});
 }
 }  // namespace
 

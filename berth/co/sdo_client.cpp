@@ -10,7 +10,7 @@ using sdo::Scs;
 
 namespace {
 
-constexpr const char* never_left = "the SDO request never left: nobody acknowledges, or the bus is full";
+constexpr const char* never_left = "the SDO request never left: no device acknowledges it, or the bus is full";
 
 const char* why_not(can::Queued queued) noexcept {
   switch (queued) {

@@ -74,7 +74,7 @@ void SdoTransfer::pumped(rt::Time at) noexcept {
 
 void SdoTransfer::stuck(can::Queued why) noexcept {
   fail_with(Errc::bus, 0,
-            why == can::Queued::full ? "the SDO segments never left: nobody acknowledges, or the bus is full"
+            why == can::Queued::full ? "the SDO segments never left: no device acknowledges them, or the bus is full"
                                      : "the SDO segments never left: bus-off, or the port is closed");
 }
 

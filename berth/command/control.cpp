@@ -247,16 +247,22 @@ struct ControlServer::Client {
 
 namespace {
 
-rt::Task<void> run(operate::Session& session, const Request& request, Reply& reply, bool& answered, rt::Job& then) {
-  co_await execute(session, request, reply);
+rt::Task<void> run(rt::Task<void> answer, bool& answered, rt::Executor& executor, rt::Job& then) {
+  co_await std::move(answer);
   answered = true;
-  session.executor().post(then);
+  executor.post(then);
 }
 
 }  // namespace
 
 tl::expected<std::unique_ptr<ControlServer>, std::string> ControlServer::listen(const std::string& path, io::Loop& loop,
                                                                                 operate::Session& session) {
+  return listen(path, loop,
+                [&session](const Request& request, Reply& reply) { return execute(session, request, reply); });
+}
+
+tl::expected<std::unique_ptr<ControlServer>, std::string> ControlServer::listen(const std::string& path, io::Loop& loop,
+                                                                                Answer answer) {
   sockaddr_un address{};
   if (!address_of(path, address)) return tl::unexpected(too_long(path));
   if (const auto problem = make_folder(path); !problem.empty()) return tl::unexpected(problem);
@@ -278,11 +284,11 @@ tl::expected<std::unique_ptr<ControlServer>, std::string> ControlServer::listen(
   ::umask(before);
   if (!bound) return tl::unexpected(fmt::format("{}: {}", path, reason(error)));
   if (::listen(fd.get(), 8) != 0) return tl::unexpected(fmt::format("{}: {}", path, reason(errno)));
-  return std::unique_ptr<ControlServer>(new ControlServer(path, fd.release(), loop, session));
+  return std::unique_ptr<ControlServer>(new ControlServer(path, fd.release(), loop, std::move(answer)));
 }
 
-ControlServer::ControlServer(std::string path, int fd, io::Loop& loop, operate::Session& session)
-    : path_(std::move(path)), fd_(fd), loop_(&loop), session_(&session) {
+ControlServer::ControlServer(std::string path, int fd, io::Loop& loop, Answer answer)
+    : path_(std::move(path)), fd_(fd), loop_(&loop), answer_(std::move(answer)) {
   loop_->watch(fd_, *this, EPOLLIN);
 }
 
@@ -352,7 +358,7 @@ void ControlServer::frame(const std::string& line) {
     if (client->dropped > 0) client->out += fmt::format("dropped {}\n", std::exchange(client->dropped, 0));
     client->out += line;
   }
-  session_->executor().post(answering_);
+  loop_->executor().post(answering_);
 }
 
 // Takes the next whole line, if there is one.
@@ -371,9 +377,9 @@ void ControlServer::begin(Client& client) {
   client.answered = client.request.verb.empty();
   if (client.answered) {
     client.reply = refusal(2, problem);
-    session_->executor().post(answering_);
+    loop_->executor().post(answering_);
   } else {
-    client.scope.spawn(run(*session_, client.request, client.reply, client.answered, answering_));
+    client.scope.spawn(run(answer_(client.request, client.reply), client.answered, loop_->executor(), answering_));
   }
 }
 

@@ -35,14 +35,20 @@ namespace berth::command {
 /// A process accepts connections at `path`.
 [[nodiscard]] bool control_answers(const std::string& path);
 
-/// Listens and runs what it is asked, in a loop that drives the session's executor. Never blocks.
+/// Listens and runs what it is asked, in the loop's executor. Never blocks.
 class ControlServer final : private io::Watcher {
  public:
   /// Makes the socket (mode 0600; its folder, when it has to be made, 0700). Refused when another process answers
-  /// there, with its process id; a socket that a dead process left is taken over. Loop and session must stay.
+  /// there, with its process id; a socket that a dead process left is taken over. Loop and session must stay; the loop
+  /// drives the session's executor.
   [[nodiscard]] static tl::expected<std::unique_ptr<ControlServer>, std::string> listen(const std::string& path,
                                                                                         io::Loop& loop,
                                                                                         operate::Session& session);
+  /// Carries one request out. Both stay until the task is done, or is destroyed with its connection.
+  using Answer = std::function<rt::Task<void>(const Request& request, Reply& reply)>;
+  /// The same of a process that answers more than a session does, or has none.
+  [[nodiscard]] static tl::expected<std::unique_ptr<ControlServer>, std::string> listen(const std::string& path,
+                                                                                        io::Loop& loop, Answer answer);
   ~ControlServer();
   ControlServer(const ControlServer&) = delete;
   ControlServer& operator=(const ControlServer&) = delete;
@@ -66,7 +72,7 @@ class ControlServer final : private io::Watcher {
    private:
     ControlServer* server_;
   };
-  ControlServer(std::string path, int fd, io::Loop& loop, operate::Session& session);
+  ControlServer(std::string path, int fd, io::Loop& loop, Answer answer);
   void ready(std::uint32_t events) noexcept override;
   void serve();
   void accept_all();
@@ -77,7 +83,7 @@ class ControlServer final : private io::Watcher {
   std::string path_;
   int fd_;
   io::Loop* loop_;
-  operate::Session* session_;
+  Answer answer_;
   std::vector<std::unique_ptr<Client>> clients_;
   Answering answering_{*this};  // posted when a command is done
 };

@@ -7,6 +7,7 @@
 
 #include "berth/co/sdo_client.hpp"
 #include "berth/command/objects.hpp"
+#include "berth/command/patience.hpp"
 #include "berth/command/permission.hpp"
 #include "berth/command/reply.hpp"
 #include "berth/command/run.hpp"
@@ -17,8 +18,6 @@
 
 namespace berth::command {
 namespace {
-
-constexpr unsigned patience = 3;  ///< objects in a row without an answer before the device is given up
 
 bool kept_back(const od::Object& object, const od::SubObject& sub) {
   return ((object.obj_flags | sub.obj_flags) & od::refuse_read_on_scan) != 0;
@@ -139,24 +138,18 @@ rt::Task<void> sdo_dump(Session& session, const Request& request, Reply& reply) 
   const od::Description* const description = wanted.description.get();
   Walk walk(description);
   Dump dump;
-  unsigned silent = 0;
+  Patience patience;
   while (const auto ref = walk.next()) {
     const KnownObject object = known_object(description, *ref);
     const auto answer = co_await bus.services().sdo.upload(wanted.node, ref->index, ref->sub);
+    const bool gives_up = patience.over(answer);
     if (answer) {
-      silent = 0;
       dump.value(object, answer->bytes());
       walk.was_read(*ref, answer->bytes());
       continue;
     }
     const Error& error = answer.error();
-    const bool heard = error.code == Errc::aborted || error.code == Errc::mismatch;
-    silent = heard ? 0 : silent + 1;
-    const bool never = !heard && dump.read + dump.refused == 0;
-    if (never || silent >= patience) {
-      co_return fail_with(reply, error, fmt::format("bus {}, SDO read", bus.bus().name),
-                          "is the device there and not stopped? `berth scan` shows who answers");
-    }
+    if (gives_up) co_return fail_silent(reply, error, bus);
     if (description == nullptr && is_absent(error)) continue;
     if (error.code == Errc::aborted) {
       dump.abort(object, error.detail);

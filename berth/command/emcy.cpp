@@ -12,6 +12,7 @@
 #include "berth/command/reply.hpp"
 #include "berth/command/run.hpp"
 #include "berth/command/values.hpp"
+#include "berth/decode/emcy_words.hpp"
 
 namespace berth::command {
 namespace {
@@ -40,7 +41,7 @@ struct Told {
 };
 
 // Sub-index 0 says how many there are, 1 is the newest (CiA 301 §7.5.2.4).
-rt::Task<Result<void>> read_history(Network& bus, NodeId node, Told& told) {
+rt::Task<Result<void>> read_history(Network& bus, NodeId node, std::uint16_t profile, Told& told) {
   const auto count = co_await bus.services().sdo.upload(node, 0x1003, 0);
   if (!count) co_return tl::unexpected(count.error());
   const std::uint32_t entries = number(*count) & 0xFFU;
@@ -49,10 +50,11 @@ rt::Task<Result<void>> read_history(Network& bus, NodeId node, Told& told) {
     if (!entry) co_return tl::unexpected(entry.error());
     const std::uint32_t raw = number(*entry);
     const auto code = static_cast<std::uint16_t>(raw);
+    const char* const text = decode::emcy_words(code, profile);
     told.history.push_back(
-        {{"sub", sub}, {"code", hex(code, 4)}, {"text", co::emcy_text(code)}, {"manufacturer", hex(raw >> 16U, 4)}});
+        {{"sub", sub}, {"code", hex(code, 4)}, {"text", text}, {"manufacturer", hex(raw >> 16U, 4)}});
     told.lines.push_back(
-        fmt::format("  1003h:{:02X}  {:04X}h  {} (manufacturer: {:04X}h)", sub, code, co::emcy_text(code), raw >> 16U));
+        fmt::format("  1003h:{:02X}  {:04X}h  {} (manufacturer: {:04X}h)", sub, code, text, raw >> 16U));
   }
   co_return Result<void>{};
 }
@@ -60,7 +62,10 @@ rt::Task<Result<void>> read_history(Network& bus, NodeId node, Told& told) {
 /// The messages of a bus, or of one node of it, as they come.
 class Ear final : private co::EmcyConsumer::Observer {
  public:
-  Ear(Network& bus, NodeId only) : only_(only), consumer_(bus.services().dispatcher, *this) { consumer_.hear_all(); }
+  Ear(Network& bus, NodeId only, std::uint16_t profile)
+      : only_(only), profile_(profile), consumer_(bus.services().dispatcher, *this) {
+    consumer_.hear_all();
+  }
   [[nodiscard]] const Json& heard() const noexcept { return heard_; }
   [[nodiscard]] const std::vector<std::string>& lines() const noexcept { return lines_; }
 
@@ -72,24 +77,36 @@ class Ear final : private co::EmcyConsumer::Observer {
     json["at_s"] = operate::seconds(at);
     json["node"] = node.value();
     json["code"] = hex(message.code, 4);
-    json["text"] = co::emcy_text(message.code);
+    const char* const text = decode::emcy_words(message.code, profile_);
+    json["text"] = text;
     json["register"] = hex(message.error_register, 2);
     json["info"] = hex_bytes(message.info);
     heard_.push_back(std::move(json));
     lines_.push_back(fmt::format("{:9.3f} s  node {}  {:04X}h  {}; register: {}; info {}", operate::seconds(at),
-                                 node.value(), message.code, co::emcy_text(message.code),
-                                 register_words(message.error_register), hex_bytes(message.info)));
+                                 node.value(), message.code, text, register_words(message.error_register),
+                                 hex_bytes(message.info)));
   }
   NodeId only_;
+  std::uint16_t profile_;
   Json heard_ = Json::array();
   std::vector<std::string> lines_;
   co::EmcyConsumer consumer_;
 };
 
+// The device profile is the lower word of 1000h (CiA 301 §7.5.2.1); 0 = none, or the device does not tell.
+rt::Task<std::uint16_t> profile_of(Network& bus, NodeId node) {
+  const auto type = co_await bus.services().sdo.upload(node, 0x1000, 0);
+  co_return type ? static_cast<std::uint16_t>(number(*type)) : std::uint16_t{0};
+}
+
 rt::Task<void> listen(Session& session, const NodeArgument& node, std::uint32_t seconds, Reply& reply) {
   const auto network = network_for(session, node.bus, Use::look);
   if (!network) co_return refuse(reply, 2, network.error());
-  const Ear ear(**network, node.node);
+  std::uint16_t profile = 0;
+  if (node.node.configured() && network_for(session, node.bus, Use::send)) {
+    profile = co_await profile_of(**network, node.node);
+  }
+  const Ear ear(**network, node.node, profile);
   co_await rt::sleep_for(std::chrono::seconds(seconds));
   Json json;
   json["bus"] = (*network)->bus().name;
@@ -118,19 +135,22 @@ rt::Task<void> emcy(Session& session, const Request& request, Reply& reply) {
   const auto state = co_await bus.services().sdo.upload(node.node, 0x1001, 0);
   if (!state) co_return fail_with(reply, state.error(), where, "`berth scan` shows who answers");
   const auto bits = static_cast<std::uint8_t>(number(*state));
+  const std::uint16_t profile = co_await profile_of(bus, node.node);
   Told told;
-  const auto read = co_await read_history(bus, node.node, told);
+  const auto read = co_await read_history(bus, node.node, profile, told);
   // 1003h is optional (CiA 301 §7.5.2.4); a device without it has no history.
   const bool none = !read && read.error().code == Errc::aborted;
   if (!read && !none) co_return fail_with(reply, read.error(), where);
   Json json;
   json["bus"] = bus.bus().name;
   json["node"] = node.node.value();
+  json["profile"] = profile;
   json["register"] = hex(bits, 2);
   json["text"] = register_words(bits);
   json["history"] = none ? Json() : told.history;
-  std::vector<std::string> lines{
-      fmt::format("node {}  1001h:00  {:02X}h  {}", node.node.value(), bits, register_words(bits))};
+  std::vector<std::string> lines{fmt::format("node {}  1001h:00  {:02X}h  {}{}", node.node.value(), bits,
+                                             register_words(bits),
+                                             profile == 0 ? "" : fmt::format("  (device profile CiA {})", profile))};
   lines.insert(lines.end(), told.lines.begin(), told.lines.end());
   if (told.lines.empty()) lines.push_back(none ? "  it keeps no history (1003h)" : "  its history (1003h) is empty");
   give(reply, json, std::move(lines));

@@ -39,6 +39,27 @@ NmtArguments nmt_arguments(Arguments& arguments, const design::Machine& machine)
   return nmt;
 }
 
+namespace {
+
+// NMT has no answer: what the next heartbeat tells is one, and who asks for the slots after this is told what they are
+// now. A node that stays silent or does not follow is no failure of the command.
+rt::Task<void> wait_for_heartbeats(Network& bus, const NmtArguments& nmt) {
+  const NmtState wanted = co::state_after(nmt.command);
+  if (wanted == NmtState::initialising) co_return;
+  const auto period = bus.bus().timing.heartbeat_period;
+  const auto& heartbeats = bus.services().heartbeats;
+  const auto follows = [&](const SlotReport& slot) -> bool {
+    const auto state = nmt.target.includes(slot.id) ? heartbeats.state(slot.id) : std::nullopt;
+    return !state || state == wanted;
+  };
+  const rt::Time end = bus.services().executor.now() + period + period / 4;
+  while (bus.services().executor.now() < end && !std::ranges::all_of(bus.report(), follows)) {
+    co_await rt::sleep_for(period / 16 + std::chrono::milliseconds(1));
+  }
+}
+
+}  // namespace
+
 rt::Task<void> nmt_command(Session& session, const Request& request, Reply& reply) {
   Arguments arguments(request);
   const NmtArguments nmt = nmt_arguments(arguments, session.machine());
@@ -53,6 +74,7 @@ rt::Task<void> nmt_command(Session& session, const Request& request, Reply& repl
   if (!sent)
     co_return fail_with(reply, sent.error(), fmt::format("bus {}, NMT {} to {}", bus.bus().name, nmt.word, whom));
   bus.commanded(nmt.command, nmt.target);
+  if (session.started()) co_await wait_for_heartbeats(bus, nmt);
   Json json;
   json["bus"] = bus.bus().name;
   json["command"] = nmt.word;

@@ -4,6 +4,7 @@
 
 #include <algorithm>
 
+#include "berth/base/words.hpp"
 #include "berth/command/permission.hpp"
 #include "berth/decode/standard_objects.hpp"
 #include "berth/od/names.hpp"
@@ -13,37 +14,9 @@
 namespace berth::command {
 namespace {
 
-constexpr std::size_t most_shown = 8;
-
-std::string list_of(const std::vector<std::string>& names) {
-  std::string text;
-  for (std::size_t i = 0; i < std::min(names.size(), most_shown); ++i) text += (i == 0 ? "" : ", ") + names[i];
-  if (names.size() > most_shown) text += fmt::format(" and {} more", names.size() - most_shown);
-  return text;
-}
-
-bool same_word(std::string_view a, std::string_view b) {
-  const auto lower = [](char c) { return c >= 'A' && c <= 'Z' ? static_cast<char>(c - 'A' + 'a') : c; };
-  return std::ranges::equal(a, b, {}, lower, lower);
-}
-
 // ---- nodes ----
 
 std::string path_of(const design::Slot& slot) { return slot.spec.name.bus + "/" + slot.spec.name.name; }
-
-// By name or bus/name; names that differ only in case are told apart by it.
-std::vector<const design::Slot*> slots_named(const design::Machine& machine, const std::string& bus,
-                                             const std::string& word) {
-  std::vector<const design::Slot*> exact;
-  std::vector<const design::Slot*> like;
-  for (const auto& slot : machine.slots) {
-    if (!bus.empty() && slot.spec.name.bus != bus) continue;
-    const std::string path = path_of(slot);
-    if (slot.spec.name.name == word || path == word) exact.push_back(&slot);
-    if (same_word(slot.spec.name.name, word) || same_word(path, word)) like.push_back(&slot);
-  }
-  return exact.empty() ? like : exact;
-}
 
 std::string no_slot(const design::Machine& machine, const std::string& word) {
   if (machine.slots.empty()) {
@@ -61,7 +34,7 @@ std::string no_slot(const design::Machine& machine, const std::string& word) {
     return fmt::format("node {} is no node-ID from 1 to 127 and no slot; did you mean {}?", text::quoted(word), meant);
   }
   return fmt::format("node {} is no node-ID from 1 to 127 and no slot; the slots are {}", text::quoted(word),
-                     list_of(shown));
+                     some_of(shown));
 }
 
 // "3/5": a path of numbers.
@@ -74,7 +47,7 @@ bool beneath_a_gateway(const std::string& word) {
 }  // namespace
 
 Checked<NodeArgument> find_node(const design::Machine& machine, const std::string& bus, const std::string& word) {
-  const auto slots = slots_named(machine, bus, word);
+  const auto slots = machine.slots_named(bus, word);
   const auto number = od::parse_number(word);
   const bool is_id =
       number && !number->negative && !number->node_id && number->magnitude >= 1 && number->magnitude <= 127;
@@ -87,7 +60,7 @@ Checked<NodeArgument> find_node(const design::Machine& machine, const std::strin
   if (is_id && !slots.empty() && !slot_of_that_id) meanings.push_back(fmt::format("node-ID {}", id.value()));
   if (meanings.size() > 1) {
     return tl::unexpected(
-        fmt::format("node {} can be {}; name it with its bus", text::quoted(word), list_of(meanings)));
+        fmt::format("node {} can be {}; name it with its bus", text::quoted(word), some_of(meanings)));
   }
   if (!slots.empty()) {
     const auto& spec = slots.front()->spec;
@@ -149,7 +122,7 @@ Checked<ObjectRef> named(const od::Description& description, const std::string& 
   std::vector<std::string> candidates;
   for (const auto& object : found) candidates.push_back(candidate(description, object));
   return tl::unexpected(
-      fmt::format("{} objects are called {}: {}", found.size(), text::quoted(word), list_of(candidates)));
+      fmt::format("{} objects are called {}: {}", found.size(), text::quoted(word), some_of(candidates)));
 }
 
 }  // namespace

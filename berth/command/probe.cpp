@@ -6,7 +6,7 @@
 
 #include "berth/co/sdo_client.hpp"
 #include "berth/command/objects.hpp"
-#include "berth/command/permission.hpp"
+#include "berth/command/patience.hpp"
 #include "berth/command/reply.hpp"
 #include "berth/command/run.hpp"
 #include "berth/od/data_type.hpp"
@@ -16,11 +16,9 @@ namespace berth::command {
 namespace {
 
 constexpr std::size_t most_objects = 1U << 18U;
-constexpr unsigned patience = 3;  ///< objects in a row without an answer before the device is given up
 
 struct ProbeArguments {
-  std::string bus;
-  NodeId node;
+  NodeArgument node;
   std::vector<ObjectRef> objects;
 };
 
@@ -55,9 +53,7 @@ void read_objects(Arguments& arguments, const std::string& text, std::vector<Obj
 
 ProbeArguments probe_arguments(Arguments& arguments, const design::Machine& machine) {
   ProbeArguments probe;
-  const NodeArgument node = node_argument(arguments, machine);
-  probe.bus = node.bus;
-  probe.node = node.node;
+  probe.node = node_argument(arguments, machine);
   read_objects(arguments, arguments.required("objects"), probe.objects);
   return probe;
 }
@@ -84,31 +80,23 @@ rt::Task<void> sdo_probe(Session& session, const Request& request, Reply& reply)
   Arguments arguments(request);
   const ProbeArguments probe = probe_arguments(arguments, session.machine());
   if (!arguments.good()) co_return refuse(reply, 2, arguments.problem());
-  const auto network = network_for(session, probe.bus, Use::send);
+  const auto network = node_network(session, probe.node);
   if (!network) co_return refuse(reply, 2, network.error());
   Network& bus = **network;
-  if (probe.node == bus.bus().master) {
-    co_return refuse(reply, 2, fmt::format("node-ID {} is Berth's own on bus {}", probe.node.value(), bus.bus().name));
-  }
+  const NodeId node = probe.node.node;
   Json json;
   json["bus"] = bus.bus().name;
-  json["node"] = probe.node.value();
+  json["node"] = node.value();
   json["objects"] = Json::array();
   std::size_t read = 0;
-  unsigned silent = 0;
+  Patience patience;
   for (const ObjectRef ref : probe.objects) {
-    const auto answer = co_await bus.services().sdo.upload(probe.node, ref.index, ref.sub);
-    const bool heard = answer || answer.error().code == Errc::aborted || answer.error().code == Errc::mismatch;
-    silent = heard ? 0 : silent + 1;
-    const bool never = !heard && read == 0;
-    if (never || silent >= patience) {
-      co_return fail_with(reply, answer.error(), fmt::format("bus {}, SDO read", bus.bus().name),
-                          "is the device there and not stopped? `berth scan` shows who answers");
-    }
+    const auto answer = co_await bus.services().sdo.upload(node, ref.index, ref.sub);
+    if (patience.over(answer)) co_return fail_silent(reply, answer.error(), bus);
     if (answer) ++read;
     json["objects"].push_back(json_of(ref, answer));
   }
-  give(reply, json, {fmt::format("node {}: {} of {} objects read", probe.node.value(), read, probe.objects.size())});
+  give(reply, json, {fmt::format("node {}: {} of {} objects read", node.value(), read, probe.objects.size())});
 }
 
 }  // namespace berth::command

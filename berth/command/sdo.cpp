@@ -29,7 +29,7 @@ co::SdoOptions transfer_options(Network& bus, const Arguments& arguments) {
 const char* sdo_fix(Errc code) {
   switch (code) {
     case Errc::timeout: return "is the device there and not stopped? `berth scan` shows who answers";
-    case Errc::bus: return "is anybody else on the bus to acknowledge frames, at this bit rate?";
+    case Errc::bus: return "is the bit rate right, is the cable plugged in, have devices power, is the bus terminated?";
     default: return "";
   }
 }

@@ -21,7 +21,8 @@ namespace berth::command {
 
 /// For people: "500 (0x01F4) = 500 ms", "Pump", "01 00  = 1 (0x1)".
 [[nodiscard]] std::string value_text(const KnownObject& object, std::span<const std::uint8_t> bytes);
-/// Adds "bytes", and where the type is known "type", "value" and "unit".
+/// Adds "bytes", and where the type is known "type" and "value"; of an object that counts time
+/// "time" too: the value with its unit, "500 ms".
 void put_value(nlohmann::ordered_json& json, const KnownObject& object, std::span<const std::uint8_t> bytes);
 
 /// "F4 01".

@@ -8,8 +8,10 @@
 
 #include "berth/base/bytes.hpp"
 #include "berth/co/cob_id.hpp"
+#include "berth/co/emcy.hpp"
 #include "berth/co/nmt.hpp"
 #include "berth/co/pdo_mapping.hpp"
+#include "berth/decode/emcy_words.hpp"
 #include "berth/decode/standard_objects.hpp"
 #include "berth/od/abort_code.hpp"
 
@@ -270,7 +272,7 @@ bool Decoder::taken(const Bus& bus, std::uint32_t key) {
 
 // A transfer said what stands in an object that decides what frames mean.
 void Decoder::learn(Bus& bus, std::uint8_t id, ObjectRef object, std::span<const std::uint8_t> bytes) {
-  const bool decides = object.index == 0x1005 || object.index == 0x1014 ||
+  const bool decides = object.index == 0x1000 || object.index == 0x1005 || object.index == 0x1014 ||
                        (object.index >= 0x1200 && object.index < 0x1280) ||
                        (object.index >= 0x1400 && object.index < 0x1C00);
   if (!decides || !bus.nodes[id] || !bus.nodes[id]->values) return;
@@ -323,6 +325,7 @@ void Decoder::entry(const trace::Entry& entry) {
       moved.extended = false;
       moved.id = route.kind == Route::Kind::sync ? co::sync_id : 0x80U + route.node;
       const Meaning meaning = bus.interpreter.words(moved, words_);
+      say_by_profile(bus, meaning);
       add_name(route.node);
       return give(meaning);
     }
@@ -334,8 +337,23 @@ void Decoder::entry(const trace::Entry& entry) {
     field(Field::Kind::text, "code", fmt::format("{:04X}", load_le<std::uint16_t>(frame.data.data())));
     field(Field::Kind::number, "register", std::to_string(frame.data[2]));
   }
+  say_by_profile(bus, meaning);
   add_name(meaning.node);
   give(meaning);
+}
+
+// What an emergency code means is for the device's profile to say, as far as its 1000h is known.
+void Decoder::say_by_profile(const Bus& bus, Meaning meaning) {
+  const can::Frame& frame = entry_->frame;
+  const bool emcy = meaning.service == Service::emcy && frame.size == 8 && !frame.remote;
+  if (!emcy || meaning.node >= std::size(bus.nodes) || bus.nodes[meaning.node] == nullptr) return;
+  const Node& node = *bus.nodes[meaning.node];
+  if (node.values == nullptr) return;
+  const auto code = load_le<std::uint16_t>(frame.data.data());
+  const auto type = node.values->get_or<std::uint32_t>({0x1000, 0}, 0);
+  const std::string_view general = co::emcy_text(code);
+  const auto at = words_.find(general);
+  if (at != std::string::npos) words_.replace(at, general.size(), emcy_words(code, static_cast<std::uint16_t>(type)));
 }
 
 // What answers a remote frame is no heartbeat.

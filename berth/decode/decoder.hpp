@@ -101,6 +101,7 @@ class Decoder final : private SdoTransfer::Listener {
   void sdo_frame(const Bus& bus, const Channel& channel, bool request);
   void ended(const SdoRecord& record) override;
   void heartbeat(Bus& bus);
+  void say_by_profile(const Bus& bus, Meaning meaning);
   void give(Meaning meaning);
   void add_name(std::uint8_t node);
   void put_value(od::DataType type, std::span<const std::uint8_t> bytes, bool all);

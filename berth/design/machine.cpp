@@ -3,6 +3,8 @@
 #include <algorithm>
 #include <array>
 
+#include "berth/base/words.hpp"
+
 namespace berth::design {
 
 const char* name(Role role) noexcept {
@@ -28,6 +30,19 @@ const Slot* Machine::slot(std::string_view bus_name, NodeId id) const noexcept {
   const auto it =
       std::ranges::find_if(slots, [&](const Slot& s) { return s.spec.name.bus == bus_name && s.spec.id == id; });
   return it == slots.end() ? nullptr : &*it;
+}
+
+std::vector<const Slot*> Machine::slots_named(std::string_view bus_name, std::string_view word) const {
+  std::vector<const Slot*> exact;
+  std::vector<const Slot*> like;
+  for (const auto& each : slots) {
+    const auto& known = each.spec.name;
+    if (!bus_name.empty() && known.bus != bus_name) continue;
+    const std::string path = known.bus + "/" + known.name;
+    if (known.name == word || path == word) exact.push_back(&each);
+    if (same_word(known.name, word) || same_word(path, word)) like.push_back(&each);
+  }
+  return exact.empty() ? like : exact;
 }
 
 std::shared_ptr<const od::Description> Machine::description(std::string_view bus_name, NodeId id) const noexcept {

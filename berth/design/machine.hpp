@@ -128,6 +128,9 @@ struct Machine {
   [[nodiscard]] const Bus* bus(std::string_view name) const noexcept;
   [[nodiscard]] const Slot* slot(std::string_view name) const noexcept;
   [[nodiscard]] const Slot* slot(std::string_view bus, NodeId id) const noexcept;
+  /// That a person may mean by "left" or "line/left", in either case; names that differ in nothing else are told apart
+  /// by it. `bus`: only of this one; empty: of any.
+  [[nodiscard]] std::vector<const Slot*> slots_named(std::string_view bus, std::string_view word) const;
   /// What is known of the device with this node-ID: by `described`, else its slot's; null when nothing is.
   [[nodiscard]] std::shared_ptr<const od::Description> description(std::string_view bus, NodeId id) const noexcept;
   /// The specifications of one bus's slots, in the order of the file.

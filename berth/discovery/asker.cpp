@@ -2,6 +2,8 @@
 
 #include <algorithm>
 
+#include "berth/can/empty_bus.hpp"
+
 namespace berth::discovery {
 namespace {
 constexpr rt::Duration default_window = std::chrono::milliseconds(10);  // paper 4's
@@ -86,7 +88,7 @@ void Question::late(rt::Time at) noexcept {
 void Question::run() noexcept {
   switch (step_) {
     case Step::inhibited: send(); break;
-    case Step::sending: fail_with("a Fastscan request was not acknowledged"); break;
+    case Step::sending: fail_with(can::no_acknowledge); break;
     case Step::listening: over(); break;
     case Step::idle:
     case Step::done: break;

@@ -1,35 +1,8 @@
 #include "berth/discovery/identify.hpp"
 
-#include <algorithm>
-#include <array>
-#include <utility>
-
-#include "berth/discovery/busy.hpp"
-#include "berth/discovery/by_name.hpp"
+#include "berth/discovery/identify_parts.hpp"
 
 namespace berth::discovery {
-namespace {
-constexpr rt::Duration default_window = std::chrono::milliseconds(10);
-constexpr std::int64_t answer_bits = 126;
-constexpr std::uint64_t all_serials = std::uint64_t{1} << 32;
-constexpr std::uint64_t first_width = 256;
-constexpr std::uint64_t least_width = 16;
-constexpr std::uint64_t widens = 8;  // times, after silence
-// Halves that were not asked because the other half was silent: after so many in a row the next one is asked, so that
-// a question that a device did not hear is not followed down to the last bit.
-constexpr unsigned most_assumed = 6;
-constexpr unsigned most_back = 2;
-constexpr unsigned most_unproven = 4;  // in a row, and the retries
-constexpr unsigned enough_alone = 3;
-// A device with a small receive buffer loses some of six frames back to back.
-constexpr rt::Duration slow_inhibit = std::chrono::milliseconds(10);
-
-Box box_of(const Kind& kind, std::uint64_t low, std::uint64_t end) noexcept {
-  Box box{.serial_low = static_cast<std::uint32_t>(low), .serial_high = static_cast<std::uint32_t>(end - 1)};
-  if (kind.revision) box.revision_low = box.revision_high = *kind.revision;
-  return box;
-}
-}  // namespace
 
 // Pauses between the frames for as long as a search lasts, once one fruitless pass was no accident.
 class Identify::Pace {
@@ -48,101 +21,6 @@ class Identify::Pace {
   lss::Master* lss_;
   lss::MasterOptions before_;
 };
-
-// The way down to one device.
-struct Identify::Descent {
-  Box box;
-  Box answered;                 // the last range that was: `box`, or around it
-  std::optional<Box> silent{};  // the last half that was taken for empty
-  unsigned assumed = 0;         // halves in a row that were not asked
-  unsigned back = 0;            // times that the way ended in silence, since it got on
-
-  void go_on(const Box& heard) noexcept {
-    if (heard != answered) back = 0;
-    box = answered = heard;
-    assumed = 0;
-  }
-  // False: too often, or in haste, of which less comes first; to come to one serial number again takes long.
-  bool go_back(const Run& run) noexcept;
-};
-
-struct Identify::Run {
-  const Known& known;
-  const Options& options;
-  rt::Duration frame{0};
-  Report report{};
-  std::size_t kind = 0;
-  std::size_t kinds = 0;
-  unsigned unproven = 0;  // in a row
-  // How far haste has led nowhere. `wary`: patient, until one device is left; what it answers late is found out within
-  // a few questions. `most`: to the end.
-  enum class Care : std::uint8_t { none, wary, most };
-  Care care = Care::none;
-  unsigned alone = 0;  // ranges in a row, each in the one before, that got one answer
-  Haste haste{};
-  bool late_yes = false;         // the question before the last was answered after all
-  bool stopped = false;          // time is over, or the observer said so
-  bool no_blank = false;         // no device without a node-ID is left, and no other is wanted
-  bool untrusted = false;        // a device answers whatever is asked
-  std::optional<Box> left_at{};  // a device is in there, and the search was stopped
-  std::vector<R_SN> passed{};    // answered for, and not proven, in this pass
-
-  [[nodiscard]] rt::Duration longest() const noexcept {
-    return (options.window.count() > 0 ? options.window : default_window) + frame + options.blocking;
-  }
-  [[nodiscard]] std::vector<R_SN> known_of(const Kind& kind_) const {
-    std::vector<R_SN> result = passed;
-    const auto add = [&](const LssAddress& a) {
-      if (a.type() == kind_.type && (!kind_.revision || a.revision == *kind_.revision)) result.push_back(a.r_sn());
-    };
-    for (const auto& a : known.registered) add(a);
-    for (const auto& d : report.found) add(d.address);
-    return result;
-  }
-  [[nodiscard]] std::uint64_t next_known(const Kind& kind_, std::uint64_t from) const {
-    std::uint64_t next = all_serials;
-    for (const R_SN& n : known_of(kind_)) {
-      if (n.serial >= from) next = std::min<std::uint64_t>(next, n.serial);
-    }
-    return next;
-  }
-  [[nodiscard]] bool full() const noexcept { return report.found.size() >= options.most_devices; }
-  [[nodiscard]] bool over() const noexcept { return stopped || no_blank || untrusted || full(); }
-  void tell(std::uint64_t swept) const {
-    if (options.observer == nullptr) return;
-    options.observer->progress({.kind = kind,
-                                .kinds = kinds,
-                                .swept = static_cast<double>(swept) / static_cast<double>(all_serials),
-                                .found = report.found.size()});
-  }
-  // Between two requests, with no device in configuration.
-  void look_at_the_time(rt::Time now) {
-    if (options.most_time.count() > 0 && now - report.began > options.most_time) stopped = true;
-    if (options.observer != nullptr && !options.observer->goes_on()) stopped = true;
-  }
-  void more_care() {
-    if (care == Care::none) haste.note(false);
-    care = care == Care::none ? Care::wary : Care::most;
-  }
-  // A device was found.
-  void less_care() {
-    if (care == Care::none) haste.note(true);
-    care = haste.pays() ? Care::none : Care::wary;
-  }
-  void failed() {
-    more_care();
-    ++report.unproven;
-    if (++unproven > options.retries + most_unproven) untrusted = true;
-  }
-};
-
-bool Identify::Descent::go_back(const Run& run) noexcept {
-  box = answered;
-  silent.reset();
-  assumed = 0;
-  const bool by_revision = box.serial_low == box.serial_high;
-  return (run.care != Run::Care::none || by_revision) && ++back <= most_back;
-}
 
 // ---- questions --------------------------------------------------------------------------------------------------
 
@@ -179,7 +57,7 @@ rt::Duration Identify::window_of(const Run& run, bool whole) const {
 }
 
 rt::Task<Result<bool>> Identify::anybody(const Options& options) {
-  const rt::Duration window = options.window.count() > 0 ? options.window : default_window;
+  const rt::Duration window = options.window.count() > 0 ? options.window : identify_window;
   const lss::ServiceOptions service{.timeout = window + options.blocking, .retries = 0, .full_window = false};
   const auto reply = co_await services_.lss.identify_non_configured(service);
   if (!reply) co_return fail(reply.error());
@@ -286,215 +164,6 @@ rt::Task<Result<Identify::Sweep>> Identify::device_in(Run& run, Cursor& cursor, 
   co_return *there;
 }
 
-// ---- ranges -----------------------------------------------------------------------------------------------------
-
-// The half that answers, of one device alone: its silence may be lateness, so the other half has to answer then.
-rt::Task<Result<std::optional<Box>>> Identify::surely(Run& run, const Cursor& cursor, Box box) {
-  const std::array<Box, 2> halves{box.lower(), box.upper()};
-  std::optional<Box> result;
-  for (const bool patient : {false, true}) {
-    // The late answer belongs to one of both, and says nothing.
-    if (patient && !result) co_await rt::sleep_for(window_of(run, true));
-    for (std::size_t i = 0; i < halves.size() && !result && !run.stopped; ++i) {
-      const auto heard = co_await ask(run, cursor, halves[i], patient);
-      if (!heard) co_return fail(heard.error());
-      if (*heard) result = halves[i];
-    }
-  }
-  run.alone = enough_alone;
-  co_return result;
-}
-
-// A device is in the box: the lowest there, down to one serial number, or one revision when the serial number is known.
-// Where the way ends in silence it goes back to the last range that was answered: a device that loses one question of
-// twenty would never be reached from the top. Empty: no device is there any more, or none ever was.
-rt::Task<Result<std::optional<Box>>> Identify::descend(Run& run, const Cursor& cursor, Box box) {
-  const bool by_serial = box.serial_low != box.serial_high;
-  run.alone = by_serial ? 0 : enough_alone;
-  Descent way{.box = box, .answered = box};
-  const auto arrived = [&] { return by_serial ? way.box.serial_low == way.box.serial_high : way.box.single(); };
-  std::optional<Box> result;
-  while (!arrived() || (way.assumed > 0 && (way.back > 0 || run.care == Run::Care::most))) {
-    const bool sure = run.care == Run::Care::wary && run.alone >= enough_alone && !arrived();
-    bool on = false;
-    if (sure) {
-      const auto half = co_await surely(run, cursor, way.box);
-      if (!half) co_return fail(half.error());
-      on = *half || way.go_back(run);
-      if (*half) way.go_on(**half);
-    } else {
-      const auto heard = co_await step(run, cursor, way, arrived());
-      if (!heard) co_return fail(heard.error());
-      on = *heard;
-    }
-    if (run.stopped && by_serial) run.left_at = way.answered;
-    if (run.stopped || !on) co_return result;
-  }
-  result = way.box;
-  co_return result;
-}
-
-// One question on the way down. False: nothing is there, however often it is asked.
-rt::Task<Result<bool>> Identify::step(Run& run, const Cursor& cursor, Descent& way, bool arrived) {
-  const bool check = arrived || way.assumed >= most_assumed;
-  const Box asked = check ? way.box : way.box.lower();
-  const bool patient = check || way.back > 0;
-  const auto heard = co_await ask(run, cursor, asked, patient);
-  if (!heard) co_return fail(heard.error());
-  if (run.stopped) co_return true;
-  if (run.late_yes && way.silent) {  // it was not empty, only slow
-    way.box = *std::exchange(way.silent, std::nullopt);
-    way.assumed = 0;
-    co_return true;
-  }
-  way.silent.reset();
-  if (*heard) {
-    way.go_on(asked);
-  } else if (check) {
-    co_return way.go_back(run);
-  } else {
-    way.silent = asked;
-    way.box = way.box.upper();
-    ++way.assumed;
-  }
-  co_return true;
-}
-
-rt::Task<Result<void>> Identify::lowest_in(Run& run, Cursor& cursor, Box box) {
-  const Run::Care before = run.care;
-  const auto left = co_await descend(run, cursor, box);
-  if (!left) co_return fail(left.error());
-  cursor.open = std::exchange(run.left_at, std::nullopt);
-  if (run.over()) co_return Result<void>{};
-  if (!*left) {
-    run.more_care();
-    if (before != Run::Care::none) patience_.renew();
-    // Asked again, with more patience; then the closing questions will find what is there.
-    if (before == Run::Care::most) cursor.next = std::uint64_t{box.serial_high} + 1;
-    co_return Result<void>{};
-  }
-  const Box one = **left;
-  const auto there = co_await device_in(run, cursor, one);
-  if (!there) co_return fail(there.error());
-  if (run.stopped && *there != Sweep::found) co_return Result<void>{};
-  cursor.next = std::uint64_t{one.serial_low} + 1;
-  if (*there != Sweep::found) co_return Result<void>{};
-  run.less_care();
-  const std::uint64_t apart = one.serial_low - std::uint64_t{cursor.last};
-  if (cursor.any) {
-    cursor.apart = cursor.apart == 0 ? apart : (cursor.apart + apart) / 2;
-    // A hole in a row does not end it.
-    const bool hole = cursor.row >= 2 && apart % cursor.stride == 0;
-    if (!hole) cursor.row = 0;
-    if (!hole) cursor.stride = static_cast<std::uint32_t>(apart);
-    cursor.width = std::max(least_width, 2 * cursor.apart);
-  } else {
-    cursor.width = least_width;
-  }
-  cursor.any = true;
-  cursor.last = one.serial_low;
-  cursor.guesses = true;
-  co_return Result<void>{};
-}
-
-// The next of a row is asked for by name. True: it is there, or is known.
-rt::Task<Result<bool>> Identify::guess(Run& run, Cursor& cursor) {
-  const std::uint64_t serial = std::uint64_t{cursor.last} + cursor.stride;
-  cursor.guesses = false;
-  if (serial >= all_serials || serial < cursor.next || cursor.revisions.empty()) co_return false;
-  const auto wanted = static_cast<std::uint32_t>(serial);
-  const LssAddress device{cursor.kind.type.vendor, cursor.kind.type.product, cursor.revisions.front(), wanted};
-  const std::vector<R_SN> known = run.known_of(cursor.kind);
-  const bool is_known = std::ranges::find(known, device.r_sn()) != known.end();
-  bool there = is_known;
-  if (!is_known) {
-    const auto tried = co_await proven(run, cursor, device, true);
-    if (!tried) co_return fail(tried.error());
-    there = *tried == Sweep::found;
-  }
-  if (there) {
-    cursor.apart = (cursor.apart + cursor.stride) / 2;
-    cursor.last = wanted;
-    cursor.next = serial + 1;
-    cursor.guesses = true;
-    ++cursor.row;
-  } else if (cursor.row >= 2 && !run.options.configured && !run.stopped) {
-    const auto left = co_await blank_left(run);
-    if (!left) co_return fail(left.error());
-  }
-  co_return there;
-}
-
-rt::Task<Result<void>> Identify::sweep(Run& run, Cursor& cursor, std::uint64_t end) {
-  while (cursor.next < end && !run.over()) {
-    run.tell(cursor.next);
-    if (cursor.open) {
-      const Box box = *std::exchange(cursor.open, std::nullopt);
-      const auto done = co_await lowest_in(run, cursor, box);
-      if (!done) co_return fail(done.error());
-      continue;
-    }
-    if (cursor.guesses) {
-      const auto there = co_await guess(run, cursor);
-      if (!there) co_return fail(there.error());
-      if (*there || run.over()) continue;
-    }
-    const std::uint64_t low = cursor.next;
-    const std::uint64_t limit = std::min(end, run.next_known(cursor.kind, low));
-    if (limit == low) {
-      ++cursor.next;
-      continue;
-    }
-    const std::uint64_t width = cursor.width == 0 ? first_width : cursor.width;
-    const std::uint64_t high = std::min(limit, low + width);
-    const Box box = box_of(cursor.kind, low, high);
-    const auto heard = co_await ask(run, cursor, box, false);
-    if (!heard) co_return fail(heard.error());
-    if (run.stopped) break;
-    if (*heard) {
-      const auto done = co_await lowest_in(run, cursor, box);
-      if (!done) co_return fail(done.error());
-    } else {
-      cursor.next = high;
-      cursor.width = std::min(all_serials, width * widens);
-    }
-  }
-  co_return Result<void>{};
-}
-
-// Every gap is asked with the longest window. True: all were silent.
-rt::Task<Result<bool>> Identify::close(Run& run, Cursor& cursor) {
-  const Box all = box_of(cursor.kind, 0, all_serials);
-  const std::vector<Box> open = gaps(all, run.known_of(cursor.kind));
-  bool quiet = true;
-  for (std::size_t i = 0; i < open.size() && !run.over(); ++i) {
-    const Box box = open[i];
-    if (std::ranges::find(cursor.quiet, box) != cursor.quiet.end()) continue;
-    const auto heard = co_await ask(run, cursor, box, true);
-    if (!heard) co_return fail(heard.error());
-    if (!*heard) cursor.quiet.push_back(box);
-    if (run.stopped) break;
-    if (!*heard) continue;
-    quiet = false;
-    if (box.serial_low == box.serial_high) {
-      const auto there = co_await device_in(run, cursor, box);
-      if (!there) co_return fail(there.error());
-      continue;
-    }
-    Cursor part = cursor;
-    part.next = box.serial_low;
-    part.width = std::uint64_t{box.serial_high} - box.serial_low + 1;  // a device is there
-    part.any = false;
-    part.guesses = false;
-    part.row = 0;
-    const std::uint64_t end = part.next + part.width;
-    const auto swept = co_await sweep(run, part, end);
-    if (!swept) co_return fail(swept.error());
-    cursor.revisions = part.revisions;
-  }
-  co_return quiet;
-}
-
 // ---- the search -------------------------------------------------------------------------------------------------
 
 std::vector<Identify::Cursor> Identify::begin(const Known& known) {
@@ -586,7 +255,7 @@ rt::Task<Result<Report>> Identify::find(const Known& known, const Options& optio
   Pace pace(services_.lss);
   Run run{.known = known, .options = options};
   const auto rate = services_.dispatcher.port().status().bit_rate;
-  if (rate > 0) run.frame = rt::Duration(answer_bits * 1'000'000'000 / rate);
+  if (rate > 0) run.frame = rt::Duration(identify_bits * 1'000'000'000 / rate);
   run.report.began = services_.dispatcher.executor().now();
   run.report.known = run.report.began;
   services_.lss.suspect_strangers();

@@ -11,6 +11,7 @@ namespace berth::doctor {
 
 const char* name(Kind kind) noexcept {
   switch (kind) {
+    case Kind::silent_bus: return "silent-bus";
     case Kind::duplicate_node_id: return "duplicate-node-id";
     case Kind::identifier_collision: return "identifier-collision";
     case Kind::blank_node: return "blank-node";
@@ -87,6 +88,7 @@ class Consultation {
       : heard_(heard), expected_(expected), answers_(answers) {}
 
   std::vector<Diagnosis> findings() {
+    if (silent_bus()) return std::move(found_);
     find_strangers_rate();
     for (unsigned n = 1; n <= 127; ++n) duplicate(NodeId(static_cast<std::uint8_t>(n)));
     collisions();
@@ -123,6 +125,25 @@ class Consultation {
     return fmt::format("node {}{}", node.value(), node == expected_.master ? " (the master)" : "");
   }
   [[nodiscard]] bool silent(const places::SlotSpec& slot) const { return heard_.node(slot.id).signs.count == 0; }
+
+  // ---- a bus on which nothing is said ----
+
+  // The cause of all that would be missed is told once.
+  bool silent_bus() {
+    const bool answered = answers_.blank || !answers_.present.empty() || !answers_.serials.empty();
+    if (heard_.frames > 0 || heard_.errors > 0 || answered) return false;
+    auto& d = add(Kind::silent_bus, Certainty::certain);
+    d.what = "nothing was heard on this bus";
+    d.evidence.push_back(fmt::format("not one frame in {:.1f} s", ms(heard_.to - heard_.from) / 1000));
+    if (answers_.asked) d.evidence.emplace_back("no device answered the questions");
+    d.advice =
+        "is the bit rate right (`berth scan --bitrate auto`), is the cable plugged in, have devices power, is the bus "
+        "terminated?";
+    if (!answers_.asked) {
+      d.advice += " Devices without a node-ID are silent, too: `berth doctor --active` asks for them";
+    }
+    return true;
+  }
 
   // ---- a node at another bit rate ----
 

@@ -14,6 +14,7 @@
 namespace berth::doctor {
 
 enum class Kind : std::uint8_t {
+  silent_bus,            ///< not one frame, of whatever node
   duplicate_node_id,     ///< two devices hold one node-ID
   identifier_collision,  ///< a node sends with an identifier that belongs to another
   blank_node,            ///< a device without a node-ID
@@ -23,7 +24,7 @@ enum class Kind : std::uint8_t {
   overload,              ///< more is sent than the bus, or a node, can take
   disturbance,           ///< frames are destroyed, and nothing above explains it
 };
-inline constexpr std::size_t kinds = 8;
+inline constexpr std::size_t kinds = 9;
 /// "duplicate-node-id", "identifier-collision", ...: as `--json` has it.
 [[nodiscard]] const char* name(Kind kind) noexcept;
 

@@ -14,7 +14,6 @@ using Severity = Finding::Severity;
 
 constexpr std::size_t longest_line = 255;  ///< CiA 306 §4.2
 
-constexpr char lower(char c) noexcept { return c >= 'A' && c <= 'Z' ? static_cast<char>(c + ('a' - 'A')) : c; }
 /// NUL counts as blank: files padded with NULs exist.
 constexpr bool blank(char c) noexcept { return c == ' ' || c == '\t' || c == '\0' || c == '\v' || c == '\f'; }
 
@@ -115,15 +114,6 @@ Findings Report::take() {
     findings_.push_back({Severity::note, file_, 0, 0, "", fmt::format("{} more findings are not shown", dropped_), ""});
   }
   return std::move(findings_);
-}
-
-bool same_word(std::string_view a, std::string_view b) noexcept {
-  if (a.size() != b.size()) return false;
-  if (std::memcmp(a.data(), b.data(), a.size()) == 0) return true;  // as nearly all files spell them
-  for (std::size_t i = 0; i < a.size(); ++i) {
-    if (lower(a[i]) != lower(b[i])) return false;
-  }
-  return true;
 }
 
 /// Goes through the text once, line by line.

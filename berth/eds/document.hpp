@@ -11,6 +11,7 @@
 #include <vector>
 
 #include "berth/base/finding.hpp"
+#include "berth/base/words.hpp"
 
 namespace berth::eds {
 
@@ -101,9 +102,6 @@ class Document {
 /// How a text is encoded: what is no UTF-8 counts as Windows-1252.
 [[nodiscard]] Encoding encoding_of(std::string_view text) noexcept;
 [[nodiscard]] std::optional<std::string> to_windows_1252(std::string_view utf8);
-
-/// Equal but for upper and lower case of ASCII letters.
-[[nodiscard]] bool same_word(std::string_view a, std::string_view b) noexcept;
 
 /// Length of the UTF-8 sequence at `at`; 0 when there is none.
 [[nodiscard]] std::size_t utf8_sequence(std::string_view text, std::size_t at) noexcept;

@@ -3,6 +3,8 @@
 #include <algorithm>
 #include <utility>
 
+#include "berth/can/empty_bus.hpp"
+
 namespace berth::lss {
 
 // ---- one service -----------------------------------------------------------------------------------------------
@@ -94,7 +96,7 @@ void Exchange::run() noexcept {
   switch (step_) {
     case Step::queued: take_turn(); break;
     case Step::inhibited: send_next(); break;
-    case Step::sending: done({.code = Errc::bus, .text = "an LSS request was not acknowledged"}); break;
+    case Step::sending: done({.code = Errc::bus, .text = can::no_acknowledge}); break;
     case Step::listening: window_over(); break;
     case Step::idle:
     case Step::done: break;

@@ -2,6 +2,8 @@
 
 #include <algorithm>
 
+#include "berth/can/empty_bus.hpp"
+
 namespace berth::nodeid {
 
 Exchange::~Exchange() { end(); }
@@ -29,7 +31,7 @@ void Exchange::sent(rt::Time at) noexcept {
 // The one timer: the wait for the confirmation, then the window.
 void Exchange::run() noexcept {
   if (!open_) {
-    fail_with("a request was not acknowledged");
+    fail_with(can::no_acknowledge);
     return;
   }
   end();

@@ -3,6 +3,8 @@
 #include <algorithm>
 #include <utility>
 
+#include "berth/can/empty_bus.hpp"
+
 namespace berth::nodeid {
 
 // ---- one request and its window ---------------------------------------------------------------------------------
@@ -37,7 +39,7 @@ void Collect::heard(rt::Time at) noexcept {
 // The one timer: the wait for the confirmation, then the window.
 void Collect::run() noexcept {
   if (!listening_) {
-    fail_with("a RAND request was not acknowledged");
+    fail_with(can::no_acknowledge);
     return;
   }
   end();

@@ -3,6 +3,8 @@
 #include <algorithm>
 #include <utility>
 
+#include "berth/can/empty_bus.hpp"
+
 namespace berth::operate {
 
 using places::Assign;
@@ -76,7 +78,7 @@ rt::Task<void> MainJob::opening() {
     places::wake_unconfigured(s.dispatcher);
   }
   p_.agenda.alone = !quiet;
-  if (p_.agenda.alone) p_.slots.tell("error", "", "the bus: " + describe(quiet.error()));
+  if (p_.agenda.alone) p_.slots.tell_failure("the bus", quiet.error());
 }
 
 rt::Task<void> MainJob::round() {
@@ -89,9 +91,10 @@ rt::Task<void> MainJob::round() {
     co_await seat_the_configured();
     port_.speak();
   }
+  const char* const why = p_.agenda.alone ? can::no_acknowledge : "no device of its type was found";
   for (const auto& seat : p_.slots.seats()) {
     const bool none = seat->state == SlotState::unknown && !p_.agenda.search_open;
-    if (none) p_.slots.set_state(*seat, SlotState::empty, "no device of its type was found");
+    if (none) p_.slots.set_state(*seat, SlotState::empty, why);
   }
   co_await start();
 }

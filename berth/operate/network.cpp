@@ -61,8 +61,8 @@ void Network::emergency(NodeId node, const co::Emcy& message, rt::Time) noexcept
 
 void Network::changed(const can::Status& status, rt::Time) noexcept { port_.changed(status); }
 
-void Network::commanded(co::NmtCommand command, co::NmtTarget target) noexcept {
-  parts_.supervision.commanded(command, target);
+void Network::commanded(co::NmtCommand command, co::NmtTarget target) {
+  parts_.supervision.commanded(command, target, running_);
 }
 
 std::vector<Network::Occupancy> Network::occupancy() const {

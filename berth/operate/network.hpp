@@ -80,7 +80,7 @@ class Network final : private co::HeartbeatConsumer::Observer,
 
   /// A person sent this NMT command beside the main job, which then does not work against it: a node that was stopped
   /// or made pre-operational stays so until it is started by a person or boots.
-  void commanded(co::NmtCommand command, co::NmtTarget target) noexcept;
+  void commanded(co::NmtCommand command, co::NmtTarget target);
 
   /// The master's own device is silent until the main job, if it runs, has looked around anew (network_bitrate.hpp).
   void fall_silent() noexcept { port_.fall_silent(); }

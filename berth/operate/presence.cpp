@@ -57,10 +57,7 @@ rt::Task<void> Presence::ask_seat(Seat& seat) {
   const Sign sign = co_await sign_of_life(id);
   seat.checked = s_.executor.now();
   if (!sign.alive) {
-    slots_.set_state(seat, SlotState::absent,
-                     fmt::format("no heartbeat, SDO or guarding answer from node-ID {}; switch the device "
-                                 "on, or `berth replace` it",
-                                 id.value()));
+    slots_.set_absent(seat, fmt::format("no heartbeat, SDO or guarding answer from node-ID {}", id.value()));
     co_return;
   }
   const bool shares = sign.state != NmtState::operational && waits_beside_another(seat);
@@ -88,9 +85,12 @@ rt::Task<bool> Presence::is_its_own(Seat& seat, std::optional<NmtState> state) {
   if (!who) {
     // Stopped devices speak no SDO; they are known by their error control alone (the paper's figure).
     const bool stopped = state == NmtState::stopped;
-    if (stopped) seat.there = true;
-    slots_.set_state(seat, stopped ? SlotState::present : SlotState::absent,
-                     stopped ? std::string() : "its identity cannot be read: " + describe(who.error()));
+    if (!stopped) {
+      slots_.set_absent(seat, "its identity cannot be read: " + describe(who.error()));
+      co_return false;
+    }
+    seat.there = true;
+    slots_.set_state(seat, SlotState::present);
     co_return false;
   }
   // The answer of a second device may come a little behind that of the first.

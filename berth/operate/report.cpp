@@ -7,6 +7,7 @@
 #include <map>
 #include <nlohmann/json.hpp>
 
+#include "berth/base/words.hpp"
 #include "berth/text/columns.hpp"
 
 namespace berth::operate {
@@ -69,14 +70,6 @@ std::string to_line(const Event& e) {
   return fmt::format("{:9.3f} s  {}  {}{}", seconds(e.at), e.bus, e.slot.empty() ? "" : e.slot + ": ", e.text);
 }
 
-std::string name_some(const std::vector<std::string>& names) {
-  constexpr std::size_t most = 4;
-  const std::size_t shown = names.size() > most ? most - 1 : names.size();
-  std::string text;
-  for (std::size_t i = 0; i < shown; ++i) text += (i == 0 ? "" : ", ") + names[i];
-  return shown == names.size() ? text : fmt::format("{} and {} more", text, names.size() - shown);
-}
-
 std::vector<std::string> reasons_of(const std::vector<SlotReport>& slots) {
   const bool one_bus = std::ranges::all_of(slots, [&](const auto& s) { return s.bus == slots.front().bus; });
   std::vector<std::pair<const SlotReport*, std::vector<std::string>>> told;  // the first of each, and the names
@@ -89,7 +82,7 @@ std::vector<std::string> reasons_of(const std::vector<SlotReport>& slots) {
   }
   std::vector<std::string> lines;
   for (const auto& [slot, names] : told) {
-    lines.push_back(fmt::format("{}: {}: {}", name_some(names), places::name(slot->state), slot->reason));
+    lines.push_back(fmt::format("{}: {}: {}", some_of(names, 4), places::name(slot->state), slot->reason));
   }
   return lines;
 }

@@ -65,7 +65,5 @@ struct Report {
 [[nodiscard]] std::vector<std::string> to_table(const std::vector<SlotReport>& slots);
 /// The reasons of these slots, each once: "left, right: question: ...". "field/left" when there are several buses.
 [[nodiscard]] std::vector<std::string> reasons_of(const std::vector<SlotReport>& slots);
-/// "a, b, c and 37 more".
-[[nodiscard]] std::string name_some(const std::vector<std::string>& names);
 
 }  // namespace berth::operate

@@ -121,7 +121,7 @@ rt::Task<void> Search::by_rand() {
   }
   agenda_.alone = !report && report.error().code == Errc::bus;
   if (!report) {
-    slots_.tell_once("error", "discovery: " + describe(report.error()));
+    slots_.tell_failure("discovery", report.error());
     co_return;
   }
   for (const auto& d : report->found) {
@@ -184,7 +184,7 @@ rt::Task<bool> Search::by(discovery::Discovery& way) {
   // again.
   const auto quiet = co_await s_.lss.switch_global(lss::State::waiting);
   if (!report || !quiet) {
-    slots_.tell_once("error", "discovery: " + describe(report ? quiet.error() : report.error()));
+    slots_.tell_failure("discovery", report ? quiet.error() : report.error());
     co_return false;
   }
   agenda_.alone = false;

@@ -249,8 +249,10 @@ void Seating::not_bound(Seat& seat, const Binding& binding) {
   const std::string reason = fmt::format("{}: {}", to_string(binding.seat().device), places::name(binding.why()));
   if (clone || binding.why() == Why::other_device) {
     slots_.set_state(seat, SlotState::duplicate, reason);
+  } else if (binding.why() == Why::not_there && fresh) {
+    slots_.set_state(seat, SlotState::empty, reason);
   } else if (binding.why() == Why::not_there) {
-    slots_.set_state(seat, fresh ? SlotState::empty : SlotState::absent, reason);
+    slots_.set_absent(seat, reason);
   } else {
     slots_.set_state(seat, SlotState::failed, reason);
   }

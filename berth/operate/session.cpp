@@ -166,22 +166,16 @@ Network* Session::network(std::string_view bus) noexcept {
 }
 
 Network* Session::network_of_slot(std::string_view slot, std::string& name) noexcept {
+  auto meant = machine_->slots_named({}, slot);
   const auto number = text::parse_ranges(slot, 1, 127);
-  const unsigned id = number && number->size() == 1 ? number->front() : 0;
-  const auto& slots = machine_->slots;
-  const auto is_name = [&](const design::Slot& s) { return s.spec.name.name == slot; };
-  const auto is_path = [&](const design::Slot& s) { return s.spec.name.bus + "/" + s.spec.name.name == slot; };
-  const auto is_id = [&](const design::Slot& s) { return id != 0 && s.spec.id.value() == id; };
-  const auto only = [&](const auto& fits) -> const design::Slot* {
-    const auto it = std::ranges::find_if(slots, fits);
-    return std::ranges::count_if(slots, fits) == 1 ? &*it : nullptr;
-  };
-  const design::Slot* found = only(is_path);
-  if (found == nullptr) found = only(is_name);
-  if (found == nullptr) found = only(is_id);
-  if (found == nullptr) return nullptr;
-  name = found->spec.name.name;
-  return network(found->spec.name.bus);
+  if (meant.empty() && number && number->size() == 1) {
+    for (const auto& s : machine_->slots) {
+      if (s.spec.id.value() == number->front()) meant.push_back(&s);
+    }
+  }
+  if (meant.size() != 1) return nullptr;
+  name = meant.front()->spec.name.name;
+  return network(meant.front()->spec.name.bus);
 }
 
 }  // namespace berth::operate

@@ -3,6 +3,9 @@
 #include <fmt/format.h>
 
 #include <algorithm>
+#include <string_view>
+
+#include "berth/can/empty_bus.hpp"
 
 namespace berth::operate {
 
@@ -85,6 +88,10 @@ void SlotTable::set_state(Seat& seat, SlotState state, std::string reason) {
        seat.reason.empty() ? places::name(state) : fmt::format("{}: {}", places::name(state), seat.reason));
 }
 
+void SlotTable::set_absent(Seat& seat, const std::string& fact) {
+  set_state(seat, SlotState::absent, fact + "; switch the device on, or `berth replace` it");
+}
+
 Seat* SlotTable::with_record(places::SlotId slot) const noexcept {
   const auto it = std::ranges::find_if(seats_, [&](const auto& s) { return s->slot.record.slot == slot; });
   return it == seats_.end() ? nullptr : it->get();
@@ -152,6 +159,11 @@ void SlotTable::tell_once(const Event& event) {
   if (std::ranges::find(told_, event.text) != told_.end()) return;
   told_.push_back(event.text);
   if (observer_.event) observer_.event(event);
+}
+
+void SlotTable::tell_failure(const std::string& what, const Error& error) {
+  const bool alone = error.code == Errc::bus && std::string_view(error.text) == can::no_acknowledge;
+  tell_once("error", alone ? error.text : what + ": " + describe(error));
 }
 
 void SlotTable::reach(const char* milestone) {

@@ -54,6 +54,8 @@ class SlotTable {
   /// Reads the slot's row again.
   void refresh(Seat& seat);
   void set_state(Seat& seat, places::SlotState state, std::string reason = {});
+  /// The slot's device is not there: `fact`, and what a person does about it, which no later fact takes away.
+  void set_absent(Seat& seat, const std::string& fact);
   /// Forgets which device sits in the slot, in the store too.
   Result<void> clear(Seat& seat, const std::string& reason);
 
@@ -69,6 +71,8 @@ class SlotTable {
   void tell(std::string kind, std::string slot, std::string text);
   /// Not again until `tell_again`.
   void tell_once(const std::string& kind, const std::string& text);
+  /// Once, what failed and why. That no device acknowledges is told in these words alone, whatever was tried.
+  void tell_failure(const std::string& what, const Error& error);
   void tell_once(const Event& event);
   void tell_again() noexcept { told_.clear(); }
   /// A milestone, once.

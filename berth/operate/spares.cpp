@@ -75,7 +75,7 @@ rt::Task<bool> Spares::clear_past(Seat& seat) {
     if (!dated) {
       seat.fresh = true;
       seat.there = false;
-      slots_.set_state(seat, SlotState::absent, "its configuration date cannot be read: " + describe(dated.error()));
+      slots_.set_absent(seat, "its configuration date cannot be read: " + describe(dated.error()));
       co_return false;
     }
     const bool welcome =
@@ -127,8 +127,7 @@ rt::Task<bool> Spares::restore_seat(Seat& seat) {
   const auto loaded = co_await s_.sdo.write<std::uint32_t>(id, 0x1011, 1, load_signature, patience);
   if (!loaded && loaded.error().code != Errc::aborted) {
     seat.there = false;
-    slots_.set_state(seat, SlotState::absent,
-                     "its factory settings could not be asked for: " + describe(loaded.error()));
+    slots_.set_absent(seat, "its factory settings could not be asked for: " + describe(loaded.error()));
     co_return false;
   }
   if (!loaded) {
@@ -156,7 +155,7 @@ rt::Task<bool> Spares::restore_seat(Seat& seat) {
   if (same) co_return true;
   seat.there = false;
   agenda_.look_anew = true;
-  slots_.set_state(seat, SlotState::absent, "it did not come back under its node-ID when it got its factory settings");
+  slots_.set_absent(seat, "it did not come back under its node-ID when it got its factory settings");
   co_await presence_.look_by_lss(seat);
   co_return false;
 }

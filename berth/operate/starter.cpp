@@ -67,7 +67,7 @@ rt::Task<bool> Starter::set_heartbeat(Seat& seat) {
   const auto written = co_await s_.sdo.write<std::uint16_t>(id, 0x1017, 0, period);
   if (!written && written.error().code != Errc::aborted) {
     seat.there = false;
-    slots_.set_state(seat, SlotState::absent, "its heartbeat could not be set: " + describe(written.error()));
+    slots_.set_absent(seat, "its heartbeat could not be set: " + describe(written.error()));
     co_return false;
   }
   seat.guarded = !written.has_value();

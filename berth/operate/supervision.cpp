@@ -106,10 +106,20 @@ void Supervision::check_rates() {
   }
 }
 
-void Supervision::commanded(co::NmtCommand command, co::NmtTarget target) noexcept {
+void Supervision::commanded(co::NmtCommand command, co::NmtTarget target, bool listens) {
   for (auto& seat : slots_.seats()) {
     if (!target.includes(seat->id())) continue;
-    seat->held = command == co::NmtCommand::stop || command == co::NmtCommand::enter_pre_operational;
+    const bool stops = command == co::NmtCommand::stop;
+    seat->held = stops || command == co::NmtCommand::enter_pre_operational;
+    // Its heartbeat tells what it is. Without one, or when nothing listens any more, it is what it was told.
+    const bool unheard = seat->there && (seat->guarded || !listens);
+    if (!unheard) continue;
+    if (seat->held && seat->state == SlotState::operational) {
+      const NmtState state = stops ? NmtState::stopped : NmtState::pre_operational;
+      slots_.set_state(*seat, SlotState::present, made(state, seat->id()));
+    } else if (command == co::NmtCommand::start && seat->state == SlotState::present) {
+      seat->started = false;  // it is started as any other, and asked by guarding
+    }
   }
 }
 
@@ -154,7 +164,7 @@ void Supervision::lost(Seat& seat) {
   const bool gone = s_.heartbeats.lost(seat.id()) || !s_.heartbeats.state(seat.id());
   if (!seat.there || !gone) return;
   seat.there = seat.started = false;
-  slots_.set_state(seat, SlotState::absent, "its heartbeat stopped; switch the device on, or `berth replace` it");
+  slots_.set_absent(seat, "its heartbeat stopped");
   const bool automatic = seat.slot.spec.replacement == places::Replacement::automatic;
   if (!automatic || !seat.slot.record.device()) return;
   const auto cleared = slots_.clear(seat, "it fell silent, and the machine file says replacement = \"auto\"");

@@ -26,8 +26,9 @@ class Supervision {
   /// Two devices with one identity that once fell into one frame drift apart: their heartbeats then come twice as
   /// often.
   void check_rates();
-  /// A person sent this NMT command: it is not worked against.
-  void commanded(co::NmtCommand command, co::NmtTarget target) noexcept;
+  /// A person sent this NMT command: it is not worked against. `listens`: what the device's heartbeat tells of it comes
+  /// here; else the slot shows what it was told, as it does of a device without heartbeat.
+  void commanded(co::NmtCommand command, co::NmtTarget target, bool listens);
 
  private:
   void show(Seat& seat, const Wake& wake, NmtState state);

@@ -6,6 +6,7 @@
 #include <map>
 #include <optional>
 
+#include "berth/base/words.hpp"
 #include "berth/places/assignment.hpp"
 
 namespace berth::places {
@@ -404,20 +405,12 @@ class Planner {
                           fresh.size() == 1 ? "" : "s", to_string(fresh.front().device.type()), free.size(),
                           free.size() == 1 ? "" : "s");
     q.text = fmt::format("{} Devices: {}. Slots: {}. {}ame them with `berth replace SLOT --device ADDRESS`", q.brief,
-                         first_of(devices), names.empty() ? "-" : first_of(names),
+                         some_of(devices), names.empty() ? "-" : some_of(names),
                          what_else == nullptr ? std::string("N") : capital(what_else) + ", or n");
     for (const auto& f : fresh) {
       if (!own_place(free, f)) keep_off_our_ids(f);
     }
     plan_.questions.push_back(std::move(q));
-  }
-  /// A question about a hundred devices is still read by a person.
-  [[nodiscard]] static std::string first_of(const std::vector<std::string>& names) {
-    constexpr std::size_t most = 8;
-    const std::size_t shown = names.size() > most ? most - 1 : names.size();
-    const auto text =
-        fmt::format("{}", fmt::join(names.begin(), names.begin() + static_cast<std::ptrdiff_t>(shown), ", "));
-    return shown == names.size() ? text : fmt::format("{} and {} more", text, names.size() - shown);
   }
   [[nodiscard]] static std::string capital(std::string text) {
     if (!text.empty() && text[0] >= 'a' && text[0] <= 'z') text[0] = static_cast<char>(text[0] - 'a' + 'A');

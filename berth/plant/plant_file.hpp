@@ -216,6 +216,14 @@ struct PlantResult {
 /// The same from a file; a file that cannot be read is a finding.
 [[nodiscard]] PlantResult load_plant(const std::string& path);
 
+struct EventResult {
+  std::optional<PlantEvent> event;  ///< empty when a finding is an error
+  Findings findings;
+};
+/// Reads one event that happens now: the lines of an `[[event]]` without `at`, `after` and `delay`. `plant`: its buses
+/// and devices can be named.
+[[nodiscard]] EventResult read_event(std::string_view keys, const PlantFile& plant);
+
 /// Writes a plant so that `read_plant` gives it back equal; what has its default value is left out. `comment` becomes
 /// comment lines at the top.
 [[nodiscard]] std::string write_plant(const PlantFile& plant, std::string_view comment = {});

@@ -55,6 +55,14 @@ class PlantReader {
     return std::move(plant_);
   }
 
+  /// One event by itself, which happens now: the keys of its action, without a time.
+  std::optional<PlantEvent> read_event_now(const Value& root, const PlantFile& plant) {
+    plant_ = plant;
+    for (const auto& device : plant.devices) names_.emplace(device.name, names_.size());
+    Table table(root, "", file_, findings_);
+    return read_action(table, {});
+  }
+
  private:
   void read_seed(Table& table) {
     const Value* value = table.get("seed");
@@ -359,9 +367,13 @@ class PlantReader {
   void read_event(Table& table) {
     PlantEvent event;
     read_when(table, event);
-    if (!table.require("action", "say what happens")) return;
+    if (auto read = read_action(table, std::move(event))) plant_.events.push_back(std::move(*read));
+  }
+
+  std::optional<PlantEvent> read_action(Table& table, PlantEvent event) {
+    if (!table.require("action", "say what happens")) return std::nullopt;
     const auto action = table.word("action", action_words);
-    if (!action) return;
+    if (!action) return std::nullopt;
     event.action = static_cast<Action>(*action);
     switch (event.action) {
       case Action::cut_cable: read_cut(table, event); break;
@@ -371,7 +383,7 @@ class PlantReader {
       default: read_device_event(table, event);
     }
     table.finish();
-    plant_.events.push_back(std::move(event));
+    return event;
   }
 
   static void read_when(Table& table, PlantEvent& event) {
@@ -488,6 +500,16 @@ PlantResult read_plant(std::string_view text, const std::string& file_name) {
     return std::pair(a.line, a.column) < std::pair(b.line, b.column);
   });
   if (!has_errors(result.findings)) result.plant = std::move(plant);
+  return result;
+}
+
+EventResult read_event(std::string_view keys, const PlantFile& plant) {
+  EventResult result;
+  const std::string no_file;
+  const auto root = text::parse_toml(keys, no_file, result.findings);
+  if (!root) return result;
+  auto event = PlantReader(no_file, result.findings).read_event_now(*root, plant);
+  if (!has_errors(result.findings)) result.event = std::move(event);
   return result;
 }
 

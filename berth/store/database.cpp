@@ -1,6 +1,10 @@
 #include "berth/store/database.hpp"
 
+#include <fmt/format.h>
+
 #include <algorithm>
+#include <mutex>
+#include <set>
 #include <utility>
 
 #include "berth/store/database_impl.hpp"
@@ -147,12 +151,36 @@ std::vector<HistoryEntry> lines_of(Query& query) {
   return lines;
 }
 
-tl::unexpected<Error> failed(const SQLite::Exception& error, const char* what) noexcept {
-  return fail(
-      Error{.code = Errc::io, .detail = static_cast<std::uint32_t>(error.getExtendedErrorCode()), .text = what});
+/// An error's text is static: of each file and cause there is one, for as long as the process.
+const char* kept(std::string text) {
+  static std::mutex one_at_a_time;
+  static std::set<std::string> texts;
+  const std::lock_guard held(one_at_a_time);
+  return texts.insert(std::move(text)).first->c_str();
 }
 
 }  // namespace
+
+std::string cause_of(int code, const char* what) {
+  switch (code & 0xFF) {
+    case SQLITE_FULL: return "the disk is full; make room on it";
+    case SQLITE_READONLY:
+    case SQLITE_PERM: return "the file or its folder is read-only; make both writable";
+    case SQLITE_CANTOPEN: return "it cannot be opened for writing; is its folder there and writable?";
+    case SQLITE_BUSY:
+    case SQLITE_LOCKED: return "another program has it open; close that";
+    case SQLITE_CORRUPT:
+    case SQLITE_NOTADB: return fmt::format("it is damaged ({}); restore a copy", what);
+    case SQLITE_IOERR: return fmt::format("the disk fails ({}); look at the disk and its cable", what);
+    default: return what;
+  }
+}
+
+tl::unexpected<Error> Database::Impl::failed(const SQLite::Exception& error, const char* what) const {
+  const int code = error.getExtendedErrorCode();
+  const char* const text = kept(fmt::format("{}: {}: {}", db->getFilename(), what, cause_of(code, error.what())));
+  return fail(Error{.code = Errc::io, .detail = static_cast<std::uint32_t>(code), .text = text});
+}
 
 SQLite::Statement& Database::Impl::statement(const char* sql) {
   const auto it = statements.find(sql);

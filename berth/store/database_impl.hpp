@@ -17,6 +17,9 @@
 
 namespace berth::store {
 
+/// What an error code of SQLite's means for a person, and what to do; `what` are SQLite's own words, for the others.
+[[nodiscard]] std::string cause_of(int code, const char* what);
+
 class Query;
 
 struct Database::Impl {
@@ -37,6 +40,9 @@ struct Database::Impl {
   static void add_configurations(Query& query, std::vector<places::SlotRecord>& records);
   void log(std::optional<places::SlotId> slot, std::string_view event, const std::optional<LssAddress>& device,
            NodeId id, std::string_view reason);
+
+  /// The file, what was done, and the cause.
+  [[nodiscard]] tl::unexpected<Error> failed(const SQLite::Exception& error, const char* what) const;
 
   /// Runs `body` in one transaction: committed and synced when it gives a value, else rolled back.
   template <class Body>

@@ -65,6 +65,20 @@ std::optional<OpenError> look_at_header(const std::string& path) {
   return look_at(path, header);
 }
 
+/// What to do about an error of the system.
+const char* remedy_of(int code) noexcept {
+  switch (code) {
+    case ENOSPC:
+    case EDQUOT: return "make room on that disk, or name another file with --store";
+    case EROFS:
+    case EACCES:
+    case EPERM: return "make its folder writable, or name another file with --store";
+    case ENOENT:
+    case ENOTDIR: return "make its folder, or name another file with --store";
+    default: return "name another file with --store";
+  }
+}
+
 std::optional<OpenError> take_lock(FileLock& lock, const std::string& path) {
   switch (lock.take(path)) {
     case FileLock::Outcome::taken: return std::nullopt;
@@ -77,7 +91,9 @@ std::optional<OpenError> take_lock(FileLock& lock, const std::string& path) {
     case FileLock::Outcome::failed: break;
   }
   const int code = errno;
-  return refuse(Errc::io, "the store cannot be locked", fmt::format("{}.lock: {}", path, std::strerror(code)),
+  return refuse(Errc::io, "the store cannot be locked",
+                fmt::format("{}.lock: the store's lock file cannot be written: {}; {}", path, std::strerror(code),
+                            remedy_of(code)),
                 static_cast<std::uint32_t>(code))
       .value();
 }
@@ -161,7 +177,7 @@ OpenError sqlite_error(const std::string& path, int code, const char* what) {
                                    "{}: this store is damaged ({}); it was left as it is. Restore a copy, or move "
                                    "it away and bind the machine again.",
                                    path, what)
-                             : fmt::format("{}: the store cannot be opened: {}", path, what);
+                             : fmt::format("{}: the store cannot be opened: {}", path, cause_of(code, what));
   return refuse(damaged ? Errc::invalid : Errc::io, text, words, static_cast<std::uint32_t>(code)).value();
 }
 

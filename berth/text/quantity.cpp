@@ -7,6 +7,8 @@
 #include <limits>
 #include <utility>
 
+#include "berth/base/words.hpp"
+
 namespace berth::text {
 namespace {
 
@@ -65,8 +67,6 @@ std::optional<std::int64_t> scaled(std::string_view whole, std::string_view frac
   for (; tens > fraction.size(); --tens) rest *= 10;
   return *value * unit + rest;
 }
-
-char lower(char c) noexcept { return c >= 'A' && c <= 'Z' ? static_cast<char>(c - 'A' + 'a') : c; }
 
 /// Insertions, deletions, substitutions and swaps of neighbours that turn one word into the other.
 std::size_t distance(std::string_view a, std::string_view b) {

@@ -151,6 +151,30 @@ TEST(DoctorCommand, BesideARunningUpOnAHealthyMachine) {
   EXPECT_TRUE(operational());
 }
 
+// A simulated machine that another process runs: the doctor hears what that one's control socket tells, and a second
+// world is not made.
+TEST(DoctorCommand, JoinsASimulatedMachineThatRuns) {
+  const Folder folder;
+  const std::string machine = folder.write("machine.toml", small_machine);
+  const std::string control = folder.file("control.sock");
+  Background up({"up", machine, "--sim", folder.write("plant.toml", small_plant), "--pace", "--control", control});
+  const auto status = [&] { return berth({"status", machine, "--control", control}).status; };
+  ASSERT_TRUE(eventually([&] { return status() == 0; }));
+  const Outcome well = berth({"doctor", machine, "--control", control, "--json"});
+  EXPECT_EQ(well.status, 0) << well.out << well.err;
+  EXPECT_GT(Json::parse(well.out).at("buses").at(0).at("frames").get<int>(), 50);
+  ASSERT_EQ(berth({"sim", "unplug", "drive", machine, "--control", control}).status, 0);
+  const Outcome ill = berth({"doctor", machine, "--control", control, "--json"});
+  EXPECT_EQ(ill.status, 1) << ill.out << ill.err;
+  const Json found = Json::parse(ill.out).at("findings");
+  EXPECT_TRUE(std::ranges::any_of(found, [](const Json& f) { return f.at("slot") == "drive"; })) << found;
+  const Outcome active = berth({"doctor", machine, "--control", control, "--active"});
+  EXPECT_EQ(active.status, 1) << "its devices hear the other process alone";
+  EXPECT_NE(active.err.find("another process runs this simulated machine"), std::string::npos) << active.err;
+  up.signal(SIGTERM);
+  static_cast<void>(up.end());
+}
+
 TEST(DoctorCommand, WrongUseIsExitTwo) {
   EXPECT_EQ(berth({"doctor"}).status, 2);
   EXPECT_EQ(berth({"doctor", example("ailing.toml")}).status, 2) << "simulated buses need a plant";

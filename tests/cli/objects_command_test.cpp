@@ -195,6 +195,7 @@ TEST_F(Command, EmergenciesInWords) {
   EXPECT_EQ(quiet.at("register"), "0x00");
   EXPECT_EQ(quiet.at("text"), "no error");
   EXPECT_EQ(run({"emcy"}).status, 2);
+  EXPECT_EQ(quiet.at("profile"), 0) << "its 1000h names no device profile";
   const Json heard = reply({"emcy", "--listen", "2 s"}, 0, true);
   EXPECT_EQ(heard.at("listened_s"), 2);
 }

@@ -208,6 +208,31 @@ TEST(Decoder, ServicesHaveNames) {
   EXPECT_FALSE(parse_service("telepathy"));
 }
 
+// 3210h is another thing in a drive than in an I/O module; 1000h says which it is, in the description or when it is
+// read.
+TEST(Decoder, AnEmergencyIsToldInTheWordsOfTheProfile) {
+  Rows rows;
+  Decoder decoder(rows);
+  od::DescriptionBuilder b;
+  b.variable(0x1000, {.name = "Device type", .initial = od::Literal::number(0x0002'0192)});  // CiA 402
+  decoder.know(0, NodeId(5), {.name = "drive", .description = b.build()});
+  trace::Entry entry;
+  const auto say = [&](std::uint32_t id, std::vector<std::uint8_t> bytes) {
+    entry.frame = can::Frame::base(id, bytes);
+    decoder.entry(entry);
+  };
+  say(0x085, {0x10, 0x32, 0x05, 0, 0, 0, 0, 0});
+  say(0x086, {0x10, 0x32, 0x05, 0, 0, 0, 0, 0});
+  say(0x605, {0x40, 0x00, 0x10, 0, 0, 0, 0, 0});
+  say(0x585, {0x43, 0x00, 0x10, 0, 0x91, 0x01, 0x07, 0});  // CiA 401
+  say(0x085, {0x10, 0x32, 0x05, 0, 0, 0, 0, 0});
+  decoder.finish();
+  ASSERT_EQ(rows.rows.size(), 4U);
+  EXPECT_NE(rows.rows[0].words.find("3210h DC link over-voltage"), std::string::npos) << rows.rows[0].words;
+  EXPECT_NE(rows.rows[1].words.find("3210h internal voltage too high"), std::string::npos) << rows.rows[1].words;
+  EXPECT_NE(rows.rows[3].words.find("3210h internal voltage too high"), std::string::npos) << rows.rows[3].words;
+}
+
 // Whatever is on the bus: every frame is in exactly one row.
 RC_GTEST_PROP(Decoder, NoFrameIsLost, ()) {
   Rows rows;

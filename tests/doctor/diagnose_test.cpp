@@ -213,9 +213,23 @@ TEST_F(Doctor, ASilentSlotMayBeBlank) {
 }
 
 TEST_F(Doctor, AskedAndSilentIsNotBlank) {
+  slot(1);
   slot(2);
+  beats(1, 10ms, 100ms, 2s);
   answers_.asked = true;
   EXPECT_EQ(words(listen(2s)), "missing-heartbeat certain 2; ");
+}
+
+// A cable that is out is told once, and not as so many silent nodes; an answer shows that the cable is in.
+TEST_F(Doctor, ABusOnWhichNothingIsSaidIsOneFinding) {
+  slot(2);
+  slot(3);
+  const auto found = listen(2s);
+  ASSERT_EQ(found.size(), 1U) << words(found);
+  EXPECT_EQ(found.front().kind, Kind::silent_bus);
+  EXPECT_FALSE(found.front().node.configured());
+  answers_.asked = answers_.blank = true;
+  EXPECT_NE(words(listen(2s)).find("blank-node certain"), std::string::npos);
 }
 
 TEST_F(Doctor, HeartbeatsThatStopOrHaveGaps) {

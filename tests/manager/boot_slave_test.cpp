@@ -37,7 +37,8 @@ struct FakeTarget final : BootTarget {
   }
   rt::Task<std::optional<NmtState>> heartbeat(rt::Duration within) override {
     ++beats_awaited;
-    co_await rt::sleep_for(beat ? 1ms : within);
+    const rt::Duration wait = beat ? rt::Duration(1ms) : within;
+    co_await rt::sleep_for(wait);
     co_return beat;
   }
   rt::Task<std::optional<NmtState>> guard() override { co_return guarded; }

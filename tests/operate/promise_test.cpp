@@ -208,6 +208,15 @@ TEST(Promise, APersonEndsItAndTheOldDeviceIsIsolatedWhenItComesBack) {
   EXPECT_EQ(o.rig.seats(), (Seats{{2, 2}}));
 }
 
+// Another device, with the slot's node-ID stored; it is plugged in when it hurts.
+void add_late_two(plant::PlantFile& p) {
+  auto& y = add_device(p, "y", type_c, 2);
+  y.source = plant::NodeIdSource::nonvolatile;
+  y.node_id = NodeId(2);
+  y.boot = 3ms;
+  y.plugged = false;
+}
+
 // X comes with a node-ID of elsewhere, and has stored that of its slot. Before the reset that brings it into use
 // another device boots under it: X is not reset, and nothing is started.
 TEST(Promise, ANodeIdThatBootsElsewhereBeforeTheResetIsNotBroughtIntoUse) {
@@ -217,11 +226,7 @@ TEST(Promise, ANodeIdThatBootsElsewhereBeforeTheResetIsNotBroughtIntoUse) {
   auto& x = add_device(p, "x", type_b, 1);
   x.source = plant::NodeIdSource::nonvolatile;
   x.node_id = NodeId(9);
-  auto& y = add_device(p, "y", type_c, 2);
-  y.source = plant::NodeIdSource::nonvolatile;
-  y.node_id = NodeId(2);
-  y.boot = 3ms;
-  y.plugged = false;
+  add_late_two(p);
   Rig rig(m, p);
   bool stored = false;
   const At stores(rig, 0x7E4, {0x17, 0x00}, [&] { stored = true; });
@@ -245,11 +250,7 @@ TEST(Promise, ANodeIdThatBootsElsewhereIsNotTold) {
   add_slot(m, 2, type_b);
   auto p = one_bus_plant(1);
   add_device(p, "x", type_b, 1);
-  auto& y = add_device(p, "y", type_c, 2);
-  y.source = plant::NodeIdSource::nonvolatile;
-  y.node_id = NodeId(2);
-  y.boot = 3ms;
-  y.plugged = false;
+  add_late_two(p);
   Rig rig(m, p);
   const At selected(rig, 0x7E4, {0x44}, [&] { rig.device("y").plug(); });
   unsigned told = 0;

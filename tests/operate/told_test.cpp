@@ -1,7 +1,13 @@
 // What a slot's reason says after a person's commands.
 #include <gtest/gtest.h>
+#include <unistd.h>
+
+#include <filesystem>
+#include <fstream>
+#include <iterator>
 #include <string>
 
+#include "berth/can/empty_bus.hpp"
 #include "tests/harness/rig.hpp"
 
 using namespace berth;
@@ -62,4 +68,83 @@ TEST(Told, TheReasonFollowsTheNextCommand) {
   tell(co::NmtCommand::start);
   EXPECT_EQ(rig.state(3), SlotState::operational) << rig.log();
   EXPECT_EQ(reason_of(rig), "");
+}
+
+// What a person can do about a silent slot stays in sight, whatever is found out of its device later.
+TEST(Told, AnAbsentSlotKeepsItsAdvice) {
+  Rig rig(slot_three(), its_device());
+  rig.begin();
+  ASSERT_TRUE(rig.until_operational(20s)) << rig.log();
+  rig.device("a").power(false);
+  ASSERT_TRUE(rig.run_until([&] { return rig.state(3) == SlotState::absent; }, 10s)) << rig.log();
+  EXPECT_NE(reason_of(rig).find("its heartbeat stopped; switch the device on, or `berth replace` it"),
+            std::string::npos)
+      << reason_of(rig);
+  // It boots, beats, and hears no question.
+  rig.device("a").deaf(0ms);
+  rig.device("a").power(true);
+  ASSERT_TRUE(rig.run_until([&] { return reason_of(rig).find("identity") != std::string::npos; }, 60s)) << rig.log();
+  EXPECT_EQ(rig.state(3), SlotState::absent) << rig.log();
+  EXPECT_NE(reason_of(rig).find("switch the device on, or `berth replace` it"), std::string::npos) << reason_of(rig);
+}
+
+namespace {
+
+/// A device's description without heartbeat, which guarding knows alone; a file that goes with it.
+class GuardedEds {
+ public:
+  GuardedEds() : path_(std::filesystem::temp_directory_path() / ("berth-told-" + std::to_string(::getpid()) + ".eds")) {
+    std::ifstream in(example_eds("sensor.eds"));
+    std::string text((std::istreambuf_iterator<char>(in)), std::istreambuf_iterator<char>());
+    const std::pair<std::string, std::string> changes[] = {{"=0x1017", "=0x1015"}, {"[1017]", "[1015]"}};
+    for (const auto& [from, to] : changes) {
+      const auto at = text.find(from);
+      EXPECT_NE(at, std::string::npos) << from;
+      if (at != std::string::npos) text.replace(at, from.size(), to);
+    }
+    std::ofstream(path_) << text;
+  }
+  ~GuardedEds() { std::filesystem::remove(path_); }
+  GuardedEds(const GuardedEds&) = delete;
+  GuardedEds& operator=(const GuardedEds&) = delete;
+  [[nodiscard]] std::string path() const { return path_.string(); }
+
+ private:
+  std::filesystem::path path_;
+};
+
+}  // namespace
+
+// No heartbeat tells that it stopped: the slot shows what it was told, and starts again as any other.
+TEST(Told, ADeviceWithoutHeartbeatIsWhatItWasTold) {
+  const GuardedEds eds;
+  auto plant = its_device();
+  plant.devices.front().eds = plant.devices.front().eds_path = eds.path();
+  Rig rig(slot_three(), plant);
+  rig.begin();
+  ASSERT_TRUE(rig.until_operational(20s)) << rig.log();
+  rig.network().services().dispatcher.send(co::to_frame({co::NmtCommand::stop, co::NmtTarget(NodeId(3))}));
+  rig.network().commanded(co::NmtCommand::stop, NodeId(3));
+  EXPECT_EQ(rig.state(3), SlotState::present) << rig.log();
+  EXPECT_NE(reason_of(rig).find("it was made stopped; `berth nmt start 3` starts it"), std::string::npos)
+      << reason_of(rig);
+  rig.network().services().dispatcher.send(co::to_frame({co::NmtCommand::start, co::NmtTarget(NodeId(3))}));
+  rig.network().commanded(co::NmtCommand::start, NodeId(3));
+  EXPECT_TRUE(rig.until_operational(20s)) << rig.log();
+}
+
+// One line that says what to look at, not one for each kind of question.
+TEST(Told, AnEmptyBusIsToldOnceWithWhatToLookAt) {
+  auto plant = its_device();
+  plant.devices.front().plugged = false;
+  Rig rig(slot_three(), plant);
+  rig.begin();
+  rig.run_for(20s);
+  std::size_t told = 0;
+  for (const auto& event : rig.events()) told += event.kind == "error" ? 1U : 0U;
+  EXPECT_EQ(told, 1U) << rig.log();
+  EXPECT_NE(rig.log().find(can::no_acknowledge), std::string::npos) << rig.log();
+  EXPECT_EQ(reason_of(rig), can::no_acknowledge);
+  rig.device("a").plug();
+  EXPECT_TRUE(rig.until_operational(60s)) << rig.log();
 }

@@ -1,0 +1,314 @@
+#include "plant_commands.hpp"
+
+#include <fmt/format.h>
+#include <fmt/ranges.h>
+
+#include <algorithm>
+#include <nlohmann/json.hpp>
+
+#include "berth/base/words.hpp"
+#include "berth/command/objects.hpp"
+#include "berth/plant/plant_words.hpp"
+#include "berth/text/quantity.hpp"
+#include "options.hpp"
+#include "ports.hpp"
+
+namespace berth::cli {
+namespace {
+
+using command::Checked;
+using command::Reply;
+using command::Request;
+using plant::Action;
+using Json = nlohmann::ordered_json;
+
+/// A device that a word may mean.
+struct Meant {
+  plant::SimDevice* device = nullptr;
+  std::string slot;  ///< "line/left", by which it was named; empty: by its own name
+};
+
+std::string words_of(const Meant& meant) {
+  if (meant.slot.empty()) return "device:" + meant.device->name();
+  return fmt::format("{} (its device is {})", "slot:" + meant.slot, meant.device->name());
+}
+
+bool acts_on_device(Action action) noexcept {
+  return action != Action::cut_cable && action != Action::join && action != Action::disturb &&
+         action != Action::overrun;
+}
+
+// What a device must be for the action to change anything.
+bool fits(Action action, const plant::SimDevice& device) noexcept {
+  switch (action) {
+    case Action::plug: return !device.plugged();
+    case Action::unplug: return device.plugged();
+    case Action::power_on: return device.plugged() && !device.powered();
+    case Action::power_off:
+    case Action::reset:
+    case Action::deaf:
+    case Action::slow: return device.powered();
+    default: return true;
+  }
+}
+
+std::string why_unfit(Action action, const plant::SimDevice& device) {
+  const auto& name = device.name();
+  if (action == Action::plug) return name + " is plugged in already";
+  if (!device.plugged()) return fmt::format("{0} is not plugged in; `berth sim plug {0}` plugs it in", name);
+  if (action == Action::power_on) return name + " has power already";
+  return fmt::format("{0} has no power; `berth sim power on {0}` switches it on", name);
+}
+
+class Finder {
+ public:
+  Finder(const RunningPlant& running, std::string bus) : running_(&running), bus_(std::move(bus)) {}
+
+  /// By its name, by the slot in which it sits or last sat, by node-ID. Of several, the only one that `action` changes.
+  Checked<plant::SimDevice*> find(std::string word, Action action) {
+    const bool only_device = word.starts_with("device:");
+    const bool only_slot = word.starts_with("slot:");
+    if (only_device || only_slot) word.erase(0, word.find(':') + 1);
+    std::vector<Meant> meant;
+    if (!only_slot) meant = devices_named(word);
+    if (!only_device) add_of_slots(word, meant);
+    if (meant.empty() && !only_slot && !only_device) meant = devices_with_node_id(word);
+    if (meant.size() > 1) {
+      std::vector<Meant> fitting;
+      std::ranges::copy_if(meant, std::back_inserter(fitting), [&](const Meant& m) { return fits(action, *m.device); });
+      if (fitting.size() == 1) meant = fitting;
+    }
+    if (meant.size() == 1) return meant.front().device;
+    if (meant.empty()) return tl::unexpected(no_device(word, only_device));
+    std::vector<std::string> candidates;
+    for (const auto& one : meant) candidates.push_back(words_of(one));
+    return tl::unexpected(fmt::format("{} can be {}; write which", text::quoted(word), some_of(candidates)));
+  }
+
+ private:
+  [[nodiscard]] bool on_bus(plant::SimDevice& device) const { return bus_.empty() || device.bus().name() == bus_; }
+
+  std::vector<Meant> devices_named(const std::string& word) {
+    std::vector<Meant> exact;
+    std::vector<Meant> like;
+    for (const auto& device : running_->world->devices()) {
+      if (!on_bus(*device)) continue;
+      if (device->name() == word) exact.push_back({device.get(), {}});
+      if (same_word(device->name(), word)) like.push_back({device.get(), {}});
+    }
+    return exact.empty() ? like : exact;
+  }
+
+  void add_of_slots(const std::string& word, std::vector<Meant>& meant) {
+    if (running_->session == nullptr) return;
+    const auto node = command::find_node(running_->session->machine(), bus_, word);
+    if (!node) {
+      ambiguous_ = node.error();
+      return;
+    }
+    for (const auto& slot : running_->session->slots()) {
+      if (slot.id != node->node || !slot.device || (!node->bus.empty() && slot.bus != node->bus)) continue;
+      for (const auto& device : running_->world->devices()) {
+        const auto truth = device->truth();
+        if (truth.bus != slot.bus || truth.address != *slot.device) continue;
+        const bool known = std::ranges::any_of(meant, [&](const Meant& m) { return m.device == device.get(); });
+        if (!known) meant.push_back({device.get(), slot.bus + "/" + slot.name});
+      }
+    }
+  }
+
+  std::vector<Meant> devices_with_node_id(const std::string& word) {
+    std::vector<Meant> meant;
+    const auto number = text::parse_ranges(word, 1, 127);
+    if (!number || number->size() != 1) return meant;
+    for (const auto& device : running_->world->devices()) {
+      const auto truth = device->truth();
+      const bool same = truth.powered && truth.active.configured() && truth.active.value() == number->front();
+      if (same && on_bus(*device)) meant.push_back({device.get(), {}});
+    }
+    return meant;
+  }
+
+  std::string no_device(const std::string& word, bool only_device) const {
+    std::vector<std::string> names;
+    for (const auto& device : running_->world->devices()) {
+      if (on_bus(*device)) names.push_back(device->name());
+    }
+    if (running_->session != nullptr && !only_device) {
+      const auto node = command::find_node(running_->session->machine(), bus_, word);
+      if (node && running_->session->machine().slot(node->bus, node->node) != nullptr) {
+        return fmt::format("no device of the plant sits in slot {}; the devices are {}", word, some_of(names));
+      }
+    }
+    const std::vector<std::string_view> known(names.begin(), names.end());
+    const auto near = text::closest(word, known);
+    const std::string then = near.empty() ? "the devices are " + some_of(names) : fmt::format("did you mean {}?", near);
+    return fmt::format("no device of the plant{} is called {}; {}",
+                       running_->session != nullptr && !only_device ? " and no slot" : "", text::quoted(word), then);
+  }
+
+  const RunningPlant* running_;
+  std::string bus_;
+  std::string ambiguous_;
+};
+
+// ---- events in words ----
+
+bool is_number(const std::string& value) {
+  return !value.empty() && value.find_first_not_of("0123456789abcdefABCDEFx_+-") == std::string::npos &&
+         (std::isdigit(static_cast<unsigned char>(value.front())) != 0 || value.front() == '-');
+}
+
+// As the plant file has it: numbers and truth values are bare, `nodes` is a list, and the rest texts.
+std::string toml_value(const std::string& key, const std::string& value) {
+  if (key == "nodes") {
+    std::string list;
+    for (const auto& name : command::lines_of(value)) list += (list.empty() ? "" : ", ") + text::quoted(name);
+    return "[" + list + "]";
+  }
+  const bool text = key == "device" || key == "bus" || key == "action";
+  return !text && (is_number(value) || value == "true" || value == "false") ? value : text::quoted(value);
+}
+
+// The reader's finding, without the place in lines that no person wrote.
+std::string words_of(const Findings& findings) {
+  std::string words;
+  for (const auto& finding : findings) {
+    if (finding.severity != Finding::Severity::error) continue;
+    words += fmt::format("{}{}{}{}{}{}", words.empty() ? "" : "\n", finding.key, finding.key.empty() ? "" : ": ",
+                         finding.message, finding.fix.empty() ? "" : "; ", finding.fix);
+  }
+  return words;
+}
+
+const char* done_word(Action action) noexcept {
+  switch (action) {
+    case Action::plug: return "plugged in";
+    case Action::unplug: return "unplugged";
+    case Action::power_off: return "switched off";
+    case Action::power_on: return "switched on";
+    case Action::reset: return "reset";
+    case Action::deaf: return "deaf";
+    case Action::slow: return "slow";
+    case Action::set_serial: return "given another serial number, from its next power-on";
+    case Action::set_node_id: return "given another stored node-ID, from its next power-on";
+    case Action::cut_cable: return "cut";
+    case Action::join: return "one again";
+    case Action::disturb: return "disturbed, from the next frame that fits";
+    case Action::overrun: return "losing frames, from the next that fits";
+  }
+  return "";
+}
+
+std::string sentence(const plant::PlantEvent& event) {
+  std::string words = acts_on_device(event.action) ? event.device : "bus " + event.bus;
+  words += fmt::format(" is {}", done_word(event.action));
+  if (event.duration > plant::Duration::zero()) words += " for " + text::write_duration(event.duration);
+  return words;
+}
+
+Reply not_here(const RunningPlant& running) {
+  std::string buses;
+  if (running.session != nullptr) {
+    for (const auto& bus : running.session->machine().buses) {
+      buses += fmt::format("{}{} on {}", buses.empty() ? "" : ", ", bus.name, can::to_string(bus.port));
+    }
+  }
+  return command::refusal(Exit::no, fmt::format("no bus of this machine is simulated in this process ({}): on a real "
+                                                "bus, plugs and power are a person's; nothing was done",
+                                                buses));
+}
+
+Reply list_devices(const RunningPlant& running, const std::string& bus) {
+  Reply reply;
+  Json all = Json::array();
+  std::size_t width = 6;
+  for (const auto& device : running.world->devices()) width = std::max(width, device->name().size());
+  reply.lines.push_back(
+      fmt::format("{:<{}}  {:<10} {:>3}  {:<14} {}", "device", width, "bus", "id", "is", "LSS address"));
+  for (const auto& device : running.world->devices()) {
+    const auto truth = device->truth();
+    if (!bus.empty() && truth.bus != bus) continue;
+    const char* const is = !truth.plugged ? "not plugged in" : !truth.powered ? "without power" : name(truth.state);
+    const bool has_id = truth.powered && truth.active.configured();
+    reply.lines.push_back(fmt::format("{:<{}}  {:<10} {:>3}  {:<14} {}", truth.name, width, truth.bus,
+                                      has_id ? std::to_string(truth.active.value()) : "-", is,
+                                      to_string(truth.address)));
+    all.push_back({{"device", truth.name},
+                   {"bus", truth.bus},
+                   {"node_id", has_id ? Json(truth.active.value()) : Json(nullptr)},
+                   {"plugged", truth.plugged},
+                   {"powered", truth.powered},
+                   {"lss_address", to_string(truth.address)}});
+  }
+  reply.json = Json{{"devices", all}}.dump();
+  return reply;
+}
+
+// The only bus needs no name.
+void complete(Request& request, const RunningPlant& running, Action action) {
+  if (acts_on_device(action)) {
+    request.arguments.erase("bus");
+  } else if (!request.arguments.contains("bus") && running.plant->buses.size() == 1) {
+    request.arguments["bus"] = running.plant->buses.front().name;
+  }
+}
+
+Checked<plant::PlantEvent> event_of(const RunningPlant& running, const Request& request) {
+  std::string keys;
+  for (const auto& [key, value] : request.arguments) {
+    if (key.find_first_not_of("abcdefghijklmnopqrstuvwxyz_") != std::string::npos || key.empty()) {
+      return tl::unexpected(text::quoted(key) + " is no key of an event; docs/plant-file.md lists them");
+    }
+    keys += fmt::format("{} = {}\n", key, toml_value(key, value));
+  }
+  auto read = plant::read_event(keys, *running.plant);
+  if (!read.event) return tl::unexpected(words_of(read.findings));
+  return std::move(*read.event);
+}
+
+}  // namespace
+
+Reply do_in_plant(const RunningPlant& running, const Request& given) {
+  if (running.world == nullptr) return not_here(running);
+  Request request = given;
+  const std::string bus = request.arguments.contains("bus") ? request.arguments["bus"] : "";
+  const std::string word = request.arguments["action"];
+  if (word == "devices") return list_devices(running, bus);
+  const auto known = std::ranges::find(plant::action_words, word);
+  if (known == plant::action_words.end()) {
+    const auto near = text::closest(word, plant::action_words);
+    return command::refusal(
+        Exit::usage, fmt::format("{} is nothing that can be done in a plant; {}", text::quoted(word),
+                                 near.empty() ? fmt::format("use one of {}", fmt::join(plant::action_words, ", "))
+                                              : fmt::format("did you mean {}?", near)));
+  }
+  const auto action = static_cast<Action>(known - plant::action_words.begin());
+  plant::SimDevice* device = nullptr;
+  if (acts_on_device(action) && request.arguments.contains("device")) {
+    const auto found = Finder(running, bus).find(request.arguments["device"], action);
+    if (!found) return command::refusal(Exit::usage, found.error());
+    device = *found;
+    request.arguments["device"] = device->name();
+  }
+  complete(request, running, action);
+  const auto event = event_of(running, request);
+  if (!event) return command::refusal(Exit::usage, event.error());
+  if (device != nullptr && !fits(action, *device)) return command::refusal(Exit::no, why_unfit(action, *device));
+  if (!running.world->perform(*event)) {
+    return command::refusal(Exit::no, fmt::format("{}: the plant has no such device, bus or node", word));
+  }
+  Reply reply;
+  const std::string said = sentence(*event);
+  if (running.session != nullptr) {
+    running.session->tell(device != nullptr ? device->bus().name() : event->bus, "step", "simulated plant: " + said);
+  }
+  Json json{{"action", word}};
+  json[device != nullptr ? "device" : "bus"] = device != nullptr ? device->name() : event->bus;
+  json["text"] = said;
+  reply.json = json.dump();
+  reply.lines = {said};
+  return reply;
+}
+
+}  // namespace berth::cli

@@ -1,0 +1,128 @@
+// What fails names its file or its bus, the cause and what to do about it: a disk that is full or read-only, a port
+// that is not there, a bus on which nothing acknowledges.
+#include <gtest/gtest.h>
+#include <sys/mount.h>
+#include <sys/stat.h>
+
+#include <fstream>
+#include <nlohmann/json.hpp>
+#include <string>
+
+#include "command_fixture.hpp"
+
+namespace berth::test {
+namespace {
+
+/// A disk of its own, of 64 KiB; root alone can have one.
+class SmallDisk {
+ public:
+  SmallDisk() : path_(folder_.file("disk")) {
+    ::mkdir(path_.c_str(), 0755);
+    mounted_ = ::mount("tmpfs", path_.c_str(), "tmpfs", 0, "size=64k") == 0;
+  }
+  ~SmallDisk() {
+    if (mounted_) ::umount2(path_.c_str(), MNT_DETACH);
+  }
+  SmallDisk(const SmallDisk&) = delete;
+  SmallDisk& operator=(const SmallDisk&) = delete;
+  [[nodiscard]] bool there() const noexcept { return mounted_; }
+  [[nodiscard]] std::string file(const std::string& name) const { return path_ + "/" + name; }
+  void fill() const {
+    std::ofstream all(file("filler"), std::ios::binary);
+    const std::string page(4096, 'x');
+    while (all.write(page.data(), static_cast<std::streamsize>(page.size())).flush()) continue;
+  }
+  void make_read_only() const {
+    ASSERT_EQ(::mount("tmpfs", path_.c_str(), "tmpfs", MS_REMOUNT | MS_RDONLY, nullptr), 0);
+  }
+
+ private:
+  Folder folder_;
+  std::string path_;
+  bool mounted_ = false;
+};
+
+TEST_F(Command, AStoreOnAFullDiskNamesFileCauseAndRemedy) {
+  const SmallDisk disk;
+  if (!disk.there()) GTEST_SKIP() << "only root mounts a disk";
+  disk.fill();
+  const std::string store = disk.file("slots.db");
+  const Outcome run = berth({"up", machine, "--sim", plant, "--store", store});
+  EXPECT_EQ(run.status, 3) << run.out;
+  EXPECT_TRUE(contains(run.err, store)) << run.err;
+  EXPECT_TRUE(contains(run.err, "No space left on device") || contains(run.err, "the disk is full")) << run.err;
+  EXPECT_TRUE(contains(run.err, "make room on")) << run.err;
+}
+
+// Room for the lock file's entry, and none for the table.
+TEST_F(Command, AStoreThatNoLongerFitsNamesFileCauseAndRemedy) {
+  const SmallDisk disk;
+  if (!disk.there()) GTEST_SKIP() << "only root mounts a disk";
+  const std::string store = disk.file("slots.db");
+  std::ofstream(store + ".lock") << "1\n";
+  disk.fill();
+  const Outcome run = berth({"up", machine, "--sim", plant, "--store", store});
+  EXPECT_EQ(run.status, 3) << run.out;
+  EXPECT_TRUE(contains(run.err, store + ": ")) << run.err;
+  EXPECT_TRUE(contains(run.err, "the disk is full; make room on it")) << run.err;
+}
+
+TEST_F(Command, AStoreInAReadOnlyFolderNamesFileCauseAndRemedy) {
+  const SmallDisk disk;
+  if (!disk.there()) GTEST_SKIP() << "only root mounts a disk";
+  disk.make_read_only();
+  const std::string store = disk.file("slots.db");
+  const Outcome run = berth({"up", machine, "--sim", plant, "--store", store});
+  EXPECT_EQ(run.status, 3) << run.out;
+  EXPECT_TRUE(contains(run.err, store)) << run.err;
+  EXPECT_TRUE(contains(run.err, "Read-only file system; make its folder writable, or name another file with --store"))
+      << run.err;
+}
+
+TEST_F(Command, WhereThePortIsNotThereNoStoreIsMade) {
+  std::string text = small_machine;
+  text.replace(text.find("\"sim\""), 5, "\"socketcan:no-can0\"");
+  const std::string real = folder.write("real.toml", text);
+  const Outcome run = berth({"up", real, "--yes"});
+  EXPECT_EQ(run.status, 3) << run.out;
+  EXPECT_TRUE(contains(run.err, "socketcan:no-can0") || contains(run.err, "no-can0")) << run.err;
+  EXPECT_FALSE(exists(folder.file("real.db")));
+  EXPECT_FALSE(exists(folder.file("real.db.lock")));
+}
+
+TEST_F(Command, ABusOnWhichNothingAcknowledgesSaysWhatToLookAt) {
+  const std::string empty = folder.write("empty.toml", "[bus.line]\n");
+  const std::string cable = "is the bit rate right, is the cable plugged in, have devices power";
+  const Outcome up = berth({"up", machine, "--sim", empty, "--timeout", "20"});
+  EXPECT_EQ(up.status, 1);
+  EXPECT_TRUE(contains(up.out, "no device acknowledges what Berth sends: " + cable)) << up.out;
+  const Outcome scan = berth({"scan", machine, "--sim", empty});
+  EXPECT_EQ(scan.status, 3);
+  EXPECT_TRUE(contains(scan.err, "no device acknowledges what Berth sends: " + cable)) << scan.err;
+  const Outcome doctor = berth({"doctor", machine, "--sim", empty, "--json"});
+  EXPECT_EQ(doctor.status, 1);
+  const Json findings = Json::parse(doctor.out).at("findings");
+  ASSERT_EQ(findings.size(), 1U) << "the cause of all is told once: " << findings;
+  EXPECT_EQ(findings.at(0).at("kind"), "silent-bus");
+  EXPECT_TRUE(contains(findings.at(0).at("do"), "is the cable plugged in")) << findings;
+  const Outcome asked = berth({"doctor", machine, "--sim", empty, "--active"});
+  EXPECT_EQ(asked.status, 1);
+  EXPECT_TRUE(contains(asked.out, "silent-bus (certain)")) << asked.out;
+  EXPECT_TRUE(contains(asked.out, "no device answered the questions")) << asked.out;
+}
+
+// What --on-exit told the devices is what the last table shows.
+TEST_F(Command, AtTheEndTheSlotsAreWhatTheyWereTold) {
+  std::string text = patient(small_machine);
+  const std::string quick = "\"100 ms\"";
+  text.replace(text.find(quick), quick.size(), "\"2 s\"");  // no heartbeat tells of it before the end
+  const Outcome run = berth({"up", folder.write("calm.toml", text), "--sim", plant, "--on-exit", "stop", "--json"});
+  EXPECT_EQ(run.status, 0) << run.out << run.err;
+  for (const auto& slot : Json::parse(run.out).at("slots")) {
+    EXPECT_EQ(slot.at("state"), "present") << slot;
+    EXPECT_TRUE(contains(slot.value("reason", ""), "it was made stopped")) << slot;
+  }
+}
+
+}  // namespace
+}  // namespace berth::test

@@ -1,0 +1,116 @@
+// `berth sim plug`, `power`, `fault`: a person's hands on a simulated machine that another process runs.
+#include <gtest/gtest.h>
+#include <signal.h>
+
+#include <nlohmann/json.hpp>
+#include <string>
+
+#include "running_fixture.hpp"
+
+namespace berth::test {
+namespace {
+
+// The slot `left` has device b: the smaller serial number.
+TEST_F(Running, ADeviceIsUnpluggedAndPluggedByItsSlot) {
+  begin(plant);
+  const Outcome out = ask({"sim", "unplug", "left"});
+  EXPECT_EQ(out.status, 0) << out.out;
+  EXPECT_EQ(Json::parse(out.out).at("device"), "b");
+  EXPECT_TRUE(wait_for("left", "absent"));
+  EXPECT_EQ(ask({"sim", "unplug", "b"}).status, 1) << "it is unplugged already";
+  EXPECT_EQ(ask({"sim", "plug", "2"}).status, 0) << "its slot by node-ID";
+  EXPECT_TRUE(wait_for("left", "operational"));
+}
+
+TEST_F(Running, ADeviceLosesItsPowerAndGetsItBack) {
+  begin(plant);
+  ASSERT_TRUE(wait_for("drive", "operational"));
+  EXPECT_EQ(ask({"sim", "power", "on", "c"}).status, 1) << "it has power";
+  EXPECT_EQ(ask({"sim", "power", "off", "c"}).status, 0);
+  EXPECT_TRUE(wait_for("drive", "absent"));
+  const Json devices = Json::parse(ask({"sim", "devices"}).out).at("devices");
+  EXPECT_EQ(devices.at(2).at("plugged"), true);
+  EXPECT_EQ(devices.at(2).at("powered"), false);
+  EXPECT_EQ(devices.at(3).at("plugged"), false) << "the spare";
+  EXPECT_EQ(ask({"sim", "power", "on", "C"}).status, 0) << "in either case";
+  EXPECT_TRUE(wait_for("drive", "operational"));
+}
+
+// The keys are the plant file's, and what is wrong with them is told as its reader tells it.
+TEST_F(Running, AnyEventOfThePlantFileCanBeMadeToHappen) {
+  begin(plant);
+  ASSERT_TRUE(wait_for("drive", "operational"));
+  EXPECT_EQ(ask({"sim", "fault", "slow", "c"}).status, 2);
+  const Outcome unit = ask({"sim", "fault", "deaf", "c", "duration=2"});
+  EXPECT_EQ(unit.status, 2);
+  EXPECT_TRUE(contains(unit.out, "duration")) << unit.out;
+  EXPECT_TRUE(contains(ask({"sim", "fault", "def", "c"}).out, "did you mean deaf?"));
+  EXPECT_EQ(ask({"sim", "fault", "deaf", "c", "at=1 s"}).status, 2) << "it happens now";
+  const Outcome deaf = ask({"sim", "fault", "deaf", "c", "duration=1 h"});
+  EXPECT_EQ(deaf.status, 0) << deaf.out;
+  EXPECT_EQ(ask({"sdo", "read", "drive", "1018h:04"}).status, 1) << "it hears nothing";
+  EXPECT_EQ(ask({"sim", "fault", "cut-cable", "nodes=a,b"}).status, 0) << "the only bus needs no name";
+  EXPECT_TRUE(wait_for("left", "absent"));
+  EXPECT_EQ(ask({"sim", "fault", "join"}).status, 0);
+  EXPECT_TRUE(wait_for("left", "operational"));
+}
+
+TEST_F(Running, DevicesThatAreNotMeantForSureAreNamed) {
+  begin(plant);
+  ASSERT_TRUE(wait_for("drive", "operational"));
+  const Outcome none = ask({"sim", "unplug", "spar"});
+  EXPECT_EQ(none.status, 2);
+  EXPECT_TRUE(contains(none.out, "did you mean spare?")) << none.out;
+  EXPECT_TRUE(contains(ask({"sim", "unplug", "nobody"}).out, "the devices are a, b, c, spare"));
+  EXPECT_EQ(ask({"sim", "plug", "device:drive"}).status, 2) << "no device has this name, only a slot";
+}
+
+// A slot's name that is another device's too: what fits the action counts, else both are named.
+TEST_F(Running, ANameOfADeviceAndOfAnothersSlotIsToldApart) {
+  std::string text(small_plant);
+  text.replace(text.find("\"a\""), 3, "\"left\"");
+  begin(folder.write("crossed.toml", text));
+  const Outcome both = ask({"sim", "unplug", "left"});
+  EXPECT_EQ(both.status, 2);
+  EXPECT_TRUE(contains(both.out, "device:left")) << both.out;
+  EXPECT_TRUE(contains(both.out, "slot:line/left (its device is b)")) << both.out;
+  EXPECT_EQ(Json::parse(ask({"sim", "unplug", "slot:left"}).out).at("device"), "b");
+  EXPECT_EQ(Json::parse(ask({"sim", "plug", "left"}).out).at("device"), "b") << "the other one is plugged in";
+}
+
+TEST_F(Running, NothingIsPulledWhereNothingRunsOrTheBusIsReal) {
+  const Outcome off = berth({"sim", "unplug", "left", machine, "--control", folder.file("none.sock")});
+  EXPECT_EQ(off.status, 3);
+  EXPECT_TRUE(contains(off.err, "does not run: start it")) << off.err;
+  std::string text = small_machine;
+  text.replace(text.find("\"sim\""), 5, "\"socketcan:can7\"");
+  const Outcome real = berth({"sim", "unplug", "left", folder.write("real.toml", text)});
+  EXPECT_EQ(real.status, 1);
+  EXPECT_TRUE(contains(real.err, "bus line is on socketcan:can7: on a real bus, plugs and power are a person's"))
+      << real.err;
+}
+
+// A plant in a process of its own: the `berth up` that uses it cannot pull a plug, and a client asks the plant.
+TEST_F(Running, APlantByItselfTakesThemToo) {
+  const std::string plant_socket = folder.file("plant.sock");
+  Background alone({"plant", plant, "--listen", plant_socket, "--machine", machine});
+  ASSERT_TRUE(alone.says("Ctrl-C ends it"));
+  std::string text = small_machine;
+  text.replace(text.find("\"sim\""), 5, "\"plant:" + plant_socket + "\"");
+  text = patient(text);
+  const std::string outside = folder.write("outside.toml", text);
+  up_ = std::make_unique<Background>(Words{"up", outside, "--control", socket, "--yes"});
+  ASSERT_TRUE(wait_for("drive", "operational"));
+  const Outcome here = ask({"sim", "unplug", "drive"});
+  EXPECT_EQ(here.status, 1) << "by its own socket: it has no plug to pull";
+  EXPECT_TRUE(contains(here.out, "no bus of this machine is simulated in this process")) << here.out;
+  EXPECT_EQ(berth({"sim", "unplug", "c", outside}).status, 0) << "by the machine's port";
+  EXPECT_TRUE(wait_for("drive", "absent"));
+  EXPECT_EQ(berth({"sim", "plug", "c", "--port", "plant:" + plant_socket}).status, 0) << "by the plant's socket";
+  EXPECT_TRUE(wait_for("drive", "operational"));
+  up_->signal(SIGTERM);
+  static_cast<void>(up_->end());
+}
+
+}  // namespace
+}  // namespace berth::test
