@@ -36,6 +36,16 @@ std::optional<std::string> typed_line(Interrupt& interrupt) {
 
 }  // namespace
 
+std::optional<std::string> ask_line(const std::string& question, Interrupt& interrupt) {
+  write_text(text::printable(question) + " ");
+  auto line = typed_line(interrupt);
+  if (!line) return line;
+  constexpr const char* blanks = " \t\r";
+  line->erase(0, std::min(line->find_first_not_of(blanks), line->size()));
+  line->erase(line->find_last_not_of(blanks) + 1);
+  return line;
+}
+
 bool ask_yes(const std::string& question, Interrupt& interrupt) {
   write_text(text::printable(question) + " [y/N] ");
   const auto answer = typed_line(interrupt);

@@ -4,6 +4,7 @@
 
 #include <functional>
 #include <memory>
+#include <optional>
 #include <string>
 #include <vector>
 
@@ -16,6 +17,10 @@ namespace berth::cli {
 
 /// A person can type here: standard input is a terminal.
 [[nodiscard]] bool someone_types() noexcept;
+
+/// A line that a person types behind `question`, without spaces at its ends. Nothing: the input has ended, or a signal
+/// came.
+[[nodiscard]] std::optional<std::string> ask_line(const std::string& question, Interrupt& interrupt);
 
 /// Waits for "y" or "yes" and Enter; anything else is no, a signal too.
 [[nodiscard]] bool ask_yes(const std::string& question, Interrupt& interrupt);

@@ -79,9 +79,9 @@ tl::expected<can::PortSpec, Failure> port_of(const Options& options) {
     if (options.ports.size() != 1) {
       return tl::unexpected(failure(Exit::usage, "name the port: --port socketcan:can0"));
     }
-    const auto port = can::parse_port(options.ports.front());
-    if (port) return *port;
-    return tl::unexpected(failure(Exit::usage, fmt::format("--port {}: this is no port", options.ports.front())));
+    const auto port = port_of_word(options.ports.front());
+    if (!port) return tl::unexpected(failure(Exit::usage, port.error()));
+    return *port;
   }
   auto loaded = design::load_machine(options.machine);
   if (!loaded.machine) return tl::unexpected(failure(loaded.findings));

@@ -51,10 +51,6 @@ Story story() {
 }
 
 int run_demo(const Options& options) {
-  if (!options.machine.empty() || !options.sim.empty()) {
-    return tell(failure(Exit::usage, "the demo's machine is built in; for your own: berth up MACHINE --sim PLANT"),
-                options.json);
-  }
   return bring_up(options, {"demo machine", "demo plant", demo_machine, demo_plant}, story());
 }
 
@@ -63,8 +59,12 @@ int run_demo(const Options& options) {
 void add_demo(Verb& berth, Options& options) {
   const Verb demo = berth.add("demo", "the built-in machine: from blank devices to operational, then a replacement",
                               [&options] { return run_demo(options); });
-  machine_words(demo, options);
+  json_flag(demo, options);
+  world_words(demo, options);
   drive_words(demo, options);
+  demo.footer(
+      "Examples:\n  berth demo\n  berth demo --fast --until replaced --json\n"
+      "A machine of your own: berth help init, berth help up.");
 }
 
 }  // namespace berth::cli

@@ -15,6 +15,7 @@
 #include "berth/serve/hub.hpp"
 #include "interrupt.hpp"
 #include "output.hpp"
+#include "ports.hpp"
 #include "simulated.hpp"
 #include "verbs.hpp"
 
@@ -43,18 +44,13 @@ tl::expected<Ports, Failure> read_ports(const plant::PlantFile& plant, const Opt
   for (const auto& one : plant.devices) buses.insert(one.bus);
   Ports ports;
   for (const auto& written : device.ports) {
-    auto spec = can::parse_port(written);
+    auto spec = port_of_word(written);
     std::string bus = options.bus;
     if (const auto equals = written.find('='); !spec && equals != std::string::npos) {
       bus = written.substr(0, equals);
-      spec = can::parse_port(written.substr(equals + 1));
+      spec = port_of_word(written.substr(equals + 1));
     }
-    if (!spec || spec->kind == can::PortKind::sim) {
-      return tl::unexpected(
-          failure(Exit::usage, fmt::format("--port {}: no port; write socketcan:can0, slcan:/dev/ttyACM0, "
-                                           "socketcand://HOST/BUS or plant:SOCKET",
-                                           written)));
-    }
+    if (!spec) return tl::unexpected(failure(Exit::usage, spec.error()));
     if (bus.empty() && buses.size() == 1) bus = *buses.begin();
     if (!buses.contains(bus)) {
       return tl::unexpected(failure(
@@ -330,14 +326,14 @@ void add_device(Verb& berth, Options& options) {
   device.word("--device", wanted->names, "these alone (default: all that are plugged in at the start)")
       .one_each()
       .shown("NAME");
-  device.word("--bus", options.bus, "bus of --port, where the plant has several");
-  device.word("--bitrate", wanted->bit_rate, "bit/s to set the interface to (default: as it stands)");
+  device.word("--bus", options.bus, "bus of --port, where the plant has several").shown("NAME");
+  device.word("--bitrate", wanted->bit_rate, "bit/s to set the interface to (default: as it stands)").shown("BIT/S");
   plant_words(device, options);
   device.time("--for", wanted->duration, "end after this time (default: Ctrl-C)");
   json_flag(device, options, "one JSON object a line");
   real_time_word(device, options);
   device.footer(
-      "Events of the plant file and what it says of the wire have no effect on a real port.\n"
+      "Events of the plant file and what it says of the wire have no effect on a real\nport.\n"
       "Examples:\n  berth device plant.toml --port socketcan:vcan0\n"
       "  berth device plant.toml --port socketcan:can0 --device left --sim-state left.state");
 }

@@ -18,7 +18,8 @@ void add_emcy(Verb& berth, Options& options) {
                              return "of which node? Or listen to all of them: berth emcy --listen \"30 s\"";
                            }
                            return {};
-                         });
+                         },
+                         {.machine = {.confirms = false}});
   emcy.word("node", "node", "node-ID or slot's name: its error register (1001h) and history (1003h)");
   emcy.verb().time("--listen", *time, "instead: the messages that come, for so long");
   emcy.footer("Examples:\n  berth emcy drive\n  berth emcy 5 --port can0\n  berth emcy --listen \"30 s\" --port can0");
@@ -57,15 +58,20 @@ void add_send(Verb& berth, Options& options) {
   send.footer("Example:\n  berth send 080# 601#4018100400000000 --port can0");
 }
 
+namespace {
+// No frame needs a person's consent, or is known before.
+constexpr RequestWords tells{.alone = false, .machine = {.confirms = false, .sends = false}};
+}  // namespace
+
 void add_history(Verb& berth, Options& options) {
-  const RequestVerb history(berth, options, "history", "history", "who sat where, since when and why");
+  const RequestVerb history(berth, options, "history", "history", "who sat where, since when and why", {}, tells);
   history.word("slot", "slot", "its name, BUS/NAME or node-ID (default: all)");
   history.footer("Examples:\n  berth history\n  berth history left machine.toml");
 }
 
 void add_status(Verb& berth, Options& options) {
   const RequestVerb status(berth, options, "status", "report",
-                           "the slot table as it stands; exit status 1 when a slot is not operational");
+                           "the slot table as it stands; exit status 1 when a slot is not operational", {}, tells);
   status.verb().time("--watch", options.watch, "again and again, so far apart");
   status.footer("Examples:\n  berth status\n  berth status machine.toml --bus drives --watch \"2 s\"");
 }

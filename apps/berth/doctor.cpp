@@ -350,12 +350,6 @@ int run_doctor(const Options& given, DoctorOptions wanted) {
     return tell(failure(Exit::usage, "name the machine file: --machine FILE; or a bus without one: --port can0"),
                 options.json);
   }
-  if (options.dry_run) {
-    return tell(failure(Exit::usage,
-                        "the doctor sends nothing unless it is told --active; what it asks then depends on what it "
-                        "hears: there is no dry run"),
-                options.json);
-  }
   if (!options.machine.empty()) {
     const auto machine = design::load_machine(options.machine);
     if (!machine.machine) return tell(failure(machine.findings), options.json);
@@ -394,7 +388,7 @@ void add_doctor(Verb& berth, Options& options) {
   const auto wanted = std::make_shared<DoctorOptions>();
   const Verb doctor = berth.add("doctor", "what is wrong on the buses; sends nothing unless it is told to",
                                 [&options, wanted] { return run_doctor(options, *wanted); });
-  machine_words(doctor, options);
+  machine_words(doctor, options, {.sends = false});
   machine_word(doctor, options);
   control_word(doctor, options);
   doctor.time("--for", wanted->listen, "how long to listen (default: 5 heartbeat times, at least 5 s)");
@@ -408,7 +402,8 @@ void add_doctor(Verb& berth, Options& options) {
       .shown("NODE");
   doctor.word("--eds", wanted->eds, "with --conformance: its description (default: its slot's)").shown("FILE");
   doctor.word("--bitrate", options.bit_rate, "bit/s, where --port is all that is known of the bus")
-      .from_to(10'000, 1'000'000);
+      .from_to(10'000, 1'000'000)
+      .shown("BIT/S");
   doctor.flag("--up", options.bring_up, "with --sim: first bring the machine up");
   doctor.footer(
       "Examples:\n  berth doctor machine.toml\n  berth doctor machine.toml --conformance 5 --eds drive.eds\n  berth "

@@ -54,7 +54,7 @@ void add_diff(const Verb& eds, Options& options, const Wanted& wanted) {
   diff.word("file", wanted->files, "one or two files").required().values(1, 2).shown("FILE [FILE]");
   node_word(diff, wanted, "compare with this device instead of a second file");
   diff.flag("--values", wanted->values, "with --node: compare values too");
-  machine_words(diff, options);
+  machine_words(diff, options, {.confirms = false, .sends = false});
   control_word(diff, options);
   diff.flag("--up", options.bring_up, "with --sim: first run the main job until the machine is operational");
 }
@@ -77,6 +77,7 @@ void add_show(const Verb& eds, Options& options, const Wanted& wanted) {
 void add_eds(Verb& berth, Options& options) {
   const auto wanted = std::make_shared<EdsOptions>();
   const Verb eds = berth.group("eds", "device descriptions: EDS, DCF, XDD, XDC");
+  eds.footer("Examples:\n  berth eds check drive.eds\n  berth help eds convert");
   add_check(eds, options, wanted);
   add_convert(eds, options, wanted);
   add_diff(eds, options, wanted);

@@ -1,10 +1,8 @@
 // `berth export` and `berth import`: a machine's files and its slot table as one file, for another computer. The file
 // is JSON: {"berth_export": 1, "machine": "conveyor.toml", "files": [{"name", "base64"}], "store": {"name", "base64"}}.
 // Names are relative to the machine file's folder and stay beneath it.
-#include <fcntl.h>
 #include <fmt/format.h>
 #include <sys/stat.h>
-#include <unistd.h>
 
 #include <array>
 #include <cerrno>
@@ -18,7 +16,9 @@
 #include "berth/text/file.hpp"
 #include "berth/text/printable.hpp"
 #include "interrupt.hpp"
+#include "machine_file.hpp"
 #include "slot_table.hpp"
+#include "whole_files.hpp"
 
 namespace berth::cli {
 namespace {
@@ -61,35 +61,6 @@ std::optional<std::string> from_base64(std::string_view text) {
     for (std::size_t k = 0; k < count; ++k) bytes.push_back(static_cast<char>(word >> (16U - 8U * k) & 0xFFU));
   }
   return bytes;
-}
-
-/// Whole or not at all, and never over a file that is there.
-std::optional<Failure> write_new(const fs::path& path, std::string_view bytes) {
-  const std::string temporary = fmt::format("{}.{}.part", path.string(), ::getpid());
-  const int fd = ::open(temporary.c_str(), O_WRONLY | O_CREAT | O_EXCL | O_NOFOLLOW | O_CLOEXEC, 0644);
-  const auto wrong = [&](int error) {
-    if (fd >= 0) ::unlink(temporary.c_str());
-    return failure(error == EEXIST ? Exit::no : Exit::failed,
-                   path.string() + ": " + (error == EEXIST ? "is there already" : std::strerror(error)));
-  };
-  if (fd < 0) return wrong(errno);
-  for (std::size_t done = 0; done < bytes.size();) {
-    const auto n = ::write(fd, bytes.data() + done, bytes.size() - done);
-    if (n < 0 && errno == EINTR) continue;
-    if (n <= 0) {
-      const int error = errno;
-      ::close(fd);
-      return wrong(error);
-    }
-    done += static_cast<std::size_t>(n);
-  }
-  const bool synced = ::fsync(fd) == 0;
-  const int error = errno;
-  ::close(fd);
-  if (!synced) return wrong(error);
-  if (::link(temporary.c_str(), path.c_str()) != 0) return wrong(errno);
-  ::unlink(temporary.c_str());
-  return std::nullopt;
 }
 
 tl::expected<std::string, Failure> bytes_of(const std::string& path) {
@@ -257,7 +228,7 @@ class Written {
   }
   std::optional<Failure> file(const fs::path& path, std::string_view bytes) {
     if (auto wrong = folder(path.parent_path())) return wrong;
-    if (auto wrong = write_new(path, bytes)) return wrong;
+    if (auto wrong = write_whole({{path.string(), bytes}}, false)) return wrong;
     made_.push_back(path);
     return std::nullopt;
   }
@@ -283,7 +254,12 @@ std::string in_the_way(const fs::path& base, const std::string& name) {
 
 }  // namespace
 
-int run_export(const Options& options, const std::string& to) {
+int run_export(const Options& given, const std::string& to) {
+  Options options = given;
+  options.machine = default_machine(given);
+  if (options.machine.empty()) {
+    return tell(failure(Exit::usage, "of which machine? Name its file: berth export machine.toml " + to), options.json);
+  }
   auto loaded = design::load_machine(options.machine);
   if (!loaded.machine) return tell(failure(loaded.findings), options.json);
   const auto names = files_of(*loaded.machine);
@@ -308,7 +284,8 @@ int run_export(const Options& options, const std::string& to) {
     const std::string name = fs::path(default_store(names->front())).filename().string();
     all["store"] = {{"name", name}, {"base64", to_base64(*bytes)}};
   }
-  if (const auto wrong = write_new(to, all.dump(1) + "\n")) return tell(*wrong, options.json);
+  const std::string written = all.dump(1) + "\n";
+  if (const auto wrong = write_whole({{to, written}}, false)) return tell(*wrong, options.json);
   if (options.json) {
     print_line(Json{{"export", to}, {"files", names->size()}, {"store", has_store}}.dump(2));
   } else {

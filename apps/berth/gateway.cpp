@@ -7,6 +7,7 @@
 
 #include "berth/operate/report.hpp"
 #include "interrupt.hpp"
+#include "machine_file.hpp"
 #include "output.hpp"
 #include "verbs.hpp"
 
@@ -73,6 +74,14 @@ void tell_counters(const serve::Gateway309Counters& c, bool json) {
 int run_gateway(const Options& wanted, const GatewayOptions& gateway) {
   Options options = wanted;
   options.pace = true;
+  if (options.machine.empty()) {
+    Options here = wanted;  // a port is no machine
+    here.ports.clear();
+    options.machine = default_machine(here);
+  }
+  if (options.machine.empty()) {
+    return tell(failure(Exit::usage, "name the machine file: berth gateway machine.toml"), options.json);
+  }
   auto made = Rig::make(options, {options.machine, options.sim, {}, {}});
   if (!made) return tell(made.error(), options.json);
   Rig& rig = **made;
@@ -103,16 +112,17 @@ void add_gateway(Verb& berth, Options& options) {
   gateway.footer(
       "Examples:\n  berth gateway machine.toml --sim plant.toml\n  berth gateway machine.toml --listen 127.0.0.1:7000\n"
       "  printf '[1] 1 5 read 0x1000 0 u32\\n' | nc -N 127.0.0.1 7000\n"
-      "Net 1 is the first bus of the machine file. There is no password. On real buses clients may only read unless\n"
-      "--commands is given. Beside the main job: berth up machine.toml --gateway 127.0.0.1:7000. docs/gateway.md has "
-      "the commands.");
-  gateway.word("machine,--machine,-m", options.machine, "machine file").shown("MACHINE").required();
-  gateway.word("--sim", options.sim, "plant file: run on a simulated world, in real time");
+      "Net 1 is the first bus of the machine file. There is no password. On real buses\nclients may only read unless "
+      "--commands is given. Beside the main job:\n  berth up machine.toml --gateway 127.0.0.1:7000\n"
+      "docs/gateway.md has the commands.");
+  machine_word(gateway, options);
+  machine_option(gateway, options);
+  gateway.word("--sim", options.sim, "plant file: run on a simulated world, in real time").shown("PLANT");
   plant_words(gateway, options);
   gateway.word("--port", options.ports, "port of the bus, or BUS=PORT, instead of the machine file's")
       .one_each()
       .shown("[BUS=]PORT");
-  gateway.word("--record", options.record, "write every frame to this file, as candump does");
+  gateway.word("--record", options.record, "write every frame to this file, as candump does").shown("FILE");
   gateway.word("--listen", wanted->listen, "where to listen (default 127.0.0.1:7000; port 0: any that is free)")
       .shown("HOST:PORT");
   gateway.time("--for", wanted->duration, "end after this time");

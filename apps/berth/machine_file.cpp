@@ -18,10 +18,7 @@ namespace fs = std::filesystem;
 
 bool is_ad_hoc(const design::Machine& machine) noexcept { return machine.file == no_machine_file; }
 
-namespace {
-
-// It has a table [machine]: plant files and device libraries have none.
-bool looks_like_machine(const std::string& path) {
+bool is_machine_file(const std::string& path) {
   Findings ignored;
   const auto text = text::read_file(path, ignored);
   if (!text) return false;
@@ -34,6 +31,8 @@ bool looks_like_machine(const std::string& path) {
   return false;
 }
 
+namespace {
+
 std::string found_here() {
   if (std::error_code none; fs::is_regular_file("berth.toml", none)) return "berth.toml";
   constexpr std::size_t most_files = 200;
@@ -43,7 +42,7 @@ std::string found_here() {
   for (const auto& entry : fs::directory_iterator(".", error)) {
     if (entry.path().extension() != ".toml" || ++looked > most_files) continue;
     const std::string name = entry.path().filename().string();
-    if (looks_like_machine(name)) machines.insert(name);
+    if (is_machine_file(name)) machines.insert(name);
   }
   return machines.size() == 1 && looked <= most_files ? *machines.begin() : std::string();
 }

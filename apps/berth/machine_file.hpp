@@ -18,6 +18,9 @@ inline constexpr const char* no_machine_file = "(no machine file)";
 /// is said on standard error which one, unless with --json. Empty: there is none, or there are several.
 [[nodiscard]] std::string default_machine(const Options& options);
 
+/// A file with a table [machine], which plant files and device libraries do not have.
+[[nodiscard]] bool is_machine_file(const std::string& path);
+
 /// The text of a machine file of one bus without slots, on the port of `options`: for commands that need no slots.
 [[nodiscard]] tl::expected<std::string, Failure> ad_hoc_machine(const Options& options);
 

@@ -204,13 +204,19 @@ void add_plant(Verb& berth, Options& options) {
                 [&options] { return run_plant(options); });
   plant.word("plant", options.sim, "plant file").required().shown("PLANT");
   plant.exactly_one([&options](const Verb& how) {
-    how.word("--listen", options.control, "socket that `port = \"plant:PATH\"` of a machine file names");
+    how.word("--listen", options.control, "socket that `port = \"plant:PATH\"` of a machine file names")
+        .shown("SOCKET");
     how.time("--for", options.timeout, "no socket: the plant by itself, so long, as fast as possible");
   });
-  plant.word("--record", options.record, "with --for: write every frame to this file, as candump -L does");
-  plant.word("--machine", options.machine, "machine file: bit rates of buses that the plant file gives none");
+  plant.word("--record", options.record, "with --for: write every frame to this file, as candump -L does")
+      .shown("FILE");
+  plant.word("--machine,-m", options.machine, "machine file: bit rates of buses that the plant file gives none")
+      .shown("MACHINE");
   plant_words(plant, options);
   json_flag(plant, options);
+  plant.footer(
+      "Examples:\n  berth plant plant.toml -m machine.toml --listen /tmp/plant.sock\n"
+      "  berth plant plant.toml --for \"20 s\"");
 }
 
 }  // namespace berth::cli

@@ -22,24 +22,27 @@ int run_request(const Options& options, command::Request request, const RequestV
 }  // namespace
 
 RequestVerb::RequestVerb(const Verb& parent, Options& options, const std::string& name, const std::string& request,
-                         const std::string& help, Finish finish)
+                         const std::string& help, Finish finish, RequestWords which)
     : request_(std::make_shared<command::Request>(command::Request{request, {}})),
       verb_(parent.add(name, help, [&options, made = request_, finish = std::move(finish)] {
         return run_request(options, *made, finish);
       })) {
-  request_words(verb_, options, name != "scan");  // whose --bitrate may be "auto"
+  request_words(verb_, options, which);
 }
 
-void request_words(const Verb& verb, Options& options, bool bit_rate) {
-  machine_words(verb, options);
+void request_words(const Verb& verb, Options& options, RequestWords which) {
+  machine_words(verb, options, which.machine);
   control_word(verb, options);
-  if (bit_rate) {
+  if (which.alone && which.bit_rate) {
     verb.word("--bitrate", options.bit_rate, "bit/s, where --port is all that is known of the bus")
-        .from_to(10'000, 1'000'000);
+        .from_to(10'000, 1'000'000)
+        .shown("BIT/S");
   }
-  verb.word("--eds", options.eds, "what devices are like that are in no slot: FILE, or of one NODE=FILE")
-      .one_each()
-      .shown("[NODE=]FILE");
+  if (which.alone) {
+    verb.word("--eds", options.eds, "what devices are like that are in no slot: FILE, or of one NODE=FILE")
+        .one_each()
+        .shown("[NODE=]FILE");
+  }
   verb.flag("--up", options.bring_up, "with --sim: first run the main job until the machine is operational");
 }
 

@@ -11,6 +11,13 @@
 
 namespace berth::cli {
 
+/// What of the words of requests counts for one.
+struct RequestWords {
+  bool alone = true;     ///< --eds, --bitrate: a bus without a machine file can be asked
+  bool bit_rate = true;  ///< --bitrate is a number
+  MachineWords machine{};
+};
+
 /// A verb and the request that it makes.
 class RequestVerb {
  public:
@@ -19,7 +26,7 @@ class RequestVerb {
 
   /// `request`: its name in `command::execute`.
   RequestVerb(const Verb& parent, Options& options, const std::string& name, const std::string& request,
-              const std::string& help, Finish finish = {});
+              const std::string& help, Finish finish = {}, RequestWords which = {});
   Word word(const std::string& names, const std::string& key, const std::string& help) const;
   Word flag(const std::string& names, const std::string& key, const std::string& help) const;
   void footer(const std::string& text) const { verb_.footer(text); }
@@ -32,6 +39,6 @@ class RequestVerb {
 };
 
 /// What stands behind every verb that is a request: the machine, or the bus alone, and who does it.
-void request_words(const Verb& verb, Options& options, bool bit_rate = true);
+void request_words(const Verb& verb, Options& options, RequestWords which = {});
 
 }  // namespace berth::cli

@@ -96,6 +96,7 @@ void word_of(const Verb& verb, const std::shared_ptr<Wanted>& wanted, const std:
   Word word = verb.word(
       names, [wanted, key](const std::string& text) { wanted->request.arguments[key] = text; }, help);
   if (required) word.required();
+  if (names.starts_with("--type")) word.shown("TYPE");
 }
 
 void flag_of(const Verb& verb, const std::shared_ptr<Wanted>& wanted, const std::string& names, const std::string& key,
@@ -159,7 +160,7 @@ void add_read(const Verb& sdo, Options& options) {
   wanted->request.verb = "sdo read";
   const Verb read =
       sdo.add("read", "read objects of a device", [&options, wanted] { return run_read(options, *wanted); });
-  request_words(read, options);
+  request_words(read, options, {.machine = {.confirms = false}});
   word_of(read, wanted, "node", "node", "node-ID or slot's name", true);
   read.word("object", wanted->words, "1018h:04, 0x1018:4, 1018sub4, or its name: \"Producer heartbeat time\"")
       .required()
@@ -200,6 +201,7 @@ void add_write(const Verb& sdo, Options& options) {
 
 void add_sdo(Verb& berth, Options& options) {
   const Verb sdo = berth.group("sdo", "read or write objects of a device");
+  sdo.footer("Examples:\n  berth sdo read 5 1018h:04 --port can0\n  berth help sdo write");
   add_read(sdo, options);
   add_write(sdo, options);
   add_dump(sdo, options);

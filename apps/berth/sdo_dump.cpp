@@ -138,7 +138,7 @@ void add_dump(const Verb& sdo, Options& options) {
   const auto wanted = std::make_shared<DumpOptions>();
   const Verb dump = sdo.add("dump", "every object of a device that can be read: a table, JSON, or a DCF",
                             [&options, wanted] { return run_dump(options, *wanted); });
-  request_words(dump, options);
+  request_words(dump, options, {.machine = {.confirms = false}});
   dump.word(
           "node", [wanted](const std::string& text) { wanted->request.arguments["node"] = text; },
           "node-ID or slot's name")

@@ -15,7 +15,9 @@
 #include "berth/serve/hub.hpp"
 #include "berth/serve/socketcand_server.hpp"
 #include "interrupt.hpp"
+#include "machine_file.hpp"
 #include "output.hpp"
+#include "ports.hpp"
 #include "simulated.hpp"
 #include "verbs.hpp"
 
@@ -129,15 +131,10 @@ std::string name_of(const can::PortSpec& spec) {
 
 Done add_port(PortBuses& buses, const std::string& written, const ServeOptions& serve) {
   auto equals = written.find('=');
-  auto spec = can::parse_port(written);
+  auto spec = port_of_word(written);
   if (spec) equals = std::string::npos;  // a device's path may have one
-  if (!spec && equals != std::string::npos) spec = can::parse_port(written.substr(equals + 1));
-  if (!spec || spec->kind == can::PortKind::sim) {
-    return tl::unexpected(
-        failure(Exit::usage, fmt::format("--port {}: no port; write socketcan:can0, slcan:/dev/ttyACM0, "
-                                         "socketcand://HOST/BUS or BUS=plant:SOCKET",
-                                         written)));
-  }
+  if (!spec && equals != std::string::npos) spec = port_of_word(written.substr(equals + 1));
+  if (!spec) return tl::unexpected(failure(Exit::usage, spec.error()));
   const auto name = equals == std::string::npos ? name_of(*spec) : written.substr(0, equals);
   return buses.add(name, *spec, {.bit_rate = serve.bit_rate, .listen_only = serve.listen_only, .bus = name});
 }
@@ -190,7 +187,14 @@ void tell_counters(const serve::ServerCounters& c, bool json) {
   if (c.malformed > 0) print_line(fmt::format("{} commands with wrong words", c.malformed));
 }
 
-int run_serve(const Options& options, const ServeOptions& serve) {
+/// The machine of the folder where nothing is named; and a machine file by itself is no plant.
+void complete(Options& options, ServeOptions& serve) {
+  if (serve.plant.empty() && serve.ports.empty()) options.machine = default_machine(options);
+  if (options.machine.empty() && is_machine_file(serve.plant)) std::swap(options.machine, serve.plant);
+}
+
+int run_serve(Options options, ServeOptions serve) {
+  complete(options, serve);
   const auto where = io::parse_endpoint(serve.listen, io::socketcand_port);
   if (!where) {
     return tell(
@@ -232,15 +236,19 @@ void add_serve(Verb& berth, Options& options) {
   const Verb serve = berth.add("serve", "offer buses to other programs by socketcand (python-can, another Berth)",
                                [&options, wanted] { return run_serve(options, *wanted); });
   serve.footer(
-      "Examples:\n  berth serve plant.toml --machine machine.toml\n  berth serve --port slcan:/dev/ttyACM0 --bitrate "
-      "125000\n"
+      "Examples:\n  berth serve plant.toml -m machine.toml\n  berth serve machine.toml\n"
+      "  berth serve --port slcan:/dev/ttyACM0 --bitrate 125000\n"
       "  berth serve --port socketcan:can0 --listen 0.0.0.0:29536 --for \"1 h\"\n"
       "  berth serve --port backbone=plant:/tmp/plant.sock\n"
-      "Clients: can.Bus(interface=\"socketcand\", host=\"127.0.0.1\", port=29536, channel=\"BUS\") of python-can;\n"
-      "port = \"socketcand://127.0.0.1:29536/BUS\" in a machine file. can0 is the first bus, can1 the second.");
+      "Clients: port = \"socketcand://127.0.0.1:29536/BUS\" in a machine file; of python-can\n"
+      "  can.Bus(interface=\"socketcand\", host=\"127.0.0.1\", port=29536, channel=\"BUS\")\n"
+      "can0 is the first bus, can1 the second.");
   const Word plant = serve.word("plant", wanted->plant, "plant file: its buses, simulated in real time").shown("PLANT");
-  serve.word("--machine", options.machine,
-             "machine file: with PLANT the bit rates of its buses; alone: its buses' own ports");
+  serve
+      .word("--machine,-m", options.machine,
+            "machine file: with PLANT the bit rates of its buses; alone, or in PLANT's place: its buses' own ports "
+            "(default: berth.toml, or the only one of the folder)")
+      .shown("MACHINE");
   serve.word("--port", wanted->ports, "this port, as PORT or NAME=PORT; as often as wanted")
       .shown("[NAME=]PORT")
       .one_each()

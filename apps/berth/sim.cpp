@@ -66,17 +66,22 @@ constexpr std::pair<const char*, const char*> scenes[] = {
 void add_sim(Verb& berth, Options& options) {
   const Verb sim = berth.group("sim", "a running simulated machine: plug, unplug, power, faults; and textbook scenes");
   sim.footer(
-      "To a machine that runs in another terminal (berth up MACHINE --sim PLANT --pace):\n"
-      "  berth sim unplug s2 machine.toml\n  berth sim power off s2 machine.toml\n  berth sim devices machine.toml");
+      "Examples, to a machine that runs in another terminal:\n"
+      "  berth sim unplug s2 machine.toml\n  berth sim power off s2 machine.toml\n  berth sim devices machine.toml\n"
+      "A scene:\n  berth sim wrong-bit-rate");
   add_running_plant(sim, options);
   for (const auto& [name, help] : scenes) {
-    json_flag(sim.add(name, help, [&options, scene = std::string(name)] { return run_scenario(options, scene); }),
-              options);
+    const Verb scene =
+        sim.add(name, help, [&options, scene = std::string(name)] { return run_scenario(options, scene); });
+    json_flag(scene, options);
+    scene.footer(std::string("Example:\n  berth sim ") + name);
   }
 }
 
 void add_version(Verb& berth, Options& options) {
-  json_flag(berth.add("version", "which Berth this is", [&options] { return run_version(options); }), options);
+  const Verb version = berth.add("version", "which Berth this is", [&options] { return run_version(options); });
+  json_flag(version, options);
+  version.footer("Example:\n  berth version --json");
 }
 
 }  // namespace berth::cli

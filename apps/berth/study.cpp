@@ -41,8 +41,7 @@ void add_compare(Verb& berth, Options& options) {
   const auto study = std::make_shared<StudyOptions>();
   const Verb compare = berth.add("compare", "every way to find devices and give them node-IDs, side by side",
                                  [&options, study] { return run_compare(options, *study); });
-  compare.footer(
-      "Example:\n  berth compare --methods rand,planner-rand --devices 30 --bitrates 50,125 --plot plot.svg");
+  compare.footer("Example:\n  berth compare --methods rand,planner-rand --devices 30 --plot plot.svg");
   const auto list = [&compare](const char* option, std::string& into, const char* help) {
     compare.word(option, into, help).shown("LIST");
   };

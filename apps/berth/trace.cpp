@@ -7,6 +7,7 @@
 #include <cctype>
 #include <nlohmann/json.hpp>
 
+#include "machine_file.hpp"
 #include "trace_known.hpp"
 #include "trace_outlet.hpp"
 #include "trace_source.hpp"
@@ -349,7 +350,9 @@ std::optional<Failure> complete(TraceOptions& trace) {
 
 }  // namespace
 
-int run_trace(const Options& options, const TraceOptions& written) {
+int run_trace(const Options& given, const TraceOptions& written) {
+  Options options = given;
+  if (written.file.empty() && written.port.empty()) options.machine = default_machine(given);
   TraceOptions trace = written;
   if (const auto bad = complete(trace)) return tell(*bad, options.json);
   if (trace.to && trace.stats)

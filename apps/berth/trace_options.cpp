@@ -112,11 +112,12 @@ void add_trace(Verb& berth, Options& options) {
       "Examples:\n  berth trace run.log\n  berth trace run.log --machine machine.toml --service sdo,emcy\n"
       "  berth trace run.log --eds 5=sensor.eds --node 5\n  berth trace run.pcapng --stats --bitrate 125000\n"
       "  berth trace run.asc -o run.pcapng\n  berth trace run.log --follow --text abort\n"
-      "  berth trace --port socketcan:can0 -o run.log\n  berth trace --machine machine.toml     (the frames of the "
-      "`berth up` that runs it)");
+      "  berth trace --port socketcan:can0 -o run.log\n  berth trace machine.toml\n"
+      "The last one: the frames of the `berth up` that runs it.");
   trace.word("file", wanted->file, "candump, pcapng, Vector ASC or PEAK TRC; - for standard input").shown("FILE");
   add_formats(trace, *wanted);
-  trace.word("--machine", options.machine, "machine file: its slots' names, descriptions and configurations");
+  trace.word("--machine,-m", options.machine, "machine file: its slots' names, descriptions and configurations")
+      .shown("MACHINE");
   trace.word("--eds", wanted->eds, "description of a node: N=FILE, or FILE with one --node")
       .shown("[N=]FILE")
       .one_each();

@@ -252,12 +252,9 @@ Opened open_live(const TraceOptions& trace, const KnownNodes& known) {
   }
   std::optional<can::PortSpec> spec;
   if (!trace.port.empty()) {
-    spec = can::parse_port(trace.port);
-    if (!spec)
-      return tl::unexpected(failure(
-          Exit::usage, fmt::format("--port {}: write socketcan:can0, slcan:/dev/ttyACM0, socketcand://HOST:PORT/BUS or "
-                                   "plant:PATH",
-                                   trace.port)));
+    const auto named = port_of_word(trace.port);
+    if (!named) return tl::unexpected(failure(Exit::usage, named.error()));
+    spec = *named;
   } else if (machine_bus != nullptr) {
     spec = machine_bus->port;
   }

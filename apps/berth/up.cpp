@@ -164,7 +164,8 @@ Word drive_words(const Verb& verb, Options& options) {
   Word fast = verb.flag("--fast", options.fast, "as fast as possible, on a terminal too; ends by itself");
   fast.excludes(pace);
   verb.flag("--events", options.events, "with --json: every event as a line, as it happens; the last is the report");
-  verb.word("--listen,--control", options.control, "socket for other commands (default: by the machine's name)");
+  verb.word("--listen,--control", options.control, "socket for other commands (default: by the machine's name)")
+      .shown("SOCKET");
   return fast;
 }
 
@@ -178,6 +179,9 @@ void add_up(Verb& berth, Options& options) {
       .one_of(std::vector<std::string>{"leave", "preop", "stop"});
   gateway_words(up, options, fast);
   real_time_word(up, options);
+  up.footer(
+      "Examples:\n  berth up\n  berth up machine.toml --sim plant.toml\n  berth up machine.toml --port can0 --dry-run\n"
+      "  berth up machine.toml --sim plant.toml --pace --gateway 127.0.0.1:7000");
 }
 
 }  // namespace berth::cli

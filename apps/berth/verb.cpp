@@ -8,6 +8,7 @@
 
 #include "berth/io/realtime.hpp"
 #include "berth/text/quantity.hpp"
+#include "help.hpp"
 #include "options.hpp"
 #include "output.hpp"
 
@@ -234,8 +235,8 @@ int wrong_use(const CLI::App& app, const CLI::ParseError& error, int argc, char*
 namespace {
 
 /// The words of a command line as CLI11 understands them. Two things that a person may write it does not: the machine
-/// file by itself among the words of a verb that has others (it ends in ".toml", which no slot, node or object does;
-/// such verbs have -m), and a negative number, which it takes for an option.
+/// file by itself among the words of a verb that has others (it ends in ".toml", which no slot, node or object does; a
+/// plant file does), and a negative number, which it takes for an option.
 class CommandLine {
  public:
   CommandLine(const CLI::App& app, int argc, char** argv) : at_(&app), words_(argv + 1, argv + argc) {}
@@ -256,8 +257,9 @@ class CommandLine {
     if (dashed && !number) return option(word);
     negative_ = negative_ || number;
     if (!rest_is_plain_ && plain_.empty() && verb(word)) return;
-    const bool names = at_->get_option_no_throw("-m") != nullptr;
-    const bool positional = at_->get_option_no_throw("machine") != nullptr;
+    const bool names = at_->get_option_no_throw("--machine") != nullptr;
+    const bool positional =
+        at_->get_option_no_throw("machine") != nullptr || at_->get_option_no_throw("plant") != nullptr;
     if (names && !positional && !rest_is_plain_ && word.ends_with(".toml")) {
       word = "--machine=" + word;
       named_.push_back(word);
@@ -300,8 +302,13 @@ class CommandLine {
 int run_command_line(int argc, char** argv, const std::vector<AddVerb>& verbs) {
   CLI::App app("Berth gives every CANopen device its place.", "berth");
   app.require_subcommand(1);
-  app.set_version_flag("--version", std::string("berth ") + BERTH_VERSION);
-  app.get_formatter()->column_width(34);
+  app.set_version_flag("--version", std::string("berth ") + BERTH_VERSION, "which Berth this is");
+  app.formatter(std::make_shared<HelpFormat>());
+  app.set_help_flag("-h,--help", "this help");
+  app.footer(
+      "Examples:\n  berth demo\n  berth init --eds drive.eds --eds io.eds:4\n  berth up\n  berth help sdo read\n"
+      "docs/commands.md: how machines, buses, nodes and objects are named.\n"
+      "Exit status: 0 done, 1 the answer is no, 2 wrong usage or an unreadable file,\n3 the bus or a file failed.");
   Options options;
   Verb::Action action;
   Verb berth(app, action);
@@ -332,32 +339,45 @@ void json_flag(const Verb& verb, Options& options, const char* help) { verb.flag
 
 void plant_words(const Verb& verb, Options& options) {
   verb.word("--sim-state,--plant-state", options.state,
-            "file that keeps what the simulated devices remember between runs");
+            "file that keeps what the simulated devices remember between runs")
+      .shown("FILE");
   verb.seed("--seed", options.seed, "seed of the simulated world, instead of the plant file's");
 }
 
-void machine_words(const Verb& verb, Options& options) {
-  json_flag(verb, options);
-  verb.word("--machine,-m", options.machine, "machine file (default: berth.toml, or the only one of the folder)");
-  verb.word("--bus", options.bus, "one bus of the machine");
-  verb.word("--port,-p", options.ports, "port of the bus, or BUS=PORT, instead of the machine file's")
-      .one_each()
-      .shown("[BUS=]PORT");
-  verb.word("--sim", options.sim, "plant file: run on a simulated world");
+void world_words(const Verb& verb, Options& options) {
   plant_words(verb, options);
-  verb.word("--store", options.store, "slot table's file (default: in memory on a simulated world)");
-  verb.word("--record", options.record, "write every frame to this file, as candump -L does");
-  verb.flag("--yes,-y", options.yes, "confirms what would else be asked");
-  verb.flag("--dry-run", options.dry_run, "print every frame that Berth would send, and change nothing");
+  verb.word("--store", options.store, "slot table's file (default: in memory on a simulated world)").shown("FILE");
+  verb.word("--record", options.record, "write every frame to this file, as candump -L does").shown("FILE");
   verb.time("--timeout", options.timeout, "longest time, of the bus when it is simulated");
 }
 
+void machine_option(const Verb& verb, Options& options) {
+  verb.word("--machine,-m", options.machine, "machine file (default: berth.toml, or the only one of the folder)")
+      .shown("MACHINE");
+}
+
+void machine_words(const Verb& verb, Options& options, MachineWords which) {
+  json_flag(verb, options);
+  machine_option(verb, options);
+  verb.word("--bus", options.bus, "one bus of the machine").shown("NAME");
+  verb.word("--port,-p", options.ports, "port of the bus, or BUS=PORT, instead of the machine file's")
+      .one_each()
+      .shown("[BUS=]PORT");
+  verb.word("--sim", options.sim, "plant file: run on a simulated world").shown("PLANT");
+  world_words(verb, options);
+  if (which.confirms) verb.flag("--yes,-y", options.yes, "confirms what would else be asked");
+  if (which.sends) {
+    verb.flag("--dry-run", options.dry_run, "print every frame that Berth would send, and change nothing");
+  }
+}
+
 void machine_word(const Verb& verb, Options& options) {
-  verb.word("machine", options.machine, "machine file").shown("MACHINE");
+  verb.word("machine", options.machine, "machine file (the same as -m)").shown("MACHINE");
 }
 
 void control_word(const Verb& verb, Options& options) {
-  verb.word("--control", options.control, "socket of the running `berth up` (default: by the machine's name)");
+  verb.word("--control", options.control, "socket of the running `berth up` (default: by the machine's name)")
+      .shown("SOCKET");
 }
 
 void real_time_word(const Verb& verb, Options& options) {

@@ -106,8 +106,17 @@ int run_command_line(int argc, char** argv, const std::vector<AddVerb>& verbs);
 
 /// `--json`.
 void json_flag(const Verb& verb, Options& options, const char* help = "one JSON object");
+/// What of the common words counts for a verb.
+struct MachineWords {
+  bool confirms = true;  ///< --yes: it may ask a person
+  bool sends = true;     ///< --dry-run: it sends frames that are known before
+};
 /// The machine, its buses' ports, its simulated world, its store; --yes, --dry-run, --timeout.
-void machine_words(const Verb& verb, Options& options);
+void machine_words(const Verb& verb, Options& options, MachineWords which = {});
+/// What a simulated world remembers and begins with, its store, its record, its longest time.
+void world_words(const Verb& verb, Options& options);
+/// `--machine`.
+void machine_option(const Verb& verb, Options& options);
 /// The machine file, which may also stand by itself.
 void machine_word(const Verb& verb, Options& options);
 /// `--control`: the socket of the running `berth up`.

@@ -8,6 +8,7 @@
 namespace berth::cli {
 
 void add_demo(Verb& berth, Options& options);
+void add_init(Verb& berth, Options& options);
 void add_up(Verb& berth, Options& options);
 void add_scan(Verb& berth, Options& options);
 void add_status(Verb& berth, Options& options);

@@ -35,6 +35,10 @@ enum class BusOff : std::uint8_t { restart, stay };
 using can::PortKind;
 using can::PortSpec;
 
+/// A name that a person gives: shown in tables and used in paths like "left sensor/Position".
+[[nodiscard]] bool good_name(std::string_view name) noexcept;
+inline constexpr const char* name_fix = "use 1 to 100 characters without '/', control characters and outer spaces";
+
 /// How long Berth waits, and how often it does things. Every one is a key of `[timing]` (all buses) and of
 /// `[bus.NAME.timing]` (that bus, stronger); the names are the same.
 struct Timing {

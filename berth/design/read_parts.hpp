@@ -17,10 +17,6 @@ void read_word(text::Table& table, std::string_view key, const std::array<std::s
   if (const auto index = table.word(key, words)) into = static_cast<Enum>(*index);
 }
 
-/// A name that a person gives: shown in tables and used in paths like "left sensor/Position".
-[[nodiscard]] bool good_name(std::string_view name) noexcept;
-inline constexpr const char* name_fix = "use 1 to 100 characters without '/', control characters and outer spaces";
-
 /// The keys of `[timing]` beneath `parent`, over what `timing` has.
 void read_timing(text::Table& parent, Timing& timing);
 /// One `[bus.NAME]`; its timing begins with `timing`.

@@ -1,0 +1,138 @@
+// `berth init` on a terminal: what a person is asked.
+#include <fmt/format.h>
+
+#include <algorithm>
+#include <array>
+#include <filesystem>
+
+#include "ask.hpp"
+#include "berth/design/machine.hpp"
+#include "berth/text/quantity.hpp"
+#include "init.hpp"
+#include "ports.hpp"
+
+namespace berth::cli {
+namespace {
+
+namespace fs = std::filesystem;
+
+Failure nothing_written() { return failure(Exit::no, "nothing was written"); }
+
+/// What was typed, or `usual` for Enter alone; asked again until `wrong` has nothing against it.
+tl::expected<std::string, Failure> answer(Interrupt& interrupt, const std::string& question, const std::string& usual,
+                                          const std::function<std::string(const std::string&)>& wrong) {
+  for (;;) {
+    auto line = ask_line(usual.empty() ? question + ":" : fmt::format("{} [{}]:", question, usual), interrupt);
+    if (!line) {
+      print_line("");
+      return tl::unexpected(nothing_written());
+    }
+    if (line->empty()) line = usual;
+    const auto why = wrong(*line);
+    if (why.empty()) return *line;
+    print_line("  " + why);
+  }
+}
+
+bool is_file(const std::string& word) {
+  std::error_code none;
+  return fs::is_regular_file(word, none);
+}
+
+std::string no_name(const std::string& name) {
+  return design::good_name(name) ? "" : std::string("this is no name; ") + design::name_fix;
+}
+
+std::string no_rate(const std::string& word) {
+  static constexpr std::array<std::string_view, 8> rates{"10000",  "20000",  "50000",  "125000",
+                                                         "250000", "500000", "800000", "1000000"};
+  return std::ranges::find(rates, word) != rates.end() ? "" : fmt::format("one of {}", fmt::join(rates, ", "));
+}
+
+void tell_descriptions_here() {
+  std::vector<std::string> names;
+  std::error_code error;
+  for (const auto& entry : fs::directory_iterator(".", error)) {
+    auto ending = entry.path().extension().string();
+    std::ranges::transform(ending, ending.begin(), [](unsigned char c) { return static_cast<char>(std::tolower(c)); });
+    if (ending == ".eds" || ending == ".xdd") names.push_back(entry.path().filename().string());
+  }
+  std::ranges::sort(names);
+  constexpr std::size_t most = 12;
+  const auto left_out = names.size() > most ? names.size() - most : 0;
+  names.resize(names.size() - left_out);
+  for (const auto& name : names) print_line("  " + name);
+  if (left_out > 0) print_line(fmt::format("  and {} more", left_out));
+}
+
+tl::expected<void, Failure> take_description(InitOptions& init, const std::string& file, Interrupt& interrupt) {
+  const auto count = answer(interrupt, "  how many of it", "1", [](const std::string& word) {
+    const auto number = text::parse_ranges(word, 1, 126);
+    return number && number->size() == 1 ? "" : "a number from 1 to 126";
+  });
+  if (!count) return tl::unexpected(count.error());
+  init.eds.push_back(file + ":" + *count);
+  return {};
+}
+
+tl::expected<void, Failure> take_port(Options& options, const std::string& word, Interrupt& interrupt) {
+  options.ports = {word};
+  const auto kind = port_of_word(word)->kind;
+  if (kind == can::PortKind::slcan && !options.bit_rate) {
+    const auto rate = answer(interrupt, "Bit rate of the bus", "125000", no_rate);
+    if (!rate) return tl::unexpected(rate.error());
+    options.bit_rate = static_cast<unsigned>(std::stoul(*rate));
+  }
+  if (kind != can::PortKind::plant || !options.bus.empty()) return {};
+  const auto bus = answer(interrupt, "Name of the bus", "field", no_name);
+  if (!bus) return tl::unexpected(bus.error());
+  options.bus = *bus;
+  return {};
+}
+
+tl::expected<void, Failure> ask_sources(Options& options, InitOptions& init, Interrupt& interrupt) {
+  for (;;) {
+    const bool first = init.eds.empty();
+    const auto word = answer(interrupt, first ? "Description, or port" : "Another description (Enter: no more)", "",
+                             [&](const std::string& said) -> std::string {
+                               if (is_file(said) || (said.empty() && !first)) return {};
+                               if (said.empty()) return "a file (drive.eds), or a port (can0, /dev/ttyACM0)";
+                               if (first && port_of_word(said)) return {};
+                               return first ? "there is no such file, and this is no port" : "there is no such file";
+                             });
+    if (!word) return tl::unexpected(word.error());
+    if (word->empty()) return {};
+    if (!is_file(*word)) return take_port(options, *word, interrupt);
+    if (auto taken = take_description(init, *word, interrupt); !taken) return taken;
+  }
+}
+
+}  // namespace
+
+tl::expected<void, Failure> ask_for_machine(Options& options, InitOptions& init, Interrupt& interrupt) {
+  print_line("A machine is made from device descriptions (EDS, DCF, XDD, XDC), or from a bus");
+  print_line("that is there: every device that answers gets a slot. Ctrl-C ends this.");
+  tell_descriptions_here();
+  if (auto asked = ask_sources(options, init, interrupt); !asked) return asked;
+  if (init.file.empty()) {
+    const auto file = answer(interrupt, "Machine file to write", "berth.toml",
+                             [](const std::string& word) { return word.ends_with(".toml") ? "" : "NAME.toml"; });
+    if (!file) return tl::unexpected(file.error());
+    init.file = *file;
+  }
+  if (init.name.empty()) {
+    std::error_code none;
+    const auto folder = fs::weakly_canonical(fs::absolute(init.file), none).parent_path().filename().string();
+    const auto name = answer(interrupt, "Name of the machine", name_from(folder), no_name);
+    if (!name) return tl::unexpected(name.error());
+    init.name = *name;
+  }
+  std::error_code none;
+  if (!init.force && !options.dry_run && fs::exists(fs::symlink_status(init.file, none))) {
+    if (!ask_yes(init.file + " is there already. Replace it?", interrupt)) return tl::unexpected(nothing_written());
+    init.force = true;
+  }
+  return {};
+}
+
+}  // namespace berth::cli

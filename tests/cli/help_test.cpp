@@ -1,0 +1,293 @@
+// Every `--help`: an example, 80 columns, and only options that the verb takes.
+#include <gtest/gtest.h>
+#include <string>
+#include <vector>
+
+#include <algorithm>
+#include <chrono>
+#include <map>
+#include <set>
+#include <sstream>
+
+#include "machines.hpp"
+#include "process.hpp"
+
+namespace berth::test {
+namespace {
+
+struct Page {
+  Words verb;
+  std::vector<std::string> lines;
+
+  [[nodiscard]] std::string name() const {
+    std::string all;
+    for (const auto& word : verb) all += (all.empty() ? "" : " ") + word;
+    return all;
+  }
+};
+
+std::vector<std::string> lines_of(const std::string& text) {
+  std::vector<std::string> lines;
+  std::istringstream in(text);
+  for (std::string line; std::getline(in, line);) lines.push_back(line);
+  return lines;
+}
+
+std::size_t columns(const std::string& line) {
+  return static_cast<std::size_t>(
+      std::ranges::count_if(line, [](char c) { return (static_cast<unsigned char>(c) & 0xC0U) != 0x80U; }));
+}
+
+/// First words of the rows below "HEADING:".
+std::vector<std::string> listed(const std::vector<std::string>& lines, const std::string& heading) {
+  std::vector<std::string> words;
+  bool below = false;
+  for (const auto& line : lines) {
+    if (line == heading) below = true;
+    if (line.empty()) below = false;
+    const bool row = line.size() > 2 && line.starts_with("  ") && line[2] != ' ';
+    if (below && row) words.push_back(line.substr(2, line.find(' ', 2) - 2));
+  }
+  return words;
+}
+
+/// Those of a verb and all below it, as `berth VERB --help` has them.
+void read_pages(const Words& verb, std::vector<Page>& pages) {
+  Words words = verb;
+  words.emplace_back("--help");
+  const Outcome outcome = berth(words);
+  ASSERT_EQ(outcome.status, 0) << outcome.err;
+  pages.push_back({verb, lines_of(outcome.out)});
+  for (const auto& sub : listed(lines_of(outcome.out), "Subcommands:")) {
+    Words below = verb;
+    below.push_back(sub);
+    read_pages(below, pages);
+  }
+}
+
+const std::vector<Page>& pages() {
+  static const std::vector<Page> all = [] {
+    std::vector<Page> read;
+    read_pages({}, read);
+    return read;
+  }();
+  return all;
+}
+
+TEST(Help, EveryPageHasAnExampleAndFits) {
+  ASSERT_GT(pages().size(), 50U);
+  for (const auto& page : pages()) {
+    bool example = false;
+    for (std::size_t i = 0; i < page.lines.size(); ++i) {
+      EXPECT_LE(columns(page.lines[i]), 80U) << page.name() << ": " << page.lines[i];
+      const bool heading = page.lines[i] == "Example:" || page.lines[i] == "Examples:";
+      example = example || (heading && i + 1 < page.lines.size() && page.lines[i + 1].starts_with("  berth "));
+    }
+    EXPECT_TRUE(example) << page.name();
+  }
+}
+
+TEST(Help, HelpVerbIsTheSamePage) {
+  for (const auto& page : pages()) {
+    Words words = page.verb;
+    words.insert(words.begin(), "help");
+    EXPECT_EQ(lines_of(berth(words).out), page.lines) << page.name();
+  }
+}
+
+// The words of an example's command are verbs and options of that verb.
+TEST(Help, ExamplesUseOptionsThatThereAre) {
+  std::map<std::string, std::set<std::string>> options;
+  for (const auto& page : pages()) {
+    std::set<std::string>& known = options[page.name()];
+    for (const auto& heading : {"Options:", "One of these:"}) {
+      for (auto word : listed(page.lines, heading)) {
+        for (std::istringstream names(word); std::getline(names, word, ',');) known.insert(word);
+      }
+    }
+  }
+  for (const auto& page : pages()) {
+    for (const auto& line : page.lines) {
+      if (!line.starts_with("  berth ")) continue;
+      std::istringstream words(line.substr(8));
+      std::string verb;
+      for (std::string word; words >> word;) {
+        if (word.starts_with("#") || word == "&&") break;
+        const auto longer = verb.empty() ? word : verb + " " + word;
+        if (options.contains(longer)) {
+          verb = longer;
+        } else if (word.starts_with("-") && word.size() > 1 && std::isalpha(static_cast<unsigned char>(word.back()))) {
+          EXPECT_TRUE(options.at(verb).contains(word)) << page.name() << ": " << line << ": " << word;
+        }
+      }
+      EXPECT_FALSE(verb.empty() && line.find("help") == std::string::npos) << page.name() << ": " << line;
+    }
+  }
+}
+
+// ---- options that the verb takes ----
+
+/// For each verb words with which it ends soon and well; of those that need real ports or run for long: with which it
+/// is refused, but not because of an option.
+class Taken : public ::testing::Test {
+ protected:
+  [[nodiscard]] std::map<std::string, Words> verbs() const {
+    const std::string left = "00000001-00000001-00000000-00000020";
+    const std::string log = folder.write("run.log", "(1.000000) can0 702#05\n(1.100000) can0 702#05\n");
+    const std::string drive = example("eds/drive.eds");
+    const Words sim{"-m", machine, "--sim", plant};
+    const auto on = [&](Words words) {
+      words.insert(words.end(), sim.begin(), sim.end());
+      return words;
+    };
+    return {
+        {"demo", {"--fast"}},
+        {"init", {folder.file("made.toml"), "--eds", drive, "--force"}},
+        {"ports", {}},
+        {"up", on({"--fast"})},
+        {"scan", on({})},
+        {"status", on({"--up"})},
+        {"history", on({"--up"})},
+        {"bind", on({})},
+        {"locate", on({"2", "--up", "--anyway"})},
+        {"replace", on({"left", "--up", "--device", left})},
+        {"forget", on({left, "--up"})},
+        {"configure", on({"--up"})},
+        {"sdo read", on({"2", "1018h:04", "--up"})},
+        {"sdo write", on({"2", "1017h", "100", "--up", "--yes"})},
+        {"sdo dump", on({"2", "--up"})},
+        {"nmt", on({"start", "2", "--up"})},
+        {"lss select", on({left})},
+        {"lss inquire", on({left})},
+        {"lss store", on({left})},
+        {"lss set-node-id", on({left, "5"})},
+        {"lss bit-timing", on({"500000", left})},
+        {"lss activate", on({"10"})},
+        {"lss global", on({"waiting"})},
+        {"lss find", on({})},
+        {"lss move-bit-rate", on({"250000"})},
+        {"lss identify", on({"1", "1"})},
+        {"emcy", on({"2", "--up"})},
+        {"store", on({"2", "--up"})},
+        {"restore", on({"2", "--up"})},
+        {"send", on({"080#"})},
+        {"eds check", {drive}},
+        {"eds convert", {drive, folder.file("out.eds")}},
+        {"eds diff", {drive, drive}},
+        {"eds show", {drive}},
+        {"doctor", on({"--for", "1 s", "--up"})},
+        {"trace", {log}},
+        {"reproduce", {"--trace", "paper4-table1"}},
+        {"compare", {"--methods", "rand", "--devices", "1", "--bitrates", "125", "--seeds", "1"}},
+        {"serve", {plant, "--listen", "127.0.0.1:0", "--for", "1 ms", "-m", machine}},
+        {"gateway", {machine, "--sim", plant, "--listen", "127.0.0.1:0", "--for", "1 ms"}},
+        {"adopt", {folder.file("adopted.toml"), "--port", "plant:" + folder.file("none")}},
+        {"export", {machine, folder.file("export")}},
+        {"import", {folder.file("none"), folder.file("imported")}},
+        {"device", {plant, "--port", "plant:" + folder.file("none"), "--for", "1 ms"}},
+        {"plant", {plant, "--for", "1 s", "-m", machine}},
+        {"version", {}},
+    };
+  }
+  [[nodiscard]] std::string value_of(const std::string& option) const {
+    static const std::map<std::string, std::string> values{{"--seed", "3"},
+                                                           {"--timeout", "60 s"},
+                                                           {"--bus", "line"},
+                                                           {"--for", "1 s"},
+                                                           {"--until", "operational"},
+                                                           {"--on-exit", "leave"},
+                                                           {"--real-time", "1"},
+                                                           {"--gateway", "127.0.0.1:0"},
+                                                           {"--bitrate", "125000"},
+                                                           {"--name", "name"},
+                                                           {"--method", "rand"},
+                                                           {"--seconds", "1"},
+                                                           {"--device", "00000001-00000001-00000000-00000020"},
+                                                           {"--type", "u32"},
+                                                           {"--to", "dcf"},
+                                                           {"--delay", "200"},
+                                                           {"--rate", "250000"},
+                                                           {"--listen", "127.0.0.1:0"},
+                                                           {"--node", "5"},
+                                                           {"--watch", "1 s"},
+                                                           {"--conformance", "2"},
+                                                           {"--from", "candump"},
+                                                           {"--service", "sdo"},
+                                                           {"--object", "1018h"},
+                                                           {"--text", "x"},
+                                                           {"--after", "0"},
+                                                           {"--before", "5"},
+                                                           {"--methods", "rand"},
+                                                           {"--devices", "1"},
+                                                           {"--bitrates", "125"},
+                                                           {"--serials", "random"},
+                                                           {"--seeds", "1"},
+                                                           {"--threads", "1"},
+                                                           {"--latency", "1 ms"},
+                                                           {"--trace", "paper4-table1"},
+                                                           {"--revision-low", "0"},
+                                                           {"--revision-high", "9"},
+                                                           {"--serial-low", "0"},
+                                                           {"--serial-high", "9"},
+                                                           {"--master", "126"}};
+    const auto known = values.find(option);
+    return known != values.end() ? known->second : folder.file("value" + option);
+  }
+
+  Folder folder;
+  std::string machine = folder.write("machine.toml", small_machine);
+  std::string plant = folder.write("plant.toml", small_plant);
+};
+
+// No option on a page is refused as wrong use when it stands by itself behind a command that is good without it. Those
+// whose value has to be a thing that is there (a port, a description) or that need others are left to their own tests.
+TEST_F(Taken, EveryOptionThatIsShown) {
+  static const std::set<std::string> others{"-h",    "--port",      "--control", "--eds",   "--machine",
+                                            "--sim", "--sim-state", "--file",    "--watch", "--follow"};
+  static const std::set<std::string> together{
+      "up --events",    "up --gateway",  "up --pace",     "demo --events",       "demo --pace",
+      "trace --to",     "trace --stats", "trace --quiet", "eds diff --node",     "reproduce --negotiation-load",
+      "plant --listen", "sdo dump --to", "emcy --listen", "gateway --real-time", "adopt --all",
+      "send --type"};
+  const auto known = verbs();
+  for (const auto& page : pages()) {
+    const bool group = !listed(page.lines, "Subcommands:").empty();
+    if (group || page.name().starts_with("sim ")) continue;
+    const auto base = known.find(page.name());
+    ASSERT_NE(base, known.end()) << page.name() << ": say in this test how it is run";
+    for (const auto& row : page.lines) {
+      if (!row.starts_with("  -")) continue;
+      const auto names = row.substr(2, row.find(' ', 2) - 2);
+      const auto option = names.substr(names.find("--") == std::string::npos ? 0 : names.find("--"));
+      const std::string name = option.substr(0, option.find(','));
+      if (others.contains(names.substr(0, names.find(','))) || others.contains(name)) continue;
+      if (together.contains(page.name() + " " + name)) continue;
+      if (std::ranges::find(base->second, name) != base->second.end()) continue;
+      Words words = page.verb;
+      words.insert(words.end(), base->second.begin(), base->second.end());
+      words.push_back(name);
+      const bool takes = row.size() > 2 + names.size() + 1 && row[2 + names.size() + 1] != ' ';
+      if (takes) words.push_back(value_of(name));
+      const Outcome outcome = berth(words);
+      EXPECT_TRUE(outcome.status != 2 || page.name() == "import") << page.name() << " " << name << ": " << outcome.err;
+    }
+  }
+}
+
+TEST(Help, TheFirstLineComesAtOnce) {
+  constexpr int rounds = 20;
+  std::vector<double> times;
+  for (int i = 0; i < rounds; ++i) {
+    const auto begin = std::chrono::steady_clock::now();
+    Background help({"--help"});
+    ASSERT_TRUE(help.says("\n"));
+    times.push_back(std::chrono::duration<double, std::milli>(std::chrono::steady_clock::now() - begin).count());
+    static_cast<void>(help.end());
+  }
+  std::ranges::sort(times);
+  std::printf("first line of berth --help: %.1f ms (median of %d starts)\n", times[rounds / 2], rounds);
+  EXPECT_LT(times.front(), 500.0);
+}
+
+}  // namespace
+}  // namespace berth::test
