@@ -26,9 +26,9 @@ void add_adopt(Verb& berth, Options& options) {
       .shown("NODE");
   json_flag(adopt, options);
   adopt.footer(
-      "Sends SDO upload requests (1000h, 1018h, 1008h to 100Ah) and nothing else; a node\nthat another SDO client "
-      "talks to "
-      "is left alone.\nExample:\n  berth adopt conveyor.toml --port can0 --bitrate 250000");
+      "Sends SDO upload requests (1000h, 1018h, 1008h to 100Ah) and nothing else; a\n"
+      "node that another SDO client talks to is left alone.\nExample:\n  berth adopt conveyor.toml --port can0 "
+      "--bitrate 250000");
 }
 
 void add_export(Verb& berth, Options& options) {

@@ -335,7 +335,7 @@ void add_device(Verb& berth, Options& options) {
   device.footer(
       "Events of the plant file and what it says of the wire have no effect on a real\nport.\n"
       "Examples:\n  berth device plant.toml --port socketcan:vcan0\n"
-      "  berth device plant.toml --port socketcan:can0 --device left --sim-state left.state");
+      "  berth device plant.toml --port can0 --device left --sim-state left.state");
 }
 
 }  // namespace berth::cli

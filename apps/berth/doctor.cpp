@@ -388,7 +388,7 @@ void add_doctor(Verb& berth, Options& options) {
   const auto wanted = std::make_shared<DoctorOptions>();
   const Verb doctor = berth.add("doctor", "what is wrong on the buses; sends nothing unless it is told to",
                                 [&options, wanted] { return run_doctor(options, *wanted); });
-  machine_words(doctor, options, {.sends = false});
+  machine_words(doctor, options, {.sends = false, .stores = false});
   machine_word(doctor, options);
   control_word(doctor, options);
   doctor.time("--for", wanted->listen, "how long to listen (default: 5 heartbeat times, at least 5 s)");

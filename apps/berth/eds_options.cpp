@@ -49,7 +49,7 @@ void add_convert(const Verb& eds, Options& options, const Wanted& wanted) {
 void add_diff(const Verb& eds, Options& options, const Wanted& wanted) {
   const Verb diff = eds_verb(eds, "diff", "what two descriptions say differently, or a description and the device",
                              "  berth eds diff old.eds new.eds\n"
-                             "  berth eds diff sensor.eds --node 5 --machine machine.toml --sim plant.toml --up",
+                             "  berth eds diff sensor.eds --node 5 -m machine.toml --sim plant.toml --up",
                              options, wanted, run_eds_diff);
   diff.word("file", wanted->files, "one or two files").required().values(1, 2).shown("FILE [FILE]");
   node_word(diff, wanted, "compare with this device instead of a second file");

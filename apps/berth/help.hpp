@@ -25,10 +25,17 @@ class HelpFormat final : public CLI::Formatter {
     usage.pop_back();
     return wrapped(usage, 7) + "\n";
   }
+  std::string make_option_usage(const CLI::Option* option) const override {
+    std::string name = option->get_option_text();
+    if (name.empty()) name = make_option_name(option, true);
+    const bool bracketed = name.starts_with('[');
+    return option->get_required() || bracketed ? name : "[" + name + "]";
+  }
   // Options of which one is wanted.
   std::string make_expanded(const CLI::App* group) const override {
     std::string text = "\nOne of these:\n";
-    for (const auto* const option : group->get_options([](const CLI::Option* o) { return o->nonpositional(); })) {
+    const auto own = [group](const CLI::Option* o) { return o->nonpositional() && o != group->get_help_ptr(); };
+    for (const auto* const option : group->get_options(own)) {
       text += make_option(option, false);
     }
     return text;

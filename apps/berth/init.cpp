@@ -41,6 +41,10 @@ tl::expected<void, Failure> check_words(const Options& options, const InitOption
   }
   std::error_code none;
   for (const auto& path : {init.file, init.plant}) {
+    const auto folder = fs::path(path).parent_path();
+    if (!folder.empty() && !fs::is_directory(folder, none)) {
+      return tl::unexpected(failure(Exit::failed, folder.string() + ": there is no such folder"));
+    }
     if (init.force || options.dry_run || !fs::exists(fs::symlink_status(path, none))) continue;
     return tl::unexpected(failure(
         Exit::no, path + " is there already and is left as it is; name another file, or replace it by --force"));

@@ -50,14 +50,16 @@ std::string seen_from(const std::string& file, const std::string& eds) {
 
 std::string hex(std::uint32_t number) { return fmt::format("0x{:04X}_{:04X}", number >> 16U, number & 0xFFFFU); }
 
-std::string type_of(const LssAddress& device) {
-  std::string type = fmt::format("type = {{ vendor = {}, product = {}", hex(device.vendor), hex(device.product));
+std::string type_of(const LssAddress& device, const std::string& space) {
+  std::string type =
+      fmt::format("type{}= {{ vendor = {}, product = {}", space.substr(1), hex(device.vendor), hex(device.product));
   if (device.revision != 0) type += ", revision = " + hex(device.revision);
   return type + " }";
 }
 
-std::string what_it_is(const InitDevice& device, const std::string& file) {
-  return device.eds.empty() ? type_of(device.address) : "eds  = " + text::quoted(seen_from(file, device.eds));
+std::string what_it_is(const InitDevice& device, const std::string& file, const std::string& space) {
+  return device.eds.empty() ? type_of(device.address, space)
+                            : "eds" + space + "= " + text::quoted(seen_from(file, device.eds));
 }
 
 void add_slot(std::string& text, const InitBus& bus, const InitDevice& device, const std::string& file) {
@@ -69,14 +71,14 @@ void add_slot(std::string& text, const InitBus& bus, const InitDevice& device, c
   } else {
     text += fmt::format("ids  = \"{}..{}\"\n", device.first_id, device.first_id + device.count - 1);
   }
-  text += fmt::format("name = {}\n{}\n", text::quoted(device.name), what_it_is(device, file));
+  text += fmt::format("name = {}\n{}\n", text::quoted(device.name), what_it_is(device, file, "  "));
   if (device.fixed) text += "assign = \"fixed\"                # no LSS: set its node-ID on the device itself\n";
 }
 
 void add_device(std::string& text, const InitBus& bus, const InitDevice& device, const std::string& file) {
-  text +=
-      fmt::format("\n[[device]]\nbus    = {}\nname   = {}\n{}\n", text::quoted(bus.name),
-                  text::quoted(text::fill(device.name, "id", device.count > 1 ? "{n}" : "")), what_it_is(device, file));
+  text += fmt::format("\n[[device]]\nbus    = {}\nname   = {}\n{}\n", text::quoted(bus.name),
+                      text::quoted(text::fill(device.name, "id", device.count > 1 ? "{n}" : "")),
+                      what_it_is(device, file, "    "));
   if (device.count == 1) {
     text += fmt::format("serial = 0x{:X}\n", device.address.serial);
   } else {
@@ -149,7 +151,7 @@ std::string machine_text(const InitPlan& plan, const std::string& file, const st
   std::string text = fmt::format(
       "# {}: written by `berth init` from {}.\n"
       "# Which device sits where is for you to say: look at node-IDs and names before this runs on a real bus.\n#\n"
-      "#   berth up {} --sim {}\n#   berth up {} --port can0\n\n[machine]\nname = {}\n",
+      "#   berth up {} --sim {}\n#   berth up {}{}\n\n[machine]\nname = {}\n",
       one_line(plan.name), one_line(plan.from), one_line(word(file)), one_line(word(plant_file)), one_line(word(file)),
       text::quoted(plan.name));
   for (const auto& bus : plan.buses) {

@@ -111,10 +111,6 @@ int give(const DumpOptions& wanted, const std::string& text, bool json) {
 }
 
 int run_dump(const Options& options, const DumpOptions& wanted) {
-  if (options.dry_run) {
-    return tell(failure(Exit::usage, "what `sdo dump` sends depends on the device's answers: there is no dry run"),
-                options.json);
-  }
   const auto reply = carry_out(options, wanted.request);
   if (!reply) return tell(reply.error(), options.json);
   if (reply->status != Exit::done) return tell({reply->status, reply->error, reply->json}, options.json);
@@ -138,7 +134,7 @@ void add_dump(const Verb& sdo, Options& options) {
   const auto wanted = std::make_shared<DumpOptions>();
   const Verb dump = sdo.add("dump", "every object of a device that can be read: a table, JSON, or a DCF",
                             [&options, wanted] { return run_dump(options, *wanted); });
-  request_words(dump, options, {.machine = {.confirms = false}});
+  request_words(dump, options, {.machine = {.confirms = false, .sends = false}});
   dump.word(
           "node", [wanted](const std::string& text) { wanted->request.arguments["node"] = text; },
           "node-ID or slot's name")

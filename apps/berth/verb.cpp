@@ -344,9 +344,10 @@ void plant_words(const Verb& verb, Options& options) {
   verb.seed("--seed", options.seed, "seed of the simulated world, instead of the plant file's");
 }
 
-void world_words(const Verb& verb, Options& options) {
+void world_words(const Verb& verb, Options& options, bool stores) {
   plant_words(verb, options);
-  verb.word("--store", options.store, "slot table's file (default: in memory on a simulated world)").shown("FILE");
+  if (stores)
+    verb.word("--store", options.store, "slot table's file (default: in memory on a simulated world)").shown("FILE");
   verb.word("--record", options.record, "write every frame to this file, as candump -L does").shown("FILE");
   verb.time("--timeout", options.timeout, "longest time, of the bus when it is simulated");
 }
@@ -364,7 +365,7 @@ void machine_words(const Verb& verb, Options& options, MachineWords which) {
       .one_each()
       .shown("[BUS=]PORT");
   verb.word("--sim", options.sim, "plant file: run on a simulated world").shown("PLANT");
-  world_words(verb, options);
+  world_words(verb, options, which.stores);
   if (which.confirms) verb.flag("--yes,-y", options.yes, "confirms what would else be asked");
   if (which.sends) {
     verb.flag("--dry-run", options.dry_run, "print every frame that Berth would send, and change nothing");

@@ -110,11 +110,12 @@ void json_flag(const Verb& verb, Options& options, const char* help = "one JSON 
 struct MachineWords {
   bool confirms = true;  ///< --yes: it may ask a person
   bool sends = true;     ///< --dry-run: it sends frames that are known before
+  bool stores = true;    ///< --store: it works on the slot table
 };
 /// The machine, its buses' ports, its simulated world, its store; --yes, --dry-run, --timeout.
 void machine_words(const Verb& verb, Options& options, MachineWords which = {});
 /// What a simulated world remembers and begins with, its store, its record, its longest time.
-void world_words(const Verb& verb, Options& options);
+void world_words(const Verb& verb, Options& options, bool stores = true);
 /// `--machine`.
 void machine_option(const Verb& verb, Options& options);
 /// The machine file, which may also stand by itself.

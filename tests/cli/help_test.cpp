@@ -152,7 +152,7 @@ class Taken : public ::testing::Test {
         {"locate", on({"2", "--up", "--anyway"})},
         {"replace", on({"left", "--up", "--device", left})},
         {"forget", on({left, "--up"})},
-        {"configure", on({"--up"})},
+        {"configure", {"-m", example("configured.toml"), "--sim", example("configured.plant.toml"), "--up"}},
         {"sdo read", on({"2", "1018h:04", "--up"})},
         {"sdo write", on({"2", "1017h", "100", "--up", "--yes"})},
         {"sdo dump", on({"2", "--up"})},
@@ -231,6 +231,7 @@ class Taken : public ::testing::Test {
                                                            {"--serial-high", "9"},
                                                            {"--master", "126"}};
     const auto known = values.find(option);
+    if (option == "--output") return folder.file("out.log");
     return known != values.end() ? known->second : folder.file("value" + option);
   }
 
@@ -245,10 +246,10 @@ TEST_F(Taken, EveryOptionThatIsShown) {
   static const std::set<std::string> others{"-h",    "--port",      "--control", "--eds",   "--machine",
                                             "--sim", "--sim-state", "--file",    "--watch", "--follow"};
   static const std::set<std::string> together{
-      "up --events",    "up --gateway",  "up --pace",     "demo --events",       "demo --pace",
-      "trace --to",     "trace --stats", "trace --quiet", "eds diff --node",     "reproduce --negotiation-load",
-      "plant --listen", "sdo dump --to", "emcy --listen", "gateway --real-time", "adopt --all",
-      "send --type"};
+      "up --events",     "up --gateway",   "up --pace",     "demo --events",       "demo --pace",
+      "trace --to",      "trace --stats",  "trace --quiet", "eds diff --node",     "reproduce --negotiation-load",
+      "plant --listen",  "sdo dump --to",  "emcy --listen", "gateway --real-time", "adopt --all",
+      "device --device", "configure --bus"};
   const auto known = verbs();
   for (const auto& page : pages()) {
     const bool group = !listed(page.lines, "Subcommands:").empty();

@@ -110,7 +110,7 @@ TEST_F(Init, BothFilesOrNone) {
   EXPECT_FALSE(exists(folder.file("taken.toml")));
   const Outcome nowhere = berth({"init", folder.file("none/m.toml"), "--eds", eds("drive.eds")});
   EXPECT_EQ(nowhere.status, 3);
-  EXPECT_TRUE(has(nowhere.err, "m.plant.toml: No such file or directory")) << nowhere.err;
+  EXPECT_TRUE(has(nowhere.err, "/none: there is no such folder")) << nowhere.err;
   EXPECT_EQ(files(), 0U) << "no part is left";
 }
 
@@ -260,10 +260,10 @@ speaks = ["fastscan"]
   const Outcome made = init({"--port", socket, "--bus", "line"});
   ASSERT_EQ(made.status, 0) << made.err;
   const std::string text = contents(file);
-  for (const auto* const part : {"port      = \"plant:", "bitrate   = 250000", "master_id = 126",
-                                 "id   = 5\nname = \"left pump\"", "id   = 127\nname = \"at Berth's place\"",
-                                 "product = 0x0000_0009", "# serial number 0x00000032; it had no node-ID",
-                                 "type = { vendor = 0x0000_0001, product = 0x0000_0007, revision = 0x0000_0003 }"}) {
+  for (const auto* const part :
+       {"port      = \"plant:", "bitrate   = 250000", "master_id = 126", "id   = 5\nname = \"left pump\"",
+        "id   = 127\n", "product = 0x0000_0009", "# serial number 0x00000032; it had no node-ID",
+        "type = { vendor = 0x0000_0001, product = 0x0000_0007, revision = 0x0000_0003 }"}) {
     EXPECT_TRUE(has(text, part)) << part << "\n" << text;
   }
   EXPECT_TRUE(has(contents(plant), "serial = 0x33")) << contents(plant);
@@ -287,7 +287,7 @@ TEST_F(Init, DevicesOfARunningMachineAndTheirDescriptions) {
 
 TEST_F(Init, AnEmptyBusMakesNoFile) {
   const std::string socket = folder.file("p.sock");
-  Background devices({"plant", folder.write("world.toml", "[bus.field]\n"), "--listen", socket});
+  Background devices({"plant", folder.write("world.toml", "[bus.field]\nbitrate = 125_000\n"), "--listen", socket});
   ASSERT_TRUE(devices.says("Ctrl-C"));
   const Outcome made = init({"--port", socket});
   EXPECT_EQ(made.status, 1);
