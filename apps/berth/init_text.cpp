@@ -148,12 +148,15 @@ void make_names_unique(InitPlan& plan) {
 }
 
 std::string machine_text(const InitPlan& plan, const std::string& file, const std::string& plant_file) {
+  const auto& first = plan.buses.front();
+  const std::string of_bus = plan.buses.size() == 1 ? "" : word(first.name + "=");
+  const std::string port = first.port.kind == can::PortKind::sim ? " --port " + of_bus + "can0" : "";
   std::string text = fmt::format(
       "# {}: written by `berth init` from {}.\n"
       "# Which device sits where is for you to say: look at node-IDs and names before this runs on a real bus.\n#\n"
       "#   berth up {} --sim {}\n#   berth up {}{}\n\n[machine]\nname = {}\n",
       one_line(plan.name), one_line(plan.from), one_line(word(file)), one_line(word(plant_file)), one_line(word(file)),
-      text::quoted(plan.name));
+      one_line(port), text::quoted(plan.name));
   for (const auto& bus : plan.buses) {
     text += fmt::format("\n[bus.{}]\nport      = {}", text::quoted(bus.name), text::quoted(can::to_string(bus.port)));
     if (bus.port.kind == can::PortKind::sim) {

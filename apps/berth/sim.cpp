@@ -66,9 +66,10 @@ constexpr std::pair<const char*, const char*> scenes[] = {
 void add_sim(Verb& berth, Options& options) {
   const Verb sim = berth.group("sim", "a running simulated machine: plug, unplug, power, faults; and textbook scenes");
   sim.footer(
-      "Examples, to a machine that runs in another terminal:\n"
+      "Examples:\n"
       "  berth sim unplug s2 machine.toml\n  berth sim power off s2 machine.toml\n  berth sim devices machine.toml\n"
-      "A scene:\n  berth sim wrong-bit-rate");
+      "  berth sim wrong-bit-rate\n"
+      "The machine runs in another terminal: berth up MACHINE --sim PLANT --pace");
   add_running_plant(sim, options);
   for (const auto& [name, help] : scenes) {
     const Verb scene =

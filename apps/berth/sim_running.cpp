@@ -117,7 +117,7 @@ void add_device_verb(const Verb& sim, Options& options, const std::string& name,
   });
   verb.word("device", *device, "its name in the plant file, or its slot's name or node-ID").required().shown("DEVICE");
   running_words(verb, options);
-  verb.footer("Example: " + example);
+  verb.footer("Example:\n  " + example);
 }
 
 void add_power(const Verb& sim, Options& options) {
@@ -130,7 +130,7 @@ void add_power(const Verb& sim, Options& options) {
       .required()
       .shown("DEVICE");
   running_words(power, options);
-  power.footer("Example: berth sim power off s2 machine.toml");
+  power.footer("Example:\n  berth sim power off s2 machine.toml");
 }
 
 void add_fault(const Verb& sim, Options& options) {
@@ -154,7 +154,7 @@ void add_fault(const Verb& sim, Options& options) {
       "Examples:\n  berth sim fault deaf s2 duration=\"5 s\" -m machine.toml\n"
       "  berth sim fault slow s3 latency=\"50 ms\" -m machine.toml\n"
       "  berth sim fault cut-cable nodes=s1,s2 --bus field -m machine.toml\n"
-      "  berth sim fault disturb id=0x705 bit_from_end=0 kind=dominant nodes=master -m machine.toml");
+      "  berth sim fault disturb id=0x705 bit_from_end=0 kind=dominant nodes=master");
 }
 
 }  // namespace
@@ -170,7 +170,7 @@ void add_running_plant(const Verb& sim, Options& options) {
     return ask_plant(options, {plant_verb, {{"action", "devices"}}});
   });
   running_words(devices, options);
-  devices.footer("Example: berth sim devices machine.toml");
+  devices.footer("Example:\n  berth sim devices machine.toml");
 }
 
 }  // namespace berth::cli

@@ -290,8 +290,8 @@ TEST_F(Init, AnEmptyBusMakesNoFile) {
   Background devices({"plant", folder.write("world.toml", "[bus.field]\nbitrate = 125_000\n"), "--listen", socket});
   ASSERT_TRUE(devices.says("Ctrl-C"));
   const Outcome made = init({"--port", socket});
-  EXPECT_EQ(made.status, 1);
-  EXPECT_TRUE(has(made.err, "no device answered on")) << made.err;
+  EXPECT_EQ(made.status, 3);
+  EXPECT_TRUE(has(made.err, "no device acknowledges what Berth sends")) << made.err;
   EXPECT_FALSE(exists(file) || exists(plant));
   EXPECT_EQ(init({"--port", folder.file("none.sock")}).status, 3);
   EXPECT_EQ(init({"--port", "nonsense!"}).status, 2);
