@@ -40,7 +40,7 @@ struct Options {
   std::string until;  ///< "", "operational", "replaced"
   bool pace = false;
   bool fast = false;
-  bool events = false;    ///< --json: every event as a line, as it happens
+  bool events = false;                            ///< --json: every event as a line, as it happens
   bool bring_up = false;                          ///< single commands: run the main job first
   std::optional<std::chrono::nanoseconds> watch;  ///< single commands: again and again, so far apart
   int real_time = 0;                              ///< SCHED_FIFO priority; 0: none

@@ -240,7 +240,7 @@ void add_serve(Verb& berth, Options& options) {
       "  berth serve --port slcan:/dev/ttyACM0 --bitrate 125000\n"
       "  berth serve --port socketcan:can0 --listen 0.0.0.0:29536 --for \"1 h\"\n"
       "  berth serve --port backbone=plant:/tmp/plant.sock\n"
-      "Clients: port = \"socketcand://127.0.0.1:29536/BUS\" of a machine file; python-can:\n"
+      "Clients: a machine file's port = \"socketcand://127.0.0.1:29536/BUS\"; python-can:\n"
       "  can.Bus(interface=\"socketcand\", host=\"127.0.0.1\", port=29536, channel=\"BUS\")\n"
       "can0 is the first bus, can1 the second.");
   const Word plant = serve.word("plant", wanted->plant, "plant file: its buses, simulated in real time").shown("PLANT");

@@ -1,4 +1,5 @@
-/// What can-utils' `candump` prints without -L, for people: fields in columns, the time in one of its forms or left out.
+/// What can-utils' `candump` prints without -L, for people: fields in columns, the time in one of its forms or left
+/// out.
 ///
 ///       can0  7E5   [8]  04 01 00 00 00 00 00 00
 ///      (1436509052.249713)  can0  1F900135   [0]
