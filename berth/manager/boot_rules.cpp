@@ -16,7 +16,7 @@ struct Words {
   std::string_view advice;
 };
 
-constexpr std::array words{
+constexpr std::array status_words{
     Words{BootStatus::booted, "booted", ""},
     Words{BootStatus::a, "the node is not in the network list (1F81h)",
           "take the device off the bus, or assign it in 1F81h or by a slot"},
@@ -49,8 +49,8 @@ constexpr std::array words{
 };
 
 const Words& words_of(BootStatus status) noexcept {
-  const auto it = std::ranges::find(words, status, &Words::status);
-  return it == words.end() ? words.front() : *it;
+  const auto it = std::ranges::find(status_words, status, &Words::status);
+  return it == status_words.end() ? status_words.front() : *it;
 }
 
 }  // namespace

@@ -5,10 +5,10 @@
 namespace berth::manager {
 namespace {
 
-constexpr std::uint16_t device_type_object = 0x1000;
-constexpr std::uint16_t identity_object = 0x1018;
-constexpr std::uint16_t date_object = 0x1020;
-constexpr std::uint16_t software_object = 0x1F56;
+constexpr std::uint16_t boot_device_type = 0x1000;
+constexpr std::uint16_t boot_identity = 0x1018;
+constexpr std::uint16_t boot_date = 0x1020;
+constexpr std::uint16_t boot_software = 0x1F56;
 
 bool of_the_bus(const Error& error) noexcept { return error.code == Errc::bus || error.code == Errc::cancelled; }
 
@@ -91,7 +91,7 @@ rt::Task<BootSlave::Verdict> BootSlave::check_identity() {
 
 rt::Task<Result<std::uint32_t>> BootSlave::device_type() {
   for (;;) {
-    auto type = co_await target_->objects().read_u32(device_type_object, 0);
+    auto type = co_await target_->objects().read_u32(boot_device_type, 0);
     const bool silent = !type && type.error().code != Errc::aborted;
     if (!silent || of_the_bus(type.error())) co_return type;
     if (executor_->now() + options_.pause > options_.give_up) co_return type;
@@ -100,7 +100,7 @@ rt::Task<Result<std::uint32_t>> BootSlave::device_type() {
 }
 
 rt::Task<bool> BootSlave::is_as(Expected expected) {
-  const auto is = co_await target_->objects().read_u32(identity_object, expected.sub);
+  const auto is = co_await target_->objects().read_u32(boot_identity, expected.sub);
   if (!is) {
     result_.detail = describe(is.error());
     co_return false;
@@ -138,7 +138,7 @@ rt::Task<BootSlave::Verdict> BootSlave::check_state() {
 rt::Task<BootSlave::Verdict> BootSlave::check_software(bool& begin_again) {
   if (!rules_.checks_software) co_return Verdict{};
   if (rules_.expected_software == 0) co_return BootStatus::g;
-  const auto is = co_await target_->objects().read_u32(software_object, 1);
+  const auto is = co_await target_->objects().read_u32(boot_software, 1);
   if (!is) {
     result_.detail = describe(is.error());
     co_return BootStatus::g;
@@ -163,9 +163,9 @@ rt::Task<BootSlave::Verdict> BootSlave::check_software(bool& begin_again) {
 
 rt::Task<bool> BootSlave::has_expected_date() {
   if (rules_.expected_date == 0 || rules_.expected_time == 0) co_return false;
-  const auto date = co_await target_->objects().read_u32(date_object, 1);
+  const auto date = co_await target_->objects().read_u32(boot_date, 1);
   if (!date || *date != rules_.expected_date) co_return false;
-  const auto time = co_await target_->objects().read_u32(date_object, 2);
+  const auto time = co_await target_->objects().read_u32(boot_date, 2);
   co_return time&&* time == rules_.expected_time;
 }
 
