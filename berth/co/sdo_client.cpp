@@ -12,6 +12,10 @@ namespace {
 
 constexpr const char* never_left = "the SDO request never left: no device acknowledges it, or the bus is full";
 
+std::uint64_t bit_of(ObjectRef ref) noexcept {
+  return std::uint64_t{1} << ((ref.index ^ ref.index >> 6U ^ ref.sub * 7U) % 64U);
+}
+
 const char* why_not(can::Queued queued) noexcept {
   switch (queued) {
     case can::Queued::bus_off: return "the SDO request never left: bus-off";
@@ -42,6 +46,7 @@ SdoTransfer::SdoTransfer(SdoLine& line, NodeId node, ObjectRef ref, const SdoOpt
 SdoTransfer::~SdoTransfer() {
   if (state_ == State::idle || state_ == State::done) return;
   if (state_ != State::queued && state_ != State::initiate) send_abort(AbortCode::general);
+  line_->silent_ |= bit_of(ref_);
   leave();
 }
 
@@ -140,7 +145,10 @@ void SdoTransfer::sent(rt::Time at) noexcept {
   if (state_ == State::closing) return complete();
   window_ = true;
   auto& line = *line_;
-  if (at > line.owed_until_) line.owed_ = 0;
+  if (at > line.owed_until_) {
+    line.owed_ = 0;
+    line.silent_ = 0;
+  }
   line.owed_ += expects_;
   line.owed_until_ = at + line.settings_->late_window;
   const bool collecting = state_ == State::block && !download_;
@@ -165,6 +173,7 @@ void SdoTransfer::run() noexcept {
 }
 
 void SdoTransfer::timed_out() noexcept {
+  line_->silent_ |= bit_of(ref_);
   const bool again = attempts_ <= options_.retries;
   // A server that collects a sub-block takes everything but an abort for a segment.
   if (block_ || (options_.abort_on_timeout && !again)) send_abort(AbortCode::timeout);
@@ -388,6 +397,7 @@ void SdoTransfer::complete() noexcept {
 
 void SdoTransfer::fail_with(Errc code, std::uint32_t detail, const char* text) noexcept {
   error_ = make_error(code, detail, text);
+  line_->silent_ |= bit_of(ref_);
   leave();
   finish();
 }
@@ -430,6 +440,13 @@ void SdoLine::enqueue(SdoTransfer& transfer) noexcept {
   *end = &transfer;
 }
 
+// Segments and blocks name no object; some servers' aborts name a wrong one.
+bool SdoLine::may_be_owed(const can::Frame& frame) const noexcept {
+  const auto scs = static_cast<Scs>(sdo::specifier(frame.data[0]));
+  const bool names_object = scs == Scs::upload || scs == Scs::download;
+  return !names_object || (silent_ & bit_of(sdo::multiplexer(frame))) != 0;
+}
+
 inline void SdoLine::received(NodeId node, const can::Frame& frame, rt::Time at) noexcept {
   if (!sdo::well_formed(frame)) return;
   if (owed_ > 0 && at > owed_until_) owed_ = 0;
@@ -440,7 +457,7 @@ inline void SdoLine::received(NodeId node, const can::Frame& frame, rt::Time at)
 
 void SdoLine::received_other(NodeId node, const can::Frame& frame, rt::Time at) noexcept {
   const unsigned open = first_ != nullptr && first_->window_ ? first_->expects_ : 0;
-  const bool owed = owed_ > open;
+  const bool owed = owed_ > open && may_be_owed(frame);
   if (first_ != nullptr && first_->answer(frame)) {
     if (owed_ > 0) --owed_;
   } else if (owed) {

@@ -313,6 +313,7 @@ class SdoLine : private rt::Job {
   void enqueue(SdoTransfer& transfer) noexcept;
   void remove(SdoTransfer& transfer) noexcept;
   void cancel() noexcept;
+  [[nodiscard]] bool may_be_owed(const can::Frame& frame) const noexcept;
   void run() noexcept override {
     if (first_ != nullptr) first_->run();
   }
@@ -330,6 +331,7 @@ class SdoLine : private rt::Job {
   std::uint32_t late_ = 0;
   std::uint32_t owed_ = 0;  // answers that requests on the wire have not had
   rt::Time owed_until_{};
+  std::uint64_t silent_ = 0;  // of those requests' objects a bit each: an answer for another object is none of theirs
 };
 
 inline void SdoTransfer::wait_until(rt::Time when) noexcept {

@@ -80,6 +80,7 @@ struct AnswerTimes {
   rt::Duration slowest{0};  ///< from a request's `sent` to an answer; what is long ago fades
   unsigned heard = 0;       ///< answers that are in it
   bool strangers = true;    ///< a device may be in configuration unheard, of which nothing is learnt
+  bool lost = false;        ///< one in configuration stopped answering, or answered uninvited: it may hear again any time
 };
 
 class Master;
@@ -184,6 +185,8 @@ class Master final : private can::Handler {
   /// A device may be in configuration unheard / a proof says that none is.
   void suspect_strangers() noexcept { times_.strangers = true; }
   void no_strangers() noexcept { times_.strangers = false; }
+  /// A device was lost in configuration: from now on every answer to 11h is waited for, before 17h.
+  void lost_one() noexcept { times_.strangers = times_.lost = true; }
 
   /// Frames on 7E4h while no service was under way.
   [[nodiscard]] std::uint64_t unexpected() const noexcept { return unexpected_; }

@@ -88,7 +88,7 @@ rt::Task<Result<Selection>> still_alone(Master& master, LssAddress device, Alone
     const auto seen = co_await look(master, device, part, options);
     if (!seen) co_return fail(seen.error());
     if (*seen == Selection::alone) continue;
-    master.suspect_strangers();
+    master.lost_one();
     co_return *seen;
   }
   master.no_strangers();
@@ -132,11 +132,12 @@ Given::Outcome outcome_of(const Result<Reply>& reply) noexcept {
 
 rt::Task<Result<Given>> configure_alone(Master& master, LssAddress device, NodeId id, bool store,
                                         AloneOptions options) {
-  const ServiceOptions service{.timeout = longest_of(master, options), .retries = 1, .full_window = false};
+  const bool lost = master.answer_times().lost;
+  const ServiceOptions service{.timeout = longest_of(master, options), .retries = 1, .full_window = lost};
   const auto set = co_await master.configure_node_id(id, service);
   if (!set && of_the_bus(set.error())) co_return fail(set.error());
   Given given{.outcome = outcome_of(set)};
-  const bool doubtful = set && suspicious(*set);
+  const bool doubtful = set && (suspicious(*set) || set->attempts > 1);
   if (given.outcome == Given::Outcome::taken && (store || doubtful)) {
     if (doubtful) master.suspect_strangers();
     const auto again = co_await still_alone(master, device, options);

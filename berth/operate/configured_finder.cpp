@@ -21,6 +21,7 @@ constexpr std::array<NodeId, 3> factory_ids{NodeId(1), NodeId(32), NodeId(127)};
 rt::Task<void> ConfiguredFinder::ask_slots_own() {
   if (agenda_.alone) co_return;
   std::vector<NodeId> ids;
+  if (!agenda_.speaks) ids.push_back(s_.bus.master);  // no binding waits for that question any more
   for (const auto& seat : slots_.seats()) {
     const bool waits = !seat->there && seat->slot.spec.assign == Assign::lss && !seat->slot.record.confirmed;
     if (waits) ids.push_back(seat->id());

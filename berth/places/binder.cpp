@@ -82,7 +82,7 @@ rt::Task<Outcome> Binder::perform(Binding& binding, SlotId slot, const std::stri
     case Step::inquire: co_return co_await inquire(binding);
     case Step::configure:
       if (is_taken(binding)) co_return Outcome::mismatch;
-      co_return co_await configure(binding.seat().id);
+      co_return co_await configure_alone(binding);
     case Step::revert: co_return co_await revert(binding);
     case Step::store:
       if (is_taken(binding)) co_return Outcome::mismatch;
@@ -171,6 +171,21 @@ rt::Task<Outcome> Binder::configure(NodeId id) {
   co_return lss::suspicious(*reply) ? Outcome::doubled : Outcome::ok;
 }
 
+// A device that was deaf while the proof was asked may have heard the repetition, and its answer is not waited for.
+rt::Task<Outcome> Binder::configure_alone(const Binding& binding) {
+  lss::ServiceOptions service = s_.lss.options().service;
+  service.full_window = s_.lss.answer_times().lost;
+  const auto reply = co_await s_.lss.configure_node_id(binding.seat().id, service);
+  if (!reply) co_return outcome_of(reply.error());
+  if (lss::suspicious(*reply)) co_return Outcome::doubled;
+  if (reply->attempts == 1) co_return Outcome::ok;
+  s_.lss.lost_one();
+  const LssAddress device = binding.seat().device;
+  const auto alone = co_await lss::still_alone(s_.lss, device, {.parts = options_.parts});
+  if (!alone) co_return Outcome::error;
+  co_return *alone == lss::Selection::alone ? Outcome::ok : Outcome::doubled;
+}
+
 // A node-ID is given back to the device that had it alone: another that is left in configuration would take it at the
 // next `04 00`. When that is not proven, all that are in configuration are told to have none, and nothing is stored.
 //
@@ -199,9 +214,11 @@ rt::Task<Outcome> Binder::revert(const Binding& binding) {
   }
   const bool stores = told && (binding.shared() || binding.stored());
   if (!stores) co_return outcome;
-  // Twice: one that is still storing what it was told before executes the second.
-  if (binding.shared()) co_await store(true);
-  co_return co_await store(binding.shared());
+  if (!binding.shared()) co_return co_await store(false);
+  // Both twice: one that is still storing what it was told before hears nothing of the first.
+  co_await store(true);
+  co_await configure(first);
+  co_return co_await store(true);
 }
 
 // A second answer may be a late first one; two answers to one request within one window are two devices (S1.22).

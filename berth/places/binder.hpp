@@ -81,6 +81,7 @@ class Binder {
   rt::Task<Outcome> select(const LssAddress& device);
   rt::Task<Outcome> inquire(Binding& binding);
   rt::Task<Outcome> configure(NodeId id);
+  rt::Task<Outcome> configure_alone(const Binding& binding);
   rt::Task<Outcome> await_boot_up(NodeId id);
   rt::Task<void> wake();
   rt::Task<Outcome> store(bool by_all);

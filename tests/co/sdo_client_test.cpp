@@ -328,6 +328,27 @@ TEST_F(Client, S15_AnOldSilenceExcusesNoSecondAnswer) {
   EXPECT_EQ(client.late(node), 0U);
 }
 
+// What a request left unanswered is owed for is its own object: a second answer about another one is a second device's.
+TEST_F(Client, S15_ASilenceExcusesNoSecondAnswerAboutAnotherObject) {
+  co::SdoOptions impatient = client.options();
+  impatient.timeout = 20ms;
+  impatient.retries = 2;
+  impatient.abort_on_timeout = false;
+  auto silent = client.read<std::uint32_t>(node, 0x1000, 0, impatient);
+  EXPECT_EQ(await(*this, silent).error().code, Errc::timeout);
+  reply("605#4018100100000000", {"585#4318100101000000"});
+  auto answered = client.read<std::uint32_t>(node, 0x1018, 1);
+  EXPECT_EQ(*await(*this, answered), 1U);
+  server.send("585#4300100033333333");
+  run(1ms);
+  EXPECT_EQ(client.late(node), 1U);
+  EXPECT_EQ(client.surplus(node), 0U);
+  server.send("585#4318100133333333");
+  run(1ms);
+  EXPECT_EQ(client.late(node), 1U);
+  EXPECT_EQ(client.surplus(node), 1U);
+}
+
 // Silence ends in time, says so, and tells the server once (HU.22: optional).
 TEST_F(Client, TimeoutAbortsOnceAndSaysNoAnswer) {
   auto op = client.read<std::uint32_t>(node, 0x1000, 0);
