@@ -87,20 +87,21 @@ void Binding::advance(Outcome outcome) noexcept {
   switch (step_) {
     case Step::check_vacant:
       if (ok)
-        step_ = Step::write_ask;
+        step_ = Step::select;
       else
         fail(Why::occupied);
       break;
     case Step::write_ask:
-      if (ok)
-        step_ = Step::select;
+      asked_ = ok;
+      if (!ok)
+        give_up(Why::store_failed);
       else
-        fail(Why::store_failed);
+        step_ = kind_ == Kind::bind ? Step::configure : Step::select;
       break;
     case Step::select:
     case Step::inquire:
       if (ok) {
-        step_ = step_ == Step::select ? Step::inquire : Step::configure;
+        step_ = step_ == Step::select ? Step::inquire : asked_ ? Step::configure : Step::write_ask;
       } else if (outcome == Outcome::doubled) {
         give_up(Why::clone);  // both are in configuration now and must leave it unchanged
       } else {

@@ -2,11 +2,11 @@
 /// steps on a bus; the tests explore every interleaving of them with crashes, losses and power failures.
 ///
 ///     step           does                                     ends well  next
-///     check_vacant   asks whether the node-ID is in use       it is not  write_ask
-///     write_ask      intention into the store, durable        written    select
+///     check_vacant   asks whether the node-ID is in use       it is not  select
 ///     select         04h 00h, 40h..43h of the address, and    44h, it    inquire
 ///                    the proof that no other is selected too  alone
-///     inquire        5Eh: the node-ID it has now              a node-ID  configure
+///     inquire        5Eh: the node-ID it has now              a node-ID  write_ask
+///     write_ask      intention into the store, durable        written    configure
 ///     configure      11h: the new one, unless another device  code 0     store
 ///                    came under it meanwhile; so `store`
 ///     store          17h: into its own memory                 code 0     release
@@ -23,15 +23,16 @@
 /// with the next 04h 00h, whichever device that is meant for; so whatever leaves the table after `configure` passes
 /// `revert` first, and a start with unfinished work in the store begins with `11h FFh` to the device that was left in
 /// configuration. Why in this order: the intention is durable before the device can change, so that a node-ID that may
-/// be in a device's memory is never given to another; and the device has stored before it can use the id, so that what
+/// be in a device's memory is never given to another, and not before the device was met, as a search may put one
+/// together of two and its node-ID would be kept for it; and the device has stored before it can use the id, so that what
 /// was heard once is true after a power failure (S1.29, S1.53).
 ///
 /// An intention that an earlier binding left behind may have reached the device: it is dropped by no later failure
 /// (`untouched`), however often it is tried again. A device that is away may have stored the node-ID and lost its power
 /// before `04h 00h`; it comes back under it.
 ///
-/// Taking a node-ID away (`Kind::blank`) walks the same table without `check_vacant` and `await_boot_up`; there
-/// `identify` asks by LSS whether the device has no node-ID now.
+/// Taking a node-ID away (`Kind::blank`) walks the same table without `check_vacant` and `await_boot_up`, and from
+/// `write_ask` on: a device that is away is to lose its node-ID when it comes back. There `identify` asks by LSS whether the device has no node-ID now.
 #pragma once
 
 #include <cstdint>
@@ -152,6 +153,7 @@ class Binding {
   bool stored_ = false;
   bool volatile_only_ = false;
   bool untouched_;
+  bool asked_ = false;    // the intention is in the store
   bool touched_ = false;  // a node-ID may be pending in the device
   bool failing_ = false;  // revert, release, then fail
 };

@@ -24,22 +24,22 @@ std::vector<Step> walked(Binding::Kind kind, NodeId had) {
 
 // Written as done only when it was heard under its node-ID, and asked who it is.
 TEST(BindingTable, S1_53_ABlankDeviceStepByStep) {
-  const std::vector<Step> expected{Step::check_vacant, Step::write_ask,     Step::select,  Step::inquire,
+  const std::vector<Step> expected{Step::check_vacant, Step::select,        Step::inquire, Step::write_ask,
                                    Step::configure,    Step::store,         Step::release, Step::await_boot_up,
                                    Step::identify,     Step::write_confirm, Step::done};
   EXPECT_EQ(walked(Binding::Kind::bind, NodeId()), expected);
 }
 
 TEST(BindingTable, S1_33_ADeviceWithAnotherNodeIdIsReset) {
-  const std::vector<Step> expected{Step::check_vacant,  Step::write_ask, Step::select,        Step::inquire,
-                                   Step::configure,     Step::store,     Step::release,       Step::reset,
-                                   Step::await_boot_up, Step::identify,  Step::write_confirm, Step::done};
+  const std::vector<Step> expected{Step::check_vacant,  Step::select,   Step::inquire,       Step::write_ask,
+                                   Step::configure,     Step::store,    Step::release,       Step::reset,
+                                   Step::await_boot_up, Step::identify, Step::write_confirm, Step::done};
   EXPECT_EQ(walked(Binding::Kind::bind, NodeId(77)), expected);
 }
 
 TEST(BindingTable, S1_53_ADeviceThatHasItsNodeIdIsAskedAllTheSame) {
-  const std::vector<Step> expected{Step::check_vacant,  Step::write_ask, Step::select,  Step::inquire,
-                                   Step::configure,     Step::store,     Step::release, Step::identify,
+  const std::vector<Step> expected{Step::check_vacant,  Step::select, Step::inquire, Step::write_ask,
+                                   Step::configure,     Step::store,  Step::release, Step::identify,
                                    Step::write_confirm, Step::done};
   EXPECT_EQ(walked(Binding::Kind::bind, seat.id), expected);
 }
@@ -48,6 +48,27 @@ TEST(BindingTable, S1_53_ANodeIdIsTakenAwayByTheSameTable) {
   const std::vector<Step> expected{Step::write_ask, Step::select, Step::inquire,  Step::configure,     Step::store,
                                    Step::release,   Step::reset,  Step::identify, Step::write_confirm, Step::done};
   EXPECT_EQ(walked(Binding::Kind::blank, NodeId(77)), expected);
+}
+
+// A device that a search put together of two is not there: nothing is kept for it.
+TEST(BindingTable, S1_53_NothingIsWrittenOfADeviceThatWasNotMet) {
+  Binding binding(Binding::Kind::bind, seat, 2);
+  while (!binding.ended()) {
+    EXPECT_NE(binding.step(), Step::write_ask);
+    binding.advance(binding.step() == Step::select ? Outcome::silent : Outcome::ok);
+  }
+  EXPECT_EQ(binding.why(), Why::not_there);
+}
+
+// The device is in LSS configuration then.
+TEST(BindingTable, S1_53_AnIntentionThatCannotBeWrittenLeavesTheDeviceInWaiting) {
+  Binding binding(Binding::Kind::bind, seat);
+  while (binding.step() != Step::write_ask) binding.advance(Outcome::ok);
+  binding.advance(Outcome::error);
+  EXPECT_EQ(binding.step(), Step::release);
+  binding.advance(Outcome::ok);
+  EXPECT_EQ(binding.step(), Step::failed);
+  EXPECT_EQ(binding.why(), Why::store_failed);
 }
 
 // As far as `step`, all well. False: it is not on the way.
