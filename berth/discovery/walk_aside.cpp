@@ -94,7 +94,8 @@ rt::Task<bool> Walker::Search::ask_beside(Place place) {
     elsewhere();
     const bool doubted = std::ranges::any_of(doubted_, [&](const Silent& s) { return s.place == place && s.at == at; });
     asker_.be_patient(patient_ && doubted, wholly_ && doubted);
-    const Heard heard = co_await ask_once(at, sub_, Wait::learnt);
+    const bool last = i + 1 == open.size();  // no question follows that a late answer would come to
+    const Heard heard = co_await ask_once(at, sub_, last ? Wait::bound : Wait::learnt);
     asker_.be_patient(patient_, wholly_);
     const bool before = heard.late && i > 0;  // the place asked before this one was answered
     if (before || heard.yes()) {

@@ -29,12 +29,14 @@ bool Lending::free_for_a_loan(const Seat& seat, const LssAddress& device) const 
 }
 
 // The lowest free slot's that it fits: searches find the devices of a type in ascending order, and with `ascending`
-// that is where it stays. Else one that no slot has.
+// that is where it stays. Else, and to one of two with its address, which of them cannot be asked back, one that no
+// slot has.
 NodeId Lending::id_to_lend(const LssAddress& device) const noexcept {
   NodeId lowest;
+  const bool twin = found_.is_clone(device);
   for (const auto& seat : slots_.seats()) {
     const bool lower = !lowest.configured() || seat->id() < lowest;
-    if (lower && free_for_a_loan(*seat, device)) lowest = seat->id();
+    if (!twin && lower && free_for_a_loan(*seat, device)) lowest = seat->id();
   }
   if (lowest.configured()) return lowest;
   for (std::uint8_t value = 126; value > 0; --value) {
@@ -82,8 +84,8 @@ NodeId Lending::assign(const LssAddress& device) noexcept {
   const Seat* const seat = slots_.of(device);
   // Lely core's slaves answer Fastscan with a node-ID too: what they use stays, and nothing else is pending.
   if (seat != nullptr && seat->there && seat->slot.record.confirmed) return seat->id();
-  const bool own =
-      seat != nullptr && s_.vacancy[seat->id().value()] && !s_.boots.heard(seat->id()) && !told_[seat->id().value()];
+  const bool own = seat != nullptr && !found_.is_clone(device) && s_.vacancy[seat->id().value()] &&
+                   !s_.boots.heard(seat->id()) && !told_[seat->id().value()];
   const NodeId id = own ? seat->id() : id_to_lend(device);
   if (!id.configured()) return id;
   const bool written = lend(device, id);
@@ -100,7 +102,9 @@ bool Lending::lend(const LssAddress& device, NodeId id) {
 
 void Lending::end(const LssAddress& device) {
   const auto* const loan = loans_.of(device);
-  if (loan == nullptr) return;
+  // Of twins the other one may have it pending.
+  const bool stays = loan == nullptr || loan->twins;
+  if (stays) return;
   loans_.expected_boot_up(loan->id, s_.executor.now());
   const auto written = loans_.end(device);
   if (!written) slots_.tell_once("error", "the slot table cannot be written: " + describe(written.error()));
@@ -126,6 +130,8 @@ rt::Task<void> Lending::take_back_all() {
     const bool waits = seat != nullptr && seat->state == places::SlotState::power_cycle && seat->waiting;
     if (waits) continue;
     const bool seated = seat != nullptr && seat->there;
+    const bool one_sits = seated && loan.twins;
+    if (one_sits) continue;  // `11 FF` would take its node-ID
     const bool nothing_pending = seated && seat->id() == loan.id;
     if (nothing_pending) {
       end(loan.device);
@@ -169,14 +175,29 @@ rt::Task<void> Lending::end_or_keep(Loans::Loan loan) {
   s_.boots.forget(loan.id);
 }
 
-// Two devices of its address may both be told to have none: one of them was lent it, and which cannot be asked.
+// Two devices of its address may both be told to have none: one of them was lent it, and which cannot be asked. So both
+// must answer.
+rt::Task<bool> Lending::tell_both(LssAddress device) {
+  const NodeId none;
+  lss::ServiceOptions whole = s_.lss.options().service;
+  whole.full_window = true;
+  const auto selected = co_await s_.lss.switch_selective(device, whole);
+  if (!selected) co_return false;
+  const auto given = co_await s_.lss.configure_node_id(none, whole);
+  const auto released = co_await s_.lss.switch_global(lss::State::waiting);
+  co_return given && given->answers > 1 && released;
+}
+
 rt::Task<bool> Lending::tell_pending(LssAddress device, NodeId id) {
   const auto selected = co_await asking_.select_alone(device);
-  const bool both = !selected && selected.error().code == Errc::duplicate && !id.configured();
+  const bool twins = !selected && selected.error().code == Errc::duplicate;
+  if (twins) loans_.doubled(device, true);
+  const bool both = twins && !id.configured();
   if (!selected && !both) co_return false;
   if (both) {
-    const auto again = co_await s_.lss.switch_selective(device);
-    if (!again) co_return false;
+    const auto told = co_await tell_both(device);
+    if (told) loans_.doubled(device, false);
+    co_return told;
   }
   const auto given = co_await s_.lss.configure_node_id(id);
   const auto released = co_await s_.lss.switch_global(lss::State::waiting);

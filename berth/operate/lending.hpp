@@ -44,6 +44,7 @@ class Lending final : public discovery::Assigner {
   [[nodiscard]] NodeId id_to_lend(const LssAddress& device) const noexcept;
   [[nodiscard]] bool may_be_asked(const Loans::Loan& loan) const noexcept;
   bool lend(const LssAddress& device, NodeId id);
+  rt::Task<bool> tell_both(LssAddress device);
   rt::Task<void> end_or_keep(Loans::Loan loan);
   rt::Task<void> make_pending(Loans::Loan loan, NodeId own);
   rt::Task<bool> take_back(LssAddress device, NodeId id);

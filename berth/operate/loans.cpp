@@ -14,7 +14,7 @@ Result<void> Loans::load() {
   for (const auto& l : *lent) {
     const bool here = l.bus.empty() || (l.bus == bus_ && l.machine == machine_);
     if (!here || of(l.device) != nullptr) continue;
-    all_.push_back({l.device, l.id, 0});
+    all_.push_back({l.device, l.id});
     if (!borrowed(l.device)) borrowers_.push_back(l.device);
   }
   return {};
@@ -24,7 +24,7 @@ Result<void> Loans::lend(const LssAddress& device, NodeId id) {
   const auto written = store_->lend({device, machine_, bus_, id});
   if (!written) return written;
   std::erase_if(all_, [&](const Loan& l) { return l.device == device; });
-  all_.push_back({device, id, 0});
+  all_.push_back({device, id});
   if (!borrowed(device)) borrowers_.push_back(device);
   return {};
 }
@@ -40,6 +40,11 @@ Result<void> Loans::end(const LssAddress& device) {
 void Loans::kept(const LssAddress& device) noexcept {
   const auto loan = std::ranges::find(all_, device, &Loan::device);
   if (loan != all_.end()) ++loan->tries;
+}
+
+void Loans::doubled(const LssAddress& device, bool so) noexcept {
+  const auto loan = std::ranges::find(all_, device, &Loan::device);
+  if (loan != all_.end()) loan->twins = so;
 }
 
 void Loans::seen(const LssAddress& device) noexcept {

@@ -21,6 +21,7 @@ class Loans {
     LssAddress device;
     NodeId id;
     unsigned tries = 0;  ///< to take it back, in vain, since the device was found last
+    bool twins = false;  ///< two devices answered to the address: which of them has it cannot be asked
   };
 
   /// `store` must stay. `machine` and `bus` say where the devices are.
@@ -34,6 +35,8 @@ class Loans {
   Result<void> end(const LssAddress& device);
   /// The device was asked to give its node-ID back and did not confirm it.
   void kept(const LssAddress& device) noexcept;
+  /// Two devices answered to this address; false: both were told to have none.
+  void doubled(const LssAddress& device, bool so) noexcept;
   /// The device was found, on this bus: it can be asked again.
   void seen(const LssAddress& device) noexcept;
 

@@ -239,8 +239,8 @@ void Seating::not_bound(Seat& seat, const Binding& binding) {
   if (clone) found_.note({binding.seat().device, binding.old_id(), true});
   if (binding.why() == Why::not_there) found_.forget(binding.seat().device);
   // Nothing in the device can have changed: the slot is free again. Else it stays the slot's until it is seen.
-  const bool fresh = !seat.slot.record.confirmed && binding.untouched() && seat.slot.record.asked;
-  if (fresh) {
+  const bool fresh = !seat.slot.record.confirmed && binding.untouched();
+  if (fresh && seat.slot.record.asked) {
     const auto cleared = slots_.store().clear(seat.slot.record.slot, places::name(binding.why()));
     if (!cleared) slots_.tell("error", seat.name(), "the slot table cannot be written: " + describe(cleared.error()));
     slots_.refresh(seat);
