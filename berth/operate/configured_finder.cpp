@@ -64,10 +64,12 @@ void ConfiguredFinder::note(const places::Found& found) {
 rt::Task<bool> ConfiguredFinder::find(bool all) {
   if (agenda_.alone) co_return false;
   co_await ask_everywhere();
+  bool news = co_await ask_borrowers();
   const std::vector<NodeId> ids = ids_to_ask(all);
-  if (ids.empty()) co_return false;
+  if (ids.empty()) co_return news;
   const std::vector<places::Found> answered = co_await identities(ids);
-  bool news = co_await tell_doubled_apart();
+  const bool apart = co_await tell_doubled_apart();
+  news = news || apart;
   for (const auto& f : answered) {
     const auto known = found_.of(f.device);
     const bool same = known != nullptr && known->active == f.active;
@@ -85,6 +87,24 @@ rt::Task<bool> ConfiguredFinder::find(bool all) {
       continue;
     }
     note(f);
+    news = true;
+  }
+  co_return news;
+}
+
+// One that gave back what it was lent and did not hear the reset behind it uses it on, unheard.
+rt::Task<bool> ConfiguredFinder::ask_borrowers() {
+  bool news = false;
+  if (!agenda_.retries) co_return news;
+  const std::vector<LssAddress> borrowers = loans_.borrowers();
+  for (const LssAddress& borrower : borrowers) {
+    const LssAddress device = borrower;
+    const bool known = found_.of(device) != nullptr || slots_.of(device) != nullptr;
+    if (known) continue;
+    const auto id = co_await asking_.active_id_once(device);
+    const bool uses = id && id->configured();
+    if (!uses) continue;
+    note({device, *id});
     news = true;
   }
   co_return news;

@@ -38,6 +38,7 @@ class ConfiguredFinder {
  private:
   [[nodiscard]] std::vector<NodeId> ids_to_ask(bool all);
   [[nodiscard]] bool everywhere_due();
+  rt::Task<bool> ask_borrowers();
   rt::Task<void> ask_everywhere();
   rt::Task<void> knock(NodeId id);
   rt::Task<Result<LssAddress>> identity_of_one(NodeId id, std::uint64_t boot_ups);

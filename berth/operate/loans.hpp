@@ -53,6 +53,7 @@ class Loans {
   /// Had a loan in this run, or in one before it that did not end it, and was not bound since: what it uses may be what
   /// it was lent, whatever it confirmed (the reset behind it can have been lost).
   [[nodiscard]] bool borrowed(const LssAddress& device) const noexcept;
+  [[nodiscard]] const std::vector<LssAddress>& borrowers() const noexcept { return borrowers_; }
   /// It was bound: what it uses is stored.
   void bound(const LssAddress& device) noexcept;
 

@@ -278,7 +278,10 @@ void Planning::report() {
     for (auto& seat : slots_.seats()) {
       const auto device = seat->slot.record.device();
       const bool own = device == oddity.device;
-      const bool waits = !device && places::fits(seat->slot.spec, oddity.device);
+      const bool another = std::ranges::any_of(plan_.actions, [&](const Action& a) {
+        return a.kind == Action::Kind::bind && slots_.seats()[a.slot].get() == seat.get();
+      });
+      const bool waits = !device && !another && places::fits(seat->slot.spec, oddity.device);
       if (own || waits) slots_.set_state(*seat, SlotState::duplicate, oddity.text);
     }
   }
@@ -286,12 +289,14 @@ void Planning::report() {
   for (const auto& event : question_events()) {
     slots_.tell_once(event);
   }
+  // A slot says one question, the last about it: else its state would change at every round.
   std::vector<const Seat*> asked;
-  for (const auto& question : plan_.questions) {
-    for (const auto i : question.slots) {
-      slots_.set_state(*slots_.seats()[i], SlotState::question,
-                       question.brief.empty() ? question.text : question.brief);
-      asked.push_back(slots_.seats()[i].get());
+  for (auto question = plan_.questions.rbegin(); question != plan_.questions.rend(); ++question) {
+    for (const auto i : question->slots) {
+      Seat& seat = *slots_.seats()[i];
+      if (std::ranges::find(asked, &seat) != asked.end()) continue;
+      slots_.set_state(seat, SlotState::question, question->brief.empty() ? question->text : question->brief);
+      asked.push_back(&seat);
     }
   }
   // Its devices left, or sit elsewhere by now.

@@ -194,7 +194,10 @@ rt::Task<Outcome> Binder::configure_alone(const Binding& binding) {
 // as Lely core's slaves it may wait for the next reset of all to use it.
 rt::Task<Outcome> Binder::revert(const Binding& binding) {
   const LssAddress device = binding.seat().device;
-  const NodeId id = binding.revert_to();
+  NodeId id = binding.revert_to();
+  // Since it left its old node-ID one was heard there: perhaps another, which came from elsewhere with the same.
+  const bool used = id.configured() && moved_ != rt::Time{} && !s_.boots.silent_since(id, moved_);
+  if (used) id = NodeId();
   bool told = true;
   if (id.configured()) {
     const lss::AloneOptions options{.parts = options_.parts};

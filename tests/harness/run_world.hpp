@@ -320,8 +320,13 @@ class WorldRun final : private can::Tap {
       for (const auto& s : rig_.network(i).report()) {
         const bool by_fastscan = rig_.network(i).bus().discovery.find("fastscan") != std::string::npos ||
                                  rig_.network(i).bus().discovery == "planner-feedback";
-        // A device that was given away and came back is used again when a person says so.
-        const bool persons = s.state == places::SlotState::question && s.reason.find("--used") != std::string::npos;
+        // A device that was given away and came back is used again when a person says so, and what of two slots is
+        // left for another device depends on the answer.
+        const auto asks_for_used = [](const operate::SlotReport& r) {
+          return r.state == places::SlotState::question && r.reason.find("--used") != std::string::npos;
+        };
+        const bool persons =
+            s.state == places::SlotState::question && std::ranges::any_of(rig_.network(i).report(), asks_for_used);
         if (s.state != places::SlotState::operational && !by_fastscan && !persons && !kept_elsewhere(s))
           return "slot " + s.name + " is " + places::name(s.state) + ": " + s.reason;
       }
@@ -403,6 +408,11 @@ class WorldRun final : private can::Tap {
     if (since < 15s) rig_.run_for(15s - std::max(since, rt::Duration{0}));
     // A long search: it pauses between the frames of each question when a small receive buffer may be there.
     std::string wrong = verdict_that_stays();
+    // What failed is tried again after eight probe periods, and may have become possible just now.
+    if (!wrong.empty()) {
+      rig_.run_for(15s);
+      wrong = verdict_that_stays();
+    }
     // What is to be switched off and on may have shown since the first rest.
     for (int round = 0; round < 3 && !wrong.empty() && power_cycle(); ++round) {
       rig_.run_for(15s);
