@@ -84,6 +84,7 @@ rt::Task<bool> Walker::Search::ask_beside(Place place) {
   children_.clear();  // theirs
   // An answer of theirs that is late would be one to the first question.
   if (entered_answers_ < numbers.size()) co_await rt::sleep_until(asker_.settled());
+  const bool others = entered_answers_ > numbers.size();
   const bool rows = place.parts == 3 && !report_.found.empty();
   if (rows) {
     const bool found = co_await row_beside();
@@ -94,7 +95,7 @@ rt::Task<bool> Walker::Search::ask_beside(Place place) {
     elsewhere();
     const bool doubted = std::ranges::any_of(doubted_, [&](const Silent& s) { return s.place == place && s.at == at; });
     asker_.be_patient(patient_ && doubted, wholly_ && doubted);
-    const bool last = i + 1 == open.size();  // no question follows that a late answer would come to
+    const bool last = others && i + 1 == open.size();  // no question follows that a late answer would come to
     const Heard heard = co_await ask_once(at, sub_, last ? Wait::bound : Wait::learnt);
     asker_.be_patient(patient_, wholly_);
     const bool before = heard.late && i > 0;  // the place asked before this one was answered

@@ -86,7 +86,7 @@ rt::Task<Outcome> Binder::perform(Binding& binding, SlotId slot, const std::stri
     case Step::revert: co_return co_await revert(binding);
     case Step::store:
       if (is_taken(binding)) co_return Outcome::mismatch;
-      co_return co_await store(false);
+      co_return co_await store_alone(binding);
     case Step::release: co_return co_await release(binding);
     case Step::reset: co_return co_await reset(binding);
     case Step::await_boot_up: {
@@ -283,6 +283,17 @@ rt::Task<Outcome> Binder::inquire(Binding& binding) {
   if (!now) co_return Outcome::silent;
   binding.inquired(*now);
   co_return Outcome::ok;
+}
+
+// One that was lost in configuration may have heard the 17h in the place of this one, and answered.
+rt::Task<Outcome> Binder::store_alone(const Binding& binding) {
+  const Outcome outcome = co_await store(false);
+  const bool sure = outcome != Outcome::ok || !s_.lss.answer_times().lost;
+  if (sure) co_return outcome;
+  const LssAddress device = binding.seat().device;
+  const auto alone = co_await lss::still_alone(s_.lss, device, {.parts = options_.parts});
+  if (!alone) co_return Outcome::error;
+  co_return *alone == lss::Selection::alone ? Outcome::ok : Outcome::doubled;
 }
 
 // When more than one device was told (`by_all`), each is waited for: its late answer would be taken for that to the

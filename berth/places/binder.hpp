@@ -84,6 +84,7 @@ class Binder {
   rt::Task<Outcome> configure_alone(const Binding& binding);
   rt::Task<Outcome> await_boot_up(NodeId id);
   rt::Task<void> wake();
+  rt::Task<Outcome> store_alone(const Binding& binding);
   rt::Task<Outcome> store(bool by_all);
   rt::Task<Outcome> revert(const Binding& binding);
   rt::Task<Outcome> release(const Binding& binding);
