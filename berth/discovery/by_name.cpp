@@ -27,7 +27,7 @@ lss::PartMask parts_that_tell(const LssAddress& device, const Known& known, cons
 rt::Task<Result<ByName>> assign_by_name(lss::Master& lss, LssAddress device, lss::PartMask parts,
                                         const Options& options) {
   ByName result;
-  const lss::AloneOptions how{.parts = parts};
+  const lss::AloneOptions how{.parts = parts, .vacancy = options.assigner};
   const auto alone = co_await lss::select_alone(lss, device, how);
   if (!alone) co_return fail(alone.error());
   result.not_alone = *alone == lss::Selection::not_alone;

@@ -16,6 +16,7 @@
 
 #include "berth/base/ids.hpp"
 #include "berth/base/result.hpp"
+#include "berth/lss/vacancy.hpp"
 #include "berth/rt/executor.hpp"
 #include "berth/rt/task.hpp"
 
@@ -90,7 +91,7 @@ class Observer {
 };
 
 /// Gives each found device a node-ID at once, when it is proven to be the only one in configuration.
-class Assigner {
+class Assigner : public lss::Vacancy {
  public:
   /// Unconfigured: leave it without one; it goes back to waiting. A method on Fastscan then ends with
   /// `Report::End::held`.

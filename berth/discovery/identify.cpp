@@ -119,7 +119,9 @@ rt::Task<Result<void>> Identify::settle(Run& run, Found& found, const lss::Alone
   if (blank && run.options.assigner != nullptr) id = run.options.assigner->assign(found.address);
   if (id.configured()) {
     const LssAddress device = found.address;
-    const auto given = co_await lss::configure_alone(services_.lss, device, id, run.options.store, how);
+    lss::AloneOptions watched = how;
+    watched.vacancy = run.options.assigner;
+    const auto given = co_await lss::configure_alone(services_.lss, device, id, run.options.store, watched);
     if (!given) co_return fail(given.error());
     if (given->outcome == lss::Given::Outcome::taken) found.assigned = id;
   } else {

@@ -81,6 +81,9 @@ class PublishedFastscan final : public Discovery {
       return id;
     }
     void assigned(const lss::FastscanDevice& device) noexcept override { tell(device); }
+    [[nodiscard]] bool still_vacant(NodeId id) const noexcept override {
+      return options_.assigner == nullptr || options_.assigner->still_vacant(id);
+    }
 
    private:
     void tell(const lss::FastscanDevice& device) noexcept {

@@ -115,7 +115,8 @@ rt::Task<NodeId> Walker::Search::give(LssAddress device) {
     co_await release();
     co_return id;
   }
-  const lss::AloneOptions how = alone_options();
+  lss::AloneOptions how = alone_options();
+  how.vacancy = options_.assigner;
   const auto given = co_await lss::configure_alone(lss_, device, id, options_.store, how);
   const auto now = walker_.services_.dispatcher.executor().now();
   asker_.sent_elsewhere(now);

@@ -25,6 +25,7 @@
 #include "berth/base/ids.hpp"
 #include "berth/base/result.hpp"
 #include "berth/lss/master.hpp"
+#include "berth/lss/vacancy.hpp"
 #include "berth/rt/task.hpp"
 
 namespace berth::lss {
@@ -65,7 +66,7 @@ struct FastscanDevice {
 };
 
 /// Which device is to have which node-ID.
-class FastscanOwner {
+class FastscanOwner : public Vacancy {
  public:
   /// Called while the device is the only one in configuration. Unconfigured: it gets none, and the discovery ends,
   /// `held`.

@@ -145,6 +145,8 @@ rt::Task<Result<Given>> configure_alone(Master& master, LssAddress device, NodeI
     if (*again == Selection::absent) given.outcome = Given::Outcome::silent;
     if (*again == Selection::not_alone || *again == Selection::twins) given.outcome = Given::Outcome::not_alone;
   }
+  const auto occupied = [&] { return options.vacancy != nullptr && !options.vacancy->still_vacant(id); };
+  if (given.outcome == Given::Outcome::taken && occupied()) given.outcome = Given::Outcome::occupied;
   if (given.outcome == Given::Outcome::taken && store) {
     const auto stored = co_await master.store();
     if (!stored && of_the_bus(stored.error())) co_return fail(stored.error());

@@ -42,6 +42,7 @@
 #include <span>
 
 #include "berth/lss/master.hpp"
+#include "berth/lss/vacancy.hpp"
 
 namespace berth::lss {
 
@@ -68,6 +69,7 @@ struct AloneOptions {
   unsigned attempts = 2;       ///< of 40h to 43h, each behind a `04 00`
   /// The device may well not be there: one attempt, and 44h is waited for as long as answers usually take.
   bool guess = false;
+  const Vacancy* vacancy = nullptr;  ///< `configure_alone` asks it before the node-ID comes into use; null: no
 };
 
 /// `04 00`, 40h to 43h, and the proof. All but `alone`: `04 00` was sent, no device was changed. Errors: `bus`,
@@ -86,12 +88,13 @@ struct Given {
     refused,    ///< it answered 11h with an error code
     silent,     ///< it did not answer
     not_alone,  ///< another device answered too: taken back from all
+    occupied,   ///< another device was heard under the node-ID meanwhile: taken back
   };
   Outcome outcome = Outcome::silent;
   bool stored = false;  ///< 17h was answered with success
 };
 /// 11h, 17h when `store`, `04 00`, for a device that was just proven alone. Proves once more before 17h, and when the
-/// answer to 11h is suspicious. In all outcomes but `taken` the pending node-ID is 255 again (`11 FF`) before the
+/// answer to 11h is suspicious or came to a repetition only. In all outcomes but `taken` the pending node-ID is 255 again (`11 FF`) before the
 /// `04 00`. Errors: `bus`, `cancelled`.
 [[nodiscard]] rt::Task<Result<Given>> configure_alone(Master& master, LssAddress device, NodeId id, bool store,
                                                       AloneOptions options = {});

@@ -54,10 +54,9 @@ rt::Task<Result<NodeId>> Lending::lend_to(LssAddress device) {
   if (!selected) co_return fail(selected.error());
   const bool written = lend(device, id);
   if (!written) co_return fail(Errc::io, "the slot table cannot be written");
-  const auto given = co_await s_.lss.configure_node_id(id);
-  const auto released = co_await s_.lss.switch_global(lss::State::waiting);
+  const auto given = co_await lss::configure_alone(s_.lss, device, id, false, {.vacancy = this});
   if (!given) co_return fail(given.error());
-  if (!released) co_return fail(released.error());
+  if (given->outcome != lss::Given::Outcome::taken) co_return fail(Errc::timeout, "it did not take what it was lent");
   const rt::Time deadline = began + s_.bus.timing.boot_timeout;
   const bool heard = co_await s_.boots.wait(id, began, deadline);
   if (!heard) co_return fail(Errc::timeout, "it was lent a node-ID and was not heard under it");
@@ -92,6 +91,11 @@ NodeId Lending::assign(const LssAddress& device) noexcept {
   if (!written) return {};
   loans_.expect_boot_up(id);
   return id;
+}
+
+bool Lending::still_vacant(NodeId id) const noexcept {
+  const auto& vacant = s_.vacancy[id.value()];
+  return !vacant || s_.boots.silent_since(id, *vacant);
 }
 
 bool Lending::lend(const LssAddress& device, NodeId id) {

@@ -21,6 +21,7 @@ class Lending final : public discovery::Assigner {
   /// For a search: the node-ID that the only device in LSS configuration is lent, or its slot's own. It is seated, or
   /// blank again, before the round is over.
   NodeId assign(const LssAddress& device) noexcept override;
+  [[nodiscard]] bool still_vacant(NodeId id) const noexcept override;
   /// A search was told that a device has this node-ID, or will have it when it boots.
   void told(NodeId id) noexcept { told_[id.value()] = true; }
   void forget_told() noexcept { told_ = {}; }

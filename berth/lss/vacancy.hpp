@@ -1,0 +1,17 @@
+#pragma once
+
+#include "berth/base/ids.hpp"
+
+namespace berth::lss {
+
+/// Knows whether a node-ID that was found vacant is so still.
+class Vacancy {
+ public:
+  /// False: a device was heard under it since.
+  [[nodiscard]] virtual bool still_vacant(NodeId) const noexcept { return true; }
+
+ protected:
+  ~Vacancy() = default;
+};
+
+}  // namespace berth::lss
