@@ -207,15 +207,15 @@ bool MainJob::needs_retry() const noexcept {
     const bool powered = s->state == SlotState::power_cycle && !s->waits_since;
     return failed || powered || asked || silent || waits || doubled;
   });
-  // A blank that failed left a device under a node-ID that is not its own, the master's say.
-  return slots || p_.planning.has_blanks();
+  // A blank that failed left a device under a node-ID that is not its own, the master's say. It may have been storing.
+  return slots || p_.planning.has_blanks() || !p_.slots.unfinished_here().empty();
 }
 
 // What failed may succeed later: the device was slow, deaf or resetting. Not at once, and not for ever in a hurry.
 bool MainJob::retry_due() {
   const rt::Time now = p_.bus.executor.now();
   const auto& timing = p_.bus.bus.timing;
-  if (!needs_retry() || now < p_.agenda.retry_at) return false;
+  if (now < p_.agenda.retry_at || !needs_retry()) return false;
   p_.agenda.retry_at = now + 8 * timing.probe_period;
   p_.agenda.retries = true;
   p_.agenda.look_anew = true;
