@@ -105,6 +105,8 @@ class Decoder final : private SdoTransfer::Listener {
   void give(Meaning meaning);
   void add_name(std::uint8_t node);
   void put_value(od::DataType type, std::span<const std::uint8_t> bytes, bool all);
+  od::DataType say_object(const Node* node, ObjectRef object);
+  void say_end(const SdoRecord& record);
   void field(Field::Kind kind, std::string_view key, std::string value);
 
   Rows* rows_;

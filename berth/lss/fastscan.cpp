@@ -19,6 +19,7 @@ const char* name(FastscanReport::End end) noexcept {
     case FastscanReport::End::held: return "held";
     case FastscanReport::End::limit: return "limit";
     case FastscanReport::End::stuck: return "stuck";
+    case FastscanReport::End::stopped: return "stopped";
   }
   return "?";
 }
@@ -54,6 +55,8 @@ rt::Task<Result<FastscanReport>> Fastscan::discover(FastscanOwner& owner) {
     const bool again = *end == End::gave_up && streak <= options_.retries;
     if (!again) report.end = *end;
     if (report.found.size() >= options_.most_devices) report.end = End::limit;
+    const bool stops = report.end == End::complete && !owner.goes_on();
+    if (stops) report.end = End::stopped;
     more = report.end == End::complete;
   }
   report.requests = requests_ - requests_before;
