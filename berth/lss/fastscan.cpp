@@ -97,7 +97,8 @@ rt::Task<Result<FastscanReport::End>> Fastscan::give(FastscanReport& report, Fas
   const NodeId id = twins || seated ? NodeId() : owner.assign(device_);
   auto end = End::complete;
   if (id.configured() && options_.confirm) {
-    const auto given = co_await configure_alone(*master_, device_.address, id, options_.store, {.vacancy = &owner});
+    const AloneOptions how{.vacancy = &owner};
+    const auto given = co_await configure_alone(*master_, device_.address, id, options_.store, how);
     if (!given) co_return fail(given.error());
     const bool refused = given->outcome == Given::Outcome::refused;
     if (given->outcome != Given::Outcome::taken) end = refused ? End::held : End::gave_up;
