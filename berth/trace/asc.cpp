@@ -277,7 +277,7 @@ void AscWriter::begin(rt::Duration first, std::string& out) {
 namespace {
 
 // The identifier, as wide as the column.
-char* put_id(char* to, const can::Frame& frame) {
+char* put_asc_id(char* to, const can::Frame& frame) {
   char* const id = to;
   if (frame.extended) {
     unsigned digits = 1;
@@ -350,7 +350,7 @@ void AscWriter::write(const Entry& entry, std::string_view bus, std::string& out
     to = put_text(to, "ErrorFrame\n");
   } else {
     if (entry.direction == Direction::unknown) lose(Loss::direction);
-    to = put_id(to, entry.frame);
+    to = put_asc_id(to, entry.frame);
     to = put_rest(to, entry);
     *to++ = '\n';
   }
