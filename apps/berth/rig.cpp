@@ -179,7 +179,9 @@ tl::expected<std::vector<can::Port*>, Failure> Rig::attach_all(const Options& op
 tl::expected<void, Failure> Rig::open_session(const Options& options, const std::vector<can::Port*>& ports) {
   session_ = std::make_unique<operate::Session>(driver_->executor(), machine_, slot_table_->store());
   session_->set_careful(std::ranges::any_of(machine_.buses, [](const auto& b) { return is_real(b.port); }));
-  guards_.on_foreign([this](const std::string& bus, const std::string& text) { session_->tell(bus, "error", text); });
+  guards_.on_foreign([this](const std::string& bus, const std::string& text) {
+    session_->tell(bus, operate::EventKind::error, text);
+  });
   for (std::size_t i = 0; i < ports.size(); ++i) {
     const auto connected = session_->connect(machine_.buses[i].name, *ports[i]);
     if (!connected) return tl::unexpected(failure(Exit::failed, describe(connected.error())));
@@ -205,11 +207,17 @@ void Rig::power_on_and_boot(rt::Duration more) {
   driver_->run_for(boot + more);
 }
 
-void Rig::milestone(const std::string& name) {
-  if (world_ == nullptr) return;
-  for (const auto after : {plant::After::discovered, plant::After::bound, plant::After::operational}) {
-    if (plant::name(after) == name) world_->milestone(after);
+void Rig::milestone(operate::Milestone milestone) {
+  if (world_ != nullptr) world_->milestone(after(milestone));
+}
+
+plant::After after(operate::Milestone milestone) noexcept {
+  switch (milestone) {
+    case operate::Milestone::discovered: return plant::After::discovered;
+    case operate::Milestone::bound: return plant::After::bound;
+    case operate::Milestone::operational: break;
   }
+  return plant::After::operational;
 }
 
 bool Rig::first_start() {

@@ -34,6 +34,9 @@ struct Sources {
   std::string_view plant_text;
 };
 
+/// What a plant plans behind a milestone.
+[[nodiscard]] plant::After after(operate::Milestone milestone) noexcept;
+
 class Rig {
  public:
   using Made = tl::expected<std::unique_ptr<Rig>, Failure>;
@@ -65,7 +68,7 @@ class Rig {
   /// That, and in simulated time the time that they need to boot, and `more`.
   void power_on_and_boot(rt::Duration more);
   /// A milestone of the session: what the plant plans behind it comes.
-  void milestone(const std::string& name);
+  void milestone(operate::Milestone milestone);
   /// Confirmation of a person is wanted, or was given by --yes: the first start of a machine whose devices are real.
   [[nodiscard]] bool first_start();
   /// Ends a session as the machine file, or --on-exit, wants: its NMT command goes out before this returns.

@@ -90,7 +90,7 @@ class Planner {
   }
 
   void report_clone(const Found& f) {
-    plan_.oddities.push_back({"clone", f.device, f.active,
+    plan_.oddities.push_back({OddityKind::clone, f.device, f.active,
                               fmt::format("more than one device answers to LSS address {}; take one away, or give it a "
                                           "serial number of its own",
                                           to_string(f.device))});
@@ -146,7 +146,7 @@ class Planner {
     }
   }
 
-  void leave(const Found& f, const char* kind, const char* what) {
+  void leave(const Found& f, OddityKind kind, const char* what) {
     plan_.oddities.push_back({kind, f.device, f.active, fmt::format("device {} {}", to_string(f.device), what)});
     keep_off_our_ids(f);
   }
@@ -223,17 +223,19 @@ class Planner {
       const bool waits_for_another = misplaced(f);
       if (waits_for_another) return true;
       if (!known_type) {
-        leave(f, "foreign", "is of a type that this machine has no slot for; take it off the bus, or add a slot");
+        leave(f, OddityKind::foreign,
+              "is of a type that this machine has no slot for; take it off the bus, or add a slot");
       } else if (fixed_slot_waits(f.device.type())) {
         plan_.oddities.push_back(
-            {"fixed mismatch", f.device, f.active,
+            {OddityKind::fixed_mismatch, f.device, f.active,
              fmt::format("device {} is of a type whose slot expects a fixed node-ID, and does not have "
                          "it; set its switches, or put it into the right place",
                          to_string(f.device))});
       } else if (group.free.empty()) {
-        leave(f, "surplus", "finds every slot of its type taken; take it off the bus, or `berth replace` a slot");
+        leave(f, OddityKind::surplus,
+              "finds every slot of its type taken; take it off the bus, or `berth replace` a slot");
       } else {
-        leave(f, "wrong revision", "has a revision that no free slot accepts; see the slots' `revision`");
+        leave(f, OddityKind::wrong_revision, "has a revision that no free slot accepts; see the slots' `revision`");
       }
       return true;
     });
@@ -257,7 +259,7 @@ class Planner {
       return s.spec.probe && s.record.device() && fits(s.spec, f.device) && shows(f.device, *s.spec.probe);
     });
     if (place == slots_.end()) return false;
-    leave(f, "misplaced",
+    leave(f, OddityKind::misplaced,
           fmt::format("sits in the place of slot {} by its probe, and that slot waits for {}; if this is its "
                       "replacement, `berth replace` the slot",
                       place->spec.name.name, to_string(*place->record.device()))
@@ -379,7 +381,8 @@ class Planner {
       if (slot != group.free.end()) {
         take(group, *slot, f);
       } else {
-        leave(f, "surplus", "came when every slot of its type was taken; take it off the bus, or `berth replace` one");
+        leave(f, OddityKind::surplus,
+              "came when every slot of its type was taken; take it off the bus, or `berth replace` one");
       }
     }
   }

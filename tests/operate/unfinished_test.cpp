@@ -61,8 +61,8 @@ class Ears {
 };
 
 const places::Oddity* unfinished(Rig& rig) {
-  for (const auto& o : rig.network().oddities()) {
-    if (o.kind == "unfinished") return &o;
+  for (const auto& o : rig.network().plan().oddities) {
+    if (o.kind == places::OddityKind::unfinished) return &o;
   }
   return nullptr;
 }
