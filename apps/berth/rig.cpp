@@ -5,8 +5,6 @@
 #include <algorithm>
 #include <utility>
 
-#include "berth/io/open_port.hpp"
-#include "berth/live/reopening_port.hpp"
 #include "machine_file.hpp"
 #include "simulated.hpp"
 
@@ -116,44 +114,13 @@ tl::expected<void, Failure> Rig::build_world(const Options& options) {
   return {};
 }
 
-tl::expected<std::unique_ptr<can::Port>, Failure> Rig::open_port(const design::Bus& bus) {
-  io::PortOptions wanted;
-  wanted.bit_rate = rate_as_it_stands_ ? 0 : bus.bitrate;
-  wanted.listen_only = bus.role == design::Role::observer;
-  wanted.bus = bus.name;
-  auto port = io::open_port(*loop_, bus.port, wanted);
-  if (!port) return tl::unexpected(failure(Exit::failed, fmt::format("bus {}: {}", bus.name, port.error())));
-  const auto rate = (*port)->status().bit_rate;
-  if (rate == bus.bitrate || rate == 0 || rate_as_it_stands_) return std::move(*port);
-  return tl::unexpected(
-      failure(Exit::failed, fmt::format("{}:{}: bus {} is told to run at {} bit/s, and {} runs at {}", machine_.file,
-                                        bus.place.line, bus.name, bus.bitrate, can::to_string(bus.port), rate)));
-}
-
-// Other kinds come back by themselves.
-std::unique_ptr<can::Port> Rig::reopening(const design::Bus& bus, std::unique_ptr<can::Port> port) {
-  const auto open = [this, &bus]() -> std::unique_ptr<can::Port> {
-    auto again = open_port(bus);
-    return again ? std::move(*again) : nullptr;
-  };
-  return std::make_unique<live::ReopeningPort>(driver_->executor(), std::move(port), open);
-}
-
-tl::expected<can::Port*, Failure> Rig::attach_outside(const design::Bus& bus, const Options& options) {
-  if (is_real(bus.port) && bus.role != design::Role::observer && !options.observe) {
-    auto lock = PortLock::take(bus.port);
-    if (!lock) return tl::unexpected(lock.error());
-    locks_.push_back(std::move(*lock));
-  }
-  auto port = open_port(bus);
-  if (!port) return tl::unexpected(port.error());
-  raw_.push_back(bus.port.kind == can::PortKind::plant ? reopening(bus, std::move(*port)) : std::move(*port));
-  return &guards_.add(driver_->executor(), bus, *raw_.back(), options);
-}
-
 // Berth's own node on one bus.
 tl::expected<can::Port*, Failure> Rig::attach(const design::Bus& bus, const Options& options) {
-  if (!simulated(bus)) return attach_outside(bus, options);
+  if (!simulated(bus)) {
+    const auto outside = outside_->open(bus, options);
+    if (!outside) return tl::unexpected(outside.error());
+    return &guards_.add(driver_->executor(), bus, **outside, options);
+  }
   auto port = world_->attach_master(bus.name);
   if (!port)
     return tl::unexpected(failure(Exit::failed, fmt::format("the simulated world has no bus \"{}\"", bus.name)));
@@ -166,6 +133,7 @@ tl::expected<can::Port*, Failure> Rig::attach(const design::Bus& bus, const Opti
 
 tl::expected<std::vector<can::Port*>, Failure> Rig::attach_all(const Options& options) {
   std::vector<can::Port*> ports;
+  if (loop_ != nullptr) outside_.emplace(machine_.file, *loop_, driver_->executor(), rate_as_it_stands_);
   for (auto& bus : machine_.buses) {
     const auto port = attach(bus, options);
     if (!port) return tl::unexpected(port.error());
