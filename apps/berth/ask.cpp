@@ -114,7 +114,7 @@ Asker::~Asker() {
 }
 
 void Asker::event(const Event& event) {
-  if (event.kind != "question" || event.devices.empty()) return;
+  if (event.kind != operate::EventKind::question || event.devices.empty()) return;
   for (const auto& line : lines_of(event)) say_(line);
   if (!over_ && !takes_lines_) loop_->watch(STDIN_FILENO, *this, EPOLLIN);
 }

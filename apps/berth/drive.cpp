@@ -28,7 +28,7 @@ Ending::Ending(Rig& rig, std::string until) : rig_(&rig), until_(std::move(until
   for (const auto& bus : rig.machine().buses) patience_ = std::max(patience_, quiet_ + 10 * bus.timing.probe_period);
   limit_ = 10min;
   for (const auto& event : rig.plant().events) limit_ += event.delay + event.duration;
-  milestone("start");
+  plan_behind(plant::After::start);
 }
 
 // A device that finds no place is found again and again; that is no change.
@@ -44,13 +44,17 @@ void Ending::event(const operate::Event& event) {
   changed_ = rig_->now();
 }
 
-void Ending::milestone(const std::string& name) {
+void Ending::plan_behind(plant::After after) {
   const rt::Time now = rig_->now();
   changed_ = now;
   for (const auto& event : rig_->plant().events) {
-    if (plant::name(event.after) == name) due_ = std::max(due_, now + event.delay + event.duration);
+    if (event.after == after) due_ = std::max(due_, now + event.delay + event.duration);
   }
-  if (name != "operational") return;
+}
+
+void Ending::milestone(operate::Milestone milestone) {
+  plan_behind(after(milestone));
+  if (milestone != operate::Milestone::operational) return;
   first_.clear();
   for (const auto& network : rig_->session().networks()) first_[network->bus().name] = network->occupancy();
 }
@@ -153,9 +157,9 @@ tl::expected<Ended, Failure> drive(Rig& rig, Ending& ending, Screen& screen, con
     screen.event(event);
     if (beside->asker) beside->asker->event(event);
   });
-  rig.session().on_milestone([&](const std::string& name) {
-    ending.milestone(name);
-    rig.milestone(name);
+  rig.session().on_milestone([&](operate::Milestone milestone) {
+    ending.milestone(milestone);
+    rig.milestone(milestone);
   });
   rig.power_on();
   rig.session().start();

@@ -15,7 +15,7 @@ class Ending {
  public:
   Ending(Rig& rig, std::string until);
   void event(const operate::Event& event);
-  void milestone(const std::string& name);
+  void milestone(operate::Milestone milestone);
   /// What `--until` names was reached.
   [[nodiscard]] bool reached();
   /// It never will be: other masters are on every bus.
@@ -27,6 +27,7 @@ class Ending {
 
  private:
   using Slots = std::vector<operate::Network::Occupancy>;  // of one bus
+  void plan_behind(plant::After after);
   [[nodiscard]] bool plan_over() const;
   [[nodiscard]] bool replaced() const;
   Rig* rig_;

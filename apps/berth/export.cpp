@@ -188,7 +188,7 @@ tl::expected<std::vector<Content>, Failure> contents_of(const std::string& text,
     auto content = content_of(json.at("store"), from);
     if (!content) return tl::unexpected(content.error());
     const Interrupt interrupt;
-    const auto seen = store::Database::look(content->bytes, from + ", " + content->name, {.ended = ended_by({})});
+    const auto seen = store::look(content->bytes, from + ", " + content->name, {.ended = ended_by({})});
     if (!seen) return tl::unexpected(failure(Exit::usage, seen.error().message));
     all.push_back(std::move(*content));
   }

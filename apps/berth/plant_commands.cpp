@@ -301,7 +301,8 @@ Reply do_in_plant(const RunningPlant& running, const Request& given) {
   Reply reply;
   const std::string said = sentence(*event);
   if (running.session != nullptr) {
-    running.session->tell(device != nullptr ? device->bus().name() : event->bus, "step", "simulated plant: " + said);
+    running.session->tell(device != nullptr ? device->bus().name() : event->bus, operate::EventKind::step,
+                          "simulated plant: " + said);
   }
   Json json{{"action", word}};
   json[device != nullptr ? "device" : "bus"] = device != nullptr ? device->name() : event->bus;

@@ -5,8 +5,6 @@
 #include <algorithm>
 #include <utility>
 
-#include "berth/io/open_port.hpp"
-#include "berth/live/reopening_port.hpp"
 #include "machine_file.hpp"
 #include "simulated.hpp"
 
@@ -116,44 +114,13 @@ tl::expected<void, Failure> Rig::build_world(const Options& options) {
   return {};
 }
 
-tl::expected<std::unique_ptr<can::Port>, Failure> Rig::open_port(const design::Bus& bus) {
-  io::PortOptions wanted;
-  wanted.bit_rate = rate_as_it_stands_ ? 0 : bus.bitrate;
-  wanted.listen_only = bus.role == design::Role::observer;
-  wanted.bus = bus.name;
-  auto port = io::open_port(*loop_, bus.port, wanted);
-  if (!port) return tl::unexpected(failure(Exit::failed, fmt::format("bus {}: {}", bus.name, port.error())));
-  const auto rate = (*port)->status().bit_rate;
-  if (rate == bus.bitrate || rate == 0 || rate_as_it_stands_) return std::move(*port);
-  return tl::unexpected(
-      failure(Exit::failed, fmt::format("{}:{}: bus {} is told to run at {} bit/s, and {} runs at {}", machine_.file,
-                                        bus.place.line, bus.name, bus.bitrate, can::to_string(bus.port), rate)));
-}
-
-// Other kinds come back by themselves.
-std::unique_ptr<can::Port> Rig::reopening(const design::Bus& bus, std::unique_ptr<can::Port> port) {
-  const auto open = [this, &bus]() -> std::unique_ptr<can::Port> {
-    auto again = open_port(bus);
-    return again ? std::move(*again) : nullptr;
-  };
-  return std::make_unique<live::ReopeningPort>(driver_->executor(), std::move(port), open);
-}
-
-tl::expected<can::Port*, Failure> Rig::attach_outside(const design::Bus& bus, const Options& options) {
-  if (is_real(bus.port) && bus.role != design::Role::observer && !options.observe) {
-    auto lock = PortLock::take(bus.port);
-    if (!lock) return tl::unexpected(lock.error());
-    locks_.push_back(std::move(*lock));
-  }
-  auto port = open_port(bus);
-  if (!port) return tl::unexpected(port.error());
-  raw_.push_back(bus.port.kind == can::PortKind::plant ? reopening(bus, std::move(*port)) : std::move(*port));
-  return &guards_.add(driver_->executor(), bus, *raw_.back(), options);
-}
-
 // Berth's own node on one bus.
 tl::expected<can::Port*, Failure> Rig::attach(const design::Bus& bus, const Options& options) {
-  if (!simulated(bus)) return attach_outside(bus, options);
+  if (!simulated(bus)) {
+    const auto outside = outside_->open(bus, options);
+    if (!outside) return tl::unexpected(outside.error());
+    return &guards_.add(driver_->executor(), bus, **outside, options);
+  }
   auto port = world_->attach_master(bus.name);
   if (!port)
     return tl::unexpected(failure(Exit::failed, fmt::format("the simulated world has no bus \"{}\"", bus.name)));
@@ -166,6 +133,7 @@ tl::expected<can::Port*, Failure> Rig::attach(const design::Bus& bus, const Opti
 
 tl::expected<std::vector<can::Port*>, Failure> Rig::attach_all(const Options& options) {
   std::vector<can::Port*> ports;
+  if (loop_ != nullptr) outside_.emplace(machine_.file, *loop_, driver_->executor(), rate_as_it_stands_);
   for (auto& bus : machine_.buses) {
     const auto port = attach(bus, options);
     if (!port) return tl::unexpected(port.error());
@@ -179,7 +147,9 @@ tl::expected<std::vector<can::Port*>, Failure> Rig::attach_all(const Options& op
 tl::expected<void, Failure> Rig::open_session(const Options& options, const std::vector<can::Port*>& ports) {
   session_ = std::make_unique<operate::Session>(driver_->executor(), machine_, slot_table_->store());
   session_->set_careful(std::ranges::any_of(machine_.buses, [](const auto& b) { return is_real(b.port); }));
-  guards_.on_foreign([this](const std::string& bus, const std::string& text) { session_->tell(bus, "error", text); });
+  guards_.on_foreign([this](const std::string& bus, const std::string& text) {
+    session_->tell(bus, operate::EventKind::error, text);
+  });
   for (std::size_t i = 0; i < ports.size(); ++i) {
     const auto connected = session_->connect(machine_.buses[i].name, *ports[i]);
     if (!connected) return tl::unexpected(failure(Exit::failed, describe(connected.error())));
@@ -205,11 +175,17 @@ void Rig::power_on_and_boot(rt::Duration more) {
   driver_->run_for(boot + more);
 }
 
-void Rig::milestone(const std::string& name) {
-  if (world_ == nullptr) return;
-  for (const auto after : {plant::After::discovered, plant::After::bound, plant::After::operational}) {
-    if (plant::name(after) == name) world_->milestone(after);
+void Rig::milestone(operate::Milestone milestone) {
+  if (world_ != nullptr) world_->milestone(after(milestone));
+}
+
+plant::After after(operate::Milestone milestone) noexcept {
+  switch (milestone) {
+    case operate::Milestone::discovered: return plant::After::discovered;
+    case operate::Milestone::bound: return plant::After::bound;
+    case operate::Milestone::operational: break;
   }
+  return plant::After::operational;
 }
 
 bool Rig::first_start() {

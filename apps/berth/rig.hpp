@@ -18,6 +18,7 @@
 #include "interrupt.hpp"
 #include "options.hpp"
 #include "output.hpp"
+#include "outside_ports.hpp"
 #include "ports.hpp"
 #include "record.hpp"
 #include "slot_table.hpp"
@@ -33,6 +34,9 @@ struct Sources {
   std::string_view machine_text;  ///< empty: the files are read
   std::string_view plant_text;
 };
+
+/// What a plant plans behind a milestone.
+[[nodiscard]] plant::After after(operate::Milestone milestone) noexcept;
 
 class Rig {
  public:
@@ -65,7 +69,7 @@ class Rig {
   /// That, and in simulated time the time that they need to boot, and `more`.
   void power_on_and_boot(rt::Duration more);
   /// A milestone of the session: what the plant plans behind it comes.
-  void milestone(const std::string& name);
+  void milestone(operate::Milestone milestone);
   /// Confirmation of a person is wanted, or was given by --yes: the first start of a machine whose devices are real.
   [[nodiscard]] bool first_start();
   /// Ends a session as the machine file, or --on-exit, wants: its NMT command goes out before this returns.
@@ -82,9 +86,6 @@ class Rig {
   [[nodiscard]] tl::expected<std::vector<can::Port*>, Failure> attach_all(const Options& options);
   [[nodiscard]] tl::expected<void, Failure> open_session(const Options& options, const std::vector<can::Port*>& ports);
   [[nodiscard]] tl::expected<can::Port*, Failure> attach(const design::Bus& bus, const Options& options);
-  [[nodiscard]] tl::expected<can::Port*, Failure> attach_outside(const design::Bus& bus, const Options& options);
-  [[nodiscard]] tl::expected<std::unique_ptr<can::Port>, Failure> open_port(const design::Bus& bus);
-  [[nodiscard]] std::unique_ptr<can::Port> reopening(const design::Bus& bus, std::unique_ptr<can::Port> port);
 
   // In the order in which they need each other: what comes later goes first.
   design::Machine machine_;
@@ -96,8 +97,7 @@ class Rig {
   std::unique_ptr<rt::Driver> driver_;
   io::Loop* loop_ = nullptr;                      // of the driver
   std::optional<Interrupt> interrupt_;            // until the store is closed
-  std::vector<PortLock> locks_;                   // of real ports
-  std::vector<std::unique_ptr<can::Port>> raw_;   // real ports, behind their gates
+  std::optional<OutsidePorts> outside_;           // real ports, behind their gates
   std::vector<std::unique_ptr<can::Port>> ours_;  // Berth's nodes on simulated buses
   std::vector<std::unique_ptr<BusTap>> taps_;
   Guards guards_{machine_, record_};

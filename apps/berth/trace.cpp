@@ -71,19 +71,19 @@ class Pipeline final : public trace::Sink, private decode::Rows {
   }
 
   void finding(Finding finding) override {
-    if (finding.severity == Finding::Severity::error) ++errors_;
-    if (shown_ == most_shown) {
-      ++not_shown_;
+    if (finding.severity == Finding::Severity::error) ++findings_.errors;
+    if (findings_.shown == most_shown) {
+      ++findings_.not_shown;
       return;
     }
-    ++shown_;
+    ++findings_.shown;
     if (options_.json) {
       if (prints_) {
         screen_.buffer() += "{\"finding\":";
         put_json(screen_.buffer(), finding);
         screen_.buffer() += "}\n";
       } else {
-        findings_.push_back(std::move(finding));
+        findings_.kept.push_back(std::move(finding));
       }
       return;
     }
@@ -102,7 +102,7 @@ class Pipeline final : public trace::Sink, private decode::Rows {
 
   int finish(const std::string& file) {
     if (decodes_) decoder_.finish();
-    if (not_shown_ > 0) finding_of_rest(fmt::format("{} more findings", not_shown_), file);
+    if (findings_.not_shown > 0) finding_of_rest(fmt::format("{} more findings", findings_.not_shown), file);
     if (writer_) writer_->finish(file_.buffer());
     const auto bad = writer_ ? file_.done() : std::nullopt;
     if (trace_.stats) {
@@ -113,7 +113,7 @@ class Pipeline final : public trace::Sink, private decode::Rows {
     const auto unprinted = screen_.done();
     if (bad) return tell(*bad, options_.json);
     if (unprinted) return tell(*unprinted, false);
-    return errors_ > 0 ? Exit::usage : Exit::done;
+    return findings_.errors > 0 ? Exit::usage : Exit::done;
   }
 
  private:
@@ -125,7 +125,8 @@ class Pipeline final : public trace::Sink, private decode::Rows {
 
   [[nodiscard]] bool in_time(rt::Duration at) const noexcept {
     const auto point = [&](const TracePoint& p) { return p.from_first ? *first_ + p.at : p.at; };
-    return (!trace_.after || at >= point(*trace_.after)) && (!trace_.before || at <= point(*trace_.before));
+    return (!trace_.time.after || at >= point(*trace_.time.after)) &&
+           (!trace_.time.before || at <= point(*trace_.time.before));
   }
 
   // Looked at once for each bus; the decoder is told which nodes are on it.
@@ -194,16 +195,16 @@ class Pipeline final : public trace::Sink, private decode::Rows {
   }
 
   void finding_of_rest(std::string message, const std::string& file) {
-    --shown_;
-    const auto severity = errors_ > 0 ? Finding::Severity::error : Finding::Severity::warning;
-    const auto before = errors_;
+    --findings_.shown;
+    const auto severity = findings_.errors > 0 ? Finding::Severity::error : Finding::Severity::warning;
+    const auto before = findings_.errors;
     finding({severity, file, 0, 0, {}, std::move(message), {}});
-    errors_ = before;
+    findings_.errors = before;
   }
 
   [[nodiscard]] Json findings_json() const {
     Json all = Json::array();
-    for (const auto& finding : findings_) {
+    for (const auto& finding : findings_.kept) {
       std::string text;
       put_json(text, finding);
       all.push_back(Json::parse(text));
@@ -333,10 +334,12 @@ class Pipeline final : public trace::Sink, private decode::Rows {
   std::optional<rt::Duration> first_;
   std::uint64_t read_ = 0;
   std::uint64_t taken_ = 0;
-  std::uint64_t errors_ = 0;
-  std::uint64_t not_shown_ = 0;
-  std::size_t shown_ = 0;
-  Findings findings_;
+  struct {
+    std::uint64_t errors = 0;
+    std::uint64_t not_shown = 0;
+    std::size_t shown = 0;
+    Findings kept;  // for the report at the end
+  } findings_;
 };
 
 // The formats that the names of files tell.

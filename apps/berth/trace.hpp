@@ -23,6 +23,10 @@ struct TracePoint {
   bool from_first = false;
 };
 
+struct TraceTime {
+  std::optional<TracePoint> after, before;
+};
+
 /// Which SDO transfers: by index, and sub-index if one is given, or by the beginning of the object's name.
 struct ObjectFilter {
   std::optional<text::ObjectWord> number;
@@ -49,7 +53,7 @@ struct TraceOptions {
   std::vector<std::string> buses;
   std::string text;
   std::vector<ObjectFilter> objects;
-  std::optional<TracePoint> after, before;
+  TraceTime time;
   // Live.
   bool follow = false;
   std::string port;

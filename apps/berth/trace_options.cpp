@@ -92,8 +92,9 @@ void add_filters(const Verb& verb, TraceOptions& trace) {
   verb.word("--bus", trace.buses, "only these buses: as the log names them, or the machine file")
       .shown("BUS...")
       .one_each();
-  point_word(verb, "--after", trace.after, "only from this time on: as the log counts, or +2.5 from its first frame");
-  point_word(verb, "--before", trace.before, "only up to this time");
+  point_word(verb, "--after", trace.time.after,
+             "only from this time on: as the log counts, or +2.5 from its first frame");
+  point_word(verb, "--before", trace.time.before, "only up to this time");
 }
 
 void add_forms(const Verb& verb, TraceOptions& trace) {

@@ -12,7 +12,7 @@
 namespace berth::command {
 namespace {
 
-Json json_of(const Network::Seen& seen, const std::string& bus) {
+Json json_of(const operate::Seen& seen, const std::string& bus) {
   Json json;
   json["bus"] = bus;
   if (seen.id.configured()) {
@@ -28,7 +28,7 @@ Json json_of(const Network::Seen& seen, const std::string& bus) {
   return json;
 }
 
-std::string line_of(const Network::Seen& seen, const std::string& bus) {
+std::string line_of(const operate::Seen& seen, const std::string& bus) {
   return fmt::format("{}  {:>3}  {:<35}  {:<15}{}{}", bus,
                      seen.id.configured() ? fmt::format("{}", seen.id.value()) : "-",
                      seen.device ? to_string(*seen.device) : "(does not tell its identity)",
@@ -37,7 +37,7 @@ std::string line_of(const Network::Seen& seen, const std::string& bus) {
 }
 
 // RAND has found them: they are "identified" and would not answer a running main job's question for new devices.
-rt::Task<void> make_unknown_again(Network& network, const std::vector<Network::Seen>& seen) {
+rt::Task<void> make_unknown_again(Network& network, const std::vector<operate::Seen>& seen) {
   co_await network.services().turn.take();
   const rt::Held held(network.services().turn);
   for (const auto& s : seen) {

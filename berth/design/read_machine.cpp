@@ -24,6 +24,134 @@ constexpr std::array<string_view, 2> replacement_words{"ask", "auto"};
 constexpr std::array<string_view, 3> assign_words{"lss", "fixed", "recipe"};
 constexpr std::array<string_view, 3> activate_words{"at-once", "reset", "power-cycle"};
 
+void read_probe_object(Table& table, const std::string& word, places::Probe& probe) {
+  const auto object = text::read_object(word);
+  const bool good = object && object->index != 0;
+  if (!good) {
+    return table.error("object", object ? "there is no object 0000h" : object.error().why, "such as \"6000h:01\"");
+  }
+  probe.index = object->index;
+  probe.sub = object->sub.value_or(0);
+}
+
+void read_probe(Table& table, places::SlotSpec& spec, bool says_how) {
+  auto entry = table.table("probe");
+  const bool by_probe = spec.when_ambiguous == places::WhenAmbiguous::probe;
+  if (!entry) {
+    if (by_probe && !table.has("probe")) {
+      table.error("when_ambiguous", "the slot has no probe that could tell",
+                  "write probe = { object = \"6000h:01\", value = 1 }");
+    }
+    return;
+  }
+  if (!says_how) spec.when_ambiguous = places::WhenAmbiguous::probe;
+  places::Probe probe;
+  if (entry->require("object", "such as \"6000h:01\"")) {
+    const auto text = entry->string("object");
+    if (text) read_probe_object(*entry, *text, probe);
+  }
+  if (entry->require("value", "what the object has in this place")) probe.value = entry->u32("value").value_or(0);
+  probe.mask = entry->u32("mask").value_or(probe.mask);
+  if (probe.mask == 0) entry->error("mask", "no bit of the value counts", "leave the key out, or set the bits");
+  if ((probe.value & ~probe.mask) != 0) {
+    entry->error("value", "it has bits that are not in the mask", "no device could show it");
+  }
+  entry->finish();
+  spec.probe = probe;
+}
+
+std::vector<unsigned> read_ids(Table& table, Slot& slot) {
+  slot.of_range = table.has("ids");
+  if (slot.of_range && table.has("id")) table.error("ids", "id and ids exclude each other", "keep one of them");
+  if (!slot.of_range) {
+    if (!table.require("id", "give the slot a node-ID, 1 to 127")) return {};
+    const auto value = table.get("id");
+    if (value->kind == text::Value::Kind::integer && (value->integer < 1 || value->integer > 127)) {
+      table.error("id", fmt::format("{} is not a node-ID", value->integer), "use 1 to 127");
+      return {};
+    }
+    const auto id = table.integer("id", node_ids);
+    return id ? std::vector<unsigned>{static_cast<unsigned>(*id)} : std::vector<unsigned>{};
+  }
+  const auto text = table.string("ids");
+  if (!text) return {};
+  const auto ids = text::parse_ranges(*text, 1, 127);
+  if (!ids) {
+    table.error("ids", fmt::format("{} is no list of node-IDs", text::quoted(*text)),
+                "write ascending ranges within 1 to 127, such as \"1..60\" or \"1..9, 20\"");
+  }
+  return ids.value_or(std::vector<unsigned>{});
+}
+
+std::string read_name(Table& table, bool of_range) {
+  if (!table.require("name", of_range ? "such as \"pump {id}\"" : "give the slot a name")) return {};
+  const auto name = table.string("name");
+  if (!name) return {};
+  const bool varies = name->find("{id}") != std::string::npos;
+  if (!good_name(*name)) {
+    table.error("name", "this is no name", name_fix);
+  } else if (of_range && !varies) {
+    table.error("name", "every slot of a range needs a name of its own", "put {id} into it: \"pump {id}\"");
+  } else if (!of_range && varies) {
+    table.error("name", "{id} stands for nothing here", "use ids = \"…\" for several slots");
+  }
+  return *name;
+}
+
+void read_type_table(Table& table, places::SlotSpec& spec) {
+  auto type = table.table("type");
+  if (!type) return;
+  if (type->require("vendor", "vendor-ID, 1018h:01")) spec.type.vendor = type->u32("vendor").value_or(0);
+  if (type->require("product", "product code, 1018h:02")) spec.type.product = type->u32("product").value_or(0);
+  spec.revision = type->u32("revision");
+  type->finish();
+}
+
+std::optional<LinkEnd> read_end(const Machine& machine, Table& table, string_view key, const std::string& text) {
+  const auto slash = text.find('/');
+  if (slash == std::string::npos || slash == 0 || slash + 1 == text.size()) {
+    table.error(key, fmt::format("{} names no object of a slot", text::quoted(text)), "write \"slot name/object\"");
+    return std::nullopt;
+  }
+  LinkEnd end{text.substr(0, slash), text.substr(slash + 1)};
+  if (machine.slot(end.slot) != nullptr) return end;
+  std::vector<string_view> names;
+  for (const auto& slot : machine.slots) names.push_back(slot.spec.name.name);
+  const auto near = text::closest(end.slot, names);
+  table.error(key, fmt::format("there is no slot {}", text::quoted(end.slot)),
+              near.empty() ? "name a [[slot]] of this file" : fmt::format("did you mean {}?", text::quoted(near)));
+  return std::nullopt;
+}
+
+void read_targets(const Machine& machine, Table& table, Link& link) {
+  const auto targets = table.strings("to");
+  if (!targets) return;
+  if (targets->empty()) table.error("to", "the link leads nowhere", "name at least one object");
+  for (const auto& target : *targets) {
+    auto end = read_end(machine, table, "to", target);
+    if (!end) continue;
+    if (*end == link.from) table.error("to", "the link leads to itself", "name another object");
+    if (std::ranges::find(link.to, *end) != link.to.end()) {
+      table.error("to", fmt::format("{} stands here twice", text::quoted(target)), "keep one");
+    }
+    link.to.push_back(std::move(*end));
+  }
+}
+
+Link read_link(const Machine& machine, Table& table) {
+  Link link;
+  link.place = table.begin();
+  if (table.require("from", "write \"slot name/object\"")) {
+    const auto from = table.string("from");
+    const auto end = from ? read_end(machine, table, "from", *from) : std::nullopt;
+    if (end) link.from = *end;
+  }
+  if (table.require("to", "write [\"slot name/object\"]")) read_targets(machine, table, link);
+  link.deadline = table.duration("deadline", 1us, 1h);
+  table.finish();
+  return link;
+}
+
 class MachineReader {
  public:
   MachineReader(const std::string& file, const TypeLoader& loader, const ConfigLoader& configs,
@@ -44,7 +172,7 @@ class MachineReader {
     check_gateway_slots();
     check_heartbeats();
     fit_heartbeats(machine_);
-    for (auto& link : table.tables("link")) read_link(link);
+    for (auto& link : table.tables("link")) machine_.links.push_back(read_link(machine_, link));
     table.finish();
     return std::move(machine_);
   }
@@ -181,42 +309,6 @@ class MachineReader {
     for (const unsigned id : ids) add_slot(table, slot, id, pattern);
   }
 
-  static void read_probe_object(Table& table, const std::string& word, places::Probe& probe) {
-    const auto object = text::read_object(word);
-    const bool good = object && object->index != 0;
-    if (!good) {
-      return table.error("object", object ? "there is no object 0000h" : object.error().why, "such as \"6000h:01\"");
-    }
-    probe.index = object->index;
-    probe.sub = object->sub.value_or(0);
-  }
-
-  static void read_probe(Table& table, places::SlotSpec& spec, bool says_how) {
-    auto entry = table.table("probe");
-    const bool by_probe = spec.when_ambiguous == places::WhenAmbiguous::probe;
-    if (!entry) {
-      if (by_probe && !table.has("probe")) {
-        table.error("when_ambiguous", "the slot has no probe that could tell",
-                    "write probe = { object = \"6000h:01\", value = 1 }");
-      }
-      return;
-    }
-    if (!says_how) spec.when_ambiguous = places::WhenAmbiguous::probe;
-    places::Probe probe;
-    if (entry->require("object", "such as \"6000h:01\"")) {
-      const auto text = entry->string("object");
-      if (text) read_probe_object(*entry, *text, probe);
-    }
-    if (entry->require("value", "what the object has in this place")) probe.value = entry->u32("value").value_or(0);
-    probe.mask = entry->u32("mask").value_or(probe.mask);
-    if (probe.mask == 0) entry->error("mask", "no bit of the value counts", "leave the key out, or set the bits");
-    if ((probe.value & ~probe.mask) != 0) {
-      entry->error("value", "it has bits that are not in the mask", "no device could show it");
-    }
-    entry->finish();
-    spec.probe = probe;
-  }
-
   const KnownDevice* known_device(Table& table, string_view key, const std::string& name) {
     const auto it = std::ranges::find(machine_.library, name, &KnownDevice::name);
     if (it != machine_.library.end()) return &*it;
@@ -349,44 +441,6 @@ class MachineReader {
     }
   }
 
-  static std::vector<unsigned> read_ids(Table& table, Slot& slot) {
-    slot.of_range = table.has("ids");
-    if (slot.of_range && table.has("id")) table.error("ids", "id and ids exclude each other", "keep one of them");
-    if (!slot.of_range) {
-      if (!table.require("id", "give the slot a node-ID, 1 to 127")) return {};
-      const auto value = table.get("id");
-      if (value->kind == text::Value::Kind::integer && (value->integer < 1 || value->integer > 127)) {
-        table.error("id", fmt::format("{} is not a node-ID", value->integer), "use 1 to 127");
-        return {};
-      }
-      const auto id = table.integer("id", node_ids);
-      return id ? std::vector<unsigned>{static_cast<unsigned>(*id)} : std::vector<unsigned>{};
-    }
-    const auto text = table.string("ids");
-    if (!text) return {};
-    const auto ids = text::parse_ranges(*text, 1, 127);
-    if (!ids) {
-      table.error("ids", fmt::format("{} is no list of node-IDs", text::quoted(*text)),
-                  "write ascending ranges within 1 to 127, such as \"1..60\" or \"1..9, 20\"");
-    }
-    return ids.value_or(std::vector<unsigned>{});
-  }
-
-  static std::string read_name(Table& table, bool of_range) {
-    if (!table.require("name", of_range ? "such as \"pump {id}\"" : "give the slot a name")) return {};
-    const auto name = table.string("name");
-    if (!name) return {};
-    const bool varies = name->find("{id}") != std::string::npos;
-    if (!good_name(*name)) {
-      table.error("name", "this is no name", name_fix);
-    } else if (of_range && !varies) {
-      table.error("name", "every slot of a range needs a name of its own", "put {id} into it: \"pump {id}\"");
-    } else if (!of_range && varies) {
-      table.error("name", "{id} stands for nothing here", "use ids = \"…\" for several slots");
-    }
-    return *name;
-  }
-
   void read_type(Table& table, Slot& slot) {
     const bool has_type = table.has("type");
     const bool has_eds = table.has("eds");
@@ -413,15 +467,6 @@ class MachineReader {
     slot.description = device->description;
     slot.spec.type = device->type;
     slot.spec.revision = device->revision;
-  }
-
-  static void read_type_table(Table& table, places::SlotSpec& spec) {
-    auto type = table.table("type");
-    if (!type) return;
-    if (type->require("vendor", "vendor-ID, 1018h:01")) spec.type.vendor = type->u32("vendor").value_or(0);
-    if (type->require("product", "product code, 1018h:02")) spec.type.product = type->u32("product").value_or(0);
-    spec.revision = type->u32("revision");
-    type->finish();
   }
 
   void read_eds(Table& table, Slot& slot) {
@@ -474,51 +519,6 @@ class MachineReader {
                   "slot names are unique in a machine");
     }
     machine_.slots.push_back(std::move(slot));
-  }
-
-  std::optional<LinkEnd> read_end(Table& table, string_view key, const std::string& text) {
-    const auto slash = text.find('/');
-    if (slash == std::string::npos || slash == 0 || slash + 1 == text.size()) {
-      table.error(key, fmt::format("{} names no object of a slot", text::quoted(text)), "write \"slot name/object\"");
-      return std::nullopt;
-    }
-    LinkEnd end{text.substr(0, slash), text.substr(slash + 1)};
-    if (machine_.slot(end.slot) != nullptr) return end;
-    std::vector<string_view> names;
-    for (const auto& slot : machine_.slots) names.push_back(slot.spec.name.name);
-    const auto near = text::closest(end.slot, names);
-    table.error(key, fmt::format("there is no slot {}", text::quoted(end.slot)),
-                near.empty() ? "name a [[slot]] of this file" : fmt::format("did you mean {}?", text::quoted(near)));
-    return std::nullopt;
-  }
-
-  void read_link(Table& table) {
-    Link link;
-    link.place = table.begin();
-    if (table.require("from", "write \"slot name/object\"")) {
-      const auto from = table.string("from");
-      const auto end = from ? read_end(table, "from", *from) : std::nullopt;
-      if (end) link.from = *end;
-    }
-    if (table.require("to", "write [\"slot name/object\"]")) read_targets(table, link);
-    link.deadline = table.duration("deadline", 1us, 1h);
-    table.finish();
-    machine_.links.push_back(std::move(link));
-  }
-
-  void read_targets(Table& table, Link& link) {
-    const auto targets = table.strings("to");
-    if (!targets) return;
-    if (targets->empty()) table.error("to", "the link leads nowhere", "name at least one object");
-    for (const auto& target : *targets) {
-      auto end = read_end(table, "to", target);
-      if (!end) continue;
-      if (*end == link.from) table.error("to", "the link leads to itself", "name another object");
-      if (std::ranges::find(link.to, *end) != link.to.end()) {
-        table.error("to", fmt::format("{} stands here twice", text::quoted(target)), "keep one");
-      }
-      link.to.push_back(std::move(*end));
-    }
   }
 
   const std::string& file_;

@@ -1,12 +1,9 @@
-// A search: beside devices that are known and answer on, because they got no node-ID, or because they answer Fastscan
-// whatever node-ID they have. They are waiting, as no device stays in configuration while others are searched for, so
-// they answer whatever they fit. What they do not fit is asked instead: at each part of their addresses the places
-// beside them.
+#include "berth/discovery/walk_aside.hpp"
+
 #include <algorithm>
 
-#include "berth/discovery/walk_search.hpp"
+namespace berth::discovery::walk {
 
-namespace berth::discovery {
 namespace {
 
 // The largest places in `at` that hold none of `numbers`.
@@ -22,53 +19,53 @@ void without(Prefix at, const std::vector<std::uint32_t>& numbers, std::vector<P
 
 }  // namespace
 
-// One device at most: one that moved on stands elsewhere afterwards, and the next round begins with 80h.
-rt::Task<void> Walker::Search::beside() {
+rt::Task<void> Aside::round() {
   std::vector<Place> places;
   for (unsigned parts = 4; parts-- > 0;) {  // the others are most likely of the same type
-    for (const LssAddress& a : aside_) {
+    for (const LssAddress& a : devices_.aside().all()) {
       Place place{.part = {}, .parts = parts};
       for (unsigned i = 0; i < parts; ++i) place.part[i] = a.part(i);
       if (std::ranges::find(places, place) == places.end()) places.push_back(place);
     }
   }
   const auto found = report_.found.size();
-  for (std::size_t i = 0; i < places.size() && !over(); ++i) {
+  for (std::size_t i = 0; i < places.size() && !devices_.over(); ++i) {
     const Place place = places[i];
     const bool answered = co_await ask_beside(place);
     const bool done = answered || report_.found.size() > found;
-    if (done || broken_) co_return;
+    if (done || q_.is_broken()) co_return;
   }
-  if (!over()) exhausted_ = true;
+  if (!devices_.over()) exhausted_ = true;
 }
 
-bool Walker::Search::is_vacant(const Place& place) const {
+bool Aside::is_vacant(const Place& place) const {
   return std::ranges::any_of(vacant_, [&](const Place& v) {
     return place.parts >= v.parts && std::equal(v.part.begin(), v.part.begin() + v.parts, place.part.begin());
   });
 }
 
 // A device that was put aside may have left the search with its node-ID after all: then none is led there, twice.
-rt::Task<Walker::Search::Stand> Walker::Search::stand_at(Place place) {
+rt::Task<Aside::Stand> Aside::stand_at(Place place) {
   Place silent;
   for (int tries = 0; tries < 2; ++tries) {
-    const Heard anybody = co_await start();
+    const Heard anybody = co_await q_.start();
     if (!anybody.yes()) co_return Stand::nobody;
     bool entered = true;
-    while (entered && sub_ < place.parts && !broken_) entered = co_await enter(place.part[sub_]);
-    if (broken_) co_return Stand::nobody;
+    while (entered && q_.way().sub < place.parts && !q_.is_broken())
+      entered = co_await q_.enter(place.part[q_.way().sub]);
+    if (q_.is_broken()) co_return Stand::nobody;
     if (entered) co_return Stand::there;
     silent = place;
-    silent.parts = sub_ + 1;
+    silent.parts = q_.way().sub + 1;
   }
   vacant_.push_back(silent);
   co_return Stand::vacant;
 }
 
 // True: a device answered beside them, or none answers at all; the round is over.
-rt::Task<bool> Walker::Search::ask_beside(Place place) {
+rt::Task<bool> Aside::ask_beside(Place place) {
   std::vector<std::uint32_t> numbers;
-  for (const LssAddress& a : aside_) {
+  for (const LssAddress& a : devices_.aside().all()) {
     bool here = true;
     for (unsigned i = 0; i < place.parts; ++i) here = here && a.part(i) == place.part[i];
     if (here) numbers.push_back(a.part(place.parts));
@@ -81,31 +78,31 @@ rt::Task<bool> Walker::Search::ask_beside(Place place) {
   if (open.empty() || is_vacant(place)) co_return false;
   const Stand stand = co_await stand_at(place);
   if (stand != Stand::there) co_return stand == Stand::nobody;
-  children_.clear();  // theirs
+  q_.children().clear();  // theirs
   // An answer of theirs that is late would be one to the first question.
-  if (entered_answers_ < numbers.size()) co_await rt::sleep_until(asker_.settled());
-  const bool others = entered_answers_ > numbers.size();
+  if (q_.entered_answers() < numbers.size()) co_await rt::sleep_until(q_.asker().settled());
+  const bool others = q_.entered_answers() > numbers.size();
   const bool rows = place.parts == 3 && !report_.found.empty();
   if (rows) {
-    const bool found = co_await row_beside();
-    if (found || broken_) co_return true;
+    const bool found = co_await serials_.next_of_last();
+    if (found || q_.is_broken()) co_return true;
   }
-  for (std::size_t i = 0; i < open.size() && !broken_; ++i) {
+  for (std::size_t i = 0; i < open.size() && !q_.is_broken(); ++i) {
     const Prefix at = open[i];
-    elsewhere();
+    q_.elsewhere();
     const bool doubted = std::ranges::any_of(doubted_, [&](const Silent& s) { return s.place == place && s.at == at; });
-    asker_.be_patient(patient_ && doubted, wholly_ && doubted);
+    q_.be_patient_where(doubted);
     const bool last = others && i + 1 == open.size();  // no question follows that a late answer would come to
     const Wait wait = last ? Wait::bound : Wait::learnt;
-    const Heard heard = co_await ask_once(at, sub_, wait);
-    asker_.be_patient(patient_, wholly_);
+    const Heard heard = co_await q_.ask_once(at, q_.way().sub, wait);
+    q_.be_patient_where(true);
     const bool before = heard.late && i > 0;  // the place asked before this one was answered
     if (before || heard.yes()) {
       if (before) silent_.pop_back();
       const Prefix there = before ? open[i - 1] : at;
       const auto found = report_.found.size();
       co_await below(there);
-      const bool led_astray = report_.found.size() == found && !set_aside_;
+      const bool led_astray = report_.found.size() == found && !devices_.aside().in_this_round();
       if (led_astray) forget_silence(heard.at);
       co_return true;
     }
@@ -115,41 +112,27 @@ rt::Task<bool> Walker::Search::ask_beside(Place place) {
   co_return false;
 }
 
-// The next of the row that ends with the last one found.
-rt::Task<bool> Walker::Search::row_beside() {
-  const LssAddress last = report_.found.back().address;
-  if (last != address(last.serial)) co_return false;
-  const bool up = true;
-  const auto next = next_of_row(last.serial, up);
-  if (!next) co_return false;
-  const Outcome outcome = co_await guess(*next, row_);
-  co_return outcome == Outcome::found;
-}
-
 // The answer may have been one to any of the questions shortly before it: those are asked again, patiently.
-void Walker::Search::forget_silence(rt::Time answered) {
+void Aside::forget_silence(rt::Time answered) {
   std::erase_if(silent_, [&](const Silent& s) {
-    const bool lately = s.asked + asker_.longest() >= answered;
+    const bool lately = s.asked + q_.asker().longest() >= answered;
     if (lately) doubted_.push_back(s);
     return lately;
   });
 }
 
-rt::Task<void> Walker::Search::below(Prefix at) {
-  open_.clear();
-  seen_.clear();
-  backs_ = 0;
-  careful_ = 0;
-  if (sub_ == 3) {
+rt::Task<void> Aside::below(Prefix at) {
+  q_.frontier().clear();
+  if (q_.way().sub == 3) {
     const Open somebody{at, Open::Why::answered};
-    co_await place(somebody);
+    co_await serials_.place(somebody);
     co_return;
   }
-  anchors_.assign(1, at);
-  const bool came = co_await descend(at, 2);
-  if (!came || broken_) co_return;
-  const bool entered = co_await enter_leaf();
-  if (entered && !broken_) co_await round();
+  descent_.begin(at);
+  const bool came = co_await descent_.down(at, 2);
+  if (!came || q_.is_broken()) co_return;
+  const bool entered = co_await descent_.enter_leaf();
+  if (entered && !q_.is_broken()) co_await route_.round();
 }
 
-}  // namespace berth::discovery
+}  // namespace berth::discovery::walk

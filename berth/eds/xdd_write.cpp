@@ -20,6 +20,9 @@ using od::Access;
 constexpr const char* xml_namespace = "http://www.canopen.org/xml/1.1";
 constexpr const char* boolean(bool value) noexcept { return value ? "true" : "false"; }
 
+void set(Node node, const char* name, const char* value) { node.append_attribute(name) = value; }
+void set(Node node, const char* name, const std::string& value) { node.append_attribute(name) = value.c_str(); }
+
 class Writer {
  public:
   Writer(const File& file, const XddOptions& options)
@@ -76,8 +79,6 @@ class Writer {
     return out;
   }
 
-  void set(Node node, const char* name, const char* value) { node.append_attribute(name) = value; }
-  void set(Node node, const char* name, const std::string& value) { node.append_attribute(name) = value.c_str(); }
   void label(Node node, const char* kind, std::string_view words, const std::string& key) {
     Node made = node.append_child(kind);
     set(made, "lang", "en");

@@ -204,15 +204,12 @@ bool Gate::restart(std::uint32_t bit_rate) noexcept {
 
 // ---- can::Listener ----
 
-bool Gate::accepts(std::uint32_t key) const noexcept {
-  return std::ranges::any_of(accept_, [key](const can::IdRange& r) { return key >= r.first && key <= r.last; });
-}
-
 void Gate::received(const can::Frame& frame, rt::Time at) noexcept {
   if (on_frame_) on_frame_(frame, at, false);
   const auto sign = watch_.heard(frame, at);
   if (sign && state_ == GateState::open && options_.role == Role::master) shut();
-  if (listener_ != nullptr && accepts(frame.key())) listener_->received(frame, at);
+  const auto holds = [key = frame.key()](const can::IdRange& r) { return key >= r.first && key <= r.last; };
+  if (listener_ != nullptr && std::ranges::any_of(accept_, holds)) listener_->received(frame, at);
 }
 
 void Gate::sent(std::uint32_t tag, rt::Time at) noexcept {

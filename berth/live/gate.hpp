@@ -134,7 +134,6 @@ class Gate final : public can::Port, private can::Listener {
   void shut() noexcept;
   void become(GateState state) noexcept;
   void tell() noexcept;
-  [[nodiscard]] bool accepts(std::uint32_t key) const noexcept;
 
   rt::Executor* executor_;
   can::Port* inner_;

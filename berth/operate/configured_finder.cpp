@@ -58,7 +58,8 @@ rt::Task<bool> ConfiguredFinder::tell_doubled_apart() {
 
 void ConfiguredFinder::note(const places::Found& found) {
   found_.note(found);
-  slots_.tell_once("found", fmt::format("found {} with node-ID {}", to_string(found.device), found.active.value()));
+  slots_.events().tell_once(EventKind::found,
+                            fmt::format("found {} with node-ID {}", to_string(found.device), found.active.value()));
 }
 
 rt::Task<bool> ConfiguredFinder::find(bool all) {
@@ -216,10 +217,11 @@ rt::Task<void> ConfiguredFinder::identity_at(NodeId id, std::vector<places::Foun
   const auto who = co_await identity_of_one(id, boot_ups);
   if (s_.sdo.surplus(id) != surplus || !who) {
     doubled_.push_back(id);
-    slots_.tell_once("duplicate",
-                     fmt::format("node-ID {} answers, and not as one device: two devices may hold it; leave one of "
-                                 "them on the bus",
-                                 id.value()));
+    slots_.events().tell_once(
+        EventKind::duplicate,
+        fmt::format("node-ID {} answers, and not as one device: two devices may hold it; leave one of "
+                    "them on the bus",
+                    id.value()));
     co_return;
   }
   places::Found found;

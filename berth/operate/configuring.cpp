@@ -62,8 +62,8 @@ void Configuring::load() {
         it->second.second = to_string(*error);
       }
     }
-    seat->configuration = it->second.first;
-    seat->unreadable = it->second.second;
+    seat->configuration.wanted = it->second.first;
+    seat->configuration.unreadable = it->second.second;
   }
 }
 
@@ -79,7 +79,8 @@ bool Configuring::note(Seat& seat, Configured::Stage stage, const Wanted& wanted
   if (seat.slot.record.configured == fact) return true;
   const auto written = slots_.store().configure(seat.slot.record.slot, fact, wanted.file);
   if (!written) {
-    slots_.tell("error", seat.name(), "the slot table cannot be written: " + describe(written.error()));
+    slots_.events().tell(EventKind::error, seat.name(),
+                         "the slot table cannot be written: " + describe(written.error()));
     return false;
   }
   seat.slot.record.configured = fact;
@@ -102,7 +103,7 @@ rt::Task<Result<Wanted>> Configuring::wanted_of(Seat& seat) {
     heartbeat.bytes = {static_cast<std::uint8_t>(ms), static_cast<std::uint8_t>(ms >> 8U)};
     own.push_back(std::move(heartbeat));
   }
-  auto all = manager::wanted(*seat.configuration, id, own);
+  auto all = manager::wanted(*seat.configuration.wanted, id, own);
   if (all) all->file = short_name(all->file);
   co_return all;
 }
@@ -118,13 +119,13 @@ struct Configuring::Attempt {
 };
 
 bool Configuring::may_be_configured(Seat& seat) {
-  if (!seat.configuration) {
-    seat.stuck = true;
-    slots_.set_state(seat, SlotState::failed, seat.unreadable);
+  if (!seat.configuration.wanted) {
+    seat.configuration.stuck = true;
+    slots_.set_state(seat, SlotState::failed, seat.configuration.unreadable);
     return false;
   }
-  if (seat.failed_savings < most_attempts) return true;
-  seat.stuck = true;
+  if (seat.configuration.failed_savings < most_attempts) return true;
+  seat.configuration.stuck = true;
   slots_.set_state(
       seat, SlotState::failed,
       fmt::format("it failed to save its configuration {} times and is not asked again, for its memory's sake; "
@@ -152,7 +153,7 @@ rt::Task<bool> Configuring::configure(Seat& seat, ConfigurationReport& report) {
   attempt.options.write = !attempt.verifies;
   attempt.options.trust_date = !attempt.verifies && !was_begun(seat.slot.record);
   attempt.options.save_anyway = is_in(seat.slot.record, Configured::Stage::writing, *wanted);
-  seat.waits_since.reset();
+  seat.configuration.waits_since.reset();
   Next next = Next::again;
   for (; next == Next::again; ++attempt.number) next = co_await try_once(seat, attempt);
   if (next == Next::not_now) co_return false;
@@ -162,7 +163,7 @@ rt::Task<bool> Configuring::configure(Seat& seat, ConfigurationReport& report) {
     slots_.set_state(seat, SlotState::failed, "the slot table cannot be written");
     co_return false;
   }
-  slots_.tell("configured", seat.name(), summary(report, wanted->file));
+  slots_.events().tell(EventKind::configured, seat.name(), summary(report, wanted->file));
   slots_.set_state(seat, SlotState::present);
   co_return true;
 }
@@ -173,7 +174,7 @@ rt::Task<Configuring::Next> Configuring::try_once(Seat& seat, Attempt& attempt) 
   const bool restarted = !good && report.failure && report.failure->why == manager::Failure::Why::restarted;
   // Or another device booted under this node-ID, which sends no heartbeat and is deaf while it saves what was meant for
   // this one: they are told apart when this one runs.
-  if (restarted) seat.shared = std::max(seat.shared, 1U);
+  if (restarted) seat.doubt.shared = std::max(seat.doubt.shared, 1U);
   if (restarted && attempt.number < most_attempts) {
     co_await asker_->ask_seat(seat);  // another device may have come under this node-ID
     co_return seat.there && !seat.started ? Next::again : Next::not_now;
@@ -192,7 +193,7 @@ rt::Task<Configuring::Next> Configuring::take_into_use(Seat& seat, Attempt& atte
   const Activate activate = changed ? seat.slot.spec.activate : Activate::at_once;
   const bool unsure = report.saved == Saved::unanswered;
   if (activate != Activate::at_once && report.saved == Saved::cannot) {
-    seat.stuck = true;
+    seat.configuration.stuck = true;
     slots_.set_state(seat, SlotState::failed,
                      "its configuration is in use only after a restart, says the machine file, and it cannot save it");
     co_return Next::not_now;
@@ -221,7 +222,7 @@ rt::Task<Configuring::Next> Configuring::take_into_use(Seat& seat, Attempt& atte
 
 // After its power cycle it does not have what it saved. The next boot-up, or a person, begins anew.
 void Configuring::forgot(Seat& seat, const ConfigurationReport& report, const Wanted& wanted) {
-  seat.stuck = true;
+  seat.configuration.stuck = true;
   (void)note(seat, Configured::Stage::writing, wanted);
   slots_.set_state(seat, SlotState::failed,
                    fmt::format("after its power cycle it does not have what it saved: {}",
@@ -250,15 +251,15 @@ rt::Task<bool> Configuring::configure_once(Seat& seat, const Wanted& wanted, Con
   Configurator configurator(values, saving, wanted, options);
   co_await configurator.run(report);
   if (report.good()) {
-    if (report.saved != Saved::unanswered) seat.failed_savings = 0;
+    if (report.saved != Saved::unanswered) seat.configuration.failed_savings = 0;
     co_return true;
   }
   // One that is saving still, for a run of Berth before this one, wrote nothing for this one.
   const Error& error = report.failure->error;
   const bool busy =
       error.code == Errc::aborted && error.detail == static_cast<std::uint32_t>(od::AbortCode::device_state);
-  if (report.failure->stage == manager::Stage::saving && !busy) ++seat.failed_savings;
-  seat.stuck = !report.failure->passing();
+  if (report.failure->stage == manager::Stage::saving && !busy) ++seat.configuration.failed_savings;
+  seat.configuration.stuck = !report.failure->passing();
   slots_.set_state(seat, SlotState::failed, "its configuration failed: " + describe(*report.failure, wanted.file));
   co_return false;
 }
@@ -269,11 +270,11 @@ rt::Task<bool> Configuring::waits_for_power(Seat& seat, Configurator& configurat
   const bool waits = is_in(seat.slot.record, Configured::Stage::power_cycle, wanted);
   if (!waits) co_return false;
   const auto booted = s_.boots.boot_up(seat.id());
-  const bool has_booted = booted && (!seat.waits_since || *booted > *seat.waits_since);
+  const bool has_booted = booted && (!seat.configuration.waits_since || *booted > *seat.configuration.waits_since);
   if (has_booted) co_return false;
   const bool dated = co_await configurator.has_date();
   if (dated) co_return false;
-  if (!seat.waits_since) seat.waits_since = s_.executor.now();
+  if (!seat.configuration.waits_since) seat.configuration.waits_since = s_.executor.now();
   seat.checked = s_.executor.now();
   slots_.set_state(seat, SlotState::power_cycle, "its configuration is saved; switch the device off and on");
   co_return true;
@@ -283,7 +284,7 @@ rt::Task<void> Configuring::wait_for_power(Seat& seat, Configurator& configurato
                                            const std::string& reason) {
   co_await configurator.take_date();
   seat.checked = s_.executor.now();
-  seat.waits_since = s_.executor.now();
+  seat.configuration.waits_since = s_.executor.now();
   const bool noted = note(seat, Configured::Stage::power_cycle, wanted);
   slots_.set_state(seat, noted ? SlotState::power_cycle : SlotState::failed,
                    noted ? reason : "the slot table cannot be written");
@@ -323,8 +324,8 @@ rt::Task<void> Configuring::look_at_running(Seat& seat) {
   ConfigurationReport report;
   co_await configurator.run(report);
   if (report.differences.empty()) co_return;
-  slots_.tell(
-      "configured", seat.name(),
+  slots_.events().tell(
+      EventKind::configured, seat.name(),
       fmt::format("it runs and is left alone, though {} of its values differ from {}; `berth configure --check` names "
                   "them",
                   report.differences.size(), wanted->file));
@@ -336,8 +337,8 @@ rt::Task<void> Configuring::compare(Seat& seat, bool write, SlotConfiguration& i
   into.slot = seat.name();
   into.id = id;
   into.file = short_name(seat.slot.spec.config);
-  if (!seat.configuration) {
-    into.problem = seat.unreadable;
+  if (!seat.configuration.wanted) {
+    into.problem = seat.configuration.unreadable;
     co_return;
   }
   const auto who = co_await places::Binder::read_identity(s_.sdo, id);
@@ -355,8 +356,8 @@ rt::Task<void> Configuring::compare(Seat& seat, bool write, SlotConfiguration& i
   const auto heard = s_.boots.heard(id);
   const bool runs = seat.started || (heard && s_.boots.state(id) == NmtState::operational);
   if (write && !runs) {
-    seat.stuck = false;
-    seat.failed_savings = 0;
+    seat.configuration.stuck = false;
+    seat.configuration.failed_savings = 0;
     seat.there = true;
     const bool ready = co_await configure(seat, into.report);
     (void)ready;

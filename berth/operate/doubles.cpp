@@ -21,14 +21,14 @@ void Doubles::surplus(NodeId node, const can::Frame& frame, rt::Time) noexcept {
   if (shared_ && shared_->id == node) return note_shared(frame);
   agenda_.look_anew = true;
   if (Seat* const seat = slots_.at(node)) {
-    seat->suspect = true;
-    seat->shared = most_tries;
+    seat->doubt.suspect = true;
+    seat->doubt.shared = most_tries;
   }
   const std::string text = fmt::format(
       "node {} answered one SDO request twice: two devices hold this node-ID, or another "
       "SDO client is on the bus",
       node.value());
-  slots_.tell_once("duplicate", text);
+  slots_.events().tell_once(EventKind::duplicate, text);
 }
 
 Doubles::Doubles(BusServices& services, SlotTable& slots, Agenda& agenda, FoundDevices& found, Asking& asking) noexcept
@@ -86,8 +86,8 @@ rt::Task<void> Doubles::ask_addresses(NodeId id, std::vector<LssAddress> address
     }
     if (!active || *active != id) continue;
     found_.note({device, id});
-    slots_.tell_once("found",
-                     fmt::format("found {} with node-ID {}, beside another device", to_string(device), id.value()));
+    slots_.events().tell_once(EventKind::found, fmt::format("found {} with node-ID {}, beside another device",
+                                                            to_string(device), id.value()));
   }
 }
 
@@ -133,12 +133,12 @@ rt::Task<bool> Doubles::tell_apart(std::vector<NodeId> ids) {
 // A slot's device and another: which of them is found here beside it is taken off the node-ID by the plan.
 rt::Task<void> Doubles::tell_seats_apart() {
   for (auto& seat : slots_.seats()) {
-    const bool shares = seat->shared > 0 && seat->slot.record.confirmed;
+    const bool shares = seat->doubt.shared > 0 && seat->slot.record.confirmed;
     if (!shares) continue;
-    --seat->shared;
+    --seat->doubt.shared;
     const NodeId id = seat->id();
     const bool other = co_await tell_one_apart(id);
-    if (other) seat->shared = 0;
+    if (other) seat->doubt.shared = 0;
   }
 }
 

@@ -102,7 +102,8 @@ bool Lending::still_vacant(NodeId id) const noexcept {
 
 bool Lending::lend(const LssAddress& device, NodeId id) {
   const auto written = loans_.lend(device, id);
-  if (!written) slots_.tell_once("error", "the slot table cannot be written: " + describe(written.error()));
+  if (!written)
+    slots_.events().tell_once(EventKind::error, "the slot table cannot be written: " + describe(written.error()));
   return written.has_value();
 }
 
@@ -113,7 +114,8 @@ void Lending::end(const LssAddress& device) {
   if (stays) return;
   loans_.expected_boot_up(loan->id, s_.executor.now());
   const auto written = loans_.end(device);
-  if (!written) slots_.tell_once("error", "the slot table cannot be written: " + describe(written.error()));
+  if (!written)
+    slots_.events().tell_once(EventKind::error, "the slot table cannot be written: " + describe(written.error()));
 }
 
 // A slot's node-ID that was lent to one device and is another's by the plan.
@@ -133,7 +135,7 @@ rt::Task<void> Lending::take_back_all() {
   for (const auto& loan : lent) {
     const Seat* const seat = slots_.of(loan.device);
     // What it has pending is what it stored, and `11 FF` would have it stored again.
-    const bool waits = seat != nullptr && seat->state == places::SlotState::power_cycle && seat->waiting;
+    const bool waits = seat != nullptr && seat->state == places::SlotState::power_cycle && seat->power_cycle.binding;
     if (waits) continue;
     const bool seated = seat != nullptr && seat->there;
     const bool one_sits = seated && loan.twins;

@@ -57,7 +57,7 @@ rt::Task<Result<Network::Located>> Network::locate(LssAddress device, rt::Durati
     if (selected.error().code != Errc::timeout) co_return fail(selected.error());
     co_return fail(Errc::not_found, "no device answers to this LSS address");
   }
-  parts_.slots.tell("step", "", "showing " + to_string(device));
+  parts_.slots.events().tell(EventKind::step, "", "showing " + to_string(device));
   co_await rt::sleep_for(time);
   const auto quiet = co_await parts_.bus.lss.switch_global(lss::State::waiting);
   if (!quiet) co_return fail(quiet.error());

@@ -62,13 +62,15 @@ rt::Task<void> MainJob::opening() {
   const bool unfinished =
       std::ranges::any_of(p_.slots.seats(), [](const auto& seat) { return seat->slot.record.asked.has_value(); }) ||
       !p_.slots.unfinished_here().empty();
-  if (unfinished) p_.slots.tell("step", "", "finishing what an earlier run began");
+  if (unfinished) p_.slots.events().tell(EventKind::step, "", "finishing what an earlier run began");
   const auto loaded = p_.loans.load();
-  if (!loaded) p_.slots.tell("error", "", "the slot table cannot be read: " + describe(loaded.error()));
+  if (!loaded)
+    p_.slots.events().tell(EventKind::error, "", "the slot table cannot be read: " + describe(loaded.error()));
   const bool lends = !p_.loans.empty();
   if (unfinished || lends) {
     const auto reverted = co_await s.lss.configure_node_id(NodeId());
-    if (!reverted && reverted.error().code == Errc::bus) p_.slots.tell("error", "", describe(reverted.error()));
+    if (!reverted && reverted.error().code == Errc::bus)
+      p_.slots.events().tell(EventKind::error, "", describe(reverted.error()));
   }
   const auto quiet = co_await s.lss.switch_global(lss::State::waiting);
   // One that keeps what it was lent pending would be silent until the next reset of all.
@@ -78,14 +80,14 @@ rt::Task<void> MainJob::opening() {
     places::wake_unconfigured(s.dispatcher);
   }
   p_.agenda.alone = !quiet;
-  if (p_.agenda.alone) p_.slots.tell_failure("the bus", quiet.error());
+  if (p_.agenda.alone) p_.slots.events().tell_failure("the bus", quiet.error());
 }
 
 rt::Task<void> MainJob::round() {
   co_await ask_the_troubled();
   if (!p_.bus.only_observes()) {
     co_await p_.presence.adopt_all_fixed();
-    co_await p_.finder.discover();
+    co_await p_.finding.finder.discover();
     co_await p_.doubles.tell_seats_apart();
     co_await carry_out();
     co_await seat_the_configured();
@@ -101,7 +103,7 @@ rt::Task<void> MainJob::round() {
 
 rt::Task<void> MainJob::ask_the_troubled() {
   for (const auto& seat : p_.slots.seats()) {
-    const bool asks = seat->ask_again || seat->suspect;
+    const bool asks = seat->ask_again || seat->doubt.suspect;
     if (asks) co_await look_again_at(*seat);
   }
 }
@@ -123,13 +125,13 @@ rt::Task<void> MainJob::look_again_at(Seat& seat) {
 
 rt::Task<void> MainJob::carry_out() {
   co_await p_.seating.carry_out();
-  p_.finder.rest_from_searching();
+  p_.finding.finder.rest_from_searching();
 }
 
 // Devices that only SDO finds, and those without LSS.
 rt::Task<void> MainJob::seat_the_configured() {
   const bool all = false;
-  const bool others = co_await p_.configured.find(all);
+  const bool others = co_await p_.finding.configured.find(all);
   co_await p_.recipes.bind_all();
   if (others) co_await carry_out();
 }
@@ -180,7 +182,7 @@ rt::Task<bool> MainJob::look() {
     anybody = w.kind == Wake::Kind::look;
   } else {
     p_.supervision.check_rates();
-    anybody = co_await p_.finder.anybody_new();
+    anybody = co_await p_.finding.finder.anybody_new();
   }
   const bool anew = agenda.look_anew && p_.bus.executor.now() >= agenda.anew_at;
   const bool due = anybody || anew || retry_due();
@@ -203,8 +205,8 @@ bool MainJob::needs_retry() const {
     const bool silent = s->state == SlotState::absent && s->slot.record.confirmed;
     const bool waits = !s->slot.spec.optional && (s->state == SlotState::empty || s->state == SlotState::question);
     const bool doubled = s->state == SlotState::duplicate;
-    const bool failed = s->state == SlotState::failed && !s->stuck;
-    const bool powered = s->state == SlotState::power_cycle && !s->waits_since;
+    const bool failed = s->state == SlotState::failed && !s->configuration.stuck;
+    const bool powered = s->state == SlotState::power_cycle && !s->configuration.waits_since;
     return failed || powered || asked || silent || waits || doubled;
   });
   // A blank that failed left a device under a node-ID that is not its own, the master's say. It may have been storing.
@@ -228,7 +230,7 @@ bool MainJob::retry_due() {
   p_.agenda.retries = true;
   p_.agenda.look_anew = true;
   for (const auto& seat : p_.slots.seats()) {
-    const bool again = seat->state == SlotState::failed && seat->there && !seat->stuck;
+    const bool again = seat->state == SlotState::failed && seat->there && !seat->configuration.stuck;
     const auto heard = p_.bus.boots.heard(seat->id());
     const bool beats = heard && now - *heard <= timing.heartbeat_timeout;
     if (again && beats) p_.slots.set_state(*seat, SlotState::present, "trying again");
@@ -271,7 +273,7 @@ rt::Task<Result<void>> MainJob::bind_once(std::string method) {
   const Once once(p_.agenda, std::move(method));
   co_await opening();
   co_await p_.presence.prepare();
-  co_await p_.finder.discover();
+  co_await p_.finding.finder.discover();
   co_await carry_out();
   co_await p_.presence.adopt_all_fixed();
   co_await seat_the_configured();
@@ -303,10 +305,10 @@ rt::Task<Result<void>> MainJob::blank_all() {
   }
   p_.found.clear();
   p_.agenda.look_anew = true;
-  co_await p_.finder.discover();
+  co_await p_.finding.finder.discover();
   const bool all = true;
   co_await p_.seating.inquire_found(all);
-  co_await p_.configured.find(all);
+  co_await p_.finding.configured.find(all);
   const std::vector<places::Found> found = p_.found.all();
   for (const auto& f : found) {
     const bool blanks = f.active.configured() && !f.clone && !p_.planning.never_by_lss(f.device);

@@ -5,8 +5,6 @@
 #include <algorithm>
 #include <utility>
 
-#include "berth/co/guarding.hpp"
-
 namespace berth::operate {
 
 using places::SlotState;
@@ -14,10 +12,13 @@ using places::UnfinishedBlank;
 
 Network::Network(rt::Executor& executor, can::Port& port, const design::Bus& bus, std::vector<places::SlotSpec> slots,
                  places::SlotStore& store, NetworkObserver observer)
-    : parts_(executor, port, bus, std::move(slots), store, std::move(observer), *this, *this),
+    : parts_(executor, port, bus, std::move(slots), store, std::move(observer), ears_, ears_),
       port_(parts_.bus, parts_.slots, parts_.agenda, parts_.found, *this),
       job_(parts_, port_),
-      scope_(executor) {}
+      scan_(parts_),
+      scope_(executor) {
+  ears_.lead_to(parts_.supervision);
+}
 
 Network::~Network() { stop(); }
 
@@ -30,7 +31,6 @@ Result<void> Network::open() {
 void Network::start() {
   if (running_) return;
   running_ = true;
-  parts_.bus.dispatcher.on_status(this);
   parts_.bus.heartbeats.hear_all_boot_ups(true);
   parts_.bus.emergencies.hear_all();
   if (port_.begin()) port_goes_on();
@@ -38,7 +38,6 @@ void Network::start() {
 
 void Network::stop() noexcept {
   port_rests();
-  parts_.bus.dispatcher.on_status(nullptr);
   parts_.bus.emergencies.clear();
   port_.end();
   running_ = false;
@@ -50,16 +49,6 @@ void Network::port_rests() noexcept {
 }
 
 void Network::port_goes_on() { scope_.spawn(job_.run()); }
-
-void Network::heartbeat(const co::HeartbeatEvent& event, rt::Time at) noexcept {
-  parts_.supervision.heartbeat(event, at);
-}
-
-void Network::emergency(NodeId node, const co::Emcy& message, rt::Time) noexcept {
-  parts_.supervision.emergency(node, message);
-}
-
-void Network::changed(const can::Status& status, rt::Time) noexcept { port_.changed(status); }
 
 void Network::commanded(co::NmtCommand command, co::NmtTarget target) {
   parts_.supervision.commanded(command, target, running_);
@@ -106,7 +95,7 @@ Result<void> Network::replace(const std::string& slot, std::optional<LssAddress>
     if (!asked) return asked;
     seat->slot.record.asked = wanted;
   }
-  parts_.slots.tell_again();
+  parts_.slots.events().tell_again();
   parts_.agenda.wakes.push({Wake::Kind::look, seat->id(), parts_.bus.executor.now()});
   return {};
 }
@@ -115,7 +104,7 @@ Result<void> Network::forget(const LssAddress& device) {
   if (parts_.loans.of(device) != nullptr) {
     const auto ended = parts_.loans.end(device);
     if (!ended) return ended;
-    parts_.slots.tell("forgotten", "", fmt::format("{} is no longer waited for", to_string(device)));
+    parts_.slots.events().tell(EventKind::forgotten, "", fmt::format("{} is no longer waited for", to_string(device)));
     return {};
   }
   const auto here = parts_.slots.unfinished_here();
@@ -125,7 +114,7 @@ Result<void> Network::forget(const LssAddress& device) {
   const auto dropped = parts_.slots.store().drop_blank(device, "a person said that it is gone for good");
   if (!dropped) return dropped;
   parts_.planning.drop_unfinished(device);
-  parts_.slots.tell("forgotten", "", fmt::format("{} is no longer waited for", to_string(device)));
+  parts_.slots.events().tell(EventKind::forgotten, "", fmt::format("{} is no longer waited for", to_string(device)));
   return {};
 }
 
@@ -150,71 +139,6 @@ rt::Task<Result<std::vector<SlotConfiguration>>> Network::configure(std::string 
     results[i].reason = chosen[i]->reason;
   }
   co_return results;
-}
-
-rt::Task<void> Network::scan_node(NodeId id, Seen& seen, co::SdoOptions patience) {
-  seen.id = id;
-  const auto surplus = parts_.bus.sdo.surplus(id);
-  const auto type = co_await parts_.bus.sdo.read<std::uint32_t>(id, 0x1000, 0, patience);
-  if (type) seen.device_type = *type;
-  const bool answered = type || type.error().code == Errc::aborted || type.error().code == Errc::mismatch;
-  if (answered) {
-    const auto who = co_await places::Binder::read_identity(parts_.bus.sdo, id);
-    if (who) seen.device = *who;
-  } else {
-    const auto guarded = co_await co::probe(parts_.bus.dispatcher, id, parts_.bus.bus.timing.guard_timeout, 1);
-    if (guarded) seen.state = guarded->state;
-  }
-  seen.duplicate = parts_.bus.sdo.surplus(id) != surplus;
-  const auto heard = parts_.bus.boots.heard(id);
-  const bool lately = heard && parts_.bus.executor.now() - *heard < parts_.bus.bus.timing.heartbeat_timeout;
-  if (lately) seen.state = parts_.bus.boots.state(id);
-}
-
-rt::Task<Result<std::vector<Network::Seen>>> Network::scan() {
-  co_await parts_.bus.turn.take();
-  const rt::Held held(parts_.bus.turn);
-  std::vector<Seen> nodes(127);
-  const co::SdoOptions patience = parts_.asking.patience(1);
-  {
-    rt::Scope asked(parts_.bus.executor, parts_.asking.most_at_once());
-    for (std::uint8_t i = 1; i <= 127; ++i) {
-      const NodeId id(i);
-      if (id != parts_.bus.bus.master) asked.spawn(scan_node(id, nodes[i - 1U], patience));
-    }
-    co_await asked.join();
-  }
-  std::erase_if(nodes, [](const Seen& s) { return !s.device_type && !s.device && !s.state; });
-  const auto found = co_await find_new();
-  if (!found) co_return fail(found.error());
-  for (const auto& d : found->found) {
-    const auto known =
-        std::ranges::find(nodes, d.address, [](const Seen& s) { return s.device.value_or(LssAddress{}); });
-    if (known != nodes.end()) {
-      known->duplicate = known->duplicate || d.possible_clone;
-      continue;
-    }
-    Seen seen;
-    const auto id = co_await parts_.asking.active_id(d.address);
-    if (id) seen.id = *id;
-    seen.device = d.address;
-    seen.duplicate = d.possible_clone;
-    const auto under = std::ranges::find(nodes, seen.id, &Seen::id);
-    const bool shares = seen.id.configured() && under != nodes.end();
-    // A stopped device speaks no SDO: it is known by its node-ID from guarding, and by its address from LSS.
-    if (shares && !under->device) {
-      under->device = d.address;
-      under->duplicate = under->duplicate || d.possible_clone;
-      continue;
-    }
-    seen.duplicate = seen.duplicate || shares;
-    nodes.push_back(seen);
-  }
-  for (auto& s : nodes) {
-    const Seat* seat = s.device ? parts_.slots.of(*s.device) : nullptr;
-    if (seat != nullptr) s.slot = seat->name();
-  }
-  co_return nodes;
 }
 
 }  // namespace berth::operate

@@ -22,14 +22,12 @@
 #include <vector>
 
 #include "berth/operate/main_job.hpp"
+#include "berth/operate/scan.hpp"
 #include "berth/rt/scope.hpp"
 
 namespace berth::operate {
 
-class Network final : private co::HeartbeatConsumer::Observer,
-                      private co::EmcyConsumer::Observer,
-                      private can::StatusHandler,
-                      private PortHealth::Owner {
+class Network final : private PortHealth::Owner {
  public:
   /// `bus`, `store` and `port` must stay. `slots` are the specifications of this bus.
   Network(rt::Executor& executor, can::Port& port, const design::Bus& bus, std::vector<places::SlotSpec> slots,
@@ -62,12 +60,9 @@ class Network final : private co::HeartbeatConsumer::Observer,
   /// The main job has nothing to do now but to watch.
   [[nodiscard]] bool idle() const noexcept { return job_.idle(); }
   [[nodiscard]] Phase phase() const noexcept { return parts_.agenda.phase; }
-  /// Devices and facts that are not as they should be, as last seen.
-  [[nodiscard]] const std::vector<places::Oddity>& oddities() const noexcept { return parts_.planning.plan().oddities; }
-  [[nodiscard]] const std::vector<places::Question>& questions() const noexcept {
-    return parts_.planning.plan().questions;
-  }
-  /// The same as events, with the names of the slots.
+  /// Its oddities (devices and facts that are not as they should be) and questions, as last seen.
+  [[nodiscard]] const places::Plan& plan() const noexcept { return parts_.planning.plan(); }
+  /// The plan's questions as events, with the names of the slots.
   [[nodiscard]] std::vector<Event> question_events() const { return parts_.planning.question_events(); }
 
   // Commands of a person. They wait until the main job has nothing to do.
@@ -93,18 +88,9 @@ class Network final : private co::HeartbeatConsumer::Observer,
   /// the main job holds it while it works.
   [[nodiscard]] BusServices& services() noexcept { return parts_.bus; }
 
-  /// What a scan found at one node-ID, or without one.
-  struct Seen {
-    NodeId id;                                 ///< unconfigured: found by RAND, without a node-ID
-    std::optional<LssAddress> device;          ///< from 1018h, or from RAND
-    std::optional<std::uint32_t> device_type;  ///< 1000h
-    std::optional<NmtState> state;             ///< from its error control messages
-    bool duplicate = false;                    ///< more than one device answered under this node-ID or address
-    std::string slot;                          ///< the slot it belongs to, if any
-  };
   /// The devices on this bus: node-IDs 1..127 by SDO, devices without one by RAND. Changes nothing but the devices'
   /// RAND state. Waits for its turn.
-  [[nodiscard]] rt::Task<Result<std::vector<Seen>>> scan();
+  [[nodiscard]] rt::Task<Result<std::vector<operate::Seen>>> scan() { return scan_.run(); }
 
   /// Compares the configurations of all slots that have one, or of the slot of this name, and with `write` makes right
   /// what differs; a device that runs is compared only. Waits for its turn. Errors: `not_found` no such slot.
@@ -121,7 +107,7 @@ class Network final : private co::HeartbeatConsumer::Observer,
 
   using NewDevices = operate::NewDevices;
   /// Changes nothing but what a search changes in the devices. The turn must be held.
-  [[nodiscard]] rt::Task<Result<NewDevices>> find_new() { return parts_.search.find_new(); }
+  [[nodiscard]] rt::Task<Result<NewDevices>> find_new() { return parts_.finding.search.find_new(); }
 
   /// What `locate` found and showed.
   struct Located {
@@ -137,16 +123,14 @@ class Network final : private co::HeartbeatConsumer::Observer,
   [[nodiscard]] rt::Task<Result<Located>> locate(LssAddress device, rt::Duration time, bool anyway);
 
  private:
-  rt::Task<void> scan_node(NodeId id, Seen& seen, co::SdoOptions patience);
-  void heartbeat(const co::HeartbeatEvent& event, rt::Time at) noexcept override;
-  void emergency(NodeId node, const co::Emcy& message, rt::Time at) noexcept override;
-  void changed(const can::Status& status, rt::Time at) noexcept override;
   void port_rests() noexcept override;
   void port_goes_on() override;
 
+  Ears ears_;
   Parts parts_;
   PortHealth port_;
   MainJob job_;
+  Scan scan_;
   bool running_ = false;
   rt::Scope scope_;  // last: its tasks use everything above
 };

@@ -8,6 +8,13 @@
 
 namespace berth::operate {
 
+/// Those that look for devices.
+struct Finding {
+  ConfiguredFinder configured;
+  Search search;
+  Finder finder;
+};
+
 struct Parts {
   Parts(rt::Executor& executor, can::Port& port, const design::Bus& bus, std::vector<places::SlotSpec> specs,
         places::SlotStore& store, NetworkObserver observer, co::HeartbeatConsumer::Observer& heartbeats,
@@ -26,9 +33,7 @@ struct Parts {
   Configuring configuring;
   Presence presence;
   Planning planning;
-  ConfiguredFinder configured;
-  Search search;
-  Finder finder;
+  Finding finding;
   Seating seating;
   RecipeSeating recipes;
   Spares spares;

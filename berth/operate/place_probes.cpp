@@ -93,8 +93,8 @@ rt::Task<bool> PlaceProbes::read_place(LssAddress device) {
   if (!id.configured()) {
     const auto lent = co_await lending_.lend_to(device);
     if (!lent) {
-      slots_.tell_once("error",
-                       fmt::format("the place of {} cannot be read: {}", to_string(device), lent.error().text));
+      slots_.events().tell_once(
+          EventKind::error, fmt::format("the place of {} cannot be read: {}", to_string(device), lent.error().text));
       co_return false;
     }
     id = *lent;
@@ -104,12 +104,14 @@ rt::Task<bool> PlaceProbes::read_place(LssAddress device) {
   if (read) {
     for (const auto& r : readings_) {
       if (r.device != device) continue;
-      slots_.tell("step", "",
-                  fmt::format("{} has {} in {:04X}h:{:02X}", to_string(device), text_of(r.value), r.index, r.sub));
+      slots_.events().tell(
+          EventKind::step, "",
+          fmt::format("{} has {} in {:04X}h:{:02X}", to_string(device), text_of(r.value), r.index, r.sub));
     }
   } else {
-    slots_.tell("error", "",
-                fmt::format("{} does not answer under node-ID {} to its probe", to_string(device), id.value()));
+    slots_.events().tell(
+        EventKind::error, "",
+        fmt::format("{} does not answer under node-ID {} to its probe", to_string(device), id.value()));
   }
   co_return read;
 }
@@ -147,7 +149,7 @@ rt::Task<bool> PlaceProbes::stays_in_place(Seat& seat) {
   }
   const std::string reason =
       fmt::format("by its probe {} its device sits in the place of slot {}", name_of(own), (*other)->name());
-  slots_.tell("moved", seat.name(), reason);
+  slots_.events().tell(EventKind::moved, seat.name(), reason);
   const auto cleared = slots_.clear(seat, reason);
   if (!cleared) {
     slots_.set_state(seat, SlotState::failed, "the slot table cannot be written: " + describe(cleared.error()));

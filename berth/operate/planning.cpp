@@ -91,7 +91,7 @@ void Planning::name_unfinished() {
     if (there || slots_.of(blank.device) != nullptr) continue;
     const std::string id = blank.id.configured() ? fmt::format("node-ID {}", blank.id.value()) : "its node-ID";
     plan_.oddities.push_back(
-        {"unfinished", blank.device, blank.id,
+        {places::OddityKind::unfinished, blank.device, blank.id,
          fmt::format("device {} was to give up {} and does not answer: it may come back under it; switch it on, or "
                      "`berth forget {}` when it is gone for good",
                      to_string(blank.device), id, to_string(blank.device))});
@@ -104,7 +104,7 @@ void Planning::name_loans() {
     const bool there = found_.of(loan.device) != nullptr;
     if (there || !Loans::given_up(loan)) continue;
     plan_.oddities.push_back(
-        {"lent", loan.device, loan.id,
+        {places::OddityKind::lent, loan.device, loan.id,
          fmt::format(
              "device {} was lent node-ID {} while it was searched for, and does not answer: the node-ID is given to "
              "no other device; switch it on, or `berth forget {}` when it is gone for good",
@@ -124,7 +124,7 @@ void Planning::ask_about_used() {
     }
     keep_off(f);
     if (question.slots.empty()) {
-      plan_.oddities.push_back({"returned", f.device, f.active, text_of_return(f.device, sat)});
+      plan_.oddities.push_back({places::OddityKind::returned, f.device, f.active, text_of_return(f.device, sat)});
       continue;
     }
     question.devices = {f.device};
@@ -149,10 +149,10 @@ void Planning::keep_off(const places::Found& f) {
 
 void Planning::name_returned() {
   for (auto& oddity : plan_.oddities) {
-    if (oddity.kind != "surplus") continue;
+    if (oddity.kind != places::OddityKind::surplus) continue;
     const auto sat = slots_.former_seat_of(oddity.device);
     if (!sat) continue;
-    oddity.kind = "returned";
+    oddity.kind = places::OddityKind::returned;
     oddity.text = text_of_return(oddity.device, *sat);
   }
   std::erase_if(returned_, [&](const places::Oddity& o) { return slots_.of(o.device) != nullptr; });
@@ -165,11 +165,13 @@ void Planning::name_returned() {
 
 void Planning::returned(const LssAddress& device, NodeId holds, const std::string& text) {
   std::erase_if(returned_, [&](const places::Oddity& o) { return o.device == device; });
-  returned_.push_back({"returned", device, holds, text});
+  returned_.push_back({places::OddityKind::returned, device, holds, text});
 }
 
 void Planning::drop_unfinished(const LssAddress& device) {
-  std::erase_if(plan_.oddities, [&](const places::Oddity& o) { return o.device == device && o.kind == "unfinished"; });
+  std::erase_if(plan_.oddities, [&](const places::Oddity& o) {
+    return o.device == device && o.kind == places::OddityKind::unfinished;
+  });
 }
 
 bool Planning::has_blanks() const noexcept {
@@ -223,7 +225,7 @@ void Planning::respect_fixed() {
     return drops;
   });
   for (const auto& oddity : plan_.oddities) {
-    if (oddity.kind == "fixed mismatch") told.push_back(oddity.device);
+    if (oddity.kind == places::OddityKind::fixed_mismatch) told.push_back(oddity.device);
   }
   std::ranges::sort(told);
   const auto twice = std::ranges::unique(told);
@@ -235,8 +237,9 @@ void Planning::respect_fixed() {
   };
   for (const auto& device : told) {
     if (by_recipe(device)) {
-      std::erase_if(plan_.oddities,
-                    [&](const places::Oddity& o) { return o.device == device && o.kind == "fixed mismatch"; });
+      std::erase_if(plan_.oddities, [&](const places::Oddity& o) {
+        return o.device == device && o.kind == places::OddityKind::fixed_mismatch;
+      });
       continue;
     }
     std::erase_if(plan_.oddities, [&](const places::Oddity& o) { return o.device == device; });
@@ -264,17 +267,17 @@ void Planning::tell_mismatch(const LssAddress& device, NodeId active) {
   text += needed.empty() ? "; no slot waits for it: take it off the bus"
                          : fmt::format("; {}: set its switches to {}, or put it into the place that has this coding",
                                        needed, number);
-  plan_.oddities.push_back({"fixed mismatch", device, active, text});
+  plan_.oddities.push_back({places::OddityKind::fixed_mismatch, device, active, text});
 }
 
 void Planning::report() {
   for (const auto& oddity : plan_.oddities) {
-    slots_.tell_once(oddity.kind, oddity.text);
+    slots_.events().tell_once(event_kind(oddity.kind), oddity.text);
     for (auto& seat : slots_.seats()) {
-      const bool waits = oddity.kind == "fixed mismatch" && !seat->slot.record.device();
+      const bool waits = oddity.kind == places::OddityKind::fixed_mismatch && !seat->slot.record.device();
       if (waits && places::fits(seat->slot.spec, oddity.device)) slots_.set_state(*seat, SlotState::empty, oddity.text);
     }
-    if (oddity.kind != "clone") continue;
+    if (oddity.kind != places::OddityKind::clone) continue;
     for (auto& seat : slots_.seats()) {
       const auto device = seat->slot.record.device();
       const bool own = device == oddity.device;
@@ -287,7 +290,7 @@ void Planning::report() {
   }
   if (agenda_.search_open) return;  // a missing device may be found yet
   for (const auto& event : question_events()) {
-    slots_.tell_once(event);
+    slots_.events().tell_once(event);
   }
   // A slot says one question, the last about it: else its state would change at every round.
   std::vector<const Seat*> asked;
@@ -310,7 +313,7 @@ void Planning::report() {
 std::vector<Event> Planning::question_events() const {
   std::vector<Event> events;
   for (const auto& question : plan_.questions) {
-    Event event{s_.executor.now(), s_.bus.name, "question", {}, question.text};
+    Event event{s_.executor.now(), s_.bus.name, EventKind::question, {}, question.text};
     for (const auto i : question.slots) event.slots.push_back(slots_.seats()[i]->name());
     for (const auto& device : question.devices) event.devices.push_back(to_string(device));
     events.push_back(std::move(event));

@@ -20,12 +20,14 @@ PortHealth::PortHealth(BusServices& services, SlotTable& slots, Agenda& agenda, 
       job_(*this) {}
 
 bool PortHealth::begin() {
+  s_.dispatcher.on_status(this);
   watches_ = true;
   resting_ = !usable(s_.port.status());
   return !resting_;
 }
 
 void PortHealth::end() noexcept {
+  s_.dispatcher.on_status(nullptr);
   job_.cancel();
   watches_ = resting_ = false;
 }
@@ -34,12 +36,12 @@ bool PortHealth::usable(const can::Status& status) const noexcept {
   return status.up && (s_.only_observes() || !status.listen_only);
 }
 
-void PortHealth::changed(const can::Status& status) {
+void PortHealth::changed(const can::Status& status, rt::Time) noexcept {
   if (status.error_passive() && agenda_.speaks) {
     // Something on the bus works against what this node sends: be silent, look what it is, and speak again after that.
     fall_silent();
-    slots_.tell(
-        "error", "",
+    slots_.events().tell(
+        EventKind::error, "",
         "this port is error-passive: is a wire loose, or another node at a wrong bit rate or with our node-ID?");
   }
   if (status.bus_off && !job_.timed()) way_out_of_bus_off();
@@ -56,7 +58,7 @@ void PortHealth::rest_or_go_on(const can::Status& status) {
   } else if (usable(status) && resting_) {
     resting_ = false;
     agenda_.look_anew = true;
-    slots_.tell("step", "", "the port takes frames: looking who is there");
+    slots_.events().tell(EventKind::step, "", "the port takes frames: looking who is there");
     owner_.port_goes_on();
   }
 }
@@ -67,38 +69,38 @@ void PortHealth::go_to_rest(const std::string& why) {
   fall_silent();
   s_.vacancy = {};
   found_.clear();
-  slots_.tell_again();
+  slots_.events().tell_again();
   for (auto& seat : slots_.seats()) {
     s_.heartbeats.supervise(seat->id(), rt::Duration{0});
     seat->there = seat->started = false;
     seat->checked = {};
     slots_.set_state(*seat, SlotState::unknown, why);
   }
-  slots_.tell("error", "", why);
+  slots_.events().tell(EventKind::error, "", why);
 }
 
 void PortHealth::way_out_of_bus_off() {
   const auto& timing = s_.bus.timing;
   if (s_.bus.bus_off == design::BusOff::stay) {
-    return slots_.tell_once("error",
-                            "this port is bus-off and stays so (bus_off = \"stay\"); find the fault, then start anew");
+    return slots_.events().tell_once(
+        EventKind::error, "this port is bus-off and stays so (bus_off = \"stay\"); find the fault, then start anew");
   }
   const auto calm = std::max<rt::Duration>(10 * timing.bus_off_pause, std::chrono::seconds(10));
   if (restarts_ > 0 && s_.executor.now() - restarted_ > calm) restarts_ = 0;
   if (timing.bus_off_limit > 0 && restarts_ >= timing.bus_off_limit) {
-    return slots_.tell_once("error",
-                            fmt::format("this port is bus-off again after {} restarts (bus_off_limit), and stays so; "
-                                        "find the fault, then start anew",
-                                        restarts_));
+    return slots_.events().tell_once(
+        EventKind::error, fmt::format("this port is bus-off again after {} restarts (bus_off_limit), and stays so; "
+                                      "find the fault, then start anew",
+                                      restarts_));
   }
-  slots_.tell(
-      "error", "",
+  slots_.events().tell(
+      EventKind::error, "",
       fmt::format("this port is bus-off; it is started again in {}", text::write_duration(timing.bus_off_pause)));
   s_.executor.after(timing.bus_off_pause, job_);
 }
 
 void PortHealth::restart() {
-  slots_.tell("step", "", "starting the port again after bus-off");
+  slots_.events().tell(EventKind::step, "", "starting the port again after bus-off");
   ++restarts_;
   restarted_ = s_.executor.now();
   // Its own: the network may have moved to another (`move_bit_rate`).

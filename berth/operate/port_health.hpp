@@ -9,7 +9,7 @@
 
 namespace berth::operate {
 
-class PortHealth {
+class PortHealth final : private can::StatusHandler {
  public:
   class Owner {
    public:
@@ -25,7 +25,6 @@ class PortHealth {
   bool begin();
   void end() noexcept;
   [[nodiscard]] bool resting() const noexcept { return resting_; }
-  void changed(const can::Status& status);
 
   /// The master's own messages begin when no other device was found under its node-ID.
   void speak();
@@ -41,6 +40,7 @@ class PortHealth {
    private:
     PortHealth& health_;
   };
+  void changed(const can::Status& status, rt::Time at) noexcept override;
   [[nodiscard]] bool usable(const can::Status& status) const noexcept;
   void rest_or_go_on(const can::Status& status);
   void go_to_rest(const std::string& why);

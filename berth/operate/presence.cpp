@@ -17,7 +17,7 @@ rt::Task<void> Presence::prepare() {
       std::ranges::any_of(slots_.seats(), [](const auto& s) { return s->slot.record.confirmed.has_value(); });
   if (!any) co_return;
   agenda_.phase = Phase::preparation;
-  slots_.tell("step", "", "preparation: looking for the devices of the bound slots");
+  slots_.events().tell(EventKind::step, "", "preparation: looking for the devices of the bound slots");
   const rt::Time began = s_.executor.now();
   const rt::Time deadline = began + s_.bus.timing.heartbeat_period + s_.bus.timing.heartbeat_period / 4;
   const auto all_heard = [&] {
@@ -74,7 +74,7 @@ rt::Task<void> Presence::ask_seat(Seat& seat) {
   }
   s_.heartbeats.supervise(id, s_.bus.timing.heartbeat_timeout);
   slots_.set_state(seat, SlotState::operational);
-  if (seat.configuration) co_await configuring_.look_at_running(seat);
+  if (seat.configuration.wanted) co_await configuring_.look_at_running(seat);
 }
 
 // False: the slot's state says why, and whether its device is there all the same.
@@ -97,7 +97,7 @@ rt::Task<bool> Presence::is_its_own(Seat& seat, std::optional<NmtState> state) {
   co_await rt::sleep_for(second_answer);
   const bool doubled = s_.sdo.surplus(id) != surplus;
   if (!doubled && *who == seat.slot.record.confirmed->device) co_return true;
-  seat.shared = Doubles::most_tries;
+  seat.doubt.shared = Doubles::most_tries;
   agenda_.look_anew = true;
   if (doubled) {
     slots_.set_state(seat, SlotState::duplicate, "two devices answer under this node-ID; take one of them off the bus");
@@ -109,8 +109,9 @@ rt::Task<bool> Presence::is_its_own(Seat& seat, std::optional<NmtState> state) {
 
 const LssAddress* Presence::other_at(const Seat& seat) const noexcept {
   for (const auto& each : slots_.seats()) {
-    const bool waits = each.get() != &seat && each->waiting && each->waiting->old_id() == seat.id();
-    if (waits) return &each->waiting->seat().device;
+    const bool waits =
+        each.get() != &seat && each->power_cycle.binding && each->power_cycle.binding->old_id() == seat.id();
+    if (waits) return &each->power_cycle.binding->seat().device;
   }
   return fading_.user_of(seat.id());
 }
@@ -152,7 +153,8 @@ rt::Task<void> Presence::adopt_fixed(Seat& seat) {
     slots_.set_state(seat, SlotState::failed, "the slot table cannot be written: " + describe(confirmed.error()));
     co_return;
   }
-  slots_.tell("bound", seat.name(), fmt::format("{} sits there by its fixed node-ID {}", to_string(*who), id.value()));
+  slots_.events().tell(EventKind::bound, seat.name(),
+                       fmt::format("{} sits there by its fixed node-ID {}", to_string(*who), id.value()));
   co_await ask_seat(seat);
 }
 
@@ -176,8 +178,8 @@ rt::Task<bool> Presence::take_where_it_is(Seat& seat, LssAddress device) {
     co_return true;
   }
   found_.forget(device);
-  slots_.tell("bound", seat.name(),
-              fmt::format("{} sits there by its own node-ID {}", to_string(device), seat.id().value()));
+  slots_.events().tell(EventKind::bound, seat.name(),
+                       fmt::format("{} sits there by its own node-ID {}", to_string(device), seat.id().value()));
   seat.fresh = true;
   co_await ask_seat(seat);
   co_return true;

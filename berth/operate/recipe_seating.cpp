@@ -32,7 +32,7 @@ Seat* RecipeSeating::seat_for(const places::Found& found) {
       "device {} has node-ID {} and {} slots of its type are free: which is its place? `berth replace SLOT --device "
       "{}`",
       to_string(found.device), found.active.value(), free.size(), to_string(found.device));
-  slots_.tell_once("question", text);
+  slots_.events().tell_once(EventKind::question, text);
   for (Seat* const seat : free) slots_.set_state(*seat, SlotState::question, text);
   return nullptr;
 }
@@ -54,10 +54,10 @@ rt::Task<void> RecipeSeating::bind(Seat& seat, LssAddress device, NodeId now) {
   const bool leaves_factory = std::ranges::find(recipe.from, now) != recipe.from.end();
   const bool own = seat.slot.record.device() == device || now == seat.id();
   if (!leaves_factory && !own) {
-    slots_.tell_once("recipe",
-                     fmt::format("device {} has node-ID {}, with which such devices do not leave the factory; "
-                                 "`berth replace {} --device {}` takes it all the same",
-                                 to_string(device), now.value(), seat.name(), to_string(device)));
+    slots_.events().tell_once(EventKind::recipe,
+                              fmt::format("device {} has node-ID {}, with which such devices do not leave the factory; "
+                                          "`berth replace {} --device {}` takes it all the same",
+                                          to_string(device), now.value(), seat.name(), to_string(device)));
     co_return;
   }
   const bool resumed = seat.slot.record.asked.has_value();
@@ -75,8 +75,8 @@ rt::Task<void> RecipeSeating::bind(Seat& seat, LssAddress device, NodeId now) {
     seat.there = seat.fresh = true;
     seat.started = false;
     if (now != seat.id()) s_.boots.forget(now);
-    slots_.tell("bound", seat.name(),
-                fmt::format("bound to {} as node-ID {} {}", to_string(device), seat.id().value(), reason));
+    slots_.events().tell(EventKind::bound, seat.name(),
+                         fmt::format("bound to {} as node-ID {} {}", to_string(device), seat.id().value(), reason));
     slots_.set_state(seat, SlotState::present);
   } else if (binding.step() == RecipeStep::power_cycle) {
     slots_.set_state(seat, SlotState::power_cycle, "node-ID written; switch the device off and on");
@@ -90,7 +90,9 @@ void RecipeSeating::not_bound(Seat& seat, const places::RecipeBinding& binding) 
   const bool fresh = !seat.slot.record.confirmed && binding.untouched() && seat.slot.record.asked;
   if (fresh) {
     const auto cleared = slots_.store().clear(seat.slot.record.slot, places::name(binding.why()));
-    if (!cleared) slots_.tell("error", seat.name(), "the slot table cannot be written: " + describe(cleared.error()));
+    if (!cleared)
+      slots_.events().tell(EventKind::error, seat.name(),
+                           "the slot table cannot be written: " + describe(cleared.error()));
     slots_.refresh(seat);
   }
   const bool clone = binding.why() == places::Why::clone;

@@ -11,6 +11,52 @@
 #include "berth/text/columns.hpp"
 
 namespace berth::operate {
+
+const char* name(EventKind kind) noexcept {
+  using Odd = places::OddityKind;
+  switch (kind) {
+    case EventKind::step: return "step";
+    case EventKind::state: return "state";
+    case EventKind::found: return "found";
+    case EventKind::bound: return "bound";
+    case EventKind::new_device: return "new device";
+    case EventKind::moved: return "moved";
+    case EventKind::configured: return "configured";
+    case EventKind::restored: return "restored";
+    case EventKind::forgotten: return "forgotten";
+    case EventKind::question: return "question";
+    case EventKind::duplicate: return "duplicate";
+    case EventKind::power_cycle_needed: return "power cycle needed";
+    case EventKind::recipe: return "recipe";
+    case EventKind::milestone: return "milestone";
+    case EventKind::error: return "error";
+    case EventKind::surplus: return name(Odd::surplus);
+    case EventKind::foreign: return name(Odd::foreign);
+    case EventKind::clone: return name(Odd::clone);
+    case EventKind::wrong_revision: return name(Odd::wrong_revision);
+    case EventKind::fixed_mismatch: return name(Odd::fixed_mismatch);
+    case EventKind::misplaced: return name(Odd::misplaced);
+    case EventKind::returned: return name(Odd::returned);
+    case EventKind::unfinished: return name(Odd::unfinished);
+    case EventKind::lent: return name(Odd::lent);
+  }
+  return "?";
+}
+
+EventKind event_kind(places::OddityKind kind) noexcept {
+  static_assert(static_cast<int>(EventKind::lent) - static_cast<int>(EventKind::surplus) ==
+                static_cast<int>(places::OddityKind::lent));
+  return static_cast<EventKind>(static_cast<int>(EventKind::surplus) + static_cast<int>(kind));
+}
+
+const char* name(Milestone milestone) noexcept {
+  switch (milestone) {
+    case Milestone::discovered: return "discovered";
+    case Milestone::bound: return "bound";
+    case Milestone::operational: return "operational";
+  }
+  return "?";
+}
 namespace {
 
 using Json = nlohmann::ordered_json;
@@ -36,7 +82,7 @@ Json json_of(const Event& e) {
   Json j;
   j["at_s"] = seconds(e.at);
   j["bus"] = e.bus;
-  j["kind"] = e.kind;
+  j["kind"] = name(e.kind);
   if (!e.slot.empty()) j["slot"] = e.slot;
   j["text"] = e.text;
   if (!e.slots.empty()) j["slots"] = e.slots;

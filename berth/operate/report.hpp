@@ -9,6 +9,7 @@
 #include <vector>
 
 #include "berth/base/ids.hpp"
+#include "berth/places/oddity.hpp"
 #include "berth/places/slot.hpp"
 #include "berth/rt/executor.hpp"
 
@@ -26,12 +27,52 @@ struct SlotReport {
   std::string reason;  ///< for states that need one: what is wrong and what to do
 };
 
-/// One thing that happened. `kind` is one word of a fixed set, for programs; `text` is for people.
+/// What an event is about.
+enum class EventKind : std::uint8_t {
+  step,   ///< what is done now
+  state,  ///< a slot's state has changed
+  found,  ///< a device
+  bound,
+  new_device,  ///< with `when_ambiguous = "one-at-a-time"`: which slot it got
+  moved,
+  configured,
+  restored,  ///< factory settings
+  forgotten,
+  question,
+  duplicate,
+  power_cycle_needed,
+  recipe,
+  milestone,  ///< its text is the milestone's name
+  error,
+  // Oddities (`places::OddityKind`):
+  surplus,
+  foreign,
+  clone,
+  wrong_revision,
+  fixed_mismatch,
+  misplaced,
+  returned,
+  unfinished,
+  lent,
+};
+/// The word in JSON: "new device".
+[[nodiscard]] const char* name(EventKind kind) noexcept;
+[[nodiscard]] EventKind event_kind(places::OddityKind kind) noexcept;
+
+/// What a network reaches once in a run.
+enum class Milestone : std::uint8_t {
+  discovered,   ///< a discovery has found a device
+  bound,        ///< every slot that can be is bound, and one at least
+  operational,  ///< every slot that is not optional is operational
+};
+inline constexpr std::size_t milestones = 3;
+[[nodiscard]] const char* name(Milestone milestone) noexcept;
+
+/// One thing that happened. `kind` is for programs, `text` for people.
 struct Event {
   rt::Time at{};
   std::string bus;
-  std::string kind;  ///< "step", "found", "bound", "new device", "moved", "configured", "state", "question", "surplus",
-                     ///< "foreign", "clone", "duplicate", "lost", "error", ...
+  EventKind kind = EventKind::step;
   std::string slot;  ///< name, empty when no slot is concerned
   std::string text;
   std::vector<std::string> slots = {};    ///< of a "question": the slots that it is about

@@ -8,9 +8,6 @@ namespace berth::operate {
 
 namespace {
 
-// RAND has been asked before.
-constexpr discovery::AutoOptions only_the_rest{.rand = false, .configured = false};
-
 void take_into(NewDevices& all, const discovery::Report& report) {
   all.found = report.found;
   all.complete = report.end == discovery::Report::End::complete;
@@ -25,88 +22,11 @@ Search::Search(BusServices& services, SlotTable& slots, Agenda& agenda, FoundDev
       agenda_(agenda),
       found_(found),
       lending_(lending),
-      rand_planner_(discovery::make(discovery::Method::planner_rand, {s_.dispatcher, s_.lss})),
-      rest_(std::make_unique<discovery::Auto>(discovery::Services{s_.dispatcher, s_.lss}, only_the_rest)) {}
+      methods_(services, slots, agenda, found, lending) {}
 
 void Search::begin() {
   known_before_ = std::exchange(heard_of_, {});
   news_ = false;
-}
-
-// ---- with what ----
-
-discovery::Auto& Search::rest(bool also_configured) {
-  discovery::AutoOptions options = rest_->options();
-  options.configured = open_configured_ = also_configured;
-  rest_->set_options(options);
-  return *rest_;
-}
-
-discovery::Discovery* Search::chosen() {
-  if (chosen_ != nullptr && chosen_name_ == agenda_.method()) return chosen_.get();
-  const auto way = discovery::method(agenda_.method());
-  if (!way) {
-    slots_.tell_once("error", "there is no discovery method " + agenda_.method());
-    return nullptr;
-  }
-  chosen_ = discovery::make(*way, {s_.dispatcher, s_.lss});
-  chosen_name_ = agenda_.method();
-  return chosen_.get();
-}
-
-discovery::Known Search::known_devices() const {
-  discovery::Known known;
-  const auto add = [&](const TypeCode& type, const std::optional<std::uint32_t>& revision) {
-    const discovery::Kind kind{type, revision};
-    if (std::ranges::find(known.kinds, kind) == known.kinds.end()) known.kinds.push_back(kind);
-  };
-  for (const auto& seat : slots_.seats()) {
-    const auto& spec = seat->slot.spec;
-    const bool exact = spec.rule == places::RevisionRule::exact;
-    const auto revision = exact ? spec.revision : std::nullopt;
-    add(spec.type, revision);
-    for (const auto& other : spec.also) add(other.type, exact ? other.revision : std::nullopt);
-    const auto device = seat->slot.record.device();
-    if (device) (seat->there ? known.registered : known.expected).push_back(*device);
-    if (device || !revision) continue;
-    for (const auto serial : spec.spares) {
-      known.expected.push_back({spec.type.vendor, spec.type.product, *revision, serial});
-    }
-  }
-  for (const auto& f : found_.all()) {
-    if (std::ranges::find(known.registered, f.device) == known.registered.end()) known.registered.push_back(f.device);
-  }
-  return known;
-}
-
-discovery::Options Search::options() {
-  discovery::Options options;
-  const bool published = chosen_ != nullptr && !chosen_name_.starts_with("planner") && agenda_.method() == chosen_name_;
-  if (!published) options.window = s_.bus.timing.lss_timeout;
-  // The longest frame of the bus: 8 bytes, 29 bits, every stuff bit there can be.
-  options.blocking = std::chrono::nanoseconds(160'000'000'000LL / s_.bus.bitrate);
-  // On a slow bus a window that is shorter saves nothing, and an answer that it misses costs several frames.
-  options.shortest = std::max(options.shortest, options.blocking / 3);
-  options.inhibit = s_.lss.options().inhibit;
-  // What is missed now is looked for again later, and the machine waits meanwhile: a lost heartbeat is seen behind it.
-  options.retries = 2;
-  // Longer than the way down to one device takes where frames need pauses: it begins again after a stop.
-  options.most_time = std::chrono::seconds(20);
-  options.observer = this;
-  // A device that was found leaves the search with a node-ID: in LSS configuration, where it would be silent, some
-  // makers' devices answer everything, and Fastscan does not find the next one while this one answers.
-  const bool by_requests_alone =
-      agenda_.method() == "rand" || agenda_.method() == "planner-rand" || agenda_.method() == "and";
-  if (!by_requests_alone) options.assigner = &lending_;
-  options.confirm = published;
-  return options;
-}
-
-nodeid::DiscoveryOptions Search::rand_options() const {
-  nodeid::DiscoveryOptions o;
-  o.t_resp = s_.bus.timing.rand_response;
-  o.t_proc = s_.bus.timing.rand_processing;
-  return o;
 }
 
 // ---- the searches ----
@@ -116,15 +36,15 @@ rt::Task<void> Search::by_rand() {
   Result<discovery::Report> report = fail(Errc::invalid, "not asked");
   may_be_interrupted_ = true;
   if (plans) {
-    report = co_await ask_rand_planner();
+    report = co_await methods_.ask_rand_planner(this);
   } else {
-    report = co_await ask_rand_as_published(true);
+    report = co_await methods_.ask_rand_as_published(this);
   }
   may_be_interrupted_ = false;
   agenda_.search_open = rand_open_ = report && report->end == discovery::Report::End::more;
   agenda_.alone = !report && report.error().code == Errc::bus;
   if (!report) {
-    slots_.tell_failure("discovery", report.error());
+    slots_.events().tell_failure("discovery", report.error());
     co_return;
   }
   for (const auto& d : report->found) {
@@ -134,33 +54,19 @@ rt::Task<void> Search::by_rand() {
   tell_end(*report);
 }
 
-rt::Task<Result<discovery::Report>> Search::ask_rand_planner() {
-  discovery::Known known = known_devices();
-  known.registered.clear();  // one that answers though its address sits in a slot is a second device
-  discovery::Options how = options();
-  how.assigner = nullptr;  // a device that was found is identified and silent
-  how.window = s_.bus.timing.rand_response;
-  co_return co_await rand_planner_->find(known, how);
-}
-
-rt::Task<Result<discovery::Report>> Search::ask_rand_as_published(bool watched) {
-  const nodeid::DiscoveryOptions how = rand_options();
-  nodeid::DiscoveryObserver* const watching = watched ? this : nullptr;
-  const auto report = co_await s_.rand.discover(how, watching);
-  if (!report) co_return fail(report.error());
-  co_return discovery::report_of(*report);
-}
-
 rt::Task<bool> Search::anybody_by_rand() {
-  const nodeid::DiscoveryOptions how = rand_options();
+  const nodeid::DiscoveryOptions how = methods_.rand_options();
   const auto probe = co_await s_.rand.probe(how);
   co_return probe && probe->anybody;
 }
 
-rt::Task<bool> Search::by_rest(bool also_configured) { co_return co_await by(rest(also_configured)); }
+rt::Task<bool> Search::by_rest(bool also_configured) {
+  open_configured_ = also_configured;
+  co_return co_await by(methods_.rest(also_configured));
+}
 
 rt::Task<bool> Search::by_method() {
-  discovery::Discovery* const way = chosen();
+  discovery::Discovery* const way = methods_.chosen();
   if (way == nullptr) co_return false;
   co_return co_await by(*way);
 }
@@ -175,8 +81,8 @@ rt::Task<bool> Search::go_on() {
 }
 
 rt::Task<bool> Search::by(discovery::Discovery& way) {
-  const discovery::Known known = known_devices();
-  const discovery::Options how = options();
+  const discovery::Known known = methods_.known_devices();
+  const discovery::Options how = methods_.options(this);
   if (how.assigner != nullptr) co_await lending_.prepare();
   lending_.forget_told();
   interrupted_ = false;
@@ -187,7 +93,7 @@ rt::Task<bool> Search::by(discovery::Discovery& way) {
   // again.
   const auto quiet = co_await s_.lss.switch_global(lss::State::waiting);
   if (!report || !quiet) {
-    slots_.tell_failure("discovery", report ? quiet.error() : report.error());
+    slots_.events().tell_failure("discovery", report ? quiet.error() : report.error());
     co_return false;
   }
   agenda_.alone = false;
@@ -217,7 +123,8 @@ bool Search::gets_on() {
   before_ = now_;
   if (idle_ < most_idle) return true;
   idle_ = 0;
-  slots_.tell_once("error", "discovery ended early: a device answers to identify ranges that cannot be identified");
+  slots_.events().tell_once(EventKind::error,
+                            "discovery ended early: a device answers to identify ranges that cannot be identified");
   return false;
 }
 
@@ -247,31 +154,33 @@ void Search::tell_found(const LssAddress& device, bool clone) {
   heard_of_.push_back(device);
   if (std::ranges::find(known_before_, device) != known_before_.end()) return;
   news_ = true;
-  slots_.tell("found", "", fmt::format("found {}{}", to_string(device), clone ? ", answered twice" : ""));
+  slots_.events().tell(EventKind::found, "",
+                       fmt::format("found {}{}", to_string(device), clone ? ", answered twice" : ""));
 }
 
 void Search::tell_end(const discovery::Report& report) {
   using End = discovery::Report::End;
   if (report.end != End::complete && report.end != End::held && report.end != End::more) {
-    slots_.tell_once("error", fmt::format("discovery ended early: {}; a device answers that cannot be identified",
-                                          name(report.end)));
+    slots_.events().tell_once(
+        EventKind::error,
+        fmt::format("discovery ended early: {}; a device answers that cannot be identified", name(report.end)));
   }
   if (news_ && !report.found.empty()) {
-    slots_.tell(
-        "step", "",
+    slots_.events().tell(
+        EventKind::step, "",
         fmt::format("discovery: {} found by {}, {} requests, {:.3f} s", report.found.size(),
                     name(report.found.front().by), report.requests, seconds(report.ended) - seconds(report.began)));
   }
-  if (!report.found.empty()) slots_.reach("discovered");
+  if (!report.found.empty()) slots_.events().reach(Milestone::discovered);
 }
 
 // Not at every slice: a long search tells every ten seconds how far it is.
 void Search::tell_progress() {
   if (s_.executor.now() < progress_at_) return;
   progress_at_ = s_.executor.now() + std::chrono::seconds(10);
-  slots_.tell("step", "",
-              fmt::format("searching on: {} found so far, type {} of {}, {:.0f} % of its serial numbers", found_.size(),
-                          now_.kind + 1, now_.kinds, now_.swept * 100));
+  slots_.events().tell(EventKind::step, "",
+                       fmt::format("searching on: {} found so far, type {} of {}, {:.0f} % of its serial numbers",
+                                   found_.size(), now_.kind + 1, now_.kinds, now_.swept * 100));
 }
 
 // ---- a search that only tells ----
@@ -285,14 +194,14 @@ rt::Task<Result<NewDevices>> Search::find_new() {
     if (!unknown) co_return fail(unknown.error());
     Result<discovery::Report> report = fail(Errc::invalid, "not asked");
     if (by_planner) {
-      report = co_await ask_rand_planner();
+      report = co_await methods_.ask_rand_planner(this);
     } else {
-      report = co_await ask_rand_as_published(false);
+      report = co_await methods_.ask_rand_as_published(nullptr);
     }
     if (!report) co_return fail(report.error());
     take_into(all, *report);
   }
-  discovery::Discovery* const way = by_planner ? &rest(true) : (published ? nullptr : chosen());
+  discovery::Discovery* const way = by_planner ? &methods_.rest(true) : (published ? nullptr : methods_.chosen());
   if (way == nullptr) co_return all;
   const auto rested = co_await find_the_rest(*way, all);
   if (!rested) co_return fail(rested.error());
@@ -300,9 +209,9 @@ rt::Task<Result<NewDevices>> Search::find_new() {
 }
 
 rt::Task<Result<void>> Search::find_the_rest(discovery::Discovery& way, NewDevices& all) {
-  discovery::Known known = known_devices();
+  discovery::Known known = methods_.known_devices();
   for (const auto& found : all.found) known.registered.push_back(found.address);
-  const discovery::Options how = options();
+  const discovery::Options how = methods_.options(this);
   co_await lending_.prepare();
   auto end = discovery::Report::End::more;
   while (end == discovery::Report::End::more) {

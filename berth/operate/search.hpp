@@ -1,12 +1,10 @@
 /// One search for devices that no slot knows, by the bus's method, and what is told of it.
 #pragma once
 
-#include <memory>
 #include <string>
 #include <vector>
 
-#include "berth/discovery/auto.hpp"
-#include "berth/operate/lending.hpp"
+#include "berth/operate/search_methods.hpp"
 
 namespace berth::operate {
 
@@ -44,15 +42,8 @@ class Search final : private nodeid::DiscoveryObserver, private discovery::Obser
   rt::Task<Result<NewDevices>> find_new();
 
  private:
-  rt::Task<Result<discovery::Report>> ask_rand_planner();
-  rt::Task<Result<discovery::Report>> ask_rand_as_published(bool watched);
   rt::Task<Result<void>> find_the_rest(discovery::Discovery& way, NewDevices& all);
   rt::Task<bool> by(discovery::Discovery& way);
-  [[nodiscard]] discovery::Auto& rest(bool also_configured);
-  [[nodiscard]] discovery::Discovery* chosen();
-  [[nodiscard]] discovery::Known known_devices() const;
-  [[nodiscard]] discovery::Options options();
-  [[nodiscard]] nodeid::DiscoveryOptions rand_options() const;
   void take(const discovery::Report& report);
   void tell_found(const LssAddress& device, bool clone);
   void tell_end(const discovery::Report& report);
@@ -71,10 +62,7 @@ class Search final : private nodeid::DiscoveryObserver, private discovery::Obser
   Agenda& agenda_;
   FoundDevices& found_;
   Lending& lending_;
-  std::unique_ptr<discovery::Discovery> rand_planner_;
-  std::unique_ptr<discovery::Auto> rest_;         // what RAND does not find
-  std::unique_ptr<discovery::Discovery> chosen_;  // by `discovery =`
-  std::string chosen_name_;
+  SearchMethods methods_;
   std::vector<LssAddress> heard_of_;      // found by this search
   std::vector<LssAddress> known_before_;  // by the one before
   discovery::Progress now_{};

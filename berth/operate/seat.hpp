@@ -13,6 +13,41 @@
 
 namespace berth::operate {
 
+/// Whether a second device holds its node-ID.
+struct Doubt {
+  bool suspect = false;    ///< traffic says that it may be so
+  unsigned suspected = 0;  ///< rounds in a row in which devices that sat here before were asked for in vain
+  unsigned shared = 0;     ///< tries left to tell the two apart
+};
+
+/// What `config =` wants of its device.
+struct SeatConfiguration {
+  std::shared_ptr<const manager::Configuration> wanted;  ///< null: nothing, or unreadable
+  std::string unreadable;                                ///< why the file of `config =` could not be read
+  std::optional<rt::Time> waits_since;                   ///< it was saved then, and waits for a power cycle
+  unsigned failed_savings = 0;                           ///< in a row: memory wears out
+  bool stuck = false;  ///< it failed for good: not tried again before the device boots or a person says so
+};
+
+/// How often its heartbeat comes.
+struct HeartbeatRate {
+  std::uint64_t beats = 0;  ///< heard when it was looked at last
+  rt::Time at{};
+  unsigned fast = 0;  ///< looks in a row at which there were too many
+};
+
+/// Its device's new node-ID waits to be switched off and on.
+struct PowerCycle {
+  std::optional<places::Binding> binding;
+  unsigned looked_at = 0;  ///< rounds
+};
+
+/// What came under its node-ID, that it is not told or done again for each.
+struct LastHeard {
+  rt::Time heard_again{};  ///< it was told that the node-ID is heard again
+  rt::Time hurried{};      ///< a boot-up hastened the look at the bus
+};
+
 struct Seat {
   places::Slot slot;
   places::SlotState state = places::SlotState::unknown;
@@ -23,27 +58,17 @@ struct Seat {
   bool started = false;                 ///< NMT start was sent
   bool awaited = false;                 ///< NMT start was sent just now, and its heartbeat has not told yet
   bool fresh = false;                   ///< bound in this run, and not yet looked at for a past elsewhere
-  unsigned suspected = 0;  ///< rounds in a row in which devices that sat here before were asked for in vain
-  unsigned shared = 0;     ///< tries left to tell two devices under its node-ID apart
-  bool suspect = false;    ///< traffic says that a second device may hold its node-ID
   bool left = false;       ///< it told that it left operational, and whether it is the slot's device is not asked yet
   bool held = false;       ///< a person took it out of operational: it is not started again
   bool ask_again = false;  ///< silent, and due to be asked once more
   bool misplaced = false;  ///< its probe tells another place, which no slot has
   bool guarded = false;    ///< the device has no 1017h: it is asked by guarding
   rt::Time checked{};      ///< when it was identified last
-  rt::Time heard_again{};  ///< when it was told last that it is
-  rt::Time hurried{};      ///< when a boot-up under its node-ID last hastened the look at the bus
-  std::optional<places::Binding> waiting;  ///< bound but for a power cycle
-  unsigned looked_at = 0;                  ///< rounds in which it was
-  std::uint64_t beats = 0;                 ///< heartbeats heard when their rate was looked at last
-  rt::Time beats_at{};
-  unsigned fast = 0;                                            ///< looks in a row at which there were too many
-  std::shared_ptr<const manager::Configuration> configuration;  ///< of `config =`; null: none, or unreadable
-  std::string unreadable;                                       ///< why the file of `config =` could not be read
-  std::optional<rt::Time> waits_since;  ///< its configuration was saved then, and it waits for a power cycle
-  unsigned failed_savings = 0;          ///< of its configuration in a row: memory wears out
-  bool stuck = false;  ///< its configuration failed for good: not tried again before it boots or a person says so
+  Doubt doubt;
+  SeatConfiguration configuration;
+  HeartbeatRate rate;
+  PowerCycle power_cycle;
+  LastHeard last;
 
   [[nodiscard]] const std::string& name() const noexcept { return slot.spec.name.name; }
   [[nodiscard]] NodeId id() const noexcept { return slot.spec.id; }

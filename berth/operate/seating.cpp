@@ -40,7 +40,7 @@ rt::Task<void> Seating::carry_out() {
   planning_.report();
   const bool any =
       std::ranges::any_of(slots_.seats(), [](const auto& s) { return s->slot.record.confirmed.has_value(); });
-  if (any) slots_.reach("bound");
+  if (any) slots_.events().reach(Milestone::bound);
 }
 
 rt::Task<void> Seating::carry_out_actions(bool& inquired_all) {
@@ -173,7 +173,7 @@ void Seating::ended(Seat& seat, const Binding& binding) {
 }
 
 rt::Task<void> Seating::go_on_after_power_cycle(Seat& seat) {
-  Binding binding = *seat.waiting;
+  Binding binding = *seat.power_cycle.binding;
   binding.heard_again();
   const places::Binder::Options options = asking_.binder_options();
   places::Binder binder(asking_.binder_services(), options);
@@ -190,9 +190,9 @@ void Seating::left_node_id(NodeId id) {
   if (!id.configured()) return;
   for (const auto& seat : slots_.seats()) {
     if (seat->id() != id) continue;
-    const bool again = seat->stuck && seat->there && seat->state == SlotState::failed;
-    seat->stuck = false;
-    seat->failed_savings = 0;
+    const bool again = seat->configuration.stuck && seat->there && seat->state == SlotState::failed;
+    seat->configuration.stuck = false;
+    seat->configuration.failed_savings = 0;
     if (again) slots_.set_state(*seat, SlotState::present, "trying again: another device has left its node-ID");
   }
 }
@@ -200,7 +200,8 @@ void Seating::left_node_id(NodeId id) {
 void Seating::bound(Seat& seat, const Binding& binding) {
   if (binding.old_id() != seat.id()) left_node_id(binding.old_id());
   left_node_id(fading_.forget(binding.seat().device));
-  if (seat.waiting && seat.waiting->old_id() != seat.id()) left_node_id(seat.waiting->old_id());
+  if (seat.power_cycle.binding && seat.power_cycle.binding->old_id() != seat.id())
+    left_node_id(seat.power_cycle.binding->old_id());
   lending_.end(binding.seat().device);
   loans_.bound(binding.seat().device);
   found_.no_clone(binding.seat().device);
@@ -208,16 +209,16 @@ void Seating::bound(Seat& seat, const Binding& binding) {
   places_.forget(binding.seat().device);
   seat.there = true;
   seat.started = false;
-  seat.waiting.reset();
+  seat.power_cycle.binding.reset();
   seat.fresh = true;
   seat.checked = s_.executor.now();
-  slots_.tell("bound", seat.name(),
-              fmt::format("bound to {} as node-ID {}{}", to_string(binding.seat().device), seat.id().value(),
-                          binding.volatile_only() ? ", which it cannot store" : ""));
+  slots_.events().tell(EventKind::bound, seat.name(),
+                       fmt::format("bound to {} as node-ID {}{}", to_string(binding.seat().device), seat.id().value(),
+                                   binding.volatile_only() ? ", which it cannot store" : ""));
   if (seat.slot.spec.when_ambiguous == places::WhenAmbiguous::one_at_a_time) {
     const LssAddress& device = binding.seat().device;
-    slots_.tell(
-        "new device", seat.name(),
+    slots_.events().tell(
+        EventKind::new_device, seat.name(),
         fmt::format("new device: manufacturer {:08X}h, product {:08X}h, serial {:08X}h took slot {}, node-ID {}",
                     device.vendor, device.product, device.serial, seat.name(), seat.id().value()));
   }
@@ -229,7 +230,7 @@ void Seating::not_bound(Seat& seat, const Binding& binding) {
   using places::Why;
   seat.there = false;
   if (binding.step() == Step::power_cycle) {
-    seat.waiting = binding;
+    seat.power_cycle.binding = binding;
     found_.forget(binding.seat().device);
     slots_.set_state(seat, SlotState::power_cycle, "node-ID stored; switch the device off and on");
     return;
@@ -242,7 +243,9 @@ void Seating::not_bound(Seat& seat, const Binding& binding) {
   const bool fresh = !seat.slot.record.confirmed && binding.untouched();
   if (fresh && seat.slot.record.asked) {
     const auto cleared = slots_.store().clear(seat.slot.record.slot, places::name(binding.why()));
-    if (!cleared) slots_.tell("error", seat.name(), "the slot table cannot be written: " + describe(cleared.error()));
+    if (!cleared)
+      slots_.events().tell(EventKind::error, seat.name(),
+                           "the slot table cannot be written: " + describe(cleared.error()));
     slots_.refresh(seat);
   }
   if (binding.why() == Why::not_there && seat.slot.record.asked) return keep_for_its_device(seat);
@@ -277,7 +280,7 @@ rt::Task<bool> Seating::blank(LssAddress device, std::string reason) {
   places::Binder::Options options = asking_.binder_options();
   options.parts = asking_.parts_to_ask(device);
   places::Binder binder(asking_.binder_services(), options);
-  slots_.tell("step", "", fmt::format("taking the node-ID of {}: {}", to_string(device), reason));
+  slots_.events().tell(EventKind::step, "", fmt::format("taking the node-ID of {}: {}", to_string(device), reason));
   const places::SlotId none;
   co_await binder.run(binding, none, reason);
   const bool good = binding.step() == places::Step::done;
@@ -285,8 +288,8 @@ rt::Task<bool> Seating::blank(LssAddress device, std::string reason) {
   const NodeId used = fading_.forget(device);
   if (fades) {
     fading_.note(device, binding.old_id());
-    slots_.tell_once(
-        "power cycle needed",
+    slots_.events().tell_once(
+        EventKind::power_cycle_needed,
         fmt::format("{} has no node-ID in its memory any more, and uses {} until it is switched off and on",
                     to_string(device), binding.old_id().value()));
   } else if (good) {
@@ -299,12 +302,14 @@ rt::Task<bool> Seating::blank(LssAddress device, std::string reason) {
     if (it != nullptr) it->active = NodeId();
   } else if (binding.why() != places::Why::not_there) {
     learn_fixed(binding);
-    slots_.tell("error", "", fmt::format("{} keeps its node-ID: {}", to_string(device), name(binding.why())));
+    slots_.events().tell(EventKind::error, "",
+                         fmt::format("{} keeps its node-ID: {}", to_string(device), name(binding.why())));
   }
   // It was never told anything: there is nothing to finish.
   if (!good && binding.untouched()) {
     const auto dropped = slots_.store().drop_blank(device, places::name(binding.why()));
-    if (!dropped && dropped.error().code != Errc::not_found) slots_.tell("error", "", describe(dropped.error()));
+    if (!dropped && dropped.error().code != Errc::not_found)
+      slots_.events().tell(EventKind::error, "", describe(dropped.error()));
   }
   co_return good;
 }
@@ -330,7 +335,7 @@ void Seating::free_absent_slots() {
     for (Seat* each : group) {
       const auto cleared =
           slots_.clear(*each, "it is silent, a new device is there, and the machine file says replacement = \"auto\"");
-      if (!cleared) slots_.tell("error", each->name(), describe(cleared.error()));
+      if (!cleared) slots_.events().tell(EventKind::error, each->name(), describe(cleared.error()));
     }
   }
 }
@@ -346,7 +351,7 @@ void Seating::free_for_spares() {
     if (spare == found_.all().end()) continue;
     const auto cleared =
         slots_.clear(*seat, fmt::format("it is silent, and its listed spare {} is there", to_string(spare->device)));
-    if (!cleared) slots_.tell("error", seat->name(), describe(cleared.error()));
+    if (!cleared) slots_.events().tell(EventKind::error, seat->name(), describe(cleared.error()));
   }
 }
 
@@ -426,11 +431,11 @@ rt::Task<bool> Seating::answers_by_lss(LssAddress device) {
 // not heard, and brought nothing, is thought of now and then.
 rt::Task<bool> Seating::waits_for_its_power_cycle(Seat& seat) {
   constexpr unsigned sometimes = 8;
-  if (!seat.waiting || ++seat.looked_at % sometimes == 0) co_return false;
-  const NodeId old = seat.waiting->old_id();
+  if (!seat.power_cycle.binding || ++seat.power_cycle.looked_at % sometimes == 0) co_return false;
+  const NodeId old = seat.power_cycle.binding->old_id();
   const auto booted = old.configured() ? s_.boots.boot_up(old) : std::nullopt;
   if (booted && *booted > seat.since) co_return false;
-  const auto id = co_await asking_.active_id(seat.waiting->seat().device);
+  const auto id = co_await asking_.active_id(seat.power_cycle.binding->seat().device);
   co_return !id || *id == old;
 }
 

@@ -89,7 +89,7 @@ Result<void> Session::open() {
   if (ports_.size() != machine_->buses.size()) return fail(Errc::invalid, "a bus of the machine has no port");
   NetworkObserver observer;
   observer.event = [this](const Event& event) { record(event); };
-  observer.milestone = [this](const std::string& milestone) { reached(milestone); };
+  observer.milestone = [this](Milestone milestone) { reached(milestone); };
   for (const auto& bus : machine_->buses) {
     const auto port = std::ranges::find(ports_, &bus, &decltype(ports_)::value_type::first);
     auto network =
@@ -113,8 +113,8 @@ void Session::stop() noexcept {
   started_ = false;
 }
 
-void Session::tell(std::string_view bus, std::string kind, std::string text) {
-  record({executor_->now(), std::string(bus), std::move(kind), {}, std::move(text)});
+void Session::tell(std::string_view bus, EventKind kind, std::string text) {
+  record({executor_->now(), std::string(bus), kind, {}, std::move(text)});
 }
 
 void Session::record(const Event& event) {
@@ -123,10 +123,9 @@ void Session::record(const Event& event) {
   if (on_event_) on_event_(event);
 }
 
-void Session::reached(const std::string& milestone) {
-  auto it = std::ranges::find(milestones_, milestone, &decltype(milestones_)::value_type::first);
-  if (it == milestones_.end()) it = milestones_.insert(milestones_.end(), {milestone, 0});
-  if (++it->second == networks_.size() && on_milestone_) on_milestone_(milestone);
+void Session::reached(Milestone milestone) {
+  auto& buses = reached_[static_cast<std::size_t>(milestone)];
+  if (++buses == networks_.size() && on_milestone_) on_milestone_(milestone);
 }
 
 std::vector<SlotReport> Session::slots() const {

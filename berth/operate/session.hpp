@@ -2,6 +2,7 @@
 /// tests and every tool use this and nothing else.
 #pragma once
 
+#include <array>
 #include <deque>
 #include <functional>
 #include <memory>
@@ -39,13 +40,13 @@ class Session {
   /// Real devices hang on these buses: what disturbs one that is operational wants a person's confirmation.
   void set_careful(bool careful) noexcept { careful_ = careful; }
   [[nodiscard]] bool careful() const noexcept { return careful_; }
-  /// An event of what guards a bus's port. `kind`: "step" or "error".
-  void tell(std::string_view bus, std::string kind, std::string text);
+  /// An event of what guards a bus's port, or of its plant: `step` or `error`.
+  void tell(std::string_view bus, EventKind kind, std::string text);
 
   /// Every event, as it happens. Events are kept for `report` too, the newest `most_events`.
   void on_event(std::function<void(const Event&)> handler) { on_event_ = std::move(handler); }
-  /// "discovered", "bound", "operational": when the last bus has reached it.
-  void on_milestone(std::function<void(const std::string&)> handler) { on_milestone_ = std::move(handler); }
+  /// When the last bus has reached it.
+  void on_milestone(std::function<void(Milestone)> handler) { on_milestone_ = std::move(handler); }
   static constexpr std::size_t most_events = 10'000;
 
   [[nodiscard]] Report report() const;
@@ -67,7 +68,7 @@ class Session {
  private:
   class StampedStore;
   void record(const Event& event);
-  void reached(const std::string& milestone);
+  void reached(Milestone milestone);
 
   rt::Executor* executor_;
   const design::Machine* machine_;
@@ -76,8 +77,8 @@ class Session {
   std::vector<std::unique_ptr<Network>> networks_;
   std::deque<Event> events_;
   std::function<void(const Event&)> on_event_;
-  std::function<void(const std::string&)> on_milestone_;
-  std::vector<std::pair<std::string, std::size_t>> milestones_;
+  std::function<void(Milestone)> on_milestone_;
+  std::array<std::size_t, milestones> reached_{};  // buses
   rt::Time began_{};
   bool started_ = false;
   bool careful_ = false;

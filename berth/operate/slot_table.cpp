@@ -3,9 +3,6 @@
 #include <fmt/format.h>
 
 #include <algorithm>
-#include <string_view>
-
-#include "berth/can/empty_bus.hpp"
 
 namespace berth::operate {
 
@@ -15,7 +12,7 @@ using places::UnfinishedBlank;
 
 SlotTable::SlotTable(BusServices& services, std::vector<places::SlotSpec> specs, places::SlotStore& store,
                      NetworkObserver observer)
-    : s_(services), store_(&store), observer_(std::move(observer)) {
+    : s_(services), store_(&store), events_(services.executor, services.bus.name, std::move(observer)) {
   for (auto& spec : specs) {
     seats_.push_back(std::make_unique<Seat>());
     seats_.back()->slot.spec = std::move(spec);
@@ -75,7 +72,8 @@ bool SlotTable::operational() const noexcept {
 
 void SlotTable::refresh(Seat& seat) {
   auto record = store_->load(seat.slot.record.slot);
-  if (!record) return tell("error", seat.name(), "the slot table cannot be read: " + describe(record.error()));
+  if (!record)
+    return events_.tell(EventKind::error, seat.name(), "the slot table cannot be read: " + describe(record.error()));
   seat.slot.record = std::move(*record);
 }
 
@@ -84,8 +82,8 @@ void SlotTable::set_state(Seat& seat, SlotState state, std::string reason) {
   if (seat.state != state) seat.since = s_.executor.now();
   seat.state = state;
   seat.reason = std::move(reason);
-  tell("state", seat.name(),
-       seat.reason.empty() ? places::name(state) : fmt::format("{}: {}", places::name(state), seat.reason));
+  events_.tell(EventKind::state, seat.name(),
+               seat.reason.empty() ? places::name(state) : fmt::format("{}: {}", places::name(state), seat.reason));
 }
 
 void SlotTable::set_absent(Seat& seat, const std::string& fact) {
@@ -105,10 +103,10 @@ Result<void> SlotTable::clear(Seat& seat, const std::string& reason) {
   seat.slot.record.confirmed.reset();
   seat.there = seat.started = false;
   seat.slot.record.configured.reset();
-  seat.waiting.reset();
-  seat.waits_since.reset();
-  seat.stuck = false;
-  seat.failed_savings = 0;
+  seat.power_cycle.binding.reset();
+  seat.configuration.waits_since.reset();
+  seat.configuration.stuck = false;
+  seat.configuration.failed_savings = 0;
   set_state(seat, SlotState::empty, reason);
   return {};
 }
@@ -121,13 +119,13 @@ bool SlotTable::is_marked(Mark mark, const LssAddress& device) const {
 void SlotTable::set_mark(Mark mark, const LssAddress& device, NodeId id, const std::string& reason) {
   if (is_marked(mark, device)) return;
   const auto marked = store_->mark(mark, device, id, reason);
-  if (!marked) tell("error", "", "the slot table cannot be written: " + describe(marked.error()));
+  if (!marked) events_.tell(EventKind::error, "", "the slot table cannot be written: " + describe(marked.error()));
 }
 
 void SlotTable::take_mark(Mark mark, const LssAddress& device, const std::string& reason) {
   if (!is_marked(mark, device)) return;
   const auto taken = store_->unmark(mark, device, reason);
-  if (!taken) tell("error", "", "the slot table cannot be written: " + describe(taken.error()));
+  if (!taken) events_.tell(EventKind::error, "", "the slot table cannot be written: " + describe(taken.error()));
 }
 
 std::optional<places::FormerSeat> SlotTable::former_seat_of(const LssAddress& device) const {
@@ -144,33 +142,6 @@ std::vector<UnfinishedBlank> SlotTable::unfinished_here() const {
     return b.bus.empty() || (b.bus == s_.bus.name && (b.machine == machine || machine.empty()));
   });
   return here;
-}
-
-void SlotTable::tell(std::string kind, std::string slot, std::string text) {
-  if (observer_.event)
-    observer_.event({s_.executor.now(), s_.bus.name, std::move(kind), std::move(slot), std::move(text)});
-}
-
-void SlotTable::tell_once(const std::string& kind, const std::string& text) {
-  tell_once(Event{s_.executor.now(), s_.bus.name, kind, {}, text});
-}
-
-void SlotTable::tell_once(const Event& event) {
-  if (std::ranges::find(told_, event.text) != told_.end()) return;
-  told_.push_back(event.text);
-  if (observer_.event) observer_.event(event);
-}
-
-void SlotTable::tell_failure(const std::string& what, const Error& error) {
-  const bool alone = error.code == Errc::bus && std::string_view(error.text) == can::no_acknowledge;
-  tell_once("error", alone ? error.text : what + ": " + describe(error));
-}
-
-void SlotTable::reach(const char* milestone) {
-  if (std::ranges::find(reached_, milestone) != reached_.end()) return;
-  reached_.emplace_back(milestone);
-  tell("milestone", "", milestone);
-  if (observer_.milestone) observer_.milestone(milestone);
 }
 
 }  // namespace berth::operate

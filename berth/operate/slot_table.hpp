@@ -1,29 +1,18 @@
-/// The slots of one bus at run time: their states, their rows in the store, and the events that tell of them.
+/// The slots of one bus at run time: their states, their rows in the store, and what tells of them.
 #pragma once
 
-#include <functional>
 #include <memory>
 #include <optional>
 #include <string>
 #include <vector>
 
 #include "berth/operate/bus_services.hpp"
-#include "berth/operate/report.hpp"
+#include "berth/operate/events.hpp"
 #include "berth/operate/seat.hpp"
 #include "berth/places/slot.hpp"
 #include "berth/places/slot_store.hpp"
 
 namespace berth::operate {
-
-/// What a network tells its owner. Called from the executor; must not destroy the network.
-struct NetworkObserver {
-  std::function<void(const Event&)> event = {};
-  /// "discovered": a discovery has found a device; "bound": every slot that can be is bound, and one at least;
-  /// "operational": every slot that is not optional is operational. Each once.
-  std::function<void(const std::string&)> milestone = {};
-  /// Before each step of a binding: for displays and fault plans. May be empty.
-  std::function<void(const places::Binding&)> before_step = {};
-};
 
 class SlotTable {
  public:
@@ -68,26 +57,13 @@ class SlotTable {
   /// are of any bus.
   [[nodiscard]] std::vector<places::UnfinishedBlank> unfinished_here() const;
 
-  void tell(std::string kind, std::string slot, std::string text);
-  /// Not again until `tell_again`.
-  void tell_once(const std::string& kind, const std::string& text);
-  /// Once, what failed and why. That no device acknowledges is told in these words alone, whatever was tried.
-  void tell_failure(const std::string& what, const Error& error);
-  void tell_once(const Event& event);
-  void tell_again() noexcept { told_.clear(); }
-  /// A milestone, once.
-  void reach(const char* milestone);
-  [[nodiscard]] const std::function<void(const places::Binding&)>& before_step() const noexcept {
-    return observer_.before_step;
-  }
+  [[nodiscard]] Events& events() noexcept { return events_; }
 
  private:
   BusServices& s_;
   places::SlotStore* store_;
-  NetworkObserver observer_;
+  Events events_;
   Seats seats_;
-  std::vector<std::string> told_;     // with `tell_once`
-  std::vector<std::string> reached_;  // milestones
 };
 
 }  // namespace berth::operate

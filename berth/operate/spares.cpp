@@ -42,7 +42,7 @@ rt::Task<bool> Spares::isolate_former(Seat& seat) {
   for (const auto& device : formers) {
     if (fading_.uses(device, seat.id())) continue;  // it has given it up already
     Result<NodeId> id = co_await asking_.active_id_once(device);
-    const bool slowly = !id && seat.suspected > 0;
+    const bool slowly = !id && seat.doubt.suspected > 0;
     if (slowly) id = co_await asking_.active_id(device);
     silent = silent || !id;
     if (!id || *id != seat.id()) continue;
@@ -50,16 +50,16 @@ rt::Task<bool> Spares::isolate_former(Seat& seat) {
     const std::string text =
         sat ? planning_.text_of_return(device, *sat)
             : fmt::format("a device that sat in slot {} is back: {}", seat.name(), to_string(device));
-    slots_.tell("returned", seat.name(), text);
+    slots_.events().tell(EventKind::returned, seat.name(), text);
     const std::string reason = "its slot was given to another device";
     const bool gone = co_await seating_.blank(device, reason);
     planning_.returned(device, gone ? NodeId() : *id, text);
     any = true;
   }
   // What spoke here may have been one that did not hear the question: it is asked for twice more.
-  seat.suspect = silent && !any && ++seat.suspected < 3;
-  if (!seat.suspect) seat.suspected = 0;
-  if (seat.suspect) agenda_.look_anew = true;
+  seat.doubt.suspect = silent && !any && ++seat.doubt.suspected < 3;
+  if (!seat.doubt.suspect) seat.doubt.suspected = 0;
+  if (seat.doubt.suspect) agenda_.look_anew = true;
   co_return any;
 }
 
@@ -111,7 +111,7 @@ rt::Task<Result<bool>> Spares::foreign_date(Seat& seat) {
   if (!days || *days == 0) co_return false;
   const auto ms = co_await s_.sdo.read<std::uint32_t>(id, 0x1020, 2);
   if (!ms && ms.error().code != Errc::aborted) co_return fail(ms.error());
-  if (!seat.configuration) co_return true;
+  if (!seat.configuration.wanted) co_return true;
   const auto wanted = co_await configuring_.wanted_of(seat);
   if (!wanted) co_return fail(wanted.error());
   const manager::ConfigurationDate has{*days, ms.value_or(0)};
@@ -131,7 +131,8 @@ rt::Task<bool> Spares::restore_seat(Seat& seat) {
     co_return false;
   }
   if (!loaded) {
-    slots_.tell("restored", seat.name(), "it cannot restore its factory settings (1011h): " + describe(loaded.error()));
+    slots_.events().tell(EventKind::restored, seat.name(),
+                         "it cannot restore its factory settings (1011h): " + describe(loaded.error()));
     slots_.take_mark(Mark::restore, device, "it has no 1011h, or refuses");
     co_return true;
   }
@@ -148,7 +149,7 @@ rt::Task<bool> Spares::restore_seat(Seat& seat) {
   }
   const bool booted = co_await s_.boots.wait(id, began, began + s_.bus.timing.boot_timeout);
   slots_.take_mark(Mark::restore, device, booted ? "loaded, and booted with them" : "loaded, and reset");
-  slots_.tell("restored", seat.name(), fmt::format("{} has its factory settings", to_string(device)));
+  slots_.events().tell(EventKind::restored, seat.name(), fmt::format("{} has its factory settings", to_string(device)));
   const auto who = co_await places::Binder::read_identity(s_.sdo, id);
   const bool same = who && *who == device;
   seat.checked = s_.executor.now();

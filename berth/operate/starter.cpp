@@ -28,7 +28,7 @@ rt::Task<bool> Starter::check_and_start() {
   co_await starts.join();
   co_await await_operational();
   const bool all = slots_.operational() && s_.may_command();
-  if (all) slots_.reach("operational");
+  if (all) slots_.events().reach(Milestone::operational);
   co_return all;
 }
 
@@ -38,7 +38,7 @@ rt::Task<void> Starter::start_seat(Seat& seat) {
   const bool shares = presence_.waits_beside_another(seat);
   if (shares) co_return;
   // A second answer was heard under it: before anything is written and saved there, they are told apart once.
-  if (seat.shared >= Doubles::most_tries && !s_.only_observes()) {
+  if (seat.doubt.shared >= Doubles::most_tries && !s_.only_observes()) {
     agenda_.look_anew = true;
     co_return;
   }
@@ -48,7 +48,7 @@ rt::Task<void> Starter::start_seat(Seat& seat) {
   if (configures) {
     manager::ConfigurationReport report;
     const bool ready = co_await configuring_.configure(seat, report);
-    if (seat.shared > 0) agenda_.look_anew = true;
+    if (seat.doubt.shared > 0) agenda_.look_anew = true;
     if (!ready) co_return;
   } else {
     const bool beats = co_await set_heartbeat(seat);

@@ -58,7 +58,7 @@ void Supervision::heartbeat(const co::HeartbeatEvent& event, rt::Time at) {
       wake.kind == Wake::Kind::state && seat->state != SlotState::duplicate) {
     seat->left = false;
     slots_.set_state(*seat, SlotState::operational);
-    if (slots_.operational()) slots_.reach("operational");
+    if (slots_.operational()) slots_.events().reach(Milestone::operational);
     return;
   }
   if (seat != nullptr) show(*seat, wake, event.state);
@@ -82,22 +82,22 @@ void Supervision::emergency(NodeId node, const co::Emcy& message) noexcept {
 void Supervision::check_rates() {
   for (auto& seat : slots_.seats()) {
     const auto beats = s_.boots.beats(seat->id());
-    const auto elapsed = s_.executor.now() - seat->beats_at;
+    const auto elapsed = s_.executor.now() - seat->rate.at;
     const auto period = s_.bus.timing.heartbeat_period;
     if (seat->state != SlotState::operational || period.count() == 0 || elapsed < 4 * period) {
       if (seat->state != SlotState::operational) {
-        seat->beats = beats;
-        seat->beats_at = s_.executor.now();
+        seat->rate.beats = beats;
+        seat->rate.at = s_.executor.now();
       }
       continue;
     }
     const auto expected = elapsed / period + 1;
-    seat->fast = static_cast<std::int64_t>(beats - seat->beats) * 2 > expected * 3 ? seat->fast + 1 : 0;
-    seat->beats = beats;
-    seat->beats_at = s_.executor.now();
-    if (seat->fast >= 2) {
-      seat->suspect = true;
-      seat->shared = Doubles::most_tries;
+    seat->rate.fast = static_cast<std::int64_t>(beats - seat->rate.beats) * 2 > expected * 3 ? seat->rate.fast + 1 : 0;
+    seat->rate.beats = beats;
+    seat->rate.at = s_.executor.now();
+    if (seat->rate.fast >= 2) {
+      seat->doubt.suspect = true;
+      seat->doubt.shared = Doubles::most_tries;
       agenda_.look_anew = true;
       slots_.set_state(
           *seat, SlotState::duplicate,
@@ -154,7 +154,7 @@ rt::Task<void> Supervision::booted(Seat& seat, rt::Time at) {
     co_return;
   }
   // It was at work a moment ago: what booted may be a second device, which sends no heartbeat and is not heard again.
-  if (seat.there && seat.started) seat.shared = std::max(seat.shared, 1U);
+  if (seat.there && seat.started) seat.doubt.shared = std::max(seat.doubt.shared, 1U);
   // The slot's own device, or one that sat here before?
   co_await spares_.isolate_former(seat);
   co_await came_back(seat, at);
@@ -168,10 +168,10 @@ void Supervision::lost(Seat& seat) {
   const bool automatic = seat.slot.spec.replacement == places::Replacement::automatic;
   if (!automatic || !seat.slot.record.device()) return;
   const auto cleared = slots_.clear(seat, "it fell silent, and the machine file says replacement = \"auto\"");
-  if (!cleared) slots_.tell("error", seat.name(), describe(cleared.error()));
+  if (!cleared) slots_.events().tell(EventKind::error, seat.name(), describe(cleared.error()));
   agenda_.look_anew = true;
   agenda_.anew_at = s_.executor.now();  // a device that waited for the slot is seated
-  seat.hurried = {};
+  seat.last.hurried = {};
   // A replacement that comes now is heard at once; the long search for devices with a node-ID would be in its way.
   agenda_.rest_at = std::max(agenda_.rest_at, s_.executor.now() + 8 * s_.bus.timing.probe_period);
 }
@@ -196,18 +196,19 @@ rt::Task<void> Supervision::told_state(Seat& seat) {
 // A device that boots again and again, and is not taken, does not keep the bus busy.
 void Supervision::hurry(Seat& seat) {
   const rt::Time now = s_.executor.now();
-  const bool lately = seat.hurried != rt::Time{} && now < seat.hurried + 8 * s_.bus.timing.probe_period;
+  const bool lately = seat.last.hurried != rt::Time{} && now < seat.last.hurried + 8 * s_.bus.timing.probe_period;
   if (lately) return;
-  seat.hurried = now;
+  seat.last.hurried = now;
   agenda_.anew_at = std::min(agenda_.anew_at, now);
 }
 
 // A device booted, or spoke again, under the slot's node-ID: is it the slot's device?
 rt::Task<void> Supervision::came_back(Seat& seat, rt::Time booted) {
-  const bool told = std::exchange(seat.heard_again, s_.executor.now()) == s_.executor.now();
-  if (!told) slots_.tell("step", seat.name(), fmt::format("node-ID {} is heard again", seat.id().value()));
-  seat.there = seat.started = seat.held = seat.stuck = false;
-  if (seat.waiting) {
+  const bool told = std::exchange(seat.last.heard_again, s_.executor.now()) == s_.executor.now();
+  if (!told)
+    slots_.events().tell(EventKind::step, seat.name(), fmt::format("node-ID {} is heard again", seat.id().value()));
+  seat.there = seat.started = seat.held = seat.configuration.stuck = false;
+  if (seat.power_cycle.binding) {
     co_await seating_.go_on_after_power_cycle(seat);
     co_return;
   }

@@ -47,4 +47,17 @@ class Supervision {
   Spares& spares_;
 };
 
+/// What the consumers of heartbeats and EMCYs call: they are made before there is a `Supervision`.
+class Ears final : public co::HeartbeatConsumer::Observer, public co::EmcyConsumer::Observer {
+ public:
+  void lead_to(Supervision& supervision) noexcept { supervision_ = &supervision; }
+
+ private:
+  void heartbeat(const co::HeartbeatEvent& event, rt::Time at) noexcept override { supervision_->heartbeat(event, at); }
+  void emergency(NodeId node, const co::Emcy& message, rt::Time) noexcept override {
+    supervision_->emergency(node, message);
+  }
+  Supervision* supervision_ = nullptr;
+};
+
 }  // namespace berth::operate

@@ -18,66 +18,31 @@ struct Group {
   std::vector<Found> fresh;
 };
 
-class Planner {
+std::string capital(std::string text) {
+  if (!text.empty() && text[0] >= 'a' && text[0] <= 'z') text[0] = static_cast<char>(text[0] - 'a' + 'A');
+  return text;
+}
+
+/// The plan under way.
+class Draft {
  public:
-  Planner(const std::vector<Slot>& slots, const std::vector<Found>& found, const std::vector<LssAddress>& blanks,
-          NodeId master, const std::vector<Reading>& readings)
-      : slots_(slots), found_(found), blanks_(blanks), master_(master), readings_(readings) {}
+  Draft(const std::vector<Slot>& slots, const std::vector<Found>& found, NodeId master)
+      : slots_(slots), found_(found), master_(master) {}
 
-  Plan make() {
-    finish_blanks();
-    finish_and_repair();
-    seat_new_devices();
-    // A device that holds another's node-ID gives it up before any is seated.
-    std::ranges::stable_partition(plan_.actions, [](const Action& a) { return a.kind == Action::Kind::blank; });
-    return std::move(plan_);
-  }
-
- private:
+  [[nodiscard]] Plan& plan() noexcept { return plan_; }
   [[nodiscard]] const Slot* seat_of(const LssAddress& device) const {
     const auto it = std::ranges::find_if(slots_, [&](const Slot& s) { return s.record.device() == device; });
     return it == slots_.end() ? nullptr : &*it;
   }
-  [[nodiscard]] bool id_is_taken(NodeId id) const {
-    return id == master_ || std::ranges::any_of(slots_, [&](const Slot& s) { return s.spec.id == id; });
-  }
+
   void blank(const LssAddress& device, std::string reason) {
     const bool planned = std::ranges::any_of(
         plan_.actions, [&](const Action& a) { return a.kind == Action::Kind::blank && a.device == device; });
     if (!planned) plan_.actions.push_back({Action::Kind::blank, 0, device, std::move(reason)});
   }
+
   void bind(std::size_t slot, const LssAddress& device, std::string reason) {
     plan_.actions.push_back({Action::Kind::bind, slot, device, std::move(reason)});
-  }
-
-  void finish_blanks() {
-    for (const auto& device : blanks_) {
-      if (seat_of(device) == nullptr) blank(device, "finishing what an earlier run began");
-    }
-  }
-
-  void finish_and_repair() {
-    for (std::size_t i = 0; i < slots_.size(); ++i) {
-      const auto& [spec, record] = slots_[i];
-      if (record.asked) {
-        make_way(record.asked->device, spec.id);
-        bind(i, record.asked->device, "finishing what an earlier run began");
-      } else if (record.confirmed && record.confirmed->id != spec.id) {
-        make_way(record.confirmed->device, spec.id);
-        bind(i, record.confirmed->device, fmt::format("the slot's node-ID is {} now", spec.id.value()));
-      } else if (record.confirmed) {
-        const auto heard = std::ranges::find(found_, record.confirmed->device, &Found::device);
-        if (heard == found_.end() || heard->active == spec.id) continue;
-        if (heard->clone) {
-          report_clone(*heard);
-          continue;
-        }
-        make_way(heard->device, spec.id);
-        bind(i, heard->device,
-             heard->active.configured() ? fmt::format("it came with node-ID {}", heard->active.value())
-                                        : "it came without its node-ID");
-      }
-    }
   }
 
   /// A device found at `id` that is not `device` must leave it first.
@@ -90,10 +55,132 @@ class Planner {
   }
 
   void report_clone(const Found& f) {
-    plan_.oddities.push_back({"clone", f.device, f.active,
+    plan_.oddities.push_back({OddityKind::clone, f.device, f.active,
                               fmt::format("more than one device answers to LSS address {}; take one away, or give it a "
                                           "serial number of its own",
                                           to_string(f.device))});
+  }
+
+  /// A device without a seat may keep a node-ID only when no slot here needs it.
+  void keep_off_our_ids(const Found& f) {
+    if (f.active.configured() && id_is_taken(f.active) && !f.clone && !f.lent) {
+      blank(f.device, fmt::format("it holds node-ID {}, which belongs to {}", f.active.value(),
+                                  f.active == master_ ? "the master" : "a slot"));
+    }
+  }
+
+  void leave(const Found& f, OddityKind kind, const char* what) {
+    plan_.oddities.push_back({kind, f.device, f.active, fmt::format("device {} {}", to_string(f.device), what)});
+    keep_off_our_ids(f);
+  }
+
+  /// The free slot whose node-ID it came with.
+  [[nodiscard]] std::optional<std::size_t> own_place(const std::vector<std::size_t>& free, const Found& f) const {
+    if (!f.active.configured() || f.lent) return std::nullopt;
+    const auto own = std::ranges::find_if(
+        free, [&](std::size_t i) { return slots_[i].spec.id == f.active && fits(slots_[i].spec, f.device); });
+    const bool alone = std::ranges::count(found_, f.active, &Found::active) == 1;
+    if (own == free.end() || !alone) return std::nullopt;
+    return *own;
+  }
+
+  void seat(std::size_t slot, const Found& f) {
+    const NodeId id = slots_[slot].spec.id;
+    make_way(f.device, id);
+    if (f.active != id) keep_off_our_ids(f);
+    bind(slot, f.device, "discovered");
+  }
+
+  void ask(const std::vector<std::size_t>& free, const std::vector<Found>& fresh, const char* what_else) {
+    Question q;
+    q.slots = free;
+    std::vector<std::string> devices;
+    for (const auto& f : fresh) {
+      q.devices.push_back(f.device);
+      devices.push_back(to_string(f.device));
+    }
+    std::vector<std::string> names;
+    for (const auto i : free) names.push_back(slots_[i].spec.name.name);
+    q.brief = fmt::format("{} new device{} of type {} and {} free slot{}: which belongs where?", fresh.size(),
+                          fresh.size() == 1 ? "" : "s", to_string(fresh.front().device.type()), free.size(),
+                          free.size() == 1 ? "" : "s");
+    q.text = fmt::format("{} Devices: {}. Slots: {}. {}ame them with `berth replace SLOT --device ADDRESS`", q.brief,
+                         some_of(devices), names.empty() ? "-" : some_of(names),
+                         what_else == nullptr ? std::string("N") : capital(what_else) + ", or n");
+    for (const auto& f : fresh) {
+      if (!own_place(free, f)) keep_off_our_ids(f);
+    }
+    plan_.questions.push_back(std::move(q));
+  }
+
+  [[nodiscard]] std::vector<std::size_t> places_free(std::vector<std::size_t> places) const {
+    std::erase_if(places, [&](std::size_t i) {
+      return std::ranges::any_of(plan_.actions,
+                                 [&](const Action& a) { return a.kind == Action::Kind::bind && a.slot == i; });
+    });
+    return places;
+  }
+
+ private:
+  [[nodiscard]] bool id_is_taken(NodeId id) const {
+    return id == master_ || std::ranges::any_of(slots_, [&](const Slot& s) { return s.spec.id == id; });
+  }
+
+  const std::vector<Slot>& slots_;
+  const std::vector<Found>& found_;
+  NodeId master_;
+  Plan plan_;
+};
+
+class Planner {
+ public:
+  Planner(const std::vector<Slot>& slots, const std::vector<Found>& found, const std::vector<LssAddress>& blanks,
+          NodeId master, const std::vector<Reading>& readings)
+      : slots_(slots),
+        found_(found),
+        blanks_(blanks),
+        master_(master),
+        readings_(readings),
+        draft_(slots, found, master) {}
+
+  Plan make() {
+    finish_blanks();
+    finish_and_repair();
+    seat_new_devices();
+    // A device that holds another's node-ID gives it up before any is seated.
+    std::ranges::stable_partition(draft_.plan().actions, [](const Action& a) { return a.kind == Action::Kind::blank; });
+    return std::move(draft_.plan());
+  }
+
+ private:
+  void finish_blanks() {
+    for (const auto& device : blanks_) {
+      if (draft_.seat_of(device) == nullptr) draft_.blank(device, "finishing what an earlier run began");
+    }
+  }
+
+  void finish_and_repair() {
+    for (std::size_t i = 0; i < slots_.size(); ++i) {
+      const auto& [spec, record] = slots_[i];
+      if (record.asked) {
+        draft_.make_way(record.asked->device, spec.id);
+        draft_.bind(i, record.asked->device, "finishing what an earlier run began");
+      } else if (record.confirmed && record.confirmed->id != spec.id) {
+        draft_.make_way(record.confirmed->device, spec.id);
+        draft_.bind(i, record.confirmed->device, fmt::format("the slot's node-ID is {} now", spec.id.value()));
+      } else if (record.confirmed) {
+        const auto heard = std::ranges::find(found_, record.confirmed->device, &Found::device);
+        if (heard == found_.end() || heard->active == spec.id) continue;
+        if (heard->clone) {
+          draft_.report_clone(*heard);
+          continue;
+        }
+        draft_.make_way(heard->device, spec.id);
+        draft_.bind(i, heard->device,
+                    heard->active.configured() ? fmt::format("it came with node-ID {}", heard->active.value())
+                                               : "it came without its node-ID");
+      }
+    }
   }
 
   void seat_new_devices() {
@@ -103,18 +190,18 @@ class Planner {
         groups[slots_[i].spec.type].free.push_back(i);
     }
     for (const auto& f : found_) {
-      if (seat_of(f.device) != nullptr) continue;
+      if (draft_.seat_of(f.device) != nullptr) continue;
       if (f.clone) {
-        report_clone(f);
-        keep_off_our_ids(f);
+        draft_.report_clone(f);
+        draft_.keep_off_our_ids(f);
         continue;
       }
       groups[group_of(f.device)].fresh.push_back(f);
     }
-    const auto first = plan_.actions.size();
+    const auto first = draft_.plan().actions.size();
     for (auto& [type, group] : groups) seat_group(group);
     // In the order of the slots, as paper 1's Figure 10 shows it.
-    std::stable_sort(plan_.actions.begin() + static_cast<std::ptrdiff_t>(first), plan_.actions.end(),
+    std::stable_sort(draft_.plan().actions.begin() + static_cast<std::ptrdiff_t>(first), draft_.plan().actions.end(),
                      [&](const Action& a, const Action& b) { return rank(a) < rank(b); });
   }
 
@@ -136,19 +223,6 @@ class Planner {
 
   [[nodiscard]] unsigned rank(const Action& a) const {
     return a.kind == Action::Kind::blank ? 0U : slots_[a.slot].spec.id.value();
-  }
-
-  /// A device without a seat may keep a node-ID only when no slot here needs it.
-  void keep_off_our_ids(const Found& f) {
-    if (f.active.configured() && id_is_taken(f.active) && !f.clone && !f.lent) {
-      blank(f.device, fmt::format("it holds node-ID {}, which belongs to {}", f.active.value(),
-                                  f.active == master_ ? "the master" : "a slot"));
-    }
-  }
-
-  void leave(const Found& f, const char* kind, const char* what) {
-    plan_.oddities.push_back({kind, f.device, f.active, fmt::format("device {} {}", to_string(f.device), what)});
-    keep_off_our_ids(f);
   }
 
   void seat_group(Group& group) {
@@ -197,7 +271,7 @@ class Planner {
   }
 
   void take(Group& group, std::size_t slot, const Found& f) {
-    seat(slot, f);
+    draft_.seat(slot, f);
     std::erase(group.free, slot);
     const LssAddress device = f.device;  // `f` may be the one that goes
     std::erase_if(group.fresh, [&](const Found& each) { return each.device == device; });
@@ -223,17 +297,20 @@ class Planner {
       const bool waits_for_another = misplaced(f);
       if (waits_for_another) return true;
       if (!known_type) {
-        leave(f, "foreign", "is of a type that this machine has no slot for; take it off the bus, or add a slot");
+        draft_.leave(f, OddityKind::foreign,
+                     "is of a type that this machine has no slot for; take it off the bus, or add a slot");
       } else if (fixed_slot_waits(f.device.type())) {
-        plan_.oddities.push_back(
-            {"fixed mismatch", f.device, f.active,
+        draft_.plan().oddities.push_back(
+            {OddityKind::fixed_mismatch, f.device, f.active,
              fmt::format("device {} is of a type whose slot expects a fixed node-ID, and does not have "
                          "it; set its switches, or put it into the right place",
                          to_string(f.device))});
       } else if (group.free.empty()) {
-        leave(f, "surplus", "finds every slot of its type taken; take it off the bus, or `berth replace` a slot");
+        draft_.leave(f, OddityKind::surplus,
+                     "finds every slot of its type taken; take it off the bus, or `berth replace` a slot");
       } else {
-        leave(f, "wrong revision", "has a revision that no free slot accepts; see the slots' `revision`");
+        draft_.leave(f, OddityKind::wrong_revision,
+                     "has a revision that no free slot accepts; see the slots' `revision`");
       }
       return true;
     });
@@ -257,11 +334,11 @@ class Planner {
       return s.spec.probe && s.record.device() && fits(s.spec, f.device) && shows(f.device, *s.spec.probe);
     });
     if (place == slots_.end()) return false;
-    leave(f, "misplaced",
-          fmt::format("sits in the place of slot {} by its probe, and that slot waits for {}; if this is its "
-                      "replacement, `berth replace` the slot",
-                      place->spec.name.name, to_string(*place->record.device()))
-              .c_str());
+    draft_.leave(f, OddityKind::misplaced,
+                 fmt::format("sits in the place of slot {} by its probe, and that slot waits for {}; if this is its "
+                             "replacement, `berth replace` the slot",
+                             place->spec.name.name, to_string(*place->record.device()))
+                     .c_str());
     return true;
   }
 
@@ -281,7 +358,7 @@ class Planner {
                                             [&](const Probe& p) { return reading(f.device, p) == nullptr; });
       if (!asks) continue;
       waits = true;
-      plan_.probes.push_back(f.device);
+      draft_.plan().probes.push_back(f.device);
       keep_off_others(f);
     }
     if (waits) return group.fresh.clear();  // which device shows a place alone is known when all were read
@@ -303,15 +380,7 @@ class Planner {
       }
     }
     if (others) std::erase_if(group.free, [&](std::size_t i) { return slots_[i].spec.probe.has_value(); });
-    if (!puzzling.empty()) ask(places_free(places), puzzling, "their probes do not tell their places");
-  }
-
-  [[nodiscard]] std::vector<std::size_t> places_free(std::vector<std::size_t> places) const {
-    std::erase_if(places, [&](std::size_t i) {
-      return std::ranges::any_of(plan_.actions,
-                                 [&](const Action& a) { return a.kind == Action::Kind::bind && a.slot == i; });
-    });
-    return places;
+    if (!puzzling.empty()) draft_.ask(draft_.places_free(places), puzzling, "their probes do not tell their places");
   }
 
   /// It is to be read under its own node-ID, unless that is another's.
@@ -319,7 +388,7 @@ class Planner {
     const bool taken = f.active == master_ || std::ranges::any_of(slots_, [&](const Slot& s) {
                          return s.spec.id == f.active && s.record.device() && s.record.device() != f.device;
                        });
-    if (taken) keep_off_our_ids(f);
+    if (taken) draft_.keep_off_our_ids(f);
   }
 
   // ---- what is left ----
@@ -333,21 +402,22 @@ class Planner {
         if (fresh.empty() || free.empty()) return;
         if (fresh.size() != free.size()) break;
         if (const auto device_of = pairs_in_order(graph_of(group))) {
-          for (std::size_t k = 0; k < free.size(); ++k) seat(free[k], fresh[(*device_of)[k]]);
+          for (std::size_t k = 0; k < free.size(); ++k) draft_.seat(free[k], fresh[(*device_of)[k]]);
           return;
         }
         break;
       case WhenAmbiguous::one_at_a_time:
         if (fresh.size() != 1) {
-          return ask(free, fresh, "they come one at a time here: leave only the next one switched on");
+          return draft_.ask(free, fresh, "they come one at a time here: leave only the next one switched on");
         }
         return seat_in_turn(group);
       case WhenAmbiguous::first_seen: std::ranges::stable_sort(fresh, {}, &Found::seen); return seat_in_turn(group);
       case WhenAmbiguous::ask:
       case WhenAmbiguous::probe: break;
     }
-    if (mode != WhenAmbiguous::ascending || free.size() == fresh.size()) return ask(free, fresh, nullptr);
-    ask(free, fresh, free.size() > fresh.size() ? "plug in the others too" : "unplug those that do not belong here");
+    if (mode != WhenAmbiguous::ascending || free.size() == fresh.size()) return draft_.ask(free, fresh, nullptr);
+    draft_.ask(free, fresh,
+               free.size() > fresh.size() ? "plug in the others too" : "unplug those that do not belong here");
   }
 
   /// Devices that have node-IDs of slots of their type were given them on purpose: rule 2 is for those without. A
@@ -356,19 +426,9 @@ class Planner {
   void leave_where_they_are(Group& group) {
     const Group all = group;
     for (const auto& f : all.fresh) {
-      const auto own = own_place(all.free, f);
+      const auto own = draft_.own_place(all.free, f);
       if (own) take(group, *own, f);
     }
-  }
-
-  /// The free slot whose node-ID it came with.
-  [[nodiscard]] std::optional<std::size_t> own_place(const std::vector<std::size_t>& free, const Found& f) const {
-    if (!f.active.configured() || f.lent) return std::nullopt;
-    const auto own = std::ranges::find_if(
-        free, [&](std::size_t i) { return slots_[i].spec.id == f.active && fits(slots_[i].spec, f.device); });
-    const bool alone = std::ranges::count(found_, f.active, &Found::active) == 1;
-    if (own == free.end() || !alone) return std::nullopt;
-    return *own;
   }
 
   /// Each into the lowest slot that it fits; one that comes too late finds none.
@@ -379,42 +439,10 @@ class Planner {
       if (slot != group.free.end()) {
         take(group, *slot, f);
       } else {
-        leave(f, "surplus", "came when every slot of its type was taken; take it off the bus, or `berth replace` one");
+        draft_.leave(f, OddityKind::surplus,
+                     "came when every slot of its type was taken; take it off the bus, or `berth replace` one");
       }
     }
-  }
-
-  void seat(std::size_t slot, const Found& f) {
-    const NodeId id = slots_[slot].spec.id;
-    make_way(f.device, id);
-    if (f.active != id) keep_off_our_ids(f);
-    bind(slot, f.device, "discovered");
-  }
-
-  void ask(const std::vector<std::size_t>& free, const std::vector<Found>& fresh, const char* what_else) {
-    Question q;
-    q.slots = free;
-    std::vector<std::string> devices;
-    for (const auto& f : fresh) {
-      q.devices.push_back(f.device);
-      devices.push_back(to_string(f.device));
-    }
-    std::vector<std::string> names;
-    for (const auto i : free) names.push_back(slots_[i].spec.name.name);
-    q.brief = fmt::format("{} new device{} of type {} and {} free slot{}: which belongs where?", fresh.size(),
-                          fresh.size() == 1 ? "" : "s", to_string(fresh.front().device.type()), free.size(),
-                          free.size() == 1 ? "" : "s");
-    q.text = fmt::format("{} Devices: {}. Slots: {}. {}ame them with `berth replace SLOT --device ADDRESS`", q.brief,
-                         some_of(devices), names.empty() ? "-" : some_of(names),
-                         what_else == nullptr ? std::string("N") : capital(what_else) + ", or n");
-    for (const auto& f : fresh) {
-      if (!own_place(free, f)) keep_off_our_ids(f);
-    }
-    plan_.questions.push_back(std::move(q));
-  }
-  [[nodiscard]] static std::string capital(std::string text) {
-    if (!text.empty() && text[0] >= 'a' && text[0] <= 'z') text[0] = static_cast<char>(text[0] - 'a' + 'A');
-    return text;
   }
 
   const std::vector<Slot>& slots_;
@@ -422,7 +450,7 @@ class Planner {
   const std::vector<LssAddress>& blanks_;
   NodeId master_;
   const std::vector<Reading>& readings_;
-  Plan plan_;
+  Draft draft_;
 };
 
 }  // namespace

@@ -5,6 +5,7 @@
 #include <string>
 #include <vector>
 
+#include "berth/places/oddity.hpp"
 #include "berth/places/slot.hpp"
 #include "berth/rt/executor.hpp"
 
@@ -42,15 +43,6 @@ struct Question {
   std::vector<LssAddress> devices;
   std::string brief;  ///< what is asked, without the names and what to do
   std::string text;   ///< the whole; of many devices and slots the first ones only
-};
-
-/// Something that is not as it should be, with what to do about it.
-struct Oddity {
-  std::string kind;  ///< "surplus", "foreign", "clone", "wrong revision", "fixed mismatch", "misplaced";
-                     ///< "returned" is the main job's: its slot was given away
-  LssAddress device;
-  NodeId id;
-  std::string text;
 };
 
 struct Plan {

@@ -37,6 +37,167 @@ bool good_name(string_view name) noexcept {
 }
 constexpr const char* name_fix = "use 1 to 100 characters without '/', control characters and outer spaces";
 
+std::vector<std::uint32_t> counted(Table& table, std::uint32_t count, std::uint32_t first, std::uint32_t step) {
+  const std::uint64_t last = first + static_cast<std::uint64_t>(step) * (count - 1);
+  if (last > 0xFFFF'FFFF) {
+    table.error("count", "the last serial number needs more than 32 bits", "lower serial_first or serial_step");
+    return {};
+  }
+  std::vector<std::uint32_t> serials;
+  for (std::uint32_t i = 0; i < count; ++i) serials.push_back(first + i * step);
+  return serials;
+}
+
+std::optional<ObjectRef> read_object(Table& table, string_view key) {
+  const auto text = table.string(key);
+  if (!text) return std::nullopt;
+  const auto object = text::read_object(*text);
+  const bool own = object && object->index >= 0x2000;
+  if (own) return object->ref();
+  table.error(key, object ? fmt::format("{} is no object of a maker's own", text::quoted(*text)) : object.error().why,
+              "write one from 2000h on, such as \"2000h:00\"");
+  return std::nullopt;
+}
+
+// A text is its bytes in their order; "0x…" is a number of `size` bytes.
+void read_signature(Table& table, PlantSignature& signature) {
+  const auto size = table.u32("size", {1, 8});
+  const auto text = table.string("value").value_or("");
+  if (text.starts_with("0x")) {
+    const char* end = text.data() + text.size();
+    const auto read = std::from_chars(text.data() + 2, end, signature.value, 16);
+    signature.size = static_cast<std::uint8_t>(size.value_or(4));
+    const bool fits = signature.size == 8 || signature.value >> (8U * signature.size) == 0;
+    if (text.size() > 2 && read.ec == std::errc() && read.ptr == end && fits) return;
+  } else if (!text.empty() && text.size() <= 8 && size.value_or(text.size()) == text.size()) {
+    signature.size = static_cast<std::uint8_t>(text.size());
+    for (std::size_t i = 0; i < text.size(); ++i) {
+      signature.value |= std::uint64_t{static_cast<unsigned char>(text[i])} << (8 * i);
+    }
+    return;
+  }
+  table.error("value", fmt::format("{} is no signature of 1 to 8 bytes", text::quoted(text)),
+              "write a text such as \"save\", or a number such as \"0x1234\" with its size");
+}
+
+void read_node_id_object(Table& table, PlantDevice& device) {
+  device.node_id_object = read_object(table, "node_id_object");
+  auto entry = table.table("node_id_signature");
+  if (!entry) return;
+  if (!table.has("node_id_object")) {
+    table.error("node_id_signature", "there is no object to sign for", "add node_id_object = \"2000h:00\"");
+  }
+  PlantSignature signature;
+  if (entry->require("object", "such as \"2001h:00\"")) {
+    signature.object = read_object(*entry, "object").value_or(ObjectRef{});
+  }
+  if (entry->require("value", "such as \"save\" or \"0x1234\"")) read_signature(*entry, signature);
+  entry->finish();
+  if (device.node_id_object && device.node_id_object->index == signature.object.index) {
+    table.error("node_id_signature", "this is the node-ID's own object", "name another");
+  }
+  device.node_id_signature = signature;
+}
+
+void read_node_id(Table& table, PlantDevice& device) {
+  const auto id = table.integer("node_id", node_id_or_blank);
+  if (id && *id > 127 && *id != NodeId::unconfigured_value) {
+    table.error("node_id", fmt::format("{} is not a node-ID", *id), "use 1 to 127, or 255 for none");
+  } else if (id) {
+    device.node_id = NodeId(static_cast<std::uint8_t>(*id));
+  }
+  device.source = device.node_id.configured() ? NodeIdSource::nonvolatile : NodeIdSource::blank;
+  const auto source = table.word("source", source_words);
+  if (source) device.source = static_cast<NodeIdSource>(*source);
+  if (device.source == NodeIdSource::blank && device.node_id.configured()) {
+    table.error("source", "a blank device has no node-ID", "leave node_id out, or use \"nonvolatile\"");
+  }
+  if (device.source > NodeIdSource::nonvolatile && !device.node_id.configured()) {
+    table.error("source", fmt::format("{} gives no node-ID here", text::quoted(source_words[*source])),
+                "add node_id = 1 to 127");
+  }
+}
+
+void read_speaks(Table& table, PlantDevice& device) {
+  const auto words = table.strings("speaks");
+  if (!words) return;
+  device.speaks = {};
+  for (const auto& word : *words) {
+    const auto known = std::ranges::find(speaks_words, word);
+    if (known != speaks_words.end()) {
+      device.speaks.add(static_cast<Speaks>(known - speaks_words.begin()));
+    } else {
+      const auto near = text::closest(word, speaks_words);
+      table.error("speaks", fmt::format("{} is no service", text::quoted(word)),
+                  near.empty() ? fmt::format("use some of {}", fmt::join(speaks_words, ", "))
+                               : fmt::format("did you mean {}?", text::quoted(near)));
+    }
+  }
+}
+
+void read_habits(Table& table, PlantDevice& device) {
+  const auto words = table.strings("habits");
+  if (!words) return;
+  for (const auto& word : *words) {
+    const auto known = std::ranges::find(habit_words, word);
+    if (known == habit_words.end()) {
+      const auto near = text::closest(word, habit_words);
+      table.error("habits", fmt::format("{} is no stack whose habits are known", text::quoted(word)),
+                  near.empty() ? fmt::format("use one of {}", fmt::join(habit_words, ", "))
+                               : fmt::format("did you mean {}?", text::quoted(near)));
+    } else if (device.habit) {
+      table.error("habits", "a device has one stack", fmt::format("keep one of {}", fmt::join(habit_words, ", ")));
+    } else {
+      device.habit = static_cast<Habit>(known - habit_words.begin());
+    }
+  }
+  if (!device.habit) return;
+  if (!table.has("speaks")) device.speaks = {Speaks::fastscan};
+  if (!device.speaks.has(Speaks::fastscan)) {
+    table.error("habits", fmt::format("a {} device speaks Fastscan", name(*device.habit)),
+                "leave out speaks, or add \"fastscan\" to it");
+  }
+}
+
+void read_response(Table& table, PlantDevice& device) {
+  auto& response = device.response;
+  const Value* value = table.get("response");
+  if (value == nullptr) return;
+  if (value->kind != Value::Kind::table) {
+    if (const auto both = table.duration("response", 0s, 1h)) response.min = response.max = *both;
+    return;
+  }
+  auto entry = table.table("response");
+  if (entry->require("min", "the shortest time")) response.min = entry->duration("min", 0s, 1h).value_or(response.min);
+  if (entry->require("max", "the longest time")) response.max = entry->duration("max", 0s, 1h).value_or(response.max);
+  if (response.max < response.min) entry->error("max", "the longest time is shorter than the shortest", "swap them");
+  response.outlier_ppm = entry->u32("outlier_ppm", {0, 1'000'000}).value_or(0);
+  response.outlier = entry->duration("outlier", 0s, 1h).value_or(0s);
+  if (entry->has("outlier") != entry->has("outlier_ppm")) {
+    entry->error("", "outlier and outlier_ppm belong together", "give both: how long, and how many in a million");
+  }
+  entry->finish();
+}
+
+void read_times(Table& table, PlantDevice& device) {
+  device.boot = table.duration("boot", 0s, 1h).value_or(device.boot);
+  device.reset = table.duration("reset", 0s, 1h).value_or(device.reset);
+  device.store = table.duration("store", 0s, 1h).value_or(device.store);
+  device.heartbeat = table.duration("heartbeat", 0s, 65535ms).value_or(device.heartbeat);
+  if (device.heartbeat % 1ms != 0ns) table.error("heartbeat", "heartbeat counts whole milliseconds", "round it");
+}
+
+void read_when(Table& table, PlantEvent& event) {
+  const bool at = table.has("at");
+  const bool after = table.has("after");
+  if (at == after)
+    table.error("", at ? "at and after exclude each other" : "the event has no time",
+                "write at = \"2.5 s\", or after = \"operational\" and delay = \"1 s\"");
+  if (at && table.has("delay")) table.error("delay", "delay belongs to after", "add it to at");
+  if (const auto word = table.word("after", after_words)) event.after = static_cast<After>(*word);
+  event.delay = table.duration(at ? "at" : "delay", 0s, 24h * 365).value_or(0s);
+}
+
 class PlantReader {
  public:
   PlantReader(const std::string& file, Findings& findings) : file_(file), findings_(findings) {}
@@ -153,18 +314,6 @@ class PlantReader {
     return count ? counted(table, *count, first.value_or(1), step.value_or(1)) : std::vector<std::uint32_t>{};
   }
 
-  static std::vector<std::uint32_t> counted(Table& table, std::uint32_t count, std::uint32_t first,
-                                            std::uint32_t step) {
-    const std::uint64_t last = first + static_cast<std::uint64_t>(step) * (count - 1);
-    if (last > 0xFFFF'FFFF) {
-      table.error("count", "the last serial number needs more than 32 bits", "lower serial_first or serial_step");
-      return {};
-    }
-    std::vector<std::uint32_t> serials;
-    for (std::uint32_t i = 0; i < count; ++i) serials.push_back(first + i * step);
-    return serials;
-  }
-
   void read_device_name(Table& table, PlantDevice& device) {
     if (!table.require("name", many_ ? "such as \"pump {n}\"" : "give the device a name")) return;
     device.name = table.string("name").value_or("");
@@ -191,146 +340,6 @@ class PlantReader {
       device.address.revision = type->u32("revision").value_or(0);
       type->finish();
     }
-  }
-
-  static std::optional<ObjectRef> read_object(Table& table, string_view key) {
-    const auto text = table.string(key);
-    if (!text) return std::nullopt;
-    const auto object = text::read_object(*text);
-    const bool own = object && object->index >= 0x2000;
-    if (own) return object->ref();
-    table.error(key, object ? fmt::format("{} is no object of a maker's own", text::quoted(*text)) : object.error().why,
-                "write one from 2000h on, such as \"2000h:00\"");
-    return std::nullopt;
-  }
-
-  static void read_node_id_object(Table& table, PlantDevice& device) {
-    device.node_id_object = read_object(table, "node_id_object");
-    auto entry = table.table("node_id_signature");
-    if (!entry) return;
-    if (!table.has("node_id_object")) {
-      table.error("node_id_signature", "there is no object to sign for", "add node_id_object = \"2000h:00\"");
-    }
-    PlantSignature signature;
-    if (entry->require("object", "such as \"2001h:00\"")) {
-      signature.object = read_object(*entry, "object").value_or(ObjectRef{});
-    }
-    if (entry->require("value", "such as \"save\" or \"0x1234\"")) read_signature(*entry, signature);
-    entry->finish();
-    if (device.node_id_object && device.node_id_object->index == signature.object.index) {
-      table.error("node_id_signature", "this is the node-ID's own object", "name another");
-    }
-    device.node_id_signature = signature;
-  }
-
-  // A text is its bytes in their order; "0x…" is a number of `size` bytes.
-  static void read_signature(Table& table, PlantSignature& signature) {
-    const auto size = table.u32("size", {1, 8});
-    const auto text = table.string("value").value_or("");
-    if (text.starts_with("0x")) {
-      const char* end = text.data() + text.size();
-      const auto read = std::from_chars(text.data() + 2, end, signature.value, 16);
-      signature.size = static_cast<std::uint8_t>(size.value_or(4));
-      const bool fits = signature.size == 8 || signature.value >> (8U * signature.size) == 0;
-      if (text.size() > 2 && read.ec == std::errc() && read.ptr == end && fits) return;
-    } else if (!text.empty() && text.size() <= 8 && size.value_or(text.size()) == text.size()) {
-      signature.size = static_cast<std::uint8_t>(text.size());
-      for (std::size_t i = 0; i < text.size(); ++i) {
-        signature.value |= std::uint64_t{static_cast<unsigned char>(text[i])} << (8 * i);
-      }
-      return;
-    }
-    table.error("value", fmt::format("{} is no signature of 1 to 8 bytes", text::quoted(text)),
-                "write a text such as \"save\", or a number such as \"0x1234\" with its size");
-  }
-
-  static void read_node_id(Table& table, PlantDevice& device) {
-    const auto id = table.integer("node_id", node_id_or_blank);
-    if (id && *id > 127 && *id != NodeId::unconfigured_value) {
-      table.error("node_id", fmt::format("{} is not a node-ID", *id), "use 1 to 127, or 255 for none");
-    } else if (id) {
-      device.node_id = NodeId(static_cast<std::uint8_t>(*id));
-    }
-    device.source = device.node_id.configured() ? NodeIdSource::nonvolatile : NodeIdSource::blank;
-    const auto source = table.word("source", source_words);
-    if (source) device.source = static_cast<NodeIdSource>(*source);
-    if (device.source == NodeIdSource::blank && device.node_id.configured()) {
-      table.error("source", "a blank device has no node-ID", "leave node_id out, or use \"nonvolatile\"");
-    }
-    if (device.source > NodeIdSource::nonvolatile && !device.node_id.configured()) {
-      table.error("source", fmt::format("{} gives no node-ID here", text::quoted(source_words[*source])),
-                  "add node_id = 1 to 127");
-    }
-  }
-
-  static void read_speaks(Table& table, PlantDevice& device) {
-    const auto words = table.strings("speaks");
-    if (!words) return;
-    device.speaks = {};
-    for (const auto& word : *words) {
-      const auto known = std::ranges::find(speaks_words, word);
-      if (known != speaks_words.end()) {
-        device.speaks.add(static_cast<Speaks>(known - speaks_words.begin()));
-      } else {
-        const auto near = text::closest(word, speaks_words);
-        table.error("speaks", fmt::format("{} is no service", text::quoted(word)),
-                    near.empty() ? fmt::format("use some of {}", fmt::join(speaks_words, ", "))
-                                 : fmt::format("did you mean {}?", text::quoted(near)));
-      }
-    }
-  }
-
-  static void read_habits(Table& table, PlantDevice& device) {
-    const auto words = table.strings("habits");
-    if (!words) return;
-    for (const auto& word : *words) {
-      const auto known = std::ranges::find(habit_words, word);
-      if (known == habit_words.end()) {
-        const auto near = text::closest(word, habit_words);
-        table.error("habits", fmt::format("{} is no stack whose habits are known", text::quoted(word)),
-                    near.empty() ? fmt::format("use one of {}", fmt::join(habit_words, ", "))
-                                 : fmt::format("did you mean {}?", text::quoted(near)));
-      } else if (device.habit) {
-        table.error("habits", "a device has one stack", fmt::format("keep one of {}", fmt::join(habit_words, ", ")));
-      } else {
-        device.habit = static_cast<Habit>(known - habit_words.begin());
-      }
-    }
-    if (!device.habit) return;
-    if (!table.has("speaks")) device.speaks = {Speaks::fastscan};
-    if (!device.speaks.has(Speaks::fastscan)) {
-      table.error("habits", fmt::format("a {} device speaks Fastscan", name(*device.habit)),
-                  "leave out speaks, or add \"fastscan\" to it");
-    }
-  }
-
-  static void read_response(Table& table, PlantDevice& device) {
-    auto& response = device.response;
-    const Value* value = table.get("response");
-    if (value == nullptr) return;
-    if (value->kind != Value::Kind::table) {
-      if (const auto both = table.duration("response", 0s, 1h)) response.min = response.max = *both;
-      return;
-    }
-    auto entry = table.table("response");
-    if (entry->require("min", "the shortest time"))
-      response.min = entry->duration("min", 0s, 1h).value_or(response.min);
-    if (entry->require("max", "the longest time")) response.max = entry->duration("max", 0s, 1h).value_or(response.max);
-    if (response.max < response.min) entry->error("max", "the longest time is shorter than the shortest", "swap them");
-    response.outlier_ppm = entry->u32("outlier_ppm", {0, 1'000'000}).value_or(0);
-    response.outlier = entry->duration("outlier", 0s, 1h).value_or(0s);
-    if (entry->has("outlier") != entry->has("outlier_ppm")) {
-      entry->error("", "outlier and outlier_ppm belong together", "give both: how long, and how many in a million");
-    }
-    entry->finish();
-  }
-
-  static void read_times(Table& table, PlantDevice& device) {
-    device.boot = table.duration("boot", 0s, 1h).value_or(device.boot);
-    device.reset = table.duration("reset", 0s, 1h).value_or(device.reset);
-    device.store = table.duration("store", 0s, 1h).value_or(device.store);
-    device.heartbeat = table.duration("heartbeat", 0s, 65535ms).value_or(device.heartbeat);
-    if (device.heartbeat % 1ms != 0ns) table.error("heartbeat", "heartbeat counts whole milliseconds", "round it");
   }
 
   void add_devices(Table& table, const PlantDevice& pattern, const std::vector<std::uint32_t>& serials) {
@@ -384,17 +393,6 @@ class PlantReader {
     }
     table.finish();
     return event;
-  }
-
-  static void read_when(Table& table, PlantEvent& event) {
-    const bool at = table.has("at");
-    const bool after = table.has("after");
-    if (at == after)
-      table.error("", at ? "at and after exclude each other" : "the event has no time",
-                  "write at = \"2.5 s\", or after = \"operational\" and delay = \"1 s\"");
-    if (at && table.has("delay")) table.error("delay", "delay belongs to after", "add it to at");
-    if (const auto word = table.word("after", after_words)) event.after = static_cast<After>(*word);
-    event.delay = table.duration(at ? "at" : "delay", 0s, 24h * 365).value_or(0s);
   }
 
   void read_device_event(Table& table, PlantEvent& event) {

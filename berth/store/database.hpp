@@ -63,10 +63,6 @@ class Database final : public places::SlotStore {
 
   /// Opens the store at `path`, or makes it. The folder must be there.
   [[nodiscard]] static Opened open(const std::string& path, const OpenOptions& options = {});
-  /// Looks at the bytes of a store that was not yet put into a file: what `open` would refuse, it says, in `name`'s
-  /// name. Nothing is written. `options`: `ended` only.
-  [[nodiscard]] static tl::expected<void, OpenError> look(std::string bytes, const std::string& name,
-                                                          const OpenOptions& options = {});
   ~Database() override;
   Database(const Database&) = delete;
   Database& operator=(const Database&) = delete;
@@ -105,5 +101,10 @@ class Database final : public places::SlotStore {
   explicit Database(std::unique_ptr<Impl> impl) noexcept;
   std::unique_ptr<Impl> impl_;
 };
+
+/// Looks at the bytes of a store that was not yet put into a file: what `Database::open` would refuse, it says, in
+/// `name`'s name. Nothing is written. `options`: `ended` only.
+[[nodiscard]] tl::expected<void, OpenError> look(std::string bytes, const std::string& name,
+                                                 const OpenOptions& options = {});
 
 }  // namespace berth::store

@@ -213,7 +213,7 @@ Database::Opened Database::open(const std::string& given, const OpenOptions& opt
   return std::unique_ptr<Database>(new Database(std::move(impl)));
 }
 
-tl::expected<void, OpenError> Database::look(std::string bytes, const std::string& name, const OpenOptions& options) {
+tl::expected<void, OpenError> look(std::string bytes, const std::string& name, const OpenOptions& options) {
   if (bytes.empty()) return {};
   Header header{};
   std::memcpy(header.data(), bytes.data(), std::min(bytes.size(), header.size()));

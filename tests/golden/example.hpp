@@ -5,6 +5,7 @@
 #include <memory>
 #include <string>
 
+#include "../harness/milestone.hpp"
 #include "../paths.hpp"
 #include "berth/design/machine.hpp"
 #include "berth/operate/session.hpp"
@@ -31,11 +32,7 @@ class Example {
     if (!world_) return;
     port_ = world_->attach_master(bus.name);
     session_ = std::make_unique<operate::Session>(world_->executor(), machine_, store_);
-    session_->on_milestone([this](const std::string& m) {
-      if (m == "discovered") world_->milestone(plant::After::discovered);
-      if (m == "bound") world_->milestone(plant::After::bound);
-      if (m == "operational") world_->milestone(plant::After::operational);
-    });
+    session_->on_milestone([this](operate::Milestone m) { world_->milestone(harness::after(m)); });
     ready_ = session_->connect(bus.name, *port_).has_value() && session_->open().has_value();
   }
   ~Example() {

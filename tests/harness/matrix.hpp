@@ -247,7 +247,7 @@ class Run final : private can::Tap {
     operate::Session session(world_->executor(), made_.machine, store_);
     if (!session.connect("field", *port) || !session.open()) return failed("no session");
     bool reached = false;
-    session.on_milestone([&](const std::string& m) { reached = reached || m == "operational"; });
+    session.on_milestone([&](operate::Milestone m) { reached = reached || m == operate::Milestone::operational; });
     session.on_event([&](const operate::Event& e) {
       last_ = e.text;
       if (show) std::printf("%s\n", operate::to_line(e).c_str());

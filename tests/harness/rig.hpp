@@ -17,6 +17,7 @@
 #include "berth/operate/network.hpp"
 #include "berth/places/slot_store.hpp"
 #include "berth/plant/world.hpp"
+#include "milestone.hpp"
 
 namespace berth::harness {
 
@@ -121,7 +122,7 @@ class Rig {
       master.port = world_->attach_master(bus.name);
       can::Port& port = between_ ? *between_(*master.port, bus.name) : *master.port;
       operate::NetworkObserver observer{[this](const operate::Event& e) { events_.push_back(e); },
-                                        [this](const std::string& m) { milestone(m); }};
+                                        [this](operate::Milestone m) { world_->milestone(after(m)); }};
       if (on_step_) observer.before_step = [this, name = bus.name](const auto& binding) { on_step_(name, binding); };
       master.network = std::make_unique<operate::Network>(world_->executor(), port, bus, machine_.specs(bus.name),
                                                           *store_, std::move(observer));
@@ -185,12 +186,6 @@ class Rig {
   [[nodiscard]] rt::Time now() const noexcept { return world_->executor().now(); }
 
  private:
-  void milestone(const std::string& m) {
-    if (m == "discovered") world_->milestone(plant::After::discovered);
-    if (m == "bound") world_->milestone(plant::After::bound);
-    if (m == "operational") world_->milestone(plant::After::operational);
-  }
-
   design::Machine machine_;
   plant::PlantFile file_;
   places::MemoryStore memory_;

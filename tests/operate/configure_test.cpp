@@ -157,7 +157,8 @@ TEST(Configuration, B4_FromBlankToConfiguredSavedDatedAndStarted) {
   ASSERT_TRUE(record(rig, 5));
   EXPECT_EQ(record(rig, 5)->stage, Configured::Stage::done);
   const bool told = std::ranges::any_of(rig.events(), [](const auto& e) {
-    return e.kind == "configured" && e.slot == "s5" && e.text.find("dated, saved") != std::string::npos;
+    return e.kind == operate::EventKind::configured && e.slot == "s5" &&
+           e.text.find("dated, saved") != std::string::npos;
   });
   EXPECT_TRUE(told) << rig.log();
   // Saved means: it is there after a power failure.
@@ -376,7 +377,8 @@ TEST(Configuration, HU_19_TimeOutsAreOptionsAndLongEnoughByDefault) {
   rig.device("p1").slow(400ms, 0ms);
   ASSERT_TRUE(rig.until_operational(120s)) << rig.log();
   expect_configured(rig, "p1", 5);
-  EXPECT_TRUE(std::ranges::none_of(rig.events(), [](const auto& e) { return e.kind == "duplicate"; })) << rig.log();
+  EXPECT_TRUE(std::ranges::none_of(rig.events(), [](const auto& e) { return e.kind == operate::EventKind::duplicate; }))
+      << rig.log();
 }
 
 // A saving that is answered after its time-out is not repeated.
@@ -534,7 +536,8 @@ TEST(Configuration, ARunningDeviceIsLeftAloneAndTold) {
   EXPECT_EQ(watch.writes, 0U);
   EXPECT_EQ(rig.device("p1").truth().state, NmtState::operational);
   const bool told = std::ranges::any_of(rig.events(), [](const auto& e) {
-    return e.kind == "configured" && e.text.find("1 of its values differ from pump.dcf") != std::string::npos;
+    return e.kind == operate::EventKind::configured &&
+           e.text.find("1 of its values differ from pump.dcf") != std::string::npos;
   });
   EXPECT_TRUE(told) << rig.log();
 }

@@ -55,7 +55,7 @@ class Harness final : public od::Hook {
   std::array<std::uint8_t, 2> place_{};
 };
 
-const operate::Event* event(const Rig& rig, const std::string& kind) {
+const operate::Event* event(const Rig& rig, operate::EventKind kind) {
   const auto it = std::ranges::find(rig.events(), kind, &operate::Event::kind);
   return it == rig.events().end() ? nullptr : &*it;
 }
@@ -68,7 +68,7 @@ TEST(Places, S4_19_AskIsAQuestionEvenWhenNumbersAgree) {
   rig.begin();
   rig.run_for(5s);
   EXPECT_EQ(rig.state(5), SlotState::question) << rig.log();
-  const auto* const question = event(rig, "question");
+  const auto* const question = event(rig, operate::EventKind::question);
   ASSERT_NE(question, nullptr);
   EXPECT_EQ(question->slots, (std::vector<std::string>{"s5", "s6"}));
   EXPECT_EQ(question->devices,
@@ -96,7 +96,7 @@ TEST(Places, S4_19_OneAtATimeTakesWhoeverComes) {
   rig.begin();
   rig.run_for(5s);
   EXPECT_EQ(rig.state(5), SlotState::operational) << rig.log();
-  const auto* const first = event(rig, "new device");
+  const auto* const first = event(rig, operate::EventKind::new_device);
   ASSERT_NE(first, nullptr);
   EXPECT_EQ(first->slot, "s5");
   EXPECT_NE(first->text.find("manufacturer 00000001h, product 00000001h, serial 00000020h"), std::string::npos)
@@ -135,7 +135,7 @@ TEST(Places, S4_19_FirstSeenGoesByTime) {
   rig.device("late").plug();
   rig.run_for(10s);
   EXPECT_EQ(rig.seats(), (Seats{{5, 0x20}, {6, 0x10}})) << rig.log();
-  EXPECT_NE(event(rig, "surplus"), nullptr);
+  EXPECT_NE(event(rig, operate::EventKind::surplus), nullptr);
 }
 
 // The object of the harness tells left from right, against the order of the serial numbers; nobody keeps what was lent.
@@ -184,7 +184,7 @@ TEST(Places, S4_19_SwappedDevicesAreBoundToTheirPlacesAgain) {
       },
       60s))
       << rig.log();
-  EXPECT_NE(event(rig, "moved"), nullptr);
+  EXPECT_NE(event(rig, operate::EventKind::moved), nullptr);
   EXPECT_TRUE(rig.world().duplicates().empty());
 }
 

@@ -18,8 +18,9 @@ using Seats = std::vector<std::pair<unsigned, std::uint32_t>>;
 namespace {
 
 bool odd(Rig& rig, const std::string& kind, const std::string& part) {
-  return std::ranges::any_of(rig.network().oddities(),
-                             [&](const auto& o) { return o.kind == kind && o.text.find(part) != std::string::npos; });
+  return std::ranges::any_of(rig.network().plan().oddities, [&](const auto& o) {
+    return name(o.kind) == kind && o.text.find(part) != std::string::npos;
+  });
 }
 
 // Counts what LSS writes: 11h, 13h, 17h.
@@ -245,7 +246,8 @@ TEST(Recipe, TwoUnderTheFactoryNodeIdAreNotTouched) {
   EXPECT_TRUE(rig.seats().empty()) << rig.log();
   EXPECT_EQ(rig.device("d").truth().memory_writes, 0U);
   EXPECT_EQ(rig.device("e").truth().memory_writes, 0U);
-  EXPECT_TRUE(std::ranges::any_of(rig.events(), [](const auto& e) { return e.kind == "duplicate"; })) << rig.log();
+  EXPECT_TRUE(std::ranges::any_of(rig.events(), [](const auto& e) { return e.kind == operate::EventKind::duplicate; }))
+      << rig.log();
   rig.device("e").unplug();
   ASSERT_TRUE(rig.run_until([&] { return rig.seats().size() == 1; }, 60s)) << rig.log();
 }

@@ -16,15 +16,16 @@ using Seats = std::vector<std::pair<unsigned, std::uint32_t>>;
 namespace {
 
 bool heard(const Rig& rig, const std::string& kind) {
-  return std::ranges::any_of(rig.events(), [&](const auto& e) { return e.kind == kind; });
+  return std::ranges::any_of(rig.events(), [&](const auto& e) { return name(e.kind) == kind; });
 }
 bool heard(const Rig& rig, const std::string& kind, const std::string& part) {
-  return std::ranges::any_of(rig.events(),
-                             [&](const auto& e) { return e.kind == kind && e.text.find(part) != std::string::npos; });
+  return std::ranges::any_of(
+      rig.events(), [&](const auto& e) { return name(e.kind) == kind && e.text.find(part) != std::string::npos; });
 }
 bool odd(Rig& rig, const std::string& kind, const std::string& part) {
-  return std::ranges::any_of(rig.network().oddities(),
-                             [&](const auto& o) { return o.kind == kind && o.text.find(part) != std::string::npos; });
+  return std::ranges::any_of(rig.network().plan().oddities, [&](const auto& o) {
+    return name(o.kind) == kind && o.text.find(part) != std::string::npos;
+  });
 }
 
 // One slot whose first device `a` left and whose second, `b`, runs there now.

@@ -141,7 +141,7 @@ TEST(Told, AnEmptyBusIsToldOnceWithWhatToLookAt) {
   rig.begin();
   rig.run_for(20s);
   std::size_t told = 0;
-  for (const auto& event : rig.events()) told += event.kind == "error" ? 1U : 0U;
+  for (const auto& event : rig.events()) told += event.kind == operate::EventKind::error ? 1U : 0U;
   EXPECT_EQ(told, 1U) << rig.log();
   EXPECT_NE(rig.log().find(can::no_acknowledge), std::string::npos) << rig.log();
   EXPECT_EQ(reason_of(rig), can::no_acknowledge);

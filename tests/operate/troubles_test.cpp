@@ -22,7 +22,7 @@ design::Machine slots_of(std::initializer_list<std::pair<unsigned, TypeCode>> sl
 }
 
 bool heard(const Rig& rig, const std::string& kind) {
-  return std::ranges::any_of(rig.events(), [&](const auto& e) { return e.kind == kind; });
+  return std::ranges::any_of(rig.events(), [&](const auto& e) { return name(e.kind) == kind; });
 }
 
 struct Frames final : can::Tap {

@@ -61,8 +61,8 @@ class Ears {
 };
 
 const places::Oddity* unfinished(Rig& rig) {
-  for (const auto& o : rig.network().oddities()) {
-    if (o.kind == "unfinished") return &o;
+  for (const auto& o : rig.network().plan().oddities) {
+    if (o.kind == places::OddityKind::unfinished) return &o;
   }
   return nullptr;
 }
@@ -216,10 +216,10 @@ TEST(Unfinished, AScanAfterNmtStopShowsEachDeviceOnce) {
   rig.network().services().nmt.queue(co::NmtCommand::stop, co::NmtTarget::all());
   rig.run_for(3s);
   rt::Scope scope(rig.world().executor());
-  std::vector<operate::Network::Seen> seen;
+  std::vector<operate::Seen> seen;
   bool over = false;
   struct Scan {
-    static rt::Task<void> run(operate::Network& network, std::vector<operate::Network::Seen>& into, bool& done) {
+    static rt::Task<void> run(operate::Network& network, std::vector<operate::Seen>& into, bool& done) {
       const auto found = co_await network.scan();
       if (found) into = *found;
       done = true;

@@ -124,7 +124,7 @@ TEST(Planner, S1_3_TheTypeIsVendorAndProduct) {
     const auto p = plan(slots, blank({other}), {}, master);
     EXPECT_TRUE(p.actions.empty()) << to_string(other);
     ASSERT_EQ(p.oddities.size(), 1U);
-    EXPECT_EQ(p.oddities[0].kind, "foreign");
+    EXPECT_EQ(p.oddities[0].kind, OddityKind::foreign);
   }
   // One more than the network has: none of the two is taken for the right one.
   const auto two = plan(slots, blank({right, {0x319, 0x1234, 0x00010002, 100}}), {}, master);
@@ -136,8 +136,8 @@ TEST(Planner, S1_34_SurplusAndForeignDevicesAreNamed) {
   const auto p = plan(slots, blank({device(B, 6), device(C, 1)}), {}, master);
   EXPECT_TRUE(p.actions.empty());
   ASSERT_EQ(p.oddities.size(), 2U);
-  EXPECT_EQ(p.oddities[0].kind, "surplus");
-  EXPECT_EQ(p.oddities[1].kind, "foreign");
+  EXPECT_EQ(p.oddities[0].kind, OddityKind::surplus);
+  EXPECT_EQ(p.oddities[1].kind, OddityKind::foreign);
 }
 
 TEST(Planner, OneAtATimeTakesTheLowestFreeSlot) {
@@ -159,7 +159,7 @@ TEST(Planner, RevisionRules) {
   const auto p = plan({s}, blank({device(B, 1, 0x00020009)}), {}, master);
   EXPECT_TRUE(p.actions.empty());
   ASSERT_EQ(p.oddities.size(), 1U);
-  EXPECT_EQ(p.oddities[0].kind, "wrong revision");
+  EXPECT_EQ(p.oddities[0].kind, OddityKind::wrong_revision);
 }
 
 // Two slots of exact revisions and one device of each: only one assignment is possible, whatever `when_ambiguous` says.
@@ -255,7 +255,7 @@ TEST(Planner, S1_22_ClonesAreNamedAndNeverSeated) {
   const auto p = plan({slot(2, B)}, {{device(B, 5), NodeId(), true}}, {}, master);
   EXPECT_TRUE(p.actions.empty());
   ASSERT_EQ(p.oddities.size(), 1U);
-  EXPECT_EQ(p.oddities[0].kind, "clone");
+  EXPECT_EQ(p.oddities[0].kind, OddityKind::clone);
 }
 
 TEST(Planner, S1_53_UnfinishedWorkComesBeforeNewWork) {

@@ -413,10 +413,10 @@ TEST(Store, BytesAreLookedAtBeforeTheyAreAFile) {
     for (int i = 0; i < 50; ++i) ASSERT_TRUE(store->declare({"m", "b", "slot " + std::to_string(i)}));
   }
   const auto whole = bytes_of(folder.file());
-  EXPECT_TRUE(Database::look(whole, "in x"));
-  EXPECT_TRUE(Database::look("", "in x"));
+  EXPECT_TRUE(look(whole, "in x"));
+  EXPECT_TRUE(look("", "in x"));
   const auto refused = [](const std::string& bytes, const char* words) {
-    const auto seen = Database::look(bytes, "in x");
+    const auto seen = look(bytes, "in x");
     ASSERT_FALSE(seen) << words;
     EXPECT_TRUE(seen.error().message.starts_with("in x: ")) << seen.error().message;
     EXPECT_NE(seen.error().message.find(words), std::string::npos) << seen.error().message;

@@ -1,0 +1,79 @@
+/// The questions of a walk: each about some bits of the part of the address that is walked, with what its answers tell
+/// of the place it was about. Internal to `discovery`.
+#pragma once
+
+#include <vector>
+
+#include "berth/discovery/asker.hpp"
+#include "berth/discovery/walk_way.hpp"
+
+namespace berth::discovery::walk {
+
+class Questions {
+ public:
+  /// All must stay. `observer` (may be null) says whether the walk goes on. `heard_feedback` becomes true with the
+  /// first feedback.
+  Questions(Asker& asker, Observer* observer, bool& heard_feedback) noexcept
+      : asker_(asker), observer_(observer), heard_feedback_(heard_feedback) {}
+
+  /// 80h: every device is at the first part again.
+  rt::Task<Heard> start();
+  /// One question; not sent (`Heard::sent`) where the one before is answered late.
+  rt::Task<Heard> ask_once(Prefix at, unsigned next, Wait wait);
+  rt::Task<Heard> ask(Prefix at, unsigned next, Wait wait);
+  /// Every device whose part is `value` moves on; the part after it is walked then.
+  rt::Task<bool> enter(std::uint32_t value);
+
+  /// The next question is not below the last one.
+  void elsewhere() noexcept;
+  /// So many questions in a row, each below the one before, got one answer that one device is left there.
+  [[nodiscard]] bool one_only() const noexcept { return alone_ >= 4; }
+  /// No device entered, but the question before it was answered.
+  [[nodiscard]] bool overtaken() const noexcept { return overtaken_; }
+  /// Answers to the message that moved on to this part.
+  [[nodiscard]] unsigned entered_answers() const noexcept { return entered_answers_; }
+  /// Heard below the place just asked.
+  [[nodiscard]] std::vector<Prefix>& children() noexcept { return children_; }
+  [[nodiscard]] Frontier& frontier() noexcept { return frontier_; }
+  [[nodiscard]] Way& way() noexcept { return way_; }
+  [[nodiscard]] Asker& asker() noexcept { return asker_; }
+
+  /// Feedback has led nowhere, or says nothing: it hides devices that send none.
+  void go_by_bits(bool on) noexcept { by_bits_ = on; }
+  /// As `Asker::be_patient`; `doubtful` false: not for the questions that follow, until it is called again.
+  void be_patient(bool patient, bool wholly) noexcept;
+  void be_patient_where(bool doubtful) noexcept { asker_.be_patient(patient_ && doubtful, wholly_ && doubtful); }
+
+  /// The bus failed, or the observer ended the walk: no question is sent any more.
+  [[nodiscard]] bool is_broken() const noexcept { return broken_; }
+  void broken(Error error) noexcept;
+  /// It was the observer: no error.
+  [[nodiscard]] bool stopped() const noexcept { return stopped_; }
+  [[nodiscard]] const Error& error() const noexcept { return error_; }
+
+ private:
+  bool stops() noexcept;
+  void count(const Heard& heard) noexcept;
+  void take_feedback(const std::vector<lss::FeedbackValue>& heard, unsigned sub, Prefix at, std::vector<Prefix>& to);
+
+  Asker& asker_;
+  Observer* observer_;
+  bool& heard_feedback_;
+  Way way_;
+  Frontier frontier_;
+  std::vector<Prefix> children_;
+  Prefix asked_{};  // what the last question's feedback is below of
+  unsigned asked_sub_ = 0;
+  unsigned alone_ = 0;
+  bool below_ = false;  // the last question was below the one before
+  bool overtaken_ = false;
+  unsigned entered_answers_ = 0;
+  bool by_bits_ = false;
+  bool patient_ = false;
+  bool wholly_ = false;
+  bool broken_ = false;
+  bool stopped_ = false;
+  Error error_{};
+};
+
+}  // namespace berth::discovery::walk

@@ -1,0 +1,50 @@
+/// What one bus's run tells its owner: events, those that would come again and again once, and milestones.
+#pragma once
+
+#include <array>
+#include <functional>
+#include <string>
+#include <vector>
+
+#include "berth/base/result.hpp"
+#include "berth/operate/report.hpp"
+#include "berth/places/binding.hpp"
+#include "berth/rt/executor.hpp"
+
+namespace berth::operate {
+
+/// What a network tells its owner. Called from the executor; must not destroy the network.
+struct NetworkObserver {
+  std::function<void(const Event&)> event = {};
+  /// Each once.
+  std::function<void(Milestone)> milestone = {};
+  /// Before each step of a binding: for displays and fault plans. May be empty.
+  std::function<void(const places::Binding&)> before_step = {};
+};
+
+class Events {
+ public:
+  Events(const rt::Executor& executor, std::string bus, NetworkObserver observer);
+
+  void tell(EventKind kind, std::string slot, std::string text);
+  /// Not again, in these words, until `tell_again`.
+  void tell_once(EventKind kind, const std::string& text);
+  void tell_once(const Event& event);
+  void tell_again() noexcept { told_.clear(); }
+  /// Once, what failed and why. That no device acknowledges is told in these words alone, whatever was tried.
+  void tell_failure(const std::string& what, const Error& error);
+  /// A milestone, once.
+  void reach(Milestone milestone);
+  [[nodiscard]] const std::function<void(const places::Binding&)>& before_step() const noexcept {
+    return observer_.before_step;
+  }
+
+ private:
+  const rt::Executor& executor_;
+  std::string bus_;
+  NetworkObserver observer_;
+  std::vector<std::string> told_;  // with `tell_once`
+  std::array<bool, milestones> reached_{};
+};
+
+}  // namespace berth::operate

@@ -1,0 +1,114 @@
+#include "berth/operate/search_methods.hpp"
+
+#include <algorithm>
+
+namespace berth::operate {
+
+namespace {
+
+// RAND has been asked before.
+constexpr discovery::AutoOptions only_the_rest{.rand = false, .configured = false};
+
+}  // namespace
+
+SearchMethods::SearchMethods(BusServices& services, SlotTable& slots, const Agenda& agenda, const FoundDevices& found,
+                             Lending& lending)
+    : s_(services),
+      slots_(slots),
+      agenda_(agenda),
+      found_(found),
+      lending_(lending),
+      rand_planner_(discovery::make(discovery::Method::planner_rand, {s_.dispatcher, s_.lss})),
+      rest_(std::make_unique<discovery::Auto>(discovery::Services{s_.dispatcher, s_.lss}, only_the_rest)) {}
+
+discovery::Auto& SearchMethods::rest(bool also_configured) {
+  discovery::AutoOptions options = rest_->options();
+  options.configured = also_configured;
+  rest_->set_options(options);
+  return *rest_;
+}
+
+discovery::Discovery* SearchMethods::chosen() {
+  if (chosen_ != nullptr && chosen_name_ == agenda_.method()) return chosen_.get();
+  const auto way = discovery::method(agenda_.method());
+  if (!way) {
+    slots_.events().tell_once(EventKind::error, "there is no discovery method " + agenda_.method());
+    return nullptr;
+  }
+  chosen_ = discovery::make(*way, {s_.dispatcher, s_.lss});
+  chosen_name_ = agenda_.method();
+  return chosen_.get();
+}
+
+discovery::Known SearchMethods::known_devices() const {
+  discovery::Known known;
+  const auto add = [&](const TypeCode& type, const std::optional<std::uint32_t>& revision) {
+    const discovery::Kind kind{type, revision};
+    if (std::ranges::find(known.kinds, kind) == known.kinds.end()) known.kinds.push_back(kind);
+  };
+  for (const auto& seat : slots_.seats()) {
+    const auto& spec = seat->slot.spec;
+    const bool exact = spec.rule == places::RevisionRule::exact;
+    const auto revision = exact ? spec.revision : std::nullopt;
+    add(spec.type, revision);
+    for (const auto& other : spec.also) add(other.type, exact ? other.revision : std::nullopt);
+    const auto device = seat->slot.record.device();
+    if (device) (seat->there ? known.registered : known.expected).push_back(*device);
+    if (device || !revision) continue;
+    for (const auto serial : spec.spares) {
+      known.expected.push_back({spec.type.vendor, spec.type.product, *revision, serial});
+    }
+  }
+  for (const auto& f : found_.all()) {
+    if (std::ranges::find(known.registered, f.device) == known.registered.end()) known.registered.push_back(f.device);
+  }
+  return known;
+}
+
+discovery::Options SearchMethods::options(discovery::Observer* observer) const {
+  discovery::Options options;
+  const bool published = chosen_ != nullptr && !chosen_name_.starts_with("planner") && agenda_.method() == chosen_name_;
+  if (!published) options.window = s_.bus.timing.lss_timeout;
+  // The longest frame of the bus: 8 bytes, 29 bits, every stuff bit there can be.
+  options.blocking = std::chrono::nanoseconds(160'000'000'000LL / s_.bus.bitrate);
+  // On a slow bus a window that is shorter saves nothing, and an answer that it misses costs several frames.
+  options.shortest = std::max(options.shortest, options.blocking / 3);
+  options.inhibit = s_.lss.options().inhibit;
+  // What is missed now is looked for again later, and the machine waits meanwhile: a lost heartbeat is seen behind it.
+  options.retries = 2;
+  // Longer than the way down to one device takes where frames need pauses: it begins again after a stop.
+  options.most_time = std::chrono::seconds(20);
+  options.observer = observer;
+  // A device that was found leaves the search with a node-ID: in LSS configuration, where it would be silent, some
+  // makers' devices answer everything, and Fastscan does not find the next one while this one answers.
+  const bool by_requests_alone =
+      agenda_.method() == "rand" || agenda_.method() == "planner-rand" || agenda_.method() == "and";
+  if (!by_requests_alone) options.assigner = &lending_;
+  options.confirm = published;
+  return options;
+}
+
+nodeid::DiscoveryOptions SearchMethods::rand_options() const {
+  nodeid::DiscoveryOptions o;
+  o.t_resp = s_.bus.timing.rand_response;
+  o.t_proc = s_.bus.timing.rand_processing;
+  return o;
+}
+
+rt::Task<Result<discovery::Report>> SearchMethods::ask_rand_planner(discovery::Observer* observer) {
+  discovery::Known known = known_devices();
+  known.registered.clear();  // one that answers though its address sits in a slot is a second device
+  discovery::Options how = options(observer);
+  how.assigner = nullptr;  // a device that was found is identified and silent
+  how.window = s_.bus.timing.rand_response;
+  co_return co_await rand_planner_->find(known, how);
+}
+
+rt::Task<Result<discovery::Report>> SearchMethods::ask_rand_as_published(nodeid::DiscoveryObserver* observer) {
+  const nodeid::DiscoveryOptions how = rand_options();
+  const auto report = co_await s_.rand.discover(how, observer);
+  if (!report) co_return fail(report.error());
+  co_return discovery::report_of(*report);
+}
+
+}  // namespace berth::operate

@@ -1,0 +1,18 @@
+// What a plant plans behind a milestone, as `berth up` has it.
+#pragma once
+
+#include "berth/operate/report.hpp"
+#include "berth/plant/plant_file.hpp"
+
+namespace berth::harness {
+
+inline plant::After after(operate::Milestone milestone) {
+  switch (milestone) {
+    case operate::Milestone::discovered: return plant::After::discovered;
+    case operate::Milestone::bound: return plant::After::bound;
+    case operate::Milestone::operational: break;
+  }
+  return plant::After::operational;
+}
+
+}  // namespace berth::harness
