@@ -9,6 +9,7 @@
 
 #include "machine_file.hpp"
 #include "trace_known.hpp"
+#include "trace_order.hpp"
 #include "trace_outlet.hpp"
 #include "trace_source.hpp"
 
@@ -16,6 +17,7 @@ namespace berth::cli {
 namespace {
 
 using Json = nlohmann::ordered_json;
+using namespace std::chrono_literals;
 
 double seconds(rt::Duration time) { return std::chrono::duration<double>(time).count(); }
 
@@ -39,6 +41,12 @@ bool contains_word(std::string_view text, std::string_view word) {
   return std::search(text.begin(), text.end(), word.begin(), word.end(), same) != text.end();
 }
 
+// How far the times of a file's lines may go back, and how long a transfer may hold back the rows after it: on a live
+// bus a row is seen at once, but for those behind a request that nobody answers.
+constexpr auto file_slack = 5s;
+constexpr auto file_patience = 60s;
+constexpr auto live_patience = 1s;
+
 /// Everything between a source and what is printed or written.
 class Pipeline final : public trace::Sink, private decode::Rows {
  public:
@@ -50,7 +58,10 @@ class Pipeline final : public trace::Sink, private decode::Rows {
         prints_(!trace.stats && (!trace.to || live_) && !(trace.quiet && trace.to)),
         decodes_(prints_ || trace.filters_rows()),
         decoder_(*this, {.fold = !trace.frames && !trace.table && !writes_and_filters(),
-                         .fields = options.json || !trace.objects.empty()}) {}
+                         .fields = options.json || !trace.objects.empty()}),
+        rows_(live_ ? rt::Duration::zero() : rt::Duration(file_slack),
+              live_ ? rt::Duration(live_patience) : rt::Duration(file_patience),
+              [this](std::string_view line, RowQueue::Kind kind) { print(line, kind); }) {}
 
   std::optional<Failure> open() {
     if (!trace_.to) return std::nullopt;
@@ -77,24 +88,32 @@ class Pipeline final : public trace::Sink, private decode::Rows {
       return;
     }
     ++shown_;
-    if (options_.json) {
-      if (prints_) {
-        screen_.buffer() += "{\"finding\":";
-        put_json(screen_.buffer(), finding);
-        screen_.buffer() += "}\n";
-      } else {
-        findings_.push_back(std::move(finding));
-      }
+    if (options_.json && !prints_) {
+      findings_.push_back(std::move(finding));
       return;
     }
-    // In the order in which they came, where both streams go to one place.
-    screen_.flush();
-    print_error(to_string(finding));
+    // Behind the rows of the lines before it, where both streams go to one place.
+    if (options_.json) {
+      rows_.buffer() += "{\"finding\":";
+      put_json(rows_.buffer(), finding);
+      rows_.buffer() += "}\n";
+    } else {
+      rows_.buffer() += to_string(finding);
+    }
+    rows_.remark();
   }
 
   /// After each turn: what came is seen now, and recorded.
   void settle() {
     if (!live_) return;
+    const auto now = std::chrono::steady_clock::now();
+    if (read_ != read_before_) heard_ = now;
+    read_before_ = read_;
+    if (now - heard_ >= live_patience) {
+      rows_.release_all();
+    } else {
+      rows_.release(decoder_.pending());
+    }
     screen_.flush();
     file_.flush();
   }
@@ -102,7 +121,10 @@ class Pipeline final : public trace::Sink, private decode::Rows {
 
   int finish(const std::string& file) {
     if (decodes_) decoder_.finish();
+    rows_.release_all();
+    tell_late(file);
     if (not_shown_ > 0) finding_of_rest(fmt::format("{} more findings", not_shown_), file);
+    rows_.release_all();
     if (writer_) writer_->finish(file_.buffer());
     const auto bad = writer_ ? file_.done() : std::nullopt;
     if (trace_.stats) {
@@ -148,7 +170,7 @@ class Pipeline final : public trace::Sink, private decode::Rows {
       const auto field = std::ranges::find(row.fields, key, &decode::Field::key);
       return field == row.fields.end() ? std::string() : field->value;
     };
-    const auto object = text::parse_object(value("object"));
+    const auto object = od::parse_object(value("object"));
     if (!object) return false;
     const std::string name = value("name");
     return std::ranges::any_of(trace_.objects, [&](const ObjectFilter& wanted) {
@@ -170,15 +192,41 @@ class Pipeline final : public trace::Sink, private decode::Rows {
     if (!prints_) return;
     const std::string& name = source_->buses()[bus];
     if (options_.json) {
-      text_.json(screen_.buffer(), row, name);
+      text_.json(rows_.buffer(), row, name);
     } else if (trace_.table) {
-      if (!headed_) screen_.buffer() += "Msg\tID\tDetails\tRaw Message\n";
-      headed_ = true;
-      text_.table(screen_.buffer(), row);
+      RowText::table(rows_.buffer(), row);
     } else {
-      text_.words(screen_.buffer(), row, name);
+      text_.words(rows_.buffer(), row, name);
     }
+    rows_.add(row.entry->at);
+    if (rows_.many()) rows_.release(decoder_.pending());
+  }
+
+  // A line in its place.
+  void print(std::string_view line, RowQueue::Kind kind) {
+    if (kind == RowQueue::Kind::remark && !options_.json) {
+      screen_.flush();
+      return print_error(std::string(line));
+    }
+    if (trace_.table && kind == RowQueue::Kind::row) {
+      if (printed_ == 0) screen_.buffer() += "Msg\tID\tDetails\tRaw Message\n";
+      screen_.buffer() += fmt::format("{}\t", ++printed_);
+    }
+    screen_.buffer() += line;
     screen_.full();
+  }
+
+  void tell_late(const std::string& file) {
+    if (rows_.late() == 0) return;
+    finding({Finding::Severity::warning,
+             file,
+             0,
+             0,
+             {},
+             fmt::format("{} rows stand behind rows of a later time: the times of the file go back too far, or a "
+                         "transfer was silent for too long",
+                         rows_.late()),
+             {}});
   }
 
   // An entry that passed every filter.
@@ -327,7 +375,10 @@ class Pipeline final : public trace::Sink, private decode::Rows {
   Outlet file_;
   Outlet screen_;
   RowText text_;
-  bool headed_ = false;
+  RowQueue rows_;
+  std::uint64_t printed_ = 0;  // rows of the table
+  std::uint64_t read_before_ = 0;
+  std::chrono::steady_clock::time_point heard_ = std::chrono::steady_clock::now();
   std::vector<bool> wanted_;  // by bus
   std::vector<trace::Counter> counters_;
   std::optional<rt::Duration> first_;

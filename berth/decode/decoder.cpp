@@ -581,4 +581,15 @@ void Decoder::finish() {
   }
 }
 
+std::optional<rt::Duration> Decoder::pending() const noexcept {
+  std::optional<rt::Duration> earliest;
+  for (const auto& bus : buses_) {
+    if (!bus) continue;
+    for (const auto& channel : bus->channels) {
+      if (channel->transfer.busy() && (!earliest || channel->last.at < *earliest)) earliest = channel->last.at;
+    }
+  }
+  return earliest;
+}
+
 }  // namespace berth::decode

@@ -13,6 +13,7 @@
 
 #include <array>
 #include <memory>
+#include <optional>
 #include <span>
 #include <string>
 #include <string_view>
@@ -77,6 +78,9 @@ class Decoder final : private SdoTransfer::Listener {
   void entry(const trace::Entry& entry);
   /// Rows for transfers that have not ended.
   void finish();
+  /// Of the transfers that have not ended, the last frame of the one that was heard least lately: a row of no earlier
+  /// time can follow, when entries come in time order. Empty: none is under way.
+  [[nodiscard]] std::optional<rt::Duration> pending() const noexcept;
 
  private:
   struct Signal;
