@@ -15,6 +15,9 @@ namespace berth::eds::xml {
 using Severity = Finding::Severity;
 using Node = pugi::xml_node;
 
+/// References in a circle end here.
+inline constexpr unsigned deepest_reference = 8;
+
 /// The name without its prefix.
 [[nodiscard]] std::string_view local(Node node) noexcept;
 /// The first child element of this local name; an empty node when there is none.
@@ -28,6 +31,8 @@ using Node = pugi::xml_node;
 [[nodiscard]] std::string_view text(Node node) noexcept;
 /// Text of the first `label` or `description` in it.
 [[nodiscard]] std::string_view words(Node node, std::string_view kind) noexcept;
+/// Its label: the English one where there are several.
+[[nodiscard]] std::string_view label(Node node) noexcept;
 
 /// The text, its places, and the report.
 class Source {
@@ -101,6 +106,12 @@ class ObjectList {
   void mapping(const Facts& facts, od::SubSpec& spec);
   void limits(const Facts& facts, od::SubSpec& spec);
   void values(const Facts& facts, od::SubSpec& spec);
+  void meaning(const Facts& facts, const od::SubSpec& spec);
+  [[nodiscard]] bool unit(const Facts& facts, Node holder, od::Meaning& meaning);
+  [[nodiscard]] Node allowed_values(Node holder) const;
+  /// The enumerated type of a parameter, also behind references; an empty node when it has none.
+  [[nodiscard]] Node enumeration(Node holder) const;
+  void named_values(const Facts& facts, Node list, std::string_view element, od::DataType type, od::Meaning& meaning);
   [[nodiscard]] Found value_text(const Facts& facts, std::string_view name) const;
   [[nodiscard]] Found limit_text(const Facts& facts, bool low);
   [[nodiscard]] std::optional<od::Literal> literal(const Facts& facts, const Found& found, od::DataType type);

@@ -184,15 +184,49 @@ class Writer {
     Node list;
     for (const od::Object& object : description_.objects()) {
       for (const od::SubObject& sub : description_.subs(object)) {
-        if (!needs_parameter(sub)) continue;
+        const od::Meaning* const meaning = description_.meaning({object.index, sub.sub});
+        if (!needs_parameter(sub) && meaning == nullptr) continue;
         if (!list) list = body.append_child("co:ApplicationProcess").append_child("co:parameterList");
         Node parameter = list.append_child("co:parameter");
         set(parameter, "uniqueID", id_of(object.index, sub.sub));
-        set(parameter, "access", sub.access == Access::rwr ? "readWriteInput" : "readWriteOutput");
+        set(parameter, "access", parameter_access(sub.access));
         label(parameter, "label", description_.name(sub), {});
         parameter.append_child(iec_type(sub.type));
+        if (meaning != nullptr) write_meaning(parameter, {object.index, sub.sub}, sub, *meaning);
       }
     }
+  }
+
+  static const char* parameter_access(Access access) noexcept {
+    switch (access) {
+      case Access::ro: return "read";
+      case Access::wo: return "write";
+      case Access::rwr: return "readWriteInput";
+      case Access::rww: return "readWriteOutput";
+      case Access::constant: return "const";
+      default: return "readWrite";
+    }
+  }
+
+  void write_meaning(Node parameter, ObjectRef ref, const od::SubObject& sub, const od::Meaning& meaning) {
+    if (!meaning.values.empty()) {
+      Node allowed = parameter.append_child("co:allowedValues");
+      for (const od::NamedValue& each : meaning.values) {
+        Node value = allowed.append_child("co:value");
+        set(value, "value", text(ref, od::Literal::number(each.raw), sub.type));
+        if (!each.name.empty()) label(value, "label", each.name, ref_text(ref));
+      }
+      // Beside the values of the list others are allowed; which is for the object's limits to say.
+      if (!meaning.only_these) allowed.append_child("co:range");
+    }
+    if (meaning.unit.empty()) return;
+    Node unit = parameter.append_child("co:unit");
+    if (meaning.number != 1 || meaning.exponent != 0) {
+      const bool plain = meaning.exponent == 0;
+      set(unit, "multiplier",
+          plain ? fmt::format("{}", meaning.number) : fmt::format("{}E{}", meaning.number, meaning.exponent));
+    }
+    label(unit, "label", meaning.unit, ref_text(ref));
   }
 
   static const char* iec_type(od::DataType type) noexcept {
@@ -285,7 +319,7 @@ class Writer {
       set(node, "denotation", clean(denotation->text, ref_text(ref)));
     set(node, "PDOmapping", mapping_word(sub));
     if (sub.obj_flags != 0) set(node, "objFlags", fmt::format("{:04X}", sub.obj_flags));
-    if (needs_parameter(sub)) set(node, "uniqueIDRef", id_of(index, sub.sub));
+    if (needs_parameter(sub) || description_.meaning(ref) != nullptr) set(node, "uniqueIDRef", id_of(index, sub.sub));
   }
 
   std::string text(ObjectRef ref, const od::Literal& value, od::DataType type) {
