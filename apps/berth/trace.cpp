@@ -9,15 +9,14 @@
 
 #include "machine_file.hpp"
 #include "trace_known.hpp"
-#include "trace_order.hpp"
 #include "trace_outlet.hpp"
+#include "trace_rows.hpp"
 #include "trace_source.hpp"
 
 namespace berth::cli {
 namespace {
 
 using Json = nlohmann::ordered_json;
-using namespace std::chrono_literals;
 
 double seconds(rt::Duration time) { return std::chrono::duration<double>(time).count(); }
 
@@ -41,12 +40,6 @@ bool contains_word(std::string_view text, std::string_view word) {
   return std::search(text.begin(), text.end(), word.begin(), word.end(), same) != text.end();
 }
 
-// How far the times of a file's lines may go back, and how long a transfer may hold back the rows after it: on a live
-// bus a row is seen at once, but for those behind a request that nobody answers.
-constexpr auto file_slack = 5s;
-constexpr auto file_patience = 60s;
-constexpr auto live_patience = 1s;
-
 /// Everything between a source and what is printed or written.
 class Pipeline final : public trace::Sink, private decode::Rows {
  public:
@@ -59,9 +52,10 @@ class Pipeline final : public trace::Sink, private decode::Rows {
         decodes_(prints_ || trace.filters_rows()),
         decoder_(*this, {.fold = !trace.frames && !trace.table && !writes_and_filters(),
                          .fields = options.json || !trace.objects.empty()}),
-        rows_(live_ ? rt::Duration::zero() : rt::Duration(file_slack),
-              live_ ? rt::Duration(live_patience) : rt::Duration(file_patience),
-              [this](std::string_view line, RowQueue::Kind kind) { print(line, kind); }) {}
+        rows_(options.json  ? RowPrinter::Form::json
+              : trace.table ? RowPrinter::Form::table
+                            : RowPrinter::Form::words,
+              live_) {}
 
   std::optional<Failure> open() {
     if (!trace_.to) return std::nullopt;
@@ -92,37 +86,32 @@ class Pipeline final : public trace::Sink, private decode::Rows {
       findings_.push_back(std::move(finding));
       return;
     }
-    // Behind the rows of the lines before it, where both streams go to one place.
-    if (options_.json) {
-      rows_.buffer() += "{\"finding\":";
-      put_json(rows_.buffer(), finding);
-      rows_.buffer() += "}\n";
-    } else {
-      rows_.buffer() += to_string(finding);
-    }
-    rows_.remark();
+    rows_.remark(finding);
   }
 
   /// After each turn: what came is seen now, and recorded.
   void settle() {
     if (!live_) return;
-    const auto now = std::chrono::steady_clock::now();
-    if (read_ != read_before_) heard_ = now;
-    read_before_ = read_;
-    if (now - heard_ >= live_patience) {
-      rows_.release_all();
-    } else {
-      rows_.release(decoder_.pending());
-    }
-    screen_.flush();
+    rows_.settle(decoder_.pending(), read_ != settled_);
+    settled_ = read_;
     file_.flush();
   }
-  [[nodiscard]] bool broken() const noexcept { return screen_.broken() || file_.broken(); }
+  [[nodiscard]] bool broken() const noexcept { return rows_.broken() || file_.broken(); }
 
   int finish(const std::string& file) {
     if (decodes_) decoder_.finish();
     rows_.release_all();
-    tell_late(file);
+    if (rows_.late() > 0) {
+      finding({Finding::Severity::warning,
+               file,
+               0,
+               0,
+               {},
+               fmt::format("{} rows stand behind rows of a later time: the times of the file go back too far, or a "
+                           "transfer was silent for too long",
+                           rows_.late()),
+               {}});
+    }
     if (not_shown_ > 0) finding_of_rest(fmt::format("{} more findings", not_shown_), file);
     rows_.release_all();
     if (writer_) writer_->finish(file_.buffer());
@@ -132,7 +121,7 @@ class Pipeline final : public trace::Sink, private decode::Rows {
     } else if (writer_) {
       print_conversion(file);
     }
-    const auto unprinted = screen_.done();
+    const auto unprinted = rows_.screen().done();
     if (bad) return tell(*bad, options_.json);
     if (unprinted) return tell(*unprinted, false);
     return errors_ > 0 ? Exit::usage : Exit::done;
@@ -190,43 +179,8 @@ class Pipeline final : public trace::Sink, private decode::Rows {
       take(*row.entry);
     }
     if (!prints_) return;
-    const std::string& name = source_->buses()[bus];
-    if (options_.json) {
-      text_.json(rows_.buffer(), row, name);
-    } else if (trace_.table) {
-      RowText::table(rows_.buffer(), row);
-    } else {
-      text_.words(rows_.buffer(), row, name);
-    }
-    rows_.add(row.entry->at);
+    rows_.row(row, source_->buses()[bus]);
     if (rows_.many()) rows_.release(decoder_.pending());
-  }
-
-  // A line in its place.
-  void print(std::string_view line, RowQueue::Kind kind) {
-    if (kind == RowQueue::Kind::remark && !options_.json) {
-      screen_.flush();
-      return print_error(std::string(line));
-    }
-    if (trace_.table && kind == RowQueue::Kind::row) {
-      if (printed_ == 0) screen_.buffer() += "Msg\tID\tDetails\tRaw Message\n";
-      screen_.buffer() += fmt::format("{}\t", ++printed_);
-    }
-    screen_.buffer() += line;
-    screen_.full();
-  }
-
-  void tell_late(const std::string& file) {
-    if (rows_.late() == 0) return;
-    finding({Finding::Severity::warning,
-             file,
-             0,
-             0,
-             {},
-             fmt::format("{} rows stand behind rows of a later time: the times of the file go back too far, or a "
-                         "transfer was silent for too long",
-                         rows_.late()),
-             {}});
   }
 
   // An entry that passed every filter.
@@ -297,7 +251,7 @@ class Pipeline final : public trace::Sink, private decode::Rows {
   }
 
   void print_stats(const std::string& file) {
-    std::string& out = screen_.buffer();
+    std::string& out = rows_.screen().buffer();
     if (options_.json) {
       Json json{{"file", file}, {"format", source_->format()}, {"findings", findings_json()}};
       Json buses = Json::array();
@@ -350,15 +304,15 @@ class Pipeline final : public trace::Sink, private decode::Rows {
                 {"frames", taken_},
                 {"lost", lost},
                 {"findings", findings_json()}};
-      screen_.buffer() += json.dump(2, ' ', false, Json::error_handler_t::replace) + "\n";
+      rows_.screen().buffer() += json.dump(2, ' ', false, Json::error_handler_t::replace) + "\n";
       return;
     }
     std::string words = fmt::format("{} ({}) to {} ({}): {} frames", file, source_->format(), trace_.output,
                                     trace::name(*trace_.to), taken_);
     if (taken_ < read_) words += fmt::format(" of {}", read_);
-    if (!to_screen && !live_) screen_.buffer() += words + "\n";
+    if (!to_screen && !live_) rows_.screen().buffer() += words + "\n";
     if (lost.empty()) return;
-    screen_.flush();
+    rows_.screen().flush();
     for (const auto& line : lost)
       print_error(fmt::format("{}: {}", to_screen ? "standard output" : trace_.output, line));
   }
@@ -373,13 +327,9 @@ class Pipeline final : public trace::Sink, private decode::Rows {
   decode::Decoder decoder_;
   std::unique_ptr<trace::Writer> writer_;
   Outlet file_;
-  Outlet screen_;
-  RowText text_;
-  RowQueue rows_;
-  std::uint64_t printed_ = 0;  // rows of the table
-  std::uint64_t read_before_ = 0;
-  std::chrono::steady_clock::time_point heard_ = std::chrono::steady_clock::now();
-  std::vector<bool> wanted_;  // by bus
+  RowPrinter rows_;
+  std::uint64_t settled_ = 0;  // of those read
+  std::vector<bool> wanted_;   // by bus
   std::vector<trace::Counter> counters_;
   std::optional<rt::Duration> first_;
   std::uint64_t read_ = 0;

@@ -14,8 +14,8 @@ namespace berth::command {
 
 /// The bytes that a text is as a value of this object. A number is in C notation and may have the unit that the object
 /// is counted in, or a larger or smaller one ("0.5 s" for 1017h), or the description's ("23.5 °C"); where the
-/// description names values, one of the names or the beginning of one does, too. A type that is only described gives way
-/// to a row of hex bytes ("F4 01", or none at all). Refused: what does not fit the type, other units and names, and
+/// description names values, one of the names or the beginning of one does, too. A type that is only described gives
+/// way to a row of hex bytes ("F4 01", or none at all). Refused: what does not fit the type, other units and names, and
 /// unless `anyway` what the description does not allow. `node`: for values with $NODEID.
 [[nodiscard]] Checked<std::vector<std::uint8_t>> value_bytes(const KnownObject& object, const std::string& text,
                                                              NodeId node, bool anyway = false);

@@ -52,81 +52,83 @@ bool is_one(std::string_view multiplier) {
   return scale && scale->number == 1 && scale->exponent == 0;
 }
 
-}  // namespace
-
-Node ObjectList::allowed_values(Node holder) const {
-  const Node own = child(holder, "allowedValues");
-  const std::string_view id = attribute(own, "templateIDRef");
-  if (id.empty()) return own;
-  const auto found = by_id_.find(id);
-  return found == by_id_.end() ? own : found->second;
-}
-
-Node ObjectList::enumeration(Node holder) const {
+// The enumerated type of a parameter, also behind references; an empty node when it has none.
+Node enumeration(Node holder, const NodesById& by_id) {
   Node at = holder;
   for (unsigned deep = 0; at && deep < deepest_reference; ++deep) {
     if (local(at) == "enum") return at;
     if (local(at) == "array" || local(at) == "struct") return {};
-    const auto found = by_id_.find(attribute(child(at, "dataTypeIDRef"), "uniqueIDRef"));
-    at = found == by_id_.end() ? Node() : found->second;
+    const auto found = by_id.find(attribute(child(at, "dataTypeIDRef"), "uniqueIDRef"));
+    at = found == by_id.end() ? Node() : found->second;
   }
   return {};
 }
 
+enum class UnitIs : std::uint8_t { absent, taken, without_a_name, of_a_scaled_value, unreadable };
+
 // A parameter that is itself scaled (its `multiplier` and `offset`) has a unit that does not belong to the bare value.
-bool ObjectList::unit(const Facts& facts, Node holder, od::Meaning& meaning) {
+UnitIs read_unit(Node holder, od::Meaning& meaning) {
   const Node given = child(holder, "unit");
-  if (!given) return false;
-  const std::string_view offset = attribute(holder, "offset");
+  if (!given) return UnitIs::absent;
   const auto scale = scale_of(attribute(given, "multiplier"));
+  if (!scale) return UnitIs::unreadable;
+  const std::string_view offset = attribute(holder, "offset");
   const bool bare = is_one(attribute(holder, "multiplier")) && (offset.empty() || offset == "0");
-  const std::string_view name = label(given);
-  if (!scale) {
-    warn(facts, given, "multiplier", "this is no multiplier such as 0.1; the unit is left out");
-    return false;
-  }
-  if (name.empty() || !bare) {
-    ++left_out_[bare ? "unit without a name" : "unit of a scaled value"];
-    return false;
-  }
-  meaning.unit = name;
+  if (!bare) return UnitIs::of_a_scaled_value;
+  meaning.unit = label(given);
+  if (meaning.unit.empty()) return UnitIs::without_a_name;
   meaning.number = scale->number;
   meaning.exponent = static_cast<std::int8_t>(scale->exponent);
-  return true;
+  return UnitIs::taken;
 }
 
-void ObjectList::named_values(const Facts& facts, Node list, std::string_view element, od::DataType type,
-                              od::Meaning& meaning) {
-  for (const Node each : list.children()) {
-    if (local(each) != element) continue;
-    const auto value = literal(facts, {attribute(each, "value"), each, "value"}, type);
-    if (!value || value->kind != od::Literal::Kind::number) {
-      ++left_out_["allowed value"];
-      continue;
-    }
-    const std::string_view name = label(each);
-    if (!afford(each, 0, name.size() + sizeof(od::NamedValue))) return;
-    meaning.values.push_back({value->raw, std::string(name)});
-  }
-  // Of two names of one value the first counts.
-  std::ranges::stable_sort(meaning.values, {}, &od::NamedValue::raw);
-  const auto rest = std::ranges::unique(meaning.values, {}, &od::NamedValue::raw);
-  meaning.values.erase(rest.begin(), rest.end());
+}  // namespace
+
+Node allowed_values(Node holder, const NodesById& by_id) {
+  const Node own = child(holder, "allowedValues");
+  const std::string_view id = attribute(own, "templateIDRef");
+  if (id.empty()) return own;
+  const auto found = by_id.find(id);
+  return found == by_id.end() ? own : found->second;
 }
 
 void ObjectList::meaning(const Facts& facts, const od::SubSpec& spec) {
   if (od::bit_length(spec.type) == 0 || !facts.parameter) return;
   od::Meaning made;
-  (void)(unit(facts, facts.parameter, made) || unit(facts, facts.model, made));
+  UnitIs unit = UnitIs::absent;
+  for (const Node holder : {facts.parameter, facts.model}) {
+    if (unit == UnitIs::absent) unit = read_unit(holder, made);
+  }
+  if (unit == UnitIs::without_a_name) ++left_out_["unit without a name"];
+  if (unit == UnitIs::of_a_scaled_value) ++left_out_["unit of a scaled value"];
+  if (unit == UnitIs::unreadable) {
+    const Node given = child(facts.parameter, "unit") ? child(facts.parameter, "unit") : child(facts.model, "unit");
+    warn(facts, given, "multiplier", "this is no multiplier such as 0.1; the unit is left out");
+  }
+  const auto take = [&](Node list, std::string_view element) {
+    for (const Node each : list.children()) {
+      if (local(each) != element) continue;
+      const auto value = literal(facts, {attribute(each, "value"), each, "value"}, spec.type);
+      const std::string_view name = label(each);
+      if (!value || value->kind != od::Literal::Kind::number) {
+        ++left_out_["allowed value"];
+      } else if (afford(each, 0, name.size() + sizeof(od::NamedValue))) {
+        made.values.push_back({value->raw, std::string(name)});
+      }
+    }
+  };
   bool range = false;
   for (const Node holder : {facts.parameter, facts.model}) {
     if (!made.values.empty()) break;
-    const Node allowed = allowed_values(holder);
+    const Node allowed = allowed_values(holder, by_id_);
     range = static_cast<bool>(child(allowed, "range"));
-    named_values(facts, allowed, "value", spec.type, made);
-    if (!made.values.empty()) break;
-    named_values(facts, enumeration(holder), "enumValue", spec.type, made);
+    take(allowed, "value");
+    if (made.values.empty()) take(enumeration(holder, by_id_), "enumValue");
   }
+  // Of two names of one value the first counts.
+  std::ranges::stable_sort(made.values, {}, &od::NamedValue::raw);
+  const auto rest = std::ranges::unique(made.values, {}, &od::NamedValue::raw);
+  made.values.erase(rest.begin(), rest.end());
   made.only_these = !made.values.empty() && !range;
   if (!made.unit.empty() || !made.values.empty()) builder_.meaning({facts.index, facts.sub}, std::move(made));
 }

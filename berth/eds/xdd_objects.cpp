@@ -12,7 +12,6 @@ namespace {
 using od::Access;
 using od::DataType;
 
-
 struct Named {
   std::string_view word;
   DataType type;
@@ -374,7 +373,7 @@ ObjectList::Found ObjectList::limit_text(const Facts& facts, bool low) {
   const Found own{attribute(facts.own, name), facts.own, name};
   if (!own.text.empty()) return own;
   for (const Node holder : {facts.parameter, facts.model}) {
-    const Node range = child(allowed_values(holder), "range");
+    const Node range = child(allowed_values(holder, by_id_), "range");
     const Node at = child(range, low ? "minValue" : "maxValue");
     const Found found{attribute(at, "value"), at, "value"};
     if (!found.text.empty()) return found;

@@ -65,6 +65,11 @@ class Source {
   Report& report_;
 };
 
+/// The nodes of a device profile that others refer to.
+using NodesById = std::unordered_map<std::string_view, Node>;
+/// The `allowedValues` of a parameter or template, its own or those of the template it refers to.
+[[nodiscard]] Node allowed_values(Node holder, const NodesById& by_id);
+
 /// `CANopenObjectList` and what it refers to in the `ApplicationProcess`es.
 class ObjectList {
  public:
@@ -107,11 +112,6 @@ class ObjectList {
   void limits(const Facts& facts, od::SubSpec& spec);
   void values(const Facts& facts, od::SubSpec& spec);
   void meaning(const Facts& facts, const od::SubSpec& spec);
-  [[nodiscard]] bool unit(const Facts& facts, Node holder, od::Meaning& meaning);
-  [[nodiscard]] Node allowed_values(Node holder) const;
-  /// The enumerated type of a parameter, also behind references; an empty node when it has none.
-  [[nodiscard]] Node enumeration(Node holder) const;
-  void named_values(const Facts& facts, Node list, std::string_view element, od::DataType type, od::Meaning& meaning);
   [[nodiscard]] Found value_text(const Facts& facts, std::string_view name) const;
   [[nodiscard]] Found limit_text(const Facts& facts, bool low);
   [[nodiscard]] std::optional<od::Literal> literal(const Facts& facts, const Found& found, od::DataType type);
@@ -125,7 +125,7 @@ class ObjectList {
   Source& source_;
   const ReadOptions& options_;
   od::DescriptionBuilder builder_;
-  std::unordered_map<std::string_view, Node> by_id_;
+  NodesById by_id_;
   std::map<std::string, std::size_t> left_out_;
   std::vector<Parameter> parameters_;
   std::vector<Parameter> defaults_;

@@ -20,6 +20,60 @@ using od::Access;
 constexpr const char* xml_namespace = "http://www.canopen.org/xml/1.1";
 constexpr const char* boolean(bool value) noexcept { return value ? "true" : "false"; }
 
+/// rwr and rww of an object that is not mappable: only a parameter's access has words for that.
+bool needs_parameter(const od::SubObject& sub) noexcept {
+  return (sub.access == Access::rwr || sub.access == Access::rww) && !sub.mappable;
+}
+
+std::string id_of(std::uint16_t index, std::uint8_t sub) { return fmt::format("UID_SUB_{:04X}{:02X}", index, sub); }
+
+const char* iec_type(od::DataType type) noexcept {
+  switch (type) {
+    case od::DataType::boolean: return "BOOL";
+    case od::DataType::integer8: return "SINT";
+    case od::DataType::integer16: return "INT";
+    case od::DataType::integer32: return "DINT";
+    case od::DataType::integer64: return "LINT";
+    case od::DataType::unsigned8: return "USINT";
+    case od::DataType::unsigned16: return "UINT";
+    case od::DataType::unsigned32: return "UDINT";
+    case od::DataType::unsigned64: return "ULINT";
+    case od::DataType::real32: return "REAL";
+    case od::DataType::real64: return "LREAL";
+    case od::DataType::visible_string: return "STRING";
+    case od::DataType::unicode_string: return "WSTRING";
+    default: return "BITSTRING";
+  }
+}
+
+const char* parameter_access(Access access) noexcept {
+  switch (access) {
+    case Access::ro: return "read";
+    case Access::wo: return "write";
+    case Access::rwr: return "readWriteInput";
+    case Access::rww: return "readWriteOutput";
+    case Access::constant: return "const";
+    default: return "readWrite";
+  }
+}
+
+std::string ref_text(ObjectRef ref) { return fmt::format("{:04X}:{:02X}", ref.index, ref.sub); }
+
+const char* access_word(Access access) noexcept {
+  switch (access) {
+    case Access::ro: return "ro";
+    case Access::wo: return "wo";
+    case Access::constant: return "const";
+    default: return "rw";
+  }
+}
+
+const char* mapping_word(const od::SubObject& sub) noexcept {
+  if (!sub.mappable) return "no";
+  if (sub.access == Access::rwr) return "TPDO";
+  return sub.access == Access::rww ? "RPDO" : "optional";
+}
+
 class Writer {
  public:
   Writer(const File& file, const XddOptions& options)
@@ -172,14 +226,6 @@ class Writer {
     if (!list.first_child()) add(xml::written_by, {"Berth"});
   }
 
-  /// rwr and rww of an object that is not mappable: only a parameter's access has words for that.
-  static bool needs_parameter(const od::SubObject& sub) noexcept {
-    return (sub.access == Access::rwr || sub.access == Access::rww) && !sub.mappable;
-  }
-  static std::string id_of(std::uint16_t index, std::uint8_t sub) {
-    return fmt::format("UID_SUB_{:04X}{:02X}", index, sub);
-  }
-
   void parameters(Node body) {
     Node list;
     for (const od::Object& object : description_.objects()) {
@@ -194,17 +240,6 @@ class Writer {
         parameter.append_child(iec_type(sub.type));
         if (meaning != nullptr) write_meaning(parameter, {object.index, sub.sub}, sub, *meaning);
       }
-    }
-  }
-
-  static const char* parameter_access(Access access) noexcept {
-    switch (access) {
-      case Access::ro: return "read";
-      case Access::wo: return "write";
-      case Access::rwr: return "readWriteInput";
-      case Access::rww: return "readWriteOutput";
-      case Access::constant: return "const";
-      default: return "readWrite";
     }
   }
 
@@ -227,25 +262,6 @@ class Writer {
           plain ? fmt::format("{}", meaning.number) : fmt::format("{}E{}", meaning.number, meaning.exponent));
     }
     label(unit, "label", meaning.unit, ref_text(ref));
-  }
-
-  static const char* iec_type(od::DataType type) noexcept {
-    switch (type) {
-      case od::DataType::boolean: return "BOOL";
-      case od::DataType::integer8: return "SINT";
-      case od::DataType::integer16: return "INT";
-      case od::DataType::integer32: return "DINT";
-      case od::DataType::integer64: return "LINT";
-      case od::DataType::unsigned8: return "USINT";
-      case od::DataType::unsigned16: return "UINT";
-      case od::DataType::unsigned32: return "UDINT";
-      case od::DataType::unsigned64: return "ULINT";
-      case od::DataType::real32: return "REAL";
-      case od::DataType::real64: return "LREAL";
-      case od::DataType::visible_string: return "STRING";
-      case od::DataType::unicode_string: return "WSTRING";
-      default: return "BITSTRING";
-    }
   }
 
   void network_profile(Node profile) {
@@ -291,8 +307,6 @@ class Writer {
     }
   }
 
-  static std::string ref_text(ObjectRef ref) { return fmt::format("{:04X}:{:02X}", ref.index, ref.sub); }
-
   template <class T>
   static const T* of(const std::vector<T>& list, ObjectRef ref) noexcept {
     const auto found = std::ranges::lower_bound(list, ref, {}, [](const T& each) { return each.object; });
@@ -324,21 +338,6 @@ class Writer {
 
   std::string text(ObjectRef ref, const od::Literal& value, od::DataType type) {
     return clean(text_of(value, type, usually_hex(ref, type)), ref_text(ref));
-  }
-
-  static const char* access_word(Access access) noexcept {
-    switch (access) {
-      case Access::ro: return "ro";
-      case Access::wo: return "wo";
-      case Access::constant: return "const";
-      default: return "rw";
-    }
-  }
-
-  static const char* mapping_word(const od::SubObject& sub) noexcept {
-    if (!sub.mappable) return "no";
-    if (sub.access == Access::rwr) return "TPDO";
-    return sub.access == Access::rww ? "RPDO" : "optional";
   }
 
   void dummies(Node layers) {
