@@ -44,6 +44,18 @@ co::CobId cob_id(const od::Values& values, ObjectRef ref) noexcept {
   return id.well_formed() ? id : co::CobId();
 }
 
+// "Identity object.Vendor-ID"; the object alone when it is a VAR; empty when it is not described.
+std::string object_name(const od::Description& description, ObjectRef ref) {
+  const auto* const object = description.find(ref.index);
+  if (object == nullptr) return {};
+  std::string name(description.name(*object));
+  const auto* const sub = description.find(*object, ref.sub);
+  if (sub == nullptr || object->code == od::ObjectCode::var) return name;
+  const auto own = description.name(*sub);
+  if (!own.empty() && own != name) say(name, ".{}", own);
+  return name;
+}
+
 }  // namespace
 
 struct Decoder::Signal {
@@ -251,18 +263,6 @@ void Decoder::add_pdo(Bus& bus, Node& node, std::uint8_t id, bool transmit, unsi
   }
   set_route(bus, cob.key(), {Route::Kind::pdo, id, index});
   node.keys.push_back(cob.key());
-}
-
-// "Identity object.Vendor-ID"; the object alone when it is a VAR; empty when it is not described.
-std::string Decoder::object_name(const od::Description& description, ObjectRef ref) {
-  const auto* const object = description.find(ref.index);
-  if (object == nullptr) return {};
-  std::string name(description.name(*object));
-  const auto* const sub = description.find(*object, ref.sub);
-  if (sub == nullptr || object->code == od::ObjectCode::var) return name;
-  const auto own = description.name(*sub);
-  if (!own.empty() && own != name) say(name, ".{}", own);
-  return name;
 }
 
 bool Decoder::taken(const Bus& bus, std::uint32_t key) {
@@ -486,11 +486,48 @@ void Decoder::put_value(od::DataType type, std::span<const std::uint8_t> bytes, 
   put_hex(bytes, most_bytes, value_);
 }
 
+// Its words, its fields, and the type of its value.
+od::DataType Decoder::say_object(const Node* node, ObjectRef object) {
+  od::DataType type = od::DataType::none;
+  std::string name;
+  if (node != nullptr && node->values) {
+    name = object_name(node->values->description(), object);
+    const auto* const sub = node->values->description().find(object);
+    if (sub != nullptr) type = sub->type;
+  }
+  if (name.empty()) {
+    const auto standard = standard_object(object);
+    name = standard.name;
+    type = standard.type;
+  }
+  say(words_, " {:04X}h:{:02X}", object.index, object.sub);
+  if (!name.empty()) say(words_, " {}", name);
+  field(Field::Kind::text, "object", options_.fields ? object_text(object) : std::string());
+  if (!name.empty()) field(Field::Kind::text, "name", std::move(name));
+  return type;
+}
+
+void Decoder::say_end(const SdoRecord& record) {
+  using End = SdoRecord::End;
+  switch (record.end) {
+    case End::done:
+      if (record.announced && *record.announced != record.length)
+        say(words_, " ({} bytes were announced, {} came)", *record.announced, record.length);
+      break;
+    case End::aborted_by_client:
+    case End::aborted_by_server:
+      say(words_, ": abort by the {}, {:08X}h, {}", record.end == End::aborted_by_client ? "client" : "server",
+          record.abort, od::text(static_cast<od::AbortCode>(record.abort)));
+      if (options_.fields) field(Field::Kind::text, "abort", fmt::format("{:08X}", record.abort));
+      break;
+    case End::unfinished: words_ += record.frames == 1 ? ": no answer" : ": unfinished"; break;
+    case End::stray: words_ += ": belongs to no transfer that was seen to begin"; break;
+  }
+}
+
 void Decoder::ended(const SdoRecord& record) {
   using End = SdoRecord::End;
-  Bus& bus = *bus_;
   const std::uint8_t id = channel_->node;
-  const Node* const node = bus.nodes[id].get();
   words_.clear();
   value_.clear();
   if (options_.fields) fields_.clear();
@@ -498,24 +535,7 @@ void Decoder::ended(const SdoRecord& record) {
   const bool nothing_known = record.end == End::stray || (record.frames == 1 && record.abort != 0);
   say(words_, "SDO {} node {}", nothing_known ? "of" : record.write ? "write" : "read", id);
   if (channel_->number > 1) say(words_, " (channel {})", channel_->number);
-  od::DataType type = od::DataType::none;
-  if (record.has_object) {
-    std::string name;
-    if (node != nullptr && node->values) {
-      name = object_name(node->values->description(), record.object);
-      const auto* const sub = node->values->description().find(record.object);
-      if (sub != nullptr) type = sub->type;
-    }
-    if (name.empty()) {
-      const auto standard = standard_object(record.object);
-      name = standard.name;
-      type = standard.type;
-    }
-    say(words_, " {:04X}h:{:02X}", record.object.index, record.object.sub);
-    if (!name.empty()) say(words_, " {}", name);
-    field(Field::Kind::text, "object", options_.fields ? object_text(record.object) : std::string());
-    if (!name.empty()) field(Field::Kind::text, "name", std::move(name));
-  }
+  const auto type = record.has_object ? say_object(bus_->nodes[id].get(), record.object) : od::DataType::none;
   std::span<const std::uint8_t> bytes(record.bytes);
   if (!record.sized && od::byte_size(type) > 0) bytes = bytes.first(std::min(bytes.size(), od::byte_size(type)));
   const bool has_value = record.end == End::done || (record.write && record.length > 0 && record.end != End::stray);
@@ -540,21 +560,7 @@ void Decoder::ended(const SdoRecord& record) {
     }
     field(Field::Kind::text, "result", results[static_cast<int>(record.end)]);
   }
-  switch (record.end) {
-    case End::done:
-      if (record.announced && *record.announced != record.length)
-        say(words_, " ({} bytes were announced, {} came)", *record.announced, record.length);
-      break;
-    case End::aborted_by_client:
-    case End::aborted_by_server: {
-      say(words_, ": abort by the {}, {:08X}h, {}", record.end == End::aborted_by_client ? "client" : "server",
-          record.abort, od::text(static_cast<od::AbortCode>(record.abort)));
-      if (options_.fields) field(Field::Kind::text, "abort", fmt::format("{:08X}", record.abort));
-      break;
-    }
-    case End::unfinished: words_ += record.frames == 1 ? ": no answer" : ": unfinished"; break;
-    case End::stray: words_ += ": belongs to no transfer that was seen to begin"; break;
-  }
+  say_end(record);
   if (record.mode != SdoRecord::Mode::expedited)
     say(words_, " ({}, {} bytes, {} frames)", mode, record.length, record.frames);
   add_name(id);
@@ -566,7 +572,7 @@ void Decoder::ended(const SdoRecord& record) {
                 .words = words_,
                 .fields = fields_};
   rows_->row(row);
-  if (record.end == End::done && record.bytes.size() == record.length) learn(bus, id, record.object, bytes);
+  if (record.end == End::done && record.bytes.size() == record.length) learn(*bus_, id, record.object, bytes);
 }
 
 void Decoder::finish() {

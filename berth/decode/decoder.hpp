@@ -98,7 +98,6 @@ class Decoder final : private SdoTransfer::Listener {
   static void set_route(Bus& bus, std::uint32_t key, Route route);
   static void add_pdo(Bus& bus, Node& node, std::uint8_t id, bool transmit, unsigned number);
   static bool taken(const Bus& bus, std::uint32_t key);
-  static std::string object_name(const od::Description& description, ObjectRef ref);
   void pdo(const Bus& bus, unsigned index, const can::Frame& frame);
   void signals(const Pdo& pdo, const can::Frame& frame);
   void sdo(Channel& channel, bool request);
@@ -109,6 +108,8 @@ class Decoder final : private SdoTransfer::Listener {
   void give(Meaning meaning);
   void add_name(std::uint8_t node);
   void put_value(od::DataType type, std::span<const std::uint8_t> bytes, bool all);
+  od::DataType say_object(const Node* node, ObjectRef object);
+  void say_end(const SdoRecord& record);
   void field(Field::Kind kind, std::string_view key, std::string value);
 
   Rows* rows_;

@@ -43,7 +43,9 @@ struct Auto::Run {
   Options part;  // for one scheme: as many devices as are still wanted
   Report report{};
 
-  [[nodiscard]] bool over() const { return report.found.size() >= options.most_devices; }
+  [[nodiscard]] bool over() const {
+    return report.end == Report::End::more || report.found.size() >= options.most_devices;
+  }
   // Devices that have no node-ID after all schemes were run: the non-configured question means them too.
   [[nodiscard]] bool all_assigned() const {
     return std::ranges::all_of(report.found,

@@ -83,7 +83,9 @@ class Observer {
   virtual void found(const Found& device) noexcept = 0;
   /// Search by identify ranges: between two requests, whenever it got on.
   virtual void progress(const Progress&) noexcept {}
-  /// Search by identify ranges: asked between two requests, with no device in configuration. False: ends with `more`.
+  /// Asked with no device in configuration: by identify ranges and by the planners between two requests, by the
+  /// published procedures after each device. False: the search ends with `more`; called again, with what it found as
+  /// registered, it finds the others.
   virtual bool goes_on() noexcept { return true; }
 
  protected:

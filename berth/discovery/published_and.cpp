@@ -13,6 +13,7 @@ Report::End end_of(nodeid::DiscoveryReport::End end) noexcept {
     case nodeid::DiscoveryReport::End::gave_up: return Report::End::gave_up;
     case nodeid::DiscoveryReport::End::stuck: return Report::End::stuck;
     case nodeid::DiscoveryReport::End::limit: return Report::End::limit;
+    case nodeid::DiscoveryReport::End::stopped: return Report::End::more;
   }
   return Report::End::gave_up;
 }
@@ -70,6 +71,7 @@ class And final : public Discovery, private nodeid::AndObserver {
   void found(const nodeid::AndFound& device) noexcept override {
     if (observer_ != nullptr && device.address) observer_->found(one(device));
   }
+  bool goes_on() noexcept override { return observer_ == nullptr || observer_->goes_on(); }
   static Found one(const nodeid::AndFound& d) noexcept {
     return {.address = *d.address,
             .at = d.at,

@@ -13,6 +13,7 @@ Report::End end_of(lss::FastscanReport::End end) noexcept {
     case lss::FastscanReport::End::held: return Report::End::held;
     case lss::FastscanReport::End::limit: return Report::End::limit;
     case lss::FastscanReport::End::stuck: return Report::End::stuck;
+    case lss::FastscanReport::End::stopped: return Report::End::more;
   }
   return Report::End::gave_up;
 }
@@ -84,6 +85,7 @@ class PublishedFastscan final : public Discovery {
     [[nodiscard]] bool still_vacant(NodeId id) const noexcept override {
       return options_.assigner == nullptr || options_.assigner->still_vacant(id);
     }
+    bool goes_on() noexcept override { return options_.observer == nullptr || options_.observer->goes_on(); }
 
    private:
     void tell(const lss::FastscanDevice& device) noexcept {

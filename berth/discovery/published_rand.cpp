@@ -14,6 +14,7 @@ Report::End end_of(nodeid::DiscoveryReport::End end) noexcept {
     case nodeid::DiscoveryReport::End::gave_up: return Report::End::gave_up;
     case nodeid::DiscoveryReport::End::stuck: return Report::End::stuck;
     case nodeid::DiscoveryReport::End::limit: return Report::End::limit;
+    case nodeid::DiscoveryReport::End::stopped: return Report::End::more;
   }
   return Report::End::gave_up;
 }
@@ -78,6 +79,7 @@ class Rand final : public Discovery, private nodeid::DiscoveryObserver {
  private:
   void phase(const nodeid::PhaseEvent&) noexcept override {}
   void restarted(unsigned, rt::Time) noexcept override {}
+  bool goes_on() noexcept override { return observer_ == nullptr || observer_->goes_on(); }
   void found(const nodeid::Discovered& device) noexcept override {
     if (observer_ != nullptr) observer_->found(one(device));
   }
@@ -137,6 +139,7 @@ class RandTree final : public Discovery, private nodeid::WalkObserver {
   void found(const nodeid::Walked& device) noexcept override {
     if (observer_ != nullptr) observer_->found(one(device));
   }
+  bool goes_on() noexcept override { return observer_ == nullptr || observer_->goes_on(); }
   static Found one(const nodeid::Walked& d) noexcept {
     return {.address = d.address,
             .at = d.at,

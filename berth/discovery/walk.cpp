@@ -67,6 +67,13 @@ void Walker::Search::broken(Error error) noexcept {
   broken_ = true;
 }
 
+// What is on its way down to a device begins again: none was selected yet.
+bool Walker::Search::stops() noexcept {
+  const bool now = !broken_ && options_.observer != nullptr && !options_.observer->goes_on();
+  if (now) broken_ = stopped_ = true;
+  return now;
+}
+
 bool Walker::Search::over() const { return broken_ || set_aside_ || report_.found.size() >= options_.most_devices; }
 
 rt::Task<Result<Report>> Walker::Search::run() {
@@ -109,11 +116,14 @@ rt::Task<Result<Report>> Walker::Search::run() {
     wholly_ = by_bits_ = fruitless > 1;
     asker_.be_patient(patient_, wholly_);
   }
-  if (held_ && !broken_) co_await release();
+  const bool failed = broken_ && !stopped_;
+  if (failed) co_return fail(error_);
+  if (held_) co_await release();
   // Another scheme comes next, and its answers have our feedback's identifiers (S1.24).
-  if (!broken_) co_await rt::sleep_until(asker_.settled());
-  if (broken_) co_return fail(error_);
-  if (report_.found.size() >= options_.most_devices) {
+  co_await rt::sleep_until(asker_.settled());
+  if (stopped_) {
+    report_.end = Report::End::more;
+  } else if (report_.found.size() >= options_.most_devices) {
     report_.end = Report::End::limit;
   } else if (fruitless > options_.retries) {
     report_.end = Report::End::gave_up;

@@ -96,7 +96,8 @@ rt::Task<bool> Walker::Search::ask_beside(Place place) {
     const bool doubted = std::ranges::any_of(doubted_, [&](const Silent& s) { return s.place == place && s.at == at; });
     asker_.be_patient(patient_ && doubted, wholly_ && doubted);
     const bool last = others && i + 1 == open.size();  // no question follows that a late answer would come to
-    const Heard heard = co_await ask_once(at, sub_, last ? Wait::bound : Wait::learnt);
+    const Wait wait = last ? Wait::bound : Wait::learnt;
+    const Heard heard = co_await ask_once(at, sub_, wait);
     asker_.be_patient(patient_, wholly_);
     const bool before = heard.late && i > 0;  // the place asked before this one was answered
     if (before || heard.yes()) {

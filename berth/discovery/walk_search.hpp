@@ -117,6 +117,7 @@ class Walker::Search {
   [[nodiscard]] bool over() const;
   [[nodiscard]] LssAddress address(std::uint32_t serial) const { return {chain_[0], chain_[1], chain_[2], serial}; }
   void broken(Error error) noexcept;
+  bool stops() noexcept;
 
   Walker& walker_;
   Asker& asker_;
@@ -124,7 +125,8 @@ class Walker::Search {
   const Known& known_;
   const Options& options_;
   Report report_{};
-  bool broken_ = false;
+  bool broken_ = false;   // nothing more is asked
+  bool stopped_ = false;  // because the observer said so: no error
   Error error_{};
 
   std::vector<Path> paths_;

@@ -14,7 +14,8 @@ constexpr unsigned neighbourhood = 8;  // bits
 // ---- questions --------------------------------------------------------------------------------------------------
 
 rt::Task<Heard> Walker::Search::ask_once(Prefix at, unsigned next, Wait wait) {
-  if (broken_) co_return Heard{};
+  const bool ends = broken_ || stops();
+  if (ends) co_return Heard{};
   const lss::FastscanRequest request{.id = at.value,
                                      .bit_checked = at.bit,
                                      .sub = static_cast<std::uint8_t>(sub_),

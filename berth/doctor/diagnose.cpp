@@ -218,62 +218,50 @@ class Consultation {
 
   // ---- two devices with one node-ID ----
 
-  void duplicate(NodeId id) {
-    const auto& node = heard_.node(id);
-    std::vector<std::string> evidence;
+  struct Signs {
     Certainty certainty = Certainty::possible;
-    bool found = false;
-    const auto note = [&](Certainty c, std::string text) {
-      found = true;
+    std::vector<std::string> evidence;
+    void note(Certainty c, std::string text) {
       certainty = std::max(certainty, c);
       evidence.push_back(std::move(text));
-    };
+    }
+  };
+
+  void duplicate(NodeId id) {
+    const auto& node = heard_.node(id);
+    Signs signs;
+    const auto note = [&](Certainty c, std::string text) { signs.note(c, std::move(text)); };
     Count seen;
     if (node.flips.count >= 3) {
       note(node.flips.count >= 6 ? Certainty::certain : Certainty::likely,
            fmt::format("its heartbeats tell two NMT states in turn, without a command between: {}", times(node.flips)));
       seen = node.flips;
     }
-    if (const auto boots = boots_beside(node); boots.count > 0) {
+    if (const auto boots = boots_beside(node, expected_.heartbeat_period); boots.count > 0) {
       note(boots.count > 1 ? Certainty::certain : Certainty::likely,
            fmt::format("a boot-up message while the heartbeat went on in its old rhythm: {}", times(boots)));
       seen = boots;
     }
-    if (const auto text = rhythm_of(id, certainty); !text.empty()) {
-      found = true;
-      evidence.push_back(text);
+    if (const auto text = rhythm_of(id, signs.certainty); !text.empty()) {
+      signs.evidence.push_back(text);
       seen = node.beat;
     }
     if (node.guard_requests >= 3 && node.guard_answers * 2 >= node.guard_requests * 3) {
       note(Certainty::likely,
            fmt::format("{} answers to {} guarding requests", node.guard_answers, node.guard_requests));
     }
-    if (found && node.collision.count > 0) {
+    if (!signs.evidence.empty() && node.collision.count > 0) {
       note(Certainty::likely,
            fmt::format("it told EMCY 8150h, another sends with its identifiers: {}", times(node.collision)));
     }
-    std::vector<LssAddress> devices;
-    for (const auto& p : answers_.present) {
-      if (p.told && p.active == id) devices.push_back(p.device);
-    }
-    if (devices.size() > 1) {
-      std::string both;
-      for (const auto& d : devices) both += (both.empty() ? "" : " and ") + to_string(d);
-      note(Certainty::certain, fmt::format("by LSS: {} have node-ID {}", both, id.value()));
-    }
-    for (const auto& a : answers_.serials) {
-      if (a.node != id || a.answers < 2) continue;
-      std::string values;
-      for (const auto v : a.values) values += fmt::format("{}{:08X}h", values.empty() ? "" : ", ", v);
-      note(a.values.size() > 1 ? Certainty::certain : Certainty::likely,
-           fmt::format("{} answers to one SDO request, serial numbers {}", a.answers, values));
-    }
-    if (!found) return;
+    std::vector<LssAddress> devices = asked_twice(id, signs);
+    if (signs.evidence.empty()) return;
+    const Certainty certainty = signs.certainty;
     auto& d = add(Kind::duplicate_node_id, certainty, id);
     when(d, seen);
     d.what = fmt::format("two devices have node-ID {}", id.value());
     if (certainty == Certainty::possible) d.what = fmt::format("perhaps two devices have node-ID {}", id.value());
-    d.evidence = std::move(evidence);
+    d.evidence = std::move(signs.evidence);
     d.devices = std::move(devices);
     d.advice = certainty == Certainty::certain
                    ? fmt::format("take one of them off the bus and give it another node-ID, then connect it again")
@@ -283,25 +271,25 @@ class Consultation {
                          id.value());
   }
 
-  // Boot-ups while the node's heartbeat went on as if nothing had been: a device that starts anew begins its period
-  // with its boot-up message.
-  [[nodiscard]] Count boots_beside(const HeardNode& node) const {
-    Count beside;
-    if (node.beats.size() < 4) return beside;
-    std::vector<rt::Duration> intervals;
-    for (std::size_t i = 1; i < node.beats.size(); ++i) intervals.push_back(node.beats[i].at - node.beats[i - 1].at);
-    std::ranges::nth_element(intervals, intervals.begin() + static_cast<std::ptrdiff_t>(intervals.size() / 2));
-    auto usual = intervals[intervals.size() / 2];
-    if (expected_.heartbeat_period.count() > 0) usual = expected_.heartbeat_period;
-    for (const auto boot : node.boots) {
-      const auto next = std::ranges::find_if(node.beats, [&](const Beat& b) { return b.at > boot; });
-      if (next == node.beats.begin() || next == node.beats.end()) continue;
-      const auto before = std::prev(next)->at;
-      const bool in_the_middle = boot - before > usual / 4;
-      const bool as_before = next->at - before < usual * 23 / 20 && next->state == std::prev(next)->state;
-      if (in_the_middle && as_before) beside.add(boot);
+  // What was asked: how many devices have this node-ID. Those that LSS told of.
+  std::vector<LssAddress> asked_twice(NodeId id, Signs& signs) const {
+    std::vector<LssAddress> devices;
+    for (const auto& p : answers_.present) {
+      if (p.told && p.active == id) devices.push_back(p.device);
     }
-    return beside;
+    if (devices.size() > 1) {
+      std::string both;
+      for (const auto& d : devices) both += (both.empty() ? "" : " and ") + to_string(d);
+      signs.note(Certainty::certain, fmt::format("by LSS: {} have node-ID {}", both, id.value()));
+    }
+    for (const auto& a : answers_.serials) {
+      if (a.node != id || a.answers < 2) continue;
+      std::string values;
+      for (const auto v : a.values) values += fmt::format("{}{:08X}h", values.empty() ? "" : ", ", v);
+      signs.note(a.values.size() > 1 ? Certainty::certain : Certainty::likely,
+                 fmt::format("{} answers to one SDO request, serial numbers {}", a.answers, values));
+    }
+    return devices;
   }
 
   [[nodiscard]] std::string rhythm_of(NodeId id, Certainty& certainty) const {

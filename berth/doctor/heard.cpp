@@ -186,4 +186,22 @@ void Ear::lss(const can::Frame& frame, rt::Time at) noexcept {
   if (answer == lss::Command::non_configured || (answer == lss::Command::identified && scanned)) heard_.blank.add(at);
 }
 
+Count boots_beside(const HeardNode& node, rt::Duration period) {
+  Count beside;
+  if (node.beats.size() < 4) return beside;
+  std::vector<rt::Duration> intervals;
+  for (std::size_t i = 1; i < node.beats.size(); ++i) intervals.push_back(node.beats[i].at - node.beats[i - 1].at);
+  std::ranges::nth_element(intervals, intervals.begin() + static_cast<std::ptrdiff_t>(intervals.size() / 2));
+  const auto usual = period.count() > 0 ? period : intervals[intervals.size() / 2];
+  for (const auto boot : node.boots) {
+    const auto next = std::ranges::find_if(node.beats, [&](const Beat& b) { return b.at > boot; });
+    if (next == node.beats.begin() || next == node.beats.end()) continue;
+    const auto before = std::prev(next)->at;
+    const bool in_the_middle = boot - before > usual / 4;
+    const bool as_before = next->at - before < usual * 23 / 20 && next->state == std::prev(next)->state;
+    if (in_the_middle && as_before) beside.add(boot);
+  }
+  return beside;
+}
+
 }  // namespace berth::doctor

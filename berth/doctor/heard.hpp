@@ -44,6 +44,10 @@ struct HeardNode {
   Count collision{};      ///< EMCY 8150h
 };
 
+/// Boot-ups while the node's heartbeat went on as if nothing had been: a device that starts anew begins its period with
+/// its boot-up message. `period` 0: the usual one is what was heard.
+[[nodiscard]] Count boots_beside(const HeardNode& node, rt::Duration period);
+
 /// Errors that this port noticed with no good frame between.
 struct ErrorRun {
   std::uint32_t count = 0;

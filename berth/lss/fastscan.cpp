@@ -19,6 +19,7 @@ const char* name(FastscanReport::End end) noexcept {
     case FastscanReport::End::held: return "held";
     case FastscanReport::End::limit: return "limit";
     case FastscanReport::End::stuck: return "stuck";
+    case FastscanReport::End::stopped: return "stopped";
   }
   return "?";
 }
@@ -54,6 +55,8 @@ rt::Task<Result<FastscanReport>> Fastscan::discover(FastscanOwner& owner) {
     const bool again = *end == End::gave_up && streak <= options_.retries;
     if (!again) report.end = *end;
     if (report.found.size() >= options_.most_devices) report.end = End::limit;
+    const bool stops = report.end == End::complete && !owner.goes_on();
+    if (stops) report.end = End::stopped;
     more = report.end == End::complete;
   }
   report.requests = requests_ - requests_before;
@@ -94,7 +97,8 @@ rt::Task<Result<FastscanReport::End>> Fastscan::give(FastscanReport& report, Fas
   const NodeId id = twins || seated ? NodeId() : owner.assign(device_);
   auto end = End::complete;
   if (id.configured() && options_.confirm) {
-    const auto given = co_await configure_alone(*master_, device_.address, id, options_.store, {.vacancy = &owner});
+    const AloneOptions how{.vacancy = &owner};
+    const auto given = co_await configure_alone(*master_, device_.address, id, options_.store, how);
     if (!given) co_return fail(given.error());
     const bool refused = given->outcome == Given::Outcome::refused;
     if (given->outcome != Given::Outcome::taken) end = refused ? End::held : End::gave_up;

@@ -73,6 +73,8 @@ class FastscanOwner : public Vacancy {
   virtual NodeId assign(const FastscanDevice& device) noexcept = 0;
   /// It has its node-ID, given now or `FastscanDevice::active`, and was told to wait.
   virtual void assigned(const FastscanDevice&) noexcept {}
+  /// Asked after each device, when no device is in configuration. False: the discovery ends, `stopped`.
+  virtual bool goes_on() noexcept { return true; }
 
  protected:
   ~FastscanOwner() = default;
@@ -85,6 +87,7 @@ struct FastscanReport {
     held,      ///< the owner had no node-ID for the last one, the device refused it, or two devices have its address
     limit,     ///< `most_devices`
     stuck,     ///< a device that has a node-ID, perhaps the one it was just given, answers on (Lely core's slaves do)
+    stopped,   ///< the owner said so; called again, it finds the others
   };
   End end = End::complete;
   std::vector<FastscanDevice> found{};

@@ -326,8 +326,30 @@ rt::Task<bool> Configurator::put_date(ConfigurationReport& report) {
   co_return report.good();
 }
 
-// After the date: a device that restarted between the writing and now shows its old values here, or its old date.
+// After the date: a device that restarted between the writing and now shows its old values here, or its old date. When
+// it shows its old date behind the new values, it restarted between them or keeps no date: its values tell.
 rt::Task<bool> Configurator::read_back(ConfigurationReport& report) {
+  const bool kept = co_await read_values_back(report);
+  if (!kept) co_return false;
+  if (report.dated) {
+    DateRead date;
+    co_await read_date(date);
+    if (date.error) {
+      fail_at(report, Stage::reading_back, date_days, date_name, *date.error);
+      co_return false;
+    }
+    report.has_date = report.dated = date.date == wanted_->date;
+    if (!report.dated) {
+      const bool still = co_await read_values_back(report);
+      const bool restarted = !still && report.failure->why == Failure::Why::not_kept;
+      if (restarted) report.failure->why = Failure::Why::restarted;
+      if (!still) co_return false;
+    }
+  }
+  co_return still_there(report, Stage::reading_back);
+}
+
+rt::Task<bool> Configurator::read_values_back(ConfigurationReport& report) {
   const auto& entries = wanted_->entries;
   const auto total = static_cast<std::size_t>(std::ranges::count(changes_, true));
   tell(Stage::reading_back, 0, total);
@@ -347,16 +369,7 @@ rt::Task<bool> Configurator::read_back(ConfigurationReport& report) {
     report.failure->held.assign(bytes.begin(), bytes.end());
     co_return false;
   }
-  if (report.dated) {
-    DateRead date;
-    co_await read_date(date);
-    if (date.error) {
-      fail_at(report, Stage::reading_back, date_days, date_name, *date.error);
-      co_return false;
-    }
-    report.has_date = report.dated = date.date == wanted_->date;
-  }
-  co_return still_there(report, Stage::reading_back);
+  co_return true;
 }
 
 // ---- saving ----

@@ -214,6 +214,8 @@ rt::Task<Result<AndReport>> AndMaster::discover(const AndOptions& options, AndOb
     const auto often = [](const AndFound& d) { return d.times_found >= most_times_found; };
     if (std::ranges::any_of(report.found, often)) report.end = End::stuck;
     if (report.found.size() >= options.discovery.most_devices) report.end = End::limit;
+    const bool stops = report.end == End::complete && observer != nullptr && !observer->goes_on();
+    if (stops) report.end = End::stopped;
     more = report.end == End::complete;
   }
   report.ended = exchanges_.dispatcher().executor().now();

@@ -50,6 +50,8 @@ struct AndReport {
 class AndObserver {
  public:
   virtual void found(const AndFound& device) noexcept = 0;
+  /// Asked after each device. False: the discovery ends, `stopped`.
+  virtual bool goes_on() noexcept { return true; }
 
  protected:
   ~AndObserver() = default;

@@ -67,6 +67,7 @@ const char* name(DiscoveryReport::End end) noexcept {
     case DiscoveryReport::End::gave_up: return "gave up";
     case DiscoveryReport::End::stuck: return "stuck";
     case DiscoveryReport::End::limit: return "limit";
+    case DiscoveryReport::End::stopped: return "stopped";
   }
   return "?";
 }
@@ -316,6 +317,8 @@ rt::Task<Result<DiscoveryReport>> RandMaster::discover(const DiscoveryOptions& o
     const auto often = [](const Discovered& d) { return d.times_found >= most_times_found; };
     if (std::ranges::any_of(report.found, often)) report.end = End::stuck;
     if (report.found.size() >= options.most_devices) report.end = End::limit;
+    const bool stops = report.end == End::complete && observer != nullptr && !observer->goes_on();
+    if (stops) report.end = End::stopped;
     more = report.end == End::complete;
   }
   report.ended = dispatcher_->executor().now();

@@ -80,6 +80,7 @@ struct DiscoveryReport {
     gave_up,   ///< `retries` restarts in a row: a slave answers phase 0 and cannot be identified
     stuck,     ///< one address came again and again although it was told that it is identified
     limit,     ///< `most_devices`
+    stopped,   ///< the observer said so; called again, it finds the others
   };
   End end = End::complete;
   std::vector<Discovered> found{};  ///< in the order of finding: ascending unless there were restarts or new arrivals
@@ -98,6 +99,8 @@ class DiscoveryObserver {
   virtual void found(const Discovered& device) noexcept = 0;
   /// Silence in `phase` (8 = DIRS): starting anew at phase 0.
   virtual void restarted(unsigned phase, rt::Time at) noexcept = 0;
+  /// Asked after each device. False: the discovery ends, `stopped`.
+  virtual bool goes_on() noexcept { return true; }
 
  protected:
   ~DiscoveryObserver() = default;

@@ -49,9 +49,15 @@ struct RandWalk::Run {
   unsigned streak = 0;  // rounds without a new device
   bool guess = true;    // the first round: `kinds` are believed
   bool hurry = true;    // known ways are walked without waiting for their answers
+  bool resume = false;  // resuming slaves are asked for
+  bool stopped = false;
   unsigned too_fast_ = 0;
   std::size_t known_before = 0;  // entries when the round began
 
+  bool stops() noexcept {
+    stopped = stopped || (observer != nullptr && !observer->goes_on());
+    return stopped;
+  }
   [[nodiscard]] unsigned factor() const noexcept { return 1U << std::min(streak, 4U); }
   [[nodiscard]] rt::Duration longest() const noexcept { return factor() * options.longest; }
 
@@ -208,6 +214,7 @@ rt::Task<Result<unsigned>> RandWalk::resuming(Run& run) {
   for (const auto& root : roots) {
     const auto walked = co_await subtree(run, root);
     if (!walked) co_return fail(walked.error());
+    if (run.stopped) break;
   }
   unsigned count = 0;
   for (const auto& entry : run.entries) count += entry.now ? 1U : 0U;
@@ -228,7 +235,7 @@ rt::Task<Result<void>> RandWalk::subtree(Run& run, const Prefix& root) {
   std::vector<std::uint16_t> before;  // what the last window heard
   Prefix last = root;
   late_.clear();
-  while (!todo.empty() && run.entries.size() < run.options.most_devices) {
+  while (!todo.empty() && run.entries.size() < run.options.most_devices && !run.stops()) {
     const Prefix node = todo.back();
     todo.pop_back();
     const auto frame = resume_request(node.depth, address_of(node.chunks));
@@ -275,7 +282,7 @@ rt::Task<Result<void>> RandWalk::paper(Run& run, const std::vector<std::uint16_t
   for (bool began = true; !run.tree[Prefix{}].open.empty(); began = false) {
     const auto led = co_await descend(run, began);
     if (!led) co_return fail(led.error());
-    if (run.entries.size() >= run.options.most_devices || run.tree.size() >= most_nodes) break;
+    if (run.stopped || run.entries.size() >= run.options.most_devices || run.tree.size() >= most_nodes) break;
   }
   co_return Result<void>{};
 }
@@ -289,6 +296,7 @@ rt::Task<Result<void>> RandWalk::descend(Run& run, bool root_heard) {
   bool parent_new = false;  // what its window heard is all that is known of it
   late_.clear();
   for (unsigned phase = root_heard ? 1 : 0; phase < 8; ++phase) {
+    if (run.stops()) break;
     parent = p;
     if (phase > 0) p.chunks[p.depth++] = *run.tree[p].open.begin();
     const auto was = run.tree[p].state;
@@ -486,6 +494,26 @@ rt::Task<Result<bool>> RandWalk::closing(Run& run) {
   co_return co_await ask(run, frame, wait);
 }
 
+// One way through all that answer. False: phase 0 stayed unanswered.
+rt::Task<Result<bool>> RandWalk::look(Run& run) {
+  const auto anybody = co_await closing(run);
+  if (!anybody) co_return fail(anybody.error());
+  ++run.report.rounds;
+  if (!*anybody) co_return false;
+  std::vector<std::uint16_t> first;
+  for (const auto& h : heard_) first.push_back(h.chunk);
+  if (run.resume) {
+    const auto heard = co_await resuming(run);
+    if (!heard) co_return fail(heard.error());
+    run.resume = *heard > 0;
+  }
+  const bool walked = run.resume || run.stopped;
+  if (walked) co_return true;
+  const auto led = co_await paper(run, first);
+  if (!led) co_return fail(led.error());
+  co_return true;
+}
+
 rt::Task<Result<WalkReport>> RandWalk::discover(std::span<const WalkKind> kinds, const WalkOptions& options,
                                                 WalkObserver* observer) {
   using End = DiscoveryReport::End;
@@ -498,31 +526,20 @@ rt::Task<Result<WalkReport>> RandWalk::discover(std::span<const WalkKind> kinds,
   gap_ = {};
   gaps_ = 0;
   // Resuming slaves answer the closing phase 0 too: they are asked first while there are any.
-  bool resume = options.resume;
+  run.resume = options.resume;
   bool walked = false;
-  if (resume) {
+  if (run.resume) {
     const auto heard = co_await resuming(run);
     if (!heard) co_return fail(heard.error());
-    resume = walked = *heard > 0;
+    run.resume = walked = *heard > 0;
   }
   for (bool more = true; more;) {
     const auto before = run.known_before;
-    if (!walked) {
-      const auto anybody = co_await closing(run);
+    const bool looks = !walked && !run.stopped;
+    if (looks) {
+      const auto anybody = co_await look(run);
       if (!anybody) co_return fail(anybody.error());
-      ++report.rounds;
       if (!*anybody) break;
-      std::vector<std::uint16_t> first;
-      for (const auto& h : heard_) first.push_back(h.chunk);
-      if (resume) {
-        const auto heard = co_await resuming(run);
-        if (!heard) co_return fail(heard.error());
-        resume = walked = *heard > 0;
-      }
-      if (!walked) {
-        const auto led = co_await paper(run, first);
-        if (!led) co_return fail(led.error());
-      }
     }
     walked = false;
     run.guess = run.hurry = false;
@@ -537,6 +554,7 @@ rt::Task<Result<WalkReport>> RandWalk::discover(std::span<const WalkKind> kinds,
     if (run.streak > options.retries) report.end = End::gave_up;
     if (std::ranges::any_of(run.entries, often)) report.end = End::stuck;
     if (run.entries.size() >= options.most_devices) report.end = End::limit;
+    if (run.stopped && report.end == End::complete) report.end = End::stopped;
     more = report.end == End::complete;
   }
   report.ended = now();

@@ -82,6 +82,8 @@ struct WalkReport {
 class WalkObserver {
  public:
   virtual void found(const Walked& device) noexcept = 0;
+  /// Asked between two requests. False: what was heard is proven and told, and the walk ends, `stopped`.
+  virtual bool goes_on() noexcept { return true; }
 
  protected:
   ~WalkObserver() = default;
@@ -141,6 +143,7 @@ class RandWalk final : private can::Handler {
   [[nodiscard]] rt::Task<Result<void>> settle(Run& run);
   [[nodiscard]] rt::Task<Result<void>> clones(Run& run);
   [[nodiscard]] rt::Task<Result<bool>> closing(Run& run);
+  [[nodiscard]] rt::Task<Result<bool>> look(Run& run);
 
   Exchanges exchanges_;
   bool busy_ = false;

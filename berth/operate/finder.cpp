@@ -7,6 +7,12 @@ namespace berth::operate {
 rt::Task<void> Finder::discover() {
   agenda_.phase = Phase::discovery;
   if (agenda_.rest_at == rt::Time{}) agenda_.rest_at = s_.executor.now() + 2 * s_.bus.timing.probe_period;
+  const bool by_rand_first = agenda_.method() == "auto" || agenda_.method() == "rand";
+  const bool rand_goes_on = by_rand_first && agenda_.search_open && search_.rand_is_open();
+  if (rand_goes_on) {
+    search_.begin();
+    co_return co_await rand_first(open_anew_);
+  }
   if (agenda_.search_open) {
     const bool ended = co_await search_.go_on();
     if (ended) searched();
@@ -18,13 +24,20 @@ rt::Task<void> Finder::discover() {
   const bool anew = agenda_.look_anew || waiting;
   if (anew) co_await forget_and_ask_anew();
   search_.begin();
-  const bool rand_first = agenda_.method() == "auto" || agenda_.method() == "rand";
-  if (rand_first) {
-    co_await by_rand_and_the_rest(anew);
-  } else {
-    const bool ended = co_await search_.by_method();
-    if (ended) searched();
-  }
+  if (by_rand_first) co_return co_await rand_first(anew);
+  const bool ended = co_await search_.by_method();
+  if (ended) searched();
+  if (anew) found_.forget_who_left();
+}
+
+// Broken off, it goes on at the next round; what else is done waits for its end.
+rt::Task<void> Finder::rand_first(bool anew) {
+  const std::size_t before = found_.size();
+  open_anew_ = anew;
+  co_await by_rand();
+  if (search_.rand_is_open()) co_return;
+  const bool any = found_.size() > before;
+  co_await rest_behind_rand(anew, any);
   if (anew) found_.forget_who_left();
 }
 
@@ -46,13 +59,11 @@ rt::Task<void> Finder::forget_and_ask_anew() {
   if (speaks_rand) co_await tell_which_are_known();
 }
 
-rt::Task<void> Finder::by_rand_and_the_rest(bool anew) {
-  const std::size_t before = found_.size();
-  co_await by_rand();
+rt::Task<void> Finder::rest_behind_rand(bool anew, bool any_by_rand) {
   const bool others = agenda_.method() == "auto" && !agenda_.alone;
   const bool due = others && is_one_missing() && (agenda_.once || s_.executor.now() >= agenda_.rest_at);
   // A device that speaks RAND answers LSS too while it has no node-ID: it is found already.
-  const bool unheard = found_.size() == before || is_one_missing();
+  const bool unheard = !any_by_rand || is_one_missing();
   bool wanted = std::exchange(rest_wanted_, false) && unheard;
   // One that RAND found answers LSS too.
   const bool answers =
@@ -108,6 +119,7 @@ rt::Task<void> Finder::by_rand() {
   std::size_t before = found_.size();
   co_await search_.by_rand();
   for (unsigned again = 0; again < most_again && found_.size() > before && is_one_missing(); ++again) {
+    if (search_.rand_is_open()) co_return;
     before = found_.size();
     co_await search_.by_rand();
   }

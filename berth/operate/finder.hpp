@@ -32,7 +32,8 @@ class Finder {
  private:
   rt::Task<void> forget_and_ask_anew();
   rt::Task<void> tell_which_are_known();
-  rt::Task<void> by_rand_and_the_rest(bool anew);
+  rt::Task<void> rand_first(bool anew);
+  rt::Task<void> rest_behind_rand(bool anew, bool any_by_rand);
   rt::Task<void> by_rand();
   rt::Task<void> the_rest(bool also_configured);
   rt::Task<void> by_rest(bool also_configured);
@@ -51,6 +52,7 @@ class Finder {
   rt::Time blank_at_{};       // such an answer is no news before
   rt::Time scanned_at_{};     // nor one to Fastscan's first question before
   bool by_fastscan_ = false;  // it was to that
+  bool open_anew_ = false;    // the search by RAND that was broken off asks all devices anew
   unsigned looks_ = 0;
 };
 

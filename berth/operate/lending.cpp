@@ -54,7 +54,9 @@ rt::Task<Result<NodeId>> Lending::lend_to(LssAddress device) {
   if (!selected) co_return fail(selected.error());
   const bool written = lend(device, id);
   if (!written) co_return fail(Errc::io, "the slot table cannot be written");
-  const auto given = co_await lss::configure_alone(s_.lss, device, id, false, {.vacancy = this});
+  const lss::AloneOptions how{.vacancy = this};
+  const bool store = false;
+  const auto given = co_await lss::configure_alone(s_.lss, device, id, store, how);
   if (!given) co_return fail(given.error());
   if (given->outcome != lss::Given::Outcome::taken) co_return fail(Errc::timeout, "it did not take what it was lent");
   const rt::Time deadline = began + s_.bus.timing.boot_timeout;

@@ -197,7 +197,7 @@ rt::Duration MainJob::look_period() const noexcept {
   return waits ? period / 8 : period;
 }
 
-bool MainJob::needs_retry() const noexcept {
+bool MainJob::needs_retry() const {
   const bool slots = std::ranges::any_of(p_.slots.seats(), [](const auto& s) {
     const bool asked = s->slot.record.asked.has_value();
     const bool silent = s->state == SlotState::absent && s->slot.record.confirmed;
@@ -207,16 +207,24 @@ bool MainJob::needs_retry() const noexcept {
     const bool powered = s->state == SlotState::power_cycle && !s->waits_since;
     return failed || powered || asked || silent || waits || doubled;
   });
-  // A blank that failed left a device under a node-ID that is not its own, the master's say.
-  return slots || p_.planning.has_blanks();
+  // A blank that failed left a device under a node-ID that is not its own, the master's say. It may have been storing.
+  return slots || p_.planning.has_blanks() || waits_for_unfinished();
+}
+
+// A device that is away is not asked for for ever.
+bool MainJob::waits_for_unfinished() const {
+  constexpr unsigned enough = 3;
+  return unfinished_looks_ < enough && !p_.slots.unfinished_here().empty();
 }
 
 // What failed may succeed later: the device was slow, deaf or resetting. Not at once, and not for ever in a hurry.
 bool MainJob::retry_due() {
   const rt::Time now = p_.bus.executor.now();
   const auto& timing = p_.bus.bus.timing;
-  if (!needs_retry() || now < p_.agenda.retry_at) return false;
+  if (now < p_.agenda.retry_at || !needs_retry()) return false;
   p_.agenda.retry_at = now + 8 * timing.probe_period;
+  const unsigned blanks = p_.seating.blanks();
+  unfinished_looks_ = std::exchange(blanks_, blanks) == blanks ? unfinished_looks_ + 1 : 1;
   p_.agenda.retries = true;
   p_.agenda.look_anew = true;
   for (const auto& seat : p_.slots.seats()) {

@@ -40,12 +40,15 @@ class MainJob {
   rt::Task<Result<void>> blank_all();
   [[nodiscard]] rt::Duration look_period() const noexcept;
   [[nodiscard]] bool retry_due();
-  [[nodiscard]] bool needs_retry() const noexcept;
+  [[nodiscard]] bool needs_retry() const;
+  [[nodiscard]] bool waits_for_unfinished() const;
   [[nodiscard]] Result<void> all_there() const;
 
   Parts& p_;
   PortHealth& port_;
   bool idle_ = false;
+  unsigned blanks_ = 0;            // as they were at the last retry
+  unsigned unfinished_looks_ = 0;  // retries since one was tried
 };
 
 }  // namespace berth::operate

@@ -114,11 +114,14 @@ nodeid::DiscoveryOptions Search::rand_options() const {
 rt::Task<void> Search::by_rand() {
   const bool plans = agenda_.method() == "auto";
   Result<discovery::Report> report = fail(Errc::invalid, "not asked");
+  may_be_interrupted_ = true;
   if (plans) {
     report = co_await ask_rand_planner();
   } else {
     report = co_await ask_rand_as_published(true);
   }
+  may_be_interrupted_ = false;
+  agenda_.search_open = rand_open_ = report && report->end == discovery::Report::End::more;
   agenda_.alone = !report && report.error().code == Errc::bus;
   if (!report) {
     slots_.tell_failure("discovery", report.error());
@@ -221,8 +224,9 @@ bool Search::gets_on() {
 // What a slot's device told, and a person's command, do not wait for the end of a long search. What is broken off
 // begins again with the way down to one device: with a device that boots again and again it would never get there.
 bool Search::goes_on() noexcept {
-  constexpr rt::Duration between = std::chrono::seconds(10);
   const rt::Time now = s_.executor.now();
+  // Twice the questions on the way down to one device.
+  const rt::Duration between = std::max<rt::Duration>(std::chrono::seconds(10), 266 * s_.bus.timing.lss_timeout);
   const bool called = agenda_.calls || s_.turn.waited_for();
   if (!called || !may_be_interrupted_ || now < not_before_) return true;
   not_before_ = now + between;

@@ -32,7 +32,9 @@ class Search final : private nodeid::DiscoveryObserver, private discovery::Obser
   rt::Task<bool> by_rest(bool also_configured);
   /// `discovery =`. False: there is no such method, or the search failed.
   rt::Task<bool> by_method();
-  /// A search that had no end yet (`Agenda::search_open`).
+  /// The last `by_rand` was broken off (`Agenda::search_open`): called again, it goes on.
+  [[nodiscard]] bool rand_is_open() const noexcept { return rand_open_; }
+  /// A search that had no end yet (`Agenda::search_open`), and not by RAND.
   rt::Task<bool> go_on();
   /// One question of RAND: which devices are new?
   rt::Task<bool> anybody_by_rand();
@@ -82,6 +84,7 @@ class Search final : private nodeid::DiscoveryObserver, private discovery::Obser
   rt::Time not_before_{};   // no interruption
   bool may_be_interrupted_ = false;
   bool interrupted_ = false;
+  bool rand_open_ = false;
   bool news_ = false;
   bool open_configured_ = false;  // the search that is open looks for devices with a node-ID too
 };

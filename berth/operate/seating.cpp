@@ -268,6 +268,7 @@ void Seating::learn_fixed(const places::Binding& binding) {
 }
 
 rt::Task<bool> Seating::blank(LssAddress device, std::string reason) {
+  ++blanks_;
   const auto known = slots_.unfinished_here();
   const bool resumed = std::ranges::find(known, device, &places::UnfinishedBlank::device) != known.end();
   Binding binding(Binding::Kind::blank, {device, NodeId()}, s_.bus.timing.tries, resumed);

@@ -33,6 +33,8 @@ class Seating {
   rt::Task<void> inquire_found(bool all);
   /// Takes the device's node-ID away. The turn must be held.
   rt::Task<bool> blank(LssAddress device, std::string reason);
+  /// How often a device was told to give its node-ID up.
+  [[nodiscard]] unsigned blanks() const noexcept { return blanks_; }
   /// A device that waited for its power cycle is heard again.
   rt::Task<void> go_on_after_power_cycle(Seat& seat);
 
@@ -70,6 +72,7 @@ class Seating {
   Planning& planning_;
   Fading& fading_;
   std::vector<LssAddress> avoid_;  // devices whose action failed in this round
+  unsigned blanks_ = 0;
 };
 
 }  // namespace berth::operate

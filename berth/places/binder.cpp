@@ -181,7 +181,8 @@ rt::Task<Outcome> Binder::configure_alone(const Binding& binding) {
   if (reply->attempts == 1) co_return Outcome::ok;
   s_.lss.lost_one();
   const LssAddress device = binding.seat().device;
-  const auto alone = co_await lss::still_alone(s_.lss, device, {.parts = options_.parts});
+  const lss::AloneOptions options{.parts = options_.parts};
+  const auto alone = co_await lss::still_alone(s_.lss, device, options);
   if (!alone) co_return Outcome::error;
   co_return *alone == lss::Selection::alone ? Outcome::ok : Outcome::doubled;
 }
@@ -291,7 +292,8 @@ rt::Task<Outcome> Binder::store_alone(const Binding& binding) {
   const bool sure = outcome != Outcome::ok || !s_.lss.answer_times().lost;
   if (sure) co_return outcome;
   const LssAddress device = binding.seat().device;
-  const auto alone = co_await lss::still_alone(s_.lss, device, {.parts = options_.parts});
+  const lss::AloneOptions options{.parts = options_.parts};
+  const auto alone = co_await lss::still_alone(s_.lss, device, options);
   if (!alone) co_return Outcome::error;
   co_return *alone == lss::Selection::alone ? Outcome::ok : Outcome::doubled;
 }

@@ -80,6 +80,52 @@ void Binding::advance_identify(Outcome outcome) noexcept {
   }
 }
 
+void Binding::advance_selection(Outcome outcome) noexcept {
+  if (outcome == Outcome::ok) {
+    step_ = step_ == Step::select ? Step::inquire : asked_ ? Step::configure : Step::write_ask;
+  } else if (outcome == Outcome::doubled) {
+    give_up(Why::clone);  // both are in configuration now and must leave it unchanged
+  } else {
+    again(outcome == Outcome::mismatch ? Why::not_alone : Why::not_there);
+  }
+}
+
+void Binding::advance_configure(Outcome outcome) noexcept {
+  if (outcome == Outcome::mismatch) return give_up(Why::occupied);  // it was told nothing by this `configure`
+  untouched_ = untouched_ && outcome == Outcome::refused;
+  shared_ = outcome == Outcome::doubled;
+  // Without a node-ID pending nothing comes into use that would have to be taken back.
+  touched_ = outcome != Outcome::refused && kind_ == Kind::bind;
+  if (outcome == Outcome::ok)
+    step_ = Step::store;
+  else if (outcome == Outcome::refused)
+    give_up(Why::refused);
+  else
+    again(Why::not_there);
+}
+
+void Binding::advance_store(Outcome outcome) noexcept {
+  if (outcome == Outcome::mismatch) return give_up(Why::occupied);
+  stored_ = outcome == Outcome::ok;
+  shared_ = shared_ || outcome == Outcome::doubled;
+  volatile_only_ = outcome == Outcome::unsupported;
+  if (stored_ || volatile_only_)
+    step_ = Step::release;
+  else
+    again(Why::not_stored);
+}
+
+void Binding::advance_release(Outcome outcome) noexcept {
+  if (failing_) {
+    fail(why_);
+  } else if (outcome == Outcome::ok) {
+    touched_ = false;
+    step_ = after_release();
+  } else {
+    give_up(Why::occupied);
+  }
+}
+
 void Binding::advance(Outcome outcome) noexcept {
   const bool ok = outcome == Outcome::ok;
   const bool writes = step_ == Step::write_ask || step_ == Step::write_confirm;
@@ -99,52 +145,14 @@ void Binding::advance(Outcome outcome) noexcept {
         step_ = kind_ == Kind::bind ? Step::configure : Step::select;
       break;
     case Step::select:
-    case Step::inquire:
-      if (ok) {
-        step_ = step_ == Step::select ? Step::inquire : asked_ ? Step::configure : Step::write_ask;
-      } else if (outcome == Outcome::doubled) {
-        give_up(Why::clone);  // both are in configuration now and must leave it unchanged
-      } else {
-        again(outcome == Outcome::mismatch ? Why::not_alone : Why::not_there);
-      }
-      break;
-    case Step::configure:
-      if (outcome == Outcome::mismatch) return give_up(Why::occupied);  // it was told nothing by this `configure`
-      untouched_ = untouched_ && outcome == Outcome::refused;
-      shared_ = outcome == Outcome::doubled;
-      // Without a node-ID pending nothing comes into use that would have to be taken back.
-      touched_ = outcome != Outcome::refused && kind_ == Kind::bind;
-      if (ok)
-        step_ = Step::store;
-      else if (outcome == Outcome::refused)
-        give_up(Why::refused);
-      else
-        again(Why::not_there);
-      break;
-    case Step::store:
-      if (outcome == Outcome::mismatch) return give_up(Why::occupied);
-      stored_ = ok;
-      shared_ = shared_ || outcome == Outcome::doubled;
-      volatile_only_ = outcome == Outcome::unsupported;
-      if (ok || volatile_only_)
-        step_ = Step::release;
-      else
-        again(Why::not_stored);
-      break;
+    case Step::inquire: advance_selection(outcome); break;
+    case Step::configure: advance_configure(outcome); break;
+    case Step::store: advance_store(outcome); break;
     case Step::revert:
       touched_ = false;
       step_ = failing_ ? Step::release : Step::select;
       break;
-    case Step::release:
-      if (failing_) {
-        fail(why_);
-      } else if (ok) {
-        touched_ = false;
-        step_ = after_release();
-      } else {
-        give_up(Why::occupied);
-      }
-      break;
+    case Step::release: advance_release(outcome); break;
     case Step::reset:
       if (!ok)
         fail(Why::occupied);

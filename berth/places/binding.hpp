@@ -140,6 +140,10 @@ class Binding {
   void fail(Why why) noexcept;
   void give_up(Why why) noexcept;
   void again(Why why) noexcept;
+  void advance_selection(Outcome outcome) noexcept;
+  void advance_configure(Outcome outcome) noexcept;
+  void advance_store(Outcome outcome) noexcept;
+  void advance_release(Outcome outcome) noexcept;
   void advance_identify(Outcome outcome) noexcept;
   [[nodiscard]] Step after_release() const noexcept;
 

@@ -274,37 +274,10 @@ void AscWriter::begin(rt::Duration first, std::string& out) {
       date);
 }
 
-void AscWriter::write(const Entry& entry, std::string_view bus, std::string& out) {
-  begin(entry.at, out);
-  if (names_.add(entry.bus, bus) && names_.of(entry.bus) != fmt::format("can{}", names_.number(entry.bus) - 1))
-    out += fmt::format("{}{} is {}\n", channel_comment, names_.number(entry.bus), names_.of(entry.bus));
-  const std::int64_t nanos = (entry.at - start_).count();
-  if (nanos % 1000 != 0) lose(Loss::time);
-  const auto micros = static_cast<std::uint64_t>((std::abs(nanos) + 500) / 1000);
-  const unsigned channel = names_.number(entry.bus);
-  const can::Frame& frame = entry.frame;
-  std::array<char, 512> line;
-  char* to = line.data();
-  if (nanos < 0) *to++ = '-';
-  to = put_number(to, micros / 1'000'000, nanos < 0 ? 1 : 4);
-  *to++ = '.';
-  to = put_decimal(to, micros % 1'000'000, 6);
-  *to++ = ' ';
-  if (frame.fd) {
-    to = put_text(to, "CANFD ");
-    to = put_number(to, channel, 3);
-    to = put_text(to, entry.direction == Direction::sent ? " Tx " : " Rx ");
-  } else {
-    to = put_number(to, channel, 1);
-    to = put_text(to, "  ");
-  }
-  if (entry.error) {
-    lose(Loss::error_detail);
-    to = put_text(to, "ErrorFrame\n");
-    out.append(line.data(), static_cast<std::size_t>(to - line.data()));
-    return;
-  }
-  if (entry.direction == Direction::unknown) lose(Loss::direction);
+namespace {
+
+// The identifier, as wide as the column.
+char* put_id(char* to, const can::Frame& frame) {
   char* const id = to;
   if (frame.extended) {
     unsigned digits = 1;
@@ -315,6 +288,12 @@ void AscWriter::write(const Entry& entry, std::string_view bus, std::string& out
     to = put_hex(to, frame.id, frame.id > 0xFF ? 3 : frame.id > 0xF ? 2 : 1);
   }
   while (to - id < (frame.fd ? 36 : 15)) *to++ = ' ';
+  return to;
+}
+
+// What stands behind the identifier: kind, length, data, and of an FD frame its flags.
+char* put_rest(char* to, const Entry& entry) {
+  const can::Frame& frame = entry.frame;
   if (frame.fd) {
     to = put_text(to, frame.brs ? " 1" : " 0");
     to = put_text(to, frame.esi ? " 1 " : " 0 ");
@@ -338,7 +317,43 @@ void AscWriter::write(const Entry& entry, std::string_view bus, std::string& out
     to = put_hex(to, flags, 4);
     to = put_text(to, "        0        0        0        0        0");
   }
-  *to++ = '\n';
+  return to;
+}
+
+}  // namespace
+
+void AscWriter::write(const Entry& entry, std::string_view bus, std::string& out) {
+  begin(entry.at, out);
+  if (names_.add(entry.bus, bus) && names_.of(entry.bus) != fmt::format("can{}", names_.number(entry.bus) - 1))
+    out += fmt::format("{}{} is {}\n", channel_comment, names_.number(entry.bus), names_.of(entry.bus));
+  const std::int64_t nanos = (entry.at - start_).count();
+  if (nanos % 1000 != 0) lose(Loss::time);
+  const auto micros = static_cast<std::uint64_t>((std::abs(nanos) + 500) / 1000);
+  const unsigned channel = names_.number(entry.bus);
+  std::array<char, 512> line;
+  char* to = line.data();
+  if (nanos < 0) *to++ = '-';
+  to = put_number(to, micros / 1'000'000, nanos < 0 ? 1 : 4);
+  *to++ = '.';
+  to = put_decimal(to, micros % 1'000'000, 6);
+  *to++ = ' ';
+  if (entry.frame.fd) {
+    to = put_text(to, "CANFD ");
+    to = put_number(to, channel, 3);
+    to = put_text(to, entry.direction == Direction::sent ? " Tx " : " Rx ");
+  } else {
+    to = put_number(to, channel, 1);
+    to = put_text(to, "  ");
+  }
+  if (entry.error) {
+    lose(Loss::error_detail);
+    to = put_text(to, "ErrorFrame\n");
+  } else {
+    if (entry.direction == Direction::unknown) lose(Loss::direction);
+    to = put_id(to, entry.frame);
+    to = put_rest(to, entry);
+    *to++ = '\n';
+  }
   out.append(line.data(), static_cast<std::size_t>(to - line.data()));
 }
 

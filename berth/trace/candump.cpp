@@ -80,6 +80,20 @@ void CandumpReader::line(std::string_view line) {
   careful();
 }
 
+// How far the bus's name and the blank behind it reach; 0: `careful` looks at it.
+std::size_t CandumpReader::quick_name(std::string_view text) {
+  if (!last_name_.empty() && text.size() > last_name_.size() && text[last_name_.size()] == ' ' &&
+      std::memcmp(text.data(), last_name_.data(), last_name_.size()) == 0)
+    return last_name_.size() + 1;
+  const auto name = text.substr(0, text.find_first_of(" \t"));
+  // A name is only taken from a line that is right as a whole.
+  const auto known = name.empty() ? std::nullopt : known_bus(name);
+  if (!known || name.size() == text.size() || text[name.size()] != ' ') return 0;
+  last_name_ = name;
+  last_bus_ = *known;
+  return name.size() + 1;
+}
+
 // The lines that candump writes all day: false sends a line to `careful`, which knows everything and says what is
 // wrong.
 bool CandumpReader::quick(std::string_view line) {
@@ -98,17 +112,9 @@ bool CandumpReader::quick(std::string_view line) {
   }
   if (*at != ')' || at[1] != ' ') return false;
   at += 2;
-  const auto room = static_cast<std::size_t>(end - at);
-  if (last_name_.empty() || room <= last_name_.size() || at[last_name_.size()] != ' ' ||
-      std::memcmp(at, last_name_.data(), last_name_.size()) != 0) {
-    const auto name = std::string_view(at, room).substr(0, std::string_view(at, room).find_first_of(" \t"));
-    // A name is only taken from a line that is right as a whole: `careful` looks at it.
-    const auto known = name.empty() ? std::nullopt : known_bus(name);
-    if (!known || name.size() == room || at[name.size()] != ' ') return false;
-    last_name_ = name;
-    last_bus_ = *known;
-  }
-  at += last_name_.size() + 1;
+  const std::size_t name = quick_name(std::string_view(at, static_cast<std::size_t>(end - at)));
+  if (name == 0) return false;
+  at += name;
   std::uint32_t id = 0;
   const char* const first = at;
   for (; at < end; ++at) {

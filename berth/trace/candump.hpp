@@ -30,6 +30,7 @@ class CandumpReader final : public LineReader {
  private:
   void line(std::string_view line) override;
   [[nodiscard]] bool quick(std::string_view line);
+  [[nodiscard]] std::size_t quick_name(std::string_view text);
   [[nodiscard]] bool for_people(std::string_view line);
   void careful();
   [[nodiscard]] std::optional<rt::Duration> time();

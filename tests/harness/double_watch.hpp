@@ -110,6 +110,7 @@ class DoubleWatch final : public plant::World::Observer {
   struct Wire final : can::Tap {
     struct Asked {
       rt::Time first{}, last{};
+      bool over = false;  // by guarding, which is asked when 1000h stayed silent
     };
     Wire(DoubleWatch& watch, sim::Bus& on, const design::Bus& described) : watch_(&watch), bus(on), plan(described) {}
     void frame(const can::Frame& frame, rt::Time at, int sender) noexcept override {
@@ -126,9 +127,12 @@ class DoubleWatch final : public plant::World::Observer {
         moved.push_back(at);
       } else if ((key & ~0x7FU) == 0x600 && frame.data[0] == 0x40 && frame.data[1] == 0x00 && frame.data[2] == 0x10) {
         Asked& a = asked[key & 0x7FU];
-        if (a.last == rt::Time{} || at - a.last > plan.timing.sdo_timeout + std::chrono::milliseconds(100))
-          a.first = at;
+        const bool anew = a.last == rt::Time{} || a.over;
+        if (anew || at - a.last > plan.timing.sdo_timeout + std::chrono::milliseconds(100)) a.first = at;
         a.last = at;
+        a.over = false;
+      } else if (frame.remote && (key & ~0x7FU) == 0x700) {
+        asked[key & 0x7FU].over = true;
       }
       const std::uint32_t function = key & ~0x7FU;
       if (frame.remote || (function != 0x080 && function != 0x580 && function != 0x700) || (key & 0x7FU) == 0) return;

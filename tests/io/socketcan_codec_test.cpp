@@ -82,8 +82,9 @@ RC_GTEST_PROP(SocketCanFrame, EveryFrameComesBackEqual,
 // ---- error frames: linux/can/error.h ----
 
 Bytes error(std::uint32_t classes, const Bytes& data) {
-  Bytes b{static_cast<std::uint8_t>(classes), static_cast<std::uint8_t>(classes >> 8U), 0, 0x20, 8, 0, 0, 0};
-  b.insert(b.end(), data.begin(), data.end());
+  const Bytes head{static_cast<std::uint8_t>(classes), static_cast<std::uint8_t>(classes >> 8U), 0, 0x20, 8, 0, 0, 0};
+  Bytes b(head.size() + data.size());
+  std::ranges::copy(data, std::ranges::copy(head, b.begin()).out);
   return b;
 }
 

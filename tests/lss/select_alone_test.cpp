@@ -177,6 +177,86 @@ TEST(SelectAlone, WindowsAreLearntAndADoubtMakesThemLongAgain) {
   EXPECT_GT(timed(), milliseconds(100));
 }
 
+// A device that hears nothing while the proof is asked, and answers late. `from`: the 11h that it hears again, 1 the
+// first.
+void deaf_until_11h(Node& node, int from) {
+  node.overhears = [from, seen = 0](const can::Frame& f) mutable {
+    const bool gives = command(f) == Command::configure_node_id;
+    if (gives) ++seen;
+    return !gives || seen < from;
+  };
+}
+
+// The first 11h is lost in the one that is meant. Its repetition is heard by another too, whose answer comes behind.
+TEST(ConfigureAlone, S1_53_WhatHadToBeSaidTwiceIsProvenOnceMore) {
+  World w;
+  Node& left = w.add(a, {}, milliseconds(30));
+  in_configuration(w, left);
+  deaf_until_11h(left, 2);
+  Node& one = w.add(b);
+  const auto alone = w.run(select_alone(*w.master, b));
+  ASSERT_TRUE(alone);
+  ASSERT_EQ(*alone, Selection::alone);
+  one.overhears = [lost = false](const can::Frame& f) mutable {
+    return command(f) == Command::configure_node_id && !std::exchange(lost, true);
+  };
+  bool hears = false;
+  left.hears = [&](const can::Frame& f) {
+    if (command(f) != Command::configure_node_id || std::exchange(hears, true)) return;
+    left.overhears = nullptr;
+  };
+  const bool store = false;
+  const auto given = w.run(configure_alone(*w.master, b, NodeId(5), store));
+  ASSERT_TRUE(given);
+  EXPECT_TRUE(hears);
+  EXPECT_EQ(given->outcome, Given::Outcome::not_alone);
+  for (const Node* node : {&left, &one}) EXPECT_FALSE(node->slave.active().node_id.configured());
+}
+
+// One that was selected and stopped answering is in configuration somewhere: who answers 11h is heard to the end.
+TEST(ConfigureAlone, S1_53_WhereADeviceWasLostEveryAnswerIsWaitedFor) {
+  World w;
+  Node& left = w.add(a, {}, milliseconds(30));
+  left.overhears = [](const can::Frame& f) {
+    const bool asks = static_cast<std::uint8_t>(command(f)) >= 0x5A && static_cast<std::uint8_t>(command(f)) <= 0x5E;
+    return asks || (f.data[0] == 0x04 && f.data[1] == 0x00);
+  };
+  const auto lost = w.run(select_alone(*w.master, a));
+  ASSERT_TRUE(lost);
+  ASSERT_EQ(*lost, Selection::absent);
+  ASSERT_EQ(left.slave.state(), State::configuration);
+  EXPECT_TRUE(w.master->answer_times().lost);
+  Node& one = w.add(b);
+  const auto alone = w.run(select_alone(*w.master, b));
+  ASSERT_TRUE(alone);
+  ASSERT_EQ(*alone, Selection::alone);
+  left.overhears = nullptr;
+  const bool store = false;
+  const auto given = w.run(configure_alone(*w.master, b, NodeId(5), store));
+  ASSERT_TRUE(given);
+  EXPECT_EQ(given->outcome, Given::Outcome::not_alone);
+  for (const Node* node : {&left, &one}) EXPECT_FALSE(node->slave.active().node_id.configured());
+}
+
+// A device came under the node-ID between the question for it and the `04 00` that brings it into use.
+TEST(ConfigureAlone, S1_53_ANodeIdThatIsTakenMeanwhileIsTakenBack) {
+  struct Taken final : Vacancy {
+    [[nodiscard]] bool still_vacant(NodeId) const noexcept override { return false; }
+  };
+  World w;
+  Node& one = w.add(a);
+  ASSERT_TRUE(w.run(select_alone(*w.master, a)));
+  const Taken taken;
+  for (const bool store : {false, true}) {
+    const auto given = w.run(configure_alone(*w.master, a, NodeId(5), store, {.vacancy = &taken}));
+    ASSERT_TRUE(given);
+    EXPECT_EQ(given->outcome, Given::Outcome::occupied);
+    EXPECT_FALSE(one.slave.active().node_id.configured());
+    EXPECT_EQ(one.stores, 0U);
+    ASSERT_TRUE(w.run(select_alone(*w.master, a)));
+  }
+}
+
 TEST(SelectAlone, TheBusIsAnError) {
   World w;
   w.add(a);

@@ -9,6 +9,7 @@
 using namespace berth;
 using namespace berth::harness;
 using places::SlotState;
+using plant::Speaks;
 
 namespace {
 
@@ -51,6 +52,63 @@ rt::Task<void> stop_node(operate::Network& network, NodeId node) {
   const auto sent = co_await network.services().nmt.send(co::NmtCommand::stop, node);
   EXPECT_TRUE(sent);
 }
+
+// One device runs, and `count` others of a slow bus (a published window is too short for the slowest), which are
+// searched for by the same method, are plugged in.
+struct Searched {
+  Searched(const std::string& method, plant::SpeaksSet speaks, unsigned count, std::uint32_t bit_rate = 20'000)
+      : devices(count), rig(machine(method, count, bit_rate), plant(speaks, count)) {}
+
+  static design::Machine machine(const std::string& method, unsigned count, std::uint32_t bit_rate) {
+    design::Machine m = one_bus(bit_rate);
+    m.buses[0].discovery = method;
+    add_slot(m, 1, type_a);
+    for (unsigned i = 0; i < count; ++i) add_slot(m, 10 + i, type_b);
+    return m;
+  }
+  static plant::PlantFile plant(plant::SpeaksSet speaks, unsigned count) {
+    auto p = one_bus_plant(7);
+    add_device(p, "d0", type_a, 0x0A).speaks = speaks;
+    for (unsigned i = 0; i < count; ++i) {
+      auto& device = add_device(p, "p" + std::to_string(i), type_b, 0x9E37'79B9U * (i + 1));
+      device.speaks = speaks;
+      device.plugged = false;
+    }
+    return p;
+  }
+  [[nodiscard]] unsigned found() {
+    unsigned count = 0;
+    const std::string log = rig.log();
+    for (auto at = log.find(" found 0"); at != std::string::npos; at = log.find(" found 0", at + 1)) ++count;
+    return count;
+  }
+  // Into the middle of the search for the others.
+  void begin() {
+    rig.begin();
+    ASSERT_TRUE(rig.run_until([&] { return rig.state(1) == SlotState::operational; }, 60s)) << rig.log();
+    for (unsigned i = 0; i < devices; ++i) rig.device("p" + std::to_string(i)).plug();
+    const auto searches = [&] {
+      return rig.network().phase() == operate::Phase::discovery && rig.network().services().turn.taken();
+    };
+    ASSERT_TRUE(rig.run_until(searches, 60s)) << rig.log();
+    rig.run_for(400ms);
+    ASSERT_EQ(rig.network().phase(), operate::Phase::discovery) << rig.log();
+  }
+  // A command has its turn, and the search then finds the rest.
+  void interrupt() {
+    ASSERT_NO_FATAL_FAILURE(begin());
+    bool had = false;
+    rt::Scope scope(rig.world().executor());
+    scope.spawn(turn_of(rig.network(), had));
+    ASSERT_TRUE(rig.run_until([&] { return had; }, 4s)) << "it waited for the search\n" << rig.log();
+    EXPECT_LT(found(), devices + 1) << "the search was over before\n" << rig.log();
+    ASSERT_TRUE(rig.until_operational(600s)) << rig.log();
+    EXPECT_EQ(found(), devices + 1) << "each once\n" << rig.log();
+  }
+
+  unsigned devices;
+  Rig rig;
+};
 
 }  // namespace
 
@@ -108,8 +166,45 @@ TEST(Supervision, ADeviceThatBootsAgainAndAgainDoesNotEndTheSearch) {
     rig.device("d0").power(false);
     rig.run_for(100ms);
     rig.device("d0").power(true);
-    rig.run_until(others, 900ms);
+    rig.run_for(900ms);  // a report at each event would be most of the time
   }
   EXPECT_TRUE(others()) << rig.log();
   ASSERT_TRUE(rig.until_operational(60s)) << rig.log();
+}
+
+// By each method: what it found before it was broken off is kept, and it finds the others afterwards.
+TEST(Supervision, ASearchByRandIsBrokenOffAndGoesOn) { Searched("auto", {Speaks::lss, Speaks::rand}, 80).interrupt(); }
+TEST(Supervision, ASearchByThePlannerOfRandIsBrokenOffAndGoesOn) {
+  Searched("planner-rand", {Speaks::lss, Speaks::rand}, 80).interrupt();
+}
+TEST(Supervision, ASearchByResumeIsBrokenOffAndGoesOn) {
+  Searched("auto", {Speaks::lss, Speaks::rand_resume}, 80).interrupt();
+}
+TEST(Supervision, ASearchByRandAsPublishedIsBrokenOffAndGoesOn) {
+  Searched("rand", {Speaks::lss, Speaks::rand}, 40).interrupt();
+}
+TEST(Supervision, ASearchByAndIsBrokenOffAndGoesOn) {
+  Searched("and", {Speaks::lss, Speaks::and_protocol}, 30).interrupt();
+}
+TEST(Supervision, ASearchByFastscanIsBrokenOffAndGoesOn) { Searched("auto", {Speaks::fastscan}, 20).interrupt(); }
+TEST(Supervision, ASearchByThePlannerOfFastscanIsBrokenOffAndGoesOn) {
+  Searched("planner-fastscan", {Speaks::fastscan}, 20).interrupt();
+}
+TEST(Supervision, ASearchByFeedbackIsBrokenOffAndGoesOn) {
+  Searched("planner-feedback", {Speaks::feedback_29}, 60).interrupt();
+}
+TEST(Supervision, ASearchByFastscanAsPublishedIsBrokenOffAndGoesOn) {
+  Searched("fastscan", {Speaks::fastscan}, 10, 125'000).interrupt();
+}
+TEST(Supervision, ALossEndsASearchByRandForAWhile) {
+  Searched searched("rand", {Speaks::lss, Speaks::rand}, 40);
+  ASSERT_NO_FATAL_FAILURE(searched.begin());
+  Rig& rig = searched.rig;
+  rig.device("d0").power(false);
+  rig.run_for(100ms);
+  rig.device("d0").power(true);
+  ASSERT_TRUE(rig.run_until([&] { return rig.state(1) == SlotState::present; }, 3s)) << rig.log();
+  ASSERT_TRUE(rig.run_until([&] { return rig.state(1) == SlotState::operational; }, 4s)) << rig.log();
+  EXPECT_LT(searched.found(), searched.devices + 1) << "the search was over before";
+  ASSERT_TRUE(rig.until_operational(600s)) << rig.log();
 }

@@ -84,7 +84,10 @@ TEST(Unfinished, ABlankOfADepartedDeviceIsNamedAndCanBeDropped) {
   EXPECT_NE(unfinished(rig)->text.find("berth forget " + to_string(stranger)), std::string::npos);
   const unsigned asked = ears.ear.selections;
   rig.run_for(60s);
-  EXPECT_LE(ears.ear.selections, asked + 1) << "a machine that runs does not search for it for ever";
+  const unsigned often = ears.ear.selections;
+  EXPECT_LE(often, asked + 12) << "it may have been storing: three looks, of two questions twice";
+  rig.run_for(60s);
+  EXPECT_LE(ears.ear.selections, often) << "a machine that runs does not search for it for ever";
   EXPECT_EQ(rig.network().forget({1, 2, 3, 4}).error().code, Errc::not_found);
   ASSERT_TRUE(rig.network().forget(stranger));
   EXPECT_EQ(unfinished(rig), nullptr);

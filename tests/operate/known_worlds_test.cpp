@@ -1,0 +1,52 @@
+// Worlds of `./run faults` in which something went wrong once: each must end well. What a world does changes with the
+// code, so what was found is, where it can be, a test of its own too; `./run mutants` says whether these still catch
+// it.
+#include <gtest/gtest.h>
+#include <cstdint>
+#include <ostream>
+#include <string>
+
+#include "tests/harness/run_world.hpp"
+
+namespace berth::harness {
+namespace {
+
+struct Known {
+  std::uint64_t seed;
+  const char* what;  // docs/faults.md has more
+};
+void PrintTo(const Known& known, std::ostream* out) { *out << known.seed << ": " << known.what; }
+
+std::string name_of(const ::testing::TestParamInfo<Known>& world) { return "Seed" + std::to_string(world.param.seed); }
+
+class KnownWorld : public ::testing::TestWithParam<Known> {};
+
+TEST_P(KnownWorld, EndsWell) {
+  const auto outcome = run_world(Planner(GetParam().seed).make());
+  EXPECT_EQ(outcome.failure, "") << GetParam().what;
+}
+
+INSTANTIATE_TEST_SUITE_P(
+    Seeds, KnownWorld,
+    ::testing::Values(
+        Known{13246, "a device that was deaf during the proof hears the repeated 11h"},
+        Known{23228, "one lost in configuration hears 11h again, and is deaf while what it stored is taken back"},
+        Known{86557, "one lost in configuration hears 11h again"},
+        Known{99792, "a silence before the device booted excuses the second answers of two that share a node-ID"},
+        Known{141300, "the same, in the middle of a configuration"},
+        Known{171681, "a slot is kept for an address that a search put together of two"},
+        Known{179707, "a loan of one of two twins is taken back from the other"},
+        Known{192384, "the last question beside a device that was put aside is answered late"},
+        Known{209084, "one that gave back what it was lent misses the reset, and uses it on"},
+        Known{249108, "a slot says two questions in turn"},
+        Known{264865, "a device gets back the node-ID that another uses by now"},
+        Known{287601, "a slot whose node-ID is lent is a clone's in turn"},
+        Known{293790, "one lost in configuration answers 17h in the place of the one that is meant"},
+        Known{313446, "a device comes under a node-ID that is just being lent"},
+        Known{321406, "a device that was deaf when it was to be blanked is not asked again"},
+        Known{348420, "the same, and it has the master's node-ID"},
+        Known{392832, "a device resets between the reading back of its values and of their date"}),
+    name_of);
+
+}  // namespace
+}  // namespace berth::harness
