@@ -7,7 +7,7 @@
 #include "berth/can/port_spec.hpp"
 #include "berth/io/stream.hpp"
 #include "berth/od/data_type.hpp"
-#include "berth/text/object.hpp"
+#include "berth/od/notation.hpp"
 #include "berth/text/quantity.hpp"
 #include "berth/text/toml.hpp"
 #include "fuzz/require.hpp"
@@ -20,10 +20,10 @@ extern "C" int LLVMFuzzerTestOneInput(const std::uint8_t* data, std::size_t size
   if (const auto ranges = text::parse_ranges(text, 1, 127)) {
     require(std::ranges::is_sorted(*ranges) && ranges->size() <= 127);
   }
-  if (const auto object = text::read_object(text)) {
-    require(text::read_object(text::write_object(object->ref()))->ref() == object->ref());
+  if (const auto object = od::read_object(text)) {
+    require(od::read_object(od::write_object(object->ref()))->ref() == object->ref());
   }
-  static_cast<void>(text::read_sub_index(text));
+  static_cast<void>(od::read_sub_index(text));
   if (const auto address = parse_lss_address(text)) require(parse_lss_address(to_string(*address)) == address);
   if (const auto frame = can::parse_frame(text)) require(can::parse_frame(can::to_string(*frame)) == frame);
   if (const auto port = can::parse_port(text)) require(can::parse_port(can::to_string(*port)).has_value());

@@ -7,13 +7,14 @@
 #include <filesystem>
 #include <nlohmann/json.hpp>
 
+#include "berth/command/meanings.hpp"
 #include "berth/eds/cpj.hpp"
 #include "berth/eds/review.hpp"
 #include "berth/eds/write.hpp"
 #include "berth/eds/xdd.hpp"
 #include "berth/od/names.hpp"
+#include "berth/od/notation.hpp"
 #include "berth/text/file.hpp"
-#include "berth/text/object.hpp"
 #include "berth/text/quantity.hpp"
 
 namespace berth::cli {
@@ -334,21 +335,48 @@ std::vector<const od::Object*> named_like(const od::Description& description, co
 
 Wanted wanted_objects(const eds::File& file, const std::string& word) {
   const od::Description& description = *file.description;
-  const auto number = text::read_object(word);
+  const auto number = od::read_object(word);
   if (number) {
     const auto* const object = description.find(number->index);
     if (object == nullptr || (number->sub && description.find(*object, *number->sub) == nullptr)) return {};
     return {{object}, number->sub, {}};
   }
-  if (number.error().kind == text::NoObject::Kind::bare) return {{}, {}, number.error().why};
+  if (number.error().kind == od::NoObject::Kind::bare) return {{}, {}, number.error().why};
   Wanted wanted{named_like(description, word), {}, {}};
   if (!wanted.objects.empty()) return wanted;
   const auto named = od::find_named(description, word);  // "Identity object/Serial number"
   if (named.size() == 1) return {{description.find(named.front().index)}, named.front().sub, {}};
-  if (number.error().kind == text::NoObject::Kind::unmarked) {
+  if (number.error().kind == od::NoObject::Kind::unmarked) {
     wanted.problem = number.error().why;
   }
   return wanted;
+}
+
+std::string number_text(std::uint64_t raw, od::DataType type) {
+  std::vector<std::uint8_t> bytes(od::byte_size(type));
+  od::store(type, raw, bytes.data());
+  return od::print(type, bytes);
+}
+
+void print_meaning(const eds::File& file, ObjectRef ref, od::DataType type) {
+  const od::Meaning* const meaning = file.description->meaning(ref);
+  if (meaning == nullptr) return;
+  if (!meaning->unit.empty()) print_line(fmt::format("    {:<12}{}", "unit", command::one_count(*meaning)));
+  for (const auto& value : meaning->values) {
+    print_line(fmt::format("    {:<12}{} = {}", meaning->only_these ? "allowed" : "named", number_text(value.raw, type),
+                           value.name.empty() ? "(no name)" : value.name));
+  }
+}
+
+void put_meaning(Json& json, const eds::File& file, ObjectRef ref, od::DataType type) {
+  const od::Meaning* const meaning = file.description->meaning(ref);
+  if (meaning == nullptr) return;
+  if (!meaning->unit.empty()) json["unit"] = command::one_count(*meaning);
+  if (meaning->values.empty()) return;
+  json["only_these"] = meaning->only_these;
+  for (const auto& value : meaning->values) {
+    json["values"].push_back({{"value", number_text(value.raw, type)}, {"name", value.name}});
+  }
 }
 
 void print_detail(const eds::File& file, const od::Object& object, std::optional<std::uint8_t> only) {
@@ -370,6 +398,7 @@ void print_detail(const eds::File& file, const od::Object& object, std::optional
     fact("value", row.value);
     fact("low limit", row.low);
     fact("high limit", row.high);
+    print_meaning(file, row.ref, sub.type);
     if ((sub.obj_flags & od::refuse_write_on_download) != 0) fact("flag", "not written by a configuration download");
     if ((sub.obj_flags & od::refuse_read_on_scan) != 0) fact("flag", "not read by a scan");
     for (const auto& denotation : file.denotations) {
@@ -388,7 +417,9 @@ Json json_of(const eds::File& file, const od::Object& object, std::optional<std:
   json["object_type"] = std::string(od::name(object.code));
   json["subs"] = Json::array();
   for (const od::SubObject& sub : file.description->subs(object)) {
-    if (!only || sub.sub == *only) json["subs"].push_back(json_of(row_of(file, object.index, sub)));
+    if (only && sub.sub != *only) continue;
+    json["subs"].push_back(json_of(row_of(file, object.index, sub)));
+    put_meaning(json["subs"].back(), file, {object.index, sub.sub}, sub.type);
   }
   return json;
 }

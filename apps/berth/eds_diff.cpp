@@ -5,6 +5,7 @@
 #include <nlohmann/json.hpp>
 
 #include "eds.hpp"
+#include "sdo.hpp"
 #include "single.hpp"
 
 namespace berth::cli {
@@ -61,13 +62,6 @@ std::vector<std::string> requests(const std::vector<ObjectRef>& refs, std::size_
     i = last + 1;
   }
   return made;
-}
-
-std::vector<std::uint8_t> bytes_of(const std::string& hex) {
-  std::vector<std::uint8_t> bytes;
-  for (std::size_t i = 0; i + 1 < hex.size(); i += 2)
-    bytes.push_back(static_cast<std::uint8_t>(std::stoul(hex.substr(i, 2), nullptr, 16)));
-  return bytes;
 }
 
 std::vector<eds::LiveAnswer> answers_of(const std::string& text) {

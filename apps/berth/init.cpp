@@ -3,11 +3,13 @@
 
 #include <fmt/format.h>
 
+#include <algorithm>
 #include <filesystem>
 #include <memory>
 #include <nlohmann/json.hpp>
 
 #include "ask.hpp"
+#include "berth/base/words.hpp"
 #include "berth/design/machine.hpp"
 #include "berth/plant/plant_file.hpp"
 #include "berth/text/printable.hpp"
@@ -24,27 +26,29 @@ namespace fs = std::filesystem;
 
 constexpr const char* usual_file = "berth.toml";
 
-std::string plant_beside(const std::string& file) {
-  return (fs::path(file).parent_path() / (fs::path(file).stem().string() + ".plant.toml")).string();
-}
-
 Failure wrong_name(const char* option, const std::string& name) {
   return failure(Exit::usage, fmt::format("{} \"{}\": this is no name; {}", option, name, design::name_fix));
 }
 
 // What the two readers would refuse is refused before anything is asked or read.
-tl::expected<void, Failure> check_words(const Options& options, const InitOptions& init) {
+tl::expected<void, Failure> check_names(const Options& options, const InitOptions& init) {
   if (!init.name.empty() && !design::good_name(init.name)) return tl::unexpected(wrong_name("--name", init.name));
   if (!options.bus.empty() && !design::good_name(options.bus)) return tl::unexpected(wrong_name("--bus", options.bus));
+  return {};
+}
+
+tl::expected<void, Failure> check_files(const Options& options, const InitOptions& init) {
+  for (const auto& path : {init.file, init.plant}) {
+    if (const auto why = init_file_problem(path); !why.empty()) {
+      return tl::unexpected(failure(Exit::usage, fmt::format("{}: {}", path, why)));
+    }
+  }
   if (init.file == init.plant) {
     return tl::unexpected(failure(Exit::usage, init.file + ": machine file and plant file are two files"));
   }
   std::error_code none;
   for (const auto& path : {init.file, init.plant}) {
-    const auto folder = fs::path(path).parent_path();
-    if (!folder.empty() && !fs::is_directory(folder, none)) {
-      return tl::unexpected(failure(Exit::failed, folder.string() + ": there is no such folder"));
-    }
+    if (const auto why = init_folder_problem(path); !why.empty()) return tl::unexpected(failure(Exit::failed, why));
     if (init.force || options.dry_run || !fs::exists(fs::symlink_status(path, none))) continue;
     return tl::unexpected(failure(
         Exit::no, path + " is there already and is left as it is; name another file, or replace it by --force"));
@@ -144,15 +148,36 @@ tl::expected<void, Failure> ask_or_refuse(Options& options, InitOptions& init) {
 int run_init(const Options& given, const InitOptions& wanted) {
   Options options = given;
   InitOptions init = wanted;
+  if (const auto good = check_names(options, init); !good) return tell(good.error(), options.json);
   if (const auto good = ask_or_refuse(options, init); !good) return tell(good.error(), options.json);
   if (init.file.empty()) init.file = usual_file;
   if (init.plant.empty()) init.plant = plant_beside(init.file);
-  if (const auto good = check_words(options, init); !good) return tell(good.error(), options.json);
+  if (const auto good = check_files(options, init); !good) return tell(good.error(), options.json);
   const auto plan = options.ports.empty() ? plan_of_descriptions(options, init) : plan_of_bus(options, init);
   return plan ? write_machine(*plan, options, init) : tell(plan.error(), options.json);
 }
 
 }  // namespace
+
+std::string plant_beside(const std::string& file) {
+  return (fs::path(file).parent_path() / (fs::path(file).stem().string() + ".plant.toml")).string();
+}
+
+std::string init_file_problem(const std::string& path) {
+  if (path.ends_with(".toml") && fs::path(path).filename() != ".toml") return {};
+  auto ending = fs::path(path).extension().string();
+  std::ranges::transform(ending, ending.begin(), lower);
+  const bool description = ending == ".eds" || ending == ".dcf" || ending == ".xdd" || ending == ".xdc";
+  return description ? "this is a description: give it as --eds " + path
+                     : std::string("a machine file and a plant file end in .toml");
+}
+
+std::string init_folder_problem(const std::string& path) {
+  std::error_code none;
+  const auto folder = fs::path(path).parent_path();
+  return folder.empty() || fs::is_directory(folder, none) ? std::string()
+                                                          : folder.string() + ": there is no such folder";
+}
 
 void add_init(Verb& berth, Options& options) {
   const auto wanted = std::make_shared<InitOptions>();

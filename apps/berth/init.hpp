@@ -61,6 +61,12 @@ struct InitPlan {
 /// Asks a person for what `options` and `init` lack. Status 1: nothing is to be written.
 [[nodiscard]] tl::expected<void, Failure> ask_for_machine(Options& options, InitOptions& init, Interrupt& interrupt);
 
+/// The plant file that belongs to a machine file: NAME.plant.toml.
+[[nodiscard]] std::string plant_beside(const std::string& file);
+/// Why a file of this name is not to be written, and why not in its folder; empty: it may be.
+[[nodiscard]] std::string init_file_problem(const std::string& path);
+[[nodiscard]] std::string init_folder_problem(const std::string& path);
+
 /// A name for a slot, made from what a file or a device says: one that machine and plant files take.
 [[nodiscard]] std::string name_from(const std::string& said);
 /// No two slots of the plan have one name, in either case.

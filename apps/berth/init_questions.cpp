@@ -7,6 +7,7 @@
 
 #include "ask.hpp"
 #include "berth/design/machine.hpp"
+#include "berth/eds/xdd.hpp"
 #include "berth/text/quantity.hpp"
 #include "init.hpp"
 #include "ports.hpp"
@@ -65,6 +66,15 @@ void tell_descriptions_here() {
   if (left_out > 0) print_line(fmt::format("  and {} more", left_out));
 }
 
+// Told now rather than when all is asked; the whole list is `berth eds check`'s.
+std::string unusable(const std::string& file) {
+  const auto reading = eds::read_any_file(file);
+  if (reading.usable()) return {};
+  const auto first = std::ranges::find(reading.findings, Finding::Severity::error, &Finding::severity);
+  return fmt::format("this cannot be used: {}; `berth eds check` says more",
+                     first == reading.findings.end() ? "it is no description" : first->message);
+}
+
 tl::expected<void, Failure> take_description(InitOptions& init, const std::string& file, Interrupt& interrupt) {
   const auto count = answer(interrupt, "  how many of it", "1", [](const std::string& word) {
     const auto number = text::parse_ranges(word, 1, 126);
@@ -76,8 +86,10 @@ tl::expected<void, Failure> take_description(InitOptions& init, const std::strin
 }
 
 tl::expected<void, Failure> take_port(Options& options, const std::string& word, Interrupt& interrupt) {
+  const auto port = port_of_word(word);
+  if (!port) return tl::unexpected(failure(Exit::usage, port.error()));
   options.ports = {word};
-  const auto kind = port_of_word(word)->kind;
+  const auto kind = port->kind;
   if (kind == can::PortKind::slcan && !options.bit_rate) {
     const auto rate = answer(interrupt, "Bit rate of the bus", "125000", no_rate);
     if (!rate) return tl::unexpected(rate.error());
@@ -95,7 +107,8 @@ tl::expected<void, Failure> ask_sources(Options& options, InitOptions& init, Int
     const bool first = init.eds.empty();
     const auto word = answer(interrupt, first ? "Description, or port" : "Another description (Enter: no more)", "",
                              [&](const std::string& said) -> std::string {
-                               if (is_file(said) || (said.empty() && !first)) return {};
+                               if (is_file(said)) return unusable(said);
+                               if (said.empty() && !first) return {};
                                if (said.empty()) return "a file (drive.eds), or a port (can0, /dev/ttyACM0)";
                                if (first && port_of_word(said)) return {};
                                return first ? "there is no such file, and this is no port" : "there is no such file";
@@ -107,6 +120,23 @@ tl::expected<void, Failure> ask_sources(Options& options, InitOptions& init, Int
   }
 }
 
+// One "yes" is for all that would go.
+tl::expected<void, Failure> ask_to_replace(const Options& options, InitOptions& init, Interrupt& interrupt) {
+  if (init.force || options.dry_run) return {};
+  std::vector<std::string> there;
+  for (const auto& path : {init.file, init.plant}) {
+    std::error_code none;
+    if (fs::exists(fs::symlink_status(path, none))) there.push_back(path);
+  }
+  if (there.empty()) return {};
+  const bool one = there.size() == 1;
+  const std::string question = fmt::format("{} {} there already. Replace {}?", fmt::join(there, " and "),
+                                           one ? "is" : "are", one ? "it" : "them");
+  if (!ask_yes(question, interrupt)) return tl::unexpected(nothing_written());
+  init.force = true;
+  return {};
+}
+
 }  // namespace
 
 tl::expected<void, Failure> ask_for_machine(Options& options, InitOptions& init, Interrupt& interrupt) {
@@ -115,8 +145,10 @@ tl::expected<void, Failure> ask_for_machine(Options& options, InitOptions& init,
   tell_descriptions_here();
   if (auto asked = ask_sources(options, init, interrupt); !asked) return asked;
   if (init.file.empty()) {
-    const auto file = answer(interrupt, "Machine file to write", "berth.toml",
-                             [](const std::string& word) { return word.ends_with(".toml") ? "" : "NAME.toml"; });
+    const auto file = answer(interrupt, "Machine file to write", "berth.toml", [](const std::string& word) {
+      const auto wrong = init_file_problem(word);
+      return wrong.empty() ? init_folder_problem(word) : wrong + ": NAME.toml";
+    });
     if (!file) return tl::unexpected(file.error());
     init.file = *file;
   }
@@ -127,12 +159,8 @@ tl::expected<void, Failure> ask_for_machine(Options& options, InitOptions& init,
     if (!name) return tl::unexpected(name.error());
     init.name = *name;
   }
-  std::error_code none;
-  if (!init.force && !options.dry_run && fs::exists(fs::symlink_status(init.file, none))) {
-    if (!ask_yes(init.file + " is there already. Replace it?", interrupt)) return tl::unexpected(nothing_written());
-    init.force = true;
-  }
-  return {};
+  if (init.plant.empty()) init.plant = plant_beside(init.file);
+  return ask_to_replace(options, init, interrupt);
 }
 
 }  // namespace berth::cli

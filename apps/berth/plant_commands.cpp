@@ -9,6 +9,7 @@
 #include "berth/base/words.hpp"
 #include "berth/command/objects.hpp"
 #include "berth/plant/plant_words.hpp"
+#include "berth/text/columns.hpp"
 #include "berth/text/quantity.hpp"
 #include "options.hpp"
 #include "ports.hpp"
@@ -223,7 +224,7 @@ Reply list_devices(const RunningPlant& running, const std::string& bus) {
   Reply reply;
   Json all = Json::array();
   std::size_t width = 6;
-  for (const auto& device : running.world->devices()) width = std::max(width, device->name().size());
+  for (const auto& device : running.world->devices()) width = std::max(width, text::columns(device->name()));
   reply.lines.push_back(
       fmt::format("{:<{}}  {:<10} {:>3}  {:<14} {}", "device", width, "bus", "id", "is", "LSS address"));
   for (const auto& device : running.world->devices()) {
@@ -231,9 +232,9 @@ Reply list_devices(const RunningPlant& running, const std::string& bus) {
     if (!bus.empty() && truth.bus != bus) continue;
     const char* const is = !truth.plugged ? "not plugged in" : !truth.powered ? "without power" : name(truth.state);
     const bool has_id = truth.powered && truth.active.configured();
-    reply.lines.push_back(fmt::format("{:<{}}  {:<10} {:>3}  {:<14} {}", truth.name, width, truth.bus,
-                                      has_id ? std::to_string(truth.active.value()) : "-", is,
-                                      to_string(truth.address)));
+    reply.lines.push_back(fmt::format("{}  {} {:>3}  {:<14} {}", text::padded(truth.name, width),
+                                      text::padded(truth.bus, 10), has_id ? std::to_string(truth.active.value()) : "-",
+                                      is, to_string(truth.address)));
     all.push_back({{"device", truth.name},
                    {"bus", truth.bus},
                    {"node_id", has_id ? Json(truth.active.value()) : Json(nullptr)},
@@ -274,6 +275,12 @@ Reply do_in_plant(const RunningPlant& running, const Request& given) {
   Request request = given;
   const std::string bus = request.arguments.contains("bus") ? request.arguments["bus"] : "";
   const std::string word = request.arguments["action"];
+  if (!bus.empty() && running.plant->bus(bus) == nullptr) {
+    std::vector<std::string> names;
+    for (const auto& each : running.plant->buses) names.push_back(each.name);
+    return command::refusal(
+        Exit::usage, fmt::format("the plant has no bus {}; its buses are {}", text::quoted(bus), some_of(names)));
+  }
   if (word == "devices") return list_devices(running, bus);
   const auto known = std::ranges::find(plant::action_words, word);
   if (known == plant::action_words.end()) {

@@ -51,7 +51,7 @@ tl::expected<void, Failure> Rig::read(const Options& options, const Sources& sou
   if (problem) return tl::unexpected(std::move(*problem));
   const bool simulate = !sources.plant_name.empty() || !sources.plant_text.empty();
   auto plant = !simulate                    ? plant::PlantResult{plant::PlantFile{}, {}}
-               : sources.plant_text.empty() ? plant::load_plant(sources.plant_name)
+               : sources.plant_text.empty() ? read_plant_file(sources.plant_name, sources.machine_name)
                                             : plant::read_plant(sources.plant_text, sources.plant_name);
   Findings findings = machine.findings;
   findings.insert(findings.end(), plant.findings.begin(), plant.findings.end());

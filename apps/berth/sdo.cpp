@@ -15,10 +15,11 @@
 
 namespace berth::cli {
 
-std::string bytes_of(const std::string& hex) {
-  std::string bytes;
-  for (std::size_t at = 0; at + 1 < hex.size(); at += 3) {
-    bytes += static_cast<char>(std::stoul(hex.substr(at, 2), nullptr, 16));
+std::vector<std::uint8_t> bytes_of(const std::string& hex) {
+  std::vector<std::uint8_t> bytes;
+  for (std::size_t at = 0; at + 1 < hex.size(); at += 2) {
+    if (hex[at] == ' ') ++at;
+    bytes.push_back(static_cast<std::uint8_t>(std::stoul(hex.substr(at, 2), nullptr, 16)));
   }
   return bytes;
 }
@@ -50,18 +51,17 @@ std::string one_a_line(const Words& words) {
 }
 
 // OBJECT... or OBJECT SUB.
-std::string finish_read(const Words& words, command::Request& request) {
+void take_objects(const Words& words, command::Request& request) {
   if (words.size() == 2 && like_sub_index(words[1])) {
     request.arguments["object"] = words[0];
     request.arguments["sub"] = words[1];
   } else {
     request.arguments["object"] = one_a_line(words);
   }
-  return {};
 }
 
-// OBJECT VALUE, OBJECT SUB VALUE, or OBJECT=VALUE...
-std::string finish_write(const Words& words, command::Request& request) {
+// OBJECT VALUE, OBJECT SUB VALUE, or OBJECT=VALUE... What is wrong, for people.
+std::string take_objects_and_values(const Words& words, command::Request& request) {
   const bool pairs = std::ranges::all_of(words, [](const auto& w) { return w.find('=', 1) != std::string::npos; });
   if (pairs) {
     Words objects;
@@ -111,8 +111,9 @@ int read_into_file(const Options& options, const Wanted& wanted) {
   if (!reply) return tell(reply.error(), options.json);
   if (reply->status != Exit::done) return tell({reply->status, reply->error, reply->json}, options.json);
   const auto json = nlohmann::ordered_json::parse(reply->json);
-  const std::string bytes = bytes_of(json.at("bytes").get<std::string>());
-  if (const auto bad = write_file(wanted.file, bytes)) return tell(*bad, options.json);
+  const auto bytes = bytes_of(json.at("bytes").get<std::string>());
+  if (const auto bad = write_file(wanted.file, std::string(bytes.begin(), bytes.end())))
+    return tell(*bad, options.json);
   if (options.json) {
     nlohmann::ordered_json told = json;
     told.erase("bytes");
@@ -127,8 +128,7 @@ int read_into_file(const Options& options, const Wanted& wanted) {
 }
 
 int run_read(const Options& options, Wanted wanted) {
-  const std::string wrong = finish_read(wanted.words, wanted.request);
-  if (!wrong.empty()) return tell(failure(Exit::usage, wrong), options.json);
+  take_objects(wanted.words, wanted.request);
   if (options.yes) wanted.request.arguments["yes"] = "1";
   if (wanted.file.empty()) return run_single(options, std::move(wanted.request));
   const bool several = wanted.request.arguments["object"].find('\n') != std::string::npos;
@@ -137,23 +137,30 @@ int run_read(const Options& options, Wanted wanted) {
 }
 
 int run_write(const Options& options, Wanted wanted) {
-  std::string wrong;
   if (!wanted.file.empty()) {
     Findings findings;
     const auto text = text::read_file(wanted.file, findings);
     if (!text) return tell(failure(findings), options.json);
-    wrong = finish_read(wanted.words, wanted.request);
+    take_objects(wanted.words, wanted.request);
     wanted.request.arguments["value"] = hex_of(*text);
     wanted.request.arguments["type"] = "d";  // as it stands, whatever the object's type
   } else {
-    wrong = finish_write(wanted.words, wanted.request);
+    const std::string wrong = take_objects_and_values(wanted.words, wanted.request);
+    if (!wrong.empty()) return tell(failure(Exit::usage, wrong), options.json);
   }
-  if (!wrong.empty()) return tell(failure(Exit::usage, wrong), options.json);
   if (options.yes) wanted.request.arguments["yes"] = "1";
   return run_single(options, std::move(wanted.request));
 }
 
-const char* const type_help = "u8 u16 u32 i8 i16 i32 r32 vs os … (default: what the slot's eds = says)";
+// The words of both.
+void sdo_words(const Verb& verb, const std::shared_ptr<Wanted>& wanted, const std::string& objects_help,
+               const std::string& objects_shown, const std::string& file_help) {
+  word_of(verb, wanted, "node", "node", "node-ID or slot's name", true);
+  verb.word("object", wanted->words, objects_help).required().shown(objects_shown);
+  word_of(verb, wanted, "--type,-t", "type", "u8 u16 u32 i8 i16 i32 r32 vs os … (default: what the slot's eds = says)");
+  flag_of(verb, wanted, "--block", "block", "by SDO block transfer");
+  verb.word("--file", wanted->file, file_help).shown("FILE");
+}
 
 void add_read(const Verb& sdo, Options& options) {
   const auto wanted = std::make_shared<Wanted>();
@@ -161,13 +168,8 @@ void add_read(const Verb& sdo, Options& options) {
   const Verb read =
       sdo.add("read", "read objects of a device", [&options, wanted] { return run_read(options, *wanted); });
   request_words(read, options, {.machine = {.confirms = false}});
-  word_of(read, wanted, "node", "node", "node-ID or slot's name", true);
-  read.word("object", wanted->words, "1018h:04, 0x1018:4, 1018sub4, or its name: \"Producer heartbeat time\"")
-      .required()
-      .shown("OBJECT...");
-  word_of(read, wanted, "--type,-t", "type", type_help);
-  flag_of(read, wanted, "--block", "block", "by SDO block transfer");
-  read.word("--file", wanted->file, "write the bytes of the object there").shown("FILE");
+  sdo_words(read, wanted, "1018h:04, 0x1018:4, 1018sub4, or its name: \"Producer heartbeat time\"", "OBJECT...",
+            "write the bytes of the object there");
   read.time("--watch", options.watch, "again and again, so far apart");
   read.footer(
       "Examples:\n  berth sdo read 5 1018h:04\n  berth sdo read drive \"Identity object/Serial number\" 1017h\n"
@@ -181,16 +183,10 @@ void add_write(const Verb& sdo, Options& options) {
   const Verb write =
       sdo.add("write", "write objects of a device", [&options, wanted] { return run_write(options, *wanted); });
   request_words(write, options);
-  word_of(write, wanted, "node", "node", "node-ID or slot's name", true);
-  write
-      .word("object", wanted->words,
-            "an object and its value, or several as OBJECT=VALUE; of an unknown type hex bytes such as \"F4 01\"")
-      .required()
-      .shown("OBJECT VALUE");
-  word_of(write, wanted, "--type,-t", "type", type_help);
-  flag_of(write, wanted, "--block", "block", "by SDO block transfer");
+  sdo_words(write, wanted,
+            "an object and its value, or several as OBJECT=VALUE; of an unknown type hex bytes such as \"F4 01\"",
+            "OBJECT VALUE", "the value is what stands in this file");
   flag_of(write, wanted, "--anyway", "anyway", "also a value outside of the description's limits");
-  write.word("--file", wanted->file, "the value is what stands in this file").shown("FILE");
   write.footer(
       "Examples:\n  berth sdo write 5 1017h 500\n  berth sdo write drive 1017h \"0.5 s\"\n"
       "  berth sdo write drive 1017h=500 6000h:01=3\n  berth sdo write 5 2000h:01 -3 --type i16\n"

@@ -1,15 +1,17 @@
 /// `berth sdo`: what its files share.
 #pragma once
 
+#include <cstdint>
 #include <string>
+#include <vector>
 
 #include "options.hpp"
 #include "verb.hpp"
 
 namespace berth::cli {
 
-/// "F4 01" of a reply, as bytes.
-[[nodiscard]] std::string bytes_of(const std::string& hex);
+/// "F4 01" or "F401" of a reply, as bytes.
+[[nodiscard]] std::vector<std::uint8_t> bytes_of(const std::string& hex);
 /// `berth sdo dump` (sdo_dump.cpp).
 void add_dump(const Verb& sdo, Options& options);
 

@@ -53,8 +53,7 @@ std::vector<eds::Parameter> settings(const Json& objects, const od::Description&
                         each.at("sub").get<std::uint8_t>()};
     const od::SubObject* const sub = description.find(ref);
     if (sub == nullptr || !is_setting(ref.index, *sub)) continue;
-    const std::string text = bytes_of(each.at("bytes").get<std::string>());
-    const std::vector<std::uint8_t> bytes(text.begin(), text.end());
+    const auto bytes = bytes_of(each.at("bytes").get<std::string>());
     const std::size_t size = od::byte_size(sub->type);
     if (size != 0 && size != bytes.size()) continue;
     if (size == 0 && bytes.empty()) continue;  // a DCF cannot tell an empty text from none

@@ -7,6 +7,7 @@
 #include <nlohmann/json.hpp>
 
 #include "berth/command/control.hpp"
+#include "berth/text/quantity.hpp"
 #include "machine_file.hpp"
 #include "plant_commands.hpp"
 #include "ports.hpp"
@@ -100,11 +101,16 @@ std::string read_fault(command::Request& request, const std::vector<std::string>
     const auto equals = word.find('=');
     const std::string key = word.substr(0, equals);
     if (equals == std::string::npos && request.arguments.contains("device")) {
-      return fmt::format("\"{}\": one device; what else stands in an [[event]] is written KEY=VALUE", word);
+      return fmt::format("{}: one device; what else stands in an [[event]] is written KEY=VALUE", text::quoted(word));
     }
     std::string value = equals == std::string::npos ? word : word.substr(equals + 1);
     if (key == "nodes") std::ranges::replace(value, ',', '\n');
-    request.arguments[equals == std::string::npos ? "device" : key] = std::move(value);
+    const std::string into = equals == std::string::npos ? "device" : key;
+    if (into == "action")
+      return fmt::format("{}: the action stands before it, `berth sim fault ACTION`", text::quoted(word));
+    if (!request.arguments.emplace(into, std::move(value)).second) {
+      return fmt::format("{}: {} is given twice", text::quoted(word), into);
+    }
   }
   return {};
 }

@@ -2,15 +2,65 @@
 
 #include <fmt/format.h>
 
+#include <algorithm>
 #include <filesystem>
 
+#include "berth/base/words.hpp"
 #include "berth/design/machine.hpp"
 #include "berth/text/file.hpp"
 
 namespace berth::cli {
 
-tl::expected<plant::PlantFile, Failure> load_plant(const std::string& file, const Options& options) {
+namespace {
+
+namespace fs = std::filesystem;
+
+constexpr std::string_view plant_ending = ".plant.toml";
+
+bool is_there(const fs::path& path) {
+  std::error_code none;
+  return fs::is_regular_file(path, none);
+}
+
+// Empty: none.
+std::string plant_file_like(const std::string& file, const std::string& machine) {
+  std::vector<fs::path> named{file + std::string(plant_ending)};
+  for (const auto& path : {fs::path(file), fs::path(machine)}) {
+    if (!path.empty()) named.push_back(path.parent_path() / (path.stem().string() + std::string(plant_ending)));
+  }
+  for (const auto& path : named) {
+    if (path != file && is_there(path)) return path.string();
+  }
+  if (is_there(file)) return {};
+  const fs::path folder = fs::path(file).parent_path();
+  constexpr std::size_t most_files = 1000;
+  std::vector<std::string> names;
+  std::error_code error;
+  std::size_t looked = 0;
+  for (const auto& entry : fs::directory_iterator(folder.empty() ? "." : folder, error)) {
+    if (++looked > most_files) break;
+    const std::string name = entry.path().filename().string();
+    if (name.ends_with(plant_ending)) names.push_back(name);
+  }
+  std::ranges::sort(names);
+  const std::vector<std::string_view> known(names.begin(), names.end());
+  const auto near = closest(fs::path(file).filename().string(), known);
+  return near.empty() ? std::string() : (folder / near).string();
+}
+
+}  // namespace
+
+plant::PlantResult read_plant_file(const std::string& file, const std::string& machine) {
   auto read = plant::load_plant(file);
+  if (read.plant || (file.ends_with(plant_ending) && is_there(file))) return read;
+  const auto meant = plant_file_like(file, machine);
+  const auto wrong = std::ranges::find(read.findings, Finding::Severity::error, &Finding::severity);
+  if (!meant.empty() && wrong != read.findings.end()) wrong->fix = fmt::format("did you mean {}?", meant);
+  return read;
+}
+
+tl::expected<plant::PlantFile, Failure> load_plant(const std::string& file, const Options& options) {
+  auto read = read_plant_file(file, options.machine);
   if (!read.plant) return tl::unexpected(failure(read.findings));
   if (options.seed) read.plant->seed = *options.seed;
   return std::move(*read.plant);

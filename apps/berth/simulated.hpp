@@ -12,6 +12,9 @@
 
 namespace berth::cli {
 
+/// The plant file as it reads; where it cannot be used and a plant file of a like name is there, the mistake names it:
+/// NAME.plant.toml for NAME, NAME.toml and the machine file NAME.toml, or one that is a letter or two away.
+[[nodiscard]] plant::PlantResult read_plant_file(const std::string& file, const std::string& machine);
 /// The plant file, with `--seed`.
 [[nodiscard]] tl::expected<plant::PlantFile, Failure> load_plant(const std::string& file, const Options& options);
 

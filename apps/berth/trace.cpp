@@ -10,6 +10,7 @@
 #include "machine_file.hpp"
 #include "trace_known.hpp"
 #include "trace_outlet.hpp"
+#include "trace_rows.hpp"
 #include "trace_source.hpp"
 
 namespace berth::cli {
@@ -50,7 +51,11 @@ class Pipeline final : public trace::Sink, private decode::Rows {
         prints_(!trace.stats && (!trace.to || live_) && !(trace.quiet && trace.to)),
         decodes_(prints_ || trace.filters_rows()),
         decoder_(*this, {.fold = !trace.frames && !trace.table && !writes_and_filters(),
-                         .fields = options.json || !trace.objects.empty()}) {}
+                         .fields = options.json || !trace.objects.empty()}),
+        rows_(options.json  ? RowPrinter::Form::json
+              : trace.table ? RowPrinter::Form::table
+                            : RowPrinter::Form::words,
+              live_) {}
 
   std::optional<Failure> open() {
     if (!trace_.to) return std::nullopt;
@@ -77,32 +82,38 @@ class Pipeline final : public trace::Sink, private decode::Rows {
       return;
     }
     ++findings_.shown;
-    if (options_.json) {
-      if (prints_) {
-        screen_.buffer() += "{\"finding\":";
-        put_json(screen_.buffer(), finding);
-        screen_.buffer() += "}\n";
-      } else {
-        findings_.kept.push_back(std::move(finding));
-      }
+    if (options_.json && !prints_) {
+      findings_.kept.push_back(std::move(finding));
       return;
     }
-    // In the order in which they came, where both streams go to one place.
-    screen_.flush();
-    print_error(to_string(finding));
+    rows_.remark(finding);
   }
 
   /// After each turn: what came is seen now, and recorded.
   void settle() {
     if (!live_) return;
-    screen_.flush();
+    rows_.settle(decoder_.pending(), read_ != settled_);
+    settled_ = read_;
     file_.flush();
   }
-  [[nodiscard]] bool broken() const noexcept { return screen_.broken() || file_.broken(); }
+  [[nodiscard]] bool broken() const noexcept { return rows_.broken() || file_.broken(); }
 
   int finish(const std::string& file) {
     if (decodes_) decoder_.finish();
+    rows_.release_all();
+    if (rows_.late() > 0) {
+      finding({Finding::Severity::warning,
+               file,
+               0,
+               0,
+               {},
+               fmt::format("{} rows stand behind rows of a later time: the times of the file go back too far, or a "
+                           "transfer was silent for too long",
+                           rows_.late()),
+               {}});
+    }
     if (findings_.not_shown > 0) finding_of_rest(fmt::format("{} more findings", findings_.not_shown), file);
+    rows_.release_all();
     if (writer_) writer_->finish(file_.buffer());
     const auto bad = writer_ ? file_.done() : std::nullopt;
     if (trace_.stats) {
@@ -110,7 +121,7 @@ class Pipeline final : public trace::Sink, private decode::Rows {
     } else if (writer_) {
       print_conversion(file);
     }
-    const auto unprinted = screen_.done();
+    const auto unprinted = rows_.screen().done();
     if (bad) return tell(*bad, options_.json);
     if (unprinted) return tell(*unprinted, false);
     return findings_.errors > 0 ? Exit::usage : Exit::done;
@@ -149,7 +160,7 @@ class Pipeline final : public trace::Sink, private decode::Rows {
       const auto field = std::ranges::find(row.fields, key, &decode::Field::key);
       return field == row.fields.end() ? std::string() : field->value;
     };
-    const auto object = text::parse_object(value("object"));
+    const auto object = od::parse_object(value("object"));
     if (!object) return false;
     const std::string name = value("name");
     return std::ranges::any_of(trace_.objects, [&](const ObjectFilter& wanted) {
@@ -169,17 +180,8 @@ class Pipeline final : public trace::Sink, private decode::Rows {
       take(*row.entry);
     }
     if (!prints_) return;
-    const std::string& name = source_->buses()[bus];
-    if (options_.json) {
-      text_.json(screen_.buffer(), row, name);
-    } else if (trace_.table) {
-      if (!headed_) screen_.buffer() += "Msg\tID\tDetails\tRaw Message\n";
-      headed_ = true;
-      text_.table(screen_.buffer(), row);
-    } else {
-      text_.words(screen_.buffer(), row, name);
-    }
-    screen_.full();
+    rows_.row(row, source_->buses()[bus]);
+    if (rows_.many()) rows_.release(decoder_.pending());
   }
 
   // An entry that passed every filter.
@@ -250,7 +252,7 @@ class Pipeline final : public trace::Sink, private decode::Rows {
   }
 
   void print_stats(const std::string& file) {
-    std::string& out = screen_.buffer();
+    std::string& out = rows_.screen().buffer();
     if (options_.json) {
       Json json{{"file", file}, {"format", source_->format()}, {"findings", findings_json()}};
       Json buses = Json::array();
@@ -303,15 +305,15 @@ class Pipeline final : public trace::Sink, private decode::Rows {
                 {"frames", taken_},
                 {"lost", lost},
                 {"findings", findings_json()}};
-      screen_.buffer() += json.dump(2, ' ', false, Json::error_handler_t::replace) + "\n";
+      rows_.screen().buffer() += json.dump(2, ' ', false, Json::error_handler_t::replace) + "\n";
       return;
     }
     std::string words = fmt::format("{} ({}) to {} ({}): {} frames", file, source_->format(), trace_.output,
                                     trace::name(*trace_.to), taken_);
     if (taken_ < read_) words += fmt::format(" of {}", read_);
-    if (!to_screen && !live_) screen_.buffer() += words + "\n";
+    if (!to_screen && !live_) rows_.screen().buffer() += words + "\n";
     if (lost.empty()) return;
-    screen_.flush();
+    rows_.screen().flush();
     for (const auto& line : lost)
       print_error(fmt::format("{}: {}", to_screen ? "standard output" : trace_.output, line));
   }
@@ -326,10 +328,9 @@ class Pipeline final : public trace::Sink, private decode::Rows {
   decode::Decoder decoder_;
   std::unique_ptr<trace::Writer> writer_;
   Outlet file_;
-  Outlet screen_;
-  RowText text_;
-  bool headed_ = false;
-  std::vector<bool> wanted_;  // by bus
+  RowPrinter rows_;
+  std::uint64_t settled_ = 0;  // of those read
+  std::vector<bool> wanted_;   // by bus
   std::vector<trace::Counter> counters_;
   std::optional<rt::Duration> first_;
   std::uint64_t read_ = 0;

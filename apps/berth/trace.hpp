@@ -11,7 +11,7 @@
 #include <vector>
 
 #include "berth/decode/words.hpp"
-#include "berth/text/object.hpp"
+#include "berth/od/notation.hpp"
 #include "berth/trace/stream.hpp"
 #include "options.hpp"
 
@@ -29,7 +29,7 @@ struct TraceTime {
 
 /// Which SDO transfers: by index, and sub-index if one is given, or by the beginning of the object's name.
 struct ObjectFilter {
-  std::optional<text::ObjectWord> number;
+  std::optional<od::ObjectWord> number;
   std::string name;
 };
 

@@ -80,8 +80,8 @@ void add_filters(const Verb& verb, TraceOptions& trace) {
       .separated_by(',')
       .one_each();
   const auto object = [&trace](const std::string& text) {
-    const auto number = text::read_object(text);
-    if (!number && number.error().kind != text::NoObject::Kind::other) return number.error().why;
+    const auto number = od::read_object(text);
+    if (!number && number.error().kind != od::NoObject::Kind::other) return number.error().why;
     trace.objects.push_back({number ? std::optional(*number) : std::nullopt, text});
     return std::string();
   };

@@ -160,7 +160,7 @@ void RowText::json(std::string& out, const decode::Row& row, const std::string& 
 }
 
 void RowText::table(std::string& out, const decode::Row& row) {
-  fmt::format_to(std::back_inserter(out), "{}\t{}\t{}\t{}\n", ++number_, study::id_text(row.entry->frame), row.words,
+  fmt::format_to(std::back_inserter(out), "{}\t{}\t{}\n", study::id_text(row.entry->frame), row.words,
                  study::raw(row.entry->frame));
 }
 

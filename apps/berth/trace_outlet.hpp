@@ -55,13 +55,12 @@ class RowText {
   /// As candump writes the frame, then the words.
   void words(std::string& out, const decode::Row& row, const std::string& bus);
   void json(std::string& out, const decode::Row& row, const std::string& bus);
-  /// Number, identifier, details, raw message, with tabs between.
-  void table(std::string& out, const decode::Row& row);
+  /// Identifier, details, raw message, with tabs between.
+  static void table(std::string& out, const decode::Row& row);
 
  private:
   trace::CandumpWriter writer_{true};
   std::string line_;
-  std::uint64_t number_ = 0;
 };
 
 }  // namespace berth::cli

@@ -164,16 +164,6 @@ void Verb::exactly_one(const std::function<void(const Verb&)>& add) const {
 
 namespace {
 
-std::string no_command(const CLI::App& app, const std::string& written) {
-  std::vector<std::string> names;
-  for (const auto* const sub : app.get_subcommands([](const CLI::App*) { return true; }))
-    names.push_back(sub->get_name());
-  const std::vector<std::string_view> known(names.begin(), names.end());
-  const auto meant = text::closest(written, known);
-  return fmt::format("there is no command {}{}; see berth --help", text::quoted(written),
-                     meant.empty() ? "" : fmt::format("; did you mean {}?", meant));
-}
-
 /// The command whose words were wrong: the deepest that was named.
 const CLI::App& deepest(const CLI::App& app) {
   const CLI::App* at = &app;
@@ -186,8 +176,8 @@ std::string path_of(const CLI::App& app) {
   return parent == nullptr || parent->get_name().empty() ? app.get_name() : path_of(*parent) + " " + app.get_name();
 }
 
-/// What a word that is not known was probably meant to be; empty: nothing is like it.
-std::string meant_by(const CLI::App& app, const std::string& word) {
+/// "; did you mean --bitrate?" of a word that the command does not know; empty: nothing is like it.
+std::string did_you_mean(const CLI::App& app, const std::string& word) {
   std::vector<std::string> names;
   if (word.starts_with("-")) {
     for (const auto* const option : app.get_options()) {
@@ -199,10 +189,11 @@ std::string meant_by(const CLI::App& app, const std::string& word) {
     }
   }
   const std::vector<std::string_view> known(names.begin(), names.end());
-  return std::string(text::closest(word.substr(0, word.find('=')), known));
+  const auto meant = closest(word.substr(0, word.find('=')), known);
+  return meant.empty() ? std::string() : fmt::format("; did you mean {}?", meant);
 }
 
-/// "; did you mean --bitrate?" for the first word behind the command that it does not know.
+/// The same for the first word behind the command that it does not know.
 std::string suggestion(const CLI::App& command, int argc, char** argv) {
   const auto names = command.get_subcommands([](const CLI::App*) { return true; });
   for (int i = 1; i < argc; ++i) {
@@ -211,8 +202,8 @@ std::string suggestion(const CLI::App& command, int argc, char** argv) {
     const bool known = option ? command.get_option_no_throw(word.substr(0, word.find('='))) != nullptr
                               : names.empty() || std::string_view(word) == command.get_name();
     if (known || word == "--") continue;
-    const auto meant = meant_by(command, word);
-    if (!meant.empty()) return fmt::format("; did you mean {}?", meant);
+    const auto meant = did_you_mean(command, word);
+    if (!meant.empty()) return meant;
   }
   return {};
 }
@@ -222,7 +213,9 @@ int wrong_use(const CLI::App& app, const CLI::ParseError& error, int argc, char*
   const bool json = std::any_of(argv, argv + argc, [](const char* word) { return std::string_view(word) == "--json"; });
   const auto used = app.get_subcommands();
   if (used.empty() && argc > 1 && argv[1][0] != '-') {
-    return tell(failure(Exit::usage, no_command(app, argv[1])), json);
+    const std::string what =
+        fmt::format("there is no command {}{}; see berth --help", text::quoted(argv[1]), did_you_mean(app, argv[1]));
+    return tell(failure(Exit::usage, what), json);
   }
   const CLI::App& command = deepest(app);
   return tell(failure(Exit::usage, fmt::format("{}{}; see {} --help", error.what(), suggestion(command, argc, argv),

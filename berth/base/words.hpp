@@ -2,6 +2,7 @@
 #pragma once
 
 #include <cstddef>
+#include <span>
 #include <string>
 #include <string_view>
 #include <vector>
@@ -18,5 +19,12 @@ namespace berth {
 
 /// "a, b, c and 37 more": `most` names at most, of which the last stands for the rest when there are more.
 [[nodiscard]] std::string some_of(const std::vector<std::string>& names, std::size_t most = 8);
+
+/// The word that a person most likely meant: at most two letters wrong (one in words of up to four letters), in either
+/// case. Empty when none is near.
+[[nodiscard]] std::string_view closest(std::string_view word, std::span<const std::string_view> candidates);
+
+/// A TOML basic string, quoted and escaped: also how messages write what a person typed.
+[[nodiscard]] std::string quoted(std::string_view text);
 
 }  // namespace berth

@@ -77,9 +77,9 @@ const od::SubObject* Access::find(Selector selector, bool checked) {
   }
   const auto ref = node_->names_->find(selector);
   if (!ref) {
-    const auto code = ref.error().ambiguous ? Errc::duplicate : Errc::not_found;
+    const auto code = ref.error().kind == od::NoObject::Kind::several ? Errc::duplicate : Errc::not_found;
     const Error error{.code = code, .node = node_->id_.value(), .text = "finding an object by its name"};
-    failure_ = make_failure(error, {}, ref.error().what);
+    failure_ = make_failure(error, {}, ref.error().why);
     return nullptr;
   }
   ref_ = *ref;

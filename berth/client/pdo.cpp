@@ -42,9 +42,9 @@ Error error_at(const PdoLayout& layout, Errc code, ObjectRef ref, const char* te
 Outcome<const PdoLayout::Field*> PdoLayout::find(Selector selector) const {
   const auto ref = names->find(selector);
   if (!ref) {
-    const auto code = ref.error().ambiguous ? Errc::duplicate : Errc::not_found;
+    const auto code = ref.error().kind == od::NoObject::Kind::several ? Errc::duplicate : Errc::not_found;
     const Error error{.code = code, .node = node.value(), .text = "finding an object by its name"};
-    return tl::unexpected(make_failure(error, {}, ref.error().what));
+    return tl::unexpected(make_failure(error, {}, ref.error().why));
   }
   const auto it = std::ranges::find(fields, *ref, &Field::object);
   if (it != fields.end()) return &*it;

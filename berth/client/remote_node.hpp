@@ -1,7 +1,7 @@
 /// A device on a network as an application sees it: objects by name with the types of its EDS, PDOs, emergencies, NMT.
 ///
 ///     client::RemoteNode node(network, NodeId(5), file.description);      // eds::read_file("io.eds").file
-///     const auto vendor = co_await node.read<std::uint32_t>("Identity object.Vendor-ID");
+///     const auto vendor = co_await node.read<std::uint32_t>("Identity object/Vendor-ID");
 ///     if (!vendor) co_return report(vendor.error().message);
 ///     const auto done = co_await node.write("Producer heartbeat time", 500);
 ///     const auto pdo = co_await node.subscribe(1);                        // mapping read from the device

@@ -14,7 +14,7 @@
 #include "berth/command/values.hpp"
 #include "berth/decode/standard_objects.hpp"
 #include "berth/od/abort_code.hpp"
-#include "berth/text/object.hpp"
+#include "berth/od/notation.hpp"
 
 namespace berth::command {
 namespace {
@@ -117,7 +117,7 @@ struct Dump {
     return json;
   }
   void line(const KnownObject& object, const std::string& what) {
-    lines.push_back(fmt::format("{}  {:<44}  {}", text::write_object(object.ref), object.name, what));
+    lines.push_back(fmt::format("{}  {:<44}  {}", od::write_object(object.ref), object.name, what));
   }
 };
 

@@ -9,7 +9,7 @@
 #include "berth/command/permission.hpp"
 #include "berth/command/reply.hpp"
 #include "berth/command/run.hpp"
-#include "berth/text/object.hpp"
+#include "berth/od/notation.hpp"
 #include "berth/text/quantity.hpp"
 
 namespace berth::command {
@@ -75,7 +75,7 @@ rt::Task<void> device_memory(Session& session, const Request& request, Reply& re
   json["index"] = hex(service.index, 4);
   json["sub"] = group;
   give(reply, json,
-       {fmt::format("node {}  {}  {} {}", node.node.value(), text::write_object({service.index, group}),
+       {fmt::format("node {}  {}  {} {}", node.node.value(), od::write_object({service.index, group}),
                     group_name(group), service.done)});
 }
 

@@ -8,7 +8,7 @@
 #include "berth/command/permission.hpp"
 #include "berth/decode/standard_objects.hpp"
 #include "berth/od/names.hpp"
-#include "berth/text/object.hpp"
+#include "berth/od/notation.hpp"
 #include "berth/text/quantity.hpp"
 
 namespace berth::command {
@@ -97,36 +97,6 @@ Checked<operate::Network*> node_network(operate::Session& session, const NodeArg
 
 // ---- objects ----
 
-namespace {
-
-std::string candidate(const od::Description& description, const od::NamedObject& object) {
-  if (object.sub) {
-    return fmt::format("{} {}", text::write_object(object.ref()), od::full_name(description, object.ref()));
-  }
-  const od::Object* const whole = description.find(object.index);
-  return fmt::format("{:04X}h {}", object.index, whole == nullptr ? "" : description.name(*whole));
-}
-
-Checked<ObjectRef> named(const od::Description& description, const std::string& word) {
-  const auto found = od::find_named(description, word);
-  if (found.size() == 1) return found.front().ref();
-  if (found.empty()) {
-    std::vector<std::string_view> names;
-    for (const auto& object : description.objects()) names.push_back(description.name(object));
-    const auto meant = text::closest(word, names);
-    return tl::unexpected(fmt::format("no object is called {}{}", text::quoted(word),
-                                      meant.empty() ? "; `berth sdo dump NODE` lists the objects, and an index is "
-                                                      "written 1018h:04"
-                                                    : fmt::format("; did you mean {}?", text::quoted(meant))));
-  }
-  std::vector<std::string> candidates;
-  for (const auto& object : found) candidates.push_back(candidate(description, object));
-  return tl::unexpected(
-      fmt::format("{} objects are called {}: {}", found.size(), text::quoted(word), some_of(candidates)));
-}
-
-}  // namespace
-
 KnownObject known_object(const od::Description* description, ObjectRef ref) {
   KnownObject object;
   object.ref = ref;
@@ -137,6 +107,7 @@ KnownObject known_object(const od::Description* description, ObjectRef ref) {
   if (object.described != nullptr) {
     object.type = object.described->type;
     object.limits = description->limits(*object.described);
+    object.meaning = description->meaning(ref);
     return object;
   }
   auto standard = decode::standard_object(ref);
@@ -147,13 +118,11 @@ KnownObject known_object(const od::Description* description, ObjectRef ref) {
 }
 
 Checked<KnownObject> find_object(const od::Description* description, const std::string& word) {
-  const auto number = text::read_object(word);
-  if (number) return known_object(description, number->ref());
-  using Kind = text::NoObject::Kind;
-  if (number.error().kind == Kind::bare) return tl::unexpected(number.error().why);
-  const auto ref = named(description != nullptr ? *description : decode::standard_names(), word);
+  const auto ref = od::find_object(description != nullptr ? *description : decode::standard_names(), word);
   if (ref) return known_object(description, *ref);
-  return tl::unexpected(number.error().kind == Kind::unmarked ? number.error().why : ref.error());
+  const bool advice = ref.error().kind == od::NoObject::Kind::other && !ref.error().why.ends_with('?');
+  return tl::unexpected(ref.error().why +
+                        (advice ? "; `berth sdo dump NODE` lists the objects, and an index is written 1018h:04" : ""));
 }
 
 std::vector<std::string> lines_of(const std::string& text) {
@@ -174,10 +143,10 @@ void give_sub_index(Arguments& arguments, ObjectArguments& into) {
     if (arguments.has("sub")) arguments.wrong("a sub-index by itself belongs to a single object");
     return;
   }
-  const auto sub = text::read_sub_index(arguments.text("sub"));
+  const auto sub = od::read_sub_index(arguments.text("sub"));
   if (!sub) return arguments.wrong(sub.error());
   KnownObject& object = into.objects.front();
-  const auto written = text::read_object(arguments.text("object"));
+  const auto written = od::read_object(arguments.text("object"));
   if ((written && written->sub) || object.ref.sub != 0) {
     return arguments.wrong(fmt::format("{} has a sub-index already, and {} is another",
                                        text::quoted(arguments.text("object")), text::quoted(arguments.text("sub"))));

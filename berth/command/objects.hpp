@@ -1,5 +1,5 @@
 /// Which node and which objects a request means. A node is a node-ID or a slot's name; an object is an index
-/// (berth/text/object.hpp) or its name (berth/od/names.hpp) in the description of the node's device: `eds =` of its
+/// (berth/od/notation.hpp) or its name (berth/od/names.hpp) in the description of the node's device: `eds =` of its
 /// slot, else CiA 301's names. What a machine does not know cannot be named, and everything can be given by number.
 #pragma once
 
@@ -39,7 +39,10 @@ struct KnownObject {
   od::DataType type = od::DataType::none;    ///< none: not known
   const od::SubObject* described = nullptr;  ///< of the node's description; null: it has none, or not this object
   const od::Limits* limits = nullptr;        ///< null: the description gives none
+  const od::Meaning* meaning = nullptr;      ///< unit and names of values; null: the description has none (an EDS)
   bool type_given = false;                   ///< by the person, not by a description
+  /// Limits and meanings are those of the described type.
+  [[nodiscard]] bool type_is_described() const noexcept { return described != nullptr && type == described->type; }
 };
 /// `word`: "1018h:04", "Identity object/Serial number", "serial".
 [[nodiscard]] Checked<KnownObject> find_object(const od::Description* description, const std::string& word);

@@ -10,7 +10,7 @@
 #include "berth/command/reply.hpp"
 #include "berth/command/run.hpp"
 #include "berth/command/values.hpp"
-#include "berth/text/object.hpp"
+#include "berth/od/notation.hpp"
 
 namespace berth::command {
 namespace {
@@ -48,7 +48,7 @@ void put_object(Json& json, const KnownObject& object) {
 }
 
 std::string object_line(NodeId node, const KnownObject& object, const std::string& what) {
-  return fmt::format("node {}  {}  {}{}", node.value(), text::write_object(object.ref), what,
+  return fmt::format("node {}  {}  {}{}", node.value(), od::write_object(object.ref), what,
                      object.name.empty() ? "" : "  " + object.name);
 }
 
@@ -156,7 +156,7 @@ rt::Task<void> sdo_read(Session& session, const Request& request, Reply& reply) 
     if (object.type_given && !fits(object.type, bytes)) {
       answers.refused(object,
                       fmt::format("{}: node {}, object {} has {} bytes ({}), {} has {}", answers.where(), node.value(),
-                                  text::write_object(object.ref), bytes.size(), hex_bytes(bytes), od::name(object.type),
+                                  od::write_object(object.ref), bytes.size(), hex_bytes(bytes), od::name(object.type),
                                   od::byte_size(object.type)),
                       "give its own type, or none to see the bytes");
       continue;

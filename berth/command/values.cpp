@@ -5,7 +5,8 @@
 #include <algorithm>
 #include <nlohmann/json.hpp>
 
-#include "berth/text/object.hpp"
+#include "berth/command/meanings.hpp"
+#include "berth/od/notation.hpp"
 #include "berth/text/quantity.hpp"
 
 namespace berth::command {
@@ -61,12 +62,14 @@ std::string unit_text(const KnownObject& object, std::span<const std::uint8_t> b
 std::string value_text(const KnownObject& object, std::span<const std::uint8_t> bytes) {
   const DataType type = object.type;
   if (type != DataType::none && fits(type, bytes)) {
+    std::string meant;
+    for (const auto& each : {unit_text(object, bytes), quantity_text(object, bytes), value_name(object, bytes)}) {
+      if (!each.empty()) meant += " = " + each;
+    }
     const bool number = od::is_unsigned(type) && type != DataType::boolean;
-    if (!number) return od::print(type, bytes);
+    if (!number) return od::print(type, bytes) + meant;
     const auto digits = static_cast<int>(2 * od::byte_size(type));
-    const std::string unit = unit_text(object, bytes);
-    return fmt::format("{} (0x{:0{}X}){}", od::print(type, bytes), od::load(type, bytes.data()), digits,
-                       unit.empty() ? "" : " = " + unit);
+    return fmt::format("{} (0x{:0{}X}){}", od::print(type, bytes), od::load(type, bytes.data()), digits, meant);
   }
   std::string text = bytes.empty() ? "(no bytes)" : hex_bytes(bytes);
   if (printable(bytes)) text += fmt::format("  \"{}\"", std::string(bytes.begin(), bytes.end()));
@@ -90,6 +93,10 @@ void put_value(nlohmann::ordered_json& json, const KnownObject& object, std::spa
     json["value"] = od::load(type, bytes.data());
   }
   if (const std::string unit = unit_text(object, bytes); !unit.empty()) json["time"] = unit;
+  if (object.meaning == nullptr || !object.type_is_described()) return;
+  if (!object.meaning->unit.empty()) json["unit"] = one_count(*object.meaning);
+  if (const auto quantity = quantity_text(object, bytes); !quantity.empty()) json["quantity"] = quantity;
+  if (const auto name = value_name(object, bytes); !name.empty()) json["meaning"] = name;
 }
 
 // ---- from a person ----
@@ -134,7 +141,7 @@ Checked<std::uint64_t> in_ticks(const KnownObject& object, const std::string& te
   const auto one = tick(object.ref);
   if (one.count() == 0) {
     return tl::unexpected(fmt::format("value {}: the unit of {} is not known; write the number by itself",
-                                      text::quoted(text), text::write_object(object.ref)));
+                                      text::quoted(text), od::write_object(object.ref)));
   }
   const auto time = text::parse_duration(text);
   if (!time) {
@@ -143,7 +150,7 @@ Checked<std::uint64_t> in_ticks(const KnownObject& object, const std::string& te
   }
   if (*time % one != text::Duration(0)) {
     return tl::unexpected(fmt::format("value {} is no multiple of {}, which {} counts in", text::quoted(text),
-                                      text::write_duration(one), text::write_object(object.ref)));
+                                      text::write_duration(one), od::write_object(object.ref)));
   }
   return static_cast<std::uint64_t>(*time / one);
 }
@@ -160,7 +167,7 @@ Checked<void> within_limits(const KnownObject& object, std::uint64_t raw, NodeId
       fmt::format("value {} is {} {}, the {} limit of {} in the description; write it all the same "
                   "with --anyway",
                   text::quoted(text), low ? "below" : "above", od::print(object.type, bytes), low ? "low" : "high",
-                  text::write_object(object.ref)));
+                  od::write_object(object.ref)));
 }
 
 Checked<std::uint64_t> plain_number(const KnownObject& object, const std::string& text, NodeId node) {
@@ -173,9 +180,16 @@ Checked<std::uint64_t> plain_number(const KnownObject& object, const std::string
   return parsed->value.resolve(object.type, node.value());
 }
 
-Checked<Bytes> scalar(const KnownObject& object, const std::string& text, NodeId node) {
+Checked<std::uint64_t> raw_of(const KnownObject& object, const std::string& text, NodeId node) {
+  if (object.meaning != nullptr && object.type_is_described()) {
+    if (auto meant = raw_meant(object, text, node)) return std::move(*meant);
+  }
   const bool unit = od::is_integer(object.type) && has_unit(text);
-  const auto raw = unit ? in_ticks(object, text) : plain_number(object, text, node);
+  return unit ? in_ticks(object, text) : plain_number(object, text, node);
+}
+
+Checked<Bytes> scalar(const KnownObject& object, const std::string& text, NodeId node) {
+  const auto raw = raw_of(object, text, node);
   if (!raw) return tl::unexpected(raw.error());
   if (od::wrap(object.type, *raw) != *raw) {
     return tl::unexpected(fmt::format("value {} does not fit {}", text::quoted(text), od::name(object.type)));
@@ -204,9 +218,14 @@ Checked<Bytes> value_bytes(const KnownObject& object, const std::string& text, N
     return parsed->value.bytes;
   }
   auto bytes = scalar(object, text, node);
-  if (!bytes || anyway || object.limits == nullptr) return bytes;
-  const auto good = within_limits(object, od::load(type, bytes->data()), node, text);
-  if (!good) return tl::unexpected(good.error());
+  if (!bytes || anyway) return bytes;
+  const auto raw = od::load(type, bytes->data());
+  if (object.limits != nullptr) {
+    const auto good = within_limits(object, raw, node, text);
+    if (!good) return tl::unexpected(good.error());
+  }
+  const std::string wrong = not_allowed(object, raw, text);
+  if (!wrong.empty()) return tl::unexpected(wrong);
   return bytes;
 }
 

@@ -13,16 +13,18 @@
 namespace berth::command {
 
 /// The bytes that a text is as a value of this object. A number is in C notation and may have the unit that the object
-/// is counted in, or a larger or smaller one ("0.5 s" for 1017h); a type that is only described gives way to a row of
-/// hex bytes ("F4 01", or none at all). Refused: what does not fit the type, other units, and unless `anyway` what is
-/// outside of the description's limits. `node`: for values with $NODEID.
+/// is counted in, or a larger or smaller one ("0.5 s" for 1017h), or the description's ("23.5 °C"); where the
+/// description names values, one of the names or the beginning of one does, too. A type that is only described gives
+/// way to a row of hex bytes ("F4 01", or none at all). Refused: what does not fit the type, other units and names, and
+/// unless `anyway` what the description does not allow. `node`: for values with $NODEID.
 [[nodiscard]] Checked<std::vector<std::uint8_t>> value_bytes(const KnownObject& object, const std::string& text,
                                                              NodeId node, bool anyway = false);
 
-/// For people: "500 (0x01F4) = 500 ms", "Pump", "01 00  = 1 (0x1)".
+/// For people: "500 (0x01F4) = 500 ms", "235 (0x00EB) = 23.5 °C", "2 (0x02) = Reverse", "Pump", "01 00  = 1 (0x1)".
 [[nodiscard]] std::string value_text(const KnownObject& object, std::span<const std::uint8_t> bytes);
 /// Adds "bytes", and where the type is known "type" and "value"; of an object that counts time
-/// "time" too: the value with its unit, "500 ms".
+/// "time" too: the value with its unit, "500 ms"; where the description says it, "unit" (what one count is: "0.1 °C"),
+/// "quantity" ("23.5 °C") and "meaning" (the value's name).
 void put_value(nlohmann::ordered_json& json, const KnownObject& object, std::span<const std::uint8_t> bytes);
 
 /// "F4 01".

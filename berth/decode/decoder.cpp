@@ -44,6 +44,18 @@ co::CobId cob_id(const od::Values& values, ObjectRef ref) noexcept {
   return id.well_formed() ? id : co::CobId();
 }
 
+// "Identity object.Vendor-ID"; the object alone when it is a VAR; empty when it is not described.
+std::string object_name(const od::Description& description, ObjectRef ref) {
+  const auto* const object = description.find(ref.index);
+  if (object == nullptr) return {};
+  std::string name(description.name(*object));
+  const auto* const sub = description.find(*object, ref.sub);
+  if (sub == nullptr || object->code == od::ObjectCode::var) return name;
+  const auto own = description.name(*sub);
+  if (!own.empty() && own != name) say(name, ".{}", own);
+  return name;
+}
+
 }  // namespace
 
 struct Decoder::Signal {
@@ -251,18 +263,6 @@ void Decoder::add_pdo(Bus& bus, Node& node, std::uint8_t id, bool transmit, unsi
   }
   set_route(bus, cob.key(), {Route::Kind::pdo, id, index});
   node.keys.push_back(cob.key());
-}
-
-// "Identity object.Vendor-ID"; the object alone when it is a VAR; empty when it is not described.
-std::string Decoder::object_name(const od::Description& description, ObjectRef ref) {
-  const auto* const object = description.find(ref.index);
-  if (object == nullptr) return {};
-  std::string name(description.name(*object));
-  const auto* const sub = description.find(*object, ref.sub);
-  if (sub == nullptr || object->code == od::ObjectCode::var) return name;
-  const auto own = description.name(*sub);
-  if (!own.empty() && own != name) say(name, ".{}", own);
-  return name;
 }
 
 bool Decoder::taken(const Bus& bus, std::uint32_t key) {
@@ -585,6 +585,17 @@ void Decoder::finish() {
       channel->transfer.finish(*this);
     }
   }
+}
+
+std::optional<rt::Duration> Decoder::pending() const noexcept {
+  std::optional<rt::Duration> earliest;
+  for (const auto& bus : buses_) {
+    if (!bus) continue;
+    for (const auto& channel : bus->channels) {
+      if (channel->transfer.busy() && (!earliest || channel->last.at < *earliest)) earliest = channel->last.at;
+    }
+  }
+  return earliest;
 }
 
 }  // namespace berth::decode

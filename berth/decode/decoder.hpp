@@ -13,6 +13,7 @@
 
 #include <array>
 #include <memory>
+#include <optional>
 #include <span>
 #include <string>
 #include <string_view>
@@ -77,6 +78,9 @@ class Decoder final : private SdoTransfer::Listener {
   void entry(const trace::Entry& entry);
   /// Rows for transfers that have not ended.
   void finish();
+  /// Of the transfers that have not ended, the last frame of the one that was heard least lately: a row of no earlier
+  /// time can follow, when entries come in time order. Empty: none is under way.
+  [[nodiscard]] std::optional<rt::Duration> pending() const noexcept;
 
  private:
   struct Signal;
@@ -94,7 +98,6 @@ class Decoder final : private SdoTransfer::Listener {
   static void set_route(Bus& bus, std::uint32_t key, Route route);
   static void add_pdo(Bus& bus, Node& node, std::uint8_t id, bool transmit, unsigned number);
   static bool taken(const Bus& bus, std::uint32_t key);
-  static std::string object_name(const od::Description& description, ObjectRef ref);
   void pdo(const Bus& bus, unsigned index, const can::Frame& frame);
   void signals(const Pdo& pdo, const can::Frame& frame);
   void sdo(Channel& channel, bool request);

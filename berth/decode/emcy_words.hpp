@@ -7,9 +7,9 @@
 
 namespace berth::decode {
 
-/// `profile`: the device profile number, the lower word of 1000h (CiA 301 §7.5.2.1); 0 = none, or not known. Codes of
-/// CiA 402 (also in its object 603Fh) and CiA 417 (§8.4) are as makers' manuals and canopen-lift.org publish them; for
-/// every other profile, and what these do not have, it is `co::emcy_text`. Never null.
+/// `profile`: the device profile number, the lower word of 1000h (CiA 301 §7.5.2.1); 0 = none, or not known. The
+/// codes of CiA 401 are among `co::emcy_text`'s; those of CiA 402 (also in its object 603Fh), 410 and 417 are here. Of
+/// CiA 404, 406 and 408 no public document was found that gives codes beyond CiA 301's. Never null.
 [[nodiscard]] const char* emcy_words(std::uint16_t code, std::uint16_t profile) noexcept;
 
 }  // namespace berth::decode

@@ -5,8 +5,8 @@
 #include <algorithm>
 #include <array>
 
+#include "berth/od/notation.hpp"
 #include "berth/text/file.hpp"
-#include "berth/text/object.hpp"
 
 namespace berth::design {
 namespace {
@@ -118,7 +118,7 @@ class LibraryReader {
   }
 
   static bool read_object(Table& table, const std::string& object, Recipe::Write& write) {
-    const auto ref = text::read_object(object);
+    const auto ref = od::read_object(object);
     if (!ref) {
       table.error("object", ref.error().why, "such as \"2000h:00\"");
       return false;

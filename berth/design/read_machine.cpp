@@ -7,8 +7,8 @@
 
 #include "berth/design/machine.hpp"
 #include "berth/design/read_parts.hpp"
+#include "berth/od/notation.hpp"
 #include "berth/text/file.hpp"
-#include "berth/text/object.hpp"
 
 namespace berth::design {
 namespace {
@@ -25,7 +25,7 @@ constexpr std::array<string_view, 3> assign_words{"lss", "fixed", "recipe"};
 constexpr std::array<string_view, 3> activate_words{"at-once", "reset", "power-cycle"};
 
 void read_probe_object(Table& table, const std::string& word, places::Probe& probe) {
-  const auto object = text::read_object(word);
+  const auto object = od::read_object(word);
   const bool good = object && object->index != 0;
   if (!good) {
     return table.error("object", object ? "there is no object 0000h" : object.error().why, "such as \"6000h:01\"");

@@ -16,6 +16,8 @@ void copy_object(const od::Description& from, const od::Object& object, od::Desc
                           .high = limits == nullptr ? od::Literal{} : limits->high,
                           .obj_flags = sub.obj_flags,
                           .capacity = sub.described_length()});
+    if (const auto* const meaning = from.meaning({object.index, sub.sub}))
+      to.meaning({object.index, sub.sub}, *meaning);
   }
 }
 

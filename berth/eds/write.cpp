@@ -228,6 +228,11 @@ class Writer {
       const bool own = index >= 0x2000 && index <= 0x5FFF;
       (must ? mandatory : own ? manufacturer : optional).push_back(index);
     }
+    if (description_.meanings() > 0) {
+      out_.tell("Unit",
+                fmt::format("units and names of values of {} objects are left out: an EDS has no place for them",
+                            description_.meanings()));
+    }
     for (const auto& [section, indices] :
          {std::pair("MandatoryObjects", &mandatory), std::pair("OptionalObjects", &optional),
           std::pair("ManufacturerObjects", &manufacturer)}) {

@@ -12,8 +12,6 @@ namespace {
 using od::Access;
 using od::DataType;
 
-constexpr unsigned deepest_reference = 8;
-
 struct Named {
   std::string_view word;
   DataType type;
@@ -127,10 +125,7 @@ ObjectList::Facts ObjectList::facts(Node own, std::uint16_t index, std::uint8_t 
 void ObjectList::count_left_out(Node parameter) {
   for (const Node each : parameter.children()) {
     const std::string_view kind = local(each);
-    if (kind == "description" || kind == "unit" || kind == "property" || kind == "substituteValue") {
-      ++left_out_[std::string(kind)];
-    }
-    if (kind == "allowedValues" && child(each, "value")) ++left_out_["allowed value list"];
+    if (kind == "description" || kind == "property" || kind == "substituteValue") ++left_out_[std::string(kind)];
   }
 }
 
@@ -259,6 +254,7 @@ od::SubSpec ObjectList::spec(const Facts& facts, DataType fallback) {
   made.obj_flags = flags(facts);
   limits(facts, made);
   values(facts, made);
+  meaning(facts, made);
   std::string_view denotation = attribute(facts.own, "denotation");
   if (denotation.empty()) denotation = words(child(facts.parameter, "denotation"), "label");
   if (!denotation.empty()) denotations_.push_back({{facts.index, facts.sub}, std::string(denotation)});
@@ -377,11 +373,7 @@ ObjectList::Found ObjectList::limit_text(const Facts& facts, bool low) {
   const Found own{attribute(facts.own, name), facts.own, name};
   if (!own.text.empty()) return own;
   for (const Node holder : {facts.parameter, facts.model}) {
-    Node allowed = child(holder, "allowedValues");
-    if (const std::string_view id = attribute(allowed, "templateIDRef"); !id.empty()) {
-      if (const auto found = by_id_.find(id); found != by_id_.end()) allowed = found->second;
-    }
-    const Node range = child(allowed, "range");
+    const Node range = child(allowed_values(holder, by_id_), "range");
     const Node at = child(range, low ? "minValue" : "maxValue");
     const Found found{attribute(at, "value"), at, "value"};
     if (!found.text.empty()) return found;

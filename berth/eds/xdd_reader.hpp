@@ -15,6 +15,9 @@ namespace berth::eds::xml {
 using Severity = Finding::Severity;
 using Node = pugi::xml_node;
 
+/// References in a circle end here.
+inline constexpr unsigned deepest_reference = 8;
+
 /// The name without its prefix.
 [[nodiscard]] std::string_view local(Node node) noexcept;
 /// The first child element of this local name; an empty node when there is none.
@@ -28,6 +31,8 @@ using Node = pugi::xml_node;
 [[nodiscard]] std::string_view text(Node node) noexcept;
 /// Text of the first `label` or `description` in it.
 [[nodiscard]] std::string_view words(Node node, std::string_view kind) noexcept;
+/// Its label: the English one where there are several.
+[[nodiscard]] std::string_view label(Node node) noexcept;
 
 /// The text, its places, and the report.
 class Source {
@@ -59,6 +64,11 @@ class Source {
   std::vector<std::size_t> lines_;  ///< where each line begins
   Report& report_;
 };
+
+/// The nodes of a device profile that others refer to.
+using NodesById = std::unordered_map<std::string_view, Node>;
+/// The `allowedValues` of a parameter or template, its own or those of the template it refers to.
+[[nodiscard]] Node allowed_values(Node holder, const NodesById& by_id);
 
 /// `CANopenObjectList` and what it refers to in the `ApplicationProcess`es.
 class ObjectList {
@@ -101,6 +111,7 @@ class ObjectList {
   void mapping(const Facts& facts, od::SubSpec& spec);
   void limits(const Facts& facts, od::SubSpec& spec);
   void values(const Facts& facts, od::SubSpec& spec);
+  void meaning(const Facts& facts, const od::SubSpec& spec);
   [[nodiscard]] Found value_text(const Facts& facts, std::string_view name) const;
   [[nodiscard]] Found limit_text(const Facts& facts, bool low);
   [[nodiscard]] std::optional<od::Literal> literal(const Facts& facts, const Found& found, od::DataType type);
@@ -114,7 +125,7 @@ class ObjectList {
   Source& source_;
   const ReadOptions& options_;
   od::DescriptionBuilder builder_;
-  std::unordered_map<std::string_view, Node> by_id_;
+  NodesById by_id_;
   std::map<std::string, std::size_t> left_out_;
   std::vector<Parameter> parameters_;
   std::vector<Parameter> defaults_;

@@ -42,6 +42,13 @@ std::string_view trimmed(std::string_view text) noexcept {
 
 std::string_view text(Node node) noexcept { return trimmed(node.child_value()); }
 
+std::string_view label(Node node) noexcept {
+  for (const Node each : node.children()) {
+    if (local(each) == "label" && attribute(each, "lang").starts_with("en")) return text(each);
+  }
+  return words(node, "label");
+}
+
 std::string_view words(Node node, std::string_view kind) noexcept { return text(child(node, kind)); }
 
 Source::Source(std::string_view text, bool places, Report& report) : text_(text), places_(places), report_(report) {

@@ -23,6 +23,60 @@ constexpr const char* boolean(bool value) noexcept { return value ? "true" : "fa
 void set(Node node, const char* name, const char* value) { node.append_attribute(name) = value; }
 void set(Node node, const char* name, const std::string& value) { node.append_attribute(name) = value.c_str(); }
 
+/// rwr and rww of an object that is not mappable: only a parameter's access has words for that.
+bool needs_parameter(const od::SubObject& sub) noexcept {
+  return (sub.access == Access::rwr || sub.access == Access::rww) && !sub.mappable;
+}
+
+std::string id_of(std::uint16_t index, std::uint8_t sub) { return fmt::format("UID_SUB_{:04X}{:02X}", index, sub); }
+
+const char* iec_type(od::DataType type) noexcept {
+  switch (type) {
+    case od::DataType::boolean: return "BOOL";
+    case od::DataType::integer8: return "SINT";
+    case od::DataType::integer16: return "INT";
+    case od::DataType::integer32: return "DINT";
+    case od::DataType::integer64: return "LINT";
+    case od::DataType::unsigned8: return "USINT";
+    case od::DataType::unsigned16: return "UINT";
+    case od::DataType::unsigned32: return "UDINT";
+    case od::DataType::unsigned64: return "ULINT";
+    case od::DataType::real32: return "REAL";
+    case od::DataType::real64: return "LREAL";
+    case od::DataType::visible_string: return "STRING";
+    case od::DataType::unicode_string: return "WSTRING";
+    default: return "BITSTRING";
+  }
+}
+
+const char* parameter_access(Access access) noexcept {
+  switch (access) {
+    case Access::ro: return "read";
+    case Access::wo: return "write";
+    case Access::rwr: return "readWriteInput";
+    case Access::rww: return "readWriteOutput";
+    case Access::constant: return "const";
+    default: return "readWrite";
+  }
+}
+
+std::string ref_text(ObjectRef ref) { return fmt::format("{:04X}:{:02X}", ref.index, ref.sub); }
+
+const char* access_word(Access access) noexcept {
+  switch (access) {
+    case Access::ro: return "ro";
+    case Access::wo: return "wo";
+    case Access::constant: return "const";
+    default: return "rw";
+  }
+}
+
+const char* mapping_word(const od::SubObject& sub) noexcept {
+  if (!sub.mappable) return "no";
+  if (sub.access == Access::rwr) return "TPDO";
+  return sub.access == Access::rww ? "RPDO" : "optional";
+}
+
 class Writer {
  public:
   Writer(const File& file, const XddOptions& options)
@@ -173,46 +227,42 @@ class Writer {
     if (!list.first_child()) add(xml::written_by, {"Berth"});
   }
 
-  /// rwr and rww of an object that is not mappable: only a parameter's access has words for that.
-  static bool needs_parameter(const od::SubObject& sub) noexcept {
-    return (sub.access == Access::rwr || sub.access == Access::rww) && !sub.mappable;
-  }
-  static std::string id_of(std::uint16_t index, std::uint8_t sub) {
-    return fmt::format("UID_SUB_{:04X}{:02X}", index, sub);
-  }
-
   void parameters(Node body) {
     Node list;
     for (const od::Object& object : description_.objects()) {
       for (const od::SubObject& sub : description_.subs(object)) {
-        if (!needs_parameter(sub)) continue;
+        const od::Meaning* const meaning = description_.meaning({object.index, sub.sub});
+        if (!needs_parameter(sub) && meaning == nullptr) continue;
         if (!list) list = body.append_child("co:ApplicationProcess").append_child("co:parameterList");
         Node parameter = list.append_child("co:parameter");
         set(parameter, "uniqueID", id_of(object.index, sub.sub));
-        set(parameter, "access", sub.access == Access::rwr ? "readWriteInput" : "readWriteOutput");
+        set(parameter, "access", parameter_access(sub.access));
         label(parameter, "label", description_.name(sub), {});
         parameter.append_child(iec_type(sub.type));
+        if (meaning != nullptr) write_meaning(parameter, {object.index, sub.sub}, sub, *meaning);
       }
     }
   }
 
-  static const char* iec_type(od::DataType type) noexcept {
-    switch (type) {
-      case od::DataType::boolean: return "BOOL";
-      case od::DataType::integer8: return "SINT";
-      case od::DataType::integer16: return "INT";
-      case od::DataType::integer32: return "DINT";
-      case od::DataType::integer64: return "LINT";
-      case od::DataType::unsigned8: return "USINT";
-      case od::DataType::unsigned16: return "UINT";
-      case od::DataType::unsigned32: return "UDINT";
-      case od::DataType::unsigned64: return "ULINT";
-      case od::DataType::real32: return "REAL";
-      case od::DataType::real64: return "LREAL";
-      case od::DataType::visible_string: return "STRING";
-      case od::DataType::unicode_string: return "WSTRING";
-      default: return "BITSTRING";
+  void write_meaning(Node parameter, ObjectRef ref, const od::SubObject& sub, const od::Meaning& meaning) {
+    if (!meaning.values.empty()) {
+      Node allowed = parameter.append_child("co:allowedValues");
+      for (const od::NamedValue& each : meaning.values) {
+        Node value = allowed.append_child("co:value");
+        set(value, "value", text(ref, od::Literal::number(each.raw), sub.type));
+        if (!each.name.empty()) label(value, "label", each.name, ref_text(ref));
+      }
+      // Beside the values of the list others are allowed; which is for the object's limits to say.
+      if (!meaning.only_these) allowed.append_child("co:range");
     }
+    if (meaning.unit.empty()) return;
+    Node unit = parameter.append_child("co:unit");
+    if (meaning.number != 1 || meaning.exponent != 0) {
+      const bool plain = meaning.exponent == 0;
+      set(unit, "multiplier",
+          plain ? fmt::format("{}", meaning.number) : fmt::format("{}E{}", meaning.number, meaning.exponent));
+    }
+    label(unit, "label", meaning.unit, ref_text(ref));
   }
 
   void network_profile(Node profile) {
@@ -258,8 +308,6 @@ class Writer {
     }
   }
 
-  static std::string ref_text(ObjectRef ref) { return fmt::format("{:04X}:{:02X}", ref.index, ref.sub); }
-
   template <class T>
   static const T* of(const std::vector<T>& list, ObjectRef ref) noexcept {
     const auto found = std::ranges::lower_bound(list, ref, {}, [](const T& each) { return each.object; });
@@ -286,26 +334,11 @@ class Writer {
       set(node, "denotation", clean(denotation->text, ref_text(ref)));
     set(node, "PDOmapping", mapping_word(sub));
     if (sub.obj_flags != 0) set(node, "objFlags", fmt::format("{:04X}", sub.obj_flags));
-    if (needs_parameter(sub)) set(node, "uniqueIDRef", id_of(index, sub.sub));
+    if (needs_parameter(sub) || description_.meaning(ref) != nullptr) set(node, "uniqueIDRef", id_of(index, sub.sub));
   }
 
   std::string text(ObjectRef ref, const od::Literal& value, od::DataType type) {
     return clean(text_of(value, type, usually_hex(ref, type)), ref_text(ref));
-  }
-
-  static const char* access_word(Access access) noexcept {
-    switch (access) {
-      case Access::ro: return "ro";
-      case Access::wo: return "wo";
-      case Access::constant: return "const";
-      default: return "rw";
-    }
-  }
-
-  static const char* mapping_word(const od::SubObject& sub) noexcept {
-    if (!sub.mappable) return "no";
-    if (sub.access == Access::rwr) return "TPDO";
-    return sub.access == Access::rww ? "RPDO" : "optional";
   }
 
   void dummies(Node layers) {

@@ -3,6 +3,8 @@
 #include <algorithm>
 #include <array>
 #include <bit>
+#include <iterator>
+#include <map>
 
 #include "berth/base/bytes.hpp"
 
@@ -86,10 +88,20 @@ Literal Description::default_of(const SubObject& sub) const {
   return Literal::octets({at + 4, load_le<std::uint32_t>(at)});
 }
 
+const Meaning* Description::meaning(ObjectRef ref) const noexcept {
+  const auto found = std::ranges::lower_bound(meanings_, ref, {}, &std::pair<ObjectRef, Meaning>::first);
+  return found == meanings_.end() || found->first != ref ? nullptr : &found->second;
+}
+
 std::size_t Description::memory() const noexcept {
+  std::size_t meant = meanings_.capacity() * sizeof(meanings_[0]);
+  for (const auto& [ref, meaning] : meanings_) {
+    meant += meaning.unit.capacity() + meaning.values.capacity() * sizeof(NamedValue);
+    for (const auto& value : meaning.values) meant += value.name.capacity();
+  }
   return sizeof *this + places_.capacity() * sizeof(places_[0]) + objects_.capacity() * sizeof(Object) +
          subs_.capacity() * sizeof(SubObject) + limits_.capacity() * sizeof(Limits) +
-         relatives_.capacity() * sizeof(Relative) + image_.capacity() + names_.capacity();
+         relatives_.capacity() * sizeof(Relative) + image_.capacity() + names_.capacity() + meant;
 }
 
 // ---------------------------------------------------------------------------------------------------------------------
@@ -118,6 +130,7 @@ struct DescriptionBuilder::State {
   using Page = std::array<std::uint32_t, 256>;
   std::array<std::unique_ptr<Page>, 256> pages;
   std::string names;
+  std::map<ObjectRef, Meaning> meanings;
   std::uint32_t dummies = 0;
   std::size_t room = 0;  ///< given beyond the usual
 
@@ -253,6 +266,12 @@ DescriptionBuilder& DescriptionBuilder::sub(std::uint16_t index, const SubSpec& 
   return *this;
 }
 
+DescriptionBuilder& DescriptionBuilder::meaning(ObjectRef ref, Meaning meaning) {
+  std::ranges::sort(meaning.values, {}, &NamedValue::raw);
+  state_->meanings.insert_or_assign(ref, std::move(meaning));
+  return *this;
+}
+
 DescriptionBuilder& DescriptionBuilder::dummies(std::uint32_t mask) {
   state_->dummies = mask;
   return *this;
@@ -347,6 +366,8 @@ std::shared_ptr<const Description> DescriptionBuilder::build() {
     object.count = static_cast<std::uint16_t>(made->subs_.size() - object.first);
     made->objects_.push_back(object);
   }
+  made->meanings_.assign(std::make_move_iterator(state.meanings.begin()),
+                         std::make_move_iterator(state.meanings.end()));
   made->names_.shrink_to_fit();
   made->limits_.shrink_to_fit();
   made->relatives_.shrink_to_fit();

@@ -9,6 +9,7 @@
 #include <span>
 #include <string>
 #include <string_view>
+#include <utility>
 #include <vector>
 
 #include "berth/base/ids.hpp"
@@ -83,6 +84,24 @@ struct Limits {
   Literal high;
 };
 
+/// A value that has a name.
+struct NamedValue {
+  std::uint64_t raw = 0;  ///< its bits, as `load` gives them
+  std::string name = {};  ///< may be empty: the value is allowed, that is all
+  friend bool operator==(const NamedValue&, const NamedValue&) = default;
+};
+
+/// What a scalar's numbers stand for, where the description says it: that of CiA 311 (XDD, XDC) does, in `unit`,
+/// `allowedValues` and enumerated data types; an EDS has nothing of it.
+struct Meaning {
+  std::string unit = {};     ///< "°C"; empty: not known
+  std::int64_t number = 1;   ///< one count is `number` times 10 to the power of `exponent` of the unit; `number` > 0
+  std::int8_t exponent = 0;  ///< -18 to 18
+  std::vector<NamedValue> values = {};  ///< ascending by `raw`
+  bool only_these = false;              ///< no other value than those in `values` is allowed
+  friend bool operator==(const Meaning&, const Meaning&) = default;
+};
+
 class Description {
  public:
   /// Ascending by index.
@@ -116,6 +135,10 @@ class Description {
   [[nodiscard]] const Limits* limits(const SubObject& sub) const noexcept {
     return sub.limits_at == 0 ? nullptr : &limits_[sub.limits_at - 1];
   }
+  /// nullptr when the description says nothing of it.
+  [[nodiscard]] const Meaning* meaning(ObjectRef ref) const noexcept;
+  /// Of how many it says something.
+  [[nodiscard]] std::size_t meanings() const noexcept { return meanings_.size(); }
   /// True when data type `index` (0001h..001Bh) may be mapped into an RPDO as a dummy (EDS [DummyUsage]).
   [[nodiscard]] bool dummy_mappable(std::uint16_t index) const noexcept {
     return index >= 1 && index <= 0x1B && ((dummies_ >> index) & 1U) != 0;
@@ -149,7 +172,8 @@ class Description {
   std::vector<SubObject> subs_;
   std::vector<Limits> limits_;
   std::vector<Relative> relatives_;
-  std::vector<std::uint8_t> image_;  ///< the values of a device whose node-ID is 0
+  std::vector<std::pair<ObjectRef, Meaning>> meanings_;  ///< ascending
+  std::vector<std::uint8_t> image_;                      ///< the values of a device whose node-ID is 0
   std::string names_;
   std::uint32_t dummies_ = 0;
 };
@@ -186,6 +210,8 @@ class DescriptionBuilder {
                              DataType type = DataType::none, std::uint8_t obj_flags = 0);
   /// A sub-object of an object of any code; makes a RECORD of it when `index` is not known yet.
   DescriptionBuilder& sub(std::uint16_t index, const SubSpec& spec);
+  /// What the numbers of a sub-object stand for; a second one replaces the first.
+  DescriptionBuilder& meaning(ObjectRef ref, Meaning meaning);
   /// Bit n (1..27) = data type n may be mapped as a dummy.
   DescriptionBuilder& dummies(std::uint32_t mask);
   [[nodiscard]] bool has(std::uint16_t index) const noexcept;

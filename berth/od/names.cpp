@@ -1,15 +1,17 @@
 #include "berth/od/names.hpp"
 
+#include <fmt/format.h>
+
 #include <algorithm>
 #include <cstdint>
+
+#include "berth/base/words.hpp"
 
 namespace berth::od {
 namespace {
 
 /// How well a name is met, best first.
 enum class Met : std::uint8_t { exactly, in_either_case, as_prefix, not_at_all };
-
-char lower(char c) noexcept { return c >= 'A' && c <= 'Z' ? static_cast<char>(c - 'A' + 'a') : c; }
 
 Met met(std::string_view name, std::string_view wanted) noexcept {
   if (wanted.empty() || wanted.size() > name.size()) return Met::not_at_all;
@@ -61,7 +63,39 @@ class Search {
   std::vector<NamedObject> found_;
 };
 
+std::string candidate(const Description& description, const NamedObject& object) {
+  if (object.sub) return fmt::format("{} {}", write_object(object.ref()), full_name(description, object.ref()));
+  const Object* const whole = description.find(object.index);
+  return fmt::format("{:04X}h {}", object.index, whole == nullptr ? "" : description.name(*whole));
+}
+
+NoObject none_called(const Description& description, std::string_view word) {
+  std::vector<std::string_view> names;
+  for (const auto& object : description.objects()) names.push_back(description.name(object));
+  const auto meant = closest(word, names);
+  return {NoObject::Kind::other,
+          fmt::format("no object is called {}{}", berth::quoted(word),
+                      meant.empty() ? "" : fmt::format("; did you mean {}?", berth::quoted(meant)))};
+}
+
 }  // namespace
+
+tl::expected<ObjectRef, NoObject> find_object(const Description& description, std::string_view word) {
+  using Kind = NoObject::Kind;
+  auto number = read_object(word);
+  if (number) return number->ref();
+  if (number.error().kind == Kind::bare) return tl::unexpected(std::move(number.error()));
+  const auto found = find_named(description, word);
+  if (found.size() == 1) return found.front().ref();
+  if (!found.empty()) {
+    std::vector<std::string> candidates;
+    for (const auto& object : found) candidates.push_back(candidate(description, object));
+    return tl::unexpected(NoObject{Kind::several, fmt::format("{} objects are called {}: {}", found.size(),
+                                                              berth::quoted(word), some_of(candidates))});
+  }
+  if (number.error().kind == Kind::unmarked) return tl::unexpected(std::move(number.error()));
+  return tl::unexpected(none_called(description, word));
+}
 
 std::vector<NamedObject> find_named(const Description& description, std::string_view name) {
   return Search(description, name).run();

@@ -1,14 +1,15 @@
-/// Objects by the names of their description, as a person types them: commands and filters. (`client::Names` is for
-/// programs, whose names are exact.)
+/// Objects by the names of their description, as commands, filters and programs (`client::Selector`) write them.
 #pragma once
 
 #include <optional>
 #include <string>
 #include <string_view>
+#include <tl/expected.hpp>
 #include <vector>
 
 #include "berth/base/ids.hpp"
 #include "berth/od/description.hpp"
+#include "berth/od/notation.hpp"
 
 namespace berth::od {
 
@@ -25,6 +26,10 @@ struct NamedObject {
 /// object/Serial number"). Only the best matches count: the exact name, else the name in either case, else names that
 /// begin so.
 [[nodiscard]] std::vector<NamedObject> find_named(const Description& description, std::string_view name);
+
+/// The one object that a word means: in numbers (berth/od/notation.hpp; it need not be in the description), else by
+/// name. What is wrong is for people, with the candidates or the name that is most like it.
+[[nodiscard]] tl::expected<ObjectRef, NoObject> find_object(const Description& description, std::string_view word);
 
 /// "Identity object/Serial number", "Producer heartbeat time"; empty when the description has no such object, or no
 /// name for it. `find_named` finds it under that name.

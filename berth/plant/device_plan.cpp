@@ -15,8 +15,8 @@
 #include "berth/device/dictionary.hpp"
 #include "berth/device/mandatory.hpp"
 #include "berth/eds/xdd.hpp"
+#include "berth/od/notation.hpp"
 #include "berth/text/file.hpp"
-#include "berth/text/object.hpp"
 
 namespace berth::plant {
 namespace {
@@ -49,8 +49,8 @@ std::optional<std::vector<std::uint8_t>> unhex(std::string_view text) {
 /// What tells a minimal device's dictionary from the minimal one; a text that no file is called.
 std::string own_objects(const PlantDevice& plan) {
   if (!plan.node_id_object) return {};
-  std::string text = "node-ID object " + text::write_object(*plan.node_id_object);
-  if (const auto& s = plan.node_id_signature) text += fmt::format(" {} {}", text::write_object(s->object), s->size);
+  std::string text = "node-ID object " + od::write_object(*plan.node_id_object);
+  if (const auto& s = plan.node_id_signature) text += fmt::format(" {} {}", od::write_object(s->object), s->size);
   return text;
 }
 
@@ -111,7 +111,7 @@ void warn_of_supplied(Findings& findings, const std::string& file, std::span<con
   std::string names;
   for (const ObjectRef& each : supplied) {
     names += names.empty() ? "" : ", ";
-    names += each.sub == 0 ? fmt::format("{:04X}h", each.index) : text::write_object(each);
+    names += each.sub == 0 ? fmt::format("{:04X}h", each.index) : od::write_object(each);
   }
   findings.push_back(
       {Finding::Severity::warning,

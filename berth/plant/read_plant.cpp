@@ -7,10 +7,10 @@
 #include <map>
 #include <set>
 
+#include "berth/od/notation.hpp"
 #include "berth/plant/plant_file.hpp"
 #include "berth/plant/plant_words.hpp"
 #include "berth/text/file.hpp"
-#include "berth/text/object.hpp"
 #include "berth/text/toml.hpp"
 
 namespace berth::plant {
@@ -51,7 +51,7 @@ std::vector<std::uint32_t> counted(Table& table, std::uint32_t count, std::uint3
 std::optional<ObjectRef> read_object(Table& table, string_view key) {
   const auto text = table.string(key);
   if (!text) return std::nullopt;
-  const auto object = text::read_object(*text);
+  const auto object = od::read_object(*text);
   const bool own = object && object->index >= 0x2000;
   if (own) return object->ref();
   table.error(key, object ? fmt::format("{} is no object of a maker's own", text::quoted(*text)) : object.error().why,

@@ -3,9 +3,9 @@
 #include <algorithm>
 #include <iterator>
 
+#include "berth/od/notation.hpp"
 #include "berth/plant/plant_file.hpp"
 #include "berth/plant/plant_words.hpp"
-#include "berth/text/object.hpp"
 
 namespace berth::plant {
 namespace {
@@ -73,11 +73,11 @@ void write_node_id(Writer& w, const PlantDevice& d) {
   if (d.node_id.configured()) w.raw("node_id", fmt::format("{}", d.node_id.value()));
   const auto implied = d.node_id.configured() ? NodeIdSource::nonvolatile : NodeIdSource::blank;
   if (d.source != implied) w.string("source", name(d.source));
-  if (d.node_id_object) w.string("node_id_object", text::write_object(*d.node_id_object));
+  if (d.node_id_object) w.string("node_id_object", od::write_object(*d.node_id_object));
   if (d.node_id_signature) {
     const auto& s = *d.node_id_signature;
     w.raw("node_id_signature", fmt::format("{{ object = \"{}\", value = \"0x{:X}\", size = {} }}",
-                                           text::write_object(s.object), s.value, s.size));
+                                           od::write_object(s.object), s.value, s.size));
   }
 }
 

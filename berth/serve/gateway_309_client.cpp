@@ -7,8 +7,8 @@
 #include "berth/command/permission.hpp"
 #include "berth/lss/frames.hpp"
 #include "berth/od/abort_code.hpp"
+#include "berth/od/notation.hpp"
 #include "berth/serve/gateway_309_net.hpp"
-#include "berth/text/object.hpp"
 
 namespace berth::serve {
 
@@ -409,7 +409,7 @@ rt::Task<Conversation309::Outcome> Conversation309::write(const Request309& requ
   if (!may_send(net, false)) co_return Outcome::refused(Code309::internal_state);
   command::Request command = request_for(net, "sdo write");
   command.arguments["node"] = fmt::format("{}", *request.node);
-  command.arguments["object"] = text::write_object({request.index, request.sub});
+  command.arguments["object"] = od::write_object({request.index, request.sub});
   if (!undisturbing(command)) co_return Outcome::refused(Code309::internal_state);
   const auto options = sdo_options(net.network, net.sdo_timeout, net.sdo_block);
   const NodeId node(*request.node);

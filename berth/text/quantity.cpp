@@ -68,22 +68,6 @@ std::optional<std::int64_t> scaled(std::string_view whole, std::string_view frac
   return *value * unit + rest;
 }
 
-/// Insertions, deletions, substitutions and swaps of neighbours that turn one word into the other.
-std::size_t distance(std::string_view a, std::string_view b) {
-  std::vector<std::vector<std::size_t>> d(a.size() + 1, std::vector<std::size_t>(b.size() + 1));
-  for (std::size_t i = 0; i <= a.size(); ++i) d[i][0] = i;
-  for (std::size_t j = 0; j <= b.size(); ++j) d[0][j] = j;
-  for (std::size_t i = 1; i <= a.size(); ++i) {
-    for (std::size_t j = 1; j <= b.size(); ++j) {
-      const std::size_t change = lower(a[i - 1]) == lower(b[j - 1]) ? 0 : 1;
-      d[i][j] = std::min({d[i - 1][j] + 1, d[i][j - 1] + 1, d[i - 1][j - 1] + change});
-      const bool swap = i > 1 && j > 1 && lower(a[i - 1]) == lower(b[j - 2]) && lower(a[i - 2]) == lower(b[j - 1]);
-      if (swap) d[i][j] = std::min(d[i][j], d[i - 2][j - 2] + 1);
-    }
-  }
-  return d[a.size()][b.size()];
-}
-
 }  // namespace
 
 std::optional<Duration> parse_duration(std::string_view text) {
@@ -133,36 +117,6 @@ std::optional<std::vector<unsigned>> parse_ranges(std::string_view text, unsigne
     if (comma == std::string_view::npos) return numbers;
     text.remove_prefix(comma + 1);
   }
-}
-
-std::string_view closest(std::string_view word, std::span<const std::string_view> candidates) {
-  if (word.size() > 64) return {};
-  std::string_view best;
-  std::size_t best_distance = word.size() <= 4 ? 2 : 3;
-  for (const auto candidate : candidates) {
-    const auto d = distance(word, candidate);
-    if (d < best_distance && d < candidate.size()) {
-      best = candidate;
-      best_distance = d;
-    }
-  }
-  return best;
-}
-
-std::string quoted(std::string_view text) {
-  std::string out = "\"";
-  for (const char c : text) {
-    const auto byte = static_cast<unsigned char>(c);
-    if (c == '"' || c == '\\') {
-      out += '\\';
-      out += c;
-    } else if (byte < 0x20 || byte == 0x7F) {
-      out += fmt::format("\\u{:04X}", byte);
-    } else {
-      out += c;
-    }
-  }
-  return out + '"';
 }
 
 std::string fill(std::string_view pattern, std::string_view key, std::string_view value) {

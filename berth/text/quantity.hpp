@@ -4,10 +4,11 @@
 #include <chrono>
 #include <cstdint>
 #include <optional>
-#include <span>
 #include <string>
 #include <string_view>
 #include <vector>
+
+#include "berth/base/words.hpp"
 
 namespace berth::text {
 
@@ -25,12 +26,8 @@ using Duration = std::chrono::nanoseconds;
 /// for anything else.
 [[nodiscard]] std::optional<std::vector<unsigned>> parse_ranges(std::string_view text, unsigned low, unsigned high);
 
-/// The word that a person most likely meant: at most two letters wrong (one in words of up to four letters), in either
-/// case. Empty when none is near.
-[[nodiscard]] std::string_view closest(std::string_view word, std::span<const std::string_view> candidates);
-
-/// A TOML basic string, quoted and escaped.
-[[nodiscard]] std::string quoted(std::string_view text);
+using berth::closest;
+using berth::quoted;
 
 /// `pattern` with every `{key}` replaced by `value`.
 [[nodiscard]] std::string fill(std::string_view pattern, std::string_view key, std::string_view value);

@@ -90,6 +90,29 @@ TEST_F(Command, WhereThePortIsNotThereNoStoreIsMade) {
   EXPECT_FALSE(exists(folder.file("real.db.lock")));
 }
 
+// Whoever gives --sim a file that is no plant file is told of the plant file that lies beside it.
+TEST_F(Command, AWrongPlantFileNamesTheOneThatIsThere) {
+  const std::string conveyor = folder.write("conveyor.toml", small_machine);
+  const std::string meant = folder.write("conveyor.plant.toml", small_plant);
+  for (const std::string& wrong : {conveyor, folder.file("conveyor"), folder.file("conveyor.plant"),
+                                   folder.file("conveyer.plant.toml"), folder.file("plant")}) {
+    for (const Words& words :
+         std::vector<Words>{{"up", conveyor, "--sim", wrong}, {"scan", conveyor, "--sim", wrong}}) {
+      const Outcome run = berth(words);
+      EXPECT_EQ(run.status, 2) << wrong << run.out;
+      EXPECT_TRUE(contains(run.err, "did you mean " + meant + "?")) << wrong << ": " << run.err;
+    }
+  }
+  const Outcome alone = berth({"plant", conveyor});
+  EXPECT_EQ(alone.status, 2);
+  EXPECT_TRUE(contains(alone.err, "did you mean " + meant + "?")) << alone.err;
+  // A plant file with a mistake of its own is the one that is meant, and where none is near none is named.
+  const std::string broken = folder.write("other.plant.toml", "[bus.line]\nspeed = 3\n");
+  EXPECT_FALSE(contains(berth({"up", conveyor, "--sim", broken}).err, "conveyor.plant.toml"));
+  const std::string elsewhere = folder.write("lonely.toml", small_machine);
+  EXPECT_FALSE(contains(berth({"up", elsewhere, "--sim", folder.file("nothing")}).err, "did you mean"));
+}
+
 TEST_F(Command, ABusOnWhichNothingAcknowledgesSaysWhatToLookAt) {
   const std::string empty = folder.write("empty.toml", "[bus.line]\n");
   const std::string cable = "is the bit rate right, is the cable plugged in, have devices power";

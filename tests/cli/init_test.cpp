@@ -327,6 +327,73 @@ TEST_F(Init, QuestionsOnATerminal) {
   runs(3);
 }
 
+// The questions find out what is wrong when it is typed, and replace nothing that they did not name.
+TEST_F(Init, QuestionsRefuseWhatCouldNotBeWritten) {
+  folder.write("no.eds", "[FileInfo]\nnothing\n");
+  folder.write("conveyor.plant.toml", "# mine\n");
+  Background asks({"init"}, OnTerminal{100, 24});
+  ASSERT_TRUE(asks.says("Description, or port:"));
+  asks.type(folder.file("no.eds") + "\n");
+  ASSERT_TRUE(asks.says("this cannot be used"));
+  asks.type(eds("drive.eds") + "\n1\n\n");
+  ASSERT_TRUE(asks.says("Machine file to write [berth.toml]:"));
+  asks.type(folder.file("nowhere/conveyor.toml") + "\n");
+  ASSERT_TRUE(asks.says("there is no such folder"));
+  asks.type(file + "\n");
+  ASSERT_TRUE(asks.says("Name of the machine ["));
+  asks.type("⚙ \"left\" 'line'\n");
+  ASSERT_TRUE(asks.says("conveyor.plant.toml is there already. Replace it? [y/N]"));
+  asks.type("n\n");
+  EXPECT_EQ(asks.end().status, 1);
+  EXPECT_FALSE(exists(file));
+  EXPECT_EQ(contents(plant), "# mine\n");
+}
+
+// A wrong name is told before anything is asked.
+TEST_F(Init, NamesAreCheckedBeforeTheQuestions) {
+  Background asks({"init", "--name", "a/b"}, OnTerminal{80, 24});
+  const Outcome ended = asks.end();
+  EXPECT_EQ(ended.status, 2) << ended.out;
+  EXPECT_FALSE(has(ended.out, "Description, or port")) << ended.out;
+}
+
+// The end of the input at each of the questions.
+TEST_F(Init, TheInputMayEndAtAnyQuestion) {
+  const std::vector<std::pair<std::string, std::string>> steps{{"Description, or port:", eds("drive.eds") + "\n"},
+                                                               {"how many of it [1]:", "2\n"},
+                                                               {"no more):", "\n"},
+                                                               {"Machine file to write [berth.toml]:", file + "\n"},
+                                                               {"Name of the machine [", ""}};
+  for (std::size_t last = 0; last < steps.size(); ++last) {
+    Background asks({"init"}, OnTerminal{100, 24});
+    for (std::size_t step = 0; step <= last; ++step) {
+      ASSERT_TRUE(asks.says(steps[step].first)) << last;
+      asks.type(step == last ? "\x04" : steps[step].second);
+    }
+    const Outcome ended = asks.end();
+    EXPECT_EQ(ended.status, 1) << last << ended.out;
+    EXPECT_TRUE(has(ended.err, "nothing was written")) << last << ended.err;
+    EXPECT_EQ(files(), 0U) << last;
+  }
+}
+
+// `berth init drive.eds` names the file to write: a description must not be what is replaced.
+TEST_F(Init, ADescriptionIsNoMachineFile) {
+  const std::string before = contents(eds("io.eds"));
+  for (const Words& words :
+       std::vector<Words>{{"init", eds("io.eds"), "--eds", eds("drive.eds"), "--force"},
+                          {"init", file, "--plant", eds("io.eds"), "--eds", eds("drive.eds"), "--force"}}) {
+    const Outcome refused = berth(words);
+    EXPECT_EQ(refused.status, 2) << refused.out;
+    EXPECT_TRUE(has(refused.err, "this is a description: give it as --eds " + eds("io.eds"))) << refused.err;
+  }
+  EXPECT_EQ(contents(eds("io.eds")), before);
+  EXPECT_EQ(files(), 0U);
+  const Outcome ending = berth({"init", folder.file("conveyor"), "--eds", eds("drive.eds")});
+  EXPECT_EQ(ending.status, 2);
+  EXPECT_TRUE(has(ending.err, "end in .toml")) << ending.err;
+}
+
 TEST_F(Init, QuestionsEndWithoutAFile) {
   ASSERT_EQ(init({"--eds", eds("drive.eds"), "--name", "first"}).status, 0);
   {

@@ -105,6 +105,61 @@ TEST_F(Command, SdoByTheSlotsDescription) {
   EXPECT_EQ(ask({"sdo", "write", "valve", "2100h", "-100"}).first, 0);
 }
 
+// An XDD says units and names of values: read, written and refused by them.
+TEST_F(Command, UnitsAndNamesOfValuesOfAnXdd) {
+  Outcome made = berth({"eds", "convert", example("eds/sensor.eds"), folder.file("heater.xdd")});
+  ASSERT_EQ(made.status, 0) << made.err;
+  std::string xdd = contents(folder.file("heater.xdd"));
+  const std::string process =
+      "<co:ApplicationProcess><co:parameterList>"
+      "<co:parameter uniqueID=\"P1\" access=\"readWrite\"><label lang=\"en\">t</label><INT/>"
+      "<co:unit multiplier=\"0.1\"><label lang=\"en\">°C</label></co:unit></co:parameter>"
+      "<co:parameter uniqueID=\"P2\" access=\"readWrite\"><label lang=\"en\">m</label><USINT/><co:allowedValues>"
+      "<co:value value=\"0\"><label lang=\"en\">Off</label></co:value>"
+      "<co:value value=\"2\"><label lang=\"en\">Heat &quot;⚙&quot;</label></co:value>"
+      "</co:allowedValues></co:parameter></co:parameterList></co:ApplicationProcess>";
+  const auto device = xdd.find("</ProfileBody>");
+  ASSERT_NE(device, std::string::npos);
+  xdd.insert(device, process);
+  const auto list = xdd.find("</co:CANopenObjectList>");
+  ASSERT_NE(list, std::string::npos);
+  xdd.insert(list,
+             "<CANopenObject index=\"5F00\" name=\"Set point\" objectType=\"7\" uniqueIDRef=\"P1\"/>"
+             "<CANopenObject index=\"5F01\" name=\"Mode\" objectType=\"7\" uniqueIDRef=\"P2\"/>");
+  folder.write("heater.xdd", xdd);
+  const std::string one = folder.write("one.toml",
+                                       "[machine]\nname = \"one\"\n[bus.line]\nport = \"sim\"\nbitrate = 500_000\n"
+                                       "[[slot]]\nbus = \"line\"\nid = 5\nname = \"heater\"\neds = \"heater.xdd\"\n");
+  const std::string world = folder.write("one.plant.toml",
+                                         "[bus.line]\n[[device]]\nbus = \"line\"\nname = \"h\"\n"
+                                         "eds = \"heater.xdd\"\nserial = 1\nresponse = \"1 ms\"\n");
+  const auto ask = [&](Words words) {
+    words.insert(words.end(), {"--machine", one, "--sim", world, "--up", "--json"});
+    const Outcome outcome = berth(words);
+    return std::pair(outcome.status, Json::parse(outcome.out, nullptr, false));
+  };
+  const auto [done, warm] = ask({"sdo", "write", "heater", "Set point", "23.5 °C"});
+  EXPECT_EQ(done, 0) << warm;
+  EXPECT_EQ(warm.at("bytes"), "EB 00") << warm;
+  EXPECT_EQ(warm.at("quantity"), "23.5 °C") << warm;
+  const auto [named, heat] = ask({"sdo", "write", "heater", "Mode", "heat"});
+  EXPECT_EQ(named, 0) << heat;
+  EXPECT_EQ(heat.at("meaning"), "Heat \"⚙\"") << heat;
+  const auto [wrong, candidates] = ask({"sdo", "write", "heater", "Mode", "Cool"});
+  EXPECT_EQ(wrong, 2);
+  const std::string message = candidates.at("error").at("message");
+  EXPECT_TRUE(contains(message, "\"Off\" (0)") && contains(message, "(2)")) << message;
+  EXPECT_EQ(ask({"sdo", "write", "heater", "Mode", "1"}).first, 2) << "not among those allowed";
+  EXPECT_EQ(ask({"sdo", "write", "heater", "Mode", "1", "--anyway"}).first, 0);
+  EXPECT_EQ(ask({"sdo", "write", "heater", "Set point", "23 bar"}).first, 2);
+  const Outcome read = berth({"sdo", "read", "heater", "Mode", "--machine", one, "--sim", world, "--up"});
+  EXPECT_TRUE(contains(read.out, "0 (0x00) = Off")) << read.out;
+  const Outcome shown = berth({"eds", "show", folder.file("heater.xdd"), "5F01h"});
+  EXPECT_TRUE(contains(shown.out, "0 = Off")) << shown.out;
+  const Outcome unit = berth({"eds", "show", folder.file("heater.xdd"), "5F00h", "--json"});
+  EXPECT_EQ(Json::parse(unit.out).at("objects").at(0).at("subs").at(0).at("unit"), "0.1 °C") << unit.out;
+}
+
 // A whole device as a table, as JSON and as the DCF that brings another to the same.
 TEST_F(Command, SdoDumpReadsAllThatCanBeRead) {
   const Words world{"--machine", example("by-eds.toml"), "--sim", example("by-eds.plant.toml"), "--up"};

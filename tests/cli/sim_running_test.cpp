@@ -55,6 +55,45 @@ TEST_F(Running, AnyEventOfThePlantFileCanBeMadeToHappen) {
   EXPECT_TRUE(wait_for("left", "operational"));
 }
 
+// Its boot-up shows that the firmware began anew; it keeps its place.
+TEST_F(Running, ADeviceIsReset) {
+  begin(plant);
+  ASSERT_TRUE(wait_for("drive", "operational"));
+  ASSERT_EQ(ask({"sdo", "write", "drive", "1017h", "321"}).status, 0);
+  const Outcome reset = ask({"sim", "reset", "c"});
+  EXPECT_EQ(reset.status, 0) << reset.out;
+  EXPECT_EQ(Json::parse(reset.out).at("text"), "c is reset");
+  const auto heartbeat = [&] {
+    const Outcome read = ask({"sdo", "read", "drive", "1017h"});
+    return read.status == 0 ? Json::parse(read.out).value("value", 0) : 321;
+  };
+  EXPECT_TRUE(eventually([&] { return heartbeat() != 321; })) << "what was written and not stored is gone";
+  EXPECT_TRUE(wait_for("drive", "operational"));
+  ASSERT_EQ(ask({"sim", "power", "off", "c"}).status, 0);
+  EXPECT_EQ(ask({"sim", "reset", "c"}).status, 1) << "without power there is nothing to reset";
+}
+
+TEST_F(Running, WordsOfAFaultAreTakenOnce) {
+  begin(plant);
+  ASSERT_TRUE(wait_for("drive", "operational"));
+  const Outcome other = ask({"sim", "fault", "deaf", "c", "duration=1 s", "action=unplug"});
+  EXPECT_EQ(other.status, 2) << other.out;
+  EXPECT_TRUE(contains(other.out, "the action stands before it")) << other.out;
+  EXPECT_EQ(ask({"sim", "fault", "deaf", "c", "duration=1 s", "duration=2 s"}).status, 2);
+  EXPECT_EQ(ask({"sim", "fault", "deaf", "c", "device=a", "duration=1 s"}).status, 2);
+  EXPECT_EQ(ask({"sim", "fault", "deaf", "c", "a"}).status, 2);
+  EXPECT_EQ(ask({"sim", "fault", "deaf", "c", "=1"}).status, 2);
+  const Outcome odd = ask({"sim", "unplug", "\"⚙\"/'x'"});
+  EXPECT_EQ(odd.status, 2);
+  EXPECT_TRUE(contains(odd.out, "the devices are a, b, c, spare")) << odd.out;
+  const Json devices = Json::parse(ask({"sim", "devices"}).out).at("devices");
+  EXPECT_EQ(devices.at(2).at("plugged"), true) << "nothing of this was done";
+  const Outcome bus = ask({"sim", "devices", "--bus", "nowhere"});
+  EXPECT_EQ(bus.status, 2) << bus.out;
+  EXPECT_TRUE(contains(bus.out, "its buses are line")) << bus.out;
+  EXPECT_EQ(ask({"sim", "unplug", "c", "--bus", "nowhere"}).status, 2);
+}
+
 TEST_F(Running, DevicesThatAreNotMeantForSureAreNamed) {
   begin(plant);
   ASSERT_TRUE(wait_for("drive", "operational"));

@@ -1,5 +1,6 @@
 // What a program's standard streams may be: closed, full, a pipe whose reader has left; and how it is ended.
 #include <fcntl.h>
+#include <fmt/format.h>
 #include <gtest/gtest.h>
 #include <signal.h>
 #include <sys/wait.h>
@@ -48,6 +49,36 @@ TEST_F(Shell, AReaderThatLeftEndsTheRun) {
           "cat status");
   EXPECT_EQ(left.err, "");
   EXPECT_EQ(left.out, "3\n");
+}
+
+// Wherever the reader leaves, within a line and within a character: no word about it, and no signal that kills. What
+// fits into the pipe before the reader is gone counts as written.
+TEST_F(Shell, APipeMayCloseAtAnyByte) {
+  folder.write("run.log", "(0000000001.000000) can0 705#00\n(0000000001.001000) can0 605#4018100100000000\n");
+  for (const std::string command :
+       {"up $M --sim $P --fast", "up $M --sim $P --fast --json --events", "scan $M --sim $P --up --json",
+        "trace run.log", "trace run.log -o -", "sdo --help", "sdo dump 9 $M --sim $P --up"}) {
+    for (const int bytes : {0, 1, 7, 64, 333}) {
+      const auto left =
+          run("{ $B " + command + "; echo $? >status; } | head -c " + std::to_string(bytes) + " >head; cat status");
+      EXPECT_TRUE(left.out == "0\n" || left.out == "3\n") << command << ", " << bytes << ": " << left.out;
+      EXPECT_EQ(left.err, "") << command << ", " << bytes;
+      EXPECT_LE(contents(folder.file("head")).size(), static_cast<std::size_t>(bytes));
+    }
+  }
+  // More than a pipe holds: there the end of the reader must be noticed.
+  std::string log;
+  for (int i = 0; i < 20000; ++i) log += fmt::format("({:010}.000000) can0 705#05\n", i);
+  folder.write("long.log", log);
+  for (const std::string command : {"trace long.log", "trace long.log --json", "trace long.log -o - --to asc"}) {
+    for (const int bytes : {1, 4097, 70000}) {
+      const auto left =
+          run("{ $B " + command + "; echo $? >status; } | head -c " + std::to_string(bytes) + " >head; cat status");
+      EXPECT_EQ(left.out, "3\n") << command << ", " << bytes;
+      EXPECT_EQ(left.err, "") << command << ", " << bytes;
+      EXPECT_EQ(contents(folder.file("head")).size(), static_cast<std::size_t>(bytes));
+    }
+  }
 }
 
 // A paced run stays up until it is ended: the closed pipe ends it.

@@ -1,4 +1,5 @@
 // `berth trace` from the outside: formats, names, filters, conversions, a file that grows, a live bus.
+#include <fmt/format.h>
 #include <gtest/gtest.h>
 #include <unistd.h>
 #include <algorithm>
@@ -100,6 +101,63 @@ TEST(TraceCommand, Filters) {
   EXPECT_EQ(run.status, 0) << run.err;
   EXPECT_EQ(std::ranges::count(contents(out), '\n'), 4);
   EXPECT_NE(run.out.find("4 frames of 7"), std::string::npos) << run.out;
+}
+
+std::vector<double> times_of(const std::string& json) {
+  std::vector<double> times;
+  for (const auto& row : lines_of(json)) times.push_back(row.at("at_s").get<double>());
+  return times;
+}
+
+// Several buses, each with an own clock's small lateness; a request that nobody answers, one that another replaces.
+TEST(TraceCommand, RowsStandInTheOrderOfTheirTimes) {
+  const Folder folder;
+  const auto log = folder.write("t.log",
+                                "(0000000001.000000) can0 605#4018100100000000\n"  // nobody answers until the end
+                                "(0000000001.400000) can1 706#05\n"                // stands before earlier ones
+                                "(0000000001.100000) can0 707#05\n"
+                                "(0000000001.200000) can0 603#4017100000000000\n"  // replaced by the next of 603
+                                "(0000000001.150000) can2 708#05\n"
+                                "(0000000001.500000) can0 603#4018100000000000\n"
+                                "(0000000001.600000) can0 583#4F18100004000000\n"
+                                "(0000000001.600000) can1 709#05\n"
+                                "(0000000001.600000) can0 70A#05\n");
+  for (const std::vector<std::string>& more :
+       {std::vector<std::string>{}, {"--frames"}, {"--node", "3,5,6,7,8,9,10"}}) {
+    std::vector<std::string> words{"trace", log, "--json"};
+    words.insert(words.end(), more.begin(), more.end());
+    const auto shown = berth(words);
+    EXPECT_EQ(shown.status, 0) << shown.err;
+    const auto times = times_of(shown.out);
+    EXPECT_EQ(times.size(), more == std::vector<std::string>{"--frames"} ? 9U : 8U) << shown.out;
+    EXPECT_TRUE(std::ranges::is_sorted(times)) << shown.out;
+  }
+  const auto rows = lines_of(berth({"trace", log, "--json"}).out);
+  ASSERT_EQ(rows.size(), 8U);
+  EXPECT_EQ(rows[0].at("node"), 5) << "the transfer that never ended";
+  EXPECT_EQ(rows[3].at("object"), "1017h:00") << "the one that was replaced";
+  EXPECT_EQ(rows[6].at("bus"), "can1") << "of one time, the order of the file stays";
+  EXPECT_EQ(rows[7].at("node"), 10);
+  const auto table = berth({"trace", log, "--table"}).out;
+  EXPECT_NE(table.find("Raw Message\n1\t605"), std::string::npos) << table;
+}
+
+// Longer than the rows that are held: the order is kept by pieces, and the rest of a log that begins anew is counted.
+TEST(TraceCommand, ALongFileWhoseLinesAreOutOfOrder) {
+  const Folder folder;
+  std::string text;
+  for (int i = 0; i < 20000; ++i) {
+    const int at = i % 2 == 0 ? i + 1 : i - 1;  // each pair the wrong way round
+    text += fmt::format("({:010}.{:03}000) can{} 70{}#05\n", 1 + at / 1000, at % 1000, i % 2, 1 + i % 9);
+  }
+  const auto shown = berth({"trace", folder.write("t.log", text), "--json"});
+  EXPECT_EQ(shown.status, 0) << shown.err;
+  const auto times = times_of(shown.out);
+  EXPECT_EQ(times.size(), 20000U);
+  EXPECT_TRUE(std::ranges::is_sorted(times));
+  const auto twice = berth({"trace", folder.write("twice.log", text + text)});
+  EXPECT_EQ(std::ranges::count(twice.out, '\n'), 40000);
+  EXPECT_NE(twice.err.find("rows stand behind rows of a later time"), std::string::npos) << twice.err;
 }
 
 TEST(TraceCommand, ConvertsThroughEveryFormatAndBack) {

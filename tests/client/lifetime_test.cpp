@@ -233,7 +233,7 @@ TEST(ClientLifetime, HC5_3_HU_25_AnAccessFromACallback) {
     // there.
     rig.node->on_emcy([&](const Emergency&) {
       inside([&] {
-        rig.node->read<std::uint32_t>("1003:01", [&](const Outcome<std::uint32_t>& field) {
+        rig.node->read<std::uint32_t>("1003h:01", [&](const Outcome<std::uint32_t>& field) {
           inside([&] {
             values.push_back(field.value_or(0));
             rig.node->read<std::uint32_t>("no such name", [&](const Outcome<std::uint32_t>& none) {

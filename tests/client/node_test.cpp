@@ -17,7 +17,7 @@ using od::DataType;
 TEST(ClientNode, ReadsByNameTextAndIndex) {
   Rig rig;
   EXPECT_EQ(rig.get(rig.node->read<std::uint32_t>("Identity object.Vendor-ID")), 1U);
-  EXPECT_EQ(rig.get(rig.node->read<std::uint32_t>("1018:01")), 1U);
+  EXPECT_EQ(rig.get(rig.node->read<std::uint32_t>("1018h:01")), 1U);
   EXPECT_EQ(rig.get(rig.node->read<std::uint32_t>(0x1018, 2)), 2U);
   EXPECT_EQ(rig.get(rig.node->read<std::uint32_t>(ObjectRef{0x1018, 3})), 3U);
   EXPECT_EQ(rig.get(rig.node->read<std::string>("Manufacturer device name")), "Test device");
@@ -74,7 +74,7 @@ TEST(ClientNode, TheWrongCppTypeIsRefusedBeforeTheBusIsUsed) {
   ASSERT_FALSE(narrow.has_value());
   EXPECT_EQ(narrow.error().code, Errc::invalid);
   EXPECT_EQ(narrow.error().message,
-            "node 5, object 1018h:01 \"Identity object.Vendor-ID\": it is UNSIGNED32, which cannot be read as "
+            "node 5, object 1018h:01 \"Identity object/Vendor-ID\": it is UNSIGNED32, which cannot be read as "
             "std::uint16_t; use std::uint32_t");
   EXPECT_NE(rig.get(rig.node->read<std::string>("UNSIGNED32")).error().message.find("use std::uint32_t"),
             std::string::npos);

@@ -38,7 +38,7 @@ TEST(ClientPdo, ValuesByNameAsTheDeviceMapsThem) {
   const auto sample = rig.get(pdo->next(rt::never));
   ASSERT_TRUE(sample.has_value());
   EXPECT_EQ(sample->get<std::int32_t>("Axis.Position"), -100000);
-  EXPECT_EQ(sample->get<std::int64_t>("2104:01"), -100000);
+  EXPECT_EQ(sample->get<std::int64_t>("2104h:01"), -100000);
   EXPECT_EQ(sample->get<bool>("BOOLEAN"), true);
   EXPECT_EQ(sample->get<std::int32_t>("INTEGER24"), -8388607) << "24 bits that begin at bit 33";
   EXPECT_EQ(told, std::vector<std::int32_t>{-100000});
@@ -46,7 +46,7 @@ TEST(ClientPdo, ValuesByNameAsTheDeviceMapsThem) {
   EXPECT_EQ(sample->get<std::int16_t>("Axis.Position").error().code, Errc::invalid);
   EXPECT_NE(sample->get<std::int16_t>("Axis.Position").error().message.find("use std::int32_t"), std::string::npos);
   EXPECT_EQ(sample->get<std::int16_t>("Axis.Speed").error().message,
-            "node 5, object 2104h:02 \"Axis.Speed\": the PDO does not map the object");
+            "node 5, object 2104h:02 \"Axis/Speed\": the PDO does not map the object");
   EXPECT_EQ(sample->get<std::int32_t>("Position").error().code, Errc::duplicate);
 }
 

@@ -164,6 +164,89 @@ TEST(Value, OutsideOfTheDescriptionsLimits) {
   EXPECT_TRUE(bytes("2004h", "0x185"));
 }
 
+// As an XDD has them.
+std::shared_ptr<const od::Description> heater() {
+  od::DescriptionBuilder builder;
+  builder.variable(0x3000, {.name = "Set point", .type = DataType::integer16, .high = Literal::number(500)});
+  builder.meaning({0x3000, 0}, {.unit = "°C", .exponent = -1});
+  builder.variable(0x3001, {.name = "Direction", .type = DataType::integer8});
+  const std::uint64_t minus_one = ~std::uint64_t{0};
+  builder.meaning({0x3001, 0},
+                  {.values = {{1, "Forward"}, {minus_one, "Backward"}, {2, "Forward slowly"}}, .only_these = true});
+  builder.variable(0x3002, {.name = "Bit rate", .type = DataType::unsigned32});
+  builder.meaning({0x3002, 0}, {.unit = "Bd", .values = {{3, "9600"}, {4, "4"}}});
+  builder.variable(0x3003, {.name = "Volume", .type = DataType::unsigned16});
+  builder.meaning({0x3003, 0}, {.unit = "m3", .number = 25, .exponent = 1});
+  builder.variable(0x3004, {.name = "Pressure", .type = DataType::real32});
+  builder.meaning({0x3004, 0}, {.unit = "bar", .exponent = -3});
+  builder.variable(0x3005, {.name = "Valve", .type = DataType::boolean});
+  builder.meaning({0x3005, 0}, {.values = {{0, "shut"}, {1, "open \"⚙\"/wide"}}, .only_these = true});
+  return builder.build();
+}
+
+Checked<Bytes> heated(const std::string& object, const std::string& text, bool anyway = false) {
+  static const auto d = heater();
+  return value_bytes(*find_object(d.get(), object), text, NodeId(5), anyway);
+}
+
+TEST(Value, WithTheUnitOfTheDescription) {
+  EXPECT_EQ(heated("3000h", "23.5 °C"), (Bytes{235, 0}));
+  EXPECT_EQ(heated("3000h", "-3°c"), (Bytes{0xE2, 0xFF}));
+  EXPECT_EQ(heated("3000h", "235"), (Bytes{235, 0})) << "without a unit it is the count";
+  EXPECT_EQ(heated("3000h", "0x10"), (Bytes{16, 0}));
+  EXPECT_EQ(heated("3003h", "500 m3"), (Bytes{2, 0}));
+  EXPECT_EQ(heated("3003h", "0 m3"), (Bytes{0, 0}));
+  EXPECT_EQ(heated("3004h", "1.5 bar"), heated("3004h", "1500"));
+  EXPECT_EQ(heated("3004h", "1e3"), (Bytes{0, 0, 0x7A, 0x44}));
+  EXPECT_TRUE(says(why(heated("3000h", "23.55 °C")), "no multiple of 0.1 °C")) << why(heated("3000h", "23.55 °C"));
+  EXPECT_TRUE(says(why(heated("3000h", "23 K")), "counts in 0.1 °C")) << why(heated("3000h", "23 K"));
+  EXPECT_TRUE(says(why(heated("3000h", "23 ms")), "counts in 0.1 °C"));
+  EXPECT_TRUE(says(why(heated("3000h", "51 °C")), "above 500")) << "limits hold for quantities, too";
+  EXPECT_TRUE(says(why(heated("3000h", "4000 °C")), "does not fit INTEGER16"));
+  EXPECT_TRUE(says(why(heated("3003h", "-250 m3")), "does not fit UNSIGNED16")) << why(heated("3003h", "-250 m3"));
+  EXPECT_TRUE(says(why(heated("3003h", "100 m3")), "no multiple of 250 m3"));
+  for (const char* wrong : {"1.2.3 °C", "1. °C", "- °C", "°C", "99999999999999999999 °C"})
+    EXPECT_FALSE(heated("3000h", wrong)) << wrong;
+}
+
+TEST(Value, ByTheNamesOfTheDescription) {
+  EXPECT_EQ(heated("3001h", "Forward"), (Bytes{1})) << "the whole name before its continuations";
+  EXPECT_EQ(heated("3001h", "backw"), (Bytes{0xFF}));
+  EXPECT_EQ(heated("3001h", "FORWARD"), (Bytes{1}));
+  EXPECT_EQ(heated("3001h", "-1"), (Bytes{0xFF}));
+  EXPECT_EQ(heated("3005h", "open \"⚙\"/wide"), (Bytes{1}));
+  EXPECT_TRUE(says(why(heated("3001h", "for")), "\"Forward\" (1), \"Forward slowly\" (2)"))
+      << why(heated("3001h", "for"));
+  const auto none = why(heated("3001h", "Sideways"));
+  EXPECT_TRUE(says(none, "\"Backward\" (-1)") && says(none, "\"Forward slowly\" (2)")) << none;
+  EXPECT_TRUE(says(why(heated("3001h", "5")), "not allowed for 3001h:00")) << why(heated("3001h", "5"));
+  EXPECT_EQ(heated("3001h", "5", true), (Bytes{5})) << "--anyway";
+  EXPECT_EQ(heated("3002h", "7"), (Bytes{7, 0, 0, 0})) << "beside the named ones others are allowed";
+  EXPECT_EQ(heated("3002h", "4"), (Bytes{4, 0, 0, 0})) << "a number that is its own name";
+  EXPECT_TRUE(says(why(heated("3002h", "9600")), "write 3, or 0x2580")) << why(heated("3002h", "9600"));
+}
+
+TEST(Value, UnitsAndNamesInWords) {
+  const auto d = heater();
+  const auto told = [&](const char* object, const Bytes& value) {
+    return value_text(*find_object(d.get(), object), value);
+  };
+  EXPECT_EQ(told("3000h", {235, 0}), "235 = 23.5 °C");
+  EXPECT_EQ(told("3000h", {0xFF, 0xFF}), "-1 = -0.1 °C");
+  EXPECT_EQ(told("3001h", {0xFF}), "-1 = Backward");
+  EXPECT_EQ(told("3001h", {9}), "9");
+  EXPECT_EQ(told("3003h", {2, 0}), "2 (0x0002) = 500 m3");
+  EXPECT_EQ(told("3002h", {3, 0, 0, 0}), "3 (0x00000003) = 3 Bd = 9600");
+  EXPECT_EQ(told("3004h", {0, 0x80, 0xBB, 0x44}), "1500 = 1.5 bar");
+  EXPECT_EQ(told("3000h", {1, 2, 3}), "01 02 03  = 197121 (0x30201)") << "of other bytes than its type has";
+  nlohmann::ordered_json json;
+  put_value(json, *find_object(d.get(), "3000h"), Bytes{235, 0});
+  EXPECT_EQ(json.dump(), R"({"bytes":"EB 00","type":"INTEGER16","value":235,"unit":"0.1 °C","quantity":"23.5 °C"})");
+  nlohmann::ordered_json named;
+  put_value(named, *find_object(d.get(), "3001h"), Bytes{0xFF});
+  EXPECT_EQ(named.dump(), R"({"bytes":"FF","type":"INTEGER8","value":-1,"meaning":"Backward"})");
+}
+
 TEST(Value, InWords) {
   const auto heartbeat = *find_object(nullptr, "1017h");
   const Bytes ms_500{0xF4, 0x01};

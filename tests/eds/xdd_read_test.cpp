@@ -97,6 +97,58 @@ TEST(XddRead, E5_1_FactsComeFromTheParameterReferredTo) {
   EXPECT_EQ(sub(r, 0x2005, 0)->type, DataType::unsigned8);
 }
 
+// Units, allowed values and enumerated types of parameters; of several labels the English one.
+TEST(XddRead, UnitsAndNamesOfValues) {
+  const auto r = read_parts(
+      {.objects = R"(<CANopenObject index="2001" name="A" objectType="7" uniqueIDRef="P1"/>
+<CANopenObject index="2002" name="B" objectType="7" uniqueIDRef="P2"/>
+<CANopenObject index="2003" name="C" objectType="7" uniqueIDRef="P3"/>
+<CANopenObject index="2004" name="D" objectType="7" uniqueIDRef="P4"/>
+<CANopenObject index="2005" name="E" objectType="7" uniqueIDRef="P5"/>
+<CANopenObject index="2006" name="F" objectType="7" dataType="0005" accessType="rw"/>)",
+       .process =
+           R"(<dataTypeList><enum name="e" uniqueID="E1"><enumValue value="1"><label lang="de">Vor</label><label lang="en">Forward</label></enumValue><enumValue value="-1"><label lang="de">Zurück</label></enumValue><SINT/></enum></dataTypeList>
+<templateList><allowedValuesTemplate uniqueID="V1"><value value="0x10"><label lang="en">Slow</label></value><value value="3"/><value value="3"><label lang="en">again</label></value></allowedValuesTemplate><parameterTemplate uniqueID="T1"><UINT/><unit multiplier="2.50E-3"><label lang="en">bar</label></unit></parameterTemplate></templateList>
+<parameterList>
+<parameter uniqueID="P1" access="readWrite"><INT/><unit multiplier="0.1"><label lang="en">°C</label></unit></parameter>
+<parameter uniqueID="P2" access="readWrite"><dataTypeIDRef uniqueIDRef="E1"/></parameter>
+<parameter uniqueID="P3" access="readWrite"><USINT/><allowedValues templateIDRef="V1"/></parameter>
+<parameter uniqueID="P4" templateIDRef="T1"><allowedValues><value value="65535"><label lang="en">off</label></value><range><minValue value="0"/><maxValue value="100"/></range></allowedValues></parameter>
+<parameter uniqueID="P5" multiplier="10" access="readWrite"><USINT/><unit><label lang="en">mm</label></unit></parameter>
+</parameterList>)"});
+  EXPECT_TRUE(r.usable()) << all_findings(r.findings);
+  const auto& d = *r.file.description;
+  ASSERT_NE(d.meaning({0x2001, 0}), nullptr);
+  EXPECT_EQ(*d.meaning({0x2001, 0}), (od::Meaning{.unit = "°C", .number = 1, .exponent = -1}));
+  ASSERT_NE(d.meaning({0x2002, 0}), nullptr);
+  const std::uint64_t minus_one = od::load(DataType::integer8, std::array<std::uint8_t, 1>{0xFF}.data());
+  EXPECT_EQ(*d.meaning({0x2002, 0}),
+            (od::Meaning{.values = {{1, "Forward"}, {minus_one, "Zurück"}}, .only_these = true}));
+  ASSERT_NE(d.meaning({0x2003, 0}), nullptr);
+  EXPECT_EQ(*d.meaning({0x2003, 0}), (od::Meaning{.values = {{3, ""}, {0x10, "Slow"}}, .only_these = true}))
+      << "of two names of one value the first counts";
+  ASSERT_NE(d.meaning({0x2004, 0}), nullptr);
+  EXPECT_EQ(*d.meaning({0x2004, 0}),
+            (od::Meaning{.unit = "bar", .number = 25, .exponent = -4, .values = {{65535, "off"}}}))
+      << "beside a range a list is not all";
+  EXPECT_EQ(d.meaning({0x2005, 0}), nullptr) << "a unit of the scaled value is none of the bare one";
+  EXPECT_EQ(d.meaning({0x2006, 0}), nullptr);
+  EXPECT_EQ(d.meaning({0x2FFF, 0}), nullptr);
+  EXPECT_GT(d.memory(), read_objects("").file.description->memory());
+}
+
+TEST(XddRead, UnitsThatCannotBeRead) {
+  for (const char* multiplier : {"x", "0", "-1", "1e", "1e99", "1.2.3", "12345678901", "1e99999999999", "."}) {
+    const auto r =
+        read_parts({.objects = R"(<CANopenObject index="2001" name="A" objectType="7" uniqueIDRef="P1"/>)",
+                    .process = std::string(R"(<parameterList><parameter uniqueID="P1"><INT/><unit multiplier=")") +
+                               multiplier + R"("><label lang="en">V</label></unit></parameter></parameterList>)"});
+    EXPECT_TRUE(r.usable()) << multiplier;
+    EXPECT_TRUE(warned(r, "2001 multiplier")) << multiplier << ": " << all_findings(r.findings);
+    EXPECT_EQ(r.file.description->meaning({0x2001, 0}), nullptr) << multiplier;
+  }
+}
+
 TEST(XddRead, ReferencesInACircleEnd) {
   const auto r = read_parts(
       {.objects = R"(<CANopenObject index="2001" name="A" objectType="7" accessType="rw" uniqueIDRef="P"/>)",

@@ -347,6 +347,43 @@ TEST(XddWrite, WhatCiA311HasNoPlaceForIsNamed) {
   EXPECT_EQ(r.file.info.creation_date, "");
 }
 
+TEST(XddWrite, UnitsAndNamesOfValuesGoThereAndBack) {
+  od::DescriptionBuilder builder;
+  builder.variable(0x2000, {.name = "T", .type = DataType::integer16, .access = Access::rw});
+  builder.meaning({0x2000, 0}, {.unit = "°C", .exponent = -1});
+  builder.object(0x2001, od::ObjectCode::record, "R");
+  builder.sub(0x2001, {.sub = 1, .name = "Mode", .type = DataType::unsigned8, .access = Access::ro});
+  builder.meaning({0x2001, 1}, {.values = {{2, "Auto & \"fast\""}, {0, "Off"}, {7, ""}}, .only_these = true});
+  builder.sub(0x2001, {.sub = 2,
+                       .name = "Level",
+                       .type = DataType::unsigned16,
+                       .access = Access::wo,
+                       .high = od::Literal::number(100)});
+  builder.meaning({0x2001, 2}, {.unit = "l/min", .number = 25, .values = {{65535, "closed"}}});
+  builder.variable(0x2002, {.name = "I", .type = DataType::unsigned8, .access = Access::rwr});
+  builder.meaning({0x2002, 0}, {.unit = "A"});
+  File file;
+  file.description = builder.build();
+  const auto written = write_xdd(file, {});
+  const auto r = read_xdd(written.text, "t.xdd");
+  EXPECT_TRUE(r.usable()) << all_findings(r.findings);
+  for (const ObjectRef ref : {ObjectRef{0x2000, 0}, ObjectRef{0x2001, 1}, ObjectRef{0x2001, 2}, ObjectRef{0x2002, 0}}) {
+    const auto* const before = file.description->meaning(ref);
+    const auto* const after = r.file.description->meaning(ref);
+    ASSERT_NE(after, nullptr) << ref.index << "\n" << written.text;
+    EXPECT_EQ(*after, *before) << ref.index << "\n" << written.text;
+    EXPECT_EQ(r.file.description->find(ref)->access, file.description->find(ref)->access) << ref.index;
+    EXPECT_EQ(r.file.description->find(ref)->type, file.description->find(ref)->type) << ref.index;
+  }
+  in_order(written.text,
+           {"<co:parameter ", "<label", "<USINT", "<co:allowedValues", "<co:value ", "</co:allowedValues>"});
+  // An EDS has no place for them, and says so.
+  EXPECT_NE(all_findings(write(file, {}).findings).find("4 objects are left out"), std::string::npos)
+      << all_findings(write(file, {}).findings);
+  const auto eds = read(write(file, {}).text, "t.eds");
+  EXPECT_EQ(eds.file.description->meanings(), 0U);
+}
+
 TEST(XddWrite, BytesThatXmlCannotCarryAreNamed) {
   File file = full_file();
   od::DescriptionBuilder builder;

@@ -1,13 +1,13 @@
-#include "berth/text/object.hpp"
+#include "berth/od/notation.hpp"
 
 #include <fmt/format.h>
 
 #include <algorithm>
 #include <charconv>
 
-#include "berth/text/quantity.hpp"
+#include "berth/base/words.hpp"
 
-namespace berth::text {
+namespace berth::od {
 namespace {
 
 std::optional<unsigned> digits(std::string_view word, int base, std::size_t most) {
@@ -66,12 +66,14 @@ NoObject both_readings(std::string_view word, const Parts& parts, const std::opt
   const bool decimal = as_decimal && *as_decimal <= 0xFFFF;
   if (as_hex && decimal) {
     return {NoObject::Kind::bare, fmt::format("{} is {} or, read as a decimal number, {}: write the one that is meant",
-                                              quoted(word), written(*as_hex, sub), written(*as_decimal, sub))};
+                                              berth::quoted(word), written(*as_hex, sub), written(*as_decimal, sub))};
   }
   if (as_hex)
-    return {NoObject::Kind::unmarked, fmt::format("{} is no object: write {}", quoted(word), written(*as_hex, sub))};
-  return {NoObject::Kind::bare,
-          fmt::format("{} is no object: an index has up to four hexadecimal digits, such as 1018h", quoted(word))};
+    return {NoObject::Kind::unmarked,
+            fmt::format("{} is no object: write {}", berth::quoted(word), written(*as_hex, sub))};
+  return {
+      NoObject::Kind::bare,
+      fmt::format("{} is no object: an index has up to four hexadecimal digits, such as 1018h", berth::quoted(word))};
 }
 
 }  // namespace
@@ -91,8 +93,9 @@ tl::expected<ObjectWord, NoObject> read_object(std::string_view word) {
   if (good_sub && !index.marked && (index.value || digits_only)) {
     return tl::unexpected(both_readings(word, parts, sub.value));
   }
-  return tl::unexpected(NoObject{
-      NoObject::Kind::other, fmt::format("{} is no object: write index and sub-index such as 1018h:04", quoted(word))});
+  return tl::unexpected(
+      NoObject{NoObject::Kind::other,
+               fmt::format("{} is no object: write index and sub-index such as 1018h:04", berth::quoted(word))});
 }
 
 std::optional<ObjectRef> parse_object(std::string_view word) {
@@ -108,12 +111,12 @@ tl::expected<std::uint8_t, std::string> read_sub_index(std::string_view word) {
     return tl::unexpected(
         fmt::format("sub-index {} is {:02X}h or, read as a decimal number, {:02X}h: write the one that "
                     "is meant",
-                    quoted(word), *sub.value, *decimal));
+                    berth::quoted(word), *sub.value, *decimal));
   }
-  if (sub.value) return tl::unexpected(fmt::format("sub-index {}: write {:02X}h", quoted(word), *sub.value));
-  return tl::unexpected(fmt::format("{} is no sub-index; write 00h to FFh", quoted(word)));
+  if (sub.value) return tl::unexpected(fmt::format("sub-index {}: write {:02X}h", berth::quoted(word), *sub.value));
+  return tl::unexpected(fmt::format("{} is no sub-index; write 00h to FFh", berth::quoted(word)));
 }
 
 std::string write_object(ObjectRef object) { return fmt::format("{:04X}h:{:02X}", object.index, object.sub); }
 
-}  // namespace berth::text
+}  // namespace berth::od

@@ -1,11 +1,11 @@
 // Objects as people write them.
-#include "berth/text/object.hpp"
+#include "berth/od/notation.hpp"
 
 #include <fmt/format.h>
 
 #include "tests/pch.hpp"
 
-namespace berth::text {
+namespace berth::od {
 namespace {
 
 using Kind = NoObject::Kind;
@@ -108,4 +108,4 @@ RC_GTEST_PROP(ObjectWord, DigitsAloneAreNever, (std::uint16_t index)) {
 }
 
 }  // namespace
-}  // namespace berth::text
+}  // namespace berth::od

@@ -16,7 +16,7 @@
 
 #include "berth/base/ids.hpp"
 
-namespace berth::text {
+namespace berth::od {
 
 /// An object as it was written.
 struct ObjectWord {
@@ -26,12 +26,13 @@ struct ObjectWord {
   friend bool operator==(const ObjectWord&, const ObjectWord&) = default;
 };
 
-/// Why a word is no object in numbers.
+/// Why a word is no object.
 struct NoObject {
   enum class Kind : std::uint8_t {
     other,     ///< it may be a name
     unmarked,  ///< hexadecimal digits with a letter among them: it may be a name ("Feed")
     bare,      ///< digits alone: an index of which it is not said how to read it. No name is like that
+    several,   ///< the name of several objects (`find_object` only)
   };
   Kind kind = Kind::other;
   std::string why;  ///< for people: what, and what to write
@@ -47,4 +48,4 @@ struct NoObject {
 /// "1018h:04"; `read_object` gives it back.
 [[nodiscard]] std::string write_object(ObjectRef object);
 
-}  // namespace berth::text
+}  // namespace berth::od
