@@ -20,6 +20,7 @@ class TimedPort final : public can::Port, private can::Listener, private rt::Job
  public:
   /// `port` and `timing` must outlive it; `timing` may be changed at any time, its `rx_depth` not.
   TimedPort(rt::Executor& executor, can::Port& port, const Timing& timing, Random random);
+  TimedPort(rt::Executor&, can::Port&, Timing&&, Random) = delete;  // a temporary does not outlive it
   ~TimedPort() override;
 
   can::Queued send(const can::Frame& frame, std::uint32_t tag) noexcept override;

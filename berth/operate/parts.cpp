@@ -28,6 +28,7 @@ Parts::Parts(rt::Executor& executor, can::Port& port, const design::Bus& line, s
       starter(bus, slots, agenda, asking, configuring, spares, presence),
       supervision(bus, slots, agenda, loans, presence, seating, spares) {
   configuring.set_asker(presence);
+  seating.set_starter(starter);
 }
 
 }  // namespace berth::operate

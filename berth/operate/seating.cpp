@@ -4,8 +4,6 @@
 
 #include <algorithm>
 
-#include "berth/rt/scope.hpp"
-
 namespace berth::operate {
 
 using places::Action;
@@ -94,20 +92,23 @@ bool Seating::is_avoided(const LssAddress& device) const noexcept {
   return std::ranges::find(avoid_, device) != avoid_.end();
 }
 
-// While one device boots under its new node-ID the next is told its own.
+// While one device boots under its new node-ID the next is told its own, and those that have theirs are started.
 rt::Task<void> Seating::bind_side_by_side(const std::vector<Action>& actions, std::vector<LssAddress>& failed) {
   constexpr std::size_t most_bindings = 16;
+  rt::Scope starts(s_.executor, asking_.most_at_once());
   rt::Scope bindings(s_.executor, most_bindings);
   for (const auto& action : actions) {
     const bool binds = action.kind == Action::Kind::bind && !is_avoided(action.device);
-    if (binds) bindings.spawn(act_aside(action, failed));
+    if (binds) bindings.spawn(act_aside(action, failed, starts));
   }
   co_await bindings.join();
+  co_await starts.join();
 }
 
-rt::Task<void> Seating::act_aside(const Action& action, std::vector<LssAddress>& failed) {
+rt::Task<void> Seating::act_aside(const Action& action, std::vector<LssAddress>& failed, rt::Scope& starts) {
   const bool good = co_await act(action);
   if (!good) failed.push_back(action.device);
+  if (good && !agenda_.once) starts.spawn(starter_->start_early(*slots_.seats()[action.slot]));
 }
 
 rt::Task<bool> Seating::act(const Action& action) {

@@ -7,8 +7,19 @@
 #include "berth/operate/fading.hpp"
 #include "berth/operate/planning.hpp"
 #include "berth/operate/presence.hpp"
+#include "berth/rt/scope.hpp"
 
 namespace berth::operate {
+
+/// Starts one device as soon as its node-ID is confirmed, while others get theirs. What needs LSS, or a person, is left
+/// for the round's end. Nothing of it commands a device by LSS: that is the bindings'.
+class EarlyStarter {
+ public:
+  virtual rt::Task<void> start_early(Seat& seat) = 0;
+
+ protected:
+  ~EarlyStarter() = default;
+};
 
 class Seating {
  public:
@@ -26,6 +37,9 @@ class Seating {
         planning_(planning),
         fading_(fading) {}
 
+  /// Before the first `carry_out`; must stay.
+  void set_starter(EarlyStarter& starter) noexcept { starter_ = &starter; }
+
   /// Plans, and does what the plan says, until nothing is left that can be done. The turn must be held.
   rt::Task<void> carry_out();
   /// By LSS, the node-IDs of the devices that were found by RAND, which tells none; `all` of them, or those only that
@@ -42,7 +56,7 @@ class Seating {
   rt::Task<void> carry_out_actions(bool& inquired_all);
   rt::Task<void> verify_vacancy();
   rt::Task<bool> act(const places::Action& action);
-  rt::Task<void> act_aside(const places::Action& action, std::vector<LssAddress>& failed);
+  rt::Task<void> act_aside(const places::Action& action, std::vector<LssAddress>& failed, rt::Scope& starts);
   rt::Task<void> bind_side_by_side(const std::vector<places::Action>& actions, std::vector<LssAddress>& failed);
   [[nodiscard]] bool is_avoided(const LssAddress& device) const noexcept;
   rt::Task<bool> bind_seat(Seat& seat, LssAddress device, std::string reason);
@@ -71,6 +85,7 @@ class Seating {
   Presence& presence_;
   Planning& planning_;
   Fading& fading_;
+  EarlyStarter* starter_ = nullptr;
   std::vector<LssAddress> avoid_;  // devices whose action failed in this round
   unsigned blanks_ = 0;
 };

@@ -97,6 +97,12 @@ rt::Task<bool> Spares::clear_past(Seat& seat) {
   co_return co_await restore_seat(seat);
 }
 
+bool Spares::has_past(const Seat& seat) const {
+  const LssAddress& device = seat.slot.record.confirmed->device;
+  const bool marked = slots_.is_marked(Mark::restore, device) || slots_.is_marked(Mark::looks_used, device);
+  return marked || had_another(seat, device);
+}
+
 bool Spares::had_another(const Seat& seat, const LssAddress& device) const {
   const auto lines = slots_.store().history(seat.slot.record.slot);
   return lines && std::ranges::any_of(*lines, [&](const places::HistoryEntry& line) {

@@ -29,6 +29,8 @@ class Spares {
   /// Before a device is configured for the first time in a slot that another had: a configuration that is not of this
   /// slot says that it comes from somewhere. False: it waits for a person, or it is gone.
   rt::Task<bool> clear_past(Seat& seat);
+  /// `clear_past` would do more than to say so.
+  [[nodiscard]] bool has_past(const Seat& seat) const;
   /// A person named this device, or said that a used one may be used.
   void make_welcome(const LssAddress& device);
 

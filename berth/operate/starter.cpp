@@ -13,17 +13,24 @@ namespace berth::operate {
 
 using places::SlotState;
 
+bool Starter::is_ready(const Seat& seat) noexcept {
+  return seat.there && !seat.started && seat.state == SlotState::present;
+}
+
 bool Starter::is_due() const noexcept {
-  return std::ranges::any_of(slots_.seats(),
-                             [](const auto& s) { return s->there && !s->started && s->state == SlotState::present; });
+  return std::ranges::any_of(slots_.seats(), [](const auto& s) { return is_ready(*s); });
+}
+
+rt::Task<void> Starter::start_early(Seat& seat) {
+  const bool plain = is_ready(seat) && seat.slot.record.confirmed && !spares_.has_past(seat);
+  if (plain) co_await start_seat(seat);
 }
 
 rt::Task<bool> Starter::check_and_start() {
   agenda_.phase = Phase::start;
   rt::Scope starts(s_.executor, asking_.most_at_once());
   for (auto& seat : slots_.seats()) {
-    const bool ready = seat->there && !seat->started && seat->state == SlotState::present;
-    if (ready) starts.spawn(start_seat(*seat));
+    if (is_ready(*seat)) starts.spawn(start_seat(*seat));
   }
   co_await starts.join();
   co_await await_operational();

@@ -5,7 +5,7 @@
 
 namespace berth::operate {
 
-class Starter {
+class Starter final : public EarlyStarter {
  public:
   Starter(BusServices& services, SlotTable& slots, Agenda& agenda, Asking& asking, Configuring& configuring,
           Spares& spares, Presence& presence) noexcept
@@ -22,8 +22,10 @@ class Starter {
   /// All that are due, side by side; returns when each has told that it is operational, or had its
   /// time to. True: the network is operational, and Berth its master.
   rt::Task<bool> check_and_start();
+  rt::Task<void> start_early(Seat& seat) override;
 
  private:
+  [[nodiscard]] static bool is_ready(const Seat& seat) noexcept;
   rt::Task<void> start_seat(Seat& seat);
   rt::Task<bool> set_heartbeat(Seat& seat);
   rt::Task<void> send_start(Seat& seat);

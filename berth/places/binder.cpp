@@ -11,7 +11,8 @@ using namespace std::chrono_literals;
 
 constexpr std::uint8_t store_unsupported = 1;  // CiA 305, error code of 17h
 
-// From the selection, or a blanking's row, to the release: a run that ends in between has told one device of one node-ID at most.
+// From the selection, or a blanking's row, to the release: a run that ends in between has told one device of one
+// node-ID at most.
 //
 // One without a node-ID that hears `04 00` leaves LSS configuration and boots; one that missed it stays there, does not
 // boot, and answers the proof before the next device is told anything. One that is reset may be both, in configuration

@@ -230,7 +230,8 @@ TEST(Device, EveryServiceTakesNothingFromTheHeapAndThrowsNothing) {
   rt::Executor executor;
   BarePort bare(executor);
   SimFlash flash(executor, Device::memory_size(*everything()), milliseconds(2));
-  TimedPort port(executor, bare, {}, Random(1));
+  const Timing at_once{};
+  TimedPort port(executor, bare, at_once, Random(1));
   can::Dispatcher dispatcher(executor, port);
   Device device(dispatcher, everything(), &flash, stored(5, 9), &port);
   std::array<unsigned, 8> calls{};

@@ -4,12 +4,23 @@
 #include <optional>
 #include <vector>
 
+#include "berth/rt/scope.hpp"
 #include "tests/harness/rig.hpp"
 
 using namespace berth;
 using namespace berth::harness;
 using places::SlotState;
 using Seats = std::vector<std::pair<unsigned, std::uint32_t>>;
+
+namespace {
+
+rt::Task<void> bind_alone(operate::Network& network, bool& done) {
+  const auto bound = co_await network.bind_once();
+  EXPECT_TRUE(bound);
+  done = true;
+}
+
+}  // namespace
 
 // S1.1, S1.26, S1.38: one master, five slots, five slaves. Table I becomes Table II's first column, from blank devices
 // to operational ones.
@@ -46,4 +57,35 @@ TEST(MainJob, S1_51_S1_04_ReplacementEndsInTableTwo) {
   ASSERT_TRUE(rig.until_operational(60s)) << rig.log();
   EXPECT_EQ(rig.seats(), (Seats{{1, 0x0A}, {2, 0x15}, {3, 8}, {4, 0x18}, {5, 7}})) << rig.log();
   if (getenv("SHOW")) puts(rig.log().c_str());
+}
+
+// A device is started when it has its node-ID, not when all have theirs; `berth bind` starts none.
+TEST(MainJob, ADeviceIsStartedWhileOthersAreStillBound) {
+  design::Machine machine = five_slots();
+  plant::PlantFile plant = five_slaves();
+  for (unsigned id = 6; id <= 20; ++id) add_slot(machine, id, type_b);
+  for (unsigned id = 6; id <= 20; ++id) add_device(plant, "d" + std::to_string(id), type_b, 0x100 + id);
+  Rig rig(machine, plant);
+  rig.begin();
+  const auto count = [&](const auto& fits) {
+    unsigned n = 0;
+    for (const auto& t : rig.world().truth()) n += fits(t) ? 1U : 0U;
+    return n;
+  };
+  const auto started = [&] { return count([](const auto& t) { return t.state == NmtState::operational; }); };
+  ASSERT_TRUE(rig.run_until([&] { return started() == 1; }, 60s)) << rig.log();
+  EXPECT_GT(count([](const auto& t) { return !t.persistent.configured(); }), 10U) << rig.log();
+  ASSERT_TRUE(rig.until_operational(60s)) << rig.log();
+
+  Rig binding(machine, plant);
+  binding.begin();
+  binding.network().stop();
+  bool done = false;
+  rt::Scope scope(binding.world().executor());
+  scope.spawn(bind_alone(binding.network(), done));
+  ASSERT_TRUE(binding.run_until([&] { return done; }, 60s)) << binding.log();
+  for (const auto& t : binding.world().truth()) {
+    EXPECT_TRUE(t.persistent.configured()) << t.name;
+    EXPECT_NE(t.state, NmtState::operational) << t.name;
+  }
 }
