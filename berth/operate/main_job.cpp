@@ -75,9 +75,11 @@ rt::Task<void> MainJob::opening() {
   const auto quiet = co_await s.lss.switch_global(lss::State::waiting);
   // One that keeps what it was lent pending would be silent until the next reset of all.
   const bool wakes = lends && quiet && s.may_command();
+  // A single-slot receive buffer would lose what comes behind `04 00`.
+  if (quiet) co_await rt::sleep_for(s.bus.timing.rand_response);
   if (wakes) {
-    co_await rt::sleep_for(s.bus.timing.rand_response);  // a single-slot receive buffer would lose it behind `04 00`
     places::wake_unconfigured(s.dispatcher);
+    co_await rt::sleep_for(s.bus.timing.rand_response);
   }
   p_.agenda.alone = !quiet;
   if (p_.agenda.alone) p_.slots.events().tell_failure("the bus", quiet.error());

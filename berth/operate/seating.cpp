@@ -74,17 +74,22 @@ rt::Task<void> Seating::carry_out_actions(bool& inquired_all) {
 
 // All node-IDs that are about to be given, asked side by side: one time-out for all of them.
 rt::Task<void> Seating::verify_vacancy() {
-  rt::Scope asked(s_.executor, asking_.most_at_once());
   const auto is_known = [this](NodeId id) {
     const auto& vacant = s_.vacancy[id.value()];
     return vacant && s_.boots.silent_since(id, *vacant);
   };
-  if (!agenda_.speaks && !is_known(s_.bus.master)) asked.spawn(asking_.vacancy(s_.bus.master));
+  std::vector<NodeId> unknown;
+  if (!agenda_.speaks && !is_known(s_.bus.master)) unknown.push_back(s_.bus.master);
   for (const auto& action : planning_.plan().actions) {
     if (action.kind != Action::Kind::bind) continue;
     const NodeId id = slots_.seats()[action.slot]->id();
-    if (!is_known(id)) asked.spawn(asking_.vacancy(id));
+    if (!is_known(id)) unknown.push_back(id);
   }
+  if (unknown.empty()) co_return;
+  // A single-slot receive buffer would lose its question behind the `04 00` of the last LSS service.
+  co_await rt::sleep_for(s_.bus.timing.rand_response);
+  rt::Scope asked(s_.executor, asking_.most_at_once());
+  for (const NodeId id : unknown) asked.spawn(asking_.vacancy(id));
   co_await asked.join();
 }
 

@@ -355,6 +355,10 @@ rt::Task<Result<LssAddress>> Binder::read_identity(co::SdoClient& sdo, NodeId no
 
 rt::Task<Outcome> Binder::identify(const Binding& binding) {
   const NodeId id = binding.seat().id;
+  // It did not boot, and a second device with its node-ID did not either: one with a single-slot receive buffer would
+  // lose the question behind `04 00`, and the next ones behind the answers of the first.
+  const bool stayed = binding.old_id() == id;
+  if (stayed) co_await rt::sleep_for(options_.slow_inhibit);
   const auto surplus = s_.sdo.surplus(id);
   const rt::Time began = s_.dispatcher.executor().now();
   auto who = co_await read_identity(s_.sdo, id);

@@ -297,6 +297,26 @@ TEST(Configurator, ARestartInTheMiddleNeverEndsWell) {
   }
 }
 
+// The same between two reads, its boot-up message lost: at worst between the values that are read back and their date.
+TEST(Configurator, ARestartBetweenTwoReadsIsSeenByTheDate) {
+  auto whole = pump();
+  ASSERT_TRUE(configure(whole, pump_wanted(), quick()).good());
+  unsigned restarts = 0;
+  for (unsigned at = 1; at < whole.reads; ++at) {
+    auto d = pump();
+    d.restarts_before_read = at;
+    auto options = quick();
+    options.restarted = [] { return false; };
+    const auto r = configure(d, pump_wanted(), options);
+    EXPECT_TRUE(d.restarted) << at;
+    EXPECT_EQ(r.good(), d.value(limit) == u16(500)) << at;
+    if (!r.good() && r.failure->why == Why::restarted) ++restarts;
+    const bool dated = d.saved.at({0x1020, 1}) == u32(15'000) && d.saved.at({0x1020, 2}) == u32(12'345);
+    EXPECT_TRUE(!dated || d.saved.at(limit) == u16(500)) << "a valid date over old values; " << at;
+  }
+  EXPECT_GE(restarts, 1U);
+}
+
 // Saving.
 TEST(Configurator, ARefusedSavingIsAFailureInWords) {
   auto d = pump();

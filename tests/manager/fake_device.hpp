@@ -57,6 +57,7 @@ class FakeDevice final : public co::SdoAccess {
   std::map<ObjectRef, unsigned> not_ready;    // so many accesses answer 0800 0022
   std::optional<unsigned> dies_after_writes;  // then answers nothing
   std::optional<unsigned> restarts_after_writes;
+  std::optional<unsigned> restarts_before_read;  // of its reads so far
   enum class Saving { good, refused, unanswered_done, unanswered_lost, unanswered_reboots, unanswered_dead };
   Saving saving = Saving::good;
   unsigned deaf_reads = 0;   // after a saving that is not answered
@@ -115,6 +116,7 @@ class FakeDevice final : public co::SdoAccess {
   }
 
   Result<co::SdoValue> read_now(ObjectRef ref) {
+    if (restarts_before_read == reads) power_cycle();
     ++reads;
     if (dead_ || silent.contains(ref)) return fail(error(Errc::timeout, ref));
     if (deaf_reads > 0 && savings > 0) {
