@@ -116,12 +116,14 @@ class Pipeline final : public trace::Sink, private decode::Rows {
     rows_.release_all();
     if (writer_) writer_->finish(file_.buffer());
     const auto bad = writer_ ? file_.done() : std::nullopt;
+    if (file_.left()) return Exit::failed;
     if (trace_.stats) {
       print_stats(file);
     } else if (writer_) {
       print_conversion(file);
     }
     const auto unprinted = rows_.screen().done();
+    if (rows_.screen().left()) return Exit::failed;
     if (bad) return tell(*bad, options_.json);
     if (unprinted) return tell(*unprinted, false);
     return findings_.errors > 0 ? Exit::usage : Exit::done;

@@ -64,7 +64,11 @@ void add_formats(const Verb& verb, TraceOptions& trace) {
 }
 
 void add_filters(const Verb& verb, TraceOptions& trace) {
-  verb.word("--node", trace.nodes, "only these nodes' frames").from_to(1, 127).shown("N...").one_each();
+  verb.word("--node", trace.nodes, "only these nodes' frames")
+      .from_to(1, 127)
+      .shown("N,...")
+      .separated_by(',')
+      .one_each();
   const auto service = [&trace](const std::string& text) {
     const auto found = decode::parse_service(text);
     if (found) {

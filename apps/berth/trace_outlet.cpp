@@ -43,6 +43,8 @@ Failure Outlet::failed() const {
                                            std::strerror(error_)));
 }
 
+bool Outlet::left() const noexcept { return error_ == EPIPE; }
+
 void Outlet::flush() {
   if (screen_ || (fd_ == STDOUT_FILENO && ::isatty(fd_) == 1)) buffer_ = text::printable(buffer_);
   std::string_view rest(buffer_);

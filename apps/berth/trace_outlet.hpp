@@ -30,6 +30,8 @@ class Outlet {
   /// Writes what is there. What went wrong is told by `done` and `broken`.
   void flush();
   [[nodiscard]] bool broken() const noexcept { return error_ != 0; }
+  /// The reader of a pipe has left: it knows, and is not told.
+  [[nodiscard]] bool left() const noexcept;
   /// The file gets its name.
   [[nodiscard]] std::optional<Failure> done();
 

@@ -103,7 +103,7 @@ TEST_F(Command, AWrongPlantFileNamesTheOneThatIsThere) {
       EXPECT_TRUE(contains(run.err, "did you mean " + meant + "?")) << wrong << ": " << run.err;
     }
   }
-  const Outcome alone = berth({"plant", conveyor});
+  const Outcome alone = berth({"plant", conveyor, "--for", "1s"});
   EXPECT_EQ(alone.status, 2);
   EXPECT_TRUE(contains(alone.err, "did you mean " + meant + "?")) << alone.err;
   // A plant file with a mistake of its own is the one that is meant, and where none is near none is named.

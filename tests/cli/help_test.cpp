@@ -232,6 +232,7 @@ class Taken : public ::testing::Test {
                                                            {"--master", "126"}};
     const auto known = values.find(option);
     if (option == "--output") return folder.file("out.log");
+    if (option == "--plant") return folder.file("out.plant.toml");
     return known != values.end() ? known->second : folder.file("value" + option);
   }
 

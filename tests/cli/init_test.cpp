@@ -400,7 +400,7 @@ TEST_F(Init, QuestionsEndWithoutAFile) {
     Background asks({"init", file, "--name", "second"}, OnTerminal{80, 24});
     ASSERT_TRUE(asks.says("Description, or port:"));
     asks.type(eds("io.eds") + "\n1\n\n");
-    ASSERT_TRUE(asks.says("is there already. Replace it? [y/N]"));
+    ASSERT_TRUE(asks.says("are there already. Replace them? [y/N]"));
     asks.type("n\n");
     EXPECT_EQ(asks.end().status, 1);
   }

@@ -139,7 +139,7 @@ TEST(TraceCommand, RowsStandInTheOrderOfTheirTimes) {
   EXPECT_EQ(rows[6].at("bus"), "can1") << "of one time, the order of the file stays";
   EXPECT_EQ(rows[7].at("node"), 10);
   const auto table = berth({"trace", log, "--table"}).out;
-  EXPECT_NE(table.find("Raw Message\n1\t605"), std::string::npos) << table;
+  EXPECT_NE(table.find("Raw Message\n1\t0x605"), std::string::npos) << table;
 }
 
 // Longer than the rows that are held: the order is kept by pieces, and the rest of a log that begins anew is counted.
