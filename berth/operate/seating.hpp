@@ -11,8 +11,8 @@
 
 namespace berth::operate {
 
-/// Starts one device as soon as its node-ID is confirmed, while others get theirs. What needs LSS, or a person, is left
-/// for the round's end. Nothing of it commands a device by LSS: that is the bindings'.
+/// Starts one device as soon as its node-ID is confirmed, while others get theirs. What needs LSS, a configuration or a
+/// person is left for the round's end.
 class EarlyStarter {
  public:
   virtual rt::Task<void> start_early(Seat& seat) = 0;

@@ -21,8 +21,11 @@ bool Starter::is_due() const noexcept {
   return std::ranges::any_of(slots_.seats(), [](const auto& s) { return is_ready(*s); });
 }
 
+// The transfers of a configuration would fill a receive buffer of one frame: its device would lose the `04 00` of the
+// bindings beside it, and the questions that prove that it is not in LSS configuration.
 rt::Task<void> Starter::start_early(Seat& seat) {
-  const bool plain = is_ready(seat) && seat.slot.record.confirmed && !spares_.has_past(seat);
+  const bool configures = !seat.slot.spec.config.empty();
+  const bool plain = is_ready(seat) && !configures && seat.slot.record.confirmed && !spares_.has_past(seat);
   if (plain) co_await start_seat(seat);
 }
 

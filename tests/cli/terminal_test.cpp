@@ -3,6 +3,8 @@
 
 #include <gtest/gtest.h>
 #include <signal.h>
+#include <algorithm>
+#include <array>
 #include <string>
 
 #include <nlohmann/json.hpp>
@@ -63,7 +65,11 @@ TEST_F(OnScreen, TheTableStandsBelowWhatHappened) {
 TEST_F(OnScreen, EverySizeHasATableThatFits) {
   for (const auto& [columns, rows] : {std::pair<unsigned short, unsigned short>{1, 1}, {50, 8}, {200, 50}, {20, 2}}) {
     start({columns, rows});
-    ASSERT_TRUE(up->says("operational")) << columns << "x" << rows;
+    const auto all = [](const std::string& said) {
+      return std::ranges::all_of(std::array{"left: operational", "right: operational", "drive: operational"},
+                                 [&](const char* line) { return said.find(line) != std::string::npos; });
+    };
+    ASSERT_TRUE(up->says(all)) << columns << "x" << rows;
     up->signal(SIGINT);
     EXPECT_EQ(up->end().status, 0);
     EXPECT_NO_THROW(screen());

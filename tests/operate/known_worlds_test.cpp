@@ -29,7 +29,7 @@ TEST_P(KnownWorld, EndsWell) {
 INSTANTIATE_TEST_SUITE_P(
     Seeds, KnownWorld,
     ::testing::Values(
-        Known{12948, "a device that was deaf during the proof hears the repeated 11h, and keeps it pending"},
+        Known{12948, "a device that is configured while others are bound loses their 04 00, and takes their node-ID"},
         Known{13246, "a device that was deaf during the proof hears the repeated 11h"},
         Known{34057, "a device with one receive buffer loses each question behind the answers of its slot's device"},
         Known{23228, "one lost in configuration hears 11h again, and is deaf while what it stored is taken back"},

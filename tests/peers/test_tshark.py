@@ -96,11 +96,16 @@ class Plants(Judge):
         berth("reproduce", "--record", folder)
         names = sorted(os.listdir(folder))
         self.assertGreater(len(names), 10)
-        log = self.path("papers.log")  # one after the other: tshark starts slowly
+        log = self.path("papers.log")  # one after the other, in time too: tshark starts slowly
+        begin = last = 0.0
         with open(log, "w") as together:
             for name in names:
+                begin = last + 1
                 with open(os.path.join(folder, name)) as one:
-                    together.write(one.read())
+                    for line in one:
+                        time, rest = line.split(" ", 1)
+                        last = begin + float(time.strip("()"))
+                        together.write(f"({last:017.6f}) {rest}")
         kinds = self.judge(log)
         self.seen(kinds, "LSS Fastscan", "LSS identify answer", "LSS inquire answer", "LSS store answer", "boot-up")
 

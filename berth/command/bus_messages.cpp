@@ -1,0 +1,247 @@
+#include "berth/command/bus_messages.hpp"
+
+#include <fmt/format.h>
+
+#include <algorithm>
+#include <memory>
+
+#include "berth/can/frame.hpp"
+#include "berth/co/pdo_mapping.hpp"
+#include "berth/manager/configuration.hpp"
+#include "berth/od/names.hpp"
+#include "berth/od/values.hpp"
+
+namespace berth::command {
+namespace {
+
+using namespace std::chrono_literals;
+
+constexpr std::uint16_t first_tpdo = 0x1800;
+constexpr std::uint16_t first_mapping = 0x1A00;
+constexpr unsigned most_tpdos = 512;
+constexpr std::uint32_t invalid = 0x8000'0000;  // COB-ID: does not exist, or is not valid
+constexpr std::uint32_t produces_sync = 0x4000'0000;
+
+// CiA 301: bit 29 of a COB-ID says 29 bits.
+std::uint32_t key_of(std::uint32_t cob_id) noexcept {
+  const bool extended = (cob_id & 0x2000'0000) != 0;
+  return extended ? (cob_id & 0x1FFF'FFFF) | can::extended_flag : cob_id & 0x7FF;
+}
+
+class Collector {
+ public:
+  Collector(const design::Machine& machine, const design::Bus& bus, const Assumptions& assumptions)
+      : machine_(machine), bus_(bus), assumed_(assumptions) {
+    line().bit_rate = bus.bitrate;
+    line().background_bytes = 8;
+    line().background_extended = true;  // RAND's identifiers
+  }
+
+  BusMessages run() {
+    for (const auto& slot : machine_.slots) {
+      if (slot.spec.name.bus == bus_.name) open(slot);
+    }
+    add_sync();
+    for (const Device& device : devices_) add_device(device);
+    add_master();
+    tell_unknown();
+    tell_links();
+    std::ranges::stable_sort(line().messages,
+                             [](const auto& a, const auto& b) { return analysis::precedes(a.key, b.key); });
+    return std::move(found_);
+  }
+
+ private:
+  struct Device {
+    const design::Slot* slot;
+    std::size_t sender;
+    std::unique_ptr<od::Values> values;  // null: nothing is known of it
+  };
+
+  analysis::Line& line() noexcept { return found_.line; }
+
+  void note(std::string key, std::string message, std::string fix = {}) {
+    found_.notes.push_back(
+        {Finding::Severity::note, machine_.file, 0, 0, std::move(key), std::move(message), std::move(fix)});
+  }
+
+  std::size_t add_sender(const std::string& name) {
+    const bool fifo = std::ranges::any_of(assumed_.fifo, [&](const auto& f) { return f == name || f == "all"; });
+    line().senders.push_back({name, fifo});
+    return line().senders.size() - 1;
+  }
+
+  // Its dictionary as it is when it was configured.
+  void open(const design::Slot& slot) {
+    Device device{&slot, add_sender(slot.spec.name.name), nullptr};
+    if (slot.description) {
+      device.values = std::make_unique<od::Values>(slot.description, slot.spec.id);
+      if (!slot.spec.config.empty()) {
+        const auto loaded = manager::load_configuration(slot.spec.config);
+        const auto wanted = manager::wanted(loaded.configuration, slot.spec.id);
+        for (std::size_t i = 0; wanted && i < wanted->entries.size(); ++i) {
+          static_cast<void>(device.values->set_bytes(wanted->entries[i].object, wanted->entries[i].bytes));
+        }
+      }
+    }
+    devices_.push_back(std::move(device));
+  }
+
+  void add(const std::string& name, std::size_t sender, std::uint32_t key, unsigned bytes, rt::Duration period,
+           rt::Duration deadline) {
+    line().messages.push_back(
+        {.name = name, .sender = sender, .key = key, .data_bytes = bytes, .period = period, .deadline = deadline});
+  }
+
+  void add_sync() {
+    for (const Device& device : devices_) {
+      if (!device.values) continue;
+      const auto cob_id = device.values->get_or<std::uint32_t>({0x1005, 0}, 0);
+      const auto period = std::chrono::microseconds(device.values->get_or<std::uint32_t>({0x1006, 0}, 0));
+      if ((cob_id & produces_sync) == 0 || period == 0us) continue;
+      const bool counts = device.values->get_or<std::uint8_t>({0x1019, 0}, 0) != 0;
+      add("SYNC", device.sender, key_of(cob_id & ~produces_sync), counts ? 1 : 0, period, period);
+      sync_ = sync_ == 0ns ? rt::Duration(period) : std::min<rt::Duration>(sync_, period);
+    }
+  }
+
+  void add_device(const Device& device) {
+    const NodeId id = device.slot->spec.id;
+    add("heartbeat", device.sender, 0x700U + id.value(), 1, bus_.timing.heartbeat_period, bus_.timing.heartbeat_period);
+    rt::Duration inhibit{};
+    std::uint32_t emcy = 0x80U + id.value();
+    if (device.values) {
+      inhibit = 100us * device.values->get_or<std::uint16_t>({0x1015, 0}, 0);
+      emcy = device.values->get_or<std::uint32_t>({0x1014, 0}, emcy);
+      for (unsigned n = 0; n < most_tpdos; ++n) add_tpdo(device, n);
+    }
+    if ((emcy & invalid) == 0)
+      add("EMCY", device.sender, key_of(emcy), 8, inhibit > 0ns ? inhibit : assumed_.emcy, 0ns);
+  }
+
+  void add_tpdo(const Device& device, unsigned number) {
+    const auto at = [&](std::uint8_t sub) { return ObjectRef{static_cast<std::uint16_t>(first_tpdo + number), sub}; };
+    const auto cob_id = device.values->get_or<std::uint32_t>(at(1), invalid);
+    if ((cob_id & invalid) != 0) return;
+    const std::string name = fmt::format("TPDO {}", number + 1);
+    const auto period = period_of(device, number, name);
+    if (period == 0ns) return;
+    rt::Duration deadline = period;
+    const unsigned bits = mapped_bits(device, number, deadline);
+    add(name, device.sender, key_of(cob_id & ~0x4000'0000U), (bits + 7) / 8, period, deadline);
+  }
+
+  // 0: it is never sent by itself.
+  rt::Duration period_of(const Device& device, unsigned number, const std::string& name) {
+    const auto at = [&](std::uint8_t sub) { return ObjectRef{static_cast<std::uint16_t>(first_tpdo + number), sub}; };
+    const auto type = device.values->get_or<std::uint8_t>(at(2), 255);
+    const std::string where = fmt::format("{}/{}", device.slot->spec.name.name, name);
+    if (type <= 240) {
+      if (sync_ == 0ns) note(where, "it waits for SYNC, and nothing on this bus produces that");
+      return sync_ * std::max<std::uint8_t>(type, 1);
+    }
+    if (type == 252 || type == 253) {
+      note(where, "it is sent when a remote frame asks for it: not analysed");
+      return 0ns;
+    }
+    const rt::Duration inhibit = 100us * device.values->get_or<std::uint16_t>(at(3), 0);
+    const rt::Duration timer = 1ms * device.values->get_or<std::uint16_t>(at(5), 0);
+    if (inhibit > 0ns) return inhibit;
+    if (timer > 0ns) {
+      ++by_timer_;
+      return timer;
+    }
+    ++by_event_;
+    return assumed_.event;
+  }
+
+  unsigned mapped_bits(const Device& device, unsigned number, rt::Duration& deadline) {
+    const auto index = static_cast<std::uint16_t>(first_mapping + number);
+    const auto count = device.values->get_or<std::uint8_t>({index, 0}, 0);
+    if (count >= 254) return 64;  // MPDO
+    unsigned bits = 0;
+    for (unsigned sub = 1; sub <= count; ++sub) {
+      const auto raw = device.values->get_or<std::uint32_t>({index, static_cast<std::uint8_t>(sub)}, 0);
+      const auto entry = co::PdoEntry::of(raw);
+      bits += entry.bits;
+      keep_link(*device.slot, entry.object, deadline);
+    }
+    return std::min(bits, 64U);
+  }
+
+  void keep_link(const design::Slot& slot, ObjectRef object, rt::Duration& deadline) {
+    for (const auto& link : machine_.links) {
+      if (link.from.slot != slot.spec.name.name || !slot.description) continue;
+      const auto meant = od::find_object(*slot.description, link.from.object);
+      if (!meant || *meant != object) continue;
+      carried_.push_back(&link);
+      if (link.deadline) deadline = std::min<rt::Duration>(deadline, *link.deadline);
+    }
+  }
+
+  void add_master() {
+    const std::size_t sender = add_sender("master");
+    if (bus_.role == design::Role::master) {
+      add("NMT", sender, 0, 2, assumed_.nmt, 0ns);
+      add("heartbeat", sender, 0x700U + bus_.master.value(), 1, bus_.timing.heartbeat_period,
+          bus_.timing.heartbeat_period);
+    }
+    if (devices_.empty() || bus_.role == design::Role::observer) return;
+    // One request at a time: as if all were to the device with the strongest identifiers.
+    const Device& first =
+        *std::ranges::min_element(devices_, {}, [](const auto& d) { return d.slot->spec.id.value(); });
+    const unsigned id = first.slot->spec.id.value();
+    add("SDO response", first.sender, 0x580U + id, 8, assumed_.sdo, 0ns);
+    add("SDO request", sender, 0x600U + id, 8, assumed_.sdo, 0ns);
+  }
+
+  void tell_unknown() {
+    const auto unknown = std::ranges::count_if(devices_, [](const auto& d) { return !d.values; });
+    if (unknown > 0)
+      note("",
+           fmt::format("{} of {} slots have no description: which PDOs their devices send is not known", unknown,
+                       devices_.size()),
+           "add eds = \"FILE\" to the slot");
+    if (by_timer_ > 0)
+      note("",
+           fmt::format("{} TPDOs have an event timer and no inhibit time: analysed as if they were sent by the "
+                       "timer alone",
+                       by_timer_),
+           "set an inhibit time (sub-index 3)");
+    if (by_event_ > 0)
+      note("",
+           fmt::format("{} TPDOs have neither inhibit time nor event timer: one every {} ms is assumed", by_event_,
+                       std::chrono::duration<double, std::milli>(assumed_.event).count()),
+           "set an inhibit time (sub-index 3), or say --event TIME");
+  }
+
+  void tell_links() {
+    for (const auto& link : machine_.links) {
+      const auto* const slot = machine_.slot(link.from.slot);
+      const bool here = slot != nullptr && slot->spec.name.bus == bus_.name;
+      if (!here || std::ranges::find(carried_, &link) != carried_.end()) continue;
+      found_.notes.push_back({Finding::Severity::warning, machine_.file, link.place.line, link.place.column,
+                              fmt::format("{}/{}", link.from.slot, link.from.object),
+                              "no TPDO of this slot carries this object: the link has no bound",
+                              "map it in the slot's config"});
+    }
+  }
+
+  const design::Machine& machine_;
+  const design::Bus& bus_;
+  const Assumptions& assumed_;
+  BusMessages found_;
+  std::vector<Device> devices_;
+  std::vector<const design::Link*> carried_;
+  rt::Duration sync_{0};
+  unsigned by_timer_ = 0;
+  unsigned by_event_ = 0;
+};
+
+}  // namespace
+
+BusMessages messages_of(const design::Machine& machine, const design::Bus& bus, const Assumptions& assumptions) {
+  return Collector(machine, bus, assumptions).run();
+}
+
+}  // namespace berth::command
