@@ -1,0 +1,135 @@
+// `berth analyze`: how late the messages of a machine's buses can be, from its files alone.
+#include <fmt/format.h>
+
+#include <algorithm>
+#include <nlohmann/json.hpp>
+
+#include "berth/can/frame.hpp"
+#include "berth/command/bus_messages.hpp"
+#include "berth/text/columns.hpp"
+#include "machine_file.hpp"
+#include "verbs.hpp"
+
+namespace berth::cli {
+namespace {
+
+using Json = nlohmann::ordered_json;
+
+struct AnalyzeOptions {
+  command::Assumptions assumed;
+  analysis::Errors errors;
+  bool usual = false;
+};
+
+double ms(rt::Duration time) { return std::chrono::duration<double, std::milli>(time).count(); }
+
+std::string key_text(std::uint32_t key) {
+  const bool extended = (key & can::extended_flag) != 0;
+  return fmt::format(fmt::runtime(extended ? "{:08X}h" : "{:03X}h"), key & ~can::extended_flag);
+}
+
+std::string verdict(const analysis::Message& message, const analysis::Response& response) {
+  if (!response.worst) return "no bound";
+  if (message.deadline.count() == 0) return "";
+  return response.meets_deadline ? "kept" : "MISSED";
+}
+
+void print_table(const design::Bus& bus, const analysis::Line& line, const analysis::Result& result) {
+  std::size_t width = 6;
+  for (const auto& sender : line.senders)
+    width = std::max(width, std::min<std::size_t>(text::columns(sender.name), 20));
+  print_line(fmt::format("{}: {} bit/s, {} messages, {:.1f} % of the bus at most", bus.name, bus.bitrate,
+                         line.messages.size(), 100 * result.load));
+  print_line(fmt::format("{:>9}  {} {:<12} {:>8} {:>9} {:>9}", "id", text::padded("sender", width), "message",
+                         "every ms", "worst ms", "deadline"));
+  for (const auto& r : result.responses) {
+    const auto& m = line.messages[r.message];
+    const std::string sender = text::padded(text::cut(line.senders[m.sender].name, width), width);
+    const std::string worst = r.worst ? fmt::format("{:.3f}", ms(*r.worst)) : "-";
+    const std::string deadline = m.deadline.count() > 0 ? fmt::format("{:g}", ms(m.deadline)) : "";
+    print_line(fmt::format("{:>9}  {} {:<12} {:>8g} {:>9} {:>9} {}", key_text(m.key), sender, m.name, ms(m.period),
+                           worst, deadline, verdict(m, r)));
+  }
+}
+
+Json json_of(const design::Bus& bus, const analysis::Line& line, const analysis::Result& result,
+             const Findings& notes) {
+  Json messages = Json::array();
+  for (const auto& r : result.responses) {
+    const auto& m = line.messages[r.message];
+    Json row{{"id", key_text(m.key)},
+             {"sender", line.senders[m.sender].name},
+             {"message", m.name},
+             {"bytes", m.data_bytes},
+             {"period_ms", ms(m.period)},
+             {"frame_ms", ms(r.frame)},
+             {"load", r.load},
+             {"worst_ms", r.worst ? Json(ms(*r.worst)) : Json()},
+             {"deadline_ms", m.deadline.count() > 0 ? Json(ms(m.deadline)) : Json()}};
+    row["kept"] = m.deadline.count() > 0 ? Json(r.meets_deadline) : Json();
+    messages.push_back(std::move(row));
+  }
+  Json told = Json::array();
+  for (const auto& note : notes) told.push_back(to_string(note));
+  return {{"bus", bus.name},       {"bit_rate", bus.bitrate}, {"load", result.load},
+          {"good", result.good()}, {"messages", messages},    {"notes", told}};
+}
+
+int analyze(const Options& options, const AnalyzeOptions& how) {
+  const auto machine = machine_of(options);
+  if (!machine) return tell(machine.error(), options.json);
+  if (!options.bus.empty() && machine->bus(options.bus) == nullptr)
+    return tell(failure(Exit::usage, fmt::format("{}: there is no bus {}", machine->file, options.bus)), options.json);
+  for (const auto& name : how.assumed.fifo) {
+    if (name == "all" || name == "master" || machine->slot(name) != nullptr) continue;
+    return tell(failure(Exit::usage, fmt::format("--fifo: there is no slot {}", name)), options.json);
+  }
+  bool good = true;
+  Json buses = Json::array();
+  for (const auto& bus : machine->buses) {
+    if (!options.bus.empty() && bus.name != options.bus) continue;
+    auto found = command::messages_of(*machine, bus, how.assumed);
+    found.line.errors = how.errors;
+    if (how.usual) found.line.lengths = analysis::FrameLengths::usual;
+    if (const auto wrong = analysis::wrong(found.line); !wrong.empty())
+      return tell(failure(Exit::usage, fmt::format("{}: {}", bus.name, wrong)), options.json);
+    auto result = analysis::analyze(found.line);
+    good = good && result.good();
+    if (options.json) {
+      buses.push_back(json_of(bus, found.line, result, found.notes));
+      continue;
+    }
+    print_table(bus, found.line, result);
+    for (const auto& note : found.notes) print_error(to_string(note));
+  }
+  if (options.json) print_line(Json{{"good", good}, {"buses", buses}}.dump());
+  return good ? Exit::done : Exit::no;
+}
+
+}  // namespace
+
+void add_analyze(Verb& berth, Options& options) {
+  const auto how = std::make_shared<AnalyzeOptions>();
+  Verb verb = berth.add("analyze",
+                        "how late each message can be at worst, from the machine's files; exit 1 when one is too late",
+                        [&options, how] { return analyze(options, *how); });
+  json_flag(verb, options);
+  machine_word(verb, options);
+  verb.word("--bus", options.bus, "one bus of the machine").shown("NAME");
+  verb.time("--errors", how->errors.interval, "least time between two disturbed frames (default: none is)");
+  verb.word("--burst", how->errors.burst, "so many disturbed frames at once").from_to(1, 1000).shown("NUMBER");
+  verb.time("--event", how->assumed.event,
+            "between two events of a PDO without inhibit time and timer (default: 10 ms)");
+  verb.time("--emcy", how->assumed.emcy, "between two EMCYs of a device without inhibit time (default: 1 s)");
+  verb.time("--sdo", how->assumed.sdo, "between two SDO requests (default: 10 ms)");
+  verb.time("--nmt", how->assumed.nmt, "between two NMT commands (default: 100 ms)");
+  verb.word("--fifo", how->assumed.fifo, "nodes whose frames leave in the order in which they came; all")
+      .shown("SLOT,...")
+      .separated_by(',')
+      .one_each();
+  verb.flag("--usual", how->usual, "frames as long as the usual formula says, not as they can really be");
+  verb.footer(
+      "Examples:\n  berth analyze machine.toml\n  berth analyze machine.toml --errors \"100 ms\" --fifo all --json");
+}
+
+}  // namespace berth::cli

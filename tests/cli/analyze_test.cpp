@@ -1,0 +1,63 @@
+// `berth analyze` as a person uses it.
+#include <gtest/gtest.h>
+#include <nlohmann/json.hpp>
+#include <string>
+
+#include "machines.hpp"
+#include "process.hpp"
+#include "tests/paths.hpp"
+
+namespace berth::test {
+namespace {
+
+using nlohmann::json;
+
+std::string example(const std::string& name) { return source_dir() + "/examples/" + name; }
+
+TEST(Analyze, ATableByPriorityAndWhatWasAssumed) {
+  const Outcome run = berth({"analyze", example("by-eds.toml")});
+  EXPECT_EQ(run.status, 0) << run.err;
+  EXPECT_NE(run.out.find("field: 250000 bit/s, 19 messages, "), std::string::npos) << run.out;
+  EXPECT_LT(run.out.find("081h  sensor 1"), run.out.find("181h  sensor 1")) << run.out;
+  EXPECT_NE(run.err.find("5 TPDOs have neither inhibit time nor event timer"), std::string::npos) << run.err;
+}
+
+TEST(Analyze, AMessageThatIsTooLateIsExitOne) {
+  const Outcome run = berth({"analyze", example("by-eds.toml"), "--event", "0.9 ms", "--json"});
+  EXPECT_EQ(run.status, 1) << run.out;
+  const json said = json::parse(run.out);
+  EXPECT_FALSE(said.at("good"));
+  const auto& messages = said.at("buses").at(0).at("messages");
+  bool missed = false;
+  for (const auto& m : messages) missed = missed || m.at("worst_ms").is_null() || m.at("kept") == false;
+  EXPECT_TRUE(missed) << run.out;
+  EXPECT_EQ(messages.at(0).at("id"), "000h");
+}
+
+TEST(Analyze, ErrorsFifosAndTheUsualFormulaMakeItLater) {
+  const auto worst = [](const Words& more) {
+    Words words{"analyze", example("by-eds.toml"), "--event", "50 ms", "--json"};
+    words.insert(words.end(), more.begin(), more.end());
+    const Outcome run = berth(words);
+    EXPECT_EQ(run.status, 0) << run.err;
+    double sum = 0;
+    const json said = json::parse(run.out);
+    for (const auto& m : said.at("buses").at(0).at("messages")) sum += m.at("worst_ms").get<double>();
+    return sum;
+  };
+  const double plain = worst({});
+  EXPECT_GT(worst({"--errors", "100 ms"}), plain);
+  EXPECT_GT(worst({"--errors", "100 ms", "--burst", "3"}), worst({"--errors", "100 ms"}));
+  EXPECT_GT(worst({"--fifo", "all"}), plain);
+  EXPECT_GT(worst({"--usual"}), plain);
+}
+
+TEST(Analyze, WrongUse) {
+  EXPECT_EQ(berth({"analyze", example("by-eds.toml"), "--bus", "no"}).status, 2);
+  EXPECT_EQ(berth({"analyze", example("by-eds.toml"), "--fifo", "no"}).status, 2);
+  EXPECT_EQ(berth({"analyze", example("by-eds.toml"), "--event", "0"}).status, 2);
+  EXPECT_EQ(berth({"analyze", "/no/such.toml"}).status, 2);
+}
+
+}  // namespace
+}  // namespace berth::test
