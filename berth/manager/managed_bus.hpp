@@ -6,7 +6,7 @@
 ///     bus.nmt().set_inhibit(10ms);                       // 102Ah
 ///     bus.on_apply([&](co::NmtCommand command) { own_device.apply(command); });
 ///     NetworkBoot network(executor, bus);
-///     bus.lead_to(&network);
+///     bus.lead_to(&network.error_control());
 ///     plan.slaves.push_back({node, rules, &bus.target(node), &source});
 ///
 /// One manager a bus. It shares the dispatcher with the master's own device, which does not hear it.

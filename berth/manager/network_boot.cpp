@@ -32,6 +32,14 @@ Result<void> check(const NetworkPlan& plan) {
   return {};
 }
 
+// A mandatory slave that is not ready; null: there is none.
+const SlaveBoots::Slave* missing(const SlaveBoots& boots) noexcept {
+  const auto slaves = boots.all();
+  const auto it = std::ranges::find_if(
+      slaves, [](const auto& slave) { return slave->what.rules.mandatory && !slave->status.ready(); });
+  return it == slaves.end() ? nullptr : it->get();
+}
+
 }  // namespace
 
 std::string_view name(NetworkBoot::Phase phase) noexcept { return network_phases[static_cast<std::size_t>(phase)]; }
@@ -104,19 +112,12 @@ void NetworkBoot::ended(const SlaveStatus& slave) noexcept {
   const auto kind = slave.ready() ? Kind::slave_ready : Kind::slave_failed;
   tell({.kind = kind, .node = slave.node, .status = slave.result.status, .detail = slave.result.detail});
   if (!slave.ready() && slave.rules.mandatory && phase_ == Phase::booting) return halt(slave.node, slave.result);
-  if (phase_ == Phase::halted && timing_.resumes && missing() == nullptr) phase_ = Phase::booting;
+  if (phase_ == Phase::halted && timing_.resumes && missing(boots_) == nullptr) phase_ = Phase::booting;
   consider();
 }
 
-const SlaveBoots::Slave* NetworkBoot::missing() const noexcept {
-  const auto slaves = boots_.all();
-  const auto it = std::ranges::find_if(
-      slaves, [](const auto& slave) { return slave->what.rules.mandatory && !slave->status.ready(); });
-  return it == slaves.end() ? nullptr : it->get();
-}
-
 void NetworkBoot::boot_time_over() noexcept {
-  const auto* const slave = missing();
+  const auto* const slave = missing(boots_);
   if (phase_ != Phase::booting || slave == nullptr) return;
   const bool silent = !slave->boot || !slave->boot->found();
   halt(slave->what.node, {.status = silent ? BootStatus::b : BootStatus::booted,
@@ -130,7 +131,7 @@ void NetworkBoot::halt(NodeId node, const BootResult& why) noexcept {
 }
 
 void NetworkBoot::consider() noexcept {
-  if (phase_ != Phase::booting || missing() != nullptr) return;
+  if (phase_ != Phase::booting || missing(boots_) != nullptr) return;
   boot_time_over_.cancel();
   phase_ = Phase::ready;
   tell({.kind = Kind::ready});
@@ -142,7 +143,7 @@ void NetworkBoot::consider() noexcept {
 Result<void> NetworkBoot::operate() {
   if (phase_ == Phase::operational) return {};
   if (phase_ != Phase::ready && phase_ != Phase::halted) return fail(Errc::invalid, "the startup has not come so far");
-  if (const auto* const slave = missing(); slave != nullptr) {
+  if (const auto* const slave = missing(boots_); slave != nullptr) {
     return fail(
         Error{.code = Errc::invalid, .node = slave->what.node.value(), .text = "this mandatory slave is not ready"});
   }
@@ -216,73 +217,11 @@ void NetworkBoot::not_sent(NodeId node, const Error& error) noexcept {
   tell({.kind = Kind::not_sent, .node = node, .detail = describe(error)});
 }
 
-// ---- error control --------------------------------------------------------------------------------------------------
-
-void NetworkBoot::boot_up(NodeId node, bool expected) noexcept {
-  if (phase_ == Phase::off || next_ == Next::begin || node == plan_.own) return;
-  auto* const slave = boots_.find(node);
-  if (slave == nullptr) return tell({.kind = Kind::stranger, .node = node, .status = BootStatus::a});
-  const SlavePhase was = slave->status.phase;
-  slave->status.state = NmtState::pre_operational;
-  if (was == SlavePhase::booting) return boots_.booted_while_booting(*slave, expected);
-  if (slave->status.ready()) return error_event(*slave, true);
-  if (phase_ != Phase::stopped && was != SlavePhase::idle) boots_.boot(*slave);
-}
-
-void NetworkBoot::lost(NodeId node) noexcept {
-  auto* const slave = boots_.find(node);
-  if (phase_ == Phase::off || next_ == Next::begin || slave == nullptr) return;
-  slave->status.state.reset();
-  if (slave->status.ready()) {
-    error_event(*slave, false);
-  } else {
-    tell({.kind = Kind::slave_lost, .node = node});
-  }
-}
-
-void NetworkBoot::back(NodeId node) noexcept {
-  auto* const slave = boots_.find(node);
-  if (phase_ == Phase::off || next_ == Next::begin || slave == nullptr) return;
-  tell({.kind = Kind::slave_back, .node = node});
-  // The reset that it was sent has not reached it: it was cut off.
-  const bool unreset = slave->status.phase == SlavePhase::awaited && phase_ != Phase::stopped;
-  if (unreset) command(NmtCommand::reset_node, node);
-}
-
-void NetworkBoot::told(NodeId node, NmtState state) noexcept {
-  if (auto* const slave = boots_.find(node); slave != nullptr) slave->status.state = state;
-}
-
-void NetworkBoot::error_event(SlaveBoots::Slave& slave, bool rebooted) noexcept {
-  const NodeId node = slave.what.node;
-  const auto& rules = slave.what.rules;
-  tell({.kind = rebooted ? Kind::slave_rebooted : Kind::slave_lost, .node = node});
-  if (phase_ == Phase::stopped || phase_ == Phase::off) return;
-  const bool stops = rules.mandatory && plan_.startup.stops_all_on_error;
-  const bool resets_all = rules.mandatory && plan_.startup.resets_all_on_error;
-  if (stops || resets_all) {
-    slave.status.phase = SlavePhase::awaited;
-    end();
-    if (stops) phase_ = Phase::stopped;
-    tell({.kind = stops ? Kind::all_stopped : Kind::all_reset, .node = node});
-    return command(stops ? NmtCommand::stop : NmtCommand::reset_node, NmtTarget::all(), true);
-  }
-  if (rebooted || rules.keep_alive) return boots_.boot(slave);
-  slave.status.phase = SlavePhase::awaited;
-  command(NmtCommand::reset_node, node);
-}
-
 // ---- what is known --------------------------------------------------------------------------------------------------
 
-const SlaveStatus* NetworkBoot::find(NodeId node) noexcept {
+const SlaveStatus* NetworkBoot::find(NodeId node) const noexcept {
   const auto* const slave = boots_.find(node);
   return slave == nullptr ? nullptr : &slave->status;
-}
-
-std::vector<SlaveStatus> NetworkBoot::slaves() const {
-  std::vector<SlaveStatus> all;
-  for (const auto& slave : boots_.all()) all.push_back(slave->status);
-  return all;
 }
 
 Result<void> NetworkBoot::supervise(NodeId node, bool on) {

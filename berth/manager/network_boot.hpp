@@ -4,7 +4,7 @@
 ///
 ///     ManagedBus bus(dispatcher);
 ///     NetworkBoot network(executor, bus);
-///     bus.lead_to(&network);
+///     bus.lead_to(&network.error_control());
 ///     network.observe([](const NetworkEvent& event) { print(text(event)); });
 ///     network.begin(plan);
 ///
@@ -37,11 +37,12 @@
 #include <functional>
 
 #include "berth/manager/boot_network.hpp"
+#include "berth/manager/error_events.hpp"
 #include "berth/manager/slave_boots.hpp"
 
 namespace berth::manager {
 
-class NetworkBoot final : public ErrorControl, private SlaveBoots::Owner {
+class NetworkBoot final : private SlaveBoots::Owner {
  public:
   enum class Phase : std::uint8_t {
     off,          ///< no master, not begun, ended, or resetting itself
@@ -74,20 +75,17 @@ class NetworkBoot final : public ErrorControl, private SlaveBoots::Owner {
   [[nodiscard]] Phase phase() const noexcept { return phase_; }
   [[nodiscard]] const NetworkPlan& plan() const noexcept { return plan_; }
   [[nodiscard]] NmtState own_state() const noexcept { return own_; }
-  /// Null when it is not assigned.
-  [[nodiscard]] const SlaveStatus* find(NodeId node) noexcept;
-  /// All assigned slaves, in the plan's order.
-  [[nodiscard]] std::vector<SlaveStatus> slaves() const;
+  /// Null when it is not assigned. It stays until `begin`; `plan().slaves` has all assigned ones.
+  [[nodiscard]] const SlaveStatus* find(NodeId node) const noexcept;
   /// Begins or ends the error control of a slave, by hand. Errc::not_found: not assigned. Errc::unsupported: it has
   /// neither a heartbeat time nor a guard time.
   Result<void> supervise(NodeId node, bool on);
 
-  void boot_up(NodeId node, bool expected) noexcept override;
-  void lost(NodeId node) noexcept override;
-  void back(NodeId node) noexcept override;
-  void told(NodeId node, NmtState state) noexcept override;
+  /// Where error control tells what it hears.
+  [[nodiscard]] ErrorControl& error_control() noexcept { return errors_; }
 
  private:
+  friend class ErrorEvents;
   using Kind = NetworkEvent::Kind;
   bool starts(const SlaveStatus& slave) noexcept override;
   void ended(const SlaveStatus& slave) noexcept override;
@@ -98,11 +96,9 @@ class NetworkBoot final : public ErrorControl, private SlaveBoots::Owner {
   void boot_time_over() noexcept;
   rt::Task<void> startup();
   rt::Task<void> send(co::NmtCommand command, co::NmtTarget target, bool with_master);
-  [[nodiscard]] const SlaveBoots::Slave* missing() const noexcept;  // a mandatory one that is not ready
   void consider() noexcept;
   void go() noexcept;
   void halt(NodeId node, const BootResult& why) noexcept;
-  void error_event(SlaveBoots::Slave& slave, bool rebooted) noexcept;
   void commanded(SlaveBoots::Slave& slave, co::NmtCommand command, rt::Time at) noexcept;
   void tell(const NetworkEvent& event) const {
     if (callback_) callback_(event);
@@ -118,6 +114,7 @@ class NetworkBoot final : public ErrorControl, private SlaveBoots::Owner {
   NmtState own_ = NmtState::pre_operational;
   Next next_ = Next::nothing;
   SlaveBoots boots_;
+  ErrorEvents errors_{*this};
   rt::Later<NetworkBoot, &NetworkBoot::act> act_{*this, *executor_};
   rt::Later<NetworkBoot, &NetworkBoot::boot_time_over> boot_time_over_{*this, *executor_};
   rt::Scope commands_;

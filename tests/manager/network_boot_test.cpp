@@ -262,7 +262,7 @@ TEST(NetworkBoot, AHaltedStartupGoesOnWhenItIsHealed) {
   for (const bool resumes : {false, true}) {
     NetworkRig rig;
     NetworkBoot network(rig.world.executor(), rig.managed, {.resumes = resumes});
-    rig.managed.lead_to(&network);
+    rig.managed.lead_to(&network.error_control());
     rig.plan.boot_time = 3s;
     rig.add(1, true).off();
     rig.add(2, true);

@@ -73,7 +73,7 @@ struct NetworkRig : can::Tap {
       applied.push_back(command);
       if (applies) applies(command);
     });
-    managed.lead_to(&network);
+    managed.lead_to(&network.error_control());
     network.observe([this](const NetworkEvent& event) {
       events.push_back(event);
       if (heard) heard(event);
