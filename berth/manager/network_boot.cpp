@@ -176,6 +176,7 @@ void NetworkBoot::go() noexcept {
 // ---- commands -------------------------------------------------------------------------------------------------------
 
 void NetworkBoot::command(NmtCommand command, NmtTarget target, bool with_master) {
+  if (target.node != 0 && plan_.own == NodeId(target.node)) return bus_->apply(command);
   commands_.spawn(send(command, target, with_master));
 }
 

@@ -69,7 +69,7 @@ class NetworkBoot final : private SlaveBoots::Owner {
   /// The NMT state that the master's own device has entered.
   void own_state(NmtState state) noexcept;
   /// Sends an NMT command and takes part: a slave that it resets is booted again, and that is no error event. To all:
-  /// `with_master` does it to the master too.
+  /// `with_master` does it to the master too. To the master's own node-ID: nothing is sent, it is done to it.
   void command(co::NmtCommand command, co::NmtTarget target, bool with_master = false);
 
   [[nodiscard]] Phase phase() const noexcept { return phase_; }
