@@ -105,6 +105,7 @@ TEST(ManagedBus, OneQuestionByNodeGuarding) {
   const auto began = b.world.now();
   EXPECT_EQ(b.get(b.bus.target(NodeId(5)).guard()), std::nullopt);
   EXPECT_GE(b.world.now() - began, 100ms);
+  EXPECT_LT(b.world.now() - began, 110ms) << "one question";
   b.world.after(5ms, [&] { b.other->send(*can::parse_frame("705#84"), 0); });
   EXPECT_EQ(b.get(b.bus.target(NodeId(5)).guard()), NmtState::stopped);
 }
