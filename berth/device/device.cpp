@@ -275,11 +275,11 @@ void Device::state_changed(NmtState from, NmtState to, rt::Time) noexcept {
   tell();
 }
 
-// 1F80h of a device that is no master: bit 3 "may start itself", bit 2 "waits to be started" (docs/protocols/cia301.md
-// §NMT).
+// 1F80h of a device that is no master (bit 0 = 0): bit 3 "may start itself", bit 2 "waits to be started"
+// (docs/protocols/cia301.md §NMT).
 void Device::self_start() noexcept {
   if (values_.description().find(self_start_object) == nullptr) return;
-  if ((values_.get_or<std::uint32_t>({self_start_object, 0}, 0) & 0x0CU) == 0x08U) nmt_.apply(co::NmtCommand::start);
+  if ((values_.get_or<std::uint32_t>({self_start_object, 0}, 0) & 0x0DU) == 0x08U) nmt_.apply(co::NmtCommand::start);
 }
 
 void Device::start_services() noexcept {

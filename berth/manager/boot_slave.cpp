@@ -10,8 +10,6 @@ constexpr std::uint16_t boot_identity = 0x1018;
 constexpr std::uint16_t boot_date = 0x1020;
 constexpr std::uint16_t boot_software = 0x1F56;
 
-bool of_the_bus(const Error& error) noexcept { return error.code == Errc::bus || error.code == Errc::cancelled; }
-
 bool fits(std::uint32_t is, const SlaveRules& rules) noexcept {
   if (rules.revision_check == RevisionCheck::equal) return is == rules.revision;
   return is >> 16U == rules.revision >> 16U && (is & 0xFFFFU) >= (rules.revision & 0xFFFFU);
@@ -72,6 +70,7 @@ rt::Task<BootSlave::Verdict> BootSlave::check_identity() {
     result_.detail = describe(type.error());
     co_return BootStatus::b;
   }
+  found_ = true;
   const bool other = rules_.device_type != 0 && (refused || *type != rules_.device_type);
   if (other && refused) result_.detail = describe(type.error());
   if (other && !refused) differs(*type, rules_.device_type);
@@ -92,8 +91,9 @@ rt::Task<BootSlave::Verdict> BootSlave::check_identity() {
 rt::Task<Result<std::uint32_t>> BootSlave::device_type() {
   for (;;) {
     auto type = co_await target_->objects().read_u32(boot_device_type, 0);
-    const bool silent = !type && type.error().code != Errc::aborted;
-    if (!silent || of_the_bus(type.error())) co_return type;
+    // A request that no other node acknowledges is silence too: perhaps no device has been switched on yet.
+    const bool silent = !type && type.error().code != Errc::aborted && type.error().code != Errc::cancelled;
+    if (!silent) co_return type;
     if (executor_->now() + options_.pause > options_.give_up) co_return type;
     co_await rt::sleep_for(options_.pause);
   }

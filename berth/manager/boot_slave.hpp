@@ -65,7 +65,7 @@ struct BootOptions {
 
 struct BootResult {
   BootStatus status = BootStatus::booted;
-  std::string detail;  ///< "vendor-ID 0000_0009h instead of 0000_0001h"; empty when there is no more to say
+  std::string detail = {};  ///< "vendor-ID 0000_0009h instead of 0000_0001h"; empty when there is no more to say
   bool updated = false;
   bool configured = false;
 
@@ -81,6 +81,8 @@ class BootSlave {
       : executor_(&executor), target_(&target), source_(&source), rules_(rules), options_(options) {}
 
   [[nodiscard]] rt::Task<BootResult> run();
+  /// It has answered the upload of 1000h.
+  [[nodiscard]] bool found() const noexcept { return found_; }
 
  private:
   struct Expected {
@@ -107,6 +109,7 @@ class BootSlave {
   SlaveRules rules_;
   BootOptions options_;
   BootResult result_;
+  bool found_ = false;
 };
 
 }  // namespace berth::manager

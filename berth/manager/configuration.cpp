@@ -76,10 +76,24 @@ class Loader {
     std::ranges::transform(extension, extension.begin(), [](unsigned char c) { return std::tolower(c); });
     const bool described = extension == ".dcf" || extension == ".eds" || extension == ".xdc" || extension == ".xdd";
     if (described) {
-      description();
+      description(eds::read_any_file(path_));
     } else {
-      concise();
+      concise_file();
     }
+    return finished();
+  }
+  LoadedConfiguration load_text(std::string text) {
+    has_folder_ = false;
+    description(eds::read_any(std::move(text), path_.string()));
+    return finished();
+  }
+  LoadedConfiguration load_concise(std::span<const std::uint8_t> stream) {
+    concise(stream);
+    return finished();
+  }
+
+ private:
+  LoadedConfiguration finished() {
     auto& settings = result_.configuration.settings;
     std::ranges::sort(settings, {}, &Setting::object);
     if (settings.empty() && result_.usable()) {
@@ -88,14 +102,12 @@ class Loader {
     return std::move(result_);
   }
 
- private:
   void error(std::string message, std::string fix, std::uint32_t line = 0, std::string key = {}) {
     result_.findings.push_back({Finding::Severity::error, path_.string(), static_cast<int>(line), line != 0 ? 1 : 0,
                                 std::move(key), std::move(message), std::move(fix)});
   }
 
-  void description() {
-    const auto reading = eds::read_any_file(path_);
+  void description(const eds::Reading& reading) {
     std::ranges::copy_if(reading.findings, std::back_inserter(result_.findings),
                          [](const Finding& f) { return f.severity == Finding::Severity::error; });
     if (!reading.usable()) return;
@@ -135,6 +147,10 @@ class Loader {
 
   void take_file(const od::Description& description, const eds::FileReference& reference) {
     if (is_left_alone(reference.object.index)) return;
+    if (!has_folder_) {
+      return error(fmt::format("{} is not part of the text", reference.name), "give the value itself", reference.line,
+                   fmt::format("[{:04X}sub{:X}] DownloadFile", reference.object.index, reference.object.sub));
+    }
     auto bytes = eds::read_beside(path_, reference);
     if (!bytes) {
       return error(fmt::format("{} cannot be read: {}", reference.name, describe(bytes.error())),
@@ -167,7 +183,7 @@ class Loader {
     }
   }
 
-  void concise() {
+  void concise_file() {
     std::error_code code;
     const auto size = std::filesystem::is_regular_file(path_, code) ? std::filesystem::file_size(path_, code) : 0;
     if (size > longest_file) return error("the file is longer than 64 MiB", "name a concise DCF");
@@ -177,7 +193,11 @@ class Loader {
     if (!is_file || std::fread(bytes.data(), 1, bytes.size(), in.get()) != bytes.size()) {
       return error("the file cannot be read", "name a DCF, an XDC or a concise DCF");
     }
-    const auto dcf = eds::decode_concise_dcf(bytes);
+    concise(bytes);
+  }
+
+  void concise(std::span<const std::uint8_t> stream) {
+    const auto dcf = eds::decode_concise_dcf(stream);
     if (!dcf) {
       return error(fmt::format("this is no concise DCF: {} (byte {})", dcf.error().text, dcf.error().detail),
                    "a DCF in text is named *.dcf");
@@ -207,6 +227,7 @@ class Loader {
 
   const std::filesystem::path& path_;
   LoadedConfiguration result_;
+  bool has_folder_ = true;
 };
 
 /// FNV-1a, 64 bit.
@@ -267,6 +288,16 @@ std::string to_string(const ConfigurationDate& date) {
 }
 
 LoadedConfiguration load_configuration(const std::filesystem::path& path) { return Loader(path).load(); }
+
+LoadedConfiguration read_configuration(std::string text, const std::string& name) {
+  const std::filesystem::path path(name);
+  return Loader(path).load_text(std::move(text));
+}
+
+LoadedConfiguration read_concise_configuration(std::span<const std::uint8_t> stream, const std::string& name) {
+  const std::filesystem::path path(name);
+  return Loader(path).load_concise(stream);
+}
 
 Result<Wanted> wanted(const Configuration& configuration, NodeId node, std::span<const Entry> own) {
   Wanted result;

@@ -61,6 +61,11 @@ struct LoadedConfiguration {
 /// file's default as its COB-ID when the file sets none: what an interrupted configuration switched off is switched on
 /// again. Findings: as the reader of the file has them (errors and warnings), and an error when it sets nothing.
 [[nodiscard]] LoadedConfiguration load_configuration(const std::filesystem::path& path);
+/// The same of the text of a DCF or XDC (1F20h), and of a concise DCF (1F22h). `name` is for the findings and messages.
+/// A DownloadFile is an error: there is no folder.
+[[nodiscard]] LoadedConfiguration read_configuration(std::string text, const std::string& name);
+[[nodiscard]] LoadedConfiguration read_concise_configuration(std::span<const std::uint8_t> stream,
+                                                             const std::string& name);
 
 /// One value as one node shall have it.
 struct Entry {

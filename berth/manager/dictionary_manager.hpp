@@ -1,0 +1,72 @@
+/// Makes a device the NMT master of its bus (CiA 302-2), from its own object dictionary:
+///
+///     manager::add_manager_objects(builder);              // to the objects of its description
+///     device::Device device(dispatcher, builder.build(), &flash, options);
+///     manager::DictionaryManager manager(dispatcher, device.values(),
+///                                        [&](co::NmtCommand command) { device.apply(command); });
+///     device.on().state = [&](NmtState state) { manager.own_state(state, device.node_id()); };
+///     manager.network().observe([](const NetworkEvent& event) { print(text(event)); });
+///     device.power_on();
+///
+/// Each time that the device has booted, its dictionary is read and the network is booted (`DictionarySource` has the
+/// objects). A device whose 1F80h bit 0 is 0 does nothing. Any SDO client may write the objects; what is written counts
+/// at the next boot-up of the device, a slave's configuration at the next boot-up of the slave, and requests at once.
+///
+/// Objects that refuse: 1F80h with a reserved bit or bit 5 (flying master), 0609 0030. 1F82h and 1F83h as
+/// `NetworkRequests` has it; they read what is known of the slaves.
+#pragma once
+
+#include <array>
+#include <functional>
+#include <memory>
+#include <optional>
+
+#include "berth/manager/dictionary_source.hpp"
+#include "berth/manager/managed_bus.hpp"
+#include "berth/manager/network_requests.hpp"
+#include "berth/od/values.hpp"
+
+namespace berth::manager {
+
+struct ManagerObjects {
+  std::uint8_t most = 127;              ///< highest node-ID of a slave, 1..127
+  std::uint32_t startup = 1;            ///< default of 1F80h
+  std::uint32_t longest_concise = 512;  ///< bytes for each slave in 1F22h; 0: no such object
+  std::uint32_t longest_dcf = 0;        ///< in 1F20h; 0: neither 1F20h nor 1F21h
+};
+/// 102Ah, (1F20h, 1F21h), (1F22h), 1F26h, 1F27h, 1F55h, 1F80h to 1F8Ah but 1F87h's kind of check. 1016h is the
+/// device's own.
+void add_manager_objects(od::DescriptionBuilder& builder, const ManagerObjects& objects = {});
+
+class DictionaryManager final : private od::Hook {
+ public:
+  /// All must stay. `apply`: does to the device what an NMT command says.
+  DictionaryManager(can::Dispatcher& dispatcher, od::Values& values, std::function<void(co::NmtCommand)> apply,
+                    const NetworkTiming& timing = {});
+
+  /// The NMT state that the device has entered, and its node-ID. Initialising ends the network's boot-up, what follows
+  /// begins it. A device that is switched off has no state: call `network().end()`.
+  void own_state(NmtState state, NodeId own) noexcept;
+
+  [[nodiscard]] NetworkBoot& network() noexcept { return network_; }
+  [[nodiscard]] ManagedBus& bus() noexcept { return bus_; }
+  /// Why a device with bit 0 of 1F80h has not begun.
+  [[nodiscard]] const std::optional<Error>& refused() const noexcept { return refused_; }
+
+ private:
+  od::AbortCode reading(const od::Values& values, ObjectRef ref,
+                        std::span<const std::uint8_t>& value) noexcept override;
+  od::AbortCode writing(const od::Values& values, ObjectRef ref, std::span<const std::uint8_t> value) noexcept override;
+  Result<void> begin(NodeId own);
+
+  od::Values* values_;
+  ManagedBus bus_;
+  NetworkBoot network_;
+  NetworkRequests requests_{network_};
+  std::array<std::unique_ptr<DictionarySource>, 128> sources_;
+  std::optional<Error> refused_;
+  NmtState state_ = NmtState::initialising;
+  std::array<std::uint8_t, 1> shown_{};  // what `reading` gives
+};
+
+}  // namespace berth::manager

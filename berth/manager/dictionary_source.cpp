@@ -1,0 +1,134 @@
+#include "berth/manager/dictionary_source.hpp"
+
+#include "berth/manager/configurator.hpp"
+
+namespace berth::manager {
+namespace {
+
+constexpr std::uint16_t stored_dcf = 0x1F20;
+constexpr std::uint16_t stored_dcf_format = 0x1F21;
+constexpr std::uint16_t stored_concise_dcf = 0x1F22;
+constexpr auto restart_time = std::chrono::seconds(5);
+
+std::uint32_t number(const od::Values& values, std::uint16_t index, std::uint8_t sub) noexcept {
+  return values.get_or<std::uint32_t>({index, sub}, 0);
+}
+
+rt::Duration heartbeat_time_of(const od::Values& values, NodeId node) noexcept {
+  const auto* const consumer = values.description().find(0x1016);
+  if (consumer == nullptr) return {};
+  for (const auto& sub : values.description().subs(*consumer)) {
+    const std::uint32_t entry = number(values, 0x1016, sub.sub);
+    const bool is_its = sub.sub != 0 && (entry >> 16U) == node.value();
+    if (is_its) return std::chrono::milliseconds(entry & 0xFFFFU);
+  }
+  return {};
+}
+
+Error wrong(std::uint16_t index, NodeId node, const char* text, Errc code = Errc::invalid) noexcept {
+  return {.code = code, .sub = node.value(), .index = index, .text = text};
+}
+
+Error error_of(const Failure& failure, NodeId node) noexcept {
+  Error error = failure.error;
+  switch (failure.why) {
+    case Failure::Why::error: break;
+    case Failure::Why::differs:
+      error = {.code = Errc::mismatch, .text = "it has another value, which none may write"};
+      break;
+    case Failure::Why::not_kept: error = {.code = Errc::mismatch, .text = "it did not keep what was written"}; break;
+    case Failure::Why::restarted: error = {.code = Errc::mismatch, .text = "it restarted meanwhile"}; break;
+    case Failure::Why::not_allowed: error = {.code = Errc::cancelled, .text = "it may not be changed"}; break;
+    case Failure::Why::not_saved: error = {.code = Errc::timeout, .text = "it did not save its configuration"}; break;
+  }
+  error.node = node.value();
+  error.index = failure.object.index;
+  error.sub = failure.object.sub;
+  return error;
+}
+
+}  // namespace
+
+Result<Startup> startup_of(const od::Values& values) noexcept { return startup_of(number(values, 0x1F80, 0)); }
+
+SlaveRules slave_rules_of(const od::Values& values, NodeId node) noexcept {
+  const std::uint8_t sub = node.value();
+  SlaveRules rules = slave_rules_of(number(values, 0x1F81, sub));
+  rules.device_type = number(values, 0x1F84, sub);
+  rules.vendor = number(values, 0x1F85, sub);
+  rules.product = number(values, 0x1F86, sub);
+  rules.revision = number(values, 0x1F87, sub);
+  rules.serial = number(values, 0x1F88, sub);
+  rules.restore_sub = static_cast<std::uint8_t>(number(values, 0x1F8A, sub));
+  rules.expected_date = number(values, 0x1F26, sub);
+  rules.expected_time = number(values, 0x1F27, sub);
+  rules.expected_software = number(values, 0x1F55, sub);
+  rules.heartbeat = heartbeat_time_of(values, node);
+  return rules;
+}
+
+rt::Duration boot_time_of(const od::Values& values) noexcept {
+  return std::chrono::milliseconds(number(values, 0x1F89, 0));
+}
+
+rt::Duration nmt_inhibit_time_of(const od::Values& values) noexcept {
+  return std::chrono::microseconds(100) * number(values, 0x102A, 0);
+}
+
+Result<Wanted> wanted_of(const od::Values& values, NodeId node) {
+  const std::uint8_t sub = node.value();
+  const auto concise = values.bytes({stored_concise_dcf, sub});
+  const auto text = values.bytes({stored_dcf, sub});
+  // A stream of four zeros is an empty one: nothing is to be configured.
+  const bool has_concise = concise.size() > sizeof(std::uint32_t);
+  if (!has_concise && text.empty()) return Wanted{};
+  const std::uint16_t index = has_concise ? stored_concise_dcf : stored_dcf;
+  const bool plain = number(values, stored_dcf_format, sub) == 0;
+  if (!has_concise && !plain) {
+    return fail(wrong(stored_dcf_format, node, "a format of the stored DCF that is not known", Errc::unsupported));
+  }
+  const auto loaded = has_concise ? read_concise_configuration(concise, "1F22h")
+                                  : read_configuration(std::string(text.begin(), text.end()), "1F20h");
+  if (!loaded.usable()) {
+    return fail(wrong(index, node,
+                      has_concise ? "what is stored is no concise DCF, or sets nothing"
+                                  : "what is stored is no DCF, or sets nothing"));
+  }
+  auto made = wanted(loaded.configuration, node);
+  const ConfigurationDate expected{number(values, 0x1F26, sub), number(values, 0x1F27, sub)};
+  if (made && expected.valid()) made->date = expected;
+  return made;
+}
+
+rt::Task<Result<void>> DictionarySource::configure(BootTarget& target, const SlaveRules& rules) {
+  if (rules.restores && rules.restore_sub != 0) {
+    const auto restored = co_await restore(target, rules.restore_sub);
+    if (!restored) co_return restored;
+  }
+  const auto wanted = wanted_of(*values_, node_);
+  if (!wanted) co_return fail(wanted.error());
+  if (wanted->entries.empty()) co_return Result<void>{};
+  ConfiguratorOptions options;
+  options.trust_date = false;  // step 7 has looked at it: without an expected date every value is compared
+  Configurator configurator(target.objects(), target.objects(), *wanted, options);
+  ConfigurationReport report;
+  co_await configurator.run(report);
+  if (report.failure) co_return fail(error_of(*report.failure, node_));
+  co_return Result<void>{};
+}
+
+rt::Task<Result<void>> DictionarySource::restore(BootTarget& target, std::uint8_t sub) {
+  constexpr std::uint32_t load = 0x6461'6F6C;  // "load"
+  const auto told = co_await target.objects().write_u32(0x1011, sub, load);
+  if (!told) co_return told;
+  // 1011h:02 is about communication parameters; all others need the whole device to start anew.
+  const auto command = sub == 2 ? co::NmtCommand::reset_communication : co::NmtCommand::reset_node;
+  const auto sent = co_await target.command(command);
+  if (!sent) co_return fail(sent.error());
+  const bool booted = co_await target.boots(*sent, *sent + restart_time);
+  Error silent{.code = Errc::timeout, .node = node_.value(), .text = "no boot-up message after its restore and reset"};
+  if (!booted) co_return fail(silent);
+  co_return Result<void>{};
+}
+
+}  // namespace berth::manager

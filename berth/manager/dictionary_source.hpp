@@ -1,0 +1,50 @@
+/// The rules and the configuration of a network from an object dictionary (CiA 302-2, 302-3): so any device whose
+/// dictionary has these objects can be its network's master.
+///
+///     1016h            heartbeat consumer: the entry of a slave is its heartbeat time
+///     102Ah            NMT inhibit time, in 100 us
+///     1F20h, 1F21h     a slave's DCF as text, and its format (0: as it is; others are not known)
+///     1F22h            a slave's concise DCF; it counts where there is one, else 1F20h
+///     1F26h, 1F27h     expected configuration date and time
+///     1F55h            expected software
+///     1F80h            NMT startup
+///     1F81h            slave assignment
+///     1F84h to 1F88h   expected identity
+///     1F89h            boot time, in ms
+///     1F8Ah            sub-index of the slave's 1011h that restores its factory settings
+/// Of the arrays the sub-index is the slave's node-ID. An object or sub-index that is not there counts as 0.
+#pragma once
+
+#include "berth/manager/boot_slave.hpp"
+#include "berth/manager/configuration.hpp"
+#include "berth/od/values.hpp"
+
+namespace berth::manager {
+
+/// Errc::invalid: a reserved bit is set.
+[[nodiscard]] Result<Startup> startup_of(const od::Values& values) noexcept;
+[[nodiscard]] SlaveRules slave_rules_of(const od::Values& values, NodeId node) noexcept;
+[[nodiscard]] rt::Duration boot_time_of(const od::Values& values) noexcept;
+[[nodiscard]] rt::Duration nmt_inhibit_time_of(const od::Values& values) noexcept;
+
+/// What a slave's configuration shall be. Without a DCF: no entries. Its date is 1F26h and 1F27h where both are not 0.
+/// Errors: Errc::invalid, with the object, when the stream or the text is none, or a value of it cannot be had;
+/// Errc::unsupported: a format of 1F21h that is not known.
+[[nodiscard]] Result<Wanted> wanted_of(const od::Values& values, NodeId node);
+
+/// Brings it into the slave: factory settings (bit 7 of 1F81h and 1F8Ah), then what differs, read back, dated and saved
+/// (`Configurator`). A slave without memory is configured at every boot.
+class DictionarySource final : public BootSource {
+ public:
+  /// `values` must stay; they are read at each boot-up.
+  DictionarySource(const od::Values& values, NodeId node) noexcept : values_(&values), node_(node) {}
+  rt::Task<Result<void>> configure(BootTarget& target, const SlaveRules& rules) override;
+
+ private:
+  rt::Task<Result<void>> restore(BootTarget& target, std::uint8_t sub);
+
+  const od::Values* values_;
+  NodeId node_;
+};
+
+}  // namespace berth::manager

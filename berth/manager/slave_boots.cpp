@@ -1,0 +1,97 @@
+#include "berth/manager/slave_boots.hpp"
+
+namespace berth::manager {
+
+void SlaveBoots::set(std::span<const NetworkSlave> slaves, rt::Duration boot_time) {
+  cancel();
+  for (const auto& old : slaves_) supervise(*old, false);
+  slaves_.clear();
+  by_node_.fill(nullptr);
+  for (const auto& slave : slaves) {
+    slaves_.push_back(std::make_unique<Slave>(*executor_, slave));
+    by_node_[slave.node.value()] = slaves_.back().get();
+  }
+  boot_time_ = boot_time;
+}
+
+void SlaveBoots::cancel() noexcept {
+  due_.cancel();
+  for (const auto& slave : slaves_) {
+    slave->scope.cancel();
+    slave->again = slave->waits = slave->starting = false;
+    if (slave->status.phase == SlavePhase::booting) slave->status.phase = SlavePhase::idle;
+  }
+}
+
+void SlaveBoots::boot(Slave& slave, rt::Time since) noexcept {
+  slave.status.phase = SlavePhase::booting;
+  slave.since = since;
+  slave.again = true;
+  due_.post();
+}
+
+void SlaveBoots::booted_while_booting(Slave& slave, bool expected) noexcept {
+  if (slave.again || slave.waits) return;
+  // Its own steps reset it, and go on; but before it has answered it only can be asked too late.
+  const bool of_its_steps = expected && slave.boot && slave.boot->found();
+  if (!of_its_steps) boot(slave);
+}
+
+bool SlaveBoots::supervise(Slave& slave, bool on) noexcept {
+  const auto& rules = slave.what.rules;
+  const bool has = rules.heartbeat.count() > 0 || rules.guard_time.count() > 0;
+  slave.what.target->supervise(on ? rules : SlaveRules{});
+  slave.status.supervised = on && has;
+  return has;
+}
+
+void SlaveBoots::begin_due() noexcept {
+  for (const auto& slave : slaves_) {
+    if (!slave->again) continue;
+    slave->again = slave->waits = slave->starting = false;
+    slave->scope.cancel();
+    supervise(*slave, false);
+    slave->scope.spawn(run(*slave));
+  }
+}
+
+rt::Task<void> SlaveBoots::run(Slave& slave) {
+  BootTarget& target = *slave.what.target;
+  const BootOptions options{
+      .give_up = slave.what.rules.mandatory && boot_time_.count() > 0 ? executor_->now() + boot_time_ : rt::never,
+      .pause = timing_.pause,
+      .boot_timeout = timing_.boot_timeout};
+  slave.boot.reset();
+  if (slave.since != rt::never) {
+    slave.waits = true;
+    co_await target.boots(slave.since, slave.since + timing_.boot_timeout);
+    slave.waits = false;
+  }
+  slave.boot.emplace(*executor_, target, *slave.what.source, slave.what.rules, options);
+  BootResult result = co_await slave.boot->run();
+  slave.status.result = std::move(result);
+  const bool good = is_ready(slave.status.result.status);
+  const bool runs = slave.status.result.status == BootStatus::l;
+  slave.status.phase = runs ? SlavePhase::started : SlavePhase::ready;
+  if (runs) slave.status.state = NmtState::operational;
+  if (!good) slave.status.phase = SlavePhase::failed;
+  slave.status.supervised = good && (slave.what.rules.heartbeat.count() > 0 || slave.what.rules.guard_time.count() > 0);
+  // Decided before the network goes on by this slave: else it were started alone and with all.
+  slave.starting = good && !runs && owner_->starts(slave.status);
+  owner_->ended(slave.status);
+  if (slave.starting) co_await start(slave);
+}
+
+rt::Task<void> SlaveBoots::start(Slave& slave) {
+  const auto sent = co_await slave.what.target->command(co::NmtCommand::start);
+  slave.starting = false;
+  if (!sent) {
+    owner_->not_sent(slave.what.node, sent.error());
+    co_return;
+  }
+  slave.status.phase = SlavePhase::started;
+  if (!slave.status.supervised) slave.status.state = NmtState::operational;
+  owner_->started(slave.status);
+}
+
+}  // namespace berth::manager
