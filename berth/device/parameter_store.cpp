@@ -91,34 +91,32 @@ bool ParameterStore::read_slot(unsigned slot, std::uint32_t& sequence, std::uint
 }
 
 bool ParameterStore::load() noexcept {
-  loaded_ = false;
-  sequence_ = length_ = 0;
-  slot_ = 1;
+  image_ = {};
   if (!usable()) return false;
   std::array<std::uint32_t, 2> sequence{};
   std::array<std::uint32_t, 2> length{};
   const bool first = read_slot(0, sequence[0], length[0]);
   const bool second = read_slot(1, sequence[1], length[1]);
-  loaded_ = first || second;
-  if (!loaded_) return false;
+  image_.loaded = first || second;
+  if (!image_.loaded) return false;
   // Newer by distance, so that the number may wrap.
-  slot_ = second && (!first || static_cast<std::int32_t>(sequence[1] - sequence[0]) > 0) ? 1 : 0;
-  sequence_ = sequence[slot_];
-  length_ = length[slot_];
+  image_.slot = second && (!first || static_cast<std::int32_t>(sequence[1] - sequence[0]) > 0) ? 1 : 0;
+  image_.sequence = sequence[image_.slot];
+  image_.length = length[image_.slot];
   return true;
 }
 
 ParameterStore::Walk::Walk(const ParameterStore& store) noexcept : store_(&store) { take(); }
 
 void ParameterStore::Walk::take() noexcept {
-  ended_ = !store_->loaded_ || at_ + entry_overhead > store_->length_;
+  ended_ = !store_->image_.loaded || at_ + entry_overhead > store_->image_.length;
   if (ended_) return;
   std::array<std::uint8_t, entry_overhead> raw{};
-  store_->memory_->read(store_->slot_at(store_->slot_) + header_size + at_, raw);
+  store_->memory_->read(store_->slot_at(store_->image_.slot) + header_size + at_, raw);
   entry_ = {.ref = {load_le<std::uint16_t>(raw.data()), raw[2]},
             .type = static_cast<od::DataType>(raw[3]),
             .length = load_le<std::uint16_t>(raw.data() + 4)};
-  ended_ = entry_.length > longest || at_ + entry_overhead + entry_.length > store_->length_;
+  ended_ = entry_.length > longest || at_ + entry_overhead + entry_.length > store_->image_.length;
 }
 
 void ParameterStore::Walk::next() noexcept {
@@ -127,7 +125,7 @@ void ParameterStore::Walk::next() noexcept {
 }
 
 void ParameterStore::Walk::read_value(std::span<std::uint8_t> into) const noexcept {
-  store_->memory_->read(store_->slot_at(store_->slot_) + header_size + at_ + entry_overhead, into);
+  store_->memory_->read(store_->slot_at(store_->image_.slot) + header_size + at_ + entry_overhead, into);
 }
 
 bool ParameterStore::fits(const Entry& entry, const od::SubObject& sub) noexcept {
@@ -171,7 +169,7 @@ bool ParameterStore::write_next() noexcept {
   if (count == 0) return write_header();
   if (header_size + put_ + count > slot_size_) return false;
   const auto bytes = std::span<const std::uint8_t>(chunk_).first(count);
-  const auto at = slot_at(1 - slot_) + header_size + put_;
+  const auto at = slot_at(1 - image_.slot) + header_size + put_;
   crc_ = crc32(bytes, crc_);
   put_ += static_cast<std::uint32_t>(count);
   return memory_->write(at, bytes, *this);
@@ -179,11 +177,11 @@ bool ParameterStore::write_next() noexcept {
 
 bool ParameterStore::write_header() noexcept {
   header_ = true;
-  store_le<std::uint32_t>(chunk_.data(), sequence_ + 1);
+  store_le<std::uint32_t>(chunk_.data(), image_.sequence + 1);
   store_le<std::uint32_t>(chunk_.data() + 4, put_);
   store_le<std::uint32_t>(chunk_.data() + 8, crc_);
   store_le<std::uint32_t>(chunk_.data() + 12, crc32(std::span(chunk_).first(12)));
-  return memory_->write(slot_at(1 - slot_), std::span(chunk_).first(header_size), *this);
+  return memory_->write(slot_at(1 - image_.slot), std::span(chunk_).first(header_size), *this);
 }
 
 /// Whole entries only, so that no value is torn by what the application does between two writes.
@@ -241,10 +239,10 @@ bool ParameterStore::at_default(ObjectRef ref, const od::SubObject& sub) const n
 
 void ParameterStore::written(bool ok) noexcept {
   if (ok && header_) {
-    slot_ = 1 - slot_;
-    ++sequence_;
-    length_ = put_;
-    loaded_ = true;
+    image_.slot = 1 - image_.slot;
+    ++image_.sequence;
+    image_.length = put_;
+    image_.loaded = true;
   }
   if (std::exchange(ending_, false)) return;
   if (!ok || header_) return end(ok);

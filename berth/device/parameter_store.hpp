@@ -87,9 +87,16 @@ class ParameterStore final : private NvMemory::Done {
   void forget() noexcept;
 
   /// Bytes of entries in the valid image.
-  [[nodiscard]] std::size_t stored_bytes() const noexcept { return length_; }
+  [[nodiscard]] std::size_t stored_bytes() const noexcept { return image_.length; }
 
  private:
+  /// The valid one.
+  struct Image {
+    std::uint32_t sequence = 0;
+    std::uint32_t length = 0;  ///< bytes of entries
+    unsigned slot = 1;
+    bool loaded = false;
+  };
   struct Entry {
     ObjectRef ref;
     od::DataType type = od::DataType::none;
@@ -131,11 +138,7 @@ class ParameterStore final : private NvMemory::Done {
   std::span<const Preset> presets_;
   Owner* owner_;
   GroupOf group_of_;
-  // The valid image
-  std::uint32_t sequence_ = 0;
-  std::uint32_t length_ = 0;
-  unsigned slot_ = 1;
-  bool loaded_ = false;
+  Image image_;
   // The one that is being written
   const od::Values* values_ = nullptr;
   Walk old_;

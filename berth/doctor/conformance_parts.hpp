@@ -1,4 +1,5 @@
-/// The examiner behind `examine`. Only its own sources include this.
+/// What `examine` consists of: the device under test, the report that is written of it, what its description has, and
+/// one class of checks for each group of services. Only the sources of `conformance` include this.
 #pragma once
 
 #include <algorithm>
@@ -23,6 +24,9 @@ struct Told {
   [[nodiscard]] std::uint64_t number() const noexcept;
   [[nodiscard]] std::string words() const;
 };
+
+/// "0602 0000 (object does not exist)".
+[[nodiscard]] std::string written(od::AbortCode code);
 
 /// Abort codes of which any will do. Where stacks differ and CiA 301 leaves it open, there are several.
 struct Codes {
@@ -56,14 +60,19 @@ inline constexpr Codes twice{{AbortCode::parameter_incompatible}};
 inline constexpr Codes state{{AbortCode::device_state}};
 }  // namespace codes
 
-class Examiner final : private can::Handler {
- public:
-  Examiner(can::Dispatcher& dispatcher, const ConformanceOptions& options, Conformance& report);
-  ~Examiner();
-  rt::Task<Result<void>> run();
+// Edges of the ranges of §7.3.5, and bit 11 of an 11-bit identifier.
+inline constexpr std::array<std::uint32_t, 12> restricted{0x000, 0x07F, 0x101, 0x180, 0x581, 0x5FF,
+                                                          0x601, 0x67F, 0x6E0, 0x6FF, 0x701, 0x7FF};
+inline constexpr std::uint32_t malformed_bit = 0x800;
 
- private:
-  // Asking. After a frame that could not be sent everything is silent and `bus_error_` says why.
+/// The device that is asked. After a frame that could not be sent everything is silent and `bus_error` says why.
+class DeviceUnderTest final : private can::Handler {
+ public:
+  DeviceUnderTest(can::Dispatcher& dispatcher, const ConformanceOptions& options);
+  ~DeviceUnderTest();
+  DeviceUnderTest(const DeviceUnderTest&) = delete;
+  DeviceUnderTest& operator=(const DeviceUnderTest&) = delete;
+
   rt::Task<Told> read(std::uint16_t index, std::uint8_t sub);
   rt::Task<Told> read_by_block(std::uint16_t index, std::uint8_t sub, bool crc);
   rt::Task<Told> write(std::uint16_t index, std::uint8_t sub, const Bytes& bytes);
@@ -73,11 +82,39 @@ class Examiner final : private can::Handler {
   /// The next frame of the node in this range, if one comes in time.
   rt::Task<std::optional<can::Frame>> hear(std::uint32_t key, rt::Duration limit);
   void send(const can::Frame& frame);
+  /// What came until now is not heard any more.
+  void forget() noexcept { box_.clear(); }
   [[nodiscard]] can::Frame request(std::uint8_t command, std::uint16_t index, std::uint8_t sub,
                                    std::uint32_t number = 0) const noexcept;
 
-  // Judging
-  void add(std::string_view paragraph, ObjectRef object, std::string what, Verdict verdict, std::string told);
+  [[nodiscard]] rt::Time now() const noexcept { return dispatcher_->executor().now(); }
+  /// When the last frame came that `hear` gave.
+  [[nodiscard]] rt::Time heard_at() const noexcept { return heard_at_; }
+  [[nodiscard]] bool reachable() const noexcept { return !bus_error_; }
+  [[nodiscard]] const std::optional<Error>& bus_error() const noexcept { return bus_error_; }
+
+ private:
+  struct Heard {
+    can::Frame frame;
+    rt::Time at;
+  };
+  void received(const can::Frame& frame, rt::Time at) noexcept override;
+  /// What came of an SDO transfer.
+  Told told_by(const Error& error);
+
+  can::Dispatcher* dispatcher_;
+  NodeId node_;
+  rt::Duration timeout_;
+  co::SdoClient client_;
+  rt::Mailbox<Heard, 256> box_;
+  std::optional<Error> bus_error_;
+  rt::Time heard_at_{};
+};
+
+/// Writes verdicts into the report. While the device cannot be reached nothing is judged.
+class Verdicts {
+ public:
+  Verdicts(const DeviceUnderTest& device, Conformance& report) : device_(&device), report_(&report) {}
   void holds(std::string_view paragraph, ObjectRef object, std::string what, bool so, std::string told);
   void granted(std::string_view paragraph, ObjectRef object, std::string what, const Told& told);
   void refused(std::string_view paragraph, ObjectRef object, std::string what, const Told& told, const Codes& codes);
@@ -85,40 +122,93 @@ class Examiner final : private can::Handler {
                const Codes& codes);
   void silent(std::string_view paragraph, std::string what, const std::optional<can::Frame>& answer);
   void skip(std::string_view paragraph, ObjectRef object, std::string what, std::string why);
-  /// Writes what must be refused; the old value comes back when it is not.
-  rt::Task<void> must_refuse(std::uint16_t index, std::uint8_t sub, std::size_t size, std::uint64_t value,
-                             const Codes& codes, const char* what);
-  rt::Task<void> must_refuse_bytes(std::uint16_t index, std::uint8_t sub, const Bytes& bytes, const Codes& codes,
-                                   const char* what);
 
-  [[nodiscard]] const od::SubObject* described(std::uint16_t index, std::uint8_t sub) const noexcept;
+ private:
+  void add(std::string_view paragraph, ObjectRef object, std::string what, Verdict verdict, std::string told);
+
+  const DeviceUnderTest* device_;
+  Conformance* report_;
+};
+
+/// What the description has, if there is one.
+class Described {
+ public:
+  explicit Described(const od::Description* description) noexcept : description_(description) {}
+  [[nodiscard]] const od::SubObject* find(std::uint16_t index, std::uint8_t sub) const noexcept;
   [[nodiscard]] bool has(std::uint16_t index) const noexcept;
   /// A rw object that CiA 301 wants as a scalar of this size.
   [[nodiscard]] bool settable(std::uint16_t index, std::uint8_t sub, std::size_t size) const noexcept;
+  /// An index that no device has.
   [[nodiscard]] std::uint16_t absent() const noexcept;
   /// The device has not what its description has not either.
-  [[nodiscard]] bool described_away(std::uint16_t index, std::uint8_t sub, const Told& told) const noexcept;
+  [[nodiscard]] bool leaves_out(std::uint16_t index, std::uint8_t sub, const Told& told) const noexcept;
+  /// The object of an entry of a PDO mapping (1600h, 1A00h).
   [[nodiscard]] bool mappable(std::uint32_t entry) const noexcept;
 
-  // SDO (conformance_sdo.cpp)
-  rt::Task<void> sdo();
-  rt::Task<void> sdo_refusals();
-  rt::Task<void> sdo_commands();
-  rt::Task<void> sdo_device_type();
-  rt::Task<void> sdo_segments(std::uint16_t index, std::uint8_t sub);
-  rt::Task<void> sdo_blocks(std::uint16_t index, std::uint8_t sub);
-  rt::Task<void> sdo_download_toggle();
+ private:
+  const od::Description* description_;
+};
+
+/// What every group of checks works with.
+class Checks {
+ public:
+  Checks(DeviceUnderTest& device, Verdicts& report, const ConformanceOptions& options)
+      : device_(device), report_(report), described_(options.description.get()), options_(options) {}
+
+ protected:
+  /// Writes what must be refused; the old value comes back when it is not.
+  rt::Task<void> must_refuse(std::uint16_t index, std::uint8_t sub, std::size_t size, std::uint64_t value,
+                             const Codes& codes, const char* what);
+
+  DeviceUnderTest& device_;            // NOLINT(*-non-private-member-variables-in-classes)
+  Verdicts& report_;                   // NOLINT(*-non-private-member-variables-in-classes)
+  Described described_;                // NOLINT(*-non-private-member-variables-in-classes)
+  const ConformanceOptions& options_;  // NOLINT(*-non-private-member-variables-in-classes)
+};
+
+/// SDO services: CiA 301 §7.2.4.3.
+class SdoChecks final : private Checks {
+ public:
+  using Checks::Checks;
+  rt::Task<void> run();
+
+ private:
+  rt::Task<void> refusals();
+  rt::Task<void> commands();
+  rt::Task<void> device_type();
+  rt::Task<void> segmented_upload(std::uint16_t index, std::uint8_t sub);
+  rt::Task<void> block_transfer(std::uint16_t index, std::uint8_t sub);
+  rt::Task<void> download_toggle();
   rt::Task<std::optional<ObjectRef>> long_object();
-  // Every object (conformance_objects.cpp)
-  rt::Task<void> objects();
+};
+
+/// Every object of the description: CiA 301 §7.4, and the access that it describes.
+class ObjectChecks final : private Checks {
+ public:
+  using Checks::Checks;
+  rt::Task<void> run();
+
+ private:
   rt::Task<void> object(const od::Object& object);
   rt::Task<void> sub_object(const od::Object& object, const od::SubObject& sub);
   rt::Task<void> writing(const od::SubObject& sub, std::uint16_t index, const Told& now);
   rt::Task<void> limits(const od::SubObject& sub, std::uint16_t index);
   [[nodiscard]] bool inside_limits(const od::SubObject& sub, const Told& now) const noexcept;
   rt::Task<void> highest_sub(const od::Object& object);
-  // Communication objects (conformance_communication.cpp)
+};
+
+/// The communication objects and their rules, without the PDOs': CiA 301 §7.5.2.
+class CommunicationChecks final : private Checks {
+ public:
+  using Checks::Checks;
+  /// What every device must have.
   rt::Task<void> mandatory();
+  /// What it may have.
+  rt::Task<void> optional();
+  /// Entries of 1016h; changes the device.
+  rt::Task<void> consumer_entries();
+
+ private:
   rt::Task<void> error_register();
   rt::Task<void> error_control();
   rt::Task<void> identity();
@@ -128,12 +218,26 @@ class Examiner final : private can::Handler {
   rt::Task<void> cob_id(std::uint16_t index, std::uint8_t sub, std::uint32_t in_use);
   rt::Task<void> sync_objects();
   rt::Task<void> default_channel();
-  rt::Task<void> pdos();
+};
+
+/// PDO parameters and their mappings: CiA 301 §7.5.2.35 to §7.5.2.38.
+class PdoChecks final : private Checks {
+ public:
+  using Checks::Checks;
+  rt::Task<void> run();
+
+ private:
   rt::Task<void> pdo(std::uint16_t index);
   rt::Task<void> mapping(std::uint16_t index);
-  rt::Task<void> consumer_entries();
-  // NMT, error control, SYNC on the bus (conformance_nmt.cpp); only with `lasting`
-  rt::Task<void> nmt();
+};
+
+/// NMT, error control and SYNC as they are on the bus: CiA 301 §7.3.2, §7.2.8, §7.2.5. All of it changes the device.
+class NmtChecks final : private Checks {
+ public:
+  using Checks::Checks;
+  rt::Task<void> run();
+
+ private:
   rt::Task<void> states();
   rt::Task<void> command(std::uint8_t command, std::uint8_t node, unsigned size);
   rt::Task<void> in_state(std::uint8_t state, const char* what);
@@ -143,20 +247,6 @@ class Examiner final : private can::Handler {
   rt::Task<void> guarding();
   rt::Task<void> sync_counter();
   [[nodiscard]] const od::SubObject* application_object(ObjectRef& where) const noexcept;
-
-  void received(const can::Frame& frame, rt::Time at) noexcept override;
-
-  struct Heard {
-    can::Frame frame;
-    rt::Time at;
-  };
-  can::Dispatcher* dispatcher_;
-  const ConformanceOptions* options_;
-  Conformance* report_;
-  co::SdoClient client_;
-  rt::Mailbox<Heard, 256> box_;
-  std::optional<Error> bus_error_;
-  rt::Time heard_at_{};
 };
 
 }  // namespace berth::doctor

@@ -5,6 +5,7 @@
 #include <algorithm>
 #include <array>
 
+#include "berth/eds/modules_read.hpp"
 #include "berth/eds/objects.hpp"
 
 namespace berth::eds {

@@ -1,4 +1,5 @@
-// The sections of a modular device: [SupportedModules], [MxModuleInfo] and what belongs to each kind of module.
+#include "berth/eds/modules_read.hpp"
+
 #include <fmt/format.h>
 
 #include <algorithm>
@@ -74,7 +75,7 @@ std::optional<ModuleSection> module_section(std::string_view name) noexcept {
   return found;
 }
 
-void ObjectReader::modules(File& file) {
+void ModuleReader::read(File& file) {
   std::vector<ModuleSection> sections;
   for (const Section& each : context_.document().sections()) {
     auto found = module_section(context_.document().name(each));
@@ -88,7 +89,7 @@ void ObjectReader::modules(File& file) {
     context_.warn(*sections[i].section, nullptr,
                   "the section stands twice; where both have a key, the last one counts");
   }
-  for (std::size_t begin = 0; begin < sections.size() && !too_much_;) {
+  for (std::size_t begin = 0; begin < sections.size() && !budget_.spent();) {
     std::size_t end = begin;
     while (end < sections.size() && sections[end].module == sections[begin].module) ++end;
     file.modules.push_back(module(sections[begin].module, std::span(sections).subspan(begin, end - begin)));
@@ -109,12 +110,12 @@ void ObjectReader::modules(File& file) {
   }
 }
 
-Module ObjectReader::module(std::uint16_t number, std::span<const ModuleSection> sections) {
+Module ModuleReader::module(std::uint16_t number, std::span<const ModuleSection> sections) {
   Module made;
   made.number = number;
   const Section* fixed_list = nullptr;
   const Section* extension_list = nullptr;
-  for (std::size_t i = 0; i < sections.size() && !too_much_;) {
+  for (std::size_t i = 0; i < sections.size() && !budget_.spent();) {
     const ModuleSection& each = sections[i];
     std::size_t end = i + 1;
     switch (each.part) {
@@ -155,28 +156,21 @@ Module ObjectReader::module(std::uint16_t number, std::span<const ModuleSection>
   return made;
 }
 
-void ObjectReader::check_module_list(const Section& section, std::span<const std::uint16_t> present) {
-  numbered(section, "NrOfEntries", [&](std::uint32_t, const Entry& entry) {
+void ModuleReader::check_module_list(const Section& section, std::span<const std::uint16_t> present) {
+  numbered(context_, section, "NrOfEntries", [&](std::uint32_t, const Entry& entry) {
     const auto index = context_.number(section, &entry, 0xFFFF, Severity::warning);
     if (!index || std::ranges::binary_search(present, static_cast<std::uint16_t>(*index))) return;
     context_.warn(section, &entry, fmt::format("{:04X}h is listed and has no section; left out", *index));
   });
 }
 
-ModuleValue ObjectReader::module_value(std::uint16_t index, const Section& section, const Keys& keys,
+ModuleValue ModuleReader::module_value(std::uint16_t index, const Section& section, const Keys& keys,
                                        const Fallback& fallback) {
-  Group group;
+  ObjectGroup group;
   group.index = index;
-  // A module's description sets no values of a device.
-  const std::array sizes{parameters_.size(), defaults_.size(), file_references_.size(), denotations_.size(),
-                         param_refs_.size()};
-  const od::SubSpec read = spec(group, section, keys, fallback);
-  parameters_.resize(sizes[0]);
-  defaults_.resize(sizes[1]);
-  file_references_.resize(sizes[2]);
-  denotations_.resize(sizes[3]);
-  param_refs_.resize(sizes[4]);
-  (void)afford(&section, 1, read.name.size() + read.initial.bytes.size());
+  const od::SubSpec read = keys_.spec(group, section, keys, fallback);
+  not_taken_ = {};
+  (void)budget_.afford(&section, 1, read.name.size() + read.initial.bytes.size());
   return {.sub = read.sub,
           .name = std::string(read.name),
           .type = read.type,
@@ -188,13 +182,13 @@ ModuleValue ObjectReader::module_value(std::uint16_t index, const Section& secti
           .obj_flags = read.obj_flags};
 }
 
-void ObjectReader::fixed_object(Module& module, std::span<const ModuleSection> sections) {
-  Group group;
+void ModuleReader::fixed_object(Module& module, std::span<const ModuleSection> sections) {
+  ObjectGroup group;
   group.index = sections.front().index;
   std::size_t first_sub = 0;
   for (; first_sub < sections.size() && sections[first_sub].part == ModulePart::fixed; ++first_sub) {
     group.main = sections[first_sub].section;
-    collect(*group.main, group.keys);
+    keys_.collect(*group.main, group.keys);
   }
   const auto subs = sections.subspan(first_sub);
   if (group.main == nullptr) {
@@ -203,7 +197,7 @@ void ObjectReader::fixed_object(Module& module, std::span<const ModuleSection> s
   }
   ModuleObject made;
   made.index = group.index;
-  made.code = object_code(group, !subs.empty());
+  made.code = keys_.object_code(group, !subs.empty());
   if (!takes_subs(made.code)) {
     made.subs.push_back(module_value(group.index, *group.main, group.keys, {}));
     made.name = made.subs.front().name;
@@ -212,8 +206,8 @@ void ObjectReader::fixed_object(Module& module, std::span<const ModuleSection> s
     module.fixed_objects.push_back(std::move(made));
     return;
   }
-  made.name = parameter_name(group, *group.main, group.keys, {});
-  if (given(group.keys, Key::data_type)) made.type = data_type(*group.main, group.keys, {});
+  made.name = keys_.parameter_name(group, *group.main, group.keys, {});
+  if (keys_.given(group.keys, Key::data_type)) made.type = keys_.data_type(*group.main, group.keys, {});
   made.obj_flags = static_cast<std::uint8_t>(
       context_.number(*group.main, entry(group.keys, Key::obj_flags), 0xFFFF'FFFF, Severity::warning).value_or(0));
   const auto compact =
@@ -225,17 +219,17 @@ void ObjectReader::fixed_object(Module& module, std::span<const ModuleSection> s
                          .access = od::Access::ro,
                          .initial = od::Literal::number(compact)});
     const ModuleValue item = module_value(group.index, *group.main, group.keys, {.sub = 1});
-    for (unsigned sub = 1; sub <= compact && afford(group.main, 1, item.name.size() + 3); ++sub) {
+    for (unsigned sub = 1; sub <= compact && budget_.afford(group.main, 1, item.name.size() + 3); ++sub) {
       ModuleValue& each = made.subs.emplace_back(item);
       each.sub = static_cast<std::uint8_t>(sub);
       each.name = fmt::format("{}{}", item.name, sub);
     }
   }
-  for (std::size_t i = 0; i < subs.size() && !too_much_;) {
+  for (std::size_t i = 0; i < subs.size() && !budget_.spent();) {
     const std::uint8_t sub = subs[i].sub;
     Keys keys{};
     const Section* section = nullptr;
-    for (; i < subs.size() && subs[i].sub == sub; ++i) collect(*(section = subs[i].section), keys);
+    for (; i < subs.size() && subs[i].sub == sub; ++i) keys_.collect(*(section = subs[i].section), keys);
     const od::DataType usual = sub == 0 ? od::DataType::unsigned8 : made.type;
     std::erase_if(made.subs, [sub](const ModuleValue& each) { return each.sub == sub; });
     made.subs.push_back(module_value(group.index, *section, keys, {.sub = sub, .type = usual}));
@@ -244,10 +238,10 @@ void ObjectReader::fixed_object(Module& module, std::span<const ModuleSection> s
   module.fixed_objects.push_back(std::move(made));
 }
 
-void ObjectReader::extension(Module& module, std::span<const ModuleSection> sections) {
+void ModuleReader::extension(Module& module, std::span<const ModuleSection> sections) {
   Keys keys{};
   const Section& section = *sections.back().section;
-  for (const ModuleSection& each : sections) collect(*each.section, keys, extension_words);
+  for (const ModuleSection& each : sections) keys_.collect(*each.section, keys, extension_words);
   ModuleExtension made;
   made.index = sections.front().index;
   made.value = module_value(made.index, section, keys, {.sub = 1});

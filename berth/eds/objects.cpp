@@ -4,7 +4,9 @@
 
 #include <algorithm>
 
+#include "berth/eds/compact_pdos.hpp"
 #include "berth/eds/info.hpp"
+#include "berth/eds/modules_read.hpp"
 
 namespace berth::eds {
 namespace {
@@ -18,42 +20,6 @@ int hex_digit(char c) noexcept {
   if (c >= 'a' && c <= 'f') return c - 'a' + 10;
   if (c >= 'A' && c <= 'F') return c - 'A' + 10;
   return -1;
-}
-
-constexpr std::array<std::string_view, static_cast<std::size_t>(Key::count)> key_words{
-    "ParameterName", "ObjectType",   "DataType",   "AccessType", "DefaultValue",  "PDOMapping",
-    "SubNumber",     "LowLimit",     "HighLimit",  "ObjFlags",   "CompactSubObj", "ParameterValue",
-    "UploadFile",    "DownloadFile", "Denotation", "ParamRefd"};
-
-/// A key's place in `Key` by its length and two letters, which tell the words apart.
-class KeySlots {
- public:
-  static constexpr std::uint8_t none = 0xFF;
-
-  constexpr KeySlots() {
-    slots_.fill(none);
-    for (std::size_t slot = 0; slot < key_words.size(); ++slot) {
-      std::uint8_t& place = slots_[hash(key_words[slot])];
-      if (place != none) throw "two words in one place";  // at compile time
-      place = static_cast<std::uint8_t>(slot);
-    }
-  }
-  [[nodiscard]] constexpr std::uint8_t at(std::string_view key) const noexcept { return slots_[hash(key)]; }
-
- private:
-  static constexpr std::size_t hash(std::string_view key) noexcept {
-    if (key.size() < 3) return 0;
-    const auto letter = [key](std::size_t i) { return static_cast<unsigned char>(key[i] | 0x20); };
-    return (key.size() + letter(0) + letter(2) * 7U) % 32;
-  }
-  std::array<std::uint8_t, 32> slots_{};
-};
-constexpr KeySlots key_slots;
-
-/// A key's place in `Key`; Key::count for a key that CiA 306 does not know.
-std::size_t key_slot(std::string_view key) noexcept {
-  const std::uint8_t slot = key_slots.at(key);
-  return slot != KeySlots::none && same_word(key_words[slot], key) ? slot : key_words.size();
 }
 
 /// Ascending by object; of several entries for one the last (or first) stays.
@@ -106,51 +72,55 @@ std::optional<ObjectSection> object_section(std::string_view name) noexcept {
 }
 
 ObjectReader::ObjectReader(Context& context, const DeviceInfo& device, const ReadOptions& options)
-    : context_(context), device_(device), options_(options) {}
+    : context_(context), device_(device), budget_(context, options) {}
 
 void ObjectReader::run(File& file, std::uint32_t dummies) {
   builder_.dummies(dummies);
-  dcf_ = file.commissioning.has_value();
   classify();
-  read_lists();
-  for (std::size_t begin = 0; begin < sections_.size() && !too_much_;) {
+  lists_.read(!sections_.empty());
+  for (std::size_t begin = 0; begin < sections_.size() && !budget_.spent();) {
     std::size_t end = begin;
     while (end < sections_.size() && sections_[end].index == sections_[begin].index) ++end;
-    const Group found = group(std::span(sections_).subspan(begin, end - begin));
-    check_listed(found);
+    const ObjectGroup found = group(std::span(sections_).subspan(begin, end - begin));
+    lists_.described(found);
     read_group(found);
     begin = end;
   }
-  missing_sections();
-  compact_pdos();
-  modules(file);
+  if (!budget_.spent()) lists_.missing_sections();
+  CompactPdos(device_, file.commissioning.has_value(), builder_, budget_, values_).add_all();
+  ModuleReader(context_, budget_).read(file);
   file.description = builder_.build();
   if (file.description->objects().empty() && !context_.report().has_error()) {
     context_.report().add(Severity::error, 0, 0, "", "no object sections: this is no EDS or DCF");
   }
   check_mandatory(*file.description);
   check_pdo_counts(*file.description);
-  if (too_much_) {
+  hand_over(file);
+}
+
+// What was left out has no values either.
+void ObjectReader::hand_over(File& file) {
+  if (budget_.spent()) {
     const auto left_out = [&file](const auto& each) { return file.description->find(each.object) == nullptr; };
-    std::erase_if(parameters_, left_out);
-    std::erase_if(defaults_, left_out);
-    std::erase_if(denotations_, left_out);
-    std::erase_if(param_refs_, left_out);
-    std::erase_if(file_references_, left_out);
+    std::erase_if(values_.parameters, left_out);
+    std::erase_if(values_.defaults, left_out);
+    std::erase_if(values_.denotations, left_out);
+    std::erase_if(values_.param_refs, left_out);
+    std::erase_if(values_.file_references, left_out);
   }
   // [xxxxValue] and ParameterValue may both speak of one sub-object: the builder kept the last one, so does this list.
-  by_object<true>(parameters_);
-  by_object<false>(defaults_);
-  by_object<true>(denotations_);
-  by_object<true>(param_refs_);
-  std::ranges::stable_sort(file_references_, {}, &FileReference::object);
-  std::ranges::stable_sort(object_links_, {}, &ObjectLinks::index);
-  file.parameters = std::move(parameters_);
-  file.defaults = std::move(defaults_);
-  file.file_references = std::move(file_references_);
-  file.denotations = std::move(denotations_);
-  file.param_refs = std::move(param_refs_);
-  file.object_links = std::move(object_links_);
+  by_object<true>(values_.parameters);
+  by_object<false>(values_.defaults);
+  by_object<true>(values_.denotations);
+  by_object<true>(values_.param_refs);
+  std::ranges::stable_sort(values_.file_references, {}, &FileReference::object);
+  std::ranges::stable_sort(values_.object_links, {}, &ObjectLinks::index);
+  file.parameters = std::move(values_.parameters);
+  file.defaults = std::move(values_.defaults);
+  file.file_references = std::move(values_.file_references);
+  file.denotations = std::move(values_.denotations);
+  file.param_refs = std::move(values_.param_refs);
+  file.object_links = std::move(values_.object_links);
 }
 
 void ObjectReader::classify() {
@@ -180,76 +150,8 @@ void ObjectReader::classify() {
   std::ranges::stable_sort(sections_, {}, &ObjectSection::order);
 }
 
-void ObjectReader::read_lists() {
-  struct List {
-    const char* name;
-    std::uint16_t first;
-    std::uint16_t last;
-  };
-  constexpr std::array<List, 3> lists{{{"MandatoryObjects", 0x1000, 0x1FFF},
-                                       {"OptionalObjects", 0x1000, 0xFFFF},
-                                       {"ManufacturerObjects", 0x2000, 0x5FFF}}};
-  for (const List& list : lists) {
-    const Section* const section = context_.document().find(list.name);
-    if (section == nullptr) continue;
-    any_list_ = true;
-    read_list(*section, list.first, list.last);
-  }
-  if (!any_list_ && !sections_.empty()) {
-    context_.report().add(Severity::warning, 0, 0, "[OptionalObjects]",
-                          "no object list stands in the file; every object section counts");
-  }
-}
-
-void ObjectReader::read_list(const Section& section, std::uint16_t first, std::uint16_t last) {
-  std::vector<std::uint32_t> numbers;
-  const bool optional = last == 0xFFFF;
-  numbered(section, "SupportedObjects", [&](std::uint32_t number, const Entry& entry) {
-    numbers.push_back(number);
-    const auto index = context_.number(section, &entry, 0xFFFF, Severity::warning);
-    if (!index) return;
-    const bool misplaced = *index < first || *index > last || (optional && *index >= 0x2000 && *index <= 0x5FFF);
-    if (misplaced)
-      context_.tell(Severity::note, section, &entry, fmt::format("{:04X}h belongs in another list", *index));
-    std::uint64_t& word = (*listed_)[*index / 64];
-    if ((word & bit(*index)) != 0) context_.warn(section, &entry, fmt::format("{:04X}h is listed twice", *index));
-    word |= bit(*index);
-    lists_.push_back({&section, &entry, static_cast<std::uint16_t>(*index)});
-  });
-  std::ranges::sort(numbers);
-  for (std::size_t i = 0; i < numbers.size(); ++i) {
-    if (i != 0 && numbers[i] == numbers[i - 1]) {
-      context_.warn(section, nullptr, fmt::format("the list has number {} twice; both count", numbers[i]));
-      return;
-    }
-    if (numbers[i] != i + 1) {
-      context_.warn(section, nullptr, fmt::format("the list has a hole: number {} is missing", i + 1));
-      return;
-    }
-  }
-}
-
-void ObjectReader::check_listed(const Group& group) {
-  const bool listed = ((*listed_)[group.index / 64] & bit(group.index)) != 0;
-  (*described_)[group.index / 64] |= bit(group.index);
-  if (!listed && any_list_ && group.main != nullptr) {
-    context_.warn(*group.main, nullptr, "the object is in none of the object lists; it is kept",
-                  "add it to [OptionalObjects] or [ManufacturerObjects]");
-  }
-}
-
-void ObjectReader::missing_sections() {
-  for (const auto& each : lists_) {
-    if (too_much_ || ((*described_)[each.index / 64] & bit(each.index)) != 0) continue;
-    context_.warn(*each.section, each.entry,
-                  fmt::format("{:04X}h is listed and has no section [{:04X}]; left out", each.index, each.index),
-                  "describe it, or take it off the list");
-    (*described_)[each.index / 64] |= bit(each.index);  // told once
-  }
-}
-
-ObjectReader::Group ObjectReader::group(std::span<const ObjectSection> sections) {
-  Group found;
+ObjectGroup ObjectReader::group(std::span<const ObjectSection> sections) {
+  ObjectGroup found;
   found.index = sections.front().index;
   std::size_t first_sub = 0;
   std::size_t subs = 0;
@@ -261,7 +163,7 @@ ObjectReader::Group ObjectReader::group(std::span<const ObjectSection> sections)
     switch (each.part) {
       case Part::object:
         found.main = each.section;
-        collect(*each.section, found.keys);
+        keys_.collect(*each.section, found.keys);
         break;
       case Part::sub:
         if (subs++ == 0) first_sub = i;
@@ -276,55 +178,9 @@ ObjectReader::Group ObjectReader::group(std::span<const ObjectSection> sections)
   return found;
 }
 
-void ObjectReader::collect(const Section& section, Keys& keys, std::span<const std::string_view> own_words) {
-  Keys own{};
-  for (const Entry& each : context_.document().entries(section)) {
-    const std::string_view key = context_.document().key(each);
-    const std::size_t slot = key_slot(key);
-    if (slot == key_words.size()) {
-      if (std::ranges::any_of(own_words, [key](std::string_view word) { return same_word(word, key); })) continue;
-      context_.tell(Severity::note, section, &each, "CiA 306 does not know this key; it is kept and not used");
-      continue;
-    }
-    if (own[slot] != nullptr) context_.warn(section, &each, "stands twice; the last one counts");
-    own[slot] = &each;
-    keys[slot] = &each;
-  }
-}
-
-od::ObjectCode ObjectReader::object_code(const Group& group, bool has_subs) {
+void ObjectReader::read_group(const ObjectGroup& group) {
   using od::ObjectCode;
-  const bool compact =
-      given(group.keys, Key::compact_sub_obj) && context_.raw(entry(group.keys, Key::compact_sub_obj)) != "0";
-  const ObjectCode derived = has_subs ? ObjectCode::record : compact ? ObjectCode::array : ObjectCode::var;
-  const Entry* const type = entry(group.keys, Key::object_type);
-  if (context_.raw(type).empty()) {
-    if (derived != ObjectCode::var) {
-      context_.warn(*group.main, type, fmt::format("ObjectType is missing; taken as {}", od::name(derived)));
-    }
-    return derived;
-  }
-  const auto value = context_.number(*group.main, type, 0xFF, Severity::warning);
-  const bool valid = value && (*value == 0 || *value == 2 || (*value >= 5 && *value <= 9));
-  if (!valid) {
-    if (value) {
-      context_.warn(*group.main, type, fmt::format("{} is no object code; taken as {}", *value, od::name(derived)));
-    }
-    return derived;
-  }
-  const auto code = static_cast<ObjectCode>(*value);
-  const bool simple = code != ObjectCode::array && code != ObjectCode::record && code != ObjectCode::defstruct;
-  if (simple && derived != ObjectCode::var) {
-    context_.warn(*group.main, type,
-                  fmt::format("a {} with sub-objects; taken as {}", od::name(code), od::name(derived)));
-    return derived;
-  }
-  return code;
-}
-
-void ObjectReader::read_group(const Group& group) {
-  using od::ObjectCode;
-  parameters_of_group_ = parameters_.size();
+  parameters_of_group_ = values_.parameters.size();
   if (group.main == nullptr) {
     if (group.subs.empty()) {
       const Section* const section = group.names != nullptr    ? group.names
@@ -337,7 +193,7 @@ void ObjectReader::read_group(const Group& group) {
     context_.warn(*group.subs.front().section, nullptr,
                   fmt::format("section [{:04X}] is missing; the object is taken as RECORD", group.index));
   }
-  const ObjectCode code = group.main == nullptr ? ObjectCode::record : object_code(group, !group.subs.empty());
+  const ObjectCode code = group.main == nullptr ? ObjectCode::record : keys_.object_code(group, !group.subs.empty());
   if (code == ObjectCode::array || code == ObjectCode::record || code == ObjectCode::defstruct) {
     read_complex(group, code);
   } else {
@@ -348,26 +204,27 @@ void ObjectReader::read_group(const Group& group) {
   if (group.denotations != nullptr) denotation_list(group);
 }
 
-void ObjectReader::read_simple(const Group& group, od::ObjectCode code) {
-  const od::SubSpec only = spec(group, *group.main, group.keys, {});
-  if (!afford(group.main, 1, only.name.size() + only.initial.bytes.size())) return;
+void ObjectReader::read_simple(const ObjectGroup& group, od::ObjectCode code) {
+  const od::SubSpec only = keys_.spec(group, *group.main, group.keys, {});
+  if (!budget_.afford(group.main, 1, only.name.size() + only.initial.bytes.size())) return;
   builder_.object(group.index, code, only.name, only.type, only.obj_flags);
   builder_.sub(group.index, only);
 }
 
-void ObjectReader::read_complex(const Group& group, od::ObjectCode code) {
+void ObjectReader::read_complex(const ObjectGroup& group, od::ObjectCode code) {
   od::DataType type = od::DataType::none;
   std::uint8_t flags = 0;
+  std::string name;
   if (group.main != nullptr) {
-    if (given(group.keys, Key::data_type)) type = data_type(*group.main, group.keys, {});
+    if (keys_.given(group.keys, Key::data_type)) type = keys_.data_type(*group.main, group.keys, {});
     flags = static_cast<std::uint8_t>(
         context_.number(*group.main, entry(group.keys, Key::obj_flags), 0xFFFF'FFFF, Severity::warning).value_or(0));
-    (void)parameter_name(group, *group.main, group.keys, {});
+    name = keys_.parameter_name(group, *group.main, group.keys, {});
   } else {
-    scratch_ = fmt::format("{:04X}", group.index);
+    name = fmt::format("{:04X}", group.index);
   }
-  if (!afford(group.main, 1, scratch_.size())) return;
-  builder_.object(group.index, code, scratch_, type, flags);
+  if (!budget_.afford(group.main, 1, name.size())) return;
+  builder_.object(group.index, code, name, type, flags);
 
   unsigned compact = 0;
   const Entry* const compact_key = entry(group.keys, Key::compact_sub_obj);
@@ -385,24 +242,24 @@ void ObjectReader::read_complex(const Group& group, od::ObjectCode code) {
     }
     read_compact(group, compact);
   }
-  for (std::size_t i = 0; i < group.subs.size() && !too_much_;) {
+  for (std::size_t i = 0; i < group.subs.size() && !budget_.spent();) {
     const std::uint8_t sub = group.subs[i].sub;
     Keys keys{};
     const Section* section = nullptr;
     for (; i < group.subs.size() && group.subs[i].sub == sub; ++i) {
       section = group.subs[i].section;
-      collect(*section, keys);
+      keys_.collect(*section, keys);
     }
     read_sub(group, *section, keys, sub, type);
   }
   if (group.main != nullptr) check_sub_number(group, compact != 0);
 }
 
-void ObjectReader::read_sub(const Group& group, const Section& section, const Keys& keys, std::uint8_t sub,
+void ObjectReader::read_sub(const ObjectGroup& group, const Section& section, const Keys& keys, std::uint8_t sub,
                             od::DataType type) {
   const od::DataType usual = sub == 0 ? od::DataType::unsigned8 : type;
-  add(group.index, spec(group, section, keys, {.sub = sub, .type = usual}), &section);
-  if (given(keys, Key::compact_sub_obj)) {
+  add(group.index, keys_.spec(group, section, keys, {.sub = sub, .type = usual}), &section);
+  if (keys_.given(keys, Key::compact_sub_obj)) {
     context_.warn(section, entry(keys, Key::compact_sub_obj), "a sub-object has no CompactSubObj; left out");
   }
   if (const auto code = context_.number(section, entry(keys, Key::object_type), 0xFF, Severity::warning);
@@ -412,7 +269,7 @@ void ObjectReader::read_sub(const Group& group, const Section& section, const Ke
   }
 }
 
-void ObjectReader::check_sub_number(const Group& group, bool compact) {
+void ObjectReader::check_sub_number(const ObjectGroup& group, bool compact) {
   const Entry* const key = entry(group.keys, Key::sub_number);
   const auto promised = context_.number(*group.main, key, ~0ULL, Severity::warning);
   if (compact) {
@@ -432,10 +289,10 @@ void ObjectReader::check_sub_number(const Group& group, bool compact) {
   }
 }
 
-void ObjectReader::read_compact(const Group& group, unsigned count) {
-  const std::size_t defaults = defaults_.size();
-  od::SubSpec item = spec(group, *group.main, group.keys, {.sub = 1});
-  const auto usual = defaults_.size() > defaults ? std::optional(defaults_.back().value) : std::nullopt;
+void ObjectReader::read_compact(const ObjectGroup& group, unsigned count) {
+  const std::size_t defaults = values_.defaults.size();
+  od::SubSpec item = keys_.spec(group, *group.main, group.keys, {.sub = 1});
+  const auto usual = values_.defaults.size() > defaults ? std::optional(values_.defaults.back().value) : std::nullopt;
   const std::uint32_t item_line = group.main->line;
   const std::string base(item.name);
   std::vector<std::string> names(count + 1);
@@ -447,23 +304,23 @@ void ObjectReader::read_compact(const Group& group, unsigned count) {
        .access = od::Access::ro,
        .initial = od::Literal::number(count)},
       group.main);
-  for (unsigned sub = 1; sub <= count && !too_much_; ++sub) {
+  for (unsigned sub = 1; sub <= count && !budget_.spent(); ++sub) {
     std::string& name = names[sub];
     if (name.empty()) name = fmt::format("{}{}", base, sub);
     item.sub = static_cast<std::uint8_t>(sub);
     item.name = name;
     add(group.index, item, group.main);
     const Entry* const set = entry(group.keys, Key::parameter_value);
-    if (sub > 1 && set != nullptr && item.initial.present() && given(group.keys, Key::parameter_value)) {
-      parameters_.push_back({{group.index, item.sub}, item.type, item.initial, set->line});
-      if (usual) defaults_.push_back({{group.index, item.sub}, item.type, *usual, item_line});
+    if (sub > 1 && set != nullptr && item.initial.present() && keys_.given(group.keys, Key::parameter_value)) {
+      values_.parameters.push_back({{group.index, item.sub}, item.type, item.initial, set->line});
+      if (usual) values_.defaults.push_back({{group.index, item.sub}, item.type, *usual, item_line});
     }
   }
 }
 
-void ObjectReader::name_list(const Group& group, unsigned count, std::vector<std::string>& names) {
+void ObjectReader::name_list(const ObjectGroup& group, unsigned count, std::vector<std::string>& names) {
   if (group.names == nullptr) return;
-  numbered(*group.names, "NrOfEntries", [&](std::uint32_t sub, const Entry& entry) {
+  numbered(context_, *group.names, "NrOfEntries", [&](std::uint32_t sub, const Entry& entry) {
     if (sub == 0 || sub > count) {
       context_.warn(*group.names, &entry, "there is no such sub-index; left out");
       return;
@@ -471,6 +328,10 @@ void ObjectReader::name_list(const Group& group, unsigned count, std::vector<std
     if (!names[sub].empty()) context_.warn(*group.names, &entry, "stands twice; the last one counts");
     names[sub] = context_.text(&entry);
   });
+}
+
+void ObjectReader::add(std::uint16_t index, const od::SubSpec& spec, const Section* section) {
+  if (budget_.afford(section, 1, spec.name.size() + spec.initial.bytes.size())) builder_.sub(index, spec);
 }
 
 }  // namespace berth::eds

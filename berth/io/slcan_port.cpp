@@ -14,11 +14,12 @@
 #include <cerrno>
 #include <charconv>
 #include <cstring>
-#include <deque>
 #include <optional>
 
 #include "berth/io/deliveries.hpp"
 #include "berth/io/slcan_codec.hpp"
+#include "berth/io/slcan_queue.hpp"
+#include "berth/io/slcan_setup.hpp"
 #include "berth/io/stream.hpp"
 #include "berth/rt/later.hpp"
 
@@ -31,11 +32,9 @@ namespace {
 constexpr rt::Duration quiet_time = 300ms;   // an adapter that says nothing for so long says nothing ever
 constexpr rt::Duration answer_time = 1s;     // to a command or a frame
 constexpr rt::Duration refused_pause = 2ms;  // before a refused frame is given again
-constexpr unsigned most_tries = 500;
 constexpr rt::Duration flags_period = 1s;
 constexpr rt::Duration reopen_pause = 500ms;
 constexpr std::size_t most_waiting = 1U << 16U;
-constexpr std::size_t most_flying = 256;
 constexpr std::size_t events_kept = 8192;  // more than one reading can bring
 
 struct Speed {
@@ -64,6 +63,13 @@ std::optional<Device> parse_device(const std::string& address) {
   if (error != std::errc{} || last != end || known == std::end(speeds)) return std::nullopt;
   device.speed = known->name;
   return device;
+}
+
+std::string shown(std::string_view bytes) {
+  std::string text(bytes.substr(0, 40));
+  std::ranges::replace_if(
+      text, [](char c) { return c < ' ' || c > '~'; }, '?');
+  return text;
 }
 
 // A raw line, locked; negative and `why` in words.
@@ -138,21 +144,14 @@ class SlcanPort::Impl final : private Watcher {
   can::Queued send(const can::Frame& frame, std::uint32_t tag) noexcept {
     if (state_ != State::up || (frame.fd && options_.data_bit_rate == 0)) return can::Queued::closed;
     if (options_.listen_only) return can::Queued::listen_only;
-    if (waiting_.size() + flying_.size() >= queue_depth) return can::Queued::full;
-    waiting_.push_back({frame, tag});
+    if (queue_.size() >= queue_depth) return can::Queued::full;
+    queue_.push(frame, tag);
     pump_.post();
     return can::Queued::yes;
   }
   void withdraw(std::uint32_t tag) noexcept {
     if (tag == 0) return;
-    const auto first = waiting_.begin() + (asked_ == Asked::frame ? 1 : 0);
-    waiting_.erase(std::remove_if(first, waiting_.end(), [tag](const Waiting& w) { return w.tag == tag; }),
-                   waiting_.end());
-    for (auto* const queue : {&waiting_, &flying_}) {
-      for (auto& w : *queue) {
-        if (w.tag == tag) w.tag = 0;
-      }
-    }
+    queue_.withdraw(tag, asked_ == Asked::frame);
   }
   void listen(can::Listener* listener, std::span<const can::IdRange> accept) noexcept {
     deliveries_.listen(listener, accept);
@@ -160,12 +159,12 @@ class SlcanPort::Impl final : private Watcher {
   [[nodiscard]] can::Status status() const noexcept {
     can::Status s;
     s.bit_rate = bit_rate_;
-    s.queued = static_cast<std::uint16_t>(waiting_.size() + flying_.size());
+    s.queued = static_cast<std::uint16_t>(queue_.size());
     s.errors = errors_;
     s.lost = lost_;
     s.listen_only = options_.listen_only;
     s.up = state_ == State::up;
-    s.knows_sent = confirms_ == Confirms::events;
+    s.knows_sent = setup_.confirms() == Confirms::events;
     return s;
   }
   bool restart(std::uint32_t bit_rate) noexcept {
@@ -176,22 +175,17 @@ class SlcanPort::Impl final : private Watcher {
     return true;
   }
   [[nodiscard]] const LineFaults& faults() const noexcept { return faults_; }
-  [[nodiscard]] Confirms confirms() const noexcept { return confirms_; }
-  [[nodiscard]] const std::string& version() const noexcept { return version_; }
-  [[nodiscard]] std::uint8_t flags() const noexcept { return flags_; }
+  [[nodiscard]] const SlcanSetup& setup() const noexcept { return setup_; }
+  [[nodiscard]] std::uint8_t flags() const noexcept { return flags_.last; }
 
  private:
-  enum class State : std::uint8_t { down, meeting, leading, up };
+  enum class State : std::uint8_t { down, setting_up, up };
   enum class Asked : std::uint8_t { nothing, frame, flags };
-  struct Waiting {
-    can::Frame frame;
-    std::uint32_t tag = 0;
-    unsigned tries = 0;
-  };
-  /// A command of the setup; what to say when the adapter refuses it, nothing: it may.
-  struct Step {
-    std::string command;
-    std::string refusal;
+  /// The adapter's status flags.
+  struct Flags {
+    std::uint8_t last = 0;
+    bool asks = false;
+    rt::Time due{};
   };
   [[nodiscard]] rt::Executor& executor() const noexcept { return loop_->executor(); }
   void wait_for(rt::Duration time) noexcept {
@@ -211,52 +205,21 @@ class SlcanPort::Impl final : private Watcher {
     set_up();
   }
 
-  // The first C may be the end of a line that was broken off.
   void set_up() noexcept {
-    state_ = State::meeting;
-    confirms_ = Confirms::nothing;
-    answers_ = 0;
-    say("C\rC\rV\r");
+    state_ = State::setting_up;
+    say(setup_.begin(bit_rate_, options_));
     wait_for(quiet_time);
   }
 
-  // Known now: does it answer?
-  void lead() noexcept {
-    state_ = State::leading;
-    steps_.clear();
-    if (bit_rate_ != 0) steps_.push_back({slcan_rate(bit_rate_), fmt::format("it refuses {} bit/s", bit_rate_)});
-    if (options_.data_bit_rate != 0) {
-      steps_.push_back({fmt::format("Y{}\r", options_.data_bit_rate / 1'000'000),
-                        fmt::format("it refuses {} bit/s in the data phase", options_.data_bit_rate)});
-    }
-    if (answers_ == 0) {
-      steps_.push_back({options_.listen_only ? "M1\r" : "M0\r", {}});
-      steps_.push_back({"O\r", {}});
-      for (const auto& step : steps_) say(step.command);
-      return come_up();
-    }
-    steps_.push_back({"z0003\r", {}});  // frames received and frames sent are reported
-    steps_.push_back({options_.listen_only ? "L\r" : "O\r",
-                      options_.listen_only ? "it cannot listen only" : "it does not open its channel"});
-    say(steps_.front().command);
-    wait_for(answer_time);
-  }
-
-  void led(bool refused) noexcept {
-    const Step step = steps_.front();
-    steps_.pop_front();
-    if (refused && !step.refusal.empty()) return lost("the adapter: " + step.refusal);
-    if (step.command[0] == 'z') confirms_ = refused ? Confirms::answers : Confirms::events;
-    if (steps_.empty()) return come_up();
-    say(steps_.front().command);
-    wait_for(answer_time);
-  }
-
-  void come_up() noexcept {
+  void advance(const SlcanSetup::Turn& turn) noexcept {
+    if (!turn.failure.empty()) return lost(turn.failure);
+    if (!turn.say.empty()) say(turn.say);
+    if (!turn.up) return wait_for(answer_time);
+    if (!stream_) return;
     state_ = State::up;
     asked_ = Asked::nothing;
-    flags_due_ = executor().now() + flags_period;
-    asks_flags_ = confirms_ != Confirms::nothing;
+    flags_.due = executor().now() + flags_period;
+    flags_.asks = setup_.confirms() != Confirms::nothing;
     deliveries_.changed(status(), executor().now());
     wait_for(flags_period);
   }
@@ -289,10 +252,19 @@ class SlcanPort::Impl final : private Watcher {
   void heard(const SlcanReader::Line& line) {
     using Kind = SlcanLine::Kind;
     const auto parsed = line.broken ? SlcanLine{} : parse_slcan(line.text);
-    if (state_ != State::up) return met(parsed);
+    if (state_ != State::up) {
+      if (const auto turn = setup_.hear(parsed)) advance(*turn);
+      return;
+    }
     switch (parsed.kind) {
-      case Kind::frame: return received(parsed.frame);
-      case Kind::confirmed: return confirm(parsed.frame);
+      case Kind::frame:
+        if (deliveries_.size() >= events_kept) {
+          ++lost_;
+        } else {
+          deliveries_.received(parsed.frame, executor().now());
+        }
+        return;
+      case Kind::confirmed: return sent(queue_.reported(parsed.frame));
       case Kind::done:
       case Kind::taken:
       case Kind::refused: return answered(parsed.kind);
@@ -302,46 +274,22 @@ class SlcanPort::Impl final : private Watcher {
       case Kind::text:
       case Kind::garbage: break;
     }
-    fault(line.at, fmt::format("no line of an adapter: {}", shown(line.text)));
-  }
-
-  // While it is set up: frames of the channel as it was before are dropped.
-  void met(const SlcanLine& line) noexcept {
-    using Kind = SlcanLine::Kind;
-    const bool answer = line.kind == Kind::done || line.kind == Kind::refused;
-    if (state_ == State::leading) {
-      if (answer) led(line.kind == Kind::refused);
-      return;
-    }
-    if (answer) ++answers_;
-    if (line.kind == Kind::version || line.kind == Kind::text) version_ = line.text;
-    // Two answers to C, and one to V.
-    if (line.kind == Kind::version || line.kind == Kind::text || answers_ == 3) lead();
-  }
-
-  static std::string shown(std::string_view bytes) {
-    std::string text(bytes.substr(0, 40));
-    std::ranges::replace_if(
-        text, [](char c) { return c < ' ' || c > '~'; }, '?');
-    return text;
-  }
-
-  void fault(std::uint64_t at, const std::string& what) {
     ++lost_;
-    faults_ = {faults_.count + 1, at, what};
+    faults_ = {faults_.count + 1, line.at, fmt::format("no line of an adapter: {}", shown(line.text))};
   }
 
   // ---- own frames ----
 
   void pump() noexcept {
     if (stream_ && state_ == State::up && asked_ == Asked::nothing) ask_flags();
-    while (stream_ && state_ == State::up && asked_ == Asked::nothing && !waiting_.empty() && stream_->waiting() == 0) {
+    while (stream_ && state_ == State::up && asked_ == Asked::nothing && !queue_.none_waits() &&
+           stream_->waiting() == 0) {
       if (retry_at_ && executor().now() < *retry_at_) return;
       retry_at_.reset();
-      say(write_slcan(waiting_.front().frame));
+      say(write_slcan(queue_.first()));
       if (!stream_) return;
-      if (confirms_ == Confirms::nothing) {
-        done(waiting_);
+      if (setup_.confirms() == Confirms::nothing) {
+        sent(queue_.gone());
         continue;
       }
       asked_ = Asked::frame;
@@ -353,51 +301,32 @@ class SlcanPort::Impl final : private Watcher {
   void answered(SlcanLine::Kind kind) noexcept {
     const bool refused = kind == SlcanLine::Kind::refused;
     if (asked_ == Asked::flags) {
-      if (refused) asks_flags_ = false;
+      if (refused) flags_.asks = false;
       asked_ = Asked::nothing;
     } else if (asked_ == Asked::frame) {
       asked_ = Asked::nothing;
       if (refused) {
-        again();
-      } else if (confirms_ == Confirms::events && kind == SlcanLine::Kind::done) {
-        if (flying_.size() >= most_flying) flying_.pop_front();
-        flying_.push_back(waiting_.front());
-        waiting_.pop_front();
+        ++errors_;
+        if (queue_.refused()) {  // its queue is full, mostly
+          retry_at_ = executor().now() + refused_pause;
+          wait_for(refused_pause);
+        }
+      } else if (setup_.confirms() == Confirms::events && kind == SlcanLine::Kind::done) {
+        queue_.taken();
       } else {
-        done(waiting_);
+        sent(queue_.gone());
       }
     }
     pump();
   }
 
-  // Its queue is full, mostly.
-  void again() noexcept {
-    ++errors_;
-    if (++waiting_.front().tries >= most_tries) {
-      waiting_.pop_front();
-      return;
-    }
-    retry_at_ = executor().now() + refused_pause;
-    wait_for(refused_pause);
-  }
-
-  void done(std::deque<Waiting>& queue) {
-    const auto tag = queue.front().tag;
-    queue.pop_front();
-    if (tag != 0) deliveries_.sent(tag, executor().now());
-  }
-
-  void confirm(const can::Frame& frame) noexcept {
-    const auto it = std::ranges::find(flying_, frame, &Waiting::frame);
-    if (it == flying_.end()) return;
-    const auto tag = it->tag;
-    flying_.erase(it);
+  void sent(std::uint32_t tag) noexcept {
     if (tag != 0) deliveries_.sent(tag, executor().now());
   }
 
   void take_flags(std::uint8_t flags) noexcept {
     if (asked_ == Asked::flags) asked_ = Asked::nothing;
-    flags_ = flags;
+    flags_.last = flags;
     if ((flags & (slcan_flag::receive_full | slcan_flag::transmit_full | slcan_flag::overrun)) != 0) ++lost_;
     if ((flags & slcan_flag::bus_error) != 0) ++errors_;
     pump();
@@ -409,15 +338,14 @@ class SlcanPort::Impl final : private Watcher {
     const rt::Time now = executor().now();
     switch (state_) {
       case State::down: return begin();
-      case State::meeting: return lead();
-      case State::leading: return lost("the adapter does not answer");
+      case State::setting_up: return advance(setup_.silence());
       case State::up: break;
     }
     if (asked_ != Asked::nothing && now >= asked_at_ + answer_time) {
       // The answer, or the frame, was lost on the line.
       if (asked_ == Asked::frame) {
         ++errors_;
-        waiting_.pop_front();
+        queue_.gone();
       }
       asked_ = Asked::nothing;
     }
@@ -427,8 +355,8 @@ class SlcanPort::Impl final : private Watcher {
 
   void ask_flags() noexcept {
     const rt::Time now = executor().now();
-    if (!asks_flags_ || now < flags_due_) return;
-    flags_due_ = now + flags_period;
+    if (!flags_.asks || now < flags_.due) return;
+    flags_.due = now + flags_period;
     asked_ = Asked::flags;
     asked_at_ = now;
     wait_for(answer_time);
@@ -436,8 +364,7 @@ class SlcanPort::Impl final : private Watcher {
   }
 
   void drop() noexcept {
-    waiting_.clear();
-    flying_.clear();
+    queue_.clear();
     asked_ = Asked::nothing;
     retry_at_.reset();
   }
@@ -453,14 +380,6 @@ class SlcanPort::Impl final : private Watcher {
     if (was_up) deliveries_.changed(status(), executor().now());
   }
 
-  void received(const can::Frame& frame) noexcept {
-    if (deliveries_.size() >= events_kept) {
-      ++lost_;
-    } else {
-      deliveries_.received(frame, executor().now());
-    }
-  }
-
   Loop* loop_;
   Device device_;
   SlcanOptions options_;
@@ -468,13 +387,8 @@ class SlcanPort::Impl final : private Watcher {
   std::optional<Stream> stream_;
   SlcanReader reader_;
   State state_ = State::down;
-  Confirms confirms_ = Confirms::nothing;
-  unsigned answers_ = 0;  // to C, C and V
-  std::deque<Step> steps_;
-  std::string version_;
-  std::uint8_t flags_ = 0;
-  bool asks_flags_ = false;
-  rt::Time flags_due_{};
+  SlcanSetup setup_;
+  Flags flags_;
   Asked asked_ = Asked::nothing;
   rt::Time asked_at_{};
   std::optional<rt::Time> retry_at_;
@@ -482,8 +396,7 @@ class SlcanPort::Impl final : private Watcher {
   rt::Later<Impl, &Impl::expire> timer_{*this, loop_->executor()};
   rt::Later<Impl, &Impl::pump> pump_{*this, loop_->executor()};
   Deliveries deliveries_{loop_->executor()};
-  std::deque<Waiting> waiting_;  // the first is the one asked about
-  std::deque<Waiting> flying_;   // taken by the adapter, not yet acknowledged
+  SlcanQueue queue_;
   std::uint32_t errors_ = 0;
   std::uint32_t lost_ = 0;
   LineFaults faults_;
@@ -519,8 +432,8 @@ void SlcanPort::listen(can::Listener* listener, std::span<const can::IdRange> ac
 can::Status SlcanPort::status() const noexcept { return impl_->status(); }
 bool SlcanPort::restart(std::uint32_t bit_rate) noexcept { return impl_->restart(bit_rate); }
 const LineFaults& SlcanPort::faults() const noexcept { return impl_->faults(); }
-Confirms SlcanPort::confirms() const noexcept { return impl_->confirms(); }
-const std::string& SlcanPort::version() const noexcept { return impl_->version(); }
+Confirms SlcanPort::confirms() const noexcept { return impl_->setup().confirms(); }
+const std::string& SlcanPort::version() const noexcept { return impl_->setup().version(); }
 std::uint8_t SlcanPort::flags() const noexcept { return impl_->flags(); }
 
 }  // namespace berth::io

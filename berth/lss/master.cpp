@@ -87,7 +87,7 @@ void Exchange::heard(const can::Frame& frame, rt::Time at) noexcept {
   if (reply_.answers > 0 && !(frame == reply_.heard[0])) reply_.differ = true;
   ++reply_.answers;
   reply_.last_at = at;
-  if (plan_.expected != Command::store) master_->learn(at - reply_.sent);
+  if (plan_.expected != Command::store) master_->times_.learn(at - reply_.sent);
   if (!options_.full_window) window_over();
 }
 
@@ -104,7 +104,7 @@ void Exchange::run() noexcept {
 }
 
 void Exchange::window_over() noexcept {
-  if (plan_.feedback) reply_.feedback = master_->feedback_;
+  if (plan_.feedback) reply_.feedback = master_->feedback_.heard();
   if (reply_.answers == 0) {
     if (reply_.attempts <= options_.retries) {
       take_turn();
@@ -151,7 +151,6 @@ Result<Reply> Exchange::await_resume() noexcept {
 
 Master::Master(can::Dispatcher& dispatcher, const MasterOptions& options)
     : dispatcher_(&dispatcher), options_(options) {
-  feedback_.reserve(most_feedback);
   listen();
 }
 
@@ -177,7 +176,7 @@ void Master::received(const can::Frame& frame, rt::Time at) noexcept {
   if (frame.key() != slave_cob_id) {
     const bool listens = first_ != nullptr && first_->step_ == Exchange::Step::listening && first_->plan_.feedback;
     const auto feedback = listens ? decode_feedback(frame, options_.feedback_base) : std::nullopt;
-    if (feedback) note(*feedback, at);
+    if (feedback) feedback_.add(*feedback, at);
     return;
   }
   if (!is_lss(frame, slave_cob_id)) return;
@@ -188,24 +187,24 @@ void Master::received(const can::Frame& frame, rt::Time at) noexcept {
   }
 }
 
-void Master::note(const FeedbackValue& feedback, rt::Time at) noexcept {
-  const auto place = std::ranges::lower_bound(feedback_, feedback, {}, &HeardFeedback::feedback);
-  if (place != feedback_.end() && place->feedback == feedback) {
+void FeedbackWindow::add(const FeedbackValue& feedback, rt::Time at) noexcept {
+  const auto place = std::ranges::lower_bound(heard_, feedback, {}, &HeardFeedback::feedback);
+  if (place != heard_.end() && place->feedback == feedback) {
     if (place->times < 0xFFFF) ++place->times;
     return;
   }
-  const auto index = place - feedback_.begin();
-  if (feedback_.size() == most_feedback) {
-    if (place == feedback_.end()) return;
-    feedback_.pop_back();
+  const auto index = place - heard_.begin();
+  if (heard_.size() == most) {
+    if (place == heard_.end()) return;
+    heard_.pop_back();
   }
-  feedback_.insert(feedback_.begin() + index, HeardFeedback{.feedback = feedback, .times = 1, .first = at});
+  heard_.insert(heard_.begin() + index, HeardFeedback{.feedback = feedback, .times = 1, .first = at});
 }
 
-void Master::learn(rt::Duration answer_time) noexcept {
+void AnswerTimes::learn(rt::Duration answer_time) noexcept {
   constexpr int fades = 64;
-  times_.slowest = std::max(answer_time, times_.slowest - times_.slowest / fades);
-  ++times_.heard;
+  slowest = std::max(answer_time, slowest - slowest / fades);
+  ++heard;
 }
 
 void Master::enter(Exchange& exchange) noexcept {
@@ -227,7 +226,7 @@ void Master::leave(Exchange& exchange) noexcept {
   if (was_first && first_ != nullptr) dispatcher_->executor().post(*first_);
 }
 
-Exchange::Plan Master::plan(Exchange::Answer answer, Command expected, const can::Frame& frame) noexcept {
+Exchange::Plan Exchange::Plan::make(Answer answer, Command expected, const can::Frame& frame) noexcept {
   Exchange::Plan plan{.answer = answer, .expected = expected};
   plan.frames[0] = frame;
   return plan;
@@ -235,85 +234,73 @@ Exchange::Plan Master::plan(Exchange::Answer answer, Command expected, const can
 
 Exchange Master::switch_global(State state) noexcept {
   const auto frame = request(Command::switch_global, static_cast<std::uint8_t>(state));
-  return {*this, options_.service, plan(Exchange::Answer::none, Command::switch_global, frame)};
+  return {*this, options_.service, Exchange::Plan::make(Exchange::Answer::none, Command::switch_global, frame)};
 }
 
-Exchange Master::switch_selective(const LssAddress& address) noexcept {
-  return switch_selective(address, options_.service);
-}
-Exchange Master::switch_selective(const LssAddress& address, const ServiceOptions& options) noexcept {
-  auto p = plan(Exchange::Answer::must, Command::selected, request_select(address, 0));
+Exchange Master::switch_selective(const LssAddress& address, ServiceChoice options) noexcept {
+  auto p = Exchange::Plan::make(Exchange::Answer::must, Command::selected, request_select(address, 0));
   p.count = 4;
   for (unsigned i = 1; i < p.count; ++i) p.frames[i] = request_select(address, i);
-  return {*this, options, p};
+  return {*this, options.value_or(options_.service), p};
 }
 
-Exchange Master::configure_node_id(NodeId id) noexcept { return configure_node_id(id, options_.service); }
-Exchange Master::configure_node_id(NodeId id, const ServiceOptions& options) noexcept {
-  auto p = plan(Exchange::Answer::must, Command::configure_node_id, request(Command::configure_node_id, id.value()));
+Exchange Master::configure_node_id(NodeId id, ServiceChoice options) noexcept {
+  auto p = Exchange::Plan::make(Exchange::Answer::must, Command::configure_node_id,
+                                request(Command::configure_node_id, id.value()));
   p.checks_code = true;
   p.valid = NodeId::make(id.value()).has_value();
-  return {*this, options, p};
+  return {*this, options.value_or(options_.service), p};
 }
 
-Exchange Master::configure_bit_timing(BitRateIndex index) noexcept {
-  return configure_bit_timing(index, options_.service);
-}
-Exchange Master::configure_bit_timing(BitRateIndex index, const ServiceOptions& options) noexcept {
+Exchange Master::configure_bit_timing(BitRateIndex index, ServiceChoice options) noexcept {
   const auto frame = request(Command::configure_bit_timing, 0, static_cast<std::uint8_t>(index));
-  auto p = plan(Exchange::Answer::must, Command::configure_bit_timing, frame);
+  auto p = Exchange::Plan::make(Exchange::Answer::must, Command::configure_bit_timing, frame);
   p.checks_code = true;
   p.valid = bit_rate(index).has_value();
-  return {*this, options, p};
+  return {*this, options.value_or(options_.service), p};
 }
 
 Exchange Master::activate_bit_timing(std::uint16_t delay_ms) noexcept {
   return {*this, options_.service,
-          plan(Exchange::Answer::none, Command::activate_bit_timing, request_activate(delay_ms))};
+          Exchange::Plan::make(Exchange::Answer::none, Command::activate_bit_timing, request_activate(delay_ms))};
 }
 
-Exchange Master::store() noexcept { return store(options_.store); }
-Exchange Master::store(const ServiceOptions& options) noexcept {
-  auto p = plan(Exchange::Answer::must, Command::store, request(Command::store));
+Exchange Master::store(ServiceChoice options) noexcept {
+  auto p = Exchange::Plan::make(Exchange::Answer::must, Command::store, request(Command::store));
   p.checks_code = true;
-  return {*this, options, p};
+  return {*this, options.value_or(options_.store), p};
 }
 
-Exchange Master::inquire(unsigned part) noexcept { return inquire(part, options_.service); }
-Exchange Master::inquire(unsigned part, const ServiceOptions& options) noexcept {
+Exchange Master::inquire(unsigned part, ServiceChoice options) noexcept {
   const auto command = static_cast<Command>(static_cast<unsigned>(Command::inquire_vendor) + (part & 3U));
-  auto p = plan(Exchange::Answer::must, command, request(command));
+  auto p = Exchange::Plan::make(Exchange::Answer::must, command, request(command));
   p.valid = part < 4;
-  return {*this, options, p};
+  return {*this, options.value_or(options_.service), p};
 }
 
-Exchange Master::inquire_node_id() noexcept { return inquire_node_id(options_.service); }
-Exchange Master::inquire_node_id(const ServiceOptions& options) noexcept {
-  return {*this, options, plan(Exchange::Answer::must, Command::inquire_node_id, request(Command::inquire_node_id))};
+Exchange Master::inquire_node_id(ServiceChoice options) noexcept {
+  return {*this, options.value_or(options_.service),
+          Exchange::Plan::make(Exchange::Answer::must, Command::inquire_node_id, request(Command::inquire_node_id))};
 }
 
-Exchange Master::identify_remote(const IdentifyRanges& ranges) noexcept {
-  return identify_remote(ranges, options_.identify);
-}
-Exchange Master::identify_remote(const IdentifyRanges& ranges, const ServiceOptions& options) noexcept {
-  auto p = plan(Exchange::Answer::may, Command::identified, request_identify(ranges, 0));
+Exchange Master::identify_remote(const IdentifyRanges& ranges, ServiceChoice options) noexcept {
+  auto p = Exchange::Plan::make(Exchange::Answer::may, Command::identified, request_identify(ranges, 0));
   p.count = 6;
   for (unsigned i = 1; i < p.count; ++i) p.frames[i] = request_identify(ranges, i);
-  return {*this, options, p};
+  return {*this, options.value_or(options_.identify), p};
 }
 
-Exchange Master::identify_non_configured() noexcept { return identify_non_configured(options_.identify); }
-Exchange Master::identify_non_configured(const ServiceOptions& options) noexcept {
-  return {*this, options,
-          plan(Exchange::Answer::may, Command::non_configured, request(Command::identify_non_configured))};
+Exchange Master::identify_non_configured(ServiceChoice options) noexcept {
+  return {
+      *this, options.value_or(options_.identify),
+      Exchange::Plan::make(Exchange::Answer::may, Command::non_configured, request(Command::identify_non_configured))};
 }
 
-Exchange Master::fastscan(const FastscanRequest& request) noexcept { return fastscan(request, options_.fastscan); }
-Exchange Master::fastscan(const FastscanRequest& request, const ServiceOptions& options) noexcept {
-  auto p = plan(Exchange::Answer::may, Command::identified, request_fastscan(request));
+Exchange Master::fastscan(const FastscanRequest& request, ServiceChoice options) noexcept {
+  auto p = Exchange::Plan::make(Exchange::Answer::may, Command::identified, request_fastscan(request));
   p.valid = decode_fastscan(p.frames[0]).has_value();
   p.feedback = true;
-  return {*this, options, p};
+  return {*this, options.value_or(options_.fastscan), p};
 }
 
 rt::Task<Result<LssAddress>> Master::inquire_address() {

@@ -17,6 +17,7 @@
 
 #include <array>
 #include <cstdint>
+#include <optional>
 #include <span>
 #include <vector>
 
@@ -46,6 +47,9 @@ struct MasterOptions {
   rt::Duration send_timeout = std::chrono::seconds(1);  ///< a request not acknowledged by then is `bus`
   std::uint16_t feedback_base = 0;  ///< first of the sixteen feedback identifiers (`usable_feedback_base`); 0: none
 };
+
+/// Of one call; empty: the master's options for that service.
+using ServiceChoice = std::optional<ServiceOptions>;
 
 /// A feedback value that was heard in one window.
 struct HeardFeedback {
@@ -80,7 +84,22 @@ struct AnswerTimes {
   rt::Duration slowest{0};  ///< from a request's `sent` to an answer; what is long ago fades
   unsigned heard = 0;       ///< answers that are in it
   bool strangers = true;    ///< a device may be in configuration unheard, of which nothing is learnt
-  bool lost = false;        ///< one in configuration stopped answering, or answered uninvited: it may hear again any time
+  bool lost = false;  ///< one in configuration stopped answering, or answered uninvited: it may hear again any time
+
+  void learn(rt::Duration answer_time) noexcept;
+};
+
+/// The distinct feedback values of one window, ascending; of too many the lowest.
+class FeedbackWindow {
+ public:
+  static constexpr std::size_t most = 256;
+  FeedbackWindow() { heard_.reserve(most); }
+  void add(const FeedbackValue& feedback, rt::Time at) noexcept;
+  void clear() noexcept { heard_.clear(); }
+  [[nodiscard]] std::span<const HeardFeedback> heard() const noexcept { return heard_; }
+
+ private:
+  std::vector<HeardFeedback> heard_;
 };
 
 class Master;
@@ -104,6 +123,7 @@ class Exchange final : public rt::Operation<Exchange>, private rt::Job, private 
     bool feedback = false;  // is collected
     std::uint8_t count = 1;
     std::array<can::Frame, 6> frames{};
+    [[nodiscard]] static Plan make(Answer answer, Command expected, const can::Frame& frame) noexcept;
   };
   Exchange(Master& master, const ServiceOptions& options, const Plan& plan) noexcept;
   void refuse(Error error) noexcept;
@@ -136,46 +156,37 @@ class Master final : private can::Handler {
 
   [[nodiscard]] const MasterOptions& options() const noexcept { return options_; }
   void set_options(const MasterOptions& options);
-  static constexpr std::size_t most_feedback = 256;
+  static constexpr std::size_t most_feedback = FeedbackWindow::most;
   [[nodiscard]] rt::Time now() const noexcept { return dispatcher_->executor().now(); }
 
-  // All: await for Result<Reply>. The second form of each overrides the master's options for this call.
+  // All: await for Result<Reply>.
 
   /// `04 state`. No answer exists; done when sent.
   [[nodiscard]] Exchange switch_global(State state) noexcept;
   /// 40h..43h; the one slave with this address goes from waiting to configuration and answers 44h. `timeout`: no such
   /// slave, or it is in configuration already, where the standard does not serve this: `select_alone.hpp`.
-  [[nodiscard]] Exchange switch_selective(const LssAddress& address) noexcept;
-  [[nodiscard]] Exchange switch_selective(const LssAddress& address, const ServiceOptions& options) noexcept;
+  [[nodiscard]] Exchange switch_selective(const LssAddress& address, ServiceChoice options = {}) noexcept;
   /// `11 id`: 1..127, or unconfigured. Sets the pending node-ID. `aborted`: the slave refused.
-  [[nodiscard]] Exchange configure_node_id(NodeId id) noexcept;
-  [[nodiscard]] Exchange configure_node_id(NodeId id, const ServiceOptions& options) noexcept;
+  [[nodiscard]] Exchange configure_node_id(NodeId id, ServiceChoice options = {}) noexcept;
   /// `13 00 index`: table selector 0. Sets the pending bit rate.
-  [[nodiscard]] Exchange configure_bit_timing(BitRateIndex index) noexcept;
-  [[nodiscard]] Exchange configure_bit_timing(BitRateIndex index, const ServiceOptions& options) noexcept;
+  [[nodiscard]] Exchange configure_bit_timing(BitRateIndex index, ServiceChoice options = {}) noexcept;
   /// `15 delay`. No answer; done when sent. The caller then restarts its own port after one delay and stays silent for
   /// another.
   [[nodiscard]] Exchange activate_bit_timing(std::uint16_t delay_ms) noexcept;
   /// `17`: pending becomes persistent.
-  [[nodiscard]] Exchange store() noexcept;
-  [[nodiscard]] Exchange store(const ServiceOptions& options) noexcept;
+  [[nodiscard]] Exchange store(ServiceChoice options = {}) noexcept;
   /// 5Ah..5Dh for part 0..3 (vendor, product, revision, serial): `Reply::value`.
-  [[nodiscard]] Exchange inquire(unsigned part) noexcept;
-  [[nodiscard]] Exchange inquire(unsigned part, const ServiceOptions& options) noexcept;
+  [[nodiscard]] Exchange inquire(unsigned part, ServiceChoice options = {}) noexcept;
   /// 5Eh: `Reply::byte`.
-  [[nodiscard]] Exchange inquire_node_id() noexcept;
-  [[nodiscard]] Exchange inquire_node_id(const ServiceOptions& options) noexcept;
+  [[nodiscard]] Exchange inquire_node_id(ServiceChoice options = {}) noexcept;
   /// 46h..4Bh. Silence is an answer: `Reply::answers` is 0.
-  [[nodiscard]] Exchange identify_remote(const IdentifyRanges& ranges) noexcept;
-  [[nodiscard]] Exchange identify_remote(const IdentifyRanges& ranges, const ServiceOptions& options) noexcept;
+  [[nodiscard]] Exchange identify_remote(const IdentifyRanges& ranges, ServiceChoice options = {}) noexcept;
   /// 4Ch. Silence is an answer: `Reply::answers` is 0.
-  [[nodiscard]] Exchange identify_non_configured() noexcept;
-  [[nodiscard]] Exchange identify_non_configured(const ServiceOptions& options) noexcept;
+  [[nodiscard]] Exchange identify_non_configured(ServiceChoice options = {}) noexcept;
 
   /// 51h. Silence is an answer: `Reply::answers` is 0. Feedback: `Reply::feedback`.
-  [[nodiscard]] Exchange fastscan(const FastscanRequest& request) noexcept;
   /// `full_window` false: done at the first 4Fh, which is right only where no other device can answer later.
-  [[nodiscard]] Exchange fastscan(const FastscanRequest& request, const ServiceOptions& options) noexcept;
+  [[nodiscard]] Exchange fastscan(const FastscanRequest& request, ServiceChoice options = {}) noexcept;
 
   /// The whole LSS address of the one slave in configuration. `duplicate`: different answers to one inquiry.
   [[nodiscard]] rt::Task<Result<LssAddress>> inquire_address();
@@ -195,11 +206,8 @@ class Master final : private can::Handler {
   friend class Exchange;
   void received(const can::Frame& frame, rt::Time at) noexcept override;
   void listen();
-  void note(const FeedbackValue& feedback, rt::Time at) noexcept;
-  void learn(rt::Duration answer_time) noexcept;
   void enter(Exchange& exchange) noexcept;
   void leave(Exchange& exchange) noexcept;
-  [[nodiscard]] static Exchange::Plan plan(Exchange::Answer answer, Command expected, const can::Frame& frame) noexcept;
 
   can::Dispatcher* dispatcher_;
   MasterOptions options_;
@@ -207,7 +215,7 @@ class Master final : private can::Handler {
   rt::Time earliest_{};        // inhibit
   AnswerTimes times_{};
   std::uint64_t unexpected_ = 0;
-  std::vector<HeardFeedback> feedback_;  // of the last window, ascending
+  FeedbackWindow feedback_;  // of the last window
 };
 
 }  // namespace berth::lss

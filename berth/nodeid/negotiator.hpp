@@ -30,94 +30,20 @@
 /// - All 127 in use: `exhausted`; asks again after `retry` (S2.29).
 #pragma once
 
-#include <array>
-#include <bitset>
-#include <chrono>
 #include <cstdint>
 
-#include "berth/base/ids.hpp"
-#include "berth/base/random.hpp"
-#include "berth/nodeid/negotiation_frames.hpp"
+#include "berth/nodeid/negotiation_cycle.hpp"
+#include "berth/nodeid/negotiation_rules.hpp"
+#include "berth/nodeid/node_id_defence.hpp"
 #include "berth/rt/executor.hpp"
 
 namespace berth::nodeid {
 
-enum class Negotiating : std::uint8_t {
-  off,
-  suspended,   ///< another scheme is at work (SX.6)
-  listening,   ///< has just begun: waits for silence (S2.23)
-  asking,      ///< ReqUsedNodeId is queued
-  asked,       ///< hears which node-IDs are used
-  competing,   ///< sends its identity
-  waiting,     ///< lost this cycle: waits for its end (S2.14)
-  announcing,  ///< has won: waits, then announces
-  settled,     ///< has a node-ID
-  exhausted,   ///< all 127 are in use
-};
-[[nodiscard]] const char* name(Negotiating state) noexcept;
-
-/// Why a device lost its node-ID.
-enum class IdLoss : std::uint8_t {
-  none,
-  defended,   ///< it was the newcomer, and the holder defended its node-ID
-  contested,  ///< two held it; this one yielded
-  literal,    ///< the paper's rule: both lose it (S2.17)
-};
-[[nodiscard]] const char* name(IdLoss why) noexcept;
-
-struct NegotiatorOptions {
-  LssAddress address{};    ///< all four parts are used (S2.8)
-  bool literal = false;    ///< the rules as published
-  NodeId configured{};     ///< preferred when no last one is known; else it is derived from the identity (S2.21)
-  std::uint64_t seed = 1;  ///< of this device; twins need different ones
-
-  // All by the device's own clock (SX.4).
-  rt::Duration quiet = std::chrono::milliseconds(100);      ///< silence before asking, and after a cycle that was lost
-  rt::Duration answers = std::chrono::milliseconds(100);    ///< ReqUsedNodeId to the first byte
-  rt::Duration pause = std::chrono::milliseconds(100);      ///< last byte to the announcement
-  rt::Duration spacing = std::chrono::milliseconds(5);      ///< least time from one own byte to the next
-  rt::Duration after_pause = std::chrono::milliseconds(5);  ///< `quiet` is so much longer for a loser: the winner,
-                                                            ///< which waits as long, announces first (Table 4)
-  // Not in `literal`:
-  rt::Duration jitter = std::chrono::milliseconds(3);         ///< most that a request, announcement or defence waits
-  rt::Duration answer_slot = std::chrono::microseconds(500);  ///< from one node-ID's turn to answer to the next's
-  rt::Duration straggler = std::chrono::milliseconds(30);     ///< the last answer to the first byte, at least
-  rt::Duration probation = std::chrono::seconds(1);           ///< a newcomer for so long
-  rt::Duration contest = std::chrono::seconds(30);            ///< conflicts are one quarrel within this time
-  rt::Duration check = std::chrono::seconds(20);              ///< mean time of a holder's checks; 0 = none
-  rt::Duration retry = std::chrono::seconds(5);               ///< from `exhausted`
-  double load_limit = 0.5;                                    ///< bus load above which the pace halves, 0..1
-};
-
-/// The device. Called from `Negotiator`'s calls and timers; may not call back into it, except `received`'s caller.
-class NegotiatorOwner {
- public:
-  /// Queues a frame, in place of one that is still queued; `Negotiator::sent` is called when it is on the wire. False:
-  /// not possible now, it is tried again.
-  virtual bool send(const can::Frame& frame) noexcept = 0;
-  /// Takes the queued frame back. `sent` is not called for it, even if it is on the wire already.
-  virtual void withdraw() noexcept = 0;
-  /// The controller has nothing to send: a frame that was given to it and never confirmed is gone.
-  [[nodiscard]] virtual bool nothing_queued() const noexcept = 0;
-  [[nodiscard]] virtual std::uint32_t bit_rate() const noexcept = 0;  ///< bit/s; 0 = unknown
-  /// This node-ID is its own from now on: leave initialising, keep it in memory.
-  virtual void node_id_taken(NodeId id) noexcept = 0;
-  /// Tell why (EMCY 8150h while it has the node-ID), then reset communication. It negotiates already for another.
-  virtual void node_id_lost(NodeId id, IdLoss why) noexcept = 0;
-  /// No node-ID is free.
-  virtual void all_taken() noexcept = 0;
-  /// A quarrel about the own node-ID is over, and it was kept.
-  virtual void node_id_kept(NodeId id) noexcept = 0;
-  /// Duration of the device's clock in the world's.
-  [[nodiscard]] virtual rt::Duration in_world(rt::Duration own) const noexcept { return own; }
-
- protected:
-  ~NegotiatorOwner() = default;
-};
-
-class Negotiator final {
+class Negotiator final : private NegotiationCycle::Owner, private NodeIdDefence::Owner {
  public:
   Negotiator(rt::Executor& executor, NegotiatorOwner& owner, const NegotiatorOptions& options) noexcept;
+  Negotiator(const Negotiator&) = delete;
+  Negotiator& operator=(const Negotiator&) = delete;
 
   /// While off: another identity, from power-on.
   void set_address(const LssAddress& address) noexcept { options_.address = address; }
@@ -141,97 +67,36 @@ class Negotiator final {
   /// Another node sent under one of this device's identifiers (heartbeat, say; S2.24).
   void doubled() noexcept;
 
-  [[nodiscard]] Negotiating state() const noexcept { return state_; }
+  [[nodiscard]] Negotiating state() const noexcept {
+    return node_id().configured() ? Negotiating::settled : cycle_.state();
+  }
   /// In use; unconfigured unless settled.
-  [[nodiscard]] NodeId node_id() const noexcept { return node_id_; }
+  [[nodiscard]] NodeId node_id() const noexcept { return defence_.node_id(); }
   /// Last loss.
   [[nodiscard]] IdLoss lost() const noexcept { return lost_; }
   /// Another device won a cycle that this one won: a twin, or a frame was lost.
-  [[nodiscard]] bool had_rival() const noexcept { return rival_; }
+  [[nodiscard]] bool had_rival() const noexcept { return cycle_.had_rival(); }
   /// Cycles begun, frames given to `send`.
-  [[nodiscard]] std::uint32_t cycles() const noexcept { return cycles_; }
-  [[nodiscard]] std::uint32_t frames() const noexcept { return frames_; }
+  [[nodiscard]] std::uint32_t cycles() const noexcept { return cycle_.begun(); }
+  [[nodiscard]] std::uint32_t frames() const noexcept { return sender_.frames(); }
   /// Bus load of the last 100 ms by others' frames, as this device heard them, 0..1.
-  [[nodiscard]] double load() noexcept;
+  [[nodiscard]] double load() noexcept { return sender_.load(); }
   /// What it would choose if nothing were in use.
-  [[nodiscard]] NodeId preferred() const noexcept;
+  [[nodiscard]] NodeId preferred() const noexcept { return choice_.preferred(); }
 
  private:
-  class Timer final : public rt::Job {
-   public:
-    using Action = void (Negotiator::*)() noexcept;
-    Timer(Negotiator& negotiator, Action action) noexcept : negotiator_(&negotiator), action_(action) {}
-    void run() noexcept override { (negotiator_->*action_)(); }
+  void id_won(NodeId id) noexcept override;
+  void none_free() noexcept override;
+  void id_lost(NodeId id, IdLoss why) noexcept override;
+  void id_kept(NodeId id) noexcept override;
 
-   private:
-    Negotiator* negotiator_;
-    Action action_;
-  };
-  static constexpr unsigned buckets = 4;
-  static constexpr rt::Duration bucket = std::chrono::milliseconds(25);
-
-  void step() noexcept;   // the negotiation's timer
-  void speak() noexcept;  // a holder's: answer, defence or check is due
-  void calm() noexcept;   // a quarrel is over
-  void enter(Negotiating state, rt::Duration own) noexcept;
-  void restart_step(rt::Duration own) noexcept;
-  void offer(const can::Frame& frame) noexcept;
-  void listen() noexcept;
-  void ask() noexcept;
-  void join() noexcept;
-  void send_byte() noexcept;
-  void byte_done() noexcept;
-  void announce() noexcept;
-  void take() noexcept;
-  void lose_cycle() noexcept;
-  void wait() noexcept;
-  void heard_request() noexcept;
-  void heard_used(NodeId id) noexcept;
-  void heard_identity(unsigned byte, std::uint8_t value) noexcept;
-  void conflict() noexcept;
-  void lose_id(IdLoss why) noexcept;
-  bool put(const can::Frame& frame) noexcept;
-  void drop() noexcept;
-  void speak_at(rt::Duration own) noexcept;
-  void schedule_check() noexcept;
-  void count_load(unsigned bits) noexcept;
-  void roll_load() noexcept;
-  [[nodiscard]] NodeId choose() const noexcept;
-  [[nodiscard]] rt::Duration frame_time() const noexcept;
-  [[nodiscard]] rt::Duration pace() noexcept;
-  [[nodiscard]] rt::Duration behind() const noexcept;
-  [[nodiscard]] rt::Duration random(rt::Duration most) noexcept;
-
-  rt::Executor* executor_;
   NegotiatorOwner* owner_;
   NegotiatorOptions options_;
-  Random random_;
-  Timer step_{*this, &Negotiator::step};
-  Timer speak_{*this, &Negotiator::speak};
-  Timer calm_{*this, &Negotiator::calm};
-  std::bitset<128> used_;  // heard since the cycle began
-  NodeId last_;            // preferred
-  NodeId node_id_;
-  NodeId candidate_;  // announced, not yet on the wire
-  NodeId avoid_;      // lost in a conflict, until `avoided_until_`
-  rt::Time avoided_until_{};
-  rt::Time since_{};        // settled: when
-  rt::Time window_ends_{};  // listening, asked: not before
-  std::array<std::uint32_t, buckets> bits_{};
-  rt::Time bucket_ends_{};
-  unsigned bucket_ = 0;
-  std::uint32_t cycles_ = 0;
-  std::uint32_t frames_ = 0;
-  unsigned insisted_ = 0;  // times the other came back after a defence
-  std::uint8_t byte_ = 0;  // next to send
-  Negotiating state_ = Negotiating::off;
+  NegotiationSender sender_;
+  NodeIdChoice choice_{options_};
+  NegotiationCycle cycle_;
+  NodeIdDefence defence_;
   IdLoss lost_ = IdLoss::none;
-  bool queued_ = false;  // a frame is with the owner
-  bool firm_ = false;
-  bool owes_ = false;      // an answer or a defence is due
-  bool defended_ = false;  // a defence went out since the other was last heard
-  bool rival_ = false;
-  bool leads_ = false;  // sent the last frame of this cycle itself
 };
 
 }  // namespace berth::nodeid

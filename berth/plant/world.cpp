@@ -34,6 +34,14 @@ void refuse(Findings& findings, std::string key, std::string message, std::strin
   findings.push_back(std::move(finding));
 }
 
+/// The memory as the next power-on will find it.
+std::vector<std::uint8_t> kept_image(const device::SimFlash& flash, const SimDevice::NextPowerOn& next) {
+  std::vector<std::uint8_t> image(flash.image().begin(), flash.image().end());
+  const auto record = std::min(image.size(), device::Device::parameters_at);
+  if (next.node_id) std::fill_n(image.begin(), record, std::uint8_t{0xFF});
+  return image;
+}
+
 }  // namespace
 
 // --- SimDevice -------------------------------------------------------------------------------------------------------
@@ -62,16 +70,16 @@ SimDevice::~SimDevice() {
 void SimDevice::switch_on() noexcept {
   if (powered_) return;
   powered_ = true;
-  if (next_serial_) {
+  if (next_.serial) {
     auto address = device_.options().address;
-    address.serial = *std::exchange(next_serial_, std::nullopt);
+    address.serial = *std::exchange(next_.serial, std::nullopt);
     device_.set_address(address);
   }
-  if (next_node_id_) {
+  if (next_.node_id) {
     const auto rate = lss::bit_rate(device_.persistent().bit_rate).value_or(0);
     // A rate outside CiA's table is no stored value: it stays what the plan says.
     const bool stored = rate != 0 && lss::bit_rate_index(device_.options().bit_rate).has_value();
-    device_.set_blank(*std::exchange(next_node_id_, std::nullopt), stored ? rate : device_.options().bit_rate);
+    device_.set_blank(*std::exchange(next_.node_id, std::nullopt), stored ? rate : device_.options().bit_rate);
     flash_.erase(device::Device::parameters_at);  // what LSS stored; its parameters stay
   }
   controller_->power(true);
@@ -157,13 +165,6 @@ Truth SimDevice::truth() const {
 std::size_t SimDevice::memory_use() const noexcept {
   return sizeof(SimDevice) - sizeof(device::Device) + device_.memory() + sizeof(sim::Controller) + flash_.memory() +
          port_.memory() + plan_.name.capacity() + plan_.bus.capacity();
-}
-
-std::vector<std::uint8_t> SimDevice::kept_image() const {
-  std::vector<std::uint8_t> image(flash_.image().begin(), flash_.image().end());
-  const auto record = std::min(image.size(), device::Device::parameters_at);
-  if (next_node_id_) std::fill_n(image.begin(), record, std::uint8_t{0xFF});
-  return image;
 }
 
 void SimDevice::device_changed(const device::Device&) noexcept { world_->tell(*this); }
@@ -264,10 +265,10 @@ bool World::perform(const PlantEvent& event) {
     case Action::reset: device->reset(); break;
     case Action::deaf: device->deaf(event.duration); break;
     case Action::slow: device->slow(event.latency, event.duration); break;
-    case Action::set_serial: device->set_serial(event.value); break;
+    case Action::set_serial: device->next_power_on().serial = event.value; break;
     case Action::set_node_id:
       if (!NodeId::make(event.value)) return false;
-      device->set_node_id(*NodeId::make(event.value));
+      device->next_power_on().node_id = NodeId::make(event.value);
       break;
     default: return false;
   }
@@ -350,8 +351,8 @@ std::string World::state() const {
   std::vector<Kept> kept;
   for (const auto& d : devices_) {
     const auto& o = d->device_.options();
-    kept.push_back({d->next_serial_.value_or(o.address.serial), d->next_node_id_.value_or(o.node_id), o.bit_rate,
-                    d->plugged_, d->kept_image(), d->name()});
+    kept.push_back({d->next_.serial.value_or(o.address.serial), d->next_.node_id.value_or(o.node_id), o.bit_rate,
+                    d->plugged_, kept_image(d->flash_, d->next_), d->name()});
   }
   return write_state(kept);
 }

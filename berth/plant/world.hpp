@@ -67,10 +67,12 @@ class SimDevice final : private device::Device::Observer, private device::SimFla
   void deaf(Duration duration);
   /// Answers `latency` later than it would for `duration`; 0 = from now on.
   void slow(Duration latency, Duration duration);
-  /// From the next power-on.
-  void set_serial(std::uint32_t serial) noexcept { next_serial_ = serial; }
-  /// From the next power-on: the stored node-ID (or what switches say).
-  void set_node_id(NodeId id) noexcept { next_node_id_ = id; }
+  /// What its next power-on finds changed.
+  struct NextPowerOn {
+    std::optional<std::uint32_t> serial{};
+    std::optional<NodeId> node_id{};  ///< the stored one, or what switches say
+  };
+  [[nodiscard]] NextPowerOn& next_power_on() noexcept { return next_; }
 
   [[nodiscard]] const std::string& name() const noexcept { return plan_.name; }
   [[nodiscard]] const PlantDevice& plan() const noexcept { return plan_; }
@@ -90,8 +92,6 @@ class SimDevice final : private device::Device::Observer, private device::SimFla
   friend class World;
   void switch_on() noexcept;
   void switch_off() noexcept;
-  /// The memory as the next power-on will find it.
-  [[nodiscard]] std::vector<std::uint8_t> kept_image() const;
   void device_changed(const device::Device& device) noexcept override;
   void write_began() noexcept override {}
   void write_ended() noexcept override;
@@ -106,8 +106,7 @@ class SimDevice final : private device::Device::Observer, private device::SimFla
   device::TimedPort port_;
   can::Dispatcher dispatcher_;
   mutable device::Device device_;
-  std::optional<std::uint32_t> next_serial_;
-  std::optional<NodeId> next_node_id_;
+  NextPowerOn next_;
   unsigned deafness_ = 0;  // number of the last `deaf`, so that an older one's end does not end it
   unsigned slowness_ = 0;
   bool plugged_ = false;

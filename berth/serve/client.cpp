@@ -56,7 +56,7 @@ void Client::flush() noexcept {
 // It has hung up; the frames that it gave are sent first, if the bus takes them, as the kernel would do.
 void Client::leave() {
   if (over_) return;
-  if (!port_ || (!pending_ && on_the_way_.empty())) return end("left");
+  if (!port_ || outbox_.empty()) return end("left");
   if (!leaving_) leaving_ = house_->executor().now();
   arm(*leaving_ + linger);
 }
@@ -105,7 +105,7 @@ void Client::ready(std::uint32_t events) noexcept {
 
 // Elements, as long as the bus takes what they say.
 void Client::work() {
-  while (!over_ && !stalled()) {
+  while (!over_ && !outbox_.stalled()) {
     const auto element = reader_.next();
     if (reader_.faults() > 0) {
       ++house_->counters->misbehaved;
@@ -113,15 +113,16 @@ void Client::work() {
       return;
     }
     if (!element) break;
-    act(*element);
+    const auto command = io::parse_command(*element);
+    mode_ == Mode::no_bus ? act_without_bus(command) : act_on_bus(command);
   }
-  if (!over_ && !stream_.gone()) stream_.hold(stalled());
+  if (!over_ && !stream_.gone()) stream_.hold(outbox_.stalled());
 }
 
 // The bus may have room again.
 void Client::go_on() {
-  if (pending_ && hand_over(*pending_)) pending_.reset();
-  if (!over_ && (stream_.held() || leaving_) && !stalled()) work();
+  if (outbox_.kept() && hand_over(*outbox_.kept())) outbox_.drop_kept();
+  if (!over_ && (stream_.held() || leaving_) && !outbox_.stalled()) work();
 }
 
 // ---- time ----
@@ -143,28 +144,20 @@ void Client::tick() noexcept {
     port_->restart(port_->status().bit_rate);
   }
   answer_echoes(now);
-  run_jobs(now);
-  run_subscriptions(now);
-  tell_statistics(now);
+  broadcasts_.run(now, !outbox_.kept());
+  if (mode_ == Mode::control) {
+    if (const auto text = statistics_.tell(now)) say(*text);
+    if (!over_ && statistics_.due()) arm(*statistics_.due());
+  }
   if (!over_) go_on();
   if (over_) return;
   if (quiet_until_) arm(*quiet_until_);
   if (restart_at_) arm(*restart_at_);
   if (leaving_) arm(*leaving_ + linger);
-  if (!echoes_.empty()) arm(echoes_.front().deadline);
+  if (outbox_.echo_deadline()) arm(*outbox_.echo_deadline());
 }
 
 // ---- what the client says ----
-
-void Client::act(std::string_view element) {
-  const auto command = io::parse_command(element);
-  switch (mode_) {
-    case Mode::no_bus: return act_without_bus(command);
-    case Mode::bcm:
-    case Mode::raw:
-    case Mode::control: return act_on_bus(command);
-  }
-}
 
 void Client::act_without_bus(const Command& command) {
   switch (command.kind) {
@@ -188,9 +181,8 @@ void Client::open(const std::string& bus) {
 void Client::enter(Mode mode) {
   release();
   mode_ = mode;
-  jobs_.clear();
-  subscriptions_.clear();
-  statistics_every_ = rt::Duration{0};
+  broadcasts_.clear();
+  statistics_.tell_every(rt::Duration{0}, house_->executor().now());
   filter();
   say("< ok >");
   if (mode != Mode::raw || over_) return;
@@ -202,9 +194,7 @@ void Client::enter(Mode mode) {
 // What the node hears.
 void Client::filter() {
   if (mode_ == Mode::raw) return port_->listen(this, everything);
-  std::vector<can::IdRange> keys;
-  for (const auto& s : subscriptions_) keys.push_back(can::only(s.key));
-  port_->listen(this, keys);
+  port_->listen(this, broadcasts_.keys());
 }
 
 void Client::act_on_bus(const Command& command) {
@@ -215,19 +205,18 @@ void Client::act_on_bus(const Command& command) {
   }
   switch (command.kind) {
     case Kind::echo:
-      echoes_.push_back({last_tag_, house_->executor().now() + echo_wait});
+      outbox_.ask_echo(house_->executor().now());
       answer_echoes(house_->executor().now());
-      if (!echoes_.empty()) arm(echoes_.front().deadline);
+      if (outbox_.echo_deadline()) arm(*outbox_.echo_deadline());
       return;
-    case Kind::malformed: return malformed();
+    case Kind::malformed: ++house_->counters->malformed; return;
     case Kind::send:
       if (mode_ != Mode::control) return give(command.frame);
       break;
     case Kind::statistics:
       if (mode_ != Mode::control) break;
-      statistics_every_ = command.interval.count() == 0 ? command.interval : std::max(command.interval, least_interval);
-      statistics_due_ = house_->executor().now() + statistics_every_;
-      if (statistics_every_.count() > 0) arm(statistics_due_);
+      statistics_.tell_every(command.interval, house_->executor().now());
+      if (statistics_.due()) arm(*statistics_.due());
       return;
     case Kind::add:
     case Kind::update:
@@ -235,8 +224,9 @@ void Client::act_on_bus(const Command& command) {
     case Kind::filter:
     case Kind::subscribe:
     case Kind::unsubscribe:
-      if (mode_ == Mode::bcm) return act_bcm(command);
-      break;
+      if (mode_ != Mode::bcm) break;
+      if (!broadcasts_.act(command, house_->executor().now())) ++house_->counters->malformed;
+      return;
     default: break;
   }
   say(unknown_command);
@@ -245,22 +235,17 @@ void Client::act_on_bus(const Command& command) {
 // ---- frames from the client ----
 
 void Client::give(const can::Frame& frame) {
-  if (!hand_over(frame)) pending_ = frame;
+  if (!hand_over(frame)) outbox_.keep(frame);
 }
 
 // False: no room now.
 bool Client::hand_over(const can::Frame& frame) {
-  const auto queued = port_->send(frame, last_tag_ + 1);
+  const auto queued = outbox_.send(*port_, frame);
   switch (queued) {
-    case can::Queued::yes:
-      if (on_the_way_.size() >= most_on_the_way) on_the_way_.erase(on_the_way_.begin());  // a port that drops frames
-      on_the_way_.push_back({++last_tag_, frame.size});
-      if (last_tag_ == 0xFFFF'FFFEU) last_tag_ = 0;
-      ++house_->counters->frames_in;
-      return true;
+    case can::Queued::yes: ++house_->counters->frames_in; return true;
     case can::Queued::full:
       // A `sent` says when there is room; should it not come, the clock.
-      arm(house_->executor().now() + echo_wait);
+      arm(house_->executor().now() + Outbox::echo_wait);
       return false;
     case can::Queued::bus_off:
     case can::Queued::listen_only:
@@ -275,11 +260,10 @@ bool Client::hand_over(const can::Frame& frame) {
 }
 
 void Client::sent(std::uint32_t tag, rt::Time at) noexcept {
-  const auto it = std::ranges::find(on_the_way_, tag, &OnTheWay::tag);
-  if (over_ || it == on_the_way_.end()) return;
-  ++frames_out_;
-  bytes_out_ += it->size;
-  on_the_way_.erase(it);
+  if (over_) return;
+  const auto size = outbox_.sent(tag);
+  if (!size) return;
+  statistics_.sent(*size);
   answer_echoes(at);
   if (!over_) go_on();
   if (over_ || !leaving_) return;
@@ -288,19 +272,12 @@ void Client::sent(std::uint32_t tag, rt::Time at) noexcept {
 }
 
 void Client::answer_echoes(rt::Time now) {
-  while (!echoes_.empty() && !over_) {
-    const auto& echo = echoes_.front();
-    const bool done = std::ranges::none_of(on_the_way_, [&](const OnTheWay& f) { return f.tag <= echo.after; });
-    if (!done && now < echo.deadline) return;
-    if (!done) std::erase_if(on_the_way_, [&](const OnTheWay& f) { return f.tag <= echo.after; });
-    echoes_.pop_front();
-    say("< echo >");
-  }
+  while (!over_ && outbox_.take_echo(now)) say("< echo >");
 }
 
 void Client::changed(const can::Status& status, rt::Time at) noexcept {
   if (over_) return;
-  if (status.bus_off || !status.up) on_the_way_.clear();
+  if (status.bus_off || !status.up) outbox_.lose();
   if (status.bus_off && !restart_at_) {
     restart_at_ = at + bus_off_pause;
     arm(*restart_at_);
@@ -317,21 +294,23 @@ void Client::received(const can::Frame& frame, rt::Time at) noexcept {
     ++house_->counters->unspeakable;
     return;
   }
-  ++frames_in_;
-  bytes_in_ += frame.size;
-  if (mode_ == Mode::raw) return tell_frame(frame, at);
-  const auto it = std::ranges::find(subscriptions_, frame.key(), &Subscription::key);
-  if (mode_ == Mode::bcm && it != subscriptions_.end()) hear(*it, frame, at);
+  statistics_.received(frame.size);
+  if (mode_ == Mode::raw) tell_frame(frame, at);
+  if (mode_ == Mode::bcm) broadcasts_.hear(frame, at);
 }
 
-void Client::tell_frame(const can::Frame& frame, rt::Time at) {
+bool Client::tell_frame(const can::Frame& frame, rt::Time at) {
   std::string text;
   const auto since = std::chrono::duration_cast<std::chrono::microseconds>(at.time_since_epoch());
   io::append_frame(text, frame, house_->epoch + since, mode_ == Mode::bcm);
   ++house_->counters->frames_out;
-  if (!quiet_until_) return say(text);
+  if (!quiet_until_) {
+    say(text);
+    return !over_;
+  }
   later_ += text;
   if (later_.size() > house_->options->most_waiting / 2) release();
+  return !over_;
 }
 
 void Client::release() {
@@ -342,105 +321,21 @@ void Client::release() {
   say(text);
 }
 
-// ---- BCM mode ----
+// ---- statistics ----
 
-void Client::act_bcm(const Command& command) {
-  const auto key = command.frame.key();
-  const auto job = std::ranges::find(jobs_, key, [](const BcmJob& j) { return j.frame.key(); });
-  switch (command.kind) {
-    case Kind::add: return add_job(command);
-    case Kind::update:
-      if (job != jobs_.end()) job->frame = command.frame;
-      return;
-    case Kind::remove:
-      if (job != jobs_.end()) jobs_.erase(job);
-      return;
-    case Kind::filter:
-    case Kind::subscribe: return subscribe(command);
-    default: std::erase_if(subscriptions_, [&](const Subscription& s) { return s.key == key; }); return filter();
-  }
+void BusStatistics::tell_every(rt::Duration interval, rt::Time now) noexcept {
+  every_ = interval.count() == 0 ? interval : std::max(interval, BroadcastManager::least_interval);
+  due_ = now + every_;
 }
 
-void Client::add_job(const Command& command) {
-  const auto key = command.frame.key();
-  std::erase_if(jobs_, [&](const BcmJob& j) { return j.frame.key() == key; });
-  if (jobs_.size() >= most_jobs) return malformed();
-  BcmJob job{command.frame, command.interval};
-  if (job.interval.count() > 0) job.interval = std::max(job.interval, least_interval);
-  job.due = house_->executor().now() + job.interval;
-  jobs_.push_back(job);
-  if (job.interval.count() > 0) arm(job.due);
-  give(command.frame);
+std::optional<rt::Time> BusStatistics::due() const noexcept {
+  return every_.count() == 0 ? std::nullopt : std::optional(due_);
 }
 
-// A frame that finds no room is not sent at that turn: the next comes.
-void Client::run_jobs(rt::Time now) {
-  for (auto& job : jobs_) {
-    if (job.interval.count() == 0) continue;
-    if (now >= job.due) {
-      if (!pending_) hand_over(job.frame);
-      job.due += job.interval;
-      if (job.due <= now) job.due = now + job.interval;
-    }
-    arm(job.due);
-  }
-}
-
-void Client::subscribe(const Command& command) {
-  const auto key = command.frame.key();
-  std::erase_if(subscriptions_, [&](const Subscription& s) { return s.key == key; });
-  if (subscriptions_.size() >= most_jobs) return malformed();
-  Subscription s;
-  s.key = key;
-  s.always = command.kind == Kind::subscribe;
-  s.interval = command.interval;
-  for (std::size_t i = 0; i < command.frame.size; ++i) s.mask[i] = command.frame.data[i];
-  subscriptions_.push_back(s);
-  filter();
-}
-
-void Client::hear(Subscription& s, const can::Frame& frame, rt::Time at) {
-  if (s.heard && !s.always) {
-    bool differs = false;
-    for (std::size_t i = 0; i < 8; ++i) {
-      const unsigned was = i < s.last.size ? s.last.data[i] : 0U;
-      const unsigned is = i < frame.size ? frame.data[i] : 0U;
-      differs = differs || ((was ^ is) & s.mask[i]) != 0;
-    }
-    if (!differs) return;
-  }
-  s.last = frame;
-  s.last_at = at;
-  if (s.heard && at < s.told + s.interval) {
-    s.waits = true;
-    return arm(s.told + s.interval);
-  }
-  s.heard = true;
-  s.told = at;
-  tell_frame(frame, at);
-}
-
-void Client::run_subscriptions(rt::Time now) {
-  for (auto& s : subscriptions_) {
-    if (!s.waits) continue;
-    if (now < s.told + s.interval) {
-      arm(s.told + s.interval);
-      continue;
-    }
-    s.waits = false;
-    s.told = now;
-    tell_frame(s.last, s.last_at);
-    if (over_) return;
-  }
-}
-
-void Client::tell_statistics(rt::Time now) {
-  if (mode_ != Mode::control || statistics_every_.count() == 0) return;
-  if (now >= statistics_due_) {
-    say(fmt::format("< stat {} {} {} {} >", bytes_in_, frames_in_, bytes_out_, frames_out_));
-    statistics_due_ = now + statistics_every_;
-  }
-  if (!over_) arm(statistics_due_);
+std::optional<std::string> BusStatistics::tell(rt::Time now) {
+  if (every_.count() == 0 || now < due_) return std::nullopt;
+  due_ = now + every_;
+  return fmt::format("< stat {} {} {} {} >", bytes_in_, frames_in_, bytes_out_, frames_out_);
 }
 
 }  // namespace berth::serve

@@ -2,48 +2,42 @@
 /// room `serve`.
 #pragma once
 
-#include <array>
-#include <deque>
 #include <memory>
 #include <optional>
 #include <string>
 #include <string_view>
-#include <vector>
 
 #include "berth/io/socketcand_protocol.hpp"
 #include "berth/io/stream.hpp"
+#include "berth/serve/broadcast_manager.hpp"
+#include "berth/serve/outbox.hpp"
 #include "berth/serve/socketcand_server.hpp"
 
 namespace berth::serve {
 
-/// Cyclic jobs and subscriptions of BCM mode, as far as the kernel's broadcast manager is used by socketcand.
-struct BcmJob {
-  can::Frame frame;
-  rt::Duration interval{0};  ///< 0: not cyclic
-  rt::Time due{};
-};
-struct Subscription {
-  std::uint32_t key = 0;
-  bool always = true;                  ///< regardless of content
-  std::array<std::uint8_t, 8> mask{};  ///< else: bits whose change counts
-  rt::Duration interval{0};            ///< least time between two frames
-  bool heard = false;
-  bool waits = false;  ///< `last` is to be told when the interval is over
-  rt::Time told{};
-  can::Frame last;
-  rt::Time last_at{};
+/// What < stat > tells of the bus: frames and bytes received and sent, every so often.
+class BusStatistics {
+ public:
+  void received(std::uint8_t size) noexcept { ++frames_in_, bytes_in_ += size; }
+  void sent(std::uint8_t size) noexcept { ++frames_out_, bytes_out_ += size; }
+  /// 0: not any more.
+  void tell_every(rt::Duration interval, rt::Time now) noexcept;
+  /// When `tell` has something to say.
+  [[nodiscard]] std::optional<rt::Time> due() const noexcept;
+  /// The element, when it is due.
+  std::optional<std::string> tell(rt::Time now);
+
+ private:
+  std::uint64_t bytes_in_ = 0, frames_in_ = 0, bytes_out_ = 0, frames_out_ = 0;
+  rt::Duration every_{0};
+  rt::Time due_{};
 };
 
-class Client final : private io::Watcher, private can::Listener {
+class Client final : private io::Watcher, private can::Listener, private BroadcastManager::Client {
  public:
-  static constexpr rt::Duration echo_wait = std::chrono::milliseconds(100);
   static constexpr rt::Duration quiet_after_ok = std::chrono::milliseconds(100);
-  static constexpr rt::Duration least_interval = std::chrono::milliseconds(1);
   static constexpr rt::Duration bus_off_pause = std::chrono::seconds(1);
   static constexpr rt::Duration linger = std::chrono::seconds(1);  ///< for the frames of a client that has hung up
-  static constexpr std::size_t most_jobs = 64;          ///< and as many subscriptions; further ones are `malformed`
-  static constexpr std::size_t most_on_the_way = 1024;  ///< frames remembered until they are sent
-  static constexpr std::size_t most_echoes = 256;       ///< not yet answered; then the client waits
 
   /// What a client needs of its server.
   struct House {
@@ -83,14 +77,6 @@ class Client final : private io::Watcher, private can::Listener {
    private:
     Client* client_;
   };
-  struct OnTheWay {
-    std::uint32_t tag = 0;
-    std::uint8_t size = 0;
-  };
-  struct Echo {
-    std::uint32_t after = 0;  // answered when no frame up to this tag is outstanding
-    rt::Time deadline{};
-  };
 
   // io::Watcher
   void ready(std::uint32_t events) noexcept override;
@@ -99,33 +85,25 @@ class Client final : private io::Watcher, private can::Listener {
   void sent(std::uint32_t tag, rt::Time at) noexcept override;
   void changed(const can::Status& status, rt::Time at) noexcept override;
 
+  // BroadcastManager::Client
+  void give(const can::Frame& frame) override;
+  bool hand_over(const can::Frame& frame) override;
+  bool tell_frame(const can::Frame& frame, rt::Time at) override;
+  void arm(rt::Time when) noexcept override;
+  void filter() override;
+
   void say(std::string_view bytes);
   void flush() noexcept;
   void tick() noexcept;
-  void arm(rt::Time when) noexcept;
   void work();
   void go_on();
   void leave();
-  [[nodiscard]] bool stalled() const noexcept { return pending_.has_value() || echoes_.size() >= most_echoes; }
-  void act(std::string_view element);
   void act_without_bus(const io::SocketcandCommand& command);
   void act_on_bus(const io::SocketcandCommand& command);
-  void act_bcm(const io::SocketcandCommand& command);
   void open(const std::string& bus);
   void enter(Mode mode);
-  void filter();
-  void give(const can::Frame& frame);
-  bool hand_over(const can::Frame& frame);
   void answer_echoes(rt::Time now);
-  void tell_frame(const can::Frame& frame, rt::Time at);
   void release();
-  void hear(Subscription& subscription, const can::Frame& frame, rt::Time at);
-  void add_job(const io::SocketcandCommand& command);
-  void subscribe(const io::SocketcandCommand& command);
-  void run_jobs(rt::Time now);
-  void run_subscriptions(rt::Time now);
-  void tell_statistics(rt::Time now);
-  void malformed() noexcept { ++house_->counters->malformed; }
 
   House* house_;
   io::Stream stream_;
@@ -139,19 +117,12 @@ class Client final : private io::Watcher, private can::Listener {
   bool over_ = false;
   std::optional<rt::Time> leaving_;  // it has hung up: since then nothing of its was sent
   rt::Time patience_until_;
-  std::optional<can::Frame> pending_;  // the bus has no room for it now
-  std::vector<OnTheWay> on_the_way_;   // queued on the bus
-  std::uint32_t last_tag_ = 0;
-  std::deque<Echo> echoes_;
+  Outbox outbox_;
   std::optional<rt::Time> quiet_until_;  // frames wait in `later_`
   std::string later_;
   std::optional<rt::Time> restart_at_;
-  std::vector<BcmJob> jobs_;
-  std::vector<Subscription> subscriptions_;
-  rt::Duration statistics_every_{0};
-  rt::Time statistics_due_{};
-  std::uint64_t bytes_in_ = 0, frames_in_ = 0, bytes_out_ = 0,
-                frames_out_ = 0;  // of < stat >: received, sent on the bus
+  BroadcastManager broadcasts_{*this};
+  BusStatistics statistics_;
 };
 
 }  // namespace berth::serve

@@ -1,5 +1,5 @@
-// The LSS commands of CiA 309-3. A device that is put into configuration state stays there from one command to the
-// next, and so does the network's turn.
+#include "berth/serve/gateway_309_lss.hpp"
+
 #include <fmt/format.h>
 
 #include <algorithm>
@@ -35,42 +35,21 @@ void take_known(lss::FastscanOptions& options, const Request309& request, std::s
 
 }  // namespace
 
-rt::Task<bool> Conversation309::take_turn(Net& net) {
-  if (net.has_turn) co_return true;
-  const rt::Time end = executor().now() + turn_patience;
-  while (net.network.services().turn.taken() && executor().now() < end) co_await rt::sleep_for(2ms);
-  if (net.network.services().turn.taken()) co_return false;
-  co_await net.network.services().turn.take();
-  net.has_turn = true;
-  co_return true;
-}
-
-// The frame is not waited for: the conversation may be on its way out.
-void Conversation309::release(Net& net) noexcept {
-  if (std::exchange(net.selected, false))
-    net.network.services().dispatcher.send(lss::request(lss::Command::switch_global, 0));
-  if (std::exchange(net.has_turn, false)) net.network.services().turn.give();
-}
-
-void Conversation309::release_turns() {
-  if (busy_) return static_cast<void>(executor().after(lss_patience, release_));
-  for (const auto& net : nets_) release(*net);
-}
-
-rt::Task<Conversation309::Outcome> Conversation309::lss(const Request309& request, Net& net) {
-  if (!may_send(net, false)) co_return Outcome::refused(Code309::internal_state);
-  const bool ours = co_await take_turn(net);
+rt::Task<Outcome309> LssCommands309::run(const Request309& request, Net309& net) {
+  if (!permits_->may_send(net, false)) co_return Outcome309::refused(Code309::internal_state);
+  const bool ours = co_await net.take_turn();
   if (!ours) {
-    tell(fmt::format("bus {}: the main job, or another client, uses LSS; try again later", net.network.bus().name));
-    co_return Outcome::refused(Code309::internal_state);
+    permits_->tell(
+        fmt::format("bus {}: the main job, or another client, uses LSS; try again later", net.network.bus().name));
+    co_return Outcome309::refused(Code309::internal_state);
   }
   const bool selected_before = net.selected;
-  Outcome outcome = co_await lss_service(request, net);
-  if (!net.selected || (outcome.failed() && !selected_before)) release(net);
+  Outcome309 outcome = co_await service(request, net);
+  if (!net.selected || (outcome.failed() && !selected_before)) net.release();
   co_return outcome;
 }
 
-rt::Task<Conversation309::Outcome> Conversation309::lss_service(const Request309& request, Net& net) {
+rt::Task<Outcome309> LssCommands309::service(const Request309& request, Net309& net) {
   using enum Verb309;
   const auto& n = request.numbers;
   switch (request.verb) {
@@ -99,53 +78,53 @@ rt::Task<Conversation309::Outcome> Conversation309::lss_service(const Request309
   }
 }
 
-Conversation309::Outcome Conversation309::lss_failed(const Error& error, Net& net, Code309 refused) const {
-  if (error.code != Errc::aborted) return failed(error, net);
+Outcome309 LssCommands309::failed(const Error& error, Net309& net, Code309 refused) const {
+  if (error.code != Errc::aborted) return net.failed(error);
   const auto code = error.detail & 0xFFU;
-  if (code == refused_value) return Outcome::refused(refused);
-  if (code == store_medium && refused == Code309::lss_store) return Outcome::refused(Code309::lss_medium);
-  return Outcome::refused(Code309::lss_specific);
+  if (code == refused_value) return Outcome309::refused(refused);
+  if (code == store_medium && refused == Code309::lss_store) return Outcome309::refused(Code309::lss_medium);
+  return Outcome309::refused(Code309::lss_specific);
 }
 
 // ---- states ----
 
-rt::Task<Conversation309::Outcome> Conversation309::switch_global(bool configuration, Net& net) {
-  auto wanted = request_for(net, "lss global");
+rt::Task<Outcome309> LssCommands309::switch_global(bool configuration, Net309& net) {
+  auto wanted = permits_->request_for(net, "lss global");
   wanted.arguments["state"] = configuration ? "configuration" : "waiting";
-  if (!undisturbing(wanted)) co_return Outcome::refused(Code309::internal_state);
+  if (!permits_->undisturbing(wanted)) co_return Outcome309::refused(Code309::internal_state);
   const auto state = configuration ? lss::State::configuration : lss::State::waiting;
   if (configuration) net.selected = true;
   const auto sent = co_await net.network.services().lss.switch_global(state);
-  if (!sent) co_return failed(sent.error(), net);
+  if (!sent) co_return net.failed(sent.error());
   if (!configuration) net.selected = false;
-  co_return Outcome();
+  co_return Outcome309();
 }
 
-bool Conversation309::may_select(const LssAddress& address, Net& net) const {
-  auto wanted = request_for(net, "lss select");
+bool LssCommands309::may_select(const LssAddress& address, Net309& net) const {
+  auto wanted = permits_->request_for(net, "lss select");
   wanted.arguments["address"] = to_string(address);
-  return undisturbing(wanted);
+  return permits_->undisturbing(wanted);
 }
 
-rt::Task<Conversation309::Outcome> Conversation309::switch_selective(LssAddress address, Net& net) {
-  if (!may_select(address, net)) co_return Outcome::refused(Code309::internal_state);
+rt::Task<Outcome309> LssCommands309::switch_selective(LssAddress address, Net309& net) {
+  if (!may_select(address, net)) co_return Outcome309::refused(Code309::internal_state);
   net.selected = true;
   const auto selected = co_await net.network.services().lss.switch_selective(address);
-  if (!selected) co_return failed(selected.error(), net);
-  co_return Outcome();
+  if (!selected) co_return net.failed(selected.error());
+  co_return Outcome309();
 }
 
 // ---- services on devices in configuration state ----
 
 // A device that this conversation has not put there may be any.
-bool Conversation309::may_configure(Net& net) const {
+bool LssCommands309::may_configure(Net309& net) const {
   if (net.selected) return true;
-  const auto wanted = request_for(net, "lss store");
-  return undisturbing(wanted);
+  const auto wanted = permits_->request_for(net, "lss store");
+  return permits_->undisturbing(wanted);
 }
 
 // Another device that answers under this node-ID: asked by SDO.
-rt::Task<bool> Conversation309::is_taken(NodeId id, Net& net) {
+rt::Task<bool> LssCommands309::is_taken(NodeId id, Net309& net) {
   if (id == net.network.bus().master) co_return true;
   co::SdoOptions patience = net.network.services().sdo.options();
   patience.timeout = net.network.bus().timing.guard_timeout;
@@ -154,66 +133,67 @@ rt::Task<bool> Conversation309::is_taken(NodeId id, Net& net) {
   co_return type.has_value() || type.error().code == Errc::aborted || type.error().code == Errc::mismatch;
 }
 
-rt::Task<Conversation309::Outcome> Conversation309::set_node(NodeId id, Net& net) {
-  if (!may_configure(net)) co_return Outcome::refused(Code309::internal_state);
+rt::Task<Outcome309> LssCommands309::set_node(NodeId id, Net309& net) {
+  if (!may_configure(net)) co_return Outcome309::refused(Code309::internal_state);
   const auto now = co_await net.network.services().lss.inquire_node_id();
   const bool keeps = now && now->byte() == id.value();
   if (id.configured() && !keeps) {
     const bool taken = co_await is_taken(id, net);
     if (taken) {
-      tell(fmt::format("bus {}: LSS node-ID {} belongs to another device", net.network.bus().name, id.value()));
-      co_return Outcome::refused(Code309::lss_node_id);
+      permits_->tell(
+          fmt::format("bus {}: LSS node-ID {} belongs to another device", net.network.bus().name, id.value()));
+      co_return Outcome309::refused(Code309::lss_node_id);
     }
   }
   const auto set = co_await net.network.services().lss.configure_node_id(id);
-  if (!set) co_return lss_failed(set.error(), net, Code309::lss_node_id);
-  co_return Outcome();
+  if (!set) co_return failed(set.error(), net, Code309::lss_node_id);
+  co_return Outcome309();
 }
 
-rt::Task<Conversation309::Outcome> Conversation309::configure(const Request309& request, Net& net) {
+rt::Task<Outcome309> LssCommands309::configure(const Request309& request, Net309& net) {
   const auto& n = request.numbers;
   if (request.verb == Verb309::lss_activate_bitrate) {
     // Devices that stay behind at the old rate and those at the new one would destroy each other's frames.
-    auto wanted = request_for(net, "lss activate");
+    auto wanted = permits_->request_for(net, "lss activate");
     wanted.arguments["delay"] = fmt::format("{}", n[0]);
-    if (!undisturbing(wanted)) co_return Outcome::refused(Code309::internal_state);
+    if (!permits_->undisturbing(wanted)) co_return Outcome309::refused(Code309::internal_state);
     const auto sent = co_await net.network.services().lss.activate_bit_timing(static_cast<std::uint16_t>(n[0]));
-    if (!sent) co_return failed(sent.error(), net);
-    co_return Outcome();
+    if (!sent) co_return net.failed(sent.error());
+    co_return Outcome309();
   }
-  if (!may_configure(net)) co_return Outcome::refused(Code309::internal_state);
+  if (!may_configure(net)) co_return Outcome309::refused(Code309::internal_state);
   if (request.verb == Verb309::lss_store) {
     const auto stored = co_await net.network.services().lss.store();
-    if (!stored) co_return lss_failed(stored.error(), net, Code309::lss_store);
-    co_return Outcome();
+    if (!stored) co_return failed(stored.error(), net, Code309::lss_store);
+    co_return Outcome309();
   }
   const auto index = static_cast<lss::BitRateIndex>(n[1]);
   const bool known = n[0] == 0 && index != lss::BitRateIndex::reserved;
-  if (!known) co_return Outcome::refused(Code309::lss_bit_rate);
+  if (!known) co_return Outcome309::refused(Code309::lss_bit_rate);
   const auto set = co_await net.network.services().lss.configure_bit_timing(index);
-  if (!set) co_return lss_failed(set.error(), net, Code309::lss_bit_rate);
-  co_return Outcome();
+  if (!set) co_return failed(set.error(), net, Code309::lss_bit_rate);
+  co_return Outcome309();
 }
 
-rt::Task<Conversation309::Outcome> Conversation309::inquire(const Request309& request, Net& net) {
+rt::Task<Outcome309> LssCommands309::inquire(const Request309& request, Net309& net) {
   if (request.verb == Verb309::lss_get_node) {
     const auto id = co_await net.network.services().lss.inquire_node_id();
-    if (!id) co_return failed(id.error(), net);
-    co_return Outcome::value(fmt::format("{}", id->byte()));
+    if (!id) co_return net.failed(id.error());
+    co_return Outcome309::value(fmt::format("{}", id->byte()));
   }
   if (request.count == 0) {
     const auto address = co_await net.network.services().lss.inquire_address();
-    if (!address) co_return failed(address.error(), net);
-    co_return Outcome::value(address_text(*address));
+    if (!address) co_return net.failed(address.error());
+    co_return Outcome309::value(address_text(*address));
   }
   const auto part = co_await net.network.services().lss.inquire(request.numbers[0]);
-  if (!part) co_return failed(part.error(), net);
-  co_return Outcome::value(fmt::format("0x{:08X}", part->value()));
+  if (!part) co_return net.failed(part.error());
+  co_return Outcome309::value(fmt::format("0x{:08X}", part->value()));
 }
 
 // ---- which devices are there ----
 
-rt::Task<Conversation309::Outcome> Conversation309::identify(const Request309& request, Net& net) {
+rt::Task<Outcome309> LssCommands309::identify(const Request309& request, Net309& net) {
   Result<lss::Reply> heard;
   if (request.verb == Verb309::lss_identity) {
     const auto ranges = ranges_of(request);
@@ -221,23 +201,23 @@ rt::Task<Conversation309::Outcome> Conversation309::identify(const Request309& r
   } else {
     heard = co_await net.network.services().lss.identify_non_configured();
   }
-  if (!heard) co_return failed(heard.error(), net);
-  if (heard->answers == 0) co_return Outcome::refused(Code309::timeout);
-  co_return Outcome();
+  if (!heard) co_return net.failed(heard.error());
+  if (heard->answers == 0) co_return Outcome309::refused(Code309::timeout);
+  co_return Outcome309();
 }
 
-rt::Task<Result<bool>> Conversation309::anybody_in(lss::IdentifyRanges ranges, Net& net) {
+rt::Task<Result<bool>> LssCommands309::anybody_in(lss::IdentifyRanges ranges, Net309& net) {
   const auto heard = co_await net.network.services().lss.identify_remote(ranges);
   if (!heard) co_return fail(heard.error());
   co_return heard->answers > 0;
 }
 
 // The lowest revision number, then the lowest serial number, each by halving the range.
-rt::Task<Conversation309::Outcome> Conversation309::slowscan(const Request309& request, Net& net) {
+rt::Task<Outcome309> LssCommands309::slowscan(const Request309& request, Net309& net) {
   lss::IdentifyRanges ranges = ranges_of(request);
   const auto first = co_await anybody_in(ranges, net);
-  if (!first) co_return failed(first.error(), net);
-  if (!*first) co_return Outcome::refused(Code309::timeout);
+  if (!first) co_return net.failed(first.error());
+  if (!*first) co_return Outcome309::refused(Code309::timeout);
   for (const bool serial : {false, true}) {
     std::uint32_t& low = serial ? ranges.serial_low : ranges.revision_low;
     std::uint32_t& high = serial ? ranges.serial_high : ranges.revision_high;
@@ -245,38 +225,44 @@ rt::Task<Conversation309::Outcome> Conversation309::slowscan(const Request309& r
       const std::uint32_t top = high;
       high = low + (high - low) / 2;
       const auto below = co_await anybody_in(ranges, net);
-      if (!below) co_return failed(below.error(), net);
+      if (!below) co_return net.failed(below.error());
       if (*below) continue;
       low = high + 1;
       high = top;
     }
   }
   const LssAddress address{ranges.vendor, ranges.product, ranges.revision_low, ranges.serial_low};
-  if (!may_select(address, net)) co_return Outcome::refused(Code309::internal_state);
+  if (!may_select(address, net)) co_return Outcome309::refused(Code309::internal_state);
   net.selected = true;
   const auto selected = co_await net.network.services().lss.switch_selective(address);
-  if (!selected) co_return failed(selected.error(), net);
-  co_return Outcome::value(address_text(address));
+  if (!selected) co_return net.failed(selected.error());
+  co_return Outcome309::value(address_text(address));
 }
 
-rt::Task<Conversation309::Outcome> Conversation309::fastscan(const Request309& request, Net& net) {
+rt::Task<Outcome309> LssCommands309::fastscan(const Request309& request, Net309& net) {
   lss::FastscanOptions options;
   options.window = request.count > 0 && request.numbers[0] > 0 ? request.numbers[0] * 1ms : usual_window;
   if (request.count == 9) take_known(options, request, 1);
   const auto waiting = co_await net.network.services().lss.switch_global(lss::State::waiting);
-  if (!waiting) co_return failed(waiting.error(), net);
+  if (!waiting) co_return net.failed(waiting.error());
   lss::Fastscan scan(net.network.services().lss, options);
   net.selected = true;
   const auto found = co_await scan.scan();
-  if (!found) co_return failed(found.error(), net);
-  if (!*found) co_return Outcome::refused(Code309::timeout);
-  co_return Outcome::value(address_text((*found)->address));
+  if (!found) co_return net.failed(found.error());
+  if (!*found) co_return Outcome309::refused(Code309::timeout);
+  co_return Outcome309::value(address_text((*found)->address));
+}
+
+namespace {
+
+bool heard_lately(NodeId id, const Net309& net) {
+  return id == net.network.bus().master || net.network.services().boots.heard(id).has_value();
 }
 
 /// Gives out node-IDs from one on, but none that a device has.
-class Conversation309::Ids final : public lss::FastscanOwner {
+class Ids final : public lss::FastscanOwner {
  public:
-  Ids(Net& net, std::uint8_t first) : net_(&net), next_(first) {}
+  Ids(Net309& net, std::uint8_t first) : net_(&net), next_(first) {}
   NodeId assign(const lss::FastscanDevice&) noexcept override {
     while (next_ <= 127 && heard_lately(NodeId(next_), *net_)) ++next_;
     return next_ <= 127 ? NodeId(next_++) : NodeId();
@@ -287,15 +273,13 @@ class Conversation309::Ids final : public lss::FastscanOwner {
   std::string text;
 
  private:
-  Net* net_;
+  Net309* net_;
   std::uint8_t next_;
 };
 
-bool Conversation309::heard_lately(NodeId id, const Net& net) {
-  return id == net.network.bus().master || net.network.services().boots.heard(id).has_value();
-}
+}  // namespace
 
-rt::Task<Conversation309::Outcome> Conversation309::allnodes(const Request309& request, Net& net) {
+rt::Task<Outcome309> LssCommands309::allnodes(const Request309& request, Net309& net) {
   lss::FastscanOptions options;
   options.window = request.count > 0 && request.numbers[0] > 0 ? request.numbers[0] * 1ms : usual_window;
   options.store = request.count < 3 || request.numbers[2] == 1;
@@ -305,16 +289,16 @@ rt::Task<Conversation309::Outcome> Conversation309::allnodes(const Request309& r
   lss::Fastscan scan(net.network.services().lss, options);
   net.selected = true;
   const auto report = co_await scan.discover(ids);
-  if (!report) co_return failed(report.error(), net);
+  if (!report) co_return net.failed(report.error());
   net.selected = report->end == lss::FastscanReport::End::gave_up;
   using End = lss::FastscanReport::End;
   const bool others_only = partial && report->end == End::gave_up;  // a device answers that is not meant
   const bool whole = report->end == End::complete || others_only;
-  Outcome outcome;
+  Outcome309 outcome;
   const auto count = std::ranges::count_if(report->found, [](const auto& d) { return d.assigned.configured(); });
   outcome.text = ids.text + (whole ? fmt::format("# Found {} nodes, search finished.\r\n", count)
                                    : std::string("# Not all nodes scanned!\r\n"));
-  release(net);
+  net.release();
   co_return outcome;
 }
 

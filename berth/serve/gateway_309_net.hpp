@@ -11,18 +11,18 @@
 #include "berth/co/guarding.hpp"
 #include "berth/co/heartbeat.hpp"
 #include "berth/operate/network.hpp"
-#include "berth/serve/gateway_309_client.hpp"
 #include "berth/serve/gateway_309_pdo.hpp"
+#include "berth/serve/gateway_309_permits.hpp"
 
 namespace berth::serve {
 
-class Conversation309::Net final : private co::HeartbeatConsumer::Observer,
-                                   private co::GuardingMaster::Observer,
-                                   private co::EmcyConsumer::Observer,
-                                   private Pdos309::Ear,
-                                   private can::Handler {
+class Net309 final : private co::HeartbeatConsumer::Observer,
+                     private co::GuardingMaster::Observer,
+                     private co::EmcyConsumer::Observer,
+                     private Pdos309::Ear,
+                     private can::Handler {
  public:
-  Net(operate::Network& of, unsigned n, std::function<void(std::string_view)>& say)
+  Net309(operate::Network& of, unsigned n, std::function<void(std::string_view)>& say)
       : network(of),
         number(n),
         sdo_timeout(of.services().sdo.options().timeout),
@@ -47,6 +47,15 @@ class Conversation309::Net final : private co::HeartbeatConsumer::Observer,
     bus_off_ = now.bus_off;
     passive_ = now.error_passive();
   }
+
+  /// Waits for the network's turn, so that LSS may be used; false: it did not become free.
+  rt::Task<bool> take_turn();
+  /// Gives it back; devices that this conversation has put into LSS configuration state are told to wait.
+  void release() noexcept;
+  /// What the reply says of a service that failed.
+  [[nodiscard]] Outcome309 failed(const Error& error) const;
+
+  static constexpr rt::Duration turn_patience = std::chrono::seconds(5);  ///< for a network that the main job uses
 
   operate::Network& network;
   const unsigned number;

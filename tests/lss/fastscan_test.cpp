@@ -105,7 +105,8 @@ TEST(FastscanRequest, S4_5_AnswersOfManyDoNotCollide) {
       w.with(any_address(random), Feedback::none, one_instant ? milliseconds(1) : microseconds(500 + 331 * (i % 11)));
     }
     const Record record(w.bus);
-    const auto reply = w.run(w.master->fastscan({}, {.timeout = milliseconds(60), .retries = 0, .full_window = true}));
+    const auto reply = w.run(
+        w.master->fastscan({}, lss::ServiceOptions{.timeout = milliseconds(60), .retries = 0, .full_window = true}));
     ASSERT_TRUE(reply);
     EXPECT_FALSE(reply->differ);
     const auto answers = static_cast<std::size_t>(std::ranges::count(record.text, "7E4#4F00000000000000"));
@@ -131,12 +132,14 @@ TEST(FastscanRequest, TheWindowIsWholeOrEndsAtTheFirstAnswer) {
   FastscanWorld w;
   w.with({1, 1, 0, 1}, Feedback::none, milliseconds(1));
   w.with({1, 1, 0, 2}, Feedback::none, milliseconds(6));
-  const auto whole = w.run(w.master->fastscan({}, {.timeout = milliseconds(20), .retries = 0, .full_window = true}));
+  const auto whole = w.run(
+      w.master->fastscan({}, lss::ServiceOptions{.timeout = milliseconds(20), .retries = 0, .full_window = true}));
   ASSERT_TRUE(whole);
   EXPECT_EQ(whole->answers, 2U);
   EXPECT_EQ(w.world.now() - whole->sent, milliseconds(20));
   EXPECT_GT(whole->last_at, whole->heard_at[0] + milliseconds(4));
-  const auto first = w.run(w.master->fastscan({}, {.timeout = milliseconds(20), .retries = 0, .full_window = false}));
+  const auto first = w.run(
+      w.master->fastscan({}, lss::ServiceOptions{.timeout = milliseconds(20), .retries = 0, .full_window = false}));
   ASSERT_TRUE(first);
   EXPECT_EQ(first->answers, 1U);
   EXPECT_LT(w.world.now() - first->sent, milliseconds(3));
@@ -212,7 +215,8 @@ TEST(FastscanRequest, FeedbackIsBoundedAndKeepsTheLowest) {
       n.say(feedback_frame({Feedback::extended, false, static_cast<std::uint16_t>(1000 - i)}));
     });
   }
-  const auto reply = w.run(w.master->fastscan({}, {.timeout = milliseconds(400), .retries = 0, .full_window = true}));
+  const auto reply = w.run(
+      w.master->fastscan({}, lss::ServiceOptions{.timeout = milliseconds(400), .retries = 0, .full_window = true}));
   ASSERT_TRUE(reply);
   ASSERT_EQ(reply->feedback.size(), Master::most_feedback);
   EXPECT_EQ(reply->feedback.front().feedback.value, 701);

@@ -110,7 +110,7 @@ TEST(Sources, S4_2_AFixedNodeIdThatDoesNotFitIsAFinding) {
   EXPECT_EQ(writes.configure, 0U) << "never written";
   EXPECT_EQ(writes.store, 0U);
   // The person turns the switch.
-  rig.device("a").set_node_id(NodeId(7));
+  rig.device("a").next_power_on().node_id = NodeId(7);
   rig.device("a").power(false);
   rig.device("a").power(true);
   ASSERT_TRUE(rig.until_operational(30s)) << rig.log();

@@ -353,7 +353,7 @@ TEST(PlantWorld, StateOutlivesTheProcess) {
       s.ask(frame, milliseconds(50));
     }
     EXPECT_EQ(s.record->text.back(), "7E4#1700000000000000");
-    s["left sensor"].set_serial(66);
+    s["left sensor"].next_power_on().serial = 66;
     kept = s.world->state();
   }
   Findings findings;

@@ -1,50 +1,128 @@
-// The keys of one object or sub-object: names, types, access, values and limits.
+#include "berth/eds/keys.hpp"
+
 #include <fmt/format.h>
 
 #include <algorithm>
 
 #include "berth/eds/dcf.hpp"
-#include "berth/eds/objects.hpp"
 
 namespace berth::eds {
 namespace {
 
 using Severity = Finding::Severity;
 
+constexpr std::array<std::string_view, static_cast<std::size_t>(Key::count)> key_words{
+    "ParameterName", "ObjectType",   "DataType",   "AccessType", "DefaultValue",  "PDOMapping",
+    "SubNumber",     "LowLimit",     "HighLimit",  "ObjFlags",   "CompactSubObj", "ParameterValue",
+    "UploadFile",    "DownloadFile", "Denotation", "ParamRefd"};
+
+/// A key's place in `Key` by its length and two letters, which tell the words apart.
+class KeySlots {
+ public:
+  static constexpr std::uint8_t none = 0xFF;
+
+  constexpr KeySlots() {
+    slots_.fill(none);
+    for (std::size_t slot = 0; slot < key_words.size(); ++slot) {
+      std::uint8_t& place = slots_[hash(key_words[slot])];
+      if (place != none) throw "two words in one place";  // at compile time
+      place = static_cast<std::uint8_t>(slot);
+    }
+  }
+  [[nodiscard]] constexpr std::uint8_t at(std::string_view key) const noexcept { return slots_[hash(key)]; }
+
+ private:
+  static constexpr std::size_t hash(std::string_view key) noexcept {
+    if (key.size() < 3) return 0;
+    const auto letter = [key](std::size_t i) { return static_cast<unsigned char>(key[i] | 0x20); };
+    return (key.size() + letter(0) + letter(2) * 7U) % 32;
+  }
+  std::array<std::uint8_t, 32> slots_{};
+};
+constexpr KeySlots key_slots;
+
+/// A key's place in `Key`; Key::count for a key that CiA 306 does not know.
+std::size_t key_slot(std::string_view key) noexcept {
+  const std::uint8_t slot = key_slots.at(key);
+  return slot != KeySlots::none && same_word(key_words[slot], key) ? slot : key_words.size();
+}
+
 }  // namespace
 
-bool ObjectReader::afford(const Section* section, std::size_t sub_objects, std::size_t bytes) {
-  if (too_much_) return false;
+bool ReadBudget::afford(const Section* section, std::size_t sub_objects, std::size_t bytes) {
+  if (spent_) return false;
   sub_objects_ += sub_objects;
   bytes_ += bytes;
-  if (sub_objects_ <= options_.max_sub_objects && bytes_ <= options_.max_value_bytes) return true;
-  too_much_ = true;
+  if (sub_objects_ <= options_->max_sub_objects && bytes_ <= options_->max_value_bytes) return true;
+  spent_ = true;
   const char* const message = "the file describes more objects than are read";
   if (section != nullptr) {
-    context_.tell(Severity::error, *section, nullptr, message);
+    context_->tell(Severity::error, *section, nullptr, message);
   } else {
-    context_.report().add(Severity::error, 0, 0, "", message);
+    context_->report().add(Severity::error, 0, 0, "", message);
   }
   return false;
 }
 
-void ObjectReader::add(std::uint16_t index, const od::SubSpec& spec, const Section* section) {
-  if (afford(section, 1, spec.name.size() + spec.initial.bytes.size())) builder_.sub(index, spec);
-}
-
-std::string_view ObjectReader::parameter_name(const Group& group, const Section& section, const Keys& keys,
-                                              const Fallback& fallback) {
-  if (given(keys, Key::parameter_name)) {
-    scratch_ = context_.text(entry(keys, Key::parameter_name));
-  } else {
-    scratch_ = &keys == &group.keys ? fmt::format("{:04X}", group.index)
-                                    : fmt::format("{:04X}sub{:X}", group.index, fallback.sub);
-    context_.warn(section, nullptr, fmt::format("ParameterName is missing; taken as \"{}\"", scratch_));
+void KeyReader::collect(const Section& section, Keys& keys, std::span<const std::string_view> own_words) {
+  Keys own{};
+  for (const Entry& each : context_.document().entries(section)) {
+    const std::string_view key = context_.document().key(each);
+    const std::size_t slot = key_slot(key);
+    if (slot == key_words.size()) {
+      if (std::ranges::any_of(own_words, [key](std::string_view word) { return same_word(word, key); })) continue;
+      context_.tell(Severity::note, section, &each, "CiA 306 does not know this key; it is kept and not used");
+      continue;
+    }
+    if (own[slot] != nullptr) context_.warn(section, &each, "stands twice; the last one counts");
+    own[slot] = &each;
+    keys[slot] = &each;
   }
-  return scratch_;
 }
 
-od::DataType ObjectReader::data_type(const Section& section, const Keys& keys, const Fallback& fallback) {
+od::ObjectCode KeyReader::object_code(const ObjectGroup& group, bool has_subs) {
+  using od::ObjectCode;
+  const bool compact =
+      given(group.keys, Key::compact_sub_obj) && context_.raw(entry(group.keys, Key::compact_sub_obj)) != "0";
+  const ObjectCode derived = has_subs ? ObjectCode::record : compact ? ObjectCode::array : ObjectCode::var;
+  const Entry* const type = entry(group.keys, Key::object_type);
+  if (context_.raw(type).empty()) {
+    if (derived != ObjectCode::var) {
+      context_.warn(*group.main, type, fmt::format("ObjectType is missing; taken as {}", od::name(derived)));
+    }
+    return derived;
+  }
+  const auto value = context_.number(*group.main, type, 0xFF, Severity::warning);
+  const bool valid = value && (*value == 0 || *value == 2 || (*value >= 5 && *value <= 9));
+  if (!valid) {
+    if (value) {
+      context_.warn(*group.main, type, fmt::format("{} is no object code; taken as {}", *value, od::name(derived)));
+    }
+    return derived;
+  }
+  const auto code = static_cast<ObjectCode>(*value);
+  const bool simple = code != ObjectCode::array && code != ObjectCode::record && code != ObjectCode::defstruct;
+  if (simple && derived != ObjectCode::var) {
+    context_.warn(*group.main, type,
+                  fmt::format("a {} with sub-objects; taken as {}", od::name(code), od::name(derived)));
+    return derived;
+  }
+  return code;
+}
+
+std::string_view KeyReader::parameter_name(const ObjectGroup& group, const Section& section, const Keys& keys,
+                                           const Fallback& fallback) {
+  if (given(keys, Key::parameter_name)) {
+    name_ = context_.text(entry(keys, Key::parameter_name));
+  } else {
+    name_ = &keys == &group.keys ? fmt::format("{:04X}", group.index)
+                                 : fmt::format("{:04X}sub{:X}", group.index, fallback.sub);
+    context_.warn(section, nullptr, fmt::format("ParameterName is missing; taken as \"{}\"", name_));
+  }
+  return name_;
+}
+
+od::DataType KeyReader::data_type(const Section& section, const Keys& keys, const Fallback& fallback) {
   using od::DataType;
   const Entry* const key = entry(keys, Key::data_type);
   const std::string_view code = context_.raw(entry(keys, Key::object_type));
@@ -70,7 +148,7 @@ od::DataType ObjectReader::data_type(const Section& section, const Keys& keys, c
   return type;
 }
 
-od::Access ObjectReader::access(const Section& section, const Keys& keys, const Fallback& fallback, od::DataType type) {
+od::Access KeyReader::access(const Section& section, const Keys& keys, const Fallback& fallback, od::DataType type) {
   using od::Access;
   const Entry* const key = entry(keys, Key::access_type);
   const std::string_view value = context_.raw(key);
@@ -87,7 +165,8 @@ od::Access ObjectReader::access(const Section& section, const Keys& keys, const 
   return taken;
 }
 
-od::SubSpec ObjectReader::spec(const Group& group, const Section& section, const Keys& keys, const Fallback& fallback) {
+od::SubSpec KeyReader::spec(const ObjectGroup& group, const Section& section, const Keys& keys,
+                            const Fallback& fallback) {
   od::SubSpec made;
   made.sub = fallback.sub;
   made.type = data_type(section, keys, fallback);
@@ -108,7 +187,7 @@ od::SubSpec ObjectReader::spec(const Group& group, const Section& section, const
   return made;
 }
 
-std::optional<od::Literal> ObjectReader::literal(const Section& section, const Entry* entry, od::DataType type) {
+std::optional<od::Literal> KeyReader::literal(const Section& section, const Entry* entry, od::DataType type) {
   const std::string_view raw = context_.raw(entry);
   if (raw.empty()) return std::nullopt;
   auto parsed = od::parse(type, raw);
@@ -128,7 +207,7 @@ std::optional<od::Literal> ObjectReader::literal(const Section& section, const E
   return std::move(parsed->value);
 }
 
-od::Literal ObjectReader::limit(const Section& section, const Entry* entry, od::DataType type, bool low) {
+od::Literal KeyReader::limit(const Section& section, const Entry* entry, od::DataType type, bool low) {
   const std::string_view raw = context_.raw(entry);
   if (raw.empty()) return {};
   if (od::bit_length(type) == 0) {
@@ -146,7 +225,7 @@ od::Literal ObjectReader::limit(const Section& section, const Entry* entry, od::
   return literal(section, entry, type).value_or(od::Literal{});
 }
 
-void ObjectReader::limits(const Section& section, const Keys& keys, od::SubSpec& spec) {
+void KeyReader::limits(const Section& section, const Keys& keys, od::SubSpec& spec) {
   const Entry* const low = entry(keys, Key::low_limit);
   const Entry* const high = entry(keys, Key::high_limit);
   spec.low = limit(section, low, spec.type, true);
@@ -159,8 +238,8 @@ void ObjectReader::limits(const Section& section, const Keys& keys, od::SubSpec&
   }
 }
 
-void ObjectReader::check_limits(const Section& section, const Entry* entry, const od::SubSpec& spec,
-                                const od::Literal& value) {
+void KeyReader::check_limits(const Section& section, const Entry* entry, const od::SubSpec& spec,
+                             const od::Literal& value) {
   if (od::bit_length(spec.type) == 0 || !value.present()) return;
   for (const std::uint8_t node : {std::uint8_t{1}, std::uint8_t{127}}) {
     const std::uint64_t raw = value.resolve(spec.type, node);
@@ -172,7 +251,7 @@ void ObjectReader::check_limits(const Section& section, const Entry* entry, cons
   }
 }
 
-void ObjectReader::initial(ObjectRef ref, const Section& section, const Keys& keys, od::SubSpec& spec) {
+void KeyReader::initial(ObjectRef ref, const Section& section, const Keys& keys, od::SubSpec& spec) {
   const Entry* const default_key = entry(keys, Key::default_value);
   const Entry* const set_key = entry(keys, Key::parameter_value);
   if (auto value = literal(section, default_key, spec.type)) {
@@ -181,15 +260,16 @@ void ObjectReader::initial(ObjectRef ref, const Section& section, const Keys& ke
   }
   if (auto value = literal(section, set_key, spec.type)) {
     check_limits(section, set_key, spec, *value);
-    parameters_.push_back({ref, spec.type, *value, set_key->line});
-    if (spec.initial.present()) defaults_.push_back({ref, spec.type, std::move(spec.initial), default_key->line});
+    values_.parameters.push_back({ref, spec.type, *value, set_key->line});
+    if (spec.initial.present())
+      values_.defaults.push_back({ref, spec.type, std::move(spec.initial), default_key->line});
     spec.initial = std::move(*value);
   }
 }
 
-void ObjectReader::extras(ObjectRef ref, const Section& section, const Keys& keys) {
-  if (given(keys, Key::denotation)) denotations_.push_back({ref, context_.text(entry(keys, Key::denotation))});
-  if (given(keys, Key::param_refd)) param_refs_.push_back({ref, context_.text(entry(keys, Key::param_refd))});
+void KeyReader::extras(ObjectRef ref, const Section& section, const Keys& keys) {
+  if (given(keys, Key::denotation)) values_.denotations.push_back({ref, context_.text(entry(keys, Key::denotation))});
+  if (given(keys, Key::param_refd)) values_.param_refs.push_back({ref, context_.text(entry(keys, Key::param_refd))});
   for (const Key key : {Key::upload_file, Key::download_file}) {
     if (!given(keys, key)) continue;
     std::string name = context_.text(entry(keys, key));
@@ -197,7 +277,7 @@ void ObjectReader::extras(ObjectRef ref, const Section& section, const Keys& key
       context_.warn(section, entry(keys, key), "leads out of the file's folder; left out", "write a plain file name");
       continue;
     }
-    file_references_.push_back({ref, key == Key::download_file, std::move(name), entry(keys, key)->line});
+    values_.file_references.push_back({ref, key == Key::download_file, std::move(name), entry(keys, key)->line});
   }
 }
 

@@ -1,0 +1,85 @@
+#include "berth/eds/compact_pdos.hpp"
+
+#include <fmt/format.h>
+
+#include <array>
+
+namespace berth::eds {
+namespace {
+
+constexpr unsigned most_mapped = 64;  ///< entries of a mapping parameter (CiA 301 §7.5.2.36)
+constexpr std::uint32_t pdo_invalid = 0x8000'0000;
+constexpr unsigned predefined_pdos = 4;
+
+}  // namespace
+
+void CompactPdos::add_sub(std::uint16_t index, const od::SubSpec& spec) {
+  if (budget_.afford(nullptr, 1, spec.name.size() + spec.initial.bytes.size())) builder_.sub(index, spec);
+}
+
+void CompactPdos::add_all() {
+  if (device_.compact_pdo == 0) return;
+  for (unsigned number = 0; number < device_.rpdos; ++number) {
+    add(static_cast<std::uint16_t>(0x1400 + number), static_cast<std::uint16_t>(0x1600 + number), number, true);
+  }
+  for (unsigned number = 0; number < device_.tpdos; ++number) {
+    add(static_cast<std::uint16_t>(0x1800 + number), static_cast<std::uint16_t>(0x1A00 + number), number, false);
+  }
+}
+
+void CompactPdos::add(std::uint16_t communication, std::uint16_t mapping, unsigned number, bool receive) {
+  using od::DataType;
+  using od::Literal;
+  struct Item {
+    const char* name;
+    DataType type;
+  };
+  constexpr std::array<Item, 6> items{{{"COB-ID", DataType::unsigned32},
+                                       {"Transmission type", DataType::unsigned8},
+                                       {"Inhibit time", DataType::unsigned16},
+                                       {"Reserved", DataType::unsigned8},
+                                       {"Event timer", DataType::unsigned16},
+                                       {"SYNC start value", DataType::unsigned8}}};
+  if (!builder_.has(communication)) {
+    builder_.object(communication, od::ObjectCode::record,
+                    receive ? "RPDO communication parameter" : "TPDO communication parameter",
+                    DataType::pdo_communication);
+    for (std::size_t i = 0; i < items.size(); ++i) {
+      if (((device_.compact_pdo >> i) & 1U) == 0) continue;
+      Literal initial;
+      if (i == 0) {
+        const std::uint32_t base = (receive ? 0x200U : 0x180U) + 0x100U * number;
+        initial = number < predefined_pdos ? Literal::node_id_plus(base) : Literal::number(pdo_invalid);
+        // A DCF switches off the PDOs that it does not describe (CiA 306 §5.3).
+        if (dcf_) {
+          const ObjectRef cob_id{communication, 1};
+          if (initial.kind == Literal::Kind::node_id_plus) {
+            values_.defaults.push_back({cob_id, DataType::unsigned32, initial});
+            initial.raw |= pdo_invalid;
+          }
+          values_.parameters.push_back({cob_id, DataType::unsigned32, initial});
+        }
+      }
+      add_sub(communication, {.sub = static_cast<std::uint8_t>(i + 1),
+                              .name = items[i].name,
+                              .type = items[i].type,
+                              .initial = std::move(initial)});
+    }
+  }
+  if (builder_.has(mapping)) return;
+  builder_.object(mapping, od::ObjectCode::record, receive ? "RPDO mapping parameter" : "TPDO mapping parameter",
+                  DataType::pdo_mapping);
+  const auto writable = device_.granularity == 0 ? od::Access::ro : od::Access::rw;
+  add_sub(mapping, {.sub = 0,
+                    .name = "Number of mapped objects",
+                    .type = DataType::unsigned8,
+                    .access = writable,
+                    .initial = Literal::number(0)});
+  for (unsigned sub = 1; sub <= most_mapped; ++sub) {
+    const auto name = fmt::format("Application object {}", sub);
+    add_sub(mapping,
+            {.sub = static_cast<std::uint8_t>(sub), .name = name, .type = DataType::unsigned32, .access = writable});
+  }
+}
+
+}  // namespace berth::eds

@@ -1,0 +1,30 @@
+/// [DeviceInfo] CompactPDO: PDOs without sections exist with these sub-indices of the communication record. Inside of
+/// room `eds` only.
+#pragma once
+
+#include <cstdint>
+
+#include "berth/eds/keys.hpp"
+
+namespace berth::eds {
+
+class CompactPdos {
+ public:
+  /// `dcf`: the PDOs that it does not describe are switched off.
+  CompactPdos(const DeviceInfo& device, bool dcf, od::DescriptionBuilder& builder, ReadBudget& budget,
+              DcfValues& values) noexcept
+      : device_(device), dcf_(dcf), builder_(builder), budget_(budget), values_(values) {}
+  void add_all();
+
+ private:
+  void add(std::uint16_t communication, std::uint16_t mapping, unsigned number, bool receive);
+  void add_sub(std::uint16_t index, const od::SubSpec& spec);
+
+  const DeviceInfo& device_;
+  bool dcf_;
+  od::DescriptionBuilder& builder_;
+  ReadBudget& budget_;
+  DcfValues& values_;
+};
+
+}  // namespace berth::eds
