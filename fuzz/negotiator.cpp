@@ -2,6 +2,7 @@
 #include <cstdint>
 #include <cstdlib>
 
+#include "berth/nodeid/negotiation_frames.hpp"
 #include "berth/nodeid/negotiator.hpp"
 
 namespace {

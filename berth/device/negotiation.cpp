@@ -3,6 +3,8 @@
 #include <array>
 #include <utility>
 
+#include "berth/nodeid/negotiation_frames.hpp"
+
 namespace berth::device {
 namespace {
 

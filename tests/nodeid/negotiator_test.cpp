@@ -1,5 +1,6 @@
 // The negotiation's state machine by itself, against holders that the test plays.
 #include "berth/nodeid/negotiator.hpp"
+#include "berth/nodeid/negotiation_frames.hpp"
 
 #include <gtest/gtest.h>
 #include <chrono>
