@@ -16,7 +16,7 @@ lss::Exchange service(lss::Master& master, std::uint8_t which) {
     case 0: return master.switch_selective({1, 2, 3, which});
     case 1: return master.configure_node_id(NodeId(5));
     case 2: return master.configure_bit_timing(lss::BitRateIndex::kbit_250);
-    case 3: return master.store({.timeout = 10ms});
+    case 3: return master.store(lss::ServiceOptions{.timeout = 10ms});
     case 4: return master.inquire(which / 8U);
     case 5: return master.inquire_node_id();
     case 6: return master.identify_remote({});
@@ -79,7 +79,7 @@ extern "C" int LLVMFuzzerTestOneInput(const std::uint8_t* data, std::size_t size
   check(first.await_resume(), false);
   check(second.await_resume(), true);
 
-  auto honest = master.inquire_node_id({.timeout = 10ms, .retries = 0});
+  auto honest = master.inquire_node_id(lss::ServiceOptions{.timeout = 10ms, .retries = 0});
   fuzz::Flag done;
   done.set = honest.begin(executor, done);
   executor.advance(executor.now() + 1ms);
