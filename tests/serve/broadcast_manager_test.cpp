@@ -46,7 +46,7 @@ class Broadcasts : public ::testing::Test, private BroadcastManager::Client {
 
 TEST_F(Broadcasts, AJobIsSentAtOnceAndThenEachIntervalButNotWhereThereIsNoRoom) {
   const rt::Time t{};
-  act("< add 0 10000 123 1 5 >", t);
+  act("add 0 10000 123 1 5", t);
   EXPECT_EQ(sent_, 1U);
   EXPECT_EQ(armed_, t + 10ms);
   manager_.run(t + 10ms, true);
@@ -58,7 +58,7 @@ TEST_F(Broadcasts, AJobIsSentAtOnceAndThenEachIntervalButNotWhereThereIsNoRoom) 
 
 TEST_F(Broadcasts, AFilterTellsOnlyWhatChangesUnderItsMask) {
   const rt::Time t{};
-  act("< filter 0 0 123 1 0F >", t);
+  act("filter 0 0 123 1 0F", t);
   hear(0x123, 0x10, t);
   hear(0x123, 0x20, t + 1ms);  // the upper half
   EXPECT_EQ(told_, 1U);
@@ -70,7 +70,7 @@ TEST_F(Broadcasts, AFilterTellsOnlyWhatChangesUnderItsMask) {
 
 TEST_F(Broadcasts, WhatComesTooSoonIsToldWhenTheIntervalIsOverTheNewestOfIt) {
   const rt::Time t{};
-  act("< subscribe 0 10000 123 >", t);
+  act("subscribe 0 10000 123", t);
   hear(0x123, 1, t);
   hear(0x123, 2, t + 1ms);
   hear(0x123, 3, t + 2ms);
