@@ -25,7 +25,7 @@ bool Lending::free_for_a_loan(const Seat& seat, const LssAddress& device) const 
   const NodeId id = seat.id();
   const auto& vacant = s_.vacancy[id.value()];
   return !seat.there && !seat.slot.record.device() && seat.slot.spec.assign == places::Assign::lss && !spoken_for(id) &&
-         vacant && s_.boots.silent_since(id, *vacant) && places::fits(seat.slot.spec, device);
+         vacant && s_.boots.vacant_since(id, *vacant) && places::fits(seat.slot.spec, device);
 }
 
 // The lowest free slot's that it fits: searches find the devices of a type in ascending order, and with `ascending`

@@ -76,7 +76,7 @@ rt::Task<void> Seating::carry_out_actions(bool& inquired_all) {
 rt::Task<void> Seating::verify_vacancy() {
   const auto is_known = [this](NodeId id) {
     const auto& vacant = s_.vacancy[id.value()];
-    return vacant && s_.boots.silent_since(id, *vacant);
+    return vacant && s_.boots.vacant_since(id, *vacant);
   };
   std::vector<NodeId> unknown;
   if (!agenda_.speaks && !is_known(s_.bus.master)) unknown.push_back(s_.bus.master);

@@ -108,7 +108,7 @@ rt::Task<Outcome> Binder::perform(Binding& binding, SlotId slot, const std::stri
 
 rt::Task<Outcome> Binder::vacant(NodeId id, const LssAddress& device) {
   auto& vacant_at = s_.vacancy[id.value() & 0x7FU];
-  if (vacant_at && s_.boots.silent_since(id, *vacant_at)) {
+  if (vacant_at && s_.boots.vacant_since(id, *vacant_at)) {
     watch_since_ = *vacant_at;
     co_return Outcome::ok;
   }

@@ -5,6 +5,7 @@
 #pragma once
 
 #include <array>
+#include <chrono>
 #include <optional>
 
 #include "berth/base/ids.hpp"
@@ -26,6 +27,11 @@ class BootWatch final : private can::Handler {
   [[nodiscard]] bool silent_since(NodeId id, rt::Time since) const noexcept {
     const Node& node = at(id);
     return (!node.heard || *node.heard < since) && (!node.voice || *node.voice < since);
+  }
+  /// A question under this node-ID at `asked` that stayed without an answer still shows that no device has it: nothing
+  /// was heard there since, nor in the second before. A device that was heard so lately may have missed the question.
+  [[nodiscard]] bool vacant_since(NodeId id, rt::Time asked) const noexcept {
+    return silent_since(id, asked - std::chrono::seconds(1));
   }
   /// How many error control messages were heard under this node-ID, boot-ups not counted.
   [[nodiscard]] std::uint64_t beats(NodeId id) const noexcept { return at(id).beats; }

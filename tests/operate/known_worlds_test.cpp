@@ -33,6 +33,7 @@ INSTANTIATE_TEST_SUITE_P(
         Known{13246, "a device that was deaf during the proof hears the repeated 11h"},
         Known{34057, "a device with one receive buffer loses each question behind the answers of its slot's device"},
         Known{23228, "one lost in configuration hears 11h again, and is deaf while what it stored is taken back"},
+        Known{45130, "one of two devices with a slot's node-ID is deaf just when that node-ID is asked for"},
         Known{86557, "one lost in configuration hears 11h again"},
         Known{99792, "a silence before the device booted excuses the second answers of two that share a node-ID"},
         Known{141300, "the same, in the middle of a configuration"},

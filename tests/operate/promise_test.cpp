@@ -4,6 +4,7 @@
 #include <cstdint>
 #include <optional>
 #include <string>
+#include <utility>
 #include <vector>
 
 #include "tests/harness/rig.hpp"
@@ -288,6 +289,41 @@ TEST(Promise, WhatTwoDevicesAreToldToStoreIsWaitedForFromBoth) {
   EXPECT_EQ(before, (std::vector<NodeId>{NodeId(), NodeId()}));
   EXPECT_EQ(rig.seats(), (Seats{{2, 1}, {3, 2}}));
   for (const auto& t : rig.world().truth()) EXPECT_EQ(t.persistent, t.active) << t.name;
+}
+
+// Y hears neither the `04 00` that ends its binding, nor the proof that X is alone, nor the first 11h for X, of which the
+// answer is lost: the repetition is Y's too, and both answer it in one frame. X is not told to store before it is alone.
+TEST(Promise, S1_53_ARepeated11hIsProvenBeforeAnythingIsStored) {
+  design::Machine m = one_bus(125'000);
+  add_slot(m, 2, type_a);
+  add_slot(m, 3, type_b);
+  auto p = one_bus_plant(1);
+  add_device(p, "y", type_a, 1);
+  add_device(p, "x", type_b, 2);
+  Rig rig(m, p);
+  plant::SimDevice& y = rig.device("y");
+  bool first = true;
+  const At stored(rig, 0x7E4, {0x17, 0x00}, [&] { y.controller().deaf(std::exchange(first, false)); });
+  int told = 0;
+  const At given(rig, 0x7E5, {0x11, 0x03}, [&] {
+    if (++told != 1) return;
+    y.controller().deaf(false);
+    plant::PlantEvent lost;
+    lost.action = plant::Action::overrun;
+    lost.bus = "backbone";
+    lost.nodes = {std::string(plant::master_name)};
+    lost.strike.id = 0x7E4;
+    EXPECT_TRUE(rig.world().perform(lost));
+  });
+  bool both = false;
+  const At taken(rig, 0x7E4, {0x11, 0x00}, [&] { both = both || y.truth().pending == NodeId(3); });
+  bool foreign = false;
+  const At stores(rig, 0x7E5, {0x17}, [&] { foreign = foreign || y.truth().pending == NodeId(3); });
+  rig.begin();
+  ASSERT_TRUE(rig.until_operational(30s)) << rig.log();
+  ASSERT_TRUE(both) << "this case is not the one that is meant";
+  EXPECT_FALSE(foreign) << rig.log();
+  EXPECT_EQ(rig.seats(), (Seats{{2, 1}, {3, 2}}));
 }
 
 // Y hears neither the `04 00` that ends its binding nor the proof that X is alone, but what comes behind X's 17h, of

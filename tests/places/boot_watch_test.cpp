@@ -71,5 +71,20 @@ TEST_F(Watch, AnEmergencyOrAnSdoAnswerEndsTheSilenceOfANodeId) {
   EXPECT_TRUE(boots_.silent_since(NodeId(5), began));
 }
 
+// A device that was heard half a second before a question may be deaf for as long as the question is asked (seed 45130).
+TEST_F(Watch, ASilenceBehindALateWordIsNoVacancy) {
+  heard_of_eight(0x585);
+  world_.run_for(500ms);
+  const rt::Time soon = world_.executor().now();
+  EXPECT_TRUE(boots_.silent_since(NodeId(5), soon));
+  EXPECT_FALSE(boots_.vacant_since(NodeId(5), soon));
+  EXPECT_TRUE(boots_.vacant_since(NodeId(6), soon));
+  world_.run_for(600ms);
+  const rt::Time later = world_.executor().now();
+  EXPECT_TRUE(boots_.vacant_since(NodeId(5), later));
+  heard_of_eight(0x585);
+  EXPECT_FALSE(boots_.vacant_since(NodeId(5), later));
+}
+
 }  // namespace
 }  // namespace berth::places
