@@ -310,6 +310,27 @@ TEST(Doubles, TwoOfOneAddressHideNobodyElse) {
   EXPECT_EQ(rig.seats(), (Seats{{5, 9}}));
 }
 
+// One of two with one address is deaf at the second look: the other one is found alone, and is not lent the slot's
+// node-ID. Which of the two has it pending later could not be asked.
+TEST(Doubles, OneOfTwoWithOneAddressIsLentNoSlotsNodeId) {
+  design::Machine m = slot_five();
+  m.buses.front().discovery = "fastscan";
+  auto p = one_bus_plant(1);
+  for (const char* name : {"own", "twin"}) add_device(p, name, type_b, 1).speaks = {Speaks::lss, Speaks::fastscan};
+  Rig rig(m, p);
+  rig.begin();
+  ASSERT_TRUE(rig.run_until([&] { return rig.state(5) == SlotState::duplicate; }, 30s)) << rig.log();
+  rig.device("twin").controller().deaf(true);
+  bool slots = false;
+  bool others = false;
+  for (int i = 0; i < 6000; ++i) {
+    rig.run_for(5ms);
+    for (const places::LentId& lent : rig.store().lent().value()) (lent.id == NodeId(5) ? slots : others) = true;
+  }
+  EXPECT_FALSE(slots) << rig.log();
+  EXPECT_TRUE(others) << "this case is not the one that is meant\n" << rig.log();
+}
+
 // ---- the list of loans ----
 
 TEST(LoanList, IsInTheStoreBeforeAnythingElse) {
