@@ -12,6 +12,7 @@
 #include "berth/command/permission.hpp"
 #include "berth/command/reply.hpp"
 #include "berth/command/run.hpp"
+#include "berth/text/columns.hpp"
 
 namespace berth::command {
 namespace {
@@ -68,6 +69,10 @@ void tell_history(places::SlotStore& store, const design::Machine& machine, cons
   Json json;
   json["history"] = Json::array();
   std::vector<std::string> lines;
+  std::size_t width = 0;
+  for (const auto& [slot, name] : wanted->names) {
+    if (!wanted->slot || *wanted->slot == slot) width = std::max(width, text::columns(name));
+  }
   for (const auto& entry : *entries) {
     const auto name = entry.slot ? wanted->names.find(*entry.slot) : wanted->names.end();
     if (entry.slot && name == wanted->names.end()) continue;  // another machine of the same store
@@ -82,8 +87,8 @@ void tell_history(places::SlotStore& store, const design::Machine& machine, cons
     json["history"].push_back(std::move(line));
     const std::string device = entry.device ? "  " + to_string(*entry.device) : "";
     const std::string id = entry.id.configured() ? fmt::format("  node-ID {}", entry.id.value()) : "";
-    lines.push_back(fmt::format("{}  {:<20}  {}{}{}{}", when(entry.stamp_ms), where, entry.event, device, id,
-                                entry.reason.empty() ? "" : "  " + entry.reason));
+    lines.push_back(fmt::format("{}  {}  {:<9}{}{}{}", when(entry.stamp_ms), text::padded(where, width), entry.event,
+                                device, id, entry.reason.empty() ? "" : "  " + entry.reason));
   }
   if (lines.empty()) lines.emplace_back("nothing has happened yet, as far as the slot table knows");
   give(reply, json, std::move(lines));

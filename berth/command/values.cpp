@@ -170,12 +170,24 @@ Checked<void> within_limits(const KnownObject& object, std::uint64_t raw, NodeId
                   od::write_object(object.ref)));
 }
 
+// "UNSIGNED16 of 1017h:00: 0 to 65535".
+std::string range_of(const KnownObject& object) {
+  const std::string what = fmt::format("{} of {}", od::name(object.type), od::write_object(object.ref));
+  if (!od::is_integer(object.type)) return what;
+  const unsigned bits = od::bit_length(object.type);
+  const std::uint64_t half = std::uint64_t{1} << (bits - 1);
+  if (od::is_signed(object.type)) return fmt::format("{}: -{} to {}", what, half, half - 1);
+  return fmt::format("{}: 0 to {}", what, half - 1 + half);
+}
+
 Checked<std::uint64_t> plain_number(const KnownObject& object, const std::string& text, NodeId node) {
   const auto parsed = od::parse(object.type, text);
-  if (!parsed) return tl::unexpected(fmt::format("value {}: {}", text::quoted(text), parsed.error().what));
+  if (!parsed) {
+    return tl::unexpected(fmt::format("value {}: {} ({})", text::quoted(text), parsed.error().what, range_of(object)));
+  }
   if (!parsed->value.present()) return tl::unexpected(std::string("the value is empty"));
   if (parsed->notes.has(od::Note::wrapped)) {
-    return tl::unexpected(fmt::format("value {} does not fit {}", text::quoted(text), od::name(object.type)));
+    return tl::unexpected(fmt::format("value {} does not fit {}", text::quoted(text), range_of(object)));
   }
   return parsed->value.resolve(object.type, node.value());
 }
@@ -192,7 +204,7 @@ Checked<Bytes> scalar(const KnownObject& object, const std::string& text, NodeId
   const auto raw = raw_of(object, text, node);
   if (!raw) return tl::unexpected(raw.error());
   if (od::wrap(object.type, *raw) != *raw) {
-    return tl::unexpected(fmt::format("value {} does not fit {}", text::quoted(text), od::name(object.type)));
+    return tl::unexpected(fmt::format("value {} does not fit {}", text::quoted(text), range_of(object)));
   }
   Bytes bytes(od::byte_size(object.type));
   od::store(object.type, *raw, bytes.data());

@@ -142,6 +142,12 @@ TEST(Value, ByTheDescribedType) {
   }
 }
 
+TEST(Value, ARefusalNamesTheTypeAndItsRange) {
+  for (const char* const wrong : {"65536", "-1", "99999999999", "70 s", "five"}) {
+    EXPECT_TRUE(says(why(bytes("1017h", wrong)), "UNSIGNED16 of 1017h:00: 0 to 65535")) << why(bytes("1017h", wrong));
+  }
+}
+
 TEST(Value, WithUnits) {
   EXPECT_EQ(bytes("1017h", "500 ms"), (Bytes{0xF4, 0x01}));
   EXPECT_EQ(bytes("1017h", "0.5 s"), (Bytes{0xF4, 0x01}));
