@@ -22,6 +22,10 @@ class Running : public Command {
     up_ = std::make_unique<Background>(Words{"up", machine, "--sim", plant_file, "--pace", "--control", socket});
     ASSERT_TRUE(wait_for("left", "operational"));
   }
+  /// Every slot operational: what `status` ends with 0 for.
+  [[nodiscard]] bool all_operational() const {
+    return eventually([&] { return ask({"status"}).status == 0; });
+  }
   [[nodiscard]] Outcome ask(Words words) const {
     words.insert(words.end(), {"--control", socket, "--json"});
     return berth(words);
