@@ -71,8 +71,8 @@ TEST_F(Server, ClientsHearEachOtherAndNotThemselves) {
   EXPECT_TRUE(b.contains("< frame 181 "));
   b.say("< send 182 1 2 >");
   EXPECT_TRUE(a.contains("< frame 182 "));
-  EXPECT_EQ(a.heard().find("181"), std::string::npos);
-  EXPECT_EQ(b.heard().find("182"), std::string::npos);
+  EXPECT_EQ(without_times(a.heard()).find("181"), std::string::npos);
+  EXPECT_EQ(without_times(b.heard()).find("182"), std::string::npos);
 }
 
 TEST_F(Server, AnElementInPiecesAndManyInOne) {
@@ -279,7 +279,7 @@ TEST_F(Server, RemoteFramesCannotBeSaidAndAreCounted) {
   peer_->send(can::Frame::request(0x701, 1), 0);
   peer_->send(can::Frame::base(0x702, {}), 0);
   EXPECT_TRUE(client.contains("< frame 702 "));
-  EXPECT_EQ(client.heard().find("701"), std::string::npos);
+  EXPECT_EQ(without_times(client.heard()).find("701"), std::string::npos);
   EXPECT_EQ(server_->counters().unspeakable, 1U);
 }
 
@@ -322,7 +322,7 @@ TEST_F(Server, SubscriptionsAndFilters) {
   say(0x123, 4);
   say(0x124, 0x31);
   EXPECT_TRUE(client.contains("< frame 124 "));
-  EXPECT_EQ(client.heard().find("123"), std::string::npos);
+  EXPECT_EQ(without_times(client.heard()).find("123"), std::string::npos) << "digits of a time are none";
 }
 
 TEST_F(Server, ASubscriptionWithAnIntervalTellsTheLastFrame) {
