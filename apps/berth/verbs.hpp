@@ -31,6 +31,7 @@ void add_doctor(Verb& berth, Options& options);
 void add_trace(Verb& berth, Options& options);
 void add_reproduce(Verb& berth, Options& options);
 void add_analyze(Verb& berth, Options& options);
+void add_link(Verb& berth, Options& options);
 void add_compare(Verb& berth, Options& options);
 void add_serve(Verb& berth, Options& options);
 void add_gateway(Verb& berth, Options& options);

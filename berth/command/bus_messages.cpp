@@ -45,7 +45,7 @@ class Collector {
     for (const Device& device : devices_) add_device(device);
     add_master();
     tell_unknown();
-    tell_links();
+    if (assumed_.pdos) tell_links();
     std::ranges::stable_sort(line().messages,
                              [](const auto& a, const auto& b) { return analysis::precedes(a.key, b.key); });
     return std::move(found_);
@@ -113,7 +113,7 @@ class Collector {
     if (device.values) {
       inhibit = 100us * device.values->get_or<std::uint16_t>({0x1015, 0}, 0);
       emcy = device.values->get_or<std::uint32_t>({0x1014, 0}, emcy);
-      for (unsigned n = 0; n < most_tpdos; ++n) add_tpdo(device, n);
+      for (unsigned n = 0; n < most_tpdos && assumed_.pdos; ++n) add_tpdo(device, n);
     }
     if ((emcy & invalid) == 0)
       add("EMCY", device.sender, key_of(emcy), 8, inhibit > 0ns ? inhibit : assumed_.emcy, 0ns);

@@ -23,6 +23,7 @@ struct Assumptions {
   rt::Duration nmt = std::chrono::milliseconds(100);  ///< between two NMT commands
   /// Nodes whose frames leave in the order in which they came: slots' names; "all": every node, the master too.
   std::vector<std::string> fifo{};
+  bool pdos = true;  ///< false: TPDOs are left out, and nothing is said of links
 };
 
 struct BusMessages {

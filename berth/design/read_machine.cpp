@@ -138,6 +138,40 @@ void read_targets(const Machine& machine, Table& table, Link& link) {
   }
 }
 
+struct TransmissionWord {
+  string_view word;
+  std::uint8_t type;
+};
+constexpr std::array<TransmissionWord, 3> transmission_words{{{"event", 255}, {"sync", 1}, {"sync-acyclic", 0}}};
+
+/// A word, or the transmission type itself.
+void read_transmission(Table& table, Link& link) {
+  const auto* const value = table.get("transmission");
+  if (value == nullptr) return;
+  if (value->kind == text::Value::Kind::integer) {
+    const auto type = value->integer;
+    if ((type < 0 || type > 240) && type != 254 && type != 255) {
+      return table.error("transmission", fmt::format("{} is no transmission type of a link", type),
+                         "0 to 240 (at SYNC), 254 or 255 (at a change)");
+    }
+    link.transmission = static_cast<std::uint8_t>(type);
+    return;
+  }
+  std::array<string_view, transmission_words.size()> words{};
+  std::ranges::transform(transmission_words, words.begin(), &TransmissionWord::word);
+  if (const auto found = table.word("transmission", words)) link.transmission = transmission_words.at(*found).type;
+}
+
+void read_link_type(Table& table, Link& link) {
+  const auto word = table.string("type");
+  if (!word) return;
+  link.type = od::data_type(*word);
+  if (link.type && od::bit_length(*link.type) != 0) return;
+  link.type.reset();
+  table.error("type", fmt::format("{} is no data type of a network variable", text::quoted(*word)),
+              "such as \"BOOLEAN\", \"UNSIGNED16\" or \"REAL32\"");
+}
+
 Link read_link(const Machine& machine, Table& table) {
   Link link;
   link.place = table.begin();
@@ -148,6 +182,8 @@ Link read_link(const Machine& machine, Table& table) {
   }
   if (table.require("to", "write [\"slot name/object\"]")) read_targets(machine, table, link);
   link.deadline = table.duration("deadline", 1us, 1h);
+  read_transmission(table, link);
+  read_link_type(table, link);
   table.finish();
   return link;
 }

@@ -1,0 +1,277 @@
+// `berth link`: the links of a machine file become PDOs, network variables and files.
+#include <fmt/format.h>
+#include <sys/stat.h>
+
+#include <algorithm>
+#include <cerrno>
+#include <cstring>
+#include <filesystem>
+#include <nlohmann/json.hpp>
+
+#include "berth/command/link_network.hpp"
+#include "berth/linker/files.hpp"
+#include "berth/linker/plan_file.hpp"
+#include "berth/text/columns.hpp"
+#include "berth/text/file.hpp"
+#include "machine_file.hpp"
+#include "verbs.hpp"
+#include "whole_files.hpp"
+
+namespace berth::cli {
+namespace {
+
+namespace fs = std::filesystem;
+using Json = nlohmann::ordered_json;
+using linker::Network;
+using linker::Pdo;
+using linker::Plan;
+
+struct LinkOptions {
+  std::string output;   ///< folder; empty: no files
+  std::string earlier;  ///< plan file; empty: that of the output folder
+  bool anew = false;
+  bool links = false;
+};
+
+constexpr std::size_t name_width = 18;
+
+double ms(rt::Duration time) { return std::chrono::duration<double, std::milli>(time).count(); }
+
+std::string object_text(ObjectRef object) { return fmt::format("{:04X}h:{:02X}", object.index, object.sub); }
+
+std::string short_ms(double value) {
+  if (value >= 1000) return fmt::format("{:.0f}", value);
+  return value >= 100 ? fmt::format("{:.1f}", value) : fmt::format("{:.2f}", value);
+}
+
+std::string receivers_text(const Network& network, const Pdo& pdo) {
+  std::string made;
+  for (const auto& each : pdo.receivers) made += (made.empty() ? "" : ", ") + network.nodes[each.node].name;
+  return made;
+}
+
+void print_pdo(const Network& network, const Pdo& pdo) {
+  unsigned bits = 0;
+  for (const auto& each : pdo.carried) bits += each.bits;
+  const auto name = text::padded(text::cut(network.nodes[pdo.producer].name, name_width), name_width);
+  print_line(fmt::format(" {:03X}h  {} {:>4} {:>4} {:>4} {:>4} {:>7} {:>7} {:>7} {:>8}", pdo.can_id, name, pdo.tpdo,
+                         pdo.carried.size(), pdo.mpdo ? "MPDO" : std::to_string(bits), pdo.transmission,
+                         pdo.inhibit == 0 ? "-" : short_ms(pdo.inhibit / 10.0),
+                         pdo.event_ms == 0 ? "-" : std::to_string(pdo.event_ms),
+                         pdo.worst ? short_ms(ms(*pdo.worst)) : "-", pdo.deadline ? short_ms(ms(*pdo.deadline)) : ""));
+  for (const auto& line : text::wrapped("to " + receivers_text(network, pdo), 72)) print_line("       " + line);
+}
+
+void print_bus(const Network& network, const Plan& plan, std::size_t bus) {
+  const auto& load = plan.buses[bus];
+  const auto here = [bus](const Pdo& pdo) { return pdo.bus == bus; };
+  const auto count = std::ranges::count_if(plan.pdos, here);
+  print_line(fmt::format("{}: {} kbit/s, {} object{} in {} PDO{}", network.buses[bus].name,
+                         network.buses[bus].others.bit_rate / 1000, load.objects, load.objects == 1 ? "" : "s", count,
+                         count == 1 ? "" : "s"));
+  print_line(fmt::format("  at most {:.1f} % of the bus, {:.1f} % by these PDOs; one PDO for each object: {:.1f} %",
+                         100 * load.load, 100 * load.pdos, 100 * load.one_object_each));
+  if (count == 0) return;
+  print_line(fmt::format(" {:<5} {} {:>4} {:>4} {:>4} {:>4} {:>7} {:>7} {:>7} {:>8}", "id",
+                         text::padded("producer", name_width), "TPDO", "objs", "bits", "type", "inhibit", "timer",
+                         "worst", "deadline"));
+  for (const Pdo& pdo : plan.pdos) {
+    if (here(pdo)) print_pdo(network, pdo);
+  }
+}
+
+/// Which link goes where.
+void print_links(const Network& network, const Plan& plan) {
+  for (const auto& each : plan.variables) {
+    print_line(fmt::format("{}/{}: {} {} variable {}, byte {} of the process image", network.nodes[each.node].name,
+                           each.name, od::name(each.type), each.input ? "input" : "output", object_text(each.object),
+                           each.offset));
+  }
+  for (const Pdo& pdo : plan.pdos) {
+    for (const auto& receiver : pdo.receivers) {
+      for (const auto& got : receiver.received) {
+        const auto& from = pdo.carried[got.carried];
+        print_line(fmt::format("{}/{} -> {}/{}", network.nodes[pdo.producer].name, object_text(from.object),
+                               network.nodes[receiver.node].name, object_text(got.object)));
+        print_line(pdo.mpdo ? fmt::format("  TPDO {} to RPDO {}, {:03X}h, MPDO", pdo.tpdo, receiver.rpdo, pdo.can_id)
+                            : fmt::format("  TPDO {} to RPDO {}, {:03X}h, bits {} to {}", pdo.tpdo, receiver.rpdo,
+                                          pdo.can_id, from.at, from.at + from.bits - 1));
+      }
+    }
+  }
+}
+
+Json json_of(const Network& network, const Pdo& pdo) {
+  Json objects = Json::array();
+  for (const auto& each : pdo.carried) {
+    objects.push_back({{"object", object_text(each.object)}, {"bits", each.bits}, {"at", each.at}});
+  }
+  Json receivers = Json::array();
+  for (const auto& each : pdo.receivers) {
+    Json mapping = Json::array();
+    for (const auto& entry : each.mapping) mapping.push_back({{"object", object_text(entry.object)}, {"bits", entry.bits}});
+    Json received = Json::array();
+    for (const auto& got : each.received) {
+      received.push_back({{"from", object_text(pdo.carried[got.carried].object)}, {"to", object_text(got.object)}});
+    }
+    receivers.push_back({{"slot", network.nodes[each.node].name},
+                         {"rpdo", each.rpdo},
+                         {"type", each.transmission},
+                         {"event_ms", each.event_ms},
+                         {"mapping", mapping},
+                         {"received", received}});
+  }
+  return {{"bus", network.buses[pdo.bus].name},
+          {"producer", network.nodes[pdo.producer].name},
+          {"tpdo", pdo.tpdo},
+          {"can_id", pdo.can_id},
+          {"mpdo", pdo.mpdo},
+          {"type", pdo.transmission},
+          {"inhibit_ms", pdo.inhibit / 10.0},
+          {"event_ms", pdo.event_ms},
+          {"deadline_ms", pdo.deadline ? Json(ms(*pdo.deadline)) : Json()},
+          {"worst_ms", pdo.worst ? Json(ms(*pdo.worst)) : Json()},
+          {"objects", objects},
+          {"receivers", receivers}};
+}
+
+Json json_of(const Network& network, const linker::Planned& planned) {
+  Json variables = Json::array();
+  for (const auto& each : planned.plan.variables) {
+    variables.push_back({{"slot", network.nodes[each.node].name},
+                         {"name", each.name},
+                         {"type", od::name(each.type)},
+                         {"direction", each.input ? "input" : "output"},
+                         {"object", object_text(each.object)},
+                         {"offset", each.offset}});
+  }
+  Json pdos = Json::array();
+  for (const Pdo& pdo : planned.plan.pdos) pdos.push_back(json_of(network, pdo));
+  Json buses = Json::array();
+  for (std::size_t i = 0; i < planned.plan.buses.size(); ++i) {
+    const auto& load = planned.plan.buses[i];
+    buses.push_back({{"bus", network.buses[i].name},
+                     {"load", load.load},
+                     {"pdo_load", load.pdos},
+                     {"one_object_each_load", load.one_object_each},
+                     {"objects", load.objects}});
+  }
+  Json findings = Json::array();
+  for (const auto& each : planned.findings) findings.push_back(to_string(each));
+  return {{"good", planned.good()}, {"buses", buses}, {"pdos", pdos}, {"variables", variables}, {"findings", findings}};
+}
+
+/// The plan that this one goes on from.
+tl::expected<linker::Earlier, Failure> earlier_plan(const LinkOptions& how) {
+  if (how.anew) return linker::Earlier{};
+  std::string path = how.earlier;
+  if (path.empty()) {
+    path = (fs::path(how.output) / "plan.toml").string();
+    std::error_code ignored;
+    if (how.output.empty() || !fs::exists(path, ignored)) return linker::Earlier{};
+  }
+  Findings findings;
+  const auto text = text::read_file(path, findings);
+  const auto plan = text ? linker::read_plan(*text, path, findings) : std::nullopt;
+  if (!plan) return tl::unexpected(failure(findings));
+  return *plan;
+}
+
+bool differs(const fs::path& path, const std::string& bytes) {
+  std::error_code ignored;
+  if (!fs::exists(path, ignored)) return true;
+  Findings findings;
+  return text::read_file(path.string(), findings) != bytes;
+}
+
+/// Those of the plan that are not there yet as they shall be.
+std::vector<std::string> changed_files(const std::vector<linker::MadeFile>& files, const fs::path& folder) {
+  std::vector<std::string> changed;
+  for (const auto& file : files) {
+    if (differs(folder / file.name, file.bytes)) changed.push_back((folder / file.name).string());
+  }
+  return changed;
+}
+
+std::optional<Failure> write_files(const std::vector<linker::MadeFile>& files, const fs::path& folder) {
+  if (::mkdir(folder.c_str(), 0777) != 0 && errno != EEXIST) {
+    return failure(Exit::failed, fmt::format("{}: {}", folder.string(), std::strerror(errno)));
+  }
+  std::vector<std::string> paths;
+  for (const auto& file : files) paths.push_back((folder / file.name).string());
+  std::vector<WholeFile> whole;
+  for (std::size_t i = 0; i < files.size(); ++i) {
+    if (differs(paths[i], files[i].bytes)) whole.push_back({paths[i], files[i].bytes});
+  }
+  return whole.empty() ? std::nullopt : write_whole(whole, true);
+}
+
+int show(const Options& options, const LinkOptions& how, const Network& network, const linker::Planned& planned,
+         const std::vector<std::string>& changed) {
+  if (options.json) {
+    Json all = json_of(network, planned);
+    all["files"] = changed;
+    all["written"] = !options.dry_run && planned.good() && !how.output.empty();
+    print_line(all.dump());
+    return planned.good() ? Exit::done : Exit::no;
+  }
+  for (std::size_t bus = 0; bus < planned.plan.buses.size(); ++bus) print_bus(network, planned.plan, bus);
+  if (how.links) print_links(network, planned.plan);
+  for (const auto& finding : planned.findings) print_error(to_string(finding));
+  if (!planned.good()) {
+    print_error("no files are made of a plan with errors");
+    return Exit::no;
+  }
+  if (how.output.empty()) return Exit::done;
+  if (changed.empty()) print_line(fmt::format("{}: all files are as they shall be", how.output));
+  for (const auto& path : changed) print_line(fmt::format("{} {}", options.dry_run ? "would write" : "written", path));
+  return Exit::done;
+}
+
+int link(const Options& options, const LinkOptions& how) {
+  const auto machine = machine_of(options);
+  if (!machine) return tell(machine.error(), options.json);
+  if (machine->links.empty()) {
+    return tell(failure(Exit::usage, fmt::format("{}: there is no [[link]] in it; write from = \"slot/object\" and to = "
+                                                 "[\"slot/object\"] (docs/linking.md)",
+                                                 machine->file)),
+                options.json);
+  }
+  const auto made = command::link_network(*machine);
+  if (has_errors(made.findings)) return tell(failure(made.findings), options.json);
+  const auto earlier = earlier_plan(how);
+  if (!earlier) return tell(earlier.error(), options.json);
+  const auto planned = linker::make_plan(made.network, *earlier);
+  std::vector<std::string> changed;
+  if (planned.good() && !how.output.empty()) {
+    const auto files = linker::make_files(made.network, planned.plan);
+    if (!files) return tell(failure(Exit::usage, files.error()), options.json);
+    changed = changed_files(*files, how.output);
+    if (!options.dry_run) {
+      if (const auto wrong = write_files(*files, how.output)) return tell(*wrong, options.json);
+    }
+  }
+  return show(options, how, made.network, planned, changed);
+}
+
+}  // namespace
+
+void add_link(Verb& berth, Options& options) {
+  const auto how = std::make_shared<LinkOptions>();
+  Verb verb = berth.add("link",
+                        "make PDOs and network variables of the machine's links; exit 1 when one cannot be",
+                        [&options, how] { return link(options, *how); });
+  json_flag(verb, options);
+  machine_word(verb, options);
+  verb.word("--output,-o", how->output, "write DCFs, concise DCFs, network.cpj, symbols and plan.toml there")
+      .shown("FOLDER");
+  verb.flag("--dry-run", options.dry_run, "say which files would be written, and write none");
+  verb.word("--plan", how->earlier, "go on from this plan (default: plan.toml of --output)").shown("FILE");
+  verb.flag("--anew", how->anew, "plan as if nothing had been planned before: PDOs and CAN-IDs may change");
+  verb.flag("--links", how->links, "show each link with its PDOs, and the network variables");
+  verb.footer(
+      "Examples:\n  berth link machine.toml\n  berth link machine.toml --output linked --dry-run\n"
+      "  berth link machine.toml --output linked\n");
+}
+
+}  // namespace berth::cli

@@ -1,0 +1,126 @@
+#include "berth/command/link_network.hpp"
+
+
+
+#include <algorithm>
+#include <array>
+#include <map>
+
+#include "berth/command/bus_messages.hpp"
+#include "berth/eds/concise_dcf.hpp"
+#include "berth/eds/xdd.hpp"
+#include "berth/base/words.hpp"
+#include "berth/text/file.hpp"
+
+namespace berth::command {
+namespace {
+
+using FilePtr = std::shared_ptr<const eds::File>;
+
+class Builder {
+ public:
+  explicit Builder(const design::Machine& machine) : machine_(machine) {}
+
+  LinkNetwork run() {
+    auto& network = made_.network;
+    network.name = machine_.name;
+    network.file = machine_.file;
+    for (const auto& bus : machine_.buses) network.buses.push_back(bus_of(bus));
+    for (const auto& slot : machine_.slots) network.nodes.push_back(node_of(slot));
+    for (const auto& link : machine_.links) network.links.push_back(link_of(link));
+    return std::move(made_);
+  }
+
+ private:
+  void error(const std::string& file, std::string message, std::string fix) {
+    made_.findings.push_back({Finding::Severity::error, file, 0, 0, "", std::move(message), std::move(fix)});
+  }
+
+  linker::Bus bus_of(const design::Bus& bus) const {
+    auto found = messages_of(machine_, bus, {.pdos = false});
+    linker::Bus made{.name = bus.name, .master = {}};
+    if (bus.role != design::Role::observer) made.master = bus.master;
+    made.others = std::move(found.line);
+    for (const auto& message : made.others.messages) {
+      if (message.name == "SYNC") made.sync = made.sync.count() == 0 ? message.period : std::min(made.sync, message.period);
+    }
+    return made;
+  }
+
+  // Once each: forty slots of one type have one description.
+  FilePtr read(const std::string& path) {
+    const auto [known, fresh] = files_.try_emplace(path);
+    if (!fresh) return known->second;
+    auto reading = eds::read_any_file(path);
+    if (!reading.usable()) {
+      for (const auto& each : reading.findings) {
+        if (each.severity == Finding::Severity::error) made_.findings.push_back(each);
+      }
+    } else {
+      known->second = std::make_shared<const eds::File>(std::move(reading.file));
+    }
+    return known->second;
+  }
+
+  // As manager::load_configuration tells them apart.
+  static bool is_concise(const std::string& path) {
+    return std::ranges::none_of(std::array{".dcf", ".eds", ".xdc", ".xdd"}, [&](std::string_view end) {
+      return path.size() >= end.size() && same_word(std::string_view(path).substr(path.size() - end.size()), end);
+    });
+  }
+
+  FilePtr with_concise(const FilePtr& base, const std::string& path, NodeId id) {
+    const auto bytes = text::read_file(path, made_.findings);
+    if (!bytes) return nullptr;
+    const std::vector<std::uint8_t> stream(bytes->begin(), bytes->end());
+    const auto dcf = eds::decode_concise_dcf(stream);
+    const auto values = dcf ? eds::parameters(*dcf, *base->description, id) : tl::unexpected(dcf.error());
+    if (!values) {
+      error(path, describe(values.error()), "give a concise DCF for the device that the slot describes");
+      return nullptr;
+    }
+    auto file = std::make_shared<eds::File>(*base);
+    file->parameters = *values;
+    return file;
+  }
+
+  linker::Node node_of(const design::Slot& slot) {
+    linker::Node node{.name = slot.spec.name.name, .id = slot.spec.id};
+    const auto bus = std::ranges::find(machine_.buses, slot.spec.name.bus, &design::Bus::name);
+    node.bus = static_cast<std::size_t>(bus - machine_.buses.begin());
+    const std::string& config = slot.spec.config;
+    if (!config.empty() && !is_concise(config)) {
+      node.file = read(config);
+      node.linked_before = node.file && linker::written_by_linker(*node.file);
+      return node;
+    }
+    if (slot.eds_path.empty()) return node;
+    node.file = read(slot.eds_path);
+    if (node.file && !config.empty()) node.file = with_concise(node.file, config, node.id);
+    return node;
+  }
+
+  linker::End end_of(const design::LinkEnd& end) const {
+    const auto slot =
+        std::ranges::find_if(machine_.slots, [&](const auto& each) { return each.spec.name.name == end.slot; });
+    return {static_cast<std::size_t>(slot - machine_.slots.begin()), end.object};
+  }
+
+  linker::Link link_of(const design::Link& link) const {
+    linker::Link made{.from = end_of(link.from), .to = {}, .transmission = link.transmission, .type = link.type};
+    for (const auto& end : link.to) made.to.push_back(end_of(end));
+    if (link.deadline) made.deadline = *link.deadline;
+    made.place = {link.place.line, link.place.column};
+    return made;
+  }
+
+  const design::Machine& machine_;
+  LinkNetwork made_;
+  std::map<std::string, FilePtr> files_;
+};
+
+}  // namespace
+
+LinkNetwork link_network(const design::Machine& machine) { return Builder(machine).run(); }
+
+}  // namespace berth::command

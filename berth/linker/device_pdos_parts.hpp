@@ -1,0 +1,69 @@
+/// Which PDOs a device has and what may be changed of them. Between the sources of room `linker`.
+#pragma once
+
+#include <cstdint>
+#include <vector>
+
+#include "berth/co/pdo_mapping.hpp"
+#include "berth/linker/network.hpp"
+
+namespace berth::linker {
+
+inline constexpr unsigned most_pdos = 512;
+inline constexpr std::uint32_t cob_id_invalid = 0x8000'0000;
+inline constexpr std::uint16_t scanner_list = 0x1FA0;      // to 1FCFh (CiA 301 §7.5.2.41)
+inline constexpr std::uint16_t dispatching_list = 0x1FD0;  // to 1FFFh (CiA 301 §7.5.2.42)
+inline constexpr unsigned mpdo_lists = 0x30;
+inline constexpr unsigned mpdo_bits = 32;
+inline constexpr std::uint8_t sam_mpdo = 254;
+
+[[nodiscard]] constexpr std::uint16_t communication_of(co::PdoKind kind, unsigned number) noexcept {
+  return static_cast<std::uint16_t>((kind == co::PdoKind::tpdo ? 0x1800U : 0x1400U) + number - 1);
+}
+[[nodiscard]] constexpr std::uint16_t mapping_of(co::PdoKind kind, unsigned number) noexcept {
+  return static_cast<std::uint16_t>((kind == co::PdoKind::tpdo ? 0x1A00U : 0x1600U) + number - 1);
+}
+
+/// One PDO of a description.
+struct DevicePdo {
+  std::uint16_t number = 0;   ///< from 1
+  bool kept = false;          ///< the configuration that is there sets it: left alone
+  bool fixed_mapping = false;
+  bool fixed_id = false;
+  bool fixed_type = false;
+  bool valid = false;         ///< as it is now
+  std::uint32_t can_id = 0;   ///< as it is now; 29 bits and more: not of a base frame
+  unsigned most_entries = 0;
+  TransmissionType type = at_change;  ///< as it is now
+  std::uint16_t inhibit = 0;          ///< as it is now, in 100 us
+  std::uint16_t event_ms = 0;         ///< as it is now
+  bool has_inhibit = false;
+  bool has_event = false;
+  std::vector<co::PdoEntry> mapping = {};  ///< as it is now
+};
+
+struct DevicePdos {
+  std::vector<DevicePdo> tpdos;
+  std::vector<DevicePdo> rpdos;
+  unsigned granularity = 8;     ///< bits; entries are multiples of it
+  unsigned scanner = 0;         ///< entries of the MPDO scanner list that are there
+  unsigned dispatching = 0;     ///< entries of the MPDO dispatching list
+  std::vector<unsigned> dummies = {};  ///< data types that may be mapped as dummies, longest first
+  std::vector<std::uint32_t> other_ids = {};  ///< CAN-IDs of SYNC, TIME, EMCY and further SDO channels
+
+  [[nodiscard]] const std::vector<DevicePdo>& of(co::PdoKind kind) const noexcept {
+    return kind == co::PdoKind::tpdo ? tpdos : rpdos;
+  }
+  /// One whose mapping and CAN-ID the linker may set.
+  [[nodiscard]] static bool free(const DevicePdo& pdo) noexcept {
+    return !pdo.kept && !pdo.fixed_mapping && !(pdo.fixed_id && !pdo.valid);
+  }
+  [[nodiscard]] const DevicePdo* find(co::PdoKind kind, unsigned number) const noexcept;
+};
+
+[[nodiscard]] DevicePdos pdos_of(const Node& node);
+
+/// True when the object lies in a segment of [DynamicChannels].
+[[nodiscard]] bool is_dynamic(const eds::File& file, std::uint16_t index) noexcept;
+
+}  // namespace berth::linker

@@ -1,0 +1,83 @@
+/// What the object linker works on: buses, the devices on them with what their descriptions say, and the links that a
+/// person wrote. Plain data.
+///
+/// A *link* leads from one object of one device to objects of others (paper 5 §3.2, "Visual Object Linker", by
+/// Etschberger and Schlegel). An end is written as in the machine file: index and sub-index, the name of an object of
+/// the device's description, or, on a device with [DynamicChannels], the name of a network variable, which the linker
+/// makes.
+#pragma once
+
+#include <cstdint>
+#include <memory>
+#include <optional>
+#include <string>
+#include <vector>
+
+#include "berth/analysis/response.hpp"
+#include "berth/base/ids.hpp"
+#include "berth/eds/file.hpp"
+
+namespace berth::linker {
+
+/// A device in its slot.
+struct Node {
+  std::string name;     ///< the slot's
+  std::size_t bus = 0;  ///< index in `Network::buses`
+  NodeId id;            ///< configured
+  /// Its description, or the configuration (DCF, XDC) that it has already: whose values stay, and whose PDOs that are
+  /// set there are left alone, unless `linked_before`. Null: nothing is known of it; no link can lead to it, and its
+  /// predefined CAN-IDs are not used.
+  std::shared_ptr<const eds::File> file = {};
+  /// `file` is a DCF that the linker wrote (`written_by_linker`): its PDOs and network variables are made anew.
+  bool linked_before = false;
+};
+
+struct Bus {
+  std::string name;
+  NodeId master;  ///< its predefined CAN-IDs are not used; may be unconfigured
+  /// Everything on the bus but the PDOs of the nodes with a `file`, and the bit rate. Senders: nodes by their names.
+  analysis::Line others = {};
+  /// Period of SYNC; 0: nothing produces it.
+  rt::Duration sync{0};
+};
+
+/// One object of one node, as written.
+struct End {
+  std::size_t node = 0;  ///< index in `Network::nodes`
+  std::string object;
+  friend bool operator==(const End&, const End&) = default;
+};
+
+/// Where a link stands in its file, from 1; 0: in none.
+struct Place {
+  int line = 0;
+  int column = 0;
+};
+
+/// Transmission types (CiA 301 §7.5.2.35): 0 at the SYNC after a change, 1 to 240 every so many SYNCs, 254 and 255 at a
+/// change. 252 and 253 (on remote frames) are none of a link.
+using TransmissionType = std::uint8_t;
+inline constexpr TransmissionType at_change = 255;
+
+struct Link {
+  End from;
+  std::vector<End> to;                      ///< at least one, none twice
+  std::optional<rt::Duration> deadline{};   ///< from the change to its arrival, greater than 0
+  TransmissionType transmission = at_change;
+  std::optional<od::DataType> type{};       ///< of network variables at its ends; empty: as the other end has it
+  Place place{};
+};
+
+struct Network {
+  std::string name;  ///< the machine's
+  std::string file;  ///< as findings name it; may be empty
+  std::vector<Bus> buses;
+  std::vector<Node> nodes;
+  std::vector<Link> links;
+};
+
+/// True for a DCF with [FileInfo] ModifiedBy as the linker writes it.
+[[nodiscard]] bool written_by_linker(const eds::File& file) noexcept;
+inline constexpr const char* linker_mark = "berth link";
+
+}  // namespace berth::linker

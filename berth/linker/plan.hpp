@@ -1,0 +1,141 @@
+/// The object linker: links in, PDOs out (paper 5 §3.1, fig. 5, by Etschberger and Schlegel). Pure and without a clock;
+/// the same network gives the same plan whatever the order of its links.
+///
+///     const auto made = linker::make_plan(network, earlier);
+///     for (const auto& finding : made.findings) ...         // which link cannot be, why, and what would help
+///     if (made.good()) for (const auto& pdo : made.plan.pdos) ...
+///
+/// What it does, in this order (docs/linking.md):
+/// 1. ends become objects; network variables get index and sub-index in a segment of [DynamicChannels];
+/// 2. objects of one producer with equal consumers, transmission and deadlines of one size share PDOs;
+/// 3. where a device has too few PDOs for that, PDOs are joined, and consumers skip by dummies what they do not want;
+///    where that is not enough, an SAM-MPDO carries what is left over (CiA 301 §7.2.2.5);
+/// 4. PDOs get numbers and CAN-IDs: 180h, 280h, 380h, 480h + node-ID for TPDO 1 to 4 as in the predefined connection set;
+/// 5. inhibit and event times come from the deadlines, and `analysis` says whether these are kept.
+#pragma once
+
+#include <array>
+#include <cstdint>
+#include <optional>
+#include <string>
+#include <vector>
+
+#include "berth/base/finding.hpp"
+#include "berth/co/pdo_mapping.hpp"
+#include "berth/linker/network.hpp"
+
+namespace berth::linker {
+
+/// A network variable: an object that the linker makes on a programmable device.
+struct Variable {
+  std::size_t node = 0;
+  std::string name;
+  od::DataType type = od::DataType::none;
+  /// Direction as the network sees it (paper 5 §2.1): an input variable is an output of the device's program, and goes
+  /// into a TPDO.
+  bool input = false;
+  ObjectRef object{};
+  std::uint32_t offset = 0;  ///< byte in the process image, from the image's base
+  friend bool operator==(const Variable&, const Variable&) = default;
+};
+
+/// One object in a PDO.
+struct Carried {
+  ObjectRef object{};          ///< of the producer
+  std::uint8_t bits = 0;
+  std::uint8_t at = 0;         ///< its first bit in the PDO; of an MPDO 32
+  friend bool operator==(const Carried&, const Carried&) = default;
+};
+
+/// Where a consumer puts an object that it receives.
+struct Received {
+  std::size_t carried = 0;  ///< index in `Pdo::carried`
+  ObjectRef object{};       ///< of the consumer
+  friend bool operator==(const Received&, const Received&) = default;
+};
+
+struct Receiver {
+  std::size_t node = 0;
+  std::uint16_t rpdo = 0;                  ///< 1 to 512
+  TransmissionType transmission = at_change;
+  std::uint16_t event_ms = 0;              ///< an RPDO that is missing for so long is an error (EMCY 8250h); 0: not watched
+  std::vector<co::PdoEntry> mapping = {};  ///< with dummies; empty for an MPDO
+  std::vector<Received> received = {};
+  friend bool operator==(const Receiver&, const Receiver&) = default;
+};
+
+struct Pdo {
+  std::size_t bus = 0;
+  std::size_t producer = 0;
+  std::uint16_t tpdo = 0;  ///< 1 to 512
+  std::uint16_t can_id = 0;
+  bool mpdo = false;  ///< SAM-MPDO: `carried` is the scanner list
+  TransmissionType transmission = at_change;
+  std::uint16_t inhibit = 0;   ///< in 100 us; 0: none
+  std::uint16_t event_ms = 0;  ///< 0: none
+  std::vector<Carried> carried = {};
+  std::vector<Receiver> receivers = {};     ///< ascending by node
+  std::optional<rt::Duration> deadline{};   ///< the shortest of the links that it carries
+  std::optional<rt::Duration> worst{};      ///< from the change to the end of the frame; empty: no bound
+  std::vector<std::size_t> links = {};      ///< that it carries, ascending
+  [[nodiscard]] unsigned bytes() const noexcept;
+  friend bool operator==(const Pdo&, const Pdo&) = default;
+};
+
+/// What became of a bus.
+struct BusLoad {
+  double load = 0;             ///< share of the bus that everything on it takes at most
+  double pdos = 0;             ///< of that, the PDOs of the links
+  double one_object_each = 0;  ///< what these would take, were each object a PDO of its own
+  std::size_t objects = 0;     ///< that links carry
+  friend bool operator==(const BusLoad&, const BusLoad&) = default;
+};
+
+struct Plan {
+  std::vector<Variable> variables;  ///< ascending by node, direction and object
+  std::vector<Pdo> pdos;            ///< ascending by bus, producer and TPDO
+  std::vector<bool> linked;         ///< by node: a link begins or ends there
+  std::vector<BusLoad> buses;       ///< by bus
+  friend bool operator==(const Plan&, const Plan&) = default;
+};
+
+/// What an earlier plan said: which objects stood in which PDO, by the slots' names, so that they stay there. Read from
+/// the file that `write` (plan_file.hpp) made of it; entries that no longer fit the network are passed over.
+struct EarlierPdo {
+  std::string producer;
+  std::uint16_t tpdo = 0;
+  std::uint16_t can_id = 0;
+  bool mpdo = false;
+  TransmissionType transmission = at_change;
+  std::vector<ObjectRef> objects = {};
+  std::vector<std::pair<std::string, std::uint16_t>> receivers = {};  ///< slot and RPDO
+  friend bool operator==(const EarlierPdo&, const EarlierPdo&) = default;
+};
+struct EarlierVariable {
+  std::string node;
+  std::string name;
+  od::DataType type = od::DataType::none;
+  bool input = false;
+  ObjectRef object{};
+  friend bool operator==(const EarlierVariable&, const EarlierVariable&) = default;
+};
+struct Earlier {
+  std::vector<EarlierVariable> variables;
+  std::vector<EarlierPdo> pdos;
+  friend bool operator==(const Earlier&, const Earlier&) = default;
+};
+[[nodiscard]] Earlier earlier_of(const Network& network, const Plan& plan);
+
+struct Planned {
+  Plan plan;          ///< of the links that can be; files are made only of a plan without errors
+  Findings findings;  ///< errors: links that cannot be. Ascending by line
+  [[nodiscard]] bool good() const noexcept { return !has_errors(findings); }
+};
+
+/// Links whose objects, transmission and consumers are as they were keep PDO, RPDOs and CAN-ID of `earlier`.
+[[nodiscard]] Planned make_plan(const Network& network, const Earlier& earlier = {});
+
+/// "link[3]: conveyor/speed".
+[[nodiscard]] std::string name_of(const Network& network, std::size_t link);
+
+}  // namespace berth::linker

@@ -1,0 +1,49 @@
+/// Links as written become signals: which bits go from which object to which objects. Between the sources of room
+/// `linker`.
+#pragma once
+
+#include <vector>
+
+#include "berth/linker/device_pdos_parts.hpp"
+#include "berth/linker/plan.hpp"
+
+namespace berth::linker {
+
+struct Consumer {
+  std::size_t node = 0;
+  ObjectRef object{};
+  friend auto operator<=>(const Consumer&, const Consumer&) = default;
+};
+
+/// FEh and FFh are one to a link: at a change, by the device's own rule.
+[[nodiscard]] constexpr TransmissionType one_of_kind(TransmissionType type) noexcept {
+  return type >= 254 ? at_change : type;
+}
+
+/// One object of a producer that links carry with one transmission type.
+struct Signal {
+  std::size_t producer = 0;
+  ObjectRef object{};
+  std::uint8_t bits = 0;
+  TransmissionType transmission = at_change;
+  std::vector<Consumer> consumers = {};  ///< ascending
+  std::optional<rt::Duration> deadline{};
+  std::vector<std::size_t> links = {};   ///< ascending
+};
+
+struct Resolved {
+  std::vector<Variable> variables;
+  std::vector<Signal> signals;  ///< ascending by producer, object and transmission
+  std::vector<bool> linked;     ///< by node
+};
+
+/// Errors go to `findings`; what is resolved has no part in them.
+[[nodiscard]] Resolved resolve(const Network& network, const std::vector<DevicePdos>& devices, const Earlier& earlier,
+                               Findings& findings);
+
+[[nodiscard]] Finding refusal(const Network& network, std::size_t link, std::string message, std::string fix);
+
+/// Indices of the links in an order that does not depend on the file's.
+[[nodiscard]] std::vector<std::size_t> canonical_order(const Network& network);
+
+}  // namespace berth::linker

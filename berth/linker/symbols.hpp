@@ -1,0 +1,30 @@
+/// Network variables as symbols of IEC 61131-3: PLCopen XML (TC6, schema 2.01) and a list of global variables in
+/// structured text, one of each a programmable device (paper 5 §2.1: the way into the programming system).
+///
+/// What the network calls an input variable is an output of the device's program, and stands at %Q; an output variable
+/// at %I. Addresses count in elements of the variable's size from the image's base (`%QW6` are bytes 12 and 13); what
+/// is not aligned, and types of 24, 40, 48 and 56 bits, have no address. Index, sub-index and byte stand beside each.
+#pragma once
+
+#include <string>
+#include <string_view>
+
+#include "berth/linker/plan.hpp"
+
+namespace berth::linker {
+
+/// Why a name is none of a variable of IEC 61131-3; empty when it is one. Upper and lower case are alike there.
+[[nodiscard]] std::string wrong_identifier(std::string_view name);
+/// "NV_A040_01": the name of a variable that a link names by its object.
+[[nodiscard]] std::string symbol_of(ObjectRef object);
+
+/// "UINT"; for types that IEC 61131-3 does not have the next longer one.
+[[nodiscard]] std::string_view iec_type(od::DataType type) noexcept;
+/// "%QW6"; empty when it cannot be said.
+[[nodiscard]] std::string iec_address(const Variable& variable);
+
+/// `node` has variables in `plan`.
+[[nodiscard]] std::string plcopen_xml(const Network& network, const Plan& plan, std::size_t node);
+[[nodiscard]] std::string global_variables(const Network& network, const Plan& plan, std::size_t node);
+
+}  // namespace berth::linker

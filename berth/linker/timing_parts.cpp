@@ -1,0 +1,233 @@
+#include "berth/linker/timing_parts.hpp"
+
+#include <fmt/format.h>
+
+#include <algorithm>
+#include <array>
+
+namespace berth::linker {
+namespace {
+
+using namespace std::chrono_literals;
+using rt::Duration;
+
+constexpr Duration inhibit_unit = 100us;
+constexpr unsigned most_ticks = 0xFFFF;
+constexpr Duration no_deadline_inhibit = 10ms;  // as `berth analyze` assumes of PDOs that say nothing
+constexpr unsigned no_deadline_event_ms = 1000;
+constexpr unsigned least_event_ms = 100;
+constexpr unsigned event_in_deadlines = 10;
+constexpr unsigned missing_in_events = 3;
+constexpr TransmissionType last_cyclic = 240;
+
+/// What of a deadline the inhibit time takes; the rest is for the bus.
+struct Share {
+  unsigned parts = 1;
+  unsigned of = 2;
+};
+constexpr std::array<Share, 4> shares{{{1, 2}, {2, 3}, {3, 4}, {7, 8}}};
+
+double ms(Duration time) { return std::chrono::duration<double, std::milli>(time).count(); }
+
+class Timing {
+ public:
+  Timing(const Network& network, const std::vector<DevicePdos>& devices, const std::vector<Signal>& signals,
+         const std::vector<bool>& linked, Plan& plan)
+      : network_(network), devices_(devices), signals_(signals), linked_(linked), plan_(plan) {}
+
+  bool run(Findings& findings) {
+    bool good = true;
+    plan_.buses.assign(network_.buses.size(), {});
+    for (std::size_t bus = 0; bus < network_.buses.size(); ++bus) {
+      const bool kept = std::ranges::any_of(shares, [&](Share share) { return try_share(bus, share); });
+      if (!kept) {
+        (void)try_share(bus, shares.front());
+        tell(bus, findings);
+      }
+      good = good && kept;
+    }
+    return good;
+  }
+
+ private:
+  const DevicePdo& device_of(const Pdo& pdo) const { return *devices_[pdo.producer].find(co::PdoKind::tpdo, pdo.tpdo); }
+
+  static bool synchronous(const Pdo& pdo) noexcept { return pdo.transmission <= last_cyclic; }
+
+  static std::uint16_t event_of(const std::optional<Duration>& deadline) {
+    if (!deadline) return no_deadline_event_ms;
+    const auto whole = std::chrono::ceil<std::chrono::milliseconds>(*deadline * event_in_deadlines).count();
+    return static_cast<std::uint16_t>(std::clamp<std::int64_t>(whole, least_event_ms, most_ticks));
+  }
+
+  void set(Pdo& pdo, Share share) const {
+    const DevicePdo& device = device_of(pdo);
+    pdo.inhibit = 0;
+    pdo.event_ms = 0;
+    if (!synchronous(pdo)) {
+      // An MPDO carries one object at a time: the last of them waits for all others.
+      const auto objects = static_cast<std::int64_t>(pdo.mpdo ? pdo.carried.size() : 1);
+      Duration inhibit = no_deadline_inhibit;
+      if (pdo.deadline) inhibit = *pdo.deadline * share.parts / share.of / objects;
+      const auto ticks = std::clamp<std::int64_t>(inhibit / inhibit_unit, 1, most_ticks);
+      if (device.has_inhibit) pdo.inhibit = static_cast<std::uint16_t>(ticks);
+      if (device.has_event) pdo.event_ms = event_of(pdo.deadline);
+    }
+    for (Receiver& each : pdo.receivers) {
+      const DevicePdo* const rpdo = devices_[each.node].find(co::PdoKind::rpdo, each.rpdo);
+      const bool watched = pdo.deadline && pdo.event_ms != 0 && !pdo.mpdo && rpdo != nullptr && rpdo->has_event;
+      each.event_ms = static_cast<std::uint16_t>(watched ? std::min(pdo.event_ms * missing_in_events, most_ticks) : 0);
+    }
+  }
+
+  Duration period_of(const Pdo& pdo) const {
+    if (synchronous(pdo)) return network_.buses[pdo.bus].sync * std::max<unsigned>(pdo.transmission, 1);
+    return pdo.inhibit > 0 ? inhibit_unit * pdo.inhibit : no_deadline_inhibit;
+  }
+  /// What passes before the frame is in the queue, at worst, and before it counts when it was received.
+  Duration waiting(const Pdo& pdo) const {
+    if (synchronous(pdo)) return period_of(pdo) + network_.buses[pdo.bus].sync;
+    const auto objects = static_cast<std::int64_t>(pdo.mpdo ? pdo.carried.size() : 1);
+    return device_of(pdo).has_inhibit ? inhibit_unit * pdo.inhibit * objects : Duration(0);
+  }
+
+  std::size_t sender(analysis::Line& line, std::size_t node) const {
+    const std::string& name = network_.nodes[node].name;
+    const auto found = std::ranges::find(line.senders, name, &analysis::Sender::name);
+    if (found != line.senders.end()) return static_cast<std::size_t>(found - line.senders.begin());
+    line.senders.push_back({name, false});
+    return line.senders.size() - 1;
+  }
+
+  /// PDOs that no link made: of devices that no link knows, and those that were configured.
+  void add_kept(analysis::Line& line, std::size_t bus) const {
+    for (std::size_t node = 0; node < network_.nodes.size(); ++node) {
+      if (network_.nodes[node].bus != bus || !network_.nodes[node].file) continue;
+      for (const DevicePdo& pdo : devices_[node].tpdos) {
+        const bool stays = !linked_[node] || pdo.kept;
+        if (!pdo.valid || !stays || pdo.can_id > 0x7FF || pdo.type == 252 || pdo.type == 253) continue;
+        Duration period = no_deadline_inhibit;
+        if (pdo.type <= last_cyclic) period = network_.buses[bus].sync * std::max<unsigned>(pdo.type, 1);
+        if (pdo.type > last_cyclic && pdo.inhibit > 0) period = inhibit_unit * pdo.inhibit;
+        if (pdo.type > last_cyclic && pdo.inhibit == 0 && pdo.event_ms > 0) period = 1ms * pdo.event_ms;
+        if (period == Duration(0)) continue;
+        unsigned bits = 0;
+        for (const auto& entry : pdo.mapping) bits += entry.bits;
+        line.messages.push_back({.name = fmt::format("TPDO {}", pdo.number),
+                                 .sender = sender(line, node),
+                                 .key = pdo.can_id,
+                                 .data_bytes = std::min((bits + 7) / 8, 8U),
+                                 .period = period});
+      }
+    }
+  }
+
+  bool try_share(std::size_t bus, Share share) {
+    analysis::Line line = network_.buses[bus].others;
+    add_kept(line, bus);
+    std::vector<Pdo*> ours;
+    const std::size_t first = line.messages.size();
+    bool in_time = true;
+    for (Pdo& pdo : plan_.pdos) {
+      if (pdo.bus != bus) continue;
+      set(pdo, share);
+      Duration left{0};
+      if (pdo.deadline) left = *pdo.deadline - waiting(pdo);
+      if (pdo.deadline && left <= Duration(0)) {
+        in_time = false;
+        left = Duration(1);
+      }
+      // What is received after the next SYNC counts at the one behind it.
+      if (pdo.deadline && synchronous(pdo)) left = std::min(left + network_.buses[bus].sync, network_.buses[bus].sync);
+      line.messages.push_back({.name = fmt::format("TPDO {}", pdo.tpdo),
+                               .sender = sender(line, pdo.producer),
+                               .key = pdo.can_id,
+                               .data_bytes = pdo.bytes(),
+                               .period = period_of(pdo),
+                               .deadline = left});
+      ours.push_back(&pdo);
+    }
+    const auto result = analysis::analyze(line);
+    for (const auto& response : result.responses) {
+      if (response.message < first) continue;
+      Pdo& pdo = *ours[response.message - first];
+      pdo.worst.reset();
+      if (!response.worst) in_time = false;
+      if (response.worst) pdo.worst = waiting(pdo) + (synchronous(pdo) ? Duration(0) : *response.worst);
+      if (!response.meets_deadline) in_time = false;
+    }
+    measure(bus, line, first, result);
+    return in_time;
+  }
+
+  void measure(std::size_t bus, const analysis::Line& line, std::size_t first, const analysis::Result& result) {
+    BusLoad& load = plan_.buses[bus];
+    load = {.load = result.load};
+    for (const auto& response : result.responses) {
+      if (response.message >= first) load.pdos += response.load;
+    }
+    for (const Signal& signal : signals_) {
+      if (network_.nodes[signal.producer].bus != bus) continue;
+      ++load.objects;
+      Duration period = network_.buses[bus].sync * std::max<unsigned>(signal.transmission, 1);
+      if (signal.transmission > last_cyclic) {
+        period = signal.deadline ? std::max<Duration>(*signal.deadline / 2, inhibit_unit) : no_deadline_inhibit;
+      }
+      const auto frame = analysis::frame_time(line, false, (signal.bits + 7U) / 8U);
+      load.one_object_each += static_cast<double>(frame.count()) / static_cast<double>(period.count());
+    }
+  }
+
+  void tell(std::size_t bus, Findings& findings) {
+    const BusLoad& load = plan_.buses[bus];
+    bool told = false;
+    for (const Pdo& pdo : plan_.pdos) {
+      if (pdo.bus != bus) continue;
+      for (const std::size_t link : pdo.links) told = tell_link(pdo, link, findings) || told;
+    }
+    if (told) return;
+    findings.push_back({Finding::Severity::error, network_.file, 0, 0, fmt::format("bus.{}", network_.buses[bus].name),
+                        fmt::format("the bus is too slow: everything on it would take {:.0f} % of it", 100 * load.load),
+                        "raise the bit rate, give the links deadlines, or link fewer objects"});
+  }
+
+  bool tell_link(const Pdo& pdo, std::size_t link, Findings& findings) const {
+    const auto& deadline = network_.links[link].deadline;
+    const bool no_bound = !pdo.worst;
+    if (!no_bound && (!deadline || *pdo.worst <= *deadline)) return false;
+    const Bus& bus = network_.buses[pdo.bus];
+    if (deadline && synchronous(pdo) && waiting(pdo) > *deadline) {
+      findings.push_back(refusal(
+          network_, link,
+          fmt::format("SYNC on {} is every {:g} ms: this link takes {:g} ms, its deadline is {:g} ms", bus.name,
+                      ms(bus.sync), ms(waiting(pdo)), ms(*deadline)),
+          "a shorter SYNC period, a longer deadline, or transmission = \"event\""));
+      return true;
+    }
+    const std::string worst = no_bound ? "there is no bound on how long it takes"
+                                       : fmt::format("it can take {:.3f} ms", ms(*pdo.worst));
+    const std::string wanted = deadline ? fmt::format(", its deadline is {:g} ms", ms(*deadline)) : "";
+    findings.push_back(refusal(network_, link,
+                               fmt::format("bus {} is too slow for this link: {}{}; TPDO {} of {}, CAN-ID {:03X}h", bus.name,
+                                           worst, wanted, pdo.tpdo, network_.nodes[pdo.producer].name, pdo.can_id),
+                               fmt::format("a longer deadline, a higher bit rate than {} kbit/s, or fewer objects; all of "
+                                           "the bus's messages take {:.0f} % of it at most",
+                                           bus.others.bit_rate / 1000, 100 * plan_.buses[pdo.bus].load)));
+    return true;
+  }
+
+  const Network& network_;
+  const std::vector<DevicePdos>& devices_;
+  const std::vector<Signal>& signals_;
+  const std::vector<bool>& linked_;
+  Plan& plan_;
+};
+
+}  // namespace
+
+bool set_times(const Network& network, const std::vector<DevicePdos>& devices, const std::vector<Signal>& signals,
+               const std::vector<bool>& linked, Plan& plan, Findings& findings) {
+  return Timing(network, devices, signals, linked, plan).run(findings);
+}
+
+}  // namespace berth::linker
