@@ -25,6 +25,17 @@ std::string type_name(DataType type) {
   return known.empty() ? fmt::format("type {:04X}h", static_cast<unsigned>(type)) : std::string(known);
 }
 
+bool may_be_name(od::NoObject::Kind kind) noexcept { return kind != od::NoObject::Kind::bare; }
+
+/// The whole name of the object, of its sub-object, or both.
+bool is_name_of(const od::Description& description, ObjectRef ref, const std::string& word) {
+  const auto* const object = description.find(ref.index);
+  const auto* const sub = description.find(ref);
+  if (object == nullptr || sub == nullptr) return false;
+  return same_word(description.name(*object), word) || same_word(description.name(*sub), word) ||
+         same_word(od::full_name(description, ref), word);
+}
+
 /// An end of a link: an object of the description, or a variable.
 struct Meant {
   std::size_t node = 0;
@@ -86,17 +97,18 @@ class Resolver {
       return std::nullopt;
     }
     const od::Description& description = *node.file->description;
+    const bool numbers = od::read_object(end.object).has_value();
+    const bool dynamic_names = !node.file->dynamic_segments.empty() && !numbers;
     const auto object = od::find_object(description, end.object);
-    if (object) {
+    // Where any name may be that of a variable, one that only begins like an object's is none of that object.
+    if (object && (!dynamic_names || is_name_of(description, *object, end.object))) {
       const bool dynamic = is_dynamic(*node.file, object->index);
       const auto* const sub = dynamic && node.linked_before ? nullptr : description.find(*object);
       if (sub != nullptr) return Meant{end.node, *object, sub->type, no_variable};
-      if (dynamic) return variable(link, end, input, *object);
+      if (dynamic) return variable(link, end, input, numbers ? std::optional(*object) : std::nullopt);
       return gone(link, end, text_of(*object));
     }
-    if (!node.file->dynamic_segments.empty() && object.error().kind == od::NoObject::Kind::other) {
-      return variable(link, end, input, std::nullopt);
-    }
+    if (dynamic_names && (object || may_be_name(object.error().kind))) return variable(link, end, input, std::nullopt);
     refuse(link, fmt::format("{}: {}", at(end), object.error().why),
            node.file->dynamic_segments.empty()
                ? "name an object of its description; network variables need a device with [DynamicChannels]"

@@ -13,7 +13,9 @@ using rt::Duration;
 
 constexpr Duration inhibit_unit = 100us;
 constexpr unsigned most_ticks = 0xFFFF;
-constexpr Duration no_deadline_inhibit = 10ms;  // as `berth analyze` assumes of PDOs that say nothing
+constexpr Duration assumed_period = 10ms;  // as `berth analyze` has it of PDOs that say nothing
+// Of links without a deadline; the first with which the others are in time.
+constexpr std::array<Duration, 5> idle_inhibits{10ms, 20ms, 50ms, 100ms, 200ms};
 constexpr unsigned no_deadline_event_ms = 1000;
 constexpr unsigned least_event_ms = 100;
 constexpr unsigned event_in_deadlines = 10;
@@ -39,7 +41,10 @@ class Timing {
     bool good = true;
     plan_.buses.assign(network_.buses.size(), {});
     for (std::size_t bus = 0; bus < network_.buses.size(); ++bus) {
-      const bool kept = std::ranges::any_of(shares, [&](Share share) { return try_share(bus, share); });
+      const bool kept = std::ranges::any_of(idle_inhibits, [&](Duration idle) {
+        idle_ = idle;
+        return std::ranges::any_of(shares, [&](Share share) { return try_share(bus, share); });
+      });
       if (!kept) {
         (void)try_share(bus, shares.front());
         tell(bus, findings);
@@ -67,7 +72,7 @@ class Timing {
     if (!synchronous(pdo)) {
       // An MPDO carries one object at a time: the last of them waits for all others.
       const auto objects = static_cast<std::int64_t>(pdo.mpdo ? pdo.carried.size() : 1);
-      Duration inhibit = no_deadline_inhibit;
+      Duration inhibit = idle_;
       if (pdo.deadline) inhibit = *pdo.deadline * share.parts / share.of / objects;
       const auto ticks = std::clamp<std::int64_t>(inhibit / inhibit_unit, 1, most_ticks);
       if (device.has_inhibit) pdo.inhibit = static_cast<std::uint16_t>(ticks);
@@ -82,7 +87,7 @@ class Timing {
 
   Duration period_of(const Pdo& pdo) const {
     if (synchronous(pdo)) return network_.buses[pdo.bus].sync * std::max<unsigned>(pdo.transmission, 1);
-    return pdo.inhibit > 0 ? inhibit_unit * pdo.inhibit : no_deadline_inhibit;
+    return pdo.inhibit > 0 ? inhibit_unit * pdo.inhibit : assumed_period;
   }
   /// What passes before the frame is in the queue, at worst, and before it counts when it was received.
   Duration waiting(const Pdo& pdo) const {
@@ -106,7 +111,7 @@ class Timing {
       for (const DevicePdo& pdo : devices_[node].tpdos) {
         const bool stays = !linked_[node] || pdo.kept;
         if (!pdo.valid || !stays || pdo.can_id > 0x7FF || pdo.type == 252 || pdo.type == 253) continue;
-        Duration period = no_deadline_inhibit;
+        Duration period = assumed_period;
         if (pdo.type <= last_cyclic) period = network_.buses[bus].sync * std::max<unsigned>(pdo.type, 1);
         if (pdo.type > last_cyclic && pdo.inhibit > 0) period = inhibit_unit * pdo.inhibit;
         if (pdo.type > last_cyclic && pdo.inhibit == 0 && pdo.event_ms > 0) period = 1ms * pdo.event_ms;
@@ -171,7 +176,7 @@ class Timing {
       ++load.objects;
       Duration period = network_.buses[bus].sync * std::max<unsigned>(signal.transmission, 1);
       if (signal.transmission > last_cyclic) {
-        period = signal.deadline ? std::max<Duration>(*signal.deadline / 2, inhibit_unit) : no_deadline_inhibit;
+        period = signal.deadline ? std::max<Duration>(*signal.deadline / 2, inhibit_unit) : idle_;
       }
       const auto frame = analysis::frame_time(line, false, (signal.bits + 7U) / 8U);
       load.one_object_each += static_cast<double>(frame.count()) / static_cast<double>(period.count());
@@ -221,6 +226,7 @@ class Timing {
   const std::vector<Signal>& signals_;
   const std::vector<bool>& linked_;
   Plan& plan_;
+  Duration idle_ = idle_inhibits.front();
 };
 
 }  // namespace

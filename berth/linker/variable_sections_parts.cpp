@@ -124,6 +124,23 @@ tl::expected<eds::File, std::string> read_again(std::string text, const Node& no
   return tl::unexpected(to_string(*error));
 }
 
+/// One empty line where there are several: what is taken out leaves its own behind.
+std::string with_single_gaps(const std::string& text) {
+  std::string made;
+  unsigned ends = 0;
+  for (const char c : text) {
+    if (c == '\n') {
+      ++ends;
+    } else if (c != '\r') {
+      ends = 0;
+    }
+    const bool drop = ends > 2;
+    if (drop && c == '\n' && made.ends_with('\r')) made.pop_back();
+    if (!drop) made += c;
+  }
+  return made;
+}
+
 }  // namespace
 
 tl::expected<eds::File, std::string> with_variables(const Network& network, const Plan& plan, std::size_t node) {
@@ -145,7 +162,7 @@ tl::expected<eds::File, std::string> with_variables(const Network& network, cons
   if (it.linked_before) writer.clear();
   for (const auto& [index, variables] : by_index) writer.add(index, variables);
   if (!writer.good()) return tl::unexpected(std::string("its description cannot take the network variables"));
-  return read_again(writer.text(), it);
+  return read_again(with_single_gaps(writer.text()), it);
 }
 
 }  // namespace berth::linker
