@@ -19,6 +19,11 @@ constexpr unsigned predefined_pdos = 4;
 constexpr unsigned tpdo_id(unsigned number, NodeId id) noexcept { return 0x80U + number * 0x100U + id.value(); }
 constexpr unsigned rpdo_id(unsigned number, NodeId id) noexcept { return 0x100U + number * 0x100U + id.value(); }
 
+/// A CAN-ID that a PDO may have, and that is no other service's by CiA 301 §7.3.5.
+constexpr bool for_pdos(unsigned id) noexcept {
+  return (id >= first_pool && id <= last_pool && (id & 0x7FU) != 0) || (id >= first_low && id <= last_low);
+}
+
 class Numbering {
  public:
   Numbering(const Network& network, const std::vector<DevicePdos>& devices, const std::vector<Signal>& signals,
@@ -143,7 +148,7 @@ class Numbering {
     for (Bin& bin : bins_) {
       const DevicePdo* const pdo = devices_[bin.producer].find(PdoKind::tpdo, bin.tpdo);
       if (!bin.earlier || bin.can_id == 0 || (pdo != nullptr && pdo->fixed_id)) continue;
-      const bool ours = bin.can_id >= first_pool && bin.can_id <= last_low && free_id(bus_of(bin), bin.can_id);
+      const bool ours = for_pdos(bin.can_id) && free_id(bus_of(bin), bin.can_id);
       const unsigned id = bin.can_id;
       bin.can_id = 0;
       if (ours) give(bin, id);

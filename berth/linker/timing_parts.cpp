@@ -110,7 +110,8 @@ class Timing {
       if (network_.nodes[node].bus != bus || !network_.nodes[node].file) continue;
       for (const DevicePdo& pdo : devices_[node].tpdos) {
         const bool stays = !linked_[node] || pdo.kept;
-        if (!pdo.valid || !stays || pdo.can_id > 0x7FF || pdo.type == 252 || pdo.type == 253) continue;
+        const bool sent = pdo.valid && !pdo.mapping.empty();  // without objects it is switched off
+        if (!sent || !stays || pdo.can_id > 0x7FF || pdo.type == 252 || pdo.type == 253) continue;
         Duration period = assumed_period;
         if (pdo.type <= last_cyclic) period = network_.buses[bus].sync * std::max<unsigned>(pdo.type, 1);
         if (pdo.type > last_cyclic && pdo.inhibit > 0) period = inhibit_unit * pdo.inhibit;

@@ -143,9 +143,9 @@ TEST_F(LinkRefusal, ADeviceOfWhichNothingIsKnown) {
 
 TEST_F(LinkRefusal, ABusThatIsTooSlow) {
   network.buses[0].others.bit_rate = 10'000;
-  add_link(network, "press/a", {"belt/a"}, 15ms, 255, od::DataType::unsigned64);
+  add_link(network, "press/a", {"belt/a"}, 40ms, 255, od::DataType::unsigned64);
   add_link(network, "press/b", {"belt/b"}, 10s, 255, od::DataType::unsigned64);
-  // 135 bits and the heartbeats at 10 kbit/s take longer than what the inhibit time leaves.
+  // A frame of 13.5 ms behind another one takes longer than the 20 ms that the inhibit time leaves.
   EXPECT_NE(only().find("link[1]: bus field is too slow for this link: it can take"), std::string::npos);
   network.links[0].deadline = 500ms;
   EXPECT_TRUE(make_plan(network).good());
