@@ -109,7 +109,8 @@ Json json_of(const Network& network, const Pdo& pdo) {
   Json receivers = Json::array();
   for (const auto& each : pdo.receivers) {
     Json mapping = Json::array();
-    for (const auto& entry : each.mapping) mapping.push_back({{"object", object_text(entry.object)}, {"bits", entry.bits}});
+    for (const auto& entry : each.mapping)
+      mapping.push_back({{"object", object_text(entry.object)}, {"bits", entry.bits}});
     Json received = Json::array();
     for (const auto& got : each.received) {
       received.push_back({{"from", object_text(pdo.carried[got.carried].object)}, {"to", object_text(got.object)}});
@@ -232,10 +233,11 @@ int link(const Options& options, const LinkOptions& how) {
   const auto machine = machine_of(options);
   if (!machine) return tell(machine.error(), options.json);
   if (machine->links.empty()) {
-    return tell(failure(Exit::usage, fmt::format("{}: there is no [[link]] in it; write from = \"slot/object\" and to = "
-                                                 "[\"slot/object\"] (docs/linking.md)",
-                                                 machine->file)),
-                options.json);
+    return tell(
+        failure(Exit::usage, fmt::format("{}: there is no [[link]] in it; write from = \"slot/object\" and to = "
+                                         "[\"slot/object\"] (docs/linking.md)",
+                                         machine->file)),
+        options.json);
   }
   const auto made = command::link_network(*machine);
   if (has_errors(made.findings)) return tell(failure(made.findings), options.json);
@@ -258,8 +260,7 @@ int link(const Options& options, const LinkOptions& how) {
 
 void add_link(Verb& berth, Options& options) {
   const auto how = std::make_shared<LinkOptions>();
-  Verb verb = berth.add("link",
-                        "make PDOs and network variables of the machine's links; exit 1 when one cannot be",
+  Verb verb = berth.add("link", "make PDOs and network variables of the machine's links; exit 1 when one cannot be",
                         [&options, how] { return link(options, *how); });
   json_flag(verb, options);
   machine_word(verb, options);

@@ -1,15 +1,13 @@
 #include "berth/command/link_network.hpp"
 
-
-
 #include <algorithm>
 #include <array>
 #include <map>
 
+#include "berth/base/words.hpp"
 #include "berth/command/bus_messages.hpp"
 #include "berth/eds/concise_dcf.hpp"
 #include "berth/eds/xdd.hpp"
-#include "berth/base/words.hpp"
 #include "berth/text/file.hpp"
 
 namespace berth::command {
@@ -42,7 +40,8 @@ class Builder {
     if (bus.role != design::Role::observer) made.master = bus.master;
     made.others = std::move(found.line);
     for (const auto& message : made.others.messages) {
-      if (message.name == "SYNC") made.sync = made.sync.count() == 0 ? message.period : std::min(made.sync, message.period);
+      if (message.name == "SYNC")
+        made.sync = made.sync.count() == 0 ? message.period : std::min(made.sync, message.period);
     }
     return made;
   }

@@ -26,13 +26,13 @@ inline constexpr std::uint8_t sam_mpdo = 254;
 
 /// One PDO of a description.
 struct DevicePdo {
-  std::uint16_t number = 0;   ///< from 1
-  bool kept = false;          ///< the configuration that is there sets it: left alone
+  std::uint16_t number = 0;  ///< from 1
+  bool kept = false;         ///< the configuration that is there sets it: left alone
   bool fixed_mapping = false;
   bool fixed_id = false;
   bool fixed_type = false;
-  bool valid = false;         ///< as it is now
-  std::uint32_t can_id = 0;   ///< as it is now; 29 bits and more: not of a base frame
+  bool valid = false;        ///< as it is now
+  std::uint32_t can_id = 0;  ///< as it is now; 29 bits and more: not of a base frame
   unsigned most_entries = 0;
   TransmissionType type = at_change;  ///< as it is now
   std::uint16_t inhibit = 0;          ///< as it is now, in 100 us
@@ -45,10 +45,10 @@ struct DevicePdo {
 struct DevicePdos {
   std::vector<DevicePdo> tpdos;
   std::vector<DevicePdo> rpdos;
-  unsigned granularity = 8;     ///< bits; entries are multiples of it
-  unsigned scanner = 0;         ///< entries of the MPDO scanner list that are there
-  unsigned dispatching = 0;     ///< entries of the MPDO dispatching list
-  std::vector<unsigned> dummies = {};  ///< data types that may be mapped as dummies, longest first
+  unsigned granularity = 8;                   ///< bits; entries are multiples of it
+  unsigned scanner = 0;                       ///< entries of the MPDO scanner list that are there
+  unsigned dispatching = 0;                   ///< entries of the MPDO dispatching list
+  std::vector<unsigned> dummies = {};         ///< data types that may be mapped as dummies, longest first
   std::vector<std::uint32_t> other_ids = {};  ///< CAN-IDs of SYNC, TIME, EMCY and further SDO channels
 
   [[nodiscard]] const std::vector<DevicePdo>& of(co::PdoKind kind) const noexcept {

@@ -61,10 +61,10 @@ inline constexpr TransmissionType at_change = 255;
 
 struct Link {
   End from;
-  std::vector<End> to;                      ///< at least one, none twice
-  std::optional<rt::Duration> deadline{};   ///< from the change to its arrival, greater than 0
+  std::vector<End> to;                     ///< at least one, none twice
+  std::optional<rt::Duration> deadline{};  ///< from the change to its arrival, greater than 0
   TransmissionType transmission = at_change;
-  std::optional<od::DataType> type{};       ///< of network variables at its ends; empty: as the other end has it
+  std::optional<od::DataType> type{};  ///< of network variables at its ends; empty: as the other end has it
   Place place{};
 };
 

@@ -219,7 +219,8 @@ class Numbering {
 
   Receiver receiver(const Bin& bin, std::size_t node) const {
     Receiver made{.node = node, .transmission = bin.transmission};
-    if (!bin.mpdo) made.mapping = rpdo_mapping(bin, signals_, node, devices_[node]).value_or(std::vector<co::PdoEntry>{});
+    if (!bin.mpdo)
+      made.mapping = rpdo_mapping(bin, signals_, node, devices_[node]).value_or(std::vector<co::PdoEntry>{});
     for (std::size_t i = 0; i < bin.items.size(); ++i) {
       if (!bin.items[i].signal) continue;
       for (const Consumer& each : signals_[*bin.items[i].signal].consumers) {
@@ -270,10 +271,10 @@ class Numbering {
   const std::vector<Signal>& signals_;
   const std::vector<bool>& linked_;
   std::vector<Bin> bins_;
-  std::vector<std::set<std::uint32_t>> taken_;    ///< CAN-IDs, by bus
-  std::vector<std::set<unsigned>> inhabited_;       ///< node-IDs in use, by bus
-  std::vector<std::set<unsigned>> used_tpdos_;    ///< by node
-  std::vector<std::set<unsigned>> used_rpdos_;    ///< by node
+  std::vector<std::set<std::uint32_t>> taken_;  ///< CAN-IDs, by bus
+  std::vector<std::set<unsigned>> inhabited_;   ///< node-IDs in use, by bus
+  std::vector<std::set<unsigned>> used_tpdos_;  ///< by node
+  std::vector<std::set<unsigned>> used_rpdos_;  ///< by node
   Numbered made_;
 };
 

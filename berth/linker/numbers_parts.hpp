@@ -8,8 +8,8 @@
 namespace berth::linker {
 
 struct Numbered {
-  std::vector<Pdo> pdos;           ///< ascending by bus, producer and TPDO
-  std::vector<std::size_t> left;   ///< signals of PDOs for which no number or CAN-ID is left, ascending
+  std::vector<Pdo> pdos;          ///< ascending by bus, producer and TPDO
+  std::vector<std::size_t> left;  ///< signals of PDOs for which no number or CAN-ID is left, ascending
 };
 
 /// `by_deadline`: the CAN-IDs of new PDOs are in the order of their deadlines, whatever the predefined connection set

@@ -137,8 +137,8 @@ class Packer {
     const auto producer = static_cast<std::size_t>(node - network_.nodes.begin());
     const DevicePdo* const device = devices_[producer].find(PdoKind::tpdo, pdo.tpdo);
     if (device == nullptr || !DevicePdos::free(*device)) return;
-    const bool taken = std::ranges::any_of(
-        bins_, [&](const Bin& each) { return each.producer == producer && each.tpdo == pdo.tpdo; });
+    const bool taken =
+        std::ranges::any_of(bins_, [&](const Bin& each) { return each.producer == producer && each.tpdo == pdo.tpdo; });
     if (taken) return;
     Bin bin{.producer = producer,
             .transmission = one_of_kind(pdo.transmission),
@@ -162,9 +162,8 @@ class Packer {
     for (const DevicePdo& pdo : devices_[wanted.producer].tpdos) {
       const auto entry = std::ranges::find(pdo.mapping, wanted.object, &co::PdoEntry::object);
       if (pdo.kept || !pdo.fixed_mapping || entry == pdo.mapping.end()) continue;
-      const auto there = std::ranges::find_if(bins_, [&](const Bin& each) {
-        return each.producer == wanted.producer && each.tpdo == pdo.number;
-      });
+      const auto there = std::ranges::find_if(
+          bins_, [&](const Bin& each) { return each.producer == wanted.producer && each.tpdo == pdo.number; });
       Bin bin = there != bins_.end() ? *there : fixed_bin(wanted, pdo);
       if (bin.transmission != wanted.transmission) continue;
       bin.items[static_cast<std::size_t>(entry - pdo.mapping.begin())].signal = signal;
@@ -310,8 +309,8 @@ class Packer {
     for (std::size_t i = 0; i < bins_.size(); ++i) {
       const Bin& bin = bins_[i];
       if (bin.earlier || bin.fixed || bin.mpdo || !short_of[bin.producer]) continue;
-      const bool has = std::ranges::any_of(
-          bins_, [&](const Bin& each) { return each.mpdo && each.producer == bin.producer; });
+      const bool has =
+          std::ranges::any_of(bins_, [&](const Bin& each) { return each.mpdo && each.producer == bin.producer; });
       if (has || !all_by_mpdo(bin)) continue;
       if (!chosen || cost(bin) < cost(bins_[*chosen])) chosen = i;
     }

@@ -19,9 +19,9 @@ struct Bin {
   std::size_t producer = 0;
   TransmissionType transmission = at_change;
   bool mpdo = false;
-  bool fixed = false;       ///< its mapping cannot be changed
-  bool earlier = false;     ///< it was there in the earlier plan
-  std::uint16_t tpdo = 0;   ///< 0: not yet known
+  bool fixed = false;      ///< its mapping cannot be changed
+  bool earlier = false;    ///< it was there in the earlier plan
+  std::uint16_t tpdo = 0;  ///< 0: not yet known
   std::uint16_t can_id = 0;
   std::vector<Item> items = {};
 };

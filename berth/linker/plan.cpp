@@ -65,9 +65,7 @@ class Planner {
     return set_times(network_, devices_, signals_, made_.plan.linked, made_.plan, findings) && findings.empty();
   }
 
-  const Bus& bus_of(std::size_t signal) const {
-    return network_.buses[network_.nodes[signals_[signal].producer].bus];
-  }
+  const Bus& bus_of(std::size_t signal) const { return network_.buses[network_.nodes[signals_[signal].producer].bus]; }
 
   void refuse(std::size_t signal, Findings& findings, const std::string& message, const std::string& fix) const {
     for (const std::size_t link : signals_[signal].links) {
@@ -96,8 +94,10 @@ class Planner {
     const DevicePdos& device = devices_[signal.producer];
     const unsigned tpdos = free_pdos(device.tpdos);
     if (tpdos == 0 && std::ranges::none_of(device.tpdos, &DevicePdo::fixed_mapping)) {
-      return refuse(at, made_.findings, fmt::format("{} has no TPDO that the linker may set ({} in all)", producer.name, device.tpdos.size()),
-                    "take PDO settings out of its config, or use another device");
+      return refuse(
+          at, made_.findings,
+          fmt::format("{} has no TPDO that the linker may set ({} in all)", producer.name, device.tpdos.size()),
+          "take PDO settings out of its config, or use another device");
     }
     if (tpdos == 0) return refuse_fixed(at);
     for (const Consumer& each : signal.consumers) {
@@ -105,10 +105,11 @@ class Planner {
       const unsigned free = free_pdos(rpdos);
       if (free == 0) {
         const bool fixed = std::ranges::any_of(rpdos, &DevicePdo::fixed_mapping);
-        return refuse(at, made_.findings,
-                      fmt::format("{} has no RPDO that the linker may set ({} in all{})", network_.nodes[each.node].name,
-                                  rpdos.size(), fixed ? ", their mappings are fixed" : ""),
-                      "take PDO settings out of its config, or use another device");
+        return refuse(
+            at, made_.findings,
+            fmt::format("{} has no RPDO that the linker may set ({} in all{})", network_.nodes[each.node].name,
+                        rpdos.size(), fixed ? ", their mappings are fixed" : ""),
+            "take PDO settings out of its config, or use another device");
       }
     }
     std::string room = fmt::format("{} has {} TPDOs for links", producer.name, tpdos);
@@ -123,9 +124,10 @@ class Planner {
   void refuse_fixed(std::size_t at) {
     const Signal& signal = signals_[at];
     refuse(at, made_.findings,
-           fmt::format("the TPDO mappings of {} are fixed, and none carries {:04X}h:{:02X} with this transmission to devices "
-                       "that can skip the rest by dummy mapping",
-                       network_.nodes[signal.producer].name, signal.object.index, signal.object.sub),
+           fmt::format(
+               "the TPDO mappings of {} are fixed, and none carries {:04X}h:{:02X} with this transmission to devices "
+               "that can skip the rest by dummy mapping",
+               network_.nodes[signal.producer].name, signal.object.index, signal.object.sub),
            "link an object that one of its TPDOs carries; consumers need [DummyUsage] for what they do not want");
   }
 

@@ -10,7 +10,8 @@
 /// 2. objects of one producer with equal consumers, transmission and deadlines of one size share PDOs;
 /// 3. where a device has too few PDOs for that, PDOs are joined, and consumers skip by dummies what they do not want;
 ///    where that is not enough, an SAM-MPDO carries what is left over (CiA 301 §7.2.2.5);
-/// 4. PDOs get numbers and CAN-IDs: 180h, 280h, 380h, 480h + node-ID for TPDO 1 to 4 as in the predefined connection set;
+/// 4. PDOs get numbers and CAN-IDs: 180h, 280h, 380h, 480h + node-ID for TPDO 1 to 4 as in the predefined connection
+/// set;
 /// 5. inhibit and event times come from the deadlines, and `analysis` says whether these are kept.
 #pragma once
 
@@ -41,9 +42,9 @@ struct Variable {
 
 /// One object in a PDO.
 struct Carried {
-  ObjectRef object{};          ///< of the producer
+  ObjectRef object{};  ///< of the producer
   std::uint8_t bits = 0;
-  std::uint8_t at = 0;         ///< its first bit in the PDO; of an MPDO 32
+  std::uint8_t at = 0;  ///< its first bit in the PDO; of an MPDO 32
   friend bool operator==(const Carried&, const Carried&) = default;
 };
 
@@ -56,9 +57,9 @@ struct Received {
 
 struct Receiver {
   std::size_t node = 0;
-  std::uint16_t rpdo = 0;                  ///< 1 to 512
+  std::uint16_t rpdo = 0;  ///< 1 to 512
   TransmissionType transmission = at_change;
-  std::uint16_t event_ms = 0;              ///< an RPDO that is missing for so long is an error (EMCY 8250h); 0: not watched
+  std::uint16_t event_ms = 0;  ///< an RPDO that is missing for so long is an error (EMCY 8250h); 0: not watched
   std::vector<co::PdoEntry> mapping = {};  ///< with dummies; empty for an MPDO
   std::vector<Received> received = {};
   friend bool operator==(const Receiver&, const Receiver&) = default;
@@ -74,10 +75,10 @@ struct Pdo {
   std::uint16_t inhibit = 0;   ///< in 100 us; 0: none
   std::uint16_t event_ms = 0;  ///< 0: none
   std::vector<Carried> carried = {};
-  std::vector<Receiver> receivers = {};     ///< ascending by node
-  std::optional<rt::Duration> deadline{};   ///< the shortest of the links that it carries
-  std::optional<rt::Duration> worst{};      ///< from the change to the end of the frame; empty: no bound
-  std::vector<std::size_t> links = {};      ///< that it carries, ascending
+  std::vector<Receiver> receivers = {};    ///< ascending by node
+  std::optional<rt::Duration> deadline{};  ///< the shortest of the links that it carries
+  std::optional<rt::Duration> worst{};     ///< from the change to the end of the frame; empty: no bound
+  std::vector<std::size_t> links = {};     ///< that it carries, ascending
   [[nodiscard]] unsigned bytes() const noexcept;
   friend bool operator==(const Pdo&, const Pdo&) = default;
 };

@@ -90,7 +90,8 @@ EarlierPdo read_pdo(Table& table) {
 
 std::string write(const Earlier& plan) {
   std::string text = fmt::format(
-      "# Made by berth link: which objects stand in which PDO, so that they stay there. Keep it beside the machine file.\n"
+      "# Made by berth link: which objects stand in which PDO, so that they stay there. Keep it beside the machine "
+      "file.\n"
       "format = {}\n",
       format_now);
   for (const EarlierVariable& each : plan.variables) {

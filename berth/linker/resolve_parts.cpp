@@ -125,7 +125,8 @@ class Resolver {
   std::optional<Meant> variable(std::size_t link, const End& end, bool input, std::optional<ObjectRef> object) {
     if (!object) {
       if (const auto wrong = wrong_identifier(end.object); !wrong.empty()) {
-        refuse(link, fmt::format("{}: no object of the description, and no name of a network variable: {}", at(end), wrong),
+        refuse(link,
+               fmt::format("{}: no object of the description, and no name of a network variable: {}", at(end), wrong),
                "letters, digits and single underscores, a letter first (IEC 61131-3)");
         return std::nullopt;
       }
@@ -182,7 +183,8 @@ class Resolver {
     const co::PdoEntry entry{place.object, static_cast<std::uint8_t>(od::bit_length(type))};
     const std::string pdo = kind == PdoKind::tpdo ? "TPDO" : "RPDO";
     if (co::check_entry(*node.file->description, entry, kind) != od::AbortCode::none) {
-      refuse(link, fmt::format("{}: {} {} cannot be mapped into a {}", at(end), type_name(type), text_of(place.object), pdo),
+      refuse(link,
+             fmt::format("{}: {} {} cannot be mapped into a {}", at(end), type_name(type), text_of(place.object), pdo),
              kind == PdoKind::tpdo ? "name an object with PDOMapping=1 that can be read"
                                    : "name an object with PDOMapping=1 that can be written");
       return false;
@@ -224,7 +226,9 @@ class Resolver {
       refuse(link, fmt::format("it says {}, {} is {}", type_name(*written.type), at(written.from), type_name(a)),
              "leave type out, or make both the same");
     } else {
-      refuse(link, fmt::format("types differ: {} is {}, {} is {}", at(written.from), type_name(a), at(written.to[i]), type_name(b)),
+      refuse(link,
+             fmt::format("types differ: {} is {}, {} is {}", at(written.from), type_name(a), at(written.to[i]),
+                         type_name(b)),
              "link objects of one type; a network variable takes the type of what it is linked to");
     }
     return false;
@@ -246,7 +250,8 @@ class Resolver {
         end.object = *object;
         return;
       }
-      refuse(link, fmt::format("{}: the device has no room for another {} variable", at(written), type_name(type_of(end))),
+      refuse(link,
+             fmt::format("{}: the device has no room for another {} variable", at(written), type_name(type_of(end))),
              "use fewer variables of this type and direction, or free the place that another one is pinned to");
     };
     place(*from_[link], network_.links[link].from);
@@ -290,8 +295,8 @@ class Resolver {
 
   /// One device that two ends of one value lie on: an RPDO puts its bits into one object.
   std::optional<std::size_t> received_twice(std::size_t link) const {
-    const auto known = signals_.find(
-        {from_[link]->node, from_[link]->object, one_of_kind(network_.links[link].transmission)});
+    const auto known =
+        signals_.find({from_[link]->node, from_[link]->object, one_of_kind(network_.links[link].transmission)});
     std::set<std::size_t> nodes;
     if (known != signals_.end()) {
       for (const Consumer& each : known->second.consumers) nodes.insert(each.node);
@@ -363,8 +368,8 @@ std::string name_of(const Network& network, std::size_t link) {
 
 Finding refusal(const Network& network, std::size_t link, std::string message, std::string fix) {
   const Place place = network.links[link].place;
-  return {Finding::Severity::error, network.file,      place.line, place.column, fmt::format("link[{}]", link + 1),
-          std::move(message),       std::move(fix)};
+  return {Finding::Severity::error,          network.file,       place.line,    place.column,
+          fmt::format("link[{}]", link + 1), std::move(message), std::move(fix)};
 }
 
 std::vector<std::size_t> canonical_order(const Network& network) {
@@ -375,9 +380,8 @@ std::vector<std::size_t> canonical_order(const Network& network) {
     const Link& y = network.links[b];
     const auto key = [](const Link& l) { return std::tie(l.from.node, l.from.object, l.transmission); };
     if (key(x) != key(y)) return key(x) < key(y);
-    return std::ranges::lexicographical_compare(x.to, y.to, [](const End& p, const End& q) {
-      return std::tie(p.node, p.object) < std::tie(q.node, q.object);
-    });
+    return std::ranges::lexicographical_compare(
+        x.to, y.to, [](const End& p, const End& q) { return std::tie(p.node, p.object) < std::tie(q.node, q.object); });
   });
   return order;
 }

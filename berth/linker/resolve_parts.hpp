@@ -28,7 +28,7 @@ struct Signal {
   TransmissionType transmission = at_change;
   std::vector<Consumer> consumers = {};  ///< ascending
   std::optional<rt::Duration> deadline{};
-  std::vector<std::size_t> links = {};   ///< ascending
+  std::vector<std::size_t> links = {};  ///< ascending
 };
 
 struct Resolved {

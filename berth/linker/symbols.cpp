@@ -13,14 +13,72 @@ namespace {
 using od::DataType;
 
 // Words that IEC 61131-3 keeps for itself and that people would call a variable; the elementary types and operators.
-constexpr std::array<std::string_view, 66> reserved{
-    "action",  "and",     "any",   "array",     "at",      "bool",     "by",       "byte",    "case",     "class",
-    "configuration",      "constant", "date",   "dint",    "do",       "dt",       "dword",   "else",     "elsif",
-    "end_if",  "end_var", "exit",  "false",     "for",     "from",     "function", "if",      "initial_step", "int",
-    "interface", "lint",  "lreal", "lword",     "method",  "mod",      "namespace", "not",    "of",       "on",
-    "or",      "program", "real",  "repeat",    "resource", "retain",  "return",   "sint",    "step",     "string",
-    "struct",  "task",    "then",  "time",      "to",      "tod",      "transition", "true",  "type",     "udint",
-    "uint",    "ulint",   "until", "usint",     "var",     "while",    "word"};
+constexpr std::array<std::string_view, 66> reserved{"action",
+                                                    "and",
+                                                    "any",
+                                                    "array",
+                                                    "at",
+                                                    "bool",
+                                                    "by",
+                                                    "byte",
+                                                    "case",
+                                                    "class",
+                                                    "configuration",
+                                                    "constant",
+                                                    "date",
+                                                    "dint",
+                                                    "do",
+                                                    "dt",
+                                                    "dword",
+                                                    "else",
+                                                    "elsif",
+                                                    "end_if",
+                                                    "end_var",
+                                                    "exit",
+                                                    "false",
+                                                    "for",
+                                                    "from",
+                                                    "function",
+                                                    "if",
+                                                    "initial_step",
+                                                    "int",
+                                                    "interface",
+                                                    "lint",
+                                                    "lreal",
+                                                    "lword",
+                                                    "method",
+                                                    "mod",
+                                                    "namespace",
+                                                    "not",
+                                                    "of",
+                                                    "on",
+                                                    "or",
+                                                    "program",
+                                                    "real",
+                                                    "repeat",
+                                                    "resource",
+                                                    "retain",
+                                                    "return",
+                                                    "sint",
+                                                    "step",
+                                                    "string",
+                                                    "struct",
+                                                    "task",
+                                                    "then",
+                                                    "time",
+                                                    "to",
+                                                    "tod",
+                                                    "transition",
+                                                    "true",
+                                                    "type",
+                                                    "udint",
+                                                    "uint",
+                                                    "ulint",
+                                                    "until",
+                                                    "usint",
+                                                    "var",
+                                                    "while",
+                                                    "word"};
 
 bool letter(char c) noexcept { return lower(c) >= 'a' && lower(c) <= 'z'; }
 bool digit(char c) noexcept { return c >= '0' && c <= '9'; }
@@ -145,8 +203,9 @@ std::string plcopen_xml(const Network& network, const Plan& plan, std::size_t no
 }
 
 std::string global_variables(const Network& network, const Plan& plan, std::size_t node) {
-  std::string text = fmt::format("(* Network variables of {}, made by berth link from the links of {}. *)\nVAR_GLOBAL\n",
-                                 in_comment(network.nodes[node].name), in_comment(network.name));
+  std::string text =
+      fmt::format("(* Network variables of {}, made by berth link from the links of {}. *)\nVAR_GLOBAL\n",
+                  in_comment(network.nodes[node].name), in_comment(network.name));
   for (const Variable& each : plan.variables) {
     if (each.node != node) continue;
     const std::string address = iec_address(each);

@@ -203,22 +203,23 @@ class Timing {
     if (!no_bound && (!deadline || *pdo.worst <= *deadline)) return false;
     const Bus& bus = network_.buses[pdo.bus];
     if (deadline && synchronous(pdo) && waiting(pdo) > *deadline) {
-      findings.push_back(refusal(
-          network_, link,
-          fmt::format("SYNC on {} is every {:g} ms: this link takes {:g} ms, its deadline is {:g} ms", bus.name,
-                      ms(bus.sync), ms(waiting(pdo)), ms(*deadline)),
-          "a shorter SYNC period, a longer deadline, or transmission = \"event\""));
+      findings.push_back(
+          refusal(network_, link,
+                  fmt::format("SYNC on {} is every {:g} ms: this link takes {:g} ms, its deadline is {:g} ms", bus.name,
+                              ms(bus.sync), ms(waiting(pdo)), ms(*deadline)),
+                  "a shorter SYNC period, a longer deadline, or transmission = \"event\""));
       return true;
     }
-    const std::string worst = no_bound ? "there is no bound on how long it takes"
-                                       : fmt::format("it can take {:.3f} ms", ms(*pdo.worst));
+    const std::string worst =
+        no_bound ? "there is no bound on how long it takes" : fmt::format("it can take {:.3f} ms", ms(*pdo.worst));
     const std::string wanted = deadline ? fmt::format(", its deadline is {:g} ms", ms(*deadline)) : "";
-    findings.push_back(refusal(network_, link,
-                               fmt::format("bus {} is too slow for this link: {}{}; TPDO {} of {}, CAN-ID {:03X}h", bus.name,
-                                           worst, wanted, pdo.tpdo, network_.nodes[pdo.producer].name, pdo.can_id),
-                               fmt::format("a longer deadline, a higher bit rate than {} kbit/s, or fewer objects; all of "
-                                           "the bus's messages take {:.0f} % of it at most",
-                                           bus.others.bit_rate / 1000, 100 * plan_.buses[pdo.bus].load)));
+    findings.push_back(
+        refusal(network_, link,
+                fmt::format("bus {} is too slow for this link: {}{}; TPDO {} of {}, CAN-ID {:03X}h", bus.name, worst,
+                            wanted, pdo.tpdo, network_.nodes[pdo.producer].name, pdo.can_id),
+                fmt::format("a longer deadline, a higher bit rate than {} kbit/s, or fewer objects; all of "
+                            "the bus's messages take {:.0f} % of it at most",
+                            bus.others.bit_rate / 1000, 100 * plan_.buses[pdo.bus].load)));
     return true;
   }
 

@@ -106,7 +106,8 @@ void Variables::find_place(Each& each) {
         const ObjectRef object{static_cast<std::uint16_t>(index), static_cast<std::uint8_t>(sub)};
         if (taken_.contains({each.variable.node, object})) continue;
         // What the programming system made stays where it is.
-        const bool there = file.description->find(object) != nullptr && !network_.nodes[each.variable.node].linked_before;
+        const bool there =
+            file.description->find(object) != nullptr && !network_.nodes[each.variable.node].linked_before;
         if (!there && place(each, object)) return;
       }
     }

@@ -25,8 +25,8 @@ class Variables {
   /// One of the same name and the other direction.
   [[nodiscard]] std::optional<std::size_t> other_direction(std::size_t variable) const;
 
-  /// Gives types along the links, in their order, until nothing changes. `ends`: variable and type of each end, those of
-  /// described objects with `no_variable`.
+  /// Gives types along the links, in their order, until nothing changes. `ends`: variable and type of each end, those
+  /// of described objects with `no_variable`.
   using Ends = std::function<std::vector<std::pair<std::size_t, od::DataType>>(std::size_t link)>;
   void infer(const std::vector<std::size_t>& order, const Ends& ends);
   [[nodiscard]] od::DataType type(std::size_t variable) const noexcept { return list_[variable].variable.type; }

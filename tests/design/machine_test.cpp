@@ -137,6 +137,8 @@ deadline = "20 ms"
   ASSERT_EQ(m.links.size(), 1U);
   EXPECT_EQ(m.links[0].to[0], (LinkEnd{"drive 9", "6040h:00"}));
   EXPECT_EQ(m.links[0].deadline, Duration(20ms));
+  EXPECT_EQ(m.links[0].transmission, 255);
+  EXPECT_EQ(m.links[0].type, std::nullopt);
   EXPECT_EQ(m.specs("drives").size(), 3U);
   EXPECT_NE(m.slot("backbone", NodeId(3)), nullptr);
   EXPECT_EQ(m.slot("drives", NodeId(3)), nullptr);
@@ -296,6 +298,24 @@ TEST(MachineFile, EveryOtherMistakeIsAnError) {
     EXPECT_FALSE(result.machine) << text;
     EXPECT_TRUE(has_errors(result.findings)) << text;
   }
+}
+
+TEST(MachineFile, HowALinkIsTransmitted) {
+  const std::string link = head + slot2 + "[[link]]\nfrom = \"left/x\"\nto = [\"left/y\"]\n";
+  const std::vector<std::pair<std::string, int>> good{
+      {"\"event\"", 255}, {"\"sync\"", 1}, {"\"sync-acyclic\"", 0}, {"0", 0}, {"240", 240}, {"254", 254}, {"255", 255}};
+  for (const auto& [word, type] : good) {
+    const auto result = read(link + "transmission = " + word + "\ntype = \"u16\"\n");
+    ASSERT_TRUE(result.machine) << word;
+    EXPECT_EQ(result.machine->links[0].transmission, type) << word;
+    EXPECT_EQ(result.machine->links[0].type, od::DataType::unsigned16);
+  }
+  EXPECT_EQ(only_error(link + "transmission = 252\n"),
+            "15:16: error: link[1].transmission: 252 is no transmission type of a link; 0 to 240 (at SYNC), 254 or 255 "
+            "(at a change)");
+  EXPECT_NE(only_error(link + "transmission = \"snyc\"\n").find("link[1].transmission"), std::string::npos);
+  EXPECT_NE(only_error(link + "type = \"VISIBLE_STRING\"\n").find("no data type of a network variable"),
+            std::string::npos);
 }
 
 TEST(MachineFile, GatewaysInACircle) {

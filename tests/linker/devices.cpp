@@ -19,9 +19,9 @@ struct Segment {
   unsigned first;
 };
 // CiA 405, as protocol-facts B.9 has it: the outputs are 480h behind the inputs.
-constexpr Segment segments[] = {{0x02, 0xA000}, {0x05, 0xA040}, {0x01, 0xA080}, {0x03, 0xA0C0}, {0x06, 0xA100},
-                                {0x10, 0xA140}, {0x16, 0xA180}, {0x04, 0xA1C0}, {0x07, 0xA200}, {0x08, 0xA240},
-                                {0x15, 0xA400}, {0x1B, 0xA440}};
+constexpr Segment segments[] = {{0x02, 0xA000}, {0x05, 0xA040}, {0x01, 0xA080}, {0x03, 0xA0C0},
+                                {0x06, 0xA100}, {0x10, 0xA140}, {0x16, 0xA180}, {0x04, 0xA1C0},
+                                {0x07, 0xA200}, {0x08, 0xA240}, {0x15, 0xA400}, {0x1B, 0xA440}};
 
 std::string one(const std::string& section, const std::string& name, unsigned type, const std::string& access,
                 bool mappable, const std::string& value = {}) {
@@ -62,7 +62,8 @@ class Text {
       const bool may = type == 1 ? spec_.bit_dummy : spec_.dummies;
       text_ += fmt::format("Dummy{:04X}={}\n", type, may ? 1 : 0);
     }
-    text_ += "\n" + one("1000", "Device type", 7, "ro", false, "0") + one("1001", "Error register", 5, "ro", false, "0");
+    text_ +=
+        "\n" + one("1000", "Device type", 7, "ro", false, "0") + one("1001", "Error register", 5, "ro", false, "0");
     text_ += head(0x1018, "Identity object", 9, 5) + one("1018sub0", "Highest sub-index", 5, "const", false, "4");
     for (unsigned sub = 1; sub <= 4; ++sub) {
       text_ += one(fmt::format("1018sub{}", sub), fmt::format("Part {}", sub), 7, "ro", false, sub == 1 ? "1" : "9");
@@ -74,7 +75,8 @@ class Text {
     const std::string id = predefined ? fmt::format("$NODEID+0x{:X}", base + number * 0x100) : "0x80000000";
     text_ += head(communication, fmt::format("PDO {}", number + 1), 9, spec_.timers ? 5 : 3);
     const auto sub = [&](unsigned at, unsigned type, const char* access, const std::string& value) {
-      text_ += one(fmt::format("{:04X}sub{:X}", communication, at), fmt::format("Entry {}", at), type, access, false, value);
+      text_ +=
+          one(fmt::format("{:04X}sub{:X}", communication, at), fmt::format("Entry {}", at), type, access, false, value);
     };
     sub(0, 5, "const", spec_.timers ? "5" : "2");
     sub(1, 7, "rw", id);
@@ -88,7 +90,8 @@ class Text {
     for (std::string word; words >> word;) entries.push_back("0x" + word);
     const char* const access = spec_.fixed ? "ro" : "rw";
     text_ += head(mapping, fmt::format("Mapping {}", number + 1), 9, spec_.entries + 1);
-    text_ += one(fmt::format("{:04X}sub0", mapping), "Number of objects", 5, access, false, std::to_string(entries.size()));
+    text_ +=
+        one(fmt::format("{:04X}sub0", mapping), "Number of objects", 5, access, false, std::to_string(entries.size()));
     for (unsigned at = 1; at <= spec_.entries; ++at) {
       text_ += one(fmt::format("{:04X}sub{:X}", mapping, at), fmt::format("Object {}", at), 7, access, false,
                    at <= entries.size() ? entries[at - 1] : "0");
@@ -98,7 +101,8 @@ class Text {
   }
 
   void list(unsigned index, unsigned type) {
-    text_ += head(index, "MPDO list", 8, spec_.mpdo + 1) + one(fmt::format("{:04X}sub0", index), "Highest", 5, "ro", false, "254");
+    text_ += head(index, "MPDO list", 8, spec_.mpdo + 1) +
+             one(fmt::format("{:04X}sub0", index), "Highest", 5, "ro", false, "254");
     for (unsigned sub = 1; sub <= spec_.mpdo; ++sub) {
       text_ += one(fmt::format("{:04X}sub{:X}", index, sub), fmt::format("Entry {}", sub), type, "rw", false, "0");
     }
@@ -122,8 +126,8 @@ class Text {
       for (const bool input : {true, false}) {
         ++number;
         const unsigned at = input ? first : first + 0x480;
-        text_ += fmt::format("Type{0}=0x{1:04X}\nDir{0}={2}\nRange{0}=0x{3:04X}-0x{4:04X}\nPPOffset{0}=0x{5:X}\n", number, type,
-                             input ? "ro" : "rww", at, at + 0x3F, (number - 1) / 2 * 0x2000);
+        text_ += fmt::format("Type{0}=0x{1:04X}\nDir{0}={2}\nRange{0}=0x{3:04X}-0x{4:04X}\nPPOffset{0}=0x{5:X}\n",
+                             number, type, input ? "ro" : "rww", at, at + 0x3F, (number - 1) / 2 * 0x2000);
       }
     }
     text_ += "\n";
@@ -132,7 +136,8 @@ class Text {
   void add(unsigned index) { (index >= 0x2000 && index < 0x6000 ? own_ : optional_).insert(index); }
   std::string lists() const {
     std::string made = "[MandatoryObjects]\nSupportedObjects=3\n1=0x1000\n2=0x1001\n3=0x1018\n\n";
-    for (const auto& [name, set] : {std::pair("OptionalObjects", &optional_), std::pair("ManufacturerObjects", &own_)}) {
+    for (const auto& [name, set] :
+         {std::pair("OptionalObjects", &optional_), std::pair("ManufacturerObjects", &own_)}) {
       made += fmt::format("[{}]\nSupportedObjects={}\n", name, set->size());
       unsigned number = 0;
       for (const unsigned index : *set) made += fmt::format("{}=0x{:04X}\n", ++number, index);
@@ -153,12 +158,17 @@ std::string eds_text(const DeviceSpec& spec) { return Text(spec).run(); }
 
 std::shared_ptr<const eds::File> device(const DeviceSpec& spec) {
   auto reading = eds::read(eds_text(spec), spec.name);
-  if (!reading.usable()) throw std::runtime_error("the test's own description is wrong: " + to_string(reading.findings.front()));
+  if (!reading.usable())
+    throw std::runtime_error("the test's own description is wrong: " + to_string(reading.findings.front()));
   return std::make_shared<const eds::File>(std::move(reading.file));
 }
 
 DeviceSpec controller() {
-  return {.name = "controller", .tpdos = 48, .rpdos = 64, .entries = 16, .dynamic = true,
+  return {.name = "controller",
+          .tpdos = 48,
+          .rpdos = 64,
+          .entries = 16,
+          .dynamic = true,
           .objects = {{0x2100, 64, 5, "rww", "Input byte"},
                       {0x2101, 64, 3, "rww", "Input word"},
                       {0x2200, 64, 5, "rwr", "Output byte"},
@@ -166,7 +176,10 @@ DeviceSpec controller() {
 }
 
 DeviceSpec io_module() {
-  return {.name = "io", .tpdos = 4, .rpdos = 4, .entries = 8,
+  return {.name = "io",
+          .tpdos = 4,
+          .rpdos = 4,
+          .entries = 8,
           .objects = {{0x6000, 2, 5, "ro", "Read input 8 bit"},
                       {0x6200, 2, 5, "rww", "Write output 8 bit"},
                       {0x6401, 4, 3, "ro", "Read analogue input 16 bit"},
@@ -181,8 +194,11 @@ linker::Network network_of(std::vector<std::pair<std::string, std::shared_ptr<co
   std::uint8_t id = 1;
   for (auto& [name, file] : nodes) {
     bus.others.senders.push_back({name, false});
-    bus.others.messages.push_back({.name = "heartbeat", .sender = bus.others.senders.size() - 1,
-                                   .key = 0x700U + id, .data_bytes = 1, .period = 1s});
+    bus.others.messages.push_back({.name = "heartbeat",
+                                   .sender = bus.others.senders.size() - 1,
+                                   .key = 0x700U + id,
+                                   .data_bytes = 1,
+                                   .period = 1s});
     network.nodes.push_back({.name = name, .bus = 0, .id = NodeId(id++), .file = std::move(file)});
   }
   network.buses.push_back(std::move(bus));
@@ -201,7 +217,8 @@ linker::End end_of(const linker::Network& network, const std::string& text) {
 void add_link(linker::Network& network, const std::string& from, const std::vector<std::string>& to,
               std::optional<rt::Duration> deadline, linker::TransmissionType transmission,
               std::optional<od::DataType> type) {
-  linker::Link link{.from = end_of(network, from), .to = {}, .deadline = deadline, .transmission = transmission, .type = type};
+  linker::Link link{
+      .from = end_of(network, from), .to = {}, .deadline = deadline, .transmission = transmission, .type = type};
   for (const auto& each : to) link.to.push_back(end_of(network, each));
   link.place = {static_cast<int>(100 + network.links.size()), 1};
   network.links.push_back(std::move(link));
@@ -220,12 +237,16 @@ linker::Network conveyor() {
     const unsigned c = m / modules;
     const unsigned at = m % modules;
     for (unsigned i = 1; i <= 2; ++i) {
-      add_link(network, fmt::format("io{}/6000h:{:02X}", m, i), {fmt::format("plc{}/2100h:{:02X}", c, at * 2 + i)}, 100ms);
-      add_link(network, fmt::format("plc{}/2200h:{:02X}", c, at * 2 + i), {fmt::format("io{}/6200h:{:02X}", m, i)}, 100ms);
-      add_link(network, fmt::format("plc{}/2201h:{:02X}", c, at * 2 + i), {fmt::format("io{}/6411h:{:02X}", m, i)}, 500ms);
+      add_link(network, fmt::format("io{}/6000h:{:02X}", m, i), {fmt::format("plc{}/2100h:{:02X}", c, at * 2 + i)},
+               100ms);
+      add_link(network, fmt::format("plc{}/2200h:{:02X}", c, at * 2 + i), {fmt::format("io{}/6200h:{:02X}", m, i)},
+               100ms);
+      add_link(network, fmt::format("plc{}/2201h:{:02X}", c, at * 2 + i), {fmt::format("io{}/6411h:{:02X}", m, i)},
+               500ms);
     }
     for (unsigned i = 1; i <= 4; ++i) {
-      add_link(network, fmt::format("io{}/6401h:{:02X}", m, i), {fmt::format("plc{}/2101h:{:02X}", c, at * 4 + i)}, 500ms);
+      add_link(network, fmt::format("io{}/6401h:{:02X}", m, i), {fmt::format("plc{}/2101h:{:02X}", c, at * 4 + i)},
+               500ms);
     }
   }
   // 93 variables sent, one of them to three, the others to two each: 93 inputs and 187 outputs.
@@ -234,8 +255,10 @@ linker::Network conveyor() {
   for (unsigned v = 0; v < 93; ++v) {
     const unsigned from = v % controllers;
     std::vector<std::string> to;
-    for (unsigned k = 1; k <= (v == 0 ? 3U : 2U); ++k) to.push_back(fmt::format("plc{}/v{}", (from + k) % controllers, v));
-    add_link(network, fmt::format("plc{}/v{}", from, v), to, v % 3 == 0 ? 100ms : 200ms, linker::at_change, types[v % 5]);
+    for (unsigned k = 1; k <= (v == 0 ? 3U : 2U); ++k)
+      to.push_back(fmt::format("plc{}/v{}", (from + k) % controllers, v));
+    add_link(network, fmt::format("plc{}/v{}", from, v), to, v % 3 == 0 ? 100ms : 200ms, linker::at_change,
+             types[v % 5]);
   }
   return network;
 }
@@ -260,8 +283,8 @@ void add_random_links(linker::Network& network, Random& random, unsigned links) 
       if (!used.insert(node.name).second) continue;
       const bool there = !node.file->dynamic_segments.empty();
       const std::string target =
-          node.name + "/" + (there ? fmt::format("r{}", base + n)
-                                   : fmt::format("{}h:0{}", word ? "6411" : "6200", 1 + pick(2)));
+          node.name + "/" +
+          (there ? fmt::format("r{}", base + n) : fmt::format("{}h:0{}", word ? "6411" : "6200", 1 + pick(2)));
       if (taken.insert(target).second) to.push_back(target);
     }
     if (to.empty()) continue;

@@ -27,12 +27,12 @@ struct DeviceSpec {
   unsigned granularity = 8;
   bool dummies = true;
   bool bit_dummy = false;
-  bool dynamic = false;        ///< [DynamicChannels] as CiA 405 has them
-  unsigned mpdo = 0;           ///< entries of the scanner and the dispatching list
-  bool fixed = false;          ///< mappings cannot be written
-  bool timers = true;          ///< sub-indices 3 and 5 are there
+  bool dynamic = false;  ///< [DynamicChannels] as CiA 405 has them
+  unsigned mpdo = 0;     ///< entries of the scanner and the dispatching list
+  bool fixed = false;    ///< mappings cannot be written
+  bool timers = true;    ///< sub-indices 3 and 5 are there
   std::vector<ObjectSpec> objects = {};
-  std::string mapping = {};    ///< of TPDO 1: entries in hex, separated by blanks
+  std::string mapping = {};  ///< of TPDO 1: entries in hex, separated by blanks
 };
 
 [[nodiscard]] std::string eds_text(const DeviceSpec& spec);

@@ -208,10 +208,10 @@ unsigned Dcf::named(const std::string& name) const {
 }
 
 unsigned Dcf::bits(unsigned index, unsigned sub) const {
-  static const std::map<unsigned, unsigned> lengths{
-      {0x01, 1},  {0x02, 8},  {0x03, 16}, {0x04, 32}, {0x05, 8},  {0x06, 16}, {0x07, 32}, {0x08, 32}, {0x10, 24},
-      {0x11, 64}, {0x12, 40}, {0x13, 48}, {0x14, 56}, {0x15, 64}, {0x16, 24}, {0x18, 40}, {0x19, 48}, {0x1A, 56},
-      {0x1B, 64}};
+  static const std::map<unsigned, unsigned> lengths{{0x01, 1},  {0x02, 8},  {0x03, 16}, {0x04, 32}, {0x05, 8},
+                                                    {0x06, 16}, {0x07, 32}, {0x08, 32}, {0x10, 24}, {0x11, 64},
+                                                    {0x12, 40}, {0x13, 48}, {0x14, 56}, {0x15, 64}, {0x16, 24},
+                                                    {0x18, 40}, {0x19, 48}, {0x1A, 56}, {0x1B, 64}};
   const auto type = static_cast<unsigned>(std::strtoul(text(index, sub, "DATATYPE").c_str(), nullptr, 0));
   const auto found = lengths.find(type);
   return found == lengths.end() ? 0 : found->second;

@@ -6,8 +6,8 @@
 #include <algorithm>
 
 #include "berth/eds/concise_dcf.hpp"
-#include "berth/eds/eds.hpp"
 #include "berth/eds/cpj.hpp"
+#include "berth/eds/eds.hpp"
 #include "berth/linker/files.hpp"
 #include "tests/linker/devices.hpp"
 #include "tests/linker/judge.hpp"
@@ -44,7 +44,8 @@ const Dcf& of(const std::vector<Dcf>& all, const linker::Network& network, std::
 
 unsigned object_of(const Dcf& device, const std::string& word) {
   if (word.find("h:") == std::string::npos) return device.named(word);
-  return static_cast<unsigned>(std::stoul(word.substr(0, 4), nullptr, 16) << 8 | std::stoul(word.substr(6), nullptr, 16));
+  return static_cast<unsigned>(std::stoul(word.substr(0, 4), nullptr, 16) << 8 |
+                               std::stoul(word.substr(6), nullptr, 16));
 }
 
 /// What the links say, by the names in the DCFs.
@@ -105,9 +106,9 @@ TEST(Links, S5_5_S5_6_S5_9_VariablesStandInTheSegmentOfTheirType) {
   auto network = two_controllers();
   using enum od::DataType;
   const std::vector<std::pair<od::DataType, unsigned>> types{
-      {integer8, 0xA000}, {unsigned8, 0xA040},  {integer16, 0xA0C0}, {unsigned16, 0xA100}, {integer24, 0xA140},
-      {unsigned24, 0xA180}, {integer32, 0xA1C0}, {unsigned32, 0xA200}, {real32, 0xA240},    {integer64, 0xA400},
-      {unsigned64, 0xA440}};
+      {integer8, 0xA000},  {unsigned8, 0xA040},  {integer16, 0xA0C0}, {unsigned16, 0xA100},
+      {integer24, 0xA140}, {unsigned24, 0xA180}, {integer32, 0xA1C0}, {unsigned32, 0xA200},
+      {real32, 0xA240},    {integer64, 0xA400},  {unsigned64, 0xA440}};
   for (std::size_t i = 0; i < types.size(); ++i) {
     for (const char letter : {'a', 'b'}) {
       const auto name = std::string(1, letter) + std::to_string(i);
@@ -220,8 +221,9 @@ TEST(Links, SynchronousLinksWaitForSync) {
   EXPECT_EQ(made.plan.pdos[1].worst, 40ms);  // up to three periods to its SYNC, one more to the consumer's
   expect_linked(network, made.plan);
   network.links[0].deadline = 39ms;
-  EXPECT_NE(findings(make_plan(network)).find("SYNC on field is every 10 ms: this link takes 40 ms, its deadline is 39 ms"),
-            std::string::npos);
+  EXPECT_NE(
+      findings(make_plan(network)).find("SYNC on field is every 10 ms: this link takes 40 ms, its deadline is 39 ms"),
+      std::string::npos);
   network.buses[0].sync = 0ms;
   EXPECT_NE(findings(make_plan(network)).find("nothing on field produces SYNC"), std::string::npos);
 }
@@ -231,8 +233,7 @@ TEST(Links, PdosOfAConfigurationStay) {
   reading.file.parameters = {{{0x1800, 1}, od::DataType::unsigned32, od::Literal::number(0x182)},
                              {{0x1A00, 0}, od::DataType::unsigned8, od::Literal::number(0)}};
   const auto plc = device(controller());
-  auto network = network_of(
-      {{"press", plc}, {"io", std::make_shared<const eds::File>(std::move(reading.file))}});
+  auto network = network_of({{"press", plc}, {"io", std::make_shared<const eds::File>(std::move(reading.file))}});
   add_link(network, "io/6000h:01", {"press/in"});
   const auto made = make_plan(network);
   ASSERT_TRUE(made.good()) << findings(made);
@@ -243,8 +244,8 @@ TEST(Links, PdosOfAConfigurationStay) {
   }
 }
 
-// S5.3, S5.20, S5.21: a machine of the size of the coal conveyor.
-TEST(Links, S5_3_S5_20_TheConveyorIsLinked) {
+// A machine of the size of the coal conveyor (paper 5, fig. 1).
+TEST(Links, S5_21_TheConveyorIsLinked) {
   const auto network = conveyor();
   EXPECT_EQ(network.nodes.size(), 55U);
   EXPECT_GT(network.links.size(), 500U);

@@ -38,22 +38,25 @@ TEST_F(LinkRefusal, TypesDiffer) {
   add_link(network, "io/6401h:01", {"io/6200h:01"});
   network.links[0].to[0].node = 1;
   network.links[0].to[0].object = "2100h:01";
-  EXPECT_EQ(only(),
-            "machine.toml:100:1: error: link[1]: types differ: io/6401h:01 is INTEGER16, belt/2100h:01 is UNSIGNED8; link "
-            "objects of one type; a network variable takes the type of what it is linked to");
+  EXPECT_EQ(
+      only(),
+      "machine.toml:100:1: error: link[1]: types differ: io/6401h:01 is INTEGER16, belt/2100h:01 is UNSIGNED8; link "
+      "objects of one type; a network variable takes the type of what it is linked to");
 }
 
 TEST_F(LinkRefusal, AnObjectThatIsGone) {
   add_link(network, "io/6402h:01", {"press/x"});
-  EXPECT_EQ(only(),
-            "machine.toml:100:1: error: link[1]: io/6402h:01: the device in this slot has no object 6402h:01; take the link "
-            "out, or name an object of the description that the slot has now");
+  EXPECT_EQ(
+      only(),
+      "machine.toml:100:1: error: link[1]: io/6402h:01: the device in this slot has no object 6402h:01; take the link "
+      "out, or name an object of the description that the slot has now");
 }
 
 TEST_F(LinkRefusal, NotMappable) {
   add_link(network, "io/2000h:01", {"press/x"});
-  EXPECT_NE(only().find("io/2000h:01: UNSIGNED8 2000h:01 cannot be mapped into a TPDO; name an object with PDOMapping=1"),
-            std::string::npos);
+  EXPECT_NE(
+      only().find("io/2000h:01: UNSIGNED8 2000h:01 cannot be mapped into a TPDO; name an object with PDOMapping=1"),
+      std::string::npos);
 }
 
 TEST_F(LinkRefusal, TheWrongWay) {
@@ -68,7 +71,8 @@ TEST_F(LinkRefusal, ABitOfADeviceThatMapsBytes) {
 
 TEST_F(LinkRefusal, NothingSaysTheType) {
   add_link(network, "press/x", {"belt/x"});
-  EXPECT_NE(only().find("press/x: nothing says the data type of this network variable; write type ="), std::string::npos);
+  EXPECT_NE(only().find("press/x: nothing says the data type of this network variable; write type ="),
+            std::string::npos);
   // Another link of the same variable says it.
   add_link(network, "press/x", {"io/6411h:01"});
   EXPECT_TRUE(make_plan(network).good());
@@ -104,8 +108,9 @@ TEST_F(LinkRefusal, LinksThatRunInACircle) {
   const auto made = make_plan(network);
   ASSERT_EQ(made.findings.size(), 2U);
   for (const auto& each : made.findings) {
-    EXPECT_NE(to_string(each).find("these links run in a circle: link[1] from press/2300h:01, link[2] from belt/2300h:02"),
-              std::string::npos);
+    EXPECT_NE(
+        to_string(each).find("these links run in a circle: link[1] from press/2300h:01, link[2] from belt/2300h:02"),
+        std::string::npos);
   }
   network.links.erase(network.links.begin() + 1);
   EXPECT_TRUE(make_plan(network).good());

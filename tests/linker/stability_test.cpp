@@ -31,8 +31,8 @@ std::map<std::string, Way> ways(const linker::Network& network, const linker::Pl
         // One of another type or deadline is another link.
         const auto what = std::to_string(static_cast<int>(link.type.value_or(od::DataType::none))) + " " +
                           std::to_string(link.deadline.value_or(rt::Duration(0)).count()) + " ";
-        made[what + network.nodes[link.from.node].name + "/" + link.from.object + ">" + network.nodes[to.node].name + "/" +
-             to.object] = {pdo.producer, pdo.tpdo, pdo.can_id, receiver->rpdo};
+        made[what + network.nodes[link.from.node].name + "/" + link.from.object + ">" + network.nodes[to.node].name +
+             "/" + to.object] = {pdo.producer, pdo.tpdo, pdo.can_id, receiver->rpdo};
       }
     }
   }
@@ -40,7 +40,8 @@ std::map<std::string, Way> ways(const linker::Network& network, const linker::Pl
 }
 
 void shuffle(linker::Network& network, Random& random) {
-  for (std::size_t i = network.links.size(); i > 1; --i) std::swap(network.links[i - 1], network.links[random.below(i)]);
+  for (std::size_t i = network.links.size(); i > 1; --i)
+    std::swap(network.links[i - 1], network.links[random.below(i)]);
 }
 
 /// Without what the order of the links numbers.
@@ -113,10 +114,12 @@ TEST(LinkStability, AnEarlierPlanOfAnotherMachineIsPassedOver) {
   auto network = network_of({{"press", device(controller())}, {"belt", device(controller())}});
   add_link(network, "press/a", {"belt/a"}, 20ms, 255, od::DataType::unsigned8);
   linker::Earlier odd;
-  odd.variables = {{"press", "a", od::DataType::unsigned8, true, {0x1000, 0}}, {"no", "a", od::DataType::unsigned8, true, {}}};
-  odd.pdos = {{.producer = "press", .tpdo = 500, .can_id = 0x181, .objects = {{0xA040, 1}}},
-              {.producer = "nobody", .tpdo = 1, .can_id = 0x181},
-              {.producer = "press", .tpdo = 2, .can_id = 0x601, .objects = {{0xA040, 1}}, .receivers = {{"belt", 400}}}};
+  odd.variables = {{"press", "a", od::DataType::unsigned8, true, {0x1000, 0}},
+                   {"no", "a", od::DataType::unsigned8, true, {}}};
+  odd.pdos = {
+      {.producer = "press", .tpdo = 500, .can_id = 0x181, .objects = {{0xA040, 1}}},
+      {.producer = "nobody", .tpdo = 1, .can_id = 0x181},
+      {.producer = "press", .tpdo = 2, .can_id = 0x601, .objects = {{0xA040, 1}}, .receivers = {{"belt", 400}}}};
   const auto made = make_plan(network, odd);
   ASSERT_TRUE(made.good());
   ASSERT_EQ(made.plan.pdos.size(), 1U);

@@ -28,9 +28,11 @@ std::vector<Symbol> read_xml(const std::string& text) {
   pugi::xml_document document;
   EXPECT_TRUE(document.load_string(text.c_str()));
   std::vector<Symbol> made;
-  const auto globals = document.select_node("/project/instances/configurations/configuration/resource/globalVars").node();
+  const auto globals =
+      document.select_node("/project/instances/configurations/configuration/resource/globalVars").node();
   for (const auto& each : globals.children("variable")) {
-    made.push_back({each.attribute("name").value(), each.child("type").first_child().name(), each.attribute("address").value()});
+    made.push_back(
+        {each.attribute("name").value(), each.child("type").first_child().name(), each.attribute("address").value()});
   }
   return made;
 }
@@ -61,18 +63,16 @@ TEST(LinkSymbols, S5_8_TheProgrammingSystemReadsTheVariables) {
   add_link(network, "belt/answer", {press + "answer"}, {}, 255, integer64);
   const auto made = make_plan(network);
   ASSERT_TRUE(made.good());
-  // PPOffset of the segments: 0 (INTEGER8), 8000h (UNSIGNED16), C000h (UNSIGNED24), 12000h (REAL32), 14000h (INTEGER64).
-  std::vector<Symbol> wanted{{"small", "SINT", "%QB0"},
-                             {"count", "UINT", "%QW16384"},
-                             {"speed", "UINT", "%QW16385"},
-                             {"odd", "UDINT", ""},
-                             {"level", "REAL", "%QD18432"},
-                             {"answer", "LINT", "%IL10240"}};
+  // PPOffset of the segments: 0 (INTEGER8), 8000h (UNSIGNED16), C000h (UNSIGNED24), 12000h (REAL32), 14000h
+  // (INTEGER64).
+  std::vector<Symbol> wanted{{"small", "SINT", "%QB0"}, {"count", "UINT", "%QW16384"}, {"speed", "UINT", "%QW16385"},
+                             {"odd", "UDINT", ""},      {"level", "REAL", "%QD18432"}, {"answer", "LINT", "%IL10240"}};
   EXPECT_EQ(read_xml(plcopen_xml(network, made.plan, 0)), wanted);
   EXPECT_EQ(read_structured_text(global_variables(network, made.plan, 0)), wanted);
   const auto files = linker::make_files(network, made.plan);
   ASSERT_TRUE(files);
-  for (const char* const name : {"press__1_____2_.plcopen.xml", "press__1_____2_.gvl.st", "belt.plcopen.xml", "belt.gvl.st"}) {
+  for (const char* const name :
+       {"press__1_____2_.plcopen.xml", "press__1_____2_.gvl.st", "belt.plcopen.xml", "belt.gvl.st"}) {
     EXPECT_NE(std::ranges::find(*files, name, &linker::MadeFile::name), files->end()) << name;
   }
   // The DCF has the same names for the same objects.
@@ -85,7 +85,8 @@ TEST(LinkSymbols, S5_8_TheProgrammingSystemReadsTheVariables) {
 }
 
 TEST(LinkSymbols, NamesOfVariables) {
-  for (const char* const good : {"speed", "_x", "A1", "belt_2_speed", "ends"}) EXPECT_EQ(wrong_identifier(good), "") << good;
+  for (const char* const good : {"speed", "_x", "A1", "belt_2_speed", "ends"})
+    EXPECT_EQ(wrong_identifier(good), "") << good;
   for (const char* const bad : {"", "1a", "a b", "a__b", "a_", "BOOL", "if", "é", "a-b", "a.b"}) {
     EXPECT_NE(wrong_identifier(bad), "") << bad;
   }
