@@ -69,7 +69,7 @@ void print_bus(const Network& network, const Plan& plan, std::size_t bus) {
   print_line(fmt::format("{}: {} kbit/s, {} object{} in {} PDO{}", network.buses[bus].name,
                          network.buses[bus].others.bit_rate / 1000, load.objects, load.objects == 1 ? "" : "s", count,
                          count == 1 ? "" : "s"));
-  print_line(fmt::format("  at most {:.1f} % of the bus, {:.1f} % by these PDOs; one PDO for each object: {:.1f} %",
+  print_line(fmt::format("  at most {:.1f} % of the bus, {:.1f} % by these PDOs; one object each: {:.1f} %",
                          100 * load.load, 100 * load.pdos, 100 * load.one_object_each));
   if (count == 0) return;
   print_line(fmt::format(" {:<5} {} {:>4} {:>4} {:>4} {:>4} {:>7} {:>7} {:>7} {:>8}", "id",
@@ -80,19 +80,25 @@ void print_bus(const Network& network, const Plan& plan, std::size_t bus) {
   }
 }
 
+/// A long name may go on in the next line.
+void print_wrapped(const std::string& line) {
+  constexpr std::size_t width = 80;
+  print_lines(text::wrapped(line, width));
+}
+
 /// Which link goes where.
 void print_links(const Network& network, const Plan& plan) {
   for (const auto& each : plan.variables) {
-    print_line(fmt::format("{}/{}: {} {} variable {}, byte {} of the process image", network.nodes[each.node].name,
-                           each.name, od::name(each.type), each.input ? "input" : "output", object_text(each.object),
-                           each.offset));
+    print_wrapped(fmt::format("{}/{}: {} {}, {}, byte {} of the image", network.nodes[each.node].name, each.name,
+                              od::name(each.type), each.input ? "input" : "output", object_text(each.object),
+                              each.offset));
   }
   for (const Pdo& pdo : plan.pdos) {
     for (const auto& receiver : pdo.receivers) {
       for (const auto& got : receiver.received) {
         const auto& from = pdo.carried[got.carried];
-        print_line(fmt::format("{}/{} -> {}/{}", network.nodes[pdo.producer].name, object_text(from.object),
-                               network.nodes[receiver.node].name, object_text(got.object)));
+        print_wrapped(fmt::format("{}/{} -> {}/{}", network.nodes[pdo.producer].name, object_text(from.object),
+                                  network.nodes[receiver.node].name, object_text(got.object)));
         print_line(pdo.mpdo ? fmt::format("  TPDO {} to RPDO {}, {:03X}h, MPDO", pdo.tpdo, receiver.rpdo, pdo.can_id)
                             : fmt::format("  TPDO {} to RPDO {}, {:03X}h, bits {} to {}", pdo.tpdo, receiver.rpdo,
                                           pdo.can_id, from.at, from.at + from.bits - 1));

@@ -19,8 +19,6 @@ namespace {
 using nlohmann::json;
 namespace fs = std::filesystem;
 
-std::string example(const std::string& name) { return source_dir() + "/examples/" + name; }
-
 /// The example in a folder of its own, with its links or others.
 class Link : public ::testing::Test {
  protected:

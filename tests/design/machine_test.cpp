@@ -311,7 +311,7 @@ TEST(MachineFile, HowALinkIsTransmitted) {
     EXPECT_EQ(result.machine->links[0].type, od::DataType::unsigned16);
   }
   EXPECT_EQ(only_error(link + "transmission = 252\n"),
-            "15:16: error: link[1].transmission: 252 is no transmission type of a link; 0 to 240 (at SYNC), 254 or 255 "
+            "14:16: error: link[1].transmission: 252 is no transmission type of a link; 0 to 240 (at SYNC), 254 or 255 "
             "(at a change)");
   EXPECT_NE(only_error(link + "transmission = \"snyc\"\n").find("link[1].transmission"), std::string::npos);
   EXPECT_NE(only_error(link + "type = \"VISIBLE_STRING\"\n").find("no data type of a network variable"),
