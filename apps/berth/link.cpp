@@ -35,7 +35,7 @@ struct LinkOptions {
 
 constexpr std::size_t name_width = 18;
 
-double ms(rt::Duration time) { return std::chrono::duration<double, std::milli>(time).count(); }
+double in_ms(rt::Duration time) { return std::chrono::duration<double, std::milli>(time).count(); }
 
 std::string object_text(ObjectRef object) { return fmt::format("{:04X}h:{:02X}", object.index, object.sub); }
 
@@ -54,11 +54,11 @@ void print_pdo(const Network& network, const Pdo& pdo) {
   unsigned bits = 0;
   for (const auto& each : pdo.carried) bits += each.bits;
   const auto name = text::padded(text::cut(network.nodes[pdo.producer].name, name_width), name_width);
-  print_line(fmt::format(" {:03X}h  {} {:>4} {:>4} {:>4} {:>4} {:>7} {:>7} {:>7} {:>8}", pdo.can_id, name, pdo.tpdo,
-                         pdo.carried.size(), pdo.mpdo ? "MPDO" : std::to_string(bits), pdo.transmission,
-                         pdo.inhibit == 0 ? "-" : short_ms(pdo.inhibit / 10.0),
-                         pdo.event_ms == 0 ? "-" : std::to_string(pdo.event_ms),
-                         pdo.worst ? short_ms(ms(*pdo.worst)) : "-", pdo.deadline ? short_ms(ms(*pdo.deadline)) : ""));
+  print_line(fmt::format(
+      " {:03X}h  {} {:>4} {:>4} {:>4} {:>4} {:>7} {:>7} {:>7} {:>8}", pdo.can_id, name, pdo.tpdo, pdo.carried.size(),
+      pdo.mpdo ? "MPDO" : std::to_string(bits), pdo.transmission, pdo.inhibit == 0 ? "-" : short_ms(pdo.inhibit / 10.0),
+      pdo.event_ms == 0 ? "-" : std::to_string(pdo.event_ms), pdo.worst ? short_ms(in_ms(*pdo.worst)) : "-",
+      pdo.deadline ? short_ms(in_ms(*pdo.deadline)) : ""));
   for (const auto& line : text::wrapped("to " + receivers_text(network, pdo), 72)) print_line("       " + line);
 }
 
@@ -136,8 +136,8 @@ Json json_of(const Network& network, const Pdo& pdo) {
           {"type", pdo.transmission},
           {"inhibit_ms", pdo.inhibit / 10.0},
           {"event_ms", pdo.event_ms},
-          {"deadline_ms", pdo.deadline ? Json(ms(*pdo.deadline)) : Json()},
-          {"worst_ms", pdo.worst ? Json(ms(*pdo.worst)) : Json()},
+          {"deadline_ms", pdo.deadline ? Json(in_ms(*pdo.deadline)) : Json()},
+          {"worst_ms", pdo.worst ? Json(in_ms(*pdo.worst)) : Json()},
           {"objects", objects},
           {"receivers", receivers}};
 }

@@ -19,7 +19,7 @@ constexpr std::array<std::string_view, 2> directions{"input", "output"};
 constexpr Limits pdo_numbers{1, 512};
 constexpr Limits base_ids{1, 0x7FF};
 
-std::string text_of(ObjectRef object) { return fmt::format("{:04X}h:{:02X}", object.index, object.sub); }
+std::string object_text(ObjectRef object) { return fmt::format("{:04X}h:{:02X}", object.index, object.sub); }
 
 template <class Range, class Text>
 std::string joined(const Range& range, const Text& text) {
@@ -97,12 +97,12 @@ std::string write(const Earlier& plan) {
   for (const EarlierVariable& each : plan.variables) {
     text += fmt::format("\n[[variable]]\nslot = {}\nname = {}\ntype = {}\ndirection = {}\nobject = {}\n",
                         quoted(each.node), quoted(each.name), quoted(od::name(each.type)),
-                        quoted(each.input ? directions[0] : directions[1]), quoted(text_of(each.object)));
+                        quoted(each.input ? directions[0] : directions[1]), quoted(object_text(each.object)));
   }
   for (const EarlierPdo& each : plan.pdos) {
     text += fmt::format("\n[[pdo]]\nproducer = {}\ntpdo = {}\ncan_id = 0x{:03X}\n{}transmission = {}\nobjects = [{}]\n",
                         quoted(each.producer), each.tpdo, each.can_id, each.mpdo ? "mpdo = true\n" : "",
-                        each.transmission, joined(each.objects, [](ObjectRef o) { return quoted(text_of(o)); }));
+                        each.transmission, joined(each.objects, [](ObjectRef o) { return quoted(object_text(o)); }));
     text += fmt::format("receivers = [{}]\nrpdos = [{}]\n",
                         joined(each.receivers, [](const auto& r) { return quoted(r.first); }),
                         joined(each.receivers, [](const auto& r) { return std::to_string(r.second); }));

@@ -156,7 +156,7 @@ class Text {
 
 std::string eds_text(const DeviceSpec& spec) { return Text(spec).run(); }
 
-std::shared_ptr<const eds::File> device(const DeviceSpec& spec) {
+std::shared_ptr<const eds::File> file_of(const DeviceSpec& spec) {
   auto reading = eds::read(eds_text(spec), spec.name);
   if (!reading.usable())
     throw std::runtime_error("the test's own description is wrong: " + to_string(reading.findings.front()));
@@ -227,8 +227,8 @@ void add_link(linker::Network& network, const std::string& from, const std::vect
 linker::Network conveyor() {
   constexpr unsigned controllers = 11;
   constexpr unsigned modules = 4;  // of each controller
-  const auto plc = device(controller());
-  const auto io = device(io_module());
+  const auto plc = file_of(controller());
+  const auto io = file_of(io_module());
   std::vector<std::pair<std::string, std::shared_ptr<const eds::File>>> nodes;
   for (unsigned c = 0; c < controllers; ++c) nodes.emplace_back(fmt::format("plc{}", c), plc);
   for (unsigned m = 0; m < controllers * modules; ++m) nodes.emplace_back(fmt::format("io{}", m), io);
@@ -308,9 +308,9 @@ linker::Network random_network(Random& random, unsigned links) {
   small.rpdos = 5;
   small.entries = 6;
   std::vector<std::pair<std::string, std::shared_ptr<const eds::File>>> nodes;
-  const auto big = device(controller());
-  const auto little = device(small);
-  const auto io = device(io_module());
+  const auto big = file_of(controller());
+  const auto little = file_of(small);
+  const auto io = file_of(io_module());
   for (unsigned i = 0; i < 2 + random.below(3); ++i) nodes.emplace_back(fmt::format("big{}", i), big);
   for (unsigned i = 0; i < random.below(3); ++i) nodes.emplace_back(fmt::format("small{}", i), little);
   for (unsigned i = 0; i < 1 + random.below(5); ++i) nodes.emplace_back(fmt::format("io{}", i), io);

@@ -36,7 +36,7 @@ struct DeviceSpec {
 };
 
 [[nodiscard]] std::string eds_text(const DeviceSpec& spec);
-[[nodiscard]] std::shared_ptr<const eds::File> device(const DeviceSpec& spec);
+[[nodiscard]] std::shared_ptr<const eds::File> file_of(const DeviceSpec& spec);
 
 /// A programmable controller with network variables and a process image of its own, and a module for inputs and
 /// outputs.

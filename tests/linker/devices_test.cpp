@@ -89,7 +89,7 @@ void exchange(const linker::Network& network, const linker::Plan& plan, Random& 
 TEST(LinkedDevices, S5_4_WhatOneProgramWritesTheOthersRead) {
   auto spec = controller();
   spec.tpdos = 2;  // so that consumers skip parts by dummies
-  const auto small = berth::test::device(spec);
+  const auto small = file_of(spec);
   auto network = network_of({{"press", small}, {"belt", small}, {"lift", small}});
   Random random(7);
   const od::DataType types[] = {od::DataType::unsigned8, od::DataType::unsigned16, od::DataType::unsigned32};
@@ -117,7 +117,7 @@ TEST(LinkedDevices, WhatAnMpdoCarriesArrivesToo) {
   auto spec = controller();
   spec.tpdos = 2;
   spec.mpdo = 12;
-  const auto small = berth::test::device(spec);
+  const auto small = file_of(spec);
   auto network = network_of({{"press", small}, {"belt", small}, {"lift", small}});
   for (unsigned i = 0; i < 7; ++i) {
     const auto v = "v" + std::to_string(i);

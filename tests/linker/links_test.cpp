@@ -76,7 +76,7 @@ void expect_linked(const linker::Network& network, const linker::Plan& plan) {
 }
 
 linker::Network two_controllers() {
-  const auto plc = device(controller());
+  const auto plc = file_of(controller());
   return network_of({{"press", plc}, {"belt", plc}, {"lift", plc}});
 }
 
@@ -147,8 +147,8 @@ TEST(Links, ASegmentGoesOnInItsNextIndex) {
 TEST(Links, AConsumerOfAPartSkipsTheRestByDummies) {
   auto spec = controller();
   spec.tpdos = 1;
-  const auto small = device(spec);
-  const auto plc = device(controller());
+  const auto small = file_of(spec);
+  const auto plc = file_of(controller());
   auto network = network_of({{"press", small}, {"belt", plc}, {"lift", plc}});
   add_link(network, "press/a", {"belt/a"}, 20ms, 255, od::DataType::unsigned16);
   add_link(network, "press/b", {"lift/b"}, 20ms, 255, od::DataType::unsigned32);
@@ -165,7 +165,7 @@ TEST(Links, AConsumerOfAPartSkipsTheRestByDummies) {
   // Without dummies at the consumers the links cannot share the one PDO.
   auto none = controller();
   none.dummies = false;
-  network.nodes[1].file = network.nodes[2].file = device(none);
+  network.nodes[1].file = network.nodes[2].file = file_of(none);
   const auto refused = make_plan(network);
   EXPECT_FALSE(refused.good());
   EXPECT_NE(findings(refused).find("no PDO is free for it: press has 1 TPDOs for links"), std::string::npos)
@@ -176,7 +176,7 @@ TEST(Links, AnMpdoCarriesWhatNoOtherPdoCan) {
   auto spec = controller();
   spec.tpdos = 2;
   spec.mpdo = 20;
-  const auto small = device(spec);
+  const auto small = file_of(spec);
   auto network = network_of({{"press", small}, {"belt", small}});
   for (unsigned i = 0; i < 5; ++i) {
     const auto name = "v" + std::to_string(i);
@@ -194,8 +194,8 @@ TEST(Links, ADeviceWithFixedMappingsSendsWhatItSends) {
   auto spec = io_module();
   spec.fixed = true;
   spec.mapping = "60000108 60000208 64010110";
-  const auto plc = device(controller());
-  auto network = network_of({{"sensor", device(spec)}, {"press", plc}, {"belt", plc}});
+  const auto plc = file_of(controller());
+  auto network = network_of({{"sensor", file_of(spec)}, {"press", plc}, {"belt", plc}});
   add_link(network, "sensor/6000h:02", {"press/in"}, 50ms);
   add_link(network, "sensor/6401h:01", {"belt/level"}, 50ms);
   const auto made = make_plan(network);
@@ -232,7 +232,7 @@ TEST(Links, PdosOfAConfigurationStay) {
   auto reading = eds::read(eds_text(io_module()), "io");
   reading.file.parameters = {{{0x1800, 1}, od::DataType::unsigned32, od::Literal::number(0x182)},
                              {{0x1A00, 0}, od::DataType::unsigned8, od::Literal::number(0)}};
-  const auto plc = device(controller());
+  const auto plc = file_of(controller());
   auto network = network_of({{"press", plc}, {"io", std::make_shared<const eds::File>(std::move(reading.file))}});
   add_link(network, "io/6000h:01", {"press/in"});
   const auto made = make_plan(network);
@@ -361,4 +361,24 @@ TEST(LinkFiles, WhatTheLinkerWroteIsItsOwn) {
   const auto all = dcfs(network, fewer.plan);
   EXPECT_EQ(of(all, network, 0).named("speed"), 0U) << "the variable is gone";
   EXPECT_FALSE(of(all, network, 0).listed().contains(0xA100));
+}
+
+// The predefined connection set puts the CAN-IDs of low node-IDs first; where that makes a tight deadline missed, new
+// PDOs take theirs in the order of deadlines.
+TEST(Links, TightDeadlinesBeforeThePredefinedConnectionSet) {
+  const auto plc = file_of(controller());
+  auto network = network_of({{"a", plc}, {"b", plc}, {"c", plc}, {"d", plc}, {"e", plc}, {"tight", plc}, {"all", plc}});
+  network.buses[0].others.bit_rate = 50'000;
+  for (const char* const name : {"a", "b", "c", "d", "e"}) {
+    add_link(network, name + std::string("/v"), {std::string("all/") + name}, 1s, 255, od::DataType::unsigned64);
+  }
+  add_link(network, "tight/v", {"all/tight"}, 1s, 255, od::DataType::unsigned64);
+  const auto predefined = make_plan(network);
+  ASSERT_TRUE(predefined.good()) << findings(predefined);
+  for (const auto& pdo : predefined.plan.pdos) EXPECT_EQ(pdo.can_id, 0x180 + network.nodes[pdo.producer].id.value());
+  network.links.back().deadline = 20ms;
+  const auto made = make_plan(network);
+  ASSERT_TRUE(made.good()) << findings(made);
+  EXPECT_EQ(made.plan.pdos.back().can_id, 0x181);
+  expect_linked(network, made.plan);
 }

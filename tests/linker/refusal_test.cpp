@@ -18,8 +18,8 @@ class LinkRefusal : public ::testing::Test {
     auto spec = io_module();
     spec.objects.push_back({0x2000, 1, 5, "rw", "Setting", false});
     spec.objects.push_back({0x6020, 8, 1, "ro", "Read input bit"});
-    const auto plc = device(controller());
-    network = network_of({{"press", plc}, {"belt", plc}, {"io", device(spec)}});
+    const auto plc = file_of(controller());
+    network = network_of({{"press", plc}, {"belt", plc}, {"io", file_of(spec)}});
   }
 
   std::string only() {
@@ -101,7 +101,7 @@ TEST_F(LinkRefusal, AVariableOfTwoDirections) {
 TEST_F(LinkRefusal, LinksThatRunInACircle) {
   auto spec = controller();
   spec.objects.push_back({0x2300, 4, 5, "rw", "Both ways"});
-  network.nodes[0].file = network.nodes[1].file = device(spec);
+  network.nodes[0].file = network.nodes[1].file = file_of(spec);
   add_link(network, "press/2300h:01", {"belt/2300h:02"});
   add_link(network, "belt/2300h:02", {"press/2300h:01"});
   add_link(network, "press/2300h:01", {"io/6200h:01"});
@@ -159,7 +159,7 @@ TEST_F(LinkRefusal, ABusThatIsTooSlow) {
 TEST_F(LinkRefusal, TooFewRpdos) {
   auto spec = io_module();
   spec.rpdos = 1;
-  network.nodes[2].file = device(spec);
+  network.nodes[2].file = file_of(spec);
   add_link(network, "press/a", {"io/6200h:01"}, 20ms);
   add_link(network, "belt/b", {"io/6200h:02"}, 50ms);
   const auto text = only();

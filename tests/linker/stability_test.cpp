@@ -111,7 +111,7 @@ RC_GTEST_PROP(LinkStability, APlanFileBringsThePlanBack, ()) {
 }
 
 TEST(LinkStability, AnEarlierPlanOfAnotherMachineIsPassedOver) {
-  auto network = network_of({{"press", device(controller())}, {"belt", device(controller())}});
+  auto network = network_of({{"press", file_of(controller())}, {"belt", file_of(controller())}});
   add_link(network, "press/a", {"belt/a"}, 20ms, 255, od::DataType::unsigned8);
   linker::Earlier odd;
   odd.variables = {{"press", "a", od::DataType::unsigned8, true, {0x1000, 0}},

@@ -51,7 +51,7 @@ std::vector<Symbol> read_structured_text(const std::string& text) {
 }  // namespace
 
 TEST(LinkSymbols, S5_8_TheProgrammingSystemReadsTheVariables) {
-  const auto plc = device(controller());
+  const auto plc = file_of(controller());
   auto network = network_of({{"press <1> & \"2\"", plc}, {"belt", plc}});
   using enum od::DataType;
   const std::string press = "press <1> & \"2\"/";
