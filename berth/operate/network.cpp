@@ -54,6 +54,7 @@ void Network::port_goes_on() { scope_.spawn(job_.run()); }
 
 void Network::commanded(co::NmtCommand command, co::NmtTarget target) {
   parts_.startup.commanded(command, target);
+  if (parts_.startup.released()) parts_.agenda.wakes.push({Wake::Kind::look, {}, parts_.bus.executor.now()});
   parts_.supervision.commanded(command, target, running_);
 }
 

@@ -168,8 +168,8 @@ rt::Task<void> Startup::act_on_error() {
 void Startup::stop_all(const std::string& why) {
   phase_.stop();
   for (const auto& seat : slots_.seats()) {
-    seat->held = true;
     if (!seat->there) continue;
+    seat->held = true;
     slots_.set_state(*seat, SlotState::present, fmt::format("stopped: {}; `berth nmt start all` starts it", why));
   }
 }
@@ -199,7 +199,10 @@ void Startup::commanded(NmtCommand command, co::NmtTarget target) {
     if (resets && target.includes(seat->id())) seat->boot.ready = false;
   }
   if (!starts) return;
-  if (phase_.is(Phase::stopped) && target.node == 0) begin();
+  if (phase_.is(Phase::stopped) && target.node == 0) {
+    begin();
+    released_ = true;
+  }
   for (const auto& seat : slots_.seats()) {
     if (!target.includes(seat->id())) continue;
     seat->boot.released = true;
