@@ -71,7 +71,8 @@ TEST(StartupKeys, WhatCannotBeIsSaidWithItsPlace) {
     EXPECT_NE(all.find(words), std::string::npos) << all;
   };
   const std::string table = "[bus.b.startup]\n";
-  says(file("", "optional = true\nmandatory = true\n"), "m.toml:13:13: error: slot[1].mandatory: optional and mandatory");
+  says(file("", "optional = true\nmandatory = true\n"),
+       "m.toml:13:13: error: slot[1].mandatory: optional and mandatory");
   says(file(table + "start = \"togther\"\n"), "m.toml:8:9: error: bus.b.startup.start");
   says(file(table + "on_error = \"reset\"\n"), "m.toml:8:12: error: bus.b.startup.on_error");
   says(file(table + "boot_time = \"25 h\"\n"), "m.toml:8:13: error: bus.b.startup.boot_time");

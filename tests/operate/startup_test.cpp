@@ -275,7 +275,8 @@ TEST(Startup, AMandatoryDeviceThatIsLostResetsAll) {
   EXPECT_EQ(heard.master_state, operational);
 }
 
-// A boot-up message that no reset of the master's explains is an error event, one that a person's reset explains is none.
+// A boot-up message that no reset of the master's explains is an error event, one that a person's reset explains is
+// none.
 TEST(Startup, AMandatoryDeviceThatBootsByItselfResetsAllAndOneThatWasResetDoesNot) {
   Rig rig(machine(4, {.resets_all_on_error = true}), plant_of(4));
   const Listener heard(rig);
