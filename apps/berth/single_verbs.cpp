@@ -76,10 +76,10 @@ void add_configure(Verb& berth, Options& options) {
 void add_boot(Verb& berth, Options& options) {
   const RequestVerb boot(berth, options, "boot", "boot",
                          "reset, check, configure and start the devices of the slots once (CiA 302-2)", {},
-                         {.alone = false});
+                         {.up = false, .alone = false});
   boot.footer(
-      "`berth up` does it by itself, and gives node-IDs before. Examples:\n  berth boot machine.toml\n"
-      "  berth boot machine.toml --bus drives --json");
+      "Examples:\n  berth boot machine.toml\n  berth boot machine.toml --bus drives --json\n"
+      "`berth up` does it all the time, and gives node-IDs before.");
 }
 
 void add_nmt(Verb& berth, Options& options) {

@@ -2,6 +2,7 @@
 #include <fmt/format.h>
 
 #include <algorithm>
+#include <array>
 #include <memory>
 #include <nlohmann/json.hpp>
 #include <vector>
@@ -83,14 +84,17 @@ class BusBoot {
     co_return Result<void>{};
   }
 
-  /// How many are not operational.
-  unsigned tell(Json& rows, std::vector<std::string>& lines) const {
-    unsigned wrong = 0;
+  struct Tally {
+    unsigned wrong = 0;   ///< not operational, and not optional
+    unsigned silent = 0;  ///< never answered
+  };
+  void tell(Json& rows, std::vector<std::string>& lines, Tally& tally) const {
     for (std::size_t i = 0; i < slots_.size(); ++i) {
-      const manager::SlaveStatus& slave = *boot_.find(slots_[i]->spec.id);
+      const manager::SlaveStatus slave = status(*slots_[i]);
       const bool good = slave.state == NmtState::operational;
       const bool needed = !slots_[i]->spec.optional;
-      if (!good && needed) ++wrong;
+      if (!good && needed) ++tally.wrong;
+      if (letter_of(slave) == 'B') ++tally.silent;
       const std::string text = good ? std::string("operational") : trouble(i, slave);
       Json row;
       row["bus"] = network_.bus().name;
@@ -104,7 +108,6 @@ class BusBoot {
       lines.push_back(fmt::format("{}  {:>3}  {}: {}", network_.bus().name, slots_[i]->spec.id.value(),
                                   slots_[i]->spec.name.name, text));
     }
-    return wrong;
   }
   [[nodiscard]] const std::vector<std::string>& events() const noexcept { return events_; }
 
@@ -125,20 +128,25 @@ class BusBoot {
 
   void note(const manager::NetworkEvent& event) {
     using Kind = manager::NetworkEvent::Kind;
-    const bool worth = event.kind == Kind::halted || event.kind == Kind::operational || event.kind == Kind::not_sent;
-    if (worth) events_.push_back(fmt::format("{}: {}", network_.bus().name, manager::text(event)));
+    if (event.kind == Kind::halted || event.kind == Kind::not_sent)
+      events_.push_back(fmt::format("{}: {}", network_.bus().name, manager::text(event)));
   }
 
+  // Before the startup has begun there is none.
+  [[nodiscard]] manager::SlaveStatus status(const design::Slot& slot) const {
+    const manager::SlaveStatus* const found = boot_.find(slot.spec.id);
+    return found == nullptr ? manager::SlaveStatus{} : *found;
+  }
   [[nodiscard]] bool over() const {
     const bool stands = boot_.phase() == NetworkBoot::Phase::halted;
     return std::ranges::all_of(slots_, [&](const design::Slot* slot) {
-      const SlavePhase phase = boot_.find(slot->spec.id)->phase;
+      const SlavePhase phase = status(*slot).phase;
       return phase == SlavePhase::started || phase == SlavePhase::failed || (stands && phase == SlavePhase::ready);
     });
   }
   [[nodiscard]] bool all_told() const {
     return std::ranges::all_of(slots_, [&](const design::Slot* slot) {
-      const manager::SlaveStatus& slave = *boot_.find(slot->spec.id);
+      const manager::SlaveStatus slave = status(*slot);
       return slave.phase != SlavePhase::started || slave.state == NmtState::operational;
     });
   }
@@ -201,16 +209,19 @@ rt::Task<void> boot(Session& session, const Request& request, Reply& reply) {
   Json json;
   json["slots"] = Json::array();
   std::vector<std::string> lines;
-  unsigned wrong = 0;
+  BusBoot::Tally tally;
   for (std::size_t i = 0; i < boots.size(); ++i) {
     if (!results[i]) co_return fail_with(reply, results[i].error(), fmt::format("bus {}", (*networks)[i]->bus().name));
-    wrong += boots[i]->tell(json["slots"], lines);
+    boots[i]->tell(json["slots"], lines, tally);
     for (const auto& event : boots[i]->events()) lines.push_back(event);
   }
-  json["wrong"] = wrong;
+  json["wrong"] = tally.wrong;
+  const bool nobody = tally.silent == json["slots"].size();
   give(reply, json, std::move(lines));
-  reply.status = wrong == 0 ? 0 : 1;
-  if (wrong != 0) reply.error = fmt::format("{} device{} not operational", wrong, wrong == 1 ? " is" : "s are");
+  reply.status = tally.wrong == 0 ? 0 : 1;
+  if (tally.wrong == 0) co_return;
+  reply.error = fmt::format("{} device{} not operational{}", tally.wrong, tally.wrong == 1 ? " is" : "s are",
+                            nobody ? "; if they have no node-IDs yet, `berth bind` gives them" : "");
 }
 
 }  // namespace berth::command

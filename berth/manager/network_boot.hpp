@@ -69,7 +69,8 @@ class NetworkBoot final : private SlaveBoots::Owner {
   [[nodiscard]] Phase phase() const noexcept { return phase_.now(); }
   [[nodiscard]] const NetworkPlan& plan() const noexcept { return plan_; }
   [[nodiscard]] NmtState own_state() const noexcept { return own_; }
-  /// Null when it is not assigned. It stays until `begin`; `plan().slaves` has all assigned ones.
+  /// Null when it is not assigned, and from `begin` until the executor has run once. It stays until `begin`;
+  /// `plan().slaves` has all assigned ones.
   [[nodiscard]] const SlaveStatus* find(NodeId node) const noexcept;
   /// Begins or ends the error control of a slave, by hand. Errc::not_found: not assigned. Errc::unsupported: it has
   /// neither a heartbeat time nor a guard time.
