@@ -43,7 +43,8 @@ void request_words(const Verb& verb, Options& options, RequestWords which) {
         .one_each()
         .shown("[NODE=]FILE");
   }
-  verb.flag("--up", options.bring_up, "with --sim: first run the main job until the machine is operational");
+  if (which.up)
+    verb.flag("--up", options.bring_up, "with --sim: first run the main job until the machine is operational");
 }
 
 Word RequestVerb::word(const std::string& names, const std::string& key, const std::string& help) const {

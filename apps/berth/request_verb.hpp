@@ -13,6 +13,7 @@ namespace berth::cli {
 
 /// What of the words of requests counts for one.
 struct RequestWords {
+  bool up = true;        ///< --up: what is asked can be asked of a running machine
   bool alone = true;     ///< --eds, --bitrate: a bus without a machine file can be asked
   bool bit_rate = true;  ///< --bitrate is a number
   MachineWords machine{};

@@ -106,7 +106,7 @@ BoardContent Screen::content() const {
     content.slots.push_back({std::move(slot), optional});
   }
   for (const auto& network : session_->networks()) {
-    for (const auto& question : network->plan().questions) content.questions.push_back(question.text);
+    for (const auto& question : network->planning().plan().questions) content.questions.push_back(question.text);
   }
   return content;
 }

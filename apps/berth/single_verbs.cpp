@@ -73,11 +73,23 @@ void add_configure(Verb& berth, Options& options) {
   configure.footer("Examples:\n  berth configure --check\n  berth configure left machine.toml");
 }
 
+void add_boot(Verb& berth, Options& options) {
+  const RequestVerb boot(berth, options, "boot", "boot",
+                         "reset, check, configure and start the devices of the slots once (CiA 302-2)", {},
+                         {.up = false, .alone = false});
+  boot.footer(
+      "Examples:\n  berth boot machine.toml\n  berth boot machine.toml --bus drives --json\n"
+      "`berth up` does it all the time, and gives node-IDs before.");
+}
+
 void add_nmt(Verb& berth, Options& options) {
   const RequestVerb nmt(berth, options, "nmt", "nmt", "one NMT command to one node or all");
   nmt.word("command", "command", "start, stop, preop, reset-node, reset-comm").required();
   nmt.word("node", "node", "node-ID, slot's name, or all").required();
-  nmt.footer("Examples:\n  berth nmt preop drive machine.toml\n  berth nmt start all --port can0");
+  nmt.word("--request", "request", "the NMT master with this node-ID is asked to do it (1F82h)").shown("NODE-ID");
+  nmt.footer(
+      "Examples:\n  berth nmt preop drive machine.toml\n  berth nmt start all --port can0\n"
+      "  berth nmt stop 5 --request 1 --port can0");
 }
 
 namespace {

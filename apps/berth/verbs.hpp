@@ -16,6 +16,7 @@ void add_bind(Verb& berth, Options& options);
 void add_locate(Verb& berth, Options& options);
 void add_replace(Verb& berth, Options& options);
 void add_forget(Verb& berth, Options& options);
+void add_boot(Verb& berth, Options& options);
 void add_configure(Verb& berth, Options& options);
 void add_sdo(Verb& berth, Options& options);
 void add_emcy(Verb& berth, Options& options);

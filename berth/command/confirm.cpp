@@ -97,8 +97,20 @@ Disturbed by_memory(Session& session, const Request& request) {
           "writes its memory while it works; some devices are deaf meanwhile"};
 }
 
+Disturbed by_boot(Session& session, const Request& request) {
+  const auto bus = request.arguments.find("bus");
+  const auto networks = networks_for(session, bus == request.arguments.end() ? "" : bus->second, Use::look);
+  if (!networks) return {};
+  for (Network* const network : *networks) {
+    const auto nodes = operational_of(*network, co::NmtTarget::all());
+    if (!nodes.empty()) return {network, nodes, "resets its communication and leaves operational"};
+  }
+  return {};
+}
+
 Disturbed disturbed_by(Session& session, const Request& request) {
   if (request.verb == "nmt") return by_nmt(session, request);
+  if (request.verb == "boot") return by_boot(session, request);
   if (request.verb == "sdo write") return by_sdo(session, request);
   if (request.verb == "store" || request.verb == "restore") return by_memory(session, request);
   if (request.verb == "send") return by_frame(session, request);

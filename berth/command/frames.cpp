@@ -47,7 +47,10 @@ Frames nmt_frames(const Request& request, const design::Machine& machine, std::s
   const NmtArguments nmt = nmt_arguments(arguments, machine);
   problem = arguments.problem();
   if (!problem.empty()) return {};
-  return {co::to_frame({nmt.command, nmt.target})};
+  if (!nmt.requested_of.configured()) return {co::to_frame({nmt.command, nmt.target})};
+  can::Frame frame = co::sdo::make(0x600U + nmt.requested_of.value(), 0x2F, {0x1F82, nmt.request_sub()});
+  frame.data[4] = nmt.request_value();
+  return {frame};
 }
 
 Frames lss_frames(const Request& request, std::string& problem) {

@@ -29,6 +29,8 @@ NmtArguments nmt_arguments(Arguments& arguments, const design::Machine& machine)
     nmt.bus = node.bus;
     nmt.target = node.node;
   }
+  if (arguments.has("request"))
+    nmt.requested_of = NodeId(static_cast<std::uint8_t>(arguments.number("request", 1, 127)));
   const auto* const it = std::ranges::find(commands, nmt.word, &decltype(commands)::value_type::first);
   if (it != commands.end()) {
     nmt.command = it->second;
@@ -37,6 +39,17 @@ NmtArguments nmt_arguments(Arguments& arguments, const design::Machine& machine)
         fmt::format("{} is no NMT command; use start, stop, preop, reset-node or reset-comm", text::quoted(nmt.word)));
   }
   return nmt;
+}
+
+std::uint8_t NmtArguments::request_value() const noexcept {
+  switch (command) {
+    case co::NmtCommand::stop: return 0x04;
+    case co::NmtCommand::start: return 0x05;
+    case co::NmtCommand::reset_node: return 0x06;
+    case co::NmtCommand::reset_communication: return 0x07;
+    case co::NmtCommand::enter_pre_operational: break;
+  }
+  return 0x7F;
 }
 
 namespace {
@@ -58,6 +71,31 @@ rt::Task<void> wait_for_heartbeats(Network& bus, const NmtArguments& nmt) {
   }
 }
 
+// By another master of the bus: its 1F82h is written.
+rt::Task<void> request_of(Network& bus, const NmtArguments& nmt, Reply& reply) {
+  const std::string whom = nmt.target.node == 0 ? "all nodes" : fmt::format("node {}", nmt.target.node);
+  const std::array<std::uint8_t, 1> value{nmt.request_value()};
+  const auto written = co_await bus.services().sdo.download(nmt.requested_of, 0x1F82, nmt.request_sub(), value);
+  if (!written) {
+    co_return fail_with(reply, written.error(),
+                        fmt::format("bus {}, NMT {} of {} by the master at node {} (1F82h:{:02X})", bus.bus().name,
+                                    nmt.word, whom, nmt.requested_of.value(), nmt.request_sub()),
+                        "a node that is no NMT master, or is not in its network list (1F81h), is refused");
+  }
+  Json json;
+  json["bus"] = bus.bus().name;
+  json["command"] = nmt.word;
+  if (nmt.target.node == 0) {
+    json["node"] = "all";
+  } else {
+    json["node"] = nmt.target.node;
+  }
+  json["requested_of"] = nmt.requested_of.value();
+  give(reply, json,
+       {fmt::format("node {} was asked for NMT {} to {} (1F82h)", nmt.requested_of.value(), co::name(nmt.command),
+                    whom)});
+}
+
 }  // namespace
 
 rt::Task<void> nmt_command(Session& session, const Request& request, Reply& reply) {
@@ -68,6 +106,7 @@ rt::Task<void> nmt_command(Session& session, const Request& request, Reply& repl
   const auto network = network_for(session, nmt.bus, harmless ? Use::send : Use::command);
   if (!network) co_return refuse(reply, 2, network.error());
   Network& bus = **network;
+  if (nmt.requested_of.configured()) co_return co_await request_of(bus, nmt, reply);
   const auto sent = co_await bus.services().nmt.send(nmt.command, nmt.target);
   const bool all = nmt.target == co::NmtTarget::all();
   const std::string whom = all ? "all nodes" : fmt::format("node {}", nmt.target.node);

@@ -16,6 +16,7 @@ rt::Task<void> bind(Session& session, const Request& request, Reply& reply);    
 rt::Task<void> replace(Session& session, const Request& request, Reply& reply);           // slots.cpp
 rt::Task<void> forget(Session& session, const Request& request, Reply& reply);            // slots.cpp
 rt::Task<void> scan(Session& session, const Request& request, Reply& reply);              // scan.cpp
+rt::Task<void> boot(Session& session, const Request& request, Reply& reply);              // boot.cpp
 rt::Task<void> configure(Session& session, const Request& request, Reply& reply);         // configure.cpp
 rt::Task<void> locate(Session& session, const Request& request, Reply& reply);            // locate.cpp
 rt::Task<void> sdo_read(Session& session, const Request& request, Reply& reply);          // sdo.cpp

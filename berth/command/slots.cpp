@@ -39,8 +39,8 @@ void give_report(Session& session, Reply& reply) {
   reply.json = to_json(now, -1);
   reply.lines = operate::to_table(now.slots);
   for (const auto& network : session.networks()) {
-    for (const auto& question : network->plan().questions) reply.lines.push_back(question.text);
-    for (const auto& oddity : network->plan().oddities) reply.lines.push_back(oddity.text);
+    for (const auto& question : network->planning().plan().questions) reply.lines.push_back(question.text);
+    for (const auto& oddity : network->planning().plan().oddities) reply.lines.push_back(oddity.text);
   }
 }
 

@@ -28,7 +28,7 @@ constexpr std::array<std::string_view, 3> of_emcy{"bus", "node", "listen"};
 constexpr std::array<std::string_view, 3> of_memory{"bus", "node", "group"};
 constexpr std::array<std::string_view, 2> of_send{"bus", "frame"};
 constexpr std::array<std::string_view, 2> of_history{"bus", "slot"};
-constexpr std::array<std::string_view, 3> of_nmt{"bus", "command", "node"};
+constexpr std::array<std::string_view, 4> of_nmt{"bus", "command", "node", "request"};
 constexpr std::array<std::string_view, 2> of_lss_global{"bus", "state"};
 constexpr std::array<std::string_view, 2> of_lss_device{"bus", "address"};
 constexpr std::array<std::string_view, 4> of_lss_set_node_id{"bus", "address", "id", "store"};
@@ -44,6 +44,7 @@ constexpr std::array table{
     Verb{"replace", of_replace, replace},
     Verb{"forget", of_forget, forget},
     Verb{"locate", of_locate, locate},
+    Verb{"boot", bus, boot},
     Verb{"configure", of_configure, configure},
     Verb{"sdo read", of_sdo_read, sdo_read},
     Verb{"sdo write", of_sdo_write, sdo_write},

@@ -5,9 +5,9 @@
 /// be left out of all of them when the machine has one bus, and where a slot's name says it; `scan` and `bind` then
 /// take every bus. A node is a node-ID or a slot's name, an object an index such as 1018h:04 or its name (objects.hpp).
 ///
-/// On a real bus, `nmt` resets, `lss` services, `store`, `restore`, `send` and `sdo write` to 1010h and 1011h take yes?
-/// ("1") too: without it they are refused (status 1, {"result": "unconfirmed"}) while a device that they disturb is
-/// operational.
+/// On a real bus, `nmt` resets, `boot`, `lss` services, `store`, `restore`, `send` and `sdo write` to 1010h and 1011h
+/// take yes? ("1") too: without it they are refused (status 1, {"result": "unconfirmed"}) while a device that they
+/// disturb is operational.
 ///
 ///     report            bus?                                      status 1 while a slot is not operational
 ///     scan              bus?
@@ -16,6 +16,7 @@
 ///     replace           slot (name, "bus/name" or node-ID), device? (LSS address that shall sit there)
 ///     forget            bus?, device (LSS address): gone for good; its unfinished loss of a node-ID is given up
 ///     locate            bus?, target (slot, LSS address or node-ID), seconds? (1..600, default 10), anyway? ("1")
+///     boot              bus?                                      not while the main job runs
 ///     configure         bus?, slot?, check? ("1": compare only)
 ///     sdo read          node, object (several: one a line), sub?, type? (u8 ... vs, see od::data_type; default: what
 ///                       the description says), block? ("1": by block transfer and by nothing else)
@@ -23,7 +24,8 @@
 ///                       anyway? ("1": also outside of the description's limits)
 ///     sdo probe         node, objects (hex: "1000:0,1018:0-4")    reads all; a device's refusal is told, no failure
 ///     sdo dump          node                                      every object that can be read
-///     nmt               command (start stop preop reset-node reset-comm), node (or "all")
+///     nmt               command (start stop preop reset-node reset-comm), node (or "all"), request? (node-ID of
+///                       an NMT master that is asked for it by its 1F82h; nothing is sent to the node itself)
 ///     emcy              node?, listen? (s)    1001h and 1003h of a node; with `listen` the messages that come
 ///     store, restore    node, group? (all, communication, application, 4..127; default all)       1010h, 1011h
 ///     send              frame (as candump writes it; several: one a line)

@@ -17,6 +17,7 @@
 #include "berth/design/library.hpp"
 #include "berth/live/foreign_watch.hpp"
 #include "berth/od/data_type.hpp"
+#include "berth/manager/boot_rules.hpp"
 #include "berth/places/slot.hpp"
 #include "berth/text/toml.hpp"
 
@@ -74,6 +75,13 @@ struct Gateway {
   friend bool operator==(const Gateway&, const Gateway&) = default;
 };
 
+/// `[bus.NAME.startup]`: the NMT startup of CiA 302-2.
+struct BusStartup {
+  manager::Startup rules;  ///< 1F80h; bit 0 follows from the bus's role
+  Duration boot_time{};    ///< 1F89h: for all mandatory slots together, from the begin of the main job; 0: for ever
+  Duration nmt_inhibit{};  ///< 102Ah: shortest time between two NMT commands
+};
+
 struct Bus {
   std::string name;
   PortSpec port;
@@ -82,6 +90,7 @@ struct Bus {
   NodeId master{127};  ///< `master_id`
   OnExit on_exit = OnExit::leave;
   BusOff bus_off = BusOff::restart;
+  BusStartup startup;
   live::Signs tolerate;  ///< frames of this machine's own devices that else mean another master
   std::optional<Gateway> gateway;
   text::Place gateway_place;

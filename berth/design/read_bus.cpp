@@ -25,6 +25,9 @@ constexpr std::array<string_view, 10> discovery_words{"auto",
                                                       "planner-fastscan",
                                                       "planner-feedback"};
 constexpr std::array<string_view, 3> on_exit_words{"leave", "preop", "stop"};
+constexpr std::array<string_view, 3> start_words{"each", "together", "by-hand"};
+constexpr std::array<string_view, 2> master_words{"automatic", "by-hand"};
+constexpr std::array<string_view, 3> on_error_words{"device", "reset-all", "stop-all"};
 constexpr std::array<string_view, 2> bus_off_words{"restart", "stay"};
 
 void read_duration(Table& table, string_view key, Duration low, Duration high, Duration& into) {
@@ -95,6 +98,31 @@ void read_gateway(Table& table, Bus& bus) {
   bus.gateway = std::move(gateway);
 }
 
+// CiA 302-2: 1F80h, 1F89h in ms, 102Ah in 100 us.
+void read_startup(Table& table, Bus& bus) {
+  auto entry = table.table("startup");
+  if (!entry) return;
+  manager::Startup& rules = bus.startup.rules;
+  if (const auto word = entry->word("start", start_words)) {
+    rules.starts_all_at_once = start_words[*word] == "together";
+    rules.application_starts = start_words[*word] == "by-hand";
+  }
+  if (const auto word = entry->word("master", master_words)) rules.application_operates = *word == 1;
+  if (const auto word = entry->word("on_error", on_error_words)) {
+    rules.resets_all_on_error = on_error_words[*word] == "reset-all";
+    rules.stops_all_on_error = on_error_words[*word] == "stop-all";
+  }
+  read_duration(*entry, "boot_time", 0s, 24h, bus.startup.boot_time);
+  read_duration(*entry, "nmt_inhibit", 0s, 6553500us, bus.startup.nmt_inhibit);
+  if (bus.startup.nmt_inhibit % 100us != 0ns) {
+    entry->error("nmt_inhibit", "object 102Ah counts tenths of a millisecond", "round it");
+  }
+  if (bus.role != Role::master) {
+    table.error("startup", "only a master starts a network", "leave the table out, or the key role");
+  }
+  entry->finish();
+}
+
 void read_tolerated(Table& table, Bus& bus) {
   const auto words = table.strings("tolerate");
   if (!words) return;
@@ -150,6 +178,8 @@ Bus read_bus(const std::string& name, text::Table& table, const Timing& timing) 
   read_word(table, "bus_off", bus_off_words, bus.bus_off);
   read_tolerated(table, bus);
   read_gateway(table, bus);
+  read_startup(table, bus);
+  bus.startup.rules.master = bus.role == Role::master;
   if (const auto method = table.word("discovery", discovery_words)) bus.discovery = discovery_words[*method];
   read_timing(table, bus.timing);
   table.finish();

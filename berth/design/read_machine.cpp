@@ -206,6 +206,7 @@ class MachineReader {
     check_gateway_buses();
     for (auto& slot : table.tables("slot")) read_slot(slot);
     check_gateway_slots();
+    check_startups();
     check_heartbeats();
     fit_heartbeats(machine_);
     for (auto& link : table.tables("link")) machine_.links.push_back(read_link(machine_, link));
@@ -233,6 +234,20 @@ class MachineReader {
                            text::write_duration(bus.timing.heartbeat_period), share * 100, bus.bitrate / 1000),
                fmt::format("leave heartbeat_period out, or give at least {}",
                            text::write_duration(heartbeat_period_for(bus.bitrate, nodes))));
+    }
+  }
+
+  /// What waits for mandatory slots needs one.
+  void check_startups() {
+    for (const auto& bus : machine_.buses) {
+      const auto& [rules, boot_time, inhibit] = bus.startup;
+      const bool waits =
+          rules.starts_all_at_once || rules.resets_all_on_error || rules.stops_all_on_error || boot_time.count() > 0;
+      const bool any = std::ranges::any_of(
+          machine_.slots, [&](const Slot& s) { return s.spec.name.bus == bus.name && s.spec.mandatory; });
+      if (!waits || any) continue;
+      error_at(bus.place, fmt::format("bus.{}.startup", bus.name), "no slot of this bus is mandatory",
+               "write mandatory = true in the slots that the network does not start without");
     }
   }
 
@@ -337,6 +352,11 @@ class MachineReader {
                   "write it into type = { …, revision = 0x… }, or use an eds that has it");
     }
     spec.optional = table.boolean("optional").value_or(false);
+    spec.mandatory = table.boolean("mandatory").value_or(false);
+    if (spec.optional && spec.mandatory) {
+      table.error("mandatory", "optional and mandatory exclude each other", "keep one of them");
+    }
+    spec.device_type = table.u32("device_type").value_or(0);
     read_also(table, spec);
     read_spares(table, slot);
     find_recipe(table, slot);

@@ -23,9 +23,9 @@ constexpr std::array status_words{
     Words{BootStatus::b, "no answer to the upload of 1000h",
           "switch the device on; check its node-ID, bit rate and cable"},
     Words{BootStatus::c, "its device type (1000h) is not the expected one (1F84h)",
-          "plug in a device of the right type, or correct 1F84h"},
+          "plug in a device of the right type, or correct its slot, or 1F84h"},
     Words{BootStatus::d, "its vendor-ID (1018h:01) is not the expected one (1F85h)",
-          "plug in the right maker's device, or correct 1F85h"},
+          "plug in the right maker's device, or correct its slot, or 1F85h"},
     Words{BootStatus::e, "no heartbeat was heard when its state was checked",
           "check its producer heartbeat time (1017h) against the master's 1016h"},
     Words{BootStatus::f, "node guarding had no answer when its state was checked",
@@ -41,11 +41,11 @@ constexpr std::array status_words{
           "check its producer heartbeat time (1017h): it must be shorter than the master's 1016h"},
     Words{BootStatus::l, "it was operational already", ""},
     Words{BootStatus::m, "its product code (1018h:02) is not the expected one (1F86h)",
-          "plug in the right product, or correct 1F86h"},
+          "plug in the right product, or correct its slot, or 1F86h"},
     Words{BootStatus::n, "its revision number (1018h:03) is not the expected one (1F87h)",
-          "plug in a device of that revision, or correct 1F87h"},
+          "plug in a device of that revision, or correct its slot, or 1F87h"},
     Words{BootStatus::o, "its serial number (1018h:04) is not the expected one (1F88h)",
-          "it was exchanged: correct 1F88h, or plug the former device in"},
+          "it was exchanged: correct its slot, or 1F88h, or plug the former device in"},
 };
 
 const Words& words_of(BootStatus status) noexcept {

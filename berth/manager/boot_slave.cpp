@@ -63,6 +63,8 @@ void BootSlave::differs(std::uint32_t is, std::uint32_t expected) {
 // ---- steps 2 and 3 --------------------------------------------------------------------------------------------------
 
 rt::Task<BootSlave::Verdict> BootSlave::check_identity() {
+  found_ = options_.identified;
+  if (options_.identified && rules_.device_type == 0) co_return Verdict{};
   const auto type = co_await device_type();
   // A slave that answers, and has no device type to tell, is there; it is of no type that can be expected.
   const bool refused = !type && type.error().code == Errc::aborted;
@@ -75,6 +77,7 @@ rt::Task<BootSlave::Verdict> BootSlave::check_identity() {
   if (other && refused) result_.detail = describe(type.error());
   if (other && !refused) differs(*type, rules_.device_type);
   if (other) co_return BootStatus::c;
+  if (options_.identified) co_return Verdict{};
   const Expected all[] = {{1, rules_.vendor, BootStatus::d},
                           {2, rules_.product, BootStatus::m},
                           {3, rules_.revision, BootStatus::n},

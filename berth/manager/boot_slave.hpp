@@ -59,6 +59,9 @@ struct BootOptions {
   /// A slave that does not answer is asked until then. Mandatory ones: the boot time (1F89h) from the begin of the
   /// network's boot-up. Default: for ever, as CiA 302-2 has it for optional slaves.
   rt::Time give_up = rt::never;
+  /// Its identity was read since its last boot-up, and is the expected one: step 2 asks for the device type only when
+  /// one is expected, and step 3 is done.
+  bool identified = false;
   rt::Duration pause = std::chrono::seconds(1);         ///< before a silent slave is asked again
   rt::Duration boot_timeout = std::chrono::seconds(1);  ///< from reset communication to the boot-up message
 };

@@ -10,7 +10,7 @@ using Phase = NetworkBoot::Phase;
 
 // Nothing has begun, or other slaves are about to come.
 bool ErrorEvents::deaf() const noexcept {
-  return network_->phase_ == Phase::off || network_->next_ == NetworkBoot::Next::begin;
+  return network_->phase_.is(Phase::off) || network_->next_ == NetworkBoot::Next::begin;
 }
 
 void ErrorEvents::boot_up(NodeId node, bool expected) noexcept {
@@ -22,7 +22,7 @@ void ErrorEvents::boot_up(NodeId node, bool expected) noexcept {
   slave->status.state = NmtState::pre_operational;
   if (was == SlavePhase::booting) return boots.booted_while_booting(*slave, expected);
   if (slave->status.ready()) return act(*slave, true);
-  if (network_->phase_ != Phase::stopped && was != SlavePhase::idle) boots.boot(*slave);
+  if (!network_->phase_.is(Phase::stopped) && was != SlavePhase::idle) boots.boot(*slave);
 }
 
 void ErrorEvents::lost(NodeId node) noexcept {
@@ -41,7 +41,7 @@ void ErrorEvents::back(NodeId node) noexcept {
   if (deaf() || slave == nullptr) return;
   network_->tell({.kind = Kind::slave_back, .node = node});
   // The reset that it was sent has not reached it: it was cut off.
-  const bool unreset = slave->status.phase == SlavePhase::awaited && network_->phase_ != Phase::stopped;
+  const bool unreset = slave->status.phase == SlavePhase::awaited && !network_->phase_.is(Phase::stopped);
   if (unreset) network_->command(NmtCommand::reset_node, node);
 }
 
@@ -53,15 +53,15 @@ void ErrorEvents::told(NodeId node, NmtState state) noexcept {
 void ErrorEvents::act(SlaveBoots::Slave& slave, bool rebooted) noexcept {
   const NodeId node = slave.what.node;
   const auto& rules = slave.what.rules;
-  const auto& startup = network_->plan_.startup;
   network_->tell({.kind = rebooted ? Kind::slave_rebooted : Kind::slave_lost, .node = node});
-  if (network_->phase_ == Phase::stopped || deaf()) return;  // the callback may have ended it
-  const bool stops = rules.mandatory && startup.stops_all_on_error;
-  const bool resets_all = rules.mandatory && startup.resets_all_on_error;
-  if (stops || resets_all) {
+  if (network_->phase_.is(Phase::stopped) || deaf()) return;  // the callback may have ended it
+  using OnError = StartupPhase::OnError;
+  const OnError what = network_->phase_.on_error(rules);
+  if (what != OnError::one) {
+    const bool stops = what == OnError::stop;
     slave.status.phase = SlavePhase::awaited;
     network_->end();
-    if (stops) network_->phase_ = Phase::stopped;
+    if (stops) network_->phase_.stop();
     network_->tell({.kind = stops ? Kind::all_stopped : Kind::all_reset, .node = node});
     return network_->command(stops ? NmtCommand::stop : NmtCommand::reset_node, co::NmtTarget::all(), true);
   }

@@ -1,7 +1,6 @@
 #include "berth/manager/network_boot.hpp"
 
 #include <algorithm>
-#include <array>
 #include <bitset>
 
 namespace berth::manager {
@@ -9,8 +8,6 @@ namespace {
 
 using co::NmtCommand;
 using co::NmtTarget;
-
-constexpr std::array<std::string_view, 6> network_phases{"off", "booting", "halted", "ready", "operational", "stopped"};
 
 bool resets(NmtCommand command) noexcept {
   return command == NmtCommand::reset_node || command == NmtCommand::reset_communication;
@@ -42,8 +39,6 @@ const SlaveBoots::Slave* missing(const SlaveBoots& boots) noexcept {
 
 }  // namespace
 
-std::string_view name(NetworkBoot::Phase phase) noexcept { return network_phases[static_cast<std::size_t>(phase)]; }
-
 NetworkBoot::NetworkBoot(rt::Executor& executor, BootBus& bus, const NetworkTiming& timing)
     : executor_(&executor),
       bus_(&bus),
@@ -59,14 +54,14 @@ Result<void> NetworkBoot::begin(NetworkPlan plan) {
   if (!good) return good;
   std::erase_if(plan.slaves, [&](const auto& slave) { return !slave.rules.assigned || slave.node == plan.own; });
   plan_ = std::move(plan);
-  phase_ = Phase::booting;
+  phase_.begin(plan_.startup);
   next_ = Next::begin;
   act_.post();
   return {};
 }
 
 void NetworkBoot::end() noexcept {
-  phase_ = Phase::off;
+  phase_.end();
   next_ = Next::cancel;
   act_.post();
 }
@@ -103,22 +98,20 @@ rt::Task<void> NetworkBoot::startup() {
 
 // Called in a task, so it ends none.
 bool NetworkBoot::starts(const SlaveStatus& slave) noexcept {
-  const bool on_its_way = phase_ == Phase::booting || phase_ == Phase::ready || phase_ == Phase::operational;
-  if (!on_its_way || plan_.startup.application_starts || !slave.rules.boots) return false;
-  return !plan_.startup.starts_all_at_once || own_ == NmtState::operational;
+  return phase_.starts(slave.rules, own_ == NmtState::operational);
 }
 
 void NetworkBoot::ended(const SlaveStatus& slave) noexcept {
   const auto kind = slave.ready() ? Kind::slave_ready : Kind::slave_failed;
   tell({.kind = kind, .node = slave.node, .status = slave.result.status, .detail = slave.result.detail});
-  if (!slave.ready() && slave.rules.mandatory && phase_ == Phase::booting) return halt(slave.node, slave.result);
-  if (phase_ == Phase::halted && timing_.resumes && missing(boots_) == nullptr) phase_ = Phase::booting;
+  if (!slave.ready() && slave.rules.mandatory && phase_.is(Phase::booting)) return halt(slave.node, slave.result);
+  if (timing_.resumes && missing(boots_) == nullptr) phase_.resume();
   consider();
 }
 
 void NetworkBoot::boot_time_over() noexcept {
   const auto* const slave = missing(boots_);
-  if (phase_ != Phase::booting || slave == nullptr) return;
+  if (!phase_.is(Phase::booting) || slave == nullptr) return;
   const bool silent = !slave->boot || !slave->boot->found();
   halt(slave->what.node, {.status = silent ? BootStatus::b : BootStatus::booted,
                           .detail = "its boot-up was not done in the boot time (1F89h)"});
@@ -126,46 +119,43 @@ void NetworkBoot::boot_time_over() noexcept {
 
 void NetworkBoot::halt(NodeId node, const BootResult& why) noexcept {
   boot_time_over_.cancel();
-  phase_ = Phase::halted;
-  tell({.kind = Kind::halted, .node = node, .status = why.status, .detail = why.detail});
+  if (phase_.halt()) tell({.kind = Kind::halted, .node = node, .status = why.status, .detail = why.detail});
 }
 
 void NetworkBoot::consider() noexcept {
-  if (phase_ != Phase::booting || missing(boots_) != nullptr) return;
+  if (!phase_.is(Phase::booting) || missing(boots_) != nullptr || !phase_.all_ready()) return;
   boot_time_over_.cancel();
-  phase_ = Phase::ready;
   tell({.kind = Kind::ready});
-  if (phase_ != Phase::ready) return;  // the callback went on by itself
+  if (!phase_.is(Phase::ready)) return;  // the callback went on by itself
   if (own_ == NmtState::operational) return go();
-  if (!plan_.startup.application_operates) static_cast<void>(operate());
+  if (phase_.operates_itself()) static_cast<void>(operate());
 }
 
 Result<void> NetworkBoot::operate() {
-  if (phase_ == Phase::operational) return {};
-  if (phase_ != Phase::ready && phase_ != Phase::halted) return fail(Errc::invalid, "the startup has not come so far");
+  if (phase_.is(Phase::operational)) return {};
+  if (!phase_.may_operate()) return fail(Errc::invalid, "the startup has not come so far");
   if (const auto* const slave = missing(boots_); slave != nullptr) {
     return fail(
         Error{.code = Errc::invalid, .node = slave->what.node.value(), .text = "this mandatory slave is not ready"});
   }
-  phase_ = Phase::ready;
+  phase_.make_ready();
   bus_->apply(NmtCommand::start);
   own_state(NmtState::operational);
-  if (phase_ == Phase::ready) go();
+  if (phase_.is(Phase::ready)) go();
   return {};
 }
 
 void NetworkBoot::own_state(NmtState state) noexcept {
   const NmtState before = std::exchange(own_, state);
   if (state != NmtState::operational || before == state) return;
-  if (phase_ == Phase::ready || phase_ == Phase::operational) go();
+  if (phase_.is(Phase::ready) || phase_.is(Phase::operational)) go();
 }
 
 // The master is operational, and all mandatory slaves are ready.
 void NetworkBoot::go() noexcept {
-  const bool before = std::exchange(phase_, Phase::operational) == Phase::operational;
-  if (!before) tell({.kind = Kind::operational});
-  if (plan_.startup.application_starts) return;
-  if (plan_.startup.starts_all_at_once) return command(NmtCommand::start, NmtTarget::all());
+  if (phase_.operate()) tell({.kind = Kind::operational});
+  if (phase_.application_starts()) return;
+  if (phase_.starts_all()) return command(NmtCommand::start, NmtTarget::all());
   // After a halted startup: what became ready meanwhile.
   for (const auto& slave : boots_.all()) {
     const bool waiting = slave->status.phase == SlavePhase::ready && !slave->starting && slave->what.rules.boots;
@@ -190,7 +180,7 @@ rt::Task<void> NetworkBoot::send(NmtCommand command, NmtTarget target, bool with
   }
   const auto sent = co_await sending;
   if (!sent) not_sent(target.node == 0 ? NodeId() : NodeId(target.node), sent.error());
-  const bool of_startup = phase_ == Phase::booting && startup_.running() > 0 && resets(command);
+  const bool of_startup = phase_.is(Phase::booting) && startup_.running() > 0 && resets(command);
   if (sent && !of_startup) {
     for (const auto& slave : boots_.all()) {
       if (target.includes(slave->what.node)) commanded(*slave, command, *sent);
@@ -204,7 +194,7 @@ void NetworkBoot::commanded(SlaveBoots::Slave& slave, NmtCommand command, rt::Ti
   auto& status = slave.status;
   if (resets(command)) {
     status.state.reset();
-    if (status.phase == SlavePhase::awaited || phase_ == Phase::stopped || phase_ == Phase::off) return;
+    if (status.phase == SlavePhase::awaited || phase_.is(Phase::stopped) || phase_.is(Phase::off)) return;
     return boots_.boot(slave, at);
   }
   if (!status.supervised) status.state = co::state_after(command);

@@ -39,19 +39,13 @@
 #include "berth/manager/boot_network.hpp"
 #include "berth/manager/error_events.hpp"
 #include "berth/manager/slave_boots.hpp"
+#include "berth/manager/startup_phase.hpp"
 
 namespace berth::manager {
 
 class NetworkBoot final : private SlaveBoots::Owner {
  public:
-  enum class Phase : std::uint8_t {
-    off,          ///< no master, not begun, ended, or resetting itself
-    booting,      ///< mandatory slaves are awaited
-    halted,       ///< a mandatory slave is not ready
-    ready,        ///< the application is to make the master operational
-    operational,  ///< the network is
-    stopped,      ///< by an error of a mandatory slave (bit 6)
-  };
+  using Phase = StartupPhase::Phase;
 
   /// `bus` must stay.
   NetworkBoot(rt::Executor& executor, BootBus& bus, const NetworkTiming& timing = {});
@@ -72,10 +66,11 @@ class NetworkBoot final : private SlaveBoots::Owner {
   /// `with_master` does it to the master too. To the master's own node-ID: nothing is sent, it is done to it.
   void command(co::NmtCommand command, co::NmtTarget target, bool with_master = false);
 
-  [[nodiscard]] Phase phase() const noexcept { return phase_; }
+  [[nodiscard]] Phase phase() const noexcept { return phase_.now(); }
   [[nodiscard]] const NetworkPlan& plan() const noexcept { return plan_; }
   [[nodiscard]] NmtState own_state() const noexcept { return own_; }
-  /// Null when it is not assigned. It stays until `begin`; `plan().slaves` has all assigned ones.
+  /// Null when it is not assigned, and from `begin` until the executor has run once. It stays until `begin`;
+  /// `plan().slaves` has all assigned ones.
   [[nodiscard]] const SlaveStatus* find(NodeId node) const noexcept;
   /// Begins or ends the error control of a slave, by hand. Errc::not_found: not assigned. Errc::unsupported: it has
   /// neither a heartbeat time nor a guard time.
@@ -110,7 +105,7 @@ class NetworkBoot final : private SlaveBoots::Owner {
   NetworkTiming timing_;
   std::function<void(const NetworkEvent&)> callback_;
   NetworkPlan plan_;
-  Phase phase_ = Phase::off;
+  StartupPhase phase_;
   NmtState own_ = NmtState::pre_operational;
   Next next_ = Next::nothing;
   SlaveBoots boots_;
@@ -120,7 +115,5 @@ class NetworkBoot final : private SlaveBoots::Owner {
   rt::Scope commands_;
   rt::Scope startup_;
 };
-/// "off", "booting", ...
-[[nodiscard]] std::string_view name(NetworkBoot::Phase phase) noexcept;
 
 }  // namespace berth::manager

@@ -39,6 +39,7 @@ rt::Task<void> MainJob::work(bool first) {
   const rt::Held held(p_.bus.turn);
   idle_ = false;
   if (first) {
+    p_.startup.begin();
     co_await opening();
     co_await p_.presence.prepare();
   }
@@ -140,7 +141,7 @@ rt::Task<void> MainJob::seat_the_configured() {
 
 rt::Task<void> MainJob::start() {
   const bool operational = co_await p_.starter.check_and_start();
-  if (operational) port_.start_master();
+  if (operational) p_.startup.network_operational();
 }
 
 // ---- between the rounds ----
@@ -156,6 +157,7 @@ rt::Task<void> MainJob::handle_what_came() {
     if (!wake) break;
     const Wake w = *wake;
     co_await p_.supervision.handle(w);
+    co_await p_.startup.act_on_error();
   }
   if (p_.starter.is_due()) co_await start();
 }
@@ -181,6 +183,7 @@ rt::Task<bool> MainJob::look() {
   if (wake) {
     const Wake w = *wake;
     co_await p_.supervision.handle(w);
+    co_await p_.startup.act_on_error();
     anybody = w.kind == Wake::Kind::look;
   } else {
     p_.supervision.check_rates();

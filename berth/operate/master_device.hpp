@@ -14,7 +14,7 @@ class MasterDevice {
   MasterDevice(can::Dispatcher& dispatcher, NodeId id, rt::Duration heartbeat);
   void power_on() noexcept { device_->power_on(); }
   void power_off() noexcept { device_->power_off(); }
-  void start() noexcept { device_->apply(co::NmtCommand::start); }
+  void apply(co::NmtCommand command) noexcept { device_->apply(command); }
 
  private:
   std::unique_ptr<device::Device> device_;

@@ -18,6 +18,7 @@ Network::Network(rt::Executor& executor, can::Port& port, const design::Bus& bus
       scan_(parts_),
       scope_(executor) {
   ears_.lead_to(parts_.supervision);
+  parts_.startup.set_master(port_);
 }
 
 Network::~Network() { stop(); }
@@ -45,12 +46,15 @@ void Network::stop() noexcept {
 
 void Network::port_rests() noexcept {
   scope_.cancel();
+  parts_.startup.end();
   job_.ended();
 }
 
 void Network::port_goes_on() { scope_.spawn(job_.run()); }
 
 void Network::commanded(co::NmtCommand command, co::NmtTarget target) {
+  parts_.startup.commanded(command, target);
+  if (parts_.startup.released()) parts_.agenda.wakes.push({Wake::Kind::look, {}, parts_.bus.executor.now()});
   parts_.supervision.commanded(command, target, running_);
 }
 

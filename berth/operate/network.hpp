@@ -60,10 +60,11 @@ class Network final : private PortHealth::Owner {
   /// The main job has nothing to do now but to watch.
   [[nodiscard]] bool idle() const noexcept { return job_.idle(); }
   [[nodiscard]] Phase phase() const noexcept { return parts_.agenda.phase; }
-  /// Its oddities (devices and facts that are not as they should be) and questions, as last seen.
-  [[nodiscard]] const places::Plan& plan() const noexcept { return parts_.planning.plan(); }
-  /// The plan's questions as events, with the names of the slots.
-  [[nodiscard]] std::vector<Event> question_events() const { return parts_.planning.question_events(); }
+  /// How far the NMT startup has come.
+  [[nodiscard]] Startup::Phase startup() const noexcept { return parts_.startup.phase(); }
+  /// Which device belongs where, as last planned: its oddities (devices and facts that are not as they should be) and
+  /// questions, these as events too.
+  [[nodiscard]] const Planning& planning() const noexcept { return parts_.planning; }
 
   // Commands of a person. They wait until the main job has nothing to do.
 

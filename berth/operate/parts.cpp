@@ -10,6 +10,7 @@ Parts::Parts(rt::Executor& executor, can::Port& port, const design::Bus& line, s
     : bus(executor, port, line, heartbeats, emergencies),
       slots(bus, std::move(specs), store, std::move(observer)),
       agenda(executor, line.discovery),
+      startup(bus, slots),
       loans(store, slots.machine_name(), line.name),
       found(bus, loans),
       asking(bus, slots, found),
@@ -25,8 +26,8 @@ Parts::Parts(rt::Executor& executor, can::Port& port, const design::Bus& line, s
       seating(bus, slots, agenda, found, loans, asking, lending, places, presence, planning, fading),
       recipes(bus, slots, found, asking),
       spares(bus, slots, agenda, asking, configuring, presence, planning, seating, fading),
-      starter(bus, slots, agenda, asking, configuring, spares, presence),
-      supervision(bus, slots, agenda, loans, presence, seating, spares) {
+      starter(bus, slots, agenda, startup, asking, configuring, spares, presence),
+      supervision(bus, slots, agenda, loans, startup, presence, seating, spares) {
   configuring.set_asker(presence);
   seating.set_starter(starter);
 }

@@ -4,6 +4,7 @@
 #include "berth/operate/finder.hpp"
 #include "berth/operate/recipe_seating.hpp"
 #include "berth/operate/starter.hpp"
+#include "berth/operate/startup.hpp"
 #include "berth/operate/supervision.hpp"
 
 namespace berth::operate {
@@ -23,6 +24,7 @@ struct Parts {
   BusServices bus;
   SlotTable slots;
   Agenda agenda;
+  Startup startup;
   Loans loans;
   FoundDevices found;
   Fading fading;

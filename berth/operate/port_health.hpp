@@ -6,10 +6,11 @@
 #include "berth/operate/found_devices.hpp"
 #include "berth/operate/master_device.hpp"
 #include "berth/operate/slot_table.hpp"
+#include "berth/operate/startup.hpp"
 
 namespace berth::operate {
 
-class PortHealth final : private can::StatusHandler {
+class PortHealth final : public MasterState, private can::StatusHandler {
  public:
   class Owner {
    public:
@@ -29,7 +30,7 @@ class PortHealth final : private can::StatusHandler {
   /// The master's own messages begin when no other device was found under its node-ID.
   void speak();
   void fall_silent() noexcept;
-  void start_master() noexcept { device_.start(); }
+  void apply(co::NmtCommand command) noexcept override { device_.apply(command); }
 
  private:
   class Restart final : public rt::Job {

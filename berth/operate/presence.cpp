@@ -12,6 +12,18 @@ namespace berth::operate {
 
 using places::SlotState;
 
+namespace {
+
+// The first part of its identity that is not the expected one (1F85h to 1F88h).
+manager::BootStatus letter_of(const LssAddress& is, const LssAddress& expected) noexcept {
+  if (is.vendor != expected.vendor) return manager::BootStatus::d;
+  if (is.product != expected.product) return manager::BootStatus::m;
+  if (is.revision != expected.revision) return manager::BootStatus::n;
+  return manager::BootStatus::o;
+}
+
+}  // namespace
+
 rt::Task<void> Presence::prepare() {
   const bool any =
       std::ranges::any_of(slots_.seats(), [](const auto& s) { return s->slot.record.confirmed.has_value(); });
@@ -68,10 +80,12 @@ rt::Task<void> Presence::ask_seat(Seat& seat) {
   if (!stays) co_return;
   seat.there = true;
   seat.started = sign.state == NmtState::operational || seat.held;
+  seat.boot = {};
   if (sign.state != NmtState::operational) {
     slots_.set_state(seat, SlotState::present);
     co_return;
   }
+  seat.boot = {.status = manager::BootStatus::l, .ready = true};
   s_.heartbeats.supervise(id, s_.bus.timing.heartbeat_timeout);
   slots_.set_state(seat, SlotState::operational);
   if (seat.configuration.wanted) co_await configuring_.look_at_running(seat);
@@ -99,6 +113,7 @@ rt::Task<bool> Presence::is_its_own(Seat& seat, std::optional<NmtState> state) {
   if (!doubled && *who == seat.slot.record.confirmed->device) co_return true;
   seat.doubt.shared = Doubles::most_tries;
   agenda_.look_anew = true;
+  seat.boot = {.status = doubled ? manager::BootStatus::booted : letter_of(*who, seat.slot.record.confirmed->device)};
   if (doubled) {
     slots_.set_state(seat, SlotState::duplicate, "two devices answer under this node-ID; take one of them off the bus");
   } else {
@@ -141,6 +156,7 @@ rt::Task<void> Presence::adopt_fixed(Seat& seat) {
   const auto who = co_await places::Binder::read_identity(s_.sdo, id);
   if (!who) co_return;
   if (!places::fits(seat.slot.spec, *who)) {
+    seat.boot = {.status = letter_of(*who, {seat.slot.spec.type.vendor, seat.slot.spec.type.product, 0, 0})};
     slots_.set_state(seat, SlotState::wrong_type, fmt::format("device {} has its node-ID", to_string(*who)));
     co_return;
   }

@@ -28,6 +28,7 @@ const char* name(EventKind kind) noexcept {
     case EventKind::duplicate: return "duplicate";
     case EventKind::power_cycle_needed: return "power cycle needed";
     case EventKind::recipe: return "recipe";
+    case EventKind::startup: return "startup";
     case EventKind::milestone: return "milestone";
     case EventKind::error: return "error";
     case EventKind::surplus: return name(Odd::surplus);
@@ -75,6 +76,7 @@ Json json_of(const SlotReport& s) {
   j["state"] = places::name(s.state);
   j["since_s"] = seconds(s.since);
   if (!s.reason.empty()) j["reason"] = s.reason;
+  if (s.boot != manager::BootStatus::booted) j["boot"] = std::string(1, manager::letter(s.boot));
   return j;
 }
 

@@ -9,6 +9,7 @@
 #include <vector>
 
 #include "berth/base/ids.hpp"
+#include "berth/manager/boot_rules.hpp"
 #include "berth/places/oddity.hpp"
 #include "berth/places/slot.hpp"
 #include "berth/rt/executor.hpp"
@@ -23,8 +24,9 @@ struct SlotReport {
   TypeCode type;
   std::optional<LssAddress> device;  ///< that is bound here, intended or confirmed
   places::SlotState state = places::SlotState::unknown;
-  rt::Time since{};    ///< since when it is in this state
-  std::string reason;  ///< for states that need one: what is wrong and what to do
+  rt::Time since{};                                        ///< since when it is in this state
+  std::string reason;                                      ///< for states that need one: what is wrong and what to do
+  manager::BootStatus boot = manager::BootStatus::booted;  ///< how its boot-up ended: the letter of CiA 302-2
 };
 
 /// What an event is about.
@@ -42,6 +44,7 @@ enum class EventKind : std::uint8_t {
   duplicate,
   power_cycle_needed,
   recipe,
+  startup,    ///< of the network as a whole: halted, stopped, reset
   milestone,  ///< its text is the milestone's name
   error,
   // Oddities (`places::OddityKind`):
@@ -93,8 +96,8 @@ struct Report {
 
 /// One JSON object: `{"slots": [{"bus", "id", "name", "type", "r_sn", "state", "since_s"}], "bus_time_s": {...},
 /// "events": [...]}`. Type code and R_SN are "0x…" strings; `r_sn` is null for a slot without a device; "reason" is
-/// there when it is not empty, and so is "questions": `[{"bus", "kind", "text", "slots", "devices"}]`, which `berth
-/// replace SLOT --device ADDRESS` answers.
+/// there when it is not empty, "boot" when the boot-up ended with a letter (CiA 302-2; "L" is no error), and so is
+/// "questions": `[{"bus", "kind", "text", "slots", "devices"}]`, which `berth replace SLOT --device ADDRESS` answers.
 [[nodiscard]] std::string to_json(const Report& report, int indent = 2);
 /// One line of JSON, for streams.
 [[nodiscard]] std::string to_json(const Event& event);

@@ -6,6 +6,7 @@
 #include <string>
 
 #include "berth/co/emcy.hpp"
+#include "berth/manager/boot_rules.hpp"
 #include "berth/manager/configuration.hpp"
 #include "berth/places/binding.hpp"
 #include "berth/places/planner.hpp"
@@ -44,8 +45,17 @@ struct PowerCycle {
 
 /// What came under its node-ID, that it is not told or done again for each.
 struct LastHeard {
-  rt::Time heard_again{};  ///< it was told that the node-ID is heard again
-  rt::Time hurried{};      ///< a boot-up hastened the look at the bus
+  rt::Time heard_again{};               ///< it was told that the node-ID is heard again
+  std::optional<co::Emcy> emergency{};  ///< its last error since its boot-up
+  rt::Time hurried{};                   ///< a boot-up hastened the look at the bus
+};
+
+/// The boot-up of its device (CiA 302-2).
+struct SeatBoot {
+  manager::BootStatus status = manager::BootStatus::booted;  ///< how it ended last; `booted`: well, or not at all yet
+  bool ready = false;                                        ///< the steps are done; it is started, or waits for that
+  bool waits = false;     ///< ready, and not started: the startup of the network says why
+  bool released = false;  ///< a person started it, whatever the startup of the network waits for
 };
 
 struct Seat {
@@ -53,11 +63,10 @@ struct Seat {
   places::SlotState state = places::SlotState::unknown;
   rt::Time since{};
   std::string reason;
-  std::optional<co::Emcy> emergency{};  ///< its last error since its boot-up
-  bool there = false;                   ///< its device was identified under the slot's node-ID
-  bool started = false;                 ///< NMT start was sent
-  bool awaited = false;                 ///< NMT start was sent just now, and its heartbeat has not told yet
-  bool fresh = false;                   ///< bound in this run, and not yet looked at for a past elsewhere
+  bool there = false;      ///< its device was identified under the slot's node-ID
+  bool started = false;    ///< NMT start was sent
+  bool awaited = false;    ///< NMT start was sent just now, and its heartbeat has not told yet
+  bool fresh = false;      ///< bound in this run, and not yet looked at for a past elsewhere
   bool left = false;       ///< it told that it left operational, and whether it is the slot's device is not asked yet
   bool held = false;       ///< a person took it out of operational: it is not started again
   bool ask_again = false;  ///< silent, and due to be asked once more
@@ -65,6 +74,7 @@ struct Seat {
   bool guarded = false;    ///< the device has no 1017h: it is asked by guarding
   rt::Time checked{};      ///< when it was identified last
   Doubt doubt;
+  SeatBoot boot;
   SeatConfiguration configuration;
   HeartbeatRate rate;
   PowerCycle power_cycle;

@@ -144,7 +144,7 @@ Report Session::report() const {
   for (const auto& network : networks_) report.bus_time_s.emplace_back(network->bus().name, elapsed);
   report.events.assign(events_.begin(), events_.end());
   for (const auto& network : networks_) {
-    auto questions = network->question_events();
+    auto questions = network->planning().question_events();
     std::ranges::move(questions, std::back_inserter(report.questions));
   }
   return report;

@@ -59,7 +59,7 @@ std::vector<SlotReport> SlotTable::report() const {
   std::vector<SlotReport> slots;
   for (const auto& seat : seats_) {
     slots.push_back({s_.bus.name, seat->id(), seat->name(), seat->slot.spec.type, seat->slot.record.device(),
-                     seat->state, seat->since, seat->reason});
+                     seat->state, seat->since, seat->reason, seat->boot.status});
   }
   std::ranges::sort(slots, {}, &SlotReport::id);
   return slots;
@@ -87,6 +87,7 @@ void SlotTable::set_state(Seat& seat, SlotState state, std::string reason) {
 }
 
 void SlotTable::set_absent(Seat& seat, const std::string& fact) {
+  seat.boot = {.status = manager::BootStatus::b};
   set_state(seat, SlotState::absent, fact + "; switch the device on, or `berth replace` it");
 }
 
@@ -102,6 +103,7 @@ Result<void> SlotTable::clear(Seat& seat, const std::string& reason) {
   seat.slot.record.asked.reset();
   seat.slot.record.confirmed.reset();
   seat.there = seat.started = false;
+  seat.boot = {};
   seat.slot.record.configured.reset();
   seat.power_cycle.binding.reset();
   seat.configuration.waits_since.reset();

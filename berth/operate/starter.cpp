@@ -3,11 +3,12 @@
 #include <fmt/format.h>
 
 #include <algorithm>
-
-#include "berth/operate/doubles.hpp"
-#include "berth/rt/scope.hpp"
+#include <utility>
 
 #include "berth/co/guarding.hpp"
+#include "berth/operate/doubles.hpp"
+#include "berth/operate/seat_target.hpp"
+#include "berth/rt/scope.hpp"
 
 namespace berth::operate {
 
@@ -18,7 +19,7 @@ bool Starter::is_ready(const Seat& seat) noexcept {
 }
 
 bool Starter::is_due() const noexcept {
-  return std::ranges::any_of(slots_.seats(), [](const auto& s) { return is_ready(*s); });
+  return startup_.released() || std::ranges::any_of(slots_.seats(), [](const auto& s) { return is_ready(*s); });
 }
 
 // The transfers of a configuration would fill a receive buffer of one frame: its device would lose the `04 00` of the
@@ -36,37 +37,80 @@ rt::Task<bool> Starter::check_and_start() {
     if (is_ready(*seat)) starts.spawn(start_seat(*seat));
   }
   co_await starts.join();
+  if (startup_.goes_on()) co_await start_the_waiting();
   co_await await_operational();
   const bool all = slots_.operational() && s_.may_command();
   if (all) slots_.events().reach(Milestone::operational);
   co_return all;
 }
 
+// What `config =` wants, or the heartbeat alone: what is brought into a device before it is started.
+class Starter::Source final : public manager::BootSource {
+ public:
+  Source(Starter& starter, Seat& seat) noexcept : starter_(starter), seat_(seat) {}
+  rt::Task<Result<void>> configure(manager::BootTarget&, const manager::SlaveRules&) override {
+    co_return co_await starter_.configure(seat_);
+  }
+
+ private:
+  Starter& starter_;
+  Seat& seat_;
+};
+
 rt::Task<void> Starter::start_seat(Seat& seat) {
-  const NodeId id = seat.id();
-  if (configuring_.rebooted(seat)) co_return;  // which device booted is asked first
+  const bool may = co_await may_boot(seat);
+  if (!may) co_return;
+  const manager::BootResult result = co_await boot_up(seat);
+  if (!manager::is_ready(result.status) || !s_.may_command() || configuring_.rebooted(seat)) co_return;
+  seat.boot.status = result.status;
+  if (startup_.starts(seat)) co_await send_start(seat);
+}
+
+// Whether it is the right device is settled before: what booted here, and nothing that shares its node-ID.
+rt::Task<bool> Starter::may_boot(Seat& seat) {
+  if (configuring_.rebooted(seat)) co_return false;  // which device booted is asked first
   const bool shares = presence_.waits_beside_another(seat);
-  if (shares) co_return;
+  if (shares) co_return false;
   // A second answer was heard under it: before anything is written and saved there, they are told apart once.
   if (seat.doubt.shared >= Doubles::most_tries && !s_.only_observes()) {
     agenda_.look_anew = true;
-    co_return;
+    co_return false;
   }
-  const bool clear = co_await spares_.clear_past(seat);
-  if (!clear) co_return;
-  const bool configures = !seat.slot.spec.config.empty() && !s_.only_observes();
-  if (configures) {
+  co_return co_await spares_.clear_past(seat);
+}
+
+rt::Task<manager::BootResult> Starter::boot_up(Seat& seat) {
+  SeatTarget target(s_, seat);
+  Source source(*this, seat);
+  manager::BootOptions options;
+  options.identified = true;
+  options.give_up = s_.executor.now();  // one that is silent now is asked for in the next round
+  manager::BootSlave boot(s_.executor, target, source, Startup::rules_of(seat), options);
+  const manager::BootResult result = co_await boot.run();
+  if (result.status == manager::BootStatus::b) {
+    seat.there = false;
+    slots_.set_absent(seat, "no answer to the upload of 1000h");
+  } else if (result.status == manager::BootStatus::c) {
+    slots_.set_state(seat, SlotState::wrong_type, result.text());
+    seat.boot.status = result.status;
+  } else if (result.status == manager::BootStatus::j && seat.state == SlotState::failed) {
+    seat.boot.status = result.status;
+  }
+  co_return result;
+}
+
+// The slot's state says what failed.
+rt::Task<Result<void>> Starter::configure(Seat& seat) {
+  bool ready = false;
+  if (!seat.slot.spec.config.empty() && !s_.only_observes()) {
     manager::ConfigurationReport report;
-    const bool ready = co_await configuring_.configure(seat, report);
+    ready = co_await configuring_.configure(seat, report);
     if (seat.doubt.shared > 0) agenda_.look_anew = true;
-    if (!ready) co_return;
   } else {
-    const bool beats = co_await set_heartbeat(seat);
-    if (!beats) co_return;
+    ready = co_await set_heartbeat(seat);
   }
-  if (!seat.guarded) s_.heartbeats.supervise(id, s_.bus.timing.heartbeat_timeout);
-  if (!s_.may_command() || configuring_.rebooted(seat)) co_return;
-  co_await send_start(seat);
+  if (!ready) co_return fail(Errc::invalid, "the slot says why");
+  co_return Result<void>{};
 }
 
 // False: it is not there any more.
@@ -93,13 +137,37 @@ rt::Task<void> Starter::send_start(Seat& seat) {
     slots_.set_state(seat, SlotState::failed, "NMT start could not be sent: " + describe(sent.error()));
     co_return;
   }
-  if (!seat.guarded) co_return;
-  // No heartbeat in this device: it is asked once by guarding, which is all that can be known of it.
-  const auto guarded = co_await co::probe(s_.dispatcher, id, s_.bus.timing.guard_timeout, s_.bus.timing.tries);
+  if (seat.guarded) co_await ask_by_guarding(seat);
+}
+
+// No heartbeat in this device: it is asked once by guarding, which is all that can be known of it.
+rt::Task<void> Starter::ask_by_guarding(Seat& seat) {
+  const auto guarded = co_await co::probe(s_.dispatcher, seat.id(), s_.bus.timing.guard_timeout, s_.bus.timing.tries);
   if (guarded && guarded->state == NmtState::operational) {
     slots_.set_state(seat, SlotState::operational);
   } else {
     slots_.set_state(seat, SlotState::failed, "it was started and did not become operational");
+  }
+}
+
+// All mandatory devices are ready.
+rt::Task<void> Starter::start_the_waiting() {
+  if (startup_.together()) co_return co_await start_all();
+  rt::Scope starts(s_.executor, asking_.most_at_once());
+  for (auto& seat : slots_.seats()) {
+    const bool waits = seat->there && seat->boot.waits && !seat->held;
+    if (waits && startup_.starts(*seat)) starts.spawn(send_start(*seat));
+  }
+  co_await starts.join();
+}
+
+rt::Task<void> Starter::start_all() {
+  const auto sent = co_await s_.nmt.send(co::NmtCommand::start, co::NmtTarget::all());
+  if (!sent) co_return slots_.events().tell_failure("NMT start of all devices", sent.error());
+  for (auto& seat : slots_.seats()) {
+    if (!seat->there || !std::exchange(seat->boot.waits, false)) continue;
+    seat->awaited = true;
+    if (seat->guarded) co_await ask_by_guarding(*seat);
   }
 }
 
@@ -121,9 +189,10 @@ rt::Task<void> Starter::await_operational() {
     if (!still) continue;
     seat->started = false;
     std::string why = "it was started and no heartbeat told that it is operational";
-    if (const auto& e = seat->emergency) {
+    if (const auto& e = seat->last.emergency) {
       why += fmt::format("; it told an error: EMCY {:04X}h ({})", e->code, co::emcy_text(e->code));
     }
+    seat->boot = {.status = manager::BootStatus::k};
     slots_.set_state(*seat, SlotState::failed, why);
   }
 }

@@ -1,40 +1,52 @@
-/// Check, configuration and start of the devices that are in their slots.
+/// The boot-up of the devices that are in their slots, by the procedure of CiA 302-2 (manager/boot_slave.hpp): check,
+/// configuration, error control, start.
 #pragma once
 
+#include "berth/manager/boot_slave.hpp"
 #include "berth/operate/spares.hpp"
+#include "berth/operate/startup.hpp"
 
 namespace berth::operate {
 
 class Starter final : public EarlyStarter {
  public:
-  Starter(BusServices& services, SlotTable& slots, Agenda& agenda, Asking& asking, Configuring& configuring,
-          Spares& spares, Presence& presence) noexcept
+  Starter(BusServices& services, SlotTable& slots, Agenda& agenda, Startup& startup, Asking& asking,
+          Configuring& configuring, Spares& spares, Presence& presence) noexcept
       : s_(services),
         slots_(slots),
         agenda_(agenda),
+        startup_(startup),
         asking_(asking),
         configuring_(configuring),
         spares_(spares),
         presence_(presence) {}
 
-  /// A device is in its slot and was not started.
+  /// A device is in its slot and was not started, or waits and may be started now.
   [[nodiscard]] bool is_due() const noexcept;
-  /// All that are due, side by side; returns when each has told that it is operational, or had its
+  /// All that are due, side by side; returns when each that was started has told that it is operational, or had its
   /// time to. True: the network is operational, and Berth its master.
   rt::Task<bool> check_and_start();
   rt::Task<void> start_early(Seat& seat) override;
 
  private:
   [[nodiscard]] static bool is_ready(const Seat& seat) noexcept;
+  class Source;
   rt::Task<void> start_seat(Seat& seat);
+  rt::Task<bool> may_boot(Seat& seat);
+  rt::Task<manager::BootResult> boot_up(Seat& seat);
+  rt::Task<Result<void>> configure(Seat& seat);
   rt::Task<bool> set_heartbeat(Seat& seat);
   rt::Task<void> send_start(Seat& seat);
+  rt::Task<void> ask_by_guarding(Seat& seat);
+  rt::Task<void> start_the_waiting();
+  rt::Task<void> start_all();
   rt::Task<void> await_operational();
   rt::Task<void> start_again();
 
   BusServices& s_;
   SlotTable& slots_;
   Agenda& agenda_;
+  Startup& startup_;
   Asking& asking_;
   Configuring& configuring_;
   Spares& spares_;

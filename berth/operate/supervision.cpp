@@ -53,10 +53,10 @@ void Supervision::heartbeat(const co::HeartbeatEvent& event, rt::Time at) {
     case Kind::state_changed: wake.kind = Wake::Kind::state; break;
   }
   Seat* seat = slots_.at(event.node);
-  if (seat != nullptr && event.kind == Kind::boot_up) seat->emergency.reset();
+  if (seat != nullptr && event.kind == Kind::boot_up) seat->last.emergency.reset();
   if (seat != nullptr && seat->there && seat->started && event.state == NmtState::operational &&
       wake.kind == Wake::Kind::state && seat->state != SlotState::duplicate) {
-    seat->left = false;
+    seat->left = seat->boot.waits = false;
     slots_.set_state(*seat, SlotState::operational);
     if (slots_.operational()) slots_.events().reach(Milestone::operational);
     return;
@@ -73,9 +73,9 @@ void Supervision::emergency(NodeId node, const co::Emcy& message) noexcept {
   Seat* seat = slots_.at(node);
   if (seat == nullptr) return;
   if (message.code == co::emcy_code::error_reset) {
-    seat->emergency.reset();
+    seat->last.emergency.reset();
   } else if ((message.code >> 8U) != 0) {
-    seat->emergency = message;
+    seat->last.emergency = message;
   }
 }
 
@@ -154,6 +154,7 @@ rt::Task<void> Supervision::booted(Seat& seat, rt::Time at) {
     co_return;
   }
   // It was at work a moment ago: what booted may be a second device, which sends no heartbeat and is not heard again.
+  if (seat.there && seat.boot.ready) startup_.error_event(seat, "it booted by itself");
   if (seat.there && seat.started) seat.doubt.shared = std::max(seat.doubt.shared, 1U);
   // The slot's own device, or one that sat here before?
   co_await spares_.isolate_former(seat);
@@ -163,6 +164,7 @@ rt::Task<void> Supervision::booted(Seat& seat, rt::Time at) {
 void Supervision::lost(Seat& seat) {
   const bool gone = s_.heartbeats.lost(seat.id()) || !s_.heartbeats.state(seat.id());
   if (!seat.there || !gone) return;
+  if (seat.boot.ready) startup_.error_event(seat, "its heartbeat stopped");
   seat.there = seat.started = false;
   slots_.set_absent(seat, "its heartbeat stopped");
   const bool automatic = seat.slot.spec.replacement == places::Replacement::automatic;
@@ -208,6 +210,7 @@ rt::Task<void> Supervision::came_back(Seat& seat, rt::Time booted) {
   if (!told)
     slots_.events().tell(EventKind::step, seat.name(), fmt::format("node-ID {} is heard again", seat.id().value()));
   seat.there = seat.started = seat.held = seat.configuration.stuck = false;
+  seat.boot = {};
   if (seat.power_cycle.binding) {
     co_await seating_.go_on_after_power_cycle(seat);
     co_return;

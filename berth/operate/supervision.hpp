@@ -2,17 +2,19 @@
 #pragma once
 
 #include "berth/operate/spares.hpp"
+#include "berth/operate/startup.hpp"
 
 namespace berth::operate {
 
 class Supervision {
  public:
-  Supervision(BusServices& services, SlotTable& slots, Agenda& agenda, Loans& loans, Presence& presence,
-              Seating& seating, Spares& spares) noexcept
+  Supervision(BusServices& services, SlotTable& slots, Agenda& agenda, Loans& loans, Startup& startup,
+              Presence& presence, Seating& seating, Spares& spares) noexcept
       : s_(services),
         slots_(slots),
         agenda_(agenda),
         loans_(loans),
+        startup_(startup),
         presence_(presence),
         seating_(seating),
         spares_(spares) {}
@@ -42,6 +44,7 @@ class Supervision {
   SlotTable& slots_;
   Agenda& agenda_;
   Loans& loans_;
+  Startup& startup_;
   Presence& presence_;
   Seating& seating_;
   Spares& spares_;

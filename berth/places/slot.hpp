@@ -73,7 +73,9 @@ struct SlotSpec {
   Replacement replacement = Replacement::ask;
   Assign assign = Assign::lss;
   bool optional = false;
-  std::string config;  ///< file with the device's configuration, empty for none
+  bool mandatory = false;         ///< 1F81h bit 3: the network's startup halts without it
+  std::uint32_t device_type = 0;  ///< 1F84h: expected 1000h; 0 is not checked
+  std::string config;             ///< file with the device's configuration, empty for none
   Activate activate = Activate::at_once;
   std::vector<AlsoType> also = {};         ///< `fits` knows them; `type` is what the slot is for
   std::vector<std::uint32_t> spares = {};  ///< serial numbers of devices that are kept for this slot: such a device is

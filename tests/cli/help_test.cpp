@@ -153,6 +153,7 @@ class Taken : public ::testing::Test {
         {"replace", on({"left", "--up", "--device", left})},
         {"forget", on({left, "--up"})},
         {"configure", {"-m", example("configured.toml"), "--sim", example("configured.plant.toml"), "--up"}},
+        {"boot", on({})},
         {"sdo read", on({"2", "1018h:04", "--up"})},
         {"sdo write", on({"2", "1017h", "100", "--up", "--yes"})},
         {"sdo dump", on({"2", "--up"})},
@@ -240,6 +241,7 @@ class Taken : public ::testing::Test {
                                                            {"--revision-high", "9"},
                                                            {"--serial-low", "0"},
                                                            {"--serial-high", "9"},
+                                                           {"--request", "1"},
                                                            {"--master", "126"}};
     const auto known = values.find(option);
     if (option == "--output") return folder.file("out.log");

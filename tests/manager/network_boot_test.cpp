@@ -253,7 +253,7 @@ TEST(NetworkBoot, AWrongDeviceIsNotStarted) {
     const auto event = std::ranges::find(rig.events, Kind::slave_failed, &NetworkEvent::kind);
     EXPECT_EQ(text(*event),
               "node 2: not ready: D: its vendor-ID (1018h:01) is not the expected one (1F85h): 00000011h instead of "
-              "00000099h; plug in the right maker's device, or correct 1F85h");
+              "00000099h; plug in the right maker's device, or correct its slot, or 1F85h");
   }
 }
 

@@ -73,12 +73,12 @@ TEST(Places, S4_19_AskIsAQuestionEvenWhenNumbersAgree) {
   EXPECT_EQ(question->slots, (std::vector<std::string>{"s5", "s6"}));
   EXPECT_EQ(question->devices,
             (std::vector<std::string>{"00000001-00000001-00000000-00000010", "00000001-00000001-00000000-00000020"}));
-  EXPECT_EQ(rig.network().question_events().size(), 1U);
+  EXPECT_EQ(rig.network().planning().question_events().size(), 1U);
   // One answer is enough: what is left is one device for one slot.
   ASSERT_TRUE(rig.network().replace("s5", LssAddress{1, 1, 0, 0x20}));
   ASSERT_TRUE(rig.until_operational(30s)) << rig.log();
   EXPECT_EQ(rig.seats(), (Seats{{5, 0x20}, {6, 0x10}}));
-  EXPECT_TRUE(rig.network().question_events().empty());
+  EXPECT_TRUE(rig.network().planning().question_events().empty());
 }
 
 TEST(Places, S4_19_AscendingIsPaperOnesRuleTwo) {

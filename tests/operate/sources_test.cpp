@@ -18,7 +18,7 @@ using Seats = std::vector<std::pair<unsigned, std::uint32_t>>;
 namespace {
 
 bool odd(Rig& rig, const std::string& kind, const std::string& part) {
-  return std::ranges::any_of(rig.network().plan().oddities, [&](const auto& o) {
+  return std::ranges::any_of(rig.network().planning().plan().oddities, [&](const auto& o) {
     return name(o.kind) == kind && o.text.find(part) != std::string::npos;
   });
 }

@@ -23,7 +23,7 @@ bool heard(const Rig& rig, const std::string& kind, const std::string& part) {
       rig.events(), [&](const auto& e) { return name(e.kind) == kind && e.text.find(part) != std::string::npos; });
 }
 bool odd(Rig& rig, const std::string& kind, const std::string& part) {
-  return std::ranges::any_of(rig.network().plan().oddities, [&](const auto& o) {
+  return std::ranges::any_of(rig.network().planning().plan().oddities, [&](const auto& o) {
     return name(o.kind) == kind && o.text.find(part) != std::string::npos;
   });
 }

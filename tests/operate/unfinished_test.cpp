@@ -61,7 +61,7 @@ class Ears {
 };
 
 const places::Oddity* unfinished(Rig& rig) {
-  for (const auto& o : rig.network().plan().oddities) {
+  for (const auto& o : rig.network().planning().plan().oddities) {
     if (o.kind == places::OddityKind::unfinished) return &o;
   }
   return nullptr;

@@ -1,0 +1,227 @@
+// boot: the devices of a bus's slots through the NMT startup of CiA 302-2, once, each with the letter of its end.
+#include <fmt/format.h>
+
+#include <algorithm>
+#include <array>
+#include <memory>
+#include <nlohmann/json.hpp>
+#include <vector>
+
+#include "berth/command/arguments.hpp"
+#include "berth/command/permission.hpp"
+#include "berth/command/reply.hpp"
+#include "berth/command/run.hpp"
+#include "berth/manager/managed_bus.hpp"
+#include "berth/manager/network_boot.hpp"
+#include "berth/rt/scope.hpp"
+
+namespace berth::command {
+namespace {
+
+using manager::BootStatus;
+using manager::NetworkBoot;
+using manager::SlavePhase;
+
+// What a slot's device gets before its start: `config =`, else the heartbeat of its bus.
+class SlotSource final : public manager::BootSource {
+ public:
+  SlotSource(Network& network, const design::Slot& slot) noexcept : network_(network), slot_(slot) {}
+
+  rt::Task<Result<void>> configure(manager::BootTarget& target, const manager::SlaveRules&) override {
+    if (slot_.spec.config.empty()) co_return co_await set_heartbeat(target);
+    const auto done = co_await network_.configure(slot_.spec.name.name, true);
+    if (!done) co_return fail(done.error());
+    why_ = done->front().problem.empty() ? done->front().reason : done->front().problem;
+    const bool good = done->front().problem.empty() && done->front().report.good();
+    if (!good) co_return fail(Errc::invalid, "its file says what");
+    co_return Result<void>{};
+  }
+  [[nodiscard]] const std::string& why() const noexcept { return why_; }
+
+ private:
+  rt::Task<Result<void>> set_heartbeat(manager::BootTarget& target) {
+    const auto period =
+        std::chrono::duration_cast<std::chrono::milliseconds>(network_.bus().timing.heartbeat_period).count();
+    const auto ms = static_cast<std::uint16_t>(period);
+    const std::array<std::uint8_t, 2> bytes{static_cast<std::uint8_t>(ms), static_cast<std::uint8_t>(ms >> 8U)};
+    co_return co_await target.objects().write(0x1017, 0, bytes);
+  }
+
+  Network& network_;
+  const design::Slot& slot_;
+  std::string why_;
+};
+
+// One bus: its slots as a network list, and what became of them.
+class BusBoot {
+ public:
+  BusBoot(Network& network, const design::Machine& machine)
+      : network_(network),
+        executor_(network.services().executor),
+        bus_(network.services().dispatcher),
+        boot_(executor_, bus_) {
+    const design::Bus& line = network.bus();
+    bus_.nmt().set_inhibit(line.startup.nmt_inhibit);
+    bus_.lead_to(&boot_.error_control());
+    boot_.observe([this](const manager::NetworkEvent& event) { note(event); });
+    plan_.startup = line.startup.rules;
+    plan_.own = line.master;
+    plan_.boot_time = line.startup.boot_time;
+    for (const auto& slot : machine.slots) {
+      if (slot.spec.name.bus == line.name) add(slot);
+    }
+  }
+
+  /// Until each has ended, well or not, or `limit` is over.
+  rt::Task<Result<void>> run(rt::Duration limit) {
+    const auto begun = boot_.begin(plan_);
+    if (!begun) co_return begun;
+    const rt::Time deadline = executor_.now() + limit;
+    while (!over() && executor_.now() < deadline) co_await rt::sleep_for(std::chrono::milliseconds(5));
+    // What was started tells with its next heartbeat that it is operational.
+    const rt::Time told = executor_.now() + network_.bus().timing.heartbeat_timeout;
+    while (!all_told() && executor_.now() < told) co_await rt::sleep_for(std::chrono::milliseconds(5));
+    co_return Result<void>{};
+  }
+
+  struct Tally {
+    unsigned wrong = 0;   ///< not operational, and not optional
+    unsigned silent = 0;  ///< never answered
+  };
+  void tell(Json& rows, std::vector<std::string>& lines, Tally& tally) const {
+    for (std::size_t i = 0; i < slots_.size(); ++i) {
+      const manager::SlaveStatus slave = status(*slots_[i]);
+      const bool good = slave.state == NmtState::operational;
+      const bool needed = !slots_[i]->spec.optional;
+      if (!good && needed) ++tally.wrong;
+      if (letter_of(slave) == 'B') ++tally.silent;
+      const std::string text = good ? std::string("operational") : trouble(i, slave);
+      Json row;
+      row["bus"] = network_.bus().name;
+      row["id"] = slots_[i]->spec.id.value();
+      row["slot"] = slots_[i]->spec.name.name;
+      row["phase"] = name(slave.phase);
+      if (letter_of(slave) != '\0') row["boot"] = std::string(1, letter_of(slave));
+      if (slave.state) row["state"] = berth::name(*slave.state);
+      row["text"] = text;
+      rows.push_back(std::move(row));
+      lines.push_back(fmt::format("{}  {:>3}  {}: {}", network_.bus().name, slots_[i]->spec.id.value(),
+                                  slots_[i]->spec.name.name, text));
+    }
+  }
+  [[nodiscard]] const std::vector<std::string>& events() const noexcept { return events_; }
+
+ private:
+  void add(const design::Slot& slot) {
+    sources_.push_back(std::make_unique<SlotSource>(network_, slot));
+    slots_.push_back(&slot);
+    manager::NetworkSlave slave{slot.spec.id, {}, &bus_.target(slot.spec.id), sources_.back().get()};
+    slave.rules.assigned = slave.rules.boots = true;
+    slave.rules.mandatory = slot.spec.mandatory;
+    slave.rules.device_type = slot.spec.device_type;
+    slave.rules.vendor = slot.spec.type.vendor;
+    slave.rules.product = slot.spec.type.product;
+    if (slot.spec.rule == places::RevisionRule::exact) slave.rules.revision = slot.spec.revision.value_or(0);
+    slave.rules.heartbeat = network_.bus().timing.heartbeat_timeout;
+    plan_.slaves.push_back(slave);
+  }
+
+  void note(const manager::NetworkEvent& event) {
+    using Kind = manager::NetworkEvent::Kind;
+    if (event.kind == Kind::halted || event.kind == Kind::not_sent)
+      events_.push_back(fmt::format("{}: {}", network_.bus().name, manager::text(event)));
+  }
+
+  // Before the startup has begun there is none.
+  [[nodiscard]] manager::SlaveStatus status(const design::Slot& slot) const {
+    const manager::SlaveStatus* const found = boot_.find(slot.spec.id);
+    return found == nullptr ? manager::SlaveStatus{} : *found;
+  }
+  [[nodiscard]] bool over() const {
+    const bool stands = boot_.phase() == NetworkBoot::Phase::halted;
+    return std::ranges::all_of(slots_, [&](const design::Slot* slot) {
+      const SlavePhase phase = status(*slot).phase;
+      return phase == SlavePhase::started || phase == SlavePhase::failed || (stands && phase == SlavePhase::ready);
+    });
+  }
+  [[nodiscard]] bool all_told() const {
+    return std::ranges::all_of(slots_, [&](const design::Slot* slot) {
+      const manager::SlaveStatus slave = status(*slot);
+      return slave.phase != SlavePhase::started || slave.state == NmtState::operational;
+    });
+  }
+
+  // One that never answered is asked until the end: B.
+  [[nodiscard]] static char letter_of(const manager::SlaveStatus& slave) {
+    const bool silent = slave.phase == SlavePhase::idle || slave.phase == SlavePhase::booting;
+    return manager::letter(silent ? BootStatus::b : slave.result.status);
+  }
+
+  [[nodiscard]] std::string trouble(std::size_t i, const manager::SlaveStatus& slave) const {
+    const char letter = letter_of(slave);
+    if (slave.phase == SlavePhase::ready) return "ready, and not started: the startup is halted, or waits for a person";
+    if (letter == '\0') return "it was started, and no heartbeat told that it is operational";
+    const auto status = static_cast<BootStatus>(letter);
+    const bool ended = slave.result.status == status;
+    const std::string said = ended ? slave.result.text() : manager::BootResult{.status = status}.text();
+    const std::string& why = sources_[i]->why();
+    return fmt::format("{}{}; {}", said, why.empty() ? "" : ": " + why, manager::advice(status));
+  }
+
+  Network& network_;
+  rt::Executor& executor_;
+  manager::ManagedBus bus_;
+  NetworkBoot boot_;
+  manager::NetworkPlan plan_;
+  std::vector<std::unique_ptr<SlotSource>> sources_;
+  std::vector<const design::Slot*> slots_;
+  std::vector<std::string> events_;
+};
+
+rt::Task<void> run_one(BusBoot& boot, rt::Duration limit, Result<void>& result) { result = co_await boot.run(limit); }
+
+rt::Duration limit_of(const design::Bus& bus) {
+  return bus.startup.boot_time.count() > 0 ? rt::Duration(bus.startup.boot_time)
+                                           : rt::Duration(bus.timing.boot_timeout);
+}
+
+}  // namespace
+
+rt::Task<void> boot(Session& session, const Request& request, Reply& reply) {
+  Arguments arguments(request);
+  if (!arguments.good()) co_return refuse(reply, 2, arguments.problem());
+  const auto networks = networks_for(session, arguments.text("bus"), Use::command);
+  if (!networks) co_return refuse(reply, 2, networks.error());
+  if (session.started()) {
+    co_return refuse(reply, 2, "`berth up` boots the devices of this machine by itself",
+                     "`berth nmt reset-node NODE` boots one anew, `berth status` shows how it ended");
+  }
+  std::vector<std::unique_ptr<BusBoot>> boots;
+  for (Network* const network : *networks) boots.push_back(std::make_unique<BusBoot>(*network, session.machine()));
+  std::vector<Result<void>> results(boots.size());
+  {
+    rt::Scope side_by_side(session.executor());
+    for (std::size_t i = 0; i < boots.size(); ++i) {
+      side_by_side.spawn(run_one(*boots[i], limit_of((*networks)[i]->bus()), results[i]));
+    }
+    co_await side_by_side.join();
+  }
+  Json json;
+  json["slots"] = Json::array();
+  std::vector<std::string> lines;
+  BusBoot::Tally tally;
+  for (std::size_t i = 0; i < boots.size(); ++i) {
+    if (!results[i]) co_return fail_with(reply, results[i].error(), fmt::format("bus {}", (*networks)[i]->bus().name));
+    boots[i]->tell(json["slots"], lines, tally);
+    for (const auto& event : boots[i]->events()) lines.push_back(event);
+  }
+  json["wrong"] = tally.wrong;
+  const bool nobody = tally.silent == json["slots"].size();
+  give(reply, json, std::move(lines));
+  reply.status = tally.wrong == 0 ? 0 : 1;
+  if (tally.wrong == 0) co_return;
+  reply.error = fmt::format("{} device{} not operational{}", tally.wrong, tally.wrong == 1 ? " is" : "s are",
+                            nobody ? "; if they have no node-IDs yet, `berth bind` gives them" : "");
+}
+
+}  // namespace berth::command

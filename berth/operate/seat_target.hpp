@@ -1,0 +1,29 @@
+/// A slot's device as the boot-up of CiA 302-2 reaches it (manager/boot_slave.hpp): under the slot's node-ID, on the
+/// bus of the main job.
+#pragma once
+
+#include "berth/manager/boot_slave.hpp"
+#include "berth/operate/slot_table.hpp"
+
+namespace berth::operate {
+
+class SeatTarget final : public manager::BootTarget {
+ public:
+  SeatTarget(BusServices& services, Seat& seat) noexcept
+      : s_(services), seat_(seat), objects_(services.sdo, seat.id()) {}
+
+  [[nodiscard]] co::SdoAccess& objects() noexcept override { return objects_; }
+  rt::Task<Result<rt::Time>> command(co::NmtCommand command) override;
+  rt::Task<bool> boots(rt::Time since, rt::Time deadline) override;
+  rt::Task<std::optional<NmtState>> heartbeat(rt::Duration within) override;
+  rt::Task<std::optional<NmtState>> guard() override;
+  /// By the bus's `heartbeat_timeout`; a device without 1017h is asked by guarding when it was started.
+  void supervise(const manager::SlaveRules& rules) override;
+
+ private:
+  BusServices& s_;
+  Seat& seat_;
+  co::NodeAccess objects_;
+};
+
+}  // namespace berth::operate

@@ -1,0 +1,109 @@
+// `berth boot`: the devices of the slots through CiA 302-2's startup, once; and `berth nmt --request` (1F82h).
+#include <gtest/gtest.h>
+
+#include <nlohmann/json.hpp>
+#include <string>
+
+#include "command_fixture.hpp"
+#include "tests/pch.hpp"
+
+namespace berth::test {
+namespace {
+
+// The devices have the node-IDs of their slots, from a run of `berth up` before.
+class Boot : public ::testing::Test {
+ protected:
+  void SetUp() override {
+    const Outcome up = run({"up", "--until", "operational"}, example("by-eds.toml"));
+    ASSERT_EQ(up.status, 0) << up.out << up.err;
+  }
+  [[nodiscard]] Outcome run(Words words, const std::string& machine) const {
+    words.insert(words.end(), {"--machine", machine, "--sim", example("by-eds.plant.toml"), "--sim-state", state,
+                               "--store", folder.file("slots")});
+    return berth(words);
+  }
+  // by-eds.toml with `text` behind its slot `name`.
+  [[nodiscard]] std::string with(const std::string& slot_key, const std::string& text) const {
+    std::string machine = contents(example("by-eds.toml"));
+    const std::size_t at = machine.find(slot_key);
+    EXPECT_NE(at, std::string::npos);
+    machine.insert(machine.find('\n', at) + 1, text);
+    for (std::size_t i = 0; (i = machine.find("\"eds/", i)) != std::string::npos; i += 2) {
+      machine.replace(i, 5, "\"" + example("eds/"));
+    }
+    return folder.write("changed.toml", machine);
+  }
+
+  Folder folder;
+  std::string state = folder.file("state");
+};
+
+TEST_F(Boot, EachDeviceIsResetIdentifiedAndStarted) {
+  const std::string record = folder.file("boot.log");
+  const Outcome outcome = run({"boot", "--json", "--record", record}, example("by-eds.toml"));
+  EXPECT_EQ(outcome.status, 0) << outcome.out << outcome.err;
+  const Json reply = Json::parse(outcome.out);
+  EXPECT_EQ(reply.at("wrong"), 0);
+  ASSERT_EQ(reply.at("slots").size(), 5U);
+  for (const auto& slot : reply.at("slots")) {
+    EXPECT_EQ(slot.at("state"), "operational") << slot;
+    EXPECT_FALSE(slot.contains("boot")) << slot;
+  }
+  const std::string frames = contents(record);
+  const auto reset = frames.find("000#8200");
+  const auto asked = frames.find("601#4018100100000000");
+  const auto started = frames.find("000#0101");
+  EXPECT_LT(reset, asked);
+  EXPECT_LT(asked, started);
+  EXPECT_NE(started, std::string::npos);
+}
+
+// 1000h of io.eds is 30191h.
+TEST_F(Boot, AnotherDeviceTypeIsC) {
+  const std::string slot = "name     = \"cabinet io\"";
+  const Outcome one = run({"boot", "--json"}, with(slot, "device_type = 0x30192\n"));
+  EXPECT_EQ(one.status, 1) << one.out << one.err;
+  const Json reply = Json::parse(one.out);
+  EXPECT_EQ(reply.at("wrong"), 1);
+  EXPECT_EQ(reply.at("slots").at(4).at("boot"), "C");
+  EXPECT_EQ(reply.at("slots").at(0).at("state"), "operational");
+  EXPECT_EQ(run({"boot"}, with(slot, "device_type = 0x30191\n")).status, 0);
+}
+
+TEST_F(Boot, AMandatoryDeviceThatFailsHaltsTheStartup) {
+  const Outcome outcome = run({"boot"}, with("name     = \"cabinet io\"", "device_type = 0x30192\nmandatory = true\n"));
+  EXPECT_EQ(outcome.status, 1);
+  EXPECT_TRUE(contains(outcome.out, "cabinet io: C: ")) << outcome.out;
+  EXPECT_TRUE(contains(outcome.out, "drive 10: ready, and not started")) << outcome.out;
+  EXPECT_TRUE(contains(outcome.out, "field: node 20: the startup is halted: this mandatory slave is not ready: C: "))
+      << outcome.out;
+  EXPECT_TRUE(contains(outcome.err, "5 devices are not operational")) << outcome.err;
+}
+
+TEST_F(Boot, OneWithoutNodeIdIsBAndWhatIsToBeDoneIsSaid) {
+  const Outcome outcome =
+      berth({"boot", "--machine", example("five-slaves.toml"), "--sim", example("five-slaves.plant.toml")});
+  EXPECT_EQ(outcome.status, 1);
+  EXPECT_TRUE(contains(outcome.out, "s1: B: ")) << outcome.out;
+  EXPECT_TRUE(contains(outcome.err, "`berth bind`")) << outcome.err;
+}
+
+TEST_F(Boot, WrongWordsAreUsage) {
+  EXPECT_EQ(run({"boot", "--bus", "nowhere"}, example("by-eds.toml")).status, 2);
+  EXPECT_EQ(run({"boot", "drive"}, example("by-eds.toml")).status, 2);
+}
+
+// A simulated slave is no NMT master: it has no 1F82h.
+TEST_F(Boot, ARequestToWhatIsNoMasterIsRefusedByIt) {
+  const std::string record = folder.file("request.log");
+  const Outcome outcome =
+      run({"nmt", "stop", "2", "--request", "1", "--up", "--record", record}, example("by-eds.toml"));
+  EXPECT_EQ(outcome.status, 1) << outcome.out << outcome.err;
+  EXPECT_TRUE(contains(outcome.err, "NMT stop of node 2 by the master at node 1 (1F82h:02)")) << outcome.err;
+  EXPECT_TRUE(contains(contents(record), "601#2F821F0204000000")) << "1F82h:02 = 4, stopped";
+  EXPECT_FALSE(contains(contents(record), "000#0202"));
+  EXPECT_EQ(run({"nmt", "stop", "2", "--request", "128"}, example("by-eds.toml")).status, 2);
+}
+
+}  // namespace
+}  // namespace berth::test
