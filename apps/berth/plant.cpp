@@ -71,7 +71,16 @@ class NodeIds final : public plant::World::Observer {
     }
     events.push_back({seconds(world_->sim().now()), truth.name, before, why});
   }
+  void script_told(const plant::SimDevice& device, const script::Told& told) noexcept override {
+    scripts.push_back({seconds(world_->sim().now()), device.name(), told});
+  }
+  struct Script {
+    double at_s;
+    std::string device;
+    script::Told told;
+  };
   std::vector<Event> events;
+  std::vector<Script> scripts;  ///< what scripts printed, and how they failed
 
  private:
   plant::World* world_;
@@ -109,7 +118,8 @@ std::string event_line(const NodeIds::Event& event) {
   return fmt::format("{:>10.4f} s  {:<20} none: {}", event.at_s, event.device, event.why);
 }
 
-// The plant by itself, as fast as possible. Status 1: a device that has power has no node-ID of its own.
+// The plant by itself, as fast as possible. Status 1: a device that has power has no node-ID of its own, or a script
+// failed.
 int run_alone(plant::World& world, const Options& options) {
   std::FILE* const log = options.record.empty() ? nullptr : std::fopen(options.record.c_str(), "we");
   if (log == nullptr && !options.record.empty()) {
@@ -143,11 +153,23 @@ int run_alone(plant::World& world, const Options& options) {
     if (!e.why.empty()) json["why"] = e.why;
     report["events"].push_back(json);
   }
+  report["scripts"] = Json::array();
+  for (const auto& s : ids.scripts) {
+    const bool failed = s.told.kind == script::Told::Kind::failed;
+    if (failed) good = false;
+    report["scripts"].push_back({{"at_s", s.at_s},
+                                 {"device", s.device},
+                                 {"file", s.told.file},
+                                 {"line", s.told.line},
+                                 {"failed", failed},
+                                 {"text", s.told.text}});
+  }
   if (options.json) {
     print_line(report.dump());
     return good ? Exit::done : Exit::no;
   }
   for (const auto& e : ids.events) print_line(event_line(e));
+  for (const auto& s : ids.scripts) print_line(script_line(s.at_s, s.device, s.told));
   print_line(
       fmt::format("\n{:<20} {:<8} {:>4}  {:<16} {:<36} {}", "device", "bus", "id", "state", "LSS address", "why"));
   for (const auto& d : report["devices"]) {

@@ -106,6 +106,7 @@ tl::expected<void, Failure> Rig::build_world(const Options& options) {
   auto world = make_world(plant_, rates, options.sim, options);
   if (!world) return tl::unexpected(world.error());
   world_ = std::move(*world);
+  scripts_.emplace(*world_);
   if (options.pace || !std::ranges::all_of(machine_.buses, simulated)) {
     run_by_loop(world_->executor());
   } else {

@@ -21,6 +21,7 @@
 #include "outside_ports.hpp"
 #include "ports.hpp"
 #include "record.hpp"
+#include "simulated.hpp"
 #include "slot_table.hpp"
 #include "strangers.hpp"
 
@@ -93,6 +94,7 @@ class Rig {
   plant::PlantFile plant_;
   Record record_;
   std::unique_ptr<plant::World> world_;
+  std::optional<ScriptTeller> scripts_;  // with a world
   rt::Executor executor_;  // where there is no world
   std::unique_ptr<rt::Driver> driver_;
   io::Loop* loop_ = nullptr;                      // of the driver

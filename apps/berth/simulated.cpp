@@ -94,6 +94,16 @@ tl::expected<void, Failure> remember(plant::World& world, const Options& options
 
 }  // namespace
 
+std::string script_line(double at_s, const std::string& device, const script::Told& told) {
+  const bool failed = told.kind == script::Told::Kind::failed;
+  return fmt::format("{:>10.4f} s  {:<20} {}{}", at_s, device, failed ? "script failed: " : "", to_string(told));
+}
+
+void ScriptTeller::script_told(const plant::SimDevice& device, const script::Told& told) noexcept {
+  const auto now = world_->sim().now().time_since_epoch();
+  print_error(script_line(std::chrono::duration<double>(now).count(), device.name(), told));
+}
+
 tl::expected<std::unique_ptr<plant::World>, Failure> make_world(const plant::PlantFile& plant,
                                                                 const std::vector<plant::BusRate>& rates,
                                                                 const std::string& file, const Options& options) {

@@ -21,6 +21,23 @@ namespace berth::cli {
 /// Bit rates of a machine file's buses, for a plant that gives them none; empty when no machine file is named.
 [[nodiscard]] tl::expected<std::vector<plant::BusRate>, Failure> bus_rates(const std::string& machine_file);
 
+/// What a device's script printed or how it failed, as a line for people.
+[[nodiscard]] std::string script_line(double at_s, const std::string& device, const script::Told& told);
+
+/// Tells on standard error what the scripts of a world print and how they fail.
+class ScriptTeller final : public plant::World::Observer {
+ public:
+  explicit ScriptTeller(plant::World& world) : world_(&world) { world.add_observer(*this); }
+  ~ScriptTeller() { world_->remove_observer(*this); }
+  ScriptTeller(const ScriptTeller&) = delete;
+  ScriptTeller& operator=(const ScriptTeller&) = delete;
+  void plant_changed(const plant::SimDevice&) noexcept override {}
+  void script_told(const plant::SimDevice& device, const script::Told& told) noexcept override;
+
+ private:
+  plant::World* world_;
+};
+
 /// Its world, of which warnings are told, and which remembers what `--sim-state` keeps; in a dry run it reads that and
 /// writes nothing. `file` is for messages.
 [[nodiscard]] tl::expected<std::unique_ptr<plant::World>, Failure> make_world(const plant::PlantFile& plant,

@@ -22,6 +22,7 @@ namespace berth::device {
 class Device;
 
 struct Callbacks {
+  std::function<void()> start;                               ///< power-on or reset node: values are back, no boot-up yet
   std::function<void(NmtState)> state;                       ///< the NMT state entered
   std::function<void(unsigned)> rpdo;                        ///< RPDO number 1..512 is stored
   std::function<void(std::uint8_t)> sync;                    ///< SYNC counter, 0 = without

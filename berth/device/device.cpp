@@ -219,6 +219,7 @@ void Device::finish_reset() noexcept {
   use_bit_rate();
   reset_values(what == Begin::reset_communication ? od::Area::communication : od::Area::all);
   if (host_ != nullptr) host_->deaf(TimedPort::Deaf::booting, false);
+  if (what != Begin::reset_communication) call(&Callbacks::start);
   nmt_.initialised(lss_->active().node_id);
   if (nmt_.state() == NmtState::initialising) listen();
   if (negotiation_) negotiation_->ready(lss_->active().node_id);

@@ -111,6 +111,8 @@ struct PlantDevice {
   std::string bus;
   std::string eds;              ///< description, as written; empty: a minimal built-in one
   std::string eds_path;         ///< the same, relative to the plant file's folder; not compared
+  std::string script;           ///< its behaviour, a Lua file as written; empty: none (docs/scripts.md)
+  std::string script_path;      ///< the same, relative to the plant file's folder; not compared
   LssAddress address;           ///< identity object 1018h
   bool address_of_eds = false;  ///< vendor, product and revision are the description's; not set here
   NodeIdSource source = NodeIdSource::blank;

@@ -187,6 +187,14 @@ void read_times(Table& table, PlantDevice& device) {
   if (device.heartbeat % 1ms != 0ns) table.error("heartbeat", "heartbeat counts whole milliseconds", "round it");
 }
 
+void read_script(Table& table, const std::string& file, PlantDevice& device) {
+  device.script = table.string("script").value_or("");
+  if (!device.script.empty()) device.script_path = text::beside(file, device.script);
+  if (table.has("script") && device.script.empty() && table.string("script")) {
+    table.error("script", "the file name is empty", "name a Lua file");
+  }
+}
+
 void read_when(Table& table, PlantEvent& event) {
   const bool at = table.has("at");
   const bool after = table.has("after");
@@ -275,6 +283,7 @@ class PlantReader {
     read_habits(table, device);
     read_response(table, device);
     read_times(table, device);
+    read_script(table, file_, device);
     device.bitrate = table.u32("bitrate", bit_rates).value_or(0);
     device.deaf_while_storing = table.boolean("deaf_while_storing").value_or(false);
     device.power_cycle_after_store = table.boolean("power_cycle_after_store").value_or(false);

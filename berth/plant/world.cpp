@@ -6,6 +6,8 @@
 #include <array>
 #include <utility>
 
+#include "berth/text/file.hpp"
+
 namespace berth::plant {
 namespace {
 
@@ -47,7 +49,8 @@ std::vector<std::uint8_t> kept_image(const device::SimFlash& flash, const SimDev
 // --- SimDevice -------------------------------------------------------------------------------------------------------
 
 SimDevice::SimDevice(World& world, sim::Bus& bus, const PlantDevice& plan, const LssAddress& address,
-                     std::shared_ptr<const od::Description> description, Random random)
+                     std::shared_ptr<const od::Description> description, Random random,
+                     std::optional<script::Script> script)
     : world_(&world),
       bus_(&bus),
       plan_(plan),
@@ -60,6 +63,10 @@ SimDevice::SimDevice(World& world, sim::Bus& bus, const PlantDevice& plan, const
               options_of(plan, address, bit_rate_of(plan, bus), Random(random).next()), &port_, timing_) {
   flash_.watch(this);
   device_.observe(this);
+  if (script) {
+    behaviour_ = std::make_unique<script::Behaviour>(device_, bus.executor(), *std::move(script), random.fork(),
+                                                     static_cast<script::Behaviour::Listener&>(*this));
+  }
 }
 
 SimDevice::~SimDevice() {
@@ -90,6 +97,7 @@ void SimDevice::switch_off() noexcept {
   if (!powered_) return;
   powered_ = false;
   device_.power_off();
+  if (behaviour_) behaviour_->stop();
   controller_->power(false);
 }
 
@@ -122,6 +130,7 @@ void SimDevice::reset() noexcept {
   if (!powered_) return;
   // A microcontroller that starts anew sets its CAN controller up anew: what was queued is gone.
   device_.power_off();
+  if (behaviour_) behaviour_->stop();
   controller_->restart(controller_->bit_rate());
   device_.power_on();
 }
@@ -169,6 +178,10 @@ std::size_t SimDevice::memory_use() const noexcept {
 
 void SimDevice::device_changed(const device::Device&) noexcept { world_->tell(*this); }
 
+void SimDevice::script_told(const script::Told& told) noexcept {
+  for (auto* observer : world_->observers_) observer->script_told(*this, told);
+}
+
 void SimDevice::write_ended() noexcept { world_->save(); }
 
 void SimDevice::cut() noexcept {
@@ -190,16 +203,34 @@ std::unique_ptr<World> World::make(const PlantFile& plant, std::span<const BusRa
       refuse(findings, plan.name, "bus \"" + plan.bus + "\" is neither in the plant nor in the machine file",
              "add [bus." + plan.bus + "] with its bitrate");
     }
-    if (described == nullptr || bus == nullptr) {
+    auto script = world->script_of(plan, findings);
+    if (described == nullptr || bus == nullptr || (!plan.script.empty() && !script)) {
       good = false;
       continue;
     }
     world->devices_.push_back(std::make_unique<SimDevice>(*world, *bus, plan, address_of(plan, *described),
-                                                          described->description, world->sim_.random().fork()));
+                                                          described->description, world->sim_.random().fork(),
+                                                          std::move(script)));
   }
   world->events_ = plant.events;
   if (!good) world.reset();
   return world;
+}
+
+std::optional<script::Script> World::script_of(const PlantDevice& plan, Findings& findings) {
+  if (plan.script.empty()) return std::nullopt;
+  const auto& path = plan.script_path.empty() ? plan.script : plan.script_path;
+  const auto [known, fresh] = scripts_.try_emplace(path);
+  if (!fresh) return known->second;
+  auto text = text::read_file(path, findings);
+  if (!text) return std::nullopt;
+  script::Script script{path, *std::move(text)};
+  if (auto wrong = script::check(script)) {
+    findings.push_back(*std::move(wrong));
+  } else {
+    known->second = std::move(script);
+  }
+  return known->second;
 }
 
 bool World::make_buses(const PlantFile& plant, std::span<const BusRate> rates, Findings& findings) {

@@ -10,6 +10,7 @@
 /// may look at it.
 #pragma once
 
+#include <map>
 #include <memory>
 #include <optional>
 #include <span>
@@ -25,6 +26,7 @@
 #include "berth/device/device.hpp"
 #include "berth/plant/device_plan.hpp"
 #include "berth/plant/plant_file.hpp"
+#include "berth/script/behaviour.hpp"
 #include "berth/sim/world.hpp"
 
 namespace berth::plant {
@@ -49,10 +51,13 @@ struct Truth {
 };
 
 /// One device of the plant: controller, host, dictionary and services, memory.
-class SimDevice final : private device::Device::Observer, private device::SimFlash::Watcher {
+class SimDevice final : private device::Device::Observer,
+                        private device::SimFlash::Watcher,
+                        private script::Behaviour::Listener {
  public:
   SimDevice(World& world, sim::Bus& bus, const PlantDevice& plan, const LssAddress& address,
-            std::shared_ptr<const od::Description> description, Random random);
+            std::shared_ptr<const od::Description> description, Random random,
+            std::optional<script::Script> script = {});
   ~SimDevice();
 
   /// Onto the bus, with power; nothing happens when it is plugged already.
@@ -82,6 +87,8 @@ class SimDevice final : private device::Device::Observer, private device::SimFla
   [[nodiscard]] device::Device& device() noexcept { return device_; }
   [[nodiscard]] const device::Device& device() const noexcept { return device_; }
   [[nodiscard]] device::SimFlash& memory() noexcept { return flash_; }
+  /// Null without a script.
+  [[nodiscard]] const script::Behaviour* behaviour() const noexcept { return behaviour_.get(); }
   [[nodiscard]] bool plugged() const noexcept { return plugged_; }
   [[nodiscard]] bool powered() const noexcept { return powered_; }
   [[nodiscard]] Truth truth() const;
@@ -96,6 +103,7 @@ class SimDevice final : private device::Device::Observer, private device::SimFla
   void write_began() noexcept override {}
   void write_ended() noexcept override;
   void cut() noexcept override;
+  void script_told(const script::Told& told) noexcept override;
 
   World* world_;
   sim::Bus* bus_;
@@ -106,6 +114,7 @@ class SimDevice final : private device::Device::Observer, private device::SimFla
   device::TimedPort port_;
   can::Dispatcher dispatcher_;
   mutable device::Device device_;
+  std::unique_ptr<script::Behaviour> behaviour_;  // only with a script
   NextPowerOn next_;
   unsigned deafness_ = 0;  // number of the last `deaf`, so that an older one's end does not end it
   unsigned slowness_ = 0;
@@ -125,6 +134,8 @@ class World {
   class Observer {
    public:
     virtual void plant_changed(const SimDevice& device) noexcept = 0;
+    /// The script of a device printed a line or failed.
+    virtual void script_told(const SimDevice&, const script::Told&) noexcept {}
 
    protected:
     ~Observer() = default;
@@ -178,11 +189,13 @@ class World {
   bool make_buses(const PlantFile& plant, std::span<const BusRate> rates, Findings& findings);
   bool strike(const PlantEvent& event);
   bool nodes(const PlantEvent& event, std::vector<sim::Controller*>& found);
+  std::optional<script::Script> script_of(const PlantDevice& plan, Findings& findings);
   void tell(const SimDevice& device) noexcept;
   void save() noexcept;
 
   sim::World sim_;
   Descriptions descriptions_;
+  std::map<std::string, std::optional<script::Script>> scripts_;  // by path, each read and compiled once
   std::vector<std::unique_ptr<SimDevice>> devices_;
   std::vector<PlantEvent> events_;
   std::vector<Observer*> observers_;

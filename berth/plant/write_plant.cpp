@@ -86,6 +86,7 @@ void write_device(Writer& w, const PlantDevice& d) {
   w.string("bus", d.bus);
   w.string("name", d.name);
   if (!d.eds.empty()) w.string("eds", d.eds);
+  if (!d.script.empty()) w.string("script", d.script);
   if (!d.address_of_eds) {
     std::string type = fmt::format("{{ vendor = 0x{:08X}, product = 0x{:08X}", d.address.vendor, d.address.product);
     if (d.address.revision != 0) type += fmt::format(", revision = 0x{:08X}", d.address.revision);

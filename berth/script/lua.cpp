@@ -1,0 +1,239 @@
+#include "berth/script/lua.hpp"
+
+#include <fmt/format.h>
+
+#include <cstdlib>
+#include <cstring>
+#include <string_view>
+
+#include "berth/script/prelude.hpp"
+
+namespace berth::script {
+namespace {
+
+constexpr int counted_at_once = 1000;
+constexpr std::size_t bytes_an_instruction = 256;
+constexpr const char* prelude_name = "=berth";
+
+/// Hands the text over byte by byte, so that it is known how far the compiler has come.
+struct Reader {
+  std::string_view text;
+  std::size_t at = 0;
+  static const char* next(lua_State*, void* self, std::size_t* size) {
+    auto& reader = *static_cast<Reader*>(self);
+    if (reader.at >= reader.text.size()) return nullptr;
+    *size = 1;
+    return reader.text.data() + reader.at++;
+  }
+};
+
+/// "belt.lua:3: text" without its place.
+std::string without_place(std::string text, int& line) {
+  const auto end = text.find(": ");
+  if (end == std::string::npos) return text;
+  const auto colon = text.rfind(':', end - 1);
+  if (colon == std::string::npos || colon + 1 == end) return text;
+  const std::string digits = text.substr(colon + 1, end - colon - 1);
+  if (digits.find_first_not_of("0123456789") != std::string::npos) return text;
+  if (line == 0) line = std::atoi(digits.c_str());
+  return text.substr(end + 2);
+}
+
+/// Column, from 1, of what the compiler stood at: it has read one byte beyond the word of which it complains.
+int column_of(std::string_view text, std::size_t read, std::string_view complaint) {
+  std::size_t at = read == 0 ? 0 : read - 1;
+  if (complaint.ends_with("near <eof>")) at = read;
+  const auto near = complaint.rfind("near '");
+  if (near != std::string_view::npos) {
+    const auto word = complaint.substr(near + 6, complaint.size() - near - 7);
+    const auto found = text.substr(0, read).rfind(word);
+    if (!word.empty() && found != std::string_view::npos) at = found;
+  }
+  const auto newline = at == 0 ? std::string_view::npos : text.rfind('\n', at - 1);
+  return static_cast<int>(newline == std::string_view::npos ? at + 1 : at - newline);
+}
+
+int table_without(lua_State* state, const char* library, const char* const* names, const char* const* end) {
+  lua_getglobal(state, library);
+  for (; names != end; ++names) {
+    lua_pushnil(state);
+    lua_setfield(state, -2, *names);
+  }
+  lua_pop(state, 1);
+  return 0;
+}
+
+}  // namespace
+
+int current_line(lua_State* state) {
+  lua_Debug record{};
+  for (int level = 0; lua_getstack(state, level, &record) != 0; ++level) {
+    lua_getinfo(state, "Sl", &record);
+    if (record.currentline > 0 && std::strcmp(record.source, prelude_name) != 0) return record.currentline;
+  }
+  return 0;
+}
+
+Lua::Lua(const Limits& limits, Random random, void* owner)
+    : limits_(limits), random_(random), owner_(owner), state_(lua_newstate(&Lua::allocate, this)) {
+  if (!state_) return;
+  *static_cast<Lua**>(lua_getextraspace(state())) = this;
+  lua_sethook(state(), &Lua::count, LUA_MASKCOUNT, counted_at_once);
+  begin();
+  lua_pushcfunction(state(), &Lua::open);
+  good_ = lua_pcall(state(), 0, 0, 0) == LUA_OK;
+  bounded_ = true;
+}
+
+Lua::~Lua() { bounded_ = false; }
+
+int Lua::open(lua_State* state) {
+  luaL_requiref(state, LUA_GNAME, luaopen_base, 1);
+  luaL_requiref(state, LUA_STRLIBNAME, luaopen_string, 1);
+  luaL_requiref(state, LUA_TABLIBNAME, luaopen_table, 1);
+  luaL_requiref(state, LUA_MATHLIBNAME, luaopen_math, 1);
+  lua_settop(state, 0);
+  // Files, other code, and what runs long without an instruction (patterns) or differs from run to run.
+  static constexpr const char* base[] = {"dofile", "loadfile", "load", "require", "collectgarbage", "print", "xpcall",
+                                         "warn"};
+  static constexpr const char* text[] = {"dump", "find", "match", "gmatch", "gsub"};
+  static constexpr const char* math[] = {"randomseed"};
+  table_without(state, LUA_GNAME, std::begin(base), std::end(base));
+  table_without(state, LUA_STRLIBNAME, std::begin(text), std::end(text));
+  table_without(state, LUA_MATHLIBNAME, std::begin(math), std::end(math));
+  lua_pushcfunction(state, &Lua::protect);
+  lua_setglobal(state, "pcall");
+  lua_getglobal(state, LUA_MATHLIBNAME);
+  lua_pushcfunction(state, &Lua::draw);
+  lua_setfield(state, -2, "random");
+  lua_settop(state, 0);
+  if (luaL_loadbufferx(state, prelude, std::strlen(prelude), prelude_name, "t") != LUA_OK) return lua_error(state);
+  lua_call(state, 0, 0);
+  return 0;
+}
+
+void Lua::begin() noexcept {
+  left_ = limits_.instructions;
+  lines_ = 0;
+  line_ = 0;
+}
+
+void* Lua::allocate(void* self, void* old, std::size_t old_size, std::size_t size) noexcept {
+  auto& lua = *static_cast<Lua*>(self);
+  const std::size_t had = old == nullptr ? 0 : old_size;  // without `old` it is the kind of what is made
+  if (size == 0) {
+    std::free(old);
+    lua.used_ -= had;
+    return nullptr;
+  }
+  if (lua.bounded_ && size > had) {
+    lua.left_ -= static_cast<std::int64_t>((size - had) / bytes_an_instruction);
+    if (lua.used_ - had + size > lua.limits_.memory) {
+      if (lua.state_) lua.line_ = current_line(lua.state());
+      return nullptr;
+    }
+  }
+  void* const fresh = std::realloc(old, size);
+  if (fresh != nullptr) lua.used_ += size - had;
+  return fresh;
+}
+
+void Lua::count(lua_State* state, lua_Debug*) {
+  Lua& lua = of(state);
+  lua.left_ -= counted_at_once;
+  if (!lua.bounded_ || lua.left_ > 0) return;
+  luaL_error(state, "the call took more than %d instructions", static_cast<int>(lua.limits_.instructions));
+}
+
+int Lua::explain(lua_State* state) {
+  Lua& lua = of(state);
+  lua.line_ = current_line(state);
+  if (lua_type(state, 1) == LUA_TSTRING || lua_type(state, 1) == LUA_TNUMBER) return 1;
+  lua_pushfstring(state, "an error that is no text but a %s", luaL_typename(state, 1));
+  return 1;
+}
+
+// What ends a call (instructions, memory) is nothing that a script may catch: it would go on for ever.
+int Lua::protect(lua_State* state) {
+  luaL_checkany(state, 1);
+  const int status = lua_pcall(state, lua_gettop(state) - 1, LUA_MULTRET, 0);
+  if (status != LUA_OK && (status == LUA_ERRMEM || of(state).left_ <= 0)) return lua_error(state);
+  lua_pushboolean(state, status == LUA_OK ? 1 : 0);
+  lua_insert(state, 1);
+  return lua_gettop(state);
+}
+
+int Lua::draw(lua_State* state) {
+  Random& random = of(state).random_;
+  const int given = lua_gettop(state);
+  if (given == 0) {
+    lua_pushnumber(state, static_cast<double>(random.next() >> 11U) * 0x1p-53);
+    return 1;
+  }
+  const auto low = given == 1 ? 1 : luaL_checkinteger(state, 1);
+  const auto high = luaL_checkinteger(state, given == 1 ? 1 : 2);
+  if (high < low) return luaL_error(state, "math.random: the range is empty");
+  lua_pushinteger(state, random.between(low, high));
+  return 1;
+}
+
+Failure Lua::failure(int status) {
+  std::size_t length = 0;
+  const char* const text = lua_type(state(), -1) == LUA_TSTRING ? lua_tolstring(state(), -1, &length) : nullptr;
+  Failure failure{line_, text == nullptr ? "an error without a text" : std::string(text, length)};
+  lua_settop(state(), 0);
+  if (status == LUA_ERRMEM) {
+    failure.text = fmt::format("the script wants more than {} KiB of memory", limits_.memory / 1024);
+  } else {
+    failure.text = without_place(std::move(failure.text), failure.line);
+  }
+  return failure;
+}
+
+std::optional<Failure> Lua::compile(const Script& script) {
+  begin();
+  Reader reader{script.text};
+  const std::string name = "=" + script.file;
+  const int status = lua_load(state(), &Reader::next, &reader, name.c_str(), "t");
+  if (status == LUA_OK) return std::nullopt;
+  auto wrong = failure(status);
+  column_ = column_of(script.text, reader.at, wrong.text);
+  return wrong;
+}
+
+std::optional<Failure> Lua::call(int arguments) {
+  begin();
+  const int function = lua_gettop(state()) - arguments;
+  lua_pushcfunction(state(), &Lua::explain);
+  lua_insert(state(), function);
+  const int status = lua_pcall(state(), arguments, 0, function);
+  if (status != LUA_OK) return failure(status);
+  lua_settop(state(), function - 1);
+  return std::nullopt;
+}
+
+std::optional<Finding> check(const Script& script) {
+  Finding finding;
+  finding.file = script.file;
+  if (script.text.size() > longest_script) {
+    finding.message = fmt::format("the script has more than {} KiB", longest_script / 1024);
+    finding.fix = "shorten it";
+    return finding;
+  }
+  Lua lua({}, Random(0), nullptr);
+  if (!lua.good()) return finding.message = "there is no memory for a script", finding;
+  const auto wrong = lua.compile(script);
+  if (!wrong) return std::nullopt;
+  finding.line = wrong->line;
+  finding.column = lua.column();
+  finding.message = wrong->text;
+  return finding;
+}
+
+std::string to_string(const Told& told) {
+  if (told.kind == Told::Kind::printed) return told.text;
+  if (told.line == 0) return fmt::format("{}: {}", told.file, told.text);
+  return fmt::format("{}:{}: {}", told.file, told.line, told.text);
+}
+
+}  // namespace berth::script

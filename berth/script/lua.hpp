@@ -1,0 +1,75 @@
+/// A Lua state with bounds: what a script's text and functions run in. Inside of room `script`. It is Lua compiled as
+/// C++, whose errors are exceptions: destructors run.
+#pragma once
+
+#include <cstdint>
+#include <lua5.4/lua.hpp>
+#include <memory>
+#include <optional>
+#include <string>
+
+#include "berth/base/random.hpp"
+#include "berth/script/behaviour.hpp"
+
+namespace berth::script {
+
+/// What went wrong in a call.
+struct Failure {
+  int line = 0;
+  std::string text;
+};
+
+class Lua {
+ public:
+  /// With the libraries that a script may use. `owner` comes back from `owner_of`.
+  Lua(const Limits& limits, Random random, void* owner);
+  ~Lua();
+  Lua(const Lua&) = delete;
+  Lua& operator=(const Lua&) = delete;
+
+  /// The libraries are in; false when the limits leave no room for them.
+  [[nodiscard]] bool good() const noexcept { return good_; }
+  /// Compiles, and leaves the function on the stack.
+  [[nodiscard]] std::optional<Failure> compile(const Script& script);
+  /// The column at which the last `compile` failed, from 1.
+  [[nodiscard]] int column() const noexcept { return column_; }
+  /// Calls the function beneath `arguments` values, all of which leave the stack.
+  [[nodiscard]] std::optional<Failure> call(int arguments);
+
+  [[nodiscard]] lua_State* state() noexcept { return state_.get(); }
+  [[nodiscard]] std::size_t memory() const noexcept { return used_; }
+  [[nodiscard]] static Lua& of(lua_State* state) noexcept { return **static_cast<Lua**>(lua_getextraspace(state)); }
+  [[nodiscard]] void* owner() noexcept { return owner_; }
+  /// Counts a line; false when the call has printed enough.
+  [[nodiscard]] bool count_line() noexcept { return lines_++ < limits_.lines; }
+
+ private:
+  struct Close {
+    void operator()(lua_State* state) const noexcept { lua_close(state); }
+  };
+  static void* allocate(void* self, void* old, std::size_t old_size, std::size_t size) noexcept;
+  static void count(lua_State* state, lua_Debug* record);
+  static int explain(lua_State* state);
+  static int protect(lua_State* state);
+  static int draw(lua_State* state);
+  static int open(lua_State* state);
+  [[nodiscard]] Failure failure(int status);
+  void begin() noexcept;
+
+  Limits limits_;
+  Random random_;
+  void* owner_;
+  std::size_t used_ = 0;
+  std::int64_t left_ = 0;
+  std::uint32_t lines_ = 0;
+  int line_ = 0;
+  int column_ = 0;
+  bool bounded_ = false;  // no limit while the state and its libraries are made
+  bool good_ = false;
+  std::unique_ptr<lua_State, Close> state_;
+};
+
+/// The line of a script that runs now; 0 when none does.
+[[nodiscard]] int current_line(lua_State* state);
+
+}  // namespace berth::script

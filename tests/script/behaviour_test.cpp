@@ -1,0 +1,195 @@
+// Scripts of simulated devices: what they see, what one seed gives, and how each ends that does not behave.
+#include <gtest/gtest.h>
+
+#include <chrono>
+#include <string>
+#include <vector>
+
+#include "../pch.hpp"
+#include "berth/device/dictionary.hpp"
+#include "berth/script/behaviour.hpp"
+#include "berth/sim/world.hpp"
+
+namespace berth::script {
+namespace {
+
+using std::chrono::milliseconds;
+
+std::shared_ptr<const od::Description> description() {
+  using od::DataType;
+  od::DescriptionBuilder b;
+  device::add_device(b);
+  device::add_sync(b);
+  b.variable(0x2000, {.name = "Speed", .type = DataType::unsigned8, .mappable = true});
+  b.variable(0x2001, {.name = "Level", .type = DataType::integer16, .mappable = true});
+  b.variable(0x2002, {.name = "Jam", .type = DataType::boolean, .mappable = true});
+  b.variable(0x2003, {.name = "Heat", .type = DataType::real32, .mappable = true});
+  b.variable(0x2004, {.name = "Big", .type = DataType::unsigned64, .mappable = true});
+  device::add_rpdo(b, 1, {.map = {{{0x2000, 0}, 8}}});
+  device::add_tpdo(b, 1, {.map = {{{0x2001, 0}, 16}}});
+  return b.build();
+}
+
+/// One device with a script on a bus, and a master's controller.
+struct Scene : Behaviour::Listener {
+  explicit Scene(std::string text, std::uint64_t seed = 1, const Limits& limits = {})
+      : bus(world.add_bus("b", 250'000)),
+        master(bus.attach({.name = "master"})),
+        port(bus.attach({.name = "belt"})),
+        dispatcher(world.executor(), *port),
+        device(dispatcher, description(), nullptr,
+               {.address = {1, 2, 3, 4}, .source = device::NodeIdSource::fixed, .node_id = NodeId(5)}),
+        behaviour(device, world.executor(), {"belt.lua", std::move(text)}, Random(seed), *this, limits) {
+    bus.add_tap(tap);
+    device.power_on();
+    run();
+  }
+  ~Scene() { bus.remove_tap(tap); }
+  void script_told(const Told& one) noexcept override { told.push_back(to_string(one)); }
+  void run(rt::Duration time = milliseconds(5)) { world.run_for(time); }
+  void send(std::string_view frame) {
+    master->send(*can::parse_frame(frame), 0);
+    run();
+  }
+  template <class T>
+  T value(std::uint16_t index) {
+    return device.values().get_or<T>({index, 0}, T{});
+  }
+  struct Tap final : can::Tap {
+    void frame(const can::Frame& frame, rt::Time, int) noexcept override { text.push_back(can::to_string(frame)); }
+    std::vector<std::string> text;
+  };
+  [[nodiscard]] long frames(std::string_view text) const { return std::ranges::count(tap.text, text); }
+
+  sim::World world;
+  sim::Bus& bus;
+  std::unique_ptr<sim::Controller> master;
+  std::unique_ptr<sim::Controller> port;
+  can::Dispatcher dispatcher;
+  device::Device device;
+  Tap tap;
+  std::vector<std::string> told;
+  Behaviour behaviour;
+};
+
+TEST(Behaviour, ReadsAndWritesObjectsByNumberAndByName) {
+  Scene s("device.write('Speed', 7) device.write('2001h:00', -300) device.write('Jam', true)"
+          "device.write('Heat', 1.5) device.write('2004h', -1)"
+          "print(device.read('2000h'), device.read('Level'), device.read('Jam'), device.read('Heat'), device.state())");
+  EXPECT_EQ(s.told, std::vector<std::string>{"7 -300 true 1.5 initialising"});
+  EXPECT_EQ(s.value<std::uint8_t>(0x2000), 7);
+  EXPECT_EQ(s.value<std::int16_t>(0x2001), -300);
+  EXPECT_EQ(s.value<std::uint64_t>(0x2004), 0xFFFF'FFFF'FFFF'FFFFU);
+}
+
+TEST(Behaviour, HearsRpdosWritesSyncAndStatesAndSendsTpdos) {
+  Scene s("device.on_write('Speed', function(v) device.write('Level', v * 2) end)\n"
+          "device.on_rpdo(function(n) print('rpdo', n) end)\n"
+          "device.on_sync(function(c) print('sync', c) end)\n"
+          "device.on_state(function(to) print(to) end)\n");
+  s.send("000#0105");
+  s.send("205#15");
+  s.send("080#");
+  EXPECT_EQ(s.frames("185#2A00"), 1);
+  const std::vector<std::string> expected{"pre-operational", "operational", "rpdo 1", "sync 0"};
+  EXPECT_EQ(s.told, expected);
+}
+
+TEST(Behaviour, TimersRunOnTheClockOfTheWorldAndEnd) {
+  Scene s("local n = 0\n"
+          "id = device.every(2, function() n = n + 1 device.write('Speed', n) if n == 4 then device.cancel(id) end end)\n"
+          "device.after(3, function() print(device.now()) end)\n");
+  EXPECT_EQ(s.value<std::uint8_t>(0x2000), 2);
+  s.run(milliseconds(100));
+  EXPECT_EQ(s.value<std::uint8_t>(0x2000), 4);
+  EXPECT_EQ(s.told, std::vector<std::string>{"3.0"});
+}
+
+TEST(Behaviour, BeginsAnewAtResetNodeAndNotAtResetCommunication) {
+  Scene s("print('begin') count = (count or 0) + 1 device.write('Speed', count)");
+  s.send("000#8205");
+  EXPECT_EQ(s.told.size(), 1U);
+  s.send("000#8105");
+  EXPECT_EQ(s.told.size(), 2U);
+  EXPECT_EQ(s.value<std::uint8_t>(0x2000), 1) << "nothing is left of the first run";
+}
+
+/// The script fails, with this text, at line 2: EMCY 6200h with the line, once, and the device still answers.
+void expect_end(const std::string& second_line, const std::string& why) {
+  SCOPED_TRACE(second_line);
+  Scene s("local x\n" + second_line);
+  ASSERT_EQ(s.told.size(), 1U);
+  EXPECT_EQ(s.told[0], "belt.lua:2: " + why);
+  EXPECT_EQ(s.frames("085#0062010200000000"), 1);
+  EXPECT_FALSE(s.behaviour.running());
+  EXPECT_EQ(s.behaviour.memory(), 0U);
+  s.send("605#4018100100000000");
+  EXPECT_EQ(s.frames("585#4318100101000000"), 1);
+}
+
+TEST(Behaviour, AScriptThatLoopsEndsInAnEmcy) {
+  const std::string why = "the call took more than 100000 instructions";
+  expect_end("while true do end", why);
+  expect_end("while true do pcall(function() while true do end end) end", why);
+  expect_end("local function f() return f() end f()", why);
+  expect_end("table.insert(setmetatable({}, {__len = function() return 1 << 60 end}), 1, 5)", why);
+  expect_end("local s = string.rep('x', 400000) while true do local t = s .. device.now() end", why);
+}
+
+TEST(Behaviour, AScriptThatWantsMemoryEndsInAnEmcy) {
+  const std::string why = "the script wants more than 1024 KiB of memory";
+  expect_end("x = string.rep('x', 1 << 30)", why);
+  expect_end("pcall(string.rep, 'x', 1 << 30)", why);
+}
+
+TEST(Behaviour, AScriptThatThrowsEndsInAnEmcy) {
+  expect_end("error('jammed')", "jammed");
+  expect_end("error({})", "an error that is no text but a table");
+  expect_end("x.y = 1", "attempt to index a nil value (local 'x')");
+  expect_end("device.write('Speed', 300)", "2000h:00 is UNSIGNED8, 300 does not fit; use 0 to 255");
+  expect_end("device.write('2000h', 1.5)", "2000h:00 is UNSIGNED8, number is no whole number");
+  expect_end("device.write('1017h', 5)", "1017h:00: 1000h to 1FFFh are the device's own; a script writes from 2000h on");
+  expect_end("device.every(0, print)", "a timer takes 0.1 ms to 24 h");
+  expect_end("for k in pairs({[print] = 1}) do end", "pairs: the order of keys that are a function differs from run to run");
+}
+
+TEST(Behaviour, AHandlerThatFailsEndsTheScriptWithItsOwnLine) {
+  Scene s("device.on_write('Speed', function(v)\n\n  error('no') end)\ndevice.every(1, function() device.write('Level', 1) end)");
+  s.send("000#0105");
+  s.send("205#01");
+  EXPECT_EQ(s.told, std::vector<std::string>{"belt.lua:3: no"});
+  EXPECT_EQ(s.frames("085#0062010300000000"), 1);
+}
+
+TEST(Behaviour, NothingReachesOutOfTheWorld) {
+  Scene s("for _, n in ipairs({'os', 'io', 'require', 'load', 'loadfile', 'dofile', 'debug', 'package', 'coroutine',"
+          "'collectgarbage', 'next', 'xpcall'}) do if _G[n] ~= nil then print(n) end end "
+          "print(math.randomseed, string.gsub, string.dump, tostring({}), tostring(print), string.format('%s', {}))");
+  EXPECT_EQ(s.told, std::vector<std::string>{"nil nil nil table function table"});
+}
+
+TEST(Behaviour, OneSeedIsOneRun) {
+  const std::string text =
+      "local t = {} for i = 1, 50 do t['k' .. math.random(1000000)] = i end "
+      "local s = '' for k, v in pairs(t) do s = s .. k .. '=' .. v .. ' ' end print(s, math.random())";
+  const auto run = [&](std::uint64_t seed) { return Scene(text, seed).told; };
+  const auto one = run(7);
+  ASSERT_EQ(one.size(), 1U);
+  EXPECT_EQ(run(7), one);
+  EXPECT_NE(run(8), one);
+}
+
+TEST(Check, NamesLineAndColumn) {
+  const auto at = [](const std::string& text) {
+    const auto wrong = check({"belt.lua", text});
+    return wrong ? to_string(*wrong) : std::string();
+  };
+  EXPECT_EQ(at("local a = 1\nif a the b() end"), "belt.lua:2:6: error: 'then' expected near 'the'");
+  EXPECT_EQ(at("x = = 2"), "belt.lua:1:5: error: unexpected symbol near '='");
+  EXPECT_EQ(at("local a = 1\nlocal b = 'open"), "belt.lua:2:16: error: unfinished string near <eof>");
+  EXPECT_EQ(at("\x1bLua"), "belt.lua: error: attempt to load a binary chunk (mode is 't')");
+  EXPECT_EQ(at("error('only when it runs')"), "");
+}
+
+}  // namespace
+}  // namespace berth::script
