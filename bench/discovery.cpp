@@ -62,7 +62,7 @@ plant::PlantFile plant_of(const Case& c) {
     d.speaks = {c.speaks};
     d.response = {.min = 200us, .max = 2ms};
     d.reset = 5ms;
-    d.store = 100ms;
+    d.storing.time = 100ms;
     file.devices.push_back(d);
   }
   return file;

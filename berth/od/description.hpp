@@ -150,7 +150,7 @@ class Description {
 
  private:
   friend class DescriptionBuilder;
-  friend class Values;
+  friend class StoredValues;
   struct Relative {
     std::uint32_t sub;  ///< position in subs_
     std::uint64_t offset;

@@ -1,12 +1,7 @@
 #include "berth/od/values.hpp"
 
 #include <algorithm>
-#include <cmath>
-#include <cstring>
-#include <limits>
 #include <utility>
-
-#include "berth/base/bytes.hpp"
 
 namespace berth::od {
 
@@ -18,9 +13,7 @@ Hook::~Hook() {
 }
 
 Values::Values(std::shared_ptr<const Description> description, NodeId node_id)
-    : description_(std::move(description)), data_(description_->image_) {
-  reset(node_id);
-}
+    : StoredValues(std::move(description), node_id) {}
 
 Values::~Values() {
   for (const Binding& each : bindings_) each.hook->values_ = nullptr;
@@ -28,52 +21,15 @@ Values::~Values() {
 }
 
 /// Where the values of the first object with this index or a higher one begin.
-std::size_t Values::slot_of(std::uint32_t index) const noexcept {
-  const auto& objects = description_->objects_;
-  auto at = std::ranges::lower_bound(objects, index, {}, &Object::index);
-  // An object without sub-objects has no values: look further.
-  while (at != objects.end() && at->count == 0) ++at;
-  return at == objects.end() ? data_.size() : description_->subs_[at->first].offset;
-}
-
-void Values::reset(NodeId node_id, Area area) noexcept {
-  node_id_ = node_id;
-  const std::size_t begin = slot_of(0x1000);
-  const std::size_t end = slot_of(0x2000);
-  const std::uint8_t* const image = description_->image_.data();
-  const auto restore = [&](std::size_t first, std::size_t last) {
-    if (first < last) std::memcpy(data_.data() + first, image + first, last - first);
-  };
-  if (area != Area::communication) {
-    restore(0, begin);
-    restore(end, data_.size());
-  }
-  if (area != Area::application) restore(begin, end);
-  for (const auto& each : description_->relatives_) {
-    const SubObject& sub = description_->subs_[each.sub];
-    const bool communication = sub.offset >= begin && sub.offset < end;
-    if (area != Area::all && communication != (area == Area::communication)) continue;
-    store(sub.type, Literal::node_id_plus(each.offset).resolve(sub.type, node_id.value()), data_.data() + sub.offset);
-  }
-}
-
-inline Answer<Values::Found> Values::find(ObjectRef ref) const noexcept {
-  const Object* const object = description_->find(ref.index);
-  if (object == nullptr) return refuse(AbortCode::no_object);
-  const SubObject* const sub = description_->find(*object, ref.sub);
-  if (sub == nullptr) return refuse(AbortCode::no_sub_index);
-  return Found{object, sub};
-}
-
 Answer<std::span<const std::uint8_t>> Values::view(ObjectRef ref) const noexcept {
   const auto found = find(ref);
   if (!found) return refuse(found.error());
   const SubObject& sub = *found->sub;
   if (!readable(sub.access)) return refuse(AbortCode::write_only);
   if (hooked(*found->object)) return view_hooked(ref, sub);
-  if (!sub.variable_length()) return std::span<const std::uint8_t>(data_.data() + sub.offset, sub.capacity);
+  if (!sub.variable_length()) return scalar(sub);
   if (stream(ref) != nullptr) return refuse(AbortCode::unsupported_access);
-  if (load_le<std::uint32_t>(data_.data() + sub.offset) == no_value) return refuse(AbortCode::no_data);
+  if (absent(sub)) return refuse(AbortCode::no_data);
   return stored(sub);
 }
 
@@ -87,8 +43,7 @@ Answer<std::span<const std::uint8_t>> Values::view_hooked(ObjectRef ref, const S
     const AbortCode code = each.hook->reading(*this, ref, value);
     if (code != AbortCode::none) return refuse(code);
   }
-  const bool absent = sub.variable_length() && load_le<std::uint32_t>(data_.data() + sub.offset) == no_value;
-  if (absent && value.data() == before) return refuse(AbortCode::no_data);
+  if (absent(sub) && value.data() == before) return refuse(AbortCode::no_data);
   return value;
 }
 
@@ -108,20 +63,13 @@ Answer<std::size_t> Values::read(ObjectRef ref, std::span<std::uint8_t> into) co
   return value->size();
 }
 
-AbortCode Values::check_length(const SubObject& sub, std::size_t length) const noexcept {
-  if (length > sub.capacity) return sub.bounded ? AbortCode::length_too_high : AbortCode::out_of_memory;
-  if (!sub.variable_length() && length < sub.capacity) return AbortCode::length_too_low;
-  if (sub.type == DataType::unicode_string && length % 2 != 0) return AbortCode::length_mismatch;
-  return AbortCode::none;
-}
-
 AbortCode Values::check_value(const SubObject& sub, std::span<const std::uint8_t> value) const noexcept {
   if (sub.type == DataType::boolean && value[0] > 1) return AbortCode::invalid_value;
-  const Limits* const limits = description_->limits(sub);
+  const Limits* const limits = description().limits(sub);
   if (limits == nullptr || sub.variable_length()) return AbortCode::none;
   const std::uint64_t raw = load(sub.type, value.data());
-  const std::uint64_t low = limits->low.resolve(sub.type, node_id_.value());
-  const std::uint64_t high = limits->high.resolve(sub.type, node_id_.value());
+  const std::uint64_t low = limits->low.resolve(sub.type, node_id().value());
+  const std::uint64_t high = limits->high.resolve(sub.type, node_id().value());
   const bool has_low = limits->low.present();
   const bool has_high = limits->high.present();
   if (has_low && has_high && compare(sub.type, high, low) < 0) return AbortCode::max_less_than_min;
@@ -192,97 +140,9 @@ AbortCode Values::write(ObjectRef ref, std::span<const std::uint8_t> value) noex
   return AbortCode::none;
 }
 
-void Values::put(const SubObject& sub, std::span<const std::uint8_t> value) noexcept {
-  std::uint8_t* at = data_.data() + sub.offset;
-  if (sub.variable_length()) {
-    store_le(at, static_cast<std::uint32_t>(value.size()));
-    at += 4;
-  }
-  // memmove: a caller may write back what `bytes` showed it.
-  if (!value.empty()) std::memmove(at, value.data(), value.size());
-}
-
-std::span<const std::uint8_t> Values::stored(const SubObject& sub) const noexcept {
-  const std::uint8_t* const at = data_.data() + sub.offset;
-  if (!sub.variable_length()) return {at, sub.capacity};
-  const auto length = load_le<std::uint32_t>(at);
-  return {at + 4, length == no_value ? 0 : length};
-}
-
-std::span<const std::uint8_t> Values::bytes(ObjectRef ref) const noexcept {
-  const auto found = find(ref);
-  return found ? stored(*found->sub) : std::span<const std::uint8_t>{};
-}
-
-AbortCode Values::set_bytes(ObjectRef ref, std::span<const std::uint8_t> value) noexcept {
-  const auto found = find(ref);
-  if (!found) return found.error();
-  const AbortCode code = check_length(*found->sub, value.size());
-  if (code == AbortCode::none) put(*found->sub, value);
-  return code;
-}
-
-AbortCode Values::set_text(ObjectRef ref, std::string_view text) noexcept {
-  return set_bytes(ref, {reinterpret_cast<const std::uint8_t*>(text.data()), text.size()});
-}
-
-std::string_view Values::get_text(ObjectRef ref) const noexcept {
-  const auto value = bytes(ref);
-  return {reinterpret_cast<const char*>(value.data()), value.size()};
-}
-
-Answer<std::uint64_t> Values::raw_for(ObjectRef ref, Class wanted, unsigned bits) const noexcept {
-  const auto found = find(ref);
-  if (!found) return refuse(found.error());
-  const DataType type = found->sub->type;
-  const unsigned length = bit_length(type);
-  const bool fits = [&] {
-    switch (wanted) {
-      case Class::boolean: return type == DataType::boolean;
-      case Class::real: return is_real(type) && length <= bits;
-      case Class::unsigned_integer: return (is_unsigned(type) || is_time(type)) && length <= bits;
-      case Class::signed_integer: return (is_signed(type) && length <= bits) || (is_unsigned(type) && length < bits);
-    }
-    return false;
-  }();
-  if (!fits) return refuse(AbortCode::length_mismatch);
-  const std::uint64_t raw = load(type, data_.data() + found->sub->offset);
-  return wanted == Class::real ? std::bit_cast<std::uint64_t>(real_of(type, raw)) : raw;
-}
-
-AbortCode Values::set_integer(ObjectRef ref, std::uint64_t raw, bool negative) noexcept {
-  const auto found = find(ref);
-  if (!found) return found.error();
-  const SubObject& sub = *found->sub;
-  if (is_real(sub.type)) {
-    return set_real(ref, negative ? static_cast<double>(static_cast<std::int64_t>(raw)) : static_cast<double>(raw));
-  }
-  if (sub.variable_length()) return AbortCode::length_mismatch;
-  if (negative && !is_signed(sub.type)) return AbortCode::value_too_low;
-  const bool same = wrap(sub.type, raw) == raw;
-  // A positive value beyond INT64_MAX keeps its bits in INTEGER64, but not its meaning.
-  const bool sign_kept = !is_signed(sub.type) || negative == ((raw >> 63U) != 0);
-  if (!same || !sign_kept) return negative ? AbortCode::value_too_low : AbortCode::value_too_high;
-  store(sub.type, raw, data_.data() + sub.offset);
-  return AbortCode::none;
-}
-
-AbortCode Values::set_real(ObjectRef ref, double value) noexcept {
-  const auto found = find(ref);
-  if (!found) return found.error();
-  const SubObject& sub = *found->sub;
-  if (!is_real(sub.type)) return AbortCode::length_mismatch;
-  if (sub.type == DataType::real32 && std::isfinite(value) &&
-      std::abs(value) > static_cast<double>(std::numeric_limits<float>::max())) {
-    return value > 0 ? AbortCode::value_too_high : AbortCode::value_too_low;
-  }
-  store(sub.type, raw_of(sub.type, value), data_.data() + sub.offset);
-  return AbortCode::none;
-}
-
 void Values::mark_hooked() noexcept {
   std::ranges::fill(hooked_, 0);
-  const auto& objects = description_->objects_;
+  const auto objects = description().objects();
   for (std::size_t i = 0; i < objects.size(); ++i) {
     const std::uint16_t index = objects[i].index;
     const bool any = std::ranges::any_of(
@@ -298,7 +158,7 @@ void Values::attach(Hook& hook, std::uint16_t first, std::uint16_t last) {
   } else {
     bindings_.push_back({first, last, &hook});
   }
-  hooked_.resize((description_->objects_.size() + 63) / 64);
+  hooked_.resize((description().objects().size() + 63) / 64);
   hook.values_ = this;
   mark_hooked();
 }
@@ -366,7 +226,7 @@ Answer<std::size_t> Values::read_whole(Stream& stream, ObjectRef ref, std::span<
 }
 
 std::size_t Values::memory() const noexcept {
-  return sizeof *this + data_.capacity() + bindings_.capacity() * sizeof(Binding) +
+  return sizeof *this + stored_memory() + bindings_.capacity() * sizeof(Binding) +
          streams_.capacity() * sizeof(StreamBinding) + hooked_.capacity() * sizeof(std::uint64_t);
 }
 

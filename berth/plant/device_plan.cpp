@@ -132,12 +132,12 @@ device::Timing timing_of(const PlantDevice& plan) {
   t.response_max = plan.response.max;
   t.outlier_per_million = plan.response.outlier_ppm;
   t.outlier = plan.response.outlier;
-  t.rx_depth = static_cast<std::uint16_t>(std::clamp<std::uint32_t>(plan.rx_depth, 1, 1024));
+  t.rx_depth = static_cast<std::uint16_t>(std::clamp<std::uint32_t>(plan.controller.rx_depth, 1, 1024));
   t.boot = plan.boot;
   t.reset = plan.reset;
-  t.deaf_while_storing = plan.deaf_while_storing;
-  t.power_cycle_after_store = plan.power_cycle_after_store;
-  t.drift_ppm = plan.drift_ppm;
+  t.deaf_while_storing = plan.storing.deaf;
+  t.power_cycle_after_store = plan.storing.power_cycle_after;
+  t.drift_ppm = plan.controller.drift_ppm;
   return t;
 }
 

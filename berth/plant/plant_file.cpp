@@ -16,10 +16,8 @@ bool operator==(const PlantDevice& a, const PlantDevice& b) noexcept {
          a.address_of_eds == b.address_of_eds && a.source == b.source && a.node_id == b.node_id &&
          a.node_id_object == b.node_id_object && a.node_id_signature == b.node_id_signature && a.bitrate == b.bitrate &&
          a.speaks == b.speaks && a.habit == b.habit && a.response == b.response && a.boot == b.boot &&
-         a.reset == b.reset && a.store == b.store && a.deaf_while_storing == b.deaf_while_storing &&
-         a.power_cycle_after_store == b.power_cycle_after_store && a.queue == b.queue && a.rx_depth == b.rx_depth &&
-         a.heartbeat == b.heartbeat && a.bus_off_recovery == b.bus_off_recovery && a.repeat_ppm == b.repeat_ppm &&
-         a.drift_ppm == b.drift_ppm && a.plugged == b.plugged;
+         a.reset == b.reset && a.storing == b.storing && a.controller == b.controller && a.heartbeat == b.heartbeat &&
+         a.plugged == b.plugged;
 }
 
 const PlantBus* PlantFile::bus(std::string_view bus_name) const noexcept {

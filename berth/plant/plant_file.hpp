@@ -106,6 +106,24 @@ struct PlantSignature {
   friend bool operator==(const PlantSignature&, const PlantSignature&) = default;
 };
 
+/// How a device stores (LSS store, SDO store). Keys `store`, `deaf_while_storing`, `power_cycle_after_store`.
+struct PlantStorage {
+  Duration time = std::chrono::milliseconds(20);  ///< request to answer
+  bool deaf = false;                              ///< hears nothing while it stores
+  bool power_cycle_after = false;                 ///< a stored node-ID counts only after power was off
+  friend bool operator==(const PlantStorage&, const PlantStorage&) = default;
+};
+
+/// A device's CAN controller and its clock.
+struct PlantController {
+  QueueKind queue = QueueKind::in_order;
+  std::uint32_t rx_depth = 16;   ///< frames its receive buffer holds; 1 = a single slot
+  Duration bus_off_recovery{0};  ///< restarts its controller so long after bus-off; 0 = never
+  std::uint32_t repeat_ppm = 0;  ///< so many of its frames in a million are sent twice
+  std::int32_t drift_ppm = 0;    ///< its clock is fast (+) or slow (-)
+  friend bool operator==(const PlantController&, const PlantController&) = default;
+};
+
 struct PlantDevice {
   std::string name;  ///< unique in the plant
   std::string bus;
@@ -125,16 +143,10 @@ struct PlantDevice {
   Latency response;
   Duration boot = std::chrono::milliseconds(50);   ///< power-on to boot-up message
   Duration reset = std::chrono::milliseconds(20);  ///< NMT reset (node or communication) to boot-up message
-  Duration store = std::chrono::milliseconds(20);  ///< LSS store, SDO store: request to answer
-  bool deaf_while_storing = false;                 ///< hears nothing while it stores
-  bool power_cycle_after_store = false;            ///< a stored node-ID counts only after power was off
-  QueueKind queue = QueueKind::in_order;
-  std::uint32_t rx_depth = 16;   ///< frames its receive buffer holds; 1 = a single slot
-  Duration heartbeat{0};         ///< 1017h at power-on; 0 = none until told
-  Duration bus_off_recovery{0};  ///< restarts its controller so long after bus-off; 0 = never
-  std::uint32_t repeat_ppm = 0;  ///< so many of its frames in a million are sent twice
-  std::int32_t drift_ppm = 0;    ///< its clock is fast (+) or slow (-)
-  bool plugged = true;           ///< at time 0
+  PlantStorage storing;
+  PlantController controller;
+  Duration heartbeat{0};  ///< 1017h at power-on; 0 = none until told
+  bool plugged = true;    ///< at time 0
 
   friend bool operator==(const PlantDevice& a, const PlantDevice& b) noexcept;
 };

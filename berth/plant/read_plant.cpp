@@ -182,7 +182,7 @@ void read_response(Table& table, PlantDevice& device) {
 void read_times(Table& table, PlantDevice& device) {
   device.boot = table.duration("boot", 0s, 1h).value_or(device.boot);
   device.reset = table.duration("reset", 0s, 1h).value_or(device.reset);
-  device.store = table.duration("store", 0s, 1h).value_or(device.store);
+  device.storing.time = table.duration("store", 0s, 1h).value_or(device.storing.time);
   device.heartbeat = table.duration("heartbeat", 0s, 65535ms).value_or(device.heartbeat);
   if (device.heartbeat % 1ms != 0ns) table.error("heartbeat", "heartbeat counts whole milliseconds", "round it");
 }
@@ -285,14 +285,14 @@ class PlantReader {
     read_times(table, device);
     read_script(table, file_, device);
     device.bitrate = table.u32("bitrate", bit_rates).value_or(0);
-    device.deaf_while_storing = table.boolean("deaf_while_storing").value_or(false);
-    device.power_cycle_after_store = table.boolean("power_cycle_after_store").value_or(false);
-    if (const auto queue = table.word("queue", queue_words)) device.queue = static_cast<QueueKind>(*queue);
-    if (const auto depth = table.u32("rx_depth", {1, 1024})) device.rx_depth = *depth;
-    device.bus_off_recovery = table.duration("bus_off_recovery", 0s, 1h).value_or(0s);
-    device.repeat_ppm = table.u32("repeat_ppm", {0, 1'000'000}).value_or(0);
+    device.storing.deaf = table.boolean("deaf_while_storing").value_or(false);
+    device.storing.power_cycle_after = table.boolean("power_cycle_after_store").value_or(false);
+    if (const auto queue = table.word("queue", queue_words)) device.controller.queue = static_cast<QueueKind>(*queue);
+    if (const auto depth = table.u32("rx_depth", {1, 1024})) device.controller.rx_depth = *depth;
+    device.controller.bus_off_recovery = table.duration("bus_off_recovery", 0s, 1h).value_or(0s);
+    device.controller.repeat_ppm = table.u32("repeat_ppm", {0, 1'000'000}).value_or(0);
     if (const auto drift = table.integer("drift_ppm", {-100'000, 100'000})) {
-      device.drift_ppm = static_cast<std::int32_t>(*drift);
+      device.controller.drift_ppm = static_cast<std::int32_t>(*drift);
     }
     device.plugged = table.boolean("plugged").value_or(true);
     table.finish();

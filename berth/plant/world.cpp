@@ -18,7 +18,7 @@ std::uint32_t bit_rate_of(const PlantDevice& plan, const sim::Bus& bus) noexcept
 sim::ControllerOptions controller_of(const PlantDevice& plan, const sim::Bus& bus) {
   sim::ControllerOptions o;
   o.name = plan.name;
-  o.queue = plan.queue == QueueKind::priority ? sim::TxOrder::priority : sim::TxOrder::in_order;
+  o.queue = plan.controller.queue == QueueKind::priority ? sim::TxOrder::priority : sim::TxOrder::in_order;
   // The receive buffer that counts is the host's (`device::TimedPort`): this one only carries frames there.
   o.queue_depth = 8;
   o.rx_depth = 4;
@@ -55,7 +55,7 @@ SimDevice::SimDevice(World& world, sim::Bus& bus, const PlantDevice& plan, const
       bus_(&bus),
       plan_(plan),
       timing_(timing_of(plan)),
-      flash_(bus.executor(), device::Device::memory_size(*description), timing_.in_world(plan.store)),
+      flash_(bus.executor(), device::Device::memory_size(*description), timing_.in_world(plan.storing.time)),
       controller_(bus.attach(controller_of(plan, bus))),
       port_(bus.executor(), *controller_, timing_, random),
       dispatcher_(bus.executor(), port_),

@@ -100,15 +100,16 @@ void write_device(Writer& w, const PlantDevice& d) {
   write_response(w, d.response);
   w.time("boot", d.boot, usual_device.boot);
   w.time("reset", d.reset, usual_device.reset);
-  w.time("store", d.store, usual_device.store);
-  w.flag("deaf_while_storing", d.deaf_while_storing, false);
-  w.flag("power_cycle_after_store", d.power_cycle_after_store, false);
-  if (d.queue != usual_device.queue) w.string("queue", queue_words[static_cast<std::size_t>(d.queue)]);
-  w.number("rx_depth", d.rx_depth, usual_device.rx_depth);
+  w.time("store", d.storing.time, usual_device.storing.time);
+  w.flag("deaf_while_storing", d.storing.deaf, false);
+  w.flag("power_cycle_after_store", d.storing.power_cycle_after, false);
+  if (d.controller.queue != usual_device.controller.queue)
+    w.string("queue", queue_words[static_cast<std::size_t>(d.controller.queue)]);
+  w.number("rx_depth", d.controller.rx_depth, usual_device.controller.rx_depth);
   w.time("heartbeat", d.heartbeat, usual_device.heartbeat);
-  w.time("bus_off_recovery", d.bus_off_recovery, usual_device.bus_off_recovery);
-  w.number("repeat_ppm", d.repeat_ppm, usual_device.repeat_ppm);
-  w.number("drift_ppm", d.drift_ppm, usual_device.drift_ppm);
+  w.time("bus_off_recovery", d.controller.bus_off_recovery, usual_device.controller.bus_off_recovery);
+  w.number("repeat_ppm", d.controller.repeat_ppm, usual_device.controller.repeat_ppm);
+  w.number("drift_ppm", d.controller.drift_ppm, usual_device.controller.drift_ppm);
   w.flag("plugged", d.plugged, true);
 }
 

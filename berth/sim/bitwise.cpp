@@ -103,7 +103,7 @@ void Segment::put_in_group(Controller& node, rt::Time start, bool sending, bool 
     const auto left = (node.not_before_ - start + domain.bit - rt::Duration(1)) / domain.bit;
     bits.count = 8U - static_cast<unsigned>(std::clamp<std::int64_t>(left, 1, 8));
   }
-  for (const auto& flaw : flaws_) alone = alone || std::ranges::find(flaw.victims, &node) != flaw.victims.end();
+  alone = alone || faults_.victim(node);
   if (!alone) {
     for (auto& group : domain.groups) {
       const BitNode& other = group->bits;
@@ -159,7 +159,7 @@ void Segment::end_bitwise() noexcept {
   }
   bus_->statistics_.busy += free_at_ - played_since_;
   domains_.clear();
-  flaws_.clear();
+  faults_.end_flaws();
   state_ = State::quiet;
   refresh();
   schedule_start();
@@ -201,16 +201,9 @@ bool Segment::one_rate() const noexcept {
 }
 
 bool Segment::seen(const Domain& domain, const Group& group, bool dominant) const noexcept {
-  if (flaws_.empty()) return dominant;
-  const auto bit = (domain.start - sof_) / domain.bit;
-  for (const auto& flaw : flaws_) {
-    const Controller* node = group.members.front();
-    const bool struck = flaw.victims.empty() ? !(flaw.spare_senders && node->sending_)
-                                             : std::ranges::find(flaw.victims, node) != flaw.victims.end();
-    if (!struck || bit < flaw.first || bit > flaw.last) continue;
-    dominant = flaw.kind == Fault::Kind::flip ? !dominant : flaw.kind == Fault::Kind::dominant;
-  }
-  return dominant;
+  if (!faults_.disturbed()) return dominant;
+  const Controller& node = *group.members.front();
+  return faults_.seen(node, node.sending_, (domain.start - sof_) / domain.bit, dominant);
 }
 
 // Beginnings of frames.
@@ -295,7 +288,7 @@ void Segment::note(Domain& domain, Group& group, const BitNode::Outcome& outcome
     const std::uint64_t* hearing = filters_.find(frame.key());
     for (Controller* node : group.members) {
       if ((hearing[node->slot_ / 64] >> (node->slot_ % 64) & 1U) == 0) continue;
-      if (std::ranges::find(losers_, node) != losers_.end()) {
+      if (faults_.loses(*node)) {
         ++node->statistics_.overruns;
       } else {
         pending_.push_back({node, frame, domain.start + 2 * domain.bit, false});
@@ -419,7 +412,7 @@ void Segment::counters_preset(Controller& node) {
 }
 
 void Segment::single_out_victims() {
-  for (const auto& flaw : flaws_) {
+  for (const auto& flaw : faults_.flaws()) {
     for (const Controller* victim : flaw.victims) {
       for (auto& domain : domains_) {
         for (std::size_t i = 0; i < domain->groups.size(); ++i) {
@@ -481,56 +474,37 @@ rt::Duration Segment::place(const can::Frame& frame, int bit) const noexcept {
 
 void Segment::apply_faults(const can::Frame& frame, int sender) {
   const int length = static_cast<int>(frame.fd ? can::exact_fd_bits(frame).all() : can::exact_bits(frame)) - 3;
-  const FrameStart start{frame, bus_->started_, sof_, sender};
-  for (auto it = bus_->faults_.begin(); it != bus_->faults_.end();) {
-    Bus::Planned& planned = *it;
-    const Trigger& trigger = planned.fault.trigger;
-    const bool fits = (!trigger.frame || *trigger.frame == start.number) &&
-                      (!trigger.not_before || *trigger.not_before <= start.at) &&
-                      (!trigger.when || trigger.when(start));
-    if (!fits || planned.skipped++ < trigger.skip) {
-      ++it;
-      continue;
-    }
-    const Fault& fault = planned.fault;
+  FaultPlan& plan = bus_->faults_;
+  plan.strike({frame, plan.started(), sof_, sender}, [&](const Fault& fault) {
     const int first = fault.where.from_end ? length - 1 - fault.where.bit : fault.where.bit;
     if (fault.kind == Fault::Kind::overrun) {
       for (const Controller* node :
            fault.victims.empty() ? std::vector<const Controller*>(nodes_.begin(), nodes_.end()) : fault.victims) {
-        if (node != nullptr) losers_.push_back(node);
+        if (node != nullptr) faults_.lose(*node);
       }
     } else if (fault.kind == Fault::Kind::act) {
       bus_->world().at(sof_ + place(frame, first), fault.act);
     } else if (frame.fd) {
       const auto here = [this](const Controller* node) { return node->segment_ == this; };
-      doomed_ = doomed_ || fault.victims.empty() || std::ranges::any_of(fault.victims, here);
+      if (fault.victims.empty() || std::ranges::any_of(fault.victims, here)) faults_.doom();
     } else {
-      flaws_.push_back({fault.kind, first, first + static_cast<int>(fault.bits) - 1, fault.victims.empty(),
-                        fault.victims, fault.spare_senders});
+      faults_.disturb(
+          {fault.kind, first, first + static_cast<int>(fault.bits) - 1, fault.victims, fault.spare_senders});
     }
-    const bool spent = trigger.times != 0 && ++planned.struck >= trigger.times;
-    it = spent ? bus_->faults_.erase(it) : it + 1;
-  }
-  Random& dice = bus_->dice_;
+  });
   std::vector<const Controller*> present;
   for (const Controller* node : nodes_) {
     if (node != nullptr && node->participates()) present.push_back(node);
   }
   if (present.empty()) return;
-  if (dice.chance(bus_->random_.disturbed_per_million)) {
-    std::vector<const Controller*> victims;
-    for (const Controller* node : present) {
-      if (dice.chance(500'000)) victims.push_back(node);
-    }
-    if (victims.empty()) victims.push_back(present[dice.below(present.size())]);
-    const int bit = static_cast<int>(dice.below(static_cast<std::uint64_t>(length)));
+  if (auto flip = plan.draw_flip(present, length)) {
     if (frame.fd) {
-      doomed_ = true;
+      faults_.doom();
     } else {
-      flaws_.push_back({Fault::Kind::flip, bit, bit, false, std::move(victims), false});
+      faults_.disturb({Fault::Kind::flip, flip->bit, flip->bit, std::move(flip->victims), false});
     }
   }
-  if (dice.chance(bus_->random_.overrun_per_million)) losers_.push_back(present[dice.below(present.size())]);
+  if (const Controller* const loser = plan.draw_overrun(present)) faults_.lose(*loser);
 }
 
 }  // namespace berth::sim

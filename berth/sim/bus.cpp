@@ -14,7 +14,7 @@ Bus::Bus(World& world, int number, std::string name, can::BitRate bit_rate)
       bit_rate_(bit_rate.nominal),
       data_bit_rate_(bit_rate.data),
       name_(std::move(name)),
-      dice_(world.random().fork()),
+      faults_(world.random().fork()),
       statistics_since_(world.now()) {
   new_segment();
 }
@@ -40,21 +40,12 @@ std::unique_ptr<Controller> Bus::attach(const ControllerOptions& options) {
 void Bus::detach(Controller& controller) noexcept {
   controller.segment_->leave(controller);
   std::erase(controllers_, &controller);
-  for (auto& planned : faults_) std::erase(planned.fault.victims, &controller);
+  faults_.forget(controller);
   drop_empty_segments();
 }
 
 void Bus::add_tap(can::Tap& tap) { taps_.push_back(&tap); }
 void Bus::remove_tap(can::Tap& tap) noexcept { std::erase(taps_, &tap); }
-
-void Bus::mix_fd(const can::Frame& frame) noexcept {
-  world_->mix(frame.brs ? 3U : 1U);
-  for (unsigned i = 8; i < frame.size; i += 4) {
-    std::uint32_t word = 0;
-    std::memcpy(&word, frame.data.data() + i, 4);
-    world_->mix(word);
-  }
-}
 
 void Bus::good_frame(const can::Frame& frame, rt::Time at, int sender) noexcept {
   ++statistics_.frames;
@@ -67,21 +58,12 @@ void Bus::good_frame(const can::Frame& frame, rt::Time at, int sender) noexcept 
                              (static_cast<std::uint64_t>(number_ & 0x7F) << 16U) | static_cast<std::uint16_t>(sender);
   world_->mix(head);
   world_->mix(data);
-  if (frame.fd) mix_fd(frame);
+  if (frame.fd) world_->mix_fd(frame);
   world_->mix(static_cast<std::uint64_t>(at.time_since_epoch().count()));
   for (std::size_t i = 0; i < taps_.size(); ++i) taps_[i]->frame(frame, at, sender);
 }
 
-unsigned Bus::inject(Fault fault) {
-  faults_.push_back({next_fault_, std::move(fault)});
-  return next_fault_++;
-}
-
-bool Bus::cancel(unsigned fault) noexcept {
-  return std::erase_if(faults_, [&](const Planned& planned) { return planned.number == fault; }) > 0;
-}
-
-void Bus::random_faults(const RandomFaults& faults) noexcept { random_ = faults; }
+unsigned Bus::inject(Fault fault) { return faults_.add(std::move(fault)); }
 
 double Bus::load() const noexcept {
   const auto elapsed = executor_->now() - statistics_since_;

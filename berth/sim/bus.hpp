@@ -24,10 +24,9 @@
 #include <string>
 #include <vector>
 
-#include "berth/base/random.hpp"
 #include "berth/can/port.hpp"
 #include "berth/sim/controller.hpp"
-#include "berth/sim/fault.hpp"
+#include "berth/sim/fault_plan.hpp"
 
 namespace berth::sim {
 
@@ -68,10 +67,10 @@ class Bus {
   /// Mends every cut: all nodes with their cable in are on one segment again. Frames under way collide.
   void join();
 
-  /// Plans a fault; the number is for `cancel`.
+  /// Plans a fault; the number is for `FaultPlan::cancel`.
   unsigned inject(Fault fault);
-  bool cancel(unsigned fault) noexcept;
-  void random_faults(const RandomFaults& faults) noexcept;
+  /// What is to strike frames here; random faults are set there too.
+  [[nodiscard]] FaultPlan& faults() noexcept { return faults_; }
 
   [[nodiscard]] World& world() const noexcept { return *world_; }
   [[nodiscard]] rt::Executor& executor() const noexcept { return *executor_; }
@@ -97,18 +96,10 @@ class Bus {
   friend class World;
   friend class Controller;
   friend class Segment;
-  struct Planned {
-    unsigned number;
-    Fault fault;
-    std::uint32_t skipped = 0;
-    std::uint32_t struck = 0;
-  };
-
   Bus(World& world, int number, std::string name, can::BitRate bit_rate);
   void detach(Controller& controller) noexcept;
   void move(Controller& controller, bool cable_in) noexcept;
   void good_frame(const can::Frame& frame, rt::Time at, int sender) noexcept;
-  [[gnu::cold]] void mix_fd(const can::Frame& frame) noexcept;
   Segment& new_segment();
   void drop_empty_segments() noexcept;
 
@@ -121,12 +112,8 @@ class Bus {
   std::vector<Controller*> controllers_;
   std::vector<std::unique_ptr<Segment>> segments_;
   std::vector<can::Tap*> taps_;
-  std::vector<Planned> faults_;
-  unsigned next_fault_ = 1;
+  FaultPlan faults_;
   int next_number_ = 0;
-  RandomFaults random_{};
-  Random dice_;
-  std::uint64_t started_ = 0;  // frames begun ever: what a fault's trigger counts
   BusStatistics statistics_;
   rt::Time statistics_since_{};
 };

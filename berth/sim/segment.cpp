@@ -270,8 +270,9 @@ void Segment::arbitrate() noexcept {
   frame_ = senders_.front()->head_frame();
   note_start(frame_, senders_.front()->number_);
   if (!alike) ++bus_->statistics_.collisions;
-  unanswered_ = present_ == 1 && flaws_.empty() && !frame_.fd && senders_.front()->error_state() == ErrorState::passive;
-  if ((!alike || mixed_ || ackers_ <= senders_.size() || !flaws_.empty() || doomed_) && !unanswered_) {
+  unanswered_ =
+      present_ == 1 && !faults_.disturbed() && !frame_.fd && senders_.front()->error_state() == ErrorState::passive;
+  if ((!alike || mixed_ || ackers_ <= senders_.size() || faults_.disturbed() || faults_.doomed()) && !unanswered_) {
     start_bitwise();
     return;
   }
@@ -304,14 +305,11 @@ bool Segment::fd_alike() const noexcept {
 }
 
 void Segment::note_start(const can::Frame& frame, int sender) {
-  losers_.clear();
-  flaws_.clear();
-  failed_ = good_ = doomed_ = false;
-  if (!bus_->faults_.empty() || bus_->random_.disturbed_per_million != 0 || bus_->random_.overrun_per_million != 0) {
-    apply_faults(frame, sender);
-  }
+  faults_.clear();
+  failed_ = good_ = false;
+  if (bus_->faults_.any()) apply_faults(frame, sender);
   ++starts_;
-  ++bus_->started_;
+  bus_->faults_.count_start();
   ++bus_->statistics_.starts;
 }
 
@@ -399,7 +397,7 @@ void Segment::deliver(const can::Frame& frame, rt::Time at) noexcept {
     for (std::uint64_t rest = hearing[word]; rest != 0; rest &= rest - 1) {
       Controller& node = *nodes_[word * 64 + static_cast<unsigned>(std::countr_zero(rest))];
       if (node.sending_ || !node.participates()) continue;
-      if (!losers_.empty() && std::ranges::find(losers_, &node) != losers_.end()) {
+      if (faults_.loses(node)) {
         ++node.statistics_.overruns;
         continue;
       }

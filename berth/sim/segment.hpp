@@ -11,6 +11,7 @@
 
 #include "berth/sim/bits.hpp"
 #include "berth/sim/bus.hpp"
+#include "berth/sim/frame_faults.hpp"
 
 namespace berth::sim {
 
@@ -102,14 +103,6 @@ class Segment final : private rt::Job {
    private:
     Segment& segment_;
   };
-  struct Flaw {  // a planned disturbance of the frame under way
-    Fault::Kind kind;
-    int first;
-    int last;
-    bool all;
-    std::vector<const Controller*> victims;
-    bool spare_senders;
-  };
 
   void run() noexcept override;
   void schedule_start() noexcept;
@@ -198,8 +191,7 @@ class Segment final : private rt::Job {
   std::vector<Controller*> nodes_;     // by slot, null where none is
   std::vector<Contender> contenders_;  // heap
   std::vector<Controller*> senders_;
-  std::vector<const Controller*> losers_;  // that lose the frame under way by Fault::Kind::overrun
-  std::vector<Flaw> flaws_;
+  FrameFaults faults_;  // of the frame under way
   std::vector<std::unique_ptr<Domain>> domains_;
   Filters filters_;
   Integrator integrator_{*this};
@@ -207,7 +199,6 @@ class Segment final : private rt::Job {
   rt::Time overload_at_{};  // when the last overload flag began
   bool failed_ = false;     // the frame under way has met an error
   bool good_ = false;       // ... has been counted as good
-  bool doomed_ = false;     // ... is an FD frame that a fault strikes
   std::vector<Pending> pending_;
   Deliverer deliverer_{*this};
 };

@@ -1,6 +1,7 @@
 #include "berth/sim/world.hpp"
 
 #include <algorithm>
+#include <cstring>
 #include <utility>
 
 namespace berth::sim {
@@ -48,6 +49,15 @@ Bus* World::find_bus(std::string_view name) noexcept {
 
 void World::at(rt::Time when, std::function<void()> action) {
   executor_.at(when, *new Action(*this, std::move(action)));
+}
+
+void World::mix_fd(const can::Frame& frame) noexcept {
+  mix(frame.brs ? 3U : 1U);
+  for (unsigned i = 8; i < frame.size; i += 4) {
+    std::uint32_t word = 0;
+    std::memcpy(&word, frame.data.data() + i, 4);
+    mix(word);
+  }
 }
 
 }  // namespace berth::sim

@@ -83,6 +83,8 @@ class World {
     hash_ = (hash_ ^ word) * 0x9E37'79B9'7F4A'7C15ULL;
     hash_ ^= hash_ >> 29;
   }
+  /// What an FD frame has beyond a classic one.
+  [[gnu::cold]] void mix_fd(const can::Frame& frame) noexcept;
 
   rt::Executor executor_;
   std::uint64_t seed_;

@@ -65,7 +65,7 @@ plant::PlantFile plant_of(const Cast& cast) {
     if (!taken.insert(device.address).second) continue;
     device.speaks = cast.speaks;
     device.response = cast.response;
-    device.reset = device.store = 5ms;
+    device.reset = device.storing.time = 5ms;
     if (cast.configured) {
       device.source = plant::NodeIdSource::hard_coded;
       device.node_id = NodeId(static_cast<std::uint8_t>(i + 1));

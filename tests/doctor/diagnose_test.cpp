@@ -306,7 +306,7 @@ TEST_F(Doctor, S4_1_AJammerIsTheSlotThatIsNeverHeard) {
 // A few flipped bits are noise, not a device at another bit rate.
 TEST_F(Doctor, NoiseIsNoJammer) {
   beats(1, 10ms, 10ms, 3s);
-  bus_.random_faults({.disturbed_per_million = 50'000});
+  bus_.faults().draw_from({.disturbed_per_million = 50'000});
   const auto found = listen(3s);
   EXPECT_EQ(std::ranges::count(found, Kind::wrong_bit_rate, &Diagnosis::kind), 0) << words(found);
   EXPECT_EQ(words(found), "disturbance possible; ");

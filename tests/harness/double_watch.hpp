@@ -301,7 +301,7 @@ class DoubleWatch final : public plant::World::Observer {
       if (!others(t, o)) continue;
       const Life& life = lives_[o.name];
       // One that takes a node-ID at power-on only never uses what is pending: it is gone with the power, unless stored.
-      const bool comes = !other->plan().power_cycle_after_store;
+      const bool comes = !other->plan().storing.power_cycle_after;
       // What was stored is pending too, until the next power-on: then its slot may have been given away.
       const bool kept_rightly = life.owned == id && given_up(o, id);
       const bool unheard = wire.deaf.contains(o.name) || wire.deaf.contains(t.name);

@@ -174,7 +174,7 @@ class KillWorld final {
       d.response = {300us, 900us, 0, 0ms};
       d.boot = 20ms;
       d.reset = 8ms;
-      d.store = 6ms;
+      d.storing.time = 6ms;
     }
     return p;
   }

@@ -180,7 +180,7 @@ struct Made {
     d.bus = bus.name;
     d.address = {slot.spec.type.vendor, slot.spec.type.product, 0x0001'0002, serial[i]};
     d.response = response_of(cell.latency);
-    d.rx_depth = cell.rx_depth;
+    d.controller.rx_depth = cell.rx_depth;
     auto kind = cell.kind;
     if (kind == Kind::mixed) kind = static_cast<Kind>(random.below(static_cast<std::uint64_t>(Kind::mixed)));
     if (kind == Kind::fixed) slot.spec.assign = places::Assign::fixed;

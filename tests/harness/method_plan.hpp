@@ -150,13 +150,13 @@ class MethodPlanner {
     }
     d.boot = between(1ms, 200ms);
     d.reset = between(1ms, 100ms);
-    d.store = between(1ms, 100ms);
-    d.deaf_while_storing = random_.below(3) == 0;
-    d.queue = random_.below(2) == 0 ? plant::QueueKind::in_order : plant::QueueKind::priority;
+    d.storing.time = between(1ms, 100ms);
+    d.storing.deaf = random_.below(3) == 0;
+    d.controller.queue = random_.below(2) == 0 ? plant::QueueKind::in_order : plant::QueueKind::priority;
     // Room for what comes at once while an outlier lasts; small buffers are the main job's worlds'.
-    d.rx_depth = std::array<std::uint32_t, 3>{32, 48, 64}[random_.below(3)];
-    d.drift_ppm = static_cast<std::int32_t>(random_.between(-200, 200));
-    d.bus_off_recovery = 200ms;
+    d.controller.rx_depth = std::array<std::uint32_t, 3>{32, 48, 64}[random_.below(3)];
+    d.controller.drift_ppm = static_cast<std::int32_t>(random_.between(-200, 200));
+    d.controller.bus_off_recovery = 200ms;
     if (random_.below(6) == 0) d.heartbeat = 100ms;
     if (speaks == Words{} || random_.below(10) == 0) {
       d.source = speaks == Words{} ? plant::NodeIdSource::switches : plant::NodeIdSource::nonvolatile;

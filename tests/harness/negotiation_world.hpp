@@ -85,10 +85,10 @@ inline PlantFile negotiation_plan(std::uint64_t seed, const NegotiationMix& mix 
     d.boot = milliseconds(random.below(4) == 0 ? random.below(400) : 50);
     d.response.min = microseconds(random.below(500));
     d.response.max = d.response.min + microseconds(random.below(2) == 0 ? 0 : random.below(3000));
-    d.drift_ppm = static_cast<std::int32_t>(random.between(-500, 500));
+    d.controller.drift_ppm = static_cast<std::int32_t>(random.between(-500, 500));
     constexpr std::array heartbeats{0, 100, 500, 1000};
     d.heartbeat = milliseconds(heartbeats.at(random.below(heartbeats.size())));
-    d.queue = random.below(2) == 0 ? plant::QueueKind::in_order : plant::QueueKind::priority;
+    d.controller.queue = random.below(2) == 0 ? plant::QueueKind::in_order : plant::QueueKind::priority;
     d.plugged = random.below(5) != 0;
     if (random.below(10) == 0) {  // one that was set by hand: it keeps its node-ID whatever happens
       d.source = plant::NodeIdSource::switches;

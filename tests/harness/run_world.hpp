@@ -264,7 +264,7 @@ class WorldRun final : private can::Tap {
   // Nothing goes wrong any more: what can become operational does so in bounded bus time, and stays so.
   void ending() {
     const bool cycles =
-        std::ranges::any_of(plan_.plant.devices, [](const auto& d) { return d.power_cycle_after_store; }) ||
+        std::ranges::any_of(plan_.plant.devices, [](const auto& d) { return d.storing.power_cycle_after; }) ||
         std::ranges::any_of(plan_.machine.slots,
                             [](const auto& s) { return s.spec.activate == places::Activate::power_cycle; });
     for (int round = 0; round < 6; ++round) {
@@ -301,7 +301,7 @@ class WorldRun final : private can::Tap {
       const auto t = d->truth();
       // Devices that were to be blanked wait for power too, in no slot's name.
       const bool waits = std::ranges::find(waiting, t.address) != waiting.end() ||
-                         (d->plan().power_cycle_after_store && (t.active != t.persistent || t.active != t.pending));
+                         (d->plan().storing.power_cycle_after && (t.active != t.persistent || t.active != t.pending));
       if (!waits || !t.powered) continue;
       any = true;
       d->power(false);

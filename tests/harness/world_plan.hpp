@@ -278,18 +278,18 @@ class Planner {
     }
     d.boot = between(1ms, 200ms);
     d.reset = between(1ms, 100ms);
-    d.store = between(1ms, 200ms);
-    if (slow_stores_ && random_.below(2) == 0) d.store = between(300ms, 2s);
-    d.deaf_while_storing = random_.below(3) == 0;
-    d.power_cycle_after_store = random_.below(16) == 0;
-    d.queue = random_.below(2) == 0 ? plant::QueueKind::in_order : plant::QueueKind::priority;
+    d.storing.time = between(1ms, 200ms);
+    if (slow_stores_ && random_.below(2) == 0) d.storing.time = between(300ms, 2s);
+    d.storing.deaf = random_.below(3) == 0;
+    d.storing.power_cycle_after = random_.below(16) == 0;
+    d.controller.queue = random_.below(2) == 0 ? plant::QueueKind::in_order : plant::QueueKind::priority;
     // What RAND sends leaves a small receive buffer time, and `auto` pauses between the frames of LSS where it must;
     // the other searches send 40h to 4Bh back to back.
     const auto way = method_of(bus);
     const bool by_rand = d.speaks.has(plant::Speaks::rand) && way == "rand";
-    d.rx_depth = std::array<std::uint32_t, 3>{1, 2, 16}[random_.below(3)];
-    if (!by_rand && way != "auto") d.rx_depth = 32;
-    d.drift_ppm = static_cast<std::int32_t>(random_.between(-200, 200));
+    d.controller.rx_depth = std::array<std::uint32_t, 3>{1, 2, 16}[random_.below(3)];
+    if (!by_rand && way != "auto") d.controller.rx_depth = 32;
+    d.controller.drift_ppm = static_cast<std::int32_t>(random_.between(-200, 200));
     return d;
   }
 

@@ -508,7 +508,7 @@ RC_GTEST_PROP(RandMasterProperty, S1_20_S1_22_BadLuckEndsInAClearState, ()) {
       w.add(a, nanoseconds(random.between(0, 8'000'000)));
     }
   }
-  w.bus.random_faults({.disturbed_per_million = 2'000, .overrun_per_million = 500});
+  w.bus.faults().draw_from({.disturbed_per_million = 2'000, .overrun_per_million = 500});
   w.options.retries = 12;
   std::set<LssAddress> found;
   // A lost answer to phase 0 may end a discovery early: as in a running machine, ask until a whole one is empty.

@@ -73,7 +73,7 @@ plant::PlantDevice& add_pump(plant::PlantFile& p, const std::string& name, std::
   auto& d = add_device(p, name, pump, serial);
   d.eds = "pump.eds";
   d.eds_path = eds;
-  d.store = 100ms;
+  d.storing.time = 100ms;
   return d;
 }
 
@@ -370,7 +370,7 @@ TEST(Configuration, HU_19_TimeOutsAreOptionsAndLongEnoughByDefault) {
   auto machine = pumps({5});
   machine.buses.front().timing = design::Timing{};
   auto plant = plant_of(1);
-  plant.devices[0].store = 1s;
+  plant.devices[0].storing.time = 1s;
   Rig rig(machine, plant);
   rig.begin();
   ASSERT_TRUE(rig.run_until([&] { return rig.state(5) == SlotState::configuring; }, 30s)) << rig.log();
@@ -386,7 +386,7 @@ TEST(Configuration, ALateAnswerToTheSavingCounts) {
   auto machine = pumps({5});
   machine.buses.front().timing.save_timeout = 60ms;
   auto plant = plant_of(1);
-  plant.devices[0].store = 40ms;  // twice: the values, and what says that they are whole
+  plant.devices[0].storing.time = 40ms;  // twice: the values, and what says that they are whole
   Rig rig(machine, plant);
   const Watch watch(rig, 5);
   rig.begin();

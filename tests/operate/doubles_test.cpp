@@ -274,7 +274,7 @@ TEST(Doubles, ABorrowerThatWaitsForItsPowerCycleIsNotToldAgain) {
   auto p = one_bus_plant(1);
   auto& a = add_device(p, "a", type_b, 7);
   a.speaks = {Speaks::lss, Speaks::fastscan};
-  a.power_cycle_after_store = true;
+  a.storing.power_cycle_after = true;
   is_not_told_again(p, 30s);
 }
 

@@ -272,8 +272,8 @@ TEST(Promise, WhatTwoDevicesAreToldToStoreIsWaitedForFromBoth) {
   add_slot(m, 2, type_a);
   add_slot(m, 3, type_b);
   auto p = one_bus_plant(1);
-  add_device(p, "y", type_a, 1).store = 2s;
-  add_device(p, "x", type_b, 2).store = 5ms;
+  add_device(p, "y", type_a, 1).storing.time = 2s;
+  add_device(p, "x", type_b, 2).storing.time = 5ms;
   Rig rig(m, p);
   plant::SimDevice& y = rig.device("y");
   int stores = 0;

@@ -112,15 +112,15 @@ nodes = ["drive 1"]
   EXPECT_EQ(s1.response, (Latency{1ms, 4ms, 20, 300ms}));
   EXPECT_EQ(s1.boot, Duration(1500ms));
   EXPECT_EQ(s1.reset, Duration(100ms));
-  EXPECT_EQ(s1.store, Duration(20ms));
-  EXPECT_TRUE(s1.deaf_while_storing);
-  EXPECT_TRUE(s1.power_cycle_after_store);
-  EXPECT_EQ(s1.queue, QueueKind::priority);
-  EXPECT_EQ(s1.rx_depth, 1U);
+  EXPECT_EQ(s1.storing.time, Duration(20ms));
+  EXPECT_TRUE(s1.storing.deaf);
+  EXPECT_TRUE(s1.storing.power_cycle_after);
+  EXPECT_EQ(s1.controller.queue, QueueKind::priority);
+  EXPECT_EQ(s1.controller.rx_depth, 1U);
   EXPECT_EQ(s1.heartbeat, Duration(100ms));
-  EXPECT_EQ(s1.bus_off_recovery, Duration(1s));
-  EXPECT_EQ(s1.repeat_ppm, 7U);
-  EXPECT_EQ(s1.drift_ppm, -100);
+  EXPECT_EQ(s1.controller.bus_off_recovery, Duration(1s));
+  EXPECT_EQ(s1.controller.repeat_ppm, 7U);
+  EXPECT_EQ(s1.controller.drift_ppm, -100);
   EXPECT_FALSE(s1.plugged);
   EXPECT_EQ(p.devices[3].name, "drive 3");
   EXPECT_EQ(p.devices[3].address.serial, 0x14U);
@@ -314,15 +314,15 @@ PlantDevice random_device(Random& r, std::size_t i, const std::vector<PlantBus>&
   }
   if (r.chance(500'000)) d.boot = random_time(r, 1h);
   if (r.chance(500'000)) d.reset = random_time(r, 1h);
-  if (r.chance(500'000)) d.store = random_time(r, 1h);
-  d.deaf_while_storing = r.chance(500'000);
-  d.power_cycle_after_store = r.chance(500'000);
-  d.queue = static_cast<QueueKind>(r.below(2));
-  d.rx_depth = 1 + static_cast<std::uint32_t>(r.below(1024));
+  if (r.chance(500'000)) d.storing.time = random_time(r, 1h);
+  d.storing.deaf = r.chance(500'000);
+  d.storing.power_cycle_after = r.chance(500'000);
+  d.controller.queue = static_cast<QueueKind>(r.below(2));
+  d.controller.rx_depth = 1 + static_cast<std::uint32_t>(r.below(1024));
   d.heartbeat = std::chrono::milliseconds(r.below(65536));
-  if (r.chance(500'000)) d.bus_off_recovery = random_time(r, 1h);
-  if (r.chance(500'000)) d.repeat_ppm = static_cast<std::uint32_t>(r.below(1'000'001));
-  d.drift_ppm = static_cast<std::int32_t>(r.between(-100'000, 100'000));
+  if (r.chance(500'000)) d.controller.bus_off_recovery = random_time(r, 1h);
+  if (r.chance(500'000)) d.controller.repeat_ppm = static_cast<std::uint32_t>(r.below(1'000'001));
+  d.controller.drift_ppm = static_cast<std::int32_t>(r.between(-100'000, 100'000));
   d.plugged = r.chance(500'000);
   return d;
 }

@@ -322,7 +322,7 @@ std::uint64_t busy_world(std::uint64_t seed, std::uint64_t perturbation, std::ui
   sim::World world(seed);
   sim::Bus& bus = world.add_bus("one", 500'000);
   sim::Bus& other = world.add_bus("two", 125'000);
-  bus.random_faults({.disturbed_per_million = 30'000, .overrun_per_million = 10'000});
+  bus.faults().draw_from({.disturbed_per_million = 30'000, .overrun_per_million = 10'000});
   if (perturbation != 0) world.executor().perturb(perturbation);
   std::vector<std::unique_ptr<Node>> nodes;
   Random dice = world.random().fork();

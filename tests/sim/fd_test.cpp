@@ -256,7 +256,7 @@ TEST_F(FdBus, RandomTrafficWithFaults) {
   Node a(bus);
   Node b(bus);
   Node ear(bus);
-  bus.random_faults({.disturbed_per_million = 20'000});
+  bus.faults().draw_from({.disturbed_per_million = 20'000});
   for (unsigned i = 0; i < 2000; ++i) {
     Node& from = i % 2 == 0 ? a : b;
     const auto value = static_cast<std::uint8_t>(i);
