@@ -15,6 +15,8 @@ endif()
 if(CMAKE_CXX_COMPILER_ID STREQUAL "GNU")
   target_compile_options(berth_options INTERFACE -Wno-maybe-uninitialized -Wno-restrict -Wno-stringop-overflow
     -Wno-array-bounds)
+  # The compiler collects its garbage from 512 MB on, not from 128: an eighth of its time, for 100 MB more at most.
+  target_compile_options(berth_options INTERFACE --param=ggc-min-heapsize=524288)
 endif()
 if(CMAKE_CXX_COMPILER_ID MATCHES "Clang")
   target_compile_options(berth_options INTERFACE -Wno-missing-designated-field-initializers -Wno-unknown-warning-option
