@@ -41,7 +41,7 @@ std::string ref_text(ObjectRef ref) { return fmt::format("{:04X}h:{:02X}", ref.i
 
 namespace {
 
-std::string dump(const Json& json) { return json.dump(2, ' ', false, Json::error_handler_t::replace); }
+std::string json_text(const Json& json) { return json.dump(2, ' ', false, Json::error_handler_t::replace); }
 
 const char* name(Severity severity) {
   return severity == Severity::error ? "error" : severity == Severity::warning ? "warning" : "note";
@@ -195,7 +195,7 @@ int run_eds_check(const Options& options, const EdsOptions& asked) {
   if (options.json) {
     all["errors"] = errors;
     all["warnings"] = warnings;
-    print_line(dump(all));
+    print_line(json_text(all));
   }
   return status;
 }
@@ -266,7 +266,7 @@ Json json_of(const Row& row) {
 }
 
 // Bytes of a character sequence that a terminal shows as one each: UTF-8 by its lead bytes.
-std::string fitted(const std::string& text, std::size_t width) {
+std::string fitted_text(const std::string& text, std::size_t width) {
   std::string out;
   std::size_t used = 0;
   std::size_t at = 0;
@@ -288,34 +288,34 @@ std::string value_column(const Row& row) { return row.value.empty() ? row.initia
 
 void print_table(const eds::File& file) {
   const od::Description& description = *file.description;
-  print_line(
-      fmt::format("{:<9} {} {:<14} {:<6} {:<3} {}", "object", fitted("name", 36), "type", "access", "PDO", "value"));
+  print_line(fmt::format("{:<9} {} {:<14} {:<6} {:<3} {}", "object", fitted_text("name", 36), "type", "access", "PDO",
+                         "value"));
   for (const od::Object& object : description.objects()) {
     const auto subs = description.subs(object);
     const bool single = subs.size() == 1 && subs[0].sub == 0 && object.code == od::ObjectCode::var;
     if (!single) {
-      print_line(fmt::format("{:04X}h     {} {}", object.index, fitted(std::string(description.name(object)), 36),
+      print_line(fmt::format("{:04X}h     {} {}", object.index, fitted_text(std::string(description.name(object)), 36),
                              od::name(object.code)));
     }
     for (const od::SubObject& sub : subs) {
       const Row row = row_of(file, object.index, sub);
       const std::string where = single ? fmt::format("{:04X}h", object.index) : fmt::format("  :{:02X}", sub.sub);
       std::string line =
-          fmt::format("{:<9} {} {:<14} {:<6} {:<3} {}", where, fitted((single ? "" : "  ") + row.name, 36), row.type,
-                      row.access, row.mapping, value_column(row));
+          fmt::format("{:<9} {} {:<14} {:<6} {:<3} {}", where, fitted_text((single ? "" : "  ") + row.name, 36),
+                      row.type, row.access, row.mapping, value_column(row));
       while (line.ends_with(' ')) line.pop_back();
       print_line(line);
     }
   }
 }
 
-struct Wanted {
+struct ShownObjects {
   std::vector<const od::Object*> objects;
   std::optional<std::uint8_t> sub;
   std::string problem;  // with the word itself; empty: there is no such object
 };
 
-std::string lower(std::string_view text) {
+std::string lower_word(std::string_view text) {
   std::string out(text);
   std::ranges::transform(out, out.begin(), [](unsigned char c) { return static_cast<char>(std::tolower(c)); });
   return out;
@@ -325,15 +325,15 @@ std::string lower(std::string_view text) {
 std::vector<const od::Object*> named_like(const od::Description& description, const std::string& word) {
   std::vector<const od::Object*> found;
   for (const od::Object& object : description.objects()) {
-    bool named = lower(description.name(object)).find(lower(word)) != std::string::npos;
+    bool named = lower_word(description.name(object)).find(lower_word(word)) != std::string::npos;
     for (const od::SubObject& each : description.subs(object))
-      named = named || lower(description.name(each)).find(lower(word)) != std::string::npos;
+      named = named || lower_word(description.name(each)).find(lower_word(word)) != std::string::npos;
     if (named) found.push_back(&object);
   }
   return found;
 }
 
-Wanted wanted_objects(const eds::File& file, const std::string& word) {
+ShownObjects wanted_objects(const eds::File& file, const std::string& word) {
   const od::Description& description = *file.description;
   const auto number = od::read_object(word);
   if (number) {
@@ -342,7 +342,7 @@ Wanted wanted_objects(const eds::File& file, const std::string& word) {
     return {{object}, number->sub, {}};
   }
   if (number.error().kind == od::NoObject::Kind::bare) return {{}, {}, number.error().why};
-  Wanted wanted{named_like(description, word), {}, {}};
+  ShownObjects wanted{named_like(description, word), {}, {}};
   if (!wanted.objects.empty()) return wanted;
   const auto named = od::find_named(description, word);  // "Identity object/Serial number"
   if (named.size() == 1) return {{description.find(named.front().index)}, named.front().sub, {}};
@@ -430,7 +430,7 @@ int run_eds_show(const Options& options, const EdsOptions& asked) {
   const Described file = describe_file(asked.files.at(0));
   if (!file.readable()) return tell(unusable(file), options.json);
   const eds::File& read = file.reading.file;
-  const Wanted wanted = asked.object.empty() ? Wanted{} : wanted_objects(read, asked.object);
+  const ShownObjects wanted = asked.object.empty() ? ShownObjects{} : wanted_objects(read, asked.object);
   if (!wanted.problem.empty()) {
     return tell(failure(Exit::usage, fmt::format("{}: {}", file.name, wanted.problem)), options.json);
   }
@@ -454,7 +454,7 @@ int run_eds_show(const Options& options, const EdsOptions& asked) {
     for (const od::Object* const object : wanted.objects) {
       json["objects"].push_back(json_of(read, *object, wanted.sub));
     }
-    print_line(dump(json));
+    print_line(json_text(json));
     return Exit::done;
   }
   if (asked.object.empty()) {

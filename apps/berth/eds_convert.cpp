@@ -96,7 +96,7 @@ struct Converted {
   std::string bytes;
   Findings findings;
 };
-using Result = tl::expected<Converted, Failure>;
+using Conversion = tl::expected<Converted, Failure>;
 
 tl::unexpected<Failure> wrong(int status, const std::string& message) {
   return tl::unexpected(failure(status, message));
@@ -113,7 +113,7 @@ class Converter {
   Converter(const EdsOptions& asked, Format to)
       : asked_(asked), to_(to), in_(asked.files.at(0)), out_(asked.files.at(1)) {}
 
-  [[nodiscard]] Result run() {
+  [[nodiscard]] Conversion run() {
     return format_by_extension(in_) == Format::concise ? from_concise() : from_description();
   }
 
@@ -125,7 +125,7 @@ class Converter {
     return file;
   }
 
-  Result from_description() {
+  Conversion from_description() {
     auto file = read(in_);
     if (!file) return tl::unexpected(file.error());
     eds::File& read = file->reading.file;
@@ -136,7 +136,7 @@ class Converter {
     return write(read, *file);
   }
 
-  Result write(eds::File& file, const Described& source) {
+  Conversion write(eds::File& file, const Described& source) {
     file.info.file_name = fs::path(out_).filename().string();
     switch (to_) {
       case Format::concise: return to_concise(file, source.name);
@@ -163,7 +163,7 @@ class Converter {
     return file.commissioning ? file.commissioning->node_id.value_or(NodeId()) : NodeId();
   }
 
-  Result to_concise(const eds::File& file, const std::string& name) const {
+  Conversion to_concise(const eds::File& file, const std::string& name) const {
     if (file.parameters.empty()) {
       return wrong(
           Exit::no,
@@ -208,7 +208,7 @@ class Converter {
     return made;
   }
 
-  Result from_concise() {
+  Conversion from_concise() {
     if (to_ == Format::concise) return wrong(Exit::usage, fmt::format("{} is a concise DCF already", in_));
     if (asked_.eds.empty()) {
       return wrong(

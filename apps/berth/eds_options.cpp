@@ -7,20 +7,20 @@
 namespace berth::cli {
 namespace {
 
-using Wanted = std::shared_ptr<EdsOptions>;
+using EdsWords = std::shared_ptr<EdsOptions>;
 
 Verb eds_verb(const Verb& eds, const char* name, const char* help, const char* examples, Options& options,
-              const Wanted& wanted, int (*run)(const Options&, const EdsOptions&)) {
+              const EdsWords& wanted, int (*run)(const Options&, const EdsOptions&)) {
   Verb verb = eds.add(name, help, [&options, wanted, run] { return run(options, *wanted); });
   verb.footer(std::string("Examples:\n") + examples);
   return verb;
 }
 
-void node_word(const Verb& verb, const Wanted& wanted, const char* help) {
+void node_word(const Verb& verb, const EdsWords& wanted, const char* help) {
   verb.word("--node", wanted->node, help).from_to(1, 127).shown("N");
 }
 
-void add_check(const Verb& eds, Options& options, const Wanted& wanted) {
+void add_check(const Verb& eds, Options& options, const EdsWords& wanted) {
   const Verb check = eds_verb(eds, "check", "what is wrong with a description, in words, and what to do about it",
                               "  berth eds check sensor.eds\n  berth eds check --strict --json *.eds *.dcf", options,
                               wanted, run_eds_check);
@@ -30,7 +30,7 @@ void add_check(const Verb& eds, Options& options, const Wanted& wanted) {
   json_flag(check, options);
 }
 
-void add_convert(const Verb& eds, Options& options, const Wanted& wanted) {
+void add_convert(const Verb& eds, Options& options, const EdsWords& wanted) {
   const Verb convert =
       eds_verb(eds, "convert", "write a description in another form, and say what that form cannot hold",
                "  berth eds convert sensor.eds sensor.xdd\n  berth eds convert left.dcf left.cdcf --node 5\n"
@@ -46,7 +46,7 @@ void add_convert(const Verb& eds, Options& options, const Wanted& wanted) {
   json_flag(convert, options);
 }
 
-void add_diff(const Verb& eds, Options& options, const Wanted& wanted) {
+void add_diff(const Verb& eds, Options& options, const EdsWords& wanted) {
   const Verb diff = eds_verb(eds, "diff", "what two descriptions say differently, or a description and the device",
                              "  berth eds diff old.eds new.eds\n"
                              "  berth eds diff sensor.eds --node 5 -m machine.toml --sim plant.toml --up",
@@ -59,7 +59,7 @@ void add_diff(const Verb& eds, Options& options, const Wanted& wanted) {
   diff.flag("--up", options.bring_up, "with --sim: first run the main job until the machine is operational");
 }
 
-void add_show(const Verb& eds, Options& options, const Wanted& wanted) {
+void add_show(const Verb& eds, Options& options, const EdsWords& wanted) {
   const Verb show =
       eds_verb(eds, "show", "the object dictionary as a table, or one object in detail",
                "  berth eds show sensor.eds\n  berth eds show sensor.eds 0x1018\n  berth eds show sensor.eds heartbeat",

@@ -63,7 +63,7 @@ std::optional<std::string> from_base64(std::string_view text) {
   return bytes;
 }
 
-tl::expected<std::string, Failure> bytes_of(const std::string& path) {
+tl::expected<std::string, Failure> bytes_of_file(const std::string& path) {
   Findings findings;
   auto text = text::read_file(path, findings);
   if (!text) return tl::unexpected(failure(findings));
@@ -120,7 +120,7 @@ tl::expected<std::string, Failure> store_bytes(const std::string& path) {
   if (fs::exists(path + "-wal") && fs::file_size(path + "-wal", ignored) > 0) {
     return tl::unexpected(failure(Exit::failed, path + ": another process uses it; end it, then export"));
   }
-  return bytes_of(path);
+  return bytes_of_file(path);
 }
 
 /// What an export holds, decoded.
@@ -268,7 +268,7 @@ int run_export(const Options& given, const std::string& to) {
   all["files"] = Json::array();
   const fs::path folder = fs::path(options.machine).parent_path();
   for (const auto& name : *names) {
-    const auto bytes = bytes_of((folder / name).string());
+    const auto bytes = bytes_of_file((folder / name).string());
     if (!bytes) return tell(bytes.error(), options.json);
     all["files"].push_back({{"name", name}, {"base64", to_base64(*bytes)}});
   }
@@ -296,7 +296,7 @@ int run_export(const Options& given, const std::string& to) {
 }
 
 int run_import(const Options& options, const std::string& from, const std::string& folder) {
-  const auto text = bytes_of(from);
+  const auto text = bytes_of_file(from);
   if (!text) return tell(text.error(), options.json);
   const auto contents = contents_of(*text, from);
   if (!contents) return tell(contents.error(), options.json);

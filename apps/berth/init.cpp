@@ -94,7 +94,7 @@ Json json_of(const InitPlan& plan, const InitOptions& init) {
   return json;
 }
 
-std::string plural(std::size_t count, const char* what) {
+std::string number_of(std::size_t count, const char* what) {
   return fmt::format("{} {}{}", count, what, count == 1 ? "" : "s");
 }
 
@@ -103,7 +103,7 @@ void tell_written(const InitPlan& plan, const InitOptions& init) {
   for (const auto& bus : plan.buses) {
     buses += fmt::format("{}bus {} at {} bit/s", buses.empty() ? "" : ", ", bus.name, bus.bitrate);
   }
-  print_line(fmt::format("{}: machine \"{}\", {}, {}", init.file, plan.name, plural(plan.devices(), "slot"), buses));
+  print_line(fmt::format("{}: machine \"{}\", {}, {}", init.file, plan.name, number_of(plan.devices(), "slot"), buses));
   print_line(fmt::format("{}: the same devices, simulated", init.plant));
   for (const auto& note : plan.notes) print_line("note: " + note);
   print_line("Next:");

@@ -44,7 +44,7 @@ std::string no_name(const std::string& name) {
   return design::good_name(name) ? "" : std::string("this is no name; ") + design::name_fix;
 }
 
-std::string no_rate(const std::string& word) {
+std::string no_bit_rate(const std::string& word) {
   static constexpr std::array<std::string_view, 8> rates{"10000",  "20000",  "50000",  "125000",
                                                          "250000", "500000", "800000", "1000000"};
   return std::ranges::find(rates, word) != rates.end() ? "" : fmt::format("one of {}", fmt::join(rates, ", "));
@@ -91,7 +91,7 @@ tl::expected<void, Failure> take_port(Options& options, const std::string& word,
   options.ports = {word};
   const auto kind = port->kind;
   if (kind == can::PortKind::slcan && !options.bit_rate) {
-    const auto rate = answer(interrupt, "Bit rate of the bus", "125000", no_rate);
+    const auto rate = answer(interrupt, "Bit rate of the bus", "125000", no_bit_rate);
     if (!rate) return tl::unexpected(rate.error());
     options.bit_rate = static_cast<unsigned>(std::stoul(*rate));
   }

@@ -122,8 +122,8 @@ int print_listing(const Options& options, const StudyOptions& study, const study
   return verdict(found->wrong);
 }
 
-double seconds(rt::Duration time) { return std::chrono::duration<double>(time).count(); }
-double ms(rt::Duration time) { return std::chrono::duration<double, std::milli>(time).count(); }
+double in_seconds(rt::Duration time) { return std::chrono::duration<double>(time).count(); }
+double in_ms(rt::Duration time) { return std::chrono::duration<double, std::milli>(time).count(); }
 
 std::vector<std::string> incomplete(const std::vector<study::LoadRow>& rows) {
   std::vector<std::string> lines;
@@ -144,14 +144,14 @@ int print_load(const Options& options) {
                               {"bitrate", r.bit_rate},
                               {"with_id", r.with_id},
                               {"complete", r.complete},
-                              {"settled_s", seconds(r.settled)},
+                              {"settled_s", in_seconds(r.settled)},
                               {"frames", r.frames},
                               {"bits", r.bits},
                               {"mean_load", r.mean_load},
                               {"peak_load", r.peak_load},
-                              {"longest_blocking_s", seconds(r.longest_run)},
-                              {"pdo_waited_s", seconds(r.pdo_waited)},
-                              {"pdo_undisturbed_s", seconds(r.pdo_undisturbed)}});
+                              {"longest_blocking_s", in_seconds(r.longest_run)},
+                              {"pdo_waited_s", in_seconds(r.pdo_waited)},
+                              {"pdo_undisturbed_s", in_seconds(r.pdo_undisturbed)}});
     }
     print_line(json.dump(2));
     return verdict(incomplete(rows));
@@ -161,8 +161,8 @@ int print_load(const Options& options) {
                          "settled", "frames", "mean load", "peak load", "blocks a PDO", "PDO waited"));
   for (const auto& r : rows) {
     print_line(fmt::format("{:>7} {:>8} {:>7} {:>8.2f} s {:>8} {:>8.2f} % {:>8.2f} % {:>11.2f} ms {:>7.2f} ms",
-                           r.devices, r.bit_rate / 1000, r.with_id, seconds(r.settled), r.frames, 100 * r.mean_load,
-                           100 * r.peak_load, ms(r.longest_run), ms(r.pdo_waited)));
+                           r.devices, r.bit_rate / 1000, r.with_id, in_seconds(r.settled), r.frames, 100 * r.mean_load,
+                           100 * r.peak_load, in_ms(r.longest_run), in_ms(r.pdo_waited)));
   }
   return verdict(incomplete(rows));
 }

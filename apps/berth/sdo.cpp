@@ -85,28 +85,28 @@ std::string take_objects_and_values(const Words& words, command::Request& reques
 }
 
 /// `sdo read` and `sdo write` as they are written.
-struct Wanted {
+struct SdoWords {
   Words words;
   std::string file;
   command::Request request;
 };
 
-void word_of(const Verb& verb, const std::shared_ptr<Wanted>& wanted, const std::string& names, const std::string& key,
-             const std::string& help, bool required = false) {
+void word_of(const Verb& verb, const std::shared_ptr<SdoWords>& wanted, const std::string& names,
+             const std::string& key, const std::string& help, bool required = false) {
   Word word = verb.word(
       names, [wanted, key](const std::string& text) { wanted->request.arguments[key] = text; }, help);
   if (required) word.required();
   if (names.starts_with("--type")) word.shown("TYPE");
 }
 
-void flag_of(const Verb& verb, const std::shared_ptr<Wanted>& wanted, const std::string& names, const std::string& key,
-             const std::string& help) {
+void flag_of(const Verb& verb, const std::shared_ptr<SdoWords>& wanted, const std::string& names,
+             const std::string& key, const std::string& help) {
   verb.flag(
       names, [wanted, key] { wanted->request.arguments[key] = "1"; }, help);
 }
 
 // The bytes of the one object that was read, as they are.
-int read_into_file(const Options& options, const Wanted& wanted) {
+int read_into_file(const Options& options, const SdoWords& wanted) {
   const auto reply = carry_out(options, wanted.request);
   if (!reply) return tell(reply.error(), options.json);
   if (reply->status != Exit::done) return tell({reply->status, reply->error, reply->json}, options.json);
@@ -127,7 +127,7 @@ int read_into_file(const Options& options, const Wanted& wanted) {
   return Exit::done;
 }
 
-int run_read(const Options& options, Wanted wanted) {
+int run_read(const Options& options, SdoWords wanted) {
   take_objects(wanted.words, wanted.request);
   if (options.yes) wanted.request.arguments["yes"] = "1";
   if (wanted.file.empty()) return run_single(options, std::move(wanted.request));
@@ -136,7 +136,7 @@ int run_read(const Options& options, Wanted wanted) {
   return read_into_file(options, wanted);
 }
 
-int run_write(const Options& options, Wanted wanted) {
+int run_write(const Options& options, SdoWords wanted) {
   if (!wanted.file.empty()) {
     Findings findings;
     const auto text = text::read_file(wanted.file, findings);
@@ -153,7 +153,7 @@ int run_write(const Options& options, Wanted wanted) {
 }
 
 // The words of both.
-void sdo_words(const Verb& verb, const std::shared_ptr<Wanted>& wanted, const std::string& objects_help,
+void sdo_words(const Verb& verb, const std::shared_ptr<SdoWords>& wanted, const std::string& objects_help,
                const std::string& objects_shown, const std::string& file_help) {
   word_of(verb, wanted, "node", "node", "node-ID or slot's name", true);
   verb.word("object", wanted->words, objects_help).required().shown(objects_shown);
@@ -163,7 +163,7 @@ void sdo_words(const Verb& verb, const std::shared_ptr<Wanted>& wanted, const st
 }
 
 void add_read(const Verb& sdo, Options& options) {
-  const auto wanted = std::make_shared<Wanted>();
+  const auto wanted = std::make_shared<SdoWords>();
   wanted->request.verb = "sdo read";
   const Verb read =
       sdo.add("read", "read objects of a device", [&options, wanted] { return run_read(options, *wanted); });
@@ -178,7 +178,7 @@ void add_read(const Verb& sdo, Options& options) {
 }
 
 void add_write(const Verb& sdo, Options& options) {
-  const auto wanted = std::make_shared<Wanted>();
+  const auto wanted = std::make_shared<SdoWords>();
   wanted->request.verb = "sdo write";
   const Verb write =
       sdo.add("write", "write objects of a device", [&options, wanted] { return run_write(options, *wanted); });

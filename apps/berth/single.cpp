@@ -44,7 +44,7 @@ int show(const command::Reply& reply, const Options& options) {
 }
 
 // The simulated devices need their time to boot; with --up the main job gets the time it needs.
-tl::expected<void, Failure> prepare(Rig& rig, const Options& options) {
+tl::expected<void, Failure> prepare_rig(Rig& rig, const Options& options) {
   if (!options.bring_up) {
     rig.power_on_and_boot(100ms);
     return {};
@@ -131,7 +131,7 @@ Replied reply_of_own_world(const Options& options, const command::Request& reque
   if (options.bring_up) {
     if (const auto alone = strangers.ask(); !alone) return tl::unexpected(alone.error());
   }
-  const auto ready = prepare(rig, options);
+  const auto ready = prepare_rig(rig, options);
   if (!ready) return tl::unexpected(ready.error());
   const bool binds = request.verb == "bind";
   if (binds && !options.dry_run && !options.yes && rig.first_start()) return unconfirmed_binding();

@@ -18,9 +18,9 @@ namespace {
 
 using Json = nlohmann::ordered_json;
 
-double seconds(rt::Duration time) { return std::chrono::duration<double>(time).count(); }
+double seconds_of(rt::Duration time) { return std::chrono::duration<double>(time).count(); }
 
-std::string key_text(std::uint32_t key) {
+std::string key_word(std::uint32_t key) {
   const auto id = key & ~can::extended_flag;
   return key == id ? fmt::format("{:03X}", id) : fmt::format("{:08X}", id);
 }
@@ -222,10 +222,10 @@ class Pipeline final : public trace::Sink, private decode::Rows {
               {"frames", all.frames},
               {"bits", all.bits},
               {"fd_frames", all.fd_frames},
-              {"first_s", seconds(all.first)},
-              {"last_s", seconds(all.last)},
-              {"span_s", seconds(all.span())},
-              {"longest_gap_s", seconds(all.longest_gap)},
+              {"first_s", seconds_of(all.first)},
+              {"last_s", seconds_of(all.last)},
+              {"span_s", seconds_of(all.span())},
+              {"longest_gap_s", seconds_of(all.longest_gap)},
               {"bitrate", nullptr},
               {"load", nullptr},
               {"ids", Json::array()}};
@@ -234,13 +234,13 @@ class Pipeline final : public trace::Sink, private decode::Rows {
       json["load"] = all.load(*trace_.bit_rate);
     }
     for (const auto& id : all.ids) {
-      Json one{{"id", key_text(id.key)},  {"frames", id.frames},     {"bits", id.bits},     {"period_min_s", nullptr},
+      Json one{{"id", key_word(id.key)},  {"frames", id.frames},     {"bits", id.bits},     {"period_min_s", nullptr},
                {"period_avg_s", nullptr}, {"period_max_s", nullptr}, {"jitter_s", nullptr}, {"load", nullptr}};
       if (id.frames > 1) {
-        one["period_min_s"] = seconds(id.shortest);
-        one["period_avg_s"] = seconds(id.average);
-        one["period_max_s"] = seconds(id.longest);
-        one["jitter_s"] = seconds(id.jitter);
+        one["period_min_s"] = seconds_of(id.shortest);
+        one["period_avg_s"] = seconds_of(id.average);
+        one["period_max_s"] = seconds_of(id.longest);
+        one["jitter_s"] = seconds_of(id.jitter);
       }
       if (trace_.bit_rate) one["load"] = load_of(id, all);
       json["ids"].push_back(std::move(one));
@@ -249,7 +249,7 @@ class Pipeline final : public trace::Sink, private decode::Rows {
   }
 
   [[nodiscard]] double load_of(const trace::IdStatistics& id, const trace::Statistics& all) const {
-    const double span = seconds(all.span());
+    const double span = seconds_of(all.span());
     return span > 0 ? static_cast<double>(id.bits) / *trace_.bit_rate / span : 0;
   }
 
@@ -276,15 +276,15 @@ class Pipeline final : public trace::Sink, private decode::Rows {
     out += fmt::format("bus {}\n  frames       {}\n  bits         {}{}\n", bus, all.frames, all.bits,
                        all.fd_frames > 0 ? fmt::format(" (without {} FD frames)", all.fd_frames) : "");
     out += fmt::format("  first        {:.6f} s (end of the frame)\n  last         {:.6f} s\n  span         {:.6f} s\n",
-                       seconds(all.first), seconds(all.last), seconds(all.span()));
-    out += fmt::format("  longest gap  {:.6f} s\n", seconds(all.longest_gap));
+                       seconds_of(all.first), seconds_of(all.last), seconds_of(all.span()));
+    out += fmt::format("  longest gap  {:.6f} s\n", seconds_of(all.longest_gap));
     if (trace_.bit_rate)
       out += fmt::format("  load         {:.2f} % at {} bit/s\n", 100 * all.load(*trace_.bit_rate), *trace_.bit_rate);
     out += fmt::format("  {:<10}{:>10}{:>12}{:>14}{:>14}{:>14}{:>14}{}\n", "identifier", "frames", "bits",
                        "shortest ms", "average ms", "longest ms", "jitter ms", trace_.bit_rate ? "    load %" : "");
     const auto ms = [](rt::Duration time) { return std::chrono::duration<double, std::milli>(time).count(); };
     for (const auto& id : all.ids) {
-      out += fmt::format("  {:<10}{:>10}{:>12}", key_text(id.key), id.frames, id.bits);
+      out += fmt::format("  {:<10}{:>10}{:>12}", key_word(id.key), id.frames, id.bits);
       if (id.frames > 1) {
         out += fmt::format("{:>14.3f}{:>14.3f}{:>14.3f}{:>14.3f}", ms(id.shortest), ms(id.average), ms(id.longest),
                            ms(id.jitter));

@@ -5,14 +5,11 @@
 
 #include "machines.hpp"
 #include "process.hpp"
-#include "tests/paths.hpp"
 
 namespace berth::test {
 namespace {
 
 using nlohmann::json;
-
-std::string example(const std::string& name) { return source_dir() + "/examples/" + name; }
 
 TEST(Analyze, ATableByPriorityAndWhatWasAssumed) {
   const Outcome run = berth({"analyze", example("by-eds.toml")});

@@ -9,7 +9,7 @@
 #include "process.hpp"
 #include "tests/eds_folder.hpp"
 
-namespace berth::test {
+namespace berth::test::eds_command_tests {
 namespace {
 
 using Json = nlohmann::json;
@@ -445,4 +445,4 @@ TEST_F(EdsCommand, HelpHasExamples) {
 }
 
 }  // namespace
-}  // namespace berth::test
+}  // namespace berth::test::eds_command_tests

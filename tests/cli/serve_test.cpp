@@ -17,7 +17,7 @@
 #include "berth/io/stream.hpp"
 #include "process.hpp"
 
-namespace berth::test {
+namespace berth::test::serve_tests {
 namespace {
 
 using namespace std::chrono_literals;
@@ -196,4 +196,4 @@ TEST(Serve, WhatIsWrongIsTold) {
 }
 
 }  // namespace
-}  // namespace berth::test
+}  // namespace berth::test::serve_tests

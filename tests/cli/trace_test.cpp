@@ -15,7 +15,7 @@
 
 #include "process.hpp"
 
-namespace berth::test {
+namespace berth::test::trace_tests {
 namespace {
 
 using Json = nlohmann::json;
@@ -286,4 +286,4 @@ TEST(TraceCommand, ListensToAPlantAndSendsNothing) {
 }
 
 }  // namespace
-}  // namespace berth::test
+}  // namespace berth::test::trace_tests

@@ -8,6 +8,7 @@ using namespace berth;
 using namespace berth::test;
 using od::AbortCode;
 
+namespace mpdo_tests {
 namespace {
 
 constexpr auto ok = AbortCode::none;
@@ -241,3 +242,4 @@ TEST_F(Mpdo, A8_11_TheDeadlineIsSupervisedToo) {
 }
 
 }  // namespace
+}  // namespace mpdo_tests

@@ -13,6 +13,7 @@ using namespace berth::test;
 using co::PdoKind;
 using od::AbortCode;
 
+namespace pdo_tests {
 namespace {
 
 constexpr auto ok = AbortCode::none;
@@ -434,3 +435,4 @@ TEST(PdoMapping, A8_2_Entry) {
 }
 
 }  // namespace
+}  // namespace pdo_tests

@@ -9,6 +9,7 @@ using namespace berth;
 using namespace berth::test;
 using od::AbortCode;
 
+namespace rpdo_tests {
 namespace {
 
 constexpr auto ok = AbortCode::none;
@@ -359,3 +360,4 @@ TEST(RpdoObserver, MaySend) {
 }
 
 }  // namespace
+}  // namespace rpdo_tests

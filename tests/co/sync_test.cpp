@@ -9,6 +9,7 @@ using namespace berth;
 using namespace berth::test;
 using od::AbortCode;
 
+namespace sync_tests {
 namespace {
 
 constexpr auto ok = AbortCode::none;
@@ -318,7 +319,7 @@ TEST(SyncObjects, MissingOnesCountAsTheirDefaults) {
   od::DescriptionBuilder builder;
   builder.variable(0x1000, {.name = "Device type"});
   od::Values values(builder.build());
-  Owner owner;
+  berth::test::Owner owner;
   co::Sync sync(device.dispatcher, values, owner, nullptr);
   sync.start();
   peer.send("080#");
@@ -335,7 +336,7 @@ TEST(SyncObjects, HU_34_AForbiddenDefaultDoesNotAct) {
   builder.variable(0x1005, {.name = "COB-ID SYNC", .initial = od::Literal::number(0x40000000)});
   builder.variable(0x1006, {.name = "period", .initial = od::Literal::number(1000)});
   od::Values values(builder.build());
-  Owner owner;
+  berth::test::Owner owner;
   co::Sync sync(device.dispatcher, values, owner, nullptr);
   sync.start();
   b.run(10ms);
@@ -343,3 +344,4 @@ TEST(SyncObjects, HU_34_AForbiddenDefaultDoesNotAct) {
 }
 
 }  // namespace
+}  // namespace sync_tests

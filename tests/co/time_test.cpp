@@ -12,6 +12,7 @@ using namespace berth::test;
 using co::TimeOfDay;
 using od::AbortCode;
 
+namespace time_tests {
 namespace {
 
 constexpr auto ok = AbortCode::none;
@@ -134,3 +135,4 @@ TEST(TimePdo, A5_5_OD_1013_IsReceivedByPdo) {
 }
 
 }  // namespace
+}  // namespace time_tests

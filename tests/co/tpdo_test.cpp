@@ -13,6 +13,7 @@ using namespace berth;
 using namespace berth::test;
 using od::AbortCode;
 
+namespace tpdo_tests {
 namespace {
 
 constexpr auto ok = AbortCode::none;
@@ -185,7 +186,7 @@ TEST_F(Tpdo, NothingBeforeStartAndAfterStop) {
 TEST_F(Tpdo, TheStartNeedNotSend) {
   tpdo(1, {.cob_id = 0x185, .map = {entry(0x2001, 0, 8)}});
   Station other(wire);
-  Owner other_owner;
+  berth::test::Owner other_owner;
   co::Pdos quiet(other.dispatcher, values, other_owner, {.send_at_start = false});
   quiet.start(node);
   run(1ms);
@@ -507,3 +508,4 @@ TEST(TpdoBits, LocalChangesNeedARefresh) {
 }
 
 }  // namespace
+}  // namespace tpdo_tests

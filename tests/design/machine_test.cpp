@@ -14,7 +14,7 @@
 #include "berth/base/random.hpp"
 #include "tests/pch.hpp"
 
-namespace berth::design {
+namespace berth::design::machine_tests {
 namespace {
 
 using namespace std::chrono_literals;
@@ -362,4 +362,4 @@ RC_GTEST_PROP(MachineFile, NeverNeitherMachineNorError, (std::uint64_t seed)) {
 }
 
 }  // namespace
-}  // namespace berth::design
+}  // namespace berth::design::machine_tests

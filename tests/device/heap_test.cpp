@@ -40,7 +40,7 @@ void operator delete[](void* memory, std::size_t) noexcept { std::free(memory); 
 void operator delete(void* memory) noexcept { std::free(memory); }
 void operator delete(void* memory, std::size_t) noexcept { std::free(memory); }
 
-namespace berth::device::test {
+namespace berth::device::test::heap_tests {
 namespace {
 
 Options stored(std::uint32_t serial, std::uint8_t id) {
@@ -330,4 +330,4 @@ TEST(Device, MemoryPerDevice) {
 }
 
 }  // namespace
-}  // namespace berth::device::test
+}  // namespace berth::device::test::heap_tests

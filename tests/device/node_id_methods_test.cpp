@@ -9,7 +9,7 @@
 #include "berth/nodeid/rand_walk.hpp"
 #include "rig.hpp"
 
-namespace berth::device::test {
+namespace berth::device::test::node_id_methods_tests {
 namespace {
 
 constexpr LssAddress odd{0x0102'0304, 0x0506'0708, 0x090A'0B0C, 0x0D0E'0F10};
@@ -191,4 +191,4 @@ TEST(Claiming, S2_4_ClaimsOneAfterTheOtherDoNotCollide) {
 }
 
 }  // namespace
-}  // namespace berth::device::test
+}  // namespace berth::device::test::node_id_methods_tests

@@ -10,7 +10,7 @@
 #include "berth/co/sdo_client.hpp"
 #include "rig.hpp"
 
-namespace berth::device::test {
+namespace berth::device::test::services_tests {
 namespace {
 
 using od::AbortCode;
@@ -606,4 +606,4 @@ TEST(Leds, A9_4_OfARunningDevice) {
 }
 
 }  // namespace
-}  // namespace berth::device::test
+}  // namespace berth::device::test::services_tests

@@ -9,7 +9,7 @@
 #include "../pch.hpp"
 #include "rig.hpp"
 
-namespace berth::device::test {
+namespace berth::device::test::storage_tests {
 namespace {
 
 using od::AbortCode;
@@ -378,4 +378,4 @@ TEST(Storage, S4_2_SwitchesCountMoreThanTheMemory) {
 }
 
 }  // namespace
-}  // namespace berth::device::test
+}  // namespace berth::device::test::storage_tests

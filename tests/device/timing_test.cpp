@@ -9,7 +9,7 @@
 #include "../pch.hpp"
 #include "rig.hpp"
 
-namespace berth::device::test {
+namespace berth::device::test::timing_tests {
 namespace {
 
 Options stored(std::uint32_t serial, std::uint8_t id) {
@@ -228,4 +228,4 @@ TEST(Timing, BusOffRecovers) {
 }
 
 }  // namespace
-}  // namespace berth::device::test
+}  // namespace berth::device::test::timing_tests

@@ -12,7 +12,7 @@
 
 #include "discovery_world.hpp"
 
-namespace berth::discovery::test {
+namespace berth::discovery::test::identify_tests {
 namespace {
 
 constexpr TypeCode type{2, 3};
@@ -235,4 +235,4 @@ TEST(Identify, KnowsNobodyOfAnUnknownKind) {
 }
 
 }  // namespace
-}  // namespace berth::discovery::test
+}  // namespace berth::discovery::test::identify_tests

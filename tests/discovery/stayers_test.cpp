@@ -7,7 +7,7 @@
 
 #include "discovery_world.hpp"
 
-namespace berth::discovery::test {
+namespace berth::discovery::test::stayers_tests {
 namespace {
 
 constexpr TypeCode type{0x360, 5};
@@ -262,4 +262,4 @@ TEST(StayersAuto, FindsEachOnceAndEnds) {
 }
 
 }  // namespace
-}  // namespace berth::discovery::test
+}  // namespace berth::discovery::test::stayers_tests

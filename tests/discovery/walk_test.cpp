@@ -9,7 +9,7 @@
 
 #include "discovery_world.hpp"
 
-namespace berth::discovery::test {
+namespace berth::discovery::test::walk_tests {
 namespace {
 
 constexpr TypeCode type{0x0135'5341, 0x0447'0003};
@@ -671,4 +671,4 @@ TEST_P(Planner, ABusThatDoesNotCarryIsAnError) {
 }
 
 }  // namespace
-}  // namespace berth::discovery::test
+}  // namespace berth::discovery::test::walk_tests

@@ -8,6 +8,7 @@
 
 #include "support.hpp"
 
+namespace quirks_tests {
 namespace {
 
 using namespace berth;
@@ -645,3 +646,4 @@ TEST(EdsFile, E2_1_DeviceInfo) {
 }
 
 }  // namespace
+}  // namespace quirks_tests

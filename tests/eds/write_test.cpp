@@ -16,6 +16,7 @@
 #include "random_description.hpp"
 #include "support.hpp"
 
+namespace write_tests {
 namespace {
 
 using namespace berth;
@@ -442,3 +443,4 @@ TEST(EdsWrite, HU_17_RealFilesLoseNothing) {
 }
 
 }  // namespace
+}  // namespace write_tests

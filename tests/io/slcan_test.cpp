@@ -20,7 +20,7 @@
 #include "berth/io/slcan_codec.hpp"
 #include "berth/io/slcan_port.hpp"
 
-namespace berth::io {
+namespace berth::io::slcan_tests {
 namespace {
 
 using namespace std::chrono_literals;
@@ -566,4 +566,4 @@ TEST_F(SlcanPortTest, WhatIsWrongIsTold) {
 }
 
 }  // namespace
-}  // namespace berth::io
+}  // namespace berth::io::slcan_tests

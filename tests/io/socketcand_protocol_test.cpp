@@ -10,7 +10,7 @@
 #include "berth/base/random.hpp"
 #include "berth/io/stream.hpp"
 
-namespace berth::io {
+namespace berth::io::socketcand_protocol_tests {
 namespace {
 
 using namespace std::chrono_literals;
@@ -254,4 +254,4 @@ TEST(Endpoint, TextsOfIt) {
 }
 
 }  // namespace
-}  // namespace berth::io
+}  // namespace berth::io::socketcand_protocol_tests

@@ -10,7 +10,7 @@
 
 #include "berth/lss/slave.hpp"
 
-namespace berth::lss {
+namespace berth::lss::slave_state_tests {
 namespace {
 
 constexpr LssAddress address{0x0100'0001, 0x0000'0001, 0x0002'0003, 0xDEAD'BEEF};
@@ -169,4 +169,4 @@ TEST(LssSlaveStates, ASequenceDoesNotOutliveItsState) {
 }
 
 }  // namespace
-}  // namespace berth::lss
+}  // namespace berth::lss::slave_state_tests

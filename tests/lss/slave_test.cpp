@@ -12,7 +12,7 @@
 
 #include "berth/base/random.hpp"
 
-namespace berth::lss {
+namespace berth::lss::slave_tests {
 namespace {
 
 using std::chrono::milliseconds;
@@ -393,4 +393,4 @@ RC_GTEST_PROP(LssSlaveProperty, AnyBytesKeepTheInvariants, ()) {
 }
 
 }  // namespace
-}  // namespace berth::lss
+}  // namespace berth::lss::slave_tests

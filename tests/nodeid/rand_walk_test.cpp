@@ -11,7 +11,7 @@
 
 #include "rand_world.hpp"
 
-namespace berth::nodeid::test {
+namespace berth::nodeid::test::rand_walk_tests {
 namespace {
 
 using End = DiscoveryReport::End;
@@ -412,4 +412,4 @@ TEST(RandWalkAim, RandomSerialsFiveTimesLessWithTheExtension) {
 }
 
 }  // namespace
-}  // namespace berth::nodeid::test
+}  // namespace berth::nodeid::test::rand_walk_tests

@@ -15,6 +15,7 @@ using places::SlotState;
 using plant::Speaks;
 using Seats = std::vector<std::pair<unsigned, std::uint32_t>>;
 
+namespace papers_tests {
 namespace {
 
 const Seats table_2{{1, 0x0A}, {2, 5}, {3, 8}, {4, 6}, {5, 7}};
@@ -273,3 +274,4 @@ TEST(PapersMainJob, S4_20_APollEveryPeriodAndItsLoad) {
 }
 
 }  // namespace
+}  // namespace papers_tests

@@ -17,6 +17,7 @@ using places::SlotState;
 using plant::Speaks;
 using Seats = std::vector<std::pair<unsigned, std::uint32_t>>;
 
+namespace plug_and_play_tests {
 namespace {
 
 // What the running devices are told and what they tell, while somebody comes.
@@ -215,3 +216,5 @@ TEST(Locate, NobodyThere) {
   ASSERT_FALSE(*shown);
   EXPECT_EQ(shown->error().code, Errc::not_found);
 }
+
+}  // namespace plug_and_play_tests

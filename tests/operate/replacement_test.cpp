@@ -14,6 +14,7 @@ using plant::Habit;
 using plant::Speaks;
 using Seats = std::vector<std::pair<unsigned, std::uint32_t>>;
 
+namespace replacement_tests {
 namespace {
 
 design::Machine two_slots() {
@@ -82,3 +83,4 @@ TEST_P(Replacement, TheOneThatComesBeforeTheOldOneIsMissedIsSeatedWithTheSilence
 }
 
 }  // namespace
+}  // namespace replacement_tests

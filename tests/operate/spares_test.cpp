@@ -13,6 +13,7 @@ using namespace berth::harness;
 using places::SlotState;
 using Seats = std::vector<std::pair<unsigned, std::uint32_t>>;
 
+namespace spares_tests {
 namespace {
 
 bool heard(const Rig& rig, const std::string& kind) {
@@ -220,3 +221,5 @@ TEST(Spares, RevisionsAndSuccessors) {
   ASSERT_TRUE(rig.until_operational(30s)) << rig.log();
   EXPECT_EQ(rig.seats(), (Seats{{5, 2}})) << "the successor type, of the right major revision";
 }
+
+}  // namespace spares_tests

@@ -13,6 +13,7 @@ using namespace berth::harness;
 using places::SlotState;
 using Seats = std::vector<std::pair<unsigned, std::uint32_t>>;
 
+namespace troubles_tests {
 namespace {
 
 design::Machine slots_of(std::initializer_list<std::pair<unsigned, TypeCode>> slots) {
@@ -407,3 +408,5 @@ TEST(Troubles, ReplacementAutomaticAfterARestart) {
   ASSERT_TRUE(rig.until_operational(30s)) << rig.log();
   EXPECT_EQ(rig.seats(), (Seats{{5, 2}}));
 }
+
+}  // namespace troubles_tests

@@ -12,6 +12,7 @@ using namespace berth::harness;
 using places::SlotState;
 using Seats = std::vector<std::pair<unsigned, std::uint32_t>>;
 
+namespace unfinished_tests {
 namespace {
 
 constexpr LssAddress stranger{type_c.vendor, type_c.product, 0, 9};
@@ -234,3 +235,5 @@ TEST(Unfinished, AScanAfterNmtStopShowsEachDeviceOnce) {
     EXPECT_TRUE(s.id.configured());
   }
 }
+
+}  // namespace unfinished_tests

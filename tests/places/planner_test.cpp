@@ -11,6 +11,7 @@
 using namespace berth;
 using namespace berth::places;
 
+namespace planner_tests {
 namespace {
 
 constexpr TypeCode A{0x01000001, 1};
@@ -299,3 +300,5 @@ RC_GTEST_PROP(Planner, NeverTwoInOneSlotNorOneInTwo, ()) {
     RC_ASSERT(!slots[a.slot].record.confirmed || slots[a.slot].record.confirmed->device == a.device);
   }
 }
+
+}  // namespace planner_tests

@@ -15,6 +15,7 @@
 using namespace berth;
 using namespace berth::places;
 
+namespace recipe_model_tests {
 namespace {
 
 constexpr NodeId factory(1);
@@ -235,3 +236,5 @@ TEST(RecipeBinder, BytesAreLittleEndian) {
   EXPECT_EQ(RecipeBinder::bytes({0x2000, 0, 4, 0x65766173, false}, NodeId(5)), (Bytes{'s', 'a', 'v', 'e'}));
   EXPECT_EQ(RecipeBinder::bytes({0x2000, 0, 8, 0x0102030405060708, false}, NodeId(5)), (Bytes{8, 7, 6, 5, 4, 3, 2, 1}));
 }
+
+}  // namespace recipe_model_tests

@@ -15,7 +15,7 @@
 #include "record.hpp"
 #include "tests/eds_folder.hpp"
 
-namespace berth::plant {
+namespace berth::plant::world_tests {
 namespace {
 
 using std::chrono::microseconds;
@@ -434,4 +434,4 @@ TEST(PlantWorld, OneSeedGivesOneWorld) {
 }
 
 }  // namespace
-}  // namespace berth::plant
+}  // namespace berth::plant::world_tests

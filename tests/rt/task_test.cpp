@@ -19,6 +19,7 @@ using rt::Task;
 using rt::Time;
 using namespace std::chrono_literals;
 
+namespace task_tests {
 namespace {
 
 struct Call final : rt::Job {
@@ -518,3 +519,4 @@ TEST_F(TurnTest, DestroyedBetweenGrantAndResumption) {
 }
 
 }  // namespace
+}  // namespace task_tests

@@ -10,6 +10,7 @@
 #include "berth/sim/scenarios.hpp"
 #include "berth/sim/world.hpp"
 
+namespace confinement_tests {
 namespace {
 
 using namespace berth;
@@ -326,3 +327,4 @@ TEST(Confinement, StatusTellsWarningPassiveAndBack) {
 }
 
 }  // namespace
+}  // namespace confinement_tests

@@ -10,6 +10,7 @@
 #include "berth/sim/world.hpp"
 #include "bit_model.hpp"
 
+namespace faults_tests {
 namespace {
 
 using namespace berth;
@@ -411,3 +412,4 @@ TEST(SimBus, DispatcherOverTheBus) {
 }
 
 }  // namespace
+}  // namespace faults_tests

@@ -7,6 +7,7 @@
 #include "berth/can/length.hpp"
 #include "berth/sim/world.hpp"
 
+namespace fd_tests {
 namespace {
 
 using namespace berth;
@@ -281,3 +282,4 @@ TEST_F(FdBus, RandomTrafficWithFaults) {
 }
 
 }  // namespace
+}  // namespace fd_tests

@@ -10,6 +10,7 @@
 using namespace berth;
 using namespace std::chrono_literals;
 
+namespace replaced_tests {
 namespace {
 
 struct Ear final : can::Listener {
@@ -46,3 +47,5 @@ TEST(SimReplaced, ABusSurvivesASenderReplacedAtAnyBitAndOffset) {
     }
   }
 }
+
+}  // namespace replaced_tests

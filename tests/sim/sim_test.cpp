@@ -7,6 +7,7 @@
 #include "berth/sim/world.hpp"
 #include "berth/sim/world_driver.hpp"
 
+namespace sim_tests {
 namespace {
 
 using namespace berth;
@@ -176,3 +177,4 @@ TEST(WorldDriver, ItStopsInTheInstantThatMakesItTrueElseAtTheTimeAllowed) {
 }
 
 }  // namespace
+}  // namespace sim_tests

@@ -19,7 +19,7 @@
 #include "berth/store/schema.hpp"
 #include "tests/pch.hpp"
 
-namespace berth::store {
+namespace berth::store::database_tests {
 namespace {
 
 namespace fs = std::filesystem;
@@ -650,4 +650,4 @@ TEST(Store, LoansAreKeptAndOldMarksBecomeLoans) {
 }
 
 }  // namespace
-}  // namespace berth::store
+}  // namespace berth::store::database_tests
