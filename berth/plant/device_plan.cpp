@@ -48,9 +48,10 @@ std::optional<std::vector<std::uint8_t>> unhex(std::string_view text) {
 
 /// What tells a minimal device's dictionary from the minimal one; a text that no file is called.
 std::string own_objects(const PlantDevice& plan) {
-  if (!plan.node_id_object) return {};
-  std::string text = "node-ID object " + od::write_object(*plan.node_id_object);
-  if (const auto& s = plan.node_id_signature) text += fmt::format(" {} {}", od::write_object(s->object), s->size);
+  if (!plan.node_id_object.object) return {};
+  std::string text = "node-ID object " + od::write_object(*plan.node_id_object.object);
+  if (const auto& s = plan.node_id_object.signature)
+    text += fmt::format(" {} {}", od::write_object(s->object), s->size);
   return text;
 }
 
@@ -71,8 +72,8 @@ void add_object(od::DescriptionBuilder& b, ObjectRef ref, std::string_view name,
 std::shared_ptr<const od::Description> with_node_id_object(const PlantDevice& plan) {
   od::DescriptionBuilder b;
   device::add_device(b);
-  add_object(b, *plan.node_id_object, "Node-ID", 1);
-  if (const auto& s = plan.node_id_signature) add_object(b, s->object, "Node-ID signature", s->size);
+  add_object(b, *plan.node_id_object.object, "Node-ID", 1);
+  if (const auto& s = plan.node_id_object.signature) add_object(b, s->object, "Node-ID signature", s->size);
   return b.build();
 }
 
@@ -169,9 +170,10 @@ device::Options options_of(const PlantDevice& plan, const LssAddress& address, s
   }
   o.negotiator.seed = seed;
   if (plan.source == NodeIdSource::blank) o.negotiator.configured = plan.node_id;  // no file says one; a study does
-  o.node_id_object = plan.node_id_object;
-  if (plan.node_id_signature) {
-    o.node_id_signature = device::Signature{plan.node_id_signature->object, plan.node_id_signature->value};
+  o.node_id_object = plan.node_id_object.object;
+  if (plan.node_id_object.signature) {
+    o.node_id_signature =
+        device::Signature{plan.node_id_object.signature->object, plan.node_id_object.signature->value};
   }
   o.bus_off_recovery = bus_off_recovery;
   if (plan.eds.empty()) o.name = plan.name;

@@ -124,20 +124,31 @@ struct PlantController {
   friend bool operator==(const PlantController&, const PlantController&) = default;
 };
 
+/// The node-ID as an object of the device. Keys `node_id_object`, `node_id_signature`.
+struct PlantNodeIdObject {
+  std::optional<ObjectRef> object;          ///< the node-ID is this object, 1 byte
+  std::optional<PlantSignature> signature;  ///< with `object`: written there, it is stored
+  friend bool operator==(const PlantNodeIdObject&, const PlantNodeIdObject&) = default;
+};
+
+/// A device's behaviour: a Lua file (docs/scripts.md). Key `script`.
+struct PlantScript {
+  std::string file;  ///< as written; empty: none
+  std::string path;  ///< the same, relative to the plant file's folder; not compared
+};
+
 struct PlantDevice {
   std::string name;  ///< unique in the plant
   std::string bus;
-  std::string eds;              ///< description, as written; empty: a minimal built-in one
-  std::string eds_path;         ///< the same, relative to the plant file's folder; not compared
-  std::string script;           ///< its behaviour, a Lua file as written; empty: none (docs/scripts.md)
-  std::string script_path;      ///< the same, relative to the plant file's folder; not compared
+  std::string eds;       ///< description, as written; empty: a minimal built-in one
+  std::string eds_path;  ///< the same, relative to the plant file's folder; not compared
+  PlantScript script;
   LssAddress address;           ///< identity object 1018h
   bool address_of_eds = false;  ///< vendor, product and revision are the description's; not set here
   NodeIdSource source = NodeIdSource::blank;
-  NodeId node_id;                                   ///< what the source gives; unconfigured for `blank`
-  std::optional<ObjectRef> node_id_object;          ///< the node-ID is this object, 1 byte
-  std::optional<PlantSignature> node_id_signature;  ///< with `node_id_object`: written there, it is stored
-  std::uint32_t bitrate = 0;                        ///< stored bit rate, bit/s; 0 = the bus's
+  NodeId node_id;  ///< what the source gives; unconfigured for `blank`
+  PlantNodeIdObject node_id_object;
+  std::uint32_t bitrate = 0;  ///< stored bit rate, bit/s; 0 = the bus's
   SpeaksSet speaks{Speaks::lss, Speaks::rand};
   std::optional<Habit> habit;  ///< with `Speaks::fastscan`: both stacks always speak it
   Latency response;

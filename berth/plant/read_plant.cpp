@@ -81,7 +81,7 @@ void read_signature(Table& table, PlantSignature& signature) {
 }
 
 void read_node_id_object(Table& table, PlantDevice& device) {
-  device.node_id_object = read_object(table, "node_id_object");
+  device.node_id_object.object = read_object(table, "node_id_object");
   auto entry = table.table("node_id_signature");
   if (!entry) return;
   if (!table.has("node_id_object")) {
@@ -93,10 +93,10 @@ void read_node_id_object(Table& table, PlantDevice& device) {
   }
   if (entry->require("value", "such as \"save\" or \"0x1234\"")) read_signature(*entry, signature);
   entry->finish();
-  if (device.node_id_object && device.node_id_object->index == signature.object.index) {
+  if (device.node_id_object.object && device.node_id_object.object->index == signature.object.index) {
     table.error("node_id_signature", "this is the node-ID's own object", "name another");
   }
-  device.node_id_signature = signature;
+  device.node_id_object.signature = signature;
 }
 
 void read_node_id(Table& table, PlantDevice& device) {
@@ -188,9 +188,9 @@ void read_times(Table& table, PlantDevice& device) {
 }
 
 void read_script(Table& table, const std::string& file, PlantDevice& device) {
-  device.script = table.string("script").value_or("");
-  if (!device.script.empty()) device.script_path = text::beside(file, device.script);
-  if (table.has("script") && device.script.empty() && table.string("script")) {
+  device.script.file = table.string("script").value_or("");
+  if (!device.script.file.empty()) device.script.path = text::beside(file, device.script.file);
+  if (table.has("script") && device.script.file.empty() && table.string("script")) {
     table.error("script", "the file name is empty", "name a Lua file");
   }
 }

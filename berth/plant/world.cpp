@@ -48,6 +48,21 @@ std::vector<std::uint8_t> kept_image(const device::SimFlash& flash, const SimDev
 
 // --- SimDevice -------------------------------------------------------------------------------------------------------
 
+// A script's behaviour, and what it tells on the way to the world's observers.
+class SimDevice::Scripted final : private script::Behaviour::Listener {
+ public:
+  Scripted(SimDevice& device, script::Script script, Random random)
+      : device_(device), behaviour_(device.device_, device.bus_->executor(), std::move(script), random, *this) {}
+  void stop() noexcept { behaviour_.stop(); }
+
+ private:
+  void script_told(const script::Told& told) noexcept override {
+    for (auto* observer : device_.world_->observers_) observer->script_told(device_, told);
+  }
+  SimDevice& device_;
+  script::Behaviour behaviour_;
+};
+
 SimDevice::SimDevice(World& world, sim::Bus& bus, const PlantDevice& plan, const LssAddress& address,
                      std::shared_ptr<const od::Description> description, Random random,
                      std::optional<script::Script> script)
@@ -63,10 +78,7 @@ SimDevice::SimDevice(World& world, sim::Bus& bus, const PlantDevice& plan, const
               options_of(plan, address, bit_rate_of(plan, bus), Random(random).next()), &port_, timing_) {
   flash_.watch(this);
   device_.observe(this);
-  if (script) {
-    behaviour_ = std::make_unique<script::Behaviour>(device_, bus.executor(), *std::move(script), random.fork(),
-                                                     static_cast<script::Behaviour::Listener&>(*this));
-  }
+  if (script) scripted_ = std::make_unique<Scripted>(*this, *std::move(script), random.fork());
 }
 
 SimDevice::~SimDevice() {
@@ -97,8 +109,8 @@ void SimDevice::switch_off() noexcept {
   if (!powered_) return;
   powered_ = false;
   device_.power_off();
-  if (behaviour_) behaviour_->stop();
   controller_->power(false);
+  if (scripted_) scripted_->stop();
 }
 
 void SimDevice::plug() noexcept {
@@ -130,7 +142,7 @@ void SimDevice::reset() noexcept {
   if (!powered_) return;
   // A microcontroller that starts anew sets its CAN controller up anew: what was queued is gone.
   device_.power_off();
-  if (behaviour_) behaviour_->stop();
+  if (scripted_) scripted_->stop();
   controller_->restart(controller_->bit_rate());
   device_.power_on();
 }
@@ -178,10 +190,6 @@ std::size_t SimDevice::memory_use() const noexcept {
 
 void SimDevice::device_changed(const device::Device&) noexcept { world_->tell(*this); }
 
-void SimDevice::script_told(const script::Told& told) noexcept {
-  for (auto* observer : world_->observers_) observer->script_told(*this, told);
-}
-
 void SimDevice::write_ended() noexcept { world_->save(); }
 
 void SimDevice::cut() noexcept {
@@ -204,7 +212,7 @@ std::unique_ptr<World> World::make(const PlantFile& plant, std::span<const BusRa
              "add [bus." + plan.bus + "] with its bitrate");
     }
     auto script = world->script_of(plan, findings);
-    if (described == nullptr || bus == nullptr || (!plan.script.empty() && !script)) {
+    if (described == nullptr || bus == nullptr || (!plan.script.file.empty() && !script)) {
       good = false;
       continue;
     }
@@ -218,8 +226,8 @@ std::unique_ptr<World> World::make(const PlantFile& plant, std::span<const BusRa
 }
 
 std::optional<script::Script> World::script_of(const PlantDevice& plan, Findings& findings) {
-  if (plan.script.empty()) return std::nullopt;
-  const auto& path = plan.script_path.empty() ? plan.script : plan.script_path;
+  if (plan.script.file.empty()) return std::nullopt;
+  const auto& path = plan.script.path.empty() ? plan.script.file : plan.script.path;
   const auto [known, fresh] = scripts_.try_emplace(path);
   if (!fresh) return known->second;
   auto text = text::read_file(path, findings);

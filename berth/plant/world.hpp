@@ -51,9 +51,7 @@ struct Truth {
 };
 
 /// One device of the plant: controller, host, dictionary and services, memory.
-class SimDevice final : private device::Device::Observer,
-                        private device::SimFlash::Watcher,
-                        private script::Behaviour::Listener {
+class SimDevice final : private device::Device::Observer, private device::SimFlash::Watcher {
  public:
   SimDevice(World& world, sim::Bus& bus, const PlantDevice& plan, const LssAddress& address,
             std::shared_ptr<const od::Description> description, Random random,
@@ -87,8 +85,6 @@ class SimDevice final : private device::Device::Observer,
   [[nodiscard]] device::Device& device() noexcept { return device_; }
   [[nodiscard]] const device::Device& device() const noexcept { return device_; }
   [[nodiscard]] device::SimFlash& memory() noexcept { return flash_; }
-  /// Null without a script.
-  [[nodiscard]] const script::Behaviour* behaviour() const noexcept { return behaviour_.get(); }
   [[nodiscard]] bool plugged() const noexcept { return plugged_; }
   [[nodiscard]] bool powered() const noexcept { return powered_; }
   [[nodiscard]] Truth truth() const;
@@ -103,7 +99,6 @@ class SimDevice final : private device::Device::Observer,
   void write_began() noexcept override {}
   void write_ended() noexcept override;
   void cut() noexcept override;
-  void script_told(const script::Told& told) noexcept override;
 
   World* world_;
   sim::Bus* bus_;
@@ -114,7 +109,8 @@ class SimDevice final : private device::Device::Observer,
   device::TimedPort port_;
   can::Dispatcher dispatcher_;
   mutable device::Device device_;
-  std::unique_ptr<script::Behaviour> behaviour_;  // only with a script
+  class Scripted;
+  std::unique_ptr<Scripted> scripted_;  // only with a script
   NextPowerOn next_;
   unsigned deafness_ = 0;  // number of the last `deaf`, so that an older one's end does not end it
   unsigned slowness_ = 0;

@@ -73,9 +73,9 @@ void write_node_id(Writer& w, const PlantDevice& d) {
   if (d.node_id.configured()) w.raw("node_id", fmt::format("{}", d.node_id.value()));
   const auto implied = d.node_id.configured() ? NodeIdSource::nonvolatile : NodeIdSource::blank;
   if (d.source != implied) w.string("source", name(d.source));
-  if (d.node_id_object) w.string("node_id_object", od::write_object(*d.node_id_object));
-  if (d.node_id_signature) {
-    const auto& s = *d.node_id_signature;
+  if (d.node_id_object.object) w.string("node_id_object", od::write_object(*d.node_id_object.object));
+  if (d.node_id_object.signature) {
+    const auto& s = *d.node_id_object.signature;
     w.raw("node_id_signature", fmt::format("{{ object = \"{}\", value = \"0x{:X}\", size = {} }}",
                                            od::write_object(s.object), s.value, s.size));
   }
@@ -86,7 +86,7 @@ void write_device(Writer& w, const PlantDevice& d) {
   w.string("bus", d.bus);
   w.string("name", d.name);
   if (!d.eds.empty()) w.string("eds", d.eds);
-  if (!d.script.empty()) w.string("script", d.script);
+  if (!d.script.file.empty()) w.string("script", d.script.file);
   if (!d.address_of_eds) {
     std::string type = fmt::format("{{ vendor = 0x{:08X}, product = 0x{:08X}", d.address.vendor, d.address.product);
     if (d.address.revision != 0) type += fmt::format(", revision = 0x{:08X}", d.address.revision);

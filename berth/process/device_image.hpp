@@ -4,9 +4,9 @@
 ///                               milliseconds(5));
 ///     for (const auto& problem : link.problems()) …
 ///
-/// Output variables: whatever the network wrote in one instant (RPDOs, SDO) is one publication, and what one RPDO carries
-/// is never torn. Input variables: taken every `cycle`, or when `exchange` is called, on SYNC say; changed ones are
-/// written to the dictionary, an event of the TPDOs that map them.
+/// Output variables: whatever the network wrote in one instant (RPDOs, SDO) is one publication, and what one RPDO
+/// carries is never torn. Input variables: taken every `cycle`, or when `exchange` is called, on SYNC say; changed ones
+/// are written to the dictionary, an event of the TPDOs that map them.
 #pragma once
 
 #include <span>

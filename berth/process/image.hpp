@@ -12,9 +12,9 @@
 ///                                                    image.application().set(motor, false);
 ///                                                  image.application().commit();
 ///
-/// Direction as the network sees it: an *input* variable is the network's input, which the application writes and a TPDO
-/// carries; an *output* variable is the network's output, which an RPDO brings and the application reads ("Distributed
-/// intelligence in CANopen", Figure 2; CiA 302-4).
+/// Direction as the network sees it: an *input* variable is the network's input, which the application writes and a
+/// TPDO carries; an *output* variable is the network's output, which an RPDO brings and the application reads
+/// ("Distributed intelligence in CANopen", Figure 2; CiA 302-4).
 ///
 /// A side owns what it works on; `publish` and `refresh`, `commit` and `take` hand whole images over by three buffers
 /// and one atomic word. Neither side ever waits, locks or uses the heap, and no image is torn: all variables are of one
@@ -56,7 +56,8 @@ template <class T>
   return whole[size + (std::is_signed_v<T> ? 4 : 0)];
 }
 
-/// Where a variable stands; made by `Layout`. One that could not be declared is not `valid`: it reads 0 and sets nothing.
+/// Where a variable stands; made by `Layout`. One that could not be declared is not `valid`: it reads 0 and sets
+/// nothing.
 template <class T, Direction way>
 class Handle {
  public:

@@ -6,9 +6,9 @@
 ///     script::Behaviour belt(device, executor, text, random.fork(), listener);
 ///
 /// A script sees its device and nothing else: no files, no processes, no clock but the world's, random numbers from the
-/// world's seed. What it may take is bounded (`Limits`). A script that throws, runs too long or wants too much memory is
-/// ended: its device sends EMCY 6200h with the line, the listener is told, and the device goes on without behaviour until
-/// its next power-on or reset node, when the script begins anew.
+/// world's seed. What it may take is bounded (`Limits`). A script that throws, runs too long or wants too much memory
+/// is ended: its device sends EMCY 6200h with the line, the listener is told, and the device goes on without behaviour
+/// until its next power-on or reset node, when the script begins anew.
 #pragma once
 
 #include <cstdint>
@@ -55,6 +55,8 @@ struct Told {
 /// manufacturer's field are the line.
 inline constexpr std::uint16_t emcy_failed = 0x6200;
 
+class Machine;
+
 class Behaviour {
  public:
   /// Told from jobs. Must not destroy the behaviour or its device.
@@ -83,7 +85,6 @@ class Behaviour {
   [[nodiscard]] std::size_t memory() const noexcept;
 
  private:
-  class Machine;
   std::unique_ptr<Machine> machine_;
 };
 

@@ -94,8 +94,8 @@ int Lua::open(lua_State* state) {
   luaL_requiref(state, LUA_MATHLIBNAME, luaopen_math, 1);
   lua_settop(state, 0);
   // Files, other code, and what runs long without an instruction (patterns) or differs from run to run.
-  static constexpr const char* base[] = {"dofile", "loadfile", "load", "require", "collectgarbage", "print", "xpcall",
-                                         "warn"};
+  static constexpr const char* base[] = {"dofile",         "loadfile", "load",   "require",
+                                         "collectgarbage", "print",    "xpcall", "warn"};
   static constexpr const char* text[] = {"dump", "find", "match", "gmatch", "gsub"};
   static constexpr const char* math[] = {"randomseed"};
   table_without(state, LUA_GNAME, std::begin(base), std::end(base));

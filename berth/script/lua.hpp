@@ -40,6 +40,7 @@ class Lua {
   [[nodiscard]] std::size_t memory() const noexcept { return used_; }
   [[nodiscard]] static Lua& of(lua_State* state) noexcept { return **static_cast<Lua**>(lua_getextraspace(state)); }
   [[nodiscard]] void* owner() noexcept { return owner_; }
+  [[nodiscard]] int most_lines() const noexcept { return static_cast<int>(limits_.lines); }
   /// Counts a line; false when the call has printed enough.
   [[nodiscard]] bool count_line() noexcept { return lines_++ < limits_.lines; }
 

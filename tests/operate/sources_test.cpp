@@ -61,8 +61,8 @@ design::Machine recipe_machine(std::initializer_list<unsigned> ids) {
 plant::PlantDevice& add_drive(plant::PlantFile& p, const std::string& name, std::uint32_t serial, unsigned id = 1) {
   auto& d = with_id(add_device(p, name, type_recipe, serial), NodeIdSource::nonvolatile, id);
   d.speaks = {};
-  d.node_id_object = ObjectRef{0x2000, 0};
-  d.node_id_signature = plant::PlantSignature{{0x2001, 0}, 0x65766173, 4};
+  d.node_id_object.object = ObjectRef{0x2000, 0};
+  d.node_id_object.signature = plant::PlantSignature{{0x2001, 0}, 0x65766173, 4};
   return d;
 }
 

@@ -118,7 +118,8 @@ struct Scene {
     device::add_device(b);
     b.object(0xA4C0, od::ObjectCode::array, "Output variables");
     for (std::uint8_t sub = 1; sub <= 2; ++sub) {
-      b.sub(0xA4C0, {.sub = sub, .name = "v", .type = DataType::unsigned8, .access = od::Access::rww, .mappable = true});
+      b.sub(0xA4C0,
+            {.sub = sub, .name = "v", .type = DataType::unsigned8, .access = od::Access::rww, .mappable = true});
     }
     b.object(0xA040, od::ObjectCode::array, "Input variables");
     b.sub(0xA040, {.sub = 1, .name = "v", .type = DataType::unsigned8, .access = od::Access::ro, .mappable = true});

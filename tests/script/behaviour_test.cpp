@@ -73,9 +73,10 @@ struct Scene : Behaviour::Listener {
 };
 
 TEST(Behaviour, ReadsAndWritesObjectsByNumberAndByName) {
-  Scene s("device.write('Speed', 7) device.write('2001h:00', -300) device.write('Jam', true)"
-          "device.write('Heat', 1.5) device.write('2004h', -1)"
-          "print(device.read('2000h'), device.read('Level'), device.read('Jam'), device.read('Heat'), device.state())");
+  Scene s(
+      "device.write('Speed', 7) device.write('2001h:00', -300) device.write('Jam', true)"
+      "device.write('Heat', 1.5) device.write('2004h', -1)"
+      "print(device.read('2000h'), device.read('Level'), device.read('Jam'), device.read('Heat'), device.state())");
   EXPECT_EQ(s.told, std::vector<std::string>{"7 -300 true 1.5 initialising"});
   EXPECT_EQ(s.value<std::uint8_t>(0x2000), 7);
   EXPECT_EQ(s.value<std::int16_t>(0x2001), -300);
@@ -83,10 +84,11 @@ TEST(Behaviour, ReadsAndWritesObjectsByNumberAndByName) {
 }
 
 TEST(Behaviour, HearsRpdosWritesSyncAndStatesAndSendsTpdos) {
-  Scene s("device.on_write('Speed', function(v) device.write('Level', v * 2) end)\n"
-          "device.on_rpdo(function(n) print('rpdo', n) end)\n"
-          "device.on_sync(function(c) print('sync', c) end)\n"
-          "device.on_state(function(to) print(to) end)\n");
+  Scene s(
+      "device.on_write('Speed', function(v) device.write('Level', v * 2) end)\n"
+      "device.on_rpdo(function(n) print('rpdo', n) end)\n"
+      "device.on_sync(function(c) print('sync', c) end)\n"
+      "device.on_state(function(to) print(to) end)\n");
   s.send("000#0105");
   s.send("205#15");
   s.send("080#");
@@ -96,13 +98,31 @@ TEST(Behaviour, HearsRpdosWritesSyncAndStatesAndSendsTpdos) {
 }
 
 TEST(Behaviour, TimersRunOnTheClockOfTheWorldAndEnd) {
-  Scene s("local n = 0\n"
-          "id = device.every(2, function() n = n + 1 device.write('Speed', n) if n == 4 then device.cancel(id) end end)\n"
-          "device.after(3, function() print(device.now()) end)\n");
+  Scene s(
+      "local n = 0\n"
+      "id = device.every(2, function() n = n + 1 device.write('Speed', n) if n == 4 then device.cancel(id) end end)\n"
+      "device.after(3, function() print(device.now()) end)\n");
   EXPECT_EQ(s.value<std::uint8_t>(0x2000), 2);
   s.run(milliseconds(100));
   EXPECT_EQ(s.value<std::uint8_t>(0x2000), 4);
   EXPECT_EQ(s.told, std::vector<std::string>{"3.0"});
+}
+
+// The place of a cancelled timer's function is free once, not twice: else the next two functions share it.
+TEST(Behaviour, ATimerThatCancelsItselfLeavesTheOthersAlone) {
+  Scene s(
+      "local own\n"
+      "own = device.after(1, function()\n"
+      "  print(device.cancel(own), device.cancel(own))\n"
+      "  device.after(2, function() print('first') end)\n"
+      "end)\n"
+      "device.after(2, function()\n"
+      "  device.after(3, function() print('second') end)\n"
+      "  device.after(4, function() print('third') end)\n"
+      "end)\n");
+  s.run(milliseconds(20));
+  const std::vector<std::string> expected{"true false", "first", "second", "third"};
+  EXPECT_EQ(s.told, expected);
 }
 
 TEST(Behaviour, BeginsAnewAtResetNodeAndNotAtResetCommunication) {
@@ -148,13 +168,17 @@ TEST(Behaviour, AScriptThatThrowsEndsInAnEmcy) {
   expect_end("x.y = 1", "attempt to index a nil value (local 'x')");
   expect_end("device.write('Speed', 300)", "2000h:00 is UNSIGNED8, 300 does not fit; use 0 to 255");
   expect_end("device.write('2000h', 1.5)", "2000h:00 is UNSIGNED8, number is no whole number");
-  expect_end("device.write('1017h', 5)", "1017h:00: 1000h to 1FFFh are the device's own; a script writes from 2000h on");
+  expect_end("device.write('1017h', 5)",
+             "1017h:00: 1000h to 1FFFh are the device's own; a script writes from 2000h on");
   expect_end("device.every(0, print)", "a timer takes 0.1 ms to 24 h");
-  expect_end("for k in pairs({[print] = 1}) do end", "pairs: the order of keys that are a function differs from run to run");
+  expect_end("for k in pairs({[print] = 1}) do end",
+             "pairs: the order of keys that are a function differs from run to run");
 }
 
 TEST(Behaviour, AHandlerThatFailsEndsTheScriptWithItsOwnLine) {
-  Scene s("device.on_write('Speed', function(v)\n\n  error('no') end)\ndevice.every(1, function() device.write('Level', 1) end)");
+  Scene s(
+      "device.on_write('Speed', function(v)\n\n  error('no') end)\ndevice.every(1, function() device.write('Level', 1) "
+      "end)");
   s.send("000#0105");
   s.send("205#01");
   EXPECT_EQ(s.told, std::vector<std::string>{"belt.lua:3: no"});
@@ -162,9 +186,10 @@ TEST(Behaviour, AHandlerThatFailsEndsTheScriptWithItsOwnLine) {
 }
 
 TEST(Behaviour, NothingReachesOutOfTheWorld) {
-  Scene s("for _, n in ipairs({'os', 'io', 'require', 'load', 'loadfile', 'dofile', 'debug', 'package', 'coroutine',"
-          "'collectgarbage', 'next', 'xpcall'}) do if _G[n] ~= nil then print(n) end end "
-          "print(math.randomseed, string.gsub, string.dump, tostring({}), tostring(print), string.format('%s', {}))");
+  Scene s(
+      "for _, n in ipairs({'os', 'io', 'require', 'load', 'loadfile', 'dofile', 'debug', 'package', 'coroutine',"
+      "'collectgarbage', 'next', 'xpcall'}) do if _G[n] ~= nil then print(n) end end "
+      "print(math.randomseed, string.gsub, string.dump, tostring({}), tostring(print), string.format('%s', {}))");
   EXPECT_EQ(s.told, std::vector<std::string>{"nil nil nil table function table"});
 }
 
