@@ -66,6 +66,22 @@ TEST(Image, TheApplicationSeesOnlyWhatWasPublished) {
   EXPECT_FALSE(image.application().refresh()) << "once";
 }
 
+TEST(Image, ASnapshotStaysAsItIsUntilTheNextRefresh) {
+  Layout layout;
+  const auto level = layout.output<std::int16_t>("level");
+  Image image(layout);
+  for (std::int16_t n = 1; n <= 9; ++n) {
+    const std::int16_t before = image.application().get(level);
+    for (std::int16_t i = 0; i < 5; ++i) {
+      image.network().set(level, static_cast<std::int16_t>(10 * n + i));
+      image.network().publish();
+      ASSERT_EQ(image.application().get(level), before);
+    }
+    ASSERT_TRUE(image.application().refresh());
+    ASSERT_EQ(image.application().get(level), 10 * n + 4) << "the newest";
+  }
+}
+
 // Both ways at once: every snapshot is of one publication, none is older than the one before, and the last one arrives.
 TEST(Image, SnapshotsAcrossThreadsAreNeverTorn) {
   constexpr std::uint64_t last = 20'000;
