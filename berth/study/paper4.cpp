@@ -30,7 +30,7 @@ plant::PlantFile plant_for(const Fastscan& f, Speaks speaks) {
   auto& only = plant.devices[0];
   only.address = device;
   only.response = {f.response, f.response, 0, rt::Duration(0)};
-  only.store = f.store;
+  only.storing.time = f.store;
   only.reset = f.boot;
   return plant;
 }

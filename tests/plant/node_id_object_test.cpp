@@ -43,8 +43,8 @@ TEST(NodeIdObject, IsReadAndWrittenBack) {
   const auto result =
       read("node_id_object = \"2000h:00\"\nnode_id_signature = { object = \"2001h\", value = \"save\" }");
   ASSERT_TRUE(result.plant);
-  EXPECT_EQ(result.plant->devices[0].node_id_object, (ObjectRef{0x2000, 0}));
-  EXPECT_EQ(result.plant->devices[0].node_id_signature, (PlantSignature{{0x2001, 0}, 0x65766173, 4}));
+  EXPECT_EQ(result.plant->devices[0].node_id_object.object, (ObjectRef{0x2000, 0}));
+  EXPECT_EQ(result.plant->devices[0].node_id_object.signature, (PlantSignature{{0x2001, 0}, 0x65766173, 4}));
 }
 
 TEST(NodeIdObject, MistakesAreNamed) {
