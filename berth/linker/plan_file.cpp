@@ -31,7 +31,7 @@ std::string joined(const Range& range, const Text& text) {
 std::optional<ObjectRef> read_object(Table& table, std::string_view key, const std::string& word) {
   const auto object = od::read_object(word);
   if (object && object->sub) return ObjectRef{object->index, *object->sub};
-  table.error(key, fmt::format("{} is no object", quoted(word)), "such as \"A100h:01\"");
+  table.error(key, fmt::format("{} is no object", berth::quoted(word)), "such as \"A100h:01\"");
   return std::nullopt;
 }
 
@@ -43,7 +43,7 @@ EarlierVariable read_variable(Table& table) {
   if (table.require("type", "its data type")) {
     const auto word = table.string("type").value_or("");
     const auto type = od::data_type(word);
-    if (!type) table.error("type", fmt::format("{} is no data type", quoted(word)), "such as \"UNSIGNED16\"");
+    if (!type) table.error("type", fmt::format("{} is no data type", berth::quoted(word)), "such as \"UNSIGNED16\"");
     made.type = type.value_or(od::DataType::none);
   }
   if (table.require("object", "index and sub-index")) {
@@ -95,16 +95,18 @@ std::string write(const Earlier& plan) {
       "format = {}\n",
       format_now);
   for (const EarlierVariable& each : plan.variables) {
-    text += fmt::format("\n[[variable]]\nslot = {}\nname = {}\ntype = {}\ndirection = {}\nobject = {}\n",
-                        quoted(each.node), quoted(each.name), quoted(od::name(each.type)),
-                        quoted(each.input ? directions[0] : directions[1]), quoted(object_text(each.object)));
+    text +=
+        fmt::format("\n[[variable]]\nslot = {}\nname = {}\ntype = {}\ndirection = {}\nobject = {}\n",
+                    berth::quoted(each.node), berth::quoted(each.name), berth::quoted(od::name(each.type)),
+                    berth::quoted(each.input ? directions[0] : directions[1]), berth::quoted(object_text(each.object)));
   }
   for (const EarlierPdo& each : plan.pdos) {
-    text += fmt::format("\n[[pdo]]\nproducer = {}\ntpdo = {}\ncan_id = 0x{:03X}\n{}transmission = {}\nobjects = [{}]\n",
-                        quoted(each.producer), each.tpdo, each.can_id, each.mpdo ? "mpdo = true\n" : "",
-                        each.transmission, joined(each.objects, [](ObjectRef o) { return quoted(object_text(o)); }));
+    text +=
+        fmt::format("\n[[pdo]]\nproducer = {}\ntpdo = {}\ncan_id = 0x{:03X}\n{}transmission = {}\nobjects = [{}]\n",
+                    berth::quoted(each.producer), each.tpdo, each.can_id, each.mpdo ? "mpdo = true\n" : "",
+                    each.transmission, joined(each.objects, [](ObjectRef o) { return berth::quoted(object_text(o)); }));
     text += fmt::format("receivers = [{}]\nrpdos = [{}]\n",
-                        joined(each.receivers, [](const auto& r) { return quoted(r.first); }),
+                        joined(each.receivers, [](const auto& r) { return berth::quoted(r.first); }),
                         joined(each.receivers, [](const auto& r) { return std::to_string(r.second); }));
   }
   return text;
