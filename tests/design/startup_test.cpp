@@ -17,7 +17,7 @@ std::string file(const std::string& startup, const std::string& slot_keys = "man
          "[[slot]]\nbus = \"b\"\nid = 2\nname = \"left\"\ntype = { vendor = 1, product = 1 }\n" + slot_keys;
 }
 
-std::string errors(const std::string& text) {
+std::string wrong_keys(const std::string& text) {
   const auto result = read_machine(text, "m.toml", {});
   EXPECT_FALSE(result.machine) << text;
   std::string all;
@@ -67,7 +67,7 @@ TEST(StartupKeys, TimesAndTheDeviceTypeAreRead) {
 
 TEST(StartupKeys, WhatCannotBeIsSaidWithItsPlace) {
   const auto says = [](const std::string& text, const std::string& words) {
-    const std::string all = errors(text);
+    const std::string all = wrong_keys(text);
     EXPECT_NE(all.find(words), std::string::npos) << all;
   };
   const std::string table = "[bus.b.startup]\n";
