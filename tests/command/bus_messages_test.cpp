@@ -116,9 +116,9 @@ TEST(BusMessages, WhatANetworkHasBesidePdos) {
 TEST(BusMessages, ALinksDeadlineIsItsMessages) {
   auto m = one_bus();
   add_slot(m, "left", 5, device_with({.timer_ms = 50}));
-  m.links.push_back({{"left", "State"}, {{"right", "6000h"}}, 4ms, {7, 1}});
-  m.links.push_back({{"left", "2000h:00"}, {{"right", "6001h"}}, 9ms, {8, 1}});
-  m.links.push_back({{"left", "1018h:04"}, {{"right", "6001h"}}, 9ms, {9, 1}});
+  m.links.push_back({.from = {"left", "State"}, .to = {{"right", "6000h"}}, .deadline = 4ms, .place = {7, 1}});
+  m.links.push_back({.from = {"left", "2000h:00"}, .to = {{"right", "6001h"}}, .deadline = 9ms, .place = {8, 1}});
+  m.links.push_back({.from = {"left", "1018h:04"}, .to = {{"right", "6001h"}}, .deadline = 9ms, .place = {9, 1}});
   const auto found = messages_of(m, m.buses[0], {});
   ASSERT_NE(find(found, "TPDO 1", 0x185), nullptr);
   EXPECT_EQ(find(found, "TPDO 1", 0x185)->deadline, 4ms);

@@ -17,7 +17,7 @@ using namespace berth;
 using namespace berth::od;
 using Bytes = std::vector<std::uint8_t>;
 
-std::shared_ptr<const Description> device() {
+std::shared_ptr<const Description> value_device() {
   DescriptionBuilder b;
   b.variable(
       0x1000,
@@ -59,7 +59,7 @@ std::uint32_t hex(AbortCode code) { return static_cast<std::uint32_t>(code); }
 
 // HC1.S18: the codes that a conformance test expects of a dictionary.
 TEST(OdAccess, HC1_S18_AbortCodesOfAccess) {
-  Values v(device(), NodeId(5));
+  Values v(value_device(), NodeId(5));
   Bytes buffer(16);
   EXPECT_EQ(hex(v.read({0x3000, 0}, buffer).error()), 0x06020000U);
   EXPECT_EQ(hex(v.read({0x1018, 3}, buffer).error()), 0x06090011U) << "a gap";
@@ -80,7 +80,7 @@ TEST(OdAccess, HC1_S18_AbortCodesOfAccess) {
 
 // HC1.S17: lengths; 0-byte objects; an object larger than the caller's buffer.
 TEST(OdAccess, HC1_S17_Lengths) {
-  Values v(device(), NodeId(5));
+  Values v(value_device(), NodeId(5));
   EXPECT_EQ(hex(write(v, {0x1017, 0}, {1, 2, 3})), 0x06070012U);
   EXPECT_EQ(hex(write(v, {0x1017, 0}, {1})), 0x06070013U);
   EXPECT_EQ(hex(write(v, {0x1017, 0}, {})), 0x06070013U);
@@ -126,7 +126,7 @@ TEST(OdAccess, TheRoomForValuesWithoutADescribedLengthIsBounded) {
 
 // HU.17: limits are in the dictionary and must be enforced.
 TEST(OdAccess, LimitsAreEnforced) {
-  Values v(device(), NodeId(5));
+  Values v(value_device(), NodeId(5));
   EXPECT_EQ(hex(write(v, {0x2000, 0}, {10, 0})), 0U);
   EXPECT_EQ(hex(write(v, {0x2000, 0}, {11, 0})), 0x06090031U);
   EXPECT_EQ(hex(write(v, {0x2000, 0}, {0xF6, 0xFF})), 0U) << "-10";
@@ -143,7 +143,7 @@ TEST(OdAccess, LimitsAreEnforced) {
 
 // HC1.S17, HC1.S18: no data available.
 TEST(OdAccess, DomainWithoutValueHasNoData) {
-  Values v(device());
+  Values v(value_device());
   EXPECT_EQ(hex(v.size({0x2003, 0}).error()), 0x08000024U);
   EXPECT_EQ(hex(write(v, {0x2003, 0}, {})), 0U);
   EXPECT_EQ(*v.size({0x2003, 0}), 0U);
@@ -152,12 +152,12 @@ TEST(OdAccess, DomainWithoutValueHasNoData) {
 }
 
 TEST(OdAccess, SubIndexZeroOfRecords) {
-  Values v(device());
+  Values v(value_device());
   EXPECT_EQ(*v.get<std::uint8_t>({0x1018, 0}), 4) << "highest sub-index, not the number of them";
 }
 
 TEST(OdReset, NodeIdDefaultsAndAreas) {
-  Values v(device());
+  Values v(value_device());
   EXPECT_EQ(*v.get<std::uint32_t>({0x1014, 0}), 0x80U) << "unconfigured";
   v.reset(NodeId(7));
   EXPECT_EQ(*v.get<std::uint32_t>({0x1014, 0}), 0x87U);
@@ -182,7 +182,7 @@ TEST(OdReset, NodeIdDefaultsAndAreas) {
 }
 
 TEST(OdLocal, TypedAccess) {
-  Values v(device(), NodeId(5));
+  Values v(value_device(), NodeId(5));
   EXPECT_EQ(*v.get<std::uint32_t>({0x1000, 0}), 0x20192U);
   EXPECT_EQ(*v.get<std::uint64_t>({0x1000, 0}), 0x20192U) << "wider is fine";
   EXPECT_EQ(*v.get<std::int64_t>({0x1000, 0}), 0x20192);
@@ -229,7 +229,7 @@ class Watcher final : public Hook {
 };
 
 TEST(OdHooks, SeeRefuseAndSupply) {
-  Values v(device(), NodeId(5));
+  Values v(value_device(), NodeId(5));
   Watcher hook;
   v.attach(hook, 0x1017);
   EXPECT_EQ(hex(write(v, {0x1017, 0}, {1, 2})), 0U);
@@ -249,7 +249,7 @@ TEST(OdHooks, SeeRefuseAndSupply) {
 }
 
 TEST(OdHooks, SupplyForADomainWithoutValue) {
-  Values v(device());
+  Values v(value_device());
   Watcher hook;
   hook.supply = Bytes{1, 2, 3};
   v.attach(hook, 0x2003);
@@ -260,7 +260,7 @@ TEST(OdHooks, SupplyForADomainWithoutValue) {
 
 TEST(OdHooks, OrderRangesAndLeaving) {
   Watcher outlives("o");
-  Values v(device(), NodeId(5));
+  Values v(value_device(), NodeId(5));
   {
     Watcher first("a");
     Watcher second("b");
@@ -277,7 +277,7 @@ TEST(OdHooks, OrderRangesAndLeaving) {
   outlives.calls.clear();
   EXPECT_EQ(hex(write(v, {0x1017, 0}, {9, 0})), 0U);
   EXPECT_EQ(outlives.calls.size(), 2U);
-  Values other(device());
+  Values other(value_device());
   other.attach(outlives, 0x1017);
   EXPECT_EQ(hex(write(v, {0x1017, 0}, {9, 0})), 0U);
   EXPECT_EQ(outlives.calls.size(), 2U) << "a hook belongs to one dictionary";

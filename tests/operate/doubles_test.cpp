@@ -125,7 +125,7 @@ TEST(Doubles, ADeviceThatLeavesAsItIsIdentifiedIsMissed) {
 // told, and it is not told again and again.
 TEST(Doubles, ADeviceThatFadesIsNotBlankedAtEveryLook) {
   auto p = one_bus_plant(1);
-  stored(p, "stranger", type_c, 9, 5).power_cycle_after_store = true;
+  stored(p, "stranger", type_c, 9, 5).storing.power_cycle_after = true;
   add_device(p, "own", type_b, 1);
   Rig rig(slot_five(), p);
   LssEar ear;
@@ -149,7 +149,7 @@ TEST(Doubles, ADeviceThatFadesIsNotBlankedAtEveryLook) {
 TEST(Doubles, ASlotWaitsWhileADeviceThatFadesUsesItsNodeIdToo) {
   auto p = one_bus_plant(1);
   stored(p, "own", type_b, 1, 5);
-  stored(p, "stranger", type_c, 9, 5).power_cycle_after_store = true;
+  stored(p, "stranger", type_c, 9, 5).storing.power_cycle_after = true;
   Rig rig(slot_five(), p);
   rig.begin();
   ASSERT_TRUE(rig.run_until([&] { return rig.state(5) == SlotState::power_cycle; }, 120s)) << rig.log();
@@ -193,7 +193,7 @@ TEST(Doubles, NothingIsSavedUnderANodeIdThatAnsweredTwice) {
 TEST(Doubles, ABoundSlotWaitsWhileADeviceThatFadesUsesItsNodeIdToo) {
   auto p = one_bus_plant(1);
   stored(p, "own", type_b, 1, 5);
-  stored(p, "stranger", type_c, 9, 5).power_cycle_after_store = true;
+  stored(p, "stranger", type_c, 9, 5).storing.power_cycle_after = true;
   Rig rig(slot_five(), p);
   rig.device("stranger").power(false);
   rig.begin();
@@ -265,7 +265,7 @@ TEST(Doubles, ADeviceThatWaitsForAPersonIsNotToldToStoreAtEverySearch) {
 // What was stored once is not stored again at every look: memory wears out.
 TEST(Doubles, ADeviceThatWaitsForItsPowerCycleIsNotToldAgainAndAgain) {
   auto p = one_bus_plant(1);
-  stored(p, "a", type_b, 7, 9).power_cycle_after_store = true;
+  stored(p, "a", type_b, 7, 9).storing.power_cycle_after = true;
   is_not_told_again(p, 20s);
 }
 

@@ -74,7 +74,7 @@ design::Machine machine(unsigned count, manager::Startup rules = {}) {
   return m;
 }
 
-plant::PlantFile plant_of(unsigned count) {
+plant::PlantFile startup_plant(unsigned count) {
   auto p = one_bus_plant(11);
   for (unsigned id = 1; id <= count; ++id) add_device(p, "d" + std::to_string(id), type_of(id, count), 0x100 + id);
   return p;
@@ -86,7 +86,7 @@ bool told(const Rig& rig, const std::string& text) {
   });
 }
 
-std::string reason(Rig& rig, unsigned id) {
+std::string reason_of(Rig& rig, unsigned id) {
   for (const auto& slot : rig.network().report()) {
     if (slot.id.value() == id) return slot.reason;
   }
@@ -116,7 +116,7 @@ void command(Rig& rig, co::NmtCommand command, co::NmtTarget target) {
 
 TEST(Startup, EachDeviceIsStartedByItselfWhereNothingElseIsAskedFor) {
   for (const unsigned count : {1U, 2U, 30U, 120U, 126U}) {
-    Rig rig(machine(count), plant_of(count));
+    Rig rig(machine(count), startup_plant(count));
     const Listener heard(rig);
     rig.begin();
     ASSERT_TRUE(rig.until_operational(120s)) << count << "\n" << rig.log();
@@ -131,7 +131,7 @@ TEST(Startup, EachDeviceIsStartedByItselfWhereNothingElseIsAskedFor) {
 TEST(Startup, TogetherIsOneStartWhenTheMandatoryOnesAreReady) {
   for (const unsigned count : {2U, 30U, 120U}) {
     Rig rig(machine(count, {.starts_all_at_once = true}), [&] {
-      auto p = plant_of(count);
+      auto p = startup_plant(count);
       p.devices[0].plugged = false;
       return p;
     }());
@@ -140,7 +140,7 @@ TEST(Startup, TogetherIsOneStartWhenTheMandatoryOnesAreReady) {
     rig.run_for(30s);
     EXPECT_EQ(heard.count(nmt_start), 0U) << "d1 is mandatory and not there\n" << rig.log();
     EXPECT_EQ(rig.state(2), SlotState::present);
-    EXPECT_EQ(reason(rig, 2), "ready; it is started when slot \"s1\" is ready, which is mandatory");
+    EXPECT_EQ(reason_of(rig, 2), "ready; it is started when slot \"s1\" is ready, which is mandatory");
     rig.device("d1").plug();
     ASSERT_TRUE(rig.until_operational(60s)) << rig.log();
     EXPECT_EQ(heard.count(nmt_start, 0), 1U) << rig.log();
@@ -159,16 +159,16 @@ TEST(Startup, TogetherIsOneStartWhenTheMandatoryOnesAreReady) {
 TEST(Startup, AMandatoryDeviceOfAnotherTypeHaltsIt) {
   auto m = machine(3, {.starts_all_at_once = true});
   m.slots[0].spec.device_type = 0x0003'0191;
-  Rig rig(m, plant_of(3));
+  Rig rig(m, startup_plant(3));
   const Listener heard(rig);
   rig.begin();
   rig.run_for(10s);
   EXPECT_EQ(rig.network().startup(), Phase::halted) << rig.log();
   EXPECT_EQ(rig.state(1), SlotState::wrong_type);
   EXPECT_EQ(letter_of(rig, 1), manager::BootStatus::c);
-  EXPECT_NE(reason(rig, 1).find("instead of 00030191h"), std::string::npos) << reason(rig, 1);
+  EXPECT_NE(reason_of(rig, 1).find("instead of 00030191h"), std::string::npos) << reason_of(rig, 1);
   EXPECT_EQ(rig.state(3), SlotState::present);
-  EXPECT_EQ(reason(rig, 3), "ready; the startup is halted: slot \"s1\" is mandatory and not ready");
+  EXPECT_EQ(reason_of(rig, 3), "ready; the startup is halted: slot \"s1\" is mandatory and not ready");
   EXPECT_EQ(heard.count(nmt_start), 0U);
   EXPECT_NE(heard.master_state, operational);
   EXPECT_TRUE(told(rig, "the startup is halted: slot \"s1\", which is mandatory")) << rig.log();
@@ -178,7 +178,7 @@ TEST(Startup, AMandatoryDeviceOfAnotherTypeHaltsIt) {
 TEST(Startup, AnotherDeviceTypeIsThatSlotsTroubleAlone) {
   auto m = machine(3);
   m.slots[2].spec.device_type = 0x0003'0191;
-  Rig rig(m, plant_of(3));
+  Rig rig(m, startup_plant(3));
   rig.begin();
   ASSERT_TRUE(rig.run_until([&] { return rig.state(3) == SlotState::wrong_type; }, 10s)) << rig.log();
   ASSERT_TRUE(rig.run_until([&] { return rig.state(2) == SlotState::operational; }, 10s)) << rig.log();
@@ -190,7 +190,7 @@ TEST(Startup, AnotherDeviceTypeIsThatSlotsTroubleAlone) {
 TEST(Startup, TheBootTimeOverHaltsItAndTheDeviceThatWasMissingLetsItGoOn) {
   auto m = machine(3);
   m.buses[0].startup.boot_time = 4s;
-  auto p = plant_of(3);
+  auto p = startup_plant(3);
   p.devices[0].plugged = p.devices[2].plugged = false;
   Rig rig(m, p);
   const Listener heard(rig);
@@ -212,13 +212,13 @@ TEST(Startup, TheBootTimeOverHaltsItAndTheDeviceThatWasMissingLetsItGoOn) {
 
 // 1F80h bit 3.
 TEST(Startup, ByHandAPersonStartsWhatIsReady) {
-  Rig rig(machine(3, {.application_starts = true}), plant_of(3));
+  Rig rig(machine(3, {.application_starts = true}), startup_plant(3));
   const Listener heard(rig);
   rig.begin();
   rig.run_for(10s);
   EXPECT_EQ(heard.count(nmt_start), 0U);
   for (unsigned id = 1; id <= 3; ++id) {
-    EXPECT_EQ(reason(rig, id), "ready; `berth nmt start` starts it (start = \"by-hand\")") << id;
+    EXPECT_EQ(reason_of(rig, id), "ready; `berth nmt start` starts it (start = \"by-hand\")") << id;
   }
   command(rig, co::NmtCommand::start, NodeId(2));
   ASSERT_TRUE(rig.run_until([&] { return rig.state(2) == SlotState::operational; }, 2s)) << rig.log();
@@ -234,14 +234,14 @@ TEST(Startup, ByHandAPersonStartsWhatIsReady) {
 // 1F80h bit 2, and with bit 1: the start of all waits for the master.
 TEST(Startup, ByHandTheMasterBecomesOperational) {
   for (const bool together : {false, true}) {
-    Rig rig(machine(3, {.starts_all_at_once = together, .application_operates = true}), plant_of(3));
+    Rig rig(machine(3, {.starts_all_at_once = together, .application_operates = true}), startup_plant(3));
     const Listener heard(rig);
     rig.begin();
     rig.run_for(15s);
     EXPECT_EQ(heard.master_state, pre_operational);
     EXPECT_EQ(rig.operational(), !together) << rig.log();
     if (together) {
-      EXPECT_EQ(reason(rig, 3), "ready; it is started when the master is: `berth nmt start 127`");
+      EXPECT_EQ(reason_of(rig, 3), "ready; it is started when the master is: `berth nmt start 127`");
     }
     command(rig, co::NmtCommand::start, master);
     ASSERT_TRUE(rig.until_operational(10s)) << rig.log();
@@ -253,7 +253,7 @@ TEST(Startup, ByHandTheMasterBecomesOperational) {
 
 // 1F80h bit 4.
 TEST(Startup, AMandatoryDeviceThatIsLostResetsAll) {
-  Rig rig(machine(5, {.resets_all_on_error = true}), plant_of(5));
+  Rig rig(machine(5, {.resets_all_on_error = true}), startup_plant(5));
   const Listener heard(rig);
   rig.begin();
   ASSERT_TRUE(rig.until_operational(30s)) << rig.log();
@@ -278,7 +278,7 @@ TEST(Startup, AMandatoryDeviceThatIsLostResetsAll) {
 // A boot-up message that no reset of the master's explains is an error event, one that a person's reset explains is
 // none.
 TEST(Startup, AMandatoryDeviceThatBootsByItselfResetsAllAndOneThatWasResetDoesNot) {
-  Rig rig(machine(4, {.resets_all_on_error = true}), plant_of(4));
+  Rig rig(machine(4, {.resets_all_on_error = true}), startup_plant(4));
   const Listener heard(rig);
   rig.begin();
   ASSERT_TRUE(rig.until_operational(30s)) << rig.log();
@@ -294,7 +294,7 @@ TEST(Startup, AMandatoryDeviceThatBootsByItselfResetsAllAndOneThatWasResetDoesNo
 
 // 1F80h bit 6, which is stronger than bit 4.
 TEST(Startup, AMandatoryDeviceThatIsLostStopsAllUntilAPersonStartsThem) {
-  Rig rig(machine(4, {.resets_all_on_error = true, .stops_all_on_error = true}), plant_of(4));
+  Rig rig(machine(4, {.resets_all_on_error = true, .stops_all_on_error = true}), startup_plant(4));
   const Listener heard(rig);
   rig.begin();
   ASSERT_TRUE(rig.until_operational(30s)) << rig.log();
@@ -308,7 +308,7 @@ TEST(Startup, AMandatoryDeviceThatIsLostStopsAllUntilAPersonStartsThem) {
   rig.device("d2").plug();
   rig.run_for(20s);
   EXPECT_EQ(rig.state(2), SlotState::present) << rig.log();
-  EXPECT_EQ(reason(rig, 2), "ready; the network is stopped: `berth nmt start all` starts it");
+  EXPECT_EQ(reason_of(rig, 2), "ready; the network is stopped: `berth nmt start all` starts it");
   EXPECT_EQ(rig.device("d3").truth().state, NmtState::stopped) << "nothing is started behind a person's back";
   command(rig, co::NmtCommand::start, co::NmtTarget::all());
   ASSERT_TRUE(rig.until_operational(30s)) << rig.log();
@@ -321,7 +321,7 @@ TEST(Startup, AMandatoryDeviceThatIsLostStopsAllUntilAPersonStartsThem) {
 TEST(Startup, TheInhibitTimeIsBetweenTwoCommands) {
   auto m = machine(12);
   m.buses[0].startup.nmt_inhibit = 40ms;
-  Rig rig(m, plant_of(12));
+  Rig rig(m, startup_plant(12));
   const Listener heard(rig);
   rig.begin();
   ASSERT_TRUE(rig.until_operational(60s)) << rig.log();
@@ -333,7 +333,7 @@ TEST(Startup, TheInhibitTimeIsBetweenTwoCommands) {
 
 // What runs when Berth comes is left running (L), and counts as ready.
 TEST(Startup, DevicesThatRunAlreadyAreReady) {
-  Rig rig(machine(3, {.starts_all_at_once = true}), plant_of(3));
+  Rig rig(machine(3, {.starts_all_at_once = true}), startup_plant(3));
   const Listener heard(rig);
   rig.begin();
   ASSERT_TRUE(rig.until_operational(30s)) << rig.log();

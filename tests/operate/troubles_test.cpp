@@ -181,7 +181,7 @@ TEST(Troubles, S1_53_ARestartLeavesRunningDevicesAlone) {
 
 TEST(Troubles, ADeviceThatNeedsAPowerCycleWaitsInThatState) {
   auto plant = one_bus_plant(1);
-  add_device(plant, "a", type_b, 7).power_cycle_after_store = true;
+  add_device(plant, "a", type_b, 7).storing.power_cycle_after = true;
   Rig rig(slots_of({{5, type_b}}), plant);
   rig.begin();
   ASSERT_TRUE(rig.run_until([&] { return rig.state(5) == SlotState::power_cycle; }, 60s)) << rig.log();
