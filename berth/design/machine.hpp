@@ -16,8 +16,8 @@
 #include "berth/can/port_spec.hpp"
 #include "berth/design/library.hpp"
 #include "berth/live/foreign_watch.hpp"
-#include "berth/od/data_type.hpp"
 #include "berth/manager/boot_rules.hpp"
+#include "berth/od/data_type.hpp"
 #include "berth/places/slot.hpp"
 #include "berth/text/toml.hpp"
 
@@ -120,8 +120,8 @@ struct Link {
   LinkEnd from;
   std::vector<LinkEnd> to;  ///< at least one
   std::optional<Duration> deadline;
-  std::uint8_t transmission = 255;   ///< transmission type (CiA 301 §7.5.2.35): 0 to 240, 254, 255
-  std::optional<od::DataType> type;  ///< of network variables at its ends
+  std::uint8_t transmission = 255;     ///< transmission type (CiA 301 §7.5.2.35): 0 to 240, 254, 255
+  std::optional<od::DataType> type{};  ///< of network variables at its ends
   text::Place place;
 };
 
