@@ -10,6 +10,7 @@
 #include "berth/command/permission.hpp"
 #include "berth/command/reply.hpp"
 #include "berth/command/run.hpp"
+#include "berth/manager/network_requests.hpp"
 #include "berth/text/quantity.hpp"
 
 namespace berth::command {
@@ -41,16 +42,10 @@ NmtArguments nmt_arguments(Arguments& arguments, const design::Machine& machine)
   return nmt;
 }
 
-std::uint8_t NmtArguments::request_value() const noexcept {
-  switch (command) {
-    case co::NmtCommand::stop: return 0x04;
-    case co::NmtCommand::start: return 0x05;
-    case co::NmtCommand::reset_node: return 0x06;
-    case co::NmtCommand::reset_communication: return 0x07;
-    case co::NmtCommand::enter_pre_operational: break;
-  }
-  return 0x7F;
+std::uint8_t NmtArguments::request_sub() const noexcept {
+  return target == co::NmtTarget::all() ? manager::NetworkRequests::all_nodes : target.node;
 }
+std::uint8_t NmtArguments::request_value() const noexcept { return manager::request_value(command); }
 
 namespace {
 
@@ -71,29 +66,37 @@ rt::Task<void> wait_for_heartbeats(Network& bus, const NmtArguments& nmt) {
   }
 }
 
+std::string whom(const NmtArguments& nmt) {
+  return nmt.target == co::NmtTarget::all() ? "all nodes" : fmt::format("node {}", nmt.target.node);
+}
+
+Json json_of(const Network& bus, const NmtArguments& nmt) {
+  Json json;
+  json["bus"] = bus.bus().name;
+  json["command"] = nmt.word;
+  if (nmt.target == co::NmtTarget::all()) {
+    json["node"] = "all";
+  } else {
+    json["node"] = nmt.target.node;
+  }
+  return json;
+}
+
 // By another master of the bus: its 1F82h is written.
 rt::Task<void> request_of(Network& bus, const NmtArguments& nmt, Reply& reply) {
-  const std::string whom = nmt.target.node == 0 ? "all nodes" : fmt::format("node {}", nmt.target.node);
   const std::array<std::uint8_t, 1> value{nmt.request_value()};
   const auto written = co_await bus.services().sdo.download(nmt.requested_of, 0x1F82, nmt.request_sub(), value);
   if (!written) {
     co_return fail_with(reply, written.error(),
                         fmt::format("bus {}, NMT {} of {} by the master at node {} (1F82h:{:02X})", bus.bus().name,
-                                    nmt.word, whom, nmt.requested_of.value(), nmt.request_sub()),
+                                    nmt.word, whom(nmt), nmt.requested_of.value(), nmt.request_sub()),
                         "a node that is no NMT master, or is not in its network list (1F81h), is refused");
   }
-  Json json;
-  json["bus"] = bus.bus().name;
-  json["command"] = nmt.word;
-  if (nmt.target.node == 0) {
-    json["node"] = "all";
-  } else {
-    json["node"] = nmt.target.node;
-  }
+  Json json = json_of(bus, nmt);
   json["requested_of"] = nmt.requested_of.value();
   give(reply, json,
        {fmt::format("node {} was asked for NMT {} to {} (1F82h)", nmt.requested_of.value(), co::name(nmt.command),
-                    whom)});
+                    whom(nmt))});
 }
 
 }  // namespace
@@ -108,22 +111,13 @@ rt::Task<void> nmt_command(Session& session, const Request& request, Reply& repl
   Network& bus = **network;
   if (nmt.requested_of.configured()) co_return co_await request_of(bus, nmt, reply);
   const auto sent = co_await bus.services().nmt.send(nmt.command, nmt.target);
-  const bool all = nmt.target == co::NmtTarget::all();
-  const std::string whom = all ? "all nodes" : fmt::format("node {}", nmt.target.node);
   if (!sent)
-    co_return fail_with(reply, sent.error(), fmt::format("bus {}, NMT {} to {}", bus.bus().name, nmt.word, whom));
+    co_return fail_with(reply, sent.error(), fmt::format("bus {}, NMT {} to {}", bus.bus().name, nmt.word, whom(nmt)));
   bus.commanded(nmt.command, nmt.target);
   if (session.started()) co_await wait_for_heartbeats(bus, nmt);
-  Json json;
-  json["bus"] = bus.bus().name;
-  json["command"] = nmt.word;
-  if (all) {
-    json["node"] = "all";
-  } else {
-    json["node"] = nmt.target.node;
-  }
+  Json json = json_of(bus, nmt);
   json["sent_s"] = operate::seconds(*sent);
-  give(reply, json, {fmt::format("NMT {} sent to {}", co::name(nmt.command), whom)});
+  give(reply, json, {fmt::format("NMT {} sent to {}", co::name(nmt.command), whom(nmt))});
 }
 
 }  // namespace berth::command

@@ -79,7 +79,7 @@ struct NmtArguments {
   NodeId requested_of;  ///< the NMT master that is asked for it; unconfigured: Berth sends the command itself
 
   /// 1F82h of that master (CiA 302-2): its sub-index and value.
-  [[nodiscard]] std::uint8_t request_sub() const noexcept { return target.node == 0 ? 0x80 : target.node; }
+  [[nodiscard]] std::uint8_t request_sub() const noexcept;
   [[nodiscard]] std::uint8_t request_value() const noexcept;
 };
 /// "command", "node", which may be "all", and "request".

@@ -1,5 +1,7 @@
 #include "berth/manager/network_requests.hpp"
 
+#include <algorithm>
+#include <array>
 #include <optional>
 
 namespace berth::manager {
@@ -11,15 +13,18 @@ using od::AbortCode;
 
 constexpr std::uint8_t without_master = 0x80;  // bit 7 of a request
 
+struct RequestValue {
+  std::uint8_t value;
+  NmtCommand command;
+};
+constexpr std::array request_values{RequestValue{0x04, NmtCommand::stop}, RequestValue{0x05, NmtCommand::start},
+                                    RequestValue{0x06, NmtCommand::reset_node},
+                                    RequestValue{0x07, NmtCommand::reset_communication},
+                                    RequestValue{0x7F, NmtCommand::enter_pre_operational}};
+
 std::optional<NmtCommand> requested(std::uint8_t value) noexcept {
-  switch (value) {
-    case 0x04: return NmtCommand::stop;
-    case 0x05: return NmtCommand::start;
-    case 0x06: return NmtCommand::reset_node;
-    case 0x07: return NmtCommand::reset_communication;
-    case 0x7F: return NmtCommand::enter_pre_operational;
-    default: return std::nullopt;
-  }
+  const auto* const it = std::ranges::find(request_values, value, &RequestValue::value);
+  return it == request_values.end() ? std::nullopt : std::optional(it->command);
 }
 
 // 84h to 87h; 8Fh is "all enter pre-operational", as 7Fh with bit 7 would be no value of its own (FFh).
@@ -32,6 +37,10 @@ std::optional<NmtCommand> requested_of_others(std::uint8_t value) noexcept {
 bool is_node(std::uint8_t sub) noexcept { return sub >= 1 && sub <= 127; }
 
 }  // namespace
+
+std::uint8_t request_value(NmtCommand command) noexcept {
+  return std::ranges::find(request_values, command, &RequestValue::command)->value;
+}
 
 AbortCode NetworkRequests::nmt(std::uint8_t sub, std::uint8_t value, NodeId requester) {
   if (!is_node(sub) && sub != all_nodes) return AbortCode::no_sub_index;

@@ -15,6 +15,9 @@
 
 namespace berth::manager {
 
+/// What is written to 1F82h for a command; `NetworkRequests::all_nodes` is the sub-index of all.
+[[nodiscard]] std::uint8_t request_value(co::NmtCommand command) noexcept;
+
 class NetworkRequests {
  public:
   static constexpr std::uint8_t all_nodes = 0x80;
