@@ -4,6 +4,7 @@
 
 #include <CLI/CLI.hpp>
 #include <algorithm>
+#include <sstream>
 #include <utility>
 
 #include "berth/io/realtime.hpp"
@@ -209,7 +210,12 @@ std::string suggestion(const CLI::App& command, int argc, char** argv) {
 }
 
 int wrong_use(const CLI::App& app, const CLI::ParseError& error, int argc, char** argv) {
-  if (error.get_exit_code() == 0) return app.exit(error);  // --help
+  if (error.get_exit_code() == 0) {  // --help
+    std::ostringstream page;
+    const int status = app.exit(error, page, page);
+    write_text(page.str());
+    return status;
+  }
   const bool json = std::any_of(argv, argv + argc, [](const char* word) { return std::string_view(word) == "--json"; });
   const auto used = app.get_subcommands();
   if (used.empty() && argc > 1 && argv[1][0] != '-') {

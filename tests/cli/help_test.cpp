@@ -203,8 +203,6 @@ class Taken : public ::testing::Test {
                                                            {"--gateway", "127.0.0.1:0"},
                                                            {"--bitrate", "125000"},
                                                            {"--name", "name"},
-                                                           {"--output", "linked"},
-                                                           {"--plan", "/no/such/plan.toml"},
                                                            {"--method", "rand"},
                                                            {"--seconds", "1"},
                                                            {"--device", "00000001-00000001-00000000-00000020"},
@@ -245,6 +243,7 @@ class Taken : public ::testing::Test {
                                                            {"--master", "126"}};
     const auto known = values.find(option);
     if (option == "--output") return folder.file("out.log");
+    if (option == "--plan") return folder.write("plan-before.toml", "format = 1\n");
     if (option == "--plant") return folder.file("out.plant.toml");
     return known != values.end() ? known->second : folder.file("value" + option);
   }
