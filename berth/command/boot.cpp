@@ -27,8 +27,8 @@ class SlotSource final : public manager::BootSource {
  public:
   SlotSource(Network& network, const design::Slot& slot) noexcept : network_(network), slot_(slot) {}
 
-  rt::Task<Result<void>> configure(manager::BootTarget& target, const manager::SlaveRules&) override {
-    if (slot_.spec.config.empty()) co_return co_await set_heartbeat(target);
+  rt::Task<Result<void>> configure(manager::BootTarget& target, manager::SlaveRules& rules) override {
+    if (slot_.spec.config.empty()) co_return co_await set_heartbeat(target, rules);
     const auto done = co_await network_.configure(slot_.spec.name.name, true);
     if (!done) co_return fail(done.error());
     why_ = done->front().problem.empty() ? done->front().reason : done->front().problem;
@@ -39,12 +39,18 @@ class SlotSource final : public manager::BootSource {
   [[nodiscard]] const std::string& why() const noexcept { return why_; }
 
  private:
-  rt::Task<Result<void>> set_heartbeat(manager::BootTarget& target) {
-    const auto period =
-        std::chrono::duration_cast<std::chrono::milliseconds>(network_.bus().timing.heartbeat_period).count();
-    const auto ms = static_cast<std::uint16_t>(period);
-    const std::array<std::uint8_t, 2> bytes{static_cast<std::uint8_t>(ms), static_cast<std::uint8_t>(ms >> 8U)};
-    co_return co_await target.objects().write(0x1017, 0, bytes);
+  // A device without a heartbeat is guarded, as `berth up` does.
+  rt::Task<Result<void>> set_heartbeat(manager::BootTarget& target, manager::SlaveRules& rules) {
+    const design::Timing& timing = network_.bus().timing;
+    const auto ms = std::chrono::duration_cast<std::chrono::milliseconds>(timing.heartbeat_period).count();
+    const auto period = static_cast<std::uint16_t>(std::clamp<std::int64_t>(ms, 0, 0xFFFF));
+    const std::array<std::uint8_t, 2> bytes{static_cast<std::uint8_t>(period), static_cast<std::uint8_t>(period >> 8U)};
+    auto written = co_await target.objects().write(0x1017, 0, bytes);
+    if (written || written.error().code != Errc::aborted) co_return written;
+    rules.heartbeat = {};
+    rules.guard_time = timing.heartbeat_period;
+    rules.retry_factor = static_cast<std::uint8_t>(timing.tries);
+    co_return Result<void>{};
   }
 
   Network& network_;

@@ -17,7 +17,7 @@ bool fits(std::uint32_t is, const SlaveRules& rules) noexcept {
 
 }  // namespace
 
-rt::Task<Result<void>> BootSource::configure(BootTarget&, const SlaveRules&) { co_return Result<void>{}; }
+rt::Task<Result<void>> BootSource::configure(BootTarget&, SlaveRules&) { co_return Result<void>{}; }
 
 rt::Task<Result<void>> BootSource::update(BootTarget&, const SlaveRules&) {
   co_return fail(Errc::unsupported, "there is no program for it (1F58h)");

@@ -50,7 +50,8 @@ class BootSource {
  public:
   virtual ~BootSource() = default;
   /// Step 8: whatever it takes, factory settings and saving included. Where nothing is to be configured: done.
-  [[nodiscard]] virtual rt::Task<Result<void>> configure(BootTarget& target, const SlaveRules& rules);
+  /// `rules`: what is found here settles how it is supervised from step 9 on (a slave without 1017h is guarded).
+  [[nodiscard]] virtual rt::Task<Result<void>> configure(BootTarget& target, SlaveRules& rules);
   /// Step 6: stop, clear, download, start. Errc::unsupported: there is no program.
   [[nodiscard]] virtual rt::Task<Result<void>> update(BootTarget& target, const SlaveRules& rules);
 };

@@ -100,7 +100,7 @@ Result<Wanted> wanted_of(const od::Values& values, NodeId node) {
   return made;
 }
 
-rt::Task<Result<void>> DictionarySource::configure(BootTarget& target, const SlaveRules& rules) {
+rt::Task<Result<void>> DictionarySource::configure(BootTarget& target, SlaveRules& rules) {
   if (rules.restores && rules.restore_sub != 0) {
     const auto restored = co_await restore(target, rules.restore_sub);
     if (!restored) co_return restored;

@@ -38,7 +38,7 @@ class DictionarySource final : public BootSource {
  public:
   /// `values` must stay; they are read at each boot-up.
   DictionarySource(const od::Values& values, NodeId node) noexcept : values_(&values), node_(node) {}
-  rt::Task<Result<void>> configure(BootTarget& target, const SlaveRules& rules) override;
+  rt::Task<Result<void>> configure(BootTarget& target, SlaveRules& rules) override;
 
  private:
   rt::Task<Result<void>> restore(BootTarget& target, std::uint8_t sub);

@@ -48,7 +48,7 @@ rt::Task<bool> Starter::check_and_start() {
 class Starter::Source final : public manager::BootSource {
  public:
   Source(Starter& starter, Seat& seat) noexcept : starter_(starter), seat_(seat) {}
-  rt::Task<Result<void>> configure(manager::BootTarget&, const manager::SlaveRules&) override {
+  rt::Task<Result<void>> configure(manager::BootTarget&, manager::SlaveRules&) override {
     co_return co_await starter_.configure(seat_);
   }
 

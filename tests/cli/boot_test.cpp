@@ -93,6 +93,31 @@ TEST_F(Boot, WrongWordsAreUsage) {
   EXPECT_EQ(run({"boot", "drive"}, example("by-eds.toml")).status, 2);
 }
 
+// As `berth up` does: it is guarded, and the answer tells that it is operational.
+TEST_F(Boot, ADeviceWithoutHeartbeatIsGuarded) {
+  std::string eds = contents(example("eds/sensor.eds"));
+  for (const auto& [from, to] : {std::pair{"=0x1017", "=0x1015"}, std::pair{"[1017]", "[1015]"}}) {
+    ASSERT_NE(eds.find(from), std::string::npos);
+    eds.replace(eds.find(from), std::string(from).size(), to);
+  }
+  const std::string path = folder.write("guarded.eds", eds);
+  const std::string plant =
+      folder.write("guarded.plant.toml",
+                   "[bus.field]\n[[device]]\nbus = \"field\"\nname = \"s\"\nserial = 1\nnode_id = 1\n"
+                   "eds = \"" +
+                       path + "\"\n");
+  const std::string machine =
+      folder.write("guarded.toml",
+                   "[bus.field]\nport = \"sim\"\nbitrate = 250_000\nmaster_id = 127\n[[slot]]\nbus = \"field\"\n"
+                   "id = 1\nname = \"s\"\neds = \"" +
+                       path + "\"\n");
+  const std::string record = folder.file("guarded.log");
+  const Outcome outcome = berth({"boot", "--machine", machine, "--sim", plant, "--record", record});
+  EXPECT_EQ(outcome.status, 0) << outcome.out << outcome.err;
+  EXPECT_TRUE(contains(outcome.out, "s: operational")) << outcome.out;
+  EXPECT_TRUE(contains(contents(record), "701#R")) << "node guarding";
+}
+
 // A simulated slave is no NMT master: it has no 1F82h.
 TEST_F(Boot, ARequestToWhatIsNoMasterIsRefusedByIt) {
   const std::string record = folder.file("request.log");

@@ -55,7 +55,7 @@ struct FakeTarget final : BootTarget {
 };
 
 struct FakeSource final : BootSource {
-  rt::Task<Result<void>> configure(BootTarget&, const SlaveRules&) override {
+  rt::Task<Result<void>> configure(BootTarget&, SlaveRules&) override {
     ++configured;
     co_return configuring;
   }

@@ -179,7 +179,7 @@ TEST(NetworkBoot, TheBootTimeRunsOutForASilentMandatorySlave) {
 // A slave that answers, and whose boot-up takes longer than the boot time, halts the startup as well.
 TEST(NetworkBoot, TheBootTimeRunsOutForASlowMandatorySlave) {
   struct Slow final : BootSource {
-    rt::Task<Result<void>> configure(BootTarget&, const SlaveRules&) override {
+    rt::Task<Result<void>> configure(BootTarget&, SlaveRules&) override {
       co_await rt::sleep_for(10s);
       co_return Result<void>{};
     }

@@ -228,7 +228,7 @@ TEST(NetworkErrors, NodeGuardingLosesASlaveToo) {
 // ends operational, configured by the boot-up that ended well.
 TEST(NetworkErrors, ARestartInTheMiddleOfItsBootUp) {
   struct Writing final : BootSource {
-    rt::Task<Result<void>> configure(BootTarget& target, const SlaveRules&) override {
+    rt::Task<Result<void>> configure(BootTarget& target, SlaveRules&) override {
       for (std::uint32_t value = 1; value <= 5; ++value) {
         const auto written = co_await target.objects().write_u32(0x2000, 0, value);
         if (!written) co_return written;
