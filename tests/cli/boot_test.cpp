@@ -106,11 +106,11 @@ TEST_F(Boot, ADeviceWithoutHeartbeatIsGuarded) {
                    "[bus.field]\n[[device]]\nbus = \"field\"\nname = \"s\"\nserial = 1\nnode_id = 1\n"
                    "eds = \"" +
                        path + "\"\n");
-  const std::string machine =
-      folder.write("guarded.toml",
-                   "[bus.field]\nport = \"sim\"\nbitrate = 250_000\nmaster_id = 127\n[[slot]]\nbus = \"field\"\n"
-                   "id = 1\nname = \"s\"\neds = \"" +
-                       path + "\"\n");
+  const std::string machine = folder.write("guarded.toml",
+                                           "[machine]\nname = \"guarded\"\n[bus.field]\nport = \"sim\"\nbitrate = "
+                                           "250_000\nmaster_id = 127\n[[slot]]\nbus = \"field\"\n"
+                                           "id = 1\nname = \"s\"\neds = \"" +
+                                               path + "\"\n");
   const std::string record = folder.file("guarded.log");
   const Outcome outcome = berth({"boot", "--machine", machine, "--sim", plant, "--record", record});
   EXPECT_EQ(outcome.status, 0) << outcome.out << outcome.err;
