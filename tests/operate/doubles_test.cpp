@@ -310,6 +310,21 @@ TEST(Doubles, TwoOfOneAddressHideNobodyElse) {
   EXPECT_EQ(rig.seats(), (Seats{{5, 9}}));
 }
 
+// Their answers to RAND are one frame on the bus, so that one device is found; the third does not speak RAND.
+TEST(Doubles, TwoOfOneAddressThatAnswerTogetherHideNobodyElse) {
+  auto p = one_bus_plant(1);
+  for (const char* name : {"a", "twin"}) add_device(p, name, type_b, 7).response = {1ms, 1ms, 0, 0ms};
+  auto& late = add_device(p, "late", type_b, 9);
+  late.speaks = {Speaks::lss};
+  late.plugged = false;
+  Rig rig(slot_five(), p);
+  rig.begin();
+  ASSERT_TRUE(rig.run_until([&] { return rig.state(5) == SlotState::duplicate; }, 30s)) << rig.log();
+  rig.device("late").plug();
+  ASSERT_TRUE(rig.until_operational(120s)) << rig.log();
+  EXPECT_EQ(rig.seats(), (Seats{{5, 9}}));
+}
+
 // One of two with one address is deaf at the second look: the other one is found alone, and is not lent the slot's
 // node-ID. Which of the two has it pending later could not be asked.
 TEST(Doubles, OneOfTwoWithOneAddressIsLentNoSlotsNodeId) {
