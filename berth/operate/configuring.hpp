@@ -56,12 +56,12 @@ class Configuring {
   [[nodiscard]] bool may_be_configured(Seat& seat);
   rt::Task<Next> try_once(Seat& seat, Attempt& attempt);
   rt::Task<Next> take_into_use(Seat& seat, Attempt& attempt);
-  rt::Task<bool> configure_once(Seat& seat, const manager::Wanted& wanted, manager::ConfiguratorOptions& options,
-                                manager::ConfigurationReport& report);
+  rt::Task<bool> configure_once(Seat& seat, Attempt& attempt);
   rt::Task<bool> waits_for_power(Seat& seat, manager::Configurator& configurator, const manager::Wanted& wanted);
   rt::Task<void> wait_for_power(Seat& seat, manager::Configurator& configurator, const manager::Wanted& wanted,
                                 const std::string& reason);
-  rt::Task<bool> reset_and_wait(Seat& seat);
+  /// `identified`: when it was asked who it is.
+  rt::Task<bool> reset_and_wait(Seat& seat, rt::Time& identified);
   void forgot(Seat& seat, const manager::ConfigurationReport& report, const manager::Wanted& wanted);
   bool note(Seat& seat, places::Configured::Stage stage, const manager::Wanted& wanted);
 

@@ -128,10 +128,12 @@ struct Watch final : can::Tap {
       ++writes;
       if (index == 0x1010) ++savings;
     }
+    if (request && f.data[0] == 0x40 && index == 0x1017) ++heartbeat_reads;
     const bool start = f.id == 0 && f.size == 2 && f.data[0] == 1 && (f.data[1] == id_ || f.data[1] == 0);
     if (start && starts++ == 0) savings_before_start = savings;
   }
   unsigned writes = 0;
+  unsigned heartbeat_reads = 0;
   unsigned savings = 0;
   unsigned starts = 0;
   unsigned savings_before_start = 0;
@@ -245,6 +247,32 @@ TEST(Configuration, ASpareThatBootsWhileOthersAreBoundIsNotConfigured) {
   EXPECT_EQ(watch.savings, 0U) << rig.log();
   EXPECT_EQ(watch.starts, 0U) << rig.log();
   EXPECT_EQ(record(rig, 5)->device.serial, 1U);
+}
+
+// It leaves when it is asked for its heartbeat, before anything else of its configuration; the spare hears the repeated
+// question.
+TEST(Configuration, ASpareThatBootsBeforeTheComparingIsNotConfigured) {
+  auto plant = plant_of(1);
+  auto& spare = add_pump(plant, "spare", 99);
+  spare.plugged = false;
+  spare.source = plant::NodeIdSource::nonvolatile;
+  spare.node_id = NodeId(5);
+  Rig rig(pumps({5}), plant);
+  rig.begin();
+  ASSERT_TRUE(rig.until_operational(30s)) << rig.log();
+  rig.kill();
+  rig.device("p1").device().apply(co::NmtCommand::enter_pre_operational);
+  rig.run_for(1s);
+  const Watch watch(rig, 5);
+  rig.begin();
+  ASSERT_TRUE(rig.run_until([&] { return watch.heartbeat_reads == 1; }, 30s)) << rig.log();
+  rig.device("p1").unplug();
+  rig.device("spare").plug();
+  ASSERT_TRUE(rig.run_until([&] { return watch.heartbeat_reads == 2; }, 10s)) << "the spare hears it" << rig.log();
+  rig.run_for(20s);
+  EXPECT_EQ(watch.savings, 0U) << rig.log();
+  EXPECT_EQ(watch.starts, 0U) << rig.log();
+  EXPECT_EQ(values(rig, "spare").get_or<std::uint32_t>({0x2000, 1}, 0), 100U) << rig.log();
 }
 
 // It leaves while its heartbeat is set, and the spare hears the repeated request.
