@@ -71,7 +71,8 @@ bool SdoServer::acknowledge_block(can::Frame& answer) noexcept {
   sdo::put(answer, acknowledgement, {});
   answer.data[1] = static_cast<std::uint8_t>(good);
   answer.data[2] = static_cast<std::uint8_t>(receiver_.size());
-  return true;
+  if (!data_.take_wait()) return true;
+  return confirm_or_defer(can::Frame::base(0, deferred_.answer), answer, AbortCode::pending, state_);
 }
 
 bool SdoServer::end_block_download(const can::Frame& request, can::Frame& answer) noexcept {
@@ -119,6 +120,7 @@ bool SdoServer::begin_block_upload(const can::Frame& request, can::Frame& answer
   crc_used_ = (request.data[0] & 0x04U) != 0;
   if (!sdo::valid_block_size(block_size_)) return abort(answer, AbortCode::block_size);
   const auto code = data_.open_read(ref_);
+  if (code == AbortCode::pending) return defer(request, Deferred::Way::ask_again, State::idle);
   if (code != AbortCode::none) return abort(answer, code);
   const auto size = data_.size();
   if (size && threshold > 0 && *size <= threshold) return answer_upload(answer);
@@ -133,6 +135,7 @@ bool SdoServer::begin_block_upload(const can::Frame& request, can::Frame& answer
 // The segments follow by `sending`; `answer` is only for a refusal.
 bool SdoServer::send_block(can::Frame& answer) noexcept {
   const auto window = data_.window(block_size_ * sdo::segment_bytes);
+  if (!window && window.error() == AbortCode::pending) return defer(answer, Deferred::Way::sub_block, state_);
   if (!window) return abort(answer, window.error());
   state_ = State::block_upload;
   sender_.sub_block(block_size_, *window);
