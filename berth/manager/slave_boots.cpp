@@ -23,9 +23,20 @@ void SlaveBoots::cancel() noexcept {
   }
 }
 
+void SlaveBoots::release() noexcept {
+  cancel();
+  for (const auto& slave : slaves_) supervise(*slave, false);
+}
+
+void SlaveBoots::take_over(Slave& slave) noexcept {
+  boot(slave);
+  slave.may_run = true;
+}
+
 void SlaveBoots::boot(Slave& slave, rt::Time since) noexcept {
   slave.status.phase = SlavePhase::booting;
   slave.since = since;
+  slave.may_run = false;
   slave.again = true;
   due_.post();
 }
@@ -59,6 +70,7 @@ rt::Task<void> SlaveBoots::run(Slave& slave) {
   BootTarget& target = *slave.what.target;
   const BootOptions options{
       .give_up = slave.what.rules.mandatory && boot_time_.count() > 0 ? executor_->now() + boot_time_ : rt::never,
+      .may_run = slave.may_run,
       .pause = timing_.pause,
       .boot_timeout = timing_.boot_timeout};
   slave.boot.reset();
