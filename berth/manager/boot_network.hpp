@@ -62,6 +62,8 @@ class ErrorControl {
   virtual void back(NodeId node) noexcept = 0;
   /// An NMT state: each time that one is heard, boot-up messages left out.
   virtual void told(NodeId node, NmtState state) noexcept = 0;
+  /// An NMT command of another node. A slave that it started is not started again.
+  virtual void overheard(const co::NmtRequest& request) noexcept = 0;
 
  protected:
   ~ErrorControl() = default;

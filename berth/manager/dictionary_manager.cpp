@@ -42,19 +42,16 @@ void add_flying(od::DescriptionBuilder& builder, std::uint8_t priority) {
     std::string_view name;
     std::uint16_t value;
   };
-  constexpr std::array<Sub, cycle_sub> subs{Sub{"NMT master timeout", 100},
-                                            Sub{"NMT master negotiation time delay", 500},
-                                            Sub{"NMT master priority", 0},
-                                            Sub{"Priority time slot", 1500},
-                                            Sub{"CANopen device time slot", 10},
-                                            Sub{"Multiple NMT master detect cycle time", 0}};
+  constexpr std::array<Sub, cycle_sub> subs{
+      Sub{"NMT master timeout", 100},      Sub{"NMT master negotiation time delay", 500},
+      Sub{"NMT master priority", 0},       Sub{"Priority time slot", 1500},
+      Sub{"CANopen device time slot", 10}, Sub{"Multiple NMT master detect cycle time", 0}};
   builder.object(flying_timing, od::ObjectCode::record, "NMT flying master timing parameters");
   for (std::uint8_t sub = 1; sub <= cycle_sub; ++sub) {
     const auto value = sub == priority_sub ? priority : subs.at(sub - 1U).value;
-    builder.sub(flying_timing, {.sub = sub,
-                                .name = subs.at(sub - 1U).name,
-                                .type = DataType::unsigned16,
-                                .initial = Literal::number(value)});
+    builder.sub(
+        flying_timing,
+        {.sub = sub, .name = subs.at(sub - 1U).name, .type = DataType::unsigned16, .initial = Literal::number(value)});
   }
 }
 
@@ -132,7 +129,7 @@ void DictionaryManager::role_changed() noexcept {
     const auto begun = lead(own_, flying_.took_over());
     if (!begun) refused_ = begun.error();
   } else if (led && !leads_) {
-    network_.release();
+    network_.end(true);
   }
   if (on_role_) on_role_();
 }

@@ -73,6 +73,7 @@ class DictionaryManager final : private od::Hook, private FlyingMaster::Owner {
   Result<void> lead(NodeId own, bool taken_over);
   void role_changed() noexcept override;
   void reset_all() noexcept override;
+  void overheard(const co::NmtRequest& request) noexcept override { network_.error_control().overheard(request); }
 
   od::Values* values_;
   std::function<void()> on_role_;

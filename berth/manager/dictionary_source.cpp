@@ -80,8 +80,7 @@ FlyingOptions flying_options_of(const od::Values& values, NodeId own) noexcept {
   const auto ms = [&](std::uint8_t sub) { return std::chrono::milliseconds(number(values, index, sub)); };
   FlyingOptions options;
   options.own = {static_cast<std::uint8_t>(number(values, index, 3)), own};
-  options.timing = {
-      .detection = ms(1), .delay = ms(2), .priority_slot = ms(4), .device_slot = ms(5), .cycle = ms(6)};
+  options.timing = {.detection = ms(1), .delay = ms(2), .priority_slot = ms(4), .device_slot = ms(5), .cycle = ms(6)};
   for (std::uint8_t node = 1; node <= 127; ++node) {
     if (slave_rules_of(number(values, 0x1F81, node)).keep_alive) options.resets_when_cold = false;
   }

@@ -6,12 +6,11 @@
 
 namespace berth::manager {
 
-using State = FlyingNegotiation::State;
-
 FlyingMaster::FlyingMaster(can::Dispatcher& dispatcher, Owner& owner)
     : dispatcher_(&dispatcher), owner_(&owner), heartbeats_(dispatcher, *this, 1) {
   dispatcher.add(flying_master_ids, *this);
   dispatcher.add(co::all_error_control, *this);
+  dispatcher.add({co::nmt_command_id, co::nmt_command_id}, *this);
 }
 
 FlyingMaster::~FlyingMaster() = default;
@@ -46,8 +45,13 @@ void FlyingMaster::power_off() noexcept {
 // ---- what comes -----------------------------------------------------------------------------------------------------
 
 void FlyingMaster::received(const can::Frame& frame, rt::Time at) noexcept {
-  if (rules_.state() == State::off) return;
+  if (rules_.state() == FlyingNegotiation::State::off) return;
   if (const auto message = parse_flying(frame)) return carry_out(rules_.received(*message, at));
+  const auto command = co::parse_nmt(frame);
+  if (command && is_master()) {
+    owner_->overheard(*command);
+    return carry_out(rules_.commanded(at));
+  }
   const auto key = frame.key();
   const bool error_control = key >= co::all_error_control.first && key <= co::all_error_control.last;
   const bool boot_up = error_control && !frame.remote && frame.size == 1 && frame.data[0] == 0;
@@ -73,7 +77,7 @@ void FlyingMaster::run() noexcept {
 // ---- what is done ---------------------------------------------------------------------------------------------------
 
 void FlyingMaster::carry_out(const FlyingNegotiation::Step& step) noexcept {
-  const bool claims = rules_.state() == State::claiming;
+  const bool claims = rules_.state() == FlyingNegotiation::State::claiming;
   // A claim of its own that waits still is void, or is repeated.
   const bool repeats = claims && step.send == FlyingService::active_master;
   if (pending() && (!claims || repeats)) dispatcher_->withdraw(*this);
@@ -89,13 +93,13 @@ void FlyingMaster::carry_out(const FlyingNegotiation::Step& step) noexcept {
   const bool changed = active != known_ || was_master_ != rules_.is_master();
   known_ = active;
   was_master_ = rules_.is_master();
-  if (changed && rules_.state() != State::off) owner_->role_changed();
+  if (changed && rules_.state() != FlyingNegotiation::State::off) owner_->role_changed();
   if (step.reset_all) owner_->reset_all();
 }
 
 void FlyingMaster::send(FlyingService service) noexcept {
   const can::Frame frame = to_frame({service, rules_.options().own});
-  if (rules_.state() == State::claiming && service == FlyingService::active_master) {
+  if (rules_.state() == FlyingNegotiation::State::claiming && service == FlyingService::active_master) {
     static_cast<void>(dispatcher_->send(frame, *this));
   } else {
     static_cast<void>(dispatcher_->send(frame));

@@ -29,6 +29,8 @@ class FlyingMaster final : private can::Handler,
     virtual void role_changed() noexcept = 0;
     /// NMT reset communication to all nodes, this device included: at a cold start with no active master there.
     virtual void reset_all() noexcept = 0;
+    /// An NMT command of another node, while this one is the active master.
+    virtual void overheard(const co::NmtRequest& request) noexcept = 0;
 
    protected:
     ~Owner() = default;
@@ -41,7 +43,7 @@ class FlyingMaster final : private can::Handler,
   ~FlyingMaster();
 
   /// Errc::invalid: the priority is above 2, there is no node-ID, or the times are none (`FlyingTiming::sound`).
-  Result<void> begin(const FlyingOptions& options, HeartbeatOf heartbeat_of);
+  [[nodiscard]] Result<void> begin(const FlyingOptions& options, HeartbeatOf heartbeat_of);
   /// It takes part no longer; an active master is one no more, and the owner is not told.
   void end() noexcept;
   /// The next `begin` is a cold start.

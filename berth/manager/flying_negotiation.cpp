@@ -4,9 +4,6 @@
 
 namespace berth::manager {
 
-using State = FlyingNegotiation::State;
-using Step = FlyingNegotiation::Step;
-
 can::Frame to_frame(const FlyingMessage& message) noexcept {
   const auto id = static_cast<std::uint32_t>(message.service);
   if (message.service != FlyingService::active_master) return can::Frame::base(id, {});
@@ -26,7 +23,7 @@ std::optional<FlyingMessage> parse_flying(const can::Frame& frame) noexcept {
   return message;
 }
 
-const char* name(State state) noexcept {
+const char* name(FlyingNegotiation::State state) noexcept {
   constexpr std::array<const char*, 8> names{"off",      "waiting", "detecting", "negotiating",
                                              "claiming", "master",  "standby",   "checking"};
   return names[static_cast<std::size_t>(state)];
@@ -58,7 +55,7 @@ std::optional<MasterRank> FlyingNegotiation::active() const noexcept {
   return stands_by() ? std::optional(active_) : std::nullopt;
 }
 
-Step FlyingNegotiation::received(const FlyingMessage& message, rt::Time now) noexcept {
+FlyingNegotiation::Step FlyingNegotiation::received(const FlyingMessage& message, rt::Time now) noexcept {
   if (state_ == State::off) return {};
   switch (message.service) {
     case FlyingService::active_master: return heard_master(message.sender, now);
@@ -66,8 +63,7 @@ Step FlyingNegotiation::received(const FlyingMessage& message, rt::Time now) noe
       if (is_master()) return {.send = FlyingService::active_master};
       if (state_ != State::claiming) negotiate(now);
       return {};
-    case FlyingService::detect_active:
-      return is_master() ? Step{.send = FlyingService::active_master} : Step{};
+    case FlyingService::detect_active: return is_master() ? Step{.send = FlyingService::active_master} : Step{};
     case FlyingService::detect_capable: return {.send = FlyingService::capable};
     case FlyingService::force_negotiation: return step_down(now);
     case FlyingService::capable: break;
@@ -76,13 +72,13 @@ Step FlyingNegotiation::received(const FlyingMessage& message, rt::Time now) noe
 }
 
 // 076. One that detects, or waits to, is about to negotiate in any case.
-Step FlyingNegotiation::step_down(rt::Time now) noexcept {
+FlyingNegotiation::Step FlyingNegotiation::step_down(rt::Time now) noexcept {
   const bool has_begun = is_master() || state_ == State::negotiating || state_ == State::claiming;
   if (has_begun) wait(now);
   return {};
 }
 
-Step FlyingNegotiation::heard_master(const MasterRank& sender, rt::Time now) noexcept {
+FlyingNegotiation::Step FlyingNegotiation::heard_master(const MasterRank& sender, rt::Time now) noexcept {
   const MasterRank& own = options_.own;
   if (sender.node == own.node) return {};  // another device under this node-ID: that cannot be settled here
   const bool yields = sender.priority <= own.priority;
@@ -115,12 +111,17 @@ Step FlyingNegotiation::heard_master(const MasterRank& sender, rt::Time now) noe
   return {};
 }
 
-Step FlyingNegotiation::booted(NodeId node, rt::Time now) noexcept {
+FlyingNegotiation::Step FlyingNegotiation::booted(NodeId node, rt::Time now) noexcept {
   if (is_master()) return {.send = FlyingService::active_master};
   return stands_by() && node == active_.node ? lost(now) : Step{};
 }
 
-Step FlyingNegotiation::lost(rt::Time now) noexcept {
+FlyingNegotiation::Step FlyingNegotiation::commanded(rt::Time now) noexcept {
+  const bool again = is_master() && now - forced_ >= options_.timing.detection;
+  return again ? due(now) : Step{};
+}
+
+FlyingNegotiation::Step FlyingNegotiation::lost(rt::Time now) noexcept {
   if (!stands_by()) return {};
   negotiate(now);
   return {.send = FlyingService::negotiation};
@@ -130,7 +131,7 @@ void FlyingNegotiation::claimed(rt::Time now) noexcept {
   if (state_ == State::claiming) enter(State::master, now + options_.timing.cycle_of(options_.own.node));
 }
 
-Step FlyingNegotiation::due(rt::Time now) noexcept {
+FlyingNegotiation::Step FlyingNegotiation::due(rt::Time now) noexcept {
   const FlyingTiming& timing = options_.timing;
   switch (state_) {
     case State::off: break;
@@ -150,6 +151,7 @@ Step FlyingNegotiation::due(rt::Time now) noexcept {
       enter(State::claiming, now + timing.detection);
       return {.send = FlyingService::active_master};
     case State::master:
+      forced_ = now;
       enter(State::master, now + timing.cycle_of(options_.own.node));
       return {.send = FlyingService::force_negotiation};
   }

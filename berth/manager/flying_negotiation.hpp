@@ -16,6 +16,8 @@
 /// - **072 at an active master** is answered with 071: who asks did not hear it.
 /// - **Two active masters**: of what hears the other's 071 the worse one yields, and the better one answers 071. 076,
 ///   which each sends every cycle, makes the other one negotiate.
+/// - **An active master that hears an NMT command of another node** sends 076 at once, and not only with the cycle: two
+///   that command are parted before they boot the same slaves.
 /// - **A standby master asks** (073) when it has heard no 071 for `quiet_cycles` cycles: however frames got lost, all
 ///   come to know the same active master, and no bus that has a candidate stays without one.
 /// - **The boot-up message of the active master** is the loss of it: it was reset, and no longer is master.
@@ -32,12 +34,12 @@ namespace berth::manager {
 
 /// The services, by the identifiers of their frames (base format).
 enum class FlyingService : std::uint8_t {
-  active_master = 0x71,    ///< DLC 2, priority and node-ID: I am the active master
-  negotiation = 0x72,      ///< DLC 0: the slot times begin
-  detect_active = 0x73,    ///< DLC 0: who is active master?
-  capable = 0x74,          ///< DLC 0: here is a device that can be master
-  detect_capable = 0x75,   ///< DLC 0: is there a device that can be master?
-  force_negotiation = 0x76 ///< DLC 0: an active master negotiates anew
+  active_master = 0x71,     ///< DLC 2, priority and node-ID: I am the active master
+  negotiation = 0x72,       ///< DLC 0: the slot times begin
+  detect_active = 0x73,     ///< DLC 0: who is active master?
+  capable = 0x74,           ///< DLC 0: here is a device that can be master
+  detect_capable = 0x75,    ///< DLC 0: is there a device that can be master?
+  force_negotiation = 0x76  ///< DLC 0: an active master negotiates anew
 };
 inline constexpr can::IdRange flying_master_ids{0x071, 0x076};
 
@@ -85,8 +87,8 @@ struct FlyingTiming {
 };
 
 struct FlyingOptions {
-  MasterRank own;  ///< node-ID configured, priority 0 to 2
-  FlyingTiming timing;
+  MasterRank own = {};  ///< node-ID configured, priority 0 to 2
+  FlyingTiming timing = {};
   /// After power-on, and with no active master there: all nodes are reset first (once), and only then is negotiated.
   /// Without it a device that runs is not disturbed by the first master of a bus (keep-alive slaves).
   bool resets_when_cold = true;
@@ -121,6 +123,8 @@ class FlyingNegotiation {
   [[nodiscard]] Step received(const FlyingMessage& message, rt::Time now) noexcept;
   /// A boot-up message of another node.
   [[nodiscard]] Step booted(NodeId node, rt::Time now) noexcept;
+  /// An NMT command of another node.
+  [[nodiscard]] Step commanded(rt::Time now) noexcept;
   /// The heartbeat of the active master is over.
   [[nodiscard]] Step lost(rt::Time now) noexcept;
   /// The 071 that `claiming` asked for is on the wire.
@@ -150,6 +154,7 @@ class FlyingNegotiation {
 
   FlyingOptions options_;
   rt::Time deadline_ = rt::never;
+  rt::Time forced_{};  // the last 076 as active master
   MasterRank active_;
   State state_ = State::off;
   bool cold_ = true;

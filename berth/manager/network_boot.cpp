@@ -59,15 +59,9 @@ Result<void> NetworkBoot::begin(NetworkPlan plan) {
   return {};
 }
 
-void NetworkBoot::end() noexcept {
+void NetworkBoot::end(bool releases) noexcept {
   phase_.end();
-  next_ = Next::cancel;
-  act_.post();
-}
-
-void NetworkBoot::release() noexcept {
-  phase_.end();
-  next_ = Next::release;
+  if (next_ != Next::release) next_ = releases ? Next::release : Next::cancel;
   act_.post();
 }
 
@@ -81,7 +75,7 @@ void NetworkBoot::act() noexcept {
     commands_.cancel();
     return boots_.release();
   }
-  boots_.set(plan_.slaves, plan_.boot_time);
+  boots_.set(plan_.slaves, plan_.boot_time, plan_.startup.flying);
   startup_.spawn(startup());
 }
 

@@ -31,8 +31,8 @@
 /// keep-alive slave is not reset but booted at once: its state is looked at first (step 4 of `BootSlave`). A slave
 /// without bit 2 of 1F81h gets its error control again, no more, and is not started.
 ///
-/// Every call may be made at any time from the executor, also from the callback: what ends tasks is done later. With bit
-/// 5 (flying master) `begin` and `release` follow `FlyingMaster`.
+/// Every call may be made at any time from the executor, also from the callback: what ends tasks is done later. With
+/// bit 5 (flying master) `begin` and `end` follow `FlyingMaster`.
 #pragma once
 
 #include <functional>
@@ -56,10 +56,9 @@ class NetworkBoot final : private SlaveBoots::Owner {
   /// Begins, or begins anew, from the reset on. Errc::invalid: the plan's master is none (bit 0), a slave is named
   /// twice, has no target, no source or no node-ID.
   Result<void> begin(NetworkPlan plan);
-  /// Nothing is done any more; what is known of the slaves stays.
-  void end() noexcept;
-  /// The device is no NMT master any more: the same, commands that wait are dropped, and no slave is supervised.
-  void release() noexcept;
+  /// Nothing is done any more; what is known of the slaves stays. With `releases` the device is no NMT master any more:
+  /// commands that wait are dropped, and no slave is supervised.
+  void end(bool releases = false) noexcept;
   /// The application makes the master operational. Errc::invalid: the startup has not come so far, or a mandatory slave
   /// is not ready (`Error::node`); after `Phase::halted` too.
   Result<void> operate();

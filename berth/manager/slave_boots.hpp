@@ -48,8 +48,9 @@ class SlaveBoots {
   SlaveBoots(rt::Executor& executor, Owner& owner, const NetworkTiming& timing) noexcept
       : executor_(&executor), owner_(&owner), timing_(timing) {}
 
-  /// Other slaves, all idle. Not from inside a task.
-  void set(std::span<const NetworkSlave> slaves, rt::Duration boot_time);
+  /// Other slaves, all idle. Not from inside a task. `other_masters`: a slave whose boot-up message was not heard may
+  /// have been started by another master, on the other side of a cut, say.
+  void set(std::span<const NetworkSlave> slaves, rt::Duration boot_time, bool other_masters);
   /// Ends every boot-up under way; what is known of the slaves stays. Not from inside a task.
   void cancel() noexcept;
   /// The same, and no slave is supervised any more.
@@ -76,6 +77,7 @@ class SlaveBoots {
   Owner* owner_;
   NetworkTiming timing_;
   rt::Duration boot_time_{};
+  bool other_masters_ = false;
   std::vector<std::unique_ptr<Slave>> slaves_;
   std::array<Slave*, 128> by_node_{};
   rt::Later<SlaveBoots, &SlaveBoots::begin_due> due_{*this, *executor_};

@@ -24,7 +24,9 @@ constexpr FlyingOptions options_of(std::uint8_t priority, std::uint8_t node) {
 }
 constexpr rt::Time at(rt::Duration time) { return rt::Time(time); }
 
-FlyingMessage claim(std::uint8_t priority, std::uint8_t node) { return {Service::active_master, {priority, NodeId(node)}}; }
+FlyingMessage claim(std::uint8_t priority, std::uint8_t node) {
+  return {Service::active_master, {priority, NodeId(node)}};
+}
 FlyingMessage just(Service service) { return {service, {}}; }
 
 // Priority 1, node 5, in each state; the active master of the standby ones is node 3, priority 1.
@@ -63,9 +65,10 @@ TEST(FlyingNegotiation, FramesAreThoseOfTheStandard) {
     EXPECT_EQ(parse_flying(can::Frame::base(id, {})), just(static_cast<Service>(id)));
     EXPECT_FALSE(parse_flying(can::Frame::base(id, {0})));
   }
-  const auto none = {can::Frame::base(0x70, {}),      can::Frame::base(0x77, {}),        can::Frame::base(0x71, {}),
-                     can::Frame::base(0x71, {0}),     can::Frame::base(0x71, {0, 1, 0}), can::Frame::base(0x71, {0, 0}),
-                     can::Frame::base(0x71, {0, 128}), can::Frame::request(0x73, 0)};
+  const auto none = {can::Frame::base(0x70, {}),        can::Frame::base(0x77, {}),
+                     can::Frame::base(0x71, {}),        can::Frame::base(0x71, {0}),
+                     can::Frame::base(0x71, {0, 1, 0}), can::Frame::base(0x71, {0, 0}),
+                     can::Frame::base(0x71, {0, 128}),  can::Frame::request(0x73, 0)};
   for (const auto& frame : none) EXPECT_FALSE(parse_flying(frame)) << can::to_string(frame);
 }
 
@@ -191,6 +194,12 @@ TEST(FlyingNegotiation, TimesAndLosses) {
   auto master = in(State::master);
   EXPECT_EQ(master.booted(NodeId(3), at(9s)).send, active_master);
   EXPECT_FALSE(master.lost(at(9s)).send);
+  // An NMT command of another node: at once, and at most once in the detection time.
+  EXPECT_EQ(master.commanded(at(10s)).send, force_negotiation);
+  EXPECT_EQ(master.deadline(), at(14050ms));
+  EXPECT_FALSE(master.commanded(at(10099ms)).send);
+  EXPECT_EQ(master.commanded(at(10100ms)).send, force_negotiation);
+  EXPECT_FALSE(standby.commanded(at(10s)).send);
   EXPECT_EQ(master.active()->node, NodeId(5));
 }
 
@@ -513,8 +522,8 @@ class Model {
   }
   void say(std::size_t i, std::string_view what) {
     if (!tells_) return;
-    story_ += "\n" + std::to_string(now_.time_since_epoch() / 1ms) + " ms: node " + std::to_string(number(i)) +
-              ": " + std::string(what);
+    story_ += "\n" + std::to_string(now_.time_since_epoch() / 1ms) + " ms: node " + std::to_string(number(i)) + ": " +
+              std::string(what);
   }
   static std::uint8_t number(std::size_t i) { return static_cast<std::uint8_t>(i + 1); }
 
@@ -547,46 +556,38 @@ std::size_t explore(const std::vector<std::uint8_t>& priorities, Faults faults,
   return runs;
 }
 
-const std::vector<rt::Duration> offsets{0ms, 40ms, 300ms, 599ms, 650ms, 1300ms, 5s};
-
 }  // namespace
 
+// Each of the first fault's kinds alone and beside another one; who starts when is among the choices.
 TEST(FlyingNegotiationModel, TwoMasters) {
   std::size_t runs = 0;
-  for (const auto& priorities : std::vector<std::vector<std::uint8_t>>{{1, 1}, {0, 1}, {1, 0}, {2, 0}, {0, 2}, {2, 2}}) {
-    runs += explore(priorities, {.lost_frames = 2, .crashes = 1}, offsets);
-    runs += explore(priorities, {.crashes = 2}, offsets);
-    runs += explore(priorities, {.lost_frames = 1, .cuts = 1}, offsets);
-    runs += explore(priorities, {.lost_frames = 1, .alarms = 1}, offsets);
+  for (const auto& priorities : std::vector<std::vector<std::uint8_t>>{{1, 1}, {0, 1}, {1, 0}, {2, 0}, {0, 2}}) {
+    runs += explore(priorities, {.lost_frames = 2}, {0ms, 40ms, 300ms, 599ms, 650ms, 1300ms, 5s});
+    runs += explore(priorities, {.lost_frames = 1, .crashes = 1}, {0ms, 650ms});
+    runs += explore(priorities, {.lost_frames = 1, .cuts = 1}, {0ms, 650ms});
+    runs += explore(priorities, {.lost_frames = 1, .alarms = 1}, {0ms, 650ms});
   }
-  RecordProperty("runs", std::to_string(runs));
-  std::printf("%zu runs\n", runs);
-  EXPECT_GT(runs, 10'000U);
+  EXPECT_GT(runs, 5'000U);
 }
 
 TEST(FlyingNegotiationModel, ThreeMasters) {
   std::size_t runs = 0;
-  for (const auto& priorities : std::vector<std::vector<std::uint8_t>>{{1, 1, 1}, {2, 1, 0}, {1, 0, 0}, {0, 1, 1}}) {
-    runs += explore(priorities, {.lost_frames = 1, .crashes = 1}, {0ms, 300ms, 650ms});
-    runs += explore(priorities, {.crashes = 2}, {0ms, 650ms});
-    runs += explore(priorities, {.lost_frames = 1, .cuts = 1}, {0ms, 650ms});
-    runs += explore(priorities, {.lost_frames = 1, .alarms = 1}, {0ms, 650ms});
-    runs += explore(priorities, {.crashes = 1, .cuts = 1}, {0ms, 650ms});
+  for (const auto& priorities : std::vector<std::vector<std::uint8_t>>{{1, 1, 1}, {2, 1, 0}, {1, 0, 0}}) {
+    runs += explore(priorities, {.lost_frames = 1}, {0ms, 300ms, 650ms});
+    runs += explore(priorities, {.crashes = 1}, {0ms, 300ms, 650ms});
+    runs += explore(priorities, {.lost_frames = 1, .cuts = 1}, {0ms});
+    runs += explore(priorities, {.lost_frames = 1, .alarms = 1}, {0ms});
   }
-  RecordProperty("runs", std::to_string(runs));
-  std::printf("%zu runs\n", runs);
-  EXPECT_GT(runs, 10'000U);
+  EXPECT_GT(runs, 5'000U);
 }
 
 TEST(FlyingNegotiationModel, FourMasters) {
   std::size_t runs = 0;
   for (const auto& priorities : std::vector<std::vector<std::uint8_t>>{{1, 1, 1, 1}, {2, 1, 1, 0}}) {
-    runs += explore(priorities, {.lost_frames = 1}, {0ms, 300ms, 650ms});
+    runs += explore(priorities, {.lost_frames = 1}, {0ms, 650ms});
     runs += explore(priorities, {.crashes = 1}, {0ms, 650ms});
-    runs += explore(priorities, {.cuts = 1}, {0ms, 650ms});
-    runs += explore(priorities, {.alarms = 1}, {0ms, 650ms});
+    runs += explore(priorities, {.cuts = 1}, {0ms});
+    runs += explore(priorities, {.alarms = 1}, {0ms});
   }
-  RecordProperty("runs", std::to_string(runs));
-  std::printf("%zu runs\n", runs);
   EXPECT_GT(runs, 500U);
 }
