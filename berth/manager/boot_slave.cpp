@@ -116,7 +116,7 @@ rt::Task<bool> BootSlave::is_as(Expected expected) {
 // ---- step 4 ---------------------------------------------------------------------------------------------------------
 
 rt::Task<BootSlave::Verdict> BootSlave::check_state() {
-  if (!rules_.keep_alive) co_return Verdict{};
+  if (!rules_.keep_alive && !options_.may_run) co_return Verdict{};
   std::optional<NmtState> state;
   const bool by_heartbeat = rules_.heartbeat.count() > 0;
   if (by_heartbeat) {
@@ -124,8 +124,8 @@ rt::Task<BootSlave::Verdict> BootSlave::check_state() {
   } else {
     state = co_await target_->guard();
   }
-  if (!state) co_return by_heartbeat ? BootStatus::e : BootStatus::f;
-  if (*state == NmtState::operational) co_return BootStatus::l;
+  if (!state && rules_.keep_alive) co_return by_heartbeat ? BootStatus::e : BootStatus::f;
+  if (state == NmtState::operational) co_return BootStatus::l;
   const auto sent = co_await target_->command(co::NmtCommand::reset_communication);
   if (!sent) {
     result_.detail = describe(sent.error());

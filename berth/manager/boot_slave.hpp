@@ -10,7 +10,8 @@
 ///   1. assigned (A); not to be booted: step 9 at once
 ///   2. 1000h is read, again and again until `give_up` (B), and compared (C)
 ///   3. 1018h is read as far as it is expected (D, M, N, O)
-///   4. keep alive: its state is observed (E, F); operational: step 9, and the end is L; else reset communication
+///   4. keep alive: its state is observed (E, F); operational: step 9, and the end is L; else reset communication. The
+///      same, but for E and F, of a slave that a former master may have started (`BootOptions::may_run`)
 ///   5. expected software (G, H), 6. its update (I), after which all begins at 2 again
 ///   7. expected configuration date, 8. configuration (J)
 ///   9. error control is started (K)
@@ -63,6 +64,9 @@ struct BootOptions {
   /// Its identity was read since its last boot-up, and is the expected one: step 2 asks for the device type only when
   /// one is expected, and step 3 is done.
   bool identified = false;
+  /// It may be running under a former master: step 4 is done as for a keep-alive slave, but one that tells no state is
+  /// reset too.
+  bool may_run = false;
   rt::Duration pause = std::chrono::seconds(1);         ///< before a silent slave is asked again
   rt::Duration boot_timeout = std::chrono::seconds(1);  ///< from reset communication to the boot-up message
 };

@@ -75,6 +75,23 @@ rt::Duration nmt_inhibit_time_of(const od::Values& values) noexcept {
   return std::chrono::microseconds(100) * number(values, 0x102A, 0);
 }
 
+FlyingOptions flying_options_of(const od::Values& values, NodeId own) noexcept {
+  constexpr std::uint16_t index = 0x1F90;
+  const auto ms = [&](std::uint8_t sub) { return std::chrono::milliseconds(number(values, index, sub)); };
+  FlyingOptions options;
+  options.own = {static_cast<std::uint8_t>(number(values, index, 3)), own};
+  options.timing = {.detection = ms(1), .delay = ms(2), .priority_slot = ms(4), .device_slot = ms(5), .cycle = ms(6)};
+  for (std::uint8_t node = 1; node <= 127; ++node) {
+    if (slave_rules_of(number(values, 0x1F81, node)).keep_alive) options.resets_when_cold = false;
+  }
+  return options;
+}
+
+rt::Duration master_heartbeat_of(const od::Values& values, NodeId master) noexcept {
+  const auto entry = heartbeat_time_of(values, master);
+  return entry.count() > 0 ? entry : 2 * std::chrono::milliseconds(number(values, 0x1017, 0));
+}
+
 Result<Wanted> wanted_of(const od::Values& values, NodeId node) {
   const std::uint8_t sub = node.value();
   const auto concise = values.bytes({stored_concise_dcf, sub});

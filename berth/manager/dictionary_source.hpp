@@ -12,11 +12,13 @@
 ///     1F84h to 1F88h   expected identity
 ///     1F89h            boot time, in ms
 ///     1F8Ah            sub-index of the slave's 1011h that restores its factory settings
+///     1F90h            flying master timing
 /// Of the arrays the sub-index is the slave's node-ID. An object or sub-index that is not there counts as 0.
 #pragma once
 
 #include "berth/manager/boot_slave.hpp"
 #include "berth/manager/configuration.hpp"
+#include "berth/manager/flying_negotiation.hpp"
 #include "berth/od/values.hpp"
 
 namespace berth::manager {
@@ -26,6 +28,10 @@ namespace berth::manager {
 [[nodiscard]] SlaveRules slave_rules_of(const od::Values& values, NodeId node) noexcept;
 [[nodiscard]] rt::Duration boot_time_of(const od::Values& values) noexcept;
 [[nodiscard]] rt::Duration nmt_inhibit_time_of(const od::Values& values) noexcept;
+/// 1F90h, and whether a cold start resets all nodes: not when an assigned slave is keep-alive.
+[[nodiscard]] FlyingOptions flying_options_of(const od::Values& values, NodeId own) noexcept;
+/// How long another master may be silent: its entry of 1016h, else twice the own 1017h; 0: not supervised.
+[[nodiscard]] rt::Duration master_heartbeat_of(const od::Values& values, NodeId master) noexcept;
 
 /// What a slave's configuration shall be. Without a DCF: no entries. Its date is 1F26h and 1F27h where both are not 0.
 /// Errors: Errc::invalid, with the object, when the stream or the text is none, or a value of it cannot be had;
