@@ -64,10 +64,15 @@ void SdoTransfer::send_block(unsigned size) noexcept {
   window_ = false;
   deadline_ = rt::never;  // the pump has its own
   extra.sender.sub_block(size, *bytes);
-  extra.pump.start(extra.sender, line_->request_, options_.send_timeout);
+  if (options_.pace == nullptr || options_.pace->take(extra)) pump_block();
+}
+
+void SdoTransfer::pump_block() noexcept {
+  extra_->pump.start(extra_->sender, line_->request_, options_.send_timeout);
 }
 
 void SdoTransfer::pumped(rt::Time at) noexcept {
+  if (options_.pace != nullptr) options_.pace->give(*extra_);
   expects_ = 1;
   sent(at);
 }
@@ -91,7 +96,7 @@ bool SdoTransfer::block_acknowledged(const can::Frame& frame) noexcept {
     case Heard::stale: return false;
     case Heard::invalid: refuse(sender.code(), "the server acknowledged what cannot be"); return true;
     case Heard::go_on:
-      extra_->pump.stop();
+      extra_->stop();
       consume(sender.acknowledged());
       if (!lingers()) send_block(sender.size());
       return true;

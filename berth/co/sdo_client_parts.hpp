@@ -7,11 +7,18 @@
 
 namespace berth::co {
 
-class SdoTransfer::Extra final : public sdo::BlockPump::Owner {
+class SdoTransfer::Extra final : public sdo::BlockPump::Owner, public BlockPace::Member {
  public:
   Extra(SdoTransfer& transfer, can::Dispatcher& dispatcher) noexcept : transfer_(&transfer), pump(dispatcher, *this) {}
+  ~Extra() { stop(); }
+  /// No more segments are sent.
+  void stop() noexcept {
+    pump.stop();
+    if (transfer_->options_.pace != nullptr) transfer_->options_.pace->leave(*this);
+  }
 
  private:
+  void turn() noexcept override { transfer_->pump_block(); }
   void pumped(rt::Time at) noexcept override { transfer_->pumped(at); }
   void stuck(can::Queued why) noexcept override { transfer_->stuck(why); }
   SdoTransfer* transfer_;

@@ -73,6 +73,8 @@ bool SdoServer::handle(const can::Frame& request, can::Frame& answer) noexcept {
 bool SdoServer::while_pending(const can::Frame& request) noexcept {
   if (std::ranges::equal(pending_request_, request.bytes())) return false;
   const auto byte = request.data[0];
+  // Inside a block transfer a frame is a segment, whatever it looks like.
+  if (between_blocks_) return byte == 0x80;
   switch (static_cast<Ccs>(sdo::specifier(byte))) {
     case Ccs::abort:
     case Ccs::download:
@@ -90,6 +92,7 @@ bool SdoServer::confirm_or_defer(const can::Frame& request, can::Frame& answer, 
     return true;
   }
   if (code != AbortCode::pending) return abort(answer, code);
+  between_blocks_ = state_ == State::block_download;
   state_ = State::pending;
   then_ = then;
   std::ranges::copy(request.bytes(), pending_request_.begin());
@@ -112,7 +115,8 @@ std::optional<can::Frame> SdoServer::expire() noexcept {
   answer.set_head(response_key_, 8);
   if (collecting()) {
     receiver_.give_up();
-    acknowledge_block(answer);
+    const can::Frame none = can::Frame::base(0, std::array<std::uint8_t, 8>{});
+    if (!acknowledge_block(none, answer)) return std::nullopt;
   } else {
     abort(answer, AbortCode::timeout);
   }
@@ -185,7 +189,7 @@ bool SdoServer::download_segment(const can::Frame& request, can::Frame& answer) 
   sdo::put(answer, static_cast<std::uint8_t>(0x20U | (byte & sdo::toggle_bit)), {});
   const auto code = take(request.data.data() + 1, count, last);
   if (!last && code == AbortCode::none) return true;
-  return confirm_or_defer(request, answer, code, State::idle);
+  return confirm_or_defer(request, answer, code, last ? State::idle : State::download);
 }
 
 AbortCode SdoServer::take(const std::uint8_t* bytes, std::size_t count, bool last) noexcept {
@@ -193,7 +197,8 @@ AbortCode SdoServer::take(const std::uint8_t* bytes, std::size_t count, bool las
   if (!place) return place.error();
   std::memcpy(*place, bytes, sdo::segment_bytes);
   const auto code = data_.commit(count);
-  return code != AbortCode::none || !last ? code : data_.close_write();
+  if (code != AbortCode::none) return code;
+  return last ? data_.close_write() : data_.ready();
 }
 
 // ---- upload

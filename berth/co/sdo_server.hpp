@@ -101,7 +101,7 @@ class SdoServer {
   bool block_download(const can::Frame& request, can::Frame& answer) noexcept;
   bool begin_block_download(const can::Frame& request, can::Frame& answer) noexcept;
   bool block_segment(const can::Frame& request, can::Frame& answer) noexcept;
-  bool acknowledge_block(can::Frame& answer) noexcept;
+  bool acknowledge_block(const can::Frame& segment, can::Frame& answer) noexcept;
   [[nodiscard]] AbortCode commit_block() noexcept;
   [[nodiscard]] AbortCode next_block() noexcept;
   bool end_block_download(const can::Frame& request, can::Frame& answer) noexcept;
@@ -120,7 +120,8 @@ class SdoServer {
   std::uint32_t response_key_ = 0;
   ObjectRef ref_;
   State state_ = State::idle;
-  State then_ = State::idle;  // after the pending write
+  State then_ = State::idle;     // after the pending write
+  bool between_blocks_ = false;  // it is a sub-block that is pending
   bool toggle_ = false;       // expected in the next segment
   [[nodiscard]] unsigned crc_bit() const noexcept { return crc_used_ ? 0x04U : 0x00U; }
   bool crc_used_ = false;        // block

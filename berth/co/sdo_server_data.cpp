@@ -99,6 +99,7 @@ AbortCode SdoServerData::open_write(ObjectRef ref, std::optional<std::size_t> si
   drop();
   ref_ = ref;
   offset_ = filled_ = 0;
+  waits_ = false;
   sized_ = size.has_value();
   size_ = size.value_or(0);
   kind_ = Kind::buffer;
@@ -131,7 +132,9 @@ AbortCode SdoServerData::flush() noexcept {
   if (filled_ == 0) return AbortCode::none;
   const auto code = stream_.write({buffer_.get(), filled_});
   offset_ += std::exchange(filled_, 0);
-  return code;
+  if (code != AbortCode::pending) return code;
+  waits_ = true;
+  return AbortCode::none;
 }
 
 AbortCode SdoServerData::too_long(std::size_t total) const noexcept {

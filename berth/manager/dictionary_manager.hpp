@@ -13,7 +13,7 @@
 /// at the next boot-up of the device, a slave's configuration at the next boot-up of the slave, and requests at once.
 ///
 /// Objects that refuse: 1F80h with a reserved bit or bit 5 (flying master), 0609 0030. 1F82h and 1F83h as
-/// `NetworkRequests` has it; they read what is known of the slaves.
+/// `NetworkRequests` has it; they read what is known of the slaves. 1F25h as `ConfigurationRequests` has it.
 #pragma once
 
 #include <array>
@@ -21,6 +21,7 @@
 #include <memory>
 #include <optional>
 
+#include "berth/manager/configuration_requests.hpp"
 #include "berth/manager/dictionary_source.hpp"
 #include "berth/manager/managed_bus.hpp"
 #include "berth/manager/network_requests.hpp"
@@ -33,9 +34,11 @@ struct ManagerObjects {
   std::uint32_t startup = 1;            ///< default of 1F80h
   std::uint32_t longest_concise = 512;  ///< bytes for each slave in 1F22h; 0: no such object
   std::uint32_t longest_dcf = 0;        ///< in 1F20h; 0: neither 1F20h nor 1F21h
+  std::uint32_t longest_eds = 0;        ///< in 1F23h; 0: neither 1F23h nor 1F24h
+  std::uint32_t longest_program = 0;    ///< in 1F58h; 0: no such object
 };
-/// 102Ah, (1F20h, 1F21h), (1F22h), 1F26h, 1F27h, 1F55h, 1F80h to 1F8Ah but 1F87h's kind of check. 1016h is the
-/// device's own.
+/// 102Ah, (1F20h, 1F21h), (1F22h), (1F23h, 1F24h), 1F25h to 1F27h, 1F53h to 1F55h, (1F58h), 1F80h to 1F8Ah but 1F87h's
+/// kind of check. 1016h is the device's own.
 void add_manager_objects(od::DescriptionBuilder& builder, const ManagerObjects& objects = {});
 
 class DictionaryManager final : private od::Hook {
@@ -50,6 +53,7 @@ class DictionaryManager final : private od::Hook {
 
   [[nodiscard]] NetworkBoot& network() noexcept { return network_; }
   [[nodiscard]] ManagedBus& bus() noexcept { return bus_; }
+  [[nodiscard]] ConfigurationRequests& configurations() noexcept { return configurations_; }
   /// Why a device with bit 0 of 1F80h has not begun.
   [[nodiscard]] const std::optional<Error>& refused() const noexcept { return refused_; }
 
@@ -62,7 +66,9 @@ class DictionaryManager final : private od::Hook {
   od::Values* values_;
   ManagedBus bus_;
   NetworkBoot network_;
+  ProgramTransfers transfers_;
   NetworkRequests requests_{network_};
+  ConfigurationRequests configurations_;
   std::array<std::unique_ptr<DictionarySource>, 128> sources_;
   std::optional<Error> refused_;
   NmtState state_ = NmtState::initialising;

@@ -54,8 +54,7 @@ Answer<std::size_t> StreamUse::read(std::span<std::uint8_t> into) noexcept {
 
 AbortCode StreamUse::write(std::span<const std::uint8_t> bytes) noexcept {
   if (stream_ == nullptr) return AbortCode::not_stored;
-  const auto code = stream_->write(bytes);
-  return code == AbortCode::pending ? AbortCode::general : code;
+  return stream_->write(bytes);
 }
 
 AbortCode StreamUse::close(bool complete) noexcept {

@@ -28,7 +28,9 @@ class Stream {
   virtual Answer<std::size_t> read(std::span<std::uint8_t> into) noexcept;
   /// A download begins; `size` as the client indicated it. May answer `pending` (memory is erased first, say).
   virtual AbortCode open_write(ObjectRef ref, std::optional<std::size_t> size) noexcept;
-  /// The next bytes, never empty. A refusal ends the transfer. Not `pending`.
+  /// The next bytes, never empty; they are taken (copied) whatever it answers, unless it refuses, which ends the
+  /// transfer. `pending`: they are taken, and the server waits for `co::SdoServer::complete` before it asks for more
+  /// (flash memory is being written). When `close` comes before that, only the answer of `close` is waited for.
   virtual AbortCode write(std::span<const std::uint8_t> bytes) noexcept;
   /// The transfer has ended; `complete`: all bytes were read, or written and found right (CRC, size). What it answers
   /// is the last word on a complete download, `pending` is allowed; otherwise it is not looked at.

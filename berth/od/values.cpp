@@ -202,7 +202,8 @@ AbortCode Values::write_whole(Stream& stream, ObjectRef ref, std::span<const std
   if (opened == AbortCode::pending) return AbortCode::device_state;
   if (opened != AbortCode::none) return opened;
   if (!value.empty()) {
-    if (const AbortCode code = use.write(value); code != AbortCode::none) return code;
+    const AbortCode code = use.write(value);
+    if (code != AbortCode::none && code != AbortCode::pending) return code;
   }
   return use.close(true);
 }
