@@ -1,14 +1,21 @@
 #include "berth/co/block_pace.hpp"
 
+#include <algorithm>
 #include <utility>
 
 namespace berth::co {
+namespace {
+
+constexpr can::IdRange outranked{0x680, 0x7FF};  // by the requests of SDO, 600h to 67Fh
+constexpr unsigned quiet_part = 4;               // of the free time: about two frames behind 127 segments
+
+}  // namespace
 
 bool BlockPace::take(Member& member) noexcept {
-  const bool now = sends_ == nullptr && first_ == nullptr && executor_->now() >= free_until_;
-  if (now) {
+  const bool at_once = sends_ == nullptr && first_ == nullptr && now() >= free_until_;
+  if (at_once) {
     sends_ = &member;
-    began_ = executor_->now();
+    began_ = now();
     return true;
   }
   Member** end = &first_;
@@ -16,16 +23,20 @@ bool BlockPace::take(Member& member) noexcept {
   member.next_ = nullptr;
   member.waits_ = true;
   *end = &member;
-  if (sends_ == nullptr) executor_->at(free_until_, *this);
+  next();
   return false;
 }
 
 void BlockPace::give(Member& member) noexcept {
   if (sends_ != &member) return;
   sends_ = nullptr;
-  const rt::Time now = executor_->now();
-  free_until_ = now + (now - began_) / free_part_;
-  if (first_ != nullptr) executor_->at(free_until_, *this);
+  const rt::Duration took = now() - began_;
+  const rt::Duration free = took / free_part_;
+  free_until_ = now() + free;
+  longest_free_ = now() + took;
+  quiet_ = free / quiet_part;
+  dispatcher_->add(outranked, *this);
+  next();
 }
 
 void BlockPace::leave(Member& member) noexcept {
@@ -37,13 +48,23 @@ void BlockPace::leave(Member& member) noexcept {
   give(member);
 }
 
+void BlockPace::next() noexcept {
+  if (sends_ == nullptr && first_ != nullptr) dispatcher_->executor().at(free_until_, *this);
+}
+
+void BlockPace::received(const can::Frame&, rt::Time at) noexcept {
+  free_until_ = std::clamp(at + quiet_, free_until_, std::max(free_until_, longest_free_));
+}
+
 void BlockPace::run() noexcept {
   if (sends_ != nullptr || first_ == nullptr) return;
-  Member* const next = std::exchange(first_, first_->next_);
-  next->waits_ = false;
-  sends_ = next;
-  began_ = executor_->now();
-  next->turn();
+  if (now() < free_until_) return next();
+  dispatcher_->remove(*this);
+  Member* const first = std::exchange(first_, first_->next_);
+  first->waits_ = false;
+  sends_ = first;
+  began_ = now();
+  first->turn();
 }
 
 }  // namespace berth::co

@@ -146,7 +146,6 @@ class SdoTransfer : public rt::Operation<SdoTransfer>, private can::Confirmation
   void prepare_block_initiate() noexcept;
   void take_block_initiate(const can::Frame& frame) noexcept;
   void send_block(unsigned size) noexcept;
-  void pump_block() noexcept;
   void pumped(rt::Time at) noexcept;
   void stuck(can::Queued why) noexcept;
   bool block_acknowledged(const can::Frame& frame) noexcept;

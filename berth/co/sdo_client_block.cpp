@@ -64,11 +64,7 @@ void SdoTransfer::send_block(unsigned size) noexcept {
   window_ = false;
   deadline_ = rt::never;  // the pump has its own
   extra.sender.sub_block(size, *bytes);
-  if (options_.pace == nullptr || options_.pace->take(extra)) pump_block();
-}
-
-void SdoTransfer::pump_block() noexcept {
-  extra_->pump.start(extra_->sender, line_->request_, options_.send_timeout);
+  if (options_.pace == nullptr || options_.pace->take(extra)) extra.turn();
 }
 
 void SdoTransfer::pumped(rt::Time at) noexcept {

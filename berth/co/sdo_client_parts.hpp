@@ -16,9 +16,10 @@ class SdoTransfer::Extra final : public sdo::BlockPump::Owner, public BlockPace:
     pump.stop();
     if (transfer_->options_.pace != nullptr) transfer_->options_.pace->leave(*this);
   }
+  /// The sub-block goes out.
+  void turn() noexcept override { pump.start(sender, transfer_->line_->request_, transfer_->options_.send_timeout); }
 
  private:
-  void turn() noexcept override { transfer_->pump_block(); }
   void pumped(rt::Time at) noexcept override { transfer_->pumped(at); }
   void stuck(can::Queued why) noexcept override { transfer_->stuck(why); }
   SdoTransfer* transfer_;

@@ -73,8 +73,9 @@ bool SdoServer::handle(const can::Frame& request, can::Frame& answer) noexcept {
 bool SdoServer::while_pending(const can::Frame& request) noexcept {
   if (std::ranges::equal(pending_request_, request.bytes())) return false;
   const auto byte = request.data[0];
-  // Inside a block transfer a frame is a segment, whatever it looks like.
-  if (between_blocks_) return byte == 0x80;
+  // Between two sub-blocks a frame is a segment that comes late, whatever it looks like.
+  constexpr std::uint8_t acknowledgement = 0xA2;
+  if (pending_answer_[0] == acknowledgement) return byte == 0x80;
   switch (static_cast<Ccs>(sdo::specifier(byte))) {
     case Ccs::abort:
     case Ccs::download:
@@ -92,7 +93,6 @@ bool SdoServer::confirm_or_defer(const can::Frame& request, can::Frame& answer, 
     return true;
   }
   if (code != AbortCode::pending) return abort(answer, code);
-  between_blocks_ = state_ == State::block_download;
   state_ = State::pending;
   then_ = then;
   std::ranges::copy(request.bytes(), pending_request_.begin());

@@ -120,8 +120,7 @@ class SdoServer {
   std::uint32_t response_key_ = 0;
   ObjectRef ref_;
   State state_ = State::idle;
-  State then_ = State::idle;     // after the pending write
-  bool between_blocks_ = false;  // it is a sub-block that is pending
+  State then_ = State::idle;  // after the pending write
   bool toggle_ = false;       // expected in the next segment
   [[nodiscard]] unsigned crc_bit() const noexcept { return crc_used_ ? 0x04U : 0x00U; }
   bool crc_used_ = false;        // block

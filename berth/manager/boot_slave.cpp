@@ -102,8 +102,8 @@ rt::Task<BootSlave::Verdict> BootSlave::check_identity() {
 }
 
 rt::Task<BootSlave::Verdict> BootSlave::check_hardware() {
-  if (rules_.hardware_version.empty()) co_return Verdict{};
-  const Software is = co_await compare_text(hardware_version, rules_.hardware_version);
+  if (rules_.expected.hardware_text.empty()) co_return Verdict{};
+  const Software is = co_await compare_text(hardware_version, rules_.expected.hardware_text);
   co_return is == Software::right ? Verdict{} : Verdict{BootStatus::n};
 }
 
@@ -200,19 +200,19 @@ rt::Task<BootSlave::Software> BootSlave::compare_programs() {
 }
 
 rt::Task<BootSlave::Software> BootSlave::compare_software() {
-  if (rules_.expected_software == 0) {
-    const bool dated = rules_.expected_software_date != 0 || rules_.expected_software_time != 0;
+  if (rules_.expected.software == 0) {
+    const bool dated = rules_.expected.software_date != 0 || rules_.expected.software_time != 0;
     if (dated) co_return co_await compare_software_date();
-    if (rules_.software_version.empty()) co_return Software::untold;
-    co_return co_await compare_text(software_version, rules_.software_version);
+    if (rules_.expected.software_text.empty()) co_return Software::untold;
+    co_return co_await compare_text(software_version, rules_.expected.software_text);
   }
   const auto is = co_await target_->objects().read_u32(boot_software, 1);
   if (!is) {
     result_.detail = describe(is.error());
     co_return Software::untold;
   }
-  if (*is == rules_.expected_software) co_return Software::right;
-  differs(*is, rules_.expected_software);
+  if (*is == rules_.expected.software) co_return Software::right;
+  differs(*is, rules_.expected.software);
   co_return Software::other;
 }
 
@@ -228,9 +228,9 @@ rt::Task<BootSlave::Software> BootSlave::compare_software_date() {
     result_.detail = describe(time.error());
     co_return Software::untold;
   }
-  if (*date == rules_.expected_software_date && *time == rules_.expected_software_time) co_return Software::right;
+  if (*date == rules_.expected.software_date && *time == rules_.expected.software_time) co_return Software::right;
   result_.detail = fmt::format("1F52h is {} days, {} ms instead of {} days, {} ms", *date, *time,
-                               rules_.expected_software_date, rules_.expected_software_time);
+                               rules_.expected.software_date, rules_.expected.software_time);
   co_return Software::other;
 }
 

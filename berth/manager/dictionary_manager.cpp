@@ -26,11 +26,8 @@ struct ArraySpec {
 void add_array(od::DescriptionBuilder& builder, const ArraySpec& spec, std::uint8_t most) {
   builder.object(spec.index, od::ObjectCode::array, spec.name, spec.type);
   for (std::uint8_t sub = 1; sub <= most; ++sub) {
-    builder.sub(spec.index, {.sub = sub,
-                             .name = spec.name,
-                             .type = spec.type,
-                             .access = spec.access,
-                             .capacity = spec.capacity});
+    builder.sub(spec.index,
+                {.sub = sub, .name = spec.name, .type = spec.type, .access = spec.access, .capacity = spec.capacity});
   }
 }
 
@@ -65,14 +62,13 @@ void add_manager_objects(od::DescriptionBuilder& builder, const ManagerObjects& 
        {ArraySpec{0x1F26, "Expected configuration date"}, ArraySpec{0x1F27, "Expected configuration time"},
         ArraySpec{0x1F53, "Expected application software date"},
         ArraySpec{0x1F54, "Expected application software time"}, ArraySpec{0x1F55, "Expected software identification"},
-        ArraySpec{0x1F81, "Slave assignment"},
-        ArraySpec{0x1F84, "Device type identification"}, ArraySpec{0x1F85, "Vendor identification"},
-        ArraySpec{0x1F86, "Product code"}, ArraySpec{0x1F87, "Revision number"}, ArraySpec{0x1F88, "Serial number"},
+        ArraySpec{0x1F81, "Slave assignment"}, ArraySpec{0x1F84, "Device type identification"},
+        ArraySpec{0x1F85, "Vendor identification"}, ArraySpec{0x1F86, "Product code"},
+        ArraySpec{0x1F87, "Revision number"}, ArraySpec{0x1F88, "Serial number"},
         ArraySpec{0x1F8A, "Restore configuration", DataType::unsigned8}}) {
     add_array(builder, array, most);
   }
-  add_requests(builder,
-               {.index = request_configuration, .name = "Request configuration", .access = Access::wo}, most);
+  add_requests(builder, {.index = request_configuration, .name = "Request configuration", .access = Access::wo}, most);
   add_requests(builder, {request_nmt, "Request NMT", DataType::unsigned8}, most);
   add_requests(builder, {request_guarding, "Request guarding", DataType::unsigned8}, most);
   builder.variable(0x1F89, {.name = "Boot time"});
@@ -83,7 +79,7 @@ DictionaryManager::DictionaryManager(can::Dispatcher& dispatcher, od::Values& va
     : values_(&values),
       bus_(dispatcher),
       network_(dispatcher.executor(), bus_, timing),
-      transfers_(dispatcher.executor(), dispatcher.port().status().bit_rate),
+      transfers_(dispatcher),
       configurations_(dispatcher.executor(), network_) {
   bus_.on_apply(std::move(apply));
   bus_.lead_to(&network_.error_control());

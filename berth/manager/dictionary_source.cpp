@@ -65,9 +65,9 @@ SlaveRules slave_rules_of(const od::Values& values, NodeId node) noexcept {
   rules.restore_sub = static_cast<std::uint8_t>(number(values, 0x1F8A, sub));
   rules.expected_date = number(values, 0x1F26, sub);
   rules.expected_time = number(values, 0x1F27, sub);
-  rules.expected_software_date = number(values, 0x1F53, sub);
-  rules.expected_software_time = number(values, 0x1F54, sub);
-  rules.expected_software = number(values, 0x1F55, sub);
+  rules.expected.software_date = number(values, 0x1F53, sub);
+  rules.expected.software_time = number(values, 0x1F54, sub);
+  rules.expected.software = number(values, 0x1F55, sub);
   rules.heartbeat = heartbeat_time_of(values, node);
   return rules;
 }
@@ -94,8 +94,8 @@ Result<Wanted> wanted_of(const od::Values& values, NodeId node) {
     const bool unknown = text.error().code == Errc::unsupported;
     return fail(wrong(unknown ? stored_dcf_format : index, node, text.error().text, text.error().code));
   }
-  const auto loaded = has_concise ? read_concise_configuration(concise, "1F22h")
-                                  : read_configuration(std::move(*text), "1F20h");
+  const auto loaded =
+      has_concise ? read_concise_configuration(concise, "1F22h") : read_configuration(std::move(*text), "1F20h");
   if (!loaded.usable()) {
     return fail(wrong(index, node,
                       has_concise ? "what is stored is no concise DCF, or sets nothing"
@@ -127,7 +127,7 @@ rt::Task<Result<void>> DictionarySource::configure(BootTarget& target, SlaveRule
 rt::Task<Result<void>> DictionarySource::update(BootTarget& target, const SlaveRules& rules) {
   const auto image = values_->bytes({stored_program, node_.value()});
   if (image.empty()) co_return fail(wrong(stored_program, node_, "there is no program for it", Errc::unsupported));
-  const std::array wishes{ProgramWish{.number = 1, .image = image, .identification = rules.expected_software}};
+  const std::array wishes{ProgramWish{.number = 1, .image = image, .identification = rules.expected.software}};
   ProgramOptions options;
   options.transfers = transfers_;
   options.expects_boot_up = [&target] { target.expect_boot_up(); };

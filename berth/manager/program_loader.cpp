@@ -37,8 +37,9 @@ bool is_missing(const Error& error) noexcept {
 // It may be there again, or ready, in a moment.
 bool is_passing(const Error& error) noexcept {
   if (error.code != Errc::aborted) return error.code == Errc::timeout || error.code == Errc::bus;
-  constexpr std::array passing{AbortCode::timeout,      AbortCode::crc,           AbortCode::general,
-                               AbortCode::device_state, AbortCode::sequence_number, AbortCode::command_specifier};
+  constexpr std::array passing{AbortCode::timeout,         AbortCode::crc,
+                               AbortCode::general,         AbortCode::device_state,
+                               AbortCode::sequence_number, AbortCode::command_specifier};
   return std::ranges::any_of(passing, [&](AbortCode code) { return is_aborted(error, code); });
 }
 
@@ -173,10 +174,8 @@ rt::Task<Result<void>> start_program(co::SdoAccess& device, std::uint8_t number,
     const auto state = co_await state_of(device, number);
     if (state && *state == ProgramControl::start) co_return Result<void>{};
   }
-  co_return fail(Error{.code = Errc::timeout,
-                       .sub = number,
-                       .index = program_object::control,
-                       .text = "its program did not start"});
+  co_return fail(Error{
+      .code = Errc::timeout, .sub = number, .index = program_object::control, .text = "its program did not start"});
 }
 
 rt::Task<Result<void>> clear_program(co::SdoAccess& device, std::uint8_t number, const ProgramOptions& options) {
@@ -251,8 +250,9 @@ rt::Task<Result<void>> ProgramLoader::download(const ProgramWish& wish, ProgramR
   if (!status && !done) co_return done;
   if (!status) co_return fail(status.error());
   const char* const error = flash_error(*status);
-  const bool none = *error == '\0';
-  if (none) co_return done;
+  // That there is no program follows from a download that broke off, and is not why.
+  const bool explains = *error != '\0' && (done || (*status >> 1U & 0x7FU) != 1);
+  if (!explains) co_return done;
   co_return fail(wrong(program_object::flash, wish.number, error));
 }
 

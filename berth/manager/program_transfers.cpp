@@ -9,7 +9,9 @@ namespace {
 
 constexpr std::size_t fewest = 2;  // else the bus rests while a device writes its flash memory
 
-std::size_t transfers_at(std::uint32_t bit_rate) noexcept {
+}  // namespace
+
+std::size_t ProgramTransfers::at_once(std::uint32_t bit_rate) noexcept {
   constexpr std::uint64_t frame_bits = 135;  // of eight bytes, with the stuff bits of a program
   constexpr std::uint64_t sub_block_bits = co::sdo::longest_block * frame_bits;
   const auto turn_ms = std::chrono::duration_cast<std::chrono::milliseconds>(ProgramTransfers::turn_time).count();
@@ -17,11 +19,10 @@ std::size_t transfers_at(std::uint32_t bit_rate) noexcept {
   return std::clamp<std::size_t>(in_time / sub_block_bits, fewest, ProgramTransfers::most);
 }
 
-}  // namespace
-
-ProgramTransfers::ProgramTransfers(rt::Executor& executor, std::uint32_t bit_rate) noexcept
-    : at_once_(transfers_at(bit_rate)), pace_(executor), free_(executor) {
-  for (std::size_t i = 0; i < at_once_; ++i) free_.push(true);
+ProgramTransfers::ProgramTransfers(can::Dispatcher& dispatcher) noexcept
+    : pace_(dispatcher), free_(dispatcher.executor()) {
+  const std::size_t count = at_once(dispatcher.port().status().bit_rate);
+  for (std::size_t i = 0; i < count; ++i) free_.push(true);
 }
 
 rt::Task<ProgramTransfers::Ticket> ProgramTransfers::enter() {

@@ -2,7 +2,7 @@
 /// for its flash memory, in which others can have the bus; but a device that waits for its turn longer than its SDO
 /// server's time-out gives up. So there are as many transfers at once as have their turn again within `turn_time`.
 ///
-///     ProgramTransfers transfers(executor, bit_rate);
+///     ProgramTransfers transfers(dispatcher);
 ///     auto ticket = co_await transfers.enter();       // waits; given back when it is destroyed
 ///     how.pace = &transfers.pace();
 #pragma once
@@ -21,8 +21,10 @@ class ProgramTransfers {
   /// Within it each transfer sends a sub-block: a third of the second that SDO servers wait.
   static constexpr rt::Duration turn_time = std::chrono::milliseconds(330);
 
-  /// `bit_rate` in bit/s; 0: not known, then two at once.
-  ProgramTransfers(rt::Executor& executor, std::uint32_t bit_rate) noexcept;
+  /// By the bit rate of the dispatcher's port; not known: two at once. It must stay.
+  explicit ProgramTransfers(can::Dispatcher& dispatcher) noexcept;
+  /// How many: `bit_rate` in bit/s.
+  [[nodiscard]] static std::size_t at_once(std::uint32_t bit_rate) noexcept;
 
   class Ticket {
    public:
@@ -38,10 +40,8 @@ class ProgramTransfers {
   };
   [[nodiscard]] rt::Task<Ticket> enter();
   [[nodiscard]] co::BlockPace& pace() noexcept { return pace_; }
-  [[nodiscard]] std::size_t at_once() const noexcept { return at_once_; }
 
  private:
-  std::size_t at_once_;
   co::BlockPace pace_;
   rt::Turn door_;
   rt::Mailbox<bool, most> free_;

@@ -19,6 +19,9 @@ class StreamUse;
 /// after a refusal by `open_read` or `open_write` there is no `close`. Access rights are checked before.
 class Stream {
  public:
+  /// Bytes that an SDO server gives at once: a sub-block of a block transfer, and a segment.
+  static constexpr std::size_t longest_piece = 904;
+
   Stream(const Stream&) = delete;
   Stream& operator=(const Stream&) = delete;
 

@@ -243,7 +243,7 @@ TEST(BootSlave, EAndFAStateThatCannotBeSeen) {
 TEST(BootSlave, TheSoftwareHasFourEnds) {
   const auto expect = [](Booting& b, std::uint32_t expected, std::optional<std::uint32_t> is) {
     b.rules.checks_software = true;
-    b.rules.expected_software = expected;
+    b.rules.expected.software = expected;
     if (is) b.target.device.add({0x1F56, 1}, u32(*is), false);
   };
   Booting unknown;
@@ -273,14 +273,14 @@ TEST(BootSlave, TheSoftwareIsKnownByTheOldObjectsToo) {
   for (const Case& c : {Case{15'000, 1'000, 0}, Case{15'001, 1'000, 'H'}, Case{15'000, 1'001, 'H'}}) {
     Booting b;
     b.rules.checks_software = true;
-    b.rules.expected_software_date = c.date;
-    b.rules.expected_software_time = c.time;
+    b.rules.expected.software_date = c.date;
+    b.rules.expected.software_time = c.time;
     EXPECT_EQ(letter(b.run().status), 'G') << "it has no 1F52h";
     b.target.device.add({0x1F52, 1}, u32(15'000), false);
     EXPECT_EQ(letter(b.run().status), 'G') << "nor its time";
     b.target.device.add({0x1F52, 2}, u32(1'000), false);
     EXPECT_EQ(letter(b.run().status), c.letter) << b.run().text();
-    b.rules.expected_software = 7;  // the new way comes first
+    b.rules.expected.software = 7;  // the new way comes first
     b.target.device.add({0x1F56, 1}, u32(7), false);
     EXPECT_EQ(b.run().status, BootStatus::booted);
   }
@@ -292,11 +292,11 @@ TEST(BootSlave, VersionsAsTexts) {
   for (const bool identified : {false, true}) {
     Booting b;
     b.options.identified = identified;
-    b.rules.hardware_version = "2.1";
+    b.rules.expected.hardware_text = "2.1";
     EXPECT_EQ(letter(b.run().status), 'N') << "it tells none";
     b.target.device.add({0x1009, 0}, version, false);
     EXPECT_EQ(b.run().status, BootStatus::booted);
-    b.rules.hardware_version = "2.10";
+    b.rules.expected.hardware_text = "2.10";
     const auto other = b.run();
     EXPECT_EQ(letter(other.status), 'N');
     EXPECT_NE(other.text().find("\"2.1\" instead of \"2.10\""), std::string::npos) << other.text();
@@ -304,11 +304,11 @@ TEST(BootSlave, VersionsAsTexts) {
   }
   Booting b;
   b.rules.checks_software = true;
-  b.rules.software_version = "2.1";
+  b.rules.expected.software_text = "2.1";
   EXPECT_EQ(letter(b.run().status), 'G');
   b.target.device.add({0x100A, 0}, {'2', '.', '1', 0}, false);
   EXPECT_EQ(b.run().status, BootStatus::booted) << "padded with NUL";
-  b.rules.software_version = "2.2";
+  b.rules.expected.software_text = "2.2";
   EXPECT_EQ(letter(b.run().status), 'H');
 }
 
@@ -316,7 +316,7 @@ TEST(BootSlave, VersionsAsTexts) {
 TEST(BootSlave, ARightProgramThatIsStoppedIsStarted) {
   Booting b;
   b.rules.checks_software = true;
-  b.rules.expected_software = 7;
+  b.rules.expected.software = 7;
   b.target.device.add({0x1F56, 1}, u32(7), false);
   b.target.device.add({0x1F51, 1}, u8(0));
   EXPECT_EQ(b.run().status, BootStatus::booted);
@@ -333,7 +333,7 @@ TEST(BootSlave, ARightProgramThatIsStoppedIsStarted) {
 TEST(BootSlave, AnUpdateIsFollowedByAllChecksAgain) {
   Booting b;
   b.rules.checks_software = b.rules.may_update = true;
-  b.rules.expected_software = 7;
+  b.rules.expected.software = 7;
   b.target.device.add({0x1F56, 1}, u32(6), false);
   b.source.brings = 7;
   const auto result = b.run();
@@ -348,7 +348,7 @@ TEST(BootSlave, AnUpdateIsFollowedByAllChecksAgain) {
 TEST(BootSlave, AnUpdateThatChangesNothingIsTriedOnce) {
   Booting b;
   b.rules.checks_software = b.rules.may_update = true;
-  b.rules.expected_software = 7;
+  b.rules.expected.software = 7;
   b.target.device.add({0x1F56, 1}, u32(6), false);
   EXPECT_EQ(letter(b.run().status), 'I');
   EXPECT_EQ(b.source.updated, 1U);
@@ -358,7 +358,7 @@ TEST(BootSlave, AnUpdateThatChangesNothingIsTriedOnce) {
 TEST(BootSlave, AKeepAliveSlaveIsNotUpdated) {
   Booting b;
   b.rules.checks_software = b.rules.may_update = b.rules.keep_alive = true;
-  b.rules.expected_software = 7;
+  b.rules.expected.software = 7;
   b.target.device.add({0x1F56, 1}, u32(6), false);
   EXPECT_EQ(letter(b.run().status), 'H');
   EXPECT_EQ(b.source.updated, 0U);
