@@ -186,7 +186,7 @@ TEST_F(Link, UpLaysTheLinks) {
   write("belt.lua", belt_script);
   const Outcome run = berth({"up", file("linked.toml"), "--sim", file("plant.toml"), "--json"});
   ASSERT_EQ(run.status, 0) << run.err << run.out;
-  EXPECT_NE(run.err.find("belt: the press runs at true 1"), std::string::npos) << run.err;
+  EXPECT_NE(run.err.find("the press runs at true 1\n"), std::string::npos) << run.err;
   const json said = json::parse(run.out);
   std::size_t configured = 0;
   for (const auto& event : said.at("events")) {

@@ -96,10 +96,15 @@ std::optional<double> Conveyor::value(const std::string& slot, const std::string
   auto* const device = at(slot);
   if (device == nullptr) return std::nullopt;
   const auto& values = device->device().values();
-  const auto found = od::find_object(values.description(), object);
-  const auto* const sub = found ? values.description().find(*found) : nullptr;
+  auto known = objects_.find({slot, object});
+  if (known == objects_.end()) {
+    const auto found = od::find_object(values.description(), object);
+    if (!found) return std::nullopt;
+    known = objects_.emplace(std::pair(slot, object), *found).first;
+  }
+  const auto* const sub = values.description().find(known->second);
   if (sub == nullptr) return std::nullopt;
-  const auto bytes = values.bytes(*found);
+  const auto bytes = values.bytes(known->second);
   const auto raw = od::load(sub->type, bytes.data());
   if (od::is_real(sub->type)) return od::real_of(sub->type, raw);
   return od::is_signed(sub->type) ? static_cast<double>(static_cast<std::int64_t>(raw)) : static_cast<double>(raw);

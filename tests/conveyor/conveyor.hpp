@@ -63,6 +63,7 @@ class Conveyor final : private plant::World::Observer {
   std::unique_ptr<can::Port> port_;
   std::unique_ptr<operate::Session> session_;
   std::vector<std::string> told_;
+  std::map<std::pair<std::string, std::string>, ObjectRef> objects_;  ///< by slot and word
 };
 
 /// The ten belts, from the ship to the bunker.

@@ -137,7 +137,7 @@ TEST(Conveyor, S5_1_BlankDevicesBecomeAPlantThatConveys) {
   ASSERT_TRUE(plant.begin()) << plant.problem();
   ASSERT_TRUE(plant.run_until([&] { return plant.operational(); }, 120s)) << plant.log();
   const double operational = plant.seconds();
-  ASSERT_TRUE(plant.run_until([&] { return plant.value("unloader", "set_speed").value_or(0) > 0; }, 10s)) << plant.log();
+  ASSERT_TRUE(plant.run_until([&] { return plant.value("unloader", "set_speed").value_or(0) > 0; }, 20s)) << plant.log();
   const double pressed = plant.seconds();
   std::printf("operational after %.1f s, started after %.1f s\n", operational, pressed);
 

@@ -1,13 +1,13 @@
 -- A local panel: oil, gear and ambient temperature (0.1 degrees) and the supply (0.1 V) at 6401h; lamps at 6200h. That of
--- the desk, node-ID 52, has the start button (6000h:01 bit 0), which is pressed 2 s after it is operational.
+-- the desk, node-ID 52, has the start button (6000h:01 bit 0), which is pressed for half a second every 10 s.
 
-local cycle_ms, desk, press_ms = 500, 52, 2000
+local cycle_ms, desk, press_ms, pressed_ms = 500, 52, 10000, 500
 local oil, gear = 200.0, 200.0
 
-device.on_state(function(nmt)
-  if nmt ~= "operational" or device.node_id() ~= desk then return end
-  device.after(press_ms, function() device.write("6000h:01", 1) end)
-  device.after(press_ms + 500, function() device.write("6000h:01", 0) end)
+device.every(press_ms, function()
+  if device.node_id() ~= desk then return end
+  device.write("6000h:01", 1)
+  device.after(pressed_ms, function() device.write("6000h:01", 0) end)
 end)
 
 device.every(cycle_ms, function()
