@@ -37,7 +37,7 @@ class Network final : private PortHealth::Owner {
   Network& operator=(const Network&) = delete;
 
   /// Declares the slots in the store and takes over what it knows. Call once, before anything else.
-  Result<void> open();
+  Result<void> open(const SlotSettings& settings = {});
   /// Begins the main job. Without it the network only serves single commands.
   void start();
   /// Stops the main job where it stands, as if Berth had been ended.
@@ -55,6 +55,8 @@ class Network final : private PortHealth::Owner {
     friend bool operator==(const Occupancy&, const Occupancy&) = default;
   };
   [[nodiscard]] std::vector<Occupancy> occupancy() const;
+  /// The slot of this name has `config =`, or links give it one.
+  [[nodiscard]] bool configures(std::string_view slot) noexcept;
   /// Every slot that is not optional is operational.
   [[nodiscard]] bool operational() const noexcept { return parts_.slots.operational(); }
   /// The main job has nothing to do now but to watch.
