@@ -38,13 +38,11 @@ class Network final : private PortHealth::Owner {
 
   /// Declares the slots in the store and takes over what it knows. Call once, before anything else.
   Result<void> open(const SlotSettings& settings = {});
-  /// Begins the main job. Without it the network only serves single commands.
+  /// Begins the main job. Without it the network only serves single commands. The main job rests while the port is
+  /// down, or takes no frame (another master, a gate that listens still), and begins anew by itself.
   void start();
   /// Stops the main job where it stands, as if Berth had been ended.
   void stop() noexcept;
-  /// The main job rests: the port is down, or takes no frame (another master, a gate that listens still). It begins
-  /// anew by itself when the port takes frames again.
-  [[nodiscard]] bool resting() const noexcept { return port_.resting(); }
 
   [[nodiscard]] const design::Bus& bus() const noexcept { return parts_.bus.bus; }
   [[nodiscard]] std::vector<SlotReport> report() const { return parts_.slots.report(); }
