@@ -94,8 +94,8 @@ struct Given {
   bool stored = false;  ///< 17h was answered with success
 };
 /// 11h, 17h when `store`, `04 00`, for a device that was just proven alone. Proves once more before 17h, and when the
-/// answer to 11h is suspicious or came to a repetition only. In all outcomes but `taken` the pending node-ID is 255 again (`11 FF`) before the
-/// `04 00`. Errors: `bus`, `cancelled`.
+/// answer to 11h is suspicious or came to a repetition only. In all outcomes but `taken` the pending node-ID is 255
+/// again (`11 FF`) before the `04 00`. Errors: `bus`, `cancelled`.
 [[nodiscard]] rt::Task<Result<Given>> configure_alone(Master& master, LssAddress device, NodeId id, bool store,
                                                       AloneOptions options = {});
 /// Another device seems to have answered too.

@@ -291,8 +291,9 @@ TEST(Promise, WhatTwoDevicesAreToldToStoreIsWaitedForFromBoth) {
   for (const auto& t : rig.world().truth()) EXPECT_EQ(t.persistent, t.active) << t.name;
 }
 
-// Y hears neither the `04 00` that ends its binding, nor the proof that X is alone, nor the first 11h for X, of which the
-// answer is lost: the repetition is Y's too, and both answer it in one frame. X is not told to store before it is alone.
+// Y hears neither the `04 00` that ends its binding, nor the proof that X is alone, nor the first 11h for X, of which
+// the answer is lost: the repetition is Y's too, and both answer it in one frame. X is not told to store before it is
+// alone.
 TEST(Promise, S1_53_ARepeated11hIsProvenBeforeAnythingIsStored) {
   design::Machine m = one_bus(125'000);
   add_slot(m, 2, type_a);
