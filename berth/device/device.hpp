@@ -176,7 +176,12 @@ class Device final : private co::NmtSlave::Owner,
     return raise(code, register_bits, info, 0);
   }
   bool clear(std::uint16_t code) noexcept { return clear(code, {}, 0); }
-  [[nodiscard]] const co::EmcyProducer& emcy() const noexcept { return emcy_; }
+  /// The same where one code has several sources, each an error of its own.
+  bool raise(std::uint16_t code, std::uint8_t register_bits, const std::array<std::uint8_t, 5>& info,
+             std::uint8_t source) noexcept;
+  bool clear(std::uint16_t code, const std::array<std::uint8_t, 5>& info, std::uint8_t source) noexcept;
+  /// The messages themselves: what a gateway adds to them. Errors are raised above.
+  [[nodiscard]] co::EmcyProducer& emcy() noexcept { return emcy_; }
   /// Error behaviour: an error of the class 1029h:`error_class` has happened; changes the NMT state as that says (0
   /// when there is no such sub-index: pre-operational if operational). 1 = communication, used by the device itself.
   void error_behaviour(std::uint8_t error_class) noexcept;
@@ -258,9 +263,6 @@ class Device final : private co::NmtSlave::Owner,
   // Errors
   void life_guarding(bool lost, rt::Time at) noexcept override;
   void heartbeat(const co::HeartbeatEvent& event, rt::Time at) noexcept override;
-  bool raise(std::uint16_t code, std::uint8_t register_bits, const std::array<std::uint8_t, 5>& info,
-             std::uint8_t source) noexcept;
-  bool clear(std::uint16_t code, const std::array<std::uint8_t, 5>& info, std::uint8_t source) noexcept;
   void forget_heartbeat_errors() noexcept;
   void raise_error(std::uint16_t code, std::uint8_t register_bits,
                    const std::array<std::uint8_t, 5>& info) noexcept override {
