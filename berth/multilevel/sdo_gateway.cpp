@@ -31,6 +31,11 @@ void SdoGateway::set_own(NodeId own, od::Values& values) noexcept {
   own_values_ = &values;
 }
 
+void SdoGateway::set_client(co::SdoClient& beneath) noexcept {
+  reset();
+  beneath_ = &beneath;
+}
+
 void SdoGateway::reset() noexcept {
   for (auto& each : sessions_) {
     if (each) each->reset();

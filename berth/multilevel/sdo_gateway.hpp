@@ -60,6 +60,9 @@ class SdoGateway final : private od::Hook, private od::Stream {
   /// The gateway's own device on the bus beneath: accesses to its node-ID there go to its dictionary, as no node hears
   /// itself. What that answers later (`pending`) counts as done when it was taken. Unconfigured: none.
   void set_own(NodeId own, od::Values& values) noexcept;
+  /// The client beneath from now on: the one that the bus's master uses, as two in one device would mix their
+  /// transfers. Ends what is under way.
+  void set_client(co::SdoClient& beneath) noexcept;
   /// Forgets what all clients have said and ends what is under way: reset of the gateway.
   void reset() noexcept;
   /// Accesses beneath that are under way or waited for.

@@ -35,6 +35,8 @@ class SubBus {
   /// which is the paper's only duty.
   void on_heartbeat_lost(std::function<void()> call) { lost_call_ = std::move(call); }
 
+  /// The gateway is switched on: nothing is known of the bus beneath.
+  void begin() noexcept { settled_ = failed_ = stops_ = effect_ = false; }
   /// All mandatory slaves beneath are ready.
   void booted();
   /// The boot-up beneath has failed, by this node (unconfigured: by none that is known).
