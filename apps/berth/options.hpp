@@ -28,7 +28,6 @@ struct Options {
   bool read_only = false;    ///< sends SDO upload requests there, and nothing else
   bool slot_table = true;    ///< the command uses the store
   bool makes_store = false;  ///< and makes it on a real machine when there is none
-  bool with_links = false;   ///< the machine's links are part of its configuration
   std::string on_exit;       ///< "", "leave", "preop", "stop"
   std::string machine;
   std::string bus;

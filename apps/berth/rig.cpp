@@ -22,7 +22,7 @@ Rig::Made Rig::make(const Options& options, const Sources& sources) {
   auto table = SlotTable::open(rig->machine_, options);
   if (!table) return tl::unexpected(table.error());
   rig->slot_table_ = std::move(*table);
-  if (auto good = rig->open_session(options, *ports); !good) return tl::unexpected(good.error());
+  if (auto good = rig->open_session(options, sources.links, *ports); !good) return tl::unexpected(good.error());
   return rig;
 }
 
@@ -146,9 +146,11 @@ tl::expected<std::vector<can::Port*>, Failure> Rig::attach_all(const Options& op
   return ports;
 }
 
-tl::expected<void, Failure> Rig::open_session(const Options& options, const std::vector<can::Port*>& ports) {
+tl::expected<void, Failure> Rig::open_session(const Options& options, bool links,
+                                              const std::vector<can::Port*>& ports) {
   session_ = std::make_unique<operate::Session>(driver_->executor(), machine_, slot_table_->store());
   session_->set_careful(std::ranges::any_of(machine_.buses, [](const auto& b) { return is_real(b.port); }));
+  remote_commands_.emplace(*session_);
   guards_.on_foreign([this](const std::string& bus, const std::string& text) {
     session_->tell(bus, operate::EventKind::error, text);
   });
@@ -160,10 +162,10 @@ tl::expected<void, Failure> Rig::open_session(const Options& options, const std:
   if (!options.record.empty()) {
     if (auto good = record_.write_to(options.record); !good) return good;
   }
-  if (options.with_links && !machine_.links.empty()) {
-    auto linked = command::link_settings(machine_);
-    if (has_errors(linked.findings)) return tl::unexpected(failure(linked.findings));
-    session_->configure_with(std::move(linked.slots));
+  if (links && !machine_.links.empty()) {
+    const auto planned = command::plan_links(machine_);
+    if (has_errors(planned.findings)) return tl::unexpected(failure(planned.findings));
+    session_->configure_with(command::settings_of(planned));
   }
   const auto opened = session_->open();
   if (opened) return {};

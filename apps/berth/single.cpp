@@ -67,7 +67,6 @@ using Repeat = std::function<void(const command::Reply&)>;
 Options own_options(const Options& options, const command::Request& request) {
   Options own = options;
   own.makes_store = request.verb == "bind" || request.verb == "replace";
-  own.with_links = options.bring_up || request.verb == "boot" || request.verb == "configure";
   return own;
 }
 
@@ -124,7 +123,8 @@ command::Reply repeated(Rig& rig, const command::Request& request, command::Repl
 // master's right is used.
 Replied reply_of_own_world(const Options& options, const command::Request& request, std::vector<Recorded>& sent,
                            const Repeat& repeat) {
-  auto made = Rig::make(own_options(options, request), {options.machine, options.sim, {}, {}});
+  const bool links = options.bring_up || request.verb == "boot" || request.verb == "configure";
+  auto made = Rig::make(own_options(options, request), {options.machine, options.sim, {}, {}, links});
   if (!made) return tl::unexpected(made.error());
   Rig& rig = **made;
   Strangers& strangers = rig.strangers();

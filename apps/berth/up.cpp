@@ -142,8 +142,7 @@ int run_up(const Options& options) {
   if (own.machine.empty())
     return tell(failure(Exit::usage, "name the machine file: berth up machine.toml"), options.json);
   own.makes_store = true;
-  own.with_links = true;
-  return bring_up(own, {own.machine, options.sim, {}, {}});
+  return bring_up(own, {own.machine, options.sim, {}, {}, true});
 }
 
 // It needs real time.

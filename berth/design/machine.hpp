@@ -63,6 +63,7 @@ struct Timing {
   std::uint32_t bus_off_limit = 0;                   ///< restarts in a row, each less than 10 pauses and 10 s after the
                                                      ///< one before; then the port stays bus-off. 0 = no limit
   std::uint32_t tries = 3;                           ///< before silence counts (S1.30); 1..100
+  std::uint32_t at_once = 0;  ///< devices that are worked on side by side; 0: as many as the bus has room for
 
   friend bool operator==(const Timing&, const Timing&) = default;
 };
@@ -138,7 +139,7 @@ struct Machine {
   std::vector<Slot> slots;  ///< in the order of the file, ranges ascending
   std::vector<Link> links;
   std::string link_plan;  ///< path of the plan that links go on from; empty: none
-  Library library;  ///< of the file itself and of `devices =`
+  Library library;        ///< of the file itself and of `devices =`
   /// What devices in no slot are like: no key of the file's, but said beside it (`--eds`).
   std::vector<Described> described;
 

@@ -160,6 +160,7 @@ void read_timing(text::Table& parent, Timing& timing) {
   read_duration(*table, "listen", 0s, 1min, timing.listen);
   read_duration(*table, "bus_off_pause", 10ms, 1h, timing.bus_off_pause);
   if (const auto limit = table->u32("bus_off_limit", {0, 1'000'000})) timing.bus_off_limit = *limit;
+  if (const auto most = table->u32("at_once", {1, 127})) timing.at_once = *most;
   if (const auto tries = table->u32("tries", {1, 100})) timing.tries = *tries;
   table->finish();
 }

@@ -31,7 +31,7 @@ class Network final : private PortHealth::Owner {
  public:
   /// `bus`, `store` and `port` must stay. `slots` are the specifications of this bus.
   Network(rt::Executor& executor, can::Port& port, const design::Bus& bus, std::vector<places::SlotSpec> slots,
-          places::SlotStore& store, NetworkObserver observer);
+          places::SlotStore& store, const NetworkObserver& observer);
   ~Network();
   Network(const Network&) = delete;
   Network& operator=(const Network&) = delete;
@@ -53,8 +53,6 @@ class Network final : private PortHealth::Owner {
     friend bool operator==(const Occupancy&, const Occupancy&) = default;
   };
   [[nodiscard]] std::vector<Occupancy> occupancy() const;
-  /// The slot of this name has `config =`, or links give it one.
-  [[nodiscard]] bool configures(std::string_view slot) noexcept;
   /// Every slot that is not optional is operational.
   [[nodiscard]] bool operational() const noexcept { return parts_.slots.operational(); }
   /// The main job has nothing to do now but to watch.
@@ -124,6 +122,7 @@ class Network final : private PortHealth::Owner {
   [[nodiscard]] rt::Task<Result<Located>> locate(LssAddress device, rt::Duration time, bool anyway);
 
  private:
+  class Asked;
   void port_rests() noexcept override;
   void port_goes_on() override;
 
@@ -132,6 +131,7 @@ class Network final : private PortHealth::Owner {
   PortHealth port_;
   MainJob job_;
   Scan scan_;
+  std::unique_ptr<Asked> asked_;  // what is asked of the master's own device
   bool running_ = false;
   rt::Scope scope_;  // last: its tasks use everything above
 };

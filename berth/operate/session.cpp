@@ -91,6 +91,9 @@ Result<void> Session::open() {
   observer.event = [this](const Event& event) { record(event); };
   observer.milestone = [this](Milestone milestone) { reached(milestone); };
   for (const auto& bus : machine_->buses) {
+    observer.command = [this, name = bus.name](std::string text, NetworkObserver::Confirm confirm) {
+      return on_command_ && on_command_(name, std::move(text), std::move(confirm));
+    };
     const auto port = std::ranges::find(ports_, &bus, &decltype(ports_)::value_type::first);
     auto network =
         std::make_unique<Network>(*executor_, *port->second, bus, machine_->specs(bus.name), *store_, observer);

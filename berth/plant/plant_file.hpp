@@ -132,12 +132,6 @@ struct PlantNodeIdObject {
   friend bool operator==(const PlantNodeIdObject&, const PlantNodeIdObject&) = default;
 };
 
-/// A device's behaviour: a Lua file (docs/scripts.md). Key `script`.
-struct PlantScript {
-  std::string file;  ///< as written; empty: none
-  std::string path;  ///< the same, relative to the plant file's folder; not compared
-};
-
 /// A network variable that the program of a device has. Key `variables`.
 struct PlantVariable {
   std::string name;
@@ -146,13 +140,19 @@ struct PlantVariable {
   friend bool operator==(const PlantVariable&, const PlantVariable&) = default;
 };
 
+/// A device's program: a Lua file (docs/scripts.md) and what it declares. Keys `script`, `variables`.
+struct PlantScript {
+  std::string file;  ///< as written; empty: none
+  std::string path;  ///< the same, relative to the plant file's folder; not compared
+  std::vector<PlantVariable> variables;
+};
+
 struct PlantDevice {
   std::string name;  ///< unique in the plant
   std::string bus;
   std::string eds;       ///< description, as written; empty: a minimal built-in one
   std::string eds_path;  ///< the same, relative to the plant file's folder; not compared
   PlantScript script;
-  std::vector<PlantVariable> variables;
   LssAddress address;           ///< identity object 1018h
   bool address_of_eds = false;  ///< vendor, product and revision are the description's; not set here
   NodeIdSource source = NodeIdSource::blank;

@@ -215,8 +215,8 @@ PlantVariable read_variable(Table& table) {
 }
 
 void read_variables(Table& table, PlantDevice& device) {
-  for (auto& entry : table.tables("variables")) device.variables.push_back(read_variable(entry));
-  if (!device.variables.empty() && !table.has("eds")) {
+  for (auto& entry : table.tables("variables")) device.script.variables.push_back(read_variable(entry));
+  if (!device.script.variables.empty() && !table.has("eds")) {
     table.error("variables", "the device has no description that says where variables can be",
                 "add eds = \"FILE\" with [DynamicChannels]");
   }

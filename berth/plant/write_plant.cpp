@@ -82,11 +82,11 @@ void write_node_id(Writer& w, const PlantDevice& d) {
 }
 
 void write_variables(Writer& w, const PlantDevice& d) {
-  if (d.variables.empty()) return;
+  if (d.script.variables.empty()) return;
   std::string text = "[\n";
-  for (const auto& each : d.variables) {
-    text += fmt::format("  {{ name = {}, type = \"{}\", object = \"{}\" }},\n", quoted(each.name),
-                        od::name(each.type), od::write_object(each.object));
+  for (const auto& each : d.script.variables) {
+    text += fmt::format("  {{ name = {}, type = \"{}\", object = \"{}\" }},\n", quoted(each.name), od::name(each.type),
+                        od::write_object(each.object));
   }
   w.raw("variables", text + "]");
 }
