@@ -48,8 +48,10 @@ std::optional<std::vector<std::uint8_t>> unhex(std::string_view text) {
 
 /// What tells a minimal device's dictionary from the minimal one; a text that no file is called.
 std::string own_objects(const PlantDevice& plan) {
-  if (!plan.node_id_object.object) return {};
-  std::string text = "node-ID object " + od::write_object(*plan.node_id_object.object);
+  std::string programs =
+      plan.storing.programs.count > 0 ? fmt::format("programs {} ", plan.storing.programs.count) : std::string();
+  if (!plan.node_id_object.object) return programs;
+  std::string text = programs + "node-ID object " + od::write_object(*plan.node_id_object.object);
   if (const auto& s = plan.node_id_object.signature)
     text += fmt::format(" {} {}", od::write_object(s->object), s->size);
   return text;
@@ -69,9 +71,11 @@ void add_object(od::DescriptionBuilder& b, ObjectRef ref, std::string_view name,
   }
 }
 
-std::shared_ptr<const od::Description> with_node_id_object(const PlantDevice& plan) {
+std::shared_ptr<const od::Description> with_own_objects(const PlantDevice& plan) {
   od::DescriptionBuilder b;
   device::add_device(b);
+  if (plan.storing.programs.count > 0) device::add_programs(b, static_cast<std::uint8_t>(plan.storing.programs.count));
+  if (!plan.node_id_object.object) return b.build();
   add_object(b, *plan.node_id_object.object, "Node-ID", 1);
   if (const auto& s = plan.node_id_object.signature) add_object(b, s->object, "Node-ID signature", s->size);
   return b.build();
@@ -122,6 +126,37 @@ std::shared_ptr<const od::Description> with_variables(const PlantDevice& plan, c
     }
   }
   return good ? b.build() : nullptr;
+}
+
+struct LoadedProgram {
+  device::ProgramHead head;
+  std::vector<std::uint8_t> content;
+};
+
+std::optional<LoadedProgram> loaded_program(const PlantDevice& plan, Findings& findings) {
+  const auto& p = plan.storing.programs;
+  if (p.loaded.empty()) return std::nullopt;
+  const auto& path = p.loaded_path.empty() ? p.loaded : p.loaded_path;
+  const auto text = text::read_file(path, findings);
+  if (!text) return std::nullopt;
+  LoadedProgram program;
+  program.content.assign(text->begin(), text->end());
+  const auto head = device::read_program_head(program.content);
+  if (head) {
+    program.head = *head;
+    program.content.erase(program.content.begin(), program.content.begin() + device::ProgramHead::size);
+  }
+  const bool whole = !program.content.empty() && program.content.size() <= p.size &&
+                     (head ? head->length == program.content.size() : !p.checked);
+  if (whole) return program;
+  findings.push_back({Finding::Severity::error,
+                      path,
+                      0,
+                      0,
+                      {},
+                      fmt::format("it is no program for device \"{}\"", plan.name),
+                      "a program has its head (docs/programs.md) and fits `size`"});
+  return std::nullopt;
 }
 
 /// Takes the next word off a line.
@@ -229,6 +264,47 @@ device::Options options_of(const PlantDevice& plan, const LssAddress& address, s
   return o;
 }
 
+device::ProgramOptions programs_of(const PlantDevice& plan, device::SimFlash* flash) {
+  const auto& p = plan.storing.programs;
+  device::ProgramOptions options;
+  options.memory = flash;
+  options.layout = {.count = static_cast<std::uint8_t>(std::max<std::uint32_t>(p.count, 1)),
+                    .images = p.images,
+                    .longest = p.size,
+                    .sector = p.sector};
+  options.checked = p.checked;
+  return options;
+}
+
+std::unique_ptr<device::SimFlash> program_flash_of(const PlantDevice& plan, rt::Executor& executor) {
+  const auto& p = plan.storing.programs;
+  if (p.count == 0) return nullptr;
+  const auto size = device::ProgramMemory::footprint(programs_of(plan, nullptr).layout);
+  auto flash = std::make_unique<device::SimFlash>(executor, size, rt::Duration(0));
+  flash->set_times({.byte = p.write, .sector = p.erase, .sector_size = p.sector});
+  Findings unread;
+  const auto image = loaded_program(plan, unread);
+  if (image) flash->restore(device::ProgramMemory::holding(image->head, image->content));
+  return flash;
+}
+
+bool check_programs(const PlantDevice& plan, const od::Description& description, Findings& findings) {
+  if (plan.storing.programs.count == 0) return true;
+  const ObjectRef last{0x1F50, static_cast<std::uint8_t>(plan.storing.programs.count)};
+  const bool has = description.find(last) != nullptr && description.find(ObjectRef{0x1F51, last.sub}) != nullptr;
+  if (!has) {
+    findings.push_back({Finding::Severity::error,
+                        plan.eds_path.empty() ? plan.eds : plan.eds_path,
+                        0,
+                        0,
+                        {},
+                        fmt::format("it has no 1F50h:{:02X} and 1F51h:{:02X}, and device \"{}\" has programs", last.sub,
+                                    last.sub, plan.name),
+                        "describe 1F50h to 1F57h, or take `programs` away"});
+  }
+  return has && (plan.storing.programs.loaded.empty() || loaded_program(plan, findings).has_value());
+}
+
 const Described* Descriptions::of(const PlantDevice& device, Findings& findings) {
   const auto& file = device.eds_path.empty() ? device.eds : device.eds_path;
   const auto path = file.empty() ? own_objects(device) : file;
@@ -236,7 +312,7 @@ const Described* Descriptions::of(const PlantDevice& device, Findings& findings)
   if (described.description) return &described;
   if (described.unreadable) return nullptr;
   if (file.empty()) {
-    described.description = path.empty() ? device::minimal_description() : with_node_id_object(device);
+    described.description = path.empty() ? device::minimal_description() : with_own_objects(device);
     return &described;
   }
   const auto reading = eds::read_any_file(path);

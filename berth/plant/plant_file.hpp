@@ -107,11 +107,29 @@ struct PlantSignature {
   friend bool operator==(const PlantSignature&, const PlantSignature&) = default;
 };
 
+/// A device that is programmed over the bus (docs/programs.md), and its flash memory. Key `programs`.
+struct PlantPrograms {
+  std::uint32_t count = 0;                         ///< programs, 1 to 254; 0: it is not programmed
+  std::uint32_t size = 65'536;                     ///< bytes of the longest program
+  std::uint32_t images = 2;                        ///< of each program, 1 or 2
+  std::uint32_t sector = 4'096;                    ///< bytes that are erased together
+  Duration erase = std::chrono::milliseconds(20);  ///< for a sector
+  Duration write = std::chrono::microseconds(5);   ///< for a byte
+  bool checked = true;                             ///< takes only images with a head
+  std::string loaded;                              ///< image of the program 1 that it has, as written; empty: none
+  std::string loaded_path;                         ///< the same, relative to the plant file's folder; not compared
+  friend bool operator==(const PlantPrograms& a, const PlantPrograms& b) noexcept {
+    return a.count == b.count && a.size == b.size && a.images == b.images && a.sector == b.sector &&
+           a.erase == b.erase && a.write == b.write && a.checked == b.checked && a.loaded == b.loaded;
+  }
+};
+
 /// How a device stores (LSS store, SDO store). Keys `store`, `deaf_while_storing`, `power_cycle_after_store`.
 struct PlantStorage {
   Duration time = std::chrono::milliseconds(20);  ///< request to answer
   bool deaf = false;                              ///< hears nothing while it stores
   bool power_cycle_after = false;                 ///< a stored node-ID counts only after power was off
+  PlantPrograms programs;
   friend bool operator==(const PlantStorage&, const PlantStorage&) = default;
 };
 

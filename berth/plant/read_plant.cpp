@@ -222,6 +222,28 @@ void read_variables(Table& table, PlantDevice& device) {
   }
 }
 
+void read_programs(Table& table, const std::string& file, PlantDevice& device) {
+  if (!table.has("programs")) return;
+  auto entry = table.table("programs");
+  if (!entry) return;
+  auto& p = device.storing.programs;
+  p.count = entry->u32("count", {1, 254}).value_or(1);
+  p.size = entry->u32("size", {1, 1U << 24U}).value_or(p.size);
+  p.images = entry->u32("images", {1, 2}).value_or(p.images);
+  p.sector = entry->u32("sector", {64, 1U << 20U}).value_or(p.sector);
+  p.erase = entry->duration("erase", 0s, 1min).value_or(p.erase);
+  p.write = entry->duration("write", 0s, 1s).value_or(p.write);
+  p.checked = entry->boolean("checked").value_or(true);
+  p.loaded = entry->string("loaded").value_or("");
+  if (!p.loaded.empty()) p.loaded_path = text::beside(file, p.loaded);
+  constexpr std::uint64_t most = std::uint64_t{1} << 28U;
+  if (std::uint64_t{p.count} * p.images * (p.size + p.sector) > most) {
+    entry->error("size", "the programs take more than 256 MiB of memory", "give it fewer or shorter ones");
+    p.count = 0;
+  }
+  entry->finish();
+}
+
 void read_when(Table& table, PlantEvent& event) {
   const bool at = table.has("at");
   const bool after = table.has("after");
@@ -312,6 +334,7 @@ class PlantReader {
     read_times(table, device);
     read_script(table, file_, device);
     read_variables(table, device);
+    read_programs(table, file_, device);
     device.bitrate = table.u32("bitrate", bit_rates).value_or(0);
     device.storing.deaf = table.boolean("deaf_while_storing").value_or(false);
     device.storing.power_cycle_after = table.boolean("power_cycle_after_store").value_or(false);

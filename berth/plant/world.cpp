@@ -71,11 +71,13 @@ SimDevice::SimDevice(World& world, sim::Bus& bus, const PlantDevice& plan, const
       plan_(plan),
       timing_(timing_of(plan)),
       flash_(bus.executor(), device::Device::memory_size(*description), timing_.in_world(plan.storing.time)),
+      program_flash_(program_flash_of(plan, bus.executor())),
       controller_(bus.attach(controller_of(plan, bus))),
       port_(bus.executor(), *controller_, timing_, random),
       dispatcher_(bus.executor(), port_),
       device_(dispatcher_, std::move(description), &flash_,
-              options_of(plan, address, bit_rate_of(plan, bus), Random(random).next()), &port_, timing_) {
+              options_of(plan, address, bit_rate_of(plan, bus), Random(random).next()), &port_, timing_,
+              programs_of(plan, program_flash_.get())) {
   flash_.watch(this);
   device_.observe(this);
   if (script) scripted_ = std::make_unique<Scripted>(*this, *std::move(script), random.fork());
@@ -212,7 +214,8 @@ std::unique_ptr<World> World::make(const PlantFile& plant, std::span<const BusRa
              "add [bus." + plan.bus + "] with its bitrate");
     }
     auto script = world->script_of(plan, findings);
-    if (described == nullptr || bus == nullptr || (!plan.script.file.empty() && !script)) {
+    const bool programs = described != nullptr && check_programs(plan, *described->description, findings);
+    if (!programs || bus == nullptr || (!plan.script.file.empty() && !script)) {
       good = false;
       continue;
     }

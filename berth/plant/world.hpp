@@ -105,6 +105,7 @@ class SimDevice final : private device::Device::Observer, private device::SimFla
   PlantDevice plan_;
   device::Timing timing_;
   device::SimFlash flash_;
+  std::unique_ptr<device::SimFlash> program_flash_;  // only with programs
   std::unique_ptr<sim::Controller> controller_;
   device::TimedPort port_;
   can::Dispatcher dispatcher_;

@@ -69,6 +69,20 @@ void write_habits(Writer& w, const PlantDevice& d) {
   if (d.habit) w.strings("habits", {name(*d.habit)});
 }
 
+void write_programs(Writer& w, const PlantPrograms& p) {
+  if (p.count == 0) return;
+  const PlantPrograms usual;
+  std::string text = fmt::format("{{ count = {}", p.count);
+  if (p.size != usual.size) text += fmt::format(", size = {}", p.size);
+  if (p.images != usual.images) text += fmt::format(", images = {}", p.images);
+  if (p.sector != usual.sector) text += fmt::format(", sector = {}", p.sector);
+  if (p.erase != usual.erase) text += fmt::format(", erase = \"{}\"", write_duration(p.erase));
+  if (p.write != usual.write) text += fmt::format(", write = \"{}\"", write_duration(p.write));
+  if (!p.checked) text += ", checked = false";
+  if (!p.loaded.empty()) text += ", loaded = " + quoted(p.loaded);
+  w.raw("programs", text + " }");
+}
+
 void write_node_id(Writer& w, const PlantDevice& d) {
   if (d.node_id.configured()) w.raw("node_id", fmt::format("{}", d.node_id.value()));
   const auto implied = d.node_id.configured() ? NodeIdSource::nonvolatile : NodeIdSource::blank;
@@ -98,6 +112,7 @@ void write_device(Writer& w, const PlantDevice& d) {
   if (!d.eds.empty()) w.string("eds", d.eds);
   if (!d.script.file.empty()) w.string("script", d.script.file);
   write_variables(w, d);
+  write_programs(w, d.storing.programs);
   if (!d.address_of_eds) {
     std::string type = fmt::format("{{ vendor = 0x{:08X}, product = 0x{:08X}", d.address.vendor, d.address.product);
     if (d.address.revision != 0) type += fmt::format(", revision = 0x{:08X}", d.address.revision);
