@@ -46,24 +46,38 @@ std::string short_name(const std::string& path) {
 
 }  // namespace
 
-void Configuring::load() {
-  std::map<std::string, std::pair<std::shared_ptr<const manager::Configuration>, std::string>> known;
+void Configuring::load(const SlotSettings& more) {
+  struct Read {
+    std::shared_ptr<const manager::Configuration> wanted;
+    std::string unreadable;
+  };
+  std::map<std::string, Read> known;
   for (auto& seat : slots_.seats()) {
+    SeatConfiguration& mine = seat->configuration;
     const auto& path = seat->slot.spec.config;
-    if (path.empty()) continue;
-    auto it = known.find(path);
-    if (it == known.end()) {
-      auto loaded = manager::load_configuration(path);
-      it = known.try_emplace(path).first;
-      if (loaded.usable()) {
-        it->second.first = std::make_shared<manager::Configuration>(std::move(loaded.configuration));
-      } else {
-        const auto error = std::ranges::find(loaded.findings, Finding::Severity::error, &Finding::severity);
-        it->second.second = to_string(*error);
+    if (!path.empty()) {
+      const auto [it, fresh] = known.try_emplace(path);
+      if (fresh) {
+        auto loaded = manager::load_configuration(path);
+        if (loaded.usable()) {
+          it->second.wanted = std::make_shared<manager::Configuration>(std::move(loaded.configuration));
+        } else {
+          const auto error = std::ranges::find(loaded.findings, Finding::Severity::error, &Finding::severity);
+          it->second.unreadable = to_string(*error);
+        }
       }
+      mine.wanted = it->second.wanted;
+      mine.unreadable = it->second.unreadable;
+      mine.file = short_name(path);
     }
-    seat->configuration.wanted = it->second.first;
-    seat->configuration.unreadable = it->second.second;
+    const auto linked = more.find(seat->name());
+    if (linked == more.end() || !mine.unreadable.empty()) continue;
+    if (mine.wanted == nullptr) {
+      mine.wanted = linked->second;
+      mine.file = short_name(linked->second->file);
+    } else {
+      mine.wanted = std::make_shared<manager::Configuration>(manager::joined(*mine.wanted, *linked->second));
+    }
   }
 }
 
@@ -138,7 +152,7 @@ bool Configuring::may_be_configured(Seat& seat) {
 rt::Task<bool> Configuring::configure(Seat& seat, ConfigurationReport& report) {
   const bool may = may_be_configured(seat);
   if (!may) co_return false;
-  slots_.set_state(seat, SlotState::configuring, "comparing with " + short_name(seat.slot.spec.config));
+  slots_.set_state(seat, SlotState::configuring, "comparing with " + seat.configuration.file);
   const rt::Time identified = seat.checked;
   const auto wanted = co_await wanted_of(seat);
   if (!wanted) {
@@ -348,7 +362,7 @@ rt::Task<void> Configuring::compare(Seat& seat, bool write, SlotConfiguration& i
   into.bus = s_.bus.name;
   into.slot = seat.name();
   into.id = id;
-  into.file = short_name(seat.slot.spec.config);
+  into.file = seat.configuration.file;
   if (!seat.configuration.wanted) {
     into.problem = seat.configuration.unreadable;
     co_return;

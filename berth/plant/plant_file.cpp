@@ -13,6 +13,7 @@ const char* name(Action action) noexcept { return action_words[static_cast<std::
 
 bool operator==(const PlantDevice& a, const PlantDevice& b) noexcept {
   return a.name == b.name && a.bus == b.bus && a.eds == b.eds && a.script.file == b.script.file &&
+         a.variables == b.variables &&
          a.address == b.address && a.address_of_eds == b.address_of_eds && a.source == b.source &&
          a.node_id == b.node_id && a.node_id_object == b.node_id_object && a.bitrate == b.bitrate &&
          a.speaks == b.speaks && a.habit == b.habit && a.response == b.response && a.boot == b.boot &&
