@@ -16,6 +16,7 @@
 #include "berth/device/mandatory.hpp"
 #include "berth/eds/xdd.hpp"
 #include "berth/od/notation.hpp"
+#include "berth/plant/sim_gateway.hpp"
 #include "berth/text/file.hpp"
 
 namespace berth::plant {
@@ -182,14 +183,18 @@ device::Options options_of(const PlantDevice& plan, const LssAddress& address, s
   return o;
 }
 
-const Described* Descriptions::of(const PlantDevice& device, Findings& findings) {
+const Described* Descriptions::of(const PlantDevice& device, Findings& findings, unsigned gateway_ports) {
   const auto& file = device.eds_path.empty() ? device.eds : device.eds_path;
-  const auto path = file.empty() ? own_objects(device) : file;
+  const auto path = !file.empty()        ? file
+                    : gateway_ports != 0 ? fmt::format("gateway of {}", gateway_ports)
+                                         : own_objects(device);
   auto& described = known_[path];
   if (described.description) return &described;
   if (described.unreadable) return nullptr;
   if (file.empty()) {
-    described.description = path.empty() ? device::minimal_description() : with_node_id_object(device);
+    described.description = path.empty()         ? device::minimal_description()
+                            : gateway_ports != 0 ? gateway_description(gateway_ports)
+                                                 : with_node_id_object(device);
     return &described;
   }
   const auto reading = eds::read_any_file(path);
