@@ -142,16 +142,17 @@ int run_up(const Options& options) {
   if (own.machine.empty())
     return tell(failure(Exit::usage, "name the machine file: berth up machine.toml"), options.json);
   own.makes_store = true;
+  own.with_links = true;
   return bring_up(own, {own.machine, options.sim, {}, {}});
 }
 
 // It needs real time.
 void gateway_words(const Verb& up, Options& options, const Word& fast) {
-  const auto take = [&options](const std::string& where) { options.gateway = where, options.pace = true; };
+  const auto take = [&options](const std::string& where) { options.gateway.where = where, options.pace = true; };
   up.word("--gateway", take, "offer the buses by CiA 309-3 there too, such as 127.0.0.1:7000")
       .shown("HOST:PORT")
       .excludes(fast);
-  up.flag("--gateway-commands", options.gateway_commands,
+  up.flag("--gateway-commands", options.gateway.commands,
           "clients of --gateway may command a real machine: NMT, SDO download, PDO, LSS; else they only read");
 }
 

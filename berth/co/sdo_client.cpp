@@ -93,7 +93,7 @@ inline void SdoTransfer::prepare_initiate() noexcept {
 
 // False: the source cannot give its bytes once more.
 bool SdoTransfer::begin_anew() noexcept {
-  extra_->pump.stop();
+  extra_->stop();
   if (!streamed_ || !download_) return true;
   if (extra_->touched && !extra_->source->rewind()) return false;
   extra_->touched = false;

@@ -65,10 +65,11 @@ void SdoTransfer::send_block(unsigned size) noexcept {
   window_ = false;
   deadline_ = rt::never;  // the pump has its own
   extra.sender.sub_block(size, *bytes);
-  extra.pump.start(extra.sender, line_->request_, options_.send_timeout);
+  if (options_.pace == nullptr || options_.pace->take(extra)) extra.turn();
 }
 
 void SdoTransfer::pumped(rt::Time at) noexcept {
+  if (options_.pace != nullptr) options_.pace->give(*extra_);
   expects_ = 1;
   sent(at);
 }
@@ -92,7 +93,7 @@ bool SdoTransfer::block_acknowledged(const can::Frame& frame) noexcept {
     case Heard::stale: return false;
     case Heard::invalid: refuse(sender.code(), "the server acknowledged what cannot be"); return true;
     case Heard::go_on:
-      extra_->pump.stop();
+      extra_->stop();
       consume(sender.acknowledged());
       if (!lingers()) send_block(sender.size());
       return true;

@@ -7,7 +7,7 @@
 
 namespace berth::co {
 
-class SdoTransfer::Extra final : public sdo::BlockPump::Owner, public SdoWaiter {
+class SdoTransfer::Extra final : public sdo::BlockPump::Owner, public BlockPace::Member, public SdoWaiter {
  public:
   /// What source or sink is waited for with; only an abort of the server's counts meanwhile.
   enum class Wait : std::uint8_t {
@@ -17,6 +17,14 @@ class SdoTransfer::Extra final : public sdo::BlockPump::Owner, public SdoWaiter 
     request,    // `request_`, which is made
   };
   Extra(SdoTransfer& transfer, can::Dispatcher& dispatcher) noexcept : transfer_(&transfer), pump(dispatcher, *this) {}
+  ~Extra() { stop(); }
+  /// No more segments are sent.
+  void stop() noexcept {
+    pump.stop();
+    if (transfer_->options_.pace != nullptr) transfer_->options_.pace->leave(*this);
+  }
+  /// The sub-block goes out.
+  void turn() noexcept override { pump.start(sender, transfer_->line_->request_, transfer_->options_.send_timeout); }
 
  private:
   void pumped(rt::Time at) noexcept override { transfer_->pumped(at); }
@@ -43,7 +51,7 @@ class SdoTransfer::Extra final : public sdo::BlockPump::Owner, public SdoWaiter 
   }
   /// The transfer has ended.
   void end() noexcept {
-    pump.stop();
+    stop();
     if (std::exchange(wait, Wait::nothing) != Wait::nothing) pace().wait(nullptr);
   }
   [[nodiscard]] SdoPace& pace() noexcept { return source != nullptr ? static_cast<SdoPace&>(*source) : *sink; }

@@ -75,6 +75,9 @@ bool SdoServer::handle(const can::Frame& request, can::Frame& answer) noexcept {
 bool SdoServer::Deferred::ended_by(const can::Frame& frame) const noexcept {
   if (std::ranges::equal(request, frame.bytes())) return false;
   const auto byte = frame.data[0];
+  // Between two sub-blocks a frame is a segment that comes late, whatever it looks like.
+  constexpr std::uint8_t acknowledgement = 0xA2;
+  if (way == Way::confirm && answer[0] == acknowledgement) return byte == 0x80;
   switch (static_cast<Ccs>(sdo::specifier(byte))) {
     case Ccs::abort:
     case Ccs::download:
@@ -126,7 +129,8 @@ std::optional<can::Frame> SdoServer::expire() noexcept {
   answer.set_head(response_key_, 8);
   if (collecting()) {
     receiver_.give_up();
-    acknowledge_block(answer);
+    const can::Frame none = can::Frame::base(0, std::array<std::uint8_t, 8>{});
+    if (!acknowledge_block(none, answer)) return std::nullopt;
   } else {
     abort(answer, AbortCode::timeout);
   }
@@ -197,11 +201,8 @@ bool SdoServer::download_segment(const can::Frame& request, can::Frame& answer) 
   const bool last = (byte & 0x01U) != 0;
   const std::size_t count = sdo::segment_bytes - ((byte >> 1U) & 0x07U);
   sdo::put(answer, static_cast<std::uint8_t>(0x20U | (byte & sdo::toggle_bit)), {});
-  auto code = take(request.data.data() + 1, count, last);
-  if (!last && code == AbortCode::none) {
-    if (!data_.take_wait()) return true;
-    code = AbortCode::pending;
-  }
+  const auto code = take(request.data.data() + 1, count, last);
+  if (!last && code == AbortCode::none) return true;
   return confirm_or_defer(request, answer, code, last ? State::idle : State::download);
 }
 
@@ -210,7 +211,8 @@ AbortCode SdoServer::take(const std::uint8_t* bytes, std::size_t count, bool las
   if (!place) return place.error();
   std::memcpy(*place, bytes, sdo::segment_bytes);
   const auto code = data_.commit(count);
-  return code != AbortCode::none || !last ? code : data_.close_write();
+  if (code != AbortCode::none) return code;
+  return last ? data_.close_write() : data_.ready();
 }
 
 // ---- upload

@@ -118,7 +118,7 @@ class SdoServer {
   bool block_download(const can::Frame& request, can::Frame& answer) noexcept;
   bool begin_block_download(const can::Frame& request, can::Frame& answer) noexcept;
   bool block_segment(const can::Frame& request, can::Frame& answer) noexcept;
-  bool acknowledge_block(can::Frame& answer) noexcept;
+  bool acknowledge_block(const can::Frame& segment, can::Frame& answer) noexcept;
   [[nodiscard]] AbortCode commit_block() noexcept;
   [[nodiscard]] AbortCode next_block() noexcept;
   bool end_block_download(const can::Frame& request, can::Frame& answer) noexcept;

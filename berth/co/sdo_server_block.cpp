@@ -49,7 +49,7 @@ bool SdoServer::block_segment(const can::Frame& request, can::Frame& answer) noe
   }
   switch (receiver_.take(request)) {
     case sdo::BlockReceiver::Heard::more: return false;
-    case sdo::BlockReceiver::Heard::ends: return acknowledge_block(answer);
+    case sdo::BlockReceiver::Heard::ends: return acknowledge_block(request, answer);
     default: return abort(answer, AbortCode::sequence_number);
   }
 }
@@ -62,17 +62,16 @@ AbortCode SdoServer::commit_block() noexcept {
   return code;
 }
 
-bool SdoServer::acknowledge_block(can::Frame& answer) noexcept {
+bool SdoServer::acknowledge_block(const can::Frame& segment, can::Frame& answer) noexcept {
   const auto good = receiver_.good();
   auto code = receiver_.alive() ? commit_block() : AbortCode::timeout;
   if (code == AbortCode::none && !receiver_.complete()) code = next_block();
-  if (code != AbortCode::none) return abort(answer, code);
-  if (receiver_.complete()) state_ = State::block_download_end;
+  if (code == AbortCode::none) code = data_.ready();
   sdo::put(answer, acknowledgement, {});
   answer.data[1] = static_cast<std::uint8_t>(good);
   answer.data[2] = static_cast<std::uint8_t>(receiver_.size());
-  if (!data_.take_wait()) return true;
-  return confirm_or_defer(can::Frame::base(0, deferred_.answer), answer, AbortCode::pending, state_);
+  const State next = receiver_.complete() ? State::block_download_end : State::block_download;
+  return confirm_or_defer(segment, answer, code, next);
 }
 
 bool SdoServer::end_block_download(const can::Frame& request, can::Frame& answer) noexcept {

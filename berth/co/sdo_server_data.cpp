@@ -119,13 +119,13 @@ AbortCode SdoServerData::open_write(ObjectRef ref, std::optional<std::size_t> si
 }
 
 unsigned SdoServerData::segments(unsigned wanted) const noexcept {
-  const std::size_t room = kind_ == Kind::buffer ? reserve_ - offset_ : reserve_;
+  const std::size_t room = kind_ == Kind::buffer ? reserve_ - offset_ : std::min(reserve_, od::Stream::longest_piece);
   return static_cast<unsigned>(std::clamp<std::size_t>(room / sdo::segment_bytes, 1, wanted));
 }
 
 od::Answer<std::uint8_t*> SdoServerData::far_place(std::size_t count) noexcept {
   if (kind_ == Kind::buffer) return od::refuse(too_long(offset_ + count));
-  if (filled_ + count > reserve_ || filled_ >= piece_) {
+  if (filled_ + count > std::min(reserve_, od::Stream::longest_piece) || filled_ >= piece_) {
     const auto code = flush();
     if (code != AbortCode::none) return od::refuse(code);
   }

@@ -5,6 +5,7 @@
 #include <memory>
 #include <optional>
 #include <span>
+#include <utility>
 
 #include "berth/co/sdo.hpp"
 #include "berth/co/sdo_read_ahead.hpp"
@@ -83,10 +84,10 @@ class SdoServerData {
     if (kind_ != Kind::buffer || limit_ - offset_ < sdo::segment_bytes) return nullptr;
     return buffer_.get() + std::exchange(offset_, offset_ + sdo::segment_bytes);
   }
+  /// The stream took bytes and is not ready for more (`od::Stream::write`): `pending`, told once.
+  [[nodiscard]] AbortCode ready() noexcept { return std::exchange(waits_, false) ? AbortCode::pending : AbortCode::none; }
   /// All is there: to the dictionary or the stream; its word, `pending` included.
   [[nodiscard]] AbortCode close_write() noexcept;
-  /// The stream took what it got and wants no more for now: the answer has to wait. Says so once.
-  [[nodiscard]] bool take_wait() noexcept { return std::exchange(waits_, false); }
   /// @}
 
  private:

@@ -19,6 +19,9 @@ class StreamUse;
 /// after a refusal by `open_read` or `open_write` there is no `close`. Access rights are checked before.
 class Stream {
  public:
+  /// Bytes that an SDO server gives at once: a sub-block of a block transfer, and a segment.
+  static constexpr std::size_t longest_piece = 904;
+
   Stream(const Stream&) = delete;
   Stream& operator=(const Stream&) = delete;
 
@@ -40,7 +43,9 @@ class Stream {
   /// So many bytes are enough for a `write`; fewer come only at the end. The server makes them more where its buffer
   /// allows it, unless this says otherwise.
   [[nodiscard]] virtual std::size_t piece() const noexcept;
-  /// The next bytes, never empty. A refusal ends the transfer. `pending`: taken, and no more until `Channels::answer`.
+  /// The next bytes, never empty; they are taken (copied) whatever it answers, unless it refuses, which ends the
+  /// transfer. `pending`: they are taken, and the server waits for `Channels::answer` before it asks for more (flash
+  /// memory is being written). When `close` comes before that, only the answer of `close` is waited for.
   virtual AbortCode write(std::span<const std::uint8_t> bytes) noexcept;
   /// The transfer has ended; `complete`: all bytes were read, or written and found right (CRC, size). What it answers
   /// is the last word on a complete download, `pending` is allowed; otherwise it is not looked at.

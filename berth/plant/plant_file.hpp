@@ -12,6 +12,7 @@
 
 #include "berth/base/finding.hpp"
 #include "berth/base/ids.hpp"
+#include "berth/od/data_type.hpp"
 #include "berth/text/quantity.hpp"
 
 namespace berth::plant {
@@ -147,12 +148,21 @@ struct PlantGateway {
   friend bool operator==(const PlantGateway&, const PlantGateway&) = default;
 };
 
+/// A network variable that the program of a device has. Key `variables`.
+struct PlantVariable {
+  std::string name;
+  od::DataType type = od::DataType::none;
+  ObjectRef object;  ///< in a segment of [DynamicChannels], which says the direction
+  friend bool operator==(const PlantVariable&, const PlantVariable&) = default;
+};
+
 struct PlantDevice {
   std::string name;  ///< unique in the plant
   std::string bus;
   std::string eds;       ///< description, as written; empty: a minimal built-in one
   std::string eds_path;  ///< the same, relative to the plant file's folder; not compared
   PlantScript script;
+  std::vector<PlantVariable> variables;
   LssAddress address;           ///< identity object 1018h
   bool address_of_eds = false;  ///< vendor, product and revision are the description's; not set here
   NodeIdSource source = NodeIdSource::blank;
