@@ -169,6 +169,8 @@ class SdoServerService final : private can::Handler, private rt::Job, private sd
   /// The same, only when the access that is pending is one of `object`; a confirmation or refusal calls it `named`.
   bool complete(ObjectRef object, AbortCode code) noexcept { return complete(object, code, object); }
   bool complete(ObjectRef object, AbortCode code, ObjectRef named) noexcept;
+  /// A frame of a relay's (`od::ChannelRelay`).
+  bool send(od::ChannelBytes bytes) noexcept;
   [[nodiscard]] std::optional<ObjectRef> pending() const noexcept { return server_.pending(); }
   /// Bytes that it holds beyond itself.
   [[nodiscard]] std::size_t memory() const noexcept { return server_.memory(); }
@@ -186,6 +188,7 @@ class SdoServerService final : private can::Handler, private rt::Job, private sd
   }
 
   can::Dispatcher* dispatcher_;
+  od::Channels* channels_;
   SdoServer server_;
   sdo::BlockPump pump_;
   SdoChannel channel_;
@@ -193,6 +196,7 @@ class SdoServerService final : private can::Handler, private rt::Job, private sd
   rt::Time heard_{};                        // when the client's last frame came, or ours left
   std::optional<can::PackedFrame> unsent_;  // the port was full
   rt::Time unsent_until_{};
+  std::uint8_t number_;
 };
 
 }  // namespace berth::co

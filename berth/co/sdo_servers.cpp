@@ -110,11 +110,20 @@ bool SdoServers::complete(ObjectRef object, AbortCode code) noexcept {
 }
 
 bool SdoServers::answer(std::uint8_t channel, ObjectRef object, AbortCode code, ObjectRef named) noexcept {
-  if (channel == 0) return first_.complete(object, code, named);
-  for (auto& server : additional_) {
-    if (server.index == default_server + channel) return server.service && server.service->complete(object, code, named);
-  }
-  return false;
+  SdoServerService* const one = service(channel);
+  return one != nullptr && one->complete(object, code, named);
+}
+
+bool SdoServers::send(std::uint8_t channel, od::ChannelBytes bytes) noexcept {
+  SdoServerService* const one = service(channel);
+  return one != nullptr && one->send(bytes);
+}
+
+SdoServerService* SdoServers::service(std::uint8_t channel) noexcept {
+  if (channel == 0) return &first_;
+  const auto index = static_cast<std::uint16_t>(default_server + channel);
+  const auto server = std::ranges::find(additional_, index, &Additional::index);
+  return server == additional_.end() ? nullptr : server->service.get();
 }
 
 std::size_t SdoServers::additional() const noexcept {

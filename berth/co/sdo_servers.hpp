@@ -65,6 +65,8 @@ class SdoServers final : private od::Hook, private od::ChannelServers {
   AbortCode writing(const od::Values& values, ObjectRef ref, std::span<const std::uint8_t> value) noexcept override;
   void written(od::Values& values, ObjectRef ref) noexcept override;
   bool answer(std::uint8_t channel, ObjectRef object, AbortCode code, ObjectRef named) noexcept override;
+  bool send(std::uint8_t channel, od::ChannelBytes bytes) noexcept override;
+  [[nodiscard]] SdoServerService* service(std::uint8_t channel) noexcept;
   void apply(Additional& server);
 
   can::Dispatcher* dispatcher_;

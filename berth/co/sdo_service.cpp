@@ -7,7 +7,11 @@ namespace berth::co {
 
 SdoServerService::SdoServerService(can::Dispatcher& dispatcher, od::Values& values, std::size_t buffer,
                                    std::uint8_t channel)
-    : dispatcher_(&dispatcher), server_(values, buffer, channel), pump_(dispatcher, *this) {}
+    : dispatcher_(&dispatcher),
+      channels_(&values.channels()),
+      server_(values, buffer, channel),
+      pump_(dispatcher, *this),
+      number_(channel) {}
 
 void SdoServerService::start(SdoChannel channel) {
   stop();
@@ -23,10 +27,14 @@ void SdoServerService::stop() noexcept {
   pump_.stop();
   server_.reset();
   unsent_.reset();
+  if (channel_.valid() && channels_->relay() != nullptr) channels_->relay()->stopped(number_);
   channel_ = {};
 }
 
 void SdoServerService::received(const can::Frame& frame, rt::Time at) noexcept {
+  if (channels_->relay() != nullptr && sdo::well_formed(frame)) [[unlikely]] {
+    if (channels_->relay()->request(number_, std::span(frame.data).first<8>())) return;
+  }
   can::Frame reply;
   const bool pumping = pump_.running();
   const bool has_reply = server_.handle(frame, reply);
@@ -49,6 +57,14 @@ void SdoServerService::answer(const can::Frame& frame) noexcept {
   unsent_ = can::PackedFrame(frame);
   unsent_until_ = dispatcher_->executor().now() + timeout_;
   dispatcher_->executor().after(sdo::full_retry, *this);
+}
+
+bool SdoServerService::send(od::ChannelBytes bytes) noexcept {
+  if (!channel_.valid()) return false;
+  can::Frame frame;
+  sdo::address(frame, channel_.response);
+  std::ranges::copy(bytes, frame.data.begin());
+  return dispatcher_->send(frame) == can::Queued::yes;
 }
 
 bool SdoServerService::complete(AbortCode code) noexcept {

@@ -3,17 +3,35 @@
 #pragma once
 
 #include <cstdint>
+#include <span>
 
 #include "berth/base/ids.hpp"
 #include "berth/od/abort_code.hpp"
 
 namespace berth::od {
 
+/// An SDO frame's data.
+using ChannelBytes = std::span<const std::uint8_t, 8>;
+
+/// Looks at requests before their server does: a router's, which hands those on that are for another network.
+class ChannelRelay {
+ public:
+  /// True: the relay deals with it, and answers by `Channels::send`.
+  virtual bool request(std::uint8_t channel, ChannelBytes bytes) noexcept = 0;
+  /// The channel hears nothing any more.
+  virtual void stopped(std::uint8_t channel) noexcept = 0;
+
+ protected:
+  ~ChannelRelay() = default;
+};
+
 /// The servers of a dictionary, as who answers later sees them.
 class ChannelServers {
  public:
   /// As `Channels::answer`.
   virtual bool answer(std::uint8_t channel, ObjectRef object, AbortCode code, ObjectRef named) noexcept = 0;
+  /// As `Channels::send`.
+  virtual bool send(std::uint8_t channel, ChannelBytes bytes) noexcept = 0;
 
  protected:
   ~ChannelServers() = default;
@@ -38,12 +56,20 @@ class Channels {
   bool answer(std::uint8_t channel, ObjectRef object, AbortCode code, ObjectRef named) noexcept {
     return servers_ != nullptr && servers_->answer(channel, object, code, named);
   }
+  /// A frame to the client of this channel. False: nobody serves it, or the port takes none.
+  bool send(std::uint8_t channel, ChannelBytes bytes) noexcept {
+    return servers_ != nullptr && servers_->send(channel, bytes);
+  }
+  /// Null: none. It must stay until it is taken out.
+  void set_relay(ChannelRelay* relay) noexcept { relay_ = relay; }
+  [[nodiscard]] ChannelRelay* relay() const noexcept { return relay_; }
   /// Who answers; null: nobody.
   void serve(ChannelServers* servers) noexcept { servers_ = servers; }
   [[nodiscard]] const ChannelServers* servers() const noexcept { return servers_; }
 
  private:
   ChannelServers* servers_ = nullptr;
+  ChannelRelay* relay_ = nullptr;
   std::uint8_t now_ = 0;
 };
 

@@ -16,6 +16,7 @@
 #include "berth/device/mandatory.hpp"
 #include "berth/eds/xdd.hpp"
 #include "berth/od/notation.hpp"
+#include "berth/plant/sim_gateway.hpp"
 #include "berth/text/file.hpp"
 
 namespace berth::plant {
@@ -305,14 +306,18 @@ bool check_programs(const PlantDevice& plan, const od::Description& description,
   return has && (plan.storing.programs.loaded.empty() || loaded_program(plan, findings).has_value());
 }
 
-const Described* Descriptions::of(const PlantDevice& device, Findings& findings) {
+const Described* Descriptions::of(const PlantDevice& device, Findings& findings, unsigned gateway_ports) {
   const auto& file = device.eds_path.empty() ? device.eds : device.eds_path;
-  const auto path = file.empty() ? own_objects(device) : file;
+  const auto path = !file.empty()        ? file
+                    : gateway_ports != 0 ? fmt::format("gateway of {}", gateway_ports)
+                                         : own_objects(device);
   auto& described = known_[path + own_variables(device)];
   if (described.description) return &described;
   if (described.unreadable) return nullptr;
   if (file.empty()) {
-    described.description = path.empty() ? device::minimal_description() : with_own_objects(device);
+    described.description = path.empty()         ? device::minimal_description()
+                            : gateway_ports != 0 ? gateway_description(gateway_ports)
+                                                 : with_own_objects(device);
     return &described;
   }
   const auto reading = eds::read_any_file(path);

@@ -30,4 +30,9 @@ const PlantDevice* PlantFile::device(std::string_view device_name) const noexcep
   return it == devices.end() ? nullptr : &*it;
 }
 
+unsigned PlantFile::gateway_ports(std::string_view device_name) const noexcept {
+  const auto it = std::ranges::find(gateways, device_name, &PlantGateway::above);
+  return it == gateways.end() ? 0 : static_cast<unsigned>(it->beneath.size());
+}
+
 }  // namespace berth::plant

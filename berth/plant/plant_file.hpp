@@ -150,6 +150,16 @@ struct PlantNodeIdObject {
   friend bool operator==(const PlantNodeIdObject&, const PlantNodeIdObject&) = default;
 };
 
+/// A device of several ports, paper 3's gateway: what several devices of the plant are together. Tables `[[gateway]]`.
+struct PlantGateway {
+  std::string above;                        ///< its device on the bus above
+  std::vector<std::string> beneath;         ///< those on the buses beneath, port 1 first
+  std::uint8_t layout = 8;                  ///< of EMCYs: the paper's Figure 7, 8 or 9
+  std::vector<std::uint8_t> speaks_layout;  ///< node-IDs beneath whose EMCYs have it; gateways there are found
+  bool literal = false;                     ///< SDO answers as published
+  friend bool operator==(const PlantGateway&, const PlantGateway&) = default;
+};
+
 /// A network variable that the program of a device has. Key `variables`.
 struct PlantVariable {
   std::string name;
@@ -252,11 +262,14 @@ struct PlantFile {
   std::uint64_t seed = 1;
   std::vector<PlantBus> buses;
   std::vector<PlantDevice> devices;  ///< in the order of the file, `count` and `serials` expanded
-  std::vector<PlantEvent> events;    ///< in the order of the file
+  std::vector<PlantGateway> gateways;
+  std::vector<PlantEvent> events;  ///< in the order of the file
   friend bool operator==(const PlantFile&, const PlantFile&) = default;
 
   [[nodiscard]] const PlantBus* bus(std::string_view name) const noexcept;
   [[nodiscard]] const PlantDevice* device(std::string_view name) const noexcept;
+  /// Buses beneath this device: 0 when it is above none.
+  [[nodiscard]] unsigned gateway_ports(std::string_view device_name) const noexcept;
 };
 
 struct PlantResult {

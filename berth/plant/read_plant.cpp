@@ -7,6 +7,7 @@
 #include <map>
 #include <set>
 
+#include "berth/multilevel/path.hpp"
 #include "berth/od/notation.hpp"
 #include "berth/plant/plant_file.hpp"
 #include "berth/plant/plant_words.hpp"
@@ -268,6 +269,7 @@ class PlantReader {
     for (auto& [name, bus] : table.named_tables("bus")) read_bus(name, bus);
     if (plant_.buses.empty()) table.error("", "there is no bus", "write a table [bus.NAME]");
     for (auto& device : table.tables("device")) read_device(device);
+    for (auto& gateway : table.tables("gateway")) read_gateway(gateway);
     for (auto& event : table.tables("event")) read_event(event);
     table.finish();
     return std::move(plant_);
@@ -433,6 +435,48 @@ class PlantReader {
          fmt::format("{} has the LSS address of {}", text::quoted(device.name), text::quoted(it->second)), ""});
   }
 
+  void read_gateway(Table& table) {
+    PlantGateway gateway;
+    if (table.require("above", "name its [[device]] on the bus above"))
+      gateway.above = table.string("above").value_or("");
+    if (table.require("beneath", "name its [[device]] on each bus beneath")) {
+      gateway.beneath = table.strings("beneath").value_or(std::vector<std::string>{});
+    }
+    gateway.layout = static_cast<std::uint8_t>(table.u32("layout", {7, 9}).value_or(8));
+    for (const auto node : table.integers("speaks_layout", {1, 127}).value_or(std::vector<std::int64_t>{})) {
+      gateway.speaks_layout.push_back(static_cast<std::uint8_t>(node));
+    }
+    gateway.literal = table.boolean("literal").value_or(false);
+    table.finish();
+    check_gateway(table, gateway);
+    plant_.gateways.push_back(std::move(gateway));
+  }
+
+  void check_gateway(Table& table, const PlantGateway& gateway) {
+    check_node(table, "above", gateway.above, false);
+    for (const auto& name : gateway.beneath) check_node(table, "beneath", name, false);
+    const auto above = names_.find(gateway.above);
+    const bool wrong_number = gateway.beneath.empty() || gateway.beneath.size() > multilevel::most_ports;
+    if (wrong_number) table.error("beneath", "a gateway has 1 to 8 buses beneath it", "name a device on each");
+    if (above == names_.end()) return;
+    const PlantDevice& device = plant_.devices[above->second];
+    if (plant_.gateway_ports(gateway.above) != 0) {
+      table.error("above", "this device is a gateway already", "give each one table");
+    }
+    std::set<std::string> buses{device.bus};
+    for (const auto& name : gateway.beneath) {
+      const auto port = names_.find(name);
+      if (port == names_.end()) continue;
+      const std::string& bus = plant_.devices[port->second].bus;
+      if (!ports_.insert(name).second)
+        table.error("beneath", text::quoted(name) + " is a port already", "name another");
+      if (!buses.insert(bus).second) {
+        table.error("beneath", fmt::format("the gateway has bus {} twice", text::quoted(bus)),
+                    "name devices on other buses");
+      }
+    }
+  }
+
   void read_event(Table& table) {
     PlantEvent event;
     read_when(table, event);
@@ -545,6 +589,7 @@ class PlantReader {
   bool many_ = false;                                      ///< the table being read stands for several devices
   std::map<std::string, std::size_t, std::less<>> names_;  ///< device name → index
   std::map<std::pair<std::string, LssAddress>, std::string> addresses_;
+  std::set<std::string> ports_;  ///< devices beneath gateways
 };
 
 }  // namespace

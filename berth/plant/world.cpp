@@ -201,13 +201,13 @@ void SimDevice::cut() noexcept {
 
 // --- World -----------------------------------------------------------------------------------------------------------
 
-World::~World() = default;
+World::~World() { gateways_.clear(); }
 
 std::unique_ptr<World> World::make(const PlantFile& plant, std::span<const BusRate> rates, Findings& findings) {
   auto world = std::unique_ptr<World>(new World(plant.seed));
   bool good = world->make_buses(plant, rates, findings);
   for (const auto& plan : plant.devices) {
-    const Described* described = world->descriptions_.of(plan, findings);
+    const Described* described = world->descriptions_.of(plan, findings, plant.gateway_ports(plan.name));
     sim::Bus* bus = world->bus(plan.bus);
     if (bus == nullptr && good) {
       refuse(findings, plan.name, "bus \"" + plan.bus + "\" is neither in the plant nor in the machine file",
@@ -223,9 +223,47 @@ std::unique_ptr<World> World::make(const PlantFile& plant, std::span<const BusRa
                                                           described->description, world->sim_.random().fork(),
                                                           std::move(script)));
   }
+  good = good && world->make_gateways(plant, findings);
   world->events_ = plant.events;
   if (!good) world.reset();
   return world;
+}
+
+// Gateways one beneath the other, under this one; `left`: no more than there are, so that a ring of them ends.
+unsigned levels_beneath(const PlantFile& plant, const PlantGateway& gateway, std::size_t left) {
+  unsigned deepest = 0;
+  for (const auto& name : gateway.beneath) {
+    const auto* const port = plant.device(name);
+    for (const auto& other : plant.gateways) {
+      const auto* const above = plant.device(other.above);
+      if (port == nullptr || above == nullptr || above->bus != port->bus || left == 0) continue;
+      deepest = std::max(deepest, 1 + levels_beneath(plant, other, left - 1));
+    }
+  }
+  return deepest;
+}
+
+bool World::make_gateways(const PlantFile& plant, Findings& findings) {
+  for (const auto& plan : plant.gateways) {
+    SimDevice& above = *find(plan.above);
+    const auto objects = multilevel::SdoGatewayObjects::of(static_cast<unsigned>(plan.beneath.size()));
+    if (above.device().values().description().find(objects.data) == nullptr) {
+      refuse(findings, plan.above, "its description has no objects of a gateway (5F30h.., 5F00h)",
+             "leave out eds, or add them");
+      return false;
+    }
+    std::vector<SimDevice*> beneath;
+    for (const auto& name : plan.beneath) beneath.push_back(find(name));
+    PlantGateway whole = plan;
+    for (const auto& other : plant.gateways) {  // a gateway beneath speaks the layout
+      const auto* const node = plant.device(other.above);
+      const bool under = std::ranges::any_of(beneath, [&](SimDevice* port) { return port->plan().bus == node->bus; });
+      if (under && node->node_id.configured()) whole.speaks_layout.push_back(node->node_id.value());
+    }
+    gateways_.push_back(std::make_unique<SimGateway>(executor(), above, std::move(beneath), whole,
+                                                     levels_beneath(plant, plan, plant.gateways.size())));
+  }
+  return true;
 }
 
 std::optional<script::Script> World::script_of(const PlantDevice& plan, Findings& findings) {
@@ -384,6 +422,7 @@ std::vector<std::pair<const SimDevice*, const SimDevice*>> World::duplicates() c
 }
 
 void World::tell(const SimDevice& device) noexcept {
+  for (auto& gateway : gateways_) gateway->changed(device);
   for (auto* observer : observers_) observer->plant_changed(device);
 }
 

@@ -26,6 +26,7 @@
 #include "berth/device/device.hpp"
 #include "berth/plant/device_plan.hpp"
 #include "berth/plant/plant_file.hpp"
+#include "berth/plant/sim_gateway.hpp"
 #include "berth/script/behaviour.hpp"
 #include "berth/sim/world.hpp"
 
@@ -93,6 +94,7 @@ class SimDevice final : private device::Device::Observer, private device::SimFla
 
  private:
   friend class World;
+  friend class SimGateway;
   void switch_on() noexcept;
   void switch_off() noexcept;
   void device_changed(const device::Device& device) noexcept override;
@@ -186,6 +188,7 @@ class World {
   bool make_buses(const PlantFile& plant, std::span<const BusRate> rates, Findings& findings);
   bool strike(const PlantEvent& event);
   bool nodes(const PlantEvent& event, std::vector<sim::Controller*>& found);
+  bool make_gateways(const PlantFile& plant, Findings& findings);
   std::optional<script::Script> script_of(const PlantDevice& plan, Findings& findings);
   void tell(const SimDevice& device) noexcept;
   void save() noexcept;
@@ -194,6 +197,7 @@ class World {
   Descriptions descriptions_;
   std::map<std::string, std::optional<script::Script>> scripts_;  // by path, each read and compiled once
   std::vector<std::unique_ptr<SimDevice>> devices_;
+  std::vector<std::unique_ptr<SimGateway>> gateways_;
   std::vector<PlantEvent> events_;
   std::vector<Observer*> observers_;
   std::vector<After> reached_;

@@ -180,6 +180,17 @@ void write_event(Writer& w, const PlantEvent& e) {
   if (e.action == Action::set_serial || e.action == Action::set_node_id) w.raw("value", fmt::format("{}", e.value));
 }
 
+void write_gateway(Writer& w, const PlantGateway& gateway) {
+  w.line("\n[[gateway]]");
+  w.string("above", gateway.above);
+  w.strings("beneath", gateway.beneath);
+  w.number("layout", gateway.layout, PlantGateway().layout);
+  if (!gateway.speaks_layout.empty()) {
+    w.raw("speaks_layout", fmt::format("[{}]", fmt::join(gateway.speaks_layout, ", ")));
+  }
+  if (gateway.literal) w.raw("literal", "true");
+}
+
 void write_comment(Writer& w, std::string_view comment) {
   while (!comment.empty()) {
     const auto newline = comment.find('\n');
@@ -208,6 +219,7 @@ std::string write_plant(const PlantFile& plant, std::string_view comment) {
     w.number("fd_bitrate", bus.fd_bitrate, 0U);
   }
   for (const auto& device : plant.devices) write_device(w, device);
+  for (const auto& gateway : plant.gateways) write_gateway(w, gateway);
   for (const auto& event : plant.events) write_event(w, event);
   return w.take();
 }
