@@ -95,7 +95,7 @@ class Rig {
   Record record_;
   std::unique_ptr<plant::World> world_;
   std::optional<ScriptTeller> scripts_;  // with a world
-  rt::Executor executor_;  // where there is no world
+  rt::Executor executor_;                // where there is no world
   std::unique_ptr<rt::Driver> driver_;
   io::Loop* loop_ = nullptr;                      // of the driver
   std::optional<Interrupt> interrupt_;            // until the store is closed

@@ -15,6 +15,8 @@
 /// With bit 5 of 1F80h it is a flying master (`FlyingMaster`, with 1F90h): it boots the network when it has become the
 /// active master, and ends that when it no longer is. A device that is switched off says so: `power_off`.
 ///
+/// With 1F00h in its dictionary it is the SDO manager too, while it is the active master (`SdoRequests`).
+///
 /// Objects that refuse: 1F80h with a reserved bit, or with bit 5 where there is no 1F90h, 0609 0030. 1F90h:03 above 2,
 /// 0609 0030. 1F82h and 1F83h as `NetworkRequests` has it; they read what is known of the slaves.
 #pragma once
@@ -28,6 +30,7 @@
 #include "berth/manager/flying_master.hpp"
 #include "berth/manager/managed_bus.hpp"
 #include "berth/manager/network_requests.hpp"
+#include "berth/manager/sdo_requests.hpp"
 #include "berth/od/values.hpp"
 
 namespace berth::manager {
@@ -39,9 +42,10 @@ struct ManagerObjects {
   std::uint32_t longest_dcf = 0;        ///< in 1F20h; 0: neither 1F20h nor 1F21h
   bool flying = false;                  ///< 1F90h with CiA 302-2's times
   std::uint8_t priority = 1;            ///< default of 1F90h:03: 0 high, 1 medium, 2 low
+  bool sdo_manager = false;             ///< 1F00h, 1F01h, 1F10h (`SdoRequests`)
 };
-/// 102Ah, (1F20h, 1F21h), (1F22h), 1F26h, 1F27h, 1F55h, 1F80h to 1F8Ah but 1F87h's kind of check, (1F90h). 1016h is the
-/// device's own.
+/// 102Ah, (1F20h, 1F21h), (1F22h), 1F26h, 1F27h, 1F55h, 1F80h to 1F8Ah but 1F87h's kind of check, (1F90h), (1F00h,
+/// 1F01h, 1F10h). 1016h is the device's own.
 void add_manager_objects(od::DescriptionBuilder& builder, const ManagerObjects& objects = {});
 
 class DictionaryManager final : private od::Hook, private FlyingMaster::Owner {
@@ -60,6 +64,8 @@ class DictionaryManager final : private od::Hook, private FlyingMaster::Owner {
   [[nodiscard]] ManagedBus& bus() noexcept { return bus_; }
   /// Who is the active master; off without bit 5 of 1F80h.
   [[nodiscard]] const FlyingMaster& flying() const noexcept { return flying_; }
+  /// Null: its dictionary has no 1F00h.
+  [[nodiscard]] const SdoRequests* sdo_requests() const noexcept { return sdo_requests_.get(); }
   /// Called when that has changed.
   void on_role(std::function<void()> callback) { on_role_ = std::move(callback); }
   /// Why a device with bit 0 of 1F80h has not begun.
@@ -82,6 +88,7 @@ class DictionaryManager final : private od::Hook, private FlyingMaster::Owner {
   FlyingMaster flying_;
   NetworkRequests requests_{network_};
   std::array<std::unique_ptr<DictionarySource>, 128> sources_;
+  std::unique_ptr<SdoRequests> sdo_requests_;  // only with object 1F00h
   std::optional<Error> refused_;
   NodeId own_;
   NmtState state_ = NmtState::initialising;

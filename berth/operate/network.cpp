@@ -12,10 +12,12 @@ using places::UnfinishedBlank;
 
 Network::Network(rt::Executor& executor, can::Port& port, const design::Bus& bus, std::vector<places::SlotSpec> slots,
                  places::SlotStore& store, NetworkObserver observer)
-    : parts_(executor, port, bus, std::move(slots), store, std::move(observer), ears_, ears_),
+    : role_(bus.flying ? std::make_unique<RolePort>(executor, port) : nullptr),
+      parts_(executor, role_ ? *role_ : port, bus, std::move(slots), store, std::move(observer), ears_, ears_),
       port_(parts_.bus, parts_.slots, parts_.agenda, parts_.found, *this),
       job_(parts_, port_),
       scan_(parts_),
+      mastership_(role_ ? std::make_unique<Mastership>(parts_.bus, parts_.slots, *role_) : nullptr),
       scope_(executor) {
   ears_.lead_to(parts_.supervision);
   parts_.startup.set_master(port_);
@@ -34,14 +36,21 @@ void Network::start() {
   running_ = true;
   parts_.bus.heartbeats.hear_all_boot_ups(true);
   parts_.bus.emergencies.hear_all();
+  if (mastership_) mastership_->start();
   if (port_.begin()) port_goes_on();
 }
 
 void Network::stop() noexcept {
+  if (mastership_) mastership_->stop();
   port_rests();
   parts_.bus.emergencies.clear();
   port_.end();
   running_ = false;
+}
+
+std::optional<MasterReport> Network::master() const {
+  if (!mastership_) return std::nullopt;
+  return MasterReport{parts_.bus.bus.name, mastership_->active(), mastership_->is_master()};
 }
 
 void Network::port_rests() noexcept {

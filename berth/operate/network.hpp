@@ -2,6 +2,9 @@
 /// and puts a replacement to work. One `Network` is one master on one port; `Session` has one for each bus of a
 /// machine.
 ///
+/// On a bus with several masters (`[bus.NAME.flying_master]`) the main job runs while this one is the active master,
+/// and rests while another is (`Mastership`).
+///
 /// What it does, in this order, again and again while it runs:
 ///   1. opening: a device that an interrupted run left in LSS configuration state is taken out of it
 ///   2. preparation: is the device of every bound slot there? By heartbeat, else SDO 1000h, else guarding (S1.30)
@@ -22,6 +25,7 @@
 #include <vector>
 
 #include "berth/operate/main_job.hpp"
+#include "berth/operate/mastership.hpp"
 #include "berth/operate/scan.hpp"
 #include "berth/rt/scope.hpp"
 
@@ -42,9 +46,9 @@ class Network final : private PortHealth::Owner {
   void start();
   /// Stops the main job where it stands, as if Berth had been ended.
   void stop() noexcept;
-  /// The main job rests: the port is down, or takes no frame (another master, a gate that listens still). It begins
-  /// anew by itself when the port takes frames again.
-  [[nodiscard]] bool resting() const noexcept { return port_.resting(); }
+
+  /// Who is the active master; empty on a bus that has one.
+  [[nodiscard]] std::optional<MasterReport> master() const;
 
   [[nodiscard]] const design::Bus& bus() const noexcept { return parts_.bus.bus; }
   [[nodiscard]] std::vector<SlotReport> report() const { return parts_.slots.report(); }
@@ -128,10 +132,12 @@ class Network final : private PortHealth::Owner {
   void port_goes_on() override;
 
   Ears ears_;
+  std::unique_ptr<RolePort> role_;  // only with several masters
   Parts parts_;
   PortHealth port_;
   MainJob job_;
   Scan scan_;
+  std::unique_ptr<Mastership> mastership_;  // as above
   bool running_ = false;
   rt::Scope scope_;  // last: its tasks use everything above
 };

@@ -15,6 +15,7 @@
 #include "berth/device/dictionary.hpp"
 #include "berth/device/mandatory.hpp"
 #include "berth/eds/xdd.hpp"
+#include "berth/manager/dictionary_manager.hpp"
 #include "berth/od/notation.hpp"
 #include "berth/text/file.hpp"
 
@@ -46,8 +47,13 @@ std::optional<std::vector<std::uint8_t>> unhex(std::string_view text) {
   return bytes;
 }
 
+std::uint8_t highest_slave(const PlantMaster& master) noexcept {
+  return static_cast<std::uint8_t>(master.slaves.empty() ? 1 : std::clamp(master.slaves.back(), 1U, 127U));
+}
+
 /// What tells a minimal device's dictionary from the minimal one; a text that no file is called.
 std::string own_objects(const PlantDevice& plan) {
+  if (plan.does.master) return fmt::format("master of {}", highest_slave(*plan.does.master));
   if (!plan.node_id_object.object) return {};
   std::string text = "node-ID object " + od::write_object(*plan.node_id_object.object);
   if (const auto& s = plan.node_id_object.signature)
@@ -75,6 +81,26 @@ std::shared_ptr<const od::Description> with_node_id_object(const PlantDevice& pl
   add_object(b, *plan.node_id_object.object, "Node-ID", 1);
   if (const auto& s = plan.node_id_object.signature) add_object(b, s->object, "Node-ID signature", s->size);
   return b.build();
+}
+
+std::shared_ptr<const od::Description> with_manager(const PlantMaster& master) {
+  od::DescriptionBuilder b;
+  const std::uint8_t most = highest_slave(master);
+  device::add_device(b, {.supervised = std::max<std::uint8_t>(most, 8)});
+  manager::add_manager_objects(b, {.most = most, .startup = 0x21, .longest_concise = 0, .flying = true});
+  return b.build();
+}
+
+void preset_network_list(const PlantMaster& master, device::Options& options) {
+  constexpr std::uint32_t assigned_and_booted = 0x05, keep_alive = 0x10;
+  constexpr std::uint32_t heartbeat_time_ms = 1500;  // of a device with the machine file's default period
+  options.presets.push_back({{0x1F90, 3}, master.priority});
+  std::uint8_t entry = 0;
+  for (const unsigned id : master.slaves) {
+    const auto sub = static_cast<std::uint8_t>(id);
+    options.presets.push_back({{0x1F81, sub}, assigned_and_booted | (master.keep_alive ? keep_alive : 0U)});
+    options.presets.push_back({{0x1016, ++entry}, id << 16U | heartbeat_time_ms});
+  }
 }
 
 /// Takes the next word off a line.
@@ -179,6 +205,7 @@ device::Options options_of(const PlantDevice& plan, const LssAddress& address, s
   if (plan.eds.empty()) o.name = plan.name;
   const auto heartbeat = std::chrono::duration_cast<std::chrono::milliseconds>(plan.heartbeat).count();
   if (heartbeat > 0) o.presets.push_back({{0x1017, 0}, static_cast<std::uint64_t>(heartbeat)});
+  if (plan.does.master) preset_network_list(*plan.does.master, o);
   return o;
 }
 
@@ -188,6 +215,10 @@ const Described* Descriptions::of(const PlantDevice& device, Findings& findings)
   auto& described = known_[path];
   if (described.description) return &described;
   if (described.unreadable) return nullptr;
+  if (device.does.master) {
+    described.description = with_manager(*device.does.master);
+    return &described;
+  }
   if (file.empty()) {
     described.description = path.empty() ? device::minimal_description() : with_node_id_object(device);
     return &described;

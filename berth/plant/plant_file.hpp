@@ -137,12 +137,26 @@ struct PlantScript {
   std::string path;  ///< the same, relative to the plant file's folder; not compared
 };
 
+/// The device is a flying master of its bus (docs/flying-master.md), by its own dictionary. Key `master`.
+struct PlantMaster {
+  std::uint8_t priority = 1;     ///< 1F90h:03
+  std::vector<unsigned> slaves;  ///< node-IDs of its network list (1F81h), ascending
+  bool keep_alive = true;        ///< 1F81h bit 4 of each
+  friend bool operator==(const PlantMaster&, const PlantMaster&) = default;
+};
+
+/// What it does by itself.
+struct PlantBehaviour {
+  PlantScript script;
+  std::optional<PlantMaster> master;  ///< without a description and a script only
+};
+
 struct PlantDevice {
   std::string name;  ///< unique in the plant
   std::string bus;
   std::string eds;       ///< description, as written; empty: a minimal built-in one
   std::string eds_path;  ///< the same, relative to the plant file's folder; not compared
-  PlantScript script;
+  PlantBehaviour does;
   LssAddress address;           ///< identity object 1018h
   bool address_of_eds = false;  ///< vendor, product and revision are the description's; not set here
   NodeIdSource source = NodeIdSource::blank;

@@ -86,7 +86,7 @@ void write_device(Writer& w, const PlantDevice& d) {
   w.string("bus", d.bus);
   w.string("name", d.name);
   if (!d.eds.empty()) w.string("eds", d.eds);
-  if (!d.script.file.empty()) w.string("script", d.script.file);
+  if (!d.does.script.file.empty()) w.string("script", d.does.script.file);
   if (!d.address_of_eds) {
     std::string type = fmt::format("{{ vendor = 0x{:08X}, product = 0x{:08X}", d.address.vendor, d.address.product);
     if (d.address.revision != 0) type += fmt::format(", revision = 0x{:08X}", d.address.revision);
@@ -94,6 +94,12 @@ void write_device(Writer& w, const PlantDevice& d) {
   }
   if (d.address.serial != 0) w.raw("serial", fmt::format("0x{:08X}", d.address.serial));
   write_node_id(w, d);
+  if (d.does.master) {
+    std::string slaves;
+    for (const auto id : d.does.master->slaves) slaves += fmt::format("{}{}", slaves.empty() ? "" : ", ", id);
+    w.raw("master", fmt::format("{{ priority = {}, slaves = \"{}\", keep_alive = {} }}", d.does.master->priority,
+                                slaves, d.does.master->keep_alive));
+  }
   w.number("bitrate", d.bitrate, usual_device.bitrate);
   write_speaks(w, d);
   write_habits(w, d);
