@@ -21,9 +21,9 @@ struct MasterOptions {
   std::optional<unsigned> priority;  ///< the same
 };
 
-/// The CiA 309-3 gateway beside the main job.
-struct GatewayOptions {
-  std::string where;      ///< empty: none
+/// CiA 309-3 beside the main job.
+struct Cia309 {
+  std::string where;      ///< HOST:PORT; empty: not offered
   bool commands = false;  ///< its clients may command a real machine
 };
 
@@ -36,7 +36,8 @@ struct Options {
   bool slot_table = true;    ///< the command uses the store
   bool makes_store = false;  ///< and makes it on a real machine when there is none
   MasterOptions master;
-  std::string on_exit;  ///< "", "leave", "preop", "stop"
+  bool with_links = false;  ///< the machine's links are part of its configuration
+  std::string on_exit;      ///< "", "leave", "preop", "stop"
   std::string machine;
   std::string bus;
   std::vector<std::string> ports;    ///< "socketcan:can0" or "BUS=socketcan:can0": instead of the machine file's
@@ -47,7 +48,7 @@ struct Options {
   std::string store;                 ///< empty: in memory on a simulated bus
   std::string control;               ///< empty: command::control_path of the machine
   std::string record;                ///< candump log of every frame
-  GatewayOptions gateway;
+  Cia309 gateway;
   std::optional<std::uint64_t> seed;
   std::optional<std::chrono::nanoseconds> timeout;
   std::string until;  ///< "", "operational", "replaced"

@@ -5,6 +5,7 @@
 #include <algorithm>
 #include <utility>
 
+#include "berth/command/link_network.hpp"
 #include "machine_file.hpp"
 #include "simulated.hpp"
 
@@ -181,6 +182,11 @@ tl::expected<void, Failure> Rig::open_session(const Options& options, const std:
   strangers_ = std::make_unique<Strangers>(*driver_, *interrupt_, *session_, guards_);
   if (!options.record.empty()) {
     if (auto good = record_.write_to(options.record); !good) return good;
+  }
+  if (options.with_links && !machine_.links.empty()) {
+    auto linked = command::link_settings(machine_);
+    if (has_errors(linked.findings)) return tl::unexpected(failure(linked.findings));
+    session_->configure_with(std::move(linked.slots));
   }
   const auto opened = session_->open();
   if (opened) return {};

@@ -67,6 +67,7 @@ using Repeat = std::function<void(const command::Reply&)>;
 Options own_options(const Options& options, const command::Request& request) {
   Options own = options;
   own.makes_store = request.verb == "bind" || request.verb == "replace";
+  own.with_links = options.bring_up || request.verb == "boot" || request.verb == "configure";
   return own;
 }
 

@@ -141,7 +141,9 @@ int run_up(const Options& options) {
   }
   if (own.machine.empty())
     return tell(failure(Exit::usage, "name the machine file: berth up machine.toml"), options.json);
-  own.makes_store = own.master.takes_part = true;
+  own.makes_store = true;
+  own.with_links = true;
+  own.master.takes_part = true;
   return bring_up(own, {own.machine, options.sim, {}, {}});
 }
 

@@ -5,8 +5,9 @@
 
 namespace berth::co {
 
-SdoServerService::SdoServerService(can::Dispatcher& dispatcher, od::Values& values, std::size_t buffer)
-    : dispatcher_(&dispatcher), server_(values, buffer), pump_(dispatcher, *this) {}
+SdoServerService::SdoServerService(can::Dispatcher& dispatcher, od::Values& values, std::size_t buffer,
+                                   std::uint8_t channel)
+    : dispatcher_(&dispatcher), server_(values, buffer, channel), pump_(dispatcher, *this) {}
 
 void SdoServerService::start(SdoChannel channel) {
   stop();
@@ -51,13 +52,23 @@ void SdoServerService::answer(const can::Frame& frame) noexcept {
 }
 
 bool SdoServerService::complete(AbortCode code) noexcept {
-  const auto reply = server_.complete(code);
-  if (reply) answer(*reply);
-  return reply.has_value();
+  const auto object = server_.pending();
+  return object && complete(*object, code);
 }
 
-bool SdoServerService::complete(ObjectRef object, AbortCode code) noexcept {
-  return server_.pending() == object && complete(code);
+bool SdoServerService::complete(ObjectRef object, AbortCode code, ObjectRef named) noexcept {
+  if (server_.pending() != object || code == AbortCode::pending) return false;
+  auto reply = server_.complete(code);
+  if (reply) {
+    const auto command = sdo::specifier(reply->data[0]);
+    const bool names = command == static_cast<std::uint8_t>(sdo::Scs::download) || code != AbortCode::none;
+    if (names && named != object) sdo::rename(*reply, named);
+    answer(*reply);
+  } else if (server_.sending()) {
+    cancel_timer();
+    pump_.start(server_.segments(), channel_.response, timeout_);
+  }
+  return true;
 }
 
 // A timer that is already set is left alone: it looks itself how long it is since the client was heard.

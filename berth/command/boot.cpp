@@ -28,7 +28,7 @@ class SlotSource final : public manager::BootSource {
   SlotSource(Network& network, const design::Slot& slot) noexcept : network_(network), slot_(slot) {}
 
   rt::Task<Result<void>> configure(manager::BootTarget& target, manager::SlaveRules& rules) override {
-    if (slot_.spec.config.empty()) co_return co_await set_heartbeat(target, rules);
+    if (!network_.configures(slot_.spec.name.name)) co_return co_await set_heartbeat(target, rules);
     const auto done = co_await network_.configure(slot_.spec.name.name, true);
     if (!done) co_return fail(done.error());
     why_ = done->front().problem.empty() ? done->front().reason : done->front().problem;

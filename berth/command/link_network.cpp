@@ -2,12 +2,17 @@
 
 #include <algorithm>
 #include <array>
+#include <filesystem>
 #include <map>
+#include <memory>
 
 #include "berth/base/words.hpp"
 #include "berth/command/bus_messages.hpp"
 #include "berth/eds/concise_dcf.hpp"
 #include "berth/eds/xdd.hpp"
+#include "berth/linker/files.hpp"
+#include "berth/linker/plan_file.hpp"
+#include "berth/od/names.hpp"
 #include "berth/text/file.hpp"
 
 namespace berth::command {
@@ -121,5 +126,35 @@ class Builder {
 }  // namespace
 
 LinkNetwork link_network(const design::Machine& machine) { return Builder(machine).run(); }
+
+std::optional<linker::Earlier> earlier_plan(const design::Machine& machine, Findings& findings) {
+  std::error_code ignored;
+  if (machine.link_plan.empty() || !std::filesystem::exists(machine.link_plan, ignored)) return linker::Earlier{};
+  const auto text = text::read_file(machine.link_plan, findings);
+  return text ? linker::read_plan(*text, machine.link_plan, findings) : std::nullopt;
+}
+
+LinkSettings link_settings(const design::Machine& machine) {
+  LinkSettings made;
+  const auto [network, wrong] = link_network(machine);
+  made.findings = wrong;
+  const auto earlier = earlier_plan(machine, made.findings);
+  if (has_errors(made.findings) || !earlier) return made;
+  const auto planned = linker::make_plan(network, *earlier);
+  made.findings = planned.findings;
+  for (std::size_t i = 0; planned.good() && i < network.nodes.size(); ++i) {
+    if (!planned.plan.linked[i]) continue;
+    manager::Configuration configuration;
+    configuration.file = network.file;
+    for (auto& each : linker::settings_of(network, planned.plan, i)) {
+      configuration.settings.push_back({.object = each.object,
+                                        .type = each.type,
+                                        .value = std::move(each.value),
+                                        .name = od::full_name(*network.nodes[i].file->description, each.object)});
+    }
+    made.slots.emplace(network.nodes[i].name, std::make_shared<const manager::Configuration>(std::move(configuration)));
+  }
+  return made;
+}
 
 }  // namespace berth::command

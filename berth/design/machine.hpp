@@ -145,6 +145,7 @@ struct Machine {
   std::vector<Bus> buses;   ///< in the order of the file; at least one
   std::vector<Slot> slots;  ///< in the order of the file, ranges ascending
   std::vector<Link> links;
+  std::string link_plan;  ///< path of the plan that links go on from; empty: none
   Library library;  ///< of the file itself and of `devices =`
   /// What devices in no slot are like: no key of the file's, but said beside it (`--eds`).
   std::vector<Described> described;

@@ -261,6 +261,10 @@ class MachineReader {
       machine_.name = name.value_or("");
     }
     read_library_file(*head);
+    if (const auto plan = head->string("link_plan")) {
+      if (plan->empty()) head->error("link_plan", "the file name is empty", "name a plan.toml, or leave the key out");
+      machine_.link_plan = text::beside(file_, *plan);
+    }
     head->finish();
   }
 

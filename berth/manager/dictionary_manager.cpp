@@ -12,6 +12,7 @@ using od::Literal;
 
 constexpr std::uint16_t request_sdo = 0x1F00;
 constexpr std::uint16_t nmt_startup = 0x1F80;
+constexpr std::uint16_t request_configuration = 0x1F25;
 constexpr std::uint16_t request_nmt = 0x1F82;
 constexpr std::uint16_t request_guarding = 0x1F83;
 constexpr std::uint16_t flying_timing = 0x1F90;
@@ -23,19 +24,22 @@ struct ArraySpec {
   std::string_view name;
   DataType type = DataType::unsigned32;
   std::uint32_t capacity = 0;
+  Access access = Access::rw;
 };
 
 void add_array(od::DescriptionBuilder& builder, const ArraySpec& spec, std::uint8_t most) {
   builder.object(spec.index, od::ObjectCode::array, spec.name, spec.type);
   for (std::uint8_t sub = 1; sub <= most; ++sub) {
-    builder.sub(spec.index, {.sub = sub, .name = spec.name, .type = spec.type, .capacity = spec.capacity});
+    builder.sub(spec.index,
+                {.sub = sub, .name = spec.name, .type = spec.type, .access = spec.access, .capacity = spec.capacity});
   }
 }
 
 // Sub-index 128 is all nodes; those between that and `most` are not there.
-void add_requests(od::DescriptionBuilder& builder, std::uint16_t index, std::string_view name, std::uint8_t most) {
-  add_array(builder, {index, name, DataType::unsigned8}, most);
-  builder.sub(index, {.sub = NetworkRequests::all_nodes, .name = "All nodes", .type = DataType::unsigned8});
+void add_requests(od::DescriptionBuilder& builder, const ArraySpec& spec, std::uint8_t most) {
+  add_array(builder, spec, most);
+  builder.sub(spec.index,
+              {.sub = NetworkRequests::all_nodes, .name = "All nodes", .type = spec.type, .access = spec.access});
 }
 
 void add_flying(od::DescriptionBuilder& builder, std::uint8_t priority) {
@@ -68,17 +72,27 @@ void add_manager_objects(od::DescriptionBuilder& builder, const ManagerObjects& 
   if (objects.longest_concise != 0) {
     add_array(builder, {0x1F22, "Concise DCF", DataType::domain, objects.longest_concise}, most);
   }
+  if (objects.longest_eds != 0) {
+    add_array(builder, {0x1F23, "Store EDS", DataType::domain, objects.longest_eds}, most);
+    add_array(builder, {0x1F24, "Storage format", DataType::unsigned8}, most);
+  }
+  if (objects.longest_program != 0) {
+    add_array(builder, {0x1F58, "Program data of slave", DataType::domain, objects.longest_program}, most);
+  }
   builder.variable(nmt_startup, {.name = "NMT startup", .initial = Literal::number(objects.startup)});
   for (const auto& array :
        {ArraySpec{0x1F26, "Expected configuration date"}, ArraySpec{0x1F27, "Expected configuration time"},
-        ArraySpec{0x1F55, "Expected software identification"}, ArraySpec{0x1F81, "Slave assignment"},
-        ArraySpec{0x1F84, "Device type identification"}, ArraySpec{0x1F85, "Vendor identification"},
-        ArraySpec{0x1F86, "Product code"}, ArraySpec{0x1F87, "Revision number"}, ArraySpec{0x1F88, "Serial number"},
+        ArraySpec{0x1F53, "Expected application software date"},
+        ArraySpec{0x1F54, "Expected application software time"}, ArraySpec{0x1F55, "Expected software identification"},
+        ArraySpec{0x1F81, "Slave assignment"}, ArraySpec{0x1F84, "Device type identification"},
+        ArraySpec{0x1F85, "Vendor identification"}, ArraySpec{0x1F86, "Product code"},
+        ArraySpec{0x1F87, "Revision number"}, ArraySpec{0x1F88, "Serial number"},
         ArraySpec{0x1F8A, "Restore configuration", DataType::unsigned8}}) {
     add_array(builder, array, most);
   }
-  add_requests(builder, request_nmt, "Request NMT", most);
-  add_requests(builder, request_guarding, "Request guarding", most);
+  add_requests(builder, {.index = request_configuration, .name = "Request configuration", .access = Access::wo}, most);
+  add_requests(builder, {request_nmt, "Request NMT", DataType::unsigned8}, most);
+  add_requests(builder, {request_guarding, "Request guarding", DataType::unsigned8}, most);
   builder.variable(0x1F89, {.name = "Boot time"});
   if (objects.flying) add_flying(builder, objects.priority);
   if (objects.sdo_manager) add_sdo_manager_objects(builder, most);
@@ -86,10 +100,16 @@ void add_manager_objects(od::DescriptionBuilder& builder, const ManagerObjects& 
 
 DictionaryManager::DictionaryManager(can::Dispatcher& dispatcher, od::Values& values,
                                      std::function<void(co::NmtCommand)> apply, const NetworkTiming& timing)
-    : values_(&values), bus_(dispatcher), network_(dispatcher.executor(), bus_, timing), flying_(dispatcher, *this) {
+    : values_(&values),
+      bus_(dispatcher),
+      network_(dispatcher.executor(), bus_, timing),
+      flying_(dispatcher, *this),
+      transfers_(dispatcher),
+      configurations_(dispatcher.executor(), network_) {
   bus_.on_apply(std::move(apply));
   bus_.lead_to(&network_.error_control());
   values.attach(*this, nmt_startup);
+  values.attach(*this, request_configuration);
   values.attach(*this, request_nmt, request_guarding);
   values.attach(*this, flying_timing);
   const bool gives_channels = values.description().find(request_sdo) != nullptr;
@@ -100,6 +120,7 @@ void DictionaryManager::own_state(NmtState state, NodeId own) noexcept {
   const NmtState before = std::exchange(state_, state);
   if (state == NmtState::initialising) {
     leads_ = false;
+    configurations_.end();
     flying_.end();
     if (sdo_requests_) sdo_requests_->end();
     return network_.end();
@@ -159,6 +180,7 @@ Result<void> DictionaryManager::lead(NodeId own, bool taken_over) {
     const SlaveRules rules = slave_rules_of(*values_, node);
     if (!rules.assigned) continue;
     if (!sources_[number]) sources_[number] = std::make_unique<DictionarySource>(*values_, node);
+    sources_[number]->share(&transfers_);
     plan.slaves.push_back({node, rules, &bus_.target(node), sources_[number].get()});
   }
   if (sdo_requests_) {
@@ -181,7 +203,8 @@ AbortCode DictionaryManager::reading(const od::Values&, ObjectRef ref, std::span
     value = shown_;
     return AbortCode::none;
   }
-  if (ref.index == nmt_startup || ref.sub == 0) return AbortCode::none;
+  const bool plain = ref.index == nmt_startup || ref.index == request_configuration || ref.sub == 0;
+  if (plain) return AbortCode::none;
   const auto shown = ref.index == request_nmt ? requests_.state(ref.sub) : requests_.guarding(ref.sub);
   if (!shown) return shown.error();
   shown_[0] = *shown;
@@ -199,6 +222,9 @@ AbortCode DictionaryManager::writing(const od::Values&, ObjectRef ref, std::span
     constexpr std::uint16_t lowest_priority = 2;
     const bool too_low = ref.sub == priority_sub && load_le<std::uint16_t>(value.data()) > lowest_priority;
     return too_low ? AbortCode::invalid_value : AbortCode::none;
+  }
+  if (ref.index == request_configuration) {
+    return configurations_.request(ref.sub, load_le<std::uint32_t>(value.data()));
   }
   return ref.index == request_nmt ? requests_.nmt(ref.sub, value[0]) : requests_.guarding(ref.sub, value[0]);
 }

@@ -18,7 +18,8 @@
 /// With 1F00h in its dictionary it is the SDO manager too, while it is the active master (`SdoRequests`).
 ///
 /// Objects that refuse: 1F80h with a reserved bit, or with bit 5 where there is no 1F90h, 0609 0030. 1F90h:03 above 2,
-/// 0609 0030. 1F82h and 1F83h as `NetworkRequests` has it; they read what is known of the slaves.
+/// 0609 0030. 1F82h and 1F83h as `NetworkRequests` has it; they read what is known of the slaves. 1F25h as
+/// `ConfigurationRequests` has it.
 #pragma once
 
 #include <array>
@@ -26,6 +27,7 @@
 #include <memory>
 #include <optional>
 
+#include "berth/manager/configuration_requests.hpp"
 #include "berth/manager/dictionary_source.hpp"
 #include "berth/manager/flying_master.hpp"
 #include "berth/manager/managed_bus.hpp"
@@ -40,12 +42,14 @@ struct ManagerObjects {
   std::uint32_t startup = 1;            ///< default of 1F80h
   std::uint32_t longest_concise = 512;  ///< bytes for each slave in 1F22h; 0: no such object
   std::uint32_t longest_dcf = 0;        ///< in 1F20h; 0: neither 1F20h nor 1F21h
+  std::uint32_t longest_eds = 0;        ///< in 1F23h; 0: neither 1F23h nor 1F24h
+  std::uint32_t longest_program = 0;    ///< in 1F58h; 0: no such object
   bool flying = false;                  ///< 1F90h with CiA 302-2's times
   std::uint8_t priority = 1;            ///< default of 1F90h:03: 0 high, 1 medium, 2 low
   bool sdo_manager = false;             ///< 1F00h, 1F01h, 1F10h (`SdoRequests`)
 };
-/// 102Ah, (1F20h, 1F21h), (1F22h), 1F26h, 1F27h, 1F55h, 1F80h to 1F8Ah but 1F87h's kind of check, (1F90h), (1F00h,
-/// 1F01h, 1F10h). 1016h is the device's own.
+/// 102Ah, (1F20h, 1F21h), (1F22h), (1F23h, 1F24h), 1F25h to 1F27h, 1F53h to 1F55h, (1F58h), 1F80h to 1F8Ah but 1F87h's
+/// kind of check, (1F90h), (1F00h, 1F01h, 1F10h). 1016h is the device's own.
 void add_manager_objects(od::DescriptionBuilder& builder, const ManagerObjects& objects = {});
 
 class DictionaryManager final : private od::Hook, private FlyingMaster::Owner {
@@ -68,6 +72,7 @@ class DictionaryManager final : private od::Hook, private FlyingMaster::Owner {
   [[nodiscard]] const SdoRequests* sdo_requests() const noexcept { return sdo_requests_.get(); }
   /// Called when that has changed.
   void on_role(std::function<void()> callback) { on_role_ = std::move(callback); }
+  [[nodiscard]] ConfigurationRequests& configurations() noexcept { return configurations_; }
   /// Why a device with bit 0 of 1F80h has not begun.
   [[nodiscard]] const std::optional<Error>& refused() const noexcept { return refused_; }
 
@@ -86,7 +91,9 @@ class DictionaryManager final : private od::Hook, private FlyingMaster::Owner {
   ManagedBus bus_;
   NetworkBoot network_;
   FlyingMaster flying_;
+  ProgramTransfers transfers_;
   NetworkRequests requests_{network_};
+  ConfigurationRequests configurations_;
   std::array<std::unique_ptr<DictionarySource>, 128> sources_;
   std::unique_ptr<SdoRequests> sdo_requests_;  // only with object 1F00h
   std::optional<Error> refused_;

@@ -25,9 +25,9 @@ Network::Network(rt::Executor& executor, can::Port& port, const design::Bus& bus
 
 Network::~Network() { stop(); }
 
-Result<void> Network::open() {
+Result<void> Network::open(const SlotSettings& settings) {
   const auto opened = parts_.slots.open();
-  if (opened) parts_.configuring.load();
+  if (opened) parts_.configuring.load(settings);
   return opened;
 }
 
@@ -48,11 +48,6 @@ void Network::stop() noexcept {
   running_ = false;
 }
 
-std::optional<MasterReport> Network::master() const {
-  if (!mastership_) return std::nullopt;
-  return MasterReport{parts_.bus.bus.name, mastership_->active(), mastership_->is_master()};
-}
-
 void Network::port_rests() noexcept {
   scope_.cancel();
   parts_.startup.end();
@@ -71,6 +66,11 @@ std::vector<Network::Occupancy> Network::occupancy() const {
   std::vector<Occupancy> slots;
   for (const auto& seat : parts_.slots.seats()) slots.push_back({seat->state, seat->slot.record.device()});
   return slots;
+}
+
+bool Network::configures(std::string_view slot) noexcept {
+  return std::ranges::any_of(parts_.slots.seats(),
+                             [&](const auto& seat) { return seat->name() == slot && seat->configuration.any(); });
 }
 
 Result<void> Network::replace(const std::string& slot, std::optional<LssAddress> device, bool used) {
@@ -136,7 +136,7 @@ rt::Task<Result<std::vector<SlotConfiguration>>> Network::configure(std::string 
   const rt::Held held(parts_.bus.turn);
   std::vector<Seat*> chosen;
   for (auto& seat : parts_.slots.seats()) {
-    const bool named = slot.empty() ? !seat->slot.spec.config.empty() : seat->name() == slot;
+    const bool named = slot.empty() ? seat->configuration.any() : seat->name() == slot;
     if (named) chosen.push_back(seat.get());
   }
   if (!slot.empty() && chosen.empty()) co_return fail(Errc::not_found, "no slot of this name on this bus");

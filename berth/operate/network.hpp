@@ -41,14 +41,12 @@ class Network final : private PortHealth::Owner {
   Network& operator=(const Network&) = delete;
 
   /// Declares the slots in the store and takes over what it knows. Call once, before anything else.
-  Result<void> open();
-  /// Begins the main job. Without it the network only serves single commands.
+  Result<void> open(const SlotSettings& settings = {});
+  /// Begins the main job. Without it the network only serves single commands. The main job rests while the port is
+  /// down, or takes no frame (another master, a gate that listens still), and begins anew by itself.
   void start();
   /// Stops the main job where it stands, as if Berth had been ended.
   void stop() noexcept;
-
-  /// Who is the active master; empty on a bus that has one.
-  [[nodiscard]] std::optional<MasterReport> master() const;
 
   [[nodiscard]] const design::Bus& bus() const noexcept { return parts_.bus.bus; }
   [[nodiscard]] std::vector<SlotReport> report() const { return parts_.slots.report(); }
@@ -59,6 +57,8 @@ class Network final : private PortHealth::Owner {
     friend bool operator==(const Occupancy&, const Occupancy&) = default;
   };
   [[nodiscard]] std::vector<Occupancy> occupancy() const;
+  /// The slot of this name has `config =`, or links give it one.
+  [[nodiscard]] bool configures(std::string_view slot) noexcept;
   /// Every slot that is not optional is operational.
   [[nodiscard]] bool operational() const noexcept { return parts_.slots.operational(); }
   /// The main job has nothing to do now but to watch.

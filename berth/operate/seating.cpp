@@ -419,7 +419,10 @@ rt::Task<void> Seating::look_for_unfinished() {
       continue;
     }
     const auto found = found_.of(device);
-    const bool rests = found != nullptr && fading_.rests(device, found->active);
+    // One that was lent what it used before had none when it was found: it was switched off and on.
+    const auto* const loan = loans_.of(device);
+    const bool lent = found != nullptr && loan != nullptr && loan->id == found->active;
+    const bool rests = found != nullptr && !lent && fading_.rests(device, found->active);
     if (rests) avoid_.push_back(device);
   }
 }

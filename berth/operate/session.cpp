@@ -94,7 +94,7 @@ Result<void> Session::open() {
     const auto port = std::ranges::find(ports_, &bus, &decltype(ports_)::value_type::first);
     auto network =
         std::make_unique<Network>(*executor_, *port->second, bus, machine_->specs(bus.name), *store_, observer);
-    const auto opened = network->open();
+    const auto opened = network->open(settings_);
     if (!opened) return opened;
     networks_.push_back(std::move(network));
   }

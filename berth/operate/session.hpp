@@ -28,6 +28,8 @@ class Session {
   /// Gives one bus its port. Every bus needs one before `open`; the port must stay. Errors: `not_found` no such bus;
   /// `duplicate` it has one already.
   Result<void> connect(std::string_view bus, can::Port& port);
+  /// What devices shall have besides `config =`. Before `open`.
+  void configure_with(SlotSettings settings) { settings_ = std::move(settings); }
   /// Reads the store. Call once, after the ports. Errors: `invalid` a bus without a port; the store's.
   Result<void> open();
   /// Begins the main job on every bus.
@@ -74,6 +76,7 @@ class Session {
   const design::Machine* machine_;
   std::unique_ptr<StampedStore> store_;
   std::vector<std::pair<const design::Bus*, can::Port*>> ports_;
+  SlotSettings settings_;
   std::vector<std::unique_ptr<Network>> networks_;
   std::deque<Event> events_;
   std::function<void(const Event&)> on_event_;

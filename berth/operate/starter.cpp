@@ -25,7 +25,7 @@ bool Starter::is_due() const noexcept {
 // The transfers of a configuration would fill a receive buffer of one frame: its device would lose the `04 00` of the
 // bindings beside it, and the questions that prove that it is not in LSS configuration.
 rt::Task<void> Starter::start_early(Seat& seat) {
-  const bool configures = !seat.slot.spec.config.empty();
+  const bool configures = seat.configuration.any();
   const bool plain = is_ready(seat) && !configures && seat.slot.record.confirmed && !spares_.has_past(seat);
   if (plain) co_await start_seat(seat);
 }
@@ -102,7 +102,7 @@ rt::Task<manager::BootResult> Starter::boot_up(Seat& seat) {
 // The slot's state says what failed.
 rt::Task<Result<void>> Starter::configure(Seat& seat) {
   bool ready = false;
-  if (!seat.slot.spec.config.empty() && !s_.only_observes()) {
+  if (seat.configuration.any() && !s_.only_observes()) {
     manager::ConfigurationReport report;
     ready = co_await configuring_.configure(seat, report);
     if (seat.doubt.shared > 0) agenda_.look_anew = true;

@@ -103,6 +103,53 @@ void preset_network_list(const PlantMaster& master, device::Options& options) {
   }
 }
 
+/// The same of network variables.
+std::string own_variables(const PlantDevice& plan) {
+  std::string text;
+  for (const auto& each : plan.does.variables) {
+    text += fmt::format("\n{} {} {}", each.name, od::name(each.type), od::write_object(each.object));
+  }
+  return text;
+}
+
+/// Adds the variables to what the description has. Null: a finding says which has no place there.
+std::shared_ptr<const od::Description> with_variables(const PlantDevice& plan, const eds::File& file,
+                                                      const od::Description& description, Findings& findings) {
+  od::DescriptionBuilder b;
+  b.add(description);
+  bool good = true;
+  const auto refuse = [&](const PlantVariable& variable, std::string message, std::string fix) {
+    good = false;
+    findings.push_back({Finding::Severity::error, plan.name, 0, 0, fmt::format("variables.{}", variable.name),
+                        std::move(message), std::move(fix)});
+  };
+  for (const auto& each : plan.does.variables) {
+    const auto within = [&](const eds::DynamicSegment& s) { return s.address(each.object).has_value(); };
+    const auto segment = std::ranges::find_if(file.dynamic_segments, within);
+    if (segment == file.dynamic_segments.end()) {
+      refuse(each,
+             fmt::format("{} lies in no segment of its description's [DynamicChannels]", od::write_object(each.object)),
+             "`berth link --links` says where the linker puts it");
+    } else if (segment->type != each.type) {
+      refuse(each,
+             fmt::format("{} is in a segment of {}, not of {}", od::write_object(each.object), od::name(segment->type),
+                         od::name(each.type)),
+             "`berth link --links` says where the linker puts it");
+    } else if (b.has(each.object)) {
+      refuse(each, fmt::format("{} is there already", od::write_object(each.object)), "give each a place of its own");
+    } else {
+      if (!b.has(each.object.index)) {
+        b.object(each.object.index, od::ObjectCode::array, fmt::format("Network variables {:04X}h", each.object.index),
+                 each.type);
+      }
+      b.sub(
+          each.object.index,
+          {.sub = each.object.sub, .name = each.name, .type = each.type, .access = segment->access, .mappable = true});
+    }
+  }
+  return good ? b.build() : nullptr;
+}
+
 /// Takes the next word off a line.
 std::string_view word(std::string_view& line) noexcept {
   const auto end = std::min(line.find(' '), line.size());
@@ -212,7 +259,7 @@ device::Options options_of(const PlantDevice& plan, const LssAddress& address, s
 const Described* Descriptions::of(const PlantDevice& device, Findings& findings) {
   const auto& file = device.eds_path.empty() ? device.eds : device.eds_path;
   const auto path = file.empty() ? own_objects(device) : file;
-  auto& described = known_[path];
+  auto& described = known_[path + own_variables(device)];
   if (described.description) return &described;
   if (described.unreadable) return nullptr;
   if (device.does.master) {
@@ -233,6 +280,11 @@ const Described* Descriptions::of(const PlantDevice& device, Findings& findings)
   const auto absent = device::mandatory_absent(*reading.file.description);
   warn_of_supplied(findings, path, absent);
   described.description = absent.empty() ? reading.file.description : device::with_mandatory(*reading.file.description);
+  if (!device.does.variables.empty()) {
+    described.description = with_variables(device, reading.file, *described.description, findings);
+    described.unreadable = described.description == nullptr;
+    if (described.unreadable) return nullptr;
+  }
   described.type = reading.file.type_code();
   described.revision = reading.file.revision();
   return &described;

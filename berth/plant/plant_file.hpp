@@ -12,6 +12,7 @@
 
 #include "berth/base/finding.hpp"
 #include "berth/base/ids.hpp"
+#include "berth/od/data_type.hpp"
 #include "berth/text/quantity.hpp"
 
 namespace berth::plant {
@@ -145,9 +146,18 @@ struct PlantMaster {
   friend bool operator==(const PlantMaster&, const PlantMaster&) = default;
 };
 
+/// A network variable that the program of a device has. Key `variables`.
+struct PlantVariable {
+  std::string name;
+  od::DataType type = od::DataType::none;
+  ObjectRef object;  ///< in a segment of [DynamicChannels], which says the direction
+  friend bool operator==(const PlantVariable&, const PlantVariable&) = default;
+};
+
 /// What it does by itself.
 struct PlantBehaviour {
   PlantScript script;
+  std::vector<PlantVariable> variables;
   std::optional<PlantMaster> master;  ///< without a description and a script only
 };
 

@@ -217,6 +217,33 @@ void read_master(Table& table, PlantDevice& device) {
   device.does.master = std::move(master);
 }
 
+PlantVariable read_variable(Table& table) {
+  PlantVariable variable;
+  if (table.require("name", "give the variable a name")) variable.name = table.string("name").value_or("");
+  if (table.has("name") && variable.name.empty()) table.error("name", "the name is empty", "give the variable a name");
+  if (table.require("type", "such as \"UNSIGNED16\"")) {
+    const auto type = table.string("type").value_or("");
+    variable.type = od::data_type(type).value_or(od::DataType::none);
+    if (od::bit_length(variable.type) == 0) {
+      table.error("type", fmt::format("{} is no data type of a network variable", text::quoted(type)),
+                  "such as \"BOOLEAN\", \"UNSIGNED16\" or \"REAL32\"");
+    }
+  }
+  if (table.require("object", "its place, such as \"A100h:01\"")) {
+    variable.object = read_object(table, "object").value_or(ObjectRef{});
+  }
+  table.finish();
+  return variable;
+}
+
+void read_variables(Table& table, PlantDevice& device) {
+  for (auto& entry : table.tables("variables")) device.does.variables.push_back(read_variable(entry));
+  if (!device.does.variables.empty() && !table.has("eds")) {
+    table.error("variables", "the device has no description that says where variables can be",
+                "add eds = \"FILE\" with [DynamicChannels]");
+  }
+}
+
 void read_when(Table& table, PlantEvent& event) {
   const bool at = table.has("at");
   const bool after = table.has("after");
@@ -307,6 +334,7 @@ class PlantReader {
     read_times(table, device);
     read_script(table, file_, device);
     read_master(table, device);
+    read_variables(table, device);
     device.bitrate = table.u32("bitrate", bit_rates).value_or(0);
     device.storing.deaf = table.boolean("deaf_while_storing").value_or(false);
     device.storing.power_cycle_after = table.boolean("power_cycle_after_store").value_or(false);

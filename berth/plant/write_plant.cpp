@@ -81,12 +81,23 @@ void write_node_id(Writer& w, const PlantDevice& d) {
   }
 }
 
+void write_variables(Writer& w, const PlantDevice& d) {
+  if (d.does.variables.empty()) return;
+  std::string text = "[\n";
+  for (const auto& each : d.does.variables) {
+    text += fmt::format("  {{ name = {}, type = \"{}\", object = \"{}\" }},\n", quoted(each.name), od::name(each.type),
+                        od::write_object(each.object));
+  }
+  w.raw("variables", text + "]");
+}
+
 void write_device(Writer& w, const PlantDevice& d) {
   w.line("\n[[device]]");
   w.string("bus", d.bus);
   w.string("name", d.name);
   if (!d.eds.empty()) w.string("eds", d.eds);
   if (!d.does.script.file.empty()) w.string("script", d.does.script.file);
+  write_variables(w, d);
   if (!d.address_of_eds) {
     std::string type = fmt::format("{{ vendor = 0x{:08X}, product = 0x{:08X}", d.address.vendor, d.address.product);
     if (d.address.revision != 0) type += fmt::format(", revision = 0x{:08X}", d.address.revision);

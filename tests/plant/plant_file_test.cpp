@@ -30,6 +30,37 @@ std::string only_error(const std::string& text) {
   return all;
 }
 
+const std::string plc = "[[device]]\nbus = \"b\"\nname = \"plc\"\neds = \"plc.eds\"\n";
+
+TEST(PlantFile, NetworkVariables) {
+  const auto result = read_plant(head + plc + R"(variables = [
+  { name = "speed", type = "UNSIGNED16", object = "A100h:01" },
+  { name = "run", type = "u8", object = "A4C0h:FE" },
+]
+)",
+                                 "p.toml");
+  ASSERT_TRUE(result.plant) << to_string(result.findings.front());
+  const std::vector<PlantVariable> wanted{{"speed", od::DataType::unsigned16, {0xA100, 1}},
+                                          {"run", od::DataType::unsigned8, {0xA4C0, 254}}};
+  EXPECT_EQ(result.plant->devices[0].does.variables, wanted);
+  const auto again = read_plant(write_plant(*result.plant), "again.toml");
+  ASSERT_TRUE(again.plant) << write_plant(*result.plant);
+  EXPECT_EQ(again.plant->devices[0].does.variables, wanted);
+}
+
+TEST(PlantFile, NetworkVariablesThatAreNone) {
+  const auto refused = [](const std::string& variable) { return only_error(head + plc + "variables = [" + variable + "]\n"); };
+  EXPECT_NE(refused("{ type = \"u8\", object = \"A040h:01\" }").find("give the variable a name"), std::string::npos);
+  EXPECT_NE(refused("{ name = \"x\", object = \"A040h:01\" }").find("such as \"UNSIGNED16\""), std::string::npos);
+  EXPECT_NE(refused("{ name = \"x\", type = \"VISIBLE_STRING\", object = \"A040h:01\" }").find("no data type of a network"),
+            std::string::npos);
+  EXPECT_NE(refused("{ name = \"x\", type = \"u8\", object = \"1800h:01\" }").find("no object of a maker's own"),
+            std::string::npos);
+  EXPECT_NE(only_error(head + one + "variables = [{ name = \"x\", type = \"u8\", object = \"A040h:01\" }]\n")
+                .find("no description"),
+            std::string::npos);
+}
+
 TEST(PlantFile, ReadsEverything) {
   const auto result = read_plant(R"(
 [plant]
