@@ -46,6 +46,28 @@ design::MachineResult Rig::read_machine(const Options& options, const Sources& s
   return design::read_machine(*text, no_machine_file, {});
 }
 
+namespace {
+
+// Whom Berth is among the masters of a bus.
+tl::expected<void, Failure> settle_masters(design::Machine& machine, const Options& options) {
+  for (auto& bus : machine.buses) {
+    if (options.master.id) bus.master = NodeId(static_cast<std::uint8_t>(*options.master.id));
+    if (options.master.priority && bus.flying)
+      bus.flying->priority = static_cast<std::uint8_t>(*options.master.priority);
+    const auto slots = machine.specs(bus.name);
+    const auto taken = std::ranges::find(slots, bus.master, &places::SlotSpec::id);
+    if (!options.master.id || taken == slots.end()) continue;
+    return tl::unexpected(failure(Exit::usage, fmt::format("--master-id {}: slot '{}' has this node-ID; use another",
+                                                           *options.master.id, taken->name.name)));
+  }
+  const bool several = std::ranges::any_of(machine.buses, [](const auto& bus) { return bus.flying.has_value(); });
+  if (!options.master.priority || several) return {};
+  return tl::unexpected(
+      failure(Exit::usage, "--priority is for a bus with several masters: give it a table [bus.NAME.flying_master]"));
+}
+
+}  // namespace
+
 tl::expected<void, Failure> Rig::read(const Options& options, const Sources& sources) {
   std::optional<Failure> problem;
   auto machine = read_machine(options, sources, problem);
@@ -62,6 +84,7 @@ tl::expected<void, Failure> Rig::read(const Options& options, const Sources& sou
   plant_ = std::move(*plant.plant);
   rate_as_it_stands_ = is_ad_hoc(machine_) && !options.bit_rate;
   if (auto good = describe_nodes(machine_, options); !good) return good;
+  if (auto good = settle_masters(machine_, options); !good) return good;
   if (options.seed) plant_.seed = *options.seed;
   return settle_ports(options, simulate);
 }

@@ -17,6 +17,7 @@
 #include "berth/design/library.hpp"
 #include "berth/live/foreign_watch.hpp"
 #include "berth/manager/boot_rules.hpp"
+#include "berth/manager/flying_negotiation.hpp"
 #include "berth/od/data_type.hpp"
 #include "berth/places/slot.hpp"
 #include "berth/text/toml.hpp"
@@ -83,6 +84,12 @@ struct BusStartup {
   Duration nmt_inhibit{};  ///< 102Ah: shortest time between two NMT commands
 };
 
+/// `[bus.NAME.flying_master]`: Berth is one of several masters of this bus (CiA 302-2).
+struct FlyingBus {
+  std::uint8_t priority = 1;     ///< 1F90h:03: 0 high, 1 medium, 2 low
+  manager::FlyingTiming timing;  ///< 1F90h
+};
+
 struct Bus {
   std::string name;
   PortSpec port;
@@ -92,6 +99,7 @@ struct Bus {
   OnExit on_exit = OnExit::leave;
   BusOff bus_off = BusOff::restart;
   BusStartup startup;
+  std::optional<FlyingBus> flying;
   live::Signs tolerate;  ///< frames of this machine's own devices that else mean another master
   std::optional<Gateway> gateway;
   text::Place gateway_place;

@@ -49,10 +49,12 @@ class Network::Asked final : public ManagerObjects::Requests {
 
 Network::Network(rt::Executor& executor, can::Port& port, const design::Bus& bus, std::vector<places::SlotSpec> slots,
                  places::SlotStore& store, const NetworkObserver& observer)
-    : parts_(executor, port, bus, std::move(slots), store, observer, ears_, ears_),
+    : role_(bus.flying ? std::make_unique<RolePort>(executor, port) : nullptr),
+      parts_(executor, role_ ? *role_ : port, bus, std::move(slots), store, observer, ears_, ears_),
       port_(parts_.bus, parts_.slots, parts_.agenda, parts_.found, *this),
       job_(parts_, port_),
       scan_(parts_),
+      mastership_(role_ ? std::make_unique<Mastership>(parts_.bus, parts_.slots, *role_) : nullptr),
       scope_(executor) {
   asked_ = std::make_unique<Asked>(*this, observer.command);
   ears_.lead_to(parts_.supervision);
@@ -72,10 +74,12 @@ void Network::start() {
   running_ = true;
   parts_.bus.heartbeats.hear_all_boot_ups(true);
   parts_.bus.emergencies.hear_all();
+  if (mastership_) mastership_->start();
   if (port_.begin()) port_goes_on();
 }
 
 void Network::stop() noexcept {
+  if (mastership_) mastership_->stop();
   port_rests();
   parts_.bus.emergencies.clear();
   port_.end();

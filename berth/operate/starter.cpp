@@ -165,6 +165,12 @@ rt::Task<bool> Starter::set_heartbeat(Seat& seat) {
 
 rt::Task<void> Starter::send_start(Seat& seat) {
   const NodeId id = seat.id();
+  const bool runs = co_await runs_already(seat);
+  if (runs) {
+    seat.started = true;
+    slots_.set_state(seat, SlotState::operational);
+    co_return;
+  }
   seat.started = seat.awaited = true;
   const auto sent = co_await s_.nmt.send(co::NmtCommand::start, id);
   if (!sent) {
@@ -173,6 +179,19 @@ rt::Task<void> Starter::send_start(Seat& seat) {
     co_return;
   }
   if (seat.guarded) co_await ask_by_guarding(seat);
+}
+
+// Another master has started it, and this slot table does not know: no second start.
+rt::Task<bool> Starter::runs_already(Seat& seat) {
+  if (!s_.bus.flying) co_return false;
+  const NodeId id = seat.id();
+  if (seat.guarded) {
+    const auto guarded = co_await co::probe(s_.dispatcher, id, s_.bus.timing.guard_timeout, s_.bus.timing.tries);
+    co_return guarded && guarded->state == NmtState::operational;
+  }
+  const auto heard = s_.boots.heard(id);
+  const bool lately = heard && s_.executor.now() - *heard <= s_.bus.timing.heartbeat_timeout;
+  co_return lately && s_.boots.state(id) == NmtState::operational;
 }
 
 // No heartbeat in this device: it is asked once by guarding, which is all that can be known of it.

@@ -41,6 +41,7 @@ class Starter final : public EarlyStarter {
   rt::Task<Result<void>> configure(Seat& seat);
   rt::Task<bool> set_heartbeat(Seat& seat);
   rt::Task<void> send_start(Seat& seat);
+  rt::Task<bool> runs_already(Seat& seat);
   rt::Task<void> ask_by_guarding(Seat& seat);
   rt::Task<void> start_the_waiting();
   rt::Task<void> start_all();

@@ -15,6 +15,7 @@
 #include "berth/device/dictionary.hpp"
 #include "berth/device/mandatory.hpp"
 #include "berth/eds/xdd.hpp"
+#include "berth/manager/dictionary_manager.hpp"
 #include "berth/od/notation.hpp"
 #include "berth/plant/sim_gateway.hpp"
 #include "berth/text/file.hpp"
@@ -47,8 +48,13 @@ std::optional<std::vector<std::uint8_t>> unhex(std::string_view text) {
   return bytes;
 }
 
+std::uint8_t highest_slave(const PlantMaster& master) noexcept {
+  return static_cast<std::uint8_t>(master.slaves.empty() ? 1 : std::clamp(master.slaves.back(), 1U, 127U));
+}
+
 /// What tells a minimal device's dictionary from the minimal one; a text that no file is called.
 std::string own_objects(const PlantDevice& plan) {
+  if (plan.does.master) return fmt::format("master of {}", highest_slave(*plan.does.master));
   std::string programs =
       plan.storing.programs.count > 0 ? fmt::format("programs {} ", plan.storing.programs.count) : std::string();
   if (!plan.node_id_object.object) return programs;
@@ -82,10 +88,30 @@ std::shared_ptr<const od::Description> with_own_objects(const PlantDevice& plan)
   return b.build();
 }
 
+std::shared_ptr<const od::Description> with_manager(const PlantMaster& master) {
+  od::DescriptionBuilder b;
+  const std::uint8_t most = highest_slave(master);
+  device::add_device(b, {.supervised = std::max<std::uint8_t>(most, 8)});
+  manager::add_manager_objects(b, {.most = most, .startup = 0x21, .longest_concise = 0, .flying = true});
+  return b.build();
+}
+
+void preset_network_list(const PlantMaster& master, device::Options& options) {
+  constexpr std::uint32_t assigned_and_booted = 0x05, keep_alive = 0x10;
+  constexpr std::uint32_t heartbeat_time_ms = 1500;  // of a device with the machine file's default period
+  options.presets.push_back({{0x1F90, 3}, master.priority});
+  std::uint8_t entry = 0;
+  for (const unsigned id : master.slaves) {
+    const auto sub = static_cast<std::uint8_t>(id);
+    options.presets.push_back({{0x1F81, sub}, assigned_and_booted | (master.keep_alive ? keep_alive : 0U)});
+    options.presets.push_back({{0x1016, ++entry}, id << 16U | heartbeat_time_ms});
+  }
+}
+
 /// The same of network variables.
 std::string own_variables(const PlantDevice& plan) {
   std::string text;
-  for (const auto& each : plan.script.variables) {
+  for (const auto& each : plan.does.variables) {
     text += fmt::format("\n{} {} {}", each.name, od::name(each.type), od::write_object(each.object));
   }
   return text;
@@ -102,7 +128,7 @@ std::shared_ptr<const od::Description> with_variables(const PlantDevice& plan, c
     findings.push_back({Finding::Severity::error, plan.name, 0, 0, fmt::format("variables.{}", variable.name),
                         std::move(message), std::move(fix)});
   };
-  for (const auto& each : plan.script.variables) {
+  for (const auto& each : plan.does.variables) {
     const auto within = [&](const eds::DynamicSegment& s) { return s.address(each.object).has_value(); };
     const auto segment = std::ranges::find_if(file.dynamic_segments, within);
     if (segment == file.dynamic_segments.end()) {
@@ -262,6 +288,7 @@ device::Options options_of(const PlantDevice& plan, const LssAddress& address, s
   if (plan.eds.empty()) o.name = plan.name;
   const auto heartbeat = std::chrono::duration_cast<std::chrono::milliseconds>(plan.heartbeat).count();
   if (heartbeat > 0) o.presets.push_back({{0x1017, 0}, static_cast<std::uint64_t>(heartbeat)});
+  if (plan.does.master) preset_network_list(*plan.does.master, o);
   return o;
 }
 
@@ -314,6 +341,10 @@ const Described* Descriptions::of(const PlantDevice& device, Findings& findings,
   auto& described = known_[path + own_variables(device)];
   if (described.description) return &described;
   if (described.unreadable) return nullptr;
+  if (device.does.master) {
+    described.description = with_manager(*device.does.master);
+    return &described;
+  }
   if (file.empty()) {
     described.description = path.empty()         ? device::minimal_description()
                             : gateway_ports != 0 ? gateway_description(gateway_ports)
@@ -330,7 +361,7 @@ const Described* Descriptions::of(const PlantDevice& device, Findings& findings,
   const auto absent = device::mandatory_absent(*reading.file.description);
   warn_of_supplied(findings, path, absent);
   described.description = absent.empty() ? reading.file.description : device::with_mandatory(*reading.file.description);
-  if (!device.script.variables.empty()) {
+  if (!device.does.variables.empty()) {
     described.description = with_variables(device, reading.file, *described.description, findings);
     described.unreadable = described.description == nullptr;
     if (described.unreadable) return nullptr;

@@ -160,6 +160,14 @@ struct PlantGateway {
   friend bool operator==(const PlantGateway&, const PlantGateway&) = default;
 };
 
+/// The device is a flying master of its bus (docs/flying-master.md), by its own dictionary. Key `master`.
+struct PlantMaster {
+  std::uint8_t priority = 1;     ///< 1F90h:03
+  std::vector<unsigned> slaves;  ///< node-IDs of its network list (1F81h), ascending
+  bool keep_alive = true;        ///< 1F81h bit 4 of each
+  friend bool operator==(const PlantMaster&, const PlantMaster&) = default;
+};
+
 /// A network variable that the program of a device has. Key `variables`.
 struct PlantVariable {
   std::string name;
@@ -168,11 +176,17 @@ struct PlantVariable {
   friend bool operator==(const PlantVariable&, const PlantVariable&) = default;
 };
 
-/// A device's program: a Lua file (docs/scripts.md) and what it declares. Keys `script`, `variables`.
+/// A device's program: a Lua file (docs/scripts.md). Key `script`.
 struct PlantScript {
   std::string file;  ///< as written; empty: none
   std::string path;  ///< the same, relative to the plant file's folder; not compared
+};
+
+/// What it does by itself. Keys `script`, `variables`, `master`.
+struct PlantBehaviour {
+  PlantScript script;
   std::vector<PlantVariable> variables;
+  std::optional<PlantMaster> master;  ///< without a description and a script only
 };
 
 struct PlantDevice {
@@ -180,7 +194,7 @@ struct PlantDevice {
   std::string bus;
   std::string eds;       ///< description, as written; empty: a minimal built-in one
   std::string eds_path;  ///< the same, relative to the plant file's folder; not compared
-  PlantScript script;
+  PlantBehaviour does;
   LssAddress address;           ///< identity object 1018h
   bool address_of_eds = false;  ///< vendor, product and revision are the description's; not set here
   NodeIdSource source = NodeIdSource::blank;

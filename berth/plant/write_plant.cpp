@@ -96,9 +96,9 @@ void write_node_id(Writer& w, const PlantDevice& d) {
 }
 
 void write_variables(Writer& w, const PlantDevice& d) {
-  if (d.script.variables.empty()) return;
+  if (d.does.variables.empty()) return;
   std::string text = "[\n";
-  for (const auto& each : d.script.variables) {
+  for (const auto& each : d.does.variables) {
     text += fmt::format("  {{ name = {}, type = \"{}\", object = \"{}\" }},\n", quoted(each.name), od::name(each.type),
                         od::write_object(each.object));
   }
@@ -110,7 +110,7 @@ void write_device(Writer& w, const PlantDevice& d) {
   w.string("bus", d.bus);
   w.string("name", d.name);
   if (!d.eds.empty()) w.string("eds", d.eds);
-  if (!d.script.file.empty()) w.string("script", d.script.file);
+  if (!d.does.script.file.empty()) w.string("script", d.does.script.file);
   write_variables(w, d);
   write_programs(w, d.storing.programs);
   if (!d.address_of_eds) {
@@ -120,6 +120,12 @@ void write_device(Writer& w, const PlantDevice& d) {
   }
   if (d.address.serial != 0) w.raw("serial", fmt::format("0x{:08X}", d.address.serial));
   write_node_id(w, d);
+  if (d.does.master) {
+    std::string slaves;
+    for (const auto id : d.does.master->slaves) slaves += fmt::format("{}{}", slaves.empty() ? "" : ", ", id);
+    w.raw("master", fmt::format("{{ priority = {}, slaves = \"{}\", keep_alive = {} }}", d.does.master->priority,
+                                slaves, d.does.master->keep_alive));
+  }
   w.number("bitrate", d.bitrate, usual_device.bitrate);
   write_speaks(w, d);
   write_habits(w, d);

@@ -42,10 +42,10 @@ TEST(PlantFile, NetworkVariables) {
   ASSERT_TRUE(result.plant) << to_string(result.findings.front());
   const std::vector<PlantVariable> wanted{{"speed", od::DataType::unsigned16, {0xA100, 1}},
                                           {"run", od::DataType::unsigned8, {0xA4C0, 254}}};
-  EXPECT_EQ(result.plant->devices[0].script.variables, wanted);
+  EXPECT_EQ(result.plant->devices[0].does.variables, wanted);
   const auto again = read_plant(write_plant(*result.plant), "again.toml");
   ASSERT_TRUE(again.plant) << write_plant(*result.plant);
-  EXPECT_EQ(again.plant->devices[0].script.variables, wanted);
+  EXPECT_EQ(again.plant->devices[0].does.variables, wanted);
 }
 
 TEST(PlantFile, NetworkVariablesThatAreNone) {
