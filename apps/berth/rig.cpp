@@ -231,10 +231,10 @@ bool Rig::first_start() {
 namespace {
 
 design::OnExit wish_of(const design::Bus& bus, const Options& options) {
-  if (options.on_exit.empty()) return bus.on_exit;
-  return options.on_exit == "stop"    ? design::OnExit::stop
-         : options.on_exit == "preop" ? design::OnExit::pre_operational
-                                      : design::OnExit::leave;
+  if (options.master.on_exit.empty()) return bus.on_exit;
+  return options.master.on_exit == "stop"    ? design::OnExit::stop
+         : options.master.on_exit == "preop" ? design::OnExit::pre_operational
+                                             : design::OnExit::leave;
 }
 
 }  // namespace

@@ -175,7 +175,7 @@ void add_up(Verb& berth, Options& options) {
   machine_words(up, options);
   machine_word(up, options);
   const Word fast = drive_words(up, options);
-  up.word("--on-exit", options.on_exit,
+  up.word("--on-exit", options.master.on_exit,
           "to the devices when it ends: leave, preop, stop (default: as the machine file)")
       .one_of(std::vector<std::string>{"leave", "preop", "stop"});
   gateway_words(up, options, fast);

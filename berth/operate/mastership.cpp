@@ -7,6 +7,7 @@ namespace berth::operate {
 Mastership::Mastership(BusServices& services, SlotTable& slots, RolePort& port)
     : s_(services), slots_(slots), port_(port), flying_(services.dispatcher, *this) {
   port_.on_change([this] { port_changed(); });
+  s_.master = MasterReport{.bus = s_.bus.name};
 }
 
 Mastership::~Mastership() { port_.on_change({}); }
@@ -20,6 +21,7 @@ void Mastership::start() {
 void Mastership::stop() noexcept {
   started_ = takes_part_ = false;
   flying_.end();
+  note();
 }
 
 void Mastership::port_changed() {
@@ -28,6 +30,7 @@ void Mastership::port_changed() {
   takes_part_ = takes_part;
   if (takes_part) return begin();
   flying_.end();
+  note();
   if (started_) port_.open(false);
 }
 
@@ -41,7 +44,13 @@ void Mastership::begin() {
   if (!begun) slots_.events().tell(EventKind::error, "", describe(begun.error()));
 }
 
+void Mastership::note() {
+  s_.master->active = flying_.active();
+  s_.master->here = flying_.is_master();
+}
+
 void Mastership::role_changed() noexcept {
+  note();
   port_.open(flying_.is_master());
   tell();
 }

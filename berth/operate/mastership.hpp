@@ -1,5 +1,5 @@
 /// Berth's part among the masters of a bus (`[bus.NAME.flying_master]`; docs/flying-master.md): opens the port to the
-/// main job while Berth is the active master.
+/// main job while Berth is the active master, and keeps `BusServices::master`.
 ///
 /// Berth starts warm: it never resets all nodes, because a device that runs is not touched.
 #pragma once
@@ -20,9 +20,6 @@ class Mastership final : private manager::FlyingMaster::Owner {
   void start();
   /// Takes part no longer. What the port is stays: what an active master sends when it leaves goes out.
   void stop() noexcept;
-  /// This Berth or another node; empty while nobody is known to be.
-  [[nodiscard]] std::optional<manager::MasterRank> active() const noexcept { return flying_.active(); }
-  [[nodiscard]] bool is_master() const noexcept { return flying_.is_master(); }
 
  private:
   void port_changed();
@@ -30,6 +27,7 @@ class Mastership final : private manager::FlyingMaster::Owner {
   void role_changed() noexcept override;
   void reset_all() noexcept override {}
   void overheard(const co::NmtRequest&) noexcept override {}
+  void note();
   void tell();
 
   BusServices& s_;

@@ -147,7 +147,7 @@ Report Session::report() const {
   for (const auto& network : networks_) report.bus_time_s.emplace_back(network->bus().name, elapsed);
   report.events.assign(events_.begin(), events_.end());
   for (const auto& network : networks_) {
-    if (const auto master = network->master()) report.masters.push_back(*master);
+    if (const auto& master = network->services().master) report.masters.push_back(*master);
     auto questions = network->planning().question_events();
     std::ranges::move(questions, std::back_inserter(report.questions));
   }

@@ -61,7 +61,7 @@ class Berths : private can::Tap, private plant::World::Observer {
     world_->bus("backbone")->split(side);
   }
   [[nodiscard]] bool leads(std::size_t i) const {
-    const auto master = berths_[i]->network ? berths_[i]->network->master() : std::nullopt;
+    const auto master = berths_[i]->network ? berths_[i]->network->services().master : std::nullopt;
     return master && master->here;
   }
   [[nodiscard]] operate::Network& network(std::size_t i) { return *berths_[i]->network; }
@@ -146,11 +146,12 @@ TEST(Masters, OneWorksAndTheOtherStandsByInSilence) {
   ASSERT_TRUE(berths.run_until([&] { return berths.leads(1) && berths.operational(1); })) << berths.log();
   EXPECT_FALSE(berths.leads(0));
   EXPECT_TRUE(only_agrees(berths.sent_by(0)));
-  const auto master = berths.network(0).master();
+  const auto master = berths.network(0).services().master;
   ASSERT_TRUE(master && master->active);
   EXPECT_EQ(master->active->node, NodeId(126));
   EXPECT_EQ(master->text(), "backbone: node 126 is the active NMT master (priority 1)");
-  EXPECT_EQ(berths.network(1).master()->text(), "backbone: node 126 is the active NMT master (priority 1), this Berth");
+  EXPECT_EQ(berths.network(1).services().master->text(),
+            "backbone: node 126 is the active NMT master (priority 1), this Berth");
   for (const auto& slot : berths.network(0).report()) {
     EXPECT_EQ(slot.state, SlotState::unknown);
     EXPECT_EQ(slot.reason, "node 126 is the active NMT master");
