@@ -76,6 +76,10 @@ void EmcyGateway::tell(EmcyTrouble::Kind kind, NodeId node, std::bitset<128>& to
   const auto number = node.configured() ? node.value() : 0U;
   if (told.test(number)) return;
   told.set(number);
+  co::Emcy message{.code = kind == EmcyTrouble::Kind::lost ? gateway_code::emcy_lost : gateway_code::too_deep,
+                   .error_register = co::error_register::manufacturer | co::error_register::generic};
+  if (node.configured()) static_cast<void>(insert_sub_net(options_.layout, message, node));
+  put(NodeId(), message);  // not among the node's own, which it would push out, and which push out
   if (trouble_) trouble_({kind, node});
 }
 

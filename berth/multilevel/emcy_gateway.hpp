@@ -53,7 +53,7 @@ class EmcyGateway final : private co::EmcyConsumer::Observer, private co::EmcyBa
   void hear(can::Dispatcher& beneath, NodeId node, co::CobId id) { consumer(beneath).hear(node, id); }
   /// Each message as it was heard, with all its bytes: for a log of the gateway's own (S3.18).
   void on_heard(std::function<void(NodeId, const co::Emcy&)> call) { heard_ = std::move(call); }
-  /// Once for each node and kind.
+  /// Once for each node and kind; it is told above, too: FF03h or FF04h of that node.
   void on_trouble(std::function<void(const EmcyTrouble&)> call) { trouble_ = std::move(call); }
   /// Everything that waited is out. All who asked are called.
   void on_drained(std::function<void()> call) { drained_.push_back(std::move(call)); }

@@ -164,14 +164,14 @@ TEST_F(Figure9, OneSubNetAndWhatIsDeeper) {
   leaf->device.raise(0x2310, co::error_register::current);
   run();
   EXPECT_EQ(emergencies(*lines[2]), Log{"085#1023033200000000"});
-  EXPECT_EQ(emergencies(*lines[1]), Log{"084#1023030500000000"});
-  EXPECT_EQ(emergencies(*lines[0]), Log{"083#1023030400000000"});
+  EXPECT_EQ(emergencies(*lines[1]), (Log{"084#04FF810500000000", "084#1023030500000000"}));
+  EXPECT_EQ(emergencies(*lines[0]).back(), "083#1023030400000000");
   leaf->device.clear(0x2310);
   run();
   ASSERT_EQ(troubles.size(), 2U);
   EXPECT_EQ(troubles[0].kind, EmcyTrouble::Kind::too_deep);
   EXPECT_EQ(troubles[0].node, NodeId(5));
-  EXPECT_EQ(emcy[0]->too_deep(), 2U);
+  EXPECT_EQ(emcy[0]->too_deep(), 3U);  // the other gateway's own word is from too deep, too
   // A device that tells port and signal, on the bus beneath gateway 3.
   Station aware(world, *lines[1]);
   EmcyGatewayOptions options{.layout = layout};
@@ -281,7 +281,8 @@ TEST_F(Levels, ANodeThatBabbles) {
     (entry.reading.path == nodes_of({3, 6}) ? of_6 : of_7).push_back(entry.reading.code);
   }
   EXPECT_EQ(of_6, (std::vector<unsigned>{0x1001, 0x1002}));
-  ASSERT_GE(of_7.size(), 16U);
+  EXPECT_EQ(std::erase(of_7, 0xFF03U), 1U);
+  ASSERT_GE(of_7.size(), 15U);
   EXPECT_EQ(of_7.back(), 0x2063U);
   EXPECT_TRUE(std::ranges::is_sorted(of_7));
   EXPECT_EQ(emcy[0]->lost() + of_7.size(), 100U);
