@@ -76,7 +76,7 @@ struct Plant final : can::Tap, co::HeartbeatConsumer::Observer {
   }
   void frame(const can::Frame& frame, rt::Time, int) noexcept override {
     const bool sdo = frame.id >= 0x580 && frame.id < 0x680;
-    if (sdo) bits += static_cast<double>(can::exact_bits(frame)) + 3;  // intermission
+    if (sdo) bits += can::exact_bits(frame);
   }
   void heartbeat(const co::HeartbeatEvent& event, rt::Time) noexcept override {
     if (event.kind == co::HeartbeatEvent::Kind::lost) ++lost;

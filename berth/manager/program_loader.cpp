@@ -47,6 +47,24 @@ Error wrong(std::uint16_t index, std::uint8_t number, const char* text) noexcept
   return {.code = Errc::mismatch, .sub = number, .index = index, .text = text};
 }
 
+/// `Clock clock; const rt::Time now = co_await clock;`
+class Clock final : public rt::Operation<Clock> {
+ public:
+  bool start() noexcept {
+    now_ = executor().now();
+    return false;
+  }
+  [[nodiscard]] rt::Time await_resume() const noexcept { return now_; }
+
+ private:
+  rt::Time now_{};
+};
+
+rt::Task<rt::Time> clock_now() {
+  Clock clock;
+  co_return co_await clock;
+}
+
 /// An image, told in hundredths.
 class ImageSource final : public co::SdoSource {
  public:
@@ -75,6 +93,10 @@ class ImageSource final : public co::SdoSource {
   std::size_t told_ = 0;
 };
 
+rt::Duration pause_of(const ProgramOptions& options) noexcept {
+  return options.transfers == nullptr ? options.poll : std::max(options.poll, options.transfers->poll());
+}
+
 rt::Task<Result<void>> control(co::SdoAccess& device, std::uint8_t number, ProgramControl what) {
   const std::array<std::uint8_t, 1> byte{static_cast<std::uint8_t>(what)};
   const std::span<const std::uint8_t> data(byte);
@@ -91,7 +113,7 @@ rt::Task<Result<ProgramControl>> state_of(co::SdoAccess& device, std::uint8_t nu
 // Until 1F57h says that it is idle; its status. Without 1F57h: 0 at once. A device may be deaf while it writes.
 rt::Task<Result<std::uint32_t>> wait_for_flash(co::SdoAccess& device, std::uint8_t number,
                                                const ProgramOptions& options) {
-  rt::Duration waited{};
+  const rt::Time began = co_await clock_now();
   for (;;) {
     const auto status = co_await device.read_u32(program_object::flash, number);
     const bool idle = status && !flash_busy(*status);
@@ -99,15 +121,16 @@ rt::Task<Result<std::uint32_t>> wait_for_flash(co::SdoAccess& device, std::uint8
     if (!status && is_missing(status.error())) co_return 0U;
     const bool silent = !status && status.error().code == Errc::timeout;
     if (!status && !silent) co_return fail(status.error());
-    if (waited >= options.flash_time) {
+    const rt::Time now = co_await clock_now();
+    if (now >= began + options.flash_time) {
       const Error error{.code = Errc::timeout,
                         .sub = number,
                         .index = program_object::flash,
                         .text = "its flash memory was not ready in time"};
       co_return fail(error);
     }
-    co_await rt::sleep_for(options.poll);
-    waited += options.poll;
+    const rt::Duration pause = pause_of(options);
+    co_await rt::sleep_for(pause);
   }
 }
 
@@ -151,10 +174,13 @@ rt::Task<Result<void>> stop_program(co::SdoAccess& device, std::uint8_t number, 
   const bool refused = !told && told.error().code == Errc::aborted;
   if (refused) co_return told;
   // It answered and restarts, or restarted and did not answer.
-  for (rt::Duration waited{}; waited < options.restart_time; waited += options.poll) {
-    co_await rt::sleep_for(options.poll);
+  const rt::Time began = co_await clock_now();
+  for (rt::Time now = began; now < began + options.restart_time;) {
+    const rt::Duration pause = pause_of(options);
+    co_await rt::sleep_for(pause);
     const auto state = co_await state_of(device, number);
     if (state && *state != ProgramControl::start) co_return Result<void>{};
+    now = co_await clock_now();
   }
   co_return fail(Error{.code = Errc::timeout,
                        .sub = number,
@@ -169,16 +195,22 @@ rt::Task<Result<void>> start_program(co::SdoAccess& device, std::uint8_t number,
   const auto told = co_await control(device, number, ProgramControl::start);
   const bool refused = !told && told.error().code == Errc::aborted;
   if (refused) co_return told;
-  for (rt::Duration waited{}; waited < options.restart_time; waited += options.poll) {
-    co_await rt::sleep_for(options.poll);
+  const rt::Time began = co_await clock_now();
+  for (rt::Time now = began; now < began + options.restart_time;) {
+    const rt::Duration pause = pause_of(options);
+    co_await rt::sleep_for(pause);
     const auto state = co_await state_of(device, number);
     if (state && *state == ProgramControl::start) co_return Result<void>{};
+    now = co_await clock_now();
   }
   co_return fail(Error{
       .code = Errc::timeout, .sub = number, .index = program_object::control, .text = "its program did not start"});
 }
 
 rt::Task<Result<void>> clear_program(co::SdoAccess& device, std::uint8_t number, const ProgramOptions& options) {
+  const auto before = co_await state_of(device, number);
+  const bool absent = !before && before.error().code != Errc::aborted;
+  if (absent) co_return fail(before.error());
   const auto told = co_await control(device, number, ProgramControl::clear);
   const bool has_none = !told && (is_missing(told.error()) || is_aborted(told.error(), AbortCode::invalid_value));
   const bool silent = !told && told.error().code == Errc::timeout;
@@ -191,13 +223,15 @@ rt::Task<Result<void>> clear_program(co::SdoAccess& device, std::uint8_t number,
 // ---- download -------------------------------------------------------------------------------------------------------
 
 rt::Task<Result<void>> ProgramLoader::run(ProgramReport& report) {
+  const ProgramTransfers::Loader loader(options_->transfers);
   for (;;) {
     ++report.tries;
     report.bytes = 0;
     const auto done = co_await once(report);
     const bool again = !done && is_passing(done.error()) && report.tries < options_->tries;
     if (!again) co_return done;
-    co_await rt::sleep_for(options_->poll);
+    const rt::Duration pause = pause_of(*options_);
+    co_await rt::sleep_for(pause);
   }
 }
 

@@ -41,7 +41,27 @@ class ProgramTransfers {
   [[nodiscard]] rt::Task<Ticket> enter();
   [[nodiscard]] co::BlockPace& pace() noexcept { return pace_; }
 
+  /// A loader that is at work: held from its first question to its last.
+  class Loader {
+   public:
+    explicit Loader(ProgramTransfers* of) noexcept : of_(of) {
+      if (of_ != nullptr) ++of_->loaders_;
+    }
+    ~Loader() {
+      if (of_ != nullptr) --of_->loaders_;
+    }
+    Loader(const Loader&) = delete;
+    Loader& operator=(const Loader&) = delete;
+
+   private:
+    ProgramTransfers* of_;
+  };
+  /// The least time between two questions of one loader, so that those of all take a fifth of the bus at most.
+  [[nodiscard]] rt::Duration poll() const noexcept;
+
  private:
+  std::uint32_t bit_rate_;
+  std::size_t loaders_ = 0;
   co::BlockPace pace_;
   rt::Turn door_;
   rt::Mailbox<bool, most> free_;

@@ -178,7 +178,7 @@ TEST_F(Streams, RefusalsOfTheStream) {
 namespace {
 
 // Takes each piece, and is ready for the next one only when it is told so: flash memory.
-struct Slow final : od::Stream {
+struct SlowStream final : od::Stream {
   od::AbortCode open_write(ObjectRef, std::optional<std::size_t>) noexcept override {
     taken.clear();
     return od::AbortCode::none;
@@ -209,7 +209,7 @@ TEST_F(Streams, AStreamThatWritesSlowly) {
   const auto data = numbers(5'000);
   for (const auto mode : {co::SdoMode::segmented, co::SdoMode::block}) {
     for (const bool fails : {false, true}) {
-      Slow slow;
+      SlowStream slow;
       ASSERT_TRUE(values.attach(slow, {0x2004, 0}));
       auto options = of(mode);
       options.timeout = 1s;
@@ -248,7 +248,7 @@ TEST_F(Streams, AStreamThatWritesSlowly) {
 // While an acknowledgement waits, every frame but an abort is a segment that comes late.
 TEST(SdoServerPending, LateSegmentsDoNotBeginATransfer) {
   ServerRig rig;
-  Slow slow;
+  SlowStream slow;
   ASSERT_TRUE(rig.values.attach(slow, {0x2004, 0}));
   const auto data = numbers(3 * 889);
   ASSERT_EQ(rig.ask("C2042000" + hex({0x6B, 0x0A, 0, 0})).substr(0, 2), "A0");
@@ -259,8 +259,7 @@ TEST(SdoServerPending, LateSegmentsDoNotBeginATransfer) {
     }
     return last;
   };
-  EXPECT_EQ(send(0).substr(0, 4), "A27F") << "the buffer takes the first";
-  EXPECT_EQ(send(1), "") << "the stream writes";
+  EXPECT_EQ(send(0), "") << "the stream writes";
   ASSERT_TRUE(rig.server.pending());
   EXPECT_EQ(rig.ask("2220200001000000"), "") << "it looks like an initiate";
   EXPECT_EQ(rig.ask("7F00000000000000"), "") << "the last segment once more";
@@ -268,7 +267,7 @@ TEST(SdoServerPending, LateSegmentsDoNotBeginATransfer) {
   const auto answer = rig.server.complete(od::AbortCode::none);
   ASSERT_TRUE(answer);
   EXPECT_EQ(can::to_string(*answer).substr(4, 4), "A27F");
-  EXPECT_EQ(send(2), "");
+  EXPECT_EQ(send(1), "");
   EXPECT_EQ(rig.ask("8004200000000008"), "") << "the client aborts";
   EXPECT_FALSE(rig.server.pending());
   EXPECT_EQ(slow.closed, 1);

@@ -233,6 +233,9 @@ TEST(ProgramLoader, ADeviceThatStaysSilentIsGivenUp) {
   ASSERT_FALSE(done);
   EXPECT_EQ(done.error().code, Errc::timeout) << said(done);
   EXPECT_EQ(rig.report.tries, 3U);
+  const auto began = rig.world.now();
+  EXPECT_FALSE(rig.get_task(clear_program, 1));
+  EXPECT_LE(rig.world.now() - began, 2s) << "nothing is waited for where nothing answers";
 }
 
 // A device whose SDO server knows no block transfer, and that has neither 1F56h nor 1F57h, nor a state to be read.

@@ -160,6 +160,23 @@ struct ProgramRig {
     }
     return op.await_resume();
   }
+  using Step = rt::Task<Result<void>> (*)(co::SdoAccess&, std::uint8_t, const ProgramOptions&);
+  // One step by itself, at program 1 of a device.
+  Result<void> get_task(Step step, std::uint8_t id) {
+    co::SdoOptions patience;
+    patience.timeout = 200ms;
+    co::NodeAccess access(managed.sdo(), NodeId(id), patience);
+    std::optional<Result<void>> ended;
+    const auto run = [](Step what, co::SdoAccess& on, const ProgramOptions& how,
+                        std::optional<Result<void>>& into) -> rt::Task<void> {
+      auto done = co_await what(on, 1, how);
+      into = done;
+    };
+    rt::Scope scope(world.executor());
+    scope.spawn(run(step, access, given, ended));
+    EXPECT_TRUE(world.run_until([&] { return ended.has_value(); }, 300s));
+    return ended.value_or(fail(Errc::timeout, "it never ended"));
+  }
   template <class T>
   od::Answer<T> read(std::uint8_t id, std::uint16_t index, std::uint8_t sub) {
     const auto value = get(managed.sdo().read<T>(NodeId(id), index, sub));
