@@ -126,7 +126,7 @@ int print_listing(const Options& options, const StudyOptions& study, const study
 }
 
 double in_seconds(rt::Duration time) { return std::chrono::duration<double>(time).count(); }
-double in_ms(rt::Duration time) { return std::chrono::duration<double, std::milli>(time).count(); }
+double milliseconds_of(rt::Duration time) { return std::chrono::duration<double, std::milli>(time).count(); }
 
 std::vector<std::string> incomplete(const std::vector<study::LoadRow>& rows) {
   std::vector<std::string> lines;
@@ -165,7 +165,7 @@ int print_load(const Options& options) {
   for (const auto& r : rows) {
     print_line(fmt::format("{:>7} {:>8} {:>7} {:>8.2f} s {:>8} {:>8.2f} % {:>8.2f} % {:>11.2f} ms {:>7.2f} ms",
                            r.devices, r.bit_rate / 1000, r.with_id, in_seconds(r.settled), r.frames, 100 * r.mean_load,
-                           100 * r.peak_load, in_ms(r.longest_run), in_ms(r.pdo_waited)));
+                           100 * r.peak_load, milliseconds_of(r.longest_run), milliseconds_of(r.pdo_waited)));
   }
   return verdict(incomplete(rows));
 }

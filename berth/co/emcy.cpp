@@ -3,13 +3,11 @@
 #include <algorithm>
 
 #include "berth/base/bytes.hpp"
+#include "berth/co/retry_parts.hpp"
 
 namespace berth::co {
 
 namespace {
-
-constexpr auto full_retry = std::chrono::milliseconds(1);
-constexpr auto dead_port_retry = std::chrono::milliseconds(100);
 
 struct CodeText {
   std::uint16_t code;

@@ -3,11 +3,11 @@
 #include <algorithm>
 
 #include "berth/co/cob_id.hpp"
+#include "berth/co/retry_parts.hpp"
 
 namespace berth::co {
 
 namespace {
-constexpr auto full_retry = std::chrono::milliseconds(1);
 constexpr std::uint8_t toggle_bit = 0x80;
 constexpr std::uint8_t remote_dlc = 1;
 }  // namespace

@@ -2,12 +2,12 @@
 
 #include <algorithm>
 
+#include "berth/co/retry_parts.hpp"
+
 namespace berth::co {
 
 namespace {
-constexpr auto full_retry = std::chrono::milliseconds(1);
-
-tl::unexpected<Error> never_left(const NmtRequest& request) noexcept {
+tl::unexpected<Error> command_never_left(const NmtRequest& request) noexcept {
   return fail(Error{.code = Errc::bus,
                     .node = request.target.node,
                     .text = "the NMT command never left: no device acknowledges it, or the port is down"});
@@ -78,7 +78,7 @@ void NmtMaster::run() noexcept {
     send_first();
   } else if (now >= give_up_) {
     if (pending()) dispatcher_->withdraw(*this);
-    done(never_left(queue_.front().request));
+    done(command_never_left(queue_.front().request));
   } else {
     send_first();
   }
@@ -90,7 +90,7 @@ void NmtMaster::send_first() noexcept {
   switch (dispatcher_->send(to_frame(request), *this)) {
     case can::Queued::yes: executor.at(give_up_, *this); break;
     case can::Queued::full: executor.at(std::min(executor.now() + full_retry, give_up_), *this); break;
-    default: done(never_left(request));
+    default: done(command_never_left(request));
   }
 }
 

@@ -146,8 +146,6 @@ enum class Scs : std::uint8_t {
 
 inline constexpr std::uint8_t toggle_bit = 0x10;
 inline constexpr std::size_t segment_bytes = 7;
-/// How soon a full port is tried again.
-inline constexpr rt::Duration full_retry = std::chrono::milliseconds(1);
 /// A receiver of a sub-block that hears no more of it acknowledges what there is after this part of its time-out.
 inline constexpr int block_gap_part = 4;
 

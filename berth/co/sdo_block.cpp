@@ -2,6 +2,8 @@
 
 #include <algorithm>
 
+#include "berth/co/retry_parts.hpp"
+
 namespace berth::co::sdo {
 
 // ---- sender

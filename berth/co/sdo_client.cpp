@@ -2,6 +2,7 @@
 
 #include <algorithm>
 
+#include "berth/co/retry_parts.hpp"
 #include "berth/co/sdo_client_parts.hpp"
 
 namespace berth::co {
@@ -132,7 +133,7 @@ void SdoTransfer::send_request() noexcept {
   const auto queued = line_->dispatcher().send(request_, *this);
   switch (queued) {
     case can::Queued::yes: wait_until(give_up_); break;
-    case can::Queued::full: wait_until(std::min(executor.now() + sdo::full_retry, give_up_)); break;
+    case can::Queued::full: wait_until(std::min(executor.now() + full_retry, give_up_)); break;
     default: fail_with(Errc::bus, 0, why_not(queued));
   }
 }

@@ -3,6 +3,8 @@
 
 #include "berth/co/sdo_server.hpp"
 
+#include "berth/co/retry_parts.hpp"
+
 namespace berth::co {
 
 SdoServerService::SdoServerService(can::Dispatcher& dispatcher, od::Values& values, std::size_t buffer,
@@ -56,7 +58,7 @@ void SdoServerService::answer(const can::Frame& frame) noexcept {
   if (dispatcher_->send(frame) != can::Queued::full) return arm();
   unsent_ = can::PackedFrame(frame);
   unsent_until_ = dispatcher_->executor().now() + timeout_;
-  dispatcher_->executor().after(sdo::full_retry, *this);
+  dispatcher_->executor().after(full_retry, *this);
 }
 
 bool SdoServerService::send(od::ChannelBytes bytes) noexcept {
@@ -113,7 +115,7 @@ void SdoServerService::run() noexcept {
   if (unsent_) {
     const bool full = dispatcher_->send(unsent_->unpacked()) == can::Queued::full;
     const bool go_on = timeout_ <= rt::Duration::zero() || executor.now() < unsent_until_;
-    if (full && go_on) return executor.after(sdo::full_retry, *this);
+    if (full && go_on) return executor.after(full_retry, *this);
     unsent_.reset();
     heard_ = executor.now();
     return arm();

@@ -6,7 +6,7 @@
 namespace berth::co {
 namespace {
 
-constexpr ObjectRef cob_id_object{0x1005, 0};
+constexpr ObjectRef sync_object{0x1005, 0};
 constexpr ObjectRef period_object{0x1006, 0};
 constexpr ObjectRef window_object{0x1007, 0};
 constexpr ObjectRef overflow_object{0x1019, 0};
@@ -18,7 +18,7 @@ constexpr bool produces(CobId id) noexcept { return (id.raw() & CobId::second_bi
 
 Sync::Sync(can::Dispatcher& dispatcher, od::Values& values, ServiceOwner& owner, Pdos* pdos)
     : dispatcher_(&dispatcher), values_(&values), owner_(&owner), pdos_(pdos) {
-  for (const ObjectRef object : {cob_id_object, period_object, window_object, overflow_object}) {
+  for (const ObjectRef object : {sync_object, period_object, window_object, overflow_object}) {
     if (values.description().find(object.index) != nullptr) values.attach(*this, object.index);
   }
 }
@@ -41,13 +41,13 @@ void Sync::stop() noexcept {
 }
 
 bool Sync::producer() const noexcept {
-  return produces(CobId(values_->get_or<std::uint32_t>(cob_id_object, sync_id))) &&
+  return produces(CobId(values_->get_or<std::uint32_t>(sync_object, sync_id))) &&
          values_->get_or<std::uint32_t>(period_object, 0) != 0;
 }
 
 // Reads everything; the period begins now.
 void Sync::apply() noexcept {
-  cob_id_ = CobId(values_->get_or<std::uint32_t>(cob_id_object, sync_id));
+  cob_id_ = CobId(values_->get_or<std::uint32_t>(sync_object, sync_id));
   read_window();
   overflow_ = values_->get_or<std::uint8_t>(overflow_object, 0);
   if (overflow_ < least_overflow || overflow_ > most_overflow) overflow_ = 0;
@@ -129,13 +129,13 @@ void Sync::wrong_length(bool on, std::uint8_t length) noexcept {
 // --- Objects ---------------------------------------------------------------------------------------------------------
 
 od::AbortCode Sync::writing(const od::Values&, ObjectRef ref, std::span<const std::uint8_t> value) noexcept {
-  if (ref == cob_id_object && value.size() == 4) return writing_cob_id(load_le<std::uint32_t>(value.data()));
+  if (ref == sync_object && value.size() == 4) return writing_cob_id(load_le<std::uint32_t>(value.data()));
   if (ref == overflow_object && value.size() == 1) return writing_overflow(value[0]);
   return od::AbortCode::none;
 }
 
 od::AbortCode Sync::writing_cob_id(std::uint32_t value) const noexcept {
-  const CobId before(values_->get_or<std::uint32_t>(cob_id_object, sync_id));
+  const CobId before(values_->get_or<std::uint32_t>(sync_object, sync_id));
   const CobId after(value);
   if (produces(before) && !before.same_identifier(after)) return od::AbortCode::invalid_value;
   return after.allowed() ? od::AbortCode::none : od::AbortCode::invalid_value;

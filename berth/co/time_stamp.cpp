@@ -5,7 +5,7 @@
 namespace berth::co {
 namespace {
 
-constexpr ObjectRef cob_id_object{0x1012, 0};
+constexpr ObjectRef time_object{0x1012, 0};
 constexpr std::uint32_t reserved_bits = 0xF000'0000;  // of the milliseconds
 constexpr std::int64_t seconds_a_day = 86'400;
 constexpr std::int64_t epoch_days = 5113;  // 1970-01-01 to 1984-01-01
@@ -37,7 +37,7 @@ std::optional<TimeOfDay> TimeOfDay::decode(std::span<const std::uint8_t> bytes) 
 }
 
 TimeStamp::TimeStamp(can::Dispatcher& dispatcher, od::Values& values) : dispatcher_(&dispatcher), values_(&values) {
-  if (values.description().find(cob_id_object) != nullptr) values.attach(*this, cob_id_object.index);
+  if (values.description().find(time_object) != nullptr) values.attach(*this, time_object.index);
 }
 
 bool TimeStamp::consumer() const noexcept { return (raw_ & CobId::invalid_bit) != 0; }
@@ -55,7 +55,7 @@ void TimeStamp::stop() noexcept {
 }
 
 void TimeStamp::apply() noexcept {
-  raw_ = values_->get_or<std::uint32_t>(cob_id_object, 0);
+  raw_ = values_->get_or<std::uint32_t>(time_object, 0);
   if (!CobId(raw_).allowed()) raw_ = 0;
   dispatcher_->remove(*this);
   if (consumer()) dispatcher_->add(can::only(CobId(raw_).key()), *this);
@@ -75,7 +75,7 @@ void TimeStamp::received(const can::Frame& frame, rt::Time at) noexcept {
 
 od::AbortCode TimeStamp::writing(const od::Values&, ObjectRef, std::span<const std::uint8_t> value) noexcept {
   if (value.size() != 4) return od::AbortCode::none;
-  const CobId before(values_->get_or<std::uint32_t>(cob_id_object, 0));
+  const CobId before(values_->get_or<std::uint32_t>(time_object, 0));
   const CobId after(load_le<std::uint32_t>(value.data()));
   const bool in_use = (before.raw() & (CobId::invalid_bit | CobId::second_bit)) != 0;
   if (in_use && !before.same_identifier(after)) return od::AbortCode::invalid_value;

@@ -1,12 +1,11 @@
 // Transmitting: when a TPDO is sampled, and when it may go to the port.
 #include "berth/co/pdo.hpp"
 #include "berth/co/pdo_parts.hpp"
+#include "berth/co/retry_parts.hpp"
 
 namespace berth::co {
 namespace {
 
-constexpr auto full_retry = std::chrono::milliseconds(1);
-constexpr auto dead_port_retry = std::chrono::milliseconds(100);
 // A frame that the port has had for so long is taken to be lost: a port that was restarted forgets its queue.
 constexpr auto lost_after = std::chrono::seconds(1);
 
@@ -87,7 +86,7 @@ can::Queued Pdos::submit(Tpdo& pdo, const can::Frame& frame) noexcept {
 
 void Pdos::failed(Tpdo& pdo, can::Queued why) noexcept {
   pdo.waiting = true;
-  pdo.free_at = now() + (why == can::Queued::full ? rt::Duration(full_retry) : rt::Duration(dead_port_retry));
+  pdo.free_at = now() + (why == can::Queued::full ? full_retry : dead_port_retry);
   arm(pdo.free_at);
 }
 

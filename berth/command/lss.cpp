@@ -131,7 +131,7 @@ struct NewId {
 };
 
 // Gives the node-ID to the device that is selected already; `old` is the one in use.
-rt::Task<void> configure(Network& network, const NewId& wanted, NodeId old, Reply& reply) {
+rt::Task<void> configure_node_id(Network& network, const NewId& wanted, NodeId old, Reply& reply) {
   const std::string doing = fmt::format("set node-ID {} of {}", wanted.id.value(), to_string(wanted.device));
   if (wanted.id.configured() && wanted.id != old) {
     const auto taken = co_await is_taken(network, wanted.id);
@@ -167,7 +167,7 @@ rt::Task<void> set_node_id(Network& network, const NewId& wanted, Reply& reply) 
   const auto now = co_await network.services().lss.inquire_node_id();
   if (now) {
     const NodeId old = NodeId::make(now->byte()).value_or(NodeId());
-    co_await configure(network, wanted, old, reply);
+    co_await configure_node_id(network, wanted, old, reply);
   } else {
     lss_failed(reply, network, now.error(), "inquire node-ID of " + to_string(wanted.device));
   }

@@ -12,16 +12,12 @@
 #include "berth/co/nmt.hpp"
 #include "berth/co/pdo_mapping.hpp"
 #include "berth/decode/emcy_words.hpp"
+#include "berth/decode/say_parts.hpp"
 #include "berth/decode/standard_objects.hpp"
 #include "berth/od/abort_code.hpp"
 
 namespace berth::decode {
 namespace {
-
-template <class... T>
-void say(std::string& out, fmt::format_string<T...> format, T&&... values) {
-  fmt::format_to(std::back_inserter(out), format, std::forward<T>(values)...);
-}
 
 constexpr unsigned most_pdos = 512;
 constexpr std::uint8_t mpdo_destination = 255;

@@ -10,6 +10,7 @@
 #include "berth/co/emcy.hpp"
 #include "berth/co/nmt.hpp"
 #include "berth/co/time_stamp.hpp"
+#include "berth/decode/say_parts.hpp"
 #include "berth/lss/interpret.hpp"
 #include "berth/nodeid/and_frames.hpp"
 #include "berth/nodeid/claim_frames.hpp"
@@ -23,11 +24,6 @@ namespace {
 constexpr std::array<std::string_view, services> service_names{"nmt",   "sync",        "time",  "emcy", "pdo",
                                                                "sdo",   "heartbeat",   "lss",   "rand", "and",
                                                                "claim", "negotiation", "error", "other"};
-
-template <class... T>
-void say(std::string& out, fmt::format_string<T...> format, T&&... values) {
-  fmt::format_to(std::back_inserter(out), format, std::forward<T>(values)...);
-}
 
 // The frames that come a thousand times a second are not formatted.
 void put(std::string& out, std::string_view before, unsigned number) {

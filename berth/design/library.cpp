@@ -5,6 +5,7 @@
 #include <algorithm>
 #include <array>
 
+#include "berth/design/read_parts.hpp"
 #include "berth/od/notation.hpp"
 #include "berth/text/file.hpp"
 
@@ -18,7 +19,6 @@ using text::Table;
 using text::Value;
 
 constexpr std::array<string_view, 3> after_words{"reset-node", "reset-communication", "power-cycle"};
-constexpr Limits node_ids{1, 127};
 constexpr string_view id_word = "{id}";
 
 class LibraryReader {

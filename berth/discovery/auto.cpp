@@ -4,6 +4,7 @@
 
 #include "berth/discovery/busy.hpp"
 #include "berth/discovery/identify.hpp"
+#include "berth/discovery/planner_rand.hpp"
 #include "berth/discovery/published.hpp"
 #include "berth/discovery/walk.hpp"
 
@@ -17,7 +18,7 @@ std::unique_ptr<Discovery> make(Method method, const Services& services) {
     case Method::feedback_29: return make_fastscan(services, lss::Feedback::extended);
     case Method::feedback_11: return make_fastscan(services, lss::Feedback::base);
     case Method::identify: return std::make_unique<Identify>(services);
-    case Method::planner_rand: return make_rand_walk(services);
+    case Method::planner_rand: return make_planner_rand(services);
     case Method::planner_fastscan: return std::make_unique<Walker>(services, false);
     case Method::planner_feedback: break;
   }

@@ -1,5 +1,4 @@
-/// The published procedures, and the walk of RAND's tree, behind `Discovery`. Internal to `discovery`: `make` gives
-/// them.
+/// The published procedures behind `Discovery`. Internal to `discovery`: `make` gives them.
 #pragma once
 
 #include "berth/discovery/auto.hpp"
@@ -9,8 +8,6 @@ namespace berth::discovery {
 /// Paper 1's RAND, nine requests a device, with the paper's fixed window of 40 ms (30 ms after an answer it needs)
 /// unless `Options::window` says another.
 [[nodiscard]] std::unique_ptr<Discovery> make_rand(const Services& services);
-/// `RandWalk`: `planner_rand`.
-[[nodiscard]] std::unique_ptr<Discovery> make_rand_walk(const Services& services);
 /// AND. Devices whose whole LSS address was not told are not reported.
 [[nodiscard]] std::unique_ptr<Discovery> make_and(const Services& services);
 /// CiA 305 Fastscan, plain or with one form of feedback, paper 4's 10 ms after each request. Without an assigner it

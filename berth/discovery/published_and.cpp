@@ -1,22 +1,10 @@
-#include <algorithm>
-
 #include "berth/discovery/by_name.hpp"
 #include "berth/discovery/published.hpp"
+#include "berth/discovery/published_parts.hpp"
 #include "berth/nodeid/and_master.hpp"
 
 namespace berth::discovery {
 namespace {
-
-Report::End end_of(nodeid::DiscoveryReport::End end) noexcept {
-  switch (end) {
-    case nodeid::DiscoveryReport::End::complete: return Report::End::complete;
-    case nodeid::DiscoveryReport::End::gave_up: return Report::End::gave_up;
-    case nodeid::DiscoveryReport::End::stuck: return Report::End::stuck;
-    case nodeid::DiscoveryReport::End::limit: return Report::End::limit;
-    case nodeid::DiscoveryReport::End::stopped: return Report::End::more;
-  }
-  return Report::End::gave_up;
-}
 
 nodeid::AndOptions and_options(const Options& options) {
   nodeid::AndOptions how;
@@ -47,13 +35,7 @@ class And final : public Discovery, private nodeid::AndObserver {
     const auto done = co_await and_.discover(how, watching);
     observer_ = nullptr;
     if (!done) co_return fail(done.error());
-    Report report;
-    report.end = end_of(done->end);
-    report.requests = done->requests;
-    report.restarts = done->restarts;
-    report.began = done->began;
-    report.known = done->known;
-    report.ended = done->ended;
+    Report report = numbers_of(*done, end_of(done->end), done->restarts);
     for (const auto& d : done->found) {
       if (d.address) report.found.push_back(one(d));
     }
@@ -73,12 +55,7 @@ class And final : public Discovery, private nodeid::AndObserver {
   }
   bool goes_on() noexcept override { return observer_ == nullptr || observer_->goes_on(); }
   static Found one(const nodeid::AndFound& d) noexcept {
-    return {.address = *d.address,
-            .at = d.at,
-            .active = {},
-            .assigned = {},
-            .possible_clone = d.ambiguous,
-            .by = Method::and_protocol};
+    return found_by(Method::and_protocol, *d.address, d.at, d.ambiguous);
   }
   Services services_;
   nodeid::AndMaster and_;

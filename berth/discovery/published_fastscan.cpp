@@ -1,6 +1,7 @@
 #include <algorithm>
 
 #include "berth/discovery/published.hpp"
+#include "berth/discovery/published_parts.hpp"
 #include "berth/lss/fastscan.hpp"
 
 namespace berth::discovery {
@@ -48,13 +49,7 @@ class PublishedFastscan final : public Discovery {
     Owner owner(*this, known, options);
     const auto done = co_await fastscan.discover(owner);
     if (!done) co_return fail(done.error());
-    Report report;
-    report.end = end_of(done->end);
-    report.requests = done->requests;
-    report.restarts = done->restarts;
-    report.began = done->began;
-    report.known = done->known;
-    report.ended = done->ended;
+    Report report = numbers_of(*done, end_of(done->end), done->restarts);
     for (const auto& d : done->found) {
       if (!seated(known, d)) report.found.push_back(found(d));
     }

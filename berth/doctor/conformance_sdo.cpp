@@ -16,7 +16,7 @@ bool is_abort(const std::optional<can::Frame>& frame, od::AbortCode code) noexce
   return frame && frame->data[0] == client_abort && co::sdo::abort_code(*frame) == code;
 }
 
-std::string shown(const std::optional<can::Frame>& frame) { return frame ? can::to_string(*frame) : "no answer"; }
+std::string answer_text(const std::optional<can::Frame>& frame) { return frame ? can::to_string(*frame) : "no answer"; }
 
 }  // namespace
 
@@ -78,9 +78,9 @@ rt::Task<void> SdoChecks::device_type() {
                      co::sdo::multiplexer(*answer) == ObjectRef{0x1000, 0};
   report_.holds(upload, {0x1000, 0},
                 "an upload of four bytes is answered expedited, in eight bytes, with its multiplexer", shape,
-                shown(answer));
+                answer_text(answer));
   const bool counted = answer && (answer->data[0] & 0x0FU) == 0x03U;
-  report_.holds(upload, {0x1000, 0}, "it says that no byte is unused", counted, shown(answer));
+  report_.holds(upload, {0x1000, 0}, "it says that no byte is unused", counted, answer_text(answer));
 }
 
 rt::Task<std::optional<ObjectRef>> SdoChecks::long_object() {
@@ -109,12 +109,12 @@ rt::Task<void> SdoChecks::segmented_upload(std::uint16_t index, std::uint8_t sub
   report_.granted(segments, ref, "a segmented upload succeeds", whole);
   const auto begun = co_await device_.raw(device_.request(initiate_upload, index, sub));
   const bool segmented = begun && (begun->data[0] & 0xF2U) == 0x40U;
-  report_.holds(upload, ref, "more than four bytes are not answered expedited", segmented, shown(begun));
+  report_.holds(upload, ref, "more than four bytes are not answered expedited", segmented, answer_text(begun));
   const bool sized = begun && (begun->data[0] & 0x01U) != 0;
   if (sized) {
     const auto size = load_le<std::uint32_t>(begun->data.data() + 4);
     report_.holds(upload, ref, "the size that the initiate tells is that of the value", size == whole.bytes.size(),
-                  shown(begun));
+                  answer_text(begun));
   }
   const auto wrong = co_await device_.raw(device_.request(upload_segment | toggle, 0, 0));
   report_.refused(abort_codes, "an upload segment whose toggle bit does not alternate", wrong, codes::toggle);
@@ -124,18 +124,18 @@ rt::Task<void> SdoChecks::segmented_upload(std::uint16_t index, std::uint8_t sub
   co_await device_.raw(device_.request(initiate_upload, index, sub));
   const auto first = co_await device_.raw(device_.request(upload_segment, 0, 0));
   report_.holds(segments, ref, "the first segment has toggle bit 0", first && (first->data[0] & 0xF0U) == 0,
-                shown(first));
+                answer_text(first));
   const auto again = co_await device_.raw(device_.request(initiate_upload, index, sub));
   const bool anew = again && begun && *again == *begun;
-  report_.holds(protocol, ref, "an initiate within a transfer begins anew", anew, shown(again));
+  report_.holds(protocol, ref, "an initiate within a transfer begins anew", anew, answer_text(again));
   const auto first_again = co_await device_.raw(device_.request(upload_segment, 0, 0));
   const bool from_start = first_again && first && *first_again == *first;
-  report_.holds(protocol, ref, "and the value comes from its first byte again", from_start, shown(first_again));
+  report_.holds(protocol, ref, "and the value comes from its first byte again", from_start, answer_text(first_again));
   device_.forget();
   device_.send(device_.request(client_abort, index, sub, static_cast<std::uint32_t>(od::AbortCode::general)));
   const auto after_abort = co_await device_.raw(device_.request(upload_segment | toggle, 0, 0));
   const bool ended = is_abort(after_abort, od::AbortCode::command_specifier);
-  report_.holds(abort_codes, ref, "a client's abort ends the transfer", ended, shown(after_abort));
+  report_.holds(abort_codes, ref, "a client's abort ends the transfer", ended, answer_text(after_abort));
 }
 
 rt::Task<void> SdoChecks::block_transfer(std::uint16_t index, std::uint8_t sub) {
@@ -174,7 +174,7 @@ rt::Task<void> SdoChecks::download_toggle() {
   const auto before = co_await device_.read(0x1017, 0);
   const auto begun = co_await device_.raw(device_.request(0x21, 0x1017, 0, 2));
   report_.holds(download_segments, {0x1017, 0}, "a download of two bytes may be segmented",
-                begun && begun->data[0] == 0x60, shown(begun));
+                begun && begun->data[0] == 0x60, answer_text(begun));
   auto segment = device_.request(0x00, 0, 0);
   segment.data = {toggle | 5U << 1U | 1U, before.bytes.empty() ? std::uint8_t{0} : before.bytes[0],
                   before.bytes.size() < 2 ? std::uint8_t{0} : before.bytes[1]};
@@ -188,7 +188,7 @@ rt::Task<void> SdoChecks::download_toggle() {
   segment.data[0] = 5U << 1U | 1U;
   const auto good = co_await device_.raw(segment);
   report_.holds(download_segments, {0x1017, 0}, "a segmented download of the value that is there succeeds",
-                good && good->data[0] == 0x20, shown(good));
+                good && good->data[0] == 0x20, answer_text(good));
   co_await device_.raw(device_.request(0x21, 0x1017, 0, 2));
   segment.data[0] = 0x00;
   const auto long_one = co_await device_.raw(segment);

@@ -111,7 +111,7 @@ class TopologyReader {
   std::optional<std::uint64_t> promised_;
 };
 
-ProjectReading refused(std::string_view file_name, std::string message) {
+ProjectReading refused_project(std::string_view file_name, std::string message) {
   ProjectReading reading;
   reading.findings.push_back({Severity::error, std::string(file_name), 0, 0, "", std::move(message), ""});
   return reading;
@@ -132,7 +132,7 @@ std::optional<std::filesystem::path> inner_path(std::string text) {
 }  // namespace
 
 ProjectReading read_cpj(std::string text, std::string_view file_name, const ReadOptions& options) {
-  if (text.size() > options.max_bytes) return refused(file_name, "the file is too long for a project");
+  if (text.size() > options.max_bytes) return refused_project(file_name, "the file is too long for a project");
   ProjectReading reading;
   Report report(std::string(file_name), options.max_findings);
   reading.document = Document::parse(std::move(text), report);
@@ -159,7 +159,7 @@ ProjectReading read_cpj(std::string text, std::string_view file_name, const Read
 
 ProjectReading read_cpj_file(const std::filesystem::path& path, const ReadOptions& options) {
   auto text = read_text_file(path, options.max_bytes);
-  if (!text) return refused(path.string(), std::move(text.error()));
+  if (!text) return refused_project(path.string(), std::move(text.error()));
   return read_cpj(std::move(*text), path.string(), options);
 }
 

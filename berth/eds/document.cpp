@@ -7,15 +7,12 @@
 #include <cstring>
 #include <tuple>
 
+#include "berth/eds/lines_parts.hpp"
+
 namespace berth::eds {
 namespace {
 
 using Severity = Finding::Severity;
-
-constexpr std::size_t longest_line = 255;  ///< CiA 306 §4.2
-
-/// NUL counts as blank: files padded with NULs exist.
-constexpr bool blank(char c) noexcept { return c == ' ' || c == '\t' || c == '\0' || c == '\v' || c == '\f'; }
 
 /// Windows-1252's characters 80h..9Fh; the five that are not defined stay what they are.
 constexpr std::array<std::uint16_t, 32> windows_1252{0x20AC, 0x81,   0x201A, 0x0192, 0x201E, 0x2026, 0x2020, 0x2021,

@@ -1,6 +1,7 @@
 // Changes of single keys: kept apart from the text and spliced in when it is asked for.
 #include <algorithm>
 
+#include "berth/eds/lines_parts.hpp"
 #include "berth/eds/text.hpp"
 #include "berth/eds/write.hpp"
 
@@ -12,8 +13,6 @@ std::string lower(std::string_view text) {
   for (char& c : out) c = c >= 'A' && c <= 'Z' ? static_cast<char>(c + ('a' - 'A')) : c;
   return out;
 }
-
-bool line_break(char c) noexcept { return c == '\n' || c == '\r'; }
 
 bool fits_a_name(std::string_view name) noexcept {
   return !name.empty() && fits_a_line(name) && name.find_first_of("=[]#") == std::string_view::npos;

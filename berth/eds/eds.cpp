@@ -11,7 +11,7 @@ namespace {
 
 using Severity = Finding::Severity;
 
-Reading refused(std::string_view file_name, std::string message) {
+Reading refused_description(std::string_view file_name, std::string message) {
   Reading reading;
   reading.file.description = od::DescriptionBuilder().build();
   reading.findings.push_back({Severity::error, std::string(file_name), 0, 0, "", std::move(message), ""});
@@ -34,7 +34,8 @@ TypeCode File::type_code() const { return {identity(1, device.vendor_number), id
 std::uint32_t File::revision() const { return identity(3, device.revision_number); }
 
 Reading read(std::string text, std::string_view file_name, const ReadOptions& options) {
-  if (text.size() > options.max_bytes) return refused(file_name, "the file is too long for a device description");
+  if (text.size() > options.max_bytes)
+    return refused_description(file_name, "the file is too long for a device description");
   Reading reading;
   Report report(std::string(file_name), options.max_findings);
   reading.file.document = Document::parse(std::move(text), report);
@@ -56,7 +57,7 @@ Reading read(std::string text, std::string_view file_name, const ReadOptions& op
 
 Reading read_file(const std::filesystem::path& path, const ReadOptions& options) {
   auto text = read_text_file(path, options.max_bytes);
-  if (!text) return refused(path.string(), std::move(text.error()));
+  if (!text) return refused_description(path.string(), std::move(text.error()));
   return read(std::move(*text), path.string(), options);
 }
 

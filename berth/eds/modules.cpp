@@ -9,11 +9,11 @@
 
 #include "berth/eds/copy.hpp"
 #include "berth/eds/file.hpp"
+#include "berth/eds/sub_indices_parts.hpp"
 
 namespace berth::eds {
 namespace {
 
-constexpr std::uint8_t most_sub = 254;
 constexpr std::size_t most_added = 1U << 18U;  ///< as ReadOptions::max_sub_objects
 
 class Expander {

@@ -6,6 +6,7 @@
 
 #include "berth/eds/info.hpp"
 #include "berth/eds/objects.hpp"
+#include "berth/eds/sub_indices_parts.hpp"
 
 namespace berth::eds {
 namespace {
@@ -13,11 +14,6 @@ namespace {
 using Severity = Finding::Severity;
 
 constexpr std::array<std::string_view, 2> extension_words{"Count", "ObjExtend"};
-constexpr unsigned most_sub = 254;
-
-bool takes_subs(od::ObjectCode code) noexcept {
-  return code == od::ObjectCode::array || code == od::ObjectCode::record || code == od::ObjectCode::defstruct;
-}
 
 /// "6423" and "6423sub1" of a fixed object.
 bool fixed_name(std::string_view rest, ModuleSection& found) noexcept {

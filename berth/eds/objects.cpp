@@ -7,13 +7,12 @@
 #include "berth/eds/compact_pdos.hpp"
 #include "berth/eds/info.hpp"
 #include "berth/eds/modules_read.hpp"
+#include "berth/eds/sub_indices_parts.hpp"
 
 namespace berth::eds {
 namespace {
 
 using Severity = Finding::Severity;
-
-constexpr unsigned most_sub = 254;
 
 int hex_digit(char c) noexcept {
   if (c >= '0' && c <= '9') return c - '0';

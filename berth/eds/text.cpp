@@ -2,15 +2,9 @@
 
 #include <algorithm>
 
+#include "berth/eds/lines_parts.hpp"
+
 namespace berth::eds {
-namespace {
-
-constexpr std::size_t longest_line = 255;
-
-bool blank(char c) noexcept { return c == ' ' || c == '\t' || c == '\0' || c == '\v' || c == '\f'; }
-bool line_break(char c) noexcept { return c == '\n' || c == '\r'; }
-
-}  // namespace
 
 bool fits_a_line(std::string_view value) noexcept {
   if (value.empty()) return true;

@@ -3,6 +3,7 @@
 #include <algorithm>
 #include <array>
 
+#include "berth/eds/sub_indices_parts.hpp"
 #include "berth/eds/text.hpp"
 
 namespace berth::eds {
@@ -45,10 +46,6 @@ const typename List::value_type* of(const List& list, ObjectRef object) {
   return found != list.end() && found->object == object ? &*found : nullptr;
 }
 
-bool takes_subs(od::ObjectCode code) noexcept {
-  return code == od::ObjectCode::array || code == od::ObjectCode::record || code == od::ObjectCode::defstruct;
-}
-
 /// Bytes of a VISIBLE_STRING go into the file as they are: one that is no UTF-8 makes it a Windows-1252 file.
 Encoding needed_encoding(const File& file) {
   const auto no_utf8 = [](const od::Literal& value) {
@@ -80,9 +77,9 @@ std::optional<std::uint8_t> implied_count(const od::Object& object, std::span<co
   return highest;
 }
 
-class Writer {
+class EdsWriter {
  public:
-  Writer(const File& file, const WriteOptions& options)
+  EdsWriter(const File& file, const WriteOptions& options)
       : file_(file),
         description_(*file.description),
         dcf_(options.form == Form::dcf),
@@ -406,6 +403,6 @@ class Writer {
 
 }  // namespace
 
-Written write(const File& file, const WriteOptions& options) { return Writer(file, options).run(); }
+Written write(const File& file, const WriteOptions& options) { return EdsWriter(file, options).run(); }
 
 }  // namespace berth::eds

@@ -77,9 +77,9 @@ const char* mapping_word(const od::SubObject& sub) noexcept {
   return sub.access == Access::rww ? "RPDO" : "optional";
 }
 
-class Writer {
+class XddWriter {
  public:
-  Writer(const File& file, const XddOptions& options)
+  XddWriter(const File& file, const XddOptions& options)
       : file_(file), options_(options), description_(*file.description) {}
 
   Written run() {
@@ -458,6 +458,6 @@ class Writer {
 
 }  // namespace
 
-Written write_xdd(const File& file, const XddOptions& options) { return Writer(file, options).run(); }
+Written write_xdd(const File& file, const XddOptions& options) { return XddWriter(file, options).run(); }
 
 }  // namespace berth::eds

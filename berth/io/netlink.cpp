@@ -93,7 +93,7 @@ void read_info(Bytes info, Link& link) {
   if (link.controller()) read_controller(data, link);
 }
 
-std::optional<Link> read_link(Bytes body) {
+std::optional<Link> link_of(Bytes body) {
   const auto head = read<ifinfomsg>(body);
   if (!head) return std::nullopt;
   Link link;
@@ -137,7 +137,7 @@ std::optional<LinkNotice> read_notice(const nlmsghdr& head, Bytes body) {
   switch (head.nlmsg_type) {
     case RTM_NEWLINK:
     case RTM_DELLINK: {
-      auto link = read_link(body);
+      auto link = link_of(body);
       if (!link) return std::nullopt;
       notice.kind = head.nlmsg_type == RTM_NEWLINK ? LinkNotice::Kind::link : LinkNotice::Kind::gone;
       notice.link = std::move(*link);
@@ -151,9 +151,9 @@ std::optional<LinkNotice> read_notice(const nlmsghdr& head, Bytes body) {
   }
 }
 
-class Writer {
+class RequestWriter {
  public:
-  Writer(unsigned type, unsigned flags, std::uint32_t sequence, int index, unsigned set, unsigned change) {
+  RequestWriter(unsigned type, unsigned flags, std::uint32_t sequence, int index, unsigned set, unsigned change) {
     nlmsghdr head{};
     head.nlmsg_type = static_cast<std::uint16_t>(type);
     head.nlmsg_flags = static_cast<std::uint16_t>(flags | NLM_F_REQUEST);
@@ -210,7 +210,7 @@ class Writer {
   std::vector<std::uint8_t> bytes_;
 };
 
-void write_controller(Writer& out, const LinkChange& change) {
+void write_controller(RequestWriter& out, const LinkChange& change) {
   const auto info = out.begin(IFLA_LINKINFO | NLA_F_NESTED);
   out.attribute(IFLA_INFO_KIND, std::string_view("can"));
   const auto data = out.begin(IFLA_INFO_DATA | NLA_F_NESTED);
@@ -258,7 +258,7 @@ std::vector<LinkNotice> decode_links(std::span<const std::uint8_t> packet) {
 
 std::vector<std::uint8_t> ask_link(std::uint32_t sequence, std::string_view name) {
   if (name.empty() || name.size() >= IFNAMSIZ) return {};
-  Writer out(RTM_GETLINK, 0, sequence, 0, 0, 0);
+  RequestWriter out(RTM_GETLINK, 0, sequence, 0, 0, 0);
   out.attribute(IFLA_IFNAME, name);
   out.attribute(IFLA_EXT_MASK, static_cast<std::uint32_t>(RTEXT_FILTER_SKIP_STATS));
   return out.take();
@@ -266,7 +266,7 @@ std::vector<std::uint8_t> ask_link(std::uint32_t sequence, std::string_view name
 
 std::vector<std::uint8_t> change_link(std::uint32_t sequence, int index, const LinkChange& change) {
   const unsigned flags = change.up.value_or(false) ? IFF_UP : 0;
-  Writer out(RTM_NEWLINK, NLM_F_ACK, sequence, index, flags, change.up ? IFF_UP : 0);
+  RequestWriter out(RTM_NEWLINK, NLM_F_ACK, sequence, index, flags, change.up ? IFF_UP : 0);
   if (change.bit_rate || change.listen_only || change.restart) write_controller(out, change);
   return out.take();
 }

@@ -15,9 +15,9 @@ enum StatusFlag : std::uint8_t {
   knows_errors = 32,
 };
 
-class Writer {
+class MessageWriter {
  public:
-  explicit Writer(MessageKind kind) { u8(static_cast<std::uint8_t>(kind)); }
+  explicit MessageWriter(MessageKind kind) { u8(static_cast<std::uint8_t>(kind)); }
   void u8(std::uint8_t v) { bytes_.push_back(v); }
   void u16(std::uint16_t v) {
     u8(static_cast<std::uint8_t>(v & 0xFFU));
@@ -127,7 +127,7 @@ void read_ranges(Reader& in, Message& m) {
 }  // namespace
 
 std::vector<std::uint8_t> encode(const Message& m) {
-  Writer out(m.kind);
+  MessageWriter out(m.kind);
   switch (m.kind) {
     case MessageKind::hello:
       out.u8(plant_protocol_version);

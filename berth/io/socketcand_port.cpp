@@ -25,12 +25,12 @@ namespace {
 
 constexpr rt::Duration handshake_time = 3s;  // from the beginning of a connection to raw mode
 constexpr rt::Duration tick_time = 1s;
-constexpr rt::Duration idle_time = 2s;    // without a word to the server; then it is asked
-constexpr rt::Duration answer_time = 5s;  // of an echo
+constexpr rt::Duration idle_time = 2s;  // without a word to the server; then it is asked
+constexpr rt::Duration echo_time = 5s;  // of an echo
 constexpr rt::Duration least_pause = 250ms;
 constexpr rt::Duration most_pause = 4s;
-constexpr std::size_t most_waiting = 1U << 18U;
-constexpr std::size_t events_kept = 8192;  // more than one reading can bring
+constexpr std::size_t most_unsent = 1U << 18U;
+constexpr std::size_t messages_kept = 8192;  // more than one reading can bring
 
 }  // namespace
 
@@ -60,7 +60,7 @@ class SocketcandPort::Impl final : private Watcher {
     reader_ = {};
     known_faults_ = 0;
     Watcher& self = *this;
-    stream_.emplace(*loop_, fd, Stream::Kind::socket, self, most_waiting);
+    stream_.emplace(*loop_, fd, Stream::Kind::socket, self, most_unsent);
     state_ = State::connecting;
     timer_.arm(handshake_time);
   }
@@ -213,7 +213,7 @@ class SocketcandPort::Impl final : private Watcher {
   }
 
   void received(const can::Frame& frame, rt::Time at) noexcept {
-    if (deliveries_.size() >= events_kept) {
+    if (deliveries_.size() >= messages_kept) {
       ++lost_;
     } else {
       deliveries_.received(frame, at);
@@ -230,7 +230,7 @@ class SocketcandPort::Impl final : private Watcher {
       case State::switching: return lost("the server does not answer");
       case State::up: break;
     }
-    if (!given_.empty() && now - given_.front().at > answer_time) return lost("the server does not answer");
+    if (!given_.empty() && now - given_.front().at > echo_time) return lost("the server does not answer");
     timer_.arm(tick_time);
     if (given_.empty() && now - asked_ >= idle_time) ask({}, 0);
   }

@@ -15,8 +15,6 @@ constexpr std::size_t gaps_kept = 16;
 constexpr std::size_t longest_number = 8;  // of another size than the standard's, perhaps
 constexpr std::size_t longest_text = 256;  // 1008h to 100Ah
 
-bool in(std::uint32_t key, can::IdRange range) noexcept { return key >= range.first && key <= range.last; }
-
 rt::Duration median(std::vector<rt::Duration> gaps) {
   if (gaps.empty()) return rt::Duration{0};
   const auto middle = gaps.begin() + static_cast<std::ptrdiff_t>(gaps.size() / 2);
@@ -52,16 +50,16 @@ void Census::received(const can::Frame& frame, rt::Time at) noexcept {
   if (key == co::sync_id) {
     if (last_sync_) sync_period_ = at - *last_sync_;
     last_sync_ = at;
-  } else if (in(key, co::all_error_control)) {
+  } else if (co::all_error_control.contains(key)) {
     if (frame.remote) {
       node.seen.guarded = node.heard = true;
     } else {
       beat(node, frame, at);
     }
-  } else if (in(key, co::all_sdo_requests) && !frame.remote) {
+  } else if (co::all_sdo_requests.contains(key) && !frame.remote) {
     node.foreign = at;
     node.seen.foreign_client = true;
-  } else if (in(key, co::all_emcy) || in(key, co::all_sdo_responses)) {
+  } else if (co::all_emcy.contains(key) || co::all_sdo_responses.contains(key)) {
     node.heard = true;
   }
 }

@@ -7,14 +7,12 @@
 
 #include "berth/co/cob_id.hpp"
 #include "berth/co/nmt.hpp"
+#include "berth/live/requests_parts.hpp"
 
 namespace berth::live {
 
 namespace {
 
-constexpr std::uint32_t lss_requests = 0x7E5;
-constexpr std::uint32_t rand_requests = can::extended_flag | 0x1F94'0000U;
-constexpr std::uint32_t and_requests = 0x7C2;
 constexpr can::IdRange flying_master{0x071, 0x076};
 constexpr std::uint32_t active_master = 0x071;
 
@@ -23,8 +21,6 @@ constexpr std::array<const char*, sign_count> names{"nmt", "lss",  "discovery", 
 constexpr std::array<const char*, sign_count> texts{
     "NMT commands", "LSS requests", "discovery requests (RAND or AND)",        "flying-master frames",
     "SDO requests", "SYNC",         "error control under Berth's own node-ID", "node guarding requests"};
-
-bool in(std::uint32_t key, can::IdRange range) noexcept { return key >= range.first && key <= range.last; }
 
 double in_s(rt::Duration time) { return std::chrono::duration<double>(time).count(); }
 
@@ -40,7 +36,7 @@ std::optional<Sign> sign_named(std::string_view word) noexcept {
 
 std::optional<Sign> ForeignWatch::sign_of(const can::Frame& frame) const noexcept {
   const auto key = frame.key();
-  if (in(key, co::all_error_control)) {
+  if (co::all_error_control.contains(key)) {
     if (frame.remote) return Sign::guarding;
     if (!options_.own.configured() || key != co::error_control_id(options_.own) || frame.size == 0) return std::nullopt;
     const auto state = co::nmt_state(frame.data[0]);
@@ -52,8 +48,8 @@ std::optional<Sign> ForeignWatch::sign_of(const can::Frame& frame) const noexcep
   if (key == co::nmt_command_id) return Sign::nmt;
   if (key == lss_requests) return Sign::lss;
   if (key == rand_requests || key == and_requests) return Sign::discovery;
-  if (in(key, flying_master)) return Sign::flying_master;
-  if (in(key, co::all_sdo_requests)) return Sign::sdo;
+  if (flying_master.contains(key)) return Sign::flying_master;
+  if (co::all_sdo_requests.contains(key)) return Sign::sdo;
   if (key == co::sync_id) return Sign::sync;
   return std::nullopt;
 }
@@ -61,7 +57,7 @@ std::optional<Sign> ForeignWatch::sign_of(const can::Frame& frame) const noexcep
 std::optional<Sign> ForeignWatch::heard(const can::Frame& frame, rt::Time at) noexcept {
   if (frames_ < std::numeric_limits<std::uint32_t>::max()) ++frames_;
   const auto key = frame.key();
-  if (in(key, co::all_error_control) && !frame.remote && frame.size > 0) {
+  if (co::all_error_control.contains(key) && !frame.remote && frame.size > 0) {
     operational_[key & 0x7FU] = co::nmt_state(frame.data[0]) == NmtState::operational;
   }
   const auto sign = sign_of(frame);

@@ -5,14 +5,12 @@
 
 #include "berth/co/cob_id.hpp"
 #include "berth/co/nmt.hpp"
+#include "berth/live/requests_parts.hpp"
 
 namespace berth::live {
 
 namespace {
 
-constexpr std::uint32_t lss_requests = 0x7E5;
-constexpr std::uint32_t rand_requests = can::extended_flag | 0x1F94'0000U;
-constexpr std::uint32_t and_requests = 0x7C2;
 constexpr can::IdRange everything{0, std::numeric_limits<std::uint32_t>::max()};
 
 // docs/protocols/cia305.md §Frames: the services without an answer, by command specifier: switch state global, the

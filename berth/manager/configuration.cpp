@@ -16,6 +16,7 @@
 #include "berth/eds/concise_dcf.hpp"
 #include "berth/eds/dcf.hpp"
 #include "berth/eds/xdd.hpp"
+#include "berth/manager/object_ranges_parts.hpp"
 
 namespace berth::manager {
 namespace {
@@ -24,10 +25,6 @@ constexpr std::uint32_t ms_of_a_day = 86'400'000;
 constexpr std::uint16_t date_object = 0x1020;
 constexpr std::uint16_t identity_object = 0x1018;
 constexpr std::size_t longest_file = std::size_t{64} << 20U;
-
-bool within(std::uint16_t index, std::uint16_t first, std::uint16_t last) noexcept {
-  return index >= first && index <= last;
-}
 
 /// Registers, commands and clocks: no configuration.
 bool is_left_alone(std::uint16_t index) noexcept {

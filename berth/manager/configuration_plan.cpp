@@ -5,6 +5,7 @@
 #include <set>
 
 #include "berth/base/bytes.hpp"
+#include "berth/manager/object_ranges_parts.hpp"
 
 namespace berth::manager {
 namespace {
@@ -20,9 +21,6 @@ constexpr std::uint16_t time_id = 0x1012;
 constexpr std::uint16_t emcy_id = 0x1014;
 constexpr std::uint16_t consumers = 0x1016;
 
-bool within(std::uint16_t index, std::uint16_t first, std::uint16_t last) noexcept {
-  return index >= first && index <= last;
-}
 bool is_mapping(std::uint16_t index) noexcept { return within(index, 0x1600, 0x17FF) || within(index, 0x1A00, 0x1BFF); }
 bool is_pdo(std::uint16_t index) noexcept { return within(index, 0x1400, 0x1BFF); }
 /// The communication record of a PDO, of either of its records; its mapping is 200h behind.

@@ -29,7 +29,7 @@ bool not_ready(const Error& error) noexcept {
   return aborted_with(error, {od::AbortCode::local_control, od::AbortCode::device_state});
 }
 
-std::array<std::uint8_t, 4> bytes_of(std::uint32_t value) noexcept {
+std::array<std::uint8_t, 4> four_bytes(std::uint32_t value) noexcept {
   std::array<std::uint8_t, 4> bytes{};
   store_le(bytes.data(), value);
   return bytes;
@@ -277,7 +277,7 @@ rt::Task<void> Configurator::read_needed() {
 // ---- writing ----
 
 rt::Task<void> Configurator::take_date() {
-  const auto nothing = bytes_of(0);
+  const auto nothing = four_bytes(0);
   for (const ObjectRef object : date_objects) {
     const auto done = co_await write(object, nothing);
     if (!done) co_return;  // no 1020h, or none that is written: its own business
@@ -311,8 +311,8 @@ rt::Task<bool> Configurator::download(ConfigurationReport& report) {
 // A device that refuses the date, or shows another, has none that could be relied on.
 rt::Task<bool> Configurator::put_date(ConfigurationReport& report) {
   if (!report.has_date) co_return true;
-  const auto days = bytes_of(wanted_->date.days);
-  const auto ms = bytes_of(wanted_->date.ms);
+  const auto days = four_bytes(wanted_->date.days);
+  const auto ms = four_bytes(wanted_->date.ms);
   const auto first = co_await write(date_days, days);
   auto second = first;
   if (first) second = co_await write(date_ms, ms);
@@ -400,7 +400,7 @@ rt::Task<bool> Configurator::save(ConfigurationReport& report) {
     co_return true;
   }
   tell(Stage::saving, 0, 1);
-  const auto signature = bytes_of(save_signature);
+  const auto signature = four_bytes(save_signature);
   const std::span<const std::uint8_t> data(signature);
   const auto done = co_await saving_->write(store_all.index, store_all.sub, data);
   if (!done) {

@@ -5,12 +5,12 @@
 namespace berth::nodeid {
 namespace {
 
-constexpr std::uint8_t cs_identify = 0x80;
-constexpr std::uint8_t cs_global = 0x81;
-constexpr std::uint8_t cs_selective = 0x82;
-constexpr std::uint8_t cs_inquire = 0x83;
+constexpr std::uint8_t cs_and_identify = 0x80;
+constexpr std::uint8_t cs_and_global = 0x81;
+constexpr std::uint8_t cs_and_selective = 0x82;
+constexpr std::uint8_t cs_and_inquire = 0x83;
 
-constexpr std::array<std::uint8_t, 8> zeros{};
+constexpr std::array<std::uint8_t, 8> no_bytes{};
 
 can::Frame request(std::uint8_t command, std::uint8_t second, AndAddress address = {}) noexcept {
   std::array<std::uint8_t, 8> data{command, second};
@@ -34,19 +34,19 @@ bool plain(const can::Frame& frame) noexcept {
 }  // namespace
 
 can::Frame and_iurs(unsigned phase, AndAddress prefix) noexcept {
-  return request(cs_identify, static_cast<std::uint8_t>(phase), prefix.prefix(phase));
+  return request(cs_and_identify, static_cast<std::uint8_t>(phase), prefix.prefix(phase));
 }
-can::Frame and_dirs(AndAddress address) noexcept { return request(cs_identify, and_direct_phase, address); }
+can::Frame and_dirs(AndAddress address) noexcept { return request(cs_and_identify, and_direct_phase, address); }
 can::Frame and_switch_global(Identification state) noexcept {
-  return request(cs_global, static_cast<std::uint8_t>(state));
+  return request(cs_and_global, static_cast<std::uint8_t>(state));
 }
 can::Frame and_switch_selective(AndAddress address, Identification target) noexcept {
-  return request(cs_selective, static_cast<std::uint8_t>(target), address);
+  return request(cs_and_selective, static_cast<std::uint8_t>(target), address);
 }
-can::Frame and_inquire(unsigned part) noexcept { return request(cs_inquire, static_cast<std::uint8_t>(part)); }
+can::Frame and_inquire(unsigned part) noexcept { return request(cs_and_inquire, static_cast<std::uint8_t>(part)); }
 
-can::Frame and_ius(std::uint8_t nibble) noexcept { return can::Frame::base(and_ius_id + (nibble & 15U), zeros); }
-can::Frame and_dis(std::uint8_t nibble) noexcept { return can::Frame::base(and_dis_id + (nibble & 15U), zeros); }
+can::Frame and_ius(std::uint8_t nibble) noexcept { return can::Frame::base(and_ius_id + (nibble & 15U), no_bytes); }
+can::Frame and_dis(std::uint8_t nibble) noexcept { return can::Frame::base(and_dis_id + (nibble & 15U), no_bytes); }
 can::Frame and_address(const LssAddress& address, unsigned part) noexcept {
   std::array<std::uint8_t, 8> data{};
   put_be(data, 0, part == 0 ? address.vendor : address.revision);
@@ -62,17 +62,17 @@ std::optional<AndRequest> decode_and_request(const can::Frame& frame) noexcept {
   AndRequest r{.phase = second, .address = AndAddress(value)};
   using Kind = AndRequest::Kind;
   switch (frame.data[0]) {
-    case cs_identify:
+    case cs_and_identify:
       r.kind = second == and_direct_phase ? Kind::direct : Kind::identify;
       if (second > and_direct_phase || r.address.prefix(second) != r.address) return std::nullopt;
       return r;
-    case cs_global:
-    case cs_selective:
-      r.kind = frame.data[0] == cs_global ? Kind::switch_global : Kind::switch_selective;
+    case cs_and_global:
+    case cs_and_selective:
+      r.kind = frame.data[0] == cs_and_global ? Kind::switch_global : Kind::switch_selective;
       if (second > 1 || (r.kind == Kind::switch_global && value != 0)) return std::nullopt;
       r.target = static_cast<Identification>(second);
       return r;
-    case cs_inquire:
+    case cs_and_inquire:
       r.kind = Kind::inquire;
       if (second > 1 || value != 0) return std::nullopt;
       return r;

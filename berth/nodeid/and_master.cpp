@@ -4,11 +4,12 @@
 #include <bit>
 #include <utility>
 
+#include "berth/nodeid/masters_parts.hpp"
+
 namespace berth::nodeid {
 namespace {
 
-constexpr unsigned most_times_found = 4;  // the same address so often: it cannot be silenced
-constexpr const char* busy_text = "another AND procedure is under way";
+constexpr const char* and_busy = "another AND procedure is under way";
 
 }  // namespace
 
@@ -82,7 +83,7 @@ rt::Task<Result<void>> AndMaster::tell(const can::Frame& frame) {
 }
 
 rt::Task<Result<void>> AndMaster::switch_global(Identification state) {
-  if (busy_) co_return fail(Errc::invalid, busy_text);
+  if (busy_) co_return fail(Errc::invalid, and_busy);
   if (state == Identification::selected) co_return fail(Errc::invalid, "nobody can be told to be selected");
   const Lease lease(*this);
   const auto frame = and_switch_global(state);
@@ -91,7 +92,7 @@ rt::Task<Result<void>> AndMaster::switch_global(Identification state) {
 }
 
 rt::Task<Result<void>> AndMaster::switch_selective(AndAddress address, Identification target) {
-  if (busy_) co_return fail(Errc::invalid, busy_text);
+  if (busy_) co_return fail(Errc::invalid, and_busy);
   if (target == Identification::selected) co_return fail(Errc::invalid, "nobody can be told to be selected");
   const Lease lease(*this);
   const auto frame = and_switch_selective(address, target);
@@ -191,7 +192,7 @@ rt::Task<Result<void>> AndMaster::record(Run& run) {
 
 rt::Task<Result<AndReport>> AndMaster::discover(const AndOptions& options, AndObserver* observer) {
   using End = DiscoveryReport::End;
-  if (busy_) co_return fail(Errc::invalid, busy_text);
+  if (busy_) co_return fail(Errc::invalid, and_busy);
   const Lease lease(*this);
   Run run{.options = options, .observer = observer};
   auto& report = run.report;
@@ -223,7 +224,7 @@ rt::Task<Result<AndReport>> AndMaster::discover(const AndOptions& options, AndOb
 }
 
 rt::Task<Result<bool>> AndMaster::probe(const AndOptions& options) {
-  if (busy_) co_return fail(Errc::invalid, busy_text);
+  if (busy_) co_return fail(Errc::invalid, and_busy);
   const Lease lease(*this);
   Run run{.options = options};
   const auto frame = and_iurs(0, run.path);

@@ -3,12 +3,12 @@
 #include <utility>
 
 #include "berth/nodeid/negotiation_frames.hpp"
+#include "berth/nodeid/negotiation_parts.hpp"
 
 namespace berth::nodeid {
 namespace {
 
 constexpr unsigned patience = 3;  // frame times that a frame may wait to be acknowledged, up to twice as long
-constexpr rt::Duration again = std::chrono::milliseconds(10);  // a frame could not be queued
 
 }  // namespace
 
@@ -154,7 +154,7 @@ void NegotiationCycle::join() noexcept {
 void NegotiationCycle::send_byte() noexcept { offer(identity(options_->address, byte_)); }
 
 void NegotiationCycle::offer(const can::Frame& frame) noexcept {
-  if (!sender_.put(frame)) return restart(again);
+  if (!sender_.put(frame)) return restart(requeue_pause);
   const auto least = patience * sender_.frame_time();
   restart(least + rt::Duration(sender_.dice().between(0, least.count())));
 }

@@ -3,11 +3,11 @@
 #include <utility>
 
 #include "berth/nodeid/negotiation_frames.hpp"
+#include "berth/nodeid/negotiation_parts.hpp"
 
 namespace berth::nodeid {
 namespace {
 
-constexpr rt::Duration again = std::chrono::milliseconds(10);        // a frame could not be queued
 constexpr rt::Duration lost_frame = std::chrono::milliseconds(500);  // looks whether the controller has forgotten it
 constexpr unsigned coin_after = 2;  // insistences that are met by a defence; then it is a coin
 constexpr unsigned yield_after = 8;
@@ -81,7 +81,7 @@ void NodeIdDefence::lose(IdLoss why) noexcept {
 void NodeIdDefence::speak() noexcept {
   if (!node_id_.configured()) return;
   if (sender_.queued() && !sender_.forgotten()) return sender_.after(lost_frame, speak_);
-  sender_.after(sender_.put(used(node_id_)) ? lost_frame : again, speak_);
+  sender_.after(sender_.put(used(node_id_)) ? lost_frame : requeue_pause, speak_);
 }
 
 void NodeIdDefence::speak_at(rt::Duration own) noexcept { sender_.after(own, speak_); }

@@ -7,20 +7,20 @@
 namespace berth::nodeid {
 namespace {
 
-constexpr std::uint8_t cs_identify = 0x80;
-constexpr std::uint8_t cs_global = 0x81;
-constexpr std::uint8_t cs_selective = 0x82;  // and the next three
-constexpr std::uint8_t cs_resume = 0x86;
+constexpr std::uint8_t cs_rand_identify = 0x80;
+constexpr std::uint8_t cs_rand_global = 0x81;
+constexpr std::uint8_t cs_rand_selective = 0x82;  // and the next three
+constexpr std::uint8_t cs_rand_resume = 0x86;
 // Byte 1 of a selective frame: 0 is the paper's service, so that a plain frame does what the paper says.
 constexpr std::uint8_t to_identified = 0;
 constexpr std::uint8_t to_unknown = 1;
 
 can::Frame masked(unsigned phase, std::uint16_t mask) noexcept {
-  return can::Frame::ext(rand_request_id, {cs_identify, static_cast<std::uint8_t>(phase),
+  return can::Frame::ext(rand_request_id, {cs_rand_identify, static_cast<std::uint8_t>(phase),
                                            static_cast<std::uint8_t>(mask >> 8), static_cast<std::uint8_t>(mask)});
 }
 
-bool zeros(const can::Frame& frame, unsigned from) noexcept {
+bool zero_from(const can::Frame& frame, unsigned from) noexcept {
   for (unsigned i = from; i < frame.size; ++i) {
     if (frame.data[i] != 0) return false;
   }
@@ -32,7 +32,7 @@ std::optional<RandRequest> decode_selective(const can::Frame& frame) noexcept {
   if (frame.size != 8 || d[1] > to_unknown || d[2] != 0 || d[3] != 0) return std::nullopt;
   RandRequest r{.kind = RandRequest::Kind::switch_selective};
   r.target = d[1] == to_identified ? Identification::identified : Identification::unknown;
-  r.part = static_cast<std::uint8_t>(d[0] - cs_selective);
+  r.part = static_cast<std::uint8_t>(d[0] - cs_rand_selective);
   for (unsigned i = 4; i < 8; ++i) r.value = r.value << 8 | d[i];
   return r;
 }
@@ -68,13 +68,13 @@ can::Frame dis(std::uint16_t chunk) noexcept {
 }
 
 can::Frame switch_identification_global(Identification state) noexcept {
-  return can::Frame::ext(rand_request_id, {cs_global, static_cast<std::uint8_t>(state), 0, 0});
+  return can::Frame::ext(rand_request_id, {cs_rand_global, static_cast<std::uint8_t>(state), 0, 0});
 }
 
 can::Frame switch_identification_selective(const LssAddress& address, unsigned part, Identification target) noexcept {
   const auto value = address.part(part);
   return can::Frame::ext(rand_request_id,
-                         {static_cast<std::uint8_t>(cs_selective + (part & 3U)),
+                         {static_cast<std::uint8_t>(cs_rand_selective + (part & 3U)),
                           target == Identification::unknown ? to_unknown : to_identified, 0, 0,
                           static_cast<std::uint8_t>(value >> 24), static_cast<std::uint8_t>(value >> 16),
                           static_cast<std::uint8_t>(value >> 8), static_cast<std::uint8_t>(value)});
@@ -94,7 +94,7 @@ can::Frame resume_request(unsigned phase, const LssAddress& address) noexcept {
   const auto check = phase == 0 ? 0U : prefix_check(address, phase - 1);
   return can::Frame::ext(
       rand_request_id,
-      {cs_resume, static_cast<std::uint8_t>(phase), static_cast<std::uint8_t>(mask >> 8),
+      {cs_rand_resume, static_cast<std::uint8_t>(phase), static_cast<std::uint8_t>(mask >> 8),
        static_cast<std::uint8_t>(mask), static_cast<std::uint8_t>(check >> 24), static_cast<std::uint8_t>(check >> 16),
        static_cast<std::uint8_t>(check >> 8), static_cast<std::uint8_t>(check)});
 }
@@ -102,17 +102,17 @@ can::Frame resume_request(unsigned phase, const LssAddress& address) noexcept {
 std::optional<RandRequest> decode_rand_request(const can::Frame& frame) noexcept {
   if (frame.key() != rand_requests.first || frame.remote || frame.fd) return std::nullopt;
   const auto& d = frame.data;
-  if (frame.size == 8 && d[0] >= cs_selective && d[0] < cs_selective + 4) return decode_selective(frame);
-  if (frame.size == 8 && d[0] == cs_resume) return decode_resume(frame);
-  if ((frame.size != 4 && frame.size != 8) || !zeros(frame, 4)) return std::nullopt;
+  if (frame.size == 8 && d[0] >= cs_rand_selective && d[0] < cs_rand_selective + 4) return decode_selective(frame);
+  if (frame.size == 8 && d[0] == cs_rand_resume) return decode_resume(frame);
+  if ((frame.size != 4 && frame.size != 8) || !zero_from(frame, 4)) return std::nullopt;
   RandRequest r;
-  if (d[0] == cs_identify && d[1] <= direct_phase) {
+  if (d[0] == cs_rand_identify && d[1] <= direct_phase) {
     r.kind = d[1] == direct_phase ? RandRequest::Kind::direct : RandRequest::Kind::identify;
     r.phase = d[1];
     r.mask = static_cast<std::uint16_t>(d[2] << 8 | d[3]);
     return r;
   }
-  if (d[0] == cs_global && d[1] <= 1 && d[2] == 0 && d[3] == 0) {
+  if (d[0] == cs_rand_global && d[1] <= 1 && d[2] == 0 && d[3] == 0) {
     r.kind = RandRequest::Kind::switch_global;
     r.target = static_cast<Identification>(d[1]);
     return r;

@@ -4,6 +4,7 @@
 #include <utility>
 
 #include "berth/can/empty_bus.hpp"
+#include "berth/nodeid/masters_parts.hpp"
 
 namespace berth::nodeid {
 
@@ -103,9 +104,8 @@ struct RandMaster::Lease {
 };
 
 namespace {
-constexpr std::size_t most_heard = 256;   // distinct chunks kept of one window: the lowest
-constexpr unsigned most_times_found = 4;  // the same address so often in one discovery: it cannot be silenced
-constexpr const char* busy_text = "another RAND procedure is under way";
+constexpr std::size_t most_heard = 256;  // distinct chunks kept of one window: the lowest
+constexpr const char* rand_busy = "another RAND procedure is under way";
 }  // namespace
 
 RandMaster::RandMaster(can::Dispatcher& dispatcher) : dispatcher_(&dispatcher) {
@@ -141,7 +141,7 @@ Collect RandMaster::request(const can::Frame& frame, const Collect::Waits& waits
 }
 
 rt::Task<Result<void>> RandMaster::switch_global(Identification state) {
-  if (busy_) co_return fail(Errc::invalid, busy_text);
+  if (busy_) co_return fail(Errc::invalid, rand_busy);
   if (state == Identification::selected) co_return fail(Errc::invalid, "nobody can be told to be selected");
   const Lease lease(*this);
   const auto frame = switch_identification_global(state);
@@ -152,7 +152,7 @@ rt::Task<Result<void>> RandMaster::switch_global(Identification state) {
 }
 
 rt::Task<Result<void>> RandMaster::switch_selective(LssAddress address, Identification target, rt::Duration inhibit) {
-  if (busy_) co_return fail(Errc::invalid, busy_text);
+  if (busy_) co_return fail(Errc::invalid, rand_busy);
   const Lease lease(*this);
   const Collect::Waits waits{.window = inhibit, .send_timeout = DiscoveryOptions{}.send_timeout};
   for (unsigned part = 0; part < 4; ++part) {
@@ -296,7 +296,7 @@ rt::Task<Result<void>> RandMaster::record(Run& run) {
 
 rt::Task<Result<DiscoveryReport>> RandMaster::discover(const DiscoveryOptions& options, DiscoveryObserver* observer) {
   using End = DiscoveryReport::End;
-  if (busy_) co_return fail(Errc::invalid, busy_text);
+  if (busy_) co_return fail(Errc::invalid, rand_busy);
   const Lease lease(*this);
   Run run{.options = options, .observer = observer};
   auto& report = run.report;
@@ -326,7 +326,7 @@ rt::Task<Result<DiscoveryReport>> RandMaster::discover(const DiscoveryOptions& o
 }
 
 rt::Task<Result<ProbeReport>> RandMaster::probe(const DiscoveryOptions& options, DiscoveryObserver* observer) {
-  if (busy_) co_return fail(Errc::invalid, busy_text);
+  if (busy_) co_return fail(Errc::invalid, rand_busy);
   const Lease lease(*this);
   Run run{.options = options, .observer = observer, .kind = PhaseEvent::Kind::probe};
   const auto answered = co_await ask(run, 0, 0);

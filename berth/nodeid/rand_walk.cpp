@@ -4,15 +4,16 @@
 #include <set>
 #include <utility>
 
+#include "berth/nodeid/masters_parts.hpp"
+
 namespace berth::nodeid {
 namespace {
 
-constexpr std::size_t most_heard = 1024;  // distinct chunks kept of one window
+constexpr std::size_t most_chunks = 1024;  // distinct chunks kept of one window
 constexpr std::size_t most_nodes = 20'000;
-constexpr std::size_t most_roots = 3;     // so many requests may stay unanswered when no slave resumes
-constexpr unsigned most_times_found = 4;  // the same address in so many rounds: it cannot be silenced
-constexpr unsigned enough_gaps = 4;       // answers heard before a window is cut short by what was learnt
-constexpr const char* busy_text = "another walk is under way";
+constexpr std::size_t most_roots = 3;  // so many requests may stay unanswered when no slave resumes
+constexpr unsigned enough_gaps = 4;    // answers heard before a window is cut short by what was learnt
+constexpr const char* walk_busy = "another walk is under way";
 
 constexpr std::uint32_t join(std::uint16_t high, std::uint16_t low) noexcept {
   return static_cast<std::uint32_t>(high) << 16 | low;
@@ -136,10 +137,10 @@ struct RandWalk::Lease {
 };
 
 RandWalk::RandWalk(can::Dispatcher& dispatcher) : exchanges_(dispatcher) {
-  heard_.reserve(most_heard);
-  expected_.reserve(most_heard);
-  late_.reserve(most_heard);
-  extra_dis_.reserve(most_heard);
+  heard_.reserve(most_chunks);
+  expected_.reserve(most_chunks);
+  late_.reserve(most_chunks);
+  extra_dis_.reserve(most_chunks);
   dispatcher.add(ius_answers, *this);
   dispatcher.add(dis_answers, *this);
 }
@@ -156,7 +157,7 @@ void RandWalk::received(const can::Frame& frame, rt::Time at) noexcept {
   }
   if (!mine) {
     auto& list = answer->direct ? extra_dis_ : late_;
-    if ((answer->direct || !exchanges_.open()) && list.size() < most_heard) list.push_back(answer->chunk);
+    if ((answer->direct || !exchanges_.open()) && list.size() < most_chunks) list.push_back(answer->chunk);
     return;
   }
   note(answer->chunk, at);
@@ -173,7 +174,7 @@ void RandWalk::note(std::uint16_t chunk, rt::Time at) noexcept {
   const auto place = std::ranges::lower_bound(heard_, chunk, {}, &Heard::chunk);
   if (place != heard_.end() && place->chunk == chunk) {
     ++place->times;
-  } else if (heard_.size() < most_heard) {
+  } else if (heard_.size() < most_chunks) {
     heard_.insert(place, Heard{.chunk = chunk, .times = 1, .at = at});
   }
 }
@@ -571,7 +572,7 @@ rt::Task<Result<bool>> RandWalk::look(Run& run) {
 rt::Task<Result<WalkReport>> RandWalk::discover(std::span<const WalkKind> kinds, const WalkOptions& options,
                                                 WalkObserver* observer) {
   using End = DiscoveryReport::End;
-  if (busy_) co_return fail(Errc::invalid, busy_text);
+  if (busy_) co_return fail(Errc::invalid, walk_busy);
   const Lease lease(*this);
   Run run{.kinds = kinds, .options = options, .observer = observer};
   auto& report = run.report;

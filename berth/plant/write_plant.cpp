@@ -10,17 +10,16 @@
 namespace berth::plant {
 namespace {
 
-using text::quoted;
 using text::write_duration;
 
 /// Lines `key = value`; what equals its default is left out.
-class Writer {
+class PlantWriter {
  public:
   void line(std::string_view text) { fmt::format_to(std::back_inserter(out_), "{}\n", text); }
   void raw(std::string_view key, std::string_view value) {
     fmt::format_to(std::back_inserter(out_), "{} = {}\n", key, value);
   }
-  void string(std::string_view key, std::string_view value) { raw(key, quoted(value)); }
+  void string(std::string_view key, std::string_view value) { raw(key, text::quoted(value)); }
   template <class T>
   void number(std::string_view key, T value, T usual) {
     if (value != usual) raw(key, fmt::format("{}", value));
@@ -33,7 +32,7 @@ class Writer {
   }
   void strings(std::string_view key, const std::vector<std::string>& values) {
     std::string list;
-    for (const auto& value : values) list += (list.empty() ? "" : ", ") + quoted(value);
+    for (const auto& value : values) list += (list.empty() ? "" : ", ") + text::quoted(value);
     raw(key, fmt::format("[{}]", list));
   }
   std::string take() { return std::move(out_); }
@@ -45,7 +44,7 @@ class Writer {
 const PlantDevice usual_device;
 const Strike usual_strike;
 
-void write_response(Writer& w, const Latency& r) {
+void write_response(PlantWriter& w, const Latency& r) {
   if (r == usual_device.response) return;
   if (r.min == r.max && r.outlier_ppm == 0 && r.outlier == Duration(0))
     return w.string("response", write_duration(r.min));
@@ -56,7 +55,7 @@ void write_response(Writer& w, const Latency& r) {
   w.raw("response", text + " }");
 }
 
-void write_speaks(Writer& w, const PlantDevice& d) {
+void write_speaks(PlantWriter& w, const PlantDevice& d) {
   if (d.speaks == PlantDevice{}.speaks) return;
   std::vector<std::string> words;
   for (std::size_t i = 0; i < speaks_words.size(); ++i) {
@@ -65,11 +64,11 @@ void write_speaks(Writer& w, const PlantDevice& d) {
   w.strings("speaks", words);
 }
 
-void write_habits(Writer& w, const PlantDevice& d) {
+void write_habits(PlantWriter& w, const PlantDevice& d) {
   if (d.habit) w.strings("habits", {name(*d.habit)});
 }
 
-void write_programs(Writer& w, const PlantPrograms& p) {
+void write_programs(PlantWriter& w, const PlantPrograms& p) {
   if (p.count == 0) return;
   const PlantPrograms usual;
   std::string text = fmt::format("{{ count = {}", p.count);
@@ -83,7 +82,7 @@ void write_programs(Writer& w, const PlantPrograms& p) {
   w.raw("programs", text + " }");
 }
 
-void write_node_id(Writer& w, const PlantDevice& d) {
+void write_node_id(PlantWriter& w, const PlantDevice& d) {
   if (d.node_id.configured()) w.raw("node_id", fmt::format("{}", d.node_id.value()));
   const auto implied = d.node_id.configured() ? NodeIdSource::nonvolatile : NodeIdSource::blank;
   if (d.source != implied) w.string("source", name(d.source));
@@ -95,7 +94,7 @@ void write_node_id(Writer& w, const PlantDevice& d) {
   }
 }
 
-void write_variables(Writer& w, const PlantDevice& d) {
+void write_variables(PlantWriter& w, const PlantDevice& d) {
   if (d.does.variables.empty()) return;
   std::string text = "[\n";
   for (const auto& each : d.does.variables) {
@@ -105,7 +104,7 @@ void write_variables(Writer& w, const PlantDevice& d) {
   w.raw("variables", text + "]");
 }
 
-void write_device(Writer& w, const PlantDevice& d) {
+void write_device(PlantWriter& w, const PlantDevice& d) {
   w.line("\n[[device]]");
   w.string("bus", d.bus);
   w.string("name", d.name);
@@ -145,7 +144,7 @@ void write_device(Writer& w, const PlantDevice& d) {
   w.flag("plugged", d.plugged, true);
 }
 
-void write_strike(Writer& w, const PlantEvent& e) {
+void write_strike(PlantWriter& w, const PlantEvent& e) {
   const auto& s = e.strike;
   if (!e.nodes.empty()) w.strings("nodes", e.nodes);
   if (s.frame) w.raw("frame", fmt::format("{}", *s.frame));
@@ -163,7 +162,7 @@ void write_strike(Writer& w, const PlantEvent& e) {
   w.number("bits", s.bits, usual_strike.bits);
 }
 
-void write_event(Writer& w, const PlantEvent& e) {
+void write_event(PlantWriter& w, const PlantEvent& e) {
   w.line("\n[[event]]");
   if (e.after == After::start) {
     w.string("at", write_duration(e.delay));
@@ -186,7 +185,7 @@ void write_event(Writer& w, const PlantEvent& e) {
   if (e.action == Action::set_serial || e.action == Action::set_node_id) w.raw("value", fmt::format("{}", e.value));
 }
 
-void write_gateway(Writer& w, const PlantGateway& gateway) {
+void write_gateway(PlantWriter& w, const PlantGateway& gateway) {
   w.line("\n[[gateway]]");
   w.string("above", gateway.above);
   w.strings("beneath", gateway.beneath);
@@ -197,7 +196,7 @@ void write_gateway(Writer& w, const PlantGateway& gateway) {
   if (gateway.literal) w.raw("literal", "true");
 }
 
-void write_comment(Writer& w, std::string_view comment) {
+void write_comment(PlantWriter& w, std::string_view comment) {
   while (!comment.empty()) {
     const auto newline = comment.find('\n');
     std::string text(comment.substr(0, newline));
@@ -211,7 +210,7 @@ void write_comment(Writer& w, std::string_view comment) {
 }  // namespace
 
 std::string write_plant(const PlantFile& plant, std::string_view comment) {
-  Writer w;
+  PlantWriter w;
   write_comment(w, comment);
   w.line("[plant]");
   if (plant.seed >> 63U != 0) {
@@ -220,7 +219,7 @@ std::string write_plant(const PlantFile& plant, std::string_view comment) {
     w.raw("seed", fmt::format("{}", plant.seed));
   }
   for (const auto& bus : plant.buses) {
-    w.line(fmt::format("\n[bus.{}]", quoted(bus.name)));
+    w.line(fmt::format("\n[bus.{}]", text::quoted(bus.name)));
     w.number("bitrate", bus.bitrate, 0U);
     w.number("fd_bitrate", bus.fd_bitrate, 0U);
   }

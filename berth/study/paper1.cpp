@@ -20,7 +20,7 @@ using namespace std::chrono_literals;
 using plant::Speaks;
 namespace times = nodeid::paper1;
 
-constexpr auto limit = 30min;
+constexpr auto longest_run = 30min;
 
 /// The paper's; its collect window is what formula (3) gives, rounded up to whole 10 ms: 30.1 became 40.
 times::Conditions conditions_of(const Conditions& wanted) {
@@ -103,7 +103,7 @@ Row preparation(const times::Conditions& c, Figures& figures) {
   row.formula = seconds(times::t_detect_all(times::published, c));
   unsigned done = 0;
   Stage stage(plant_of(slaves(c, Speaks::rand, true)), c.bit_rate);
-  row.simulated = measured(stage, guard_all(stage, c, done), limit, figures, "paper1-preparation");
+  row.simulated = measured(stage, guard_all(stage, c, done), longest_run, figures, "paper1-preparation");
   auto wrong = differences(stage, seats_from(stage, 1), Hold::active);
   if (done != c.slaves) wrong.push_back(fmt::format("{} of {} slaves answered", done, c.slaves));
   if (!right(figures, "paper1-preparation", wrong)) row.simulated.reset();
@@ -134,7 +134,7 @@ Row collect(const times::Conditions& c) {
 std::optional<double> rand_as_published(const times::Conditions& c, Figures& figures, const char* name) {
   std::vector<LssAddress> found;
   Stage stage(plant_of(slaves(c, Speaks::rand)), c.bit_rate);
-  const auto span = measured(stage, find_rand(stage, c, found), limit, figures, name);
+  const auto span = measured(stage, find_rand(stage, c, found), longest_run, figures, name);
   return right(figures, name, differences(stage, found)) ? span : std::nullopt;
 }
 
@@ -177,7 +177,7 @@ Row and_protocol(const times::Conditions& wanted, Figures& figures) {
   row.formula = seconds(times::t_network_id(times::and_published, c));
   std::vector<nodeid::AndAddress> found;
   Stage stage(plant_of(slaves(c, Speaks::and_protocol)), c.bit_rate);
-  row.simulated = measured(stage, find_and(stage, c, found), limit, figures, "paper1-and");
+  row.simulated = measured(stage, find_and(stage, c, found), longest_run, figures, "paper1-and");
   if (!right(figures, "paper1-and", differences_by_and(stage, found))) row.simulated.reset();
   row.trace = "paper1-and";
   row.marks = both_marks;
@@ -193,7 +193,7 @@ std::optional<double> bound_by_berth(const times::Conditions& c, Figures& figure
   Stage stage(plant_of(slaves(c, Speaks::rand)), c.bit_rate);
   Commissioning berth(stage);
   const auto seats = seats_from(stage, 1);
-  const auto span = measured(stage, berth.bind(seats), limit, figures, name);
+  const auto span = measured(stage, berth.bind(seats), longest_run, figures, name);
   auto wrong = differences(stage, seats, Hold::stored);
   if (berth.bound() != c.slaves) wrong.push_back(fmt::format("{} of {} slaves bound", berth.bound(), c.slaves));
   return right(figures, name, wrong) ? span : std::nullopt;
@@ -206,7 +206,7 @@ Row binding(const times::Conditions& c, Figures& figures) {
   unsigned done = 0;
   {
     Stage stage(plant_of(slaves(c, Speaks::rand)), c.bit_rate);
-    row.simulated = measured(stage, bind_all(stage, c, done), limit, figures, "paper1-binding");
+    row.simulated = measured(stage, bind_all(stage, c, done), longest_run, figures, "paper1-binding");
     auto wrong = differences(stage, seats_from(stage, 1), Hold::pending);
     if (done != c.slaves) wrong.push_back(fmt::format("{} of {} slaves answered", done, c.slaves));
     if (!right(figures, "paper1-binding", wrong)) row.simulated.reset();
@@ -253,7 +253,7 @@ trace::Trace figure_9_trace(const Conditions& wanted, Figures& figures) {
   std::vector<LssAddress> found;
   stage.settle();
   stage.record();
-  stage.run(find_rand(stage, c, found), limit);
+  stage.run(find_rand(stage, c, found), longest_run);
   right(figures, "paper1-figure9", differences(stage, found));
   return stage.trace();
 }

@@ -14,7 +14,7 @@ std::string listed(std::span<const std::string_view> words) {
   std::string out;
   for (std::size_t i = 0; i < words.size(); ++i) {
     if (i > 0) out += i + 1 == words.size() ? " or " : ", ";
-    out += quoted(words[i]);
+    out += text::quoted(words[i]);
   }
   return out;
 }
@@ -106,7 +106,7 @@ std::optional<Duration> Table::duration(std::string_view key, Duration low, Dura
   }
   const auto duration = parse_duration(value->string);
   if (!duration) {
-    error(key, fmt::format("{} is not a duration", quoted(value->string)),
+    error(key, fmt::format("{} is not a duration", text::quoted(value->string)),
           "write a number and a unit (ns, us, ms, s, min, h), such as \"4 ms\"");
     return std::nullopt;
   }
@@ -124,8 +124,9 @@ std::optional<std::size_t> Table::word(std::string_view key, std::span<const std
   const auto it = std::ranges::find(words, *text);
   if (it != words.end()) return static_cast<std::size_t>(it - words.begin());
   const auto near = closest(*text, words);
-  error(key, fmt::format("{} is not known here", quoted(*text)),
-        near.empty() ? "use " + listed(words) : fmt::format("did you mean {}? Use {}", quoted(near), listed(words)));
+  error(key, fmt::format("{} is not known here", text::quoted(*text)),
+        near.empty() ? "use " + listed(words)
+                     : fmt::format("did you mean {}? Use {}", text::quoted(near), listed(words)));
   return std::nullopt;
 }
 
@@ -208,7 +209,7 @@ void Table::finish() {
     if (std::ranges::find(known_, member.key) != known_.end()) continue;
     const auto near = closest(member.key, words);
     add(Finding::Severity::error, member.place, member.key, "unknown key",
-        near.empty() ? "remove it; known here: " + listed(words) : fmt::format("did you mean {}?", quoted(near)));
+        near.empty() ? "remove it; known here: " + listed(words) : fmt::format("did you mean {}?", text::quoted(near)));
   }
 }
 
