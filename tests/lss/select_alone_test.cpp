@@ -36,9 +36,10 @@ TEST(SelectAlone, SelectsTheOneAndAsksAllItsParts) {
   EXPECT_EQ(one.slave.state(), State::configuration);
   ASSERT_FALSE(record.text.empty());
   EXPECT_EQ(record.text[0], "7E5#0400000000000000");
-  for (const char* part : {"7E5#5D00000000000000", "7E5#5A00000000000000", "7E5#5B00000000000000"}) {
+  for (const char* part : {"7E5#5A00000000000000", "7E5#5B00000000000000", "7E5#5C00000000000000"}) {
     EXPECT_EQ(std::ranges::count(record.text, part), 1) << part;
   }
+  EXPECT_EQ(std::ranges::count(record.text, "7E5#5D00000000000000"), 2) << "once more behind a first proof's window";
 }
 
 // CiA 305: switch selective is served in waiting only, so a device that is in configuration already needs `04 00`.
