@@ -37,7 +37,8 @@ class Network::Asked final : public ManagerObjects::Requests {
   }
   static rt::Task<void> bring(Network& network, NodeId node) {
     const Seat* const seat = node.configured() ? network.parts_.slots.at(node) : nullptr;
-    const auto done = co_await network.configure(seat != nullptr ? seat->name() : std::string(), true);
+    const std::string slot = seat != nullptr ? seat->name() : std::string();
+    const auto done = co_await network.configure(slot, true);
     if (!done) network.parts_.slots.events().tell_failure("the configuration that 1F25h asked for", done.error());
   }
 
