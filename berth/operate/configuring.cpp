@@ -381,7 +381,7 @@ rt::Task<void> Configuring::compare(Seat& seat, bool write, SlotConfiguration& i
     co_return;
   }
   const auto heard = s_.boots.heard(id);
-  const bool runs = seat.started || (heard && s_.boots.state(id) == NmtState::operational);
+  const bool runs = (seat.started && !seat.held) || (heard && s_.boots.state(id) == NmtState::operational);
   if (write && !runs) {
     seat.configuration.stuck = false;
     seat.configuration.failed_savings = 0;

@@ -258,7 +258,7 @@ AbortCode ManagerObjects::reading(const od::Values&, ObjectRef ref, std::span<co
   }
   std::uint64_t number = 0;
   if (ref.index == nmt_startup) {
-    number = manager::value_of(s_.bus.startup.rules) | 1U;
+    number = manager::value_of(s_.bus.startup.rules) | (s_.may_command() ? 1U : 0U);
   } else if (ref.index == boot_time) {
     number = static_cast<std::uint64_t>(
         std::chrono::duration_cast<std::chrono::milliseconds>(s_.bus.startup.boot_time).count());

@@ -242,17 +242,22 @@ TEST(Conveyor, S5_1_AnyDeviceIsReplaced) {
   }
 }
 
-// Programs that loop, allocate without end or throw: each ends with its line and an emergency, its device stays on the bus,
-// the network is operational, and a device with the right program in its place heals it.
+// Programs that loop, allocate without end or throw: each ends with its line and an emergency, its device stays on the
+// bus, the network is operational, and a device with the right program in its place heals it.
 TEST(Conveyor, BadProgramsEndAlone) {
   const struct {
     const char* slot;
     const char* text;
     const char* told;
-  } bad[] = {{"quay drive", "device.every(100, function()\n  while true do end\nend)\n", "instructions"},
-             {"yard drive", "local t = {}\ndevice.every(10, function()\n  t[#t + 1] = string.rep('x', 20000) .. #t\nend)\n",
+  } bad[] = {{"quay drive", "device.every(100, function()\n  while device.state() == 'operational' do end\nend)\n",
+              "instructions"},
+             {"yard drive",
+              "local t = {}\ndevice.every(10, function()\n  if device.state() == 'operational' then t[#t + 1] = "
+              "string.rep('x', 20000) .. #t end\nend)\n",
               "memory"},
-             {"main drive", "device.every(100, function()\n  error('broken')\nend)\n", "broken"}};
+             {"main drive",
+              "device.every(100, function()\n  if device.state() == 'operational' then error('broken') end\nend)\n",
+              "broken"}};
   std::string folder = (std::filesystem::temp_directory_path() / "berth-conveyor-XXXXXX").string();
   ASSERT_NE(::mkdtemp(folder.data()), nullptr);
   Conveyor plant([&](design::Machine&, plant::PlantFile& file) {
@@ -279,7 +284,8 @@ TEST(Conveyor, BadProgramsEndAlone) {
   }
   EXPECT_TRUE(plant.operational()) << plant.log();
   for (const auto& each : bad) plant.replace(each.slot);
-  EXPECT_TRUE(plant.run_until([&] { return plant.value("unloader", "running").value_or(0) != 0; }, 120s)) << plant.log();
+  EXPECT_TRUE(plant.run_until([&] { return plant.value("unloader", "running").value_or(0) != 0; }, 120s))
+      << plant.log();
 }
 
 }  // namespace berth::test

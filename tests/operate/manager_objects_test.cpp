@@ -25,7 +25,9 @@ constexpr std::uint16_t bus_status = 0x5F01;
 
 design::Machine three_slots() {
   design::Machine m = one_bus(250'000);
-  for (const unsigned id : {1U, 2U, 3U}) add_slot(m, id, type_b);
+  add_slot(m, 1, type_b);
+  add_slot(m, 2, type_b);
+  add_slot(m, 3, type_c);
   m.slots[0].spec.mandatory = true;
   m.slots[2].spec.optional = true;
   return m;
