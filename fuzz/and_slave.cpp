@@ -1,19 +1,19 @@
 // Any frames at an AND slave and at the reader of its answers: it answers for its own address only, and nothing but
 // the inquiry right after its DIS once it is identified.
 #include <cstdint>
-#include <cstdlib>
 
 #include "berth/nodeid/and_slave.hpp"
+#include "fuzz/require.hpp"
+
+namespace and_slave_target {
 
 namespace {
 using namespace berth;
+using fuzz::require;
 using nodeid::AndAnswer;
 using nodeid::AndRequest;
 using nodeid::Identification;
 
-void must(bool holds) {
-  if (!holds) std::abort();
-}
 constexpr LssAddress address{1, 0x0001'0002, 3, 0x0405'0607};
 }  // namespace
 
@@ -27,23 +27,25 @@ extern "C" int LLVMFuzzerTestOneInput(const std::uint8_t* data, std::size_t size
     frame.size = (what & 1U) != 0 ? data[1] % 9 : 8;
     frame.remote = (what & 0x70U) == 0x70;
     frame.extended = (what & 0x60U) == 0x60;
-    if (const auto answer = nodeid::decode_and_answer(frame)) must(answer->nibble < 16);
+    if (const auto answer = nodeid::decode_and_answer(frame)) require(answer->nibble < 16);
     if ((what & 0x7EU) == 0x7EU) slave.power_on();
     const auto before = slave.state();
     const auto answer = slave.handle(frame);
     if (!answer) continue;
     const auto request = nodeid::decode_and_request(frame);
     const auto read = nodeid::decode_and_answer(*answer);
-    must(request.has_value() && read.has_value() && answer->size == 8);
+    require(request.has_value() && read.has_value() && answer->size == 8);
     if (request->kind == AndRequest::Kind::inquire) {
-      must(before == Identification::identified && read->kind == AndAnswer::Kind::address);
+      require(before == Identification::identified && read->kind == AndAnswer::Kind::address);
       continue;
     }
-    must(before == Identification::unknown);
+    require(before == Identification::unknown);
     const unsigned phase = request->phase;
-    must(slave.address().prefix(phase) == request->address);
-    must(read->nibble == slave.address().nibble(phase == nodeid::and_direct_phase ? 11 : phase));
-    must((read->kind == AndAnswer::Kind::dis) == (slave.state() == Identification::identified));
+    require(slave.address().prefix(phase) == request->address);
+    require(read->nibble == slave.address().nibble(phase == nodeid::and_direct_phase ? 11 : phase));
+    require((read->kind == AndAnswer::Kind::dis) == (slave.state() == Identification::identified));
   }
   return 0;
 }
+
+}  // namespace and_slave_target

@@ -6,6 +6,8 @@
 #include "berth/trace/candump.hpp"
 #include "fuzz/require.hpp"
 
+namespace candump_target {
+
 extern "C" int LLVMFuzzerTestOneInput(const std::uint8_t* data, std::size_t size) {
   using namespace berth;
   using fuzz::require;
@@ -23,3 +25,5 @@ extern "C" int LLVMFuzzerTestOneInput(const std::uint8_t* data, std::size_t size
   require(again.trace == reading.trace && !has_errors(again.findings));
   return 0;
 }
+
+}  // namespace candump_target

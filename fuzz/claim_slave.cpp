@@ -1,26 +1,26 @@
 // Any frames at a device that claims a node-ID: it holds a valid one or none, never yields to a higher NAME, and sends
 // its own NAME only.
 #include <cstdint>
-#include <cstdlib>
 
 #include "berth/nodeid/claim_slave.hpp"
+#include "fuzz/require.hpp"
+
+namespace claim_slave_target {
 
 namespace {
 using namespace berth;
+using fuzz::require;
 using nodeid::Claiming;
 
-void must(bool holds) {
-  if (!holds) std::abort();
-}
 constexpr LssAddress address{1, 2, 3, 4};
 
 struct Owner final : nodeid::ClaimOwner {
   void send(const can::Frame& frame) noexcept override {
     const auto said = nodeid::decode_claim(frame);
-    must(said && said->name == nodeid::claim_name(address));
+    require(said && said->name == nodeid::claim_name(address));
   }
-  void claimed(NodeId id) noexcept override { must(id.configured()); }
-  void claim_lost(NodeId id) noexcept override { must(id.configured() && !firm); }
+  void claimed(NodeId id) noexcept override { require(id.configured()); }
+  void claim_lost(NodeId id) noexcept override { require(id.configured() && !firm); }
   bool firm = false;
 };
 }  // namespace
@@ -52,11 +52,13 @@ extern "C" int LLVMFuzzerTestOneInput(const std::uint8_t* data, std::size_t size
         slave.received(frame);
         const auto heard = nodeid::decode_claim(frame);
         const bool lower = heard && heard->name < slave.name() && heard->id == before.value();
-        if (state == Claiming::settled && slave.state() != Claiming::settled) must(lower && !owner.firm);
+        if (state == Claiming::settled && slave.state() != Claiming::settled) require(lower && !owner.firm);
       }
     }
     const bool has = slave.state() == Claiming::claiming || slave.state() == Claiming::settled;
-    must(has == slave.id().configured());
+    require(has == slave.id().configured());
   }
   return 0;
 }
+
+}  // namespace claim_slave_target

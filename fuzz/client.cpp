@@ -3,6 +3,8 @@
 #include "berth/client/remote_node.hpp"
 #include "fuzz/bench_port.hpp"
 
+namespace client_target {
+
 namespace {
 
 using namespace berth;
@@ -121,3 +123,5 @@ extern "C" int LLVMFuzzerTestOneInput(const std::uint8_t* data, std::size_t size
   world.honest();
   return 0;
 }
+
+}  // namespace client_target

@@ -7,6 +7,8 @@
 #include "berth/od/description.hpp"
 #include "fuzz/require.hpp"
 
+namespace concise_dcf_target {
+
 namespace {
 
 using namespace berth;
@@ -52,3 +54,5 @@ extern "C" int LLVMFuzzerTestOneInput(const std::uint8_t* data, std::size_t size
   }
   return 0;
 }
+
+}  // namespace concise_dcf_target

@@ -3,6 +3,8 @@
 #include "berth/command/request.hpp"
 #include "fuzz/require.hpp"
 
+namespace control_target {
+
 extern "C" int LLVMFuzzerTestOneInput(const std::uint8_t* data, std::size_t size) {
   using namespace berth;
   const std::string line(reinterpret_cast<const char*>(data), size);
@@ -18,3 +20,5 @@ extern "C" int LLVMFuzzerTestOneInput(const std::uint8_t* data, std::size_t size
   fuzz::require(command::parse_reply(command::to_json(reply)).lines.size() == reply.lines.size());
   return 0;
 }
+
+}  // namespace control_target

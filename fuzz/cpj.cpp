@@ -6,6 +6,8 @@
 #include "berth/eds/cpj.hpp"
 #include "fuzz/require.hpp"
 
+namespace cpj_target {
+
 using berth::fuzz::require;
 
 extern "C" int LLVMFuzzerTestOneInput(const std::uint8_t* data, std::size_t size) {
@@ -30,3 +32,5 @@ extern "C" int LLVMFuzzerTestOneInput(const std::uint8_t* data, std::size_t size
   require(eds::write_cpj(back.project).text == written.text);
   return 0;
 }
+
+}  // namespace cpj_target

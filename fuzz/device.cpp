@@ -13,6 +13,8 @@
 #include "berth/sim/world.hpp"
 #include "fuzz/bench_port.hpp"
 
+namespace device_target {
+
 namespace {
 
 using namespace berth;
@@ -205,3 +207,5 @@ extern "C" int LLVMFuzzerTestOneInput(const std::uint8_t* data, std::size_t size
   me->listen(nullptr, {});
   return 0;
 }
+
+}  // namespace device_target

@@ -10,6 +10,8 @@
 #include "berth/rt/scope.hpp"
 #include "fuzz/void_port.hpp"
 
+namespace discovery_target {
+
 using namespace berth;
 using namespace std::chrono_literals;
 
@@ -94,3 +96,5 @@ extern "C" int LLVMFuzzerTestOneInput(const std::uint8_t* data, std::size_t size
   executor.advance(executor.now() + 1s);
   return 0;
 }
+
+}  // namespace discovery_target

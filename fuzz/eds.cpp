@@ -11,6 +11,8 @@
 #include "fuzz/require.hpp"
 #include "tests/eds/random_description.hpp"
 
+namespace eds_target {
+
 namespace {
 
 using namespace berth;
@@ -107,3 +109,5 @@ extern "C" int LLVMFuzzerTestOneInput(const std::uint8_t* data, std::size_t size
   if (reading.usable()) write_and_read(reading.file);
   return 0;
 }
+
+}  // namespace eds_target

@@ -9,6 +9,8 @@
 #include "berth/co/emcy_list.hpp"
 #include "fuzz/bench_port.hpp"
 
+namespace emcy_target {
+
 namespace {
 
 using namespace berth;
@@ -111,3 +113,5 @@ extern "C" int LLVMFuzzerTestOneInput(const std::uint8_t* data, std::size_t size
   require(ear.message == co::Emcy{0x8130, 0x11, {1, 2, 3, 4, 5}});
   return 0;
 }
+
+}  // namespace emcy_target

@@ -4,6 +4,8 @@
 
 #include "fuzz/bench_port.hpp"
 
+namespace flying_master_target {
+
 namespace {
 
 using namespace berth;
@@ -84,3 +86,5 @@ extern "C" int LLVMFuzzerTestOneInput(const std::uint8_t* data, std::size_t size
   require(node.claims == before + 1);
   return 0;
 }
+
+}  // namespace flying_master_target

@@ -5,6 +5,8 @@
 #include "berth/serve/gateway_309.hpp"
 #include "fuzz/require.hpp"
 
+namespace gateway_309_target {
+
 namespace {
 
 using namespace berth;
@@ -53,3 +55,5 @@ extern "C" int LLVMFuzzerTestOneInput(const std::uint8_t* data, std::size_t size
   if (bytes) require(serve::from_base64(serve::to_base64(*bytes)) == *bytes);
   return 0;
 }
+
+}  // namespace gateway_309_target

@@ -8,6 +8,8 @@
 #include "berth/linker/files.hpp"
 #include "berth/linker/plan_file.hpp"
 
+namespace link_plan_target {
+
 namespace {
 
 using namespace berth;
@@ -60,3 +62,5 @@ extern "C" int LLVMFuzzerTestOneInput(const std::uint8_t* data, std::size_t size
   if (!planned.good() || planned.plan.pdos.size() != 2 || !linker::make_files(network, planned.plan)) std::abort();
   return 0;
 }
+
+}  // namespace link_plan_target

@@ -5,6 +5,8 @@
 
 #include "fuzz/bench_port.hpp"
 
+namespace live_gate_target {
+
 namespace {
 
 using namespace berth;
@@ -67,3 +69,5 @@ extern "C" int LLVMFuzzerTestOneInput(const std::uint8_t* data, std::size_t size
   require(gate.report().empty() == (signs == 0));
   return 0;
 }
+
+}  // namespace live_gate_target

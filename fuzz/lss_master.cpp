@@ -4,6 +4,8 @@
 
 #include "fuzz/void_port.hpp"
 
+namespace lss_master_target {
+
 using namespace berth;
 using namespace std::chrono_literals;
 
@@ -90,3 +92,5 @@ extern "C" int LLVMFuzzerTestOneInput(const std::uint8_t* data, std::size_t size
   fuzz::require(reply && reply->byte() == 7);
   return 0;
 }
+
+}  // namespace lss_master_target

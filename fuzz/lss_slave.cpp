@@ -1,21 +1,20 @@
 // Any frames at any times at an LSS slave: it answers only what CiA 305 lets it answer, and its values stay legal.
 #include <cstdint>
-#include <cstdlib>
 
 #include "berth/lss/slave.hpp"
+#include "fuzz/require.hpp"
+
+namespace lss_slave_target {
 
 namespace {
 
 using namespace berth;
-
-void must(bool holds) {
-  if (!holds) std::abort();
-}
+using fuzz::require;
 
 struct Owner final : lss::SlaveOwner {
   std::optional<lss::StoreResult> store(const lss::Settings&) noexcept override { return result; }
   void wants_reset_communication() noexcept override { reset = true; }
-  void switch_bit_rate(lss::BitRateIndex index) noexcept override { must(lss::bit_rate(index).has_value()); }
+  void switch_bit_rate(lss::BitRateIndex index) noexcept override { require(lss::bit_rate(index).has_value()); }
   void silence_over() noexcept override {}
   std::optional<lss::StoreResult> result = lss::StoreResult{};
   bool reset = false;
@@ -23,25 +22,25 @@ struct Owner final : lss::SlaveOwner {
 
 // HC3.1: only the whole serial number, in a request that nothing comes after.
 void check_complete(const lss::Slave& slave, const can::Frame& request) {
-  must(lss::value32(request) == slave.address().serial);
-  must(request.data[5] == 0 && request.data[6] == 3 && (request.data[7] == 0 || request.data[7] > 3));
+  require(lss::value32(request) == slave.address().serial);
+  require(request.data[5] == 0 && request.data[6] == 3 && (request.data[7] == 0 || request.data[7] > 3));
 }
 
 void check(const lss::Slave& slave, const can::Frame& request, lss::State before, const lss::Answers& answers) {
   const auto& answer = *answers;
-  must(lss::is_lss(answer, lss::slave_cob_id));
-  must(lss::is_lss(request, lss::master_cob_id));
+  require(lss::is_lss(answer, lss::slave_cob_id));
+  require(lss::is_lss(request, lss::master_cob_id));
   const auto cs = request.data[0];
   const auto expected = cs == 0x43 ? 0x44 : cs == 0x4B || cs == 0x51 ? 0x4F : cs == 0x4C ? 0x50 : cs;
-  must(answer.data[0] == expected);
-  if (cs == 0x4C) must(slave.unconfigured());
-  if (cs != 0x43 && cs != 0x4B && cs != 0x4C && cs != 0x51) must(before == lss::State::configuration);
-  if (cs == 0x51) must(slave.unconfigured() && before == lss::State::waiting);
+  require(answer.data[0] == expected);
+  if (cs == 0x4C) require(slave.unconfigured());
+  if (cs != 0x43 && cs != 0x4B && cs != 0x4C && cs != 0x51) require(before == lss::State::configuration);
+  if (cs == 0x51) require(slave.unconfigured() && before == lss::State::waiting);
   if (cs == 0x51 && slave.state() == lss::State::configuration) check_complete(slave, request);
   if (!answers.feedback()) return;
-  must(cs == 0x51 && slave.state() == lss::State::waiting);
+  require(cs == 0x51 && slave.state() == lss::State::waiting);
   const auto feedback = lss::decode_feedback(*answers.feedback(), lss::default_feedback_base);
-  must(feedback && lss::feedback_frame(*feedback) == *answers.feedback());
+  require(feedback && lss::feedback_frame(*feedback) == *answers.feedback());
 }
 
 }  // namespace
@@ -62,11 +61,11 @@ extern "C" int LLVMFuzzerTestOneInput(const std::uint8_t* data, std::size_t size
     const auto before = slave.state();
     const bool silent = slave.silent();
     if (const auto answer = slave.handle(frame)) {
-      must(!silent);
+      require(!silent);
       check(slave, frame, before, answer);
     }
     if (owner.reset) {
-      must(slave.initialising() && slave.pending().node_id.configured());
+      require(slave.initialising() && slave.pending().node_id.configured());
       slave.reset_communication();
       owner.reset = false;
     }
@@ -77,9 +76,11 @@ extern "C" int LLVMFuzzerTestOneInput(const std::uint8_t* data, std::size_t size
       case 3: static_cast<void>(slave.stored({data[1], 0})); break;
       default: break;
     }
-    must(NodeId::make(slave.pending().node_id.value()).has_value());
-    must(NodeId::make(slave.active().node_id.value()).has_value());
-    must(lss::contains(lss::all_fixed_bit_rates, static_cast<unsigned>(slave.pending().bit_rate)));
+    require(NodeId::make(slave.pending().node_id.value()).has_value());
+    require(NodeId::make(slave.active().node_id.value()).has_value());
+    require(lss::contains(lss::all_fixed_bit_rates, static_cast<unsigned>(slave.pending().bit_rate)));
   }
   return 0;
 }
+
+}  // namespace lss_slave_target

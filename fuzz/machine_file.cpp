@@ -6,6 +6,8 @@
 #include "berth/design/edit.hpp"
 #include "berth/design/machine.hpp"
 
+namespace machine_file_target {
+
 extern "C" int LLVMFuzzerTestOneInput(const std::uint8_t* data, std::size_t size) {
   using namespace berth;
   const std::string_view text(reinterpret_cast<const char*>(data), size);
@@ -20,3 +22,5 @@ extern "C" int LLVMFuzzerTestOneInput(const std::uint8_t* data, std::size_t size
   if (!again.machine || again.machine->slots.back().spec.optional == slot.spec.optional) std::abort();
   return 0;
 }
+
+}  // namespace machine_file_target

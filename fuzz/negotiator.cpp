@@ -1,26 +1,26 @@
 // Any frames at a negotiator, at any time: it sends only what its state allows, and keeps to its promises.
 #include <cstdint>
-#include <cstdlib>
 
 #include "berth/nodeid/negotiation_frames.hpp"
 #include "berth/nodeid/negotiator.hpp"
+#include "fuzz/require.hpp"
+
+namespace negotiator_target {
 
 namespace {
 using namespace berth;
+using fuzz::require;
 using nodeid::Negotiating;
 using namespace std::chrono_literals;
 
-void must(bool holds) {
-  if (!holds) std::abort();
-}
 constexpr LssAddress address{0x319, 0xAA55'EEFF, 0xDEAD'BEEF, 0x1234'5678};
 
 struct Device final : nodeid::NegotiatorOwner {
   bool send(const can::Frame& frame) noexcept override {
     const auto message = nodeid::decode_negotiation(frame);
-    must(message.has_value());
+    require(message.has_value());
     if (message->kind == nodeid::NegotiationMessage::Kind::identity) {
-      must(!id.configured() && frame == nodeid::identity(address, message->byte));
+      require(!id.configured() && frame == nodeid::identity(address, message->byte));
     }
     if (refuses) return false;
     queued = true;
@@ -30,15 +30,15 @@ struct Device final : nodeid::NegotiatorOwner {
   [[nodiscard]] bool nothing_queued() const noexcept override { return !queued; }
   [[nodiscard]] std::uint32_t bit_rate() const noexcept override { return 125'000; }
   void node_id_taken(NodeId taken) noexcept override {
-    must(!id.configured() && taken.value() >= 1 && taken.value() <= 127);
+    require(!id.configured() && taken.value() >= 1 && taken.value() <= 127);
     id = taken;
   }
   void node_id_lost(NodeId lost, nodeid::IdLoss) noexcept override {
-    must(lost == id && !firm);
+    require(lost == id && !firm);
     id = NodeId();
   }
   void all_taken() noexcept override {}
-  void node_id_kept(NodeId kept) noexcept override { must(kept == id); }
+  void node_id_kept(NodeId kept) noexcept override { require(kept == id); }
   NodeId id;
   bool queued = false;
   bool refuses = false;
@@ -82,9 +82,11 @@ extern "C" int LLVMFuzzerTestOneInput(const std::uint8_t* data, std::size_t size
       default: negotiator.received(frame); break;
     }
     executor.advance(executor.now() + data[3] * 1ms);
-    must(negotiator.node_id() == device.id);
-    must((negotiator.state() == Negotiating::settled) == device.id.configured());
-    must(negotiator.load() >= 0);
+    require(negotiator.node_id() == device.id);
+    require((negotiator.state() == Negotiating::settled) == device.id.configured());
+    require(negotiator.load() >= 0);
   }
   return 0;
 }
+
+}  // namespace negotiator_target

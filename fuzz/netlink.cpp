@@ -6,6 +6,8 @@
 #include "berth/io/netlink.hpp"
 #include "fuzz/require.hpp"
 
+namespace netlink_target {
+
 extern "C" int LLVMFuzzerTestOneInput(const std::uint8_t* data, std::size_t size) {
   using namespace berth;
   using fuzz::require;
@@ -23,3 +25,5 @@ extern "C" int LLVMFuzzerTestOneInput(const std::uint8_t* data, std::size_t size
     require(fewer[i].kind == notices[i].kind && fewer[i].link == notices[i].link);
   return 0;
 }
+
+}  // namespace netlink_target

@@ -7,6 +7,8 @@
 #include "berth/co/heartbeat.hpp"
 #include "fuzz/bench_port.hpp"
 
+namespace nmt_target {
+
 namespace {
 
 using namespace berth;
@@ -139,3 +141,5 @@ extern "C" int LLVMFuzzerTestOneInput(const std::uint8_t* data, std::size_t size
   check(node);
   return 0;
 }
+
+}  // namespace nmt_target

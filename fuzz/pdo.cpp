@@ -11,6 +11,8 @@
 #include "berth/co/sync.hpp"
 #include "fuzz/bench_port.hpp"
 
+namespace pdo_target {
+
 namespace {
 
 using namespace berth;
@@ -215,3 +217,5 @@ extern "C" int LLVMFuzzerTestOneInput(const std::uint8_t* data, std::size_t size
   check(device);
   return 0;
 }
+
+}  // namespace pdo_target

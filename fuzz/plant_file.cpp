@@ -4,6 +4,8 @@
 
 #include "berth/plant/plant_file.hpp"
 
+namespace plant_file_target {
+
 extern "C" int LLVMFuzzerTestOneInput(const std::uint8_t* data, std::size_t size) {
   using namespace berth;
   const std::string_view text(reinterpret_cast<const char*>(data), size);
@@ -15,3 +17,5 @@ extern "C" int LLVMFuzzerTestOneInput(const std::uint8_t* data, std::size_t size
   if (!again.plant || !(*again.plant == *result.plant)) std::abort();
   return 0;
 }
+
+}  // namespace plant_file_target

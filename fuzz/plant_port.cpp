@@ -6,6 +6,8 @@
 
 #include "berth/io/plant_protocol.hpp"
 
+namespace plant_port_target {
+
 namespace {
 
 using namespace berth;
@@ -37,3 +39,5 @@ extern "C" int LLVMFuzzerTestOneInput(const std::uint8_t* data, std::size_t size
   }
   return 0;
 }
+
+}  // namespace plant_port_target

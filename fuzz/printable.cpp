@@ -2,6 +2,8 @@
 #include "berth/text/printable.hpp"
 #include "fuzz/require.hpp"
 
+namespace printable_target {
+
 extern "C" int LLVMFuzzerTestOneInput(const std::uint8_t* data, std::size_t size) {
   using namespace berth;
   const std::string_view bytes(reinterpret_cast<const char*>(data), size);
@@ -12,3 +14,5 @@ extern "C" int LLVMFuzzerTestOneInput(const std::uint8_t* data, std::size_t size
   fuzz::require(text::printable(text) == text);
   return 0;
 }
+
+}  // namespace printable_target

@@ -9,6 +9,8 @@
 #include "berth/device/programs.hpp"
 #include "fuzz/require.hpp"
 
+namespace program_image_target {
+
 namespace {
 
 using namespace berth;
@@ -77,3 +79,5 @@ extern "C" int LLVMFuzzerTestOneInput(const std::uint8_t* data, std::size_t size
   require(std::ranges::equal(held, image.subspan(ProgramHead::size)));
   return 0;
 }
+
+}  // namespace program_image_target

@@ -4,6 +4,8 @@
 
 #include "berth/nodeid/rand_slave.hpp"
 
+namespace rand_slave_target {
+
 namespace {
 using namespace berth;
 using nodeid::Identification;
@@ -43,3 +45,5 @@ extern "C" int LLVMFuzzerTestOneInput(const std::uint8_t* data, std::size_t size
   }
   return 0;
 }
+
+}  // namespace rand_slave_target

@@ -1,4 +1,5 @@
-// Stands in for libFuzzer in ./run test: every file of the corpus, then a fixed number of seeded mutations of them.
+// Stands in for libFuzzer in ./run test: every file of a target's corpus, then a fixed number of seeded mutations of
+// them. Usage: fuzz_replay NAME [MUTATIONS]
 #include <algorithm>
 #include <cstdint>
 #include <cstdio>
@@ -6,12 +7,11 @@
 #include <filesystem>
 #include <fstream>
 #include <iterator>
+#include <string_view>
 #include <vector>
 
 #include "berth/base/random.hpp"
-
-extern "C" int LLVMFuzzerTestOneInput(const std::uint8_t* data, std::size_t size);
-extern const char* const berth_corpus_folder;  // each target's (CMakeLists.txt), so that this file is compiled once
+#include "fuzz/replay.hpp"
 
 namespace {
 
@@ -54,16 +54,24 @@ void mutate(Bytes& bytes, berth::Random& random) {
 }  // namespace
 
 int main(int argc, char** argv) {
-  const auto runs = argc > 1 ? std::strtoull(argv[1], nullptr, 10) : 2000ULL;
-  const auto files = corpus(berth_corpus_folder);
-  for (const auto& file : files) LLVMFuzzerTestOneInput(file.data(), file.size());
+  const std::string_view name = argc > 1 ? argv[1] : "";
+  const auto target = std::ranges::find(targets(), name, &Target::name);
+  if (target == targets().end()) {
+    std::fprintf(stderr, "usage: fuzz_replay NAME [MUTATIONS]; one of");
+    for (const auto& each : targets()) std::fprintf(stderr, " %s", each.name);
+    std::fprintf(stderr, "\n");
+    return 2;
+  }
+  const auto runs = argc > 2 ? std::strtoull(argv[2], nullptr, 10) : 2000ULL;
+  const auto files = corpus(std::filesystem::path(corpus_folder) / name);
+  for (const auto& file : files) target->input(file.data(), file.size());
   berth::Random random(1);
   for (std::uint64_t i = 0; i < runs; ++i) {
     Bytes bytes = files[random.below(files.size())];
     const auto rounds = 1 + random.below(8);
     for (std::uint64_t k = 0; k < rounds; ++k) mutate(bytes, random);
-    LLVMFuzzerTestOneInput(bytes.data(), bytes.size());
+    target->input(bytes.data(), bytes.size());
   }
-  std::printf("%s: %zu corpus files, %llu mutations\n", berth_corpus_folder, files.size() - 1, runs);
+  std::printf("%s: %zu corpus files, %llu mutations\n", target->name, files.size() - 1, runs);
   return 0;
 }

@@ -7,6 +7,8 @@
 #include "berth/script/behaviour.hpp"
 #include "fuzz/void_port.hpp"
 
+namespace script_target {
+
 namespace {
 
 using namespace berth;
@@ -36,3 +38,5 @@ extern "C" int LLVMFuzzerTestOneInput(const std::uint8_t* data, std::size_t size
   if (behaviour.memory() > limits.memory) std::abort();
   return 0;
 }
+
+}  // namespace script_target

@@ -3,6 +3,8 @@
 #include "berth/co/sdo_client.hpp"
 #include "fuzz/void_port.hpp"
 
+namespace sdo_client_target {
+
 namespace {
 
 using namespace berth;
@@ -87,3 +89,5 @@ extern "C" int LLVMFuzzerTestOneInput(const std::uint8_t* data, std::size_t size
   require(value && *value == 0x1234);
   return 0;
 }
+
+}  // namespace sdo_client_target

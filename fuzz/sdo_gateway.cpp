@@ -6,6 +6,8 @@
 #include "berth/co/sdo_servers.hpp"
 #include "fuzz/void_port.hpp"
 
+namespace sdo_gateway_target {
+
 namespace {
 
 using namespace berth;
@@ -68,3 +70,5 @@ extern "C" int LLVMFuzzerTestOneInput(const std::uint8_t* data, std::size_t size
   require(above.last == can::Frame::base(0x583, {0x43, 0x31, 0x5F, 0, 0x92, 0x01, 0, 0}));
   return 0;
 }
+
+}  // namespace sdo_gateway_target

@@ -7,6 +7,8 @@
 
 #include "fuzz/void_port.hpp"
 
+namespace sdo_server_target {
+
 namespace {
 
 using namespace berth;
@@ -98,3 +100,5 @@ extern "C" int LLVMFuzzerTestOneInput(const std::uint8_t* data, std::size_t size
   require(answer == can::Frame::base(0x585, {0x43, 0x00, 0x10, 0, 0x92, 0x01, 0, 0}));
   return 0;
 }
+
+}  // namespace sdo_server_target

@@ -4,6 +4,8 @@
 #include "berth/plant/device_plan.hpp"
 #include "fuzz/require.hpp"
 
+namespace sim_state_target {
+
 extern "C" int LLVMFuzzerTestOneInput(const std::uint8_t* data, std::size_t size) {
   using namespace berth;
   const auto kept = plant::parse_state({reinterpret_cast<const char*>(data), size});
@@ -18,3 +20,5 @@ extern "C" int LLVMFuzzerTestOneInput(const std::uint8_t* data, std::size_t size
   }
   return 0;
 }
+
+}  // namespace sim_state_target

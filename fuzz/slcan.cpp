@@ -7,6 +7,8 @@
 #include "berth/io/slcan_codec.hpp"
 #include "fuzz/require.hpp"
 
+namespace slcan_target {
+
 extern "C" int LLVMFuzzerTestOneInput(const std::uint8_t* data, std::size_t size) {
   using namespace berth;
   using fuzz::require;
@@ -30,3 +32,5 @@ extern "C" int LLVMFuzzerTestOneInput(const std::uint8_t* data, std::size_t size
   }
   return 0;
 }
+
+}  // namespace slcan_target

@@ -9,6 +9,8 @@
 #include "berth/io/socketcan_codec.hpp"
 #include "fuzz/require.hpp"
 
+namespace socketcan_target {
+
 namespace {
 
 using namespace berth;
@@ -59,3 +61,5 @@ extern "C" int LLVMFuzzerTestOneInput(const std::uint8_t* data, std::size_t size
   }
   return 0;
 }
+
+}  // namespace socketcan_target

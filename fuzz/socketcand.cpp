@@ -7,6 +7,8 @@
 #include "berth/io/socketcand_protocol.hpp"
 #include "fuzz/require.hpp"
 
+namespace socketcand_target {
+
 namespace {
 
 using namespace berth;
@@ -55,3 +57,5 @@ extern "C" int LLVMFuzzerTestOneInput(const std::uint8_t* data, std::size_t size
   }
   return 0;
 }
+
+}  // namespace socketcand_target

@@ -11,6 +11,8 @@
 #include "berth/store/database.hpp"
 #include "fuzz/require.hpp"
 
+namespace store_target {
+
 using namespace berth;
 
 namespace {
@@ -48,3 +50,5 @@ extern "C" int LLVMFuzzerTestOneInput(const std::uint8_t* data, std::size_t size
   if (!seen) fuzz::require(seen.error().message.starts_with("x: "));
   return 0;
 }
+
+}  // namespace store_target

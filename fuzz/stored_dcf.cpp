@@ -2,6 +2,8 @@
 #include "berth/manager/stored_dcf.hpp"
 #include "fuzz/require.hpp"
 
+namespace stored_dcf_target {
+
 extern "C" int LLVMFuzzerTestOneInput(const std::uint8_t* data, std::size_t size) {
   using namespace berth;
   using namespace berth::manager;
@@ -16,3 +18,5 @@ extern "C" int LLVMFuzzerTestOneInput(const std::uint8_t* data, std::size_t size
   fuzz::require(again.has_value() && *again == *text);
   return 0;
 }
+
+}  // namespace stored_dcf_target

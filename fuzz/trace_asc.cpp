@@ -1,7 +1,11 @@
 // A asc file's bytes: see trace_stream.hpp.
 #include "fuzz/trace_stream.hpp"
 
+namespace trace_asc_target {
+
 extern "C" int LLVMFuzzerTestOneInput(const std::uint8_t* data, std::size_t size) {
   berth::fuzz::check(berth::trace::Format::asc, {reinterpret_cast<const char*>(data), size});
   return 0;
 }
+
+}  // namespace trace_asc_target

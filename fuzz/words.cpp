@@ -12,6 +12,8 @@
 #include "berth/text/toml.hpp"
 #include "fuzz/require.hpp"
 
+namespace words_target {
+
 extern "C" int LLVMFuzzerTestOneInput(const std::uint8_t* data, std::size_t size) {
   using namespace berth;
   using fuzz::require;
@@ -33,3 +35,5 @@ extern "C" int LLVMFuzzerTestOneInput(const std::uint8_t* data, std::size_t size
   if (!text::parse_toml(text, "x.toml", findings)) require(!findings.empty());
   return 0;
 }
+
+}  // namespace words_target

@@ -11,6 +11,8 @@
 #include "berth/od/values.hpp"
 #include "fuzz/require.hpp"
 
+namespace xdd_target {
+
 namespace {
 
 using namespace berth;
@@ -46,3 +48,5 @@ extern "C" int LLVMFuzzerTestOneInput(const std::uint8_t* data, std::size_t size
   require(differences.empty());
   return 0;
 }
+
+}  // namespace xdd_target

@@ -275,7 +275,9 @@ void add_link(Verb& berth, Options& options) {
   verb.word("--output,-o", how->output, "write DCFs, concise DCFs, network.cpj, symbols and plan.toml there")
       .shown("FOLDER");
   verb.flag("--dry-run", options.dry_run, "say which files would be written, and write none");
-  verb.word("--plan", how->earlier, "go on from this plan (default: plan.toml of --output, else link_plan of the machine file)").shown("FILE");
+  verb.word("--plan", how->earlier,
+            "go on from this plan (default: plan.toml of --output, else link_plan of the machine file)")
+      .shown("FILE");
   verb.flag("--anew", how->anew, "plan as if nothing had been planned before: PDOs and CAN-IDs may change");
   verb.flag("--links", how->links, "show each link with its PDOs, and the network variables");
   verb.footer(

@@ -14,6 +14,14 @@ namespace berth::cli {
 /// The exit status of every command: done, the answer is no, wrong usage or unreadable input, the bus or a file failed.
 enum Exit : int { done = 0, no = 1, usage = 2, failed = 3 };
 
+/// What Berth is as master, alone or among others.
+struct MasterOptions {
+  bool takes_part = false;           ///< else such a bus is refused while another is active
+  std::optional<unsigned> id;        ///< instead of the machine file's
+  std::optional<unsigned> priority;  ///< the same
+  std::string on_exit;               ///< "", "leave", "preop", "stop": to the devices when it ends
+};
+
 /// CiA 309-3 beside the main job.
 struct Cia309 {
   std::string where;      ///< HOST:PORT; empty: not offered
@@ -28,8 +36,7 @@ struct Options {
   bool read_only = false;    ///< sends SDO upload requests there, and nothing else
   bool slot_table = true;    ///< the command uses the store
   bool makes_store = false;  ///< and makes it on a real machine when there is none
-  bool with_links = false;   ///< the machine's links are part of its configuration
-  std::string on_exit;       ///< "", "leave", "preop", "stop"
+  MasterOptions master;
   std::string machine;
   std::string bus;
   std::vector<std::string> ports;    ///< "socketcan:can0" or "BUS=socketcan:can0": instead of the machine file's

@@ -110,9 +110,8 @@ std::string read_wish(Session& session, const Request& request, Wish& wish) {
   }
   const auto has_config = [&](const design::Slot& s) {
     const auto& name = s.spec.name;
-    const bool has = std::ranges::any_of(
-        wish.networks, [&](Network* n) { return n->bus().name == name.bus && n->configures(name.name); });
-    return has && (wish.slot.empty() || name.name == wish.slot);
+    const bool here = std::ranges::any_of(wish.networks, [&](const Network* n) { return n->bus().name == name.bus; });
+    return here && session.configures(s) && (wish.slot.empty() || name.name == wish.slot);
   };
   if (std::ranges::any_of(session.machine().slots, has_config)) return {};
   return wish.slot.empty() ? "no slot of this machine has a configuration; give one its config = \"FILE.dcf\""

@@ -134,25 +134,34 @@ std::optional<linker::Earlier> earlier_plan(const design::Machine& machine, Find
   return text ? linker::read_plan(*text, machine.link_plan, findings) : std::nullopt;
 }
 
-LinkSettings link_settings(const design::Machine& machine) {
-  LinkSettings made;
-  const auto [network, wrong] = link_network(machine);
-  made.findings = wrong;
+LinkPlan plan_links(const design::Machine& machine) {
+  LinkPlan made;
+  auto [network, wrong] = link_network(machine);
+  made.findings = std::move(wrong);
   const auto earlier = earlier_plan(machine, made.findings);
-  if (has_errors(made.findings) || !earlier) return made;
-  const auto planned = linker::make_plan(network, *earlier);
-  made.findings = planned.findings;
-  for (std::size_t i = 0; planned.good() && i < network.nodes.size(); ++i) {
-    if (!planned.plan.linked[i]) continue;
+  if (!has_errors(made.findings) && earlier) {
+    auto planned = linker::make_plan(network, *earlier);
+    made.findings = std::move(planned.findings);
+    made.plan = std::move(planned.plan);
+  }
+  made.network = std::move(network);
+  return made;
+}
+
+operate::SlotSettings settings_of(const LinkPlan& links) {
+  operate::SlotSettings made;
+  for (std::size_t i = 0; i < links.network.nodes.size(); ++i) {
+    if (!links.plan.linked[i]) continue;
+    const auto& node = links.network.nodes[i];
     manager::Configuration configuration;
-    configuration.file = network.file;
-    for (auto& each : linker::settings_of(network, planned.plan, i)) {
+    configuration.file = links.network.file;
+    for (auto& each : linker::settings_of(links.network, links.plan, i)) {
       configuration.settings.push_back({.object = each.object,
                                         .type = each.type,
                                         .value = std::move(each.value),
-                                        .name = od::full_name(*network.nodes[i].file->description, each.object)});
+                                        .name = od::full_name(*node.file->description, each.object)});
     }
-    made.slots.emplace(network.nodes[i].name, std::make_shared<const manager::Configuration>(std::move(configuration)));
+    made.emplace(node.name, std::make_shared<const manager::Configuration>(std::move(configuration)));
   }
   return made;
 }

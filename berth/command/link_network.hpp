@@ -22,11 +22,15 @@ struct LinkNetwork {
 /// an empty one; none with a finding that is an error.
 [[nodiscard]] std::optional<linker::Earlier> earlier_plan(const design::Machine& machine, Findings& findings);
 
-/// What the links want of the devices, so that `berth up` brings it into them.
-struct LinkSettings {
-  operate::SlotSettings slots;
-  Findings findings;  ///< errors: files that cannot be used, links that cannot be
+/// What `berth up` makes of the links.
+struct LinkPlan {
+  linker::Network network;  ///< nodes and links as the machine's slots and links, in their order
+  linker::Plan plan;        ///< of use without errors only
+  Findings findings;        ///< errors: files that cannot be used, links that cannot be
 };
-[[nodiscard]] LinkSettings link_settings(const design::Machine& machine);
+[[nodiscard]] LinkPlan plan_links(const design::Machine& machine);
+
+/// What the links want of the devices, so that `berth up` brings it into them. Of a plan without errors.
+[[nodiscard]] operate::SlotSettings settings_of(const LinkPlan& links);
 
 }  // namespace berth::command

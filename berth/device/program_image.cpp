@@ -38,8 +38,8 @@ std::vector<std::uint8_t> make_program_image(ProgramHead head, std::span<const s
   head.length = static_cast<std::uint32_t>(content.size());
   head.crc = crc32(content);
   const auto first = write_program_head(head);
-  std::vector<std::uint8_t> image(first.begin(), first.end());
-  image.insert(image.end(), content.begin(), content.end());
+  std::vector<std::uint8_t> image(first.size() + content.size());
+  std::ranges::copy(content, std::ranges::copy(first, image.begin()).out);
   return image;
 }
 

@@ -11,11 +11,29 @@ namespace {
 
 constexpr std::size_t head_checked = ProgramMemory::head_size - 4;
 
+std::array<std::uint8_t, ProgramMemory::head_size> slot_head(std::uint32_t sequence, const ProgramHead& head) noexcept {
+  std::array<std::uint8_t, ProgramMemory::head_size> bytes{};
+  const std::array words{sequence, head.length, head.date, head.time, head.crc};
+  for (std::size_t i = 0; i < words.size(); ++i) store_le(bytes.data() + 4 * i, words[i]);
+  store_le(bytes.data() + head_checked, crc32(std::span(bytes).first(head_checked)));
+  return bytes;
+}
+
 }  // namespace
 
 std::size_t ProgramMemory::footprint(const ProgramLayout& layout) noexcept {
   const std::size_t sectors = (head_size + layout.longest + layout.sector - 1) / layout.sector;
   return layout.count * layout.images * sectors * layout.sector;
+}
+
+std::vector<std::uint8_t> ProgramMemory::holding(const ProgramHead& head, std::span<const std::uint8_t> content) {
+  ProgramHead whole = head;
+  whole.length = static_cast<std::uint32_t>(content.size());
+  whole.crc = crc32(content);
+  const auto first = slot_head(1, whole);
+  std::vector<std::uint8_t> bytes(first.begin(), first.end());
+  bytes.insert(bytes.end(), content.begin(), content.end());
+  return bytes;
 }
 
 ProgramMemory::ProgramMemory(NvMemory& memory, const ProgramLayout& layout, Owner& owner)
@@ -162,15 +180,10 @@ void ProgramMemory::write_head() noexcept {
   work_ = Work::head;
   auto& head = pieces_[0];
   const Program& now = program(number_);
-  const std::array words{now.valid ? now.sequence + 1 : 1U,
-                         static_cast<std::uint32_t>(put_),
-                         ending_.date,
-                         ending_.time,
-                         crc_,
-                         std::uint32_t{0},
-                         std::uint32_t{0}};
-  for (std::size_t i = 0; i < words.size(); ++i) store_le(head.bytes.data() + 4 * i, words[i]);
-  store_le(head.bytes.data() + head_checked, crc32(std::span(head.bytes).first(head_checked)));
+  ProgramHead written = ending_;
+  written.length = static_cast<std::uint32_t>(put_);
+  written.crc = crc_;
+  std::ranges::copy(slot_head(now.valid ? now.sequence + 1 : 1, written), head.bytes.begin());
   writes_ = memory_->write(slot_at(number_, slot_), std::span(head.bytes).first(head_size), *this);
   if (!writes_) finish(false);
 }

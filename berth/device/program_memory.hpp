@@ -42,6 +42,10 @@ class ProgramMemory final : private NvMemory::Done {
   /// Bytes of memory that the programs take.
   [[nodiscard]] static std::size_t footprint(const ProgramLayout& layout) noexcept;
 
+  /// What the first program's first slot holds when it has this program: for memories that are made with one.
+  [[nodiscard]] static std::vector<std::uint8_t> holding(const ProgramHead& head,
+                                                         std::span<const std::uint8_t> content);
+
   ProgramMemory(NvMemory& memory, const ProgramLayout& layout, Owner& owner);
 
   /// Power-on: forgets what was under way and looks which images are whole. Reads them all, for their CRCs.

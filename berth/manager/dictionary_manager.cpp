@@ -10,6 +10,7 @@ using od::Access;
 using od::DataType;
 using od::Literal;
 
+constexpr std::uint16_t request_sdo = 0x1F00;
 constexpr std::uint16_t nmt_startup = 0x1F80;
 constexpr std::uint16_t request_configuration = 0x1F25;
 constexpr std::uint16_t request_nmt = 0x1F82;
@@ -94,6 +95,7 @@ void add_manager_objects(od::DescriptionBuilder& builder, const ManagerObjects& 
   add_requests(builder, {request_guarding, "Request guarding", DataType::unsigned8}, most);
   builder.variable(0x1F89, {.name = "Boot time"});
   if (objects.flying) add_flying(builder, objects.priority);
+  if (objects.sdo_manager) add_sdo_manager_objects(builder, most);
 }
 
 DictionaryManager::DictionaryManager(can::Dispatcher& dispatcher, od::Values& values,
@@ -110,6 +112,8 @@ DictionaryManager::DictionaryManager(can::Dispatcher& dispatcher, od::Values& va
   values.attach(*this, request_configuration);
   values.attach(*this, request_nmt, request_guarding);
   values.attach(*this, flying_timing);
+  const bool gives_channels = values.description().find(request_sdo) != nullptr;
+  if (gives_channels) sdo_requests_ = std::make_unique<SdoRequests>(dispatcher, bus_.sdo(), values);
 }
 
 void DictionaryManager::own_state(NmtState state, NodeId own) noexcept {
@@ -118,6 +122,7 @@ void DictionaryManager::own_state(NmtState state, NodeId own) noexcept {
     leads_ = false;
     configurations_.end();
     flying_.end();
+    if (sdo_requests_) sdo_requests_->end();
     return network_.end();
   }
   network_.own_state(state);
@@ -130,6 +135,7 @@ void DictionaryManager::own_state(NmtState state, NodeId own) noexcept {
 void DictionaryManager::power_off() noexcept {
   state_ = NmtState::initialising;
   leads_ = false;
+  if (sdo_requests_) sdo_requests_->end();
   flying_.power_off();
   network_.end();
 }
@@ -150,6 +156,7 @@ void DictionaryManager::role_changed() noexcept {
     const auto begun = lead(own_, flying_.took_over());
     if (!begun) refused_ = begun.error();
   } else if (led && !leads_) {
+    if (sdo_requests_) sdo_requests_->end();
     network_.end(true);
   }
   if (on_role_) on_role_();
@@ -175,6 +182,14 @@ Result<void> DictionaryManager::lead(NodeId own, bool taken_over) {
     if (!sources_[number]) sources_[number] = std::make_unique<DictionarySource>(*values_, node);
     sources_[number]->share(&transfers_);
     plan.slaves.push_back({node, rules, &bus_.target(node), sources_[number].get()});
+  }
+  if (sdo_requests_) {
+    SdoManagerOptions options;
+    for (const auto& slave : plan.slaves) {
+      options.nodes.push_back(slave.node);
+      options.heartbeat = std::max(options.heartbeat, slave.rules.heartbeat);
+    }
+    sdo_requests_->begin(std::move(options));
   }
   return network_.begin(std::move(plan));
 }

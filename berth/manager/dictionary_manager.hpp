@@ -15,6 +15,8 @@
 /// With bit 5 of 1F80h it is a flying master (`FlyingMaster`, with 1F90h): it boots the network when it has become the
 /// active master, and ends that when it no longer is. A device that is switched off says so: `power_off`.
 ///
+/// With 1F00h in its dictionary it is the SDO manager too, while it is the active master (`SdoRequests`).
+///
 /// Objects that refuse: 1F80h with a reserved bit, or with bit 5 where there is no 1F90h, 0609 0030. 1F90h:03 above 2,
 /// 0609 0030. 1F82h and 1F83h as `NetworkRequests` has it; they read what is known of the slaves. 1F25h as
 /// `ConfigurationRequests` has it.
@@ -30,6 +32,7 @@
 #include "berth/manager/flying_master.hpp"
 #include "berth/manager/managed_bus.hpp"
 #include "berth/manager/network_requests.hpp"
+#include "berth/manager/sdo_requests.hpp"
 #include "berth/od/values.hpp"
 
 namespace berth::manager {
@@ -43,9 +46,10 @@ struct ManagerObjects {
   std::uint32_t longest_program = 0;    ///< in 1F58h; 0: no such object
   bool flying = false;                  ///< 1F90h with CiA 302-2's times
   std::uint8_t priority = 1;            ///< default of 1F90h:03: 0 high, 1 medium, 2 low
+  bool sdo_manager = false;             ///< 1F00h, 1F01h, 1F10h (`SdoRequests`)
 };
 /// 102Ah, (1F20h, 1F21h), (1F22h), (1F23h, 1F24h), 1F25h to 1F27h, 1F53h to 1F55h, (1F58h), 1F80h to 1F8Ah but 1F87h's
-/// kind of check, (1F90h). 1016h is the device's own.
+/// kind of check, (1F90h), (1F00h, 1F01h, 1F10h). 1016h is the device's own.
 void add_manager_objects(od::DescriptionBuilder& builder, const ManagerObjects& objects = {});
 
 class DictionaryManager final : private od::Hook, private FlyingMaster::Owner {
@@ -64,6 +68,8 @@ class DictionaryManager final : private od::Hook, private FlyingMaster::Owner {
   [[nodiscard]] ManagedBus& bus() noexcept { return bus_; }
   /// Who is the active master; off without bit 5 of 1F80h.
   [[nodiscard]] const FlyingMaster& flying() const noexcept { return flying_; }
+  /// Null: its dictionary has no 1F00h.
+  [[nodiscard]] const SdoRequests* sdo_requests() const noexcept { return sdo_requests_.get(); }
   /// Called when that has changed.
   void on_role(std::function<void()> callback) { on_role_ = std::move(callback); }
   [[nodiscard]] ConfigurationRequests& configurations() noexcept { return configurations_; }
@@ -89,6 +95,7 @@ class DictionaryManager final : private od::Hook, private FlyingMaster::Owner {
   NetworkRequests requests_{network_};
   ConfigurationRequests configurations_;
   std::array<std::unique_ptr<DictionarySource>, 128> sources_;
+  std::unique_ptr<SdoRequests> sdo_requests_;  // only with object 1F00h
   std::optional<Error> refused_;
   NodeId own_;
   NmtState state_ = NmtState::initialising;

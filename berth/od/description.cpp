@@ -266,27 +266,6 @@ DescriptionBuilder& DescriptionBuilder::sub(std::uint16_t index, const SubSpec& 
   return *this;
 }
 
-DescriptionBuilder& DescriptionBuilder::add(const Description& description) {
-  for (const Object& each : description.objects()) {
-    object(each.index, each.code, description.name(each), each.type, each.obj_flags);
-    for (const SubObject& part : description.subs(each)) {
-      const Limits* const limits = description.limits(part);
-      sub(each.index, {.sub = part.sub,
-                       .name = description.name(part),
-                       .type = part.type,
-                       .access = part.access,
-                       .mappable = part.mappable,
-                       .initial = description.default_of(part),
-                       .low = limits != nullptr ? limits->low : Literal{},
-                       .high = limits != nullptr ? limits->high : Literal{},
-                       .obj_flags = part.obj_flags,
-                       .capacity = part.described_length()});
-    }
-  }
-  for (const auto& [ref, each] : description.meanings_) meaning(ref, each);
-  return dummies(description.dummies_);
-}
-
 DescriptionBuilder& DescriptionBuilder::meaning(ObjectRef ref, Meaning meaning) {
   std::ranges::sort(meaning.values, {}, &NamedValue::raw);
   state_->meanings.insert_or_assign(ref, std::move(meaning));

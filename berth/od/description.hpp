@@ -210,8 +210,6 @@ class DescriptionBuilder {
                              DataType type = DataType::none, std::uint8_t obj_flags = 0);
   /// A sub-object of an object of any code; makes a RECORD of it when `index` is not known yet.
   DescriptionBuilder& sub(std::uint16_t index, const SubSpec& spec);
-  /// All that a description has.
-  DescriptionBuilder& add(const Description& description);
   /// What the numbers of a sub-object stand for; a second one replaces the first.
   DescriptionBuilder& meaning(ObjectRef ref, Meaning meaning);
   /// Bit n (1..27) = data type n may be mapped as a dummy.

@@ -2,6 +2,9 @@
 /// and puts a replacement to work. One `Network` is one master on one port; `Session` has one for each bus of a
 /// machine.
 ///
+/// On a bus with several masters (`[bus.NAME.flying_master]`) the main job runs while this one is the active master,
+/// and rests while another is (`Mastership`).
+///
 /// What it does, in this order, again and again while it runs:
 ///   1. opening: a device that an interrupted run left in LSS configuration state is taken out of it
 ///   2. preparation: is the device of every bound slot there? By heartbeat, else SDO 1000h, else guarding (S1.30)
@@ -22,6 +25,7 @@
 #include <vector>
 
 #include "berth/operate/main_job.hpp"
+#include "berth/operate/mastership.hpp"
 #include "berth/operate/scan.hpp"
 #include "berth/rt/scope.hpp"
 
@@ -31,7 +35,7 @@ class Network final : private PortHealth::Owner {
  public:
   /// `bus`, `store` and `port` must stay. `slots` are the specifications of this bus.
   Network(rt::Executor& executor, can::Port& port, const design::Bus& bus, std::vector<places::SlotSpec> slots,
-          places::SlotStore& store, NetworkObserver observer);
+          places::SlotStore& store, const NetworkObserver& observer);
   ~Network();
   Network(const Network&) = delete;
   Network& operator=(const Network&) = delete;
@@ -53,8 +57,6 @@ class Network final : private PortHealth::Owner {
     friend bool operator==(const Occupancy&, const Occupancy&) = default;
   };
   [[nodiscard]] std::vector<Occupancy> occupancy() const;
-  /// The slot of this name has `config =`, or links give it one.
-  [[nodiscard]] bool configures(std::string_view slot) noexcept;
   /// Every slot that is not optional is operational.
   [[nodiscard]] bool operational() const noexcept { return parts_.slots.operational(); }
   /// The main job has nothing to do now but to watch.
@@ -124,14 +126,18 @@ class Network final : private PortHealth::Owner {
   [[nodiscard]] rt::Task<Result<Located>> locate(LssAddress device, rt::Duration time, bool anyway);
 
  private:
+  class Asked;
   void port_rests() noexcept override;
   void port_goes_on() override;
 
   Ears ears_;
+  std::unique_ptr<RolePort> role_;  // only with several masters
   Parts parts_;
   PortHealth port_;
   MainJob job_;
   Scan scan_;
+  std::unique_ptr<Asked> asked_;  // what is asked of the master's own device
+  std::unique_ptr<Mastership> mastership_;  // as above
   bool running_ = false;
   rt::Scope scope_;  // last: its tasks use everything above
 };

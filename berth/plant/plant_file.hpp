@@ -107,11 +107,29 @@ struct PlantSignature {
   friend bool operator==(const PlantSignature&, const PlantSignature&) = default;
 };
 
+/// A device that is programmed over the bus (docs/programs.md), and its flash memory. Key `programs`.
+struct PlantPrograms {
+  std::uint32_t count = 0;                         ///< programs, 1 to 254; 0: it is not programmed
+  std::uint32_t size = 65'536;                     ///< bytes of the longest program
+  std::uint32_t images = 2;                        ///< of each program, 1 or 2
+  std::uint32_t sector = 4'096;                    ///< bytes that are erased together
+  Duration erase = std::chrono::milliseconds(20);  ///< for a sector
+  Duration write = std::chrono::microseconds(5);   ///< for a byte
+  bool checked = true;                             ///< takes only images with a head
+  std::string loaded;                              ///< image of the program 1 that it has, as written; empty: none
+  std::string loaded_path;                         ///< the same, relative to the plant file's folder; not compared
+  friend bool operator==(const PlantPrograms& a, const PlantPrograms& b) noexcept {
+    return a.count == b.count && a.size == b.size && a.images == b.images && a.sector == b.sector &&
+           a.erase == b.erase && a.write == b.write && a.checked == b.checked && a.loaded == b.loaded;
+  }
+};
+
 /// How a device stores (LSS store, SDO store). Keys `store`, `deaf_while_storing`, `power_cycle_after_store`.
 struct PlantStorage {
   Duration time = std::chrono::milliseconds(20);  ///< request to answer
   bool deaf = false;                              ///< hears nothing while it stores
   bool power_cycle_after = false;                 ///< a stored node-ID counts only after power was off
+  PlantPrograms programs;
   friend bool operator==(const PlantStorage&, const PlantStorage&) = default;
 };
 
@@ -132,12 +150,6 @@ struct PlantNodeIdObject {
   friend bool operator==(const PlantNodeIdObject&, const PlantNodeIdObject&) = default;
 };
 
-/// A device's behaviour: a Lua file (docs/scripts.md). Key `script`.
-struct PlantScript {
-  std::string file;  ///< as written; empty: none
-  std::string path;  ///< the same, relative to the plant file's folder; not compared
-};
-
 /// A device of several ports, paper 3's gateway: what several devices of the plant are together. Tables `[[gateway]]`.
 struct PlantGateway {
   std::string above;                        ///< its device on the bus above
@@ -148,6 +160,14 @@ struct PlantGateway {
   friend bool operator==(const PlantGateway&, const PlantGateway&) = default;
 };
 
+/// The device is a flying master of its bus (docs/flying-master.md), by its own dictionary. Key `master`.
+struct PlantMaster {
+  std::uint8_t priority = 1;     ///< 1F90h:03
+  std::vector<unsigned> slaves;  ///< node-IDs of its network list (1F81h), ascending
+  bool keep_alive = true;        ///< 1F81h bit 4 of each
+  friend bool operator==(const PlantMaster&, const PlantMaster&) = default;
+};
+
 /// A network variable that the program of a device has. Key `variables`.
 struct PlantVariable {
   std::string name;
@@ -156,13 +176,25 @@ struct PlantVariable {
   friend bool operator==(const PlantVariable&, const PlantVariable&) = default;
 };
 
+/// A device's program: a Lua file (docs/scripts.md). Key `script`.
+struct PlantScript {
+  std::string file;  ///< as written; empty: none
+  std::string path;  ///< the same, relative to the plant file's folder; not compared
+};
+
+/// What it does by itself. Keys `script`, `variables`, `master`.
+struct PlantBehaviour {
+  PlantScript script;
+  std::vector<PlantVariable> variables;
+  std::optional<PlantMaster> master;  ///< without a description and a script only
+};
+
 struct PlantDevice {
   std::string name;  ///< unique in the plant
   std::string bus;
   std::string eds;       ///< description, as written; empty: a minimal built-in one
   std::string eds_path;  ///< the same, relative to the plant file's folder; not compared
-  PlantScript script;
-  std::vector<PlantVariable> variables;
+  PlantBehaviour does;
   LssAddress address;           ///< identity object 1018h
   bool address_of_eds = false;  ///< vendor, product and revision are the description's; not set here
   NodeIdSource source = NodeIdSource::blank;

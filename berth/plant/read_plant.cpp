@@ -189,11 +189,33 @@ void read_times(Table& table, PlantDevice& device) {
 }
 
 void read_script(Table& table, const std::string& file, PlantDevice& device) {
-  device.script.file = table.string("script").value_or("");
-  if (!device.script.file.empty()) device.script.path = text::beside(file, device.script.file);
-  if (table.has("script") && device.script.file.empty() && table.string("script")) {
+  device.does.script.file = table.string("script").value_or("");
+  if (!device.does.script.file.empty()) device.does.script.path = text::beside(file, device.does.script.file);
+  if (table.has("script") && device.does.script.file.empty() && table.string("script")) {
     table.error("script", "the file name is empty", "name a Lua file");
   }
+}
+
+// CiA 302-2: 1F80h bit 5, 1F90h:03, 1F81h. Its dictionary is made for it.
+void read_master(Table& table, PlantDevice& device) {
+  auto entry = table.table("master");
+  if (!entry) return;
+  PlantMaster master;
+  if (const auto priority = entry->integer("priority", {0, 2})) master.priority = static_cast<std::uint8_t>(*priority);
+  if (entry->require("slaves", "the node-IDs of its network list, such as \"1..5\"")) {
+    const auto text = entry->string("slaves").value_or("");
+    const auto slaves = text::parse_ranges(text, 1, 127);
+    if (slaves) master.slaves = *slaves;
+    if (!slaves && !text.empty())
+      entry->error("slaves", fmt::format("{} are no node-IDs", text::quoted(text)), "write \"1..5\"");
+  }
+  master.keep_alive = entry->boolean("keep_alive").value_or(true);
+  entry->finish();
+  const bool described = table.has("eds") || table.has("script") || table.has("node_id_object");
+  if (described) table.error("master", "its dictionary is made for it", "leave eds, script and node_id_object out");
+  if (!device.node_id.configured()) table.error("master", "a master has a node-ID", "give it a node_id");
+  if (device.heartbeat == 0s) device.heartbeat = 500ms;  // the others must hear that it is there
+  device.does.master = std::move(master);
 }
 
 PlantVariable read_variable(Table& table) {
@@ -216,11 +238,33 @@ PlantVariable read_variable(Table& table) {
 }
 
 void read_variables(Table& table, PlantDevice& device) {
-  for (auto& entry : table.tables("variables")) device.variables.push_back(read_variable(entry));
-  if (!device.variables.empty() && !table.has("eds")) {
+  for (auto& entry : table.tables("variables")) device.does.variables.push_back(read_variable(entry));
+  if (!device.does.variables.empty() && !table.has("eds")) {
     table.error("variables", "the device has no description that says where variables can be",
                 "add eds = \"FILE\" with [DynamicChannels]");
   }
+}
+
+void read_programs(Table& table, const std::string& file, PlantDevice& device) {
+  if (!table.has("programs")) return;
+  auto entry = table.table("programs");
+  if (!entry) return;
+  auto& p = device.storing.programs;
+  p.count = entry->u32("count", {1, 254}).value_or(1);
+  p.size = entry->u32("size", {1, 1U << 24U}).value_or(p.size);
+  p.images = entry->u32("images", {1, 2}).value_or(p.images);
+  p.sector = entry->u32("sector", {64, 1U << 20U}).value_or(p.sector);
+  p.erase = entry->duration("erase", 0s, 1min).value_or(p.erase);
+  p.write = entry->duration("write", 0s, 1s).value_or(p.write);
+  p.checked = entry->boolean("checked").value_or(true);
+  p.loaded = entry->string("loaded").value_or("");
+  if (!p.loaded.empty()) p.loaded_path = text::beside(file, p.loaded);
+  constexpr std::uint64_t most = std::uint64_t{1} << 28U;
+  if (std::uint64_t{p.count} * p.images * (p.size + p.sector) > most) {
+    entry->error("size", "the programs take more than 256 MiB of memory", "give it fewer or shorter ones");
+    p.count = 0;
+  }
+  entry->finish();
 }
 
 void read_when(Table& table, PlantEvent& event) {
@@ -313,7 +357,9 @@ class PlantReader {
     read_response(table, device);
     read_times(table, device);
     read_script(table, file_, device);
+    read_master(table, device);
     read_variables(table, device);
+    read_programs(table, file_, device);
     device.bitrate = table.u32("bitrate", bit_rates).value_or(0);
     device.storing.deaf = table.boolean("deaf_while_storing").value_or(false);
     device.storing.power_cycle_after = table.boolean("power_cycle_after_store").value_or(false);

@@ -71,14 +71,20 @@ SimDevice::SimDevice(World& world, sim::Bus& bus, const PlantDevice& plan, const
       plan_(plan),
       timing_(timing_of(plan)),
       flash_(bus.executor(), device::Device::memory_size(*description), timing_.in_world(plan.storing.time)),
+      program_flash_(program_flash_of(plan, bus.executor())),
       controller_(bus.attach(controller_of(plan, bus))),
       port_(bus.executor(), *controller_, timing_, random),
       dispatcher_(bus.executor(), port_),
       device_(dispatcher_, std::move(description), &flash_,
-              options_of(plan, address, bit_rate_of(plan, bus), Random(random).next()), &port_, timing_) {
+              options_of(plan, address, bit_rate_of(plan, bus), Random(random).next()), &port_, timing_,
+              programs_of(plan, program_flash_.get())) {
   flash_.watch(this);
   device_.observe(this);
   if (script) scripted_ = std::make_unique<Scripted>(*this, *std::move(script), random.fork());
+  if (!plan_.does.master) return;
+  manager_ = std::make_unique<manager::DictionaryManager>(dispatcher_, device_.values(),
+                                                          [this](co::NmtCommand command) { device_.apply(command); });
+  device_.on().state = [this](NmtState state) { manager_->own_state(state, device_.node_id()); };
 }
 
 SimDevice::~SimDevice() {
@@ -108,6 +114,7 @@ void SimDevice::switch_on() noexcept {
 void SimDevice::switch_off() noexcept {
   if (!powered_) return;
   powered_ = false;
+  if (manager_) manager_->power_off();
   device_.power_off();
   controller_->power(false);
   if (scripted_) scripted_->stop();
@@ -140,6 +147,7 @@ void SimDevice::power(bool on) noexcept {
 
 void SimDevice::reset() noexcept {
   if (!powered_) return;
+  if (manager_) manager_->power_off();
   // A microcontroller that starts anew sets its CAN controller up anew: what was queued is gone.
   device_.power_off();
   if (scripted_) scripted_->stop();
@@ -179,6 +187,10 @@ Truth SimDevice::truth() const {
   t.bit_rate = controller_->bit_rate();
   t.state = device_.state();
   t.memory_writes = flash_.writes_begun();
+  if (manager_) {
+    t.leads = manager_->flying().is_master();
+    t.active_master = manager_->flying().active().value_or(manager::MasterRank{}).node;
+  }
   if (powered_) t.leds = device::leds(device_.led_inputs());
   return t;
 }
@@ -212,7 +224,8 @@ std::unique_ptr<World> World::make(const PlantFile& plant, std::span<const BusRa
              "add [bus." + plan.bus + "] with its bitrate");
     }
     auto script = world->script_of(plan, findings);
-    if (described == nullptr || bus == nullptr || (!plan.script.file.empty() && !script)) {
+    const bool programs = described != nullptr && check_programs(plan, *described->description, findings);
+    if (!programs || bus == nullptr || (!plan.does.script.file.empty() && !script)) {
       good = false;
       continue;
     }
@@ -264,8 +277,8 @@ bool World::make_gateways(const PlantFile& plant, Findings& findings) {
 }
 
 std::optional<script::Script> World::script_of(const PlantDevice& plan, Findings& findings) {
-  if (plan.script.file.empty()) return std::nullopt;
-  const auto& path = plan.script.path.empty() ? plan.script.file : plan.script.path;
+  if (plan.does.script.file.empty()) return std::nullopt;
+  const auto& path = plan.does.script.path.empty() ? plan.does.script.file : plan.does.script.path;
   const auto [known, fresh] = scripts_.try_emplace(path);
   if (!fresh) return known->second;
   auto text = text::read_file(path, findings);

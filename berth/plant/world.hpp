@@ -24,6 +24,7 @@
 #include "berth/base/result.hpp"
 #include "berth/can/dispatcher.hpp"
 #include "berth/device/device.hpp"
+#include "berth/manager/dictionary_manager.hpp"
 #include "berth/plant/device_plan.hpp"
 #include "berth/plant/plant_file.hpp"
 #include "berth/plant/sim_gateway.hpp"
@@ -47,6 +48,8 @@ struct Truth {
   NodeId persistent;           ///< what the next power-on would load
   std::uint32_t bit_rate = 0;  ///< of its controller, bit/s
   NmtState state = NmtState::initialising;
+  bool leads = false;               ///< a flying master, and the active one
+  NodeId active_master;             ///< as a flying master knows it
   std::uint64_t memory_writes = 0;  ///< begun
   device::Leds leds;                ///< what its indicators show; dark without power
 };
@@ -107,12 +110,14 @@ class SimDevice final : private device::Device::Observer, private device::SimFla
   PlantDevice plan_;
   device::Timing timing_;
   device::SimFlash flash_;
+  std::unique_ptr<device::SimFlash> program_flash_;  // only with programs
   std::unique_ptr<sim::Controller> controller_;
   device::TimedPort port_;
   can::Dispatcher dispatcher_;
   mutable device::Device device_;
   class Scripted;
-  std::unique_ptr<Scripted> scripted_;  // only with a script
+  std::unique_ptr<Scripted> scripted_;                   // only with a script
+  std::unique_ptr<manager::DictionaryManager> manager_;  // only a flying master
   NextPowerOn next_;
   unsigned deafness_ = 0;  // number of the last `deaf`, so that an older one's end does not end it
   unsigned slowness_ = 0;

@@ -69,6 +69,20 @@ void write_habits(Writer& w, const PlantDevice& d) {
   if (d.habit) w.strings("habits", {name(*d.habit)});
 }
 
+void write_programs(Writer& w, const PlantPrograms& p) {
+  if (p.count == 0) return;
+  const PlantPrograms usual;
+  std::string text = fmt::format("{{ count = {}", p.count);
+  if (p.size != usual.size) text += fmt::format(", size = {}", p.size);
+  if (p.images != usual.images) text += fmt::format(", images = {}", p.images);
+  if (p.sector != usual.sector) text += fmt::format(", sector = {}", p.sector);
+  if (p.erase != usual.erase) text += fmt::format(", erase = \"{}\"", write_duration(p.erase));
+  if (p.write != usual.write) text += fmt::format(", write = \"{}\"", write_duration(p.write));
+  if (!p.checked) text += ", checked = false";
+  if (!p.loaded.empty()) text += ", loaded = " + quoted(p.loaded);
+  w.raw("programs", text + " }");
+}
+
 void write_node_id(Writer& w, const PlantDevice& d) {
   if (d.node_id.configured()) w.raw("node_id", fmt::format("{}", d.node_id.value()));
   const auto implied = d.node_id.configured() ? NodeIdSource::nonvolatile : NodeIdSource::blank;
@@ -82,9 +96,9 @@ void write_node_id(Writer& w, const PlantDevice& d) {
 }
 
 void write_variables(Writer& w, const PlantDevice& d) {
-  if (d.variables.empty()) return;
+  if (d.does.variables.empty()) return;
   std::string text = "[\n";
-  for (const auto& each : d.variables) {
+  for (const auto& each : d.does.variables) {
     text += fmt::format("  {{ name = {}, type = \"{}\", object = \"{}\" }},\n", quoted(each.name), od::name(each.type),
                         od::write_object(each.object));
   }
@@ -96,8 +110,9 @@ void write_device(Writer& w, const PlantDevice& d) {
   w.string("bus", d.bus);
   w.string("name", d.name);
   if (!d.eds.empty()) w.string("eds", d.eds);
-  if (!d.script.file.empty()) w.string("script", d.script.file);
+  if (!d.does.script.file.empty()) w.string("script", d.does.script.file);
   write_variables(w, d);
+  write_programs(w, d.storing.programs);
   if (!d.address_of_eds) {
     std::string type = fmt::format("{{ vendor = 0x{:08X}, product = 0x{:08X}", d.address.vendor, d.address.product);
     if (d.address.revision != 0) type += fmt::format(", revision = 0x{:08X}", d.address.revision);
@@ -105,6 +120,12 @@ void write_device(Writer& w, const PlantDevice& d) {
   }
   if (d.address.serial != 0) w.raw("serial", fmt::format("0x{:08X}", d.address.serial));
   write_node_id(w, d);
+  if (d.does.master) {
+    std::string slaves;
+    for (const auto id : d.does.master->slaves) slaves += fmt::format("{}{}", slaves.empty() ? "" : ", ", id);
+    w.raw("master", fmt::format("{{ priority = {}, slaves = \"{}\", keep_alive = {} }}", d.does.master->priority,
+                                slaves, d.does.master->keep_alive));
+  }
   w.number("bitrate", d.bitrate, usual_device.bitrate);
   write_speaks(w, d);
   write_habits(w, d);

@@ -197,7 +197,8 @@ TEST_F(Link, UpLaysTheLinks) {
   EXPECT_EQ(configured, 4U) << run.out;
 }
 
-// A device's program without a variable that a link needs: the device is not started, and the report says what it refused.
+// A device's program without a variable that a link needs: the device is not started, and the report says what it
+// refused.
 TEST_F(Link, S5_4_AProgramWithoutTheVariable) {
   std::string without = belt;
   const std::string line = "  { name = \"press_speed\", type = \"UNSIGNED16\", object = \"A580h:01\" },\n";
@@ -206,8 +207,7 @@ TEST_F(Link, S5_4_AProgramWithoutTheVariable) {
   write("plant.toml", std::string(plant_head) + press + without + modules);
   write("press.lua", press_script);
   write("belt.lua", "");
-  const Outcome run =
-      berth({"up", file("linked.toml"), "--sim", file("plant.toml"), "--timeout", "30 s"});
+  const Outcome run = berth({"up", file("linked.toml"), "--sim", file("plant.toml"), "--timeout", "30 s"});
   EXPECT_EQ(run.status, 1) << run.out;
   EXPECT_NE(run.err.find("slot belt (node-ID 2)"), std::string::npos) << run.err;
   EXPECT_NE(run.err.find("its configuration failed: "), std::string::npos) << run.err;

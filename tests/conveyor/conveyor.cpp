@@ -63,12 +63,12 @@ bool Conveyor::begin() {
   world_->add_observer(*this);
   port_ = world_->attach_master("field");
   session_ = std::make_unique<operate::Session>(world_->executor(), machine_, store_);
-  auto links = command::link_settings(machine_);
+  const auto links = command::plan_links(machine_);
   if (has_errors(links.findings)) {
     problem_ = all_of(links.findings);
     return false;
   }
-  session_->configure_with(std::move(links.slots));
+  session_->configure_with(command::settings_of(links));
   if (!session_->connect("field", *port_) || !session_->open()) {
     problem_ = "the session cannot be opened";
     return false;

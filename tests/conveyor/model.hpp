@@ -11,18 +11,21 @@ namespace berth::test {
 class CoalModel {
  public:
   static constexpr unsigned belts = 10;
-  static constexpr double length = 5.0;     ///< m
-  static constexpr double full_speed = 2.5; ///< m/s
-  static constexpr double ramp = 1.0;       ///< m/s in a second
-  static constexpr double grab = 200.0;     ///< kg/s onto the first belt while it runs
-  static constexpr unsigned blocks = 6;     ///< belt whose chute blocks, from 0
+  static constexpr double length = 5.0;           ///< m
+  static constexpr double full_speed = 2.5;       ///< m/s
+  static constexpr double ramp = 1.0;             ///< m/s in a second
+  static constexpr double grab = 200.0;           ///< kg/s onto the first belt while it runs
+  static constexpr unsigned blocks = 6;           ///< belt whose chute blocks, from 0
   static constexpr double blocks_after = 2000.0;  ///< kg
-  static constexpr double stands = 3.0;     ///< s that the belt must stand until its chute is free
-  static constexpr double cleared = 8.0;    ///< s from the blockage until the belt may start again
-  /// A message with its cycles: what one controller tells the other; and from or to a module.
-  static constexpr double told = 0.20;
-  static constexpr double module = 0.15;
-  static constexpr double analogue = 0.40;
+  static constexpr double stands = 3.0;           ///< s that the belt must stand until its chute is free
+  static constexpr double cleared = 8.0;          ///< s from the blockage until the belt may start again
+  /// On average, in s. A controller has a cycle of 100 ms and hears what another told in its next one; a module has one
+  /// of 50 ms. An analogue value waits for half its inhibit time of 250 ms on each way; coal goes from a module to its
+  /// controller, to the next one and to a module there.
+  static constexpr double told = 0.10;
+  static constexpr double module = 0.05;
+  static constexpr double speed_late = 0.125 + 0.05 + 0.125 + 0.025;
+  static constexpr double coal_late = 0.125 + 0.05 + 0.025 + 0.05 + 0.125 + 0.025;
 
   /// The start button was pressed at time 0; nothing ran before.
   void step() {
@@ -101,13 +104,13 @@ class CoalModel {
     // The belt's own module hears its speed a while later, and the coal that comes as well.
     belt.way += belt.speed * step_s;
     belt.ways.push_front(belt.way);
-    const double way = delayed(belt.ways, analogue);
+    const double way = delayed(belt.ways, speed_late);
     double came = 0;
     if (k == 0) {
       grabbed_ += belt.running.front() ? grab * step_s : 0;
       came = grabbed_;
     } else {
-      came = delayed(belts_[k - 1].lefts, 2 * analogue);
+      came = delayed(belts_[k - 1].lefts, coal_late);
     }
     if (came > belt_came_[k]) belt.coal.push_back({came - belt_came_[k], way});
     belt_came_[k] = came;

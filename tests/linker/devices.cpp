@@ -308,9 +308,10 @@ linker::Network random_network(Random& random, unsigned links) {
   small.rpdos = 5;
   small.entries = 6;
   std::vector<std::pair<std::string, std::shared_ptr<const eds::File>>> nodes;
-  const auto big = file_of(controller());
-  const auto little = file_of(small);
-  const auto io = file_of(io_module());
+  // Read once for all the networks of a run: half of a small network's time.
+  static const auto big = file_of(controller());
+  static const auto little = file_of(small);
+  static const auto io = file_of(io_module());
   for (unsigned i = 0; i < 2 + random.below(3); ++i) nodes.emplace_back(fmt::format("big{}", i), big);
   for (unsigned i = 0; i < random.below(3); ++i) nodes.emplace_back(fmt::format("small{}", i), little);
   for (unsigned i = 0; i < 1 + random.below(5); ++i) nodes.emplace_back(fmt::format("io{}", i), io);

@@ -444,7 +444,7 @@ class RandomWorld {
 }  // namespace
 
 TEST(FlyingMasterWorlds, OneActiveMasterAndNoSecondStart) {
-  for (std::uint64_t seed = 1; seed <= 60; ++seed) {
+  for (std::uint64_t seed = 1; seed <= 30; ++seed) {
     SCOPED_TRACE("seed " + std::to_string(seed));
     RandomWorld(seed).run();
     if (HasFailure()) break;

@@ -346,11 +346,11 @@ TEST(PlantWorld, NetworkVariablesOfADevice) {
   auto plc = device("plc", 6);
   plc.eds = plc.eds_path = berth::test::source_dir() + "/examples/eds/controller.eds";
   plc.address_of_eds = true;
-  plc.variables = {{"speed", od::DataType::unsigned16, {0xA100, 3}}, {"run", od::DataType::unsigned8, {0xA4C0, 1}}};
+  plc.does.variables = {{"speed", od::DataType::unsigned16, {0xA100, 3}}, {"run", od::DataType::unsigned8, {0xA4C0, 1}}};
   auto plain = plc;
   plain.name = "plain";
   plain.address.serial = 7;
-  plain.variables.clear();
+  plain.does.variables.clear();
   const Scene s(plant({plc, plain}));
   ASSERT_TRUE(s.world);
   const auto& description = s.world->devices()[0]->device().values().description();
@@ -364,7 +364,7 @@ TEST(PlantWorld, NetworkVariablesOfADevice) {
   EXPECT_EQ(s.world->devices()[1]->device().values().description().find(ObjectRef{0xA100, 3}), nullptr);
 
   const auto refused = [&](const PlantVariable& variable) {
-    plc.variables = {variable};
+    plc.does.variables = {variable};
     Findings findings;
     EXPECT_EQ(World::make(plant({plc}), {}, findings), nullptr);
     return findings.empty() ? std::string() : to_string(findings.front());

@@ -1,7 +1,7 @@
 -- A local panel: oil, gear and ambient temperature (0.1 degrees) and the supply (0.1 V) at 6401h; lamps at 6200h. That of
--- the desk, node-ID 52, has the start button (6000h:01 bit 0), which is pressed for half a second every 10 s.
+-- the desk, node-ID 52, has the start button (6000h:01 bit 0), which is pressed for half a second every 14 s.
 
-local cycle_ms, desk, press_ms, pressed_ms = 500, 52, 10000, 500
+local cycle_ms, desk, press_ms, pressed_ms = 500, 52, 14000, 500
 local oil, gear = 200.0, 200.0
 
 device.every(press_ms, function()
