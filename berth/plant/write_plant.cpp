@@ -71,15 +71,15 @@ void write_habits(PlantWriter& w, const PlantDevice& d) {
 void write_programs(PlantWriter& w, const PlantPrograms& p) {
   if (p.count == 0) return;
   const PlantPrograms usual;
-  std::string text = fmt::format("{{ count = {}", p.count);
-  if (p.size != usual.size) text += fmt::format(", size = {}", p.size);
-  if (p.images != usual.images) text += fmt::format(", images = {}", p.images);
-  if (p.sector != usual.sector) text += fmt::format(", sector = {}", p.sector);
-  if (p.erase != usual.erase) text += fmt::format(", erase = \"{}\"", write_duration(p.erase));
-  if (p.write != usual.write) text += fmt::format(", write = \"{}\"", write_duration(p.write));
-  if (!p.checked) text += ", checked = false";
-  if (!p.loaded.empty()) text += ", loaded = " + quoted(p.loaded);
-  w.raw("programs", text + " }");
+  std::string table = fmt::format("{{ count = {}", p.count);
+  if (p.size != usual.size) table += fmt::format(", size = {}", p.size);
+  if (p.images != usual.images) table += fmt::format(", images = {}", p.images);
+  if (p.sector != usual.sector) table += fmt::format(", sector = {}", p.sector);
+  if (p.erase != usual.erase) table += fmt::format(", erase = \"{}\"", write_duration(p.erase));
+  if (p.write != usual.write) table += fmt::format(", write = \"{}\"", write_duration(p.write));
+  if (!p.checked) table += ", checked = false";
+  if (!p.loaded.empty()) table += ", loaded = " + text::quoted(p.loaded);
+  w.raw("programs", table + " }");
 }
 
 void write_node_id(PlantWriter& w, const PlantDevice& d) {
@@ -96,12 +96,12 @@ void write_node_id(PlantWriter& w, const PlantDevice& d) {
 
 void write_variables(PlantWriter& w, const PlantDevice& d) {
   if (d.does.variables.empty()) return;
-  std::string text = "[\n";
+  std::string list = "[\n";
   for (const auto& each : d.does.variables) {
-    text += fmt::format("  {{ name = {}, type = \"{}\", object = \"{}\" }},\n", quoted(each.name), od::name(each.type),
+    list += fmt::format("  {{ name = {}, type = \"{}\", object = \"{}\" }},\n", text::quoted(each.name), od::name(each.type),
                         od::write_object(each.object));
   }
-  w.raw("variables", text + "]");
+  w.raw("variables", list + "]");
 }
 
 void write_device(PlantWriter& w, const PlantDevice& d) {
