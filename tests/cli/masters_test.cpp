@@ -7,8 +7,7 @@
 
 #include "command_fixture.hpp"
 
-using namespace berth::test;
-
+namespace berth::test {
 namespace {
 
 class TwoBerths : public Command {
@@ -83,3 +82,5 @@ TEST_F(TwoBerths, WordsThatMakeNoSense) {
   EXPECT_EQ(alone.status, 2);
   EXPECT_NE(alone.err.find("[bus.NAME.flying_master]"), std::string::npos) << alone.err;
 }
+
+}  // namespace berth::test

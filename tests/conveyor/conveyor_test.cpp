@@ -264,8 +264,8 @@ TEST(Conveyor, BadProgramsEndAlone) {
     for (const auto& each : bad) {
       const auto device = std::ranges::find(file.devices, each.slot, &plant::PlantDevice::name);
       ASSERT_NE(device, file.devices.end());
-      device->script.path = folder + "/" + device->name + ".lua";
-      std::ofstream(device->script.path) << each.text;
+      device->does.script.path = folder + "/" + device->name + ".lua";
+      std::ofstream(device->does.script.path) << each.text;
     }
   });
   ASSERT_TRUE(plant.begin()) << plant.problem();
