@@ -3,12 +3,14 @@
 #include <fmt/format.h>
 
 #include <algorithm>
+#include <map>
 #include <memory>
 #include <optional>
 #include <string>
 #include <vector>
 
 #include "bench/tools/figures.hpp"
+#include "berth/base/bytes.hpp"
 #include "berth/base/random.hpp"
 #include "berth/multilevel/gateway_access.hpp"
 #include "berth/multilevel/gateway_device.hpp"
@@ -138,12 +140,12 @@ void print_accesses() {
                        {"gateways", "paper 3, first", "paper 3, further", "CiA 302-7"}, rows);
 }
 
-// From the end of the frame above to the end of the frame on the lowest bus.
-struct Delay final : can::Tap {
+// When each value was on a bus.
+struct Seen final : can::Tap {
   void frame(const can::Frame& frame, rt::Time at, int) noexcept override {
-    if (frame.id == 0x181) newest = at;
+    if (frame.id == 0x181) when[load_le<std::uint16_t>(frame.data.data())] = at;
   }
-  rt::Time newest{};
+  std::map<unsigned, rt::Time> when;
 };
 
 std::vector<std::string> delays(unsigned depth, unsigned background_us) {
@@ -152,7 +154,7 @@ std::vector<std::string> delays(unsigned depth, unsigned background_us) {
   auto& source = tower.port(0);
   std::vector<sim::Controller*> others;
   for (unsigned level = 0; level <= depth; ++level) others.push_back(&tower.port(level));
-  Delay above, beneath;
+  Seen above, beneath;
   tower.world.buses().front()->add_tap(above);
   tower.world.buses().back()->add_tap(beneath);
   rt::Duration least = 1h, longest{};
@@ -171,10 +173,14 @@ std::vector<std::string> delays(unsigned depth, unsigned background_us) {
         other->send(noise, 0);
       }
     }
-    const rt::Duration delay = beneath.newest - above.newest;
+  }
+  tower.world.run_for(100ms);
+  for (const auto& [value, at] : beneath.when) {
+    const rt::Duration delay = at - above.when.at(value);
     least = std::min(least, delay);
     longest = std::max(longest, delay);
   }
+  if (beneath.when.size() != above.when.size()) std::exit(1);  // one was left behind
   const double load = tower.world.buses().back()->load();
   tower.world.buses().front()->remove_tap(above);
   tower.world.buses().back()->remove_tap(beneath);

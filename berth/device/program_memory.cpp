@@ -31,8 +31,8 @@ std::vector<std::uint8_t> ProgramMemory::holding(const ProgramHead& head, std::s
   whole.length = static_cast<std::uint32_t>(content.size());
   whole.crc = crc32(content);
   const auto first = slot_head(1, whole);
-  std::vector<std::uint8_t> bytes(first.begin(), first.end());
-  bytes.insert(bytes.end(), content.begin(), content.end());
+  std::vector<std::uint8_t> bytes(first.size() + content.size());
+  std::ranges::copy(content, std::ranges::copy(first, bytes.begin()).out);
   return bytes;
 }
 
