@@ -89,8 +89,8 @@ struct Event {
 /// Who is NMT master of a bus that has several (`[bus.NAME.flying_master]`).
 struct MasterReport {
   std::string bus;
-  std::optional<manager::MasterRank> active{};  ///< empty: they are agreeing
-  bool here = false;                          ///< it is this Berth
+  std::optional<manager::MasterRank> active = {};  ///< empty: they are agreeing
+  bool here = false;                               ///< it is this Berth
 
   /// "field: node 127 is the active NMT master (priority 1), this Berth".
   [[nodiscard]] std::string text() const;
