@@ -9,7 +9,7 @@ using namespace berth::manager::test;
 
 namespace {
 
-constexpr std::uint32_t updates = 0x05 | 1U << 5U | 1U << 6U;  // assigned, booted, software checked and updated
+constexpr std::uint32_t updated_too = 0x05 | 1U << 5U | 1U << 6U;  // assigned, booted, software checked and updated
 constexpr std::size_t program_size = 6'000;
 
 std::shared_ptr<const od::Description> updating_flying_master() {
@@ -29,7 +29,7 @@ struct UpdatingMaster {
                 .source = device::NodeIdSource::fixed,
                 .node_id = NodeId(id),
                 .presets = {{{0x1F90, 3}, priority},
-                            {{0x1F81, 1}, updates},
+                            {{0x1F81, 1}, updated_too},
                             {{0x1F84, 1}, programmed_type},
                             {{0x1F55, 1}, crc32(program_content(program_size, 1))},
                             {{0x1016, 1}, 1U << 16U | 300U}}}),
