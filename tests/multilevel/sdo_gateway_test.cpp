@@ -484,6 +484,12 @@ TEST(SdoGatewayDepth, ASilentNodeCostsOneTimeOut) {
     EXPECT_EQ(await(chain.world, routes.access(path).write(0x2004, 0, much)).error().code, Errc::timeout);
     EXPECT_LT(chain.world.now() - before, 3600ms);
     for (auto& each : chain.gateways) EXPECT_EQ(each->gateway.busy(), 0U);
+    // Who waits for a gateway does not give up before that has answered: only on the lowest bus is a request aborted.
+    for (unsigned level = 0; level < depth; ++level) {
+      EXPECT_TRUE(std::ranges::none_of(chain.lines[level]->log, [](const auto& frame) {
+        return frame.starts_with("60") && frame.substr(4, 2) == "80";
+      })) << level;
+    }
     // It is back: nothing is stuck.
     chain.leaf->device.power_on();
     chain.world.run_for(50ms);
