@@ -208,6 +208,10 @@ std::string read_images(const ProgramRequest& wanted, Download& download) {
       if (!wanted.number || *wanted.number == each.number) programs.push_back(each);
     }
   }
+  if (wanted.identification && programs.size() == 1) programs.front().identification = wanted.identification;
+  if (wanted.identification && programs.size() > 1) {
+    return "--identification is of one program, and the slot has several: name one by --program";
+  }
   if (programs.empty()) {
     return "it is not known which program: name its image by --file, or by programs = [{ file = \"…\" }] in its slot";
   }

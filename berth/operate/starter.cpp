@@ -114,6 +114,8 @@ void Starter::boot_failed(Seat& seat, const manager::BootResult& result) {
       const std::string unreadable = programming_.unreadable(seat);
       slots_.set_state(seat, SlotState::failed, unreadable.empty() ? result.text() : unreadable);
       seat.boot.status = result.status;
+      // Its flash memory is not written again before it boots, or a person says so.
+      if (result.status == Status::i) seat.configuration.stuck = true;
       return;
     }
     case Status::j:

@@ -71,8 +71,8 @@ TEST_F(ProgramCommand, AProgramThatCannotBeReadIsNamed) {
   const std::string missing =
       folder.write("missing.toml",
                    "[machine]\nname = \"m\"\n[bus.line]\nport = \"sim\"\nbitrate = 250_000\nmaster_id = 127\n"
-                   "[[slot]]\nbus = \"line\"\nid = 1\nname = \"c1\"\n"
-                   "type = { vendor = 0x0000_0001, product = 0x0000_0060 }\nwhen_ambiguous = \"ascending\"\n"
+                   "[[slot]]\nbus = \"line\"\nids = \"1..3\"\nname = \"c{id}\"\n"
+                   "type = { vendor = 0x0000_0001, product = 0x0000_0060 }\n"
                    "programs = [{ file = \"nowhere.bprg\" }]\n");
   const Outcome up = berth({"up", missing, "--sim", plant, "--fast", "--timeout", "20 s"});
   EXPECT_NE(up.status, 0);
