@@ -37,7 +37,9 @@ rt::Task<bool> Asking::answers_at(NodeId id) {
   if (type || type.error().code == Errc::aborted) co_return true;
   if (type.error().code != Errc::timeout) co_return false;
   const auto guarded = co_await co::probe(s_.dispatcher, id, s_.bus.timing.guard_timeout, 1);
-  const bool silent = !guarded && guarded.error().code == Errc::timeout;
+  // A port without remote frames (socketcand) took the question before and refuses this one: the silence there counts.
+  const bool mute = !guarded && guarded.error().code == Errc::bus && s_.port.status().up && !s_.port.status().bus_off;
+  const bool silent = mute || (!guarded && guarded.error().code == Errc::timeout);
   if (silent) s_.vacancy[id.value()] = began;
   co_return false;
 }

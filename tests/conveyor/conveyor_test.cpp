@@ -279,8 +279,9 @@ TEST(Conveyor, BadProgramsEndAlone) {
     ASSERT_NE(line, plant.told().end()) << each.slot;
     EXPECT_NE(line->find(".lua:"), std::string::npos) << *line;
     EXPECT_NE(line->find(each.told), std::string::npos) << *line;
-    const auto error = static_cast<std::uint32_t>(plant.value(each.slot, "1003h:01").value_or(0));
-    EXPECT_EQ(error & 0xFFFFU, 0x6200U) << "user software";
+    const auto errors = plant.at(each.slot)->device().values().view({0x1003, 1});
+    ASSERT_TRUE(errors && errors->size() == 4) << each.slot;
+    EXPECT_EQ((*errors)[0] | (*errors)[1] << 8U, 0x6200) << "user software";
   }
   EXPECT_TRUE(plant.operational()) << plant.log();
   for (const auto& each : bad) plant.replace(each.slot);

@@ -40,7 +40,7 @@ class OfTheManager(OnOneBus):
         with open(machine, "w") as file:
             file.write(MACHINE.format(port=cls.port, manager=MANAGER, device=DEVICE))
         cls.partner = plant_bus.Partner(scope, cls.port, DEVICE)
-        cls.up = support.Running(scope, BERTH, "up", machine, "--yes", "--store", f"{cls.shared}/store.db")
+        cls.up = support.Running(scope, BERTH, "up", machine, "--yes", "--pace", "--store", f"{cls.shared}/store.db")
         cls.npm.js(f"""
             const eds = new canopen.Eds();
             eds.addSdoClientParameter({MANAGER}, 0x600 + {MANAGER}, 0x580 + {MANAGER});
