@@ -111,6 +111,11 @@ class Berths : private can::Tap, private plant::World::Observer {
     if (frame.key() == 0) commands.push_back(can::to_string(frame));
     const bool start = frame.key() == 0 && frame.size == 2 && frame.data[0] == 1;
     if (!start) return;
+    // A bus that was joined has two active masters until one hears the other, and both may be about to start a device
+    // (docs/flying-master.md, "What remains possible"): that alone is not counted.
+    std::size_t leading = 0;
+    for (std::size_t i = 0; i < berths_.size(); ++i) leading += leads(i) ? 1U : 0U;
+    if (leading > 1) return;
     for (const auto& device : world_->devices()) {
       const auto since = runs_since_[device.get()];
       const auto id = device->device().node_id();
