@@ -9,7 +9,8 @@ using namespace berth::manager::test;
 
 namespace {
 
-constexpr std::uint32_t updated_too = 0x05 | 1U << 5U | 1U << 6U;  // assigned, booted, software checked and updated
+constexpr std::uint32_t assigned_and_updated =
+    0x05 | 1U << 5U | 1U << 6U;  // assigned, booted, software checked and updated
 constexpr std::size_t program_size = 6'000;
 
 std::shared_ptr<const od::Description> updating_flying_master() {
@@ -29,7 +30,7 @@ struct UpdatingMaster {
                 .source = device::NodeIdSource::fixed,
                 .node_id = NodeId(id),
                 .presets = {{{0x1F90, 3}, priority},
-                            {{0x1F81, 1}, updated_too},
+                            {{0x1F81, 1}, assigned_and_updated},
                             {{0x1F84, 1}, programmed_type},
                             {{0x1F55, 1}, crc32(program_content(program_size, 1))},
                             {{0x1016, 1}, 1U << 16U | 300U}}}),
@@ -51,7 +52,7 @@ struct UpdatingMaster {
   DictionaryManager manager;
 };
 
-struct Starts : can::Tap {
+struct StartCount : can::Tap {
   void frame(const can::Frame& frame, rt::Time, int) noexcept override {
     const bool of_block = frame.id == 0x601 && frame.size == 8;
     if (of_block) ++requests;
@@ -67,7 +68,7 @@ TEST(FlyingMaster, TakeOverInTheMiddleOfAProgram) {
   for (const unsigned frames : {20U, 150U, 400U, 800U, 850U}) {
     SCOPED_TRACE(std::to_string(frames) + " requests to the device");
     ProgramRig bus(1);
-    Starts starts;
+    StartCount starts;
     bus.wire.add_tap(starts);
     UpdatingMaster first(bus, 10, 0);
     const UpdatingMaster second(bus, 11, 1);
