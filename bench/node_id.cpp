@@ -10,6 +10,7 @@
 
 #include "bench/tools/figures.hpp"
 #include "berth/nodeid/rand_walk.hpp"
+#include "berth/study/contest.hpp"
 #include "berth/study/formulas.hpp"
 #include "berth/study/stage.hpp"
 
@@ -91,6 +92,28 @@ Against against(Speaks speaks, Serials serials, unsigned seeds) {
   return worst;
 }
 
+/// 30 devices of one type found and with their node-IDs, nothing stored, as `berth compare` has it.
+struct Bound {
+  Serials serials;
+  const char* name;
+  double aim;     // seconds
+  double before;  // seconds, when the planner was new
+};
+constexpr Bound bound_cases[]{{Serials::consecutive, "consecutive", 1.0, 1.40}, {Serials::random, "random", 2.8, 3.10}};
+
+bench::Figure bound(const Bound& b) {
+  study::Contest contest;
+  contest.methods = {discovery::Method::planner_rand};
+  contest.devices = {slaves};
+  contest.bit_rates = {bit_rate};
+  contest.serials = {b.serials};
+  const auto cells = study::compare(contest, 1);
+  if (cells.size() != 1 || cells.front().bound != slaves) std::exit(1);
+  const double seconds = std::chrono::duration<double>(cells.front().bus_time).count();
+  return bench::at_most(fmt::format("found and with node-IDs, {} serials ({} s before)", b.name, b.before), seconds,
+                        b.aim, "s");
+}
+
 }  // namespace
 
 int main() {
@@ -116,6 +139,7 @@ int main() {
                     std::to_string(r.second.requests)});
     if (c.aim > 0) figures.push_back(bench::at_least(std::string("planner-rand, ") + c.what, r.times, c.aim, "x"));
   }
+  for (const auto& b : bound_cases) figures.push_back(bound(b));
   bench::print_columns(
       "30 blank RAND slaves of one known type, 50 kbit/s, 4 ms; worst of the seeds (random: 20)",
       {"", "published", "walk", "less by", "closing, published", "closing, walk", "requests", "requests, walk"}, rows);

@@ -33,7 +33,8 @@ struct Plc {
       b.object(index, od::ObjectCode::array, "Output variables");
       device::PdoObjects pdo;
       for (std::uint8_t sub = 1; sub <= 8; ++sub) {
-        b.sub(index, {.sub = sub, .name = "v", .type = od::DataType::unsigned8, .access = od::Access::rww, .mappable = true});
+        b.sub(index,
+              {.sub = sub, .name = "v", .type = od::DataType::unsigned8, .access = od::Access::rww, .mappable = true});
         pdo.map.push_back({{index, sub}, 8});
         const auto name = fmt::format("v{}", bound.size());
         handles.push_back(layout.output<std::uint8_t>(name));

@@ -6,6 +6,7 @@
 
 #include "berth/can/frame.hpp"
 #include "berth/command/bus_messages.hpp"
+#include "berth/command/link_network.hpp"
 #include "berth/text/columns.hpp"
 #include "machine_file.hpp"
 #include "verbs.hpp"
@@ -84,11 +85,15 @@ int analyze(const Options& options, const AnalyzeOptions& how) {
     if (name == "all" || name == "master" || machine->slot(name) != nullptr) continue;
     return tell(failure(Exit::usage, fmt::format("--fifo: there is no slot {}", name)), options.json);
   }
+  command::LinkPlan links;
+  if (!machine->links.empty()) links = command::plan_links(*machine);
+  command::Assumptions assumed = how.assumed;
+  if (!machine->links.empty() && !has_errors(links.findings)) assumed.links = &links;
   bool good = true;
   Json buses = Json::array();
   for (const auto& bus : machine->buses) {
     if (!options.bus.empty() && bus.name != options.bus) continue;
-    auto found = command::messages_of(*machine, bus, how.assumed);
+    auto found = command::messages_of(*machine, bus, assumed);
     found.line.errors = how.errors;
     if (how.usual) found.line.lengths = analysis::FrameLengths::usual;
     if (const auto wrong = analysis::wrong(found.line); !wrong.empty())

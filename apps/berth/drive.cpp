@@ -122,9 +122,9 @@ tl::expected<Beside, Failure> serve_beside(Rig& rig, Screen& screen, const Optio
     rig.record().follow([server] { return server->followed(); },
                         [server](const std::string& line) { server->frame(line); });
   }
-  if (!options.gateway.empty()) {
-    auto host = GatewayHost::listen(rig, options.gateway,
-                                    {options.gateway_commands, options.gateway_commands && options.yes}, say);
+  if (!options.gateway.where.empty()) {
+    auto host = GatewayHost::listen(rig, options.gateway.where,
+                                    {options.gateway.commands, options.gateway.commands && options.yes}, say);
     if (!host) return tl::unexpected(host.error());
     beside.gateway = std::move(*host);
     screen.line("CiA 309-3 gateway at " + beside.gateway->where());

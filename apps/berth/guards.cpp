@@ -25,6 +25,11 @@ can::Port& Guards::add(rt::Executor& executor, const design::Bus& bus, can::Port
   wanted.listen = bus.timing.listen;
   wanted.watch.own = bus.master;
   wanted.watch.tolerated = bus.tolerate;
+  if (bus.flying && options.master.takes_part) {
+    // Who commands is agreed upon behind the gate. Another node under Berth's own node-ID stays one too many.
+    wanted.watch.tolerated.set();
+    wanted.watch.tolerated.reset(static_cast<std::size_t>(live::Sign::heartbeat));
+  }
   wanted.dry_run = options.dry_run;
   for (const auto& spec : machine_->specs(bus.name)) wanted.slots.push_back(spec.id);
   auto gate = std::make_unique<live::Gate>(executor, port, std::move(wanted));

@@ -169,17 +169,19 @@ Json json_of(const Network& network, const linker::Planned& planned) {
 }
 
 /// The plan that this one goes on from.
-tl::expected<linker::Earlier, Failure> earlier_plan(const LinkOptions& how) {
+tl::expected<linker::Earlier, Failure> earlier_plan(const design::Machine& machine, const LinkOptions& how) {
   if (how.anew) return linker::Earlier{};
   std::string path = how.earlier;
-  if (path.empty()) {
-    path = (fs::path(how.output) / "plan.toml").string();
-    std::error_code ignored;
-    if (how.output.empty() || !fs::exists(path, ignored)) return linker::Earlier{};
-  }
+  std::error_code ignored;
+  const std::string beside = (fs::path(how.output) / "plan.toml").string();
+  if (path.empty() && !how.output.empty() && fs::exists(beside, ignored)) path = beside;
   Findings findings;
-  const auto text = text::read_file(path, findings);
-  const auto plan = text ? linker::read_plan(*text, path, findings) : std::nullopt;
+  std::optional<linker::Earlier> plan;
+  if (path.empty()) {
+    plan = command::earlier_plan(machine, findings);
+  } else if (const auto text = text::read_file(path, findings)) {
+    plan = linker::read_plan(*text, path, findings);
+  }
   if (!plan) return tl::unexpected(failure(findings));
   return *plan;
 }
@@ -247,7 +249,7 @@ int link(const Options& options, const LinkOptions& how) {
   }
   const auto made = command::link_network(*machine);
   if (has_errors(made.findings)) return tell(failure(made.findings), options.json);
-  const auto earlier = earlier_plan(how);
+  const auto earlier = earlier_plan(*machine, how);
   if (!earlier) return tell(earlier.error(), options.json);
   const auto planned = linker::make_plan(made.network, *earlier);
   std::vector<std::string> changed;
@@ -273,7 +275,9 @@ void add_link(Verb& berth, Options& options) {
   verb.word("--output,-o", how->output, "write DCFs, concise DCFs, network.cpj, symbols and plan.toml there")
       .shown("FOLDER");
   verb.flag("--dry-run", options.dry_run, "say which files would be written, and write none");
-  verb.word("--plan", how->earlier, "go on from this plan (default: plan.toml of --output)").shown("FILE");
+  verb.word("--plan", how->earlier,
+            "go on from this plan (default: plan.toml of --output, else link_plan of the machine file)")
+      .shown("FILE");
   verb.flag("--anew", how->anew, "plan as if nothing had been planned before: PDOs and CAN-IDs may change");
   verb.flag("--links", how->links, "show each link with its PDOs, and the network variables");
   verb.footer(

@@ -14,6 +14,20 @@ namespace berth::cli {
 /// The exit status of every command: done, the answer is no, wrong usage or unreadable input, the bus or a file failed.
 enum Exit : int { done = 0, no = 1, usage = 2, failed = 3 };
 
+/// What Berth is as master, alone or among others.
+struct MasterOptions {
+  bool takes_part = false;           ///< else such a bus is refused while another is active
+  std::optional<unsigned> id;        ///< instead of the machine file's
+  std::optional<unsigned> priority;  ///< the same
+  std::string on_exit;               ///< "", "leave", "preop", "stop": to the devices when it ends
+};
+
+/// CiA 309-3 beside the main job.
+struct Cia309 {
+  std::string where;      ///< HOST:PORT; empty: not offered
+  bool commands = false;  ///< its clients may command a real machine
+};
+
 struct Options {
   bool json = false;
   bool dry_run = false;
@@ -22,7 +36,7 @@ struct Options {
   bool read_only = false;    ///< sends SDO upload requests there, and nothing else
   bool slot_table = true;    ///< the command uses the store
   bool makes_store = false;  ///< and makes it on a real machine when there is none
-  std::string on_exit;       ///< "", "leave", "preop", "stop"
+  MasterOptions master;
   std::string machine;
   std::string bus;
   std::vector<std::string> ports;    ///< "socketcan:can0" or "BUS=socketcan:can0": instead of the machine file's
@@ -33,8 +47,7 @@ struct Options {
   std::string store;                 ///< empty: in memory on a simulated bus
   std::string control;               ///< empty: command::control_path of the machine
   std::string record;                ///< candump log of every frame
-  std::string gateway;               ///< where the main job offers CiA 309-3; empty: not
-  bool gateway_commands = false;     ///< its clients may command a real machine
+  Cia309 gateway;
   std::optional<std::uint64_t> seed;
   std::optional<std::chrono::nanoseconds> timeout;
   std::string until;  ///< "", "operational", "replaced"

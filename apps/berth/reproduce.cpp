@@ -29,6 +29,7 @@ Json json_of(const study::Row& row) {
           {"formula_s", number(row.formula)},
           {"simulated_s", number(row.simulated)},
           {"berth_s", number(row.berth)},
+          {"counted", number(row.counted)},
           {"note", row.note},
           {"unit", row.unit},
           {"trace", row.trace.empty() ? Json(nullptr) : Json(row.trace + ".log")},
@@ -37,7 +38,9 @@ Json json_of(const study::Row& row) {
 
 std::string cell(const std::optional<double>& value, const study::Row& row) {
   if (!value) return "-";
-  if (std::string_view(row.unit) != "s") return fmt::format("{:.4g} %", *value * 100);
+  const std::string_view unit = row.unit;
+  if (unit == "share") return fmt::format("{:.4g} %", *value * 100);
+  if (unit != "s") return fmt::format("{:.0f}", *value);
   return *value < 1 ? fmt::format("{:.1f} ms", *value * 1000) : fmt::format("{:.3f} s", *value);
 }
 
@@ -60,13 +63,13 @@ void print_rows(const study::Figures& figures) {
   for (const auto& row : figures.rows) width = std::max(width, row.what.size());
   const auto line = [&](const std::string& paper, const std::string& what, const auto&... cells) {
     std::string text = fmt::format("{:<6}{:<{}}", paper, what, width);
-    ((text += fmt::format("  {:>10}", cells)), ...);
+    ((text += fmt::format("  {:>13}", cells)), ...);
     print_line(text);
   };
   line("paper", "what", "published", "formula", "simulated", "Berth");
   for (const auto& row : figures.rows) {
     line(std::to_string(row.paper), row.what, cell(row.published, row), cell(row.formula, row),
-         cell(row.simulated, row), cell(row.berth, row));
+         cell(row.counted ? row.counted : row.simulated, row), cell(row.berth, row));
     for (const auto& note : wrapped(row.note, 92)) print_line("      " + note);
     if (!row.trace.empty()) print_line(fmt::format("      trace {}.log; {}", row.trace, row.marks));
   }

@@ -5,6 +5,7 @@
 #include <algorithm>
 #include <utility>
 
+#include "berth/command/link_network.hpp"
 #include "machine_file.hpp"
 #include "simulated.hpp"
 
@@ -21,7 +22,7 @@ Rig::Made Rig::make(const Options& options, const Sources& sources) {
   auto table = SlotTable::open(rig->machine_, options);
   if (!table) return tl::unexpected(table.error());
   rig->slot_table_ = std::move(*table);
-  if (auto good = rig->open_session(options, *ports); !good) return tl::unexpected(good.error());
+  if (auto good = rig->open_session(options, sources.links, *ports); !good) return tl::unexpected(good.error());
   return rig;
 }
 
@@ -45,6 +46,28 @@ design::MachineResult Rig::read_machine(const Options& options, const Sources& s
   return design::read_machine(*text, no_machine_file, {});
 }
 
+namespace {
+
+// Whom Berth is among the masters of a bus.
+tl::expected<void, Failure> settle_masters(design::Machine& machine, const Options& options) {
+  for (auto& bus : machine.buses) {
+    if (options.master.id) bus.master = NodeId(static_cast<std::uint8_t>(*options.master.id));
+    if (options.master.priority && bus.flying)
+      bus.flying->priority = static_cast<std::uint8_t>(*options.master.priority);
+    const auto slots = machine.specs(bus.name);
+    const auto taken = std::ranges::find(slots, bus.master, &places::SlotSpec::id);
+    if (!options.master.id || taken == slots.end()) continue;
+    return tl::unexpected(failure(Exit::usage, fmt::format("--master-id {}: slot '{}' has this node-ID; use another",
+                                                           *options.master.id, taken->name.name)));
+  }
+  const bool several = std::ranges::any_of(machine.buses, [](const auto& bus) { return bus.flying.has_value(); });
+  if (!options.master.priority || several) return {};
+  return tl::unexpected(
+      failure(Exit::usage, "--priority is for a bus with several masters: give it a table [bus.NAME.flying_master]"));
+}
+
+}  // namespace
+
 tl::expected<void, Failure> Rig::read(const Options& options, const Sources& sources) {
   std::optional<Failure> problem;
   auto machine = read_machine(options, sources, problem);
@@ -61,6 +84,7 @@ tl::expected<void, Failure> Rig::read(const Options& options, const Sources& sou
   plant_ = std::move(*plant.plant);
   rate_as_it_stands_ = is_ad_hoc(machine_) && !options.bit_rate;
   if (auto good = describe_nodes(machine_, options); !good) return good;
+  if (auto good = settle_masters(machine_, options); !good) return good;
   if (options.seed) plant_.seed = *options.seed;
   return settle_ports(options, simulate);
 }
@@ -145,9 +169,11 @@ tl::expected<std::vector<can::Port*>, Failure> Rig::attach_all(const Options& op
   return ports;
 }
 
-tl::expected<void, Failure> Rig::open_session(const Options& options, const std::vector<can::Port*>& ports) {
+tl::expected<void, Failure> Rig::open_session(const Options& options, bool links,
+                                              const std::vector<can::Port*>& ports) {
   session_ = std::make_unique<operate::Session>(driver_->executor(), machine_, slot_table_->store());
   session_->set_careful(std::ranges::any_of(machine_.buses, [](const auto& b) { return is_real(b.port); }));
+  remote_commands_.emplace(*session_);
   guards_.on_foreign([this](const std::string& bus, const std::string& text) {
     session_->tell(bus, operate::EventKind::error, text);
   });
@@ -158,6 +184,11 @@ tl::expected<void, Failure> Rig::open_session(const Options& options, const std:
   strangers_ = std::make_unique<Strangers>(*driver_, *interrupt_, *session_, guards_);
   if (!options.record.empty()) {
     if (auto good = record_.write_to(options.record); !good) return good;
+  }
+  if (links && !machine_.links.empty()) {
+    const auto planned = command::plan_links(machine_);
+    if (has_errors(planned.findings)) return tl::unexpected(failure(planned.findings));
+    session_->configure_with(command::settings_of(planned));
   }
   const auto opened = session_->open();
   if (opened) return {};
@@ -200,10 +231,10 @@ bool Rig::first_start() {
 namespace {
 
 design::OnExit wish_of(const design::Bus& bus, const Options& options) {
-  if (options.on_exit.empty()) return bus.on_exit;
-  return options.on_exit == "stop"    ? design::OnExit::stop
-         : options.on_exit == "preop" ? design::OnExit::pre_operational
-                                      : design::OnExit::leave;
+  if (options.master.on_exit.empty()) return bus.on_exit;
+  return options.master.on_exit == "stop"    ? design::OnExit::stop
+         : options.master.on_exit == "preop" ? design::OnExit::pre_operational
+                                             : design::OnExit::leave;
 }
 
 }  // namespace

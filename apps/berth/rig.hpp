@@ -9,6 +9,7 @@
 #include <tl/expected.hpp>
 #include <vector>
 
+#include "berth/command/command_buffer.hpp"
 #include "berth/design/machine.hpp"
 #include "berth/io/loop_driver.hpp"
 #include "berth/operate/session.hpp"
@@ -34,6 +35,7 @@ struct Sources {
   std::string plant_name;
   std::string_view machine_text;  ///< empty: the files are read
   std::string_view plant_text;
+  bool links = false;  ///< those of the machine are part of its devices' configuration
 };
 
 /// What a plant plans behind a milestone.
@@ -85,7 +87,8 @@ class Rig {
   [[nodiscard]] tl::expected<void, Failure> build_world(const Options& options);
   void run_by_loop(rt::Executor& executor);
   [[nodiscard]] tl::expected<std::vector<can::Port*>, Failure> attach_all(const Options& options);
-  [[nodiscard]] tl::expected<void, Failure> open_session(const Options& options, const std::vector<can::Port*>& ports);
+  [[nodiscard]] tl::expected<void, Failure> open_session(const Options& options, bool links,
+                                                         const std::vector<can::Port*>& ports);
   [[nodiscard]] tl::expected<can::Port*, Failure> attach(const design::Bus& bus, const Options& options);
 
   // In the order in which they need each other: what comes later goes first.
@@ -95,7 +98,7 @@ class Rig {
   Record record_;
   std::unique_ptr<plant::World> world_;
   std::optional<ScriptTeller> scripts_;  // with a world
-  rt::Executor executor_;  // where there is no world
+  rt::Executor executor_;                // where there is no world
   std::unique_ptr<rt::Driver> driver_;
   io::Loop* loop_ = nullptr;                      // of the driver
   std::optional<Interrupt> interrupt_;            // until the store is closed
@@ -105,6 +108,7 @@ class Rig {
   Guards guards_{machine_, record_};
   std::unique_ptr<SlotTable> slot_table_;
   std::unique_ptr<operate::Session> session_;
+  std::optional<command::RemoteCommands> remote_commands_;  // what comes by SDO
   std::unique_ptr<Strangers> strangers_;
 };
 

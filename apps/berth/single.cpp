@@ -119,11 +119,21 @@ command::Reply repeated(Rig& rig, const command::Request& request, command::Repl
   return reply;
 }
 
+// What takes long is told on the way to who looks on.
+void tell_progress(Rig& rig, const command::Request& request, const Options& options) {
+  const bool takes_long = request.verb == "program download" || request.verb == "configure";
+  if (!takes_long || options.json || options.dry_run || !on_terminal()) return;
+  rig.session().on_event([](const operate::Event& event) {
+    print_line(event.slot.empty() ? event.text : event.slot + ": " + event.text);
+  });
+}
+
 // Buses that are outside this process are listened to before anything is sent, and asked for other masters before a
 // master's right is used.
 Replied reply_of_own_world(const Options& options, const command::Request& request, std::vector<Recorded>& sent,
                            const Repeat& repeat) {
-  auto made = Rig::make(own_options(options, request), {options.machine, options.sim, {}, {}});
+  const bool links = options.bring_up || request.verb == "boot" || request.verb == "configure";
+  auto made = Rig::make(own_options(options, request), {options.machine, options.sim, {}, {}, links});
   if (!made) return tl::unexpected(made.error());
   Rig& rig = **made;
   Strangers& strangers = rig.strangers();
@@ -139,6 +149,7 @@ Replied reply_of_own_world(const Options& options, const command::Request& reque
   if (takes_bus(request)) {
     if (const auto alone = strangers.ask(); !alone) return tl::unexpected(alone.error());
   }
+  tell_progress(rig, request, options);
   command::Reply reply;
   const auto limit = options.timeout.value_or(5min);
   if (execute_in(rig, request, reply, limit)) {

@@ -1,5 +1,7 @@
 // The verbs that are one request: what may stand behind them becomes the request's arguments.
+#include <filesystem>
 #include <memory>
+#include <utility>
 
 #include "berth/text/quantity.hpp"
 #include "request_verb.hpp"
@@ -71,6 +73,42 @@ void add_configure(Verb& berth, Options& options) {
   configure.word("slot", "slot", "its name, BUS/NAME or node-ID (default: every slot with a configuration)");
   configure.flag("--check", "check", "compare only, and say what differs");
   configure.footer("Examples:\n  berth configure --check\n  berth configure left machine.toml");
+}
+
+namespace {
+
+RequestVerb program_verb(const Verb& program, Options& options, const std::string& name, const std::string& help,
+                         RequestVerb::Finish finish = {}) {
+  RequestVerb verb(program, options, name, "program " + name, help, std::move(finish));
+  verb.word("node", "node", "node-ID or slot's name").required();
+  verb.word("--program", "number", "1 to 254").shown("N");
+  verb.footer("Example:\n  berth program " + name + " drive machine.toml");
+  return verb;
+}
+
+}  // namespace
+
+void add_program(Verb& berth, Options& options) {
+  const Verb program = berth.group("program", "the programs of a device: what runs, download, start, stop, clear");
+  program.footer(
+      "Examples:\n  berth program status drive\n  berth program download drive --file drive.bprg\n"
+      "docs/programs.md has what an image is.");
+  program_verb(program, options, "status", "which programs it has, and whether they run");
+  // Another process may carry it out, in another folder.
+  const auto absolute = [](command::Request& request) {
+    const auto file = request.arguments.find("file");
+    if (file != request.arguments.end()) file->second = std::filesystem::absolute(file->second).string();
+    return std::string();
+  };
+  const auto download =
+      program_verb(program, options, "download", "stop, clear, download and start a program", absolute);
+  download.word("--file", "file", "its image (default: the programs of its slot)").shown("FILE");
+  download.word("--identification", "identification", "what 1F56h tells then (default: the CRC-32 of the content)")
+      .shown("NUMBER");
+  program_verb(program, options, "start", "start a program");
+  program_verb(program, options, "stop", "stop a program; the device's own: it restarts into its boot loader");
+  program_verb(program, options, "clear", "take a stopped program away");
+  add_program_image(program, options);
 }
 
 void add_boot(Verb& berth, Options& options) {

@@ -142,16 +142,17 @@ int run_up(const Options& options) {
   if (own.machine.empty())
     return tell(failure(Exit::usage, "name the machine file: berth up machine.toml"), options.json);
   own.makes_store = true;
-  return bring_up(own, {own.machine, options.sim, {}, {}});
+  own.master.takes_part = true;
+  return bring_up(own, {own.machine, options.sim, {}, {}, true});
 }
 
 // It needs real time.
 void gateway_words(const Verb& up, Options& options, const Word& fast) {
-  const auto take = [&options](const std::string& where) { options.gateway = where, options.pace = true; };
+  const auto take = [&options](const std::string& where) { options.gateway.where = where, options.pace = true; };
   up.word("--gateway", take, "offer the buses by CiA 309-3 there too, such as 127.0.0.1:7000")
       .shown("HOST:PORT")
       .excludes(fast);
-  up.flag("--gateway-commands", options.gateway_commands,
+  up.flag("--gateway-commands", options.gateway.commands,
           "clients of --gateway may command a real machine: NMT, SDO download, PDO, LSS; else they only read");
 }
 
@@ -174,10 +175,14 @@ void add_up(Verb& berth, Options& options) {
   machine_words(up, options);
   machine_word(up, options);
   const Word fast = drive_words(up, options);
-  up.word("--on-exit", options.on_exit,
+  up.word("--on-exit", options.master.on_exit,
           "to the devices when it ends: leave, preop, stop (default: as the machine file)")
       .one_of(std::vector<std::string>{"leave", "preop", "stop"});
   gateway_words(up, options, fast);
+  up.word("--master-id", options.master.id, "Berth's own node-ID (default: as the machine file)").from_to(1, 127);
+  up.word("--priority", options.master.priority,
+          "among several masters of a bus: 0 high to 2 low (default: as the machine file)")
+      .from_to(0, 2);
   real_time_word(up, options);
   up.footer(
       "Examples:\n  berth up\n  berth up machine.toml --sim plant.toml\n  berth up machine.toml --port can0 --dry-run\n"

@@ -143,12 +143,13 @@ bool EmcyProducer::clear(std::uint16_t code, const std::array<std::uint8_t, 5>& 
   if (it == end) return false;
   std::copy(it + 1, end, it);
   --error_count_;
-  if (error_count_ == 0) {
-    queue({.code = emcy_code::error_reset, .error_register = 0, .info = info});
-  } else {
+  Emcy message{.code = emcy_code::error_reset, .error_register = 0, .info = info};
+  if (error_count_ > 0) {
     const Active& remains = errors_[error_count_ - 1];
-    queue({.code = remains.code, .error_register = error_register(), .info = remains.info});
+    message = {.code = remains.code, .error_register = error_register(), .info = remains.info};
   }
+  if (tells_exits_) store_le(message.info.data() + 3, code);
+  queue(message);
   return true;
 }
 
@@ -166,16 +167,28 @@ void EmcyProducer::queue(const Emcy& message) noexcept {
 void EmcyProducer::flush() noexcept {
   cancel();
   auto& executor = dispatcher_->executor();
-  while (waiting_ > 0 && enabled_ && cob_id_.valid()) {
+  while (enabled_ && cob_id_.valid()) {
+    const Emcy* const message = next();
+    if (message == nullptr) return;
     if (executor.now() < free_at_) return executor.at(free_at_, *this);
-    const auto queued = dispatcher_->send(to_frame(cob_id_, queue_[first_]));
+    const auto queued = dispatcher_->send(to_frame(cob_id_, *message));
     if (queued != can::Queued::yes) {
       return executor.after(queued == can::Queued::full ? full_retry : dead_port_retry, *this);
     }
     free_at_ = executor.now() + inhibit_;
-    first_ = (first_ + 1) % queue_size;
-    --waiting_;
+    sent();
   }
+}
+
+const Emcy* EmcyProducer::next() const noexcept {
+  if (waiting_ > 0) return &queue_[first_];
+  return backlog_ != nullptr ? backlog_->front() : nullptr;
+}
+
+void EmcyProducer::sent() noexcept {
+  if (waiting_ == 0) return backlog_->pop();
+  first_ = (first_ + 1) % queue_size;
+  --waiting_;
 }
 
 // ---- pre-defined error field

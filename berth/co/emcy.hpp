@@ -37,6 +37,18 @@ struct Emcy {
   friend bool operator==(const Emcy&, const Emcy&) noexcept = default;
 };
 
+/// Messages about others that go out under a device's identifier, behind its own: what a gateway hands on.
+class EmcyBacklog {
+ public:
+  /// The next one; null: none.
+  [[nodiscard]] virtual const Emcy* front() const noexcept = 0;
+  /// It was sent.
+  virtual void pop() noexcept = 0;
+
+ protected:
+  ~EmcyBacklog() = default;
+};
+
 /// Keeps a device's active errors, its error register and its emergency messages.
 ///
 /// An error is raised once and cleared once, by its code and, where one code has several sources (heartbeats of several
@@ -58,6 +70,13 @@ class EmcyProducer final : private rt::Job {
   void set_inhibit(rt::Duration time) noexcept { inhibit_ = time; }
   /// Whether the NMT state has EMCY (`Services::emcy`).
   void enable(bool on) noexcept;
+  /// The messages of `backlog` are sent when none of the device's own waits, under the same conditions; it must stay
+  /// until it is taken out (null). A reset leaves it as it is.
+  void set_backlog(EmcyBacklog* backlog) noexcept { backlog_ = backlog; }
+  /// The backlog has more.
+  void send_backlog() noexcept { flush(); }
+  /// Messages about errors that are gone carry their code in the last two manufacturer-specific bytes (paper 3 Figure 8).
+  void tell_exits(bool on) noexcept { tells_exits_ = on; }
   /// Reset: forgets errors and waiting messages, sends nothing; register 0, off.
   void reset() noexcept;
 
@@ -82,6 +101,8 @@ class EmcyProducer final : private rt::Job {
   };
   void queue(const Emcy& message) noexcept;
   void flush() noexcept;
+  [[nodiscard]] const Emcy* next() const noexcept;
+  void sent() noexcept;
   void run() noexcept override { flush(); }
   can::Dispatcher* dispatcher_;
   CobId cob_id_;
@@ -93,7 +114,9 @@ class EmcyProducer final : private rt::Job {
   std::size_t first_ = 0;
   std::size_t waiting_ = 0;
   std::uint64_t dropped_ = 0;
+  EmcyBacklog* backlog_ = nullptr;
   bool enabled_ = false;
+  bool tells_exits_ = false;
 };
 
 /// Pre-defined error field, object 1003h: newest at sub-index 1; the oldest drops out. Code 0000h and 00xxh are not

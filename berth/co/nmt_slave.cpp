@@ -58,7 +58,7 @@ void NmtSlave::apply_error_behaviour(std::uint8_t value) noexcept {
 }
 
 void NmtSlave::enter(NmtState to) noexcept {
-  if (to == state_) return;
+  if (to == state_ || (held_ && to == NmtState::operational)) return;
   const auto from = state_;
   state_ = to;
   owner_->state_changed(from, to, dispatcher_->executor().now());

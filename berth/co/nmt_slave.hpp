@@ -56,6 +56,8 @@ class NmtSlave final : private can::Handler, private rt::Job {
   [[nodiscard]] NodeId node_id() const noexcept { return node_id_; }
   [[nodiscard]] Services services() const noexcept { return services_in(state_); }
 
+  /// While it is held it does not become operational, whatever it is told: a boot loader without a program.
+  void hold(bool on) noexcept { held_ = on; }
   void set_boot_up_retry(rt::Duration interval) noexcept { boot_up_retry_ = interval; }
 
  private:
@@ -70,6 +72,7 @@ class NmtSlave final : private can::Handler, private rt::Job {
   rt::Duration boot_up_retry_ = std::chrono::milliseconds(1);
   NmtState state_ = NmtState::initialising;
   NodeId node_id_;
+  bool held_ = false;
 };
 
 }  // namespace berth::co

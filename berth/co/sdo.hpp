@@ -176,6 +176,11 @@ inline void put_segment(can::Frame& frame, std::uint8_t command, const std::uint
   put(frame, command, ref);
   return frame;
 }
+/// The same frame about another object.
+inline void rename(can::Frame& frame, ObjectRef ref) noexcept {
+  store_le(frame.data.data() + 1, ref.index);
+  frame.data[3] = ref.sub;
+}
 inline void put_abort(can::Frame& frame, ObjectRef ref, AbortCode code) noexcept {
   put(frame, 0x80, ref, static_cast<std::uint32_t>(code));
 }

@@ -19,6 +19,10 @@ class SdoAccess {
   /// `data` must stay until the task is done.
   [[nodiscard]] virtual rt::Task<Result<void>> write(std::uint16_t index, std::uint8_t sub,
                                                      std::span<const std::uint8_t> data) = 0;
+  /// Writes what a source gives, which must stay until the task is done: a program, by block transfer or as `how` says.
+  /// Where it is not overridden: all its bytes are taken into memory, and written as `write` does.
+  [[nodiscard]] virtual rt::Task<Result<void>> download(std::uint16_t index, std::uint8_t sub, SdoSource& source,
+                                                        const SdoOptions& how);
   /// Errc::mismatch when the object has another length.
   [[nodiscard]] rt::Task<Result<std::uint32_t>> read_u32(std::uint16_t index, std::uint8_t sub);
   [[nodiscard]] rt::Task<Result<void>> write_u32(std::uint16_t index, std::uint8_t sub, std::uint32_t value);
@@ -34,6 +38,8 @@ class NodeAccess final : public SdoAccess {
   rt::Task<Result<SdoValue>> read(std::uint16_t index, std::uint8_t sub) override;
   rt::Task<Result<SdoValue>> read_up_to(std::uint16_t index, std::uint8_t sub, std::size_t most) override;
   rt::Task<Result<void>> write(std::uint16_t index, std::uint8_t sub, std::span<const std::uint8_t> data) override;
+  rt::Task<Result<void>> download(std::uint16_t index, std::uint8_t sub, SdoSource& source,
+                                  const SdoOptions& how) override;
 
  private:
   SdoClient* client_;

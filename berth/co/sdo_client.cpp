@@ -94,7 +94,7 @@ inline void SdoTransfer::prepare_initiate() noexcept {
 
 // False: the source cannot give its bytes once more.
 bool SdoTransfer::begin_anew() noexcept {
-  extra_->pump.stop();
+  extra_->stop();
   if (!streamed_ || !download_) return true;
   if (extra_->touched && !extra_->source->rewind()) return false;
   extra_->touched = false;
@@ -197,6 +197,9 @@ bool SdoTransfer::lingers() noexcept {
 }
 
 bool SdoTransfer::answer(const can::Frame& frame) noexcept {
+  if (extra_ && extra_->wait != Extra::Wait::nothing) {
+    return static_cast<Scs>(sdo::specifier(frame.data[0])) == Scs::abort && take_abort(frame);
+  }
   // Sub-blocks: what is received is segments, and what is sent may be acknowledged before all of it is out.
   if (state_ == State::block) {
     if (download_) return block_acknowledged(frame);
@@ -301,7 +304,7 @@ void SdoTransfer::take_initiate(const can::Frame& frame) noexcept {
   }
   if (!begin_value(sized, count)) return;
   const auto code = extra_->sink->write({frame.data.data() + 4, count});
-  if (code != AbortCode::none) return refuse(code, "the sink refused the upload");
+  if (code != AbortCode::none && code != AbortCode::pending) return refuse(code, "the sink refused the upload");
   complete();
 }
 
@@ -311,7 +314,7 @@ od::Answer<std::span<const std::uint8_t>> SdoTransfer::window(std::size_t count)
   extra.touched = true;
   const auto size = extra.source->size();
   const auto left = size ? *size - offset_ : count + 1;
-  const auto bytes = extra.ahead.want(std::min(count + 1, left),
+  const auto bytes = extra.ahead.want(std::min(count + 1, left), extra.source->ready(),
                                       [&extra](std::span<std::uint8_t> into) { return extra.source->read(into); });
   if (!bytes || !size) return bytes;
   if (bytes->size() < std::min(count + 1, left)) return od::refuse(AbortCode::no_data);
@@ -336,6 +339,7 @@ void SdoTransfer::next_segment() noexcept {
     return send();
   }
   const auto rest = window(sdo::segment_bytes);
+  if (!rest && rest.error() == AbortCode::pending) return extra_->wait_for(Extra::Wait::segment);
   if (!rest) return refuse(rest.error(), "the source gave no more bytes");
   last_ = rest->size() <= sdo::segment_bytes;
   const auto count = last_ ? rest->size() : sdo::segment_bytes;
@@ -373,15 +377,16 @@ void SdoTransfer::take_segment(const can::Frame& frame) noexcept {
   if (size_indicated_ && total > indicated_) return refuse(AbortCode::length_too_high, "more bytes than indicated");
   if (count == 0 && !last) return refuse(AbortCode::general, "an empty segment that is not the last");
   const auto bytes = std::span(frame.data).subspan(1, count);
+  auto code = AbortCode::none;
   if (!streamed_) {
     if (total > options_.longest) return refuse(AbortCode::out_of_memory, "the object is longer than allowed");
     value_.append(bytes);
   } else if (count > 0) {
-    const auto code = extra_->sink->write(bytes);
-    if (code != AbortCode::none) return refuse(code, "the sink refused the upload");
+    code = extra_->sink->write(bytes);
+    if (code != AbortCode::none && code != AbortCode::pending) return refuse(code, "the sink refused the upload");
   }
   offset_ = total;
-  if (!last) return next_segment();
+  if (!last) return code == AbortCode::pending ? extra_->wait_for(Extra::Wait::segment) : next_segment();
   if (size_indicated_ && total < indicated_) return refuse(AbortCode::length_too_low, "fewer bytes than indicated");
   complete();
 }
@@ -420,7 +425,7 @@ void SdoTransfer::leave() noexcept {
   if (pending()) [[unlikely]]
     line_->dispatcher().withdraw(*this);
   if (extra_) [[unlikely]]
-    extra_->pump.stop();
+    extra_->end();
   line_->remove(*this);
 }
 

@@ -18,6 +18,7 @@
 
 #include "berth/base/result.hpp"
 #include "berth/can/dispatcher.hpp"
+#include "berth/co/block_pace.hpp"
 #include "berth/co/sdo.hpp"
 #include "berth/co/sdo_stream.hpp"
 #include "berth/rt/task.hpp"
@@ -48,6 +49,8 @@ struct SdoOptions {
   std::uint8_t block_size = 127;     ///< block upload: segments in a sub-block, 1..127
   std::uint8_t protocol_switch = 0;  ///< block upload: a server may send so few bytes (or fewer) segmented; 0 = never
   std::size_t block_from = 64;       ///< automatic, in bytes; also its protocol switch threshold, less one
+  /// Block downloads: shared by all that go to devices on this bus side by side; null: each sends as it can.
+  BlockPace* pace = nullptr;
 };
 
 inline constexpr std::size_t slowest_pace = 64;  ///< bytes a second

@@ -59,15 +59,17 @@ void SdoTransfer::take_block_initiate(const can::Frame& frame) noexcept {
 void SdoTransfer::send_block(unsigned size) noexcept {
   auto& extra = *extra_;
   const auto bytes = window(size * sdo::segment_bytes);
+  if (!bytes && bytes.error() == AbortCode::pending) return extra.wait_for(Extra::Wait::sub_block, size);
   if (!bytes) return refuse(bytes.error(), "the source gave no more bytes");
   state_ = State::block;
   window_ = false;
   deadline_ = rt::never;  // the pump has its own
   extra.sender.sub_block(size, *bytes);
-  extra.pump.start(extra.sender, line_->request_, options_.send_timeout);
+  if (options_.pace == nullptr || options_.pace->take(extra)) extra.turn();
 }
 
 void SdoTransfer::pumped(rt::Time at) noexcept {
+  if (options_.pace != nullptr) options_.pace->give(*extra_);
   expects_ = 1;
   sent(at);
 }
@@ -91,7 +93,7 @@ bool SdoTransfer::block_acknowledged(const can::Frame& frame) noexcept {
     case Heard::stale: return false;
     case Heard::invalid: refuse(sender.code(), "the server acknowledged what cannot be"); return true;
     case Heard::go_on:
-      extra_->pump.stop();
+      extra_->stop();
       consume(sender.acknowledged());
       if (!lingers()) send_block(sender.size());
       return true;
@@ -155,16 +157,17 @@ void SdoTransfer::acknowledge_block() noexcept {
   if (last) std::memcpy(extra.tail.data(), receiver.place() - sdo::segment_bytes, sdo::segment_bytes);
   const std::size_t count = (good - (last ? 1U : 0U)) * sdo::segment_bytes;
   auto code = keep_block(count, receiver.size() * sdo::segment_bytes - count);
+  const bool waits = code == AbortCode::pending;
+  if (waits) code = AbortCode::none;
   if (code == AbortCode::none && !receiver.alive()) code = AbortCode::timeout;
   if (code != AbortCode::none) return refuse(code, "the sub-blocks do not fit: too long, without progress, or refused");
   const auto size = receiver.next_size();
   sdo::put(request_, 0xA2, {});
   request_.data[1] = static_cast<std::uint8_t>(good);
   request_.data[2] = static_cast<std::uint8_t>(size);
-  if (last) {
-    state_ = State::block_end;
-    return send();
-  }
+  if (last) state_ = State::block_end;
+  if (waits) return extra.wait_for(Extra::Wait::request, last ? 1 : size);
+  if (last) return send();
   begin_sub_block(size);
   send(size);
 }
@@ -181,7 +184,8 @@ bool SdoTransfer::end_block_upload(const can::Frame& frame) noexcept {
   const std::size_t count = sdo::segment_bytes - ((frame.data[0] >> 2U) & 0x07U);
   if (!streamed_) std::copy_n(extra.tail.begin(), sdo::segment_bytes, value_.extend(sdo::segment_bytes));
   if (streamed_) std::ranges::copy(extra.tail, extra.place = extra.stash.data());
-  const auto code = keep_block(count, sdo::segment_bytes - count);
+  auto code = keep_block(count, sdo::segment_bytes - count);
+  if (code == AbortCode::pending) code = AbortCode::none;  // there is no more
   if (code != AbortCode::none) {
     refuse(code, "more bytes than indicated, or than allowed");
   } else if (size_indicated_ && offset_ < indicated_) {

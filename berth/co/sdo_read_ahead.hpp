@@ -20,17 +20,20 @@ class ReadAhead {
     ended_ = false;
   }
   /// At least `count` bytes (at most the buffer's size), fewer only at the end. `read(span)` fills from the beginning
-  /// and says how much that was, fewer than asked for = the end.
+  /// and says how much that was, fewer than asked for = the end. It is asked for `ready` bytes at most; when they are
+  /// too few: `pending`.
   template <class Read>
-  [[nodiscard]] od::Answer<std::span<const std::uint8_t>> want(std::size_t count, Read&& read) noexcept {
+  [[nodiscard]] od::Answer<std::span<const std::uint8_t>> want(std::size_t count, std::size_t ready,
+                                                               Read&& read) noexcept {
     if (end_ - first_ < count && !ended_) {
       std::memmove(buffer_.data(), buffer_.data() + first_, end_ - first_);
       end_ -= std::exchange(first_, 0);
-      const auto room = buffer_.subspan(end_);
-      const od::Answer<std::size_t> got = read(room);
+      const auto room = buffer_.subspan(end_, std::min(buffer_.size() - end_, ready));
+      const od::Answer<std::size_t> got = room.empty() ? 0 : read(room);
       if (!got) return od::refuse(got.error());
       ended_ = *got < room.size();
       end_ += std::min(*got, room.size());
+      if (end_ - first_ < count && !ended_) return od::refuse(od::AbortCode::pending);
     }
     return std::span<const std::uint8_t>(buffer_).subspan(first_, end_ - first_);
   }

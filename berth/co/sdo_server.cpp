@@ -6,7 +6,7 @@ namespace berth::co {
 
 using sdo::Ccs;
 
-SdoServer::SdoServer(od::Values& values, std::size_t buffer) : data_(values, buffer) {}
+SdoServer::SdoServer(od::Values& values, std::size_t buffer, std::uint8_t channel) : data_(values, buffer, channel) {}
 
 std::optional<can::Frame> SdoServer::handle(const can::Frame& request) noexcept {
   can::Frame answer;
@@ -24,13 +24,13 @@ inline bool SdoServer::put_expedited(can::Frame& answer, std::span<const std::ui
   return true;
 }
 
-inline bool SdoServer::begin_upload(can::Frame& answer) noexcept {
+inline bool SdoServer::begin_upload(const can::Frame& request, can::Frame& answer) noexcept {
   state_ = State::idle;
   if (!data_.streaming()) [[likely]] {
     const auto plain = data_.values().view_plain(ref_);
     if (plain.size() - 1 < 4) return put_expedited(answer, plain);
   }
-  return open_upload(answer);
+  return open_upload(request, answer);
 }
 
 // What frames mean otherwise than by their command. False: look no further.
@@ -41,7 +41,10 @@ bool SdoServer::respond_in_block(const can::Frame& request, can::Frame& answer, 
     return false;
   }
   if (state_ == State::block_download_end && receiver_.repeats_last(request)) return false;
-  return state_ != State::pending || while_pending(request);
+  if (state_ != State::pending) return true;
+  if (!deferred_.ended_by(request)) return false;
+  reset();
+  return true;
 }
 
 inline bool SdoServer::respond(const can::Frame& request, can::Frame& answer) noexcept {
@@ -52,7 +55,7 @@ inline bool SdoServer::respond(const can::Frame& request, can::Frame& answer) no
   switch (static_cast<Ccs>(sdo::specifier(request.data[0]))) {
     case Ccs::abort: reset(); return false;
     case Ccs::download: return begin_download(request, answer);
-    case Ccs::upload: ref_ = sdo::multiplexer(request); return begin_upload(answer);
+    case Ccs::upload: ref_ = sdo::multiplexer(request); return begin_upload(request, answer);
     case Ccs::download_segment: return download_segment(request, answer);
     case Ccs::upload_segment: return upload_segment(request, answer);
     case Ccs::block_download: return block_download(request, answer);
@@ -69,10 +72,12 @@ bool SdoServer::handle(const can::Frame& request, can::Frame& answer) noexcept {
 
 // ---- ends
 
-// False: the request is not to be looked at. Only an abort and a new initiate end the waiting.
-bool SdoServer::while_pending(const can::Frame& request) noexcept {
-  if (std::ranges::equal(pending_request_, request.bytes())) return false;
-  const auto byte = request.data[0];
+bool SdoServer::Deferred::ended_by(const can::Frame& frame) const noexcept {
+  if (std::ranges::equal(request, frame.bytes())) return false;
+  const auto byte = frame.data[0];
+  // Between two sub-blocks a frame is a segment that comes late, whatever it looks like.
+  constexpr std::uint8_t acknowledgement = 0xA2;
+  if (way == Way::confirm && answer[0] == acknowledgement) return byte == 0x80;
   switch (static_cast<Ccs>(sdo::specifier(byte))) {
     case Ccs::abort:
     case Ccs::download:
@@ -90,20 +95,32 @@ bool SdoServer::confirm_or_defer(const can::Frame& request, can::Frame& answer, 
     return true;
   }
   if (code != AbortCode::pending) return abort(answer, code);
+  std::ranges::copy(answer.bytes(), deferred_.answer.begin());
+  return defer(request, Deferred::Way::confirm, then);
+}
+
+bool SdoServer::defer(const can::Frame& request, Deferred::Way way, State then) noexcept {
   state_ = State::pending;
-  then_ = then;
-  std::ranges::copy(request.bytes(), pending_request_.begin());
-  std::ranges::copy(answer.bytes(), pending_answer_.begin());
+  deferred_.way = way;
+  deferred_.then = then;
+  std::ranges::copy(request.bytes(), deferred_.request.begin());
   return false;
 }
 
 std::optional<can::Frame> SdoServer::complete(AbortCode code) noexcept {
   if (state_ != State::pending || code == AbortCode::pending) return std::nullopt;
-  can::Frame answer = can::Frame::base(0, pending_answer_);
+  can::Frame answer = can::Frame::base(0, deferred_.answer);
   answer.set_head(response_key_, 8);
-  state_ = then_;
-  if (code != AbortCode::none) abort(answer, code);
-  return answer;
+  state_ = deferred_.then;
+  bool has_answer = true;
+  if (code != AbortCode::none) {
+    abort(answer, code);
+  } else if (deferred_.way == Deferred::Way::sub_block) {
+    has_answer = send_block(answer);
+  } else if (deferred_.way == Deferred::Way::ask_again) {
+    has_answer = respond(can::Frame::base(0, deferred_.request), answer);
+  }
+  return has_answer ? std::optional(answer) : std::nullopt;
 }
 
 std::optional<can::Frame> SdoServer::expire() noexcept {
@@ -112,7 +129,8 @@ std::optional<can::Frame> SdoServer::expire() noexcept {
   answer.set_head(response_key_, 8);
   if (collecting()) {
     receiver_.give_up();
-    acknowledge_block(answer);
+    const can::Frame none = can::Frame::base(0, std::array<std::uint8_t, 8>{});
+    if (!acknowledge_block(none, answer)) return std::nullopt;
   } else {
     abort(answer, AbortCode::timeout);
   }
@@ -185,7 +203,7 @@ bool SdoServer::download_segment(const can::Frame& request, can::Frame& answer) 
   sdo::put(answer, static_cast<std::uint8_t>(0x20U | (byte & sdo::toggle_bit)), {});
   const auto code = take(request.data.data() + 1, count, last);
   if (!last && code == AbortCode::none) return true;
-  return confirm_or_defer(request, answer, code, State::idle);
+  return confirm_or_defer(request, answer, code, last ? State::idle : State::download);
 }
 
 AbortCode SdoServer::take(const std::uint8_t* bytes, std::size_t count, bool last) noexcept {
@@ -193,16 +211,25 @@ AbortCode SdoServer::take(const std::uint8_t* bytes, std::size_t count, bool las
   if (!place) return place.error();
   std::memcpy(*place, bytes, sdo::segment_bytes);
   const auto code = data_.commit(count);
-  return code != AbortCode::none || !last ? code : data_.close_write();
+  if (code != AbortCode::none) return code;
+  return last ? data_.close_write() : data_.ready();
 }
 
 // ---- upload
 
-bool SdoServer::open_upload(can::Frame& answer) noexcept {
+bool SdoServer::open_upload(const can::Frame& request, can::Frame& answer) noexcept {
   std::span<const std::uint8_t> value;
   const auto code = data_.open_read(ref_, value);
-  if (code != AbortCode::none) return abort(answer, code);
-  return value.empty() ? answer_upload(answer) : put_expedited(answer, value);
+  if (code == AbortCode::pending) return defer(request, Deferred::Way::ask_again, State::idle);
+  if (code != AbortCode::none) {
+    abort(answer, code);
+  } else if (value.empty()) {
+    answer_upload(answer);
+  } else {
+    return put_expedited(answer, value);
+  }
+  if (const od::Stream* const stream = data_.values().stream(ref_)) sdo::rename(answer, stream->named(ref_));
+  return true;
 }
 
 // The object is open: expedited when it fits, else the first of a segmented transfer.
@@ -229,7 +256,11 @@ bool SdoServer::upload_segment(const can::Frame& request, can::Frame& answer) no
     return true;
   }
   const auto window = data_.window(sdo::segment_bytes);
-  if (!window) return abort(answer, window.error());
+  if (!window) {
+    if (window.error() != AbortCode::pending) return abort(answer, window.error());
+    toggle_ = !toggle_;
+    return defer(request, Deferred::Way::ask_again, State::upload);
+  }
   const bool last = window->size() <= sdo::segment_bytes;
   const auto count = last ? window->size() : sdo::segment_bytes;
   const auto command = static_cast<std::uint8_t>((request.data[0] & sdo::toggle_bit) |

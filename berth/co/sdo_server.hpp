@@ -25,7 +25,7 @@ namespace berth::co {
 ///   (HC1.S8), CRC 0504 0004.
 /// - Uploads of at most `buffer` bytes are taken whole at the initiate, so that the client gets one consistent value;
 ///   longer ones are read from the dictionary piece by piece, and aborted with 0800 0022 when the length changes
-///   meanwhile. Downloads are collected in the buffer and written once, at the end; what does not fit is refused with
+///   meanwhile. What a stream does not have yet is answered when it has it (`complete`). Downloads are collected in the buffer and written once, at the end; what does not fit is refused with
 ///   0504 0005. An object with an `od::Stream` goes through the buffer, however long it is.
 /// - Downloads without indicated size, segmented, block and expedited, are legal (HC1.S1, HC1.S3, HC1.S17).
 /// - Block: CRC is used, and offered, when the client can, too (HC1.S10). A block upload of an object not longer than
@@ -34,7 +34,8 @@ namespace berth::co {
 ///   0504 0000.
 class SdoServer {
  public:
-  SdoServer(od::Values& values, std::size_t buffer);
+  /// `channel`: as `od::Channels` counts.
+  SdoServer(od::Values& values, std::size_t buffer, std::uint8_t channel = 0);
 
   /// Where answers go: 580h + node-ID for the default channel. The request's identifier is not looked at.
   void set_response_id(CobId id) noexcept { response_key_ = id.key(); }
@@ -51,21 +52,23 @@ class SdoServer {
   [[nodiscard]] bool busy() const noexcept { return state_ != State::idle; }
   /// A sub-block comes in, so that a short silence means a lost segment: `expire` soon (`sdo::block_gap_part`).
   [[nodiscard]] bool collecting() const noexcept { return state_ == State::block_download && receiver_.heard(); }
-  /// Gives the answer to a write that a hook or stream answered with `pending` (never seen on the wire): the
-  /// confirmation when `code` is `none`, else an abort. While a write is pending the server is busy, the client's
-  /// silence counts for nothing, the same request again is not executed again, and an abort, a new initiate or a reset
-  /// drops it. Empty, and harmless, when nothing is pending.
+  /// Gives the answer to an access that a hook or stream answered with `pending` (never seen on the wire): an abort
+  /// unless `code` is `none`; else the confirmation of a write, while an upload's stream is asked again, and what it
+  /// has goes out (see `sending`, too). While an access is pending the server is busy, the client's silence counts for
+  /// nothing, the same request again is not executed again, and an abort, a new initiate or a reset drops it
+  /// (`od::Hook::abandoned`). Empty, and harmless, when nothing is pending.
   [[nodiscard]] std::optional<can::Frame> complete(AbortCode code) noexcept;
-  /// The object whose write waits for `complete`.
+  /// The object whose access waits for `complete`.
   [[nodiscard]] std::optional<ObjectRef> pending() const noexcept {
     return state_ == State::pending ? std::optional(ref_) : std::nullopt;
   }
   /// The client was silent too long: acknowledges what came of a sub-block (`collecting`), or else ends the transfer;
-  /// the abort 0504 0000 to send, once (S20). Empty when idle, and while a write is pending.
+  /// the abort 0504 0000 to send, once (S20). Empty when idle, and while an access is pending.
   [[nodiscard]] std::optional<can::Frame> expire() noexcept;
   /// Forgets the transfer without a word: reset, NMT stop.
   void reset() noexcept {
-    state_ = State::idle;
+    if (std::exchange(state_, State::idle) == State::pending) [[unlikely]]
+      data_.values().abandon(ref_);
     data_.drop();
   }
   /// Bytes that it holds beyond itself.
@@ -83,16 +86,30 @@ class SdoServer {
     block_upload_end,    // all acknowledged, the client is to end it
     pending,
   };
+  /// What is done when the pending access is answered.
+  struct Deferred {
+    enum class Way : std::uint8_t {
+      confirm,    // `answer` goes out
+      ask_again,  // `request` is executed once more
+      sub_block,  // an upload's next sub-block
+    };
+    std::array<std::uint8_t, 8> request{};
+    std::array<std::uint8_t, 8> answer{};
+    State then = State::idle;
+    Way way = Way::confirm;
+    /// Only an abort and a new initiate end the waiting.
+    [[nodiscard]] bool ended_by(const can::Frame& frame) const noexcept;
+  };
   [[nodiscard]] bool respond(const can::Frame& request, can::Frame& answer) noexcept;
   [[nodiscard]] bool respond_in_block(const can::Frame& request, can::Frame& answer, bool& has_answer) noexcept;
-  [[nodiscard]] bool while_pending(const can::Frame& request) noexcept;
+  bool defer(const can::Frame& request, Deferred::Way way, State then) noexcept;
   bool begin_download(const can::Frame& request, can::Frame& answer) noexcept;
   [[nodiscard]] AbortCode expedited_download(const can::Frame& request) noexcept;
   [[nodiscard]] AbortCode begin_segmented_download(const can::Frame& request) noexcept;
   bool download_segment(const can::Frame& request, can::Frame& answer) noexcept;
   [[nodiscard]] AbortCode take(const std::uint8_t* bytes, std::size_t count, bool last) noexcept;
-  bool begin_upload(can::Frame& answer) noexcept;
-  bool open_upload(can::Frame& answer) noexcept;
+  bool begin_upload(const can::Frame& request, can::Frame& answer) noexcept;
+  bool open_upload(const can::Frame& request, can::Frame& answer) noexcept;
   bool answer_upload(can::Frame& answer) noexcept;
   bool put_expedited(can::Frame& answer, std::span<const std::uint8_t> value) noexcept;
   bool upload_segment(const can::Frame& request, can::Frame& answer) noexcept;
@@ -101,7 +118,7 @@ class SdoServer {
   bool block_download(const can::Frame& request, can::Frame& answer) noexcept;
   bool begin_block_download(const can::Frame& request, can::Frame& answer) noexcept;
   bool block_segment(const can::Frame& request, can::Frame& answer) noexcept;
-  bool acknowledge_block(can::Frame& answer) noexcept;
+  bool acknowledge_block(const can::Frame& segment, can::Frame& answer) noexcept;
   [[nodiscard]] AbortCode commit_block() noexcept;
   [[nodiscard]] AbortCode next_block() noexcept;
   bool end_block_download(const can::Frame& request, can::Frame& answer) noexcept;
@@ -120,21 +137,20 @@ class SdoServer {
   std::uint32_t response_key_ = 0;
   ObjectRef ref_;
   State state_ = State::idle;
-  State then_ = State::idle;  // after the pending write
   bool toggle_ = false;       // expected in the next segment
   [[nodiscard]] unsigned crc_bit() const noexcept { return crc_used_ ? 0x04U : 0x00U; }
   bool crc_used_ = false;        // block
   std::uint8_t block_size_ = 0;  // upload: what the client asked for first
   std::uint16_t crc_ = 0;        // block download: of what is committed
-  std::array<std::uint8_t, 8> pending_request_{};
-  std::array<std::uint8_t, 8> pending_answer_{};
+  Deferred deferred_;
 };
 
 /// One SDO channel bound to a port.
 class SdoServerService final : private can::Handler, private rt::Job, private sdo::BlockPump::Owner {
  public:
   static constexpr std::size_t default_buffer = 1024;
-  SdoServerService(can::Dispatcher& dispatcher, od::Values& values, std::size_t buffer = default_buffer);
+  SdoServerService(can::Dispatcher& dispatcher, od::Values& values, std::size_t buffer = default_buffer,
+                   std::uint8_t channel = 0);
 
   /// Serves the default channel, 600h + node-ID (configured); a running transfer is forgotten.
   void start(NodeId node) { start(SdoChannel::of(node)); }
@@ -150,8 +166,11 @@ class SdoServerService final : private can::Handler, private rt::Job, private sd
   [[nodiscard]] bool busy() const noexcept { return server_.busy(); }
   /// As `SdoServer::complete`: sends the answer; false when nothing was pending.
   bool complete(AbortCode code) noexcept;
-  /// The same, only when the write that is pending is one of `object`.
-  bool complete(ObjectRef object, AbortCode code) noexcept;
+  /// The same, only when the access that is pending is one of `object`; a confirmation or refusal calls it `named`.
+  bool complete(ObjectRef object, AbortCode code) noexcept { return complete(object, code, object); }
+  bool complete(ObjectRef object, AbortCode code, ObjectRef named) noexcept;
+  /// A frame of a relay's (`od::ChannelRelay`).
+  bool send(od::ChannelBytes bytes) noexcept;
   [[nodiscard]] std::optional<ObjectRef> pending() const noexcept { return server_.pending(); }
   /// Bytes that it holds beyond itself.
   [[nodiscard]] std::size_t memory() const noexcept { return server_.memory(); }
@@ -169,6 +188,7 @@ class SdoServerService final : private can::Handler, private rt::Job, private sd
   }
 
   can::Dispatcher* dispatcher_;
+  od::Channels* channels_;
   SdoServer server_;
   sdo::BlockPump pump_;
   SdoChannel channel_;
@@ -176,6 +196,7 @@ class SdoServerService final : private can::Handler, private rt::Job, private sd
   rt::Time heard_{};                        // when the client's last frame came, or ours left
   std::optional<can::PackedFrame> unsent_;  // the port was full
   rt::Time unsent_until_{};
+  std::uint8_t number_;
 };
 
 }  // namespace berth::co

@@ -49,7 +49,7 @@ bool SdoServer::block_segment(const can::Frame& request, can::Frame& answer) noe
   }
   switch (receiver_.take(request)) {
     case sdo::BlockReceiver::Heard::more: return false;
-    case sdo::BlockReceiver::Heard::ends: return acknowledge_block(answer);
+    case sdo::BlockReceiver::Heard::ends: return acknowledge_block(request, answer);
     default: return abort(answer, AbortCode::sequence_number);
   }
 }
@@ -62,16 +62,16 @@ AbortCode SdoServer::commit_block() noexcept {
   return code;
 }
 
-bool SdoServer::acknowledge_block(can::Frame& answer) noexcept {
+bool SdoServer::acknowledge_block(const can::Frame& segment, can::Frame& answer) noexcept {
   const auto good = receiver_.good();
   auto code = receiver_.alive() ? commit_block() : AbortCode::timeout;
   if (code == AbortCode::none && !receiver_.complete()) code = next_block();
-  if (code != AbortCode::none) return abort(answer, code);
-  if (receiver_.complete()) state_ = State::block_download_end;
+  if (code == AbortCode::none) code = data_.ready();
   sdo::put(answer, acknowledgement, {});
   answer.data[1] = static_cast<std::uint8_t>(good);
   answer.data[2] = static_cast<std::uint8_t>(receiver_.size());
-  return true;
+  const State next = receiver_.complete() ? State::block_download_end : State::block_download;
+  return confirm_or_defer(segment, answer, code, next);
 }
 
 bool SdoServer::end_block_download(const can::Frame& request, can::Frame& answer) noexcept {
@@ -119,6 +119,7 @@ bool SdoServer::begin_block_upload(const can::Frame& request, can::Frame& answer
   crc_used_ = (request.data[0] & 0x04U) != 0;
   if (!sdo::valid_block_size(block_size_)) return abort(answer, AbortCode::block_size);
   const auto code = data_.open_read(ref_);
+  if (code == AbortCode::pending) return defer(request, Deferred::Way::ask_again, State::idle);
   if (code != AbortCode::none) return abort(answer, code);
   const auto size = data_.size();
   if (size && threshold > 0 && *size <= threshold) return answer_upload(answer);
@@ -133,6 +134,7 @@ bool SdoServer::begin_block_upload(const can::Frame& request, can::Frame& answer
 // The segments follow by `sending`; `answer` is only for a refusal.
 bool SdoServer::send_block(can::Frame& answer) noexcept {
   const auto window = data_.window(block_size_ * sdo::segment_bytes);
+  if (!window && window.error() == AbortCode::pending) return defer(answer, Deferred::Way::sub_block, state_);
   if (!window) return abort(answer, window.error());
   state_ = State::block_upload;
   sender_.sub_block(block_size_, *window);

@@ -20,11 +20,12 @@ bool has_long_values(const od::Description& description, std::size_t buffer) noe
 }  // namespace
 
 // A last segment is put whole, however few of its bytes count.
-SdoServerData::SdoServerData(od::Values& values, std::size_t buffer)
+SdoServerData::SdoServerData(od::Values& values, std::size_t buffer, std::uint8_t channel)
     : values_(&values),
       capacity_(buffer),
       reserve_((has_long_values(values.description(), buffer) ? std::max(buffer, sdo::block_window) : buffer) +
-               sdo::segment_bytes) {
+               sdo::segment_bytes),
+      channel_(channel) {
   buffer_ = std::make_unique<std::uint8_t[]>(reserve_);
 }
 
@@ -34,13 +35,13 @@ AbortCode SdoServerData::open_read(ObjectRef ref) noexcept {
   drop();
   ref_ = ref;
   offset_ = 0;
-  if (od::Stream* const stream = values_->stream(ref)) return open_stream(*stream);
+  if (od::Stream* const stream = values().stream(ref)) return open_stream(*stream);
   return open_value(values_->view(ref));
 }
 
 AbortCode SdoServerData::open_read(ObjectRef ref, std::span<const std::uint8_t>& expedited) noexcept {
   drop();
-  const auto value = values_->view(ref);
+  const auto value = values().view(ref);
   if (value && value->size() - 1 < 4) {
     expedited = *value;
     return AbortCode::none;
@@ -82,7 +83,8 @@ od::Answer<std::span<const std::uint8_t>> SdoServerData::far_window(std::size_t 
     std::memcpy(buffer_.get(), value->data() + offset_, wanted);
     return std::span<const std::uint8_t>(buffer_.get(), wanted);
   }
-  auto bytes = ahead_.want(wanted, [this](std::span<std::uint8_t> into) { return stream_.read(into); });
+  auto bytes =
+      ahead_.want(wanted, stream_.ready(), [this](std::span<std::uint8_t> into) { return stream_.read(into); });
   if (!bytes || !sized_) return bytes;
   // A stream that promised a size keeps it.
   if (bytes->size() < wanted) return od::refuse(AbortCode::device_state);
@@ -99,28 +101,31 @@ AbortCode SdoServerData::open_write(ObjectRef ref, std::optional<std::size_t> si
   drop();
   ref_ = ref;
   offset_ = filled_ = 0;
+  waits_ = false;
   sized_ = size.has_value();
   size_ = size.value_or(0);
   kind_ = Kind::buffer;
-  const auto code = sized_ ? values_->check_write(ref, size_) : values_->check_write(ref);
+  const auto code = sized_ ? values().check_write(ref, size_) : values().check_write(ref);
   if (code != AbortCode::none) return code;
   if (od::Stream* const stream = values_->stream(ref)) {
     kind_ = Kind::stream;
     limit_ = sized_ ? size_ : no_limit;
-    return stream_.open_write(*stream, ref, size);
+    const auto opened = stream_.open_write(*stream, ref, size);
+    piece_ = stream_.piece();
+    return opened;
   }
   limit_ = sized_ ? size_ : capacity_;
   return size_ > capacity_ ? AbortCode::out_of_memory : AbortCode::none;
 }
 
 unsigned SdoServerData::segments(unsigned wanted) const noexcept {
-  const std::size_t room = kind_ == Kind::buffer ? reserve_ - offset_ : reserve_;
+  const std::size_t room = kind_ == Kind::buffer ? reserve_ - offset_ : std::min(reserve_, od::Stream::longest_piece);
   return static_cast<unsigned>(std::clamp<std::size_t>(room / sdo::segment_bytes, 1, wanted));
 }
 
 od::Answer<std::uint8_t*> SdoServerData::far_place(std::size_t count) noexcept {
   if (kind_ == Kind::buffer) return od::refuse(too_long(offset_ + count));
-  if (filled_ + count > reserve_) {
+  if (filled_ + count > std::min(reserve_, od::Stream::longest_piece) || filled_ >= piece_) {
     const auto code = flush();
     if (code != AbortCode::none) return od::refuse(code);
   }
@@ -131,7 +136,9 @@ AbortCode SdoServerData::flush() noexcept {
   if (filled_ == 0) return AbortCode::none;
   const auto code = stream_.write({buffer_.get(), filled_});
   offset_ += std::exchange(filled_, 0);
-  return code;
+  if (code != AbortCode::pending) return code;
+  waits_ = true;
+  return AbortCode::none;
 }
 
 AbortCode SdoServerData::too_long(std::size_t total) const noexcept {
@@ -142,7 +149,7 @@ AbortCode SdoServerData::too_long(std::size_t total) const noexcept {
 
 AbortCode SdoServerData::close_write() noexcept {
   if (sized_ && offset_ + filled_ < size_) return AbortCode::length_too_low;
-  if (kind_ != Kind::stream) return values_->write(ref_, {buffer_.get(), offset_});
+  if (kind_ != Kind::stream) return values().write(ref_, {buffer_.get(), offset_});
   const auto code = flush();
   return code == AbortCode::none ? stream_.close(true) : code;
 }

@@ -5,6 +5,7 @@
 #include <memory>
 #include <optional>
 #include <span>
+#include <utility>
 
 #include "berth/co/sdo.hpp"
 #include "berth/co/sdo_read_ahead.hpp"
@@ -19,9 +20,14 @@ class SdoServerData {
  public:
   /// Values of up to `buffer` bytes are held whole. A dictionary with a DOMAIN, or with values longer than `buffer`,
   /// takes at least what block transfer needs (897 bytes).
-  SdoServerData(od::Values& values, std::size_t buffer);
+  /// `channel`: as `od::Channels` counts.
+  SdoServerData(od::Values& values, std::size_t buffer, std::uint8_t channel);
 
-  [[nodiscard]] od::Values& values() const noexcept { return *values_; }
+  /// Which from now on see this channel.
+  [[nodiscard]] od::Values& values() const noexcept {
+    values_->channels().enter(channel_);
+    return *values_;
+  }
   [[nodiscard]] std::size_t memory() const noexcept { return reserve_; }
   /// A stream is open, which `drop` closes.
   [[nodiscard]] bool streaming() const noexcept { return stream_.open(); }
@@ -38,6 +44,7 @@ class SdoServerData {
     return sized_ ? std::optional(size_) : std::nullopt;
   }
   /// The bytes from the position on: all up to the end, or more than `count`, `count` being at most a sub-block.
+  /// `pending`: a stream has them not yet.
   [[nodiscard]] od::Answer<std::span<const std::uint8_t>> window(std::size_t count) noexcept {
     if (kind_ == Kind::buffer) return std::span<const std::uint8_t>(buffer_.get() + offset_, size_ - offset_);
     return far_window(count);
@@ -77,6 +84,8 @@ class SdoServerData {
     if (kind_ != Kind::buffer || limit_ - offset_ < sdo::segment_bytes) return nullptr;
     return buffer_.get() + std::exchange(offset_, offset_ + sdo::segment_bytes);
   }
+  /// The stream took bytes and is not ready for more (`od::Stream::write`): `pending`, told once.
+  [[nodiscard]] AbortCode ready() noexcept { return std::exchange(waits_, false) ? AbortCode::pending : AbortCode::none; }
   /// All is there: to the dictionary or the stream; its word, `pending` included.
   [[nodiscard]] AbortCode close_write() noexcept;
   /// @}
@@ -98,11 +107,14 @@ class SdoServerData {
   std::size_t offset_ = 0;  // bytes done; of a stream: given to it
   std::size_t filled_ = 0;  // download to a stream: bytes that wait in the buffer
   std::size_t limit_ = 0;   // download: more than this is refused
+  std::size_t piece_ = 0;   // download to a stream: so many bytes do not wait in the buffer
   od::StreamUse stream_;
   ReadAhead ahead_;
   ObjectRef ref_;
   Kind kind_ = Kind::buffer;
+  std::uint8_t channel_;
   bool sized_ = false;
+  bool waits_ = false;
 };
 
 }  // namespace berth::co

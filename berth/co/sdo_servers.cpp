@@ -51,7 +51,12 @@ SdoServers::SdoServers(can::Dispatcher& dispatcher, od::Values& values, std::siz
     }
   }
   additional_.shrink_to_fit();
+  values.channels().serve(this);
   if (any) values.attach(*this, default_server, last_client);
+}
+
+SdoServers::~SdoServers() {
+  if (values_->channels().servers() == this) values_->channels().serve(nullptr);
 }
 
 void SdoServers::start(NodeId node) {
@@ -75,7 +80,8 @@ void SdoServers::apply(Additional& server) {
     return;
   }
   if (!server.service) {
-    server.service = std::make_unique<SdoServerService>(*dispatcher_, *values_, buffer_);
+    const auto channel_number = static_cast<std::uint8_t>(server.index - default_server);
+    server.service = std::make_unique<SdoServerService>(*dispatcher_, *values_, buffer_, channel_number);
     server.service->set_timeout(timeout_);
   }
   if (server.service->channel() != channel) server.service->start(channel);
@@ -101,6 +107,23 @@ bool SdoServers::complete(ObjectRef object, AbortCode code) noexcept {
     if (server.service && server.service->complete(object, code)) any = true;
   }
   return any;
+}
+
+bool SdoServers::answer(std::uint8_t channel, ObjectRef object, AbortCode code, ObjectRef named) noexcept {
+  SdoServerService* const one = service(channel);
+  return one != nullptr && one->complete(object, code, named);
+}
+
+bool SdoServers::send(std::uint8_t channel, od::ChannelBytes bytes) noexcept {
+  SdoServerService* const one = service(channel);
+  return one != nullptr && one->send(bytes);
+}
+
+SdoServerService* SdoServers::service(std::uint8_t channel) noexcept {
+  if (channel == 0) return &first_;
+  const auto index = static_cast<std::uint16_t>(default_server + channel);
+  const auto server = std::ranges::find(additional_, index, &Additional::index);
+  return server == additional_.end() ? nullptr : server->service.get();
 }
 
 std::size_t SdoServers::additional() const noexcept {

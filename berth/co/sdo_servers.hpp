@@ -32,10 +32,11 @@ struct SdoClientChannel {
 ///
 /// Memory: an additional server is made when its COB-IDs become valid for the first time (at the latest by the write
 /// that does it, which then uses the heap); nothing else allocates after construction.
-class SdoServers final : private od::Hook {
+class SdoServers final : private od::Hook, private od::ChannelServers {
  public:
   /// `buffer`: what values are collected in, for each server, see `SdoServer`.
   SdoServers(can::Dispatcher& dispatcher, od::Values& values, std::size_t buffer = SdoServerService::default_buffer);
+  ~SdoServers();
 
   /// Serves the default channel of `node` (configured) and all additional ones that are valid. The values of the
   /// objects count, so reset them before.
@@ -63,6 +64,9 @@ class SdoServers final : private od::Hook {
   AbortCode reading(const od::Values& values, ObjectRef ref, std::span<const std::uint8_t>& value) noexcept override;
   AbortCode writing(const od::Values& values, ObjectRef ref, std::span<const std::uint8_t> value) noexcept override;
   void written(od::Values& values, ObjectRef ref) noexcept override;
+  bool answer(std::uint8_t channel, ObjectRef object, AbortCode code, ObjectRef named) noexcept override;
+  bool send(std::uint8_t channel, od::ChannelBytes bytes) noexcept override;
+  [[nodiscard]] SdoServerService* service(std::uint8_t channel) noexcept;
   void apply(Additional& server);
 
   can::Dispatcher* dispatcher_;

@@ -7,8 +7,13 @@
 
 namespace berth::co {
 
-SdoServerService::SdoServerService(can::Dispatcher& dispatcher, od::Values& values, std::size_t buffer)
-    : dispatcher_(&dispatcher), server_(values, buffer), pump_(dispatcher, *this) {}
+SdoServerService::SdoServerService(can::Dispatcher& dispatcher, od::Values& values, std::size_t buffer,
+                                   std::uint8_t channel)
+    : dispatcher_(&dispatcher),
+      channels_(&values.channels()),
+      server_(values, buffer, channel),
+      pump_(dispatcher, *this),
+      number_(channel) {}
 
 void SdoServerService::start(SdoChannel channel) {
   stop();
@@ -24,10 +29,14 @@ void SdoServerService::stop() noexcept {
   pump_.stop();
   server_.reset();
   unsent_.reset();
+  if (channel_.valid() && channels_->relay() != nullptr) channels_->relay()->stopped(number_);
   channel_ = {};
 }
 
 void SdoServerService::received(const can::Frame& frame, rt::Time at) noexcept {
+  if (channels_->relay() != nullptr && sdo::well_formed(frame)) [[unlikely]] {
+    if (channels_->relay()->request(number_, std::span(frame.data).first<8>())) return;
+  }
   can::Frame reply;
   const bool pumping = pump_.running();
   const bool has_reply = server_.handle(frame, reply);
@@ -52,14 +61,32 @@ void SdoServerService::answer(const can::Frame& frame) noexcept {
   dispatcher_->executor().after(full_retry, *this);
 }
 
-bool SdoServerService::complete(AbortCode code) noexcept {
-  const auto reply = server_.complete(code);
-  if (reply) answer(*reply);
-  return reply.has_value();
+bool SdoServerService::send(od::ChannelBytes bytes) noexcept {
+  if (!channel_.valid()) return false;
+  can::Frame frame;
+  sdo::address(frame, channel_.response);
+  std::ranges::copy(bytes, frame.data.begin());
+  return dispatcher_->send(frame) == can::Queued::yes;
 }
 
-bool SdoServerService::complete(ObjectRef object, AbortCode code) noexcept {
-  return server_.pending() == object && complete(code);
+bool SdoServerService::complete(AbortCode code) noexcept {
+  const auto object = server_.pending();
+  return object && complete(*object, code);
+}
+
+bool SdoServerService::complete(ObjectRef object, AbortCode code, ObjectRef named) noexcept {
+  if (server_.pending() != object || code == AbortCode::pending) return false;
+  auto reply = server_.complete(code);
+  if (reply) {
+    const auto command = sdo::specifier(reply->data[0]);
+    const bool names = command == static_cast<std::uint8_t>(sdo::Scs::download) || code != AbortCode::none;
+    if (names && named != object) sdo::rename(*reply, named);
+    answer(*reply);
+  } else if (server_.sending()) {
+    cancel_timer();
+    pump_.start(server_.segments(), channel_.response, timeout_);
+  }
+  return true;
 }
 
 // A timer that is already set is left alone: it looks itself how long it is since the client was heard.

@@ -25,10 +25,12 @@ using manager::SlavePhase;
 // What a slot's device gets before its start: `config =`, else the heartbeat of its bus.
 class SlotSource final : public manager::BootSource {
  public:
-  SlotSource(Network& network, const design::Slot& slot) noexcept : network_(network), slot_(slot) {}
+  /// `configures`: it has `config =`, or links.
+  SlotSource(Network& network, const design::Slot& slot, bool configures) noexcept
+      : network_(network), slot_(slot), configures_(configures) {}
 
   rt::Task<Result<void>> configure(manager::BootTarget& target, manager::SlaveRules& rules) override {
-    if (slot_.spec.config.empty()) co_return co_await set_heartbeat(target, rules);
+    if (!configures_) co_return co_await set_heartbeat(target, rules);
     const auto done = co_await network_.configure(slot_.spec.name.name, true);
     if (!done) co_return fail(done.error());
     why_ = done->front().problem.empty() ? done->front().reason : done->front().problem;
@@ -55,14 +57,16 @@ class SlotSource final : public manager::BootSource {
 
   Network& network_;
   const design::Slot& slot_;
+  bool configures_;
   std::string why_;
 };
 
 // One bus: its slots as a network list, and what became of them.
 class BusBoot {
  public:
-  BusBoot(Network& network, const design::Machine& machine)
+  BusBoot(Network& network, const Session& session)
       : network_(network),
+        session_(session),
         executor_(network.services().executor),
         bus_(network.services().dispatcher),
         boot_(executor_, bus_) {
@@ -73,7 +77,7 @@ class BusBoot {
     plan_.startup = line.startup.rules;
     plan_.own = line.master;
     plan_.boot_time = line.startup.boot_time;
-    for (const auto& slot : machine.slots) {
+    for (const auto& slot : session.machine().slots) {
       if (slot.spec.name.bus == line.name) add(slot);
     }
   }
@@ -119,7 +123,7 @@ class BusBoot {
 
  private:
   void add(const design::Slot& slot) {
-    sources_.push_back(std::make_unique<SlotSource>(network_, slot));
+    sources_.push_back(std::make_unique<SlotSource>(network_, slot, session_.configures(slot)));
     slots_.push_back(&slot);
     manager::NetworkSlave slave{slot.spec.id, {}, &bus_.target(slot.spec.id), sources_.back().get()};
     slave.rules.assigned = slave.rules.boots = true;
@@ -175,6 +179,7 @@ class BusBoot {
   }
 
   Network& network_;
+  const Session& session_;
   rt::Executor& executor_;
   manager::ManagedBus bus_;
   NetworkBoot boot_;
@@ -203,7 +208,7 @@ rt::Task<void> boot(Session& session, const Request& request, Reply& reply) {
                      "`berth nmt reset-node NODE` boots one anew, `berth status` shows how it ended");
   }
   std::vector<std::unique_ptr<BusBoot>> boots;
-  for (Network* const network : *networks) boots.push_back(std::make_unique<BusBoot>(*network, session.machine()));
+  for (Network* const network : *networks) boots.push_back(std::make_unique<BusBoot>(*network, session));
   std::vector<Result<void>> results(boots.size());
   {
     rt::Scope side_by_side(session.executor());

@@ -7,6 +7,9 @@
 
 #include "berth/can/frame.hpp"
 #include "berth/co/pdo_mapping.hpp"
+#include "berth/command/link_network.hpp"
+#include "berth/eds/concise_dcf.hpp"
+#include "berth/linker/files.hpp"
 #include "berth/manager/configuration.hpp"
 #include "berth/od/names.hpp"
 #include "berth/od/values.hpp"
@@ -83,8 +86,32 @@ class Collector {
           static_cast<void>(device.values->set_bytes(wanted->entries[i].object, wanted->entries[i].bytes));
         }
       }
+      take_links(device);
     }
     devices_.push_back(std::move(device));
+  }
+
+  // What its links set goes over that.
+  void take_links(Device& device) {
+    if (assumed_.links == nullptr) return;
+    const auto node = node_of(*device.slot);
+    if (!assumed_.links->plan.linked[node]) return;
+    for (const auto& each : linker::settings_of(assumed_.links->network, assumed_.links->plan, node)) {
+      const auto bytes = eds::encode(each.value, each.type, device.slot->spec.id);
+      if (bytes) static_cast<void>(device.values->set_bytes(each.object, *bytes));
+    }
+  }
+  [[nodiscard]] std::size_t node_of(const design::Slot& slot) const {
+    return static_cast<std::size_t>(&slot - machine_.slots.data());
+  }
+
+  void keep_planned(const design::Slot& slot, unsigned number, rt::Duration& deadline) {
+    if (assumed_.links == nullptr) return;
+    for (const auto& pdo : assumed_.links->plan.pdos) {
+      if (pdo.producer != node_of(slot) || pdo.tpdo != number + 1) continue;
+      for (const std::size_t link : pdo.links) carried_.push_back(&machine_.links[link]);
+      if (pdo.deadline) deadline = *pdo.deadline;
+    }
   }
 
   void add(const std::string& name, std::size_t sender, std::uint32_t key, unsigned bytes, rt::Duration period,
@@ -128,6 +155,7 @@ class Collector {
     if (period == 0ns) return;
     rt::Duration deadline = period;
     const unsigned bits = mapped_bits(device, number, deadline);
+    keep_planned(*device.slot, number, deadline);
     add(name, device.sender, key_of(cob_id & ~0x4000'0000U), (bits + 7) / 8, period, deadline);
   }
 

@@ -15,6 +15,7 @@
 namespace berth::command {
 
 /// What the files do not say. All times greater than 0.
+struct LinkPlan;  // link_network.hpp
 struct Assumptions {
   rt::Duration emcy = std::chrono::seconds(1);  ///< between two EMCYs of a device without an inhibit time (1015h)
   rt::Duration event =
@@ -23,7 +24,8 @@ struct Assumptions {
   rt::Duration nmt = std::chrono::milliseconds(100);  ///< between two NMT commands
   /// Nodes whose frames leave in the order in which they came: slots' names; "all": every node, the master too.
   std::vector<std::string> fifo{};
-  bool pdos = true;  ///< false: TPDOs are left out, and nothing is said of links
+  bool pdos = true;                 ///< false: TPDOs are left out, and nothing is said of links
+  const LinkPlan* links = nullptr;  ///< the PDOs that `berth up` lays, without errors; null: none
 };
 
 struct BusMessages {

@@ -109,9 +109,9 @@ std::string read_wish(Session& session, const Request& request, Wish& wish) {
     if (!usable) return usable.error();
   }
   const auto has_config = [&](const design::Slot& s) {
-    const bool here =
-        std::ranges::any_of(wish.networks, [&](const Network* n) { return n->bus().name == s.spec.name.bus; });
-    return here && !s.spec.config.empty() && (wish.slot.empty() || s.spec.name.name == wish.slot);
+    const auto& name = s.spec.name;
+    const bool here = std::ranges::any_of(wish.networks, [&](const Network* n) { return n->bus().name == name.bus; });
+    return here && session.configures(s) && (wish.slot.empty() || name.name == wish.slot);
   };
   if (std::ranges::any_of(session.machine().slots, has_config)) return {};
   return wish.slot.empty() ? "no slot of this machine has a configuration; give one its config = \"FILE.dcf\""

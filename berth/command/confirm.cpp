@@ -97,6 +97,13 @@ Disturbed by_memory(Session& session, const Request& request) {
           "writes its memory while it works; some devices are deaf meanwhile"};
 }
 
+Disturbed by_program(Session& session, const Request& request) {
+  if (request.verb == "program status") return {};
+  auto disturbed = by_memory(session, request);
+  disturbed.how = "stops its program, and may restart: its outputs go to their fault values";
+  return disturbed;
+}
+
 Disturbed by_boot(Session& session, const Request& request) {
   const auto bus = request.arguments.find("bus");
   const auto networks = networks_for(session, bus == request.arguments.end() ? "" : bus->second, Use::look);
@@ -113,6 +120,7 @@ Disturbed disturbed_by(Session& session, const Request& request) {
   if (request.verb == "boot") return by_boot(session, request);
   if (request.verb == "sdo write") return by_sdo(session, request);
   if (request.verb == "store" || request.verb == "restore") return by_memory(session, request);
+  if (request.verb.starts_with("program ")) return by_program(session, request);
   if (request.verb == "send") return by_frame(session, request);
   if (request.verb.starts_with("lss ") && request.verb != "lss move-bit-rate") return by_lss(session, request);
   return {};

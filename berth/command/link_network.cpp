@@ -2,12 +2,17 @@
 
 #include <algorithm>
 #include <array>
+#include <filesystem>
 #include <map>
+#include <memory>
 
 #include "berth/base/words.hpp"
 #include "berth/command/bus_messages.hpp"
 #include "berth/eds/concise_dcf.hpp"
 #include "berth/eds/xdd.hpp"
+#include "berth/linker/files.hpp"
+#include "berth/linker/plan_file.hpp"
+#include "berth/od/names.hpp"
 #include "berth/text/file.hpp"
 
 namespace berth::command {
@@ -121,5 +126,44 @@ class Builder {
 }  // namespace
 
 LinkNetwork link_network(const design::Machine& machine) { return Builder(machine).run(); }
+
+std::optional<linker::Earlier> earlier_plan(const design::Machine& machine, Findings& findings) {
+  std::error_code ignored;
+  if (machine.link_plan.empty() || !std::filesystem::exists(machine.link_plan, ignored)) return linker::Earlier{};
+  const auto text = text::read_file(machine.link_plan, findings);
+  return text ? linker::read_plan(*text, machine.link_plan, findings) : std::nullopt;
+}
+
+LinkPlan plan_links(const design::Machine& machine) {
+  LinkPlan made;
+  auto [network, wrong] = link_network(machine);
+  made.findings = std::move(wrong);
+  const auto earlier = earlier_plan(machine, made.findings);
+  if (!has_errors(made.findings) && earlier) {
+    auto planned = linker::make_plan(network, *earlier);
+    made.findings = std::move(planned.findings);
+    made.plan = std::move(planned.plan);
+  }
+  made.network = std::move(network);
+  return made;
+}
+
+operate::SlotSettings settings_of(const LinkPlan& links) {
+  operate::SlotSettings made;
+  for (std::size_t i = 0; i < links.network.nodes.size(); ++i) {
+    if (!links.plan.linked[i]) continue;
+    const auto& node = links.network.nodes[i];
+    manager::Configuration configuration;
+    configuration.file = links.network.file;
+    for (auto& each : linker::settings_of(links.network, links.plan, i)) {
+      configuration.settings.push_back({.object = each.object,
+                                        .type = each.type,
+                                        .value = std::move(each.value),
+                                        .name = od::full_name(*node.file->description, each.object)});
+    }
+    made.emplace(node.name, std::make_shared<const manager::Configuration>(std::move(configuration)));
+  }
+  return made;
+}
 
 }  // namespace berth::command

@@ -29,6 +29,9 @@ rt::Task<void> emcy(Session& session, const Request& request, Reply& reply);    
 rt::Task<void> device_memory(Session& session, const Request& request, Reply& reply);     // memory.cpp
 rt::Task<void> send(Session& session, const Request& request, Reply& reply);              // send.cpp
 rt::Task<void> history(Session& session, const Request& request, Reply& reply);           // history.cpp
+rt::Task<void> program_status(Session& session, const Request& request, Reply& reply);    // program.cpp
+rt::Task<void> program_download(Session& session, const Request& request, Reply& reply);  // program.cpp
+rt::Task<void> program_control(Session& session, const Request& request, Reply& reply);   // program.cpp
 rt::Task<void> bit_rate_command(Session& session, const Request& request, Reply& reply);  // bit_rate.cpp
 
 }  // namespace berth::command

@@ -25,9 +25,11 @@ rt::Task<void> report(Session& session, const Request& request, Reply& reply) {
     if (!network) co_return refuse(reply, 2, network.error());
     operational = (*network)->operational();
     std::erase_if(now.slots, [&](const SlotReport& slot) { return slot.bus != bus; });
+    std::erase_if(now.masters, [&](const operate::MasterReport& master) { return master.bus != bus; });
   }
   reply.json = to_json(now, -1);
   reply.lines = operate::to_table(now.slots);
+  for (const auto& master : now.masters) reply.lines.push_back(master.text());
   for (const auto& question : now.questions) reply.lines.push_back(question.text);
   reply.status = operational ? 0 : 1;
 }

@@ -24,6 +24,8 @@ constexpr std::array<std::string_view, 8> of_sdo_write{"bus",   "node", "object"
                                                        "value", "type", "block",  "anyway"};
 constexpr std::array<std::string_view, 3> of_sdo_probe{"bus", "node", "objects"};
 constexpr std::array<std::string_view, 2> of_sdo_dump{"bus", "node"};
+constexpr std::array<std::string_view, 3> of_program{"bus", "node", "number"};
+constexpr std::array<std::string_view, 5> of_program_download{"bus", "node", "number", "file", "identification"};
 constexpr std::array<std::string_view, 3> of_emcy{"bus", "node", "listen"};
 constexpr std::array<std::string_view, 3> of_memory{"bus", "node", "group"};
 constexpr std::array<std::string_view, 2> of_send{"bus", "frame"};
@@ -51,6 +53,11 @@ constexpr std::array table{
     Verb{"sdo probe", of_sdo_probe, sdo_probe},
     Verb{"sdo dump", of_sdo_dump, sdo_dump},
     Verb{"nmt", of_nmt, nmt_command},
+    Verb{"program status", of_program, program_status},
+    Verb{"program download", of_program_download, program_download},
+    Verb{"program start", of_program, program_control},
+    Verb{"program stop", of_program, program_control},
+    Verb{"program clear", of_program, program_control},
     Verb{"emcy", of_emcy, emcy},
     Verb{"store", of_memory, device_memory},
     Verb{"restore", of_memory, device_memory},

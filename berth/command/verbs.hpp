@@ -5,9 +5,9 @@
 /// be left out of all of them when the machine has one bus, and where a slot's name says it; `scan` and `bind` then
 /// take every bus. A node is a node-ID or a slot's name, an object an index such as 1018h:04 or its name (objects.hpp).
 ///
-/// On a real bus, `nmt` resets, `boot`, `lss` services, `store`, `restore`, `send` and `sdo write` to 1010h and 1011h
-/// take yes? ("1") too: without it they are refused (status 1, {"result": "unconfirmed"}) while a device that they
-/// disturb is operational.
+/// On a real bus, `nmt` resets, `boot`, `lss` services, `store`, `restore`, `send`, `program` (but its status) and
+/// `sdo write` to 1010h and 1011h take yes? ("1") too: without it they are refused (status 1, {"result":
+/// "unconfirmed"}) while a device that they disturb is operational.
 ///
 ///     report            bus?                                      status 1 while a slot is not operational
 ///     scan              bus?
@@ -26,6 +26,9 @@
 ///     sdo dump          node                                      every object that can be read
 ///     nmt               command (start stop preop reset-node reset-comm), node (or "all"), request? (node-ID of
 ///                       an NMT master that is asked for it by its 1F82h; nothing is sent to the node itself)
+///     program status    node, number?         1F51h, 1F56h, 1F57h of its programs; status 1: one does not run
+///     program download  node, number?, file? (default: those of its slot), identification? (1F56h)
+///     program start, program stop, program clear      node, number? (1 to 254, default 1)
 ///     emcy              node?, listen? (s)    1001h and 1003h of a node; with `listen` the messages that come
 ///     store, restore    node, group? (all, communication, application, 4..127; default all)       1010h, 1011h
 ///     send              frame (as candump writes it; several: one a line)

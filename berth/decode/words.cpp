@@ -204,10 +204,34 @@ Meaning Interpreter::extended(const can::Frame& frame, std::string& out) const {
   return said(Service::other, "extended frame");
 }
 
+namespace {
+
+// CiA 302-2.
+constexpr std::uint32_t first_flying = 0x71, last_flying = 0x76;
+
+Meaning of_flying_master(const can::Frame& frame, std::string& out) {
+  constexpr std::array<std::string_view, 6> texts{
+      "a claim of the wrong length",           "the negotiation begins",
+      "which node is the active master?",      "here is a device that can be master",
+      "is there a device that can be master?", "the active master is to negotiate"};
+  out += "flying master: ";
+  Meaning meaning{Service::nmt, 0};
+  if (frame.id == first_flying && frame.size == 2) {
+    meaning.node = frame.data[1];
+    say(out, "node {} is the active master, priority {}", frame.data[1], frame.data[0]);
+  } else {
+    out += texts.at(frame.id - first_flying);
+  }
+  return meaning;
+}
+
+}  // namespace
+
 Meaning Interpreter::base(const can::Frame& frame, std::string& out) const {
   const std::uint32_t id = frame.id;
   const std::uint8_t node = id & 0x7FU;
   Meaning meaning{Service::other, node};
+  if (id >= first_flying && id <= last_flying && !frame.remote) return of_flying_master(frame, out);
   if (id == 0) {
     meaning.service = Service::nmt;
     of_nmt(frame, out, meaning);

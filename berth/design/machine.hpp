@@ -17,6 +17,7 @@
 #include "berth/design/library.hpp"
 #include "berth/live/foreign_watch.hpp"
 #include "berth/manager/boot_rules.hpp"
+#include "berth/manager/flying_negotiation.hpp"
 #include "berth/od/data_type.hpp"
 #include "berth/places/slot.hpp"
 #include "berth/text/toml.hpp"
@@ -63,6 +64,7 @@ struct Timing {
   std::uint32_t bus_off_limit = 0;                   ///< restarts in a row, each less than 10 pauses and 10 s after the
                                                      ///< one before; then the port stays bus-off. 0 = no limit
   std::uint32_t tries = 3;                           ///< before silence counts (S1.30); 1..100
+  std::uint32_t at_once = 0;  ///< devices that are worked on side by side; 0: as many as the bus has room for
 
   friend bool operator==(const Timing&, const Timing&) = default;
 };
@@ -82,6 +84,12 @@ struct BusStartup {
   Duration nmt_inhibit{};  ///< 102Ah: shortest time between two NMT commands
 };
 
+/// `[bus.NAME.flying_master]`: Berth is one of several masters of this bus (CiA 302-2).
+struct FlyingBus {
+  std::uint8_t priority = 1;     ///< 1F90h:03: 0 high, 1 medium, 2 low
+  manager::FlyingTiming timing;  ///< 1F90h
+};
+
 struct Bus {
   std::string name;
   PortSpec port;
@@ -91,6 +99,7 @@ struct Bus {
   OnExit on_exit = OnExit::leave;
   BusOff bus_off = BusOff::restart;
   BusStartup startup;
+  std::optional<FlyingBus> flying;
   live::Signs tolerate;  ///< frames of this machine's own devices that else mean another master
   std::optional<Gateway> gateway;
   text::Place gateway_place;
@@ -137,7 +146,8 @@ struct Machine {
   std::vector<Bus> buses;   ///< in the order of the file; at least one
   std::vector<Slot> slots;  ///< in the order of the file, ranges ascending
   std::vector<Link> links;
-  Library library;  ///< of the file itself and of `devices =`
+  std::string link_plan;  ///< path of the plan that links go on from; empty: none
+  Library library;        ///< of the file itself and of `devices =`
   /// What devices in no slot are like: no key of the file's, but said beside it (`--eds`).
   std::vector<Described> described;
 

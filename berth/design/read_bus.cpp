@@ -123,6 +123,30 @@ void read_startup(Table& table, Bus& bus) {
   entry->finish();
 }
 
+// CiA 302-2: 1F90h counts in ms, in 16 bits.
+void read_flying(Table& table, Bus& bus) {
+  auto entry = table.table("flying_master");
+  if (!entry) return;
+  FlyingBus flying;
+  constexpr Duration longest = 65535ms;
+  if (const auto priority = entry->integer("priority", {0, 2})) flying.priority = static_cast<std::uint8_t>(*priority);
+  manager::FlyingTiming& timing = flying.timing;
+  read_duration(*entry, "detection", 1ms, longest, timing.detection);
+  read_duration(*entry, "delay", 0ms, longest, timing.delay);
+  read_duration(*entry, "priority_slot", 1ms, longest, timing.priority_slot);
+  read_duration(*entry, "device_slot", 1ms, longest, timing.device_slot);
+  read_duration(*entry, "cycle", 1ms, longest, timing.cycle);
+  if (!timing.sound()) {
+    entry->error("priority_slot", "the slots of two priorities overlap: it is not longer than 127 device_slot",
+                 "use 1500 ms and 10 ms, or the same proportion");
+  }
+  if (bus.role != Role::master) {
+    table.error("flying_master", "only a master is one of several", "leave the table out, or the key role");
+  }
+  entry->finish();
+  bus.flying = flying;
+}
+
 void read_tolerated(Table& table, Bus& bus) {
   const auto words = table.strings("tolerate");
   if (!words) return;
@@ -160,6 +184,7 @@ void read_timing(text::Table& parent, Timing& timing) {
   read_duration(*table, "listen", 0s, 1min, timing.listen);
   read_duration(*table, "bus_off_pause", 10ms, 1h, timing.bus_off_pause);
   if (const auto limit = table->u32("bus_off_limit", {0, 1'000'000})) timing.bus_off_limit = *limit;
+  if (const auto most = table->u32("at_once", {1, 127})) timing.at_once = *most;
   if (const auto tries = table->u32("tries", {1, 100})) timing.tries = *tries;
   table->finish();
 }
@@ -180,6 +205,8 @@ Bus read_bus(const std::string& name, text::Table& table, const Timing& timing) 
   read_gateway(table, bus);
   read_startup(table, bus);
   bus.startup.rules.master = bus.role == Role::master;
+  read_flying(table, bus);
+  bus.startup.rules.flying = bus.flying.has_value();
   if (const auto method = table.word("discovery", discovery_words)) bus.discovery = discovery_words[*method];
   read_timing(table, bus.timing);
   table.finish();

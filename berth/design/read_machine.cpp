@@ -23,6 +23,7 @@ constexpr std::array<string_view, 3> revision_words{"any", "major", "exact"};
 constexpr std::array<string_view, 2> replacement_words{"ask", "auto"};
 constexpr std::array<string_view, 3> assign_words{"lss", "fixed", "recipe"};
 constexpr std::array<string_view, 3> activate_words{"at-once", "reset", "power-cycle"};
+constexpr std::array<string_view, 2> update_words{"automatic", "by-hand"};
 
 void read_probe_object(Table& table, const std::string& word, places::Probe& probe) {
   const auto object = od::read_object(word);
@@ -261,6 +262,10 @@ class MachineReader {
       machine_.name = name.value_or("");
     }
     read_library_file(*head);
+    if (const auto plan = head->string("link_plan")) {
+      if (plan->empty()) head->error("link_plan", "the file name is empty", "name a plan.toml, or leave the key out");
+      machine_.link_plan = text::beside(file_, *plan);
+    }
     head->finish();
   }
 
@@ -361,6 +366,7 @@ class MachineReader {
     read_spares(table, slot);
     find_recipe(table, slot);
     read_config(table, slot, ids);
+    read_software(table, spec);
     table.finish();
     for (const unsigned id : ids) add_slot(table, slot, id, pattern);
   }
@@ -459,6 +465,40 @@ class MachineReader {
                          "name a DCF, an XDC or a concise DCF, or leave the key out");
     spec.config = text::beside(file_, *config);
     if (configs_) check_config(table, slot, ids);
+  }
+
+  // `programs = [{ file = "…" }, …]`: the first is program 1, and so on, unless they say their numbers.
+  void read_software(Table& table, places::SlotSpec& spec) {
+    auto& software = spec.software;
+    software.version = table.string("software_version").value_or("");
+    software.hardware = table.string("hardware_version").value_or("");
+    std::uint32_t next = 1;
+    for (auto& entry : table.tables("programs")) {
+      places::SlotProgram program;
+      const auto number = entry.u32("number", {1, 254}).value_or(next);
+      program.number = static_cast<std::uint8_t>(std::min<std::uint32_t>(number, 254));
+      next = number + 1;
+      if (entry.require("file", "the image of the program")) {
+        const auto file = entry.string("file");
+        if (file && file->empty()) entry.error("file", "the file name is empty", "name the image of a program");
+        if (file) program.file = text::beside(file_, *file);
+      }
+      program.identification = entry.u32("identification", {1, 0xFFFF'FFFF});
+      entry.finish();
+      const bool twice =
+          std::ranges::find(software.programs, program.number, &places::SlotProgram::number) != software.programs.end();
+      if (number > 254 || twice) {
+        table.error("programs", fmt::format("program {} {}", number, twice ? "stands there twice" : "is above 254"),
+                    "number the programs from 1 to 254, each once");
+      }
+      software.programs.push_back(std::move(program));
+    }
+    std::ranges::sort(software.programs, {}, &places::SlotProgram::number);
+    const auto update = table.word("update", update_words);
+    if (update && software.programs.empty()) {
+      table.error("update", "there are no programs that could be updated", "leave the key out, or add programs");
+    }
+    software.updates = !update || *update == 0;
   }
 
   void check_config(Table& table, const Slot& slot, const std::vector<unsigned>& ids) {

@@ -22,13 +22,13 @@ namespace berth::device {
 class Device;
 
 struct Callbacks {
-  std::function<void()> start;                               ///< power-on or reset node: values are back, no boot-up yet
-  std::function<void(NmtState)> state;                       ///< the NMT state entered
-  std::function<void(unsigned)> rpdo;                        ///< RPDO number 1..512 is stored
-  std::function<void(std::uint8_t)> sync;                    ///< SYNC counter, 0 = without
-  std::function<void(bool)> sync_missing;                    ///< as consumer: none for 1.5 times 1006h; or back
-  std::function<void(const co::TimeOfDay&)> time;            ///< another node's TIME message (1012h bit 31)
-  std::function<void(NodeId, const co::Emcy&)> emergency;    ///< of a node in 1028h
+  std::function<void()> start;                             ///< power-on or reset node: values are back, no boot-up yet
+  std::function<void(NmtState)> state;                     ///< the NMT state entered
+  std::function<void(unsigned)> rpdo;                      ///< RPDO number 1..512 is stored
+  std::function<void(std::uint8_t)> sync;                  ///< SYNC counter, 0 = without
+  std::function<void(bool)> sync_missing;                  ///< as consumer: none for 1.5 times 1006h; or back
+  std::function<void(const co::TimeOfDay&)> time;          ///< another node's TIME message (1012h bit 31)
+  std::function<void(NodeId, const co::Emcy&)> emergency;  ///< of a node in 1028h
   std::function<void(const co::HeartbeatEvent&)> heartbeat;  ///< of a node in 1016h
   std::function<void()> parameters;                          ///< values came anew: power-on, reset, restore
 };

@@ -39,7 +39,7 @@ bool has_any(const od::Description& description, std::uint16_t first, std::uint1
 }  // namespace
 
 Device::Device(can::Dispatcher& dispatcher, std::shared_ptr<const od::Description> description, NvMemory* memory,
-               Options options, TimedPort* host, const Timing& timing)
+               Options options, TimedPort* host, const Timing& timing, const ProgramOptions& programs)
     : dispatcher_(&dispatcher),
       host_(host),
       timing_(timing),
@@ -75,6 +75,11 @@ Device::Device(can::Dispatcher& dispatcher, std::shared_ptr<const od::Descriptio
                      options_.node_id_signature->object.index != options_.node_id_object->index;
   if (other) values_.attach(*this, options_.node_id_signature->object.index);
   make_services(memory);
+  const bool programmed = programs.memory != nullptr && d.find(0x1F50) != nullptr && d.find(0x1F51) != nullptr;
+  if (programmed) {
+    const TypeCode type{options_.address.vendor, options_.address.product};
+    programming_ = std::make_unique<Programming>(*this, programs, type);
+  }
   if (host_ != nullptr) dispatcher_->on_status(this);
   load_settings();
   lss_.emplace(dispatcher_->executor(), static_cast<lss::SlaveOwner&>(*this),
@@ -144,6 +149,7 @@ void Device::power_on() noexcept {
   methods_.power_on(options_.address);
   if (negotiation_) negotiation_->power_on(options_.address);
   if (claiming_) claiming_->power_on(options_.address);
+  if (programming_) programming_->programs.power_on();
   begin_ = Begin::power_on;
   nmt_.power_on();
   tell();
@@ -155,7 +161,7 @@ void Device::power_off() noexcept {
   begin_ = Begin::nothing;
   cancel();
   recovery_.cancel();
-  bus_off_ = false;
+  recovery_.bus_off = false;
   stop_services();
   lss_answers_.drop();
   if (habits_) habits_->reset();
@@ -165,6 +171,7 @@ void Device::power_off() noexcept {
   if (claiming_) claiming_->power_off();
   if (record_) record_->forget();  // stops the memory, whatever it writes for
   if (parameters_) parameters_->forget();
+  if (programming_) programming_->programs.power_off();
   load_settings();
   lss_->power_on(memory_);
   methods_.power_on(lss_->address());
@@ -219,6 +226,8 @@ void Device::finish_reset() noexcept {
   use_bit_rate();
   reset_values(what == Begin::reset_communication ? od::Area::communication : od::Area::all);
   if (host_ != nullptr) host_->deaf(TimedPort::Deaf::booting, false);
+  if (programming_ && what == Begin::reset_node) programming_->programs.restarted();
+  if (programming_) nmt_.hold(!programming_->programs.runs());
   if (what != Begin::reset_communication) call(&Callbacks::start);
   nmt_.initialised(lss_->active().node_id);
   if (nmt_.state() == NmtState::initialising) listen();
@@ -411,7 +420,8 @@ std::size_t Device::memory() const noexcept {
          (pdos_ ? pdos_->memory() : 0) + (sync_ ? sizeof(co::Sync) : 0) + (time_ ? sizeof(co::TimeStamp) : 0) +
          (emcy_list_ ? sizeof(co::EmcyList) : 0) + (parameters_ ? sizeof(ParameterStore) : 0) +
          (configuration_ ? sizeof(ConfigurationWatch) : 0) + (negotiation_ ? sizeof(Negotiation) : 0) +
-         (claiming_ ? sizeof(Claiming) : 0) + (habits_ ? sizeof(LssHabits) : 0) + (callbacks_ ? sizeof(Callbacks) : 0) +
+         (claiming_ ? sizeof(Claiming) : 0) + (programming_ ? sizeof(Programming) : 0) +
+         (habits_ ? sizeof(LssHabits) : 0) + (callbacks_ ? sizeof(Callbacks) : 0) +
          (writes_ ? sizeof(WriteWatch) + writes_->memory() : 0);
 }
 

@@ -14,8 +14,8 @@
 /// A service is there when the dictionary has its objects. What acts: 1001h and 1003h (errors), 1005h..1007h and 1019h
 /// (`co::Sync`), 100Ch and 100Dh, 1010h and 1011h (`ParameterStore`), 1012h (`co::TimeStamp`), 1014h, 1015h, 1016h,
 /// 1017h, 1020h (set to 0 by a write that changes a stored value), 1021h (`set_stored_eds`), 1028h, 1029h,
-/// 1200h..127Fh, 1400h..1BFFh and 1FA0h.. (`co::Pdos`). All others hold values: 1002h, 1008h..100Ah, 1013h,
-/// 1022h..1027h, 102Ah and the application's own.
+/// 1200h..127Fh, 1400h..1BFFh and 1FA0h.. (`co::Pdos`), 1F50h.. (`Programs`, with a memory for them). All others hold
+/// values: 1002h, 1008h..100Ah, 1013h, 1022h..1027h, 102Ah and the application's own.
 ///
 /// After a reset an object has its default, or the `Preset`, or what 1010h stored. Reset communication concerns
 /// 1000h..1FFFh, reset node and power-on everything.
@@ -50,6 +50,7 @@
 #include "berth/device/node_id_methods.hpp"
 #include "berth/device/nv_memory.hpp"
 #include "berth/device/parameter_store.hpp"
+#include "berth/device/programs.hpp"
 #include "berth/device/timed_port.hpp"
 #include "berth/device/timing.hpp"
 #include "berth/lss/answer_queue.hpp"
@@ -131,10 +132,10 @@ class Device final : private co::NmtSlave::Owner,
   /// Off until `power_on`. `memory`: null = nothing can be stored (LSS store is answered 01, 1010h 0800 0020); LSS has
   /// its first `parameters_at` bytes, the rest is for 1010h, `memory_size` bytes in all are enough. `host`: the port
   /// beneath
-  /// the dispatcher when it is this device's own: then the device makes it deaf and watches for bus-off. All must
-  /// outlive the device.
+  /// the dispatcher when it is this device's own: then the device makes it deaf and watches for bus-off. `programs`:
+  /// what it keeps programs in. All must outlive the device.
   Device(can::Dispatcher& dispatcher, std::shared_ptr<const od::Description> description, NvMemory* memory,
-         Options options, TimedPort* host = nullptr, const Timing& timing = {});
+         Options options, TimedPort* host = nullptr, const Timing& timing = {}, const ProgramOptions& programs = {});
   ~Device();
   static constexpr std::size_t parameters_at = 64;
   [[nodiscard]] static std::size_t memory_size(const od::Description& description,
@@ -175,7 +176,12 @@ class Device final : private co::NmtSlave::Owner,
     return raise(code, register_bits, info, 0);
   }
   bool clear(std::uint16_t code) noexcept { return clear(code, {}, 0); }
-  [[nodiscard]] const co::EmcyProducer& emcy() const noexcept { return emcy_; }
+  /// The same where one code has several sources, each an error of its own.
+  bool raise(std::uint16_t code, std::uint8_t register_bits, const std::array<std::uint8_t, 5>& info,
+             std::uint8_t source) noexcept;
+  bool clear(std::uint16_t code, const std::array<std::uint8_t, 5>& info, std::uint8_t source) noexcept;
+  /// The messages themselves: what a gateway adds to them. Errors are raised above.
+  [[nodiscard]] co::EmcyProducer& emcy() noexcept { return emcy_; }
   /// Error behaviour: an error of the class 1029h:`error_class` has happened; changes the NMT state as that says (0
   /// when there is no such sub-index: pre-operational if operational). 1 = communication, used by the device itself.
   void error_behaviour(std::uint8_t error_class) noexcept;
@@ -207,6 +213,8 @@ class Device final : private co::NmtSlave::Owner,
   [[nodiscard]] lss::Settings persistent() noexcept;
   [[nodiscard]] const LssAddress& address() const noexcept { return lss_->address(); }
   [[nodiscard]] lss::State lss_state() const noexcept { return lss_->state(); }
+  /// Null when the device is not programmed over the bus.
+  [[nodiscard]] const Programs* programs() const noexcept { return programming_ ? &programming_->programs : nullptr; }
   /// Null when the device does not claim.
   [[nodiscard]] const nodeid::ClaimSlave* claimer() const noexcept { return claiming_ ? &claiming_->slave() : nullptr; }
   /// Null when the device does not negotiate.
@@ -233,6 +241,7 @@ class Device final : private co::NmtSlave::Owner,
    public:
     explicit Recovery(Device& device) noexcept : device_(&device) {}
     void run() noexcept override { device_->recover(); }
+    bool bus_off = false;
 
    private:
     Device* device_;
@@ -254,9 +263,6 @@ class Device final : private co::NmtSlave::Owner,
   // Errors
   void life_guarding(bool lost, rt::Time at) noexcept override;
   void heartbeat(const co::HeartbeatEvent& event, rt::Time at) noexcept override;
-  bool raise(std::uint16_t code, std::uint8_t register_bits, const std::array<std::uint8_t, 5>& info,
-             std::uint8_t source) noexcept;
-  bool clear(std::uint16_t code, const std::array<std::uint8_t, 5>& info, std::uint8_t source) noexcept;
   void forget_heartbeat_errors() noexcept;
   void raise_error(std::uint16_t code, std::uint8_t register_bits,
                    const std::array<std::uint8_t, 5>& info) noexcept override {
@@ -309,7 +315,6 @@ class Device final : private co::NmtSlave::Owner,
                         std::span<const std::uint8_t>& value) noexcept override;
   od::AbortCode writing(const od::Values& values, ObjectRef ref, std::span<const std::uint8_t> value) noexcept override;
   void written(od::Values& values, ObjectRef ref) noexcept override;
-  od::AbortCode writing_emcy_id(std::uint32_t value) const noexcept;
   od::AbortCode writing_storage(ObjectRef ref, std::span<const std::uint8_t> value) noexcept;
   void parameters_written(bool ok) noexcept override;
   void apply_object(std::uint16_t index) noexcept;
@@ -330,6 +335,23 @@ class Device final : private co::NmtSlave::Owner,
     void written(od::Values& values, ObjectRef ref) noexcept override;
     Device* device_;
     bool changes_ = false;
+  };
+
+  /// Of `Programs`.
+  class ProgramHost final : public Programs::Owner {
+   public:
+    explicit ProgramHost(Device& device) noexcept : device_(&device) {}
+    void restart() noexcept override { device_->nmt_.apply(co::NmtCommand::reset_node); }
+    void answer(ObjectRef object, od::AbortCode code) noexcept override { device_->sdo_.complete(object, code); }
+
+   private:
+    Device* device_;
+  };
+  struct Programming {
+    Programming(Device& device, const ProgramOptions& options, TypeCode type)
+        : host(device), programs(device.dispatcher_->executor(), device.values_, options, type, host) {}
+    ProgramHost host;
+    Programs programs;
   };
 
   can::Dispatcher* dispatcher_;
@@ -355,6 +377,7 @@ class Device final : private co::NmtSlave::Owner,
   std::unique_ptr<co::EmcyList> emcy_list_;            // only with object 1028h
   std::unique_ptr<ParameterStore> parameters_;         // only with object 1010h and a memory that has room
   std::unique_ptr<ConfigurationWatch> configuration_;  // only with object 1020h
+  std::unique_ptr<Programming> programming_;           // only with a memory for programs
   std::unique_ptr<Negotiation> negotiation_;           // only with Options::negotiation
   std::unique_ptr<Claiming> claiming_;                 // only with Options::claim
   std::unique_ptr<Callbacks> callbacks_;
@@ -371,7 +394,6 @@ class Device final : private co::NmtSlave::Owner,
   std::size_t consumer_size_ = 0;
   Begin begin_ = Begin::nothing;
   bool powered_ = false;
-  bool bus_off_ = false;
 };
 
 template <class T>

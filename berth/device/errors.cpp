@@ -62,8 +62,8 @@ void Device::forget_heartbeat_errors() noexcept {
 
 void Device::changed(const can::Status& status, rt::Time) noexcept {
   if (!powered_) return;
-  if (status.bus_off && !bus_off_) {
-    bus_off_ = true;
+  if (status.bus_off && !recovery_.bus_off) {
+    recovery_.bus_off = true;
     error_behaviour(communication_class);
     const auto wait = timing_.in_world(options_.bus_off_recovery);
     if (wait > rt::Duration::zero()) dispatcher_->executor().after(wait, recovery_);
@@ -78,8 +78,8 @@ void Device::changed(const can::Status& status, rt::Time) noexcept {
 }
 
 void Device::recover() noexcept {
-  if (!powered_ || !bus_off_) return;
-  bus_off_ = false;
+  if (!powered_ || !recovery_.bus_off) return;
+  recovery_.bus_off = false;
   dispatcher_->port().restart(dispatcher_->port().status().bit_rate);
   raise(co::emcy_code::recovered_from_bus_off, co::error_register::communication);
   clear(co::emcy_code::recovered_from_bus_off);
@@ -89,6 +89,7 @@ LedInputs Device::led_inputs() const noexcept {
   const auto status = dispatcher_->port().status();
   return {.state = nmt_.state(),
           .lss = options_.lss && powered_ && !booting() && lss_->state() == lss::State::configuration,
+          .program_download = programming_ && programming_->programs.downloading(),
           .bus_off = status.bus_off,
           .warning_limit = status.tec >= warning_limit || status.rec >= warning_limit,
           .error_control_event = emcy_.active(co::emcy_code::life_guard_or_heartbeat),

@@ -26,14 +26,14 @@ void copy(od::DescriptionBuilder& b, const od::Description& from, const od::Obje
   for (const auto& sub : from.subs(object)) copy(b, from, object.index, sub);
 }
 
-void copy(od::DescriptionBuilder& b, const od::Description& from) {
+}  // namespace
+
+void add_all(od::DescriptionBuilder& b, const od::Description& from) {
   for (const auto& object : from.objects()) copy(b, from, object);
   std::uint32_t dummies = 0;
   for (std::uint16_t type = 1; type <= 0x1B; ++type) dummies |= from.dummy_mappable(type) ? 1U << type : 0U;
   b.dummies(dummies);
 }
-
-}  // namespace
 
 std::vector<ObjectRef> mandatory_absent(const od::Description& description) {
   const auto has = [&](std::uint16_t index) { return description.find(index) != nullptr; };
@@ -52,7 +52,7 @@ std::vector<ObjectRef> mandatory_absent(const od::Description& description) {
 std::shared_ptr<const od::Description> with_mandatory(const od::Description& description) {
   const od::Description& minimal = *minimal_description();
   od::DescriptionBuilder b;
-  copy(b, description);
+  add_all(b, description);
   for (const ObjectRef absent : mandatory_absent(description)) {
     if (absent.sub == 0) {
       copy(b, minimal, *minimal.find(absent.index));

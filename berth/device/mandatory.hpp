@@ -16,4 +16,7 @@ namespace berth::device {
 /// until 1017h is written.
 [[nodiscard]] std::shared_ptr<const od::Description> with_mandatory(const od::Description& description);
 
+/// Everything that a description has, but what its numbers stand for.
+void add_all(od::DescriptionBuilder& builder, const od::Description& description);
+
 }  // namespace berth::device

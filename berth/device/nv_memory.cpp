@@ -74,28 +74,45 @@ void SimFlash::read(std::size_t at, std::span<std::uint8_t> into) const noexcept
 }
 
 bool SimFlash::write(std::size_t at, std::span<const std::uint8_t> bytes, Done& done) noexcept {
-  if (writing() || at > size_ || bytes.size() > size_ - at) return false;
-  done_ = &done;
+  const rt::Duration takes = duration_ + static_cast<std::int64_t>(bytes.size()) * times_.byte;
+  if (!begin(at, bytes.size(), takes, done)) return false;
   source_ = bytes;
+  return true;
+}
+
+bool SimFlash::erase(std::size_t at, std::size_t count, Done& done) noexcept {
+  const std::size_t sectors = (count + times_.sector_size - 1) / times_.sector_size;
+  if (!begin(at, count, static_cast<std::int64_t>(sectors) * times_.sector, done)) return false;
+  source_ = {};
+  return true;
+}
+
+bool SimFlash::begin(std::size_t at, std::size_t count, rt::Duration takes, Done& done) noexcept {
+  if (writing() || at > size_ || count > size_ - at) return false;
+  done_ = &done;
   at_ = at;
+  count_ = count;
   put_ = 0;
+  takes_ = takes;
   began_ = executor_->now();
   ++begun_;
-  executor_->after(duration_, *this);
+  executor_->after(takes, *this);
   if (watcher_ != nullptr) watcher_->write_began();
   return true;
 }
 
 void SimFlash::put(std::size_t count) noexcept {
   if (broken_) return;
-  if (at_ + count > bytes_.size()) bytes_.resize(at_ + count, 0xFF);
+  const bool erases = source_.empty();
+  if (!erases && at_ + count > bytes_.size()) bytes_.resize(at_ + count, 0xFF);
   for (; put_ < count; ++put_) {
-    auto& byte = bytes_[at_ + put_];
+    const std::size_t at = at_ + put_;
     if (cuts_ && left_ == 0) {
-      if (torn_ >= 0) byte = static_cast<std::uint8_t>(torn_);
+      if (torn_ >= 0 && at < bytes_.size()) bytes_[at] = static_cast<std::uint8_t>(torn_);
       return;
     }
-    byte = source_[put_];
+    if (!erases) bytes_[at] = source_[put_];
+    if (erases && at < bytes_.size()) bytes_[at] = 0xFF;
     if (cuts_) --left_;
   }
 }
@@ -105,15 +122,15 @@ void SimFlash::forget() noexcept {
   cancel();
   const auto passed = executor_->now() - began_;
   const auto share =
-      duration_.count() > 0 ? static_cast<double>(passed.count()) / static_cast<double>(duration_.count()) : 0.0;
-  put(std::min(source_.size(), static_cast<std::size_t>(share * static_cast<double>(source_.size()))));
+      takes_.count() > 0 ? static_cast<double>(passed.count()) / static_cast<double>(takes_.count()) : 0.0;
+  put(std::min(count_, static_cast<std::size_t>(share * static_cast<double>(count_))));
   done_ = nullptr;
 }
 
 void SimFlash::run() noexcept {
   if (!writing()) return;
-  put(source_.size());
-  if (!broken_ && put_ < source_.size()) {
+  put(count_);
+  if (!broken_ && put_ < count_) {
     done_ = nullptr;
     cuts_ = false;
     if (watcher_ != nullptr) watcher_->cut();

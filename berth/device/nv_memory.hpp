@@ -32,6 +32,13 @@ class NvMemory {
   /// Begins a write; false, and nothing is written, when one is under way or the place is out of range. `bytes` and
   /// `done` must stay until `written` was called or `forget`.
   virtual bool write(std::size_t at, std::span<const std::uint8_t> bytes, Done& done) noexcept = 0;
+  /// Begins to make so many bytes blank, as `write` does. False: as there, or the medium cannot.
+  virtual bool erase(std::size_t at, std::size_t count, Done& done) noexcept {
+    static_cast<void>(at);
+    static_cast<void>(count);
+    static_cast<void>(done);
+    return false;
+  }
   /// The device lost power or is reset: the write under way stops where it is, and its `Done` is not told.
   virtual void forget() noexcept = 0;
 };
@@ -72,6 +79,13 @@ class NvRecord final : private NvMemory::Done {
   std::array<std::uint8_t, most + 9> buffer_{};
 };
 
+/// How long a flash memory needs, beside the time of each write.
+struct FlashTimes {
+  rt::Duration byte{};    ///< for each byte that is written
+  rt::Duration sector{};  ///< for each sector that is erased
+  std::size_t sector_size = 4'096;
+};
+
 /// Memory of a simulated device. Lives longer than the device's power, and as long as the plant.
 class SimFlash final : public NvMemory, private rt::Job {
  public:
@@ -94,9 +108,11 @@ class SimFlash final : public NvMemory, private rt::Job {
   [[nodiscard]] std::size_t size() const noexcept override { return size_; }
   void read(std::size_t at, std::span<std::uint8_t> into) const noexcept override;
   bool write(std::size_t at, std::span<const std::uint8_t> bytes, Done& done) noexcept override;
+  bool erase(std::size_t at, std::size_t count, Done& done) noexcept override;
   void forget() noexcept override;
 
   void set_duration(rt::Duration duration) noexcept { duration_ = duration; }
+  void set_times(const FlashTimes& times) noexcept { times_ = times; }
   void watch(Watcher* watcher) noexcept { watcher_ = watcher; }
   /// From now on `bytes` more bytes can be written; then the write stops as at a power loss, and the byte it stopped
   /// at holds `torn` (a value of 0..255) or its old content (-1). The watcher is told.
@@ -122,6 +138,7 @@ class SimFlash final : public NvMemory, private rt::Job {
 
  private:
   void run() noexcept override;
+  bool begin(std::size_t at, std::size_t count, rt::Duration takes, Done& done) noexcept;
   void put(std::size_t count) noexcept;
 
   static constexpr std::size_t at_once = 64;  // enough for the record of LSS
@@ -132,9 +149,12 @@ class SimFlash final : public NvMemory, private rt::Job {
   std::size_t size_;
   std::vector<std::uint8_t> bytes_;  // grows with what is written; beyond its end the memory is blank
   Done* done_ = nullptr;
-  std::span<const std::uint8_t> source_;
+  std::span<const std::uint8_t> source_;  // empty: it is being erased
+  FlashTimes times_;
+  rt::Duration takes_{};
+  std::size_t count_ = 0;  // bytes of the write or erasure under way
   std::size_t at_ = 0;
-  std::size_t put_ = 0;  // bytes of source_ that are in bytes_
+  std::size_t put_ = 0;  // of these that are done
   rt::Time began_{};
   std::uint64_t begun_ = 0;
   std::uint64_t ended_ = 0;

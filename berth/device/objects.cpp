@@ -5,6 +5,20 @@
 #include "berth/device/device.hpp"
 
 namespace berth::device {
+namespace {
+
+// The identifier may change only while the object is not valid before or after; bit 30 is reserved (CiA 301 §7.5.2.17).
+od::AbortCode writing_emcy_id(const od::Values& values, std::uint32_t value) noexcept {
+  const co::CobId now(values.get_or<std::uint32_t>({0x1014, 0}, co::CobId::invalid_bit));
+  const co::CobId next(value);
+  if (!next.well_formed_emcy()) return od::AbortCode::invalid_value;
+  if (!next.valid()) return od::AbortCode::none;
+  if (now.valid() && now.key() != next.key()) return od::AbortCode::invalid_value;
+  if (!next.extended() && co::restricted(next.id())) return od::AbortCode::invalid_value;
+  return od::AbortCode::none;
+}
+
+}  // namespace
 
 rt::Duration Device::milliseconds(std::uint16_t index) const noexcept {
   return timing_.in_world(std::chrono::milliseconds(values_.get_or<std::uint16_t>({index, 0}, 0)));
@@ -43,23 +57,13 @@ od::AbortCode Device::writing(const od::Values&, ObjectRef ref, std::span<const 
       return od::AbortCode::none;
     case 0x1010:
     case 0x1011: return writing_storage(ref, value);
-    case 0x1014: return value.size() == 4 ? writing_emcy_id(load_le<std::uint32_t>(value.data())) : od::AbortCode::none;
+    case 0x1014:
+      return value.size() == 4 ? writing_emcy_id(values_, load_le<std::uint32_t>(value.data())) : od::AbortCode::none;
     case 0x1016:
       if (ref.sub == 0 || value.size() != 4) return od::AbortCode::none;
       return consumer_->set_entry(ref.sub, load_le<std::uint32_t>(value.data()));
     default: return options_.node_id_object ? writing_node_id(ref, value) : od::AbortCode::none;
   }
-}
-
-// The identifier may change only while the object is not valid before or after; bit 30 is reserved (CiA 301 §7.5.2.17).
-od::AbortCode Device::writing_emcy_id(std::uint32_t value) const noexcept {
-  const co::CobId now(values_.get_or<std::uint32_t>({0x1014, 0}, co::CobId::invalid_bit));
-  const co::CobId next(value);
-  if (!next.well_formed_emcy()) return od::AbortCode::invalid_value;
-  if (!next.valid()) return od::AbortCode::none;
-  if (now.valid() && now.key() != next.key()) return od::AbortCode::invalid_value;
-  if (!next.extended() && co::restricted(next.id())) return od::AbortCode::invalid_value;
-  return od::AbortCode::none;
 }
 
 void Device::written(od::Values&, ObjectRef ref) noexcept {

@@ -24,9 +24,10 @@ class PlantPort final : public can::Port {
   static constexpr unsigned queue_depth = 32;    ///< frames given and not yet sent; then `Queued::full`
   static constexpr unsigned events_kept = 4096;  ///< received and not yet delivered; then the connection is given up
 
-  /// Waits at most `timeout` for the plant to accept; what is wrong is told in words. Destroy the port before the loop.
+  /// Waits at most `timeout` for the plant to accept (its machine may be busy); what is wrong is told in words. Destroy
+  /// the port before the loop.
   [[nodiscard]] static tl::expected<std::unique_ptr<PlantPort>, std::string> connect(
-      Loop& loop, const std::string& path, std::string_view bus, rt::Duration timeout = std::chrono::seconds(2));
+      Loop& loop, const std::string& path, std::string_view bus, rt::Duration timeout = std::chrono::seconds(10));
   ~PlantPort() override;
   PlantPort(const PlantPort&) = delete;
   PlantPort& operator=(const PlantPort&) = delete;

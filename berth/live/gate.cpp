@@ -52,6 +52,8 @@ bool expects_answer(const can::Frame& frame) noexcept {
     return frame.size == 0 || frame.data[0] != abort;
   }
   if (key == lss_requests) return frame.size == 0 || lss_answers(frame.data[0]);
+  constexpr std::uint32_t who_is_master = 0x073;  // CiA 302-2
+  if (key == who_is_master) return true;
   return key == rand_requests || key == and_requests;
 }
 

@@ -27,6 +27,9 @@ struct NetworkPlan {
   NodeId own;                        ///< the master's node-ID; unconfigured: it has none
   rt::Duration boot_time{};          ///< 1F89h: for all mandatory slaves together; 0: for ever
   std::vector<NetworkSlave> slaves;  ///< each node-ID once; not assigned ones and `own` are left out
+  /// Another master has led this network: nothing is reset at once, and a slave that is operational is left running (L)
+  /// and not started again. The others are reset one by one and booted, whatever they were in the middle of.
+  bool taken_over = false;
 };
 
 struct NetworkTiming {
@@ -59,6 +62,8 @@ class ErrorControl {
   virtual void back(NodeId node) noexcept = 0;
   /// An NMT state: each time that one is heard, boot-up messages left out.
   virtual void told(NodeId node, NmtState state) noexcept = 0;
+  /// An NMT command of another node. A slave that it started is not started again.
+  virtual void overheard(const co::NmtRequest& request) noexcept = 0;
 
  protected:
   ~ErrorControl() = default;

@@ -4,6 +4,7 @@
 #pragma once
 
 #include <cstdint>
+#include <string>
 #include <string_view>
 
 #include "berth/base/ids.hpp"
@@ -34,8 +35,19 @@ enum class RevisionCheck : std::uint8_t {
   compatible,  ///< the major part (bits 31 to 16) equal, the minor part at least the expected one
 };
 
-/// One slave: 1F81h, 1F84h to 1F88h, 1F8Ah, 1F26h and 1F27h, 1F55h, 1016h. A number of 0 is not checked, as CiA 302 has
-/// it.
+/// What a slave is to be, beside its identity. A number of 0 and an empty text are not checked. With
+/// `SlaveRules::checks_software` one of the software's is compared: the identification where there is one, else date
+/// and time (CiA's DSP 302 version 3, as paper 5 has it), else the text.
+struct ExpectedVersions {
+  std::uint32_t software = 0;       ///< 1F55h, against the slave's 1F56h:01
+  std::uint32_t software_date = 0;  ///< 1F53h, days since 1984-01-01, against 1F52h:01
+  std::uint32_t software_time = 0;  ///< 1F54h, ms after midnight, against 1F52h:02
+  std::string software_text = {};   ///< against 100Ah; no object has it: a machine file
+  std::string hardware_text = {};   ///< against 1009h; as there
+};
+
+/// One slave: 1F81h, 1F84h to 1F88h, 1F8Ah, 1F26h and 1F27h, 1F53h to 1F55h, 1016h. A number of 0 is not checked, as
+/// CiA 302 has it.
 struct SlaveRules {
   bool assigned = false;          ///< bit 0; without it no other bit counts
   bool boots = false;             ///< bit 2: booted on a boot-up message and on an error event; else only error control
@@ -54,11 +66,11 @@ struct SlaveRules {
   std::uint32_t serial = 0;       ///< 1F88h
   RevisionCheck revision_check = RevisionCheck::equal;
 
-  std::uint8_t restore_sub = 0;         ///< 1F8Ah: sub-index of the slave's 1011h; 0: none
-  std::uint32_t expected_date = 0;      ///< 1F26h
-  std::uint32_t expected_time = 0;      ///< 1F27h
-  std::uint32_t expected_software = 0;  ///< 1F55h
-  rt::Duration heartbeat{};             ///< the consumer time of its entry in 1016h; 0: none
+  std::uint8_t restore_sub = 0;     ///< 1F8Ah: sub-index of the slave's 1011h; 0: none
+  std::uint32_t expected_date = 0;  ///< 1F26h
+  std::uint32_t expected_time = 0;  ///< 1F27h
+  ExpectedVersions expected = {};
+  rt::Duration heartbeat{};  ///< the consumer time of its entry in 1016h; 0: none
 };
 /// The bits of 1F81h; the rest of the rules is as it was made.
 [[nodiscard]] SlaveRules slave_rules_of(std::uint32_t object_1f81) noexcept;

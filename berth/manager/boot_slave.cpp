@@ -2,6 +2,10 @@
 
 #include <fmt/format.h>
 
+#include <utility>
+
+#include "berth/manager/program_loader.hpp"
+
 namespace berth::manager {
 namespace {
 
@@ -9,6 +13,10 @@ constexpr std::uint16_t boot_device_type = 0x1000;
 constexpr std::uint16_t boot_identity = 0x1018;
 constexpr std::uint16_t boot_date = 0x1020;
 constexpr std::uint16_t boot_software = 0x1F56;
+constexpr std::uint16_t boot_software_date = 0x1F52;
+constexpr std::uint16_t hardware_version = 0x1009;
+constexpr std::uint16_t software_version = 0x100A;
+constexpr std::size_t longest_version = 250;  // bytes
 
 bool fits(std::uint32_t is, const SlaveRules& rules) noexcept {
   if (rules.revision_check == RevisionCheck::equal) return is == rules.revision;
@@ -18,6 +26,8 @@ bool fits(std::uint32_t is, const SlaveRules& rules) noexcept {
 }  // namespace
 
 rt::Task<Result<void>> BootSource::configure(BootTarget&, SlaveRules&) { co_return Result<void>{}; }
+
+rt::Task<Result<std::string>> BootSource::other_programs(BootTarget&, const SlaveRules&) { co_return std::string(); }
 
 rt::Task<Result<void>> BootSource::update(BootTarget&, const SlaveRules&) {
   co_return fail(Errc::unsupported, "there is no program for it (1F58h)");
@@ -64,7 +74,7 @@ void BootSlave::differs(std::uint32_t is, std::uint32_t expected) {
 
 rt::Task<BootSlave::Verdict> BootSlave::check_identity() {
   found_ = options_.identified;
-  if (options_.identified && rules_.device_type == 0) co_return Verdict{};
+  if (options_.identified && rules_.device_type == 0) co_return co_await check_hardware();
   const auto type = co_await device_type();
   // A slave that answers, and has no device type to tell, is there; it is of no type that can be expected.
   const bool refused = !type && type.error().code == Errc::aborted;
@@ -77,7 +87,7 @@ rt::Task<BootSlave::Verdict> BootSlave::check_identity() {
   if (other && refused) result_.detail = describe(type.error());
   if (other && !refused) differs(*type, rules_.device_type);
   if (other) co_return BootStatus::c;
-  if (options_.identified) co_return Verdict{};
+  if (options_.identified) co_return co_await check_hardware();
   const Expected all[] = {{1, rules_.vendor, BootStatus::d},
                           {2, rules_.product, BootStatus::m},
                           {3, rules_.revision, BootStatus::n},
@@ -88,7 +98,26 @@ rt::Task<BootSlave::Verdict> BootSlave::check_identity() {
     const bool right = co_await is_as(each);
     if (!right) co_return each.status;
   }
-  co_return Verdict{};
+  co_return co_await check_hardware();
+}
+
+rt::Task<BootSlave::Verdict> BootSlave::check_hardware() {
+  if (rules_.expected.hardware_text.empty()) co_return Verdict{};
+  const Software is = co_await compare_text(hardware_version, rules_.expected.hardware_text);
+  co_return is == Software::right ? Verdict{} : Verdict{BootStatus::n};
+}
+
+rt::Task<BootSlave::Software> BootSlave::compare_text(std::uint16_t index, const std::string& expected) {
+  const auto value = co_await target_->objects().read_up_to(index, 0, longest_version);
+  if (!value) {
+    result_.detail = describe(value.error());
+    co_return Software::untold;
+  }
+  std::string is(value->bytes().begin(), value->bytes().end());
+  while (is.ends_with('\0')) is.pop_back();
+  if (is == expected) co_return Software::right;
+  result_.detail = fmt::format("{:04X}h is \"{}\" instead of \"{}\"", index, is, expected);
+  co_return Software::other;
 }
 
 rt::Task<Result<std::uint32_t>> BootSlave::device_type() {
@@ -116,7 +145,7 @@ rt::Task<bool> BootSlave::is_as(Expected expected) {
 // ---- step 4 ---------------------------------------------------------------------------------------------------------
 
 rt::Task<BootSlave::Verdict> BootSlave::check_state() {
-  if (!rules_.keep_alive) co_return Verdict{};
+  if (!rules_.keep_alive && !options_.may_run) co_return Verdict{};
   std::optional<NmtState> state;
   const bool by_heartbeat = rules_.heartbeat.count() > 0;
   if (by_heartbeat) {
@@ -124,8 +153,8 @@ rt::Task<BootSlave::Verdict> BootSlave::check_state() {
   } else {
     state = co_await target_->guard();
   }
-  if (!state) co_return by_heartbeat ? BootStatus::e : BootStatus::f;
-  if (*state == NmtState::operational) co_return BootStatus::l;
+  if (!state && rules_.keep_alive) co_return by_heartbeat ? BootStatus::e : BootStatus::f;
+  if (state == NmtState::operational) co_return BootStatus::l;
   const auto sent = co_await target_->command(co::NmtCommand::reset_communication);
   if (!sent) {
     result_.detail = describe(sent.error());
@@ -140,17 +169,12 @@ rt::Task<BootSlave::Verdict> BootSlave::check_state() {
 
 rt::Task<BootSlave::Verdict> BootSlave::check_software(bool& begin_again) {
   if (!rules_.checks_software) co_return Verdict{};
-  if (rules_.expected_software == 0) co_return BootStatus::g;
-  const auto is = co_await target_->objects().read_u32(boot_software, 1);
-  if (!is) {
-    result_.detail = describe(is.error());
-    co_return BootStatus::g;
-  }
-  if (*is == rules_.expected_software) {
+  const Software is = co_await compare_programs();
+  if (is == Software::untold) co_return BootStatus::g;
+  if (is == Software::right) {
     result_.detail.clear();
-    co_return Verdict{};
+    co_return co_await run_program(begin_again);
   }
-  differs(*is, rules_.expected_software);
   if (!rules_.may_update || rules_.keep_alive) co_return BootStatus::h;
   if (result_.updated) co_return BootStatus::i;  // it took the program, and has other software all the same
   const auto updated = co_await source_->update(*target_, rules_);
@@ -159,6 +183,70 @@ rt::Task<BootSlave::Verdict> BootSlave::check_software(bool& begin_again) {
     co_return BootStatus::i;
   }
   result_.updated = begin_again = true;
+  co_return Verdict{};
+}
+
+rt::Task<BootSlave::Software> BootSlave::compare_programs() {
+  const Software first = co_await compare_software();
+  if (first != Software::right) co_return first;
+  auto others = co_await source_->other_programs(*target_, rules_);
+  if (!others) {
+    result_.detail = describe(others.error());
+    co_return Software::untold;
+  }
+  if (others->empty()) co_return Software::right;
+  result_.detail = std::move(*others);
+  co_return Software::other;
+}
+
+rt::Task<BootSlave::Software> BootSlave::compare_software() {
+  if (rules_.expected.software == 0) {
+    const bool dated = rules_.expected.software_date != 0 || rules_.expected.software_time != 0;
+    if (dated) co_return co_await compare_software_date();
+    if (rules_.expected.software_text.empty()) co_return Software::untold;
+    co_return co_await compare_text(software_version, rules_.expected.software_text);
+  }
+  const auto is = co_await target_->objects().read_u32(boot_software, 1);
+  if (!is) {
+    result_.detail = describe(is.error());
+    co_return Software::untold;
+  }
+  if (*is == rules_.expected.software) co_return Software::right;
+  differs(*is, rules_.expected.software);
+  co_return Software::other;
+}
+
+// As DSP 302 version 3 and paper 5 have it.
+rt::Task<BootSlave::Software> BootSlave::compare_software_date() {
+  const auto date = co_await target_->objects().read_u32(boot_software_date, 1);
+  if (!date) {
+    result_.detail = describe(date.error());
+    co_return Software::untold;
+  }
+  const auto time = co_await target_->objects().read_u32(boot_software_date, 2);
+  if (!time) {
+    result_.detail = describe(time.error());
+    co_return Software::untold;
+  }
+  if (*date == rules_.expected.software_date && *time == rules_.expected.software_time) co_return Software::right;
+  result_.detail = fmt::format("1F52h is {} days, {} ms instead of {} days, {} ms", *date, *time,
+                               rules_.expected.software_date, rules_.expected.software_time);
+  co_return Software::other;
+}
+
+// A download that stopped after its last byte leaves the right program, and the device in its boot loader.
+rt::Task<BootSlave::Verdict> BootSlave::run_program(bool& begin_again) {
+  const bool stopped = co_await is_stopped(target_->objects(), 1);
+  if (!stopped || rules_.keep_alive) co_return Verdict{};
+  if (ran_) co_return BootStatus::i;  // it was started, and has stopped
+  ProgramOptions options;
+  options.expects_boot_up = [this] { target_->expect_boot_up(); };
+  const auto started = co_await start_program(target_->objects(), 1, options);
+  if (!started) {
+    result_.detail = describe(started.error());
+    co_return BootStatus::i;
+  }
+  ran_ = begin_again = true;
   co_return Verdict{};
 }
 

@@ -9,9 +9,11 @@
 /// In this order; the letter is how it ends when the step fails:
 ///   1. assigned (A); not to be booted: step 9 at once
 ///   2. 1000h is read, again and again until `give_up` (B), and compared (C)
-///   3. 1018h is read as far as it is expected (D, M, N, O)
-///   4. keep alive: its state is observed (E, F); operational: step 9, and the end is L; else reset communication
-///   5. expected software (G, H), 6. its update (I), after which all begins at 2 again
+///   3. 1018h is read as far as it is expected (D, M, N, O), and the hardware version 1009h (N)
+///   4. keep alive: its state is observed (E, F); operational: step 9, and the end is L; else reset communication. The
+///      same, but for E and F, of a slave that a former master may have started (`BootOptions::may_run`)
+///   5. expected software (G, H): 1F56h, else 1F52h, else 100Ah, and whether it runs (1F51h); 6. its update (I), after
+///      which all begins at 2 again
 ///   7. expected configuration date, 8. configuration (J)
 ///   9. error control is started (K)
 /// The start of the slave (step 10) is the network's: `NetworkBoot`.
@@ -43,6 +45,8 @@ class BootTarget {
   /// From now on the master hears when it is lost: by heartbeat when the rules have one, else by node guarding when
   /// they have a guard time, else not at all.
   virtual void supervise(const SlaveRules& rules) = 0;
+  /// The slave is told to restart by other means than NMT (1F51h): its next boot-up message is no error event.
+  virtual void expect_boot_up() noexcept {}
 };
 
 /// What is brought into a slave. The base class has nothing.
@@ -52,6 +56,8 @@ class BootSource {
   /// Step 8: whatever it takes, factory settings and saving included. Where nothing is to be configured: done.
   /// `rules`: what is found here settles how it is supervised from step 9 on (a slave without 1017h is guarded).
   [[nodiscard]] virtual rt::Task<Result<void>> configure(BootTarget& target, SlaveRules& rules);
+  /// Step 5, of a slave with more than one program: is the rest as expected? Empty: yes; else what is not, for people.
+  [[nodiscard]] virtual rt::Task<Result<std::string>> other_programs(BootTarget& target, const SlaveRules& rules);
   /// Step 6: stop, clear, download, start. Errc::unsupported: there is no program.
   [[nodiscard]] virtual rt::Task<Result<void>> update(BootTarget& target, const SlaveRules& rules);
 };
@@ -63,6 +69,9 @@ struct BootOptions {
   /// Its identity was read since its last boot-up, and is the expected one: step 2 asks for the device type only when
   /// one is expected, and step 3 is done.
   bool identified = false;
+  /// It may be running under a former master: step 4 is done as for a keep-alive slave, but one that tells no state is
+  /// reset too.
+  bool may_run = false;
   rt::Duration pause = std::chrono::seconds(1);         ///< before a silent slave is asked again
   rt::Duration boot_timeout = std::chrono::seconds(1);  ///< from reset communication to the boot-up message
 };
@@ -99,8 +108,15 @@ class BootSlave {
   rt::Task<Verdict> check_identity();
   rt::Task<Result<std::uint32_t>> device_type();
   rt::Task<bool> is_as(Expected expected);
+  rt::Task<Verdict> check_hardware();
   rt::Task<Verdict> check_state();
+  enum class Software : std::uint8_t { right, other, untold };
   rt::Task<Verdict> check_software(bool& begin_again);
+  rt::Task<Software> compare_software();
+  rt::Task<Software> compare_software_date();
+  rt::Task<Software> compare_programs();
+  rt::Task<Verdict> run_program(bool& begin_again);
+  rt::Task<Software> compare_text(std::uint16_t index, const std::string& expected);
   rt::Task<Verdict> configure();
   rt::Task<bool> has_expected_date();
   rt::Task<Verdict> start_error_control();
@@ -114,6 +130,7 @@ class BootSlave {
   BootOptions options_;
   BootResult result_;
   bool found_ = false;
+  bool ran_ = false;  // its stopped program was started
 };
 
 }  // namespace berth::manager

@@ -296,6 +296,20 @@ LoadedConfiguration read_concise_configuration(std::span<const std::uint8_t> str
   return Loader(path).load_concise(stream);
 }
 
+Configuration joined(const Configuration& base, const Configuration& over) {
+  Configuration all = base;
+  std::erase_if(all.settings, [&](const Setting& each) {
+    return std::ranges::binary_search(over.settings, each.object, {}, &Setting::object);
+  });
+  for (Setting each : over.settings) {
+    each.line = 0;  // of another file
+    all.settings.push_back(std::move(each));
+  }
+  std::ranges::sort(all.settings, {}, &Setting::object);
+  all.date = {};
+  return all;
+}
+
 Result<Wanted> wanted(const Configuration& configuration, NodeId node, std::span<const Entry> own) {
   Wanted result;
   result.file = configuration.file;

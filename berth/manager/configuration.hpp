@@ -88,6 +88,10 @@ struct Wanted {
   ConfigurationDate date;
 };
 
+/// Both, as one file: where they differ about an object `over` counts, and what is said of the whole is of `base`. A
+/// date that the file gives itself is left out: it stands for less than all of it.
+[[nodiscard]] Configuration joined(const Configuration& base, const Configuration& over);
+
 /// For one node; `own` replaces or adds values. Errors: `Errc::invalid` with the object whose value cannot be had.
 [[nodiscard]] Result<Wanted> wanted(const Configuration& configuration, NodeId node, std::span<const Entry> own = {});
 

@@ -330,7 +330,10 @@ rt::Task<bool> Configurator::put_date(ConfigurationReport& report) {
 // it shows its old date behind the new values, it restarted between them or keeps no date: its values tell.
 rt::Task<bool> Configurator::read_back(ConfigurationReport& report) {
   const bool kept = co_await read_values_back(report);
-  if (!kept) co_return false;
+  if (!kept) {
+    co_await tell_a_restart(report);
+    co_return false;
+  }
   if (report.dated) {
     DateRead date;
     co_await read_date(date);
@@ -347,6 +350,17 @@ rt::Task<bool> Configurator::read_back(ConfigurationReport& report) {
     }
   }
   co_return still_there(report, Stage::reading_back);
+}
+
+// The date was written behind the values: when it is gone with one of them, the device restarted, and its boot-up
+// message was lost.
+rt::Task<void> Configurator::tell_a_restart(ConfigurationReport& report) {
+  const bool doubtful = report.dated && report.failure->why == Failure::Why::not_kept;
+  if (!doubtful) co_return;
+  DateRead date;
+  co_await read_date(date);
+  const bool gone = !date.error && !date.missing && date.date != wanted_->date;
+  if (gone) report.failure->why = Failure::Why::restarted;
 }
 
 rt::Task<bool> Configurator::read_values_back(ConfigurationReport& report) {

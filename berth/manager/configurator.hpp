@@ -153,6 +153,7 @@ class Configurator {
   rt::Task<bool> download(ConfigurationReport& report);
   rt::Task<bool> put_date(ConfigurationReport& report);
   rt::Task<bool> read_back(ConfigurationReport& report);
+  rt::Task<void> tell_a_restart(ConfigurationReport& report);
   rt::Task<bool> read_values_back(ConfigurationReport& report);
   rt::Task<bool> save(ConfigurationReport& report);
   rt::Task<bool> check_saved(ConfigurationReport& report);

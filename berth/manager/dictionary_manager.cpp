@@ -10,28 +10,54 @@ using od::Access;
 using od::DataType;
 using od::Literal;
 
+constexpr std::uint16_t request_sdo = 0x1F00;
 constexpr std::uint16_t nmt_startup = 0x1F80;
+constexpr std::uint16_t request_configuration = 0x1F25;
 constexpr std::uint16_t request_nmt = 0x1F82;
 constexpr std::uint16_t request_guarding = 0x1F83;
+constexpr std::uint16_t flying_timing = 0x1F90;
+constexpr std::uint8_t priority_sub = 3;
+constexpr std::uint8_t cycle_sub = 6;
 
 struct ArraySpec {
   std::uint16_t index;
   std::string_view name;
   DataType type = DataType::unsigned32;
   std::uint32_t capacity = 0;
+  Access access = Access::rw;
 };
 
 void add_array(od::DescriptionBuilder& builder, const ArraySpec& spec, std::uint8_t most) {
   builder.object(spec.index, od::ObjectCode::array, spec.name, spec.type);
   for (std::uint8_t sub = 1; sub <= most; ++sub) {
-    builder.sub(spec.index, {.sub = sub, .name = spec.name, .type = spec.type, .capacity = spec.capacity});
+    builder.sub(spec.index,
+                {.sub = sub, .name = spec.name, .type = spec.type, .access = spec.access, .capacity = spec.capacity});
   }
 }
 
 // Sub-index 128 is all nodes; those between that and `most` are not there.
-void add_requests(od::DescriptionBuilder& builder, std::uint16_t index, std::string_view name, std::uint8_t most) {
-  add_array(builder, {index, name, DataType::unsigned8}, most);
-  builder.sub(index, {.sub = NetworkRequests::all_nodes, .name = "All nodes", .type = DataType::unsigned8});
+void add_requests(od::DescriptionBuilder& builder, const ArraySpec& spec, std::uint8_t most) {
+  add_array(builder, spec, most);
+  builder.sub(spec.index,
+              {.sub = NetworkRequests::all_nodes, .name = "All nodes", .type = spec.type, .access = spec.access});
+}
+
+void add_flying(od::DescriptionBuilder& builder, std::uint8_t priority) {
+  struct Sub {
+    std::string_view name;
+    std::uint16_t value;
+  };
+  constexpr std::array<Sub, cycle_sub> subs{
+      Sub{"NMT master timeout", 100},      Sub{"NMT master negotiation time delay", 500},
+      Sub{"NMT master priority", 0},       Sub{"Priority time slot", 1500},
+      Sub{"CANopen device time slot", 10}, Sub{"Multiple NMT master detect cycle time", 0}};
+  builder.object(flying_timing, od::ObjectCode::record, "NMT flying master timing parameters");
+  for (std::uint8_t sub = 1; sub <= cycle_sub; ++sub) {
+    const auto value = sub == priority_sub ? priority : subs.at(sub - 1U).value;
+    builder.sub(
+        flying_timing,
+        {.sub = sub, .name = subs.at(sub - 1U).name, .type = DataType::unsigned16, .initial = Literal::number(value)});
+  }
 }
 
 }  // namespace
@@ -46,32 +72,59 @@ void add_manager_objects(od::DescriptionBuilder& builder, const ManagerObjects& 
   if (objects.longest_concise != 0) {
     add_array(builder, {0x1F22, "Concise DCF", DataType::domain, objects.longest_concise}, most);
   }
+  if (objects.longest_eds != 0) {
+    add_array(builder, {0x1F23, "Store EDS", DataType::domain, objects.longest_eds}, most);
+    add_array(builder, {0x1F24, "Storage format", DataType::unsigned8}, most);
+  }
+  if (objects.longest_program != 0) {
+    add_array(builder, {0x1F58, "Program data of slave", DataType::domain, objects.longest_program}, most);
+  }
   builder.variable(nmt_startup, {.name = "NMT startup", .initial = Literal::number(objects.startup)});
   for (const auto& array :
        {ArraySpec{0x1F26, "Expected configuration date"}, ArraySpec{0x1F27, "Expected configuration time"},
-        ArraySpec{0x1F55, "Expected software identification"}, ArraySpec{0x1F81, "Slave assignment"},
-        ArraySpec{0x1F84, "Device type identification"}, ArraySpec{0x1F85, "Vendor identification"},
-        ArraySpec{0x1F86, "Product code"}, ArraySpec{0x1F87, "Revision number"}, ArraySpec{0x1F88, "Serial number"},
+        ArraySpec{0x1F53, "Expected application software date"},
+        ArraySpec{0x1F54, "Expected application software time"}, ArraySpec{0x1F55, "Expected software identification"},
+        ArraySpec{0x1F81, "Slave assignment"}, ArraySpec{0x1F84, "Device type identification"},
+        ArraySpec{0x1F85, "Vendor identification"}, ArraySpec{0x1F86, "Product code"},
+        ArraySpec{0x1F87, "Revision number"}, ArraySpec{0x1F88, "Serial number"},
         ArraySpec{0x1F8A, "Restore configuration", DataType::unsigned8}}) {
     add_array(builder, array, most);
   }
-  add_requests(builder, request_nmt, "Request NMT", most);
-  add_requests(builder, request_guarding, "Request guarding", most);
+  add_requests(builder, {.index = request_configuration, .name = "Request configuration", .access = Access::wo}, most);
+  add_requests(builder, {request_nmt, "Request NMT", DataType::unsigned8}, most);
+  add_requests(builder, {request_guarding, "Request guarding", DataType::unsigned8}, most);
   builder.variable(0x1F89, {.name = "Boot time"});
+  if (objects.flying) add_flying(builder, objects.priority);
+  if (objects.sdo_manager) add_sdo_manager_objects(builder, most);
 }
 
 DictionaryManager::DictionaryManager(can::Dispatcher& dispatcher, od::Values& values,
                                      std::function<void(co::NmtCommand)> apply, const NetworkTiming& timing)
-    : values_(&values), bus_(dispatcher), network_(dispatcher.executor(), bus_, timing) {
+    : values_(&values),
+      bus_(dispatcher),
+      network_(dispatcher.executor(), bus_, timing),
+      flying_(dispatcher, *this),
+      transfers_(dispatcher),
+      configurations_(dispatcher.executor(), network_) {
   bus_.on_apply(std::move(apply));
   bus_.lead_to(&network_.error_control());
   values.attach(*this, nmt_startup);
+  values.attach(*this, request_configuration);
   values.attach(*this, request_nmt, request_guarding);
+  values.attach(*this, flying_timing);
+  const bool gives_channels = values.description().find(request_sdo) != nullptr;
+  if (gives_channels) sdo_requests_ = std::make_unique<SdoRequests>(dispatcher, bus_.sdo(), values);
 }
 
 void DictionaryManager::own_state(NmtState state, NodeId own) noexcept {
   const NmtState before = std::exchange(state_, state);
-  if (state == NmtState::initialising) return network_.end();
+  if (state == NmtState::initialising) {
+    leads_ = false;
+    configurations_.end();
+    flying_.end();
+    if (sdo_requests_) sdo_requests_->end();
+    return network_.end();
+  }
   network_.own_state(state);
   if (before != NmtState::initialising) return;
   refused_.reset();
@@ -79,13 +132,47 @@ void DictionaryManager::own_state(NmtState state, NodeId own) noexcept {
   if (!begun) refused_ = begun.error();
 }
 
+void DictionaryManager::power_off() noexcept {
+  state_ = NmtState::initialising;
+  leads_ = false;
+  if (sdo_requests_) sdo_requests_->end();
+  flying_.power_off();
+  network_.end();
+}
+
 Result<void> DictionaryManager::begin(NodeId own) {
-  NetworkPlan plan;
+  own_ = own;
   const auto startup = startup_of(*values_);
   if (!startup) return fail(startup.error());
   if (!startup->master) return {};
+  if (!startup->flying) return lead(own, false);
+  return flying_.begin(flying_options_of(*values_, own),
+                       [this](NodeId master) { return master_heartbeat_of(*values_, master); });
+}
+
+void DictionaryManager::role_changed() noexcept {
+  const bool led = std::exchange(leads_, flying_.is_master());
+  if (leads_ && !led) {
+    const auto begun = lead(own_, flying_.took_over());
+    if (!begun) refused_ = begun.error();
+  } else if (led && !leads_) {
+    if (sdo_requests_) sdo_requests_->end();
+    network_.end(true);
+  }
+  if (on_role_) on_role_();
+}
+
+void DictionaryManager::reset_all() noexcept {
+  network_.command(co::NmtCommand::reset_communication, co::NmtTarget::all(), true);
+}
+
+Result<void> DictionaryManager::lead(NodeId own, bool taken_over) {
+  NetworkPlan plan;
+  const auto startup = startup_of(*values_);
+  if (!startup) return fail(startup.error());
   plan.startup = *startup;
   plan.own = own;
+  plan.taken_over = taken_over;
   plan.boot_time = boot_time_of(*values_);
   bus_.nmt().set_inhibit(nmt_inhibit_time_of(*values_));
   for (std::uint8_t number = 1; number <= 127; ++number) {
@@ -93,24 +180,51 @@ Result<void> DictionaryManager::begin(NodeId own) {
     const SlaveRules rules = slave_rules_of(*values_, node);
     if (!rules.assigned) continue;
     if (!sources_[number]) sources_[number] = std::make_unique<DictionarySource>(*values_, node);
+    sources_[number]->share(&transfers_);
     plan.slaves.push_back({node, rules, &bus_.target(node), sources_[number].get()});
+  }
+  if (sdo_requests_) {
+    SdoManagerOptions options;
+    for (const auto& slave : plan.slaves) {
+      options.nodes.push_back(slave.node);
+      options.heartbeat = std::max(options.heartbeat, slave.rules.heartbeat);
+    }
+    sdo_requests_->begin(std::move(options));
   }
   return network_.begin(std::move(plan));
 }
 
 AbortCode DictionaryManager::reading(const od::Values&, ObjectRef ref, std::span<const std::uint8_t>& value) noexcept {
-  if (ref.index == nmt_startup || ref.sub == 0) return AbortCode::none;
+  if (ref.index == flying_timing) {
+    const bool by_default = ref.sub == cycle_sub && load_le<std::uint16_t>(value.data()) == 0 && own_.configured();
+    if (!by_default) return AbortCode::none;
+    const auto cycle = std::chrono::duration_cast<std::chrono::milliseconds>(FlyingTiming{}.cycle_of(own_));
+    store_le(shown_.data(), static_cast<std::uint16_t>(cycle.count()));
+    value = shown_;
+    return AbortCode::none;
+  }
+  const bool plain = ref.index == nmt_startup || ref.index == request_configuration || ref.sub == 0;
+  if (plain) return AbortCode::none;
   const auto shown = ref.index == request_nmt ? requests_.state(ref.sub) : requests_.guarding(ref.sub);
   if (!shown) return shown.error();
   shown_[0] = *shown;
-  value = shown_;
+  value = std::span(shown_).first(1);
   return AbortCode::none;
 }
 
 AbortCode DictionaryManager::writing(const od::Values&, ObjectRef ref, std::span<const std::uint8_t> value) noexcept {
   if (ref.index == nmt_startup) {
     const auto startup = startup_of(load_le<std::uint32_t>(value.data()));
-    return startup && !startup->flying ? AbortCode::none : AbortCode::invalid_value;
+    const bool times = values_->description().find(flying_timing) != nullptr;
+    return startup && (!startup->flying || times) ? AbortCode::none : AbortCode::invalid_value;
+  }
+  if (ref.index == flying_timing) {
+    constexpr std::uint16_t lowest_priority = 2;
+    const bool too_low = ref.sub == priority_sub && load_le<std::uint16_t>(value.data()) > lowest_priority;
+    return too_low ? AbortCode::invalid_value : AbortCode::none;
+  }
+  if (ref.index == request_configuration) {
+    return configurations_.request(ref.sub, load_le<std::uint32_t>(value.data()));
   }
   return ref.index == request_nmt ? requests_.nmt(ref.sub, value[0]) : requests_.guarding(ref.sub, value[0]);
 }

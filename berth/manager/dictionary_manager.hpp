@@ -12,8 +12,14 @@
 /// objects). A device whose 1F80h bit 0 is 0 does nothing. Any SDO client may write the objects; what is written counts
 /// at the next boot-up of the device, a slave's configuration at the next boot-up of the slave, and requests at once.
 ///
-/// Objects that refuse: 1F80h with a reserved bit or bit 5 (flying master), 0609 0030. 1F82h and 1F83h as
-/// `NetworkRequests` has it; they read what is known of the slaves.
+/// With bit 5 of 1F80h it is a flying master (`FlyingMaster`, with 1F90h): it boots the network when it has become the
+/// active master, and ends that when it no longer is. A device that is switched off says so: `power_off`.
+///
+/// With 1F00h in its dictionary it is the SDO manager too, while it is the active master (`SdoRequests`).
+///
+/// Objects that refuse: 1F80h with a reserved bit, or with bit 5 where there is no 1F90h, 0609 0030. 1F90h:03 above 2,
+/// 0609 0030. 1F82h and 1F83h as `NetworkRequests` has it; they read what is known of the slaves. 1F25h as
+/// `ConfigurationRequests` has it.
 #pragma once
 
 #include <array>
@@ -21,9 +27,12 @@
 #include <memory>
 #include <optional>
 
+#include "berth/manager/configuration_requests.hpp"
 #include "berth/manager/dictionary_source.hpp"
+#include "berth/manager/flying_master.hpp"
 #include "berth/manager/managed_bus.hpp"
 #include "berth/manager/network_requests.hpp"
+#include "berth/manager/sdo_requests.hpp"
 #include "berth/od/values.hpp"
 
 namespace berth::manager {
@@ -33,23 +42,37 @@ struct ManagerObjects {
   std::uint32_t startup = 1;            ///< default of 1F80h
   std::uint32_t longest_concise = 512;  ///< bytes for each slave in 1F22h; 0: no such object
   std::uint32_t longest_dcf = 0;        ///< in 1F20h; 0: neither 1F20h nor 1F21h
+  std::uint32_t longest_eds = 0;        ///< in 1F23h; 0: neither 1F23h nor 1F24h
+  std::uint32_t longest_program = 0;    ///< in 1F58h; 0: no such object
+  bool flying = false;                  ///< 1F90h with CiA 302-2's times
+  std::uint8_t priority = 1;            ///< default of 1F90h:03: 0 high, 1 medium, 2 low
+  bool sdo_manager = false;             ///< 1F00h, 1F01h, 1F10h (`SdoRequests`)
 };
-/// 102Ah, (1F20h, 1F21h), (1F22h), 1F26h, 1F27h, 1F55h, 1F80h to 1F8Ah but 1F87h's kind of check. 1016h is the
-/// device's own.
+/// 102Ah, (1F20h, 1F21h), (1F22h), (1F23h, 1F24h), 1F25h to 1F27h, 1F53h to 1F55h, (1F58h), 1F80h to 1F8Ah but 1F87h's
+/// kind of check, (1F90h), (1F00h, 1F01h, 1F10h). 1016h is the device's own.
 void add_manager_objects(od::DescriptionBuilder& builder, const ManagerObjects& objects = {});
 
-class DictionaryManager final : private od::Hook {
+class DictionaryManager final : private od::Hook, private FlyingMaster::Owner {
  public:
   /// All must stay. `apply`: does to the device what an NMT command says.
   DictionaryManager(can::Dispatcher& dispatcher, od::Values& values, std::function<void(co::NmtCommand)> apply,
                     const NetworkTiming& timing = {});
 
   /// The NMT state that the device has entered, and its node-ID. Initialising ends the network's boot-up, what follows
-  /// begins it. A device that is switched off has no state: call `network().end()`.
+  /// begins it.
   void own_state(NmtState state, NodeId own) noexcept;
+  /// A device that is switched off has no state. What comes next is a cold start.
+  void power_off() noexcept;
 
   [[nodiscard]] NetworkBoot& network() noexcept { return network_; }
   [[nodiscard]] ManagedBus& bus() noexcept { return bus_; }
+  /// Who is the active master; off without bit 5 of 1F80h.
+  [[nodiscard]] const FlyingMaster& flying() const noexcept { return flying_; }
+  /// Null: its dictionary has no 1F00h.
+  [[nodiscard]] const SdoRequests* sdo_requests() const noexcept { return sdo_requests_.get(); }
+  /// Called when that has changed.
+  void on_role(std::function<void()> callback) { on_role_ = std::move(callback); }
+  [[nodiscard]] ConfigurationRequests& configurations() noexcept { return configurations_; }
   /// Why a device with bit 0 of 1F80h has not begun.
   [[nodiscard]] const std::optional<Error>& refused() const noexcept { return refused_; }
 
@@ -58,15 +81,26 @@ class DictionaryManager final : private od::Hook {
                         std::span<const std::uint8_t>& value) noexcept override;
   od::AbortCode writing(const od::Values& values, ObjectRef ref, std::span<const std::uint8_t> value) noexcept override;
   Result<void> begin(NodeId own);
+  Result<void> lead(NodeId own, bool taken_over);
+  void role_changed() noexcept override;
+  void reset_all() noexcept override;
+  void overheard(const co::NmtRequest& request) noexcept override { network_.error_control().overheard(request); }
 
   od::Values* values_;
+  std::function<void()> on_role_;
   ManagedBus bus_;
   NetworkBoot network_;
+  FlyingMaster flying_;
+  ProgramTransfers transfers_;
   NetworkRequests requests_{network_};
+  ConfigurationRequests configurations_;
   std::array<std::unique_ptr<DictionarySource>, 128> sources_;
+  std::unique_ptr<SdoRequests> sdo_requests_;  // only with object 1F00h
   std::optional<Error> refused_;
+  NodeId own_;
   NmtState state_ = NmtState::initialising;
-  std::array<std::uint8_t, 1> shown_{};  // what `reading` gives
+  bool leads_ = false;                   // as flying master
+  std::array<std::uint8_t, 2> shown_{};  // what `reading` gives
 };
 
 }  // namespace berth::manager

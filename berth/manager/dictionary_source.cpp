@@ -1,6 +1,8 @@
 #include "berth/manager/dictionary_source.hpp"
 
 #include "berth/manager/configurator.hpp"
+#include "berth/manager/program_loader.hpp"
+#include "berth/manager/stored_dcf.hpp"
 
 namespace berth::manager {
 namespace {
@@ -8,6 +10,7 @@ namespace {
 constexpr std::uint16_t stored_dcf = 0x1F20;
 constexpr std::uint16_t stored_dcf_format = 0x1F21;
 constexpr std::uint16_t stored_concise_dcf = 0x1F22;
+constexpr std::uint16_t stored_program = 0x1F58;
 constexpr auto restart_time = std::chrono::seconds(5);
 
 std::uint32_t number(const od::Values& values, std::uint16_t index, std::uint8_t sub) noexcept {
@@ -62,7 +65,9 @@ SlaveRules slave_rules_of(const od::Values& values, NodeId node) noexcept {
   rules.restore_sub = static_cast<std::uint8_t>(number(values, 0x1F8A, sub));
   rules.expected_date = number(values, 0x1F26, sub);
   rules.expected_time = number(values, 0x1F27, sub);
-  rules.expected_software = number(values, 0x1F55, sub);
+  rules.expected.software_date = number(values, 0x1F53, sub);
+  rules.expected.software_time = number(values, 0x1F54, sub);
+  rules.expected.software = number(values, 0x1F55, sub);
   rules.heartbeat = heartbeat_time_of(values, node);
   return rules;
 }
@@ -75,20 +80,39 @@ rt::Duration nmt_inhibit_time_of(const od::Values& values) noexcept {
   return std::chrono::microseconds(100) * number(values, 0x102A, 0);
 }
 
+FlyingOptions flying_options_of(const od::Values& values, NodeId own) noexcept {
+  constexpr std::uint16_t index = 0x1F90;
+  const auto ms = [&](std::uint8_t sub) { return std::chrono::milliseconds(number(values, index, sub)); };
+  FlyingOptions options;
+  options.own = {static_cast<std::uint8_t>(number(values, index, 3)), own};
+  options.timing = {.detection = ms(1), .delay = ms(2), .priority_slot = ms(4), .device_slot = ms(5), .cycle = ms(6)};
+  for (std::uint8_t node = 1; node <= 127; ++node) {
+    if (slave_rules_of(number(values, 0x1F81, node)).keep_alive) options.resets_when_cold = false;
+  }
+  return options;
+}
+
+rt::Duration master_heartbeat_of(const od::Values& values, NodeId master) noexcept {
+  const auto entry = heartbeat_time_of(values, master);
+  return entry.count() > 0 ? entry : 2 * std::chrono::milliseconds(number(values, 0x1017, 0));
+}
+
 Result<Wanted> wanted_of(const od::Values& values, NodeId node) {
   const std::uint8_t sub = node.value();
   const auto concise = values.bytes({stored_concise_dcf, sub});
-  const auto text = values.bytes({stored_dcf, sub});
+  const auto packed = values.bytes({stored_dcf, sub});
   // A stream of four zeros is an empty one: nothing is to be configured.
   const bool has_concise = concise.size() > sizeof(std::uint32_t);
-  if (!has_concise && text.empty()) return Wanted{};
+  if (!has_concise && packed.empty()) return Wanted{};
   const std::uint16_t index = has_concise ? stored_concise_dcf : stored_dcf;
-  const bool plain = number(values, stored_dcf_format, sub) == 0;
-  if (!has_concise && !plain) {
-    return fail(wrong(stored_dcf_format, node, "a format of the stored DCF that is not known", Errc::unsupported));
+  const auto format = values.get_or<std::uint8_t>({stored_dcf_format, sub}, stored_format::ascii);
+  auto text = has_concise ? Result<std::string>() : unpack_stored(format, packed);
+  if (!text) {
+    const bool unknown = text.error().code == Errc::unsupported;
+    return fail(wrong(unknown ? stored_dcf_format : index, node, text.error().text, text.error().code));
   }
-  const auto loaded = has_concise ? read_concise_configuration(concise, "1F22h")
-                                  : read_configuration(std::string(text.begin(), text.end()), "1F20h");
+  const auto loaded =
+      has_concise ? read_concise_configuration(concise, "1F22h") : read_configuration(std::move(*text), "1F20h");
   if (!loaded.usable()) {
     return fail(wrong(index, node,
                       has_concise ? "what is stored is no concise DCF, or sets nothing"
@@ -115,6 +139,22 @@ rt::Task<Result<void>> DictionarySource::configure(BootTarget& target, SlaveRule
   co_await configurator.run(report);
   if (report.failure) co_return fail(error_of(*report.failure, node_));
   co_return Result<void>{};
+}
+
+rt::Task<Result<void>> DictionarySource::update(BootTarget& target, const SlaveRules& rules) {
+  const auto image = values_->bytes({stored_program, node_.value()});
+  if (image.empty()) co_return fail(wrong(stored_program, node_, "there is no program for it", Errc::unsupported));
+  const std::array wishes{ProgramWish{.number = 1, .image = image, .identification = rules.expected.software}};
+  ProgramOptions options;
+  options.transfers = transfers_;
+  options.expects_boot_up = [&target] { target.expect_boot_up(); };
+  ProgramLoader loader(target.objects(), wishes, options);
+  ProgramReport report;
+  const auto done = co_await loader.run(report);
+  if (done) co_return done;
+  Error error = done.error();
+  error.node = node_.value();
+  co_return fail(error);
 }
 
 rt::Task<Result<void>> DictionarySource::restore(BootTarget& target, std::uint8_t sub) {

@@ -3,20 +3,25 @@
 ///
 ///     1016h            heartbeat consumer: the entry of a slave is its heartbeat time
 ///     102Ah            NMT inhibit time, in 100 us
-///     1F20h, 1F21h     a slave's DCF as text, and its format (0: as it is; others are not known)
+///     1F20h, 1F21h     a slave's DCF, and its format: 0 the text as it is, 128 compressed (stored_dcf.hpp)
 ///     1F22h            a slave's concise DCF; it counts where there is one, else 1F20h
 ///     1F26h, 1F27h     expected configuration date and time
+///     1F53h, 1F54h     expected date and time of the software, where 1F55h has nothing
 ///     1F55h            expected software
+///     1F58h            a slave's program; it is brought into its program 1
 ///     1F80h            NMT startup
 ///     1F81h            slave assignment
 ///     1F84h to 1F88h   expected identity
 ///     1F89h            boot time, in ms
 ///     1F8Ah            sub-index of the slave's 1011h that restores its factory settings
+///     1F90h            flying master timing
 /// Of the arrays the sub-index is the slave's node-ID. An object or sub-index that is not there counts as 0.
 #pragma once
 
 #include "berth/manager/boot_slave.hpp"
 #include "berth/manager/configuration.hpp"
+#include "berth/manager/flying_negotiation.hpp"
+#include "berth/manager/program_transfers.hpp"
 #include "berth/od/values.hpp"
 
 namespace berth::manager {
@@ -26,6 +31,10 @@ namespace berth::manager {
 [[nodiscard]] SlaveRules slave_rules_of(const od::Values& values, NodeId node) noexcept;
 [[nodiscard]] rt::Duration boot_time_of(const od::Values& values) noexcept;
 [[nodiscard]] rt::Duration nmt_inhibit_time_of(const od::Values& values) noexcept;
+/// 1F90h, and whether a cold start resets all nodes: not when an assigned slave is keep-alive.
+[[nodiscard]] FlyingOptions flying_options_of(const od::Values& values, NodeId own) noexcept;
+/// How long another master may be silent: its entry of 1016h, else twice the own 1017h; 0: not supervised.
+[[nodiscard]] rt::Duration master_heartbeat_of(const od::Values& values, NodeId master) noexcept;
 
 /// What a slave's configuration shall be. Without a DCF: no entries. Its date is 1F26h and 1F27h where both are not 0.
 /// Errors: Errc::invalid, with the object, when the stream or the text is none, or a value of it cannot be had;
@@ -39,12 +48,17 @@ class DictionarySource final : public BootSource {
   /// `values` must stay; they are read at each boot-up.
   DictionarySource(const od::Values& values, NodeId node) noexcept : values_(&values), node_(node) {}
   rt::Task<Result<void>> configure(BootTarget& target, SlaveRules& rules) override;
+  /// The program of 1F58h (`ProgramLoader`).
+  rt::Task<Result<void>> update(BootTarget& target, const SlaveRules& rules) override;
+  /// Those of all slaves of a bus share it; null: each by itself. Must stay.
+  void share(ProgramTransfers* transfers) noexcept { transfers_ = transfers; }
 
  private:
   rt::Task<Result<void>> restore(BootTarget& target, std::uint8_t sub);
 
   const od::Values* values_;
   NodeId node_;
+  ProgramTransfers* transfers_ = nullptr;
 };
 
 }  // namespace berth::manager

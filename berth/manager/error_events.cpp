@@ -50,6 +50,14 @@ void ErrorEvents::told(NodeId node, NmtState state) noexcept {
   if (slave != nullptr) slave->status.state = state;
 }
 
+void ErrorEvents::overheard(const co::NmtRequest& request) noexcept {
+  if (deaf() || request.command != NmtCommand::start) return;
+  for (const auto& slave : network_->boots_.all()) {
+    auto& state = slave->status.state;
+    if (state && request.target.includes(slave->what.node)) state = NmtState::operational;
+  }
+}
+
 void ErrorEvents::act(SlaveBoots::Slave& slave, bool rebooted) noexcept {
   const NodeId node = slave.what.node;
   const auto& rules = slave.what.rules;

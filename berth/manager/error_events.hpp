@@ -16,6 +16,7 @@ class ErrorEvents final : public ErrorControl {
   void lost(NodeId node) noexcept override;
   void back(NodeId node) noexcept override;
   void told(NodeId node, NmtState state) noexcept override;
+  void overheard(const co::NmtRequest& request) noexcept override;
 
  private:
   [[nodiscard]] bool deaf() const noexcept;

@@ -68,6 +68,7 @@ class ManagedBus::Target final : public BootTarget {
   rt::Task<std::optional<NmtState>> heartbeat(rt::Duration within) override;
   rt::Task<std::optional<NmtState>> guard() override;
   void supervise(const SlaveRules& rules) override { bus_->supervise(node_, rules); }
+  void expect_boot_up() noexcept override { bus_->reset_.set(node_.value()); }
 
  private:
   ManagedBus* bus_;

@@ -15,7 +15,6 @@ bool resets(NmtCommand command) noexcept {
 
 Result<void> check(const NetworkPlan& plan) {
   if (!plan.startup.master) return fail(Errc::invalid, "1F80h bit 0 is not set: this device is no NMT master");
-  if (plan.startup.flying) return fail(Errc::unsupported, "1F80h bit 5: the flying master is not there yet");
   std::bitset<128> named;
   for (const auto& slave : plan.slaves) {
     if (!slave.node.configured()) return fail(Errc::invalid, "a slave without a node-ID");
@@ -60,9 +59,9 @@ Result<void> NetworkBoot::begin(NetworkPlan plan) {
   return {};
 }
 
-void NetworkBoot::end() noexcept {
+void NetworkBoot::end(bool releases) noexcept {
   phase_.end();
-  next_ = Next::cancel;
+  if (next_ != Next::release) next_ = releases ? Next::release : Next::cancel;
   act_.post();
 }
 
@@ -72,7 +71,11 @@ void NetworkBoot::act() noexcept {
   boot_time_over_.cancel();
   startup_.cancel();
   if (next == Next::cancel) return boots_.cancel();
-  boots_.set(plan_.slaves, plan_.boot_time);
+  if (next == Next::release) {
+    commands_.cancel();
+    return boots_.release();
+  }
+  boots_.set(plan_.slaves, plan_.boot_time, plan_.startup.flying);
   startup_.spawn(startup());
 }
 
@@ -80,6 +83,11 @@ rt::Task<void> NetworkBoot::startup() {
   tell({.kind = Kind::begun});
   const bool has_mandatory = std::ranges::any_of(boots_.all(), [](const auto& s) { return s->what.rules.mandatory; });
   if (has_mandatory && plan_.boot_time.count() > 0) boot_time_over_.arm(plan_.boot_time);
+  if (plan_.taken_over) {
+    for (const auto& slave : boots_.all()) boots_.take_over(*slave);
+    consider();
+    co_return;
+  }
   std::bitset<128> spared;
   for (const auto& slave : boots_.all()) spared[slave->what.node.value()] = slave->what.rules.keep_alive;
   const rt::Time since = executor_->now();
@@ -155,8 +163,8 @@ void NetworkBoot::own_state(NmtState state) noexcept {
 void NetworkBoot::go() noexcept {
   if (phase_.operate()) tell({.kind = Kind::operational});
   if (phase_.application_starts()) return;
-  if (phase_.starts_all()) return command(NmtCommand::start, NmtTarget::all());
-  // After a halted startup: what became ready meanwhile.
+  if (phase_.starts_all() && !plan_.taken_over) return command(NmtCommand::start, NmtTarget::all());
+  // After a halted startup what became ready meanwhile, and of a network that was taken over what does not run.
   for (const auto& slave : boots_.all()) {
     const bool waiting = slave->status.phase == SlavePhase::ready && !slave->starting && slave->what.rules.boots;
     if (waiting) command(NmtCommand::start, slave->what.node);

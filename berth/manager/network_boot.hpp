@@ -10,7 +10,7 @@
 ///
 /// What it does:
 ///   1. reset communication: one command for all nodes, or, when a slave is keep-alive, one for each node-ID from 1 to
-///      127 but the master's and the keep-alive ones'
+///      127 but the master's and the keep-alive ones'; none when the network was taken over (`NetworkPlan::taken_over`)
 ///   2. all slaves are booted side by side, mandatory or not; a slave that was reset is asked when its boot-up message
 ///      came, or after `NetworkTiming::boot_timeout`
 ///   3. each ready slave is started (1F80h bit 3 = 0 and: bit 1 = 0, or the master is operational; 1F81h bit 2 = 1; not
@@ -20,7 +20,8 @@
 ///   5. all mandatory ones ready: the master becomes operational (bit 2 = 0), or the application makes it (`operate`,
 ///      `own_state`)
 ///   6. the master is operational: with bit 1 = 1 and bit 3 = 0 one start for all. That starts every node of the bus,
-///      also one that failed its checks: so CiA 302-2 has it
+///      also one that failed its checks: so CiA 302-2 has it. A network that was taken over gets a start for each slave
+///      that does not run instead
 /// Optional slaves are booted all the time; one that is connected later is found by its boot-up message, or by asking.
 ///
 /// An error event is: error control lost a slave that was ready, or it sent a boot-up message that no reset of the
@@ -30,8 +31,8 @@
 /// keep-alive slave is not reset but booted at once: its state is looked at first (step 4 of `BootSlave`). A slave
 /// without bit 2 of 1F81h gets its error control again, no more, and is not started.
 ///
-/// Every call may be made at any time from the executor, also from the callback: what ends tasks is done later. Not
-/// there: the flying master (bit 5).
+/// Every call may be made at any time from the executor, also from the callback: what ends tasks is done later. With
+/// bit 5 (flying master) `begin` and `end` follow `FlyingMaster`.
 #pragma once
 
 #include <functional>
@@ -53,10 +54,11 @@ class NetworkBoot final : private SlaveBoots::Owner {
   void observe(std::function<void(const NetworkEvent&)> callback) { callback_ = std::move(callback); }
 
   /// Begins, or begins anew, from the reset on. Errc::invalid: the plan's master is none (bit 0), a slave is named
-  /// twice, has no target, no source or no node-ID. Errc::unsupported: flying master.
+  /// twice, has no target, no source or no node-ID.
   Result<void> begin(NetworkPlan plan);
-  /// Nothing is done any more; what is known of the slaves stays.
-  void end() noexcept;
+  /// Nothing is done any more; what is known of the slaves stays. With `releases` the device is no NMT master any more:
+  /// commands that wait are dropped, and no slave is supervised.
+  void end(bool releases = false) noexcept;
   /// The application makes the master operational. Errc::invalid: the startup has not come so far, or a mandatory slave
   /// is not ready (`Error::node`); after `Phase::halted` too.
   Result<void> operate();
@@ -99,7 +101,7 @@ class NetworkBoot final : private SlaveBoots::Owner {
     if (callback_) callback_(event);
   }
 
-  enum class Next : std::uint8_t { nothing, begin, cancel };
+  enum class Next : std::uint8_t { nothing, begin, cancel, release };
   rt::Executor* executor_;
   BootBus* bus_;
   NetworkTiming timing_;

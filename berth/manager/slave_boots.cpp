@@ -2,7 +2,7 @@
 
 namespace berth::manager {
 
-void SlaveBoots::set(std::span<const NetworkSlave> slaves, rt::Duration boot_time) {
+void SlaveBoots::set(std::span<const NetworkSlave> slaves, rt::Duration boot_time, bool other_masters) {
   cancel();
   for (const auto& old : slaves_) supervise(*old, false);
   slaves_.clear();
@@ -12,6 +12,7 @@ void SlaveBoots::set(std::span<const NetworkSlave> slaves, rt::Duration boot_tim
     by_node_[slave.node.value()] = slaves_.back().get();
   }
   boot_time_ = boot_time;
+  other_masters_ = other_masters;
 }
 
 void SlaveBoots::cancel() noexcept {
@@ -23,9 +24,20 @@ void SlaveBoots::cancel() noexcept {
   }
 }
 
+void SlaveBoots::release() noexcept {
+  cancel();
+  for (const auto& slave : slaves_) supervise(*slave, false);
+}
+
+void SlaveBoots::take_over(Slave& slave) noexcept {
+  boot(slave);
+  slave.may_run = true;
+}
+
 void SlaveBoots::boot(Slave& slave, rt::Time since) noexcept {
   slave.status.phase = SlavePhase::booting;
   slave.since = since;
+  slave.may_run = false;
   slave.again = true;
   due_.post();
 }
@@ -57,21 +69,24 @@ void SlaveBoots::begin_due() noexcept {
 
 rt::Task<void> SlaveBoots::run(Slave& slave) {
   BootTarget& target = *slave.what.target;
-  const BootOptions options{
+  BootOptions options{
       .give_up = slave.what.rules.mandatory && boot_time_.count() > 0 ? executor_->now() + boot_time_ : rt::never,
       .pause = timing_.pause,
       .boot_timeout = timing_.boot_timeout};
   slave.boot.reset();
   if (slave.since != rt::never) {
     slave.waits = true;
-    co_await target.boots(slave.since, slave.since + timing_.boot_timeout);
+    const bool booted = co_await target.boots(slave.since, slave.since + timing_.boot_timeout);
     slave.waits = false;
+    if (!booted && other_masters_) slave.may_run = true;
   }
+  options.may_run = slave.may_run;
   slave.boot.emplace(*executor_, target, *slave.what.source, slave.what.rules, options);
   BootResult result = co_await slave.boot->run();
   slave.status.result = std::move(result);
   const bool good = is_ready(slave.status.result.status);
-  const bool runs = slave.status.result.status == BootStatus::l;
+  const bool started_by_another = good && other_masters_ && slave.status.state == NmtState::operational;
+  const bool runs = slave.status.result.status == BootStatus::l || started_by_another;
   slave.status.phase = runs ? SlavePhase::started : SlavePhase::ready;
   if (runs) slave.status.state = NmtState::operational;
   if (!good) slave.status.phase = SlavePhase::failed;

@@ -37,6 +37,7 @@ class SlaveBoots {
     NetworkSlave what;
     SlaveStatus status;
     rt::Time since = rt::never;  // a reset was sent then, and its boot-up message comes first
+    bool may_run = false;        // under a former master (`BootOptions::may_run`)
     bool again = false;          // its boot-up begins anew, as soon as no task runs
     bool waits = false;          // for the boot-up message
     bool starting = false;       // NMT start is on its way
@@ -47,12 +48,17 @@ class SlaveBoots {
   SlaveBoots(rt::Executor& executor, Owner& owner, const NetworkTiming& timing) noexcept
       : executor_(&executor), owner_(&owner), timing_(timing) {}
 
-  /// Other slaves, all idle. Not from inside a task.
-  void set(std::span<const NetworkSlave> slaves, rt::Duration boot_time);
+  /// Other slaves, all idle. Not from inside a task. `other_masters`: a slave whose boot-up message was not heard may
+  /// have been started by another master, on the other side of a cut, say.
+  void set(std::span<const NetworkSlave> slaves, rt::Duration boot_time, bool other_masters);
   /// Ends every boot-up under way; what is known of the slaves stays. Not from inside a task.
   void cancel() noexcept;
+  /// The same, and no slave is supervised any more.
+  void release() noexcept;
   /// Its boot-up begins, or begins anew. `since`: a reset was sent to it then, and its boot-up message is waited for.
   void boot(Slave& slave, rt::Time since = rt::never) noexcept;
+  /// The same for a slave that a former master may have started.
+  void take_over(Slave& slave) noexcept;
   /// A boot-up message came while it was booting: is all to be done again?
   void booted_while_booting(Slave& slave, bool expected) noexcept;
   /// Begins or ends its error control; false: its rules have none.
@@ -71,6 +77,7 @@ class SlaveBoots {
   Owner* owner_;
   NetworkTiming timing_;
   rt::Duration boot_time_{};
+  bool other_masters_ = false;
   std::vector<std::unique_ptr<Slave>> slaves_;
   std::array<Slave*, 128> by_node_{};
   rt::Later<SlaveBoots, &SlaveBoots::begin_due> due_{*this, *executor_};

@@ -50,9 +50,11 @@ struct RandWalk::Run {
   unsigned streak = 0;  // rounds without a new device
   bool guess = true;    // the first round: `kinds` are believed
   bool hurry = true;    // known ways are walked without waiting for their answers
+  bool steps = true;    // a serial number may be guessed from the two before it
   bool resume = false;  // resuming slaves are asked for
   bool stopped = false;
   unsigned too_fast_ = 0;
+  unsigned wrong_steps_ = 0;
   std::size_t known_before = 0;  // entries when the round began
 
   bool stops() noexcept {
@@ -62,6 +64,24 @@ struct RandWalk::Run {
   [[nodiscard]] unsigned factor() const noexcept { return 1U << std::min(streak, 4U); }
   [[nodiscard]] rt::Duration longest() const noexcept { return factor() * options.longest; }
 
+  /// The serial number that lies alone under this prefix of seven chunks when those below it go on as they did: two
+  /// differences agree, and are too large for two under one prefix.
+  [[nodiscard]] std::optional<std::uint16_t> guessed(const Prefix& prefix) const {
+    if (!steps || prefix.depth != 7) return std::nullopt;
+    const LssAddress here = address_of(prefix.chunks);
+    std::vector<std::uint32_t> serials;
+    for (const Entry& e : entries) {
+      const LssAddress& a = e.device.address;
+      if (a.type() == here.type() && a.revision == here.revision && a.serial < here.serial) serials.push_back(a.serial);
+    }
+    if (serials.size() < 3) return std::nullopt;
+    std::ranges::partial_sort(serials, serials.begin() + 3, std::ranges::greater());
+    const std::uint32_t step = serials[0] - serials[1];
+    const std::uint32_t next = serials[0] + step;
+    const bool fits = step > 0xFFFF && serials[1] - serials[2] == step && next >> 16U == prefix.chunks[6];
+    if (!fits) return std::nullopt;
+    return static_cast<std::uint16_t>(next & 0xFFFFU);
+  }
   Entry& enter(const Prefix& prefix, std::uint16_t chunk, rt::Time at, bool resumes) {
     auto chunks = prefix.chunks;
     chunks[7] = chunk;
@@ -87,6 +107,8 @@ struct RandWalk::Run {
     hurry = ++too_fast_ < 2;
     return true;
   }
+  /// A serial number that was guessed is not there.
+  void wrong_step() noexcept { steps = ++wrong_steps_ < 2; }
   /// The prefix is done.
   void prune(Prefix prefix) {
     if (prefix.depth == 0) return;
@@ -301,6 +323,11 @@ rt::Task<Result<void>> RandWalk::descend(Run& run, bool root_heard) {
     parent = p;
     if (phase > 0) p.chunks[p.depth++] = *run.tree[p].open.begin();
     const auto was = run.tree[p].state;
+    const auto guess = run.guessed(p);
+    if (guess) {
+      const auto tried = co_await try_serial(run, p, *guess);
+      co_return tried;
+    }
     const bool early = expect(run, p);
     if (phase == 7) {
       const auto fence = run.last_sent + run.longest();
@@ -338,6 +365,32 @@ rt::Task<Result<void>> RandWalk::descend(Run& run, bool root_heard) {
   co_return Result<void>{};
 }
 
+// Phase 7 and DIRS at once: DIS proves the whole address, so that no window is needed. Who else is under this prefix is
+// unknown afterwards and answers the closing phase 0. A wrong guess costs this way once, and none is made after two.
+rt::Task<Result<void>> RandWalk::try_serial(Run& run, const Prefix& prefix, std::uint16_t chunk) {
+  const auto last = iurs(7, prefix.chunks[6]);
+  const Wait none{};
+  expected_.clear();
+  const auto led = co_await ask(run, last, none);
+  if (!led) co_return fail(led.error());
+  expected_.assign(1, chunk);
+  const auto direct = dirs(chunk);
+  const Wait wait{.first = run.longest(), .direct = true, .early = true};
+  const auto answered = co_await ask(run, direct, wait);
+  if (!answered) co_return fail(answered.error());
+  late_.clear();
+  if (!is_heard(chunk)) {
+    run.wrong_step();
+    co_return Result<void>{};
+  }
+  run.report.known = now();
+  auto& entry = run.enter(prefix, chunk, now(), false);
+  entry.device.proven = true;
+  entry.now = false;
+  run.prune(prefix);
+  co_return Result<void>{};
+}
+
 // What is known of the answers under this prefix goes to `expected_`. True when the request after this one is for a
 // prefix that is known too: then no answer that is left over can be mistaken, and the window closes early.
 bool RandWalk::expect(Run& run, const Prefix& prefix) {
@@ -348,6 +401,7 @@ bool RandWalk::expect(Run& run, const Prefix& prefix) {
   return !expected_.empty() && std::ranges::all_of(expected_, [&](std::uint16_t chunk) {
     Prefix next = prefix;
     next.chunks[next.depth++] = chunk;
+    if (run.guessed(next)) return true;
     const auto it = run.tree.find(next);
     return it != run.tree.end() && it->second.state != Node::State::fresh;
   });

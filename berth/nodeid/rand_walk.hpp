@@ -137,6 +137,7 @@ class RandWalk final : private can::Handler {
   [[nodiscard]] rt::Task<Result<void>> descend(Run& run, bool root_heard);
   [[nodiscard]] bool expect(Run& run, const Prefix& prefix);
   [[nodiscard]] rt::Task<Result<void>> leaf(Run& run, const Prefix& prefix);
+  [[nodiscard]] rt::Task<Result<void>> try_serial(Run& run, const Prefix& prefix, std::uint16_t chunk);
   [[nodiscard]] rt::Task<Result<bool>> lead(Run& run, LssAddress address);
   // Both
   [[nodiscard]] rt::Task<Result<Proof>> prove(Run& run, LssAddress address, bool resumes, bool whole_window);

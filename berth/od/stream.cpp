@@ -1,9 +1,15 @@
 #include "berth/od/stream.hpp"
 
+#include <limits>
+
 #include "berth/od/values.hpp"
 
 namespace berth::od {
 
+Stream& Stream::of(std::uint8_t) noexcept { return *this; }
+std::size_t Stream::ready() const noexcept { return std::numeric_limits<std::size_t>::max(); }
+std::size_t Stream::piece() const noexcept { return std::numeric_limits<std::size_t>::max(); }
+ObjectRef Stream::named(ObjectRef ref) const noexcept { return ref; }
 Answer<std::optional<std::size_t>> Stream::open_read(ObjectRef) noexcept {
   return refuse(AbortCode::unsupported_access);
 }
@@ -52,10 +58,16 @@ Answer<std::size_t> StreamUse::read(std::span<std::uint8_t> into) noexcept {
   return stream_->read(into);
 }
 
+std::size_t StreamUse::ready() const noexcept {
+  return stream_ != nullptr ? stream_->ready() : std::numeric_limits<std::size_t>::max();
+}
+
+std::size_t StreamUse::piece() const noexcept {
+  return stream_ != nullptr ? stream_->piece() : std::numeric_limits<std::size_t>::max();
+}
+
 AbortCode StreamUse::write(std::span<const std::uint8_t> bytes) noexcept {
-  if (stream_ == nullptr) return AbortCode::not_stored;
-  const auto code = stream_->write(bytes);
-  return code == AbortCode::pending ? AbortCode::general : code;
+  return stream_ != nullptr ? stream_->write(bytes) : AbortCode::not_stored;
 }
 
 AbortCode StreamUse::close(bool complete) noexcept {

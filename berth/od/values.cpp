@@ -8,6 +8,7 @@ namespace berth::od {
 AbortCode Hook::reading(const Values&, ObjectRef, std::span<const std::uint8_t>&) noexcept { return AbortCode::none; }
 AbortCode Hook::writing(const Values&, ObjectRef, std::span<const std::uint8_t>) noexcept { return AbortCode::none; }
 void Hook::written(Values&, ObjectRef) noexcept {}
+void Hook::abandoned(Values&, ObjectRef) noexcept {}
 Hook::~Hook() {
   if (values_ != nullptr) values_->detach(*this);
 }
@@ -140,6 +141,13 @@ AbortCode Values::write(ObjectRef ref, std::span<const std::uint8_t> value) noex
   return AbortCode::none;
 }
 
+void Values::abandon(ObjectRef ref) noexcept {
+  for (std::size_t i = 0; i < bindings_.size(); ++i) {
+    const Binding each = bindings_[i];
+    if (ref.index >= each.first && ref.index <= each.last) each.hook->abandoned(*this, ref);
+  }
+}
+
 void Values::mark_hooked() noexcept {
   std::ranges::fill(hooked_, 0);
   const auto objects = description().objects();
@@ -192,7 +200,7 @@ void Values::detach(Stream& stream) noexcept {
 
 Stream* Values::find_stream(ObjectRef ref) const noexcept {
   const auto at = std::ranges::find(streams_, ref, &StreamBinding::ref);
-  return at == streams_.end() ? nullptr : at->stream;
+  return at == streams_.end() ? nullptr : &at->stream->of(channels_.now());
 }
 
 AbortCode Values::write_whole(Stream& stream, ObjectRef ref, std::span<const std::uint8_t> value) noexcept {
@@ -202,7 +210,8 @@ AbortCode Values::write_whole(Stream& stream, ObjectRef ref, std::span<const std
   if (opened == AbortCode::pending) return AbortCode::device_state;
   if (opened != AbortCode::none) return opened;
   if (!value.empty()) {
-    if (const AbortCode code = use.write(value); code != AbortCode::none) return code;
+    const AbortCode code = use.write(value);  // all that there is: no more has to wait
+    if (code != AbortCode::none && code != AbortCode::pending) return code;
   }
   return use.close(true);
 }
@@ -212,6 +221,7 @@ Answer<std::size_t> Values::read_whole(Stream& stream, ObjectRef ref, std::span<
   const auto size = use.open_read(stream, ref);
   if (!size) return refuse(size.error());
   if (*size && **size > into.size()) return refuse(AbortCode::out_of_memory);
+  if (use.ready() < into.size()) return refuse(AbortCode::device_state);  // it would have to wait
   const auto count = use.read(into);
   if (!count) return refuse(count.error());
   if (*size && **size != *count) return refuse(AbortCode::device_state);

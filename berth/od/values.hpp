@@ -15,6 +15,7 @@
 
 #include "berth/base/ids.hpp"
 #include "berth/od/abort_code.hpp"
+#include "berth/od/channels.hpp"
 #include "berth/od/stored_values.hpp"
 #include "berth/od/stream.hpp"
 
@@ -34,10 +35,13 @@ class Hook {
   virtual AbortCode reading(const Values& values, ObjectRef ref, std::span<const std::uint8_t>& value) noexcept;
   /// The network writes `value`, whose length, access and limits are already checked; not stored yet. To change what
   /// is stored, refuse and set it yourself, or change it in `written`. `pending`: the write was taken, its answer comes
-  /// later by `co::SdoServer::complete`; nothing is stored and `written` is not called, that is the hook's to do.
+  /// later by `Channels::answer`; nothing is stored and `written` is not called, that is the hook's to do.
   virtual AbortCode writing(const Values& values, ObjectRef ref, std::span<const std::uint8_t> value) noexcept;
   /// A network write has been stored.
   virtual void written(Values& values, ObjectRef ref) noexcept;
+  /// The client that waits for the answer to an access of `ref` (`pending`) has given it up: it aborted, or it asked
+  /// for something else, or its server was stopped.
+  virtual void abandoned(Values& values, ObjectRef ref) noexcept;
 
  protected:
   Hook() = default;
@@ -88,6 +92,10 @@ class Values final : public StoredValues {
   /// What transfers this object piece by piece; null: its value stands here. Ask `check_read` or `check_write`
   /// before. `view` and `size` of such an object are refused with 0601 0000; `read` and `write` go to the stream.
   [[nodiscard]] Stream* stream(ObjectRef ref) const noexcept { return streams_.empty() ? nullptr : find_stream(ref); }
+  /// Nobody waits any more for the answer that was `pending`: tells the hooks of `ref`.
+  void abandon(ObjectRef ref) noexcept;
+  /// The SDO channels that access this dictionary.
+  [[nodiscard]] Channels& channels() noexcept { return channels_; }
   /// @}
 
   /// Calls `hook` for accesses to `first`..`last`. Several hooks may look at one object; they are asked in the order
@@ -130,6 +138,7 @@ class Values final : public StoredValues {
   std::vector<Binding> bindings_;
   std::vector<StreamBinding> streams_;
   std::vector<std::uint64_t> hooked_;  ///< one bit per object, so that an object without hooks costs one test
+  Channels channels_;
 };
 
 }  // namespace berth::od

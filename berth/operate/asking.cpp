@@ -18,6 +18,7 @@ co::SdoOptions Asking::patience(unsigned retries) const {
 // So many that the questions of those that stay silent leave room on the bus for the answers of the others: behind more
 // of them a remote frame, which has the lower priority, would wait until its own time is over.
 std::size_t Asking::most_at_once() const noexcept {
+  if (s_.bus.timing.at_once != 0) return s_.bus.timing.at_once;
   constexpr double question_bits = 150;  // eight bytes of data and every stuff bit there can be, and room for others
   const double timeout = std::chrono::duration<double>(s_.bus.timing.guard_timeout).count();
   return std::max<std::size_t>(2, static_cast<std::size_t>(timeout * s_.bus.bitrate / question_bits));

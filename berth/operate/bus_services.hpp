@@ -12,6 +12,7 @@
 #include "berth/design/machine.hpp"
 #include "berth/lss/master.hpp"
 #include "berth/nodeid/rand_master.hpp"
+#include "berth/operate/report.hpp"
 #include "berth/places/binder.hpp"
 #include "berth/places/boot_watch.hpp"
 #include "berth/rt/turn.hpp"
@@ -40,6 +41,7 @@ struct BusServices {
   co::EmcyConsumer emergencies;
   places::BootWatch boots;
   places::VacancyTable vacancy;
+  std::optional<MasterReport> master{};  ///< who is, on a bus with several; kept by `Mastership`
   rt::Turn turn;
   rt::Turn lss_turn;
 };

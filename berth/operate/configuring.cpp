@@ -46,24 +46,38 @@ std::string short_name(const std::string& path) {
 
 }  // namespace
 
-void Configuring::load() {
-  std::map<std::string, std::pair<std::shared_ptr<const manager::Configuration>, std::string>> known;
+void Configuring::load(const SlotSettings& more) {
+  struct Read {
+    std::shared_ptr<const manager::Configuration> wanted;
+    std::string unreadable;
+  };
+  std::map<std::string, Read> known;
   for (auto& seat : slots_.seats()) {
+    SeatConfiguration& mine = seat->configuration;
     const auto& path = seat->slot.spec.config;
-    if (path.empty()) continue;
-    auto it = known.find(path);
-    if (it == known.end()) {
-      auto loaded = manager::load_configuration(path);
-      it = known.try_emplace(path).first;
-      if (loaded.usable()) {
-        it->second.first = std::make_shared<manager::Configuration>(std::move(loaded.configuration));
-      } else {
-        const auto error = std::ranges::find(loaded.findings, Finding::Severity::error, &Finding::severity);
-        it->second.second = to_string(*error);
+    if (!path.empty()) {
+      const auto [it, fresh] = known.try_emplace(path);
+      if (fresh) {
+        auto loaded = manager::load_configuration(path);
+        if (loaded.usable()) {
+          it->second.wanted = std::make_shared<manager::Configuration>(std::move(loaded.configuration));
+        } else {
+          const auto error = std::ranges::find(loaded.findings, Finding::Severity::error, &Finding::severity);
+          it->second.unreadable = to_string(*error);
+        }
       }
+      mine.wanted = it->second.wanted;
+      mine.unreadable = it->second.unreadable;
+      mine.file = short_name(path);
     }
-    seat->configuration.wanted = it->second.first;
-    seat->configuration.unreadable = it->second.second;
+    const auto linked = more.find(seat->name());
+    if (linked == more.end() || !mine.unreadable.empty()) continue;
+    if (mine.wanted == nullptr) {
+      mine.wanted = linked->second;
+      mine.file = short_name(linked->second->file);
+    } else {
+      mine.wanted = std::make_shared<manager::Configuration>(manager::joined(*mine.wanted, *linked->second));
+    }
   }
 }
 
@@ -114,6 +128,7 @@ struct Configuring::Attempt {
   Configurator& looking;
   ConfigurationReport& report;
   ConfiguratorOptions options;
+  rt::Time identified{};  ///< what booted later may be another device
   bool verifies = false;  ///< it was switched off and on to have what it saved
   unsigned number = 1;
 };
@@ -137,7 +152,8 @@ bool Configuring::may_be_configured(Seat& seat) {
 rt::Task<bool> Configuring::configure(Seat& seat, ConfigurationReport& report) {
   const bool may = may_be_configured(seat);
   if (!may) co_return false;
-  slots_.set_state(seat, SlotState::configuring, "comparing with " + short_name(seat.slot.spec.config));
+  slots_.set_state(seat, SlotState::configuring, "comparing with " + seat.configuration.file);
+  const rt::Time identified = seat.checked;
   const auto wanted = co_await wanted_of(seat);
   if (!wanted) {
     slots_.set_state(seat, SlotState::failed, "not configured: " + describe(wanted.error()));
@@ -148,7 +164,11 @@ rt::Task<bool> Configuring::configure(Seat& seat, ConfigurationReport& report) {
   Configurator looking(values, values, *wanted, configurator_options(s_.bus.timing));
   const bool waits = co_await waits_for_power(seat, looking, *wanted);
   if (waits) co_return false;
-  Attempt attempt{*wanted, looking, report, configurator_options(s_.bus.timing)};
+  if (rebooted(seat)) {
+    slots_.set_state(seat, SlotState::present, "it booted: it is asked what it is before it is configured");
+    co_return false;
+  }
+  Attempt attempt{*wanted, looking, report, configurator_options(s_.bus.timing), identified};
   attempt.verifies = is_in(seat.slot.record, Configured::Stage::power_cycle, *wanted);
   attempt.options.write = !attempt.verifies;
   attempt.options.trust_date = !attempt.verifies && !was_begun(seat.slot.record);
@@ -170,13 +190,14 @@ rt::Task<bool> Configuring::configure(Seat& seat, ConfigurationReport& report) {
 
 rt::Task<Configuring::Next> Configuring::try_once(Seat& seat, Attempt& attempt) {
   const ConfigurationReport& report = attempt.report;
-  const bool good = co_await configure_once(seat, attempt.wanted, attempt.options, attempt.report);
+  const bool good = co_await configure_once(seat, attempt);
   const bool restarted = !good && report.failure && report.failure->why == manager::Failure::Why::restarted;
   // Or another device booted under this node-ID, which sends no heartbeat and is deaf while it saves what was meant for
   // this one: they are told apart when this one runs.
   if (restarted) seat.doubt.shared = std::max(seat.doubt.shared, 1U);
   if (restarted && attempt.number < most_attempts) {
     co_await asker_->ask_seat(seat);  // another device may have come under this node-ID
+    attempt.identified = seat.checked;
     co_return seat.there && !seat.started ? Next::again : Next::not_now;
   }
   if (!good) co_return Next::not_now;
@@ -213,7 +234,7 @@ rt::Task<Configuring::Next> Configuring::take_into_use(Seat& seat, Attempt& atte
                           : "it is reset to take its configuration into use");
   // Some answer first and save then: the reset before came too early for them.
   if (attempt.number > 1) co_await rt::sleep_for(s_.bus.timing.save_timeout / 4);
-  const bool back = co_await reset_and_wait(seat);
+  const bool back = co_await reset_and_wait(seat, attempt.identified);
   if (!back) co_return Next::not_now;
   attempt.options.trust_date = false;
   attempt.options.save_anyway = false;
@@ -229,14 +250,18 @@ void Configuring::forgot(Seat& seat, const ConfigurationReport& report, const Wa
                                describe(report.differences.front(), wanted.file)));
 }
 
-rt::Task<bool> Configuring::configure_once(Seat& seat, const Wanted& wanted, ConfiguratorOptions& options,
-                                           ConfigurationReport& report) {
+rt::Task<bool> Configuring::configure_once(Seat& seat, Attempt& attempt) {
+  const Wanted& wanted = attempt.wanted;
+  ConfiguratorOptions& options = attempt.options;
+  ConfigurationReport& report = attempt.report;
   const NodeId id = seat.id();
   co::NodeAccess values(s_.sdo, id);
   const co::SdoOptions patience = saving_options(s_.bus.timing);
   co::NodeAccess saving(s_.sdo, id, patience);
-  const rt::Time began = s_.executor.now();
-  options.restarted = [this, id, began] { return s_.boots.booted_since(id, began); };
+  options.restarted = [this, id, since = attempt.identified] {
+    const auto booted = s_.boots.boot_up(id);
+    return booted && *booted > since;
+  };
   options.before_change = [this, &seat, &wanted] { return note(seat, Configured::Stage::writing, wanted); };
   const auto late = s_.sdo.late(id);
   options.answered_late = [this, id, late] { return s_.sdo.late(id) > late; };
@@ -291,7 +316,7 @@ rt::Task<void> Configuring::wait_for_power(Seat& seat, Configurator& configurato
 }
 
 // A boot-up message that is missed costs the time it was waited for, and nothing else (HU.18).
-rt::Task<bool> Configuring::reset_and_wait(Seat& seat) {
+rt::Task<bool> Configuring::reset_and_wait(Seat& seat, rt::Time& identified) {
   const NodeId id = seat.id();
   const rt::Time began = s_.executor.now();
   const auto sent = co_await s_.nmt.send(co::NmtCommand::reset_node, id);
@@ -303,6 +328,7 @@ rt::Task<bool> Configuring::reset_and_wait(Seat& seat) {
   while (!s_.boots.booted_since(id, began) && s_.executor.now() < deadline) {
     co_await rt::sleep_for(std::chrono::milliseconds(5));
   }
+  identified = s_.executor.now();
   const auto who = co_await places::Binder::read_identity(s_.sdo, id);
   const bool same = who && seat.slot.record.confirmed && *who == seat.slot.record.confirmed->device;
   if (same || (who && !seat.slot.record.confirmed)) co_return true;
@@ -336,11 +362,12 @@ rt::Task<void> Configuring::compare(Seat& seat, bool write, SlotConfiguration& i
   into.bus = s_.bus.name;
   into.slot = seat.name();
   into.id = id;
-  into.file = short_name(seat.slot.spec.config);
+  into.file = seat.configuration.file;
   if (!seat.configuration.wanted) {
     into.problem = seat.configuration.unreadable;
     co_return;
   }
+  const rt::Time asked = s_.executor.now();
   const auto who = co_await places::Binder::read_identity(s_.sdo, id);
   if (!who) {
     into.problem = "its identity cannot be read: " + describe(who.error());
@@ -354,11 +381,12 @@ rt::Task<void> Configuring::compare(Seat& seat, bool write, SlotConfiguration& i
     co_return;
   }
   const auto heard = s_.boots.heard(id);
-  const bool runs = seat.started || (heard && s_.boots.state(id) == NmtState::operational);
+  const bool runs = (seat.started && !seat.held) || (heard && s_.boots.state(id) == NmtState::operational);
   if (write && !runs) {
     seat.configuration.stuck = false;
     seat.configuration.failed_savings = 0;
     seat.there = true;
+    seat.checked = asked;
     const bool ready = co_await configure(seat, into.report);
     (void)ready;
     co_return;

@@ -2,6 +2,9 @@
 /// the device, saved and dated; only then is it started. What a device lacks stops that device and no other.
 #pragma once
 
+#include <functional>
+#include <map>
+#include <memory>
 #include <string>
 
 #include "berth/manager/configurator.hpp"
@@ -21,6 +24,10 @@ struct SlotConfiguration {
   std::string reason;
 };
 
+/// Values that the devices of slots shall have besides those of `config =`, and instead of them where both say
+/// something: what the machine's links need. By the slots' names.
+using SlotSettings = std::map<std::string, std::shared_ptr<const manager::Configuration>, std::less<>>;
+
 /// Looks which device is under a slot's node-ID.
 class SeatAsker {
  public:
@@ -36,8 +43,8 @@ class Configuring {
   /// Before the first `configure`; must stay.
   void set_asker(SeatAsker& asker) noexcept { asker_ = &asker; }
 
-  /// Reads the files of `config =`. One file may stand for many slots.
-  void load();
+  /// Reads the files of `config =`. One file may stand for many slots. `more` goes over them.
+  void load(const SlotSettings& more = {});
   /// True: the device has its configuration, in use, and may be started. Else the slot's state says why not.
   rt::Task<bool> configure(Seat& seat, manager::ConfigurationReport& report);
   /// A device that runs is left alone; that it runs with something else is told.
@@ -56,12 +63,12 @@ class Configuring {
   [[nodiscard]] bool may_be_configured(Seat& seat);
   rt::Task<Next> try_once(Seat& seat, Attempt& attempt);
   rt::Task<Next> take_into_use(Seat& seat, Attempt& attempt);
-  rt::Task<bool> configure_once(Seat& seat, const manager::Wanted& wanted, manager::ConfiguratorOptions& options,
-                                manager::ConfigurationReport& report);
+  rt::Task<bool> configure_once(Seat& seat, Attempt& attempt);
   rt::Task<bool> waits_for_power(Seat& seat, manager::Configurator& configurator, const manager::Wanted& wanted);
   rt::Task<void> wait_for_power(Seat& seat, manager::Configurator& configurator, const manager::Wanted& wanted,
                                 const std::string& reason);
-  rt::Task<bool> reset_and_wait(Seat& seat);
+  /// `identified`: when it was asked who it is.
+  rt::Task<bool> reset_and_wait(Seat& seat, rt::Time& identified);
   void forgot(Seat& seat, const manager::ConfigurationReport& report, const manager::Wanted& wanted);
   bool note(Seat& seat, places::Configured::Stage stage, const manager::Wanted& wanted);
 

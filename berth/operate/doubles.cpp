@@ -18,6 +18,8 @@ void put(std::vector<std::uint32_t>& values, std::uint32_t value) {
 
 // A second answer to one SDO request: two devices hold this node-ID, or another SDO client is at work.
 void Doubles::surplus(NodeId node, const can::Frame& frame, rt::Time) noexcept {
+  const bool others_talk = s_.bus.flying && s_.port.status().listen_only;  // the active master asks
+  if (others_talk) return;
   if (shared_ && shared_->id == node) return note_shared(frame);
   agenda_.look_anew = true;
   if (Seat* const seat = slots_.at(node)) {

@@ -20,6 +20,10 @@ struct NetworkObserver {
   std::function<void(Milestone)> milestone = {};
   /// Before each step of a binding: for displays and fault plans. May be empty.
   std::function<void(const places::Binding&)> before_step = {};
+  /// A command came by SDO (1023h of the master's device); `confirm` is called once, now or later, and not when the
+  /// network is gone. False: nothing carries commands out. May be empty.
+  using Confirm = std::function<void(bool good, std::string reply)>;
+  std::function<bool(std::string text, Confirm confirm)> command = {};
 };
 
 class Events {

@@ -63,19 +63,20 @@ rt::Task<void> MainJob::opening() {
   const bool unfinished =
       std::ranges::any_of(p_.slots.seats(), [](const auto& seat) { return seat->slot.record.asked.has_value(); }) ||
       !p_.slots.unfinished_here().empty();
+  const bool other_masters = s.bus.flying.has_value();  // what one of them began is in its own slot table
   if (unfinished) p_.slots.events().tell(EventKind::step, "", "finishing what an earlier run began");
   const auto loaded = p_.loans.load();
   if (!loaded)
     p_.slots.events().tell(EventKind::error, "", "the slot table cannot be read: " + describe(loaded.error()));
   const bool lends = !p_.loans.empty();
-  if (unfinished || lends) {
+  if (unfinished || lends || other_masters) {
     const auto reverted = co_await s.lss.configure_node_id(NodeId());
     if (!reverted && reverted.error().code == Errc::bus)
       p_.slots.events().tell(EventKind::error, "", describe(reverted.error()));
   }
   const auto quiet = co_await s.lss.switch_global(lss::State::waiting);
   // One that keeps what it was lent pending would be silent until the next reset of all.
-  const bool wakes = lends && quiet && s.may_command();
+  const bool wakes = (lends || other_masters) && quiet && s.may_command();
   // A single-slot receive buffer would lose what comes behind `04 00`.
   if (quiet) co_await rt::sleep_for(s.bus.timing.rand_response);
   if (wakes) {

@@ -2,6 +2,8 @@
 
 #include <algorithm>
 
+#include "berth/operate/manager_objects.hpp"
+
 namespace berth::operate {
 namespace {
 
@@ -22,6 +24,7 @@ std::shared_ptr<const od::Description> description() {
   b.sub(0x1018, {.sub = 2, .name = "Product code", .access = Access::ro});
   b.sub(0x1018, {.sub = 3, .name = "Revision number", .access = Access::ro});
   b.sub(0x1018, {.sub = 4, .name = "Serial number", .access = Access::ro});
+  ManagerObjects::describe(b);
   return b.build();
 }
 

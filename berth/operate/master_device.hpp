@@ -15,6 +15,7 @@ class MasterDevice {
   void power_on() noexcept { device_->power_on(); }
   void power_off() noexcept { device_->power_off(); }
   void apply(co::NmtCommand command) noexcept { device_->apply(command); }
+  [[nodiscard]] od::Values& values() noexcept { return device_->values(); }
 
  private:
   std::unique_ptr<device::Device> device_;

@@ -5,27 +5,67 @@
 #include <algorithm>
 #include <utility>
 
+#include "berth/operate/manager_objects.hpp"
+
 namespace berth::operate {
 
 using places::SlotState;
 using places::UnfinishedBlank;
 
+// What SDO clients ask of the manager by its objects. A task that is spawned begins behind the write that asked for it.
+class Network::Asked final : public ManagerObjects::Requests {
+ public:
+  Asked(Network& network, decltype(NetworkObserver::command) carry_out)
+      : network_(network),
+        carry_out_(std::move(carry_out)),
+        objects_(network.port_.values(), network.parts_.bus, network.parts_.slots, network.parts_.agenda, *this) {}
+
+ private:
+  void command_nmt(co::NmtCommand command, co::NmtTarget target) override {
+    network_.scope_.spawn(send(network_, command, target));
+  }
+  void configure(NodeId node) override { network_.scope_.spawn(bring(network_, node)); }
+  bool command(std::string text) override {
+    if (!carry_out_) return false;
+    return carry_out_(std::move(text),
+                      [this](bool good, std::string reply) { objects_.answer(good, std::move(reply)); });
+  }
+
+  static rt::Task<void> send(Network& network, co::NmtCommand command, co::NmtTarget target) {
+    const auto sent = co_await network.parts_.bus.nmt.send(command, target);
+    if (sent) network.commanded(command, target);
+  }
+  static rt::Task<void> bring(Network& network, NodeId node) {
+    const Seat* const seat = node.configured() ? network.parts_.slots.at(node) : nullptr;
+    const std::string slot = seat != nullptr ? seat->name() : std::string();
+    const auto done = co_await network.configure(slot, true);
+    if (!done) network.parts_.slots.events().tell_failure("the configuration that 1F25h asked for", done.error());
+  }
+
+  Network& network_;
+  decltype(NetworkObserver::command) carry_out_;
+  ManagerObjects objects_;
+};
+
 Network::Network(rt::Executor& executor, can::Port& port, const design::Bus& bus, std::vector<places::SlotSpec> slots,
-                 places::SlotStore& store, NetworkObserver observer)
-    : parts_(executor, port, bus, std::move(slots), store, std::move(observer), ears_, ears_),
+                 places::SlotStore& store, const NetworkObserver& observer)
+    : role_(bus.flying ? std::make_unique<RolePort>(executor, port) : nullptr),
+      parts_(executor, role_ ? *role_ : port, bus, std::move(slots), store, observer, ears_, ears_),
       port_(parts_.bus, parts_.slots, parts_.agenda, parts_.found, *this),
       job_(parts_, port_),
       scan_(parts_),
+      mastership_(role_ ? std::make_unique<Mastership>(parts_.bus, parts_.slots, *role_) : nullptr),
       scope_(executor) {
+  asked_ = std::make_unique<Asked>(*this, observer.command);
   ears_.lead_to(parts_.supervision);
   parts_.startup.set_master(port_);
 }
 
 Network::~Network() { stop(); }
 
-Result<void> Network::open() {
+Result<void> Network::open(const SlotSettings& settings) {
   const auto opened = parts_.slots.open();
-  if (opened) parts_.configuring.load();
+  if (opened) parts_.configuring.load(settings);
   return opened;
 }
 
@@ -34,10 +74,12 @@ void Network::start() {
   running_ = true;
   parts_.bus.heartbeats.hear_all_boot_ups(true);
   parts_.bus.emergencies.hear_all();
+  if (mastership_) mastership_->start();
   if (port_.begin()) port_goes_on();
 }
 
 void Network::stop() noexcept {
+  if (mastership_) mastership_->stop();
   port_rests();
   parts_.bus.emergencies.clear();
   port_.end();
@@ -127,7 +169,7 @@ rt::Task<Result<std::vector<SlotConfiguration>>> Network::configure(std::string 
   const rt::Held held(parts_.bus.turn);
   std::vector<Seat*> chosen;
   for (auto& seat : parts_.slots.seats()) {
-    const bool named = slot.empty() ? !seat->slot.spec.config.empty() : seat->name() == slot;
+    const bool named = slot.empty() ? seat->configuration.any() : seat->name() == slot;
     if (named) chosen.push_back(seat.get());
   }
   if (!slot.empty() && chosen.empty()) co_return fail(Errc::not_found, "no slot of this name on this bus");

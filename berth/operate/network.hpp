@@ -2,6 +2,9 @@
 /// and puts a replacement to work. One `Network` is one master on one port; `Session` has one for each bus of a
 /// machine.
 ///
+/// On a bus with several masters (`[bus.NAME.flying_master]`) the main job runs while this one is the active master,
+/// and rests while another is (`Mastership`).
+///
 /// What it does, in this order, again and again while it runs:
 ///   1. opening: a device that an interrupted run left in LSS configuration state is taken out of it
 ///   2. preparation: is the device of every bound slot there? By heartbeat, else SDO 1000h, else guarding (S1.30)
@@ -22,6 +25,7 @@
 #include <vector>
 
 #include "berth/operate/main_job.hpp"
+#include "berth/operate/mastership.hpp"
 #include "berth/operate/scan.hpp"
 #include "berth/rt/scope.hpp"
 
@@ -31,20 +35,18 @@ class Network final : private PortHealth::Owner {
  public:
   /// `bus`, `store` and `port` must stay. `slots` are the specifications of this bus.
   Network(rt::Executor& executor, can::Port& port, const design::Bus& bus, std::vector<places::SlotSpec> slots,
-          places::SlotStore& store, NetworkObserver observer);
+          places::SlotStore& store, const NetworkObserver& observer);
   ~Network();
   Network(const Network&) = delete;
   Network& operator=(const Network&) = delete;
 
   /// Declares the slots in the store and takes over what it knows. Call once, before anything else.
-  Result<void> open();
-  /// Begins the main job. Without it the network only serves single commands.
+  Result<void> open(const SlotSettings& settings = {});
+  /// Begins the main job. Without it the network only serves single commands. The main job rests while the port is
+  /// down, or takes no frame (another master, a gate that listens still), and begins anew by itself.
   void start();
   /// Stops the main job where it stands, as if Berth had been ended.
   void stop() noexcept;
-  /// The main job rests: the port is down, or takes no frame (another master, a gate that listens still). It begins
-  /// anew by itself when the port takes frames again.
-  [[nodiscard]] bool resting() const noexcept { return port_.resting(); }
 
   [[nodiscard]] const design::Bus& bus() const noexcept { return parts_.bus.bus; }
   [[nodiscard]] std::vector<SlotReport> report() const { return parts_.slots.report(); }
@@ -124,14 +126,18 @@ class Network final : private PortHealth::Owner {
   [[nodiscard]] rt::Task<Result<Located>> locate(LssAddress device, rt::Duration time, bool anyway);
 
  private:
+  class Asked;
   void port_rests() noexcept override;
   void port_goes_on() override;
 
   Ears ears_;
+  std::unique_ptr<RolePort> role_;  // only with several masters
   Parts parts_;
   PortHealth port_;
   MainJob job_;
   Scan scan_;
+  std::unique_ptr<Asked> asked_;  // what is asked of the master's own device
+  std::unique_ptr<Mastership> mastership_;  // as above
   bool running_ = false;
   rt::Scope scope_;  // last: its tasks use everything above
 };

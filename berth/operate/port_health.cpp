@@ -52,9 +52,11 @@ void PortHealth::changed(const can::Status& status, rt::Time) noexcept {
 // was known of them is asked anew, as after a start.
 void PortHealth::rest_or_go_on(const can::Status& status) {
   if (!usable(status) && !resting_) {
-    go_to_rest(status.up ? "the port takes no frame of Berth's"
-                         : "the port is down; what is wrong with cable, adapter or "
-                           "interface? Berth waits for it");
+    const bool stands_by = status.up && s_.bus.flying.has_value();
+    go_to_rest(stands_by   ? "another device is the NMT master, or the masters agree on one"
+               : status.up ? "the port takes no frame of Berth's"
+                           : "the port is down; what is wrong with cable, adapter or "
+                             "interface? Berth waits for it");
   } else if (usable(status) && resting_) {
     resting_ = false;
     agenda_.look_anew = true;
@@ -76,7 +78,7 @@ void PortHealth::go_to_rest(const std::string& why) {
     seat->checked = {};
     slots_.set_state(*seat, SlotState::unknown, why);
   }
-  slots_.events().tell(EventKind::error, "", why);
+  slots_.events().tell(s_.bus.flying ? EventKind::step : EventKind::error, "", why);
 }
 
 void PortHealth::way_out_of_bus_off() {

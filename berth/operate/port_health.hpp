@@ -31,6 +31,8 @@ class PortHealth final : public MasterState, private can::StatusHandler {
   void speak();
   void fall_silent() noexcept;
   void apply(co::NmtCommand command) noexcept override { device_.apply(command); }
+  /// Of the master's own device.
+  [[nodiscard]] od::Values& values() noexcept { return device_.values(); }
 
  private:
   class Restart final : public rt::Job {

@@ -29,6 +29,7 @@ const char* name(EventKind kind) noexcept {
     case EventKind::power_cycle_needed: return "power cycle needed";
     case EventKind::recipe: return "recipe";
     case EventKind::startup: return "startup";
+    case EventKind::master: return "master";
     case EventKind::milestone: return "milestone";
     case EventKind::error: return "error";
     case EventKind::surplus: return name(Odd::surplus);
@@ -92,12 +93,28 @@ Json json_of(const Event& e) {
   return j;
 }
 
+Json json_of(const MasterReport& m) {
+  Json j;
+  j["bus"] = m.bus;
+  j["node"] = nullptr;
+  if (m.active) j["node"] = m.active->node.value();
+  if (m.active) j["priority"] = m.active->priority;
+  j["here"] = m.here;
+  return j;
+}
+
 // Text from files and devices may hold bytes that are not UTF-8; they are replaced, never thrown over.
 std::string dump(const Json& j, int indent) { return j.dump(indent, ' ', false, Json::error_handler_t::replace); }
 
 }  // namespace
 
 double seconds(rt::Time at) noexcept { return static_cast<double>(at.time_since_epoch().count()) / 1e9; }
+
+std::string MasterReport::text() const {
+  if (!active) return bus + ": the masters of this bus agree on the active one";
+  return fmt::format("{}: node {} is the active NMT master (priority {}){}", bus, active->node.value(),
+                     active->priority, here ? ", this Berth" : "");
+}
 
 std::string to_json(const Report& report, int indent) {
   Json j;
@@ -108,6 +125,7 @@ std::string to_json(const Report& report, int indent) {
   j["events"] = Json::array();
   for (const auto& e : report.events) j["events"].push_back(json_of(e));
   for (const auto& q : report.questions) j["questions"].push_back(json_of(q));
+  for (const auto& m : report.masters) j["masters"].push_back(json_of(m));
   return dump(j, indent);
 }
 

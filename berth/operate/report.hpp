@@ -10,6 +10,7 @@
 
 #include "berth/base/ids.hpp"
 #include "berth/manager/boot_rules.hpp"
+#include "berth/manager/flying_negotiation.hpp"
 #include "berth/places/oddity.hpp"
 #include "berth/places/slot.hpp"
 #include "berth/rt/executor.hpp"
@@ -45,6 +46,7 @@ enum class EventKind : std::uint8_t {
   power_cycle_needed,
   recipe,
   startup,    ///< of the network as a whole: halted, stopped, reset
+  master,     ///< which of several masters is the active one
   milestone,  ///< its text is the milestone's name
   error,
   // Oddities (`places::OddityKind`):
@@ -84,11 +86,22 @@ struct Event {
   friend bool operator==(const Event&, const Event&) = default;
 };
 
+/// Who is NMT master of a bus that has several (`[bus.NAME.flying_master]`).
+struct MasterReport {
+  std::string bus;
+  std::optional<manager::MasterRank> active = {};  ///< empty: they are agreeing
+  bool here = false;                               ///< it is this Berth
+
+  /// "field: node 127 is the active NMT master (priority 1), this Berth".
+  [[nodiscard]] std::string text() const;
+};
+
 struct Report {
   std::vector<SlotReport> slots;
   std::vector<std::pair<std::string, double>> bus_time_s;  ///< per bus: seconds of bus time from start to now
   std::vector<Event> events;
-  std::vector<Event> questions = {};  ///< that are open now
+  std::vector<Event> questions = {};       ///< that are open now
+  std::vector<MasterReport> masters = {};  ///< of the buses that have several
 };
 
 /// Seconds since the world began, as a JSON number has them.
@@ -97,7 +110,9 @@ struct Report {
 /// One JSON object: `{"slots": [{"bus", "id", "name", "type", "r_sn", "state", "since_s"}], "bus_time_s": {...},
 /// "events": [...]}`. Type code and R_SN are "0x…" strings; `r_sn` is null for a slot without a device; "reason" is
 /// there when it is not empty, "boot" when the boot-up ended with a letter (CiA 302-2; "L" is no error), and so is
-/// "questions": `[{"bus", "kind", "text", "slots", "devices"}]`, which `berth replace SLOT --device ADDRESS` answers.
+/// "questions": `[{"bus", "kind", "text", "slots", "devices"}]`, which `berth replace SLOT --device ADDRESS` answers,
+/// and "masters": `[{"bus", "node", "priority", "here"}]`, the active NMT master (`node` null: not agreed) of each bus
+/// that has several.
 [[nodiscard]] std::string to_json(const Report& report, int indent = 2);
 /// One line of JSON, for streams.
 [[nodiscard]] std::string to_json(const Event& event);

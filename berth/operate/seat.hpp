@@ -21,13 +21,16 @@ struct Doubt {
   unsigned shared = 0;     ///< tries left to tell the two apart
 };
 
-/// What `config =` wants of its device.
+/// What `config =` and the machine's links want of its device.
 struct SeatConfiguration {
+  std::string file;                                      ///< where it is from, as messages name it
   std::shared_ptr<const manager::Configuration> wanted;  ///< null: nothing, or unreadable
   std::string unreadable;                                ///< why the file of `config =` could not be read
   std::optional<rt::Time> waits_since;                   ///< it was saved then, and waits for a power cycle
   unsigned failed_savings = 0;                           ///< in a row: memory wears out
   bool stuck = false;  ///< it failed for good: not tried again before the device boots or a person says so
+  /// Something is wanted, whether it can be read or not.
+  [[nodiscard]] bool any() const noexcept { return wanted != nullptr || !unreadable.empty(); }
 };
 
 /// How often its heartbeat comes.

@@ -101,7 +101,7 @@ bool Seating::is_avoided(const LssAddress& device) const noexcept {
 rt::Task<void> Seating::bind_side_by_side(const std::vector<Action>& actions, std::vector<LssAddress>& failed) {
   constexpr std::size_t most_bindings = 16;
   rt::Scope starts(s_.executor, asking_.most_at_once());
-  rt::Scope bindings(s_.executor, most_bindings);
+  rt::Scope bindings(s_.executor, std::min(most_bindings, asking_.most_at_once()));
   for (const auto& action : actions) {
     const bool binds = action.kind == Action::Kind::bind && !is_avoided(action.device);
     if (binds) bindings.spawn(act_aside(action, failed, starts));
@@ -419,7 +419,10 @@ rt::Task<void> Seating::look_for_unfinished() {
       continue;
     }
     const auto found = found_.of(device);
-    const bool rests = found != nullptr && fading_.rests(device, found->active);
+    // One that was lent what it used before had none when it was found: it was switched off and on.
+    const auto* const loan = loans_.of(device);
+    const bool lent = found != nullptr && loan != nullptr && loan->id == found->active;
+    const bool rests = found != nullptr && !lent && fading_.rests(device, found->active);
     if (rests) avoid_.push_back(device);
   }
 }

@@ -91,10 +91,13 @@ Result<void> Session::open() {
   observer.event = [this](const Event& event) { record(event); };
   observer.milestone = [this](Milestone milestone) { reached(milestone); };
   for (const auto& bus : machine_->buses) {
+    observer.command = [this, name = bus.name](std::string text, NetworkObserver::Confirm confirm) {
+      return on_command_ && on_command_(name, std::move(text), std::move(confirm));
+    };
     const auto port = std::ranges::find(ports_, &bus, &decltype(ports_)::value_type::first);
     auto network =
         std::make_unique<Network>(*executor_, *port->second, bus, machine_->specs(bus.name), *store_, observer);
-    const auto opened = network->open();
+    const auto opened = network->open(settings_);
     if (!opened) return opened;
     networks_.push_back(std::move(network));
   }
@@ -144,6 +147,7 @@ Report Session::report() const {
   for (const auto& network : networks_) report.bus_time_s.emplace_back(network->bus().name, elapsed);
   report.events.assign(events_.begin(), events_.end());
   for (const auto& network : networks_) {
+    if (const auto& master = network->services().master) report.masters.push_back(*master);
     auto questions = network->planning().question_events();
     std::ranges::move(questions, std::back_inserter(report.questions));
   }

@@ -28,6 +28,12 @@ class Session {
   /// Gives one bus its port. Every bus needs one before `open`; the port must stay. Errors: `not_found` no such bus;
   /// `duplicate` it has one already.
   Result<void> connect(std::string_view bus, can::Port& port);
+  /// What devices shall have besides `config =`. Before `open`.
+  void configure_with(SlotSettings settings) { settings_ = std::move(settings); }
+  /// The slot has `config =`, or gets settings.
+  [[nodiscard]] bool configures(const design::Slot& slot) const noexcept {
+    return !slot.spec.config.empty() || settings_.contains(slot.spec.name.name);
+  }
   /// Reads the store. Call once, after the ports. Errors: `invalid` a bus without a port; the store's.
   Result<void> open();
   /// Begins the main job on every bus.
@@ -45,6 +51,10 @@ class Session {
 
   /// Every event, as it happens. Events are kept for `report` too, the newest `most_events`.
   void on_event(std::function<void(const Event&)> handler) { on_event_ = std::move(handler); }
+  /// Commands that come by SDO (1023h of the master's device of that bus): `NetworkObserver::command`.
+  using CommandHandler =
+      std::function<bool(const std::string& bus, std::string text, NetworkObserver::Confirm confirm)>;
+  void on_command(CommandHandler handler) { on_command_ = std::move(handler); }
   /// When the last bus has reached it.
   void on_milestone(std::function<void(Milestone)> handler) { on_milestone_ = std::move(handler); }
   static constexpr std::size_t most_events = 10'000;
@@ -74,10 +84,12 @@ class Session {
   const design::Machine* machine_;
   std::unique_ptr<StampedStore> store_;
   std::vector<std::pair<const design::Bus*, can::Port*>> ports_;
+  SlotSettings settings_;
   std::vector<std::unique_ptr<Network>> networks_;
   std::deque<Event> events_;
   std::function<void(const Event&)> on_event_;
   std::function<void(Milestone)> on_milestone_;
+  CommandHandler on_command_;
   std::array<std::size_t, milestones> reached_{};  // buses
   rt::Time began_{};
   bool started_ = false;

@@ -7,6 +7,7 @@
 #include <vector>
 
 #include "berth/operate/bus_services.hpp"
+#include "berth/operate/diagnosis.hpp"
 #include "berth/operate/events.hpp"
 #include "berth/operate/seat.hpp"
 #include "berth/places/slot.hpp"
@@ -58,11 +59,13 @@ class SlotTable {
   [[nodiscard]] std::vector<places::UnfinishedBlank> unfinished_here() const;
 
   [[nodiscard]] Events& events() noexcept { return events_; }
+  [[nodiscard]] Diagnosis& diagnosis() noexcept { return diagnosis_; }
 
  private:
   BusServices& s_;
   places::SlotStore* store_;
   Events events_;
+  Diagnosis diagnosis_;
   Seats seats_;
 };
 

@@ -25,7 +25,7 @@ bool Starter::is_due() const noexcept {
 // The transfers of a configuration would fill a receive buffer of one frame: its device would lose the `04 00` of the
 // bindings beside it, and the questions that prove that it is not in LSS configuration.
 rt::Task<void> Starter::start_early(Seat& seat) {
-  const bool configures = !seat.slot.spec.config.empty();
+  const bool configures = seat.configuration.any() || !seat.slot.spec.software.programs.empty();
   const bool plain = is_ready(seat) && !configures && seat.slot.record.confirmed && !spares_.has_past(seat);
   if (plain) co_await start_seat(seat);
 }
@@ -50,6 +50,12 @@ class Starter::Source final : public manager::BootSource {
   Source(Starter& starter, Seat& seat) noexcept : starter_(starter), seat_(seat) {}
   rt::Task<Result<void>> configure(manager::BootTarget&, manager::SlaveRules&) override {
     co_return co_await starter_.configure(seat_);
+  }
+  rt::Task<Result<std::string>> other_programs(manager::BootTarget& target, const manager::SlaveRules&) override {
+    co_return co_await starter_.programming_.others(seat_, target);
+  }
+  rt::Task<Result<void>> update(manager::BootTarget& target, const manager::SlaveRules&) override {
+    co_return co_await starter_.update(seat_, target);
   }
 
  private:
@@ -85,24 +91,53 @@ rt::Task<manager::BootResult> Starter::boot_up(Seat& seat) {
   manager::BootOptions options;
   options.identified = true;
   options.give_up = s_.executor.now();  // one that is silent now is asked for in the next round
-  manager::BootSlave boot(s_.executor, target, source, Startup::rules_of(seat), options);
+  manager::SlaveRules rules = Startup::rules_of(seat);
+  programming_.expect(seat, rules);
+  manager::BootSlave boot(s_.executor, target, source, rules, options);
   const manager::BootResult result = co_await boot.run();
-  if (result.status == manager::BootStatus::b) {
-    seat.there = false;
-    slots_.set_absent(seat, "no answer to the upload of 1000h");
-  } else if (result.status == manager::BootStatus::c) {
-    slots_.set_state(seat, SlotState::wrong_type, result.text());
-    seat.boot.status = result.status;
-  } else if (result.status == manager::BootStatus::j && seat.state == SlotState::failed) {
-    seat.boot.status = result.status;
-  }
+  boot_failed(seat, result);
   co_return result;
+}
+
+void Starter::boot_failed(Seat& seat, const manager::BootResult& result) {
+  using Status = manager::BootStatus;
+  switch (result.status) {
+    case Status::b: seat.there = false; return slots_.set_absent(seat, "no answer to the upload of 1000h");
+    case Status::c:
+      slots_.set_state(seat, SlotState::wrong_type, result.text());
+      seat.boot.status = result.status;
+      return;
+    case Status::g:
+    case Status::h:
+    case Status::i:
+    case Status::n: {
+      const std::string unreadable = programming_.unreadable(seat);
+      slots_.set_state(seat, SlotState::failed, unreadable.empty() ? result.text() : unreadable);
+      seat.boot.status = result.status;
+      return;
+    }
+    case Status::j:
+      if (seat.state == SlotState::failed) seat.boot.status = result.status;
+      return;
+    default: return;
+  }
+}
+
+// It restarts into its boot loader and out of it; what answers then must be the same device.
+rt::Task<Result<void>> Starter::update(Seat& seat, manager::BootTarget& target) {
+  const auto updated = co_await programming_.update(seat, target);
+  if (!updated) co_return updated;
+  const auto who = co_await places::Binder::read_identity(s_.sdo, seat.id());
+  const bool same = who && seat.slot.record.confirmed && *who == seat.slot.record.confirmed->device;
+  if (same) seat.checked = s_.executor.now();
+  if (same) slots_.set_state(seat, SlotState::present, "it has its programs");
+  co_return updated;
 }
 
 // The slot's state says what failed.
 rt::Task<Result<void>> Starter::configure(Seat& seat) {
   bool ready = false;
-  if (!seat.slot.spec.config.empty() && !s_.only_observes()) {
+  if (seat.configuration.any() && !s_.only_observes()) {
     manager::ConfigurationReport report;
     ready = co_await configuring_.configure(seat, report);
     if (seat.doubt.shared > 0) agenda_.look_anew = true;
@@ -130,6 +165,12 @@ rt::Task<bool> Starter::set_heartbeat(Seat& seat) {
 
 rt::Task<void> Starter::send_start(Seat& seat) {
   const NodeId id = seat.id();
+  const bool runs = co_await runs_already(seat);
+  if (runs) {
+    seat.started = true;
+    slots_.set_state(seat, SlotState::operational);
+    co_return;
+  }
   seat.started = seat.awaited = true;
   const auto sent = co_await s_.nmt.send(co::NmtCommand::start, id);
   if (!sent) {
@@ -138,6 +179,19 @@ rt::Task<void> Starter::send_start(Seat& seat) {
     co_return;
   }
   if (seat.guarded) co_await ask_by_guarding(seat);
+}
+
+// Another master has started it, and this slot table does not know: no second start.
+rt::Task<bool> Starter::runs_already(Seat& seat) {
+  if (!s_.bus.flying) co_return false;
+  const NodeId id = seat.id();
+  if (seat.guarded) {
+    const auto guarded = co_await co::probe(s_.dispatcher, id, s_.bus.timing.guard_timeout, s_.bus.timing.tries);
+    co_return guarded && guarded->state == NmtState::operational;
+  }
+  const auto heard = s_.boots.heard(id);
+  const bool lately = heard && s_.executor.now() - *heard <= s_.bus.timing.heartbeat_timeout;
+  co_return lately && s_.boots.state(id) == NmtState::operational;
 }
 
 // No heartbeat in this device: it is asked once by guarding, which is all that can be known of it.

@@ -3,6 +3,7 @@
 #pragma once
 
 #include "berth/manager/boot_slave.hpp"
+#include "berth/operate/programming.hpp"
 #include "berth/operate/spares.hpp"
 #include "berth/operate/startup.hpp"
 
@@ -19,7 +20,8 @@ class Starter final : public EarlyStarter {
         asking_(asking),
         configuring_(configuring),
         spares_(spares),
-        presence_(presence) {}
+        presence_(presence),
+        programming_(services, slots) {}
 
   /// A device is in its slot and was not started, or waits and may be started now.
   [[nodiscard]] bool is_due() const noexcept;
@@ -34,9 +36,12 @@ class Starter final : public EarlyStarter {
   rt::Task<void> start_seat(Seat& seat);
   rt::Task<bool> may_boot(Seat& seat);
   rt::Task<manager::BootResult> boot_up(Seat& seat);
+  rt::Task<Result<void>> update(Seat& seat, manager::BootTarget& target);
+  void boot_failed(Seat& seat, const manager::BootResult& result);
   rt::Task<Result<void>> configure(Seat& seat);
   rt::Task<bool> set_heartbeat(Seat& seat);
   rt::Task<void> send_start(Seat& seat);
+  rt::Task<bool> runs_already(Seat& seat);
   rt::Task<void> ask_by_guarding(Seat& seat);
   rt::Task<void> start_the_waiting();
   rt::Task<void> start_all();
@@ -51,6 +56,7 @@ class Starter final : public EarlyStarter {
   Configuring& configuring_;
   Spares& spares_;
   Presence& presence_;
+  Programming programming_;
 };
 
 }  // namespace berth::operate

@@ -44,6 +44,8 @@ void Supervision::show(Seat& seat, const Wake& wake, NmtState state) {
 void Supervision::heartbeat(const co::HeartbeatEvent& event, rt::Time at) {
   using Kind = co::HeartbeatEvent::Kind;
   Wake wake{Wake::Kind::look, event.node, at};
+  if (event.kind == Kind::boot_up) slots_.diagnosis().booted(event.node);
+  if (event.kind == Kind::lost) slots_.diagnosis().lost(event.node);
   switch (event.kind) {
     case Kind::boot_up: wake.kind = Wake::Kind::boot_up; break;
     case Kind::lost:
@@ -70,6 +72,7 @@ void Supervision::heartbeat(const co::HeartbeatEvent& event, rt::Time at) {
 
 // The last one of a device since its boot-up, while it has an error.
 void Supervision::emergency(NodeId node, const co::Emcy& message) noexcept {
+  slots_.diagnosis().told(node, message, s_.executor.now());
   Seat* seat = slots_.at(node);
   if (seat == nullptr) return;
   if (message.code == co::emcy_code::error_reset) {

@@ -24,15 +24,15 @@
 /// `revert` first, and a start with unfinished work in the store begins with `11h FFh` to the device that was left in
 /// configuration. Why in this order: the intention is durable before the device can change, so that a node-ID that may
 /// be in a device's memory is never given to another, and not before the device was met, as a search may put one
-/// together of two and its node-ID would be kept for it; and the device has stored before it can use the id, so that what
-/// was heard once is true after a power failure (S1.29, S1.53).
+/// together of two and its node-ID would be kept for it; and the device has stored before it can use the id, so that
+/// what was heard once is true after a power failure (S1.29, S1.53).
 ///
 /// An intention that an earlier binding left behind may have reached the device: it is dropped by no later failure
 /// (`untouched`), however often it is tried again. A device that is away may have stored the node-ID and lost its power
 /// before `04h 00h`; it comes back under it.
 ///
 /// Taking a node-ID away (`Kind::blank`) walks the same table without `check_vacant` and `await_boot_up`, and from
-/// `write_ask` on: a device that is away is to lose its node-ID when it comes back. There `identify` asks by LSS whether the device has no node-ID now.
+/// `write_ask` on: who is away loses its node-ID when it comes back. `identify` asks by LSS whether it has none now.
 #pragma once
 
 #include <cstdint>

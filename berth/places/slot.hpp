@@ -63,6 +63,21 @@ struct AlsoType {
 
 /// One slot as the machine file wants it. `id` and `type` are the paper's Node_ID and Type_Code, fixed in the
 /// pre-assigning phase (S1.2).
+/// A program that the slot's device shall have.
+struct SlotProgram {
+  std::uint8_t number = 1;                      ///< sub-index of 1F50h, 1 to 254
+  std::string file;                             ///< its image
+  std::optional<std::uint32_t> identification;  ///< 1F56h; empty: the CRC-32 of the image's content
+  friend bool operator==(const SlotProgram&, const SlotProgram&) = default;
+};
+/// What runs in the slot's device.
+struct SlotSoftware {
+  std::vector<SlotProgram> programs;  ///< ascending by number, each once
+  bool updates = true;                ///< a device that is to be started and has others gets these
+  std::string version;                ///< 100Ah; empty: any
+  std::string hardware;               ///< 1009h; empty: any
+};
+
 struct SlotSpec {
   SlotName name;
   NodeId id;
@@ -77,6 +92,7 @@ struct SlotSpec {
   std::uint32_t device_type = 0;  ///< 1F84h: expected 1000h; 0 is not checked
   std::string config;             ///< file with the device's configuration, empty for none
   Activate activate = Activate::at_once;
+  SlotSoftware software = {};
   std::vector<AlsoType> also = {};         ///< `fits` knows them; `type` is what the slot is for
   std::vector<std::uint32_t> spares = {};  ///< serial numbers of devices that are kept for this slot: such a device is
                                            ///< chosen first and without a question

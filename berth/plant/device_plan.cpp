@@ -15,7 +15,9 @@
 #include "berth/device/dictionary.hpp"
 #include "berth/device/mandatory.hpp"
 #include "berth/eds/xdd.hpp"
+#include "berth/manager/dictionary_manager.hpp"
 #include "berth/od/notation.hpp"
+#include "berth/plant/sim_gateway.hpp"
 #include "berth/text/file.hpp"
 
 namespace berth::plant {
@@ -46,10 +48,17 @@ std::optional<std::vector<std::uint8_t>> unhex(std::string_view text) {
   return bytes;
 }
 
+std::uint8_t highest_slave(const PlantMaster& master) noexcept {
+  return static_cast<std::uint8_t>(master.slaves.empty() ? 1 : std::clamp(master.slaves.back(), 1U, 127U));
+}
+
 /// What tells a minimal device's dictionary from the minimal one; a text that no file is called.
 std::string own_objects(const PlantDevice& plan) {
-  if (!plan.node_id_object.object) return {};
-  std::string text = "node-ID object " + od::write_object(*plan.node_id_object.object);
+  if (plan.does.master) return fmt::format("master of {}", highest_slave(*plan.does.master));
+  std::string programs =
+      plan.storing.programs.count > 0 ? fmt::format("programs {} ", plan.storing.programs.count) : std::string();
+  if (!plan.node_id_object.object) return programs;
+  std::string text = programs + "node-ID object " + od::write_object(*plan.node_id_object.object);
   if (const auto& s = plan.node_id_object.signature)
     text += fmt::format(" {} {}", od::write_object(s->object), s->size);
   return text;
@@ -69,12 +78,112 @@ void add_object(od::DescriptionBuilder& b, ObjectRef ref, std::string_view name,
   }
 }
 
-std::shared_ptr<const od::Description> with_node_id_object(const PlantDevice& plan) {
+std::shared_ptr<const od::Description> with_own_objects(const PlantDevice& plan) {
   od::DescriptionBuilder b;
   device::add_device(b);
+  if (plan.storing.programs.count > 0) device::add_programs(b, static_cast<std::uint8_t>(plan.storing.programs.count));
+  if (!plan.node_id_object.object) return b.build();
   add_object(b, *plan.node_id_object.object, "Node-ID", 1);
   if (const auto& s = plan.node_id_object.signature) add_object(b, s->object, "Node-ID signature", s->size);
   return b.build();
+}
+
+std::shared_ptr<const od::Description> with_manager(const PlantMaster& master) {
+  od::DescriptionBuilder b;
+  const std::uint8_t most = highest_slave(master);
+  device::add_device(b, {.supervised = std::max<std::uint8_t>(most, 8)});
+  manager::add_manager_objects(b, {.most = most, .startup = 0x21, .longest_concise = 0, .flying = true});
+  return b.build();
+}
+
+void preset_network_list(const PlantMaster& master, device::Options& options) {
+  constexpr std::uint32_t assigned_and_booted = 0x05, keep_alive = 0x10;
+  constexpr std::uint32_t heartbeat_time_ms = 1500;  // of a device with the machine file's default period
+  options.presets.push_back({{0x1F90, 3}, master.priority});
+  std::uint8_t entry = 0;
+  for (const unsigned id : master.slaves) {
+    const auto sub = static_cast<std::uint8_t>(id);
+    options.presets.push_back({{0x1F81, sub}, assigned_and_booted | (master.keep_alive ? keep_alive : 0U)});
+    options.presets.push_back({{0x1016, ++entry}, id << 16U | heartbeat_time_ms});
+  }
+}
+
+/// The same of network variables.
+std::string own_variables(const PlantDevice& plan) {
+  std::string text;
+  for (const auto& each : plan.does.variables) {
+    text += fmt::format("\n{} {} {}", each.name, od::name(each.type), od::write_object(each.object));
+  }
+  return text;
+}
+
+/// Adds the variables to what the description has. Null: a finding says which has no place there.
+std::shared_ptr<const od::Description> with_variables(const PlantDevice& plan, const eds::File& file,
+                                                      const od::Description& description, Findings& findings) {
+  od::DescriptionBuilder b;
+  device::add_all(b, description);
+  bool good = true;
+  const auto refuse = [&](const PlantVariable& variable, std::string message, std::string fix) {
+    good = false;
+    findings.push_back({Finding::Severity::error, plan.name, 0, 0, fmt::format("variables.{}", variable.name),
+                        std::move(message), std::move(fix)});
+  };
+  for (const auto& each : plan.does.variables) {
+    const auto within = [&](const eds::DynamicSegment& s) { return s.address(each.object).has_value(); };
+    const auto segment = std::ranges::find_if(file.dynamic_segments, within);
+    if (segment == file.dynamic_segments.end()) {
+      refuse(each,
+             fmt::format("{} lies in no segment of its description's [DynamicChannels]", od::write_object(each.object)),
+             "`berth link --links` says where the linker puts it");
+    } else if (segment->type != each.type) {
+      refuse(each,
+             fmt::format("{} is in a segment of {}, not of {}", od::write_object(each.object), od::name(segment->type),
+                         od::name(each.type)),
+             "`berth link --links` says where the linker puts it");
+    } else if (b.has(each.object)) {
+      refuse(each, fmt::format("{} is there already", od::write_object(each.object)), "give each a place of its own");
+    } else {
+      if (!b.has(each.object.index)) {
+        b.object(each.object.index, od::ObjectCode::array, fmt::format("Network variables {:04X}h", each.object.index),
+                 each.type);
+      }
+      b.sub(
+          each.object.index,
+          {.sub = each.object.sub, .name = each.name, .type = each.type, .access = segment->access, .mappable = true});
+    }
+  }
+  return good ? b.build() : nullptr;
+}
+
+struct LoadedProgram {
+  device::ProgramHead head;
+  std::vector<std::uint8_t> content;
+};
+
+std::optional<LoadedProgram> loaded_program(const PlantDevice& plan, Findings& findings) {
+  const auto& p = plan.storing.programs;
+  if (p.loaded.empty()) return std::nullopt;
+  const auto& path = p.loaded_path.empty() ? p.loaded : p.loaded_path;
+  const auto text = text::read_file(path, findings);
+  if (!text) return std::nullopt;
+  LoadedProgram program;
+  program.content.assign(text->begin(), text->end());
+  const auto head = device::read_program_head(program.content);
+  if (head) {
+    program.head = *head;
+    program.content.erase(program.content.begin(), program.content.begin() + device::ProgramHead::size);
+  }
+  const bool whole = !program.content.empty() && program.content.size() <= p.size &&
+                     (head ? head->length == program.content.size() : !p.checked);
+  if (whole) return program;
+  findings.push_back({Finding::Severity::error,
+                      path,
+                      0,
+                      0,
+                      {},
+                      fmt::format("it is no program for device \"{}\"", plan.name),
+                      "a program has its head (docs/programs.md) and fits `size`"});
+  return std::nullopt;
 }
 
 /// Takes the next word off a line.
@@ -179,17 +288,67 @@ device::Options options_of(const PlantDevice& plan, const LssAddress& address, s
   if (plan.eds.empty()) o.name = plan.name;
   const auto heartbeat = std::chrono::duration_cast<std::chrono::milliseconds>(plan.heartbeat).count();
   if (heartbeat > 0) o.presets.push_back({{0x1017, 0}, static_cast<std::uint64_t>(heartbeat)});
+  if (plan.does.master) preset_network_list(*plan.does.master, o);
   return o;
 }
 
-const Described* Descriptions::of(const PlantDevice& device, Findings& findings) {
+device::ProgramOptions programs_of(const PlantDevice& plan, device::SimFlash* flash) {
+  const auto& p = plan.storing.programs;
+  device::ProgramOptions options;
+  options.memory = flash;
+  options.layout = {.count = static_cast<std::uint8_t>(std::max<std::uint32_t>(p.count, 1)),
+                    .images = p.images,
+                    .longest = p.size,
+                    .sector = p.sector};
+  options.checked = p.checked;
+  return options;
+}
+
+std::unique_ptr<device::SimFlash> program_flash_of(const PlantDevice& plan, rt::Executor& executor) {
+  const auto& p = plan.storing.programs;
+  if (p.count == 0) return nullptr;
+  const auto size = device::ProgramMemory::footprint(programs_of(plan, nullptr).layout);
+  auto flash = std::make_unique<device::SimFlash>(executor, size, rt::Duration(0));
+  flash->set_times({.byte = p.write, .sector = p.erase, .sector_size = p.sector});
+  Findings unread;
+  const auto image = loaded_program(plan, unread);
+  if (image) flash->restore(device::ProgramMemory::holding(image->head, image->content));
+  return flash;
+}
+
+bool check_programs(const PlantDevice& plan, const od::Description& description, Findings& findings) {
+  if (plan.storing.programs.count == 0) return true;
+  const ObjectRef last{0x1F50, static_cast<std::uint8_t>(plan.storing.programs.count)};
+  const bool has = description.find(last) != nullptr && description.find(ObjectRef{0x1F51, last.sub}) != nullptr;
+  if (!has) {
+    findings.push_back({Finding::Severity::error,
+                        plan.eds_path.empty() ? plan.eds : plan.eds_path,
+                        0,
+                        0,
+                        {},
+                        fmt::format("it has no 1F50h:{:02X} and 1F51h:{:02X}, and device \"{}\" has programs", last.sub,
+                                    last.sub, plan.name),
+                        "describe 1F50h to 1F57h, or take `programs` away"});
+  }
+  return has && (plan.storing.programs.loaded.empty() || loaded_program(plan, findings).has_value());
+}
+
+const Described* Descriptions::of(const PlantDevice& device, Findings& findings, unsigned gateway_ports) {
   const auto& file = device.eds_path.empty() ? device.eds : device.eds_path;
-  const auto path = file.empty() ? own_objects(device) : file;
-  auto& described = known_[path];
+  const auto path = !file.empty()        ? file
+                    : gateway_ports != 0 ? fmt::format("gateway of {}", gateway_ports)
+                                         : own_objects(device);
+  auto& described = known_[path + own_variables(device)];
   if (described.description) return &described;
   if (described.unreadable) return nullptr;
+  if (device.does.master) {
+    described.description = with_manager(*device.does.master);
+    return &described;
+  }
   if (file.empty()) {
-    described.description = path.empty() ? device::minimal_description() : with_node_id_object(device);
+    described.description = path.empty()         ? device::minimal_description()
+                            : gateway_ports != 0 ? gateway_description(gateway_ports)
+                                                 : with_own_objects(device);
     return &described;
   }
   const auto reading = eds::read_any_file(path);
@@ -202,6 +361,11 @@ const Described* Descriptions::of(const PlantDevice& device, Findings& findings)
   const auto absent = device::mandatory_absent(*reading.file.description);
   warn_of_supplied(findings, path, absent);
   described.description = absent.empty() ? reading.file.description : device::with_mandatory(*reading.file.description);
+  if (!device.does.variables.empty()) {
+    described.description = with_variables(device, reading.file, *described.description, findings);
+    described.unreadable = described.description == nullptr;
+    if (described.unreadable) return nullptr;
+  }
   described.type = reading.file.type_code();
   described.revision = reading.file.revision();
   return &described;

@@ -22,6 +22,13 @@ namespace berth::plant {
 [[nodiscard]] device::Options options_of(const PlantDevice& plan, const LssAddress& address, std::uint32_t bit_rate,
                                          std::uint64_t seed);
 
+/// The flash memory of its programs, with the program that it has; null when it is not programmed, or the file of that
+/// program cannot be read (an error).
+[[nodiscard]] std::unique_ptr<device::SimFlash> program_flash_of(const PlantDevice& plan, rt::Executor& executor);
+[[nodiscard]] device::ProgramOptions programs_of(const PlantDevice& plan, device::SimFlash* flash);
+/// The image that it has from the beginning; what is wrong with it is a finding.
+[[nodiscard]] bool check_programs(const PlantDevice& plan, const od::Description& description, Findings& findings);
+
 struct Described {
   std::shared_ptr<const od::Description> description;
   TypeCode type;  ///< with a description file only
@@ -34,7 +41,8 @@ class Descriptions {
  public:
   /// Null when it cannot be read. The findings are those of its first reading: the errors, and a warning of the
   /// mandatory objects that it lacks and the device has all the same.
-  [[nodiscard]] const Described* of(const PlantDevice& device, Findings& findings);
+  /// `gateway_ports`: the built-in one of a gateway with so many buses beneath.
+  [[nodiscard]] const Described* of(const PlantDevice& device, Findings& findings, unsigned gateway_ports = 0);
 
  private:
   std::map<std::string, Described> known_;

@@ -12,12 +12,12 @@ const char* name(After after) noexcept { return after_words[static_cast<std::siz
 const char* name(Action action) noexcept { return action_words[static_cast<std::size_t>(action)].data(); }
 
 bool operator==(const PlantDevice& a, const PlantDevice& b) noexcept {
-  return a.name == b.name && a.bus == b.bus && a.eds == b.eds && a.script.file == b.script.file &&
-         a.address == b.address && a.address_of_eds == b.address_of_eds && a.source == b.source &&
-         a.node_id == b.node_id && a.node_id_object == b.node_id_object && a.bitrate == b.bitrate &&
-         a.speaks == b.speaks && a.habit == b.habit && a.response == b.response && a.boot == b.boot &&
-         a.reset == b.reset && a.storing == b.storing && a.controller == b.controller && a.heartbeat == b.heartbeat &&
-         a.plugged == b.plugged;
+  return a.name == b.name && a.bus == b.bus && a.eds == b.eds && a.does.script.file == b.does.script.file &&
+         a.does.variables == b.does.variables && a.address == b.address && a.address_of_eds == b.address_of_eds &&
+         a.source == b.source && a.node_id == b.node_id && a.node_id_object == b.node_id_object &&
+         a.bitrate == b.bitrate && a.speaks == b.speaks && a.habit == b.habit && a.response == b.response &&
+         a.boot == b.boot && a.reset == b.reset && a.storing == b.storing && a.controller == b.controller &&
+         a.heartbeat == b.heartbeat && a.plugged == b.plugged && a.does.master == b.does.master;
 }
 
 const PlantBus* PlantFile::bus(std::string_view bus_name) const noexcept {
@@ -28,6 +28,11 @@ const PlantBus* PlantFile::bus(std::string_view bus_name) const noexcept {
 const PlantDevice* PlantFile::device(std::string_view device_name) const noexcept {
   const auto it = std::ranges::find(devices, device_name, &PlantDevice::name);
   return it == devices.end() ? nullptr : &*it;
+}
+
+unsigned PlantFile::gateway_ports(std::string_view device_name) const noexcept {
+  const auto it = std::ranges::find(gateways, device_name, &PlantGateway::above);
+  return it == gateways.end() ? 0 : static_cast<unsigned>(it->beneath.size());
 }
 
 }  // namespace berth::plant

@@ -12,6 +12,7 @@
 
 #include "berth/base/finding.hpp"
 #include "berth/base/ids.hpp"
+#include "berth/od/data_type.hpp"
 #include "berth/text/quantity.hpp"
 
 namespace berth::plant {
@@ -106,11 +107,29 @@ struct PlantSignature {
   friend bool operator==(const PlantSignature&, const PlantSignature&) = default;
 };
 
+/// A device that is programmed over the bus (docs/programs.md), and its flash memory. Key `programs`.
+struct PlantPrograms {
+  std::uint32_t count = 0;                         ///< programs, 1 to 254; 0: it is not programmed
+  std::uint32_t size = 65'536;                     ///< bytes of the longest program
+  std::uint32_t images = 2;                        ///< of each program, 1 or 2
+  std::uint32_t sector = 4'096;                    ///< bytes that are erased together
+  Duration erase = std::chrono::milliseconds(20);  ///< for a sector
+  Duration write = std::chrono::microseconds(5);   ///< for a byte
+  bool checked = true;                             ///< takes only images with a head
+  std::string loaded;                              ///< image of the program 1 that it has, as written; empty: none
+  std::string loaded_path;                         ///< the same, relative to the plant file's folder; not compared
+  friend bool operator==(const PlantPrograms& a, const PlantPrograms& b) noexcept {
+    return a.count == b.count && a.size == b.size && a.images == b.images && a.sector == b.sector &&
+           a.erase == b.erase && a.write == b.write && a.checked == b.checked && a.loaded == b.loaded;
+  }
+};
+
 /// How a device stores (LSS store, SDO store). Keys `store`, `deaf_while_storing`, `power_cycle_after_store`.
 struct PlantStorage {
   Duration time = std::chrono::milliseconds(20);  ///< request to answer
   bool deaf = false;                              ///< hears nothing while it stores
   bool power_cycle_after = false;                 ///< a stored node-ID counts only after power was off
+  PlantPrograms programs;
   friend bool operator==(const PlantStorage&, const PlantStorage&) = default;
 };
 
@@ -131,10 +150,43 @@ struct PlantNodeIdObject {
   friend bool operator==(const PlantNodeIdObject&, const PlantNodeIdObject&) = default;
 };
 
-/// A device's behaviour: a Lua file (docs/scripts.md). Key `script`.
+/// A device of several ports, paper 3's gateway: what several devices of the plant are together. Tables `[[gateway]]`.
+struct PlantGateway {
+  std::string above;                        ///< its device on the bus above
+  std::vector<std::string> beneath;         ///< those on the buses beneath, port 1 first
+  std::uint8_t layout = 8;                  ///< of EMCYs: the paper's Figure 7, 8 or 9
+  std::vector<std::uint8_t> speaks_layout;  ///< node-IDs beneath whose EMCYs have it; gateways there are found
+  bool literal = false;                     ///< SDO answers as published
+  friend bool operator==(const PlantGateway&, const PlantGateway&) = default;
+};
+
+/// The device is a flying master of its bus (docs/flying-master.md), by its own dictionary. Key `master`.
+struct PlantMaster {
+  std::uint8_t priority = 1;     ///< 1F90h:03
+  std::vector<unsigned> slaves;  ///< node-IDs of its network list (1F81h), ascending
+  bool keep_alive = true;        ///< 1F81h bit 4 of each
+  friend bool operator==(const PlantMaster&, const PlantMaster&) = default;
+};
+
+/// A network variable that the program of a device has. Key `variables`.
+struct PlantVariable {
+  std::string name;
+  od::DataType type = od::DataType::none;
+  ObjectRef object;  ///< in a segment of [DynamicChannels], which says the direction
+  friend bool operator==(const PlantVariable&, const PlantVariable&) = default;
+};
+
+/// A device's program: a Lua file (docs/scripts.md). Key `script`.
 struct PlantScript {
   std::string file;  ///< as written; empty: none
   std::string path;  ///< the same, relative to the plant file's folder; not compared
+};
+
+/// What it does by itself. Keys `script`, `variables`, `master`.
+struct PlantBehaviour {
+  PlantScript script;
+  std::vector<PlantVariable> variables;
+  std::optional<PlantMaster> master;  ///< without a description and a script only
 };
 
 struct PlantDevice {
@@ -142,7 +194,7 @@ struct PlantDevice {
   std::string bus;
   std::string eds;       ///< description, as written; empty: a minimal built-in one
   std::string eds_path;  ///< the same, relative to the plant file's folder; not compared
-  PlantScript script;
+  PlantBehaviour does;
   LssAddress address;           ///< identity object 1018h
   bool address_of_eds = false;  ///< vendor, product and revision are the description's; not set here
   NodeIdSource source = NodeIdSource::blank;
@@ -224,11 +276,14 @@ struct PlantFile {
   std::uint64_t seed = 1;
   std::vector<PlantBus> buses;
   std::vector<PlantDevice> devices;  ///< in the order of the file, `count` and `serials` expanded
-  std::vector<PlantEvent> events;    ///< in the order of the file
+  std::vector<PlantGateway> gateways;
+  std::vector<PlantEvent> events;  ///< in the order of the file
   friend bool operator==(const PlantFile&, const PlantFile&) = default;
 
   [[nodiscard]] const PlantBus* bus(std::string_view name) const noexcept;
   [[nodiscard]] const PlantDevice* device(std::string_view name) const noexcept;
+  /// Buses beneath this device: 0 when it is above none.
+  [[nodiscard]] unsigned gateway_ports(std::string_view device_name) const noexcept;
 };
 
 struct PlantResult {

@@ -11,13 +11,14 @@ PortDevice::PortDevice(PortDevices& all, rt::Executor& executor, const PlantDevi
       plan_(plan),
       timing_(timing_of(plan)),
       flash_(executor, device::Device::memory_size(*described.description), timing_.in_world(plan.storing.time)),
+      program_flash_(program_flash_of(plan, executor)),
       port_(std::move(port)),
       host_(executor, *port_, timing_, random),
       dispatcher_(executor, host_),
       device_(
           dispatcher_, described.description, &flash_,
           options_of(plan, address_of(plan, described), plan.bitrate != 0 ? plan.bitrate : rate, Random(random).next()),
-          &host_, timing_) {
+          &host_, timing_, programs_of(plan, program_flash_.get())) {
   flash_.watch(this);
   device_.observe(this);
 }
@@ -46,7 +47,7 @@ void PortDevice::write_ended() noexcept { all_->save(); }
 PortDevice* PortDevices::add(const PlantDevice& plan, std::unique_ptr<can::Port> port, std::uint32_t rate,
                              Random random, Findings& findings) {
   const auto* const described = descriptions_.of(plan, findings);
-  if (described == nullptr) return nullptr;
+  if (described == nullptr || !check_programs(plan, *described->description, findings)) return nullptr;
   devices_.push_back(std::make_unique<PortDevice>(*this, *executor_, plan, *described, std::move(port), rate, random));
   return devices_.back().get();
 }

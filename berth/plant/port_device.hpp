@@ -59,6 +59,7 @@ class PortDevice final : private device::Device::Observer, private device::SimFl
   PlantDevice plan_;
   device::Timing timing_;
   device::SimFlash flash_;
+  std::unique_ptr<device::SimFlash> program_flash_;  // only with programs
   std::unique_ptr<can::Port> port_;
   device::TimedPort host_;
   can::Dispatcher dispatcher_;

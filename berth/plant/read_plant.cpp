@@ -7,6 +7,7 @@
 #include <map>
 #include <set>
 
+#include "berth/multilevel/path.hpp"
 #include "berth/od/notation.hpp"
 #include "berth/plant/plant_file.hpp"
 #include "berth/plant/plant_words.hpp"
@@ -188,11 +189,82 @@ void read_times(Table& table, PlantDevice& device) {
 }
 
 void read_script(Table& table, const std::string& file, PlantDevice& device) {
-  device.script.file = table.string("script").value_or("");
-  if (!device.script.file.empty()) device.script.path = text::beside(file, device.script.file);
-  if (table.has("script") && device.script.file.empty() && table.string("script")) {
+  device.does.script.file = table.string("script").value_or("");
+  if (!device.does.script.file.empty()) device.does.script.path = text::beside(file, device.does.script.file);
+  if (table.has("script") && device.does.script.file.empty() && table.string("script")) {
     table.error("script", "the file name is empty", "name a Lua file");
   }
+}
+
+// CiA 302-2: 1F80h bit 5, 1F90h:03, 1F81h. Its dictionary is made for it.
+void read_master(Table& table, PlantDevice& device) {
+  auto entry = table.table("master");
+  if (!entry) return;
+  PlantMaster master;
+  if (const auto priority = entry->integer("priority", {0, 2})) master.priority = static_cast<std::uint8_t>(*priority);
+  if (entry->require("slaves", "the node-IDs of its network list, such as \"1..5\"")) {
+    const auto text = entry->string("slaves").value_or("");
+    const auto slaves = text::parse_ranges(text, 1, 127);
+    if (slaves) master.slaves = *slaves;
+    if (!slaves && !text.empty())
+      entry->error("slaves", fmt::format("{} are no node-IDs", text::quoted(text)), "write \"1..5\"");
+  }
+  master.keep_alive = entry->boolean("keep_alive").value_or(true);
+  entry->finish();
+  const bool described = table.has("eds") || table.has("script") || table.has("node_id_object");
+  if (described) table.error("master", "its dictionary is made for it", "leave eds, script and node_id_object out");
+  if (!device.node_id.configured()) table.error("master", "a master has a node-ID", "give it a node_id");
+  if (device.heartbeat == 0s) device.heartbeat = 500ms;  // the others must hear that it is there
+  device.does.master = std::move(master);
+}
+
+PlantVariable read_variable(Table& table) {
+  PlantVariable variable;
+  if (table.require("name", "give the variable a name")) variable.name = table.string("name").value_or("");
+  if (table.has("name") && variable.name.empty()) table.error("name", "the name is empty", "give the variable a name");
+  if (table.require("type", "such as \"UNSIGNED16\"")) {
+    const auto type = table.string("type").value_or("");
+    variable.type = od::data_type(type).value_or(od::DataType::none);
+    if (od::bit_length(variable.type) == 0) {
+      table.error("type", fmt::format("{} is no data type of a network variable", text::quoted(type)),
+                  "such as \"BOOLEAN\", \"UNSIGNED16\" or \"REAL32\"");
+    }
+  }
+  if (table.require("object", "its place, such as \"A100h:01\"")) {
+    variable.object = read_object(table, "object").value_or(ObjectRef{});
+  }
+  table.finish();
+  return variable;
+}
+
+void read_variables(Table& table, PlantDevice& device) {
+  for (auto& entry : table.tables("variables")) device.does.variables.push_back(read_variable(entry));
+  if (!device.does.variables.empty() && !table.has("eds")) {
+    table.error("variables", "the device has no description that says where variables can be",
+                "add eds = \"FILE\" with [DynamicChannels]");
+  }
+}
+
+void read_programs(Table& table, const std::string& file, PlantDevice& device) {
+  if (!table.has("programs")) return;
+  auto entry = table.table("programs");
+  if (!entry) return;
+  auto& p = device.storing.programs;
+  p.count = entry->u32("count", {1, 254}).value_or(1);
+  p.size = entry->u32("size", {1, 1U << 24U}).value_or(p.size);
+  p.images = entry->u32("images", {1, 2}).value_or(p.images);
+  p.sector = entry->u32("sector", {64, 1U << 20U}).value_or(p.sector);
+  p.erase = entry->duration("erase", 0s, 1min).value_or(p.erase);
+  p.write = entry->duration("write", 0s, 1s).value_or(p.write);
+  p.checked = entry->boolean("checked").value_or(true);
+  p.loaded = entry->string("loaded").value_or("");
+  if (!p.loaded.empty()) p.loaded_path = text::beside(file, p.loaded);
+  constexpr std::uint64_t most = std::uint64_t{1} << 28U;
+  if (std::uint64_t{p.count} * p.images * (p.size + p.sector) > most) {
+    entry->error("size", "the programs take more than 256 MiB of memory", "give it fewer or shorter ones");
+    p.count = 0;
+  }
+  entry->finish();
 }
 
 void read_when(Table& table, PlantEvent& event) {
@@ -219,6 +291,7 @@ class PlantReader {
     for (auto& [name, bus] : table.named_tables("bus")) read_bus(name, bus);
     if (plant_.buses.empty()) table.error("", "there is no bus", "write a table [bus.NAME]");
     for (auto& device : table.tables("device")) read_device(device);
+    for (auto& gateway : table.tables("gateway")) read_gateway(gateway);
     for (auto& event : table.tables("event")) read_event(event);
     table.finish();
     return std::move(plant_);
@@ -284,6 +357,9 @@ class PlantReader {
     read_response(table, device);
     read_times(table, device);
     read_script(table, file_, device);
+    read_master(table, device);
+    read_variables(table, device);
+    read_programs(table, file_, device);
     device.bitrate = table.u32("bitrate", bit_rates).value_or(0);
     device.storing.deaf = table.boolean("deaf_while_storing").value_or(false);
     device.storing.power_cycle_after = table.boolean("power_cycle_after_store").value_or(false);
@@ -380,6 +456,48 @@ class PlantReader {
     findings_.push_back(
         {Finding::Severity::note, file_, at.line, at.column, table.path(),
          fmt::format("{} has the LSS address of {}", text::quoted(device.name), text::quoted(it->second)), ""});
+  }
+
+  void read_gateway(Table& table) {
+    PlantGateway gateway;
+    if (table.require("above", "name its [[device]] on the bus above"))
+      gateway.above = table.string("above").value_or("");
+    if (table.require("beneath", "name its [[device]] on each bus beneath")) {
+      gateway.beneath = table.strings("beneath").value_or(std::vector<std::string>{});
+    }
+    gateway.layout = static_cast<std::uint8_t>(table.u32("layout", {7, 9}).value_or(8));
+    for (const auto node : table.integers("speaks_layout", {1, 127}).value_or(std::vector<std::int64_t>{})) {
+      gateway.speaks_layout.push_back(static_cast<std::uint8_t>(node));
+    }
+    gateway.literal = table.boolean("literal").value_or(false);
+    table.finish();
+    check_gateway(table, gateway);
+    plant_.gateways.push_back(std::move(gateway));
+  }
+
+  void check_gateway(Table& table, const PlantGateway& gateway) {
+    check_node(table, "above", gateway.above, false);
+    for (const auto& name : gateway.beneath) check_node(table, "beneath", name, false);
+    const auto above = names_.find(gateway.above);
+    const bool wrong_number = gateway.beneath.empty() || gateway.beneath.size() > multilevel::most_ports;
+    if (wrong_number) table.error("beneath", "a gateway has 1 to 8 buses beneath it", "name a device on each");
+    if (above == names_.end()) return;
+    const PlantDevice& device = plant_.devices[above->second];
+    if (plant_.gateway_ports(gateway.above) != 0) {
+      table.error("above", "this device is a gateway already", "give each one table");
+    }
+    std::set<std::string> buses{device.bus};
+    for (const auto& name : gateway.beneath) {
+      const auto port = names_.find(name);
+      if (port == names_.end()) continue;
+      const std::string& bus = plant_.devices[port->second].bus;
+      if (!ports_.insert(name).second)
+        table.error("beneath", text::quoted(name) + " is a port already", "name another");
+      if (!buses.insert(bus).second) {
+        table.error("beneath", fmt::format("the gateway has bus {} twice", text::quoted(bus)),
+                    "name devices on other buses");
+      }
+    }
   }
 
   void read_event(Table& table) {
@@ -494,6 +612,7 @@ class PlantReader {
   bool many_ = false;                                      ///< the table being read stands for several devices
   std::map<std::string, std::size_t, std::less<>> names_;  ///< device name → index
   std::map<std::pair<std::string, LssAddress>, std::string> addresses_;
+  std::set<std::string> ports_;  ///< devices beneath gateways
 };
 
 }  // namespace

@@ -71,14 +71,20 @@ SimDevice::SimDevice(World& world, sim::Bus& bus, const PlantDevice& plan, const
       plan_(plan),
       timing_(timing_of(plan)),
       flash_(bus.executor(), device::Device::memory_size(*description), timing_.in_world(plan.storing.time)),
+      program_flash_(program_flash_of(plan, bus.executor())),
       controller_(bus.attach(controller_of(plan, bus))),
       port_(bus.executor(), *controller_, timing_, random),
       dispatcher_(bus.executor(), port_),
       device_(dispatcher_, std::move(description), &flash_,
-              options_of(plan, address, bit_rate_of(plan, bus), Random(random).next()), &port_, timing_) {
+              options_of(plan, address, bit_rate_of(plan, bus), Random(random).next()), &port_, timing_,
+              programs_of(plan, program_flash_.get())) {
   flash_.watch(this);
   device_.observe(this);
   if (script) scripted_ = std::make_unique<Scripted>(*this, *std::move(script), random.fork());
+  if (!plan_.does.master) return;
+  manager_ = std::make_unique<manager::DictionaryManager>(dispatcher_, device_.values(),
+                                                          [this](co::NmtCommand command) { device_.apply(command); });
+  device_.on().state = [this](NmtState state) { manager_->own_state(state, device_.node_id()); };
 }
 
 SimDevice::~SimDevice() {
@@ -108,6 +114,7 @@ void SimDevice::switch_on() noexcept {
 void SimDevice::switch_off() noexcept {
   if (!powered_) return;
   powered_ = false;
+  if (manager_) manager_->power_off();
   device_.power_off();
   controller_->power(false);
   if (scripted_) scripted_->stop();
@@ -140,6 +147,7 @@ void SimDevice::power(bool on) noexcept {
 
 void SimDevice::reset() noexcept {
   if (!powered_) return;
+  if (manager_) manager_->power_off();
   // A microcontroller that starts anew sets its CAN controller up anew: what was queued is gone.
   device_.power_off();
   if (scripted_) scripted_->stop();
@@ -179,6 +187,10 @@ Truth SimDevice::truth() const {
   t.bit_rate = controller_->bit_rate();
   t.state = device_.state();
   t.memory_writes = flash_.writes_begun();
+  if (manager_) {
+    t.leads = manager_->flying().is_master();
+    t.active_master = manager_->flying().active().value_or(manager::MasterRank{}).node;
+  }
   if (powered_) t.leds = device::leds(device_.led_inputs());
   return t;
 }
@@ -199,20 +211,21 @@ void SimDevice::cut() noexcept {
 
 // --- World -----------------------------------------------------------------------------------------------------------
 
-World::~World() = default;
+World::~World() { gateways_.clear(); }
 
 std::unique_ptr<World> World::make(const PlantFile& plant, std::span<const BusRate> rates, Findings& findings) {
   auto world = std::unique_ptr<World>(new World(plant.seed));
   bool good = world->make_buses(plant, rates, findings);
   for (const auto& plan : plant.devices) {
-    const Described* described = world->descriptions_.of(plan, findings);
+    const Described* described = world->descriptions_.of(plan, findings, plant.gateway_ports(plan.name));
     sim::Bus* bus = world->bus(plan.bus);
     if (bus == nullptr && good) {
       refuse(findings, plan.name, "bus \"" + plan.bus + "\" is neither in the plant nor in the machine file",
              "add [bus." + plan.bus + "] with its bitrate");
     }
     auto script = world->script_of(plan, findings);
-    if (described == nullptr || bus == nullptr || (!plan.script.file.empty() && !script)) {
+    const bool programs = described != nullptr && check_programs(plan, *described->description, findings);
+    if (!programs || bus == nullptr || (!plan.does.script.file.empty() && !script)) {
       good = false;
       continue;
     }
@@ -220,14 +233,52 @@ std::unique_ptr<World> World::make(const PlantFile& plant, std::span<const BusRa
                                                           described->description, world->sim_.random().fork(),
                                                           std::move(script)));
   }
+  good = good && world->make_gateways(plant, findings);
   world->events_ = plant.events;
   if (!good) world.reset();
   return world;
 }
 
+// Gateways one beneath the other, under this one; `left`: no more than there are, so that a ring of them ends.
+unsigned levels_beneath(const PlantFile& plant, const PlantGateway& gateway, std::size_t left) {
+  unsigned deepest = 0;
+  for (const auto& name : gateway.beneath) {
+    const auto* const port = plant.device(name);
+    for (const auto& other : plant.gateways) {
+      const auto* const above = plant.device(other.above);
+      if (port == nullptr || above == nullptr || above->bus != port->bus || left == 0) continue;
+      deepest = std::max(deepest, 1 + levels_beneath(plant, other, left - 1));
+    }
+  }
+  return deepest;
+}
+
+bool World::make_gateways(const PlantFile& plant, Findings& findings) {
+  for (const auto& plan : plant.gateways) {
+    SimDevice& above = *find(plan.above);
+    const auto objects = multilevel::SdoGatewayObjects::of(static_cast<unsigned>(plan.beneath.size()));
+    if (above.device().values().description().find(objects.data) == nullptr) {
+      refuse(findings, plan.above, "its description has no objects of a gateway (5F30h.., 5F00h)",
+             "leave out eds, or add them");
+      return false;
+    }
+    std::vector<SimDevice*> beneath;
+    for (const auto& name : plan.beneath) beneath.push_back(find(name));
+    PlantGateway whole = plan;
+    for (const auto& other : plant.gateways) {  // a gateway beneath speaks the layout
+      const auto* const node = plant.device(other.above);
+      const bool under = std::ranges::any_of(beneath, [&](SimDevice* port) { return port->plan().bus == node->bus; });
+      if (under && node->node_id.configured()) whole.speaks_layout.push_back(node->node_id.value());
+    }
+    gateways_.push_back(std::make_unique<SimGateway>(executor(), above, std::move(beneath), whole,
+                                                     levels_beneath(plant, plan, plant.gateways.size())));
+  }
+  return true;
+}
+
 std::optional<script::Script> World::script_of(const PlantDevice& plan, Findings& findings) {
-  if (plan.script.file.empty()) return std::nullopt;
-  const auto& path = plan.script.path.empty() ? plan.script.file : plan.script.path;
+  if (plan.does.script.file.empty()) return std::nullopt;
+  const auto& path = plan.does.script.path.empty() ? plan.does.script.file : plan.does.script.path;
   const auto [known, fresh] = scripts_.try_emplace(path);
   if (!fresh) return known->second;
   auto text = text::read_file(path, findings);
@@ -381,6 +432,7 @@ std::vector<std::pair<const SimDevice*, const SimDevice*>> World::duplicates() c
 }
 
 void World::tell(const SimDevice& device) noexcept {
+  for (auto& gateway : gateways_) gateway->changed(device);
   for (auto* observer : observers_) observer->plant_changed(device);
 }
 

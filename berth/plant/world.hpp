@@ -24,8 +24,10 @@
 #include "berth/base/result.hpp"
 #include "berth/can/dispatcher.hpp"
 #include "berth/device/device.hpp"
+#include "berth/manager/dictionary_manager.hpp"
 #include "berth/plant/device_plan.hpp"
 #include "berth/plant/plant_file.hpp"
+#include "berth/plant/sim_gateway.hpp"
 #include "berth/script/behaviour.hpp"
 #include "berth/sim/world.hpp"
 
@@ -46,6 +48,8 @@ struct Truth {
   NodeId persistent;           ///< what the next power-on would load
   std::uint32_t bit_rate = 0;  ///< of its controller, bit/s
   NmtState state = NmtState::initialising;
+  bool leads = false;               ///< a flying master, and the active one
+  NodeId active_master;             ///< as a flying master knows it
   std::uint64_t memory_writes = 0;  ///< begun
   device::Leds leds;                ///< what its indicators show; dark without power
 };
@@ -93,6 +97,7 @@ class SimDevice final : private device::Device::Observer, private device::SimFla
 
  private:
   friend class World;
+  friend class SimGateway;
   void switch_on() noexcept;
   void switch_off() noexcept;
   void device_changed(const device::Device& device) noexcept override;
@@ -105,12 +110,14 @@ class SimDevice final : private device::Device::Observer, private device::SimFla
   PlantDevice plan_;
   device::Timing timing_;
   device::SimFlash flash_;
+  std::unique_ptr<device::SimFlash> program_flash_;  // only with programs
   std::unique_ptr<sim::Controller> controller_;
   device::TimedPort port_;
   can::Dispatcher dispatcher_;
   mutable device::Device device_;
   class Scripted;
-  std::unique_ptr<Scripted> scripted_;  // only with a script
+  std::unique_ptr<Scripted> scripted_;                   // only with a script
+  std::unique_ptr<manager::DictionaryManager> manager_;  // only a flying master
   NextPowerOn next_;
   unsigned deafness_ = 0;  // number of the last `deaf`, so that an older one's end does not end it
   unsigned slowness_ = 0;
@@ -185,6 +192,7 @@ class World {
   bool make_buses(const PlantFile& plant, std::span<const BusRate> rates, Findings& findings);
   bool strike(const PlantEvent& event);
   bool nodes(const PlantEvent& event, std::vector<sim::Controller*>& found);
+  bool make_gateways(const PlantFile& plant, Findings& findings);
   std::optional<script::Script> script_of(const PlantDevice& plan, Findings& findings);
   void tell(const SimDevice& device) noexcept;
   void save() noexcept;
@@ -193,6 +201,7 @@ class World {
   Descriptions descriptions_;
   std::map<std::string, std::optional<script::Script>> scripts_;  // by path, each read and compiled once
   std::vector<std::unique_ptr<SimDevice>> devices_;
+  std::vector<std::unique_ptr<SimGateway>> gateways_;
   std::vector<PlantEvent> events_;
   std::vector<Observer*> observers_;
   std::vector<After> reached_;

@@ -68,6 +68,20 @@ void write_habits(PlantWriter& w, const PlantDevice& d) {
   if (d.habit) w.strings("habits", {name(*d.habit)});
 }
 
+void write_programs(PlantWriter& w, const PlantPrograms& p) {
+  if (p.count == 0) return;
+  const PlantPrograms usual;
+  std::string table = fmt::format("{{ count = {}", p.count);
+  if (p.size != usual.size) table += fmt::format(", size = {}", p.size);
+  if (p.images != usual.images) table += fmt::format(", images = {}", p.images);
+  if (p.sector != usual.sector) table += fmt::format(", sector = {}", p.sector);
+  if (p.erase != usual.erase) table += fmt::format(", erase = \"{}\"", write_duration(p.erase));
+  if (p.write != usual.write) table += fmt::format(", write = \"{}\"", write_duration(p.write));
+  if (!p.checked) table += ", checked = false";
+  if (!p.loaded.empty()) table += ", loaded = " + text::quoted(p.loaded);
+  w.raw("programs", table + " }");
+}
+
 void write_node_id(PlantWriter& w, const PlantDevice& d) {
   if (d.node_id.configured()) w.raw("node_id", fmt::format("{}", d.node_id.value()));
   const auto implied = d.node_id.configured() ? NodeIdSource::nonvolatile : NodeIdSource::blank;
@@ -80,12 +94,24 @@ void write_node_id(PlantWriter& w, const PlantDevice& d) {
   }
 }
 
+void write_variables(PlantWriter& w, const PlantDevice& d) {
+  if (d.does.variables.empty()) return;
+  std::string list = "[\n";
+  for (const auto& each : d.does.variables) {
+    list += fmt::format("  {{ name = {}, type = \"{}\", object = \"{}\" }},\n", text::quoted(each.name), od::name(each.type),
+                        od::write_object(each.object));
+  }
+  w.raw("variables", list + "]");
+}
+
 void write_device(PlantWriter& w, const PlantDevice& d) {
   w.line("\n[[device]]");
   w.string("bus", d.bus);
   w.string("name", d.name);
   if (!d.eds.empty()) w.string("eds", d.eds);
-  if (!d.script.file.empty()) w.string("script", d.script.file);
+  if (!d.does.script.file.empty()) w.string("script", d.does.script.file);
+  write_variables(w, d);
+  write_programs(w, d.storing.programs);
   if (!d.address_of_eds) {
     std::string type = fmt::format("{{ vendor = 0x{:08X}, product = 0x{:08X}", d.address.vendor, d.address.product);
     if (d.address.revision != 0) type += fmt::format(", revision = 0x{:08X}", d.address.revision);
@@ -93,6 +119,12 @@ void write_device(PlantWriter& w, const PlantDevice& d) {
   }
   if (d.address.serial != 0) w.raw("serial", fmt::format("0x{:08X}", d.address.serial));
   write_node_id(w, d);
+  if (d.does.master) {
+    std::string slaves;
+    for (const auto id : d.does.master->slaves) slaves += fmt::format("{}{}", slaves.empty() ? "" : ", ", id);
+    w.raw("master", fmt::format("{{ priority = {}, slaves = \"{}\", keep_alive = {} }}", d.does.master->priority,
+                                slaves, d.does.master->keep_alive));
+  }
   w.number("bitrate", d.bitrate, usual_device.bitrate);
   write_speaks(w, d);
   write_habits(w, d);
@@ -153,6 +185,17 @@ void write_event(PlantWriter& w, const PlantEvent& e) {
   if (e.action == Action::set_serial || e.action == Action::set_node_id) w.raw("value", fmt::format("{}", e.value));
 }
 
+void write_gateway(PlantWriter& w, const PlantGateway& gateway) {
+  w.line("\n[[gateway]]");
+  w.string("above", gateway.above);
+  w.strings("beneath", gateway.beneath);
+  w.number("layout", gateway.layout, PlantGateway().layout);
+  if (!gateway.speaks_layout.empty()) {
+    w.raw("speaks_layout", fmt::format("[{}]", fmt::join(gateway.speaks_layout, ", ")));
+  }
+  if (gateway.literal) w.raw("literal", "true");
+}
+
 void write_comment(PlantWriter& w, std::string_view comment) {
   while (!comment.empty()) {
     const auto newline = comment.find('\n');
@@ -181,6 +224,7 @@ std::string write_plant(const PlantFile& plant, std::string_view comment) {
     w.number("fd_bitrate", bus.fd_bitrate, 0U);
   }
   for (const auto& device : plant.devices) write_device(w, device);
+  for (const auto& gateway : plant.gateways) write_gateway(w, gateway);
   for (const auto& event : plant.events) write_event(w, event);
   return w.take();
 }

@@ -8,6 +8,7 @@ Figures reproduce(const Conditions& conditions) {
   Figures figures;
   reproduce_paper1(conditions, figures);
   reproduce_paper2(conditions, figures);
+  reproduce_paper3(figures);
   reproduce_paper4(conditions, figures);
   return figures;
 }

@@ -1,6 +1,6 @@
-/// `berth reproduce`: every figure that papers 1, 2 and 4 print for finding devices and giving them node-IDs:
-/// published, by formula, simulated on the bit-exact bus, and the same job as Berth's own code does it: found by its
-/// planners, bound by `places::Binder`.
+/// `berth reproduce`: every figure that papers 1, 2 and 4 print for finding devices and giving them node-IDs, and paper
+/// 3's numbers of nodes and accesses: published, by formula, simulated on the bit-exact bus, and the same job as
+/// Berth's own code does it: found by its planners, bound by `places::Binder`.
 ///
 /// Formula and simulation never look at each other: the formula is arithmetic with frame lengths, time-outs and the
 /// conditions; the simulation is the procedure itself on devices that answer. A simulated time is the span of a
@@ -26,7 +26,8 @@ struct Conditions {
   std::optional<rt::Duration> latency{};    ///< of a device's answers; paper 1: 4 ms; else 0.5 ms
 };
 
-/// One figure. Times in seconds; shares are numbers without a unit (`unit` is then "share").
+/// One figure. Times in seconds; shares are numbers without a unit (`unit` is then "share"), "nodes" and "accesses"
+/// whole numbers.
 struct Row {
   unsigned paper = 0;
   std::string what;
@@ -34,6 +35,7 @@ struct Row {
   std::optional<double> formula{};
   std::optional<double> simulated{};
   std::optional<double> berth{};
+  std::optional<double> counted{};  ///< on a simulated bus, where the figure is no time
   const char* unit = "s";
   std::string note{};   ///< why the columns disagree
   std::string marks{};  ///< the frames that mark begin and end of the simulated time
@@ -74,6 +76,7 @@ struct Listing {
 /// @{
 void reproduce_paper1(const Conditions& conditions, Figures& figures);
 void reproduce_paper2(const Conditions& conditions, Figures& figures);
+void reproduce_paper3(Figures& figures);
 void reproduce_paper4(const Conditions& conditions, Figures& figures);
 /// @}
 

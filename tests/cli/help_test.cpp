@@ -140,6 +140,10 @@ class Taken : public ::testing::Test {
       words.insert(words.end(), sim.begin(), sim.end());
       return words;
     };
+    const auto programmed = [](Words words) {
+      words.insert(words.end(), {"-m", example("programmed.toml"), "--sim", example("programmed.plant.toml")});
+      return words;
+    };
     return {
         {"demo", {"--fast"}},
         {"init", {folder.file("made.toml"), "--eds", drive, "--force"}},
@@ -153,6 +157,12 @@ class Taken : public ::testing::Test {
         {"replace", on({"left", "--up", "--device", left})},
         {"forget", on({left, "--up"})},
         {"configure", {"-m", example("configured.toml"), "--sim", example("configured.plant.toml"), "--up"}},
+        {"program status", programmed({"controller 3", "--up"})},
+        {"program download", programmed({"controller 3", "--up"})},
+        {"program start", programmed({"controller 3", "--up"})},
+        {"program stop", programmed({"controller 3", "--up"})},
+        {"program clear", programmed({"controller 1"})},
+        {"program image", {drive, folder.file("drive.bprg")}},
         {"boot", on({})},
         {"sdo read", on({"2", "1018h:04", "--up"})},
         {"sdo write", on({"2", "1017h", "100", "--up", "--yes"})},

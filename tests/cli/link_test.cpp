@@ -119,6 +119,142 @@ TEST_F(Link, ALinkThatCannotBeIsExitOneAndNoFiles) {
   EXPECT_FALSE(fs::exists(file("out")));
 }
 
+namespace {
+
+// The devices of linked.toml. The programs of the two controllers have the variables that the linker makes.
+constexpr const char* plant_head = R"([plant]
+seed = 3
+[bus.field]
+)";
+constexpr const char* press = R"(
+[[device]]
+bus = "field"
+name = "press"
+eds = "eds/controller.eds"
+serial = 1
+script = "press.lua"
+variables = [
+  { name = "running", type = "UNSIGNED8", object = "A040h:01" },
+  { name = "speed", type = "UNSIGNED16", object = "A100h:01" },
+  { name = "stop_buttons", type = "UNSIGNED8", object = "A4C0h:01" },
+]
+)";
+constexpr const char* belt = R"(
+[[device]]
+bus = "field"
+name = "belt"
+eds = "eds/controller.eds"
+serial = 2
+script = "belt.lua"
+variables = [
+  { name = "lamps", type = "UNSIGNED8", object = "A040h:01" },
+  { name = "press_running", type = "UNSIGNED8", object = "A4C0h:01" },
+  { name = "stop_buttons", type = "UNSIGNED8", object = "A4C0h:02" },
+  { name = "press_speed", type = "UNSIGNED16", object = "A580h:01" },
+]
+)";
+constexpr const char* modules = R"(
+[[device]]
+bus = "field"
+name = "io {n}"
+eds = "eds/io.eds"
+count = 2
+serial_first = 3
+)";
+constexpr const char* press_script = R"(
+local speed = 100
+device.every(10, function()
+  speed = speed + 1
+  device.write("speed", speed)
+  device.write("running", 1)
+end)
+)";
+constexpr const char* belt_script = R"(
+local told = false
+device.on_write("press_speed", function(value)
+  if not told then print("the press runs at", value > 100, device.read("press_running")) end
+  told = true
+end)
+)";
+
+}  // namespace
+
+// What links need is part of a device's configuration: nothing but the machine file is written by hand.
+TEST_F(Link, UpLaysTheLinks) {
+  write("plant.toml", std::string(plant_head) + press + belt + modules);
+  write("press.lua", press_script);
+  write("belt.lua", belt_script);
+  const Outcome run = berth({"up", file("linked.toml"), "--sim", file("plant.toml"), "--json"});
+  ASSERT_EQ(run.status, 0) << run.err << run.out;
+  EXPECT_NE(run.err.find("the press runs at true 1\n"), std::string::npos) << run.err;
+  const json said = json::parse(run.out);
+  std::size_t configured = 0;
+  for (const auto& event : said.at("events")) {
+    const bool written = event.at("kind") == "configured" &&
+                         event.at("text").get<std::string>().find("of linked.toml written") != std::string::npos;
+    if (written) ++configured;
+  }
+  EXPECT_EQ(configured, 4U) << run.out;
+}
+
+// A device's program without a variable that a link needs: the device is not started, and the report says what it
+// refused.
+TEST_F(Link, S5_4_AProgramWithoutTheVariable) {
+  std::string without = belt;
+  const std::string line = "  { name = \"press_speed\", type = \"UNSIGNED16\", object = \"A580h:01\" },\n";
+  ASSERT_NE(without.find(line), std::string::npos);
+  without.erase(without.find(line), line.size());
+  write("plant.toml", std::string(plant_head) + press + without + modules);
+  write("press.lua", press_script);
+  write("belt.lua", "");
+  const Outcome run = berth({"up", file("linked.toml"), "--sim", file("plant.toml"), "--timeout", "30 s"});
+  EXPECT_EQ(run.status, 1) << run.out;
+  EXPECT_NE(run.err.find("slot belt (node-ID 2)"), std::string::npos) << run.err;
+  EXPECT_NE(run.err.find("its configuration failed: "), std::string::npos) << run.err;
+  EXPECT_NE(run.err.find("linked.toml"), std::string::npos) << run.err;
+  EXPECT_NE(run.err.find("object does not exist"), std::string::npos) << run.err;
+  EXPECT_EQ(run.err.find("slot press"), std::string::npos) << "the others run: " << run.err;
+}
+
+// A link to an object that is gone, and links in a circle: nothing is sent, and the report says which link it is.
+TEST_F(Link, UpRefusesLinksThatCannotBe) {
+  write("plant.toml", std::string(plant_head) + modules);
+  const auto refused = [&](const std::string& links) {
+    write("linked.toml", machine_ + links);
+    const Outcome run = berth({"up", file("linked.toml"), "--sim", file("plant.toml"), "--record", file("sent.log")});
+    EXPECT_EQ(run.status, 2) << run.out;
+    EXPECT_FALSE(fs::exists(file("sent.log")) && fs::file_size(file("sent.log")) > 0);
+    return run.err;
+  };
+  const auto gone = refused("\n[[link]]\nfrom = \"left io/6401h:01\"\nto = [\"press/level\"]\n");
+  EXPECT_NE(gone.find("linked.toml:59:1: error: link[5]: left io/6401h:01"), std::string::npos) << gone;
+  const auto circle = refused(
+      "\n[[link]]\nfrom = \"press/a\"\nto = [\"belt/b\"]\ntype = \"UNSIGNED8\"\n"
+      "[[link]]\nfrom = \"belt/b\"\nto = [\"press/a\"]\n");
+  EXPECT_NE(circle.find("linked.toml:"), std::string::npos) << circle;
+  EXPECT_NE(circle.find("error: link["), std::string::npos) << circle;
+  write("linked.toml", machine_);
+  EXPECT_EQ(berth({"link", file("linked.toml")}).status, 0) << "a repeat with the links put right heals it";
+}
+
+// The plan of the machine file is what `berth up` and `berth link` go on from.
+TEST_F(Link, ThePlanOfTheMachineFile) {
+  const auto key = machine_.find("name = \"linked\"\n");
+  machine_.insert(key, "link_plan = \"kept/plan.toml\"\n");
+  write("linked.toml", machine_);
+  ASSERT_EQ(berth({"link", file("linked.toml"), "--output", file("kept")}).status, 0);
+  // Another variable comes, whose name is before the others': what was there stays where it is.
+  write("linked.toml",
+        machine_ + "\n[[link]]\nfrom = \"press/before\"\nto = [\"belt/press_before\"]\ntype = \"UNSIGNED16\"\n");
+  const Outcome links = berth({"link", file("linked.toml"), "--links"});
+  EXPECT_NE(links.out.find("press/speed: UNSIGNED16 input, A100h:01"), std::string::npos) << links.out;
+  EXPECT_NE(links.out.find("press/before: UNSIGNED16 input, A100h:02"), std::string::npos) << links.out;
+  const Outcome anew = berth({"link", file("linked.toml"), "--links", "--anew"});
+  EXPECT_NE(anew.out.find("press/before: UNSIGNED16 input, A100h:01"), std::string::npos) << anew.out;
+  write("kept/plan.toml", "format = 2\n");
+  EXPECT_EQ(berth({"link", file("linked.toml")}).status, 2);
+}
+
 TEST_F(Link, WrongUse) {
   EXPECT_EQ(berth({"link", "/no/such.toml"}).status, 2);
   EXPECT_EQ(berth({"link", example("by-eds.toml")}).status, 2) << "it has no link";

@@ -175,6 +175,105 @@ TEST_F(Streams, RefusalsOfTheStream) {
   }
 }
 
+namespace {
+
+// Takes each piece, and is ready for the next one only when it is told so: flash memory.
+struct SlowStream final : od::Stream {
+  od::AbortCode open_write(ObjectRef, std::optional<std::size_t>) noexcept override {
+    taken.clear();
+    return od::AbortCode::none;
+  }
+  od::AbortCode write(std::span<const std::uint8_t> bytes) noexcept override {
+    largest = std::max(largest, bytes.size());
+    taken.insert(taken.end(), bytes.begin(), bytes.end());
+    ++waits;
+    return od::AbortCode::pending;
+  }
+  od::AbortCode close(ObjectRef, bool complete) noexcept override {
+    completed = complete;
+    ++closed;
+    return od::AbortCode::none;
+  }
+  Bytes taken;
+  std::size_t largest = 0;
+  int waits = 0;
+  int closed = 0;
+  bool completed = false;
+};
+
+}  // namespace
+
+// A stream that takes its time between two pieces: the acknowledgement of a sub-block, or of a segment, waits for it,
+// and what the client says meanwhile changes nothing.
+TEST_F(Streams, AStreamThatWritesSlowly) {
+  const auto data = numbers(5'000);
+  for (const auto mode : {co::SdoMode::segmented, co::SdoMode::block}) {
+    for (const bool fails : {false, true}) {
+      SlowStream slow;
+      ASSERT_TRUE(values.attach(slow, {0x2004, 0}));
+      auto options = of(mode);
+      options.timeout = 1s;
+      auto op = client.download(NodeId(5), 0x2004, 0, std::span<const std::uint8_t>(data), options);
+      struct Told final : rt::Job {
+        void run() noexcept override { done = true; }
+        bool done = false;
+      } told;
+      ASSERT_FALSE(op.begin(near.dispatcher.executor(), told));
+      int answered = 0;
+      for (int i = 0; i < 200 && !told.done; ++i) {
+        run(20ms);
+        if (!server.pending()) continue;
+        EXPECT_EQ(server.pending(), (ObjectRef{0x2004, 0}));
+        run(100ms);
+        EXPECT_TRUE(server.pending()) << "nothing else ends the waiting";
+        const bool refuse = fails && answered == 2;
+        EXPECT_TRUE(server.complete(refuse ? od::AbortCode::hardware : od::AbortCode::none));
+        ++answered;
+      }
+      ASSERT_TRUE(told.done);
+      const auto done = op.await_resume();
+      EXPECT_EQ(done.has_value(), !fails) << (done ? "" : describe(done.error()));
+      EXPECT_LE(slow.largest, od::Stream::longest_piece);
+      EXPECT_GE(answered, 3);
+      EXPECT_EQ(slow.closed, 1);
+      EXPECT_EQ(slow.completed, !fails);
+      EXPECT_TRUE(!fails || done.error().detail == 0x06060000U);
+      EXPECT_TRUE(fails || slow.taken == data);
+      wire.log.clear();
+      wire.times.clear();
+    }
+  }
+}
+
+// While an acknowledgement waits, every frame but an abort is a segment that comes late.
+TEST(SdoServerPending, LateSegmentsDoNotBeginATransfer) {
+  ServerRig rig;
+  SlowStream slow;
+  ASSERT_TRUE(rig.values.attach(slow, {0x2004, 0}));
+  const auto data = numbers(3 * 889);
+  ASSERT_EQ(rig.ask("C2042000" + hex({0x6B, 0x0A, 0, 0})).substr(0, 2), "A0");
+  const auto send = [&](std::size_t block) {
+    std::string last;
+    for (const auto& frame : segments_of(Bytes(data.begin() + block * 889, data.begin() + (block + 1) * 889), false)) {
+      last = rig.ask(frame);
+    }
+    return last;
+  };
+  EXPECT_EQ(send(0), "") << "the stream writes";
+  ASSERT_TRUE(rig.server.pending());
+  EXPECT_EQ(rig.ask("2220200001000000"), "") << "it looks like an initiate";
+  EXPECT_EQ(rig.ask("7F00000000000000"), "") << "the last segment once more";
+  ASSERT_TRUE(rig.server.pending());
+  const auto answer = rig.server.complete(od::AbortCode::none);
+  ASSERT_TRUE(answer);
+  EXPECT_EQ(can::to_string(*answer).substr(4, 4), "A27F");
+  EXPECT_EQ(send(1), "");
+  EXPECT_EQ(rig.ask("8004200000000008"), "") << "the client aborts";
+  EXPECT_FALSE(rig.server.pending());
+  EXPECT_EQ(slow.closed, 1);
+  EXPECT_FALSE(slow.completed);
+}
+
 // One transfer at a time; access rights count; the whole-value interface of the dictionary uses the stream as well.
 TEST_F(Streams, OneTransferAtATime) {
   stream.length = 100;

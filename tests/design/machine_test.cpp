@@ -207,6 +207,34 @@ TEST(MachineFile, AConfigurationIsLookedAt) {
   EXPECT_EQ(said("config = \"right.dcf\"\nactivate = \"now\"\n").find("m.toml:12:12: error: slot[1].activate:"), 0U);
 }
 
+// What shall run in a slot's device: `programs`, `update`, and the texts of its versions.
+TEST(MachineFile, TheProgramsOfASlot) {
+  const auto read = [](const std::string& line) { return read_machine(head + slot2 + line, "dir/m.toml", {}); };
+  const auto good = read(
+      "programs = [{ file = \"a.bprg\" }, { number = 9, file = \"/b.bin\", identification = 0x12 }, { file = \"c\" }]\n"
+      "hardware_version = \"1.0\"\nsoftware_version = \"2.1\"\nupdate = \"by-hand\"\n");
+  ASSERT_TRUE(good.machine) << to_string(good.findings.at(0));
+  const auto& software = good.machine->slots.at(0).spec.software;
+  EXPECT_EQ(software.programs, (std::vector<places::SlotProgram>{
+                                   {1, "dir/a.bprg", std::nullopt}, {9, "/b.bin", 0x12}, {10, "dir/c", std::nullopt}}));
+  EXPECT_EQ(software.hardware, "1.0");
+  EXPECT_EQ(software.version, "2.1");
+  EXPECT_FALSE(software.updates);
+  const auto usual = read("programs = [{ file = \"a\" }]\n");
+  ASSERT_TRUE(usual.machine);
+  EXPECT_TRUE(usual.machine->slots.at(0).spec.software.updates);
+  for (const char* const bad :
+       {"programs = [{ number = 3 }]\n", "programs = [{ file = \"\" }]\n", "update = \"automatic\"\n",
+        "programs = [{ number = 0, file = \"a\" }]\n", "programs = [{ number = 255, file = \"a\" }]\n",
+        "programs = [{ number = 254, file = \"a\" }, { file = \"b\" }]\n", "programs = [{ file = \"a\", x = 1 }]\n",
+        "programs = [{ number = 2, file = \"a\" }, { number = 2, file = \"b\" }]\n", "programs = \"a\"\n",
+        "programs = [{ file = \"a\", identification = 0 }]\n", "programs = [{ file = \"a\" }]\nupdate = \"now\"\n"}) {
+    const auto result = read(bad);
+    EXPECT_FALSE(result.machine) << bad;
+    EXPECT_FALSE(result.findings.empty()) << bad;
+  }
+}
+
 TEST(MachineFile, TheTypeOfASlotComesFromItsDeviceDescription) {
   const auto result = load_machine(berth::test::source_dir() + "/examples/by-eds.toml");
   ASSERT_TRUE(result.machine) << to_string(result.findings.at(0));

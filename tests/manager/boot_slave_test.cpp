@@ -243,7 +243,7 @@ TEST(BootSlave, EAndFAStateThatCannotBeSeen) {
 TEST(BootSlave, TheSoftwareHasFourEnds) {
   const auto expect = [](Booting& b, std::uint32_t expected, std::optional<std::uint32_t> is) {
     b.rules.checks_software = true;
-    b.rules.expected_software = expected;
+    b.rules.expected.software = expected;
     if (is) b.target.device.add({0x1F56, 1}, u32(*is), false);
   };
   Booting unknown;
@@ -264,11 +264,76 @@ TEST(BootSlave, TheSoftwareHasFourEnds) {
   EXPECT_EQ(old.source.configured, 0U);
 }
 
+// S5.26: by 1F56h where 1F55h has something, else by the date and time of paper 5's time (1F52h, 1F53h, 1F54h).
+TEST(BootSlave, TheSoftwareIsKnownByTheOldObjectsToo) {
+  struct Case {
+    std::uint32_t date, time;
+    char letter;
+  };
+  for (const Case& c : {Case{15'000, 1'000, 0}, Case{15'001, 1'000, 'H'}, Case{15'000, 1'001, 'H'}}) {
+    Booting b;
+    b.rules.checks_software = true;
+    b.rules.expected.software_date = c.date;
+    b.rules.expected.software_time = c.time;
+    EXPECT_EQ(letter(b.run().status), 'G') << "it has no 1F52h";
+    b.target.device.add({0x1F52, 1}, u32(15'000), false);
+    EXPECT_EQ(letter(b.run().status), 'G') << "nor its time";
+    b.target.device.add({0x1F52, 2}, u32(1'000), false);
+    EXPECT_EQ(letter(b.run().status), c.letter) << b.run().text();
+    b.rules.expected.software = 7;  // the new way comes first
+    b.target.device.add({0x1F56, 1}, u32(7), false);
+    EXPECT_EQ(b.run().status, BootStatus::booted);
+  }
+}
+
+// What only a machine file can expect: the texts of 1009h and 100Ah.
+TEST(BootSlave, VersionsAsTexts) {
+  const Bytes version = {'2', '.', '1'};
+  for (const bool identified : {false, true}) {
+    Booting b;
+    b.options.identified = identified;
+    b.rules.expected.hardware_text = "2.1";
+    EXPECT_EQ(letter(b.run().status), 'N') << "it tells none";
+    b.target.device.add({0x1009, 0}, version, false);
+    EXPECT_EQ(b.run().status, BootStatus::booted);
+    b.rules.expected.hardware_text = "2.10";
+    const auto other = b.run();
+    EXPECT_EQ(letter(other.status), 'N');
+    EXPECT_NE(other.text().find("\"2.1\" instead of \"2.10\""), std::string::npos) << other.text();
+    EXPECT_EQ(b.source.configured, 1U) << "the one that was right";
+  }
+  Booting b;
+  b.rules.checks_software = true;
+  b.rules.expected.software_text = "2.1";
+  EXPECT_EQ(letter(b.run().status), 'G');
+  b.target.device.add({0x100A, 0}, {'2', '.', '1', 0}, false);
+  EXPECT_EQ(b.run().status, BootStatus::booted) << "padded with NUL";
+  b.rules.expected.software_text = "2.2";
+  EXPECT_EQ(letter(b.run().status), 'H');
+}
+
+// The right program that does not run is started, once; a keep-alive slave is left as it is.
+TEST(BootSlave, ARightProgramThatIsStoppedIsStarted) {
+  Booting b;
+  b.rules.checks_software = true;
+  b.rules.expected.software = 7;
+  b.target.device.add({0x1F56, 1}, u32(7), false);
+  b.target.device.add({0x1F51, 1}, u8(0));
+  EXPECT_EQ(b.run().status, BootStatus::booted);
+  EXPECT_EQ(b.target.device.value({0x1F51, 1}), u8(1));
+  EXPECT_EQ(b.target.device.writes_to({0x1F51, 1}), 1U);
+  b.target.device.objects[{0x1F51, 1}].value = u8(0);
+  b.target.device.forgets.insert({0x1F51, 1});
+  EXPECT_EQ(letter(b.run().status), 'I') << "it does not start";
+  b.rules.keep_alive = true;
+  EXPECT_EQ(b.run().status, BootStatus::booted);
+}
+
 // Behind an update all begins anew: another program may have another identity.
 TEST(BootSlave, AnUpdateIsFollowedByAllChecksAgain) {
   Booting b;
   b.rules.checks_software = b.rules.may_update = true;
-  b.rules.expected_software = 7;
+  b.rules.expected.software = 7;
   b.target.device.add({0x1F56, 1}, u32(6), false);
   b.source.brings = 7;
   const auto result = b.run();
@@ -283,7 +348,7 @@ TEST(BootSlave, AnUpdateIsFollowedByAllChecksAgain) {
 TEST(BootSlave, AnUpdateThatChangesNothingIsTriedOnce) {
   Booting b;
   b.rules.checks_software = b.rules.may_update = true;
-  b.rules.expected_software = 7;
+  b.rules.expected.software = 7;
   b.target.device.add({0x1F56, 1}, u32(6), false);
   EXPECT_EQ(letter(b.run().status), 'I');
   EXPECT_EQ(b.source.updated, 1U);
@@ -293,7 +358,7 @@ TEST(BootSlave, AnUpdateThatChangesNothingIsTriedOnce) {
 TEST(BootSlave, AKeepAliveSlaveIsNotUpdated) {
   Booting b;
   b.rules.checks_software = b.rules.may_update = b.rules.keep_alive = true;
-  b.rules.expected_software = 7;
+  b.rules.expected.software = 7;
   b.target.device.add({0x1F56, 1}, u32(6), false);
   EXPECT_EQ(letter(b.run().status), 'H');
   EXPECT_EQ(b.source.updated, 0U);

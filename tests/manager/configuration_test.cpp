@@ -137,6 +137,33 @@ TEST(ConfigurationFile, S5_18_TheFilesOwnDateIsTaken) {
   EXPECT_EQ(find(w, {0x1020, 1}), nullptr) << "it is written last, not among the values";
 }
 
+// What links need goes over what a file says, and the file's own date no longer tells that all of it is there.
+TEST(ConfigurationFile, TwoAreJoined) {
+  Configuration base;
+  base.file = "pump.dcf";
+  base.date = {15'000, 7};
+  base.type = {1, 0x30};
+  base.settings = {{{0x1400, 1}, od::DataType::unsigned32, od::Literal::number(0x181), "a", 12},
+                   {{0x2000, 0}, od::DataType::unsigned8, od::Literal::number(3), "b", 20}};
+  Configuration over;
+  over.settings = {{{0x1400, 1}, od::DataType::unsigned32, od::Literal::number(0x182), "c", 99},
+                   {{0x1800, 1}, od::DataType::unsigned32, od::Literal::node_id_plus(0x180), "d", 98}};
+  const Configuration all = joined(base, over);
+  ASSERT_EQ(all.settings.size(), 3U);
+  EXPECT_EQ(all.settings[0].value.raw, 0x182U);
+  EXPECT_EQ(all.settings[0].line, 0U) << "the line would be one of pump.dcf";
+  EXPECT_EQ(all.settings[1].object, (ObjectRef{0x1800, 1})) << "ascending";
+  EXPECT_EQ(all.settings[2].line, 20U);
+  EXPECT_EQ(all.file, "pump.dcf");
+  EXPECT_EQ(all.type, base.type);
+  EXPECT_FALSE(all.date.valid());
+  const auto first = wanted(all, NodeId(5));
+  over.settings[1].value = od::Literal::node_id_plus(0x280);
+  const auto second = wanted(joined(base, over), NodeId(5));
+  ASSERT_TRUE(first && second);
+  EXPECT_NE(first->date.ms, second->date.ms) << "another link is another date";
+}
+
 TEST(ConfigurationFile, WhatIsNoConfigurationIsLeftOut) {
   const Folder folder;
   auto text = with(pump_dcf(), "ParameterName=Error register\n", "ParameterName=Error register\nParameterValue=1\n");

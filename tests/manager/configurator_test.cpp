@@ -297,7 +297,8 @@ TEST(Configurator, ARestartInTheMiddleNeverEndsWell) {
   }
 }
 
-// The same between two reads, its boot-up message lost: at worst between the values that are read back and their date.
+// The same between two reads, its boot-up message lost: at worst between the values that are read back, or between them
+// and their date.
 TEST(Configurator, ARestartBetweenTwoReadsIsSeenByTheDate) {
   auto whole = pump();
   ASSERT_TRUE(configure(whole, pump_wanted(), quick()).good());
@@ -310,6 +311,7 @@ TEST(Configurator, ARestartBetweenTwoReadsIsSeenByTheDate) {
     const auto r = configure(d, pump_wanted(), options);
     EXPECT_TRUE(d.restarted) << at;
     EXPECT_EQ(r.good(), d.value(limit) == u16(500)) << at;
+    EXPECT_TRUE(r.good() || r.failure->passing()) << at << ": it is tried again";
     if (!r.good() && r.failure->why == Why::restarted) ++restarts;
     const bool dated = d.saved.at({0x1020, 1}) == u32(15'000) && d.saved.at({0x1020, 2}) == u32(12'345);
     EXPECT_TRUE(!dated || d.saved.at(limit) == u16(500)) << "a valid date over old values; " << at;

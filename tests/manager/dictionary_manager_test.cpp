@@ -4,6 +4,7 @@
 
 #include "berth/co/sdo_client.hpp"
 #include "berth/eds/concise_dcf.hpp"
+#include "berth/manager/stored_dcf.hpp"
 #include "tests/manager/network_rig.hpp"
 
 using namespace berth;
@@ -117,6 +118,14 @@ std::vector<std::uint8_t> concise(std::uint32_t limit) {
   std::vector<std::uint8_t> value(4);
   store_le(value.data(), limit);
   return eds::encode(eds::ConciseDcf{{{{0x2000, 0}, value}}});
+}
+
+std::string dcf_of_limit(unsigned limit) {
+  return "[FileInfo]\nFileName=slave.dcf\n[DeviceInfo]\n[MandatoryObjects]\nSupportedObjects=1\n1=0x1000\n"
+         "[1000]\nParameterName=Device type\nObjectType=7\nDataType=7\nAccessType=ro\nPDOMapping=0\n"
+         "[ManufacturerObjects]\nSupportedObjects=1\n1=0x2000\n"
+         "[2000]\nParameterName=Limit\nObjectType=7\nDataType=7\nAccessType=rw\nPDOMapping=0\nParameterValue=" +
+         std::to_string(limit) + "\n";
 }
 
 }  // namespace
@@ -368,11 +377,7 @@ TEST(DictionaryManager, AConciseDcfIsBroughtIntoItsSlave) {
 
 // 1F20h: the DCF as text. 1F22h, where there is one, comes before it.
 TEST(DictionaryManager, ADcfAsTextIsBroughtIntoItsSlave) {
-  const std::string dcf =
-      "[FileInfo]\nFileName=slave.dcf\n[DeviceInfo]\n[MandatoryObjects]\nSupportedObjects=1\n1=0x1000\n"
-      "[1000]\nParameterName=Device type\nObjectType=7\nDataType=7\nAccessType=ro\nPDOMapping=0\n"
-      "[ManufacturerObjects]\nSupportedObjects=1\n1=0x2000\n"
-      "[2000]\nParameterName=Limit\nObjectType=7\nDataType=7\nAccessType=rw\nPDOMapping=0\nParameterValue=41\n";
+  const std::string dcf = dcf_of_limit(41);
   MasterRig rig;
   rig.go();
   const std::vector<std::uint8_t> bytes(dcf.begin(), dcf.end());
@@ -386,6 +391,77 @@ TEST(DictionaryManager, ADcfAsTextIsBroughtIntoItsSlave) {
   EXPECT_TRUE(rig.all_slaves(NmtState::operational));
 }
 
+// S5.17: a DCF that is stored compressed (1F21h = 128); what is stored is read back as it was written.
+TEST(DictionaryManager, ACompressedDcfIsBroughtIntoItsSlave) {
+  MasterRig rig;
+  rig.go();
+  const auto packed = pack_stored(dcf_of_limit(43));
+  ASSERT_LT(packed.size(), dcf_of_limit(43).size());
+  ASSERT_EQ(rig.store(0x1F20, 1, packed), AbortCode::none);
+  ASSERT_EQ(rig.write(0x1F21, 1, stored_format::zlib), AbortCode::none);
+  const auto back = rig.get(rig.tool.upload(NodeId(master_id), 0x1F20, 1));
+  ASSERT_TRUE(back);
+  EXPECT_TRUE(std::ranges::equal(back->bytes(), packed));
+  ASSERT_EQ(rig.write<std::uint8_t>(0x1F82, 1, 0x06), AbortCode::none);
+  EXPECT_EQ(rig.limit(1), 43U);
+  EXPECT_EQ(rig.stations[1]->state(), NmtState::operational);
+}
+
+// 1F25h: "conf" configures a slave at once and leaves its NMT state; 80h all of them.
+TEST(DictionaryManager, RequestConfiguration) {
+  MasterRig rig;
+  std::map<std::uint8_t, bool> told;
+  rig.manager->configurations().observe(
+      [&](NodeId node, const Result<void>& done) { told[node.value()] = done.has_value(); });
+  rig.go();
+  for (const std::uint8_t id : {std::uint8_t{1}, std::uint8_t{2}}) {
+    ASSERT_EQ(rig.store(0x1F22, id, concise(60U + id)), AbortCode::none);
+  }
+  EXPECT_EQ(rig.write(0x1F25, 1, std::uint32_t{0x666E'6F63}), AbortCode::none);
+  EXPECT_EQ(rig.limit(1), 61U);
+  EXPECT_EQ(rig.limit(2), 0U);
+  EXPECT_EQ(told, (std::map<std::uint8_t, bool>{{1, true}}));
+  EXPECT_EQ(rig.write(0x1F25, 0x80, ConfigurationRequests::signature), AbortCode::none);
+  EXPECT_EQ(rig.limit(2), 62U);
+  EXPECT_EQ(told.size(), 3U) << "slave 3 has nothing to be configured, and that is done";
+  EXPECT_TRUE(rig.all_slaves(NmtState::operational));
+  EXPECT_TRUE(rig.events.empty());
+  EXPECT_TRUE(std::ranges::none_of(rig.frames, [](auto& f) { return f.starts_with("000#"); }));
+}
+
+TEST(DictionaryManager, ConfigurationsThatAreNotBegun) {
+  MasterRig rig;
+  rig.go();
+  constexpr auto conf = ConfigurationRequests::signature;
+  EXPECT_EQ(rig.write(0x1F25, 1, conf + 1), AbortCode::not_stored);
+  EXPECT_EQ(rig.write(0x1F25, 0x80, 0U), AbortCode::not_stored);
+  EXPECT_EQ(rig.write(0x1F25, 4, conf), AbortCode::invalid_value) << "not assigned";
+  EXPECT_EQ(rig.read<std::uint32_t>(0x1F25, 1), od::refuse(AbortCode::write_only));
+  // While it boots its configuration is under way anyhow.
+  rig.stations[2]->off();
+  ASSERT_EQ(rig.write<std::uint8_t>(0x1F82, 2, 0x06), AbortCode::none);
+  EXPECT_EQ(rig.write(0x1F25, 2, conf), AbortCode::device_state);
+  MasterRig idle(0);
+  idle.master->on();
+  idle.world.run_for(100ms);
+  EXPECT_EQ(idle.write(0x1F25, 1, conf), AbortCode::device_state) << "no master";
+}
+
+// A slave that refuses its configuration is told, and runs on.
+TEST(DictionaryManager, ARequestedConfigurationThatFails) {
+  MasterRig rig;
+  std::string why;
+  rig.manager->configurations().observe([&](NodeId, const Result<void>& done) {
+    if (!done) why = describe(done.error());
+  });
+  rig.go();
+  const std::vector<std::uint8_t> text = {'n', 'o', ' ', 'D', 'C', 'F'};
+  ASSERT_EQ(rig.store(0x1F20, 1, text), AbortCode::none);
+  EXPECT_EQ(rig.write(0x1F25, 1, ConfigurationRequests::signature), AbortCode::none);
+  EXPECT_NE(why.find("1F20h"), std::string::npos) << why;
+  EXPECT_EQ(rig.stations[1]->state(), NmtState::operational);
+}
+
 // What is stored and is none, or is refused by the slave, is a J of that slave, with its reason.
 TEST(DictionaryManager, AConfigurationThatIsNoneFailsItsSlave) {
   MasterRig rig;
@@ -395,7 +471,7 @@ TEST(DictionaryManager, AConfigurationThatIsNoneFailsItsSlave) {
   const std::vector<std::uint8_t> text = {'n', 'o', ' ', 'D', 'C', 'F'};
   ASSERT_EQ(rig.store(0x1F20, 2, text), AbortCode::none);
   ASSERT_EQ(rig.store(0x1F20, 3, text), AbortCode::none);
-  ASSERT_EQ(rig.write<std::uint8_t>(0x1F21, 3, 128), AbortCode::none);
+  ASSERT_EQ(rig.write<std::uint8_t>(0x1F21, 3, 129), AbortCode::none);
   for (const std::uint8_t id : {std::uint8_t{1}, std::uint8_t{2}, std::uint8_t{3}}) {
     ASSERT_EQ(rig.write<std::uint8_t>(0x1F82, id, 0x06), AbortCode::none);
     const auto& status = *rig.manager->network().find(NodeId(id));

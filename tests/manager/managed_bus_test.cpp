@@ -13,6 +13,7 @@ struct Listener final : ErrorControl {
   void lost(NodeId node) noexcept override { add(node, "lost"); }
   void back(NodeId node) noexcept override { add(node, "back"); }
   void told(NodeId node, NmtState state) noexcept override { add(node, name(state)); }
+  void overheard(const co::NmtRequest&) noexcept override {}
   void add(NodeId node, const char* what) { heard.push_back(std::to_string(node.value()) + " " + what); }
   std::vector<std::string> heard;
 };

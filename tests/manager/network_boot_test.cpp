@@ -343,7 +343,6 @@ TEST(NetworkBoot, APlanThatMakesNoSenseIsRefused) {
     return begun ? std::optional<Errc>() : begun.error().code;
   };
   EXPECT_EQ(code([](auto& plan) { plan.startup.master = false; }), Errc::invalid);
-  EXPECT_EQ(code([](auto& plan) { plan.startup.flying = true; }), Errc::unsupported);
   EXPECT_EQ(code([](auto& plan) { plan.slaves.push_back(plan.slaves[0]); }), Errc::invalid);
   EXPECT_EQ(code([](auto& plan) { plan.slaves[0].node = NodeId(); }), Errc::invalid);
   EXPECT_EQ(code([](auto& plan) { plan.slaves[0].target = nullptr; }), Errc::invalid);

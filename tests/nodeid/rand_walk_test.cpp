@@ -112,6 +112,62 @@ TEST(RandWalk, PaperResumingAndMixedSlavesAreAllFoundAndIdentified) {
   }
 }
 
+struct Steps {
+  rt::Duration time{};  // until all are known
+  std::set<LssAddress> found, there;
+  unsigned rounds = 0;
+};
+Steps walk_steps(const std::vector<std::uint32_t>& serials) {
+  WalkWorld w;
+  for (const auto serial : serials) w.put({1, 2, 3, serial}, false, microseconds(300));
+  const auto report = w.go();
+  if (!report || report->end != End::complete) return {};
+  expect_silent(w);
+  return {report->known - report->began, found(*report), there(w), report->rounds};
+}
+
+// Serial numbers in steps too large for two under one prefix: two differences that agree tell the next ones.
+TEST(RandWalk, SerialNumbersInEqualStepsAreGuessed) {
+  std::vector<std::uint32_t> equal;
+  std::vector<std::uint32_t> uneven;
+  for (std::uint32_t i = 0; i < 15; ++i) {
+    equal.push_back(0x8000'1234 + i * 0x1'0010);
+    uneven.push_back(0x8000'1234 + i * 0x1'0000 + 0x1F * (i * i));
+  }
+  const auto guessed = walk_steps(equal);
+  const auto led = walk_steps(uneven);
+  EXPECT_EQ(guessed.there.size(), 15U);
+  EXPECT_EQ(guessed.found, guessed.there);
+  EXPECT_EQ(led.found, led.there);
+  EXPECT_LT(3 * guessed.time, 2 * led.time);
+}
+
+// Where several serial numbers can lie under one prefix, none is guessed: the others would cost another round.
+TEST(RandWalk, SmallStepsAreNotGuessed) {
+  std::vector<std::uint32_t> serials;
+  for (std::uint32_t i = 0; i < 30; ++i) serials.push_back(0xFFF0 + i);
+  const auto steps = walk_steps(serials);
+  EXPECT_EQ(steps.found, steps.there);
+  EXPECT_EQ(steps.rounds, 2U);
+}
+
+// The guess is right, and hides a second device under its prefix; or it is wrong, once, twice and again.
+TEST(RandWalk, AGuessedSerialNumberHidesNoDevice) {
+  const std::uint32_t a = 0x1000'0007;
+  const std::uint32_t d = 0x2'0000;
+  const std::vector<std::vector<std::uint32_t>> all{
+      {a, a + d, a + 2 * d, a + 3 * d, a + 3 * d + 1, a + 4 * d},
+      {a, a + d, a + 2 * d, a + 3 * d + 1, a + 4 * d},
+      {a, a + d, a + 2 * d, a + 3 * d + 1, a + 4 * d + 2, a + 5 * d + 3, a + 6 * d + 4, a + 7 * d + 4},
+      {0xFFFD'0000, 0xFFFE'0000, 0xFFFF'0000, 0xFFFF'FFFF},
+  };
+  for (const auto& serials : all) {
+    const auto steps = walk_steps(serials);
+    EXPECT_EQ(steps.there.size(), serials.size());
+    EXPECT_EQ(steps.found, steps.there);
+  }
+}
+
 // Resuming slaves: each node of the tree once, and two requests when type and revision are known.
 TEST(RandWalk, ResumingSlavesOfAKnownTypeTakeTwoRequests) {
   WalkWorld w;

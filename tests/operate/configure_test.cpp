@@ -128,10 +128,12 @@ struct Watch final : can::Tap {
       ++writes;
       if (index == 0x1010) ++savings;
     }
+    if (request && f.data[0] == 0x40 && index == 0x1017) ++heartbeat_reads;
     const bool start = f.id == 0 && f.size == 2 && f.data[0] == 1 && (f.data[1] == id_ || f.data[1] == 0);
     if (start && starts++ == 0) savings_before_start = savings;
   }
   unsigned writes = 0;
+  unsigned heartbeat_reads = 0;
   unsigned savings = 0;
   unsigned starts = 0;
   unsigned savings_before_start = 0;
@@ -212,6 +214,91 @@ TEST(Configuration, ASpareWithTheSlotsNodeIdIsNotConfiguredInItsPlace) {
     EXPECT_NE(rig.device("spare").truth().state, NmtState::operational) << i << rig.log();
     EXPECT_NE(rig.state(5), SlotState::operational) << i;
   }
+}
+
+// The slot's device was identified, and another one's binding takes long; a spare that came with the slot's node-ID
+// boots in its place meanwhile. It is asked who it is before anything is done to it.
+TEST(Configuration, ASpareThatBootsWhileOthersAreBoundIsNotConfigured) {
+  auto machine = pumps({5});
+  add_slot(machine, 6, type_b);
+  auto plant = plant_of(1);
+  auto& slow = add_device(plant, "slow", type_b, 1);
+  slow.storing.time = 2s;
+  slow.plugged = false;
+  auto& spare = add_pump(plant, "spare", 99);
+  spare.plugged = false;
+  spare.source = plant::NodeIdSource::nonvolatile;
+  spare.node_id = NodeId(5);
+  Rig rig(machine, plant);
+  rig.begin();
+  ASSERT_TRUE(rig.run_until([&] { return rig.state(5) == SlotState::operational; }, 30s)) << rig.log();
+  rig.kill();
+  rig.device("p1").device().apply(co::NmtCommand::enter_pre_operational);
+  rig.device("slow").plug();
+  rig.run_for(1s);
+  const Watch watch(rig, 5);
+  rig.begin();
+  ASSERT_TRUE(rig.run_until([&] { return rig.state(6) == SlotState::binding; }, 30s)) << rig.log();
+  ASSERT_EQ(rig.state(5), SlotState::present) << rig.log();
+  rig.device("p1").unplug();
+  rig.device("spare").plug();
+  ASSERT_TRUE(rig.run_until([&] { return rig.state(6) == SlotState::operational; }, 30s)) << rig.log();
+  rig.run_for(20s);
+  EXPECT_EQ(watch.savings, 0U) << rig.log();
+  EXPECT_EQ(watch.starts, 0U) << rig.log();
+  EXPECT_EQ(record(rig, 5)->device.serial, 1U);
+}
+
+// It leaves when it is asked for its heartbeat, before anything else of its configuration; the spare hears the repeated
+// question.
+TEST(Configuration, ASpareThatBootsBeforeTheComparingIsNotConfigured) {
+  auto plant = plant_of(1);
+  auto& spare = add_pump(plant, "spare", 99);
+  spare.plugged = false;
+  spare.source = plant::NodeIdSource::nonvolatile;
+  spare.node_id = NodeId(5);
+  Rig rig(pumps({5}), plant);
+  rig.begin();
+  ASSERT_TRUE(rig.until_operational(30s)) << rig.log();
+  rig.kill();
+  rig.device("p1").device().apply(co::NmtCommand::enter_pre_operational);
+  rig.run_for(1s);
+  const Watch watch(rig, 5);
+  rig.begin();
+  ASSERT_TRUE(rig.run_until([&] { return watch.heartbeat_reads == 1; }, 30s)) << rig.log();
+  rig.device("p1").unplug();
+  rig.device("spare").plug();
+  ASSERT_TRUE(rig.run_until([&] { return watch.heartbeat_reads == 2; }, 10s)) << "the spare hears it" << rig.log();
+  rig.run_for(20s);
+  EXPECT_EQ(watch.savings, 0U) << rig.log();
+  EXPECT_EQ(watch.starts, 0U) << rig.log();
+  EXPECT_EQ(values(rig, "spare").get_or<std::uint32_t>({0x2000, 1}, 0), 100U) << rig.log();
+}
+
+// It leaves while its heartbeat is set, and the spare hears the repeated request.
+TEST(Configuration, ASpareThatBootsWhileTheHeartbeatIsSetIsNotStarted) {
+  design::Machine machine = one_bus(125'000);
+  add_slot(machine, 5, type_b);
+  auto plant = one_bus_plant(1);
+  add_device(plant, "own", type_b, 1);
+  auto& spare = add_device(plant, "spare", type_b, 99);
+  spare.plugged = false;
+  spare.source = plant::NodeIdSource::nonvolatile;
+  spare.node_id = NodeId(5);
+  Rig rig(machine, plant);
+  rig.begin();
+  ASSERT_TRUE(rig.until_operational(30s)) << rig.log();
+  rig.kill();
+  rig.device("own").device().apply(co::NmtCommand::enter_pre_operational);
+  rig.run_for(1s);
+  const Watch watch(rig, 5);
+  rig.begin();
+  ASSERT_TRUE(rig.run_until([&] { return watch.writes == 1; }, 30s)) << rig.log();
+  rig.device("own").unplug();
+  rig.device("spare").plug();
+  ASSERT_TRUE(rig.run_until([&] { return rig.state(5) == SlotState::absent; }, 10s)) << rig.log();
+  EXPECT_EQ(watch.writes, 2U) << "the spare heard it: else this shows nothing";
+  EXPECT_EQ(watch.starts, 0U) << rig.log();
 }
 
 // A replacement is put to work without a technician, with the configuration of the one before.

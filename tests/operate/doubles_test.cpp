@@ -168,6 +168,40 @@ TEST(Doubles, ASlotWaitsWhileADeviceThatFadesUsesItsNodeIdToo) {
   rig.world().bus("backbone")->remove_tap(ear);
 }
 
+// One of two with a slot's node-ID gives it up at its power cycle; that slot is left for it, and the search that finds
+// it afterwards lends it the same node-ID. It does not use it still (seed 360612).
+TEST(Doubles, ADeviceThatFadedAndIsLentItsOldNodeIdIsSeated) {
+  design::Machine m = one_bus(125'000);
+  for (const unsigned id : {3U, 4U, 5U}) {
+    add_slot(m, id, type_b);
+    m.slots.back().spec.when_ambiguous = places::WhenAmbiguous::ascending;
+  }
+  auto p = one_bus_plant(1);
+  stored(p, "first", type_b, 1, 5);
+  auto& fades = stored(p, "fades", type_b, 2, 5);
+  fades.habit = Habit::lely;
+  fades.storing.power_cycle_after = true;
+  add_device(p, "third", type_b, 3);
+  Rig rig(m, p);
+  rig.begin();
+  const auto waits = [&] {
+    return rig.log().find("until it is switched off and on") != std::string::npos && rig.idle() &&
+           rig.state(4) == SlotState::operational;
+  };
+  ASSERT_TRUE(rig.run_until(waits, 120s)) << rig.log();
+  ASSERT_EQ(rig.device("fades").truth().active, NodeId(5));
+  ASSERT_EQ(rig.state(5), SlotState::empty) << rig.log();
+  rig.device("fades").power(false);
+  rig.run_for(100ms);
+  rig.device("fades").power(true);
+  ASSERT_TRUE(rig.run_until([&] { return rig.state(5) == SlotState::power_cycle; }, 30s)) << rig.log();
+  rig.device("fades").power(false);
+  rig.run_for(100ms);
+  rig.device("fades").power(true);
+  EXPECT_TRUE(rig.until_operational(30s)) << rig.log();
+  EXPECT_EQ(rig.seats(), (Seats{{3, 1}, {4, 3}, {5, 2}}));
+}
+
 // What is written and saved while two listen is saved by both, the node-ID with it (seed 151046). The slow one's
 // answers come behind those of the other, whose questions have ended.
 TEST(Doubles, NothingIsSavedUnderANodeIdThatAnsweredTwice) {
@@ -307,6 +341,22 @@ TEST(Doubles, TwoOfOneAddressHideNobodyElse) {
   ASSERT_TRUE(rig.run_until([&] { return rig.state(5) == SlotState::duplicate; }, 30s)) << rig.log();
   rig.device("late").plug();
   ASSERT_TRUE(rig.until_operational(60s)) << rig.log();
+  EXPECT_EQ(rig.seats(), (Seats{{5, 9}}));
+}
+
+// One of the two speaks RAND, and is found alone by it at each look; the third does not.
+TEST(Doubles, TwoOfOneAddressOfWhichOneSpeaksRandHideNobodyElse) {
+  auto p = one_bus_plant(1);
+  for (const char* name : {"a", "twin"}) add_device(p, name, type_b, 7);
+  p.devices.back().speaks = {Speaks::lss};
+  auto& late = add_device(p, "late", type_b, 9);
+  late.speaks = {Speaks::lss};
+  late.plugged = false;
+  Rig rig(slot_five(), p);
+  rig.begin();
+  ASSERT_TRUE(rig.run_until([&] { return rig.state(5) == SlotState::duplicate; }, 30s)) << rig.log();
+  rig.device("late").plug();
+  ASSERT_TRUE(rig.until_operational(120s)) << rig.log();
   EXPECT_EQ(rig.seats(), (Seats{{5, 9}}));
 }
 

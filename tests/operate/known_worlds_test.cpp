@@ -48,6 +48,7 @@ INSTANTIATE_TEST_SUITE_P(
         Known{313446, "a device comes under a node-ID that is just being lent"},
         Known{321406, "a device that was deaf when it was to be blanked is not asked again"},
         Known{348420, "the same, and it has the master's node-ID"},
+        Known{360612, "a device that was lent the node-ID that it gave up waits for its power cycle for ever"},
         Known{392832, "a device resets between the reading back of its values and of their date"}),
     name_of);
 

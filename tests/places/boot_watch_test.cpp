@@ -71,7 +71,8 @@ TEST_F(Watch, AnEmergencyOrAnSdoAnswerEndsTheSilenceOfANodeId) {
   EXPECT_TRUE(boots_.silent_since(NodeId(5), began));
 }
 
-// A device that was heard half a second before a question may be deaf for as long as the question is asked (seed 45130).
+// A device that was heard half a second before a question may be deaf for as long as the question is asked (seed
+// 45130).
 TEST_F(Watch, ASilenceBehindALateWordIsNoVacancy) {
   heard_of_eight(0x585);
   world_.run_for(500ms);

@@ -30,6 +30,40 @@ std::string only_error(const std::string& text) {
   return all;
 }
 
+const std::string plc = "[[device]]\nbus = \"b\"\nname = \"plc\"\neds = \"plc.eds\"\n";
+
+TEST(PlantFile, NetworkVariables) {
+  const auto result = read_plant(head + plc + R"(variables = [
+  { name = "speed", type = "UNSIGNED16", object = "A100h:01" },
+  { name = "run", type = "u8", object = "A4C0h:FE" },
+]
+)",
+                                 "p.toml");
+  ASSERT_TRUE(result.plant) << to_string(result.findings.front());
+  const std::vector<PlantVariable> wanted{{"speed", od::DataType::unsigned16, {0xA100, 1}},
+                                          {"run", od::DataType::unsigned8, {0xA4C0, 254}}};
+  EXPECT_EQ(result.plant->devices[0].does.variables, wanted);
+  const auto again = read_plant(write_plant(*result.plant), "again.toml");
+  ASSERT_TRUE(again.plant) << write_plant(*result.plant);
+  EXPECT_EQ(again.plant->devices[0].does.variables, wanted);
+}
+
+TEST(PlantFile, NetworkVariablesThatAreNone) {
+  const auto refused = [](const std::string& variable) {
+    return only_error(head + plc + "variables = [" + variable + "]\n");
+  };
+  EXPECT_NE(refused("{ type = \"u8\", object = \"A040h:01\" }").find("give the variable a name"), std::string::npos);
+  EXPECT_NE(refused("{ name = \"x\", object = \"A040h:01\" }").find("such as \"UNSIGNED16\""), std::string::npos);
+  EXPECT_NE(
+      refused("{ name = \"x\", type = \"VISIBLE_STRING\", object = \"A040h:01\" }").find("no data type of a network"),
+      std::string::npos);
+  EXPECT_NE(refused("{ name = \"x\", type = \"u8\", object = \"1800h:01\" }").find("no object of a maker's own"),
+            std::string::npos);
+  EXPECT_NE(only_error(head + one + "variables = [{ name = \"x\", type = \"u8\", object = \"A040h:01\" }]\n")
+                .find("no description"),
+            std::string::npos);
+}
+
 TEST(PlantFile, ReadsEverything) {
   const auto result = read_plant(R"(
 [plant]
@@ -50,6 +84,7 @@ response = { min = "1 ms", max = "4 ms", outlier = "300 ms", outlier_ppm = 20 }
 boot = "1.5 s"
 reset = "100 ms"
 store = "20 ms"
+programs = { count = 3, size = 1000, images = 1, sector = 256, erase = "5 ms", write = "9 us", checked = false }
 deaf_while_storing = true
 power_cycle_after_store = true
 queue = "priority"
@@ -113,6 +148,14 @@ nodes = ["drive 1"]
   EXPECT_EQ(s1.boot, Duration(1500ms));
   EXPECT_EQ(s1.reset, Duration(100ms));
   EXPECT_EQ(s1.storing.time, Duration(20ms));
+  EXPECT_EQ(s1.storing.programs.count, 3U);
+  EXPECT_EQ(s1.storing.programs.size, 1000U);
+  EXPECT_EQ(s1.storing.programs.images, 1U);
+  EXPECT_EQ(s1.storing.programs.sector, 256U);
+  EXPECT_EQ(s1.storing.programs.erase, Duration(5ms));
+  EXPECT_EQ(s1.storing.programs.write, Duration(9us));
+  EXPECT_FALSE(s1.storing.programs.checked);
+  EXPECT_EQ(p.devices[1].storing.programs.count, 0U);
   EXPECT_TRUE(s1.storing.deaf);
   EXPECT_TRUE(s1.storing.power_cycle_after);
   EXPECT_EQ(s1.controller.queue, QueueKind::priority);
@@ -221,6 +264,14 @@ TEST(PlantFile, EveryOtherMistakeIsAnError) {
       head + one + "response = { min = \"2 ms\" }\n",
       head + one + "response = 4\n",
       head + one + "response = { min = \"1 ms\", max = \"1 ms\", outlier = \"1 s\" }\n",
+      head + one + "programs = 1\n",
+      head + one + "programs = { count = 0 }\n",
+      head + one + "programs = { count = 255 }\n",
+      head + one + "programs = { images = 3 }\n",
+      head + one + "programs = { sector = 63 }\n",
+      head + one + "programs = { count = 254, size = 16_000_000 }\n",
+      head + one + "programs = { erase = 5 }\n",
+      head + one + "programs = { file = \"x\" }\n",
       head + one + "rx_depth = 0\n",
       head + one + "heartbeat = \"1.5 ms\"\n",
       head + one + "heartbeat = \"66 s\"\n",
@@ -324,6 +375,14 @@ PlantDevice random_device(Random& r, std::size_t i, const std::vector<PlantBus>&
   if (r.chance(500'000)) d.controller.repeat_ppm = static_cast<std::uint32_t>(r.below(1'000'001));
   d.controller.drift_ppm = static_cast<std::int32_t>(r.between(-100'000, 100'000));
   d.plugged = r.chance(500'000);
+  if (r.below(3) == 0) {
+    d.storing.programs.count = static_cast<std::uint32_t>(1 + r.below(254));
+    d.storing.programs.images = static_cast<std::uint32_t>(1 + r.below(2));
+    d.storing.programs.size = static_cast<std::uint32_t>(1 + r.below(100'000));
+    d.storing.programs.checked = r.below(2) == 0;
+    d.storing.programs.write = Duration(static_cast<std::int64_t>(r.below(1'000'000)));
+    if (r.below(2) == 0) d.storing.programs.loaded = "p \"1\".bprg";
+  }
   return d;
 }
 

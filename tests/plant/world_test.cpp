@@ -14,6 +14,7 @@
 #include "berth/plant/world.hpp"
 #include "record.hpp"
 #include "tests/eds_folder.hpp"
+#include "tests/paths.hpp"
 
 namespace berth::plant::world_tests {
 namespace {
@@ -338,6 +339,38 @@ TEST(PlantWorld, DeviceOfADescriptionFile) {
   }
   EXPECT_GT(usable, devices.size() / 2);
   std::printf("%zu of %zu description files became devices\n", usable, devices.size());
+}
+
+// The program of a programmable device has declared them: they are objects like any other, by name and mappable.
+TEST(PlantWorld, NetworkVariablesOfADevice) {
+  auto plc = device("plc", 6);
+  plc.eds = plc.eds_path = berth::test::source_dir() + "/examples/eds/controller.eds";
+  plc.address_of_eds = true;
+  plc.does.variables = {{"speed", od::DataType::unsigned16, {0xA100, 3}}, {"run", od::DataType::unsigned8, {0xA4C0, 1}}};
+  auto plain = plc;
+  plain.name = "plain";
+  plain.address.serial = 7;
+  plain.does.variables.clear();
+  const Scene s(plant({plc, plain}));
+  ASSERT_TRUE(s.world);
+  const auto& description = s.world->devices()[0]->device().values().description();
+  const auto* const speed = description.find(ObjectRef{0xA100, 3});
+  ASSERT_NE(speed, nullptr);
+  EXPECT_EQ(speed->access, od::Access::ro) << "an input of the network";
+  EXPECT_TRUE(speed->mappable);
+  EXPECT_EQ(description.name(*speed), "speed");
+  EXPECT_EQ(description.find(ObjectRef{0xA4C0, 1})->access, od::Access::rww);
+  EXPECT_NE(description.find(ObjectRef{0x1A00, 8}), nullptr) << "and all else of the description";
+  EXPECT_EQ(s.world->devices()[1]->device().values().description().find(ObjectRef{0xA100, 3}), nullptr);
+
+  const auto refused = [&](const PlantVariable& variable) {
+    plc.does.variables = {variable};
+    Findings findings;
+    EXPECT_EQ(World::make(plant({plc}), {}, findings), nullptr);
+    return findings.empty() ? std::string() : to_string(findings.front());
+  };
+  EXPECT_NE(refused({"x", od::DataType::unsigned16, {0xA040, 1}}).find("in a segment of UNSIGNED8"), std::string::npos);
+  EXPECT_NE(refused({"x", od::DataType::unsigned8, {0x6000, 1}}).find("in no segment"), std::string::npos);
 }
 
 TEST(PlantWorld, StateOutlivesTheProcess) {

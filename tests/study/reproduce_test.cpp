@@ -79,6 +79,29 @@ TEST(Reproduce, FormulasOfPaper4) {
   EXPECT_EQ(row(f, 4, "100 ms").published, 0.100);
 }
 
+// S3.16: the numbers that the paper prints. S3.29: 2^(d+1) - 1 accesses and 2^d, and as many counted on the bus; the
+// paper itself says three and two.
+TEST(Reproduce, NumbersOfPaper3) {
+  const auto& f = as_published();
+  EXPECT_TRUE(f.wrong.empty());
+  EXPECT_EQ(row(f, 3, "figure 7").published, 4195872914689.0);
+  EXPECT_EQ(row(f, 3, "figure 8").published, 260144641.0);
+  EXPECT_EQ(row(f, 3, "figure 9").published, 16129.0);
+  unsigned accesses = 0;
+  for (const auto& r : f.rows) {
+    if (r.paper != 3) continue;
+    if (r.published) {
+      EXPECT_EQ(r.published, r.formula) << r.what;
+    }
+    if (std::string_view(r.unit) != "accesses") continue;
+    EXPECT_EQ(r.counted, r.formula) << r.what;
+    ++accesses;
+  }
+  EXPECT_EQ(accesses, 12U);
+  EXPECT_EQ(row(f, 3, "the first upload beneath 6 gateways").formula, 127);
+  EXPECT_EQ(row(f, 3, "a further upload beneath 6 gateways").formula, 64);
+}
+
 // The simulation on the exact bus is near to what the papers print, where its note does not say otherwise.
 TEST(Reproduce, SimulatedIsNearThePapers) {
   const auto& f = as_published();

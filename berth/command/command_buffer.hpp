@@ -1,0 +1,83 @@
+/// The command interface of a manager (paper 5 §4, by Etschberger and Schlegel): two command buffers, one for the
+/// application of the same process and one for clients that write 1023h of the manager's device by SDO. Both take the
+/// requests that the command line has, carry them out one after the other, and confirm each.
+///
+///     command::CommandBuffer commands(session);
+///     const auto number = commands.put({"configure", {{"slot", "press"}}});
+///     ...                                             // the executor runs
+///     while (const auto done = commands.take()) use(done->number, done->reply.status, done->reply.json);
+#pragma once
+
+#include <cstdint>
+#include <deque>
+#include <functional>
+#include <map>
+#include <optional>
+#include <string>
+
+#include "berth/command/request.hpp"
+#include "berth/operate/session.hpp"
+#include "berth/rt/scope.hpp"
+
+namespace berth::command {
+
+class CommandBuffer {
+ public:
+  static constexpr std::size_t most = 16;  ///< commands that wait, and confirmations that nobody took
+
+  struct Confirmation {
+    std::uint32_t number = 0;
+    Reply reply;
+  };
+
+  /// `session` must stay.
+  explicit CommandBuffer(operate::Session& session) : session_(session), scope_(session.executor()) {}
+  CommandBuffer(const CommandBuffer&) = delete;
+  CommandBuffer& operator=(const CommandBuffer&) = delete;
+
+  /// Its number, from 1. Empty: the buffer is full, or so many confirmations wait to be taken.
+  std::optional<std::uint32_t> put(Request request);
+  /// The oldest confirmation that was not taken yet.
+  std::optional<Confirmation> take();
+  /// When a confirmation is there. From a job; `take` may be called in it.
+  void on_confirmation(std::function<void()> handler) { on_confirmation_ = std::move(handler); }
+  /// Commands that wait or are carried out.
+  [[nodiscard]] std::size_t waiting() const noexcept { return waiting_.size(); }
+
+ private:
+  struct Entry {
+    std::uint32_t number = 0;
+    Request request;
+  };
+  rt::Task<void> work();
+
+  operate::Session& session_;
+  std::function<void()> on_confirmation_;
+  std::deque<Entry> waiting_;  // the first is carried out
+  std::deque<Confirmation> confirmed_;
+  std::uint32_t last_ = 0;
+  bool works_ = false;
+  rt::Scope scope_;
+};
+
+/// Takes what is written to 1023h:01 of the master's device of each bus: a line of JSON as the control socket takes it,
+/// `{"verb": "sdo read", "arguments": {"node": "5", "object": "1018h:04"}}`. A command without "bus" means the bus by
+/// which it came; one for another bus is refused. The confirmation in 1023h:03 is the reply as JSON.
+class RemoteCommands {
+ public:
+  /// `session` must stay.
+  explicit RemoteCommands(operate::Session& session);
+  ~RemoteCommands();
+  RemoteCommands(const RemoteCommands&) = delete;
+  RemoteCommands& operator=(const RemoteCommands&) = delete;
+
+ private:
+  bool came(const std::string& bus, const std::string& text, operate::NetworkObserver::Confirm confirm);
+  void confirmed();
+
+  operate::Session& session_;
+  CommandBuffer buffer_;
+  std::map<std::uint32_t, operate::NetworkObserver::Confirm> confirms_;
+};
+
+}  // namespace berth::command

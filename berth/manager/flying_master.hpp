@@ -1,0 +1,76 @@
+/// A device that can be NMT master, on a bus (CiA 302-2, flying master; docs/flying-master.md): the rules of
+/// `FlyingNegotiation` with frames, timers and the supervision of the active master by its heartbeat.
+///
+///     FlyingMaster flying(dispatcher, owner);
+///     flying.begin(options, heartbeat_of);     // the device has booted
+///     ...                                      // owner.role_changed(): commands, or no longer
+///     flying.end();                            // it is reset
+///
+/// It shares the dispatcher with the device, whose heartbeat (1017h) tells the others that it is there.
+#pragma once
+
+#include <functional>
+
+#include "berth/can/dispatcher.hpp"
+#include "berth/co/heartbeat.hpp"
+#include "berth/manager/flying_negotiation.hpp"
+
+namespace berth::manager {
+
+class FlyingMaster final : private can::Handler,
+                           private can::Confirmation,
+                           private co::HeartbeatConsumer::Observer,
+                           private rt::Job {
+ public:
+  /// Called from frames, timers and the calls below; may call back, must not destroy it.
+  class Owner {
+   public:
+    /// It became active master, or no longer is; or which node is has changed (`active`).
+    virtual void role_changed() noexcept = 0;
+    /// NMT reset communication to all nodes, this device included: at a cold start with no active master there.
+    virtual void reset_all() noexcept = 0;
+    /// An NMT command of another node, while this one is the active master.
+    virtual void overheard(const co::NmtRequest& request) noexcept = 0;
+
+   protected:
+    ~Owner() = default;
+  };
+  /// How long a master with this node-ID may be silent; 0: its heartbeat is not supervised.
+  using HeartbeatOf = std::function<rt::Duration(NodeId)>;
+
+  /// Both must stay.
+  FlyingMaster(can::Dispatcher& dispatcher, Owner& owner);
+  ~FlyingMaster();
+
+  /// Errc::invalid: the priority is above 2, there is no node-ID, or the times are none (`FlyingTiming::sound`).
+  [[nodiscard]] Result<void> begin(const FlyingOptions& options, HeartbeatOf heartbeat_of);
+  /// It takes part no longer; an active master is one no more, and the owner is not told.
+  void end() noexcept;
+  /// The next `begin` is a cold start.
+  void power_off() noexcept;
+
+  [[nodiscard]] bool is_master() const noexcept { return rules_.is_master(); }
+  [[nodiscard]] bool took_over() const noexcept { return rules_.took_over(); }
+  [[nodiscard]] FlyingNegotiation::State state() const noexcept { return rules_.state(); }
+  [[nodiscard]] std::optional<MasterRank> active() const noexcept { return rules_.active(); }
+
+ private:
+  void received(const can::Frame& frame, rt::Time at) noexcept override;
+  void sent(rt::Time at) noexcept override;
+  void heartbeat(const co::HeartbeatEvent& event, rt::Time at) noexcept override;
+  void run() noexcept override;
+  void carry_out(const FlyingNegotiation::Step& step) noexcept;
+  void send(FlyingService service) noexcept;
+  void supervise(std::optional<NodeId> node) noexcept;
+
+  can::Dispatcher* dispatcher_;
+  Owner* owner_;
+  HeartbeatOf heartbeat_of_;
+  FlyingNegotiation rules_;
+  co::HeartbeatConsumer heartbeats_;
+  std::optional<MasterRank> known_;  // the active master that the owner was told
+  NodeId supervised_;
+  bool was_master_ = false;
+};
+
+}  // namespace berth::manager

@@ -1,0 +1,58 @@
+/// The SDO manager of a device by its own dictionary (docs/sdo-manager.md §Objects): any node asks it for a channel by
+/// SDO. CiA 302-5 has objects with these numbers; their content is not public, and this one is Berth's.
+///
+///     1F00h        request SDO, UNSIGNED32 written: bits 7 to 0 client, 15 to 8 server, 31 to 16 lease in s (0: the
+///     default) 1F01h        release SDO, UNSIGNED32 written: bits 7 to 0 client, 15 to 8 server 1F10h:CLIENT dynamic
+///     SDO connection state, UNSIGNED32 read: what became of the client's last request: bits 7 to 0
+///                  0 none, 1 under way, 2 connected, 3 failed, 4 released; 15 to 8 server; 31 to 16 the client's
+///                  object (1280h ff.), where its CAN-IDs stand
+/// Refused: 0800 0022 this device is not the active master, or too many requests wait; 0609 0030 no two node-IDs.
+#pragma once
+
+#include <array>
+#include <memory>
+#include <optional>
+
+#include "berth/manager/sdo_manager.hpp"
+#include "berth/od/values.hpp"
+
+namespace berth::manager {
+
+class SdoRequests final : private od::Hook {
+ public:
+  enum class State : std::uint8_t { none, under_way, connected, failed, released };
+
+  /// All must stay.
+  SdoRequests(can::Dispatcher& dispatcher, co::SdoClient& sdo, od::Values& values);
+
+  /// The device is the active master of these nodes: reads what an earlier manager left.
+  void begin(SdoManagerOptions options);
+  /// It is no more. What is connected stays.
+  void end() noexcept;
+  /// Null while the device is not the active master.
+  [[nodiscard]] const SdoManager* manager() const noexcept { return manager_ ? &*manager_ : nullptr; }
+
+ private:
+  struct Last {
+    State state = State::none;
+    std::uint8_t server = 0;
+    std::uint16_t object = 0;
+  };
+  od::AbortCode reading(const od::Values& values, ObjectRef ref,
+                        std::span<const std::uint8_t>& value) noexcept override;
+  od::AbortCode writing(const od::Values& values, ObjectRef ref, std::span<const std::uint8_t> value) noexcept override;
+  rt::Task<void> recover();
+  rt::Task<void> connect(NodeId client, NodeId server, rt::Duration lease);
+  rt::Task<void> release(NodeId client, NodeId server);
+
+  can::Dispatcher* dispatcher_;
+  co::SdoClient* sdo_;
+  std::optional<SdoManager> manager_;
+  std::array<Last, 128> last_{};
+  std::array<std::uint8_t, 4> shown_{};
+  rt::Scope scope_;  // the last member: its tasks use the others
+};
+/// 1F00h, 1F01h, 1F10h for clients up to `most`.
+void add_sdo_manager_objects(od::DescriptionBuilder& builder, std::uint8_t most);
+
+}  // namespace berth::manager

@@ -1,0 +1,146 @@
+#include "berth/multilevel/gateway_access.hpp"
+
+#include <array>
+#include <limits>
+
+namespace berth::multilevel {
+namespace {
+
+constexpr std::uint8_t upload = 0x40;
+constexpr std::uint8_t segmented_download = 0x20;
+constexpr std::uint8_t block_download = 0xC4;  // with CRC
+constexpr auto no_node = static_cast<std::uint32_t>(od::AbortCode::device_state);
+
+}  // namespace
+
+// ---- one access
+
+Error GatewayAccess::about(const Error& error, ObjectRef object) const noexcept {
+  Error told = error;
+  told.node = node_.value();
+  told.index = object.index;
+  told.sub = object.sub;
+  if (error.code == Errc::aborted && error.detail == static_cast<std::uint32_t>(od::AbortCode::timeout)) {
+    told.code = Errc::timeout;
+    told.detail = 0;
+    told.text = "no answer beneath the gateway";
+  } else if (error.code == Errc::timeout && error.index == objects_.node.index) {
+    told.text = "no answer of the gateway";
+  }
+  return told;
+}
+
+// The gateway has lost what this client wrote: a reset.
+bool GatewayAccess::forgot(const Error& error) noexcept {
+  if (error.code != Errc::aborted || error.detail != no_node || error.index != objects_.command.index) return false;
+  line_->selected = NodeId();
+  return true;
+}
+
+rt::Task<Result<void>> GatewayAccess::select() {
+  if (line_->selected == node_) co_return Result<void>();
+  line_->selected = NodeId();
+  const std::array<std::uint8_t, 1> bytes{node_.value()};
+  const std::span<const std::uint8_t> data = bytes;
+  const auto done = co_await gateway_->write(objects_.node.index, objects_.node.sub, data);
+  if (done) line_->selected = node_;
+  co_return done;
+}
+
+rt::Task<Result<void>> GatewayAccess::command(std::uint8_t specifier, ObjectRef object) {
+  const std::uint32_t value =
+      specifier | static_cast<std::uint32_t>(object.index) << 8U | static_cast<std::uint32_t>(object.sub) << 24U;
+  const auto done = co_await gateway_->write_u32(objects_.command.index, objects_.command.sub, value);
+  co_return done;
+}
+
+rt::Task<Result<void>> GatewayAccess::ask(ObjectRef object) {
+  auto done = co_await select();
+  if (!done) co_return done;
+  done = co_await command(upload, object);
+  if (done || !forgot(done.error())) co_return done;
+  done = co_await select();
+  if (!done) co_return done;
+  done = co_await command(upload, object);
+  co_return done;
+}
+
+rt::Task<Result<co::SdoValue>> GatewayAccess::read(std::uint16_t index, std::uint8_t sub) {
+  const auto most = std::numeric_limits<std::size_t>::max();
+  auto value = co_await read_up_to(index, sub, most);
+  co_return value;
+}
+
+rt::Task<Result<co::SdoValue>> GatewayAccess::read_up_to(std::uint16_t index, std::uint8_t sub, std::size_t most) {
+  const ObjectRef object{index, sub};
+  co_await line_->turn.take();
+  const rt::Held held(line_->turn);
+  const auto asked = co_await ask(object);
+  if (!asked) co_return fail(about(asked.error(), object));
+  auto value = co_await gateway_->read_up_to(objects_.data.index, objects_.data.sub, most);
+  if (!value) co_return fail(about(value.error(), object));
+  co_return value;
+}
+
+// The data first, then the command: its answer is the node's.
+rt::Task<Result<void>> GatewayAccess::write_short(ObjectRef object, std::span<const std::uint8_t> data) {
+  auto done = co_await select();
+  if (!done) co_return done;
+  done = co_await gateway_->write(objects_.data.index, objects_.data.sub, data);
+  if (!done) co_return done;
+  const auto specifier = static_cast<std::uint8_t>(0x23U | ((4U - data.size()) << 2U));
+  done = co_await command(specifier, object);
+  co_return done;
+}
+
+// The command first, so that the gateway hands the data on as they come: their answer is the node's.
+rt::Task<Result<void>> GatewayAccess::write_long(ObjectRef object, std::span<const std::uint8_t> data) {
+  auto done = co_await select();
+  if (!done) co_return done;
+  const std::uint8_t specifier = data.size() >= block_from_ ? block_download : segmented_download;
+  done = co_await command(specifier, object);
+  if (!done) co_return done;
+  done = co_await gateway_->write(objects_.data.index, objects_.data.sub, data);
+  co_return done;
+}
+
+rt::Task<Result<void>> GatewayAccess::write(std::uint16_t index, std::uint8_t sub, std::span<const std::uint8_t> data) {
+  const ObjectRef object{index, sub};
+  co_await line_->turn.take();
+  const rt::Held held(line_->turn);
+  const bool is_short = data.size() >= 1 && data.size() <= 4;
+  for (unsigned attempt = 0;; ++attempt) {
+    auto task = is_short ? write_short(object, data) : write_long(object, data);
+    const auto done = co_await task;
+    if (done) co_return Result<void>();
+    if (attempt > 0 || !forgot(done.error())) co_return fail(about(done.error(), object));
+  }
+}
+
+// ---- all of them
+
+co::SdoAccess& Routes::access(const Path& path) { return reach(path, path.depth()); }
+
+co::SdoAccess& Routes::reach(const Path& path, std::size_t depth) {
+  auto& place = accesses_[Key{depth, path}];
+  if (place) return *place;
+  if (path.gateways.empty()) {
+    co::SdoOptions options = options_;
+    options.timeout *= static_cast<int>(1 + depth);
+    place = std::make_unique<co::NodeAccess>(*client_, path.node, options);
+    return *place;
+  }
+  auto& line = lines_[path.gateways];
+  if (!line) line = std::make_unique<GatewayLine>();
+  const Hop last = path.gateways.back();
+  const Path above{{path.gateways.begin(), path.gateways.end() - 1}, last.gateway};
+  co::SdoAccess& gateway = reach(above, depth);
+  auto made = std::make_unique<GatewayAccess>(*line, gateway, path.node, last.port);
+  return *(accesses_[Key{depth, path}] = std::move(made));
+}
+
+void Routes::forget() noexcept {
+  for (auto& [hops, line] : lines_) line->selected = NodeId();
+}
+
+}  // namespace berth::multilevel

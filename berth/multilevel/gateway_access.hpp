@@ -1,0 +1,86 @@
+/// The client's side of the SDO gateway (paper 3; docs/multilevel.md §SDO): the objects of a node beneath gateways by
+/// `co::SdoAccess`, so that what configures, boots or analyses a node does not ask where it is.
+///
+///     multilevel::Routes routes(client);
+///     co::SdoAccess& drive = routes.access(*parse_path("3/5"));
+///     const auto type = co_await drive.read_u32(0x1000, 0);
+///
+/// What it costs, in accesses on the bus where it begins: the first one to a node beneath d gateways 2^(d+1) - 1, each
+/// further one to the same node 2^d (S3.29).
+#pragma once
+
+#include <map>
+#include <memory>
+
+#include "berth/co/sdo_access.hpp"
+#include "berth/multilevel/objects.hpp"
+#include "berth/multilevel/path.hpp"
+#include "berth/rt/turn.hpp"
+
+namespace berth::multilevel {
+
+/// What one client knows of one gateway's bus beneath: which node it has written there. One access at a time.
+struct GatewayLine {
+  rt::Turn turn;
+  NodeId selected;  ///< unconfigured: not known
+};
+
+/// The node beneath one gateway. Errors name it and its object, and are as `co::SdoTransfer` has them: a node that does
+/// not answer the gateway in time is Errc::timeout here too, as a gateway that does not answer is.
+class GatewayAccess final : public co::SdoAccess {
+ public:
+  /// `line`: shared by all accesses of this client to that bus. `gateway`: the objects of the gateway, which may itself
+  /// be beneath another. Both must stay.
+  GatewayAccess(GatewayLine& line, co::SdoAccess& gateway, NodeId node, unsigned port = 1) noexcept
+      : line_(&line), gateway_(&gateway), objects_(SdoGatewayObjects::of(port)), node_(node) {}
+  [[nodiscard]] NodeId node() const noexcept { return node_; }
+  /// Values of so many bytes and more are carried by block transfer on the bus beneath, longer ones than 4 segmented.
+  void set_block_from(std::size_t bytes) noexcept { block_from_ = bytes; }
+
+  rt::Task<Result<co::SdoValue>> read(std::uint16_t index, std::uint8_t sub) override;
+  rt::Task<Result<co::SdoValue>> read_up_to(std::uint16_t index, std::uint8_t sub, std::size_t most) override;
+  rt::Task<Result<void>> write(std::uint16_t index, std::uint8_t sub, std::span<const std::uint8_t> data) override;
+
+ private:
+  rt::Task<Result<void>> select();
+  rt::Task<Result<void>> command(std::uint8_t specifier, ObjectRef object);
+  rt::Task<Result<void>> ask(ObjectRef object);
+  rt::Task<Result<void>> write_short(ObjectRef object, std::span<const std::uint8_t> data);
+  rt::Task<Result<void>> write_long(ObjectRef object, std::span<const std::uint8_t> data);
+  [[nodiscard]] Error about(const Error& error, ObjectRef object) const noexcept;
+  [[nodiscard]] bool forgot(const Error& error) noexcept;
+
+  GatewayLine* line_;
+  co::SdoAccess* gateway_;
+  SdoGatewayObjects objects_;
+  NodeId node_;
+  std::size_t block_from_ = 64;
+};
+
+/// All nodes that one client reaches, by their paths.
+class Routes {
+ public:
+  /// `client` must stay. The time-out of an access is `options.timeout` once more for each gateway between (S3.27).
+  explicit Routes(co::SdoClient& client) noexcept : Routes(client, client.options()) {}
+  Routes(co::SdoClient& client, const co::SdoOptions& options) noexcept : client_(&client), options_(options) {}
+
+  /// It stays as long as this object. The path's node-IDs are configured.
+  [[nodiscard]] co::SdoAccess& access(const Path& path);
+  /// A gateway was reset, or this client's node-ID beneath it was changed by somebody else: it is told anew.
+  void forget() noexcept;
+
+ private:
+  struct Key {
+    std::size_t depth;  // of the path that it is a part of: longer ones need longer time-outs
+    Path path;
+    friend auto operator<=>(const Key&, const Key&) noexcept = default;
+  };
+  co::SdoAccess& reach(const Path& path, std::size_t depth);
+
+  co::SdoClient* client_;
+  co::SdoOptions options_;
+  std::map<std::vector<Hop>, std::unique_ptr<GatewayLine>> lines_;
+  std::map<Key, std::unique_ptr<co::SdoAccess>> accesses_;
+};
+
+}  // namespace berth::multilevel

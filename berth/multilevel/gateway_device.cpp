@@ -1,0 +1,195 @@
+#include "berth/multilevel/gateway_device.hpp"
+
+#include <algorithm>
+
+#include "berth/base/bytes.hpp"
+#include "berth/co/cob_id.hpp"
+#include "berth/device/dictionary.hpp"
+
+namespace berth::multilevel {
+namespace {
+
+constexpr std::uint8_t late_register = co::error_register::generic | co::error_register::manufacturer;
+
+std::shared_ptr<const od::Description> plain_gateway(unsigned ports) {
+  od::DescriptionBuilder builder;
+  device::add_device(builder, {.name = "Gateway"});
+  add_gateway_objects(builder, ports);
+  return builder.build();
+}
+
+// A TPDO is ended or begun by its COB-ID, as from the network; that is no change of the configuration (1020h).
+void silence(od::Values& values, ObjectRef object, bool on) noexcept {
+  const auto record = tpdo_record_of(values, object);
+  if (!record) return;
+  const auto id = values.get_or<std::uint32_t>({*record, 1}, co::CobId::invalid_bit);
+  std::array<std::uint8_t, 4> wanted{};
+  store_le(wanted.data(), on ? id | co::CobId::invalid_bit : id & ~co::CobId::invalid_bit);
+  const auto date = values.get_or<std::uint32_t>({0x1020, 1}, 0U);
+  const auto time = values.get_or<std::uint32_t>({0x1020, 2}, 0U);
+  static_cast<void>(values.write({*record, 1}, wanted));
+  values.set({0x1020, 1}, date);
+  values.set({0x1020, 2}, time);
+}
+
+}  // namespace
+
+void add_gateway_objects(od::DescriptionBuilder& builder, unsigned ports) {
+  add_sub_buses(builder, ports);
+  for (unsigned port = 1; port <= ports; ++port) add_sdo_gateway(builder, port);
+}
+
+// ---- one bus beneath
+
+GatewayDevice::Bus::Bus(GatewayDevice& owner, can::Port& port, unsigned number, const BusOptions& options)
+    : port_(*owner.executor_, port),
+      dispatcher_(*owner.executor_, port_),
+      device_(dispatcher_, options.description ? options.description : device::minimal_description(), options.memory,
+              options.device, options.host),
+      sub_bus_(*owner.executor_, owner.emcy_, [&owner](co::NmtCommand command) { owner.upper_.apply(command); }),
+      client_(std::in_place, dispatcher_, options.sdo.sdo),
+      number_(number),
+      boots_first_(options.boots_first) {
+  SdoGatewayOptions sdo = options.sdo;
+  sdo.port = number;
+  gateway_.emplace(owner.upper_.values(), *client_, *owner.executor_, sdo);
+  owner.emcy_.hear_all(dispatcher_);
+  device_.on().heartbeat = [this](const co::HeartbeatEvent& event) { sub_bus_.heartbeat(event); };
+  sub_bus_.on_settled([&owner] { owner.come_up(); });
+  sub_bus_.on_heartbeat_lost([&owner, number] {
+    if (owner.upper_.values().get<std::uint8_t>({0x1029, heartbeat_error_class(number)})) {
+      owner.upper_.error_behaviour(heartbeat_error_class(number));
+    }
+  });
+}
+
+GatewayDevice::Bus::~Bus() { device_.observe(nullptr); }
+
+void GatewayDevice::Bus::use(co::SdoClient& client) noexcept {
+  gateway_->set_client(client);
+  client_.reset();
+}
+
+// ---- the whole
+
+GatewayDevice::GatewayDevice(rt::Executor& executor, can::Port& above, const GatewayOptions& options)
+    : executor_(&executor),
+      port_(executor, above),
+      dispatcher_(executor, port_),
+      upper_(dispatcher_, options.description ? options.description : plain_gateway(options.ports), options.memory,
+             options.upper, options.host),
+      emcy_(upper_.emcy(), options.emcy),
+      look_(*this, executor) {
+  upper_.observe(this);
+}
+
+GatewayDevice::~GatewayDevice() {
+  upper_.observe(nullptr);
+  signals_.reset();
+  buses_.clear();
+}
+
+GatewayDevice::Bus& GatewayDevice::add_bus(can::Port& port, const BusOptions& options) {
+  const auto number = static_cast<unsigned>(buses_.size() + 1);
+  auto& made = *buses_.emplace_back(std::make_unique<Bus>(*this, port, number, options));
+  made.device_.observe(this);
+  return made;
+}
+
+void GatewayDevice::power_on() {
+  waits_ = std::ranges::any_of(buses_, [](const auto& bus) { return bus->boots_first_; });
+  for (auto& bus : buses_) bus->sub_bus_.begin();
+  for (auto& bus : buses_) bus->device_.power_on();
+  if (!waits_) upper_.power_on();
+}
+
+void GatewayDevice::power_off() {
+  waits_ = false;
+  upper_.power_off();
+  for (auto& bus : buses_) bus->device_.power_off();
+  for (auto& bus : buses_) bus->gateway_->reset();
+}
+
+void GatewayDevice::come_up() noexcept {
+  const auto settled = [](const auto& bus) { return !bus->boots_first_ || bus->sub_bus_.settled(); };
+  if (waits_ && std::ranges::all_of(buses_, settled)) look_.post();
+}
+
+void GatewayDevice::device_changed(const device::Device& device) noexcept {
+  was_reset_ |= &device == &upper_ && device.state() == NmtState::initialising;
+  look_.post();
+}
+
+void GatewayDevice::look() noexcept {
+  const auto settled = [](const auto& bus) { return !bus->boots_first_ || bus->sub_bus_.settled(); };
+  if (waits_ && std::ranges::all_of(buses_, settled)) {
+    waits_ = false;
+    upper_.power_on();
+    return look_.post();
+  }
+  for (auto& bus : buses_) {
+    const auto own = bus->device_.node_id();
+    bus->gateway_->set_own(own, bus->device_.values());
+    bus->sub_bus_.set_mandatory(is_mandatory(upper_.values(), bus->number_));
+  }
+  if (std::exchange(was_reset_, false)) {
+    upper_state_ = NmtState::initialising;
+    for (auto& bus : buses_) bus->gateway_->reset();
+    for (auto& bus : buses_) bus->sub_bus_.own_state(NmtState::initialising);
+  }
+  if (upper_state_ != upper_.state()) {
+    upper_state_ = upper_.state();
+    for (auto& bus : buses_) bus->sub_bus_.own_state(upper_state_);
+  }
+  if (!signals_) return;
+  signals_->set_complete(all_operational());
+  if (!all_operational()) signals_->refresh();
+}
+
+bool GatewayDevice::all_operational() const noexcept {
+  return upper_.state() == NmtState::operational &&
+         std::ranges::all_of(buses_, [](const auto& bus) { return bus->device_.state() == NmtState::operational; });
+}
+
+// ---- signals
+
+SignalSide GatewayDevice::signal_side(std::uint8_t number) {
+  device::Device* const device = &side(number);
+  SignalSide made;
+  made.values = &device->values();
+  made.changed = [device](ObjectRef object) { device->value_changed(object); };
+  made.port = number == 0 ? &port_ : &buses_[number - 1U]->port_;
+  made.silence = [device](ObjectRef object, bool on) { silence(device->values(), object, on); };
+  return made;
+}
+
+std::vector<SignalProblem> GatewayDevice::set_signals(std::vector<Signal> table) {
+  std::vector<SignalSide> sides;
+  std::vector<const od::Description*> descriptions;
+  for (std::uint8_t number = 0; number <= buses_.size(); ++number) {
+    sides.push_back(signal_side(number));
+    descriptions.push_back(&side(number).values().description());
+  }
+  auto found = problems(table, descriptions);
+  signals_.emplace(*executor_, std::move(sides), std::move(table));
+  for (std::size_t i = 0; i < signals_->table().size(); ++i) {
+    const Signal& signal = signals_->table()[i];
+    if (signal.from < descriptions.size())
+      side(signal.from).on_write(signal.source, [this, i] { signals_->received(i); });
+  }
+  signals_->on_late([this](std::size_t, bool is_late) { late(is_late); });
+  return found;
+}
+
+void GatewayDevice::late(bool late) {
+  const bool before = late_ != 0;
+  late_ = late ? late_ + 1 : late_ - 1;
+  if (before == (late_ != 0)) return;
+  if (late) {
+    emcy_.report(NodeId(), gateway_code::signal_late, late_register);
+  } else {
+    emcy_.report(NodeId(), co::emcy_code::error_reset, 0, gateway_code::signal_late);
+  }
+}
+
+}  // namespace berth::multilevel

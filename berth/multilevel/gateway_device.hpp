@@ -1,0 +1,133 @@
+/// A whole gateway: a device on the bus above, one on each bus beneath, and the gateway processes of paper 3 between
+/// them (docs/multilevel.md). What its application adds: which signals cross, and when that is safe.
+///
+///     multilevel::GatewayDevice gateway(executor, above, {.upper = {.address = a, .node_id = NodeId(3)}});
+///     gateway.add_bus(beneath, {.device = {.address = b, .node_id = NodeId(1)}});
+///     gateway.power_on();
+///
+/// A bus beneath that has an NMT master in this device (`manager::DictionaryManager`) is booted first:
+///
+///     auto& boom = gateway.add_bus(beneath, {.device = {...}, .description = with_manager_objects, .boots_first =
+///     true}); manager::DictionaryManager master(boom.dispatcher(), boom.device().values(),
+///                                       [&](co::NmtCommand command) { boom.device().apply(command); });
+///     boom.use(master.bus().sdo());
+///     boom.device().on().state = [&](NmtState state) { master.own_state(state, NodeId(1)); };
+///     master.network().observe([&](const manager::NetworkEvent& event) {
+///       if (event.kind == Kind::operational) boom.sub_bus().booted();
+///       if (event.kind == Kind::halted) boom.sub_bus().failed(event.node);
+///     });
+#pragma once
+
+#include <memory>
+#include <optional>
+#include <vector>
+
+#include "berth/device/device.hpp"
+#include "berth/multilevel/emcy_gateway.hpp"
+#include "berth/multilevel/metered_port.hpp"
+#include "berth/multilevel/sdo_gateway.hpp"
+#include "berth/multilevel/signal_gateway.hpp"
+#include "berth/multilevel/sub_bus.hpp"
+
+namespace berth::multilevel {
+
+struct GatewayOptions {
+  device::Options upper{};
+  device::TimedPort* host = nullptr;  ///< the slow host above, see `device::Device`
+  /// Null: the objects of CiA 301 and those of a gateway with `ports` buses beneath. A dictionary of one's own:
+  /// `add_gateway_objects` to it.
+  std::shared_ptr<const od::Description> description{};
+  unsigned ports = 1;
+  device::NvMemory* memory = nullptr;
+  EmcyGatewayOptions emcy{};
+};
+struct BusOptions {
+  device::Options device{};
+  std::shared_ptr<const od::Description> description{};  ///< null: the objects of CiA 301
+  device::NvMemory* memory = nullptr;
+  SdoGatewayOptions sdo{};   ///< its port is set
+  bool boots_first = false;  ///< the upstream side comes up when this bus has booted, or failed
+  device::TimedPort* host = nullptr;
+};
+
+/// All objects of a gateway for buses 1 to `ports`: SDO gateways, 5F00h, 1029h:F1h..
+void add_gateway_objects(od::DescriptionBuilder& builder, unsigned ports = 1);
+
+class GatewayDevice final : private device::Device::Observer {
+ public:
+  /// One bus beneath.
+  class Bus {
+   public:
+    [[nodiscard]] device::Device& device() noexcept { return device_; }
+    [[nodiscard]] can::Dispatcher& dispatcher() noexcept { return dispatcher_; }
+    [[nodiscard]] MeteredPort& port() noexcept { return port_; }
+    [[nodiscard]] SdoGateway& sdo() noexcept { return *gateway_; }
+    [[nodiscard]] SubBus& sub_bus() noexcept { return sub_bus_; }
+    /// Its master's client instead of one of its own: before `power_on`, and it must stay.
+    void use(co::SdoClient& client) noexcept;
+    /// `GatewayDevice::add_bus` makes it. Heartbeats that the device beneath supervises (1016h) are told above; a
+    /// master that hears them itself tells each event to `sub_bus().heartbeat`.
+    Bus(GatewayDevice& owner, can::Port& port, unsigned number, const BusOptions& options);
+    ~Bus();
+    Bus(const Bus&) = delete;
+    Bus& operator=(const Bus&) = delete;
+
+   private:
+    friend class GatewayDevice;
+    MeteredPort port_;
+    can::Dispatcher dispatcher_;
+    device::Device device_;
+    SubBus sub_bus_;
+    std::optional<co::SdoClient> client_;
+    std::optional<SdoGateway> gateway_;
+    unsigned number_;
+    bool boots_first_;
+  };
+
+  /// `above` must stay.
+  GatewayDevice(rt::Executor& executor, can::Port& above, const GatewayOptions& options);
+  ~GatewayDevice();
+  /// `port` must stay. At most `most_ports`; before `power_on`. The reference stays.
+  Bus& add_bus(can::Port& port, const BusOptions& options);
+
+  /// Buses beneath first; the upstream side when all of those that boot first are settled.
+  void power_on();
+  void power_off();
+  [[nodiscard]] device::Device& upper() noexcept { return upper_; }
+  [[nodiscard]] EmcyGateway& emcy() noexcept { return emcy_; }
+  [[nodiscard]] Bus& bus(unsigned number) noexcept { return *buses_[number - 1]; }
+  [[nodiscard]] std::size_t buses() const noexcept { return buses_.size(); }
+
+  /// The routing database, once, when all buses are there; what is wrong with it, those signals being left out. Signals
+  /// that are late are told above (FF05h). Forwarding waits for `signals().set_safe(true)`, and for operational on all
+  /// sides: then the start-up is complete.
+  std::vector<SignalProblem> set_signals(std::vector<Signal> table);
+  /// There after `set_signals`.
+  [[nodiscard]] SignalGateway& signals() noexcept { return *signals_; }
+
+ private:
+  void device_changed(const device::Device& device) noexcept override;
+  void look() noexcept;
+  void come_up() noexcept;
+  [[nodiscard]] bool all_operational() const noexcept;
+  [[nodiscard]] device::Device& side(std::uint8_t number) noexcept {
+    return number == 0 ? upper_ : buses_[number - 1U]->device_;
+  }
+  [[nodiscard]] SignalSide signal_side(std::uint8_t number);
+  void late(bool late);
+
+  rt::Executor* executor_;
+  MeteredPort port_;
+  can::Dispatcher dispatcher_;
+  device::Device upper_;
+  EmcyGateway emcy_;
+  std::vector<std::unique_ptr<Bus>> buses_;
+  std::optional<SignalGateway> signals_;
+  NmtState upper_state_ = NmtState::initialising;
+  unsigned late_ = 0;       // signals that are
+  bool waits_ = false;      // for the buses beneath
+  bool was_reset_ = false;  // the upstream side, since `look`
+  rt::Later<GatewayDevice, &GatewayDevice::look> look_;
+};
+
+}  // namespace berth::multilevel

@@ -1,0 +1,34 @@
+/// The objects of a gateway that paper 3 asks for and gives no index (S3.9, S3.10, S3.12, S3.22): Berth has them in the
+/// manufacturer-specific area, once for each bus beneath the gateway (docs/multilevel.md §Objects).
+#pragma once
+
+#include <cstdint>
+
+#include "berth/base/ids.hpp"
+#include "berth/od/description.hpp"
+
+namespace berth::multilevel {
+
+/// The three objects of the SDO gateway for one bus beneath (paper 3 Figure 11).
+struct SdoGatewayObjects {
+  ObjectRef node{};     ///< UNSIGNED8: downstream node-ID
+  ObjectRef data{};     ///< DOMAIN
+  ObjectRef command{};  ///< UNSIGNED32: command specifier in bits 7..0, index in 23..8, sub-index in 31..24
+
+  /// `port` 1..8: 5F30h to 5F32h, 5F34h to 5F36h, ...
+  [[nodiscard]] static constexpr SdoGatewayObjects of(unsigned port) noexcept {
+    const auto first = static_cast<std::uint16_t>(first_index + 4 * (port - 1));
+    return {{first, 0}, {static_cast<std::uint16_t>(first + 1), 0}, {static_cast<std::uint16_t>(first + 2), 0}};
+  }
+  static constexpr std::uint16_t first_index = 0x5F30;
+  static constexpr std::uint16_t last_index = 0x5F4F;
+  /// An access to such an object is itself one through a gateway.
+  [[nodiscard]] static constexpr bool contain(ObjectRef ref) noexcept {
+    return ref.index >= first_index && ref.index <= last_index;
+  }
+};
+
+/// Adds the three objects for this bus beneath.
+void add_sdo_gateway(od::DescriptionBuilder& builder, unsigned port = 1);
+
+}  // namespace berth::multilevel

@@ -1,0 +1,37 @@
+/// Where a node is beneath gateways (paper 3; docs/multilevel.md): `3/5` is node 5 on the bus beneath gateway 3, and
+/// `3.2/5` the same where gateway 3 has several buses beneath it and the second is meant.
+#pragma once
+
+#include <optional>
+#include <string>
+#include <string_view>
+#include <vector>
+
+#include "berth/base/ids.hpp"
+
+namespace berth::multilevel {
+
+/// One gateway on the way down.
+struct Hop {
+  NodeId gateway;         ///< on the bus above
+  std::uint8_t port = 1;  ///< which of its buses beneath, 1..`most_ports`
+  friend auto operator<=>(const Hop&, const Hop&) noexcept = default;
+};
+inline constexpr std::uint8_t most_ports = 8;
+
+/// From the bus at which it begins down to a node.
+struct Path {
+  std::vector<Hop> gateways = {};  ///< topmost first; empty: the node is on this bus
+  NodeId node = {};
+
+  /// How many gateways are between.
+  [[nodiscard]] std::size_t depth() const noexcept { return gateways.size(); }
+  friend auto operator<=>(const Path&, const Path&) noexcept = default;
+};
+
+/// "3/5", "3.2/5", "5". Empty: a node-ID that is none, a port that is none, anything else in it.
+[[nodiscard]] std::optional<Path> parse_path(std::string_view text);
+[[nodiscard]] std::string to_string(const Hop& hop);
+[[nodiscard]] std::string to_string(const Path& path);
+
+}  // namespace berth::multilevel

@@ -1,0 +1,331 @@
+#include "berth/multilevel/sdo_session.hpp"
+
+#include <limits>
+
+#include "berth/base/bytes.hpp"
+#include "berth/co/sdo_block.hpp"
+
+namespace berth::multilevel {
+namespace {
+
+using od::AbortCode;
+
+// More than a sub-block is on its way between the two buses only while the slower one takes the one before.
+constexpr std::size_t crowd = 2 * co::sdo::block_window;
+
+AbortCode code_of(const Error& error) noexcept {
+  switch (error.code) {
+    case Errc::aborted: return error.detail == 0 ? AbortCode::general : static_cast<AbortCode>(error.detail);
+    case Errc::timeout: return AbortCode::timeout;
+    case Errc::mismatch: return error.detail == 0 ? AbortCode::general : static_cast<AbortCode>(error.detail);
+    case Errc::bus: return AbortCode::hardware;
+    default: return AbortCode::general;
+  }
+}
+
+}  // namespace
+
+std::optional<GatewayCommand> parse_command(std::uint32_t value) noexcept {
+  using Kind = GatewayCommand::Kind;
+  const auto byte = static_cast<std::uint8_t>(value);
+  GatewayCommand command{.object = {static_cast<std::uint16_t>(value >> 8U), static_cast<std::uint8_t>(value >> 24U)}};
+  switch (static_cast<co::sdo::Ccs>(co::sdo::specifier(byte))) {
+    case co::sdo::Ccs::download:
+      if ((byte & 0x10U) != 0) return std::nullopt;
+      if ((byte & 0x02U) == 0) {
+        command.kind = (byte & 0x01U) != 0 ? Kind::download : Kind::passed_download;
+        return (byte & 0x0CU) == 0 ? std::optional(command) : std::nullopt;
+      }
+      command.kind = Kind::expedited_download;
+      if ((byte & 0x01U) != 0) command.length = 4U - ((byte >> 2U) & 0x03U);
+      return command;
+    case co::sdo::Ccs::upload: return byte == 0x40 ? std::optional(command) : std::nullopt;
+    case co::sdo::Ccs::block_upload:
+      command.mode = co::SdoMode::block;
+      return (byte & 0x1BU) == 0 ? std::optional(command) : std::nullopt;
+    case co::sdo::Ccs::block_download:
+      command.kind = (byte & 0x02U) != 0 ? Kind::download : Kind::passed_download;
+      command.mode = co::SdoMode::block;
+      return (byte & 0x19U) == 0 ? std::optional(command) : std::nullopt;
+    default: return std::nullopt;
+  }
+}
+
+SdoSession::SdoSession(SdoGateway& gateway, std::uint8_t channel) noexcept
+    : gateway_(&gateway),
+      channel_(channel),
+      wake_(*this, *gateway.executor_),
+      forsaken_(*this, *gateway.executor_),
+      scope_(*gateway.executor_) {}
+
+// ---- what the client above writes
+
+AbortCode SdoSession::select(std::uint8_t node) noexcept {
+  if (node < 1 || node > 127) return AbortCode::invalid_value;
+  node_[0] = node;
+  return AbortCode::none;
+}
+
+AbortCode SdoSession::command(std::uint32_t value) noexcept {
+  const bool has_data = state_ == State::stored;
+  if (!has_data) cancel();
+  const auto parsed = parse_command(value);
+  if (!parsed) return AbortCode::command_specifier;
+  if (node_[0] == 0) return AbortCode::device_state;
+  command_ = *parsed;
+  store_le(command_bytes_.data(), value);
+  switch (parsed->kind) {
+    case GatewayCommand::Kind::upload:
+      cancel();
+      start(State::uploading);
+      return AbortCode::none;
+    case GatewayCommand::Kind::expedited_download:
+      if (!has_data) return AbortCode::no_data;
+      if (queue_.size() != parsed->length.value_or(queue_.size()) || queue_.size() > 4 || queue_.size() == 0) {
+        cancel();
+        return AbortCode::length_mismatch;
+      }
+      return begin_sending();
+    case GatewayCommand::Kind::download: return has_data ? begin_sending() : AbortCode::no_data;
+    default:
+      cancel();
+      state_ = State::armed;
+      return AbortCode::none;
+  }
+}
+
+AbortCode SdoSession::begin_sending() noexcept {
+  if (od::Values* const own = gateway_->own(node())) {
+    const auto code = own->write(command_.object, queue_.bytes());
+    cancel();
+    return code == AbortCode::pending ? AbortCode::none : code;
+  }
+  size_ = queue_.size();
+  all_in_ = true;
+  start(State::sending);
+  return AbortCode::pending;
+}
+
+void SdoSession::start(State state) noexcept {
+  state_ = state;
+  begun_ = finished_ = crowded_ = false;
+  failure_ = AbortCode::none;
+  if (state == State::uploading) {
+    scope_.spawn(upload());
+  } else if (state == State::passing) {
+    scope_.spawn(pass());
+  } else {
+    scope_.spawn(send());
+  }
+}
+
+void SdoSession::cancel() noexcept {
+  scope_.cancel();
+  wake_.cancel();
+  forsaken_.cancel();
+  queue_.clear();
+  size_.reset();
+  all_in_ = false;
+  state_ = State::idle;
+}
+
+void SdoSession::reset() noexcept {
+  cancel();
+  node_ = {};
+  command_bytes_ = {};
+}
+
+// ---- the access beneath
+
+co::SdoOptions SdoSession::sdo_options() const noexcept {
+  co::SdoOptions options = gateway_->options_.sdo;
+  options.mode = command_.mode;
+  options.retries = 0;  // the client above asks again
+  if (SdoGatewayObjects::contain(command_.object)) options.timeout *= 1 + gateway_->options_.levels_beneath;
+  return options;
+}
+
+rt::Task<void> SdoSession::upload() {
+  const NodeId node = this->node();
+  if (od::Values* const own = gateway_->own(node)) {
+    std::vector<std::uint8_t> bytes(gateway_->options_.store);
+    const auto count = own->read(command_.object, bytes);
+    if (count) {
+      sink_.begin(*count);
+      if (*count > 0) static_cast<void>(sink_.write(std::span(bytes).first(*count)));
+    } else {
+      failure_ = count.error();
+    }
+    finished_ = true;
+    wake_.post();
+    co_return;
+  }
+  const co::SdoOptions options = sdo_options();
+  co::SdoSink& sink = sink_;
+  const auto done =
+      co_await gateway_->beneath_->upload(node, command_.object.index, command_.object.sub, sink, options);
+  ended(done);
+}
+
+rt::Task<void> SdoSession::pass() {
+  const NodeId node = this->node();
+  const co::SdoOptions options = sdo_options();
+  co::SdoSource& source = source_;
+  const auto done =
+      co_await gateway_->beneath_->download(node, command_.object.index, command_.object.sub, source, options);
+  ended(done);
+}
+
+rt::Task<void> SdoSession::send() {
+  const NodeId node = this->node();
+  const co::SdoOptions options = sdo_options();
+  const std::span<const std::uint8_t> data = queue_.bytes();
+  const auto done =
+      co_await gateway_->beneath_->download(node, command_.object.index, command_.object.sub, data, options);
+  ended(done);
+}
+
+void SdoSession::ended(const Result<void>& done) noexcept {
+  finished_ = true;
+  failure_ = done ? AbortCode::none : code_of(done.error());
+  wake_.post();
+}
+
+AbortCode SdoSession::Sink::begin(std::optional<std::size_t> size) noexcept {
+  session_->begun_ = true;
+  session_->size_ = size;
+  session_->wake_.post();
+  return AbortCode::none;
+}
+
+AbortCode SdoSession::Sink::write(std::span<const std::uint8_t> bytes) noexcept {
+  session_->queue_.put(bytes);
+  session_->wake_.post();
+  if (session_->queue_.size() <= crowd) return AbortCode::none;
+  session_->forsaken_.arm(session_->gateway_->options_.client_timeout);
+  return AbortCode::pending;
+}
+
+std::size_t SdoSession::Source::ready() const noexcept {
+  return session_->all_in_ ? std::numeric_limits<std::size_t>::max() : session_->queue_.size();
+}
+
+od::Answer<std::size_t> SdoSession::Source::read(std::span<std::uint8_t> into) noexcept {
+  const auto count = session_->queue_.take(into);
+  if (session_->crowded_ && session_->queue_.size() <= crowd) session_->wake_.post();
+  return count;
+}
+
+// ---- the client above is answered
+
+void SdoSession::wake() noexcept {
+  auto& channels = gateway_->upper_->channels();
+  const auto& objects = gateway_->objects_;
+  if (state_ == State::sending) {
+    if (!finished_) return;
+    const AbortCode code = failure_;
+    const ObjectRef name = gateway_->options_.literal ? command_.object : objects.command;
+    cancel();
+    channels.answer(channel_, objects.command, code, name);
+  } else if (state_ == State::uploading) {
+    channels.answer(channel_, objects.data, AbortCode::none);
+  } else if (state_ == State::passing) {
+    if (finished_) {
+      const AbortCode code = failure_;
+      if (all_in_) cancel();
+      channels.answer(channel_, objects.data, code);
+    } else if (crowded_ && queue_.size() <= crowd) {
+      crowded_ = false;
+      channels.answer(channel_, objects.data, AbortCode::none);
+    }
+  }
+}
+
+void SdoSession::forsaken() noexcept {
+  scope_.cancel();
+  finished_ = true;
+  failure_ = AbortCode::timeout;
+}
+
+// ---- the client above reads the data
+
+od::Answer<std::optional<std::size_t>> SdoSession::open_read(ObjectRef) noexcept {
+  if (state_ != State::uploading) return od::refuse(AbortCode::no_data);
+  if (finished_ && failure_ != AbortCode::none) return od::refuse(failure_);
+  if (!begun_) return od::refuse(AbortCode::pending);
+  if (!queue_.again()) return od::refuse(AbortCode::no_data);  // it was read before, and has gone
+  const bool expedited = size_ && *size_ >= 1 && *size_ <= 4;
+  if (expedited && queue_.size() < *size_) return od::refuse(AbortCode::pending);
+  return size_;
+}
+
+std::size_t SdoSession::ready() const noexcept {
+  return finished_ ? std::numeric_limits<std::size_t>::max() : queue_.size();
+}
+
+od::Answer<std::size_t> SdoSession::read(std::span<std::uint8_t> into) noexcept {
+  const auto count = queue_.take(into);
+  if (count < into.size() && failure_ != AbortCode::none) return od::refuse(failure_);
+  if (queue_.size() > crowd) {
+    forsaken_.arm(gateway_->options_.client_timeout);
+    return count;
+  }
+  forsaken_.cancel();
+  sink_.go_on();
+  return count;
+}
+
+ObjectRef SdoSession::named(ObjectRef ref) const noexcept {
+  return gateway_->options_.literal && state_ == State::uploading ? command_.object : ref;
+}
+
+// ---- the client above writes the data
+
+AbortCode SdoSession::open_write(ObjectRef, std::optional<std::size_t> size) noexcept {
+  if (state_ != State::armed || gateway_->own(node()) != nullptr) {
+    const bool armed = state_ == State::armed;
+    if (!armed) cancel();
+    if (size.value_or(0) > gateway_->options_.store) return AbortCode::out_of_memory;
+    if (!armed) state_ = State::storing;
+    return AbortCode::none;
+  }
+  size_ = size;
+  start(State::passing);
+  return AbortCode::none;
+}
+
+AbortCode SdoSession::write(std::span<const std::uint8_t> bytes) noexcept {
+  if (state_ != State::passing) {
+    if (queue_.size() + bytes.size() > gateway_->options_.store) return AbortCode::out_of_memory;
+    queue_.put(bytes);
+    return AbortCode::none;
+  }
+  if (finished_) return failure_ == AbortCode::none ? AbortCode::general : failure_;
+  queue_.put(bytes);
+  source_.go_on();
+  if (queue_.size() <= crowd) return AbortCode::none;
+  crowded_ = true;
+  return AbortCode::pending;
+}
+
+AbortCode SdoSession::close(ObjectRef, bool complete) noexcept {
+  if (state_ == State::uploading && complete) return AbortCode::none;  // may be read once more
+  if (!complete) {
+    cancel();
+    return AbortCode::none;
+  }
+  if (state_ == State::armed) return begin_sending();  // to the gateway's own device
+  if (state_ != State::passing) {
+    state_ = State::stored;
+    return AbortCode::none;
+  }
+  all_in_ = true;
+  crowded_ = false;  // from now on only the end is waited for
+  source_.go_on();
+  if (!finished_) return AbortCode::pending;
+  const AbortCode code = failure_;
+  cancel();
+  return code;
+}
+
+}  // namespace berth::multilevel

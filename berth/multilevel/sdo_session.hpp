@@ -1,0 +1,119 @@
+/// What an SDO gateway does for one client: a part of `SdoGateway`.
+#pragma once
+
+#include <optional>
+
+#include "berth/co/sdo_client.hpp"
+#include "berth/multilevel/byte_queue.hpp"
+#include "berth/multilevel/sdo_gateway.hpp"
+#include "berth/rt/later.hpp"
+#include "berth/rt/scope.hpp"
+
+namespace berth::multilevel {
+
+/// A command specifier with its multiplexer, as the client above has written it.
+struct GatewayCommand {
+  enum class Kind : std::uint8_t {
+    expedited_download,  ///< of data that are there
+    download,            ///< of data that are there
+    passed_download,     ///< of data that come next
+    upload,
+  };
+  Kind kind = Kind::upload;
+  co::SdoMode mode = co::SdoMode::segmented;
+  std::optional<std::size_t> length = {};  ///< of an expedited download that says it
+  ObjectRef object = {};
+};
+/// Empty: the command specifier begins no transfer.
+[[nodiscard]] std::optional<GatewayCommand> parse_command(std::uint32_t value) noexcept;
+
+/// One client above. The access beneath is a task that only notes what it gets; what the client above is answered, is
+/// answered by `wake_`, so that nothing runs inside another's call.
+class SdoSession final : public od::Stream {
+ public:
+  SdoSession(SdoGateway& gateway, std::uint8_t channel) noexcept;
+  ~SdoSession() { cancel(); }
+
+  [[nodiscard]] od::AbortCode select(std::uint8_t node) noexcept;
+  [[nodiscard]] od::AbortCode command(std::uint32_t value) noexcept;
+  /// The client waits no more, or the gateway is reset.
+  void cancel() noexcept;
+  void reset() noexcept;
+  [[nodiscard]] bool busy() const noexcept { return scope_.running() != 0; }
+  [[nodiscard]] std::span<const std::uint8_t> node_bytes() const noexcept { return node_; }
+  [[nodiscard]] std::span<const std::uint8_t> command_bytes() const noexcept { return command_bytes_; }
+
+ private:
+  enum class State : std::uint8_t {
+    idle,
+    storing,    // data come in whose command is not known yet
+    stored,     // they are there
+    armed,      // the command was there first; data are to come
+    uploading,  // what comes from beneath is read above
+    passing,    // what comes from above goes down
+    sending,    // stored data go down, and the write of the command waits
+  };
+  // Takes what is uploaded beneath.
+  class Sink final : public co::SdoSink {
+   public:
+    explicit Sink(SdoSession& session) noexcept : session_(&session) {}
+    od::AbortCode begin(std::optional<std::size_t> size) noexcept override;
+    od::AbortCode write(std::span<const std::uint8_t> bytes) noexcept override;
+
+   private:
+    SdoSession* session_;
+  };
+  // Gives what is downloaded beneath.
+  class Source final : public co::SdoSource {
+   public:
+    explicit Source(SdoSession& session) noexcept : session_(&session) {}
+    [[nodiscard]] std::optional<std::size_t> size() const noexcept override { return session_->size_; }
+    [[nodiscard]] std::size_t ready() const noexcept override;
+    od::Answer<std::size_t> read(std::span<std::uint8_t> into) noexcept override;
+
+   private:
+    SdoSession* session_;
+  };
+
+  // od::Stream: the data object, as the client above reads and writes it
+  od::Answer<std::optional<std::size_t>> open_read(ObjectRef ref) noexcept override;
+  [[nodiscard]] std::size_t ready() const noexcept override;
+  od::Answer<std::size_t> read(std::span<std::uint8_t> into) noexcept override;
+  [[nodiscard]] ObjectRef named(ObjectRef ref) const noexcept override;
+  od::AbortCode open_write(ObjectRef ref, std::optional<std::size_t> size) noexcept override;
+  [[nodiscard]] std::size_t piece() const noexcept override { return 1; }
+  od::AbortCode write(std::span<const std::uint8_t> bytes) noexcept override;
+  od::AbortCode close(ObjectRef ref, bool complete) noexcept override;
+
+  [[nodiscard]] NodeId node() const noexcept { return NodeId(node_[0]); }
+  [[nodiscard]] co::SdoOptions sdo_options() const noexcept;
+  [[nodiscard]] od::AbortCode begin_sending() noexcept;
+  void start(State state) noexcept;
+  rt::Task<void> upload();
+  rt::Task<void> pass();
+  rt::Task<void> send();
+  void ended(const Result<void>& done) noexcept;
+  void wake() noexcept;
+  void forsaken() noexcept;
+
+  SdoGateway* gateway_;
+  GatewayCommand command_;
+  ByteQueue queue_;
+  Sink sink_{*this};
+  Source source_{*this};
+  std::optional<std::size_t> size_;  // of what is transferred, when it is known
+  od::AbortCode failure_ = od::AbortCode::none;
+  std::array<std::uint8_t, 1> node_{};
+  std::array<std::uint8_t, 4> command_bytes_{};
+  std::uint8_t channel_;
+  State state_ = State::idle;
+  bool begun_ = false;     // an upload: its size, or that it has none, is known
+  bool all_in_ = false;    // passing: the client above has given all
+  bool finished_ = false;  // the access beneath has ended, with `failure_`
+  bool crowded_ = false;   // passing: the client above waits for room
+  rt::Later<SdoSession, &SdoSession::wake> wake_;
+  rt::Later<SdoSession, &SdoSession::forsaken> forsaken_;  // set while the node beneath waits for the client above
+  rt::Scope scope_;
+};
+
+}  // namespace berth::multilevel

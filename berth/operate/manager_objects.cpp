@@ -1,0 +1,329 @@
+#include "berth/operate/manager_objects.hpp"
+
+#include <fmt/format.h>
+
+#include <algorithm>
+
+#include "berth/base/bytes.hpp"
+#include "berth/manager/boot_rules.hpp"
+
+namespace berth::operate {
+namespace {
+
+using od::AbortCode;
+using od::Access;
+using od::DataType;
+using places::SlotState;
+
+constexpr std::uint16_t os_command = 0x1023;
+constexpr std::uint16_t request_configuration = 0x1F25;
+constexpr std::uint16_t nmt_startup = 0x1F80;
+constexpr std::uint16_t slave_assignment = 0x1F81;
+constexpr std::uint16_t request_nmt = 0x1F82;
+constexpr std::uint16_t request_guarding = 0x1F83;
+constexpr std::uint16_t expected_type = 0x1F84;
+constexpr std::uint16_t boot_time = 0x1F89;
+constexpr std::uint16_t manager_status = 0x5F00;
+constexpr std::uint16_t bus_status = 0x5F01;
+constexpr std::uint16_t slot_state = 0x5F02;
+constexpr std::uint16_t boot_letter = 0x5F03;
+constexpr std::uint16_t configuration_status = 0x5F04;
+constexpr std::uint16_t last_emergency = 0x5F05;
+constexpr std::uint16_t emergencies = 0x5F06;
+constexpr std::uint16_t losses = 0x5F07;
+constexpr std::uint16_t boots = 0x5F08;
+constexpr std::uint16_t emergency_history = 0x5F09;
+
+constexpr std::uint8_t all_nodes = 0x80;
+constexpr std::uint32_t conf = 0x666E'6F63;  // "conf"
+constexpr std::uint32_t longest_command = 1000;
+constexpr std::uint32_t longest_reply = 65'536;
+
+// 1023h:02 (CiA 301 §7.5.2.27).
+constexpr std::uint8_t done_with_reply = 1;
+constexpr std::uint8_t failed_with_reply = 3;
+constexpr std::uint8_t executing = 0xFF;
+
+enum class Configured : std::uint8_t { none, not_yet, under_way, as_it_shall_be, needs_power, failed };
+
+struct Array {
+  std::uint16_t index;
+  const char* name;
+  const char* part;
+  DataType type;
+  std::uint8_t most;
+  Access access;
+};
+constexpr std::array arrays{
+    Array{request_configuration, "Request configuration", "Node-ID", DataType::unsigned32, all_nodes, Access::wo},
+    Array{slave_assignment, "Slave assignment", "Node-ID", DataType::unsigned32, 127, Access::ro},
+    Array{request_nmt, "Request NMT", "Node-ID", DataType::unsigned8, all_nodes, Access::rw},
+    Array{request_guarding, "Request guarding", "Node-ID", DataType::unsigned8, 127, Access::ro},
+    Array{expected_type, "Device type identification", "Node-ID", DataType::unsigned32, 127, Access::ro},
+    Array{0x1F85, "Vendor identification", "Node-ID", DataType::unsigned32, 127, Access::ro},
+    Array{0x1F86, "Product code", "Node-ID", DataType::unsigned32, 127, Access::ro},
+    Array{0x1F87, "Revision number", "Node-ID", DataType::unsigned32, 127, Access::ro},
+    Array{0x1F88, "Serial number", "Node-ID", DataType::unsigned32, 127, Access::ro},
+    Array{slot_state, "Slot state", "Node-ID", DataType::unsigned8, 127, Access::ro},
+    Array{boot_letter, "Boot-up error status", "Node-ID", DataType::unsigned8, 127, Access::ro},
+    Array{configuration_status, "Configuration status", "Node-ID", DataType::unsigned8, 127, Access::ro},
+    Array{last_emergency, "Present emergency", "Node-ID", DataType::unsigned32, 127, Access::ro},
+    Array{emergencies, "Emergencies", "Node-ID", DataType::unsigned16, 127, Access::ro},
+    Array{losses, "Heartbeats lost", "Node-ID", DataType::unsigned16, 127, Access::ro},
+    Array{boots, "Boot-ups", "Node-ID", DataType::unsigned16, 127, Access::ro},
+    Array{emergency_history, "Emergency history", "Emergency", DataType::unsigned64, Diagnosis::most_emergencies,
+          Access::ro}};
+
+struct Part {
+  const char* name;
+  DataType type;
+};
+constexpr std::array manager_parts{Part{"Phase", DataType::unsigned8},        Part{"Slots", DataType::unsigned8},
+                                   Part{"Operational", DataType::unsigned8},  Part{"Absent", DataType::unsigned8},
+                                   Part{"Failed", DataType::unsigned8},       Part{"Questions", DataType::unsigned8},
+                                   Part{"All operational", DataType::boolean}};
+constexpr std::array bus_parts{
+    Part{"Bit rate", DataType::unsigned32},        Part{"State", DataType::unsigned8},
+    Part{"Transmit errors", DataType::unsigned16}, Part{"Receive errors", DataType::unsigned16},
+    Part{"Errors", DataType::unsigned32},          Part{"Frames lost", DataType::unsigned32},
+    Part{"Emergencies", DataType::unsigned16},     Part{"Heartbeats lost", DataType::unsigned16},
+    Part{"Boot-ups", DataType::unsigned16}};
+
+template <class Parts>
+void add_record(od::DescriptionBuilder& b, std::uint16_t index, const char* name, const Parts& parts) {
+  b.object(index, od::ObjectCode::record, name);
+  std::uint8_t sub = 0;
+  for (const Part& part : parts) {
+    b.sub(index, {.sub = ++sub, .name = part.name, .type = part.type, .access = Access::ro});
+  }
+}
+
+Configured configured(const Seat& seat) noexcept {
+  if (!seat.configuration.any()) return Configured::none;
+  switch (seat.state) {
+    case SlotState::configuring: return Configured::under_way;
+    case SlotState::power_cycle: return Configured::needs_power;
+    case SlotState::failed: return Configured::failed;
+    case SlotState::operational: return Configured::as_it_shall_be;
+    default: break;
+  }
+  const auto& noted = seat.slot.record.configured;
+  const bool done = noted && noted->stage == places::Configured::Stage::done && seat.boot.ready;
+  return done ? Configured::as_it_shall_be : Configured::not_yet;
+}
+
+std::uint32_t assignment(const Seat& seat) noexcept {
+  constexpr std::uint32_t assigned = 1U << 0U;
+  constexpr std::uint32_t boots_it = 1U << 2U;
+  constexpr std::uint32_t mandatory = 1U << 3U;
+  constexpr std::uint32_t keep_alive = 1U << 4U;
+  return assigned | boots_it | keep_alive | (seat.slot.spec.mandatory ? mandatory : 0U);
+}
+
+std::uint32_t expected(const Seat& seat, std::uint16_t index) noexcept {
+  const auto& spec = seat.slot.spec;
+  switch (index) {
+    case expected_type: return spec.device_type;
+    case 0x1F85: return spec.type.vendor;
+    case 0x1F86: return spec.type.product;
+    case 0x1F87: return spec.rule == places::RevisionRule::exact ? spec.revision.value_or(0) : 0;
+    default: return seat.slot.record.device() ? seat.slot.record.device()->serial : 0;
+  }
+}
+
+}  // namespace
+
+void ManagerObjects::describe(od::DescriptionBuilder& b) {
+  b.object(os_command, od::ObjectCode::record, "OS command");
+  b.sub(os_command, {.sub = 1, .name = "Command", .type = DataType::octet_string, .capacity = longest_command});
+  b.sub(os_command, {.sub = 2, .name = "Status", .type = DataType::unsigned8, .access = Access::ro});
+  b.sub(os_command, {.sub = 3, .name = "Reply", .type = DataType::octet_string, .access = Access::ro});
+  b.variable(nmt_startup, {.name = "NMT startup", .access = Access::ro});
+  b.variable(boot_time, {.name = "Boot time", .access = Access::ro});
+  for (const Array& each : arrays) {
+    b.object(each.index, od::ObjectCode::array, each.name, each.type);
+    for (unsigned sub = 1; sub <= each.most; ++sub) {
+      b.sub(each.index, {.sub = static_cast<std::uint8_t>(sub),
+                         .name = fmt::format("{} {}", each.part, sub),
+                         .type = each.type,
+                         .access = each.access});
+    }
+  }
+  add_record(b, manager_status, "Manager status", manager_parts);
+  add_record(b, bus_status, "Bus status", bus_parts);
+}
+
+ManagerObjects::ManagerObjects(od::Values& values, BusServices& services, SlotTable& slots, Agenda& agenda,
+                               Requests& requests)
+    : s_(services), slots_(slots), agenda_(agenda), requests_(requests) {
+  values.attach(*this, os_command, os_command);
+  values.attach(*this, request_configuration, request_configuration);
+  values.attach(*this, nmt_startup, boot_time);
+  values.attach(*this, manager_status, emergency_history);
+}
+
+bool ManagerObjects::is_slot(std::uint8_t sub) const {
+  const auto id = NodeId::make(sub);
+  return id && id->configured() && slots_.at(*id) != nullptr;
+}
+
+std::uint64_t ManagerObjects::of_node(std::uint16_t index, NodeId node) const {
+  const auto& tally = slots_.diagnosis().tallies[node.value()];
+  switch (index) {
+    case emergencies: return tally.emergencies;
+    case losses: return tally.losses;
+    case boots: return tally.boots;
+    default: break;
+  }
+  const Seat* const seat = slots_.at(node);
+  if (seat == nullptr) return 0;
+  switch (index) {
+    case slave_assignment: return assignment(*seat);
+    case request_nmt: {
+      constexpr std::uint64_t missing = 1;
+      const bool there = seat->there && s_.boots.heard(node).has_value();
+      return there ? static_cast<std::uint64_t>(s_.boots.state(node)) : missing;
+    }
+    case request_guarding: return seat->there && !seat->guarded ? 1 : 0;
+    case slot_state: return static_cast<std::uint64_t>(seat->state);
+    case boot_letter: return static_cast<std::uint8_t>(manager::letter(seat->boot.status));
+    case configuration_status: return static_cast<std::uint64_t>(configured(*seat));
+    case last_emergency: {
+      const auto& told = seat->last.emergency;
+      return told ? told->code | std::uint64_t{told->error_register} << 16U : 0U;
+    }
+    default: return expected(*seat, index);
+  }
+}
+
+std::uint64_t ManagerObjects::of_manager(std::uint8_t sub) const {
+  const auto count = [&](auto&& is) {
+    return static_cast<std::uint64_t>(
+        std::ranges::count_if(slots_.seats(), [&](const auto& s) { return is(s->state); }));
+  };
+  switch (sub) {
+    case 1: return static_cast<std::uint64_t>(agenda_.phase);
+    case 2: return slots_.seats().size();
+    case 3: return count([](SlotState s) { return s == SlotState::operational; });
+    case 4: return count([](SlotState s) { return s == SlotState::absent || s == SlotState::empty; });
+    case 5:
+      return count([](SlotState s) {
+        return s == SlotState::failed || s == SlotState::wrong_type || s == SlotState::duplicate;
+      });
+    case 6: return count([](SlotState s) { return s == SlotState::question; });
+    default: return slots_.operational() ? 1 : 0;
+  }
+}
+
+std::uint64_t ManagerObjects::of_bus(std::uint8_t sub) const {
+  const can::Status status = s_.port.status();
+  const auto sum = slots_.diagnosis().sum();
+  enum class State : std::uint8_t { active, passive, bus_off, down };
+  switch (sub) {
+    case 1: return status.bit_rate != 0 ? status.bit_rate : s_.bus.bitrate;
+    case 2:
+      return static_cast<std::uint64_t>(!status.up               ? State::down
+                                        : status.bus_off         ? State::bus_off
+                                        : status.error_passive() ? State::passive
+                                                                 : State::active);
+    case 3: return status.tec;
+    case 4: return status.rec;
+    case 5: return status.errors;
+    case 6: return status.lost;
+    case 7: return sum.emergencies;
+    case 8: return sum.losses;
+    default: return sum.boots;
+  }
+}
+
+// Node-ID, code, register, and the time in ms since the main job's world began.
+std::uint64_t ManagerObjects::emergency(std::uint8_t sub) const {
+  const auto& told = slots_.diagnosis().emergencies;
+  if (sub > told.size()) return 0;
+  const auto& each = told[sub - 1U];
+  const auto ms = std::chrono::duration_cast<std::chrono::milliseconds>(each.at.time_since_epoch()).count();
+  return each.node.value() | std::uint64_t{each.message.code} << 8U |
+         std::uint64_t{each.message.error_register} << 24U | static_cast<std::uint64_t>(ms) << 32U;
+}
+
+AbortCode ManagerObjects::reading(const od::Values&, ObjectRef ref, std::span<const std::uint8_t>& value) noexcept {
+  if (ref.index == os_command) {
+    if (ref.sub == 2) {
+      number_[0] = status_;
+      value = std::span(number_).first(1);
+    } else if (ref.sub == 3) {
+      value = {reinterpret_cast<const std::uint8_t*>(reply_.data()), reply_.size()};
+    }
+    return AbortCode::none;
+  }
+  std::uint64_t number = 0;
+  if (ref.index == nmt_startup) {
+    number = manager::value_of(s_.bus.startup.rules) | (s_.may_command() ? 1U : 0U);
+  } else if (ref.index == boot_time) {
+    number = static_cast<std::uint64_t>(
+        std::chrono::duration_cast<std::chrono::milliseconds>(s_.bus.startup.boot_time).count());
+  } else if (ref.sub == 0) {
+    return AbortCode::none;
+  } else if (ref.index == manager_status) {
+    number = of_manager(ref.sub);
+  } else if (ref.index == bus_status) {
+    number = of_bus(ref.sub);
+  } else if (ref.index == emergency_history) {
+    number = emergency(ref.sub);
+  } else if (ref.sub <= 127) {
+    number = of_node(ref.index, NodeId(ref.sub));
+  }
+  for (std::size_t i = 0; i < number_.size(); ++i) number_[i] = static_cast<std::uint8_t>(number >> 8U * i);
+  value = std::span<const std::uint8_t>(number_).first(std::min(value.size(), number_.size()));
+  return AbortCode::none;
+}
+
+AbortCode ManagerObjects::writing(const od::Values&, ObjectRef ref, std::span<const std::uint8_t> value) noexcept {
+  if (ref.index == os_command) return ref.sub == 1 ? ask_command(value) : AbortCode::none;
+  if (ref.index == request_nmt && value.size() == 1) return ask_nmt(ref.sub, value[0]);
+  if (ref.index == request_configuration && value.size() == 4) {
+    return ask_configuration(ref.sub, load_le<std::uint32_t>(value.data()));
+  }
+  return AbortCode::none;
+}
+
+AbortCode ManagerObjects::ask_nmt(std::uint8_t sub, std::uint8_t state) {
+  if (!s_.may_command()) return AbortCode::local_control;
+  const bool all = sub == all_nodes;
+  if (!all && !is_slot(sub)) return AbortCode::invalid_value;
+  const auto target = all ? co::NmtTarget::all() : co::NmtTarget(NodeId(sub));
+  switch (state) {
+    case 4: requests_.command_nmt(co::NmtCommand::stop, target); break;
+    case 5: requests_.command_nmt(co::NmtCommand::start, target); break;
+    case 6: requests_.command_nmt(co::NmtCommand::reset_node, target); break;
+    case 7: requests_.command_nmt(co::NmtCommand::reset_communication, target); break;
+    case 127: requests_.command_nmt(co::NmtCommand::enter_pre_operational, target); break;
+    default: return AbortCode::invalid_value;
+  }
+  return AbortCode::none;
+}
+
+AbortCode ManagerObjects::ask_configuration(std::uint8_t sub, std::uint32_t word) {
+  if (word != conf) return AbortCode::not_stored;
+  if (!s_.may_command()) return AbortCode::local_control;
+  if (sub != all_nodes && !is_slot(sub)) return AbortCode::invalid_value;
+  requests_.configure(sub == all_nodes ? NodeId() : NodeId(sub));
+  return AbortCode::none;
+}
+
+AbortCode ManagerObjects::ask_command(std::span<const std::uint8_t> text) {
+  if (status_ == executing) return AbortCode::device_state;
+  status_ = executing;
+  reply_.clear();
+  if (requests_.command(std::string(text.begin(), text.end()))) return AbortCode::none;
+  status_ = 0;
+  return AbortCode::local_control;
+}
+
+void ManagerObjects::answer(bool good, std::string reply) {
+  if (reply.size() > longest_reply) reply.resize(longest_reply);
+  reply_ = std::move(reply);
+  status_ = good ? done_with_reply : failed_with_reply;
+}
+
+}  // namespace berth::operate

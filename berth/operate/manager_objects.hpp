@@ -1,0 +1,68 @@
+/// The objects of Berth's own master, so that any SDO client sees a manager of CiA 302: views of the slot table, and
+/// what can be asked of the manager by writing (docs/manager-objects.md). Nothing is kept here: each read says what is
+/// so now.
+///
+/// | object | what |
+/// | --- | --- |
+/// | 1023h | OS command (CiA 301 §7.5.2.27): the remote command buffer and its confirmations |
+/// | 1F25h | request configuration: "conf" to the node's sub-index, or to 80h for all |
+/// | 1F80h to 1F89h | NMT startup, slave assignment, request NMT, request guarding, expected identities, boot time |
+/// | 5F00h to 5F09h | statuses of manager, bus and nodes, error statistics, EMCY history |
+#pragma once
+
+#include <array>
+#include <string>
+
+#include "berth/od/values.hpp"
+#include "berth/operate/agenda.hpp"
+#include "berth/operate/slot_table.hpp"
+
+namespace berth::operate {
+
+class ManagerObjects final : private od::Hook {
+ public:
+  /// What is asked by writing. Called within the write: what it entails comes later, in a job of its own.
+  class Requests {
+   public:
+    virtual void command_nmt(co::NmtCommand command, co::NmtTarget target) = 0;
+    /// Unconfigured: every slot.
+    virtual void configure(NodeId node) = 0;
+    /// False: nothing carries commands out here. Else `ManagerObjects::answer` follows, once.
+    virtual bool command(std::string text) = 0;
+
+   protected:
+    ~Requests() = default;
+  };
+
+  /// Its part of a description.
+  static void describe(od::DescriptionBuilder& builder);
+
+  /// `values` were made with `describe`; all must stay.
+  ManagerObjects(od::Values& values, BusServices& services, SlotTable& slots, Agenda& agenda, Requests& requests);
+
+  /// The confirmation of the command that was written last.
+  void answer(bool good, std::string reply);
+
+ private:
+  od::AbortCode reading(const od::Values& values, ObjectRef ref,
+                        std::span<const std::uint8_t>& value) noexcept override;
+  od::AbortCode writing(const od::Values& values, ObjectRef ref, std::span<const std::uint8_t> value) noexcept override;
+  [[nodiscard]] std::uint64_t of_node(std::uint16_t index, NodeId node) const;
+  [[nodiscard]] std::uint64_t of_manager(std::uint8_t sub) const;
+  [[nodiscard]] std::uint64_t of_bus(std::uint8_t sub) const;
+  [[nodiscard]] std::uint64_t emergency(std::uint8_t sub) const;
+  od::AbortCode ask_nmt(std::uint8_t sub, std::uint8_t state);
+  od::AbortCode ask_configuration(std::uint8_t sub, std::uint32_t word);
+  od::AbortCode ask_command(std::span<const std::uint8_t> text);
+  [[nodiscard]] bool is_slot(std::uint8_t sub) const;
+
+  BusServices& s_;
+  SlotTable& slots_;
+  Agenda& agenda_;
+  Requests& requests_;
+  std::array<std::uint8_t, 8> number_{};  // of the last read
+  std::uint8_t status_ = 0;               // 1023h:02
+  std::string reply_;
+};
+
+}  // namespace berth::operate

@@ -1,0 +1,119 @@
+#include "berth/operate/programming.hpp"
+
+#include <fmt/format.h>
+
+#include <filesystem>
+#include <fstream>
+#include <iterator>
+
+#include "berth/base/crc.hpp"
+#include "berth/device/program_image.hpp"
+
+namespace berth::operate {
+namespace {
+
+constexpr std::size_t longest_program = std::size_t{16} << 20U;
+
+std::int64_t change_of(const std::string& file) {
+  std::error_code unknown;
+  const auto time = std::filesystem::last_write_time(file, unknown);
+  return unknown ? 0 : time.time_since_epoch().count();
+}
+
+std::string progress_text(const manager::ProgramProgress& p) {
+  if (p.stage != manager::ProgramStage::downloading) {
+    return fmt::format("{} program {}", name(p.stage), p.number);
+  }
+  return fmt::format("downloading program {}: {} of {} bytes", p.number, p.done, p.total);
+}
+
+}  // namespace
+
+Result<ProgramImage> load_program(const std::string& file) {
+  std::ifstream in(file, std::ios::binary);
+  ProgramImage image;
+  std::error_code unknown;
+  const bool regular = std::filesystem::is_regular_file(file, unknown);
+  if (!in || !regular) return fail(Errc::io, "its program's file cannot be read");
+  const auto size = std::filesystem::file_size(file, unknown);
+  if (unknown || size > longest_program) return fail(Errc::invalid, "its program's file is longer than 16 MiB");
+  image.bytes.assign(std::istreambuf_iterator<char>(in), std::istreambuf_iterator<char>());
+  if (image.bytes.empty()) return fail(Errc::invalid, "its program's file is empty");
+  const auto head = device::read_program_head(image.bytes);
+  image.identification = head ? head->crc : crc32(image.bytes);
+  return image;
+}
+
+const Result<ProgramImage>& Programming::image(const std::string& file) {
+  Loaded& loaded = images_[file];
+  const auto changed = change_of(file);
+  if (!loaded.image || loaded.changed != changed) loaded.image = load_program(file);
+  loaded.changed = changed;
+  return loaded.image;
+}
+
+std::uint32_t Programming::expected(const places::SlotProgram& program) {
+  if (program.identification) return *program.identification;
+  const auto& loaded = image(program.file);
+  return loaded ? loaded->identification : 0;
+}
+
+std::string Programming::unreadable(const Seat& seat) {
+  for (const auto& program : seat.slot.spec.software.programs) {
+    const auto& loaded = image(program.file);
+    if (!loaded) return fmt::format("{}: {}", program.file, loaded.error().text);
+  }
+  return {};
+}
+
+void Programming::expect(const Seat& seat, manager::SlaveRules& rules) {
+  const auto& software = seat.slot.spec.software;
+  rules.expected.hardware_text = software.hardware;
+  rules.expected.software_text = software.version;
+  rules.checks_software = !software.programs.empty() || !software.version.empty();
+  rules.may_update = software.updates && !software.programs.empty() && s_.may_command();
+  if (software.programs.empty()) return;
+  // Its first program is the device's own; without one it is the text that counts, and the rest is `others`.
+  const bool has_first = software.programs.front().number == 1;
+  if (has_first) rules.expected.software = expected(software.programs.front());
+  if (has_first && rules.expected.software == 0) rules.expected.software_text.clear();
+}
+
+rt::Task<Result<std::string>> Programming::others(Seat& seat, manager::BootTarget& target) {
+  for (const auto& program : seat.slot.spec.software.programs) {
+    if (program.number == 1) continue;
+    const auto is = co_await target.objects().read_u32(manager::program_object::identification, program.number);
+    if (!is) co_return fail(is.error());
+    const std::uint32_t wanted = expected(program);
+    if (*is != wanted) {
+      std::string differs = fmt::format("program {}: {:08X}h instead of {:08X}h", program.number, *is, wanted);
+      co_return differs;
+    }
+  }
+  co_return std::string();
+}
+
+rt::Task<Result<void>> Programming::update(Seat& seat, manager::BootTarget& target) {
+  std::vector<manager::ProgramWish> wishes;
+  for (const auto& program : seat.slot.spec.software.programs) {
+    const auto& loaded = image(program.file);
+    if (!loaded) co_return fail(loaded.error());
+    wishes.push_back({.number = program.number, .image = loaded->bytes, .identification = expected(program)});
+  }
+  manager::ProgramOptions options;
+  options.transfers = &transfers_;
+  options.restart_time = s_.bus.timing.boot_timeout;
+  std::size_t tenth = 0;
+  options.progress = [this, &seat, &tenth](const manager::ProgramProgress& p) {
+    const std::size_t now = p.total == 0 ? 0 : p.done * 10 / p.total;
+    const bool tells = p.stage != manager::ProgramStage::downloading || now != tenth;
+    tenth = now;
+    if (tells) slots_.set_state(seat, places::SlotState::configuring, progress_text(p));
+  };
+  manager::ProgramLoader loader(target.objects(), wishes, options);
+  manager::ProgramReport report;
+  const auto done = co_await loader.run(report);
+  co_return done;
+}
+
+}  // namespace berth::operate

@@ -1,0 +1,55 @@
+/// The programs of the slots' devices (docs/programs.md): what `programs =` wants, and how it gets into a device before
+/// that is started, or when a person says so.
+#pragma once
+
+#include <map>
+#include <optional>
+#include <string>
+#include <vector>
+
+#include "berth/manager/boot_slave.hpp"
+#include "berth/manager/program_loader.hpp"
+#include "berth/operate/slot_table.hpp"
+
+namespace berth::operate {
+
+/// A program as it goes down.
+struct ProgramImage {
+  std::vector<std::uint8_t> bytes;
+  std::uint32_t identification = 0;  ///< CRC-32 of the content: without the head of an image that has one
+};
+/// Errc::io: it cannot be read. Errc::invalid: it is empty, or longer than 16 MiB.
+[[nodiscard]] Result<ProgramImage> load_program(const std::string& file);
+
+class Programming {
+ public:
+  Programming(BusServices& services, SlotTable& slots) noexcept
+      : s_(services), slots_(slots), transfers_(services.dispatcher) {}
+
+  /// What the boot-up of the slot's device is to check. A file that cannot be read: it expects nothing, which is G.
+  void expect(const Seat& seat, manager::SlaveRules& rules);
+  /// What is wrong with the slot's files; empty: nothing.
+  [[nodiscard]] std::string unreadable(const Seat& seat);
+  /// `BootSource::other_programs` and `BootSource::update` of the slot's device.
+  rt::Task<Result<std::string>> others(Seat& seat, manager::BootTarget& target);
+  rt::Task<Result<void>> update(Seat& seat, manager::BootTarget& target);
+
+  /// Shared by all downloads on this bus.
+  [[nodiscard]] manager::ProgramTransfers& transfers() noexcept { return transfers_; }
+
+ private:
+  /// Each file is read when it is wanted for the first time, and again when it has changed.
+  struct Loaded {
+    std::int64_t changed = 0;  ///< time of its last change
+    Result<ProgramImage> image = fail(Errc::io, "not read yet");
+  };
+  const Result<ProgramImage>& image(const std::string& file);
+  [[nodiscard]] std::uint32_t expected(const places::SlotProgram& program);
+
+  BusServices& s_;
+  SlotTable& slots_;
+  manager::ProgramTransfers transfers_;
+  std::map<std::string, Loaded> images_;
+};
+
+}  // namespace berth::operate

@@ -1,0 +1,122 @@
+// `berth program`, and what `berth up` does with a slot's programs.
+#include <gtest/gtest.h>
+#include <nlohmann/json.hpp>
+#include <string>
+
+#include "process.hpp"
+#include "tests/pch.hpp"
+
+namespace berth::test {
+namespace {
+
+using Json = nlohmann::json;
+
+constexpr const char* right_one = "0x80A98A5D";
+
+class ProgramCommand : public ::testing::Test {
+ protected:
+  [[nodiscard]] Outcome run(Words words) const {
+    words.insert(words.begin(), "program");
+    words.insert(words.end(), {"--machine", machine, "--sim", plant});
+    return berth(words);
+  }
+  [[nodiscard]] Json reply(Words words, int status) const {
+    words.emplace_back("--json");
+    const Outcome done = run(words);
+    EXPECT_EQ(done.status, status) << done.out << done.err;
+    return Json::parse(done.out);
+  }
+  std::string machine = example("programmed.toml");
+  std::string plant = example("programmed.plant.toml");
+};
+
+}  // namespace
+
+// A blank controller and one with an older program get the slot's; the one that has it is left as it is.
+TEST_F(ProgramCommand, UpBringsThemInBeforeItStartsTheDevices) {
+  const Outcome up = berth({"up", machine, "--sim", plant, "--fast"});
+  EXPECT_EQ(up.status, 0) << up.out << up.err;
+  EXPECT_NE(up.out.find("controller 1: configuring: downloading program 1"), std::string::npos) << up.out;
+  EXPECT_NE(up.out.find("controller 2: configuring: downloading program 1"), std::string::npos) << up.out;
+  EXPECT_EQ(up.out.find("controller 3: configuring: downloading"), std::string::npos) << up.out;
+  EXPECT_NE(up.out.find("controller 3: operational"), std::string::npos) << up.out;
+  const Json status = reply({"status", "controller 1", "--up"}, 0);
+  ASSERT_EQ(status.at("programs").size(), 1U);
+  const auto& program = status.at("programs").at(0);
+  EXPECT_EQ(program.at("state"), "started");
+  EXPECT_EQ(program.at("identification"), right_one);
+  EXPECT_EQ(program.at("expected"), right_one);
+  EXPECT_EQ(status.at("date"), "2026-03-01 09:00:00.000");
+}
+
+// update = "by-hand": the device is not started, and its slot says why.
+TEST_F(ProgramCommand, ByHandItIsOnlyTold) {
+  const Folder folder;
+  const std::string by_hand =
+      folder.write("by-hand.toml",
+                   "[machine]\nname = \"m\"\n[bus.line]\nport = \"sim\"\nbitrate = 250_000\nmaster_id = 127\n"
+                   "[[slot]]\nbus = \"line\"\nids = \"1..3\"\nname = \"c{id}\"\n"
+                   "type = { vendor = 0x0000_0001, product = 0x0000_0060 }\nupdate = \"by-hand\"\n"
+                   "programs = [{ file = \"" +
+                       example("programs/controller-2.bprg") + "\" }]\n");
+  const Outcome up = berth({"up", by_hand, "--sim", plant, "--fast", "--timeout", "20 s"});
+  EXPECT_NE(up.status, 0);
+  EXPECT_NE(up.out.find("c2: failed: H: its software is not the expected one"), std::string::npos) << up.out;
+  EXPECT_NE(up.out.find("c3: operational"), std::string::npos) << up.out;
+}
+
+// A file that is not there is named by the slot; the others go on.
+TEST_F(ProgramCommand, AProgramThatCannotBeReadIsNamed) {
+  const Folder folder;
+  const std::string missing =
+      folder.write("missing.toml",
+                   "[machine]\nname = \"m\"\n[bus.line]\nport = \"sim\"\nbitrate = 250_000\nmaster_id = 127\n"
+                   "[[slot]]\nbus = \"line\"\nid = 1\nname = \"c1\"\n"
+                   "type = { vendor = 0x0000_0001, product = 0x0000_0060 }\nwhen_ambiguous = \"ascending\"\n"
+                   "programs = [{ file = \"nowhere.bprg\" }]\n");
+  const Outcome up = berth({"up", missing, "--sim", plant, "--fast", "--timeout", "20 s"});
+  EXPECT_NE(up.status, 0);
+  EXPECT_NE(up.out.find("nowhere.bprg: its program's file cannot be read"), std::string::npos) << up.out;
+}
+
+TEST_F(ProgramCommand, DownloadStopStartAndClear) {
+  const Json done = reply({"download", "controller 2", "--up"}, 0);
+  EXPECT_EQ(done.at("bytes"), 4032);
+  EXPECT_EQ(done.at("programs").at(0).at("identification"), right_one);
+  EXPECT_EQ(reply({"stop", "controller 3", "--up"}, 0).at("result"), "stopped");
+  EXPECT_EQ(reply({"start", "controller 3", "--up"}, 0).at("result"), "started");
+  const Outcome runs = run({"clear", "controller 3", "--up"});
+  EXPECT_EQ(runs.status, 1);
+  EXPECT_NE(runs.err.find("berth program stop"), std::string::npos) << runs.err;
+}
+
+TEST_F(ProgramCommand, AnotherFileIsRefusedByTheDevice) {
+  const Folder folder;
+  const std::string content = folder.write("p.bin", "a program of another product");
+  const std::string image = folder.file("p.bprg");
+  const Outcome made = berth({"program", "image", content, image, "--vendor", "1", "--product", "97", "--json"});
+  ASSERT_EQ(made.status, 0) << made.err;
+  EXPECT_EQ(Json::parse(made.out).at("bytes"), 60);
+  const Outcome refused = run({"download", "controller 3", "--file", image, "--up"});
+  EXPECT_EQ(refused.status, 1);
+  EXPECT_NE(refused.err.find("product"), std::string::npos) << refused.err;
+  const Outcome wrong = run({"download", "controller 3", "--file", folder.file("none"), "--up"});
+  EXPECT_EQ(wrong.status, 2);
+  EXPECT_NE(wrong.err.find("cannot be read"), std::string::npos) << wrong.err;
+}
+
+TEST_F(ProgramCommand, ADeviceWithoutProgramsSaysSo) {
+  const Outcome none = berth({"program", "status", "1", "--machine", example("five-slaves.toml"), "--sim",
+                              example("five-slaves.plant.toml"), "--up"});
+  EXPECT_EQ(none.status, 1);
+  EXPECT_NE(none.err.find("1F51h"), std::string::npos) << none.err;
+}
+
+// What a dry run prints are the frames that would be sent, and nothing is.
+TEST_F(ProgramCommand, ADryRunPrintsTheFrames) {
+  const Outcome dry = run({"download", "controller 3", "--up", "--dry-run"});
+  EXPECT_EQ(dry.status, 0) << dry.err;
+  EXPECT_NE(dry.out.find("603#"), std::string::npos) << dry.out.substr(0, 500);
+}
+
+}  // namespace berth::test

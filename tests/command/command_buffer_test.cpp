@@ -1,0 +1,188 @@
+// The two command buffers of a manager: the application's own, and that which SDO clients write (1023h).
+#include "berth/command/command_buffer.hpp"
+
+#include <gtest/gtest.h>
+
+#include <chrono>
+#include <cstdint>
+#include <memory>
+#include <nlohmann/json.hpp>
+#include <optional>
+#include <string>
+#include <vector>
+
+#include "berth/can/dispatcher.hpp"
+#include "berth/co/sdo_client.hpp"
+#include "berth/device/device.hpp"
+#include "berth/device/dictionary.hpp"
+#include "berth/places/slot_store.hpp"
+#include "berth/sim/world.hpp"
+
+namespace berth::command {
+namespace {
+
+using namespace std::chrono_literals;
+using nlohmann::json;
+
+constexpr TypeCode type{0x11, 0x22};
+
+/// A machine of one slot and its device, without a plant file.
+class World {
+ public:
+  World() : sim_(7), bus_(sim_.add_bus("field", 250'000)) {
+    machine_.name = "m";
+    design::Bus bus;
+    bus.name = "field";
+    bus.bitrate = 250'000;
+    machine_.buses.push_back(bus);
+    design::Slot slot;
+    slot.spec.name = {"m", "field", "left"};
+    slot.spec.id = NodeId(5);
+    slot.spec.type = type;
+    machine_.slots.push_back(slot);
+    device_port_ = bus_.attach({.name = "left"});
+    device_dispatcher_ = std::make_unique<can::Dispatcher>(sim_.executor(), *device_port_);
+    device_ = std::make_unique<device::Device>(
+        *device_dispatcher_, device::minimal_description(), nullptr,
+        device::Options{
+            .address = {type.vendor, type.product, 0, 9}, .source = device::NodeIdSource::fixed, .node_id = NodeId(5)});
+    master_port_ = bus_.attach({.name = "master"});
+    stranger_port_ = bus_.attach({.name = "stranger"});
+    stranger_dispatcher_ = std::make_unique<can::Dispatcher>(sim_.executor(), *stranger_port_);
+    client_ = std::make_unique<co::SdoClient>(*stranger_dispatcher_);
+    session_ = std::make_unique<operate::Session>(sim_.executor(), machine_, store_);
+  }
+  bool begin() {
+    if (!session_->connect("field", *master_port_) || !session_->open()) return false;
+    device_->power_on();
+    session_->start();
+    return sim_.run_until([this] { return session_->operational() && session_->idle(); }, 60s);
+  }
+  /// 0: taken, else the abort code.
+  std::uint32_t write(const std::string& text) {
+    std::optional<Result<void>> done;
+    scope_.spawn([](co::SdoClient& client, std::string line, auto& into) -> rt::Task<void> {
+      const std::vector<std::uint8_t> bytes(line.begin(), line.end());
+      into = co_await client.download(NodeId(127), 0x1023, 1, bytes);
+    }(*client_, text, done));
+    sim_.run_until([&] { return done.has_value(); }, 5s);
+    return !done ? 1 : *done ? 0 : done->error().detail;
+  }
+  std::vector<std::uint8_t> read(std::uint8_t sub) {
+    std::optional<Result<co::SdoValue>> got;
+    scope_.spawn([](co::SdoClient& client, std::uint8_t s, auto& into) -> rt::Task<void> {
+      into = co_await client.upload(NodeId(127), 0x1023, s);
+    }(*client_, sub, got));
+    sim_.run_until([&] { return got.has_value(); }, 20s);
+    if (!got || !*got) return {};
+    const auto bytes = (*got)->bytes();
+    return {bytes.begin(), bytes.end()};
+  }
+  unsigned status() {
+    const auto bytes = read(2);
+    return bytes.empty() ? 0x100U : bytes[0];
+  }
+  /// Until its confirmation is there.
+  json reply() {
+    for (int i = 0; i < 200 && status() == 0xFF; ++i) sim_.run_for(50ms);
+    const auto bytes = read(3);
+    return json::parse(bytes.begin(), bytes.end(), nullptr, false);
+  }
+  operate::Session& session() { return *session_; }
+  sim::World& sim() { return sim_; }
+
+ private:
+  sim::World sim_;
+  sim::Bus& bus_;
+  design::Machine machine_;
+  places::MemoryStore store_;
+  std::unique_ptr<sim::Controller> device_port_, master_port_, stranger_port_;
+  std::unique_ptr<can::Dispatcher> device_dispatcher_, stranger_dispatcher_;
+  std::unique_ptr<device::Device> device_;
+  std::unique_ptr<co::SdoClient> client_;
+  std::unique_ptr<operate::Session> session_;
+  rt::Scope scope_{sim_.executor()};
+};
+
+}  // namespace
+
+// S5.24: local commands, each confirmed under its number, in their order.
+TEST(CommandBuffer, S5_24_ConfirmsEachCommand) {
+  World world;
+  ASSERT_TRUE(world.begin());
+  CommandBuffer buffer(world.session());
+  const auto read = buffer.put({"sdo read", {{"node", "5"}, {"object", "1018h:02"}}});
+  const auto unknown = buffer.put({"no such", {}});
+  ASSERT_TRUE(read && unknown);
+  EXPECT_EQ(*unknown, *read + 1);
+  EXPECT_FALSE(buffer.take()) << "nothing is done within the call";
+  ASSERT_TRUE(world.sim().run_until([&] { return buffer.waiting() == 0; }, 5s));
+  const auto first = buffer.take();
+  ASSERT_TRUE(first);
+  EXPECT_EQ(first->number, *read);
+  EXPECT_EQ(first->reply.status, 0) << first->reply.error;
+  EXPECT_NE(first->reply.json.find("34"), std::string::npos) << first->reply.json;
+  const auto second = buffer.take();
+  ASSERT_TRUE(second);
+  EXPECT_EQ(second->number, *unknown);
+  EXPECT_EQ(second->reply.status, 2);
+  EXPECT_FALSE(buffer.take());
+}
+
+TEST(CommandBuffer, IsBounded) {
+  World world;
+  ASSERT_TRUE(world.begin());
+  CommandBuffer buffer(world.session());
+  for (std::size_t i = 0; i < CommandBuffer::most; ++i) ASSERT_TRUE(buffer.put({"report", {}}));
+  EXPECT_FALSE(buffer.put({"report", {}}));
+  ASSERT_TRUE(world.sim().run_until([&] { return buffer.waiting() == 0; }, 5s));
+  EXPECT_FALSE(buffer.put({"report", {}})) << "the confirmations wait to be taken";
+  EXPECT_TRUE(buffer.take());
+  EXPECT_TRUE(buffer.put({"report", {}}));
+}
+
+// S5.23: the remote buffer reads and writes objects of local and remote nodes.
+TEST(RemoteCommands, S5_23_AClientReadsADeviceThroughTheManager) {
+  World world;
+  ASSERT_TRUE(world.begin());
+  const RemoteCommands remote(world.session());
+  ASSERT_EQ(world.status(), 0U);
+  ASSERT_EQ(world.write(R"({"verb": "sdo read", "arguments": {"node": "5", "object": "1018h:02"}})"), 0U);
+  const json reply = world.reply();
+  EXPECT_EQ(world.status(), 1U) << reply;
+  EXPECT_NE(reply.dump().find("34"), std::string::npos) << reply;
+  ASSERT_EQ(world.write(R"({"verb": "report"})"), 0U);
+  const json report = world.reply();
+  EXPECT_EQ(report.at("slots").at(0).at("state"), "operational") << report;
+  ASSERT_EQ(world.write(R"({"verb": "sdo write", "arguments": {"node": "5", "object": "1017h", "value": "700"}})"), 0U);
+  EXPECT_FALSE(world.reply().contains("error"));
+}
+
+TEST(RemoteCommands, BadCommandsAreConfirmedAsSuch) {
+  World world;
+  ASSERT_TRUE(world.begin());
+  const RemoteCommands remote(world.session());
+  for (const char* const text :
+       {"{", "[]", R"({"verb": "no such"})", R"({"verb": "report", "arguments": {"bus": "other"}})",
+        R"({"verb": "sdo read", "arguments": {"node": "77", "object": "1000h"}})"}) {
+    ASSERT_EQ(world.write(text), 0U) << text;
+    const json reply = world.reply();
+    EXPECT_EQ(world.status(), 3U) << text;
+    EXPECT_TRUE(reply.contains("error")) << text << " " << reply;
+  }
+  EXPECT_EQ(world.write(std::string(2000, 'x')), 0x0607'0012U) << "longer than the buffer";
+  ASSERT_EQ(world.write(R"({"verb": "report"})"), 0U) << "it works on";
+}
+
+TEST(RemoteCommands, OneAtATime) {
+  World world;
+  ASSERT_TRUE(world.begin());
+  const RemoteCommands remote(world.session());
+  ASSERT_EQ(world.write(R"({"verb": "sdo read", "arguments": {"node": "88", "object": "1000h"}})"), 0U);
+  EXPECT_EQ(world.status(), 0xFFU) << "a node that is silent takes its time";
+  EXPECT_EQ(world.write(R"({"verb": "report"})"), 0x0800'0022U);
+  EXPECT_TRUE(world.reply().contains("error"));
+  EXPECT_EQ(world.write(R"({"verb": "report"})"), 0U);
+}
+
+}  // namespace berth::command

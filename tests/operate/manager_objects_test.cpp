@@ -1,0 +1,203 @@
+// The objects of Berth's own master, as an SDO client on the bus sees them: views of the slot table, and what can be
+// asked of the manager by writing.
+#include <gtest/gtest.h>
+
+#include <chrono>
+#include <cstdint>
+#include <optional>
+#include <string>
+#include <vector>
+
+#include "berth/can/dispatcher.hpp"
+#include "berth/co/sdo_client.hpp"
+#include "berth/rt/scope.hpp"
+#include "tests/harness/rig.hpp"
+
+using namespace berth;
+using namespace berth::harness;
+using places::SlotState;
+
+namespace {
+
+constexpr NodeId berth_id{127};
+constexpr std::uint16_t manager_status = 0x5F00;
+constexpr std::uint16_t bus_status = 0x5F01;
+
+design::Machine three_slots() {
+  design::Machine m = one_bus(250'000);
+  add_slot(m, 1, type_b);
+  add_slot(m, 2, type_b);
+  add_slot(m, 3, type_c);
+  m.slots[0].spec.mandatory = true;
+  m.slots[2].spec.optional = true;
+  return m;
+}
+
+plant::PlantFile two_devices() {
+  auto p = one_bus_plant(15);
+  add_device(p, "left", type_b, 11);
+  add_device(p, "right", type_b, 12);
+  return p;
+}
+
+/// A stranger's node on the same bus: nothing but an SDO client.
+class Stranger {
+ public:
+  explicit Stranger(Rig& rig)
+      : rig_(rig),
+        port_(rig.world().attach_master("backbone")),
+        dispatcher_(rig.world().executor(), *port_),
+        client_(dispatcher_),
+        scope_(rig.world().executor()) {}
+
+  template <class T>
+  std::optional<T> read(std::uint16_t index, std::uint8_t sub) {
+    std::optional<Result<T>> got;
+    scope_.spawn([](Stranger& self, std::uint16_t i, std::uint8_t s, std::optional<Result<T>>& into) -> rt::Task<void> {
+      into = co_await self.client_.read<T>(berth_id, i, s);
+    }(*this, index, sub, got));
+    rig_.run_until([&] { return got.has_value(); }, 5s);
+    return got && *got ? std::optional<T>(**got) : std::nullopt;
+  }
+  std::string text(std::uint16_t index, std::uint8_t sub) {
+    std::optional<Result<co::SdoValue>> got;
+    scope_.spawn([](Stranger& self, std::uint16_t i, std::uint8_t s, auto& into) -> rt::Task<void> {
+      into = co_await self.client_.upload(berth_id, i, s);
+    }(*this, index, sub, got));
+    rig_.run_until([&] { return got.has_value(); }, 20s);
+    if (!got || !*got) return "nothing";
+    const auto bytes = (*got)->bytes();
+    return {bytes.begin(), bytes.end()};
+  }
+  /// The abort code; 0: it was taken.
+  std::uint32_t write(std::uint16_t index, std::uint8_t sub, std::vector<std::uint8_t> bytes) {
+    std::optional<Result<void>> done;
+    scope_.spawn([](Stranger& self, std::uint16_t i, std::uint8_t s, std::vector<std::uint8_t> b,
+                    std::optional<Result<void>>& into) -> rt::Task<void> {
+      into = co_await self.client_.download(berth_id, i, s, b);
+    }(*this, index, sub, std::move(bytes), done));
+    rig_.run_until([&] { return done.has_value(); }, 5s);
+    if (!done) return 1;
+    return *done ? 0 : done->error().detail;
+  }
+
+ private:
+  Rig& rig_;
+  std::unique_ptr<can::Port> port_;
+  can::Dispatcher dispatcher_;
+  co::SdoClient client_;
+  rt::Scope scope_;
+};
+
+}  // namespace
+
+// S5.23: a manager of CiA 302 as any tool reads it.
+TEST(ManagerObjects, S5_23_ViewsOfTheSlotTable) {
+  Rig rig(three_slots(), two_devices());
+  rig.begin();
+  ASSERT_TRUE(rig.until_operational(60s)) << rig.log();
+  rig.run_for(2s);
+  Stranger stranger(rig);
+  EXPECT_EQ(stranger.read<std::uint32_t>(0x1F80, 0), 1U) << "NMT master; each slave is started by itself";
+  EXPECT_EQ(stranger.read<std::uint32_t>(0x1F81, 1), 0b1'1101U) << "assigned, booted, mandatory, kept alive";
+  EXPECT_EQ(stranger.read<std::uint32_t>(0x1F81, 2), 0b1'0101U);
+  EXPECT_EQ(stranger.read<std::uint32_t>(0x1F81, 4), 0U) << "no slot";
+  EXPECT_EQ(stranger.read<std::uint8_t>(0x1F82, 1), 5);
+  EXPECT_EQ(stranger.read<std::uint8_t>(0x1F82, 3), 1) << "missing";
+  EXPECT_EQ(stranger.read<std::uint8_t>(0x1F82, 9), 0) << "unknown";
+  EXPECT_EQ(stranger.read<std::uint32_t>(0x1F85, 1), type_b.vendor);
+  EXPECT_EQ(stranger.read<std::uint32_t>(0x1F86, 2), type_b.product);
+  EXPECT_EQ(stranger.read<std::uint32_t>(0x1F88, 2), 12U);
+  EXPECT_EQ(stranger.read<std::uint8_t>(0x5F02, 1), static_cast<std::uint8_t>(SlotState::operational));
+  EXPECT_EQ(stranger.read<std::uint8_t>(0x5F04, 1), 0) << "no configuration is wanted";
+  EXPECT_EQ(stranger.read<std::uint8_t>(manager_status, 2), 3) << "slots";
+  EXPECT_EQ(stranger.read<std::uint8_t>(manager_status, 3), 2) << "operational";
+  EXPECT_EQ(stranger.read<std::uint8_t>(manager_status, 4), 1) << "empty";
+  EXPECT_EQ(stranger.read<std::uint8_t>(manager_status, 7), 1) << "all that need be";
+  EXPECT_EQ(stranger.read<std::uint32_t>(bus_status, 1), 250'000U);
+  EXPECT_EQ(stranger.read<std::uint8_t>(bus_status, 2), 0) << "error-active";
+  EXPECT_EQ(stranger.write(0x1F81, 1, {0, 0, 0, 0}), 0x0601'0002U) << "the machine file says it";
+}
+
+TEST(ManagerObjects, WhatHappensIsCounted) {
+  Rig rig(three_slots(), two_devices());
+  rig.begin();
+  ASSERT_TRUE(rig.until_operational(60s)) << rig.log();
+  Stranger stranger(rig);
+  const auto boots = stranger.read<std::uint16_t>(0x5F08, 2);
+  const std::array<std::uint8_t, 5> info{1, 2, 3, 4, 5};
+  ASSERT_TRUE(rig.device("right").device().raise(0x2310, 0x03, info));
+  rig.run_for(100ms);
+  EXPECT_EQ(stranger.read<std::uint32_t>(0x5F05, 2), 0x03'2310U);
+  EXPECT_EQ(stranger.read<std::uint16_t>(0x5F06, 2), 1);
+  const auto newest = stranger.read<std::uint64_t>(0x5F09, 1);
+  ASSERT_TRUE(newest);
+  EXPECT_EQ(*newest & 0xFFFF'FFFF, 0x0323'1002U) << "node 2, 2310h, register 03h";
+  const std::chrono::duration<double, std::milli> now = rig.now().time_since_epoch();
+  EXPECT_NEAR(static_cast<double>(*newest >> 32U), now.count(), 400);
+  EXPECT_EQ(stranger.read<std::uint64_t>(0x5F09, 2), 0U);
+  ASSERT_TRUE(rig.device("left").device().raise(0x4210, 0x09, info));
+  rig.run_for(100ms);
+  EXPECT_EQ(*stranger.read<std::uint64_t>(0x5F09, 1) & 0xFFFF'FFFF, 0x0942'1001U) << "newest first";
+  EXPECT_EQ(*stranger.read<std::uint64_t>(0x5F09, 2) & 0xFFFF'FFFF, 0x0323'1002U);
+  rig.device("right").power(false);
+  ASSERT_TRUE(rig.run_until([&] { return rig.state(2) == SlotState::absent; }, 10s)) << rig.log();
+  EXPECT_EQ(stranger.read<std::uint16_t>(0x5F07, 2), 1);
+  EXPECT_EQ(stranger.read<std::uint8_t>(0x1F82, 2), 1);
+  EXPECT_EQ(stranger.read<std::uint8_t>(manager_status, 7), 0);
+  rig.device("right").power(true);
+  ASSERT_TRUE(rig.until_operational(20s)) << rig.log();
+  EXPECT_EQ(stranger.read<std::uint16_t>(0x5F08, 2), *boots + 1);
+  EXPECT_EQ(stranger.read<std::uint32_t>(0x5F05, 2), 0U) << "it booted";
+  EXPECT_EQ(stranger.read<std::uint16_t>(bus_status, 8), 1);
+}
+
+TEST(ManagerObjects, NmtIsAskedOfTheManager) {
+  Rig rig(three_slots(), two_devices());
+  rig.begin();
+  ASSERT_TRUE(rig.until_operational(60s)) << rig.log();
+  Stranger stranger(rig);
+  EXPECT_EQ(stranger.write(0x1F82, 1, {4}), 0U);
+  ASSERT_TRUE(rig.run_until([&] { return rig.device("left").device().state() == NmtState::stopped; }, 2s));
+  rig.run_for(5s);
+  EXPECT_EQ(rig.device("left").device().state(), NmtState::stopped) << "the main job does not work against it";
+  EXPECT_EQ(stranger.write(0x1F82, 1, {5}), 0U);
+  ASSERT_TRUE(rig.until_operational(5s)) << rig.log();
+  EXPECT_EQ(stranger.write(0x1F82, 0x80, {127}), 0U);
+  ASSERT_TRUE(rig.run_until([&] { return rig.device("right").device().state() == NmtState::pre_operational; }, 2s));
+  EXPECT_EQ(stranger.write(0x1F82, 1, {9}), 0x0609'0030U) << "no state";
+  EXPECT_EQ(stranger.write(0x1F82, 99, {5}), 0x0609'0030U) << "no slot";
+  EXPECT_EQ(stranger.write(0x1F25, 1, {'s', 'a', 'v', 'e'}), 0x0800'0020U);
+}
+
+TEST(ManagerObjects, AConfigurationIsAskedForByItsSignature) {
+  auto machine = one_bus(250'000);
+  add_slot(machine, 5, type_pump);
+  machine.slots[0].spec.config = example_eds("pump.dcf");
+  auto plant = one_bus_plant(3);
+  add_device(plant, "pump", type_pump, 7);
+  Rig rig(machine, plant);
+  rig.begin();
+  ASSERT_TRUE(rig.until_operational(60s)) << rig.log();
+  Stranger stranger(rig);
+  EXPECT_EQ(stranger.read<std::uint8_t>(0x5F04, 5), 3) << "as it shall be";
+  EXPECT_EQ(stranger.write(0x1F82, 5, {127}), 0U);
+  ASSERT_TRUE(rig.run_until([&] { return rig.device("pump").device().state() == NmtState::pre_operational; }, 2s));
+  rig.run_for(2s);
+  const auto configured = [&] {
+    return std::ranges::count(rig.events(), operate::EventKind::configured, &operate::Event::kind);
+  };
+  const auto before = configured();
+  EXPECT_EQ(stranger.write(0x1F25, 5, {'c', 'o', 'n', 'f'}), 0U);
+  EXPECT_TRUE(rig.run_until([&] { return configured() > before; }, 5s)) << rig.log();
+}
+
+// S5.24: without one who carries commands out they are refused, and the buffer is as it was.
+TEST(ManagerObjects, S5_24_CommandsAreRefusedWhereNoneCarriesThemOut) {
+  Rig rig(three_slots(), two_devices());
+  rig.begin();
+  ASSERT_TRUE(rig.until_operational(60s)) << rig.log();
+  Stranger stranger(rig);
+  EXPECT_EQ(stranger.write(0x1023, 1, {'{', '}'}), 0x0800'0021U);
+  EXPECT_EQ(stranger.read<std::uint8_t>(0x1023, 2), 0);
+}
