@@ -29,7 +29,7 @@ Access::Access(RemoteNode& node, Selector selector, CppType wanted, Checked chec
   if (failure_) return;
   type_ = sub == nullptr || sub->type == od::DataType::none ? natural_type(wanted) : sub->type;
   if (!readable_as(type_, wanted)) {
-    failure_ = node.wrong_type(ref_, type_, wanted, "read as");
+    failure_ = client::wrong_type(*node.names_, node.id_, ref_, type_, wanted, "read as");
   } else {
     static_cast<void>(may(sub, false, checks));
   }
@@ -46,7 +46,7 @@ Access::Access(RemoteNode& node, Selector selector, const Input& value) : node_(
   if (complaint.code != od::AbortCode::none) {
     refuse(Errc::invalid, complaint.code, complaint.what);
   } else {
-    failure_ = node.wrong_type(ref_, type_, value.cpp(), "written from");
+    failure_ = client::wrong_type(*node.names_, node.id_, ref_, type_, value.cpp(), "written from");
   }
 }
 

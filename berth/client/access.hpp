@@ -104,6 +104,7 @@ class Read final : public detail::Access {
   }
 
  private:
+  friend class NodePdos;
   friend class RemoteNode;
   Read(RemoteNode& node, Selector selector, Checked checked = Checked::yes)
       : Access(node, selector, cpp_type<T>(), checked) {}

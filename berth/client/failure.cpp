@@ -36,4 +36,8 @@ Failure make_failure(const Error& error, const std::string& object) {
   return make_failure(error, object, happened(error));
 }
 
+Failure node_gone(NodeId id) {
+  return make_failure(Error{.code = Errc::cancelled, .node = id.value(), .text = "the node's object was destroyed"});
+}
+
 }  // namespace berth::client

@@ -19,6 +19,7 @@
 
 #include <string>
 
+#include "berth/base/ids.hpp"
 #include "berth/base/result.hpp"
 
 namespace berth::client {
@@ -35,5 +36,8 @@ using Outcome = tl::expected<T, Failure>;
 [[nodiscard]] Failure make_failure(const Error& error, const std::string& object, const std::string& what);
 /// `object` is what `Names::label` gives; empty: no object is concerned.
 [[nodiscard]] Failure make_failure(const Error& error, const std::string& object = {});
+
+/// Errc::cancelled: the node's object was destroyed.
+[[nodiscard]] Failure node_gone(NodeId id);
 
 }  // namespace berth::client

@@ -133,7 +133,7 @@ void Rpdo::put(const PdoLayout::Field& field, std::span<const std::uint8_t> byte
 }
 
 Outcome<void> Rpdo::set(Selector selector, Input value) {
-  if (node_ == nullptr) return tl::unexpected(RemoteNode::gone(layout_->node));
+  if (node_ == nullptr) return tl::unexpected(node_gone(layout_->node));
   const auto found = layout_->find(selector);
   if (!found) return tl::unexpected(found.error());
   const PdoLayout::Field& field = **found;
@@ -152,7 +152,8 @@ Outcome<void> Rpdo::set(Selector selector, Input value) {
     complaint = {"the value is longer than what is mapped", od::AbortCode::length_too_high};
   }
   if (complaint.what != nullptr && complaint.code == od::AbortCode::none) {
-    return tl::unexpected(node_->wrong_type(field.object, type, value.cpp(), "written from"));
+    return tl::unexpected(
+        client::wrong_type(*layout_->names, layout_->node, field.object, type, value.cpp(), "written from"));
   }
   if (complaint.what != nullptr) {
     return tl::unexpected(make_failure(error_at(*layout_, Errc::invalid, field.object, complaint.what, complaint.code),
@@ -163,7 +164,7 @@ Outcome<void> Rpdo::set(Selector selector, Input value) {
 }
 
 Outcome<void> Rpdo::send() {
-  if (node_ == nullptr) return tl::unexpected(RemoteNode::gone(layout_->node));
+  if (node_ == nullptr) return tl::unexpected(node_gone(layout_->node));
   can::Frame frame = can::Frame::base(cob_id_.id(), std::span(data_).first(layout_->size()));
   if (cob_id_.extended()) frame = can::Frame::ext(cob_id_.id(), std::span(data_).first(layout_->size()));
   const char* why = nullptr;

@@ -95,7 +95,7 @@ class Tpdo final : private can::Handler {
   [[nodiscard]] std::uint64_t dropped() const noexcept { return inbox_.dropped(); }
 
  private:
-  friend class RemoteNode;
+  friend class NodePdos;
   Tpdo(RemoteNode& node, unsigned number, co::CobId cob_id, std::shared_ptr<const PdoLayout> layout);
   void received(const can::Frame& frame, rt::Time at) noexcept override;
   void end() noexcept;
@@ -124,7 +124,7 @@ class Rpdo final {
   [[nodiscard]] const PdoLayout& layout() const noexcept { return *layout_; }
 
  private:
-  friend class RemoteNode;
+  friend class NodePdos;
   Rpdo(RemoteNode& node, unsigned number, co::CobId cob_id, std::shared_ptr<const PdoLayout> layout);
   void put(const PdoLayout::Field& field, std::span<const std::uint8_t> bytes) noexcept;
 

@@ -3,13 +3,32 @@
 #include <fmt/format.h>
 
 namespace berth::client {
+namespace {
+
+/// 1014h as described, else the predefined one.
+co::CobId emcy_cob_id(const od::Description& description, NodeId id) noexcept {
+  const auto* sub = description.find(ObjectRef{0x1014, 0});
+  if (sub != nullptr && sub->type == od::DataType::unsigned32 && sub->has_default) {
+    const co::CobId described(static_cast<std::uint32_t>(description.default_of(*sub).resolve(sub->type, id.value())));
+    if (described.valid() && described.allowed()) return described;
+  }
+  return co::CobId(co::emcy_id(id));
+}
+
+}  // namespace
 
 RemoteNode::RemoteNode(Network& network, NodeId id, std::shared_ptr<const od::Description> description,
                        NodeOptions options)
     : RemoteNode(network, id, std::make_shared<const Names>(std::move(description)), options) {}
 
 RemoteNode::RemoteNode(Network& network, NodeId id, std::shared_ptr<const Names> names, NodeOptions options)
-    : network_(&network), executor_(&network.executor()), id_(id), options_(options), names_(std::move(names)) {
+    : NodePdos(*this),
+      NodeEvents(network.executor()),
+      network_(&network),
+      executor_(&network.executor()),
+      id_(id),
+      options_(options),
+      names_(std::move(names)) {
   if (options_.sdo) {
     access_.emplace(network.sdo(), id, *options_.sdo);
   } else {
@@ -19,7 +38,7 @@ RemoteNode::RemoteNode(Network& network, NodeId id, std::shared_ptr<const Names>
   if (!id.configured()) return;
   co::EmcyConsumer::Observer& observer = *this;
   emcy_consumer_.emplace(network.dispatcher(), observer);
-  emcy_consumer_->hear(id, emcy_cob_id());
+  emcy_consumer_->hear(id, emcy_cob_id(this->description(), id));
 }
 
 RemoteNode::~RemoteNode() {
@@ -46,31 +65,10 @@ void RemoteNode::abandon(const char* text) noexcept {
 }
 
 void RemoteNode::end_services() noexcept {
-  for (const auto& [number, pdo] : tpdos_) pdo->end();
-  for (const auto& [number, pdo] : rpdos_) pdo->node_ = nullptr;
-  tpdos_.clear();
-  rpdos_.clear();
+  end_pdos();
   emcy_consumer_.reset();
   access_.reset();
-  states_.close();
-  emergencies_.close();
-}
-
-void RemoteNode::run() noexcept {
-  const auto event = std::move(events_.front());
-  events_.pop_front();
-  if (!events_.empty()) executor_->post(*this);
-  event();  // may destroy the node
-}
-
-co::CobId RemoteNode::emcy_cob_id() const noexcept {
-  const auto* sub = description().find(ObjectRef{0x1014, 0});
-  if (sub != nullptr && sub->type == od::DataType::unsigned32 && sub->has_default) {
-    const co::CobId described(
-        static_cast<std::uint32_t>(description().default_of(*sub).resolve(sub->type, id_.value())));
-    if (described.valid() && described.allowed()) return described;
-  }
-  return co::CobId(co::emcy_id(id_));
+  close();
 }
 
 co::SdoOptions RemoteNode::stream_options() const noexcept {
@@ -81,15 +79,11 @@ co::SdoOptions RemoteNode::stream_options() const noexcept {
 }
 
 void RemoteNode::emergency(NodeId node, const co::Emcy& message, rt::Time at) noexcept {
-  const Emergency event{.node = node, .at = at, .emcy = message};
-  emergencies_.push(event);
-  tell(on_emcy_, event);
+  happened(Emergency{.node = node, .at = at, .emcy = message});
 }
 
 void RemoteNode::heard(const co::HeartbeatEvent& event, rt::Time at) noexcept {
-  const StateEvent told{.node = id_, .at = at, .kind = event.kind, .state = event.state, .previous = event.previous};
-  states_.push(told);
-  tell(on_state_, told);
+  happened(StateEvent{.node = id_, .at = at, .kind = event.kind, .state = event.state, .previous = event.previous});
 }
 
 std::optional<NmtState> RemoteNode::state() const noexcept {
