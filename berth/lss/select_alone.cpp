@@ -80,16 +80,11 @@ PartMask parts_to_ask(const LssAddress& device, std::span<const LssAddress> othe
   return parts;
 }
 
-namespace {
-
-bool asks(unsigned parts, unsigned part) noexcept { return part == serial || (parts >> part & 1U) != 0; }
-
-// Each part by itself, for a whole window.
-rt::Task<Result<Selection>> look_at_each(Master& master, LssAddress device, AloneOptions options) {
+rt::Task<Result<Selection>> still_alone(Master& master, LssAddress device, AloneOptions options) {
   const unsigned parts = master.answer_times().strangers ? all_parts : options.parts;
   for (unsigned i = 0; i < 4; ++i) {
     const unsigned part = serial - i;
-    if (!asks(parts, part)) continue;
+    if (part != serial && (parts >> part & 1U) == 0) continue;
     const auto seen = co_await look(master, device, part, options);
     if (!seen) co_return fail(seen.error());
     if (*seen == Selection::alone) continue;
@@ -98,60 +93,6 @@ rt::Task<Result<Selection>> look_at_each(Master& master, LssAddress device, Alon
   }
   master.no_strangers();
   co_return Selection::alone;
-}
-
-// All parts, each as soon as the one before is answered. Not open: another frame than the device's answers came, or
-// none.
-rt::Task<Result<OpenProof>> ask_in_a_row(Master& master, LssAddress device, AloneOptions options) {
-  const unsigned parts = master.answer_times().strangers ? all_parts : options.parts;
-  const rt::Duration window = window_of(master, options);
-  const ServiceOptions service{.timeout = window, .retries = 0, .full_window = false};
-  OpenProof proof{.others = master.unexpected()};
-  for (unsigned i = 0; i < 4; ++i) {
-    const unsigned part = serial - i;
-    if (!asks(parts, part)) continue;
-    const auto reply = co_await master.inquire(part, service);
-    if (!reply && of_the_bus(reply.error())) co_return fail(reply.error());
-    const bool own = reply && !suspicious(*reply) && reply->value() == device.part(part);
-    if (!own) co_return OpenProof{};
-    proof.until = reply->sent + window;
-    proof.ask_at = proof.until - (reply->last_at - reply->sent);
-  }
-  proof.open = true;
-  co_return proof;
-}
-
-}  // namespace
-
-rt::Task<Result<Selection>> end_proof(Master& master, LssAddress device, AloneOptions options, OpenProof proof,
-                                      bool clean) {
-  if (clean) {
-    co_await rt::sleep_until(proof.until);
-    clean = master.unexpected() == proof.others;
-  }
-  if (clean) {
-    master.no_strangers();
-    co_return Selection::alone;
-  }
-  master.suspect_strangers();
-  co_return co_await look_at_each(master, device, options);
-}
-
-// A device that heard none of the questions, as it was writing its memory perhaps, may hear again in a long window.
-rt::Task<Result<Selection>> still_alone(Master& master, LssAddress device, AloneOptions options) {
-  const bool long_one = master.answer_times().strangers;
-  const auto proof = co_await ask_in_a_row(master, device, options);
-  if (!proof) co_return fail(proof.error());
-  const bool later = proof->open && options.open != nullptr && !long_one;
-  if (later) {
-    *options.open = *proof;
-    co_return Selection::alone;
-  }
-  const auto ended = co_await end_proof(master, device, options, *proof, proof->open);
-  const bool again = long_one && proof->open && ended && *ended == Selection::alone;
-  if (!again) co_return ended;
-  options.parts = serial_part;
-  co_return co_await look_at_each(master, device, options);
 }
 
 rt::Task<Result<Selection>> prove_alone(Master& master, LssAddress device, AloneOptions options) {
@@ -196,7 +137,6 @@ rt::Task<Result<Given>> configure_alone(Master& master, LssAddress device, NodeI
   const auto set = co_await master.configure_node_id(id, service);
   if (!set && of_the_bus(set.error())) co_return fail(set.error());
   Given given{.outcome = outcome_of(set)};
-  if (given.outcome == Given::Outcome::silent) master.lost_one();
   const bool doubtful = set && (suspicious(*set) || set->attempts > 1);
   if (given.outcome == Given::Outcome::taken && (store || doubtful)) {
     if (doubtful) master.suspect_strangers();

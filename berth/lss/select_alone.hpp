@@ -31,12 +31,7 @@
 ///
 /// The window: the longest the bus is known to need. The first proof on a master, and each after a doubt
 /// (`Master::suspect_strangers`), asks all parts and waits `AloneOptions::longest`; others three times what the slowest
-/// answer took that the master heard lately, not under 5 ms (`Master::answer_times`). Several parts are asked in a row,
-/// each when the device has answered the one before, and one window behind the last is a whole window for each: an
-/// answer of another device that comes later than the device's own falls into a later question, or between two, and is
-/// seen by that. Anything but the device's own answers makes a doubt: then each part is asked anew, for a whole window
-/// of its own. Behind the long window of a first proof the serial number is asked once more: a device that was deaf to all
-/// questions may hear again by then.
+/// answer took that the master heard lately, not under 5 ms (`Master::answer_times`).
 ///
 /// What no proof sees: a device that is in configuration, hears nothing at all while the questions are asked, and hears
 /// again before 11h. Its answer to 11h, or any other frame on 7E4h, then comes beside the selected one's:
@@ -63,15 +58,6 @@ enum class Selection : std::uint8_t {
 using PartMask = std::uint8_t;
 inline constexpr PartMask serial_part = 0x8;
 inline constexpr PartMask all_parts = 0xF;
-/// A proof whose window is still open. 5Eh may be asked meanwhile, as late as that costs nothing: a device that was deaf
-/// to the proof may hear that. 11h waits for `end_proof`.
-struct OpenProof {
-  rt::Time until{};           ///< the end of the window
-  rt::Time ask_at{};          ///< what is asked then will be answered by `until`
-  std::uint64_t others = 0;   ///< `Master::unexpected` at its beginning
-  bool open = false;
-};
-
 /// The parts to ask so that `device` is told from each of `others`: the serial number, and for each that has the same
 /// serial number one part in which it differs. A device that has been seen on the bus, or may come, belongs into
 /// `others`; one that is not in there and has the same serial number goes unseen. `all_parts` misses none.
@@ -84,9 +70,6 @@ struct AloneOptions {
   /// The device may well not be there: one attempt, and 44h is waited for as long as answers usually take.
   bool guess = false;
   const Vacancy* vacancy = nullptr;  ///< `configure_alone` asks it before the node-ID comes into use; null: no
-  /// Where a proof without a doubt so far leaves its window open, if that is not a long one, instead of waiting for its
-  /// end; null: nowhere. What it said (`alone`) counts when `end_proof` has said it too.
-  OpenProof* open = nullptr;
 };
 
 /// `04 00`, 40h to 43h, and the proof. All but `alone`: `04 00` was sent, no device was changed. Errors: `bus`,
@@ -97,10 +80,6 @@ struct AloneOptions {
 /// The questions alone: no `04 00`, whatever comes of it. For between 11h and `04 00`, which would bring the node-ID
 /// into use.
 [[nodiscard]] rt::Task<Result<Selection>> still_alone(Master& master, LssAddress device, AloneOptions options = {});
-/// Waits for the end of the window that a proof has left open. `clean`: no answer since then but the device's own. When
-/// it is not, or another frame comes, all is asked anew as by `still_alone`.
-[[nodiscard]] rt::Task<Result<Selection>> end_proof(Master& master, LssAddress device, AloneOptions options,
-                                                    OpenProof proof, bool clean);
 
 /// What came of a node-ID for a device that is alone in configuration.
 struct Given {

@@ -1,7 +1,6 @@
 #include "berth/places/binder.hpp"
 
 #include <algorithm>
-#include <utility>
 
 #include "berth/co/guarding.hpp"
 
@@ -50,16 +49,6 @@ Outcome outcome_of(const Error& error) noexcept {
     case Errc::duplicate: return Outcome::doubled;
     default: return Outcome::error;
   }
-}
-
-Outcome outcome_of(lss::Selection selection) noexcept {
-  switch (selection) {
-    case lss::Selection::alone: return Outcome::ok;
-    case lss::Selection::absent: return Outcome::silent;
-    case lss::Selection::not_alone: return Outcome::mismatch;
-    case lss::Selection::twins: return Outcome::doubled;
-  }
-  return Outcome::error;
 }
 
 rt::Task<void> Binder::run(Binding& binding, SlotId slot, const std::string& reason) {
@@ -161,20 +150,18 @@ rt::Task<Outcome> Binder::select(const LssAddress& device) {
     slower.inhibit = std::max(slower.inhibit, options_.slow_inhibit);
     s_.lss.set_options(slower);
   }
-  proof_ = {};
-  lss::AloneOptions options{.parts = options_.parts, .attempts = 1, .open = &proof_};
+  lss::AloneOptions options{.parts = options_.parts, .attempts = 1};
   if (s_.lss.answer_times().strangers) options.parts = lss::all_parts;
   const auto selected = co_await lss::select_alone(s_.lss, device, options);
   if (!selected) co_return Outcome::error;
   silent_once_ = silent_once_ || *selected == lss::Selection::absent;
-  co_return outcome_of(*selected);
-}
-
-// A device that answered a moment before and is silent now is in configuration, hears nothing perhaps, and will.
-Outcome Binder::lost_by(const Error& error) noexcept {
-  const Outcome outcome = outcome_of(error);
-  if (outcome == Outcome::silent) s_.lss.lost_one();
-  return outcome;
+  switch (*selected) {
+    case lss::Selection::alone: co_return Outcome::ok;
+    case lss::Selection::absent: co_return Outcome::silent;
+    case lss::Selection::not_alone: co_return Outcome::mismatch;
+    case lss::Selection::twins: co_return Outcome::doubled;
+  }
+  co_return Outcome::error;
 }
 
 // A second answer is that of a device which heard nothing while the proof was asked: what it was told is taken back by
@@ -190,7 +177,7 @@ rt::Task<Outcome> Binder::configure_alone(const Binding& binding) {
   lss::ServiceOptions service = s_.lss.options().service;
   service.full_window = s_.lss.answer_times().lost;
   const auto reply = co_await s_.lss.configure_node_id(binding.seat().id, service);
-  if (!reply) co_return lost_by(reply.error());
+  if (!reply) co_return outcome_of(reply.error());
   if (lss::suspicious(*reply)) co_return Outcome::doubled;
   if (reply->attempts == 1) co_return Outcome::ok;
   s_.lss.lost_one();
@@ -285,17 +272,8 @@ void wake_unconfigured(can::Dispatcher& dispatcher) noexcept {
 
 rt::Task<Outcome> Binder::inquire(Binding& binding) {
   const LssAddress device = binding.seat().device;
-  const lss::OpenProof proof = std::exchange(proof_, {});
-  if (proof.open) co_await rt::sleep_until(proof.ask_at);
   auto reply = co_await s_.lss.inquire_node_id();
-  if (!reply) co_return lost_by(reply.error());
-  if (proof.open) {
-    const bool clean = !lss::suspicious(*reply);
-    const lss::AloneOptions options{.parts = options_.parts};
-    const auto alone = co_await lss::end_proof(s_.lss, device, options, proof, clean);
-    if (!alone) co_return Outcome::error;
-    if (*alone != lss::Selection::alone) co_return outcome_of(*alone);
-  }
+  if (!reply) co_return outcome_of(reply.error());
   if (lss::suspicious(*reply)) {
     const Outcome single = co_await confirm_double(device);
     if (single != Outcome::ok) co_return single;
@@ -312,7 +290,6 @@ rt::Task<Outcome> Binder::inquire(Binding& binding) {
 // One that was lost in configuration may have heard the 17h in the place of this one, and answered.
 rt::Task<Outcome> Binder::store_alone(const Binding& binding) {
   const Outcome outcome = co_await store(false);
-  if (outcome == Outcome::silent) s_.lss.lost_one();
   const bool sure = outcome != Outcome::ok || !s_.lss.answer_times().lost;
   if (sure) co_return outcome;
   const LssAddress device = binding.seat().device;

@@ -91,14 +91,12 @@ class Binder {
   rt::Task<Outcome> reset(const Binding& binding);
   rt::Task<Outcome> identify(const Binding& binding);
   rt::Task<Outcome> identify_blank(const Binding& binding);
-  Outcome lost_by(const Error& error) noexcept;
   [[nodiscard]] bool is_taken(const Binding& binding) const noexcept;
   Outcome write(const Binding& binding, SlotId slot, const std::string& reason);
 
   Services s_;
   Options options_;
   rt::Time watch_since_{};  // vacancy was seen then
-  lss::OpenProof proof_{};  // that the selected device is alone: its window is not over
   rt::Time moved_{};        // the device may boot under its new node-ID from then on
   std::optional<rt::Held> lss_held_;
   bool silent_once_ = false;
@@ -107,7 +105,5 @@ class Binder {
 
 /// What the outcome of a `Result` means to the table.
 [[nodiscard]] Outcome outcome_of(const Error& error) noexcept;
-/// And a selection's.
-[[nodiscard]] Outcome outcome_of(lss::Selection selection) noexcept;
 
 }  // namespace berth::places

@@ -36,10 +36,9 @@ TEST(SelectAlone, SelectsTheOneAndAsksAllItsParts) {
   EXPECT_EQ(one.slave.state(), State::configuration);
   ASSERT_FALSE(record.text.empty());
   EXPECT_EQ(record.text[0], "7E5#0400000000000000");
-  for (const char* part : {"7E5#5A00000000000000", "7E5#5B00000000000000", "7E5#5C00000000000000"}) {
+  for (const char* part : {"7E5#5D00000000000000", "7E5#5A00000000000000", "7E5#5B00000000000000"}) {
     EXPECT_EQ(std::ranges::count(record.text, part), 1) << part;
   }
-  EXPECT_EQ(std::ranges::count(record.text, "7E5#5D00000000000000"), 2) << "once more behind a first proof's window";
 }
 
 // CiA 305: switch selective is served in waiting only, so a device that is in configuration already needs `04 00`.
@@ -173,88 +172,9 @@ TEST(SelectAlone, WindowsAreLearntAndADoubtMakesThemLongAgain) {
   const auto first = timed();
   const auto learnt = timed();
   EXPECT_GT(first, milliseconds(100));
-  EXPECT_LT(first, milliseconds(150)) << "one window of 100 ms behind the last of four questions";
-  EXPECT_LT(learnt, milliseconds(30)) << "one window of some 6 ms, and 13 frames";
+  EXPECT_LT(learnt, milliseconds(60)) << "four windows of some 6 ms, and 13 frames";
   w.master->suspect_strangers();
   EXPECT_GT(timed(), milliseconds(100));
-}
-
-// A stranger that answers the first question alone, and that when the second one is on its way: the answer is none to
-// the second, and nothing comes behind the last.
-TEST(SelectAlone, AnAnswerToTheQuestionBeforeIsADoubt) {
-  World w;
-  Node& left = w.add(b, {}, milliseconds(3));
-  in_configuration(w, left);
-  left.overhears = [](const can::Frame& f) { return command(f) != Command::inquire_serial; };
-  w.add(a);
-  w.master = std::make_unique<Master>(w.dispatcher);
-  const auto alone = w.run(select_alone(*w.master, a));
-  ASSERT_TRUE(alone);
-  EXPECT_EQ(*alone, Selection::not_alone);
-}
-
-// A proof that is not the first leaves its window open, another question is asked meanwhile, and the end of the window
-// counts.
-TEST(SelectAlone, AnOpenProofIsEndedByItsWindow) {
-  for (const bool stranger : {false, true}) {
-    World w;
-    w.add(a);
-    w.add(same_serial, {}, milliseconds(12));  // so slow are answers here
-    for (const auto& each : {same_serial, a}) ASSERT_TRUE(w.run(select_alone(*w.master, each)));
-    Node& left = w.add(b, {}, milliseconds(20));
-    if (stranger) {
-      in_configuration(w, left);
-      loses_waiting(left);
-    }
-    OpenProof proof;
-    const auto alone = w.run(select_alone(*w.master, a, {.open = &proof}));
-    ASSERT_TRUE(alone);
-    EXPECT_EQ(*alone, Selection::alone);
-    ASSERT_TRUE(proof.open);
-    EXPECT_GT(proof.until, w.master->now() + milliseconds(20)) << "its window is not waited for";
-    EXPECT_LT(proof.ask_at, proof.until);
-    const auto told = w.run(w.master->inquire_node_id());
-    ASSERT_TRUE(told);
-    const auto ended = w.run(end_proof(*w.master, a, {}, proof, !suspicious(*told)));
-    ASSERT_TRUE(ended);
-    EXPECT_EQ(*ended, stranger ? Selection::not_alone : Selection::alone);
-    EXPECT_GE(w.master->now(), proof.until);
-  }
-}
-
-// Deaf to the questions, and hearing again before the end of the long window: the serial number is asked once more.
-TEST(SelectAlone, WhoWasDeafToAFirstProofIsAskedAgain) {
-  World w;
-  Node& left = w.add(b, {}, milliseconds(3));
-  in_configuration(w, left);
-  Node& one = w.add(a);
-  left.overhears = [](const can::Frame&) { return true; };
-  bool first = true;
-  one.hears = [&](const can::Frame& f) {
-    if (command(f) == Command::inquire_vendor && std::exchange(first, false)) left.overhears = nullptr;
-  };
-  w.master = std::make_unique<Master>(w.dispatcher);
-  const auto alone = w.run(select_alone(*w.master, a));
-  ASSERT_TRUE(alone);
-  EXPECT_EQ(*alone, Selection::not_alone);
-}
-
-// What was heard beside the answer to the question meanwhile makes a doubt, though nothing comes behind it.
-TEST(SelectAlone, AnOpenProofThatIsNotCleanIsAskedAnew) {
-  World w;
-  Node& left = w.add(b);
-  in_configuration(w, left);
-  loses_waiting(left);
-  Node& one = w.add(a);
-  one.overhears = [](const can::Frame& f) { return command(f) == Command::inquire_serial; };
-  w.run(w.master->switch_selective(a));
-  const OpenProof open{.until = w.master->now(), .others = w.master->unexpected(), .open = true};
-  const auto clean = w.run(end_proof(*w.master, a, {.parts = serial_part}, open, true));
-  ASSERT_TRUE(clean);
-  EXPECT_EQ(*clean, Selection::alone) << "or this tests nothing";
-  const auto doubt = w.run(end_proof(*w.master, a, {.parts = serial_part}, open, false));
-  ASSERT_TRUE(doubt);
-  EXPECT_EQ(*doubt, Selection::not_alone);
 }
 
 // A device that hears nothing while the proof is asked, and answers late. `from`: the 11h that it hears again, 1 the
@@ -316,19 +236,6 @@ TEST(ConfigureAlone, S1_53_WhereADeviceWasLostEveryAnswerIsWaitedFor) {
   ASSERT_TRUE(given);
   EXPECT_EQ(given->outcome, Given::Outcome::not_alone);
   for (const Node* node : {&left, &one}) EXPECT_FALSE(node->slave.active().node_id.configured());
-}
-
-TEST(ConfigureAlone, S1_53_WhoFallsSilentAt11hIsLost) {
-  World w;
-  Node& one = w.add(a);
-  ASSERT_TRUE(w.run(select_alone(*w.master, a)));
-  EXPECT_FALSE(w.master->answer_times().lost);
-  one.dead = true;
-  const bool store = false;
-  const auto given = w.run(configure_alone(*w.master, a, NodeId(5), store));
-  ASSERT_TRUE(given);
-  EXPECT_EQ(given->outcome, Given::Outcome::silent);
-  EXPECT_TRUE(w.master->answer_times().lost);
 }
 
 // A device came under the node-ID between the question for it and the `04 00` that brings it into use.
