@@ -2,7 +2,7 @@
 // back to the same bytes.
 #include <cmath>
 
-#include "berth/serve/gateway_309.hpp"
+#include "berth/serve/cia309.hpp"
 #include "fuzz/require.hpp"
 
 namespace gateway_309_target {
@@ -12,33 +12,33 @@ namespace {
 using namespace berth;
 using fuzz::require;
 
-void check_value(const serve::Request309& request) {
+void check_value(const serve::cia309::Request& request) {
   const auto size = od::byte_size(request.type.type);
   require(size == 0 || request.data.size() == size);
-  const auto text = serve::value_text_309(request.type, request.data);
+  const auto text = serve::cia309::value_text(request.type, request.data);
   require(text.has_value() && text->find_first_of("\r\n") == std::string::npos);
   if (od::is_real(request.type.type) &&
       std::isnan(od::real_of(request.type.type, od::load(request.type.type, request.data.data())))) {
     return;
   }
-  if (request.type.shown == serve::Type309::Shown::hex_bytes && request.data.empty()) return;
+  if (request.type.shown == serve::cia309::Type::Shown::hex_bytes && request.data.empty()) return;
   std::string word(request.type.type == od::DataType::none ? "hex" : od::name(request.type.type));
   for (const auto* const name :
        {"b",   "i8",  "i16", "i24", "i32", "i40", "i48", "i56", "i64", "u8", "u16", "u24", "u32", "u40", "u48",
         "u56", "u64", "r32", "r64", "t",   "td",  "vs",  "os",  "us",  "d",  "x8",  "x16", "x32", "x64"}) {
-    if (serve::type_309(name) == request.type) word = name;
+    if (serve::cia309::type_named(name) == request.type) word = name;
   }
-  const auto again = serve::parse_309("[1] 1 w 0 0 " + word + " " + *text);
+  const auto again = serve::cia309::parse_line("[1] 1 w 0 0 " + word + " " + *text);
   require(!again.error && again.request.data == request.data);
 }
 
 void check(std::string_view line) {
-  const auto parsed = serve::parse_309(line);
-  if (parsed.error) return require(*serve::text_309(*parsed.error) != '\0');
+  const auto parsed = serve::cia309::parse_line(line);
+  if (parsed.error) return require(*serve::cia309::text_of(*parsed.error) != '\0');
   const auto& r = parsed.request;
   require(r.count <= r.numbers.size() && (!r.net || *r.net != 0) && (!r.node || *r.node <= 127));
   require(r.values.size() <= 64 && r.pdo.fields.size() <= 64 && r.pdo.number >= 1 && r.pdo.number <= 512);
-  if (r.verb == serve::Verb309::write) check_value(r);
+  if (r.verb == serve::cia309::Verb::write) check_value(r);
 }
 
 }  // namespace
@@ -51,8 +51,8 @@ extern "C" int LLVMFuzzerTestOneInput(const std::uint8_t* data, std::size_t size
     if (end == std::string_view::npos) break;
     rest.remove_prefix(end + 1);
   }
-  const auto bytes = serve::from_base64({reinterpret_cast<const char*>(data), size});
-  if (bytes) require(serve::from_base64(serve::to_base64(*bytes)) == *bytes);
+  const auto bytes = serve::cia309::from_base64({reinterpret_cast<const char*>(data), size});
+  if (bytes) require(serve::cia309::from_base64(serve::cia309::to_base64(*bytes)) == *bytes);
   return 0;
 }
 

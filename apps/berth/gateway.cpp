@@ -18,17 +18,17 @@ using Json = nlohmann::ordered_json;
 tl::expected<std::unique_ptr<GatewayHost>, Failure> GatewayHost::listen(Rig& rig, const std::string& where,
                                                                         GatewayRights rights,
                                                                         std::function<void(const std::string&)> say) {
-  const auto endpoint = io::parse_endpoint(where, serve::gateway_309_port);
+  const auto endpoint = io::parse_endpoint(where, serve::cia309::default_port);
   if (!endpoint) {
     return tl::unexpected(
         failure(Exit::usage, fmt::format("gateway at {}: write HOST:PORT, such as 127.0.0.1:7000", where)));
   }
   std::unique_ptr<GatewayHost> host(new GatewayHost);
-  serve::Gateway309Options options;
+  serve::cia309::ServerOptions options;
   options.commands = rights.commands;
   options.confirmed = rights.confirmed;
   options.tell = std::move(say);
-  auto server = serve::Gateway309Server::listen(*rig.loop(), *endpoint, rig.session(), std::move(options));
+  auto server = serve::cia309::Server::listen(*rig.loop(), *endpoint, rig.session(), std::move(options));
   if (!server) return tl::unexpected(failure(Exit::failed, server.error()));
   host->server_ = std::move(*server);
   return host;
@@ -53,7 +53,7 @@ void announce(const GatewayHost& host, const design::Machine& machine, bool json
   for (const auto& bus : machine.buses) print_line(fmt::format("net {} is bus {}", ++net, bus.name));
 }
 
-void tell_counters(const serve::Gateway309Counters& c, bool json) {
+void tell_counters(const serve::cia309::Counters& c, bool json) {
   if (json) {
     return print_line(Json{
         {"clients", c.clients},

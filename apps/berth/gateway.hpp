@@ -5,7 +5,7 @@
 #include <memory>
 #include <string>
 
-#include "berth/serve/gateway_309_server.hpp"
+#include "berth/serve/cia309_server.hpp"
 #include "rig.hpp"
 
 namespace berth::cli {
@@ -24,11 +24,11 @@ class GatewayHost {
       Rig& rig, const std::string& where, GatewayRights rights, std::function<void(const std::string&)> say);
   /// "127.0.0.1:7000".
   [[nodiscard]] std::string where() const { return io::to_string(server_->where()); }
-  [[nodiscard]] const serve::Gateway309Counters& counters() const noexcept { return server_->counters(); }
+  [[nodiscard]] const serve::cia309::Counters& counters() const noexcept { return server_->counters(); }
 
  private:
   GatewayHost() = default;
-  std::unique_ptr<serve::Gateway309Server> server_;
+  std::unique_ptr<serve::cia309::Server> server_;
 };
 
 }  // namespace berth::cli

@@ -141,13 +141,13 @@ TEST(Gateway309Lss, WhoHasSelectedKeepsTheTurnUntilHeIsDone) {
   rig.play("> [1] 1 lss_switch_sel 0x11 0x22 0x33 0x101\n< [1] OK\n");
   EXPECT_TRUE(turn.taken());
   std::string other;
-  Conversation309 second(
+  cia309::Conversation second(
       rig.house(), [&](std::string_view text) { other += text; }, [] {});
   second.take("[1] 1 lss_get_node");
   ASSERT_TRUE(rig.run_until([&] { return second.idle(); }));
   EXPECT_EQ(other, "[1] ERROR:102\r\n");
   rig.play("> [2] 1 lss_get_node\n< [2] 255\n");
-  rig.run_for(Conversation309::lss_patience - 1s);
+  rig.run_for(cia309::Conversation::lss_patience - 1s);
   EXPECT_TRUE(turn.taken());
   rig.heard().frames.clear();
   rig.run_for(2s);

@@ -9,7 +9,7 @@
 #include <cmath>
 #include <limits>
 
-#include "berth/serve/gateway_309.hpp"
+#include "berth/serve/cia309.hpp"
 
 namespace berth::serve {
 namespace {
@@ -17,17 +17,17 @@ namespace {
 using od::DataType;
 using Bytes = std::vector<std::uint8_t>;
 
-Request309 good(std::string_view line) {
-  const auto parsed = parse_309(line);
+cia309::Request good(std::string_view line) {
+  const auto parsed = cia309::parse_line(line);
   EXPECT_FALSE(parsed.error) << line << ": " << static_cast<int>(*parsed.error);
   return parsed.request;
 }
 unsigned error_of(std::string_view line) {
-  const auto parsed = parse_309(line);
+  const auto parsed = cia309::parse_line(line);
   return parsed.error ? static_cast<unsigned>(*parsed.error) : 0;
 }
-Request309 with(Verb309 verb, std::initializer_list<std::uint32_t> numbers = {}) {
-  Request309 r;
+cia309::Request with(cia309::Verb verb, std::initializer_list<std::uint32_t> numbers = {}) {
+  cia309::Request r;
   r.sequence = 1;
   r.verb = verb;
   for (const auto n : numbers) r.numbers[r.count++] = n;
@@ -36,7 +36,7 @@ Request309 with(Verb309 verb, std::initializer_list<std::uint32_t> numbers = {})
 
 TEST(Gateway309Line, BlankLinesAndCommentsAskForNothing) {
   for (const auto* const line : {"", " ", "\t\r", "# [1] start", "   # x"}) {
-    EXPECT_EQ(good(line).verb, Verb309::nothing) << line;
+    EXPECT_EQ(good(line).verb, cia309::Verb::nothing) << line;
   }
 }
 
@@ -48,9 +48,9 @@ TEST(Gateway309Line, SequenceNumbers) {
   for (const auto* const line : {"help", "[1 help", "1] help", "[] help", "[-1] help", "[4294967296] help", "[x] help",
                                  "[1", "[", "[[1]] help", "[$NODEID] help", "[+1] help"}) {
     EXPECT_EQ(error_of(line), 101U) << line;
-    EXPECT_EQ(parse_309(line).request.sequence, 0U) << line;
+    EXPECT_EQ(cia309::parse_line(line).request.sequence, 0U) << line;
   }
-  EXPECT_EQ(parse_309("[77] nonsense").request.sequence, 77U);
+  EXPECT_EQ(cia309::parse_line("[77] nonsense").request.sequence, 77U);
 }
 
 TEST(Gateway309Line, NetAndNode) {
@@ -76,17 +76,17 @@ TEST(Gateway309Line, NetAndNode) {
 }
 
 TEST(Gateway309Line, Sdo) {
-  auto r = with(Verb309::read);
+  auto r = with(cia309::Verb::read);
   r.node = 4;
   r.index = 0x1017;
-  r.type = {DataType::unsigned16, Type309::Shown::plain};
+  r.type = {DataType::unsigned16, cia309::Type::Shown::plain};
   EXPECT_EQ(good("[1] 4 read 0x1017 0 u16"), r);
   EXPECT_EQ(good("[1] 4 R 4119 00 U16 # comment"), r);
   r.type = {};
   EXPECT_EQ(good("[1] 4 r 0x1017 0"), r);
-  r.verb = Verb309::write;
+  r.verb = cia309::Verb::write;
   r.sub = 255;
-  r.type = {DataType::integer16, Type309::Shown::plain};
+  r.type = {DataType::integer16, cia309::Type::Shown::plain};
   r.data = {0xFE, 0xFF};
   EXPECT_EQ(good("[1] 4 WRITE 0x1017 0xff i16 -2"), r);
   for (const auto* const line :
@@ -100,20 +100,20 @@ TEST(Gateway309Line, Sdo) {
 }
 
 TEST(Gateway309Line, NmtAndErrorControl) {
-  const std::pair<const char*, Verb309> words[] = {
-      {"start", Verb309::start},
-      {"STOP", Verb309::stop},
-      {"preop", Verb309::preop},
-      {"preoperational", Verb309::preop},
-      {"reset node", Verb309::reset_node},
-      {"reset comm", Verb309::reset_comm},
-      {"reset communication", Verb309::reset_comm},
-      {"disable guarding", Verb309::disable_guarding},
-      {"disable heartbeat", Verb309::disable_heartbeat},
+  const std::pair<const char*, cia309::Verb> words[] = {
+      {"start", cia309::Verb::start},
+      {"STOP", cia309::Verb::stop},
+      {"preop", cia309::Verb::preop},
+      {"preoperational", cia309::Verb::preop},
+      {"reset node", cia309::Verb::reset_node},
+      {"reset comm", cia309::Verb::reset_comm},
+      {"reset communication", cia309::Verb::reset_comm},
+      {"disable guarding", cia309::Verb::disable_guarding},
+      {"disable heartbeat", cia309::Verb::disable_heartbeat},
   };
   for (const auto& [text, verb] : words) EXPECT_EQ(good(std::string("[1] ") + text), with(verb)) << text;
-  EXPECT_EQ(good("[1] enable guarding 1000 3"), with(Verb309::enable_guarding, {1000, 3}));
-  EXPECT_EQ(good("[1] enable heartbeat 1500"), with(Verb309::enable_heartbeat, {1500}));
+  EXPECT_EQ(good("[1] enable guarding 1000 3"), with(cia309::Verb::enable_guarding, {1000, 3}));
+  EXPECT_EQ(good("[1] enable heartbeat 1500"), with(cia309::Verb::enable_heartbeat, {1500}));
   for (const auto* const line :
        {"[1] reset", "[1] reset nodes", "[1] preope", "[1] enable", "[1] start 5", "[1] enable guarding 1000",
         "[1] enable guarding 0 3", "[1] enable heartbeat 0", "[1] enable heartbeat 65536", "[1] disable guarding 1"}) {
@@ -123,20 +123,20 @@ TEST(Gateway309Line, NmtAndErrorControl) {
 }
 
 TEST(Gateway309Line, Settings) {
-  EXPECT_EQ(good("[1] set network 2"), with(Verb309::set_network, {2}));
-  EXPECT_EQ(good("[1] set node 127"), with(Verb309::set_node, {127}));
-  EXPECT_EQ(good("[1] set node 0"), with(Verb309::set_node, {0}));
-  EXPECT_EQ(good("[1] set sdo_timeout 65535"), with(Verb309::set_sdo_timeout, {65535}));
-  EXPECT_EQ(good("[1] set sdo_block 1"), with(Verb309::set_sdo_block, {1}));
-  EXPECT_EQ(good("[1] set heartbeat 0"), with(Verb309::set_heartbeat, {0}));
-  EXPECT_EQ(good("[1] set id 255"), with(Verb309::set_id, {255}));
-  EXPECT_EQ(good("[1] set command_timeout 4294967295"), with(Verb309::set_command_timeout, {4294967295U}));
-  EXPECT_EQ(good("[1] set command_size 65536"), with(Verb309::set_command_size, {65536}));
-  EXPECT_EQ(good("[1] init 9"), with(Verb309::init, {9}));
-  EXPECT_EQ(good("[1] boot_up_indication Disable"), with(Verb309::boot_up_indication, {0}));
-  EXPECT_EQ(good("[1] boot_up_indication enable"), with(Verb309::boot_up_indication, {1}));
-  EXPECT_EQ(good("[1] _sync_indication Enable"), with(Verb309::sync_indication, {1}));
-  EXPECT_EQ(good("[1] info version"), with(Verb309::info_version));
+  EXPECT_EQ(good("[1] set network 2"), with(cia309::Verb::set_network, {2}));
+  EXPECT_EQ(good("[1] set node 127"), with(cia309::Verb::set_node, {127}));
+  EXPECT_EQ(good("[1] set node 0"), with(cia309::Verb::set_node, {0}));
+  EXPECT_EQ(good("[1] set sdo_timeout 65535"), with(cia309::Verb::set_sdo_timeout, {65535}));
+  EXPECT_EQ(good("[1] set sdo_block 1"), with(cia309::Verb::set_sdo_block, {1}));
+  EXPECT_EQ(good("[1] set heartbeat 0"), with(cia309::Verb::set_heartbeat, {0}));
+  EXPECT_EQ(good("[1] set id 255"), with(cia309::Verb::set_id, {255}));
+  EXPECT_EQ(good("[1] set command_timeout 4294967295"), with(cia309::Verb::set_command_timeout, {4294967295U}));
+  EXPECT_EQ(good("[1] set command_size 65536"), with(cia309::Verb::set_command_size, {65536}));
+  EXPECT_EQ(good("[1] init 9"), with(cia309::Verb::init, {9}));
+  EXPECT_EQ(good("[1] boot_up_indication Disable"), with(cia309::Verb::boot_up_indication, {0}));
+  EXPECT_EQ(good("[1] boot_up_indication enable"), with(cia309::Verb::boot_up_indication, {1}));
+  EXPECT_EQ(good("[1] _sync_indication Enable"), with(cia309::Verb::sync_indication, {1}));
+  EXPECT_EQ(good("[1] info version"), with(cia309::Verb::info_version));
   EXPECT_EQ(error_of("[1] set colour 1"), 100U);
   for (const auto* const line :
        {"[1] set", "[1] set network 0", "[1] set network 65536", "[1] set node 128", "[1] set sdo_timeout 0",
@@ -147,11 +147,11 @@ TEST(Gateway309Line, Settings) {
 }
 
 TEST(Gateway309Line, Pdos) {
-  auto r = with(Verb309::set_rpdo);
+  auto r = with(cia309::Verb::set_rpdo);
   r.pdo = {.number = 512, .cob_id = 0x40000181, .transmission = 0xFF};
   r.pdo.fields = {{DataType::unsigned8, 0, 0}, {DataType::integer16, 0x6000, 1}};
   EXPECT_EQ(good("[1] set rpdo 512 0x40000181 event 2 u8 0x6000 1 i16"), r);
-  r.verb = Verb309::set_tpdo;
+  r.verb = cia309::Verb::set_tpdo;
   r.pdo = {.number = 1, .cob_id = 0x201, .transmission = 240};
   EXPECT_EQ(good("[1] set tpdo 1 0x201 SYNC240 0"), r);
   r.pdo.transmission = 0xFD;
@@ -162,8 +162,8 @@ TEST(Gateway309Line, Pdos) {
   EXPECT_EQ(good("[1] set tpdox 1 0x201 rtr 500 0"), r);
   r.pdo = {.number = 1, .cob_id = 0x201, .transmission = 5, .sync_start = 7};
   EXPECT_EQ(good("[1] set tpdox 1 0x201 sync5 7 0"), r);
-  EXPECT_EQ(good("[1] read pdo 3"), with(Verb309::read_pdo, {3}));
-  auto w = with(Verb309::write_pdo, {3});
+  EXPECT_EQ(good("[1] read pdo 3"), with(cia309::Verb::read_pdo, {3}));
+  auto w = with(cia309::Verb::write_pdo, {3});
   w.values = {1, 0xFFFF'FFFF'FFFF'FFFF, 0x1122334455667788};
   EXPECT_EQ(good("[1] w p 3 3 1 -1 0x1122334455667788"), w);
   for (const auto* const line :
@@ -177,27 +177,28 @@ TEST(Gateway309Line, Pdos) {
 }
 
 TEST(Gateway309Line, Lss) {
-  EXPECT_EQ(good("[1] lss_switch_glob 1"), with(Verb309::lss_switch_global, {1}));
-  EXPECT_EQ(good("[1] lss_switch_sel 1 2 3 0xFFFFFFFF"), with(Verb309::lss_switch_selective, {1, 2, 3, 0xFFFFFFFF}));
-  EXPECT_EQ(good("[1] lss_set_node 255"), with(Verb309::lss_set_node, {255}));
-  EXPECT_EQ(good("[1] lss_conf_bitrate 0 4"), with(Verb309::lss_conf_bitrate, {0, 4}));
+  EXPECT_EQ(good("[1] lss_switch_glob 1"), with(cia309::Verb::lss_switch_global, {1}));
+  EXPECT_EQ(good("[1] lss_switch_sel 1 2 3 0xFFFFFFFF"),
+            with(cia309::Verb::lss_switch_selective, {1, 2, 3, 0xFFFFFFFF}));
+  EXPECT_EQ(good("[1] lss_set_node 255"), with(cia309::Verb::lss_set_node, {255}));
+  EXPECT_EQ(good("[1] lss_conf_bitrate 0 4"), with(cia309::Verb::lss_conf_bitrate, {0, 4}));
   // CANopenNode's words of 20 letters lost this one (PR 627).
-  EXPECT_EQ(good("[1] lss_activate_bitrate 1000"), with(Verb309::lss_activate_bitrate, {1000}));
-  EXPECT_EQ(good("[1] lss_store"), with(Verb309::lss_store));
-  EXPECT_EQ(good("[1] lss_inquire_addr"), with(Verb309::lss_inquire_address));
-  EXPECT_EQ(good("[1] lss_inquire_addr 3"), with(Verb309::lss_inquire_address, {3}));
-  EXPECT_EQ(good("[1] lss_inquire_addr 0x5B"), with(Verb309::lss_inquire_address, {1}));
-  EXPECT_EQ(good("[1] lss_get_node"), with(Verb309::lss_get_node));
-  EXPECT_EQ(good("[1] lss_identity 1 2 3 4 5 6"), with(Verb309::lss_identity, {1, 2, 3, 4, 5, 6}));
-  EXPECT_EQ(good("[1] lss_ident_nonconf"), with(Verb309::lss_identify_non_configured));
-  EXPECT_EQ(good("[1] _lss_slowscan 1 2 3 4 5 6"), with(Verb309::lss_slowscan, {1, 2, 3, 4, 5, 6}));
-  EXPECT_EQ(good("[1] _lss_fastscan"), with(Verb309::lss_fastscan));
-  EXPECT_EQ(good("[1] _lss_fastscan 50"), with(Verb309::lss_fastscan, {50}));
-  EXPECT_EQ(good("[1] _lss_fastscan 1 2 3 4 5 6 7 8"), with(Verb309::lss_fastscan, {0, 1, 2, 3, 4, 5, 6, 7, 8}));
-  EXPECT_EQ(good("[1] lss_allnodes"), with(Verb309::lss_allnodes));
-  EXPECT_EQ(good("[1] lss_allnodes 100 2 1"), with(Verb309::lss_allnodes, {100, 2, 1}));
+  EXPECT_EQ(good("[1] lss_activate_bitrate 1000"), with(cia309::Verb::lss_activate_bitrate, {1000}));
+  EXPECT_EQ(good("[1] lss_store"), with(cia309::Verb::lss_store));
+  EXPECT_EQ(good("[1] lss_inquire_addr"), with(cia309::Verb::lss_inquire_address));
+  EXPECT_EQ(good("[1] lss_inquire_addr 3"), with(cia309::Verb::lss_inquire_address, {3}));
+  EXPECT_EQ(good("[1] lss_inquire_addr 0x5B"), with(cia309::Verb::lss_inquire_address, {1}));
+  EXPECT_EQ(good("[1] lss_get_node"), with(cia309::Verb::lss_get_node));
+  EXPECT_EQ(good("[1] lss_identity 1 2 3 4 5 6"), with(cia309::Verb::lss_identity, {1, 2, 3, 4, 5, 6}));
+  EXPECT_EQ(good("[1] lss_ident_nonconf"), with(cia309::Verb::lss_identify_non_configured));
+  EXPECT_EQ(good("[1] _lss_slowscan 1 2 3 4 5 6"), with(cia309::Verb::lss_slowscan, {1, 2, 3, 4, 5, 6}));
+  EXPECT_EQ(good("[1] _lss_fastscan"), with(cia309::Verb::lss_fastscan));
+  EXPECT_EQ(good("[1] _lss_fastscan 50"), with(cia309::Verb::lss_fastscan, {50}));
+  EXPECT_EQ(good("[1] _lss_fastscan 1 2 3 4 5 6 7 8"), with(cia309::Verb::lss_fastscan, {0, 1, 2, 3, 4, 5, 6, 7, 8}));
+  EXPECT_EQ(good("[1] lss_allnodes"), with(cia309::Verb::lss_allnodes));
+  EXPECT_EQ(good("[1] lss_allnodes 100 2 1"), with(cia309::Verb::lss_allnodes, {100, 2, 1}));
   EXPECT_EQ(good("[1] lss_allnodes 100 2 1 2 0x11 0 0 2 7 0 9"),
-            with(Verb309::lss_allnodes, {100, 2, 1, 0x11, 0xFFFFFFFF, 0, 0, 7, 0xFFFFFFFF, 0, 0}));
+            with(cia309::Verb::lss_allnodes, {100, 2, 1, 0x11, 0xFFFFFFFF, 0, 0, 7, 0xFFFFFFFF, 0, 0}));
   EXPECT_EQ(error_of("[1] lss_allnodes 100 2 1 1 0 0 0 0 0 0 0"), 100U);  // ignoring a part
   EXPECT_EQ(error_of("[1] lss_dance"), 100U);
   for (const auto* const line :
@@ -226,7 +227,7 @@ TEST(Gateway309Line, QuotesAndStrayBytes) {
 }
 
 std::string shown(std::string_view type, Bytes bytes) {
-  return value_text_309(*type_309(type), bytes).value_or("(none)");
+  return cia309::value_text(*cia309::type_named(type), bytes).value_or("(none)");
 }
 Bytes read(std::string_view type, std::string_view words) {
   return good("[1] 1 w 0x2000 0 " + std::string(type) + " " + std::string(words)).data;
@@ -281,8 +282,8 @@ TEST(Gateway309Value, Base64OfTheRfc) {
                                                          {"foobar", "Zm9vYmFy"}};
   for (const auto& [plain, coded] : vectors) {
     const Bytes bytes(plain.begin(), plain.end());
-    EXPECT_EQ(to_base64(bytes), coded);
-    EXPECT_EQ(from_base64(coded), bytes);
+    EXPECT_EQ(cia309::to_base64(bytes), coded);
+    EXPECT_EQ(cia309::from_base64(coded), bytes);
   }
 }
 
@@ -291,38 +292,38 @@ RC_GTEST_PROP(Gateway309Value, ReadsBackWhatItShows, ()) {
                                               "u16", "u24", "u32", "u40", "u48", "u56", "u64", "x8",  "x16", "x32",
                                               "x64", "r32", "r64", "t",   "td",  "vs",  "os",  "us",  "d",   "hex"};
   const auto name = *rc::gen::elementOf(names);
-  const auto type = *type_309(name);
+  const auto type = *cia309::type_named(name);
   const auto size = od::byte_size(type.type);
   auto bytes = *rc::gen::container<Bytes>(size != 0 ? size : *rc::gen::inRange<std::size_t>(1, 40),
                                           rc::gen::arbitrary<std::uint8_t>());
   if (type.type == DataType::boolean) bytes[0] &= 1U;
   if (od::is_time(type.type)) bytes[3] &= 0x0FU;
   if (od::is_real(type.type)) RC_PRE(!std::isnan(od::real_of(type.type, od::load(type.type, bytes.data()))));
-  const auto text = value_text_309(type, bytes);
+  const auto text = cia309::value_text(type, bytes);
   RC_ASSERT(text.has_value());
   RC_ASSERT(text->find_first_of("\r\n") == std::string::npos);
-  const auto line = parse_309("[1] 1 w 0x2000 0 " + name + " " + *text);
+  const auto line = cia309::parse_line("[1] 1 w 0x2000 0 " + name + " " + *text);
   RC_ASSERT(!line.error);
   RC_ASSERT(line.request.data == bytes);
 }
 
 RC_GTEST_PROP(Gateway309Line, AnyBytesGiveARequestOrACode, (const std::string& line)) {
-  const auto parsed = parse_309(line);
-  if (parsed.error) RC_ASSERT(*text_309(*parsed.error) != '\0');
-  const auto again = parse_309("[9] " + line);
+  const auto parsed = cia309::parse_line(line);
+  if (parsed.error) RC_ASSERT(*cia309::text_of(*parsed.error) != '\0');
+  const auto again = cia309::parse_line("[9] " + line);
   if (again.error) RC_ASSERT(again.request.sequence == 9U);
 }
 
 TEST(Gateway309Reply, Lines) {
-  EXPECT_EQ(ok_309(4294967295U), "[4294967295] OK\r\n");
-  EXPECT_EQ(reply_309(1, "5"), "[1] 5\r\n");
-  EXPECT_EQ(error_309(2, Code309::syntax), "[2] ERROR:101\r\n");
-  EXPECT_EQ(abort_309(3, 0x06020000), "[3] ERROR:0x06020000\r\n");
-  const auto help = help_309();
+  EXPECT_EQ(cia309::ok_line(4294967295U), "[4294967295] OK\r\n");
+  EXPECT_EQ(cia309::reply_line(1, "5"), "[1] 5\r\n");
+  EXPECT_EQ(cia309::error_line(2, cia309::Code::syntax), "[2] ERROR:101\r\n");
+  EXPECT_EQ(cia309::abort_line(3, 0x06020000), "[3] ERROR:0x06020000\r\n");
+  const auto help = cia309::help_text();
   for (std::size_t at = 0; at < help.size();) {
     const auto end = help.find("\r\n", at);
     ASSERT_NE(end, std::string::npos);
-    EXPECT_EQ(good(help.substr(at, end - at)).verb, Verb309::nothing) << "each line is a comment";
+    EXPECT_EQ(good(help.substr(at, end - at)).verb, cia309::Verb::nothing) << "each line is a comment";
     at = end + 2;
   }
 }

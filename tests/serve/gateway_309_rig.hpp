@@ -15,7 +15,7 @@
 #include "berth/operate/session.hpp"
 #include "berth/places/slot_store.hpp"
 #include "berth/plant/world.hpp"
-#include "berth/serve/gateway_309_client.hpp"
+#include "berth/serve/cia309_client.hpp"
 
 namespace berth::serve {
 
@@ -123,7 +123,7 @@ class Rig309 {
   }
 
   void begin() {
-    talk = std::make_unique<Conversation309>(
+    talk = std::make_unique<cia309::Conversation>(
         house_, [this](std::string_view text) { said += text; }, [this] { ++mores; });
   }
 
@@ -156,7 +156,7 @@ class Rig309 {
   [[nodiscard]] FrameEar& heard(std::size_t net = 1) { return *ears_.at(net - 1); }
   sim::Controller& peer(std::size_t net = 1) { return *sniffers_.at(net - 1); }
   [[nodiscard]] operate::Session& session() { return *session_; }
-  [[nodiscard]] House309& house() { return house_; }
+  [[nodiscard]] cia309::House& house() { return house_; }
   [[nodiscard]] plant::World& world() { return *world_; }
   void unplug_bench() {
     bench.reset();
@@ -176,7 +176,7 @@ class Rig309 {
   }
 
   std::unique_ptr<device::Device> bench;
-  std::unique_ptr<Conversation309> talk;
+  std::unique_ptr<cia309::Conversation> talk;
   std::string said;
   std::vector<std::string> told;
   unsigned mores = 0;
@@ -194,7 +194,7 @@ class Rig309 {
   std::unique_ptr<sim::Controller> bench_port_;
   std::unique_ptr<can::Dispatcher> dispatcher_;
   std::unique_ptr<operate::Session> session_;
-  House309 house_;
+  cia309::House house_;
 };
 
 }  // namespace berth::serve

@@ -10,7 +10,7 @@
 
 #include <array>
 
-#include "berth/serve/gateway_309_server.hpp"
+#include "berth/serve/cia309_server.hpp"
 #include "client_socket.hpp"
 #include "gateway_309_rig.hpp"
 
@@ -19,9 +19,9 @@ namespace {
 
 class Gateway309Tcp : public ::testing::Test {
  protected:
-  void serve(Gateway309Options options = {}) {
+  void serve(cia309::ServerOptions options = {}) {
     options.tell = [this](const std::string& text) { told_.push_back(text); };
-    auto made = Gateway309Server::listen(loop_, {"127.0.0.1", 0}, rig_.session(), std::move(options));
+    auto made = cia309::Server::listen(loop_, {"127.0.0.1", 0}, rig_.session(), std::move(options));
     ASSERT_TRUE(made) << made.error();
     server_ = std::move(*made);
   }
@@ -46,7 +46,7 @@ class Gateway309Tcp : public ::testing::Test {
   Rig309 rig_;
   io::Loop loop_{rig_.world().executor()};
   std::vector<std::string> told_;
-  std::unique_ptr<Gateway309Server> server_;
+  std::unique_ptr<cia309::Server> server_;
 };
 
 TEST_F(Gateway309Tcp, LinesInPiecesAndManyAtOnce) {
@@ -226,7 +226,7 @@ TEST_F(Gateway309Tcp, TheServerGoesWhileCommandsAreUnderWay) {
 
 TEST_F(Gateway309Tcp, APortThatIsTaken) {
   serve();
-  const auto second = Gateway309Server::listen(loop_, server_->where(), rig_.session(), {});
+  const auto second = cia309::Server::listen(loop_, server_->where(), rig_.session(), {});
   ASSERT_FALSE(second);
   EXPECT_NE(second.error().find(std::to_string(server_->where().port)), std::string::npos) << second.error();
 }

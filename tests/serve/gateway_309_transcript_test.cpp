@@ -87,8 +87,8 @@ TEST(Gateway309, ReadsAndWritesEveryType) {
   for (const bool block : {false, true}) {
     rig.play(fmt::format("> [1] 1 set sdo_block {}\n< [1] OK\n", block ? 1 : 0));
     for (const auto& [name, value] : values) {
-      const auto type = *type_309(name);
-      const auto object = type.shown == Type309::Shown::hex_bytes ? od::DataType::octet_string : type.type;
+      const auto type = *cia309::type_named(name);
+      const auto object = type.shown == cia309::Type::Shown::hex_bytes ? od::DataType::octet_string : type.type;
       const unsigned sub = sub_of(object);
       ASSERT_NE(sub, 0U) << name;
       rig.play(
@@ -131,7 +131,7 @@ TEST(Gateway309, ALongValueGoesInSegmentsOrInBlocksAsSet) {
   Rig309 rig;
   std::vector<std::uint8_t> bytes(4000);
   for (std::size_t i = 0; i < bytes.size(); ++i) bytes[i] = static_cast<std::uint8_t>(i * 7);
-  const auto text = to_base64(bytes);
+  const auto text = cia309::to_base64(bytes);
   const std::string both =
       "> [1] 1 5 w 0x2100 0 d " + text + "\n< [1] OK\n> [2] 1 5 r 0x2100 0 d\n< [2] " + text + "\n";
   rig.play(both);
@@ -323,7 +323,7 @@ TEST(Gateway309, ConversationsAreApart) {
   Rig309 rig;
   rig.play("> [1] set network 1\n< [1] OK\n> [2] set tpdo 1 0x205 event 1 u8\n< [2] OK\n");
   std::string other;
-  auto second = std::make_unique<Conversation309>(
+  auto second = std::make_unique<cia309::Conversation>(
       rig.house(), [&](std::string_view text) { other += text; }, [] {});
   second->take("[1] 5 start");
   second->take("[2] 1 set tpdo 9 0x205 event 1 u8");
@@ -390,7 +390,7 @@ TEST(Gateway309, TooManyCommandsWait) {
   Rig309 rig;
   unsigned taken = 0;
   while (!rig.talk->full()) rig.talk->take(fmt::format("[{}] 1 6 r 0x1000 0", taken++));
-  EXPECT_EQ(taken, Conversation309::most_lines);
+  EXPECT_EQ(taken, cia309::Conversation::most_lines);
   ASSERT_TRUE(rig.run_until([&] { return rig.mores == 1; }, 300s));
   EXPECT_FALSE(rig.talk->full());
   ASSERT_TRUE(rig.run_until([&] { return rig.talk->idle(); }, 300s));

@@ -1,24 +1,24 @@
-#include "berth/serve/gateway_309_permits.hpp"
+#include "berth/serve/cia309_permits.hpp"
 
 #include <fmt/format.h>
 
 #include "berth/command/permission.hpp"
-#include "berth/serve/gateway_309_net.hpp"
+#include "berth/serve/cia309_net.hpp"
 
-namespace berth::serve {
+namespace berth::serve::cia309 {
 
-bool for_all_nodes_309(Verb309 verb) noexcept {
-  using enum Verb309;
+bool is_for_all_nodes(Verb verb) noexcept {
+  using enum Verb;
   return verb == start || verb == stop || verb == preop || verb == reset_node || verb == reset_comm;
 }
 
-bool is_lss_309(Verb309 verb) noexcept { return verb >= Verb309::lss_switch_global && verb <= Verb309::lss_allnodes; }
+bool is_lss(Verb verb) noexcept { return verb >= Verb::lss_switch_global && verb <= Verb::lss_allnodes; }
 
 namespace {
 
 /// Changes a device, or sends what devices act on. LSS questions leave everything as it is.
-bool changes(Verb309 verb) noexcept {
-  using enum Verb309;
+bool changes(Verb verb) noexcept {
+  using enum Verb;
   switch (verb) {
     case lss_inquire_address:
     case lss_get_node:
@@ -27,27 +27,27 @@ bool changes(Verb309 verb) noexcept {
     case write:
     case set_tpdo:
     case write_pdo: return true;
-    default: return for_all_nodes_309(verb) || is_lss_309(verb);
+    default: return is_for_all_nodes(verb) || is_lss(verb);
   }
 }
 
 }  // namespace
 
-command::Request Permits309::request_for(const Net309& net, std::string verb) const {
+command::Request Permits::request_for(const Net& net, std::string verb) const {
   command::Request request;
   request.verb = std::move(verb);
   request.arguments["bus"] = net.network.bus().name;
   return request;
 }
 
-bool Permits309::may_send(const Net309& net, bool commands) const {
+bool Permits::may_send(const Net& net, bool commands) const {
   const auto use = commands ? command::Use::command : command::Use::send;
   const auto network = command::network_for(*house_->session, net.network.bus().name, use);
   if (!network) tell(network.error());
   return network.has_value();
 }
 
-bool Permits309::allowed(const Request309& request, const Net309& net) const {
+bool Permits::allowed(const Request& request, const Net& net) const {
   const bool refused = house_->session->careful() && !house_->commands && changes(request.verb);
   if (refused) {
     tell(
@@ -58,7 +58,7 @@ bool Permits309::allowed(const Request309& request, const Net309& net) const {
   return !refused;
 }
 
-bool Permits309::undisturbing(const command::Request& wanted) const {
+bool Permits::undisturbing(const command::Request& wanted) const {
   command::Request request = wanted;
   if (house_->confirmed) request.arguments["yes"] = "1";
   command::Reply reply;
@@ -67,8 +67,8 @@ bool Permits309::undisturbing(const command::Request& wanted) const {
   return goes;
 }
 
-void Permits309::tell(const std::string& text) const {
+void Permits::tell(const std::string& text) const {
   if (house_->tell) house_->tell(text);
 }
 
-}  // namespace berth::serve
+}  // namespace berth::serve::cia309

@@ -10,56 +10,56 @@
 
 #include "berth/command/request.hpp"
 #include "berth/operate/session.hpp"
-#include "berth/serve/gateway_309.hpp"
+#include "berth/serve/cia309.hpp"
 
-namespace berth::serve {
+namespace berth::serve::cia309 {
 
-class Net309;
-class Pdos309;
+class Net;
+class Pdos;
 
 /// What the conversations of one gateway share. Must stay, and the session too.
-struct House309 {
+struct House {
   operate::Session* session = nullptr;
   bool commands = false;   ///< a person lets clients change real devices: NMT, SDO download, PDO, LSS
   bool confirmed = false;  ///< a person has confirmed what disturbs operational devices on real buses
   /// Told in words why something was refused; may be empty.
   std::function<void(const std::string&)> tell{};
-  std::vector<const Pdos309*> pdos{};  ///< of all conversations
+  std::vector<const Pdos*> pdos{};  ///< of all conversations
 };
 
 /// What became of a request.
-struct Outcome309 {
+struct Outcome {
   std::string text{};  ///< whole lines before the reply
   std::string last = "OK";
-  std::optional<Code309> code{};
+  std::optional<Code> code{};
   std::optional<std::uint32_t> abort{};
   [[nodiscard]] bool failed() const noexcept { return code.has_value() || abort.has_value(); }
-  static Outcome309 value(std::string last) { return {{}, std::move(last), {}, {}}; }
-  static Outcome309 refused(Code309 code) { return {{}, {}, code, {}}; }
-  static Outcome309 aborted(std::uint32_t abort) { return {{}, {}, {}, abort}; }
+  static Outcome value(std::string last) { return {{}, std::move(last), {}, {}}; }
+  static Outcome refused(Code code) { return {{}, {}, code, {}}; }
+  static Outcome aborted(std::uint32_t abort) { return {{}, {}, {}, abort}; }
 };
 
 /// A command whose node-ID may be 0: all devices.
-[[nodiscard]] bool for_all_nodes_309(Verb309 verb) noexcept;
-[[nodiscard]] bool is_lss_309(Verb309 verb) noexcept;
+[[nodiscard]] bool is_for_all_nodes(Verb verb) noexcept;
+[[nodiscard]] bool is_lss(Verb verb) noexcept;
 
 /// Each refusal is told in words.
-class Permits309 {
+class Permits {
  public:
   /// `house` must stay.
-  explicit Permits309(const House309& house) noexcept : house_(&house) {}
+  explicit Permits(const House& house) noexcept : house_(&house) {}
   /// The bus's role: frames, or commands to devices.
-  [[nodiscard]] bool may_send(const Net309& net, bool commands) const;
+  [[nodiscard]] bool may_send(const Net& net, bool commands) const;
   /// On a real bus a client commands devices only when a person lets it.
-  [[nodiscard]] bool allowed(const Request309& request, const Net309& net) const;
+  [[nodiscard]] bool allowed(const Request& request, const Net& net) const;
   /// It disturbs no operational device, or a person has confirmed that it may.
   [[nodiscard]] bool undisturbing(const command::Request& request) const;
-  [[nodiscard]] command::Request request_for(const Net309& net, std::string verb) const;
+  [[nodiscard]] command::Request request_for(const Net& net, std::string verb) const;
   void tell(const std::string& text) const;
-  [[nodiscard]] const House309& house() const noexcept { return *house_; }
+  [[nodiscard]] const House& house() const noexcept { return *house_; }
 
  private:
-  const House309* house_;
+  const House* house_;
 };
 
-}  // namespace berth::serve
+}  // namespace berth::serve::cia309

@@ -1,6 +1,6 @@
-/// The CiA 309-3 gateway over TCP: a conversation (`gateway_309_client.hpp`) for each connection.
+/// The CiA 309-3 gateway over TCP: a conversation (`cia309_client.hpp`) for each connection.
 ///
-///     auto server = serve::Gateway309Server::listen(loop, {"127.0.0.1", 7000}, session, {});
+///     auto server = serve::Server::listen(loop, {"127.0.0.1", 7000}, session, {});
 ///     while (!over) loop.turn(50ms);
 ///
 /// In one `io::Loop`, non-blocking, bounded: lines up to `set command_size`, 64 commands that wait (then the client
@@ -25,13 +25,13 @@
 #include "berth/io/stream.hpp"
 #include "berth/operate/session.hpp"
 
-namespace berth::serve {
+namespace berth::serve::cia309 {
 
-inline constexpr std::uint16_t gateway_309_port = 7000;
+inline constexpr std::uint16_t default_port = 7000;
 
-struct Gateway309Options {
-  bool commands = false;                             ///< see `House309`
-  bool confirmed = false;                            ///< see `House309`
+struct ServerOptions {
+  bool commands = false;                             ///< see `House`
+  bool confirmed = false;                            ///< see `House`
   std::size_t most_clients = 16;                     ///< one more is let go, or one that is silent
   std::size_t most_per_peer = 8;                     ///< connections from one address
   rt::Duration patience = std::chrono::seconds(30);  ///< for the first valid command
@@ -41,7 +41,7 @@ struct Gateway309Options {
   std::function<void(const std::string&)> tell{};
 };
 
-struct Gateway309Counters {
+struct Counters {
   std::uint64_t clients = 0;   ///< that came, ever
   std::uint64_t too_slow = 0;  ///< let go because they took too little
   std::uint64_t too_many = 0;  ///< let go because there were enough
@@ -50,26 +50,26 @@ struct Gateway309Counters {
   std::uint64_t lines = 0;     ///< taken
 };
 
-class Gateway309Server {
+class Server {
  public:
   /// `session` must be open and stay. What is wrong is told in words.
-  [[nodiscard]] static tl::expected<std::unique_ptr<Gateway309Server>, std::string> listen(io::Loop& loop,
-                                                                                           const io::Endpoint& where,
-                                                                                           operate::Session& session,
-                                                                                           Gateway309Options options);
-  ~Gateway309Server();
-  Gateway309Server(const Gateway309Server&) = delete;
-  Gateway309Server& operator=(const Gateway309Server&) = delete;
+  [[nodiscard]] static tl::expected<std::unique_ptr<Server>, std::string> listen(io::Loop& loop,
+                                                                                 const io::Endpoint& where,
+                                                                                 operate::Session& session,
+                                                                                 ServerOptions options);
+  ~Server();
+  Server(const Server&) = delete;
+  Server& operator=(const Server&) = delete;
 
   /// Where it listens; with the port that the system took when 0 was asked for.
   [[nodiscard]] const io::Endpoint& where() const noexcept;
   [[nodiscard]] std::size_t clients() const noexcept;  ///< now
-  [[nodiscard]] const Gateway309Counters& counters() const noexcept;
+  [[nodiscard]] const Counters& counters() const noexcept;
 
  private:
   class Impl;
-  explicit Gateway309Server(std::unique_ptr<Impl> impl) noexcept;
+  explicit Server(std::unique_ptr<Impl> impl) noexcept;
   std::unique_ptr<Impl> impl_;
 };
 
-}  // namespace berth::serve
+}  // namespace berth::serve::cia309

@@ -5,9 +5,9 @@
 #include <cmath>
 #include <limits>
 
-#include "berth/serve/gateway_309.hpp"
+#include "berth/serve/cia309.hpp"
 
-namespace berth::serve {
+namespace berth::serve::cia309 {
 namespace {
 
 using Bytes = std::vector<std::uint8_t>;
@@ -63,7 +63,7 @@ std::optional<Bytes> real_bytes(DataType type, std::string_view word) {
   return stored(type, od::raw_of(type, *value));
 }
 
-std::optional<Bytes> time_bytes(DataType type, std::span<const Word309> words) {
+std::optional<Bytes> time_bytes(DataType type, std::span<const Word> words) {
   if (words.size() != 2 || words[0].quoted || words[1].quoted) return std::nullopt;
   const auto days = od::parse_number(words[0].text);
   const auto ms = od::parse_number(words[1].text);
@@ -72,7 +72,7 @@ std::optional<Bytes> time_bytes(DataType type, std::span<const Word309> words) {
   return stored(type, ms->magnitude | days->magnitude << 32U);
 }
 
-// \\ and \xNN, as `value_text_309` writes them; any other backslash stands for itself.
+// \\ and \xNN, as `value_text` writes them; any other backslash stands for itself.
 Bytes unescaped(std::string_view text) {
   Bytes bytes;
   for (std::size_t i = 0; i < text.size(); ++i) {
@@ -107,7 +107,7 @@ std::string quoted(std::span<const std::uint8_t> bytes) {
   return text + '"';
 }
 
-std::optional<Bytes> hex_row(std::span<const Word309> words) {
+std::optional<Bytes> hex_row(std::span<const Word> words) {
   Bytes bytes;
   for (const auto& word : words) {
     if (word.quoted || word.text.size() % 2 != 0) return std::nullopt;
@@ -143,10 +143,10 @@ std::string number_text(DataType type, std::uint64_t raw) {
 
 }  // namespace
 
-std::optional<Type309> type_309(std::string_view word) {
+std::optional<Type> type_named(std::string_view word) {
   std::string name;
   for (const char c : word) name += c >= 'A' && c <= 'Z' ? static_cast<char>(c - 'A' + 'a') : c;
-  if (name == "hex") return Type309{DataType::none, Type309::Shown::hex_bytes};
+  if (name == "hex") return Type{DataType::none, Type::Shown::hex_bytes};
   const bool in_hex = name == "x8" || name == "x16" || name == "x32" || name == "x64";
   if (in_hex) name.front() = 'u';
   static constexpr std::string_view known[] = {"b",   "i8",  "i16", "i24", "i32", "i40", "i48", "i56", "i64",
@@ -156,25 +156,25 @@ std::optional<Type309> type_309(std::string_view word) {
   for (const auto one : known) found = found || one == name;
   const auto type = found ? od::data_type(name) : std::nullopt;
   if (!type) return std::nullopt;
-  return Type309{*type, in_hex ? Type309::Shown::hex_number : Type309::Shown::plain};
+  return Type{*type, in_hex ? Type::Shown::hex_number : Type::Shown::plain};
 }
 
-std::optional<std::string> value_text_309(Type309 type, std::span<const std::uint8_t> bytes) {
-  if (type.shown == Type309::Shown::hex_bytes) return hex_text(bytes);
+std::optional<std::string> value_text(Type type, std::span<const std::uint8_t> bytes) {
+  if (type.shown == Type::Shown::hex_bytes) return hex_text(bytes);
   if (type.type == DataType::visible_string) return quoted(bytes);
   if (in_base64(type.type)) return bytes.empty() ? "\"\"" : to_base64(bytes);
   const std::size_t size = od::byte_size(type.type);
   if (bytes.size() != size) return std::nullopt;
   const auto raw = od::load(type.type, bytes.data());
-  if (type.shown == Type309::Shown::hex_number) return fmt::format("0x{:0{}X}", raw, 2 * static_cast<int>(size));
+  if (type.shown == Type::Shown::hex_number) return fmt::format("0x{:0{}X}", raw, 2 * static_cast<int>(size));
   return number_text(type.type, raw);
 }
 
-std::optional<std::vector<std::uint8_t>> value_bytes_309(Type309 type, std::span<const Word309> words) {
-  if (type.shown == Type309::Shown::hex_bytes) return hex_row(words);
+std::optional<std::vector<std::uint8_t>> value_bytes(Type type, std::span<const Word> words) {
+  if (type.shown == Type::Shown::hex_bytes) return hex_row(words);
   if (od::is_time(type.type)) return time_bytes(type.type, words);
   if (words.size() != 1) return std::nullopt;
-  const Word309& word = words.front();
+  const Word& word = words.front();
   if (type.type == DataType::visible_string) return unescaped(word.text);
   if (word.quoted && !(in_base64(type.type) && word.text.empty())) return std::nullopt;
   if (in_base64(type.type)) return from_base64(word.text);
@@ -219,4 +219,4 @@ std::optional<std::vector<std::uint8_t>> from_base64(std::string_view text) {
   return bytes;
 }
 
-}  // namespace berth::serve
+}  // namespace berth::serve::cia309

@@ -11,18 +11,18 @@
 #include "berth/co/guarding.hpp"
 #include "berth/co/heartbeat.hpp"
 #include "berth/operate/network.hpp"
-#include "berth/serve/gateway_309_pdo.hpp"
-#include "berth/serve/gateway_309_permits.hpp"
+#include "berth/serve/cia309_pdo.hpp"
+#include "berth/serve/cia309_permits.hpp"
 
-namespace berth::serve {
+namespace berth::serve::cia309 {
 
-class Net309 final : private co::HeartbeatConsumer::Observer,
-                     private co::GuardingMaster::Observer,
-                     private co::EmcyConsumer::Observer,
-                     private Pdos309::Ear,
-                     private can::Handler {
+class Net final : private co::HeartbeatConsumer::Observer,
+                  private co::GuardingMaster::Observer,
+                  private co::EmcyConsumer::Observer,
+                  private Pdos::Ear,
+                  private can::Handler {
  public:
-  Net309(operate::Network& of, unsigned n, std::function<void(std::string_view)>& say)
+  Net(operate::Network& of, unsigned n, std::function<void(std::string_view)>& say)
       : network(of),
         number(n),
         sdo_timeout(of.services().sdo.options().timeout),
@@ -42,8 +42,8 @@ class Net309 final : private co::HeartbeatConsumer::Observer,
   /// Tells what is new about the port's own state.
   void look() {
     const auto now = network.services().dispatcher.port().status();
-    if (now.bus_off && !bus_off_) error(network.bus().master, Code309::bus_off);
-    if (now.error_passive() && !now.bus_off && !passive_) error(network.bus().master, Code309::error_passive);
+    if (now.bus_off && !bus_off_) error(network.bus().master, Code::bus_off);
+    if (now.error_passive() && !now.bus_off && !passive_) error(network.bus().master, Code::error_passive);
     bus_off_ = now.bus_off;
     passive_ = now.error_passive();
   }
@@ -53,7 +53,7 @@ class Net309 final : private co::HeartbeatConsumer::Observer,
   /// Gives it back; devices that this conversation has put into LSS configuration state are told to wait.
   void release() noexcept;
   /// What the reply says of a service that failed.
-  [[nodiscard]] Outcome309 failed(const Error& error) const;
+  [[nodiscard]] Outcome failed(const Error& error) const;
 
   static constexpr rt::Duration turn_patience = std::chrono::seconds(5);  ///< for a network that the main job uses
 
@@ -66,10 +66,10 @@ class Net309 final : private co::HeartbeatConsumer::Observer,
   bool selected = false;  ///< a device may be in LSS configuration state because of this conversation
   co::HeartbeatConsumer heartbeats;
   co::GuardingMaster guards;
-  Pdos309 pdos;
+  Pdos pdos;
 
  private:
-  void error(NodeId node, Code309 code) {
+  void error(NodeId node, Code code) {
     (*say_)(fmt::format("{} {} ERROR {}\r\n", number, node.value(), static_cast<unsigned>(code)));
   }
   void heartbeat(const co::HeartbeatEvent& event, rt::Time) noexcept override {
@@ -79,15 +79,15 @@ class Net309 final : private co::HeartbeatConsumer::Observer,
         if (boot_ups) (*say_)(fmt::format("{} {} BOOT_UP\r\n", number, event.node.value()));
         break;
       case Kind::started:
-      case Kind::recovered: error(event.node, Code309::heartbeat_started); break;
-      case Kind::lost: error(event.node, Code309::heartbeat_lost); break;
+      case Kind::recovered: error(event.node, Code::heartbeat_started); break;
+      case Kind::lost: error(event.node, Code::heartbeat_lost); break;
       default: break;
     }
   }
   void guarding(const co::GuardingEvent& event, rt::Time) noexcept override {
     using Kind = co::GuardingEvent::Kind;
-    if (event.kind == Kind::toggle_error) error(event.node, Code309::guarding_message_lost);
-    if (event.kind == Kind::lost) error(event.node, Code309::guarding_lost);
+    if (event.kind == Kind::toggle_error) error(event.node, Code::guarding_message_lost);
+    if (event.kind == Kind::lost) error(event.node, Code::guarding_lost);
   }
   void emergency(NodeId node, const co::Emcy& message, rt::Time) noexcept override {
     (*say_)(fmt::format("{} {} EMCY 0x{:04X} 0x{:02X} {}\r\n", number, node.value(), message.code,
@@ -116,4 +116,4 @@ class Net309 final : private co::HeartbeatConsumer::Observer,
   bool passive_ = false;
 };
 
-}  // namespace berth::serve
+}  // namespace berth::serve::cia309

@@ -1,8 +1,8 @@
-#include "berth/serve/gateway_309_pdo.hpp"
+#include "berth/serve/cia309_pdo.hpp"
 
 #include <algorithm>
 
-namespace berth::serve {
+namespace berth::serve::cia309 {
 namespace {
 
 using namespace std::chrono_literals;
@@ -48,10 +48,10 @@ can::Frame packed(co::CobId id, std::uint8_t size, std::span<const std::uint64_t
 
 }  // namespace
 
-std::optional<Code309> Pdos309::set_rpdo(const PdoSetting309& setting) { return set(rpdos_, setting); }
-std::optional<Code309> Pdos309::set_tpdo(const PdoSetting309& setting) { return set(tpdos_, setting); }
+std::optional<Code> Pdos::set_rpdo(const PdoSetting& setting) { return set(rpdos_, setting); }
+std::optional<Code> Pdos::set_tpdo(const PdoSetting& setting) { return set(tpdos_, setting); }
 
-std::optional<Code309> Pdos309::set(Table& table, const PdoSetting309& setting) {
+std::optional<Code> Pdos::set(Table& table, const PdoSetting& setting) {
   Pdo pdo;
   pdo.cob_id = co::CobId(setting.cob_id);
   pdo.setting = setting;
@@ -60,15 +60,15 @@ std::optional<Code309> Pdos309::set(Table& table, const PdoSetting309& setting) 
     pdo.bits.push_back(od::bit_length(field.type));
     all += pdo.bits.back();
   }
-  if (all > 64) return Code309::pdo_length;
+  if (all > 64) return Code::pdo_length;
   pdo.size = static_cast<std::uint8_t>((all + 7) / 8);
   pdo.values.assign(pdo.bits.size(), 0);
   if (!pdo.cob_id.valid()) {
     table.erase(setting.number);
   } else {
-    if (!usable(pdo.cob_id)) return Code309::internal_state;
+    if (!usable(pdo.cob_id)) return Code::internal_state;
     for (const auto& [number, other] : table) {
-      if (number != setting.number && other.cob_id.key() == pdo.cob_id.key()) return Code309::pdo_used;
+      if (number != setting.number && other.cob_id.key() == pdo.cob_id.key()) return Code::pdo_used;
     }
     table.insert_or_assign(setting.number, std::move(pdo));
   }
@@ -77,11 +77,11 @@ std::optional<Code309> Pdos309::set(Table& table, const PdoSetting309& setting) 
   return std::nullopt;
 }
 
-bool Pdos309::sends(std::uint32_t key) const noexcept {
+bool Pdos::sends(std::uint32_t key) const noexcept {
   return std::ranges::any_of(tpdos_, [&](const auto& entry) { return entry.second.cob_id.key() == key; });
 }
 
-std::optional<Pdos309::State> Pdos309::rpdo(std::uint16_t number) const noexcept {
+std::optional<Pdos::State> Pdos::rpdo(std::uint16_t number) const noexcept {
   const auto it = rpdos_.find(number);
   if (it == rpdos_.end()) return std::nullopt;
   const Pdo& pdo = it->second;
@@ -90,7 +90,7 @@ std::optional<Pdos309::State> Pdos309::rpdo(std::uint16_t number) const noexcept
   return state;
 }
 
-can::Queued Pdos309::ask(std::uint16_t number) noexcept {
+can::Queued Pdos::ask(std::uint16_t number) noexcept {
   const auto it = rpdos_.find(number);
   if (it == rpdos_.end()) return can::Queued::closed;
   can::Frame frame = can::Frame::request(it->second.cob_id.id(), it->second.size);
@@ -101,11 +101,11 @@ can::Queued Pdos309::ask(std::uint16_t number) noexcept {
   return dispatcher_->send(frame);
 }
 
-Pdos309::Written Pdos309::write(std::uint16_t number, std::span<const std::uint64_t> values) {
+Pdos::Written Pdos::write(std::uint16_t number, std::span<const std::uint64_t> values) {
   const auto it = tpdos_.find(number);
-  if (it == tpdos_.end()) return {.error = Code309::internal_state};
+  if (it == tpdos_.end()) return {.error = Code::internal_state};
   Pdo& pdo = it->second;
-  if (values.size() != pdo.bits.size()) return {.error = Code309::pdo_length};
+  if (values.size() != pdo.bits.size()) return {.error = Code::pdo_length};
   pdo.values.assign(values.begin(), values.end());
   pdo.written = true;
   pdo.wants = true;
@@ -115,14 +115,14 @@ Pdos309::Written Pdos309::write(std::uint16_t number, std::span<const std::uint6
   return {.queued = queued};
 }
 
-void Pdos309::clear() noexcept {
+void Pdos::clear() noexcept {
   rpdos_.clear();
   tpdos_.clear();
   dispatcher_->remove(*this);
   cancel();
 }
 
-can::Queued Pdos309::send(Pdo& pdo) noexcept {
+can::Queued Pdos::send(Pdo& pdo) noexcept {
   const auto queued = dispatcher_->send(packed(pdo.cob_id, pdo.size, pdo.values, pdo.bits));
   const rt::Time now = dispatcher_->executor().now();
   if (queued == can::Queued::yes) pdo.wants = false;
@@ -132,7 +132,7 @@ can::Queued Pdos309::send(Pdo& pdo) noexcept {
   return queued;
 }
 
-void Pdos309::received(const can::Frame& frame, rt::Time) noexcept {
+void Pdos::received(const can::Frame& frame, rt::Time) noexcept {
   if (frame.key() == sync_key && !frame.remote) synchronise(frame.size == 1 ? frame.data[0] : 0);
   for (auto& [number, pdo] : tpdos_) {
     const bool asked = frame.remote && pdo.setting.transmission == by_remote_frame && pdo.cob_id.key() == frame.key();
@@ -144,7 +144,7 @@ void Pdos309::received(const can::Frame& frame, rt::Time) noexcept {
   }
 }
 
-void Pdos309::store(std::uint16_t number, Pdo& pdo, const can::Frame& frame) {
+void Pdos::store(std::uint16_t number, Pdo& pdo, const can::Frame& frame) {
   auto values = unpacked(frame.bytes(), pdo.bits);
   if (pdo.setting.transmission <= 240) {
     pdo.coming = std::move(values);
@@ -156,7 +156,7 @@ void Pdos309::store(std::uint16_t number, Pdo& pdo, const can::Frame& frame) {
   ear_->received(number, pdo.values);
 }
 
-void Pdos309::synchronise(std::uint8_t counter) {
+void Pdos::synchronise(std::uint8_t counter) {
   for (auto& [number, pdo] : rpdos_) {
     if (pdo.setting.transmission > 240 || !std::exchange(pdo.wants, false)) continue;
     pdo.values = pdo.coming;
@@ -180,7 +180,7 @@ void Pdos309::synchronise(std::uint8_t counter) {
   }
 }
 
-void Pdos309::run() noexcept {
+void Pdos::run() noexcept {
   const rt::Time now = dispatcher_->executor().now();
   for (auto& [number, pdo] : tpdos_) {
     if (pdo.setting.transmission != by_event || !pdo.written) continue;
@@ -192,7 +192,7 @@ void Pdos309::run() noexcept {
   arm();
 }
 
-void Pdos309::arm() noexcept {
+void Pdos::arm() noexcept {
   rt::Time next = rt::never;
   for (const auto& [number, pdo] : tpdos_) {
     if (pdo.setting.transmission != by_event || !pdo.written) continue;
@@ -203,7 +203,7 @@ void Pdos309::arm() noexcept {
   if (next != rt::never) dispatcher_->executor().at(std::max(next, dispatcher_->executor().now()), *this);
 }
 
-void Pdos309::listen() noexcept {
+void Pdos::listen() noexcept {
   dispatcher_->remove(*this);
   bool sync = false;
   std::vector<std::uint32_t> keys;
@@ -219,4 +219,4 @@ void Pdos309::listen() noexcept {
   for (const auto key : keys) dispatcher_->add(can::only(key), *this);
 }
 
-}  // namespace berth::serve
+}  // namespace berth::serve::cia309

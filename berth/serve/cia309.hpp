@@ -1,8 +1,8 @@
 /// CiA 309-3, the ASCII mapping: lines in and lines out, nothing else. What a line asks for, the error codes, the text
-/// of values. Pure; `gateway_309_client.hpp` carries requests out.
+/// of values. Pure; `cia309_client.hpp` carries requests out.
 ///
-///     const auto line = serve::parse_309("[1] 2 5 read 0x1018 1 u32");
-///     if (line.error) reply(error_309(line.request.sequence, *line.error));
+///     const auto line = serve::cia309::parse_line("[1] 2 5 read 0x1018 1 u32");
+///     if (line.error) reply(cia309::error_line(line.request.sequence, *line.error));
 ///
 /// A line is `"[" sequence "]" [[net] node] command`, ended by LF, before which a CR may stand. One number before the
 /// command is the node, of commands that concern a whole net the net; two are net and node. Numbers in C notation
@@ -22,10 +22,10 @@
 
 #include "berth/od/data_type.hpp"
 
-namespace berth::serve {
+namespace berth::serve::cia309 {
 
 /// CiA 309-1's internal error codes.
-enum class Code309 : std::uint16_t {
+enum class Code : std::uint16_t {
   not_supported = 100,
   syntax = 101,
   internal_state = 102,  ///< not processed: roles, an operational node, another master, a busy bus
@@ -55,48 +55,48 @@ enum class Code309 : std::uint16_t {
   no_memory = 600,
 };
 /// "time-out"; never null.
-[[nodiscard]] const char* text_309(Code309 code) noexcept;
+[[nodiscard]] const char* text_of(Code code) noexcept;
 
 /// A data type as a line writes it: CiA 309-3's, and CANopenNode's x8 .. x64 (unsigned, shown in hexadecimal) and hex
 /// (bytes, two digits each).
-struct Type309 {
+struct Type {
   enum class Shown : std::uint8_t { plain, hex_number, hex_bytes };
   od::DataType type = od::DataType::none;
   Shown shown = Shown::hex_bytes;
-  friend bool operator==(const Type309&, const Type309&) = default;
+  friend bool operator==(const Type&, const Type&) = default;
 };
-[[nodiscard]] std::optional<Type309> type_309(std::string_view word);
+[[nodiscard]] std::optional<Type> type_named(std::string_view word);
 /// The value in the bytes of an object. Numbers decimal; times "days milliseconds"; VISIBLE_STRING in quotes, `"` as
 /// `""`, and, so that a reply stays one line, control characters as \xNN and a backslash as two; os, us, d in base64
 /// (RFC 2045, one line), none as `""`. Empty: the bytes have not the type's length.
-[[nodiscard]] std::optional<std::string> value_text_309(Type309 type, std::span<const std::uint8_t> bytes);
+[[nodiscard]] std::optional<std::string> value_text(Type type, std::span<const std::uint8_t> bytes);
 /// The same backwards: the words after the type. Empty: no such value, out of the type's range.
-struct Word309 {
+struct Word {
   std::string text;
   bool quoted = false;
 };
-[[nodiscard]] std::optional<std::vector<std::uint8_t>> value_bytes_309(Type309 type, std::span<const Word309> words);
+[[nodiscard]] std::optional<std::vector<std::uint8_t>> value_bytes(Type type, std::span<const Word> words);
 
 /// One object, or one value without an object, in a PDO.
-struct PdoField309 {
+struct PdoField {
   od::DataType type = od::DataType::none;  ///< a scalar
   std::uint16_t index = 0;                 ///< 0: not named
   std::uint8_t sub = 0;
-  friend bool operator==(const PdoField309&, const PdoField309&) = default;
+  friend bool operator==(const PdoField&, const PdoField&) = default;
 };
-struct PdoSetting309 {
+struct PdoSetting {
   std::uint16_t number = 1;       ///< 1..512
   std::uint32_t cob_id = 0;       ///< bit 31: there is none, bit 29: 29-bit identifier
   std::uint8_t transmission = 0;  ///< 0..240 SYNC, FDh remote frame, FFh event
   std::uint16_t inhibit = 0;      ///< 100 us
   std::uint16_t event_timer = 0;  ///< ms
   std::uint8_t sync_start = 0;
-  std::vector<PdoField309> fields{};
-  friend bool operator==(const PdoSetting309&, const PdoSetting309&) = default;
+  std::vector<PdoField> fields{};
+  friend bool operator==(const PdoSetting&, const PdoSetting&) = default;
 };
 
 /// The commands; in comments their arguments, in `numbers` unless they have a member of their own.
-enum class Verb309 : std::uint8_t {
+enum class Verb : std::uint8_t {
   nothing,          ///< blank line, comment: no reply
   read,             ///< `index`, `sub`, `type`
   write,            ///< `index`, `sub`, `type`, `data`
@@ -141,42 +141,42 @@ enum class Verb309 : std::uint8_t {
   help,
 };
 /// What stands before a command: nothing that counts, a net, or a net and a node.
-enum class Level309 : std::uint8_t { gateway, net, node };
-[[nodiscard]] Level309 level_309(Verb309 verb) noexcept;
+enum class Level : std::uint8_t { gateway, net, node };
+[[nodiscard]] Level level_of(Verb verb) noexcept;
 
-struct Request309 {
+struct Request {
   std::uint32_t sequence = 0;
   std::optional<std::uint16_t> net{};  ///< 1..65535; empty: the default
   std::optional<std::uint8_t> node{};  ///< 0..127, 0 = all; empty: the default
-  Verb309 verb = Verb309::nothing;
+  Verb verb = Verb::nothing;
   std::uint16_t index = 0;
   std::uint8_t sub = 0;
-  Type309 type{};
+  Type type{};
   std::vector<std::uint8_t> data{};
   std::array<std::uint32_t, 11> numbers{};
   std::uint8_t count = 0;  ///< of `numbers` given
-  PdoSetting309 pdo{};
+  PdoSetting pdo{};
   std::vector<std::uint64_t> values{};
-  friend bool operator==(const Request309&, const Request309&) = default;
+  friend bool operator==(const Request&, const Request&) = default;
 };
-struct Line309 {
-  Request309 request{};  ///< with an error: the sequence number as far as it could be read, else 0
-  std::optional<Code309> error{};
+struct Line {
+  Request request{};  ///< with an error: the sequence number as far as it could be read, else 0
+  std::optional<Code> error{};
 };
 /// `line`: without its end. Any bytes.
-[[nodiscard]] Line309 parse_309(std::string_view line);
+[[nodiscard]] Line parse_line(std::string_view line);
 
 // Replies, with their CR LF.
-[[nodiscard]] std::string ok_309(std::uint32_t sequence);
-[[nodiscard]] std::string reply_309(std::uint32_t sequence, std::string_view value);
-[[nodiscard]] std::string error_309(std::uint32_t sequence, Code309 code);
-[[nodiscard]] std::string abort_309(std::uint32_t sequence, std::uint32_t abort_code);
+[[nodiscard]] std::string ok_line(std::uint32_t sequence);
+[[nodiscard]] std::string reply_line(std::uint32_t sequence, std::string_view value);
+[[nodiscard]] std::string error_line(std::uint32_t sequence, Code code);
+[[nodiscard]] std::string abort_line(std::uint32_t sequence, std::uint32_t abort_code);
 /// The lines of `help`, each ended, each a comment.
-[[nodiscard]] std::string help_309();
+[[nodiscard]] std::string help_text();
 
 /// RFC 2045 base64, without line breaks.
 [[nodiscard]] std::string to_base64(std::span<const std::uint8_t> bytes);
 /// Empty: a character that is none, padding at the wrong place, bits left over that are not 0.
 [[nodiscard]] std::optional<std::vector<std::uint8_t>> from_base64(std::string_view text);
 
-}  // namespace berth::serve
+}  // namespace berth::serve::cia309

@@ -1,4 +1,4 @@
-#include "berth/serve/gateway_309_server.hpp"
+#include "berth/serve/cia309_server.hpp"
 
 #include <fmt/format.h>
 #include <sys/epoll.h>
@@ -9,13 +9,13 @@
 #include <vector>
 
 #include "berth/io/acceptor.hpp"
-#include "berth/serve/gateway_309_client.hpp"
+#include "berth/serve/cia309_client.hpp"
 
-namespace berth::serve {
+namespace berth::serve::cia309 {
 
-class Gateway309Server::Impl final {
+class Server::Impl final {
  public:
-  Impl(io::Loop& loop, int fd, operate::Session& session, Gateway309Options options);
+  Impl(io::Loop& loop, int fd, operate::Session& session, ServerOptions options);
   ~Impl() { clients_.clear(); }
   Impl(const Impl&) = delete;
   Impl& operator=(const Impl&) = delete;
@@ -26,10 +26,10 @@ class Gateway309Server::Impl final {
   [[nodiscard]] std::size_t clients() const noexcept;
 
   io::Loop* loop;
-  Gateway309Options options;
-  Gateway309Counters counters;
+  ServerOptions options;
+  Counters counters;
   io::Endpoint where;
-  House309 house;
+  House house;
 
   class Reaper final : public rt::Job {
    public:
@@ -47,7 +47,7 @@ class Gateway309Server::Impl final {
 };
 
 /// One connection: bytes to lines, lines to a conversation, replies to bytes.
-class Gateway309Server::Impl::Client final : private io::Watcher {
+class Server::Impl::Client final : private io::Watcher {
  public:
   Client(Impl& server, int fd)
       : server_(&server),
@@ -170,14 +170,14 @@ class Gateway309Server::Impl::Client final : private io::Watcher {
 
   // A client that speaks this language begins with a command. False: it does not, and is let go.
   bool begins(std::string_view rest, bool too_long) {
-    const auto first = parse_309(rest.substr(0, conversation_.command_size()));
-    if (!too_long && first.error != Code309::syntax) {
-      commanded_ = !first.error && first.request.verb != Verb309::nothing;
+    const auto first = parse_line(rest.substr(0, conversation_.command_size()));
+    if (!too_long && first.error != Code::syntax) {
+      commanded_ = !first.error && first.request.verb != Verb::nothing;
       return true;
     }
     const bool http = rest.substr(0, 4096).find(" HTTP/") != std::string_view::npos;
     ++server_->counters.strange;
-    say(error_309(first.request.sequence, too_long ? Code309::no_memory : Code309::syntax));
+    say(error_line(first.request.sequence, too_long ? Code::no_memory : Code::syntax));
     end(http ? "spoke HTTP: a web page, or a program that takes this for a web server"
              : "began with something else than a command");
     return false;
@@ -195,26 +195,26 @@ class Gateway309Server::Impl::Client final : private io::Watcher {
   bool commanded_ = false;
   bool hung_up_ = false;
   bool over_ = false;
-  Conversation309 conversation_;  // last: it speaks through the rest
+  Conversation conversation_;  // last: it speaks through the rest
 };
 
-Gateway309Server::Impl::Impl(io::Loop& on, int fd, operate::Session& session, Gateway309Options wanted)
+Server::Impl::Impl(io::Loop& on, int fd, operate::Session& session, ServerOptions wanted)
     : loop(&on),
       options(std::move(wanted)),
       where(io::local_endpoint(fd).value_or(io::Endpoint{})),
       house{&session, options.commands, options.confirmed, options.tell, {}},
       acceptor_(on, fd, [this](int connection) { take(connection); }) {}
 
-void Gateway309Server::Impl::Reaper::run() noexcept {
+void Server::Impl::Reaper::run() noexcept {
   std::erase_if(server_->clients_, [](const auto& client) { return client->over(); });
 }
 
-std::size_t Gateway309Server::Impl::clients() const noexcept {
+std::size_t Server::Impl::clients() const noexcept {
   return static_cast<std::size_t>(std::ranges::count_if(clients_, [](const auto& c) { return !c->over(); }));
 }
 
 // Room for one more of this peer; a silent one may have to go for it.
-bool Gateway309Server::Impl::make_room(std::string_view peer) {
+bool Server::Impl::make_room(std::string_view peer) {
   const auto of_peer = std::ranges::count_if(clients_, [&](const auto& c) { return !c->over() && c->peer() == peer; });
   const bool its_own = static_cast<std::size_t>(of_peer) >= options.most_per_peer;
   if (!its_own && clients() < options.most_clients) return true;
@@ -229,7 +229,7 @@ bool Gateway309Server::Impl::make_room(std::string_view peer) {
   return true;
 }
 
-void Gateway309Server::Impl::take(int fd) {
+void Server::Impl::take(int fd) {
   io::tune_tcp(fd);
   ++counters.clients;
   const std::string name = io::peer_name(fd);
@@ -241,20 +241,17 @@ void Gateway309Server::Impl::take(int fd) {
   if (options.tell) options.tell(clients_.back()->name() + ": connected");
 }
 
-tl::expected<std::unique_ptr<Gateway309Server>, std::string> Gateway309Server::listen(io::Loop& loop,
-                                                                                      const io::Endpoint& where,
-                                                                                      operate::Session& session,
-                                                                                      Gateway309Options options) {
+tl::expected<std::unique_ptr<Server>, std::string> Server::listen(io::Loop& loop, const io::Endpoint& where,
+                                                                  operate::Session& session, ServerOptions options) {
   const auto fd = io::listen_tcp(where);
   if (!fd) return tl::unexpected(fd.error());
-  return std::unique_ptr<Gateway309Server>(
-      new Gateway309Server(std::make_unique<Impl>(loop, *fd, session, std::move(options))));
+  return std::unique_ptr<Server>(new Server(std::make_unique<Impl>(loop, *fd, session, std::move(options))));
 }
 
-Gateway309Server::Gateway309Server(std::unique_ptr<Impl> impl) noexcept : impl_(std::move(impl)) {}
-Gateway309Server::~Gateway309Server() = default;
-const io::Endpoint& Gateway309Server::where() const noexcept { return impl_->where; }
-std::size_t Gateway309Server::clients() const noexcept { return impl_->clients(); }
-const Gateway309Counters& Gateway309Server::counters() const noexcept { return impl_->counters; }
+Server::Server(std::unique_ptr<Impl> impl) noexcept : impl_(std::move(impl)) {}
+Server::~Server() = default;
+const io::Endpoint& Server::where() const noexcept { return impl_->where; }
+std::size_t Server::clients() const noexcept { return impl_->clients(); }
+const Counters& Server::counters() const noexcept { return impl_->counters; }
 
-}  // namespace berth::serve
+}  // namespace berth::serve::cia309

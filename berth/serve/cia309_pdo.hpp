@@ -14,11 +14,11 @@
 
 #include "berth/can/dispatcher.hpp"
 #include "berth/co/cob_id.hpp"
-#include "berth/serve/gateway_309.hpp"
+#include "berth/serve/cia309.hpp"
 
-namespace berth::serve {
+namespace berth::serve::cia309 {
 
-class Pdos309 final : private can::Handler, private rt::Job {
+class Pdos final : private can::Handler, private rt::Job {
  public:
   class Ear {
    public:
@@ -27,12 +27,12 @@ class Pdos309 final : private can::Handler, private rt::Job {
    protected:
     ~Ear() = default;
   };
-  Pdos309(can::Dispatcher& dispatcher, Ear& ear) : dispatcher_(&dispatcher), ear_(&ear) {}
+  Pdos(can::Dispatcher& dispatcher, Ear& ear) : dispatcher_(&dispatcher), ear_(&ear) {}
 
   /// `pdo_length`: more than 64 bits. `pdo_used`: another PDO of this conversation has this CAN-ID. `internal_state`: a
   /// CAN-ID that no PDO may have. A setting whose COB-ID has bit 31 takes the PDO away.
-  std::optional<Code309> set_rpdo(const PdoSetting309& setting);
-  std::optional<Code309> set_tpdo(const PdoSetting309& setting);
+  std::optional<Code> set_rpdo(const PdoSetting& setting);
+  std::optional<Code> set_tpdo(const PdoSetting& setting);
   /// A TPDO sends with this key.
   [[nodiscard]] bool sends(std::uint32_t key) const noexcept;
   [[nodiscard]] const can::Dispatcher& dispatcher() const noexcept { return *dispatcher_; }
@@ -49,7 +49,7 @@ class Pdos309 final : private can::Handler, private rt::Job {
   can::Queued ask(std::uint16_t number) noexcept;
 
   struct Written {
-    std::optional<Code309> error{};  ///< `internal_state`: there is none; `pdo_length`: other values than mapped
+    std::optional<Code> error{};  ///< `internal_state`: there is none; `pdo_length`: other values than mapped
     can::Queued queued = can::Queued::yes;
   };
   /// New values of a TPDO.
@@ -59,7 +59,7 @@ class Pdos309 final : private can::Handler, private rt::Job {
  private:
   struct Pdo {
     co::CobId cob_id;
-    PdoSetting309 setting;
+    PdoSetting setting;
     std::vector<unsigned> bits;
     std::vector<std::uint64_t> values;
     std::vector<std::uint64_t> coming;  // RPDO: waits for SYNC
@@ -73,7 +73,7 @@ class Pdos309 final : private can::Handler, private rt::Job {
     rt::Time again_at = rt::never;  // TPDO: event timer
   };
   using Table = std::map<std::uint16_t, Pdo>;
-  std::optional<Code309> set(Table& table, const PdoSetting309& setting);
+  std::optional<Code> set(Table& table, const PdoSetting& setting);
   void received(const can::Frame& frame, rt::Time at) noexcept override;
   void run() noexcept override;
   void synchronise(std::uint8_t counter);
@@ -88,4 +88,4 @@ class Pdos309 final : private can::Handler, private rt::Job {
   Table tpdos_;
 };
 
-}  // namespace berth::serve
+}  // namespace berth::serve::cia309

@@ -1,13 +1,13 @@
-#include "berth/serve/gateway_309_lss.hpp"
+#include "berth/serve/cia309_lss.hpp"
 
 #include <fmt/format.h>
 
 #include <algorithm>
 
 #include "berth/lss/fastscan.hpp"
-#include "berth/serve/gateway_309_net.hpp"
+#include "berth/serve/cia309_net.hpp"
 
-namespace berth::serve {
+namespace berth::serve::cia309 {
 
 using namespace std::chrono_literals;
 
@@ -21,13 +21,13 @@ std::string address_text(const LssAddress& a) {
   return fmt::format("0x{:08X} 0x{:08X} 0x{:08X} 0x{:08X}", a.vendor, a.product, a.revision, a.serial);
 }
 
-lss::IdentifyRanges ranges_of(const Request309& request) {
+lss::IdentifyRanges ranges_of(const Request& request) {
   const auto& n = request.numbers;
   return {n[0], n[1], n[2], n[3], n[4], n[5]};
 }
 
 /// Value and mask of each part, from `first` on.
-void take_known(lss::FastscanOptions& options, const Request309& request, std::size_t first) {
+void take_known(lss::FastscanOptions& options, const Request& request, std::size_t first) {
   const auto* const n = request.numbers.data() + first;
   options.known = {n[0], n[2], n[4], n[6]};
   options.known_bits = {n[1], n[3], n[5], n[7]};
@@ -35,22 +35,22 @@ void take_known(lss::FastscanOptions& options, const Request309& request, std::s
 
 }  // namespace
 
-rt::Task<Outcome309> LssCommands309::run(const Request309& request, Net309& net) {
-  if (!permits_->may_send(net, false)) co_return Outcome309::refused(Code309::internal_state);
+rt::Task<Outcome> LssCommands::run(const Request& request, Net& net) {
+  if (!permits_->may_send(net, false)) co_return Outcome::refused(Code::internal_state);
   const bool ours = co_await net.take_turn();
   if (!ours) {
     permits_->tell(
         fmt::format("bus {}: the main job, or another client, uses LSS; try again later", net.network.bus().name));
-    co_return Outcome309::refused(Code309::internal_state);
+    co_return Outcome::refused(Code::internal_state);
   }
   const bool selected_before = net.selected;
-  Outcome309 outcome = co_await service(request, net);
+  Outcome outcome = co_await service(request, net);
   if (!net.selected || (outcome.failed() && !selected_before)) net.release();
   co_return outcome;
 }
 
-rt::Task<Outcome309> LssCommands309::service(const Request309& request, Net309& net) {
-  using enum Verb309;
+rt::Task<Outcome> LssCommands::service(const Request& request, Net& net) {
+  using enum Verb;
   const auto& n = request.numbers;
   switch (request.verb) {
     case lss_switch_global: {
@@ -78,53 +78,53 @@ rt::Task<Outcome309> LssCommands309::service(const Request309& request, Net309& 
   }
 }
 
-Outcome309 LssCommands309::failed(const Error& error, Net309& net, Code309 refused) const {
+Outcome LssCommands::failed(const Error& error, Net& net, Code refused) const {
   if (error.code != Errc::aborted) return net.failed(error);
   const auto code = error.detail & 0xFFU;
-  if (code == refused_value) return Outcome309::refused(refused);
-  if (code == store_medium && refused == Code309::lss_store) return Outcome309::refused(Code309::lss_medium);
-  return Outcome309::refused(Code309::lss_specific);
+  if (code == refused_value) return Outcome::refused(refused);
+  if (code == store_medium && refused == Code::lss_store) return Outcome::refused(Code::lss_medium);
+  return Outcome::refused(Code::lss_specific);
 }
 
 // ---- states ----
 
-rt::Task<Outcome309> LssCommands309::switch_global(bool configuration, Net309& net) {
+rt::Task<Outcome> LssCommands::switch_global(bool configuration, Net& net) {
   auto wanted = permits_->request_for(net, "lss global");
   wanted.arguments["state"] = configuration ? "configuration" : "waiting";
-  if (!permits_->undisturbing(wanted)) co_return Outcome309::refused(Code309::internal_state);
+  if (!permits_->undisturbing(wanted)) co_return Outcome::refused(Code::internal_state);
   const auto state = configuration ? lss::State::configuration : lss::State::waiting;
   if (configuration) net.selected = true;
   const auto sent = co_await net.network.services().lss.switch_global(state);
   if (!sent) co_return net.failed(sent.error());
   if (!configuration) net.selected = false;
-  co_return Outcome309();
+  co_return Outcome();
 }
 
-bool LssCommands309::may_select(const LssAddress& address, Net309& net) const {
+bool LssCommands::may_select(const LssAddress& address, Net& net) const {
   auto wanted = permits_->request_for(net, "lss select");
   wanted.arguments["address"] = to_string(address);
   return permits_->undisturbing(wanted);
 }
 
-rt::Task<Outcome309> LssCommands309::switch_selective(LssAddress address, Net309& net) {
-  if (!may_select(address, net)) co_return Outcome309::refused(Code309::internal_state);
+rt::Task<Outcome> LssCommands::switch_selective(LssAddress address, Net& net) {
+  if (!may_select(address, net)) co_return Outcome::refused(Code::internal_state);
   net.selected = true;
   const auto selected = co_await net.network.services().lss.switch_selective(address);
   if (!selected) co_return net.failed(selected.error());
-  co_return Outcome309();
+  co_return Outcome();
 }
 
 // ---- services on devices in configuration state ----
 
 // A device that this conversation has not put there may be any.
-bool LssCommands309::may_configure(Net309& net) const {
+bool LssCommands::may_configure(Net& net) const {
   if (net.selected) return true;
   const auto wanted = permits_->request_for(net, "lss store");
   return permits_->undisturbing(wanted);
 }
 
 // Another device that answers under this node-ID: asked by SDO.
-rt::Task<bool> LssCommands309::is_taken(NodeId id, Net309& net) {
+rt::Task<bool> LssCommands::is_taken(NodeId id, Net& net) {
   if (id == net.network.bus().master) co_return true;
   co::SdoOptions patience = net.network.services().sdo.options();
   patience.timeout = net.network.bus().timing.guard_timeout;
@@ -133,8 +133,8 @@ rt::Task<bool> LssCommands309::is_taken(NodeId id, Net309& net) {
   co_return type.has_value() || type.error().code == Errc::aborted || type.error().code == Errc::mismatch;
 }
 
-rt::Task<Outcome309> LssCommands309::set_node(NodeId id, Net309& net) {
-  if (!may_configure(net)) co_return Outcome309::refused(Code309::internal_state);
+rt::Task<Outcome> LssCommands::set_node(NodeId id, Net& net) {
+  if (!may_configure(net)) co_return Outcome::refused(Code::internal_state);
   const auto now = co_await net.network.services().lss.inquire_node_id();
   const bool keeps = now && now->byte() == id.value();
   if (id.configured() && !keeps) {
@@ -142,82 +142,82 @@ rt::Task<Outcome309> LssCommands309::set_node(NodeId id, Net309& net) {
     if (taken) {
       permits_->tell(
           fmt::format("bus {}: LSS node-ID {} belongs to another device", net.network.bus().name, id.value()));
-      co_return Outcome309::refused(Code309::lss_node_id);
+      co_return Outcome::refused(Code::lss_node_id);
     }
   }
   const auto set = co_await net.network.services().lss.configure_node_id(id);
-  if (!set) co_return failed(set.error(), net, Code309::lss_node_id);
-  co_return Outcome309();
+  if (!set) co_return failed(set.error(), net, Code::lss_node_id);
+  co_return Outcome();
 }
 
-rt::Task<Outcome309> LssCommands309::configure(const Request309& request, Net309& net) {
+rt::Task<Outcome> LssCommands::configure(const Request& request, Net& net) {
   const auto& n = request.numbers;
-  if (request.verb == Verb309::lss_activate_bitrate) {
+  if (request.verb == Verb::lss_activate_bitrate) {
     // Devices that stay behind at the old rate and those at the new one would destroy each other's frames.
     auto wanted = permits_->request_for(net, "lss activate");
     wanted.arguments["delay"] = fmt::format("{}", n[0]);
-    if (!permits_->undisturbing(wanted)) co_return Outcome309::refused(Code309::internal_state);
+    if (!permits_->undisturbing(wanted)) co_return Outcome::refused(Code::internal_state);
     const auto sent = co_await net.network.services().lss.activate_bit_timing(static_cast<std::uint16_t>(n[0]));
     if (!sent) co_return net.failed(sent.error());
-    co_return Outcome309();
+    co_return Outcome();
   }
-  if (!may_configure(net)) co_return Outcome309::refused(Code309::internal_state);
-  if (request.verb == Verb309::lss_store) {
+  if (!may_configure(net)) co_return Outcome::refused(Code::internal_state);
+  if (request.verb == Verb::lss_store) {
     const auto stored = co_await net.network.services().lss.store();
-    if (!stored) co_return failed(stored.error(), net, Code309::lss_store);
-    co_return Outcome309();
+    if (!stored) co_return failed(stored.error(), net, Code::lss_store);
+    co_return Outcome();
   }
   const auto index = static_cast<lss::BitRateIndex>(n[1]);
   const bool known = n[0] == 0 && index != lss::BitRateIndex::reserved;
-  if (!known) co_return Outcome309::refused(Code309::lss_bit_rate);
+  if (!known) co_return Outcome::refused(Code::lss_bit_rate);
   const auto set = co_await net.network.services().lss.configure_bit_timing(index);
-  if (!set) co_return failed(set.error(), net, Code309::lss_bit_rate);
-  co_return Outcome309();
+  if (!set) co_return failed(set.error(), net, Code::lss_bit_rate);
+  co_return Outcome();
 }
 
-rt::Task<Outcome309> LssCommands309::inquire(const Request309& request, Net309& net) {
-  if (request.verb == Verb309::lss_get_node) {
+rt::Task<Outcome> LssCommands::inquire(const Request& request, Net& net) {
+  if (request.verb == Verb::lss_get_node) {
     const auto id = co_await net.network.services().lss.inquire_node_id();
     if (!id) co_return net.failed(id.error());
-    co_return Outcome309::value(fmt::format("{}", id->byte()));
+    co_return Outcome::value(fmt::format("{}", id->byte()));
   }
   if (request.count == 0) {
     const auto address = co_await net.network.services().lss.inquire_address();
     if (!address) co_return net.failed(address.error());
-    co_return Outcome309::value(address_text(*address));
+    co_return Outcome::value(address_text(*address));
   }
   const auto part = co_await net.network.services().lss.inquire(request.numbers[0]);
   if (!part) co_return net.failed(part.error());
-  co_return Outcome309::value(fmt::format("0x{:08X}", part->value()));
+  co_return Outcome::value(fmt::format("0x{:08X}", part->value()));
 }
 
 // ---- which devices are there ----
 
-rt::Task<Outcome309> LssCommands309::identify(const Request309& request, Net309& net) {
+rt::Task<Outcome> LssCommands::identify(const Request& request, Net& net) {
   Result<lss::Reply> heard;
-  if (request.verb == Verb309::lss_identity) {
+  if (request.verb == Verb::lss_identity) {
     const auto ranges = ranges_of(request);
     heard = co_await net.network.services().lss.identify_remote(ranges);
   } else {
     heard = co_await net.network.services().lss.identify_non_configured();
   }
   if (!heard) co_return net.failed(heard.error());
-  if (heard->answers == 0) co_return Outcome309::refused(Code309::timeout);
-  co_return Outcome309();
+  if (heard->answers == 0) co_return Outcome::refused(Code::timeout);
+  co_return Outcome();
 }
 
-rt::Task<Result<bool>> LssCommands309::anybody_in(lss::IdentifyRanges ranges, Net309& net) {
+rt::Task<Result<bool>> LssCommands::anybody_in(lss::IdentifyRanges ranges, Net& net) {
   const auto heard = co_await net.network.services().lss.identify_remote(ranges);
   if (!heard) co_return fail(heard.error());
   co_return heard->answers > 0;
 }
 
 // The lowest revision number, then the lowest serial number, each by halving the range.
-rt::Task<Outcome309> LssCommands309::slowscan(const Request309& request, Net309& net) {
+rt::Task<Outcome> LssCommands::slowscan(const Request& request, Net& net) {
   lss::IdentifyRanges ranges = ranges_of(request);
   const auto first = co_await anybody_in(ranges, net);
   if (!first) co_return net.failed(first.error());
-  if (!*first) co_return Outcome309::refused(Code309::timeout);
+  if (!*first) co_return Outcome::refused(Code::timeout);
   for (const bool serial : {false, true}) {
     std::uint32_t& low = serial ? ranges.serial_low : ranges.revision_low;
     std::uint32_t& high = serial ? ranges.serial_high : ranges.revision_high;
@@ -232,14 +232,14 @@ rt::Task<Outcome309> LssCommands309::slowscan(const Request309& request, Net309&
     }
   }
   const LssAddress address{ranges.vendor, ranges.product, ranges.revision_low, ranges.serial_low};
-  if (!may_select(address, net)) co_return Outcome309::refused(Code309::internal_state);
+  if (!may_select(address, net)) co_return Outcome::refused(Code::internal_state);
   net.selected = true;
   const auto selected = co_await net.network.services().lss.switch_selective(address);
   if (!selected) co_return net.failed(selected.error());
-  co_return Outcome309::value(address_text(address));
+  co_return Outcome::value(address_text(address));
 }
 
-rt::Task<Outcome309> LssCommands309::fastscan(const Request309& request, Net309& net) {
+rt::Task<Outcome> LssCommands::fastscan(const Request& request, Net& net) {
   lss::FastscanOptions options;
   options.window = request.count > 0 && request.numbers[0] > 0 ? request.numbers[0] * 1ms : usual_window;
   if (request.count == 9) take_known(options, request, 1);
@@ -249,20 +249,20 @@ rt::Task<Outcome309> LssCommands309::fastscan(const Request309& request, Net309&
   net.selected = true;
   const auto found = co_await scan.scan();
   if (!found) co_return net.failed(found.error());
-  if (!*found) co_return Outcome309::refused(Code309::timeout);
-  co_return Outcome309::value(address_text((*found)->address));
+  if (!*found) co_return Outcome::refused(Code::timeout);
+  co_return Outcome::value(address_text((*found)->address));
 }
 
 namespace {
 
-bool heard_lately(NodeId id, const Net309& net) {
+bool heard_lately(NodeId id, const Net& net) {
   return id == net.network.bus().master || net.network.services().boots.heard(id).has_value();
 }
 
 /// Gives out node-IDs from one on, but none that a device has.
 class Ids final : public lss::FastscanOwner {
  public:
-  Ids(Net309& net, std::uint8_t first) : net_(&net), next_(first) {}
+  Ids(Net& net, std::uint8_t first) : net_(&net), next_(first) {}
   NodeId assign(const lss::FastscanDevice&) noexcept override {
     while (next_ <= 127 && heard_lately(NodeId(next_), *net_)) ++next_;
     return next_ <= 127 ? NodeId(next_++) : NodeId();
@@ -273,13 +273,13 @@ class Ids final : public lss::FastscanOwner {
   std::string text;
 
  private:
-  Net309* net_;
+  Net* net_;
   std::uint8_t next_;
 };
 
 }  // namespace
 
-rt::Task<Outcome309> LssCommands309::allnodes(const Request309& request, Net309& net) {
+rt::Task<Outcome> LssCommands::allnodes(const Request& request, Net& net) {
   lss::FastscanOptions options;
   options.window = request.count > 0 && request.numbers[0] > 0 ? request.numbers[0] * 1ms : usual_window;
   options.store = request.count < 3 || request.numbers[2] == 1;
@@ -294,7 +294,7 @@ rt::Task<Outcome309> LssCommands309::allnodes(const Request309& request, Net309&
   using End = lss::FastscanReport::End;
   const bool others_only = partial && report->end == End::gave_up;  // a device answers that is not meant
   const bool whole = report->end == End::complete || others_only;
-  Outcome309 outcome;
+  Outcome outcome;
   const auto count = std::ranges::count_if(report->found, [](const auto& d) { return d.assigned.configured(); });
   outcome.text = ids.text + (whole ? fmt::format("# Found {} nodes, search finished.\r\n", count)
                                    : std::string("# Not all nodes scanned!\r\n"));
@@ -302,4 +302,4 @@ rt::Task<Outcome309> LssCommands309::allnodes(const Request309& request, Net309&
   co_return outcome;
 }
 
-}  // namespace berth::serve
+}  // namespace berth::serve::cia309

@@ -1,10 +1,10 @@
-#include "berth/serve/gateway_309.hpp"
+#include "berth/serve/cia309.hpp"
 
 #include <fmt/format.h>
 
 #include <algorithm>
 
-namespace berth::serve {
+namespace berth::serve::cia309 {
 namespace {
 
 using Numbers = std::optional<std::uint64_t>;
@@ -26,13 +26,13 @@ Numbers number_in(std::string_view word, std::uint64_t low, std::uint64_t high) 
 }
 
 /// The words of a line, up to its comment. Empty: quotes that do not end, or end within a word; control characters.
-std::optional<std::vector<Word309>> words_of(std::string_view line) {
-  std::vector<Word309> words;
+std::optional<std::vector<Word>> words_of(std::string_view line) {
+  std::vector<Word> words;
   std::size_t i = 0;
   while (true) {
     while (i < line.size() && blank(line[i])) ++i;
     if (i == line.size() || line[i] == '#') return words;
-    Word309 word;
+    Word word;
     word.quoted = line[i] == '"';
     if (word.quoted) {
       for (++i;; ++i) {
@@ -60,13 +60,13 @@ std::optional<std::vector<Word309>> words_of(std::string_view line) {
 /// What is wrong with a line, thrown nowhere: the first wrong word ends the reading.
 class Reader {
  public:
-  Reader(std::span<const Word309> words, Line309& line) : words_(words), line_(&line) {}
+  Reader(std::span<const Word> words, Line& line) : words_(words), line_(&line) {}
 
   void command();
 
  private:
-  [[nodiscard]] Request309& request() noexcept { return line_->request; }
-  bool wrong(Code309 code = Code309::syntax) {
+  [[nodiscard]] Request& request() noexcept { return line_->request; }
+  bool wrong(Code code = Code::syntax) {
     if (!line_->error) line_->error = code;
     return false;
   }
@@ -100,11 +100,11 @@ class Reader {
     request().index = static_cast<std::uint16_t>(number(0, 0xFFFF));
     request().sub = static_cast<std::uint8_t>(number(0, 0xFF));
   }
-  Type309 type() {
-    const auto known = over() || words_[at_].quoted ? std::nullopt : type_309(words_[at_].text);
+  Type type() {
+    const auto known = over() || words_[at_].quoted ? std::nullopt : type_named(words_[at_].text);
     if (!known) wrong();
     if (!over()) ++at_;
-    return known.value_or(Type309{});
+    return known.value_or(Type{});
   }
   void switched(std::string_view off, std::string_view on) {
     if (take(on)) return put(1);
@@ -125,15 +125,15 @@ class Reader {
   void allnodes();
   bool nmt();
 
-  std::span<const Word309> words_;
-  Line309* line_;
+  std::span<const Word> words_;
+  Line* line_;
   std::size_t at_ = 0;
 };
 
 void Reader::read_or_write(bool write) {
-  Request309& r = request();
+  Request& r = request();
   if (take("p") || take("pdo")) {
-    r.verb = write ? Verb309::write_pdo : Verb309::read_pdo;
+    r.verb = write ? Verb::write_pdo : Verb::read_pdo;
     argument(1, 512);
     if (!write) return;
     const auto count = number(0, 64);
@@ -146,7 +146,7 @@ void Reader::read_or_write(bool write) {
     }
     return;
   }
-  r.verb = write ? Verb309::write : Verb309::read;
+  r.verb = write ? Verb::write : Verb::read;
   object();
   if (!write) {
     if (!over() && !line_->error) r.type = type();
@@ -154,15 +154,15 @@ void Reader::read_or_write(bool write) {
   }
   r.type = type();
   if (line_->error) return;
-  auto bytes = value_bytes_309(r.type, words_.subspan(at_));
+  auto bytes = value_bytes(r.type, words_.subspan(at_));
   at_ = words_.size();
   if (!bytes) return static_cast<void>(wrong());
   r.data = std::move(*bytes);
 }
 
 void Reader::set_pdo(bool transmit, bool extended) {
-  request().verb = transmit ? Verb309::set_tpdo : Verb309::set_rpdo;
-  PdoSetting309& pdo = request().pdo;
+  request().verb = transmit ? Verb::set_tpdo : Verb::set_rpdo;
+  PdoSetting& pdo = request().pdo;
   pdo.number = static_cast<std::uint16_t>(number(1, 512));
   pdo.cob_id = static_cast<std::uint32_t>(number(0, 0xFFFF'FFFF));
   if (take("event")) {
@@ -183,7 +183,7 @@ void Reader::set_pdo(bool transmit, bool extended) {
   if (extended && pdo.transmission <= 240) pdo.sync_start = static_cast<std::uint8_t>(number(0, 240));
   const auto count = number(0, 64);
   for (std::uint64_t i = 0; i < count && !line_->error; ++i) {
-    PdoField309 field;
+    PdoField field;
     if (numeric()) {
       field.index = static_cast<std::uint16_t>(number(0, 0xFFFF));
       field.sub = static_cast<std::uint8_t>(number(0, 0xFF));
@@ -195,30 +195,30 @@ void Reader::set_pdo(bool transmit, bool extended) {
 }
 
 void Reader::set() {
-  const auto one = [this](Verb309 verb, std::uint32_t low, std::uint32_t high) {
+  const auto one = [this](Verb verb, std::uint32_t low, std::uint32_t high) {
     request().verb = verb;
     argument(low, high);
   };
-  if (take("network")) return one(Verb309::set_network, 1, 0xFFFF);
-  if (take("node")) return one(Verb309::set_node, 0, 127);
-  if (take("sdo_timeout")) return one(Verb309::set_sdo_timeout, 1, 0xFFFF);
-  if (take("sdo_block")) return one(Verb309::set_sdo_block, 0, 1);
-  if (take("heartbeat")) return one(Verb309::set_heartbeat, 0, 0xFFFF);
-  if (take("command_timeout")) return one(Verb309::set_command_timeout, 0, 0xFFFF'FFFF);
-  if (take("command_size")) return one(Verb309::set_command_size, 0, 0xFFFF'FFFF);
+  if (take("network")) return one(Verb::set_network, 1, 0xFFFF);
+  if (take("node")) return one(Verb::set_node, 0, 127);
+  if (take("sdo_timeout")) return one(Verb::set_sdo_timeout, 1, 0xFFFF);
+  if (take("sdo_block")) return one(Verb::set_sdo_block, 0, 1);
+  if (take("heartbeat")) return one(Verb::set_heartbeat, 0, 0xFFFF);
+  if (take("command_timeout")) return one(Verb::set_command_timeout, 0, 0xFFFF'FFFF);
+  if (take("command_size")) return one(Verb::set_command_size, 0, 0xFFFF'FFFF);
   if (take("rpdo")) return set_pdo(false, false);
   if (take("tpdo")) return set_pdo(true, false);
   if (take("tpdox")) return set_pdo(true, true);
   if (take("id")) {
-    request().verb = Verb309::set_id;
+    request().verb = Verb::set_id;
     return node_id();
   }
-  wrong(over() ? Code309::syntax : Code309::not_supported);
+  wrong(over() ? Code::syntax : Code::not_supported);
 }
 
 // "_lss_fastscan [ms]" as CANopenNode has it, eight numbers as Lely.
 void Reader::fastscan() {
-  request().verb = Verb309::lss_fastscan;
+  request().verb = Verb::lss_fastscan;
   const auto left = words_.size() - at_;
   if (left == 1 || left == 9) argument(0, 0xFFFF);
   if (left == 8) put(0);
@@ -227,7 +227,7 @@ void Reader::fastscan() {
 
 // CANopenNode's scan types: 0 search, 1 ignore, 2 equal to the value.
 void Reader::allnodes() {
-  request().verb = Verb309::lss_allnodes;
+  request().verb = Verb::lss_allnodes;
   if (over()) return;
   argument(0, 0xFFFF);
   if (over()) return;
@@ -237,41 +237,41 @@ void Reader::allnodes() {
   for (int i = 0; i < 4; ++i) {
     const auto how = number(0, 2);
     const auto value = static_cast<std::uint32_t>(number(0, 0xFFFF'FFFF));
-    if (how == 1) wrong(Code309::not_supported);
+    if (how == 1) wrong(Code::not_supported);
     put(how == 2 ? value : 0);
     put(how == 2 ? 0xFFFF'FFFF : 0);
   }
 }
 
 bool Reader::lss() {
-  Request309& r = request();
-  const auto is_verb = [&](std::string_view keyword, Verb309 verb) {
+  Request& r = request();
+  const auto is_verb = [&](std::string_view keyword, Verb verb) {
     const bool there = take(keyword);
     if (there) r.verb = verb;
     return there;
   };
-  if (is_verb("lss_switch_glob", Verb309::lss_switch_global)) {
+  if (is_verb("lss_switch_glob", Verb::lss_switch_global)) {
     argument(0, 1);
-  } else if (is_verb("lss_switch_sel", Verb309::lss_switch_selective)) {
+  } else if (is_verb("lss_switch_sel", Verb::lss_switch_selective)) {
     identity(4);
   } else if (take("lss_set_node")) {
-    r.verb = Verb309::lss_set_node;
+    r.verb = Verb::lss_set_node;
     node_id();
-  } else if (is_verb("lss_conf_bitrate", Verb309::lss_conf_bitrate)) {
+  } else if (is_verb("lss_conf_bitrate", Verb::lss_conf_bitrate)) {
     argument(0, 0xFF);
     argument(0, 9);
-  } else if (is_verb("lss_activate_bitrate", Verb309::lss_activate_bitrate)) {
+  } else if (is_verb("lss_activate_bitrate", Verb::lss_activate_bitrate)) {
     argument(0, 0xFFFF);
-  } else if (is_verb("lss_store", Verb309::lss_store) || is_verb("lss_get_node", Verb309::lss_get_node) ||
-             is_verb("lss_ident_nonconf", Verb309::lss_identify_non_configured)) {
+  } else if (is_verb("lss_store", Verb::lss_store) || is_verb("lss_get_node", Verb::lss_get_node) ||
+             is_verb("lss_ident_nonconf", Verb::lss_identify_non_configured)) {
     return true;
-  } else if (is_verb("lss_inquire_addr", Verb309::lss_inquire_address)) {
+  } else if (is_verb("lss_inquire_addr", Verb::lss_inquire_address)) {
     if (over()) return true;
     auto part = static_cast<std::uint32_t>(number(0, 0x5D));
     if (part >= 0x5A) part -= 0x5A;  // the command specifier, as the standard has it
     if (part > 3) wrong();
     put(part);
-  } else if (is_verb("lss_identity", Verb309::lss_identity) || is_verb("_lss_slowscan", Verb309::lss_slowscan)) {
+  } else if (is_verb("lss_identity", Verb::lss_identity) || is_verb("_lss_slowscan", Verb::lss_slowscan)) {
     identity(6);
   } else if (take("_lss_fastscan")) {
     fastscan();
@@ -284,37 +284,37 @@ bool Reader::lss() {
 }
 
 bool Reader::nmt() {
-  Request309& r = request();
+  Request& r = request();
   if (take("start")) {
-    r.verb = Verb309::start;
+    r.verb = Verb::start;
   } else if (take("stop")) {
-    r.verb = Verb309::stop;
+    r.verb = Verb::stop;
   } else if (take("preop") || take("preoperational")) {
-    r.verb = Verb309::preop;
+    r.verb = Verb::preop;
   } else if (take("reset")) {
     if (take("node")) {
-      r.verb = Verb309::reset_node;
+      r.verb = Verb::reset_node;
     } else if (take("comm") || take("communication")) {
-      r.verb = Verb309::reset_comm;
+      r.verb = Verb::reset_comm;
     } else {
       wrong();
     }
   } else if (take("enable")) {
     if (take("guarding")) {
-      r.verb = Verb309::enable_guarding;
+      r.verb = Verb::enable_guarding;
       argument(1, 0xFFFF);
       argument(1, 0xFF);
     } else if (take("heartbeat")) {
-      r.verb = Verb309::enable_heartbeat;
+      r.verb = Verb::enable_heartbeat;
       argument(1, 0xFFFF);
     } else {
       wrong();
     }
   } else if (take("disable")) {
     if (take("guarding")) {
-      r.verb = Verb309::disable_guarding;
+      r.verb = Verb::disable_guarding;
     } else if (take("heartbeat")) {
-      r.verb = Verb309::disable_heartbeat;
+      r.verb = Verb::disable_heartbeat;
     } else {
       wrong();
     }
@@ -332,7 +332,7 @@ void Reader::command() {
     before[count++] = static_cast<std::uint16_t>(number(0, 0xFFFF));
   }
   if (over()) return static_cast<void>(wrong());
-  Request309& r = request();
+  Request& r = request();
   if (take("r") || take("read")) {
     read_or_write(false);
   } else if (take("w") || take("write")) {
@@ -340,34 +340,34 @@ void Reader::command() {
   } else if (take("set")) {
     set();
   } else if (take("init")) {
-    r.verb = Verb309::init;
+    r.verb = Verb::init;
     argument(0, 9);
   } else if (take("boot_up_indication")) {
-    r.verb = Verb309::boot_up_indication;
+    r.verb = Verb::boot_up_indication;
     switched("Disable", "Enable");
   } else if (take("_sync_indication")) {
-    r.verb = Verb309::sync_indication;
+    r.verb = Verb::sync_indication;
     switched("Disable", "Enable");
   } else if (take("info")) {
-    r.verb = Verb309::info_version;
+    r.verb = Verb::info_version;
     if (!take("version")) wrong();
   } else if (take("help")) {
-    r.verb = Verb309::help;
+    r.verb = Verb::help;
   } else if (!nmt() && !lss()) {
-    wrong(Code309::not_supported);
+    wrong(Code::not_supported);
   }
   if (!line_->error && !over()) wrong();
   if (line_->error) return;
-  const Level309 level = level_309(r.verb);
-  if (count == 2 && level != Level309::node) return static_cast<void>(wrong());
-  if (count > 0 && level != Level309::node) r.net = before[0];
+  const Level level = level_of(r.verb);
+  if (count == 2 && level != Level::node) return static_cast<void>(wrong());
+  if (count > 0 && level != Level::node) r.net = before[0];
   if (count == 2) r.net = before[0];
-  if (count > 0 && level == Level309::node) {
+  if (count > 0 && level == Level::node) {
     const auto node = before[count - 1];
-    if (node > 127) return static_cast<void>(wrong(Code309::unsupported_node));
+    if (node > 127) return static_cast<void>(wrong(Code::unsupported_node));
     r.node = static_cast<std::uint8_t>(node);
   }
-  if (r.net == 0) wrong(Code309::unsupported_net);
+  if (r.net == 0) wrong(Code::unsupported_net);
 }
 
 /// Takes "[5]" off the front of a line; empty: it is not there.
@@ -386,8 +386,8 @@ std::optional<std::uint32_t> take_sequence(std::string_view& line) {
 
 }  // namespace
 
-Level309 level_309(Verb309 verb) noexcept {
-  using enum Verb309;
+Level level_of(Verb verb) noexcept {
+  using enum Verb;
   switch (verb) {
     case read:
     case write:
@@ -399,81 +399,81 @@ Level309 level_309(Verb309 verb) noexcept {
     case enable_guarding:
     case disable_guarding:
     case enable_heartbeat:
-    case disable_heartbeat: return Level309::node;
+    case disable_heartbeat: return Level::node;
     case nothing:
     case set_network:
     case set_command_timeout:
     case set_command_size:
-    case help: return Level309::gateway;
-    default: return Level309::net;
+    case help: return Level::gateway;
+    default: return Level::net;
   }
 }
 
-Line309 parse_309(std::string_view line) {
-  Line309 parsed;
+Line parse_line(std::string_view line) {
+  Line parsed;
   if (!line.empty() && line.back() == '\r') line.remove_suffix(1);
   while (!line.empty() && blank(line.front())) line.remove_prefix(1);
   if (line.empty() || line.front() == '#') return parsed;
   const auto sequence = take_sequence(line);
   if (!sequence) {
-    parsed.error = Code309::syntax;
+    parsed.error = Code::syntax;
     return parsed;
   }
   parsed.request.sequence = *sequence;
   const auto words = words_of(line);
   if (!words) {
-    parsed.error = Code309::syntax;
+    parsed.error = Code::syntax;
     return parsed;
   }
   Reader(*words, parsed).command();
   return parsed;
 }
 
-std::string ok_309(std::uint32_t sequence) { return reply_309(sequence, "OK"); }
-std::string reply_309(std::uint32_t sequence, std::string_view value) {
+std::string ok_line(std::uint32_t sequence) { return reply_line(sequence, "OK"); }
+std::string reply_line(std::uint32_t sequence, std::string_view value) {
   return fmt::format("[{}] {}\r\n", sequence, value);
 }
-std::string error_309(std::uint32_t sequence, Code309 code) {
+std::string error_line(std::uint32_t sequence, Code code) {
   return fmt::format("[{}] ERROR:{}\r\n", sequence, static_cast<unsigned>(code));
 }
-std::string abort_309(std::uint32_t sequence, std::uint32_t abort_code) {
+std::string abort_line(std::uint32_t sequence, std::uint32_t abort_code) {
   return fmt::format("[{}] ERROR:0x{:08X}\r\n", sequence, abort_code);
 }
 
-const char* text_309(Code309 code) noexcept {
+const char* text_of(Code code) noexcept {
   switch (code) {
-    case Code309::not_supported: return "request not supported";
-    case Code309::syntax: return "syntax error";
-    case Code309::internal_state: return "request not processed due to internal state";
-    case Code309::timeout: return "time-out";
-    case Code309::no_default_net: return "no default net set";
-    case Code309::no_default_node: return "no default node set";
-    case Code309::unsupported_net: return "unsupported net";
-    case Code309::unsupported_node: return "unsupported node";
-    case Code309::guarding_message_lost: return "lost guarding message";
-    case Code309::guarding_lost: return "lost connection";
-    case Code309::heartbeat_started: return "heartbeat started";
-    case Code309::heartbeat_lost: return "heartbeat lost";
-    case Code309::wrong_state: return "wrong NMT state";
-    case Code309::boot_up: return "boot-up";
-    case Code309::error_passive: return "error passive";
-    case Code309::bus_off: return "bus-off";
-    case Code309::buffer_overflow: return "CAN buffer overflow";
-    case Code309::can_init: return "CAN init";
-    case Code309::can_active: return "CAN active";
-    case Code309::pdo_used: return "PDO already used";
-    case Code309::pdo_length: return "PDO length exceeded";
-    case Code309::lss_specific: return "LSS implementation- or manufacturer-specific error";
-    case Code309::lss_node_id: return "LSS node-ID not supported";
-    case Code309::lss_bit_rate: return "LSS bit rate not supported";
-    case Code309::lss_store: return "LSS parameter storing failed";
-    case Code309::lss_medium: return "LSS command failed because of a media error";
-    case Code309::no_memory: return "running out of memory";
+    case Code::not_supported: return "request not supported";
+    case Code::syntax: return "syntax error";
+    case Code::internal_state: return "request not processed due to internal state";
+    case Code::timeout: return "time-out";
+    case Code::no_default_net: return "no default net set";
+    case Code::no_default_node: return "no default node set";
+    case Code::unsupported_net: return "unsupported net";
+    case Code::unsupported_node: return "unsupported node";
+    case Code::guarding_message_lost: return "lost guarding message";
+    case Code::guarding_lost: return "lost connection";
+    case Code::heartbeat_started: return "heartbeat started";
+    case Code::heartbeat_lost: return "heartbeat lost";
+    case Code::wrong_state: return "wrong NMT state";
+    case Code::boot_up: return "boot-up";
+    case Code::error_passive: return "error passive";
+    case Code::bus_off: return "bus-off";
+    case Code::buffer_overflow: return "CAN buffer overflow";
+    case Code::can_init: return "CAN init";
+    case Code::can_active: return "CAN active";
+    case Code::pdo_used: return "PDO already used";
+    case Code::pdo_length: return "PDO length exceeded";
+    case Code::lss_specific: return "LSS implementation- or manufacturer-specific error";
+    case Code::lss_node_id: return "LSS node-ID not supported";
+    case Code::lss_bit_rate: return "LSS bit rate not supported";
+    case Code::lss_store: return "LSS parameter storing failed";
+    case Code::lss_medium: return "LSS command failed because of a media error";
+    case Code::no_memory: return "running out of memory";
   }
   return "";
 }
 
-std::string help_309() {
+std::string help_text() {
   static constexpr std::array<std::string_view, 27> lines{
       "[seq] [[net] node] command; numbers in C notation; # begins a comment",
       "r[ead] index sub [type]; w[rite] index sub type value",
@@ -508,4 +508,4 @@ std::string help_309() {
   return text;
 }
 
-}  // namespace berth::serve
+}  // namespace berth::serve::cia309
