@@ -51,8 +51,8 @@ struct Plc {
     link.emplace(*device, executor, *image, bound, rt::Duration(0));
     device->power_on();
     for (unsigned i = 0; i < rpdos; ++i) {
-      device->values().write({static_cast<std::uint16_t>(0x1400 + i), 1}, le(0x80000000U));
-      device->values().write({static_cast<std::uint16_t>(0x1400 + i), 1}, le(0x300U + i));
+      static_cast<void>(device->values().write({static_cast<std::uint16_t>(0x1400 + i), 1}, le(0x80000000U)));
+      static_cast<void>(device->values().write({static_cast<std::uint16_t>(0x1400 + i), 1}, le(0x300U + i)));
     }
     executor.advance(executor.now());
     device->apply(co::NmtCommand::start);
