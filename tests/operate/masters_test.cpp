@@ -4,7 +4,9 @@
 
 #include <map>
 #include <optional>
+#include <utility>
 
+#include "berth/base/random.hpp"
 #include "tests/harness/rig.hpp"
 
 using namespace berth;
@@ -48,6 +50,16 @@ class Berths : private can::Tap, private plant::World::Observer {
   }
   // It dies where it stands.
   void kill(std::size_t i) { kill(*berths_[i]); }
+  [[nodiscard]] bool runs(std::size_t i) const { return berths_[i]->network != nullptr; }
+  // This Berth, and every second device, on one side; the rest on the other.
+  void cut(std::size_t i) {
+    std::vector<sim::Controller*> side;
+    if (berths_[i]->port) side.push_back(berths_[i]->port.get());
+    for (std::size_t k = 0; k < world_->devices().size(); k += 2) {
+      side.push_back(&world_->devices()[k]->controller());
+    }
+    world_->bus("backbone")->split(side);
+  }
   [[nodiscard]] bool leads(std::size_t i) const {
     const auto master = berths_[i]->network ? berths_[i]->network->services().master : std::nullopt;
     return master && master->here;
@@ -99,6 +111,11 @@ class Berths : private can::Tap, private plant::World::Observer {
     if (frame.key() == 0) commands.push_back(can::to_string(frame));
     const bool start = frame.key() == 0 && frame.size == 2 && frame.data[0] == 1;
     if (!start) return;
+    // A bus that was joined has two active masters until one hears the other, and both may be about to start a device
+    // (docs/flying-master.md, "What remains possible"): that alone is not counted.
+    std::size_t leading = 0;
+    for (std::size_t i = 0; i < berths_.size(); ++i) leading += leads(i) ? 1U : 0U;
+    if (leading > 1) return;
     for (const auto& device : world_->devices()) {
       const auto since = runs_since_[device.get()];
       const auto id = device->device().node_id();
@@ -242,4 +259,52 @@ TEST(Masters, ADeviceStandsInForBerth) {
   EXPECT_FALSE(device.truth().leads);
   EXPECT_EQ(device.truth().active_master, NodeId(127));
   EXPECT_EQ(berths.second_starts, 0U);
+}
+
+// Berths die and are started again, devices lose power, the bus is cut and joined: at the end one works, every device
+// is operational under its own node-ID, and none that ran was started twice.
+TEST(Masters, RandomWorlds) {
+  for (std::uint64_t seed = 1; seed <= 6; ++seed) {
+    SCOPED_TRACE("seed " + std::to_string(seed));
+    Random random(seed);
+    const auto priority = [&] { return static_cast<std::uint8_t>(random.below(3)); };
+    Berths berths(five_slots(), five_slaves(seed), {priority(), priority(), priority()});
+    for (std::size_t i = 0; i < 3; ++i) berths.begin(i);
+    bool cut = false;
+    for (int step = 0; step < 8; ++step) {
+      berths.run_for(std::chrono::milliseconds(random.below(6000)));
+      const auto i = random.below(3);
+      switch (random.below(4)) {
+        case 0: berths.runs(i) ? berths.kill(i) : berths.begin(i); break;
+        case 1: {
+          auto& device = *berths.world().devices()[random.below(5)];
+          device.power(!device.powered());
+          break;
+        }
+        case 2:
+          if (!std::exchange(cut, true)) berths.cut(i);
+          break;
+        default:
+          if (std::exchange(cut, false)) berths.world().bus("backbone")->join();
+      }
+    }
+    berths.world().bus("backbone")->join();
+    for (const auto& device : berths.world().devices()) device->power(true);
+    for (std::size_t i = 0; i < 3; ++i) {
+      if (!berths.runs(i)) berths.begin(i);
+    }
+    const auto good = [&] {
+      unsigned leading = 0, done = 0;
+      for (std::size_t i = 0; i < 3; ++i) {
+        leading += berths.leads(i) ? 1U : 0U;
+        done += berths.leads(i) && berths.operational(i) ? 1U : 0U;
+      }
+      return leading == 1 && done == 1;
+    };
+    ASSERT_TRUE(berths.run_until(good, 300s)) << berths.log();
+    berths.run_for(20s);
+    EXPECT_TRUE(good()) << berths.log();
+    EXPECT_TRUE(berths.world().duplicates().empty());
+    EXPECT_EQ(berths.second_starts, 0U) << berths.log();
+  }
 }
