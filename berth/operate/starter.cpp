@@ -191,9 +191,18 @@ rt::Task<bool> Starter::runs_already(Seat& seat) {
     const auto guarded = co_await co::probe(s_.dispatcher, id, s_.bus.timing.guard_timeout, s_.bus.timing.tries);
     co_return guarded && guarded->state == NmtState::operational;
   }
+  // One that was out of reach answers questions before its next heartbeat tells its state.
+  const rt::Duration period = s_.bus.timing.heartbeat_period;
+  const rt::Time deadline = s_.executor.now() + period + period / 4;
+  while (!beats(id) && s_.executor.now() < deadline) {
+    co_await rt::sleep_for(period / 16 + std::chrono::milliseconds(1));
+  }
+  co_return beats(id) && s_.boots.state(id) == NmtState::operational;
+}
+
+bool Starter::beats(NodeId id) const noexcept {
   const auto heard = s_.boots.heard(id);
-  const bool lately = heard && s_.executor.now() - *heard <= s_.bus.timing.heartbeat_timeout;
-  co_return lately && s_.boots.state(id) == NmtState::operational;
+  return heard && s_.executor.now() - *heard <= s_.bus.timing.heartbeat_timeout;
 }
 
 // No heartbeat in this device: it is asked once by guarding, which is all that can be known of it.

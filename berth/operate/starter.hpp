@@ -47,6 +47,7 @@ class Starter final : public EarlyStarter {
   rt::Task<void> start_all();
   rt::Task<void> await_operational();
   rt::Task<void> start_again();
+  [[nodiscard]] bool beats(NodeId id) const noexcept;
 
   BusServices& s_;
   SlotTable& slots_;

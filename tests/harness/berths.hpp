@@ -2,11 +2,13 @@
 /// device that runs was started again.
 #pragma once
 
+#include <fmt/format.h>
 #include <gtest/gtest.h>
 
 #include <map>
 #include <optional>
 #include <set>
+#include <string>
 
 #include "tests/harness/rig.hpp"
 
@@ -85,7 +87,7 @@ class Berths : private can::Tap, private plant::World::Observer {
   }
   std::vector<std::string> commands;  // NMT
   [[nodiscard]] std::string log() const {
-    std::string text;
+    std::string text = started_again_;
     for (const auto& one : berths_) {
       text += "---\n";
       for (const auto& line : one->lines) text += line + "\n";
@@ -104,6 +106,9 @@ class Berths : private can::Tap, private plant::World::Observer {
     std::unique_ptr<operate::Network> network;
     std::vector<std::string> lines;
   };
+  [[nodiscard]] static double seconds(rt::Time time) {
+    return std::chrono::duration<double>(time.time_since_epoch()).count();
+  }
   static void kill(One& one) {
     one.network.reset();
     one.port.reset();
@@ -123,7 +128,10 @@ class Berths : private can::Tap, private plant::World::Observer {
       const auto id = device->device().node_id();
       const bool hears = side_.contains(sender) == side_.contains(device->controller().number());
       const bool meant = hears && id.configured() && (frame.data[1] == 0 || frame.data[1] == id.value());
-      if (meant && since && *since < at) ++second_starts;
+      if (!meant || !since || *since >= at) continue;
+      ++second_starts;
+      started_again_ += fmt::format("{:.3f} s: {} (node-ID {}), operational since {:.3f} s, is started by controller {}\n",
+                                    seconds(at), device->name(), id.value(), seconds(*since), sender);
     }
   }
   void plant_changed(const plant::SimDevice& device) noexcept override {
@@ -137,6 +145,7 @@ class Berths : private can::Tap, private plant::World::Observer {
   std::unique_ptr<plant::World> world_;
   std::vector<std::unique_ptr<One>> berths_;
   std::map<int, std::map<std::uint32_t, unsigned>> sent_;
+  std::string started_again_;  // for people
   std::set<int> side_;  // of a cut bus; what is sent on the other one is not heard here
   std::map<const plant::SimDevice*, std::optional<rt::Time>> runs_since_;
 };

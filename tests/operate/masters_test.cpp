@@ -135,3 +135,23 @@ TEST(Masters, ADeviceStandsInForBerth) {
   EXPECT_EQ(device.truth().active_master, NodeId(127));
   EXPECT_EQ(berths.second_starts, 0U);
 }
+
+// A device behind a cut cable goes on as it was. Whenever the cable is mended, it is asked what it does before it is
+// started: it answers questions before its next heartbeat tells that it runs.
+TEST(Masters, ADeviceThatWasOutOfReachIsNotStartedAgain) {
+  for (int at = 0; at < 40; ++at) {
+    SCOPED_TRACE("mended " + std::to_string(50 * at) + " ms later");
+    Berths berths(five_slots(), five_slaves(), {0});
+    berths.begin(0);
+    ASSERT_TRUE(berths.run_until([&] { return berths.leads(0) && berths.operational(0); })) << berths.log();
+    berths.run_for(2s);
+    berths.cut(0);
+    ASSERT_TRUE(berths.run_until([&] { return !berths.network(0).operational(); }, 10s));
+    berths.run_for(50ms * at);
+    berths.join();
+    ASSERT_TRUE(berths.run_until([&] { return berths.operational(0); }, 60s)) << berths.log();
+    berths.run_for(5s);
+    EXPECT_EQ(berths.second_starts, 0U) << berths.log();
+    EXPECT_EQ(berths.left_operational, 0U);
+  }
+}

@@ -49,7 +49,7 @@ TEST(MastersRandomWorlds, OneWorksAndNothingIsStartedTwice) {
       unsigned leading = 0, done = 0;
       for (std::size_t i = 0; i < 3; ++i) {
         leading += berths.leads(i) ? 1U : 0U;
-        done += berths.leads(i) && berths.operational(i) ? 1U : 0U;
+        done += berths.leads(i) && berths.network(i).operational() ? 1U : 0U;
       }
       return leading == 1 && done == 1;
     };
