@@ -68,6 +68,7 @@ class Berths : private can::Tap, private plant::World::Observer {
     const auto master = berths_[i]->network ? berths_[i]->network->services().master : std::nullopt;
     return master && master->here;
   }
+  [[nodiscard]] const sim::Controller& controller(std::size_t i) const { return *berths_[i]->port; }
   [[nodiscard]] operate::Network& network(std::size_t i) { return *berths_[i]->network; }
   [[nodiscard]] bool operational(std::size_t i) const {
     return berths_[i]->network->operational() && berths_[i]->network->idle();

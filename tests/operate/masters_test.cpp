@@ -155,3 +155,19 @@ TEST(Masters, ADeviceThatWasOutOfReachIsNotStartedAgain) {
     EXPECT_EQ(berths.left_operational, 0U);
   }
 }
+
+// Its NMT start was heard and its next heartbeat was not: what is not known is no reason to start it a second time.
+TEST(Masters, ADeviceThatIsNotHeardBehindItsStartIsNotStartedAgain) {
+  Berths berths(five_slots(), five_slaves(), {0});
+  berths.begin(0);
+  const auto& last = berths.world().find("d5")->device();
+  ASSERT_TRUE(berths.run_until([&] { return last.state() == NmtState::operational; })) << berths.log();
+  sim::Fault fault;
+  fault.kind = sim::Fault::Kind::overrun;
+  const std::uint32_t heartbeat = 0x700U + last.node_id().value();
+  fault.trigger.when = [heartbeat](const sim::FrameStart& start) { return start.frame.key() == heartbeat; };
+  fault.victims = {&berths.controller(0)};
+  berths.world().bus("backbone")->inject(std::move(fault));
+  ASSERT_TRUE(berths.run_until([&] { return berths.operational(0); }, 30s)) << berths.log();
+  EXPECT_EQ(berths.second_starts, 0U) << berths.log();
+}
