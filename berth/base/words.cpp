@@ -1,25 +1,36 @@
 #include "berth/base/words.hpp"
 
 #include <algorithm>
+#include <array>
 #include <cstring>
 
 namespace berth {
 namespace {
 
-/// Insertions, deletions, substitutions and swaps of neighbours that turn one word into the other.
-std::size_t distance(std::string_view a, std::string_view b) {
-  std::vector<std::vector<std::size_t>> d(a.size() + 1, std::vector<std::size_t>(b.size() + 1));
-  for (std::size_t i = 0; i <= a.size(); ++i) d[i][0] = i;
-  for (std::size_t j = 0; j <= b.size(); ++j) d[0][j] = j;
+constexpr std::size_t longest_word = 64;
+
+/// Insertions, deletions, substitutions and swaps of neighbours that turn one word into the other, both of at most
+/// `longest_word` and a few characters; `enough` for that many and more.
+std::size_t distance(std::string_view a, std::string_view b, std::size_t enough) {
+  using Row = std::array<std::size_t, longest_word + 4>;
+  std::array<Row, 3> rows{};
+  for (std::size_t j = 0; j <= b.size(); ++j) rows[0][j] = j;
   for (std::size_t i = 1; i <= a.size(); ++i) {
+    Row& row = rows[i % 3];
+    const Row& above = rows[(i + 2) % 3];
+    const Row& above_that = rows[(i + 1) % 3];
+    std::size_t least = row[0] = i;
     for (std::size_t j = 1; j <= b.size(); ++j) {
       const std::size_t change = lower(a[i - 1]) == lower(b[j - 1]) ? 0 : 1;
-      d[i][j] = std::min({d[i - 1][j] + 1, d[i][j - 1] + 1, d[i - 1][j - 1] + change});
+      row[j] = std::min({above[j] + 1, row[j - 1] + 1, above[j - 1] + change});
       const bool swap = i > 1 && j > 1 && lower(a[i - 1]) == lower(b[j - 2]) && lower(a[i - 2]) == lower(b[j - 1]);
-      if (swap) d[i][j] = std::min(d[i][j], d[i - 2][j - 2] + 1);
+      if (swap) row[j] = std::min(row[j], above_that[j - 2] + 1);
+      least = std::min(least, row[j]);
     }
+    // A swap reaches over one row.
+    if (least > enough) return enough;
   }
-  return d[a.size()][b.size()];
+  return std::min(enough, rows[a.size() % 3][b.size()]);
 }
 
 }  // namespace
@@ -41,11 +52,13 @@ std::string some_of(const std::vector<std::string>& names, std::size_t most) {
 }
 
 std::string_view closest(std::string_view word, std::span<const std::string_view> candidates) {
-  if (word.size() > 64) return {};
+  if (word.size() > longest_word) return {};
   std::string_view best;
   std::size_t best_distance = word.size() <= 4 ? 2 : 3;
   for (const auto candidate : candidates) {
-    const auto d = distance(word, candidate);
+    const std::size_t longer = std::max(word.size(), candidate.size()) - std::min(word.size(), candidate.size());
+    if (longer >= best_distance) continue;
+    const auto d = distance(word, candidate, best_distance);
     if (d < best_distance && d < candidate.size()) {
       best = candidate;
       best_distance = d;

@@ -1,31 +1,45 @@
 #include "berth/device/application.hpp"
 
-#include <algorithm>
+#include <utility>
 
+#include "berth/base/bytes.hpp"
 #include "berth/co/pdo_mapping.hpp"
 
 namespace berth::device {
 
 void WriteWatch::add(od::Values& values, ObjectRef ref, std::function<void()> call) {
   // Once per index: a hook that is attached twice is called twice.
-  const bool known = std::ranges::any_of(entries_, [&](const Entry& each) { return each.ref.index == ref.index; });
-  entries_.push_back({ref, std::move(call)});
+  const auto first = calls_.lower_bound({ref.index, 0});
+  const bool known = first != calls_.end() && first->first.index == ref.index;
+  calls_.emplace(ref, std::move(call));
   if (!known) values.attach(*this, ref.index);
 }
 
-void WriteWatch::one(ObjectRef ref) noexcept {
-  // By position: a callback may add entries.
-  for (std::size_t i = 0; i < entries_.size(); ++i) {
-    if (entries_[i].ref == ref) entries_[i].call();
-  }
+// A callback may add others.
+WriteWatch::Calls::const_iterator WriteWatch::call_from(Calls::const_iterator at, ObjectRef ref) const noexcept {
+  for (; at != calls_.end() && at->first == ref; ++at) at->second();
+  return at;
 }
+
+void WriteWatch::one(ObjectRef ref) const noexcept { call_from(calls_.lower_bound(ref), ref); }
 
 void WriteWatch::written(od::Values&, ObjectRef ref) noexcept { one(ref); }
 
-void WriteWatch::mapped(const od::Values& values, std::uint16_t mapping) noexcept {
+// Neighbours in an RPDO are mostly neighbours in the dictionary.
+void WriteWatch::mapped(const od::Values& values, std::uint16_t mapping) const noexcept {
+  const auto& description = values.description();
+  const auto* const object = description.find(mapping);
+  if (object == nullptr) return;
   const auto count = values.get_or<std::uint8_t>({mapping, 0}, 0);
-  for (std::uint8_t i = 1; i <= count && i <= co::PdoMapping::most_entries; ++i) {
-    one(co::PdoEntry::of(values.get_or<std::uint32_t>({mapping, i}, 0)).object);
+  auto next = calls_.end();
+  for (const auto& sub : description.subs(*object)) {
+    if (sub.sub == 0) continue;
+    if (sub.sub > count || sub.sub > co::PdoMapping::most_entries) break;
+    const auto raw = values.scalar(sub);
+    if (raw.size() != sizeof(std::uint32_t)) continue;
+    const ObjectRef ref = co::PdoEntry::of(load_le<std::uint32_t>(raw.data())).object;
+    const bool follows = next != calls_.end() && next->first == ref;
+    next = call_from(follows ? next : calls_.lower_bound(ref), ref);
   }
 }
 

@@ -9,7 +9,7 @@
 #pragma once
 
 #include <functional>
-#include <vector>
+#include <map>
 
 #include "berth/co/emcy.hpp"
 #include "berth/co/heartbeat.hpp"
@@ -38,17 +38,18 @@ class WriteWatch final : public od::Hook {
  public:
   void add(od::Values& values, ObjectRef ref, std::function<void()> call);
   /// An RPDO with this mapping record (1600h + number - 1) was stored.
-  void mapped(const od::Values& values, std::uint16_t mapping) noexcept;
-  void one(ObjectRef ref) noexcept;
-  [[nodiscard]] std::size_t memory() const noexcept { return entries_.capacity() * sizeof(Entry); }
+  void mapped(const od::Values& values, std::uint16_t mapping) const noexcept;
+  void one(ObjectRef ref) const noexcept;
+  [[nodiscard]] std::size_t memory() const noexcept {
+    constexpr std::size_t node = 4 * sizeof(void*);
+    return calls_.size() * (sizeof(Calls::value_type) + node);
+  }
 
  private:
-  struct Entry {
-    ObjectRef ref;
-    std::function<void()> call;
-  };
+  using Calls = std::multimap<ObjectRef, std::function<void()>>;  // of one object in the order of adding
   void written(od::Values& values, ObjectRef ref) noexcept override;
-  std::vector<Entry> entries_;
+  Calls::const_iterator call_from(Calls::const_iterator at, ObjectRef ref) const noexcept;
+  Calls calls_;
 };
 
 /// One object of a device, typed. Cheap to copy; must not outlive the device. A handle to an object that is not there,

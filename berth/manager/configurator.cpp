@@ -25,6 +25,8 @@ bool aborted_with(const Error& error, std::initializer_list<od::AbortCode> codes
 bool missing(const Error& error) noexcept {
   return aborted_with(error, {od::AbortCode::no_object, od::AbortCode::no_sub_index});
 }
+// A DOMAIN that was never written.
+bool has_no_value(const Error& error) noexcept { return aborted_with(error, {od::AbortCode::no_data}); }
 bool not_ready(const Error& error) noexcept {
   return aborted_with(error, {od::AbortCode::local_control, od::AbortCode::device_state});
 }
@@ -65,6 +67,7 @@ rt::Task<Result<co::SdoValue>> Configurator::read(ObjectRef object, std::size_t 
   const std::size_t most = std::max(least, 2 * wanted);
   for (unsigned attempt = 1;; ++attempt) {
     auto value = co_await values_->read_up_to(object.index, object.sub, most);
+    if (!value && has_no_value(value.error())) co_return co::SdoValue();
     if (value || attempt >= options_->tries || !not_ready(value.error())) co_return value;
     co_await rt::sleep_for(options_->pause);
   }

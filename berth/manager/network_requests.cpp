@@ -38,6 +38,12 @@ bool is_node(std::uint8_t sub) noexcept { return sub >= 1 && sub <= 127; }
 
 }  // namespace
 
+std::optional<RequestedNmt> requested_nmt(std::uint8_t value) noexcept {
+  const auto others = requested_of_others(value);
+  const auto command = others ? others : requested(value);
+  return command ? std::optional(RequestedNmt{*command, others.has_value()}) : std::nullopt;
+}
+
 std::uint8_t request_value(NmtCommand command) noexcept {
   return std::ranges::find(request_values, command, &RequestValue::command)->value;
 }
@@ -45,18 +51,18 @@ std::uint8_t request_value(NmtCommand command) noexcept {
 AbortCode NetworkRequests::nmt(std::uint8_t sub, std::uint8_t value, NodeId requester) {
   if (!is_node(sub) && sub != all_nodes) return AbortCode::no_sub_index;
   if (network_->phase() == NetworkBoot::Phase::off) return AbortCode::device_state;
-  const auto others = requested_of_others(value);
-  const auto command = others ? others : requested(value);
-  if (!command || (others && sub != all_nodes)) return AbortCode::invalid_value;
+  const auto wanted = requested_nmt(value);
+  if (!wanted || (wanted->others && sub != all_nodes)) return AbortCode::invalid_value;
+  const NmtCommand command = wanted->command;
   const NodeId own = network_->plan().own;
-  if (sub == all_nodes && (!others || !requester.configured() || requester == own)) {
-    network_->command(*command, NmtTarget::all(), !others);
+  if (sub == all_nodes && (!wanted->others || !requester.configured() || requester == own)) {
+    network_->command(command, NmtTarget::all(), !wanted->others);
   } else if (sub == all_nodes) {
     for (const auto& slave : network_->plan().slaves) {
-      if (slave.node != requester) network_->command(*command, slave.node);
+      if (slave.node != requester) network_->command(command, slave.node);
     }
   } else if (NodeId(sub) == own || network_->find(NodeId(sub)) != nullptr) {
-    network_->command(*command, NodeId(sub));
+    network_->command(command, NodeId(sub));
   } else {
     return AbortCode::invalid_value;
   }

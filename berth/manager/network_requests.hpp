@@ -9,12 +9,19 @@
 #pragma once
 
 #include <cstdint>
+#include <optional>
 
 #include "berth/manager/network_boot.hpp"
 #include "berth/od/abort_code.hpp"
 
 namespace berth::manager {
 
+/// What a value written to 1F82h asks for.
+struct RequestedNmt {
+  co::NmtCommand command;
+  bool others = false;  ///< 84h to 87h and 8Fh: of all nodes but the master and the requester
+};
+[[nodiscard]] std::optional<RequestedNmt> requested_nmt(std::uint8_t value) noexcept;
 /// What is written to 1F82h for a command; `NetworkRequests::all_nodes` is the sub-index of all.
 [[nodiscard]] std::uint8_t request_value(co::NmtCommand command) noexcept;
 

@@ -6,6 +6,7 @@
 
 #include "berth/base/bytes.hpp"
 #include "berth/manager/boot_rules.hpp"
+#include "berth/manager/network_requests.hpp"
 
 namespace berth::operate {
 namespace {
@@ -291,16 +292,19 @@ AbortCode ManagerObjects::ask_nmt(std::uint8_t sub, std::uint8_t state) {
   if (!s_.may_command()) return AbortCode::local_control;
   const bool all = sub == all_nodes;
   if (!all && !is_slot(sub)) return AbortCode::invalid_value;
-  const auto target = all ? co::NmtTarget::all() : co::NmtTarget(NodeId(sub));
-  switch (state) {
-    case 4: requests_.command_nmt(co::NmtCommand::stop, target); break;
-    case 5: requests_.command_nmt(co::NmtCommand::start, target); break;
-    case 6: requests_.command_nmt(co::NmtCommand::reset_node, target); break;
-    case 7: requests_.command_nmt(co::NmtCommand::reset_communication, target); break;
-    case 127: requests_.command_nmt(co::NmtCommand::enter_pre_operational, target); break;
-    default: return AbortCode::invalid_value;
+  const auto wanted = manager::requested_nmt(state);
+  if (!wanted || (wanted->others && !all)) return AbortCode::invalid_value;
+  if (wanted->others) {
+    command_slots(wanted->command);
+  } else {
+    requests_.command_nmt(wanted->command, all ? co::NmtTarget::all() : co::NmtTarget(NodeId(sub)));
   }
   return AbortCode::none;
+}
+
+// An SDO server does not know its client: a node that asks is spared where it has no slot.
+void ManagerObjects::command_slots(co::NmtCommand command) {
+  for (const auto& seat : slots_.seats()) requests_.command_nmt(command, co::NmtTarget(seat->id()));
 }
 
 AbortCode ManagerObjects::ask_configuration(std::uint8_t sub, std::uint32_t word) {

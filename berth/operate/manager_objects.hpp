@@ -52,6 +52,7 @@ class ManagerObjects final : private od::Hook {
   [[nodiscard]] std::uint64_t of_bus(std::uint8_t sub) const;
   [[nodiscard]] std::uint64_t emergency(std::uint8_t sub) const;
   od::AbortCode ask_nmt(std::uint8_t sub, std::uint8_t state);
+  void command_slots(co::NmtCommand command);
   od::AbortCode ask_configuration(std::uint8_t sub, std::uint32_t word);
   od::AbortCode ask_command(std::span<const std::uint8_t> text);
   [[nodiscard]] bool is_slot(std::uint8_t sub) const;

@@ -196,9 +196,18 @@ rt::Task<bool> Starter::runs_already(Seat& seat) {
     const auto guarded = co_await co::probe(s_.dispatcher, id, s_.bus.timing.guard_timeout, s_.bus.timing.tries);
     co_return guarded && guarded->state == NmtState::operational;
   }
+  // One that was out of reach answers questions before its next heartbeat tells its state.
+  const rt::Duration period = s_.bus.timing.heartbeat_period;
+  const rt::Time deadline = s_.executor.now() + period + period / 4;
+  while (!beats(id) && s_.executor.now() < deadline) {
+    co_await rt::sleep_for(period / 16 + std::chrono::milliseconds(1));
+  }
+  co_return beats(id) && s_.boots.state(id) == NmtState::operational;
+}
+
+bool Starter::beats(NodeId id) const noexcept {
   const auto heard = s_.boots.heard(id);
-  const bool lately = heard && s_.executor.now() - *heard <= s_.bus.timing.heartbeat_timeout;
-  co_return lately&& s_.boots.state(id) == NmtState::operational;
+  return heard && s_.executor.now() - *heard <= s_.bus.timing.heartbeat_timeout;
 }
 
 // No heartbeat in this device: it is asked once by guarding, which is all that can be known of it.
@@ -241,7 +250,7 @@ rt::Task<void> Starter::await_operational() {
   while (s_.executor.now() < deadline && std::ranges::any_of(slots_.seats(), waits)) {
     co_await rt::sleep_for(s_.bus.timing.heartbeat_period / 16 + std::chrono::milliseconds(1));
     if (s_.executor.now() < again) continue;
-    co_await start_again();
+    co_await start_again(again - patience);
     again = s_.executor.now() + patience;
   }
   for (auto& seat : slots_.seats()) {
@@ -259,12 +268,15 @@ rt::Task<void> Starter::await_operational() {
 }
 
 // NMT commands have no answer, and every device hears those of all: a slow one's receive buffer overruns when a hundred
-// come back to back. A device that is not operational yet is told again, one after the other at a pace that any device
-// follows.
-rt::Task<void> Starter::start_again() {
+// come back to back. A device that tells that it is not operational yet is told again, one after the other at a pace
+// that any device follows. One that tells nothing may run.
+rt::Task<void> Starter::start_again(rt::Time since) {
   for (auto& seat : slots_.seats()) {
     if (!seat->awaited || seat->held || seat->state != SlotState::present || configuring_.rebooted(*seat)) continue;
     const NodeId id = seat->id();
+    const auto heard = s_.boots.heard(id);
+    const bool waits = heard && *heard >= since && s_.boots.state(id) != NmtState::operational;
+    if (!waits) continue;
     const auto sent = co_await s_.nmt.send(co::NmtCommand::start, id);
     if (!sent) co_return;
     co_await rt::sleep_for(s_.bus.timing.rand_response);

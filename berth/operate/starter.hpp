@@ -46,7 +46,8 @@ class Starter final : public EarlyStarter {
   rt::Task<void> start_the_waiting();
   rt::Task<void> start_all();
   rt::Task<void> await_operational();
-  rt::Task<void> start_again();
+  rt::Task<void> start_again(rt::Time since);
+  [[nodiscard]] bool beats(NodeId id) const noexcept;
 
   BusServices& s_;
   SlotTable& slots_;

@@ -90,6 +90,50 @@ TEST_F(ProgramCommand, DownloadStopStartAndClear) {
   EXPECT_NE(runs.err.find("berth program stop"), std::string::npos) << runs.err;
 }
 
+// What 1F56h shall tell when the program is in: the device is believed, not the file.
+TEST_F(ProgramCommand, TheIdentificationIsThatOfTheCommand) {
+  const Json good = reply({"download", "controller 2", "--identification", right_one, "--up"}, 0);
+  EXPECT_EQ(good.at("programs").at(0).at("identification"), right_one);
+  const Outcome other = run({"download", "controller 2", "--identification", "5", "--up"});
+  EXPECT_EQ(other.status, 1);
+  EXPECT_NE(other.err.find("another identification than the expected one"), std::string::npos) << other.err;
+  EXPECT_EQ(run({"download", "controller 2", "--identification", "0", "--up"}).status, 2);
+  const Folder folder;
+  const std::string two =
+      folder.write("two.toml",
+                   "[machine]\nname = \"m\"\n[bus.line]\nport = \"sim\"\nbitrate = 250_000\nmaster_id = 127\n"
+                   "[[slot]]\nbus = \"line\"\nids = \"1..3\"\nname = \"c{id}\"\n"
+                   "type = { vendor = 0x0000_0001, product = 0x0000_0060 }\nupdate = \"by-hand\"\n"
+                   "programs = [{ file = \"" +
+                       example("programs/controller-2.bprg") + "\" }, { number = 2, file = \"" +
+                       example("programs/controller-1.bprg") + "\" }]\n");
+  const Outcome which = berth({"program", "download", "c2", "--identification", "5", "--machine", two, "--sim", plant});
+  EXPECT_EQ(which.status, 2);
+  EXPECT_NE(which.err.find("--identification is of one program"), std::string::npos) << which.err;
+}
+
+// It refused the image: flash memory wears out, and another attempt would end as the first.
+TEST_F(ProgramCommand, ARefusedProgramIsNotWrittenAgainBeforeABoot) {
+  const Folder folder;
+  const std::string content = folder.write("p.bin", "a program of another product");
+  const std::string image = folder.file("p.bprg");
+  ASSERT_EQ(berth({"program", "image", content, image, "--vendor", "1", "--product", "97"}).status, 0);
+  const std::string refused =
+      folder.write("refused.toml",
+                   "[machine]\nname = \"m\"\n[bus.line]\nport = \"sim\"\nbitrate = 250_000\nmaster_id = 127\n"
+                   "[[slot]]\nbus = \"line\"\nids = \"1..3\"\nname = \"c{id}\"\n"
+                   "type = { vendor = 0x0000_0001, product = 0x0000_0060 }\n"
+                   "programs = [{ file = \"" +
+                       image + "\" }]\n");
+  const Outcome up = berth({"up", refused, "--sim", plant, "--fast", "--timeout", "120 s"});
+  EXPECT_NE(up.status, 0);
+  std::size_t downloads = 0;
+  const std::string line = "c2: configuring: downloading program 1: 0 of";
+  for (auto at = up.out.find(line); at != std::string::npos; at = up.out.find(line, at + 1)) ++downloads;
+  EXPECT_EQ(downloads, 1U) << up.out;
+  EXPECT_NE(up.out.find("c2: failed: I: "), std::string::npos) << up.out;
+}
+
 TEST_F(ProgramCommand, AnotherFileIsRefusedByTheDevice) {
   const Folder folder;
   const std::string content = folder.write("p.bin", "a program of another product");

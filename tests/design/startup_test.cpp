@@ -87,5 +87,76 @@ TEST(StartupKeys, WhatCannotBeIsSaidWithItsPlace) {
   }
 }
 
+// `[bus.NAME.flying_master]`: CiA 302-2's 1F90h in words.
+TEST(FlyingMasterKeys, ATableAloneHasTheDefaultsOf1F90h) {
+  EXPECT_FALSE(good(file("")).buses.at(0).flying);
+  const Machine m = good(file("[bus.b.flying_master]\n"));
+  ASSERT_TRUE(m.buses.at(0).flying);
+  const FlyingBus& flying = *m.buses.at(0).flying;
+  EXPECT_EQ(flying.priority, 1);
+  EXPECT_EQ(flying.timing.detection, 100ms);
+  EXPECT_EQ(flying.timing.delay, 500ms);
+  EXPECT_EQ(flying.timing.priority_slot, 1500ms);
+  EXPECT_EQ(flying.timing.device_slot, 10ms);
+  EXPECT_TRUE(m.buses.at(0).startup.rules.flying) << "bit 5 of 1F80h";
+}
+
+TEST(FlyingMasterKeys, EachKeyAndTheEndsOfItsRange) {
+  const Machine m = good(file(
+      "[bus.b.flying_master]\npriority = 2\ndetection = \"1 ms\"\ndelay = \"0 ms\"\npriority_slot = \"65535 ms\"\n"
+      "device_slot = \"515 ms\"\ncycle = \"65535 ms\"\n"));
+  const FlyingBus& flying = *m.buses.at(0).flying;
+  EXPECT_EQ(flying.priority, 2);
+  EXPECT_EQ(flying.timing.detection, 1ms);
+  EXPECT_EQ(flying.timing.delay, 0ms);
+  EXPECT_EQ(flying.timing.priority_slot, 65535ms);
+  EXPECT_EQ(flying.timing.device_slot, 515ms);
+  EXPECT_EQ(flying.timing.cycle, 65535ms);
+  const auto wrong = [](const std::string& keys) { return wrong_keys(file("[bus.b.flying_master]\n" + keys)); };
+  for (const char* const keys :
+       {"priority = 3\n", "priority = -1\n", "detection = \"0 ms\"\n", "detection = \"65536 ms\"\n",
+        "delay = \"65536 ms\"\n", "priority_slot = \"0 ms\"\n", "priority_slot = \"65536 ms\"\n",
+        "device_slot = \"0 ms\"\n", "cycle = \"0 ms\"\n", "cycle = \"65536 ms\"\n"}) {
+    const std::string text = keys;
+    const std::string key = text.substr(0, text.find(' '));
+    EXPECT_NE(wrong(text).find(key), std::string::npos) << text << wrong(text);
+  }
+}
+
+TEST(FlyingMasterKeys, SlotsThatOverlapAndOtherRolesAreRefused) {
+  EXPECT_NE(wrong_keys(file("[bus.b.flying_master]\n", "", "observer")).find("only a master is one of several"),
+            std::string::npos);
+  EXPECT_NE(wrong_keys(file("[bus.b.flying_master]\npriority_slot = \"1270 ms\"\n"))
+                .find("the slots of two priorities overlap"),
+            std::string::npos);
+  EXPECT_TRUE(good(file("[bus.b.flying_master]\npriority_slot = \"1271 ms\"\n")).buses.at(0).flying);
+  EXPECT_NE(wrong_keys(file("[bus.b.flying_master]\nnoise = 1\n")).find("noise"), std::string::npos);
+}
+
+TEST(TimingKeys, AtOnceIsFrom1To127) {
+  const auto with = [](const std::string& keys) { return file("[timing]\n" + keys); };
+  EXPECT_EQ(good(file("")).buses.at(0).timing.at_once, 0U) << "as many as the bus has room for";
+  EXPECT_EQ(good(with("at_once = 1\n")).buses.at(0).timing.at_once, 1U);
+  EXPECT_EQ(good(with("at_once = 127\n")).buses.at(0).timing.at_once, 127U);
+  EXPECT_NE(wrong_keys(with("at_once = 0\n")).find("at_once"), std::string::npos);
+  EXPECT_NE(wrong_keys(with("at_once = 128\n")).find("at_once"), std::string::npos);
+}
+
+TEST(MachineKeys, LinkPlanStandsBesideTheMachineFile) {
+  const auto with = [](const std::string& line) {
+    std::string text = file("");
+    return text.insert(text.find("[bus.b]"), line);
+  };
+  const auto read = [](const std::string& text) { return read_machine(text, "some/where/m.toml", {}); };
+  EXPECT_EQ(read(file("")).machine->link_plan, "");
+  const auto named = read(with("link_plan = \"plan.toml\"\n"));
+  ASSERT_TRUE(named.machine);
+  EXPECT_EQ(named.machine->link_plan, "some/where/plan.toml");
+  const auto absolute = read(with("link_plan = \"/srv/plan.toml\"\n"));
+  ASSERT_TRUE(absolute.machine);
+  EXPECT_EQ(absolute.machine->link_plan, "/srv/plan.toml");
+  EXPECT_NE(wrong_keys(with("link_plan = \"\"\n")).find("the file name is empty"), std::string::npos);
+}
+
 }  // namespace
 }  // namespace berth::design

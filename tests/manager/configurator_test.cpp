@@ -79,6 +79,30 @@ TEST(Configurator, B4_7_TheExpectedDateNeedsNothing) {
   EXPECT_EQ(d.savings, 0U);
 }
 
+// 0800 0024h: there is no value yet; it differs from any that is wanted, and is as one without a byte.
+TEST(Configurator, ADomainWithoutAValueIsWritten) {
+  constexpr ObjectRef curve{0x2002, 0};
+  auto d = pump();
+  d.add(curve, {});
+  d.domains = {curve};
+  d.save_now();
+  auto w = pump_wanted();
+  w.entries.push_back(entry(curve, {1, 2, 3}, od::DataType::domain));
+  const auto r = configure(d, w);
+  ASSERT_TRUE(r.good()) << describe(*r.failure, "pump.dcf");
+  EXPECT_EQ(d.value(curve), (Bytes{1, 2, 3}));
+  ASSERT_EQ(r.differences.size(), 2U);
+  EXPECT_EQ(r.differences[1].held, Bytes{});
+
+  auto empty = pump();
+  empty.add(curve, {});
+  empty.domains = {curve};
+  empty.save_now();
+  w.entries.back() = entry(curve, {}, od::DataType::domain);
+  ASSERT_TRUE(configure(empty, w).good());
+  EXPECT_EQ(empty.writes_to(curve), 0U);
+}
+
 TEST(Configurator, OwnValuesAreLookedAtEvenThen) {
   auto d = pump();
   auto w = pump_wanted();

@@ -54,6 +54,7 @@ class FakeDevice final : public co::SdoAccess {
   std::map<ObjectRef, AbortCode> refuses_read;
   std::set<ObjectRef> forgets;                // accepts and does not keep
   std::set<ObjectRef> silent;                 // never answers
+  std::set<ObjectRef> domains;                // without a value they answer 0800 0024
   std::map<ObjectRef, unsigned> not_ready;    // so many accesses answer 0800 0022
   std::optional<unsigned> dies_after_writes;  // then answers nothing
   std::optional<unsigned> restarts_after_writes;
@@ -128,6 +129,7 @@ class FakeDevice final : public co::SdoAccess {
     const auto it = objects.find(ref);
     if (it == objects.end()) return abort(ref, no_such(ref));
     if (!it->second.readable) return abort(ref, AbortCode::write_only);
+    if (it->second.value.empty() && domains.contains(ref)) return abort(ref, AbortCode::no_data);
     return co::SdoValue(it->second.value);
   }
 

@@ -170,6 +170,33 @@ TEST(ManagerObjects, NmtIsAskedOfTheManager) {
   EXPECT_EQ(stranger.write(0x1F25, 1, {'s', 'a', 'v', 'e'}), 0x0800'0020U);
 }
 
+// CiA 302-2, 84h to 87h and 8Fh: all but the master and the requester. A panel without a slot may be the one that asks.
+TEST(ManagerObjects, AllOthersAreTheSlots) {
+  auto plant = two_devices();
+  auto& panel = add_device(plant, "panel", {7, 7}, 1);
+  panel.node_id = NodeId(50);
+  panel.source = plant::NodeIdSource::hard_coded;
+  Rig rig(three_slots(), plant);
+  rig.begin();
+  ASSERT_TRUE(rig.until_operational(60s)) << rig.log();
+  Stranger stranger(rig);
+  const auto all_are = [&](NmtState state) {
+    return rig.device("left").device().state() == state && rig.device("right").device().state() == state;
+  };
+  ASSERT_EQ(rig.device("panel").device().state(), NmtState::pre_operational);
+  EXPECT_EQ(stranger.write(0x1F82, 0x80, {0x84}), 0U);
+  ASSERT_TRUE(rig.run_until([&] { return all_are(NmtState::stopped); }, 2s));
+  EXPECT_EQ(rig.device("panel").device().state(), NmtState::pre_operational);
+  EXPECT_EQ(stranger.write(0x1F82, 0x80, {0x8F}), 0U);
+  ASSERT_TRUE(rig.run_until([&] { return all_are(NmtState::pre_operational); }, 2s));
+  EXPECT_EQ(stranger.write(0x1F82, 0x80, {0x85}), 0U);
+  ASSERT_TRUE(rig.run_until([&] { return all_are(NmtState::operational); }, 2s)) << rig.log();
+  EXPECT_EQ(stranger.write(0x1F82, 1, {0x84}), 0x0609'0030U) << "of all only";
+  EXPECT_EQ(stranger.write(0x1F82, 0x80, {0xFF}), 0x0609'0030U) << "no state";
+  EXPECT_EQ(stranger.write(0x1F82, 0x80, {0x80}), 0x0609'0030U) << "no state";
+  EXPECT_EQ(rig.device("panel").device().state(), NmtState::pre_operational);
+}
+
 TEST(ManagerObjects, AConfigurationIsAskedForByItsSignature) {
   auto machine = one_bus(250'000);
   add_slot(machine, 5, type_pump);

@@ -3,122 +3,14 @@
 #include <gtest/gtest.h>
 
 #include <map>
-#include <optional>
 
-#include "tests/harness/rig.hpp"
+#include "tests/harness/berths.hpp"
 
 using namespace berth;
 using namespace berth::harness;
 using places::SlotState;
 
 namespace {
-
-// One bus, its devices, and Berths with a slot table of their own each.
-class Berths : private can::Tap, private plant::World::Observer {
- public:
-  Berths(const design::Machine& machine, const plant::PlantFile& file, const std::vector<std::uint8_t>& priorities) {
-    Findings findings;
-    const std::vector<plant::BusRate> rates{{"backbone", machine.buses[0].bitrate}};
-    world_ = plant::World::make(file, rates, findings);
-    world_->bus("backbone")->add_tap(*this);
-    world_->add_observer(*this);
-    for (std::size_t i = 0; i < priorities.size(); ++i) {
-      auto& one = *berths_.emplace_back(std::make_unique<One>());
-      one.machine = machine;
-      one.machine.buses[0].master = NodeId(static_cast<std::uint8_t>(127 - i));
-      one.machine.buses[0].flying = design::FlyingBus{priorities[i], {}};
-    }
-    world_->start();
-  }
-  ~Berths() {
-    for (auto& one : berths_) kill(*one);
-    world_->bus("backbone")->remove_tap(*this);
-    world_->remove_observer(*this);
-  }
-
-  void begin(std::size_t i) {
-    One& one = *berths_[i];
-    one.port = world_->attach_master("backbone");
-    operate::NetworkObserver observer;
-    observer.event = [&one](const operate::Event& event) { one.lines.push_back(operate::to_line(event)); };
-    one.network = std::make_unique<operate::Network>(world_->executor(), *one.port, one.machine.buses[0],
-                                                     one.machine.specs("backbone"), one.store, observer);
-    ASSERT_TRUE(one.network->open());
-    one.network->start();
-  }
-  // It dies where it stands.
-  void kill(std::size_t i) { kill(*berths_[i]); }
-  [[nodiscard]] bool leads(std::size_t i) const {
-    const auto master = berths_[i]->network ? berths_[i]->network->services().master : std::nullopt;
-    return master && master->here;
-  }
-  [[nodiscard]] operate::Network& network(std::size_t i) { return *berths_[i]->network; }
-  [[nodiscard]] bool operational(std::size_t i) const {
-    return berths_[i]->network->operational() && berths_[i]->network->idle();
-  }
-  bool run_until(const std::function<bool()>& done, rt::Duration limit = 120s) {
-    return world_->sim().run_until(done, limit);
-  }
-  void run_for(rt::Duration time) { world_->sim().run_for(time); }
-  // Frames of this Berth's controller, by identifier, since `forget`.
-  [[nodiscard]] std::map<std::uint32_t, unsigned> sent_by(std::size_t i) const {
-    const auto found = sent_.find(berths_[i]->port ? berths_[i]->port->number() : -1);
-    return found == sent_.end() ? std::map<std::uint32_t, unsigned>{} : found->second;
-  }
-  void forget() {
-    sent_.clear();
-    commands.clear();
-  }
-  std::vector<std::string> commands;  // NMT
-  [[nodiscard]] std::string log() const {
-    std::string text;
-    for (const auto& one : berths_) {
-      text += "---\n";
-      for (const auto& line : one->lines) text += line + "\n";
-    }
-    return text;
-  }
-  [[nodiscard]] plant::World& world() { return *world_; }
-  unsigned second_starts = 0;
-  unsigned left_operational = 0;
-
- private:
-  struct One {
-    design::Machine machine;
-    places::MemoryStore store;
-    std::unique_ptr<sim::Controller> port;
-    std::unique_ptr<operate::Network> network;
-    std::vector<std::string> lines;
-  };
-  static void kill(One& one) {
-    one.network.reset();
-    one.port.reset();
-  }
-  void frame(const can::Frame& frame, rt::Time at, int sender) noexcept override {
-    ++sent_[sender][frame.key()];
-    if (frame.key() == 0) commands.push_back(can::to_string(frame));
-    const bool start = frame.key() == 0 && frame.size == 2 && frame.data[0] == 1;
-    if (!start) return;
-    for (const auto& device : world_->devices()) {
-      const auto since = runs_since_[device.get()];
-      const auto id = device->device().node_id();
-      const bool meant = id.configured() && (frame.data[1] == 0 || frame.data[1] == id.value());
-      if (meant && since && *since < at) ++second_starts;
-    }
-  }
-  void plant_changed(const plant::SimDevice& device) noexcept override {
-    auto& since = runs_since_[&device];
-    const bool runs = device.powered() && device.device().state() == NmtState::operational;
-    if (since && !runs) ++left_operational;
-    if (!runs) since.reset();
-    if (runs && !since) since = world_->executor().now();
-  }
-
-  std::unique_ptr<plant::World> world_;
-  std::vector<std::unique_ptr<One>> berths_;
-  std::map<int, std::map<std::uint32_t, unsigned>> sent_;
-  std::map<const plant::SimDevice*, std::optional<rt::Time>> runs_since_;
-};
 
 bool only_agrees(const std::map<std::uint32_t, unsigned>& frames) {
   return std::ranges::all_of(frames, [](const auto& f) { return f.first >= 0x71 && f.first <= 0x76; });
@@ -242,4 +134,40 @@ TEST(Masters, ADeviceStandsInForBerth) {
   EXPECT_FALSE(device.truth().leads);
   EXPECT_EQ(device.truth().active_master, NodeId(127));
   EXPECT_EQ(berths.second_starts, 0U);
+}
+
+// A device behind a cut cable goes on as it was. Whenever the cable is mended, it is asked what it does before it is
+// started: it answers questions before its next heartbeat tells that it runs.
+TEST(Masters, ADeviceThatWasOutOfReachIsNotStartedAgain) {
+  for (int at = 0; at < 40; ++at) {
+    SCOPED_TRACE("mended " + std::to_string(50 * at) + " ms later");
+    Berths berths(five_slots(), five_slaves(), {0});
+    berths.begin(0);
+    ASSERT_TRUE(berths.run_until([&] { return berths.leads(0) && berths.operational(0); })) << berths.log();
+    berths.run_for(2s);
+    berths.cut(0);
+    ASSERT_TRUE(berths.run_until([&] { return !berths.network(0).operational(); }, 10s));
+    berths.run_for(50ms * at);
+    berths.join();
+    ASSERT_TRUE(berths.run_until([&] { return berths.operational(0); }, 60s)) << berths.log();
+    berths.run_for(5s);
+    EXPECT_EQ(berths.second_starts, 0U) << berths.log();
+    EXPECT_EQ(berths.left_operational, 0U);
+  }
+}
+
+// Its NMT start was heard and its next heartbeat was not: what is not known is no reason to start it a second time.
+TEST(Masters, ADeviceThatIsNotHeardBehindItsStartIsNotStartedAgain) {
+  Berths berths(five_slots(), five_slaves(), {0});
+  berths.begin(0);
+  const auto& last = berths.world().find("d5")->device();
+  ASSERT_TRUE(berths.run_until([&] { return last.state() == NmtState::operational; })) << berths.log();
+  sim::Fault fault;
+  fault.kind = sim::Fault::Kind::overrun;
+  const std::uint32_t heartbeat = 0x700U + last.node_id().value();
+  fault.trigger.when = [heartbeat](const sim::FrameStart& start) { return start.frame.key() == heartbeat; };
+  fault.victims = {&berths.controller(0)};
+  berths.world().bus("backbone")->inject(std::move(fault));
+  ASSERT_TRUE(berths.run_until([&] { return berths.operational(0); }, 30s)) << berths.log();
+  EXPECT_EQ(berths.second_starts, 0U) << berths.log();
 }

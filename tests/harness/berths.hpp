@@ -1,0 +1,154 @@
+/// Several Berths on one simulated bus (docs/flying-master.md): which of them works, what each sent, and whether a
+/// device that runs was started again.
+#pragma once
+
+#include <fmt/format.h>
+#include <gtest/gtest.h>
+
+#include <map>
+#include <optional>
+#include <set>
+#include <string>
+
+#include "tests/harness/rig.hpp"
+
+namespace berth::harness {
+
+// One bus, its devices, and Berths with a slot table of their own each.
+class Berths : private can::Tap, private plant::World::Observer {
+ public:
+  Berths(const design::Machine& machine, const plant::PlantFile& file, const std::vector<std::uint8_t>& priorities) {
+    Findings findings;
+    const std::vector<plant::BusRate> rates{{"backbone", machine.buses[0].bitrate}};
+    world_ = plant::World::make(file, rates, findings);
+    world_->bus("backbone")->add_tap(*this);
+    world_->add_observer(*this);
+    for (std::size_t i = 0; i < priorities.size(); ++i) {
+      auto& one = *berths_.emplace_back(std::make_unique<One>());
+      one.machine = machine;
+      one.machine.buses[0].master = NodeId(static_cast<std::uint8_t>(127 - i));
+      one.machine.buses[0].flying = design::FlyingBus{priorities[i], {}};
+    }
+    world_->start();
+  }
+  ~Berths() {
+    for (auto& one : berths_) kill(*one);
+    world_->bus("backbone")->remove_tap(*this);
+    world_->remove_observer(*this);
+  }
+
+  void begin(std::size_t i) {
+    One& one = *berths_[i];
+    one.port = world_->attach_master("backbone");
+    operate::NetworkObserver observer;
+    observer.event = [&one](const operate::Event& event) { one.lines.push_back(operate::to_line(event)); };
+    one.network = std::make_unique<operate::Network>(world_->executor(), *one.port, one.machine.buses[0],
+                                                     one.machine.specs("backbone"), one.store, observer);
+    ASSERT_TRUE(one.network->open());
+    one.network->start();
+  }
+  // It dies where it stands.
+  void kill(std::size_t i) { kill(*berths_[i]); }
+  [[nodiscard]] bool runs(std::size_t i) const { return berths_[i]->network != nullptr; }
+  // This Berth, and every second device, on one side; the rest on the other.
+  void cut(std::size_t i) {
+    std::vector<sim::Controller*> side;
+    if (berths_[i]->port) side.push_back(berths_[i]->port.get());
+    for (std::size_t k = 0; k < world_->devices().size(); k += 2) {
+      side.push_back(&world_->devices()[k]->controller());
+    }
+    world_->bus("backbone")->split(side);
+    for (const auto* controller : side) side_.insert(controller->number());
+  }
+  void join() {
+    world_->bus("backbone")->join();
+    side_.clear();
+  }
+  [[nodiscard]] bool leads(std::size_t i) const {
+    const auto master = berths_[i]->network ? berths_[i]->network->services().master : std::nullopt;
+    return master && master->here;
+  }
+  [[nodiscard]] const sim::Controller& controller(std::size_t i) const { return *berths_[i]->port; }
+  [[nodiscard]] operate::Network& network(std::size_t i) { return *berths_[i]->network; }
+  [[nodiscard]] bool operational(std::size_t i) const {
+    return berths_[i]->network->operational() && berths_[i]->network->idle();
+  }
+  bool run_until(const std::function<bool()>& done, rt::Duration limit = 120s) {
+    return world_->sim().run_until(done, limit);
+  }
+  void run_for(rt::Duration time) { world_->sim().run_for(time); }
+  // Frames of this Berth's controller, by identifier, since `forget`.
+  [[nodiscard]] std::map<std::uint32_t, unsigned> sent_by(std::size_t i) const {
+    const auto found = sent_.find(berths_[i]->port ? berths_[i]->port->number() : -1);
+    return found == sent_.end() ? std::map<std::uint32_t, unsigned>{} : found->second;
+  }
+  void forget() {
+    sent_.clear();
+    commands.clear();
+  }
+  std::vector<std::string> commands;  // NMT
+  [[nodiscard]] std::string log() const {
+    std::string text = started_again_;
+    for (const auto& one : berths_) {
+      text += "---\n";
+      for (const auto& line : one->lines) text += line + "\n";
+    }
+    return text;
+  }
+  [[nodiscard]] plant::World& world() { return *world_; }
+  unsigned second_starts = 0;
+  unsigned left_operational = 0;
+
+ private:
+  struct One {
+    design::Machine machine;
+    places::MemoryStore store;
+    std::unique_ptr<sim::Controller> port;
+    std::unique_ptr<operate::Network> network;
+    std::vector<std::string> lines;
+  };
+  [[nodiscard]] static double seconds(rt::Time time) {
+    return std::chrono::duration<double>(time.time_since_epoch()).count();
+  }
+  static void kill(One& one) {
+    one.network.reset();
+    one.port.reset();
+  }
+  void frame(const can::Frame& frame, rt::Time at, int sender) noexcept override {
+    ++sent_[sender][frame.key()];
+    if (frame.key() == 0) commands.push_back(can::to_string(frame));
+    const bool start = frame.key() == 0 && frame.size == 2 && frame.data[0] == 1;
+    if (!start) return;
+    // A bus that was joined has two active masters until one hears the other, and both may be about to start a device
+    // (docs/flying-master.md, "What remains possible"): that alone is not counted.
+    std::size_t leading = 0;
+    for (std::size_t i = 0; i < berths_.size(); ++i) leading += leads(i) ? 1U : 0U;
+    if (leading > 1) return;
+    for (const auto& device : world_->devices()) {
+      const auto since = runs_since_[device.get()];
+      const auto id = device->device().node_id();
+      const bool hears = side_.contains(sender) == side_.contains(device->controller().number());
+      const bool meant = hears && id.configured() && (frame.data[1] == 0 || frame.data[1] == id.value());
+      if (!meant || !since || *since >= at) continue;
+      ++second_starts;
+      started_again_ += fmt::format("{:.3f} s: {} (node-ID {}), operational since {:.3f} s, is started by controller {}\n",
+                                    seconds(at), device->name(), id.value(), seconds(*since), sender);
+    }
+  }
+  void plant_changed(const plant::SimDevice& device) noexcept override {
+    auto& since = runs_since_[&device];
+    const bool runs = device.powered() && device.device().state() == NmtState::operational;
+    if (since && !runs) ++left_operational;
+    if (!runs) since.reset();
+    if (runs && !since) since = world_->executor().now();
+  }
+
+  std::unique_ptr<plant::World> world_;
+  std::vector<std::unique_ptr<One>> berths_;
+  std::map<int, std::map<std::uint32_t, unsigned>> sent_;
+  std::string started_again_;  // for people
+  std::set<int> side_;  // of a cut bus; what is sent on the other one is not heard here
+  std::map<const plant::SimDevice*, std::optional<rt::Time>> runs_since_;
+};
+
+}  // namespace berth::harness
