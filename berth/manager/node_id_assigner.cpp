@@ -24,6 +24,7 @@ NodeIdAssigner::NodeIdAssigner(can::Dispatcher& dispatcher, co::SdoClient& sdo, 
       sdo_(&sdo),
       values_(&values),
       lss_(dispatcher),
+      rand_(dispatcher),
       methods_(discovery::Services{dispatcher, lss_}, {.configured = false}) {}
 
 rt::Task<Result<void>> NodeIdAssigner::run(NodeId own, std::bitset<128> there) {
@@ -81,6 +82,12 @@ rt::Task<Result<void>> NodeIdAssigner::search() {
   if (!found) co_return fail(found.error());
   const auto quiet = co_await lss_.switch_global(lss::State::waiting);
   if (!quiet) co_return fail(quiet.error());
+  // RAND has found them, and they would not answer when the list has a place for them.
+  for (const auto& device : found->found) {
+    if (device.assigned.configured() || device.by != discovery::Method::planner_rand) continue;
+    const auto told = co_await rand_.switch_selective(device.address, nodeid::Identification::unknown);
+    if (!told) co_return fail(told.error());
+  }
   co_return Result<void>{};
 }
 

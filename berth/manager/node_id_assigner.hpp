@@ -18,6 +18,7 @@
 #include "berth/discovery/auto.hpp"
 #include "berth/lss/master.hpp"
 #include "berth/manager/boot_rules.hpp"
+#include "berth/nodeid/rand_master.hpp"
 #include "berth/od/values.hpp"
 
 namespace berth::manager {
@@ -52,6 +53,7 @@ class NodeIdAssigner final : private discovery::Assigner {
   co::SdoClient* sdo_;
   const od::Values* values_;
   lss::Master lss_;
+  nodeid::RandMaster rand_;
   discovery::Auto methods_;
   std::vector<Wanted> list_;
   unsigned given_ = 0;

@@ -97,7 +97,7 @@ std::shared_ptr<const od::Description> with_manager(const PlantMaster& master) {
   const std::uint8_t most = highest_slave(master);
   device::add_device(b, {.supervised = std::max<std::uint8_t>(most, 8)});
   manager::ManagerObjects objects{.most = most, .startup = 0x21, .longest_concise = 0, .flying = true};
-  constexpr std::uint32_t room_for_a_configuration = 256;
+  constexpr auto room_for_a_configuration = static_cast<std::uint32_t>(device::ParameterStore::longest);
   if (!master.flying) device::add_storage(b);
   if (!master.flying) objects = {.most = most, .longest_concise = room_for_a_configuration};
   manager::add_manager_objects(b, objects);
@@ -244,6 +244,16 @@ void warn_of_supplied(Findings& findings, const std::string& file, std::span<con
 
 }  // namespace
 
+// An NMT master keeps the configurations of its slaves (1F22h), which are DOMAINs.
+device::GroupOf parameter_group_of(const PlantDevice& plan) noexcept {
+  if (!plan.does.master || plan.does.master->flying) return device::default_parameter_group;
+  return [](const od::Description& description, const od::Object& object, const od::SubObject& sub) noexcept {
+    const bool configuration = object.index == 0x1F22 && sub.sub != 0;
+    return configuration ? device::parameter_group::communication
+                         : device::default_parameter_group(description, object, sub);
+  };
+}
+
 device::Timing timing_of(const PlantDevice& plan) {
   device::Timing t;
   t.response_min = plan.response.min;
@@ -296,6 +306,7 @@ device::Options options_of(const PlantDevice& plan, const LssAddress& address, s
   if (plan.eds.empty()) o.name = plan.name;
   const auto heartbeat = std::chrono::duration_cast<std::chrono::milliseconds>(plan.heartbeat).count();
   if (heartbeat > 0) o.presets.push_back({{0x1017, 0}, static_cast<std::uint64_t>(heartbeat)});
+  o.parameter_group = parameter_group_of(plan);
   if (plan.does.master && plan.does.master->flying) preset_network_list(*plan.does.master, o);
   return o;
 }

@@ -70,7 +70,7 @@ SimDevice::SimDevice(World& world, sim::Bus& bus, const PlantDevice& plan, const
       bus_(&bus),
       plan_(plan),
       timing_(timing_of(plan)),
-      flash_(bus.executor(), device::Device::memory_size(*description), timing_.in_world(plan.storing.time)),
+      flash_(bus.executor(), device::Device::memory_size(*description, parameter_group_of(plan)), timing_.in_world(plan.storing.time)),
       program_flash_(program_flash_of(plan, bus.executor())),
       controller_(bus.attach(controller_of(plan, bus))),
       port_(bus.executor(), *controller_, timing_, random),
