@@ -127,6 +127,7 @@ tl::expected<void, Failure> Rig::build_world(const Options& options) {
   for (const auto& bus : machine_.buses) {
     if (simulated(bus)) rates.push_back({bus.name, bus.bitrate});
   }
+  for (const auto& bus : machine_.beneath) rates.push_back({bus.name, bus.bitrate});
   auto world = make_world(plant_, rates, options.sim, options);
   if (!world) return tl::unexpected(world.error());
   world_ = std::move(*world);

@@ -106,6 +106,7 @@ bool SdoServers::complete(ObjectRef object, AbortCode code) noexcept {
   for (auto& server : additional_) {
     if (server.service && server.service->complete(object, code)) any = true;
   }
+  values_->channels().completed(object, code);
   return any;
 }
 

@@ -36,7 +36,26 @@ struct Disturbed {
   Network* network = nullptr;
   std::vector<NodeId> nodes{};
   std::string how{};
+  const operate::Beneath* beneath = nullptr;  ///< the bus of the nodes, where Berth has no port there
 };
+
+// Nodes of this bus, or of the one beneath that these gateways lead to. There the slots tell; a node without one may run.
+Disturbed disturbed_at(Session& session, Network& network, const std::vector<multilevel::Hop>& gateways,
+                       co::NmtTarget target, std::string how) {
+  if (gateways.empty()) return {&network, operational_of(network, target), std::move(how)};
+  Disturbed disturbed{&network, {}, std::move(how)};
+  const operate::Way way{network.bus().name, gateways};
+  const auto beneath = std::ranges::find(session.beneath(), way, &operate::Beneath::way);
+  if (beneath == session.beneath().end()) {
+    disturbed.nodes.push_back(gateways.back().gateway);
+    return disturbed;
+  }
+  disturbed.beneath = beneath->get();
+  for (const auto& slot : (*beneath)->report()) {
+    if (target.includes(slot.id) && slot.state == places::SlotState::operational) disturbed.nodes.push_back(slot.id);
+  }
+  return disturbed;
+}
 
 Disturbed by_nmt(Session& session, const Request& request) {
   Arguments arguments(request);
@@ -45,9 +64,8 @@ Disturbed by_nmt(Session& session, const Request& request) {
   const bool resets =
       wanted.command == co::NmtCommand::reset_node || wanted.command == co::NmtCommand::reset_communication;
   if (!arguments.good() || !network || !resets) return {};
-  return {*network, operational_of(**network, wanted.target),
-          "boots and leaves operational: its outputs go to their "
-          "fault values"};
+  return disturbed_at(session, **network, wanted.gateways, wanted.target,
+                      "boots and leaves operational: its outputs go to their fault values");
 }
 
 Disturbed by_sdo(Session& session, const Request& request) {
@@ -60,8 +78,8 @@ Disturbed by_sdo(Session& session, const Request& request) {
     return object.ref.index == store_parameters || object.ref.index == restore_defaults;
   });
   if (!arguments.good() || !network || !stores) return {};
-  return {*network, operational_of(**network, co::NmtTarget(wanted.node.node)),
-          "writes its memory while it works; some devices are deaf meanwhile"};
+  return disturbed_at(session, **network, wanted.node.gateways, wanted.node.node,
+                      "writes its memory while it works; some devices are deaf meanwhile");
 }
 
 Disturbed by_lss(Session& session, const Request& request) {
@@ -93,8 +111,8 @@ Disturbed by_memory(Session& session, const Request& request) {
   const auto node = node_argument(arguments, session.machine());
   const auto network = network_for(session, node.bus, Use::look);
   if (!arguments.good() || !network) return {};
-  return {*network, operational_of(**network, co::NmtTarget(node.node)),
-          "writes its memory while it works; some devices are deaf meanwhile"};
+  return disturbed_at(session, **network, node.gateways, node.node,
+                      "writes its memory while it works; some devices are deaf meanwhile");
 }
 
 Disturbed by_program(Session& session, const Request& request) {
@@ -134,8 +152,7 @@ void unconfirmed(Reply& reply, Json json, const std::string& text) {
   reply.error = text;
 }
 
-std::string whom(const Network& network, const std::vector<NodeId>& nodes) {
-  const auto slots = network.report();
+std::string whom(const std::vector<SlotReport>& slots, const std::vector<NodeId>& nodes) {
   std::string text;
   for (const auto id : nodes) {
     const auto slot = std::ranges::find(slots, id, &SlotReport::id);
@@ -175,11 +192,14 @@ bool confirmed(Session& session, const Request& request, Reply& reply) {
   if (yes || !session.careful()) return true;
   const auto disturbed = disturbed_by(session, request);
   if (disturbed.nodes.empty()) return true;
-  const std::string nodes = whom(*disturbed.network, disturbed.nodes);
+  const auto* const beneath = disturbed.beneath;
+  const std::string nodes =
+      whom(beneath != nullptr ? beneath->report() : disturbed.network->report(), disturbed.nodes);
+  const std::string& bus = beneath != nullptr ? beneath->bus().name : disturbed.network->bus().name;
   const std::string text = fmt::format("bus {}: node {} is operational and {}; nothing was sent; confirm it with --yes",
-                                       disturbed.network->bus().name, nodes, disturbed.how);
+                                       bus, nodes, disturbed.how);
   Json json;
-  json["bus"] = disturbed.network->bus().name;
+  json["bus"] = bus;
   json["operational"] = Json::array();
   for (const auto id : disturbed.nodes) json["operational"].push_back(id.value());
   unconfirmed(reply, std::move(json), text);

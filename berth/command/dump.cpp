@@ -132,16 +132,19 @@ rt::Task<void> sdo_dump(Session& session, const Request& request, Reply& reply) 
   Arguments arguments(request);
   const NodeArgument wanted = node_argument(arguments, session.machine());
   if (!arguments.good()) co_return refuse(reply, 2, arguments.problem());
-  const auto network = node_network(session, wanted);
+  const auto network = node_network(session, wanted, Place::beneath_too);
   if (!network) co_return refuse(reply, 2, network.error());
   Network& bus = **network;
   const od::Description* const description = wanted.description.get();
+  std::optional<co::NodeAccess> direct;
+  const co::SdoOptions how = bus.services().sdo.options();
+  co::SdoAccess& device = objects_of(session, bus, wanted, how, direct);
   Walk walk(description);
   Dump dump;
   Patience patience;
   while (const auto ref = walk.next()) {
     const KnownObject object = known_object(description, *ref);
-    const auto answer = co_await bus.services().sdo.upload(wanted.node, ref->index, ref->sub);
+    const auto answer = co_await device.read(ref->index, ref->sub);
     const bool gives_up = patience.over(answer);
     if (answer) {
       dump.value(object, answer->bytes());
@@ -160,11 +163,12 @@ rt::Task<void> sdo_dump(Session& session, const Request& request, Reply& reply) 
   Json json;
   json["bus"] = bus.bus().name;
   json["node"] = wanted.node.value();
+  if (!wanted.gateways.empty()) json["path"] = wanted.text();
   json["described"] = description != nullptr;
   json["read"] = dump.read;
   json["refused"] = dump.refused;
   json["objects"] = std::move(dump.objects);
-  dump.lines.push_back(fmt::format("node {}: {} values read, {} refused{}", wanted.node.value(), dump.read,
+  dump.lines.push_back(fmt::format("node {}: {} values read, {} refused{}", wanted.text(), dump.read,
                                    dump.refused,
                                    description != nullptr ? ""
                                                           : "; no description is known: only CiA 301's objects were "

@@ -41,12 +41,12 @@ struct Told {
 };
 
 // Sub-index 0 says how many there are, 1 is the newest (CiA 301 §7.5.2.4).
-rt::Task<Result<void>> read_history(Network& bus, NodeId node, std::uint16_t profile, Told& told) {
-  const auto count = co_await bus.services().sdo.upload(node, 0x1003, 0);
+rt::Task<Result<void>> read_history(co::SdoAccess& node, std::uint16_t profile, Told& told) {
+  const auto count = co_await node.read(0x1003, 0);
   if (!count) co_return tl::unexpected(count.error());
   const std::uint32_t entries = number(*count) & 0xFFU;
   for (std::uint32_t sub = 1; sub <= entries; ++sub) {
-    const auto entry = co_await bus.services().sdo.upload(node, 0x1003, static_cast<std::uint8_t>(sub));
+    const auto entry = co_await node.read(0x1003, static_cast<std::uint8_t>(sub));
     if (!entry) co_return tl::unexpected(entry.error());
     const std::uint32_t raw = number(*entry);
     const auto code = static_cast<std::uint16_t>(raw);
@@ -94,17 +94,25 @@ class Ear final : private co::EmcyConsumer::Observer {
 };
 
 // The device profile is the lower word of 1000h (CiA 301 §7.5.2.1); 0 = none, or the device does not tell.
-rt::Task<std::uint16_t> profile_of(Network& bus, NodeId node) {
-  const auto type = co_await bus.services().sdo.upload(node, 0x1000, 0);
+rt::Task<std::uint16_t> profile_of(co::SdoAccess& node) {
+  const auto type = co_await node.read(0x1000, 0);
   co_return type ? static_cast<std::uint16_t>(number(*type)) : std::uint16_t{0};
 }
 
 rt::Task<void> listen(Session& session, const NodeArgument& node, std::uint32_t seconds, Reply& reply) {
   const auto network = network_for(session, node.bus, Use::look);
   if (!network) co_return refuse(reply, 2, network.error());
+  if (!node.gateways.empty()) {
+    co_return refuse(reply, 2,
+                     fmt::format("node {} is not heard on bus {}: its gateway {} sends its emergencies there, with the "
+                                 "path in them",
+                                 node.text(), (*network)->bus().name, node.gateways.front().gateway.value()),
+                     fmt::format("listen to node {}", node.gateways.front().gateway.value()));
+  }
   std::uint16_t profile = 0;
   if (node.node.configured() && network_for(session, node.bus, Use::send)) {
-    profile = co_await profile_of(**network, node.node);
+    co::NodeAccess device((*network)->services().sdo, node.node);
+    profile = co_await profile_of(device);
   }
   const Ear ear(**network, node.node, profile);
   co_await rt::sleep_for(std::chrono::seconds(seconds));
@@ -128,27 +136,31 @@ rt::Task<void> emcy(Session& session, const Request& request, Reply& reply) {
       any ? NodeArgument{arguments.text("bus"), NodeId(), nullptr} : node_argument(arguments, session.machine());
   if (!arguments.good()) co_return refuse(reply, 2, arguments.problem());
   if (listens) co_return co_await listen(session, node, seconds, reply);
-  const auto network = node_network(session, node);
+  const auto network = node_network(session, node, Place::beneath_too);
   if (!network) co_return refuse(reply, 2, network.error());
   Network& bus = **network;
   const std::string where = fmt::format("bus {}, SDO read", bus.bus().name);
-  const auto state = co_await bus.services().sdo.upload(node.node, 0x1001, 0);
+  std::optional<co::NodeAccess> direct;
+  const co::SdoOptions how = bus.services().sdo.options();
+  co::SdoAccess& device = objects_of(session, bus, node, how, direct);
+  const auto state = co_await device.read(0x1001, 0);
   if (!state) co_return fail_with(reply, state.error(), where, "`berth scan` shows who answers");
   const auto bits = static_cast<std::uint8_t>(number(*state));
-  const std::uint16_t profile = co_await profile_of(bus, node.node);
+  const std::uint16_t profile = co_await profile_of(device);
   Told told;
-  const auto read = co_await read_history(bus, node.node, profile, told);
+  const auto read = co_await read_history(device, profile, told);
   // 1003h is optional (CiA 301 §7.5.2.4); a device without it has no history.
   const bool none = !read && read.error().code == Errc::aborted;
   if (!read && !none) co_return fail_with(reply, read.error(), where);
   Json json;
   json["bus"] = bus.bus().name;
   json["node"] = node.node.value();
+  if (!node.gateways.empty()) json["path"] = node.text();
   json["profile"] = profile;
   json["register"] = hex(bits, 2);
   json["text"] = register_words(bits);
   json["history"] = none ? Json() : told.history;
-  std::vector<std::string> lines{fmt::format("node {}  1001h:00  {:02X}h  {}{}", node.node.value(), bits,
+  std::vector<std::string> lines{fmt::format("node {}  1001h:00  {:02X}h  {}{}", node.text(), bits,
                                              register_words(bits),
                                              profile == 0 ? "" : fmt::format("  (device profile CiA {})", profile))};
   lines.insert(lines.end(), told.lines.begin(), told.lines.end());

@@ -10,6 +10,8 @@ namespace {
 
 using Frames = std::vector<can::Frame>;
 
+constexpr const char* beneath_a_gateway = "what goes through a gateway depends on its answers";
+
 Frames upload_frames(const Request& request, const design::Machine& machine, std::string& problem) {
   Arguments arguments(request);
   const ObjectArguments wanted = object_arguments(arguments, machine);
@@ -17,6 +19,7 @@ Frames upload_frames(const Request& request, const design::Machine& machine, std
   if (problem.empty() && !arguments.text("block").empty()) {
     problem = "what a block transfer sends depends on the device's answers";
   }
+  if (problem.empty() && !wanted.node.gateways.empty()) problem = beneath_a_gateway;
   if (!problem.empty()) return {};
   return {co::sdo::make(0x600U + wanted.node.node.value(), 0x40, wanted.objects.front().ref)};
 }
@@ -25,6 +28,7 @@ Frames download_frames(const Request& request, const design::Machine& machine, s
   Arguments arguments(request);
   const WriteArguments wanted = write_arguments(arguments, machine);
   problem = arguments.problem();
+  if (problem.empty() && !wanted.to.node.gateways.empty()) problem = beneath_a_gateway;
   if (!problem.empty()) return {};
   if (!arguments.text("block").empty()) {
     problem = "what a block transfer sends depends on the device's answers";
@@ -46,6 +50,7 @@ Frames nmt_frames(const Request& request, const design::Machine& machine, std::s
   Arguments arguments(request);
   const NmtArguments nmt = nmt_arguments(arguments, machine);
   problem = arguments.problem();
+  if (problem.empty() && !nmt.gateways.empty()) problem = beneath_a_gateway;
   if (!problem.empty()) return {};
   if (!nmt.requested_of.configured()) return {co::to_frame({nmt.command, nmt.target})};
   can::Frame frame = co::sdo::make(0x600U + nmt.requested_of.value(), 0x2F, {0x1F82, nmt.request_sub()});

@@ -55,15 +55,17 @@ rt::Task<void> device_memory(Session& session, const Request& request, Reply& re
   const NodeArgument node = node_argument(arguments, session.machine());
   const std::uint8_t group = group_of(arguments);
   if (!arguments.good()) co_return refuse(reply, 2, arguments.problem());
-  const auto network = node_network(session, node);
+  const auto network = node_network(session, node, Place::beneath_too);
   if (!network) co_return refuse(reply, 2, network.error());
   Network& bus = **network;
   const Service& service = request.verb == "store" ? saves : loads;
   co::SdoOptions options = bus.services().sdo.options();
   options.timeout = bus.bus().timing.save_timeout;
   options.retries = 0;  // a device that is slow to answer writes its memory: it is not told twice
-  const auto written =
-      co_await bus.services().sdo.download(node.node, service.index, group, std::span(service.signature), options);
+  std::optional<co::NodeAccess> direct;
+  co::SdoAccess& device = objects_of(session, bus, node, options, direct);
+  const std::span<const std::uint8_t> signature(service.signature);
+  const auto written = co_await device.write(service.index, group, signature);
   if (!written) {
     co_return fail_with(
         reply, written.error(), fmt::format("bus {}, {}", bus.bus().name, request.verb),
@@ -72,10 +74,11 @@ rt::Task<void> device_memory(Session& session, const Request& request, Reply& re
   Json json;
   json["bus"] = bus.bus().name;
   json["node"] = node.node.value();
+  if (!node.gateways.empty()) json["path"] = node.text();
   json["index"] = hex(service.index, 4);
   json["sub"] = group;
   give(reply, json,
-       {fmt::format("node {}  {}  {} {}", node.node.value(), od::write_object({service.index, group}),
+       {fmt::format("node {}  {}  {} {}", node.text(), od::write_object({service.index, group}),
                     group_name(group), service.done)});
 }
 

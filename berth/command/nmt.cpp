@@ -29,6 +29,7 @@ NmtArguments nmt_arguments(Arguments& arguments, const design::Machine& machine)
     const NodeArgument node = node_argument(arguments, machine);
     nmt.bus = node.bus;
     nmt.target = node.node;
+    nmt.gateways = node.gateways;
   }
   if (arguments.has("request"))
     nmt.requested_of = NodeId(static_cast<std::uint8_t>(arguments.number("request", 1, 127)));
@@ -67,7 +68,8 @@ rt::Task<void> wait_for_heartbeats(Network& bus, const NmtArguments& nmt) {
 }
 
 std::string whom(const NmtArguments& nmt) {
-  return nmt.target == co::NmtTarget::all() ? "all nodes" : fmt::format("node {}", nmt.target.node);
+  if (nmt.target == co::NmtTarget::all()) return "all nodes";
+  return "node " + multilevel::to_string(multilevel::Path{nmt.gateways, NodeId(nmt.target.node)});
 }
 
 Json json_of(const Network& bus, const NmtArguments& nmt) {
@@ -82,34 +84,58 @@ Json json_of(const Network& bus, const NmtArguments& nmt) {
   return json;
 }
 
-// By another master of the bus: its 1F82h is written.
-rt::Task<void> request_of(Network& bus, const NmtArguments& nmt, Reply& reply) {
+// By another master of the bus, or of one beneath: its 1F82h is written.
+rt::Task<void> request_of(Session& session, Network& bus, const NmtArguments& nmt, Reply& reply) {
   const std::array<std::uint8_t, 1> value{nmt.request_value()};
-  const auto written = co_await bus.services().sdo.download(nmt.requested_of, 0x1F82, nmt.request_sub(), value);
+  const NodeArgument master{bus.bus().name, nmt.requested_of, nullptr, nmt.gateways};
+  std::optional<co::NodeAccess> direct;
+  const co::SdoOptions how = bus.services().sdo.options();
+  co::SdoAccess& objects = objects_of(session, bus, master, how, direct);
+  const std::uint8_t sub = nmt.request_sub();
+  const std::span<const std::uint8_t> data(value);
+  const auto written = co_await objects.write(0x1F82, sub, data);
   if (!written) {
     co_return fail_with(reply, written.error(),
                         fmt::format("bus {}, NMT {} of {} by the master at node {} (1F82h:{:02X})", bus.bus().name,
-                                    nmt.word, whom(nmt), nmt.requested_of.value(), nmt.request_sub()),
+                                    nmt.word, whom(nmt), master.text(), nmt.request_sub()),
                         "a node that is no NMT master, or is not in its network list (1F81h), is refused");
   }
   Json json = json_of(bus, nmt);
   json["requested_of"] = nmt.requested_of.value();
   give(reply, json,
-       {fmt::format("node {} was asked for NMT {} to {} (1F82h)", nmt.requested_of.value(), co::name(nmt.command),
+       {fmt::format("node {} was asked for NMT {} to {} (1F82h)", master.text(), co::name(nmt.command),
                     whom(nmt))});
+}
+
+// NMT ends at a gateway: the master of the bus beneath it sends the command.
+NodeId master_beneath(const design::Machine& machine, const std::string& bus, const NmtArguments& nmt) {
+  for (const auto& beneath : machine.beneath) {
+    if (operate::way_to(machine, beneath.name) == operate::Way{bus, nmt.gateways}) return beneath.master;
+  }
+  return {};
 }
 
 }  // namespace
 
 rt::Task<void> nmt_command(Session& session, const Request& request, Reply& reply) {
   Arguments arguments(request);
-  const NmtArguments nmt = nmt_arguments(arguments, session.machine());
+  NmtArguments nmt = nmt_arguments(arguments, session.machine());
   if (!arguments.good()) co_return refuse(reply, 2, arguments.problem());
   const bool harmless = nmt.command == co::NmtCommand::stop || nmt.command == co::NmtCommand::enter_pre_operational;
   const auto network = network_for(session, nmt.bus, harmless ? Use::send : Use::command);
   if (!network) co_return refuse(reply, 2, network.error());
   Network& bus = **network;
-  if (nmt.requested_of.configured()) co_return co_await request_of(bus, nmt, reply);
+  if (!nmt.gateways.empty() && !nmt.requested_of.configured()) {
+    nmt.requested_of = master_beneath(session.machine(), bus.bus().name, nmt);
+    if (!nmt.requested_of.configured()) {
+      co_return refuse(reply, 2,
+                       fmt::format("NMT ends at a gateway, and the machine file does not say which node is the NMT "
+                                   "master of the bus of {}",
+                                   whom(nmt)),
+                       "name it by --request");
+    }
+  }
+  if (nmt.requested_of.configured()) co_return co_await request_of(session, bus, nmt, reply);
   const auto sent = co_await bus.services().nmt.send(nmt.command, nmt.target);
   if (!sent)
     co_return fail_with(reply, sent.error(), fmt::format("bus {}, NMT {} to {}", bus.bus().name, nmt.word, whom(nmt)));

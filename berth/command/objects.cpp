@@ -37,11 +37,20 @@ std::string no_slot(const design::Machine& machine, const std::string& word) {
                      some_of(shown));
 }
 
-// "3/5": a path of numbers.
-bool beneath_a_gateway(const std::string& word) {
-  const auto slash = word.find('/');
-  return slash != std::string::npos &&
-         std::ranges::all_of(word, [](char c) { return c == '/' || (c >= '0' && c <= '9'); });
+// The slot of the machine that has this path from this bus; null: none.
+const design::Slot* slot_of_path(const design::Machine& machine, const std::string& bus, const multilevel::Path& path) {
+  for (const auto& slot : machine.slots) {
+    const auto way = operate::way_to(machine, slot.spec.name.bus);
+    if (way.bus == bus && way.gateways == path.gateways && slot.spec.id == path.node) return &slot;
+  }
+  return nullptr;
+}
+
+// "3/5": node 5 beneath gateway 3.
+NodeArgument by_path(const design::Machine& machine, const std::string& bus, const multilevel::Path& path) {
+  const std::string on = bus.empty() && machine.buses.size() == 1 ? machine.buses.front().name : bus;
+  const auto* const slot = slot_of_path(machine, on, path);
+  return {bus, path.node, slot == nullptr ? nullptr : slot->description, path.gateways};
 }
 
 }  // namespace
@@ -64,16 +73,19 @@ Checked<NodeArgument> find_node(const design::Machine& machine, const std::strin
   }
   if (!slots.empty()) {
     const auto& spec = slots.front()->spec;
-    return NodeArgument{spec.name.bus, spec.id, machine.description(spec.name.bus, spec.id)};
+    auto way = operate::way_to(machine, spec.name.bus);
+    return NodeArgument{way.bus, spec.id, machine.description(spec.name.bus, spec.id), std::move(way.gateways)};
+  }
+  const auto* const line = machine.bus(bus);
+  if (is_id && line != nullptr && !line->own_port) {
+    auto way = operate::way_to(machine, bus);
+    return NodeArgument{way.bus, id, machine.description(bus, id), std::move(way.gateways)};
   }
   if (is_id) {
     const std::string on = bus.empty() && machine.buses.size() == 1 ? machine.buses.front().name : bus;
     return NodeArgument{bus, id, machine.description(on, id)};
   }
-  if (beneath_a_gateway(word)) {
-    return tl::unexpected(fmt::format("node {} lies beneath a gateway; nodes beneath gateways cannot be reached yet",
-                                      text::quoted(word)));
-  }
+  if (const auto path = multilevel::parse_path(word)) return by_path(machine, bus, *path);
   return tl::unexpected(no_slot(machine, word));
 }
 
@@ -86,13 +98,25 @@ NodeArgument node_argument(Arguments& arguments, const design::Machine& machine)
   return {arguments.text("bus"), NodeId(1), nullptr};
 }
 
-Checked<operate::Network*> node_network(operate::Session& session, const NodeArgument& node) {
+Checked<operate::Network*> node_network(operate::Session& session, const NodeArgument& node, Place place) {
   const auto network = network_for(session, node.bus, Use::send);
+  if (network && !node.gateways.empty()) {
+    if (place == Place::beneath_too) return network;
+    return tl::unexpected(
+        fmt::format("node {} is beneath a gateway of bus {}, and Berth has no port there: this needs more than SDO",
+                    node.text(), (*network)->bus().name));
+  }
   if (network && node.node == (*network)->bus().master) {
     return tl::unexpected(
         fmt::format("node-ID {} is Berth's own on bus {}", node.node.value(), (*network)->bus().name));
   }
   return network;
+}
+
+co::SdoAccess& objects_of(operate::Session& session, operate::Network& network, const NodeArgument& node,
+                          const co::SdoOptions& options, std::optional<co::NodeAccess>& direct) {
+  if (!node.gateways.empty()) return session.routes(network).access({node.gateways, node.node});
+  return direct.emplace(network.services().sdo, node.node, options);
 }
 
 // ---- objects ----

@@ -4,13 +4,16 @@
 #pragma once
 
 #include <memory>
+#include <optional>
 #include <string>
 #include <vector>
 
 #include "berth/can/frame.hpp"
+#include "berth/co/sdo_access.hpp"
 #include "berth/co/nmt.hpp"
 #include "berth/command/arguments.hpp"
 #include "berth/design/machine.hpp"
+#include "berth/multilevel/path.hpp"
 #include "berth/od/description.hpp"
 #include "berth/operate/session.hpp"
 
@@ -21,16 +24,30 @@ struct NodeArgument {
   std::string bus;  ///< as the request says, else that of the slot; empty: the machine's only one
   NodeId node;
   std::shared_ptr<const od::Description> description;  ///< null: not known
+  std::vector<multilevel::Hop> gateways = {};          ///< between that bus and the node, topmost first
+
+  /// "5", "3/5".
+  [[nodiscard]] std::string text() const { return multilevel::to_string(multilevel::Path{gateways, node}); }
 };
-/// `word`: "5", "left", "line/left"; slots' names in either case. What is wrong, or ambiguous, is for people, with what
+/// `word`: "5", "left", "line/left", "3/5" (node 5 beneath gateway 3), "3.2/5" (on its second bus beneath); slots' names
+/// in either case. The slot of a bus without a port is beneath the gateways that lead there. What is wrong, or ambiguous, is for people, with what
 /// there is to choose from.
 [[nodiscard]] Checked<NodeArgument> find_node(const design::Machine& machine, const std::string& bus,
                                               const std::string& word);
 /// The request's "bus" and "node". What is wrong is kept by `arguments`.
 [[nodiscard]] NodeArgument node_argument(Arguments& arguments, const design::Machine& machine);
 
-/// The network that it is on, to be sent to; or for people why there is none, or it is Berth's own device.
-[[nodiscard]] Checked<operate::Network*> node_network(operate::Session& session, const NodeArgument& node);
+enum class Place : std::uint8_t {
+  on_the_bus,   ///< what is asked takes more than SDO
+  beneath_too,  ///< SDO is enough: a node beneath gateways will do
+};
+/// The network that it is on, or that leads to it, to be sent to; or for people why there is none, it is Berth's own
+/// device, or it is beneath a gateway and should not.
+[[nodiscard]] Checked<operate::Network*> node_network(operate::Session& session, const NodeArgument& node,
+                                                      Place place = Place::on_the_bus);
+/// Its objects, wherever it is. It stays as long as `direct`; `options` are for a node on the bus itself.
+[[nodiscard]] co::SdoAccess& objects_of(operate::Session& session, operate::Network& network, const NodeArgument& node,
+                                        const co::SdoOptions& options, std::optional<co::NodeAccess>& direct);
 
 /// One object of a node, with what is known of it.
 struct KnownObject {
@@ -77,6 +94,7 @@ struct NmtArguments {
   co::NmtTarget target;
   std::string word;
   NodeId requested_of;  ///< the NMT master that is asked for it; unconfigured: Berth sends the command itself
+  std::vector<multilevel::Hop> gateways = {};  ///< to the bus of that master, which is asked through them
 
   /// 1F82h of that master (CiA 302-2): its sub-index and value.
   [[nodiscard]] std::uint8_t request_sub() const noexcept;

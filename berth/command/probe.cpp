@@ -80,10 +80,13 @@ rt::Task<void> sdo_probe(Session& session, const Request& request, Reply& reply)
   Arguments arguments(request);
   const ProbeArguments probe = probe_arguments(arguments, session.machine());
   if (!arguments.good()) co_return refuse(reply, 2, arguments.problem());
-  const auto network = node_network(session, probe.node);
+  const auto network = node_network(session, probe.node, Place::beneath_too);
   if (!network) co_return refuse(reply, 2, network.error());
   Network& bus = **network;
   const NodeId node = probe.node.node;
+  std::optional<co::NodeAccess> direct;
+  const co::SdoOptions how = bus.services().sdo.options();
+  co::SdoAccess& device = objects_of(session, bus, probe.node, how, direct);
   Json json;
   json["bus"] = bus.bus().name;
   json["node"] = node.value();
@@ -91,7 +94,7 @@ rt::Task<void> sdo_probe(Session& session, const Request& request, Reply& reply)
   std::size_t read = 0;
   Patience patience;
   for (const ObjectRef ref : probe.objects) {
-    const auto answer = co_await bus.services().sdo.upload(node, ref.index, ref.sub);
+    const auto answer = co_await device.read(ref.index, ref.sub);
     if (patience.over(answer)) co_return fail_silent(reply, answer.error(), bus);
     if (answer) ++read;
     json["objects"].push_back(json_of(ref, answer));

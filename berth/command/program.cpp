@@ -40,12 +40,19 @@ tl::expected<ProgramRequest, std::string> read_program_request(Session& session,
   wanted.file = arguments.text("file");
   if (arguments.has("identification")) wanted.identification = arguments.number("identification", 1, 0xFFFF'FFFF);
   if (!arguments.good()) return tl::unexpected(arguments.problem());
-  const auto network = node_network(session, wanted.node);
+  const auto network = node_network(session, wanted.node, Place::beneath_too);
   if (!network) return tl::unexpected(network.error());
   const auto allowed = network_for(session, (*network)->bus().name, use);
   if (!allowed) return tl::unexpected(allowed.error());
   wanted.network = *network;
-  wanted.slot = session.machine().slot(wanted.network->bus().name, wanted.node.node);
+  const auto of_node = [&](const design::Slot& slot) {
+    const auto way = operate::way_to(session.machine(), slot.spec.name.bus);
+    return slot.spec.id == wanted.node.node && way.bus == wanted.network->bus().name &&
+           way.gateways == wanted.node.gateways;
+  };
+  const auto& slots = session.machine().slots;
+  const auto slot = std::ranges::find_if(slots, of_node);
+  wanted.slot = slot == slots.end() ? nullptr : &*slot;
   return wanted;
 }
 
@@ -57,13 +64,14 @@ const places::SlotProgram* slot_program(const ProgramRequest& wanted, std::uint8
 }
 
 std::string where(const ProgramRequest& wanted) {
-  return fmt::format("bus {}, node {}", wanted.network->bus().name, wanted.node.node.value());
+  return fmt::format("bus {}, node {}", wanted.network->bus().name, wanted.node.text());
 }
 
 Json head_of(const ProgramRequest& wanted) {
   Json json;
   json["bus"] = wanted.network->bus().name;
   json["node"] = wanted.node.node.value();
+  if (!wanted.node.gateways.empty()) json["path"] = wanted.node.text();
   if (wanted.slot != nullptr) json["slot"] = wanted.slot->spec.name.name;
   return json;
 }
@@ -124,7 +132,9 @@ void put(Json& list, std::vector<std::string>& lines, const ProgramState& state,
 rt::Task<void> program_status(Session& session, const Request& request, Reply& reply) {
   const auto wanted = read_program_request(session, request, Use::send);
   if (!wanted) co_return refuse(reply, 2, wanted.error());
-  co::NodeAccess device(wanted->network->services().sdo, wanted->node.node);
+  std::optional<co::NodeAccess> direct;
+  const co::SdoOptions how = wanted->network->services().sdo.options();
+  co::SdoAccess& device = objects_of(session, *wanted->network, wanted->node, how, direct);
   std::uint8_t first = wanted->one();
   std::uint8_t last = first;
   if (!wanted->number) {
@@ -162,7 +172,9 @@ rt::Task<void> program_control(Session& session, const Request& request, Reply& 
   Network& bus = *wanted->network;
   co_await bus.services().turn.take();
   const rt::Held held(bus.services().turn);
-  co::NodeAccess device(bus.services().sdo, wanted->node.node);
+  std::optional<co::NodeAccess> direct;
+  const co::SdoOptions how = bus.services().sdo.options();
+  co::SdoAccess& device = objects_of(session, bus, wanted->node, how, direct);
   manager::ProgramOptions options;
   options.restart_time = bus.bus().timing.boot_timeout;
   const std::uint8_t number = wanted->one();
@@ -186,7 +198,7 @@ rt::Task<void> program_control(Session& session, const Request& request, Reply& 
   Json json = head_of(*wanted);
   json["program"] = number;
   json["result"] = what;
-  give(reply, json, {fmt::format("node {}  program {} {}", wanted->node.node.value(), number, what)});
+  give(reply, json, {fmt::format("node {}  program {} {}", wanted->node.text(), number, what)});
 }
 
 // ---- download -------------------------------------------------------------------------------------------------------
@@ -230,7 +242,7 @@ std::string read_images(const ProgramRequest& wanted, Download& download) {
 }
 
 std::string progress_line(const ProgramRequest& wanted, const ProgramProgress& p) {
-  const std::string whose = fmt::format("node {}: {} program {}", wanted.node.node.value(), name(p.stage), p.number);
+  const std::string whose = fmt::format("node {}: {} program {}", wanted.node.text(), name(p.stage), p.number);
   if (p.stage != ProgramStage::downloading || p.done == 0) return whose;
   return fmt::format("{}: {} % of {} bytes", whose, p.done * 100 / std::max<std::size_t>(p.total, 1), p.total);
 }
@@ -246,7 +258,9 @@ rt::Task<void> program_download(Session& session, const Request& request, Reply&
   Network& bus = *wanted->network;
   co_await bus.services().turn.take();
   const rt::Held held(bus.services().turn);
-  co::NodeAccess device(bus.services().sdo, wanted->node.node);
+  std::optional<co::NodeAccess> direct;
+  const co::SdoOptions how = bus.services().sdo.options();
+  co::SdoAccess& device = objects_of(session, bus, wanted->node, how, direct);
   manager::ProgramTransfers transfers(bus.services().dispatcher);
   manager::ProgramOptions options;
   options.transfers = &transfers;
@@ -274,7 +288,7 @@ rt::Task<void> program_download(Session& session, const Request& request, Reply&
     json["programs"].push_back({{"program", wish.number}, {"identification", hex(wish.identification)}});
   }
   give(reply, json,
-       {fmt::format("node {}  {} program{} downloaded and started, {} bytes", wanted->node.node.value(),
+       {fmt::format("node {}  {} program{} downloaded and started, {} bytes", wanted->node.text(),
                     download.wishes.size(), download.wishes.size() == 1 ? "" : "s", report.bytes)});
 }
 

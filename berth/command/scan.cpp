@@ -54,8 +54,11 @@ rt::Task<void> make_unknown_again(Network& network, const std::vector<operate::S
 rt::Task<void> scan(Session& session, const Request& request, Reply& reply) {
   const Arguments arguments(request);
   if (!arguments.good()) co_return refuse(reply, 2, arguments.problem());
-  const auto networks = networks_for(session, arguments.text("bus"), Use::send);
-  if (!networks) co_return refuse(reply, 2, networks.error());
+  const std::string only = arguments.text("bus");
+  auto networks = networks_for(session, only, Use::send);
+  const bool beneath = session.beneath(only) != nullptr;
+  if (!networks && !beneath) co_return refuse(reply, 2, networks.error());
+  if (beneath) networks = std::vector<Network*>{};
   Json json;
   json["nodes"] = Json::array();
   std::vector<std::string> lines;
@@ -72,6 +75,17 @@ rt::Task<void> scan(Session& session, const Request& request, Reply& reply) {
       if (s.duplicate) ++duplicates;
     }
     if (session.started()) co_await make_unknown_again(*network, *seen);
+  }
+  // Where Berth has no port, the gateway's master tells whom it knows.
+  for (const auto& each : session.beneath()) {
+    const std::string& bus = each->bus().name;
+    if (!only.empty() && bus != only) continue;
+    const auto seen = co_await each->scan();
+    if (!seen) co_return fail_with(reply, seen.error(), fmt::format("bus {}, scan through its gateway", bus));
+    for (const auto& s : *seen) {
+      json["nodes"].push_back(json_of(s, bus));
+      lines.push_back(line_of(s, bus));
+    }
   }
   const std::size_t all = lines.size();
   json["configured"] = all - unconfigured;

@@ -34,10 +34,11 @@ const char* sdo_fix(Errc code) {
   }
 }
 
-Json node_json(const Network& network, NodeId node) {
+Json node_json(const Network& network, const NodeArgument& node) {
   Json json;
   json["bus"] = network.bus().name;
-  json["node"] = node.value();
+  json["node"] = node.node.value();
+  if (!node.gateways.empty()) json["path"] = node.text();
   return json;
 }
 
@@ -47,8 +48,8 @@ void put_object(Json& json, const KnownObject& object) {
   if (!object.name.empty()) json["name"] = object.name;
 }
 
-std::string object_line(NodeId node, const KnownObject& object, const std::string& what) {
-  return fmt::format("node {}  {}  {}{}", node.value(), od::write_object(object.ref), what,
+std::string object_line(const NodeArgument& node, const KnownObject& object, const std::string& what) {
+  return fmt::format("node {}  {}  {}{}", node.text(), od::write_object(object.ref), what,
                      object.name.empty() ? "" : "  " + object.name);
 }
 
@@ -60,7 +61,7 @@ class Answers {
         wanted_(wanted),
         several_(wanted.objects.size() > 1),
         where_(fmt::format("bus {}, SDO {}", network.bus().name, what)),
-        json_(node_json(network, wanted.node.node)) {
+        json_(node_json(network, wanted.node)) {
     if (several_) json_["objects"] = Json::array();
   }
 
@@ -70,7 +71,7 @@ class Answers {
     Json json = several_ ? Json::object() : json_;
     put_object(json, object);
     json.update(facts);
-    lines_.push_back(object_line(wanted_.node.node, object, what));
+    lines_.push_back(object_line(wanted_.node, object, what));
     add(std::move(json));
   }
 
@@ -139,14 +140,15 @@ rt::Task<void> sdo_read(Session& session, const Request& request, Reply& reply) 
   Arguments arguments(request);
   const ObjectArguments wanted = object_arguments(arguments, session.machine());
   if (!arguments.good()) co_return refuse(reply, 2, arguments.problem());
-  const auto network = node_network(session, wanted.node);
+  const auto network = node_network(session, wanted.node, Place::beneath_too);
   if (!network) co_return refuse(reply, 2, network.error());
   Network& bus = **network;
   const auto how = transfer_options(bus, arguments);
-  const NodeId node = wanted.node.node;
+  std::optional<co::NodeAccess> direct;
+  co::SdoAccess& device = objects_of(session, bus, wanted.node, how, direct);
   Answers answers(reply, bus, wanted, "read");
   for (const KnownObject& object : wanted.objects) {
-    const auto value = co_await bus.services().sdo.upload(node, object.ref.index, object.ref.sub, how);
+    const auto value = co_await device.read(object.ref.index, object.ref.sub);
     if (!value) {
       answers.failed(object, value.error());
       if (hopeless(value.error())) break;
@@ -155,7 +157,7 @@ rt::Task<void> sdo_read(Session& session, const Request& request, Reply& reply) 
     const auto bytes = value->bytes();
     if (object.type_given && !fits(object.type, bytes)) {
       answers.refused(object,
-                      fmt::format("{}: node {}, object {} has {} bytes ({}), {} has {}", answers.where(), node.value(),
+                      fmt::format("{}: node {}, object {} has {} bytes ({}), {} has {}", answers.where(), wanted.node.text(),
                                   od::write_object(object.ref), bytes.size(), hex_bytes(bytes), od::name(object.type),
                                   od::byte_size(object.type)),
                       "give its own type, or none to see the bytes");
@@ -206,16 +208,17 @@ rt::Task<void> sdo_write(Session& session, const Request& request, Reply& reply)
   Arguments arguments(request);
   const WriteArguments wanted = write_arguments(arguments, session.machine());
   if (!arguments.good()) co_return refuse(reply, 2, arguments.problem());
-  const auto network = node_network(session, wanted.to.node);
+  const auto network = node_network(session, wanted.to.node, Place::beneath_too);
   if (!network) co_return refuse(reply, 2, network.error());
   Network& bus = **network;
   const auto how = transfer_options(bus, arguments);
+  std::optional<co::NodeAccess> direct;
+  co::SdoAccess& device = objects_of(session, bus, wanted.to.node, how, direct);
   Answers answers(reply, bus, wanted.to, "write");
   for (std::size_t i = 0; i < wanted.values.size(); ++i) {
     const KnownObject& object = wanted.to.objects[i];
     const std::span<const std::uint8_t> data(wanted.values[i]);
-    const auto written =
-        co_await bus.services().sdo.download(wanted.to.node.node, object.ref.index, object.ref.sub, data, how);
+    const auto written = co_await device.write(object.ref.index, object.ref.sub, data);
     if (!written) {
       answers.failed(object, written.error());
       break;  // what follows may rest on it

@@ -18,7 +18,9 @@ const char* name(Role role) noexcept {
 
 const Bus* Machine::bus(std::string_view bus_name) const noexcept {
   const auto it = std::ranges::find(buses, bus_name, &Bus::name);
-  return it == buses.end() ? nullptr : &*it;
+  if (it != buses.end()) return &*it;
+  const auto under = std::ranges::find(beneath, bus_name, &Bus::name);
+  return under == beneath.end() ? nullptr : &*under;
 }
 
 const Slot* Machine::slot(std::string_view slot_name) const noexcept {

@@ -73,6 +73,7 @@ struct Timing {
 struct Gateway {
   std::string bus;        ///< the bus above
   NodeId slot;            ///< node-ID of the gateway's slot there
+  std::uint8_t port = 1;  ///< which of the gateway's buses beneath, 1 to 8
   bool mandatory = true;  ///< without the gateway this bus does not start
   friend bool operator==(const Gateway&, const Gateway&) = default;
 };
@@ -93,6 +94,7 @@ struct FlyingBus {
 struct Bus {
   std::string name;
   PortSpec port;
+  bool own_port = true;               ///< false: `port = "gateway"`, Berth reaches it through `gateway` alone
   std::uint32_t bitrate = 125'000;  ///< bit/s, one of CiA 301's
   Role role = Role::master;
   NodeId master{127};  ///< `master_id`
@@ -143,7 +145,8 @@ struct Described {
 struct Machine {
   std::string name;
   std::string file;
-  std::vector<Bus> buses;   ///< in the order of the file; at least one
+  std::vector<Bus> buses;   ///< on which Berth has a port, in the order of the file; at least one
+  std::vector<Bus> beneath = {};  ///< on which it has none, each above those beneath it
   std::vector<Slot> slots;  ///< in the order of the file, ranges ascending
   std::vector<Link> links;
   std::string link_plan;  ///< path of the plan that links go on from; empty: none
@@ -151,6 +154,7 @@ struct Machine {
   /// What devices in no slot are like: no key of the file's, but said beside it (`--eds`).
   std::vector<Described> described;
 
+  /// With or without a port.
   [[nodiscard]] const Bus* bus(std::string_view name) const noexcept;
   [[nodiscard]] const Slot* slot(std::string_view name) const noexcept;
   [[nodiscard]] const Slot* slot(std::string_view bus, NodeId id) const noexcept;

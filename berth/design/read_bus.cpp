@@ -57,13 +57,15 @@ void read_heartbeat(Table& table, Timing& timing) {
 void read_port(Table& table, Bus& bus) {
   const auto text = table.string("port");
   if (!text) return;
+  bus.own_port = *text != "gateway";
+  if (!bus.own_port) return;
   const auto port = can::parse_port(*text);
   if (port) {
     bus.port = *port;
   } else {
     table.error("port", fmt::format("{} is no port", text::quoted(*text)),
-                "use \"sim\", \"plant:/run/plant.sock\", \"socketcan:can0\", \"slcan:/dev/ttyACM0\" or "
-                "\"socketcand://host:29536/can0\"");
+                "use \"sim\", \"plant:/run/plant.sock\", \"socketcan:can0\", \"slcan:/dev/ttyACM0\", "
+                "\"socketcand://host:29536/can0\" or \"gateway\"");
   }
 }
 
@@ -91,6 +93,7 @@ void read_gateway(Table& table, Bus& bus) {
     const auto id = entry->integer("slot", node_ids);
     if (id) gateway.slot = NodeId(static_cast<std::uint8_t>(*id));
   }
+  gateway.port = static_cast<std::uint8_t>(entry->u32("port", {1, 8}).value_or(1));
   gateway.mandatory = entry->boolean("mandatory").value_or(true);
   entry->finish();
   if (gateway.bus.empty() || !gateway.slot.configured()) return;
@@ -203,6 +206,9 @@ Bus read_bus(const std::string& name, text::Table& table, const Timing& timing) 
   read_word(table, "bus_off", bus_off_words, bus.bus_off);
   read_tolerated(table, bus);
   read_gateway(table, bus);
+  if (!bus.own_port && !table.has("gateway")) {
+    table.error("port", "which gateway?", "write gateway = { bus = \"…\", slot = … }");
+  }
   read_startup(table, bus);
   bus.startup.rules.master = bus.role == Role::master;
   read_flying(table, bus);

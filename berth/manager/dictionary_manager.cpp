@@ -105,7 +105,8 @@ DictionaryManager::DictionaryManager(can::Dispatcher& dispatcher, od::Values& va
       network_(dispatcher.executor(), bus_, timing),
       flying_(dispatcher, *this),
       transfers_(dispatcher),
-      configurations_(dispatcher.executor(), network_) {
+      configurations_(dispatcher.executor(), network_),
+      assigning_(dispatcher.executor()) {
   bus_.on_apply(std::move(apply));
   bus_.lead_to(&network_.error_control());
   values.attach(*this, nmt_startup);
@@ -120,6 +121,7 @@ void DictionaryManager::own_state(NmtState state, NodeId own) noexcept {
   const NmtState before = std::exchange(state_, state);
   if (state == NmtState::initialising) {
     leads_ = false;
+    assigning_.cancel();
     configurations_.end();
     flying_.end();
     if (sdo_requests_) sdo_requests_->end();
@@ -135,6 +137,7 @@ void DictionaryManager::own_state(NmtState state, NodeId own) noexcept {
 void DictionaryManager::power_off() noexcept {
   state_ = NmtState::initialising;
   leads_ = false;
+  assigning_.cancel();
   if (sdo_requests_) sdo_requests_->end();
   flying_.power_off();
   network_.end();
@@ -145,9 +148,30 @@ Result<void> DictionaryManager::begin(NodeId own) {
   const auto startup = startup_of(*values_);
   if (!startup) return fail(startup.error());
   if (!startup->master) return {};
+  if (!startup->flying && assigner_ != nullptr) {
+    assigning_.spawn(assign_and_lead());
+    return {};
+  }
   if (!startup->flying) return lead(own, false);
   return flying_.begin(flying_options_of(*values_, own),
                        [this](NodeId master) { return master_heartbeat_of(*values_, master); });
+}
+
+// What LSS cannot do at one time it can at another: a device that is plugged in later, a bus that was cut.
+rt::Task<void> DictionaryManager::assign_and_lead() {
+  [[maybe_unused]] const auto first = co_await assigner_->run(own_);
+  const auto begun = lead(own_, false);
+  if (!begun) refused_ = begun.error();
+  while (begun) {
+    co_await rt::sleep_for(assigner_->period);
+    std::bitset<128> there;
+    for (const auto& slave : network_.plan().slaves) {
+      const auto* const status = network_.find(slave.node);
+      there[slave.node.value()] = status != nullptr && status->ready();
+    }
+    if (there.count() == network_.plan().slaves.size()) continue;
+    [[maybe_unused]] const auto again = co_await assigner_->run(own_, there);
+  }
 }
 
 void DictionaryManager::role_changed() noexcept {

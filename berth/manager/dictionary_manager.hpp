@@ -32,6 +32,7 @@
 #include "berth/manager/flying_master.hpp"
 #include "berth/manager/managed_bus.hpp"
 #include "berth/manager/network_requests.hpp"
+#include "berth/manager/node_id_assigner.hpp"
 #include "berth/manager/sdo_requests.hpp"
 #include "berth/od/values.hpp"
 
@@ -64,6 +65,10 @@ class DictionaryManager final : private od::Hook, private FlyingMaster::Owner {
   /// A device that is switched off has no state. What comes next is a cold start.
   void power_off() noexcept;
 
+  /// Devices without a node-ID get theirs before the network is booted, and while a slave is missing. Null: none is
+  /// given. Must stay; not of a flying master.
+  void assign_by(NodeIdAssigner* assigner) noexcept { assigner_ = assigner; }
+
   [[nodiscard]] NetworkBoot& network() noexcept { return network_; }
   [[nodiscard]] ManagedBus& bus() noexcept { return bus_; }
   /// Who is the active master; off without bit 5 of 1F80h.
@@ -82,6 +87,7 @@ class DictionaryManager final : private od::Hook, private FlyingMaster::Owner {
   od::AbortCode writing(const od::Values& values, ObjectRef ref, std::span<const std::uint8_t> value) noexcept override;
   Result<void> begin(NodeId own);
   Result<void> lead(NodeId own, bool taken_over);
+  rt::Task<void> assign_and_lead();
   void role_changed() noexcept override;
   void reset_all() noexcept override;
   void overheard(const co::NmtRequest& request) noexcept override { network_.error_control().overheard(request); }
@@ -96,11 +102,13 @@ class DictionaryManager final : private od::Hook, private FlyingMaster::Owner {
   ConfigurationRequests configurations_;
   std::array<std::unique_ptr<DictionarySource>, 128> sources_;
   std::unique_ptr<SdoRequests> sdo_requests_;  // only with object 1F00h
+  NodeIdAssigner* assigner_ = nullptr;
   std::optional<Error> refused_;
   NodeId own_;
   NmtState state_ = NmtState::initialising;
   bool leads_ = false;                   // as flying master
   std::array<std::uint8_t, 2> shown_{};  // what `reading` gives
+  rt::Scope assigning_;
 };
 
 }  // namespace berth::manager

@@ -174,8 +174,14 @@ void NetworkBoot::go() noexcept {
 // ---- commands -------------------------------------------------------------------------------------------------------
 
 void NetworkBoot::command(NmtCommand command, NmtTarget target, bool with_master) {
-  if (target.node != 0 && plan_.own == NodeId(target.node)) return bus_->apply(command);
+  // Later: who asks may be in the middle of a write to the dictionary that a reset loads anew.
+  if (target.node != 0 && plan_.own == NodeId(target.node)) return commands_.spawn(apply(command));
   commands_.spawn(send(command, target, with_master));
+}
+
+rt::Task<void> NetworkBoot::apply(NmtCommand command) {
+  bus_->apply(command);
+  co_return;
 }
 
 rt::Task<void> NetworkBoot::send(NmtCommand command, NmtTarget target, bool with_master) {

@@ -24,11 +24,20 @@ SdoGateway::SdoGateway(od::Values& upper, co::SdoClient& beneath, rt::Executor& 
   }
 }
 
-SdoGateway::~SdoGateway() = default;
+SdoGateway::~SdoGateway() {
+  if (own_values_ != nullptr) own_values_->channels().tell(nullptr);
+}
 
 void SdoGateway::set_own(NodeId own, od::Values& values) noexcept {
   own_ = own;
   own_values_ = &values;
+  values.channels().tell(this);
+}
+
+void SdoGateway::completed(ObjectRef object, od::AbortCode code) noexcept {
+  for (auto& each : sessions_) {
+    if (each) each->completed(object, code);
+  }
 }
 
 void SdoGateway::set_client(co::SdoClient& beneath) noexcept {

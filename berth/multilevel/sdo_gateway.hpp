@@ -46,11 +46,12 @@ struct SdoGatewayOptions {
   std::size_t store = 4096;     ///< bytes of a download that are kept until their command comes; more: 0504 0005
   /// A client that does not fetch what was uploaded for it keeps the node beneath waiting no longer than this.
   rt::Duration client_timeout = std::chrono::seconds(2);
+  rt::Duration save_timeout = std::chrono::seconds(10);  ///< of the gateway's own device beneath
 };
 
 class SdoSession;
 
-class SdoGateway final : private od::Hook, private od::Stream {
+class SdoGateway final : private od::Hook, private od::Stream, private od::Completions {
  public:
   /// Both must stay. `upper` has the three objects (`add_sdo_gateway`); without them nothing can be asked. Uses the
   /// heap.
@@ -58,7 +59,7 @@ class SdoGateway final : private od::Hook, private od::Stream {
   ~SdoGateway();
 
   /// The gateway's own device on the bus beneath: accesses to its node-ID there go to its dictionary, as no node hears
-  /// itself. What that answers later (`pending`) counts as done when it was taken. Unconfigured: none.
+  /// itself. What that answers later (`pending`: a saving) is waited for as long as `save_timeout`. Unconfigured: none.
   void set_own(NodeId own, od::Values& values) noexcept;
   /// The client beneath from now on: the one that the bus's master uses, as two in one device would mix their
   /// transfers. Ends what is under way.
@@ -76,6 +77,7 @@ class SdoGateway final : private od::Hook, private od::Stream {
   od::AbortCode writing(const od::Values& values, ObjectRef ref, std::span<const std::uint8_t> value) noexcept override;
   void abandoned(od::Values& values, ObjectRef ref) noexcept override;
   od::Stream& of(std::uint8_t channel) noexcept override;
+  void completed(ObjectRef object, od::AbortCode code) noexcept override;
   [[nodiscard]] SdoSession* session() noexcept;
   [[nodiscard]] od::Values* own(NodeId node) const noexcept {
     return own_.configured() && node == own_ ? own_values_ : nullptr;

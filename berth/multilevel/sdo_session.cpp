@@ -97,8 +97,15 @@ AbortCode SdoSession::command(std::uint32_t value) noexcept {
 AbortCode SdoSession::begin_sending() noexcept {
   if (od::Values* const own = gateway_->own(node())) {
     const auto code = own->write(command_.object, queue_.bytes());
+    const bool armed = state_ == State::armed;
     cancel();
-    return code == AbortCode::pending ? AbortCode::none : code;
+    if (code != AbortCode::pending) return code;
+    if (armed) return AbortCode::none;  // its data was written behind its command: there is no second answer to hold
+    state_ = State::sending;
+    finished_ = false;
+    saves_ = true;
+    forsaken_.arm(gateway_->options_.save_timeout);
+    return code;
   }
   size_ = queue_.size();
   all_in_ = true;
@@ -119,7 +126,16 @@ void SdoSession::start(State state) noexcept {
   }
 }
 
+void SdoSession::completed(ObjectRef object, AbortCode code) noexcept {
+  if (!std::exchange(saves_, saves_ && object != command_.object)) return;
+  forsaken_.cancel();
+  finished_ = true;
+  failure_ = code;
+  wake_.post();
+}
+
 void SdoSession::cancel() noexcept {
+  saves_ = false;
   scope_.cancel();
   wake_.cancel();
   forsaken_.cancel();
@@ -245,6 +261,7 @@ void SdoSession::forsaken() noexcept {
   scope_.cancel();
   finished_ = true;
   failure_ = AbortCode::timeout;
+  if (std::exchange(saves_, false)) wake_.post();
 }
 
 // ---- the client above reads the data

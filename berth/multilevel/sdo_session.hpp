@@ -36,6 +36,8 @@ class SdoSession final : public od::Stream {
 
   [[nodiscard]] od::AbortCode select(std::uint8_t node) noexcept;
   [[nodiscard]] od::AbortCode command(std::uint32_t value) noexcept;
+  /// Of the gateway's own device: what it answered with `pending` has ended.
+  void completed(ObjectRef object, od::AbortCode code) noexcept;
   /// The client waits no more, or the gateway is reset.
   void cancel() noexcept;
   void reset() noexcept;
@@ -110,6 +112,7 @@ class SdoSession final : public od::Stream {
   bool begun_ = false;     // an upload: its size, or that it has none, is known
   bool all_in_ = false;    // passing: the client above has given all
   bool finished_ = false;  // the access beneath has ended, with `failure_`
+  bool saves_ = false;     // sending: the gateway's own device answers later
   bool crowded_ = false;   // passing: the client above waits for room
   rt::Later<SdoSession, &SdoSession::wake> wake_;
   rt::Later<SdoSession, &SdoSession::forsaken> forsaken_;  // set while the node beneath waits for the client above

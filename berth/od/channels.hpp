@@ -37,6 +37,15 @@ class ChannelServers {
   ~ChannelServers() = default;
 };
 
+/// Hears the ends of writes that were answered with `pending`: for who writes a dictionary by no channel.
+class Completions {
+ public:
+  virtual void completed(ObjectRef object, AbortCode code) noexcept = 0;
+
+ protected:
+  ~Completions() = default;
+};
+
 /// A channel's number: 0 is the default channel (1200h), n the additional server 1200h + n.
 class Channels {
  public:
@@ -63,6 +72,11 @@ class Channels {
   /// Null: none. It must stay until it is taken out.
   void set_relay(ChannelRelay* relay) noexcept { relay_ = relay; }
   [[nodiscard]] ChannelRelay* relay() const noexcept { return relay_; }
+  /// Null: nobody. It must stay until it is taken out.
+  void tell(Completions* completions) noexcept { completions_ = completions; }
+  void completed(ObjectRef object, AbortCode code) noexcept {
+    if (completions_ != nullptr) completions_->completed(object, code);
+  }
   /// Who answers; null: nobody.
   void serve(ChannelServers* servers) noexcept { servers_ = servers; }
   [[nodiscard]] const ChannelServers* servers() const noexcept { return servers_; }
@@ -70,6 +84,7 @@ class Channels {
  private:
   ChannelServers* servers_ = nullptr;
   ChannelRelay* relay_ = nullptr;
+  Completions* completions_ = nullptr;
   std::uint8_t now_ = 0;
 };
 

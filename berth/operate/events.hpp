@@ -2,6 +2,7 @@
 #pragma once
 
 #include <array>
+#include <bitset>
 #include <functional>
 #include <string>
 #include <vector>
@@ -10,8 +11,18 @@
 #include "berth/operate/report.hpp"
 #include "berth/places/binding.hpp"
 #include "berth/rt/executor.hpp"
+#include "berth/rt/task.hpp"
 
 namespace berth::operate {
+
+/// The slots that are gateways: the buses beneath them come first (paper 3).
+struct BeneathFirst {
+  std::bitset<128> gateways = {};  ///< node-IDs
+  /// Returns when the buses beneath this one are operational, or need not be; before it is started. An error: it is not
+  /// started. May be empty.
+  std::function<rt::Task<Result<void>>(NodeId gateway)> bring_up = {};
+  [[nodiscard]] bool of(NodeId node) const noexcept { return bring_up && gateways[node.value()]; }
+};
 
 /// What a network tells its owner. Called from the executor; must not destroy the network.
 struct NetworkObserver {
@@ -24,6 +35,7 @@ struct NetworkObserver {
   /// network is gone. False: nothing carries commands out. May be empty.
   using Confirm = std::function<void(bool good, std::string reply)>;
   std::function<bool(std::string text, Confirm confirm)> command = {};
+  BeneathFirst beneath = {};
 };
 
 class Events {
@@ -39,6 +51,7 @@ class Events {
   void tell_failure(const std::string& what, const Error& error);
   /// A milestone, once.
   void reach(Milestone milestone);
+  [[nodiscard]] const BeneathFirst& beneath() const noexcept { return observer_.beneath; }
   [[nodiscard]] const std::function<void(const places::Binding&)>& before_step() const noexcept {
     return observer_.before_step;
   }

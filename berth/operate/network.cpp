@@ -100,6 +100,13 @@ void Network::commanded(co::NmtCommand command, co::NmtTarget target) {
   parts_.supervision.commanded(command, target, running_);
 }
 
+void Network::try_again(NodeId slot) {
+  Seat* const seat = parts_.slots.at(slot);
+  if (seat == nullptr || !seat->there || seat->state != SlotState::failed) return;
+  parts_.slots.set_state(*seat, SlotState::present);
+  parts_.agenda.wakes.push({Wake::Kind::look, slot, parts_.bus.executor.now()});
+}
+
 std::vector<Network::Occupancy> Network::occupancy() const {
   std::vector<Occupancy> slots;
   for (const auto& seat : parts_.slots.seats()) slots.push_back({seat->state, seat->slot.record.device()});

@@ -80,6 +80,9 @@ class Network final : private PortHealth::Owner {
   /// or made pre-operational stays so until it is started by a person or boots.
   void commanded(co::NmtCommand command, co::NmtTarget target);
 
+  /// What kept the device of this slot from being started is over: it is tried again.
+  void try_again(NodeId slot);
+
   /// The master's own device is silent until the main job, if it runs, has looked around anew (network_bitrate.hpp).
   void fall_silent() noexcept { port_.fall_silent(); }
 

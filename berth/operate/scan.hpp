@@ -1,23 +1,12 @@
 /// Which devices are on a bus (`berth scan`).
 #pragma once
 
-#include <optional>
-#include <string>
 #include <vector>
 
 #include "berth/operate/parts.hpp"
+#include "berth/operate/seen.hpp"
 
 namespace berth::operate {
-
-/// What a scan found at one node-ID, or without one.
-struct Seen {
-  NodeId id;                                 ///< unconfigured: found by RAND, without a node-ID
-  std::optional<LssAddress> device;          ///< from 1018h, or from RAND
-  std::optional<std::uint32_t> device_type;  ///< 1000h
-  std::optional<NmtState> state;             ///< from its error control messages
-  bool duplicate = false;                    ///< more than one device answered under this node-ID or address
-  std::string slot;                          ///< the slot it belongs to, if any
-};
 
 class Scan {
  public:

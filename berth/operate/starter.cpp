@@ -26,7 +26,8 @@ bool Starter::is_due() const noexcept {
 // bindings beside it, and the questions that prove that it is not in LSS configuration.
 rt::Task<void> Starter::start_early(Seat& seat) {
   const bool configures = seat.configuration.any() || !seat.slot.spec.software.programs.empty();
-  const bool plain = is_ready(seat) && !configures && seat.slot.record.confirmed && !spares_.has_past(seat);
+  const bool waits = slots_.events().beneath().of(seat.id());
+  const bool plain = is_ready(seat) && !configures && !waits && seat.slot.record.confirmed && !spares_.has_past(seat);
   if (plain) co_await start_seat(seat);
 }
 
@@ -152,7 +153,16 @@ rt::Task<Result<void>> Starter::configure(Seat& seat) {
     ready = co_await set_heartbeat(seat);
   }
   if (!ready) co_return fail(Errc::invalid, "the slot says why");
+  if (slots_.events().beneath().of(seat.id()) && s_.may_command()) co_return co_await bring_up_beneath(seat);
   co_return Result<void>{};
+}
+
+// From the bottom up: a gateway is started when the buses beneath it run.
+rt::Task<Result<void>> Starter::bring_up_beneath(Seat& seat) {
+  auto task = slots_.events().beneath().bring_up(seat.id());
+  const auto done = co_await task;
+  if (!done && seat.there) slots_.set_state(seat, SlotState::failed, describe(done.error()));
+  co_return done;
 }
 
 // False: it is not there any more.

@@ -40,6 +40,7 @@ class Starter final : public EarlyStarter {
   void boot_failed(Seat& seat, const manager::BootResult& result);
   rt::Task<Result<void>> configure(Seat& seat);
   rt::Task<bool> set_heartbeat(Seat& seat);
+  rt::Task<Result<void>> bring_up_beneath(Seat& seat);
   rt::Task<void> send_start(Seat& seat);
   rt::Task<bool> runs_already(Seat& seat);
   rt::Task<void> ask_by_guarding(Seat& seat);

@@ -49,12 +49,16 @@ std::optional<std::vector<std::uint8_t>> unhex(std::string_view text) {
 }
 
 std::uint8_t highest_slave(const PlantMaster& master) noexcept {
+  if (!master.flying) return master.most;
   return static_cast<std::uint8_t>(master.slaves.empty() ? 1 : std::clamp(master.slaves.back(), 1U, 127U));
 }
 
 /// What tells a minimal device's dictionary from the minimal one; a text that no file is called.
 std::string own_objects(const PlantDevice& plan) {
-  if (plan.does.master) return fmt::format("master of {}", highest_slave(*plan.does.master));
+  if (plan.does.master) {
+    return fmt::format("{} of {}", plan.does.master->flying ? "flying master" : "master",
+                       highest_slave(*plan.does.master));
+  }
   std::string programs =
       plan.storing.programs.count > 0 ? fmt::format("programs {} ", plan.storing.programs.count) : std::string();
   if (!plan.node_id_object.object) return programs;
@@ -92,7 +96,11 @@ std::shared_ptr<const od::Description> with_manager(const PlantMaster& master) {
   od::DescriptionBuilder b;
   const std::uint8_t most = highest_slave(master);
   device::add_device(b, {.supervised = std::max<std::uint8_t>(most, 8)});
-  manager::add_manager_objects(b, {.most = most, .startup = 0x21, .longest_concise = 0, .flying = true});
+  manager::ManagerObjects objects{.most = most, .startup = 0x21, .longest_concise = 0, .flying = true};
+  constexpr auto room_for_a_configuration = static_cast<std::uint32_t>(device::ParameterStore::longest);
+  if (!master.flying) device::add_storage(b);
+  if (!master.flying) objects = {.most = most, .longest_concise = room_for_a_configuration};
+  manager::add_manager_objects(b, objects);
   return b.build();
 }
 
@@ -236,6 +244,16 @@ void warn_of_supplied(Findings& findings, const std::string& file, std::span<con
 
 }  // namespace
 
+// An NMT master keeps the configurations of its slaves (1F22h), which are DOMAINs.
+device::GroupOf parameter_group_of(const PlantDevice& plan) noexcept {
+  if (!plan.does.master || plan.does.master->flying) return device::default_parameter_group;
+  return [](const od::Description& description, const od::Object& object, const od::SubObject& sub) noexcept {
+    const bool configuration = object.index == 0x1F22 && sub.sub != 0;
+    return configuration ? device::parameter_group::communication
+                         : device::default_parameter_group(description, object, sub);
+  };
+}
+
 device::Timing timing_of(const PlantDevice& plan) {
   device::Timing t;
   t.response_min = plan.response.min;
@@ -288,7 +306,8 @@ device::Options options_of(const PlantDevice& plan, const LssAddress& address, s
   if (plan.eds.empty()) o.name = plan.name;
   const auto heartbeat = std::chrono::duration_cast<std::chrono::milliseconds>(plan.heartbeat).count();
   if (heartbeat > 0) o.presets.push_back({{0x1017, 0}, static_cast<std::uint64_t>(heartbeat)});
-  if (plan.does.master) preset_network_list(*plan.does.master, o);
+  o.parameter_group = parameter_group_of(plan);
+  if (plan.does.master && plan.does.master->flying) preset_network_list(*plan.does.master, o);
   return o;
 }
 

@@ -17,6 +17,8 @@
 
 namespace berth::plant {
 
+/// What 1010h stores.
+[[nodiscard]] device::GroupOf parameter_group_of(const PlantDevice& plan) noexcept;
 [[nodiscard]] device::Timing timing_of(const PlantDevice& plan);
 /// `bit_rate`: what blank memory counts as, bit/s; `seed`: for what the device draws itself.
 [[nodiscard]] device::Options options_of(const PlantDevice& plan, const LssAddress& address, std::uint32_t bit_rate,

@@ -160,10 +160,13 @@ struct PlantGateway {
   friend bool operator==(const PlantGateway&, const PlantGateway&) = default;
 };
 
-/// The device is a flying master of its bus (docs/flying-master.md), by its own dictionary. Key `master`.
+/// The device is an NMT master of its bus, by its own dictionary: a flying one (docs/flying-master.md), or the only one,
+/// which gives its slaves their node-IDs too. Key `master`.
 struct PlantMaster {
+  bool flying = true;
+  std::uint8_t most = 32;        ///< highest node-ID of a slave; of a flying master the last of `slaves`
   std::uint8_t priority = 1;     ///< 1F90h:03
-  std::vector<unsigned> slaves;  ///< node-IDs of its network list (1F81h), ascending
+  std::vector<unsigned> slaves;  ///< node-IDs of its network list (1F81h), ascending; of the only one: blank
   bool keep_alive = true;        ///< 1F81h bit 4 of each
   friend bool operator==(const PlantMaster&, const PlantMaster&) = default;
 };

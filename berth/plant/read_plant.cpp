@@ -201,15 +201,18 @@ void read_master(Table& table, PlantDevice& device) {
   auto entry = table.table("master");
   if (!entry) return;
   PlantMaster master;
-  if (const auto priority = entry->integer("priority", {0, 2})) master.priority = static_cast<std::uint8_t>(*priority);
-  if (entry->require("slaves", "the node-IDs of its network list, such as \"1..5\"")) {
+  master.flying = entry->boolean("flying").value_or(true);
+  if (!master.flying) {
+    master.most = static_cast<std::uint8_t>(entry->u32("most", {1, 127}).value_or(master.most));
+  } else if (const auto priority = entry->integer("priority", {0, 2})) master.priority = static_cast<std::uint8_t>(*priority);
+  if (master.flying && entry->require("slaves", "the node-IDs of its network list, such as \"1..5\"")) {
     const auto text = entry->string("slaves").value_or("");
     const auto slaves = text::parse_ranges(text, 1, 127);
     if (slaves) master.slaves = *slaves;
     if (!slaves && !text.empty())
       entry->error("slaves", fmt::format("{} are no node-IDs", text::quoted(text)), "write \"1..5\"");
   }
-  master.keep_alive = entry->boolean("keep_alive").value_or(true);
+  if (master.flying) master.keep_alive = entry->boolean("keep_alive").value_or(true);
   entry->finish();
   const bool described = table.has("eds") || table.has("script") || table.has("node_id_object");
   if (described) table.error("master", "its dictionary is made for it", "leave eds, script and node_id_object out");

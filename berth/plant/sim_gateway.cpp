@@ -10,6 +10,7 @@ namespace berth::plant {
 std::shared_ptr<const od::Description> gateway_description(unsigned ports) {
   od::DescriptionBuilder builder;
   device::add_device(builder, {.name = "Berth simulated gateway"});
+  device::add_storage(builder);
   multilevel::add_gateway_objects(builder, ports);
   return builder.build();
 }
@@ -23,8 +24,9 @@ multilevel::EmcyGatewayOptions SimGateway::emcy_options(const PlantGateway& plan
 
 SimGateway::Port::Port(SimGateway& owner, SimDevice& of, multilevel::SdoGatewayOptions options)
     : device(&of),
-      client(of.dispatcher_),
-      sdo(owner.above_->device().values(), client, *owner.executor_, options),
+      number(options.port),
+      client(of.manager_ ? nullptr : std::make_unique<co::SdoClient>(of.dispatcher_)),
+      sdo(owner.above_->device().values(), of.manager_ ? of.manager_->bus().sdo() : *client, *owner.executor_, options),
       bus(*owner.executor_, owner.emcy_, [&owner](co::NmtCommand command) { owner.above_->device().apply(command); }) {
   owner.emcy_.hear_all(of.dispatcher_);
   of.device().on().heartbeat = [this](const co::HeartbeatEvent& event) { bus.heartbeat(event); };
@@ -33,7 +35,16 @@ SimGateway::Port::Port(SimGateway& owner, SimDevice& of, multilevel::SdoGatewayO
     auto& upper = owner.above_->device();
     if (upper.values().get<std::uint8_t>({0x1029, error_class})) upper.error_behaviour(error_class);
   });
+  if (!of.manager_) return;
+  bus.on_settled([&owner] { owner.look_.post(); });
+  of.manager_->network().observe([this](const manager::NetworkEvent& event) {
+    using Kind = manager::NetworkEvent::Kind;
+    if (event.kind == Kind::operational) bus.booted();
+    if (event.kind == Kind::halted) bus.failed(event.node);
+  });
 }
+
+bool SimGateway::Port::boots_first() const noexcept { return device->manager_ != nullptr; }
 
 SimGateway::SimGateway(rt::Executor& executor, SimDevice& above, std::vector<SimDevice*> beneath,
                        const PlantGateway& plan, unsigned levels_beneath)
@@ -45,6 +56,7 @@ SimGateway::SimGateway(rt::Executor& executor, SimDevice& above, std::vector<Sim
     options.literal = plan.literal;
     ports_.push_back(std::make_unique<Port>(*this, *device, options));
   }
+  above.boots_last_ = std::ranges::any_of(ports_, [](const auto& port) { return port->boots_first(); });
 }
 
 void SimGateway::changed(const SimDevice& device) noexcept {
@@ -54,16 +66,32 @@ void SimGateway::changed(const SimDevice& device) noexcept {
   look_.post();
 }
 
-// One device: the ports beneath have power while the one above has.
+bool SimGateway::settled() const noexcept {
+  return std::ranges::all_of(ports_, [](const auto& port) { return !port->boots_first() || port->bus.settled(); });
+}
+
+// One device: the ports beneath have power while the one above has, and it boots when they are done.
 void SimGateway::look() noexcept {
   const bool reset = std::exchange(was_reset_, false);
   for (auto& port : ports_) {
     auto& device = *port->device;
+    if (above_->powered() && !device.powered()) port->bus.begin();
     if (above_->plugged() != device.plugged()) above_->plugged() ? device.plug() : device.unplug();
     if (above_->powered() != device.powered()) device.power(above_->powered());
     if (reset) port->sdo.reset();
     port->sdo.set_own(device.device().node_id(), device.device().values());
+    port->bus.set_mandatory(multilevel::is_mandatory(above_->device().values(), port->number));
+    if (reset) port->bus.own_state(NmtState::initialising);
   }
+  if (reset) state_ = NmtState::initialising;
+  look_above();
+  if (settled()) above_->go_on();
+}
+
+void SimGateway::look_above() noexcept {
+  const NmtState now = above_->device().state();
+  if (std::exchange(state_, now) == now) return;
+  for (auto& port : ports_) port->bus.own_state(now);
 }
 
 }  // namespace berth::plant

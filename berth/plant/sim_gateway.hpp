@@ -28,18 +28,23 @@ class SimGateway {
  private:
   struct Port {
     Port(SimGateway& owner, SimDevice& device, multilevel::SdoGatewayOptions options);
+    [[nodiscard]] bool boots_first() const noexcept;
     SimDevice* device;
-    co::SdoClient client;
+    unsigned number;
+    std::unique_ptr<co::SdoClient> client;  // where the device is no NMT master, which has one
     multilevel::SdoGateway sdo;
     multilevel::SubBus bus;
   };
   void look() noexcept;
+  void look_above() noexcept;
+  [[nodiscard]] bool settled() const noexcept;
   [[nodiscard]] static multilevel::EmcyGatewayOptions emcy_options(const PlantGateway& plan);
 
   rt::Executor* executor_;
   SimDevice* above_;
   multilevel::EmcyGateway emcy_;
   std::vector<std::unique_ptr<Port>> ports_;
+  NmtState state_ = NmtState::initialising;  // above
   bool was_reset_ = false;
   rt::Later<SimGateway, &SimGateway::look> look_;
 };

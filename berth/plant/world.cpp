@@ -70,7 +70,7 @@ SimDevice::SimDevice(World& world, sim::Bus& bus, const PlantDevice& plan, const
       bus_(&bus),
       plan_(plan),
       timing_(timing_of(plan)),
-      flash_(bus.executor(), device::Device::memory_size(*description), timing_.in_world(plan.storing.time)),
+      flash_(bus.executor(), device::Device::memory_size(*description, parameter_group_of(plan)), timing_.in_world(plan.storing.time)),
       program_flash_(program_flash_of(plan, bus.executor())),
       controller_(bus.attach(controller_of(plan, bus))),
       port_(bus.executor(), *controller_, timing_, random),
@@ -82,8 +82,14 @@ SimDevice::SimDevice(World& world, sim::Bus& bus, const PlantDevice& plan, const
   device_.observe(this);
   if (script) scripted_ = std::make_unique<Scripted>(*this, *std::move(script), random.fork());
   if (!plan_.does.master) return;
-  manager_ = std::make_unique<manager::DictionaryManager>(dispatcher_, device_.values(),
-                                                          [this](co::NmtCommand command) { device_.apply(command); });
+  manager::NetworkTiming timing;
+  timing.resumes = !plan_.does.master->flying;
+  const auto apply = [this](co::NmtCommand command) { device_.apply(command); };
+  manager_ = std::make_unique<manager::DictionaryManager>(dispatcher_, device_.values(), apply, timing);
+  if (!plan_.does.master->flying) {
+    assigner_ = std::make_unique<manager::NodeIdAssigner>(dispatcher_, manager_->bus().sdo(), device_.values());
+    manager_->assign_by(assigner_.get());
+  }
   device_.on().state = [this](NmtState state) { manager_->own_state(state, device_.node_id()); };
 }
 
@@ -108,7 +114,18 @@ void SimDevice::switch_on() noexcept {
     flash_.erase(device::Device::parameters_at);  // what LSS stored; its parameters stay
   }
   controller_->power(true);
+  begin();
+}
+
+// A gateway boots when the buses beneath it have.
+void SimDevice::begin() noexcept {
+  waits_ = boots_last_;
+  if (waits_) return world_->tell(*this);
   device_.power_on();
+}
+
+void SimDevice::go_on() noexcept {
+  if (powered_ && std::exchange(waits_, false)) device_.power_on();
 }
 
 void SimDevice::switch_off() noexcept {
@@ -152,7 +169,7 @@ void SimDevice::reset() noexcept {
   device_.power_off();
   if (scripted_) scripted_->stop();
   controller_->restart(controller_->bit_rate());
-  device_.power_on();
+  begin();
 }
 
 void SimDevice::deaf(Duration duration) {
@@ -188,7 +205,7 @@ Truth SimDevice::truth() const {
   t.state = device_.state();
   t.memory_writes = flash_.writes_begun();
   t.memory_written = flash_.writes_ended();
-  if (manager_) {
+  if (manager_ && plan_.does.master->flying) {
     t.leads = manager_->flying().is_master();
     t.active_master = manager_->flying().active().value_or(manager::MasterRank{}).node;
   }

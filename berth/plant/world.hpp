@@ -101,6 +101,8 @@ class SimDevice final : private device::Device::Observer, private device::SimFla
   friend class SimGateway;
   void switch_on() noexcept;
   void switch_off() noexcept;
+  void begin() noexcept;
+  void go_on() noexcept;
   void device_changed(const device::Device& device) noexcept override;
   void write_began() noexcept override {}
   void write_ended() noexcept override;
@@ -118,10 +120,13 @@ class SimDevice final : private device::Device::Observer, private device::SimFla
   mutable device::Device device_;
   class Scripted;
   std::unique_ptr<Scripted> scripted_;                   // only with a script
-  std::unique_ptr<manager::DictionaryManager> manager_;  // only a flying master
+  std::unique_ptr<manager::DictionaryManager> manager_;  // only an NMT master
+  std::unique_ptr<manager::NodeIdAssigner> assigner_;    // only one that is no flying master
   NextPowerOn next_;
   unsigned deafness_ = 0;  // number of the last `deaf`, so that an older one's end does not end it
   unsigned slowness_ = 0;
+  bool boots_last_ = false;  // a gateway, whose buses beneath boot first
+  bool waits_ = false;       // for them
   bool plugged_ = false;
   bool powered_ = false;
 };

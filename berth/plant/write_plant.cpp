@@ -119,7 +119,9 @@ void write_device(PlantWriter& w, const PlantDevice& d) {
   }
   if (d.address.serial != 0) w.raw("serial", fmt::format("0x{:08X}", d.address.serial));
   write_node_id(w, d);
-  if (d.does.master) {
+  if (d.does.master && !d.does.master->flying) {
+    w.raw("master", fmt::format("{{ flying = false, most = {} }}", d.does.master->most));
+  } else if (d.does.master) {
     std::string slaves;
     for (const auto id : d.does.master->slaves) slaves += fmt::format("{}{}", slaves.empty() ? "" : ", ", id);
     w.raw("master", fmt::format("{{ priority = {}, slaves = \"{}\", keep_alive = {} }}", d.does.master->priority,

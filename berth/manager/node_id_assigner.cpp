@@ -1,0 +1,102 @@
+#include "berth/manager/node_id_assigner.hpp"
+
+#include <algorithm>
+
+#include "berth/manager/dictionary_source.hpp"
+#include "berth/rt/scope.hpp"
+
+namespace berth::manager {
+namespace {
+
+constexpr std::uint16_t identity = 0x1018;
+
+bool fits(const SlaveRules& rules, const LssAddress& device) noexcept {
+  const bool typed = rules.vendor != 0 && rules.product != 0;
+  const auto agrees = [](std::uint32_t expected, std::uint32_t is) { return expected == 0 || expected == is; };
+  return typed && rules.vendor == device.vendor && rules.product == device.product &&
+         agrees(rules.revision, device.revision) && agrees(rules.serial, device.serial);
+}
+
+}  // namespace
+
+NodeIdAssigner::NodeIdAssigner(can::Dispatcher& dispatcher, co::SdoClient& sdo, const od::Values& values)
+    : executor_(&dispatcher.executor()),
+      sdo_(&sdo),
+      values_(&values),
+      lss_(dispatcher),
+      rand_(dispatcher),
+      methods_(discovery::Services{dispatcher, lss_}, {.configured = false}) {}
+
+rt::Task<Result<void>> NodeIdAssigner::run(NodeId own, std::bitset<128> there) {
+  list_.clear();
+  for (std::uint8_t number = 1; number <= 127; ++number) {
+    const NodeId node(number);
+    SlaveRules rules = slave_rules_of(*values_, node);
+    if (rules.assigned && node != own) list_.push_back({.node = node, .rules = std::move(rules), .there = there[number]});
+  }
+  {
+    rt::Scope questions(*executor_);
+    for (auto& each : list_) {
+      if (!each.there) questions.spawn(ask(each));
+    }
+    co_await questions.join();
+  }
+  const bool complete = std::ranges::all_of(list_, &Wanted::there);
+  if (complete) co_return Result<void>{};
+  co_return co_await search();
+}
+
+// Whatever answers has the node-ID: whether it is the right device, its boot-up says.
+rt::Task<void> NodeIdAssigner::ask(Wanted& wanted) {
+  co::SdoOptions options = sdo_->options();
+  options.timeout = sdo_timeout;
+  options.retries = 1;
+  LssAddress device;
+  std::uint8_t sub = 1;
+  for (std::uint32_t* const part : {&device.vendor, &device.product, &device.revision, &device.serial}) {
+    const auto value = co_await sdo_->read<std::uint32_t>(wanted.node, identity, sub++, options);
+    if (value) *part = *value;
+    wanted.there = wanted.there || value || value.error().code == Errc::aborted;
+    if (!wanted.there) co_return;
+  }
+  wanted.device = device;
+}
+
+rt::Task<Result<void>> NodeIdAssigner::search() {
+  discovery::Known known;
+  for (const auto& each : list_) {
+    if (each.device) known.registered.push_back(*each.device);
+    const discovery::Kind kind{{each.rules.vendor, each.rules.product}, std::nullopt};
+    const bool named = std::ranges::find(known.kinds, kind) != known.kinds.end();
+    if (!each.there && kind.type.vendor != 0 && !named) known.kinds.push_back(kind);
+  }
+  if (known.kinds.empty()) co_return Result<void>{};
+  discovery::Options options;
+  options.assigner = this;
+  options.store = true;
+  options.confirm = true;
+  const auto anybody = co_await methods_.anybody(options);
+  if (!anybody) co_return fail(anybody.error());
+  if (!*anybody) co_return Result<void>{};
+  const auto found = co_await methods_.find(known, options);
+  if (!found) co_return fail(found.error());
+  const auto quiet = co_await lss_.switch_global(lss::State::waiting);
+  if (!quiet) co_return fail(quiet.error());
+  // RAND has found them, and they would not answer when the list has a place for them.
+  for (const auto& device : found->found) {
+    if (device.assigned.configured() || device.by != discovery::Method::planner_rand) continue;
+    const auto told = co_await rand_.switch_selective(device.address, nodeid::Identification::unknown);
+    if (!told) co_return fail(told.error());
+  }
+  co_return Result<void>{};
+}
+
+NodeId NodeIdAssigner::assign(const LssAddress& device) noexcept {
+  const auto free = std::ranges::find_if(list_, [&](const Wanted& w) { return !w.there && fits(w.rules, device); });
+  if (free == list_.end()) return {};
+  free->there = true;
+  ++given_;
+  return free->node;
+}
+
+}  // namespace berth::manager

@@ -1,0 +1,325 @@
+#include "berth/operate/beneath.hpp"
+
+#include <fmt/format.h>
+
+#include <algorithm>
+#include <array>
+
+#include "berth/manager/configurator.hpp"
+#include "berth/manager/network_requests.hpp"
+
+namespace berth::operate {
+namespace {
+
+using places::SlotState;
+
+constexpr std::uint16_t request_nmt = 0x1F82;
+constexpr auto look_pause = std::chrono::milliseconds(200);  // between two looks at a bus that boots
+constexpr std::uint16_t heartbeat_lost = 0x8130;
+
+Error error_of(const manager::Failure& failure) noexcept {
+  if (failure.why == manager::Failure::Why::error) return failure.error;
+  return {.code = Errc::mismatch,
+          .sub = failure.object.sub,
+          .index = failure.object.index,
+          .text = "the gateway's master does not keep its network list"};
+}
+
+}  // namespace
+
+Way way_to(const design::Machine& machine, const std::string& bus) {
+  Way way{bus};
+  const design::Bus* at = machine.bus(bus);
+  while (at != nullptr && !at->own_port && at->gateway) {
+    way.gateways.insert(way.gateways.begin(), {at->gateway->slot, at->gateway->port});
+    way.bus = at->gateway->bus;
+    at = machine.bus(way.bus);
+  }
+  return way;
+}
+
+Beneath::Beneath(rt::Executor& executor, const design::Bus& bus, Way way, std::vector<places::SlotSpec> slots,
+                 multilevel::Routes& routes, NetworkObserver observer)
+    : executor_(executor),
+      bus_(bus),
+      way_(std::move(way)),
+      routes_(routes),
+      events_(executor, bus.name, std::move(observer)),
+      wakes_(executor),
+      scope_(executor) {
+  std::ranges::sort(slots, {}, &places::SlotSpec::id);
+  for (auto& spec : slots) {
+    Place place;
+    place.now.bus = bus_.name;
+    place.now.id = spec.id;
+    place.now.name = spec.name.name;
+    place.now.type = spec.type;
+    place.spec = std::move(spec);
+    places_.push_back(std::move(place));
+  }
+}
+
+void Beneath::start() {
+  if (scope_.running() == 0) scope_.spawn(watch());
+}
+
+void Beneath::stop() noexcept { scope_.cancel(); }
+
+Beneath::Place* Beneath::at(NodeId node) noexcept {
+  const auto it = std::ranges::find(places_, node, [](const Place& p) { return p.spec.id; });
+  return it == places_.end() ? nullptr : &*it;
+}
+
+std::vector<SlotReport> Beneath::report() const {
+  std::vector<SlotReport> slots;
+  for (const auto& place : places_) slots.push_back(place.now);
+  return slots;
+}
+
+bool Beneath::operational() const noexcept {
+  return std::ranges::all_of(
+      places_, [](const Place& p) { return p.spec.optional || p.now.state == SlotState::operational; });
+}
+
+void Beneath::set_state(Place& place, SlotState state, std::string reason) {
+  if (place.now.state == state && place.now.reason == reason) return;
+  if (place.now.state != state) place.now.since = executor_.now();
+  place.now.state = state;
+  place.now.reason = std::move(reason);
+  events_.tell(EventKind::state, place.now.name,
+               place.now.reason.empty() ? places::name(state)
+                                        : fmt::format("{}: {}", places::name(state), place.now.reason));
+  const bool all = operational();
+  if (all && !std::exchange(was_operational_, all) && operational_call_) operational_call_();
+  was_operational_ = all;
+}
+
+// ---- bringing it up
+
+manager::Wanted Beneath::list(std::span<const places::SlotSpec> slots, std::span<const NodeId> held_back) {
+  Findings findings;
+  auto made = network_list(bus_, slots, held_back, findings);
+  for (const auto& finding : findings) {
+    if (finding.severity == Finding::Severity::error) events_.tell_once(EventKind::error, to_string(finding));
+  }
+  return made;
+}
+
+rt::Task<Result<void>> Beneath::request(std::uint8_t sub, co::NmtCommand command) {
+  const std::array<std::uint8_t, 1> value{manager::request_value(command)};
+  const std::span<const std::uint8_t> data = value;
+  co::SdoAccess& master = access(bus_.master);
+  co_return co_await master.write(request_nmt, sub, data);
+}
+
+// The gateway's master counts what is written from its next boot-up on.
+rt::Task<Result<void>> Beneath::put_list(const manager::Wanted& list) {
+  manager::ConfiguratorOptions options;
+  manager::ConfigurationReport report;
+  {
+    manager::Configurator configurator(access(bus_.master), access(bus_.master), list, options);
+    co_await configurator.run(report);
+  }
+  if (report.failure) co_return fail(error_of(*report.failure));
+  if (!report.changed()) co_return Result<void>{};
+  events_.tell(EventKind::step, "", "its gateway has a new network list");
+  co_return co_await request(bus_.master.value(), co::NmtCommand::reset_node);
+}
+
+rt::Task<Result<void>> Beneath::bring_up() {
+  brings_up_ = true;
+  up_ = true;
+  std::vector<places::SlotSpec> all;
+  for (const auto& place : places_) all.push_back(place.spec);
+  const manager::Wanted whole = list(all, {});
+  const manager::ConfiguratorOptions options;
+  bool has_list = false;
+  {
+    manager::Configurator configurator(access(bus_.master), access(bus_.master), whole, options);
+    has_list = co_await configurator.has_date();
+  }
+  Result<void> done;
+  if (!has_list) {
+    done = co_await gateways_first();
+    if (done) done = co_await put_list(whole);
+  }
+  if (done) done = co_await await_operational();
+  if (done && has_list) done = co_await deeper_first();
+  brings_up_ = false;
+  if (!done && done.error().code == Errc::timeout) gateway_is_silent(done.error());
+  co_return done;
+}
+
+// Those beneath get their node-IDs, and nothing else, so that the buses beneath them come first.
+rt::Task<Result<void>> Beneath::gateways_first() {
+  if (deeper_.empty()) co_return Result<void>{};
+  std::vector<NodeId> nodes;
+  for (const auto* const deeper : deeper_) nodes.push_back(deeper->way().gateways.back().gateway);
+  std::vector<places::SlotSpec> gateways;
+  for (const auto& place : places_) {
+    if (std::ranges::find(nodes, place.spec.id) != nodes.end()) gateways.push_back(place.spec);
+  }
+  const manager::Wanted first = list(gateways, nodes);
+  const auto put = co_await put_list(first);
+  if (!put) co_return put;
+  const rt::Time deadline = executor_.now() + patience;
+  for (const NodeId node : nodes) {
+    for (bool answers = false; !answers && executor_.now() < deadline;) {
+      co::SdoAccess& gateway = access(node);
+      const auto type = co_await gateway.read_u32(0x1000, 0);
+      answers = type.has_value();
+      if (!answers) co_await rt::sleep_for(look_pause);
+    }
+  }
+  co_return co_await deeper_first();
+}
+
+rt::Task<Result<void>> Beneath::deeper_first() {
+  std::optional<Error> failed;
+  {
+    rt::Scope side_by_side(executor_);
+    for (auto* const deeper : deeper_) side_by_side.spawn(bring_up_deeper(*deeper, failed));
+    co_await side_by_side.join();
+  }
+  if (failed) co_return fail(*failed);
+  co_return Result<void>{};
+}
+
+rt::Task<void> Beneath::bring_up_deeper(Beneath& deeper, std::optional<Error>& failed) {
+  const auto done = co_await deeper.bring_up();
+  if (!done && deeper.bus().gateway->mandatory && !failed) failed = done.error();
+}
+
+rt::Task<Result<void>> Beneath::await_operational() {
+  const rt::Duration boot_time = bus_.startup.boot_time;
+  const rt::Time deadline = executor_.now() + (boot_time.count() > 0 ? boot_time : patience);
+  for (bool over = false; !over;) {
+    over = executor_.now() >= deadline;
+    unsigned silent = 0;
+    for (auto& place : places_) {
+      if (place.now.state == SlotState::operational) continue;
+      const auto looked = co_await look_at(place, over);
+      if (!looked && ++silent > 2) break;
+    }
+    if (operational()) co_return Result<void>{};
+    if (!over) co_await rt::sleep_for(look_pause);
+  }
+  const auto missing = std::ranges::find_if(
+      places_, [](const Place& p) { return !p.spec.optional && p.now.state != SlotState::operational; });
+  co_return fail(Error{.code = Errc::mismatch,
+                       .node = missing->spec.id.value(),
+                       .text = "a bus beneath it is not operational: its slots say why"});
+}
+
+// ---- watching it
+
+// One slot after the other, and at once the one of which the gateway has told something.
+rt::Task<void> Beneath::watch() {
+  const rt::Duration period = std::max<rt::Duration>(bus_.timing.heartbeat_period, look_pause);
+  for (;;) {
+    const rt::Time deadline = executor_.now() + period;
+    const auto wake = co_await wakes_.next(deadline);
+    if (!up_ || brings_up_ || places_.empty()) continue;
+    Place* place = wake ? at(*wake) : &places_[next_++ % places_.size()];
+    if (place == nullptr) continue;
+    const auto looked = co_await look_at(*place, true);
+    if (!looked && looked.error().code == Errc::timeout) gateway_is_silent(looked.error());
+  }
+}
+
+rt::Task<Result<void>> Beneath::look_at(Place& place, bool settled) {
+  const std::uint8_t sub = place.spec.id.value();
+  co::SdoAccess& master = access(bus_.master);
+  const auto value = co_await master.read(request_nmt, sub);
+  if (!value) co_return fail(value.error());
+  const auto bytes = value->bytes();
+  switch (bytes.empty() ? 0 : bytes.front()) {
+    case static_cast<std::uint8_t>(NmtState::operational):
+      if (!place.now.device) co_await identify(place);
+      set_state(place, SlotState::operational);
+      break;
+    case static_cast<std::uint8_t>(NmtState::stopped): set_state(place, SlotState::present, "stopped"); break;
+    case static_cast<std::uint8_t>(NmtState::pre_operational): set_state(place, SlotState::present); break;
+    default:
+      if (!settled) break;
+      if (place.now.device) {
+        if (place.now.state != SlotState::absent) set_state(place, SlotState::absent, "the gateway's master misses it");
+      } else {
+        set_state(place, SlotState::empty, "no device of its type was found");
+      }
+  }
+  co_return Result<void>{};
+}
+
+// A device may lack all of 1018h but its vendor-ID.
+rt::Task<Result<void>> Beneath::read_address(co::SdoAccess& device, LssAddress& address) {
+  std::uint8_t sub = 0;
+  for (std::uint32_t* const part : {&address.vendor, &address.product, &address.revision, &address.serial}) {
+    ++sub;
+    const auto value = co_await device.read_u32(0x1018, sub);
+    if (value) *part = *value;
+    if (!value && value.error().code != Errc::aborted) co_return fail(value.error());
+  }
+  co_return Result<void>{};
+}
+
+rt::Task<void> Beneath::identify(Place& place) {
+  LssAddress device;
+  co::SdoAccess& node = access(place.spec.id);
+  const auto known = co_await read_address(node, device);
+  if (!known) co_return;
+  place.now.device = device;
+  events_.tell(EventKind::bound, place.now.name, fmt::format("its gateway's master gave it to {}", to_string(device)));
+}
+
+rt::Task<Result<std::vector<Seen>>> Beneath::scan() {
+  std::vector<Seen> all;
+  co::SdoAccess& master = access(bus_.master);
+  for (const auto& place : places_) {
+    const NodeId node = place.spec.id;
+    const auto value = co_await master.read(request_nmt, node.value());
+    if (!value) co_return fail(value.error());
+    const auto state = value->bytes().empty() ? std::uint8_t{0} : value->bytes().front();
+    constexpr std::uint8_t missing = 1;
+    if (state <= missing) continue;
+    Seen seen;
+    seen.id = node;
+    seen.slot = place.spec.name.name;
+    seen.state = static_cast<NmtState>(state);
+    co::SdoAccess& device = access(node);
+    const auto type = co_await device.read_u32(0x1000, 0);
+    if (type) seen.device_type = *type;
+    LssAddress address;
+    const auto known = co_await read_address(device, address);
+    if (known) seen.device = address;
+    all.push_back(seen);
+  }
+  co_return all;
+}
+
+void Beneath::gateway_is_silent(const Error& error) {
+  const multilevel::Hop last = way_.gateways.back();
+  for (auto& place : places_) {
+    set_state(place, SlotState::absent,
+              fmt::format("gateway {} above does not answer: {}", last.gateway.value(), error.text));
+  }
+}
+
+void Beneath::heard(NodeId node, const multilevel::LoggedEmcy& entry) {
+  Place* const place = at(node);
+  const auto& reading = entry.reading;
+  const bool lost = reading.code == heartbeat_lost;
+  if (place != nullptr && lost && up_) {
+    set_state(*place, SlotState::absent, "its heartbeat stopped: the gateway told it (EMCY 8130h)");
+    place->now.device.reset();
+  } else if (!lost && reading.exiting != heartbeat_lost) {
+    const auto words = [](std::uint16_t code, std::uint16_t) {
+      const char* const own = multilevel::gateway_code_text(code);
+      return own != nullptr ? own : co::emcy_text(code);
+    };
+    events_.tell(EventKind::error, place == nullptr ? "" : place->now.name, "EMCY " + multilevel::text(entry, words));
+  }
+  if (place != nullptr && !lost) wakes_.push(node);
+}
+
+}  // namespace berth::operate

@@ -1,0 +1,106 @@
+/// A bus beneath a gateway on which Berth has no port (`port = "gateway"`; docs/multilevel.md §berth up): the gateway's
+/// own NMT master gives the node-IDs, boots, starts and watches there, by its dictionary (CiA 302-2), and this makes and
+/// keeps that dictionary right, through the gateway, and tells what becomes of the slots.
+///
+/// `bring_up` is called before the gateway itself is started. The network list is compared by its date (1020h of the
+/// gateway's node beneath) and written when it is another; then that node is reset, and boots its bus. A bus with
+/// further gateways gets a list of these alone first, in which they are not booted, so that the buses beneath them come
+/// before it.
+#pragma once
+
+#include <map>
+#include <optional>
+#include <string>
+#include <vector>
+
+#include "berth/co/nmt.hpp"
+#include "berth/multilevel/event_log.hpp"
+#include "berth/multilevel/gateway_access.hpp"
+#include "berth/operate/events.hpp"
+#include "berth/operate/network_list.hpp"
+#include "berth/operate/seen.hpp"
+#include "berth/rt/mailbox.hpp"
+#include "berth/rt/scope.hpp"
+
+namespace berth::operate {
+
+/// How a bus of a machine is reached.
+struct Way {
+  std::string bus;                            ///< on which Berth has a port
+  std::vector<multilevel::Hop> gateways = {};  ///< from there down, topmost first
+  friend bool operator==(const Way&, const Way&) = default;
+};
+[[nodiscard]] Way way_to(const design::Machine& machine, const std::string& bus);
+
+class Beneath {
+ public:
+  /// `bus` and `routes` must stay; `routes`: of the bus at which `way` begins.
+  Beneath(rt::Executor& executor, const design::Bus& bus, Way way, std::vector<places::SlotSpec> slots,
+          multilevel::Routes& routes, NetworkObserver observer);
+
+  /// A bus beneath this one, without a port too. Must stay.
+  void add(Beneath& deeper) { deeper_.push_back(&deeper); }
+  /// Called each time that it has become operational.
+  void on_operational(std::function<void()> call) { operational_call_ = std::move(call); }
+  /// Watches: only then the slots' states are kept.
+  void start();
+  void stop() noexcept;
+
+  /// Errors: no answer of the gateway, a list that it does not take, or not operational in time (`bus().startup`'s boot
+  /// time, else `patience`) with a slot that is not optional.
+  [[nodiscard]] rt::Task<Result<void>> bring_up();
+  static constexpr rt::Duration patience = std::chrono::seconds(30);
+
+  /// An emergency of this bus came up: `node` has sent it.
+  void heard(NodeId node, const multilevel::LoggedEmcy& entry);
+
+  [[nodiscard]] const design::Bus& bus() const noexcept { return bus_; }
+  [[nodiscard]] const Way& way() const noexcept { return way_; }
+  [[nodiscard]] std::vector<SlotReport> report() const;
+  /// Every slot that is not optional.
+  [[nodiscard]] bool operational() const noexcept;
+  [[nodiscard]] bool idle() const noexcept { return !brings_up_; }
+  /// A node of this bus.
+  [[nodiscard]] co::SdoAccess& access(NodeId node) { return routes_.access({way_.gateways, node}); }
+  /// What its master knows: the node-IDs of the network list that it has heard.
+  [[nodiscard]] rt::Task<Result<std::vector<Seen>>> scan();
+  /// 1F82h of the gateway's own node: the NMT command is its to send.
+  [[nodiscard]] rt::Task<Result<void>> request(std::uint8_t sub, co::NmtCommand command);
+
+ private:
+  struct Place {
+    places::SlotSpec spec;
+    SlotReport now;
+  };
+  rt::Task<Result<void>> put_list(const manager::Wanted& list);
+  rt::Task<Result<void>> gateways_first();
+  rt::Task<Result<void>> deeper_first();
+  rt::Task<void> bring_up_deeper(Beneath& deeper, std::optional<Error>& failed);
+  rt::Task<Result<void>> await_operational();
+  rt::Task<void> watch();
+  /// `settled`: who is missing now is told; else it may come yet.
+  rt::Task<Result<void>> look_at(Place& place, bool settled);
+  rt::Task<void> identify(Place& place);
+  static rt::Task<Result<void>> read_address(co::SdoAccess& device, LssAddress& address);
+  [[nodiscard]] manager::Wanted list(std::span<const places::SlotSpec> slots, std::span<const NodeId> held_back);
+  void set_state(Place& place, places::SlotState state, std::string reason = {});
+  void gateway_is_silent(const Error& error);
+  [[nodiscard]] Place* at(NodeId node) noexcept;
+
+  rt::Executor& executor_;
+  const design::Bus& bus_;
+  Way way_;
+  multilevel::Routes& routes_;
+  Events events_;
+  std::vector<Place> places_;  // ascending by node-ID
+  std::vector<Beneath*> deeper_;
+  std::function<void()> operational_call_;
+  rt::Mailbox<NodeId, 256> wakes_;  // slots to be looked at now
+  std::size_t next_ = 0;            // slot that is looked at next
+  bool up_ = false;                 // it was brought up
+  bool was_operational_ = false;
+  bool brings_up_ = false;
+  rt::Scope scope_;
+};
+
+}  // namespace berth::operate

@@ -1,0 +1,202 @@
+// Gateways of a plant that are the NMT masters of the buses beneath: node-IDs, boot-up from the bottom, what is told
+// above (docs/multilevel.md).
+#include <gtest/gtest.h>
+#include <algorithm>
+#include <array>
+#include <chrono>
+#include <memory>
+#include <string>
+#include <vector>
+
+#include "../pch.hpp"
+#include "berth/base/bytes.hpp"
+#include "berth/multilevel/gateway_access.hpp"
+#include "berth/plant/world.hpp"
+#include "berth/rt/scope.hpp"
+#include "record.hpp"
+
+namespace berth::plant::gateway_master_tests {
+namespace {
+
+using namespace std::chrono_literals;
+
+constexpr const char* two_levels = R"(
+[bus.backbone]
+bitrate = 250_000
+[bus.boom]
+bitrate = 125_000
+
+[[device]]
+name = "boom gateway"
+bus = "backbone"
+type = { vendor = 1, product = 1 }
+node_id = 3
+[[device]]
+name = "boom port"
+bus = "boom"
+type = { vendor = 1, product = 2 }
+node_id = 1
+master = { flying = false, most = 9 }
+[[device]]
+name = "valve {n}"
+bus = "boom"
+type = { vendor = 1, product = 3 }
+heartbeat = "100 ms"
+count = 2
+[[device]]
+name = "sensor"
+bus = "boom"
+type = { vendor = 1, product = 4 }
+heartbeat = "100 ms"
+speaks = ["fastscan"]
+
+[[gateway]]
+above = "boom gateway"
+beneath = ["boom port"]
+)";
+
+struct Boom : ::testing::Test {
+  Boom() {
+    const auto result = read_plant(two_levels, "x.plant.toml");
+    for (const auto& finding : result.findings) ADD_FAILURE() << finding.message;
+    Findings findings;
+    world = World::make(*result.plant, {}, findings);
+    EXPECT_TRUE(world);
+    port = world->attach_master("backbone", {.queue_depth = 16, .rx_depth = 16});
+    record = std::make_unique<Record>(*world->bus("backbone"));
+    dispatcher = std::make_unique<can::Dispatcher>(world->executor(), *port);
+    client = std::make_unique<co::SdoClient>(*dispatcher);
+    routes = std::make_unique<multilevel::Routes>(*client);
+    scope = std::make_unique<rt::Scope>(world->executor());
+    world->start();
+  }
+  ~Boom() override {
+    scope.reset();
+    routes.reset();
+    client.reset();
+    dispatcher.reset();
+    record.reset();
+    port.reset();
+  }
+  struct Row {
+    ObjectRef object;
+    std::uint32_t value;
+    std::size_t size = 4;
+  };
+  static rt::Task<void> write_all(co::SdoAccess& node, const std::vector<Row>& rows, unsigned& good) {
+    for (const Row& row : rows) {
+      std::array<std::uint8_t, 4> bytes{};
+      store_le(bytes.data(), row.value);
+      const std::span<const std::uint8_t> data = std::span(bytes).first(row.size);
+      const auto done = co_await node.write(row.object.index, row.object.sub, data);
+      good += done ? 1 : 0;
+      if (!done) ADD_FAILURE() << std::hex << row.object.index << ": " << describe(done.error());
+    }
+  }
+  /// By the gateway's own node beneath.
+  void write(const std::vector<Row>& rows) {
+    unsigned good = 0;
+    scope->spawn(write_all(routes->access(*multilevel::parse_path("3/1")), rows, good));
+    world->sim().run_until([&] { return scope->running() == 0; }, 30s);
+    EXPECT_EQ(good, rows.size());
+  }
+  std::vector<Row> list() {
+    std::vector<Row> rows;
+    for (std::uint8_t node = 4; node <= 6; ++node) {
+      rows.push_back({{0x1F81, node}, 0x0D});
+      rows.push_back({{0x1F85, node}, 1});
+      rows.push_back({{0x1F86, node}, node == 6 ? 4U : 3U});
+      rows.push_back({{0x1016, static_cast<std::uint8_t>(node - 3)}, node * 0x10000U + 300});
+    }
+    return rows;
+  }
+  void commission() {
+    auto rows = list();
+    rows.push_back({{0x1010, 1}, 0x65766173});
+    rows.push_back({{0x1F82, 1}, 6, 1});
+    write(rows);
+  }
+  Truth truth(const char* name) { return world->find(name)->truth(); }
+  bool all_run() {
+    return std::ranges::all_of(std::array{"valve 1", "valve 2", "sensor"},
+                               [&](const char* name) { return truth(name).state == NmtState::operational; });
+  }
+  std::unique_ptr<World> world;
+  std::unique_ptr<sim::Controller> port;
+  std::unique_ptr<Record> record;
+  std::unique_ptr<can::Dispatcher> dispatcher;
+  std::unique_ptr<co::SdoClient> client;
+  std::unique_ptr<multilevel::Routes> routes;
+  std::unique_ptr<rt::Scope> scope;
+};
+
+}  // namespace
+
+// Blank devices beneath, by RAND and by Fastscan, get the node-IDs of the network list that came through the gateway.
+TEST_F(Boom, GivesNodeIdsByItsNetworkList) {
+  world->sim().run_for(500ms);
+  EXPECT_EQ(truth("boom gateway").state, NmtState::pre_operational);
+  commission();
+  EXPECT_TRUE(world->sim().run_until([&] { return all_run(); }, 20s));
+  EXPECT_EQ(truth("valve 1").persistent, NodeId(4));
+  EXPECT_EQ(truth("valve 2").persistent, NodeId(5));
+  EXPECT_EQ(truth("sensor").persistent, NodeId(6));
+}
+
+// A power cycle: the device above boots when the bus beneath is operational, not before (S3.3).
+TEST_F(Boom, BootsFromTheBottomUp) {
+  world->sim().run_for(500ms);
+  commission();
+  ASSERT_TRUE(world->sim().run_until([&] { return all_run(); }, 20s));
+  SimDevice& above = *world->find("boom gateway");
+  above.power(false);
+  world->sim().run_for(100ms);
+  record->text.clear();
+  above.power(true);
+  const auto booted = [&] { return !record->text.empty(); };
+  ASSERT_TRUE(world->sim().run_until(booted, 20s));
+  EXPECT_EQ(record->text.front(), "703#00");
+  EXPECT_EQ(truth("boom port").state, NmtState::operational);
+  EXPECT_EQ(truth("sensor").state, NmtState::operational);
+}
+
+// A device of a mandatory slave's type that comes later gets the node-ID that is free, and the bus goes on. It is as well
+// when a device is gone for good and a new one comes in its place.
+TEST_F(Boom, PutsAReplacementToWork) {
+  world->sim().run_for(500ms);
+  world->find("valve 2")->unplug();
+  commission();
+  ASSERT_TRUE(world->sim().run_until([&] { return truth("sensor").state == NmtState::operational; }, 20s));
+  world->sim().run_for(5s);
+  EXPECT_EQ(truth("boom port").state, NmtState::pre_operational) << "node 5 is mandatory";
+  world->find("valve 2")->plug();
+  ASSERT_TRUE(world->sim().run_until([&] { return all_run(); }, 20s));
+  EXPECT_EQ(truth("boom port").state, NmtState::operational);
+  EXPECT_EQ(truth("valve 2").persistent, NodeId(5));
+  world->find("valve 1")->unplug();
+  world->sim().run_for(2s);
+  world->find("valve 1")->next_power_on() = {.serial = 77, .node_id = NodeId()};
+  world->find("valve 1")->plug();
+  ASSERT_TRUE(world->sim().run_until([&] { return all_run(); }, 20s));
+  EXPECT_EQ(truth("valve 1").persistent, NodeId(4));
+}
+
+// One heartbeat beneath that stops is one emergency above, its return another (S3.12).
+TEST_F(Boom, TellsAboveWhatIsLostBeneathOnce) {
+  world->sim().run_for(500ms);
+  commission();
+  ASSERT_TRUE(world->sim().run_until([&] { return all_run(); }, 20s));
+  world->find("boom gateway")->device().apply(co::NmtCommand::start);
+  world->sim().run_for(1s);
+  record->text.clear();
+  world->find("valve 2")->unplug();
+  world->sim().run_for(2s);
+  EXPECT_EQ(record->text, std::vector<std::string>{"083#3081110500000000"});
+  record->text.clear();
+  world->find("valve 2")->plug();
+  ASSERT_TRUE(world->sim().run_until([&] { return all_run(); }, 20s));
+  world->sim().run_for(1s);
+  EXPECT_EQ(record->text, std::vector<std::string>{"083#0000000500003081"});
+}
+
+}  // namespace berth::plant::gateway_master_tests
