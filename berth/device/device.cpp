@@ -96,19 +96,21 @@ void Device::make_services(NvMemory* memory) {
   if (has_any(d, 0x1400, 0x1BFF)) {
     const co::Pdos::Options options{.send_at_start = options_.send_tpdos_at_start,
                                     .detect_collision = options_.detect_collision};
-    pdos_ = std::make_unique<co::Pdos>(*dispatcher_, values_, static_cast<co::ServiceOwner&>(*this), options);
-    pdos_->observe(this);
+    services_.pdos = std::make_unique<co::Pdos>(*dispatcher_, values_, static_cast<co::ServiceOwner&>(*this), options);
+    services_.pdos->observe(this);
   }
   if (d.find(0x1005) != nullptr) {
-    sync_ = std::make_unique<co::Sync>(*dispatcher_, values_, static_cast<co::ServiceOwner&>(*this), pdos_.get());
-    sync_->observe(this);
+    services_.sync =
+        std::make_unique<co::Sync>(*dispatcher_, values_, static_cast<co::ServiceOwner&>(*this), services_.pdos.get());
+    services_.sync->observe(this);
   }
   if (d.find(0x1012) != nullptr) {
-    time_ = std::make_unique<co::TimeStamp>(*dispatcher_, values_);
-    time_->observe(this);
+    services_.time = std::make_unique<co::TimeStamp>(*dispatcher_, values_);
+    services_.time->observe(this);
   }
   if (d.find(0x1028) != nullptr) {
-    emcy_list_ = std::make_unique<co::EmcyList>(*dispatcher_, values_, static_cast<co::EmcyConsumer::Observer&>(*this));
+    services_.emcy_list =
+        std::make_unique<co::EmcyList>(*dispatcher_, values_, static_cast<co::EmcyConsumer::Observer&>(*this));
   }
   if (memory != nullptr && d.find(0x1010) != nullptr) {
     parameters_ = std::make_unique<ParameterStore>(
@@ -310,16 +312,7 @@ void Device::set_services(const co::Services& was, const co::Services& now) noex
   emcy_.enable(now.emcy);
   if (now.sdo && !was.sdo) sdo_.start(nmt_.node_id());
   if (!now.sdo) sdo_.stop();
-  if (pdos_ && !now.pdo) pdos_->stop();
-  const bool begins = now.sync_time && !was.sync_time;
-  if (sync_ && begins) sync_->start();
-  if (time_ && begins) time_->start();
-  if (emcy_list_ && now.emcy && !was.emcy) emcy_list_->start();
-  if (pdos_ && now.pdo && !was.pdo) pdos_->start(nmt_.node_id());
-  if (now.sync_time) return;
-  if (sync_) sync_->stop();
-  if (time_) time_->stop();
-  if (emcy_list_) emcy_list_->stop();
+  services_.change(was, now, nmt_.node_id());
 }
 
 void Device::stop_services() noexcept {
@@ -417,8 +410,7 @@ void Device::use_bit_rate() noexcept {
 std::size_t Device::memory() const noexcept {
   return sizeof(Device) - sizeof(od::Values) + values_.memory() + sdo_.memory() + options_.name.capacity() +
          options_.presets.capacity() * sizeof(Preset) + consumer_size_ + (errors_ ? sizeof(co::ErrorField) : 0) +
-         (pdos_ ? pdos_->memory() : 0) + (sync_ ? sizeof(co::Sync) : 0) + (time_ ? sizeof(co::TimeStamp) : 0) +
-         (emcy_list_ ? sizeof(co::EmcyList) : 0) + (parameters_ ? sizeof(ParameterStore) : 0) +
+         services_.memory() + (parameters_ ? sizeof(ParameterStore) : 0) +
          (configuration_ ? sizeof(ConfigurationWatch) : 0) + (negotiation_ ? sizeof(Negotiation) : 0) +
          (claiming_ ? sizeof(Claiming) : 0) + (programming_ ? sizeof(Programming) : 0) +
          (habits_ ? sizeof(LssHabits) : 0) + (callbacks_ ? sizeof(Callbacks) : 0) +

@@ -49,6 +49,7 @@
 #include "berth/device/negotiation.hpp"
 #include "berth/device/node_id_methods.hpp"
 #include "berth/device/nv_memory.hpp"
+#include "berth/device/object_services.hpp"
 #include "berth/device/parameter_store.hpp"
 #include "berth/device/programs.hpp"
 #include "berth/device/timed_port.hpp"
@@ -186,15 +187,17 @@ class Device final : private co::NmtSlave::Owner,
   /// when there is no such sub-index: pre-operational if operational). 1 = communication, used by the device itself.
   void error_behaviour(std::uint8_t error_class) noexcept;
   /// An event of TPDO 1..512 (types 00h, FEh, FFh); false when it is not active or knows no events.
-  bool tpdo_event(unsigned number) noexcept { return pdos_ && pdos_->event(number); }
+  bool tpdo_event(unsigned number) noexcept { return services_.pdos && services_.pdos->event(number); }
   /// The object's value was changed by the local side: an event of the TPDOs that map it.
-  bool value_changed(ObjectRef ref) noexcept { return pdos_ && pdos_->changed(ref); }
+  bool value_changed(ObjectRef ref) noexcept { return services_.pdos && services_.pdos->changed(ref); }
   /// What 1021h uploads; must outlive the device. Empty: as described (no data).
   void set_stored_eds(std::span<const std::uint8_t> eds) noexcept { eds_ = eds; }
   /// Sends a TIME message; `closed`: no producer (1012h bit 30), or not in a state with TIME.
-  can::Queued send_time(const co::TimeOfDay& time) noexcept { return time_ ? time_->send(time) : can::Queued::closed; }
+  can::Queued send_time(const co::TimeOfDay& time) noexcept {
+    return services_.time ? services_.time->send(time) : can::Queued::closed;
+  }
   /// PDOs; null when the dictionary has none.
-  [[nodiscard]] co::Pdos* pdos() noexcept { return pdos_.get(); }
+  [[nodiscard]] co::Pdos* pdos() noexcept { return services_.pdos.get(); }
   /// What the indicators of CiA 303-3 go by, as far as the device knows: `lit(leds(d.led_inputs()), time)`.
   [[nodiscard]] LedInputs led_inputs() const noexcept;
   /// @}
@@ -371,10 +374,7 @@ class Device final : private co::NmtSlave::Owner,
   co::EmcyProducer emcy_;
   std::unique_ptr<co::ErrorField> errors_;  // only with object 1003h
   co::SdoServers sdo_;
-  std::unique_ptr<co::Pdos> pdos_;                     // only with objects 1400h..1BFFh
-  std::unique_ptr<co::Sync> sync_;                     // only with object 1005h
-  std::unique_ptr<co::TimeStamp> time_;                // only with object 1012h
-  std::unique_ptr<co::EmcyList> emcy_list_;            // only with object 1028h
+  ObjectServices services_;
   std::unique_ptr<ParameterStore> parameters_;         // only with object 1010h and a memory that has room
   std::unique_ptr<ConfigurationWatch> configuration_;  // only with object 1020h
   std::unique_ptr<Programming> programming_;           // only with a memory for programs

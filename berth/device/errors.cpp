@@ -93,7 +93,7 @@ LedInputs Device::led_inputs() const noexcept {
           .bus_off = status.bus_off,
           .warning_limit = status.tec >= warning_limit || status.rec >= warning_limit,
           .error_control_event = emcy_.active(co::emcy_code::life_guard_or_heartbeat),
-          .sync_missing = sync_ && sync_->missing(),
+          .sync_missing = services_.sync && services_.sync->missing(),
           .event_timer_missed = emcy_.active(co::emcy_code::rpdo_timeout)};
 }
 
