@@ -349,7 +349,7 @@ TEST(Conveyor, TheStandbyTakesOverAPlantThatRuns) {
 
 // In the middle of binding, configuring and starting: what runs is not started again, and all of it runs at the end.
 TEST(Conveyor, TheStandbyFinishesWhatADeadMasterBegan) {
-  for (const auto instant : {1500ms, 4000ms, 9000ms}) {
+  for (const auto instant : {1500ms, 5000ms}) {
     SCOPED_TRACE(std::to_string(instant / 1ms) + " ms behind the start");
     Conveyor plant([](design::Machine& machine, plant::PlantFile&) {
       machine.buses.front().flying = design::FlyingBus{0, {}};

@@ -109,6 +109,24 @@ void something_happens(Random& random, Berths& berths) {
   }
 }
 
+// Two new devices for one free slot, or a slot whose device was exchanged before it was missed: a person says which
+// device sits where.
+void answer(Berths& berths) {
+  if (berths.leads(0) == berths.leads(1)) return;
+  auto& network = berths.network(berths.leads(0) ? 0 : 1);
+  std::vector<LssAddress> waiting;
+  for (const auto& device : berths.world().devices()) {
+    const bool waits = device->plugged() && device->device().state() != NmtState::operational;
+    if (waits) waiting.push_back(device->truth().address);
+  }
+  for (const auto& slot : network.report()) {
+    const bool used = true;
+    if (slot.state == places::SlotState::operational || waiting.empty()) continue;
+    static_cast<void>(network.replace(slot.name, waiting.back(), used));
+    waiting.pop_back();
+  }
+}
+
 }  // namespace
 
 // Masters die, devices lose power in the middle of their images and are exchanged, frames are lost: nothing runs but the
@@ -144,6 +162,8 @@ TEST(ProgramsRandomWorlds, NothingRunsButTheSlotsProgram) {
     const auto good = [&] {
       return berths.leads(0) != berths.leads(1) && berths.network(berths.leads(0) ? 0 : 1).operational();
     };
+    berths.run_for(10s);  // what was exchanged last is missed by then
+    if (!berths.run_until(good, 120s)) answer(berths);
     EXPECT_TRUE(berths.run_until(good, 600s)) << berths.log();
     berths.run_for(10s);
     EXPECT_TRUE(good()) << berths.log();
