@@ -314,7 +314,8 @@ TEST(Conveyor, EachOfThe55IsReplaced) {
   EXPECT_TRUE(plant.run_until([&] { return plant.value("bunker", "total").value_or(0) > 0; }, 120s)) << plant.log();
 }
 
-// S5.1: the active master dies, and the plant goes on while the standby takes over: nothing is reset, nothing is started.
+// S5.1: the active master dies, and the plant goes on while the standby takes over: nothing is reset, nothing is
+// started.
 TEST(Conveyor, TheStandbyTakesOverAPlantThatRuns) {
   Conveyor plant([](design::Machine& machine, plant::PlantFile&) {
     machine.buses.front().flying = design::FlyingBus{0, {}};

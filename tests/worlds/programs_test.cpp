@@ -1,4 +1,5 @@
-// Programs that are updated by two Berths as flying masters, in random worlds (docs/programs.md, docs/flying-master.md).
+// Programs that are updated by two Berths as flying masters, in random worlds (docs/programs.md,
+// docs/flying-master.md).
 #include <fmt/format.h>
 #include <gtest/gtest.h>
 
@@ -44,7 +45,8 @@ plant::PlantFile plant_of(std::uint64_t seed) {
     device.storing.programs.erase = 25ms;
     device.storing.programs.write = 8us;
     if (i % 3 == 0) continue;
-    device.storing.programs.loaded = device.storing.programs.loaded_path = image_file(fmt::format("controller-{}.bprg", i % 3));
+    device.storing.programs.loaded = device.storing.programs.loaded_path =
+        image_file(fmt::format("controller-{}.bprg", i % 3));
   }
   return file;
 }
@@ -101,9 +103,11 @@ void something_happens(Random& random, Berths& berths) {
       return;
     }
     case 4:
-      berths.world().bus("backbone")->faults().draw_from(
-          {.disturbed_per_million = static_cast<std::uint32_t>(random.below(3000)),
-           .overrun_per_million = static_cast<std::uint32_t>(random.below(1500))});
+      berths.world()
+          .bus("backbone")
+          ->faults()
+          .draw_from({.disturbed_per_million = static_cast<std::uint32_t>(random.below(3000)),
+                      .overrun_per_million = static_cast<std::uint32_t>(random.below(1500))});
       return;
     default: berths.world().bus("backbone")->faults().draw_from({}); return;
   }
@@ -129,8 +133,8 @@ void answer(Berths& berths) {
 
 }  // namespace
 
-// Masters die, devices lose power in the middle of their images and are exchanged, frames are lost: nothing runs but the
-// slot's program, and when the faults end all of it runs.
+// Masters die, devices lose power in the middle of their images and are exchanged, frames are lost: nothing runs but
+// the slot's program, and when the faults end all of it runs.
 TEST(ProgramsRandomWorlds, NothingRunsButTheSlotsProgram) {
   const auto image = operate::load_program(image_file("controller-2.bprg"));
   ASSERT_TRUE(image);
