@@ -48,7 +48,9 @@ Conveyor::Conveyor(const Change& change) {
 }
 
 Conveyor::~Conveyor() {
-  if (session_) session_->stop();
+  for (const auto* const each : {&standby_, &berth_}) {
+    if (*each) (*each)->session->stop();
+  }
   if (world_) world_->remove_observer(*this);
 }
 
@@ -61,23 +63,44 @@ bool Conveyor::begin() {
     return false;
   }
   world_->add_observer(*this);
-  port_ = world_->attach_master("field");
-  session_ = std::make_unique<operate::Session>(world_->executor(), machine_, store_);
-  const auto links = command::plan_links(machine_);
-  if (has_errors(links.findings)) {
-    problem_ = all_of(links.findings);
-    return false;
-  }
-  session_->configure_with(command::settings_of(links));
-  if (!session_->connect("field", *port_) || !session_->open()) {
-    problem_ = "the session cannot be opened";
-    return false;
-  }
-  session_->on_milestone([this](operate::Milestone) {});
+  berth_ = make_berth(machine_);
+  if (!berth_) return false;
   world_->start();
-  session_->start();
+  berth_->session->start();
   return true;
 }
+
+std::unique_ptr<Conveyor::Berth> Conveyor::make_berth(design::Machine machine) {
+  auto made = std::make_unique<Berth>();
+  made->machine = std::move(machine);
+  made->port = world_->attach_master("field");
+  made->session = std::make_unique<operate::Session>(world_->executor(), made->machine, made->store);
+  const auto links = command::plan_links(made->machine);
+  if (has_errors(links.findings)) {
+    problem_ = all_of(links.findings);
+    return nullptr;
+  }
+  made->session->configure_with(command::settings_of(links));
+  if (!made->session->connect("field", *made->port) || !made->session->open()) {
+    problem_ = "the session cannot be opened";
+    return nullptr;
+  }
+  made->session->on_milestone([](operate::Milestone) {});
+  return made;
+}
+
+bool Conveyor::begin_standby() {
+  auto machine = machine_;
+  auto& bus = machine.buses.front();
+  bus.master = NodeId(static_cast<std::uint8_t>(bus.master.value() - 1));
+  bus.flying->priority = 2;
+  standby_ = make_berth(std::move(machine));
+  if (!standby_) return false;
+  standby_->session->start();
+  return true;
+}
+
+void Conveyor::kill_active() { berth_ = std::move(standby_); }
 
 double Conveyor::seconds() const noexcept {
   return std::chrono::duration<double>(world_->executor().now().time_since_epoch()).count();
@@ -122,8 +145,8 @@ void Conveyor::script_told(const plant::SimDevice& device, const script::Told& t
 
 std::string Conveyor::log() {
   std::string text;
-  for (const auto& each : session_->report().events) text += operate::to_line(each) + "\n";
-  for (const auto& line : operate::to_table(session_->slots())) text += line + "\n";
+  for (const auto& each : berth_->session->report().events) text += operate::to_line(each) + "\n";
+  for (const auto& line : operate::to_table(berth_->session->slots())) text += line + "\n";
   for (const auto& line : told_) text += line + "\n";
   return text;
 }

@@ -28,11 +28,15 @@ class Conveyor final : private plant::World::Observer {
 
   /// Power on, and the main job begins. False: `problem` says why.
   bool begin();
+  /// Another Berth on the bus, a flying master as the first, with a slot table of its own and a worse priority.
+  bool begin_standby();
+  /// The active Berth dies where it stands. `operational` and `session` are the standby's from here on.
+  void kill_active();
   [[nodiscard]] const std::string& problem() const noexcept { return problem_; }
 
   bool run_until(const std::function<bool()>& over, rt::Duration limit) { return world_->sim().run_until(over, limit); }
   void run_for(rt::Duration time) { world_->sim().run_for(time); }
-  [[nodiscard]] bool operational() const noexcept { return session_->operational(); }
+  [[nodiscard]] bool operational() const noexcept { return berth_->session->operational(); }
   [[nodiscard]] double seconds() const noexcept;
 
   /// The powered device that has this slot's node-ID; null when there is none.
@@ -44,7 +48,7 @@ class Conveyor final : private plant::World::Observer {
 
   [[nodiscard]] const design::Machine& machine() const noexcept { return machine_; }
   [[nodiscard]] const plant::PlantFile& plant() const noexcept { return plant_; }
-  [[nodiscard]] operate::Session& session() noexcept { return *session_; }
+  [[nodiscard]] operate::Session& session() noexcept { return *berth_->session; }
   [[nodiscard]] plant::World& world() noexcept { return *world_; }
   [[nodiscard]] sim::Bus& bus() noexcept { return *world_->bus("field"); }
   /// What scripts printed and why they failed.
@@ -52,16 +56,22 @@ class Conveyor final : private plant::World::Observer {
   [[nodiscard]] std::string log();
 
  private:
+  struct Berth {
+    design::Machine machine;
+    places::MemoryStore store;
+    std::unique_ptr<can::Port> port;
+    std::unique_ptr<operate::Session> session;
+  };
+  std::unique_ptr<Berth> make_berth(design::Machine machine);
   void plant_changed(const plant::SimDevice&) noexcept override {}
   void script_told(const plant::SimDevice& device, const script::Told& told) noexcept override;
 
   design::Machine machine_;
   plant::PlantFile plant_;
   std::string problem_;
-  places::MemoryStore store_;
   std::unique_ptr<plant::World> world_;
-  std::unique_ptr<can::Port> port_;
-  std::unique_ptr<operate::Session> session_;
+  std::unique_ptr<Berth> berth_;
+  std::unique_ptr<Berth> standby_;
   std::vector<std::string> told_;
   std::map<std::pair<std::string, std::string>, ObjectRef> objects_;  ///< by slot and word
 };

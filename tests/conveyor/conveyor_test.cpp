@@ -13,14 +13,17 @@
 #include <filesystem>
 #include <fstream>
 #include <map>
+#include <optional>
 #include <set>
 #include <string>
 #include <vector>
 
+#include "berth/base/random.hpp"
 #include "berth/linker/plan.hpp"
 #include "tests/conveyor/conveyor.hpp"
 #include "tests/conveyor/model.hpp"
 #include "tests/paths.hpp"
+#include "tests/worlds/seeds.hpp"
 
 namespace berth::test {
 namespace {
@@ -83,6 +86,43 @@ double coal_on_the_way(Conveyor& plant) {
   const double grabbed = plant.value("unloader", "2201h:04").value_or(0);
   return grabbed - on_belts - plant.value("bunker", "total").value_or(0);
 }
+
+/// NMT starts of the bus, and devices that left operational, from now on.
+class Starts final : private can::Tap {
+ public:
+  explicit Starts(Conveyor& plant) : plant_(plant), since_(plant.seconds()) { plant.bus().add_tap(*this); }
+  ~Starts() { plant_.bus().remove_tap(*this); }
+  Starts(const Starts&) = delete;
+  Starts& operator=(const Starts&) = delete;
+  [[nodiscard]] double since() const noexcept { return since_; }
+  [[nodiscard]] unsigned of_any() const noexcept { return any_; }
+  /// The device was operational already.
+  [[nodiscard]] unsigned of_running() const noexcept { return running_; }
+  [[nodiscard]] unsigned left_operational() const noexcept { return left_; }
+
+ private:
+  void frame(const can::Frame& frame, rt::Time at, int) noexcept override {
+    const bool starts = frame.key() == 0 && frame.size == 2 && frame.data[0] == 1;
+    if (starts) ++any_;
+    for (const auto& device : plant_.world().devices()) {
+      const auto id = device->device().node_id();
+      auto& runs = runs_since_[device.get()];
+      const bool now = device->powered() && device->device().state() == NmtState::operational;
+      const bool meant = starts && id.configured() && (frame.data[1] == 0 || frame.data[1] == id.value());
+      if (meant && runs && *runs < at) ++running_;
+      if (runs && !now) ++left_;
+      if (!now) runs.reset();
+      if (now && !runs) runs = at;
+    }
+  }
+
+  Conveyor& plant_;
+  double since_;
+  unsigned any_ = 0;
+  unsigned running_ = 0;
+  unsigned left_ = 0;
+  std::map<const plant::SimDevice*, std::optional<rt::Time>> runs_since_;
+};
 
 }  // namespace
 
@@ -239,6 +279,146 @@ TEST(Conveyor, S5_1_AnyDeviceIsReplaced) {
     const auto before = plant.value("desk", "b05_beat");
     plant.run_for(1s);
     EXPECT_NE(plant.value("desk", "b05_beat"), before) << slot;
+  }
+}
+
+// One device after the other dies, and another of its kind comes in its place: each of the 55.
+TEST(Conveyor, EachOfThe55IsReplaced) {
+  Conveyor plant;
+  ASSERT_TRUE(plant.begin()) << plant.problem();
+  ASSERT_TRUE(plant.run_until([&] { return plant.operational(); }, 120s)) << plant.log();
+  std::size_t replaced = 0;
+  for (const auto& place : plant.machine().slots) {
+    const std::string slot = place.spec.name.name;
+    auto* const old = plant.at(slot);
+    ASSERT_NE(old, nullptr) << slot;
+    const auto serial = old->truth().address.serial;
+    plant.replace(slot);
+    const auto is_new = [&] {
+      auto* const fresh = plant.at(slot);
+      return fresh != nullptr && fresh->truth().address.serial == serial + 5000 && plant.operational() &&
+             fresh->device().state() == NmtState::operational;
+    };
+    ASSERT_TRUE(plant.run_until(is_new, 120s)) << slot << "\n" << plant.log();
+    ++replaced;
+  }
+  EXPECT_EQ(replaced, 55U);
+  for (const auto& place : plant.machine().slots) {
+    auto* const device = plant.at(place.spec.name.name);
+    ASSERT_NE(device, nullptr) << place.spec.name.name;
+    EXPECT_EQ(device->device().state(), NmtState::operational) << place.spec.name.name;
+  }
+  // Every one of them is new, and it conveys.
+  EXPECT_TRUE(plant.run_until([&] { return plant.value("unloader", "running").value_or(0) != 0; }, 120s))
+      << plant.log();
+  EXPECT_TRUE(plant.run_until([&] { return plant.value("bunker", "total").value_or(0) > 0; }, 120s)) << plant.log();
+}
+
+// S5.1: the active master dies, and the plant goes on while the standby takes over: nothing is reset, nothing is
+// started.
+TEST(Conveyor, TheStandbyTakesOverAPlantThatRuns) {
+  Conveyor plant([](design::Machine& machine, plant::PlantFile&) {
+    machine.buses.front().flying = design::FlyingBus{0, {}};
+    machine.buses.front().startup.rules.flying = true;
+  });
+  ASSERT_TRUE(plant.begin()) << plant.problem();
+  ASSERT_TRUE(plant.begin_standby()) << plant.problem();
+  ASSERT_TRUE(plant.run_until([&] { return plant.value("unloader", "running").value_or(0) != 0; }, 180s))
+      << plant.log();
+  plant.run_for(5s);
+  Starts starts(plant);
+  plant.kill_active();
+  const auto taken_over = [&] { return plant.operational(); };
+  ASSERT_FALSE(taken_over());
+  ASSERT_TRUE(plant.run_until(taken_over, 60s)) << plant.log();
+  std::printf("taken over in %.1f s of the bus\n", plant.seconds() - starts.since());
+  EXPECT_EQ(starts.of_any(), 0U);
+  EXPECT_EQ(starts.left_operational(), 0U);
+  const auto before = plant.value("desk", "b05_beat");
+  const auto coal = plant.value("bunker", "total");
+  plant.run_for(20s);
+  EXPECT_NE(plant.value("desk", "b05_beat"), before);
+  EXPECT_GT(plant.value("bunker", "total").value_or(0), coal.value_or(0)) << "it conveys on";
+  // What the dead one did, the standby does.
+  plant.replace("stacker drive");
+  const auto is_new = [&] {
+    auto* const fresh = plant.at("stacker drive");
+    return fresh != nullptr && fresh->truth().address.serial > 5000 && plant.operational();
+  };
+  EXPECT_TRUE(plant.run_until(is_new, 120s)) << plant.log();
+}
+
+// In the middle of binding, configuring and starting: what runs is not started again, and all of it runs at the end.
+TEST(Conveyor, TheStandbyFinishesWhatADeadMasterBegan) {
+  for (const auto instant : {1500ms, 5000ms}) {
+    SCOPED_TRACE(std::to_string(instant / 1ms) + " ms behind the start");
+    Conveyor plant([](design::Machine& machine, plant::PlantFile&) {
+      machine.buses.front().flying = design::FlyingBus{0, {}};
+      machine.buses.front().startup.rules.flying = true;
+    });
+    ASSERT_TRUE(plant.begin()) << plant.problem();
+    ASSERT_TRUE(plant.begin_standby()) << plant.problem();
+    const Starts starts(plant);
+    plant.run_for(instant);
+    plant.kill_active();
+    ASSERT_TRUE(plant.run_until([&] { return plant.operational(); }, 180s)) << plant.log();
+    EXPECT_EQ(starts.of_running(), 0U) << plant.log();
+    EXPECT_EQ(starts.left_operational(), 0U) << plant.log();
+    EXPECT_TRUE(plant.run_until([&] { return plant.value("unloader", "running").value_or(0) != 0; }, 60s))
+        << plant.log();
+  }
+}
+
+// Frames are lost, devices lose power and are exchanged, the master dies: when that ends all of it runs, and every
+// consumer has what its producer had, and nothing of another's.
+TEST(Conveyor, LinksOutliveRandomFaults) {
+  const auto range = worlds::seeds(1);
+  for (std::uint64_t seed = range.from; seed < range.end(); ++seed) {
+    SCOPED_TRACE("seed " + std::to_string(seed));
+    Random random(seed);
+    Conveyor plant([](design::Machine& machine, plant::PlantFile&) {
+      machine.buses.front().flying = design::FlyingBus{0, {}};
+      machine.buses.front().startup.rules.flying = true;
+    });
+    ASSERT_TRUE(plant.begin()) << plant.problem();
+    ASSERT_TRUE(plant.begin_standby()) << plant.problem();
+    const auto& slots = plant.machine().slots;
+    const auto dies_at = random.below(12);
+    for (std::size_t step = 0; step < 12; ++step) {
+      plant.run_for(std::chrono::milliseconds(random.below(4000)));
+      const std::string slot = slots[random.below(slots.size())].spec.name.name;
+      if (step == dies_at) plant.kill_active();
+      auto* const device = plant.at(slot);
+      if (device == nullptr) continue;
+      switch (random.below(3)) {
+        case 0: plant.replace(slot); break;
+        case 1:
+          device->power(false);
+          plant.run_for(std::chrono::milliseconds(random.below(3000)));
+          device->power(true);
+          break;
+        default:
+          plant.bus().faults().draw_from({.disturbed_per_million = static_cast<std::uint32_t>(random.below(500)),
+                                          .overrun_per_million = static_cast<std::uint32_t>(random.below(100))});
+      }
+    }
+    plant.bus().faults().draw_from({});
+    ASSERT_TRUE(plant.run_until([&] { return plant.operational(); }, 300s)) << plant.log();
+    plant.run_for(20s);
+    ASSERT_TRUE(plant.operational()) << plant.log();
+    auto variables = watched(plant.machine());
+    std::vector<std::string> strange;
+    const double from = plant.seconds();
+    while (plant.seconds() < from + 20) {
+      plant.run_for(look);
+      look_at(plant, variables, from, strange);
+    }
+    EXPECT_TRUE(strange.empty()) << strange.size() << " late or wrong values, first " << strange.front();
+    for (const auto& place : slots) {
+      auto* const device = plant.at(place.spec.name.name);
+      ASSERT_NE(device, nullptr) << place.spec.name.name;
+      EXPECT_EQ(device->device().state(), NmtState::operational) << place.spec.name.name;
+    }
   }
 }
 

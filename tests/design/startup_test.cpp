@@ -102,9 +102,9 @@ TEST(FlyingMasterKeys, ATableAloneHasTheDefaultsOf1F90h) {
 }
 
 TEST(FlyingMasterKeys, EachKeyAndTheEndsOfItsRange) {
-  const Machine m = good(file(
-      "[bus.b.flying_master]\npriority = 2\ndetection = \"1 ms\"\ndelay = \"0 ms\"\npriority_slot = \"65535 ms\"\n"
-      "device_slot = \"515 ms\"\ncycle = \"65535 ms\"\n"));
+  const Machine m = good(
+      file("[bus.b.flying_master]\npriority = 2\ndetection = \"1 ms\"\ndelay = \"0 ms\"\npriority_slot = \"65535 ms\"\n"
+           "device_slot = \"515 ms\"\ncycle = \"65535 ms\"\n"));
   const FlyingBus& flying = *m.buses.at(0).flying;
   EXPECT_EQ(flying.priority, 2);
   EXPECT_EQ(flying.timing.detection, 1ms);

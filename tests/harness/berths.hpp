@@ -131,8 +131,9 @@ class Berths : private can::Tap, private plant::World::Observer {
       const bool meant = hears && id.configured() && (frame.data[1] == 0 || frame.data[1] == id.value());
       if (!meant || !since || *since >= at) continue;
       ++second_starts;
-      started_again_ += fmt::format("{:.3f} s: {} (node-ID {}), operational since {:.3f} s, is started by controller {}\n",
-                                    seconds(at), device->name(), id.value(), seconds(*since), sender);
+      started_again_ +=
+          fmt::format("{:.3f} s: {} (node-ID {}), operational since {:.3f} s, is started by controller {}\n",
+                      seconds(at), device->name(), id.value(), seconds(*since), sender);
     }
   }
   void plant_changed(const plant::SimDevice& device) noexcept override {
@@ -147,7 +148,7 @@ class Berths : private can::Tap, private plant::World::Observer {
   std::vector<std::unique_ptr<One>> berths_;
   std::map<int, std::map<std::uint32_t, unsigned>> sent_;
   std::string started_again_;  // for people
-  std::set<int> side_;  // of a cut bus; what is sent on the other one is not heard here
+  std::set<int> side_;         // of a cut bus; what is sent on the other one is not heard here
   std::map<const plant::SimDevice*, std::optional<rt::Time>> runs_since_;
 };
 
