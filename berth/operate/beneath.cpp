@@ -25,6 +25,23 @@ Error error_of(const manager::Failure& failure) noexcept {
           .text = "the gateway's master does not keep its network list"};
 }
 
+// A device may lack all of 1018h but its vendor-ID.
+rt::Task<Result<void>> read_address(co::SdoAccess& device, LssAddress& address) {
+  std::uint8_t sub = 0;
+  for (std::uint32_t* const part : {&address.vendor, &address.product, &address.revision, &address.serial}) {
+    ++sub;
+    const auto value = co_await device.read_u32(0x1018, sub);
+    if (value) *part = *value;
+    if (!value && value.error().code != Errc::aborted) co_return fail(value.error());
+  }
+  co_return Result<void>{};
+}
+
+rt::Task<void> bring_up_deeper(Beneath& deeper, std::optional<Error>& failed) {
+  const auto done = co_await deeper.bring_up();
+  if (!done && deeper.bus().gateway->mandatory && !failed) failed = done.error();
+}
+
 }  // namespace
 
 Way way_to(const design::Machine& machine, const std::string& bus) {
@@ -185,11 +202,6 @@ rt::Task<Result<void>> Beneath::deeper_first() {
   co_return Result<void>{};
 }
 
-rt::Task<void> Beneath::bring_up_deeper(Beneath& deeper, std::optional<Error>& failed) {
-  const auto done = co_await deeper.bring_up();
-  if (!done && deeper.bus().gateway->mandatory && !failed) failed = done.error();
-}
-
 rt::Task<Result<void>> Beneath::await_operational() {
   const rt::Duration boot_time = bus_.startup.boot_time;
   const rt::Time deadline = executor_.now() + (boot_time.count() > 0 ? boot_time : patience);
@@ -235,7 +247,7 @@ rt::Task<Result<void>> Beneath::look_at(Place& place, bool settled) {
   const auto bytes = value->bytes();
   switch (bytes.empty() ? 0 : bytes.front()) {
     case static_cast<std::uint8_t>(NmtState::operational):
-      if (!place.now.device) co_await identify(place);
+      if (!place.identified) co_await identify(place);
       set_state(place, SlotState::operational);
       break;
     case static_cast<std::uint8_t>(NmtState::stopped): set_state(place, SlotState::present, "stopped"); break;
@@ -243,22 +255,11 @@ rt::Task<Result<void>> Beneath::look_at(Place& place, bool settled) {
     default:
       if (!settled) break;
       if (place.now.device) {
+        place.identified = false;
         if (place.now.state != SlotState::absent) set_state(place, SlotState::absent, "the gateway's master misses it");
       } else {
         set_state(place, SlotState::empty, "no device of its type was found");
       }
-  }
-  co_return Result<void>{};
-}
-
-// A device may lack all of 1018h but its vendor-ID.
-rt::Task<Result<void>> Beneath::read_address(co::SdoAccess& device, LssAddress& address) {
-  std::uint8_t sub = 0;
-  for (std::uint32_t* const part : {&address.vendor, &address.product, &address.revision, &address.serial}) {
-    ++sub;
-    const auto value = co_await device.read_u32(0x1018, sub);
-    if (value) *part = *value;
-    if (!value && value.error().code != Errc::aborted) co_return fail(value.error());
   }
   co_return Result<void>{};
 }
@@ -268,6 +269,8 @@ rt::Task<void> Beneath::identify(Place& place) {
   co::SdoAccess& node = access(place.spec.id);
   const auto known = co_await read_address(node, device);
   if (!known) co_return;
+  place.identified = true;
+  if (place.now.device == device) co_return;
   place.now.device = device;
   events_.tell(EventKind::bound, place.now.name, fmt::format("its gateway's master gave it to {}", to_string(device)));
 }
@@ -300,6 +303,8 @@ rt::Task<Result<std::vector<Seen>>> Beneath::scan() {
 void Beneath::gateway_is_silent(const Error& error) {
   const multilevel::Hop last = way_.gateways.back();
   for (auto& place : places_) {
+    place.identified = false;
+    if (place.now.state == SlotState::absent) continue;
     set_state(place, SlotState::absent,
               fmt::format("gateway {} above does not answer: {}", last.gateway.value(), error.text));
   }
@@ -311,7 +316,7 @@ void Beneath::heard(NodeId node, const multilevel::LoggedEmcy& entry) {
   const bool lost = reading.code == heartbeat_lost;
   if (place != nullptr && lost && up_) {
     set_state(*place, SlotState::absent, "its heartbeat stopped: the gateway told it (EMCY 8130h)");
-    place->now.device.reset();
+    place->identified = false;
   } else if (!lost && reading.exiting != heartbeat_lost) {
     const auto words = [](std::uint16_t code, std::uint16_t) {
       const char* const own = multilevel::gateway_code_text(code);

@@ -1,4 +1,4 @@
-/// A bus beneath a gateway on which Berth has no port (`port = "gateway"`; docs/multilevel.md §berth up): the gateway's
+/// A bus beneath a gateway on which Berth has no port (`port = "gateway"`; docs/multilevel.md): the gateway's
 /// own NMT master gives the node-IDs, boots, starts and watches there, by its dictionary (CiA 302-2), and this makes and
 /// keeps that dictionary right, through the gateway, and tells what becomes of the slots.
 ///
@@ -71,17 +71,16 @@ class Beneath {
   struct Place {
     places::SlotSpec spec;
     SlotReport now;
+    bool identified = false;  // since it became operational
   };
   rt::Task<Result<void>> put_list(const manager::Wanted& list);
   rt::Task<Result<void>> gateways_first();
   rt::Task<Result<void>> deeper_first();
-  rt::Task<void> bring_up_deeper(Beneath& deeper, std::optional<Error>& failed);
   rt::Task<Result<void>> await_operational();
   rt::Task<void> watch();
   /// `settled`: who is missing now is told; else it may come yet.
   rt::Task<Result<void>> look_at(Place& place, bool settled);
   rt::Task<void> identify(Place& place);
-  static rt::Task<Result<void>> read_address(co::SdoAccess& device, LssAddress& address);
   [[nodiscard]] manager::Wanted list(std::span<const places::SlotSpec> slots, std::span<const NodeId> held_back);
   void set_state(Place& place, places::SlotState state, std::string reason = {});
   void gateway_is_silent(const Error& error);
