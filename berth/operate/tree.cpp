@@ -34,10 +34,17 @@ Result<void> Tree::open(const std::function<void(const Event&)>& events) {
       root.log->on_event([this, name = way.bus](const multilevel::LoggedEmcy& entry) { heard(name, entry); });
     }
     Beneath* const above = bus(line.gateway->bus);
+    const NodeId gateway_slot = line.gateway->slot;
+    const auto runs = [gateway_slot](const std::vector<SlotReport>& slots) {
+      const auto slot = std::ranges::find(slots, gateway_slot, &SlotReport::id);
+      return slot != slots.end() && slot->state == places::SlotState::operational;
+    };
     if (above != nullptr) {
       above->add(*buses_.back());
+      buses_.back()->know_gateway([above, runs] { return runs(above->report()); });
     } else {
-      buses_.back()->on_operational([top, gateway = line.gateway->slot] { top->try_again(gateway); });
+      buses_.back()->know_gateway([top, runs] { return runs(top->report()); },
+                                  [top, gateway_slot] { top->try_again(gateway_slot); });
     }
   }
   return {};

@@ -106,6 +106,7 @@ TEST_F(Running, ALaterRunFindsEverythingInPlace) {
   const auto since = now();
   ASSERT_TRUE(machine.begin_again());
   ASSERT_TRUE(machine.run_until([&] { return machine.operational(); }, 30s)) << machine.log();
+  EXPECT_EQ(machine.log().find("network list"), std::string::npos) << machine.log();
   EXPECT_EQ(machine.log().find("new network list"), std::string::npos) << machine.log();
   EXPECT_LT(now() - since, 10s);
   EXPECT_TRUE(machine.all_run());
@@ -122,7 +123,7 @@ TEST_F(Running, ABusThatIsCutIsToldOnceAndHeals) {
     cut(bus, node);
     machine.run_for(15s);
     for (const auto& spec : machine.machine().specs(bus)) {
-      EXPECT_EQ(machine.state(spec.name.name), SlotState::absent) << spec.name.name;
+      EXPECT_NE(machine.state(spec.name.name), SlotState::operational) << spec.name.name;
       EXPECT_EQ(absences(spec.name.name, since), 1) << spec.name.name << "\n" << machine.log();
     }
     join(bus);
@@ -139,7 +140,7 @@ TEST_F(Running, AGatewayWithoutPower) {
     const std::string motor = gateway == std::string("left gateway") ? "left front motor" : "reel motor";
     ASSERT_TRUE(machine.world().perform(event(plant::Action::power_off, gateway)));
     machine.run_for(10s);
-    EXPECT_EQ(machine.state(gateway), SlotState::absent);
+    EXPECT_NE(machine.state(gateway), SlotState::operational);
     EXPECT_EQ(machine.state(motor), SlotState::absent) << machine.log();
     ASSERT_TRUE(machine.world().perform(event(plant::Action::power_on, gateway)));
     ASSERT_TRUE(up(60s)) << machine.log();
