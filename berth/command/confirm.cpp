@@ -45,8 +45,8 @@ Disturbed disturbed_at(Session& session, Network& network, const std::vector<mul
   if (gateways.empty()) return {&network, operational_of(network, target), std::move(how)};
   Disturbed disturbed{&network, {}, std::move(how)};
   const operate::Way way{network.bus().name, gateways};
-  const auto beneath = std::ranges::find(session.beneath(), way, &operate::Beneath::way);
-  if (beneath == session.beneath().end()) {
+  const auto beneath = std::ranges::find(session.tree().buses(), way, &operate::Beneath::way);
+  if (beneath == session.tree().buses().end()) {
     disturbed.nodes.push_back(gateways.back().gateway);
     return disturbed;
   }

@@ -29,7 +29,11 @@ class Builder {
     network.name = machine_.name;
     network.file = machine_.file;
     for (const auto& bus : machine_.buses) network.buses.push_back(bus_of(bus));
-    for (const auto& slot : machine_.slots) network.nodes.push_back(node_of(slot));
+    // What is beneath a gateway without a port of Berth's, no link of this bus reaches.
+    for (const auto& slot : machine_.slots) {
+      const auto* const bus = machine_.bus(slot.spec.name.bus);
+      if (bus != nullptr && bus->own_port) network.nodes.push_back(node_of(slot));
+    }
     for (const auto& link : machine_.links) network.links.push_back(link_of(link));
     return std::move(made_);
   }

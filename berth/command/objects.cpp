@@ -115,7 +115,7 @@ Checked<operate::Network*> node_network(operate::Session& session, const NodeArg
 
 co::SdoAccess& objects_of(operate::Session& session, operate::Network& network, const NodeArgument& node,
                           const co::SdoOptions& options, std::optional<co::NodeAccess>& direct) {
-  if (!node.gateways.empty()) return session.routes(network).access({node.gateways, node.node});
+  if (!node.gateways.empty()) return session.tree().routes(network).access({node.gateways, node.node});
   return direct.emplace(network.services().sdo, node.node, options);
 }
 

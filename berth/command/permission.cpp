@@ -9,7 +9,7 @@ using operate::Session;
 
 tl::expected<Network*, std::string> network_for(Session& session, const std::string& bus, Use use) {
   Network* const network = session.network(bus);
-  if (network == nullptr && session.beneath(bus) != nullptr) {
+  if (network == nullptr && session.tree().bus(bus) != nullptr) {
     return tl::unexpected(fmt::format(
         "Berth has no port on bus {} (port = \"gateway\"): only SDO reaches its nodes, and NMT by the gateway's master",
         text::quoted(bus)));

@@ -56,7 +56,7 @@ rt::Task<void> scan(Session& session, const Request& request, Reply& reply) {
   if (!arguments.good()) co_return refuse(reply, 2, arguments.problem());
   const std::string only = arguments.text("bus");
   auto networks = networks_for(session, only, Use::send);
-  const bool beneath = session.beneath(only) != nullptr;
+  const bool beneath = session.tree().bus(only) != nullptr;
   if (!networks && !beneath) co_return refuse(reply, 2, networks.error());
   if (beneath) networks = std::vector<Network*>{};
   Json json;
@@ -77,7 +77,7 @@ rt::Task<void> scan(Session& session, const Request& request, Reply& reply) {
     if (session.started()) co_await make_unknown_again(*network, *seen);
   }
   // Where Berth has no port, the gateway's master tells whom it knows.
-  for (const auto& each : session.beneath()) {
+  for (const auto& each : session.tree().buses()) {
     const std::string& bus = each->bus().name;
     if (!only.empty() && bus != only) continue;
     const auto seen = co_await each->scan();

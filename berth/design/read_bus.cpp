@@ -2,6 +2,7 @@
 #include <fmt/format.h>
 
 #include <algorithm>
+#include <iterator>
 
 #include "berth/design/read_parts.hpp"
 
@@ -217,6 +218,20 @@ Bus read_bus(const std::string& name, text::Table& table, const Timing& timing) 
   read_timing(table, bus.timing);
   table.finish();
   return bus;
+}
+
+void part_buses(Machine& machine) {
+  auto& buses = machine.buses;
+  const auto first = std::stable_partition(buses.begin(), buses.end(), [](const Bus& bus) { return bus.own_port; });
+  std::vector<Bus> under(std::make_move_iterator(first), std::make_move_iterator(buses.end()));
+  buses.erase(first, buses.end());
+  for (std::size_t passes = under.size(); passes > 0 && !under.empty(); --passes) {
+    std::erase_if(under, [&](Bus& bus) {
+      const bool placed = bus.gateway && machine.bus(bus.gateway->bus) != nullptr;
+      if (placed) machine.beneath.push_back(std::move(bus));
+      return placed;
+    });
+  }
 }
 
 }  // namespace berth::design

@@ -2,7 +2,6 @@
 #include <fmt/format.h>
 
 #include <algorithm>
-#include <iterator>
 #include <array>
 #include <map>
 
@@ -213,27 +212,13 @@ class MachineReader {
     fit_heartbeats(machine_);
     for (auto& link : table.tables("link")) machine_.links.push_back(read_link(machine_, link));
     table.finish();
-    part_buses(table);
+    part_buses(machine_);
+    if (machine_.buses.empty() && !machine_.beneath.empty())
+      table.error("bus", "no bus has a port", "give the topmost one its port");
     return std::move(machine_);
   }
 
  private:
-  // Those that Berth reaches through gateways alone, each above those beneath it.
-  void part_buses(Table& table) {
-    auto& buses = machine_.buses;
-    const auto first = std::stable_partition(buses.begin(), buses.end(), [](const Bus& bus) { return bus.own_port; });
-    std::vector<Bus> under(std::make_move_iterator(first), std::make_move_iterator(buses.end()));
-    buses.erase(first, buses.end());
-    if (buses.empty() && !under.empty()) table.error("bus", "no bus has a port", "give the topmost one its port");
-    for (std::size_t passes = under.size(); passes > 0 && !under.empty(); --passes) {
-      std::erase_if(under, [&](Bus& bus) {
-        const bool placed = bus.gateway && machine_.bus(bus.gateway->bus) != nullptr;
-        if (placed) machine_.beneath.push_back(std::move(bus));
-        return placed;
-      });
-    }
-  }
-
   void error_at(text::Place place, std::string key, std::string message, std::string fix) {
     findings_.push_back({Finding::Severity::error, file_, place.line, place.column, std::move(key), std::move(message),
                          std::move(fix)});

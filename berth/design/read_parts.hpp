@@ -21,5 +21,7 @@ void read_word(text::Table& table, std::string_view key, const std::array<std::s
 void read_timing(text::Table& parent, Timing& timing);
 /// One `[bus.NAME]`; its timing begins with `timing`.
 [[nodiscard]] Bus read_bus(const std::string& name, text::Table& table, const Timing& timing);
+/// Those that Berth reaches through gateways alone become `beneath`, each above those beneath it.
+void part_buses(Machine& machine);
 
 }  // namespace berth::design

@@ -159,7 +159,8 @@ Result<void> DictionaryManager::begin(NodeId own) {
 
 // What LSS cannot do at one time it can at another: a device that is plugged in later, a bus that was cut.
 rt::Task<void> DictionaryManager::assign_and_lead() {
-  [[maybe_unused]] const auto first = co_await assigner_->run(own_);
+  const auto first = co_await assigner_->run(own_);
+  static_cast<void>(first);
   const auto begun = lead(own_, false);
   if (!begun) refused_ = begun.error();
   while (begun) {
@@ -170,7 +171,8 @@ rt::Task<void> DictionaryManager::assign_and_lead() {
       there[slave.node.value()] = status != nullptr && status->ready();
     }
     if (there.count() == network_.plan().slaves.size()) continue;
-    [[maybe_unused]] const auto again = co_await assigner_->run(own_, there);
+    const auto again = co_await assigner_->run(own_, there);
+    static_cast<void>(again);
   }
 }
 

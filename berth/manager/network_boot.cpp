@@ -28,6 +28,11 @@ Result<void> check(const NetworkPlan& plan) {
   return {};
 }
 
+rt::Task<void> apply_to(BootBus& bus, NmtCommand command) {
+  bus.apply(command);
+  co_return;
+}
+
 // A mandatory slave that is not ready; null: there is none.
 const SlaveBoots::Slave* missing(const SlaveBoots& boots) noexcept {
   const auto slaves = boots.all();
@@ -175,13 +180,8 @@ void NetworkBoot::go() noexcept {
 
 void NetworkBoot::command(NmtCommand command, NmtTarget target, bool with_master) {
   // Later: who asks may be in the middle of a write to the dictionary that a reset loads anew.
-  if (target.node != 0 && plan_.own == NodeId(target.node)) return commands_.spawn(apply(command));
+  if (target.node != 0 && plan_.own == NodeId(target.node)) return commands_.spawn(apply_to(*bus_, command));
   commands_.spawn(send(command, target, with_master));
-}
-
-rt::Task<void> NetworkBoot::apply(NmtCommand command) {
-  bus_->apply(command);
-  co_return;
 }
 
 rt::Task<void> NetworkBoot::send(NmtCommand command, NmtTarget target, bool with_master) {

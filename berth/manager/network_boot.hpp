@@ -93,7 +93,6 @@ class NetworkBoot final : private SlaveBoots::Owner {
   void boot_time_over() noexcept;
   rt::Task<void> startup();
   rt::Task<void> send(co::NmtCommand command, co::NmtTarget target, bool with_master);
-  rt::Task<void> apply(co::NmtCommand command);
   void consider() noexcept;
   void go() noexcept;
   void halt(NodeId node, const BootResult& why) noexcept;

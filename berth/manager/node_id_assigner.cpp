@@ -84,6 +84,8 @@ rt::Task<Result<void>> NodeIdAssigner::search() {
   if (!quiet) co_return fail(quiet.error());
   // RAND has found them, and they would not answer when the list has a place for them.
   for (const auto& device : found->found) {
+    const bool known = std::ranges::find(met_, device.address) != met_.end();
+    if (!known && !device.assigned.configured()) met_.push_back(device.address);
     if (device.assigned.configured() || device.by != discovery::Method::planner_rand) continue;
     const auto told = co_await rand_.switch_selective(device.address, nodeid::Identification::unknown);
     if (!told) co_return fail(told.error());
@@ -92,11 +94,18 @@ rt::Task<Result<void>> NodeIdAssigner::search() {
 }
 
 NodeId NodeIdAssigner::assign(const LssAddress& device) noexcept {
-  const auto free = std::ranges::find_if(list_, [&](const Wanted& w) { return !w.there && fits(w.rules, device); });
-  if (free == list_.end()) return {};
-  free->there = true;
+  std::vector<Wanted*> free;
+  for (auto& each : list_) {
+    if (!each.there && fits(each.rules, device)) free.push_back(&each);
+  }
+  if (free.empty()) return {};
+  std::erase(met_, device);
+  const auto before = static_cast<std::size_t>(
+      std::ranges::count_if(met_, [&](const LssAddress& other) { return other.type() == device.type() && other < device; }));
+  Wanted& chosen = *free[std::min(before, free.size() - 1)];
+  chosen.there = true;
   ++given_;
-  return free->node;
+  return chosen.node;
 }
 
 }  // namespace berth::manager

@@ -68,8 +68,8 @@ od::Stream& SdoGateway::of(std::uint8_t channel) noexcept {
 }
 
 od::AbortCode SdoGateway::reading(const od::Values&, ObjectRef ref, std::span<const std::uint8_t>& value) noexcept {
-  if (ref == objects_.node) value = session()->node_bytes();
-  if (ref == objects_.command) value = session()->command_bytes();
+  if (ref == objects_.node) value = session()->shown(false);
+  if (ref == objects_.command) value = session()->shown(true);
   return od::AbortCode::none;
 }
 

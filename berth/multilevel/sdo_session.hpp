@@ -42,8 +42,10 @@ class SdoSession final : public od::Stream {
   void cancel() noexcept;
   void reset() noexcept;
   [[nodiscard]] bool busy() const noexcept { return scope_.running() != 0; }
-  [[nodiscard]] std::span<const std::uint8_t> node_bytes() const noexcept { return node_; }
-  [[nodiscard]] std::span<const std::uint8_t> command_bytes() const noexcept { return command_bytes_; }
+  /// What was written last: the command, or the node-ID.
+  [[nodiscard]] std::span<const std::uint8_t> shown(bool command) const noexcept {
+    return command ? std::span<const std::uint8_t>(command_bytes_) : std::span<const std::uint8_t>(node_);
+  }
 
  private:
   enum class State : std::uint8_t {

@@ -25,6 +25,34 @@ Error error_of(const manager::Failure& failure) noexcept {
           .text = "the gateway's master does not keep its network list"};
 }
 
+// A device may lack all of 1018h but its vendor-ID.
+rt::Task<Result<void>> read_address(co::SdoAccess& device, LssAddress& address) {
+  std::uint8_t sub = 0;
+  for (std::uint32_t* const part : {&address.vendor, &address.product, &address.revision, &address.serial}) {
+    ++sub;
+    const auto value = co_await device.read_u32(0x1018, sub);
+    if (value) *part = *value;
+    if (!value && value.error().code != Errc::aborted) co_return fail(value.error());
+  }
+  co_return Result<void>{};
+}
+
+rt::Task<void> bring_up_deeper(Beneath& deeper, std::optional<Error>& failed) {
+  const auto done = co_await deeper.bring_up();
+  if (!done && deeper.bus().gateway->mandatory && !failed) failed = done.error();
+}
+
+rt::Task<Result<void>> bring_up_all(rt::Executor& executor, const std::vector<Beneath*>& all) {
+  std::optional<Error> failed;
+  {
+    rt::Scope side_by_side(executor);
+    for (auto* const deeper : all) side_by_side.spawn(bring_up_deeper(*deeper, failed));
+    co_await side_by_side.join();
+  }
+  if (failed) co_return fail(*failed);
+  co_return Result<void>{};
+}
+
 }  // namespace
 
 Way way_to(const design::Machine& machine, const std::string& bus) {
@@ -105,13 +133,6 @@ manager::Wanted Beneath::list(std::span<const places::SlotSpec> slots, std::span
   return made;
 }
 
-rt::Task<Result<void>> Beneath::request(std::uint8_t sub, co::NmtCommand command) {
-  const std::array<std::uint8_t, 1> value{manager::request_value(command)};
-  const std::span<const std::uint8_t> data = value;
-  co::SdoAccess& master = access(bus_.master);
-  co_return co_await master.write(request_nmt, sub, data);
-}
-
 // The gateway's master counts what is written from its next boot-up on.
 rt::Task<Result<void>> Beneath::put_list(const manager::Wanted& list) {
   manager::ConfiguratorOptions options;
@@ -123,7 +144,11 @@ rt::Task<Result<void>> Beneath::put_list(const manager::Wanted& list) {
   if (report.failure) co_return fail(error_of(*report.failure));
   if (!report.changed()) co_return Result<void>{};
   events_.tell(EventKind::step, "", "its gateway has a new network list");
-  co_return co_await request(bus_.master.value(), co::NmtCommand::reset_node);
+  // Who is reset is itself: its bus boots behind it.
+  const std::array<std::uint8_t, 1> value{manager::request_value(co::NmtCommand::reset_node)};
+  const std::span<const std::uint8_t> data = value;
+  co::SdoAccess& master = access(bus_.master);
+  co_return co_await master.write(request_nmt, bus_.master.value(), data);
 }
 
 rt::Task<Result<void>> Beneath::bring_up() {
@@ -144,7 +169,7 @@ rt::Task<Result<void>> Beneath::bring_up() {
     if (done) done = co_await put_list(whole);
   }
   if (done) done = co_await await_operational();
-  if (done && has_list) done = co_await deeper_first();
+  if (done && has_list) done = co_await bring_up_all(executor_, deeper_);
   brings_up_ = false;
   if (!done && done.error().code == Errc::timeout) gateway_is_silent(done.error());
   co_return done;
@@ -171,23 +196,7 @@ rt::Task<Result<void>> Beneath::gateways_first() {
       if (!answers) co_await rt::sleep_for(look_pause);
     }
   }
-  co_return co_await deeper_first();
-}
-
-rt::Task<Result<void>> Beneath::deeper_first() {
-  std::optional<Error> failed;
-  {
-    rt::Scope side_by_side(executor_);
-    for (auto* const deeper : deeper_) side_by_side.spawn(bring_up_deeper(*deeper, failed));
-    co_await side_by_side.join();
-  }
-  if (failed) co_return fail(*failed);
-  co_return Result<void>{};
-}
-
-rt::Task<void> Beneath::bring_up_deeper(Beneath& deeper, std::optional<Error>& failed) {
-  const auto done = co_await deeper.bring_up();
-  if (!done && deeper.bus().gateway->mandatory && !failed) failed = done.error();
+  co_return co_await bring_up_all(executor_, deeper_);
 }
 
 rt::Task<Result<void>> Beneath::await_operational() {
@@ -219,12 +228,52 @@ rt::Task<void> Beneath::watch() {
   for (;;) {
     const rt::Time deadline = executor_.now() + period;
     const auto wake = co_await wakes_.next(deadline);
-    if (!up_ || brings_up_ || places_.empty()) continue;
-    Place* place = wake ? at(*wake) : &places_[next_++ % places_.size()];
+    if (brings_up_ || places_.empty()) continue;
+    if (up_) {
+      const auto told = wake;
+      co_await look_around(told);
+    } else if (gateway_runs_ && gateway_runs_()) {
+      co_await adopt();
+    }
+  }
+}
+
+// The one that the gateway has told of; else the next, and all that do not run.
+rt::Task<void> Beneath::look_around(std::optional<NodeId> told) {
+  std::vector<Place*> looked_at;
+  if (told) {
+    looked_at.push_back(at(*told));
+  } else {
+    looked_at.push_back(&places_[next_++ % places_.size()]);
+    for (auto& place : places_) {
+      if (place.now.state != SlotState::operational && &place != looked_at.front()) looked_at.push_back(&place);
+    }
+  }
+  for (Place* const place : looked_at) {
     if (place == nullptr) continue;
     const auto looked = co_await look_at(*place, true);
-    if (!looked && looked.error().code == Errc::timeout) gateway_is_silent(looked.error());
+    failures_ = looked ? 0 : failures_ + 1;
+    constexpr unsigned most = 3;
+    if (looked || (looked.error().code != Errc::timeout && failures_ < most)) continue;
+    gateway_is_silent(looked.error());
+    co_return;
   }
+}
+
+// What runs is not disturbed: another list than the machine file's is told, no more.
+rt::Task<void> Beneath::adopt() {
+  std::vector<places::SlotSpec> all;
+  for (const auto& place : places_) all.push_back(place.spec);
+  const manager::Wanted whole = list(all, {});
+  const manager::ConfiguratorOptions options;
+  manager::Configurator configurator(access(bus_.master), access(bus_.master), whole, options);
+  const bool has_list = co_await configurator.has_date();
+  if (!has_list) {
+    events_.tell_once(EventKind::error,
+                      "its gateway runs with another network list than this machine file's: it gets the new one when the "
+                      "gateway boots");
+  }
+  up_ = true;
 }
 
 rt::Task<Result<void>> Beneath::look_at(Place& place, bool settled) {
@@ -235,7 +284,7 @@ rt::Task<Result<void>> Beneath::look_at(Place& place, bool settled) {
   const auto bytes = value->bytes();
   switch (bytes.empty() ? 0 : bytes.front()) {
     case static_cast<std::uint8_t>(NmtState::operational):
-      if (!place.now.device) co_await identify(place);
+      if (!place.identified) co_await identify(place);
       set_state(place, SlotState::operational);
       break;
     case static_cast<std::uint8_t>(NmtState::stopped): set_state(place, SlotState::present, "stopped"); break;
@@ -243,22 +292,11 @@ rt::Task<Result<void>> Beneath::look_at(Place& place, bool settled) {
     default:
       if (!settled) break;
       if (place.now.device) {
+        place.identified = false;
         if (place.now.state != SlotState::absent) set_state(place, SlotState::absent, "the gateway's master misses it");
       } else {
         set_state(place, SlotState::empty, "no device of its type was found");
       }
-  }
-  co_return Result<void>{};
-}
-
-// A device may lack all of 1018h but its vendor-ID.
-rt::Task<Result<void>> Beneath::read_address(co::SdoAccess& device, LssAddress& address) {
-  std::uint8_t sub = 0;
-  for (std::uint32_t* const part : {&address.vendor, &address.product, &address.revision, &address.serial}) {
-    ++sub;
-    const auto value = co_await device.read_u32(0x1018, sub);
-    if (value) *part = *value;
-    if (!value && value.error().code != Errc::aborted) co_return fail(value.error());
   }
   co_return Result<void>{};
 }
@@ -268,6 +306,8 @@ rt::Task<void> Beneath::identify(Place& place) {
   co::SdoAccess& node = access(place.spec.id);
   const auto known = co_await read_address(node, device);
   if (!known) co_return;
+  place.identified = true;
+  if (place.now.device == device) co_return;
   place.now.device = device;
   events_.tell(EventKind::bound, place.now.name, fmt::format("its gateway's master gave it to {}", to_string(device)));
 }
@@ -300,6 +340,8 @@ rt::Task<Result<std::vector<Seen>>> Beneath::scan() {
 void Beneath::gateway_is_silent(const Error& error) {
   const multilevel::Hop last = way_.gateways.back();
   for (auto& place : places_) {
+    place.identified = false;
+    if (place.now.state == SlotState::absent) continue;
     set_state(place, SlotState::absent,
               fmt::format("gateway {} above does not answer: {}", last.gateway.value(), error.text));
   }
@@ -311,7 +353,7 @@ void Beneath::heard(NodeId node, const multilevel::LoggedEmcy& entry) {
   const bool lost = reading.code == heartbeat_lost;
   if (place != nullptr && lost && up_) {
     set_state(*place, SlotState::absent, "its heartbeat stopped: the gateway told it (EMCY 8130h)");
-    place->now.device.reset();
+    place->identified = false;
   } else if (!lost && reading.exiting != heartbeat_lost) {
     const auto words = [](std::uint16_t code, std::uint16_t) {
       const char* const own = multilevel::gateway_code_text(code);

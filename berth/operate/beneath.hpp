@@ -1,4 +1,4 @@
-/// A bus beneath a gateway on which Berth has no port (`port = "gateway"`; docs/multilevel.md §berth up): the gateway's
+/// A bus beneath a gateway on which Berth has no port (`port = "gateway"`; docs/multilevel.md): the gateway's
 /// own NMT master gives the node-IDs, boots, starts and watches there, by its dictionary (CiA 302-2), and this makes and
 /// keeps that dictionary right, through the gateway, and tells what becomes of the slots.
 ///
@@ -40,8 +40,12 @@ class Beneath {
 
   /// A bus beneath this one, without a port too. Must stay.
   void add(Beneath& deeper) { deeper_.push_back(&deeper); }
-  /// Called each time that it has become operational.
-  void on_operational(std::function<void()> call) { operational_call_ = std::move(call); }
+  /// `runs` tells whether its gateway does: one that ran before Berth began is not brought up, but watched.
+  /// `operational`: called each time that this bus has become so; may be empty.
+  void know_gateway(std::function<bool()> runs, std::function<void()> operational = {}) {
+    gateway_runs_ = std::move(runs);
+    operational_call_ = std::move(operational);
+  }
   /// Watches: only then the slots' states are kept.
   void start();
   void stop() noexcept;
@@ -64,24 +68,22 @@ class Beneath {
   [[nodiscard]] co::SdoAccess& access(NodeId node) { return routes_.access({way_.gateways, node}); }
   /// What its master knows: the node-IDs of the network list that it has heard.
   [[nodiscard]] rt::Task<Result<std::vector<Seen>>> scan();
-  /// 1F82h of the gateway's own node: the NMT command is its to send.
-  [[nodiscard]] rt::Task<Result<void>> request(std::uint8_t sub, co::NmtCommand command);
 
  private:
   struct Place {
     places::SlotSpec spec;
     SlotReport now;
+    bool identified = false;  // since it became operational
   };
   rt::Task<Result<void>> put_list(const manager::Wanted& list);
   rt::Task<Result<void>> gateways_first();
-  rt::Task<Result<void>> deeper_first();
-  rt::Task<void> bring_up_deeper(Beneath& deeper, std::optional<Error>& failed);
   rt::Task<Result<void>> await_operational();
   rt::Task<void> watch();
+  rt::Task<void> look_around(std::optional<NodeId> told);
+  rt::Task<void> adopt();
   /// `settled`: who is missing now is told; else it may come yet.
   rt::Task<Result<void>> look_at(Place& place, bool settled);
   rt::Task<void> identify(Place& place);
-  static rt::Task<Result<void>> read_address(co::SdoAccess& device, LssAddress& address);
   [[nodiscard]] manager::Wanted list(std::span<const places::SlotSpec> slots, std::span<const NodeId> held_back);
   void set_state(Place& place, places::SlotState state, std::string reason = {});
   void gateway_is_silent(const Error& error);
@@ -95,8 +97,10 @@ class Beneath {
   std::vector<Place> places_;  // ascending by node-ID
   std::vector<Beneath*> deeper_;
   std::function<void()> operational_call_;
+  std::function<bool()> gateway_runs_;
   rt::Mailbox<NodeId, 256> wakes_;  // slots to be looked at now
   std::size_t next_ = 0;            // slot that is looked at next
+  unsigned failures_ = 0;           // looks in a row that failed
   bool up_ = false;                 // it was brought up
   bool was_operational_ = false;
   bool brings_up_ = false;

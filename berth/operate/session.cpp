@@ -3,7 +3,6 @@
 #include <fmt/format.h>
 
 #include <algorithm>
-#include <span>
 
 #include "berth/text/quantity.hpp"
 
@@ -70,12 +69,12 @@ class Session::StampedStore final : public places::SlotStore {
 };
 
 Session::Session(rt::Executor& executor, const design::Machine& machine, places::SlotStore& store)
-    : executor_(&executor), machine_(&machine), store_(std::make_unique<StampedStore>(executor, store)) {}
+    : executor_(&executor), machine_(&machine), store_(std::make_unique<StampedStore>(executor, store)),
+      tree_(executor, machine, networks_) {}
 
 Session::~Session() {
   stop();
-  beneath_.clear();
-  trees_.clear();
+  tree_.clear();
 }
 
 places::SlotStore& Session::store() noexcept { return *store_; }
@@ -94,12 +93,15 @@ Result<void> Session::open() {
   if (ports_.size() != machine_->buses.size()) return fail(Errc::invalid, "a bus of the machine has no port");
   NetworkObserver observer;
   observer.event = [this](const Event& event) { record(event); };
-  observer.milestone = [this](Milestone milestone) { reached(milestone); };
+  observer.milestone = [this](Milestone milestone) {
+    auto& buses = reached_[static_cast<std::size_t>(milestone)];
+    if (++buses == networks_.size() && on_milestone_) on_milestone_(milestone);
+  };
   for (const auto& bus : machine_->buses) {
     observer.command = [this, name = bus.name](std::string text, NetworkObserver::Confirm confirm) {
       return on_command_ && on_command_(name, std::move(text), std::move(confirm));
     };
-    observer.beneath = beneath_of(bus.name);
+    observer.beneath = tree_.first_of(bus.name);
     const auto port = std::ranges::find(ports_, &bus, &decltype(ports_)::value_type::first);
     auto network =
         std::make_unique<Network>(*executor_, *port->second, bus, machine_->specs(bus.name), *store_, observer);
@@ -107,94 +109,7 @@ Result<void> Session::open() {
     if (!opened) return opened;
     networks_.push_back(std::move(network));
   }
-  return open_beneath(observer);
-}
-
-// ---- buses beneath gateways ----
-
-Result<void> Session::open_beneath(const NetworkObserver& observer) {
-  for (const auto& bus : machine_->beneath) {
-    Way way = way_to(*machine_, bus.name);
-    Network* const top = network(way.bus);
-    if (top == nullptr) return fail(Errc::invalid, "a bus beneath a gateway leads to no bus with a port");
-    NetworkObserver own;
-    own.event = observer.event;
-    beneath_.push_back(
-        std::make_unique<Beneath>(*executor_, bus, way, machine_->specs(bus.name), routes(*top), std::move(own)));
-    Tree& tree = *trees_[top];
-    if (!tree.log) {
-      tree.log = std::make_unique<multilevel::EventLog>(top->services().dispatcher,
-                                                        multilevel::EmcyLayout::source_and_exit);
-      tree.log->hear_all();
-      tree.log->on_event([this, name = way.bus](const multilevel::LoggedEmcy& entry) { heard(name, entry); });
-    }
-    Beneath* const above = beneath(bus.gateway->bus);
-    if (above != nullptr) above->add(*beneath_.back());
-    if (above != nullptr) continue;
-    beneath_.back()->on_operational([top, gateway = bus.gateway->slot] { top->try_again(gateway); });
-  }
-  return {};
-}
-
-void Session::heard(const std::string& bus, const multilevel::LoggedEmcy& entry) {
-  const auto& path = entry.reading.path;
-  if (path.size() < 2 || entry.reading.garbled) return;
-  for (auto& each : beneath_) {
-    const auto& hops = each->way().gateways;
-    const auto leads = [&] {
-      return std::ranges::equal(hops, std::span(path).first(hops.size()), {}, &multilevel::Hop::gateway);
-    };
-    if (each->way().bus == bus && hops.size() + 1 == path.size() && leads()) return each->heard(path.back(), entry);
-  }
-}
-
-BeneathFirst Session::beneath_of(const std::string& bus) {
-  BeneathFirst first;
-  for (const auto* const buses : {&machine_->buses, &machine_->beneath}) {
-    for (const auto& each : *buses) {
-      if (each.gateway && each.gateway->bus == bus) first.gateways.set(each.gateway->slot.value());
-    }
-  }
-  if (first.gateways.any()) first.bring_up = [this, bus](NodeId gateway) { return beneath_first(bus, gateway); };
-  return first;
-}
-
-// All of one gateway, one after the other: they share its SDO server.
-rt::Task<Result<void>> Session::beneath_first(std::string bus, NodeId gateway) {
-  Result<void> all;
-  for (auto& each : beneath_) {
-    const auto& way = *each->bus().gateway;
-    if (way.bus != bus || way.slot != gateway) continue;
-    const auto done = co_await each->bring_up();
-    if (!done && way.mandatory && all) all = done;
-  }
-  for (auto& each : networks_) {
-    const auto& way = each->bus().gateway;
-    if (!way || way->bus != bus || way->slot != gateway || !way->mandatory) continue;
-    const auto done = co_await await_network(*each);
-    if (!done && all) all = done;
-  }
-  co_return all;
-}
-
-// A bus beneath the gateway on which Berth has a port of its own.
-rt::Task<Result<void>> Session::await_network(Network& network) {
-  const rt::Duration boot_time = network.bus().startup.boot_time;
-  const rt::Time deadline = executor_->now() + (boot_time.count() > 0 ? boot_time : Beneath::patience);
-  while (!network.operational() && executor_->now() < deadline) co_await rt::sleep_for(std::chrono::milliseconds(50));
-  if (network.operational()) co_return Result<void>{};
-  co_return fail(Errc::mismatch, "a bus beneath it is not operational: its slots say why");
-}
-
-multilevel::Routes& Session::routes(Network& network) {
-  auto& tree = trees_[&network];
-  if (!tree) tree = std::make_unique<Tree>(network);
-  return tree->routes;
-}
-
-Beneath* Session::beneath(std::string_view bus) noexcept {
-  const auto it = std::ranges::find_if(beneath_, [&](const auto& b) { return b->bus().name == bus; });
-  return it == beneath_.end() ? nullptr : it->get();
+  return tree_.open(observer.event);
 }
 
 void Session::start() {
@@ -202,12 +117,12 @@ void Session::start() {
   started_ = true;
   began_ = executor_->now();
   for (auto& network : networks_) network->start();
-  for (auto& each : beneath_) each->start();
+  tree_.start();
 }
 
 void Session::stop() noexcept {
   for (auto& network : networks_) network->stop();
-  for (auto& each : beneath_) each->stop();
+  tree_.stop();
   started_ = false;
 }
 
@@ -221,18 +136,13 @@ void Session::record(const Event& event) {
   if (on_event_) on_event_(event);
 }
 
-void Session::reached(Milestone milestone) {
-  auto& buses = reached_[static_cast<std::size_t>(milestone)];
-  if (++buses == networks_.size() && on_milestone_) on_milestone_(milestone);
-}
-
 std::vector<SlotReport> Session::slots() const {
   std::vector<SlotReport> all;
   for (const auto& network : networks_) {
     auto slots = network->report();
     std::ranges::move(slots, std::back_inserter(all));
   }
-  for (const auto& each : beneath_) {
+  for (const auto& each : tree_.buses()) {
     auto slots = each->report();
     std::ranges::move(slots, std::back_inserter(all));
   }
@@ -254,14 +164,11 @@ Report Session::report() const {
 }
 
 bool Session::operational() const noexcept {
-  return std::ranges::all_of(networks_, [](const auto& n) { return n->operational(); }) &&
-         std::ranges::all_of(beneath_,
-                             [](const auto& b) { return b->operational() || !b->bus().gateway->mandatory; });
+  return std::ranges::all_of(networks_, [](const auto& n) { return n->operational(); }) && tree_.operational();
 }
 
 bool Session::idle() const noexcept {
-  return std::ranges::all_of(networks_, [](const auto& n) { return n->idle(); }) &&
-         std::ranges::all_of(beneath_, [](const auto& b) { return b->idle(); });
+  return std::ranges::all_of(networks_, [](const auto& n) { return n->idle(); }) && tree_.idle();
 }
 
 Network* Session::network(std::string_view bus) noexcept {

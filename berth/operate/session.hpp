@@ -5,16 +5,15 @@
 #include <array>
 #include <deque>
 #include <functional>
-#include <map>
 #include <memory>
 #include <string>
 #include <string_view>
 #include <vector>
 
 #include "berth/design/machine.hpp"
-#include "berth/operate/beneath.hpp"
 #include "berth/operate/network.hpp"
 #include "berth/operate/report.hpp"
+#include "berth/operate/tree.hpp"
 #include "berth/places/slot_store.hpp"
 
 namespace berth::operate {
@@ -73,12 +72,8 @@ class Session {
   /// Null when there is none; an empty name means the only bus, and null when there are several.
   [[nodiscard]] Network* network(std::string_view bus) noexcept;
   [[nodiscard]] const std::vector<std::unique_ptr<Network>>& networks() const noexcept { return networks_; }
-  /// The buses beneath gateways on which Berth has no port.
-  [[nodiscard]] const std::vector<std::unique_ptr<Beneath>>& beneath() const noexcept { return beneath_; }
-  /// Null when there is none of this name.
-  [[nodiscard]] Beneath* beneath(std::string_view bus) noexcept;
-  /// All nodes that a bus with a port leads to, by their paths: the one client of its gateways. It stays.
-  [[nodiscard]] multilevel::Routes& routes(Network& network);
+  /// The buses beneath gateways.
+  [[nodiscard]] Tree& tree() noexcept { return tree_; }
   /// The network of a slot, by the slot's name or "bus/name" or its node-ID when that is unique; null when unknown.
   /// `name` gets the slot's plain name.
   [[nodiscard]] Network* network_of_slot(std::string_view slot, std::string& name) noexcept;
@@ -86,12 +81,6 @@ class Session {
  private:
   class StampedStore;
   void record(const Event& event);
-  void reached(Milestone milestone);
-  Result<void> open_beneath(const NetworkObserver& observer);
-  void heard(const std::string& bus, const multilevel::LoggedEmcy& entry);
-  [[nodiscard]] BeneathFirst beneath_of(const std::string& bus);
-  rt::Task<Result<void>> beneath_first(std::string bus, NodeId gateway);
-  rt::Task<Result<void>> await_network(Network& network);
 
   rt::Executor* executor_;
   const design::Machine* machine_;
@@ -99,13 +88,7 @@ class Session {
   std::vector<std::pair<const design::Bus*, can::Port*>> ports_;
   SlotSettings settings_;
   std::vector<std::unique_ptr<Network>> networks_;
-  struct Tree {
-    explicit Tree(Network& network) : routes(network.services().sdo) {}
-    multilevel::Routes routes;
-    std::unique_ptr<multilevel::EventLog> log;
-  };
-  std::map<const Network*, std::unique_ptr<Tree>> trees_;
-  std::vector<std::unique_ptr<Beneath>> beneath_;
+  Tree tree_;
   std::deque<Event> events_;
   std::function<void(const Event&)> on_event_;
   std::function<void(Milestone)> on_milestone_;

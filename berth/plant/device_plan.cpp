@@ -307,6 +307,8 @@ device::Options options_of(const PlantDevice& plan, const LssAddress& address, s
   const auto heartbeat = std::chrono::duration_cast<std::chrono::milliseconds>(plan.heartbeat).count();
   if (heartbeat > 0) o.presets.push_back({{0x1017, 0}, static_cast<std::uint64_t>(heartbeat)});
   o.parameter_group = parameter_group_of(plan);
+  // A master that left operational for a slave that is lost (1029h:01) would leave all others alone.
+  if (plan.does.master && !plan.does.master->flying) o.presets.push_back({{0x1029, 1}, 1});
   if (plan.does.master && plan.does.master->flying) preset_network_list(*plan.does.master, o);
   return o;
 }

@@ -85,7 +85,7 @@ void SimGateway::look() noexcept {
   }
   if (reset) state_ = NmtState::initialising;
   look_above();
-  if (settled()) above_->go_on();
+  if (settled() && above_->powered() && std::exchange(above_->waits_, false)) above_->device_.power_on();
 }
 
 void SimGateway::look_above() noexcept {

@@ -114,18 +114,9 @@ void SimDevice::switch_on() noexcept {
     flash_.erase(device::Device::parameters_at);  // what LSS stored; its parameters stay
   }
   controller_->power(true);
-  begin();
-}
-
-// A gateway boots when the buses beneath it have.
-void SimDevice::begin() noexcept {
   waits_ = boots_last_;
-  if (waits_) return world_->tell(*this);
+  if (waits_) return world_->tell(*this);  // a gateway boots when the buses beneath it have
   device_.power_on();
-}
-
-void SimDevice::go_on() noexcept {
-  if (powered_ && std::exchange(waits_, false)) device_.power_on();
 }
 
 void SimDevice::switch_off() noexcept {
@@ -169,7 +160,9 @@ void SimDevice::reset() noexcept {
   device_.power_off();
   if (scripted_) scripted_->stop();
   controller_->restart(controller_->bit_rate());
-  begin();
+  waits_ = boots_last_;
+  if (waits_) return world_->tell(*this);
+  device_.power_on();
 }
 
 void SimDevice::deaf(Duration duration) {

@@ -101,8 +101,6 @@ class SimDevice final : private device::Device::Observer, private device::SimFla
   friend class SimGateway;
   void switch_on() noexcept;
   void switch_off() noexcept;
-  void begin() noexcept;
-  void go_on() noexcept;
   void device_changed(const device::Device& device) noexcept override;
   void write_began() noexcept override {}
   void write_ended() noexcept override;

@@ -106,7 +106,7 @@ deadline = "20 ms"
   EXPECT_EQ(m.buses[1].port, (PortSpec{PortKind::socketcand, "host:29536/can0"}));
   EXPECT_EQ(m.buses[1].role, Role::master);
   EXPECT_EQ(m.buses[1].master, NodeId(127));
-  EXPECT_EQ(m.buses[1].gateway, (Gateway{"backbone", NodeId(3), false}));
+  EXPECT_EQ(m.buses[1].gateway, (Gateway{"backbone", NodeId(3), 1, false}));
   EXPECT_EQ(m.buses[1].timing.sdo_timeout, Duration(200ms));
   EXPECT_EQ(m.buses[1].timing.heartbeat_period, Duration(100ms));
   EXPECT_EQ(m.buses[1].timing.heartbeat_timeout, Duration(300ms));
@@ -356,6 +356,35 @@ TEST(MachineFile, GatewaysInACircle) {
   ASSERT_EQ(result.findings.size(), 2U);
   EXPECT_EQ(result.findings[0].line, 6);
   EXPECT_EQ(result.findings[0].message, "these gateways run in a circle");
+}
+
+// Buses on which Berth has no port are apart from the others, each above those beneath it, in whatever order they stand.
+TEST(MachineFile, BusesWithoutAPort) {
+  const std::string tail =
+      "[[slot]]\nbus = \"top\"\nid = 3\nname = \"g\"\ntype = { vendor = 1, product = 2 }\n"
+      "[[slot]]\nbus = \"mid\"\nid = 4\nname = \"h\"\ntype = { vendor = 1, product = 2 }\n";
+  const std::string top = "[machine]\nname = \"m\"\n[bus.top]\nport = \"sim\"\nbitrate = 10_000\n";
+  const std::string low =
+      "[bus.low]\nport = \"gateway\"\nbitrate = 10_000\nmaster_id = 1\ngateway = { bus = \"mid\", slot = 4, port = 2 }\n";
+  const std::string mid =
+      "[bus.mid]\nport = \"gateway\"\nbitrate = 10_000\nmaster_id = 1\ngateway = { bus = \"top\", slot = 3 }\n";
+  const auto result = read_machine(low + mid + top + tail, "m.toml", {});
+  ASSERT_TRUE(result.machine) << (result.findings.empty() ? "" : to_string(result.findings.front()));
+  const Machine& machine = *result.machine;
+  ASSERT_EQ(machine.buses.size(), 1U);
+  EXPECT_EQ(machine.buses[0].name, "top");
+  ASSERT_EQ(machine.beneath.size(), 2U);
+  EXPECT_EQ(machine.beneath[0].name, "mid");
+  EXPECT_EQ(machine.beneath[1].name, "low");
+  EXPECT_EQ(machine.beneath[1].gateway, (Gateway{"mid", NodeId(4), 2, true}));
+  EXPECT_EQ(machine.bus("low")->master, NodeId(1));
+
+  const auto message = [](const std::string& text) {
+    const auto wrong = read_machine(text, "m.toml", {});
+    return wrong.findings.empty() ? std::string() : wrong.findings.front().message;
+  };
+  EXPECT_EQ(message(top + "[bus.x]\nport = \"gateway\"\nbitrate = 10_000\n"), "which gateway?");
+  EXPECT_EQ(message("[machine]\nname = \"m\"\n" + mid), "there is no bus \"top\"");
 }
 
 TEST(MachineFile, OneMistakeDoesNotHideAnother) {

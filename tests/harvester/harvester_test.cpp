@@ -5,16 +5,70 @@
 
 #include <algorithm>
 #include <chrono>
+#include <map>
 #include <string>
+#include <utility>
 #include <vector>
 
 #include "../pch.hpp"
+#include "berth/co/emcy.hpp"
+#include "berth/command/verbs.hpp"
+#include "berth/rt/scope.hpp"
 
 namespace berth::test {
 namespace {
 
 using namespace std::chrono_literals;
 using places::SlotState;
+
+plant::PlantEvent event(plant::Action action, const std::string& device) {
+  plant::PlantEvent made;
+  made.action = action;
+  made.device = device;
+  return made;
+}
+
+struct Running : ::testing::Test {
+  Running() {
+    EXPECT_TRUE(machine.begin()) << machine.problem();
+    EXPECT_TRUE(up(60s)) << machine.log();
+    machine.run_for(2s);
+  }
+  bool up(rt::Duration limit) {
+    return machine.run_until([&] { return machine.operational() && machine.all_run(); }, limit);
+  }
+  /// The cable between `node` and all others of the bus.
+  void cut(const std::string& bus, const std::string& node) {
+    plant::PlantEvent made;
+    made.action = plant::Action::cut_cable;
+    made.bus = bus;
+    made.nodes = {node};
+    ASSERT_TRUE(machine.world().perform(made));
+  }
+  void join(const std::string& bus) {
+    plant::PlantEvent made;
+    made.action = plant::Action::join;
+    made.bus = bus;
+    ASSERT_TRUE(machine.world().perform(made));
+  }
+  /// How often this slot was told to be absent since then.
+  long absences(const std::string& slot, rt::Time since) {
+    const auto lines = machine.told(slot, since);
+    return std::ranges::count_if(lines, [](const auto& line) { return line.starts_with("absent"); });
+  }
+  rt::Time now() { return machine.world().executor().now(); }
+  command::Reply ask(const std::string& verb, std::map<std::string, std::string> arguments) {
+    command::Request request;
+    request.verb = verb;
+    for (auto& [name, value] : arguments) request.arguments.emplace(name, value);
+    command::Reply reply;
+    rt::Scope scope(machine.world().executor());
+    scope.spawn(command::execute(machine.session(), request, reply));
+    EXPECT_TRUE(machine.run_until([&] { return scope.running() == 0; }, 60s)) << verb;
+    return reply;
+  }
+  Harvester machine;
+};
 
 }  // namespace
 
@@ -45,6 +99,118 @@ TEST(HarvesterMachine, EqualSubsystemsStayApart) {
     EXPECT_EQ(truth.bus, slot.spec.name.bus);
     EXPECT_EQ(truth.active, slot.spec.id) << slot.spec.name.name;
   }
+}
+
+// A run on devices that remember their node-IDs and lists: nothing is written, and all runs on.
+TEST_F(Running, ALaterRunFindsEverythingInPlace) {
+  const auto since = now();
+  ASSERT_TRUE(machine.begin_again());
+  ASSERT_TRUE(machine.run_until([&] { return machine.operational(); }, 30s)) << machine.log();
+  EXPECT_EQ(machine.log().find("network list"), std::string::npos) << machine.log();
+  EXPECT_EQ(machine.log().find("new network list"), std::string::npos) << machine.log();
+  EXPECT_LT(now() - since, 10s);
+  EXPECT_TRUE(machine.all_run());
+}
+
+// The cable of each bus is cut beside the gateway (the backbone's beside Berth) and put together again: every slot that is
+// cut off is told once, and everything runs again.
+TEST_F(Running, ABusThatIsCutIsToldOnceAndHeals) {
+  const std::vector<std::pair<std::string, std::string>> cuts{
+      {"left", "left port"}, {"right", "right port"}, {"header", "header port"}, {"reel", "reel port"},
+      {"backbone", "master"}};
+  for (const auto& [bus, node] : cuts) {
+    const auto since = now();
+    cut(bus, node);
+    machine.run_for(15s);
+    for (const auto& spec : machine.machine().specs(bus)) {
+      EXPECT_NE(machine.state(spec.name.name), SlotState::operational) << spec.name.name;
+      EXPECT_EQ(absences(spec.name.name, since), 1) << spec.name.name << "\n" << machine.log();
+    }
+    join(bus);
+    ASSERT_TRUE(up(60s)) << bus << "\n" << machine.log();
+    machine.run_for(5s);
+    EXPECT_TRUE(machine.operational() && machine.all_run()) << bus;
+    for (const auto& spec : machine.machine().specs(bus)) EXPECT_EQ(absences(spec.name.name, since), 1) << spec.name.name;
+  }
+}
+
+// A gateway that loses its power takes the bus beneath with it, and boots it before it comes back.
+TEST_F(Running, AGatewayWithoutPower) {
+  for (const char* const gateway : {"left gateway", "reel gateway"}) {
+    const std::string motor = gateway == std::string("left gateway") ? "left front motor" : "reel motor";
+    ASSERT_TRUE(machine.world().perform(event(plant::Action::power_off, gateway)));
+    machine.run_for(10s);
+    EXPECT_NE(machine.state(gateway), SlotState::operational);
+    EXPECT_EQ(machine.state(motor), SlotState::absent) << machine.log();
+    ASSERT_TRUE(machine.world().perform(event(plant::Action::power_on, gateway)));
+    ASSERT_TRUE(up(60s)) << machine.log();
+  }
+}
+
+// A new motor beneath one gateway, a new valve beneath two: the gateway's master gives it the node-ID of the old one.
+TEST_F(Running, ReplacementsBeneathGateways) {
+  std::uint32_t serial = 77'000;
+  for (const char* const name : {"left front motor", "reel arm"}) {
+    auto& device = *machine.world().find(name);
+    const auto id = device.truth().active;
+    device.unplug();
+    machine.run_for(5s);
+    EXPECT_EQ(machine.state(name), SlotState::absent) << machine.log();
+    device.next_power_on() = {.serial = ++serial, .node_id = NodeId()};
+    device.plug();
+    ASSERT_TRUE(up(60s)) << machine.log();
+    EXPECT_EQ(device.truth().active, id);
+    const auto slots = machine.session().slots();
+    const auto slot = std::ranges::find(slots, name, &operate::SlotReport::name);
+    ASSERT_TRUE(slot != slots.end() && slot->device);
+    EXPECT_EQ(slot->device->serial, serial);
+  }
+}
+
+// An emergency two levels down is told once, with its words.
+TEST_F(Running, AnEmergencyFromTheReel) {
+  const auto since = now();
+  machine.world().find("reel motor")->device().raise(0x4210, co::error_register::temperature);
+  machine.run_for(1s);
+  const auto lines = machine.told("reel motor", since);
+  ASSERT_EQ(lines.size(), 1U) << machine.log();
+  EXPECT_TRUE(lines.front().starts_with("EMCY 5/13/2: ")) << lines.front();
+  EXPECT_NE(lines.front().find("4210h"), std::string::npos) << lines.front();
+}
+
+// Verbs by paths and by the names of slots; what a gateway does not carry is refused with the reason.
+TEST_F(Running, VerbsTakePaths) {
+  const auto serial = ask("sdo read", {{"node", "3/2"}, {"bus", "backbone"}, {"object", "1018h:04"}});
+  EXPECT_EQ(serial.status, 0) << serial.error;
+  EXPECT_NE(serial.json.find("\"path\":\"3/2\""), std::string::npos) << serial.json;
+  EXPECT_NE(serial.json.find("2001"), std::string::npos) << serial.json;
+  const auto by_name = ask("sdo read", {{"node", "reel motor"}, {"object", "1018h:04"}});
+  EXPECT_EQ(by_name.status, 0) << by_name.error;
+  EXPECT_NE(by_name.json.find("5/13/2"), std::string::npos) << by_name.json;
+  EXPECT_EQ(ask("sdo write", {{"node", "5/13/2"}, {"bus", "backbone"}, {"object", "6042h"}, {"value", "-120"}}).status, 0);
+  EXPECT_EQ(machine.world().find("reel motor")->device().values().get_or<std::int16_t>({0x6042, 0}, std::int16_t{0}), -120);
+  EXPECT_EQ(ask("emcy", {{"node", "left oil sensor"}}).status, 0);
+  EXPECT_EQ(ask("sdo dump", {{"node", "header/locks"}}).status, 0);
+
+  EXPECT_EQ(ask("nmt", {{"node", "3/2"}, {"bus", "backbone"}, {"command", "stop"}}).status, 0);
+  machine.run_for(1s);
+  EXPECT_EQ(machine.truth("left front motor").state, NmtState::stopped);
+  EXPECT_EQ(machine.truth("right front motor").state, NmtState::operational);
+  EXPECT_EQ(ask("nmt", {{"node", "left front motor"}, {"command", "start"}}).status, 0);
+  machine.run_for(1s);
+  EXPECT_EQ(machine.truth("left front motor").state, NmtState::operational);
+
+  const auto scan = ask("scan", {{"bus", "reel"}});
+  EXPECT_EQ(scan.status, 0) << scan.error;
+  EXPECT_NE(scan.json.find("\"configured\":10"), std::string::npos) << scan.json;
+  const auto lss = ask("lss find", {{"bus", "left"}});
+  EXPECT_EQ(lss.status, 2);
+  EXPECT_NE(lss.error.find("Berth has no port on bus"), std::string::npos) << lss.error;
+  const auto nobody = ask("sdo read", {{"node", "3/99"}, {"bus", "backbone"}, {"object", "1000h"}});
+  EXPECT_NE(nobody.status, 0);
+  EXPECT_NE(nobody.error.find("no answer beneath the gateway"), std::string::npos) << nobody.error;
+  const auto no_gateway = ask("sdo read", {{"node", "2/5"}, {"bus", "backbone"}, {"object", "1000h"}});
+  EXPECT_NE(no_gateway.status, 0) << "the engine is no gateway";
 }
 
 }  // namespace berth::test

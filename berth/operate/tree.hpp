@@ -1,0 +1,59 @@
+/// The buses beneath gateways, as a session knows them (docs/multilevel.md): those on which Berth has no port, how each is
+/// reached, and what must run before a gateway is started.
+#pragma once
+
+#include <map>
+#include <memory>
+#include <string>
+#include <string_view>
+#include <vector>
+
+#include "berth/operate/beneath.hpp"
+#include "berth/operate/network.hpp"
+
+namespace berth::operate {
+
+class Tree {
+ public:
+  using Networks = std::vector<std::unique_ptr<Network>>;
+
+  /// All must stay. `networks` may be filled later.
+  Tree(rt::Executor& executor, const design::Machine& machine, const Networks& networks) noexcept
+      : executor_(&executor), machine_(&machine), networks_(&networks) {}
+
+  /// What a network of this bus must know before it is made.
+  [[nodiscard]] BeneathFirst first_of(const std::string& bus);
+  /// Once, when all networks are there.
+  Result<void> open(const std::function<void(const Event&)>& events);
+  void start();
+  void stop() noexcept;
+  /// Before the networks are gone.
+  void clear() noexcept;
+
+  [[nodiscard]] const std::vector<std::unique_ptr<Beneath>>& buses() const noexcept { return buses_; }
+  /// Null when there is none of this name.
+  [[nodiscard]] Beneath* bus(std::string_view name) const noexcept;
+  /// All nodes that a bus with a port leads to, by their paths: the one client of its gateways. It stays.
+  [[nodiscard]] multilevel::Routes& routes(Network& network);
+  /// Every bus that its gateway does not start without.
+  [[nodiscard]] bool operational() const noexcept;
+  [[nodiscard]] bool idle() const noexcept;
+
+ private:
+  struct Root {
+    explicit Root(Network& network) : routes(network.services().sdo) {}
+    multilevel::Routes routes;
+    std::unique_ptr<multilevel::EventLog> log;
+  };
+  rt::Task<Result<void>> bring_up(std::string bus, NodeId gateway);
+  void heard(const std::string& bus, const multilevel::LoggedEmcy& entry);
+  [[nodiscard]] Network* network(std::string_view bus) const noexcept;
+
+  rt::Executor* executor_;
+  const design::Machine* machine_;
+  const Networks* networks_;
+  std::map<const Network*, std::unique_ptr<Root>> roots_;
+  std::vector<std::unique_ptr<Beneath>> buses_;  // each above those beneath it
+};
+
+}  // namespace berth::operate
