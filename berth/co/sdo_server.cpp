@@ -76,8 +76,7 @@ bool SdoServer::Deferred::ended_by(const can::Frame& frame) const noexcept {
   if (std::ranges::equal(request, frame.bytes())) return false;
   const auto byte = frame.data[0];
   // Between two sub-blocks a frame is a segment that comes late, whatever it looks like.
-  constexpr std::uint8_t acknowledgement = 0xA2;
-  if (way == Way::confirm && answer[0] == acknowledgement) return byte == 0x80;
+  if (way == Way::confirm && answer[0] == sdo::sub_block_confirmed) return byte == 0x80;
   switch (static_cast<Ccs>(sdo::specifier(byte))) {
     case Ccs::abort:
     case Ccs::download:
