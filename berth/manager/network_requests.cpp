@@ -4,8 +4,6 @@
 #include <array>
 #include <optional>
 
-#include "berth/od/cia302.hpp"
-
 namespace berth::manager {
 namespace {
 
@@ -45,15 +43,15 @@ std::uint8_t request_value(NmtCommand command) noexcept {
 }
 
 AbortCode NetworkRequests::nmt(std::uint8_t sub, std::uint8_t value, NodeId requester) {
-  if (!is_node(sub) && sub != od::cia302::all_nodes) return AbortCode::no_sub_index;
+  if (!is_node(sub) && sub != all_nodes) return AbortCode::no_sub_index;
   if (network_->phase() == NetworkBoot::Phase::off) return AbortCode::device_state;
   const auto others = requested_of_others(value);
   const auto command = others ? others : requested(value);
-  if (!command || (others && sub != od::cia302::all_nodes)) return AbortCode::invalid_value;
+  if (!command || (others && sub != all_nodes)) return AbortCode::invalid_value;
   const NodeId own = network_->plan().own;
-  if (sub == od::cia302::all_nodes && (!others || !requester.configured() || requester == own)) {
+  if (sub == all_nodes && (!others || !requester.configured() || requester == own)) {
     network_->command(*command, NmtTarget::all(), !others);
-  } else if (sub == od::cia302::all_nodes) {
+  } else if (sub == all_nodes) {
     for (const auto& slave : network_->plan().slaves) {
       if (slave.node != requester) network_->command(*command, slave.node);
     }
@@ -68,7 +66,7 @@ AbortCode NetworkRequests::nmt(std::uint8_t sub, std::uint8_t value, NodeId requ
 od::Answer<std::uint8_t> NetworkRequests::state(std::uint8_t sub) const noexcept {
   constexpr std::uint8_t unknown = 0x00;
   constexpr std::uint8_t missing = 0x01;
-  if (sub == od::cia302::all_nodes) return od::refuse(AbortCode::write_only);
+  if (sub == all_nodes) return od::refuse(AbortCode::write_only);
   if (!is_node(sub)) return od::refuse(AbortCode::no_sub_index);
   if (network_->phase() == NetworkBoot::Phase::off) return unknown;
   if (NodeId(sub) == network_->plan().own) return static_cast<std::uint8_t>(network_->own_state());
@@ -80,10 +78,10 @@ od::Answer<std::uint8_t> NetworkRequests::state(std::uint8_t sub) const noexcept
 }
 
 AbortCode NetworkRequests::guarding(std::uint8_t sub, std::uint8_t value) {
-  if (!is_node(sub) && sub != od::cia302::all_nodes) return AbortCode::no_sub_index;
+  if (!is_node(sub) && sub != all_nodes) return AbortCode::no_sub_index;
   if (network_->phase() == NetworkBoot::Phase::off) return AbortCode::device_state;
   if (value > 1) return AbortCode::invalid_value;
-  if (sub == od::cia302::all_nodes) {
+  if (sub == all_nodes) {
     for (const auto& slave : network_->plan().slaves) static_cast<void>(network_->supervise(slave.node, value == 1));
     return AbortCode::none;
   }
@@ -93,7 +91,7 @@ AbortCode NetworkRequests::guarding(std::uint8_t sub, std::uint8_t value) {
 }
 
 od::Answer<std::uint8_t> NetworkRequests::guarding(std::uint8_t sub) const noexcept {
-  if (sub == od::cia302::all_nodes) return od::refuse(AbortCode::write_only);
+  if (sub == all_nodes) return od::refuse(AbortCode::write_only);
   if (!is_node(sub)) return od::refuse(AbortCode::no_sub_index);
   const auto* const slave = network_->find(NodeId(sub));
   return static_cast<std::uint8_t>(slave != nullptr && slave->supervised ? 1 : 0);

@@ -12,14 +12,17 @@
 
 #include "berth/manager/network_boot.hpp"
 #include "berth/od/abort_code.hpp"
+#include "berth/od/cia302.hpp"
 
 namespace berth::manager {
 
-/// What is written to 1F82h for a command; `od::cia302::all_nodes` is the sub-index of all.
+/// What is written to 1F82h for a command; `NetworkRequests::all_nodes` is the sub-index of all.
 [[nodiscard]] std::uint8_t request_value(co::NmtCommand command) noexcept;
 
 class NetworkRequests {
  public:
+  static constexpr std::uint8_t all_nodes = od::cia302::all_nodes;
+
   /// `network` must stay.
   explicit NetworkRequests(NetworkBoot& network) noexcept : network_(&network) {}
 
