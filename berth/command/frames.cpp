@@ -4,7 +4,6 @@
 #include "berth/co/sdo.hpp"
 #include "berth/command/objects.hpp"
 #include "berth/command/verbs.hpp"
-#include "berth/od/cia302.hpp"
 
 namespace berth::command {
 namespace {
@@ -49,8 +48,7 @@ Frames nmt_frames(const Request& request, const design::Machine& machine, std::s
   problem = arguments.problem();
   if (!problem.empty()) return {};
   if (!nmt.requested_of.configured()) return {co::to_frame({nmt.command, nmt.target})};
-  can::Frame frame =
-      co::sdo::make(0x600U + nmt.requested_of.value(), 0x2F, {od::cia302::request_nmt, nmt.request_sub()});
+  can::Frame frame = co::sdo::make(0x600U + nmt.requested_of.value(), 0x2F, {0x1F82, nmt.request_sub()});
   frame.data[4] = nmt.request_value();
   return {frame};
 }

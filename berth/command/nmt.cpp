@@ -11,7 +11,6 @@
 #include "berth/command/reply.hpp"
 #include "berth/command/run.hpp"
 #include "berth/manager/network_requests.hpp"
-#include "berth/od/cia302.hpp"
 #include "berth/text/quantity.hpp"
 
 namespace berth::command {
@@ -44,7 +43,7 @@ NmtArguments nmt_arguments(Arguments& arguments, const design::Machine& machine)
 }
 
 std::uint8_t NmtArguments::request_sub() const noexcept {
-  return target == co::NmtTarget::all() ? od::cia302::all_nodes : target.node;
+  return target == co::NmtTarget::all() ? manager::NetworkRequests::all_nodes : target.node;
 }
 std::uint8_t NmtArguments::request_value() const noexcept { return manager::request_value(command); }
 
@@ -86,8 +85,7 @@ Json json_of(const Network& bus, const NmtArguments& nmt) {
 // By another master of the bus: its 1F82h is written.
 rt::Task<void> request_of(Network& bus, const NmtArguments& nmt, Reply& reply) {
   const std::array<std::uint8_t, 1> value{nmt.request_value()};
-  const auto written =
-      co_await bus.services().sdo.download(nmt.requested_of, od::cia302::request_nmt, nmt.request_sub(), value);
+  const auto written = co_await bus.services().sdo.download(nmt.requested_of, 0x1F82, nmt.request_sub(), value);
   if (!written) {
     co_return fail_with(reply, written.error(),
                         fmt::format("bus {}, NMT {} of {} by the master at node {} (1F82h:{:02X})", bus.bus().name,

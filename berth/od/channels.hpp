@@ -25,7 +25,7 @@ class ChannelRelay {
   ~ChannelRelay() = default;
 };
 
-/// The servers of a dictionary, as a relay that answers later sees them.
+/// The servers of a dictionary, as who answers later sees them.
 class ChannelServers {
  public:
   /// As `Channels::answer`.
@@ -56,14 +56,14 @@ class Channels {
   bool answer(std::uint8_t channel, ObjectRef object, AbortCode code, ObjectRef named) noexcept {
     return servers_ != nullptr && servers_->answer(channel, object, code, named);
   }
-  /// A frame to the client of this channel. False: no server has it, or the port takes none.
+  /// A frame to the client of this channel. False: nobody serves it, or the port takes none.
   bool send(std::uint8_t channel, ChannelBytes bytes) noexcept {
     return servers_ != nullptr && servers_->send(channel, bytes);
   }
   /// Null: none. It must stay until it is taken out.
   void set_relay(ChannelRelay* relay) noexcept { relay_ = relay; }
   [[nodiscard]] ChannelRelay* relay() const noexcept { return relay_; }
-  /// What answers; null: nothing.
+  /// Who answers; null: nobody.
   void serve(ChannelServers* servers) noexcept { servers_ = servers; }
   [[nodiscard]] const ChannelServers* servers() const noexcept { return servers_; }
 
