@@ -149,10 +149,8 @@ Queued Dispatcher::send(const Frame& frame, Confirmation& confirmation) noexcept
   confirmation.tag_ = tag;
   confirmation.next_ = std::exchange(waiting_, &confirmation);
   const auto queued = port_->send(frame, tag);
-  if (queued != Queued::yes) [[unlikely]] {
-    assert(waiting_ == &confirmation);  // a port only queues: nothing has run meanwhile
-    forget(waiting_);
-  }
+  if (queued != Queued::yes && confirmation.tag_ == tag) [[unlikely]]
+    withdraw(confirmation);
   return queued;
 }
 
