@@ -97,7 +97,7 @@ std::string machine_text(const Learnt& learnt, const design::Bus& bus, const Ado
     if (node.id == learnt.master_id) continue;
     if (!node.identity) {
       text += fmt::format("\n# node-ID {}: {}; write its [[slot]] by hand\n", node.id.value(),
-                          node.problem.empty() ? "it was not asked who it is" : node.problem);
+                          node.problem.empty() ? "it was not asked for its identity" : node.problem);
       continue;
     }
     const std::string name = slot_name(node, taken);
@@ -143,7 +143,7 @@ void name_quiet_master(Learnt& learnt) {
     if (!node.nmt_master || learnt.master_id.configured()) continue;
     learnt.master_id = node.id;
     learnt.master.push_back(
-        fmt::format("node {} is an NMT master: bit 0 of its 1F80h is set{}; it commanded nobody while Berth listened",
+        fmt::format("node {} is an NMT master: bit 0 of its 1F80h is set{}; it sent no command while Berth listened",
                     node.id.value(), node.network_list ? ", and it has a network list (1F81h)" : std::string()));
   }
 }

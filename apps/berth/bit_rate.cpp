@@ -107,8 +107,8 @@ int report(const can::PortSpec& spec, const std::vector<live::RateHeard>& heard,
                           : live::anything(heard) ? "something is on the wire, but at none of CiA 301's rates a frame: "
                                                     "undecidable"
                                                   : "the bus is silent: undecidable. Berth does not probe it, since a "
-                                                    "frame at a wrong rate disturbs everybody; switch a device on, or "
-                                                    "look at one's switches";
+                                                    "frame at a wrong rate disturbs every node; switch a device on, or "
+                                                    "look at a device's switches";
   all["what"] = why;
   if (json) {
     print_line(all.dump(2));

@@ -64,7 +64,8 @@ constexpr RequestWords tells{.alone = false, .machine = {.confirms = false, .sen
 }  // namespace
 
 void add_history(Verb& berth, Options& options) {
-  const RequestVerb history(berth, options, "history", "history", "who sat where, since when and why", {}, tells);
+  const RequestVerb history(berth, options, "history", "history", "which device sat where, since when and why", {},
+                            tells);
   history.word("slot", "slot", "its name, BUS/NAME or node-ID (default: all)");
   history.footer("Examples:\n  berth history\n  berth history left machine.toml");
 }

@@ -300,7 +300,7 @@ int run_conformance(Rig& rig, std::vector<Patient>& patients, const Options& opt
 
 // --- Beside a simulated machine that runs ----------------------------------------------------------------------------
 
-// Its control socket; empty: the buses are real, in a world of this process, or nobody runs the machine.
+// Its control socket; empty: the buses are real, in a world of this process, or no process runs the machine.
 std::string running_world(const Options& options, const design::Machine& machine) {
   const bool here = options.machine.empty() || !options.sim.empty() || !options.ports.empty() || all_elsewhere(machine);
   return here ? std::string() : running_control(options, machine);

@@ -26,7 +26,7 @@ can::Port& Guards::add(rt::Executor& executor, const design::Bus& bus, can::Port
   wanted.watch.own = bus.master;
   wanted.watch.tolerated = bus.tolerate;
   if (bus.flying && options.master.takes_part) {
-    // Who commands is agreed upon behind the gate. Another node under Berth's own node-ID stays one too many.
+    // Which master commands is agreed upon behind the gate. Another node under Berth's own node-ID stays one too many.
     wanted.watch.tolerated.set();
     wanted.watch.tolerated.reset(static_cast<std::size_t>(live::Sign::heartbeat));
   }

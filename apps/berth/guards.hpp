@@ -1,4 +1,4 @@
-/// The gates of the buses that are outside this process: what Berth may send there, and who else is master.
+/// The gates of the buses that are outside this process: what Berth may send there, and which other master is there.
 #pragma once
 
 #include <functional>

@@ -89,7 +89,7 @@ bool output_broken() noexcept { return broken_by != 0; }
 int with_output(int status) {
   if (std::fflush(stdout) != 0 && broken_by == 0) broken_by = errno;
   if (broken_by == 0) return status;
-  // Who closed the pipe knows.
+  // The reader that closed the pipe knows.
   if (broken_by != EPIPE) print_error(std::string("standard output: ") + std::strerror(broken_by));
   return Exit::failed;
 }

@@ -27,7 +27,7 @@ int tell(const Failure& failure, bool json);
 /// First thing in a program. A closed standard stream gets /dev/null, so that no file that is opened later takes its
 /// number and gets the text; and a reader of the output that leaves is an error of the output, not the program's end.
 void secure_streams();
-/// Something could not be written to standard output: who reads it has left, or the disk is full. What runs ends then,
+/// Something could not be written to standard output: the reader has left, or the disk is full. What runs ends then,
 /// as by SIGTERM.
 [[nodiscard]] bool output_broken() noexcept;
 /// Last thing in a program: `status`, or 3 when standard output could not be written, which is told once.

@@ -39,7 +39,7 @@ class RequestVerb {
   Verb verb_;
 };
 
-/// What stands behind every verb that is a request: the machine, or the bus alone, and who does it.
+/// What stands behind every verb that is a request: the machine, or the bus alone, and what carries it out.
 void request_words(const Verb& verb, Options& options, RequestWords which = {});
 
 }  // namespace berth::cli

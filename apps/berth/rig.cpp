@@ -48,7 +48,7 @@ design::MachineResult Rig::read_machine(const Options& options, const Sources& s
 
 namespace {
 
-// Whom Berth is among the masters of a bus.
+// Which of the masters of a bus Berth is.
 tl::expected<void, Failure> settle_masters(design::Machine& machine, const Options& options) {
   for (auto& bus : machine.buses) {
     if (options.master.id) bus.master = NodeId(static_cast<std::uint8_t>(*options.master.id));

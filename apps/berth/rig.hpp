@@ -93,7 +93,7 @@ class Rig {
 
   // In the order in which they need each other: what comes later goes first.
   design::Machine machine_;
-  bool rate_as_it_stands_ = false;  // nobody said the bit rate: the port tells it
+  bool rate_as_it_stands_ = false;  // no bit rate was given: the port tells it
   plant::PlantFile plant_;
   Record record_;
   std::unique_ptr<plant::World> world_;

@@ -102,7 +102,7 @@ void ask_where_devices_sit(Rig& rig, command::Reply& reply, rt::Duration limit) 
   reply.error.clear();
 }
 
-// Until a signal comes, the time of --timeout is over, or nobody answers any more.
+// Until a signal comes, the time of --timeout is over, or no device answers any more.
 command::Reply repeated(Rig& rig, const command::Request& request, command::Reply reply, const Options& options,
                         const Repeat& repeat) {
   const rt::Time end = rig.now() + options.timeout.value_or(24h * 365);
@@ -119,7 +119,7 @@ command::Reply repeated(Rig& rig, const command::Request& request, command::Repl
   return reply;
 }
 
-// What takes long is told on the way to who looks on.
+// What takes long is told on the way.
 void tell_progress(Rig& rig, const command::Request& request, const Options& options) {
   const bool takes_long = request.verb == "program download" || request.verb == "configure";
   if (!takes_long || options.json || options.dry_run || !on_terminal()) return;

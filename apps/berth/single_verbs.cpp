@@ -11,7 +11,8 @@ namespace berth::cli {
 
 void add_scan(Verb& berth, Options& options) {
   const auto rate = std::make_shared<std::string>();
-  const RequestVerb scan(berth, options, "scan", "scan", "who is on this bus: configured, unconfigured, duplicates",
+  const RequestVerb scan(berth, options, "scan", "scan",
+                         "which devices are on this bus: configured, unconfigured, duplicates",
                          [rate](command::Request& request) {
                            if (*rate == "auto") request.arguments["bitrate"] = *rate;
                            return std::string();
@@ -169,7 +170,7 @@ void add_lss_of_a_bus(const Verb& lss, Options& options) {
   lss_verb(lss, options, "global", "all devices to waiting or configuration state", "global waiting")
       .word("state", "state", "waiting or configuration")
       .required();
-  lss_verb(lss, options, "find", "every device that no slot has; is anybody without a node-ID?", "find --port can0");
+  lss_verb(lss, options, "find", "every device that no slot has; is any device without a node-ID?", "find --port can0");
   const auto move = lss_verb(lss, options, "move-bit-rate", "every device of a bus to another bit rate, together",
                              "move-bit-rate 250000 --dry-run");
   move.word("rate", "rate", "bit/s").required();

@@ -56,7 +56,7 @@ std::string Strangers::quiet_masters(const design::Bus& bus, live::Census& censu
   for (const auto& node : census.nodes()) {
     if (!node.nmt_master) continue;
     text += fmt::format(
-        "{}bus {}: another master: node {}, its 1F80h bit 0 is set{}{}; it commanded nobody while Berth "
+        "{}bus {}: another master: node {}, its 1F80h bit 0 is set{}{}; it sent no command while Berth "
         "listened",
         text.empty() ? "" : "\n", bus.name, node.id.value(), node.network_list ? ", it has a network list (1F81h)" : "",
         node.device_type ? fmt::format(", its device type is {:08X}h", *node.device_type) : "");

@@ -12,7 +12,7 @@ class RowPrinter {
  public:
   enum class Form : std::uint8_t { words, json, table };
 
-  /// `live`: rows are seen at once, but for those behind a request that nobody answers.
+  /// `live`: rows are seen at once, but for those behind a request without an answer.
   RowPrinter(Form form, bool live);
 
   void row(const decode::Row& row, const std::string& bus);

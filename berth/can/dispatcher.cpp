@@ -5,6 +5,23 @@
 #include <utility>
 
 namespace berth::can {
+namespace {
+
+// The last of the sorted `firsts` that is `key` or less; the first when none is. Without branches: which way it goes
+// cannot be predicted.
+inline std::size_t last_from(const std::vector<std::uint32_t>& firsts, std::uint32_t key) noexcept {
+  const std::uint32_t* base = firsts.data();
+  std::size_t length = firsts.size();
+  while (length > 1) {
+    const std::size_t half = length / 2;
+    base += base[half] <= key ? half : 0;
+    length -= half;
+  }
+  return static_cast<std::size_t>(base - firsts.data());
+}
+
+}  // namespace
+
 Handler::~Handler() {
   if (dispatcher_ != nullptr) dispatcher_->remove(*this);
 }
@@ -82,25 +99,23 @@ void Dispatcher::refresh() noexcept {
   port_->listen(this, accept_);
 }
 
-// How many ranges begin at `key` or before. Without branches: which way it goes cannot be predicted.
+// How many ranges begin at `key` or before.
 inline std::size_t Dispatcher::after(std::uint32_t key) const noexcept {
-  const std::uint32_t* base = firsts_.data();
-  std::size_t length = firsts_.size();
-  if (length == 0) return 0;
-  while (length > 1) {
-    const std::size_t half = length / 2;
-    base += base[half] <= key ? half : 0;
-    length -= half;
-  }
-  return static_cast<std::size_t>(base - firsts_.data()) + (*base <= key ? 1 : 0);
+  if (firsts_.empty()) return 0;
+  const auto last = last_from(firsts_, key);
+  return last + (firsts_[last] <= key ? 1 : 0);
 }
 
 void Dispatcher::received(const Frame& frame, rt::Time at) noexcept {
+  if (firsts_.empty()) [[unlikely]]
+    return;
   const auto key = frame.key();
-  const auto count = after(key);
-  if (count == 0) return;
-  const Entry& entry = entries_[count - 1];
-  if (entry.alone && key <= entry.last) return entry.handler->received(frame, at);
+  const auto last = last_from(firsts_, key);
+  const Entry& entry = entries_[last];
+  if (entry.alone && key <= entry.last) [[likely]] {
+    if (key >= firsts_[last]) entry.handler->received(frame, at);
+    return;
+  }
   received_by_order(frame, at);
 }
 
@@ -130,12 +145,13 @@ Queued Dispatcher::send(const Frame& frame, Confirmation& confirmation) noexcept
     confirmation.dispatcher_->withdraw(confirmation);
   if (++next_tag_ == 0) next_tag_ = 1;
   const auto tag = next_tag_;
-  const auto queued = port_->send(frame, tag);
-  if (queued != Queued::yes) return queued;
   confirmation.dispatcher_ = this;
   confirmation.tag_ = tag;
   confirmation.next_ = std::exchange(waiting_, &confirmation);
-  return Queued::yes;
+  const auto queued = port_->send(frame, tag);
+  if (queued != Queued::yes && confirmation.tag_ == tag) [[unlikely]]
+    withdraw(confirmation);
+  return queued;
 }
 
 void Dispatcher::withdraw(Confirmation& confirmation) noexcept {

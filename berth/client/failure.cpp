@@ -15,7 +15,7 @@ std::string happened(const Error& error) {
   const auto code = static_cast<od::AbortCode>(error.detail);
   switch (error.code) {
     case Errc::aborted: return fmt::format("aborted by the device: {} ({})", od::text(code), code_text(error.detail));
-    case Errc::timeout: return fmt::format("{}: the request was on the wire, nobody answered in time", error.text);
+    case Errc::timeout: return fmt::format("{}: the request was on the wire, no node answered in time", error.text);
     default: break;
   }
   const char* const text = error.text != nullptr && *error.text != '\0' ? error.text : name(error.code);

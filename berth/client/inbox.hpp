@@ -57,7 +57,7 @@ class Inbox {
     }
     Result<M> await_resume() {
       leave();
-      if (busy_) return fail(Errc::invalid, "somebody else waits for these events already");
+      if (busy_) return fail(Errc::invalid, "another coroutine waits for these events already");
       const bool empty = box_ == nullptr || box_->messages_.empty();
       if (empty && (box_ == nullptr || box_->closed_)) {
         return fail(Errc::cancelled, "the node whose events were waited for is gone");

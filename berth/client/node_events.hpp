@@ -52,7 +52,7 @@ class NodeEvents : private rt::Job {
 
   void happened(const StateEvent& event);
   void happened(const Emergency& event);
-  /// Nothing comes any more: who waits ends with Errc::cancelled.
+  /// Nothing comes any more: a wait ends with Errc::cancelled.
   void close() noexcept;
 
   template <class E>

@@ -146,6 +146,8 @@ enum class Scs : std::uint8_t {
 
 inline constexpr std::uint8_t toggle_bit = 0x10;
 inline constexpr std::size_t segment_bytes = 7;
+/// Byte 0 of what confirms a sub-block: scs 5 and ss 2 of a server, ccs 5 and cs 2 of a client.
+inline constexpr std::uint8_t sub_block_confirmed = 0xA2;
 /// A receiver of a sub-block that hears no more of it acknowledges what there is after this part of its time-out.
 inline constexpr int block_gap_part = 4;
 

@@ -408,18 +408,23 @@ void SdoTransfer::fail_with(Errc code, std::uint32_t detail, const char* text) n
   finish();
 }
 
-inline void SdoLine::remove(SdoTransfer& transfer) noexcept {
+void SdoLine::remove_of_several(SdoTransfer& transfer) noexcept {
   if (first_ == &transfer) {
     first_ = transfer.next_;
-    if (first_ != nullptr) executor().post(*this);
-    return;
+    return executor().post(*this);
   }
   SdoTransfer** link = &first_;
   while (*link != nullptr && *link != &transfer) link = &(*link)->next_;
   if (*link != nullptr) *link = transfer.next_;
 }
 
-void SdoTransfer::leave() noexcept {
+inline void SdoLine::remove(SdoTransfer& transfer) noexcept {
+  if (first_ != &transfer || transfer.next_ != nullptr) [[unlikely]]
+    return remove_of_several(transfer);
+  first_ = nullptr;
+}
+
+inline void SdoTransfer::leave() noexcept {
   state_ = State::done;
   window_ = false;
   if (pending()) [[unlikely]]
@@ -455,13 +460,15 @@ bool SdoLine::may_be_owed(const can::Frame& frame) const noexcept {
 
 inline void SdoLine::received(NodeId node, const can::Frame& frame, rt::Time at) noexcept {
   if (!sdo::well_formed(frame)) return;
-  if (owed_ > 0 && at > owed_until_) owed_ = 0;
-  if (first_ == nullptr || !first_->awaits(frame)) return received_other(node, frame, at);
-  if (owed_ > 0) --owed_;
-  first_->take_expedited(frame);
+  SdoTransfer* const first = first_;
+  if (first == nullptr || !first->awaits(frame)) [[unlikely]]
+    return received_other(node, frame, at);
+  owed_ = owed_ > 0 && at <= owed_until_ ? owed_ - 1 : 0;
+  first->take_expedited(frame);
 }
 
 void SdoLine::received_other(NodeId node, const can::Frame& frame, rt::Time at) noexcept {
+  if (owed_ > 0 && at > owed_until_) owed_ = 0;
   const unsigned open = first_ != nullptr && first_->window_ ? first_->expects_ : 0;
   const bool owed = owed_ > open && may_be_owed(frame);
   if (first_ != nullptr && first_->answer(frame)) {

@@ -315,6 +315,7 @@ class SdoLine : private rt::Job {
   void received_other(NodeId node, const can::Frame& frame, rt::Time at) noexcept;
   void enqueue(SdoTransfer& transfer) noexcept;
   void remove(SdoTransfer& transfer) noexcept;
+  void remove_of_several(SdoTransfer& transfer) noexcept;
   void cancel() noexcept;
   [[nodiscard]] bool may_be_owed(const can::Frame& frame) const noexcept;
   void run() noexcept override {

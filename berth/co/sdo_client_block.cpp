@@ -84,7 +84,7 @@ bool SdoTransfer::block_acknowledged(const can::Frame& frame) noexcept {
   using Heard = sdo::BlockSender::Heard;
   if (static_cast<Scs>(sdo::specifier(frame.data[0])) == Scs::abort) return take_abort(frame);
   auto& sender = extra_->sender;
-  if (frame.data[0] != 0xA2) {
+  if (frame.data[0] != sdo::sub_block_confirmed) {
     if (!window_ || static_cast<Scs>(sdo::specifier(frame.data[0])) == Scs::block_download) return false;
     refuse(AbortCode::command_specifier, "the server answered with an unexpected command");
     return true;
@@ -162,7 +162,7 @@ void SdoTransfer::acknowledge_block() noexcept {
   if (code == AbortCode::none && !receiver.alive()) code = AbortCode::timeout;
   if (code != AbortCode::none) return refuse(code, "the sub-blocks do not fit: too long, without progress, or refused");
   const auto size = receiver.next_size();
-  sdo::put(request_, 0xA2, {});
+  sdo::put(request_, sdo::sub_block_confirmed, {});
   request_.data[1] = static_cast<std::uint8_t>(good);
   request_.data[2] = static_cast<std::uint8_t>(size);
   if (last) state_ = State::block_end;

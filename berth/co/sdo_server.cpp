@@ -13,22 +13,26 @@ std::optional<can::Frame> SdoServer::handle(const can::Frame& request) noexcept 
   return handle(request, answer) ? std::optional(answer) : std::nullopt;
 }
 
-inline bool SdoServer::put_expedited(can::Frame& answer, std::span<const std::uint8_t> value) noexcept {
+inline bool SdoServer::put_expedited(can::Frame& answer, ObjectRef ref, std::span<const std::uint8_t> value) noexcept {
   std::uint32_t number = 0;
   if (value.size() == sizeof number) [[likely]] {
-    sdo::put(answer, 0x43, ref_, load_le<std::uint32_t>(value.data()));
+    sdo::put(answer, 0x43, ref, load_le<std::uint32_t>(value.data()));
     return true;
   }
   for (std::size_t i = value.size(); i-- > 0;) number = number << 8U | value[i];
-  sdo::put(answer, static_cast<std::uint8_t>(0x43U | ((4U - value.size()) << 2U)), ref_, number);
+  sdo::put(answer, static_cast<std::uint8_t>(0x43U | ((4U - value.size()) << 2U)), ref, number);
   return true;
 }
 
 inline bool SdoServer::begin_upload(const can::Frame& request, can::Frame& answer) noexcept {
+  // By value: what is written meanwhile might be `ref_`, for all that the compiler knows.
+  const ObjectRef ref = sdo::multiplexer(request);
+  ref_ = ref;
   state_ = State::idle;
   if (!data_.streaming()) [[likely]] {
-    const auto plain = data_.values().view_plain(ref_);
-    if (plain.size() - 1 < 4) return put_expedited(answer, plain);
+    const auto plain = data_.values().view_plain(ref);
+    if (plain.size() - 1 < 4) [[likely]]
+      return put_expedited(answer, ref, plain);
   }
   return open_upload(request, answer);
 }
@@ -52,10 +56,12 @@ inline bool SdoServer::respond(const can::Frame& request, can::Frame& answer) no
     bool has_answer = false;
     if (!respond_in_block(request, answer, has_answer)) return has_answer;
   }
-  switch (static_cast<Ccs>(sdo::specifier(request.data[0]))) {
+  const auto command = static_cast<Ccs>(sdo::specifier(request.data[0]));
+  if (command == Ccs::upload) [[likely]]
+    return begin_upload(request, answer);
+  switch (command) {
     case Ccs::abort: reset(); return false;
     case Ccs::download: return begin_download(request, answer);
-    case Ccs::upload: ref_ = sdo::multiplexer(request); return begin_upload(request, answer);
     case Ccs::download_segment: return download_segment(request, answer);
     case Ccs::upload_segment: return upload_segment(request, answer);
     case Ccs::block_download: return block_download(request, answer);
@@ -76,8 +82,7 @@ bool SdoServer::Deferred::ended_by(const can::Frame& frame) const noexcept {
   if (std::ranges::equal(request, frame.bytes())) return false;
   const auto byte = frame.data[0];
   // Between two sub-blocks a frame is a segment that comes late, whatever it looks like.
-  constexpr std::uint8_t acknowledgement = 0xA2;
-  if (way == Way::confirm && answer[0] == acknowledgement) return byte == 0x80;
+  if (way == Way::confirm && answer[0] == sdo::sub_block_confirmed) return byte == 0x80;
   switch (static_cast<Ccs>(sdo::specifier(byte))) {
     case Ccs::abort:
     case Ccs::download:
@@ -226,7 +231,7 @@ bool SdoServer::open_upload(const can::Frame& request, can::Frame& answer) noexc
   } else if (value.empty()) {
     answer_upload(answer);
   } else {
-    return put_expedited(answer, value);
+    return put_expedited(answer, ref_, value);
   }
   if (const od::Stream* const stream = data_.values().stream(ref_)) sdo::rename(answer, stream->named(ref_));
   return true;
@@ -238,7 +243,7 @@ bool SdoServer::answer_upload(can::Frame& answer) noexcept {
   if (size && *size >= 1 && *size <= 4) {
     const auto value = data_.window(*size);
     if (!value) return abort(answer, value.error());
-    put_expedited(answer, value->first(*size));
+    put_expedited(answer, ref_, value->first(*size));
     data_.close_read();
     return true;
   }

@@ -111,7 +111,7 @@ class SdoServer {
   bool begin_upload(const can::Frame& request, can::Frame& answer) noexcept;
   bool open_upload(const can::Frame& request, can::Frame& answer) noexcept;
   bool answer_upload(can::Frame& answer) noexcept;
-  bool put_expedited(can::Frame& answer, std::span<const std::uint8_t> value) noexcept;
+  bool put_expedited(can::Frame& answer, ObjectRef ref, std::span<const std::uint8_t> value) noexcept;
   bool upload_segment(const can::Frame& request, can::Frame& answer) noexcept;
   [[nodiscard]] bool toggled(const can::Frame& request) noexcept;
   // Block

@@ -6,7 +6,6 @@
 namespace berth::co {
 
 namespace {
-constexpr std::uint8_t acknowledgement = 0xA2;  // scs 5, ss 2
 constexpr std::uint8_t download_ended = 0xA1;
 }  // namespace
 
@@ -67,7 +66,7 @@ bool SdoServer::acknowledge_block(const can::Frame& segment, can::Frame& answer)
   auto code = receiver_.alive() ? commit_block() : AbortCode::timeout;
   if (code == AbortCode::none && !receiver_.complete()) code = next_block();
   if (code == AbortCode::none) code = data_.ready();
-  sdo::put(answer, acknowledgement, {});
+  sdo::put(answer, sdo::sub_block_confirmed, {});
   answer.data[1] = static_cast<std::uint8_t>(good);
   answer.data[2] = static_cast<std::uint8_t>(receiver_.size());
   const State next = receiver_.complete() ? State::block_download_end : State::block_download;

@@ -30,7 +30,7 @@ class SdoPace {
   void go_on() noexcept {
     if (waiter_ != nullptr) std::exchange(waiter_, nullptr)->go_on();
   }
-  /// The transfer's own: who waits, null = nobody.
+  /// The transfer's own: what waits; null = nothing.
   void wait(SdoWaiter* waiter) noexcept { waiter_ = waiter; }
 
  protected:
@@ -66,8 +66,8 @@ class SdoSink : public SdoPace {
     static_cast<void>(size);
     return od::AbortCode::none;
   }
-  /// The next bytes, never empty. They are right only when the whole transfer ends well (CRC, length). `pending`: taken,
-  /// and no more until `go_on`; the transfer waits without a time-out of its own.
+  /// The next bytes, never empty. They are right only when the whole transfer ends well (CRC, length). `pending`:
+  /// taken, and no more until `go_on`; the transfer waits without a time-out of its own.
   virtual od::AbortCode write(std::span<const std::uint8_t> bytes) noexcept = 0;
 
  protected:

@@ -23,7 +23,7 @@ namespace berth::command {
 
 class CommandBuffer {
  public:
-  static constexpr std::size_t most = 16;  ///< commands that wait, and confirmations that nobody took
+  static constexpr std::size_t most = 16;  ///< commands that wait, and confirmations that were not taken
 
   struct Confirmation {
     std::uint32_t number = 0;

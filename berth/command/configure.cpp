@@ -128,7 +128,8 @@ rt::Task<void> configure(Session& session, const Request& request, Reply& reply)
   for (Network* const network : wish.networks) {
     if (!session.started()) {
       const auto bound = co_await network->bind_once();
-      if (!bound && bound.error().code == Errc::bus) co_return fail_with(reply, bound.error(), "looking who is there");
+      if (!bound && bound.error().code == Errc::bus)
+        co_return fail_with(reply, bound.error(), "looking which devices are there");
     }
     auto done = co_await network->configure(wish.slot, wish.write);
     if (!done) co_return fail_with(reply, done.error(), fmt::format("bus {}", network->bus().name));

@@ -1,4 +1,4 @@
-// history, and the report of a machine that nobody runs: what the slot table tells.
+// history, and the report of a machine that no process runs: what the slot table tells.
 #include "berth/command/stored.hpp"
 
 #include <fmt/format.h>

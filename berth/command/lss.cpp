@@ -31,8 +31,9 @@ void lss_failed(Reply& reply, const Network& network, const Error& error, const 
   const std::string where = fmt::format("bus {}, LSS {}", network.bus().name, doing);
   switch (error.code) {
     case Errc::timeout:
-      return fail_with(reply, {.code = error.code, .text = "no answer"}, where,
-                       "is the device on this bus, and does it speak LSS? `berth lss find` shows who is there");
+      return fail_with(
+          reply, {.code = error.code, .text = "no answer"}, where,
+          "is the device on this bus, and does it speak LSS? `berth lss find` shows the devices that are there");
     case Errc::aborted: return refuse(reply, 1, where + ": the device refused: " + refusal_text(error.detail, code1));
     default: return fail_with(reply, error, where);
   }

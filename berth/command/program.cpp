@@ -11,6 +11,7 @@
 #include "berth/command/run.hpp"
 #include "berth/manager/configuration.hpp"
 #include "berth/manager/program_loader.hpp"
+#include "berth/od/cia302.hpp"
 #include "berth/operate/programming.hpp"
 #include "berth/text/quantity.hpp"
 
@@ -86,14 +87,14 @@ struct ProgramState {
 };
 
 rt::Task<Result<ProgramState>> state_of(co::SdoAccess& device, std::uint8_t number) {
-  const auto control = co_await device.read_up_to(manager::program_object::control, number, 4);
+  const auto control = co_await device.read_up_to(od::cia302::program_control, number, 4);
   if (!control) co_return fail(control.error());
   ProgramState state;
   state.number = number;
   if (!control->bytes().empty()) state.control = static_cast<ProgramControl>(control->bytes().front());
-  const auto identification = co_await device.read_u32(manager::program_object::identification, number);
+  const auto identification = co_await device.read_u32(od::cia302::program_identification, number);
   if (identification) state.identification = *identification;
-  const auto flash = co_await device.read_u32(manager::program_object::flash, number);
+  const auto flash = co_await device.read_u32(od::cia302::flash_status, number);
   if (flash) state.flash = *flash;
   co_return state;
 }
@@ -138,7 +139,7 @@ rt::Task<void> program_status(Session& session, const Request& request, Reply& r
   std::uint8_t first = wanted->one();
   std::uint8_t last = first;
   if (!wanted->number) {
-    const auto count = co_await device.read_up_to(manager::program_object::control, 0, 4);
+    const auto count = co_await device.read_up_to(od::cia302::program_control, 0, 4);
     if (!count) {
       co_return fail_with(reply, count.error(), where(*wanted) + ", programs (1F51h)",
                           "a device that is not programmed over the bus has no such object");
@@ -155,8 +156,8 @@ rt::Task<void> program_status(Session& session, const Request& request, Reply& r
     put(json["programs"], lines, *state, *wanted);
     all = all && state->control == ProgramControl::start;
   }
-  const auto days = co_await device.read_u32(manager::program_object::date, 1);
-  const auto ms = co_await device.read_u32(manager::program_object::date, 2);
+  const auto days = co_await device.read_u32(od::cia302::program_date, 1);
+  const auto ms = co_await device.read_u32(od::cia302::program_date, 2);
   const bool dated = days && ms && *days != 0 && *days < 100'000 && *ms < 86'400'000;
   if (dated) json["date"] = manager::to_string(manager::ConfigurationDate{*days, *ms});
   if (dated) lines.push_back("the latest is of " + json["date"].get<std::string>());

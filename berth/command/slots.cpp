@@ -129,7 +129,8 @@ rt::Task<void> replace(Session& session, const Request& request, Reply& reply) {
   // Whether the slot's device is there is known only after a look, which the main job has taken already.
   if (!session.started()) {
     const auto looked = co_await network->bind_once();
-    if (!looked && looked.error().code == Errc::bus) co_return fail_with(reply, looked.error(), "looking who is there");
+    if (!looked && looked.error().code == Errc::bus)
+      co_return fail_with(reply, looked.error(), "looking which devices are there");
   }
   const auto before = slot_of(*network, name);
   Result<void> cleared;

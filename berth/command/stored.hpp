@@ -7,7 +7,7 @@
 
 namespace berth::command {
 
-/// "history": who sat where. `reply` says what is wrong with the request, or with the store.
+/// "history": which device sat where. `reply` says what is wrong with the request, or with the store.
 void tell_history(places::SlotStore& store, const design::Machine& machine, const Request& request, Reply& reply);
 /// "report": which device belongs where; no slot is operational, so its status is 1.
 void tell_report(places::SlotStore& store, const design::Machine& machine, const Request& request, Reply& reply);

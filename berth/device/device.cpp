@@ -6,12 +6,12 @@
 
 #include "berth/base/bytes.hpp"
 #include "berth/co/cob_id.hpp"
+#include "berth/od/cia302.hpp"
 
 namespace berth::device {
 namespace {
 
 constexpr std::size_t record_size = 4;  // node-ID, bit rate index, two bytes for later
-constexpr std::uint16_t self_start_object = 0x1F80;
 constexpr std::array<std::uint16_t, 12> hooked_objects{0x1003, 0x1005, 0x100C, 0x100D, 0x1010, 0x1011,
                                                        0x1012, 0x1014, 0x1015, 0x1016, 0x1017, 0x1021};
 
@@ -75,7 +75,8 @@ Device::Device(can::Dispatcher& dispatcher, std::shared_ptr<const od::Descriptio
                      options_.node_id_signature->object.index != options_.node_id_object->index;
   if (other) values_.attach(*this, options_.node_id_signature->object.index);
   make_services(memory);
-  const bool programmed = programs.memory != nullptr && d.find(0x1F50) != nullptr && d.find(0x1F51) != nullptr;
+  const bool programmed = programs.memory != nullptr && d.find(od::cia302::program_data) != nullptr &&
+                          d.find(od::cia302::program_control) != nullptr;
   if (programmed) {
     const TypeCode type{options_.address.vendor, options_.address.product};
     programming_ = std::make_unique<Programming>(*this, programs, type);
@@ -290,8 +291,9 @@ void Device::state_changed(NmtState from, NmtState to, rt::Time) noexcept {
 // 1F80h of a device that is no master (bit 0 = 0): bit 3 "may start itself", bit 2 "waits to be started"
 // (docs/protocols/cia301.md §NMT).
 void Device::self_start() noexcept {
-  if (values_.description().find(self_start_object) == nullptr) return;
-  if ((values_.get_or<std::uint32_t>({self_start_object, 0}, 0) & 0x0DU) == 0x08U) nmt_.apply(co::NmtCommand::start);
+  if (values_.description().find(od::cia302::nmt_startup) == nullptr) return;
+  if ((values_.get_or<std::uint32_t>({od::cia302::nmt_startup, 0}, 0) & 0x0DU) == 0x08U)
+    nmt_.apply(co::NmtCommand::start);
 }
 
 void Device::start_services() noexcept {

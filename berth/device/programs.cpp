@@ -5,19 +5,15 @@
 
 #include "berth/base/bytes.hpp"
 #include "berth/base/crc.hpp"
+#include "berth/od/cia302.hpp"
 
 namespace berth::device {
 namespace {
 
+namespace cia302 = od::cia302;
 using od::AbortCode;
 using od::Access;
 using od::DataType;
-
-constexpr std::uint16_t program_data = 0x1F50;
-constexpr std::uint16_t program_control = 0x1F51;
-constexpr std::uint16_t program_date = 0x1F52;
-constexpr std::uint16_t program_identification = 0x1F56;
-constexpr std::uint16_t flash_status = 0x1F57;
 
 // Commands of 1F51h, and what is read there.
 constexpr std::uint8_t stopped = 0, running = 1, to_reset = 2, cleared = 3;
@@ -29,10 +25,10 @@ struct ArrayOf {
   Access access;
 };
 constexpr std::array program_arrays{
-    ArrayOf{program_data, "Program data", DataType::domain, Access::wo},
-    ArrayOf{program_control, "Program control", DataType::unsigned8, Access::rw},
-    ArrayOf{program_identification, "Program software identification", DataType::unsigned32, Access::ro},
-    ArrayOf{flash_status, "Flash status identification", DataType::unsigned32, Access::ro}};
+    ArrayOf{cia302::program_data, "Program data", DataType::domain, Access::wo},
+    ArrayOf{cia302::program_control, "Program control", DataType::unsigned8, Access::rw},
+    ArrayOf{cia302::program_identification, "Program software identification", DataType::unsigned32, Access::ro},
+    ArrayOf{cia302::flash_status, "Flash status identification", DataType::unsigned32, Access::ro}};
 
 }  // namespace
 
@@ -48,9 +44,9 @@ void add_programs(od::DescriptionBuilder& builder, std::uint8_t count) {
                                 .capacity = array.type == DataType::domain ? not_stored_here : 0});
     }
   }
-  builder.object(program_date, od::ObjectCode::record, "Verify application software");
-  builder.sub(program_date, {.sub = 1, .name = "Application software date", .access = Access::ro});
-  builder.sub(program_date, {.sub = 2, .name = "Application software time", .access = Access::ro});
+  builder.object(cia302::program_date, od::ObjectCode::record, "Verify application software");
+  builder.sub(cia302::program_date, {.sub = 1, .name = "Application software date", .access = Access::ro});
+  builder.sub(cia302::program_date, {.sub = 2, .name = "Application software time", .access = Access::ro});
 }
 
 Programs::Programs(rt::Executor& executor, od::Values& values, const ProgramOptions& options, TypeCode type,
@@ -62,10 +58,10 @@ Programs::Programs(rt::Executor& executor, od::Values& values, const ProgramOpti
       memory_(*options.memory, options.layout, *this),
       started_(options.layout.count),
       errors_(options.layout.count) {
-  values.attach(*this, program_control, program_date);
-  values.attach(*this, program_identification, flash_status);
+  values.attach(*this, cia302::program_control, cia302::program_date);
+  values.attach(*this, cia302::program_identification, cia302::flash_status);
   for (unsigned n = 1; n <= options.layout.count; ++n) {
-    values.attach(*this, ObjectRef{program_data, static_cast<std::uint8_t>(n)});
+    values.attach(*this, ObjectRef{cia302::program_data, static_cast<std::uint8_t>(n)});
   }
 }
 
@@ -106,7 +102,7 @@ void Programs::run() noexcept { owner_->restart(); }
 // ---- objects
 
 AbortCode Programs::reading(const od::Values&, ObjectRef ref, std::span<const std::uint8_t>& value) noexcept {
-  const bool is_program = ref.sub <= options_.layout.count || ref.index == program_date;
+  const bool is_program = ref.sub <= options_.layout.count || ref.index == cia302::program_date;
   if (ref.sub == 0 || !is_program || value.size() > shown_.size()) return AbortCode::none;
   store_le(shown_.data(), shown(ref));
   value = std::span(shown_).first(value.size());
@@ -114,7 +110,7 @@ AbortCode Programs::reading(const od::Values&, ObjectRef ref, std::span<const st
 }
 
 std::uint32_t Programs::shown(ObjectRef ref) const noexcept {
-  if (ref.index == program_date) {
+  if (ref.index == cia302::program_date) {
     std::pair<std::uint32_t, std::uint32_t> latest;
     for (unsigned n = 1; n <= options_.layout.count; ++n) {
       const auto& program = memory_.program(static_cast<std::uint8_t>(n));
@@ -123,8 +119,8 @@ std::uint32_t Programs::shown(ObjectRef ref) const noexcept {
     return ref.sub == 1 ? latest.first : latest.second;
   }
   const auto& program = memory_.program(ref.sub);
-  if (ref.index == program_identification) return program.valid ? program.identification : 0;
-  if (ref.index == flash_status) {
+  if (ref.index == cia302::program_identification) return program.valid ? program.identification : 0;
+  if (ref.index == cia302::flash_status) {
     return (memory_.busy() ? 1U : 0U) | static_cast<std::uint32_t>(errors_[ref.sub - 1U]) << 1U;
   }
   if (started_[ref.sub - 1U]) return running;
@@ -132,7 +128,7 @@ std::uint32_t Programs::shown(ObjectRef ref) const noexcept {
 }
 
 AbortCode Programs::writing(const od::Values&, ObjectRef ref, std::span<const std::uint8_t> value) noexcept {
-  if (ref.index != program_control || ref.sub == 0 || ref.sub > options_.layout.count || value.empty()) {
+  if (ref.index != cia302::program_control || ref.sub == 0 || ref.sub > options_.layout.count || value.empty()) {
     return AbortCode::none;
   }
   return control(ref.sub, value[0]);
@@ -221,7 +217,7 @@ AbortCode Programs::take_content(std::span<const std::uint8_t> bytes) noexcept {
   if (options_.checked && content_ > head_.length) return refuse(FlashError::damaged, AbortCode::not_stored);
   switch (memory_.put(bytes)) {
     case ProgramMemory::Put::taken: return AbortCode::none;
-    case ProgramMemory::Put::waits: awaited_ = {program_data, number_}; return AbortCode::pending;
+    case ProgramMemory::Put::waits: awaited_ = {cia302::program_data, number_}; return AbortCode::pending;
     case ProgramMemory::Put::refused: break;
   }
   return refuse(FlashError::write, AbortCode::hardware);

@@ -50,7 +50,7 @@ lss::AloneOptions Devices::alone_options() const noexcept {
   return {.parts = parts, .longest = q_.asker().longest()};
 }
 
-// The selected device says itself who it is, and that it is alone; then it gets its node-ID.
+// The selected device tells its LSS address itself, and that it is alone; then it gets its node-ID.
 rt::Task<Outcome> Devices::selected(LssAddress device) {
   rt::Executor& executor = services_.dispatcher.executor();
   Found found{.address = device, .at = executor.now(), .active = {}, .assigned = {}, .by = by_};

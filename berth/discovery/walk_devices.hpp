@@ -1,4 +1,4 @@
-/// What a walk does with a device whose serial number is known: selects it, has it prove who it is, gives it its
+/// What a walk does with a device whose serial number is known: selects it, has it prove its LSS address, gives it its
 /// node-ID. Internal to `discovery`.
 #pragma once
 

@@ -200,17 +200,17 @@ class Consultation {
     if (one) {
       jammer_ = suspects[0];
       d.what =
-          fmt::format("somebody destroys frames as a device at another bit rate does; probably {}", who(suspects[0]));
+          fmt::format("a node destroys frames as a device at another bit rate does; probably {}", who(suspects[0]));
       d.evidence.push_back(fmt::format("{} is the only slot that was never heard", who(suspects[0])));
       d.advice = fmt::format("set {} to {} bit/s, or take it off the bus and look whether the errors end",
                              who(suspects[0]), expected_.bit_rate);
     } else if (suspects.empty()) {
-      d.what = "somebody destroys frames as a device at another bit rate does";
-      d.evidence.push_back(expected_.slots.empty() ? "without a machine file nobody is missed"
+      d.what = "a node destroys frames as a device at another bit rate does";
+      d.evidence.push_back(expected_.slots.empty() ? "without a machine file no device is known to be missing"
                                                    : "every slot was heard well: it is a device of no slot");
       d.advice = "take devices off the bus one by one until the errors end; that one's bit rate is wrong";
     } else {
-      d.what = "somebody destroys frames as a device at another bit rate does";
+      d.what = "a node destroys frames as a device at another bit rate does";
       d.evidence.push_back(fmt::format("never heard: nodes {}", list(suspects)));
       d.advice = fmt::format("look at the bit rates of nodes {} first", list(suspects));
     }

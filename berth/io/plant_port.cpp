@@ -156,7 +156,7 @@ tl::expected<can::Status, std::string> greet(int fd, std::string_view bus, rt::D
   const auto answer = n > 0 ? decode({buffer.data(), static_cast<std::size_t>(n)}) : std::nullopt;
   if (answer && answer->kind == MessageKind::welcome) return answer->status;
   if (answer && answer->kind == MessageKind::refused) return tl::unexpected(answer->text);
-  return tl::unexpected(std::string("who listens there speaks another protocol"));
+  return tl::unexpected(std::string("the program that listens there speaks another protocol"));
 }
 
 }  // namespace

@@ -143,7 +143,7 @@ class SocketcandPort::Impl final : private Watcher {
         known_faults_ = reader_.faults();
         ++lost_;
         faults_ = {faults_.count + 1, reader_.fault_at(), "bytes that are no socketcand element"};
-        if (state_ != State::up) return lost("who listens there speaks another protocol");
+        if (state_ != State::up) return lost("the program that listens there speaks another protocol");
       }
       if (!element) return;
       heard(*element);
@@ -156,7 +156,7 @@ class SocketcandPort::Impl final : private Watcher {
     if (state_ == State::up) return heard_up(notice, element);
     if (notice.kind == Said::error) return lost(fmt::format("the server says: {}", notice.text));
     if (state_ == State::greeting) {
-      if (notice.kind != Said::hi) return lost("who listens there speaks another protocol");
+      if (notice.kind != Said::hi) return lost("the program that listens there speaks another protocol");
       state_ = State::opening;
       return say(fmt::format("< open {} >", bus_));
     }

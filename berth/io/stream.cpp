@@ -113,7 +113,7 @@ std::optional<Endpoint> local_endpoint(int fd) { return ask_for(fd, ::getsocknam
 
 std::string peer_name(int fd) {
   const auto peer = ask_for(fd, ::getpeername);
-  return peer ? to_string(*peer) : "somebody";
+  return peer ? to_string(*peer) : "a client";
 }
 
 void tune_tcp(int fd) noexcept {

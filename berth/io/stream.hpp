@@ -32,7 +32,7 @@ struct Endpoint {
 [[nodiscard]] tl::expected<int, std::string> listen_tcp(const Endpoint& endpoint);
 /// The socket's own address; empty when it has none.
 [[nodiscard]] std::optional<Endpoint> local_endpoint(int fd);
-/// The other end, for messages: "127.0.0.1:40022"; "somebody" when it is gone.
+/// The other end, for messages: "127.0.0.1:40022"; "a client" when it is gone.
 [[nodiscard]] std::string peer_name(int fd);
 /// Small messages at once (TCP_NODELAY), and a peer that vanished without a word is noticed within about 20 s
 /// (keep-alive, TCP_USER_TIMEOUT).

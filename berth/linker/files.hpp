@@ -1,5 +1,5 @@
 /// The files of a plan: for each linked device a DCF (CiA 306) and a concise DCF (CiA 302-3, 1F22h), for each device
-/// with network variables its symbols, for all a nodelist project (CPJ), and the plan itself. In memory: who calls
+/// with network variables its symbols, for all a nodelist project (CPJ), and the plan itself. In memory: the caller
 /// writes them.
 #pragma once
 

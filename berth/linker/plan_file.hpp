@@ -1,5 +1,5 @@
-/// The file that keeps a plan for the next one (`plan.toml`): which objects stand in which PDO. A person may read it;
-/// nobody needs to write it.
+/// The file that keeps a plan for the next one (`plan.toml`): which objects stand in which PDO. It can be read, and
+/// need not be written by hand.
 ///
 ///     format = 1
 ///     [[variable]]

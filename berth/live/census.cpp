@@ -5,6 +5,7 @@
 #include "berth/base/bytes.hpp"
 #include "berth/co/cob_id.hpp"
 #include "berth/co/nmt.hpp"
+#include "berth/od/cia302.hpp"
 
 namespace berth::live {
 
@@ -170,12 +171,12 @@ rt::Task<Result<void>> Census::ask_period(Node& node, CensusOptions options) {
 
 // A master may send nothing but its heartbeat: only its objects tell what it is (CiA 302-2: 1F80h bit 0, 1F81h).
 rt::Task<Result<void>> Census::ask_whether_master(Node& node, CensusOptions options) {
-  const ObjectRef startup_object{0x1F80, 0};
+  const ObjectRef startup_object{od::cia302::nmt_startup, 0};
   const auto startup = co_await number(node.seen.id, startup_object, 4, options);
   if (!startup) co_return fail(startup.error());
   node.seen.nmt_master = (startup->value_or(0) & 1U) != 0;
   if (!node.seen.nmt_master) co_return Result<void>();
-  const ObjectRef list_object{0x1F81, 0};
+  const ObjectRef list_object{od::cia302::slave_assignment, 0};
   const auto list = co_await number(node.seen.id, list_object, 1, options);
   if (!list) co_return fail(list.error());
   if (*list) node.seen.network_list = static_cast<std::uint8_t>(**list);

@@ -145,7 +145,7 @@ rt::Task<Result<std::optional<FastscanDevice>>> Fastscan::scan() {
     const auto waiting = co_await master_->switch_global(State::waiting);
     if (!waiting) co_return fail(waiting.error());
   }
-  co_return fail(Errc::timeout, "somebody answers LSS Fastscan and cannot be identified");
+  co_return fail(Errc::timeout, "a device answers LSS Fastscan and cannot be identified");
 }
 
 // CiA 305: is a device there? Then its vendor-ID, product code, revision number and serial number.

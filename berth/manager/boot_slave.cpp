@@ -5,6 +5,7 @@
 #include <utility>
 
 #include "berth/manager/program_loader.hpp"
+#include "berth/od/cia302.hpp"
 
 namespace berth::manager {
 namespace {
@@ -12,8 +13,6 @@ namespace {
 constexpr std::uint16_t boot_device_type = 0x1000;
 constexpr std::uint16_t boot_identity = 0x1018;
 constexpr std::uint16_t boot_date = 0x1020;
-constexpr std::uint16_t boot_software = 0x1F56;
-constexpr std::uint16_t boot_software_date = 0x1F52;
 constexpr std::uint16_t hardware_version = 0x1009;
 constexpr std::uint16_t software_version = 0x100A;
 constexpr std::size_t longest_version = 250;  // bytes
@@ -206,7 +205,7 @@ rt::Task<BootSlave::Software> BootSlave::compare_software() {
     if (rules_.expected.software_text.empty()) co_return Software::untold;
     co_return co_await compare_text(software_version, rules_.expected.software_text);
   }
-  const auto is = co_await target_->objects().read_u32(boot_software, 1);
+  const auto is = co_await target_->objects().read_u32(od::cia302::program_identification, 1);
   if (!is) {
     result_.detail = describe(is.error());
     co_return Software::untold;
@@ -218,12 +217,12 @@ rt::Task<BootSlave::Software> BootSlave::compare_software() {
 
 // As DSP 302 version 3 and paper 5 have it.
 rt::Task<BootSlave::Software> BootSlave::compare_software_date() {
-  const auto date = co_await target_->objects().read_u32(boot_software_date, 1);
+  const auto date = co_await target_->objects().read_u32(od::cia302::program_date, 1);
   if (!date) {
     result_.detail = describe(date.error());
     co_return Software::untold;
   }
-  const auto time = co_await target_->objects().read_u32(boot_software_date, 2);
+  const auto time = co_await target_->objects().read_u32(od::cia302::program_date, 2);
   if (!time) {
     result_.detail = describe(time.error());
     co_return Software::untold;

@@ -2,17 +2,19 @@
 
 #include <algorithm>
 
+#include "berth/od/cia302.hpp"
+
 namespace berth::manager {
 
 using od::AbortCode;
 
 AbortCode ConfigurationRequests::request(std::uint8_t sub, std::uint32_t value) {
   const bool node = sub >= 1 && sub <= 127;
-  if (!node && sub != all_nodes) return AbortCode::no_sub_index;
+  if (!node && sub != od::cia302::all_nodes) return AbortCode::no_sub_index;
   if (value != signature) return AbortCode::not_stored;
   if (network_->phase() == NetworkBoot::Phase::off) return AbortCode::device_state;
   const auto& slaves = network_->plan().slaves;
-  if (sub == all_nodes) {
+  if (sub == od::cia302::all_nodes) {
     const auto begun = std::ranges::count_if(slaves, [this](const NetworkSlave& slave) { return begin(slave); });
     return begun > 0 ? AbortCode::none : AbortCode::device_state;
   }

@@ -14,7 +14,6 @@ namespace berth::manager {
 class ConfigurationRequests {
  public:
   static constexpr std::uint32_t signature = 0x666E'6F63;  ///< "conf"
-  static constexpr std::uint8_t all_nodes = 0x80;
 
   /// `network` must stay.
   ConfigurationRequests(rt::Executor& executor, NetworkBoot& network) noexcept

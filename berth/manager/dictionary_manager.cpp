@@ -2,19 +2,18 @@
 
 #include <algorithm>
 
+#include "berth/od/cia302.hpp"
+
 namespace berth::manager {
 namespace {
 
+namespace cia302 = od::cia302;
 using od::AbortCode;
 using od::Access;
 using od::DataType;
 using od::Literal;
 
 constexpr std::uint16_t request_sdo = 0x1F00;
-constexpr std::uint16_t nmt_startup = 0x1F80;
-constexpr std::uint16_t request_configuration = 0x1F25;
-constexpr std::uint16_t request_nmt = 0x1F82;
-constexpr std::uint16_t request_guarding = 0x1F83;
 constexpr std::uint16_t flying_timing = 0x1F90;
 constexpr std::uint8_t priority_sub = 3;
 constexpr std::uint8_t cycle_sub = 6;
@@ -38,8 +37,7 @@ void add_array(od::DescriptionBuilder& builder, const ArraySpec& spec, std::uint
 // Sub-index 128 is all nodes; those between that and `most` are not there.
 void add_requests(od::DescriptionBuilder& builder, const ArraySpec& spec, std::uint8_t most) {
   add_array(builder, spec, most);
-  builder.sub(spec.index,
-              {.sub = NetworkRequests::all_nodes, .name = "All nodes", .type = spec.type, .access = spec.access});
+  builder.sub(spec.index, {.sub = cia302::all_nodes, .name = "All nodes", .type = spec.type, .access = spec.access});
 }
 
 void add_flying(od::DescriptionBuilder& builder, std::uint8_t priority) {
@@ -66,34 +64,40 @@ void add_manager_objects(od::DescriptionBuilder& builder, const ManagerObjects& 
   const std::uint8_t most = std::clamp<std::uint8_t>(objects.most, 1, 127);
   builder.variable(0x102A, {.name = "NMT inhibit time", .type = DataType::unsigned16});
   if (objects.longest_dcf != 0) {
-    add_array(builder, {0x1F20, "Store DCF", DataType::domain, objects.longest_dcf}, most);
-    add_array(builder, {0x1F21, "Storage format", DataType::unsigned8}, most);
+    add_array(builder, {cia302::store_dcf, "Store DCF", DataType::domain, objects.longest_dcf}, most);
+    add_array(builder, {cia302::dcf_format, "Storage format", DataType::unsigned8}, most);
   }
   if (objects.longest_concise != 0) {
-    add_array(builder, {0x1F22, "Concise DCF", DataType::domain, objects.longest_concise}, most);
+    add_array(builder, {cia302::concise_dcf, "Concise DCF", DataType::domain, objects.longest_concise}, most);
   }
   if (objects.longest_eds != 0) {
-    add_array(builder, {0x1F23, "Store EDS", DataType::domain, objects.longest_eds}, most);
-    add_array(builder, {0x1F24, "Storage format", DataType::unsigned8}, most);
+    add_array(builder, {cia302::store_eds, "Store EDS", DataType::domain, objects.longest_eds}, most);
+    add_array(builder, {cia302::eds_format, "Storage format", DataType::unsigned8}, most);
   }
   if (objects.longest_program != 0) {
-    add_array(builder, {0x1F58, "Program data of slave", DataType::domain, objects.longest_program}, most);
+    add_array(builder, {cia302::program_of_slave, "Program data of slave", DataType::domain, objects.longest_program},
+              most);
   }
-  builder.variable(nmt_startup, {.name = "NMT startup", .initial = Literal::number(objects.startup)});
+  builder.variable(cia302::nmt_startup, {.name = "NMT startup", .initial = Literal::number(objects.startup)});
   for (const auto& array :
-       {ArraySpec{0x1F26, "Expected configuration date"}, ArraySpec{0x1F27, "Expected configuration time"},
-        ArraySpec{0x1F53, "Expected application software date"},
-        ArraySpec{0x1F54, "Expected application software time"}, ArraySpec{0x1F55, "Expected software identification"},
-        ArraySpec{0x1F81, "Slave assignment"}, ArraySpec{0x1F84, "Device type identification"},
-        ArraySpec{0x1F85, "Vendor identification"}, ArraySpec{0x1F86, "Product code"},
-        ArraySpec{0x1F87, "Revision number"}, ArraySpec{0x1F88, "Serial number"},
-        ArraySpec{0x1F8A, "Restore configuration", DataType::unsigned8}}) {
+       {ArraySpec{cia302::configuration_date, "Expected configuration date"},
+        ArraySpec{cia302::configuration_time, "Expected configuration time"},
+        ArraySpec{cia302::expected_program_date, "Expected application software date"},
+        ArraySpec{cia302::expected_program_time, "Expected application software time"},
+        ArraySpec{cia302::expected_program, "Expected software identification"},
+        ArraySpec{cia302::slave_assignment, "Slave assignment"},
+        ArraySpec{cia302::expected_type, "Device type identification"},
+        ArraySpec{cia302::expected_vendor, "Vendor identification"},
+        ArraySpec{cia302::expected_product, "Product code"}, ArraySpec{cia302::expected_revision, "Revision number"},
+        ArraySpec{cia302::expected_serial, "Serial number"},
+        ArraySpec{cia302::restore_configuration, "Restore configuration", DataType::unsigned8}}) {
     add_array(builder, array, most);
   }
-  add_requests(builder, {.index = request_configuration, .name = "Request configuration", .access = Access::wo}, most);
-  add_requests(builder, {request_nmt, "Request NMT", DataType::unsigned8}, most);
-  add_requests(builder, {request_guarding, "Request guarding", DataType::unsigned8}, most);
-  builder.variable(0x1F89, {.name = "Boot time"});
+  add_requests(builder, {.index = cia302::request_configuration, .name = "Request configuration", .access = Access::wo},
+               most);
+  add_requests(builder, {cia302::request_nmt, "Request NMT", DataType::unsigned8}, most);
+  add_requests(builder, {cia302::request_guarding, "Request guarding", DataType::unsigned8}, most);
+  builder.variable(cia302::boot_time, {.name = "Boot time"});
   if (objects.flying) add_flying(builder, objects.priority);
   if (objects.sdo_manager) add_sdo_manager_objects(builder, most);
 }
@@ -109,9 +113,9 @@ DictionaryManager::DictionaryManager(can::Dispatcher& dispatcher, od::Values& va
       assigning_(dispatcher.executor()) {
   bus_.on_apply(std::move(apply));
   bus_.lead_to(&network_.error_control());
-  values.attach(*this, nmt_startup);
-  values.attach(*this, request_configuration);
-  values.attach(*this, request_nmt, request_guarding);
+  values.attach(*this, cia302::nmt_startup);
+  values.attach(*this, cia302::request_configuration);
+  values.attach(*this, cia302::request_nmt, cia302::request_guarding);
   values.attach(*this, flying_timing);
   const bool gives_channels = values.description().find(request_sdo) != nullptr;
   if (gives_channels) sdo_requests_ = std::make_unique<SdoRequests>(dispatcher, bus_.sdo(), values);
@@ -229,9 +233,9 @@ AbortCode DictionaryManager::reading(const od::Values&, ObjectRef ref, std::span
     value = shown_;
     return AbortCode::none;
   }
-  const bool plain = ref.index == nmt_startup || ref.index == request_configuration || ref.sub == 0;
+  const bool plain = ref.index == cia302::nmt_startup || ref.index == cia302::request_configuration || ref.sub == 0;
   if (plain) return AbortCode::none;
-  const auto shown = ref.index == request_nmt ? requests_.state(ref.sub) : requests_.guarding(ref.sub);
+  const auto shown = ref.index == cia302::request_nmt ? requests_.state(ref.sub) : requests_.guarding(ref.sub);
   if (!shown) return shown.error();
   shown_[0] = *shown;
   value = std::span(shown_).first(1);
@@ -239,7 +243,7 @@ AbortCode DictionaryManager::reading(const od::Values&, ObjectRef ref, std::span
 }
 
 AbortCode DictionaryManager::writing(const od::Values&, ObjectRef ref, std::span<const std::uint8_t> value) noexcept {
-  if (ref.index == nmt_startup) {
+  if (ref.index == cia302::nmt_startup) {
     const auto startup = startup_of(load_le<std::uint32_t>(value.data()));
     const bool times = values_->description().find(flying_timing) != nullptr;
     return startup && (!startup->flying || times) ? AbortCode::none : AbortCode::invalid_value;
@@ -249,10 +253,10 @@ AbortCode DictionaryManager::writing(const od::Values&, ObjectRef ref, std::span
     const bool too_low = ref.sub == priority_sub && load_le<std::uint16_t>(value.data()) > lowest_priority;
     return too_low ? AbortCode::invalid_value : AbortCode::none;
   }
-  if (ref.index == request_configuration) {
+  if (ref.index == cia302::request_configuration) {
     return configurations_.request(ref.sub, load_le<std::uint32_t>(value.data()));
   }
-  return ref.index == request_nmt ? requests_.nmt(ref.sub, value[0]) : requests_.guarding(ref.sub, value[0]);
+  return ref.index == cia302::request_nmt ? requests_.nmt(ref.sub, value[0]) : requests_.guarding(ref.sub, value[0]);
 }
 
 }  // namespace berth::manager

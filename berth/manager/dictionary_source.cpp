@@ -3,14 +3,12 @@
 #include "berth/manager/configurator.hpp"
 #include "berth/manager/program_loader.hpp"
 #include "berth/manager/stored_dcf.hpp"
+#include "berth/od/cia302.hpp"
 
 namespace berth::manager {
 namespace {
 
-constexpr std::uint16_t stored_dcf = 0x1F20;
-constexpr std::uint16_t stored_dcf_format = 0x1F21;
-constexpr std::uint16_t stored_concise_dcf = 0x1F22;
-constexpr std::uint16_t stored_program = 0x1F58;
+namespace cia302 = od::cia302;
 constexpr auto restart_time = std::chrono::seconds(5);
 
 std::uint32_t number(const od::Values& values, std::uint16_t index, std::uint8_t sub) noexcept {
@@ -52,28 +50,30 @@ Error error_of(const Failure& failure, NodeId node) noexcept {
 
 }  // namespace
 
-Result<Startup> startup_of(const od::Values& values) noexcept { return startup_of(number(values, 0x1F80, 0)); }
+Result<Startup> startup_of(const od::Values& values) noexcept {
+  return startup_of(number(values, cia302::nmt_startup, 0));
+}
 
 SlaveRules slave_rules_of(const od::Values& values, NodeId node) noexcept {
   const std::uint8_t sub = node.value();
-  SlaveRules rules = slave_rules_of(number(values, 0x1F81, sub));
-  rules.device_type = number(values, 0x1F84, sub);
-  rules.vendor = number(values, 0x1F85, sub);
-  rules.product = number(values, 0x1F86, sub);
-  rules.revision = number(values, 0x1F87, sub);
-  rules.serial = number(values, 0x1F88, sub);
-  rules.restore_sub = static_cast<std::uint8_t>(number(values, 0x1F8A, sub));
-  rules.expected_date = number(values, 0x1F26, sub);
-  rules.expected_time = number(values, 0x1F27, sub);
-  rules.expected.software_date = number(values, 0x1F53, sub);
-  rules.expected.software_time = number(values, 0x1F54, sub);
-  rules.expected.software = number(values, 0x1F55, sub);
+  SlaveRules rules = slave_rules_of(number(values, cia302::slave_assignment, sub));
+  rules.device_type = number(values, cia302::expected_type, sub);
+  rules.vendor = number(values, cia302::expected_vendor, sub);
+  rules.product = number(values, cia302::expected_product, sub);
+  rules.revision = number(values, cia302::expected_revision, sub);
+  rules.serial = number(values, cia302::expected_serial, sub);
+  rules.restore_sub = static_cast<std::uint8_t>(number(values, cia302::restore_configuration, sub));
+  rules.expected_date = number(values, cia302::configuration_date, sub);
+  rules.expected_time = number(values, cia302::configuration_time, sub);
+  rules.expected.software_date = number(values, cia302::expected_program_date, sub);
+  rules.expected.software_time = number(values, cia302::expected_program_time, sub);
+  rules.expected.software = number(values, cia302::expected_program, sub);
   rules.heartbeat = heartbeat_time_of(values, node);
   return rules;
 }
 
 rt::Duration boot_time_of(const od::Values& values) noexcept {
-  return std::chrono::milliseconds(number(values, 0x1F89, 0));
+  return std::chrono::milliseconds(number(values, cia302::boot_time, 0));
 }
 
 rt::Duration nmt_inhibit_time_of(const od::Values& values) noexcept {
@@ -87,7 +87,7 @@ FlyingOptions flying_options_of(const od::Values& values, NodeId own) noexcept {
   options.own = {static_cast<std::uint8_t>(number(values, index, 3)), own};
   options.timing = {.detection = ms(1), .delay = ms(2), .priority_slot = ms(4), .device_slot = ms(5), .cycle = ms(6)};
   for (std::uint8_t node = 1; node <= 127; ++node) {
-    if (slave_rules_of(number(values, 0x1F81, node)).keep_alive) options.resets_when_cold = false;
+    if (slave_rules_of(number(values, cia302::slave_assignment, node)).keep_alive) options.resets_when_cold = false;
   }
   return options;
 }
@@ -99,17 +99,17 @@ rt::Duration master_heartbeat_of(const od::Values& values, NodeId master) noexce
 
 Result<Wanted> wanted_of(const od::Values& values, NodeId node) {
   const std::uint8_t sub = node.value();
-  const auto concise = values.bytes({stored_concise_dcf, sub});
-  const auto packed = values.bytes({stored_dcf, sub});
+  const auto concise = values.bytes({cia302::concise_dcf, sub});
+  const auto packed = values.bytes({cia302::store_dcf, sub});
   // A stream of four zeros is an empty one: nothing is to be configured.
   const bool has_concise = concise.size() > sizeof(std::uint32_t);
   if (!has_concise && packed.empty()) return Wanted{};
-  const std::uint16_t index = has_concise ? stored_concise_dcf : stored_dcf;
-  const auto format = values.get_or<std::uint8_t>({stored_dcf_format, sub}, stored_format::ascii);
+  const std::uint16_t index = has_concise ? cia302::concise_dcf : cia302::store_dcf;
+  const auto format = values.get_or<std::uint8_t>({cia302::dcf_format, sub}, stored_format::ascii);
   auto text = has_concise ? Result<std::string>() : unpack_stored(format, packed);
   if (!text) {
     const bool unknown = text.error().code == Errc::unsupported;
-    return fail(wrong(unknown ? stored_dcf_format : index, node, text.error().text, text.error().code));
+    return fail(wrong(unknown ? cia302::dcf_format : index, node, text.error().text, text.error().code));
   }
   const auto loaded =
       has_concise ? read_concise_configuration(concise, "1F22h") : read_configuration(std::move(*text), "1F20h");
@@ -119,7 +119,8 @@ Result<Wanted> wanted_of(const od::Values& values, NodeId node) {
                                   : "what is stored is no DCF, or sets nothing"));
   }
   auto made = wanted(loaded.configuration, node);
-  const ConfigurationDate expected{number(values, 0x1F26, sub), number(values, 0x1F27, sub)};
+  const ConfigurationDate expected{number(values, cia302::configuration_date, sub),
+                                   number(values, cia302::configuration_time, sub)};
   if (made && expected.valid()) made->date = expected;
   return made;
 }
@@ -142,8 +143,9 @@ rt::Task<Result<void>> DictionarySource::configure(BootTarget& target, SlaveRule
 }
 
 rt::Task<Result<void>> DictionarySource::update(BootTarget& target, const SlaveRules& rules) {
-  const auto image = values_->bytes({stored_program, node_.value()});
-  if (image.empty()) co_return fail(wrong(stored_program, node_, "there is no program for it", Errc::unsupported));
+  const auto image = values_->bytes({cia302::program_of_slave, node_.value()});
+  if (image.empty())
+    co_return fail(wrong(cia302::program_of_slave, node_, "there is no program for it", Errc::unsupported));
   const std::array wishes{ProgramWish{.number = 1, .image = image, .identification = rules.expected.software}};
   ProgramOptions options;
   options.transfers = transfers_;

@@ -13,6 +13,7 @@
 
 #include "berth/manager/network_boot.hpp"
 #include "berth/od/abort_code.hpp"
+#include "berth/od/cia302.hpp"
 
 namespace berth::manager {
 
@@ -27,7 +28,7 @@ struct RequestedNmt {
 
 class NetworkRequests {
  public:
-  static constexpr std::uint8_t all_nodes = 0x80;
+  static constexpr std::uint8_t all_nodes = od::cia302::all_nodes;
 
   /// `network` must stay.
   explicit NetworkRequests(NetworkBoot& network) noexcept : network_(&network) {}

@@ -7,6 +7,7 @@
 #include <cstring>
 
 #include "berth/od/abort_code.hpp"
+#include "berth/od/cia302.hpp"
 
 namespace berth::manager {
 namespace {
@@ -100,14 +101,39 @@ rt::Duration pause_of(const ProgramOptions& options) noexcept {
 rt::Task<Result<void>> control(co::SdoAccess& device, std::uint8_t number, ProgramControl what) {
   const std::array<std::uint8_t, 1> byte{static_cast<std::uint8_t>(what)};
   const std::span<const std::uint8_t> data(byte);
-  co_return co_await device.write(program_object::control, number, data);
+  co_return co_await device.write(od::cia302::program_control, number, data);
 }
 
 rt::Task<Result<ProgramControl>> state_of(co::SdoAccess& device, std::uint8_t number) {
-  const auto value = co_await device.read_up_to(program_object::control, number, 4);
+  const auto value = co_await device.read_up_to(od::cia302::program_control, number, 4);
   if (!value) co_return fail(value.error());
   const auto state = value->bytes().empty() ? std::uint8_t{0} : value->bytes().front();
   co_return static_cast<ProgramControl>(state);
+}
+
+// Commands stop or start, and asks until the program is stopped or started. The device answers the command and
+// restarts, or restarts and does not answer.
+rt::Task<Result<void>> control_until_done(co::SdoAccess& device, std::uint8_t number, ProgramControl what,
+                                          const ProgramOptions& options) {
+  const bool starts = what == ProgramControl::start;
+  if (options.expects_boot_up) options.expects_boot_up();
+  const auto told = co_await control(device, number, what);
+  const bool refused = !told && told.error().code == Errc::aborted;
+  if (refused) co_return told;
+  const rt::Time began = co_await clock_now();
+  for (rt::Time now = began; now < began + options.restart_time;) {
+    const rt::Duration pause = pause_of(options);
+    co_await rt::sleep_for(pause);
+    const auto state = co_await state_of(device, number);
+    const bool done = state && (*state == ProgramControl::start) == starts;
+    if (done) co_return Result<void>{};
+    now = co_await clock_now();
+  }
+  const Error error{.code = Errc::timeout,
+                    .sub = number,
+                    .index = od::cia302::program_control,
+                    .text = starts ? "its program did not start" : "it did not come back from the stop of its program"};
+  co_return fail(error);
 }
 
 // Until 1F57h says that it is idle; its status. Without 1F57h: 0 at once. A device may be deaf while it writes.
@@ -115,7 +141,7 @@ rt::Task<Result<std::uint32_t>> wait_for_flash(co::SdoAccess& device, std::uint8
                                                const ProgramOptions& options) {
   const rt::Time began = co_await clock_now();
   for (;;) {
-    const auto status = co_await device.read_u32(program_object::flash, number);
+    const auto status = co_await device.read_u32(od::cia302::flash_status, number);
     const bool idle = status && !flash_busy(*status);
     if (idle) co_return status;
     if (!status && is_missing(status.error())) co_return 0U;
@@ -125,7 +151,7 @@ rt::Task<Result<std::uint32_t>> wait_for_flash(co::SdoAccess& device, std::uint8
     if (now >= began + options.flash_time) {
       const Error error{.code = Errc::timeout,
                         .sub = number,
-                        .index = program_object::flash,
+                        .index = od::cia302::flash_status,
                         .text = "its flash memory was not ready in time"};
       co_return fail(error);
     }
@@ -169,42 +195,13 @@ rt::Task<Result<void>> stop_program(co::SdoAccess& device, std::uint8_t number, 
   if (!before && is_missing(before.error())) co_return Result<void>{};
   const bool runs = !before || *before == ProgramControl::start;
   if (!runs) co_return Result<void>{};
-  if (options.expects_boot_up) options.expects_boot_up();
-  const auto told = co_await control(device, number, ProgramControl::stop);
-  const bool refused = !told && told.error().code == Errc::aborted;
-  if (refused) co_return told;
-  // It answered and restarts, or restarted and did not answer.
-  const rt::Time began = co_await clock_now();
-  for (rt::Time now = began; now < began + options.restart_time;) {
-    const rt::Duration pause = pause_of(options);
-    co_await rt::sleep_for(pause);
-    const auto state = co_await state_of(device, number);
-    if (state && *state != ProgramControl::start) co_return Result<void>{};
-    now = co_await clock_now();
-  }
-  co_return fail(Error{.code = Errc::timeout,
-                       .sub = number,
-                       .index = program_object::control,
-                       .text = "it did not come back from the stop of its program"});
+  co_return co_await control_until_done(device, number, ProgramControl::stop, options);
 }
 
 rt::Task<Result<void>> start_program(co::SdoAccess& device, std::uint8_t number, const ProgramOptions& options) {
   const auto before = co_await state_of(device, number);
   if (!before && is_missing(before.error())) co_return Result<void>{};
-  if (options.expects_boot_up) options.expects_boot_up();
-  const auto told = co_await control(device, number, ProgramControl::start);
-  const bool refused = !told && told.error().code == Errc::aborted;
-  if (refused) co_return told;
-  const rt::Time began = co_await clock_now();
-  for (rt::Time now = began; now < began + options.restart_time;) {
-    const rt::Duration pause = pause_of(options);
-    co_await rt::sleep_for(pause);
-    const auto state = co_await state_of(device, number);
-    if (state && *state == ProgramControl::start) co_return Result<void>{};
-    now = co_await clock_now();
-  }
-  co_return fail(Error{
-      .code = Errc::timeout, .sub = number, .index = program_object::control, .text = "its program did not start"});
+  co_return co_await control_until_done(device, number, ProgramControl::start, options);
 }
 
 rt::Task<Result<void>> clear_program(co::SdoAccess& device, std::uint8_t number, const ProgramOptions& options) {
@@ -284,9 +281,9 @@ rt::Task<Result<void>> ProgramLoader::download(const ProgramWish& wish, ProgramR
   if (options_->transfers != nullptr) {
     const auto ticket = co_await options_->transfers->enter();
     how.pace = &options_->transfers->pace();
-    done = co_await device_->download(program_object::data, wish.number, source, how);
+    done = co_await device_->download(od::cia302::program_data, wish.number, source, how);
   } else {
-    done = co_await device_->download(program_object::data, wish.number, source, how);
+    done = co_await device_->download(od::cia302::program_data, wish.number, source, how);
   }
   const bool silent = !done && done.error().code != Errc::aborted;
   if (silent) co_return done;
@@ -298,15 +295,15 @@ rt::Task<Result<void>> ProgramLoader::download(const ProgramWish& wish, ProgramR
   // That there is no program follows from a download that broke off, and is not why.
   const bool explains = *error != '\0' && (done || (*status >> 1U & 0x7FU) != 1);
   if (!explains) co_return done;
-  co_return fail(wrong(program_object::flash, wish.number, error));
+  co_return fail(wrong(od::cia302::flash_status, wish.number, error));
 }
 
 rt::Task<Result<void>> ProgramLoader::check(const ProgramWish& wish) {
   if (wish.identification == 0) co_return Result<void>{};
-  const auto is = co_await device_->read_u32(program_object::identification, wish.number);
+  const auto is = co_await device_->read_u32(od::cia302::program_identification, wish.number);
   if (!is) co_return fail(is.error());
   if (*is == wish.identification) co_return Result<void>{};
-  Error other = wrong(program_object::identification, wish.number,
+  Error other = wrong(od::cia302::program_identification, wish.number,
                       "it took the program, and tells another identification than the expected one");
   other.detail = *is;
   co_return fail(other);

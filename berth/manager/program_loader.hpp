@@ -26,9 +26,6 @@
 
 namespace berth::manager {
 
-namespace program_object {
-inline constexpr std::uint16_t data = 0x1F50, control = 0x1F51, date = 0x1F52, identification = 0x1F56, flash = 0x1F57;
-}
 /// What is written to 1F51h, and read from it.
 enum class ProgramControl : std::uint8_t {
   stop = 0,   ///< read: stopped

@@ -242,16 +242,21 @@ Error RemoteAccess::about(const Error& error) const noexcept {
   return told;
 }
 
+rt::Task<Result<co::SdoOptions>> RemoteAccess::reach() {
+  co::SdoOptions options = client_->options();
+  options.timeout *= 2;
+  Indication indication(*dispatcher_, router_, network_, node_, options.timeout);
+  const auto indicated = co_await indication;
+  if (!indicated) co_return fail(about(indicated.error()));
+  co_return options;
+}
+
 rt::Task<Result<co::SdoValue>> RemoteAccess::read(std::uint16_t index, std::uint8_t sub) {
   co_await turn_->take();
   const rt::Held held(*turn_);
-  const rt::Duration timeout = 2 * client_->options().timeout;
-  Indication indication(*dispatcher_, router_, network_, node_, timeout);
-  const auto indicated = co_await indication;
-  if (!indicated) co_return fail(about(indicated.error()));
-  co::SdoOptions options = client_->options();
-  options.timeout = timeout;
-  auto value = co_await client_->upload(router_, index, sub, options);
+  const auto options = co_await reach();
+  if (!options) co_return fail(options.error());
+  auto value = co_await client_->upload(router_, index, sub, *options);
   if (!value) co_return fail(about(value.error()));
   co_return value;
 }
@@ -259,13 +264,9 @@ rt::Task<Result<co::SdoValue>> RemoteAccess::read(std::uint16_t index, std::uint
 rt::Task<Result<void>> RemoteAccess::write(std::uint16_t index, std::uint8_t sub, std::span<const std::uint8_t> data) {
   co_await turn_->take();
   const rt::Held held(*turn_);
-  const rt::Duration timeout = 2 * client_->options().timeout;
-  Indication indication(*dispatcher_, router_, network_, node_, timeout);
-  const auto indicated = co_await indication;
-  if (!indicated) co_return fail(about(indicated.error()));
-  co::SdoOptions options = client_->options();
-  options.timeout = timeout;
-  const auto done = co_await client_->download(router_, index, sub, data, options);
+  const auto options = co_await reach();
+  if (!options) co_return fail(options.error());
+  const auto done = co_await client_->download(router_, index, sub, data, *options);
   if (!done) co_return fail(about(done.error()));
   co_return Result<void>();
 }

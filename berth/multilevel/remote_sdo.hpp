@@ -66,6 +66,8 @@ class RemoteAccess final : public co::SdoAccess {
 
  private:
   [[nodiscard]] Error about(const Error& error) const noexcept;
+  // The network indication, with the turn held; how the transfer behind it is to be done.
+  rt::Task<Result<co::SdoOptions>> reach();
 
   can::Dispatcher* dispatcher_;
   co::SdoClient* client_;

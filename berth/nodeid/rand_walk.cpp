@@ -365,8 +365,9 @@ rt::Task<Result<void>> RandWalk::descend(Run& run, bool root_heard) {
   co_return Result<void>{};
 }
 
-// Phase 7 and DIRS at once: DIS proves the whole address, so that no window is needed. Who else is under this prefix is
-// unknown afterwards and answers the closing phase 0. A wrong guess costs this way once, and none is made after two.
+// Phase 7 and DIRS at once: DIS proves the whole address, so that no window is needed. Any other slave under this
+// prefix is unknown afterwards and answers the closing phase 0. A wrong guess costs this way once, and none is made
+// after two.
 rt::Task<Result<void>> RandWalk::try_serial(Run& run, const Prefix& prefix, std::uint16_t chunk) {
   const auto last = iurs(7, prefix.chunks[6]);
   const Wait none{};

@@ -92,7 +92,7 @@ class Values final : public StoredValues {
   /// What transfers this object piece by piece; null: its value stands here. Ask `check_read` or `check_write`
   /// before. `view` and `size` of such an object are refused with 0601 0000; `read` and `write` go to the stream.
   [[nodiscard]] Stream* stream(ObjectRef ref) const noexcept { return streams_.empty() ? nullptr : find_stream(ref); }
-  /// Nobody waits any more for the answer that was `pending`: tells the hooks of `ref`.
+  /// Nothing waits any more for the answer that was `pending`: tells the hooks of `ref`.
   void abandon(ObjectRef ref) noexcept;
   /// The SDO channels that access this dictionary.
   [[nodiscard]] Channels& channels() noexcept { return channels_; }

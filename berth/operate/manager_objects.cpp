@@ -7,23 +7,18 @@
 #include "berth/base/bytes.hpp"
 #include "berth/manager/boot_rules.hpp"
 #include "berth/manager/network_requests.hpp"
+#include "berth/od/cia302.hpp"
 
 namespace berth::operate {
 namespace {
 
+namespace cia302 = od::cia302;
 using od::AbortCode;
 using od::Access;
 using od::DataType;
 using places::SlotState;
 
 constexpr std::uint16_t os_command = 0x1023;
-constexpr std::uint16_t request_configuration = 0x1F25;
-constexpr std::uint16_t nmt_startup = 0x1F80;
-constexpr std::uint16_t slave_assignment = 0x1F81;
-constexpr std::uint16_t request_nmt = 0x1F82;
-constexpr std::uint16_t request_guarding = 0x1F83;
-constexpr std::uint16_t expected_type = 0x1F84;
-constexpr std::uint16_t boot_time = 0x1F89;
 constexpr std::uint16_t manager_status = 0x5F00;
 constexpr std::uint16_t bus_status = 0x5F01;
 constexpr std::uint16_t slot_state = 0x5F02;
@@ -35,7 +30,6 @@ constexpr std::uint16_t losses = 0x5F07;
 constexpr std::uint16_t boots = 0x5F08;
 constexpr std::uint16_t emergency_history = 0x5F09;
 
-constexpr std::uint8_t all_nodes = 0x80;
 constexpr std::uint32_t conf = 0x666E'6F63;  // "conf"
 constexpr std::uint32_t longest_command = 1000;
 constexpr std::uint32_t longest_reply = 65'536;
@@ -56,15 +50,16 @@ struct Array {
   Access access;
 };
 constexpr std::array arrays{
-    Array{request_configuration, "Request configuration", "Node-ID", DataType::unsigned32, all_nodes, Access::wo},
-    Array{slave_assignment, "Slave assignment", "Node-ID", DataType::unsigned32, 127, Access::ro},
-    Array{request_nmt, "Request NMT", "Node-ID", DataType::unsigned8, all_nodes, Access::rw},
-    Array{request_guarding, "Request guarding", "Node-ID", DataType::unsigned8, 127, Access::ro},
-    Array{expected_type, "Device type identification", "Node-ID", DataType::unsigned32, 127, Access::ro},
-    Array{0x1F85, "Vendor identification", "Node-ID", DataType::unsigned32, 127, Access::ro},
-    Array{0x1F86, "Product code", "Node-ID", DataType::unsigned32, 127, Access::ro},
-    Array{0x1F87, "Revision number", "Node-ID", DataType::unsigned32, 127, Access::ro},
-    Array{0x1F88, "Serial number", "Node-ID", DataType::unsigned32, 127, Access::ro},
+    Array{cia302::request_configuration, "Request configuration", "Node-ID", DataType::unsigned32, cia302::all_nodes,
+          Access::wo},
+    Array{cia302::slave_assignment, "Slave assignment", "Node-ID", DataType::unsigned32, 127, Access::ro},
+    Array{cia302::request_nmt, "Request NMT", "Node-ID", DataType::unsigned8, cia302::all_nodes, Access::rw},
+    Array{cia302::request_guarding, "Request guarding", "Node-ID", DataType::unsigned8, 127, Access::ro},
+    Array{cia302::expected_type, "Device type identification", "Node-ID", DataType::unsigned32, 127, Access::ro},
+    Array{cia302::expected_vendor, "Vendor identification", "Node-ID", DataType::unsigned32, 127, Access::ro},
+    Array{cia302::expected_product, "Product code", "Node-ID", DataType::unsigned32, 127, Access::ro},
+    Array{cia302::expected_revision, "Revision number", "Node-ID", DataType::unsigned32, 127, Access::ro},
+    Array{cia302::expected_serial, "Serial number", "Node-ID", DataType::unsigned32, 127, Access::ro},
     Array{slot_state, "Slot state", "Node-ID", DataType::unsigned8, 127, Access::ro},
     Array{boot_letter, "Boot-up error status", "Node-ID", DataType::unsigned8, 127, Access::ro},
     Array{configuration_status, "Configuration status", "Node-ID", DataType::unsigned8, 127, Access::ro},
@@ -124,10 +119,10 @@ std::uint32_t assignment(const Seat& seat) noexcept {
 std::uint32_t expected(const Seat& seat, std::uint16_t index) noexcept {
   const auto& spec = seat.slot.spec;
   switch (index) {
-    case expected_type: return spec.device_type;
-    case 0x1F85: return spec.type.vendor;
-    case 0x1F86: return spec.type.product;
-    case 0x1F87: return spec.rule == places::RevisionRule::exact ? spec.revision.value_or(0) : 0;
+    case cia302::expected_type: return spec.device_type;
+    case cia302::expected_vendor: return spec.type.vendor;
+    case cia302::expected_product: return spec.type.product;
+    case cia302::expected_revision: return spec.rule == places::RevisionRule::exact ? spec.revision.value_or(0) : 0;
     default: return seat.slot.record.device() ? seat.slot.record.device()->serial : 0;
   }
 }
@@ -139,8 +134,8 @@ void ManagerObjects::describe(od::DescriptionBuilder& b) {
   b.sub(os_command, {.sub = 1, .name = "Command", .type = DataType::octet_string, .capacity = longest_command});
   b.sub(os_command, {.sub = 2, .name = "Status", .type = DataType::unsigned8, .access = Access::ro});
   b.sub(os_command, {.sub = 3, .name = "Reply", .type = DataType::octet_string, .access = Access::ro});
-  b.variable(nmt_startup, {.name = "NMT startup", .access = Access::ro});
-  b.variable(boot_time, {.name = "Boot time", .access = Access::ro});
+  b.variable(cia302::nmt_startup, {.name = "NMT startup", .access = Access::ro});
+  b.variable(cia302::boot_time, {.name = "Boot time", .access = Access::ro});
   for (const Array& each : arrays) {
     b.object(each.index, od::ObjectCode::array, each.name, each.type);
     for (unsigned sub = 1; sub <= each.most; ++sub) {
@@ -158,8 +153,8 @@ ManagerObjects::ManagerObjects(od::Values& values, BusServices& services, SlotTa
                                Requests& requests)
     : s_(services), slots_(slots), agenda_(agenda), requests_(requests) {
   values.attach(*this, os_command, os_command);
-  values.attach(*this, request_configuration, request_configuration);
-  values.attach(*this, nmt_startup, boot_time);
+  values.attach(*this, cia302::request_configuration, cia302::request_configuration);
+  values.attach(*this, cia302::nmt_startup, cia302::boot_time);
   values.attach(*this, manager_status, emergency_history);
 }
 
@@ -179,13 +174,13 @@ std::uint64_t ManagerObjects::of_node(std::uint16_t index, NodeId node) const {
   const Seat* const seat = slots_.at(node);
   if (seat == nullptr) return 0;
   switch (index) {
-    case slave_assignment: return assignment(*seat);
-    case request_nmt: {
+    case cia302::slave_assignment: return assignment(*seat);
+    case cia302::request_nmt: {
       constexpr std::uint64_t missing = 1;
       const bool there = seat->there && s_.boots.heard(node).has_value();
       return there ? static_cast<std::uint64_t>(s_.boots.state(node)) : missing;
     }
-    case request_guarding: return seat->there && !seat->guarded ? 1 : 0;
+    case cia302::request_guarding: return seat->there && !seat->guarded ? 1 : 0;
     case slot_state: return static_cast<std::uint64_t>(seat->state);
     case boot_letter: return static_cast<std::uint8_t>(manager::letter(seat->boot.status));
     case configuration_status: return static_cast<std::uint64_t>(configured(*seat));
@@ -258,9 +253,9 @@ AbortCode ManagerObjects::reading(const od::Values&, ObjectRef ref, std::span<co
     return AbortCode::none;
   }
   std::uint64_t number = 0;
-  if (ref.index == nmt_startup) {
+  if (ref.index == cia302::nmt_startup) {
     number = manager::value_of(s_.bus.startup.rules) | (s_.may_command() ? 1U : 0U);
-  } else if (ref.index == boot_time) {
+  } else if (ref.index == cia302::boot_time) {
     number = static_cast<std::uint64_t>(
         std::chrono::duration_cast<std::chrono::milliseconds>(s_.bus.startup.boot_time).count());
   } else if (ref.sub == 0) {
@@ -281,8 +276,8 @@ AbortCode ManagerObjects::reading(const od::Values&, ObjectRef ref, std::span<co
 
 AbortCode ManagerObjects::writing(const od::Values&, ObjectRef ref, std::span<const std::uint8_t> value) noexcept {
   if (ref.index == os_command) return ref.sub == 1 ? ask_command(value) : AbortCode::none;
-  if (ref.index == request_nmt && value.size() == 1) return ask_nmt(ref.sub, value[0]);
-  if (ref.index == request_configuration && value.size() == 4) {
+  if (ref.index == cia302::request_nmt && value.size() == 1) return ask_nmt(ref.sub, value[0]);
+  if (ref.index == cia302::request_configuration && value.size() == 4) {
     return ask_configuration(ref.sub, load_le<std::uint32_t>(value.data()));
   }
   return AbortCode::none;
@@ -290,7 +285,7 @@ AbortCode ManagerObjects::writing(const od::Values&, ObjectRef ref, std::span<co
 
 AbortCode ManagerObjects::ask_nmt(std::uint8_t sub, std::uint8_t state) {
   if (!s_.may_command()) return AbortCode::local_control;
-  const bool all = sub == all_nodes;
+  const bool all = sub == cia302::all_nodes;
   if (!all && !is_slot(sub)) return AbortCode::invalid_value;
   const auto wanted = manager::requested_nmt(state);
   if (!wanted || (wanted->others && !all)) return AbortCode::invalid_value;
@@ -310,8 +305,8 @@ void ManagerObjects::command_slots(co::NmtCommand command) {
 AbortCode ManagerObjects::ask_configuration(std::uint8_t sub, std::uint32_t word) {
   if (word != conf) return AbortCode::not_stored;
   if (!s_.may_command()) return AbortCode::local_control;
-  if (sub != all_nodes && !is_slot(sub)) return AbortCode::invalid_value;
-  requests_.configure(sub == all_nodes ? NodeId() : NodeId(sub));
+  if (sub != cia302::all_nodes && !is_slot(sub)) return AbortCode::invalid_value;
+  requests_.configure(sub == cia302::all_nodes ? NodeId() : NodeId(sub));
   return AbortCode::none;
 }
 

@@ -8,6 +8,7 @@
 
 #include "berth/base/crc.hpp"
 #include "berth/device/program_image.hpp"
+#include "berth/od/cia302.hpp"
 
 namespace berth::operate {
 namespace {
@@ -82,7 +83,7 @@ void Programming::expect(const Seat& seat, manager::SlaveRules& rules) {
 rt::Task<Result<std::string>> Programming::others(Seat& seat, manager::BootTarget& target) {
   for (const auto& program : seat.slot.spec.software.programs) {
     if (program.number == 1) continue;
-    const auto is = co_await target.objects().read_u32(manager::program_object::identification, program.number);
+    const auto is = co_await target.objects().read_u32(od::cia302::program_identification, program.number);
     if (!is) co_return fail(is.error());
     const std::uint32_t wanted = expected(program);
     if (*is != wanted) {

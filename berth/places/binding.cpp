@@ -26,8 +26,8 @@ const char* name(Step step) noexcept {
 const char* name(Why why) noexcept {
   switch (why) {
     case Why::none: return "";
-    case Why::occupied: return "somebody else answers at this node-ID";
-    case Why::not_there: return "nobody answers to this LSS address";
+    case Why::occupied: return "another device answers at this node-ID";
+    case Why::not_there: return "no device answers to this LSS address";
     case Why::not_alone: return "another device is in LSS configuration beside this one";
     case Why::clone: return "two devices answer to this LSS address";
     case Why::refused: return "the device does not take this node-ID";

@@ -32,7 +32,8 @@
 /// before `04h 00h`; it comes back under it.
 ///
 /// Taking a node-ID away (`Kind::blank`) walks the same table without `check_vacant` and `await_boot_up`, and from
-/// `write_ask` on: who is away loses its node-ID when it comes back. `identify` asks by LSS whether it has none now.
+/// `write_ask` on: a device that is away loses its node-ID when it comes back. `identify` asks by LSS whether it has
+/// none now.
 #pragma once
 
 #include <cstdint>

@@ -16,6 +16,7 @@
 #include "berth/device/mandatory.hpp"
 #include "berth/eds/xdd.hpp"
 #include "berth/manager/dictionary_manager.hpp"
+#include "berth/od/cia302.hpp"
 #include "berth/od/notation.hpp"
 #include "berth/plant/sim_gateway.hpp"
 #include "berth/text/file.hpp"
@@ -111,7 +112,8 @@ void preset_network_list(const PlantMaster& master, device::Options& options) {
   std::uint8_t entry = 0;
   for (const unsigned id : master.slaves) {
     const auto sub = static_cast<std::uint8_t>(id);
-    options.presets.push_back({{0x1F81, sub}, assigned_and_booted | (master.keep_alive ? keep_alive : 0U)});
+    options.presets.push_back(
+        {{od::cia302::slave_assignment, sub}, assigned_and_booted | (master.keep_alive ? keep_alive : 0U)});
     options.presets.push_back({{0x1016, ++entry}, id << 16U | heartbeat_time_ms});
   }
 }
@@ -339,8 +341,9 @@ std::unique_ptr<device::SimFlash> program_flash_of(const PlantDevice& plan, rt::
 
 bool check_programs(const PlantDevice& plan, const od::Description& description, Findings& findings) {
   if (plan.storing.programs.count == 0) return true;
-  const ObjectRef last{0x1F50, static_cast<std::uint8_t>(plan.storing.programs.count)};
-  const bool has = description.find(last) != nullptr && description.find(ObjectRef{0x1F51, last.sub}) != nullptr;
+  const ObjectRef last{od::cia302::program_data, static_cast<std::uint8_t>(plan.storing.programs.count)};
+  const bool has = description.find(last) != nullptr &&
+                   description.find(ObjectRef{od::cia302::program_control, last.sub}) != nullptr;
   if (!has) {
     findings.push_back({Finding::Severity::error,
                         plan.eds_path.empty() ? plan.eds : plan.eds_path,

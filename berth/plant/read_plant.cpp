@@ -570,7 +570,8 @@ class PlantReader {
   void read_cut(Table& table, PlantEvent& event) {
     event.bus = read_bus_name(table);
     if (table.require("nodes", "name those behind the cut")) read_nodes(table, event);
-    if (table.has("nodes") && event.nodes.empty()) table.error("nodes", "nobody is behind the cut", "name somebody");
+    if (table.has("nodes") && event.nodes.empty())
+      table.error("nodes", "no node is behind the cut", "name at least one");
   }
 
   void read_strike(Table& table, PlantEvent& event) {

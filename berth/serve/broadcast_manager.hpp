@@ -17,7 +17,7 @@ class BroadcastManager {
   static constexpr std::size_t most = 64;  ///< jobs, and as many subscriptions
   static constexpr rt::Duration least_interval = std::chrono::milliseconds(1);
 
-  /// Where frames go, and who calls `run` in time. Must stay.
+  /// Where frames go, and what calls `run` in time. Must stay.
   class Client {
    public:
     /// Sends it as soon as the bus has room.

@@ -114,7 +114,7 @@ std::vector<Step> lone_node(unsigned attempts) {
   Narrator narrator(world);
   narrator.watch(*a);
   a->send(can::Frame::base(0x701, {0x00}), 1);
-  narrator.say("a sends its boot-up 701h, and nobody else is there");
+  narrator.say("a sends its boot-up 701h, and no other node is there");
   narrator.run(bus, attempts, attempts * 200);
   return narrator.take();
 }

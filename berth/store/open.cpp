@@ -205,7 +205,7 @@ Database::Opened Database::open(const std::string& given, const OpenOptions& opt
     if (auto refused = prepare(*impl->db, path, has_log, options.sync))
       return tl::unexpected<OpenError>(std::move(*refused));
   } catch (const SQLite::Exception& error) {
-    // Who asked for the end hears of it, whatever else went wrong meanwhile.
+    // An end that was asked for is told as such, whatever else went wrong meanwhile.
     const bool ended = options.ended && options.ended();
     const int what = ended ? SQLITE_INTERRUPT : error.getExtendedErrorCode();
     return tl::unexpected<OpenError>(sqlite_error(path, what, error.what()));

@@ -156,7 +156,7 @@ TEST(ClientNode, HU_21_NoAnswer) {
   EXPECT_EQ(nobody.error().code, Errc::timeout);
   EXPECT_EQ(
       nobody.error().message,
-      "node 6, object 1000h:00 \"Device type\": no answer to the SDO request: the request was on the wire, nobody "
+      "node 6, object 1000h:00 \"Device type\": no answer to the SDO request: the request was on the wire, no node "
       "answered in time");
   rig.device->controller->power(false);
   const auto alone = rig.get(rig.node->read<std::uint32_t>("Device type"));
