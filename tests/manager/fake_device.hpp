@@ -189,7 +189,7 @@ class FakeDevice final : public co::SdoAccess {
     const auto it = objects.find(ref);
     if (it == objects.end()) return no_such(ref);
     if (!it->second.writable) return AbortCode::read_only;
-    if (it->second.value.size() != bytes.size()) return AbortCode::length_mismatch;
+    if (!domains.contains(ref) && it->second.value.size() != bytes.size()) return AbortCode::length_mismatch;
     const std::uint32_t now = number(it->second.value);
     const std::uint32_t next = number(bytes);
     const std::uint16_t i = ref.index;
