@@ -203,7 +203,7 @@ rt::Task<bool> Starter::runs_already(Seat& seat) {
   }
   const auto heard = s_.boots.heard(id);
   const bool lately = heard && s_.executor.now() - *heard <= s_.bus.timing.heartbeat_timeout;
-  co_return lately && s_.boots.state(id) == NmtState::operational;
+  co_return lately&& s_.boots.state(id) == NmtState::operational;
 }
 
 // No heartbeat in this device: it is asked once by guarding, which is all that can be known of it.
