@@ -6,7 +6,8 @@ namespace berth::lss {
 namespace {
 
 constexpr rt::Duration shortest_window = std::chrono::milliseconds(5);
-constexpr unsigned most_looks = 3;      // at one part
+constexpr unsigned most_looks = 3;      // at one part that stays silent, or is answered twice
+constexpr unsigned most_rows = 4;       // of questions
 constexpr unsigned enough_answers = 4;  // to know how slow a bus is
 constexpr unsigned serial = 3;          // the last part
 
@@ -23,25 +24,45 @@ rt::Duration window_of(const Master& master, const AloneOptions& options) noexce
   return std::clamp(3 * times.slowest, std::min(shortest_window, longest), longest);
 }
 
-// What is known of one part, asked until it is beyond doubt.
-rt::Task<Result<Selection>> look(Master& master, LssAddress device, unsigned part, AloneOptions options) {
-  unsigned heard = 0;
+// What a row of questions said. Woken: a device that hears again may be in configuration too.
+enum class Seen : std::uint8_t { alone, absent, not_alone, twins, woken };
+
+Selection doubted(Seen seen) noexcept {
+  if (seen == Seen::absent) return Selection::absent;
+  return seen == Seen::twins ? Selection::twins : Selection::not_alone;
+}
+
+// One part, until it is answered by one.
+rt::Task<Result<Seen>> look(Master& master, LssAddress device, unsigned part, AloneOptions options) {
   unsigned doubled = 0;
-  for (unsigned looks = 0; looks < most_looks; ++looks) {
+  unsigned silent = 0;
+  while (silent < most_looks) {
     const ServiceOptions service{.timeout = window_of(master, options), .retries = 0, .full_window = true};
     const auto reply = co_await master.inquire(part, service);
     if (!reply && of_the_bus(reply.error())) co_return fail(reply.error());
     if (!reply) {
       master.suspect_strangers();
+      ++silent;
       continue;
     }
-    ++heard;
-    if (reply->differ || reply->value() != device.part(part)) co_return Selection::not_alone;
-    if (!suspicious(*reply)) co_return Selection::alone;
-    if (reply->answers > 1 && ++doubled > 1) co_return Selection::twins;
+    if (reply->differ || reply->value() != device.part(part)) co_return Seen::not_alone;
+    if (!suspicious(*reply)) co_return doubled == 0 ? Seen::alone : Seen::woken;
     master.suspect_strangers();
+    if (reply->answers == 1) co_return Seen::woken;
+    if (++doubled == most_looks) co_return Seen::twins;
   }
-  co_return heard == 0 ? Selection::absent : Selection::alone;
+  co_return Seen::absent;
+}
+
+rt::Task<Result<Seen>> look_at_all(Master& master, LssAddress device, AloneOptions options) {
+  const unsigned parts = master.answer_times().strangers ? all_parts : options.parts;
+  for (unsigned i = 0; i < 4; ++i) {
+    const unsigned part = serial - i;
+    if (part != serial && (parts >> part & 1U) == 0) continue;
+    const auto seen = co_await look(master, device, part, options);
+    if (!seen || *seen != Seen::alone) co_return seen;
+  }
+  co_return Seen::alone;
 }
 
 rt::Task<Result<void>> leave_unchanged(Master& master) {
@@ -80,18 +101,20 @@ PartMask parts_to_ask(const LssAddress& device, std::span<const LssAddress> othe
   return parts;
 }
 
+// A frame that no question asked for is that of a device which hears again, and did not hear the questions before: all
+// parts once more, from the first, as the part that was just asked may be the same in both.
 rt::Task<Result<Selection>> still_alone(Master& master, LssAddress device, AloneOptions options) {
-  const unsigned parts = master.answer_times().strangers ? all_parts : options.parts;
-  for (unsigned i = 0; i < 4; ++i) {
-    const unsigned part = serial - i;
-    if (part != serial && (parts >> part & 1U) == 0) continue;
-    const auto seen = co_await look(master, device, part, options);
+  for (unsigned row = 0; row < most_rows; ++row) {
+    const auto seen = co_await look_at_all(master, device, options);
     if (!seen) co_return fail(seen.error());
-    if (*seen == Selection::alone) continue;
+    if (*seen == Seen::alone) {
+      master.no_strangers();
+      co_return Selection::alone;
+    }
+    if (*seen == Seen::woken) continue;
     master.lost_one();
-    co_return *seen;
+    co_return doubted(*seen);
   }
-  master.no_strangers();
   co_return Selection::alone;
 }
 

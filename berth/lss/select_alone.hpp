@@ -21,8 +21,10 @@
 /// What is asked: the serial number (5Dh), then those parts of the address (5Ah to 5Ch) in which another device could
 /// differ that has the same serial number; each for a whole window. Every answer must be the device's own, and one.
 /// - Different answers, or one of another device: `not_alone`.
-/// - Two equal answers are a device with the same address, or a frame that came twice; asked once more. Twice so:
-///   `twins`.
+/// - Two equal answers are a device with the same address, or a frame that came twice; the part is asked again. Three
+///   times so: `twins`; else all is asked once more.
+/// - A frame on 7E4h that no question asked for is that of a device which hears again and did not hear the questions
+///   before: all is asked once more.
 /// - Two devices that answer the same may fall into one frame on the wire (one identifier, one content, one instant).
 ///   So 5Eh proves nothing, nor 44h, nor the answer to 11h; a serial number that both have needs a part that differs.
 /// - Two that answer differently at one instant destroy each other's frames: `absent`.

@@ -241,6 +241,8 @@ rt::Task<Result<void>> ProgramLoader::once(ProgramReport& report) {
     if (!brought) co_return brought;
   }
   for (const auto& wish : wishes_) {
+    const auto same = co_await identify();
+    if (!same) co_return same;
     enter(report, ProgramStage::starting, wish);
     const auto started = co_await start_program(*device_, wish.number, *options_);
     if (!started) co_return started;
@@ -248,10 +250,19 @@ rt::Task<Result<void>> ProgramLoader::once(ProgramReport& report) {
   co_return Result<void>{};
 }
 
+rt::Task<Result<void>> ProgramLoader::identify() {
+  if (!options_->is_the_same) co_return Result<void>{};
+  co_return co_await options_->is_the_same();
+}
+
 rt::Task<Result<void>> ProgramLoader::bring(const ProgramWish& wish, ProgramReport& report) {
+  const auto same = co_await identify();
+  if (!same) co_return same;
   enter(report, ProgramStage::stopping, wish);
   const auto stopped = co_await stop_program(*device_, wish.number, *options_);
   if (!stopped) co_return stopped;
+  const auto still = co_await identify();
+  if (!still) co_return still;
   enter(report, ProgramStage::clearing, wish);
   const auto cleared = co_await clear_program(*device_, wish.number, *options_);
   if (!cleared) co_return cleared;

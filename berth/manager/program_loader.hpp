@@ -12,8 +12,8 @@
 ///   4. 1F57h until the memory is idle; what it tells of the image is a failure
 ///   5. 1F56h is the expected identification, when there is one
 ///   6. start (1F51h = 1), and the device is asked until 1F51h says so
-/// Steps 1 to 5 for each program, then 6. What a device does not have (1F57h, 1F56h, clearing) is left out. A device
-/// that falls silent or restarts meanwhile gets all of it again, `tries` times in all.
+/// Before 1, 2 and 6, `is_the_same`. Steps 1 to 5 for each program, then 6. What a device does not have (1F57h, 1F56h,
+/// clearing) is left out. A device that falls silent or restarts meanwhile gets all of it again, `tries` times in all.
 #pragma once
 
 #include <functional>
@@ -69,6 +69,9 @@ struct ProgramOptions {
   ProgramTransfers* transfers = nullptr;  ///< of the bus; null: this one alone
   /// The device is told to restart: its next boot-up message is no error. May be empty.
   std::function<void()> expects_boot_up = {};
+  /// Is it still the device that is meant? Another may boot under its node-ID whenever this one is silent, and has not
+  /// asked for the program. Answers with why not: nothing more is written then. May be empty: it is not asked.
+  std::function<rt::Task<Result<void>>()> is_the_same = {};
   /// Each stage at its beginning, a download with each hundredth. May be empty.
   std::function<void(const ProgramProgress&)> progress = {};
 };
@@ -95,6 +98,7 @@ class ProgramLoader {
  private:
   rt::Task<Result<void>> once(ProgramReport& report);
   rt::Task<Result<void>> bring(const ProgramWish& wish, ProgramReport& report);
+  rt::Task<Result<void>> identify();
   rt::Task<Result<void>> clear(const ProgramWish& wish);
   rt::Task<Result<void>> download(const ProgramWish& wish, ProgramReport& report);
   rt::Task<Result<void>> check(const ProgramWish& wish);

@@ -12,6 +12,7 @@ void FoundDevices::note(const places::Found& found) {
   if (found.clone && !is_clone(found.device)) clones_.push_back(found.device);
   places::Found noted = found;
   noted.seen = seen->second;
+  noted.shared = found.active.configured() && std::ranges::find(shared_, found.device) != shared_.end();
   places::Found* const known = of(found.device);
   if (known == nullptr) {
     list_.push_back(noted);
@@ -61,6 +62,12 @@ NodeId FoundDevices::active_of(const LssAddress& device) const noexcept {
 
 bool FoundDevices::is_clone(const LssAddress& device) const noexcept {
   return std::ranges::find(clones_, device) != clones_.end();
+}
+
+void FoundDevices::note_shared(const LssAddress& device) {
+  if (std::ranges::find(shared_, device) == shared_.end()) shared_.push_back(device);
+  places::Found* const known = of(device);
+  if (known != nullptr) known->shared = known->active.configured();
 }
 
 void FoundDevices::note_without_rand(const LssAddress& device) {

@@ -46,6 +46,9 @@ class FoundDevices {
   /// Two devices had this address when it was asked last.
   [[nodiscard]] bool is_clone(const LssAddress& device) const noexcept;
   void no_clone(const LssAddress& device) { std::erase(clones_, device); }
+  /// Another device answers under the node-ID that this one has too. Until it is seated.
+  void note_shared(const LssAddress& device);
+  void not_shared(const LssAddress& device) { std::erase(shared_, device); }
   /// Found otherwise than by RAND.
   void note_without_rand(const LssAddress& device);
   [[nodiscard]] bool without_rand(const LssAddress& device) const noexcept;
@@ -58,6 +61,7 @@ class FoundDevices {
   List list_;
   std::map<LssAddress, rt::Time> first_seen_;
   std::vector<LssAddress> clones_;
+  std::vector<LssAddress> shared_;
   std::vector<LssAddress> without_rand_;
 };
 

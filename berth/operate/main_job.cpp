@@ -191,7 +191,8 @@ rt::Task<bool> MainJob::look() {
     anybody = co_await p_.finding.finder.anybody_new();
   }
   const bool anew = agenda.look_anew && p_.bus.executor.now() >= agenda.anew_at;
-  const bool due = anybody || anew || retry_due();
+  const bool again = retry_due();  // also when a search is due already: two of one address make each look find them
+  const bool due = anybody || anew || again;
   if (due || p_.starter.is_due()) co_return true;
   idle_ = agenda.wakes.size() == 0;
   co_return false;

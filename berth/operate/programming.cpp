@@ -93,6 +93,20 @@ rt::Task<Result<std::string>> Programming::others(Seat& seat, manager::BootTarge
   co_return std::string();
 }
 
+rt::Task<Result<void>> Programming::is_the_same(const Seat& seat, manager::BootTarget& target) {
+  const auto& confirmed = seat.slot.record.confirmed;
+  if (!confirmed) co_return Result<void>{};
+  for (std::uint8_t sub = 1; sub <= 4; ++sub) {
+    const auto part = co_await target.objects().read_u32(0x1018, sub);
+    const bool lacks = !part && part.error().code == Errc::aborted;
+    if (!part && !lacks) co_return fail(part.error());
+    if (part && *part != confirmed->device.part(sub - 1U)) {
+      co_return fail(Error{.code = Errc::mismatch, .sub = sub, .index = 0x1018, .text = "another device answers"});
+    }
+  }
+  co_return Result<void>{};
+}
+
 rt::Task<Result<void>> Programming::update(Seat& seat, manager::BootTarget& target) {
   std::vector<manager::ProgramWish> wishes;
   for (const auto& program : seat.slot.spec.software.programs) {
@@ -103,6 +117,7 @@ rt::Task<Result<void>> Programming::update(Seat& seat, manager::BootTarget& targ
   manager::ProgramOptions options;
   options.transfers = &transfers_;
   options.restart_time = s_.bus.timing.boot_timeout;
+  options.is_the_same = [this, &seat, &target] { return is_the_same(seat, target); };
   std::size_t tenth = 0;
   options.progress = [this, &seat, &tenth](const manager::ProgramProgress& p) {
     const std::size_t now = p.total == 0 ? 0 : p.done * 10 / p.total;

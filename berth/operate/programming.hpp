@@ -38,6 +38,8 @@ class Programming {
   [[nodiscard]] manager::ProgramTransfers& transfers() noexcept { return transfers_; }
 
  private:
+  /// The slot's device answers under its node-ID. A boot loader may not have all of 1018h: what it has counts.
+  rt::Task<Result<void>> is_the_same(const Seat& seat, manager::BootTarget& target);
   /// Each file is read when it is wanted for the first time, and again when it has changed.
   struct Loaded {
     std::int64_t changed = 0;  ///< time of its last change

@@ -211,6 +211,7 @@ void Seating::bound(Seat& seat, const Binding& binding) {
   lending_.end(binding.seat().device);
   loans_.bound(binding.seat().device);
   found_.no_clone(binding.seat().device);
+  found_.not_shared(binding.seat().device);
   found_.forget(binding.seat().device);
   places_.forget(binding.seat().device);
   seat.there = true;
@@ -245,6 +246,9 @@ void Seating::not_bound(Seat& seat, const Binding& binding) {
   const bool clone = binding.why() == Why::clone;
   if (clone) found_.note({binding.seat().device, binding.old_id(), true});
   if (binding.why() == Why::not_there) found_.forget(binding.seat().device);
+  // It came with that node-ID, and so did another, which stays: a device that answers to one address with its twin.
+  const bool shares = binding.why() == Why::occupied && found_.active_of(binding.seat().device) == seat.id();
+  if (shares) found_.note_shared(binding.seat().device);
   // Nothing in the device can have changed: the slot is free again. Else it stays the slot's until it is seen.
   const bool fresh = !seat.slot.record.confirmed && binding.untouched();
   if (fresh && seat.slot.record.asked) {

@@ -102,6 +102,10 @@ rt::Task<manager::BootResult> Starter::boot_up(Seat& seat) {
 
 void Starter::boot_failed(Seat& seat, const manager::BootResult& result) {
   using Status = manager::BootStatus;
+  const bool unwritten = result.status == Status::i && seat.state == SlotState::present;
+  if (unwritten && configuring_.rebooted(seat)) {
+    return slots_.set_state(seat, SlotState::present, "it booted: it is asked what it is before it is programmed");
+  }
   switch (result.status) {
     case Status::b: seat.there = false; return slots_.set_absent(seat, "no answer to the upload of 1000h");
     case Status::c:
@@ -128,6 +132,7 @@ void Starter::boot_failed(Seat& seat, const manager::BootResult& result) {
 
 // It restarts into its boot loader and out of it; what answers then must be the same device.
 rt::Task<Result<void>> Starter::update(Seat& seat, manager::BootTarget& target) {
+  if (configuring_.rebooted(seat)) co_return fail(Errc::mismatch, "another device may have booted here");
   const auto updated = co_await programming_.update(seat, target);
   if (!updated) co_return updated;
   const auto who = co_await places::Binder::read_identity(s_.sdo, seat.id());

@@ -76,7 +76,7 @@ class Draft {
 
   /// The free slot whose node-ID it came with.
   [[nodiscard]] std::optional<std::size_t> own_place(const std::vector<std::size_t>& free, const Found& f) const {
-    if (!f.active.configured() || f.lent) return std::nullopt;
+    if (!f.active.configured() || f.lent || f.shared) return std::nullopt;
     const auto own = std::ranges::find_if(
         free, [&](std::size_t i) { return slots_[i].spec.id == f.active && fits(slots_[i].spec, f.device); });
     const bool alone = std::ranges::count(found_, f.active, &Found::active) == 1;

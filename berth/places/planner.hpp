@@ -14,11 +14,12 @@ namespace berth::places {
 /// A device that was found on the bus.
 struct Found {
   LssAddress device;
-  NodeId active;       ///< the node-ID it uses now; unconfigured for a blank device
-  bool clone = false;  ///< more than one device answered to this address
-  rt::Time seen = {};  ///< when it became active: its boot-up message, else the first answer to a search
-  bool lent = false;   ///< `active` was lent to it for a search: it says nothing about its place, and is taken back
-                       ///< by the lender when it is in the way
+  NodeId active;        ///< the node-ID it uses now; unconfigured for a blank device
+  bool clone = false;   ///< more than one device answered to this address
+  rt::Time seen = {};   ///< when it became active: its boot-up message, else the first answer to a search
+  bool lent = false;    ///< `active` was lent to it for a search: it says nothing about its place, and is taken back
+                        ///< by the lender when it is in the way
+  bool shared = false;  ///< another device uses `active` too: it says nothing about its place
   friend bool operator==(const Found&, const Found&) = default;
 };
 

@@ -198,6 +198,7 @@ Truth SimDevice::truth() const {
   t.bit_rate = controller_->bit_rate();
   t.state = device_.state();
   t.memory_writes = flash_.writes_begun();
+  t.memory_written = flash_.writes_ended();
   if (manager_ && plan_.does.master->flying) {
     t.leads = manager_->flying().is_master();
     t.active_master = manager_->flying().active().value_or(manager::MasterRank{}).node;

@@ -48,10 +48,11 @@ struct Truth {
   NodeId persistent;           ///< what the next power-on would load
   std::uint32_t bit_rate = 0;  ///< of its controller, bit/s
   NmtState state = NmtState::initialising;
-  bool leads = false;               ///< a flying master, and the active one
-  NodeId active_master;             ///< as a flying master knows it
-  std::uint64_t memory_writes = 0;  ///< begun
-  device::Leds leds;                ///< what its indicators show; dark without power
+  bool leads = false;                ///< a flying master, and the active one
+  NodeId active_master;              ///< as a flying master knows it
+  std::uint64_t memory_writes = 0;   ///< begun
+  std::uint64_t memory_written = 0;  ///< ended, with all that was to be written
+  device::Leds leds;                 ///< what its indicators show; dark without power
 };
 
 /// One device of the plant: controller, host, dictionary and services, memory.

@@ -102,8 +102,8 @@ class DoubleWatch final : public plant::World::Observer {
     NodeId pending;
     NodeId given;  // pending by Berth's 11h
     NodeId persistent;
-    NodeId owned;  // in memory by Berth's 17h
-    std::uint64_t writes = 0;
+    NodeId owned;              // in memory by Berth's 17h
+    std::uint64_t writes = 0;  // ended
   };
 
   // What passes on one bus that counts as a question for a node-ID, or as a device's voice under it.
@@ -235,7 +235,7 @@ class DoubleWatch final : public plant::World::Observer {
     const auto t = device.truth();
     Life& life = lives_[t.name];
     life.persistent = t.persistent;
-    life.writes = t.memory_writes;
+    life.writes = t.memory_written;
     life.powered = t.powered;
     life.booting = t.booting;
     life.pending = t.pending;
@@ -257,8 +257,9 @@ class DoubleWatch final : public plant::World::Observer {
     if (on) life.came_with = t.persistent;
     if (on) life.on_since = now();
     // A memory written anew under the device's own node-ID is Berth's work too, LSS or configuration.
+    // One that a reset or a loss of power cuts off leaves what was there.
     const bool written =
-        t.persistent != life.persistent || (t.memory_writes != life.writes && !device.device().storing());
+        t.persistent != life.persistent || (t.memory_written != life.writes && !device.device().storing());
     // One that comes with the node-ID of a slot while the slot's device saves its configuration (1010h) hears that,
     // too, and saves what it came with: no 11h told that node-ID to any device since it is on, and nothing was given to
     // it.
@@ -268,7 +269,7 @@ class DoubleWatch final : public plant::World::Observer {
                       life.owned != t.persistent;
     if (t.persistent != life.persistent) life.owned = NodeId();
     if (written && !off && t.persistent.configured() && t.pending == t.persistent) life.owned = t.persistent;
-    if (written) life.writes = t.memory_writes;
+    if (written) life.writes = t.memory_written;
     life.persistent = t.persistent;
     if (t.booting && !life.booting) life.boot_began = now();
     const bool configures = t.powered && t.pending != life.pending && t.pending.value() == wire->configured &&

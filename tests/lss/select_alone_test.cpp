@@ -143,7 +143,26 @@ TEST(SelectAlone, OneFrameThatCameTwiceIsNoTwin) {
   const auto alone = w.run(select_alone(*w.master, a));
   ASSERT_TRUE(alone);
   EXPECT_EQ(*alone, Selection::alone);
-  EXPECT_EQ(asked, 2U);
+  EXPECT_EQ(asked, 3U) << "again, and with all other parts";
+}
+
+// One that was told to store, and is deaf as long as it does, is in configuration beside the next. Its late answer to
+// 17h says so: it did not hear the questions before, and to those behind both may answer in one frame.
+TEST(SelectAlone, S1_53_OneThatWakesDuringTheProofIsAskedForEveryPart) {
+  for (const int wakes_after_ms : {20, 60, 120, 180, 220, 280, 320, 360, 400}) {
+    World w;
+    Node& left = w.add(a);
+    in_configuration(w, left);
+    left.store_time = milliseconds(wakes_after_ms);
+    left.deaf_while_storing = true;
+    w.add(b);
+    ASSERT_FALSE(w.run(w.master->store(ServiceOptions{.timeout = milliseconds(1), .retries = 0})));
+    w.master = std::make_unique<Master>(w.dispatcher);  // a new master knows nothing of it
+    const auto alone = w.run(select_alone(*w.master, b));
+    ASSERT_TRUE(alone);
+    ASSERT_FALSE(left.slave.storing()) << "or the proof was over before";
+    EXPECT_EQ(*alone, Selection::not_alone) << wakes_after_ms << " ms";
+  }
 }
 
 // After Fastscan's last match the device is in configuration: it answers 5Dh there.

@@ -524,6 +524,38 @@ TEST(Configuration, HU_21_ADeviceThatGoesInTheMiddleIsNamedAndConfiguredWhenItCo
   }
 }
 
+// One beats no heart yet and is deaf while its values are compared. What failed is tried again, also where the bus has
+// devices that each look finds anew and each search ends with: two of one address.
+TEST(Configuration, WhatFailedIsTriedAgainBesideASearchThatNeverEnds) {
+  auto machine = pumps({6});
+  auto& timing = machine.buses.front().timing;
+  timing.probe_period = 400ms;
+  timing.sdo_timeout = 200ms;
+  add_slot(machine, 7, type_b);
+  auto p = plant_of(1);
+  for (const char* name : {"a", "twin"}) {
+    auto& d = add_device(p, name, type_b, 0);
+    d.speaks = {plant::Speaks::lss, plant::Speaks::fastscan};
+    d.source = plant::NodeIdSource::nonvolatile;
+    d.node_id = NodeId(13);
+  }
+  auto& pump = p.devices.front();
+  pump.plugged = false;
+  pump.habit = plant::Habit::lely;
+  pump.speaks = {plant::Speaks::lss, plant::Speaks::fastscan};
+  Rig rig(machine, p);
+  rig.begin();
+  ASSERT_TRUE(rig.run_until([&] { return rig.state(7) == SlotState::duplicate; }, 30s)) << rig.log();
+  rig.device("p1").plug();
+  ASSERT_TRUE(rig.run_until([&] { return rig.state(6) == SlotState::configuring; }, 30s)) << rig.log();
+  rig.device("p1").deaf(1s);
+  ASSERT_TRUE(rig.run_until([&] { return rig.state(6) == SlotState::failed; }, 30s)) << rig.log();
+  const auto eight_periods_and_a_look = 8 * timing.probe_period + 500ms;
+  EXPECT_TRUE(rig.run_until([&] { return rig.state(6) != SlotState::failed; }, eight_periods_and_a_look)) << rig.log();
+  EXPECT_TRUE(rig.run_until([&] { return rig.state(6) == SlotState::operational; }, 60s)) << rig.log();
+  expect_configured(rig, "p1", 6);
+}
+
 // Berth dies at any moment of the configuration; the next one ends with a device that has all of it, saved.
 TEST(Configuration, BerthDiesInTheMiddle) {
   for (int after = 0; after < 400; after += 7) {

@@ -344,6 +344,30 @@ TEST(Doubles, TwoOfOneAddressHideNobodyElse) {
   EXPECT_EQ(rig.seats(), (Seats{{5, 9}}));
 }
 
+// Three came with the node-ID of a slot, two of them with one address. The third is not bound there again and again:
+// the other slot is free.
+TEST(Doubles, TheThirdUnderANodeIdThatTwoOfOneAddressKeepIsAskedAbout) {
+  design::Machine m = slot_five();
+  add_slot(m, 6, type_b);
+  auto p = one_bus_plant(1);
+  for (const char* name : {"a", "twin"}) {
+    auto& d = stored(p, name, type_b, 7, 5);
+    d.habit.reset();
+    d.speaks = {Speaks::lss, Speaks::rand};
+    d.response = {0ms, 4ms, 0, 0ms};
+  }
+  auto& third = stored(p, "third", type_b, 9, 5);
+  third.habit.reset();
+  third.speaks = {Speaks::lss, Speaks::rand};
+  third.response = {0ms, 4ms, 0, 0ms};
+  Rig rig(m, p);
+  rig.begin();
+  EXPECT_TRUE(rig.run_until([&] { return rig.state(6) == SlotState::question; }, 60s)) << rig.log();
+  rig.run_for(20s);
+  EXPECT_EQ(rig.state(6), SlotState::question) << rig.log();
+  EXPECT_FALSE(rig.device("third").truth().active.configured());
+}
+
 // One of the two speaks RAND, and is found alone by it at each look; the third does not.
 TEST(Doubles, TwoOfOneAddressOfWhichOneSpeaksRandHideNobodyElse) {
   auto p = one_bus_plant(1);
