@@ -226,7 +226,7 @@ TEST(Masters, ADeviceStandsInForBerth) {
   standby.source = plant::NodeIdSource::hard_coded;
   standby.speaks = {};
   standby.heartbeat = 500ms;
-  standby.does.master = plant::PlantMaster{1, {1, 2, 3, 4, 5}, true};
+  standby.does.master = plant::PlantMaster{.priority = 1, .slaves = {1, 2, 3, 4, 5}, .keep_alive = true};
   Berths berths(five_slots(), file, {0});
   berths.begin(0);
   ASSERT_TRUE(berths.run_until([&] { return berths.leads(0) && berths.operational(0); })) << berths.log();
