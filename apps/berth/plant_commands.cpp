@@ -108,7 +108,9 @@ class Finder {
       return;
     }
     for (const auto& slot : running_->session->slots()) {
-      if (slot.id != node->node || !slot.device || (!node->bus.empty() && slot.bus != node->bus)) continue;
+      const auto way = operate::way_to(running_->session->machine(), slot.bus);
+      const bool is_there = node->bus.empty() || way.bus == node->bus;
+      if (slot.id != node->node || !slot.device || way.gateways != node->gateways || !is_there) continue;
       for (const auto& device : running_->world->devices()) {
         const auto truth = device->truth();
         if (truth.bus != slot.bus || truth.address != *slot.device) continue;
@@ -137,7 +139,8 @@ class Finder {
     }
     if (running_->session != nullptr && !only_device) {
       const auto node = command::find_node(running_->session->machine(), bus_, word);
-      if (node && running_->session->machine().slot(node->bus, node->node) != nullptr) {
+      const bool direct = node && node->gateways.empty();
+      if (direct && running_->session->machine().slot(node->bus, node->node) != nullptr) {
         return fmt::format("no device of the plant sits in slot {}; the devices are {}", word, some_of(names));
       }
     }

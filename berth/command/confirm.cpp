@@ -39,7 +39,8 @@ struct Disturbed {
   const operate::Beneath* beneath = nullptr;  ///< the bus of the nodes, where Berth has no port there
 };
 
-// Nodes of this bus, or of the one beneath that these gateways lead to. There the slots tell; a node without one may run.
+// Nodes of this bus, or of the one beneath that these gateways lead to. There the slots tell; a node without one may
+// run.
 Disturbed disturbed_at(Session& session, Network& network, const std::vector<multilevel::Hop>& gateways,
                        co::NmtTarget target, std::string how) {
   if (gateways.empty()) return {&network, operational_of(network, target), std::move(how)};
@@ -193,8 +194,7 @@ bool confirmed(Session& session, const Request& request, Reply& reply) {
   const auto disturbed = disturbed_by(session, request);
   if (disturbed.nodes.empty()) return true;
   const auto* const beneath = disturbed.beneath;
-  const std::string nodes =
-      whom(beneath != nullptr ? beneath->report() : disturbed.network->report(), disturbed.nodes);
+  const std::string nodes = whom(beneath != nullptr ? beneath->report() : disturbed.network->report(), disturbed.nodes);
   const std::string& bus = beneath != nullptr ? beneath->bus().name : disturbed.network->bus().name;
   const std::string text = fmt::format("bus {}: node {} is operational and {}; nothing was sent; confirm it with --yes",
                                        bus, nodes, disturbed.how);

@@ -168,8 +168,7 @@ rt::Task<void> sdo_dump(Session& session, const Request& request, Reply& reply) 
   json["read"] = dump.read;
   json["refused"] = dump.refused;
   json["objects"] = std::move(dump.objects);
-  dump.lines.push_back(fmt::format("node {}: {} values read, {} refused{}", wanted.text(), dump.read,
-                                   dump.refused,
+  dump.lines.push_back(fmt::format("node {}: {} values read, {} refused{}", wanted.text(), dump.read, dump.refused,
                                    description != nullptr ? ""
                                                           : "; no description is known: only CiA 301's objects were "
                                                             "asked for (eds = of the slot, or --eds)"));

@@ -43,6 +43,10 @@ Checked<Chosen> chosen(places::SlotStore& store, const design::Machine& machine,
   const auto bus = request.arguments.find("bus");
   const auto node = find_node(machine, bus == request.arguments.end() ? "" : bus->second, it->second);
   if (!node) return tl::unexpected(node.error());
+  if (!node->gateways.empty()) {
+    return tl::unexpected(fmt::format(
+        "{} is beneath a gateway whose own master gives the node-IDs: Berth keeps no history of it", node->text()));
+  }
   std::vector<const places::SlotRecord*> found;
   for (const auto& record : *records) {
     const auto* const slot = machine.slot(record.name.bus, node->node);

@@ -78,8 +78,8 @@ rt::Task<void> device_memory(Session& session, const Request& request, Reply& re
   json["index"] = hex(service.index, 4);
   json["sub"] = group;
   give(reply, json,
-       {fmt::format("node {}  {}  {} {}", node.text(), od::write_object({service.index, group}),
-                    group_name(group), service.done)});
+       {fmt::format("node {}  {}  {} {}", node.text(), od::write_object({service.index, group}), group_name(group),
+                    service.done)});
 }
 
 }  // namespace berth::command

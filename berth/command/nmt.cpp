@@ -103,8 +103,7 @@ rt::Task<void> request_of(Session& session, Network& bus, const NmtArguments& nm
   Json json = json_of(bus, nmt);
   json["requested_of"] = nmt.requested_of.value();
   give(reply, json,
-       {fmt::format("node {} was asked for NMT {} to {} (1F82h)", master.text(), co::name(nmt.command),
-                    whom(nmt))});
+       {fmt::format("node {} was asked for NMT {} to {} (1F82h)", master.text(), co::name(nmt.command), whom(nmt))});
 }
 
 // NMT ends at a gateway: the master of the bus beneath it sends the command.

@@ -9,8 +9,8 @@
 #include <vector>
 
 #include "berth/can/frame.hpp"
-#include "berth/co/sdo_access.hpp"
 #include "berth/co/nmt.hpp"
+#include "berth/co/sdo_access.hpp"
 #include "berth/command/arguments.hpp"
 #include "berth/design/machine.hpp"
 #include "berth/multilevel/path.hpp"
@@ -29,9 +29,9 @@ struct NodeArgument {
   /// "5", "3/5".
   [[nodiscard]] std::string text() const { return multilevel::to_string(multilevel::Path{gateways, node}); }
 };
-/// `word`: "5", "left", "line/left", "3/5" (node 5 beneath gateway 3), "3.2/5" (on its second bus beneath); slots' names
-/// in either case. The slot of a bus without a port is beneath the gateways that lead there. What is wrong, or ambiguous, is for people, with what
-/// there is to choose from.
+/// `word`: "5", "left", "line/left", "3/5" (node 5 beneath gateway 3), "3.2/5" (on its second bus beneath); slots'
+/// names in either case. The slot of a bus without a port is beneath the gateways that lead there. What is wrong, or
+/// ambiguous, is for people, with what there is to choose from.
 [[nodiscard]] Checked<NodeArgument> find_node(const design::Machine& machine, const std::string& bus,
                                               const std::string& word);
 /// The request's "bus" and "node". What is wrong is kept by `arguments`.

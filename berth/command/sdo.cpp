@@ -157,9 +157,9 @@ rt::Task<void> sdo_read(Session& session, const Request& request, Reply& reply) 
     const auto bytes = value->bytes();
     if (object.type_given && !fits(object.type, bytes)) {
       answers.refused(object,
-                      fmt::format("{}: node {}, object {} has {} bytes ({}), {} has {}", answers.where(), wanted.node.text(),
-                                  od::write_object(object.ref), bytes.size(), hex_bytes(bytes), od::name(object.type),
-                                  od::byte_size(object.type)),
+                      fmt::format("{}: node {}, object {} has {} bytes ({}), {} has {}", answers.where(),
+                                  wanted.node.text(), od::write_object(object.ref), bytes.size(), hex_bytes(bytes),
+                                  od::name(object.type), od::byte_size(object.type)),
                       "give its own type, or none to see the bytes");
       continue;
     }

@@ -94,7 +94,7 @@ struct FlyingBus {
 struct Bus {
   std::string name;
   PortSpec port;
-  bool own_port = true;               ///< false: `port = "gateway"`, Berth reaches it through `gateway` alone
+  bool own_port = true;             ///< false: `port = "gateway"`, Berth reaches it through `gateway` alone
   std::uint32_t bitrate = 125'000;  ///< bit/s, one of CiA 301's
   Role role = Role::master;
   NodeId master{127};  ///< `master_id`
@@ -145,9 +145,9 @@ struct Described {
 struct Machine {
   std::string name;
   std::string file;
-  std::vector<Bus> buses;   ///< on which Berth has a port, in the order of the file; at least one
+  std::vector<Bus> buses;         ///< on which Berth has a port, in the order of the file; at least one
   std::vector<Bus> beneath = {};  ///< on which it has none, each above those beneath it
-  std::vector<Slot> slots;  ///< in the order of the file, ranges ascending
+  std::vector<Slot> slots;        ///< in the order of the file, ranges ascending
   std::vector<Link> links;
   std::string link_plan;  ///< path of the plan that links go on from; empty: none
   Library library;        ///< of the file itself and of `devices =`

@@ -32,7 +32,8 @@ rt::Task<Result<void>> NodeIdAssigner::run(NodeId own, std::bitset<128> there) {
   for (std::uint8_t number = 1; number <= 127; ++number) {
     const NodeId node(number);
     SlaveRules rules = slave_rules_of(*values_, node);
-    if (rules.assigned && node != own) list_.push_back({.node = node, .rules = std::move(rules), .there = there[number]});
+    if (rules.assigned && node != own)
+      list_.push_back({.node = node, .rules = std::move(rules), .there = there[number]});
   }
   {
     rt::Scope questions(*executor_);
@@ -100,8 +101,8 @@ NodeId NodeIdAssigner::assign(const LssAddress& device) noexcept {
   }
   if (free.empty()) return {};
   std::erase(met_, device);
-  const auto before = static_cast<std::size_t>(
-      std::ranges::count_if(met_, [&](const LssAddress& other) { return other.type() == device.type() && other < device; }));
+  const auto before = static_cast<std::size_t>(std::ranges::count_if(
+      met_, [&](const LssAddress& other) { return other.type() == device.type() && other < device; }));
   Wanted& chosen = *free[std::min(before, free.size() - 1)];
   chosen.there = true;
   ++given_;

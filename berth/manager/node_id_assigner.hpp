@@ -1,9 +1,9 @@
-/// Gives the devices of a network list their node-IDs by LSS, before the network is booted: what makes a master that has
-/// nothing but its dictionary (`DictionaryManager`) work with devices that are new from the factory, and put a
+/// Gives the devices of a network list their node-IDs by LSS, before the network is booted: what makes a master that
+/// has nothing but its dictionary (`DictionaryManager`) work with devices that are new from the factory, and put a
 /// replacement to work. Which device belongs to which node-ID the list says: vendor-ID and product code (1F85h, 1F86h)
 /// have to be given and to agree, revision number and serial number (1F87h, 1F88h) where they are not 0. Of several
-/// devices of one type the lowest serial number gets the lowest free node-ID, as far as they are known when the first of
-/// them is met; a device that no entry fits is left alone.
+/// devices of one type the lowest serial number gets the lowest free node-ID, as far as they are known when the first
+/// of them is met; a device that no entry fits is left alone.
 ///
 ///     NodeIdAssigner assigner(dispatcher, manager.bus().sdo(), device.values());
 ///     manager.assign_by(&assigner);

@@ -105,8 +105,8 @@ std::vector<SlotReport> Beneath::report() const {
 }
 
 bool Beneath::operational() const noexcept {
-  return std::ranges::all_of(
-      places_, [](const Place& p) { return p.spec.optional || p.now.state == SlotState::operational; });
+  return std::ranges::all_of(places_,
+                             [](const Place& p) { return p.spec.optional || p.now.state == SlotState::operational; });
 }
 
 void Beneath::set_state(Place& place, SlotState state, std::string reason) {
@@ -114,9 +114,9 @@ void Beneath::set_state(Place& place, SlotState state, std::string reason) {
   if (place.now.state != state) place.now.since = executor_.now();
   place.now.state = state;
   place.now.reason = std::move(reason);
-  events_.tell(EventKind::state, place.now.name,
-               place.now.reason.empty() ? places::name(state)
-                                        : fmt::format("{}: {}", places::name(state), place.now.reason));
+  events_.tell(
+      EventKind::state, place.now.name,
+      place.now.reason.empty() ? places::name(state) : fmt::format("{}: {}", places::name(state), place.now.reason));
   const bool all = operational();
   if (all && !std::exchange(was_operational_, all) && operational_call_) operational_call_();
   was_operational_ = all;
@@ -269,9 +269,10 @@ rt::Task<void> Beneath::adopt() {
   manager::Configurator configurator(access(bus_.master), access(bus_.master), whole, options);
   const bool has_list = co_await configurator.has_date();
   if (!has_list) {
-    events_.tell_once(EventKind::error,
-                      "its gateway runs with another network list than this machine file's: it gets the new one when the "
-                      "gateway boots");
+    events_.tell_once(
+        EventKind::error,
+        "its gateway runs with another network list than this machine file's: it gets the new one when the "
+        "gateway boots");
   }
   up_ = true;
 }

@@ -1,6 +1,6 @@
 /// A bus beneath a gateway on which Berth has no port (`port = "gateway"`; docs/multilevel.md): the gateway's
-/// own NMT master gives the node-IDs, boots, starts and watches there, by its dictionary (CiA 302-2), and this makes and
-/// keeps that dictionary right, through the gateway, and tells what becomes of the slots.
+/// own NMT master gives the node-IDs, boots, starts and watches there, by its dictionary (CiA 302-2), and this makes
+/// and keeps that dictionary right, through the gateway, and tells what becomes of the slots.
 ///
 /// `bring_up` is called before the gateway itself is started. The network list is compared by its date (1020h of the
 /// gateway's node beneath) and written when it is another; then that node is reset, and boots its bus. A bus with
@@ -26,7 +26,7 @@ namespace berth::operate {
 
 /// How a bus of a machine is reached.
 struct Way {
-  std::string bus;                            ///< on which Berth has a port
+  std::string bus;                             ///< on which Berth has a port
   std::vector<multilevel::Hop> gateways = {};  ///< from there down, topmost first
   friend bool operator==(const Way&, const Way&) = default;
 };

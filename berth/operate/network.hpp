@@ -139,7 +139,7 @@ class Network final : private PortHealth::Owner {
   PortHealth port_;
   MainJob job_;
   Scan scan_;
-  std::unique_ptr<Asked> asked_;  // what is asked of the master's own device
+  std::unique_ptr<Asked> asked_;            // what is asked of the master's own device
   std::unique_ptr<Mastership> mastership_;  // as above
   bool running_ = false;
   rt::Scope scope_;  // last: its tasks use everything above

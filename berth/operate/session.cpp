@@ -69,7 +69,9 @@ class Session::StampedStore final : public places::SlotStore {
 };
 
 Session::Session(rt::Executor& executor, const design::Machine& machine, places::SlotStore& store)
-    : executor_(&executor), machine_(&machine), store_(std::make_unique<StampedStore>(executor, store)),
+    : executor_(&executor),
+      machine_(&machine),
+      store_(std::make_unique<StampedStore>(executor, store)),
       tree_(executor, machine, networks_) {}
 
 Session::~Session() {

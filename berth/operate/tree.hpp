@@ -1,5 +1,5 @@
-/// The buses beneath gateways, as a session knows them (docs/multilevel.md): those on which Berth has no port, how each is
-/// reached, and what must run before a gateway is started.
+/// The buses beneath gateways, as a session knows them (docs/multilevel.md): those on which Berth has no port, how each
+/// is reached, and what must run before a gateway is started.
 #pragma once
 
 #include <map>

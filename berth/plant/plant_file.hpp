@@ -160,8 +160,8 @@ struct PlantGateway {
   friend bool operator==(const PlantGateway&, const PlantGateway&) = default;
 };
 
-/// The device is an NMT master of its bus, by its own dictionary: a flying one (docs/flying-master.md), or the only one,
-/// which gives its slaves their node-IDs too. Key `master`.
+/// The device is an NMT master of its bus, by its own dictionary: a flying one (docs/flying-master.md), or the only
+/// one, which gives its slaves their node-IDs too. Key `master`.
 struct PlantMaster {
   bool flying = true;
   std::uint8_t most = 32;        ///< highest node-ID of a slave; of a flying master the last of `slaves`

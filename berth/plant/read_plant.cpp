@@ -204,7 +204,8 @@ void read_master(Table& table, PlantDevice& device) {
   master.flying = entry->boolean("flying").value_or(true);
   if (!master.flying) {
     master.most = static_cast<std::uint8_t>(entry->u32("most", {1, 127}).value_or(master.most));
-  } else if (const auto priority = entry->integer("priority", {0, 2})) master.priority = static_cast<std::uint8_t>(*priority);
+  } else if (const auto priority = entry->integer("priority", {0, 2}))
+    master.priority = static_cast<std::uint8_t>(*priority);
   if (master.flying && entry->require("slaves", "the node-IDs of its network list, such as \"1..5\"")) {
     const auto text = entry->string("slaves").value_or("");
     const auto slaves = text::parse_ranges(text, 1, 127);

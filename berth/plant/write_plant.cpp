@@ -98,8 +98,8 @@ void write_variables(PlantWriter& w, const PlantDevice& d) {
   if (d.does.variables.empty()) return;
   std::string list = "[\n";
   for (const auto& each : d.does.variables) {
-    list += fmt::format("  {{ name = {}, type = \"{}\", object = \"{}\" }},\n", text::quoted(each.name), od::name(each.type),
-                        od::write_object(each.object));
+    list += fmt::format("  {{ name = {}, type = \"{}\", object = \"{}\" }},\n", text::quoted(each.name),
+                        od::name(each.type), od::write_object(each.object));
   }
   w.raw("variables", list + "]");
 }

@@ -358,14 +358,16 @@ TEST(MachineFile, GatewaysInACircle) {
   EXPECT_EQ(result.findings[0].message, "these gateways run in a circle");
 }
 
-// Buses on which Berth has no port are apart from the others, each above those beneath it, in whatever order they stand.
+// Buses on which Berth has no port are apart from the others, each above those beneath it, in whatever order they
+// stand.
 TEST(MachineFile, BusesWithoutAPort) {
   const std::string tail =
       "[[slot]]\nbus = \"top\"\nid = 3\nname = \"g\"\ntype = { vendor = 1, product = 2 }\n"
       "[[slot]]\nbus = \"mid\"\nid = 4\nname = \"h\"\ntype = { vendor = 1, product = 2 }\n";
   const std::string top = "[machine]\nname = \"m\"\n[bus.top]\nport = \"sim\"\nbitrate = 10_000\n";
   const std::string low =
-      "[bus.low]\nport = \"gateway\"\nbitrate = 10_000\nmaster_id = 1\ngateway = { bus = \"mid\", slot = 4, port = 2 }\n";
+      "[bus.low]\nport = \"gateway\"\nbitrate = 10_000\nmaster_id = 1\ngateway = { bus = \"mid\", slot = 4, port = 2 "
+      "}\n";
   const std::string mid =
       "[bus.mid]\nport = \"gateway\"\nbitrate = 10_000\nmaster_id = 1\ngateway = { bus = \"top\", slot = 3 }\n";
   const auto result = read_machine(low + mid + top + tail, "m.toml", {});

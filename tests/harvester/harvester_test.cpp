@@ -88,8 +88,8 @@ TEST(HarvesterMachine, BootsFromBlankFromTheBottomUp) {
   }
 }
 
-// The two undercarriages have the same node-IDs, and each device sits in the slot of its own side: node-IDs go by serial
-// number, ascending.
+// The two undercarriages have the same node-IDs, and each device sits in the slot of its own side: node-IDs go by
+// serial number, ascending.
 TEST(HarvesterMachine, EqualSubsystemsStayApart) {
   Harvester machine;
   ASSERT_TRUE(machine.begin()) << machine.problem();
@@ -112,12 +112,14 @@ TEST_F(Running, ALaterRunFindsEverythingInPlace) {
   EXPECT_TRUE(machine.all_run());
 }
 
-// The cable of each bus is cut beside the gateway (the backbone's beside Berth) and put together again: every slot that is
-// cut off is told once, and everything runs again.
+// The cable of each bus is cut beside the gateway (the backbone's beside Berth) and put together again: every slot that
+// is cut off is told once, and everything runs again.
 TEST_F(Running, ABusThatIsCutIsToldOnceAndHeals) {
-  const std::vector<std::pair<std::string, std::string>> cuts{
-      {"left", "left port"}, {"right", "right port"}, {"header", "header port"}, {"reel", "reel port"},
-      {"backbone", "master"}};
+  const std::vector<std::pair<std::string, std::string>> cuts{{"left", "left port"},
+                                                              {"right", "right port"},
+                                                              {"header", "header port"},
+                                                              {"reel", "reel port"},
+                                                              {"backbone", "master"}};
   for (const auto& [bus, node] : cuts) {
     const auto since = now();
     cut(bus, node);
@@ -130,7 +132,8 @@ TEST_F(Running, ABusThatIsCutIsToldOnceAndHeals) {
     ASSERT_TRUE(up(60s)) << bus << "\n" << machine.log();
     machine.run_for(5s);
     EXPECT_TRUE(machine.operational() && machine.all_run()) << bus;
-    for (const auto& spec : machine.machine().specs(bus)) EXPECT_EQ(absences(spec.name.name, since), 1) << spec.name.name;
+    for (const auto& spec : machine.machine().specs(bus))
+      EXPECT_EQ(absences(spec.name.name, since), 1) << spec.name.name;
   }
 }
 
@@ -187,8 +190,10 @@ TEST_F(Running, VerbsTakePaths) {
   const auto by_name = ask("sdo read", {{"node", "reel motor"}, {"object", "1018h:04"}});
   EXPECT_EQ(by_name.status, 0) << by_name.error;
   EXPECT_NE(by_name.json.find("5/13/2"), std::string::npos) << by_name.json;
-  EXPECT_EQ(ask("sdo write", {{"node", "5/13/2"}, {"bus", "backbone"}, {"object", "6042h"}, {"value", "-120"}}).status, 0);
-  EXPECT_EQ(machine.world().find("reel motor")->device().values().get_or<std::int16_t>({0x6042, 0}, std::int16_t{0}), -120);
+  EXPECT_EQ(ask("sdo write", {{"node", "5/13/2"}, {"bus", "backbone"}, {"object", "6042h"}, {"value", "-120"}}).status,
+            0);
+  EXPECT_EQ(machine.world().find("reel motor")->device().values().get_or<std::int16_t>({0x6042, 0}, std::int16_t{0}),
+            -120);
   EXPECT_EQ(ask("emcy", {{"node", "left oil sensor"}}).status, 0);
   EXPECT_EQ(ask("sdo dump", {{"node", "header/locks"}}).status, 0);
 

@@ -160,8 +160,8 @@ TEST_F(Boom, BootsFromTheBottomUp) {
   EXPECT_EQ(truth("sensor").state, NmtState::operational);
 }
 
-// A device of a mandatory slave's type that comes later gets the node-ID that is free, and the bus goes on. It is as well
-// when a device is gone for good and a new one comes in its place.
+// A device of a mandatory slave's type that comes later gets the node-ID that is free, and the bus goes on. It is as
+// well when a device is gone for good and a new one comes in its place.
 TEST_F(Boom, PutsAReplacementToWork) {
   world->sim().run_for(500ms);
   world->find("valve 2")->unplug();
