@@ -90,7 +90,10 @@ TEST(Node, WhatIsWrongSaysWhatThereIs) {
   for (const char* wrong : {"", "0", "128", "-1", "left", "5.0", "line/", "/", "$NODEID", "0x80"}) {
     EXPECT_FALSE(find_node(m, "", wrong)) << wrong;
   }
-  EXPECT_TRUE(says(why(find_node(m, "", "3/5")), "gateway"));
+  const auto beneath = find_node(m, "", "3/5");
+  ASSERT_TRUE(beneath);
+  EXPECT_EQ(beneath->text(), "3/5");
+  EXPECT_FALSE(find_node(m, "", "3/128"));
   EXPECT_TRUE(says(why(find_node(design::Machine(), "", "left")), "machine file"));
 }
 
