@@ -25,8 +25,9 @@ namespace berth::co {
 ///   (HC1.S8), CRC 0504 0004.
 /// - Uploads of at most `buffer` bytes are taken whole at the initiate, so that the client gets one consistent value;
 ///   longer ones are read from the dictionary piece by piece, and aborted with 0800 0022 when the length changes
-///   meanwhile. What a stream does not have yet is answered when it has it (`complete`). Downloads are collected in the buffer and written once, at the end; what does not fit is refused with
-///   0504 0005. An object with an `od::Stream` goes through the buffer, however long it is.
+///   meanwhile. What a stream does not have yet is answered when it has it (`complete`). Downloads are collected in the
+///   buffer and written once, at the end; what does not fit is refused with 0504 0005. An object with an `od::Stream`
+///   goes through the buffer, however long it is.
 /// - Downloads without indicated size, segmented, block and expedited, are legal (HC1.S1, HC1.S3, HC1.S17).
 /// - Block: CRC is used, and offered, when the client can, too (HC1.S10). A block upload of an object not longer than
 ///   the client's protocol switch threshold is answered as a normal upload (HC1.S11). A lost segment is asked for
@@ -137,7 +138,7 @@ class SdoServer {
   std::uint32_t response_key_ = 0;
   ObjectRef ref_;
   State state_ = State::idle;
-  bool toggle_ = false;       // expected in the next segment
+  bool toggle_ = false;  // expected in the next segment
   [[nodiscard]] unsigned crc_bit() const noexcept { return crc_used_ ? 0x04U : 0x00U; }
   bool crc_used_ = false;        // block
   std::uint8_t block_size_ = 0;  // upload: what the client asked for first
