@@ -116,6 +116,7 @@ void Starter::boot_failed(Seat& seat, const manager::BootResult& result) {
     case Status::h:
     case Status::i:
     case Status::n: {
+      if (seat.state == SlotState::absent) return;
       const std::string unreadable = programming_.unreadable(seat);
       slots_.set_state(seat, SlotState::failed, unreadable.empty() ? result.text() : unreadable);
       seat.boot.status = result.status;
@@ -134,11 +135,17 @@ void Starter::boot_failed(Seat& seat, const manager::BootResult& result) {
 rt::Task<Result<void>> Starter::update(Seat& seat, manager::BootTarget& target) {
   if (configuring_.rebooted(seat)) co_return fail(Errc::mismatch, "another device may have booted here");
   const auto updated = co_await programming_.update(seat, target);
-  if (!updated) co_return updated;
+  // Its restarts are not those of another device, and no reason to write its flash memory again.
+  const rt::Time asked = s_.executor.now();
   const auto who = co_await places::Binder::read_identity(s_.sdo, seat.id());
   const bool same = who && seat.slot.record.confirmed && *who == seat.slot.record.confirmed->device;
-  if (same) seat.checked = s_.executor.now();
-  if (same) slots_.set_state(seat, SlotState::present, "it has its programs");
+  if (same) seat.checked = asked;
+  if (same && updated) slots_.set_state(seat, SlotState::present, "it has its programs");
+  const bool silent = !who && who.error().code == Errc::timeout;
+  if (silent) {
+    seat.there = false;
+    slots_.set_absent(seat, "it fell silent while it was programmed");
+  }
   co_return updated;
 }
 

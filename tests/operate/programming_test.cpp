@@ -82,7 +82,7 @@ class Programming : public ::testing::Test {
   Programming() : rig_(machine(), plant()) {}
 
   // The slot's device leaves as soon as `now` holds, and the spare boots in its place.
-  void change_places_when(std::function<bool(const ProgramEar&)> now) {
+  void change_places_when(std::function<bool(const ProgramEar&)> now, bool spare_comes = true) {
     rig_.begin();
     ASSERT_TRUE(rig_.until_operational(30s)) << rig_.log();
     rig_.kill();
@@ -90,12 +90,12 @@ class Programming : public ::testing::Test {
     rig_.run_for(1s);
     file_.become("controller-2.bprg");
     ear_.asked = 0;
-    ear_.changed = [this, now = std::move(now)] {
+    ear_.changed = [this, now = std::move(now), spare_comes] {
       if (changed_ || !now(ear_)) return;
       changed_ = true;
-      rig_.world().sim().after(1us, [this] {
+      rig_.world().sim().after(1us, [this, spare_comes] {
         rig_.device("own").unplug();
-        rig_.device("spare").plug();
+        if (spare_comes) rig_.device("spare").plug();
       });
     };
     rig_.begin();
@@ -172,4 +172,12 @@ TEST_F(Programming, ASpareThatBootsDuringTheDownloadIsNotProgrammed) {
   change_places_when([](const ProgramEar& ear) { return ear.downloads == 1; });
   EXPECT_EQ(spares_program(), as_it_came) << rig_.log();
   expect_own_is_programmed();
+}
+
+// It leaves in the middle, and no other comes: its slot says so, and is ready for it.
+TEST_F(Programming, ADeviceThatLeavesInTheMiddleIsAbsentAndProgrammedWhenItComesBack) {
+  change_places_when([](const ProgramEar& ear) { return ear.downloads == 1; }, false);
+  EXPECT_EQ(rig_.state(5), SlotState::absent) << rig_.log();
+  rig_.device("own").plug();
+  EXPECT_TRUE(rig_.until_operational(120s)) << rig_.log();
 }
