@@ -129,7 +129,7 @@ TEST_F(Command, WrongArgumentsAreExitTwo) {
            {"sdo", "read", "0", "0x1000"},
            {"sdo", "read", "128", "0x1000"},
            {"sdo", "read", "127", "0x1000"},  // Berth's own
-           {"sdo", "read", "3/5", "0x1000"},
+           {"sdo", "read", "3//5", "0x1000"},
            {"sdo", "read", "five", "0x1000"},
            {"sdo", "read", "2", "0x10000"},
            {"sdo", "read", "2", "0x1000", "256"},

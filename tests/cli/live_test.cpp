@@ -2,6 +2,7 @@
 // ports are given on the command line, single commands find their way, the port goes and comes back.
 #include <gtest/gtest.h>
 #include <signal.h>
+#include <sys/wait.h>
 #include <unistd.h>
 #include <string>
 
@@ -99,7 +100,8 @@ TEST_F(Live, BesideAnotherMasterUpRefusesAndNamesIt) {
 }
 
 // Two masters of which each listened before the other sent: whichever hears the other first shuts, so one of them at
-// least, and that one writes nothing more. Which, and whether both, is the machine's scheduling.
+// least, and that one writes nothing more. Which, and whether both, is the machine's scheduling; one that hears the
+// other before it sends ends.
 TEST_F(Live, OfTwoMastersTheOneThatHearsTheOtherIsShut) {
   const std::string control = folder.file("first.sock");
   const Background first({"up", machine, "--pace", "--control", control});
@@ -107,7 +109,7 @@ TEST_F(Live, OfTwoMastersTheOneThatHearsTheOtherIsShut) {
   const std::string deaf = folder.write(
       "deaf.toml", replaced(on_plant("deaf machine"), "listen            = \"1 s\"", "listen            = \"0 s\""));
   const std::string second_control = folder.file("second.sock");
-  const Background second({"up", deaf, "--pace", "--control", second_control});
+  Background second({"up", deaf, "--pace", "--control", second_control});
   const auto status = [](const std::string& file, const std::string& at) {
     return berth({"status", "--machine", file, "--control", at, "--json"}).out;
   };
@@ -115,12 +117,22 @@ TEST_F(Live, OfTwoMastersTheOneThatHearsTheOtherIsShut) {
   const auto is_shut = [](const std::string& text) {
     return text.find("another master is on this bus") != std::string::npos;
   };
+  const auto second_has_ended = [&] {
+    siginfo_t how{};
+    const auto pid = static_cast<id_t>(second.pid());
+    return ::waitid(P_PID, pid, &how, WEXITED | WNOHANG | WNOWAIT) == 0 && how.si_pid != 0;
+  };
   EXPECT_TRUE(eventually([&] {
     texts[0] = status(machine, control);
     texts[1] = status(deaf, second_control);
-    return is_shut(texts[0]) || is_shut(texts[1]);
+    return is_shut(texts[0]) || is_shut(texts[1]) || second_has_ended();
   })) << texts[0]
       << texts[1];
+  if (second_has_ended()) {
+    const Outcome refused = second.end();
+    EXPECT_EQ(refused.status, 1) << refused.out;
+    EXPECT_TRUE(is_shut(refused.err)) << refused.out << refused.err;
+  }
   for (const std::string& text : texts) {
     if (!is_shut(text)) continue;
     EXPECT_NE(text.find("Berth writes nothing more on this bus"), std::string::npos) << text;

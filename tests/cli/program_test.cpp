@@ -9,9 +9,11 @@
 #include <unistd.h>
 
 #include <cstdint>
+#include <cstdlib>
 #include <functional>
 #include <map>
 #include <nlohmann/json.hpp>
+#include <optional>
 #include <string>
 #include <vector>
 
@@ -92,6 +94,8 @@ RC_GTEST_PROP(ControlLine, RepliesComeBack, (int status, const std::vector<std::
 }
 
 TEST(ControlPath, LiesWithItsOwnerAndKnowsItsMachine) {
+  const char* const runtime = std::getenv("XDG_RUNTIME_DIR");
+  const std::optional<std::string> before = runtime == nullptr ? std::nullopt : std::optional<std::string>(runtime);
   ::unsetenv("XDG_RUNTIME_DIR");
   EXPECT_EQ(command::control_path("five slaves"), "/tmp/berth-" + std::to_string(::getuid()) + "/five_slaves.sock");
   EXPECT_EQ(command::control_path("../x"), "/tmp/berth-" + std::to_string(::getuid()) + "/.._x.sock");
@@ -100,6 +104,7 @@ TEST(ControlPath, LiesWithItsOwnerAndKnowsItsMachine) {
   ::setenv("XDG_RUNTIME_DIR", "/no/such/folder", 1);
   EXPECT_EQ(command::control_path("m"), "/tmp/berth-" + std::to_string(::getuid()) + "/m.sock");
   ::unsetenv("XDG_RUNTIME_DIR");
+  if (before) ::setenv("XDG_RUNTIME_DIR", before->c_str(), 1);
 }
 
 // /tmp/berth-UID is whoever's who made it first: a client asks nothing of what listens in a stranger's folder.
