@@ -85,8 +85,8 @@ rt::Task<Result<void>> NodeIdAssigner::search() {
   if (!quiet) co_return fail(quiet.error());
   // RAND has found them, and they would not answer when the list has a place for them.
   for (const auto& device : found->found) {
-    const bool known = std::ranges::find(met_, device.address) != met_.end();
-    if (!known && !device.assigned.configured()) met_.push_back(device.address);
+    const bool met = std::ranges::find(met_, device.address) != met_.end();
+    if (!met && !device.assigned.configured()) met_.push_back(device.address);
     if (device.assigned.configured() || device.by != discovery::Method::planner_rand) continue;
     const auto told = co_await rand_.switch_selective(device.address, nodeid::Identification::unknown);
     if (!told) co_return fail(told.error());
