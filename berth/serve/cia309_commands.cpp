@@ -163,7 +163,7 @@ rt::Task<Outcome> NetCommands::command(const Request& request, Net& net) {
   using co::NmtCommand;
   struct Word {
     Verb verb;
-    NmtCommand command;
+    NmtCommand nmt;
     const char* word;
   };
   static constexpr std::array<Word, 5> words{{{Verb::start, NmtCommand::start, "start"},
@@ -172,7 +172,7 @@ rt::Task<Outcome> NetCommands::command(const Request& request, Net& net) {
                                               {Verb::reset_node, NmtCommand::reset_node, "reset-node"},
                                               {Verb::reset_comm, NmtCommand::reset_communication, "reset-comm"}}};
   const Word word = *std::ranges::find(words, request.verb, &Word::verb);
-  const bool harmless = word.command == NmtCommand::stop || word.command == NmtCommand::enter_pre_operational;
+  const bool harmless = word.nmt == NmtCommand::stop || word.nmt == NmtCommand::enter_pre_operational;
   if (!permits_->may_send(net, !harmless)) co_return Outcome::refused(Code::internal_state);
   command::Request wanted = permits_->request_for(net, "nmt");
   wanted.arguments["command"] = word.word;
@@ -180,9 +180,9 @@ rt::Task<Outcome> NetCommands::command(const Request& request, Net& net) {
   if (!permits_->undisturbing(wanted)) co_return Outcome::refused(Code::internal_state);
   co::NmtTarget target = co::NmtTarget::all();
   if (*request.node != 0) target = co::NmtTarget(NodeId(*request.node));
-  const auto sent = co_await net.network.services().nmt.send(word.command, target);
+  const auto sent = co_await net.network.services().nmt.send(word.nmt, target);
   if (!sent) co_return net.failed(sent.error());
-  net.network.commanded(word.command, target);
+  net.network.commanded(word.nmt, target);
   co_return Outcome();
 }
 
