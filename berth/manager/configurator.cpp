@@ -225,12 +225,6 @@ rt::Task<bool> Configurator::read_entry(std::size_t index, ConfigurationReport& 
   auto value = co_await read(object, entry.bytes.size());
   if (!value) {
     const bool write_only = !entry.compare_only && aborted_with(value.error(), {od::AbortCode::write_only});
-    const bool never_given = !entry.compare_only && aborted_with(value.error(), {od::AbortCode::no_data});
-    if (never_given) {  // a DOMAIN that was never written
-      changes_[index] = true;
-      report.differences.push_back({object, entry.name, entry.line, entry.type, entry.bytes, std::nullopt, entry.own});
-      co_return true;
-    }
     if (!write_only) {
       fail_at(report, Stage::comparing, entry, value.error());
       co_return false;
