@@ -93,7 +93,7 @@ rt::Task<void> request_of(Session& session, Network& bus, const NmtArguments& nm
   co::SdoAccess& objects = objects_of(session, bus, master, how, direct);
   const std::uint8_t sub = nmt.request_sub();
   const std::span<const std::uint8_t> data(value);
-  const auto written = co_await objects.write(0x1F82, sub, data);
+  const auto written = co_await objects.write(od::cia302::request_nmt, sub, data);
   if (!written) {
     co_return fail_with(reply, written.error(),
                         fmt::format("bus {}, NMT {} of {} by the master at node {} (1F82h:{:02X})", bus.bus().name,

@@ -7,13 +7,13 @@
 
 #include "berth/manager/configurator.hpp"
 #include "berth/manager/network_requests.hpp"
+#include "berth/od/cia302.hpp"
 
 namespace berth::operate {
 namespace {
 
 using places::SlotState;
 
-constexpr std::uint16_t request_nmt = 0x1F82;
 constexpr auto look_pause = std::chrono::milliseconds(200);  // between two looks at a bus that boots
 constexpr std::uint16_t heartbeat_lost = 0x8130;
 
@@ -23,6 +23,12 @@ Error error_of(const manager::Failure& failure) noexcept {
           .sub = failure.object.sub,
           .index = failure.object.index,
           .text = "the gateway's master does not keep its network list"};
+}
+
+rt::Task<bool> has_list(co::SdoAccess& master, const manager::Wanted& whole) {
+  const manager::ConfiguratorOptions options;
+  manager::Configurator configurator(master, master, whole, options);
+  co_return co_await configurator.has_date();
 }
 
 // A device may lack all of 1018h but its vendor-ID.
@@ -124,9 +130,14 @@ void Beneath::set_state(Place& place, SlotState state, std::string reason) {
 
 // ---- bringing it up
 
-manager::Wanted Beneath::list(std::span<const places::SlotSpec> slots, std::span<const NodeId> held_back) {
+manager::Wanted Beneath::list(std::span<const NodeId> first) {
+  std::vector<places::SlotSpec> slots;
+  for (const auto& place : places_) {
+    const bool taken = first.empty() || std::ranges::find(first, place.spec.id) != first.end();
+    if (taken) slots.push_back(place.spec);
+  }
   Findings findings;
-  auto made = network_list(bus_, slots, held_back, findings);
+  auto made = network_list(bus_, slots, first, findings);
   for (const auto& finding : findings) {
     if (finding.severity == Finding::Severity::error) events_.tell_once(EventKind::error, to_string(finding));
   }
@@ -148,28 +159,22 @@ rt::Task<Result<void>> Beneath::put_list(const manager::Wanted& list) {
   const std::array<std::uint8_t, 1> value{manager::request_value(co::NmtCommand::reset_node)};
   const std::span<const std::uint8_t> data = value;
   co::SdoAccess& master = access(bus_.master);
-  co_return co_await master.write(request_nmt, bus_.master.value(), data);
+  co_return co_await master.write(od::cia302::request_nmt, bus_.master.value(), data);
 }
 
 rt::Task<Result<void>> Beneath::bring_up() {
   brings_up_ = true;
   up_ = true;
-  std::vector<places::SlotSpec> all;
-  for (const auto& place : places_) all.push_back(place.spec);
-  const manager::Wanted whole = list(all, {});
-  const manager::ConfiguratorOptions options;
-  bool has_list = false;
-  {
-    manager::Configurator configurator(access(bus_.master), access(bus_.master), whole, options);
-    has_list = co_await configurator.has_date();
-  }
+  const manager::Wanted whole = list();
+  co::SdoAccess& master = access(bus_.master);
+  const bool has_it = co_await has_list(master, whole);
   Result<void> done;
-  if (!has_list) {
+  if (!has_it) {
     done = co_await gateways_first();
     if (done) done = co_await put_list(whole);
   }
   if (done) done = co_await await_operational();
-  if (done && has_list) done = co_await bring_up_all(executor_, deeper_);
+  if (done && has_it) done = co_await bring_up_all(executor_, deeper_);
   brings_up_ = false;
   if (!done && done.error().code == Errc::timeout) gateway_is_silent(done.error());
   co_return done;
@@ -180,11 +185,7 @@ rt::Task<Result<void>> Beneath::gateways_first() {
   if (deeper_.empty()) co_return Result<void>{};
   std::vector<NodeId> nodes;
   for (const auto* const deeper : deeper_) nodes.push_back(deeper->way().gateways.back().gateway);
-  std::vector<places::SlotSpec> gateways;
-  for (const auto& place : places_) {
-    if (std::ranges::find(nodes, place.spec.id) != nodes.end()) gateways.push_back(place.spec);
-  }
-  const manager::Wanted first = list(gateways, nodes);
+  const manager::Wanted first = list(nodes);
   const auto put = co_await put_list(first);
   if (!put) co_return put;
   const rt::Time deadline = executor_.now() + patience;
@@ -262,13 +263,10 @@ rt::Task<void> Beneath::look_around(std::optional<NodeId> told) {
 
 // What runs is not disturbed: another list than the machine file's is told, no more.
 rt::Task<void> Beneath::adopt() {
-  std::vector<places::SlotSpec> all;
-  for (const auto& place : places_) all.push_back(place.spec);
-  const manager::Wanted whole = list(all, {});
-  const manager::ConfiguratorOptions options;
-  manager::Configurator configurator(access(bus_.master), access(bus_.master), whole, options);
-  const bool has_list = co_await configurator.has_date();
-  if (!has_list) {
+  const manager::Wanted whole = list();
+  co::SdoAccess& master = access(bus_.master);
+  const bool has_it = co_await has_list(master, whole);
+  if (!has_it) {
     events_.tell_once(
         EventKind::error,
         "its gateway runs with another network list than this machine file's: it gets the new one when the "
@@ -280,7 +278,7 @@ rt::Task<void> Beneath::adopt() {
 rt::Task<Result<void>> Beneath::look_at(Place& place, bool settled) {
   const std::uint8_t sub = place.spec.id.value();
   co::SdoAccess& master = access(bus_.master);
-  const auto value = co_await master.read(request_nmt, sub);
+  const auto value = co_await master.read(od::cia302::request_nmt, sub);
   if (!value) co_return fail(value.error());
   const auto bytes = value->bytes();
   switch (bytes.empty() ? 0 : bytes.front()) {
@@ -318,7 +316,7 @@ rt::Task<Result<std::vector<Seen>>> Beneath::scan() {
   co::SdoAccess& master = access(bus_.master);
   for (const auto& place : places_) {
     const NodeId node = place.spec.id;
-    const auto value = co_await master.read(request_nmt, node.value());
+    const auto value = co_await master.read(od::cia302::request_nmt, node.value());
     if (!value) co_return fail(value.error());
     const auto state = value->bytes().empty() ? std::uint8_t{0} : value->bytes().front();
     constexpr std::uint8_t missing = 1;

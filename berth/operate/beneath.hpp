@@ -84,7 +84,8 @@ class Beneath {
   /// `settled`: who is missing now is told; else it may come yet.
   rt::Task<Result<void>> look_at(Place& place, bool settled);
   rt::Task<void> identify(Place& place);
-  [[nodiscard]] manager::Wanted list(std::span<const places::SlotSpec> slots, std::span<const NodeId> held_back);
+  /// `first`: these alone, and they are not booted; empty: all.
+  [[nodiscard]] manager::Wanted list(std::span<const NodeId> first = {});
   void set_state(Place& place, places::SlotState state, std::string reason = {});
   void gateway_is_silent(const Error& error);
   [[nodiscard]] Place* at(NodeId node) noexcept;

@@ -5,9 +5,12 @@
 
 #include "berth/base/bytes.hpp"
 #include "berth/eds/concise_dcf.hpp"
+#include "berth/od/cia302.hpp"
 
 namespace berth::operate {
 namespace {
+
+namespace cia302 = od::cia302;
 
 constexpr std::uint16_t consumer_heartbeat = 0x1016;
 constexpr std::uint16_t producer_heartbeat = 0x1017;
@@ -21,8 +24,8 @@ class List {
     auto startup = bus_.startup.rules;
     startup.master = true;
     startup.flying = false;
-    put32({0x1F80, 0}, manager::value_of(startup));
-    put32({0x1F89, 0}, static_cast<std::uint64_t>(bus_.startup.boot_time.count() / 1'000'000));
+    put32({cia302::nmt_startup, 0}, manager::value_of(startup));
+    put32({cia302::boot_time, 0}, static_cast<std::uint64_t>(bus_.startup.boot_time.count() / 1'000'000));
   }
 
   void slot(const places::SlotSpec& slot, bool held_back, Findings& findings) {
@@ -31,12 +34,12 @@ class List {
     rules.assigned = true;
     rules.boots = !held_back;
     rules.mandatory = slot.mandatory && !held_back;
-    put32({0x1F81, sub}, manager::value_of(rules));
-    put32({0x1F84, sub}, slot.device_type);
-    put32({0x1F85, sub}, slot.type.vendor);
-    put32({0x1F86, sub}, slot.type.product);
+    put32({cia302::slave_assignment, sub}, manager::value_of(rules));
+    put32({cia302::expected_type, sub}, slot.device_type);
+    put32({cia302::expected_vendor, sub}, slot.type.vendor);
+    put32({cia302::expected_product, sub}, slot.type.product);
     const bool exact = slot.rule == places::RevisionRule::exact;
-    put32({0x1F87, sub}, exact ? slot.revision.value_or(0) : 0);
+    put32({cia302::expected_revision, sub}, exact ? slot.revision.value_or(0) : 0);
     put32({consumer_heartbeat, ++consumers_},
           std::uint64_t{sub} << 16U | static_cast<std::uint64_t>(milliseconds(bus_.timing.heartbeat_timeout)));
     configuration(slot, findings);
@@ -88,9 +91,10 @@ class List {
     store_le(period.data(), milliseconds(bus_.timing.heartbeat_period));
     stream.entries.push_back({{producer_heartbeat, 0}, period});
     const bool in_order = stream.entries.size() > 1;
-    put({0x1F22, sub}, od::DataType::domain, eds::encode(in_order ? eds::in_working_order(stream) : stream));
-    put32({0x1F26, sub}, expected.days);
-    put32({0x1F27, sub}, expected.ms);
+    put({cia302::concise_dcf, sub}, od::DataType::domain,
+        eds::encode(in_order ? eds::in_working_order(stream) : stream));
+    put32({cia302::configuration_date, sub}, expected.days);
+    put32({cia302::configuration_time, sub}, expected.ms);
   }
 
   // FNV-1a over all that is wanted.
