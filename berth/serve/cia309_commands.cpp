@@ -161,17 +161,17 @@ rt::Task<Outcome> NetCommands::write(const Request& request, Net& net) {
 
 rt::Task<Outcome> NetCommands::command(const Request& request, Net& net) {
   using co::NmtCommand;
-  struct Word {
+  struct NmtVerb {
     Verb verb;
     NmtCommand nmt;
     const char* word;
   };
-  static constexpr std::array<Word, 5> words{{{Verb::start, NmtCommand::start, "start"},
-                                              {Verb::stop, NmtCommand::stop, "stop"},
-                                              {Verb::preop, NmtCommand::enter_pre_operational, "preop"},
-                                              {Verb::reset_node, NmtCommand::reset_node, "reset-node"},
-                                              {Verb::reset_comm, NmtCommand::reset_communication, "reset-comm"}}};
-  const Word word = *std::ranges::find(words, request.verb, &Word::verb);
+  static constexpr std::array<NmtVerb, 5> words{{{Verb::start, NmtCommand::start, "start"},
+                                                 {Verb::stop, NmtCommand::stop, "stop"},
+                                                 {Verb::preop, NmtCommand::enter_pre_operational, "preop"},
+                                                 {Verb::reset_node, NmtCommand::reset_node, "reset-node"},
+                                                 {Verb::reset_comm, NmtCommand::reset_communication, "reset-comm"}}};
+  const NmtVerb word = *std::ranges::find(words, request.verb, &NmtVerb::verb);
   const bool harmless = word.nmt == NmtCommand::stop || word.nmt == NmtCommand::enter_pre_operational;
   if (!permits_->may_send(net, !harmless)) co_return Outcome::refused(Code::internal_state);
   command::Request wanted = permits_->request_for(net, "nmt");
