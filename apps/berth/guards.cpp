@@ -5,23 +5,11 @@
 #include <algorithm>
 
 namespace berth::cli {
-namespace {
-
-live::Role role_of(design::Role role) noexcept {
-  switch (role) {
-    case design::Role::master: return live::Role::master;
-    case design::Role::commissioner: return live::Role::commissioner;
-    case design::Role::observer: break;
-  }
-  return live::Role::observer;
-}
-
-}  // namespace
 
 can::Port& Guards::add(rt::Executor& executor, const design::Bus& bus, can::Port& port, const Options& options) {
   executor_ = &executor;
   live::GateOptions wanted;
-  wanted.role = options.observe ? live::Role::observer : options.read_only ? live::Role::reader : role_of(bus.role);
+  wanted.role = options.observe ? live::Role::observer : options.read_only ? live::Role::reader : bus.role;
   wanted.listen = bus.timing.listen;
   wanted.watch.own = bus.master;
   wanted.watch.tolerated = bus.tolerate;

@@ -7,15 +7,6 @@
 
 namespace berth::design {
 
-const char* name(Role role) noexcept {
-  switch (role) {
-    case Role::master: return "master";
-    case Role::commissioner: return "commissioner";
-    case Role::observer: return "observer";
-  }
-  return "master";
-}
-
 const Bus* Machine::bus(std::string_view bus_name) const noexcept {
   const auto it = std::ranges::find(buses, bus_name, &Bus::name);
   if (it != buses.end()) return &*it;

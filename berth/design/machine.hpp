@@ -16,6 +16,7 @@
 #include "berth/can/port_spec.hpp"
 #include "berth/design/library.hpp"
 #include "berth/live/foreign_watch.hpp"
+#include "berth/live/role.hpp"
 #include "berth/manager/boot_rules.hpp"
 #include "berth/manager/flying_negotiation.hpp"
 #include "berth/od/data_type.hpp"
@@ -26,10 +27,6 @@ namespace berth::design {
 
 using Duration = text::Duration;
 
-/// How a bus is used: `commissioner` never sends NMT start or reset and never SYNC, `observer` never sends a frame.
-enum class Role : std::uint8_t { master, commissioner, observer };
-[[nodiscard]] const char* name(Role role) noexcept;
-
 /// What happens to the devices when `berth up` ends: they run on, or become pre-operational or stopped.
 enum class OnExit : std::uint8_t { leave, pre_operational, stop };
 /// What happens after bus-off: the controller is started again, or a person has to do it.
@@ -37,6 +34,7 @@ enum class BusOff : std::uint8_t { restart, stay };
 
 using can::PortKind;
 using can::PortSpec;
+using live::Role;
 
 /// A name that a person gives: shown in tables and used in paths like "left sensor/Position".
 [[nodiscard]] bool good_name(std::string_view name) noexcept;

@@ -24,11 +24,9 @@
 
 #include "berth/can/port.hpp"
 #include "berth/live/foreign_watch.hpp"
+#include "berth/live/role.hpp"
 
 namespace berth::live {
-
-/// A reader uploads by SDO, segmented, and does nothing else: for a look at a machine that others run.
-enum class Role : std::uint8_t { master, commissioner, reader, observer };
 
 struct GateOptions {
   Role role = Role::master;

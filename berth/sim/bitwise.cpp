@@ -31,7 +31,7 @@ struct Segment::Domain final : rt::Job {
   /// Beside others the beginning of the bit comes first: they see what begins there before it is sampled here.
   void set_clock() noexcept {
     at_edge = !segment.one_rate() && start >= segment.executor_->now();
-    segment.executor_->at(at_edge ? start : start + sample_point(bit), *this, rt::Phase::medium);
+    segment.executor_->at(at_edge ? start : start + sample_point(bit), *this, rt::Rank::medium);
   }
   [[nodiscard]] bool drives() const noexcept {
     return std::ranges::any_of(groups, [](const auto& group) { return group->bits.drives(); });
@@ -94,12 +94,12 @@ void Segment::put_in_group(Controller& node, rt::Time start, bool sending, bool 
     bits.integrate(node.runs_left_);
     bits.count = static_cast<unsigned>(std::max<std::int64_t>(0, (start - node.recessive_since_) / domain.bit) % 11);
   } else if (pauses) {  // a frame has just ended well
-    bits.phase = BitNode::Phase::intermission;
+    bits.activity = BitNode::Activity::intermission;
     const auto left = (free_at_ - start + domain.bit - rt::Duration(1)) / domain.bit;
     bits.count = 3U - static_cast<unsigned>(std::clamp<std::int64_t>(left, 1, 3));
     bits.transmitter = sent_passive;
   } else if (suspended) {
-    bits.phase = BitNode::Phase::suspend;
+    bits.activity = BitNode::Activity::suspend;
     const auto left = (node.not_before_ - start + domain.bit - rt::Duration(1)) / domain.bit;
     bits.count = 8U - static_cast<unsigned>(std::clamp<std::int64_t>(left, 1, 8));
   }
@@ -107,7 +107,7 @@ void Segment::put_in_group(Controller& node, rt::Time start, bool sending, bool 
   if (!alone) {
     for (auto& group : domain.groups) {
       const BitNode& other = group->bits;
-      if (group->open && other.phase == BitNode::Phase::idle && other.tec == bits.tec && other.rec == bits.rec &&
+      if (group->open && other.activity == BitNode::Activity::idle && other.tec == bits.tec && other.rec == bits.rec &&
           other.listen_only == bits.listen_only) {
         group->members.push_back(&node);
         return;
@@ -147,10 +147,10 @@ void Segment::end_bitwise() noexcept {
     free_at_ = std::max(free_at_, domain->start);
     for (const auto& group : domain->groups) {
       for (Controller* node : group->members) {
-        if (group->bits.phase == BitNode::Phase::suspend) {
+        if (group->bits.activity == BitNode::Activity::suspend) {
           node->suspends_ = true;
           node->not_before_ = domain->start + (8 - group->bits.count) * domain->bit;
-        } else if (group->bits.phase == BitNode::Phase::integrating) {
+        } else if (group->bits.activity == BitNode::Activity::integrating) {
           node->runs_left_ = group->bits.runs;
           node->recessive_since_ = domain->start - group->bits.count * domain->bit;
         }
@@ -168,7 +168,7 @@ void Segment::end_bitwise() noexcept {
 void Segment::edge(Domain& domain) {
   begin_frames(domain);
   domain.at_edge = false;
-  executor_->at(domain.start + sample_point(domain.bit), domain, rt::Phase::medium);
+  executor_->at(domain.start + sample_point(domain.bit), domain, rt::Rank::medium);
 }
 
 // One bit of one domain, at its sample point. `again`: it is played a second time and no further node begins.
@@ -210,7 +210,7 @@ bool Segment::seen(const Domain& domain, const Group& group, bool dominant) cons
 
 void Segment::begin_frames(Domain& domain) {
   for (std::size_t i = 0; i < domain.groups.size(); ++i) {
-    if (domain.groups[i]->bits.phase != BitNode::Phase::idle) continue;
+    if (domain.groups[i]->bits.activity != BitNode::Activity::idle) continue;
     const auto members = domain.groups[i]->members;
     for (Controller* node : members) {
       if (!node->offers() || node->sending_) continue;

@@ -213,7 +213,7 @@ void Segment::schedule_start() noexcept {
     }
   }
   state_ = State::starting;
-  executor_->at(sof_ + sample_point(bit), *this, rt::Phase::medium);
+  executor_->at(sof_ + sample_point(bit), *this, rt::Rank::medium);
 }
 
 void Segment::run() noexcept {
@@ -291,7 +291,7 @@ void Segment::arbitrate() noexcept {
     frame_time_ = frame_bits_ * bit_;
   }
   state_ = State::busy;
-  executor_->at(sof_ + frame_time_ + (unanswered_ ? 6 : -3) * bit_, *this, rt::Phase::medium);
+  executor_->at(sof_ + frame_time_ + (unanswered_ ? 6 : -3) * bit_, *this, rt::Rank::medium);
 }
 
 // Senders of one identifier, the first with an FD frame: is it one frame on the wire? ESI tells a passive sender from

@@ -29,7 +29,7 @@ struct Slot {
   SlotRecord record;
 };
 
-/// Seat a device, or take its node-ID away.
+/// Bind a device to a slot, or take its node-ID away.
 struct Action {
   enum class Kind : std::uint8_t { blank, bind };
   Kind kind = Kind::bind;
