@@ -44,7 +44,9 @@ class Collector {
     for (const auto& slot : machine_.slots) {
       if (slot.spec.name.bus == bus_.name) open(slot);
     }
-    add_sync();
+    master_ = add_sender("master");
+    if (bus_.sync) add_sync("master", master_, 0x80, bus_.sync->counter != 0, bus_.sync->period);
+    for (const Device& device : devices_) add_sync_of(device);
     for (const Device& device : devices_) add_device(device);
     add_master();
     tell_unknown();
@@ -120,16 +122,23 @@ class Collector {
         {.name = name, .sender = sender, .key = key, .data_bytes = bytes, .period = period, .deadline = deadline});
   }
 
-  void add_sync() {
-    for (const Device& device : devices_) {
-      if (!device.values) continue;
-      const auto cob_id = device.values->get_or<std::uint32_t>({0x1005, 0}, 0);
-      const auto period = std::chrono::microseconds(device.values->get_or<std::uint32_t>({0x1006, 0}, 0));
-      if ((cob_id & produces_sync) == 0 || period == 0us) continue;
-      const bool counts = device.values->get_or<std::uint8_t>({0x1019, 0}, 0) != 0;
-      add("SYNC", device.sender, key_of(cob_id & ~produces_sync), counts ? 1 : 0, period, period);
-      sync_ = sync_ == 0ns ? rt::Duration(period) : std::min<rt::Duration>(sync_, period);
+  void add_sync_of(const Device& device) {
+    if (!device.values) return;
+    const auto cob_id = device.values->get_or<std::uint32_t>({0x1005, 0}, 0);
+    const auto period = std::chrono::microseconds(device.values->get_or<std::uint32_t>({0x1006, 0}, 0));
+    if ((cob_id & produces_sync) == 0 || period == 0us) return;
+    const bool counts = device.values->get_or<std::uint8_t>({0x1019, 0}, 0) != 0;
+    add_sync(device.slot->spec.name.name, device.sender, key_of(cob_id & ~produces_sync), counts, period);
+  }
+
+  void add_sync(const std::string& producer, std::size_t sender, std::uint32_t key, bool counts, rt::Duration period) {
+    if (!sync_producer_.empty()) {
+      note(fmt::format("bus.{}.sync", bus_.name), fmt::format("{} and {} both produce SYNC", sync_producer_, producer),
+           "leave one: [bus.NAME.sync], or bit 30 of the device's 1005h");
     }
+    sync_producer_ = producer;
+    add("SYNC", sender, key, counts ? 1 : 0, period, period);
+    sync_ = sync_ == 0ns ? period : std::min(sync_, period);
   }
 
   void add_device(const Device& device) {
@@ -208,7 +217,7 @@ class Collector {
   }
 
   void add_master() {
-    const std::size_t sender = add_sender("master");
+    const std::size_t sender = master_;
     if (bus_.role == design::Role::master) {
       add("NMT", sender, 0, 2, assumed_.nmt, 0ns);
       add("heartbeat", sender, 0x700U + bus_.master.value(), 1, bus_.timing.heartbeat_period,
@@ -262,6 +271,8 @@ class Collector {
   std::vector<Device> devices_;
   std::vector<const design::Link*> carried_;
   rt::Duration sync_{0};
+  std::string sync_producer_;
+  std::size_t master_ = 0;
   unsigned by_timer_ = 0;
   unsigned by_event_ = 0;
 };

@@ -89,6 +89,12 @@ struct FlyingBus {
   manager::FlyingTiming timing;  ///< 1F90h
 };
 
+/// `[bus.NAME.sync]`: Berth is the SYNC producer of this bus, as its own device is with 1005h bit 30 set.
+struct BusSync {
+  Duration period{};         ///< 1006h: whole microseconds, at least 100
+  std::uint8_t counter = 0;  ///< 1019h, 2..240: how far the SYNC counts; 0: a SYNC without data
+};
+
 struct Bus {
   std::string name;
   PortSpec port;
@@ -100,6 +106,7 @@ struct Bus {
   BusOff bus_off = BusOff::restart;
   BusStartup startup;
   std::optional<FlyingBus> flying;
+  std::optional<BusSync> sync;
   live::Signs tolerate;  ///< frames of this machine's own devices that else mean another master
   std::optional<Gateway> gateway;
   text::Place gateway_place;

@@ -127,6 +127,33 @@ void read_startup(Table& table, Bus& bus) {
   entry->finish();
 }
 
+// CiA 301 §7.5.2.6: 1006h counts in us, in 32 bits. A SYNC with a
+// counter takes 65 bit times, with the most stuff bits and the intermission.
+void read_sync(Table& table, Bus& bus) {
+  auto entry = table.table("sync");
+  if (!entry) return;
+  BusSync sync;
+  if (entry->require("period", "such as \"10 ms\"")) read_duration(*entry, "period", 100us, 1h, sync.period);
+  if (sync.period % 1us != 0ns) entry->error("period", "object 1006h counts whole microseconds", "round it");
+  if (const auto counter = entry->u32("counter", {2, 240})) sync.counter = static_cast<std::uint8_t>(*counter);
+  constexpr auto bits_of_sync = 65;
+  const Duration half_of_the_bus = 2 * bits_of_sync * Duration(1s) / bus.bitrate;
+  if (sync.period > 0ns && sync.period < half_of_the_bus) {
+    entry->error("period",
+                 fmt::format("SYNC every {} takes more than half of a bus at {} kbit/s",
+                             text::write_duration(sync.period), bus.bitrate / 1000),
+                 fmt::format("give at least {}", text::write_duration(half_of_the_bus)));
+  }
+  if (bus.role != Role::master) {
+    table.error("sync", "only a master sends SYNC", "leave the table out, or the key role");
+  }
+  if (!bus.own_port) {
+    table.error("sync", "Berth has no port on this bus", "let a device of the bus produce SYNC (1005h, 1006h)");
+  }
+  entry->finish();
+  bus.sync = sync;
+}
+
 // CiA 302-2: 1F90h counts in ms, in 16 bits.
 void read_flying(Table& table, Bus& bus) {
   auto entry = table.table("flying_master");
@@ -214,6 +241,7 @@ Bus read_bus(const std::string& name, text::Table& table, const Timing& timing) 
   bus.startup.rules.master = bus.role == Role::master;
   read_flying(table, bus);
   bus.startup.rules.flying = bus.flying.has_value();
+  read_sync(table, bus);
   if (const auto method = table.word("discovery", discovery_words)) bus.discovery = discovery_words[*method];
   read_timing(table, bus.timing);
   table.finish();

@@ -79,7 +79,8 @@ class LinkPlanMaker {
       const bool needs = signals_[i].transmission <= 240;
       if (needs && bus_of(i).sync == rt::Duration(0)) {
         refuse(i, made_.findings, fmt::format("nothing on {} produces SYNC, which this link waits for", bus_of(i).name),
-               "set 1005h bit 30 and 1006h in the config of one device, or transmission = \"event\"");
+               "write [bus.NAME.sync], or set 1005h bit 30 and 1006h in the config of one device, or transmission = "
+               "\"event\"");
       } else {
         kept.push_back(signals_[i]);
       }

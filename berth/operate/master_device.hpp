@@ -4,14 +4,15 @@
 
 #include <memory>
 
+#include "berth/design/machine.hpp"
 #include "berth/device/device.hpp"
 
 namespace berth::operate {
 
 class MasterDevice {
  public:
-  /// `heartbeat`: 1017h; 0 = none.
-  MasterDevice(can::Dispatcher& dispatcher, NodeId id, rt::Duration heartbeat);
+  /// `bus`: its node-ID, 1017h, and whether it produces SYNC (1005h, 1006h, 1019h).
+  MasterDevice(can::Dispatcher& dispatcher, const design::Bus& bus);
   void power_on() noexcept { device_->power_on(); }
   void power_off() noexcept { device_->power_off(); }
   void apply(co::NmtCommand command) noexcept { device_->apply(command); }

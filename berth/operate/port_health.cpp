@@ -16,7 +16,7 @@ PortHealth::PortHealth(BusServices& services, SlotTable& slots, Agenda& agenda, 
       agenda_(agenda),
       found_(found),
       owner_(owner),
-      device_(s_.dispatcher, s_.bus.master, s_.bus.timing.heartbeat_period),
+      device_(s_.dispatcher, s_.bus),
       job_(*this) {}
 
 bool PortHealth::begin() {

@@ -83,6 +83,32 @@ TEST(BusMessages, ATpdosPeriodIsWhatItsParametersSay) {
   EXPECT_EQ(period_of({.timer_ms = 9, .cob_id = 0x8000'0180}), -1ns) << "bit 31: it does not exist";
 }
 
+// `[bus.NAME.sync]`: Berth's own SYNC is on the bus, and what waits for SYNC has it.
+TEST(BusMessages, BerthsOwnSync) {
+  auto m = one_bus();
+  add_slot(m, "left", 5, device_with({.type = 2}));
+  m.buses[0].sync = design::BusSync{20ms, 10};
+  const auto found = messages_of(m, m.buses[0], {});
+  const auto* const sync = find(found, "SYNC", 0x80);
+  ASSERT_NE(sync, nullptr);
+  EXPECT_EQ(sync->period, 20ms);
+  EXPECT_EQ(sync->data_bytes, 1U) << "it counts";
+  EXPECT_EQ(found.line.senders[sync->sender].name, "master");
+  ASSERT_NE(find(found, "TPDO 1", 0x185), nullptr);
+  EXPECT_EQ(find(found, "TPDO 1", 0x185)->period, 40ms) << "each second SYNC";
+  EXPECT_TRUE(found.notes.empty());
+}
+
+TEST(BusMessages, TwoProducersOfSyncAreNamed) {
+  auto m = one_bus();
+  add_slot(m, "left", 5, device_with({.type = 2}, 10'000));
+  m.buses[0].sync = design::BusSync{20ms, 0};
+  const auto found = messages_of(m, m.buses[0], {});
+  ASSERT_EQ(found.notes.size(), 1U);
+  EXPECT_NE(to_string(found.notes[0]).find("master and left both produce SYNC"), std::string::npos)
+      << to_string(found.notes[0]);
+}
+
 TEST(BusMessages, WhatANetworkHasBesidePdos) {
   auto m = one_bus();
   add_slot(m, "left", 5, device_with({.timer_ms = 50}, 10'000));

@@ -87,6 +87,39 @@ TEST(StartupKeys, WhatCannotBeIsSaidWithItsPlace) {
   }
 }
 
+// `[bus.NAME.sync]`: 1005h, 1006h and 1019h of Berth's own device.
+TEST(SyncKeys, EachKeyAndTheEndsOfItsRange) {
+  EXPECT_FALSE(good(file("")).buses.at(0).sync) << "Berth sends none";
+  const Machine m = good(file("[bus.b.sync]\nperiod = \"10 ms\"\n"));
+  ASSERT_TRUE(m.buses.at(0).sync);
+  EXPECT_EQ(m.buses.at(0).sync->period, 10ms);
+  EXPECT_EQ(m.buses.at(0).sync->counter, 0) << "SYNC without data";
+  const Machine counts = good(file("[bus.b.sync]\nperiod = \"1 h\"\ncounter = 240\n"));
+  EXPECT_EQ(counts.buses.at(0).sync->period, 1h);
+  EXPECT_EQ(counts.buses.at(0).sync->counter, 240);
+  const auto wrong = [](const std::string& keys) { return wrong_keys(file("[bus.b.sync]\n" + keys)); };
+  EXPECT_NE(wrong("").find("bus.b.sync.period"), std::string::npos) << wrong("");
+  for (const char* const keys : {"period = \"99 us\"\n", "period = \"61 min\"\n", "period = \"10.0005 ms\"\n",
+                                 "period = 10\n", "periode = \"10 ms\"\n"}) {
+    EXPECT_NE(wrong(keys).find("bus.b.sync.period"), std::string::npos) << keys << wrong(keys);
+  }
+  for (const char* const keys : {"counter = 1\n", "counter = 241\n", "counter = 0\n"}) {
+    const std::string text = "period = \"10 ms\"\n" + std::string(keys);
+    EXPECT_NE(wrong(text).find("bus.b.sync.counter"), std::string::npos) << keys << wrong(text);
+  }
+}
+
+// 125 kbit/s: 65 bit times of a SYNC are 520 us.
+TEST(SyncKeys, WhatTheBusCannotCarryAndOtherRolesAreRefused) {
+  EXPECT_EQ(good(file("[bus.b.sync]\nperiod = \"1040 us\"\n")).buses.at(0).sync->period, 1040us);
+  EXPECT_NE(wrong_keys(file("[bus.b.sync]\nperiod = \"1039 us\"\n")).find("more than half of a bus at 125 kbit/s"),
+            std::string::npos);
+  for (const char* const role : {"observer", "commissioner"}) {
+    EXPECT_NE(wrong_keys(file("[bus.b.sync]\nperiod = \"10 ms\"\n", "", role)).find("only a master sends SYNC"),
+              std::string::npos);
+  }
+}
+
 // `[bus.NAME.flying_master]`: CiA 302-2's 1F90h in words.
 TEST(FlyingMasterKeys, ATableAloneHasTheDefaultsOf1F90h) {
   EXPECT_FALSE(good(file("")).buses.at(0).flying);
