@@ -5,12 +5,9 @@ target_compile_options(berth_options INTERFACE
   -Wall -Wextra -Wpedantic -Werror -Wconversion -Wno-sign-conversion -Wdelete-non-virtual-dtor -Wold-style-cast
   -Wcast-qual -Woverloaded-virtual -Wundef)
 # A unit of several sources is no source: what stands in its anonymous namespaces is used from no other, and a local name
-# may be what another source calls something of its own. The builds without units see both.
-if(BERTH_UNITY)
-  target_compile_options(berth_options INTERFACE -Wno-subobject-linkage)
-else()
-  target_compile_options(berth_options INTERFACE -Wshadow)
-endif()
+# may be what another source calls something of its own. What is built without units sees both.
+target_compile_options(berth_options INTERFACE
+  $<IF:$<BOOL:$<TARGET_PROPERTY:UNITY_BUILD>>,-Wno-subobject-linkage,-Wshadow>)
 # g++ 12 warns wrongly of uninitialised and out-of-bounds members inside inlined optionals, expecteds and strings.
 if(CMAKE_CXX_COMPILER_ID STREQUAL "GNU")
   target_compile_options(berth_options INTERFACE -Wno-maybe-uninitialized -Wno-restrict -Wno-stringop-overflow
@@ -73,7 +70,7 @@ endif()
 set_property(DIRECTORY APPEND PROPERTY CMAKE_CONFIGURE_DEPENDS ${PROJECT_SOURCE_DIR}/cmake/apart.txt)
 file(STRINGS ${PROJECT_SOURCE_DIR}/cmake/apart.txt berth_apart REGEX "^[^#]")
 function(berth_unity target most)
-  if(NOT BERTH_UNITY)
+  if(NOT BERTH_UNITY OR (BERTH_UNITY STREQUAL "tests" AND NOT target MATCHES "^test_"))
     return()
   endif()
   get_target_property(sources ${target} SOURCES)
