@@ -88,9 +88,14 @@ TEST(DoctorCommand, FromAnotherProcessTheSameFindings) {
     ASSERT_TRUE(trace.says([&](const std::string& so_far) { return beats(so_far) >= 4; })) << trace.said();
   }
   const std::string machine = folder.write("machine.toml", served(contents(example("ailing.toml")), socket));
-  const Outcome run = berth({"doctor", machine, "--json"});
-  ASSERT_EQ(run.status, 1) << run.out << run.err;
-  EXPECT_EQ(named(Json::parse(run.out)), faults) << words(named(Json::parse(run.out)));
+  // A plant that got no processor for a second is a silent bus, and the doctor says so: then it listens once more.
+  std::set<std::string> found;
+  for (int listening = 0; listening < 5 && found != faults; ++listening) {
+    const Outcome run = berth({"doctor", machine, "--json"});
+    ASSERT_EQ(run.status, 1) << run.out << run.err;
+    found = named(Json::parse(run.out));
+  }
+  EXPECT_EQ(found, faults) << words(found);
 }
 
 // LSS tells more: who the clones are, that the mute device is there, that a blank one is.
