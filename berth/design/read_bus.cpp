@@ -14,6 +14,7 @@ using std::string_view;
 using text::Table;
 
 constexpr std::array<string_view, 3> role_words{"master", "commissioner", "observer"};
+constexpr std::array roles{Role::master, Role::commissioner, Role::observer};  // a reader is of no machine file
 // As `discovery::name` has them; rooms of this floor do not link that one.
 constexpr std::array<string_view, 10> discovery_words{"auto",
                                                       "rand",
@@ -228,7 +229,7 @@ Bus read_bus(const std::string& name, text::Table& table, const Timing& timing) 
   if (!good_name(name)) table.error("", fmt::format("{} is no bus name", text::quoted(name)), name_fix);
   if (table.require("port", "such as \"sim\" or \"socketcan:can0\"")) read_port(table, bus);
   if (table.require("bitrate", "such as 125_000")) read_bitrate(table, bus);
-  read_word(table, "role", role_words, bus.role);
+  if (const auto role = table.word("role", role_words)) bus.role = roles[*role];
   if (const auto id = table.integer("master_id", node_ids)) bus.master = NodeId(static_cast<std::uint8_t>(*id));
   read_word(table, "on_exit", on_exit_words, bus.on_exit);
   read_word(table, "bus_off", bus_off_words, bus.bus_off);

@@ -87,6 +87,13 @@ TEST(StartupKeys, WhatCannotBeIsSaidWithItsPlace) {
   }
 }
 
+TEST(RoleKey, EachWordIsItsRole) {
+  EXPECT_EQ(good(file("", "", "master")).buses.at(0).role, Role::master);
+  EXPECT_EQ(good(file("", "", "commissioner")).buses.at(0).role, Role::commissioner);
+  EXPECT_EQ(good(file("", "", "observer")).buses.at(0).role, Role::observer);
+  EXPECT_NE(wrong_keys(file("", "", "reader")).find("bus.b.role"), std::string::npos) << "of no machine file";
+}
+
 // `[bus.NAME.sync]`: 1005h, 1006h and 1019h of Berth's own device.
 TEST(SyncKeys, EachKeyAndTheEndsOfItsRange) {
   EXPECT_FALSE(good(file("")).buses.at(0).sync) << "Berth sends none";
