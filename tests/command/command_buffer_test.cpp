@@ -170,6 +170,8 @@ TEST(RemoteCommands, BadCommandsAreConfirmedAsSuch) {
     EXPECT_EQ(world.status(), 3U) << text;
     EXPECT_TRUE(reply.contains("error")) << text << " " << reply;
   }
+  ASSERT_EQ(world.write(R"({"verb": "report", "arguments": {"bus": "other"}})"), 0U);
+  EXPECT_NE(world.reply().dump().find("a command that comes by a bus is for that bus"), std::string::npos);
   EXPECT_EQ(world.write(std::string(2000, 'x')), 0x0607'0012U) << "longer than the buffer";
   ASSERT_EQ(world.write(R"({"verb": "report"})"), 0U) << "it works on";
 }
