@@ -50,7 +50,7 @@ class Trial {
   rt::Task<void> guard_all() {
     for (unsigned id = 1; id <= conditions.slaves; ++id) {
       const auto node = NodeId(static_cast<std::uint8_t>(id));
-      const auto answer = co_await co::probe(dispatcher_, node, 100ms, 1);
+      const auto answer = co_await co::guard_once(dispatcher_, node, 100ms, 1);
       if (answer.has_value()) ++done_;
     }
   }

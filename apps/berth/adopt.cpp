@@ -73,7 +73,7 @@ std::optional<std::chrono::milliseconds> common_period(const std::vector<live::N
 
 struct Seated {
   std::string name;
-  places::Seat seat;
+  places::Assignment seat;
 };
 
 std::string machine_text(const Learnt& learnt, const design::Bus& bus, const AdoptOptions& adopt,

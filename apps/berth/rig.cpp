@@ -226,7 +226,7 @@ bool Rig::first_start() {
       machine_.buses, [](const auto& b) { return is_real(b.port) && b.role != design::Role::observer; });
   if (!real) return false;
   const auto records = slot_table_->store().load(machine_.name);
-  return !records || std::ranges::none_of(*records, [](const auto& r) { return r.confirmed || r.asked; });
+  return !records || std::ranges::none_of(*records, [](const auto& r) { return r.confirmed || r.intended; });
 }
 
 namespace {

@@ -180,7 +180,7 @@ void GuardingMaster::report(GuardingEvent::Kind kind, NodeId node, NmtState stat
 
 // ---- one question
 
-bool GuardProbe::start() {
+bool GuardRequest::start() {
   if (!node_.configured() || tries_ == 0) {
     result_ = fail(Errc::invalid, "guarding an unconfigured node-ID");
     return false;
@@ -190,14 +190,14 @@ bool GuardProbe::start() {
   return true;
 }
 
-void GuardProbe::ask() noexcept {
+void GuardRequest::ask() noexcept {
   asked_ = false;
   --tries_;
   give_up_ = dispatcher_->executor().now() + timeout_;
   send();
 }
 
-void GuardProbe::send() noexcept {
+void GuardRequest::send() noexcept {
   auto& executor = dispatcher_->executor();
   switch (dispatcher_->send(can::Frame::request(error_control_id(node_), remote_dlc), *this)) {
     case can::Queued::yes: executor.at(give_up_, *this); break;
@@ -206,19 +206,19 @@ void GuardProbe::send() noexcept {
   }
 }
 
-void GuardProbe::sent(rt::Time at) noexcept {
+void GuardRequest::sent(rt::Time at) noexcept {
   asked_ = true;
   dispatcher_->executor().at(at + timeout_, *this);
 }
 
-void GuardProbe::received(const can::Frame& frame, rt::Time at) noexcept {
+void GuardRequest::received(const can::Frame& frame, rt::Time at) noexcept {
   if (frame.remote || frame.fd || frame.size != 1 || !asked_) return;
   const auto state = nmt_state(frame.data[0]);
   if (!state) return;
   end(GuardAnswer{.state = *state, .toggle = (frame.data[0] & toggle_bit) != 0, .at = at});
 }
 
-void GuardProbe::run() noexcept {
+void GuardRequest::run() noexcept {
   if (!asked_) {
     if (!pending() && dispatcher_->executor().now() < give_up_) return send();
     return end(fail(Error{.code = Errc::bus, .node = node_.value(), .text = "the guarding request never left"}));
@@ -227,7 +227,7 @@ void GuardProbe::run() noexcept {
   end(fail(Error{.code = Errc::timeout, .node = node_.value(), .text = "no answer to node guarding"}));
 }
 
-void GuardProbe::end(const Result<GuardAnswer>& result) noexcept {
+void GuardRequest::end(const Result<GuardAnswer>& result) noexcept {
   result_ = result;
   cancel();
   if (pending()) dispatcher_->withdraw(*this);

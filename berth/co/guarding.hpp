@@ -134,15 +134,15 @@ struct GuardAnswer {
 /// `timeout` starts when the remote frame is on the wire, so that a full bus is not silence. Any error control frame of
 /// the node counts as an answer, also its boot-up or a heartbeat: it is there.
 ///
-///     auto answer = co_await co::probe(dispatcher, node, timeout, 3);
+///     auto answer = co_await co::guard_once(dispatcher, node, timeout, 3);
 ///
 /// Errc::timeout: no answer to any try. Errc::bus: a question never left within `timeout`.
-class GuardProbe final : public rt::Operation<GuardProbe>,
-                         private can::Handler,
-                         private can::Confirmation,
-                         private rt::Job {
+class GuardRequest final : public rt::Operation<GuardRequest>,
+                           private can::Handler,
+                           private can::Confirmation,
+                           private rt::Job {
  public:
-  GuardProbe(can::Dispatcher& dispatcher, NodeId node, rt::Duration timeout, unsigned tries) noexcept
+  GuardRequest(can::Dispatcher& dispatcher, NodeId node, rt::Duration timeout, unsigned tries) noexcept
       : dispatcher_(&dispatcher), timeout_(timeout), tries_(tries), node_(node) {}
   bool start();
   Result<GuardAnswer> await_resume() const noexcept { return result_; }
@@ -162,9 +162,9 @@ class GuardProbe final : public rt::Operation<GuardProbe>,
   bool asked_ = false;  // the remote frame is on the wire
   Result<GuardAnswer> result_ = fail(Errc::cancelled, "node guarding");
 };
-[[nodiscard]] inline GuardProbe probe(can::Dispatcher& dispatcher, NodeId node, rt::Duration timeout,
-                                      unsigned tries = 3) noexcept {
-  return GuardProbe(dispatcher, node, timeout, tries);
+[[nodiscard]] inline GuardRequest guard_once(can::Dispatcher& dispatcher, NodeId node, rt::Duration timeout,
+                                             unsigned tries = 3) noexcept {
+  return GuardRequest(dispatcher, node, timeout, tries);
 }
 
 }  // namespace berth::co

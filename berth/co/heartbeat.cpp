@@ -133,7 +133,7 @@ void HeartbeatConsumer::set_never_seen_time(rt::Duration time) noexcept {
   never_seen_time_ = time;
   const auto now = dispatcher_->executor().now();
   for (Node& node : nodes_) {
-    if (node.phase != Phase::waiting) continue;
+    if (node.watched != Watched::waiting) continue;
     node.deadline = time > rt::Duration::zero() ? now + time : rt::never;
     arm(node.deadline);
   }
@@ -174,11 +174,11 @@ void HeartbeatConsumer::heard(std::uint8_t number, NmtState state, rt::Time at) 
   Node& node = *found;
   node.deadline = at + node.time;
   const auto previous = std::exchange(node.state, state);
-  if (node.phase == Phase::active) {
+  if (node.watched == Watched::active) {
     if (previous != state) report(HeartbeatEvent::Kind::state_changed, number, previous, at);
     return;
   }
-  node.phase = Phase::active;
+  node.watched = Watched::active;
   const bool was_lost = std::exchange(node.was_lost, false);
   arm(node.deadline);
   report(was_lost ? HeartbeatEvent::Kind::recovered : HeartbeatEvent::Kind::started, number, previous, at);
@@ -192,7 +192,7 @@ void HeartbeatConsumer::booted(std::uint8_t number, rt::Time at) noexcept {
   }
   Node& node = *found;
   const auto previous = std::exchange(node.state, NmtState::initialising);
-  node.phase = Phase::waiting;
+  node.watched = Watched::waiting;
   node.deadline = never_seen_time_ > rt::Duration::zero() ? at + never_seen_time_ : rt::never;
   arm(node.deadline);
   report(HeartbeatEvent::Kind::boot_up, number, previous, at);
@@ -206,8 +206,8 @@ void HeartbeatConsumer::run() noexcept {
     if (found == nullptr || found->deadline > now) continue;
     Node& node = *found;
     node.deadline = rt::never;
-    if (node.phase == Phase::active) {
-      node.phase = Phase::lost;
+    if (node.watched == Watched::active) {
+      node.watched = Watched::lost;
       node.was_lost = true;
       report(HeartbeatEvent::Kind::lost, node.number, node.state, now);
     } else {
@@ -239,17 +239,17 @@ bool HeartbeatConsumer::lost(NodeId node) const noexcept {
 
 std::optional<NmtState> HeartbeatConsumer::state(NodeId node) const noexcept {
   const Node* found = find(node);
-  if (found == nullptr || found->phase != Phase::active) return std::nullopt;
+  if (found == nullptr || found->watched != Watched::active) return std::nullopt;
   return found->state;
 }
 
 bool HeartbeatConsumer::all_active() const noexcept {
-  return std::ranges::all_of(nodes_, [](const Node& n) { return n.phase == Phase::active; });
+  return std::ranges::all_of(nodes_, [](const Node& n) { return n.watched == Watched::active; });
 }
 
 bool HeartbeatConsumer::all_operational() const noexcept {
   return std::ranges::all_of(
-      nodes_, [](const Node& n) { return n.phase == Phase::active && n.state == NmtState::operational; });
+      nodes_, [](const Node& n) { return n.watched == Watched::active && n.state == NmtState::operational; });
 }
 
 }  // namespace berth::co

@@ -102,11 +102,11 @@ class HeartbeatConsumer final : private can::Handler, private rt::Job {
   [[nodiscard]] bool all_operational() const noexcept;
 
  private:
-  enum class Phase : std::uint8_t { waiting, active, lost };
+  enum class Watched : std::uint8_t { waiting, active, lost };
   struct Node {
     rt::Time deadline = rt::never;  // of the next heartbeat, or of never_seen
     rt::Duration time{};
-    Phase phase = Phase::waiting;
+    Watched watched = Watched::waiting;
     bool was_lost = false;  // lost, and no heartbeat since
     NmtState state = NmtState::initialising;
     std::uint8_t entry = 0;  // sub-index of 1016h that made it, 0 = `supervise`

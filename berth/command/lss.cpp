@@ -61,7 +61,7 @@ rt::Task<Result<void>> select(Network& network, std::optional<LssAddress> device
     case lss::Selection::alone: co_return Result<void>();
     case lss::Selection::absent: co_return fail(Errc::timeout, "no answer");
     case lss::Selection::not_alone: co_return fail(Errc::mismatch, "another device is in LSS configuration beside it");
-    case lss::Selection::twins: break;
+    case lss::Selection::clones: break;
   }
   co_return fail(Errc::duplicate, "two devices answer to its LSS address");
 }
@@ -119,7 +119,7 @@ rt::Task<Result<bool>> is_taken(Network& network, NodeId id) {
   const auto type = co_await network.services().sdo.read<std::uint32_t>(id, 0x1000, 0, patience);
   if (type || type.error().code == Errc::aborted || type.error().code == Errc::mismatch) co_return true;
   if (type.error().code != Errc::timeout) co_return fail(type.error());
-  const auto guarded = co_await co::probe(network.services().dispatcher, id, patience.timeout, 1);
+  const auto guarded = co_await co::guard_once(network.services().dispatcher, id, patience.timeout, 1);
   if (guarded) co_return true;
   if (guarded.error().code != Errc::timeout) co_return fail(guarded.error());
   co_return false;

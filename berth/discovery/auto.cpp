@@ -120,7 +120,7 @@ rt::Task<Result<Report>> Auto::find(const Known& known, const Options& options) 
   co_return run.report;
 }
 
-rt::Task<Result<Spoken>> Auto::probe(const Options& options) {
+rt::Task<Result<Spoken>> Auto::ask_spoken(const Options& options) {
   if (busy_) co_return fail(Errc::invalid, busy_text);
   const Busy busy(busy_);
   spoken_ = {};

@@ -64,7 +64,7 @@ class Auto final : public Discovery {
   /// One question per scheme; ends at the first answer. For polls while the machine runs: 4 frames at most.
   [[nodiscard]] rt::Task<Result<bool>> anybody(const Options& options) override;
   /// One question per scheme, all of them.
-  [[nodiscard]] rt::Task<Result<Spoken>> probe(const Options& options);
+  [[nodiscard]] rt::Task<Result<Spoken>> ask_spoken(const Options& options);
   /// Of the last `find` or `probe`.
   [[nodiscard]] const Spoken& spoken() const noexcept { return spoken_; }
 

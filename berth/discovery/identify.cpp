@@ -87,16 +87,16 @@ rt::Task<Result<Identify::Sweep>> Identify::proven(Run& run, Cursor& cursor, Lss
   }
   if (!alone) co_return fail(alone.error());
   run.look_at_the_time(services_.dispatcher.executor().now());
-  const bool twins = *alone == lss::Selection::twins;
-  if (*alone != lss::Selection::alone && !twins) {
+  const bool clones = *alone == lss::Selection::clones;
+  if (*alone != lss::Selection::alone && !clones) {
     if (guess && *alone == lss::Selection::absent) co_return Sweep::nobody;
     run.failed();
     co_return Sweep::unproven;
   }
   Found found{.address = device, .at = {}, .active = {}, .assigned = {}, .by = Method::identify};
-  found.possible_clone = twins;
+  found.possible_clone = clones;
   found.at = services_.dispatcher.executor().now();
-  if (!twins) {
+  if (!clones) {
     const auto settled = co_await settle(run, found, how);
     if (!settled) co_return fail(settled.error());
   }

@@ -46,7 +46,7 @@ class PlannerRand final : public Discovery, private nodeid::WalkObserver {
   [[nodiscard]] rt::Task<Result<bool>> anybody(const Options& options) override {
     nodeid::DiscoveryOptions how = rand_options(options);
     how.collect = options.window.count() > 0 ? options.window : nodeid::WalkOptions{}.longest;
-    const auto heard = co_await rand_.probe(how);
+    const auto heard = co_await rand_.any_unknown(how);
     if (!heard) co_return fail(heard.error());
     co_return heard->anybody;
   }

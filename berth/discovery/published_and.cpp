@@ -46,7 +46,7 @@ class And final : public Discovery, private nodeid::AndObserver {
 
   [[nodiscard]] rt::Task<Result<bool>> anybody(const Options& options) override {
     const nodeid::AndOptions how = and_options(options);
-    co_return co_await and_.probe(how);
+    co_return co_await and_.any_unknown(how);
   }
 
  private:

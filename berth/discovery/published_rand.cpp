@@ -63,7 +63,7 @@ class Rand final : public Discovery, private nodeid::DiscoveryObserver {
 
   [[nodiscard]] rt::Task<Result<bool>> anybody(const Options& options) override {
     const nodeid::DiscoveryOptions how = rand_options(options);
-    const auto heard = co_await rand_.probe(how);
+    const auto heard = co_await rand_.any_unknown(how);
     if (!heard) co_return fail(heard.error());
     co_return heard->anybody;
   }

@@ -19,7 +19,7 @@
 /// joins meanwhile, or one that forgets the part it is at, cost time only.
 ///
 /// Found devices leave the tree: they get a node-ID from the `Assigner`, and `04 00`, before the next request. No
-/// device stays in configuration while others are searched for. One that gets none (no assigner, a refusal, twins)
+/// device stays in configuration while others are searched for. One that gets none (no assigner, a refusal, clones)
 /// waits and answers on whatever it fits: from then on the walk asks the places beside such devices only, 128 questions
 /// for the first and fewer for each further one of its type, and ends with `Report::End::held`: 80h is answered, so
 /// nothing can say that these are all. With learnt windows and many devices of a type this is the slower way.

@@ -62,14 +62,14 @@ rt::Task<Outcome> Devices::selected(LssAddress device) {
     q_.broken(proof.error());
     co_return Outcome::nobody;
   }
-  const bool twins = *proof == lss::Selection::twins;
+  const bool clones = *proof == lss::Selection::clones;
   const bool alone = *proof == lss::Selection::alone;
   held_ = alone;
-  if (!alone && !twins) {
+  if (!alone && !clones) {
     ++report_.unproven;
     co_return Outcome::nobody;
   }
-  found.possible_clone = twins;
+  found.possible_clone = clones;
   if (alone) {
     const NodeId has = co_await active_id();
     found.active = has;

@@ -18,9 +18,9 @@ unsigned free_pdos(const std::vector<DevicePdo>& pdos) {
   return static_cast<unsigned>(std::ranges::count_if(pdos, &DevicePdos::free));
 }
 
-class Planner {
+class LinkPlanMaker {
  public:
-  Planner(const Network& network, const Earlier& earlier) : network_(network), earlier_(earlier) {
+  LinkPlanMaker(const Network& network, const Earlier& earlier) : network_(network), earlier_(earlier) {
     for (const Node& node : network.nodes) devices_.push_back(node.file ? pdos_of(node) : DevicePdos{});
   }
 
@@ -180,7 +180,7 @@ unsigned Pdo::bytes() const noexcept {
   return (bits + 7) / 8;
 }
 
-Planned make_plan(const Network& network, const Earlier& earlier) { return Planner(network, earlier).run(); }
+Planned make_plan(const Network& network, const Earlier& earlier) { return LinkPlanMaker(network, earlier).run(); }
 
 Earlier earlier_of(const Network& network, const Plan& plan) {
   Earlier made;

@@ -87,14 +87,14 @@ rt::Task<Result<NodeId>> Fastscan::active_id() {
 rt::Task<Result<FastscanReport::End>> Fastscan::give(FastscanReport& report, FastscanOwner& owner) {
   using End = FastscanReport::End;
   // Two devices with one address would take one node-ID; `prove_alone` has sent them back to waiting.
-  const bool twins = options_.confirm && device_.possible_clone;
-  if (options_.confirm && !twins) {
+  const bool clones = options_.confirm && device_.possible_clone;
+  if (options_.confirm && !clones) {
     const auto active = co_await active_id();
     if (!active) co_return fail(active.error());
     device_.active = *active;
   }
   const bool seated = device_.active.configured();
-  const NodeId id = twins || seated ? NodeId() : owner.assign(device_);
+  const NodeId id = clones || seated ? NodeId() : owner.assign(device_);
   auto end = End::complete;
   if (id.configured() && options_.confirm) {
     const AloneOptions how{.vacancy = &owner};
@@ -237,8 +237,8 @@ rt::Task<Result<bool>> Fastscan::ask(FastscanRequest request) {
 rt::Task<Result<bool>> Fastscan::confirmed() {
   const auto selection = co_await prove_alone(*master_, device_.address);
   if (!selection) co_return fail(selection.error());
-  device_.possible_clone = *selection == Selection::twins;
-  co_return *selection == Selection::alone || *selection == Selection::twins;
+  device_.possible_clone = *selection == Selection::clones;
+  co_return *selection == Selection::alone || *selection == Selection::clones;
 }
 
 std::uint8_t Fastscan::after(std::uint8_t sub) const noexcept {

@@ -25,11 +25,11 @@ rt::Duration window_of(const Master& master, const AloneOptions& options) noexce
 }
 
 // What a row of questions said. Woken: a device that hears again may be in configuration too.
-enum class Seen : std::uint8_t { alone, absent, not_alone, twins, woken };
+enum class Seen : std::uint8_t { alone, absent, not_alone, clones, woken };
 
 Selection doubted(Seen seen) noexcept {
   if (seen == Seen::absent) return Selection::absent;
-  return seen == Seen::twins ? Selection::twins : Selection::not_alone;
+  return seen == Seen::clones ? Selection::clones : Selection::not_alone;
 }
 
 // One part, until it is answered by one.
@@ -49,7 +49,7 @@ rt::Task<Result<Seen>> look(Master& master, LssAddress device, unsigned part, Al
     if (!suspicious(*reply)) co_return doubled == 0 ? Seen::alone : Seen::woken;
     master.suspect_strangers();
     if (reply->answers == 1) co_return Seen::woken;
-    if (++doubled == most_looks) co_return Seen::twins;
+    if (++doubled == most_looks) co_return Seen::clones;
   }
   co_return Seen::absent;
 }
@@ -79,7 +79,7 @@ const char* name(Selection selection) noexcept {
     case Selection::alone: return "alone";
     case Selection::absent: return "absent";
     case Selection::not_alone: return "not alone";
-    case Selection::twins: return "twins";
+    case Selection::clones: return "clones";
   }
   return "?";
 }
@@ -166,7 +166,7 @@ rt::Task<Result<Given>> configure_alone(Master& master, LssAddress device, NodeI
     const auto again = co_await still_alone(master, device, options);
     if (!again) co_return fail(again.error());
     if (*again == Selection::absent) given.outcome = Given::Outcome::silent;
-    if (*again == Selection::not_alone || *again == Selection::twins) given.outcome = Given::Outcome::not_alone;
+    if (*again == Selection::not_alone || *again == Selection::clones) given.outcome = Given::Outcome::not_alone;
   }
   const auto occupied = [&] { return options.vacancy != nullptr && !options.vacancy->still_vacant(id); };
   if (given.outcome == Given::Outcome::taken && occupied()) given.outcome = Given::Outcome::occupied;

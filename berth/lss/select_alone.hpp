@@ -22,7 +22,7 @@
 /// differ that has the same serial number; each for a whole window. Every answer must be the device's own, and one.
 /// - Different answers, or one of another device: `not_alone`.
 /// - Two equal answers are a device with the same address, or a frame that came twice; the part is asked again. Three
-///   times so: `twins`; else all is asked once more.
+///   times so: `clones`; else all is asked once more.
 /// - A frame on 7E4h that no question asked for is that of a device which hears again and did not hear the questions
 ///   before: all is asked once more.
 /// - Two devices that answer the same may fall into one frame on the wire (one identifier, one content, one instant).
@@ -52,7 +52,7 @@ enum class Selection : std::uint8_t {
   alone,      ///< it is in configuration, and no other
   absent,     ///< it does not answer
   not_alone,  ///< another device is in configuration, or answers in its place
-  twins,      ///< its own address is answered twice, again and again: two devices have it
+  clones,     ///< its own address is answered twice, again and again: two devices have it
 };
 [[nodiscard]] const char* name(Selection selection) noexcept;
 

@@ -44,9 +44,9 @@ std::optional<std::uint32_t> number(std::span<const std::uint8_t> bytes) noexcep
   return value;
 }
 
-class Planner {
+class ConfigurationPlanMaker {
  public:
-  Planner(std::span<const Entry> entries, const std::vector<bool>& changes, const Held& held)
+  ConfigurationPlanMaker(std::span<const Entry> entries, const std::vector<bool>& changes, const Held& held)
       : entries_(entries), changes_(changes), held_(held) {
     for (std::size_t i = 0; i < entries.size(); ++i) {
       if (!changes[i]) continue;
@@ -290,7 +290,7 @@ std::vector<ObjectRef> also_needed(std::span<const Entry> entries, const std::ve
 }
 
 std::vector<Step> plan(std::span<const Entry> entries, const std::vector<bool>& changes, const Held& held) {
-  return Planner(entries, changes, held).make();
+  return ConfigurationPlanMaker(entries, changes, held).make();
 }
 
 }  // namespace berth::manager

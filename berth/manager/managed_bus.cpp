@@ -97,7 +97,7 @@ rt::Task<std::optional<NmtState>> ManagedBus::Target::heartbeat(rt::Duration wit
 }
 
 rt::Task<std::optional<NmtState>> ManagedBus::Target::guard() {
-  const auto answer = co_await co::probe(*bus_->dispatcher_, node_, guard_answer_time, 1);
+  const auto answer = co_await co::guard_once(*bus_->dispatcher_, node_, guard_answer_time, 1);
   if (!answer) co_return std::nullopt;
   co_return answer->state;
 }

@@ -223,7 +223,7 @@ rt::Task<Result<AndReport>> AndMaster::discover(const AndOptions& options, AndOb
   co_return std::move(report);
 }
 
-rt::Task<Result<bool>> AndMaster::probe(const AndOptions& options) {
+rt::Task<Result<bool>> AndMaster::any_unknown(const AndOptions& options) {
   if (busy_) co_return fail(Errc::invalid, and_busy);
   const Lease lease(*this);
   Run run{.options = options};

@@ -70,7 +70,7 @@ class AndMaster final : private can::Handler {
   /// Finds all unknown devices. Errors: `bus` a request cannot be sent; `invalid` something else is under way.
   [[nodiscard]] rt::Task<Result<AndReport>> discover(const AndOptions& options, AndObserver* observer = nullptr);
   /// One IURS of phase 0: is an unknown slave there?
-  [[nodiscard]] rt::Task<Result<bool>> probe(const AndOptions& options);
+  [[nodiscard]] rt::Task<Result<bool>> any_unknown(const AndOptions& options);
 
  private:
   struct Run;

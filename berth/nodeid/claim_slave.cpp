@@ -62,7 +62,7 @@ void ClaimSlave::received(const can::Frame& frame) noexcept {
 }
 
 void ClaimSlave::heard(const Claim& other) noexcept {
-  if (other.id == claim_nobody || other.name == name_) return;  // a twin's claim is as the own
+  if (other.id == claim_nobody || other.name == name_) return;  // a clone's claim is as the own
   if (other.id != id_.value()) {
     used_.set(other.id);
     return;

@@ -37,7 +37,7 @@ struct NegotiatorOptions {
   LssAddress address{};    ///< all four parts are used (S2.8)
   bool literal = false;    ///< the rules as published
   NodeId configured{};     ///< preferred when no last one is known; else it is derived from the identity (S2.21)
-  std::uint64_t seed = 1;  ///< of this device; twins need different ones
+  std::uint64_t seed = 1;  ///< of this device; clones need different ones
 
   // All by the device's own clock (SX.4).
   rt::Duration quiet = std::chrono::milliseconds(100);      ///< silence before asking, and after a cycle that was lost

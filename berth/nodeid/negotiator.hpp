@@ -20,11 +20,11 @@
 ///   waits a random time more, one that only joined is two frame times behind with each byte, and a frame that is not
 ///   acknowledged soon is taken back and sent again after a random time (in `literal` only this).
 /// - An announcement comes after 100 ms and a random time more; a device that hears it chooses another node-ID. So
-///   twins with one identity, and two winners after a lost frame, part here (S2.24, S2.25).
+///   clones with one identity, and two winners after a lost frame, part here (S2.24, S2.25).
 /// - A device with a node-ID defends it: it answers an announcement of its own node-ID by ActUsedNodeId (S2.17). For
 ///   `probation` after its own announcement it is the newcomer and yields. Two that have both had it for long (two
-///   segments joined, twins) both defend, then throw a coin each time the other insists, until one yields. One that has
-///   a node-ID that was not negotiated (`firm`) never yields.
+///   segments joined, clones) both defend, then throw a coin each time the other insists, until one yields. One that
+///   has a node-ID that was not negotiated (`firm`) never yields.
 /// - With a node-ID, one ActUsedNodeId is sent at random about every `check`: where nothing else under the node-ID is
 ///   ever sent, this is the traffic that tells two holders apart.
 /// - All 127 in use: `exhausted`; asks again after `retry` (S2.29).
@@ -74,7 +74,7 @@ class Negotiator final : private NegotiationCycle::Owner, private NodeIdDefence:
   [[nodiscard]] NodeId node_id() const noexcept { return defence_.node_id(); }
   /// Last loss.
   [[nodiscard]] IdLoss lost() const noexcept { return lost_; }
-  /// Another device won a cycle that this one won: a twin, or a frame was lost.
+  /// Another device won a cycle that this one won: a clone, or a frame was lost.
   [[nodiscard]] bool had_rival() const noexcept { return cycle_.had_rival(); }
   /// Cycles begun, frames given to `send`.
   [[nodiscard]] std::uint32_t cycles() const noexcept { return cycle_.begun(); }

@@ -325,13 +325,13 @@ rt::Task<Result<DiscoveryReport>> RandMaster::discover(const DiscoveryOptions& o
   co_return std::move(report);
 }
 
-rt::Task<Result<ProbeReport>> RandMaster::probe(const DiscoveryOptions& options, DiscoveryObserver* observer) {
+rt::Task<Result<UnknownReport>> RandMaster::any_unknown(const DiscoveryOptions& options, DiscoveryObserver* observer) {
   if (busy_) co_return fail(Errc::invalid, rand_busy);
   const Lease lease(*this);
-  Run run{.options = options, .observer = observer, .kind = PhaseEvent::Kind::probe};
+  Run run{.options = options, .observer = observer, .kind = PhaseEvent::Kind::any_unknown};
   const auto answered = co_await ask(run, 0, 0);
   if (!answered) co_return fail(answered.error());
-  ProbeReport report{.anybody = *answered, .heard = heard_};
+  UnknownReport report{.anybody = *answered, .heard = heard_};
   co_return report;
 }
 

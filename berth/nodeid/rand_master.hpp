@@ -50,7 +50,7 @@ struct Heard {
 
 /// One request and what came of it, for live displays and traces.
 struct PhaseEvent {
-  enum class Kind : std::uint8_t { identify, direct, confirm, probe };
+  enum class Kind : std::uint8_t { identify, direct, confirm, any_unknown };
   Kind kind = Kind::identify;  ///< `confirm`: the second look at a possible clone
   unsigned phase = 0;          ///< 0..7, 8 = DIRS
   std::uint16_t mask = 0;
@@ -107,7 +107,7 @@ class DiscoveryObserver {
 };
 
 /// What a probe heard.
-struct ProbeReport {
+struct UnknownReport {
   bool anybody = false;        ///< at least one device in state unknown (or selected)
   std::vector<Heard> heard{};  ///< their chunk(0), ascending
 };
@@ -167,8 +167,8 @@ class RandMaster final : private can::Handler {
                                                            DiscoveryObserver* observer = nullptr);
   /// One IURS of phase 0: is an unknown slave there? For polling while the machine runs. A slave that answered is
   /// `selected` afterwards and answers the next phase 0 again.
-  [[nodiscard]] rt::Task<Result<ProbeReport>> probe(const DiscoveryOptions& options,
-                                                    DiscoveryObserver* observer = nullptr);
+  [[nodiscard]] rt::Task<Result<UnknownReport>> any_unknown(const DiscoveryOptions& options,
+                                                            DiscoveryObserver* observer = nullptr);
 
  private:
   friend class Collect;

@@ -36,7 +36,7 @@ rt::Task<bool> Asking::answers_at(NodeId id) {
   const auto type = co_await s_.sdo.read<std::uint32_t>(id, 0x1000, 0, how);
   if (type || type.error().code == Errc::aborted) co_return true;
   if (type.error().code != Errc::timeout) co_return false;
-  const auto guarded = co_await co::probe(s_.dispatcher, id, s_.bus.timing.guard_timeout, 1);
+  const auto guarded = co_await co::guard_once(s_.dispatcher, id, s_.bus.timing.guard_timeout, 1);
   // A port without remote frames (socketcand) took the question before and refuses this one: the silence there counts.
   const bool mute = !guarded && guarded.error().code == Errc::bus && s_.port.status().up && !s_.port.status().bus_off;
   const bool silent = mute || (!guarded && guarded.error().code == Errc::timeout);
@@ -72,8 +72,8 @@ rt::Task<Result<NodeId>> Asking::active_id_once(LssAddress device) {
   if (doubtful) {
     const places::Binder::Options options = binder_options();
     places::Binder binder(binder_services(), options);
-    const places::Outcome single = co_await binder.confirm_double(device);
-    if (single == places::Outcome::doubled) {
+    const places::Outcome single = co_await binder.confirm_clone(device);
+    if (single == places::Outcome::several) {
       const auto calm = co_await s_.lss.switch_global(lss::State::waiting);
       if (!calm) co_return fail(calm.error());
       co_return fail(Errc::duplicate, "two devices answer to one LSS address");
@@ -112,7 +112,7 @@ rt::Task<Result<void>> Asking::select_alone(LssAddress device) {
     case lss::Selection::alone: break;
     case lss::Selection::absent: co_return fail(Errc::timeout, "it does not answer to its LSS address");
     case lss::Selection::not_alone: co_return fail(Errc::mismatch, "another device is in LSS configuration beside it");
-    case lss::Selection::twins: co_return fail(Errc::duplicate, "two devices answer to its LSS address");
+    case lss::Selection::clones: co_return fail(Errc::duplicate, "two devices answer to its LSS address");
   }
   co_return Result<void>{};
 }

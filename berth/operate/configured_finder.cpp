@@ -38,7 +38,7 @@ rt::Task<void> ConfiguredFinder::ask_slots_own() {
     ids.push_back(id);
   }
   const std::vector<places::Found> answered = co_await identities(ids);
-  co_await tell_doubled_apart();
+  co_await tell_duplicates_apart();
   for (const auto& f : answered) note(f);
 }
 
@@ -51,9 +51,9 @@ rt::Task<std::vector<places::Found>> ConfiguredFinder::identities(std::vector<No
   co_return answered;
 }
 
-rt::Task<bool> ConfiguredFinder::tell_doubled_apart() {
+rt::Task<bool> ConfiguredFinder::tell_duplicates_apart() {
   const std::vector<NodeId> doubled = std::exchange(doubled_, {});
-  co_return co_await doubles_.tell_apart(doubled);
+  co_return co_await duplicates_.tell_apart(doubled);
 }
 
 void ConfiguredFinder::note(const places::Found& found) {
@@ -69,7 +69,7 @@ rt::Task<bool> ConfiguredFinder::find(bool all) {
   const std::vector<NodeId> ids = ids_to_ask(all);
   if (ids.empty()) co_return news;
   const std::vector<places::Found> answered = co_await identities(ids);
-  const bool apart = co_await tell_doubled_apart();
+  const bool apart = co_await tell_duplicates_apart();
   news = news || apart;
   for (const auto& f : answered) {
     const auto known = found_.of(f.device);

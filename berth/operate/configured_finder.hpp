@@ -5,7 +5,7 @@
 #include <array>
 #include <vector>
 
-#include "berth/operate/doubles.hpp"
+#include "berth/operate/duplicates.hpp"
 #include "berth/operate/planning.hpp"
 #include "berth/operate/presence.hpp"
 
@@ -14,14 +14,14 @@ namespace berth::operate {
 class ConfiguredFinder {
  public:
   ConfiguredFinder(BusServices& services, SlotTable& slots, Agenda& agenda, FoundDevices& found, Loans& loans,
-                   Asking& asking, Doubles& doubles, Presence& presence, const Planning& planning) noexcept
+                   Asking& asking, Duplicates& duplicates, Presence& presence, const Planning& planning) noexcept
       : s_(services),
         slots_(slots),
         agenda_(agenda),
         found_(found),
         loans_(loans),
         asking_(asking),
-        doubles_(doubles),
+        duplicates_(duplicates),
         presence_(presence),
         planning_(planning) {}
 
@@ -44,7 +44,7 @@ class ConfiguredFinder {
   rt::Task<Result<LssAddress>> identity_of_one(NodeId id, std::uint64_t boot_ups);
   rt::Task<void> identity_at(NodeId id, std::vector<places::Found>& into);
   rt::Task<std::vector<places::Found>> identities(std::vector<NodeId> ids);
-  rt::Task<bool> tell_doubled_apart();
+  rt::Task<bool> tell_duplicates_apart();
   void note(const places::Found& found);
 
   BusServices& s_;
@@ -53,7 +53,7 @@ class ConfiguredFinder {
   FoundDevices& found_;
   Loans& loans_;
   Asking& asking_;
-  Doubles& doubles_;
+  Duplicates& duplicates_;
   Presence& presence_;
   const Planning& planning_;
   std::array<rt::Time, 128> asked_at_{};

@@ -6,7 +6,7 @@
 
 #include "berth/operate/bus_services.hpp"
 #include "berth/operate/loans.hpp"
-#include "berth/places/planner.hpp"
+#include "berth/places/plan.hpp"
 
 namespace berth::operate {
 

@@ -33,10 +33,10 @@ bool Lending::free_for_a_loan(const Seat& seat, const LssAddress& device) const 
 // slot has.
 NodeId Lending::id_to_lend(const LssAddress& device) const noexcept {
   NodeId lowest;
-  const bool twin = found_.is_clone(device);
+  const bool clone = found_.is_clone(device);
   for (const auto& seat : slots_.seats()) {
     const bool lower = !lowest.configured() || seat->id() < lowest;
-    if (!twin && lower && free_for_a_loan(*seat, device)) lowest = seat->id();
+    if (!clone && lower && free_for_a_loan(*seat, device)) lowest = seat->id();
   }
   if (lowest.configured()) return lowest;
   for (std::uint8_t value = 126; value > 0; --value) {
@@ -109,8 +109,8 @@ bool Lending::lend(const LssAddress& device, NodeId id) {
 
 void Lending::end(const LssAddress& device) {
   const auto* const loan = loans_.of(device);
-  // Of twins the other one may have it pending.
-  const bool stays = loan == nullptr || loan->twins;
+  // Of clones the other one may have it pending.
+  const bool stays = loan == nullptr || loan->clones;
   if (stays) return;
   loans_.expected_boot_up(loan->id, s_.executor.now());
   const auto written = loans_.end(device);
@@ -138,7 +138,7 @@ rt::Task<void> Lending::take_back_all() {
     const bool waits = seat != nullptr && seat->state == places::SlotState::power_cycle && seat->power_cycle.binding;
     if (waits) continue;
     const bool seated = seat != nullptr && seat->there;
-    const bool one_sits = seated && loan.twins;
+    const bool one_sits = seated && loan.clones;
     if (one_sits) continue;  // `11 FF` would take its node-ID
     const bool nothing_pending = seated && seat->id() == loan.id;
     if (nothing_pending) {
@@ -198,9 +198,9 @@ rt::Task<bool> Lending::tell_both(LssAddress device) {
 
 rt::Task<bool> Lending::tell_pending(LssAddress device, NodeId id) {
   const auto selected = co_await asking_.select_alone(device);
-  const bool twins = !selected && selected.error().code == Errc::duplicate;
-  if (twins) loans_.doubled(device, true);
-  const bool both = twins && !id.configured();
+  const bool clones = !selected && selected.error().code == Errc::duplicate;
+  if (clones) loans_.doubled(device, true);
+  const bool both = clones && !id.configured();
   if (!selected && !both) co_return false;
   if (both) {
     const auto told = co_await tell_both(device);

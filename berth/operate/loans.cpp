@@ -44,7 +44,7 @@ void Loans::kept(const LssAddress& device) noexcept {
 
 void Loans::doubled(const LssAddress& device, bool so) noexcept {
   const auto loan = std::ranges::find(all_, device, &Loan::device);
-  if (loan != all_.end()) loan->twins = so;
+  if (loan != all_.end()) loan->clones = so;
 }
 
 void Loans::seen(const LssAddress& device) noexcept {

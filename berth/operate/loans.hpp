@@ -20,8 +20,8 @@ class Loans {
   struct Loan {
     LssAddress device;
     NodeId id;
-    unsigned tries = 0;  ///< to take it back, in vain, since the device was found last
-    bool twins = false;  ///< two devices answered to the address: which of them has it cannot be asked
+    unsigned tries = 0;   ///< to take it back, in vain, since the device was found last
+    bool clones = false;  ///< two devices answered to the address: which of them has it cannot be asked
   };
 
   /// `store` must stay. `machine` and `bus` say where the devices are.

@@ -43,8 +43,8 @@ rt::Task<Result<Network::Located>> Network::locate(LssAddress device, rt::Durati
     if (heard && parts_.bus.executor.now() - *heard <= parts_.bus.bus.timing.heartbeat_timeout) {
       located.state = parts_.bus.boots.state(located.id);
     } else {
-      const auto guarded = co_await co::probe(parts_.bus.dispatcher, located.id, parts_.bus.bus.timing.guard_timeout,
-                                              parts_.bus.bus.timing.tries);
+      const auto guarded = co_await co::guard_once(parts_.bus.dispatcher, located.id,
+                                                   parts_.bus.bus.timing.guard_timeout, parts_.bus.bus.timing.tries);
       if (guarded) located.state = guarded->state;
     }
   } else {

@@ -61,7 +61,7 @@ rt::Task<void> MainJob::opening() {
   p_.agenda.phase = Phase::opening;
   if (s.only_observes()) co_return;
   const bool unfinished =
-      std::ranges::any_of(p_.slots.seats(), [](const auto& seat) { return seat->slot.record.asked.has_value(); }) ||
+      std::ranges::any_of(p_.slots.seats(), [](const auto& seat) { return seat->slot.record.intended.has_value(); }) ||
       !p_.slots.unfinished_here().empty();
   const bool other_masters = s.bus.flying.has_value();  // what one of them began is in its own slot table
   if (unfinished) p_.slots.events().tell(EventKind::step, "", "finishing what an earlier run began");
@@ -92,7 +92,7 @@ rt::Task<void> MainJob::round() {
   if (!p_.bus.only_observes()) {
     co_await p_.presence.adopt_all_fixed();
     co_await p_.finding.finder.discover();
-    co_await p_.doubles.tell_seats_apart();
+    co_await p_.duplicates.tell_seats_apart();
     co_await carry_out();
     co_await seat_the_configured();
     port_.speak();
@@ -114,8 +114,8 @@ rt::Task<void> MainJob::ask_the_troubled() {
 
 rt::Task<void> MainJob::look_again_at(Seat& seat) {
   const bool again = std::exchange(seat.ask_again, false);
-  const bool twins = again && seat.state == SlotState::duplicate;
-  if (twins) {
+  const bool clones = again && seat.state == SlotState::duplicate;
+  if (clones) {
     const LssAddress device = seat.slot.record.confirmed->device;
     const auto id = co_await p_.asking.active_id(device);
     const bool still = !id && id.error().code == Errc::duplicate;
@@ -208,7 +208,7 @@ rt::Duration MainJob::look_period() const noexcept {
 
 bool MainJob::needs_retry() const {
   const bool slots = std::ranges::any_of(p_.slots.seats(), [](const auto& s) {
-    const bool asked = s->slot.record.asked.has_value();
+    const bool asked = s->slot.record.intended.has_value();
     const bool silent = s->state == SlotState::absent && s->slot.record.confirmed;
     const bool waits = !s->slot.spec.optional && (s->state == SlotState::empty || s->state == SlotState::question);
     const bool doubled = s->state == SlotState::duplicate;
@@ -243,9 +243,9 @@ bool MainJob::retry_due() {
     if (again && beats) p_.slots.set_state(*seat, SlotState::present, "trying again");
     const bool troubled = seat->state == SlotState::absent || seat->state == SlotState::duplicate || seat->misplaced;
     const bool silent = again && !beats;  // it may have left before its heartbeat was waited for
-    seat->ask_again = (troubled || silent) && seat->slot.record.confirmed && !seat->slot.record.asked;
-    const bool unknown_double = seat->state == SlotState::duplicate && !seat->slot.record.device();
-    if (unknown_double) p_.slots.set_state(*seat, SlotState::empty, "looking again");
+    seat->ask_again = (troubled || silent) && seat->slot.record.confirmed && !seat->slot.record.intended;
+    const bool unknown_duplicate = seat->state == SlotState::duplicate && !seat->slot.record.device();
+    if (unknown_duplicate) p_.slots.set_state(*seat, SlotState::empty, "looking again");
   }
   return true;
 }

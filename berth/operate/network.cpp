@@ -143,10 +143,10 @@ Result<void> Network::replace(const std::string& slot, std::optional<LssAddress>
   }
   if (device) {
     parts_.spares.make_welcome(*device);
-    const places::Seat wanted{*device, seat->id()};
+    const places::Assignment wanted{*device, seat->id()};
     const auto asked = parts_.slots.store().ask(seat->slot.record.slot, wanted, "named by a person");
     if (!asked) return asked;
-    seat->slot.record.asked = wanted;
+    seat->slot.record.intended = wanted;
   }
   parts_.slots.events().tell_again();
   parts_.agenda.wakes.push({Wake::Kind::look, seat->id(), parts_.bus.executor.now()});

@@ -108,7 +108,7 @@ rt::Task<void> Move::state_of(Node& node) {
   NmtState state = network_.services().boots.state(node.id);
   if (!lately || state == NmtState::initialising) {
     const auto window = network_.bus().timing.guard_timeout;
-    const auto asked = co_await co::probe(network_.services().dispatcher, node.id, window, 2);
+    const auto asked = co_await co::guard_once(network_.services().dispatcher, node.id, window, 2);
     if (!asked) {
       node.problem = "it does not tell whether it is operational: neither heartbeat nor guarding";
       co_return;

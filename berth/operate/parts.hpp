@@ -30,7 +30,7 @@ struct Parts {
   Fading fading;
   Asking asking;
   Lending lending;
-  Doubles doubles;
+  Duplicates duplicates;
   PlaceProbes places;
   Configuring configuring;
   Presence presence;

@@ -5,7 +5,7 @@
 #include <algorithm>
 
 #include "berth/co/guarding.hpp"
-#include "berth/operate/doubles.hpp"
+#include "berth/operate/duplicates.hpp"
 #include "berth/rt/scope.hpp"
 
 namespace berth::operate {
@@ -58,7 +58,7 @@ rt::Task<Presence::Sign> Presence::sign_of_life(NodeId id) {
   if (beats) co_return Sign{true, s_.boots.state(id)};
   const auto type = co_await s_.sdo.read<std::uint32_t>(id, 0x1000, 0);
   if (type || type.error().code == Errc::aborted) co_return Sign{true, std::nullopt};
-  const auto guarded = co_await co::probe(s_.dispatcher, id, s_.bus.timing.guard_timeout, s_.bus.timing.tries);
+  const auto guarded = co_await co::guard_once(s_.dispatcher, id, s_.bus.timing.guard_timeout, s_.bus.timing.tries);
   if (!guarded) co_return Sign{};
   co_return Sign{true, guarded->state};
 }
@@ -111,7 +111,7 @@ rt::Task<bool> Presence::is_its_own(Seat& seat, std::optional<NmtState> state) {
   co_await rt::sleep_for(second_answer);
   const bool doubled = s_.sdo.surplus(id) != surplus;
   if (!doubled && *who == seat.slot.record.confirmed->device) co_return true;
-  seat.doubt.shared = Doubles::most_tries;
+  seat.doubt.shared = Duplicates::most_tries;
   agenda_.look_anew = true;
   seat.boot = {.status = doubled ? manager::BootStatus::booted : letter_of(*who, seat.slot.record.confirmed->device)};
   if (doubled) {
@@ -126,7 +126,7 @@ const LssAddress* Presence::other_at(const Seat& seat) const noexcept {
   for (const auto& each : slots_.seats()) {
     const bool waits =
         each.get() != &seat && each->power_cycle.binding && each->power_cycle.binding->old_id() == seat.id();
-    if (waits) return &each->power_cycle.binding->seat().device;
+    if (waits) return &each->power_cycle.binding->assignment().device;
   }
   return fading_.user_of(seat.id());
 }
@@ -160,7 +160,7 @@ rt::Task<void> Presence::adopt_fixed(Seat& seat) {
     slots_.set_state(seat, SlotState::wrong_type, fmt::format("device {} has its node-ID", to_string(*who)));
     co_return;
   }
-  const places::Seat wanted{*who, id};
+  const places::Assignment wanted{*who, id};
   const auto asked = slots_.store().ask(seat.slot.record.slot, wanted, "found under its fixed node-ID");
   const auto confirmed =
       asked ? slots_.store().confirm(seat.slot.record.slot, wanted, "found under its fixed node-ID") : asked;
@@ -184,7 +184,7 @@ rt::Task<void> Presence::adopt_all_fixed() {
 rt::Task<bool> Presence::take_where_it_is(Seat& seat, LssAddress device) {
   const auto who = co_await places::Binder::read_identity(s_.sdo, seat.id());
   if (!who || *who != device) co_return false;
-  const places::Seat wanted{device, seat.id()};
+  const places::Assignment wanted{device, seat.id()};
   const std::string reason = "it has the slot's node-ID, and LSS does not change it";
   const auto asked = slots_.store().ask(seat.slot.record.slot, wanted, reason);
   const auto confirmed = asked ? slots_.store().confirm(seat.slot.record.slot, wanted, reason) : asked;

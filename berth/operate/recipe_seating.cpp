@@ -60,7 +60,7 @@ rt::Task<void> RecipeSeating::bind(Seat& seat, LssAddress device, NodeId now) {
                                           to_string(device), now.value(), seat.name(), to_string(device)));
     co_return;
   }
-  const bool resumed = seat.slot.record.asked.has_value();
+  const bool resumed = seat.slot.record.intended.has_value();
   places::RecipeBinding binding(recipe.after, {device, seat.id()}, now, s_.bus.timing.tries, resumed);
   const std::string reason = fmt::format("by the recipe of {}, from node-ID {}", recipe.name, now.value());
   slots_.set_state(seat, SlotState::binding, reason);
@@ -87,7 +87,7 @@ rt::Task<void> RecipeSeating::bind(Seat& seat, LssAddress device, NodeId now) {
 
 void RecipeSeating::not_bound(Seat& seat, const places::RecipeBinding& binding) {
   // Nothing in the device can have changed: the slot is free again. Else it stays the slot's until it is seen.
-  const bool fresh = !seat.slot.record.confirmed && binding.untouched() && seat.slot.record.asked;
+  const bool fresh = !seat.slot.record.confirmed && binding.untouched() && seat.slot.record.intended;
   if (fresh) {
     const auto cleared = slots_.store().clear(seat.slot.record.slot, places::name(binding.why()));
     if (!cleared)
@@ -101,7 +101,7 @@ void RecipeSeating::not_bound(Seat& seat, const places::RecipeBinding& binding) 
                   "two devices answer under node-ID {}: they are taken in one at a time; leave one of them on the "
                   "bus",
                   binding.old_id().value())
-            : fmt::format("{}: {} (recipe)", to_string(binding.seat().device), places::name(binding.why()));
+            : fmt::format("{}: {} (recipe)", to_string(binding.assignment().device), places::name(binding.why()));
   slots_.set_state(seat, clone ? SlotState::duplicate : SlotState::failed, reason);
 }
 

@@ -17,7 +17,7 @@ rt::Task<void> Scan::ask(NodeId id, Seen& seen, co::SdoOptions patience) {
     const auto who = co_await places::Binder::read_identity(p_.bus.sdo, id);
     if (who) seen.device = *who;
   } else {
-    const auto guarded = co_await co::probe(p_.bus.dispatcher, id, p_.bus.bus.timing.guard_timeout, 1);
+    const auto guarded = co_await co::guard_once(p_.bus.dispatcher, id, p_.bus.bus.timing.guard_timeout, 1);
     if (guarded) seen.state = guarded->state;
   }
   seen.duplicate = p_.bus.sdo.surplus(id) != surplus;

@@ -56,7 +56,7 @@ rt::Task<void> Search::by_rand() {
 
 rt::Task<bool> Search::anybody_by_rand() {
   const nodeid::DiscoveryOptions how = methods_.rand_options();
-  const auto probe = co_await s_.rand.probe(how);
+  const auto probe = co_await s_.rand.any_unknown(how);
   co_return probe && probe->anybody;
 }
 

@@ -9,7 +9,7 @@
 #include "berth/manager/boot_rules.hpp"
 #include "berth/manager/configuration.hpp"
 #include "berth/places/binding.hpp"
-#include "berth/places/planner.hpp"
+#include "berth/places/plan.hpp"
 #include "berth/rt/executor.hpp"
 
 namespace berth::operate {

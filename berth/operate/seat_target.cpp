@@ -24,7 +24,8 @@ rt::Task<std::optional<NmtState>> SeatTarget::heartbeat(rt::Duration within) {
 }
 
 rt::Task<std::optional<NmtState>> SeatTarget::guard() {
-  const auto guarded = co_await co::probe(s_.dispatcher, seat_.id(), s_.bus.timing.guard_timeout, s_.bus.timing.tries);
+  const auto guarded =
+      co_await co::guard_once(s_.dispatcher, seat_.id(), s_.bus.timing.guard_timeout, s_.bus.timing.tries);
   if (!guarded) co_return std::nullopt;
   co_return guarded->state;
 }

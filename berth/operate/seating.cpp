@@ -140,7 +140,7 @@ rt::Task<bool> Seating::act(const Action& action) {
 }
 
 rt::Task<bool> Seating::bind_seat(Seat& seat, LssAddress device, std::string reason) {
-  const bool resumed = seat.slot.record.asked.has_value();
+  const bool resumed = seat.slot.record.intended.has_value();
   const bool borrows = loans_.borrowed(device);
   const bool home = !borrows && found_.uses(device, seat.id());
   Binding binding(Binding::Kind::bind, {device, seat.id()}, s_.bus.timing.tries, resumed);
@@ -205,25 +205,25 @@ void Seating::left_node_id(NodeId id) {
 
 void Seating::bound(Seat& seat, const Binding& binding) {
   if (binding.old_id() != seat.id()) left_node_id(binding.old_id());
-  left_node_id(fading_.forget(binding.seat().device));
+  left_node_id(fading_.forget(binding.assignment().device));
   if (seat.power_cycle.binding && seat.power_cycle.binding->old_id() != seat.id())
     left_node_id(seat.power_cycle.binding->old_id());
-  lending_.end(binding.seat().device);
-  loans_.bound(binding.seat().device);
-  found_.no_clone(binding.seat().device);
-  found_.not_shared(binding.seat().device);
-  found_.forget(binding.seat().device);
-  places_.forget(binding.seat().device);
+  lending_.end(binding.assignment().device);
+  loans_.bound(binding.assignment().device);
+  found_.no_clone(binding.assignment().device);
+  found_.not_shared(binding.assignment().device);
+  found_.forget(binding.assignment().device);
+  places_.forget(binding.assignment().device);
   seat.there = true;
   seat.started = false;
   seat.power_cycle.binding.reset();
   seat.fresh = true;
   seat.checked = s_.executor.now();
   slots_.events().tell(EventKind::bound, seat.name(),
-                       fmt::format("bound to {} as node-ID {}{}", to_string(binding.seat().device), seat.id().value(),
-                                   binding.volatile_only() ? ", which it cannot store" : ""));
+                       fmt::format("bound to {} as node-ID {}{}", to_string(binding.assignment().device),
+                                   seat.id().value(), binding.volatile_only() ? ", which it cannot store" : ""));
   if (seat.slot.spec.when_ambiguous == places::WhenAmbiguous::one_at_a_time) {
-    const LssAddress& device = binding.seat().device;
+    const LssAddress& device = binding.assignment().device;
     slots_.events().tell(
         EventKind::new_device, seat.name(),
         fmt::format("new device: manufacturer {:08X}h, product {:08X}h, serial {:08X}h took slot {}, node-ID {}",
@@ -238,28 +238,28 @@ void Seating::not_bound(Seat& seat, const Binding& binding) {
   seat.there = false;
   if (binding.step() == Step::power_cycle) {
     seat.power_cycle.binding = binding;
-    found_.forget(binding.seat().device);
+    found_.forget(binding.assignment().device);
     slots_.set_state(seat, SlotState::power_cycle, "node-ID stored; switch the device off and on");
     return;
   }
   learn_fixed(binding);
   const bool clone = binding.why() == Why::clone;
-  if (clone) found_.note({binding.seat().device, binding.old_id(), true});
-  if (binding.why() == Why::not_there) found_.forget(binding.seat().device);
-  // It came with that node-ID, and so did another, which stays: a device that answers to one address with its twin.
-  const bool shares = binding.why() == Why::occupied && found_.active_of(binding.seat().device) == seat.id();
-  if (shares) found_.note_shared(binding.seat().device);
+  if (clone) found_.note({binding.assignment().device, binding.old_id(), true});
+  if (binding.why() == Why::not_there) found_.forget(binding.assignment().device);
+  // It came with that node-ID, and so did another, which stays: a device that answers to one address with its clone.
+  const bool shares = binding.why() == Why::occupied && found_.active_of(binding.assignment().device) == seat.id();
+  if (shares) found_.note_shared(binding.assignment().device);
   // Nothing in the device can have changed: the slot is free again. Else it stays the slot's until it is seen.
   const bool fresh = !seat.slot.record.confirmed && binding.untouched();
-  if (fresh && seat.slot.record.asked) {
+  if (fresh && seat.slot.record.intended) {
     const auto cleared = slots_.store().clear(seat.slot.record.slot, places::name(binding.why()));
     if (!cleared)
       slots_.events().tell(EventKind::error, seat.name(),
                            "the slot table cannot be written: " + describe(cleared.error()));
     slots_.refresh(seat);
   }
-  if (binding.why() == Why::not_there && seat.slot.record.asked) return keep_for_its_device(seat);
-  const std::string reason = fmt::format("{}: {}", to_string(binding.seat().device), places::name(binding.why()));
+  if (binding.why() == Why::not_there && seat.slot.record.intended) return keep_for_its_device(seat);
+  const std::string reason = fmt::format("{}: {}", to_string(binding.assignment().device), places::name(binding.why()));
   if (clone || binding.why() == Why::other_device) {
     slots_.set_state(seat, SlotState::duplicate, reason);
   } else if (binding.why() == Why::not_there && fresh) {
@@ -274,7 +274,7 @@ void Seating::not_bound(Seat& seat, const Binding& binding) {
 // 11h was refused: the node-ID is not LSS's to give. It is not tried again, for the sake of the device and of time.
 void Seating::learn_fixed(const places::Binding& binding) {
   if (binding.why() != places::Why::refused) return;
-  const LssAddress& device = binding.seat().device;
+  const LssAddress& device = binding.assignment().device;
   slots_.set_mark(Mark::fixed, device, binding.old_id(), "LSS configure node-ID was refused");
   const auto found = found_.of(device);
   if (found != nullptr) found->active = binding.old_id();
@@ -329,7 +329,7 @@ rt::Task<bool> Seating::blank(LssAddress device, std::string reason) {
 void Seating::free_absent_slots() {
   const auto freed = [](const Seat& s) {
     return s.state == SlotState::absent && s.slot.spec.replacement == places::Replacement::automatic &&
-           s.slot.record.confirmed && !s.slot.record.asked;
+           s.slot.record.confirmed && !s.slot.record.intended;
   };
   for (const auto& seat : slots_.seats()) {
     if (!freed(*seat)) continue;
@@ -353,7 +353,7 @@ void Seating::free_absent_slots() {
 // Listing a spare is the person's answer beforehand: a slot whose device is silent goes to its spare when that comes.
 void Seating::free_for_spares() {
   for (auto& seat : slots_.seats()) {
-    const bool silent = seat->state == SlotState::absent && seat->slot.record.confirmed && !seat->slot.record.asked;
+    const bool silent = seat->state == SlotState::absent && seat->slot.record.confirmed && !seat->slot.record.intended;
     if (!silent) continue;
     const auto spare = std::ranges::find_if(found_.all(), [&](const places::Found& f) {
       return !f.clone && slots_.of(f.device) == nullptr && places::listed_spare(seat->slot.spec, f.device);
@@ -393,7 +393,7 @@ rt::Task<void> Seating::take_back(const places::Found& found) {
   const LssAddress device = found.device;
   Seat* const seat = slots_.of(device);
   const bool home =
-      seat != nullptr && seat->slot.record.confirmed && !seat->slot.record.asked && found.active == seat->id();
+      seat != nullptr && seat->slot.record.confirmed && !seat->slot.record.intended && found.active == seat->id();
   if (!home) co_return;
   co_await presence_.ask_seat(*seat);
   if (seat->there) found_.forget(device);
@@ -402,9 +402,9 @@ rt::Task<void> Seating::take_back(const places::Found& found) {
 // One question for each instead of a whole binding at every look: a device can be away for ever.
 rt::Task<void> Seating::look_for_unfinished() {
   for (auto& seat : slots_.seats()) {
-    const bool by_lss = seat->slot.spec.assign == places::Assign::lss && seat->slot.record.asked.has_value();
+    const bool by_lss = seat->slot.spec.assign == places::Assign::lss && seat->slot.record.intended.has_value();
     if (!by_lss) continue;
-    const LssAddress device = seat->slot.record.asked->device;
+    const LssAddress device = seat->slot.record.intended->device;
     if (seat->state == SlotState::power_cycle) {
       const bool waits = co_await waits_for_its_power_cycle(*seat);
       if (waits) avoid_.push_back(device);
@@ -448,7 +448,7 @@ rt::Task<bool> Seating::waits_for_its_power_cycle(Seat& seat) {
   const NodeId old = seat.power_cycle.binding->old_id();
   const auto booted = old.configured() ? s_.boots.boot_up(old) : std::nullopt;
   if (booted && *booted > seat.since) co_return false;
-  const auto id = co_await asking_.active_id(seat.power_cycle.binding->seat().device);
+  const auto id = co_await asking_.active_id(seat.power_cycle.binding->assignment().device);
   co_return !id || *id == old;
 }
 
@@ -458,7 +458,7 @@ void Seating::keep_for_its_device(Seat& seat) {
       seat, SlotState::absent,
       fmt::format("{} may have node-ID {} in its memory and does not answer: the node-ID is kept for it; switch "
                   "it on, or give the slot away with `berth replace {}`",
-                  to_string(seat.slot.record.asked->device), seat.id().value(), seat.name()));
+                  to_string(seat.slot.record.intended->device), seat.id().value(), seat.name()));
 }
 
 }  // namespace berth::operate

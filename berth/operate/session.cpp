@@ -16,10 +16,10 @@ class Session::StampedStore final : public places::SlotStore {
   Result<places::SlotId> declare(const places::SlotName& name) override { return stamped().declare(name); }
   Result<std::vector<places::SlotRecord>> load(std::string_view machine) override { return store_->load(machine); }
   Result<places::SlotRecord> load(places::SlotId slot) override { return store_->load(slot); }
-  Result<void> ask(places::SlotId slot, const places::Seat& seat, std::string_view reason) override {
+  Result<void> ask(places::SlotId slot, const places::Assignment& seat, std::string_view reason) override {
     return stamped().ask(slot, seat, reason);
   }
-  Result<void> confirm(places::SlotId slot, const places::Seat& seat, std::string_view reason) override {
+  Result<void> confirm(places::SlotId slot, const places::Assignment& seat, std::string_view reason) override {
     return stamped().confirm(slot, seat, reason);
   }
   Result<void> clear(places::SlotId slot, std::string_view reason) override { return stamped().clear(slot, reason); }

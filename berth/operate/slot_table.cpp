@@ -100,7 +100,7 @@ Result<void> SlotTable::clear(Seat& seat, const std::string& reason) {
   const auto cleared = store_->clear(seat.slot.record.slot, reason);
   if (!cleared) return cleared;
   s_.heartbeats.supervise(seat.id(), rt::Duration{0});
-  seat.slot.record.asked.reset();
+  seat.slot.record.intended.reset();
   seat.slot.record.confirmed.reset();
   seat.there = seat.started = false;
   seat.boot = {};

@@ -6,7 +6,7 @@
 #include <utility>
 
 #include "berth/co/guarding.hpp"
-#include "berth/operate/doubles.hpp"
+#include "berth/operate/duplicates.hpp"
 #include "berth/operate/seat_target.hpp"
 #include "berth/rt/scope.hpp"
 
@@ -79,7 +79,7 @@ rt::Task<bool> Starter::may_boot(Seat& seat) {
   const bool shares = presence_.waits_beside_another(seat);
   if (shares) co_return false;
   // A second answer was heard under it: before anything is written and saved there, they are told apart once.
-  if (seat.doubt.shared >= Doubles::most_tries && !s_.only_observes()) {
+  if (seat.doubt.shared >= Duplicates::most_tries && !s_.only_observes()) {
     agenda_.look_anew = true;
     co_return false;
   }
@@ -210,7 +210,7 @@ rt::Task<bool> Starter::runs_already(Seat& seat) {
   if (!s_.bus.flying) co_return false;
   const NodeId id = seat.id();
   if (seat.guarded) {
-    const auto guarded = co_await co::probe(s_.dispatcher, id, s_.bus.timing.guard_timeout, s_.bus.timing.tries);
+    const auto guarded = co_await co::guard_once(s_.dispatcher, id, s_.bus.timing.guard_timeout, s_.bus.timing.tries);
     co_return guarded && guarded->state == NmtState::operational;
   }
   // One that was out of reach answers questions before its next heartbeat tells its state.
@@ -229,7 +229,8 @@ bool Starter::beats(NodeId id) const noexcept {
 
 // No heartbeat in this device: it is asked once by guarding, which is all that can be known of it.
 rt::Task<void> Starter::ask_by_guarding(Seat& seat) {
-  const auto guarded = co_await co::probe(s_.dispatcher, seat.id(), s_.bus.timing.guard_timeout, s_.bus.timing.tries);
+  const auto guarded =
+      co_await co::guard_once(s_.dispatcher, seat.id(), s_.bus.timing.guard_timeout, s_.bus.timing.tries);
   if (guarded && guarded->state == NmtState::operational) {
     slots_.set_state(seat, SlotState::operational);
   } else {

@@ -5,7 +5,7 @@
 #include <algorithm>
 #include <utility>
 
-#include "berth/operate/doubles.hpp"
+#include "berth/operate/duplicates.hpp"
 
 namespace berth::operate {
 
@@ -100,7 +100,7 @@ void Supervision::check_rates() {
     seat->rate.at = s_.executor.now();
     if (seat->rate.fast >= 2) {
       seat->doubt.suspect = true;
-      seat->doubt.shared = Doubles::most_tries;
+      seat->doubt.shared = Duplicates::most_tries;
       agenda_.look_anew = true;
       slots_.set_state(
           *seat, SlotState::duplicate,

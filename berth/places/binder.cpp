@@ -46,7 +46,7 @@ Outcome outcome_of(const Error& error) noexcept {
     case Errc::timeout: return Outcome::silent;
     case Errc::aborted: return Outcome::refused;
     case Errc::mismatch: return Outcome::mismatch;
-    case Errc::duplicate: return Outcome::doubled;
+    case Errc::duplicate: return Outcome::several;
     default: return Outcome::error;
   }
 }
@@ -71,13 +71,13 @@ rt::Task<void> Binder::run(Binding& binding, SlotId slot, const std::string& rea
 rt::Task<Outcome> Binder::perform(Binding& binding, SlotId slot, const std::string& reason) {
   switch (binding.step()) {
     case Step::check_vacant: {
-      const LssAddress device = binding.seat().device;
-      co_return co_await vacant(binding.seat().id, device);
+      const LssAddress device = binding.assignment().device;
+      co_return co_await vacant(binding.assignment().id, device);
     }
     case Step::write_ask:
     case Step::write_confirm: co_return write(binding, slot, reason);
     case Step::select: {
-      const LssAddress device = binding.seat().device;
+      const LssAddress device = binding.assignment().device;
       co_return co_await select(device);
     }
     case Step::inquire: co_return co_await inquire(binding);
@@ -91,7 +91,7 @@ rt::Task<Outcome> Binder::perform(Binding& binding, SlotId slot, const std::stri
     case Step::release: co_return co_await release(binding);
     case Step::reset: co_return co_await reset(binding);
     case Step::await_boot_up: {
-      const NodeId id = binding.seat().id;
+      const NodeId id = binding.assignment().id;
       co_return co_await await_boot_up(id);
     }
     case Step::identify: {
@@ -124,7 +124,7 @@ rt::Task<Outcome> Binder::vacant(NodeId id, const LssAddress& device) {
     co_return who&&* who == device ? Outcome::ok : Outcome::mismatch;
   }
   if (options_.use_guarding) {
-    const auto guarded = co_await co::probe(s_.dispatcher, id, options_.guard_timeout, 1);
+    const auto guarded = co_await co::guard_once(s_.dispatcher, id, options_.guard_timeout, 1);
     if (guarded) co_return Outcome::mismatch;
   }
   vacant_at = watch_since_;
@@ -133,7 +133,7 @@ rt::Task<Outcome> Binder::vacant(NodeId id, const LssAddress& device) {
 
 Outcome Binder::write(const Binding& binding, SlotId slot, const std::string& reason) {
   const bool ask = binding.step() == Step::write_ask;
-  const Seat& seat = binding.seat();
+  const Assignment& seat = binding.assignment();
   Result<void> written;
   if (binding.kind() == Binding::Kind::bind) {
     written = ask ? s_.store.ask(slot, seat, reason) : s_.store.confirm(slot, seat, reason);
@@ -159,7 +159,7 @@ rt::Task<Outcome> Binder::select(const LssAddress& device) {
     case lss::Selection::alone: co_return Outcome::ok;
     case lss::Selection::absent: co_return Outcome::silent;
     case lss::Selection::not_alone: co_return Outcome::mismatch;
-    case lss::Selection::twins: co_return Outcome::doubled;
+    case lss::Selection::clones: co_return Outcome::several;
   }
   co_return Outcome::error;
 }
@@ -169,23 +169,23 @@ rt::Task<Outcome> Binder::select(const LssAddress& device) {
 rt::Task<Outcome> Binder::configure(NodeId id) {
   const auto reply = co_await s_.lss.configure_node_id(id);
   if (!reply) co_return outcome_of(reply.error());
-  co_return lss::suspicious(*reply) ? Outcome::doubled : Outcome::ok;
+  co_return lss::suspicious(*reply) ? Outcome::several : Outcome::ok;
 }
 
 // A device that was deaf while the proof was asked may have heard the repetition, and its answer is not waited for.
 rt::Task<Outcome> Binder::configure_alone(const Binding& binding) {
   lss::ServiceOptions service = s_.lss.options().service;
   service.full_window = s_.lss.answer_times().lost;
-  const auto reply = co_await s_.lss.configure_node_id(binding.seat().id, service);
+  const auto reply = co_await s_.lss.configure_node_id(binding.assignment().id, service);
   if (!reply) co_return outcome_of(reply.error());
-  if (lss::suspicious(*reply)) co_return Outcome::doubled;
+  if (lss::suspicious(*reply)) co_return Outcome::several;
   if (reply->attempts == 1) co_return Outcome::ok;
   s_.lss.lost_one();
-  const LssAddress device = binding.seat().device;
+  const LssAddress device = binding.assignment().device;
   const lss::AloneOptions options{.parts = options_.parts};
   const auto alone = co_await lss::still_alone(s_.lss, device, options);
   if (!alone) co_return Outcome::error;
-  co_return *alone == lss::Selection::alone ? Outcome::ok : Outcome::doubled;
+  co_return *alone == lss::Selection::alone ? Outcome::ok : Outcome::several;
 }
 
 // A node-ID is given back to the device that had it alone: another that is left in configuration would take it at the
@@ -195,7 +195,7 @@ rt::Task<Outcome> Binder::configure_alone(const Binding& binding) {
 // use when the device is reset. A device that is in LSS waiting with a node-ID that another device uses is looked for:
 // as Lely core's slaves it may wait for the next reset of all to use it.
 rt::Task<Outcome> Binder::revert(const Binding& binding) {
-  const LssAddress device = binding.seat().device;
+  const LssAddress device = binding.assignment().device;
   NodeId id = binding.revert_to();
   // Since it left its old node-ID one was heard there: perhaps another, which came from elsewhere with the same.
   const bool used = id.configured() && moved_ != rt::Time{} && !s_.boots.silent_since(id, moved_);
@@ -227,7 +227,7 @@ rt::Task<Outcome> Binder::revert(const Binding& binding) {
 }
 
 // A second answer may be a late first one; two answers to one request within one window are two devices (S1.22).
-rt::Task<Outcome> Binder::confirm_double(const LssAddress& device) {
+rt::Task<Outcome> Binder::confirm_clone(const LssAddress& device) {
   lss::ServiceOptions whole = s_.lss.options().service;
   whole.full_window = true;
   unsigned doubled = 0;
@@ -238,7 +238,7 @@ rt::Task<Outcome> Binder::confirm_double(const LssAddress& device) {
     if (!reply) co_return outcome_of(reply.error());
     if (reply->answers > 1) ++doubled;
   }
-  co_return doubled >= 2 ? Outcome::doubled : Outcome::ok;
+  co_return doubled >= 2 ? Outcome::several : Outcome::ok;
 }
 
 // A device without a node-ID takes it at `04 00` and boots by itself (CiA 305). Lely core's slaves wait for NMT reset
@@ -271,11 +271,11 @@ void wake_unconfigured(can::Dispatcher& dispatcher) noexcept {
 }
 
 rt::Task<Outcome> Binder::inquire(Binding& binding) {
-  const LssAddress device = binding.seat().device;
+  const LssAddress device = binding.assignment().device;
   auto reply = co_await s_.lss.inquire_node_id();
   if (!reply) co_return outcome_of(reply.error());
   if (lss::suspicious(*reply)) {
-    const Outcome single = co_await confirm_double(device);
+    const Outcome single = co_await confirm_clone(device);
     if (single != Outcome::ok) co_return single;
     auto again = co_await s_.lss.inquire_node_id();
     if (!again) co_return outcome_of(again.error());
@@ -292,11 +292,11 @@ rt::Task<Outcome> Binder::store_alone(const Binding& binding) {
   const Outcome outcome = co_await store(false);
   const bool sure = outcome != Outcome::ok || !s_.lss.answer_times().lost;
   if (sure) co_return outcome;
-  const LssAddress device = binding.seat().device;
+  const LssAddress device = binding.assignment().device;
   const lss::AloneOptions options{.parts = options_.parts};
   const auto alone = co_await lss::still_alone(s_.lss, device, options);
   if (!alone) co_return Outcome::error;
-  co_return *alone == lss::Selection::alone ? Outcome::ok : Outcome::doubled;
+  co_return *alone == lss::Selection::alone ? Outcome::ok : Outcome::several;
 }
 
 // When more than one device was told (`by_all`), each is waited for: its late answer would be taken for that to the
@@ -305,15 +305,15 @@ rt::Task<Outcome> Binder::store(bool by_all) {
   lss::ServiceOptions options = s_.lss.options().store;
   options.full_window = options.full_window || by_all;
   const auto reply = co_await s_.lss.store(options);
-  if (reply) co_return lss::suspicious(*reply) ? Outcome::doubled : Outcome::ok;
+  if (reply) co_return lss::suspicious(*reply) ? Outcome::several : Outcome::ok;
   const bool unsupported = reply.error().code == Errc::aborted && (reply.error().detail & 0xFFU) == store_unsupported;
   co_return unsupported ? Outcome::unsupported : outcome_of(reply.error());
 }
 
 // Another device came under the node-ID since it was asked for.
 bool Binder::is_taken(const Binding& binding) const noexcept {
-  return binding.kind() == Binding::Kind::bind && binding.old_id() != binding.seat().id &&
-         !s_.boots.silent_since(binding.seat().id, watch_since_);
+  return binding.kind() == Binding::Kind::bind && binding.old_id() != binding.assignment().id &&
+         !s_.boots.silent_since(binding.assignment().id, watch_since_);
 }
 
 rt::Task<Outcome> Binder::release(const Binding& binding) {
@@ -328,7 +328,7 @@ rt::Task<Outcome> Binder::reset(const Binding& binding) {
   // A device that took its new node-ID with 04h 00h already has booted under it, or another came with it, perhaps in
   // the pause: look which it is.
   const auto heard = [&] {
-    return binding.kind() == Binding::Kind::bind && !s_.boots.silent_since(binding.seat().id, moved_);
+    return binding.kind() == Binding::Kind::bind && !s_.boots.silent_since(binding.assignment().id, moved_);
   };
   if (heard()) co_return Outcome::ok;
   // A single-slot receive buffer would lose this behind the `04 00` just sent.
@@ -354,7 +354,7 @@ rt::Task<Result<LssAddress>> Binder::read_identity(co::SdoClient& sdo, NodeId no
 }
 
 rt::Task<Outcome> Binder::identify(const Binding& binding) {
-  const NodeId id = binding.seat().id;
+  const NodeId id = binding.assignment().id;
   // It did not boot, and a second device with its node-ID did not either: one with a single-slot receive buffer would
   // lose the question behind `04 00`, and the next ones behind the answers of the first.
   const bool stayed = binding.old_id() == id;
@@ -377,14 +377,14 @@ rt::Task<Outcome> Binder::identify(const Binding& binding) {
     if (booted) who = co_await read_identity(s_.sdo, id);
   }
   if (!who) co_return who.error().code == Errc::timeout ? Outcome::silent : outcome_of(who.error());
-  if (s_.sdo.surplus(id) != surplus) co_return Outcome::doubled;
+  if (s_.sdo.surplus(id) != surplus) co_return Outcome::several;
   s_.vacancy[id.value() & 0x7FU].reset();
-  co_return *who == binding.seat().device ? Outcome::ok : Outcome::mismatch;
+  co_return *who == binding.assignment().device ? Outcome::ok : Outcome::mismatch;
 }
 
 // The device may still be resetting; it is asked until it answers without a node-ID, or time is up.
 rt::Task<Outcome> Binder::identify_blank(const Binding& binding) {
-  const LssAddress device = binding.seat().device;
+  const LssAddress device = binding.assignment().device;
   const rt::Time deadline = s_.dispatcher.executor().now() + options_.boot_timeout;
   Outcome outcome = Outcome::silent;
   while (s_.dispatcher.executor().now() < deadline) {

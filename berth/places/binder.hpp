@@ -71,9 +71,9 @@ class Binder {
   /// Is this node-ID free for `device`? `ok`: no device answers, or `device` itself does. `mismatch`: another.
   [[nodiscard]] rt::Task<Outcome> vacant(NodeId id, const LssAddress& device);
 
-  /// Do two devices answer to this LSS address? `doubled`: at least twice in three looks (S1.22). Leaves the device in
+  /// Do two devices answer to this LSS address? `several`: at least twice in three looks (S1.22). Leaves the device in
   /// configuration state.
-  [[nodiscard]] rt::Task<Outcome> confirm_double(const LssAddress& device);
+  [[nodiscard]] rt::Task<Outcome> confirm_clone(const LssAddress& device);
 
  private:
   rt::Task<void> take_lss();

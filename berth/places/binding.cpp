@@ -61,13 +61,13 @@ void Binding::again(Why why) noexcept {
 Step Binding::after_release() const noexcept {
   if (kind_ == Kind::blank) return old_id_.configured() ? Step::reset : Step::identify;
   if (!old_id_.configured()) return Step::await_boot_up;
-  return old_id_ == seat_.id ? Step::identify : Step::reset;
+  return old_id_ == assignment_.id ? Step::identify : Step::reset;
 }
 
 void Binding::advance_identify(Outcome outcome) noexcept {
   if (outcome == Outcome::ok) {
     step_ = Step::write_confirm;
-  } else if (outcome == Outcome::doubled) {
+  } else if (outcome == Outcome::several) {
     fail(Why::clone);
   } else if (outcome == Outcome::mismatch && kind_ == Kind::bind) {
     // This one may have missed `04 00`, and would take the node-ID at the next.
@@ -83,7 +83,7 @@ void Binding::advance_identify(Outcome outcome) noexcept {
 void Binding::advance_selection(Outcome outcome) noexcept {
   if (outcome == Outcome::ok) {
     step_ = step_ == Step::select ? Step::inquire : asked_ ? Step::configure : Step::write_ask;
-  } else if (outcome == Outcome::doubled) {
+  } else if (outcome == Outcome::several) {
     give_up(Why::clone);  // both are in configuration now and must leave it unchanged
   } else {
     again(outcome == Outcome::mismatch ? Why::not_alone : Why::not_there);
@@ -93,7 +93,7 @@ void Binding::advance_selection(Outcome outcome) noexcept {
 void Binding::advance_configure(Outcome outcome) noexcept {
   if (outcome == Outcome::mismatch) return give_up(Why::occupied);  // it was told nothing by this `configure`
   untouched_ = untouched_ && outcome == Outcome::refused;
-  shared_ = outcome == Outcome::doubled;
+  shared_ = outcome == Outcome::several;
   // Without a node-ID pending nothing comes into use that would have to be taken back.
   touched_ = outcome != Outcome::refused && kind_ == Kind::bind;
   if (outcome == Outcome::ok)
@@ -107,7 +107,7 @@ void Binding::advance_configure(Outcome outcome) noexcept {
 void Binding::advance_store(Outcome outcome) noexcept {
   if (outcome == Outcome::mismatch) return give_up(Why::occupied);
   stored_ = outcome == Outcome::ok;
-  shared_ = shared_ || outcome == Outcome::doubled;
+  shared_ = shared_ || outcome == Outcome::several;
   volatile_only_ = outcome == Outcome::unsupported;
   if (stored_ || volatile_only_)
     step_ = Step::release;

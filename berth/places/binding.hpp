@@ -70,7 +70,7 @@ enum class Outcome : std::uint8_t {
   mismatch,     ///< not the expected one: the id is taken (`check_vacant`), another device is in configuration too
                 ///< (`select`), one booted under the id since then (`configure`, `store`, `release`), another device
                 ///< answers or it still has its id (`identify`)
-  doubled,      ///< more than one device answered
+  several,      ///< more than one device answered
   error,        ///< the store, or the port, failed
 };
 
@@ -95,15 +95,15 @@ class Binding {
 
   /// `seat.id` is the node-ID to give; for `blank` it is unconfigured. `tries`: how often `select` may be walked.
   /// `resumed`: the store holds this intention already, so an earlier binding may have told the device the node-ID.
-  Binding(Kind kind, const Seat& seat, unsigned tries = 3, bool resumed = false) noexcept
+  Binding(Kind kind, const Assignment& seat, unsigned tries = 3, bool resumed = false) noexcept
       : kind_(kind),
-        seat_(seat),
+        assignment_(seat),
         tries_(tries),
         step_(kind == Kind::bind ? Step::check_vacant : Step::write_ask),
         untouched_(!resumed) {}
 
   [[nodiscard]] Kind kind() const noexcept { return kind_; }
-  [[nodiscard]] const Seat& seat() const noexcept { return seat_; }
+  [[nodiscard]] const Assignment& assignment() const noexcept { return assignment_; }
   [[nodiscard]] Step step() const noexcept { return step_; }
   [[nodiscard]] Why why() const noexcept { return why_; }
   /// The node-ID that the device had when it was asked last, or is known to have (`inquired` before the first step).
@@ -114,7 +114,7 @@ class Binding {
   /// not get the node-ID of the first; none when another device answers under the node-ID that this one told to have
   /// (Lely core's slaves tell the pending one).
   [[nodiscard]] NodeId revert_to() const noexcept {
-    const bool lost = why_ == Why::other_device && old_id_ == seat_.id;
+    const bool lost = why_ == Why::other_device && old_id_ == assignment_.id;
     return shared_ || lost ? NodeId() : old_id_;
   }
   [[nodiscard]] unsigned tries_left() const noexcept { return tries_; }
@@ -149,7 +149,7 @@ class Binding {
   [[nodiscard]] Step after_release() const noexcept;
 
   Kind kind_;
-  Seat seat_;
+  Assignment assignment_;
   unsigned tries_;
   Step step_;
   Why why_ = Why::none;

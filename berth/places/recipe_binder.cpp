@@ -10,7 +10,7 @@ rt::Task<void> RecipeBinder::run(RecipeBinding& binding, SlotId slot, const std:
 }
 
 rt::Task<Outcome> RecipeBinder::perform(const RecipeBinding& binding, SlotId slot, const std::string& reason) {
-  const Seat seat = binding.seat();
+  const Assignment seat = binding.assignment();
   const NodeId old_id = binding.old_id();
   switch (binding.step()) {
     case RecipeStep::check_vacant: {
@@ -46,7 +46,7 @@ rt::Task<Outcome> RecipeBinder::perform(const RecipeBinding& binding, SlotId slo
 rt::Task<Outcome> RecipeBinder::identify(NodeId id, const LssAddress& device) {
   const auto surplus = s_.sdo.surplus(id);
   const auto who = co_await Binder::read_identity(s_.sdo, id);
-  if (s_.sdo.surplus(id) != surplus) co_return Outcome::doubled;
+  if (s_.sdo.surplus(id) != surplus) co_return Outcome::several;
   if (!who) co_return who.error().code == Errc::timeout ? Outcome::silent : outcome_of(who.error());
   co_return *who == device ? Outcome::ok : Outcome::mismatch;
 }
@@ -76,8 +76,8 @@ rt::Task<Outcome> RecipeBinder::write(NodeId at, NodeId id) {
 
 // What boots under either node-ID meanwhile is a second device: the first must not come to it.
 rt::Task<Outcome> RecipeBinder::reset(const RecipeBinding& binding) {
-  if (s_.boots.booted_since(binding.old_id(), identified_)) co_return Outcome::doubled;
-  if (s_.boots.booted_since(binding.seat().id, identified_)) co_return Outcome::mismatch;
+  if (s_.boots.booted_since(binding.old_id(), identified_)) co_return Outcome::several;
+  if (s_.boots.booted_since(binding.assignment().id, identified_)) co_return Outcome::mismatch;
   moved_ = s_.dispatcher.executor().now();
   const bool node = recipe_->after == Recipe::After::reset_node;
   const auto command = node ? co::NmtCommand::reset_node : co::NmtCommand::reset_communication;

@@ -34,11 +34,11 @@ void RecipeBinding::give_up(Why why) noexcept {
 void RecipeBinding::advance_identify(Outcome outcome) noexcept {
   if (outcome == Outcome::ok) {
     step_ = RecipeStep::write_confirm;
-  } else if (outcome == Outcome::doubled) {
+  } else if (outcome == Outcome::several) {
     fail(Why::clone);
   } else if (outcome == Outcome::mismatch) {
     fail(Why::other_device);
-  } else if (old_id_ == seat_.id || tries_ <= 1) {
+  } else if (old_id_ == assignment_.id || tries_ <= 1) {
     fail(Why::silent);
   } else {
     --tries_;
@@ -60,7 +60,7 @@ void RecipeBinding::advance(Outcome outcome) noexcept {
     case RecipeStep::identify_old:
       if (ok)
         step_ = RecipeStep::write_ask;
-      else if (outcome == Outcome::doubled)
+      else if (outcome == Outcome::several)
         fail(Why::clone);
       else
         fail(outcome == Outcome::mismatch ? Why::other_device : (untouched_ ? Why::not_there : Why::silent));
@@ -69,7 +69,7 @@ void RecipeBinding::advance(Outcome outcome) noexcept {
       if (!ok)
         fail(Why::store_failed);
       else
-        step_ = old_id_ == seat_.id ? RecipeStep::identify : RecipeStep::write;
+        step_ = old_id_ == assignment_.id ? RecipeStep::identify : RecipeStep::write;
       break;
     case RecipeStep::write:
       untouched_ = untouched_ && outcome == Outcome::unsupported;
@@ -87,7 +87,7 @@ void RecipeBinding::advance(Outcome outcome) noexcept {
       if (ok)
         step_ = RecipeStep::await_boot_up;
       else
-        give_up(outcome == Outcome::doubled ? Why::clone : Why::occupied);
+        give_up(outcome == Outcome::several ? Why::clone : Why::occupied);
       break;
     case RecipeStep::await_boot_up: step_ = RecipeStep::identify; break;  // heard or not, the device there now tells
     case RecipeStep::identify: advance_identify(outcome); break;

@@ -43,15 +43,16 @@ class RecipeBinding {
  public:
   /// `now`: the node-ID under which the device answers. `tries`: how often it may be written. `resumed`: an earlier run
   /// asked for this and may have written it.
-  RecipeBinding(Recipe::After after, const Seat& seat, NodeId now, unsigned tries = 3, bool resumed = false) noexcept
+  RecipeBinding(Recipe::After after, const Assignment& seat, NodeId now, unsigned tries = 3,
+                bool resumed = false) noexcept
       : after_(after),
-        seat_(seat),
+        assignment_(seat),
         old_id_(now),
         tries_(tries),
         step_(now == seat.id ? RecipeStep::write_ask : RecipeStep::check_vacant),
         untouched_(!resumed) {}
 
-  [[nodiscard]] const Seat& seat() const noexcept { return seat_; }
+  [[nodiscard]] const Assignment& assignment() const noexcept { return assignment_; }
   [[nodiscard]] NodeId old_id() const noexcept { return old_id_; }
   [[nodiscard]] RecipeStep step() const noexcept { return step_; }
   [[nodiscard]] Why why() const noexcept { return why_; }
@@ -72,7 +73,7 @@ class RecipeBinding {
   void advance_identify(Outcome outcome) noexcept;
 
   Recipe::After after_;
-  Seat seat_;
+  Assignment assignment_;
   NodeId old_id_;
   unsigned tries_;
   RecipeStep step_;

@@ -103,10 +103,10 @@ struct SlotSpec {
 [[nodiscard]] bool listed_spare(const SlotSpec& slot, const LssAddress& device) noexcept;
 
 /// The device that sits, or shall sit, in a slot, with the node-ID that it has there.
-struct Seat {
+struct Assignment {
   LssAddress device;
   NodeId id;
-  friend bool operator==(const Seat&, const Seat&) = default;
+  friend bool operator==(const Assignment&, const Assignment&) = default;
 };
 
 /// How far the configuration of a slot's device has come. Written before the first object of the device is, so that a
@@ -150,13 +150,13 @@ struct LentId {
 struct SlotRecord {
   SlotId slot;
   SlotName name;
-  std::optional<Seat> asked;
-  std::optional<Seat> confirmed;
+  std::optional<Assignment> intended;
+  std::optional<Assignment> confirmed;
   std::optional<Configured> configured = {};
 
   /// The device that this slot is about: the one intended, else the one confirmed.
   [[nodiscard]] std::optional<LssAddress> device() const noexcept {
-    if (asked) return asked->device;
+    if (intended) return intended->device;
     if (confirmed) return confirmed->device;
     return std::nullopt;
   }

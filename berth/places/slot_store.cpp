@@ -103,23 +103,23 @@ Result<SlotRecord> MemoryStore::load(SlotId slot) {
   return *record;
 }
 
-Result<void> MemoryStore::ask(SlotId slot, const Seat& seat, std::string_view reason) {
+Result<void> MemoryStore::ask(SlotId slot, const Assignment& seat, std::string_view reason) {
   SlotRecord* record = find(slot);
   if (record == nullptr) return fail(Errc::not_found, "no such slot");
   const auto sits = sits_.find(seat.device);
   if (sits != sits_.end() && sits->second != slot) return fail(Errc::duplicate, "the device sits in another slot");
   if (record->device() && record->device() != seat.device) return fail(Errc::duplicate, "the slot is another device's");
-  record->asked = seat;
+  record->intended = seat;
   sits_[seat.device] = slot;
   log(slot, "asked", seat.device, seat.id, reason);
   return {};
 }
 
-Result<void> MemoryStore::confirm(SlotId slot, const Seat& seat, std::string_view reason) {
+Result<void> MemoryStore::confirm(SlotId slot, const Assignment& seat, std::string_view reason) {
   SlotRecord* record = find(slot);
   if (record == nullptr) return fail(Errc::not_found, "no such slot");
-  if (record->asked != seat) return fail(Errc::mismatch, "confirmed something that was not asked for");
-  record->asked.reset();
+  if (record->intended != seat) return fail(Errc::mismatch, "confirmed something that was not asked for");
+  record->intended.reset();
   record->confirmed = seat;
   std::erase_if(blanks_, [&](const UnfinishedBlank& b) { return b.device == seat.device; });
   log(slot, "confirmed", seat.device, seat.id, reason);
@@ -131,7 +131,7 @@ Result<void> MemoryStore::clear(SlotId slot, std::string_view reason) {
   if (record == nullptr) return fail(Errc::not_found, "no such slot");
   log(slot, "cleared", record->device(), NodeId(), reason);
   if (record->device()) sits_.erase(*record->device());
-  record->asked.reset();
+  record->intended.reset();
   record->confirmed.reset();
   record->configured.reset();
   return {};

@@ -28,10 +28,10 @@ class SlotStore {
   /// Writes the intention to seat a device, before the first frame that does it. Refused (`Errc::duplicate`): the
   /// device is intended or confirmed in another slot of the store; another device is intended or confirmed in this
   /// slot, whose node-ID may be in that device's memory: `clear` comes first, and says why.
-  virtual Result<void> ask(SlotId slot, const Seat& seat, std::string_view reason) = 0;
+  virtual Result<void> ask(SlotId slot, const Assignment& seat, std::string_view reason) = 0;
   /// The device was heard under its new node-ID and identified: the intention becomes the binding. `seat` must be what
   /// was intended, else `Errc::mismatch`.
-  virtual Result<void> confirm(SlotId slot, const Seat& seat, std::string_view reason) = 0;
+  virtual Result<void> confirm(SlotId slot, const Assignment& seat, std::string_view reason) = 0;
   /// Forgets which device sits in the slot, intended and confirmed, and its configuration; the history keeps it.
   virtual Result<void> clear(SlotId slot, std::string_view reason) = 0;
 
@@ -81,8 +81,8 @@ class MemoryStore final : public SlotStore {
   Result<SlotId> declare(const SlotName& name) override;
   Result<std::vector<SlotRecord>> load(std::string_view machine) override;
   Result<SlotRecord> load(SlotId slot) override;
-  Result<void> ask(SlotId slot, const Seat& seat, std::string_view reason) override;
-  Result<void> confirm(SlotId slot, const Seat& seat, std::string_view reason) override;
+  Result<void> ask(SlotId slot, const Assignment& seat, std::string_view reason) override;
+  Result<void> confirm(SlotId slot, const Assignment& seat, std::string_view reason) override;
   Result<void> clear(SlotId slot, std::string_view reason) override;
   Result<void> configure(SlotId slot, const Configured& configured, std::string_view reason) override;
   Result<void> ask_blank(const UnfinishedBlank& blank, std::string_view reason) override;

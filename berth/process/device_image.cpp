@@ -33,7 +33,7 @@ void DeviceImage::bind(const Bound& bound) {
     if (variable->direction == Direction::input) return inputs_.push_back(line);
     outputs_.push_back(line);
     // Behind the work of this instant: all frames of it are one publication.
-    device_->on_write(bound.object, [this] { executor_->post(publish_, rt::Phase::medium); });
+    device_->on_write(bound.object, [this] { executor_->post(publish_, rt::Rank::medium); });
   }
 }
 

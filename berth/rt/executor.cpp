@@ -107,12 +107,12 @@ void Executor::remove(Job& job) noexcept {
   root_ = meld(root_, rest);
 }
 
-void Executor::at(Time when, Job& job, Phase phase) noexcept {
+void Executor::at(Time when, Job& job, Rank rank) noexcept {
   assert(!job.timed_ || job.executor_ == this);
   if (when < now_) when = now_;
   job.order_ = ++order_;
   job.due_ = when;
-  job.phase_ = phase;
+  job.rank_ = rank;
   if (job.timed_) {
     if (when >= job.key_) return;  // found in the heap too early, it is put back then
     remove(job);
@@ -148,7 +148,7 @@ void Executor::make_due_ready() noexcept {
     root_ = combine(job.child_);
     job.child_ = nullptr;
     job.timed_ = false;
-    post(job, job.phase_);
+    post(job, job.rank_);
   }
 }
 

@@ -20,7 +20,7 @@ inline constexpr Time never = Time::max();
 
 /// `node` jobs of an instant all run before its `medium` jobs: a bus arbitrates when every node has done what it
 /// does at that instant. A medium job that makes node jobs ready lets them run before the next medium job.
-enum class Phase : std::uint8_t { node, medium };
+enum class Rank : std::uint8_t { node, medium };
 
 class Executor;
 
@@ -66,7 +66,7 @@ class Job {
   Time due_{};
   std::uint64_t key_order_ = 0;
   std::uint64_t order_ = 0;
-  Phase phase_ = Phase::node;  // of the timer
+  Rank rank_ = Rank::node;  // of the timer
   bool timed_ = false;
 };
 
@@ -81,16 +81,16 @@ class Executor {
   [[nodiscard]] Time now() const noexcept { return now_; }
 
   /// Makes `job` ready: it runs after the current job returned, in the order of posting. Already ready: nothing.
-  void post(Job& job, Phase phase = Phase::node) noexcept {
+  void post(Job& job, Rank rank = Rank::node) noexcept {
     if (job.ready()) return;
-    Job& anchor = phase == Phase::node ? static_cast<Job&>(node_) : medium_;
+    Job& anchor = rank == Rank::node ? static_cast<Job&>(node_) : medium_;
     link_ready(job, shuffle_ == 0 ? *anchor.ready_prev_ : drawn_place(anchor));
   }
 
   /// Gives `job` a timer, or moves the one it has. Moving it later is O(1). A time not after `now()` is due at once,
   /// and still only after the current job returned. Equal times fire in the order in which they were set, a timer that
-  /// was moved counting as set anew. What is due becomes ready in `phase`.
-  void at(Time when, Job& job, Phase phase = Phase::node) noexcept;
+  /// was moved counting as set anew. What is due becomes ready in `rank`.
+  void at(Time when, Job& job, Rank rank = Rank::node) noexcept;
   void after(Duration delay, Job& job) noexcept { at(now_ + delay, job); }
 
   /// Driver: the earliest instant with work, `now()` when jobs are ready, empty when there is nothing to wait for.

@@ -129,69 +129,69 @@ can::Frame Decoder::frame() const noexcept {
 }
 
 void BitNode::integrate(unsigned runs_to_see) noexcept {
-  enter(Phase::integrating);
+  enter(Activity::integrating);
   runs = runs_to_see;
   transmitter = false;
 }
 
 void BitNode::begin_receiving() noexcept {
-  enter(Phase::frame);
+  enter(Activity::frame);
   transmitter = false;
   decoder_.begin();
 }
 
 void BitNode::begin_sending(const can::Frame& frame, bool behind_start) noexcept {
   layout_ = lay_out(frame);
-  enter(Phase::frame);
+  enter(Activity::frame);
   transmitter = true;
   position_ = behind_start ? 1 : 0;
   if (behind_start) decoder_.begin();
 }
 
 bool BitNode::drives() const noexcept {
-  switch (phase) {
-    case Phase::frame: return transmitter && (layout_.bits[position_] & Layout::recessive) == 0;
-    case Phase::tail: return !transmitter && count == 1 && !crc_bad_ && !listen_only;
-    case Phase::active_flag:
-    case Phase::overload_flag: return true;
+  switch (activity) {
+    case Activity::frame: return transmitter && (layout_.bits[position_] & Layout::recessive) == 0;
+    case Activity::tail: return !transmitter && count == 1 && !crc_bad_ && !listen_only;
+    case Activity::active_flag:
+    case Activity::overload_flag: return true;
     default: return false;
   }
 }
 
 BitNode::Outcome BitNode::sample(bool dominant) noexcept {
   Outcome outcome;
-  switch (phase) {
-    case Phase::idle:
+  switch (activity) {
+    case Activity::idle:
       if (dominant) begin_receiving();
       break;
-    case Phase::frame: in_frame(dominant, outcome); break;
-    case Phase::tail: in_tail(dominant, outcome); break;
-    case Phase::active_flag:
-    case Phase::overload_flag: in_flag(dominant, outcome); break;
-    case Phase::passive_flag: in_passive_flag(dominant, outcome); break;
-    case Phase::after_flag: after_flag(dominant, outcome); break;
-    case Phase::delimiter: in_delimiter(dominant, outcome); break;
-    case Phase::intermission: in_intermission(dominant, outcome); break;
-    case Phase::suspend:
+    case Activity::frame: in_frame(dominant, outcome); break;
+    case Activity::tail: in_tail(dominant, outcome); break;
+    case Activity::active_flag:
+    case Activity::overload_flag: in_flag(dominant, outcome); break;
+    case Activity::passive_flag: in_passive_flag(dominant, outcome); break;
+    case Activity::after_flag: after_flag(dominant, outcome); break;
+    case Activity::delimiter: in_delimiter(dominant, outcome); break;
+    case Activity::intermission: in_intermission(dominant, outcome); break;
+    case Activity::suspend:
       if (dominant) {
         begin_receiving();
       } else if (++count == 8) {
-        enter(Phase::idle);
+        enter(Activity::idle);
       }
       break;
-    case Phase::integrating:
+    case Activity::integrating:
       count = dominant ? 0 : count + 1;
       if (count == 11) {
         count = 0;
         if (--runs > 0) break;
-        enter(Phase::idle);
+        enter(Activity::idle);
         outcome.took_part = true;
         outcome.counters = bus_off;
         if (bus_off) tec = rec = 0;
         bus_off = false;
       }
       break;
-    case Phase::off: break;
+    case Activity::off: break;
   }
   return outcome;
 }
@@ -220,7 +220,7 @@ void BitNode::in_frame(bool dominant, Outcome& outcome) noexcept {
   if (progress == Decoder::Outcome::stuff_error) return fail(outcome);
   if (progress == Decoder::Outcome::complete) {
     crc_bad_ = !decoder_.crc_matches();
-    enter(Phase::tail);
+    enter(Activity::tail);
   }
 }
 
@@ -248,7 +248,7 @@ void BitNode::in_tail(bool dominant, Outcome& outcome) noexcept {
     outcome.counters = tec > 0;
     if (tec > 0) --tec;
   }
-  enter(Phase::intermission);
+  enter(Activity::intermission);
 }
 
 void BitNode::more_errors(unsigned by, Outcome& outcome) noexcept {
@@ -262,7 +262,7 @@ void BitNode::more_errors(unsigned by, Outcome& outcome) noexcept {
   if (tec <= 255) return;
   bus_off = true;
   transmitter = false;
-  enter(Phase::off);
+  enter(Activity::off);
 }
 
 // Rules 1 and 3. The condition that makes the node passive is still signalled actively.
@@ -272,7 +272,7 @@ void BitNode::fail(Outcome& outcome, Cause cause) noexcept {
   outcome.as_transmitter = transmitter;
   error_ = true;
   unacknowledged_ = transmitter && was_passive && cause == Cause::no_acknowledge;
-  enter(was_passive ? Phase::passive_flag : Phase::active_flag);
+  enter(was_passive ? Activity::passive_flag : Activity::active_flag);
   const bool exempt = unacknowledged_ || (transmitter && cause == Cause::stuff_in_arbitration);
   if (!exempt) more_errors(transmitter ? 8 : 1, outcome);
 }
@@ -281,7 +281,7 @@ void BitNode::begin_overload(Outcome& outcome) noexcept {
   outcome.overload = true;
   error_ = false;
   unacknowledged_ = false;
-  enter(listen_only ? Phase::passive_flag : Phase::overload_flag);
+  enter(listen_only ? Activity::passive_flag : Activity::overload_flag);
 }
 
 void BitNode::in_flag(bool dominant, Outcome& outcome) noexcept {
@@ -290,11 +290,11 @@ void BitNode::in_flag(bool dominant, Outcome& outcome) noexcept {
     outcome.failed = true;
     outcome.as_transmitter = transmitter;
     error_ = true;
-    enter(was_passive ? Phase::passive_flag : Phase::active_flag);
+    enter(was_passive ? Activity::passive_flag : Activity::active_flag);
     return more_errors(8, outcome);
   }
   if (++count < 6) return;
-  enter(Phase::after_flag);
+  enter(Activity::after_flag);
   after_ = 0;
 }
 
@@ -303,19 +303,19 @@ void BitNode::in_passive_flag(bool dominant, Outcome& outcome) noexcept {
   if (dominant && unacknowledged_) {
     unacknowledged_ = false;
     more_errors(8, outcome);
-    if (phase == Phase::off) return;
+    if (activity == Activity::off) return;
   }
   count = count > 0 && run_level_ == dominant ? count + 1 : 1;
   run_level_ = dominant;
   if (count < 6) return;
   unacknowledged_ = false;
-  enter(Phase::after_flag);
+  enter(Activity::after_flag);
   after_ = 0;
 }
 
 void BitNode::after_flag(bool dominant, Outcome& outcome) noexcept {
   if (!dominant) {
-    enter(Phase::delimiter);
+    enter(Activity::delimiter);
     count = 1;
     return;
   }
@@ -326,7 +326,7 @@ void BitNode::after_flag(bool dominant, Outcome& outcome) noexcept {
 
 void BitNode::in_delimiter(bool dominant, Outcome& outcome) noexcept {
   if (dominant) return count == 7 ? begin_overload(outcome) : fail(outcome);
-  if (++count == 8) enter(Phase::intermission);
+  if (++count == 8) enter(Activity::intermission);
 }
 
 void BitNode::in_intermission(bool dominant, Outcome& outcome) noexcept {
@@ -336,7 +336,7 @@ void BitNode::in_intermission(bool dominant, Outcome& outcome) noexcept {
     begin_receiving();
     outcome.start = !suspends;
   } else if (++count == 3) {
-    enter(suspends ? Phase::suspend : Phase::idle);
+    enter(suspends ? Activity::suspend : Activity::idle);
     transmitter = false;
   }
 }

@@ -45,7 +45,7 @@ class Decoder {
 
 class BitNode {
  public:
-  enum class Phase : std::uint8_t {
+  enum class Activity : std::uint8_t {
     idle,
     frame,  // start of frame to the last bit of the CRC sequence
     tail,   // CRC delimiter to the last bit of end-of-frame
@@ -80,8 +80,8 @@ class BitNode {
   std::uint16_t rec = 0;
   bool bus_off = false;
   bool listen_only = false;
-  Phase phase = Phase::idle;
-  unsigned count = 0;  ///< bits of the phase done
+  Activity activity = Activity::idle;
+  unsigned count = 0;  ///< bits of the activity done
   unsigned runs = 0;   ///< integrating: runs of 11 recessive bits to come
   bool transmitter = false;
 
@@ -94,7 +94,8 @@ class BitNode {
   [[nodiscard]] bool passive() const noexcept { return tec > 127 || rec > 127; }
   /// Nothing will happen until a node begins a frame.
   [[nodiscard]] bool quiet() const noexcept {
-    return phase == Phase::idle || phase == Phase::suspend || phase == Phase::integrating || phase == Phase::off;
+    return activity == Activity::idle || activity == Activity::suspend || activity == Activity::integrating ||
+           activity == Activity::off;
   }
   [[nodiscard]] can::Frame frame() const noexcept { return decoder_.frame(); }
   [[nodiscard]] unsigned frame_bits() const noexcept { return layout_.size; }
@@ -111,8 +112,8 @@ class BitNode {
   enum class Cause : std::uint8_t { other, no_acknowledge, stuff_in_arbitration };
   void fail(Outcome& outcome, Cause cause = Cause::other) noexcept;
   void begin_overload(Outcome& outcome) noexcept;
-  void enter(Phase next) noexcept {
-    phase = next;
+  void enter(Activity next) noexcept {
+    activity = next;
     count = 0;
   }
   void more_errors(unsigned by, Outcome& outcome) noexcept;

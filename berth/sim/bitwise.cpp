@@ -21,7 +21,7 @@ struct BitwisePlay::Domain final : rt::Job {
   /// Beside others the beginning of the bit comes first: they see what begins there before it is sampled here.
   void set_clock() noexcept {
     at_edge = !play.one_rate() && start >= play.medium_->executor.now();
-    play.medium_->executor.at(at_edge ? start : sampled_at(), *this, rt::Phase::medium);
+    play.medium_->executor.at(at_edge ? start : sampled_at(), *this, rt::Rank::medium);
   }
   [[nodiscard]] rt::Time sampled_at() const noexcept { return start + sample_point(bit); }
   [[nodiscard]] bool drives() const noexcept {
@@ -105,18 +105,18 @@ void BitwisePlay::put(BusNode& node, rt::Time start, bool sending, bool pauses) 
     bits.integrate(access.runs_left());
     bits.count = access.bits_of_run(start, domain.bit);
   } else if (pauses) {  // a frame has just ended well
-    bits.phase = BitNode::Phase::intermission;
+    bits.activity = BitNode::Activity::intermission;
     bits.count = 3U - left(medium_->free_at, 3);
     bits.transmitter = sent_passive;
   } else if (suspended) {
-    bits.phase = BitNode::Phase::suspend;
+    bits.activity = BitNode::Activity::suspend;
     bits.count = 8U - left(access.not_before(), 8);
   }
   alone = alone || medium_->faults.victim(*node.controller);
   if (!alone) {
     for (auto& group : domain.groups) {
       const BitNode& other = group->bits;
-      if (group->open && other.phase == BitNode::Phase::idle && other.tec == bits.tec && other.rec == bits.rec &&
+      if (group->open && other.activity == BitNode::Activity::idle && other.tec == bits.tec && other.rec == bits.rec &&
           other.listen_only == bits.listen_only) {
         group->members.push_back(&node);
         return;
@@ -164,9 +164,9 @@ void BitwisePlay::end() noexcept {
     free = std::max(free, domain->start);
     for (const auto& group : domain->groups) {
       for (BusNode* node : group->members) {
-        if (group->bits.phase == BitNode::Phase::suspend) {
+        if (group->bits.activity == BitNode::Activity::suspend) {
           node->access.suspend(domain->start + (8 - group->bits.count) * domain->bit);
-        } else if (group->bits.phase == BitNode::Phase::integrating) {
+        } else if (group->bits.activity == BitNode::Activity::integrating) {
           node->access.integrate(group->bits.runs, domain->start - group->bits.count * domain->bit);
         }
       }
@@ -182,7 +182,7 @@ void BitwisePlay::end() noexcept {
 void BitwisePlay::edge(Domain& domain) {
   begin_frames(domain);
   domain.at_edge = false;
-  medium_->executor.at(domain.sampled_at(), domain, rt::Phase::medium);
+  medium_->executor.at(domain.sampled_at(), domain, rt::Rank::medium);
 }
 
 // One bit of one domain, at its sample point. `again`: it is played a second time and no further node begins.
@@ -225,7 +225,7 @@ bool BitwisePlay::seen(const Domain& domain, const BitGroup& group, bool dominan
 
 void BitwisePlay::begin_frames(Domain& domain) {
   for (std::size_t i = 0; i < domain.groups.size(); ++i) {
-    if (domain.groups[i]->bits.phase != BitNode::Phase::idle) continue;
+    if (domain.groups[i]->bits.activity != BitNode::Activity::idle) continue;
     const auto members = domain.groups[i]->members;
     for (BusNode* node : members) {
       if (!node->offers() || node->transmit.sending()) continue;

@@ -185,7 +185,7 @@ void Segment::schedule_start() noexcept {
     bit = nodes.shortest_bit();
   }
   state_ = State::starting;
-  medium_.executor.at(medium_.sof + sample_point(bit), *this, rt::Phase::medium);
+  medium_.executor.at(medium_.sof + sample_point(bit), *this, rt::Rank::medium);
 }
 
 void Segment::run() noexcept {
@@ -258,7 +258,7 @@ void Segment::arbitrate() noexcept {
     frame_time_ = frame_bits_ * bit;
   }
   state_ = State::busy;
-  medium_.executor.at(medium_.sof + frame_time_ + (unanswered_ ? 6 : -3) * bit, *this, rt::Phase::medium);
+  medium_.executor.at(medium_.sof + frame_time_ + (unanswered_ ? 6 : -3) * bit, *this, rt::Rank::medium);
 }
 
 // Ends of frames.

@@ -12,8 +12,8 @@
 namespace berth::store {
 namespace {
 
+using places::Assignment;
 using places::HistoryEntry;
-using places::Seat;
 using places::SlotId;
 using places::SlotName;
 using places::SlotRecord;
@@ -213,14 +213,14 @@ bool Database::Impl::has_slot(SlotId slot) {
   return query.row();
 }
 
-std::optional<Seat> Database::Impl::seat(SlotId slot, std::string_view fact) {
+std::optional<Assignment> Database::Impl::seat(SlotId slot, std::string_view fact) {
   Query query(statement(get_seat_sql));
   query << slot.value << fact;
   if (!query.row()) return std::nullopt;
-  return Seat{query.address(0), query.node_id(4)};
+  return Assignment{query.address(0), query.node_id(4)};
 }
 
-void Database::Impl::put_seat(SlotId slot, std::string_view fact, const Seat& seat) {
+void Database::Impl::put_seat(SlotId slot, std::string_view fact, const Assignment& seat) {
   Query query(statement(put_seat_sql));
   query << seat.device << std::int64_t{seat.id.value()} << slot.value << fact;
   query.run();
@@ -234,8 +234,8 @@ std::vector<SlotRecord> Database::Impl::records_of(Query& query) {
       records.push_back({slot, {query.text(1), query.text(2), query.text(3)}, std::nullopt, std::nullopt, {}});
     }
     if (query.null(4)) continue;
-    auto& fact = query.text(4) == "asked" ? records.back().asked : records.back().confirmed;
-    fact = Seat{query.address(5), query.node_id(9)};
+    auto& fact = query.text(4) == "asked" ? records.back().intended : records.back().confirmed;
+    fact = Assignment{query.address(5), query.node_id(9)};
   }
   return records;
 }
@@ -354,7 +354,7 @@ Result<SlotRecord> Database::load(SlotId slot) {
   });
 }
 
-Result<void> Database::ask(SlotId slot, const Seat& seat, std::string_view reason) {
+Result<void> Database::ask(SlotId slot, const Assignment& seat, std::string_view reason) {
   return impl_->write("writing an intention", [&]() -> Result<void> {
     if (!impl_->has_slot(slot)) return fail(Errc::not_found, "no such slot");
     {
@@ -372,7 +372,7 @@ Result<void> Database::ask(SlotId slot, const Seat& seat, std::string_view reaso
   });
 }
 
-Result<void> Database::confirm(SlotId slot, const Seat& seat, std::string_view reason) {
+Result<void> Database::confirm(SlotId slot, const Assignment& seat, std::string_view reason) {
   return impl_->write("writing a binding", [&]() -> Result<void> {
     if (!impl_->has_slot(slot)) return fail(Errc::not_found, "no such slot");
     if (impl_->seat(slot, "asked") != seat) return fail(Errc::mismatch, "confirmed something that was not asked for");

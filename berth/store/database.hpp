@@ -72,8 +72,8 @@ class Database final : public places::SlotStore {
   Result<std::vector<places::SlotId>> declare_all(const std::vector<places::SlotName>& names);
   Result<std::vector<places::SlotRecord>> load(std::string_view machine) override;
   Result<places::SlotRecord> load(places::SlotId slot) override;
-  Result<void> ask(places::SlotId slot, const places::Seat& seat, std::string_view reason) override;
-  Result<void> confirm(places::SlotId slot, const places::Seat& seat, std::string_view reason) override;
+  Result<void> ask(places::SlotId slot, const places::Assignment& seat, std::string_view reason) override;
+  Result<void> confirm(places::SlotId slot, const places::Assignment& seat, std::string_view reason) override;
   Result<void> clear(places::SlotId slot, std::string_view reason) override;
   Result<void> configure(places::SlotId slot, const places::Configured& configured, std::string_view reason) override;
   Result<void> ask_blank(const places::UnfinishedBlank& blank, std::string_view reason) override;

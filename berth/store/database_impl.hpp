@@ -34,8 +34,8 @@ struct Database::Impl {
   [[nodiscard]] std::optional<places::SlotId> find_slot(const places::SlotName& name);
   places::SlotId add_slot(const places::SlotName& name);
   [[nodiscard]] bool has_slot(places::SlotId slot);
-  [[nodiscard]] std::optional<places::Seat> seat(places::SlotId slot, std::string_view fact);
-  void put_seat(places::SlotId slot, std::string_view fact, const places::Seat& seat);
+  [[nodiscard]] std::optional<places::Assignment> seat(places::SlotId slot, std::string_view fact);
+  void put_seat(places::SlotId slot, std::string_view fact, const places::Assignment& seat);
   [[nodiscard]] static std::vector<places::SlotRecord> records_of(Query& query);
   static void add_configurations(Query& query, std::vector<places::SlotRecord>& records);
   void log(std::optional<places::SlotId> slot, std::string_view event, const std::optional<LssAddress>& device,

@@ -26,7 +26,7 @@ places::Binder::Services Commissioning::services() noexcept {
   return {*dispatcher_, lss_, sdo_, nmt_, boots_, store_, vacancy_};
 }
 
-rt::Task<void> Commissioning::bind(std::vector<places::Seat> seats) {
+rt::Task<void> Commissioning::bind(std::vector<places::Assignment> seats) {
   rt::Scope asked(dispatcher_->executor());
   for (const auto& seat : seats) asked.spawn(ask(seat));
   co_await asked.join();
@@ -35,14 +35,14 @@ rt::Task<void> Commissioning::bind(std::vector<places::Seat> seats) {
   for (const auto& seat : seats) co_await bind_one(seat);
 }
 
-rt::Task<void> Commissioning::ask(places::Seat seat) {
+rt::Task<void> Commissioning::ask(places::Assignment seat) {
   const places::Binder::Options options;
   places::Binder binder(services(), options);
   const auto vacant = co_await binder.vacant(seat.id, seat.device);
   static_cast<void>(vacant);  // the binding looks it up
 }
 
-rt::Task<void> Commissioning::bind_one(places::Seat seat) {
+rt::Task<void> Commissioning::bind_one(places::Assignment seat) {
   const auto slot = store_.declare({"study", std::string(bus_name), std::to_string(seat.id.value())});
   if (!slot) co_return;
   const places::SlotId place = *slot;

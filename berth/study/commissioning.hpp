@@ -17,15 +17,15 @@ class Commissioning {
 
   /// Asks under every node-ID, side by side, whether it is free, as `operate::Network` does before the first binding;
   /// then seat by seat the steps of `places::Binding`, stored and identified under the new node-ID.
-  [[nodiscard]] rt::Task<void> bind(std::vector<places::Seat> seats);
+  [[nodiscard]] rt::Task<void> bind(std::vector<places::Assignment> seats);
   /// Seats whose binding came to its good end.
   [[nodiscard]] unsigned bound() const noexcept { return bound_; }
   [[nodiscard]] lss::Master& lss() noexcept { return lss_; }
 
  private:
   [[nodiscard]] places::Binder::Services services() noexcept;
-  rt::Task<void> ask(places::Seat seat);
-  rt::Task<void> bind_one(places::Seat seat);
+  rt::Task<void> ask(places::Assignment seat);
+  rt::Task<void> bind_one(places::Assignment seat);
 
   can::Dispatcher* dispatcher_;
   lss::Master lss_;

@@ -86,7 +86,7 @@ class Commissioner {
   unsigned found_count = 0;
   bool done = false;
   std::string trouble;
-  std::vector<places::Seat> given;
+  std::vector<places::Assignment> given;
 
  private:
   Stage* stage_;

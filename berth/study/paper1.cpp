@@ -53,7 +53,7 @@ nodeid::DiscoveryOptions paper_window(const times::Conditions& c, unsigned dis_b
 rt::Task<void> guard_all(Stage& stage, const times::Conditions& c, unsigned& done) {
   for (unsigned id = 1; id <= c.slaves; ++id) {
     const auto node = NodeId(static_cast<std::uint8_t>(id));
-    const auto answer = co_await co::probe(stage.master(), node, c.t_resp + 100ms, 1);
+    const auto answer = co_await co::guard_once(stage.master(), node, c.t_resp + 100ms, 1);
     if (answer.has_value()) ++done;
   }
 }

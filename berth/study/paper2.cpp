@@ -44,7 +44,7 @@ trace::Trace heard(const plant::PlantFile& plant, std::uint32_t bit_rate, rt::Du
   Stage stage(plant, bit_rate);
   stage.record();
   stage.settle(time);
-  std::vector<places::Seat> preferred;
+  std::vector<places::Assignment> preferred;
   for (const auto& device : plant.devices) preferred.push_back({device.address, device.node_id});
   right(figures, name, differences(stage, preferred, Hold::active));
   return stage.trace();

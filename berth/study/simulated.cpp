@@ -27,14 +27,14 @@ rt::Task<void> search(Stage& stage, lss::Master& lss, const Search& what, std::v
 }
 
 // As `operate::Network` does it: all to waiting behind the search, then the binder.
-rt::Task<void> search_and_bind(Stage& stage, Commissioning& berth, const Search& what, std::vector<places::Seat>& seats,
-                               unsigned first) {
+rt::Task<void> search_and_bind(Stage& stage, Commissioning& berth, const Search& what,
+                               std::vector<places::Assignment>& seats, unsigned first) {
   std::vector<LssAddress> found;
   co_await search(stage, berth.lss(), what, found);
   const auto waiting = co_await berth.lss().switch_global(lss::State::waiting);
   if (!waiting) co_return;
   for (const auto& address : found) seats.push_back({address, NodeId(static_cast<std::uint8_t>(first++))});
-  const std::vector<places::Seat> wanted = seats;
+  const std::vector<places::Assignment> wanted = seats;
   co_await berth.bind(wanted);
 }
 
@@ -79,7 +79,7 @@ std::optional<double> by_method(const plant::PlantFile& plant, std::uint32_t bit
     const auto span = measured(stage, search(stage, lss, what, found), 30min, figures, name);
     return right(figures, name, differences(stage, found)) ? span : std::nullopt;
   }
-  std::vector<places::Seat> seats;
+  std::vector<places::Assignment> seats;
   Commissioning berth(stage);
   stage.settle();
   stage.record();

@@ -22,10 +22,10 @@ std::string difference(const plant::Truth& truth, NodeId wanted) {
 
 }  // namespace
 
-std::vector<std::string> differences(Stage& stage, const std::vector<places::Seat>& given, Hold hold) {
+std::vector<std::string> differences(Stage& stage, const std::vector<places::Assignment>& given, Hold hold) {
   std::vector<std::string> lines;
   for (const auto& truth : stage.world().truth()) {
-    const auto seat = std::ranges::find(given, truth.address, &places::Seat::device);
+    const auto seat = std::ranges::find(given, truth.address, &places::Assignment::device);
     const NodeId id = seat == given.end() ? NodeId() : seat->id;
     if (!holds(truth, id, seat == given.end() ? Hold::active : hold)) lines.push_back(difference(truth, id));
   }
@@ -52,8 +52,8 @@ std::vector<std::string> differences(Stage& stage, const std::vector<LssAddress>
   return lines;
 }
 
-std::vector<places::Seat> seats_from(Stage& stage, unsigned first) {
-  std::vector<places::Seat> seats;
+std::vector<places::Assignment> seats_from(Stage& stage, unsigned first) {
+  std::vector<places::Assignment> seats;
   for (const auto& device : stage.world().devices())
     seats.push_back({device->plan().address, NodeId(static_cast<std::uint8_t>(first++))});
   return seats;

@@ -70,8 +70,8 @@ source = "switches"
 node_id = 2
 response = "3 ms"
 )";
-  const std::string twins = folder.write("twins.toml", text);
-  const Outcome outcome = berth({"scan", "--machine", machine, "--sim", twins, "--json"});
+  const std::string clones = folder.write("clones.toml", text);
+  const Outcome outcome = berth({"scan", "--machine", machine, "--sim", clones, "--json"});
   EXPECT_EQ(outcome.status, 1) << outcome.out << outcome.err;
   EXPECT_GE(Json::parse(outcome.out).at("duplicates").get<int>(), 1);
 }

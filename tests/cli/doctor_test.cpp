@@ -44,7 +44,7 @@ std::string served(std::string text, const std::string& socket) {
 
 // The faults that examples/ailing.plant.toml has, as its comments say.
 const std::set<std::string> faults{
-    "line duplicate-node-id 2",   // twin and other twin
+    "line duplicate-node-id 2",   // clone and other clone
     "line identifier-collision",  // two clocks on 080h
     "line blank-node 4",          // new from the shelf
     "line blank-node 7",          // passively nobody can tell a mute device from a blank one
@@ -93,7 +93,7 @@ TEST(DoctorCommand, FromAnotherProcessTheSameFindings) {
   EXPECT_EQ(named(Json::parse(run.out)), faults) << words(named(Json::parse(run.out)));
 }
 
-// LSS tells more: who the twins are, that the mute device is there, that a blank one is.
+// LSS tells more: who the clones are, that the mute device is there, that a blank one is.
 TEST(DoctorCommand, ActiveQuestionsProve) {
   const Outcome run = berth(
       {"doctor", example("ailing.toml"), "--sim", example("ailing.plant.toml"), "--bus", "line", "--active", "--json"});

@@ -422,14 +422,14 @@ TEST_F(Guarding, S1_30_ProbeFindsPresentAndAbsent) {
   slave.start(NodeId(5));
   Station station(wire);
   {
-    auto there = co::probe(station.dispatcher, NodeId(5), 20ms, 3);
+    auto there = co::guard_once(station.dispatcher, NodeId(5), 20ms, 3);
     const auto answer = await(*this, there);
     ASSERT_TRUE(answer);
     EXPECT_EQ(answer->state, pre);
     EXPECT_FALSE(answer->toggle);
   }
   wire.log.clear();
-  auto absent = co::probe(station.dispatcher, NodeId(6), 20ms, 3);
+  auto absent = co::guard_once(station.dispatcher, NodeId(6), 20ms, 3);
   const auto begun = executor.now();
   const auto answer = await(*this, absent);
   ASSERT_FALSE(answer);
@@ -444,7 +444,7 @@ TEST_F(Guarding, S1_30_ProbeSurvivesOneLostAnswer) {
   Station station(wire);
   int lost = 0;
   wire.lose = [&](const can::Frame& f) { return !f.remote && lost++ == 0; };
-  auto op5 = co::probe(station.dispatcher, NodeId(5), 20ms, 3);
+  auto op5 = co::guard_once(station.dispatcher, NodeId(5), 20ms, 3);
   EXPECT_TRUE(await(*this, op5));
   EXPECT_EQ(lost, 2);
 }
@@ -454,17 +454,17 @@ TEST_F(Guarding, ProbeTellsBusFromSilence) {
   slave.start(NodeId(5));
   Station station(wire);
   station.port.mute = true;
-  auto never = co::probe(station.dispatcher, NodeId(5), 20ms, 3);
+  auto never = co::guard_once(station.dispatcher, NodeId(5), 20ms, 3);
   EXPECT_EQ(await(*this, never).error().code, Errc::bus);
   EXPECT_EQ(station.port.queued(), 0U);
   station.port.mute = false;
   station.port.refuses = can::Queued::bus_off;
-  auto off = co::probe(station.dispatcher, NodeId(5), 20ms, 3);
+  auto off = co::guard_once(station.dispatcher, NodeId(5), 20ms, 3);
   EXPECT_EQ(await(*this, off).error().code, Errc::bus);
   station.port.refuses.reset();
-  auto invalid = co::probe(station.dispatcher, NodeId(), 20ms, 3);
+  auto invalid = co::guard_once(station.dispatcher, NodeId(), 20ms, 3);
   EXPECT_EQ(await(*this, invalid).error().code, Errc::invalid);
-  auto good = co::probe(station.dispatcher, NodeId(5), 20ms, 3);
+  auto good = co::guard_once(station.dispatcher, NodeId(5), 20ms, 3);
   EXPECT_TRUE(await(*this, good));
 }
 

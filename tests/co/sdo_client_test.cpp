@@ -534,7 +534,7 @@ TEST_F(Client, UnconfiguredNodeIsInvalid) {
 // Two nodes with one node-ID: the second answer to one request is told.
 TEST_F(Client, SecondAnswerToOneRequestIsSurplus) {
   reply("605#4018100400000000", {"585#431810040A000000"});
-  Peer twin(wire, co::all_sdo_requests, [](Peer& self, const can::Frame& f) {
+  Peer clone(wire, co::all_sdo_requests, [](Peer& self, const can::Frame& f) {
     if (f.data[0] == 0x40) self.send("585#431810040B000000");
   });
   auto op = client.read<std::uint32_t>(node, 0x1018, 4);
@@ -554,7 +554,7 @@ TEST_F(Client, SecondAnswerToOneRequestIsSurplus) {
   EXPECT_EQ(client.late(node), 0U);
 }
 
-// The twin answers the initiate of a segmented upload too, when the segments are on their way already.
+// The clone answers the initiate of a segmented upload too, when the segments are on their way already.
 TEST_F(Client, SurplusInitiateAnswerDoesNotEndASegmentedTransfer) {
   reply("605#4008100000000000", {"585#410810000A000000"});
   auto op = client.upload(node, 0x1008, 0);

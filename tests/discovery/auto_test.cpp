@@ -166,7 +166,7 @@ TEST(Auto, TellsWhatIsSpoken) {
   World w;
   w.add(like(scan_type, 1));
   Auto everybody(w.services());
-  auto spoken = w.run(everybody.probe(w.options));
+  auto spoken = w.run(everybody.ask_spoken(w.options));
   ASSERT_TRUE(spoken);
   EXPECT_TRUE(spoken->fastscan && spoken->non_configured);
   EXPECT_FALSE(spoken->feedback || spoken->rand);
@@ -174,7 +174,7 @@ TEST(Auto, TellsWhatIsSpoken) {
   feedback.feedback = lss::Feedback::base;
   feedback.rand = true;
   w.add(feedback);
-  spoken = w.run(everybody.probe(w.options));
+  spoken = w.run(everybody.ask_spoken(w.options));
   EXPECT_TRUE(spoken->fastscan && spoken->feedback && spoken->rand);
 }
 

@@ -192,7 +192,7 @@ TEST_P(Stayers, ANewOneIsFoundSoonThroughASlowHost) {
 }
 
 // Two with one address are told by two answers to one question, staying or not.
-TEST_P(Stayers, TwinsAreTold) {
+TEST_P(Stayers, ClonesAreTold) {
   unsigned told = 0;
   for (std::uint64_t seed = 1; seed <= 20; ++seed) {
     World w(seed);

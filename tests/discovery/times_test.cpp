@@ -47,7 +47,7 @@ TEST(Times, SX_4_RandCollects) {
     options.t_resp = value;
     options.most = 2s;
     expect_equal(waited(w, rand.discover(options)), value);
-    expect_equal(waited(w, rand.probe(options)), value);
+    expect_equal(waited(w, rand.any_unknown(options)), value);
   }
 }
 

@@ -562,9 +562,9 @@ TEST_P(Planner, TwoWithOneAddressAreTold) {
     for (std::uint64_t seed = 1; seed <= 20; ++seed) {
       World w(seed);
       add_random(w, 3);
-      NodeOptions twin;
-      twin.address = w.nodes[1]->options.address;
-      w.add(twin);
+      NodeOptions clone;
+      clone.address = w.nodes[1]->options.address;
+      w.add(clone);
       Giver giver;
       if (binds) w.options.assigner = &giver;
       w.known.kinds = {{type, revision}};
@@ -572,7 +572,7 @@ TEST_P(Planner, TwoWithOneAddressAreTold) {
       ASSERT_TRUE(report);
       ASSERT_EQ(report->found.size(), 3U);
       for (const auto& d : report->found) {
-        if (d.address == twin.address) {
+        if (d.address == clone.address) {
           told += d.possible_clone ? 1U : 0U;
         } else {
           EXPECT_FALSE(d.possible_clone);

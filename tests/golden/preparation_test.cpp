@@ -29,7 +29,7 @@ rt::Task<void> guard_all(can::Dispatcher& dispatcher, unsigned last, Guarding& r
   const rt::Time began = dispatcher.executor().now();
   for (unsigned id = 1; id <= last; ++id) {
     const auto node = NodeId(static_cast<std::uint8_t>(id));
-    const auto answer = co_await co::probe(dispatcher, node, 100ms, 1);
+    const auto answer = co_await co::guard_once(dispatcher, node, 100ms, 1);
     ++result.asked;
     if (answer.has_value()) ++result.there;
   }

@@ -9,7 +9,7 @@
 
 #include "berth/discovery/discovery.hpp"
 #include "tests/harness/config_watch.hpp"
-#include "tests/harness/double_watch.hpp"
+#include "tests/harness/duplicate_watch.hpp"
 #include "tests/harness/rig.hpp"
 
 namespace berth::harness {
@@ -50,7 +50,7 @@ struct Choice {
 
 class EndJudge {
  public:
-  EndJudge(Rig& rig, const design::Machine& machine, const DoubleWatch& watch, const ConfigWatch& configured)
+  EndJudge(Rig& rig, const design::Machine& machine, const DuplicateWatch& watch, const ConfigWatch& configured)
       : rig_(&rig), machine_(&machine), watch_(&watch), configured_(&configured) {}
 
   // What is not as it must be, on this bus or on all (""), the first of it; empty: all is well.
@@ -73,7 +73,7 @@ class EndJudge {
     for (const auto& blank : *blanks) {
       if (!counts(blank.bus)) continue;
       const auto* const t = present(blank.device);
-      if (t != nullptr && t->bus == blank.bus && !twins(*t))
+      if (t != nullptr && t->bus == blank.bus && !clones(*t))
         say(t->name + " is there, and taking its node-ID away is not finished");
     }
     return wrong_;
@@ -90,12 +90,12 @@ class EndJudge {
     return it == truth_.end() ? nullptr : &*it;
   }
   // Two devices with one LSS address cannot be told apart by anything that Berth may ask: told, and not judged.
-  [[nodiscard]] bool twins(const plant::Truth& t) const {
+  [[nodiscard]] bool clones(const plant::Truth& t) const {
     return std::ranges::count_if(truth_,
                                  [&](const plant::Truth& o) { return is_present(o) && o.address == t.address; }) > 1;
   }
-  [[nodiscard]] bool any_twins() const {
-    return std::ranges::any_of(truth_, [&](const auto& t) { return is_present(t) && twins(t); });
+  [[nodiscard]] bool any_clones() const {
+    return std::ranges::any_of(truth_, [&](const auto& t) { return is_present(t) && clones(t); });
   }
   [[nodiscard]] const places::SlotRecord* record_of(const places::SlotName& name) const {
     const auto it = std::ranges::find(records_, name, &places::SlotRecord::name);
@@ -122,7 +122,7 @@ class EndJudge {
     }
     if (s.device != row->device()) return say("slot " + s.name + " and its row name two devices");
     const plant::Truth* const t = row->device() ? present(*row->device()) : nullptr;
-    if (t != nullptr && t->bus == s.bus && !twins(*t)) {
+    if (t != nullptr && t->bus == s.bus && !clones(*t)) {
       check_seated(s, *slot, *row, *t);
     } else if (s.state == SlotState::operational || s.state == SlotState::present) {
       if (t == nullptr) say("slot " + s.name + " is " + places::name(s.state) + " and its device is not there");
@@ -136,18 +136,18 @@ class EndJudge {
     const std::string who = "slot " + s.name + ": its device " + t.name;
     if (s.state == SlotState::power_cycle) return;
     // Somebody of one address twice, on the slot's node-ID too: nothing there is started.
-    if (s.state == SlotState::duplicate && (any_twins() || shared_out_of_reach(t))) return;
+    if (s.state == SlotState::duplicate && (any_clones() || shared_out_of_reach(t))) return;
     // Neither of two that have one address can be told to leave the slot's node-ID; and what one of them was told to
     // save is asked of the other when that one is the only one there.
     const bool held = std::ranges::any_of(truth_, [&](const plant::Truth& o) {
-      return is_present(o) && o.bus == t.bus && o.active == slot.spec.id && twins(o);
+      return is_present(o) && o.bus == t.bus && o.active == slot.spec.id && clones(o);
     });
-    if (held || (s.state == SlotState::failed && twin_has(t, slot.spec.id))) return;
-    if (row.asked) return say(who + " is there, and what was asked of it is not confirmed");
+    if (held || (s.state == SlotState::failed && clone_has(t, slot.spec.id))) return;
+    if (row.intended) return say(who + " is there, and what was asked of it is not confirmed");
     if (row.confirmed->id != slot.spec.id) return say(who + " is confirmed under another node-ID");
     if (t.active != slot.spec.id) return say(who + " uses node-ID " + std::to_string(t.active.value()));
     // The other of its address, which is away, stored it; this one has the node-ID by a loan of the slot's own.
-    if (t.persistent != slot.spec.id && !twin_has(t, slot.spec.id))
+    if (t.persistent != slot.spec.id && !clone_has(t, slot.spec.id))
       return say(who + " is confirmed and has stored " + std::to_string(t.persistent.value()));
     if (s.state != SlotState::operational)
       return say(who + " is there, and the slot is " + places::name(s.state) + ": " + s.reason);
@@ -161,10 +161,10 @@ class EndJudge {
     return fastscan && t.active.configured() && watch_->owned(t.name) != t.active;
   }
   // Its slot's node-ID is held by two devices of one address, which no master can tell apart: a person takes one off.
-  [[nodiscard]] bool waits_for_twins(const plant::Truth& t) const {
-    return std::ranges::any_of(truth_, [&](const plant::Truth& twin) {
-      const design::Slot* const slot = machine_->slot(t.bus, twin.active);
-      return is_present(twin) && twins(twin) && twin.bus == t.bus && slot != nullptr &&
+  [[nodiscard]] bool waits_for_clones(const plant::Truth& t) const {
+    return std::ranges::any_of(truth_, [&](const plant::Truth& clone) {
+      const design::Slot* const slot = machine_->slot(t.bus, clone.active);
+      return is_present(clone) && clones(clone) && clone.bus == t.bus && slot != nullptr &&
              places::fits(slot->spec, t.address);
     });
   }
@@ -182,28 +182,28 @@ class EndJudge {
       ++holders;
       const bool its_own = s.device && t.address == *s.device;
       right = right || (its_own && t.state == NmtState::operational);
-      if (!its_own || twins(t)) continue;
+      if (!its_own || clones(t)) continue;
       const auto wrong = configured_->check(rig_->device(t.name), slot);
       if (!wrong.empty()) say("slot " + s.name + " is operational, and " + wrong);
     }
     if (!right) say("slot " + s.name + " is told operational and its device is not");
-    if (holders > 1 && !any_twins()) say("two devices hold the node-ID of operational slot " + s.name);
+    if (holders > 1 && !any_clones()) say("two devices hold the node-ID of operational slot " + s.name);
   }
 
   // ---- a device: does it sit where its memory says? ----
 
   void check_device(const plant::Truth& t) {
     const places::SlotRecord* const row = record_of(t);
-    if (row != nullptr && row->confirmed && !row->asked && !is_present(t) && !twin_has(t, row->confirmed->id) &&
+    if (row != nullptr && row->confirmed && !row->intended && !is_present(t) && !clone_has(t, row->confirmed->id) &&
         t.persistent != row->confirmed->id) {
       say("the store has " + t.name + " confirmed as node-ID " + std::to_string(row->confirmed->id.value()) +
           ", and its memory has " + std::to_string(t.persistent.value()));
     }
     check_owned(t, row);
-    if (!is_present(t) || twins(t) || !t.active.configured()) return;
+    if (!is_present(t) || clones(t) || !t.active.configured()) return;
     const design::Bus* const bus = machine_->bus(t.bus);
     if (out_of_reach(t) && shared_out_of_reach(t)) return;
-    if (waits_for_twins(t)) return;
+    if (waits_for_clones(t)) return;
     if (t.active == bus->master) say(t.name + " holds the master's node-ID");
     const design::Slot* const slot = machine_->slot(t.bus, t.active);
     if (slot == nullptr) return;
@@ -213,7 +213,7 @@ class EndJudge {
       say(t.name + " holds the node-ID of slot " + slot->spec.name.name + " and does not sit there");
   }
   // The other device of this one's address has this in its memory: what was asked of the one was asked of both.
-  [[nodiscard]] bool twin_has(const plant::Truth& t, NodeId id) const {
+  [[nodiscard]] bool clone_has(const plant::Truth& t, NodeId id) const {
     return std::ranges::any_of(truth_, [&](const plant::Truth& o) {
       return o.name != t.name && o.address == t.address && o.persistent == id;
     });
@@ -222,11 +222,11 @@ class EndJudge {
   void check_owned(const plant::Truth& t, const places::SlotRecord* row) {
     const NodeId id = watch_->owned(t.name);
     if (!id.configured() || watch_->given_up(t, id)) return;
-    if (row == nullptr ? twin_has(t, NodeId()) : twin_has(t, row->confirmed ? row->confirmed->id : row->asked->id))
+    if (row == nullptr ? clone_has(t, NodeId()) : clone_has(t, row->confirmed ? row->confirmed->id : row->intended->id))
       return;
     if (machine_->slot(t.bus, id) == nullptr) return;
     const bool kept =
-        row != nullptr && ((row->asked && row->asked->id == id) || (row->confirmed && row->confirmed->id == id));
+        row != nullptr && ((row->intended && row->intended->id == id) || (row->confirmed && row->confirmed->id == id));
     if (!kept)
       say("node-ID " + std::to_string(id.value()) + " stands, by Berth, in the memory of " + t.name +
           ", and no slot of the store says so");
@@ -235,7 +235,7 @@ class EndJudge {
   // ---- what is free: is everybody seated who can be? ----
 
   // The published procedures wait 10 ms for an answer, frames included: a device that is slower may be missed for ever,
-  // and one that has such a device, or twins, in front of it is not reached. Auto and the planners have neither limit.
+  // and one that has such a device, or clones, in front of it is not reached. Auto and the planners have neither limit.
   [[nodiscard]] static bool published(const std::string& method) {
     return method.starts_with("fastscan") || method == "and";
   }
@@ -268,7 +268,7 @@ class EndJudge {
     std::vector<const plant::Truth*> devices;
     used_ = false;
     for (const auto& t : truth_) {
-      const bool counts = is_present(t) && t.bus == bus.name && !twins(t) && record_of(t) == nullptr;
+      const bool counts = is_present(t) && t.bus == bus.name && !clones(t) && record_of(t) == nullptr;
       // Who sat in a slot before is used again when a person says so (docs/machine-file.md).
       const auto lines = rig_->store().history_of(t.address);
       const bool used = lines && places::former_seat(*lines).has_value();
@@ -278,7 +278,7 @@ class EndJudge {
       if (counts && !used && found) devices.push_back(&t);
     }
     const bool doubled =
-        std::ranges::any_of(truth_, [&](const auto& t) { return is_present(t) && t.bus == bus.name && twins(t); });
+        std::ranges::any_of(truth_, [&](const auto& t) { return is_present(t) && t.bus == bus.name && clones(t); });
     if (published(bus.discovery) && (doubled || slow_in_front(bus.name))) return;
     std::vector<const design::Slot*> slots;
     std::vector<const operate::SlotReport*> reports;
@@ -309,7 +309,7 @@ class EndJudge {
     const TypeCode type = slots[at]->spec.type;
     // Two devices of one address sit on the slot's node-ID: neither can be told to leave it.
     if (std::ranges::any_of(truth_, [&](const auto& t) {
-          return is_present(t) && twins(t) && t.bus == slots[at]->spec.name.bus && t.active == slots[at]->spec.id;
+          return is_present(t) && clones(t) && t.bus == slots[at]->spec.name.bus && t.active == slots[at]->spec.id;
         }))
       return;
     std::vector<const design::Slot*> group;
@@ -353,7 +353,7 @@ class EndJudge {
 
   Rig* rig_;
   const design::Machine* machine_;
-  const DoubleWatch* watch_;
+  const DuplicateWatch* watch_;
   const ConfigWatch* configured_;
   std::vector<plant::Truth> truth_;
   std::vector<places::SlotRecord> records_;

@@ -375,7 +375,7 @@ class KillWorld final {
     for (std::size_t i = 0; i < after->size(); ++i) {
       const auto& was = (*before)[i];
       const auto& is = (*after)[i];
-      if (is.asked != was.asked || is.confirmed != was.confirmed)
+      if (is.intended != was.intended || is.confirmed != was.confirmed)
         return "slot " + is.name.name + " was not safely on the disk";
     }
     return {};
@@ -399,7 +399,7 @@ class KillWorld final {
     if (after->size() != 2 || before->size() != 2) return "the store has not two slots";
     for (std::size_t i = 0; i < 2; ++i) {
       const auto& r = (*after)[i];
-      if (r.asked) return "slot " + r.name.name + " has an intention left in the store";
+      if (r.intended) return "slot " + r.name.name + " has an intention left in the store";
       const auto seat = seats.find(static_cast<unsigned>(i) + 1);
       if (!r.confirmed || r.confirmed->device.serial != seat->second || r.confirmed->id.value() != seat->first) {
         return "slot " + r.name.name + " is not confirmed for its device in the store";
@@ -424,7 +424,7 @@ class KillWorld final {
   std::unique_ptr<HeardPort> port_;
   Rig rig_;
   design::Machine machine_;
-  DoubleWatch watch_;
+  DuplicateWatch watch_;
   ConfigWatch configured_;
   EndJudge judge_;
   int returning_ = 0;  // devices without power that will come back

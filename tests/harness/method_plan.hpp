@@ -74,9 +74,9 @@ class MethodPlanner {
     for (std::uint64_t i = 0; i < count; ++i) device(speakers());
     for (auto i = random_.below(4); i-- > 0;) device(others());
     if (random_.below(8) == 0) {  // a clone
-      plant::PlantDevice twin = plan_.plant.devices.front();
-      twin.name = "twin";
-      plan_.plant.devices.push_back(twin);
+      plant::PlantDevice clone = plan_.plant.devices.front();
+      clone.name = "clone";
+      plan_.plant.devices.push_back(clone);
     }
     how();
     faults();

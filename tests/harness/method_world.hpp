@@ -258,8 +258,8 @@ class MethodRun final : private discovery::Observer, private plant::World::Obser
       if (fits) all.push_back(d->plan().address);
     }
     std::ranges::sort(all);
-    const auto twins = std::ranges::unique(all);
-    all.erase(twins.begin(), twins.end());
+    const auto clones = std::ranges::unique(all);
+    all.erase(clones.begin(), clones.end());
     return all;
   }
 
@@ -280,12 +280,12 @@ class MethodRun final : private discovery::Observer, private plant::World::Obser
         const auto t = d->truth();
         // One that came with a node-ID takes the new one at its next reset.
         const auto has = t.active == d->plan().node_id ? t.pending : t.active;
-        if (t.address != f.address || has == f.assigned || f.possible_clone || has_twin(f.address)) continue;
+        if (t.address != f.address || has == f.assigned || f.possible_clone || has_clone(f.address)) continue;
         fail_with(fmt::format("{} was told to have taken {} and has {}", t.name, f.assigned.value(), has.value()));
       }
     }
   }
-  [[nodiscard]] bool has_twin(const LssAddress& a) const {
+  [[nodiscard]] bool has_clone(const LssAddress& a) const {
     return std::ranges::count_if(plan_.plant.devices, [&](const auto& d) { return d.address == a; }) > 1;
   }
 

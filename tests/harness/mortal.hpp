@@ -113,10 +113,10 @@ class MortalStore final : public places::SlotStore {
   Result<places::SlotRecord> load(places::SlotId slot) override {
     return read([&] { return database_->load(slot); });
   }
-  Result<void> ask(places::SlotId slot, const places::Seat& seat, std::string_view reason) override {
+  Result<void> ask(places::SlotId slot, const places::Assignment& seat, std::string_view reason) override {
     return write([&] { return database_->ask(slot, seat, reason); });
   }
-  Result<void> confirm(places::SlotId slot, const places::Seat& seat, std::string_view reason) override {
+  Result<void> confirm(places::SlotId slot, const places::Assignment& seat, std::string_view reason) override {
     return write([&] { return database_->confirm(slot, seat, reason); });
   }
   Result<void> clear(places::SlotId slot, std::string_view reason) override {

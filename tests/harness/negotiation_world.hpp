@@ -30,7 +30,7 @@ using plant::Speaks;
 
 struct NegotiationMix {
   unsigned most_devices = 12;
-  bool twins = true;        ///< some devices have the identity of another
+  bool clones = true;       ///< some devices have the identity of another
   bool lost_frames = true;  ///< overruns and disturbed frames
   bool cuts = true;         ///< the cable is cut and mended
 };
@@ -81,7 +81,7 @@ inline PlantFile negotiation_plan(std::uint64_t seed, const NegotiationMix& mix 
       return std::ranges::any_of(file.devices, [&](const PlantDevice& other) { return other.address == a; });
     };
     while (taken(d.address)) d.address = random_identity(random);
-    if (mix.twins && i > 0 && random.below(6) == 0) d.address = file.devices[random.below(i)].address;
+    if (mix.clones && i > 0 && random.below(6) == 0) d.address = file.devices[random.below(i)].address;
     d.boot = milliseconds(random.below(4) == 0 ? random.below(400) : 50);
     d.response.min = microseconds(random.below(500));
     d.response.max = d.response.min + microseconds(random.below(2) == 0 ? 0 : random.below(3000));

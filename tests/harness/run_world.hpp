@@ -181,8 +181,9 @@ class WorldRun final : private can::Tap {
     const int place = static_cast<int>(step - std::begin(aimed_steps));
     // Of clones, and of what no device has, the first or none.
     const auto& devices = rig_.world().devices();
-    const auto device = std::ranges::find_if(
-        devices, [&](const auto& d) { return d->plan().bus == bus && d->truth().address == binding.seat().device; });
+    const auto device = std::ranges::find_if(devices, [&](const auto& d) {
+      return d->plan().bus == bus && d->truth().address == binding.assignment().device;
+    });
     if (device == devices.end()) return;
     for (auto it = step_faults_.begin(); it != step_faults_.end(); ++it) {
       if (it->step != place) continue;
@@ -192,7 +193,7 @@ class WorldRun final : private can::Tap {
       }
       const StepFault f = *it;
       step_faults_.erase(it);
-      const NodeId id = binding.seat().id;
+      const NodeId id = binding.assignment().id;
       due_.emplace(now() + f.delay, [this, f, bus, who = (*device)->name(), id] { strike(f, bus, who, id); });
       return;
     }
@@ -426,7 +427,7 @@ class WorldRun final : private can::Tap {
   std::string told_;
   std::size_t told_events_ = 0;
   Rig rig_;
-  DoubleWatch watch_;
+  DuplicateWatch watch_;
   ConfigWatch configured_;
   EndJudge judge_;
   Random random_;

@@ -310,9 +310,9 @@ class Planner {
       case 1: device({0x7777, 1}, bus); break;                       // foreign
       case 2: plan_.plant.devices.pop_back(); break;                 // one missing
       default: {                                                     // a clone
-        plant::PlantDevice twin = plan_.plant.devices.front();
-        twin.name = "twin";
-        plan_.plant.devices.push_back(twin);
+        plant::PlantDevice clone = plan_.plant.devices.front();
+        clone.name = "clone";
+        plan_.plant.devices.push_back(clone);
       }
     }
   }

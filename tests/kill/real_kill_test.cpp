@@ -143,7 +143,7 @@ class RealKill : public ::testing::Test {
     ASSERT_TRUE(records);
     std::set<LssAddress> devices;
     for (const auto& r : *records) {
-      if (r.asked && r.asked != r.confirmed) ++left_asked_;
+      if (r.intended && r.intended != r.confirmed) ++left_asked_;
       const bool alone = !r.device() || devices.insert(*r.device()).second;
       EXPECT_TRUE(alone) << "one device in two slots";
     }
@@ -170,7 +170,7 @@ void compare(const std::string& plant_path, const std::string& state, const std:
   EXPECT_TRUE(world->duplicates().empty());
   for (const auto& r : records) {
     ASSERT_TRUE(r.confirmed) << r.name.name;
-    EXPECT_FALSE(r.asked) << r.name.name;
+    EXPECT_FALSE(r.intended) << r.name.name;
     unsigned found = 0;
     for (const auto& t : world->truth()) {
       if (t.address != r.confirmed->device) continue;

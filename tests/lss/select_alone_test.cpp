@@ -124,18 +124,18 @@ TEST(SelectAlone, ALostAnswerCostsAnAttempt) {
   EXPECT_EQ(one.slave.state(), State::configuration);
 }
 
-TEST(SelectAlone, S1_22_TwoWithOneAddressAreTwins) {
+TEST(SelectAlone, S1_22_TwoWithOneAddressAreClones) {
   World w;
   w.add(a, {}, microseconds(300));
   w.add(a, {}, milliseconds(4));
   const auto alone = w.run(select_alone(*w.master, a));
   ASSERT_TRUE(alone);
-  EXPECT_EQ(*alone, Selection::twins);
+  EXPECT_EQ(*alone, Selection::clones);
   w.settle();
   for (const auto& n : w.nodes) EXPECT_EQ(n->slave.state(), State::waiting);
 }
 
-TEST(SelectAlone, OneFrameThatCameTwiceIsNoTwin) {
+TEST(SelectAlone, OneFrameThatCameTwiceIsNoClone) {
   World w;
   Node& one = w.add(a);
   unsigned asked = 0;

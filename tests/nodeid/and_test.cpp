@@ -184,7 +184,7 @@ TEST(AndMaster, NobodyThereIsOneRequest) {
   ASSERT_TRUE(report);
   EXPECT_EQ(report->requests, 1U);
   EXPECT_EQ(record.text, std::vector<std::string>{"7C2#8000000000000000"});
-  const auto probe = w.run(w.and_master.probe(w.and_options));
+  const auto probe = w.run(w.and_master.any_unknown(w.and_options));
   ASSERT_TRUE(probe);
   EXPECT_FALSE(*probe);
 }

@@ -56,7 +56,7 @@ TEST(RandMaster, S1_24_DisIsNoIusAndFeedbackIsNoDis) {
     voice.send(dis(5));
     voice.send(can::Frame::ext(0x1F90'0135, {}));
   });
-  const auto probe = w.run(w.master.probe(w.options));
+  const auto probe = w.run(w.master.any_unknown(w.options));
   ASSERT_TRUE(probe);
   EXPECT_FALSE(probe->anybody);
 }
@@ -339,12 +339,12 @@ TEST(RandMaster, ADeviceThatResetsDuringTheDiscoveryIsNoClone) {
 TEST(RandMaster, ProbeAsksOnceAndDoesNotDisturbTheNextDiscovery) {
   World w;
   w.add_witness();
-  auto probe = w.run(w.master.probe(w.options));
+  auto probe = w.run(w.master.any_unknown(w.options));
   ASSERT_TRUE(probe);
   EXPECT_FALSE(probe->anybody);
   w.add(s1);
   w.add(s2);
-  probe = w.run(w.master.probe(w.options));
+  probe = w.run(w.master.any_unknown(w.options));
   ASSERT_TRUE(probe);
   EXPECT_TRUE(probe->anybody);
   ASSERT_EQ(probe->heard.size(), 2U);
@@ -352,9 +352,9 @@ TEST(RandMaster, ProbeAsksOnceAndDoesNotDisturbTheNextDiscovery) {
   EXPECT_EQ(probe->heard[1].chunk, 0x0100);
   // S1.17, the gap: phase 0 while selected is answered again.
   EXPECT_EQ(w.nodes[0]->slave.state(), Identification::selected);
-  EXPECT_TRUE(w.run(w.master.probe(w.options))->anybody);
+  EXPECT_TRUE(w.run(w.master.any_unknown(w.options))->anybody);
   EXPECT_EQ(addresses(*w.discover()), (std::vector{s2, s1}));
-  EXPECT_FALSE(w.run(w.master.probe(w.options))->anybody);
+  EXPECT_FALSE(w.run(w.master.any_unknown(w.options))->anybody);
 }
 
 TEST(RandMaster, DevicesThatArriveDuringADiscoveryAreFound) {
@@ -374,7 +374,7 @@ TEST(RandMaster, AnswersBeforeSentBelongToTheRequestBefore) {
   auto stranger = w.bus.attach();
   can::Dispatcher voice(w.world.executor(), *stranger);
   World::Done done;
-  auto task = w.master.probe(w.options);
+  auto task = w.master.any_unknown(w.options);
   task.start(w.world.executor(), done);
   voice.send(ius(1));  // outranks the IURS: on the wire before it
   ASSERT_TRUE(w.world.run_until([&] { return done.done; }, seconds(5)));
@@ -389,13 +389,13 @@ TEST(RandMaster, OneProcedureAtATime) {
   World::Done done;
   auto task = w.master.discover(w.options);
   task.start(w.world.executor(), done);
-  const auto second = w.run(w.master.probe(w.options));
+  const auto second = w.run(w.master.any_unknown(w.options));
   ASSERT_FALSE(second);
   EXPECT_EQ(second.error().code, Errc::invalid);
   EXPECT_EQ(w.run(w.master.switch_global(Identification::unknown)).error().code, Errc::invalid);
   ASSERT_TRUE(w.world.run_until([&] { return done.done; }, seconds(5)));
   EXPECT_EQ(task.take()->found.size(), 1U);
-  EXPECT_TRUE(w.run(w.master.probe(w.options))) << "free again";
+  EXPECT_TRUE(w.run(w.master.any_unknown(w.options))) << "free again";
 }
 
 TEST(RandMaster, MayBeCancelledAtAnyTimeAndBegunAnew) {

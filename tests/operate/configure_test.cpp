@@ -533,7 +533,7 @@ TEST(Configuration, WhatFailedIsTriedAgainBesideASearchThatNeverEnds) {
   timing.sdo_timeout = 200ms;
   add_slot(machine, 7, type_b);
   auto p = plant_of(1);
-  for (const char* name : {"a", "twin"}) {
+  for (const char* name : {"a", "clone"}) {
     auto& d = add_device(p, name, type_b, 0);
     d.speaks = {plant::Speaks::lss, plant::Speaks::fastscan};
     d.source = plant::NodeIdSource::nonvolatile;

@@ -38,7 +38,7 @@ INSTANTIATE_TEST_SUITE_P(
         Known{99792, "a silence before the device booted excuses the second answers of two that share a node-ID"},
         Known{141300, "the same, in the middle of a configuration"},
         Known{171681, "a slot is kept for an address that a search put together of two"},
-        Known{179707, "a loan of one of two twins is taken back from the other"},
+        Known{179707, "a loan of one of two clones is taken back from the other"},
         Known{192384, "the last question beside a device that was put aside is answered late"},
         Known{209084, "one that gave back what it was lent misses the reset, and uses it on"},
         Known{249108, "a slot says two questions in turn"},

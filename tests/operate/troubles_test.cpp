@@ -102,10 +102,10 @@ TEST(Troubles, S1_22_ClonesAreNamedAndNotStarted) {
   auto plant = one_bus_plant(3);
   auto& a = add_device(plant, "a", type_b, 7);
   a.response = {1ms, 4ms, 0, 0ms};
-  plant::PlantDevice twin = a;
-  twin.name = "twin";
-  twin.response = {1ms, 5ms, 0, 0ms};
-  plant.devices.push_back(twin);
+  plant::PlantDevice clone = a;
+  clone.name = "clone";
+  clone.response = {1ms, 5ms, 0, 0ms};
+  plant.devices.push_back(clone);
   Rig rig(slots_of({{5, type_b}}), plant);
   rig.begin();
   rig.run_for(15s);
@@ -279,24 +279,24 @@ TEST(Troubles, TheMastersPortComesBackFromBusOff) {
   EXPECT_TRUE(heard(rig, "error"));
 }
 
-// S1.22: a blank twin of a device that runs is plugged in.
-TEST(Troubles, S1_22_ABlankTwinOfARunningDeviceIsNamed) {
+// S1.22: a blank clone of a device that runs is plugged in.
+TEST(Troubles, S1_22_ABlankCloneOfARunningDeviceIsNamed) {
   auto plant = one_bus_plant(3);
   auto& a = add_device(plant, "a", type_b, 7);
   a.response = {200us, 3ms, 0, 0ms};
-  plant::PlantDevice twin = a;
-  twin.name = "twin";
-  twin.plugged = false;
-  plant.devices.push_back(twin);
+  plant::PlantDevice clone = a;
+  clone.name = "clone";
+  clone.plugged = false;
+  plant.devices.push_back(clone);
   Rig rig(slots_of({{5, type_b}}), plant);
   rig.begin();
   ASSERT_TRUE(rig.until_operational(20s)) << rig.log();
-  rig.device("twin").plug();
+  rig.device("clone").plug();
   ASSERT_TRUE(rig.run_until([&] { return rig.state(5) == SlotState::duplicate; }, 20s)) << rig.log();
   EXPECT_TRUE(heard(rig, "clone")) << rig.log();
   rig.run_for(10s);
   EXPECT_EQ(rig.state(5), SlotState::duplicate) << rig.log();
-  rig.device("twin").unplug();
+  rig.device("clone").unplug();
   ASSERT_TRUE(rig.until_operational(20s)) << rig.log();
 }
 

@@ -12,7 +12,7 @@
 #include <vector>
 
 #include "berth/places/binding.hpp"
-#include "berth/places/planner.hpp"
+#include "berth/places/plan.hpp"
 
 using namespace berth;
 using namespace berth::places;
@@ -56,8 +56,8 @@ struct State {
     put(static_cast<unsigned>(quiet * 64 + avoided[0] * 32 + avoided[1] * 16 + faults));
     if (work) {
       put(1U + static_cast<unsigned>(work->kind()));
-      put(work->seat().device == address_of[0] ? 0 : 1);
-      put(work->seat().id.value());
+      put(work->assignment().device == address_of[0] ? 0 : 1);
+      put(work->assignment().id.value());
       put(static_cast<unsigned>(work->step()));
       put(static_cast<unsigned>(work->why()));
       put(work->old_id().value());
@@ -82,7 +82,8 @@ void switch_global_waiting(State& s) {
 
 void note_boot(State& s, NodeId id, int except) {
   for (int i = 0; i < 2; ++i) {
-    if (slot_id[i] == id && !(s.work && except >= 0 && index_of(s.work->seat().device) == except)) s.heard[i] = true;
+    if (slot_id[i] == id && !(s.work && except >= 0 && index_of(s.work->assignment().device) == except))
+      s.heard[i] = true;
   }
 }
 
@@ -92,7 +93,7 @@ void reset_communication(State& s, NodeId id) {
   }
 }
 
-bool double_id(const State& s) {
+bool duplicate_id(const State& s) {
   return s.devices[0].powered && s.devices[1].powered && s.devices[0].active.configured() &&
          s.devices[0].active == s.devices[1].active;
 }
@@ -106,8 +107,8 @@ std::vector<Slot> slots_of(const State& s) {
     slot.spec.id = slot_id[i];
     slot.spec.type = {1, 1};
     slot.record.slot = SlotId{i + 1};
-    if (s.asked[i] >= 0) slot.record.asked = Seat{address_of[s.asked[i]], slot_id[i]};
-    if (s.confirmed[i] >= 0) slot.record.confirmed = Seat{address_of[s.confirmed[i]], slot_id[i]};
+    if (s.asked[i] >= 0) slot.record.intended = Assignment{address_of[s.asked[i]], slot_id[i]};
+    if (s.confirmed[i] >= 0) slot.record.confirmed = Assignment{address_of[s.confirmed[i]], slot_id[i]};
   }
   return slots;
 }
@@ -145,14 +146,14 @@ bool begin_next(State& s) {
   // The store has its intention already: an earlier binding may have touched the device.
   const bool resumed = bind ? s.asked[s.slot] == who : s.blank_asked[who];
   s.work.emplace(bind ? Binding::Kind::bind : Binding::Kind::blank,
-                 Seat{next->device, bind ? slot_id[s.slot] : NodeId()}, 2U, resumed);
+                 Assignment{next->device, bind ? slot_id[s.slot] : NodeId()}, 2U, resumed);
   return true;
 }
 
 // What the main job does with a binding that has ended: `Network::not_bound`.
 void end_work(State& s) {
   const Binding& w = *s.work;
-  const int who = index_of(w.seat().device);
+  const int who = index_of(w.assignment().device);
   const bool bind = w.kind() == Binding::Kind::bind;
   if (w.step() == Step::failed) {
     s.avoided[who] = true;
@@ -171,14 +172,14 @@ void advance(State& s, Outcome outcome) {
 
 Outcome effect(State& s) {
   Binding& w = *s.work;
-  const int who = index_of(w.seat().device);
+  const int who = index_of(w.assignment().device);
   Device& d = s.devices[who];
   const bool bind = w.kind() == Binding::Kind::bind;
   switch (w.step()) {
     case Step::check_vacant:
       s.heard[s.slot] = false;
       for (int i = 0; i < 2; ++i) {
-        if (i != who && s.devices[i].powered && s.devices[i].active == w.seat().id) return Outcome::mismatch;
+        if (i != who && s.devices[i].powered && s.devices[i].active == w.assignment().id) return Outcome::mismatch;
       }
       return Outcome::ok;
     case Step::write_ask:
@@ -199,7 +200,7 @@ Outcome effect(State& s) {
     case Step::configure:
     case Step::revert: {
       if (bind && w.step() == Step::configure && s.heard[s.slot]) return Outcome::mismatch;
-      const NodeId value = w.step() == Step::configure ? w.seat().id : w.revert_to();
+      const NodeId value = w.step() == Step::configure ? w.assignment().id : w.revert_to();
       bool any = false;
       for (auto& each : s.devices) {
         if (each.powered && each.configuration) {
@@ -232,9 +233,9 @@ Outcome effect(State& s) {
       }
       bool other = false;
       for (int i = 0; i < 2; ++i)
-        other = other || (i != who && s.devices[i].powered && s.devices[i].active == w.seat().id);
+        other = other || (i != who && s.devices[i].powered && s.devices[i].active == w.assignment().id);
       if (other) return Outcome::mismatch;
-      return d.powered && d.active == w.seat().id ? Outcome::ok : Outcome::silent;
+      return d.powered && d.active == w.assignment().id ? Outcome::ok : Outcome::silent;
     }
     case Step::write_confirm:
       if (bind) {
@@ -298,7 +299,7 @@ bool finishes(State s, std::unordered_map<std::string, bool>& known) {
     path.push_back(key);
     if (!berth_move(s)) break;
   }
-  const bool good = settled(s) && !double_id(s);
+  const bool good = settled(s) && !duplicate_id(s);
   for (const auto& k : path) known[k] = good;
   return good;
 }
@@ -322,7 +323,7 @@ Explored explore(const State& start, int budget) {
     if (seen.emplace(next.key(), true).second) queue.push_back(next);
   };
   const auto by_berth = [&](const State& before, const State& next) {
-    if (!double_id(before) && double_id(next)) {
+    if (!duplicate_id(before) && duplicate_id(next)) {
       ++result.caused;
       if (result.example.empty() && before.work) result.example = name(before.work->step());
     }
@@ -438,7 +439,7 @@ TEST(BindingModel, S1_36_DevicesThatComeWithNodeIds) {
 }
 
 // The judge can find something: a table that confirms before it identified, or skips the vacancy check, is caught.
-TEST(BindingModel, WithoutOpeningRevertADoubleIsFound) {
+TEST(BindingModel, WithoutOpeningRevertADuplicateIsFound) {
   State s = with_ids(NodeId(), NodeId(1));
   // A run of Berth died with device 0 in configuration and slot 1's node-ID pending there; device 1 came with that id.
   s.devices[0].configuration = true;

@@ -8,11 +8,11 @@
 namespace berth::places {
 namespace {
 
-constexpr Seat seat{{1, 2, 3, 4}, NodeId(5)};
+constexpr Assignment seat{{1, 2, 3, 4}, NodeId(5)};
 
 // The steps that are walked when every one ends well, for a device that had the node-ID `had`.
 std::vector<Step> walked(Binding::Kind kind, NodeId had) {
-  Binding binding(kind, kind == Binding::Kind::bind ? seat : Seat{seat.device, NodeId()});
+  Binding binding(kind, kind == Binding::Kind::bind ? seat : Assignment{seat.device, NodeId()});
   std::vector<Step> steps{binding.step()};
   while (!binding.ended() && steps.size() < 20) {
     if (binding.step() == Step::inquire) binding.inquired(had);
@@ -97,7 +97,7 @@ TEST(BindingTable, S1_53_WhatTwoWereToldIsTakenBackFromBoth) {
     binding.inquired(NodeId(77));
     EXPECT_EQ(binding.revert_to(), NodeId(77));
     ASSERT_TRUE(walk_to(binding, step));
-    binding.advance(Outcome::doubled);
+    binding.advance(Outcome::several);
     EXPECT_EQ(binding.step(), Step::revert);
     EXPECT_TRUE(binding.shared());
     EXPECT_FALSE(binding.revert_to().configured());
@@ -114,7 +114,7 @@ TEST(BindingTable, S1_53_NothingIsConfirmedUnheard) {
     binding.advance(outcome);
     EXPECT_EQ(binding.step(), Step::identify);
   }
-  for (const auto outcome : {Outcome::silent, Outcome::mismatch, Outcome::doubled}) {
+  for (const auto outcome : {Outcome::silent, Outcome::mismatch, Outcome::several}) {
     Binding binding(Binding::Kind::bind, seat);
     ASSERT_TRUE(walk_to(binding, Step::identify));
     binding.advance(outcome);

@@ -20,7 +20,7 @@ namespace {
 
 constexpr NodeId factory(1);
 constexpr NodeId place(5);
-constexpr Seat seat{{1, 2, 3, 4}, place};
+constexpr Assignment seat{{1, 2, 3, 4}, place};
 constexpr int most_faults = 3;
 
 struct State {
@@ -211,7 +211,7 @@ TEST(RecipeBinding, NothingIsWrittenBeforeTheIntentionIsDurable) {
 TEST(RecipeBinding, TwoUnderTheFactoryNodeIdAreNotTouched) {
   RecipeBinding b(Recipe::After::reset_node, seat, factory);
   b.advance(Outcome::ok);
-  b.advance(Outcome::doubled);
+  b.advance(Outcome::several);
   EXPECT_EQ(b.step(), RecipeStep::failed);
   EXPECT_EQ(b.why(), Why::clone);
   EXPECT_TRUE(b.untouched());
@@ -221,7 +221,7 @@ TEST(RecipeBinding, WhatWasWrittenIsTakenBackWhenASecondOneComes) {
   RecipeBinding b(Recipe::After::reset_node, seat, factory);
   for (int i = 0; i < 4; ++i) b.advance(Outcome::ok);
   ASSERT_EQ(b.step(), RecipeStep::reset);
-  b.advance(Outcome::doubled);
+  b.advance(Outcome::several);
   EXPECT_EQ(b.step(), RecipeStep::revert);
   b.advance(Outcome::ok);
   EXPECT_EQ(b.step(), RecipeStep::failed);

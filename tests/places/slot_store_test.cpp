@@ -18,7 +18,7 @@ struct Table {
   SlotId left = store.declare({"m", "b", "left"}).value();
   SlotId right = store.declare({"m", "b", "right"}).value();
   void seat(SlotId slot, std::uint32_t serial, unsigned id) {
-    const Seat seat{device(serial), NodeId(static_cast<std::uint8_t>(id))};
+    const Assignment seat{device(serial), NodeId(static_cast<std::uint8_t>(id))};
     ASSERT_TRUE(store.ask(slot, seat, "x"));
     ASSERT_TRUE(store.confirm(slot, seat, "x"));
   }

@@ -101,7 +101,7 @@ TEST(NegotiationWorld, JoinersDisturbNobody) {
 }
 
 // S2.24: two of one identity that get power at one instant: the announcement of the one tells the other.
-TEST(NegotiationWorld, TwinsPart) {
+TEST(NegotiationWorld, ClonesPart) {
   for (std::uint64_t seed = 1; seed <= 50; ++seed) {
     auto file = negotiation_plant(125'000, seed);
     file.devices.push_back(negotiating_device("a", {0x319, 2, 3, 4}));
@@ -119,7 +119,7 @@ TEST(NegotiationWorld, TwoSettledSegmentsAreJoined) {
     auto file = several(8);
     for (std::size_t i = 0; i < 8; ++i) {
       file.devices[i].heartbeat = heartbeat;
-      file.devices[i].address.serial = 0x1000 + static_cast<std::uint32_t>(i % 4);  // four pairs of twins
+      file.devices[i].address.serial = 0x1000 + static_cast<std::uint32_t>(i % 4);  // four pairs of clones
     }
     Built w(file);
     std::vector<sim::Controller*> right;

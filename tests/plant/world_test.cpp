@@ -273,10 +273,10 @@ TEST(PlantWorld, DuplicatesAndObserver) {
   s.world->add_observer(watch);
   s.run(milliseconds(50));
   EXPECT_EQ(std::count(watch.seen.begin(), watch.seen.end(), "b") > 0, true);
-  const auto twins = s.world->duplicates();
-  ASSERT_EQ(twins.size(), 1U);
-  EXPECT_EQ(twins[0].first->name(), "a");
-  EXPECT_EQ(twins[0].second->name(), "b");
+  const auto clones = s.world->duplicates();
+  ASSERT_EQ(clones.size(), 1U);
+  EXPECT_EQ(clones[0].first->name(), "a");
+  EXPECT_EQ(clones[0].second->name(), "b");
   s["b"].unplug();
   EXPECT_TRUE(s.world->duplicates().empty());
   EXPECT_EQ(watch.seen.back(), "b");
@@ -346,7 +346,8 @@ TEST(PlantWorld, NetworkVariablesOfADevice) {
   auto plc = device("plc", 6);
   plc.eds = plc.eds_path = berth::test::source_dir() + "/examples/eds/controller.eds";
   plc.address_of_eds = true;
-  plc.does.variables = {{"speed", od::DataType::unsigned16, {0xA100, 3}}, {"run", od::DataType::unsigned8, {0xA4C0, 1}}};
+  plc.does.variables = {{"speed", od::DataType::unsigned16, {0xA100, 3}},
+                        {"run", od::DataType::unsigned8, {0xA4C0, 1}}};
   auto plain = plc;
   plain.name = "plain";
   plain.address.serial = 7;

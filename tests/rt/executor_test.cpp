@@ -14,7 +14,7 @@
 
 using namespace berth;
 using rt::Duration;
-using rt::Phase;
+using rt::Rank;
 using rt::Time;
 using namespace std::chrono_literals;
 
@@ -203,7 +203,7 @@ TEST_F(ExecutorTest, JobsOutliveTheExecutor) {
     shortlived.post(*a);
     shortlived.at(Time(1s), *b);
     shortlived.at(Time(2s), *a);
-    shortlived.post(*c, Phase::medium);
+    shortlived.post(*c, Rank::medium);
   }
   EXPECT_FALSE(a->ready() || a->timed() || b->timed() || c->ready());
   executor.post(*a);
@@ -222,8 +222,8 @@ TEST_F(ExecutorTest, MediumWaitsForEveryNodeJobOfItsInstant) {
     log.emplace_back(10, executor.now());
     executor.post(*later);  // runs before the next medium job
   });
-  executor.post(medium, Phase::medium);
-  executor.post(*medium_two, Phase::medium);
+  executor.post(medium, Rank::medium);
+  executor.post(*medium_two, Rank::medium);
   executor.post(node);
   executor.advance(Time{});
   EXPECT_EQ(order(), (std::vector{1, 3, 10, 4, 20}));
@@ -232,8 +232,8 @@ TEST_F(ExecutorTest, MediumWaitsForEveryNodeJobOfItsInstant) {
 TEST_F(ExecutorTest, MediumWaitsForTimersSetForItsInstant) {
   auto timer = job(1), medium = job(10), medium_timer = job(11);
   Call node([&] { executor.at(executor.now(), *timer); });
-  executor.at(Time(5ns), *medium_timer, Phase::medium);
-  Call poster([&] { executor.post(*medium, Phase::medium); });
+  executor.at(Time(5ns), *medium_timer, Rank::medium);
+  Call poster([&] { executor.post(*medium, Rank::medium); });
   executor.at(Time(5ns), poster);
   executor.at(Time(5ns), node);
   executor.advance(Time(5ns));
@@ -243,7 +243,7 @@ TEST_F(ExecutorTest, MediumWaitsForTimersSetForItsInstant) {
 
 TEST_F(ExecutorTest, ATimerOfTheMediumRunsBehindNodeTimersOfTheInstantSetLater) {
   auto medium = job(10), node = job(1);
-  executor.at(Time(5ns), *medium, Phase::medium);
+  executor.at(Time(5ns), *medium, Rank::medium);
   executor.at(Time(5ns), *node);
   executor.advance(Time(5ns));
   EXPECT_EQ(order(), (std::vector{1, 10}));

@@ -13,7 +13,7 @@
 namespace berth::store {
 namespace {
 
-using places::Seat;
+using places::Assignment;
 using places::SlotId;
 using places::SlotRecord;
 
@@ -33,7 +33,7 @@ struct State {
   friend bool operator==(const State&, const State&) = default;
 };
 
-std::string shown(const std::optional<Seat>& seat) {
+std::string shown(const std::optional<Assignment>& seat) {
   return seat ? to_string(seat->device) + "@" + std::to_string(seat->id.value()) : "-";
 }
 
@@ -44,7 +44,7 @@ std::string shown(const std::optional<places::Configured>& c) {
 State state_of(places::SlotStore& store) {
   State state;
   for (const auto& r : must(store.load("m"))) {
-    state.lines.push_back(std::to_string(r.slot.value) + " " + r.name.name + " " + shown(r.asked) + " " +
+    state.lines.push_back(std::to_string(r.slot.value) + " " + r.name.name + " " + shown(r.intended) + " " +
                           shown(r.confirmed) + " " + shown(r.configured));
   }
   for (const auto& b : must(store.unfinished_blanks())) state.lines.push_back("blank " + to_string(b.device));
@@ -60,9 +60,9 @@ using Step = std::function<bool(places::SlotStore&)>;
 /// A binding of two slots, a replacement and a blanking: every call that Berth makes.
 std::vector<Step> binding() {
   using Stage = places::Configured::Stage;
-  const Seat a{device(5), NodeId(2)};
-  const Seat b{device(6), NodeId(4)};
-  const Seat c{device(0x15), NodeId(2)};
+  const Assignment a{device(5), NodeId(2)};
+  const Assignment b{device(6), NodeId(4)};
+  const Assignment c{device(0x15), NodeId(2)};
   return {
       [](auto& s) {
         return s.declare({"m", "b", "left"}).has_value();

@@ -23,9 +23,9 @@ namespace berth::store::database_tests {
 namespace {
 
 namespace fs = std::filesystem;
+using places::Assignment;
 using places::HistoryEntry;
 using places::MemoryStore;
-using places::Seat;
 using places::SlotId;
 
 class Folder {
@@ -62,7 +62,7 @@ LssAddress device(std::uint32_t serial) { return {0x01000001, 1, 0, serial}; }
 
 TEST(Store, KeepsEverythingOverARestart) {
   const Folder folder;
-  const Seat seat{{0xFFFFFFFF, 0x80000000, 7, 0xFFFFFFFF}, NodeId(127)};
+  const Assignment seat{{0xFFFFFFFF, 0x80000000, 7, 0xFFFFFFFF}, NodeId(127)};
   {
     auto store = must_open(folder.file());
     store->stamp(1234);
@@ -80,7 +80,7 @@ TEST(Store, KeepsEverythingOverARestart) {
   ASSERT_EQ(records.size(), 1U);
   EXPECT_EQ(records[0].name.name, "left \xC3\xA4");
   EXPECT_EQ(records[0].confirmed, seat);
-  EXPECT_EQ(records[0].asked, (Seat{seat.device, NodeId(126)}));
+  EXPECT_EQ(records[0].intended, (Assignment{seat.device, NodeId(126)}));
   EXPECT_EQ(store->unfinished_blanks().value(),
             (std::vector<places::UnfinishedBlank>{{device(9), "m", "b", NodeId(5)}}));
   const auto history = store->history(std::nullopt).value();
@@ -140,15 +140,15 @@ std::string shown(const std::optional<places::Configured>& c) {
 
 std::vector<std::string> all_of(places::SlotStore& store) {
   std::vector<std::string> out;
-  const auto seat = [](const std::optional<Seat>& s) {
+  const auto seat = [](const std::optional<Assignment>& s) {
     return s ? to_string(s->device) + "@" + std::to_string(s->id.value()) : std::string("-");
   };
   for (const char* machine : {"m", "n"}) {
     for (const auto& r : must(store.load(machine))) {
-      out.push_back(std::to_string(r.slot.value) + r.name.machine + r.name.bus + r.name.name + seat(r.asked) +
+      out.push_back(std::to_string(r.slot.value) + r.name.machine + r.name.bus + r.name.name + seat(r.intended) +
                     seat(r.confirmed) + shown(r.configured));
       const auto same = must(store.load(r.slot));
-      RC_ASSERT(same.slot == r.slot && same.name == r.name && same.asked == r.asked);
+      RC_ASSERT(same.slot == r.slot && same.name == r.name && same.intended == r.intended);
       RC_ASSERT(same.confirmed == r.confirmed && same.configured == r.configured);
       for (const auto& h : must(store.history(r.slot))) out.push_back(std::to_string(h.sequence));
     }
@@ -182,7 +182,8 @@ std::vector<std::string> all_of(places::SlotStore& store) {
 /// One call with random arguments; the error's code, or nothing.
 std::optional<Errc> random_call(places::SlotStore& store, Random r) {
   const SlotId slot{static_cast<std::int64_t>(r.below(6))};
-  const Seat seat{device(static_cast<std::uint32_t>(r.below(4))), NodeId(static_cast<std::uint8_t>(1 + r.below(2)))};
+  const Assignment seat{device(static_cast<std::uint32_t>(r.below(4))),
+                        NodeId(static_cast<std::uint8_t>(1 + r.below(2)))};
   const auto code = [](const auto& result) { return result ? std::nullopt : std::optional(result.error().code); };
   store.stamp(static_cast<std::int64_t>(r.below(1000)));
   const auto mark = static_cast<places::Mark>(r.below(2));
@@ -273,7 +274,7 @@ TEST(Store, AKilledOwnerLeavesNoLockAndLosesNothing) {
   ::waitpid(child, nullptr, 0);
   auto store = must_open(folder.file());
   ASSERT_NE(store, nullptr);
-  EXPECT_EQ(store->load("m").value().at(0).asked, (Seat{device(5), NodeId(2)}));
+  EXPECT_EQ(store->load("m").value().at(0).intended, (Assignment{device(5), NodeId(2)}));
 }
 
 /// Refused, with these words, and not one byte changed.
@@ -536,7 +537,7 @@ TEST(Store, MigratesAnOlderSchema) {
   }
   auto store = must_open(folder.file());
   ASSERT_NE(store, nullptr);
-  EXPECT_EQ(store->load("m").value().at(0).confirmed, (Seat{{1, 2, 0, 5}, NodeId(2)}));
+  EXPECT_EQ(store->load("m").value().at(0).confirmed, (Assignment{{1, 2, 0, 5}, NodeId(2)}));
   EXPECT_EQ(store->history(std::nullopt).value().size(), 3U);
   EXPECT_EQ(store->devices().value(), (std::vector<DeviceSeen>{{{1, 2, 0, 5}, 7, 9, 2}}));
   ASSERT_TRUE(store->clear(SlotId{1}, "gone"));
@@ -559,7 +560,7 @@ TEST(Store, MigratesSchemaTwoAndKeepsWhatWaitsForAPowerCycle) {
   {
     auto store = must_open(folder.file());
     ASSERT_NE(store, nullptr);
-    EXPECT_EQ(store->load("m").value().at(0).confirmed, (Seat{{1, 2, 0, 5}, NodeId(2)}));
+    EXPECT_EQ(store->load("m").value().at(0).confirmed, (Assignment{{1, 2, 0, 5}, NodeId(2)}));
     EXPECT_FALSE(store->load("m").value().at(0).configured);
     ASSERT_TRUE(store->configure(SlotId{1}, waits, "pump.dcf"));
     EXPECT_EQ(store->configure(SlotId{7}, waits, "x").error().code, Errc::not_found);

@@ -17,7 +17,7 @@ Cast blank(unsigned devices) { return {.devices = devices, .speaks = {plant::Spe
 
 // What `berth reproduce` once printed as Berth's binding: nobody is sent back to waiting, so whoever is selected stays
 // in configuration and hears every later node-ID.
-rt::Task<void> without_waiting(Stage& stage, std::vector<places::Seat> seats) {
+rt::Task<void> without_waiting(Stage& stage, std::vector<places::Assignment> seats) {
   lss::Master lss(stage.master());
   for (const auto& seat : seats) {
     const auto selected = co_await lss.switch_selective(seat.device);

@@ -33,10 +33,10 @@
 
 namespace berth::harness {
 
-class DoubleWatch final : public plant::World::Observer {
+class DuplicateWatch final : public plant::World::Observer {
  public:
   // `store`: read for what `replacement = "auto"` has cleared; may be null where no slot says that.
-  DoubleWatch(plant::World& world, const design::Machine& machine, places::SlotStore* store)
+  DuplicateWatch(plant::World& world, const design::Machine& machine, places::SlotStore* store)
       : world_(&world), machine_(&machine), store_(store) {
     for (const auto& bus : machine.buses) {
       sim::Bus* const on = world.bus(bus.name);
@@ -47,12 +47,12 @@ class DoubleWatch final : public plant::World::Observer {
     for (const auto& d : world.devices()) note(*d);
     world_->add_observer(*this);
   }
-  ~DoubleWatch() {
+  ~DuplicateWatch() {
     world_->remove_observer(*this);
     for (const auto& wire : wires_) wire->bus.remove_tap(*wire);
   }
-  DoubleWatch(const DoubleWatch&) = delete;
-  DoubleWatch& operator=(const DoubleWatch&) = delete;
+  DuplicateWatch(const DuplicateWatch&) = delete;
+  DuplicateWatch& operator=(const DuplicateWatch&) = delete;
 
   // A new Berth: what the one before it has asked proves nothing to this one, and counts for what that one brought into
   // use.
@@ -112,7 +112,8 @@ class DoubleWatch final : public plant::World::Observer {
       rt::Time first{}, last{};
       bool over = false;  // by guarding, which is asked when 1000h stayed silent
     };
-    Wire(DoubleWatch& watch, sim::Bus& on, const design::Bus& described) : watch_(&watch), bus(on), plan(described) {}
+    Wire(DuplicateWatch& watch, sim::Bus& on, const design::Bus& described)
+        : watch_(&watch), bus(on), plan(described) {}
     void frame(const can::Frame& frame, rt::Time at, int sender) noexcept override {
       const std::uint32_t key = frame.key();
       if (key == lss::master_cob_id) {
@@ -195,7 +196,7 @@ class DoubleWatch final : public plant::World::Observer {
       rt::Time at{};
       std::string who;
     };
-    DoubleWatch* watch_;
+    DuplicateWatch* watch_;
     sim::Bus& bus;
     const design::Bus& plan;
     std::map<unsigned, Asked> asked;         // 1000h of this node-ID, this Berth: the last questions in a row
@@ -320,9 +321,9 @@ class DoubleWatch final : public plant::World::Observer {
     // It booted again under what it uses: who came to this node-ID meanwhile was looked at then.
     if (life.last_used == id) return;
     const bool brought = life.came_with == id && life.given != id;
-    const bool twin =
+    const bool clone =
         std::ranges::count_if(world_->devices(), [&](const auto& d) { return d->truth().address == t.address; }) > 1;
-    if (brought && life.owned != id && !twin && was_blanked(t)) {
+    if (brought && life.owned != id && !clone && was_blanked(t)) {
       fail_with(t.name + " came back with node-ID " + std::to_string(id.value()) + ", which Berth took away from it");
     }
     // It came from elsewhere with it, was off when Berth asked for it, and Berth never touched it; or it has it by
@@ -386,7 +387,7 @@ class DoubleWatch final : public plant::World::Observer {
 // Between Berth and its controller: tells the watch what Berth really heard.
 class HeardPort final : public can::Port, private can::Listener {
  public:
-  HeardPort(DoubleWatch& watch, std::string bus, can::Port& beneath)
+  HeardPort(DuplicateWatch& watch, std::string bus, can::Port& beneath)
       : watch_(&watch), bus_(std::move(bus)), beneath_(&beneath) {}
 
   can::Queued send(const can::Frame& frame, std::uint32_t tag) noexcept override { return beneath_->send(frame, tag); }
@@ -409,7 +410,7 @@ class HeardPort final : public can::Port, private can::Listener {
   void changed(const can::Status& status, rt::Time at) noexcept override {
     if (listener_ != nullptr) listener_->changed(status, at);
   }
-  DoubleWatch* watch_;
+  DuplicateWatch* watch_;
   std::string bus_;
   can::Port* beneath_;
   can::Listener* listener_ = nullptr;

@@ -68,7 +68,7 @@ struct WriteEar final : can::Tap {
 }  // namespace
 
 // As they leave the factory: both with node-ID 32, which no slot has, no heartbeat, no answer to identify or Fastscan.
-TEST(Doubles, TwoWithTheFactorysNodeIdAreToldApartAndSeated) {
+TEST(Duplicates, TwoWithTheFactorysNodeIdAreToldApartAndSeated) {
   design::Machine m = one_bus(125'000);
   add_slot(m, 3, type_a);
   add_slot(m, 7, type_b);
@@ -82,7 +82,7 @@ TEST(Doubles, TwoWithTheFactorysNodeIdAreToldApartAndSeated) {
 }
 
 // Three of one type differ in their serial numbers alone.
-TEST(Doubles, ThreeWithOneNodeId) {
+TEST(Duplicates, ThreeWithOneNodeId) {
   design::Machine m = one_bus(125'000);
   auto p = one_bus_plant(1);
   for (unsigned i = 1; i <= 3; ++i) {
@@ -96,7 +96,7 @@ TEST(Doubles, ThreeWithOneNodeId) {
 }
 
 // A stranger with the node-ID of a slot comes while the slot's device runs: it is taken off, and the device runs on.
-TEST(Doubles, AStrangerUnderARunningDevicesNodeIdIsTakenOff) {
+TEST(Duplicates, AStrangerUnderARunningDevicesNodeIdIsTakenOff) {
   auto p = its_own_device();
   stored(p, "stranger", type_c, 9, 5).plugged = false;
   Rig rig(slot_five(), p);
@@ -110,7 +110,7 @@ TEST(Doubles, AStrangerUnderARunningDevicesNodeIdIsTakenOff) {
 }
 
 // It leaves between its last heartbeat and the first that the new run waits for.
-TEST(Doubles, ADeviceThatLeavesAsItIsIdentifiedIsMissed) {
+TEST(Duplicates, ADeviceThatLeavesAsItIsIdentifiedIsMissed) {
   Rig rig(slot_five(), its_own_device());
   rig.begin();
   ASSERT_TRUE(rig.until_operational(30s)) << rig.log();
@@ -123,7 +123,7 @@ TEST(Doubles, ADeviceThatLeavesAsItIsIdentifiedIsMissed) {
 
 // A stranger on the slot's node-ID has none in its memory any more, and uses it until its power cycle: a person is
 // told, and it is not told again and again.
-TEST(Doubles, ADeviceThatFadesIsNotBlankedAtEveryLook) {
+TEST(Duplicates, ADeviceThatFadesIsNotBlankedAtEveryLook) {
   auto p = one_bus_plant(1);
   stored(p, "stranger", type_c, 9, 5).storing.power_cycle_after = true;
   add_device(p, "own", type_b, 1);
@@ -146,7 +146,7 @@ TEST(Doubles, ADeviceThatFadesIsNotBlankedAtEveryLook) {
 }
 
 // Its answers to what is written to the slot's own device would be taken for that one's.
-TEST(Doubles, ASlotWaitsWhileADeviceThatFadesUsesItsNodeIdToo) {
+TEST(Duplicates, ASlotWaitsWhileADeviceThatFadesUsesItsNodeIdToo) {
   auto p = one_bus_plant(1);
   stored(p, "own", type_b, 1, 5);
   stored(p, "stranger", type_c, 9, 5).storing.power_cycle_after = true;
@@ -170,7 +170,7 @@ TEST(Doubles, ASlotWaitsWhileADeviceThatFadesUsesItsNodeIdToo) {
 
 // One of two with a slot's node-ID gives it up at its power cycle; that slot is left for it, and the search that finds
 // it afterwards lends it the same node-ID. It does not use it still (seed 360612).
-TEST(Doubles, ADeviceThatFadedAndIsLentItsOldNodeIdIsSeated) {
+TEST(Duplicates, ADeviceThatFadedAndIsLentItsOldNodeIdIsSeated) {
   design::Machine m = one_bus(125'000);
   for (const unsigned id : {3U, 4U, 5U}) {
     add_slot(m, id, type_b);
@@ -204,7 +204,7 @@ TEST(Doubles, ADeviceThatFadedAndIsLentItsOldNodeIdIsSeated) {
 
 // What is written and saved while two listen is saved by both, the node-ID with it (seed 151046). The slow one's
 // answers come behind those of the other, whose questions have ended.
-TEST(Doubles, NothingIsSavedUnderANodeIdThatAnsweredTwice) {
+TEST(Duplicates, NothingIsSavedUnderANodeIdThatAnsweredTwice) {
   auto p = one_bus_plant(1);
   stored(p, "own", type_b, 1, 5);
   stored(p, "stranger", type_c, 9, 5).response = {70ms, 70ms, 0, 0ms};
@@ -224,7 +224,7 @@ TEST(Doubles, NothingIsSavedUnderANodeIdThatAnsweredTwice) {
 }
 
 // It sits there already, and boots while the other, which was plugged in, fades.
-TEST(Doubles, ABoundSlotWaitsWhileADeviceThatFadesUsesItsNodeIdToo) {
+TEST(Duplicates, ABoundSlotWaitsWhileADeviceThatFadesUsesItsNodeIdToo) {
   auto p = one_bus_plant(1);
   stored(p, "own", type_b, 1, 5);
   stored(p, "stranger", type_c, 9, 5).storing.power_cycle_after = true;
@@ -270,7 +270,7 @@ void is_not_told_again(const plant::PlantFile& p, rt::Duration time) {
 
 // A person is asked whether it may be used again. Each search lends it a slot's node-ID meanwhile and takes that back;
 // its memory has none, and is not written again (seed 142477).
-TEST(Doubles, ADeviceThatWaitsForAPersonIsNotToldToStoreAtEverySearch) {
+TEST(Duplicates, ADeviceThatWaitsForAPersonIsNotToldToStoreAtEverySearch) {
   design::Machine m = one_bus(125'000);
   add_slot(m, 4, type_b);
   add_slot(m, 5, type_b);
@@ -297,14 +297,14 @@ TEST(Doubles, ADeviceThatWaitsForAPersonIsNotToldToStoreAtEverySearch) {
 }
 
 // What was stored once is not stored again at every look: memory wears out.
-TEST(Doubles, ADeviceThatWaitsForItsPowerCycleIsNotToldAgainAndAgain) {
+TEST(Duplicates, ADeviceThatWaitsForItsPowerCycleIsNotToldAgainAndAgain) {
   auto p = one_bus_plant(1);
   stored(p, "a", type_b, 7, 9).storing.power_cycle_after = true;
   is_not_told_again(p, 20s);
 }
 
 // It was lent the slot's own node-ID for the search: taking that back would have it stored once more at every look.
-TEST(Doubles, ABorrowerThatWaitsForItsPowerCycleIsNotToldAgain) {
+TEST(Duplicates, ABorrowerThatWaitsForItsPowerCycleIsNotToldAgain) {
   auto p = one_bus_plant(1);
   auto& a = add_device(p, "a", type_b, 7);
   a.speaks = {Speaks::lss, Speaks::fastscan};
@@ -313,7 +313,7 @@ TEST(Doubles, ABorrowerThatWaitsForItsPowerCycleIsNotToldAgain) {
 }
 
 // Two devices and one slot: the question ends when both have left.
-TEST(Doubles, AQuestionEndsWithItsDevices) {
+TEST(Duplicates, AQuestionEndsWithItsDevices) {
   design::Machine m = one_bus(125'000);
   add_slot(m, 5, type_b);
   auto p = one_bus_plant(1);
@@ -328,11 +328,11 @@ TEST(Doubles, AQuestionEndsWithItsDevices) {
 }
 
 // Two devices of one address are told, and a device that fits the same slot is found and seated all the same.
-TEST(Doubles, TwoOfOneAddressHideNobodyElse) {
+TEST(Duplicates, TwoOfOneAddressHideNobodyElse) {
   design::Machine m = one_bus(125'000);
   add_slot(m, 5, type_b);
   auto p = one_bus_plant(1);
-  for (const char* name : {"a", "twin"}) add_device(p, name, type_b, 7).speaks = {Speaks::lss, Speaks::fastscan};
+  for (const char* name : {"a", "clone"}) add_device(p, name, type_b, 7).speaks = {Speaks::lss, Speaks::fastscan};
   auto& late = add_device(p, "late", type_b, 9);
   late.speaks = {Speaks::lss, Speaks::fastscan};
   late.plugged = false;
@@ -346,11 +346,11 @@ TEST(Doubles, TwoOfOneAddressHideNobodyElse) {
 
 // Three came with the node-ID of a slot, two of them with one address. The third is not bound there again and again:
 // the other slot is free.
-TEST(Doubles, TheThirdUnderANodeIdThatTwoOfOneAddressKeepIsAskedAbout) {
+TEST(Duplicates, TheThirdUnderANodeIdThatTwoOfOneAddressKeepIsAskedAbout) {
   design::Machine m = slot_five();
   add_slot(m, 6, type_b);
   auto p = one_bus_plant(1);
-  for (const char* name : {"a", "twin"}) {
+  for (const char* name : {"a", "clone"}) {
     auto& d = stored(p, name, type_b, 7, 5);
     d.habit.reset();
     d.speaks = {Speaks::lss, Speaks::rand};
@@ -369,9 +369,9 @@ TEST(Doubles, TheThirdUnderANodeIdThatTwoOfOneAddressKeepIsAskedAbout) {
 }
 
 // One of the two speaks RAND, and is found alone by it at each look; the third does not.
-TEST(Doubles, TwoOfOneAddressOfWhichOneSpeaksRandHideNobodyElse) {
+TEST(Duplicates, TwoOfOneAddressOfWhichOneSpeaksRandHideNobodyElse) {
   auto p = one_bus_plant(1);
-  for (const char* name : {"a", "twin"}) add_device(p, name, type_b, 7);
+  for (const char* name : {"a", "clone"}) add_device(p, name, type_b, 7);
   p.devices.back().speaks = {Speaks::lss};
   auto& late = add_device(p, "late", type_b, 9);
   late.speaks = {Speaks::lss};
@@ -386,15 +386,15 @@ TEST(Doubles, TwoOfOneAddressOfWhichOneSpeaksRandHideNobodyElse) {
 
 // One of two with one address is deaf at the second look: the other one is found alone, and is not lent the slot's
 // node-ID. Which of the two has it pending later could not be asked.
-TEST(Doubles, OneOfTwoWithOneAddressIsLentNoSlotsNodeId) {
+TEST(Duplicates, OneOfTwoWithOneAddressIsLentNoSlotsNodeId) {
   design::Machine m = slot_five();
   m.buses.front().discovery = "fastscan";
   auto p = one_bus_plant(1);
-  for (const char* name : {"own", "twin"}) add_device(p, name, type_b, 1).speaks = {Speaks::lss, Speaks::fastscan};
+  for (const char* name : {"own", "clone"}) add_device(p, name, type_b, 1).speaks = {Speaks::lss, Speaks::fastscan};
   Rig rig(m, p);
   rig.begin();
   ASSERT_TRUE(rig.run_until([&] { return rig.state(5) == SlotState::duplicate; }, 30s)) << rig.log();
-  rig.device("twin").controller().deaf(true);
+  rig.device("clone").controller().deaf(true);
   bool slots = false;
   bool others = false;
   for (int i = 0; i < 6000; ++i) {

@@ -1,4 +1,4 @@
-#include "berth/operate/doubles.hpp"
+#include "berth/operate/duplicates.hpp"
 
 #include <fmt/format.h>
 
@@ -17,7 +17,7 @@ void put(std::vector<std::uint32_t>& values, std::uint32_t value) {
 }  // namespace
 
 // A second answer to one SDO request: two devices hold this node-ID, or another SDO client is at work.
-void Doubles::surplus(NodeId node, const can::Frame& frame, rt::Time) noexcept {
+void Duplicates::surplus(NodeId node, const can::Frame& frame, rt::Time) noexcept {
   const bool others_talk = s_.bus.flying && s_.port.status().listen_only;  // the active master asks
   if (others_talk) return;
   if (shared_ && shared_->id == node) return note_shared(frame);
@@ -33,13 +33,14 @@ void Doubles::surplus(NodeId node, const can::Frame& frame, rt::Time) noexcept {
   slots_.events().tell_once(EventKind::duplicate, text);
 }
 
-Doubles::Doubles(BusServices& services, SlotTable& slots, Agenda& agenda, FoundDevices& found, Asking& asking) noexcept
+Duplicates::Duplicates(BusServices& services, SlotTable& slots, Agenda& agenda, FoundDevices& found,
+                       Asking& asking) noexcept
     : s_(services), slots_(slots), agenda_(agenda), found_(found), asking_(asking) {
   s_.sdo.set_observer(this);
 }
 
 // An answer to the upload of a part that the first answer had ended.
-void Doubles::note_shared(const can::Frame& frame) {
+void Duplicates::note_shared(const can::Frame& frame) {
   const bool expedited =
       frame.size == 8 && (frame.data[0] & 0xE3U) == 0x43U && frame.data[1] == 0x18 && frame.data[2] == 0x10;
   const std::size_t sub = frame.data[3];
@@ -50,7 +51,7 @@ void Doubles::note_shared(const can::Frame& frame) {
 }
 
 // Twice, with pauses: a single-slot receive buffer loses a question behind another frame.
-rt::Task<void> Doubles::hear_parts(NodeId id) {
+rt::Task<void> Duplicates::hear_parts(NodeId id) {
   co_await rt::sleep_for(second_answer);
   for (std::uint8_t i = 0; i < 8; ++i) {
     const std::uint8_t sub = static_cast<std::uint8_t>(i % 4 + 1);
@@ -62,7 +63,7 @@ rt::Task<void> Doubles::hear_parts(NodeId id) {
   }
 }
 
-std::vector<LssAddress> Doubles::addresses_of(const Shared& shared) {
+std::vector<LssAddress> Duplicates::addresses_of(const Shared& shared) {
   std::vector<LssAddress> all;
   for (const auto vendor : shared.parts[0]) {
     for (const auto product : shared.parts[1]) {
@@ -77,7 +78,7 @@ std::vector<LssAddress> Doubles::addresses_of(const Shared& shared) {
 }
 
 // Those of the addresses at which a device uses this node-ID. `slowly`: with pauses between the frames.
-rt::Task<void> Doubles::ask_addresses(NodeId id, std::vector<LssAddress> addresses, bool slowly) {
+rt::Task<void> Duplicates::ask_addresses(NodeId id, std::vector<LssAddress> addresses, bool slowly) {
   for (const LssAddress& address : addresses) {
     const LssAddress device = address;
     Result<NodeId> active = NodeId();
@@ -95,7 +96,7 @@ rt::Task<void> Doubles::ask_addresses(NodeId id, std::vector<LssAddress> address
 
 // True: the devices that share it are known now, and the plan gives each its own. A slot's device that is alone there
 // is known.
-rt::Task<bool> Doubles::tell_one_apart(NodeId id) {
+rt::Task<bool> Duplicates::tell_one_apart(NodeId id) {
   if (s_.only_observes()) co_return false;
   shared_ = Shared{id, {}};
   co_await hear_parts(id);
@@ -118,7 +119,7 @@ rt::Task<bool> Doubles::tell_one_apart(NodeId id) {
   co_return std::ranges::any_of(addresses, found);
 }
 
-rt::Task<bool> Doubles::tell_apart(std::vector<NodeId> ids) {
+rt::Task<bool> Duplicates::tell_apart(std::vector<NodeId> ids) {
   constexpr int seldom = 32;
   bool any = false;
   for (const NodeId& each : ids) {
@@ -133,7 +134,7 @@ rt::Task<bool> Doubles::tell_apart(std::vector<NodeId> ids) {
 }
 
 // A slot's device and another: which of them is found here beside it is taken off the node-ID by the plan.
-rt::Task<void> Doubles::tell_seats_apart() {
+rt::Task<void> Duplicates::tell_seats_apart() {
   for (auto& seat : slots_.seats()) {
     const bool shares = seat->doubt.shared > 0 && seat->slot.record.confirmed;
     if (!shares) continue;

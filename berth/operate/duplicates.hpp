@@ -13,10 +13,10 @@
 
 namespace berth::operate {
 
-class Doubles final : public co::SdoClient::Observer {
+class Duplicates final : public co::SdoClient::Observer {
  public:
   /// Hears second answers to SDO requests from now on.
-  Doubles(BusServices& services, SlotTable& slots, Agenda& agenda, FoundDevices& found, Asking& asking) noexcept;
+  Duplicates(BusServices& services, SlotTable& slots, Agenda& agenda, FoundDevices& found, Asking& asking) noexcept;
 
   /// Tries in which a slot's device and another under its node-ID are told apart.
   static constexpr unsigned most_tries = 3;

@@ -6,7 +6,7 @@
 #include <optional>
 #include <vector>
 
-#include "berth/places/planner.hpp"
+#include "berth/places/plan.hpp"
 
 using namespace berth;
 using namespace berth::places;
@@ -28,7 +28,7 @@ Slot slot(unsigned id, TypeCode type, std::optional<LssAddress> bound = std::nul
   s.spec.id = NodeId(static_cast<std::uint8_t>(id));
   s.spec.type = type;
   s.record.slot = SlotId{static_cast<std::int64_t>(id) + 100};
-  if (bound) s.record.confirmed = Seat{*bound, s.spec.id};
+  if (bound) s.record.confirmed = Assignment{*bound, s.spec.id};
   return s;
 }
 
@@ -70,9 +70,9 @@ TEST(Planner, S1_27_R_SN_OrdersByRevisionBeforeSerial) {
 // S1.35, S1.51: after s2 and s4 were replaced rule 2 holds among the new ones only; s5 keeps its smaller number.
 TEST(Planner, S1_35_OnlyTheDevicesOfThisRunAreSorted) {
   auto slots = table_1();
-  slots[0].record.confirmed = Seat{device(A, 0x0A), NodeId(1)};
-  slots[2].record.confirmed = Seat{device(C, 8), NodeId(3)};
-  slots[4].record.confirmed = Seat{device(B, 7), NodeId(5)};
+  slots[0].record.confirmed = Assignment{device(A, 0x0A), NodeId(1)};
+  slots[2].record.confirmed = Assignment{device(C, 8), NodeId(3)};
+  slots[4].record.confirmed = Assignment{device(B, 7), NodeId(5)};
   const auto p = plan(slots, blank({device(B, 0x18), device(B, 0x15)}), {}, master);
   EXPECT_EQ(seats(slots, p), (std::map<unsigned, std::uint32_t>{{2, 0x15}, {4, 0x18}}));
 }
@@ -261,7 +261,7 @@ TEST(Planner, S1_22_ClonesAreNamedAndNeverSeated) {
 
 TEST(Planner, S1_53_UnfinishedWorkComesBeforeNewWork) {
   std::vector<Slot> slots{slot(2, B), slot(4, C)};
-  slots[1].record.asked = Seat{device(C, 9), NodeId(4)};
+  slots[1].record.intended = Assignment{device(C, 9), NodeId(4)};
   const auto p = plan(slots, blank({device(B, 5)}), {device(A, 3)}, master);
   ASSERT_EQ(p.actions.size(), 3U);
   EXPECT_EQ(p.actions[0].kind, Action::Kind::blank);
@@ -279,7 +279,7 @@ RC_GTEST_PROP(Planner, NeverTwoInOneSlotNorOneInTwo, ()) {
     s.spec.when_ambiguous = *rc::gen::element(WhenAmbiguous::ask, WhenAmbiguous::ascending,
                                               WhenAmbiguous::one_at_a_time, WhenAmbiguous::first_seen);
     if (*rc::gen::inRange(0, 3) == 0)
-      s.record.confirmed = Seat{device(s.spec.type, 1000U + static_cast<unsigned>(i)), s.spec.id};
+      s.record.confirmed = Assignment{device(s.spec.type, 1000U + static_cast<unsigned>(i)), s.spec.id};
     slots.push_back(s);
   }
   std::vector<Found> found;

@@ -1,4 +1,4 @@
-#include "berth/places/planner.hpp"
+#include "berth/places/plan.hpp"
 
 #include <fmt/format.h>
 
@@ -132,10 +132,10 @@ class Draft {
   Plan plan_;
 };
 
-class Planner {
+class PlanMaker {
  public:
-  Planner(const std::vector<Slot>& slots, const std::vector<Found>& found, const std::vector<LssAddress>& blanks,
-          NodeId master, const std::vector<Reading>& readings)
+  PlanMaker(const std::vector<Slot>& slots, const std::vector<Found>& found, const std::vector<LssAddress>& blanks,
+            NodeId master, const std::vector<Reading>& readings)
       : slots_(slots),
         found_(found),
         blanks_(blanks),
@@ -162,9 +162,9 @@ class Planner {
   void finish_and_repair() {
     for (std::size_t i = 0; i < slots_.size(); ++i) {
       const auto& [spec, record] = slots_[i];
-      if (record.asked) {
-        draft_.make_way(record.asked->device, spec.id);
-        draft_.bind(i, record.asked->device, "finishing what an earlier run began");
+      if (record.intended) {
+        draft_.make_way(record.intended->device, spec.id);
+        draft_.bind(i, record.intended->device, "finishing what an earlier run began");
       } else if (record.confirmed && record.confirmed->id != spec.id) {
         draft_.make_way(record.confirmed->device, spec.id);
         draft_.bind(i, record.confirmed->device, fmt::format("the slot's node-ID is {} now", spec.id.value()));
@@ -494,7 +494,7 @@ std::vector<Probe> probes_for(const std::vector<Slot>& slots, const LssAddress& 
 
 Plan plan(const std::vector<Slot>& slots, const std::vector<Found>& found,
           const std::vector<LssAddress>& unfinished_blanks, NodeId master, const std::vector<Reading>& readings) {
-  return Planner(slots, found, unfinished_blanks, master, readings).make();
+  return PlanMaker(slots, found, unfinished_blanks, master, readings).make();
 }
 
 }  // namespace berth::places
