@@ -72,11 +72,11 @@ extern "C" int LLVMFuzzerTestOneInput(const std::uint8_t* data, std::size_t size
   values.attach(stream, {0x2002, 0});
   values.attach(slow, 0x2003);
   co::SdoServer server(values, data[0]);
-  server.set_response_id(0x585);
+  server.set_response_id(co::CobId(0x585));
   for (std::size_t at = 1; at + 8 <= size; at += 8) {
     const auto request = can::Frame::base(0x605, std::span(data + at, 8));
     const bool idle = !server.busy();
-    const auto answer = server.handle(request);
+    const auto answer = co::answer_of(server, request);
     require(!answer || (answer->id == 0x585 && answer->size == 8));
     // What begins nothing and ends nothing is refused; a deferred write answers later.
     if (idle && !server.pending()) require(answer.has_value() == ((data[at] >> 5) != 4));
@@ -94,9 +94,9 @@ extern "C" int LLVMFuzzerTestOneInput(const std::uint8_t* data, std::size_t size
     }
     if (data[at] == 0xFF) static_cast<void>(server.expire());
   }
-  require(!server.handle(can::Frame::base(0x605, {0x80, 0, 0, 0, 0, 0, 0, 0})));
+  require(!co::answer_of(server, can::Frame::base(0x605, {0x80, 0, 0, 0, 0, 0, 0, 0})));
   require(!server.busy() && stream.open == 0);
-  const auto answer = server.handle(can::Frame::base(0x605, {0x40, 0x00, 0x10, 0, 0, 0, 0, 0}));
+  const auto answer = co::answer_of(server, can::Frame::base(0x605, {0x40, 0x00, 0x10, 0, 0, 0, 0, 0}));
   require(answer == can::Frame::base(0x585, {0x43, 0x00, 0x10, 0, 0x92, 0x01, 0, 0}));
   return 0;
 }

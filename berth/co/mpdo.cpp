@@ -1,24 +1,22 @@
-// Multiplex PDOs (CiA 301 §7.2.2.5): the object's address travels in the PDO.
+#include "berth/co/mpdo.hpp"
+
 #include <algorithm>
 
 #include "berth/base/bytes.hpp"
-#include "berth/co/emcy.hpp"
-#include "berth/co/pdo.hpp"
-#include "berth/co/pdo_parts.hpp"
 
 namespace berth::co {
 namespace {
 
 constexpr std::uint8_t dam_flag = 0x80;
-constexpr std::size_t mpdo_size = 8;
-constexpr std::size_t most_data = 4;
+constexpr std::uint16_t first_scanner = 0x1FA0, last_scanner = 0x1FCF;
+constexpr std::uint16_t first_dispatcher = 0x1FD0, last_dispatcher = 0x1FFF;
 
-can::Frame mpdo(std::uint32_t key, std::uint8_t address, ObjectRef object,
+can::Frame make(std::uint32_t key, std::uint8_t address, ObjectRef object,
                 std::span<const std::uint8_t> data) noexcept {
   can::Frame frame;
   frame.id = key & ~can::extended_flag;
   frame.extended = (key & can::extended_flag) != 0;
-  frame.size = mpdo_size;
+  frame.size = mpdo::size;
   frame.data[0] = address;
   store_le(&frame.data[1], object.index);
   frame.data[3] = object.sub;
@@ -55,94 +53,83 @@ bool any_entry(const od::Values& values, std::uint16_t first, std::uint16_t last
 /// An object of this device that an MPDO may write.
 const od::SubObject* destination(const od::Description& description, ObjectRef object) noexcept {
   const od::SubObject* const sub = description.find(object);
-  if (sub == nullptr || object.index < 0x1000 || od::byte_size(sub->type) > most_data) return nullptr;
+  if (sub == nullptr || object.index < 0x1000 || od::byte_size(sub->type) > mpdo::most_data) return nullptr;
   const PdoEntry entry{object, static_cast<std::uint8_t>(od::bit_length(sub->type))};
   return check_entry(description, entry, PdoKind::rpdo) == od::AbortCode::none ? sub : nullptr;
+}
+
+bool scanned(const od::Values& values, ObjectRef object) noexcept {
+  return any_entry<std::uint32_t>(values, first_scanner, last_scanner,
+                                  [&](std::uint32_t raw) { return scanner_entry(raw).contains(object); });
 }
 
 }  // namespace
 
 // --- Producer --------------------------------------------------------------------------------------------------------
 
-can::Queued Pdos::send_dam(std::uint8_t node, ObjectRef object, std::span<const std::uint8_t> data) noexcept {
-  const auto it = std::ranges::find_if(tpdos(), [](const Tpdo& t) { return t.active && t.mode == PdoMode::dam; });
-  if (it == tpdos().end() || node > 127 || data.size() > most_data) return can::Queued::closed;
-  if (it->inhibit != 0 && it->free_at > now()) return can::Queued::full;
-  return submit(*it, mpdo(it->key, dam_flag | node, object, data));
+can::Frame mpdo::make_dam(std::uint32_t key, std::uint8_t node, ObjectRef object,
+                          std::span<const std::uint8_t> data) noexcept {
+  return make(key, dam_flag | node, object, data);
 }
 
-bool Pdos::scanned(ObjectRef object) const noexcept {
-  return any_entry<std::uint32_t>(*values_, 0x1FA0, 0x1FCF,
-                                  [&](std::uint32_t raw) { return scanner_entry(raw).contains(object); });
+can::Frame mpdo::make_sam(std::uint32_t key, NodeId producer, ObjectRef object,
+                          std::span<const std::uint8_t> data) noexcept {
+  return make(key, producer.value(), object, data);
 }
 
-bool Pdos::scan(Tpdo& pdo, ObjectRef object) noexcept {
-  if (!sam_ || !scanned(object)) return false;
-  const od::SubObject* const sub = values_->description().find(object);
-  if (sub->variable_length() || od::byte_size(sub->type) > most_data) return false;
-  const std::span waiting(sam_->objects.data(), sam_->count);
+bool SamProducer::wanted(const od::Description& description) noexcept {
+  return std::ranges::any_of(description.objects(), [](const od::Object& object) {
+    return object.index >= first_scanner && object.index <= last_scanner;
+  });
+}
+
+bool SamProducer::put(const od::Values& values, ObjectRef object) noexcept {
+  if (!scanned(values, object)) return false;
+  const od::SubObject* const sub = values.description().find(object);
+  if (sub->variable_length() || od::byte_size(sub->type) > mpdo::most_data) return false;
+  const std::span waiting(objects_.data(), count_);
   if (std::ranges::find(waiting, object) != waiting.end()) return true;
-  if (sam_->count == SamQueue::size) return false;
-  sam_->objects[sam_->count++] = object;
-  if (!pdo.waiting) send_scanned(pdo);
+  if (count_ == room) return false;
+  objects_[count_++] = object;
   return true;
 }
 
-void Pdos::send_scanned(Tpdo& pdo) noexcept {
-  while (sam_->count > 0) {
-    if (pdo.inhibit != 0 && !may_go(pdo)) return;
-    const ObjectRef object = sam_->objects[0];
-    const can::Queued queued = submit(pdo, mpdo(pdo.key, node_.value(), object, values_->bytes(object)));
-    if (queued != can::Queued::yes) return failed(pdo, queued);
-    std::copy(sam_->objects.begin() + 1, sam_->objects.begin() + static_cast<std::ptrdiff_t>(sam_->count),
-              sam_->objects.begin());
-    --sam_->count;
-  }
-  pdo.waiting = false;
+void SamProducer::pop() noexcept {
+  std::copy(objects_.begin() + 1, objects_.begin() + static_cast<std::ptrdiff_t>(count_), objects_.begin());
+  --count_;
 }
 
 // --- Consumer --------------------------------------------------------------------------------------------------------
 
-void Pdos::received_mpdo(Rpdo& pdo, const can::Frame& frame, rt::Time at) noexcept {
-  const bool dam = (frame.data[0] & dam_flag) != 0;
-  if (frame.size < mpdo_size) return fault(pdo, Fault::too_short, true, frame.size);
-  fault(pdo, Fault::too_short, false);
-  fault(pdo, Fault::timeout, false);
-  if (pdo.deadline != 0) supervise(pdo, at);
-  if (dam != (pdo.mode == PdoMode::dam)) return;
-  const std::uint8_t node = frame.data[0] & 0x7FU;
-  const ObjectRef object{load_le<std::uint16_t>(&frame.data[1]), frame.data[3]};
-  if (!dam) return dispatch(node, object, &frame.data[4], at);
-  if (node != 0 && node != node_.value()) return;
-  const bool stored = write_dam(object, &frame.data[4]);
-  set_fault(pdo, Fault::unavailable, !stored,
-            {static_cast<std::uint8_t>(pdo.number), static_cast<std::uint8_t>(pdo.number >> 8), frame.data[1],
-             frame.data[2], frame.data[3]});
-  if (stored && observer_ != nullptr) observer_->received_mpdo(object, at);
+mpdo::Heard mpdo::Heard::of(const can::Frame& frame) noexcept {
+  Heard heard{(frame.data[0] & dam_flag) != 0,
+              static_cast<std::uint8_t>(frame.data[0] & 0x7FU),
+              {load_le<std::uint16_t>(&frame.data[1]), frame.data[3]}};
+  std::copy_n(frame.data.begin() + 4, most_data, heard.data.begin());
+  return heard;
 }
 
-bool Pdos::write_dam(ObjectRef object, const std::uint8_t* data) noexcept {
-  const od::SubObject* const sub = destination(values_->description(), object);
+bool mpdo::write(od::Values& values, const Heard& heard) noexcept {
+  const od::SubObject* const sub = destination(values.description(), heard.object);
   if (sub == nullptr) return false;
-  return values_->write(object, {data, od::byte_size(sub->type)}) == od::AbortCode::none;
+  return values.write(heard.object, std::span(heard.data).first(od::byte_size(sub->type))) == od::AbortCode::none;
 }
 
 // An entry: block size, local index and sub-index, producer's index and sub-index, producer's node-ID.
-void Pdos::dispatch(std::uint8_t node, ObjectRef object, const std::uint8_t* data, rt::Time at) noexcept {
-  any_entry<std::uint64_t>(*values_, 0x1FD0, 0x1FFF, [&](std::uint64_t raw) {
+void mpdo::dispatch(od::Values& values, const Heard& heard, PdoObserver* observer, rt::Time at) noexcept {
+  any_entry<std::uint64_t>(values, first_dispatcher, last_dispatcher, [&](std::uint64_t raw) {
     const Block remote{{static_cast<std::uint16_t>(raw >> 16), static_cast<std::uint8_t>(raw >> 8)},
                        static_cast<std::uint8_t>(raw >> 56)};
-    if (static_cast<std::uint8_t>(raw) != node || !remote.contains(object)) return false;
-    const unsigned local_sub = static_cast<std::uint8_t>(raw >> 32) + (object.sub - remote.first.sub);
+    if (static_cast<std::uint8_t>(raw) != heard.node || !remote.contains(heard.object)) return false;
+    const unsigned local_sub = static_cast<std::uint8_t>(raw >> 32) + (heard.object.sub - remote.first.sub);
     if (local_sub > 0xFF) return false;
     const ObjectRef local{static_cast<std::uint16_t>(raw >> 40), static_cast<std::uint8_t>(local_sub)};
-    const od::SubObject* const sub = destination(values_->description(), local);
+    const od::SubObject* const sub = destination(values.description(), local);
     if (sub == nullptr) return false;
-    std::uint8_t value[most_data];
-    std::copy_n(data, od::byte_size(sub->type), value);
+    auto value = heard.data;
     if (sub->type == od::DataType::boolean) value[0] &= 1U;
-    (void)values_->set_bytes(local, {value, od::byte_size(sub->type)});
-    if (observer_ != nullptr) observer_->received_mpdo(local, at);
+    (void)values.set_bytes(local, std::span(value).first(od::byte_size(sub->type)));
+    if (observer != nullptr) observer->received_mpdo(local, at);
     return false;  // one object may have several destinations
   });
 }

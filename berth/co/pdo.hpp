@@ -42,37 +42,22 @@
 /// unused list entry.
 #pragma once
 
-#include <array>
 #include <cstdint>
 #include <memory>
 #include <span>
 
-#include "berth/can/dispatcher.hpp"
-#include "berth/co/cob_id.hpp"
+#include "berth/co/pdo_context.hpp"
 #include "berth/co/pdo_mapping.hpp"
-#include "berth/co/service_owner.hpp"
-#include "berth/od/values.hpp"
 
 namespace berth::co {
 
-enum class PdoMode : std::uint8_t;
+class Rpdo;
 
+/// The set: what there is, how it begins and ends, and its one timer. What one PDO does is `Rpdo`'s and `Tpdo`'s, what
+/// its records may hold `PdoRecords`'.
 class Pdos final : private od::Hook, private can::Handler, private rt::Job {
  public:
-  /// The application's ear. May call `event`, `changed` and the values; must not destroy or stop the PDOs.
-  class Observer {
-   public:
-    /// RPDO `number` (1..512) is stored.
-    virtual void received(unsigned number, rt::Time at) noexcept = 0;
-    /// An MPDO for `object` of this device is stored.
-    virtual void received_mpdo(ObjectRef object, rt::Time at) noexcept {
-      (void)object;
-      (void)at;
-    }
-
-   protected:
-    ~Observer() = default;
-  };
+  using Observer = PdoObserver;
   struct Options {
     bool send_at_start = true;     ///< TPDOs of type FEh and FFh are sent when operational is entered
     bool detect_collision = true;  ///< EMCY 8150h when another node sends with the identifier of a TPDO
@@ -84,8 +69,8 @@ class Pdos final : private od::Hook, private can::Handler, private rt::Job {
   ~Pdos();
 
   /// True when the dictionary describes any PDO: without, nothing here does anything.
-  [[nodiscard]] bool any() const noexcept { return rpdo_count_ + tpdo_count_ != 0; }
-  void observe(Observer* observer) noexcept { observer_ = observer; }
+  [[nodiscard]] bool any() const noexcept { return rpdo_count_ + context_.tpdo_count != 0; }
+  void observe(Observer* observer) noexcept { context_.observer = observer; }
 
   /// Operational is entered, as `node` (which DAM MPDOs address).
   void start(NodeId node) noexcept;
@@ -113,105 +98,30 @@ class Pdos final : private od::Hook, private can::Handler, private rt::Job {
   /// Why the records of a PDO cannot be used, valid or not: a mapping's refusal, no_object when it does not exist.
   [[nodiscard]] od::AbortCode problem(PdoKind kind, unsigned number) const noexcept;
   [[nodiscard]] unsigned count(PdoKind kind) const noexcept {
-    return kind == PdoKind::rpdo ? rpdo_count_ : tpdo_count_;
+    return kind == PdoKind::rpdo ? rpdo_count_ : context_.tpdo_count;
   }
   /// Bytes that this object holds, itself included.
   [[nodiscard]] std::size_t memory() const noexcept;
 
  private:
-  struct Rpdo;
-  struct Tpdo;
-  struct SamQueue;
-  enum class Fault : std::uint8_t { too_short, too_long, timeout, unavailable };
-  static constexpr std::size_t faults = 4;
-  static constexpr std::uint8_t sam_mapping = 0xFE;
-  static constexpr std::uint8_t dam_mapping = 0xFF;
-
-  // Objects
   od::AbortCode reading(const od::Values& values, ObjectRef ref,
                         std::span<const std::uint8_t>& value) noexcept override;
   od::AbortCode writing(const od::Values& values, ObjectRef ref, std::span<const std::uint8_t> value) noexcept override;
   void written(od::Values& values, ObjectRef ref) noexcept override;
-  od::AbortCode writing_communication(PdoKind kind, unsigned number, std::uint8_t sub,
-                                      std::uint32_t value) const noexcept;
-  od::AbortCode writing_type(PdoKind kind, unsigned number, std::uint8_t value) const noexcept;
-  od::AbortCode writing_cob_id(PdoKind kind, unsigned number, std::uint32_t value) const noexcept;
-  od::AbortCode writing_mapping(PdoKind kind, unsigned number, std::uint8_t sub, std::uint32_t value) const noexcept;
-  od::AbortCode check_count(PdoKind kind, unsigned number, std::uint8_t count) const noexcept;
-  od::AbortCode resolve(PdoKind kind, unsigned number, std::uint8_t count, PdoMapping& mapping) const noexcept;
-  [[nodiscard]] CobId cob_id(PdoKind kind, unsigned number) const noexcept;
-  [[nodiscard]] std::uint8_t type(PdoKind kind, unsigned number) const noexcept;
-  [[nodiscard]] std::uint8_t mapped(PdoKind kind, unsigned number) const noexcept;
-  [[nodiscard]] static PdoMode mode_of(std::uint8_t count) noexcept;
-  [[nodiscard]] static bool contradicts(PdoKind kind, CobId cob, std::uint8_t type) noexcept;
-  [[nodiscard]] static bool usable_type(PdoKind kind, std::uint8_t type, std::uint8_t count) noexcept;
-  [[nodiscard]] bool other_producer(unsigned number) const noexcept;
-  template <class Visit>
-  static void for_each_described(const od::Description& description, PdoKind kind, const Visit& visit);
-
-  // Life
   void received(const can::Frame& frame, rt::Time at) noexcept override;
   void run() noexcept override;
-  void configure(Rpdo& pdo) noexcept;
-  void configure(Tpdo& pdo) noexcept;
-  void end(Rpdo& pdo) noexcept;
-  void end(Tpdo& pdo) noexcept;
+  void configure() noexcept;
   void listen() noexcept;
-  void arm(rt::Time when) noexcept;
-  [[nodiscard]] rt::Time now() const noexcept { return dispatcher_->executor().now(); }
   [[nodiscard]] std::span<Rpdo> rpdos() const noexcept;
   [[nodiscard]] std::span<Tpdo> tpdos() const noexcept;
-  template <class Pdo>
-  [[nodiscard]] static Pdo* find(std::span<Pdo> pdos, unsigned number) noexcept;
 
-  // TPDO
-  bool fire(Tpdo& pdo) noexcept;
-  void attempt(Tpdo& pdo) noexcept;
-  void sample(Tpdo& pdo) noexcept;
-  [[nodiscard]] bool may_go(Tpdo& pdo) noexcept;
-  [[nodiscard]] can::Queued submit(Tpdo& pdo, const can::Frame& frame) noexcept;
-  void failed(Tpdo& pdo, can::Queued why) noexcept;
-  void retry(Tpdo& pdo) noexcept;
-  void restart_event_timer(Tpdo& pdo) noexcept;
-  void set_event_time(Tpdo& pdo, std::uint16_t milliseconds) noexcept;
-  void stamp() noexcept;
-  void send_sample(Tpdo& pdo) noexcept;
-  void sent(Tpdo& pdo, rt::Time at) noexcept;
-  void sync(Tpdo& pdo, std::uint8_t counter) noexcept;
-  void requested(std::uint32_t key) noexcept;
-  void close_window() noexcept;
-
-  // RPDO
-  void received(Rpdo& pdo, const can::Frame& frame, rt::Time at) noexcept;
-  void store(Rpdo& pdo, const std::uint8_t* data, rt::Time at) noexcept;
-  void supervise(Rpdo& pdo, rt::Time at) noexcept;
-  void set_deadline(Rpdo& pdo, std::uint16_t milliseconds) noexcept;
-  void fault(Rpdo& pdo, Fault fault, bool on, std::uint8_t length = 0) noexcept;
-  void set_fault(Rpdo& pdo, Fault fault, bool on, const std::array<std::uint8_t, 5>& info) noexcept;
-
-  // MPDO
-  void received_mpdo(Rpdo& pdo, const can::Frame& frame, rt::Time at) noexcept;
-  [[nodiscard]] bool write_dam(ObjectRef object, const std::uint8_t* data) noexcept;
-  void dispatch(std::uint8_t node, ObjectRef object, const std::uint8_t* data, rt::Time at) noexcept;
-  [[nodiscard]] bool scanned(ObjectRef object) const noexcept;
-  [[nodiscard]] bool scan(Tpdo& pdo, ObjectRef object) noexcept;
-  void send_scanned(Tpdo& pdo) noexcept;
-
-  can::Dispatcher* dispatcher_;
-  od::Values* values_;
-  ServiceOwner* owner_;
-  Observer* observer_ = nullptr;
-  std::uint8_t* base_;
+  PdoContext context_;
   std::unique_ptr<PdoField[]> fields_;
   std::unique_ptr<Rpdo[]> rpdos_;
   std::unique_ptr<Tpdo[]> tpdos_;
-  std::unique_ptr<SamQueue> sam_;  ///< only with a scanner list
-  rt::Time window_end_ = rt::never;
-  std::array<std::uint16_t, faults> fault_counts_{};  ///< RPDOs that have each
+  std::unique_ptr<SamProducer> sam_;  ///< only with a scanner list
   std::uint32_t field_count_ = 0;
   std::uint16_t rpdo_count_ = 0;
-  std::uint16_t tpdo_count_ = 0;
-  NodeId node_;
   Options options_;
   bool running_ = false;
   bool collided_ = false;

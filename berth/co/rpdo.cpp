@@ -1,69 +1,126 @@
-// Receiving: lengths, SYNC, deadlines and the errors that come of them.
-#include "berth/co/emcy.hpp"
-#include "berth/co/pdo.hpp"
-#include "berth/co/pdo_parts.hpp"
+#include "berth/co/rpdo.hpp"
+
+#include "berth/co/mpdo.hpp"
 
 namespace berth::co {
 
-void Pdos::Rpdo::received(const can::Frame& frame, rt::Time at) noexcept {
-  if (frame.size != quick_size || frame.remote || frame.fd) return set->received(*this, frame, at);
-  mapping.unpack(set->base_, frame.data.data());
-  if (set->observer_ != nullptr) set->observer_->received(number, at);
+void Rpdo::set_up(PdoContext& context, std::uint16_t number, std::span<PdoField> room) noexcept {
+  context_ = &context;
+  number_ = number;
+  mapping_ = PdoMapping(room);
 }
 
-void Pdos::received(Rpdo& pdo, const can::Frame& frame, rt::Time at) noexcept {
-  if (frame.remote || frame.fd) return;
-  if (pdo.mode != PdoMode::mapped) return received_mpdo(pdo, frame, at);
-  const unsigned size = pdo.mapping.size();
-  if (frame.size < size) return fault(pdo, Fault::too_short, true, frame.size);
-  if (pdo.faults != 0 || frame.size > size) {
-    fault(pdo, Fault::too_short, false);
-    fault(pdo, Fault::timeout, false);
-    fault(pdo, Fault::too_long, frame.size > size, frame.size);
+// Event-driven, without a deadline and without errors: what fits needs no look at anything else.
+void Rpdo::choose_way() noexcept {
+  const bool quick = active_ && mode_ == PdoMode::mapped && !synchronous(type_) && deadline_ == 0 && faults_ == 0;
+  quick_size_ = quick ? static_cast<std::uint8_t>(mapping_.size()) : no_size;
+}
+
+void Rpdo::end() noexcept {
+  for (std::size_t i = 0; i < pdo_faults; ++i) fault(static_cast<PdoFault>(i), false);
+  if (active_) context_->dispatcher->remove(*this);
+  active_ = waiting_ = false;
+  choose_way();
+  due_ = rt::never;
+}
+
+void Rpdo::configure() noexcept {
+  end();
+  const PdoRecords records(*context_->values, PdoKind::rpdo, number_);
+  type_ = records.type();
+  deadline_ = records.time(pdo_sub::timer);
+  if (!records.usable()) return;
+  mode_ = records.mode();
+  if (mode_ == PdoMode::mapped) {
+    const od::AbortCode code = records.resolve(records.mapped(), mapping_);
+    if (code != od::AbortCode::none || mapping_.empty()) return;
   }
-  if (pdo.deadline != 0) supervise(pdo, at);
-  if (!synchronous(pdo.type)) return store(pdo, frame.data.data(), at);
-  if (at > window_end_) return;
-  std::memcpy(pdo.data.data(), frame.data.data(), pdo.data.size());
-  pdo.waiting = true;
+  active_ = true;
+  choose_way();
+  context_->dispatcher->add(can::only(records.cob_id().key()), *this);
 }
 
-void Pdos::store(Rpdo& pdo, const std::uint8_t* data, rt::Time at) noexcept {
-  pdo.mapping.unpack(base_, data);
-  if (observer_ != nullptr) observer_->received(pdo.number, at);
+void Rpdo::received(const can::Frame& frame, rt::Time at) noexcept {
+  if (frame.size != quick_size_ || frame.remote || frame.fd) return received_slow(frame, at);
+  store(frame.data.data(), at);
 }
 
-void Pdos::supervise(Rpdo& pdo, rt::Time at) noexcept {
-  pdo.due = at + owner_->in_world(std::chrono::milliseconds(pdo.deadline));
-  arm(pdo.due);
+void Rpdo::received_slow(const can::Frame& frame, rt::Time at) noexcept {
+  if (frame.remote || frame.fd) return;
+  if (mode_ != PdoMode::mapped) return received_mpdo(frame, at);
+  const unsigned size = mapping_.size();
+  if (frame.size < size) return fault(PdoFault::too_short, true, frame.size);
+  if (faults_ != 0 || frame.size > size) {
+    fault(PdoFault::too_short, false);
+    fault(PdoFault::timeout, false);
+    fault(PdoFault::too_long, frame.size > size, frame.size);
+  }
+  if (deadline_ != 0) supervise(at);
+  if (!synchronous(type_)) return store(frame.data.data(), at);
+  if (at > context_->window_end) return;
+  std::memcpy(data_.data(), frame.data.data(), data_.size());
+  waiting_ = true;
 }
 
-void Pdos::set_deadline(Rpdo& pdo, std::uint16_t milliseconds) noexcept {
-  pdo.deadline = milliseconds;
-  pdo.choose_way();
-  if (milliseconds == 0) fault(pdo, Fault::timeout, false);
-  if (std::exchange(pdo.due, rt::never) != rt::never && milliseconds != 0) supervise(pdo, now());
+void Rpdo::received_mpdo(const can::Frame& frame, rt::Time at) noexcept {
+  if (frame.size < mpdo::size) return fault(PdoFault::too_short, true, frame.size);
+  fault(PdoFault::too_short, false);
+  fault(PdoFault::timeout, false);
+  if (deadline_ != 0) supervise(at);
+  const auto heard = mpdo::Heard::of(frame);
+  if (heard.destination != (mode_ == PdoMode::dam)) return;
+  auto& context = *context_;
+  if (!heard.destination) return mpdo::dispatch(*context.values, heard, context.observer, at);
+  if (heard.node != 0 && heard.node != context.node.value()) return;
+  const bool stored = mpdo::write(*context.values, heard);
+  set_fault(PdoFault::unavailable, !stored,
+            {static_cast<std::uint8_t>(number_), static_cast<std::uint8_t>(number_ >> 8), frame.data[1], frame.data[2],
+             frame.data[3]});
+  if (stored && context.observer != nullptr) context.observer->received_mpdo(heard.object, at);
 }
 
-void Pdos::fault(Rpdo& pdo, Fault fault, bool on, std::uint8_t length) noexcept {
-  const auto low = static_cast<std::uint8_t>(pdo.number);
-  const auto high = static_cast<std::uint8_t>(pdo.number >> 8);
-  set_fault(pdo, fault, on, {low, high, length, static_cast<std::uint8_t>(pdo.mapping.size())});
+inline void Rpdo::store(const std::uint8_t* data, rt::Time at) noexcept {
+  mapping_.unpack(context_->base, data);
+  if (context_->observer != nullptr) context_->observer->received(number_, at);
 }
 
-// One emergency for all RPDOs with the same error.
-void Pdos::set_fault(Rpdo& pdo, Fault fault, bool on, const std::array<std::uint8_t, 5>& info) noexcept {
-  static constexpr std::array<std::uint16_t, faults> codes{emcy_code::pdo_length, emcy_code::pdo_too_long,
-                                                           emcy_code::rpdo_timeout, emcy_code::mpdo_destination};
-  const auto which = static_cast<std::size_t>(fault);
-  const auto bit = static_cast<std::uint8_t>(1U << which);
-  if (((pdo.faults & bit) != 0) == on) return;
-  pdo.faults ^= bit;
-  pdo.choose_way();
+void Rpdo::sync(rt::Time at) noexcept {
+  if (std::exchange(waiting_, false)) store(data_.data(), at);
+}
+
+void Rpdo::supervise(rt::Time at) noexcept {
+  due_ = at + context_->owner->in_world(std::chrono::milliseconds(deadline_));
+  context_->arm(due_);
+}
+
+void Rpdo::run(rt::Time now) noexcept {
+  if (due_ > now) return;
+  due_ = rt::never;
+  fault(PdoFault::timeout, true);
+}
+
+void Rpdo::set_deadline(std::uint16_t milliseconds) noexcept {
+  deadline_ = milliseconds;
+  choose_way();
+  if (milliseconds == 0) fault(PdoFault::timeout, false);
+  if (std::exchange(due_, rt::never) != rt::never && milliseconds != 0) supervise(context_->now());
+}
+
+void Rpdo::fault(PdoFault fault, bool on, std::uint8_t length) noexcept {
+  const auto low = static_cast<std::uint8_t>(number_);
+  const auto high = static_cast<std::uint8_t>(number_ >> 8);
+  set_fault(fault, on, {low, high, length, static_cast<std::uint8_t>(mapping_.size())});
+}
+
+void Rpdo::set_fault(PdoFault fault, bool on, const std::array<std::uint8_t, 5>& info) noexcept {
+  const auto bit = static_cast<std::uint8_t>(1U << static_cast<unsigned>(fault));
+  if (((faults_ & bit) != 0) == on) return;
+  faults_ ^= bit;
+  choose_way();
   if (on) {
-    if (fault_counts_[which]++ == 0) owner_->raise_error(codes[which], error_register::communication, info);
+    context_->faults.begin(fault, info);
   } else {
-    if (--fault_counts_[which] == 0) owner_->clear_error(codes[which]);
+    context_->faults.end(fault);
   }
 }
 

@@ -26,22 +26,40 @@ const char* why_not(can::Queued queued) noexcept {
   }
 }
 
+bool wants_block(const SdoOptions& options, const SdoClientData& data) noexcept {
+  if (options.mode == SdoMode::segmented) return false;
+  if (options.mode == SdoMode::block || !data.is_download()) return true;
+  const auto size = data.size();
+  return !size || *size >= options.block_from;
+}
+
+// Of a transfer that is no block transfer.
+inline void put_initiate(can::Frame& request, ObjectRef ref, const SdoClientData& data) noexcept {
+  if (!data.is_download()) return sdo::put(request, 0x40, ref);
+  const auto size = data.size();
+  if (data.streamed() || *size < 1 || *size > 4) {
+    return sdo::put(request, size ? 0x21 : 0x20, ref, static_cast<std::uint32_t>(size.value_or(0)));
+  }
+  sdo::put(request, static_cast<std::uint8_t>(0x23U | ((4U - *size) << 2U)), ref);
+  for (std::size_t i = 0; i < *size; ++i) request.data[4 + i] = data.bytes()[i];
+}
+
 }  // namespace
 
 // ---- one transfer
 
 SdoTransfer::SdoTransfer(SdoLine& line, NodeId node, ObjectRef ref, const SdoOptions& options, SdoSource& source)
     : SdoTransfer(line, node, ref, options) {
-  download_ = streamed_ = true;
-  need_extra();
-  extra_->source = &source;
+  extra_.reset(new Extra(*this, line.dispatcher()));
+  extra_->stream.source = &source;
+  data_.use(extra_->stream);
 }
 
 SdoTransfer::SdoTransfer(SdoLine& line, NodeId node, ObjectRef ref, const SdoOptions& options, SdoSink& sink)
     : SdoTransfer(line, node, ref, options) {
-  streamed_ = true;
-  need_extra();
-  extra_->sink = &sink;
+  extra_.reset(new Extra(*this, line.dispatcher()));
+  extra_->stream.sink = &sink;
+  data_.use(extra_->stream);
 }
 
 SdoTransfer::~SdoTransfer() {
@@ -72,68 +90,44 @@ Error SdoTransfer::make_error(Errc code, std::uint32_t detail, const char* text)
   return {.code = code, .node = node_.value(), .sub = ref_.sub, .index = ref_.index, .detail = detail, .text = text};
 }
 
-std::optional<std::size_t> SdoTransfer::size_to_send() const noexcept {
-  return streamed_ ? extra_->source->size() : std::optional(data_.size());
-}
-
-inline void SdoTransfer::prepare_initiate() noexcept {
-  if (block_) return prepare_block_initiate();
-  if (!download_) {
-    sdo::put(request_, 0x40, ref_);
-    if (!streamed_) quick_ = load_le<std::uint32_t>(request_.data.data()) | 0x03U;
-    return;
-  }
-  const auto size = size_to_send();
-  if (!streamed_ && *size >= 1 && *size <= 4) {
-    sdo::put(request_, static_cast<std::uint8_t>(0x23U | ((4U - *size) << 2U)), ref_);
-    for (std::size_t i = 0; i < *size; ++i) request_.data[4 + i] = data_[i];
-  } else {
-    sdo::put(request_, size ? 0x21 : 0x20, ref_, static_cast<std::uint32_t>(size.value_or(0)));
-  }
-}
-
-// False: the source cannot give its bytes once more.
-bool SdoTransfer::begin_anew() noexcept {
-  extra_->stop();
-  if (!streamed_ || !download_) return true;
-  if (extra_->touched && !extra_->source->rewind()) return false;
-  extra_->touched = false;
-  extra_->ahead.begin(extra_->stash);
-  return true;
-}
-
 void SdoTransfer::attempt() noexcept {
   ++attempts_;
   state_ = State::initiate;
   quick_ = not_quick;
-  value_.clear();
   began_ = line_->executor().now();
-  offset_ = indicated_ = 0;
-  toggle_ = last_ = unsized_ = size_indicated_ = false;
-  if (extra_ && !begin_anew())
-    return fail_with(Errc::timeout, 0, "no answer to the SDO request; the source cannot begin anew");
-  block_ = wants_block();
-  sdo::address(request_, line_->request_);
-  prepare_initiate();
-  send_by(began_ + options_.send_timeout, 1);
+  data_.begin();
+  if (extra_) {
+    extra_->block.stop();
+    if (!data_.rewind())
+      return fail_with(Errc::timeout, 0, "no answer to the SDO request; the source cannot begin anew");
+  }
+  block_ = !no_block_ && wants_block(options_, data_);
+  sdo::address(request_.frame, line_->request_);
+  if (block_) {
+    if (!extra_) extra_.reset(new Extra(*this, line_->dispatcher()));
+    extra_->block.prepare_initiate();
+  } else {
+    put_initiate(request_.frame, ref_, data_);
+    if (!data_.is_download() && !data_.streamed()) {
+      quick_ = load_le<std::uint32_t>(request_.frame.data.data()) | 0x03U;
+    }
+  }
+  send();
 }
 
 // Sends the request, to which so many answers may come.
-void SdoTransfer::send(unsigned answers) noexcept { send_by(line_->executor().now() + options_.send_timeout, answers); }
-
-inline void SdoTransfer::send_by(rt::Time give_up, unsigned answers) noexcept {
-  expects_ = static_cast<std::uint8_t>(answers);
-  give_up_ = give_up;
+inline void SdoTransfer::send(unsigned answers) noexcept {
+  request_.answers = static_cast<std::uint8_t>(answers);
+  request_.give_up = line_->executor().now() + options_.send_timeout;
   send_request();
 }
 
 void SdoTransfer::send_request() noexcept {
-  window_ = false;
-  auto& executor = line_->executor();
-  const auto queued = line_->dispatcher().send(request_, *this);
+  request_.on_wire = false;
+  const auto queued = line_->dispatcher().send(request_.frame, *this);
   switch (queued) {
-    case can::Queued::yes: wait_until(give_up_); break;
-    case can::Queued::full: wait_until(std::min(executor.now() + full_retry, give_up_)); break;
+    case can::Queued::yes: wait_until(request_.give_up); break;
+    case can::Queued::full: wait_until(std::min(line_->executor().now() + full_retry, request_.give_up)); break;
     default: fail_with(Errc::bus, 0, why_not(queued));
   }
 }
@@ -143,18 +137,21 @@ void SdoTransfer::send_abort(AbortCode code) noexcept {
 }
 
 void SdoTransfer::sent(rt::Time at) noexcept {
-  if (state_ == State::closing) return complete();
-  window_ = true;
+  const bool in_blocks = state_ == State::block;
+  if (in_blocks && extra_->block.closing()) return complete();
+  request_.on_wire = true;
   auto& line = *line_;
   if (at > line.owed_until_) {
     line.owed_ = 0;
     line.silent_ = 0;
   }
-  line.owed_ += expects_;
+  line.owed_ += request_.answers;
   line.owed_until_ = at + line.settings_->late_window;
-  const bool collecting = state_ == State::block && !download_;
-  if (collecting) extra_->heard = at;
-  auto patience = collecting ? options_.timeout / sdo::block_gap_part : options_.timeout;
+  auto patience = options_.timeout;
+  if (in_blocks && extra_->block.collecting()) {
+    extra_->block.request_sent(at);
+    patience /= sdo::block_gap_part;
+  }
   // Else each attempt would be lost behind a frame of the same period: the master's own heartbeat, say, in a server
   // that has a receive buffer of one frame.
   if (attempts_ > 1) [[unlikely]]
@@ -165,10 +162,12 @@ void SdoTransfer::sent(rt::Time at) noexcept {
 void SdoTransfer::run() noexcept {
   if (state_ == State::queued) return attempt();
   auto& executor = line_->executor();
-  if (deadline_ == rt::never) return;
-  if (executor.now() < deadline_) return line_->wake_at(deadline_);
-  if (window_) return state_ == State::block && !download_ ? block_silence() : timed_out();
-  if (!pending() && executor.now() < give_up_) return send_request();
+  if (request_.deadline == rt::never) return;
+  if (executor.now() < request_.deadline) return line_->wake_at(request_.deadline);
+  if (request_.on_wire) {
+    return state_ == State::block && extra_->block.collecting() ? extra_->block.silence() : timed_out();
+  }
+  if (!pending() && executor.now() < request_.give_up) return send_request();
   if (pending()) line_->dispatcher().withdraw(*this);
   fail_with(Errc::bus, 0, never_left);
 }
@@ -184,12 +183,11 @@ void SdoTransfer::timed_out() noexcept {
 
 bool SdoTransfer::lingers() noexcept {
   const rt::Duration lasted = line_->executor().now() - began_;
-  if (lasted <= most_lingering || streamed_) [[likely]]
+  if (lasted <= most_lingering || data_.streamed()) [[likely]]
     return false;
   const auto patience = std::max<rt::Duration>(8 * options_.timeout, most_lingering);
-  const bool collecting = state_ == State::block && !download_;
-  const std::size_t unacknowledged = collecting ? extra_->receiver.good() * sdo::segment_bytes : 0U;
-  const rt::Duration allowed = std::chrono::milliseconds((offset_ + unacknowledged) * 1000 / slowest_pace);
+  const std::size_t unacknowledged = state_ == State::block ? extra_->block.collected() : 0U;
+  const rt::Duration allowed = std::chrono::milliseconds((data_.done() + unacknowledged) * 1000 / slowest_pace);
   if (lasted <= patience + allowed) return false;
   send_abort(AbortCode::timeout);
   fail_with(Errc::timeout, 0, "the transfer takes too long for what it carries");
@@ -197,31 +195,27 @@ bool SdoTransfer::lingers() noexcept {
 }
 
 bool SdoTransfer::answer(const can::Frame& frame) noexcept {
-  if (extra_ && extra_->wait != Extra::Wait::nothing) {
-    return static_cast<Scs>(sdo::specifier(frame.data[0])) == Scs::abort && take_abort(frame);
-  }
-  // Sub-blocks: what is received is segments, and what is sent may be acknowledged before all of it is out.
-  if (state_ == State::block) {
-    if (download_) return block_acknowledged(frame);
-    if (window_ && frame.data[0] != 0x80) return block_segment(frame);
-  }
-  if (!window_) return false;
-  if (static_cast<Scs>(sdo::specifier(frame.data[0])) == Scs::abort) return take_abort(frame);
-  switch (state_) {
-    case State::initiate: return initiate_answer(frame);
-    case State::segments: return segment_answer(frame);
-    case State::block_end: return end_block_upload(frame);
-    default: return false;
-  }
+  const bool aborts = static_cast<Scs>(sdo::specifier(frame.data[0])) == Scs::abort;
+  if (extra_ && extra_->waiter.waits()) return aborts && take_abort(frame);
+  if (state_ == State::block) return extra_->block.answer(frame);
+  if (!request_.on_wire) return false;
+  if (aborts) return take_abort(frame);
+  if (state_ == State::initiate) return initiate_answer(frame);
+  if (state_ != State::segments) return false;
+  // A second answer to the initiate (two nodes, one node-ID; a late one): not ours.
+  const auto command = static_cast<Scs>(sdo::specifier(frame.data[0]));
+  if (command == Scs::upload || command == Scs::download) return false;
+  follow(segments_.answered(frame, data_));
+  return true;
 }
 
 // The most frequent of all: an expedited answer that says its length, to an upload into a value.
 inline bool SdoTransfer::awaits(const can::Frame& frame) const noexcept {
-  return window_ && (load_le<std::uint32_t>(frame.data.data()) & 0xFFFF'FFE3U) == quick_;
+  return request_.on_wire && (load_le<std::uint32_t>(frame.data.data()) & 0xFFFF'FFE3U) == quick_;
 }
 
 inline void SdoTransfer::take_expedited(const can::Frame& frame) noexcept {
-  value_.set_expedited(frame.data.data() + 4, 4U - ((frame.data[0] >> 2U) & 0x03U));
+  data_.value().set_expedited(frame.data.data() + 4, 4U - ((frame.data[0] >> 2U) & 0x03U));
   complete();
 }
 
@@ -248,42 +242,27 @@ bool SdoTransfer::take_abort(const can::Frame& frame) noexcept {
 
 bool SdoTransfer::initiate_answer(const can::Frame& frame) noexcept {
   const auto command = static_cast<Scs>(sdo::specifier(frame.data[0]));
+  const bool download = data_.is_download();
   if (sdo::multiplexer(frame) != ref_) return false;
   quick_ = not_quick;
-  if (block_ && command == (download_ ? Scs::block_download : Scs::block_upload)) {
+  if (block_ && command == (download ? Scs::block_download : Scs::block_upload)) {
     // Bits 1..0 (download) and 0 (upload) tell an initiate from an acknowledgement or an end.
-    if ((frame.data[0] & (download_ ? 0x03U : 0x01U)) != 0) return false;
-    take_block_initiate(frame);
+    if ((frame.data[0] & (download ? 0x03U : 0x01U)) != 0) return false;
+    extra_->block.initiated(frame);
     return true;
   }
-  if (download_ ? block_ || command != Scs::download : command != Scs::upload) return false;
+  if (download ? block_ || command != Scs::download : command != Scs::upload) return false;
   block_ = false;  // the server switched the protocol
-  if (!download_) {
+  const auto requested = request_.frame.data[0];
+  if (!download) {
     take_initiate(frame);
-  } else if (sdo::specifier(request_.data[0]) == 1 && (request_.data[0] & 0x02U) != 0) {
+  } else if (sdo::specifier(requested) == 1 && (requested & 0x02U) != 0) {
     complete();
   } else {
     state_ = State::segments;
+    segments_.begin();
     next_segment();
   }
-  return true;
-}
-
-// An upload begins: false when the transfer has ended by that.
-bool SdoTransfer::begin_value(bool sized, std::size_t size) noexcept {
-  size_indicated_ = sized;
-  indicated_ = size;
-  if (streamed_) {
-    const auto code = extra_->sink->begin(sized ? std::optional(size) : std::nullopt);
-    if (code == AbortCode::none) return true;
-    refuse(code, "the sink refused the upload");
-    return false;
-  }
-  if (size > options_.longest) {
-    refuse(AbortCode::out_of_memory, "the object is longer than allowed");
-    return false;
-  }
-  value_.reserve(size);
   return true;
 }
 
@@ -291,104 +270,34 @@ void SdoTransfer::take_initiate(const can::Frame& frame) noexcept {
   const auto byte = frame.data[0];
   const bool expedited = (byte & 0x02U) != 0;
   const bool sized = (byte & 0x01U) != 0;
-  if (!expedited) {
-    if (!begin_value(sized, sized ? load_le<std::uint32_t>(frame.data.data() + 4) : 0)) return;
-    state_ = State::segments;
-    return next_segment();
-  }
-  unsized_ = !sized;
-  const std::size_t count = sized ? 4U - ((byte >> 2U) & 0x03U) : 4U;
-  if (!streamed_) {
-    value_.set_expedited(frame.data.data() + 4, count);
+  if (expedited) {
+    const std::size_t count = sized ? 4U - ((byte >> 2U) & 0x03U) : 4U;
+    const auto code = data_.expedited(frame.data.data() + 4, count, sized);
+    if (code != AbortCode::none && code != AbortCode::pending) return refuse(code, data_.refusal());
     return complete();
   }
-  if (!begin_value(sized, count)) return;
-  const auto code = extra_->sink->write({frame.data.data() + 4, count});
-  if (code != AbortCode::none && code != AbortCode::pending) return refuse(code, "the sink refused the upload");
-  complete();
-}
-
-od::Answer<std::span<const std::uint8_t>> SdoTransfer::window(std::size_t count) noexcept {
-  if (!streamed_) return data_.subspan(offset_);
-  auto& extra = *extra_;
-  extra.touched = true;
-  const auto size = extra.source->size();
-  const auto left = size ? *size - offset_ : count + 1;
-  const auto bytes = extra.ahead.want(std::min(count + 1, left), extra.source->ready(),
-                                      [&extra](std::span<std::uint8_t> into) { return extra.source->read(into); });
-  if (!bytes || !size) return bytes;
-  if (bytes->size() < std::min(count + 1, left)) return od::refuse(AbortCode::no_data);
-  return bytes->first(std::min(bytes->size(), left));
-}
-
-void SdoTransfer::consume(std::size_t count) noexcept {
-  offset_ += count;
-  if (streamed_) extra_->ahead.consume(count);
+  const auto code = data_.open(sized, sized ? load_le<std::uint32_t>(frame.data.data() + 4) : 0);
+  if (code != AbortCode::none) return refuse(code, data_.refusal());
+  state_ = State::segments;
+  segments_.begin();
+  next_segment();
 }
 
 void SdoTransfer::next_segment() noexcept {
   if (lingers()) return;
-  const unsigned toggle = toggle_ ? sdo::toggle_bit : 0U;
-  if (!download_) {
-    sdo::put(request_, static_cast<std::uint8_t>(0x60U | toggle), {});
-    return send();
-  }
-  if (data_.size() - offset_ > sdo::segment_bytes && !streamed_) {
-    sdo::put_segment(request_, static_cast<std::uint8_t>(toggle), data_.data() + offset_);
-    offset_ += sdo::segment_bytes;
-    return send();
-  }
-  const auto rest = window(sdo::segment_bytes);
-  if (!rest && rest.error() == AbortCode::pending) return extra_->wait_for(Extra::Wait::segment);
-  if (!rest) return refuse(rest.error(), "the source gave no more bytes");
-  last_ = rest->size() <= sdo::segment_bytes;
-  const auto count = last_ ? rest->size() : sdo::segment_bytes;
-  const auto command = static_cast<std::uint8_t>(toggle | ((sdo::segment_bytes - count) << 1U) | (last_ ? 1U : 0U));
-  if (!last_) {
-    sdo::put_segment(request_, command, rest->data());
-  } else {
-    sdo::put(request_, command, {});
-    if (count > 0) std::memcpy(request_.data.data() + 1, rest->data(), count);
-  }
-  consume(count);
-  send();
+  const auto step = segments_.request(request_.frame, data_);
+  if (step.what == SdoSegments::Step::What::request) return send();
+  follow(step);
 }
 
-bool SdoTransfer::segment_answer(const can::Frame& frame) noexcept {
-  const auto command = static_cast<Scs>(sdo::specifier(frame.data[0]));
-  // A second answer to the initiate (two nodes, one node-ID; a late one): not ours.
-  if (command == Scs::upload || command == Scs::download) return false;
-  if (command != (download_ ? Scs::download_segment : Scs::upload_segment)) {
-    refuse(AbortCode::command_specifier, "the server answered with an unexpected command");
-  } else if (((frame.data[0] & sdo::toggle_bit) != 0) != toggle_) {
-    refuse(AbortCode::toggle_bit, "the server did not alternate the toggle bit");
-  } else {
-    toggle_ = !toggle_;
-    take_segment(frame);
+void SdoTransfer::follow(const SdoSegments::Step& step) noexcept {
+  using What = SdoSegments::Step::What;
+  switch (step.what) {
+    case What::request: return next_segment();
+    case What::wait: return extra_->waiter.wait(Waiter::What::segment);
+    case What::done: return complete();
+    case What::refuse: return refuse(step.code, step.text);
   }
-  return true;
-}
-
-void SdoTransfer::take_segment(const can::Frame& frame) noexcept {
-  if (download_) return last_ ? complete() : next_segment();
-  const std::size_t count = sdo::segment_bytes - ((frame.data[0] >> 1U) & 0x07U);
-  const bool last = (frame.data[0] & 0x01U) != 0;
-  const auto total = offset_ + count;
-  if (size_indicated_ && total > indicated_) return refuse(AbortCode::length_too_high, "more bytes than indicated");
-  if (count == 0 && !last) return refuse(AbortCode::general, "an empty segment that is not the last");
-  const auto bytes = std::span(frame.data).subspan(1, count);
-  auto code = AbortCode::none;
-  if (!streamed_) {
-    if (total > options_.longest) return refuse(AbortCode::out_of_memory, "the object is longer than allowed");
-    value_.append(bytes);
-  } else if (count > 0) {
-    code = extra_->sink->write(bytes);
-    if (code != AbortCode::none && code != AbortCode::pending) return refuse(code, "the sink refused the upload");
-  }
-  offset_ = total;
-  if (!last) return code == AbortCode::pending ? extra_->wait_for(Extra::Wait::segment) : next_segment();
-  if (size_indicated_ && total < indicated_) return refuse(AbortCode::length_too_low, "fewer bytes than indicated");
-  complete();
 }
 
 void SdoTransfer::refuse(AbortCode code, const char* text) noexcept {
@@ -426,11 +335,13 @@ inline void SdoLine::remove(SdoTransfer& transfer) noexcept {
 
 inline void SdoTransfer::leave() noexcept {
   state_ = State::done;
-  window_ = false;
+  request_.on_wire = false;
   if (pending()) [[unlikely]]
     line_->dispatcher().withdraw(*this);
-  if (extra_) [[unlikely]]
-    extra_->end();
+  if (extra_) [[unlikely]] {
+    extra_->block.stop();
+    extra_->waiter.end();
+  }
   line_->remove(*this);
 }
 
@@ -469,7 +380,7 @@ inline void SdoLine::received(NodeId node, const can::Frame& frame, rt::Time at)
 
 void SdoLine::received_other(NodeId node, const can::Frame& frame, rt::Time at) noexcept {
   if (owed_ > 0 && at > owed_until_) owed_ = 0;
-  const unsigned open = first_ != nullptr && first_->window_ ? first_->expects_ : 0;
+  const unsigned open = first_ != nullptr && first_->request_.on_wire ? first_->request_.answers : 0;
   const bool owed = owed_ > open && may_be_owed(frame);
   if (first_ != nullptr && first_->answer(frame)) {
     if (owed_ > 0) --owed_;

@@ -19,8 +19,8 @@
 #include "berth/base/result.hpp"
 #include "berth/can/dispatcher.hpp"
 #include "berth/co/block_pace.hpp"
-#include "berth/co/sdo.hpp"
-#include "berth/co/sdo_stream.hpp"
+#include "berth/co/sdo_client_data.hpp"
+#include "berth/co/sdo_segments.hpp"
 #include "berth/rt/task.hpp"
 
 namespace berth::co {
@@ -74,57 +74,47 @@ class SdoTransfer : public rt::Operation<SdoTransfer>, private can::Confirmation
 
  protected:
   SdoTransfer(SdoLine& line, NodeId node, ObjectRef ref, const SdoOptions& options) noexcept
-      : line_(&line), options_(options), ref_(ref), node_(node) {}
+      : line_(&line), options_(options), data_(options.longest), ref_(ref), node_(node) {}
   SdoTransfer(SdoLine& line, NodeId node, ObjectRef ref, const SdoOptions& options,
               std::span<const std::uint8_t> data) noexcept
       : SdoTransfer(line, node, ref, options) {
-    data_ = data;
-    download_ = true;
+    data_.download(data);
   }
   SdoTransfer(SdoLine& line, NodeId node, ObjectRef ref, const SdoOptions& options, SdoSource& source);
   SdoTransfer(SdoLine& line, NodeId node, ObjectRef ref, const SdoOptions& options, SdoSink& sink);
   ~SdoTransfer();
   [[nodiscard]] const std::optional<Error>& error() const noexcept { return error_; }
-  [[nodiscard]] SdoValue& value() noexcept { return value_; }
+  [[nodiscard]] SdoClientData& data() noexcept { return data_; }
   [[nodiscard]] Error make_error(Errc code, std::uint32_t detail, const char* text) const noexcept;
-  void set_data(std::span<const std::uint8_t> data) noexcept { data_ = data; }
-  static constexpr std::size_t longest_integer = 8;
-  void expect_at_most(std::size_t bytes) noexcept { options_.longest = std::min(options_.longest, bytes); }
-  /// True when the server did not say how many of the four expedited bytes count.
-  [[nodiscard]] bool unsized() const noexcept { return unsized_; }
 
  private:
   friend class SdoLine;
   friend class SdoClient;
   friend class SdoChannelClient;
-  class Extra;
+  class Waiter;
+  class Block;
+  struct Extra;
   struct FreeExtra {
     void operator()(Extra* extra) const noexcept;
   };
-  enum class State : std::uint8_t {
-    idle,
-    queued,
-    initiate,
-    segments,
-    block,      // sub-blocks go out or come in
-    block_end,  // all segments are over; the end is to be confirmed, or to come
-    closing,    // block upload: the confirmation of its end is to leave
-    done,
+  enum class State : std::uint8_t { idle, queued, initiate, segments, block, done };
+  /// The newest request.
+  struct Request {
+    can::Frame frame;          // kept in case the port was full
+    rt::Time give_up{};        // when it must have left
+    rt::Time deadline{};       // when `run` has something to do
+    std::uint8_t answers = 1;  // to it that are still to come
+    bool on_wire = false;      // answers count
   };
   void run() noexcept;  // its turn has come, or its time
   void sent(rt::Time at) noexcept override;
   void attempt() noexcept;
-  [[nodiscard]] bool begin_anew() noexcept;
-  [[nodiscard]] bool wants_block() const noexcept {
-    return options_.mode != SdoMode::segmented && !no_block_ && size_wants_block();
-  }
-  [[nodiscard]] bool size_wants_block() const noexcept;
   void send(unsigned answers = 1) noexcept;
-  void send_by(rt::Time give_up, unsigned answers) noexcept;
   void send_request() noexcept;
   void wait_until(rt::Time when) noexcept;
   void send_abort(AbortCode code) noexcept;
   void next_segment() noexcept;
+  void follow(const SdoSegments::Step& step) noexcept;
   void timed_out() noexcept;
   /// True: it takes too long for what has come; it has ended by that.
   [[nodiscard]] bool lingers() noexcept;
@@ -134,48 +124,21 @@ class SdoTransfer : public rt::Operation<SdoTransfer>, private can::Confirmation
   void take_expedited(const can::Frame& frame) noexcept;
   bool take_abort(const can::Frame& frame) noexcept;
   bool initiate_answer(const can::Frame& frame) noexcept;
-  bool segment_answer(const can::Frame& frame) noexcept;
   void take_initiate(const can::Frame& frame) noexcept;
-  void take_segment(const can::Frame& frame) noexcept;
-  [[nodiscard]] bool begin_value(bool sized, std::size_t size) noexcept;
-  [[nodiscard]] od::Answer<std::span<const std::uint8_t>> window(std::size_t count) noexcept;
-  void consume(std::size_t count) noexcept;
-  [[nodiscard]] std::optional<std::size_t> size_to_send() const noexcept;
-  // Block
-  void need_extra();
-  void prepare_block_initiate() noexcept;
-  void take_block_initiate(const can::Frame& frame) noexcept;
-  void send_block(unsigned size) noexcept;
-  void pumped(rt::Time at) noexcept;
-  void stuck(can::Queued why) noexcept;
-  bool block_acknowledged(const can::Frame& frame) noexcept;
-  void end_block_download() noexcept;
-  bool block_segment(const can::Frame& frame) noexcept;
-  void begin_sub_block(unsigned size) noexcept;
-  void acknowledge_block() noexcept;
-  [[nodiscard]] AbortCode keep_block(std::size_t count, std::size_t unused) noexcept;
-  bool end_block_upload(const can::Frame& frame) noexcept;
-  void block_silence() noexcept;
   // Ends
   void refuse(AbortCode code, const char* text) noexcept;
   void complete() noexcept;
   void fail_with(Errc code, std::uint32_t detail, const char* text) noexcept;
   void leave() noexcept;
-  void prepare_initiate() noexcept;
 
   SdoLine* line_;
   SdoTransfer* next_ = nullptr;  // waits behind this one in the same channel
   SdoOptions options_;
-  std::span<const std::uint8_t> data_;
-  SdoValue value_;
+  SdoClientData data_;
   std::optional<Error> error_;
   std::unique_ptr<Extra, FreeExtra> extra_;  // what streams and block transfers need
-  std::size_t offset_ = 0;                   // bytes done
-  std::size_t indicated_ = 0;
-  rt::Time began_{};     // this attempt
-  rt::Time give_up_{};   // for the request that waits for the wire
-  rt::Time deadline_{};  // when `run` has something to do
-  can::Frame request_;   // the newest, in case the port was full
+  rt::Time began_{};                         // this attempt
+  Request request_;
   unsigned attempts_ = 0;
   static constexpr std::uint32_t not_quick = 0xFFFF'FFFFU;  // no frame matches it
   std::uint32_t quick_ =
@@ -183,16 +146,9 @@ class SdoTransfer : public rt::Operation<SdoTransfer>, private can::Confirmation
   ObjectRef ref_;
   NodeId node_;
   State state_ = State::idle;
-  std::uint8_t expects_ = 1;  // answers to the newest request that are still to come
-  bool download_ = false;
-  bool toggle_ = false;
-  bool window_ = false;  // the request is on the wire: answers count
-  bool last_ = false;
-  bool unsized_ = false;
-  bool size_indicated_ = false;
+  SdoSegments segments_;
   bool block_ = false;     // this attempt is a block transfer
   bool no_block_ = false;  // the server does not know them
-  bool streamed_ = false;  // by source or sink
 };
 
 /// Reads an object of any length.
@@ -202,7 +158,7 @@ class SdoUpload final : public SdoTransfer {
       : SdoTransfer(line, node, ref, options) {}
   Result<SdoValue> await_resume() {
     if (error()) return fail(*error());
-    return std::move(value());
+    return std::move(data().value());
   }
 };
 
@@ -212,16 +168,20 @@ class SdoRead final : public SdoTransfer {
  public:
   SdoRead(SdoLine& line, NodeId node, ObjectRef ref, const SdoOptions& options) noexcept
       : SdoTransfer(line, node, ref, options) {
-    expect_at_most(longest_integer);
+    data().expect_at_most(longest);
   }
   Result<T> await_resume() noexcept {
     if (error()) return fail(*error());
-    if (unsized() && value().size() > sizeof(T)) {
-      if (const auto cut = SdoValue(value().bytes().first(sizeof(T))).template as<T>()) return *cut;
+    const SdoValue& value = data().value();
+    if (data().unsized() && value.size() > sizeof(T)) {
+      if (const auto cut = SdoValue(value.bytes().first(sizeof(T))).template as<T>()) return *cut;
     }
-    if (const auto whole = value().template as<T>()) return *whole;
+    if (const auto whole = value.template as<T>()) return *whole;
     return fail(make_error(Errc::mismatch, 0, "the object has another length than expected"));
   }
+
+ private:
+  static constexpr std::size_t longest = 8;  // of any integer: a longer object is refused
 };
 
 /// Writes bytes, which must stay until it is done.
@@ -247,7 +207,7 @@ class SdoWrite final : public SdoTransfer {
     } else {
       store_le(bytes_.data(), static_cast<std::make_unsigned_t<T>>(value));
     }
-    set_data(bytes_);
+    data().download(bytes_);
   }
   Result<void> await_resume() const noexcept {
     if (error()) return fail(*error());
@@ -339,7 +299,7 @@ class SdoLine : private rt::Job {
 };
 
 inline void SdoTransfer::wait_until(rt::Time when) noexcept {
-  deadline_ = when;
+  request_.deadline = when;
   line_->wake_at(when);
 }
 

@@ -1,4 +1,4 @@
-// The SDO client's block transfers (CiA 301 §7.2.4.3.9 to §7.2.4.3.14).
+// The SDO client's block transfers (CiA 301 §7.2.4.3.9 to §7.2.4.3.14), and its waiting for streams.
 #include <algorithm>
 
 #include "berth/co/sdo_client_parts.hpp"
@@ -9,207 +9,245 @@ using sdo::Scs;
 
 void SdoTransfer::FreeExtra::operator()(Extra* extra) const noexcept { delete extra; }
 
-void SdoTransfer::need_extra() {
-  if (!extra_) extra_.reset(new Extra(*this, line_->dispatcher()));
+// ---- waiting for source or sink
+
+void SdoTransfer::Waiter::wait(What what, unsigned size) noexcept {
+  what_ = what;
+  size_ = size;
+  transfer_->request_.deadline = rt::never;
+  transfer_->request_.on_wire = true;
+  transfer_->extra_->stream.pace().wait(this);
 }
 
-bool SdoTransfer::size_wants_block() const noexcept {
-  if (options_.mode == SdoMode::block || !download_) return true;
-  const auto size = size_to_send();
-  return !size || *size >= options_.block_from;
+void SdoTransfer::Waiter::end() noexcept {
+  if (std::exchange(what_, What::nothing) != What::nothing) transfer_->extra_->stream.pace().wait(nullptr);
 }
 
-void SdoTransfer::prepare_block_initiate() noexcept {
-  need_extra();
-  const unsigned crc = options_.crc ? 0x04U : 0U;
-  if (download_) {
-    const auto size = size_to_send();
-    return sdo::put(request_, static_cast<std::uint8_t>(0xC0U | crc | (size ? 0x02U : 0U)), ref_,
+void SdoTransfer::Waiter::go_on() noexcept {
+  auto& block = transfer_->extra_->block;
+  switch (std::exchange(what_, What::nothing)) {
+    case What::segment: return transfer_->next_segment();
+    case What::sub_block: return block.send_sub_block(size_);
+    case What::request:
+      if (block.collecting()) block.begin_sub_block(size_);
+      return transfer_->send(size_);
+    default: return;
+  }
+}
+
+// ---- a block transfer
+
+void SdoTransfer::Block::stop() noexcept {
+  pump_.stop();
+  if (transfer_->options_.pace != nullptr) transfer_->options_.pace->leave(*this);
+}
+
+void SdoTransfer::Block::prepare_initiate() noexcept {
+  phase_ = Phase::sub_blocks;
+  const auto& options = transfer_->options_;
+  auto& request = transfer_->request_.frame;
+  const unsigned crc = options.crc ? 0x04U : 0U;
+  if (transfer_->data_.is_download()) {
+    const auto size = transfer_->data_.size();
+    return sdo::put(request, static_cast<std::uint8_t>(0xC0U | crc | (size ? 0x02U : 0U)), transfer_->ref_,
                     static_cast<std::uint32_t>(size.value_or(0)));
   }
-  const auto below = std::min<std::size_t>(options_.block_from > 0 ? options_.block_from - 1 : 0, 0xFF);
-  sdo::put(request_, static_cast<std::uint8_t>(0xA0U | crc), ref_);
-  request_.data[4] = static_cast<std::uint8_t>(std::clamp<unsigned>(options_.block_size, 1, sdo::longest_block));
-  request_.data[5] = options_.mode == SdoMode::automatic ? static_cast<std::uint8_t>(below) : options_.protocol_switch;
+  const auto below = std::min<std::size_t>(options.block_from > 0 ? options.block_from - 1 : 0, 0xFF);
+  sdo::put(request, static_cast<std::uint8_t>(0xA0U | crc), transfer_->ref_);
+  request.data[4] = static_cast<std::uint8_t>(std::clamp<unsigned>(options.block_size, 1, sdo::longest_block));
+  request.data[5] = options.mode == SdoMode::automatic ? static_cast<std::uint8_t>(below) : options.protocol_switch;
 }
 
-void SdoTransfer::take_block_initiate(const can::Frame& frame) noexcept {
-  auto& extra = *extra_;
-  extra.crc_used = options_.crc && (frame.data[0] & 0x04U) != 0;
-  extra.crc = 0;
-  if (download_) {
+void SdoTransfer::Block::initiated(const can::Frame& frame) noexcept {
+  auto& data = transfer_->data_;
+  auto& request = transfer_->request_.frame;
+  crc_used_ = transfer_->options_.crc && (frame.data[0] & 0x04U) != 0;
+  crc_ = 0;
+  if (data.is_download()) {
     if (!sdo::valid_block_size(frame.data[4])) {
-      return refuse(AbortCode::block_size, "the server gave a block size of 0 or above 127");
+      return transfer_->refuse(AbortCode::block_size, "the server gave a block size of 0 or above 127");
     }
-    extra.sender.begin(extra.crc_used);
-    return send_block(frame.data[4]);
+    sender_.begin(crc_used_);
+    return send_sub_block(frame.data[4]);
   }
   const bool sized = (frame.data[0] & 0x02U) != 0;
-  if (!begin_value(sized, sized ? load_le<std::uint32_t>(frame.data.data() + 4) : 0)) return;
-  extra.receiver.begin();
-  const unsigned size = request_.data[4];
-  sdo::put(request_, 0xA3, {});
-  state_ = State::block;
+  const auto code = data.open(sized, sized ? load_le<std::uint32_t>(frame.data.data() + 4) : 0);
+  if (code != AbortCode::none) return transfer_->refuse(code, data.refusal());
+  transfer_->state_ = State::block;
+  receiver_.begin();
+  const unsigned size = request.data[4];
+  sdo::put(request, 0xA3, {});
   begin_sub_block(size);
-  send(size);
+  transfer_->send(size);
+}
+
+bool SdoTransfer::Block::answer(const can::Frame& frame) noexcept {
+  // Sub-blocks: what is received is segments, and what is sent may be acknowledged before all of it is out.
+  if (phase_ == Phase::sub_blocks) {
+    if (!collecting()) return acknowledged(frame);
+    if (transfer_->request_.on_wire && frame.data[0] != 0x80) return segment(frame);
+  }
+  if (!transfer_->request_.on_wire) return false;
+  if (static_cast<Scs>(sdo::specifier(frame.data[0])) == Scs::abort) return transfer_->take_abort(frame);
+  return phase_ == Phase::end && ended(frame);
 }
 
 // ---- download
 
-void SdoTransfer::send_block(unsigned size) noexcept {
-  auto& extra = *extra_;
-  const auto bytes = window(size * sdo::segment_bytes);
-  if (!bytes && bytes.error() == AbortCode::pending) return extra.wait_for(Extra::Wait::sub_block, size);
-  if (!bytes) return refuse(bytes.error(), "the source gave no more bytes");
-  state_ = State::block;
-  window_ = false;
-  deadline_ = rt::never;  // the pump has its own
-  extra.sender.sub_block(size, *bytes);
-  if (options_.pace == nullptr || options_.pace->take(extra)) extra.turn();
+void SdoTransfer::Block::send_sub_block(unsigned size) noexcept {
+  const auto bytes = transfer_->data_.window(size * sdo::segment_bytes);
+  if (!bytes && bytes.error() == AbortCode::pending) {
+    return transfer_->extra_->waiter.wait(Waiter::What::sub_block, size);
+  }
+  if (!bytes) return transfer_->refuse(bytes.error(), "the source gave no more bytes");
+  transfer_->state_ = State::block;
+  transfer_->request_.on_wire = false;
+  transfer_->request_.deadline = rt::never;  // the pump has its own
+  sender_.sub_block(size, *bytes);
+  auto* const pace = transfer_->options_.pace;
+  if (pace == nullptr || pace->take(*this)) turn();
 }
 
-void SdoTransfer::pumped(rt::Time at) noexcept {
-  if (options_.pace != nullptr) options_.pace->give(*extra_);
-  expects_ = 1;
-  sent(at);
+// The sub-block goes out.
+void SdoTransfer::Block::turn() noexcept {
+  pump_.start(sender_, transfer_->line_->request_, transfer_->options_.send_timeout);
 }
 
-void SdoTransfer::stuck(can::Queued why) noexcept {
-  fail_with(Errc::bus, 0,
-            why == can::Queued::full ? "the SDO segments never left: no device acknowledges them, or the bus is full"
-                                     : "the SDO segments never left: bus-off, or the port is closed");
+void SdoTransfer::Block::pumped(rt::Time at) noexcept {
+  if (transfer_->options_.pace != nullptr) transfer_->options_.pace->give(*this);
+  transfer_->request_.answers = 1;
+  transfer_->sent(at);
 }
 
-bool SdoTransfer::block_acknowledged(const can::Frame& frame) noexcept {
+void SdoTransfer::Block::stuck(can::Queued why) noexcept {
+  transfer_->fail_with(Errc::bus, 0,
+                       why == can::Queued::full
+                           ? "the SDO segments never left: no device acknowledges them, or the bus is full"
+                           : "the SDO segments never left: bus-off, or the port is closed");
+}
+
+bool SdoTransfer::Block::acknowledged(const can::Frame& frame) noexcept {
   using Heard = sdo::BlockSender::Heard;
-  if (static_cast<Scs>(sdo::specifier(frame.data[0])) == Scs::abort) return take_abort(frame);
-  auto& sender = extra_->sender;
+  const auto specifier = static_cast<Scs>(sdo::specifier(frame.data[0]));
+  if (specifier == Scs::abort) return transfer_->take_abort(frame);
   if (frame.data[0] != sdo::sub_block_confirmed) {
-    if (!window_ || static_cast<Scs>(sdo::specifier(frame.data[0])) == Scs::block_download) return false;
-    refuse(AbortCode::command_specifier, "the server answered with an unexpected command");
+    if (!transfer_->request_.on_wire || specifier == Scs::block_download) return false;
+    transfer_->refuse(AbortCode::command_specifier, "the server answered with an unexpected command");
     return true;
   }
-  switch (sender.acknowledge(frame.data[1], frame.data[2])) {
+  switch (sender_.acknowledge(frame.data[1], frame.data[2])) {
     case Heard::stale: return false;
-    case Heard::invalid: refuse(sender.code(), "the server acknowledged what cannot be"); return true;
+    case Heard::invalid: transfer_->refuse(sender_.code(), "the server acknowledged what cannot be"); return true;
     case Heard::go_on:
-      extra_->stop();
-      consume(sender.acknowledged());
-      if (!lingers()) send_block(sender.size());
+      stop();
+      transfer_->data_.consume(sender_.acknowledged());
+      if (!transfer_->lingers()) send_sub_block(sender_.size());
       return true;
     default: break;
   }
-  consume(sender.acknowledged());
-  end_block_download();
+  transfer_->data_.consume(sender_.acknowledged());
+  end_download();
   return true;
 }
 
-void SdoTransfer::end_block_download() noexcept {
-  const auto& sender = extra_->sender;
-  state_ = State::block_end;
-  sdo::put(request_, static_cast<std::uint8_t>(0xC1U | (sender.unused() << 2U)), {});
-  store_le(request_.data.data() + 1, sender.crc());
-  send();
+void SdoTransfer::Block::end_download() noexcept {
+  phase_ = Phase::end;
+  auto& request = transfer_->request_.frame;
+  sdo::put(request, static_cast<std::uint8_t>(0xC1U | (sender_.unused() << 2U)), {});
+  store_le(request.data.data() + 1, sender_.crc());
+  transfer_->send();
 }
 
 // ---- upload
 
-void SdoTransfer::begin_sub_block(unsigned size) noexcept {
-  auto& extra = *extra_;
-  extra.place = streamed_ ? extra.stash.data() : value_.extend(size * sdo::segment_bytes);
-  extra.receiver.sub_block(size, extra.place);
+void SdoTransfer::Block::begin_sub_block(unsigned size) {
+  receiver_.sub_block(size, transfer_->data_.extend(size * sdo::segment_bytes));
 }
 
-bool SdoTransfer::block_segment(const can::Frame& frame) noexcept {
-  auto& extra = *extra_;
-  extra.heard = line_->dispatcher().executor().now();
-  if (lingers()) return true;
-  switch (extra.receiver.take(frame)) {
+bool SdoTransfer::Block::segment(const can::Frame& frame) noexcept {
+  auto& answers = transfer_->request_.answers;
+  heard_ = transfer_->line_->executor().now();
+  if (transfer_->lingers()) return true;
+  switch (receiver_.take(frame)) {
     case sdo::BlockReceiver::Heard::more:
-      if (expects_ > 0) --expects_;
+      if (answers > 0) --answers;
       break;
-    case sdo::BlockReceiver::Heard::ends: acknowledge_block(); break;
-    default: refuse(AbortCode::sequence_number, "a segment whose number is not of this sub-block");
+    case sdo::BlockReceiver::Heard::ends: acknowledge(); break;
+    default: transfer_->refuse(AbortCode::sequence_number, "a segment whose number is not of this sub-block");
   }
   return true;
 }
 
 // A sub-block is over: `count` bytes of it are the object's, and so many behind them are not (yet).
-AbortCode SdoTransfer::keep_block(std::size_t count, std::size_t unused) noexcept {
-  auto& extra = *extra_;
-  if (!streamed_) value_.drop_back(unused);
-  const std::uint8_t* const bytes = streamed_ ? extra.place : value_.bytes().data() + value_.size() - count;
-  if (extra.crc_used) extra.crc = crc16({bytes, count}, extra.crc);
-  offset_ += count;
-  if (size_indicated_ && offset_ > indicated_) return AbortCode::length_too_high;
-  if (!streamed_) return offset_ > options_.longest ? AbortCode::out_of_memory : AbortCode::none;
-  return count > 0 ? extra.sink->write({bytes, count}) : AbortCode::none;
+AbortCode SdoTransfer::Block::keep(std::size_t count, std::size_t unused) noexcept {
+  const auto bytes = transfer_->data_.filled(count, unused);
+  if (crc_used_) crc_ = crc16(bytes, crc_);
+  return transfer_->data_.keep(bytes);
 }
 
-void SdoTransfer::acknowledge_block() noexcept {
-  auto& extra = *extra_;
-  auto& receiver = extra.receiver;
+void SdoTransfer::Block::acknowledge() noexcept {
   // What was not heard of the sub-block will not come any more.
-  const unsigned silent = expects_ > 0 ? expects_ - 1U : 0U;
-  line_->owed_ = static_cast<std::uint16_t>(line_->owed_ - std::min<unsigned>(line_->owed_, silent));
-  const auto good = receiver.good();
-  const bool last = receiver.complete();
-  if (last) std::memcpy(extra.tail.data(), receiver.place() - sdo::segment_bytes, sdo::segment_bytes);
+  const unsigned answers = transfer_->request_.answers;
+  auto& owed = transfer_->line_->owed_;
+  owed -= std::min<unsigned>(owed, answers > 0 ? answers - 1U : 0U);
+  const auto good = receiver_.good();
+  const bool last = receiver_.complete();
+  if (last) std::memcpy(tail_.data(), receiver_.place() - sdo::segment_bytes, sdo::segment_bytes);
   const std::size_t count = (good - (last ? 1U : 0U)) * sdo::segment_bytes;
-  auto code = keep_block(count, receiver.size() * sdo::segment_bytes - count);
+  auto code = keep(count, receiver_.size() * sdo::segment_bytes - count);
   const bool waits = code == AbortCode::pending;
   if (waits) code = AbortCode::none;
-  if (code == AbortCode::none && !receiver.alive()) code = AbortCode::timeout;
-  if (code != AbortCode::none) return refuse(code, "the sub-blocks do not fit: too long, without progress, or refused");
-  const auto size = receiver.next_size();
-  sdo::put(request_, sdo::sub_block_confirmed, {});
-  request_.data[1] = static_cast<std::uint8_t>(good);
-  request_.data[2] = static_cast<std::uint8_t>(size);
-  if (last) state_ = State::block_end;
-  if (waits) return extra.wait_for(Extra::Wait::request, last ? 1 : size);
-  if (last) return send();
+  if (code == AbortCode::none && !receiver_.alive()) code = AbortCode::timeout;
+  if (code != AbortCode::none) {
+    return transfer_->refuse(code, "the sub-blocks do not fit: too long, without progress, or refused");
+  }
+  const auto size = receiver_.next_size();
+  auto& request = transfer_->request_.frame;
+  sdo::put(request, sdo::sub_block_confirmed, {});
+  request.data[1] = static_cast<std::uint8_t>(good);
+  request.data[2] = static_cast<std::uint8_t>(size);
+  if (last) phase_ = Phase::end;
+  if (waits) return transfer_->extra_->waiter.wait(Waiter::What::request, last ? 1 : size);
+  if (last) return transfer_->send();
   begin_sub_block(size);
-  send(size);
+  transfer_->send(size);
 }
 
-// The end of the upload; also the answer to our own end of a download.
-bool SdoTransfer::end_block_upload(const can::Frame& frame) noexcept {
-  if (download_) {
-    if (frame.data[0] != 0xA1) return false;
-    complete();
-    return true;
-  }
-  auto& extra = *extra_;
-  if ((frame.data[0] & 0xE3U) != 0xC1U || extra.receiver.repeats_last(frame)) return false;
+bool SdoTransfer::Block::ended(const can::Frame& frame) noexcept {
+  if (!transfer_->data_.is_download()) return end_upload(frame);
+  if (frame.data[0] != 0xA1) return false;
+  transfer_->complete();
+  return true;
+}
+
+bool SdoTransfer::Block::end_upload(const can::Frame& frame) noexcept {
+  if ((frame.data[0] & 0xE3U) != 0xC1U || receiver_.repeats_last(frame)) return false;
   const std::size_t count = sdo::segment_bytes - ((frame.data[0] >> 2U) & 0x07U);
-  if (!streamed_) std::copy_n(extra.tail.begin(), sdo::segment_bytes, value_.extend(sdo::segment_bytes));
-  if (streamed_) std::ranges::copy(extra.tail, extra.place = extra.stash.data());
-  auto code = keep_block(count, sdo::segment_bytes - count);
+  std::ranges::copy(tail_, transfer_->data_.extend(sdo::segment_bytes));
+  auto code = keep(count, sdo::segment_bytes - count);
   if (code == AbortCode::pending) code = AbortCode::none;  // there is no more
   if (code != AbortCode::none) {
-    refuse(code, "more bytes than indicated, or than allowed");
-  } else if (size_indicated_ && offset_ < indicated_) {
-    refuse(AbortCode::length_too_low, "fewer bytes than indicated");
-  } else if (extra.crc_used && extra.crc != load_le<std::uint16_t>(frame.data.data() + 1)) {
-    refuse(AbortCode::crc, "the CRC of the block upload is wrong");
+    transfer_->refuse(code, "more bytes than indicated, or than allowed");
+  } else if (transfer_->data_.too_few()) {
+    transfer_->refuse(AbortCode::length_too_low, "fewer bytes than indicated");
+  } else if (crc_used_ && crc_ != load_le<std::uint16_t>(frame.data.data() + 1)) {
+    transfer_->refuse(AbortCode::crc, "the CRC of the block upload is wrong");
   } else {
-    state_ = State::closing;
-    sdo::put(request_, 0xA1, {});
-    send();
+    phase_ = Phase::closing;
+    sdo::put(transfer_->request_.frame, 0xA1, {});
+    transfer_->send();
   }
   return true;
 }
 
-// Nothing heard for a while: what there is of a sub-block is acknowledged; of one that never came, nothing.
-void SdoTransfer::block_silence() noexcept {
-  auto& extra = *extra_;
-  auto& executor = line_->dispatcher().executor();
-  const bool heard = extra.receiver.heard();
-  const auto due = extra.heard + (heard ? options_.timeout / sdo::block_gap_part : options_.timeout);
-  if (executor.now() < due) return wait_until(due);
-  if (!heard) return timed_out();
-  extra.receiver.give_up();
-  acknowledge_block();
+void SdoTransfer::Block::silence() noexcept {
+  const auto timeout = transfer_->options_.timeout;
+  const bool heard = receiver_.heard();
+  const auto due = heard_ + (heard ? timeout / sdo::block_gap_part : timeout);
+  if (transfer_->line_->executor().now() < due) return transfer_->wait_until(due);
+  if (!heard) return transfer_->timed_out();
+  receiver_.give_up();
+  acknowledge();
 }
 
 }  // namespace berth::co

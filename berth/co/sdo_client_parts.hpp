@@ -1,76 +1,102 @@
-/// What only streams and block transfers of an SDO client need: a part of `SdoTransfer`.
+/// What only streams and block transfers of an SDO client need: parts of `SdoTransfer`.
 #pragma once
 
 #include "berth/co/sdo_block.hpp"
 #include "berth/co/sdo_client.hpp"
-#include "berth/co/sdo_read_ahead.hpp"
+#include "berth/co/sdo_client_stream.hpp"
 
 namespace berth::co {
 
-class SdoTransfer::Extra final : public sdo::BlockPump::Owner, public BlockPace::Member, public SdoWaiter {
+/// A transfer that waits for its source or sink; only an abort of the server's counts meanwhile.
+class SdoTransfer::Waiter final : public SdoWaiter {
  public:
-  /// What source or sink is waited for with; only an abort of the server's counts meanwhile.
-  enum class Wait : std::uint8_t {
+  enum class What : std::uint8_t {
     nothing,
     segment,    // the next request of a segmented transfer
-    sub_block,  // a block download's next sub-block, of `wait_size` segments
-    request,    // `request_`, which is made
+    sub_block,  // a block download's next sub-block, of `size` segments
+    request,    // the request, which is made; `size` segments may come
   };
-  Extra(SdoTransfer& transfer, can::Dispatcher& dispatcher) noexcept : transfer_(&transfer), pump(dispatcher, *this) {}
-  ~Extra() { stop(); }
-  /// No more segments are sent.
-  void stop() noexcept {
-    pump.stop();
-    if (transfer_->options_.pace != nullptr) transfer_->options_.pace->leave(*this);
-  }
-  /// The sub-block goes out.
-  void turn() noexcept override { pump.start(sender, transfer_->line_->request_, transfer_->options_.send_timeout); }
+  explicit Waiter(SdoTransfer& transfer) noexcept : transfer_(&transfer) {}
+
+  void wait(What what, unsigned size = 0) noexcept;
+  [[nodiscard]] bool waits() const noexcept { return what_ != What::nothing; }
+  /// The transfer has ended.
+  void end() noexcept;
 
  private:
-  void pumped(rt::Time at) noexcept override { transfer_->pumped(at); }
-  void stuck(can::Queued why) noexcept override { transfer_->stuck(why); }
-  void go_on() noexcept override {
-    switch (std::exchange(wait, Wait::nothing)) {
-      case Wait::segment: return transfer_->next_segment();
-      case Wait::sub_block: return transfer_->send_block(wait_size);
-      case Wait::request:
-        if (transfer_->state_ == State::block) transfer_->begin_sub_block(wait_size);
-        return transfer_->send(wait_size);
-      default: return;
-    }
-  }
+  void go_on() noexcept override;
+
   SdoTransfer* transfer_;
+  unsigned size_ = 0;
+  What what_ = What::nothing;
+};
 
+/// A block transfer, once it is initiated (CiA 301 §7.2.4.3.9 to §7.2.4.3.14).
+class SdoTransfer::Block final : public sdo::BlockPump::Owner, public BlockPace::Member {
  public:
-  void wait_for(Wait what, unsigned size = 0) noexcept {
-    wait = what;
-    wait_size = size;
-    transfer_->deadline_ = rt::never;
-    transfer_->window_ = true;
-    pace().wait(this);
-  }
-  /// The transfer has ended.
-  void end() noexcept {
-    stop();
-    if (std::exchange(wait, Wait::nothing) != Wait::nothing) pace().wait(nullptr);
-  }
-  [[nodiscard]] SdoPace& pace() noexcept { return source != nullptr ? static_cast<SdoPace&>(*source) : *sink; }
+  Block(SdoTransfer& transfer, can::Dispatcher& dispatcher) noexcept : transfer_(&transfer), pump_(dispatcher, *this) {}
+  ~Block() { stop(); }
+  /// No more segments are sent.
+  void stop() noexcept;
 
-  SdoSource* source = nullptr;
-  SdoSink* sink = nullptr;
-  ReadAhead ahead;
-  std::array<std::uint8_t, sdo::block_window> stash;    // of a source: read ahead; of a sink: the sub-block
-  std::array<std::uint8_t, sdo::segment_bytes> tail{};  // the last segment, until it is known what of it counts
-  std::uint8_t* place = nullptr;                        // where the sub-block coming in begins
-  sdo::BlockSender sender;
-  sdo::BlockReceiver receiver;
-  sdo::BlockPump pump;
-  rt::Time heard{};  // the newest segment
-  unsigned wait_size = 0;
-  Wait wait = Wait::nothing;
-  std::uint16_t crc = 0;
-  bool crc_used = false;
-  bool touched = false;  // bytes were read from the source
+  void prepare_initiate() noexcept;
+  void initiated(const can::Frame& frame) noexcept;
+  /// As `SdoTransfer::answer`.
+  bool answer(const can::Frame& frame) noexcept;
+  /// The request is on the wire.
+  void request_sent(rt::Time at) noexcept { heard_ = at; }
+  /// Download: the next sub-block, of `size` segments.
+  void send_sub_block(unsigned size) noexcept;
+  /// Upload: the next sub-block comes in.
+  void begin_sub_block(unsigned size);
+  /// Nothing heard for a while: what there is of a sub-block is acknowledged; of one that never came, nothing.
+  void silence() noexcept;
+
+  /// Segments come in.
+  [[nodiscard]] bool collecting() const noexcept {
+    return phase_ == Phase::sub_blocks && !transfer_->data_.is_download();
+  }
+  /// The confirmation of an upload's end is to leave; nothing comes behind it.
+  [[nodiscard]] bool closing() const noexcept { return phase_ == Phase::closing; }
+  /// Bytes of a sub-block that is not acknowledged yet.
+  [[nodiscard]] std::size_t collected() const noexcept {
+    return collecting() ? receiver_.good() * sdo::segment_bytes : 0U;
+  }
+
+ private:
+  enum class Phase : std::uint8_t {
+    sub_blocks,  // they go out or come in
+    end,         // all segments are over; the end is to be confirmed, or to come
+    closing,
+  };
+  void turn() noexcept override;
+  void pumped(rt::Time at) noexcept override;
+  void stuck(can::Queued why) noexcept override;
+  bool acknowledged(const can::Frame& frame) noexcept;
+  void end_download() noexcept;
+  bool segment(const can::Frame& frame) noexcept;
+  void acknowledge() noexcept;
+  [[nodiscard]] AbortCode keep(std::size_t count, std::size_t unused) noexcept;
+  bool end_upload(const can::Frame& frame) noexcept;
+  bool ended(const can::Frame& frame) noexcept;
+
+  SdoTransfer* transfer_;
+  sdo::BlockSender sender_;
+  sdo::BlockReceiver receiver_;
+  sdo::BlockPump pump_;
+  std::array<std::uint8_t, sdo::segment_bytes> tail_{};  // the last segment, until it is known what of it counts
+  rt::Time heard_{};                                     // the newest segment
+  std::uint16_t crc_ = 0;
+  bool crc_used_ = false;
+  Phase phase_ = Phase::sub_blocks;
+};
+
+struct SdoTransfer::Extra {
+  Extra(SdoTransfer& transfer, can::Dispatcher& dispatcher) noexcept : waiter(transfer), block(transfer, dispatcher) {}
+
+  SdoClientStream stream;
+  Waiter waiter;
+  Block block;
 };
 
 }  // namespace berth::co

@@ -8,12 +8,9 @@ using sdo::Ccs;
 
 SdoServer::SdoServer(od::Values& values, std::size_t buffer, std::uint8_t channel) : data_(values, buffer, channel) {}
 
-std::optional<can::Frame> SdoServer::handle(const can::Frame& request) noexcept {
-  can::Frame answer;
-  return handle(request, answer) ? std::optional(answer) : std::nullopt;
-}
+namespace {
 
-inline bool SdoServer::put_expedited(can::Frame& answer, ObjectRef ref, std::span<const std::uint8_t> value) noexcept {
+inline bool put_expedited(can::Frame& answer, ObjectRef ref, std::span<const std::uint8_t> value) noexcept {
   std::uint32_t number = 0;
   if (value.size() == sizeof number) [[likely]] {
     sdo::put(answer, 0x43, ref, load_le<std::uint32_t>(value.data()));
@@ -24,27 +21,35 @@ inline bool SdoServer::put_expedited(can::Frame& answer, ObjectRef ref, std::spa
   return true;
 }
 
-inline bool SdoServer::begin_upload(const can::Frame& request, can::Frame& answer) noexcept {
-  // By value: what is written meanwhile might be `ref_`, for all that the compiler knows.
-  const ObjectRef ref = sdo::multiplexer(request);
-  ref_ = ref;
-  state_ = State::idle;
-  if (!data_.streaming()) [[likely]] {
-    const auto plain = data_.values().view_plain(ref);
-    if (plain.size() - 1 < 4) [[likely]]
-      return put_expedited(answer, ref, plain);
+AbortCode expedited_download(const can::Frame& request, od::Values& values) noexcept {
+  const auto ref = sdo::multiplexer(request);
+  const bool sized = (request.data[0] & 0x01U) != 0;
+  std::size_t length = 4U - ((request.data[0] >> 2U) & 0x03U);
+  if (!sized) {
+    const auto counted = values.length_of_unsized(ref, 4);
+    if (!counted) return counted.error();
+    length = *counted;
   }
-  return open_upload(request, answer);
+  return values.write(ref, std::span(request.data).subspan(4, length));
 }
+
+}  // namespace
 
 // What frames mean otherwise than by their command. False: look no further.
 bool SdoServer::respond_in_block(const can::Frame& request, can::Frame& answer, bool& has_answer) noexcept {
   // In a sub-block every first byte but the abort's is a segment number.
   if (state_ == State::block_download) {
-    has_answer = block_segment(request, answer);
+    using Heard = sdo::BlockReceiver::Heard;
+    if (request.data[0] == 0x80) {
+      reset();
+    } else if (const auto heard = block_.receiver().take(request); heard == Heard::ends) {
+      has_answer = acknowledge_block(request, answer);
+    } else if (heard == Heard::invalid) {
+      has_answer = abort(answer, AbortCode::sequence_number);
+    }
     return false;
   }
-  if (state_ == State::block_download_end && receiver_.repeats_last(request)) return false;
+  if (state_ == State::block_download_end && block_.receiver().repeats_last(request)) return false;
   if (state_ != State::pending) return true;
   if (!deferred_.ended_by(request)) return false;
   reset();
@@ -57,13 +62,23 @@ inline bool SdoServer::respond(const can::Frame& request, can::Frame& answer) no
     if (!respond_in_block(request, answer, has_answer)) return has_answer;
   }
   const auto command = static_cast<Ccs>(sdo::specifier(request.data[0]));
-  if (command == Ccs::upload) [[likely]]
-    return begin_upload(request, answer);
+  if (command == Ccs::upload) [[likely]] {
+    // By value: what is written meanwhile might be `ref_`, for all that the compiler knows.
+    const ObjectRef ref = sdo::multiplexer(request);
+    ref_ = ref;
+    state_ = State::idle;
+    if (!data_.streaming()) [[likely]] {
+      const auto plain = data_.values().view_plain(ref);
+      if (plain.size() - 1 < 4) [[likely]]
+        return put_expedited(answer, ref, plain);
+    }
+    return open_upload(request, answer);
+  }
   switch (command) {
     case Ccs::abort: reset(); return false;
     case Ccs::download: return begin_download(request, answer);
-    case Ccs::download_segment: return download_segment(request, answer);
-    case Ccs::upload_segment: return upload_segment(request, answer);
+    case Ccs::download_segment: return segment(request, answer, true);
+    case Ccs::upload_segment: return segment(request, answer, false);
     case Ccs::block_download: return block_download(request, answer);
     case Ccs::block_upload: return block_upload(request, answer);
     default: return refuse_unknown(request, answer);
@@ -93,21 +108,19 @@ bool SdoServer::Deferred::ended_by(const can::Frame& frame) const noexcept {
   }
 }
 
-// The outcome of something that may be pending: the answer is what confirms it.
-bool SdoServer::confirm_or_defer(const can::Frame& request, can::Frame& answer, AbortCode code, State then) noexcept {
+// The outcome of something that may be pending: then the server waits, and does by `way` what is to be done when the
+// access is answered (`complete`). Otherwise the answer is what confirms it.
+bool SdoServer::settle(const can::Frame& request, can::Frame& answer, AbortCode code, State then,
+                       Deferred::Way way) noexcept {
   if (code == AbortCode::none) {
     state_ = then;
     return true;
   }
   if (code != AbortCode::pending) return abort(answer, code);
-  std::ranges::copy(answer.bytes(), deferred_.answer.begin());
-  return defer(request, Deferred::Way::confirm, then);
-}
-
-bool SdoServer::defer(const can::Frame& request, Deferred::Way way, State then) noexcept {
   state_ = State::pending;
   deferred_.way = way;
   deferred_.then = then;
+  std::ranges::copy(answer.bytes(), deferred_.answer.begin());
   std::ranges::copy(request.bytes(), deferred_.request.begin());
   return false;
 }
@@ -133,7 +146,7 @@ std::optional<can::Frame> SdoServer::expire() noexcept {
   can::Frame answer;
   answer.set_head(response_key_, 8);
   if (collecting()) {
-    receiver_.give_up();
+    block_.receiver().give_up();
     const can::Frame none = can::Frame::base(0, std::array<std::uint8_t, 8>{});
     if (!acknowledge_block(none, answer)) return std::nullopt;
   } else {
@@ -163,61 +176,40 @@ bool SdoServer::begin_download(const can::Frame& request, can::Frame& answer) no
   reset();
   ref_ = sdo::multiplexer(request);
   sdo::put(answer, 0x60, ref_);
-  const bool expedited = (request.data[0] & 0x02U) != 0;
-  const auto code = expedited ? expedited_download(request) : begin_segmented_download(request);
-  return confirm_or_defer(request, answer, code, expedited ? State::idle : State::download);
-}
-
-AbortCode SdoServer::expedited_download(const can::Frame& request) noexcept {
-  const bool sized = (request.data[0] & 0x01U) != 0;
-  std::size_t length = 4U - ((request.data[0] >> 2U) & 0x03U);
-  if (!sized) {
-    const auto counted = data_.values().length_of_unsized(ref_, 4);
-    if (!counted) return counted.error();
-    length = *counted;
+  if ((request.data[0] & 0x02U) != 0) {
+    return settle(request, answer, expedited_download(request, data_.values()), State::idle);
   }
-  return data_.values().write(ref_, std::span(request.data).subspan(4, length));
-}
-
-AbortCode SdoServer::begin_segmented_download(const can::Frame& request) noexcept {
   const bool sized = (request.data[0] & 0x01U) != 0;
-  toggle_ = false;
-  return data_.open_write(
-      ref_, sized ? std::optional<std::size_t>(load_le<std::uint32_t>(request.data.data() + 4)) : std::nullopt);
+  const auto size = sized ? std::optional<std::size_t>(load_le<std::uint32_t>(request.data.data() + 4)) : std::nullopt;
+  segments_.begin();
+  return settle(request, answer, data_.open_write(ref_, size), State::download);
 }
 
-bool SdoServer::toggled(const can::Frame& request) noexcept {
-  if (((request.data[0] & sdo::toggle_bit) != 0) != toggle_) return false;
-  toggle_ = !toggle_;
-  return true;
+bool SdoServer::segment(const can::Frame& request, can::Frame& answer, bool download) noexcept {
+  const State under_way = download ? State::download : State::upload;
+  if (state_ != under_way) return refuse_unknown(request, answer);
+  const auto code = download ? segments_.download(request, answer, data_) : segments_.upload(request, answer, data_);
+  const bool last = ((download ? request : answer).data[0] & 0x01U) != 0;
+  if (code == AbortCode::none && !last) [[likely]]
+    return true;
+  if (download) return settle(request, answer, code, last ? State::idle : State::download);
+  return settle(request, answer, code, code == AbortCode::none ? State::idle : State::upload, Deferred::Way::ask_again);
 }
 
-bool SdoServer::download_segment(const can::Frame& request, can::Frame& answer) noexcept {
-  if (state_ != State::download) return refuse_unknown(request, answer);
-  if (!toggled(request)) return abort(answer, AbortCode::toggle_bit);
-  const auto byte = request.data[0];
-  if ((byte & 0x0FU) == 0) {
-    if (std::uint8_t* const place = data_.quick_place()) {
-      std::memcpy(place, request.data.data() + 1, sdo::segment_bytes);
-      sdo::put(answer, 0x20U | byte, {});
-      return true;
-    }
+bool SdoServer::block_download(const can::Frame& request, can::Frame& answer) noexcept {
+  if ((request.data[0] & 0x01U) != 0) {
+    if (state_ != State::block_download_end) return refuse_unknown(request, answer);
+    return settle(request, answer, block_.end_download(request, answer, data_), State::idle);
   }
-  const bool last = (byte & 0x01U) != 0;
-  const std::size_t count = sdo::segment_bytes - ((byte >> 1U) & 0x07U);
-  sdo::put(answer, static_cast<std::uint8_t>(0x20U | (byte & sdo::toggle_bit)), {});
-  const auto code = take(request.data.data() + 1, count, last);
-  if (!last && code == AbortCode::none) return true;
-  return confirm_or_defer(request, answer, code, last ? State::idle : State::download);
+  reset();
+  ref_ = sdo::multiplexer(request);
+  return settle(request, answer, block_.begin_download(request, answer, data_), State::block_download);
 }
 
-AbortCode SdoServer::take(const std::uint8_t* bytes, std::size_t count, bool last) noexcept {
-  const auto place = data_.place(sdo::segment_bytes);
-  if (!place) return place.error();
-  std::memcpy(*place, bytes, sdo::segment_bytes);
-  const auto code = data_.commit(count);
-  if (code != AbortCode::none) return code;
-  return last ? data_.close_write() : data_.ready();
+bool SdoServer::acknowledge_block(const can::Frame& segment, can::Frame& answer) noexcept {
+  const auto code = block_.acknowledge(answer, data_);
+  const bool last = block_.receiver().complete();
+  return settle(segment, answer, code, last ? State::block_download_end : State::block_download);
 }
 
 // ---- upload
@@ -225,7 +217,7 @@ AbortCode SdoServer::take(const std::uint8_t* bytes, std::size_t count, bool las
 bool SdoServer::open_upload(const can::Frame& request, can::Frame& answer) noexcept {
   std::span<const std::uint8_t> value;
   const auto code = data_.open_read(ref_, value);
-  if (code == AbortCode::pending) return defer(request, Deferred::Way::ask_again, State::idle);
+  if (code == AbortCode::pending) return settle(request, answer, code, State::idle, Deferred::Way::ask_again);
   if (code != AbortCode::none) {
     abort(answer, code);
   } else if (value.empty()) {
@@ -248,38 +240,55 @@ bool SdoServer::answer_upload(can::Frame& answer) noexcept {
     return true;
   }
   state_ = State::upload;
-  toggle_ = false;
+  segments_.begin();
   sdo::put(answer, size ? 0x41 : 0x40, ref_, static_cast<std::uint32_t>(size.value_or(0)));
   return true;
 }
 
-bool SdoServer::upload_segment(const can::Frame& request, can::Frame& answer) noexcept {
-  if (state_ != State::upload) return refuse_unknown(request, answer);
-  if (!toggled(request)) return abort(answer, AbortCode::toggle_bit);
-  if (const std::uint8_t* const bytes = data_.quick_read()) {
-    sdo::put_segment(answer, request.data[0] & sdo::toggle_bit, bytes);
-    return true;
-  }
-  const auto window = data_.window(sdo::segment_bytes);
-  if (!window) {
-    if (window.error() != AbortCode::pending) return abort(answer, window.error());
-    toggle_ = !toggle_;
-    return defer(request, Deferred::Way::ask_again, State::upload);
-  }
-  const bool last = window->size() <= sdo::segment_bytes;
-  const auto count = last ? window->size() : sdo::segment_bytes;
-  const auto command = static_cast<std::uint8_t>((request.data[0] & sdo::toggle_bit) |
-                                                 ((sdo::segment_bytes - count) << 1U) | (last ? 1U : 0U));
-  if (last) {
-    sdo::put(answer, command, {});
-    if (count > 0) std::memcpy(answer.data.data() + 1, window->data(), count);
+bool SdoServer::block_upload(const can::Frame& request, can::Frame& answer) noexcept {
+  using Heard = sdo::BlockSender::Heard;
+  const auto command = request.data[0] & 0x03U;
+  if (command == 0) return begin_block_upload(request, answer);
+  if (command == 3 && state_ == State::block_upload_start) return send_block(answer);
+  if (command == 3 && state_ == State::block_upload) return false;      // once more
+  if (command == 2 && state_ == State::block_upload_end) return false;  // once more
+  if (command == 1 && state_ == State::block_upload_end) {
     data_.close_read();
     state_ = State::idle;
-  } else {
-    sdo::put_segment(answer, command, window->data());
-    data_.consume(sdo::segment_bytes);
+    return false;
   }
+  if (command != 2 || state_ != State::block_upload) return refuse_unknown(request, answer);
+  switch (block_.acknowledged(request, data_)) {
+    case Heard::stale: return false;
+    case Heard::invalid: return abort(answer, block_.sender().code());
+    case Heard::go_on: return send_block(answer);
+    default: break;
+  }
+  state_ = State::block_upload_end;
+  block_.put_end(answer);
   return true;
+}
+
+bool SdoServer::begin_block_upload(const can::Frame& request, can::Frame& answer) noexcept {
+  reset();
+  ref_ = sdo::multiplexer(request);
+  if (!block_.begin_upload(request)) return abort(answer, AbortCode::block_size);
+  const auto code = data_.open_read(ref_);
+  if (code != AbortCode::none) return settle(request, answer, code, State::idle, Deferred::Way::ask_again);
+  const auto size = data_.size();
+  const std::size_t threshold = request.data[5];
+  if (size && threshold > 0 && *size <= threshold) return answer_upload(answer);
+  state_ = State::block_upload_start;
+  block_.put_initiated(answer, ref_, size);
+  return true;
+}
+
+// The segments follow by `sending`; `answer` is only for a refusal.
+bool SdoServer::send_block(can::Frame& answer) noexcept {
+  const auto code = block_.next_sub_block(data_);
+  if (code != AbortCode::none) return settle(answer, answer, code, state_, Deferred::Way::sub_block);
+  state_ = State::block_upload;
+  return false;
 }
 
 }  // namespace berth::co

@@ -9,8 +9,8 @@
 
 #include "berth/can/dispatcher.hpp"
 #include "berth/can/packed_frame.hpp"
-#include "berth/co/sdo_block.hpp"
-#include "berth/co/sdo_server_data.hpp"
+#include "berth/co/sdo_server_block.hpp"
+#include "berth/co/sdo_server_segments.hpp"
 
 namespace berth::co {
 
@@ -40,19 +40,19 @@ class SdoServer {
 
   /// Where answers go: 580h + node-ID for the default channel. The request's identifier is not looked at.
   void set_response_id(CobId id) noexcept { response_key_ = id.key(); }
-  void set_response_id(std::uint32_t id) noexcept { set_response_id(CobId(id)); }
 
   /// Takes a request. True: `answer` is to be sent. Otherwise see whether segments are to be sent now (`sending`).
   [[nodiscard]] bool handle(const can::Frame& request, can::Frame& answer) noexcept;
-  [[nodiscard]] std::optional<can::Frame> handle(const can::Frame& request) noexcept;
   /// Block upload: the segments of a sub-block are to be sent, by `BlockPump`, or one after the other by
   /// `segments().segment(frame)` and `advance()`, and `confirm()` when they are on the wire.
-  [[nodiscard]] bool sending() const noexcept { return state_ == State::block_upload && sender_.sending(); }
-  [[nodiscard]] sdo::BlockSender& segments() noexcept { return sender_; }
+  [[nodiscard]] bool sending() const noexcept { return state_ == State::block_upload && block_.sender().sending(); }
+  [[nodiscard]] sdo::BlockSender& segments() noexcept { return block_.sender(); }
   /// A transfer is under way: the next frame is the client's turn, or segments are being sent, or a write is pending.
   [[nodiscard]] bool busy() const noexcept { return state_ != State::idle; }
   /// A sub-block comes in, so that a short silence means a lost segment: `expire` soon (`sdo::block_gap_part`).
-  [[nodiscard]] bool collecting() const noexcept { return state_ == State::block_download && receiver_.heard(); }
+  [[nodiscard]] bool collecting() const noexcept {
+    return state_ == State::block_download && block_.receiver().heard();
+  }
   /// Gives the answer to an access that a hook or stream answered with `pending` (never seen on the wire): an abort
   /// unless `code` is `none`; else the confirmation of a write, while an upload's stream is asked again, and what it
   /// has goes out (see `sending`, too). While an access is pending the server is busy, the client's silence counts for
@@ -103,48 +103,36 @@ class SdoServer {
   };
   [[nodiscard]] bool respond(const can::Frame& request, can::Frame& answer) noexcept;
   [[nodiscard]] bool respond_in_block(const can::Frame& request, can::Frame& answer, bool& has_answer) noexcept;
-  bool defer(const can::Frame& request, Deferred::Way way, State then) noexcept;
   bool begin_download(const can::Frame& request, can::Frame& answer) noexcept;
-  [[nodiscard]] AbortCode expedited_download(const can::Frame& request) noexcept;
-  [[nodiscard]] AbortCode begin_segmented_download(const can::Frame& request) noexcept;
-  bool download_segment(const can::Frame& request, can::Frame& answer) noexcept;
-  [[nodiscard]] AbortCode take(const std::uint8_t* bytes, std::size_t count, bool last) noexcept;
-  bool begin_upload(const can::Frame& request, can::Frame& answer) noexcept;
   bool open_upload(const can::Frame& request, can::Frame& answer) noexcept;
   bool answer_upload(can::Frame& answer) noexcept;
-  bool put_expedited(can::Frame& answer, ObjectRef ref, std::span<const std::uint8_t> value) noexcept;
-  bool upload_segment(const can::Frame& request, can::Frame& answer) noexcept;
-  [[nodiscard]] bool toggled(const can::Frame& request) noexcept;
+  bool segment(const can::Frame& request, can::Frame& answer, bool download) noexcept;
   // Block
   bool block_download(const can::Frame& request, can::Frame& answer) noexcept;
-  bool begin_block_download(const can::Frame& request, can::Frame& answer) noexcept;
-  bool block_segment(const can::Frame& request, can::Frame& answer) noexcept;
   bool acknowledge_block(const can::Frame& segment, can::Frame& answer) noexcept;
-  [[nodiscard]] AbortCode commit_block() noexcept;
-  [[nodiscard]] AbortCode next_block() noexcept;
-  bool end_block_download(const can::Frame& request, can::Frame& answer) noexcept;
   bool block_upload(const can::Frame& request, can::Frame& answer) noexcept;
   bool begin_block_upload(const can::Frame& request, can::Frame& answer) noexcept;
   bool send_block(can::Frame& answer) noexcept;
-  bool block_acknowledged(const can::Frame& request, can::Frame& answer) noexcept;
   // Ends
-  bool confirm_or_defer(const can::Frame& request, can::Frame& answer, AbortCode code, State then) noexcept;
+  bool settle(const can::Frame& request, can::Frame& answer, AbortCode code, State then,
+              Deferred::Way way = Deferred::Way::confirm) noexcept;
   bool refuse_unknown(const can::Frame& request, can::Frame& answer) noexcept;
   bool abort(can::Frame& answer, AbortCode code) noexcept;
 
   SdoServerData data_;
-  sdo::BlockSender sender_;
-  sdo::BlockReceiver receiver_;
+  SdoServerBlock block_;
   std::uint32_t response_key_ = 0;
   ObjectRef ref_;
   State state_ = State::idle;
-  bool toggle_ = false;  // expected in the next segment
-  [[nodiscard]] unsigned crc_bit() const noexcept { return crc_used_ ? 0x04U : 0x00U; }
-  bool crc_used_ = false;        // block
-  std::uint8_t block_size_ = 0;  // upload: what the client asked for first
-  std::uint16_t crc_ = 0;        // block download: of what is committed
+  SdoServerSegments segments_;
   Deferred deferred_;
 };
+
+/// The answer to a request; empty: none.
+[[nodiscard]] inline std::optional<can::Frame> answer_of(SdoServer& server, const can::Frame& request) noexcept {
+  can::Frame answer;
+  return server.handle(request, answer) ? std::optional(answer) : std::nullopt;
+}
 
 /// One SDO channel bound to a port.
 class SdoServerService final : private can::Handler, private rt::Job, private sdo::BlockPump::Owner {

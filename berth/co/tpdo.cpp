@@ -1,6 +1,6 @@
-// Transmitting: when a TPDO is sampled, and when it may go to the port.
-#include "berth/co/pdo.hpp"
-#include "berth/co/pdo_parts.hpp"
+#include "berth/co/tpdo.hpp"
+
+#include "berth/co/mpdo.hpp"
 #include "berth/co/retry_parts.hpp"
 
 namespace berth::co {
@@ -8,6 +8,7 @@ namespace {
 
 // A frame that the port has had for so long is taken to be lost: a port that was restarted forgets its queue.
 constexpr auto lost_after = std::chrono::seconds(1);
+constexpr ObjectRef time_stamp{0x1013, 0};
 
 can::Frame empty_frame(std::uint32_t key, unsigned size) noexcept {
   can::Frame frame;
@@ -17,184 +18,234 @@ can::Frame empty_frame(std::uint32_t key, unsigned size) noexcept {
   return frame;
 }
 
+// 1013h is a value like any other; a device that transmits it does so with the time of sampling.
+void stamp(const PdoContext& context) noexcept {
+  const auto since = std::chrono::duration_cast<std::chrono::microseconds>(context.now().time_since_epoch()).count();
+  context.values->set(time_stamp, static_cast<std::uint32_t>(since));
+}
+
 }  // namespace
 
-bool Pdos::event(unsigned number) noexcept {
-  Tpdo* const pdo = find(tpdos(), number);
-  if (pdo == nullptr) return false;
-  if (!pdo->quick) return fire(*pdo);
-  can::Frame frame = empty_frame(pdo->key, pdo->mapping.size());
-  pdo->mapping.pack(base_, frame.data.data());
-  const can::Queued queued = dispatcher_->send(frame);
-  pdo->waiting = false;
-  if (queued != can::Queued::yes) failed(*pdo, queued);
-  return true;
+// --- What it is ------------------------------------------------------------------------------------------------------
+
+void Tpdo::set_up(PdoContext& context, std::uint16_t number, std::span<PdoField> room) noexcept {
+  context_ = &context;
+  number_ = number;
+  mapping_ = PdoMapping(room);
 }
 
-bool Pdos::changed(ObjectRef object) noexcept {
-  if (!running_) return false;
-  const od::SubObject* const sub = values_->description().find(object);
-  if (sub == nullptr) return false;
-  bool any = false;
-  for (Tpdo& pdo : tpdos()) {
-    if (!pdo.active) continue;
-    if (pdo.mode == PdoMode::sam) {
-      any |= scan(pdo, object);
-    } else if (pdo.mapping.contains(sub->offset)) {
-      any |= fire(pdo);
-    }
+// Event-driven, without times and time stamp: an event is a frame.
+void Tpdo::choose_way() noexcept {
+  quick_ = active_ && mode_ == PdoMode::mapped && event_driven(type_) && inhibit_ == 0 && event_time_ == 0 && !stamped_;
+}
+
+void Tpdo::end() noexcept {
+  if (pending()) {
+    context_->dispatcher->withdraw(*this);
+    free_at_ = context_->now();
   }
-  return any;
+  active_ = event_ = sampled_ = waiting_ = quick_ = false;
+  due_ = rt::never;
 }
 
-bool Pdos::fire(Tpdo& pdo) noexcept {
-  if (!pdo.active || pdo.mode != PdoMode::mapped) return false;
-  if (event_driven(pdo.type)) {
-    attempt(pdo);
+void Tpdo::configure() noexcept {
+  end();
+  const PdoRecords records(*context_->values, PdoKind::tpdo, number_);
+  const CobId cob = records.cob_id();
+  key_ = cob.key();
+  answers_ = (cob.raw() & CobId::second_bit) == 0;
+  type_ = records.type();
+  start_at_ = records.sync_start();
+  syncs_ = 0;
+  const bool events = event_driven(type_);
+  inhibit_ = events ? records.time(pdo_sub::inhibit) : std::uint16_t{0};
+  event_time_ = events ? records.time(pdo_sub::timer) : std::uint16_t{0};
+  if (!records.usable()) return;
+  mode_ = records.mode();
+  if (mode_ == PdoMode::mapped) {
+    const od::AbortCode code = records.resolve(records.mapped(), mapping_);
+    if (code != od::AbortCode::none || mapping_.empty()) return;
+    const auto* const stamp = context_->values->description().find(time_stamp);
+    stamped_ = stamp != nullptr && mapping_.contains(stamp->offset);
+  } else if (records.other_producer()) {
+    return;
+  }
+  active_ = true;
+  choose_way();
+  restart_event_timer();
+}
+
+// --- Events ----------------------------------------------------------------------------------------------------------
+
+bool Tpdo::event() noexcept {
+  if (quick_) [[likely]] {
+    can::Frame frame = empty_frame(key_, mapping_.size());
+    mapping_.pack(context_->base, frame.data.data());
+    const can::Queued queued = context_->dispatcher->send(frame);
+    waiting_ = false;
+    if (queued != can::Queued::yes) failed(queued);
     return true;
   }
-  if (pdo.type != 0) return false;
-  pdo.event = true;
+  if (!active_ || mode_ != PdoMode::mapped) return false;
+  if (event_driven(type_)) {
+    attempt();
+    return true;
+  }
+  if (type_ != 0) return false;
+  event_ = true;
   return true;
 }
 
-void Pdos::attempt(Tpdo& pdo) noexcept {
-  if (pdo.inhibit != 0 && !may_go(pdo)) return;
-  can::Frame frame = empty_frame(pdo.key, pdo.mapping.size());
-  if (pdo.stamped) stamp();
-  pdo.mapping.pack(base_, frame.data.data());
-  const can::Queued queued = submit(pdo, frame);
-  if (queued != can::Queued::yes) return failed(pdo, queued);
-  pdo.waiting = false;
-  if (pdo.event_time != 0) restart_event_timer(pdo);
+bool Tpdo::changed(ObjectRef object, std::uint32_t offset) noexcept {
+  if (!active_) return false;
+  if (mode_ != PdoMode::sam) return mapping_.contains(offset) && event();
+  if (context_->sam == nullptr || !context_->sam->put(*context_->values, object)) return false;
+  if (!waiting_) send_scanned();
+  return true;
+}
+
+void Tpdo::attempt() noexcept {
+  if (inhibit_ != 0 && !may_go()) return;
+  can::Frame frame = empty_frame(key_, mapping_.size());
+  if (stamped_) stamp(*context_);
+  mapping_.pack(context_->base, frame.data.data());
+  const can::Queued queued = submit(frame);
+  if (queued != can::Queued::yes) return failed(queued);
+  waiting_ = false;
+  if (event_time_ != 0) restart_event_timer();
 }
 
 // Not while the PDO before it waits in the port, and not within the inhibit time after that.
-bool Pdos::may_go(Tpdo& pdo) noexcept {
-  if (pdo.free_at <= now()) return true;
-  pdo.waiting = true;
-  arm(pdo.free_at);
+bool Tpdo::may_go() noexcept {
+  if (free_at_ <= context_->now()) return true;
+  waiting_ = true;
+  context_->arm(free_at_);
   return false;
 }
 
-can::Queued Pdos::submit(Tpdo& pdo, const can::Frame& frame) noexcept {
-  if (pdo.inhibit == 0) return dispatcher_->send(frame);
-  const can::Queued queued = dispatcher_->send(frame, pdo);
-  if (queued == can::Queued::yes) pdo.free_at = now() + lost_after;  // until `sent` knows better
+can::Queued Tpdo::submit(const can::Frame& frame) noexcept {
+  if (inhibit_ == 0) return context_->dispatcher->send(frame);
+  const can::Queued queued = context_->dispatcher->send(frame, *this);
+  if (queued == can::Queued::yes) free_at_ = context_->now() + lost_after;  // until `sent` knows better
   return queued;
 }
 
-void Pdos::failed(Tpdo& pdo, can::Queued why) noexcept {
-  pdo.waiting = true;
-  pdo.free_at = now() + (why == can::Queued::full ? full_retry : dead_port_retry);
-  arm(pdo.free_at);
+void Tpdo::failed(can::Queued why) noexcept {
+  waiting_ = true;
+  free_at_ = context_->now() + (why == can::Queued::full ? full_retry : dead_port_retry);
+  context_->arm(free_at_);
 }
 
-void Pdos::sent(Tpdo& pdo, rt::Time at) noexcept {
-  if (pdo.inhibit != 0) {
-    pdo.free_at = at + owner_->in_world(std::chrono::microseconds(100) * pdo.inhibit);
-    if (pdo.waiting) arm(pdo.free_at);
+void Tpdo::sent(rt::Time at) noexcept {
+  if (inhibit_ != 0) {
+    free_at_ = at + context_->owner->in_world(std::chrono::microseconds(100) * inhibit_);
+    if (waiting_) context_->arm(free_at_);
     return;
   }
-  for (Tpdo& each : tpdos()) {  // there is room in the port again
-    if (each.waiting && synchronous(each.type)) return send_sample(each);
+  for (Tpdo& each : std::span(context_->tpdos, context_->tpdo_count)) {  // there is room in the port again
+    if (each.waiting_ && synchronous(each.type_)) return each.send_sample();
   }
 }
 
-void Pdos::retry(Tpdo& pdo) noexcept {
-  if (pdo.mode == PdoMode::sam) {
-    send_scanned(pdo);
-  } else if (event_driven(pdo.type)) {
-    attempt(pdo);
-  } else {
-    send_sample(pdo);
+void Tpdo::run(rt::Time now) noexcept {
+  if (waiting_ && free_at_ <= now) {
+    if (mode_ == PdoMode::sam) {
+      send_scanned();
+    } else if (event_driven(type_)) {
+      attempt();
+    } else {
+      send_sample();
+    }
   }
+  if (due_ > now) return;
+  due_ = rt::never;
+  event();
 }
 
-void Pdos::restart_event_timer(Tpdo& pdo) noexcept {
-  pdo.due = rt::never;
-  if (pdo.event_time == 0 || pdo.mode != PdoMode::mapped) return;
-  pdo.due = now() + owner_->in_world(std::chrono::milliseconds(pdo.event_time));
-  arm(pdo.due);
+void Tpdo::restart_event_timer() noexcept {
+  due_ = rt::never;
+  if (event_time_ == 0 || mode_ != PdoMode::mapped) return;
+  due_ = context_->now() + context_->owner->in_world(std::chrono::milliseconds(event_time_));
+  context_->arm(due_);
 }
 
-void Pdos::set_event_time(Tpdo& pdo, std::uint16_t milliseconds) noexcept {
-  if (!pdo.active || !event_driven(pdo.type)) return;
-  pdo.event_time = milliseconds;
-  pdo.choose_way();
-  restart_event_timer(pdo);
+void Tpdo::set_event_time(std::uint16_t milliseconds) noexcept {
+  if (!active_ || !event_driven(type_)) return;
+  event_time_ = milliseconds;
+  choose_way();
+  restart_event_timer();
 }
 
-// 1013h is a value like any other; a device that transmits it does so with the time of sampling.
-void Pdos::stamp() noexcept {
-  const auto since = std::chrono::duration_cast<std::chrono::microseconds>(now().time_since_epoch()).count();
-  values_->set({0x1013, 0}, static_cast<std::uint32_t>(since));
+// --- MPDO ------------------------------------------------------------------------------------------------------------
+
+can::Queued Tpdo::send_dam(std::uint8_t node, ObjectRef object, std::span<const std::uint8_t> data) noexcept {
+  if (!active_ || mode_ != PdoMode::dam) return can::Queued::closed;
+  if (inhibit_ != 0 && free_at_ > context_->now()) return can::Queued::full;
+  return submit(mpdo::make_dam(key_, node, object, data));
+}
+
+void Tpdo::send_scanned() noexcept {
+  SamProducer& sam = *context_->sam;
+  while (!sam.empty()) {
+    if (inhibit_ != 0 && !may_go()) return;
+    const ObjectRef object = sam.front();
+    const auto frame = mpdo::make_sam(key_, context_->node, object, context_->values->bytes(object));
+    const can::Queued queued = submit(frame);
+    if (queued != can::Queued::yes) return failed(queued);
+    sam.pop();
+  }
+  waiting_ = false;
 }
 
 // --- SYNC ------------------------------------------------------------------------------------------------------------
 
-void Pdos::sync(std::uint8_t counter, rt::Time at, rt::Duration window) noexcept {
-  if (!running_) return;
-  window_end_ = window > rt::Duration::zero() ? at + window : rt::never;
-  for (Rpdo& pdo : rpdos()) {
-    if (std::exchange(pdo.waiting, false)) store(pdo, pdo.data.data(), at);
+void Tpdo::sync(std::uint8_t counter) noexcept {
+  if (!active_) return;
+  if (type_ == rtr_sampled_at_sync) return sample();
+  if (!synchronous(type_)) return;
+  if (start_at_ != 0 && counter != 0) {
+    if (start_at_ != counter) return;
+    start_at_ = 0;
   }
-  for (Tpdo& pdo : tpdos()) {
-    if (pdo.active) sync(pdo, counter);
-  }
-  arm(window_end_);
-}
-
-void Pdos::sync(Tpdo& pdo, std::uint8_t counter) noexcept {
-  if (pdo.type == rtr_sampled_at_sync) return sample(pdo);
-  if (!synchronous(pdo.type)) return;
-  if (pdo.start_at != 0 && counter != 0) {
-    if (pdo.start_at != counter) return;
-    pdo.start_at = 0;
-  }
-  if (pdo.type == 0) {
-    if (!pdo.event) return;
-    pdo.event = false;
+  if (type_ == 0) {
+    if (!event_) return;
+    event_ = false;
   } else {
-    if (++pdo.syncs < pdo.type) return;
-    pdo.syncs = 0;
+    if (++syncs_ < type_) return;
+    syncs_ = 0;
   }
-  sample(pdo);
-  send_sample(pdo);
+  sample();
+  send_sample();
 }
 
-void Pdos::sample(Tpdo& pdo) noexcept {
-  if (pdo.stamped) stamp();
-  pdo.mapping.pack(base_, pdo.data.data());
-  pdo.sampled = true;
+void Tpdo::sample() noexcept {
+  if (stamped_) stamp(*context_);
+  mapping_.pack(context_->base, data_.data());
+  sampled_ = true;
 }
 
 // With a confirmation, so that it can be taken back when the window closes.
-void Pdos::send_sample(Tpdo& pdo) noexcept {
-  can::Frame frame = empty_frame(pdo.key, pdo.mapping.size());
-  std::memcpy(frame.data.data(), pdo.data.data(), pdo.data.size());
-  const can::Queued queued = dispatcher_->send(frame, pdo);
-  if (queued != can::Queued::yes) return failed(pdo, queued);
-  pdo.waiting = false;
+void Tpdo::send_sample() noexcept {
+  can::Frame frame = empty_frame(key_, mapping_.size());
+  std::memcpy(frame.data.data(), data_.data(), data_.size());
+  const can::Queued queued = context_->dispatcher->send(frame, *this);
+  if (queued != can::Queued::yes) return failed(queued);
+  waiting_ = false;
 }
 
-void Pdos::close_window() noexcept {
-  for (Tpdo& pdo : tpdos()) {
-    if (!synchronous(pdo.type)) continue;
-    pdo.waiting = false;
-    if (pdo.pending()) dispatcher_->withdraw(pdo);
-  }
+void Tpdo::close_window() noexcept {
+  if (!synchronous(type_)) return;
+  waiting_ = false;
+  if (pending()) context_->dispatcher->withdraw(*this);
 }
 
-void Pdos::requested(std::uint32_t key) noexcept {
-  for (Tpdo& pdo : tpdos()) {
-    if (!pdo.active || !pdo.answers || pdo.key != key || pdo.mode != PdoMode::mapped) continue;
-    if (event_driven(pdo.type)) {
-      attempt(pdo);
-    } else if (!synchronous(pdo.type)) {
-      if (pdo.type == rtr_only || !pdo.sampled) sample(pdo);
-      send_sample(pdo);
-    }
+void Tpdo::requested(std::uint32_t key) noexcept {
+  if (!active_ || !answers_ || key_ != key || mode_ != PdoMode::mapped) return;
+  if (event_driven(type_)) {
+    attempt();
+  } else if (!synchronous(type_)) {
+    if (type_ == rtr_only || !sampled_) sample();
+    send_sample();
   }
 }
 

@@ -32,13 +32,13 @@ std::unique_ptr<Controller> Bus::attach(const ControllerOptions& options) {
   Segment& segment = *segments_.front();
   const bool idle = segment.idle();
   controllers_.push_back(node.get());
-  segment.join(*node);
-  if (!idle) segment.integrate(*node, node->powered_ ? 1 : 0);
+  segment.join(node->node_);
+  if (!idle) segment.integrate(node->node_, node->powered() ? 1 : 0);
   return node;
 }
 
 void Bus::detach(Controller& controller) noexcept {
-  controller.segment_->leave(controller);
+  controller.node_.segment->leave(controller.node_);
   std::erase(controllers_, &controller);
   faults_.forget(controller);
   drop_empty_segments();
@@ -81,27 +81,28 @@ void Bus::reset_statistics() noexcept {
 void Bus::split(std::span<Controller* const> others) {
   Segment& segment = new_segment();
   for (Controller* node : others) {
-    if (node->bus_ == this && node->cable_) node->segment_->hand_over(*node, segment);
+    if (node->bus_ == this && node->cable_) node->node_.segment->hand_over(node->node_, segment);
   }
   drop_empty_segments();
 }
 
 void Bus::join() {
   for (Controller* node : controllers_) {
-    if (node->cable_ && node->segment_ != segments_.front().get()) node->segment_->hand_over(*node, *segments_.front());
+    if (node->cable_) node->node_.segment->hand_over(node->node_, *segments_.front());
   }
   drop_empty_segments();
 }
 
 void Bus::move(Controller& controller, bool cable_in) noexcept {
-  controller.segment_->hand_over(controller, cable_in ? *segments_.front() : new_segment());
+  controller.node_.segment->hand_over(controller.node_, cable_in ? *segments_.front() : new_segment());
   drop_empty_segments();
 }
 
 void Bus::drop_empty_segments() noexcept {
   const auto first = segments_.begin() + 1;
-  segments_.erase(std::remove_if(first, segments_.end(), [](const auto& segment) { return segment->empty(); }),
-                  segments_.end());
+  segments_.erase(
+      std::remove_if(first, segments_.end(), [](const auto& segment) { return segment->medium().nodes.empty(); }),
+      segments_.end());
 }
 
 }  // namespace berth::sim

@@ -32,6 +32,7 @@ namespace berth::sim {
 
 class World;
 class Segment;
+struct Medium;
 
 /// Counters since the bus was made or `reset_statistics`.
 struct BusStatistics {
@@ -95,7 +96,7 @@ class Bus {
  private:
   friend class World;
   friend class Controller;
-  friend class Segment;
+  friend struct Medium;
   Bus(World& world, int number, std::string name, can::BitRate bit_rate);
   void detach(Controller& controller) noexcept;
   void move(Controller& controller, bool cable_in) noexcept;

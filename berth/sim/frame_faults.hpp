@@ -1,14 +1,24 @@
-/// What goes wrong for the frame under way on one segment: which bits which nodes see wrong, which nodes lose it, and
-/// whether it is an FD frame that is destroyed. Internal to `sim`; `FaultPlan` says what strikes, this is what it does.
+/// What goes wrong for the frame under way on one segment: which bits which nodes see wrong, which nodes lose it,
+/// whether it is an FD frame that is destroyed, and how it has ended for the first node. Internal to `sim`; `FaultPlan`
+/// says what strikes, this is what it does.
 #pragma once
 
 #include <algorithm>
 #include <cstdint>
+#include <utility>
 #include <vector>
 
+#include "berth/rt/executor.hpp"
 #include "berth/sim/fault.hpp"
 
 namespace berth::sim {
+
+class Bus;
+class SegmentNodes;
+
+/// From the start of a frame to the beginning of its bit `bit`. `data_bit`: bit time of an FD frame's data phase.
+[[nodiscard]] rt::Duration offset_of_bit(const can::Frame& frame, int bit, rt::Duration bit_time,
+                                         rt::Duration data_bit) noexcept;
 
 class FrameFaults {
  public:
@@ -25,8 +35,10 @@ class FrameFaults {
   void clear() noexcept {
     losers_.clear();
     flaws_.clear();
-    doomed_ = false;
+    doomed_ = failed_ = good_ = false;
   }
+  /// What the bus's plan has for the frame that begins at `start`, sent by node `sender`.
+  void draw(Bus& bus, const can::Frame& frame, rt::Time start, int sender, const SegmentNodes& nodes);
   /// The segment is quiet again: no node sees a wrong bit any more.
   void end_flaws() noexcept { flaws_.clear(); }
 
@@ -40,6 +52,9 @@ class FrameFaults {
   [[nodiscard]] bool loses(const Controller& node) const noexcept {
     return !losers_.empty() && std::ranges::find(losers_, &node) != losers_.end();
   }
+  /// The frame has met an error, or has been counted as good: true for the first node.
+  [[nodiscard]] bool fail() noexcept { return !std::exchange(failed_, true); }
+  [[nodiscard]] bool pass() noexcept { return !std::exchange(good_, true); }
   [[nodiscard]] const std::vector<Flaw>& flaws() const noexcept { return flaws_; }
   /// Does the node see other bits than the nodes around it?
   [[nodiscard]] bool victim(const Controller& node) const noexcept;
@@ -50,6 +65,8 @@ class FrameFaults {
   std::vector<const Controller*> losers_;  // by Fault::Kind::overrun
   std::vector<Flaw> flaws_;
   bool doomed_ = false;
+  bool failed_ = false;
+  bool good_ = false;
 };
 
 }  // namespace berth::sim

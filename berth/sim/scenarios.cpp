@@ -17,7 +17,7 @@ constexpr auto bit_time = 1us;  // 1 Mbit/s: a microsecond is a bit
 class Narrator {
  public:
   explicit Narrator(World& world) : world_(world) {}
-  void watch(const Controller& node) { nodes_.push_back({&node, node.statistics(), node.error_state()}); }
+  void watch(const Controller& node) { nodes_.push_back({&node, node.statistics(), node.errors().state()}); }
 
   /// Runs until nothing is left to send or `attempts` frames have begun, at most `limit` bits.
   void run(Bus& bus, unsigned attempts, unsigned limit) {
@@ -28,7 +28,7 @@ class Narrator {
     Step step{static_cast<std::uint64_t>(world_.now().time_since_epoch() / bit_time), std::move(event), {}};
     for (const auto& seen : nodes_) {
       const Controller& node = *seen.node;
-      step.nodes.push_back({node.name(), node.tec(), node.rec(), node.error_state()});
+      step.nodes.push_back({node.name(), node.errors().tec(), node.errors().rec(), node.errors().state()});
     }
     steps_.push_back(std::move(step));
   }
@@ -45,14 +45,14 @@ class Narrator {
       const Controller& node = *seen.node;
       const NodeStatistics now = node.statistics();
       const NodeStatistics before = std::exchange(seen.before, now);
-      const ErrorState state = std::exchange(seen.state, node.error_state());
+      const ErrorState state = std::exchange(seen.state, node.errors().state());
       if (now.transmit_errors > before.transmit_errors) {
         const char* flag = state == ErrorState::active ? "active" : "passive";
         say(fmt::format("{}: attempt {} fails, {} error flag", node.name(), now.attempts, flag));
       }
       if (now.receive_errors > before.receive_errors) say(fmt::format("{}: error as receiver", node.name()));
       if (now.sent > before.sent) say(fmt::format("{}: attempt {} is acknowledged", node.name(), now.attempts));
-      if (state != node.error_state()) say(fmt::format("{}: error {}", node.name(), name(node.error_state())));
+      if (state != node.errors().state()) say(fmt::format("{}: error {}", node.name(), name(node.errors().state())));
     }
   }
   World& world_;
@@ -79,7 +79,7 @@ std::vector<Step> two_with_one_id(unsigned coincidences) {
   const auto ear = bus.attach({.name = "listener"});
   Narrator narrator(world);
   for (const auto* node : {a.get(), b.get(), ear.get()}) narrator.watch(*node);
-  for (unsigned i = 0; i < coincidences && b->error_state() != ErrorState::bus_off; ++i) {
+  for (unsigned i = 0; i < coincidences && b->errors().state() != ErrorState::bus_off; ++i) {
     a->send(can::Frame::base(0x181, {0x55, 0x00}), 1);
     b->send(can::Frame::base(0x181, {0x55, 0x01}), 1);
     narrator.say(i == 0 ? "a and b start 181h together, a with 55 00, b with 55 01"

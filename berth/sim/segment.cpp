@@ -1,219 +1,191 @@
 #include "berth/sim/segment.hpp"
 
 #include <algorithm>
-#include <bit>
 
 #include "berth/can/length.hpp"
-#include "berth/sim/world.hpp"
 
 namespace berth::sim {
+namespace {
+
+// Senders of one identifier: is it one frame on the wire? Among FD frames ESI tells a passive sender from an active
+// one.
+[[gnu::cold]] bool all_send_one_fd_frame(const std::vector<BusNode*>& senders) noexcept {
+  const can::Frame first = senders.front()->head_frame();
+  return std::ranges::all_of(senders, [&](const BusNode* node) {
+    const can::Frame frame = node->head_frame();
+    return frame == first && frame.esi == first.esi;
+  });
+}
+
+bool all_send_one_frame(const std::vector<BusNode*>& senders) noexcept {
+  const can::PackedFrame& frame = senders.front()->transmit.head().frame;
+  if (frame.fd()) return all_send_one_fd_frame(senders);
+  return std::ranges::all_of(senders, [&](const BusNode* node) {
+    const can::PackedFrame& other = node->transmit.head().frame;
+    return !other.fd() && other == frame;
+  });
+}
+
+}  // namespace
+
+Segment::Segment(Bus& bus) noexcept
+    : medium_(bus),
+      integration_(medium_.executor, medium_.nodes, *this),
+      deliveries_(medium_.executor, *this),
+      play_(medium_, deliveries_, *this) {}
 
 // Nodes come and go.
 
-void Segment::join(Controller& node) {
+void Segment::join(BusNode& node) {
   if (state_ == State::busy && unanswered_) replay();
-  const auto hole = std::ranges::find(nodes_, nullptr);
-  node.slot_ = static_cast<std::uint32_t>(hole - nodes_.begin());
-  if (hole == nodes_.end()) {
-    nodes_.push_back(&node);
-    filters_.grow(nodes_.size());
-  } else {
-    *hole = &node;
-  }
-  node.segment_ = this;
-  node.sending_ = false;
-  ++count_;
-  if ((node.tec_ | node.rec_) != 0) ++noisy_;
-  filters_.set(node.slot_, {}, node.accept_);
+  medium_.nodes.join(node);
+  medium_.contenders.grow(medium_.nodes.slots().size());
+  medium_.filters.grow(medium_.nodes.slots().size());
+  node.segment = this;
+  node.transmit.break_off();
+  medium_.filters.set(node.slot, {}, node.accept);
   refresh();
 }
 
-void Segment::leave(Controller& node) noexcept {
+void Segment::leave(BusNode& node) noexcept {
   disturb(node);
   detach(node);
 }
 
-void Segment::detach(Controller& node) noexcept {
-  filters_.set(node.slot_, node.accept_, {});
-  if ((node.tec_ | node.rec_) != 0) --noisy_;
-  nodes_[node.slot_] = nullptr;
-  node.segment_ = nullptr;
-  node.slot_ = Controller::nothing;
-  --count_;
+void Segment::detach(BusNode& node) noexcept {
+  medium_.filters.set(node.slot, node.accept, {});
+  medium_.nodes.leave(node);
+  node.segment = nullptr;
   refresh();
-}
-
-void Segment::set_filter(Controller& node, const std::vector<can::IdRange>& before) {
-  filters_.set(node.slot_, before, node.accept_);
-}
-
-void Segment::counters_changed(bool was_clean, bool is_clean) noexcept {
-  if (was_clean && !is_clean) ++noisy_;
-  if (!was_clean && is_clean) --noisy_;
 }
 
 void Segment::refresh() noexcept {
-  ackers_ = integrating_ = suspended_ = present_ = 0;
-  mixed_ = false;
-  std::uint32_t rate = 0;
-  for (const Controller* node : nodes_) {
-    if (node == nullptr || !node->powered_) continue;
-    if (node->participates() && !node->listen_only_) ++ackers_;
-    if (node->runs_left_ > 0 && node->runs_left_ != Controller::nothing) ++integrating_;
-    if (node->runs_left_ == Controller::nothing) continue;
-    ++present_;
-    if (node->suspends_) ++suspended_;
-    if (rate != 0 && rate != node->bit_rate_) mixed_ = true;
-    rate = node->bit_rate_;
-  }
-  if (rate != 0) bit_ = bit_time_of(rate);
+  medium_.nodes.recount();
   schedule_integration();
 }
 
-void Segment::integrate(Controller& node, std::uint32_t runs) noexcept {
-  node.runs_left_ = Controller::nothing;
+void Segment::integrate(BusNode& node, std::uint32_t runs) noexcept {
+  node.access.exclude();
   // A node of another bit rate samples what the frame under way has left of it.
-  const bool other_rate = node.powered_ && runs != Controller::nothing && bit_time_of(node.bit_rate_) != bit_;
+  const bool other_rate = node.powered && bit_time_of(node.bit_rate) != medium_.nodes.bit();
   if (state_ == State::busy && (unanswered_ || (other_rate && !frame_.fd))) replay();
-  node.runs_left_ = runs;
-  node.recessive_since_ = executor_->now();
-  node.suspends_ = false;
+  node.access.integrate(runs, medium_.executor.now());
+  node.access.end_suspension();
   refresh();
-  if (state_ == State::bitwise) {
-    if (node.powered_ && runs != Controller::nothing) put_in_group(node, executor_->now(), false, false);
+  if (state_ != State::bitwise) return offer(node);
+  if (node.powered) play_.put(node, medium_.executor.now());
+}
+
+void Segment::disturb(BusNode& node) noexcept {
+  if (state_ == State::busy) {
+    const bool acknowledges = node.acknowledges();
+    if (node.transmit.sending() || (acknowledges && medium_.nodes.acknowledgers() <= senders_.size() + 1)) {
+      replay();
+    } else if (acknowledges) {
+      medium_.nodes.lose_acknowledger();
+    }
+  }
+  if (state_ == State::bitwise) static_cast<void>(play_.take_out(node));
+  deliveries_.settle(node);
+  node.transmit.break_off();
+  node.access.end_suspension();
+  medium_.withdraw(node);
+  if (state_ == State::starting && medium_.contenders.empty()) schedule_start();
+}
+
+void Segment::hand_over(BusNode& node, Segment& to) {
+  if (this == &to) return;
+  if (state_ == State::busy) replay();
+  if (to.state_ == State::busy) to.replay();
+  const bool playing = state_ == State::bitwise;
+  const rt::Time grid = playing ? play_.grid(node.bit_rate) : medium_.executor.now();
+  auto group = playing ? play_.take_out(node) : nullptr;
+  const bool sends = node.transmit.sending();
+  node.transmit.break_off();
+  medium_.withdraw(node);
+  if (state_ == State::starting && medium_.contenders.empty()) schedule_start();
+  deliveries_.hand_over(node, to.deliveries_);
+  if (to.medium_.nodes.empty()) to.medium_.free_at = medium_.free_at;
+  detach(node);
+  if (playing && to.state_ != State::bitwise) {
+    to.play(grid, false);
+    to.medium_.sof = medium_.sof;
+  }
+  to.join(node);
+  if (to.state_ != State::bitwise) return to.offer(node);
+  if (group != nullptr) {
+    to.play_.put(std::move(group), node.bit_rate, grid);
+  } else if (node.powered && !node.access.excluded()) {
+    to.play_.put(node, grid);
+  }
+  if (sends) {
+    to.medium_.contenders.put(node.slot, node.transmit.head().arbitration);
+    node.transmit.begin();
   } else {
-    offer(node);
+    to.offer(node);
   }
 }
 
-// Recessive bits are counted on the segment's behalf while nothing disturbs: each frame that ends well gives one run
-// of 11 (ACK delimiter, end-of-frame, intermission), an idle bus one for each 11 bits.
-
-void Segment::count_recessive(rt::Time dominant_at) noexcept {
-  for (Controller* node : nodes_) {
-    if (node == nullptr || node->runs_left_ == 0 || node->runs_left_ == Controller::nothing) continue;
-    const auto run = 11 * bit_time_of(node->bit_rate_);
-    const auto seen = std::max<std::int64_t>(0, (dominant_at - node->recessive_since_) / run);
-    node->runs_left_ -= static_cast<std::uint32_t>(std::min<std::int64_t>(seen, node->runs_left_));
-    node->recessive_since_ += seen * run;
-    if (node->runs_left_ == 0) integrated(*node);
-  }
-}
+// Integration.
 
 void Segment::schedule_integration() noexcept {
-  integrator_.cancel();
-  if (integrating_ == 0 || state_ == State::busy || state_ == State::bitwise) return;
-  rt::Time first = rt::never;
-  for (const Controller* node : nodes_) {
-    if (node == nullptr || node->runs_left_ == 0 || node->runs_left_ == Controller::nothing || !node->powered_)
-      continue;
-    first = std::min(first, node->recessive_since_ + node->runs_left_ * 11 * bit_time_of(node->bit_rate_));
+  if (idle()) {
+    integration_.schedule(state_ == State::starting ? medium_.sof : rt::never);
+  } else {
+    integration_.cancel();
   }
-  // A frame that begins before that is dominant then: what is left is counted when it has ended.
-  if (state_ == State::starting && first > sof_) return;
-  executor_->at(first, integrator_);
 }
 
 void Segment::integration_due() noexcept {
   if (!idle()) return;
-  count_recessive(state_ == State::starting ? std::min(sof_, executor_->now()) : executor_->now());
+  const rt::Time now = medium_.executor.now();
+  integration_.count(state_ == State::starting ? std::min(medium_.sof, now) : now);
   refresh();
 }
 
-void Segment::integrated(Controller& node) noexcept {
-  node.runs_left_ = 0;
-  if (node.bus_off_) {
-    node.bus_off_ = false;
+void Segment::integrated(BusNode& node) noexcept {
+  if (node.errors.bus_off()) {
+    node.errors.set_bus_off(false);
     node.set_counters(0, 0);
     node.tell_if_changed();
   }
   if (state_ != State::bitwise) offer(node);
 }
 
-// Contenders: the nodes with a frame to send, as a heap.
+// Beginnings of frames.
 
-void Segment::heap_place(std::size_t at, Contender contender) noexcept {
-  contenders_[at] = contender;
-  nodes_[contender.slot()]->heap_at_ = static_cast<std::uint32_t>(at);
-}
-
-// Moves the contender at `at` up or down to where it belongs.
-void Segment::heap_move(std::size_t at) noexcept {
-  const Contender moving = contenders_[at];
-  while (at > 0 && moving.order < contenders_[(at - 1) / 2].order) {
-    heap_place(at, contenders_[(at - 1) / 2]);
-    at = (at - 1) / 2;
+void Segment::offer(BusNode& node) noexcept {
+  if (node.transmit.sending()) return;
+  medium_.contend(node);
+  if (node.offers()) {
+    if (state_ == State::quiet || (state_ == State::starting && medium_.sof > medium_.executor.now())) schedule_start();
+  } else if (state_ == State::starting && medium_.contenders.empty()) {
+    schedule_start();
   }
-  const std::size_t count = contenders_.size();
-  for (std::size_t child = 2 * at + 1; child < count; child = 2 * at + 1) {
-    if (child + 1 < count) child += contenders_[child + 1].order < contenders_[child].order ? 1 : 0;
-    if (contenders_[child].order >= moving.order) break;
-    heap_place(at, contenders_[child]);
-    at = child;
-  }
-  heap_place(at, moving);
-}
-
-void Segment::heap_put(Controller& node) noexcept {
-  const Contender contender{static_cast<std::uint64_t>(node.head().arbitration) << 32U | node.slot_};
-  std::size_t at = node.heap_at_;
-  if (at == Controller::nothing) {
-    node.contends_since_ = starts_;
-    at = contenders_.size();
-    contenders_.push_back(contender);
-  } else if (contenders_[at].order == contender.order) {
-    return;
-  }
-  contenders_[at] = contender;
-  heap_move(at);
-}
-
-void Segment::heap_remove(Controller& node) noexcept {
-  const std::size_t at = node.heap_at_;
-  if (at == Controller::nothing) return;
-  node.statistics_.arbitration_losses += starts_ - node.contends_since_;
-  node.heap_at_ = Controller::nothing;
-  const Contender last = contenders_.back();
-  contenders_.pop_back();
-  if (at == contenders_.size()) return;
-  contenders_[at] = last;
-  heap_move(at);
-}
-
-void Segment::offer(Controller& node) noexcept {
-  if (node.sending_) return;
-  if (!node.offers()) {
-    heap_remove(node);
-    if (state_ == State::starting && contenders_.empty()) schedule_start();
-    return;
-  }
-  heap_put(node);
-  if (state_ == State::quiet || (state_ == State::starting && sof_ > executor_->now())) schedule_start();
-}
-
-rt::Time Segment::earliest(const Controller& node) const noexcept {
-  return std::max({executor_->now(), free_at_, node.suspends_ ? node.not_before_ : free_at_});
 }
 
 void Segment::schedule_start() noexcept {
-  if (contenders_.empty()) {
+  const auto& nodes = medium_.nodes;
+  if (medium_.contenders.empty()) {
     cancel();
     state_ = State::quiet;
-    if (integrating_ > 0) schedule_integration();
+    if (nodes.any_integrating()) schedule_integration();
     return;
   }
-  rt::Duration bit = bit_;
-  sof_ = std::max(executor_->now(), free_at_);
-  if (suspended_ > 0 || mixed_) {
+  rt::Duration bit = nodes.bit();
+  const rt::Time earliest = std::max(medium_.executor.now(), medium_.free_at);
+  medium_.sof = earliest;
+  if (nodes.any_suspended() || nodes.mixed()) {
     rt::Time first = rt::never;
-    for (const auto& contender : contenders_) first = std::min(first, earliest(*nodes_[contender.slot()]));
-    sof_ = first;
-    for (const Controller* node : nodes_) {
-      if (node != nullptr && node->powered_) bit = std::min(bit, bit_time_of(node->bit_rate_));
+    for (const auto& contender : medium_.contenders.all()) {
+      const Participation& access = nodes.at(contender.slot()).access;
+      first = std::min(first, access.suspends() ? std::max(earliest, access.not_before()) : earliest);
     }
+    medium_.sof = first;
+    bit = nodes.shortest_bit();
   }
   state_ = State::starting;
-  executor_->at(sof_ + sample_point(bit), *this, rt::Rank::medium);
+  medium_.executor.at(medium_.sof + sample_point(bit), *this, rt::Rank::medium);
 }
 
 void Segment::run() noexcept {
@@ -226,241 +198,134 @@ void Segment::run() noexcept {
   }
 }
 
-// Takes the winners from the heap into senders_; false when they send different frames.
+// The winners of arbitration; false when they send different frames.
 bool Segment::pick_senders() noexcept {
+  auto& contenders = medium_.contenders;
+  const auto& nodes = medium_.nodes;
   senders_.clear();
   std::uint32_t best = 0xFFFF'FFFFU;
-  if (suspended_ == 0) {
-    best = contenders_.front().arbitration();
-  } else {
-    for (const auto& contender : contenders_) {
-      Controller& node = *nodes_[contender.slot()];
-      if (node.suspends_ && node.not_before_ > executor_->now()) {
-        ++node.contends_since_;  // this one it does not lose
-      } else {
-        best = std::min(best, contender.arbitration());
-      }
+  if (!nodes.any_suspended()) {
+    if (contenders.one_wins()) {
+      senders_.push_back(&nodes.at(contenders.first().slot()));
+      return true;
+    }
+    best = contenders.first().arbitration();
+  }
+  const rt::Time now = medium_.executor.now();
+  for (const auto& contender : contenders.all()) {
+    if (nodes.any_suspended() && nodes.at(contender.slot()).access.suspended(now)) {
+      contenders.excuse(contender.slot());
+    } else {
+      best = std::min(best, contender.arbitration());
     }
   }
-  // Few share the lowest key, and they stand at the top: one that is equal to the least has parents that are.
-  if (suspended_ == 0 && (contenders_.size() < 2 || contenders_[1].arbitration() != best) &&
-      (contenders_.size() < 3 || contenders_[2].arbitration() != best)) {
-    senders_.push_back(nodes_[contenders_.front().slot()]);
-    return true;
+  for (const auto& contender : contenders.all()) {
+    BusNode& node = nodes.at(contender.slot());
+    if (contender.arbitration() == best && !node.access.suspended(now)) senders_.push_back(&node);
   }
-  for (const auto& contender : contenders_) {
-    Controller& node = *nodes_[contender.slot()];
-    if (contender.arbitration() == best && !(node.suspends_ && node.not_before_ > executor_->now())) {
-      senders_.push_back(&node);
-    }
-  }
-  std::ranges::sort(senders_, {}, &Controller::number_);
-  const can::PackedFrame& frame = senders_.front()->head().frame;
-  if (frame.fd()) return fd_alike();
-  return std::ranges::all_of(
-      senders_, [&](const Controller* node) { return !node->head().frame.fd() && node->head().frame == frame; });
+  std::ranges::sort(senders_, {}, &BusNode::number);
+  return all_send_one_frame(senders_);
 }
 
 void Segment::arbitrate() noexcept {
+  const auto& nodes = medium_.nodes;
+  const auto& faults = medium_.faults;
   const bool alike = pick_senders();
-  if (integrating_ > 0) {
-    integrator_.cancel();
-    count_recessive(sof_);
+  if (nodes.any_integrating()) {
+    integration_.cancel();
+    integration_.count(medium_.sof);
   }
-  frame_ = senders_.front()->head_frame();
-  note_start(frame_, senders_.front()->number_);
-  if (!alike) ++bus_->statistics_.collisions;
-  unanswered_ =
-      present_ == 1 && !faults_.disturbed() && !frame_.fd && senders_.front()->error_state() == ErrorState::passive;
-  if ((!alike || mixed_ || ackers_ <= senders_.size() || faults_.disturbed() || faults_.doomed()) && !unanswered_) {
-    start_bitwise();
-    return;
+  const BusNode& first = *senders_.front();
+  frame_ = first.head_frame();
+  medium_.begin_frame(frame_, first.number);
+  if (!alike) ++medium_.statistics.collisions;
+  unanswered_ = nodes.present() == 1 && !faults.disturbed() && !frame_.fd && first.errors.passive();
+  if ((!alike || nodes.mixed() || nodes.acknowledgers() <= senders_.size() || faults.disturbed() || faults.doomed()) &&
+      !unanswered_) {
+    ++medium_.statistics.bitwise;
+    return play(medium_.sof, true);
   }
-  for (Controller* node : senders_) {
-    begin_attempt(*node);
-    if (node->suspends_) {
-      node->suspends_ = false;
-      --suspended_;
-    }
+  for (BusNode* node : senders_) {
+    medium_.begin_attempt(*node);
+    if (node->access.end_suspension()) medium_.nodes.suspension(false);
   }
+  const rt::Duration bit = nodes.bit();
   if (frame_.fd) [[unlikely]] {
     frame_bits_ = can::exact_fd_bits(frame_).all();
-    frame_time_ = place(frame_, static_cast<int>(frame_bits_));
+    frame_time_ = offset_of_bit(frame_, static_cast<int>(frame_bits_), bit, medium_.bus.data_bit_time());
   } else {
     frame_bits_ = can::exact_bits(frame_);
-    frame_time_ = frame_bits_ * bit_;
+    frame_time_ = frame_bits_ * bit;
   }
   state_ = State::busy;
-  executor_->at(sof_ + frame_time_ + (unanswered_ ? 6 : -3) * bit_, *this, rt::Rank::medium);
+  medium_.executor.at(medium_.sof + frame_time_ + (unanswered_ ? 6 : -3) * bit, *this, rt::Rank::medium);
 }
 
-// Senders of one identifier, the first with an FD frame: is it one frame on the wire? ESI tells a passive sender from
-// an active one.
-bool Segment::fd_alike() const noexcept {
-  const can::Frame first = senders_.front()->head_frame();
-  return std::ranges::all_of(senders_, [&](const Controller* node) {
-    const can::Frame frame = node->head_frame();
-    return frame == first && frame.esi == first.esi;
-  });
-}
-
-void Segment::note_start(const can::Frame& frame, int sender) {
-  faults_.clear();
-  failed_ = good_ = false;
-  if (bus_->faults_.any()) apply_faults(frame, sender);
-  ++starts_;
-  bus_->faults_.count_start();
-  ++bus_->statistics_.starts;
-}
-
-// The node stays among the contenders while it sends.
-void Segment::begin_attempt(Controller& node) noexcept {
-  node.statistics_.arbitration_losses += starts_ - 1 - node.contends_since_;
-  node.contends_since_ = starts_;
-  node.sending_ = true;
-  ++node.statistics_.attempts;
-  if (node.head().tried) ++node.statistics_.retransmissions;
-}
+// Ends of frames.
 
 void Segment::finish() noexcept {
-  const rt::Time now = executor_->now();
-  free_at_ = sof_ + frame_time_;
+  const rt::Time now = medium_.executor.now();
+  medium_.free_at = medium_.sof + frame_time_;
   state_ = State::quiet;
-  BusStatistics& statistics = bus_->statistics_;
-  statistics.bits += frame_bits_;
-  statistics.busy += frame_time_;
-  if (senders_.size() > 1) ++statistics.merged;
-  bus_->good_frame(frame_, now, senders_.front()->number_);
-  deliver(frame_, now);
-  for (Controller* node : senders_) {
-    node->statistics_.sent_bits += frame_bits_;
+  medium_.statistics.busy += frame_time_;
+  if (senders_.size() > 1) ++medium_.statistics.merged;
+  medium_.count_good(frame_, frame_bits_, now, senders_.front()->number);
+  medium_.deliver(frame_, now);
+  for (BusNode* node : senders_) {
+    node->statistics.sent_bits += frame_bits_;
     node->confirm(now);
   }
-  if (noisy_ > 0) settle_counters(free_at_);
-  if (integrating_ > 0) {
-    const rt::Time delimiter = free_at_ - 11 * bit_;
-    for (Controller* node : nodes_) {
-      if (node != nullptr) node->recessive_since_ = std::max(node->recessive_since_, delimiter);
-    }
-  }
-  for (Controller* node : senders_) {
-    if (node->offers()) {
-      heap_put(*node);
-    } else {
-      heap_remove(*node);
-    }
-  }
-  if (integrating_ > 0) schedule_integration();
+  auto& nodes = medium_.nodes;
+  if (nodes.any_noisy()) nodes.count_good_frame(senders_, medium_.free_at);
+  if (nodes.any_integrating()) integration_.dominant_until(medium_.free_at - 11 * nodes.bit());
+  for (BusNode* node : senders_) medium_.contend(*node);
+  if (nodes.any_integrating()) schedule_integration();
   schedule_start();
 }
 
 // A passive node alone on the wire goes on for ever: ACK error, six recessive bits of flag, eight of delimiter, three
 // of intermission, no counter touched (rule 3, exception 1), suspend transmission.
 void Segment::give_up() noexcept {
-  Controller& node = *senders_.front();
-  free_at_ = executor_->now();
+  BusNode& node = *senders_.front();
+  medium_.free_at = medium_.executor.now();
   state_ = State::quiet;
-  bus_->statistics_.busy += free_at_ - sof_;
-  ++bus_->statistics_.error_frames;
-  ++node.statistics_.transmit_errors;
-  node.slots_[node.head_].tried = true;
-  node.suspends_ = true;
-  node.not_before_ = free_at_ + 8 * bit_;
-  ++suspended_;
-  attempt_over(node);
+  medium_.statistics.busy += medium_.free_at - medium_.sof;
+  ++medium_.statistics.error_frames;
+  ++node.statistics.transmit_errors;
+  node.access.suspend(medium_.free_at + 8 * medium_.nodes.bit());
+  medium_.nodes.suspension(true);
+  node.transmit.mark_tried();
+  node.transmit.attempt_over();
+  offer(node);
   if (state_ == State::quiet) schedule_start();
 }
 
-// Rules 7 and 8 of fault confinement, and suspend transmission.
-void Segment::settle_counters(rt::Time free) noexcept {
-  for (Controller* node : nodes_) {
-    if (node == nullptr || !node->participates() || node->listen_only_) continue;
-    const bool sent = std::ranges::find(senders_, node) != senders_.end();
-    if (sent) {
-      if (node->tec_ > 0) node->set_counters(static_cast<std::uint16_t>(node->tec_ - 1), node->rec_);
-      if (node->error_state() == ErrorState::passive) {
-        node->suspends_ = true;
-        node->not_before_ = free + 8 * bit_;
-        ++suspended_;
-      }
-    } else if (node->rec_ > 0) {
-      node->set_counters(node->tec_,
-                         node->rec_ > 127 ? std::uint16_t{127} : static_cast<std::uint16_t>(node->rec_ - 1));
-    }
-    node->tell_if_changed();
-  }
+// Bit by bit.
+
+void Segment::play(rt::Time start, bool sending) {
+  cancel();
+  integration_.cancel();
+  state_ = State::bitwise;
+  play_.begin(start, sending);
 }
 
-void Segment::deliver(const can::Frame& frame, rt::Time at) noexcept {
-  const std::uint64_t* hearing = filters_.find(frame.key());
-  for (std::size_t word = 0; word < filters_.words(); ++word) {
-    for (std::uint64_t rest = hearing[word]; rest != 0; rest &= rest - 1) {
-      Controller& node = *nodes_[word * 64 + static_cast<unsigned>(std::countr_zero(rest))];
-      if (node.sending_ || !node.participates()) continue;
-      if (faults_.loses(node)) {
-        ++node.statistics_.overruns;
-        continue;
-      }
-      node.deliver(frame, at);
-    }
-  }
+// A frame under way has lost what it was computed on: play again what has happened of it, and on from here.
+void Segment::replay() {
+  ++medium_.statistics.bitwise;
+  play(medium_.sof, true);
+  play_.catch_up();
 }
 
-// Filters.
-
-void Filters::grow(std::size_t slots) {
-  const std::size_t words = (slots + 63) / 64;
-  if (words <= words_) return;
-  std::vector<std::uint64_t> larger(2048 * words);
-  for (std::size_t key = 0; words_ > 0 && key < 2048; ++key) {
-    std::copy_n(base_.begin() + static_cast<std::ptrdiff_t>(key * words_), words_,
-                larger.begin() + static_cast<std::ptrdiff_t>(key * words));
-  }
-  base_.swap(larger);
-  words_ = words;
-  for (auto& cached : cache_) cached.key = 0;
+void Segment::sent(BusNode& node, rt::Time at) noexcept {
+  medium_.withdraw(node);
+  node.confirm(at);
+  offer(node);
 }
 
-void Filters::set(std::uint32_t slot, const std::vector<can::IdRange>& before,
-                  const std::vector<can::IdRange>& accept) {
-  // Only what differs is touched: services add and remove single identifiers. Ranges that overlap are set all anew.
-  const std::uint64_t mask = 1ULL << (slot % 64);
-  const auto put = [&](const std::vector<can::IdRange>& ranges, const std::vector<can::IdRange>& kept, bool on) {
-    for (const auto& range : ranges) {
-      if (range.first > can::base_mask || std::ranges::find(kept, range) != kept.end()) continue;
-      for (std::uint32_t key = range.first; key <= std::min(range.last, can::base_mask); ++key) {
-        auto& word = base_[key * words_ + slot / 64];
-        word = on ? word | mask : word & ~mask;
-      }
-    }
-  };
-  const auto overlap = [](const can::IdRange& a, const can::IdRange& b) { return b.first <= a.last; };
-  const bool plain = std::ranges::adjacent_find(before, overlap) == before.end();
-  put(before, plain ? accept : std::vector<can::IdRange>{}, false);
-  put(accept, plain ? before : std::vector<can::IdRange>{}, true);
-  std::vector<can::IdRange> extended;
-  for (const auto& range : accept) {
-    if (range.last >= can::extended_flag) extended.push_back(range);
-  }
-  const auto known = std::ranges::find(extended_, slot, &Extended::slot);
-  if (known != extended_.end() ? known->ranges == extended : extended.empty()) return;
-  if (known != extended_.end()) extended_.erase(known);
-  if (!extended.empty()) extended_.push_back({slot, std::move(extended)});
-  for (auto& cached : cache_) cached.key = 0;
-}
-
-const std::uint64_t* Filters::find(std::uint32_t key) noexcept {
-  if ((key & can::extended_flag) == 0) return base_.data() + key * words_;
-  Cached& cached = cache_[(key ^ (key >> 6U) ^ (key >> 18U)) % cache_.size()];
-  if (cached.key == key) return cached.nodes.data();
-  cached.key = key;
-  cached.nodes.assign(words_, 0);
-  for (const auto& node : extended_) {
-    for (const auto& range : node.ranges) {
-      if (range.contains(key)) cached.nodes[node.slot / 64] |= 1ULL << (node.slot % 64);
-    }
-  }
-  return cached.nodes.data();
+void Segment::play_over() noexcept {
+  state_ = State::quiet;
+  refresh();
+  schedule_start();
 }
 
 }  // namespace berth::sim

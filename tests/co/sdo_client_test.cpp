@@ -650,11 +650,11 @@ RC_GTEST_PROP(ClientProperty, AdversarialFrames, (std::uint64_t seed)) {
 struct Lazy final : can::Handler, rt::Job {
   Lazy(Wire& wire, od::Values& values, std::size_t buffer, std::uint64_t seed)
       : station(wire), core(values, buffer), random(seed) {
-    core.set_response_id(0x585);
+    core.set_response_id(co::CobId(0x585));
     station.dispatcher.add(can::only(0x605), *this);
   }
   void received(const can::Frame& f, rt::Time) noexcept override {
-    held = core.handle(f);
+    held = answer_of(core, f);
     if (held) station.dispatcher.executor().after(std::chrono::microseconds(random.below(4000)), *this);
   }
   void run() noexcept override { station.dispatcher.send(*std::exchange(held, std::nullopt)); }

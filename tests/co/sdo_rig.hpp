@@ -63,10 +63,10 @@ inline std::vector<std::string> segments_of(const Bytes& data, bool last_of_all 
 // A server alone: requests and answers as hex.
 struct ServerRig {
   explicit ServerRig(std::size_t buffer = 4096) : values(test_description(), NodeId(5)), server(values, buffer) {
-    server.set_response_id(0x585);
+    server.set_response_id(co::CobId(0x585));
   }
   std::string ask(const std::string& data) {
-    const auto answer = server.handle(*can::parse_frame("605#" + data));
+    const auto answer = answer_of(server, *can::parse_frame("605#" + data));
     return answer ? can::to_string(*answer).substr(4) : "";
   }
   // All segments that the server has to send now.

@@ -22,12 +22,12 @@ using Bytes = std::vector<std::uint8_t>;
 
 struct Server : ::testing::Test {
   explicit Server(std::size_t buffer = 64) : server(values, buffer) {
-    server.set_response_id(0x585);
+    server.set_response_id(co::CobId(0x585));
     values.attach(refuser, 0x2008);
   }
   // The answer's data as hex; "" when there is none.
   std::string ask(const std::string& data) {
-    const auto answer = server.handle(*can::parse_frame("605#" + data));
+    const auto answer = answer_of(server, *can::parse_frame("605#" + data));
     if (!answer) return "";
     EXPECT_EQ(answer->id, 0x585U);
     EXPECT_EQ(answer->size, 8);
@@ -208,7 +208,7 @@ TEST_F(Server, S17_UploadLongerThanTheBuffer) {
   EXPECT_EQ(ask("4004200000000000"), "41042000E8030000");
   Bytes got;
   for (bool toggle = false;; toggle = !toggle) {
-    const auto answer = server.handle(*can::parse_frame(toggle ? "605#7000000000000000" : "605#6000000000000000"));
+    const auto answer = answer_of(server, *can::parse_frame(toggle ? "605#7000000000000000" : "605#6000000000000000"));
     ASSERT_TRUE(answer);
     const auto count = 7U - ((answer->data[0] >> 1U) & 7U);
     got.insert(got.end(), answer->data.begin() + 1, answer->data.begin() + 1 + count);
@@ -262,7 +262,7 @@ TEST_F(Server, S18_AbortCodes) {
 TEST_F(Server, EveryAbortCodeOfTheDictionaryReachesTheWire) {
   for (const auto code : od::all_abort_codes()) {
     refuser.code = code;
-    const auto answer = server.handle(*can::parse_frame("605#4008200000000000"));
+    const auto answer = answer_of(server, *can::parse_frame("605#4008200000000000"));
     ASSERT_TRUE(answer);
     EXPECT_EQ(answer->data[0], 0x80);
     EXPECT_EQ(co::sdo::abort_code(*answer), code);
@@ -288,7 +288,7 @@ RC_GTEST_PROP(ServerProperty, AdversarialFrames, (std::uint64_t seed)) {
   od::Values values(test_description(), NodeId(5));
   const auto buffer = seed % 40;
   co::SdoServer server(values, buffer);
-  server.set_response_id(0x585);
+  server.set_response_id(co::CobId(0x585));
   Random random(seed);
   const std::uint16_t objects[] = {0x1000, 0x1008, 0x1018, 0x2000, 0x2003, 0x2004, 0x2005, 0x2007, 0x3000};
   for (int i = 0; i < 200; ++i) {
@@ -301,7 +301,7 @@ RC_GTEST_PROP(ServerProperty, AdversarialFrames, (std::uint64_t seed)) {
     if (random.chance(600'000)) f.data[3] = 0;
     if (random.chance(300'000)) store_le(f.data.data() + 4, static_cast<std::uint32_t>(random.below(64)));
     const bool was_busy = server.busy();
-    const auto answer = server.handle(f);
+    const auto answer = answer_of(server, f);
     if (f.size != 8 || f.remote) {
       RC_ASSERT(!answer);
     }
@@ -318,11 +318,11 @@ RC_GTEST_PROP(ServerProperty, AdversarialFrames, (std::uint64_t seed)) {
     }
     if (random.chance(50'000)) static_cast<void>(server.expire());
   }
-  static_cast<void>(server.handle(*can::parse_frame("605#8000000000000000")));
+  static_cast<void>(answer_of(server, *can::parse_frame("605#8000000000000000")));
   RC_ASSERT(!server.busy());
-  const auto answer = server.handle(*can::parse_frame("605#4000100000000000"));
+  const auto answer = answer_of(server, *can::parse_frame("605#4000100000000000"));
   RC_ASSERT(can::to_string(*answer) == "585#4300100092010200");
-  RC_ASSERT(can::to_string(*server.handle(*can::parse_frame("605#2F0020002A000000"))) == "585#6000200000000000");
+  RC_ASSERT(can::to_string(*answer_of(server, *can::parse_frame("605#2F0020002A000000"))) == "585#6000200000000000");
 }
 
 // ---- bound to a port

@@ -318,8 +318,8 @@ TEST_F(Streams, GoneInTheMiddle) {
     od::Values brief(test_description(), NodeId(5));
     brief.attach(late, {0x2004, 0});
     co::SdoServer core(brief, 1000);
-    core.set_response_id(0x585);
-    EXPECT_TRUE(core.handle(*can::parse_frame("605#2104200064000000")));
+    core.set_response_id(co::CobId(0x585));
+    EXPECT_TRUE(answer_of(core, *can::parse_frame("605#2104200064000000")));
     EXPECT_TRUE(core.busy());
   }
   EXPECT_EQ(late.closed, 1);

@@ -154,15 +154,15 @@ TEST(Claiming, S2_4_TwoClaimsAtOneMomentCollide) {
   for (int i = 0; i < 400; ++i) {
     p.rig.run(microseconds(100));
     for (const auto& n : p.nodes) {
-      worst = std::max(worst, n->controller->tec());
-      passive |= n->controller->error_state() == sim::ErrorState::passive;
+      worst = std::max(worst, n->controller->errors().tec());
+      passive |= n->controller->errors().state() == sim::ErrorState::passive;
     }
   }
   EXPECT_GE(p.rig.bus.statistics().collisions, 16U) << "each repetition collides again";
   EXPECT_GE(p.rig.bus.statistics().error_frames, 16U);
   EXPECT_GE(worst, 128U);
   EXPECT_TRUE(passive);
-  EXPECT_GT(p.rig.me->rec(), 0U) << "and everybody else saw the errors";
+  EXPECT_GT(p.rig.me->errors().rec(), 0U) << "and everybody else saw the errors";
   p.rig.run(seconds(1));
   EXPECT_NE(p.nodes[0]->device.node_id(), p.nodes[1]->device.node_id()) << "after the storm the lower NAME keeps it";
   for (const auto& n : p.nodes) EXPECT_TRUE(n->device.node_id().configured());
@@ -176,8 +176,8 @@ TEST(Claiming, S2_4_NegotiationOfPaper2DoesNotCollide) {
   EXPECT_EQ(p.rig.bus.statistics().collisions, 0U);
   EXPECT_EQ(p.rig.bus.statistics().error_frames, 0U);
   for (const auto& n : p.nodes) {
-    EXPECT_EQ(n->controller->tec(), 0U);
-    EXPECT_EQ(n->controller->rec(), 0U);
+    EXPECT_EQ(n->controller->errors().tec(), 0U);
+    EXPECT_EQ(n->controller->errors().rec(), 0U);
     EXPECT_TRUE(n->device.node_id().configured());
   }
   EXPECT_NE(p.nodes[0]->device.node_id(), p.nodes[1]->device.node_id());

@@ -274,7 +274,7 @@ TEST_F(PlantPortTest, TheClientsDeathIsANodeOffTheBus) {
   // Nobody else is there to acknowledge now.
   peer_->send(can::Frame::base(0x100, {}), 1);
   run();
-  EXPECT_GT(peer_->tec(), 0);
+  EXPECT_GT(peer_->errors().tec(), 0);
 }
 
 // An observer in another process sees what a controller tells, error counters included, and knows

@@ -118,14 +118,14 @@ TEST(FastscanRequest, S4_5_AnswersOfManyDoNotCollide) {
     }
     EXPECT_EQ(w.bus.statistics().collisions, 0U);
     EXPECT_EQ(w.bus.statistics().error_frames, 0U);
-    EXPECT_EQ(w.port->rec(), 0U);
+    EXPECT_EQ(w.port->errors().rec(), 0U);
   }
   FastscanWorld w;
   for (const auto serial : {1U, 2U}) w.with({1, 1, 0, serial});
   ASSERT_TRUE(w.run(w.master->switch_global(State::configuration)));
   (void)w.run(w.master->inquire(3));
   EXPECT_GT(w.bus.statistics().collisions, 0U);
-  EXPECT_GT(w.port->rec(), 0U);
+  EXPECT_GT(w.port->errors().rec(), 0U);
 }
 
 TEST(FastscanRequest, TheWindowIsWholeOrEndsAtTheFirstAnswer) {

@@ -250,7 +250,7 @@ TEST(ProgramLoader, ABlockTransferThatIsRefusedGoesSegmented) {
   od::Values values(b.build(), NodeId(5));
   struct Old final : can::Handler {
     Old(can::Dispatcher& on, od::Values& of) : dispatcher(&on), server(of, 4'096) {
-      server.set_response_id(0x585);
+      server.set_response_id(co::CobId(0x585));
       on.add(can::only(0x605), *this);
     }
     void received(const can::Frame& frame, rt::Time) noexcept override {

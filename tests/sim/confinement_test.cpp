@@ -165,8 +165,8 @@ TEST(Confinement, LastBitOfEndOfFrameDuplicates) {
   EXPECT_EQ(s.b.ear.frames.size(), 2U);
   EXPECT_EQ(s.c.ear.frames.size(), 2U);
   EXPECT_EQ(s.a.ear.sent_at.size(), 1U);
-  EXPECT_EQ(s.a.port->tec(), 7);  // +8, -1
-  EXPECT_EQ(s.b.port->rec(), 0);  // the flag in intermission is an overload condition to them
+  EXPECT_EQ(s.a.port->errors().tec(), 7);  // +8, -1
+  EXPECT_EQ(s.b.port->errors().rec(), 0);  // the flag in intermission is an overload condition to them
   EXPECT_EQ(s.a.port->statistics().retransmissions, 1U);
 }
 
@@ -181,7 +181,7 @@ TEST(Confinement, LastBitOfEndOfFrameAtReceiverIsOverload) {
   EXPECT_EQ(s.c.ear.frames.size(), 2U);
   EXPECT_EQ(s.bus.statistics().overload_frames, 1U);
   EXPECT_EQ(s.bus.statistics().error_frames, 0U);
-  EXPECT_EQ(s.a.port->tec() + s.b.port->rec() + s.c.port->rec(), 0);
+  EXPECT_EQ(s.a.port->errors().tec() + s.b.port->errors().rec() + s.c.port->errors().rec(), 0);
   // b's flag takes the 3 bits of intermission and more; a and c answer it one bit later: 7 bits of flags, 8 of
   // delimiter.
   const auto first = can::exact_bits(Frame::base(0x123, {1, 2})) - 3;
@@ -198,7 +198,7 @@ TEST(Confinement, LastButOneBitOfEndOfFrameDeliversOnce) {
   EXPECT_EQ(s.b.ear.frames.size(), 1U);  // b refused the first
   EXPECT_EQ(s.c.ear.frames.size(), 2U);  // c had accepted it when b's flag came in the last bit
   EXPECT_EQ(s.a.ear.sent_at.size(), 1U);
-  EXPECT_EQ(s.a.port->tec(), 7);
+  EXPECT_EQ(s.a.port->errors().tec(), 7);
 }
 
 // Bosch §8 rule 3, exception 2: a recessive stuff bit before RTR seen dominant costs nothing.
@@ -209,7 +209,7 @@ TEST(Confinement, StuffBitBeforeRtrCostsTheTransmitterNothing) {
   s.a.port->send(Frame::base(0x001, {}), 1);
   s.world.run_for(2ms);
   EXPECT_EQ(s.a.port->statistics().transmit_errors, 1U);
-  EXPECT_EQ(s.a.port->tec(), 0);
+  EXPECT_EQ(s.a.port->errors().tec(), 0);
   EXPECT_EQ(s.b.ear.frames.size(), 1U);
 }
 
@@ -220,7 +220,7 @@ TEST(Confinement, StuffBitBehindRtrCostsTheTransmitterEight) {
   s.a.port->send(Frame::base(0x550, {}), 1);
   s.world.run_for(2ms);
   EXPECT_EQ(s.a.port->statistics().transmit_errors, 1U);
-  EXPECT_EQ(s.a.port->tec(), 7);
+  EXPECT_EQ(s.a.port->errors().tec(), 7);
 }
 
 TEST(Confinement, DominantInSecondBitOfIntermissionIsOverload) {
@@ -240,13 +240,13 @@ TEST(Confinement, G3_NodeAtAnotherBitRate) {
   s.c.port->set_bit_rate(500'000);
   s.world.run_for(1ms);  // it takes part after 11 recessive bits of its own
   for (int i = 0; i < 5; ++i) s.a.port->send(Frame::base(0x123, {1, 2, 3, 4, 5, 6, 7, 8}), 1);
-  s.world.run_until([&] { return s.c.port->error_state() == sim::ErrorState::passive; }, 1s);
-  EXPECT_EQ(s.c.port->error_state(), sim::ErrorState::passive);
+  s.world.run_until([&] { return s.c.port->errors().state() == sim::ErrorState::passive; }, 1s);
+  EXPECT_EQ(s.c.port->errors().state(), sim::ErrorState::passive);
   EXPECT_GE(s.bus.statistics().error_frames, 5U);
   EXPECT_LE(s.bus.statistics().error_frames, 128U);
   EXPECT_TRUE(s.b.ear.frames.size() <= 1);
   s.world.run_for(100ms);
-  EXPECT_TRUE(s.a.ear.sent_at.size() == 5 || s.a.port->error_state() == sim::ErrorState::bus_off);
+  EXPECT_TRUE(s.a.ear.sent_at.size() == 5 || s.a.port->errors().state() == sim::ErrorState::bus_off);
 }
 
 TEST(Confinement, G3_FramesAtAnotherBitRateAreDestroyed) {
@@ -259,12 +259,12 @@ TEST(Confinement, G3_FramesAtAnotherBitRateAreDestroyed) {
   // they become passive first, and the stranger stays passive for want of an acknowledgement.
   s.world.run_until(
       [&] {
-        if (s.a.port->rec() > 90) s.a.port->preset_counters(0, 0);
-        if (s.b.port->rec() > 90) s.b.port->preset_counters(0, 0);
-        return s.c.port->error_state() == sim::ErrorState::bus_off;
+        if (s.a.port->errors().rec() > 90) s.a.port->preset_counters(0, 0);
+        if (s.b.port->errors().rec() > 90) s.b.port->preset_counters(0, 0);
+        return s.c.port->errors().state() == sim::ErrorState::bus_off;
       },
       1s);
-  EXPECT_EQ(s.c.port->error_state(), sim::ErrorState::bus_off);
+  EXPECT_EQ(s.c.port->errors().state(), sim::ErrorState::bus_off);
   EXPECT_LE(s.c.port->statistics().attempts, 32U);  // fewer where rule 6 adds to the 8 of an attempt
   EXPECT_GE(s.c.port->statistics().attempts, 16U);
   EXPECT_EQ(s.c.port->statistics().bus_offs, 1U);
@@ -283,15 +283,15 @@ TEST(Confinement, BusOffRecovery) {
   s.bus.inject({.trigger = {.times = 0}, .where = sim::from_end(9), .victims = {s.a.port.get()}});
   s.a.port->send(Frame::base(0x7FF, {0xFF}), 1);
   s.world.run_for(1ms);
-  ASSERT_EQ(s.a.port->error_state(), sim::ErrorState::bus_off);
+  ASSERT_EQ(s.a.port->errors().state(), sim::ErrorState::bus_off);
   s.world.run_for(100ms);
-  EXPECT_EQ(s.a.port->error_state(), sim::ErrorState::bus_off);  // not by itself
+  EXPECT_EQ(s.a.port->errors().state(), sim::ErrorState::bus_off);  // not by itself
   const auto from = s.world.now();
   ASSERT_TRUE(s.a.port->restart(1'000'000));
   EXPECT_EQ(s.a.port->send(Frame::base(0x7FF, {0xFF}), 1), can::Queued::bus_off);
-  s.world.run_until([&] { return s.a.port->error_state() == sim::ErrorState::active; }, 1s);
+  s.world.run_until([&] { return s.a.port->errors().state() == sim::ErrorState::active; }, 1s);
   EXPECT_EQ(s.world.now() - from, 128 * 11 * 1us);
-  EXPECT_EQ(s.a.port->tec(), 0);
+  EXPECT_EQ(s.a.port->errors().tec(), 0);
 }
 
 // On a full bus each frame gives one run of 11 recessive bits.
@@ -301,7 +301,7 @@ TEST(Confinement, BusOffRecoveryUnderLoad) {
   s.bus.inject({.where = sim::from_start(20), .victims = {s.a.port.get()}});
   s.a.port->send(Frame::base(0x7FF, {0xFF}), 1);
   s.world.run_for(1ms);
-  ASSERT_EQ(s.a.port->error_state(), sim::ErrorState::bus_off);
+  ASSERT_EQ(s.a.port->errors().state(), sim::ErrorState::bus_off);
   s.a.port->restart(1'000'000);
   const auto frames = s.bus.statistics().frames;
   for (int i = 0; i < 30; ++i) s.b.port->send(Frame::base(0x100, {0x55}), 0);
@@ -309,7 +309,7 @@ TEST(Confinement, BusOffRecoveryUnderLoad) {
       [&] {
         while (s.b.port->send(Frame::base(0x100, {0x55}), 0) == can::Queued::yes) {
         }
-        return s.a.port->error_state() == sim::ErrorState::active;
+        return s.a.port->errors().state() == sim::ErrorState::active;
       },
       1s);
   EXPECT_TRUE(done);
@@ -323,7 +323,7 @@ TEST(Confinement, StatusTellsWarningPassiveAndBack) {
   s.a.port->send(Frame::base(0x123, {1}), 1);
   s.world.run_for(2ms);
   ASSERT_EQ(s.a.ear.changes.size(), 1U);  // 90 + 8 = 98, above the warning limit; 97 after the success
-  EXPECT_EQ(s.a.port->tec(), 97);
+  EXPECT_EQ(s.a.port->errors().tec(), 97);
 }
 
 }  // namespace

@@ -107,13 +107,13 @@ TEST(SimFaults, ListenOnlyHearsAndDoesNotAcknowledge) {
   a.port->send(eight, 1);
   world.run_for(5ms);
   EXPECT_TRUE(a.ear.sent_tags.empty());
-  EXPECT_EQ(spy.port->rec(), 0);
+  EXPECT_EQ(spy.port->errors().rec(), 0);
   Node b(bus);
   world.run_for(5ms);
   EXPECT_EQ(a.ear.sent_tags.size(), 1U);
   // More than once: while a is passive its unacknowledged frame looks whole to who does not care for the ACK slot.
   EXPECT_GT(spy.ear.frames.size(), 1U);
-  EXPECT_EQ(spy.port->tec() + spy.port->rec(), 0);
+  EXPECT_EQ(spy.port->errors().tec() + spy.port->errors().rec(), 0);
 }
 
 TEST(SimFaults, PowerLossMidFrameTruncatesIt) {
@@ -148,7 +148,7 @@ TEST(SimFaults, PowerLossOfTheOnlyReceiverMidFrame) {
   b.port->power(false);
   world.run_for(5ms);
   EXPECT_TRUE(a.ear.sent_tags.empty());
-  EXPECT_EQ(a.port->tec(), 128);
+  EXPECT_EQ(a.port->errors().tec(), 128);
   b.port->power(true);
   world.run_for(5ms);
   EXPECT_EQ(a.ear.sent_tags.size(), 1U);
@@ -164,7 +164,7 @@ TEST(SimFaults, ComingToALoneNodeAtAnyBit) {
     Node b(bus, {.powered = false});
     a.port->send(eight, 1);
     world.run_for(20ms + bit * 1us);
-    ASSERT_EQ(a.port->tec(), 128);
+    ASSERT_EQ(a.port->errors().tec(), 128);
     std::unique_ptr<Node> c;
     if (bit % 4 == 0) {
       b.port->power(true);
@@ -174,7 +174,7 @@ TEST(SimFaults, ComingToALoneNodeAtAnyBit) {
     world.run_for(400us);
     EXPECT_EQ(a.ear.sent_tags.size(), 1U) << bit;
     EXPECT_EQ((c ? c->ear : b.ear).frames.size(), 1U) << bit;
-    EXPECT_EQ(a.port->tec(), 127) << bit;
+    EXPECT_EQ(a.port->errors().tec(), 127) << bit;
   }
 }
 
@@ -211,7 +211,7 @@ TEST(SimFaults, CutCableLeavesTheNodeAlone) {
     s.world.run_for(50ms);
     EXPECT_EQ(s.b.ear.sent_tags.size(), 1U) << bit;
     if (s.a.ear.sent_tags.empty()) {
-      EXPECT_EQ(s.a.port->tec(), 128) << bit;
+      EXPECT_EQ(s.a.port->errors().tec(), 128) << bit;
     }
     s.a.port->cable(true);
     s.world.run_for(50ms);
@@ -246,7 +246,7 @@ TEST(SimFaults, SplitIsTwoBusesUntilJoined) {
     // Whatever became of the two frames that met, all nodes are on one bus again and nothing is left to send.
     for (auto* node : {&s.a, &s.b, &s.c, &d}) {
       EXPECT_EQ(node->port->status().queued, 0U) << run;
-      EXPECT_NE(node->port->error_state(), sim::ErrorState::bus_off) << run;
+      EXPECT_NE(node->port->errors().state(), sim::ErrorState::bus_off) << run;
       node->ear.frames.clear();
     }
     s.a.port->send(eight, 1);
@@ -334,7 +334,7 @@ std::uint64_t busy_world(std::uint64_t seed, std::uint64_t perturbation, std::ui
     const auto id = static_cast<std::uint32_t>(0x100 + dice.below(12));
     const auto byte = static_cast<std::uint8_t>(dice.next());
     world.at(rt::Time(dice.below(200'000) * 1us), [&node, id, byte] {
-      if (node.port->error_state() == sim::ErrorState::bus_off) node.port->restart(node.port->bit_rate());
+      if (node.port->errors().state() == sim::ErrorState::bus_off) node.port->restart(node.port->bit_rate());
       node.port->send(Frame::base(id, {byte}), 1);
     });
     ++queued;

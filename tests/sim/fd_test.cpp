@@ -141,8 +141,8 @@ TEST_F(FdBus, DifferentFramesOfOneIdentifierAreDestroyed) {
   EXPECT_TRUE(ear.ear.frames.empty());
   EXPECT_GE(bus.statistics().collisions, 1U);
   EXPECT_GE(bus.statistics().fd_destroyed, 2U);
-  EXPECT_EQ(a.port->tec(), b.port->tec());
-  EXPECT_GE(a.port->tec(), 8U);
+  EXPECT_EQ(a.port->errors().tec(), b.port->errors().tec());
+  EXPECT_GE(a.port->errors().tec(), 8U);
 }
 
 // The FD frame's recessive FDF meets the classic frame's dominant bit: 1 + 11 + 1 + 1 bits, then FDF; no data differ.
@@ -153,9 +153,9 @@ TEST_F(FdBus, AClassicFrameOfTheSameIdentifier) {
   a.port->send(fd("555##1"), 0);
   b.port->send(Frame::base(0x555, {}), 0);
   world.run_for(60us);
-  EXPECT_EQ(a.port->tec(), 8U);
-  EXPECT_EQ(b.port->tec(), 8U);
-  EXPECT_EQ(ear.port->rec(), 1U);
+  EXPECT_EQ(a.port->errors().tec(), 8U);
+  EXPECT_EQ(b.port->errors().tec(), 8U);
+  EXPECT_EQ(ear.port->errors().rec(), 1U);
   EXPECT_EQ(bus.statistics().fd_destroyed, 0U) << "played exactly";
   // Once the FD node is passive it no longer disturbs: the classic frame gets through, then the FD frame.
   world.run_for(50ms);
@@ -176,7 +176,7 @@ TEST_F(FdBus, AFaultDestroysTheWholeFrame) {
   ASSERT_EQ(ear.ear.frames.size(), 1U) << "the repetition";
   EXPECT_EQ(b.ear.frames.size(), 1U);
   EXPECT_EQ(a.ear.sent_at.size(), 1U);
-  EXPECT_EQ(a.port->tec(), 7U);
+  EXPECT_EQ(a.port->errors().tec(), 7U);
   EXPECT_EQ(a.port->statistics().retransmissions, 1U);
   // SOF to FDF 15 bits, 6 of the flag, 6 of the receivers' (they see five dominant bits behind FDF, and the sixth is
   // their stuff error), 8 of the delimiter, 3 of intermission; then the frame: 26 nominal bits and its data phase.
@@ -211,7 +211,7 @@ TEST_F(FdBus, NobodyToAcknowledge) {
   a.port->send(long_frame(0x100, 1), 1);
   world.run_for(50ms);
   EXPECT_TRUE(a.ear.sent_at.empty());
-  EXPECT_EQ(a.port->tec(), 128U) << "as with a classic frame: passive, never bus-off";
+  EXPECT_EQ(a.port->errors().tec(), 128U) << "as with a classic frame: passive, never bus-off";
   EXPECT_FALSE(a.port->status().bus_off);
   Node b(bus);
   world.run_for(10ms);

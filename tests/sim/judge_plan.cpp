@@ -232,7 +232,8 @@ class Simulated {
     world_.run_until(rt::Time(rt::Duration(plan_->until)));
     world_.run_for(rt::Duration(1));
     for (const auto& p : ports_)
-      result_.counters.emplace_back(p->tec(), p->rec(), p->error_state() == sim::ErrorState::bus_off);
+      result_.counters.emplace_back(p->errors().tec(), p->errors().rec(),
+                                    p->errors().state() == sim::ErrorState::bus_off);
     result_.frames = bus_->statistics().starts;
     result_.collisions = bus_->statistics().collisions;
     result_.destroyed_fd = bus_->statistics().fd_destroyed;

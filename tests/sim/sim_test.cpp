@@ -115,13 +115,13 @@ TEST(SimBus, LoneNodeBecomesPassiveAndStays) {
   Node a(bus);
   a.port->send(Frame::base(0x701, {0x05}), 7);
   world.run_for(1s);
-  EXPECT_EQ(a.port->tec(), 128);
-  EXPECT_EQ(a.port->error_state(), sim::ErrorState::passive);
+  EXPECT_EQ(a.port->errors().tec(), 128);
+  EXPECT_EQ(a.port->errors().state(), sim::ErrorState::passive);
   EXPECT_TRUE(a.ear.confirmed.empty());
   Node b(bus);
   world.run_for(1ms);
   EXPECT_EQ(a.ear.confirmed.size(), 1U);
-  EXPECT_EQ(a.port->tec(), 127);
+  EXPECT_EQ(a.port->errors().tec(), 127);
   EXPECT_EQ(b.ear.frames.size(), 1U);
 }
 

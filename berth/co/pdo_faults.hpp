@@ -1,0 +1,37 @@
+/// Errors of received PDOs: one emergency for all RPDOs that have the same.
+#pragma once
+
+#include <array>
+#include <cstdint>
+
+#include "berth/co/emcy.hpp"
+#include "berth/co/service_owner.hpp"
+
+namespace berth::co {
+
+enum class PdoFault : std::uint8_t { too_short, too_long, timeout, unavailable };
+inline constexpr std::size_t pdo_faults = 4;
+
+/// How many RPDOs have each fault.
+class PdoFaults {
+ public:
+  explicit PdoFaults(ServiceOwner& owner) noexcept : owner_(&owner) {}
+  /// One more has it: told when it is the first, whose `info` goes into the emergency.
+  void begin(PdoFault fault, const std::array<std::uint8_t, 5>& info) noexcept {
+    const auto which = static_cast<std::size_t>(fault);
+    if (counts_[which]++ == 0) owner_->raise_error(codes[which], error_register::communication, info);
+  }
+  /// One has it no longer: told when it was the last.
+  void end(PdoFault fault) noexcept {
+    const auto which = static_cast<std::size_t>(fault);
+    if (--counts_[which] == 0) owner_->clear_error(codes[which]);
+  }
+
+ private:
+  static constexpr std::array<std::uint16_t, pdo_faults> codes{emcy_code::pdo_length, emcy_code::pdo_too_long,
+                                                               emcy_code::rpdo_timeout, emcy_code::mpdo_destination};
+  ServiceOwner* owner_;
+  std::array<std::uint16_t, pdo_faults> counts_{};
+};
+
+}  // namespace berth::co

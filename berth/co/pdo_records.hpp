@@ -1,0 +1,107 @@
+/// The records of PDOs in an object dictionary, 1400h..1BFFh (CiA 301 §7.5.2.33 to §7.5.2.38): what they say, and which
+/// writes are let in (`Pdos` lists the rules).
+#pragma once
+
+#include "berth/co/cob_id.hpp"
+#include "berth/co/pdo_mapping.hpp"
+#include "berth/od/values.hpp"
+
+namespace berth::co {
+
+/// What sub-index 0 of a mapping record says: a number of entries, FEh or FFh.
+enum class PdoMode : std::uint8_t { mapped, sam, dam };
+[[nodiscard]] constexpr PdoMode mode_of(std::uint8_t count) noexcept {
+  return count == 0xFE ? PdoMode::sam : count == 0xFF ? PdoMode::dam : PdoMode::mapped;
+}
+
+/// Types 00h..F0h, acyclic and cyclic.
+[[nodiscard]] constexpr bool synchronous(std::uint8_t type) noexcept { return type <= 0xF0; }
+[[nodiscard]] constexpr bool event_driven(std::uint8_t type) noexcept { return type >= 0xFE; }
+inline constexpr std::uint8_t rtr_sampled_at_sync = 0xFC;
+inline constexpr std::uint8_t rtr_only = 0xFD;
+/// Types that a PDO of this kind may have whose mapping record has `count` in sub-index 0.
+[[nodiscard]] constexpr bool usable_type(PdoKind kind, std::uint8_t type, std::uint8_t count) noexcept {
+  if (event_driven(type)) return true;
+  if (mode_of(count) != PdoMode::mapped) return false;
+  return synchronous(type) || (kind == PdoKind::tpdo && (type == rtr_sampled_at_sync || type == rtr_only));
+}
+
+inline constexpr unsigned most_pdos = 512;
+inline constexpr std::uint16_t first_pdo_record = 0x1400;
+inline constexpr std::uint16_t last_pdo_record = 0x1BFF;
+[[nodiscard]] constexpr std::uint16_t communication_index(PdoKind kind, unsigned number) noexcept {
+  return static_cast<std::uint16_t>((kind == PdoKind::rpdo ? 0x13FFU : 0x17FFU) + number);
+}
+[[nodiscard]] constexpr std::uint16_t mapping_index(PdoKind kind, unsigned number) noexcept {
+  return static_cast<std::uint16_t>(communication_index(kind, number) + 0x200U);
+}
+
+/// Which record an object of 1400h..1BFFh is.
+struct PdoRecord {
+  PdoKind kind;
+  bool mapping;
+  std::uint16_t number;  ///< 1..512
+  [[nodiscard]] static constexpr PdoRecord of(std::uint16_t index) noexcept {
+    const unsigned at = index - 0x1400U;
+    return {at < 0x400 ? PdoKind::rpdo : PdoKind::tpdo, at % 0x400 >= 0x200,
+            static_cast<std::uint16_t>(at % 0x200 + 1)};
+  }
+};
+
+/// Sub-indices of a communication record.
+namespace pdo_sub {
+inline constexpr std::uint8_t cob_id = 1, type = 2, inhibit = 3, reserved = 4, timer = 5, sync_start = 6;
+}
+
+/// Calls `visit(number, entries)` for the PDOs of this kind that have both records, ascending; `entries`: how many the
+/// mapping record has room for.
+template <class Visit>
+void for_each_pdo(const od::Description& description, PdoKind kind, Visit&& visit) {
+  for (const od::Object& object : description.objects()) {
+    const unsigned number = object.index - communication_index(kind, 0U);
+    if (number < 1 || number > most_pdos) continue;
+    const od::Object* const mapping = description.find(mapping_index(kind, number));
+    if (mapping == nullptr) continue;
+    const auto room = std::min<std::size_t>(mapping->count > 0 ? mapping->count - 1U : 0U, PdoMapping::most_entries);
+    visit(static_cast<std::uint16_t>(number), static_cast<std::uint32_t>(room));
+  }
+}
+
+/// The two records of one PDO; a view of the values. What is not there reads as a PDO that is not valid.
+class PdoRecords {
+ public:
+  PdoRecords(const od::Values& values, PdoKind kind, unsigned number) noexcept
+      : values_(&values), kind_(kind), number_(static_cast<std::uint16_t>(number)) {}
+
+  [[nodiscard]] CobId cob_id() const noexcept;
+  [[nodiscard]] std::uint8_t type() const noexcept;
+  /// Inhibit time (sub-index 3, units of 100 us) or event timer (5, ms).
+  [[nodiscard]] std::uint16_t time(std::uint8_t sub) const noexcept;
+  [[nodiscard]] std::uint8_t sync_start() const noexcept;
+  /// Sub-index 0 of the mapping record.
+  [[nodiscard]] std::uint8_t mapped() const noexcept;
+  [[nodiscard]] PdoMode mode() const noexcept { return mode_of(mapped()); }
+  /// Valid, with an identifier that a PDO may have and a type that fits.
+  [[nodiscard]] bool usable() const noexcept;
+  /// Into `mapping`: the first `count` entries.
+  [[nodiscard]] od::AbortCode resolve(std::uint8_t count, PdoMapping& mapping) const noexcept;
+  /// TPDOs: another one is a producer of MPDOs, too.
+  [[nodiscard]] bool other_producer() const noexcept;
+
+  /// Why they cannot be used, valid or not; no_object when one of them does not exist.
+  [[nodiscard]] od::AbortCode problem() const noexcept;
+  /// A write from the network to a sub-index of the communication record or the mapping record.
+  [[nodiscard]] od::AbortCode writing_communication(std::uint8_t sub, std::uint32_t value) const noexcept;
+  [[nodiscard]] od::AbortCode writing_mapping(std::uint8_t sub, std::uint32_t value) const noexcept;
+
+ private:
+  [[nodiscard]] od::AbortCode writing_type(std::uint8_t value) const noexcept;
+  [[nodiscard]] od::AbortCode writing_cob_id(std::uint32_t value) const noexcept;
+  [[nodiscard]] od::AbortCode check_count(std::uint8_t count) const noexcept;
+
+  const od::Values* values_;
+  PdoKind kind_;
+  std::uint16_t number_;
+};
+
+}  // namespace berth::co

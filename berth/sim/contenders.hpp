@@ -1,0 +1,75 @@
+/// The nodes of one segment that have a frame to send, in the order in which they win arbitration, and how often each
+/// has lost it. Nodes are slots here. Internal to `sim`.
+#pragma once
+
+#include <algorithm>
+#include <cstdint>
+#include <span>
+#include <utility>
+#include <vector>
+
+namespace berth::sim {
+
+class Contenders {
+ public:
+  /// Arbitration field and slot as one number, so that one comparison orders them.
+  struct Contender {
+    std::uint64_t order = 0;
+    [[nodiscard]] std::uint32_t arbitration() const noexcept { return static_cast<std::uint32_t>(order >> 32U); }
+    [[nodiscard]] std::uint32_t slot() const noexcept { return static_cast<std::uint32_t>(order); }
+  };
+
+  /// There are so many slots now.
+  void grow(std::size_t slots) { places_.resize(slots); }
+
+  [[nodiscard]] bool empty() const noexcept { return heap_.empty(); }
+  [[nodiscard]] bool contains(std::uint32_t slot) const noexcept { return places_[slot].at != nowhere; }
+  [[nodiscard]] std::span<const Contender> all() const noexcept { return heap_; }
+  /// The one that wins; with several of one arbitration field, that of the lowest slot.
+  [[nodiscard]] Contender first() const noexcept { return heap_.front(); }
+  /// `first` wins alone.
+  [[nodiscard]] bool one_wins() const noexcept {
+    // Few share the lowest field, and they stand at the top: one that is equal to the least has parents that are.
+    const std::uint32_t best = heap_.front().arbitration();
+    return (heap_.size() < 2 || heap_[1].arbitration() != best) && (heap_.size() < 3 || heap_[2].arbitration() != best);
+  }
+  /// The slot offers a frame of this arbitration field: as one contender more, or instead of its frame of before.
+  void put(std::uint32_t slot, std::uint32_t arbitration) noexcept;
+  /// It offers nothing. What it has lost since it was asked last; 0 for one that did not contend.
+  std::uint64_t remove(std::uint32_t slot) noexcept;
+
+  /// Frames that have begun.
+  [[nodiscard]] std::uint64_t starts() const noexcept { return starts_; }
+  /// One more: who contends and does not begin it (`begin`, `excuse`) loses.
+  void count_start() noexcept { ++starts_; }
+  /// The slot began the newest frame, too; what it had lost until then since it was asked last.
+  std::uint64_t begin(std::uint32_t slot) noexcept {
+    const std::uint64_t lost = starts_ - 1 - places_[slot].since;
+    places_[slot].since = starts_;
+    return lost;
+  }
+  /// The next start it does not lose: it may not begin yet.
+  void excuse(std::uint32_t slot) noexcept { ++places_[slot].since; }
+  /// It offered its frame in time for the newest start.
+  void in_time(std::uint32_t slot) noexcept { places_[slot].since = std::min(places_[slot].since, starts_ - 1); }
+  [[nodiscard]] bool was_in_time(std::uint32_t slot) const noexcept { return places_[slot].since < starts_; }
+  /// What it has lost since it was asked last.
+  [[nodiscard]] std::uint64_t take_losses(std::uint32_t slot) noexcept {
+    return starts_ - std::exchange(places_[slot].since, starts_);
+  }
+
+ private:
+  static constexpr std::uint32_t nowhere = 0xFFFF'FFFFU;
+  struct Place {
+    std::uint64_t since = 0;  // starts_ when its losses were asked last
+    std::uint32_t at = nowhere;
+  };
+  void place(std::size_t at, Contender contender) noexcept;
+  void move(std::size_t at) noexcept;
+
+  std::vector<Contender> heap_;
+  std::vector<Place> places_;  // by slot
+  std::uint64_t starts_ = 0;
+};
+
+}  // namespace berth::sim

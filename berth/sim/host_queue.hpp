@@ -1,0 +1,61 @@
+/// What one controller has yet to tell its host: frames received and sent, and changes of its state. Internal to `sim`.
+#pragma once
+
+#include <cstdint>
+#include <deque>
+#include <vector>
+
+#include "berth/can/packed_frame.hpp"
+#include "berth/can/port.hpp"
+#include "berth/rt/executor.hpp"
+
+namespace berth::sim {
+
+/// Each call of the `Listener` comes in a job of its own; the host needs `rx_service` for each received frame.
+class HostQueue final : private rt::Job {
+ public:
+  /// `port`: asked for its status when the host is told that it changed. `rx_depth`: received frames that can wait, at
+  /// least one; `rx_service` 0: the buffer never overruns.
+  HostQueue(rt::Executor& executor, const can::Port& port, unsigned rx_depth, rt::Duration rx_service);
+
+  /// Null: no listener. What waits for another listener is forgotten.
+  void listen(can::Listener* listener) noexcept;
+  [[nodiscard]] bool listened() const noexcept { return listener_ != nullptr; }
+  /// On: the host reads nothing.
+  void deaf(bool on) noexcept { deaf_ = on; }
+
+  /// False: the receive buffer loses it. Only while `listened`.
+  [[nodiscard]] bool received(const can::Frame& frame, rt::Time at) noexcept;
+  /// Not told for tag 0 or without a listener; nor is `changed`.
+  void sent(std::uint32_t tag, rt::Time at) noexcept;
+  void changed() noexcept;
+  void forget() noexcept;
+
+ private:
+  enum class What : std::uint8_t { received, sent, changed };
+  struct Event {
+    can::PackedFrame frame;
+    rt::Time at{};
+    std::uint32_t tag = 0;
+    What what = What::received;
+  };
+  void run() noexcept override;
+  Event& push(What what, rt::Time at) noexcept;
+  void schedule() noexcept;
+  [[gnu::cold]] void keep_fd(const can::Frame& frame);
+  [[gnu::cold]] void receive_fd(rt::Time at) noexcept;
+
+  rt::Executor* executor_;
+  const can::Port* port_;
+  can::Listener* listener_ = nullptr;
+  bool deaf_ = false;
+  unsigned rx_depth_;
+  unsigned rx_waiting_ = 0;  // received frames among events_
+  rt::Duration rx_service_;
+  std::vector<Event> events_;  // ring, its size a power of two
+  std::size_t first_ = 0;
+  std::size_t count_ = 0;
+  std::deque<can::Frame> fd_received_;  // the FD frames among events_
+};
+
+}  // namespace berth::sim

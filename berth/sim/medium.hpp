@@ -1,0 +1,39 @@
+/// The wire of one segment as its parts share it: the nodes, the frames that contend, what goes wrong, and when the
+/// frame under way began. Internal to `sim`. A part is made with a reference to this; what it alone knows it owns.
+#pragma once
+
+#include "berth/sim/bus.hpp"
+#include "berth/sim/contenders.hpp"
+#include "berth/sim/filters.hpp"
+#include "berth/sim/frame_faults.hpp"
+#include "berth/sim/segment_nodes.hpp"
+
+namespace berth::sim {
+
+struct Medium {
+  explicit Medium(Bus& b) noexcept;
+
+  /// A frame begins at `sof`: faults are drawn for it, and it is counted.
+  void begin_frame(const can::Frame& frame, int sender);
+  /// The node sends its head from the newest start on. It stays among the contenders meanwhile.
+  void begin_attempt(BusNode& node) noexcept;
+  /// What the node offers may have changed: it contends, or does so no longer.
+  void contend(BusNode& node) noexcept;
+  void withdraw(BusNode& node) noexcept;
+  /// To every node that listens and does not send.
+  void deliver(const can::Frame& frame, rt::Time at) noexcept;
+  /// `frame` ended well: counted, with its bits, and shown to the bus's taps.
+  void count_good(const can::Frame& frame, unsigned bits, rt::Time at, int sender) noexcept;
+
+  Bus& bus;
+  rt::Executor& executor;
+  BusStatistics& statistics;
+  SegmentNodes nodes;
+  Contenders contenders;
+  Filters filters;
+  FrameFaults faults;  ///< of the frame under way
+  rt::Time sof{};      ///< start of the frame under way or to come
+  rt::Time free_at{};  ///< end of the last intermission
+};
+
+}  // namespace berth::sim

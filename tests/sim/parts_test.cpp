@@ -1,0 +1,278 @@
+// The parts of a simulated controller and of the wire, each without the others.
+#include <gtest/gtest.h>
+#include <memory>
+#include <vector>
+
+#include "berth/sim/contenders.hpp"
+#include "berth/sim/error_counters.hpp"
+#include "berth/sim/host_queue.hpp"
+#include "berth/sim/participation.hpp"
+#include "berth/sim/segment_nodes.hpp"
+#include "berth/sim/transmit_queue.hpp"
+
+namespace berth::sim {
+namespace {
+
+using namespace std::chrono_literals;
+
+rt::Time at(rt::Duration since_start) { return rt::Time{} + since_start; }
+
+// ---- the transmit queue
+
+TEST(TransmitQueue, TheOldestGoesFirstOrTheMostImportant) {
+  for (const auto order : {TxOrder::in_order, TxOrder::priority}) {
+    TransmitQueue queue(order, 3, false);
+    EXPECT_TRUE(queue.push(can::Frame::base(0x300, {}), 1)) << "the first is the head";
+    EXPECT_EQ(queue.push(can::Frame::base(0x200, {}), 2), order == TxOrder::priority);
+    EXPECT_FALSE(queue.push(can::Frame::base(0x400, {}), 3));
+    EXPECT_TRUE(queue.full());
+    EXPECT_EQ(queue.head_frame(false).id, order == TxOrder::priority ? 0x200U : 0x300U);
+  }
+}
+
+TEST(TransmitQueue, AFrameOnTheWireKeepsItsPlaceAndIsRepeated) {
+  TransmitQueue queue(TxOrder::priority, 3, false);
+  ASSERT_TRUE(queue.push(can::Frame::base(0x300, {}), 1));
+  queue.begin();
+  EXPECT_FALSE(queue.push(can::Frame::base(0x100, {}), 2)) << "it must wait for the end of the attempt";
+  queue.mark_tried();
+  queue.attempt_over();
+  EXPECT_EQ(queue.head().tag, 2U);
+  EXPECT_FALSE(queue.head().tried);
+  EXPECT_EQ(queue.sent(), 2U);
+  EXPECT_TRUE(queue.head().tried);
+  EXPECT_EQ(queue.sent(), 1U);
+  EXPECT_FALSE(queue.has_head());
+}
+
+TEST(TransmitQueue, AWithdrawnFrameOnTheWireIsNotRepeated) {
+  TransmitQueue queue(TxOrder::in_order, 3, false);
+  for (int i = 0; i < 2; ++i) static_cast<void>(queue.push(can::Frame::base(0x300, {}), 7));
+  static_cast<void>(queue.push(can::Frame::base(0x301, {}), 8));
+  queue.begin();
+  EXPECT_FALSE(queue.withdraw(7)) << "the head stays while it is on the wire";
+  EXPECT_EQ(queue.size(), 2U) << "the other one of that tag is gone";
+  queue.attempt_over();
+  EXPECT_EQ(queue.head().tag, 8U);
+  EXPECT_TRUE(queue.withdraw(8));
+  EXPECT_FALSE(queue.has_head());
+}
+
+TEST(TransmitQueue, APassiveSendersFdFrameHasEsi) {
+  TransmitQueue queue(TxOrder::in_order, 1, true);
+  auto frame = can::Frame::base(0x300, {1});
+  frame.fd = true;
+  static_cast<void>(queue.push(frame, 0));
+  EXPECT_FALSE(queue.head_frame(false).esi);
+  EXPECT_TRUE(queue.head_frame(true).esi);
+}
+
+// ---- arbitration
+
+TEST(Contenders, TheLowestFieldWinsAndTheOthersLose) {
+  Contenders contenders;
+  contenders.grow(3);
+  contenders.put(0, 30);
+  contenders.put(1, 10);
+  contenders.put(2, 20);
+  EXPECT_EQ(contenders.first().slot(), 1U);
+  EXPECT_TRUE(contenders.one_wins());
+  for (int i = 0; i < 2; ++i) {
+    contenders.count_start();
+    EXPECT_EQ(contenders.begin(1), 0U);
+  }
+  EXPECT_EQ(contenders.remove(1), 0U);
+  EXPECT_EQ(contenders.first().slot(), 2U);
+  EXPECT_EQ(contenders.take_losses(2), 2U);
+  EXPECT_EQ(contenders.take_losses(2), 0U) << "each loss is told once";
+  EXPECT_EQ(contenders.remove(0), 2U);
+  EXPECT_FALSE(contenders.contains(0));
+}
+
+TEST(Contenders, WhatMayNotBeginYetLosesNothing) {
+  Contenders contenders;
+  contenders.grow(2);
+  contenders.put(0, 30);
+  contenders.put(1, 30);
+  EXPECT_FALSE(contenders.one_wins());
+  contenders.excuse(1);
+  contenders.count_start();
+  EXPECT_EQ(contenders.begin(0), 0U);
+  EXPECT_EQ(contenders.remove(1), 0U);
+}
+
+TEST(Contenders, AnOfferBehindTheStartIsTooLateForIt) {
+  Contenders contenders;
+  contenders.grow(1);
+  contenders.count_start();
+  contenders.put(0, 30);
+  EXPECT_FALSE(contenders.was_in_time(0));
+  contenders.in_time(0);
+  EXPECT_TRUE(contenders.was_in_time(0));
+}
+
+TEST(Contenders, KeepTheirOrderUnderAnyChange) {
+  Contenders contenders;
+  contenders.grow(64);
+  std::vector<std::uint32_t> offered(64, 0);  // 0: nothing
+  std::uint32_t draw = 1;
+  for (int i = 0; i < 5000; ++i) {
+    draw = draw * 1'664'525U + 1'013'904'223U;
+    const std::uint32_t slot = draw >> 26U;
+    if (offered[slot] != 0 && (draw >> 20U & 1U) != 0) {
+      static_cast<void>(contenders.remove(slot));
+      offered[slot] = 0;
+    } else {
+      offered[slot] = 1 + (draw >> 8U & 0xFFU);
+      contenders.put(slot, offered[slot]);
+    }
+    std::uint64_t best = ~0ULL;
+    unsigned count = 0;
+    for (std::uint32_t s = 0; s < 64; ++s) {
+      if (offered[s] == 0) continue;
+      best = std::min(best, static_cast<std::uint64_t>(offered[s]) << 32U | s);
+      ++count;
+    }
+    ASSERT_EQ(contenders.all().size(), count);
+    if (count > 0) {
+      ASSERT_EQ(contenders.first().order, best);
+    }
+  }
+}
+
+// ---- error counters
+
+TEST(ErrorCounters, EachLevelIsToldOnce) {
+  ErrorCounters counters;
+  EXPECT_FALSE(counters.level_changed());
+  counters.set(95, 0);
+  EXPECT_FALSE(counters.level_changed());
+  counters.set(0, 96);
+  EXPECT_TRUE(counters.level_changed());
+  EXPECT_FALSE(counters.level_changed());
+  EXPECT_EQ(counters.state(), ErrorState::active);
+  counters.set(128, 0);
+  EXPECT_TRUE(counters.level_changed());
+  EXPECT_TRUE(counters.passive());
+  counters.set_bus_off(true);
+  EXPECT_TRUE(counters.level_changed());
+  EXPECT_EQ(counters.state(), ErrorState::bus_off);
+  EXPECT_FALSE(counters.passive());
+}
+
+// ---- participation
+
+TEST(Participation, CountsWholeRunsOfElevenBits) {
+  Participation access;
+  EXPECT_TRUE(access.takes_part());
+  access.integrate(3, at(100us));
+  EXPECT_TRUE(access.integrating());
+  EXPECT_EQ(access.due(1us), at(133us));
+  EXPECT_FALSE(access.count(at(115us), 1us));
+  EXPECT_EQ(access.runs_left(), 2U);
+  EXPECT_EQ(access.bits_of_run(at(115us), 1us), 4U);
+  access.dominant_until(at(120us));
+  EXPECT_FALSE(access.count(at(141us), 1us)) << "what was not over begins anew";
+  EXPECT_TRUE(access.count(at(142us), 1us));
+  EXPECT_TRUE(access.takes_part());
+}
+
+TEST(Participation, ASuspendedNodeMayNotBegin) {
+  Participation access;
+  access.suspend(at(8us));
+  EXPECT_TRUE(access.suspended(at(7us)));
+  EXPECT_FALSE(access.suspended(at(8us)));
+  EXPECT_TRUE(access.end_suspension());
+  EXPECT_FALSE(access.suspended(at(7us)));
+  EXPECT_FALSE(access.end_suspension());
+}
+
+// ---- nodes of a segment, and the host's side
+
+struct Host final : can::Port, can::Listener {
+  can::Queued send(const can::Frame&, std::uint32_t) noexcept override { return can::Queued::closed; }
+  void withdraw(std::uint32_t) noexcept override {}
+  void listen(can::Listener*, std::span<const can::IdRange>) noexcept override {}
+  [[nodiscard]] can::Status status() const noexcept override { return {}; }
+  bool restart(std::uint32_t) noexcept override { return false; }
+  void received(const can::Frame&, rt::Time) noexcept override { ++frames; }
+  void sent(std::uint32_t tag, rt::Time) noexcept override { tags.push_back(tag); }
+  void changed(const can::Status&, rt::Time) noexcept override { ++changes; }
+
+  rt::Executor executor;
+  unsigned frames = 0;
+  unsigned changes = 0;
+  std::vector<std::uint32_t> tags;
+};
+
+TEST(HostQueue, ASlowHostLosesWhatItsBufferCannotHold) {
+  Host host;
+  HostQueue queue(host.executor, host, 2, 10us);
+  queue.listen(&host);
+  const auto frame = can::Frame::base(0x100, {});
+  EXPECT_TRUE(queue.received(frame, at(0us)));
+  EXPECT_TRUE(queue.received(frame, at(0us)));
+  EXPECT_FALSE(queue.received(frame, at(0us)));
+  host.executor.advance(at(10us));
+  EXPECT_EQ(host.frames, 1U);
+  EXPECT_TRUE(queue.received(frame, at(10us)));
+  queue.deaf(true);
+  host.executor.advance(at(100us));
+  EXPECT_EQ(host.frames, 3U);
+  EXPECT_FALSE(queue.received(frame, at(100us)));
+}
+
+TEST(HostQueue, TellsTagsInOrderAndForgetsForAnotherListener) {
+  Host host;
+  HostQueue queue(host.executor, host, 2, 0us);
+  queue.changed();
+  queue.listen(&host);
+  queue.sent(7, at(0us));
+  queue.sent(0, at(0us));
+  queue.sent(8, at(0us));
+  queue.changed();
+  host.executor.advance(at(0us));
+  EXPECT_EQ(host.tags, (std::vector<std::uint32_t>{7, 8}));
+  EXPECT_EQ(host.changes, 1U) << "none without a listener";
+  queue.sent(9, at(0us));
+  queue.listen(nullptr);
+  host.executor.advance(at(1us));
+  EXPECT_EQ(host.tags.size(), 2U);
+}
+
+TEST(SegmentNodes, AGoodFrameCountsForItsSenderAndItsReceivers) {
+  Host host;
+  const auto node = [&](int number) {
+    return std::unique_ptr<BusNode>(new BusNode{.controller = nullptr,
+                                                .number = number,
+                                                .bit_rate = 1'000'000,
+                                                .powered = true,
+                                                .listen_only = false,
+                                                .transmit{TxOrder::in_order, 1, false},
+                                                .host{host.executor, host, 1, 0us}});
+  };
+  const auto sender = node(0);
+  const auto receiver = node(1);
+  SegmentNodes nodes;
+  nodes.join(*sender);
+  nodes.join(*receiver);
+  nodes.recount();
+  EXPECT_EQ(nodes.acknowledgers(), 2U);
+  EXPECT_FALSE(nodes.any_noisy());
+  sender->set_counters(129, 0);
+  receiver->set_counters(0, 200);
+  EXPECT_TRUE(nodes.any_noisy());
+  BusNode* const senders[] = {sender.get()};
+  nodes.count_good_frame(senders, at(500us));
+  EXPECT_EQ(sender->errors.tec(), 128);
+  EXPECT_TRUE(sender->access.suspended(at(507us))) << "still passive: 8 bits";
+  EXPECT_FALSE(sender->access.suspended(at(508us)));
+  EXPECT_TRUE(nodes.any_suspended());
+  EXPECT_EQ(receiver->errors.rec(), 127) << "rule 8";
+  nodes.leave(*sender);
+  receiver->set_counters(0, 0);
+  EXPECT_FALSE(nodes.any_noisy());
+}
+
+}  // namespace
+}  // namespace berth::sim
