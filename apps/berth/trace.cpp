@@ -7,6 +7,7 @@
 #include <cctype>
 #include <nlohmann/json.hpp>
 
+#include "berth/multilevel/carried.hpp"
 #include "machine_file.hpp"
 #include "trace_known.hpp"
 #include "trace_outlet.hpp"
@@ -43,10 +44,11 @@ bool contains_word(std::string_view text, std::string_view word) {
 /// Everything between a source and what is printed or written.
 class Pipeline final : public trace::Sink, private decode::Rows {
  public:
-  Pipeline(const Options& options, const TraceOptions& trace, const KnownNodes& known)
+  Pipeline(const Options& options, const TraceOptions& trace, const KnownNodes& known, std::vector<NodeView> nodes)
       : options_(options),
         trace_(trace),
         known_(known),
+        nodes_(std::move(nodes)),
         live_(trace.file.empty() || trace.follow),
         prints_(!trace.stats && (!trace.to || live_) && !(trace.quiet && trace.to)),
         decodes_(prints_ || trace.filters_rows()),
@@ -69,6 +71,8 @@ class Pipeline final : public trace::Sink, private decode::Rows {
     if (!first_) first_ = entry.at;
     if (!in_time(entry.at) || !wanted_bus(entry.bus)) return;
     if (decodes_) {
+      about_ = carried_[entry.bus].about(entry.frame);
+      now_ = entry.at;
       decoder_.entry(entry);
       if (trace_.filters_rows()) return;  // `row` writes and counts
     }
@@ -152,9 +156,32 @@ class Pipeline final : public trace::Sink, private decode::Rows {
                             return b == name || b == machine_name;
                           });
       wanted_.push_back(wanted);
+      carried_.emplace_back(gateways_of(machine_name));
       if (decodes_ && wanted) known_.tell(decoder_, number, name);
     }
     return wanted_[bus];
+  }
+
+  // The machine's, and what `--node` says to be one.
+  [[nodiscard]] std::bitset<128> gateways_of(const std::string& machine_bus) const {
+    auto gateways = known_.gateways(machine_bus);
+    for (const auto& view : nodes_) {
+      if (view.bus.empty() && !view.path.gateways.empty()) gateways.set(view.path.gateways.front().gateway.value());
+    }
+    return gateways;
+  }
+
+  // For a node beneath gateways. Rows of transfers that broke off come later than their last frame: of none it is
+  // known.
+  [[nodiscard]] std::optional<multilevel::Path> about(const decode::Row& row) const {
+    return row.entry->at == now_ ? about_ : std::nullopt;
+  }
+
+  [[nodiscard]] bool of_wanted_node(const decode::Row& row) const {
+    const std::string bus = known_.machine_bus(source_->buses()[row.entry->bus]);
+    const bool ports_told = row.meaning.service != decode::Service::emcy;
+    return std::ranges::any_of(
+        nodes_, [&](const NodeView& view) { return view.has(bus, row.meaning.node, about(row), ports_told); });
   }
 
   [[nodiscard]] bool of_wanted_object(const decode::Row& row) const {
@@ -176,13 +203,14 @@ class Pipeline final : public trace::Sink, private decode::Rows {
     if (trace_.filters_rows()) {
       const auto& services = trace_.services;
       if (!services.empty() && std::ranges::find(services, row.meaning.service) == services.end()) return;
-      if (!trace_.nodes.empty() && std::ranges::find(trace_.nodes, row.meaning.node) == trace_.nodes.end()) return;
+      if (!nodes_.empty() && !of_wanted_node(row)) return;
       if (!trace_.text.empty() && !contains_word(row.words, trace_.text)) return;
       if (!trace_.objects.empty() && !of_wanted_object(row)) return;
       take(*row.entry);
     }
     if (!prints_) return;
-    rows_.row(row, source_->buses()[bus]);
+    const auto path = about(row);
+    rows_.row(row, source_->buses()[bus], path ? multilevel::to_string(*path) : std::string());
     if (rows_.many()) rows_.release(decoder_.pending());
   }
 
@@ -323,6 +351,7 @@ class Pipeline final : public trace::Sink, private decode::Rows {
   const Options& options_;
   const TraceOptions& trace_;
   const KnownNodes& known_;
+  std::vector<NodeView> nodes_;  // empty: all
   const TraceSource* source_ = nullptr;
   bool live_;
   bool prints_;
@@ -331,8 +360,11 @@ class Pipeline final : public trace::Sink, private decode::Rows {
   std::unique_ptr<trace::Writer> writer_;
   Outlet file_;
   RowPrinter rows_;
-  std::uint64_t settled_ = 0;  // of those read
-  std::vector<bool> wanted_;   // by bus
+  std::uint64_t settled_ = 0;                 // of those read
+  std::vector<bool> wanted_;                  // by bus
+  std::vector<multilevel::Carried> carried_;  // by bus
+  std::optional<multilevel::Path> about_;     // what the entry is about that is decoded now, beneath gateways
+  rt::Duration now_{};                        // its time
   std::vector<trace::Counter> counters_;
   std::optional<rt::Duration> first_;
   std::uint64_t read_ = 0;
@@ -365,9 +397,11 @@ int run_trace(const Options& given, const TraceOptions& written) {
     return tell(failure(Exit::usage, "--stats and a conversion are two things: run it twice"), options.json);
   const auto known = KnownNodes::load(options, trace);
   if (!known) return tell(known.error(), options.json);
+  auto nodes = known->views(trace.nodes);
+  if (!nodes) return tell(nodes.error(), options.json);
   auto source = open_source(options, trace, *known);
   if (!source) return tell(source.error(), options.json);
-  Pipeline pipeline(options, trace, *known);
+  Pipeline pipeline(options, trace, *known, std::move(*nodes));
   pipeline.attach(**source);
   if (const auto bad = pipeline.open()) return tell(*bad, options.json);
   const auto begin = std::chrono::steady_clock::now();

@@ -48,7 +48,7 @@ struct TraceOptions {
   bool frames = false;  ///< every frame by itself
   std::optional<std::uint32_t> bit_rate;
   // Which of it.
-  std::vector<unsigned> nodes;
+  std::vector<std::string> nodes;  ///< node-IDs, paths, slots' names
   std::vector<decode::Service> services;
   std::vector<std::string> buses;
   std::string text;

@@ -72,6 +72,14 @@ Way way_to(const design::Machine& machine, const std::string& bus) {
   return way;
 }
 
+const design::Bus* bus_at(const design::Machine& machine, const Way& way) noexcept {
+  const design::Bus* at = machine.bus(way.bus);
+  for (const auto& hop : way.gateways) {
+    if (at != nullptr) at = machine.bus_beneath(*at, hop.gateway.value(), hop.port);
+  }
+  return at;
+}
+
 Beneath::Beneath(rt::Executor& executor, const design::Bus& bus, Way way, std::vector<places::SlotSpec> slots,
                  multilevel::Routes& routes, NetworkObserver observer)
     : executor_(executor),
@@ -137,7 +145,7 @@ manager::Wanted Beneath::list(std::span<const NodeId> first) {
     if (taken) slots.push_back(place.spec);
   }
   Findings findings;
-  auto made = network_list(bus_, slots, first, findings);
+  auto made = network_list(bus_, slots, first, settings_, findings);
   for (const auto& finding : findings) {
     if (finding.severity == Finding::Severity::error) events_.tell_once(EventKind::error, to_string(finding));
   }

@@ -31,6 +31,8 @@ struct Way {
   friend bool operator==(const Way&, const Way&) = default;
 };
 [[nodiscard]] Way way_to(const design::Machine& machine, const std::string& bus);
+/// The bus to which a way leads, whether Berth has a port there or not; null: the machine has none there.
+[[nodiscard]] const design::Bus* bus_at(const design::Machine& machine, const Way& way) noexcept;
 
 class Beneath {
  public:
@@ -46,6 +48,8 @@ class Beneath {
     gateway_runs_ = std::move(runs);
     operational_call_ = std::move(operational);
   }
+  /// What the slots' devices shall have besides `config =`. Before `start`.
+  void configure_with(const SlotSettings& settings) { settings_ = settings; }
   /// Watches: only then the slots' states are kept.
   void start();
   void stop() noexcept;
@@ -95,6 +99,7 @@ class Beneath {
   Way way_;
   multilevel::Routes& routes_;
   Events events_;
+  SlotSettings settings_;
   std::vector<Place> places_;  // ascending by node-ID
   std::vector<Beneath*> deeper_;
   std::function<void()> operational_call_;

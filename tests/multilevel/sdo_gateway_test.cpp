@@ -317,35 +317,6 @@ TEST_F(WithLeaf, AForsakenUpload) {
 
 // ---- S3.26: any length, handed on as it comes
 
-namespace {
-
-struct Chain {
-  explicit Chain(unsigned gateways, const SdoGatewayOptions& options = {}) {
-    for (unsigned i = 0; i <= gateways; ++i) lines.push_back(std::make_unique<Line>(world, "bus" + std::to_string(i)));
-    for (unsigned i = 0; i < gateways; ++i) {
-      SdoGatewayOptions mine = options;
-      mine.levels_beneath = gateways - 1 - i;
-      this->gateways.push_back(std::make_unique<Gateway>(world, *lines[i], 3 + i, *lines[i + 1], 1, mine));
-      path.gateways.push_back({NodeId(static_cast<std::uint8_t>(3 + i))});
-    }
-    path.node = NodeId(50);
-    leaf.emplace(world, *lines.back(), 50);
-    master.emplace(world, *lines.front());
-    client.emplace(master->dispatcher);
-    world.run_for(50ms);
-    for (auto& line : lines) line->clear();
-  }
-  sim::World world;
-  std::vector<std::unique_ptr<Line>> lines;
-  std::vector<std::unique_ptr<Gateway>> gateways;
-  std::optional<Leaf> leaf;
-  std::optional<Station> master;
-  std::optional<co::SdoClient> client;
-  Path path;
-};
-
-}  // namespace
-
 // S3.26
 TEST(SdoGatewayLength, AnyLengthInAnyMode) {
   for (const auto mode : {co::SdoMode::segmented, co::SdoMode::block, co::SdoMode::automatic}) {
