@@ -7,9 +7,9 @@
 #include <cctype>
 #include <nlohmann/json.hpp>
 
-#include "berth/multilevel/carried.hpp"
 #include "machine_file.hpp"
 #include "trace_known.hpp"
+#include "trace_nodes.hpp"
 #include "trace_outlet.hpp"
 #include "trace_rows.hpp"
 #include "trace_source.hpp"
@@ -48,7 +48,7 @@ class Pipeline final : public trace::Sink, private decode::Rows {
       : options_(options),
         trace_(trace),
         known_(known),
-        nodes_(std::move(nodes)),
+        nodes_(known, std::move(nodes)),
         live_(trace.file.empty() || trace.follow),
         prints_(!trace.stats && (!trace.to || live_) && !(trace.quiet && trace.to)),
         decodes_(prints_ || trace.filters_rows()),
@@ -71,8 +71,7 @@ class Pipeline final : public trace::Sink, private decode::Rows {
     if (!first_) first_ = entry.at;
     if (!in_time(entry.at) || !wanted_bus(entry.bus)) return;
     if (decodes_) {
-      about_ = carried_[entry.bus].about(entry.frame);
-      now_ = entry.at;
+      nodes_.look(entry);
       decoder_.entry(entry);
       if (trace_.filters_rows()) return;  // `row` writes and counts
     }
@@ -156,32 +155,10 @@ class Pipeline final : public trace::Sink, private decode::Rows {
                             return b == name || b == machine_name;
                           });
       wanted_.push_back(wanted);
-      carried_.emplace_back(gateways_of(machine_name));
+      nodes_.add_bus(machine_name);
       if (decodes_ && wanted) known_.tell(decoder_, number, name);
     }
     return wanted_[bus];
-  }
-
-  // The machine's, and what `--node` says to be one.
-  [[nodiscard]] std::bitset<128> gateways_of(const std::string& machine_bus) const {
-    auto gateways = known_.gateways(machine_bus);
-    for (const auto& view : nodes_) {
-      if (view.bus.empty() && !view.path.gateways.empty()) gateways.set(view.path.gateways.front().gateway.value());
-    }
-    return gateways;
-  }
-
-  // For a node beneath gateways. Rows of transfers that broke off come later than their last frame: of none it is
-  // known.
-  [[nodiscard]] std::optional<multilevel::Path> about(const decode::Row& row) const {
-    return row.entry->at == now_ ? about_ : std::nullopt;
-  }
-
-  [[nodiscard]] bool of_wanted_node(const decode::Row& row) const {
-    const std::string bus = known_.machine_bus(source_->buses()[row.entry->bus]);
-    const bool ports_told = row.meaning.service != decode::Service::emcy;
-    return std::ranges::any_of(
-        nodes_, [&](const NodeView& view) { return view.has(bus, row.meaning.node, about(row), ports_told); });
   }
 
   [[nodiscard]] bool of_wanted_object(const decode::Row& row) const {
@@ -203,13 +180,13 @@ class Pipeline final : public trace::Sink, private decode::Rows {
     if (trace_.filters_rows()) {
       const auto& services = trace_.services;
       if (!services.empty() && std::ranges::find(services, row.meaning.service) == services.end()) return;
-      if (!nodes_.empty() && !of_wanted_node(row)) return;
+      if (!nodes_.wants(row)) return;
       if (!trace_.text.empty() && !contains_word(row.words, trace_.text)) return;
       if (!trace_.objects.empty() && !of_wanted_object(row)) return;
       take(*row.entry);
     }
     if (!prints_) return;
-    const auto path = about(row);
+    const auto path = nodes_.about(row);
     rows_.row(row, source_->buses()[bus], path ? multilevel::to_string(*path) : std::string());
     if (rows_.many()) rows_.release(decoder_.pending());
   }
@@ -351,7 +328,7 @@ class Pipeline final : public trace::Sink, private decode::Rows {
   const Options& options_;
   const TraceOptions& trace_;
   const KnownNodes& known_;
-  std::vector<NodeView> nodes_;  // empty: all
+  TraceNodes nodes_;
   const TraceSource* source_ = nullptr;
   bool live_;
   bool prints_;
@@ -360,11 +337,8 @@ class Pipeline final : public trace::Sink, private decode::Rows {
   std::unique_ptr<trace::Writer> writer_;
   Outlet file_;
   RowPrinter rows_;
-  std::uint64_t settled_ = 0;                 // of those read
-  std::vector<bool> wanted_;                  // by bus
-  std::vector<multilevel::Carried> carried_;  // by bus
-  std::optional<multilevel::Path> about_;     // what the entry is about that is decoded now, beneath gateways
-  rt::Duration now_{};                        // its time
+  std::uint64_t settled_ = 0;  // of those read
+  std::vector<bool> wanted_;   // by bus
   std::vector<trace::Counter> counters_;
   std::optional<rt::Duration> first_;
   std::uint64_t read_ = 0;

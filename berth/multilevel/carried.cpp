@@ -24,10 +24,6 @@ std::optional<NodeId> node_of(const can::Frame& frame, std::uint32_t base) noexc
   return NodeId(static_cast<std::uint8_t>(frame.id - base));
 }
 
-ObjectRef object_of(const can::Frame& frame) noexcept {
-  return {load_le<std::uint16_t>(frame.data.data() + 1), frame.data[3]};
-}
-
 }  // namespace
 
 std::optional<Path> Carried::about(const can::Frame& frame) {
@@ -63,23 +59,42 @@ void Carried::request(NodeId node, Channel& channel, const can::Frame& frame) {
     return;
   }
   switch (specifier_of(first)) {
-    case Ccs::download: {
-      const bool expedited = (first & 2U) != 0, sized = (first & 1U) != 0;
-      const std::size_t bytes = !expedited ? 0 : sized ? 4U - (first >> 2U & 3U) : 4U;
-      channel.now = access(channel.gateway, at, object_of(frame), std::span(frame.data).subspan(4, bytes));
-      break;
-    }
-    case Ccs::upload: channel.now = access(channel.gateway, at, object_of(frame), std::nullopt); break;
+    case Ccs::download: begin_download(node, channel, frame); break;
+    case Ccs::download_segment: segment(node, channel, frame); break;
+    case Ccs::upload: channel.now = access(channel.gateway, at, co::sdo::multiplexer(frame), std::nullopt); break;
     case Ccs::block_upload:
-      if ((first & 3U) == 0) channel.now = access(channel.gateway, at, object_of(frame), std::nullopt);
+      if ((first & 3U) == 0) channel.now = access(channel.gateway, at, co::sdo::multiplexer(frame), std::nullopt);
       break;
     case Ccs::block_download:
       if ((first & 1U) != 0) break;
-      channel.now = access(channel.gateway, at, object_of(frame), std::span<const std::uint8_t>());
+      channel.now = access(channel.gateway, at, co::sdo::multiplexer(frame), std::span<const std::uint8_t>());
       channel.in_blocks = true;
       break;
     default: break;
   }
+}
+
+void Carried::begin_download(NodeId node, Channel& channel, const can::Frame& frame) {
+  const std::uint8_t first = frame.data[0];
+  const bool expedited = (first & 2U) != 0, sized = (first & 1U) != 0;
+  const std::size_t bytes = !expedited ? 0 : sized ? 4U - (first >> 2U & 3U) : 4U;
+  channel.object = co::sdo::multiplexer(frame);
+  channel.bytes = 0;
+  channel.now = access(channel.gateway, {.node = node}, channel.object, std::span(frame.data).subspan(4, bytes));
+}
+
+// Short values may come so, too. Repeated segments are not told apart: a value of four bytes has one.
+void Carried::segment(NodeId node, Channel& channel, const can::Frame& frame) {
+  const std::uint8_t first = frame.data[0];
+  const std::size_t bytes = co::sdo::segment_bytes - (first >> 1U & 7U);
+  for (std::size_t i = 0; i < bytes && channel.bytes + i < channel.data.size(); ++i)
+    channel.data[channel.bytes + i] = frame.data[1 + i];
+  channel.bytes = std::min(channel.bytes + bytes, channel.data.size() + 1);
+  const bool last = (first & 1U) != 0;
+  if (!last || channel.bytes > channel.data.size()) return;
+  const auto value = std::span<const std::uint8_t>(channel.data).first(channel.bytes);
+  const auto path = access(channel.gateway, {.node = node}, channel.object, value);
+  if (path) channel.now = path;
 }
 
 // `at` is the gateway's own node. Empty: the object is none of the three.

@@ -5,6 +5,7 @@
 ///     multilevel::Carried carried(gateways);
 ///     const auto path = carried.about(frame);   // "3/5", or empty: the frame is about this bus's own
 ///
+/// A node-ID or command that a client writes by block transfer is not read.
 /// A listener that comes later than the write of a node-ID does not know whom the accesses after it are meant for,
 /// until another is written. Memory is bounded: of a machine with more than `most_levels` gateways the rest is not
 /// followed.
@@ -52,11 +53,16 @@ class Carried {
   };
   struct Channel {
     Gateway gateway;
-    std::optional<Path> now;  // of the transfer that is under way
-    bool in_blocks = false;   // its frames from the client are no commands
+    std::optional<Path> now;             // of the transfer that is under way
+    bool in_blocks = false;              // its frames from the client are no commands
+    ObjectRef object{};                  // of a segmented download,
+    std::array<std::uint8_t, 4> data{};  // and what of it has come
+    std::size_t bytes = 0;               // more than there is room for: none of them
   };
   using Data = std::optional<std::span<const std::uint8_t>>;  // empty: it is read
 
+  void begin_download(NodeId node, Channel& channel, const can::Frame& frame);
+  void segment(NodeId node, Channel& channel, const can::Frame& frame);
   std::optional<Path> emergency(const can::Frame& frame) const;
   void request(NodeId node, Channel& channel, const can::Frame& frame);
   std::optional<Path> access(Gateway& gateway, const Path& at, ObjectRef object, Data data);

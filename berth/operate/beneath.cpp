@@ -43,6 +43,18 @@ rt::Task<Result<void>> read_address(co::SdoAccess& device, LssAddress& address) 
   co_return Result<void>{};
 }
 
+// A master whose list is not in use yet has none of its nodes. One that does not answer is not asked on.
+rt::Task<bool> has_all(co::SdoAccess& master, const std::vector<NodeId>& nodes) {
+  for (const NodeId node : nodes) {
+    const std::uint8_t sub = node.value();
+    const auto value = co_await master.read(od::cia302::request_nmt, sub);
+    if (!value && value.error().code != Errc::aborted) co_return true;
+    constexpr std::uint8_t missing = 1;
+    if (!value || value->bytes().empty() || value->bytes().front() <= missing) co_return false;
+  }
+  co_return true;
+}
+
 rt::Task<void> bring_up_deeper(Beneath& deeper, std::optional<Error>& failed) {
   const auto done = co_await deeper.bring_up();
   if (!done && deeper.bus().gateway->mandatory && !failed) failed = done.error();
@@ -81,10 +93,11 @@ const design::Bus* bus_at(const design::Machine& machine, const Way& way) noexce
 }
 
 Beneath::Beneath(rt::Executor& executor, const design::Bus& bus, Way way, std::vector<places::SlotSpec> slots,
-                 multilevel::Routes& routes, NetworkObserver observer)
+                 const SlotSettings& settings, multilevel::Routes& routes, NetworkObserver observer)
     : executor_(executor),
       bus_(bus),
       way_(std::move(way)),
+      settings_(settings),
       routes_(routes),
       events_(executor, bus.name, std::move(observer)),
       wakes_(executor),
@@ -152,8 +165,9 @@ manager::Wanted Beneath::list(std::span<const NodeId> first) {
   return made;
 }
 
-// The gateway's master counts what is written from its next boot-up on.
-rt::Task<Result<void>> Beneath::put_list(const manager::Wanted& list) {
+// The gateway's master counts what is written from its next boot-up on. A list that is there and of which nodes are
+// missing may have been written by a Berth that ended before that: then the master is reset too, once.
+rt::Task<Result<void>> Beneath::put_list(const manager::Wanted& list, std::vector<NodeId> nodes) {
   manager::ConfiguratorOptions options;
   manager::ConfigurationReport report;
   {
@@ -161,8 +175,14 @@ rt::Task<Result<void>> Beneath::put_list(const manager::Wanted& list) {
     co_await configurator.run(report);
   }
   if (report.failure) co_return fail(error_of(*report.failure));
-  if (!report.changed()) co_return Result<void>{};
-  events_.tell(EventKind::step, "", "its gateway has a new network list");
+  if (!report.changed()) {
+    const bool in_use = was_reset_ || co_await has_all(access(bus_.master), nodes);
+    if (in_use) co_return Result<void>{};
+    was_reset_ = true;
+    events_.tell(EventKind::step, "", "its gateway boots it again: it misses nodes of its network list");
+  } else {
+    events_.tell(EventKind::step, "", "its gateway has a new network list");
+  }
   // Who is reset is itself: its bus boots behind it.
   const std::array<std::uint8_t, 1> value{manager::request_value(co::NmtCommand::reset_node)};
   const std::span<const std::uint8_t> data = value;
@@ -177,10 +197,12 @@ rt::Task<Result<void>> Beneath::bring_up() {
   co::SdoAccess& master = access(bus_.master);
   const bool has_it = co_await has_list(master, whole);
   Result<void> done;
-  if (!has_it) {
-    done = co_await gateways_first();
-    if (done) done = co_await put_list(whole);
+  if (!has_it) done = co_await gateways_first();
+  std::vector<NodeId> nodes;
+  for (const auto& place : places_) {
+    if (!place.spec.optional) nodes.push_back(place.spec.id);
   }
+  if (done) done = co_await put_list(whole, nodes);
   if (done) done = co_await await_operational();
   if (done && has_it) done = co_await bring_up_all(executor_, deeper_);
   brings_up_ = false;
@@ -194,7 +216,7 @@ rt::Task<Result<void>> Beneath::gateways_first() {
   std::vector<NodeId> nodes;
   for (const auto* const deeper : deeper_) nodes.push_back(deeper->way().gateways.back().gateway);
   const manager::Wanted first = list(nodes);
-  const auto put = co_await put_list(first);
+  const auto put = co_await put_list(first, nodes);
   if (!put) co_return put;
   const rt::Time deadline = executor_.now() + patience;
   for (const NodeId node : nodes) {

@@ -36,9 +36,10 @@ struct Way {
 
 class Beneath {
  public:
-  /// `bus` and `routes` must stay; `routes`: of the bus at which `way` begins.
+  /// `bus` and `routes` must stay; `routes`: of the bus at which `way` begins. `settings`: what the slots' devices
+  /// shall have besides `config =`.
   Beneath(rt::Executor& executor, const design::Bus& bus, Way way, std::vector<places::SlotSpec> slots,
-          multilevel::Routes& routes, NetworkObserver observer);
+          const SlotSettings& settings, multilevel::Routes& routes, NetworkObserver observer);
 
   /// A bus beneath this one, without a port too. Must stay.
   void add(Beneath& deeper) { deeper_.push_back(&deeper); }
@@ -48,8 +49,6 @@ class Beneath {
     gateway_runs_ = std::move(runs);
     operational_call_ = std::move(operational);
   }
-  /// What the slots' devices shall have besides `config =`. Before `start`.
-  void configure_with(const SlotSettings& settings) { settings_ = settings; }
   /// Watches: only then the slots' states are kept.
   void start();
   void stop() noexcept;
@@ -79,7 +78,8 @@ class Beneath {
     SlotReport now;
     bool identified = false;  // since it became operational
   };
-  rt::Task<Result<void>> put_list(const manager::Wanted& list);
+  /// `nodes`: those that its master must know when it uses the list.
+  rt::Task<Result<void>> put_list(const manager::Wanted& list, std::vector<NodeId> nodes);
   rt::Task<Result<void>> gateways_first();
   rt::Task<Result<void>> await_operational();
   rt::Task<void> watch();
@@ -97,9 +97,9 @@ class Beneath {
   rt::Executor& executor_;
   const design::Bus& bus_;
   Way way_;
+  SlotSettings settings_;
   multilevel::Routes& routes_;
   Events events_;
-  SlotSettings settings_;
   std::vector<Place> places_;  // ascending by node-ID
   std::vector<Beneath*> deeper_;
   std::function<void()> operational_call_;
@@ -110,6 +110,7 @@ class Beneath {
   bool up_ = false;                 // it was brought up
   bool was_operational_ = false;
   bool brings_up_ = false;
+  bool was_reset_ = false;  // its gateway, because it missed nodes of a list that it had
   rt::Scope scope_;
 };
 

@@ -56,7 +56,7 @@ TEST(CarriedFrames, OfAnAccessToAnyDepth) {
 
 // Segments and blocks hold bytes that look like commands.
 TEST(CarriedFrames, LongTransfersBelongToTheirNode) {
-  for (const auto mode : {co::SdoMode::segmented, co::SdoMode::block}) {
+  for (const auto mode : {co::SdoMode::segmented, co::SdoMode::automatic}) {
     Chain chain(1);
     co::SdoOptions options;
     options.mode = mode;
