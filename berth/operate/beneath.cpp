@@ -16,6 +16,7 @@ using places::SlotState;
 
 constexpr auto look_pause = std::chrono::milliseconds(200);  // between two looks at a bus that boots
 constexpr std::uint16_t heartbeat_lost = 0x8130;
+constexpr std::uint16_t configuration_date = 0x1020;
 
 Error error_of(const manager::Failure& failure) noexcept {
   if (failure.why == manager::Failure::Why::error) return failure.error;
@@ -40,6 +41,16 @@ rt::Task<Result<void>> read_address(co::SdoAccess& device, LssAddress& address) 
     if (value) *part = *value;
     if (!value && value.error().code != Errc::aborted) co_return fail(value.error());
   }
+  co_return Result<void>{};
+}
+
+rt::Task<Result<void>> bring(co::SdoAccess& master, const manager::Wanted& list, bool& changed) {
+  manager::ConfiguratorOptions options;
+  manager::ConfigurationReport report;
+  manager::Configurator configurator(master, master, list, options);
+  co_await configurator.run(report);
+  if (report.failure) co_return fail(error_of(*report.failure));
+  changed = report.changed();
   co_return Result<void>{};
 }
 
@@ -168,17 +179,18 @@ manager::Wanted Beneath::list(std::span<const NodeId> first) {
 // The gateway's master counts what is written from its next boot-up on. A list that is there and of which nodes are
 // missing may have been written by a Berth that ended before that: then the master is reset too, once.
 rt::Task<Result<void>> Beneath::put_list(const manager::Wanted& list, std::vector<NodeId> nodes) {
-  manager::ConfiguratorOptions options;
-  manager::ConfigurationReport report;
-  {
-    manager::Configurator configurator(access(bus_.master), access(bus_.master), list, options);
-    co_await configurator.run(report);
-  }
-  if (report.failure) co_return fail(error_of(*report.failure));
-  if (!report.changed()) {
-    const bool in_use = was_reset_ || co_await has_all(access(bus_.master), nodes);
+  co::SdoAccess& master = access(bus_.master);
+  bool changed = false;
+  auto put = co_await bring(master, list, changed);
+  if (!put) co_return put;
+  if (!changed) {
+    const bool in_use = was_reset_ || co_await has_all(master, nodes);
     if (in_use) co_return Result<void>{};
     was_reset_ = true;
+    // What is there may be unsaved: it is brought in again as if its date were another.
+    put = co_await master.write_u32(configuration_date, 1, 0);
+    if (put) put = co_await bring(master, list, changed);
+    if (!put) co_return put;
     events_.tell(EventKind::step, "", "its gateway boots it again: it misses nodes of its network list");
   } else {
     events_.tell(EventKind::step, "", "its gateway has a new network list");
@@ -186,7 +198,6 @@ rt::Task<Result<void>> Beneath::put_list(const manager::Wanted& list, std::vecto
   // Who is reset is itself: its bus boots behind it.
   const std::array<std::uint8_t, 1> value{manager::request_value(co::NmtCommand::reset_node)};
   const std::span<const std::uint8_t> data = value;
-  co::SdoAccess& master = access(bus_.master);
   co_return co_await master.write(od::cia302::request_nmt, bus_.master.value(), data);
 }
 

@@ -23,9 +23,11 @@
 
 namespace berth::harness {
 
-class TreeWorld final : private plant::World::Observer {
+class TreeWorld final : private plant::World::Observer, private can::Tap {
  public:
-  explicit TreeWorld(TreePlan plan) : plan_(std::move(plan)), random_(plan_.seed ^ 0x7EE5) {
+  // `frames`: the log has every frame of this bus, too.
+  explicit TreeWorld(TreePlan plan, const std::string& frames = {})
+      : plan_(std::move(plan)), random_(plan_.seed ^ 0x7EE5) {
     Findings findings;
     std::vector<plant::BusRate> rates;
     for (const auto* const bus : plan_.machine.all_buses()) rates.push_back({bus->name, bus->bitrate});
@@ -33,6 +35,8 @@ class TreeWorld final : private plant::World::Observer {
     for (const auto& finding : findings) failure_ += to_string(finding) + "\n";
     if (!world_) return;
     world_->add_observer(*this);
+    tapped_ = world_->bus(frames);
+    if (tapped_ != nullptr) tapped_->add_tap(*this);
     controller_ = world_->attach_master("backbone");
     world_->start();
   }
@@ -40,6 +44,7 @@ class TreeWorld final : private plant::World::Observer {
     end();
     port_.reset();
     controller_.reset();
+    if (tapped_ != nullptr) tapped_->remove_tap(*this);
     if (world_) world_->remove_observer(*this);
   }
 
@@ -117,6 +122,9 @@ class TreeWorld final : private plant::World::Observer {
   }
   void note(const std::string& text) { log_ += fmt::format("{:12.6f} s  {}\n", seconds(), text); }
 
+  void frame(const can::Frame& frame, rt::Time, int sender) noexcept override {
+    note(fmt::format("{:>3} {}", sender, can::to_string(frame)));
+  }
   void take(const operate::Event& event) {
     log_ += operate::to_line(event) + "\n";
     if (event.kind == operate::EventKind::state) states_.emplace_back(event.slot, event.text);
@@ -297,6 +305,7 @@ class TreeWorld final : private plant::World::Observer {
   std::unique_ptr<sim::Controller> controller_;
   std::unique_ptr<MortalPort> port_;
   std::unique_ptr<operate::Session> session_;
+  sim::Bus* tapped_ = nullptr;
   std::set<std::string> cut_;
   std::set<std::pair<const plant::SimDevice*, const plant::SimDevice*>> told_;
   std::vector<std::pair<std::string, std::string>> states_;  // slot, words

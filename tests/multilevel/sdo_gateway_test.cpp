@@ -468,6 +468,36 @@ TEST(SdoGatewayDepth, ASilentNodeCostsOneTimeOut) {
   }
 }
 
+// What the node refuses, the client gets with the node's code and the node's object, however deep it is.
+TEST(SdoGatewayDepth, AbortCodesOfEveryLevel) {
+  for (unsigned depth = 1; depth <= 6; ++depth) {
+    SCOPED_TRACE(depth);
+    Chain chain(depth);
+    Routes routes(*chain.client);
+    auto& access = routes.access(chain.path);
+    const auto refused = [](const Result<void>& done, std::uint16_t index, std::uint32_t code) {
+      ASSERT_FALSE(done);
+      EXPECT_EQ(done.error().code, Errc::aborted);
+      EXPECT_EQ(done.error().node, 50);
+      EXPECT_EQ(done.error().index, index);
+      EXPECT_EQ(done.error().detail, code) << std::hex << done.error().detail;
+    };
+    const auto missing = await(chain.world, access.read(0x3000, 0));
+    ASSERT_FALSE(missing);
+    EXPECT_EQ(missing.error().detail, 0x0602'0000U);
+    EXPECT_EQ(missing.error().index, 0x3000);
+    const Bytes two = numbers(2), four = numbers(4), thirteen = numbers(13);
+    refused(await(chain.world, access.write(0x1000, 0, four)), 0x1000, 0x0601'0002);             // read only
+    refused(await(chain.world, access.write(0x2000, 7, two)), 0x2000, 0x0609'0011);              // no such sub-index
+    refused(await(chain.world, access.write(0x2000, 0, two)), 0x2000, 0x0607'0012);              // too long
+    refused(await(chain.world, access.write_u32(0x2002, 0, 0x2000'0000)), 0x2002, 0x0609'0031);  // too high
+    refused(await(chain.world, access.write(0x2003, 0, thirteen)), 0x2003, 0x0607'0012);         // 12 bytes at most
+    // And nothing is stuck.
+    EXPECT_EQ(*await(chain.world, access.read_u32(0x1000, 0)), 0x0002'0192U);
+    for (auto& each : chain.gateways) EXPECT_EQ(each->gateway.busy(), 0U);
+  }
+}
+
 // A gateway of the path that is not there: told apart from the node.
 TEST(SdoGatewayDepth, ASilentGateway) {
   Chain chain(2);

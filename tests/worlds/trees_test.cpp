@@ -12,7 +12,8 @@ TEST(TreesRandomWorlds, HealAndTellOnce) {
   const auto range = worlds::seeds(12);
   for (std::uint64_t seed = range.from; seed < range.end(); ++seed) {
     SCOPED_TRACE("seed " + std::to_string(seed));
-    TreeWorld world(tree_plan(seed));
+    const char* const frames = std::getenv("BERTH_WORLDS_FRAMES");  // of this bus, in the log of a failure
+    TreeWorld world(tree_plan(seed), frames == nullptr ? "" : frames);
     EXPECT_EQ(world.go(8), "") << world.log();
   }
 }
