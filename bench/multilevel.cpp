@@ -1,8 +1,13 @@
-// Machines of many buses (paper 3; docs/multilevel.md): what an access through gateways costs, the paper's way and CiA
-// 302-7's; how late a signal is behind one to three gateways; what a gateway's processor has to do for it.
+// Machines of many buses (paper 3; docs/multilevel.md): what an access through gateways costs, the paper's way, CiA
+// 302-7's and without any; how late a signal is behind one to three gateways, beside the bound that the analysis gives
+// and what the buses need at least; what a gateway's processor has to do for a signal and for an emergency; how the
+// harvester boots beside its buses one after the other; the load of a backbone with levels beneath it and without.
 #include <fmt/format.h>
 
 #include <algorithm>
+#include <array>
+#include <cstdio>
+#include <cstdlib>
 #include <map>
 #include <memory>
 #include <optional>
@@ -10,6 +15,7 @@
 #include <vector>
 
 #include "bench/tools/figures.hpp"
+#include "berth/analysis/response.hpp"
 #include "berth/base/bytes.hpp"
 #include "berth/base/random.hpp"
 #include "berth/multilevel/gateway_access.hpp"
@@ -17,6 +23,7 @@
 #include "berth/multilevel/remote_sdo.hpp"
 #include "berth/rt/scope.hpp"
 #include "berth/sim/world.hpp"
+#include "tests/harvester/harvester.hpp"
 
 using namespace berth;
 using namespace std::chrono_literals;
@@ -29,12 +36,16 @@ constexpr std::uint16_t far_network = 9;
 struct Count final : can::Tap {
   explicit Count(sim::Bus& line) : bus(&line) { line.add_tap(*this); }
   ~Count() { bus->remove_tap(*this); }
-  void frame(const can::Frame&, rt::Time at, int) noexcept override {
+  void frame(const can::Frame& frame, rt::Time at, int) noexcept override {
     ++frames;
     last = at;
+    // A download that is confirmed, an upload that is answered at once (CiA 301 §7.2.4.3).
+    const unsigned answer = frame.data[0] >> 5U;
+    accesses += frame.id > 0x580 && frame.id < 0x600 && (answer == 3 || answer == 2);
   }
   sim::Bus* bus;
   unsigned frames = 0;
+  unsigned accesses = 0;
   rt::Time last{};
 };
 
@@ -95,9 +106,11 @@ struct Tower {
     good = type.has_value();
   }
   struct Cost {
-    unsigned above = 0, all = 0;
+    unsigned accesses = 0, above = 0, all = 0;
     rt::Duration time{};
-    [[nodiscard]] std::string text() const { return fmt::format("{} / {} / {}", above, all, bench::time_text(time)); }
+    [[nodiscard]] std::string text() const {
+      return fmt::format("{} / {} / {} / {}", accesses, above, all, bench::time_text(time));
+    }
   };
   Cost cost(co::SdoAccess& access) {
     std::vector<std::unique_ptr<Count>> counts;
@@ -108,7 +121,7 @@ struct Tower {
     scope.spawn(read(access, good));
     world.run_until([&] { return scope.running() == 0; }, 10s);
     if (!good) std::exit(1);
-    Cost made{.above = counts[0]->frames, .time = counts[0]->last - began};
+    Cost made{.accesses = counts[0]->accesses, .above = counts[0]->frames, .time = counts[0]->last - began};
     for (auto& each : counts) made.all += each->frames;
     world.run_for(10ms);
     return made;
@@ -129,15 +142,17 @@ struct Tower {
 
 void print_accesses() {
   std::vector<std::vector<std::string>> rows;
-  for (unsigned depth = 0; depth <= 6; ++depth) {
+  Tower alone(0);  // on the node's own bus
+  const auto direct = alone.cost(alone.routes->access(alone.path)).text();
+  for (unsigned depth = 1; depth <= 6; ++depth) {
     Tower tower(depth);
     auto& access = tower.routes->access(tower.path);
     const auto first = tower.cost(access), further = tower.cost(access);
-    rows.push_back(
-        {std::to_string(depth), first.text(), further.text(), depth == 0 ? "-" : tower.cost(*tower.remote).text()});
+    rows.push_back({std::to_string(depth), first.text(), further.text(), tower.cost(*tower.remote).text(), direct});
   }
-  bench::print_columns("an SDO upload of four bytes: frames on the client's bus / on all buses / time, 500 kbit/s",
-                       {"gateways", "paper 3, first", "paper 3, further", "CiA 302-7"}, rows);
+  bench::print_columns(
+      "an SDO upload of four bytes: accesses and frames on the client's bus / frames on all buses / time, 500 kbit/s",
+      {"gateways", "paper 3, first", "paper 3, further", "CiA 302-7", "direct"}, rows);
 }
 
 // When each value was on a bus.
@@ -148,31 +163,101 @@ struct Seen final : can::Tap {
   std::map<unsigned, rt::Time> when;
 };
 
-std::vector<std::string> delays(unsigned depth, unsigned background_us) {
+// Other traffic of one bus: more urgent messages, each with its period, and a less urgent one that may be on the wire.
+struct Other {
+  std::uint32_t id;
+  rt::Duration period;
+};
+constexpr rt::Duration signal_period = 2ms;
+constexpr std::array<Other, 13> traffic{{{0x101, 3500us},
+                                         {0x102, 4100us},
+                                         {0x103, 4700us},
+                                         {0x104, 5300us},
+                                         {0x105, 5900us},
+                                         {0x106, 6700us},
+                                         {0x107, 7100us},
+                                         {0x108, 7900us},
+                                         {0x109, 8300us},
+                                         {0x10A, 8900us},
+                                         {0x10B, 9700us},
+                                         {0x10C, 10300us},
+                                         {0x7F0, 2900us}}};
+
+// What a bus carries, with the signal among it; `jitter`: of its arrival.
+analysis::Line line_of(bool busy, rt::Duration jitter) {
+  analysis::Line line;
+  line.bit_rate = bit_rate;
+  const auto add = [&](std::uint32_t id, unsigned bytes, rt::Duration period, rt::Duration late) {
+    line.senders.push_back({fmt::format("{:03X}", id)});
+    analysis::Message message;
+    message.sender = line.senders.size() - 1;
+    message.key = id;
+    message.data_bytes = bytes;
+    message.period = period;
+    message.jitter = late;
+    line.messages.push_back(message);
+  };
+  add(0x181, 2, signal_period, jitter);
+  for (const Other& other : traffic) {
+    if (busy) add(other.id, 8, other.period, 0ns);
+  }
+  return line;
+}
+
+// From the end of its frame on the uppermost bus to the end of that on the lowest, at worst: each bus adds its response
+// to a message that comes with what those above it make early or late.
+std::optional<rt::Duration> bound(unsigned depth, bool busy, rt::Duration shortest_frame) {
+  rt::Duration latest{}, sum{};
+  for (unsigned level = 0; level <= depth; ++level) {
+    const rt::Duration jitter = latest - level * shortest_frame;
+    const auto result = analysis::analyze(line_of(busy, jitter));
+    const auto signal = std::ranges::find(result.responses, 0U, &analysis::Response::message);
+    if (!signal->worst) return std::nullopt;
+    const rt::Duration own = *signal->worst - jitter;
+    if (level > 0) sum += own;
+    latest += own;
+  }
+  return sum;
+}
+
+// A frame of two bytes without stuff bits, and the intermission before it.
+constexpr rt::Duration shortest_frame = 63 * 1'000'000'000ns / bit_rate;
+
+std::vector<std::string> delays(unsigned depth, bool busy) {
   Tower tower(depth);
   Random random(depth);
   auto& source = tower.port(0);
-  std::vector<sim::Controller*> others;
-  for (unsigned level = 0; level <= depth; ++level) others.push_back(&tower.port(level));
+  struct Sender {
+    sim::Controller* port;
+    Other what;
+    rt::Time next;
+  };
+  std::vector<Sender> others;
+  for (unsigned level = 0; level <= depth && busy; ++level) {
+    for (const Other& other : traffic) {
+      const auto phase = std::chrono::microseconds(100 * random.below(100));
+      others.push_back({&tower.port(level), other, tower.world.now() + phase});
+    }
+  }
   Seen above, beneath;
   tower.world.buses().front()->add_tap(above);
   tower.world.buses().back()->add_tap(beneath);
   rt::Duration least = 1h, longest{};
-  for (unsigned i = 1; i <= 2000; ++i) {
-    can::Frame frame = can::Frame::base(0x181, {0, 0});
-    frame.data[0] = static_cast<std::uint8_t>(i);
-    frame.data[1] = static_cast<std::uint8_t>(i >> 8U);
-    source.send(frame, 0);
-    for (unsigned step = 0; step < 20; ++step) {
-      tower.world.run_for(100us);
-      if (background_us == 0) continue;
-      for (auto* other : others) {
-        if (random.below(background_us) >= 100) continue;
-        const can::Frame noise =
-            can::Frame::base(static_cast<std::uint32_t>(0x100 + random.below(0x60)), {1, 2, 3, 4, 5, 6, 7, 8});
-        other->send(noise, 0);
-      }
+  constexpr unsigned signals = 20'000;
+  constexpr rt::Duration step = 100us;
+  unsigned sent = 0;
+  for (rt::Time next = tower.world.now(); sent < signals; tower.world.run_for(step)) {
+    const rt::Time now = tower.world.now();
+    for (auto& other : others) {
+      if (now < other.next) continue;
+      other.port->send(can::Frame::base(other.what.id, {1, 2, 3, 4, 5, 6, 7, 8}), 0);
+      other.next += other.what.period;
     }
+    if (now < next) continue;
+    next += signal_period;
+    can::Frame frame = can::Frame::base(0x181, {0, 0});
+    store_le(frame.data.data(), static_cast<std::uint16_t>(++sent));
+    source.send(frame, 0);
   }
   tower.world.run_for(100ms);
   for (const auto& [value, at] : beneath.when) {
@@ -180,22 +265,26 @@ std::vector<std::string> delays(unsigned depth, unsigned background_us) {
     least = std::min(least, delay);
     longest = std::max(longest, delay);
   }
-  if (beneath.when.size() != above.when.size()) std::exit(1);  // one was left behind
+  if (beneath.when.size() != signals) std::exit(1);  // one was left behind
+  const auto most = bound(depth, busy, shortest_frame);
+  if (most && longest > *most) std::exit(1);  // the analysis is wrong
   const double load = tower.world.buses().back()->load();
   tower.world.buses().front()->remove_tap(above);
   tower.world.buses().back()->remove_tap(beneath);
-  return {std::to_string(depth), fmt::format("{:.0f} %", load * 100), fmt::format("{:.0f} us", least / 1.0us),
-          fmt::format("{:.0f} us", longest / 1.0us)};
+  const auto us = [](rt::Duration time) { return fmt::format("{:.0f} us", time / 1.0us); };
+  return {
+      std::to_string(depth),    fmt::format("{:.0f} %", load * 100), us(depth * shortest_frame), us(least), us(longest),
+      most ? us(*most) : "none"};
 }
 
 void print_delays() {
   std::vector<std::vector<std::string>> rows;
   for (unsigned depth = 1; depth <= 3; ++depth) {
-    rows.push_back(delays(depth, 0));
-    rows.push_back(delays(depth, 500));
+    rows.push_back(delays(depth, false));
+    rows.push_back(delays(depth, true));
   }
-  bench::print_columns("delay of a signal, end of frame to end of frame, 2000 of them, 500 kbit/s",
-                       {"gateways", "load beneath", "shortest", "longest"}, rows);
+  bench::print_columns("delay of a signal, end of frame to end of frame, 20,000 of them, every 2 ms, 500 kbit/s",
+                       {"gateways", "load beneath", "buses alone", "shortest", "longest", "bound"}, rows);
 }
 
 // What the gateway's own code takes: no bus, no PDO.
@@ -224,12 +313,141 @@ double forwarding() {
   return seconds / signals * 1e9;
 }
 
+// An emergency from beneath until it is in the upper port: no bus, no other work.
+struct EmcyPort final : can::Port {
+  can::Queued send(const can::Frame&, std::uint32_t) noexcept override {
+    ++frames;
+    return can::Queued::yes;
+  }
+  void withdraw(std::uint32_t) noexcept override {}
+  void listen(can::Listener* who, std::span<const can::IdRange>) noexcept override { listener = who; }
+  [[nodiscard]] can::Status status() const noexcept override {
+    can::Status now;
+    now.up = true;
+    return now;
+  }
+  bool restart(std::uint32_t) noexcept override { return false; }
+  can::Listener* listener = nullptr;
+  std::uint64_t frames = 0;
+};
+
+double emergencies() {
+  rt::Executor executor;
+  EmcyPort above, beneath;
+  can::Dispatcher upper_dispatcher(executor, above), lower_dispatcher(executor, beneath);
+  device::Device upper(upper_dispatcher, device::minimal_description(), nullptr, {.node_id = NodeId(3)});
+  upper.power_on();
+  executor.advance(executor.now() + 1s);
+  upper.apply(co::NmtCommand::start);
+  multilevel::EmcyGateway gateway(upper.emcy());
+  gateway.hear_all(lower_dispatcher);
+  constexpr std::uint32_t messages = 500'000;
+  const std::uint64_t before = above.frames;
+  const bench::Watch watch;
+  for (std::uint32_t i = 0; i < messages; ++i) {
+    can::Frame frame = can::Frame::base(0x85 + i % 100, {0x10, 0x23, 3, 0, 0, 0, 0, 0});
+    frame.data[0] = static_cast<std::uint8_t>(i / 100 % 2 == 0 ? 0x10 : 0);  // it comes, and exits
+    frame.data[1] = static_cast<std::uint8_t>(i / 100 % 2 == 0 ? 0x23 : 0);
+    beneath.listener->received(frame, executor.now());
+    executor.advance(executor.now());
+  }
+  const double seconds = watch.seconds();
+  if (above.frames - before != messages) {
+    std::fprintf(stderr, "bench multilevel: %llu of %u emergencies went up\n",
+                 static_cast<unsigned long long>(above.frames - before), messages);
+    std::exit(1);
+  }
+  return seconds / messages * 1e9;
+}
+
+// ---- the harvester
+
+struct Booted {
+  rt::Duration time{};
+  std::size_t devices = 0;
+};
+
+// One bus of it by itself, with Berth as its master; gateways are devices like others then. Empty: the whole machine.
+void leave_alone(const std::string& only, design::Machine& machine, plant::PlantFile& plant) {
+  design::Bus bus = *machine.bus(only);
+  bus.own_port = true;
+  bus.gateway.reset();
+  machine.buses = {bus};
+  machine.beneath.clear();
+  std::erase_if(machine.slots, [&](const auto& slot) { return slot.spec.name.bus != only; });
+  std::erase_if(plant.devices, [&](const auto& device) { return device.bus != only || device.does.master; });
+  std::erase_if(plant.buses, [&](const auto& each) { return each.name != only; });
+  plant.gateways.clear();
+}
+
+Booted boot(const std::string& only) {
+  const auto alone = [&](design::Machine& machine, plant::PlantFile& plant) {
+    if (!only.empty()) leave_alone(only, machine, plant);
+  };
+  test::Harvester machine(alone);
+  if (!machine.begin()) {
+    std::fprintf(stderr, "bench multilevel: %s\n", machine.problem().c_str());
+    std::exit(3);
+  }
+  if (!machine.run_until([&] { return machine.operational() && machine.all_run(); }, 120s)) std::exit(3);
+  return {machine.world().executor().now().time_since_epoch(), machine.world().devices().size()};
+}
+
+void print_harvester() {
+  std::vector<std::vector<std::string>> rows;
+  rt::Duration sum{};
+  for (const char* const bus : {"backbone", "left", "right", "header", "reel"}) {
+    const auto [time, devices] = boot(bus);
+    sum += time;
+    rows.push_back({bus, std::to_string(devices), bench::time_text(time)});
+  }
+  rows.push_back({"one after the other", "", bench::time_text(sum)});
+  const auto [time, devices] = boot("");
+  rows.push_back({"the machine, through its gateways", std::to_string(devices), bench::time_text(time)});
+  bench::print_columns("the harvester from blank to operational, bus time", {"bus", "devices", "time"}, rows);
+}
+
+// ---- levels (S3.3)
+
+// Twenty devices with a PDO of 8 bytes every 10 ms: on one bus of 250 kbit/s, or ten each on two buses beneath
+// gateways, which send one signal each on.
+void print_levels() {
+  const auto loads = [](bool levels) {
+    sim::World world{1};
+    std::vector<sim::Bus*> buses;
+    for (const char* const name : {"backbone", "left", "right"}) buses.push_back(&world.add_bus(name, 250'000));
+    std::vector<std::pair<std::unique_ptr<sim::Controller>, can::Frame>> senders;
+    for (std::uint32_t i = 0; i < 20; ++i) {
+      auto& bus = *buses[!levels ? 0 : i < 10 ? 1 : 2];
+      senders.emplace_back(bus.attach({}), can::Frame::base(0x181 + i, {1, 2, 3, 4, 5, 6, 7, 8}));
+    }
+    for (std::uint32_t i = 0; i < 2 && levels; ++i)
+      senders.emplace_back(buses[0]->attach({}), can::Frame::base(0x201 + i, {1, 2}));
+    for (int cycle = 0; cycle < 1000; ++cycle) {
+      for (auto& [port, frame] : senders) port->send(frame, 0);
+      world.run_for(10ms);
+    }
+    std::vector<std::string> row;
+    for (auto* const bus : buses) row.push_back(fmt::format("{:.1f} %", 100 * bus->load()));
+    return row;
+  };
+  const auto one = loads(false), many = loads(true);
+  bench::print_columns("bus load of twenty devices with a PDO of 8 bytes every 10 ms, 250 kbit/s",
+                       {"", "backbone", "left", "right"},
+                       {{"one bus", one[0], "-", "-"}, {"two levels", many[0], many[1], many[2]}});
+}
+
 }  // namespace
 
 int main() {
   print_accesses();
   print_delays();
-  const bench::Figure figures[] = {bench::at_most("a signal forwarded", forwarding(), 200, "ns")};
+  print_harvester();
+  print_levels();
+  const bench::Figure figures[] = {
+      bench::at_most("a signal forwarded", forwarding(), 200, "ns"),
+      {"an EMCY forwarded", fmt::format("{:.0f} ns", emergencies())},
+  };
   bench::print_figures("a gateway's processor", figures);
   return 0;
 }

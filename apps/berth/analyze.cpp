@@ -9,6 +9,7 @@
 #include "berth/command/link_network.hpp"
 #include "berth/text/columns.hpp"
 #include "machine_file.hpp"
+#include "node_words.hpp"
 #include "verbs.hpp"
 
 namespace berth::cli {
@@ -20,6 +21,7 @@ struct AnalyzeOptions {
   command::Assumptions assumed;
   analysis::Errors errors;
   bool usual = false;
+  std::vector<std::string> nodes;  ///< empty: all
 };
 
 double ms(rt::Duration time) { return std::chrono::duration<double, std::milli>(time).count(); }
@@ -76,29 +78,95 @@ Json json_of(const design::Bus& bus, const analysis::Line& line, const analysis:
           {"good", result.good()}, {"messages", messages},    {"notes", told}};
 }
 
+// What `messages_of` calls the sender that a node is: its slot, or the bus's NMT master.
+tl::expected<std::string, Failure> sender_of(const design::Machine& machine, const MeantNode& node) {
+  if (node.slot != nullptr) return node.slot->spec.name.name;
+  if (node.node == node.bus->master) return std::string("master");
+  return tl::unexpected(failure(
+      Exit::usage, fmt::format("{}: node {} on bus {} is neither a slot nor the bus's NMT master: what it sends is not "
+                               "known; write a [[slot]] for it",
+                               machine.file, node.text, node.bus->name)));
+}
+
+// --fifo: names of senders, of slots by any name that they have.
+tl::expected<std::vector<std::string>, Failure> fifo_senders(const design::Machine& machine, const Options& options,
+                                                             const std::vector<std::string>& words) {
+  std::vector<std::string> senders;
+  for (const auto& word : words) {
+    if (word == "all" || word == "master" || machine.slot(word) != nullptr) {
+      senders.push_back(word);
+      continue;
+    }
+    const auto node = meant_node(machine, options.bus, word);
+    if (!node) return tl::unexpected(failure(Exit::usage, "--fifo: " + node.error().message));
+    const auto sender = sender_of(machine, *node);
+    if (!sender) return tl::unexpected(sender.error());
+    senders.push_back(*sender);
+  }
+  return senders;
+}
+
+/// What is shown: whole buses, or of some nodes alone.
+class Shown {
+ public:
+  static tl::expected<Shown, Failure> of(const design::Machine& machine, const Options& options,
+                                         const AnalyzeOptions& how) {
+    const auto nodes = meant_nodes(machine, options.bus, how.nodes);
+    if (!nodes) return tl::unexpected(nodes.error());
+    Shown shown;
+    shown.only_ = options.bus;
+    for (const auto& node : *nodes) {
+      auto sender = sender_of(machine, node);
+      if (!sender) return tl::unexpected(sender.error());
+      shown.senders_.emplace_back(node.bus, std::move(*sender));
+    }
+    return shown;
+  }
+  [[nodiscard]] bool has(const design::Bus& bus) const {
+    if (senders_.empty()) return only_.empty() || bus.name == only_;
+    return std::ranges::find(senders_, &bus, &Sender::first) != senders_.end();
+  }
+  /// Only the messages of what is shown are judged.
+  void cut(const design::Bus& bus, const analysis::Line& line, analysis::Result& result) const {
+    if (senders_.empty()) return;
+    std::erase_if(result.responses, [&](const auto& r) {
+      const auto& name = line.senders[line.messages[r.message].sender].name;
+      return std::ranges::find(senders_, Sender(&bus, name)) == senders_.end();
+    });
+  }
+
+ private:
+  using Sender = std::pair<const design::Bus*, std::string>;
+  std::string only_;
+  std::vector<Sender> senders_;
+};
+
 int analyze(const Options& options, const AnalyzeOptions& how) {
   const auto machine = machine_of(options);
   if (!machine) return tell(machine.error(), options.json);
   if (!options.bus.empty() && machine->bus(options.bus) == nullptr)
-    return tell(failure(Exit::usage, fmt::format("{}: there is no bus {}", machine->file, options.bus)), options.json);
-  for (const auto& name : how.assumed.fifo) {
-    if (name == "all" || name == "master" || machine->slot(name) != nullptr) continue;
-    return tell(failure(Exit::usage, fmt::format("--fifo: there is no slot {}", name)), options.json);
-  }
+    return tell(no_such_bus(*machine, options.bus), options.json);
+  const auto fifo = fifo_senders(*machine, options, how.assumed.fifo);
+  if (!fifo) return tell(fifo.error(), options.json);
+  const auto shown = Shown::of(*machine, options, how);
+  if (!shown) return tell(shown.error(), options.json);
   command::LinkPlan links;
   if (!machine->links.empty()) links = command::plan_links(*machine);
   command::Assumptions assumed = how.assumed;
+  assumed.fifo = *fifo;
   if (!machine->links.empty() && !has_errors(links.findings)) assumed.links = &links;
   bool good = true;
   Json buses = Json::array();
-  for (const auto& bus : machine->buses) {
-    if (!options.bus.empty() && bus.name != options.bus) continue;
+  for (const auto* const each : machine->all_buses()) {
+    const design::Bus& bus = *each;
+    if (!shown->has(bus)) continue;
     auto found = command::messages_of(*machine, bus, assumed);
     found.line.errors = how.errors;
     if (how.usual) found.line.lengths = analysis::FrameLengths::usual;
     if (const auto wrong = analysis::wrong(found.line); !wrong.empty())
       return tell(failure(Exit::usage, fmt::format("{}: {}", bus.name, wrong)), options.json);
     auto result = analysis::analyze(found.line);
+    shown->cut(bus, found.line, result);
     good = good && result.good();
     if (options.json) {
       buses.push_back(json_of(bus, found.line, result, found.notes));
@@ -121,6 +189,10 @@ void add_analyze(Verb& berth, Options& options) {
   json_flag(verb, options);
   machine_word(verb, options);
   verb.word("--bus", options.bus, "one bus of the machine").shown("NAME");
+  verb.word("--node", how->nodes, "only the messages of these: a slot, a node-ID, a path such as 3/5")
+      .shown("NODE,...")
+      .separated_by(',')
+      .one_each();
   verb.time("--errors", how->errors.interval, "least time between two disturbed frames (default: none is)");
   verb.word("--burst", how->errors.burst, "so many disturbed frames at once").from_to(1, 1000).shown("NUMBER");
   verb.time("--event", how->assumed.event,
@@ -129,12 +201,13 @@ void add_analyze(Verb& berth, Options& options) {
   verb.time("--sdo", how->assumed.sdo, "between two SDO requests (default: 10 ms)");
   verb.time("--nmt", how->assumed.nmt, "between two NMT commands (default: 100 ms)");
   verb.word("--fifo", how->assumed.fifo, "nodes whose frames leave in the order in which they came; all")
-      .shown("SLOT,...")
+      .shown("NODE,...")
       .separated_by(',')
       .one_each();
   verb.flag("--usual", how->usual, "frames as long as the usual formula says, not as they can really be");
   verb.footer(
-      "Examples:\n  berth analyze machine.toml\n  berth analyze machine.toml --errors \"100 ms\" --fifo all --json");
+      "Examples:\n  berth analyze machine.toml\n  berth analyze machine.toml --errors \"100 ms\" --fifo all --json\n"
+      "  berth analyze machine.toml --node 3/5");
 }
 
 }  // namespace berth::cli

@@ -6,6 +6,7 @@
 #include <algorithm>
 #include <nlohmann/json.hpp>
 
+#include "berth/base/words.hpp"
 #include "berth/doctor/conformance.hpp"
 #include "berth/doctor/diagnose.hpp"
 #include "berth/doctor/questions.hpp"
@@ -15,6 +16,7 @@
 #include "followed.hpp"
 #include "interrupt.hpp"
 #include "machine_file.hpp"
+#include "node_words.hpp"
 #include "rig.hpp"
 #include "verbs.hpp"
 
@@ -28,7 +30,8 @@ struct DoctorOptions {
   std::optional<std::chrono::nanoseconds> listen;  ///< empty: five heartbeat times of the slowest bus, 5 s at least
   bool active = false;                             ///< LSS questions
   bool intrusive = false;                          ///< SDO questions too
-  std::optional<unsigned> conformance;             ///< this node is examined instead (docs/doctor.md)
+  std::string conformance;                         ///< this node is examined instead (docs/doctor.md); empty: none
+  NodeId node{};                                   ///< the same, when it is known on which bus
   std::string eds;                                 ///< its description; empty: its slot's
 };
 
@@ -113,14 +116,21 @@ Patient patient_of(const design::Machine& machine, const design::Bus& bus, const
   return p;
 }
 
-Failure no_such_bus(const Options& options) {
-  return failure(Exit::usage, fmt::format("there is no bus \"{}\"", options.bus));
+// It hears what a port hears; a simulated bus takes a port of its own anywhere.
+Failure cannot_hear(const design::Machine& machine, const design::Bus& bus) {
+  return no_port(
+      bus, "a doctor hears what a port hears, and asks through it",
+      fmt::format("with a port plugged in there: berth doctor --port can1 --bitrate {}; in a simulated world of "
+                  "its own: --sim PLANT --up; what the gateway's master knows: berth scan --bus {} {}",
+                  bus.bitrate, bus.name, machine.file));
 }
 
 tl::expected<std::vector<Patient>, Failure> patients_of(Rig& rig, const Options& options, const DoctorOptions& wanted) {
   std::vector<Patient> patients;
-  for (const auto& bus : rig.machine().buses) {
+  for (const auto* const each : rig.machine().all_buses()) {
+    const design::Bus& bus = *each;
     if (!options.bus.empty() && bus.name != options.bus) continue;
+    if (!bus.own_port && rig.world() == nullptr) continue;
     if (wanted.active && bus.role == design::Role::observer) {
       return tl::unexpected(failure(
           Exit::usage, fmt::format("bus {} is only observed (role = \"observer\"): without --active the doctor only "
@@ -136,8 +146,31 @@ tl::expected<std::vector<Patient>, Failure> patients_of(Rig& rig, const Options&
     }
     patients.push_back(std::move(p));
   }
-  if (patients.empty()) return tl::unexpected(no_such_bus(options));
+  if (patients.empty()) return tl::unexpected(no_such_bus(rig.machine(), options.bus));
   return patients;
+}
+
+// Of --bus and --conformance: which bus it is about; that Berth has no port there is told before anything is opened.
+std::optional<Failure> settle_bus(const design::Machine& machine, bool simulates, Options& options,
+                                  DoctorOptions& wanted) {
+  if (!wanted.conformance.empty()) {
+    const auto node = meant_node(machine, options.bus, wanted.conformance);
+    if (!node) return node.error();
+    options.bus = node->bus->name;
+    wanted.node = node->node;
+  }
+  const auto* const bus = options.bus.empty() ? nullptr : machine.bus(options.bus);
+  if (!options.bus.empty() && bus == nullptr) return no_such_bus(machine, options.bus);
+  if (bus != nullptr && !bus->own_port && !simulates) return cannot_hear(machine, *bus);
+  return std::nullopt;
+}
+
+// Buses that nothing is said of.
+std::vector<std::string> not_heard(const design::Machine& machine, bool simulates, const Options& options) {
+  std::vector<std::string> names;
+  if (simulates || !options.bus.empty()) return names;
+  for (const auto& bus : machine.beneath) names.push_back(bus.name);
+  return names;
 }
 
 rt::Duration listening_time(const std::vector<Patient>& patients, const DoctorOptions& wanted) {
@@ -182,13 +215,15 @@ void print_finding(const doctor::Diagnosis& d, const std::string& bus) {
   print_line("    -> " + d.advice);
 }
 
-int report(std::vector<Patient>& patients, rt::Duration listened, const Options& options, const DoctorOptions& wanted) {
+int report(std::vector<Patient>& patients, rt::Duration listened, const Options& options, const DoctorOptions& wanted,
+           const std::vector<std::string>& silent) {
   Json json;
   json["listened_s"] = std::chrono::duration<double>(listened).count();
   json["asked"] = wanted.intrusive ? "lss and sdo" : wanted.active ? "lss" : "nothing";
   json["buses"] = Json::array();
   json["findings"] = Json::array();
   json["problems"] = Json::array();
+  json["without_port"] = silent;
   for (auto& p : patients) {
     const auto& heard = p.heard;
     json["buses"].push_back({{"bus", p.bus->name},
@@ -208,6 +243,12 @@ int report(std::vector<Patient>& patients, rt::Duration listened, const Options&
   if (options.json) {
     print_line(json.dump(2));
   } else {
+    if (!silent.empty()) {
+      print_line(
+          fmt::format("not listened to, because Berth has no port there: {} (berth scan tells whom the gateways' "
+                      "masters know)",
+                      some_of(silent)));
+    }
     print_line(fmt::format("{} in {:.1f} s on {} bus{}",
                            found == 0 ? "nothing wrong" : fmt::format("{} findings", found),
                            json["listened_s"].get<double>(), patients.size(), patients.size() == 1 ? "" : "es"));
@@ -223,7 +264,7 @@ tl::expected<std::shared_ptr<const od::Description>, Failure> description_of(con
                                                                              const DoctorOptions& wanted) {
   std::string path = wanted.eds;
   for (const auto& slot : rig.machine().slots) {
-    const bool is = slot.spec.name.bus == patient.bus->name && slot.spec.id.value() == *wanted.conformance;
+    const bool is = slot.spec.name.bus == patient.bus->name && slot.spec.id == wanted.node;
     if (is && path.empty()) path = slot.eds_path;
   }
   if (path.empty()) return std::shared_ptr<const od::Description>();
@@ -283,9 +324,8 @@ int run_conformance(Rig& rig, std::vector<Patient>& patients, const Options& opt
   Patient& patient = patients.front();
   auto description = description_of(rig, patient, wanted);
   if (!description) return tell(description.error(), options.json);
-  const doctor::ConformanceOptions how{.node = NodeId(static_cast<std::uint8_t>(*wanted.conformance)),
-                                       .description = *description,
-                                       .timeout = patient.bus->timing.sdo_timeout};
+  const doctor::ConformanceOptions how{
+      .node = wanted.node, .description = *description, .timeout = patient.bus->timing.sdo_timeout};
   doctor::Conformance report;
   bool over = false;
   {
@@ -295,7 +335,7 @@ int run_conformance(Rig& rig, std::vector<Patient>& patients, const Options& opt
         rig.driver(), rig.interrupt(), [&] { return over; }, options.timeout.value_or(10min));
   }
   if (!over) patient.problem = "not all checks could be made: give a longer --timeout";
-  return report_conformance(report, patient, *wanted.conformance, options);
+  return report_conformance(report, patient, wanted.node.value(), options);
 }
 
 // --- Beside a simulated machine that runs ----------------------------------------------------------------------------
@@ -328,7 +368,6 @@ int run_joined(const design::Machine& machine, const std::string& path, const Op
     p.dispatcher = std::make_unique<can::Dispatcher>(executor, (*followed)->port(bus.name));
     p.ear = std::make_unique<doctor::Ear>(*p.dispatcher);
   }
-  if (patients.empty()) return tell(no_such_bus(options), options.json);
   const auto began = driver.now();
   wait_until(
       driver, interrupt, [&] { return (*followed)->over(); }, listening_time(patients, wanted));
@@ -336,7 +375,7 @@ int run_joined(const design::Machine& machine, const std::string& path, const Op
     p.heard = p.ear->heard();
     if ((*followed)->over()) p.problem = "bus " + p.bus->name + ": the running `berth up` ended meanwhile";
   }
-  const int status = report(patients, driver.now() - began, options, wanted);
+  const int status = report(patients, driver.now() - began, options, wanted, not_heard(machine, false, options));
   for (auto& p : patients) p.ear.reset(), p.dispatcher.reset();
   return status;
 }
@@ -345,7 +384,7 @@ int run_joined(const design::Machine& machine, const std::string& path, const Op
 int run_doctor(const Options& given, DoctorOptions wanted) {
   Options options = given;
   options.machine = default_machine(given);
-  wanted.active = wanted.active || wanted.conformance.has_value();
+  wanted.active = wanted.active || !wanted.conformance.empty();
   if (options.machine.empty() && options.ports.empty()) {
     return tell(failure(Exit::usage, "name the machine file: --machine FILE; or a bus without one: --port can0"),
                 options.json);
@@ -353,6 +392,8 @@ int run_doctor(const Options& given, DoctorOptions wanted) {
   if (!options.machine.empty()) {
     const auto machine = design::load_machine(options.machine);
     if (!machine.machine) return tell(failure(machine.findings), options.json);
+    const auto wrong = settle_bus(*machine.machine, !options.sim.empty(), options, wanted);
+    if (wrong) return tell(*wrong, options.json);
     const auto path = running_world(options, *machine.machine);
     if (!path.empty()) return run_joined(*machine.machine, path, options, wanted);
   }
@@ -363,6 +404,9 @@ int run_doctor(const Options& given, DoctorOptions wanted) {
   auto made = Rig::make(own, {options.machine, options.sim, {}, {}});
   if (!made) return tell(made.error(), options.json);
   Rig& rig = **made;
+  if (options.machine.empty()) {
+    if (const auto wrong = settle_bus(rig.machine(), false, options, wanted)) return tell(*wrong, options.json);
+  }
   prepare(rig, options);
   auto patients = patients_of(rig, options, wanted);
   if (!patients) return tell(patients.error(), options.json);
@@ -374,12 +418,13 @@ int run_doctor(const Options& given, DoctorOptions wanted) {
     const auto clear = rig.strangers().listen_first();
     if (!clear) return tell(clear.error(), options.json);
   }
-  if (wanted.conformance) return run_conformance(rig, *patients, options, wanted);
+  if (!wanted.conformance.empty()) return run_conformance(rig, *patients, options, wanted);
   const auto began = rig.now();
   wait_for(rig.driver(), rig.interrupt(), listening_time(*patients, wanted));
   for (auto& p : *patients) p.heard = p.ear->heard();
   if (wanted.active) ask_all(rig, *patients, options);
-  return report(*patients, rig.now() - began, options, wanted);
+  return report(*patients, rig.now() - began, options, wanted,
+                not_heard(rig.machine(), rig.world() != nullptr, options));
 }
 
 }  // namespace
@@ -397,8 +442,8 @@ void add_doctor(Verb& berth, Options& options) {
       "--intrusive", [wanted] { wanted->active = wanted->intrusive = true; }, "ask by LSS and SDO, too");
   doctor
       .word("--conformance", wanted->conformance,
-            "instead: what CiA 301 wants of this node, paragraph by paragraph, by SDO; changes nothing")
-      .from_to(1, 127)
+            "instead: what CiA 301 wants of this node, paragraph by paragraph, by SDO; changes nothing. A node-ID, a "
+            "slot, with --sim a path such as 3/5")
       .shown("NODE");
   doctor.word("--eds", wanted->eds, "with --conformance: its description (default: its slot's)").shown("FILE");
   doctor.word("--bitrate", options.bit_rate, "bit/s, where --port is all that is known of the bus")

@@ -14,6 +14,7 @@
 #include "berth/text/columns.hpp"
 #include "berth/text/file.hpp"
 #include "machine_file.hpp"
+#include "node_words.hpp"
 #include "verbs.hpp"
 #include "whole_files.hpp"
 
@@ -31,6 +32,7 @@ struct LinkOptions {
   std::string earlier;  ///< plan file; empty: that of the output folder
   bool anew = false;
   bool links = false;
+  std::vector<std::string> nodes;  ///< shown alone, by their PDOs; empty: all
 };
 
 constexpr std::size_t name_width = 18;
@@ -215,8 +217,24 @@ std::optional<Failure> write_files(const std::vector<linker::MadeFile>& files, c
   return whole.empty() ? std::nullopt : write_whole(whole, true);
 }
 
+// What the plan has of these nodes alone, as producers or consumers. The indices are the machine's slots.
+linker::Plan of_nodes(const design::Machine& machine, linker::Plan plan, const std::vector<MeantNode>& nodes) {
+  const auto meant = [&](std::size_t node) {
+    const auto* const slot = &machine.slots[node];
+    return std::ranges::find(nodes, slot, &MeantNode::slot) != nodes.end();
+  };
+  std::erase_if(plan.variables, [&](const auto& each) { return !meant(each.node); });
+  for (auto& pdo : plan.pdos) {
+    if (!meant(pdo.producer)) std::erase_if(pdo.receivers, [&](const auto& each) { return !meant(each.node); });
+  }
+  std::erase_if(plan.pdos, [&](const auto& pdo) { return !meant(pdo.producer) && pdo.receivers.empty(); });
+  for (auto& bus : plan.buses) bus.objects = 0;
+  for (const auto& pdo : plan.pdos) plan.buses[pdo.bus].objects += pdo.carried.size();
+  return plan;
+}
+
 int show(const Options& options, const LinkOptions& how, const Network& network, const linker::Planned& planned,
-         const std::vector<std::string>& changed) {
+         const std::vector<MeantNode>& nodes, const std::vector<std::string>& changed) {
   if (options.json) {
     Json all = json_of(network, planned);
     all["files"] = changed;
@@ -224,7 +242,10 @@ int show(const Options& options, const LinkOptions& how, const Network& network,
     print_line(all.dump());
     return planned.good() ? Exit::done : Exit::no;
   }
-  for (std::size_t bus = 0; bus < planned.plan.buses.size(); ++bus) print_bus(network, planned.plan, bus);
+  for (std::size_t bus = 0; bus < planned.plan.buses.size(); ++bus) {
+    const auto is_there = [&](const MeantNode& node) { return node.bus->name == network.buses[bus].name; };
+    if (nodes.empty() || std::ranges::any_of(nodes, is_there)) print_bus(network, planned.plan, bus);
+  }
   if (how.links) print_links(network, planned.plan);
   for (const auto& finding : planned.findings) print_error(to_string(finding));
   if (!planned.good()) {
@@ -247,6 +268,14 @@ int link(const Options& options, const LinkOptions& how) {
                                          machine->file)),
         options.json);
   }
+  const auto nodes = meant_nodes(*machine, {}, how.nodes);
+  if (!nodes) return tell(nodes.error(), options.json);
+  const auto empty = std::ranges::find(*nodes, nullptr, [](const MeantNode& node) { return node.slot; });
+  if (empty != nodes->end()) {
+    return tell(failure(Exit::usage, fmt::format("{}: node {} on bus {} is no slot: no link leads to it", machine->file,
+                                                 empty->text, empty->bus->name)),
+                options.json);
+  }
   const auto made = command::link_network(*machine);
   if (has_errors(made.findings)) return tell(failure(made.findings), options.json);
   const auto earlier = earlier_plan(*machine, how);
@@ -261,7 +290,9 @@ int link(const Options& options, const LinkOptions& how) {
       if (const auto wrong = write_files(*files, how.output)) return tell(*wrong, options.json);
     }
   }
-  return show(options, how, made.network, planned, changed);
+  linker::Planned shown = planned;
+  if (!how.nodes.empty()) shown.plan = of_nodes(*machine, planned.plan, *nodes);
+  return show(options, how, made.network, shown, *nodes, changed);
 }
 
 }  // namespace
@@ -280,8 +311,13 @@ void add_link(Verb& berth, Options& options) {
       .shown("FILE");
   verb.flag("--anew", how->anew, "plan as if nothing had been planned before: PDOs and CAN-IDs may change");
   verb.flag("--links", how->links, "show each link with its PDOs, and the network variables");
+  verb.word("--node", how->nodes, "show only the PDOs of these: a slot, a node-ID, a path such as 3/5")
+      .shown("NODE,...")
+      .separated_by(',')
+      .one_each();
   verb.footer(
-      "Examples:\n  berth link machine.toml\n  berth link machine.toml --output linked --dry-run\n"
+      "Examples:\n  berth link machine.toml\n  berth link machine.toml --node 3/5\n  berth link machine.toml --output "
+      "linked --dry-run\n"
       "  berth link machine.toml --output linked\n");
 }
 

@@ -18,7 +18,8 @@ namespace berth::cli {
 /// "host:29536/can0", "plant.sock". The error is for people.
 [[nodiscard]] tl::expected<can::PortSpec, std::string> port_of_word(const std::string& word);
 
-/// Only this bus and its slots are left: one process for one network of a machine.
+/// Only this bus and its slots are left, and what it leads to by gateways: one process for one network of a machine. Of
+/// a bus without a port: those on the way to it.
 void restrict_to(design::Machine& machine, const std::string& bus);
 
 /// The name by which a process for one bus alone is known: its control socket's.

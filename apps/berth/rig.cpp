@@ -193,7 +193,9 @@ tl::expected<void, Failure> Rig::open_session(const Options& options, bool links
   }
   const auto opened = session_->open();
   if (opened) return {};
-  return tl::unexpected(failure(Exit::failed, "the slot table cannot be read: " + describe(opened.error())));
+  const char* const what =
+      opened.error().code == Errc::invalid ? "the buses cannot be opened: " : "the slot table cannot be read: ";
+  return tl::unexpected(failure(Exit::failed, what + describe(opened.error())));
 }
 
 void Rig::power_on() {

@@ -9,6 +9,7 @@
 
 #include "machine_file.hpp"
 #include "trace_known.hpp"
+#include "trace_nodes.hpp"
 #include "trace_outlet.hpp"
 #include "trace_rows.hpp"
 #include "trace_source.hpp"
@@ -43,10 +44,11 @@ bool contains_word(std::string_view text, std::string_view word) {
 /// Everything between a source and what is printed or written.
 class Pipeline final : public trace::Sink, private decode::Rows {
  public:
-  Pipeline(const Options& options, const TraceOptions& trace, const KnownNodes& known)
+  Pipeline(const Options& options, const TraceOptions& trace, const KnownNodes& known, std::vector<NodeView> nodes)
       : options_(options),
         trace_(trace),
         known_(known),
+        nodes_(known, std::move(nodes)),
         live_(trace.file.empty() || trace.follow),
         prints_(!trace.stats && (!trace.to || live_) && !(trace.quiet && trace.to)),
         decodes_(prints_ || trace.filters_rows()),
@@ -69,6 +71,7 @@ class Pipeline final : public trace::Sink, private decode::Rows {
     if (!first_) first_ = entry.at;
     if (!in_time(entry.at) || !wanted_bus(entry.bus)) return;
     if (decodes_) {
+      nodes_.look(entry);
       decoder_.entry(entry);
       if (trace_.filters_rows()) return;  // `row` writes and counts
     }
@@ -152,6 +155,7 @@ class Pipeline final : public trace::Sink, private decode::Rows {
                             return b == name || b == machine_name;
                           });
       wanted_.push_back(wanted);
+      nodes_.add_bus(machine_name);
       if (decodes_ && wanted) known_.tell(decoder_, number, name);
     }
     return wanted_[bus];
@@ -176,13 +180,14 @@ class Pipeline final : public trace::Sink, private decode::Rows {
     if (trace_.filters_rows()) {
       const auto& services = trace_.services;
       if (!services.empty() && std::ranges::find(services, row.meaning.service) == services.end()) return;
-      if (!trace_.nodes.empty() && std::ranges::find(trace_.nodes, row.meaning.node) == trace_.nodes.end()) return;
+      if (!nodes_.wants(row)) return;
       if (!trace_.text.empty() && !contains_word(row.words, trace_.text)) return;
       if (!trace_.objects.empty() && !of_wanted_object(row)) return;
       take(*row.entry);
     }
     if (!prints_) return;
-    rows_.row(row, source_->buses()[bus]);
+    const auto path = nodes_.about(row);
+    rows_.row(row, source_->buses()[bus], path ? multilevel::to_string(*path) : std::string());
     if (rows_.many()) rows_.release(decoder_.pending());
   }
 
@@ -323,6 +328,7 @@ class Pipeline final : public trace::Sink, private decode::Rows {
   const Options& options_;
   const TraceOptions& trace_;
   const KnownNodes& known_;
+  TraceNodes nodes_;
   const TraceSource* source_ = nullptr;
   bool live_;
   bool prints_;
@@ -365,9 +371,11 @@ int run_trace(const Options& given, const TraceOptions& written) {
     return tell(failure(Exit::usage, "--stats and a conversion are two things: run it twice"), options.json);
   const auto known = KnownNodes::load(options, trace);
   if (!known) return tell(known.error(), options.json);
+  auto nodes = known->views(trace.nodes);
+  if (!nodes) return tell(nodes.error(), options.json);
   auto source = open_source(options, trace, *known);
   if (!source) return tell(source.error(), options.json);
-  Pipeline pipeline(options, trace, *known);
+  Pipeline pipeline(options, trace, *known, std::move(*nodes));
   pipeline.attach(**source);
   if (const auto bad = pipeline.open()) return tell(*bad, options.json);
   const auto begin = std::chrono::steady_clock::now();

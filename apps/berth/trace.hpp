@@ -1,7 +1,8 @@
 /// `berth trace`: trace files and live buses in words, in numbers, and from one format into another.
 ///
 /// `trace_options.cpp` is the command line, `trace_source.*` where entries come from, `trace_outlet.*` where they go,
-/// `trace_known.*` what the machine file and the descriptions know, `trace.cpp` the command.
+/// `trace_known.*` what the machine file and the descriptions know, `trace_nodes.*` which node a row is about,
+/// `trace.cpp` the command.
 #pragma once
 
 #include <chrono>
@@ -48,7 +49,7 @@ struct TraceOptions {
   bool frames = false;  ///< every frame by itself
   std::optional<std::uint32_t> bit_rate;
   // Which of it.
-  std::vector<unsigned> nodes;
+  std::vector<std::string> nodes;  ///< node-IDs, paths, slots' names
   std::vector<decode::Service> services;
   std::vector<std::string> buses;
   std::string text;

@@ -2,12 +2,15 @@
 
 #include <fmt/format.h>
 
+#include <algorithm>
 #include <charconv>
 #include <filesystem>
 #include <map>
 
 #include "berth/eds/eds.hpp"
 #include "berth/manager/configuration.hpp"
+#include "berth/operate/beneath.hpp"
+#include "node_words.hpp"
 
 namespace berth::cli {
 namespace {
@@ -80,7 +83,10 @@ std::optional<Failure> KnownNodes::add_eds(const std::string& text, const TraceO
     if (bad == std::errc{} && end == text.data() + equals) path = text.substr(equals + 1);
     if (bad != std::errc{} || end != text.data() + equals) node = 0;
   }
-  if (node == 0 && trace.nodes.size() == 1) node = trace.nodes.front();
+  if (node == 0 && trace.nodes.size() == 1) {
+    const auto meant = multilevel::parse_path(trace.nodes.front());
+    if (meant) node = meant->node.value();
+  }
   const auto id = NodeId::make(node);
   if (!id || !id->configured())
     return failure(Exit::usage, fmt::format("--eds {}: of which node? Write --eds 5={}, or one --node", text, path));
@@ -90,6 +96,70 @@ std::optional<Failure> KnownNodes::add_eds(const std::string& text, const TraceO
   std::erase_if(nodes_, [&](const Known& k) { return k.node == *id; });
   nodes_.push_back({{}, *id, {.name = {}, .description = *described}});
   return std::nullopt;
+}
+
+bool NodeView::has(const std::string& machine_bus, unsigned node, const std::optional<multilevel::Path>& about,
+                   bool ports_told) const {
+  if (!bus.empty() && bus != machine_bus) return false;
+  if (path.gateways.empty()) return node == path.node.value();
+  if (!about || about->node != path.node) return false;
+  return ports_told ? about->gateways == path.gateways
+                    : std::ranges::equal(about->gateways, path.gateways, {}, &multilevel::Hop::gateway,
+                                         &multilevel::Hop::gateway);
+}
+
+// On each bus on the way what is left of the path.
+std::vector<NodeView> KnownNodes::views_from(const design::Bus& top, const multilevel::Path& path) const {
+  std::vector<NodeView> all;
+  const design::Bus* at = &top;
+  multilevel::Path left = path;
+  while (at != nullptr) {
+    all.push_back({at->name, left});
+    if (left.gateways.empty()) return all;
+    at = machine_->bus_beneath(*at, left.gateways.front().gateway.value(), left.gateways.front().port);
+    left.gateways.erase(left.gateways.begin());
+  }
+  return {};
+}
+
+tl::expected<std::vector<NodeView>, Failure> KnownNodes::views(const std::string& word) const {
+  const auto path = multilevel::parse_path(word);
+  if (path && (path->gateways.empty() || !machine_)) return std::vector<NodeView>{{.path = *path}};
+  if (!machine_) {
+    return tl::unexpected(failure(Exit::usage, fmt::format("--node {}: write a node-ID from 1 to 127, a path such as "
+                                                           "3/5, or with --machine a slot's name",
+                                                           word)));
+  }
+  std::vector<NodeView> all;
+  for (const auto& top : machine_->buses) {
+    if (!path) break;
+    const auto more = views_from(top, *path);
+    all.insert(all.end(), more.begin(), more.end());
+  }
+  if (!all.empty()) return all;
+  const auto meant = meant_node(*machine_, {}, word);
+  if (!meant) return tl::unexpected(meant.error());
+  const auto way = operate::way_to(*machine_, meant->bus->name);
+  return views_from(*machine_->bus(way.bus), {way.gateways, meant->node});
+}
+
+tl::expected<std::vector<NodeView>, Failure> KnownNodes::views(const std::vector<std::string>& words) const {
+  std::vector<NodeView> all;
+  for (const auto& word : words) {
+    const auto more = views(word);
+    if (!more) return tl::unexpected(more.error());
+    all.insert(all.end(), more->begin(), more->end());
+  }
+  return all;
+}
+
+std::bitset<128> KnownNodes::gateways(const std::string& machine_bus) const {
+  std::bitset<128> nodes;
+  if (!machine_) return nodes;
+  for (const auto* const bus : machine_->all_buses()) {
+    if (bus->gateway && bus->gateway->bus == machine_bus) nodes.set(bus->gateway->slot.value());
+  }
+  return nodes;
 }
 
 std::string KnownNodes::machine_bus(const std::string& log_name) const {

@@ -1,6 +1,7 @@
 /// What the machine file and device descriptions know of the nodes in a trace.
 #pragma once
 
+#include <bitset>
 #include <optional>
 #include <string>
 #include <tl/expected.hpp>
@@ -8,10 +9,21 @@
 
 #include "berth/decode/decoder.hpp"
 #include "berth/design/machine.hpp"
+#include "berth/multilevel/path.hpp"
 #include "output.hpp"
 #include "trace.hpp"
 
 namespace berth::cli {
+
+/// A node that `--node` means, as one bus has it: its own, or beneath gateways of it.
+struct NodeView {
+  std::string bus = {};  ///< the machine's; empty: any
+  multilevel::Path path;
+
+  /// `about`: what the frame carries for a node beneath; `ports_told`: false of an emergency, which has none.
+  [[nodiscard]] bool has(const std::string& machine_bus, unsigned node, const std::optional<multilevel::Path>& about,
+                         bool ports_told) const;
+};
 
 class KnownNodes {
  public:
@@ -20,11 +32,17 @@ class KnownNodes {
 
   /// The machine's bus that a log's bus is: of the same name, or at that port, or the only one. Empty: none.
   [[nodiscard]] std::string machine_bus(const std::string& log_name) const;
+  /// What `--node` means: "5" on any bus, "3/5" and a slot's name on every bus from the one at the top down.
+  [[nodiscard]] tl::expected<std::vector<NodeView>, Failure> views(const std::vector<std::string>& words) const;
+  /// The machine's gateways on this of its buses.
+  [[nodiscard]] std::bitset<128> gateways(const std::string& machine_bus) const;
   /// Tells the decoder of every node of a log's bus.
   void tell(decode::Decoder& decoder, std::uint16_t bus, const std::string& log_name) const;
   [[nodiscard]] const std::optional<design::Machine>& machine() const noexcept { return machine_; }
 
  private:
+  [[nodiscard]] tl::expected<std::vector<NodeView>, Failure> views(const std::string& word) const;
+  [[nodiscard]] std::vector<NodeView> views_from(const design::Bus& top, const multilevel::Path& path) const;
   struct Known {
     std::string bus;  // the machine's; empty: any
     NodeId node;

@@ -64,9 +64,9 @@ void add_formats(const Verb& verb, TraceOptions& trace) {
 }
 
 void add_filters(const Verb& verb, TraceOptions& trace) {
-  verb.word("--node", trace.nodes, "only these nodes' frames")
-      .from_to(1, 127)
-      .shown("N,...")
+  verb.word("--node", trace.nodes,
+            "only these nodes' frames: a node-ID, with --machine a slot; 3/5: also what gateway 3 carries for it")
+      .shown("NODE,...")
       .separated_by(',')
       .one_each();
   const auto service = [&trace](const std::string& text) {
@@ -115,7 +115,8 @@ void add_trace(Verb& berth, Options& options) {
                                [&options, wanted] { return run_trace(options, *wanted); });
   trace.footer(
       "Examples:\n  berth trace run.log\n  berth trace run.log --machine machine.toml --service sdo,emcy\n"
-      "  berth trace run.log --eds 5=sensor.eds --node 5\n  berth trace run.pcapng --stats --bitrate 125000\n"
+      "  berth trace run.log --eds 5=sensor.eds --node 5\n  berth trace run.log --machine machine.toml --node 3/5\n  "
+      "berth trace run.pcapng --stats --bitrate 125000\n"
       "  berth trace run.asc -o run.pcapng\n  berth trace run.log --follow --text abort\n"
       "  berth trace --port socketcan:can0 -o run.log\n  berth trace machine.toml\n"
       "The last one: the frames of the `berth up` that runs it.");

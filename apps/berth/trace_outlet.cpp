@@ -107,7 +107,7 @@ void put_json(std::string& out, const Finding& finding) {
   out += '}';
 }
 
-void RowText::words(std::string& out, const decode::Row& row, const std::string& bus) {
+void RowText::words(std::string& out, const decode::Row& row, const std::string& bus, const std::string& path) {
   constexpr std::size_t width = 60;
   const std::size_t begin = out.size();
   writer_.write(*row.entry, bus, out);
@@ -115,13 +115,14 @@ void RowText::words(std::string& out, const decode::Row& row, const std::string&
   const std::size_t used = out.size() - begin;
   out.append(used < width ? width - used : 2, ' ');
   out += row.words;
+  if (!path.empty()) out += "  (" + path + ")";
   if (row.frames > 1)
     fmt::format_to(std::back_inserter(out), "  [{} frames, {:.3f} ms]", row.frames,
                    std::chrono::duration<double, std::milli>(row.entry->at - row.began).count());
   out += '\n';
 }
 
-void RowText::json(std::string& out, const decode::Row& row, const std::string& bus) {
+void RowText::json(std::string& out, const decode::Row& row, const std::string& bus, const std::string& path) {
   out += "{\"at_s\":";
   put_seconds(out, row.entry->at);
   out += ",\"bus\":";
@@ -140,6 +141,7 @@ void RowText::json(std::string& out, const decode::Row& row, const std::string& 
   put_json(out, row.words);
   fmt::format_to(std::back_inserter(out), ",\"service\":\"{}\"", decode::name(row.meaning.service));
   if (row.meaning.node != 0) fmt::format_to(std::back_inserter(out), ",\"node\":{}", row.meaning.node);
+  if (!path.empty()) fmt::format_to(std::back_inserter(out), ",\"path\":\"{}\"", path);
   if (row.frames > 1) {
     fmt::format_to(std::back_inserter(out), ",\"frames\":{},\"began_s\":", row.frames);
     put_seconds(out, row.began);

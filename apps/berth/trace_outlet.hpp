@@ -55,8 +55,8 @@ void put_json(std::string& out, const Finding& finding);
 class RowText {
  public:
   /// As candump writes the frame, then the words.
-  void words(std::string& out, const decode::Row& row, const std::string& bus);
-  void json(std::string& out, const decode::Row& row, const std::string& bus);
+  void words(std::string& out, const decode::Row& row, const std::string& bus, const std::string& path);
+  void json(std::string& out, const decode::Row& row, const std::string& bus, const std::string& path);
   /// Identifier, details, raw message, with tabs between.
   static void table(std::string& out, const decode::Row& row);
 

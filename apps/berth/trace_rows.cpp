@@ -19,10 +19,10 @@ RowPrinter::RowPrinter(Form form, bool live)
       queue_(live ? rt::Duration::zero() : file_slack, live ? live_patience : file_patience,
              [this](std::string_view line, RowQueue::Kind kind) { print(line, kind); }) {}
 
-void RowPrinter::row(const decode::Row& row, const std::string& bus) {
+void RowPrinter::row(const decode::Row& row, const std::string& bus, const std::string& path) {
   switch (form_) {
-    case Form::words: text_.words(queue_.buffer(), row, bus); break;
-    case Form::json: text_.json(queue_.buffer(), row, bus); break;
+    case Form::words: text_.words(queue_.buffer(), row, bus, path); break;
+    case Form::json: text_.json(queue_.buffer(), row, bus, path); break;
     case Form::table: RowText::table(queue_.buffer(), row); break;
   }
   queue_.add(row.entry->at);

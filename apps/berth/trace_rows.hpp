@@ -15,7 +15,8 @@ class RowPrinter {
   /// `live`: rows are seen at once, but for those behind a request without an answer.
   RowPrinter(Form form, bool live);
 
-  void row(const decode::Row& row, const std::string& bus);
+  /// `path`: of the node beneath gateways that the row is about; empty: the bus's own.
+  void row(const decode::Row& row, const std::string& bus, const std::string& path);
   /// Behind the rows that are there: as JSON a line of its own, else on standard error.
   void remark(const Finding& finding);
   [[nodiscard]] bool many() const noexcept { return queue_.many(); }

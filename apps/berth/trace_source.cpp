@@ -15,6 +15,7 @@
 #include "berth/io/open_port.hpp"
 #include "berth/trace/candump.hpp"
 #include "interrupt.hpp"
+#include "node_words.hpp"
 #include "ports.hpp"
 #include "trace_known.hpp"
 
@@ -270,9 +271,25 @@ Opened open_live(const TraceOptions& trace, const KnownNodes& known) {
 
 }  // namespace
 
+// Of a machine's live frames there are those of the buses with a port.
+std::optional<Failure> heard_nowhere(const TraceOptions& trace, const KnownNodes& known) {
+  if (!known.machine() || !trace.file.empty() || !trace.port.empty()) return std::nullopt;
+  for (const auto& name : trace.buses) {
+    const auto* const bus = known.machine()->bus(name);
+    if (bus == nullptr) return no_such_bus(*known.machine(), name);
+    if (bus->own_port) continue;
+    return no_port(*bus, "a trace shows what a port hears",
+                   fmt::format("without --bus, --node {} shows what the gateways carry for a node there; with a port "
+                               "plugged in there: berth trace --port can1",
+                               nodes_of(*known.machine(), *bus)));
+  }
+  return std::nullopt;
+}
+
 Opened open_source(const Options& options, const TraceOptions& trace, const KnownNodes& known) {
   if (!trace.file.empty() && !trace.port.empty())
     return tl::unexpected(failure(Exit::usage, "a file or --port, not both"));
+  if (auto bad = heard_nowhere(trace, known)) return tl::unexpected(std::move(*bad));
   if (trace.file.empty() && trace.port.empty()) {
     const auto path = known.machine() ? running_control(options, *known.machine()) : std::string();
     if (!path.empty()) {

@@ -28,12 +28,8 @@ class Builder {
     auto& network = made_.network;
     network.name = machine_.name;
     network.file = machine_.file;
-    for (const auto& bus : machine_.buses) network.buses.push_back(bus_of(bus));
-    // What is beneath a gateway without a port of Berth's, no link of this bus reaches.
-    for (const auto& slot : machine_.slots) {
-      const auto* const bus = machine_.bus(slot.spec.name.bus);
-      if (bus != nullptr && bus->own_port) network.nodes.push_back(node_of(slot));
-    }
+    for (const auto* const bus : machine_.all_buses()) network.buses.push_back(bus_of(*bus));
+    for (const auto& slot : machine_.slots) network.nodes.push_back(node_of(slot));
     for (const auto& link : machine_.links) network.links.push_back(link_of(link));
     return std::move(made_);
   }
@@ -94,8 +90,9 @@ class Builder {
 
   linker::Node node_of(const design::Slot& slot) {
     linker::Node node{.name = slot.spec.name.name, .id = slot.spec.id};
-    const auto bus = std::ranges::find(machine_.buses, slot.spec.name.bus, &design::Bus::name);
-    node.bus = static_cast<std::size_t>(bus - machine_.buses.begin());
+    const auto buses = machine_.all_buses();
+    const auto bus = std::ranges::find(buses, slot.spec.name.bus, [](const auto* each) { return each->name; });
+    node.bus = static_cast<std::size_t>(bus - buses.begin());
     const std::string& config = slot.spec.config;
     if (!config.empty() && !is_concise(config)) {
       node.file = read(config);

@@ -39,11 +39,8 @@ std::string no_slot(const design::Machine& machine, const std::string& word) {
 
 // The slot of the machine that has this path from this bus; null: none.
 const design::Slot* slot_of_path(const design::Machine& machine, const std::string& bus, const multilevel::Path& path) {
-  for (const auto& slot : machine.slots) {
-    const auto way = operate::way_to(machine, slot.spec.name.bus);
-    if (way.bus == bus && way.gateways == path.gateways && slot.spec.id == path.node) return &slot;
-  }
-  return nullptr;
+  const auto* const on = operate::bus_at(machine, {bus, path.gateways});
+  return on == nullptr ? nullptr : machine.slot(on->name, path.node);
 }
 
 // "3/5": node 5 beneath gateway 3.
@@ -87,6 +84,25 @@ Checked<NodeArgument> find_node(const design::Machine& machine, const std::strin
   }
   if (const auto path = multilevel::parse_path(word)) return by_path(machine, bus, *path);
   return tl::unexpected(no_slot(machine, word));
+}
+
+const design::Bus* bus_of(const design::Machine& machine, const NodeArgument& node) {
+  const bool only = node.bus.empty() && machine.buses.size() == 1;
+  return operate::bus_at(machine, {only ? machine.buses.front().name : node.bus, node.gateways});
+}
+
+Checked<const design::Bus*> known_bus_of(const design::Machine& machine, const NodeArgument& node) {
+  if (const auto* const bus = bus_of(machine, node)) return bus;
+  std::vector<std::string> names;
+  for (const auto* const bus : machine.all_buses()) names.push_back(bus->name);
+  if (node.bus.empty() && machine.buses.size() != 1) {
+    return tl::unexpected(
+        fmt::format("node {}: on which bus? Name its bus; the buses are {}", node.text(), some_of(names)));
+  }
+  return tl::unexpected(
+      fmt::format("node {}: no bus of the machine is there; the buses are {} (gateway = {{ bus, slot }} "
+                  "of a [bus.NAME] says beneath which gateway it is)",
+                  node.text(), some_of(names)));
 }
 
 NodeArgument node_argument(Arguments& arguments, const design::Machine& machine) {

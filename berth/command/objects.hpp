@@ -34,6 +34,10 @@ struct NodeArgument {
 /// ambiguous, is for people, with what there is to choose from.
 [[nodiscard]] Checked<NodeArgument> find_node(const design::Machine& machine, const std::string& bus,
                                               const std::string& word);
+/// The bus of the machine that the node is on, with a port of Berth's or without; null: none.
+[[nodiscard]] const design::Bus* bus_of(const design::Machine& machine, const NodeArgument& node);
+/// The same, or for people why there is none.
+[[nodiscard]] Checked<const design::Bus*> known_bus_of(const design::Machine& machine, const NodeArgument& node);
 /// The request's "bus" and "node". What is wrong is kept by `arguments`.
 [[nodiscard]] NodeArgument node_argument(Arguments& arguments, const design::Machine& machine);
 

@@ -51,6 +51,44 @@ rt::Task<void> make_unknown_again(Network& network, const std::vector<operate::S
 
 }  // namespace
 
+namespace {
+
+// A bus beneath whose gateway, or a gateway above that, does not answer.
+struct Unreached {
+  std::string bus;
+  std::string why;
+  int status = 1;
+};
+
+// The gateway's slot as people name it, on the bus above.
+std::string gateway_of(const design::Machine& machine, const design::Bus& bus) {
+  const auto* const slot = machine.slot(bus.gateway->bus, bus.gateway->slot);
+  return slot == nullptr ? fmt::format("gateway {} of bus {}", bus.gateway->slot.value(), bus.gateway->bus)
+                         : fmt::format("gateway {} ({}) of bus {}", bus.gateway->slot.value(), slot->spec.name.name,
+                                       bus.gateway->bus);
+}
+
+std::string why_unreached(const Session& session, const operate::Beneath& beneath, const Error& error,
+                          const std::vector<Unreached>& so_far) {
+  const auto& bus = beneath.bus();
+  const auto above = std::ranges::find(so_far, bus.gateway->bus, &Unreached::bus);
+  if (above != so_far.end()) return fmt::format("bus {} above it was not reached", above->bus);
+  const std::string gateway = gateway_of(session.machine(), bus);
+  if (error.code == Errc::timeout) return gateway + " does not answer";
+  return fmt::format("{}: {}", gateway, describe(error));
+}
+
+// What to do: a gateway is reached when its bus above was brought up.
+std::string not_reached(const std::vector<Unreached>& all) {
+  std::string text;
+  for (const auto& each : all) text += fmt::format("bus {} was not asked: {}\n", each.bus, each.why);
+  return text +
+         "a gateway answers when it has its node-ID and power: `berth up` gives it the one (in a simulated world "
+         "of its own: --up)";
+}
+
+}  // namespace
+
 rt::Task<void> scan(Session& session, const Request& request, Reply& reply) {
   const Arguments arguments(request);
   if (!arguments.good()) co_return refuse(reply, 2, arguments.problem());
@@ -77,11 +115,18 @@ rt::Task<void> scan(Session& session, const Request& request, Reply& reply) {
     if (session.started()) co_await make_unknown_again(*network, *seen);
   }
   // Where Berth has no port, the gateway's master tells whom it knows.
+  std::vector<Unreached> unreached;
   for (const auto& each : session.tree().buses()) {
     const std::string& bus = each->bus().name;
     if (!only.empty() && bus != only) continue;
-    const auto seen = co_await each->scan();
-    if (!seen) co_return fail_with(reply, seen.error(), fmt::format("bus {}, scan through its gateway", bus));
+    const bool cut_off = std::ranges::find(unreached, each->bus().gateway->bus, &Unreached::bus) != unreached.end();
+    Result<std::vector<operate::Seen>> seen = fail(Errc::timeout, "");
+    if (!cut_off) seen = co_await each->scan();
+    if (!seen) {
+      const auto why = why_unreached(session, *each, seen.error(), unreached);
+      unreached.push_back({bus, why, status_of(seen.error().code)});
+      continue;
+    }
     for (const auto& s : *seen) {
       json["nodes"].push_back(json_of(s, bus));
       lines.push_back(line_of(s, bus));
@@ -93,8 +138,12 @@ rt::Task<void> scan(Session& session, const Request& request, Reply& reply) {
   json["duplicates"] = duplicates;
   lines.push_back(fmt::format("{} devices: {} with a node-ID, {} without, {} duplicate", all, all - unconfigured,
                               unconfigured, duplicates));
+  for (const auto& each : unreached) json["unreached"].push_back({{"bus", each.bus}, {"why", each.why}});
   give(reply, json, std::move(lines));
   if (duplicates > 0) reply.status = 1;
+  if (unreached.empty()) co_return;
+  for (const auto& each : unreached) reply.status = std::max(reply.status, each.status);
+  reply.error = not_reached(unreached);
 }
 
 }  // namespace berth::command

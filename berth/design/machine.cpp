@@ -7,11 +7,29 @@
 
 namespace berth::design {
 
+std::vector<const Bus*> Machine::all_buses() const {
+  std::vector<const Bus*> all;
+  for (const auto* const part : {&buses, &beneath}) {
+    for (const auto& each : *part) all.push_back(&each);
+  }
+  return all;
+}
+
 const Bus* Machine::bus(std::string_view bus_name) const noexcept {
   const auto it = std::ranges::find(buses, bus_name, &Bus::name);
   if (it != buses.end()) return &*it;
   const auto under = std::ranges::find(beneath, bus_name, &Bus::name);
   return under == beneath.end() ? nullptr : &*under;
+}
+
+const Bus* Machine::bus_beneath(const Bus& above, unsigned gateway, unsigned port) const noexcept {
+  for (const auto* const part : {&buses, &beneath}) {
+    for (const auto& each : *part) {
+      const auto& way = each.gateway;
+      if (way && way->bus == above.name && way->slot.value() == gateway && way->port == port) return &each;
+    }
+  }
+  return nullptr;
 }
 
 const Slot* Machine::slot(std::string_view slot_name) const noexcept {

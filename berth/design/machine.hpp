@@ -125,7 +125,7 @@ struct Slot {
   bool of_range = false;                               ///< came out of `ids = "1..60"`
 };
 
-/// One object of one slot: "left sensor/Position" or "left sensor/6004h:00".
+/// One object of one slot: "left sensor/Position", "left sensor/6004h:00", or by its path "3/5/Position".
 struct LinkEnd {
   std::string slot;
   std::string object;  ///< as written; resolved by the object linker
@@ -159,8 +159,12 @@ struct Machine {
   /// What devices in no slot are like: no key of the file's, but said beside it (`--eds`).
   std::vector<Described> described;
 
+  /// `buses`, then `beneath`.
+  [[nodiscard]] std::vector<const Bus*> all_buses() const;
   /// With or without a port.
   [[nodiscard]] const Bus* bus(std::string_view name) const noexcept;
+  /// The bus beneath port `port` of the gateway with this node-ID on `above`; null: none.
+  [[nodiscard]] const Bus* bus_beneath(const Bus& above, unsigned gateway, unsigned port) const noexcept;
   [[nodiscard]] const Slot* slot(std::string_view name) const noexcept;
   [[nodiscard]] const Slot* slot(std::string_view bus, NodeId id) const noexcept;
   /// That a person may mean by "left" or "line/left", in either case; names that differ in nothing else are told apart

@@ -3,6 +3,7 @@
 
 #include <algorithm>
 #include <array>
+#include <charconv>
 #include <map>
 
 #include "berth/design/machine.hpp"
@@ -108,14 +109,52 @@ void read_type_table(Table& table, places::SlotSpec& spec) {
   type->finish();
 }
 
+// A node-ID, and behind a dot a gateway's port.
+struct PathStep {
+  unsigned node = 0;
+  unsigned port = 1;
+};
+std::optional<PathStep> path_step(string_view text) {
+  const auto number = [](string_view digits, unsigned most) -> unsigned {
+    unsigned value = 0;
+    const auto [end, bad] = std::from_chars(digits.data(), digits.data() + digits.size(), value);
+    return bad == std::errc{} && end == digits.data() + digits.size() && value <= most ? value : 0;
+  };
+  const auto dot = text.find('.');
+  const PathStep step{number(text.substr(0, dot), 127), dot == string_view::npos ? 1 : number(text.substr(dot + 1), 8)};
+  return step.node == 0 || step.port == 0 ? std::nullopt : std::optional(step);
+}
+
+// "3/5/Position": the node is named by its path from the only bus at the top that Berth has a port on.
+std::optional<LinkEnd> end_by_path(const Machine& machine, string_view text) {
+  const auto own = [](const Bus& bus) { return bus.own_port; };
+  if (std::ranges::count_if(machine.buses, own) != 1) return std::nullopt;
+  const Bus* at = &*std::ranges::find_if(machine.buses, own);
+  std::optional<PathStep> before;
+  while (at != nullptr) {
+    const auto slash = text.find('/');
+    const auto step = slash == string_view::npos ? std::nullopt : path_step(text.substr(0, slash));
+    if (!step) break;
+    if (before) at = machine.bus_beneath(*at, before->node, before->port);
+    before = step;
+    text.remove_prefix(slash + 1);
+  }
+  if (at == nullptr || !before || text.empty()) return std::nullopt;
+  const auto* const slot = machine.slot(at->name, NodeId(static_cast<std::uint8_t>(before->node)));
+  if (slot == nullptr) return std::nullopt;
+  return LinkEnd{slot->spec.name.name, std::string(text)};
+}
+
 std::optional<LinkEnd> read_end(const Machine& machine, Table& table, string_view key, const std::string& text) {
   const auto slash = text.find('/');
   if (slash == std::string::npos || slash == 0 || slash + 1 == text.size()) {
-    table.error(key, fmt::format("{} names no object of a slot", text::quoted(text)), "write \"slot name/object\"");
+    table.error(key, fmt::format("{} names no object of a slot", text::quoted(text)),
+                "write \"slot name/object\", or \"3/5/object\" of node 5 beneath gateway 3");
     return std::nullopt;
   }
   LinkEnd end{text.substr(0, slash), text.substr(slash + 1)};
   if (machine.slot(end.slot) != nullptr) return end;
+  if (auto by_path = end_by_path(machine, text)) return by_path;
   std::vector<string_view> names;
   for (const auto& slot : machine.slots) names.push_back(slot.spec.name.name);
   const auto near = text::closest(end.slot, names);

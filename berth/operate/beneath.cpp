@@ -16,6 +16,7 @@ using places::SlotState;
 
 constexpr auto look_pause = std::chrono::milliseconds(200);  // between two looks at a bus that boots
 constexpr std::uint16_t heartbeat_lost = 0x8130;
+constexpr std::uint16_t configuration_date = 0x1020;
 
 Error error_of(const manager::Failure& failure) noexcept {
   if (failure.why == manager::Failure::Why::error) return failure.error;
@@ -41,6 +42,28 @@ rt::Task<Result<void>> read_address(co::SdoAccess& device, LssAddress& address) 
     if (!value && value.error().code != Errc::aborted) co_return fail(value.error());
   }
   co_return Result<void>{};
+}
+
+rt::Task<Result<void>> bring(co::SdoAccess& master, const manager::Wanted& list, bool& changed) {
+  manager::ConfiguratorOptions options;
+  manager::ConfigurationReport report;
+  manager::Configurator configurator(master, master, list, options);
+  co_await configurator.run(report);
+  if (report.failure) co_return fail(error_of(*report.failure));
+  changed = report.changed();
+  co_return Result<void>{};
+}
+
+// A master whose list is not in use yet has none of its nodes. One that does not answer is not asked on.
+rt::Task<bool> has_all(co::SdoAccess& master, const std::vector<NodeId>& nodes) {
+  for (const NodeId node : nodes) {
+    const std::uint8_t sub = node.value();
+    const auto value = co_await master.read(od::cia302::request_nmt, sub);
+    if (!value && value.error().code != Errc::aborted) co_return true;
+    constexpr std::uint8_t missing = 1;
+    if (!value || value->bytes().empty() || value->bytes().front() <= missing) co_return false;
+  }
+  co_return true;
 }
 
 rt::Task<void> bring_up_deeper(Beneath& deeper, std::optional<Error>& failed) {
@@ -72,11 +95,20 @@ Way way_to(const design::Machine& machine, const std::string& bus) {
   return way;
 }
 
+const design::Bus* bus_at(const design::Machine& machine, const Way& way) noexcept {
+  const design::Bus* at = machine.bus(way.bus);
+  for (const auto& hop : way.gateways) {
+    if (at != nullptr) at = machine.bus_beneath(*at, hop.gateway.value(), hop.port);
+  }
+  return at;
+}
+
 Beneath::Beneath(rt::Executor& executor, const design::Bus& bus, Way way, std::vector<places::SlotSpec> slots,
-                 multilevel::Routes& routes, NetworkObserver observer)
+                 const SlotSettings& settings, multilevel::Routes& routes, NetworkObserver observer)
     : executor_(executor),
       bus_(bus),
       way_(std::move(way)),
+      settings_(settings),
       routes_(routes),
       events_(executor, bus.name, std::move(observer)),
       wakes_(executor),
@@ -137,28 +169,35 @@ manager::Wanted Beneath::list(std::span<const NodeId> first) {
     if (taken) slots.push_back(place.spec);
   }
   Findings findings;
-  auto made = network_list(bus_, slots, first, findings);
+  auto made = network_list(bus_, slots, first, settings_, findings);
   for (const auto& finding : findings) {
     if (finding.severity == Finding::Severity::error) events_.tell_once(EventKind::error, to_string(finding));
   }
   return made;
 }
 
-// The gateway's master counts what is written from its next boot-up on.
-rt::Task<Result<void>> Beneath::put_list(const manager::Wanted& list) {
-  manager::ConfiguratorOptions options;
-  manager::ConfigurationReport report;
-  {
-    manager::Configurator configurator(access(bus_.master), access(bus_.master), list, options);
-    co_await configurator.run(report);
+// The gateway's master counts what is written from its next boot-up on. A list that is there and of which nodes are
+// missing may have been written by a Berth that ended before that: then the master is reset too, once.
+rt::Task<Result<void>> Beneath::put_list(const manager::Wanted& list, std::vector<NodeId> nodes) {
+  co::SdoAccess& master = access(bus_.master);
+  bool changed = false;
+  auto put = co_await bring(master, list, changed);
+  if (!put) co_return put;
+  if (!changed) {
+    const bool in_use = was_reset_ || co_await has_all(master, nodes);
+    if (in_use) co_return Result<void>{};
+    was_reset_ = true;
+    // What is there may be unsaved: it is brought in again as if its date were another.
+    put = co_await master.write_u32(configuration_date, 1, 0);
+    if (put) put = co_await bring(master, list, changed);
+    if (!put) co_return put;
+    events_.tell(EventKind::step, "", "its gateway boots it again: it misses nodes of its network list");
+  } else {
+    events_.tell(EventKind::step, "", "its gateway has a new network list");
   }
-  if (report.failure) co_return fail(error_of(*report.failure));
-  if (!report.changed()) co_return Result<void>{};
-  events_.tell(EventKind::step, "", "its gateway has a new network list");
   // Who is reset is itself: its bus boots behind it.
   const std::array<std::uint8_t, 1> value{manager::request_value(co::NmtCommand::reset_node)};
   const std::span<const std::uint8_t> data = value;
-  co::SdoAccess& master = access(bus_.master);
   co_return co_await master.write(od::cia302::request_nmt, bus_.master.value(), data);
 }
 
@@ -169,10 +208,12 @@ rt::Task<Result<void>> Beneath::bring_up() {
   co::SdoAccess& master = access(bus_.master);
   const bool has_it = co_await has_list(master, whole);
   Result<void> done;
-  if (!has_it) {
-    done = co_await gateways_first();
-    if (done) done = co_await put_list(whole);
+  if (!has_it) done = co_await gateways_first();
+  std::vector<NodeId> nodes;
+  for (const auto& place : places_) {
+    if (!place.spec.optional) nodes.push_back(place.spec.id);
   }
+  if (done) done = co_await put_list(whole, nodes);
   if (done) done = co_await await_operational();
   if (done && has_it) done = co_await bring_up_all(executor_, deeper_);
   brings_up_ = false;
@@ -186,7 +227,7 @@ rt::Task<Result<void>> Beneath::gateways_first() {
   std::vector<NodeId> nodes;
   for (const auto* const deeper : deeper_) nodes.push_back(deeper->way().gateways.back().gateway);
   const manager::Wanted first = list(nodes);
-  const auto put = co_await put_list(first);
+  const auto put = co_await put_list(first, nodes);
   if (!put) co_return put;
   const rt::Time deadline = executor_.now() + patience;
   for (const NodeId node : nodes) {

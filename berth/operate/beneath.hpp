@@ -31,12 +31,15 @@ struct Way {
   friend bool operator==(const Way&, const Way&) = default;
 };
 [[nodiscard]] Way way_to(const design::Machine& machine, const std::string& bus);
+/// The bus to which a way leads, whether Berth has a port there or not; null: the machine has none there.
+[[nodiscard]] const design::Bus* bus_at(const design::Machine& machine, const Way& way) noexcept;
 
 class Beneath {
  public:
-  /// `bus` and `routes` must stay; `routes`: of the bus at which `way` begins.
+  /// `bus` and `routes` must stay; `routes`: of the bus at which `way` begins. `settings`: what the slots' devices
+  /// shall have besides `config =`.
   Beneath(rt::Executor& executor, const design::Bus& bus, Way way, std::vector<places::SlotSpec> slots,
-          multilevel::Routes& routes, NetworkObserver observer);
+          const SlotSettings& settings, multilevel::Routes& routes, NetworkObserver observer);
 
   /// A bus beneath this one, without a port too. Must stay.
   void add(Beneath& deeper) { deeper_.push_back(&deeper); }
@@ -75,7 +78,8 @@ class Beneath {
     SlotReport now;
     bool identified = false;  // since it became operational
   };
-  rt::Task<Result<void>> put_list(const manager::Wanted& list);
+  /// `nodes`: those that its master must know when it uses the list.
+  rt::Task<Result<void>> put_list(const manager::Wanted& list, std::vector<NodeId> nodes);
   rt::Task<Result<void>> gateways_first();
   rt::Task<Result<void>> await_operational();
   rt::Task<void> watch();
@@ -93,6 +97,7 @@ class Beneath {
   rt::Executor& executor_;
   const design::Bus& bus_;
   Way way_;
+  SlotSettings settings_;
   multilevel::Routes& routes_;
   Events events_;
   std::vector<Place> places_;  // ascending by node-ID
@@ -105,6 +110,7 @@ class Beneath {
   bool up_ = false;                 // it was brought up
   bool was_operational_ = false;
   bool brings_up_ = false;
+  bool was_reset_ = false;  // its gateway, because it missed nodes of a list that it had
   rt::Scope scope_;
 };
 

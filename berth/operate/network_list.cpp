@@ -2,6 +2,7 @@
 
 #include <algorithm>
 #include <array>
+#include <optional>
 
 #include "berth/base/bytes.hpp"
 #include "berth/eds/concise_dcf.hpp"
@@ -28,7 +29,7 @@ class List {
     put32({cia302::boot_time, 0}, static_cast<std::uint64_t>(bus_.startup.boot_time.count() / 1'000'000));
   }
 
-  void slot(const places::SlotSpec& slot, bool held_back, Findings& findings) {
+  void slot(const places::SlotSpec& slot, bool held_back, const SlotSettings& settings, Findings& findings) {
     const std::uint8_t sub = slot.id.value();
     manager::SlaveRules rules;
     rules.assigned = true;
@@ -42,7 +43,8 @@ class List {
     put32({cia302::expected_revision, sub}, exact ? slot.revision.value_or(0) : 0);
     put32({consumer_heartbeat, ++consumers_},
           std::uint64_t{sub} << 16U | static_cast<std::uint64_t>(milliseconds(bus_.timing.heartbeat_timeout)));
-    configuration(slot, findings);
+    const auto more = settings.find(slot.name.name);
+    configuration(slot, more == settings.end() ? nullptr : more->second.get(), findings);
   }
 
   manager::Wanted done() {
@@ -71,21 +73,32 @@ class List {
   }
   void put32(ObjectRef object, std::uint64_t value) { put(object, od::DataType::unsigned32, value); }
 
-  void configuration(const places::SlotSpec& slot, Findings& findings) {
+  // `config =`, and over it what the machine's links need.
+  static std::optional<manager::Configuration> configured(const places::SlotSpec& slot,
+                                                          const manager::Configuration* more, Findings& findings) {
+    std::optional<manager::Configuration> all;
+    if (!slot.config.empty()) {
+      auto loaded = manager::load_configuration(slot.config);
+      findings.insert(findings.end(), loaded.findings.begin(), loaded.findings.end());
+      if (!loaded.usable()) return std::nullopt;
+      all = std::move(loaded.configuration);
+    }
+    if (more != nullptr) all = all ? manager::joined(*all, *more) : *more;
+    return all;
+  }
+
+  void configuration(const places::SlotSpec& slot, const manager::Configuration* more, Findings& findings) {
     const std::uint8_t sub = slot.id.value();
     eds::ConciseDcf stream;
     manager::ConfigurationDate expected;
-    if (!slot.config.empty()) {
-      const auto loaded = manager::load_configuration(slot.config);
-      findings.insert(findings.end(), loaded.findings.begin(), loaded.findings.end());
-      const auto wanted = manager::wanted(loaded.configuration, slot.id);
-      if (loaded.usable() && wanted) {
-        for (const auto& entry : wanted->entries) {
-          if (!entry.compare_only && entry.object.index != producer_heartbeat)
-            stream.entries.push_back({entry.object, entry.bytes});
-        }
-        expected = wanted->date;
+    const auto all = configured(slot, more, findings);
+    const auto wanted = all ? manager::wanted(*all, slot.id) : manager::Wanted{};
+    if (wanted) {
+      for (const auto& entry : wanted->entries) {
+        if (!entry.compare_only && entry.object.index != producer_heartbeat)
+          stream.entries.push_back({entry.object, entry.bytes});
       }
+      expected = wanted->date;
     }
     std::vector<std::uint8_t> period(2);
     store_le(period.data(), milliseconds(bus_.timing.heartbeat_period));
@@ -120,12 +133,12 @@ class List {
 }  // namespace
 
 manager::Wanted network_list(const design::Bus& bus, std::span<const places::SlotSpec> slots,
-                             std::span<const NodeId> held_back, Findings& findings) {
+                             std::span<const NodeId> held_back, const SlotSettings& settings, Findings& findings) {
   List list(bus);
   list.bus();
   for (const auto& slot : slots) {
     const bool waits = std::ranges::find(held_back, slot.id) != held_back.end();
-    list.slot(slot, waits, findings);
+    list.slot(slot, waits, settings, findings);
   }
   return list.done();
 }

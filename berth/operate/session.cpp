@@ -111,7 +111,7 @@ Result<void> Session::open() {
     if (!opened) return opened;
     networks_.push_back(std::move(network));
   }
-  return tree_.open(observer.event);
+  return tree_.open(observer.event, settings_);
 }
 
 void Session::start() {

@@ -35,7 +35,8 @@ class Session {
   [[nodiscard]] bool configures(const design::Slot& slot) const noexcept {
     return !slot.spec.config.empty() || settings_.contains(slot.spec.name.name);
   }
-  /// Reads the store. Call once, after the ports. Errors: `invalid` a bus without a port; the store's.
+  /// Reads the store. Call once, after the ports. Errors: `invalid` a bus without a port, or one
+  /// beneath gateways whose topmost bus the machine lacks; the store's.
   Result<void> open();
   /// Begins the main job on every bus.
   void start();

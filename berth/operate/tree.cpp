@@ -17,15 +17,18 @@ rt::Task<Result<void>> await_operational(rt::Executor& executor, Network& networ
 
 }  // namespace
 
-Result<void> Tree::open(const std::function<void(const Event&)>& events) {
+Result<void> Tree::open(const std::function<void(const Event&)>& events, const SlotSettings& settings) {
   for (const auto& line : machine_->beneath) {
     Way way = way_to(*machine_, line.name);
     Network* const top = network(way.bus);
-    if (top == nullptr) return fail(Errc::invalid, "a bus beneath a gateway leads to no bus with a port");
+    if (top == nullptr) {
+      return fail(Errc::invalid,
+                  "a bus beneath a gateway is to be reached through a bus that is not opened: open that one too");
+    }
     NetworkObserver observer;
     observer.event = events;
-    buses_.push_back(std::make_unique<Beneath>(*executor_, line, way, machine_->specs(line.name), routes(*top),
-                                               std::move(observer)));
+    buses_.push_back(std::make_unique<Beneath>(*executor_, line, way, machine_->specs(line.name), settings,
+                                               routes(*top), std::move(observer)));
     Root& root = *roots_[top];
     if (!root.log) {
       constexpr auto layout = multilevel::EmcyLayout::source_and_exit;

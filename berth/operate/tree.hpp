@@ -23,8 +23,9 @@ class Tree {
 
   /// What a network of this bus must know before it is made.
   [[nodiscard]] BeneathFirst first_of(const std::string& bus);
-  /// Once, when all networks are there.
-  Result<void> open(const std::function<void(const Event&)>& events);
+  /// Once, when all networks are there. `settings`: of slots on any bus. Errors: `invalid`, a bus beneath gateways
+  /// whose topmost bus is not there.
+  Result<void> open(const std::function<void(const Event&)>& events, const SlotSettings& settings = {});
   void start();
   void stop() noexcept;
   /// Before the networks are gone.

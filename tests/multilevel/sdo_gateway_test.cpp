@@ -317,35 +317,6 @@ TEST_F(WithLeaf, AForsakenUpload) {
 
 // ---- S3.26: any length, handed on as it comes
 
-namespace {
-
-struct Chain {
-  explicit Chain(unsigned gateways, const SdoGatewayOptions& options = {}) {
-    for (unsigned i = 0; i <= gateways; ++i) lines.push_back(std::make_unique<Line>(world, "bus" + std::to_string(i)));
-    for (unsigned i = 0; i < gateways; ++i) {
-      SdoGatewayOptions mine = options;
-      mine.levels_beneath = gateways - 1 - i;
-      this->gateways.push_back(std::make_unique<Gateway>(world, *lines[i], 3 + i, *lines[i + 1], 1, mine));
-      path.gateways.push_back({NodeId(static_cast<std::uint8_t>(3 + i))});
-    }
-    path.node = NodeId(50);
-    leaf.emplace(world, *lines.back(), 50);
-    master.emplace(world, *lines.front());
-    client.emplace(master->dispatcher);
-    world.run_for(50ms);
-    for (auto& line : lines) line->clear();
-  }
-  sim::World world;
-  std::vector<std::unique_ptr<Line>> lines;
-  std::vector<std::unique_ptr<Gateway>> gateways;
-  std::optional<Leaf> leaf;
-  std::optional<Station> master;
-  std::optional<co::SdoClient> client;
-  Path path;
-};
-
-}  // namespace
-
 // S3.26
 TEST(SdoGatewayLength, AnyLengthInAnyMode) {
   for (const auto mode : {co::SdoMode::segmented, co::SdoMode::block, co::SdoMode::automatic}) {
@@ -494,6 +465,36 @@ TEST(SdoGatewayDepth, ASilentNodeCostsOneTimeOut) {
     chain.leaf->device.power_on();
     chain.world.run_for(50ms);
     EXPECT_EQ(*await(chain.world, routes.access(path).read_u32(0x1000, 0)), 0x0002'0192U);
+  }
+}
+
+// What the node refuses, the client gets with the node's code and the node's object, however deep it is.
+TEST(SdoGatewayDepth, AbortCodesOfEveryLevel) {
+  for (unsigned depth = 1; depth <= 6; ++depth) {
+    SCOPED_TRACE(depth);
+    Chain chain(depth);
+    Routes routes(*chain.client);
+    auto& access = routes.access(chain.path);
+    const auto refused = [](const Result<void>& done, std::uint16_t index, std::uint32_t code) {
+      ASSERT_FALSE(done);
+      EXPECT_EQ(done.error().code, Errc::aborted);
+      EXPECT_EQ(done.error().node, 50);
+      EXPECT_EQ(done.error().index, index);
+      EXPECT_EQ(done.error().detail, code) << std::hex << done.error().detail;
+    };
+    const auto missing = await(chain.world, access.read(0x3000, 0));
+    ASSERT_FALSE(missing);
+    EXPECT_EQ(missing.error().detail, 0x0602'0000U);
+    EXPECT_EQ(missing.error().index, 0x3000);
+    const Bytes two = numbers(2), four = numbers(4), thirteen = numbers(13);
+    refused(await(chain.world, access.write(0x1000, 0, four)), 0x1000, 0x0601'0002);             // read only
+    refused(await(chain.world, access.write(0x2000, 7, two)), 0x2000, 0x0609'0011);              // no such sub-index
+    refused(await(chain.world, access.write(0x2000, 0, two)), 0x2000, 0x0607'0012);              // too long
+    refused(await(chain.world, access.write_u32(0x2002, 0, 0x2000'0000)), 0x2002, 0x0609'0031);  // too high
+    refused(await(chain.world, access.write(0x2003, 0, thirteen)), 0x2003, 0x0607'0012);         // 12 bytes at most
+    // And nothing is stuck.
+    EXPECT_EQ(*await(chain.world, access.read_u32(0x1000, 0)), 0x0002'0192U);
+    for (auto& each : chain.gateways) EXPECT_EQ(each->gateway.busy(), 0U);
   }
 }
 

@@ -2,6 +2,7 @@
 #pragma once
 
 #include <gtest/gtest.h>
+
 #include <chrono>
 #include <cstdint>
 #include <memory>
@@ -134,6 +135,32 @@ struct Gateway {
   device::Device lower;
   co::SdoClient client;
   SdoGateway gateway;
+};
+
+/// Gateways one beneath the other, a leaf (node 50) on the lowest bus, a client on the uppermost.
+struct Chain {
+  explicit Chain(unsigned depth, const SdoGatewayOptions& options = {}) {
+    for (unsigned i = 0; i <= depth; ++i) lines.push_back(std::make_unique<Line>(world, "bus" + std::to_string(i)));
+    for (unsigned i = 0; i < depth; ++i) {
+      SdoGatewayOptions mine = options;
+      mine.levels_beneath = depth - 1 - i;
+      gateways.push_back(std::make_unique<Gateway>(world, *lines[i], 3 + i, *lines[i + 1], 1, mine));
+      path.gateways.push_back({NodeId(static_cast<std::uint8_t>(3 + i))});
+    }
+    path.node = NodeId(50);
+    leaf.emplace(world, *lines.back(), 50);
+    master.emplace(world, *lines.front());
+    client.emplace(master->dispatcher);
+    world.run_for(50ms);
+    for (auto& line : lines) line->clear();
+  }
+  sim::World world;
+  std::vector<std::unique_ptr<Line>> lines;
+  std::vector<std::unique_ptr<Gateway>> gateways;
+  std::optional<Leaf> leaf;
+  std::optional<Station> master;
+  std::optional<co::SdoClient> client;
+  Path path;
 };
 
 /// The additional channel 1..2 of a gateway, as its client has it.

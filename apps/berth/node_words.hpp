@@ -1,0 +1,36 @@
+/// Nodes of a machine as verbs that work on its files take them: `berth analyze --node 3/5`.
+#pragma once
+
+#include <string>
+#include <tl/expected.hpp>
+#include <vector>
+
+#include "berth/design/machine.hpp"
+#include "berth/multilevel/path.hpp"
+#include "output.hpp"
+
+namespace berth::cli {
+
+struct MeantNode {
+  const design::Bus* bus = nullptr;  ///< that it is on; of the machine
+  NodeId node;
+  const design::Slot* slot = nullptr;  ///< null: it is in none
+  std::vector<multilevel::Hop> gateways = {};
+  std::string text;  ///< "5", "3/5"
+};
+/// `word`: "5", "left motor", "left/left motor", "3/5", "3.2/5". `bus`: of `--bus`, may be empty.
+[[nodiscard]] tl::expected<MeantNode, Failure> meant_node(const design::Machine& machine, const std::string& bus,
+                                                          const std::string& word);
+[[nodiscard]] tl::expected<std::vector<MeantNode>, Failure> meant_nodes(const design::Machine& machine,
+                                                                        const std::string& bus,
+                                                                        const std::vector<std::string>& words);
+
+/// Berth has no port on this bus beneath a gateway: why one is needed, and what to do.
+[[nodiscard]] Failure no_port(const design::Bus& bus, const std::string& why, const std::string& fix);
+/// "5/13/N": how nodes of a bus are named.
+[[nodiscard]] std::string nodes_of(const design::Machine& machine, const design::Bus& bus);
+
+/// There is no such bus; with those that there are.
+[[nodiscard]] Failure no_such_bus(const design::Machine& machine, const std::string& bus);
+
+}  // namespace berth::cli

@@ -1,0 +1,331 @@
+// Verbs on buses beneath gateways, as a person uses them: a small machine of three buses, one beneath the other.
+#include <gtest/gtest.h>
+
+#include <nlohmann/json.hpp>
+#include <string>
+
+#include "command_fixture.hpp"
+
+namespace berth::test {
+namespace {
+
+constexpr const char* tower_machine = R"([machine]
+name = "tower"
+
+[bus.backbone]
+port    = "sim"
+bitrate = 250_000
+
+[bus.boom]
+port      = "gateway"
+bitrate   = 250_000
+master_id = 1
+gateway   = { bus = "backbone", slot = 3 }
+
+[bus.tip]
+port      = "gateway"
+bitrate   = 125_000
+master_id = 1
+gateway   = { bus = "boom", slot = 5 }
+
+[[slot]]
+bus  = "tip"
+id   = 2
+name = "tip io"
+eds  = "IO"
+
+[[slot]]
+bus  = "backbone"
+id   = 2
+name = "panel"
+eds  = "IO"
+
+[[slot]]
+bus  = "backbone"
+id   = 3
+name = "boom gateway"
+type = { vendor = 1, product = 0x58 }
+
+[[slot]]
+bus  = "boom"
+id   = 2
+name = "boom io"
+eds  = "IO"
+
+[[slot]]
+bus  = "boom"
+id   = 4
+name = "boom lamps"
+eds  = "IO"
+
+[[slot]]
+bus  = "boom"
+id   = 5
+name = "tip gateway"
+type = { vendor = 1, product = 0x58 }
+)";
+
+constexpr const char* tower_link = R"(
+[[link]]
+from     = "boom io/6000h:01"
+to       = ["3/4/6200h:01"]
+deadline = "50 ms"
+)";
+
+constexpr const char* tower_plant = R"([plant]
+seed = 3
+
+[bus.backbone]
+[bus.boom]
+[bus.tip]
+
+[[device]]
+bus    = "backbone"
+name   = "panel"
+eds    = "IO"
+serial = 11
+
+[[device]]
+bus    = "backbone"
+name   = "boom gateway"
+type   = { vendor = 1, product = 0x58 }
+serial = 12
+
+[[device]]
+bus     = "boom"
+name    = "boom port"
+type    = { vendor = 1, product = 0x59 }
+serial  = 20
+node_id = 1
+source  = "hard-coded"
+master  = { flying = false, most = 10 }
+
+[[device]]
+bus    = "boom"
+name   = "boom io {n}"
+eds    = "IO"
+count  = 2
+serial_first = 21
+
+[[device]]
+bus    = "boom"
+name   = "tip gateway"
+type   = { vendor = 1, product = 0x58 }
+serial = 23
+
+[[device]]
+bus     = "tip"
+name    = "tip port"
+type    = { vendor = 1, product = 0x59 }
+serial  = 30
+node_id = 1
+source  = "hard-coded"
+master  = { flying = false, most = 10 }
+
+[[device]]
+bus    = "tip"
+name   = "tip io"
+eds    = "IO"
+serial = 31
+
+[[gateway]]
+above   = "boom gateway"
+beneath = ["boom port"]
+speaks_layout = [5]
+
+[[gateway]]
+above   = "tip gateway"
+beneath = ["tip port"]
+)";
+
+std::string with_io(std::string text) {
+  const std::string word = "\"IO\"";
+  for (auto at = text.find(word); at != std::string::npos; at = text.find(word))
+    text.replace(at, word.size(), "\"" + example("eds/io.eds") + "\"");
+  return text;
+}
+
+class LevelsCommand : public ::testing::Test {
+ protected:
+  [[nodiscard]] Outcome brought_up(Words words) const {
+    words.insert(words.end(), {"--machine", machine, "--sim", plant, "--up"});
+    return berth(words);
+  }
+
+  Folder folder;
+  std::string machine = folder.write("machine.toml", with_io(tower_machine));
+  std::string linked = folder.write("linked.toml", with_io(tower_machine) + tower_link);
+  std::string plant = folder.write("plant.toml", with_io(tower_plant));
+};
+
+}  // namespace
+
+// ---- scan ----
+
+TEST_F(LevelsCommand, AScanOfABusBeneathWithoutARunningUp) {
+  const Outcome run = berth({"scan", "--bus", "tip", "--machine", machine});
+  EXPECT_EQ(run.status, 3) << run.out << run.err;
+  EXPECT_FALSE(contains(run.err, "slot table")) << run.err;
+  EXPECT_TRUE(contains(run.err, "no running `berth up`")) << run.err;
+  EXPECT_TRUE(contains(run.err, "--sim PLANT")) << "what to do: " << run.err;
+}
+
+TEST_F(LevelsCommand, AScanOfGatewaysThatAreNewFromTheFactory) {
+  const Outcome run = berth({"scan", "--machine", machine, "--sim", plant});
+  EXPECT_EQ(run.status, 1) << run.out << run.err;
+  EXPECT_TRUE(contains(run.out, "2 devices: 0 with a node-ID, 2 without")) << "the backbone's are told: " << run.out;
+  EXPECT_TRUE(contains(run.err, "bus boom was not asked: gateway 3 (boom gateway) of bus backbone does not answer"))
+      << run.err;
+  EXPECT_TRUE(contains(run.err, "bus tip was not asked: bus boom above it was not reached")) << run.err;
+  EXPECT_TRUE(contains(run.err, "--up")) << "what to do: " << run.err;
+  const Outcome json = berth({"scan", "--machine", machine, "--sim", plant, "--json"});
+  const Json reply = Json::parse(json.out);
+  EXPECT_EQ(reply.at("unconfigured"), 2);
+  EXPECT_EQ(reply.at("unreached").size(), 2U) << reply;
+}
+
+TEST_F(LevelsCommand, AScanOfAllBuses) {
+  const Outcome run = brought_up({"scan", "--json"});
+  EXPECT_EQ(run.status, 0) << run.out << run.err;
+  const Json reply = Json::parse(run.out);
+  EXPECT_EQ(reply.at("configured"), 6) << reply;
+  EXPECT_FALSE(reply.contains("unreached")) << reply;
+}
+
+// ---- doctor ----
+
+TEST_F(LevelsCommand, ADoctorWithoutAPortSaysWhatToDo) {
+  const std::string real = folder.write("real.toml", [&] {
+    std::string text = with_io(tower_machine);
+    return text.replace(text.find("\"sim\""), 5, "\"socketcan:no-such-interface\"");
+  }());
+  for (const Words& words : {Words{"doctor", real, "--bus", "boom"}, Words{"doctor", real, "--conformance", "3/4"}}) {
+    const Outcome run = berth(words);
+    EXPECT_EQ(run.status, 2) << run.err;
+    EXPECT_TRUE(contains(run.err, "bus boom is beneath gateway 3 of bus backbone")) << run.err;
+    EXPECT_TRUE(contains(run.err, "berth doctor --port can1 --bitrate 250000")) << run.err;
+    EXPECT_TRUE(contains(run.err, "berth scan --bus boom")) << run.err;
+  }
+  const Outcome nowhere = berth({"doctor", real, "--conformance", "2/4"});
+  EXPECT_EQ(nowhere.status, 2);
+  EXPECT_TRUE(contains(nowhere.err, "node 2/4: no bus of the machine is there")) << nowhere.err;
+}
+
+TEST_F(LevelsCommand, ADoctorOnEverySimulatedBus) {
+  const Outcome all = brought_up({"doctor", "--for", "3 s", "--json"});
+  EXPECT_EQ(all.status, 0) << all.out << all.err;
+  EXPECT_EQ(Json::parse(all.out).at("buses").size(), 3U) << all.out;
+  const Outcome one = brought_up({"doctor", "--for", "3 s", "--bus", "tip"});
+  EXPECT_EQ(one.status, 0) << one.out << one.err;
+  EXPECT_TRUE(contains(one.out, "nothing wrong in 3.0 s on 1 bus")) << one.out;
+}
+
+TEST_F(LevelsCommand, ADoctorExaminesANodeByItsPath) {
+  const Outcome run = brought_up({"doctor", "--conformance", "3/5/2"});
+  EXPECT_TRUE(contains(run.out, "tip, node 2: CiA 301: ")) << run.out << run.err;
+  EXPECT_EQ(run.status, 0) << run.out << run.err;
+}
+
+// ---- analyze ----
+
+TEST_F(LevelsCommand, TheAnalysisHasEveryBus) {
+  const Outcome all = berth({"analyze", machine, "--json"});
+  EXPECT_EQ(all.status, 0) << all.out << all.err;
+  const Json buses = Json::parse(all.out).at("buses");
+  ASSERT_EQ(buses.size(), 3U) << all.out;
+  EXPECT_EQ(buses[2].at("bus"), "tip");
+  EXPECT_EQ(buses[2].at("bit_rate"), 125'000);
+  const Outcome one = berth({"analyze", machine, "--bus", "boom"});
+  EXPECT_TRUE(contains(one.out, "boom: 250000 bit/s")) << one.out << one.err;
+  EXPECT_FALSE(contains(one.out, "backbone:")) << one.out;
+}
+
+TEST_F(LevelsCommand, TheAnalysisOfANodeByItsPath) {
+  const Outcome run = berth({"analyze", machine, "--node", "3/5/2", "--json"});
+  EXPECT_EQ(run.status, 0) << run.out << run.err;
+  const Json buses = Json::parse(run.out).at("buses");
+  ASSERT_EQ(buses.size(), 1U) << run.out;
+  EXPECT_EQ(buses[0].at("bus"), "tip");
+  ASSERT_FALSE(buses[0].at("messages").empty());
+  for (const auto& message : buses[0].at("messages")) EXPECT_EQ(message.at("sender"), "tip io") << message;
+  EXPECT_EQ(berth({"analyze", machine, "--fifo", "3/4"}).status, 0);
+  const Outcome nobody = berth({"analyze", machine, "--node", "3/9"});
+  EXPECT_EQ(nobody.status, 2);
+  EXPECT_TRUE(contains(nobody.err, "node 3/9 on bus boom is neither a slot nor")) << nobody.err;
+}
+
+// ---- link ----
+
+TEST_F(LevelsCommand, ALinkOnABusBeneath) {
+  const Outcome run = berth({"link", linked, "--node", "3/4", "--links"});
+  EXPECT_EQ(run.status, 0) << run.out << run.err;
+  EXPECT_TRUE(contains(run.out, "boom: 250 kbit/s, 1 object in 1 PDO")) << run.out;
+  EXPECT_TRUE(contains(run.out, "boom io/6000h:01 -> boom lamps/6200h:01")) << run.out;
+  EXPECT_FALSE(contains(run.out, "backbone:")) << run.out;
+  const Outcome none = berth({"link", linked, "--node", "3/9"});
+  EXPECT_EQ(none.status, 2);
+  EXPECT_TRUE(contains(none.err, "node 3/9 on bus boom is no slot")) << none.err;
+}
+
+// The gateway's master brings it into the devices: 1F22h of its network list.
+TEST_F(LevelsCommand, ALinkOnABusBeneathIsBroughtUp) {
+  const Outcome run = berth({"sdo", "read", "3/4", "1400h:01", "--json", "--machine", linked, "--sim", plant, "--up"});
+  ASSERT_EQ(run.status, 0) << run.out << run.err;
+  const Json plan = Json::parse(berth({"link", linked, "--json"}).out).at("pdos").at(0);
+  EXPECT_EQ(Json::parse(run.out).at("value"), plan.at("can_id")) << run.out << plan;
+  ASSERT_EQ(plan.at("receivers").at(0).at("rpdo"), 1) << plan;
+}
+
+// ---- trace ----
+
+TEST_F(LevelsCommand, ATraceOfWhatGatewaysCarry) {
+  const std::string log = folder.write("run.log",
+                                       // Gateway 3, its bus beneath, node 4: 2001h := 1234h.
+                                       "(1.000000) backbone 603#2F305F0004000000\n"
+                                       "(1.001000) backbone 583#60305F0000000000\n"
+                                       "(1.002000) backbone 603#2B315F0034120000\n"
+                                       "(1.003000) backbone 583#60315F0000000000\n"
+                                       "(1.004000) backbone 603#23325F002B012000\n"
+                                       "(1.005000) backbone 583#60325F0000000000\n"
+                                       // Node 2 is none of a gateway's: 5F32h of it is its own.
+                                       "(1.006000) backbone 602#23325F002B012000\n"
+                                       "(1.007000) backbone 582#60325F0000000000\n"
+                                       // From 3/4, from 3/5/2, from the gateway itself.
+                                       "(1.008000) backbone 083#1023030400000000\n"
+                                       "(1.009000) backbone 083#1023030502000000\n"
+                                       "(1.010000) backbone 083#1023030000000000\n"
+                                       // On the bus beneath, of which a port of its own has heard.
+                                       "(1.011000) boom 604#2B01200034120000\n"
+                                       "(1.012000) boom 584#6001200000000000\n"
+                                       "(1.013000) boom 704#05\n");
+  const auto rows = [&](const std::string& node) {
+    return berth({"trace", log, "--machine", machine, "--node", node}).out;
+  };
+  const std::string four = rows("3/4");
+  for (const char* const at : {"1.001000", "1.003000", "1.005000", "1.008000", "1.012000", "1.013000"})
+    EXPECT_TRUE(contains(four, at)) << at << "\n" << four;
+  for (const char* const at : {"1.007000", "1.009000", "1.010000"}) EXPECT_FALSE(contains(four, at)) << at << four;
+  EXPECT_TRUE(contains(four, "(3/4)")) << four;
+  EXPECT_EQ(rows("boom lamps"), four);
+  const std::string deep = rows("3/5/2");
+  EXPECT_TRUE(contains(deep, "1.009000")) << deep;
+  EXPECT_FALSE(contains(deep, "1.008000")) << deep;
+  EXPECT_TRUE(contains(berth({"trace", log, "--node", "3/4"}).out, "1.005000")) << "without a machine file";
+  const Outcome json = berth({"trace", log, "--machine", machine, "--json", "--node", "3/5/2"});
+  EXPECT_EQ(Json::parse(json.out).at("path"), "3/5/2") << json.out;
+}
+
+TEST_F(LevelsCommand, ATraceOfANodeWithoutAMachineFileNamesNoSlot) {
+  const Outcome run = berth({"trace", folder.write("empty.log", ""), "--node", "boom io"});
+  EXPECT_EQ(run.status, 2);
+  EXPECT_TRUE(contains(run.err, "a path such as 3/5")) << run.err;
+}
+
+TEST_F(LevelsCommand, ALiveTraceOfABusWithoutAPort) {
+  const Outcome run = berth({"trace", machine, "--bus", "tip"});
+  EXPECT_EQ(run.status, 2) << run.out << run.err;
+  EXPECT_TRUE(contains(run.err, "bus tip is beneath gateway 5 of bus boom")) << run.err;
+  EXPECT_TRUE(contains(run.err, "--node 3/5/N")) << "what to do: " << run.err;
+}
+
+}  // namespace berth::test

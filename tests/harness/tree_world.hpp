@@ -1,0 +1,316 @@
+// One random machine of many buses from blank devices through troubles to its end (docs/faults.md): cables cut beside
+// gateways, gateways and devices without power or reset, devices exchanged, frames lost, Berth killed. Judged:
+//   - no two powered devices of a bus use one node-ID, ever;
+//   - when the troubles are over everything is operational, by itself;
+//   - then a loss is told once, of each slot that it takes away and of no other, and its end is told once.
+#pragma once
+
+#include <fmt/format.h>
+
+#include <functional>
+#include <map>
+#include <memory>
+#include <optional>
+#include <set>
+#include <string>
+#include <vector>
+
+#include "berth/operate/session.hpp"
+#include "berth/places/slot_store.hpp"
+#include "berth/plant/world.hpp"
+#include "tests/harness/mortal.hpp"
+#include "tests/harness/tree_plan.hpp"
+
+namespace berth::harness {
+
+class TreeWorld final : private plant::World::Observer, private can::Tap {
+ public:
+  // `frames`: the log has every frame of this bus, too.
+  explicit TreeWorld(TreePlan plan, const std::string& frames = {})
+      : plan_(std::move(plan)), random_(plan_.seed ^ 0x7EE5) {
+    Findings findings;
+    std::vector<plant::BusRate> rates;
+    for (const auto* const bus : plan_.machine.all_buses()) rates.push_back({bus->name, bus->bitrate});
+    world_ = plant::World::make(plan_.plant, rates, findings);
+    for (const auto& finding : findings) failure_ += to_string(finding) + "\n";
+    if (!world_) return;
+    world_->add_observer(*this);
+    tapped_ = world_->bus(frames);
+    if (tapped_ != nullptr) tapped_->add_tap(*this);
+    controller_ = world_->attach_master("backbone");
+    world_->start();
+  }
+  ~TreeWorld() {
+    end();
+    port_.reset();
+    controller_.reset();
+    if (tapped_ != nullptr) tapped_->remove_tap(*this);
+    if (world_) world_->remove_observer(*this);
+  }
+
+  // Berth begins, as a new process would: nothing but the store and the bus. It dies at point `k` of its port.
+  void begin(std::optional<std::uint64_t> k = {}) {
+    axe_.life(k);
+    port_ = std::make_unique<MortalPort>(axe_, *controller_);
+    session_ = std::make_unique<operate::Session>(world_->executor(), plan_.machine, store_);
+    session_->on_event([this](const operate::Event& event) { take(event); });
+    const bool opened = session_->connect("backbone", *port_) && session_->open();
+    if (!opened) failure_ += "the session cannot be opened\n";
+    session_->start();
+  }
+  void end() { session_.reset(); }
+  [[nodiscard]] bool runs() const noexcept { return session_ != nullptr; }
+  // Points of Berth's port in this life.
+  [[nodiscard]] std::size_t points() const noexcept { return axe_.trace().size(); }
+  [[nodiscard]] bool died() const noexcept { return axe_.fallen(); }
+
+  // From blank through `steps` troubles; what is wrong at the end.
+  [[nodiscard]] std::string go(int steps) {
+    if (!failure_.empty()) return failure_;
+    begin();
+    for (int step = 0; step < steps; ++step) {
+      run_for(std::chrono::milliseconds(random_.below(random_.below(2) == 0 ? 1000 : 15'000)));
+      trouble();
+    }
+    mend();
+    settle();
+    if (failure_.empty()) lose_one();
+    return failure_;
+  }
+
+  // Berth dies at point `k` while it brings the machine up, and another one goes on.
+  [[nodiscard]] std::string kill_at(std::uint64_t k) {
+    if (!failure_.empty()) return failure_;
+    begin(k);
+    static_cast<void>(run_until([this] { return died() || all_good(); }, limit));
+    static_cast<void>(run_until([this] { return died(); }, std::chrono::seconds(10)));
+    if (!died()) return failure_ + "the point was not reached\n";
+    end();
+    begin();
+    settle();
+    return failure_;
+  }
+
+  // Everything runs, and goes on to. False: `failure` says so.
+  bool settle() {
+    const bool good = run_until([this] { return all_good() || !failure_.empty(); }, limit);
+    if (good) run_for(std::chrono::seconds(10));
+    if (all_good()) return failure_.empty();
+    failure_ += good ? "it does not stay operational:\n" : "it does not become operational:\n";
+    for (const auto& slot : session_->slots()) {
+      if (slot.state != places::SlotState::operational)
+        failure_ += fmt::format("  slot {}: {} ({})\n", slot.name, places::name(slot.state), slot.reason);
+    }
+    for (const auto& device : world_->devices()) {
+      if (device->powered() && device->device().state() != NmtState::operational)
+        failure_ += fmt::format("  device {} is {}\n", device->name(), name(device->device().state()));
+    }
+    return false;
+  }
+  [[nodiscard]] const std::string& failure() const noexcept { return failure_; }
+  [[nodiscard]] const std::string& log() const noexcept { return log_; }
+  [[nodiscard]] plant::World& world() noexcept { return *world_; }
+  [[nodiscard]] const TreePlan& plan() const noexcept { return plan_; }
+
+ private:
+  static constexpr rt::Duration limit = std::chrono::minutes(10);
+
+  void run_for(rt::Duration time) { world_->sim().run_for(time); }
+  bool run_until(const std::function<bool()>& done, rt::Duration most) { return world_->sim().run_until(done, most); }
+  [[nodiscard]] double seconds() const {
+    return std::chrono::duration<double>(world_->executor().now().time_since_epoch()).count();
+  }
+  void note(const std::string& text) { log_ += fmt::format("{:12.6f} s  {}\n", seconds(), text); }
+
+  void frame(const can::Frame& frame, rt::Time, int sender) noexcept override {
+    note(fmt::format("{:>3} {}", sender, can::to_string(frame)));
+  }
+  void take(const operate::Event& event) {
+    log_ += operate::to_line(event) + "\n";
+    if (event.kind == operate::EventKind::state) states_.emplace_back(event.slot, event.text);
+  }
+
+  void plant_changed(const plant::SimDevice&) noexcept override {
+    for (const auto& [one, other] : world_->duplicates()) {
+      const auto pair = std::pair(one, other);
+      if (!told_.insert(pair).second) continue;
+      failure_ += fmt::format("{:.3f} s: {} and {} both use node-ID {} on {}\n", seconds(), one->name(), other->name(),
+                              one->truth().active.value(), one->truth().bus);
+    }
+  }
+
+  // A gateway's own node beneath it is the NMT master there, and starts itself or not.
+  [[nodiscard]] bool all_good() const {
+    const auto runs = [](const auto& device) {
+      return !device->powered() || device->plan().does.master || device->device().state() == NmtState::operational;
+    };
+    return session_ && session_->operational() && std::ranges::all_of(world_->devices(), runs) && all_slots_run();
+  }
+  [[nodiscard]] bool all_slots_run() const {
+    return std::ranges::all_of(session_->slots(),
+                               [](const auto& slot) { return slot.state == places::SlotState::operational; });
+  }
+
+  plant::SimDevice& any_device() {
+    for (;;) {
+      auto& device = *world_->devices()[random_.below(world_->devices().size())];
+      if (!device.plan().does.master && device.plugged()) return device;
+    }
+  }
+  const design::Bus& any_bus() {
+    const auto all = plan_.machine.all_buses();
+    return *all[random_.below(all.size())];
+  }
+
+  void trouble() {
+    switch (random_.below(8)) {
+      case 0: return cut(any_bus());
+      case 1: return join(any_bus().name);
+      case 2:
+      case 3: {
+        auto& device = any_device();
+        note(fmt::format("power {} {}", device.powered() ? "off" : "on", device.name()));
+        return device.power(!device.powered());
+      }
+      case 4: {
+        auto& device = any_device();
+        note("reset " + device.name());
+        if (device.powered()) device.reset();
+        return;
+      }
+      case 5: return exchange();
+      case 6: note(runs() ? "Berth dies" : "Berth begins"); return runs() ? end() : begin();
+      default: return lose_frames(any_bus().name);
+    }
+  }
+
+  // The master of the bus hears nobody: Berth's own cable, or that of the gateway's port.
+  void cut(const design::Bus& bus) {
+    if (cut_.contains(bus.name)) return;
+    plant::PlantEvent event;
+    event.action = plant::Action::cut_cable;
+    event.bus = bus.name;
+    event.nodes = {bus.own_port ? "master" : bus.name + " port"};
+    note("cut " + bus.name);
+    if (world_->perform(event)) cut_.insert(bus.name);
+  }
+  void join(const std::string& bus) {
+    if (cut_.erase(bus) == 0) return;
+    plant::PlantEvent event;
+    event.action = plant::Action::join;
+    event.bus = bus;
+    note("join " + bus);
+    static_cast<void>(world_->perform(event));
+  }
+
+  // The worn device goes for good.
+  void exchange() {
+    if (plan_.spares.empty()) return;
+    const auto at = plan_.spares.begin() + static_cast<std::ptrdiff_t>(random_.below(plan_.spares.size()));
+    note("exchange " + at->worn);
+    world_->find(at->worn)->unplug();
+    world_->find(at->fresh)->plug();
+    plan_.spares.erase(at);
+  }
+
+  void lose_frames(const std::string& bus) {
+    const auto one_in_a_million = static_cast<std::uint32_t>(random_.below(2) * random_.below(2000));
+    note(fmt::format("frames lost on {}: {} per million", bus, one_in_a_million));
+    world_->bus(bus)->faults().draw_from(
+        {.disturbed_per_million = one_in_a_million, .overrun_per_million = one_in_a_million / 2});
+  }
+
+  void mend() {
+    note("the troubles are over");
+    for (const auto* const bus : plan_.machine.all_buses()) {
+      join(bus->name);
+      world_->bus(bus->name)->faults().draw_from({});
+    }
+    for (const auto& device : world_->devices()) {
+      if (device->plugged()) device->power(true);
+    }
+    if (!runs()) begin();
+  }
+
+  // Slots that a device takes away with it: its own, and all beneath it.
+  [[nodiscard]] std::set<std::string> taken_by(const design::Slot& slot) const {
+    std::set<std::string> names{slot.spec.name.name};
+    std::vector<std::string> buses;
+    const auto add = [&](const std::string& bus, NodeId gateway) {
+      for (const auto& line : plan_.machine.beneath) {
+        const bool hangs_there = line.gateway->bus == bus && line.gateway->slot == gateway;
+        if (hangs_there) buses.push_back(line.name);
+      }
+    };
+    add(slot.spec.name.bus, slot.spec.id);
+    for (std::size_t i = 0; i < buses.size(); ++i) {
+      for (const auto& each : plan_.machine.slots) {
+        if (each.spec.name.bus != buses[i]) continue;
+        names.insert(each.spec.name.name);
+        add(buses[i], each.spec.id);
+      }
+    }
+    return names;
+  }
+
+  // How often each slot was told to be so since then.
+  [[nodiscard]] std::map<std::string, unsigned> told(std::string_view state) const {
+    std::map<std::string, unsigned> count;
+    for (const auto& [slot, text] : states_) {
+      if (text.starts_with(state)) ++count[slot];
+    }
+    return count;
+  }
+
+  void judge_told(std::string_view state, const std::set<std::string>& whom) {
+    const auto count = told(state);
+    for (const auto& slot : whom) {
+      const auto it = count.find(slot);
+      const unsigned times = it == count.end() ? 0 : it->second;
+      if (times != 1) failure_ += fmt::format("slot {} was told to be {} {} times\n", slot, state, times);
+    }
+    for (const auto& [slot, times] : count) {
+      if (!whom.contains(slot)) failure_ += fmt::format("slot {} was told to be {}, and was not\n", slot, state);
+    }
+  }
+
+  // One device of any bus loses its power and gets it back.
+  void lose_one() {
+    const auto& slot = plan_.machine.slots[random_.below(plan_.machine.slots.size())];
+    plant::SimDevice* device = nullptr;
+    for (const auto& each : world_->devices()) {
+      const auto truth = each->truth();
+      if (truth.powered && truth.bus == slot.spec.name.bus && truth.active == slot.spec.id) device = each.get();
+    }
+    if (device == nullptr) return;
+    const auto whom = taken_by(slot);
+    states_.clear();
+    note("power off " + device->name());
+    device->power(false);
+    static_cast<void>(run_until([&] { return told("absent").size() >= whom.size(); }, std::chrono::minutes(2)));
+    run_for(std::chrono::seconds(10));
+    judge_told("absent", whom);
+    states_.clear();
+    note("power on " + device->name());
+    device->power(true);
+    settle();
+    judge_told("operational", whom);
+  }
+
+  TreePlan plan_;
+  Random random_;
+  places::MemoryStore store_;
+  Axe axe_;
+  std::unique_ptr<plant::World> world_;
+  std::unique_ptr<sim::Controller> controller_;
+  std::unique_ptr<MortalPort> port_;
+  std::unique_ptr<operate::Session> session_;
+  sim::Bus* tapped_ = nullptr;
+  std::set<std::string> cut_;
+  std::set<std::pair<const plant::SimDevice*, const plant::SimDevice*>> told_;
+  std::vector<std::pair<std::string, std::string>> states_;  // slot, words
+  std::string failure_;
+  std::string log_;
+};
+
+}  // namespace berth::harness

@@ -1,0 +1,37 @@
+// Machines of many buses in random worlds: gateways with NMT masters of their own, Berth on the backbone alone.
+#include <gtest/gtest.h>
+
+#include "tests/harness/tree_world.hpp"
+#include "tests/worlds/seeds.hpp"
+
+using namespace berth;
+using namespace berth::harness;
+
+// What goes wrong on any level heals on any level, no node-ID is given twice, and each loss and its end are told once.
+TEST(TreesRandomWorlds, HealAndTellOnce) {
+  const auto range = worlds::seeds(12);
+  for (std::uint64_t seed = range.from; seed < range.end(); ++seed) {
+    SCOPED_TRACE("seed " + std::to_string(seed));
+    const char* const frames = std::getenv("BERTH_WORLDS_FRAMES");  // of this bus, in the log of a failure
+    TreeWorld world(tree_plan(seed), frames == nullptr ? "" : frames);
+    EXPECT_EQ(world.go(8), "") << world.log();
+  }
+}
+
+// Berth dies at any frame while it brings a machine of many buses up: the next one finishes it.
+TEST(TreesRandomWorlds, BerthDiesWhileItBringsThemUp) {
+  const auto range = worlds::seeds(3);
+  for (std::uint64_t seed = range.from; seed < range.end(); ++seed) {
+    SCOPED_TRACE("seed " + std::to_string(seed));
+    TreeWorld whole(tree_plan(seed));
+    whole.begin();
+    ASSERT_TRUE(whole.settle()) << whole.failure() << whole.log();
+    Random random(seed);
+    for (int i = 0; i < 3; ++i) {
+      const auto k = random.below(whole.points());
+      SCOPED_TRACE("point " + std::to_string(k));
+      TreeWorld world(tree_plan(seed));
+      EXPECT_EQ(world.kill_at(k), "") << world.log();
+    }
+  }
+}
