@@ -54,6 +54,7 @@ struct LastHeard {
 };
 
 /// The boot-up of its device (CiA 302-2).
+  bool seen = false;                    ///< the device that is bound was there in this run
 struct SeatBoot {
   manager::BootStatus status = manager::BootStatus::booted;  ///< how it ended last; `booted`: well, or not at all yet
   bool ready = false;                                        ///< the steps are done; it is started, or waits for that
