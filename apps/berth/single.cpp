@@ -268,7 +268,8 @@ Replied reply_outside(const Options& options, const command::Request& request, s
 
 // What is asked of a bus alone: none of these needs to know slots.
 bool needs_slots(const command::Request& request) {
-  static constexpr std::array<std::string_view, 6> verbs{"report", "bind", "replace", "forget", "configure", "history"};
+  static constexpr std::array<std::string_view, 8> verbs{"report",    "bind",   "replace", "forget",
+                                                         "configure", "upload", "boot",    "history"};
   return std::ranges::find(verbs, request.verb) != verbs.end();
 }
 
