@@ -217,6 +217,6 @@ int main() {
   std::vector<bench::Figure> figures;
   const bool good = start_up(figures) && link_and_analyze(figures);
   bench::print_figures("coal conveyor: 11 controllers, 44 modules, 500 kbit/s", figures);
-  fmt::print("observed over bound by priority: ./run test analysis prints it; process image: ./run bench process\n");
+  fmt::print("observed over bound by priority: ./run bench analysis; process image: ./run bench process\n");
   return good ? 0 : 1;
 }
