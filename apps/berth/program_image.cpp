@@ -19,6 +19,7 @@ struct ImageOptions {
   std::optional<unsigned> product;
   std::optional<unsigned> days;
   std::optional<unsigned> ms;
+  bool dry_run = false;
 };
 
 int make_image(const Options& options, const ImageOptions& wanted) {
@@ -33,8 +34,10 @@ int make_image(const Options& options, const ImageOptions& wanted) {
   head.time = wanted.ms.value_or(0);
   const auto image = device::make_program_image(head, content);
   const auto made = device::read_program_head(image);
-  if (const auto bad = write_file(wanted.image, std::string(image.begin(), image.end())))
-    return tell(*bad, options.json);
+  if (!wanted.dry_run) {
+    if (const auto bad = write_file(wanted.image, std::string(image.begin(), image.end())))
+      return tell(*bad, options.json);
+  }
   const std::string identification = fmt::format("0x{:08X}", made->crc);
   if (options.json) {
     const nlohmann::ordered_json json{
@@ -59,6 +62,7 @@ void add_program_image(const Verb& program, Options& options) {
   image.word("--product", wanted->product, "its product code").shown("NUMBER");
   image.word("--days", wanted->days, "its date (1F52h:01): days since 1984-01-01").shown("N");
   image.word("--ms", wanted->ms, "its time (1F52h:02): milliseconds after midnight").shown("N");
+  image.flag("--dry-run", wanted->dry_run, "say what it would be, and write nothing");
   image.footer("Example:\n  berth program image drive.bin drive.bprg --vendor 1 --product 48");
 }
 

@@ -193,6 +193,38 @@ void add_write(const Verb& sdo, Options& options) {
       "  berth sdo write 5 1F50h:01 --file program.bin");
 }
 
+// What a channel is between, and which manager gives it.
+void channel_words(const RequestVerb& verb) {
+  verb.word("client", "client", "node-ID or slot's name of the node that will ask").required();
+  verb.word("server", "server", "that of the node that will answer").required();
+  verb.word("--request", "request", "the SDO manager with this node-ID is asked to do it (1F00h, 1F01h)")
+      .shown("NODE-ID");
+}
+
+void add_channels(const Verb& sdo, Options& options) {
+  const auto lease = std::make_shared<std::optional<std::chrono::nanoseconds>>();
+  const RequestVerb connect(sdo, options, "connect", "sdo connect",
+                            "a channel of their own for two nodes (SDO manager, CiA 302-5)",
+                            [lease](command::Request& request) {
+                              if (*lease) {
+                                const auto seconds = std::chrono::ceil<std::chrono::seconds>(**lease).count();
+                                request.arguments["lease"] = std::to_string(seconds);
+                              }
+                              return std::string();
+                            });
+  channel_words(connect);
+  connect.verb().time("--lease", *lease, "it is taken back then (default: 10 min); asking again renews it");
+  connect.footer(
+      "Examples:\n  berth sdo connect panel drive\n  berth sdo connect 3 5 --lease \"60 s\" --request 1 --port can0");
+  const RequestVerb release(sdo, options, "release", "sdo release", "takes the channel of two nodes back");
+  channel_words(release);
+  release.footer("Example:\n  berth sdo release panel drive");
+  const RequestVerb channels(sdo, options, "channels", "sdo channels",
+                             "the channels that the SDO manager of a bus has given", {},
+                             {.machine = {.confirms = false}});
+  channels.footer("Example:\n  berth sdo channels machine.toml");
+}
+
 }  // namespace
 
 void add_sdo(Verb& berth, Options& options) {
@@ -201,6 +233,7 @@ void add_sdo(Verb& berth, Options& options) {
   add_read(sdo, options);
   add_write(sdo, options);
   add_dump(sdo, options);
+  add_channels(sdo, options);
 }
 
 }  // namespace berth::cli

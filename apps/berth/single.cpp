@@ -121,7 +121,7 @@ command::Reply repeated(Rig& rig, const command::Request& request, command::Repl
 
 // What takes long is told on the way.
 void tell_progress(Rig& rig, const command::Request& request, const Options& options) {
-  const bool takes_long = request.verb == "program download" || request.verb == "configure";
+  const bool takes_long = request.verb == "program download" || request.verb == "configure" || request.verb == "boot";
   if (!takes_long || options.json || options.dry_run || !on_terminal()) return;
   rig.session().on_event([](const operate::Event& event) {
     print_line(event.slot.empty() ? event.text : event.slot + ": " + event.text);
@@ -268,7 +268,8 @@ Replied reply_outside(const Options& options, const command::Request& request, s
 
 // What is asked of a bus alone: none of these needs to know slots.
 bool needs_slots(const command::Request& request) {
-  static constexpr std::array<std::string_view, 6> verbs{"report", "bind", "replace", "forget", "configure", "history"};
+  static constexpr std::array<std::string_view, 8> verbs{"report",    "bind",   "replace", "forget",
+                                                         "configure", "upload", "boot",    "history"};
   return std::ranges::find(verbs, request.verb) != verbs.end();
 }
 

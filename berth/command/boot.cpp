@@ -64,7 +64,7 @@ class SlotSource final : public manager::BootSource {
 // One bus: its slots as a network list, and what became of them.
 class BusBoot {
  public:
-  BusBoot(Network& network, const Session& session)
+  BusBoot(Network& network, Session& session)
       : network_(network),
         session_(session),
         executor_(network.services().executor),
@@ -138,6 +138,7 @@ class BusBoot {
 
   void note(const manager::NetworkEvent& event) {
     using Kind = manager::NetworkEvent::Kind;
+    session_.tell(network_.bus().name, operate::EventKind::step, manager::text(event));
     if (event.kind == Kind::halted || event.kind == Kind::not_sent)
       events_.push_back(fmt::format("{}: {}", network_.bus().name, manager::text(event)));
   }
@@ -179,7 +180,7 @@ class BusBoot {
   }
 
   Network& network_;
-  const Session& session_;
+  Session& session_;
   rt::Executor& executor_;
   manager::ManagedBus bus_;
   NetworkBoot boot_;

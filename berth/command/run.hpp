@@ -18,6 +18,7 @@ rt::Task<void> forget(Session& session, const Request& request, Reply& reply);  
 rt::Task<void> scan(Session& session, const Request& request, Reply& reply);              // scan.cpp
 rt::Task<void> boot(Session& session, const Request& request, Reply& reply);              // boot.cpp
 rt::Task<void> configure(Session& session, const Request& request, Reply& reply);         // configure.cpp
+rt::Task<void> upload(Session& session, const Request& request, Reply& reply);            // upload.cpp
 rt::Task<void> locate(Session& session, const Request& request, Reply& reply);            // locate.cpp
 rt::Task<void> sdo_read(Session& session, const Request& request, Reply& reply);          // sdo.cpp
 rt::Task<void> sdo_write(Session& session, const Request& request, Reply& reply);         // sdo.cpp
@@ -25,6 +26,9 @@ rt::Task<void> nmt_command(Session& session, const Request& request, Reply& repl
 rt::Task<void> sdo_probe(Session& session, const Request& request, Reply& reply);         // probe.cpp
 rt::Task<void> lss_command(Session& session, const Request& request, Reply& reply);       // lss.cpp
 rt::Task<void> sdo_dump(Session& session, const Request& request, Reply& reply);          // dump.cpp
+rt::Task<void> sdo_connect(Session& session, const Request& request, Reply& reply);       // channels.cpp
+rt::Task<void> sdo_release(Session& session, const Request& request, Reply& reply);       // channels.cpp
+rt::Task<void> sdo_channels(Session& session, const Request& request, Reply& reply);      // channels.cpp
 rt::Task<void> emcy(Session& session, const Request& request, Reply& reply);              // emcy.cpp
 rt::Task<void> device_memory(Session& session, const Request& request, Reply& reply);     // memory.cpp
 rt::Task<void> send(Session& session, const Request& request, Reply& reply);              // send.cpp

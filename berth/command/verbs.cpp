@@ -19,11 +19,14 @@ constexpr std::array<std::string_view, 4> of_replace{"bus", "slot", "device", "u
 constexpr std::array<std::string_view, 2> of_forget{"bus", "device"};
 constexpr std::array<std::string_view, 4> of_locate{"bus", "target", "seconds", "anyway"};
 constexpr std::array<std::string_view, 3> of_configure{"bus", "slot", "check"};
+constexpr std::array<std::string_view, 3> of_upload{"bus", "slot", "dcf"};
 constexpr std::array<std::string_view, 6> of_sdo_read{"bus", "node", "object", "sub", "type", "block"};
 constexpr std::array<std::string_view, 8> of_sdo_write{"bus",   "node", "object", "sub",
                                                        "value", "type", "block",  "anyway"};
 constexpr std::array<std::string_view, 3> of_sdo_probe{"bus", "node", "objects"};
 constexpr std::array<std::string_view, 2> of_sdo_dump{"bus", "node"};
+constexpr std::array<std::string_view, 5> of_sdo_connect{"bus", "client", "server", "lease", "request"};
+constexpr std::array<std::string_view, 4> of_sdo_release{"bus", "client", "server", "request"};
 constexpr std::array<std::string_view, 3> of_program{"bus", "node", "number"};
 constexpr std::array<std::string_view, 5> of_program_download{"bus", "node", "number", "file", "identification"};
 constexpr std::array<std::string_view, 3> of_emcy{"bus", "node", "listen"};
@@ -48,10 +51,14 @@ constexpr std::array table{
     Verb{"locate", of_locate, locate},
     Verb{"boot", bus, boot},
     Verb{"configure", of_configure, configure},
+    Verb{"upload", of_upload, upload},
     Verb{"sdo read", of_sdo_read, sdo_read},
     Verb{"sdo write", of_sdo_write, sdo_write},
     Verb{"sdo probe", of_sdo_probe, sdo_probe},
     Verb{"sdo dump", of_sdo_dump, sdo_dump},
+    Verb{"sdo connect", of_sdo_connect, sdo_connect},
+    Verb{"sdo release", of_sdo_release, sdo_release},
+    Verb{"sdo channels", bus, sdo_channels},
     Verb{"nmt", of_nmt, nmt_command},
     Verb{"program status", of_program, program_status},
     Verb{"program download", of_program_download, program_download},

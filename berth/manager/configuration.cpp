@@ -26,12 +26,6 @@ constexpr std::uint16_t date_object = 0x1020;
 constexpr std::uint16_t identity_object = 0x1018;
 constexpr std::size_t longest_file = std::size_t{64} << 20U;
 
-/// Registers, commands and clocks: no configuration.
-bool is_left_alone(std::uint16_t index) noexcept {
-  return within(index, 0x1001, 0x1003) || within(index, 0x1010, 0x1011) || index == 0x1013 ||
-         within(index, 0x1023, 0x1026) || within(index, 0x1F50, 0x1F57);
-}
-
 bool is_communication(std::uint16_t index) noexcept { return within(index, 0x1000, 0x1FFF); }
 
 std::string name_of(const od::Description& description, ObjectRef ref) {
@@ -313,6 +307,7 @@ Configuration joined(const Configuration& base, const Configuration& over) {
 Result<Wanted> wanted(const Configuration& configuration, NodeId node, std::span<const Entry> own) {
   Wanted result;
   result.file = configuration.file;
+  result.type = configuration.type;
   for (const auto& s : configuration.settings) {
     if (std::ranges::find(own, s.object, &Entry::object) != own.end()) continue;
     Entry entry{s.object, {}, s.type, s.name, s.line, s.compare_only, false};

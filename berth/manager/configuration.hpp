@@ -80,6 +80,7 @@ struct Entry {
 
 struct Wanted {
   std::string file;
+  TypeCode type = {};  ///< as `Configuration::type`
   std::vector<Entry>
       entries;  ///< ascending by object, each once; mapping entries beyond their sub-index 0 are left out
   /// What 1020h shall be. The file's own when it is valid. Else made from what is wanted, so that another value is

@@ -66,6 +66,7 @@ void add_manager_objects(od::DescriptionBuilder& builder, const ManagerObjects& 
   if (objects.longest_dcf != 0) {
     add_array(builder, {cia302::store_dcf, "Store DCF", DataType::domain, objects.longest_dcf}, most);
     add_array(builder, {cia302::dcf_format, "Storage format", DataType::unsigned8}, most);
+    add_requests(builder, {.index = ConfigurationUploads::object, .name = "Upload configuration"}, most);
   }
   if (objects.longest_concise != 0) {
     add_array(builder, {cia302::concise_dcf, "Concise DCF", DataType::domain, objects.longest_concise}, most);
@@ -110,11 +111,13 @@ DictionaryManager::DictionaryManager(can::Dispatcher& dispatcher, od::Values& va
       flying_(dispatcher, *this),
       transfers_(dispatcher),
       configurations_(dispatcher.executor(), network_),
+      uploads_(dispatcher.executor(), network_, values),
       assigning_(dispatcher.executor()) {
   bus_.on_apply(std::move(apply));
   bus_.lead_to(&network_.error_control());
   values.attach(*this, cia302::nmt_startup);
   values.attach(*this, cia302::request_configuration);
+  values.attach(*this, ConfigurationUploads::object);
   values.attach(*this, cia302::request_nmt, cia302::request_guarding);
   values.attach(*this, flying_timing);
   const bool gives_channels = values.description().find(request_sdo) != nullptr;
@@ -127,6 +130,7 @@ void DictionaryManager::own_state(NmtState state, NodeId own) noexcept {
     leads_ = false;
     assigning_.cancel();
     configurations_.end();
+    uploads_.end();
     flying_.end();
     if (sdo_requests_) sdo_requests_->end();
     return network_.end();
@@ -142,6 +146,8 @@ void DictionaryManager::power_off() noexcept {
   state_ = NmtState::initialising;
   leads_ = false;
   assigning_.cancel();
+  configurations_.end();
+  uploads_.end();
   if (sdo_requests_) sdo_requests_->end();
   flying_.power_off();
   network_.end();
@@ -187,6 +193,8 @@ void DictionaryManager::role_changed() noexcept {
     if (!begun) refused_ = begun.error();
   } else if (led && !leads_) {
     if (sdo_requests_) sdo_requests_->end();
+    configurations_.end();
+    uploads_.end();
     network_.end(true);
   }
   if (on_role_) on_role_();
@@ -230,11 +238,17 @@ AbortCode DictionaryManager::reading(const od::Values&, ObjectRef ref, std::span
     if (!by_default) return AbortCode::none;
     const auto cycle = std::chrono::duration_cast<std::chrono::milliseconds>(FlyingTiming{}.cycle_of(own_));
     store_le(shown_.data(), static_cast<std::uint16_t>(cycle.count()));
-    value = shown_;
+    value = std::span(shown_).first(2);
     return AbortCode::none;
   }
   const bool plain = ref.index == cia302::nmt_startup || ref.index == cia302::request_configuration || ref.sub == 0;
   if (plain) return AbortCode::none;
+  if (ref.index == ConfigurationUploads::object) {
+    if (ref.sub > 127) return AbortCode::write_only;
+    store_le(shown_.data(), static_cast<std::uint32_t>(uploads_.state(NodeId(ref.sub))));
+    value = shown_;
+    return AbortCode::none;
+  }
   const auto shown = ref.index == cia302::request_nmt ? requests_.state(ref.sub) : requests_.guarding(ref.sub);
   if (!shown) return shown.error();
   shown_[0] = *shown;
@@ -256,6 +270,7 @@ AbortCode DictionaryManager::writing(const od::Values&, ObjectRef ref, std::span
   if (ref.index == cia302::request_configuration) {
     return configurations_.request(ref.sub, load_le<std::uint32_t>(value.data()));
   }
+  if (ref.index == ConfigurationUploads::object) return uploads_.request(ref.sub, load_le<std::uint32_t>(value.data()));
   return ref.index == cia302::request_nmt ? requests_.nmt(ref.sub, value[0]) : requests_.guarding(ref.sub, value[0]);
 }
 

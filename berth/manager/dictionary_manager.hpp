@@ -19,7 +19,7 @@
 ///
 /// Objects that refuse: 1F80h with a reserved bit, or with bit 5 where there is no 1F90h, 0609 0030. 1F90h:03 above 2,
 /// 0609 0030. 1F82h and 1F83h as `NetworkRequests` has it; they read what is known of the slaves. 1F25h as
-/// `ConfigurationRequests` has it.
+/// `ConfigurationRequests` has it, 5F0Ah as `ConfigurationUploads`.
 #pragma once
 
 #include <array>
@@ -28,6 +28,7 @@
 #include <optional>
 
 #include "berth/manager/configuration_requests.hpp"
+#include "berth/manager/configuration_uploads.hpp"
 #include "berth/manager/dictionary_source.hpp"
 #include "berth/manager/flying_master.hpp"
 #include "berth/manager/managed_bus.hpp"
@@ -50,7 +51,7 @@ struct ManagerObjects {
   bool sdo_manager = false;             ///< 1F00h, 1F01h, 1F10h (`SdoRequests`)
 };
 /// 102Ah, (1F20h, 1F21h), (1F22h), (1F23h, 1F24h), 1F25h to 1F27h, 1F53h to 1F55h, (1F58h), 1F80h to 1F8Ah but 1F87h's
-/// kind of check, (1F90h), (1F00h, 1F01h, 1F10h). 1016h is the device's own.
+/// kind of check, (1F90h), (1F00h, 1F01h, 1F10h), with 1F20h also 5F0Ah. 1016h is the device's own.
 void add_manager_objects(od::DescriptionBuilder& builder, const ManagerObjects& objects = {});
 
 class DictionaryManager final : private od::Hook, private FlyingMaster::Owner {
@@ -78,6 +79,7 @@ class DictionaryManager final : private od::Hook, private FlyingMaster::Owner {
   /// Called when that has changed.
   void on_role(std::function<void()> callback) { on_role_ = std::move(callback); }
   [[nodiscard]] ConfigurationRequests& configurations() noexcept { return configurations_; }
+  [[nodiscard]] ConfigurationUploads& uploads() noexcept { return uploads_; }
   /// Why a device with bit 0 of 1F80h has not begun.
   [[nodiscard]] const std::optional<Error>& refused() const noexcept { return refused_; }
 
@@ -100,6 +102,7 @@ class DictionaryManager final : private od::Hook, private FlyingMaster::Owner {
   ProgramTransfers transfers_;
   NetworkRequests requests_{network_};
   ConfigurationRequests configurations_;
+  ConfigurationUploads uploads_;
   std::array<std::unique_ptr<DictionarySource>, 128> sources_;
   std::unique_ptr<SdoRequests> sdo_requests_;  // only with object 1F00h
   NodeIdAssigner* assigner_ = nullptr;
@@ -107,7 +110,7 @@ class DictionaryManager final : private od::Hook, private FlyingMaster::Owner {
   NodeId own_;
   NmtState state_ = NmtState::initialising;
   bool leads_ = false;                   // as flying master
-  std::array<std::uint8_t, 2> shown_{};  // what `reading` gives
+  std::array<std::uint8_t, 4> shown_{};  // what `reading` gives
   rt::Scope assigning_;
 };
 

@@ -133,12 +133,30 @@ rt::Task<Result<void>> DictionarySource::configure(BootTarget& target, SlaveRule
   const auto wanted = wanted_of(*values_, node_);
   if (!wanted) co_return fail(wanted.error());
   if (wanted->entries.empty()) co_return Result<void>{};
+  const auto same = co_await is_for(target, wanted->type);
+  if (!same) co_return same;
   ConfiguratorOptions options;
   options.trust_date = false;  // step 7 has looked at it: without an expected date every value is compared
   Configurator configurator(target.objects(), target.objects(), *wanted, options);
   ConfigurationReport report;
   co_await configurator.run(report);
   if (report.failure) co_return fail(error_of(*report.failure, node_));
+  co_return Result<void>{};
+}
+
+// A DCF says what it is for; 0 in a part says nothing.
+rt::Task<Result<void>> DictionarySource::is_for(BootTarget& target, TypeCode type) {
+  constexpr std::uint16_t identity = 0x1018;
+  for (const auto& [sub, expected] :
+       {std::pair{std::uint8_t{1}, type.vendor}, std::pair{std::uint8_t{2}, type.product}}) {
+    if (expected == 0) continue;
+    const std::uint8_t part = sub;
+    const auto is = co_await target.objects().read_u32(identity, part);
+    if (!is && is.error().code != Errc::aborted) co_return fail(is.error());
+    if (is && *is != expected) {
+      co_return fail(wrong(cia302::store_dcf, node_, "its DCF is for another product", Errc::mismatch));
+    }
+  }
   co_return Result<void>{};
 }
 

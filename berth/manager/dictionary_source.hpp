@@ -42,7 +42,8 @@ namespace berth::manager {
 [[nodiscard]] Result<Wanted> wanted_of(const od::Values& values, NodeId node);
 
 /// Brings it into the slave: factory settings (bit 7 of 1F81h and 1F8Ah), then what differs, read back, dated and saved
-/// (`Configurator`). A slave without memory is configured at every boot.
+/// (`Configurator`). A slave without memory is configured at every boot. A DCF whose vendor-ID or product code is not
+/// the slave's: Errc::mismatch, and nothing is written.
 class DictionarySource final : public BootSource {
  public:
   /// `values` must stay; they are read at each boot-up.
@@ -54,6 +55,7 @@ class DictionarySource final : public BootSource {
   void share(ProgramTransfers* transfers) noexcept { transfers_ = transfers; }
 
  private:
+  rt::Task<Result<void>> is_for(BootTarget& target, TypeCode type);
   rt::Task<Result<void>> restore(BootTarget& target, std::uint8_t sub);
 
   const od::Values* values_;

@@ -48,7 +48,8 @@ class SdoManager final : private can::Handler, private co::HeartbeatConsumer::Ob
 
   /// Reads every node's channels. A pair of ends that fit together becomes a connection with a new lease; what does not
   /// fit (one end alone, one CAN-ID twice) is taken out of the nodes. A node that does not answer is read when it boots
-  /// or is asked for. Call first: until it is done requests wait.
+  /// or is asked for. Call first: until it is done requests wait. Later it reads again what
+  /// there is.
   [[nodiscard]] rt::Task<void> recover();
   /// A connection; one that is there gets the new lease. `lease` 0: the default. Errors: Errc::invalid the nodes are
   /// one, or have no node-ID; Errc::not_found a party has no free channel object (`Error::node`); Errc::unsupported no

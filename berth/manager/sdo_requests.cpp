@@ -33,6 +33,14 @@ void SdoRequests::begin(SdoManagerOptions options) {
   scope_.spawn(recover());
 }
 
+SdoManager* SdoRequests::manager_for_request() {
+  if (!manager_ && when_asked_) {
+    auto options = when_asked_();
+    if (options) begin(std::move(*options));
+  }
+  return manager_ ? &*manager_ : nullptr;
+}
+
 void SdoRequests::end() noexcept {
   scope_.cancel();
   manager_.reset();
@@ -65,7 +73,7 @@ AbortCode SdoRequests::reading(const od::Values&, ObjectRef ref, std::span<const
 
 AbortCode SdoRequests::writing(const od::Values&, ObjectRef ref, std::span<const std::uint8_t> value) noexcept {
   if (ref.index == connection_state) return AbortCode::none;
-  if (!manager_ || scope_.running() >= most_waiting) return AbortCode::device_state;
+  if (manager_for_request() == nullptr || scope_.running() >= most_waiting) return AbortCode::device_state;
   const auto client = NodeId::make(value[0]);
   const auto server = NodeId::make(value[1]);
   const bool two = client && server && client->configured() && server->configured() && *client != *server;

@@ -10,6 +10,7 @@
 #pragma once
 
 #include <array>
+#include <functional>
 #include <memory>
 #include <optional>
 
@@ -27,10 +28,16 @@ class SdoRequests final : private od::Hook {
 
   /// The device is the active master of these nodes: reads what an earlier manager left.
   void begin(SdoManagerOptions options);
+  /// Instead: `begin` with the first request, when there is one, with what this gives; empty: this device is not the
+  /// active master now, and the request is refused.
+  using Begin = std::function<std::optional<SdoManagerOptions>()>;
+  void begin_when_asked(Begin options) { when_asked_ = std::move(options); }
   /// It is no more. What is connected stays.
   void end() noexcept;
   /// Null while the device is not the active master.
   [[nodiscard]] const SdoManager* manager() const noexcept { return manager_ ? &*manager_ : nullptr; }
+  /// The same, and begun where it may be: for requests of the device itself.
+  [[nodiscard]] SdoManager* manager_for_request();
 
  private:
   struct Last {
@@ -47,6 +54,7 @@ class SdoRequests final : private od::Hook {
 
   can::Dispatcher* dispatcher_;
   co::SdoClient* sdo_;
+  Begin when_asked_;
   std::optional<SdoManager> manager_;
   std::array<Last, 128> last_{};
   std::array<std::uint8_t, 4> shown_{};

@@ -11,6 +11,7 @@
 #include "berth/co/sdo_client.hpp"
 #include "berth/design/machine.hpp"
 #include "berth/lss/master.hpp"
+#include "berth/manager/sdo_requests.hpp"
 #include "berth/nodeid/rand_master.hpp"
 #include "berth/operate/report.hpp"
 #include "berth/places/binder.hpp"
@@ -42,6 +43,9 @@ struct BusServices {
   places::BootWatch boots;
   places::VacancyTable vacancy;
   std::optional<MasterReport> master{};  ///< who is, on a bus with several; kept by `Mastership`
+  /// The SDO manager of the bus (CiA 302-5; docs/sdo-manager.md), which begins with the first request. Made with the
+  /// objects of the master's own device.
+  std::unique_ptr<manager::SdoRequests> channels{};
   rt::Turn turn;
   rt::Turn lss_turn;
 };

@@ -5,6 +5,7 @@
 #include <algorithm>
 #include <map>
 
+#include "berth/eds/xdd.hpp"
 #include "berth/od/abort_code.hpp"
 #include "berth/operate/timing_options.hpp"
 
@@ -46,7 +47,8 @@ std::string short_name(const std::string& path) {
 
 }  // namespace
 
-void Configuring::load(const SlotSettings& more) {
+void Configuring::load(const SlotSettings& more, const SlotDescriptions& descriptions) {
+  linked_ = more;
   struct Read {
     std::shared_ptr<const manager::Configuration> wanted;
     std::string unreadable;
@@ -54,6 +56,8 @@ void Configuring::load(const SlotSettings& more) {
   std::map<std::string, Read> known;
   for (auto& seat : slots_.seats()) {
     SeatConfiguration& mine = seat->configuration;
+    const auto eds = descriptions.find(seat->name());
+    if (eds != descriptions.end()) mine.eds = eds->second;
     const auto& path = seat->slot.spec.config;
     if (!path.empty()) {
       const auto [it, fresh] = known.try_emplace(path);
@@ -70,14 +74,19 @@ void Configuring::load(const SlotSettings& more) {
       mine.unreadable = it->second.unreadable;
       mine.file = short_name(path);
     }
-    const auto linked = more.find(seat->name());
-    if (linked == more.end() || !mine.unreadable.empty()) continue;
-    if (mine.wanted == nullptr) {
-      mine.wanted = linked->second;
-      mine.file = short_name(linked->second->file);
-    } else {
-      mine.wanted = std::make_shared<manager::Configuration>(manager::joined(*mine.wanted, *linked->second));
-    }
+    add_links(*seat);
+  }
+}
+
+void Configuring::add_links(Seat& seat) {
+  SeatConfiguration& mine = seat.configuration;
+  const auto linked = linked_.find(seat.name());
+  if (linked == linked_.end() || !mine.unreadable.empty()) return;
+  if (mine.wanted == nullptr) {
+    mine.wanted = linked->second;
+    mine.file = short_name(linked->second->file);
+  } else {
+    mine.wanted = std::make_shared<manager::Configuration>(manager::joined(*mine.wanted, *linked->second));
   }
 }
 
@@ -357,6 +366,85 @@ rt::Task<void> Configuring::look_at_running(Seat& seat) {
                   report.differences.size(), wanted->file));
 }
 
+// Why what answers under the slot's node-ID is not asked further; empty: it is the slot's.
+rt::Task<std::string> Configuring::belongs_elsewhere(Seat& seat) {
+  const NodeId id = seat.id();
+  const auto who = co_await places::Binder::read_identity(s_.sdo, id);
+  if (!who) co_return "its identity cannot be read: " + describe(who.error());
+  const auto& confirmed = seat.slot.record.confirmed;
+  const bool right = confirmed ? confirmed->device == *who : places::fits(seat.slot.spec, *who);
+  if (right) co_return std::string();
+  co_return fmt::format("device {} answers at node-ID {}, which does not belong there", to_string(*who), id.value());
+}
+
+rt::Task<void> Configuring::upload(Seat& seat, SlotUpload& into) {
+  into.bus = s_.bus.name;
+  into.slot = seat.name();
+  into.id = seat.id();
+  into.file = short_name(seat.slot.spec.config);
+  seat.configuration.upload = Uploading::under_way;
+  co_await upload_from(seat, into);
+  seat.configuration.upload = into.problem.empty() ? Uploading::done : Uploading::failed;
+}
+
+rt::Task<void> Configuring::upload_from(Seat& seat, SlotUpload& into) {
+  const std::string elsewhere = co_await belongs_elsewhere(seat);
+  into.problem = elsewhere;
+  if (!elsewhere.empty()) co_return;
+  const NodeId id = seat.id();
+  co::NodeAccess device(s_.sdo, id);
+  eds::Reading reading;
+  if (!seat.configuration.eds.empty()) {
+    reading = eds::read_any_file(seat.configuration.eds);
+  } else {
+    auto own = co_await manager::read_own_eds(device);
+    if (!own) {
+      into.problem = fmt::format("what it is like is not known (eds = of the slot): {}", describe(own.error()));
+      co_return;
+    }
+    reading = eds::read_any(std::move(*own), "1021h");
+  }
+  const auto error = std::ranges::find(reading.findings, Finding::Severity::error, &Finding::severity);
+  if (error != reading.findings.end()) {
+    into.problem = to_string(*error);
+    co_return;
+  }
+  auto uploaded = co_await manager::upload_configuration(device, reading.file, id);
+  if (!uploaded) {
+    into.problem = describe(uploaded.error());
+    co_return;
+  }
+  into.uploaded = std::move(*uploaded);
+  take(seat, into.uploaded.dcf, into);
+}
+
+// What the slot wants from now on; until then it was something else.
+void Configuring::take(Seat& seat, const std::string& dcf, SlotUpload& into) {
+  auto loaded = manager::read_configuration(dcf, "1F20h");
+  if (!loaded.usable()) {
+    into.problem = "what was read of it makes no DCF";
+    return;
+  }
+  SeatConfiguration& mine = seat.configuration;
+  const auto has = manager::wanted(loaded.configuration, seat.id());
+  if (!has) {
+    into.problem = describe(has.error());
+    return;
+  }
+  const auto wanted = mine.wanted ? manager::wanted(*mine.wanted, seat.id()) : Result<Wanted>(Wanted{});
+  for (const auto& entry : wanted ? wanted->entries : std::vector<manager::Entry>{}) {
+    const auto held = std::ranges::find(has->entries, entry.object, &manager::Entry::object);
+    if (held == has->entries.end() || held->bytes == entry.bytes) continue;
+    into.changes.push_back({entry.object, entry.name, entry.line, entry.type, entry.bytes, held->bytes, false});
+  }
+  mine.uploaded = dcf;
+  mine.wanted = std::make_shared<manager::Configuration>(std::move(loaded.configuration));
+  mine.file = "1F20h";
+  mine.unreadable.clear();
+  mine.stuck = false;
+  add_links(seat);
+}
+
 rt::Task<void> Configuring::compare(Seat& seat, bool write, SlotConfiguration& into) {
   const NodeId id = seat.id();
   into.bus = s_.bus.name;
@@ -368,18 +456,9 @@ rt::Task<void> Configuring::compare(Seat& seat, bool write, SlotConfiguration& i
     co_return;
   }
   const rt::Time asked = s_.executor.now();
-  const auto who = co_await places::Binder::read_identity(s_.sdo, id);
-  if (!who) {
-    into.problem = "its identity cannot be read: " + describe(who.error());
-    co_return;
-  }
-  const auto& confirmed = seat.slot.record.confirmed;
-  const bool right = confirmed ? confirmed->device == *who : places::fits(seat.slot.spec, *who);
-  if (!right) {
-    into.problem =
-        fmt::format("device {} answers at node-ID {}, which does not belong there", to_string(*who), id.value());
-    co_return;
-  }
+  const std::string elsewhere = co_await belongs_elsewhere(seat);
+  into.problem = elsewhere;
+  if (!elsewhere.empty()) co_return;
   const auto heard = s_.boots.heard(id);
   const bool runs = (seat.started && !seat.held) || (heard && s_.boots.state(id) == NmtState::operational);
   if (write && !runs) {

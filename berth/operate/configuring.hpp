@@ -7,6 +7,7 @@
 #include <memory>
 #include <string>
 
+#include "berth/manager/configuration_upload.hpp"
 #include "berth/manager/configurator.hpp"
 #include "berth/operate/slot_table.hpp"
 
@@ -28,6 +29,20 @@ struct SlotConfiguration {
 /// something: what the machine's links need. By the slots' names.
 using SlotSettings = std::map<std::string, std::shared_ptr<const manager::Configuration>, std::less<>>;
 
+/// What `berth upload` read in one slot.
+struct SlotUpload {
+  std::string bus;
+  std::string slot;
+  NodeId id;
+  std::string file;     ///< of `config =`, without its folder; empty: there is none
+  std::string problem;  ///< why nothing was read; empty: see the others
+  manager::UploadedConfiguration uploaded;
+  std::vector<manager::Difference> changes;  ///< of the device from what its slot wanted until then
+};
+
+/// Paths of the descriptions of slots' devices, by the slots' names.
+using SlotDescriptions = std::map<std::string, std::string, std::less<>>;
+
 /// Looks which device is under a slot's node-ID.
 class SeatAsker {
  public:
@@ -44,13 +59,15 @@ class Configuring {
   void set_asker(SeatAsker& asker) noexcept { asker_ = &asker; }
 
   /// Reads the files of `config =`. One file may stand for many slots. `more` goes over them.
-  void load(const SlotSettings& more = {});
+  void load(const SlotSettings& more = {}, const SlotDescriptions& descriptions = {});
   /// True: the device has its configuration, in use, and may be started. Else the slot's state says why not.
   rt::Task<bool> configure(Seat& seat, manager::ConfigurationReport& report);
   /// A device that runs is left alone; that it runs with something else is told.
   rt::Task<void> look_at_running(Seat& seat);
   /// `berth configure`: compares, and with `write` makes right what differs; a device that runs is compared only.
   rt::Task<void> compare(Seat& seat, bool write, SlotConfiguration& into);
+  /// `berth upload`: what the slot's device has becomes what the slot wants, until Berth ends.
+  rt::Task<void> upload(Seat& seat, SlotUpload& into);
   /// The file's values, and the heartbeat of the machine file, which is what this network watches. Errors: the device
   /// did not answer, or the file's values cannot be had for this node-ID.
   rt::Task<Result<manager::Wanted>> wanted_of(Seat& seat);
@@ -59,6 +76,10 @@ class Configuring {
 
  private:
   struct Attempt;
+  rt::Task<void> upload_from(Seat& seat, SlotUpload& into);
+  rt::Task<std::string> belongs_elsewhere(Seat& seat);
+  void take(Seat& seat, const std::string& dcf, SlotUpload& into);
+  void add_links(Seat& seat);
   enum class Next : std::uint8_t { done, again, not_now };
   [[nodiscard]] bool may_be_configured(Seat& seat);
   rt::Task<Next> try_once(Seat& seat, Attempt& attempt);
@@ -75,6 +96,7 @@ class Configuring {
   BusServices& s_;
   SlotTable& slots_;
   SeatAsker* asker_ = nullptr;
+  SlotSettings linked_;
 };
 
 }  // namespace berth::operate

@@ -188,6 +188,7 @@ rt::Task<bool> MainJob::look() {
     anybody = w.kind == Wake::Kind::look;
   } else {
     p_.supervision.check_rates();
+    p_.supervision.give_up_silent();
     anybody = co_await p_.finding.finder.anybody_new();
   }
   const bool anew = agenda.look_anew && p_.bus.executor.now() >= agenda.anew_at;

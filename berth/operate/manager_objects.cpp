@@ -3,11 +3,15 @@
 #include <fmt/format.h>
 
 #include <algorithm>
+#include <filesystem>
 
 #include "berth/base/bytes.hpp"
 #include "berth/manager/boot_rules.hpp"
+#include "berth/manager/configuration_requests.hpp"
+#include "berth/manager/configuration_uploads.hpp"
 #include "berth/manager/network_requests.hpp"
 #include "berth/od/cia302.hpp"
+#include "berth/text/file.hpp"
 
 namespace berth::operate {
 namespace {
@@ -30,7 +34,10 @@ constexpr std::uint16_t losses = 0x5F07;
 constexpr std::uint16_t boots = 0x5F08;
 constexpr std::uint16_t emergency_history = 0x5F09;
 
-constexpr std::uint32_t conf = 0x666E'6F63;  // "conf"
+constexpr std::uint16_t upload_configuration = manager::ConfigurationUploads::object;
+
+constexpr std::uint32_t conf = manager::ConfigurationRequests::signature;
+constexpr std::uint32_t upld = manager::ConfigurationUploads::signature;
 constexpr std::uint32_t longest_command = 1000;
 constexpr std::uint32_t longest_reply = 65'536;
 
@@ -50,6 +57,9 @@ struct Array {
   Access access;
 };
 constexpr std::array arrays{
+    Array{cia302::store_dcf, "Store DCF", "Node-ID", DataType::domain, 127, Access::ro},
+    Array{cia302::dcf_format, "Storage format", "Node-ID", DataType::unsigned8, 127, Access::ro},
+    Array{upload_configuration, "Upload configuration", "Node-ID", DataType::unsigned32, cia302::all_nodes, Access::rw},
     Array{cia302::request_configuration, "Request configuration", "Node-ID", DataType::unsigned32, cia302::all_nodes,
           Access::wo},
     Array{cia302::slave_assignment, "Slave assignment", "Node-ID", DataType::unsigned32, 127, Access::ro},
@@ -155,7 +165,8 @@ ManagerObjects::ManagerObjects(od::Values& values, BusServices& services, SlotTa
   values.attach(*this, os_command, os_command);
   values.attach(*this, cia302::request_configuration, cia302::request_configuration);
   values.attach(*this, cia302::nmt_startup, cia302::boot_time);
-  values.attach(*this, manager_status, emergency_history);
+  values.attach(*this, cia302::store_dcf, cia302::dcf_format);
+  values.attach(*this, manager_status, upload_configuration);
 }
 
 bool ManagerObjects::is_slot(std::uint8_t sub) const {
@@ -183,6 +194,8 @@ std::uint64_t ManagerObjects::of_node(std::uint16_t index, NodeId node) const {
     case cia302::request_guarding: return seat->there && !seat->guarded ? 1 : 0;
     case slot_state: return static_cast<std::uint64_t>(seat->state);
     case boot_letter: return static_cast<std::uint8_t>(manager::letter(seat->boot.status));
+    case upload_configuration: return static_cast<std::uint64_t>(seat->configuration.upload);
+    case cia302::dcf_format: return 0;
     case configuration_status: return static_cast<std::uint64_t>(configured(*seat));
     case last_emergency: {
       const auto& told = seat->last.emergency;
@@ -252,6 +265,12 @@ AbortCode ManagerObjects::reading(const od::Values&, ObjectRef ref, std::span<co
     }
     return AbortCode::none;
   }
+  if (ref.index == cia302::store_dcf && ref.sub != 0) {
+    dcf_ = dcf_of(ref.sub);
+    if (dcf_.empty()) return AbortCode::no_data;
+    value = {reinterpret_cast<const std::uint8_t*>(dcf_.data()), dcf_.size()};
+    return AbortCode::none;
+  }
   std::uint64_t number = 0;
   if (ref.index == cia302::nmt_startup) {
     number = manager::value_of(s_.bus.startup.rules) | (s_.may_command() ? 1U : 0U);
@@ -279,6 +298,9 @@ AbortCode ManagerObjects::writing(const od::Values&, ObjectRef ref, std::span<co
   if (ref.index == cia302::request_nmt && value.size() == 1) return ask_nmt(ref.sub, value[0]);
   if (ref.index == cia302::request_configuration && value.size() == 4) {
     return ask_configuration(ref.sub, load_le<std::uint32_t>(value.data()));
+  }
+  if (ref.index == upload_configuration && value.size() == 4) {
+    return ask_upload(ref.sub, load_le<std::uint32_t>(value.data()));
   }
   return AbortCode::none;
 }
@@ -308,6 +330,29 @@ AbortCode ManagerObjects::ask_configuration(std::uint8_t sub, std::uint32_t word
   if (sub != cia302::all_nodes && !is_slot(sub)) return AbortCode::invalid_value;
   requests_.configure(sub == cia302::all_nodes ? NodeId() : NodeId(sub));
   return AbortCode::none;
+}
+
+AbortCode ManagerObjects::ask_upload(std::uint8_t sub, std::uint32_t word) {
+  if (word != upld) return AbortCode::not_stored;
+  if (s_.only_observes()) return AbortCode::local_control;
+  const bool all = sub == cia302::all_nodes;
+  if (!all && !is_slot(sub)) return AbortCode::invalid_value;
+  const Seat* const seat = all ? nullptr : slots_.at(NodeId(sub));
+  if (seat != nullptr && seat->configuration.upload == Uploading::under_way) return AbortCode::device_state;
+  requests_.upload(all ? NodeId() : NodeId(sub));
+  return AbortCode::none;
+}
+
+// What was uploaded, else the file of `config =` where that is a DCF.
+std::string ManagerObjects::dcf_of(std::uint8_t sub) const {
+  const auto id = NodeId::make(sub);
+  const Seat* const seat = id && id->configured() ? slots_.at(*id) : nullptr;
+  if (seat == nullptr) return {};
+  if (!seat->configuration.uploaded.empty()) return seat->configuration.uploaded;
+  const std::filesystem::path path(seat->slot.spec.config);
+  Findings findings;
+  if (path.extension() != ".dcf") return {};
+  return text::read_file(path.string(), findings).value_or(std::string());
 }
 
 AbortCode ManagerObjects::ask_command(std::span<const std::uint8_t> text) {

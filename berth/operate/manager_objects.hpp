@@ -5,9 +5,11 @@
 /// | object | what |
 /// | --- | --- |
 /// | 1023h | OS command (CiA 301 §7.5.2.27): the remote command buffer and its confirmations |
+/// | 1F20h, 1F21h | the slot's DCF, and its format |
 /// | 1F25h | request configuration: "conf" to the node's sub-index, or to 80h for all |
 /// | 1F80h to 1F89h | NMT startup, slave assignment, request NMT, request guarding, expected identities, boot time |
 /// | 5F00h to 5F09h | statuses of manager, bus and nodes, error statistics, EMCY history |
+/// | 5F0Ah | upload configuration: "upld" to the node's sub-index, or to 80h for all that are there |
 #pragma once
 
 #include <array>
@@ -27,6 +29,8 @@ class ManagerObjects final : private od::Hook {
     virtual void command_nmt(co::NmtCommand command, co::NmtTarget target) = 0;
     /// Unconfigured: every slot.
     virtual void configure(NodeId node) = 0;
+    /// Likewise.
+    virtual void upload(NodeId node) = 0;
     /// False: nothing carries commands out here. Else `ManagerObjects::answer` follows, once.
     virtual bool command(std::string text) = 0;
 
@@ -54,6 +58,8 @@ class ManagerObjects final : private od::Hook {
   od::AbortCode ask_nmt(std::uint8_t sub, std::uint8_t state);
   void command_slots(co::NmtCommand command);
   od::AbortCode ask_configuration(std::uint8_t sub, std::uint32_t word);
+  od::AbortCode ask_upload(std::uint8_t sub, std::uint32_t word);
+  [[nodiscard]] std::string dcf_of(std::uint8_t sub) const;
   od::AbortCode ask_command(std::span<const std::uint8_t> text);
   [[nodiscard]] bool is_slot(std::uint8_t sub) const;
 
@@ -64,6 +70,7 @@ class ManagerObjects final : private od::Hook {
   std::array<std::uint8_t, 8> number_{};  // of the last read
   std::uint8_t status_ = 0;               // 1023h:02
   std::string reply_;
+  std::string dcf_;  // of the last read of 1F20h
 };
 
 }  // namespace berth::operate

@@ -2,6 +2,7 @@
 
 #include <algorithm>
 
+#include "berth/manager/sdo_requests.hpp"
 #include "berth/operate/manager_objects.hpp"
 
 namespace berth::operate {
@@ -28,6 +29,7 @@ std::shared_ptr<const od::Description> description() {
   b.sub(0x1018, {.sub = 3, .name = "Revision number", .access = Access::ro});
   b.sub(0x1018, {.sub = 4, .name = "Serial number", .access = Access::ro});
   ManagerObjects::describe(b);
+  manager::add_sdo_manager_objects(b, 127);
   return b.build();
 }
 

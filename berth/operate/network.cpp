@@ -12,6 +12,23 @@ namespace berth::operate {
 using places::SlotState;
 using places::UnfinishedBlank;
 
+namespace {
+
+// The SDO manager of the bus, while Berth may send there and no other master is active.
+void give_channels(BusServices& bus, const SlotTable& slots, od::Values& values) {
+  bus.channels = std::make_unique<manager::SdoRequests>(bus.dispatcher, bus.sdo, values);
+  bus.channels->begin_when_asked([&bus, &slots]() -> std::optional<manager::SdoManagerOptions> {
+    const bool may = !bus.only_observes() && (!bus.master || bus.master->here);
+    if (!may) return std::nullopt;
+    manager::SdoManagerOptions options;
+    for (const auto& seat : slots.seats()) options.nodes.push_back(seat->id());
+    options.heartbeat = bus.bus.timing.heartbeat_timeout;
+    return options;
+  });
+}
+
+}  // namespace
+
 // What SDO clients ask of the manager by its objects. A task that is spawned begins behind the write that asked for it.
 class Network::Asked final : public ManagerObjects::Requests {
  public:
@@ -25,6 +42,14 @@ class Network::Asked final : public ManagerObjects::Requests {
     network_.scope_.spawn(send(network_, command, target));
   }
   void configure(NodeId node) override { network_.scope_.spawn(bring(network_, node)); }
+  void upload(NodeId node) override {
+    for (const auto& seat : network_.parts_.slots.seats()) {
+      const bool meant = node.configured() ? seat->id() == node : seat->there;
+      if (!meant) continue;
+      seat->configuration.upload = Uploading::under_way;
+      network_.scope_.spawn(fetch(network_, seat->name()));
+    }
+  }
   bool command(std::string text) override {
     if (!carry_out_) return false;
     return carry_out_(std::move(text),
@@ -42,6 +67,12 @@ class Network::Asked final : public ManagerObjects::Requests {
     if (!done) network.parts_.slots.events().tell_failure("the configuration that 1F25h asked for", done.error());
   }
 
+  static rt::Task<void> fetch(Network& network, std::string slot) {
+    const auto done = co_await upload_slot(network, slot);
+    if (!done || done->problem.empty()) co_return;
+    network.parts_.slots.events().tell(EventKind::error, slot, "its configuration was not read: " + done->problem);
+  }
+
   Network& network_;
   decltype(NetworkObserver::command) carry_out_;
   ManagerObjects objects_;
@@ -56,6 +87,7 @@ Network::Network(rt::Executor& executor, can::Port& port, const design::Bus& bus
       scan_(parts_),
       mastership_(role_ ? std::make_unique<Mastership>(parts_.bus, parts_.slots, *role_) : nullptr),
       scope_(executor) {
+  give_channels(parts_.bus, parts_.slots, port_.values());
   asked_ = std::make_unique<Asked>(*this, observer.command);
   ears_.lead_to(parts_.supervision);
   parts_.startup.set_master(port_);
@@ -63,9 +95,9 @@ Network::Network(rt::Executor& executor, can::Port& port, const design::Bus& bus
 
 Network::~Network() { stop(); }
 
-Result<void> Network::open(const SlotSettings& settings) {
+Result<void> Network::open(const SlotSettings& settings, const SlotDescriptions& descriptions) {
   const auto opened = parts_.slots.open();
-  if (opened) parts_.configuring.load(settings);
+  if (opened) parts_.configuring.load(settings, descriptions);
   return opened;
 }
 
@@ -87,6 +119,7 @@ void Network::stop() noexcept {
 }
 
 void Network::port_rests() noexcept {
+  parts_.bus.channels->end();
   scope_.cancel();
   parts_.startup.end();
   job_.ended();
@@ -192,6 +225,17 @@ rt::Task<Result<std::vector<SlotConfiguration>>> Network::configure(std::string 
     results[i].reason = chosen[i]->reason;
   }
   co_return results;
+}
+
+rt::Task<Result<SlotUpload>> upload_slot(Network& network, std::string slot) {
+  Parts& parts = network.parts_;
+  co_await parts.bus.turn.take();
+  const rt::Held held(parts.bus.turn);
+  Seat* const seat = parts.slots.named(slot);
+  if (seat == nullptr) co_return fail(Errc::not_found, "no slot of this name on this bus");
+  SlotUpload upload;
+  co_await parts.configuring.upload(*seat, upload);
+  co_return upload;
 }
 
 }  // namespace berth::operate

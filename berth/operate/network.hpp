@@ -41,7 +41,7 @@ class Network final : private PortHealth::Owner {
   Network& operator=(const Network&) = delete;
 
   /// Declares the slots in the store and takes over what it knows. Call once, before anything else.
-  Result<void> open(const SlotSettings& settings = {});
+  Result<void> open(const SlotSettings& settings = {}, const SlotDescriptions& descriptions = {});
   /// Begins the main job. Without it the network only serves single commands. The main job rests while the port is
   /// down, or takes no frame (another master, a gate that listens still), and begins anew by itself.
   void start();
@@ -128,6 +128,8 @@ class Network final : private PortHealth::Owner {
   /// `not_found` it does not answer; `invalid` operational, or not known.
   [[nodiscard]] rt::Task<Result<Located>> locate(LssAddress device, rt::Duration time, bool anyway);
 
+  friend rt::Task<Result<SlotUpload>> upload_slot(Network& network, std::string slot);
+
  private:
   class Asked;
   void port_rests() noexcept override;
@@ -144,5 +146,9 @@ class Network final : private PortHealth::Owner {
   bool running_ = false;
   rt::Scope scope_;  // last: its tasks use everything above
 };
+
+/// The configuration that the device of this slot has now, as a DCF; it becomes what the slot wants, instead of
+/// `config =`, until Berth ends: a replacement gets it. Waits for its turn. Errors: `not_found` no such slot.
+[[nodiscard]] rt::Task<Result<SlotUpload>> upload_slot(Network& network, std::string slot);
 
 }  // namespace berth::operate

@@ -21,11 +21,17 @@ struct Doubt {
   unsigned shared = 0;     ///< tries left to tell the two apart
 };
 
+/// What became of the upload of its device's configuration, as 5F0Ah tells it.
+enum class Uploading : std::uint8_t { none, under_way, done, failed };
+
 /// What `config =` and the machine's links want of its device.
 struct SeatConfiguration {
   std::string file;                                      ///< where it is from, as messages name it
   std::shared_ptr<const manager::Configuration> wanted;  ///< null: nothing, or unreadable
   std::string unreadable;                                ///< why the file of `config =` could not be read
+  std::string eds;                                       ///< path of its description; empty: not known
+  std::string uploaded;                                  ///< DCF of its device, instead of `config =`; empty: none
+  Uploading upload = Uploading::none;                    ///< how the last one ended
   std::optional<rt::Time> waits_since;                   ///< it was saved then, and waits for a power cycle
   unsigned failed_savings = 0;                           ///< in a row: memory wears out
   bool stuck = false;  ///< it failed for good: not tried again before the device boots or a person says so
@@ -48,6 +54,7 @@ struct PowerCycle {
 
 /// What came under its node-ID, that it is not told or done again for each.
 struct LastHeard {
+  bool seen = false;                    ///< the device that is bound was there in this run
   rt::Time heard_again{};               ///< it was told that the node-ID is heard again
   std::optional<co::Emcy> emergency{};  ///< its last error since its boot-up
   rt::Time hurried{};                   ///< a boot-up hastened the look at the bus

@@ -107,7 +107,12 @@ Result<void> Session::open() {
     const auto port = std::ranges::find(ports_, &bus, &decltype(ports_)::value_type::first);
     auto network =
         std::make_unique<Network>(*executor_, *port->second, bus, machine_->specs(bus.name), *store_, observer);
-    const auto opened = network->open(settings_);
+    SlotDescriptions descriptions;
+    for (const auto& slot : machine_->slots) {
+      if (slot.spec.name.bus == bus.name && !slot.eds_path.empty())
+        descriptions.emplace(slot.spec.name.name, slot.eds_path);
+    }
+    const auto opened = network->open(settings_, descriptions);
     if (!opened) return opened;
     networks_.push_back(std::move(network));
   }

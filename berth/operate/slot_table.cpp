@@ -80,6 +80,9 @@ void SlotTable::refresh(Seat& seat) {
 void SlotTable::set_state(Seat& seat, SlotState state, std::string reason) {
   if (seat.state == state && seat.reason == reason) return;
   if (seat.state != state) seat.since = s_.executor.now();
+  const bool shows_it =
+      state == SlotState::present || state == SlotState::configuring || state == SlotState::operational;
+  if (shows_it) seat.last.seen = true;
   seat.state = state;
   seat.reason = std::move(reason);
   events_.tell(EventKind::state, seat.name(),
@@ -102,7 +105,7 @@ Result<void> SlotTable::clear(Seat& seat, const std::string& reason) {
   s_.heartbeats.supervise(seat.id(), rt::Duration{0});
   seat.slot.record.intended.reset();
   seat.slot.record.confirmed.reset();
-  seat.there = seat.started = false;
+  seat.there = seat.started = seat.last.seen = false;
   seat.boot = {};
   seat.slot.record.configured.reset();
   seat.power_cycle.binding.reset();

@@ -141,7 +141,8 @@ rt::Task<Result<void>> Starter::update(Seat& seat, manager::BootTarget& target) 
   const bool same = who && seat.slot.record.confirmed && *who == seat.slot.record.confirmed->device;
   if (same) seat.checked = asked;
   if (same && updated) slots_.set_state(seat, SlotState::present, "it has its programs");
-  const bool silent = !who && who.error().code == Errc::timeout;
+  // On a bus that nothing acknowledges it is away, too.
+  const bool silent = !who && (who.error().code == Errc::timeout || who.error().code == Errc::bus);
   if (silent) {
     seat.there = false;
     slots_.set_absent(seat, "it fell silent while it was programmed");

@@ -170,6 +170,21 @@ void Supervision::lost(Seat& seat) {
   if (seat.boot.ready) startup_.error_event(seat, "its heartbeat stopped");
   seat.there = seat.started = false;
   slots_.set_absent(seat, "its heartbeat stopped");
+  make_free(seat);
+}
+
+void Supervision::give_up_silent() {
+  const auto& timing = s_.bus.timing;
+  const rt::Time long_ago = s_.executor.now() - std::max<rt::Duration>(timing.heartbeat_timeout, timing.boot_timeout);
+  for (auto& seat : slots_.seats()) {
+    const auto& record = seat->slot.record;
+    const bool settled = record.confirmed && !record.intended;
+    if (settled && seat->last.seen && seat->state == SlotState::absent && seat->since <= long_ago) make_free(*seat);
+  }
+}
+
+// With `replacement = "auto"` its slot is for the next device of its type.
+void Supervision::make_free(Seat& seat) {
   const bool automatic = seat.slot.spec.replacement == places::Replacement::automatic;
   if (!automatic || !seat.slot.record.device()) return;
   const auto cleared = slots_.clear(seat, "it fell silent, and the machine file says replacement = \"auto\"");

@@ -28,6 +28,9 @@ class Supervision {
   /// Two devices with one identity that once fell into one frame drift apart: their heartbeats then come twice as
   /// often.
   void check_rates();
+  /// A device can fall silent while nothing listens for its heartbeat: while it is programmed, configured or asked.
+  /// What was there in this run and is absent for long is gone, as with a lost heartbeat.
+  void give_up_silent();
   /// A person sent this NMT command: it is not worked against. `listens`: what the device's heartbeat tells of it comes
   /// here; else the slot shows what it was told, as it does of a device without heartbeat.
   void commanded(co::NmtCommand command, co::NmtTarget target, bool listens);
@@ -36,6 +39,7 @@ class Supervision {
   void show(Seat& seat, const Wake& wake, NmtState state);
   rt::Task<void> booted(Seat& seat, rt::Time at);
   void lost(Seat& seat);
+  void make_free(Seat& seat);
   rt::Task<void> told_state(Seat& seat);
   rt::Task<void> came_back(Seat& seat, rt::Time booted);
   void hurry(Seat& seat);

@@ -90,6 +90,8 @@ class SimDevice final : private device::Device::Observer, private device::SimFla
   [[nodiscard]] device::Device& device() noexcept { return device_; }
   [[nodiscard]] const device::Device& device() const noexcept { return device_; }
   [[nodiscard]] device::SimFlash& memory() noexcept { return flash_; }
+  /// Of its programs; null: it is not programmed.
+  friend device::SimFlash* program_memory(SimDevice& device) noexcept { return device.program_flash_.get(); }
   [[nodiscard]] bool plugged() const noexcept { return plugged_; }
   [[nodiscard]] bool powered() const noexcept { return powered_; }
   [[nodiscard]] Truth truth() const;

@@ -88,6 +88,24 @@ TEST_F(Boot, OneWithoutNodeIdIsBAndWhatIsToBeDoneIsSaid) {
   EXPECT_TRUE(contains(outcome.err, "`berth bind`")) << outcome.err;
 }
 
+TEST_F(Boot, OnATerminalEachStepIsTold) {
+  const Words words{"boot", "--machine", example("by-eds.toml"), "--sim", example("by-eds.plant.toml"), "--sim-state",
+                    state,  "--store",   folder.file("slots")};
+  Background boot(words, OnTerminal{});
+  EXPECT_TRUE(boot.says("node 1: ready"));
+  EXPECT_TRUE(boot.says("node 20: started"));
+  EXPECT_EQ(boot.end().status, 0);
+  EXPECT_FALSE(contains(berth(words).out, "node 1: ready")) << "a program gets the table alone";
+}
+
+// What a boot would send, and nothing is sent: the devices keep what they have.
+TEST_F(Boot, ADryRunPrintsTheFrames) {
+  const Outcome dry = run({"boot", "--dry-run"}, example("by-eds.toml"));
+  EXPECT_EQ(dry.status, 0) << dry.err;
+  EXPECT_TRUE(contains(dry.out, "000#8200")) << dry.out;
+  EXPECT_TRUE(contains(dry.out, "000#0101")) << dry.out;
+}
+
 TEST_F(Boot, WrongWordsAreUsage) {
   EXPECT_EQ(run({"boot", "--bus", "nowhere"}, example("by-eds.toml")).status, 2);
   EXPECT_EQ(run({"boot", "drive"}, example("by-eds.toml")).status, 2);

@@ -1,5 +1,6 @@
 // `berth configure`, and what `berth up` says of configurations.
 #include <gtest/gtest.h>
+#include <fstream>
 #include <nlohmann/json.hpp>
 #include <string>
 
@@ -133,6 +134,80 @@ TEST_F(Configure, WhatWaitsForAPowerCycleIsKeptOverProcesses) {
   EXPECT_EQ(second.status, 0) << second.out << second.err;
   EXPECT_EQ(state_of(second, "booster"), "operational");
   EXPECT_EQ(second.out.find("writing"), std::string::npos) << "nothing is written a second time: " << second.out;
+}
+
+// ---- berth upload ---------------------------------------------------------------------------------------------------
+
+TEST_F(Configure, S5_22_WhatADeviceHasBecomesAFileThatItsReplacementGets) {
+  const Folder folder;
+  const std::string dcf = folder.file("pump1.dcf");
+  const Words upload{"upload", "pump 1", "--machine", machine, "--sim", plant, "--up", "-o", dcf};
+  const auto with = [&](const Words& more) {
+    Words words = upload;
+    words.insert(words.end(), more.begin(), more.end());
+    return berth(words);
+  };
+  const Outcome tried = with({"--dry-run"});
+  EXPECT_EQ(tried.status, 0) << tried.err;
+  EXPECT_NE(tried.out.find("would write " + dcf), std::string::npos) << tried.out;
+  EXPECT_FALSE(std::ifstream(dcf).good()) << "nothing is written";
+  const Outcome done = with({"--json"});
+  ASSERT_EQ(done.status, 0) << done.err;
+  const Json reply = Json::parse(done.out);
+  EXPECT_EQ(reply.at("slot"), "pump 1");
+  EXPECT_EQ(reply.at("file"), dcf);
+  EXPECT_TRUE(reply.at("written").get<bool>());
+  EXPECT_TRUE(reply.at("changes").empty()) << "it has what config = wants: " << done.out;
+  EXPECT_FALSE(reply.contains("dcf")) << "that is in the file";
+  const std::string text = contents(dcf);
+  EXPECT_EQ(reply.at("bytes").get<std::size_t>(), text.size());
+  // 500 is not the maker's value (100), but that of pump.dcf.
+  const auto limit = text.find("[2000sub1]");
+  ASSERT_NE(limit, std::string::npos);
+  const auto value = text.find("ParameterValue=", limit);
+  ASSERT_NE(value, std::string::npos);
+  EXPECT_EQ(text.substr(value, 18), "ParameterValue=500") << text.substr(limit, 300);
+  // What is there is kept, unless a person says so.
+  const Outcome again = with({});
+  EXPECT_EQ(again.status, 1) << again.out;
+  EXPECT_NE(again.err.find(dcf), std::string::npos) << again.err;
+  EXPECT_EQ(with({"--force"}).status, 0);
+  EXPECT_EQ(contents(dcf), text);
+  // Another machine with this file wants what the device has.
+  std::string other = contents(machine);
+  for (const std::string what : {"eds/pump.dcf", "eds/pump.eds", "eds/booster.dcf"}) {
+    const auto at = other.find(what);
+    ASSERT_NE(at, std::string::npos) << what;
+    other.replace(at, what.size(), what == "eds/pump.dcf" ? dcf : example(what));
+  }
+  const std::string second = folder.write("second.toml", other);
+  const Outcome check =
+      berth({"configure", "pump 1", "--machine", second, "--sim", plant, "--up", "--check", "--json"});
+  ASSERT_EQ(check.status, 0) << check.out << check.err;
+  EXPECT_EQ(Json::parse(check.out).at("slots").at(0).at("result"), "right");
+}
+
+TEST_F(Configure, AnUploadThatCannotBeSaysWhy) {
+  const Outcome nobody = berth({"upload", "nobody", "--machine", machine, "--sim", plant, "--up"});
+  EXPECT_EQ(nobody.status, 2);
+  EXPECT_NE(nobody.err.find("nobody"), std::string::npos) << nobody.err;
+  const Outcome silent = berth({"upload", "pump 1", "--machine", machine, "--sim", plant});
+  EXPECT_EQ(silent.status, 1) << "no device has a node-ID yet";
+  EXPECT_NE(silent.err.find("its identity cannot be read"), std::string::npos) << silent.err;
+  const Outcome unknown =
+      berth({"upload", "1", example("five-slaves.toml"), "--sim", example("five-slaves.plant.toml"), "--up"});
+  EXPECT_EQ(unknown.status, 1);
+  EXPECT_NE(unknown.err.find("eds = of the slot"), std::string::npos) << unknown.err;
+  const Folder folder;
+  std::string text = contents(machine);
+  const std::string config = "config = \"eds/pump.dcf\"\n";
+  ASSERT_NE(text.find(config), std::string::npos);
+  text.erase(text.find(config), config.size());
+  for (const std::string what : {"eds/pump.eds", "eds/booster.dcf"})
+    text.replace(text.find(what), what.size(), example(what));
+  const Outcome nowhere = berth({"upload", "pump 1", folder.write("plain.toml", text), "--sim", plant, "--up"});
+  EXPECT_EQ(nowhere.status, 2);
+  EXPECT_NE(nowhere.err.find("--output FILE.dcf"), std::string::npos) << nowhere.err;
 }
 
 }  // namespace

@@ -60,7 +60,7 @@ TEST_F(Link, ThePlanFitsATerminal) {
 }
 
 // S5.20: devices, node-IDs and bit rate, then variables, then PDOs: all of it stands in the DCFs.
-TEST_F(Link, S5_20_FilesOfAllSteps) {
+TEST_F(Link, S5_20_S5_22_FilesOfAllSteps) {
   const Outcome dry = berth({"link", file("linked.toml"), "--output", file("out"), "--dry-run"});
   EXPECT_EQ(dry.status, 0) << dry.err;
   EXPECT_NE(dry.out.find("would write " + file("out/press.dcf")), std::string::npos) << dry.out;

@@ -161,7 +161,7 @@ TEST_F(Command, UnitsAndNamesOfValuesOfAnXdd) {
 }
 
 // A whole device as a table, as JSON and as the DCF that brings another to the same.
-TEST_F(Command, SdoDumpReadsAllThatCanBeRead) {
+TEST_F(Command, S5_22_SdoDumpReadsAllThatCanBeRead) {
   const Words world{"--machine", example("by-eds.toml"), "--sim", example("by-eds.plant.toml"), "--up"};
   const auto dump = [&](Words words) {
     words.insert(words.begin(), {"sdo", "dump"});

@@ -53,7 +53,7 @@ std::string that_asks() {
   return text;
 }
 
-TEST_F(OnScreen, TheTableStandsBelowWhatHappened) {
+TEST_F(OnScreen, S5_22_TheTableStandsBelowWhatHappened) {
   start({80, 24});
   const auto last_row_is_drawn = [](const Terminal& now) {
     return now.row(22).starts_with("  9  drive  operational  ");

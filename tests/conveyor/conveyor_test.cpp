@@ -253,7 +253,7 @@ TEST(Conveyor, S5_1_BlankDevicesBecomeAPlantThatConveys) {
 }
 
 // S5.1: one unit fails, and the plant stays available in part; a spare comes in its place, and all of it works again.
-TEST(Conveyor, S5_1_AnyDeviceIsReplaced) {
+TEST(Conveyor, S5_1_S5_2_AnyDeviceIsReplaced) {
   Conveyor plant;
   ASSERT_TRUE(plant.begin()) << plant.problem();
   ASSERT_TRUE(plant.run_until([&] { return plant.value("unloader", "running").value_or(0) != 0; }, 180s))

@@ -3,7 +3,6 @@
 #pragma once
 
 #include <fmt/format.h>
-#include <gtest/gtest.h>
 
 #include <map>
 #include <optional>
@@ -37,14 +36,19 @@ class Berths : private can::Tap, private plant::World::Observer {
     world_->remove_observer(*this);
   }
 
+  // What stands between a Berth and its controller from its next `begin` on; it must stay until it is killed.
+  using Between = std::function<can::Port*(std::size_t, can::Port&)>;
+  void put_between(Between between) { between_ = std::move(between); }
+
   void begin(std::size_t i) {
     One& one = *berths_[i];
     one.port = world_->attach_master("backbone");
     operate::NetworkObserver observer;
     observer.event = [&one](const operate::Event& event) { one.lines.push_back(operate::to_line(event)); };
-    one.network = std::make_unique<operate::Network>(world_->executor(), *one.port, one.machine.buses[0],
+    can::Port& port = between_ ? *between_(i, *one.port) : *one.port;
+    one.network = std::make_unique<operate::Network>(world_->executor(), port, one.machine.buses[0],
                                                      one.machine.specs("backbone"), one.store, observer);
-    ASSERT_TRUE(one.network->open());
+    if (!one.network->open()) std::abort();
     one.network->start();
   }
   // It dies where it stands.
@@ -145,6 +149,7 @@ class Berths : private can::Tap, private plant::World::Observer {
   }
 
   std::unique_ptr<plant::World> world_;
+  Between between_;
   std::vector<std::unique_ptr<One>> berths_;
   std::map<int, std::map<std::uint32_t, unsigned>> sent_;
   std::string started_again_;  // for people

@@ -41,11 +41,19 @@ class ConfigWatch final : public plant::World::Observer {
   }
   ~ConfigWatch() { world_->remove_observer(*this); }
 
+  // Besides `config =`: what the machine's links want.
+  void add(const operate::SlotSettings& settings) {
+    if (files_.empty() && linked_.empty() && !settings.empty()) world_->add_observer(*this);
+    linked_ = settings;
+  }
+
   [[nodiscard]] const std::string& failure() const noexcept { return failure_; }
   // The device is the slot's, and as its file wants it.
   [[nodiscard]] std::string check(plant::SimDevice& device, const design::Slot& slot) const {
     const auto file = files_.find(slot.spec.config);
-    return file == files_.end() ? std::string() : wrong_configuration(file->second, device);
+    if (file != files_.end()) return wrong_configuration(file->second, device);
+    const auto linked = linked_.find(slot.spec.name.name);
+    return linked == linked_.end() ? std::string() : wrong_configuration(*linked->second, device);
   }
 
  private:
@@ -74,6 +82,7 @@ class ConfigWatch final : public plant::World::Observer {
   const design::Machine* machine_;
   places::SlotStore* store_;
   std::map<std::string, manager::Configuration> files_;
+  operate::SlotSettings linked_;
   std::map<std::string, bool> runs_;
   std::string failure_;
 };

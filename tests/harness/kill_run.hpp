@@ -2,16 +2,22 @@
 // by one that lives: what must hold at the end, and on the way.
 #pragma once
 
+#include <stdlib.h>
+
 #include <algorithm>
 #include <array>
 #include <cstdint>
+#include <filesystem>
+#include <fstream>
 #include <map>
 #include <optional>
 #include <set>
 #include <string>
 #include <vector>
 
+#include "berth/command/link_network.hpp"
 #include "tests/harness/mortal.hpp"
+#include "tests/harness/program_watch.hpp"
 #include "tests/harness/run_world.hpp"
 
 namespace berth::harness {
@@ -25,10 +31,13 @@ enum class Scenario : std::uint8_t {
   configured,  // one of the two gets a configuration, which it saves
   away,        // who loses power stays away for 60 s, and a spare of its kind is brought meanwhile
   gone,        // the same, for ever
+  programmed,  // one of the two has an older program than its slot's, and gets that
+  linked,      // an input of the one goes to outputs of the other: PDOs in both
   count,
 };
 inline const char* name(Scenario s) {
-  constexpr const char* names[] = {"blank", "taken", "crossed", "replaced", "stranger", "configured", "away", "gone"};
+  constexpr const char* names[] = {"blank",      "taken", "crossed", "replaced",   "stranger",
+                                   "configured", "away",  "gone",    "programmed", "linked"};
   return names[static_cast<int>(s)];
 }
 inline constexpr int scenarios = static_cast<int>(Scenario::count);
@@ -42,8 +51,9 @@ struct Death {
   std::optional<std::uint64_t> disk;  // this step of the store's disk
   std::optional<std::uint64_t> torn;  // after so many bytes of device memory, counted per device
   std::string torn_device;
-  std::string off;    // at `at` this device loses power; Berth dies with `Victim::both` only
-  std::string loses;  // at `at` this device, or "master", loses the frame; Berth lives
+  bool torn_program = false;  // of its programs' memory
+  std::string off;            // at `at` this device loses power; Berth dies with `Victim::both` only
+  std::string loses;          // at `at` this device, or "master", loses the frame; Berth lives
   Victim victim = Victim::berth;
   store::Loss loss = store::Loss::none;  // what becomes of the unsynced writes
   bool restart_late = false;             // the next Berth comes after devices' timeouts, else at once
@@ -57,6 +67,26 @@ struct Life {
   std::uint64_t disk_steps = 0;
 };
 
+inline constexpr std::uint8_t older_program = 3;
+inline constexpr std::uint8_t wanted_program = 5;
+// A program as long as a test of every byte of it allows, and its image as a file.
+inline std::vector<std::uint8_t> small_program(std::uint8_t number) {
+  std::vector<std::uint8_t> content(150);
+  for (std::size_t i = 0; i < content.size(); ++i) content[i] = static_cast<std::uint8_t>(i * number + number);
+  return content;
+}
+inline std::string small_image(std::uint8_t number) {
+  static const std::string folder = [] {
+    std::string pattern = (std::filesystem::temp_directory_path() / "berth-kill-XXXXXX").string();
+    return std::string(::mkdtemp(pattern.data()));
+  }();
+  const std::string path = folder + "/program-" + std::to_string(number);
+  if (std::filesystem::exists(path)) return path;
+  const auto bytes = device::make_program_image({}, small_program(number));
+  std::ofstream(path, std::ios::binary).write(reinterpret_cast<const char*>(bytes.data()), std::ssize(bytes));
+  return path;
+}
+
 class KillWorld final {
  public:
   explicit KillWorld(Scenario scenario)
@@ -66,10 +96,17 @@ class KillWorld final {
         machine_(machine(scenario)),
         watch_(rig_.world(), machine_, nullptr),
         configured_(rig_.world(), machine_, store_),
-        judge_(rig_, machine_, watch_, configured_) {
+        judge_(rig_, machine_, watch_, configured_),
+        programs_(rig_.world(), crc32(small_program(wanted_program))) {
     for (const auto& d : rig_.world().devices()) {
       memories_.push_back(std::make_unique<Memory>(*this, *d));
       d->memory().watch(memories_.back().get());
+      if (auto* const programs = program_memory(*d)) programs->watch(memories_.back().get());
+    }
+    if (scenario == Scenario::linked) {
+      const auto settings = command::settings_of(command::plan_links(machine_));
+      rig_.settle(settings);
+      configured_.add(settings);
     }
     rig_.put_between([this](can::Port& port, const std::string& bus) {
       mortal_ = std::make_unique<MortalPort>(axe_, port);
@@ -94,6 +131,7 @@ class KillWorld final {
     if (life.died) end(death);
     if (!watch_.failure().empty()) life.failure = watch_.failure();
     if (!configured_.failure().empty()) life.failure = configured_.failure();
+    if (!programs_.failure().empty()) life.failure = programs_.failure();
     return life;
   }
 
@@ -128,6 +166,8 @@ class KillWorld final {
 
   static TypeCode first_type(Scenario scenario) {
     if (scenario == Scenario::configured) return type_pump;
+    if (scenario == Scenario::programmed) return type_controller;
+    if (scenario == Scenario::linked) return type_io;
     return scenario == Scenario::blank || departs(scenario) ? type_b : type_a;
   }
 
@@ -135,7 +175,19 @@ class KillWorld final {
     design::Machine m = one_bus(250'000);
     add_slot(m, 1, first_type(scenario));
     if (scenario == Scenario::configured) m.slots.back().spec.config = example_eds("pump.dcf");
-    add_slot(m, 2, type_b);
+    if (scenario == Scenario::programmed) {
+      m.slots.back().spec.software.programs = {
+          {.number = 1, .file = small_image(wanted_program), .identification = {}}};
+    }
+    add_slot(m, 2, scenario == Scenario::linked ? type_io : type_b);
+    if (scenario == Scenario::linked) {
+      for (auto& slot : m.slots) slot.eds = slot.eds_path = example_eds("io.eds");
+      design::Link link;
+      link.from = {"s1", "6000h:01"};
+      link.to = {{"s2", "6200h:01"}};
+      link.deadline = 20ms;
+      m.links.push_back(link);
+    }
     auto& t = m.buses.front().timing;
     t.lss_timeout = 20ms;
     t.store_timeout = 100ms;
@@ -158,7 +210,8 @@ class KillWorld final {
     };
     auto& d1 = add_device(p, "d1", first_type(scenario), 0x11);
     if (scenario == Scenario::crossed) stored(d1, 2);
-    auto& d2 = add_device(p, "d2", type_b, 0x22);
+    if (scenario == Scenario::programmed) add_programs(d1);
+    auto& d2 = add_device(p, "d2", scenario == Scenario::linked ? type_io : type_b, 0x22);
     if (scenario == Scenario::taken || scenario == Scenario::crossed) stored(d2, 1);
     if (scenario == Scenario::replaced) {
       auto& d3 = add_device(p, "d3", type_b, 0x21);
@@ -171,12 +224,22 @@ class KillWorld final {
     }
     if (scenario == Scenario::stranger) stored(add_device(p, "x", type_c, 0x33), 2);
     for (auto& d : p.devices) {
+      if (d.address.type() == type_io) d.eds = d.eds_path = example_eds("io.eds");
       d.response = {300us, 900us, 0, 0ms};
       d.boot = 20ms;
       d.reset = 8ms;
       d.storing.time = 6ms;
     }
     return p;
+  }
+
+  static void add_programs(plant::PlantDevice& d) {
+    auto& programs = d.storing.programs;
+    programs.count = 1;
+    programs.size = programs.sector = 256;
+    programs.erase = 4ms;
+    programs.write = 20us;
+    programs.loaded = programs.loaded_path = small_image(older_program);
   }
 
   // The story before: the machine ran, d2 left it and d3 came. Berth was not there, and begins after it.
@@ -198,9 +261,15 @@ class KillWorld final {
     disk_.crash_at(death.disk);
     death_ = death;
     struck_ = false;
-    for (const auto& d : rig_.world().devices()) d->memory().never_cut();
-    if (death.torn)
-      rig_.device(death.torn_device).memory().cut_after(*death.torn, static_cast<int>(*death.torn * 37 % 256));
+    for (const auto& d : rig_.world().devices()) {
+      d->memory().never_cut();
+      if (auto* const programs = program_memory(*d)) programs->never_cut();
+    }
+    if (death.torn) {
+      auto& device = rig_.device(death.torn_device);
+      auto& memory = death.torn_program ? *program_memory(device) : device.memory();
+      memory.cut_after(*death.torn, static_cast<int>(*death.torn * 37 % 256));
+    }
   }
 
   void run(Life& life) {
@@ -343,8 +412,13 @@ class KillWorld final {
 
   // In use, and after the next power-on too.
   [[nodiscard]] std::string check_configuration() {
-    if (scenario_ != Scenario::configured) return {};
     auto& d1 = rig_.device("d1");
+    if (scenario_ == Scenario::programmed) return programs_.check(d1);
+    if (scenario_ == Scenario::linked) {
+      const std::string first = configured_.check(d1, machine_.slots.front());
+      return first.empty() ? configured_.check(rig_.device("d2"), machine_.slots.back()) : first;
+    }
+    if (scenario_ != Scenario::configured) return {};
     std::string wrong = configured_.check(d1, machine_.slots.front());
     if (!wrong.empty()) return "d1: " + wrong;
     const auto records = store_.load("rig");
@@ -415,6 +489,9 @@ class KillWorld final {
     return {};
   }
 
+  static constexpr TypeCode type_controller{0x0000'0001, 0x0000'0060};
+  static constexpr TypeCode type_io{0x0000'0001, 0x0000'0003};
+
   Scenario scenario_;
   store::CrashVfs disk_{"kill"};
   Random random_{11};
@@ -427,6 +504,7 @@ class KillWorld final {
   DuplicateWatch watch_;
   ConfigWatch configured_;
   EndJudge judge_;
+  ProgramWatch programs_;
   int returning_ = 0;  // devices without power that will come back
   std::vector<std::unique_ptr<Memory>> memories_;
   Death death_;

@@ -110,6 +110,9 @@ class Rig {
   using OnStep = std::function<void(const std::string& bus, const places::Binding&)>;
   void on_step(OnStep on_step) { on_step_ = std::move(on_step); }
 
+  // What the machine's links want of the slots' devices, from the next `begin` on.
+  void settle(operate::SlotSettings settings) { settings_ = std::move(settings); }
+
   // Berth begins, as a new process would: nothing but the store and the bus.
   void begin() {
     if (!try_begin()) std::abort();
@@ -126,7 +129,12 @@ class Rig {
       if (on_step_) observer.before_step = [this, name = bus.name](const auto& binding) { on_step_(name, binding); };
       master.network = std::make_unique<operate::Network>(world_->executor(), port, bus, machine_.specs(bus.name),
                                                           *store_, std::move(observer));
-      if (!master.network->open()) return false;
+      operate::SlotDescriptions descriptions;
+      for (const auto& slot : machine_.slots) {
+        const bool described = slot.spec.name.bus == bus.name && !slot.eds_path.empty();
+        if (described) descriptions.emplace(slot.spec.name.name, slot.eds_path);
+      }
+      if (!master.network->open(settings_, descriptions)) return false;
       master.network->start();
     }
     return true;
@@ -198,6 +206,7 @@ class Rig {
   std::vector<std::unique_ptr<Master>> masters_;
   Between between_;
   OnStep on_step_;
+  operate::SlotSettings settings_;
   std::vector<operate::Event> events_;
 };
 

@@ -83,7 +83,7 @@ linker::Network two_controllers() {
 }  // namespace
 
 // S5.7, S5.21: one variable, sent by one program and received by two.
-TEST(Links, S5_7_S5_21_AVariableReachesItsConsumers) {
+TEST(Links, S5_2_S5_7_S5_21_AVariableReachesItsConsumers) {
   auto network = two_controllers();
   add_link(network, "press/speed", {"belt/speed", "lift/press_speed"}, 20ms, 255, od::DataType::unsigned16);
   const auto made = make_plan(network);

@@ -4,6 +4,7 @@
 
 #include "berth/co/sdo_client.hpp"
 #include "berth/eds/concise_dcf.hpp"
+#include "berth/eds/write.hpp"
 #include "berth/manager/stored_dcf.hpp"
 #include "tests/manager/network_rig.hpp"
 
@@ -13,6 +14,7 @@ using namespace berth::manager::test;
 using od::AbortCode;
 using Kind = NetworkEvent::Kind;
 using Phase = NetworkBoot::Phase;
+using UploadState = ConfigurationUploads::State;
 using namespace std::chrono_literals;
 
 namespace {
@@ -32,7 +34,8 @@ const std::shared_ptr<const od::Description>& master_description() {
 
 // A master with node-ID 100, slaves 1 to `slaves`, a tool.
 struct MasterRig : can::Tap {
-  explicit MasterRig(std::uint32_t startup = 1, std::uint8_t slaves = 3, std::vector<device::Preset> more = {}) {
+  explicit MasterRig(std::uint32_t startup = 1, std::uint8_t slaves = 3, std::vector<device::Preset> more = {},
+                     const std::shared_ptr<const od::Description>& description = master_description()) {
     wire.add_tap(*this);
     auto presets = std::move(more);
     presets.push_back({{0x1F80, 0}, startup});
@@ -43,7 +46,7 @@ struct MasterRig : can::Tap {
       stations[id] = std::make_unique<Station>(world, wire, id, slave_description());
       stations[id]->on();
     }
-    master = std::make_unique<Station>(world, wire, master_id, master_description(), std::move(presets));
+    master = std::make_unique<Station>(world, wire, master_id, description, std::move(presets));
     manager = std::make_unique<DictionaryManager>(master->dispatcher, master->device.values(),
                                                   [this](co::NmtCommand command) { master->device.apply(command); });
     master->device.on().state = [this](NmtState state) { manager->own_state(state, NodeId(master_id)); };
@@ -87,6 +90,9 @@ struct MasterRig : can::Tap {
   AbortCode store(std::uint16_t index, std::uint8_t sub, std::span<const std::uint8_t> bytes) {
     const auto done = get(tool.download(NodeId(master_id), index, sub, bytes));
     return done ? AbortCode::none : static_cast<AbortCode>(done.error().detail);
+  }
+  AbortCode store_text(std::uint16_t index, std::uint8_t sub, const std::string& text) {
+    return store(index, sub, std::vector<std::uint8_t>(text.begin(), text.end()));
   }
   template <class T>
   od::Answer<T> read(std::uint16_t index, std::uint8_t sub) {
@@ -486,6 +492,28 @@ TEST(DictionaryManager, AConfigurationThatIsNoneFailsItsSlave) {
   EXPECT_EQ(rig.manager->network().phase(), Phase::operational) << "the others run on";
 }
 
+// A DCF for another product: nothing of it is written, and the right one heals it.
+TEST(DictionaryManager, ADcfForAnotherProductIsNotBroughtIntoItsSlave) {
+  MasterRig rig;
+  rig.go();
+  const auto dcf_for = [](const std::string& product) {
+    std::string text = dcf_of_limit(44);
+    const std::string head = "[DeviceInfo]\n";
+    return text.insert(text.find(head) + head.size(), "VendorNumber=0x11\nProductNumber=" + product + "\n");
+  };
+  ASSERT_EQ(rig.store_text(0x1F20, 1, dcf_for("0x23")), AbortCode::none);
+  ASSERT_EQ(rig.write<std::uint8_t>(0x1F82, 1, 0x06), AbortCode::none);
+  const auto& status = *rig.manager->network().find(NodeId(1));
+  EXPECT_EQ(letter(status.result.status), 'J');
+  EXPECT_NE(status.result.detail.find("another product"), std::string::npos) << status.result.text();
+  EXPECT_EQ(rig.limit(1), 0U);
+  EXPECT_EQ(rig.stations[1]->state(), NmtState::pre_operational);
+  ASSERT_EQ(rig.store_text(0x1F20, 1, dcf_for("0x22")), AbortCode::none);
+  ASSERT_EQ(rig.write<std::uint8_t>(0x1F82, 1, 0x06), AbortCode::none);
+  EXPECT_EQ(rig.limit(1), 44U);
+  EXPECT_EQ(rig.stations[1]->state(), NmtState::operational);
+}
+
 // 1F81h bit 7 and 1F8Ah: factory settings first, then a reset, then the configuration.
 TEST(DictionaryManager, FactorySettingsComeFirst) {
   for (const std::uint8_t sub : {std::uint8_t{1}, std::uint8_t{2}}) {
@@ -507,4 +535,141 @@ TEST(DictionaryManager, FactorySettingsComeFirst) {
     EXPECT_EQ(slave.state(), NmtState::operational);
     EXPECT_EQ(rig.limit(3), sub == 1 ? 0U : 9U) << "1011h:02 is about communication parameters";
   }
+}
+
+// ---- 5F0Ah: what a live slave has comes into 1F20h ------------------------------------------------------------------
+
+namespace {
+
+constexpr std::uint16_t upload_object = 0x5F0A;
+constexpr std::uint32_t upld = 0x646C'7075;  // "upld", least significant byte first
+
+// The slaves of `MasterRig`, as their maker describes them.
+std::string slave_eds() {
+  const eds::File file = [] {
+    eds::File made;
+    made.description = slave_description();
+    made.info.file_name = "slave.eds";
+    return made;
+  }();
+  return eds::write(file, {}).text;
+}
+
+const std::shared_ptr<const od::Description>& describing_master(std::uint32_t longest_dcf) {
+  static std::map<std::uint32_t, std::shared_ptr<const od::Description>> made;
+  auto& description = made[longest_dcf];
+  if (description) return description;
+  od::DescriptionBuilder b;
+  device::add_device(b, {.name = "Master", .heartbeat_ms = 100});
+  add_manager_objects(b, {.most = 8, .startup = 0, .longest_dcf = longest_dcf, .longest_eds = 60'000});
+  return description = b.build();
+}
+
+}  // namespace
+
+TEST(DictionaryManager, AReplacementGetsWhatTheOldOneHad) {
+  MasterRig rig(1, 3, {}, describing_master(60'000));
+  rig.go();
+  ASSERT_EQ(rig.store_text(0x1F23, 1, slave_eds()), AbortCode::none);
+  // Somebody has set the machine up by hand.
+  ASSERT_TRUE(rig.get(rig.tool.write(NodeId(1), 0x2000, 0, std::uint32_t{77})));
+  ASSERT_EQ(rig.read<std::uint32_t>(upload_object, 1), 0U) << "none yet";
+  ASSERT_EQ(rig.write(upload_object, 1, upld), AbortCode::none);
+  ASSERT_TRUE(
+      rig.world.run_until([&] { return rig.manager->uploads().state(NodeId(1)) != UploadState::under_way; }, 20s));
+  ASSERT_EQ(rig.read<std::uint32_t>(upload_object, 1), 2U) << "done";
+  const auto dcf = rig.get(rig.tool.upload(NodeId(master_id), 0x1F20, 1));
+  ASSERT_TRUE(dcf);
+  const auto loaded = read_configuration(std::string(dcf->bytes().begin(), dcf->bytes().end()), "1F20h");
+  ASSERT_TRUE(loaded.usable());
+  const auto limit = std::ranges::find(loaded.configuration.settings, ObjectRef{0x2000, 0}, &Setting::object);
+  ASSERT_NE(limit, loaded.configuration.settings.end());
+  EXPECT_EQ(limit->value, od::Literal::number(77));
+  // Another one of its type comes in its place, with its maker's settings.
+  rig.stations[1]->off();
+  rig.world.run_for(2s);
+  auto& fresh = rig.stations[1];
+  fresh = std::make_unique<Station>(rig.world, rig.wire, 1, slave_description());
+  fresh->on();
+  ASSERT_TRUE(rig.world.run_until([&] { return fresh->state() == NmtState::operational; }, 30s));
+  EXPECT_EQ(rig.limit(1), 77U);
+  EXPECT_EQ(rig.limit(2), 0U) << "the others have none";
+}
+
+TEST(DictionaryManager, AnUploadedDcfCountsBeforeAConciseOne) {
+  od::DescriptionBuilder b;
+  device::add_device(b, {.name = "Master", .heartbeat_ms = 100});
+  add_manager_objects(b,
+                      {.most = 8, .startup = 0, .longest_concise = 200, .longest_dcf = 60'000, .longest_eds = 60'000});
+  MasterRig rig(1, 1, {}, b.build());
+  rig.go();
+  ASSERT_EQ(rig.store_text(0x1F23, 1, slave_eds()), AbortCode::none);
+  ASSERT_EQ(rig.store(0x1F22, 1, concise(60)), AbortCode::none);
+  ASSERT_EQ(rig.write(0x1F26, 1, std::uint32_t{9000}), AbortCode::none);
+  ASSERT_EQ(rig.write(0x1F27, 1, std::uint32_t{5}), AbortCode::none);
+  ASSERT_TRUE(rig.get(rig.tool.write(NodeId(1), 0x2000, 0, std::uint32_t{61})));
+  ASSERT_EQ(rig.write(upload_object, 1, upld), AbortCode::none);
+  ASSERT_TRUE(
+      rig.world.run_until([&] { return rig.manager->uploads().state(NodeId(1)) != UploadState::under_way; }, 20s));
+  ASSERT_EQ(rig.read<std::uint32_t>(upload_object, 1), 2U);
+  EXPECT_EQ(rig.read<std::uint32_t>(0x1F26, 1), 0U) << "the slave has no date, and 9000 was that of the concise one";
+  ASSERT_TRUE(rig.get(rig.tool.write(NodeId(1), 0x2000, 0, std::uint32_t{99})));
+  ASSERT_EQ(rig.write<std::uint8_t>(0x1F82, 1, 0x06), AbortCode::none);
+  ASSERT_TRUE(rig.world.run_until([&] { return rig.limit(1) == 61U; }, 20s)) << rig.limit(1);
+}
+
+// What does not fit as it is, is compressed; what does not fit so either has failed, and nothing is half stored.
+TEST(DictionaryManager, ADcfThatDoesNotFitIsCompressedOrRefused) {
+  for (const std::uint32_t room : {2'500U, 200U}) {
+    SCOPED_TRACE(room);
+    MasterRig rig(1, 1, {}, describing_master(room));
+    std::optional<Error> told;
+    rig.manager->uploads().observe([&](NodeId, const Result<void>& done) {
+      if (!done) told = done.error();
+    });
+    rig.go();
+    ASSERT_EQ(rig.store_text(0x1F23, 1, slave_eds()), AbortCode::none);
+    ASSERT_EQ(rig.write(upload_object, 1, upld), AbortCode::none);
+    ASSERT_TRUE(
+        rig.world.run_until([&] { return rig.manager->uploads().state(NodeId(1)) != UploadState::under_way; }, 20s));
+    const auto dcf = rig.get(rig.tool.upload(NodeId(master_id), 0x1F20, 1));
+    if (room > 1000) {
+      EXPECT_EQ(rig.read<std::uint8_t>(0x1F21, 1), stored_format::zlib);
+      ASSERT_TRUE(dcf);
+      EXPECT_LE(dcf->bytes().size(), room);
+      const auto text = unpack_stored(stored_format::zlib, dcf->bytes());
+      ASSERT_TRUE(text);
+      EXPECT_GT(text->size(), room);
+    } else {
+      EXPECT_EQ(rig.read<std::uint32_t>(upload_object, 1), 3U) << "failed";
+      ASSERT_TRUE(told);
+      EXPECT_EQ(told->code, Errc::mismatch);
+      EXPECT_FALSE(dcf) << "1F20h is as it was";
+    }
+  }
+}
+
+TEST(DictionaryManager, UploadsThatAreNotBegunOrFail) {
+  MasterRig rig(1, 3, {}, describing_master(60'000));
+  rig.go();
+  EXPECT_EQ(rig.write(upload_object, 1, upld + 1), AbortCode::not_stored);
+  EXPECT_EQ(rig.write(upload_object, 4, upld), AbortCode::invalid_value) << "not assigned";
+  EXPECT_EQ(rig.read<std::uint32_t>(upload_object, 0x80), od::refuse(AbortCode::write_only));
+  // Neither the manager nor the slave has its EDS.
+  EXPECT_EQ(rig.write(upload_object, 1, upld), AbortCode::none);
+  EXPECT_EQ(rig.read<std::uint32_t>(upload_object, 1), 3U);
+  // It leaves in the middle.
+  ASSERT_EQ(rig.store_text(0x1F23, 2, slave_eds()), AbortCode::none);
+  ASSERT_TRUE(rig.get(rig.tool.write(NodeId(master_id), upload_object, 2, upld)));
+  rig.stations[2]->off();
+  ASSERT_TRUE(
+      rig.world.run_until([&] { return rig.manager->uploads().state(NodeId(2)) != UploadState::under_way; }, 60s));
+  EXPECT_EQ(rig.read<std::uint32_t>(upload_object, 2), 3U);
+  EXPECT_FALSE(rig.get(rig.tool.upload(NodeId(master_id), 0x1F20, 2)));
+  // All at once: those that are there.
+  ASSERT_EQ(rig.store_text(0x1F23, 1, slave_eds()), AbortCode::none);
+  ASSERT_EQ(rig.store_text(0x1F23, 3, slave_eds()), AbortCode::none);
+  ASSERT_EQ(rig.write(upload_object, 0x80, upld), AbortCode::none);
+  ASSERT_TRUE(rig.world.run_until([&] { return rig.manager->uploads().state(NodeId(3)) == UploadState::done; }, 20s));
+  EXPECT_EQ(rig.read<std::uint32_t>(upload_object, 1), 2U);
 }

@@ -47,7 +47,7 @@ TEST(NetworkBoot, SlavesAreBootedSideBySide) {
 }
 
 // S5.12, 1F80h bit 1: one start for all, when the mandatory ones are ready; who is ready later is started by itself.
-TEST(NetworkBoot, OneStartForAll) {
+TEST(NetworkBoot, HC2_10_OneStartForAll) {
   NetworkRig rig;
   rig.plan.startup.starts_all_at_once = true;
   rig.add(1, true);
@@ -91,7 +91,7 @@ TEST(NetworkBoot, TheApplicationMakesTheMasterOperational) {
 }
 
 // 1F80h bit 3: the application starts the slaves.
-TEST(NetworkBoot, TheApplicationStartsTheSlaves) {
+TEST(NetworkBoot, HC2_10_TheApplicationStartsTheSlaves) {
   for (const bool all_at_once : {true, false}) {
     NetworkRig rig;
     rig.plan.startup.application_starts = true;
@@ -110,7 +110,7 @@ TEST(NetworkBoot, TheApplicationStartsTheSlaves) {
 }
 
 // S5.13, 1F81h bit 4: with a keep-alive slave every other node-ID is reset by itself, the master's not.
-TEST(NetworkBoot, AKeepAliveSlaveThatRunsIsLeftAlone) {
+TEST(NetworkBoot, HC2_10_AKeepAliveSlaveThatRunsIsLeftAlone) {
   NetworkRig rig;
   rig.add(1, true);
   auto& alive = rig.add(2, true);
@@ -151,7 +151,7 @@ TEST(NetworkBoot, AKeepAliveSlaveThatDoesNotRunIsResetOnce) {
 
 // S5.16: no answer, and mandatory: after the boot time (1F89h) the application is told which and why, and the startup
 // is stopped. The others are not started either.
-TEST(NetworkBoot, TheBootTimeRunsOutForASilentMandatorySlave) {
+TEST(NetworkBoot, HC2_10_TheBootTimeRunsOutForASilentMandatorySlave) {
   NetworkRig rig;
   rig.plan.startup.starts_all_at_once = true;
   rig.plan.boot_time = 5s;
@@ -204,7 +204,7 @@ TEST(NetworkBoot, TheBootTimeRunsOutForASlowMandatorySlave) {
 }
 
 // Boot time 0: a mandatory slave is waited for as long as it takes.
-TEST(NetworkBoot, WithoutABootTimeItWaits) {
+TEST(NetworkBoot, HC2_10_WithoutABootTimeItWaits) {
   NetworkRig rig;
   rig.add(1, true).off();
   rig.add(2);

@@ -77,7 +77,7 @@ std::vector<device::Preset> rules_for(std::uint32_t assignment, std::uint32_t so
 }  // namespace
 
 // S5.26: 1F55h against 1F56h, and the program of 1F58h when they differ and 1F81h bit 6 allows it.
-TEST(ProgramBoot, ABlankDeviceIsUpdatedAndStarted) {
+TEST(ProgramBoot, S5_2_ABlankDeviceIsUpdatedAndStarted) {
   const auto content = program_content(4'000, 1);
   UpdateRig rig(rules_for(updates, crc32(content)));
   rig.store(1, program_image(4'000, 1));

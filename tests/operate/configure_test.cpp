@@ -524,6 +524,26 @@ TEST(Configuration, HU_21_ADeviceThatGoesInTheMiddleIsNamedAndConfiguredWhenItCo
   }
 }
 
+// Its memory has lost the node-ID when it boots: it is bound anew, and configured.
+TEST(Configuration, ADeviceThatLosesItsNodeIdHalfWayIsBoundAndConfiguredAgain) {
+  for (const auto after : {1ms, 20ms, 60ms, 120ms, 250ms}) {
+    SCOPED_TRACE(after.count());
+    Rig rig(pumps({5}), plant_of(1));
+    rig.begin();
+    ASSERT_TRUE(rig.run_until([&] { return rig.state(5) == SlotState::configuring; }, 30s)) << rig.log();
+    rig.run_for(after);
+    auto& device = rig.device("p1");
+    device.power(false);
+    device.next_power_on().node_id = NodeId();
+    device.power(true);
+    rig.run_for(300ms);
+    ASSERT_FALSE(device.truth().active.configured());
+    ASSERT_TRUE(rig.until_operational(60s)) << rig.log();
+    expect_configured(rig, "p1", 5);
+    EXPECT_EQ(device.truth().persistent, NodeId(5));
+  }
+}
+
 // One beats no heart yet and is deaf while its values are compared. What failed is tried again, also where the bus has
 // devices that each look finds anew and each search ends with: two of one address.
 TEST(Configuration, WhatFailedIsTriedAgainBesideASearchThatNeverEnds) {

@@ -4,6 +4,8 @@
 
 #include <chrono>
 #include <cstdint>
+#include <fstream>
+#include <iterator>
 #include <optional>
 #include <string>
 #include <vector>
@@ -227,4 +229,86 @@ TEST(ManagerObjects, S5_24_CommandsAreRefusedWhereNoneCarriesThemOut) {
   Stranger stranger(rig);
   EXPECT_EQ(stranger.write(0x1023, 1, {'{', '}'}), 0x0800'0021U);
   EXPECT_EQ(stranger.read<std::uint8_t>(0x1023, 2), 0);
+}
+
+// ---- 1F20h and 5F0Ah ------------------------------------------------------------------------------------------------
+
+namespace {
+
+design::Machine two_pumps() {
+  design::Machine m = one_bus(250'000);
+  add_slot(m, 1, type_pump);
+  add_slot(m, 2, type_pump);
+  for (auto& slot : m.slots) {
+    slot.eds_path = example_eds("pump.eds");
+    slot.spec.replacement = places::Replacement::automatic;
+  }
+  m.slots[1].spec.config = example_eds("pump.dcf");
+  return m;
+}
+
+plant::PlantFile pumps() {
+  auto p = one_bus_plant(3);
+  for (const auto* const name : {"one", "two", "spare"}) {
+    add_device(p, name, type_pump, static_cast<std::uint32_t>(p.devices.size() + 1));
+  }
+  p.devices.back().plugged = false;
+  return p;
+}
+
+constexpr std::uint16_t upload_configuration = 0x5F0A;
+const std::vector<std::uint8_t> upld{'u', 'p', 'l', 'd'};
+constexpr ObjectRef upper_limit{0x2000, 1};
+
+}  // namespace
+
+// What was set by hand in a device that runs is what its replacement gets.
+TEST(ManagerObjects, AReplacementGetsWhatWasUploaded) {
+  Rig rig(two_pumps(), pumps());
+  rig.begin();
+  ASSERT_TRUE(rig.until_operational(60s)) << rig.log();
+  Stranger stranger(rig);
+  EXPECT_EQ(stranger.text(0x1F20, 1), "nothing") << "neither config = nor an upload";
+  EXPECT_EQ(stranger.read<std::uint32_t>(upload_configuration, 1), 0U);
+  const auto slot_of = [&](unsigned id) {
+    const auto seats = rig.seats();
+    return std::ranges::find(seats, id, &std::pair<unsigned, std::uint32_t>::first)->second;
+  };
+  const std::string sits = slot_of(1) == 1 ? "one" : "two";
+  auto& values = rig.device(sits).device().values();
+  const auto by_hand = static_cast<std::uint16_t>(values.get_or<std::uint16_t>(upper_limit, 0) + 7);
+  ASSERT_EQ(values.set(upper_limit, by_hand), od::AbortCode::none);
+  ASSERT_EQ(stranger.write(upload_configuration, 1, upld), 0U);
+  ASSERT_TRUE(rig.run_until([&] { return stranger.read<std::uint32_t>(upload_configuration, 1) != 1U; }, 60s));
+  ASSERT_EQ(stranger.read<std::uint32_t>(upload_configuration, 1), 2U) << rig.log();
+  const std::string dcf = stranger.text(0x1F20, 1);
+  EXPECT_NE(dcf.find("ParameterValue=" + std::to_string(by_hand)), std::string::npos) << dcf;
+  EXPECT_EQ(stranger.read<std::uint8_t>(0x1F21, 1), 0) << "plain text";
+  rig.device(sits).unplug();
+  ASSERT_TRUE(rig.run_until([&] { return rig.state(1) == SlotState::empty; }, 20s)) << rig.log();
+  rig.device("spare").plug();
+  ASSERT_TRUE(rig.until_operational(60s)) << rig.log();
+  EXPECT_EQ(slot_of(1), 3U);
+  EXPECT_EQ(rig.device("spare").device().values().get_or<std::uint16_t>(upper_limit, 0), by_hand) << rig.log();
+}
+
+TEST(ManagerObjects, TheDcfOfASlotAndUploadsThatAreRefused) {
+  Rig rig(two_pumps(), pumps());
+  rig.begin();
+  ASSERT_TRUE(rig.until_operational(60s)) << rig.log();
+  Stranger stranger(rig);
+  std::ifstream file(example_eds("pump.dcf"), std::ios::binary);
+  const std::string text((std::istreambuf_iterator<char>(file)), std::istreambuf_iterator<char>());
+  ASSERT_FALSE(text.empty());
+  EXPECT_EQ(stranger.text(0x1F20, 2), text) << "that of config =";
+  EXPECT_EQ(stranger.write(0x1F20, 2, {1, 2, 3, 4}), 0x0601'0002U) << "the machine file says it";
+  EXPECT_EQ(stranger.write(upload_configuration, 1, {'c', 'o', 'n', 'f'}), 0x0800'0020U);
+  EXPECT_EQ(stranger.write(upload_configuration, 3, upld), 0x0609'0030U) << "no slot";
+  // Nothing is read of a device that is not there, and what the slot wants stays.
+  rig.device(rig.seats()[1].second == 1 ? "one" : "two").unplug();
+  ASSERT_TRUE(rig.run_until([&] { return rig.state(2) == SlotState::empty; }, 20s)) << rig.log();
+  EXPECT_EQ(stranger.write(upload_configuration, 2, upld), 0U);
+  ASSERT_TRUE(rig.run_until([&] { return stranger.read<std::uint32_t>(upload_configuration, 2) != 1U; }, 60s));
+  EXPECT_EQ(stranger.read<std::uint32_t>(upload_configuration, 2), 3U);
+  EXPECT_EQ(stranger.text(0x1F20, 2), text);
 }

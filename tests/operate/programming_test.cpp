@@ -5,6 +5,8 @@
 #include <chrono>
 #include <functional>
 #include <string>
+#include <utility>
+#include <vector>
 
 #include <filesystem>
 
@@ -79,7 +81,10 @@ plant::PlantDevice& add_controller(plant::PlantFile& p, const std::string& name,
 // slot's node-ID stored.
 class Programming : public ::testing::Test {
  protected:
-  Programming() : rig_(machine(), plant()) {}
+  Programming() : Programming(places::Replacement::ask, "", true) {}
+  // `vacant`: the device of a slot of the same type, which is gone before the story begins; none where it is empty.
+  Programming(places::Replacement replacement, const std::string& vacant, bool spare_has_its_node_id)
+      : rig_(machine(replacement, vacant), plant(vacant, spare_has_its_node_id)), vacant_(vacant) {}
 
   // The slot's device leaves as soon as `now` holds, and the spare boots in its place.
   void change_places_when(std::function<bool(const ProgramEar&)> now, bool spare_comes = true) {
@@ -87,9 +92,10 @@ class Programming : public ::testing::Test {
     ASSERT_TRUE(rig_.until_operational(30s)) << rig_.log();
     rig_.kill();
     rig_.device("own").device().apply(co::NmtCommand::enter_pre_operational);
+    if (!vacant_.empty()) rig_.device(vacant_).unplug();
     rig_.run_for(1s);
     file_.become("controller-2.bprg");
-    ear_.asked = 0;
+    ear_.asked = ear_.controlled = ear_.downloads = 0;
     ear_.changed = [this, now = std::move(now), spare_comes] {
       if (changed_ || !now(ear_)) return;
       changed_ = true;
@@ -99,7 +105,7 @@ class Programming : public ::testing::Test {
       });
     };
     rig_.begin();
-    ASSERT_TRUE(rig_.run_until([&] { return changed_; }, 10s)) << rig_.log();
+    ASSERT_TRUE(rig_.run_until([&] { return changed_; }, 30s)) << rig_.log();
     rig_.run_for(60s);
   }
   // Once it has booted: its program, and that it runs.
@@ -119,21 +125,28 @@ class Programming : public ::testing::Test {
   ProgramFile file_;
   Rig rig_;
   ProgramEar ear_{rig_};
+  std::string vacant_;
   bool changed_ = false;
   static constexpr const char* as_it_came = "A2580ECF";
 
  private:
-  [[nodiscard]] design::Machine machine() const {
+  [[nodiscard]] design::Machine machine(places::Replacement replacement, const std::string& vacant) const {
     design::Machine m = one_bus(125'000);
     add_slot(m, 5, TypeCode{1, 0x60});
-    m.slots.back().spec.software.programs = {{.number = 1, .file = file_.path(), .identification = {}}};
+    if (!vacant.empty()) add_slot(m, 6, TypeCode{1, 0x60});
+    for (auto& slot : m.slots) {
+      slot.spec.replacement = replacement;
+      slot.spec.software.programs = {{.number = 1, .file = file_.path(), .identification = {}}};
+    }
     return m;
   }
-  [[nodiscard]] static plant::PlantFile plant() {
+  [[nodiscard]] static plant::PlantFile plant(const std::string& vacant, bool spare_has_its_node_id) {
     auto p = one_bus_plant(1);
     add_controller(p, "own", 1);
+    if (!vacant.empty()) add_controller(p, vacant, 2);
     auto& spare = add_controller(p, "spare", 99);
     spare.plugged = false;
+    if (!spare_has_its_node_id) return p;
     spare.source = plant::NodeIdSource::nonvolatile;
     spare.node_id = NodeId(5);
     return p;
@@ -180,4 +193,67 @@ TEST_F(Programming, ADeviceThatLeavesInTheMiddleIsAbsentAndProgrammedWhenItComes
   EXPECT_EQ(rig_.state(5), SlotState::absent) << rig_.log();
   rig_.device("own").plug();
   EXPECT_TRUE(rig_.until_operational(120s)) << rig_.log();
+}
+
+// `replacement = "auto"`: a device that leaves while it is programmed is as gone as one whose heartbeat stopped.
+namespace {
+
+using Seats = std::vector<std::pair<unsigned, std::uint32_t>>;
+
+struct Leaving {
+  const char* name;
+  std::function<bool(const ProgramEar&)> now;
+  bool spare_has_its_node_id = false;
+};
+void PrintTo(const Leaving& leaving, std::ostream* out) { *out << leaving.name; }
+
+class ExchangedWhileProgrammed : public Programming, public ::testing::WithParamInterface<Leaving> {
+ protected:
+  ExchangedWhileProgrammed() : Programming(places::Replacement::automatic, "", GetParam().spare_has_its_node_id) {}
+};
+
+// Beside a slot of the same type whose device was gone before.
+class ExchangedBesideAVacantSlot : public Programming {
+ protected:
+  ExchangedBesideAVacantSlot() : Programming(places::Replacement::automatic, "vacant", false) {}
+};
+
+bool is_stopped(const ProgramEar& ear) { return ear.controlled == 1; }
+bool is_cleared(const ProgramEar& ear) { return ear.controlled == 2; }
+bool is_loaded(const ProgramEar& ear) { return ear.downloads == 1; }
+
+}  // namespace
+
+INSTANTIATE_TEST_SUITE_P(Automatic, ExchangedWhileProgrammed,
+                         ::testing::Values(Leaving{"Stopped", is_stopped}, Leaving{"Cleared", is_cleared},
+                                           Leaving{"Loaded", is_loaded}, Leaving{"StoppedSameNodeId", is_stopped, true},
+                                           Leaving{"ClearedSameNodeId", is_cleared, true},
+                                           Leaving{"LoadedSameNodeId", is_loaded, true}),
+                         [](const auto& param) { return std::string(param.param.name); });
+
+TEST_P(ExchangedWhileProgrammed, TheSpareTakesTheSlotAndIsProgrammed) {
+  change_places_when(GetParam().now);
+  EXPECT_TRUE(rig_.run_until([&] { return rig_.state(5) == SlotState::operational; }, 120s)) << rig_.log();
+  EXPECT_EQ(rig_.seats(), (Seats{{5, 99}})) << rig_.log();
+  EXPECT_NE(spares_program(), as_it_came) << rig_.log();
+  EXPECT_EQ(rig_.device("spare").device().state(), NmtState::operational);
+}
+
+// No other comes: the slot is free, and its own device goes back there without a question.
+TEST_P(ExchangedWhileProgrammed, ItsSlotIsFreeAndItComesBack) {
+  change_places_when(GetParam().now, false);
+  EXPECT_EQ(rig_.state(5), SlotState::empty) << rig_.log();
+  rig_.device("own").plug();
+  EXPECT_TRUE(rig_.run_until([&] { return rig_.state(5) == SlotState::operational; }, 120s)) << rig_.log();
+  EXPECT_EQ(rig_.seats(), (Seats{{5, 1}}));
+}
+
+// One device for two free slots: a person says where. Neither slot keeps a device that is gone.
+TEST_F(ExchangedBesideAVacantSlot, WhichSlotTheSpareTakesIsAsked) {
+  change_places_when(is_loaded);
+  EXPECT_EQ(rig_.state(5), SlotState::question) << rig_.log();
+  EXPECT_EQ(rig_.state(6), SlotState::question) << rig_.log();
+  ASSERT_TRUE(rig_.network().replace("s5", rig_.device("spare").truth().address));
+  EXPECT_TRUE(rig_.run_until([&] { return rig_.state(5) == SlotState::operational; }, 120s)) << rig_.log();
+  EXPECT_NE(spares_program(), as_it_came);
 }

@@ -12,6 +12,7 @@
 #include <cstring>
 
 #include "tests/harness/kill_run.hpp"
+#include "tests/harness/take_over_run.hpp"
 
 using namespace berth;
 using namespace berth::harness;
@@ -98,12 +99,19 @@ std::vector<Point> points_of(Scenario scenario) {
     death.disk = k;
     points.push_back({PointKind::disk, death});
   }
-  for (const char* device : {"d1", "d2", "d3", "x"}) {
-    if (!KillWorld::has(scenario, device) || (departs && *device == 'd' && device[1] == '3')) continue;
+  struct Memory {
+    const char* device;
+    bool program = false;
+  };
+  for (const Memory memory : {Memory{"d1"}, Memory{"d2"}, Memory{"d3"}, Memory{"x"}, Memory{"d1", true}}) {
+    const std::string device = memory.device;
+    if (!KillWorld::has(scenario, device) || (departs && device == "d3")) continue;
+    if (memory.program && scenario != Scenario::programmed) continue;
     for (std::uint64_t byte = 0;; ++byte) {
       Death death;
       death.torn = byte;
       death.torn_device = device;
+      death.torn_program = memory.program;
       death.victim = byte % 2 == 0 ? Victim::device : Victim::both;
       KillWorld probe(scenario);
       if (!probe.live(death).struck) break;
@@ -220,14 +228,50 @@ Tally work(const Options& o, Scenario scenario, const std::vector<Point>& points
   return tally;
 }
 
-Tally work_side_by_side(const Options& o, Scenario scenario, const std::vector<Point>& points) {
+// ---- the standby takes over -----------------------------------------------------------------------------------------
+
+const char* const take_over_name = "take-over";
+
+std::vector<PointKind> take_over_points() {
+  TakeOverRun whole(small_image(older_program), small_image(wanted_program));
+  const std::string wrong = whole.go({});
+  if (wrong.empty()) return whole.trace();
+  std::printf("%s: the undisturbed run fails: %s\n%s\n", take_over_name, wrong.c_str(), whole.log().c_str());
+  std::exit(1);
+}
+
+Tally work_take_over(const Options& o, const std::vector<PointKind>& points, unsigned worker, unsigned workers) {
+  Tally tally;
+  for (std::uint64_t k = 0; k < points.size(); ++k) {
+    const bool mine = k % workers == worker && (!o.point || *o.point == k);
+    if (!mine) continue;
+    TakeOverRun run(small_image(older_program), small_image(wanted_program));
+    const std::string wrong = run.go(k);
+    const auto kind = static_cast<std::size_t>(points[k]);
+    ++tally.tried[kind];
+    tally.recovered[kind] += wrong.empty() ? 1U : 0U;
+    if (wrong.empty()) continue;
+    std::printf("FAILED: scenario %s, point %llu (%s): %s\n  replay: ./run kill --scenario %s --point %llu --show\n",
+                take_over_name, static_cast<unsigned long long>(k), name(points[k]), wrong.c_str(), take_over_name,
+                static_cast<unsigned long long>(k));
+    if (o.show) std::printf("%s\n", run.log().c_str());
+    std::fflush(stdout);
+  }
+  return tally;
+}
+
+// ---- all of it ------------------------------------------------------------------------------------------------------
+
+template <class Work>
+Tally side_by_side(const Options& o, const Work& work) {
+  if (o.workers == 1) return work(0U, 1U);
   std::vector<int> pipes;
   for (unsigned w = 0; w < o.workers; ++w) {
     int ends[2];
     if (pipe(ends) != 0) std::abort();
     std::fflush(stdout);
     if (fork() == 0) {
-      const Tally tally = work(o, scenario, points, w, o.workers);
+      const Tally tally = work(w, o.workers);
       const bool written = write(ends[1], &tally, sizeof tally) == static_cast<ssize_t>(sizeof tally);
       std::fflush(stdout);
       _exit(written ? 0 : 3);
@@ -270,6 +314,7 @@ bool print_table(const Tally& t) {
 }
 
 std::optional<int> scenario_named(const char* text) {
+  if (std::strcmp(take_over_name, text) == 0) return scenarios;
   for (int s = 0; s < scenarios; ++s) {
     if (std::strcmp(name(static_cast<Scenario>(s)), text) == 0) return s;
   }
@@ -317,7 +362,12 @@ int main(int argc, char** argv) {
     const auto scenario = static_cast<Scenario>(s);
     const std::vector<Point> points = points_of(scenario);
     std::printf("%s: %zu points\n", name(scenario), points.size());
-    total.add(o.workers == 1 ? work(o, scenario, points, 0, 1) : work_side_by_side(o, scenario, points));
+    total.add(side_by_side(o, [&](unsigned w, unsigned n) { return work(o, scenario, points, w, n); }));
+  }
+  if (!o.scenario || *o.scenario == scenarios) {
+    const auto points = take_over_points();
+    std::printf("%s: %zu points\n", take_over_name, points.size());
+    total.add(side_by_side(o, [&](unsigned w, unsigned n) { return work_take_over(o, points, w, n); }));
   }
   return print_table(total) ? 0 : 1;
 }

@@ -6,11 +6,10 @@
 #include <string>
 #include <vector>
 
-#include "berth/base/crc.hpp"
 #include "berth/base/random.hpp"
-#include "berth/device/program_image.hpp"
 #include "berth/operate/programming.hpp"
 #include "tests/harness/berths.hpp"
+#include "tests/harness/program_watch.hpp"
 #include "tests/worlds/seeds.hpp"
 
 using namespace berth;
@@ -51,35 +50,6 @@ plant::PlantFile plant_of(std::uint64_t seed) {
   return file;
 }
 
-// 0: none that is whole.
-std::uint32_t program_of(const plant::SimDevice& device) {
-  const auto& memory = device.device().programs()->memory();
-  const auto& program = memory.program(1);
-  std::vector<std::uint8_t> bytes(program.valid ? program.length : 0);
-  if (program.valid) memory.read(1, 0, bytes);
-  return program.valid ? crc32(bytes) : 0;
-}
-
-// No device is operational with anything but its slot's program.
-class ProgramJudge final : private plant::World::Observer {
- public:
-  ProgramJudge(plant::World& world, std::uint32_t right) : world_(world), right_(right) { world.add_observer(*this); }
-  ~ProgramJudge() { world_.remove_observer(*this); }
-  ProgramJudge(const ProgramJudge&) = delete;
-  ProgramJudge& operator=(const ProgramJudge&) = delete;
-  std::string wrong;
-
- private:
-  void plant_changed(const plant::SimDevice& device) noexcept override {
-    const bool runs = device.powered() && device.device().state() == NmtState::operational;
-    if (!runs) return;
-    const auto program = program_of(device);
-    if (program != right_) wrong += fmt::format("{} is operational with program {:08X}h\n", device.name(), program);
-  }
-  plant::World& world_;
-  std::uint32_t right_;
-};
-
 void something_happens(Random& random, Berths& berths) {
   const auto devices = berths.world().devices();
   auto& device = *devices[random.below(devices.size())];
@@ -113,8 +83,7 @@ void something_happens(Random& random, Berths& berths) {
   }
 }
 
-// Two new devices for one free slot, or a slot whose device was exchanged before it was missed: a person says which
-// device sits where.
+// Two new devices for one free slot: a person says which device sits where.
 void answer(Berths& berths) {
   if (berths.leads(0) == berths.leads(1)) return;
   auto& network = berths.network(berths.leads(0) ? 0 : 1);
@@ -143,7 +112,7 @@ TEST(ProgramsRandomWorlds, NothingRunsButTheSlotsProgram) {
     SCOPED_TRACE("seed " + std::to_string(seed));
     Random random(seed);
     Berths berths(machine(), plant_of(seed), {static_cast<std::uint8_t>(random.below(3)), 1});
-    ProgramJudge judge(berths.world(), image->identification);
+    ProgramWatch watch(berths.world(), image->identification);
     berths.begin(0);
     berths.begin(1);
     for (int step = 0; step < 10; ++step) {
@@ -176,7 +145,7 @@ TEST(ProgramsRandomWorlds, NothingRunsButTheSlotsProgram) {
       EXPECT_EQ(device->device().state(), NmtState::operational) << device->name() << "\n" << berths.log();
       EXPECT_EQ(program_of(*device), image->identification) << device->name();
     }
-    EXPECT_EQ(judge.wrong, "") << berths.log();
+    EXPECT_EQ(watch.failure(), "") << berths.log();
     EXPECT_TRUE(world.duplicates().empty());
     EXPECT_EQ(berths.second_starts, 0U) << berths.log();
   }

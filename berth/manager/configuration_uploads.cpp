@@ -1,0 +1,95 @@
+#include "berth/manager/configuration_uploads.hpp"
+
+#include <algorithm>
+
+#include "berth/eds/xdd.hpp"
+#include "berth/manager/configuration_upload.hpp"
+#include "berth/manager/stored_dcf.hpp"
+#include "berth/od/cia302.hpp"
+
+namespace berth::manager {
+
+namespace cia302 = od::cia302;
+using od::AbortCode;
+
+AbortCode ConfigurationUploads::request(std::uint8_t sub, std::uint32_t value) {
+  const bool node = sub >= 1 && sub <= 127;
+  if (!node && sub != cia302::all_nodes) return AbortCode::no_sub_index;
+  if (value != signature) return AbortCode::not_stored;
+  if (network_->phase() == NetworkBoot::Phase::off) return AbortCode::device_state;
+  const auto& slaves = network_->plan().slaves;
+  if (!node) {
+    const auto begun = std::ranges::count_if(slaves, [this](const NetworkSlave& slave) { return begin(slave); });
+    return begun > 0 ? AbortCode::none : AbortCode::device_state;
+  }
+  const auto slave = std::ranges::find(slaves, NodeId(sub), &NetworkSlave::node);
+  if (slave == slaves.end()) return AbortCode::invalid_value;
+  return begin(*slave) ? AbortCode::none : AbortCode::device_state;
+}
+
+void ConfigurationUploads::end() noexcept {
+  scope_.cancel();
+  for (auto& state : states_) {
+    if (state == State::under_way) state = State::failed;
+  }
+}
+
+bool ConfigurationUploads::begin(const NetworkSlave& slave) {
+  const auto* const status = network_->find(slave.node);
+  const bool boots = status == nullptr || status->phase == SlavePhase::booting || status->phase == SlavePhase::idle;
+  State& state = states_[slave.node.value()];
+  if (boots || state == State::under_way) return false;
+  state = State::under_way;
+  scope_.spawn(upload(slave.node, slave.target->objects()));
+  return true;
+}
+
+rt::Task<void> ConfigurationUploads::upload(NodeId node, co::SdoAccess& device) {
+  auto done = co_await upload_into(node, device);
+  states_[node.value()] = done ? State::done : State::failed;
+  if (callback_) callback_(node, done);
+}
+
+rt::Task<Result<void>> ConfigurationUploads::upload_into(NodeId node, co::SdoAccess& device) {
+  auto text = co_await eds_of(node, device);
+  if (!text) co_return fail(text.error());
+  const auto reading = eds::read_any(std::move(*text), "EDS");
+  if (!reading.usable()) co_return fail(Errc::invalid, "its EDS cannot be read");
+  const auto uploaded = co_await upload_configuration(device, reading.file, node);
+  if (!uploaded) co_return fail(uploaded.error());
+  co_return store(node, uploaded->dcf);
+}
+
+rt::Task<Result<std::string>> ConfigurationUploads::eds_of(NodeId node, co::SdoAccess& device) {
+  const auto kept = values_->bytes({cia302::store_eds, node.value()});
+  if (!kept.empty()) {
+    co_return unpack_stored(values_->get_or<std::uint8_t>({cia302::eds_format, node.value()}, stored_format::ascii),
+                            kept);
+  }
+  co_return co_await read_own_eds(device);
+}
+
+Result<void> ConfigurationUploads::store(NodeId node, const std::string& dcf) {
+  const std::uint8_t sub = node.value();
+  const auto loaded = read_configuration(dcf, "1F20h");
+  if (!loaded.usable()) return fail(Errc::invalid, "what was read of it makes no DCF");
+  auto format = values_->get_or<std::uint8_t>({cia302::dcf_format, sub}, stored_format::ascii);
+  const std::vector<std::uint8_t> plain(dcf.begin(), dcf.end());
+  const bool as_it_is = format == stored_format::ascii &&
+                        values_->set_bytes({cia302::store_dcf, sub}, plain) == AbortCode::none;
+  if (!as_it_is) {
+    format = stored_format::zlib;
+    const auto stored = values_->set_bytes({cia302::store_dcf, sub}, pack_stored(dcf));
+    if (stored != AbortCode::none) return fail(Errc::mismatch, "1F20h has no room for its DCF");
+  }
+  static_cast<void>(values_->set({cia302::dcf_format, sub}, format));
+  // The objects that this manager does not have refuse, and that is as good.
+  constexpr std::array<std::uint8_t, 4> empty{};
+  static_cast<void>(values_->set_bytes({cia302::concise_dcf, sub}, empty));
+  const ConfigurationDate& date = loaded.configuration.date;
+  static_cast<void>(values_->set({cia302::configuration_date, sub}, date.days));
+  static_cast<void>(values_->set({cia302::configuration_time, sub}, date.ms));
+  return {};
+}
+
+}  // namespace berth::manager
