@@ -75,8 +75,8 @@ Result<void> ConfigurationUploads::store(NodeId node, const std::string& dcf) {
   if (!loaded.usable()) return fail(Errc::invalid, "what was read of it makes no DCF");
   auto format = values_->get_or<std::uint8_t>({cia302::dcf_format, sub}, stored_format::ascii);
   const std::vector<std::uint8_t> plain(dcf.begin(), dcf.end());
-  const bool as_it_is = format == stored_format::ascii &&
-                        values_->set_bytes({cia302::store_dcf, sub}, plain) == AbortCode::none;
+  const bool as_it_is =
+      format == stored_format::ascii && values_->set_bytes({cia302::store_dcf, sub}, plain) == AbortCode::none;
   if (!as_it_is) {
     format = stored_format::zlib;
     const auto stored = values_->set_bytes({cia302::store_dcf, sub}, pack_stored(dcf));

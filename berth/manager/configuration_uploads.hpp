@@ -29,8 +29,8 @@ class ConfigurationUploads {
   ConfigurationUploads(rt::Executor& executor, NetworkBoot& network, od::Values& values) noexcept
       : network_(&network), values_(&values), scope_(executor, most_at_once) {}
 
-  /// Told when an upload has ended. Errors: those of SDO and `upload_configuration`; those of `read_own_eds`; Errc::invalid
-  /// an EDS that cannot be read; Errc::mismatch 1F20h has no room for the DCF. May be empty.
+  /// Told when an upload has ended. Errors: those of SDO and `upload_configuration`; those of `read_own_eds`;
+  /// Errc::invalid an EDS that cannot be read; Errc::mismatch 1F20h has no room for the DCF. May be empty.
   void observe(std::function<void(NodeId, const Result<void>&)> callback) { callback_ = std::move(callback); }
 
   /// What the SDO client is answered; the upload begins behind that. 0800 0020: not the signature. 0800 0022: this
