@@ -342,6 +342,26 @@ TEST(SdoGatewayLength, AnyLengthInAnyMode) {
   }
 }
 
+// S3.23, S3.26: beneath, it takes four times as long. The end is confirmed when the node has all, and not when the
+// gateway has room again.
+TEST(SdoGatewayLength, TheNodeBeneathConfirmsTheEnd) {
+  for (const auto mode : {co::SdoMode::segmented, co::SdoMode::block}) {
+    Chain chain(1, {}, 125'000);
+    co::SdoOptions options;
+    options.mode = mode;
+    Routes routes(*chain.client, options);
+    auto& access = routes.access(chain.path);
+    for (const std::size_t length : {1700U, 1800U, 2400U, 3000U, 4000U, 9000U}) {
+      SCOPED_TRACE(std::to_string(length) + " mode " + std::to_string(static_cast<int>(mode)));
+      const auto bytes = numbers(length, length);
+      const auto done = await(chain.world, access.write(0x2004, 0, bytes));
+      ASSERT_TRUE(done) << describe(done.error());
+      const auto stored = chain.leaf->device.values().bytes({0x2004, 0});
+      EXPECT_EQ(Bytes(stored.begin(), stored.end()), bytes);
+    }
+  }
+}
+
 // Data whose command never came (its client gave up) are not taken for those of the next download.
 TEST_F(WithLeaf, DataOfAnotherDownload) {
   EXPECT_EQ(ask("2F305F0005000000"), "60305F0000000000");

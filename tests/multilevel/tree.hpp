@@ -139,8 +139,11 @@ struct Gateway {
 
 /// Gateways one beneath the other, a leaf (node 50) on the lowest bus, a client on the uppermost.
 struct Chain {
-  explicit Chain(unsigned depth, const SdoGatewayOptions& options = {}) {
-    for (unsigned i = 0; i <= depth; ++i) lines.push_back(std::make_unique<Line>(world, "bus" + std::to_string(i)));
+  explicit Chain(unsigned depth, const SdoGatewayOptions& options = {}, std::uint32_t lowest_rate = 500'000) {
+    for (unsigned i = 0; i <= depth; ++i) {
+      const std::uint32_t rate = i == depth ? lowest_rate : 500'000;
+      lines.push_back(std::make_unique<Line>(world, "bus" + std::to_string(i), rate));
+    }
     for (unsigned i = 0; i < depth; ++i) {
       SdoGatewayOptions mine = options;
       mine.levels_beneath = depth - 1 - i;
