@@ -160,6 +160,7 @@ TEST(Behaviour, AScriptThatWantsMemoryEndsInAnEmcy) {
   const std::string why = "the script wants more than 1024 KiB of memory";
   expect_end("x = string.rep('x', 1 << 30)", why);
   expect_end("pcall(string.rep, 'x', 1 << 30)", why);
+  expect_end("pcall(string.rep, 'x', 1 << 20)", why);  // costs few instructions
 }
 
 TEST(Behaviour, AScriptThatThrowsEndsInAnEmcy) {
