@@ -127,6 +127,7 @@ struct Watch final : can::Tap {
     if (request && (f.data[0] & 0xE0U) == 0x20) {
       ++writes;
       if (index == 0x1010) ++savings;
+      if (index == 0x1011) ++restorings;
     }
     if (request && f.data[0] == 0x40 && index == 0x1017) ++heartbeat_reads;
     const bool start = f.id == 0 && f.size == 2 && f.data[0] == 1 && (f.data[1] == id_ || f.data[1] == 0);
@@ -135,6 +136,7 @@ struct Watch final : can::Tap {
   unsigned writes = 0;
   unsigned heartbeat_reads = 0;
   unsigned savings = 0;
+  unsigned restorings = 0;
   unsigned starts = 0;
   unsigned savings_before_start = 0;
 
@@ -247,6 +249,38 @@ TEST(Configuration, ASpareThatBootsWhileOthersAreBoundIsNotConfigured) {
   EXPECT_EQ(watch.savings, 0U) << rig.log();
   EXPECT_EQ(watch.starts, 0U) << rig.log();
   EXPECT_EQ(record(rig, 5)->device.serial, 1U);
+}
+
+// The same, and the slot's device was to get its factory settings: the spare keeps its own.
+TEST(Configuration, ASpareThatBootsWhileOthersAreBoundIsNotRestored) {
+  auto machine = pumps({5});
+  add_slot(machine, 6, type_b);
+  auto plant = plant_of(1);
+  auto& slow = add_device(plant, "slow", type_b, 1);
+  slow.storing.time = 2s;
+  slow.plugged = false;
+  auto& spare = add_pump(plant, "spare", 99);
+  spare.plugged = false;
+  spare.source = plant::NodeIdSource::nonvolatile;
+  spare.node_id = NodeId(5);
+  Rig rig(machine, plant);
+  rig.begin();
+  ASSERT_TRUE(rig.run_until([&] { return rig.state(5) == SlotState::operational; }, 30s)) << rig.log();
+  rig.kill();
+  rig.device("p1").device().apply(co::NmtCommand::enter_pre_operational);
+  rig.device("slow").plug();
+  rig.run_for(1s);
+  ASSERT_TRUE(rig.store().mark(places::Mark::restore, record(rig, 5)->device, NodeId(5), "a person said so"));
+  const Watch watch(rig, 5);
+  rig.begin();
+  ASSERT_TRUE(rig.run_until([&] { return rig.state(6) == SlotState::binding; }, 30s)) << rig.log();
+  ASSERT_EQ(rig.state(5), SlotState::present) << rig.log();
+  rig.device("p1").unplug();
+  rig.device("spare").plug();
+  ASSERT_TRUE(rig.run_until([&] { return rig.state(6) == SlotState::operational; }, 30s)) << rig.log();
+  rig.run_for(20s);
+  EXPECT_EQ(watch.restorings, 0U) << rig.log();
+  EXPECT_EQ(watch.starts, 0U) << rig.log();
 }
 
 // It leaves when it is asked for its heartbeat, before anything else of its configuration; the spare hears the repeated

@@ -2,6 +2,7 @@
 #include <gtest/gtest.h>
 #include <unistd.h>
 #include <algorithm>
+#include <array>
 #include <chrono>
 #include <cstdint>
 #include <string>
@@ -110,6 +111,22 @@ TEST(PlantWorld, DevicesBootAndAnswerAsThePlanSays) {
   EXPECT_EQ(truth[1].persistent, NodeId(3));
   EXPECT_EQ(truth[1].state, NmtState::pre_operational);
   EXPECT_EQ(truth[1].bit_rate, 250'000U);
+}
+
+// LSS: 04 01 all into configuration, 11h, and then 17h: each node-ID of the truth by itself.
+TEST(PlantWorld, TheTruthHasTheActiveThePendingAndThePersistentNodeId) {
+  Scene s(plant({device("a", 6, 3)}));
+  s.run(milliseconds(50));
+  const auto ids = [&] {
+    const auto truth = s["a"].truth();
+    return std::array{truth.active, truth.pending, truth.persistent};
+  };
+  EXPECT_EQ(ids(), (std::array{NodeId(3), NodeId(3), NodeId(3)}));
+  s.ask("7E5#0401000000000000");
+  s.ask("7E5#1109000000000000");
+  EXPECT_EQ(ids(), (std::array{NodeId(3), NodeId(9), NodeId(3)}));
+  s.ask("7E5#1700000000000000", milliseconds(500));
+  EXPECT_EQ(ids(), (std::array{NodeId(3), NodeId(9), NodeId(9)}));
 }
 
 TEST(PlantWorld, UnplugPowerAndReset) {
