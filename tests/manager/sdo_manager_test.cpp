@@ -230,6 +230,26 @@ TEST(SdoManager, Refusals) {
   EXPECT_EQ(rig.manager->connections().free(), 46U);
 }
 
+// A node whose client channels cannot be written.
+struct Refusing final : od::Hook {
+  od::AbortCode writing(const od::Values&, ObjectRef, std::span<const std::uint8_t>) noexcept override {
+    return od::AbortCode::device_state;
+  }
+};
+
+TEST(SdoManager, AConnectionThatFailsLeavesNothing) {
+  Refusing refusing;
+  SdoRig rig;
+  rig.peers.at(1)->device.values().attach(refusing, client_base, client_base + channels - 1);
+  const auto refused = rig.connect_now(1, 2);
+  ASSERT_FALSE(refused);
+  EXPECT_EQ(refused.error().code, Errc::aborted);
+  EXPECT_FALSE(rig.cob_id(2, server_base, 1).valid()) << "the server's end was written first";
+  EXPECT_EQ(rig.ends(), 0U);
+  EXPECT_EQ(rig.manager->connections().free(), 47U) << "kept: the client may have it until it is read";
+  EXPECT_TRUE(rig.connect_now(3, 2)) << "the server has its channel again";
+}
+
 TEST(SdoManager, NoCanIdIsLeft) {
   SdoRig rig(3, {.pool = {0x680, 0x681}, .heartbeat = 350ms});
   ASSERT_TRUE(rig.connect_now(1, 2));
