@@ -204,6 +204,7 @@ rt::Task<Result<void>> Beneath::put_list(const manager::Wanted& list, std::vecto
 rt::Task<Result<void>> Beneath::bring_up() {
   brings_up_ = true;
   up_ = true;
+  has_list_ = false;
   const manager::Wanted whole = list();
   co::SdoAccess& master = access(bus_.master);
   const bool has_it = co_await has_list(master, whole);
@@ -214,6 +215,8 @@ rt::Task<Result<void>> Beneath::bring_up() {
     if (!place.spec.optional) nodes.push_back(place.spec.id);
   }
   if (done) done = co_await put_list(whole, nodes);
+  has_list_ = done.has_value();
+  again_at_ = executor_.now() + patience;
   if (done) done = co_await await_operational();
   if (done && has_it) done = co_await bring_up_all(executor_, deeper_);
   brings_up_ = false;
@@ -271,7 +274,10 @@ rt::Task<void> Beneath::watch() {
     const rt::Time deadline = executor_.now() + period;
     const auto wake = co_await wakes_.next(deadline);
     if (brings_up_ || places_.empty()) continue;
-    if (up_) {
+    if (up_ && !has_list_ && executor_.now() >= again_at_) {
+      const auto done = co_await bring_up();
+      again_at_ = executor_.now() + (done ? rt::Duration(0) : patience);
+    } else if (up_) {
       const auto told = wake;
       co_await look_around(told);
     } else if (gateway_runs_ && gateway_runs_()) {
@@ -313,7 +319,7 @@ rt::Task<void> Beneath::adopt() {
         "its gateway runs with another network list than this machine file's: it gets the new one when the "
         "gateway boots");
   }
-  up_ = true;
+  up_ = has_list_ = true;
 }
 
 rt::Task<Result<void>> Beneath::look_at(Place& place, bool settled) {

@@ -110,6 +110,8 @@ class Beneath {
   bool up_ = false;                 // it was brought up
   bool was_operational_ = false;
   bool brings_up_ = false;
+  bool has_list_ = false;  // its gateway, as far as is known; one that could not get it in time is tried again
+  rt::Time again_at_{};
   bool was_reset_ = false;  // its gateway, because it missed nodes of a list that it had
   rt::Scope scope_;
 };
