@@ -77,6 +77,13 @@ class Beneath {
     places::SlotSpec spec;
     SlotReport now;
     bool identified = false;  // since it became operational
+    rt::Time booted_again{};  // the last time
+
+    // Its boot-up has failed, by lost frames say: a master need not try again by itself.
+    [[nodiscard]] bool left_lying(rt::Time at) const noexcept {
+      constexpr rt::Duration long_enough = std::chrono::seconds(15);
+      return at - std::max(now.since, booted_again) > long_enough;
+    }
   };
   /// `nodes`: those that its master must know when it uses the list.
   rt::Task<Result<void>> put_list(const manager::Wanted& list, std::vector<NodeId> nodes);
