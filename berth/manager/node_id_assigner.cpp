@@ -76,6 +76,9 @@ rt::Task<Result<void>> NodeIdAssigner::search() {
   options.assigner = this;
   options.store = true;
   options.confirm = true;
+  // A device that was given its node-ID when this master was reset waits for this to use it, and answers no search.
+  const auto released = co_await lss_.switch_global(lss::State::waiting);
+  if (!released) co_return fail(released.error());
   const auto anybody = co_await methods_.anybody(options);
   if (!anybody) co_return fail(anybody.error());
   if (!*anybody) co_return Result<void>{};

@@ -10,6 +10,8 @@ constexpr std::uint8_t upload = 0x40;
 constexpr std::uint8_t segmented_download = 0x20;
 constexpr std::uint8_t block_download = 0xC4;  // with CRC
 constexpr auto no_node = static_cast<std::uint32_t>(od::AbortCode::device_state);
+constexpr unsigned most_again = 3;  // each time another gateway on the way may be found that was reset
+constexpr auto no_data = static_cast<std::uint32_t>(od::AbortCode::no_data);
 
 }  // namespace
 
@@ -30,11 +32,13 @@ Error GatewayAccess::about(const Error& error, ObjectRef object) const noexcept 
   return told;
 }
 
-// The gateway has lost what this client wrote: a reset.
-bool GatewayAccess::forgot(const Error& error) noexcept {
-  if (error.code != Errc::aborted || error.detail != no_node || error.index != objects_.command.index) return false;
-  line_->selected = NodeId();
-  return true;
+// A gateway on the way has lost what this client wrote, by a reset: this one or one beneath it, whose abort code comes
+// through this one. So none is taken to know its node-ID any more, and only the access to the node itself is tried
+// again, from its beginning.
+bool GatewayAccess::try_again(const Error& error, ObjectRef object) noexcept {
+  const bool lost = error.code == Errc::aborted && (error.detail == no_node || error.detail == no_data);
+  if (lost) line_->selected = NodeId();
+  return lost && !SdoGatewayObjects::contain(object);
 }
 
 rt::Task<Result<void>> GatewayAccess::select() {
@@ -54,15 +58,12 @@ rt::Task<Result<void>> GatewayAccess::command(std::uint8_t specifier, ObjectRef 
   co_return done;
 }
 
-rt::Task<Result<void>> GatewayAccess::ask(ObjectRef object) {
+rt::Task<Result<co::SdoValue>> GatewayAccess::fetch(ObjectRef object, std::size_t most) {
   auto done = co_await select();
-  if (!done) co_return done;
-  done = co_await command(upload, object);
-  if (done || !forgot(done.error())) co_return done;
-  done = co_await select();
-  if (!done) co_return done;
-  done = co_await command(upload, object);
-  co_return done;
+  if (done) done = co_await command(upload, object);
+  if (!done) co_return fail(done.error());
+  auto value = co_await gateway_->read_up_to(objects_.data.index, objects_.data.sub, most);
+  co_return value;
 }
 
 rt::Task<Result<co::SdoValue>> GatewayAccess::read(std::uint16_t index, std::uint8_t sub) {
@@ -75,11 +76,11 @@ rt::Task<Result<co::SdoValue>> GatewayAccess::read_up_to(std::uint16_t index, st
   const ObjectRef object{index, sub};
   co_await line_->turn.take();
   const rt::Held held(line_->turn);
-  const auto asked = co_await ask(object);
-  if (!asked) co_return fail(about(asked.error(), object));
-  auto value = co_await gateway_->read_up_to(objects_.data.index, objects_.data.sub, most);
-  if (!value) co_return fail(about(value.error(), object));
-  co_return value;
+  for (unsigned attempt = 0;; ++attempt) {
+    auto value = co_await fetch(object, most);
+    if (value) co_return value;
+    if (!try_again(value.error(), object) || attempt == most_again) co_return fail(about(value.error(), object));
+  }
 }
 
 // The data first, then the command: its answer is the node's.
@@ -113,7 +114,7 @@ rt::Task<Result<void>> GatewayAccess::write(std::uint16_t index, std::uint8_t su
     auto task = is_short ? write_short(object, data) : write_long(object, data);
     const auto done = co_await task;
     if (done) co_return Result<void>();
-    if (attempt > 0 || !forgot(done.error())) co_return fail(about(done.error(), object));
+    if (!try_again(done.error(), object) || attempt == most_again) co_return fail(about(done.error(), object));
   }
 }
 

@@ -44,11 +44,11 @@ class GatewayAccess final : public co::SdoAccess {
  private:
   rt::Task<Result<void>> select();
   rt::Task<Result<void>> command(std::uint8_t specifier, ObjectRef object);
-  rt::Task<Result<void>> ask(ObjectRef object);
+  rt::Task<Result<co::SdoValue>> fetch(ObjectRef object, std::size_t most);
   rt::Task<Result<void>> write_short(ObjectRef object, std::span<const std::uint8_t> data);
   rt::Task<Result<void>> write_long(ObjectRef object, std::span<const std::uint8_t> data);
   [[nodiscard]] Error about(const Error& error, ObjectRef object) const noexcept;
-  [[nodiscard]] bool forgot(const Error& error) noexcept;
+  [[nodiscard]] bool try_again(const Error& error, ObjectRef object) noexcept;
 
   GatewayLine* line_;
   co::SdoAccess* gateway_;

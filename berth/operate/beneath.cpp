@@ -54,6 +54,15 @@ rt::Task<Result<void>> bring(co::SdoAccess& master, const manager::Wanted& list,
   co_return Result<void>{};
 }
 
+// By 1F82h of the master of that bus. A slave's boot-up message makes it boot that slave.
+rt::Task<Result<void>> reset_by(co::SdoAccess& master, NodeId node) {
+  const std::array<std::uint8_t, 1> value{manager::request_value(co::NmtCommand::reset_node)};
+  const std::span<const std::uint8_t> data = value;
+  const std::uint8_t sub = node.value();
+  const auto done = co_await master.write(od::cia302::request_nmt, sub, data);
+  co_return done;
+}
+
 // A master whose list is not in use yet has none of its nodes. One that does not answer is not asked on.
 rt::Task<bool> has_all(co::SdoAccess& master, const std::vector<NodeId>& nodes) {
   for (const NodeId node : nodes) {
@@ -196,14 +205,13 @@ rt::Task<Result<void>> Beneath::put_list(const manager::Wanted& list, std::vecto
     events_.tell(EventKind::step, "", "its gateway has a new network list");
   }
   // Who is reset is itself: its bus boots behind it.
-  const std::array<std::uint8_t, 1> value{manager::request_value(co::NmtCommand::reset_node)};
-  const std::span<const std::uint8_t> data = value;
-  co_return co_await master.write(od::cia302::request_nmt, bus_.master.value(), data);
+  co_return co_await reset_by(master, bus_.master);
 }
 
 rt::Task<Result<void>> Beneath::bring_up() {
   brings_up_ = true;
   up_ = true;
+  has_list_ = false;
   const manager::Wanted whole = list();
   co::SdoAccess& master = access(bus_.master);
   const bool has_it = co_await has_list(master, whole);
@@ -214,6 +222,8 @@ rt::Task<Result<void>> Beneath::bring_up() {
     if (!place.spec.optional) nodes.push_back(place.spec.id);
   }
   if (done) done = co_await put_list(whole, nodes);
+  has_list_ = done.has_value();
+  again_at_ = executor_.now() + patience;
   if (done) done = co_await await_operational();
   if (done && has_it) done = co_await bring_up_all(executor_, deeper_);
   brings_up_ = false;
@@ -271,7 +281,10 @@ rt::Task<void> Beneath::watch() {
     const rt::Time deadline = executor_.now() + period;
     const auto wake = co_await wakes_.next(deadline);
     if (brings_up_ || places_.empty()) continue;
-    if (up_) {
+    if (up_ && !has_list_ && executor_.now() >= again_at_) {
+      const auto done = co_await bring_up();
+      again_at_ = executor_.now() + (done ? rt::Duration(0) : patience);
+    } else if (up_) {
       const auto told = wake;
       co_await look_around(told);
     } else if (gateway_runs_ && gateway_runs_()) {
@@ -313,7 +326,7 @@ rt::Task<void> Beneath::adopt() {
         "its gateway runs with another network list than this machine file's: it gets the new one when the "
         "gateway boots");
   }
-  up_ = true;
+  up_ = has_list_ = true;
 }
 
 rt::Task<Result<void>> Beneath::look_at(Place& place, bool settled) {
@@ -328,7 +341,14 @@ rt::Task<Result<void>> Beneath::look_at(Place& place, bool settled) {
       set_state(place, SlotState::operational);
       break;
     case static_cast<std::uint8_t>(NmtState::stopped): set_state(place, SlotState::present, "stopped"); break;
-    case static_cast<std::uint8_t>(NmtState::pre_operational): set_state(place, SlotState::present); break;
+    case static_cast<std::uint8_t>(NmtState::pre_operational):
+      set_state(place, SlotState::present);
+      if (has_list_ && place.left_lying(executor_.now())) {
+        place.booted_again = executor_.now();
+        events_.tell(EventKind::step, place.now.name, "was not started by its gateway's master: it is reset");
+        co_return co_await reset_by(master, place.spec.id);
+      }
+      break;
     default:
       if (!settled) break;
       if (place.now.device) {

@@ -77,6 +77,13 @@ class Beneath {
     places::SlotSpec spec;
     SlotReport now;
     bool identified = false;  // since it became operational
+    rt::Time booted_again{};  // the last time
+
+    // Its boot-up has failed, by lost frames say: a master need not try again by itself.
+    [[nodiscard]] bool left_lying(rt::Time at) const noexcept {
+      constexpr rt::Duration long_enough = std::chrono::seconds(15);
+      return at - std::max(now.since, booted_again) > long_enough;
+    }
   };
   /// `nodes`: those that its master must know when it uses the list.
   rt::Task<Result<void>> put_list(const manager::Wanted& list, std::vector<NodeId> nodes);
@@ -110,6 +117,8 @@ class Beneath {
   bool up_ = false;                 // it was brought up
   bool was_operational_ = false;
   bool brings_up_ = false;
+  bool has_list_ = false;  // its gateway, as far as is known; one that could not get it in time is tried again
+  rt::Time again_at_{};
   bool was_reset_ = false;  // its gateway, because it missed nodes of a list that it had
   rt::Scope scope_;
 };

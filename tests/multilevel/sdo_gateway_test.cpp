@@ -545,6 +545,32 @@ TEST(SdoGatewayDepth, AGatewayRestarts) {
   }
 }
 
+// The lowest one restarts while others have been spoken to through the same gateways: its abort code is not taken for
+// that of a gateway above it.
+TEST(SdoGatewayDepth, ADeepGatewayRestartsBetweenAccessesToOthers) {
+  Chain chain(3);
+  Leaf other(chain.world, *chain.lines[1], 60);
+  Routes routes(*chain.client);
+  Path beside{{chain.path.gateways.front()}, NodeId(60)};
+  for (const bool writes : {false, true}) {
+    EXPECT_EQ(*await(chain.world, routes.access(chain.path).read_u32(0x1000, 0)), 0x0002'0192U);
+    EXPECT_EQ(*await(chain.world, routes.access(beside).read_u32(0x1000, 0)), 0x0002'0192U);
+    chain.gateways[2]->upper.power_on();
+    chain.world.run_for(50ms);
+    if (writes) {
+      ASSERT_TRUE(await(chain.world, routes.access(chain.path).write_u32(0x2002, 0, 78)));
+      EXPECT_EQ(chain.leaf->device.values().get<std::uint32_t>({0x2002, 0}), 78U);
+    } else {
+      const auto value = await(chain.world, routes.access(chain.path).read_u32(0x1000, 0));
+      ASSERT_TRUE(value) << describe(value.error());
+    }
+  }
+  // All of them at once.
+  for (auto& gateway : chain.gateways) gateway->upper.power_on();
+  chain.world.run_for(50ms);
+  EXPECT_EQ(*await(chain.world, routes.access(chain.path).read_u32(0x1000, 0)), 0x0002'0192U);
+}
+
 // In the middle of a long transfer: that one fails, the next one works.
 TEST(SdoGatewayDepth, AGatewayRestartsInMidTransfer) {
   for (const unsigned which : {0U, 1U}) {
