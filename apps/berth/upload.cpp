@@ -8,6 +8,7 @@
 #include "berth/text/quantity.hpp"
 #include "machine_file.hpp"
 #include "request_verb.hpp"
+#include "sdo.hpp"
 #include "single.hpp"
 #include "verbs.hpp"
 #include "whole_files.hpp"
@@ -54,7 +55,8 @@ int run_upload(const Options& given, const UploadOptions& wanted) {
   Json json = Json::parse(reply->json);
   const auto target = target_of(options, wanted, json);
   if (!target) return tell(target.error(), options.json);
-  const std::string text = json.at("dcf").get<std::string>();
+  const auto bytes = bytes_of(json.at("dcf").get<std::string>());
+  const std::string text(bytes.begin(), bytes.end());
   json.erase("dcf");
   json["file"] = *target;
   json["written"] = !wanted.dry_run;

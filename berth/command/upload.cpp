@@ -28,6 +28,19 @@ std::string change_line(const manager::Difference& d) {
                      manager::print_value(d.type, d.wanted));
 }
 
+// A description may be in Windows-1252, and JSON is UTF-8: the bytes, as `sdo read` gives those of a value.
+std::string in_hex(const std::string& bytes) {
+  constexpr std::string_view digits = "0123456789ABCDEF";
+  constexpr unsigned nibble = 4;
+  std::string hex;
+  hex.reserve(2 * bytes.size());
+  for (const unsigned char byte : bytes) {
+    hex += digits[byte >> nibble];
+    hex += digits[byte & 0x0FU];
+  }
+  return hex;
+}
+
 }  // namespace
 
 rt::Task<void> upload(Session& session, const Request& request, Reply& reply) {
@@ -70,7 +83,7 @@ rt::Task<void> upload(Session& session, const Request& request, Reply& reply) {
     json["changes"].push_back(change_json(d));
     lines.push_back(change_line(d));
   }
-  if (whole) json["dcf"] = done->uploaded.dcf;
+  if (whole) json["dcf"] = in_hex(done->uploaded.dcf);
   give(reply, json, std::move(lines));
 }
 

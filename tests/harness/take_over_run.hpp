@@ -82,13 +82,13 @@ class TakeOverRun final : private plant::World::Observer {
     plant::PlantFile p = one_bus_plant(7);
     add_device(p, "pump", type_pump, 0x11);
     auto& controller = add_device(p, "controller", type_controller, 0x22);
-    add_device(p, "sensor", type_b, 0x33);
     auto& programs = controller.storing.programs;
     programs.count = 1;
     programs.size = programs.sector = 256;
     programs.erase = 4ms;
     programs.write = 20us;
     programs.loaded = programs.loaded_path = older;
+    add_device(p, "sensor", type_b, 0x33);  // `controller` ends here
     return p;
   }
 
