@@ -21,7 +21,9 @@ live::Role role_of(design::Role role) noexcept {
 can::Port& Guards::add(rt::Executor& executor, const design::Bus& bus, can::Port& port, const Options& options) {
   executor_ = &executor;
   live::GateOptions wanted;
-  wanted.role = options.observe ? live::Role::observer : options.read_only ? live::Role::reader : role_of(bus.role);
+  wanted.role = options.outside.observe     ? live::Role::observer
+                : options.outside.read_only ? live::Role::reader
+                                            : role_of(bus.role);
   wanted.listen = bus.timing.listen;
   wanted.watch.own = bus.master;
   wanted.watch.tolerated = bus.tolerate;
