@@ -249,12 +249,12 @@ int run_adopt(const Options& wanted, const AdoptOptions& adopt) {
   if (options.ports.size() != 1) {
     return tell(failure(Exit::usage, "name the port of the bus: --port socketcan:can0"), options.json);
   }
-  const std::string store = options.store.empty() ? default_store(adopt.file) : options.store;
+  const std::string store = options.store.file.empty() ? default_store(adopt.file) : options.store.file;
   if (const auto problem = problem_with(adopt.file, store)) return tell(failure(Exit::no, *problem), options.json);
-  options.slot_table = false;
-  options.store.clear();
-  options.observe = adopt.passive;
-  options.read_only = true;
+  options.store.used = false;
+  options.store.file.clear();
+  options.outside.observe = adopt.passive;
+  options.outside.read_only = true;
   const std::string seed = seed_machine(options, adopt);
   auto made = Rig::make(options, {adopt.file, {}, seed, {}});
   if (!made) return tell(made.error(), options.json);

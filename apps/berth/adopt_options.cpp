@@ -17,7 +17,8 @@ void add_adopt(Verb& berth, Options& options) {
       .shown("BIT/S");
   adopt.word("--bus", options.bus, "its name in the machine file (default: field)").shown("NAME");
   adopt.word("--name", wanted->name, "name of the machine (default: adopted)").shown("NAME");
-  adopt.word("--store", options.store, "slot table to write (default: beside the machine file, .db)").shown("FILE");
+  adopt.word("--store", options.store.file, "slot table to write (default: beside the machine file, .db)")
+      .shown("FILE");
   adopt.time("--for", wanted->listen, "how long to listen (default: 8 s)");
   const Word passive = adopt.flag("--passive", wanted->passive, "send nothing: only what is heard is told");
   adopt.flag("--all", wanted->everybody, "ask silent node-IDs, too").excludes(passive);
@@ -37,7 +38,7 @@ void add_export(Verb& berth, Options& options) {
                              [&options, to] { return run_export(options, *to); });
   machine_option(out, options);
   out.word("to", *to, "file to write").required().shown("FILE");
-  out.word("--store", options.store, "slot table (default: beside the machine file, .db)").shown("FILE");
+  out.word("--store", options.store.file, "slot table (default: beside the machine file, .db)").shown("FILE");
   json_flag(out, options);
   out.footer("Examples:\n  berth export conveyor.export\n  berth export conveyor.toml conveyor.export");
 }

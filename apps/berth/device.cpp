@@ -148,7 +148,7 @@ class Voice final : public plant::PortDevices::Observer {
                const std::map<std::string, std::unique_ptr<BusPorts>>& ports) {
     if (json_) {
       auto json = line("started");
-      json["plant"] = options.sim;
+      json["plant"] = options.sim.plant;
       for (const auto& d : devices.all()) {
         json["devices"].push_back({{"device", d->name()},
                                    {"bus", d->plan().bus},
@@ -282,7 +282,7 @@ Done fill(Household& house, const plant::PlantFile& plant, const Ports& ports, c
 }
 
 int run_device(const Options& options, const DeviceOptions& wanted) {
-  const auto plant = load_plant(options.sim, options);
+  const auto plant = load_plant(options.sim.plant, options);
   if (!plant) return tell(plant.error(), options.json);
   const auto ports = read_ports(*plant, options, wanted);
   if (!ports) return tell(ports.error(), options.json);
@@ -294,10 +294,11 @@ int run_device(const Options& options, const DeviceOptions& wanted) {
   if (const auto filled = fill(house, *plant, *ports, *chosen, wanted, options.json); !filled) {
     return tell(filled.error(), options.json);
   }
-  if (!options.state.empty()) {
-    const auto kept = house.devices.keep_state(options.state);
+  if (!options.sim.state.empty()) {
+    const auto kept = house.devices.keep_state(options.sim.state);
     if (!kept)
-      return tell(failure(Exit::failed, fmt::format("{}: {}", options.state, describe(kept.error()))), options.json);
+      return tell(failure(Exit::failed, fmt::format("{}: {}", options.sim.state, describe(kept.error()))),
+                  options.json);
   }
   house.voice.started(options, house.devices, house.ports);
   for (const auto& device : house.devices.all()) device->power(true);
@@ -318,7 +319,7 @@ void add_device(Verb& berth, Options& options) {
   const auto wanted = std::make_shared<DeviceOptions>();
   const Verb device = berth.add("device", "devices of a plant file on a real port, in real time",
                                 [&options, wanted] { return run_device(options, *wanted); });
-  device.word("plant", options.sim, "plant file").required().shown("PLANT");
+  device.word("plant", options.sim.plant, "plant file").required().shown("PLANT");
   device.word("--port", wanted->ports, "port that the plant's bus is, or BUS=PORT")
       .required()
       .one_each()

@@ -73,7 +73,7 @@ void add_history(Verb& berth, Options& options) {
 void add_status(Verb& berth, Options& options) {
   const RequestVerb status(berth, options, "status", "report",
                            "the slot table as it stands; exit status 1 when a slot is not operational", {}, tells);
-  status.verb().time("--watch", options.watch, "again and again, so far apart");
+  status.verb().time("--watch", options.single.watch, "again and again, so far apart");
   status.footer("Examples:\n  berth status\n  berth status machine.toml --bus drives --watch \"2 s\"");
 }
 

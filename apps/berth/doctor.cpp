@@ -72,7 +72,7 @@ tl::expected<std::unique_ptr<can::Port>, Failure> node_on(Rig& rig, const design
 // A simulated machine: devices boot, and with --up it is brought up first. What the plant file plans behind
 // "operational" does not happen: the machine is looked at as it stands.
 void prepare(Rig& rig, const Options& options) {
-  if (options.bring_up && rig.loop() == nullptr) {
+  if (options.single.bring_up && rig.loop() == nullptr) {
     rig.power_on();
     rig.session().start();
     const auto limit = options.timeout.value_or(5min);
@@ -342,7 +342,8 @@ int run_conformance(Rig& rig, std::vector<Patient>& patients, const Options& opt
 
 // Its control socket; empty: the buses are real, in a world of this process, or no process runs the machine.
 std::string running_world(const Options& options, const design::Machine& machine) {
-  const bool here = options.machine.empty() || !options.sim.empty() || !options.ports.empty() || all_elsewhere(machine);
+  const bool here =
+      options.machine.empty() || !options.sim.plant.empty() || !options.ports.empty() || all_elsewhere(machine);
   return here ? std::string() : running_control(options, machine);
 }
 
@@ -398,10 +399,10 @@ int run_doctor(const Options& given, DoctorOptions wanted) {
     if (!path.empty()) return run_joined(*machine.machine, path, options, wanted);
   }
   Options own = options;
-  own.slot_table = false;
-  own.observe = !wanted.active;
-  own.store.clear();  // it needs no slot table, and `berth up` may hold it
-  auto made = Rig::make(own, {options.machine, options.sim, {}, {}});
+  own.store.used = false;
+  own.outside.observe = !wanted.active;
+  own.store.file.clear();  // it needs no slot table, and `berth up` may hold it
+  auto made = Rig::make(own, {options.machine, options.sim.plant, {}, {}});
   if (!made) return tell(made.error(), options.json);
   Rig& rig = **made;
   if (options.machine.empty()) {
@@ -449,7 +450,7 @@ void add_doctor(Verb& berth, Options& options) {
   doctor.word("--bitrate", options.bit_rate, "bit/s, where --port is all that is known of the bus")
       .from_to(10'000, 1'000'000)
       .shown("BIT/S");
-  doctor.flag("--up", options.bring_up, "with --sim: first bring the machine up");
+  doctor.flag("--up", options.single.bring_up, "with --sim: first bring the machine up");
   doctor.footer(
       "Examples:\n  berth doctor machine.toml\n  berth doctor machine.toml --conformance 5 --eds drive.eds\n  berth "
       "doctor machine.toml --sim plant.toml --up\n"

@@ -86,7 +86,7 @@ int against_device(const Options& options, const EdsOptions& asked, const Descri
   const NodeId node(static_cast<std::uint8_t>(*asked.node));
   const auto refs = eds::to_read(file.reading.file, live);
   // A running `berth up` takes requests up to a length; a world of our own is made anew for each.
-  const std::size_t longest = options.sim.empty() ? 32 * 1024 : std::string::npos / 2;
+  const std::size_t longest = options.sim.plant.empty() ? 32 * 1024 : std::string::npos / 2;
   std::vector<eds::LiveAnswer> answers;
   for (const std::string& objects : requests(refs, longest)) {
     const auto reply =

@@ -56,7 +56,7 @@ void add_diff(const Verb& eds, Options& options, const EdsWords& wanted) {
   diff.flag("--values", wanted->values, "with --node: compare values too");
   machine_words(diff, options, {.confirms = false, .sends = false});
   control_word(diff, options);
-  diff.flag("--up", options.bring_up, "with --sim: first run the main job until the machine is operational");
+  diff.flag("--up", options.single.bring_up, "with --sim: first run the main job until the machine is operational");
 }
 
 void add_show(const Verb& eds, Options& options, const EdsWords& wanted) {

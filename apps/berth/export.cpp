@@ -272,10 +272,10 @@ int run_export(const Options& given, const std::string& to) {
     if (!bytes) return tell(bytes.error(), options.json);
     all["files"].push_back({{"name", name}, {"base64", to_base64(*bytes)}});
   }
-  const std::string store = options.store.empty() ? default_store(options.machine) : options.store;
+  const std::string store = options.store.file.empty() ? default_store(options.machine) : options.store.file;
   all["store"] = nullptr;
   const bool has_store = fs::exists(store);
-  if (!has_store && !options.store.empty()) {
+  if (!has_store && !options.store.file.empty()) {
     return tell(failure(Exit::failed, store + ": there is no such slot table"), options.json);
   }
   if (has_store) {

@@ -73,7 +73,7 @@ void tell_counters(const serve::cia309::Counters& c, bool json) {
 
 int run_gateway(const Options& wanted, const GatewayOptions& gateway) {
   Options options = wanted;
-  options.pace = true;
+  options.sim.pace = true;
   if (options.machine.empty()) {
     Options here = wanted;  // a port is no machine
     here.ports.clear();
@@ -82,7 +82,7 @@ int run_gateway(const Options& wanted, const GatewayOptions& gateway) {
   if (options.machine.empty()) {
     return tell(failure(Exit::usage, "name the machine file: berth gateway machine.toml"), options.json);
   }
-  auto made = Rig::make(options, {options.machine, options.sim, {}, {}});
+  auto made = Rig::make(options, {options.machine, options.sim.plant, {}, {}});
   if (!made) return tell(made.error(), options.json);
   Rig& rig = **made;
   Interrupt& interrupt = rig.interrupt();
@@ -117,7 +117,7 @@ void add_gateway(Verb& berth, Options& options) {
       "docs/gateway.md has the commands.");
   machine_word(gateway, options);
   machine_option(gateway, options);
-  gateway.word("--sim", options.sim, "plant file: run on a simulated world, in real time").shown("PLANT");
+  gateway.word("--sim", options.sim.plant, "plant file: run on a simulated world, in real time").shown("PLANT");
   plant_words(gateway, options);
   gateway.word("--port", options.ports, "port of the bus, or BUS=PORT, instead of the machine file's")
       .one_each()

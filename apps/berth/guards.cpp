@@ -9,7 +9,9 @@ namespace berth::cli {
 can::Port& Guards::add(rt::Executor& executor, const design::Bus& bus, can::Port& port, const Options& options) {
   executor_ = &executor;
   live::GateOptions wanted;
-  wanted.role = options.observe ? live::Role::observer : options.read_only ? live::Role::reader : bus.role;
+  wanted.role = options.outside.observe     ? live::Role::observer
+                : options.outside.read_only ? live::Role::reader
+                                            : bus.role;
   wanted.listen = bus.timing.listen;
   wanted.watch.own = bus.master;
   wanted.watch.tolerated = bus.tolerate;

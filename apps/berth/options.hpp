@@ -28,35 +28,55 @@ struct Cia309 {
   bool commands = false;  ///< its clients may command a real machine
 };
 
+/// A plant file instead of ports, and how its world runs.
+struct SimulationOptions {
+  std::string plant;  ///< the file; empty: none
+  std::string state;  ///< file that keeps what the simulated devices remember
+  std::optional<std::uint64_t> seed;
+  bool pace = false;
+  bool fast = false;
+};
+
+/// The store of the slot table.
+struct StoreOptions {
+  std::string file;   ///< empty: in memory on a simulated bus
+  bool used = true;   ///< by the command
+  bool made = false;  ///< by the command, on a real machine when there is none
+};
+
+/// What is not sent on ports outside this process.
+struct OutsideOptions {
+  bool observe = false;    ///< nothing is sent there, and none of them owned
+  bool read_only = false;  ///< only SDO upload requests are
+};
+
+/// Commands that are one request.
+struct SingleOptions {
+  bool bring_up = false;                          ///< the main job runs first
+  std::optional<std::chrono::nanoseconds> watch;  ///< again and again, so far apart
+};
+
 struct Options {
   bool json = false;
   bool dry_run = false;
-  bool yes = false;          ///< a person confirms what is asked for
-  bool observe = false;      ///< sends nothing on ports outside this process, and owns none of them
-  bool read_only = false;    ///< sends SDO upload requests there, and nothing else
-  bool slot_table = true;    ///< the command uses the store
-  bool makes_store = false;  ///< and makes it on a real machine when there is none
+  bool yes = false;  ///< a person confirms what is asked for
+  OutsideOptions outside;
+  StoreOptions store;
   MasterOptions master;
   std::string machine;
   std::string bus;
   std::vector<std::string> ports;    ///< "socketcan:can0" or "BUS=socketcan:can0": instead of the machine file's
   std::optional<unsigned> bit_rate;  ///< of the one port, where no machine file says it
   std::vector<std::string> eds;      ///< "FILE" or "NODE=FILE": what devices are like that are in no slot
-  std::string sim;                   ///< plant file
-  std::string state;                 ///< file that keeps what the simulated devices remember
-  std::string store;                 ///< empty: in memory on a simulated bus
-  std::string control;               ///< empty: command::control_path of the machine
-  std::string record;                ///< candump log of every frame
+  SimulationOptions sim;
+  std::string control;  ///< empty: command::control_path of the machine
+  std::string record;   ///< candump log of every frame
   Cia309 gateway;
-  std::optional<std::uint64_t> seed;
   std::optional<std::chrono::nanoseconds> timeout;
-  std::string until;  ///< "", "operational", "replaced"
-  bool pace = false;
-  bool fast = false;
-  bool events = false;                            ///< --json: every event as a line, as it happens
-  bool bring_up = false;                          ///< single commands: run the main job first
-  std::optional<std::chrono::nanoseconds> watch;  ///< single commands: again and again, so far apart
-  int real_time = 0;                              ///< SCHED_FIFO priority; 0: none
+  std::string until;    ///< "", "operational", "replaced"
+  bool events = false;  ///< --json: every event as a line, as it happens
+  SingleOptions single;
+  int real_time = 0;  ///< SCHED_FIFO priority; 0: none
 };
 
 }  // namespace berth::cli

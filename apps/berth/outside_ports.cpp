@@ -31,7 +31,7 @@ std::unique_ptr<can::Port> OutsidePorts::reopening(const design::Bus& bus, std::
 }
 
 tl::expected<can::Port*, Failure> OutsidePorts::open(const design::Bus& bus, const Options& options) {
-  if (is_real(bus.port) && bus.role != design::Role::observer && !options.observe) {
+  if (is_real(bus.port) && bus.role != design::Role::observer && !options.outside.observe) {
     auto lock = PortLock::take(bus.port);
     if (!lock) return tl::unexpected(lock.error());
     locks_.push_back(std::move(*lock));

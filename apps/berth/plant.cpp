@@ -20,7 +20,7 @@ namespace {
 tl::expected<std::unique_ptr<plant::World>, Failure> world_of(const plant::PlantFile& plant, const Options& options) {
   const auto rates = bus_rates(options.machine);
   if (!rates) return tl::unexpected(rates.error());
-  return make_world(plant, *rates, options.sim, options);
+  return make_world(plant, *rates, options.sim.plant, options);
 }
 
 using Json = nlohmann::ordered_json;
@@ -139,7 +139,7 @@ int run_alone(plant::World& world, const Options& options) {
 
   std::set<std::string> doubled;
   for (const auto& [one, other] : world.duplicates()) doubled.insert({one->name(), other->name()});
-  Json report{{"plant", options.sim}, {"time_s", seconds(world.sim().now())}};
+  Json report{{"plant", options.sim.plant}, {"time_s", seconds(world.sim().now())}};
   bool good = doubled.empty();
   for (const auto& device : world.devices()) {
     const auto truth = device->truth();
@@ -193,7 +193,7 @@ rt::Task<void> answer(plant::World& world, const plant::PlantFile& plant, const 
 }
 
 int run_plant(const Options& options) {
-  const auto plant = load_plant(options.sim, options);
+  const auto plant = load_plant(options.sim.plant, options);
   if (!plant) return tell(plant.error(), options.json);
   auto world = world_of(*plant, options);
   if (!world) return tell(world.error(), options.json);
@@ -213,7 +213,7 @@ int run_plant(const Options& options) {
   if (!commands) return tell(failure(Exit::failed, commands.error()), options.json);
   (*world)->start();
   print_line(options.json ? Json{{"listening", options.control}, {"control", control}}.dump()
-                          : fmt::format("plant {} at {}; Ctrl-C ends it", options.sim, options.control));
+                          : fmt::format("plant {} at {}; Ctrl-C ends it", options.sim.plant, options.control));
   wait_for(driver, interrupt, rt::Duration::max());
   return Exit::done;
 }
@@ -224,7 +224,7 @@ void add_plant(Verb& berth, Options& options) {
   const Verb plant =
       berth.add("plant", "a simulated plant: in real time for `berth up` in other processes, or by itself",
                 [&options] { return run_plant(options); });
-  plant.word("plant", options.sim, "plant file").required().shown("PLANT");
+  plant.word("plant", options.sim.plant, "plant file").required().shown("PLANT");
   plant.exactly_one([&options](const Verb& how) {
     how.word("--listen", options.control, "socket that `port = \"plant:PATH\"` of a machine file names")
         .shown("SOCKET");

@@ -139,7 +139,7 @@ std::vector<std::string> incomplete(const std::vector<study::LoadRow>& rows) {
 }
 
 int print_load(const Options& options) {
-  const auto rows = study::negotiation_load(options.seed.value_or(1));
+  const auto rows = study::negotiation_load(options.sim.seed.value_or(1));
   if (options.json) {
     Json json{{"rows", Json::array()}};
     for (const auto& r : rows) {

@@ -44,7 +44,7 @@ void request_words(const Verb& verb, Options& options, RequestWords which) {
         .shown("[NODE=]FILE");
   }
   if (which.up)
-    verb.flag("--up", options.bring_up, "with --sim: first run the main job until the machine is operational");
+    verb.flag("--up", options.single.bring_up, "with --sim: first run the main job until the machine is operational");
 }
 
 Word RequestVerb::word(const std::string& names, const std::string& key, const std::string& help) const {

@@ -85,7 +85,7 @@ tl::expected<void, Failure> Rig::read(const Options& options, const Sources& sou
   rate_as_it_stands_ = is_ad_hoc(machine_) && !options.bit_rate;
   if (auto good = describe_nodes(machine_, options); !good) return good;
   if (auto good = settle_masters(machine_, options); !good) return good;
-  if (options.seed) plant_.seed = *options.seed;
+  if (options.sim.seed) plant_.seed = *options.sim.seed;
   return settle_ports(options, simulate);
 }
 
@@ -107,8 +107,8 @@ tl::expected<void, Failure> Rig::settle_ports(const Options& options, bool simul
     return tl::unexpected(
         failure(Exit::usage, fmt::format("{} needs a world of this process: give --sim PLANT", option)));
   };
-  if (options.fast && !std::ranges::all_of(machine_.buses, simulated)) return needs_world("--fast");
-  if (!options.state.empty() && all_elsewhere(machine_)) return needs_world("--sim-state");
+  if (options.sim.fast && !std::ranges::all_of(machine_.buses, simulated)) return needs_world("--fast");
+  if (!options.sim.state.empty() && all_elsewhere(machine_)) return needs_world("--sim-state");
   return {};
 }
 
@@ -128,11 +128,11 @@ tl::expected<void, Failure> Rig::build_world(const Options& options) {
     if (simulated(bus)) rates.push_back({bus.name, bus.bitrate});
   }
   for (const auto& bus : machine_.beneath) rates.push_back({bus.name, bus.bitrate});
-  auto world = make_world(plant_, rates, options.sim, options);
+  auto world = make_world(plant_, rates, options.sim.plant, options);
   if (!world) return tl::unexpected(world.error());
   world_ = std::move(*world);
   scripts_.emplace(*world_);
-  if (options.pace || !std::ranges::all_of(machine_.buses, simulated)) {
+  if (options.sim.pace || !std::ranges::all_of(machine_.buses, simulated)) {
     run_by_loop(world_->executor());
   } else {
     driver_ = std::make_unique<sim::WorldDriver>(world_->sim());

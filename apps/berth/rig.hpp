@@ -45,7 +45,7 @@ class Rig {
  public:
   using Made = tl::expected<std::unique_ptr<Rig>, Failure>;
   /// Opens the session. With `options.dry_run` nothing outside this process changes: the store is a copy. A simulated
-  /// machine runs in real time with `options.pace`, else as fast as it can be computed.
+  /// machine runs in real time with `options.sim.pace`, else as fast as it can be computed.
   [[nodiscard]] static Made make(const Options& options, const Sources& sources);
   Rig(const Rig&) = delete;
   Rig& operator=(const Rig&) = delete;

@@ -170,7 +170,7 @@ void add_read(const Verb& sdo, Options& options) {
   request_words(read, options, {.machine = {.confirms = false}});
   sdo_words(read, wanted, "1018h:04, 0x1018:4, 1018sub4, or its name: \"Producer heartbeat time\"", "OBJECT...",
             "write the bytes of the object there");
-  read.time("--watch", options.watch, "again and again, so far apart");
+  read.time("--watch", options.single.watch, "again and again, so far apart");
   read.footer(
       "Examples:\n  berth sdo read 5 1018h:04\n  berth sdo read drive \"Identity object/Serial number\" 1017h\n"
       "  berth sdo read 5 6041h --port can0 --eds drive.eds --watch \"200 ms\"\n"

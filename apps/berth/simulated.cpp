@@ -62,7 +62,7 @@ plant::PlantResult read_plant_file(const std::string& file, const std::string& m
 tl::expected<plant::PlantFile, Failure> load_plant(const std::string& file, const Options& options) {
   auto read = read_plant_file(file, options.machine);
   if (!read.plant) return tl::unexpected(failure(read.findings));
-  if (options.seed) read.plant->seed = *options.seed;
+  if (options.sim.seed) read.plant->seed = *options.sim.seed;
   return std::move(*read.plant);
 }
 
@@ -78,18 +78,18 @@ tl::expected<std::vector<plant::BusRate>, Failure> bus_rates(const std::string& 
 namespace {
 
 tl::expected<void, Failure> remember(plant::World& world, const Options& options) {
-  if (options.state.empty()) return {};
+  if (options.sim.state.empty()) return {};
   Result<void> kept;
   if (!options.dry_run) {
-    kept = world.keep_state(options.state);
-  } else if (std::filesystem::exists(options.state)) {
+    kept = world.keep_state(options.sim.state);
+  } else if (std::filesystem::exists(options.sim.state)) {
     Findings unreadable;
-    const auto text = text::read_file(options.state, unreadable);
+    const auto text = text::read_file(options.sim.state, unreadable);
     if (!text) return tl::unexpected(failure(unreadable));
     kept = world.restore(*text);
   }
   if (kept) return {};
-  return tl::unexpected(failure(Exit::failed, fmt::format("{}: {}", options.state, describe(kept.error()))));
+  return tl::unexpected(failure(Exit::failed, fmt::format("{}: {}", options.sim.state, describe(kept.error()))));
 }
 
 }  // namespace

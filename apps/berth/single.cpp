@@ -35,7 +35,7 @@ bool may_ask(const Options& options) { return !options.json && !options.yes && s
 // A watched reply is one line.
 int show(const command::Reply& reply, const Options& options) {
   if (options.json) {
-    print_line(Json::parse(reply.json).dump(options.watch ? -1 : 2));
+    print_line(Json::parse(reply.json).dump(options.single.watch ? -1 : 2));
     return reply.status;
   }
   print_lines(reply.lines);
@@ -45,7 +45,7 @@ int show(const command::Reply& reply, const Options& options) {
 
 // The simulated devices need their time to boot; with --up the main job gets the time it needs.
 tl::expected<void, Failure> prepare_rig(Rig& rig, const Options& options) {
-  if (!options.bring_up) {
+  if (!options.single.bring_up) {
     rig.power_on_and_boot(100ms);
     return {};
   }
@@ -66,7 +66,7 @@ using Repeat = std::function<void(const command::Reply&)>;
 // A slot table is made where one is written for the first time.
 Options own_options(const Options& options, const command::Request& request) {
   Options own = options;
-  own.makes_store = request.verb == "bind" || request.verb == "replace";
+  own.store.made = request.verb == "bind" || request.verb == "replace";
   return own;
 }
 
@@ -106,9 +106,9 @@ void ask_where_devices_sit(Rig& rig, command::Reply& reply, rt::Duration limit) 
 command::Reply repeated(Rig& rig, const command::Request& request, command::Reply reply, const Options& options,
                         const Repeat& repeat) {
   const rt::Time end = rig.now() + options.timeout.value_or(24h * 365);
-  while (reply.status <= Exit::no && rig.now() + *options.watch < end) {
+  while (reply.status <= Exit::no && rig.now() + *options.single.watch < end) {
     repeat(reply);
-    wait_for(rig.driver(), rig.interrupt(), *options.watch);
+    wait_for(rig.driver(), rig.interrupt(), *options.single.watch);
     command::Reply next;
     if (rig.interrupt().came() || !execute_in(rig, request, next, end - rig.now())) {
       reply.lines.clear();  // it is shown already
@@ -132,13 +132,13 @@ void tell_progress(Rig& rig, const command::Request& request, const Options& opt
 // master's right is used.
 Replied reply_of_own_world(const Options& options, const command::Request& request, std::vector<Recorded>& sent,
                            const Repeat& repeat) {
-  const bool links = options.bring_up || request.verb == "boot" || request.verb == "configure";
-  auto made = Rig::make(own_options(options, request), {options.machine, options.sim, {}, {}, links});
+  const bool links = options.single.bring_up || request.verb == "boot" || request.verb == "configure";
+  auto made = Rig::make(own_options(options, request), {options.machine, options.sim.plant, {}, {}, links});
   if (!made) return tl::unexpected(made.error());
   Rig& rig = **made;
   Strangers& strangers = rig.strangers();
   if (const auto clear = strangers.listen_first(); !clear) return tl::unexpected(clear.error());
-  if (options.bring_up) {
+  if (options.single.bring_up) {
     if (const auto alone = strangers.ask(); !alone) return tl::unexpected(alone.error());
   }
   const auto ready = prepare_rig(rig, options);
@@ -212,9 +212,9 @@ Replied ask_again(const Options& options, const command::Request& request, const
   Interrupt interrupt;
   const auto began = std::chrono::steady_clock::now();
   const auto end = began + options.timeout.value_or(24h * 365);
-  while (reply && reply->status <= Exit::no && std::chrono::steady_clock::now() + *options.watch < end) {
+  while (reply && reply->status <= Exit::no && std::chrono::steady_clock::now() + *options.single.watch < end) {
     repeat(*reply);
-    const auto pause = std::chrono::ceil<std::chrono::milliseconds>(*options.watch).count();
+    const auto pause = std::chrono::ceil<std::chrono::milliseconds>(*options.single.watch).count();
     pollfd signals{interrupt.descriptor(), POLLIN, 0};
     if (::poll(&signals, 1, static_cast<int>(pause)) > 0) {
       reply->lines.clear();
@@ -230,12 +230,12 @@ Replied ask_again(const Options& options, const command::Request& request, const
 // Its port is left alone, and a simulated machine has no slot table but one that is named.
 bool by_slot_table(const design::Machine& machine, const Options& options, const command::Request& request) {
   const bool asks = request.verb == "report" || request.verb == "history";
-  return asks && options.control.empty() && (all_elsewhere(machine) || !options.store.empty());
+  return asks && options.control.empty() && (all_elsewhere(machine) || !options.store.file.empty());
 }
 
 Replied reply_of_slot_table(const design::Machine& machine, const Options& options, const command::Request& request) {
   Options own = options;
-  own.observe = true;  // a copy: the table belongs to the process that runs the machine, or is about to
+  own.outside.observe = true;  // a copy: the table belongs to the process that runs the machine, or is about to
   Interrupt interrupt;
   auto table = SlotTable::open(machine, own);
   if (!table) return tl::unexpected(table.error());
@@ -291,8 +291,8 @@ int dry_outside(const Options& options, const command::Request& request) {
 tl::expected<void, Failure> complete(Options& options, command::Request& request) {
   if (!options.bus.empty()) request.arguments["bus"] = options.bus;
   options.machine = default_machine(options);
-  if (!options.machine.empty() || (!options.control.empty() && options.sim.empty())) return {};
-  const bool bus_alone = !options.ports.empty() && options.sim.empty();
+  if (!options.machine.empty() || (!options.control.empty() && options.sim.plant.empty())) return {};
+  const bool bus_alone = !options.ports.empty() && options.sim.plant.empty();
   if (bus_alone && !needs_slots(request)) {
     request.arguments.erase("bus");  // it is the only one, whatever it is called
     return {};
@@ -304,13 +304,13 @@ tl::expected<void, Failure> complete(Options& options, command::Request& request
 
 Replied carry_out_again(const Options& options, const command::Request& request, const Repeat& repeat) {
   std::vector<Recorded> sent;
-  return options.sim.empty() ? reply_outside(options, request, sent, repeat)
-                             : reply_of_own_world(options, request, sent, repeat);
+  return options.sim.plant.empty() ? reply_outside(options, request, sent, repeat)
+                                   : reply_of_own_world(options, request, sent, repeat);
 }
 
 // --watch: every reply but the last, which the caller shows.
 Repeat watching(const Options& options) {
-  if (!options.watch) return {};
+  if (!options.single.watch) return {};
   return [&options](const command::Reply& reply) { static_cast<void>(show(reply, options)); };
 }
 
@@ -320,7 +320,8 @@ int run_single(const Options& given, command::Request request) {
   Options options = given;
   const auto known = complete(options, request);
   if (!known) return tell(known.error(), options.json);
-  if (options.dry_run) return options.sim.empty() ? dry_outside(options, request) : dry_in_own_world(options, request);
+  if (options.dry_run)
+    return options.sim.plant.empty() ? dry_outside(options, request) : dry_in_own_world(options, request);
   auto reply = carry_out_again(options, request, watching(options));
   if (reply && wants_yes(*reply) && may_ask(options)) {
     print_lines(reply->lines);

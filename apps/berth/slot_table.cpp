@@ -65,9 +65,9 @@ namespace {
 
 std::string path_of(const design::Machine& machine, const Options& options) {
   const bool real = std::ranges::any_of(machine.buses, [](const auto& b) { return is_real(b.port); });
-  if (!options.store.empty() || !real || !options.slot_table || is_ad_hoc(machine)) return options.store;
+  if (!options.store.file.empty() || !real || !options.store.used || is_ad_hoc(machine)) return options.store.file;
   const std::string path = default_store(machine.file);
-  return options.makes_store || fs::exists(path) ? path : std::string();
+  return options.store.made || fs::exists(path) ? path : std::string();
 }
 
 }  // namespace
@@ -76,7 +76,7 @@ tl::expected<std::unique_ptr<SlotTable>, Failure> SlotTable::open(const design::
                                                                   const Options& options) {
   std::unique_ptr<SlotTable> table(new SlotTable);
   std::string path = path_of(machine, options);
-  const bool copies = options.dry_run || options.observe;
+  const bool copies = options.dry_run || options.outside.observe;
   if (copies && !path.empty() && !fs::exists(path)) path.clear();
   if (copies && !path.empty()) {
     auto copy = table->copied(path);

@@ -33,7 +33,7 @@ void add_reproduce(Verb& berth, Options& options) {
                          .shown("NAME");
   reproduce.flag("--negotiation-load", study->negotiation_load, "what negotiation costs the rest of the bus")
       .excludes(trace);
-  reproduce.seed("--seed", options.seed, "with --negotiation-load: seed of the worlds");
+  reproduce.seed("--seed", options.sim.seed, "with --negotiation-load: seed of the worlds");
   json_flag(reproduce, options);
 }
 

@@ -95,7 +95,7 @@ int bring_up(const Options& wanted, const Sources& sources, const Story& story) 
     return tell(failure(Exit::usage, "--events are lines of JSON: give --json too"), options.json);
   }
   const bool watched = on_terminal() && !options.json && !options.dry_run;
-  options.pace = (options.pace || watched) && !options.fast && !options.dry_run;
+  options.sim.pace = (options.sim.pace || watched) && !options.sim.fast && !options.dry_run;
   auto made = Rig::make(options, sources);
   if (!made) return tell(made.error(), options.json);
   Rig& rig = **made;
@@ -141,14 +141,14 @@ int run_up(const Options& options) {
   }
   if (own.machine.empty())
     return tell(failure(Exit::usage, "name the machine file: berth up machine.toml"), options.json);
-  own.makes_store = true;
+  own.store.made = true;
   own.master.takes_part = true;
-  return bring_up(own, {own.machine, options.sim, {}, {}, true});
+  return bring_up(own, {own.machine, options.sim.plant, {}, {}, true});
 }
 
 // It needs real time.
 void gateway_words(const Verb& up, Options& options, const Word& fast) {
-  const auto take = [&options](const std::string& where) { options.gateway.where = where, options.pace = true; };
+  const auto take = [&options](const std::string& where) { options.gateway.where = where, options.sim.pace = true; };
   up.word("--gateway", take, "offer the buses by CiA 309-3 there too, such as 127.0.0.1:7000")
       .shown("HOST:PORT")
       .excludes(fast);
@@ -161,8 +161,9 @@ void gateway_words(const Verb& up, Options& options, const Word& fast) {
 Word drive_words(const Verb& verb, Options& options) {
   verb.word("--until", options.until, "end when this is reached")
       .one_of(std::vector<std::string>{"operational", "replaced"});
-  const Word pace = verb.flag("--pace", options.pace, "in real time, and stay up until Ctrl-C (on a terminal: always)");
-  Word fast = verb.flag("--fast", options.fast, "as fast as possible, on a terminal too; ends by itself");
+  const Word pace =
+      verb.flag("--pace", options.sim.pace, "in real time, and stay up until Ctrl-C (on a terminal: always)");
+  Word fast = verb.flag("--fast", options.sim.fast, "as fast as possible, on a terminal too; ends by itself");
   fast.excludes(pace);
   verb.flag("--events", options.events, "with --json: every event as a line, as it happens; the last is the report");
   verb.word("--listen,--control", options.control, "socket for other commands (default: by the machine's name)")

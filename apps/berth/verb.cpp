@@ -337,16 +337,17 @@ int run_command_line(int argc, char** argv, const std::vector<AddVerb>& verbs) {
 void json_flag(const Verb& verb, Options& options, const char* help) { verb.flag("--json", options.json, help); }
 
 void plant_words(const Verb& verb, Options& options) {
-  verb.word("--sim-state,--plant-state", options.state,
+  verb.word("--sim-state,--plant-state", options.sim.state,
             "file that keeps what the simulated devices remember between runs")
       .shown("FILE");
-  verb.seed("--seed", options.seed, "seed of the simulated world, instead of the plant file's");
+  verb.seed("--seed", options.sim.seed, "seed of the simulated world, instead of the plant file's");
 }
 
 void world_words(const Verb& verb, Options& options, bool stores) {
   plant_words(verb, options);
   if (stores)
-    verb.word("--store", options.store, "slot table's file (default: in memory on a simulated world)").shown("FILE");
+    verb.word("--store", options.store.file, "slot table's file (default: in memory on a simulated world)")
+        .shown("FILE");
   verb.word("--record", options.record, "write every frame to this file, as candump -L does").shown("FILE");
   verb.time("--timeout", options.timeout, "longest time, of the bus when it is simulated");
 }
@@ -363,7 +364,7 @@ void machine_words(const Verb& verb, Options& options, MachineWords which) {
   verb.word("--port,-p", options.ports, "port of the bus, or BUS=PORT, instead of the machine file's")
       .one_each()
       .shown("[BUS=]PORT");
-  verb.word("--sim", options.sim, "plant file: run on a simulated world").shown("PLANT");
+  verb.word("--sim", options.sim.plant, "plant file: run on a simulated world").shown("PLANT");
   world_words(verb, options, which.stores);
   if (which.confirms) verb.flag("--yes,-y", options.yes, "confirms what would else be asked");
   if (which.sends) {

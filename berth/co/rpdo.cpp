@@ -41,8 +41,10 @@ void Rpdo::configure() noexcept {
 }
 
 void Rpdo::received(const can::Frame& frame, rt::Time at) noexcept {
-  if (frame.size != quick_size_ || frame.remote || frame.fd) return received_slow(frame, at);
-  store(frame.data.data(), at);
+  if (frame.size != quick_size_ || frame.remote || frame.fd) [[unlikely]]
+    return received_slow(frame, at);
+  mapping_.unpack(context_->base, frame.data.data());
+  if (context_->observer != nullptr) context_->observer->received(number_, at);
 }
 
 void Rpdo::received_slow(const can::Frame& frame, rt::Time at) noexcept {
@@ -79,7 +81,7 @@ void Rpdo::received_mpdo(const can::Frame& frame, rt::Time at) noexcept {
   if (stored && context.observer != nullptr) context.observer->received_mpdo(heard.object, at);
 }
 
-inline void Rpdo::store(const std::uint8_t* data, rt::Time at) noexcept {
+void Rpdo::store(const std::uint8_t* data, rt::Time at) noexcept {
   mapping_.unpack(context_->base, data);
   if (context_->observer != nullptr) context_->observer->received(number_, at);
 }

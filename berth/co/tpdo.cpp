@@ -34,11 +34,6 @@ void Tpdo::set_up(PdoContext& context, std::uint16_t number, std::span<PdoField>
   mapping_ = PdoMapping(room);
 }
 
-// Event-driven, without times and time stamp: an event is a frame.
-void Tpdo::choose_way() noexcept {
-  quick_ = active_ && mode_ == PdoMode::mapped && event_driven(type_) && inhibit_ == 0 && event_time_ == 0 && !stamped_;
-}
-
 void Tpdo::end() noexcept {
   if (pending()) {
     context_->dispatcher->withdraw(*this);
@@ -71,21 +66,12 @@ void Tpdo::configure() noexcept {
     return;
   }
   active_ = true;
-  choose_way();
   restart_event_timer();
 }
 
 // --- Events ----------------------------------------------------------------------------------------------------------
 
-bool Tpdo::event() noexcept {
-  if (quick_) [[likely]] {
-    can::Frame frame = empty_frame(key_, mapping_.size());
-    mapping_.pack(context_->base, frame.data.data());
-    const can::Queued queued = context_->dispatcher->send(frame);
-    waiting_ = false;
-    if (queued != can::Queued::yes) failed(queued);
-    return true;
-  }
+bool Tpdo::note_event() noexcept {
   if (!active_ || mode_ != PdoMode::mapped) return false;
   if (event_driven(type_)) {
     attempt();
@@ -163,6 +149,8 @@ void Tpdo::run(rt::Time now) noexcept {
 }
 
 void Tpdo::restart_event_timer() noexcept {
+  // Event-driven, without times and time stamp: an event is a frame.
+  quick_ = active_ && mode_ == PdoMode::mapped && event_driven(type_) && inhibit_ == 0 && event_time_ == 0 && !stamped_;
   due_ = rt::never;
   if (event_time_ == 0 || mode_ != PdoMode::mapped) return;
   due_ = context_->now() + context_->owner->in_world(std::chrono::milliseconds(event_time_));
@@ -172,7 +160,6 @@ void Tpdo::restart_event_timer() noexcept {
 void Tpdo::set_event_time(std::uint16_t milliseconds) noexcept {
   if (!active_ || !event_driven(type_)) return;
   event_time_ = milliseconds;
-  choose_way();
   restart_event_timer();
 }
 

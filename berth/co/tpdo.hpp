@@ -45,7 +45,7 @@ class Tpdo final : private can::Confirmation {
 
  private:
   void sent(rt::Time at) noexcept override;
-  void choose_way() noexcept;
+  bool note_event() noexcept;
   void attempt() noexcept;
   void send_scanned() noexcept;
   void sample() noexcept;
@@ -76,5 +76,20 @@ class Tpdo final : private can::Confirmation {
   bool waiting_ : 1 = false;  // to be sent at `free_at_`
   bool stamped_ : 1 = false;  // maps 1013h
 };
+
+// Here for the set's `event`: most TPDOs are event-driven, without times.
+inline bool Tpdo::event() noexcept {
+  if (!quick_) [[unlikely]]
+    return note_event();
+  can::Frame frame;
+  frame.id = key_ & ~can::extended_flag;
+  frame.extended = (key_ & can::extended_flag) != 0;
+  frame.size = static_cast<std::uint8_t>(mapping_.size());
+  mapping_.pack(context_->base, frame.data.data());
+  const can::Queued queued = context_->dispatcher->send(frame);
+  waiting_ = false;
+  if (queued != can::Queued::yes) failed(queued);
+  return true;
+}
 
 }  // namespace berth::co

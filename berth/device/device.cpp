@@ -85,9 +85,9 @@ Device::Device(can::Dispatcher& dispatcher, std::shared_ptr<const od::Descriptio
   load_settings();
   lss_.emplace(dispatcher_->executor(), static_cast<lss::SlaveOwner&>(*this),
                lss::SlaveOptions{.address = options_.address}, memory_);
-  if (options_.lss && options_.lss_habit != LssHabit::none) {
+  if (options_.lss.on && options_.lss.habit != LssHabit::none) {
     habits_ =
-        std::make_unique<LssHabits>(options_.lss_habit, dispatcher_->executor(), lss_answers_, options_.lss_habit_seed);
+        std::make_unique<LssHabits>(options_.lss.habit, dispatcher_->executor(), lss_answers_, options_.lss.habit_seed);
   }
   reset_values(od::Area::all);
 }
@@ -143,10 +143,10 @@ void Device::power_on() noexcept {
   const lss::SlaveOptions options{.address = options_.address,
                                   .bit_rates = bit_rates_,
                                   .can_store = record_.has_value(),
-                                  .change_at_waiting = options_.lss_changes_at_waiting,
-                                  .fastscan = options_.fastscan,
-                                  .feedback = options_.feedback,
-                                  .feedback_base = options_.feedback_base};
+                                  .change_at_waiting = options_.lss.changes_at_waiting,
+                                  .fastscan = options_.lss.fastscan,
+                                  .feedback = options_.lss.feedback,
+                                  .feedback_base = options_.lss.feedback_base};
   lss_.emplace(dispatcher_->executor(), static_cast<lss::SlaveOwner&>(*this), options, memory_);
   if (habits_) habits_->reset();
   methods_.power_on(options_.address);
@@ -337,7 +337,7 @@ void Device::received(const can::Frame& frame, rt::Time) noexcept {
   } else if (frame.key() == co::nmt_command_id) {
     boot_by_nmt(frame);
   } else if (methods_.hears(frame.key())) {
-    answer = methods_.handle(frame, options_.lss && lss_->state() == lss::State::configuration);
+    answer = methods_.handle(frame, options_.lss.on && lss_->state() == lss::State::configuration);
     note_other_schemes(answer.has_value());
   } else if (!frame.remote && is_mine(frame.key())) {
     raise(co::emcy_code::id_collision, co::error_register::communication);

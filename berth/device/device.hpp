@@ -72,24 +72,29 @@ struct Signature {
   std::uint64_t value = 0;  ///< little-endian on the wire
 };
 
+/// How a device behaves as an LSS slave.
+struct LssOptions {
+  bool on = true;                                            ///< it is one
+  bool fastscan = true;                                      ///< answers LSS Fastscan (51h)
+  lss::Feedback feedback = lss::Feedback::none;              ///< with `fastscan`
+  std::uint16_t feedback_base = lss::default_feedback_base;  ///< `Feedback::base`: first of the sixteen identifiers
+  LssHabit habit = LssHabit::none;                           ///< as a known stack's slave does
+  std::uint64_t habit_seed = 0;                              ///< of what such a slave does at random
+  bool changes_at_waiting = false;  ///< a configured device takes a new node-ID already at `04 00`
+};
+
 struct Options {
   LssAddress address{};  ///< identity, 1018h:01..04
   NodeIdSource source = NodeIdSource::nonvolatile;
   NodeId node_id{};            ///< fixed, or what blank memory counts as
   std::uint32_t bit_rate = 0;  ///< what blank memory counts as, bit/s; 0 or not in CiA's table: the port's own is kept
-  bool lss = true;
-  bool fastscan = true;                                      ///< with `lss`: answers LSS Fastscan (51h)
-  lss::Feedback feedback = lss::Feedback::none;              ///< with `fastscan`
-  std::uint16_t feedback_base = lss::default_feedback_base;  ///< `Feedback::base`: first of the sixteen identifiers
-  LssHabit lss_habit = LssHabit::none;                       ///< with `lss`: as a known stack's slave does
-  std::uint64_t lss_habit_seed = 0;                          ///< of what such a slave does at random
+  LssOptions lss{};
   RandMode rand = RandMode::on;
   bool rand_resume = false;   ///< RAND's extension: answers for any prefix of its address (docs/rand.md)
   bool and_protocol = false;  ///< answers AND
   bool claim = false;         ///< claims a node-ID as SAE J1939-81 does when it has none
   NegotiationMode negotiation = NegotiationMode::off;
   nodeid::NegotiatorOptions negotiator{};  ///< with `negotiation`; its address and `literal` are the device's
-  bool lss_changes_at_waiting = false;     ///< a configured device takes a new node-ID already at `04 00`
   bool detect_collision = true;            ///< reports another node that sends with its identifiers (EMCY 8150h; SX.7)
   rt::Duration never_seen{0};        ///< a node in 1016h with no heartbeat for so long is told (`Callbacks`); 0 = no
   rt::Duration bus_off_recovery{0};  ///< restarts its controller so long after bus-off; 0 = never
@@ -365,7 +370,7 @@ class Device final : private co::NmtSlave::Owner,
   std::optional<NvRecord> record_;
   std::optional<lss::Slave> lss_;
   lss::AnswerQueue lss_answers_;
-  std::unique_ptr<LssHabits> habits_;  // only with Options::lss_habit
+  std::unique_ptr<LssHabits> habits_;  // only with LssOptions::habit
   NodeIdMethods methods_;
   co::NmtSlave nmt_;
   co::HeartbeatProducer producer_;

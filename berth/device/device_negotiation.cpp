@@ -18,7 +18,7 @@ void Device::make_negotiation(NvMemory* memory) {
 // SX.6: a master that talks to this device by another scheme shall not be raced.
 void Device::note_other_schemes(bool answers) noexcept {
   if (!negotiation_) return;
-  if (answers || (options_.lss && lss_->state() == lss::State::configuration)) negotiation_->others_at_work();
+  if (answers || (options_.lss.on && lss_->state() == lss::State::configuration)) negotiation_->others_at_work();
 }
 
 void Device::negotiated(NodeId id) noexcept {

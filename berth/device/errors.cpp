@@ -88,7 +88,7 @@ void Device::recover() noexcept {
 LedInputs Device::led_inputs() const noexcept {
   const auto status = dispatcher_->port().status();
   return {.state = nmt_.state(),
-          .lss = options_.lss && powered_ && !booting() && lss_->state() == lss::State::configuration,
+          .lss = options_.lss.on && powered_ && !booting() && lss_->state() == lss::State::configuration,
           .program_download = programming_ && programming_->programs.downloading(),
           .bus_off = status.bus_off,
           .warning_limit = status.tec >= warning_limit || status.rec >= warning_limit,
@@ -127,7 +127,7 @@ bool Device::is_mine(std::uint32_t key) const noexcept {
 
 void Device::listen() noexcept {
   dispatcher_->remove(*this);
-  if (options_.lss) dispatcher_->add(can::only(lss::master_cob_id), *this);
+  if (options_.lss.on) dispatcher_->add(can::only(lss::master_cob_id), *this);
   methods_.listen(*dispatcher_, *this);
   const bool told_to_boot = habits_ && habits_->boots_by_nmt() && nmt_.state() == NmtState::initialising;
   if (told_to_boot) dispatcher_->add(can::only(co::nmt_command_id), *this);

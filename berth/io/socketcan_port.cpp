@@ -6,62 +6,70 @@
 #include <algorithm>
 #include <cerrno>
 #include <cstring>
-#include <ctime>
-#include <deque>
-#include <vector>
 
-#include "berth/can/ranges.hpp"
+#include "berth/io/controller_status.hpp"
 #include "berth/io/deliveries.hpp"
-#include "berth/io/netlink_socket.hpp"
+#include "berth/io/echo_filter.hpp"
+#include "berth/io/kernel_queue.hpp"
+#include "berth/io/link_news.hpp"
+#include "berth/io/socket_reader.hpp"
 #include "berth/io/socketcan_codec.hpp"
 #include "berth/io/socketcan_setup.hpp"
 #include "berth/io/socketcan_socket.hpp"
+#include "berth/io/written_frames.hpp"
 #include "berth/rt/later.hpp"
 
 namespace berth::io {
 namespace {
 
 using namespace std::chrono_literals;
-using Level = BusReport::Level;
 
-constexpr std::size_t most_events = 1024;     // read and not yet delivered; the rest stays in the kernel's buffer
-constexpr unsigned most_batches = 8;          // read at a stretch, before others have their turn
-constexpr std::size_t most_echoed = 256;      // identifiers sent with a tag; then every echo is read
-constexpr unsigned most_passed = 32;          // echoes of later frames until one is given up: more than mailboxes are
-constexpr std::uint32_t much_unwanted = 256;  // frames that passed a filter and are not wanted; then it is narrowed
-constexpr rt::Duration look_again = 1s;       // a controller's counters, and whether an interface is back
-constexpr rt::Duration count_again = 100ms;   // when the status is asked for: the losses so far
-constexpr rt::Duration open_patience = 2s;    // for a controller to be running
+constexpr std::size_t most_events = 1024;   // read and not yet delivered; the rest stays in the kernel's buffer
+constexpr rt::Duration look_again = 1s;     // a controller's counters, and whether an interface is back
+constexpr rt::Duration open_patience = 2s;  // for a controller to be running
 constexpr rt::Duration restart_patience = 250ms;
-constexpr std::uint32_t first_sequence = 0xBE00'0000U;  // others count theirs from small numbers or the time
-
-std::int64_t wall_clock() noexcept {
-  timespec time{};
-  ::clock_gettime(CLOCK_REALTIME, &time);
-  return std::int64_t{time.tv_sec} * 1'000'000'000 + time.tv_nsec;
-}
-
-Level level_of(const can::Status& s) noexcept {
-  if (s.error_passive()) return Level::passive;
-  return s.tec >= 96 || s.rec >= 96 ? Level::warning : Level::active;
-}
 
 bool changes_for_listening(const Link& link, const Steps& steps, const Wanted& wanted) noexcept {
   return wanted.listen_only && link.controller() && !steps.none();
 }
 
+Link down(Link link) {
+  link.up = false;
+  return link;
+}
+
+/// Frames that the receive buffers of this and of earlier sockets lost.
+class Losses {
+ public:
+  /// The status is asked for: the kernel is asked, not too often.
+  void ask(CanSocket& socket, rt::Time now) noexcept {
+    if (now - asked_ < 100ms) return;
+    asked_ = now;
+    socket.ask_dropped();
+  }
+  void end(CanSocket& socket) noexcept { before_ += socket.ask_dropped(); }
+  [[nodiscard]] std::uint32_t so_far(const CanSocket& socket) const noexcept { return before_ + socket.dropped(); }
+
+ private:
+  std::uint32_t before_ = 0;
+  rt::Time asked_{};
+};
+
 }  // namespace
 
 /// Frames are read between jobs, and delivered one per job.
-class SocketCanPort::Impl final : private Watcher {
+class SocketCanPort::Impl final : private Watcher, private LinkNews::Owner, private KernelQueue::Owner {
  public:
   Impl(Loop& loop, std::string name, const Wanted& wanted)
-      : loop_(&loop), executor_(&loop.executor()), name_(std::move(name)), wanted_(wanted), links_ear_(*this) {
-    status_.bit_rate = wanted.bit_rate;
-  }
+      : loop_(&loop),
+        executor_(&loop.executor()),
+        name_(std::move(name)),
+        wanted_(wanted),
+        news_(loop, name_, *this),
+        status_(wanted.bit_rate),
+        queue_(loop, socket_, *this, status_, queue_depth, *this) {}
   ~Impl() {
     unbind();
-    if (links_.fd() >= 0) loop_->forget(links_.fd());
     if (!put_back_) return;
     const auto now = read_link(name_);
     if (now) put_back(*now, *put_back_);
@@ -69,53 +77,48 @@ class SocketCanPort::Impl final : private Watcher {
   Impl(const Impl&) = delete;
   Impl& operator=(const Impl&) = delete;
 
-  // False: errno says why.
-  bool start(const Link& link) {
-    if (!links_.open() || !loop_->watch(links_.fd(), links_ear_, EPOLLIN)) return false;
+  // False: errno says why. `before`: what is to be put back at the end.
+  bool start(const Link& link, std::optional<Link> before) {
+    put_back_ = std::move(before);
+    if (!news_.open()) return false;
     link_ = link;
     if (!bind()) return false;
     learn(link);
     deliveries_.clear();
     return true;
   }
-  void was(const Link& before) { put_back_ = before; }
 
   can::Queued send(const can::Frame& frame, std::uint32_t tag) noexcept {
     KernelFrame bytes;
     const std::size_t size = encode_frame(frame, bytes);
-    if (!status_.up || size == 0 || (size == fd_size && link_.mtu < fd_size)) return can::Queued::closed;
-    if (status_.listen_only) return can::Queued::listen_only;
-    if (status_.bus_off) return can::Queued::bus_off;
-    if (tag != 0) expect_echo(frame.key());
-    // Written when the job that sends is over: a service that says "I am here" has then also said what it wants to
-    // hear, and the answer passes the kernel's filter.
-    const bool first = waiting_.empty();
-    if (first) write_.post();
-    if (waiting_.size() >= queue_depth && !stuck_) flush();
-    return keep(frame, tag);
+    const can::Status& now = status_.now();
+    if (!now.up || size == 0 || (size == fd_size && link_.mtu < fd_size)) return can::Queued::closed;
+    if (now.listen_only) return can::Queued::listen_only;
+    if (now.bus_off) return can::Queued::bus_off;
+    if (tag != 0) {
+      // A user that never asks when a frame was sent is spared the reading of it.
+      if (!hears_own_ && there_) hears_own_ = socket_.hear_own();
+      if (filter_.expect(frame.key())) install();
+    }
+    return queue_.push(frame, tag);
   }
 
   void withdraw(std::uint32_t tag) noexcept {
     if (tag == 0) return;
-    std::erase_if(waiting_, [tag](const Given& g) { return g.tag == tag; });
-    for (auto& written : written_) {
-      if (written.tag == tag) written.tag = 0;
-    }
+    queue_.withdraw(tag);
+    written_.withdraw(tag);
   }
 
   void listen(can::Listener* listener, std::span<const can::IdRange> accept) noexcept {
     deliveries_.listen(listener, accept);
-    if (!can::covers(installed_, deliveries_.accept())) install();
+    if (!filter_.covers(deliveries_.accept())) install();
   }
 
   can::Status status() noexcept {
-    if (there_ && executor_->now() - counted_ >= count_again) {
-      counted_ = executor_->now();
-      socket_.ask_dropped();
-    }
-    can::Status s = status_;
-    s.queued = static_cast<std::uint16_t>(waiting_.size() + written_.size());
-    s.lost = lost_before_ + socket_.dropped() + overflows_;
+    if (there_) losses_.ask(socket_, executor_->now());
+    can::Status s = status_.now();
+    s.queued = static_cast<std::uint16_t>(queue_.size() + written_.size());
+    s.lost = losses_.so_far(socket_) + status_.overflows();
     return s;
   }
 
@@ -127,14 +130,17 @@ class SocketCanPort::Impl final : private Watcher {
       return false;
     }
     wanted_.bit_rate = bit_rate;
-    if (status_.bus_off && link_.controller() && bit_rate == link_.bit_rate &&
+    if (status_.now().bus_off && link_.controller() && bit_rate == link_.bit_rate &&
         link_.listen_only == wanted_.listen_only) {
       return out_of_bus_off();
     }
     const Steps steps = steps_to(link_, wanted_, true);
     if (steps.none()) {
-      if (!link_.controller()) learn_label();
-      return status_.up;
+      if (!link_.controller()) {
+        status_.label(bit_rate);
+        tell_changed();
+      }
+      return status_.now().up;
     }
     if (changes_for_listening(link_, steps, wanted_) && !put_back_) put_back_ = link_;
     const auto now = set_up(link_, steps, wanted_, restart_patience);
@@ -144,20 +150,6 @@ class SocketCanPort::Impl final : private Watcher {
   [[nodiscard]] const std::string& trouble() const noexcept { return trouble_; }
 
  private:
-  struct Given {
-    can::Frame frame;
-    std::uint32_t tag;
-    unsigned passed = 0;  // echoes of frames that were written later
-  };
-  class LinksEar final : public Watcher {
-   public:
-    explicit LinksEar(Impl& impl) noexcept : impl_(&impl) {}
-    void ready(std::uint32_t) noexcept override { impl_->hear_links(); }
-
-   private:
-    Impl* impl_;
-  };
-
   // ---- the interface ----
 
   bool bind() {
@@ -167,7 +159,8 @@ class SocketCanPort::Impl final : private Watcher {
       return false;
     }
     there_ = true;
-    watches_out_ = false;
+    news_.know(link_.index);
+    queue_.bound();
     if (hears_own_) hears_own_ = socket_.hear_own();
     install();
     return true;
@@ -175,7 +168,7 @@ class SocketCanPort::Impl final : private Watcher {
 
   void unbind() noexcept {
     if (socket_.fd() < 0) return;
-    lost_before_ += socket_.ask_dropped();
+    losses_.end(socket_);
     loop_->forget(socket_.fd());
     socket_.close();
     there_ = false;
@@ -183,107 +176,54 @@ class SocketCanPort::Impl final : private Watcher {
 
   // How the interface is now; tells the listener what that changes.
   void learn(const Link& link) {
-    const can::Status before = status_;
-    const Level level = level_of(status_);
+    const bool was_up = status_.now().up;
     link_ = link;
-    if (link.state) status_.bus_off = link.state == CanState::bus_off;
-    status_.up = there_ && link.up && (link.running || status_.bus_off);
-    status_.listen_only = wanted_.listen_only || link.listen_only;
-    status_.bit_rate_is_label = link.bit_rate == 0;
-    status_.bit_rate = link.bit_rate != 0 ? link.bit_rate : wanted_.bit_rate;
-    status_.knows_sent = link.echo || link.kind == "vcan" || link.kind == "vxcan";
-    status_.knows_errors = !link.controller() || link.reports_errors;
-    if (link.counts) {
-      status_.knows_counters = true;
-      status_.tec = link.tec;
-      status_.rec = link.rec;
-    }
-    if (link.state == CanState::passive && !status_.error_passive()) status_.tec = 128;
-    if (link.state == CanState::active && status_.error_passive()) status_.tec = status_.rec = 0;
-    if (before.up && !status_.up) drop_queue();
-    if (status_.up) trouble_.clear();
-    if (look_needed() && !look_.timed()) look_.arm(look_again);
-    if (before.up != status_.up || before.bus_off != status_.bus_off || before.bit_rate != status_.bit_rate ||
-        before.listen_only != status_.listen_only || level != level_of(status_)) {
-      tell_changed();
-    }
+    news_.know(link.index);
+    const bool changed = status_.learn(link, wanted_, there_);
+    if (was_up && !status_.now().up) drop_queue();
+    if (status_.now().up) trouble_.clear();
+    if (status_.unseen(link_) && !look_.timed()) look_.arm(look_again);
+    if (changed) tell_changed();
   }
 
-  // A virtual interface's bus-off is another program's error frame, and its rate a word.
-  void learn_label() {
-    status_.bus_off = false;
-    status_.tec = status_.rec = 0;
-    status_.bit_rate = wanted_.bit_rate;
-    tell_changed();
-  }
-
-  void goes_down() noexcept {
+  void goes_down() noexcept override {
     drop_queue();
-    ask();
+    news_.ask();
     look_.arm(look_again);
-    if (!status_.up) return;
-    status_.up = false;
+    if (!status_.went_down()) return;
     trouble_ = name_ + " went down; " + ip_command(down(link_), wanted_);
     tell_changed();
   }
-  static Link down(Link link) {
-    link.up = false;
-    return link;
-  }
 
   void vanishes() {
-    if (!there_ && !status_.up) return;
+    if (!there_ && !status_.now().up) return;
     read_all();  // what came before
-    unbind();
     drop_queue();
+    unbind();
     trouble_ = name_ + ": there is no such interface any more";
-    if (!std::exchange(status_.up, false)) return;
-    tell_changed();
+    if (status_.went_down()) tell_changed();
   }
 
-  // An answer that was on its way when something newer was heard is not believed.
-  void ask() noexcept { links_.ask(++sequence_, name_); }
-
-  void hear_links() noexcept {
-    bool news = false;
-    for (int packets = 0; packets < 16; ++packets) {
-      const auto heard = links_.receive();
-      if (!heard) break;
-      news = news || heard->overrun;
-      for (const auto& notice : heard->notices) {
-        if (notice.sequence == sequence_) {
-          answer(notice);
-        } else if (notice.link.name == name_ || notice.link.index == link_.index) {
-          news = true;
-        }
-      }
-    }
-    if (news) ask();
-  }
-
-  void answer(const LinkNotice& notice) {
+  void answered(const LinkNotice& notice) override {
     if (notice.kind == LinkNotice::Kind::reply && notice.error != 0) return vanishes();
     if (notice.kind != LinkNotice::Kind::link || notice.link.name != name_) return;
     if (there_ && notice.link.index != link_.index) vanishes();  // and another of the same name is there
-    if (!there_ && !come_back(notice.link)) return;
+    if (!there_) {
+      if (!notice.link.can) return;
+      link_ = notice.link;
+      if (!bind()) {
+        trouble_ = name_ + ": " + std::strerror(errno);
+        return;
+      }
+    }
     learn(notice.link);
   }
 
-  bool come_back(const Link& link) {
-    if (!link.can) return false;
-    link_ = link;
-    if (bind()) return true;
-    trouble_ = name_ + ": " + std::strerror(errno);
-    return false;
-  }
-
-  // A virtual interface that is up has nothing to be looked at, and a timer would cost each wait for frames.
   void look() noexcept {
-    if (!look_needed()) return;
+    if (!status_.unseen(link_)) return;
     look_.arm(look_again);
-    ask();
+    news_.ask();
   }
-  [[nodiscard]] bool look_needed() const noexcept { return link_.controller() || !status_.up; }
 
   bool out_of_bus_off() {
     if (link_.restart_ms != 0) return true;  // the kernel does it by itself, and no other may
@@ -296,8 +236,8 @@ class SocketCanPort::Impl final : private Watcher {
     const auto now = read_link(name_);
     if (!now) return false;
     learn(*now);
-    status_.tec = status_.rec = 0;
-    ask();
+    status_.clear_counters();
+    news_.ask();
     return true;
   }
 
@@ -313,62 +253,20 @@ class SocketCanPort::Impl final : private Watcher {
       if (is) learn(*is);
       trouble_ = now.error();
     }
-    ask();
-    return now && status_.up;
+    news_.ask();
+    return now && status_.now().up;
   }
 
   // ---- out ----
 
-  can::Queued keep(const can::Frame& frame, std::uint32_t tag) noexcept {
-    if (waiting_.size() >= queue_depth) return can::Queued::full;
-    waiting_.push_back({frame, tag, 0});
-    return can::Queued::yes;
-  }
-
   // Only what passes the filter comes back.
-  void note_written(const can::Frame& frame, std::uint32_t tag) noexcept {
-    if (!hears_own_ || !can::contains(installed_, frame.key())) return;
-    if (written_.size() >= most_unconfirmed) written_.pop_front();
-    written_.push_back({frame, tag, 0});
-  }
-
-  void try_later() noexcept {
-    const auto rate = status_.bit_rate_is_label ? 0 : status_.bit_rate;
-    const auto frame_time = rate == 0 ? rt::Duration(1ms) : rt::Duration(130'000'000'000LL / rate);
-    retry_.arm(std::max<rt::Duration>(frame_time, 250us));
-  }
-
-  void try_when_writable(bool on) noexcept {
-    if (watches_out_ == on) return;
-    watches_out_ = loop_->watch(socket_.fd(), *this, on ? EPOLLIN | EPOLLOUT : EPOLLIN) && on;
-    if (on && !watches_out_) try_later();
-  }
-
-  void flush() noexcept {
-    stuck_ = true;  // unless all is written
-    while (!waiting_.empty() && status_.up && !status_.bus_off) {
-      KernelFrame bytes;
-      const std::size_t size = encode_frame(waiting_.front().frame, bytes);
-      switch (socket_.write(bytes, size)) {
-        case CanSocket::Wrote::yes: note_written(waiting_.front().frame, waiting_.front().tag); break;
-        case CanSocket::Wrote::full: return try_later();
-        case CanSocket::Wrote::waiting: return try_when_writable(true);
-        case CanSocket::Wrote::down: return goes_down();
-        case CanSocket::Wrote::refused: break;
-      }
-      waiting_.pop_front();
-    }
-    stuck_ = false;
-    try_when_writable(false);
+  void wrote(const can::Frame& frame, std::uint32_t tag) noexcept override {
+    if (hears_own_ && filter_.passes(frame.key())) written_.add(frame, tag);
   }
 
   void drop_queue() noexcept {
-    waiting_.clear();
+    queue_.clear();
     written_.clear();
-    stuck_ = false;
-    retry_.cancel();
-    write_.cancel();
-    if (there_) try_when_writable(false);
   }
 
   // ---- in ----
@@ -376,115 +274,48 @@ class SocketCanPort::Impl final : private Watcher {
   void ready(std::uint32_t events) noexcept override {
     freed_ = false;
     read_all();
-    if ((events & EPOLLOUT) != 0 || (freed_ && !waiting_.empty())) flush();
+    if ((events & EPOLLOUT) != 0 || (freed_ && queue_.size() > 0)) queue_.flush();
   }
 
   void read_all() noexcept {
-    for (unsigned i = 0; i < most_batches && deliveries_.size() < most_events; ++i) {
-      const std::size_t room = std::min(at_a_time_, most_events - deliveries_.size());
-      int error = 0;
-      const auto got = socket_.read(room, error);
-      // It was there when the last batch was read.
-      const bool backlog = !got.empty() && got.front().stamp && *got.front().stamp < stamps_.wall();
-      if (!got.empty() && !stamps_.begin_as_before(loop_->woke(), got.back().stamp)) {
-        stamps_.begin(loop_->clock(), wall_clock());
-      }
-      for (const auto& r : got) arrived(r);
-      if (error != 0) goes_down();
-      // One by one while they come one by one: asking for more than there is costs the kernel a look in vain.
-      at_a_time_ = backlog ? std::min(at_a_time_ * 2, CanSocket::batch) : got.size() < room ? 1 : at_a_time_;
-      if (error == 0 && (got.size() < room || room == 1)) break;
-    }
+    reader_.read([&] { return most_events - std::min(most_events, deliveries_.size()); },
+                 [&](const CanSocket::Received& r, rt::Time at) { arrived(r, at); }, [&] { goes_down(); });
   }
 
-  // Strictly before this instant: a comparison shows that a frame was heard later than it was on the wire.
-  void arrived(const CanSocket::Received& r) noexcept {
-    const rt::Time at = stamps_.at(r.stamp, executor_->now() - rt::Duration{1});
-    if (const auto frame = decode_frame(r.bytes)) {
-      if (r.own) {
-        echoed(*frame, at);
-      } else {
-        count_unwanted(*frame);
-        deliveries_.received(*frame, at);
-      }
-    } else if (const auto report = decode_error(r.bytes)) {
-      heard_error(*report, at);
+  void arrived(const CanSocket::Received& r, rt::Time at) noexcept {
+    const auto frame = decode_frame(r.bytes);
+    if (!frame) {
+      if (const auto report = decode_error(r.bytes)) heard_error(*report, at);
+    } else if (r.own) {
+      freed_ = true;
+      written_.echoed(*frame, socket_.dropped(), [&](std::uint32_t tag) { deliveries_.sent(tag, at); });
+    } else {
+      if (filter_.much(frame->key(), deliveries_.accept())) install();
+      deliveries_.received(*frame, at);
     }
-  }
-
-  // Frames go out in the order of writing. One that is passed over has its echo among what the receive buffer lost, and
-  // then it was sent before this one; else the controller sends by priority, or the driver dropped it.
-  void echoed(const can::Frame& frame, rt::Time at) noexcept {
-    freed_ = true;
-    const auto it = std::ranges::find_if(written_, [&frame](const Given& g) { return g.frame == frame; });
-    if (it == written_.end()) return;
-    const bool lost_some = socket_.dropped() != dropped_when_echoed_;
-    dropped_when_echoed_ = socket_.dropped();
-    const auto first = lost_some ? written_.begin() : it;
-    for (auto g = written_.begin(); g != first; ++g) ++g->passed;
-    for (auto g = first; g <= it; ++g) {
-      if (g->tag != 0) deliveries_.sent(g->tag, at);
-    }
-    written_.erase(first, it + 1);
-    while (!written_.empty() && written_.front().passed >= most_passed) written_.pop_front();
   }
 
   void heard_error(const BusReport& report, rt::Time at) noexcept {
-    const can::Status before = status_;
-    const Level level = level_of(status_);
-    if (report.error) ++status_.errors;
-    if (report.overflow) ++overflows_;
-    if (report.counts) status_.knows_counters = true;
-    if (report.counts || report.level) {
-      status_.tec = report.tec;
-      status_.rec = report.rec;
-    }
-    if (report.restarted) {
-      status_.bus_off = false;
-      status_.tec = status_.rec = 0;
-    }
-    if (report.bus_off) {
-      status_.bus_off = true;
-      drop_queue();
-    }
-    if (report.restarted || report.bus_off) ask();
-    if (before.bus_off != status_.bus_off || level != level_of(status_)) tell_changed(at);
+    const bool changed = status_.learn(report);
+    if (report.bus_off) drop_queue();
+    if (report.restarted || report.bus_off) news_.ask();
+    if (changed) tell_changed(at);
   }
 
   // ---- acceptance ----
 
-  // A user that never asks when a frame was sent is spared the reading of it.
-  void expect_echo(std::uint32_t key) noexcept {
-    if (!hears_own_ && there_) hears_own_ = socket_.hear_own();
-    if (can::contains(installed_, key)) return;
-    if (echoed_.size() >= most_echoed) {
-      echoed_ = {can::all_base, can::all_extended};
-    } else {
-      echoed_.push_back(can::only(key));
-    }
-    install();
-  }
-
   void install() noexcept {
-    auto all = echoed_;
-    all.insert(all.end(), deliveries_.accept().begin(), deliveries_.accept().end());
-    installed_ = can::normalised(all);
-    unwanted_ = 0;
-    if (!there_ || socket_.filter(kernel_filters(installed_, most_filters))) return;
+    const auto& passing = filter_.install(deliveries_.accept());
+    if (!there_ || socket_.filter(kernel_filters(passing, most_filters))) return;
     const KernelFilter everything;
     socket_.filter({&everything, 1});
   }
 
-  // What passed the kernel's filter in vain.
-  void count_unwanted(const can::Frame& frame) noexcept {
-    if (!can::contains(deliveries_.accept(), frame.key()) && ++unwanted_ >= much_unwanted) install();
-  }
-
   // ---- to the listener ----
 
-  void tell_changed() noexcept { tell_changed(stamps_.not_before(executor_->now() - rt::Duration{1})); }
-  void tell_changed(rt::Time at) noexcept {
-    if (deliveries_.anybody()) deliveries_.changed(status(), at);
+  void tell_changed(std::optional<rt::Time> at = std::nullopt) noexcept {
+    const rt::Time when = at ? *at : reader_.happens();
+    if (deliveries_.anybody()) deliveries_.changed(status(), when);
   }
 
   Loop* loop_;
@@ -495,29 +326,17 @@ class SocketCanPort::Impl final : private Watcher {
   bool there_ = false;  // bound to an interface that exists, up or not
   std::optional<Link> put_back_{};
   CanSocket socket_;
-  LinkWatch links_;
-  LinksEar links_ear_;
-  std::uint32_t sequence_ = first_sequence;
-  can::Status status_;
-  std::uint32_t overflows_ = 0;    // of the controller
-  std::uint32_t lost_before_ = 0;  // of earlier sockets
-  rt::Time counted_{};
+  LinkNews news_;
+  ControllerStatus status_;
+  Losses losses_;
   std::string trouble_;
-  StampMap stamps_;
-  std::size_t at_a_time_ = 1;            // frames asked for
-  std::vector<can::IdRange> echoed_;     // what is or was sent with a tag
-  std::vector<can::IdRange> installed_;  // what passes the kernel's filter
-  std::uint32_t unwanted_ = 0;
-  std::deque<Given> waiting_;  // the kernel has not taken them
-  std::deque<Given> written_;  // echo awaited, oldest first
-  std::uint32_t dropped_when_echoed_ = 0;
+  SocketReader reader_{*loop_, socket_};
+  EchoFilter filter_;
+  WrittenFrames written_{most_unconfirmed};
   bool hears_own_ = false;
-  bool stuck_ = false;  // the kernel takes nothing now
-  bool watches_out_ = false;
   bool freed_ = false;  // the kernel's queue has become shorter
   Deliveries deliveries_{*executor_};
-  rt::Later<Impl, &Impl::flush> write_{*this, *executor_};
-  rt::Later<Impl, &Impl::flush> retry_{*this, *executor_};
+  KernelQueue queue_;
   rt::Later<Impl, &Impl::look> look_{*this, *executor_};
 };
 
@@ -550,8 +369,8 @@ tl::expected<std::unique_ptr<SocketCanPort>, std::string> SocketCanPort::open(Lo
   if (link) link = usable(*link, wanted);
   if (!link) return tl::unexpected(link.error());
   auto impl = std::make_unique<Impl>(loop, interface, wanted);
-  if (changes_for_listening(*found, steps, wanted)) impl->was(*found);
-  if (!impl->start(*link)) return tl::unexpected(no_socket(interface));
+  const bool changes = changes_for_listening(*found, steps, wanted);
+  if (!impl->start(*link, changes ? std::optional(*found) : std::nullopt)) return tl::unexpected(no_socket(interface));
   return std::unique_ptr<SocketCanPort>(new SocketCanPort(std::move(impl)));
 }
 

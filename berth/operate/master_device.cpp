@@ -49,7 +49,7 @@ MasterDevice::MasterDevice(can::Dispatcher& dispatcher, const design::Bus& bus) 
   device::Options options;
   options.source = device::NodeIdSource::fixed;
   options.node_id = bus.master;
-  options.lss = false;
+  options.lss.on = false;
   options.rand = device::RandMode::off;
   options.name = "Berth";
   options.presets.push_back({{0x1017, 0}, static_cast<std::uint64_t>(std::clamp<std::int64_t>(ms, 0, 0xFFFF))});

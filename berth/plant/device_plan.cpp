@@ -278,13 +278,13 @@ device::Options options_of(const PlantDevice& plan, const LssAddress& address, s
   o.source = remembers(plan.source) ? device::NodeIdSource::nonvolatile : device::NodeIdSource::fixed;
   o.node_id = plan.source == NodeIdSource::blank ? NodeId() : plan.node_id;
   o.bit_rate = bit_rate;
-  o.lss = plan.speaks.has(Speaks::lss);
-  o.fastscan = plan.speaks.has(Speaks::fastscan);
-  if (plan.speaks.has(Speaks::feedback_29)) o.feedback = lss::Feedback::extended;
-  if (plan.speaks.has(Speaks::feedback_11)) o.feedback = lss::Feedback::base;
-  if (plan.habit == Habit::canopennode) o.lss_habit = device::LssHabit::canopennode;
-  if (plan.habit == Habit::lely) o.lss_habit = device::LssHabit::lely;
-  o.lss_habit_seed = seed;
+  o.lss.on = plan.speaks.has(Speaks::lss);
+  o.lss.fastscan = plan.speaks.has(Speaks::fastscan);
+  if (plan.speaks.has(Speaks::feedback_29)) o.lss.feedback = lss::Feedback::extended;
+  if (plan.speaks.has(Speaks::feedback_11)) o.lss.feedback = lss::Feedback::base;
+  if (plan.habit == Habit::canopennode) o.lss.habit = device::LssHabit::canopennode;
+  if (plan.habit == Habit::lely) o.lss.habit = device::LssHabit::lely;
+  o.lss.habit_seed = seed;
   if (!plan.speaks.has(Speaks::rand)) {
     o.rand = device::RandMode::off;
   } else {

@@ -142,7 +142,7 @@ TEST(Device, HU_4_PendingBecomesActiveAtResetCommunicationNotAtResetNode) {
 TEST(Device, DeviceThatChangesAtWaiting) {
   Rig rig;
   auto options = stored(5, 9);
-  options.lss_changes_at_waiting = true;
+  options.lss.changes_at_waiting = true;
   Node node(rig.world, rig.bus, options);
   node.on();
   rig.run(milliseconds(1));
@@ -196,7 +196,7 @@ TEST(Device, FixedNodeIdRefusesConfiguration) {
 TEST(Device, WithoutLssOrRandNothingIsAnswered) {
   Rig rig;
   auto options = stored(5, 9);
-  options.lss = false;
+  options.lss.on = false;
   options.rand = RandMode::off;
   Node node(rig.world, rig.bus, options);
   node.on();
@@ -509,7 +509,7 @@ TEST(Device, MastersOwnDevice) {
                 {.address = address_of(99),
                  .source = NodeIdSource::fixed,
                  .node_id = NodeId(127),
-                 .lss = false,
+                 .lss = {.on = false},
                  .rand = RandMode::off,
                  .presets = {{{0x1017, 0}, 50}}});
   master.power_on();

@@ -183,7 +183,7 @@ struct Case {
 Trace trace(const Case& c) {
   Rig rig(c.bit_rate);
   Timing timing;
-  Node node(rig.world, rig.bus, {.address = paper4, .feedback = c.feedback, .rand = RandMode::off}, timing);
+  Node node(rig.world, rig.bus, {.address = paper4, .lss = {.feedback = c.feedback}, .rand = RandMode::off}, timing);
   node.device.power_on();
   rig.run(milliseconds(500));
   can::Dispatcher dispatcher(rig.world.executor(), *rig.me);
@@ -306,13 +306,13 @@ TEST(DeviceFastscan, OptionsDecideWhatIsAnswered) {
   const std::string answer = "7E4#4F00000000000000";
   const std::vector<Is> all{
       {{.address = paper4}, {ask, answer}},
-      {{.address = paper4, .fastscan = false}, {ask}},
-      {{.address = paper4, .lss = false}, {ask}},
+      {{.address = paper4, .lss = {.fastscan = false}}, {ask}},
+      {{.address = paper4, .lss = {.on = false}}, {ask}},
       {{.address = paper4, .node_id = NodeId(5)}, {ask}},
       {{.address = paper4, .source = NodeIdSource::fixed, .node_id = NodeId(5)}, {ask}},
-      {{.address = paper4, .feedback = lss::Feedback::extended}, {ask, "1F900135#", answer}},
-      {{.address = paper4, .feedback = lss::Feedback::base}, {ask, "6D0#", answer}},
-      {{.address = paper4, .feedback = lss::Feedback::base, .feedback_base = 0x680}, {ask, "680#", answer}},
+      {{.address = paper4, .lss = {.feedback = lss::Feedback::extended}}, {ask, "1F900135#", answer}},
+      {{.address = paper4, .lss = {.feedback = lss::Feedback::base}}, {ask, "6D0#", answer}},
+      {{.address = paper4, .lss = {.feedback = lss::Feedback::base, .feedback_base = 0x680}}, {ask, "680#", answer}},
   };
   for (const auto& is : all) {
     Rig rig;

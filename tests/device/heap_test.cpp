@@ -204,7 +204,7 @@ TEST(Device, FastscanWithFeedbackTakesNothingFromTheHeap) {
   const Timing timing{.response_min = microseconds(100), .response_max = microseconds(900)};
   TimedPort port(executor, bare, timing, Random(1));
   can::Dispatcher dispatcher(executor, port);
-  const Options options{.address = {1, 1, 0, 5}, .feedback = lss::Feedback::extended};
+  const Options options{.address = {1, 1, 0, 5}, .lss = {.feedback = lss::Feedback::extended}};
   Device device(dispatcher, minimal_description(), nullptr, options, &port, timing);
   device.power_on();
   executor.advance(executor.now() + milliseconds(300));

@@ -31,8 +31,8 @@ struct OneDevice : Rig {
     o.address = own;
     o.node_id = id;
     o.rand = RandMode::off;
-    o.lss_habit = habit;
-    o.lss_habit_seed = 5;
+    o.lss.habit = habit;
+    o.lss.habit_seed = 5;
     return o;
   }
   // Longer than its main loop is ever busy.

@@ -1,0 +1,50 @@
+/// Which keys the kernel's filter of a SocketCAN port lets pass: what the listener hears, and the echoes of what was
+/// sent with a tag. Inside of room `io`.
+#pragma once
+
+#include <cstdint>
+#include <span>
+#include <vector>
+
+#include "berth/can/ranges.hpp"
+
+namespace berth::io {
+
+class EchoFilter {
+ public:
+  static constexpr std::size_t most_echoed = 256;      ///< identifiers sent with a tag; then every echo is read
+  static constexpr std::uint32_t much_unwanted = 256;  ///< frames that passed and are not wanted; then it is narrowed
+
+  /// A frame with this key goes out, and its echo is wanted. True: `install` is to follow.
+  [[nodiscard]] bool expect(std::uint32_t key) {
+    if (passes(key)) return false;
+    if (echoed_.size() >= most_echoed) {
+      echoed_ = {can::all_base, can::all_extended};
+    } else {
+      echoed_.push_back(can::only(key));
+    }
+    return true;
+  }
+  /// What passes from now on, beside the echoes: `accept`. Sorted, without overlaps.
+  [[nodiscard]] const std::vector<can::IdRange>& install(std::span<const can::IdRange> accept) {
+    auto all = echoed_;
+    all.insert(all.end(), accept.begin(), accept.end());
+    installed_ = can::normalised(all);
+    unwanted_ = 0;
+    return installed_;
+  }
+  /// Everything of `accept` passes already.
+  [[nodiscard]] bool covers(std::span<const can::IdRange> accept) const { return can::covers(installed_, accept); }
+  [[nodiscard]] bool passes(std::uint32_t key) const { return can::contains(installed_, key); }
+  /// A frame with this key passed. True: many did that are not of `accept`, and `install` is to follow.
+  [[nodiscard]] bool much(std::uint32_t key, std::span<const can::IdRange> accept) {
+    return !can::contains(accept, key) && ++unwanted_ >= much_unwanted;
+  }
+
+ private:
+  std::vector<can::IdRange> echoed_;     // what is or was sent with a tag
+  std::vector<can::IdRange> installed_;  // what passes
+  std::uint32_t unwanted_ = 0;
+};
+
+}  // namespace berth::io

@@ -1,0 +1,57 @@
+/// How a SocketCAN port reads: in batches as large as what waits, with the loop's time of each frame. Inside of room
+/// `io`.
+#pragma once
+
+#include <algorithm>
+#include <ctime>
+
+#include "berth/io/loop.hpp"
+#include "berth/io/socketcan_codec.hpp"
+#include "berth/io/socketcan_socket.hpp"
+
+namespace berth::io {
+
+class SocketReader {
+ public:
+  SocketReader(Loop& loop, CanSocket& socket) noexcept : loop_(&loop), socket_(&socket) {}
+
+  /// Reads what waits, as long as `room()` says that more may be kept. Calls `arrived(received, at)` for each, and
+  /// `down()` when the interface went down.
+  template <class Room, class Arrived, class Down>
+  void read(const Room& room, const Arrived& arrived, const Down& down) {
+    for (unsigned i = 0; i < most_batches && room() > 0; ++i) {
+      const std::size_t most = std::min(at_a_time_, room());
+      int error = 0;
+      const auto got = socket_->read(most, error);
+      // It was there when the last batch was read.
+      const bool backlog = !got.empty() && got.front().stamp && *got.front().stamp < stamps_.wall();
+      if (!got.empty() && !stamps_.begin_as_before(loop_->woke(), got.back().stamp)) {
+        stamps_.begin(loop_->clock(), wall_clock());
+      }
+      for (const auto& r : got) arrived(r, stamps_.at(r.stamp, latest()));
+      if (error != 0) down();
+      // One by one while they come one by one: asking for more than there is costs the kernel a look in vain.
+      at_a_time_ = backlog ? std::min(at_a_time_ * 2, CanSocket::batch) : got.size() < most ? 1 : at_a_time_;
+      if (error == 0 && (got.size() < most || most == 1)) break;
+    }
+  }
+  /// Something else happened now: no frame is earlier from now on.
+  [[nodiscard]] rt::Time happens() noexcept { return stamps_.not_before(latest()); }
+
+ private:
+  static constexpr unsigned most_batches = 8;  // at a stretch, before others have their turn
+  static std::int64_t wall_clock() noexcept {
+    timespec time{};
+    ::clock_gettime(CLOCK_REALTIME, &time);
+    return std::int64_t{time.tv_sec} * 1'000'000'000 + time.tv_nsec;
+  }
+  // Strictly before this instant: a comparison shows that a frame was heard later than it was on the wire.
+  [[nodiscard]] rt::Time latest() const noexcept { return loop_->executor().now() - rt::Duration{1}; }
+
+  Loop* loop_;
+  CanSocket* socket_;
+  StampMap stamps_;
+  std::size_t at_a_time_ = 1;  // frames asked for
+};
+
+}  // namespace berth::io
