@@ -193,7 +193,8 @@ rt::Task<Result<void>> Beneath::put_list(const manager::Wanted& list, std::vecto
   auto put = co_await bring(master, list, changed);
   if (!put) co_return put;
   if (!changed) {
-    const bool in_use = was_reset_ || co_await has_all(master, nodes);
+    if (was_reset_) co_return Result<void>{};
+    const bool in_use = co_await has_all(master, nodes);
     if (in_use) co_return Result<void>{};
     was_reset_ = true;
     // What is there may be unsaved: it is brought in again as if its date were another.
