@@ -393,7 +393,7 @@ int run_doctor(const Options& given, DoctorOptions wanted) {
   if (!options.machine.empty()) {
     const auto machine = design::load_machine(options.machine);
     if (!machine.machine) return tell(failure(machine.findings), options.json);
-    const auto wrong = settle_bus(*machine.machine, !options.sim.empty(), options, wanted);
+    const auto wrong = settle_bus(*machine.machine, !options.sim.plant.empty(), options, wanted);
     if (wrong) return tell(*wrong, options.json);
     const auto path = running_world(options, *machine.machine);
     if (!path.empty()) return run_joined(*machine.machine, path, options, wanted);

@@ -67,7 +67,7 @@ tl::expected<void, Failure> check_texts(const std::string& machine, const std::s
   for (const auto& bus : read.machine->buses) rates.push_back({bus.name, bus.bitrate});
   Options quiet = options;
   quiet.json = true;  // what a description lacks is told when the plant runs
-  quiet.state.clear();
+  quiet.sim.state.clear();
   const auto world = make_world(*devices.plant, rates, init.plant, quiet);
   if (!world) return tl::unexpected(world.error());
   return {};
