@@ -11,24 +11,24 @@
 namespace berth::io {
 namespace {
 
-struct Ear final : can::Listener {
+struct Receiver final : can::Listener {
   void received(const can::Frame& frame, rt::Time) noexcept override { ids.push_back(frame.id); }
   void sent(std::uint32_t, rt::Time) noexcept override {}
   void changed(const can::Status&, rt::Time) noexcept override {}
   std::vector<std::uint32_t> ids;
 };
 
-constexpr std::array everything{can::IdRange{0, 0xFFFF'FFFF}};
+constexpr std::array all_identifiers{can::IdRange{0, 0xFFFF'FFFF}};
 
 }  // namespace
 
 TEST(Deliveries, WhatWasHeardForOneListenerIsNotDeliveredToTheNext) {
   rt::Executor executor;
   Deliveries deliveries(executor);
-  Ear first, second;
-  deliveries.listen(&first, everything);
+  Receiver first, second;
+  deliveries.listen(&first, all_identifiers);
   deliveries.received(can::Frame::base(0x701, {0x05}), rt::Time{});
-  deliveries.listen(&second, everything);
+  deliveries.listen(&second, all_identifiers);
   deliveries.received(can::Frame::base(0x702, {0x05}), rt::Time{});
   executor.advance(executor.now());
   EXPECT_TRUE(first.ids.empty());
@@ -39,8 +39,8 @@ TEST(Deliveries, WhatWasHeardForOneListenerIsNotDeliveredToTheNext) {
 TEST(Deliveries, OtherRangesCountForWhatIsNoted) {
   rt::Executor executor;
   Deliveries deliveries(executor);
-  Ear ear;
-  deliveries.listen(&ear, everything);
+  Receiver ear;
+  deliveries.listen(&ear, all_identifiers);
   deliveries.received(can::Frame::base(0x701, {0x05}), rt::Time{});
   deliveries.received(can::Frame::base(0x081, {0x05}), rt::Time{});
   deliveries.listen(&ear, std::array{can::IdRange{0x700, 0x77F}});
