@@ -157,6 +157,9 @@ class Taken : public ::testing::Test {
         {"replace", on({"left", "--up", "--device", left})},
         {"forget", on({left, "--up"})},
         {"configure", {"-m", example("configured.toml"), "--sim", example("configured.plant.toml"), "--up"}},
+        {"upload",
+         {"pump 1", "-m", example("configured.toml"), "--sim", example("configured.plant.toml"), "--up", "--output",
+          folder.file("uploaded.dcf"), "--force"}},
         {"program status", programmed({"controller 3", "--up"})},
         {"program download", programmed({"controller 3", "--up"})},
         {"program start", programmed({"controller 3", "--up"})},
@@ -167,6 +170,9 @@ class Taken : public ::testing::Test {
         {"sdo read", on({"2", "1018h:04", "--up"})},
         {"sdo write", on({"2", "1017h", "100", "--up", "--yes"})},
         {"sdo dump", on({"2", "--up"})},
+        {"sdo connect", on({"2", "3", "--up"})},
+        {"sdo release", on({"2", "3", "--up"})},
+        {"sdo channels", on({"--up"})},
         {"nmt", on({"start", "2", "--up"})},
         {"lss select", on({left})},
         {"lss inquire", on({left})},
@@ -256,6 +262,7 @@ class Taken : public ::testing::Test {
                                                            {"--serial-low", "0"},
                                                            {"--serial-high", "9"},
                                                            {"--request", "1"},
+                                                           {"--lease", "1 min"},
                                                            {"--master", "126"}};
     const auto known = values.find(option);
     if (option == "--output") return folder.file("out.log");
@@ -278,7 +285,8 @@ TEST_F(Taken, EveryOptionThatIsShown) {
       "up --events",     "up --gateway",    "up --pace",      "demo --events",       "demo --pace",
       "trace --to",      "trace --stats",   "trace --quiet",  "eds diff --node",     "reproduce --negotiation-load",
       "plant --listen",  "sdo dump --to",   "emcy --listen",  "gateway --real-time", "adopt --all",
-      "device --device", "configure --bus", "up --master-id", "up --priority"};
+      "device --device", "configure --bus", "up --master-id", "up --priority",       "upload --bus",
+      "analyze --node",  "link --node"};
   const auto known = verbs();
   for (const auto& page : pages()) {
     const bool group = !listed(page.lines, "Subcommands:").empty();
