@@ -1,9 +1,7 @@
-# Stages that run beside each other: as many that compute at once as there are processors, and those that mostly wait
-# beside them. Sourced by tools/test, which has the sums `passed`, `failed` and `skipped`, and says in `lanes` which folder
-# is for what the stages leave.
+# Stages that run beside each other, as many at once as there are processors. Sourced by tools/test, which has the sums
+# `passed`, `failed` and `skipped`, and says in `lanes` which folder is for what the stages leave.
 
 begun=0
-waiting=()  # processes of stages that mostly wait
 
 # Sets `processor`: seconds, user and system, of all commands that this shell waited for.
 processor_time() {
@@ -12,29 +10,13 @@ processor_time() {
   processor=$(((fields[15] + fields[16]) / $(getconf CLK_TCK)))
 }
 
-# Stages that compute and run now.
-computing() {
-  jobs -rp | grep -vxF -e "" "${waiting[@]/#/-e}" | wc -l
-}
-
-# begin_waiting counted|one NAME COMMAND...: as `begin`, of a stage that waits for processes and clocks and takes no
-# processor from others for long: it begins at once.
-begin_waiting() {
-  launch "$@"
-  waiting+=("$!")
-}
-
 # begin counted|one NAME COMMAND...: what the stage says is kept until `gather`. `counted`: all its tests count, and the
 # command takes --summary FILE, for "passed failed skipped"; `one`: the stage counts as one test.
 begin() {
-  while (($(computing) >= $(nproc))); do wait -n || true; done
-  launch "$@"
-}
-
-launch() {
-  local kind=$1 name=$2 place=$lanes/$begun
+  local kind=$1 name=$2 place=$lanes/$begun running
   shift 2
   mkdir -p "$lanes"
+  while running=$(jobs -rp | wc -l) && ((running >= $(nproc))); do wait -n || true; done
   echo "== $name begins"
   begun=$((begun + 1))
   rm -f "$place.counts"
@@ -66,5 +48,5 @@ gather() {
     fi
     passed=$((passed + p)) failed=$((failed + f)) skipped=$((skipped + s))
   done
-  begun=0 waiting=()
+  begun=0
 }
