@@ -177,7 +177,8 @@ TEST_F(Live, ThePortOfTheCommandLineIsStrongerThanTheFile) {
 // Who sat where is told while nobody runs the machine, and no port is needed for it.
 TEST_F(Live, HistoryTellsWhoSatWhere) {
   const std::string store = folder.file("slots.db");
-  ASSERT_EQ(berth({"bind", "--machine", machine, "--store", store}).status, 0);
+  const Outcome bound = berth({"bind", "--machine", machine, "--store", store});
+  ASSERT_EQ(bound.status, 0) << bound.out << bound.err;
   plant.reset();
   const Outcome all = berth({"history", machine, "--store", store, "--json"});
   EXPECT_EQ(all.status, 0) << all.out << all.err;
