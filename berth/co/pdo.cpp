@@ -10,12 +10,17 @@
 namespace berth::co {
 namespace {
 
-// Most devices number their PDOs without gaps; else they still ascend.
+template <class Pdo>
+[[gnu::noinline]] Pdo* search(std::span<Pdo> pdos, unsigned number) noexcept {
+  const auto found = std::ranges::lower_bound(pdos, number, {}, &Pdo::number);
+  return found != pdos.end() && found->number() == number ? &*found : nullptr;
+}
+
+// Most devices number their PDOs without gaps; else they still ascend. Apart, so that this stands in its callers.
 template <class Pdo>
 Pdo* find(std::span<Pdo> pdos, unsigned number) noexcept {
   if (number - 1 < pdos.size() && pdos[number - 1].number() == number) return &pdos[number - 1];
-  const auto found = std::ranges::lower_bound(pdos, number, {}, &Pdo::number);
-  return found != pdos.end() && found->number() == number ? &*found : nullptr;
+  return search(pdos, number);
 }
 
 }  // namespace

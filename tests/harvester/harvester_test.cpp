@@ -137,57 +137,6 @@ TEST_F(Running, ABusThatIsCutIsToldOnceAndHeals) {
   }
 }
 
-// The wires of a bus beneath touch: no frame gets through, its master goes bus-off. Told once of each slot, nothing
-// else is touched, and everything runs again when they are apart.
-TEST_F(Running, AShortedBusIsToldOnceAndHeals) {
-  for (const char* const bus : {"left", "reel"}) {
-    const auto since = now();
-    auto& faults = machine.world().bus(bus)->faults();
-    faults.draw_from({.disturbed_per_million = 1'000'000});
-    machine.run_for(20s);
-    for (const auto& slot : machine.machine().slots) {
-      const bool shorted = slot.spec.name.bus == bus;
-      const auto& name = slot.spec.name.name;
-      EXPECT_EQ(machine.state(name) == SlotState::operational, !shorted) << name << "\n" << machine.log();
-      EXPECT_EQ(absences(name, since), shorted ? 1 : 0) << name;
-    }
-    faults.draw_from({});
-    ASSERT_TRUE(up(60s)) << bus << "\n" << machine.log();
-    machine.run_for(5s);
-    EXPECT_TRUE(machine.operational() && machine.all_run()) << bus;
-  }
-}
-
-// A gateway whose port beneath is at another bit rate destroys that bus and no other: it is not started, its slots say
-// why, once, and all others run.
-TEST(HarvesterMachine, AGatewayAtAnotherBitRate) {
-  Harvester machine([](design::Machine&, plant::PlantFile& plant) {
-    for (auto& device : plant.devices) {
-      if (device.name == "left port") device.bitrate = 125'000;
-    }
-  });
-  ASSERT_TRUE(machine.begin()) << machine.problem();
-  const auto beside = [&] {
-    return std::ranges::all_of(machine.machine().slots, [&](const auto& slot) {
-      const bool left = slot.spec.name.bus == "left" || slot.spec.name.name == "left gateway";
-      return left || machine.state(slot.spec.name.name) == SlotState::operational;
-    });
-  };
-  ASSERT_TRUE(machine.run_until(beside, 120s)) << machine.log();
-  machine.run_for(60s);
-  EXPECT_TRUE(beside()) << machine.log();
-  EXPECT_FALSE(machine.operational());
-  EXPECT_NE(machine.state("left gateway"), SlotState::operational);
-  for (const auto& spec : machine.machine().specs("left")) {
-    const auto slots = machine.session().slots();
-    const auto slot = std::ranges::find(slots, spec.name.name, &operate::SlotReport::name);
-    ASSERT_NE(slot, slots.end());
-    EXPECT_NE(slot->state, SlotState::operational) << spec.name.name;
-    EXPECT_FALSE(slot->reason.empty()) << spec.name.name << ": " << machine.log();
-    EXPECT_LE(machine.told(spec.name.name, {}).size(), 1U) << machine.log();
-  }
-}
-
 // A gateway that loses its power takes the bus beneath with it, and boots it before it comes back.
 TEST_F(Running, AGatewayWithoutPower) {
   for (const char* const gateway : {"left gateway", "reel gateway"}) {
