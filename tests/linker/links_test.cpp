@@ -244,19 +244,6 @@ TEST(Links, PdosOfAConfigurationStay) {
   }
 }
 
-// TPDO 1 was given the CAN-ID that TPDO 2 has in the predefined connection set.
-TEST(Links, TheCanIdOfAConfiguredPdoIsNotGivenAgain) {
-  auto reading = eds::read(eds_text(io_module()), "io");
-  reading.file.parameters = {{{0x1800, 1}, od::DataType::unsigned32, od::Literal::number(0x282)}};
-  const auto plc = file_of(controller());
-  auto network = network_of({{"press", plc}, {"io", std::make_shared<const eds::File>(std::move(reading.file))}});
-  add_link(network, "io/6000h:01", {"press/in"});
-  const auto made = make_plan(network);
-  ASSERT_TRUE(made.good()) << findings(made);
-  EXPECT_EQ(made.plan.pdos[0].tpdo, 2);
-  EXPECT_NE(made.plan.pdos[0].can_id, 0x282);
-}
-
 // A machine of the size of the coal conveyor (paper 5, fig. 1).
 TEST(Links, S5_21_TheConveyorIsLinked) {
   const auto network = conveyor();
