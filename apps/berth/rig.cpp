@@ -7,6 +7,7 @@
 
 #include "berth/command/link_network.hpp"
 #include "machine_file.hpp"
+#include "node_words.hpp"
 #include "simulated.hpp"
 
 namespace berth::cli {
@@ -92,10 +93,7 @@ tl::expected<void, Failure> Rig::read(const Options& options, const Sources& sou
 // --sim is stronger than what the file says, --port stronger than --sim.
 tl::expected<void, Failure> Rig::settle_ports(const Options& options, bool simulate) {
   if (!options.bus.empty() && machine_.bus(options.bus) == nullptr) {
-    std::string names;
-    for (const auto& bus : machine_.buses) names += (names.empty() ? "" : ", ") + bus.name;
-    return tl::unexpected(
-        failure(Exit::usage, fmt::format("{}: there is no bus \"{}\"; use {}", machine_.file, options.bus, names)));
+    return tl::unexpected(no_such_bus(machine_, options.bus));
   }
   for (auto& bus : machine_.buses) {
     if (simulate) bus.port = {};

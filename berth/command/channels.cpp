@@ -10,6 +10,7 @@
 #include "berth/command/permission.hpp"
 #include "berth/command/reply.hpp"
 #include "berth/command/run.hpp"
+#include "berth/od/cia302.hpp"
 #include "berth/text/quantity.hpp"
 
 namespace berth::command {
@@ -18,9 +19,9 @@ namespace {
 using manager::SdoConnection;
 using manager::SdoManager;
 
-constexpr std::uint16_t request_sdo = 0x1F00;
-constexpr std::uint16_t release_sdo = 0x1F01;
-constexpr std::uint16_t connection_state = 0x1F10;
+using od::cia302::connection_state;
+using od::cia302::release_sdo;
+using od::cia302::request_sdo;
 constexpr std::uint32_t longest_lease_s = 0xFFFF;
 
 /// What a command is about.
@@ -104,7 +105,7 @@ const char* const nothing_watches =
 
 // ---- another manager ------------------------------------------------------------------------------------------------
 
-enum class ChannelState : std::uint8_t { none, under_way, connected, failed, released };
+using ChannelState = manager::SdoRequests::State;
 
 rt::Task<void> ask_another(Session& session, const ChannelWish& wish, bool connects, Reply& reply) {
   const NodeArgument at{wish.network->bus().name, wish.manager, nullptr, {}};

@@ -90,8 +90,8 @@ class Builder {
 
   linker::Node node_of(const design::Slot& slot) {
     linker::Node node{.name = slot.spec.name.name, .id = slot.spec.id};
-    const auto buses = machine_.all_buses();
-    const auto bus = std::ranges::find(buses, slot.spec.name.bus, [](const auto* each) { return each->name; });
+    const auto& buses = made_.network.buses;
+    const auto bus = std::ranges::find(buses, slot.spec.name.bus, &linker::Bus::name);
     node.bus = static_cast<std::size_t>(bus - buses.begin());
     const std::string& config = slot.spec.config;
     if (!config.empty() && !is_concise(config)) {

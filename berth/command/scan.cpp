@@ -68,11 +68,7 @@ std::string gateway_of(const design::Machine& machine, const design::Bus& bus) {
                                        bus.gateway->bus);
 }
 
-std::string why_unreached(const Session& session, const operate::Beneath& beneath, const Error& error,
-                          const std::vector<Unreached>& so_far) {
-  const auto& bus = beneath.bus();
-  const auto above = std::ranges::find(so_far, bus.gateway->bus, &Unreached::bus);
-  if (above != so_far.end()) return fmt::format("bus {} above it was not reached", above->bus);
+std::string why_unreached(const Session& session, const design::Bus& bus, const Error& error) {
   const std::string gateway = gateway_of(session.machine(), bus);
   if (error.code == Errc::timeout) return gateway + " does not answer";
   return fmt::format("{}: {}", gateway, describe(error));
@@ -119,11 +115,15 @@ rt::Task<void> scan(Session& session, const Request& request, Reply& reply) {
   for (const auto& each : session.tree().buses()) {
     const std::string& bus = each->bus().name;
     if (!only.empty() && bus != only) continue;
-    const bool cut_off = std::ranges::find(unreached, each->bus().gateway->bus, &Unreached::bus) != unreached.end();
-    Result<std::vector<operate::Seen>> seen = fail(Errc::timeout, "");
-    if (!cut_off) seen = co_await each->scan();
+    const std::string& above = each->bus().gateway->bus;
+    if (std::ranges::find(unreached, above, &Unreached::bus) != unreached.end()) {
+      const std::string why = fmt::format("bus {} above it was not reached", above);
+      unreached.push_back({bus, why, status_of(Errc::timeout)});
+      continue;
+    }
+    const auto seen = co_await each->scan();
     if (!seen) {
-      const auto why = why_unreached(session, *each, seen.error(), unreached);
+      const std::string why = why_unreached(session, each->bus(), seen.error());
       unreached.push_back({bus, why, status_of(seen.error().code)});
       continue;
     }

@@ -7,6 +7,7 @@
 #include "berth/command/permission.hpp"
 #include "berth/command/reply.hpp"
 #include "berth/command/run.hpp"
+#include "berth/command/values.hpp"
 #include "berth/od/notation.hpp"
 #include "berth/text/quantity.hpp"
 
@@ -26,19 +27,6 @@ std::string change_line(const manager::Difference& d) {
   return fmt::format("    {}{}: {}, was {}", od::write_object(d.object), d.name.empty() ? "" : " \"" + d.name + '"',
                      d.held ? manager::print_value(d.type, *d.held) : std::string("?"),
                      manager::print_value(d.type, d.wanted));
-}
-
-// A description may be in Windows-1252, and JSON is UTF-8: the bytes, as `sdo read` gives those of a value.
-std::string in_hex(const std::string& bytes) {
-  constexpr std::string_view digits = "0123456789ABCDEF";
-  constexpr unsigned nibble = 4;
-  std::string hex;
-  hex.reserve(2 * bytes.size());
-  for (const unsigned char byte : bytes) {
-    hex += digits[byte >> nibble];
-    hex += digits[byte & 0x0FU];
-  }
-  return hex;
 }
 
 }  // namespace
@@ -83,7 +71,9 @@ rt::Task<void> upload(Session& session, const Request& request, Reply& reply) {
     json["changes"].push_back(change_json(d));
     lines.push_back(change_line(d));
   }
-  if (whole) json["dcf"] = in_hex(done->uploaded.dcf);
+  // A description may be in Windows-1252, and JSON is UTF-8: the bytes, as `sdo read` gives those of a value.
+  const std::vector<std::uint8_t> bytes(done->uploaded.dcf.begin(), done->uploaded.dcf.end());
+  if (whole) json["dcf"] = hex_bytes(bytes);
   give(reply, json, std::move(lines));
 }
 

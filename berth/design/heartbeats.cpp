@@ -8,13 +8,12 @@ namespace {
 
 using namespace std::chrono_literals;
 
-constexpr double longest_bits = 65;  // one byte of data, every stuff bit there can be, three of interframe space
 constexpr double share = 0.2;
 
 }  // namespace
 
 double heartbeat_share(std::uint32_t bitrate, std::size_t nodes, Duration period) noexcept {
-  const double bits = longest_bits * static_cast<double>(nodes);
+  const double bits = longest_bits_of_a_byte * static_cast<double>(nodes);
   return bits / (static_cast<double>(bitrate) * std::chrono::duration<double>(period).count());
 }
 

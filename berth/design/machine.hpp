@@ -89,6 +89,10 @@ struct FlyingBus {
   manager::FlyingTiming timing;  ///< 1F90h
 };
 
+/// A frame with one byte of data (heartbeat, SYNC that counts): every stuff bit there can be, three of interframe
+/// space.
+inline constexpr unsigned longest_bits_of_a_byte = 65;
+
 /// `[bus.NAME.sync]`: Berth is the SYNC producer of this bus, as its own device is with 1005h bit 30 set.
 struct BusSync {
   Duration period{};         ///< 1006h: whole microseconds, at least 100

@@ -128,8 +128,7 @@ void read_startup(Table& table, Bus& bus) {
   entry->finish();
 }
 
-// CiA 301 §7.5.2.6: 1006h counts in us, in 32 bits. A SYNC with a
-// counter takes 65 bit times, with the most stuff bits and the intermission.
+// CiA 301 §7.5.2.6: 1006h counts in us, in 32 bits.
 void read_sync(Table& table, Bus& bus) {
   auto entry = table.table("sync");
   if (!entry) return;
@@ -137,8 +136,7 @@ void read_sync(Table& table, Bus& bus) {
   if (entry->require("period", "such as \"10 ms\"")) read_duration(*entry, "period", 100us, 1h, sync.period);
   if (sync.period % 1us != 0ns) entry->error("period", "object 1006h counts whole microseconds", "round it");
   if (const auto counter = entry->u32("counter", {2, 240})) sync.counter = static_cast<std::uint8_t>(*counter);
-  constexpr auto bits_of_sync = 65;
-  const Duration half_of_the_bus = 2 * bits_of_sync * Duration(1s) / bus.bitrate;
+  const Duration half_of_the_bus = 2 * longest_bits_of_a_byte * Duration(1s) / bus.bitrate;
   if (sync.period > 0ns && sync.period < half_of_the_bus) {
     entry->error("period",
                  fmt::format("SYNC every {} takes more than half of a bus at {} kbit/s",

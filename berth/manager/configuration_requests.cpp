@@ -1,26 +1,14 @@
 #include "berth/manager/configuration_requests.hpp"
 
-#include <algorithm>
-
-#include "berth/od/cia302.hpp"
+#include "berth/manager/slave_requests.hpp"
 
 namespace berth::manager {
 
 using od::AbortCode;
 
 AbortCode ConfigurationRequests::request(std::uint8_t sub, std::uint32_t value) {
-  const bool node = sub >= 1 && sub <= 127;
-  if (!node && sub != od::cia302::all_nodes) return AbortCode::no_sub_index;
-  if (value != signature) return AbortCode::not_stored;
-  if (network_->phase() == NetworkBoot::Phase::off) return AbortCode::device_state;
-  const auto& slaves = network_->plan().slaves;
-  if (sub == od::cia302::all_nodes) {
-    const auto begun = std::ranges::count_if(slaves, [this](const NetworkSlave& slave) { return begin(slave); });
-    return begun > 0 ? AbortCode::none : AbortCode::device_state;
-  }
-  const auto slave = std::ranges::find(slaves, NodeId(sub), &NetworkSlave::node);
-  if (slave == slaves.end()) return AbortCode::invalid_value;
-  return begin(*slave) ? AbortCode::none : AbortCode::device_state;
+  return request_of_slaves(*network_, sub, value, signature,
+                           [this](const NetworkSlave& slave) { return begin(slave); });
 }
 
 void ConfigurationRequests::end() noexcept {
@@ -29,8 +17,7 @@ void ConfigurationRequests::end() noexcept {
 }
 
 bool ConfigurationRequests::begin(const NetworkSlave& slave) {
-  const auto* const status = network_->find(slave.node);
-  const bool boots = status == nullptr || status->phase == SlavePhase::booting || status->phase == SlavePhase::idle;
+  const bool boots = !is_settled(*network_, slave.node);
   if (boots || std::exchange(busy_[slave.node.value()], true)) return false;
   scope_.spawn(configure(slave.node, *slave.target, *slave.source, slave.rules));
   return true;

@@ -1,9 +1,8 @@
 #include "berth/manager/configuration_uploads.hpp"
 
-#include <algorithm>
-
 #include "berth/eds/xdd.hpp"
 #include "berth/manager/configuration_upload.hpp"
+#include "berth/manager/slave_requests.hpp"
 #include "berth/manager/stored_dcf.hpp"
 #include "berth/od/cia302.hpp"
 
@@ -13,18 +12,8 @@ namespace cia302 = od::cia302;
 using od::AbortCode;
 
 AbortCode ConfigurationUploads::request(std::uint8_t sub, std::uint32_t value) {
-  const bool node = sub >= 1 && sub <= 127;
-  if (!node && sub != cia302::all_nodes) return AbortCode::no_sub_index;
-  if (value != signature) return AbortCode::not_stored;
-  if (network_->phase() == NetworkBoot::Phase::off) return AbortCode::device_state;
-  const auto& slaves = network_->plan().slaves;
-  if (!node) {
-    const auto begun = std::ranges::count_if(slaves, [this](const NetworkSlave& slave) { return begin(slave); });
-    return begun > 0 ? AbortCode::none : AbortCode::device_state;
-  }
-  const auto slave = std::ranges::find(slaves, NodeId(sub), &NetworkSlave::node);
-  if (slave == slaves.end()) return AbortCode::invalid_value;
-  return begin(*slave) ? AbortCode::none : AbortCode::device_state;
+  return request_of_slaves(*network_, sub, value, signature,
+                           [this](const NetworkSlave& slave) { return begin(slave); });
 }
 
 void ConfigurationUploads::end() noexcept {
@@ -35,8 +24,7 @@ void ConfigurationUploads::end() noexcept {
 }
 
 bool ConfigurationUploads::begin(const NetworkSlave& slave) {
-  const auto* const status = network_->find(slave.node);
-  const bool boots = status == nullptr || status->phase == SlavePhase::booting || status->phase == SlavePhase::idle;
+  const bool boots = !is_settled(*network_, slave.node);
   State& state = states_[slave.node.value()];
   if (boots || state == State::under_way) return false;
   state = State::under_way;

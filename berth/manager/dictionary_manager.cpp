@@ -13,7 +13,6 @@ using od::Access;
 using od::DataType;
 using od::Literal;
 
-constexpr std::uint16_t request_sdo = 0x1F00;
 constexpr std::uint16_t flying_timing = 0x1F90;
 constexpr std::uint8_t priority_sub = 3;
 constexpr std::uint8_t cycle_sub = 6;
@@ -120,7 +119,7 @@ DictionaryManager::DictionaryManager(can::Dispatcher& dispatcher, od::Values& va
   values.attach(*this, ConfigurationUploads::object);
   values.attach(*this, cia302::request_nmt, cia302::request_guarding);
   values.attach(*this, flying_timing);
-  const bool gives_channels = values.description().find(request_sdo) != nullptr;
+  const bool gives_channels = values.description().find(cia302::request_sdo) != nullptr;
   if (gives_channels) sdo_requests_ = std::make_unique<SdoRequests>(dispatcher, bus_.sdo(), values);
 }
 

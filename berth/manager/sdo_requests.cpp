@@ -1,13 +1,16 @@
 #include "berth/manager/sdo_requests.hpp"
 
 #include "berth/base/bytes.hpp"
+#include "berth/od/cia302.hpp"
 
 namespace berth::manager {
 namespace {
 
 using od::AbortCode;
+using od::cia302::connection_state;
+using od::cia302::release_sdo;
+using od::cia302::request_sdo;
 
-constexpr std::uint16_t request_sdo = 0x1F00, release_sdo = 0x1F01, connection_state = 0x1F10;
 constexpr std::size_t most_waiting = 32;
 
 }  // namespace

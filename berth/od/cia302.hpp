@@ -1,4 +1,5 @@
-/// Objects of CiA 302 that several rooms name: parts 2 (NMT master), 3 (configuration manager, programs).
+/// Objects of CiA 302 that several rooms name: parts 2 (NMT master), 3 (configuration manager, programs), 5 (SDO
+/// manager).
 #pragma once
 
 #include <cstdint>
@@ -47,6 +48,13 @@ inline constexpr std::uint16_t expected_revision = 0x1F87;
 inline constexpr std::uint16_t expected_serial = 0x1F88;
 inline constexpr std::uint16_t boot_time = 0x1F89;
 inline constexpr std::uint16_t restore_configuration = 0x1F8A;
+/// @}
+
+/// @name SDO manager (part 5); the sub-index of 1F10h is the client's node-ID.
+/// @{
+inline constexpr std::uint16_t request_sdo = 0x1F00;
+inline constexpr std::uint16_t release_sdo = 0x1F01;
+inline constexpr std::uint16_t connection_state = 0x1F10;
 /// @}
 
 /// Sub-index of 1F25h, 1F82h and 1F83h that means every node.
