@@ -244,6 +244,24 @@ TEST(Links, PdosOfAConfigurationStay) {
   }
 }
 
+// TPDO 1 has the CAN-ID that TPDO 2 has in the predefined connection set.
+TEST(Links, TheCanIdOfAConfiguredPdoIsNotGivenAgain) {
+  std::string text = eds_text(io_module());
+  const std::string cob_id = "[1800sub1]\n";
+  const auto at = text.find(cob_id);
+  ASSERT_NE(at, std::string::npos);
+  text.insert(at + cob_id.size(), "ParameterValue=0x282\n");
+  auto reading = eds::read(text, "io");
+  ASSERT_EQ(reading.file.parameters.size(), 1U);
+  auto network = network_of(
+      {{"press", file_of(controller())}, {"io", std::make_shared<const eds::File>(std::move(reading.file))}});
+  add_link(network, "io/6000h:01", {"press/in"});
+  const auto made = make_plan(network);
+  ASSERT_TRUE(made.good()) << findings(made);
+  EXPECT_EQ(made.plan.pdos[0].tpdo, 2);
+  EXPECT_NE(made.plan.pdos[0].can_id, 0x282);
+}
+
 // A machine of the size of the coal conveyor (paper 5, fig. 1).
 TEST(Links, S5_21_TheConveyorIsLinked) {
   const auto network = conveyor();

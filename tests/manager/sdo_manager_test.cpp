@@ -250,6 +250,27 @@ TEST(SdoManager, AConnectionThatFailsLeavesNothing) {
   EXPECT_TRUE(rig.connect_now(3, 2)) << "the server has its channel again";
 }
 
+// A client whose channel can be taken out by half: COB-ID client to server stays as it is.
+struct HalfRefusing final : od::Hook {
+  od::AbortCode writing(const od::Values&, ObjectRef object, std::span<const std::uint8_t>) noexcept override {
+    return object.sub == 1 ? od::AbortCode::device_state : od::AbortCode::none;
+  }
+};
+
+TEST(SdoManager, ACanIdThatCouldNotBeTakenOutIsNotGivenAgain) {
+  HalfRefusing refusing;
+  SdoRig rig;
+  const auto first = rig.connect_now(1, 2);
+  ASSERT_TRUE(first);
+  rig.peers.at(1)->device.values().attach(refusing, client_base, client_base);
+  rig.disconnect_now(1, 2);
+  EXPECT_TRUE(rig.cob_id(1, client_base, 1).valid());
+  EXPECT_FALSE(rig.cob_id(1, client_base, 2).valid());
+  const auto second = rig.connect_now(3, 2);
+  ASSERT_TRUE(second);
+  EXPECT_NE(second->ids.request, first->ids.request);
+}
+
 TEST(SdoManager, NoCanIdIsLeft) {
   SdoRig rig(3, {.pool = {0x680, 0x681}, .heartbeat = 350ms});
   ASSERT_TRUE(rig.connect_now(1, 2));

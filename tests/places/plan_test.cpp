@@ -19,7 +19,7 @@ constexpr TypeCode B{0x00000001, 1};
 constexpr TypeCode C{0x00000001, 5};
 constexpr NodeId master(127);
 
-LssAddress device(TypeCode type, std::uint32_t serial, std::uint32_t revision = 0) {
+LssAddress address_of(TypeCode type, std::uint32_t serial, std::uint32_t revision = 0) {
   return {type.vendor, type.product, revision, serial};
 }
 
@@ -55,7 +55,8 @@ std::vector<Found> blank(const std::vector<LssAddress>& devices) {
 TEST(Planner, S1_27_S1_28_S1_38_TableOneBecomesTableTwo) {
   const auto slots = table_1();
   const auto p =
-      plan(slots, blank({device(B, 7), device(A, 0x0A), device(B, 5), device(C, 8), device(B, 6)}), {}, master);
+      plan(slots, blank({address_of(B, 7), address_of(A, 0x0A), address_of(B, 5), address_of(C, 8), address_of(B, 6)}),
+           {}, master);
   EXPECT_EQ(seats(slots, p), (std::map<unsigned, std::uint32_t>{{1, 0x0A}, {2, 5}, {3, 8}, {4, 6}, {5, 7}}));
   EXPECT_TRUE(p.questions.empty());
   EXPECT_TRUE(p.oddities.empty());
@@ -63,17 +64,17 @@ TEST(Planner, S1_27_S1_28_S1_38_TableOneBecomesTableTwo) {
 
 TEST(Planner, S1_27_R_SN_OrdersByRevisionBeforeSerial) {
   const std::vector<Slot> slots{slot(2, B), slot(4, B)};
-  const auto p = plan(slots, blank({device(B, 1, 2), device(B, 9, 1)}), {}, master);
+  const auto p = plan(slots, blank({address_of(B, 1, 2), address_of(B, 9, 1)}), {}, master);
   EXPECT_EQ(seats(slots, p), (std::map<unsigned, std::uint32_t>{{2, 9}, {4, 1}}));
 }
 
 // S1.35, S1.51: after s2 and s4 were replaced rule 2 holds among the new ones only; s5 keeps its smaller number.
 TEST(Planner, S1_35_OnlyTheDevicesOfThisRunAreSorted) {
   auto slots = table_1();
-  slots[0].record.confirmed = Assignment{device(A, 0x0A), NodeId(1)};
-  slots[2].record.confirmed = Assignment{device(C, 8), NodeId(3)};
-  slots[4].record.confirmed = Assignment{device(B, 7), NodeId(5)};
-  const auto p = plan(slots, blank({device(B, 0x18), device(B, 0x15)}), {}, master);
+  slots[0].record.confirmed = Assignment{address_of(A, 0x0A), NodeId(1)};
+  slots[2].record.confirmed = Assignment{address_of(C, 8), NodeId(3)};
+  slots[4].record.confirmed = Assignment{address_of(B, 7), NodeId(5)};
+  const auto p = plan(slots, blank({address_of(B, 0x18), address_of(B, 0x15)}), {}, master);
   EXPECT_EQ(seats(slots, p), (std::map<unsigned, std::uint32_t>{{2, 0x15}, {4, 0x18}}));
 }
 
@@ -81,31 +82,31 @@ TEST(Planner, S1_35_OnlyTheDevicesOfThisRunAreSorted) {
 TEST(Planner, S1_33_OneDeviceOneSlot) {
   auto slots = table_1();
   for (auto& s : slots) s.spec.when_ambiguous = WhenAmbiguous::one_at_a_time;
-  const auto one = plan(slots, blank({device(B, 5)}), {}, master);
+  const auto one = plan(slots, blank({address_of(B, 5)}), {}, master);
   EXPECT_EQ(one.actions.size(), 1U);
   EXPECT_EQ(seats(slots, one), (std::map<unsigned, std::uint32_t>{{2, 5}}));
   // As many nodes as rows: each its own, none twice.
   const auto table = table_1();
-  const auto all = plan(table, blank({device(B, 7), device(B, 5), device(B, 6)}), {}, master);
+  const auto all = plan(table, blank({address_of(B, 7), address_of(B, 5), address_of(B, 6)}), {}, master);
   EXPECT_EQ(seats(table, all), (std::map<unsigned, std::uint32_t>{{2, 5}, {4, 6}, {5, 7}}));
   // The only new node is number 0 of the discovered ones and belongs into row 3.
-  const auto other = plan(slots, blank({device(C, 8)}), {}, master);
+  const auto other = plan(slots, blank({address_of(C, 8)}), {}, master);
   EXPECT_EQ(seats(slots, other), (std::map<unsigned, std::uint32_t>{{3, 8}}));
 }
 
 // S1.34
 TEST(Planner, S1_34_FewerDevicesThanSlotsIsAQuestion) {
   const std::vector<Slot> slots{slot(2, B), slot(4, B)};
-  const auto p = plan(slots, blank({device(B, 5)}), {}, master);
+  const auto p = plan(slots, blank({address_of(B, 5)}), {}, master);
   EXPECT_TRUE(p.actions.empty());
   ASSERT_EQ(p.questions.size(), 1U);
   EXPECT_EQ(p.questions[0].slots, (std::vector<std::size_t>{0, 1}));
-  EXPECT_EQ(p.questions[0].devices, (std::vector<LssAddress>{device(B, 5)}));
+  EXPECT_EQ(p.questions[0].devices, (std::vector<LssAddress>{address_of(B, 5)}));
 }
 
 TEST(Planner, S1_34_MoreDevicesThanSlotsIsAQuestion) {
   const std::vector<Slot> slots{slot(2, B)};
-  const auto p = plan(slots, blank({device(B, 5), device(B, 6)}), {}, master);
+  const auto p = plan(slots, blank({address_of(B, 5), address_of(B, 6)}), {}, master);
   EXPECT_TRUE(p.actions.empty());
   EXPECT_EQ(p.questions.size(), 1U);
 }
@@ -133,8 +134,8 @@ TEST(Planner, S1_3_TheTypeIsVendorAndProduct) {
 }
 
 TEST(Planner, S1_34_SurplusAndForeignDevicesAreNamed) {
-  const std::vector<Slot> slots{slot(2, B, device(B, 5))};
-  const auto p = plan(slots, blank({device(B, 6), device(C, 1)}), {}, master);
+  const std::vector<Slot> slots{slot(2, B, address_of(B, 5))};
+  const auto p = plan(slots, blank({address_of(B, 6), address_of(C, 1)}), {}, master);
   EXPECT_TRUE(p.actions.empty());
   ASSERT_EQ(p.oddities.size(), 2U);
   EXPECT_EQ(p.oddities[0].kind, OddityKind::surplus);
@@ -144,20 +145,21 @@ TEST(Planner, S1_34_SurplusAndForeignDevicesAreNamed) {
 TEST(Planner, OneAtATimeTakesTheLowestFreeSlot) {
   std::vector<Slot> slots{slot(2, B), slot(4, B)};
   for (auto& s : slots) s.spec.when_ambiguous = WhenAmbiguous::one_at_a_time;
-  EXPECT_EQ(seats(slots, plan(slots, blank({device(B, 9)}), {}, master)), (std::map<unsigned, std::uint32_t>{{2, 9}}));
+  EXPECT_EQ(seats(slots, plan(slots, blank({address_of(B, 9)}), {}, master)),
+            (std::map<unsigned, std::uint32_t>{{2, 9}}));
   slots.push_back(slot(6, B));
-  EXPECT_EQ(plan(slots, blank({device(B, 9), device(B, 10)}), {}, master).questions.size(), 1U);
+  EXPECT_EQ(plan(slots, blank({address_of(B, 9), address_of(B, 10)}), {}, master).questions.size(), 1U);
 }
 
 TEST(Planner, RevisionRules) {
   auto s = slot(2, B);
   s.spec.revision = 0x00020003;
   s.spec.rule = RevisionRule::major;
-  EXPECT_TRUE(fits(s.spec, device(B, 1, 0x00020009)));
-  EXPECT_FALSE(fits(s.spec, device(B, 1, 0x00010003)));
+  EXPECT_TRUE(fits(s.spec, address_of(B, 1, 0x00020009)));
+  EXPECT_FALSE(fits(s.spec, address_of(B, 1, 0x00010003)));
   s.spec.rule = RevisionRule::exact;
-  EXPECT_FALSE(fits(s.spec, device(B, 1, 0x00020009)));
-  const auto p = plan({s}, blank({device(B, 1, 0x00020009)}), {}, master);
+  EXPECT_FALSE(fits(s.spec, address_of(B, 1, 0x00020009)));
+  const auto p = plan({s}, blank({address_of(B, 1, 0x00020009)}), {}, master);
   EXPECT_TRUE(p.actions.empty());
   ASSERT_EQ(p.oddities.size(), 1U);
   EXPECT_EQ(p.oddities[0].kind, OddityKind::wrong_revision);
@@ -174,11 +176,11 @@ TEST(Planner, WhatHasOneAnswerIsNoQuestion) {
     slots[0].spec.revision = 0x00020000;
     slots[1].spec.revision = 0x00010000;
     // The smaller R_SN belongs in the larger slot: rule 2 alone would fail.
-    const auto p = plan(slots, blank({device(B, 5, 0x00010000), device(B, 6, 0x00020000)}), {}, master);
+    const auto p = plan(slots, blank({address_of(B, 5, 0x00010000), address_of(B, 6, 0x00020000)}), {}, master);
     EXPECT_TRUE(p.questions.empty());
     EXPECT_EQ(seats(slots, p), (std::map<unsigned, std::uint32_t>{{2, 6}, {4, 5}}));
     // One device, and one slot that it fits: the other slot has nothing to do with it.
-    const auto one = plan(slots, blank({device(B, 5, 0x00010000)}), {}, master);
+    const auto one = plan(slots, blank({address_of(B, 5, 0x00010000)}), {}, master);
     EXPECT_EQ(seats(slots, one), (std::map<unsigned, std::uint32_t>{{4, 5}}));
   }
 }
@@ -191,7 +193,8 @@ TEST(Planner, AscendingGoesRoundRevisions) {
     slots[i].spec.rule = RevisionRule::exact;
     slots[i].spec.revision = 2;
   }
-  const auto p = plan(slots, blank({device(B, 1, 0), device(B, 2, 2), device(B, 3, 0), device(B, 5, 2)}), {}, master);
+  const auto p = plan(
+      slots, blank({address_of(B, 1, 0), address_of(B, 2, 2), address_of(B, 3, 0), address_of(B, 5, 2)}), {}, master);
   EXPECT_TRUE(p.questions.empty());
   EXPECT_EQ(seats(slots, p), (std::map<unsigned, std::uint32_t>{{1, 2}, {3, 1}, {5, 5}, {10, 3}}));
 }
@@ -202,10 +205,10 @@ TEST(Planner, OthersMayLeaveADeviceOnePlace) {
   slots[1].spec.rule = RevisionRule::exact;
   slots[1].spec.revision = 0x00020000;
   for (auto& s : slots) s.spec.when_ambiguous = WhenAmbiguous::ask;
-  const auto p = plan(slots, blank({device(B, 7, 0x00020000), device(B, 9, 0x00010000)}), {}, master);
+  const auto p = plan(slots, blank({address_of(B, 7, 0x00020000), address_of(B, 9, 0x00010000)}), {}, master);
   EXPECT_EQ(seats(slots, p), (std::map<unsigned, std::uint32_t>{{2, 9}, {4, 7}}));
   // Alone, the newer one could sit in either.
-  const auto q = plan(slots, blank({device(B, 7, 0x00020000)}), {}, master);
+  const auto q = plan(slots, blank({address_of(B, 7, 0x00020000)}), {}, master);
   EXPECT_TRUE(q.actions.empty());
   ASSERT_EQ(q.questions.size(), 1U);
   EXPECT_EQ(q.questions[0].slots, (std::vector<std::size_t>{0, 1}));
@@ -221,7 +224,8 @@ TEST(Planner, AQuestionNamesOnlyWhatItIsAbout) {
   }
   slots[2].spec.revision = 0x00020000;
   const auto p =
-      plan(slots, blank({device(B, 5, 0x00010000), device(B, 6, 0x00010000), device(B, 7, 0x00020000)}), {}, master);
+      plan(slots, blank({address_of(B, 5, 0x00010000), address_of(B, 6, 0x00010000), address_of(B, 7, 0x00020000)}), {},
+           master);
   EXPECT_EQ(seats(slots, p), (std::map<unsigned, std::uint32_t>{{6, 7}}));
   ASSERT_EQ(p.questions.size(), 1U);
   EXPECT_EQ(p.questions[0].slots, (std::vector<std::size_t>{0, 1}));
@@ -230,30 +234,30 @@ TEST(Planner, AQuestionNamesOnlyWhatItIsAbout) {
 
 // S1.36
 TEST(Planner, S1_36_WhoHoldsAnothersNodeIdGivesItUpFirst) {
-  const std::vector<Slot> slots{slot(1, A, device(A, 1)), slot(2, B)};
-  const std::vector<Found> found{{device(B, 5), NodeId(1)}};
+  const std::vector<Slot> slots{slot(1, A, address_of(A, 1)), slot(2, B)};
+  const std::vector<Found> found{{address_of(B, 5), NodeId(1)}};
   const auto p = plan(slots, found, {}, master);
   ASSERT_EQ(p.actions.size(), 2U);
   EXPECT_EQ(p.actions[0].kind, Action::Kind::blank);
-  EXPECT_EQ(p.actions[0].device, device(B, 5));
+  EXPECT_EQ(p.actions[0].device, address_of(B, 5));
   EXPECT_EQ(p.actions[1].kind, Action::Kind::bind);
 }
 
 TEST(Planner, S1_36_AForeignDeviceAtTheMastersNodeIdIsBlanked) {
-  const auto p = plan({slot(2, B)}, {{device(C, 5), master}}, {}, master);
+  const auto p = plan({slot(2, B)}, {{address_of(C, 5), master}}, {}, master);
   ASSERT_EQ(p.actions.size(), 1U);
   EXPECT_EQ(p.actions[0].kind, Action::Kind::blank);
 }
 
 TEST(Planner, S1_36_AForeignDeviceAtAFreeNodeIdIsLeftAlone) {
-  const auto p = plan({slot(2, B)}, {{device(C, 5), NodeId(99)}}, {}, master);
+  const auto p = plan({slot(2, B)}, {{address_of(C, 5), NodeId(99)}}, {}, master);
   EXPECT_TRUE(p.actions.empty());
   EXPECT_EQ(p.oddities.size(), 1U);
 }
 
 // S1.22
 TEST(Planner, S1_22_ClonesAreNamedAndNeverSeated) {
-  const auto p = plan({slot(2, B)}, {{device(B, 5), NodeId(), true}}, {}, master);
+  const auto p = plan({slot(2, B)}, {{address_of(B, 5), NodeId(), true}}, {}, master);
   EXPECT_TRUE(p.actions.empty());
   ASSERT_EQ(p.oddities.size(), 1U);
   EXPECT_EQ(p.oddities[0].kind, OddityKind::clone);
@@ -261,13 +265,13 @@ TEST(Planner, S1_22_ClonesAreNamedAndNeverSeated) {
 
 TEST(Planner, S1_53_UnfinishedWorkComesBeforeNewWork) {
   std::vector<Slot> slots{slot(2, B), slot(4, C)};
-  slots[1].record.intended = Assignment{device(C, 9), NodeId(4)};
-  const auto p = plan(slots, blank({device(B, 5)}), {device(A, 3)}, master);
+  slots[1].record.intended = Assignment{address_of(C, 9), NodeId(4)};
+  const auto p = plan(slots, blank({address_of(B, 5)}), {address_of(A, 3)}, master);
   ASSERT_EQ(p.actions.size(), 3U);
   EXPECT_EQ(p.actions[0].kind, Action::Kind::blank);
-  EXPECT_EQ(p.actions[0].device, device(A, 3));
-  EXPECT_EQ(p.actions[1].device, device(C, 9));
-  EXPECT_EQ(p.actions[2].device, device(B, 5));
+  EXPECT_EQ(p.actions[0].device, address_of(A, 3));
+  EXPECT_EQ(p.actions[1].device, address_of(C, 9));
+  EXPECT_EQ(p.actions[2].device, address_of(B, 5));
 }
 
 // Whatever is found, no plan seats one device twice, two devices in one slot, a wrong type, or over a binding.
@@ -279,14 +283,14 @@ RC_GTEST_PROP(Planner, NeverTwoInOneSlotNorOneInTwo, ()) {
     s.spec.when_ambiguous = *rc::gen::element(WhenAmbiguous::ask, WhenAmbiguous::ascending,
                                               WhenAmbiguous::one_at_a_time, WhenAmbiguous::first_seen);
     if (*rc::gen::inRange(0, 3) == 0)
-      s.record.confirmed = Assignment{device(s.spec.type, 1000U + static_cast<unsigned>(i)), s.spec.id};
+      s.record.confirmed = Assignment{address_of(s.spec.type, 1000U + static_cast<unsigned>(i)), s.spec.id};
     slots.push_back(s);
   }
   std::vector<Found> found;
   const auto m = *rc::gen::inRange(0, 9);
   for (int i = 0; i < m; ++i) {
     const auto id = *rc::gen::inRange(0, 10);
-    found.push_back({device(*rc::gen::element(A, B, C), static_cast<unsigned>(i)),
+    found.push_back({address_of(*rc::gen::element(A, B, C), static_cast<unsigned>(i)),
                      id == 0 ? NodeId() : NodeId(static_cast<std::uint8_t>(id))});
   }
   const auto p = plan(slots, found, {}, master);

@@ -11,14 +11,14 @@ using namespace berth::places;
 
 namespace {
 
-LssAddress device(std::uint32_t serial) { return {1, 2, 0, serial}; }
+LssAddress with_serial(std::uint32_t serial) { return {1, 2, 0, serial}; }
 
 struct Table {
   MemoryStore store;
   SlotId left = store.declare({"m", "b", "left"}).value();
   SlotId right = store.declare({"m", "b", "right"}).value();
   void seat(SlotId slot, std::uint32_t serial, unsigned id) {
-    const Assignment seat{device(serial), NodeId(static_cast<std::uint8_t>(id))};
+    const Assignment seat{with_serial(serial), NodeId(static_cast<std::uint8_t>(id))};
     ASSERT_TRUE(store.ask(slot, seat, "x"));
     ASSERT_TRUE(store.confirm(slot, seat, "x"));
   }
@@ -27,7 +27,7 @@ struct Table {
     ASSERT_TRUE(store.clear(slot, "x"));
   }
   std::optional<FormerSeat> former(std::uint32_t serial) {
-    const auto lines = store.history_of(device(serial));
+    const auto lines = store.history_of(with_serial(serial));
     return former_seat(lines.value());
   }
 };
@@ -49,7 +49,7 @@ TEST(FormerSeat, IsTheLastOneThatEnded) {
 
 TEST(FormerSeat, AskedAndNeverHeardIsNone) {
   Table t;
-  ASSERT_TRUE(t.store.ask(t.left, {device(5), NodeId(2)}, "x"));
+  ASSERT_TRUE(t.store.ask(t.left, {with_serial(5), NodeId(2)}, "x"));
   t.clear(t.left, 100);
   EXPECT_FALSE(t.former(5));
 }
@@ -58,9 +58,9 @@ TEST(FormerSeat, FactorySettingsMakeItNew) {
   Table t;
   t.seat(t.left, 5, 2);
   t.clear(t.left, 100);
-  ASSERT_TRUE(t.store.mark(Mark::restore, device(5), NodeId(2), "used"));
+  ASSERT_TRUE(t.store.mark(Mark::restore, with_serial(5), NodeId(2), "used"));
   EXPECT_TRUE(t.former(5)) << "asked for is not done";
-  ASSERT_TRUE(t.store.unmark(Mark::restore, device(5), "done"));
+  ASSERT_TRUE(t.store.unmark(Mark::restore, with_serial(5), "done"));
   EXPECT_FALSE(t.former(5));
 }
 

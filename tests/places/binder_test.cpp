@@ -1,0 +1,100 @@
+// `places::Binder` alone on a bus, with devices that hear and miss what the step at hand needs.
+#include "berth/places/binder.hpp"
+
+#include "berth/device/device.hpp"
+#include "berth/device/dictionary.hpp"
+#include "tests/discovery/discovery_world.hpp"
+
+using namespace berth;
+using namespace berth::places;
+using namespace std::chrono_literals;
+using discovery::test::Node;
+using discovery::test::World;
+
+namespace {
+
+constexpr LssAddress moving{0x11, 0x22, 1, 100};
+constexpr NodeId old_id{9}, new_id{5};
+
+// Another device, with the node-ID that the slot has.
+struct Other {
+  Other(sim::World& world, sim::Bus& bus)
+      : controller(bus.attach({.queue_depth = 16, .rx_depth = 16})),
+        dispatcher(world.executor(), *controller),
+        device(dispatcher, description(), nullptr,
+               {.address = {0x11, 0x22, 1, 200}, .source = device::NodeIdSource::fixed, .node_id = new_id}) {}
+  static std::shared_ptr<const od::Description> description() {
+    od::DescriptionBuilder b;
+    device::add_device(b, {.type = 0, .name = "Other", .heartbeat_ms = 0});
+    return b.build();
+  }
+  std::unique_ptr<sim::Controller> controller;
+  can::Dispatcher dispatcher;
+  device::Device device;
+};
+
+struct Rig : World {
+  Rig() {
+    Node& node = add({.address = moving, .node_id = old_id, .timing = {}});
+    node.overhears = [this](const can::Frame&) { return deaf; };
+    binder_options.before_step = [this](const Binding& binding) {
+      if (before) before(binding.step());
+    };
+  }
+  Step bind() {
+    const SlotId slot = *store.declare({"machine", "bus", "slot"});
+    Binder binder({dispatcher, lss, sdo, nmt, boots, store, vacancy}, binder_options);
+    Binding binding(Binding::Kind::bind, {.device = moving, .id = new_id}, 1);
+    const std::string reason = "test";
+    run(binder.run(binding, slot, reason));
+    why = binding.why();
+    return binding.step();
+  }
+  void hear_boot_up(NodeId id) {
+    can::Frame boot_up;
+    boot_up.id = 0x700U + id.value();
+    boot_up.size = 1;
+    port_of_another->send(boot_up, 0);
+  }
+
+  co::SdoClient sdo{dispatcher, {.timeout = 50ms}};
+  co::NmtMaster nmt{dispatcher};
+  BootWatch boots{dispatcher};
+  MemoryStore store;
+  VacancyTable vacancy{};
+  Binder::Options binder_options;
+  std::unique_ptr<sim::Controller> port_of_another{bus.attach({.queue_depth = 4})};
+  std::function<void(Step)> before;
+  bool deaf = false;
+  Why why = Why::none;
+};
+
+}  // namespace
+
+// The device misses `04 00` and the reset; meanwhile another comes with its new node-ID. It gets its old one back, and
+// keeps it in its memory.
+TEST(Binder, TheOldNodeIdIsGivenBack) {
+  Rig rig;
+  Other other(rig.world, rig.bus);
+  rig.before = [&](Step step) {
+    rig.deaf = step == Step::release;
+    if (step == Step::await_boot_up) other.device.power_on();
+  };
+  EXPECT_EQ(rig.bind(), Step::failed);
+  EXPECT_EQ(rig.why, Why::other_device);
+  EXPECT_EQ(rig.nodes[0]->slave.persistent().node_id, old_id);
+}
+
+// As before, and its old node-ID has come into use by another device, too.
+TEST(Binder, TheOldNodeIdIsNotGivenBackWhenAnotherHasIt) {
+  Rig rig;
+  Other other(rig.world, rig.bus);
+  rig.before = [&](Step step) {
+    rig.deaf = step == Step::release;
+    if (step == Step::reset) rig.hear_boot_up(old_id);
+    if (step == Step::await_boot_up) other.device.power_on();
+  };
+  EXPECT_EQ(rig.bind(), Step::failed);
+  EXPECT_EQ(rig.why, Why::other_device);
+  EXPECT_EQ(rig.nodes[0]->slave.persistent().node_id, NodeId());
+}
