@@ -339,7 +339,7 @@ double emergencies() {
   upper.power_on();
   executor.advance(executor.now() + 1s);
   upper.apply(co::NmtCommand::start);
-  multilevel::EmcyGateway gateway(upper.emcy());
+  multilevel::EmcyGateway gateway(upper.errors().emcy());
   gateway.hear_all(lower_dispatcher);
   constexpr std::uint32_t messages = 500'000;
   const std::uint64_t before = above.frames;

@@ -166,9 +166,9 @@ extern "C" int LLVMFuzzerTestOneInput(const std::uint8_t* data, std::size_t size
           const auto doing = in.byte();
           device.variable<std::uint32_t>({0x2000, 0}).set(doing);
           device.tpdo_event(doing & 3U);
-          if ((doing & 4U) != 0) device.raise(static_cast<std::uint16_t>(0xFF00U + doing), 0x80);
-          if ((doing & 8U) != 0) device.clear(static_cast<std::uint16_t>(0xFF00U + doing - 8U));
-          device.error_behaviour(doing >> 6U);
+          if ((doing & 4U) != 0) device.errors().raise(static_cast<std::uint16_t>(0xFF00U + doing), 0x80);
+          if ((doing & 8U) != 0) device.errors().clear(static_cast<std::uint16_t>(0xFF00U + doing - 8U));
+          device.errors().behave(doing >> 6U);
         } else if (full && (what & 7U) == 3) {
           auto frame = can::Frame::base(service_id(in.byte(), node), {0, 0, 0, 0, 0, 0, 0, 0});
           frame.size = in.byte() % 9;

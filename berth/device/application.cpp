@@ -43,4 +43,27 @@ void WriteWatch::mapped(const od::Values& values, std::uint16_t mapping) const n
   }
 }
 
+Callbacks& Application::on() {
+  if (!callbacks_) callbacks_ = std::make_unique<Callbacks>();
+  return *callbacks_;
+}
+
+void Application::on_write(ObjectRef ref, std::function<void()> call) {
+  if (!writes_) writes_ = std::make_unique<WriteWatch>();
+  writes_->add(*values_, ref, std::move(call));
+}
+
+void Application::received(unsigned rpdo, rt::Time) noexcept {
+  if (writes_) writes_->mapped(*values_, static_cast<std::uint16_t>(0x1600 + rpdo - 1));
+  tell(&Callbacks::rpdo, rpdo);
+}
+
+void Application::received_mpdo(ObjectRef object, rt::Time) noexcept {
+  if (writes_) writes_->one(object);
+}
+
+std::size_t Application::memory() const noexcept {
+  return (callbacks_ ? sizeof(Callbacks) : 0) + (writes_ ? sizeof(WriteWatch) + writes_->memory() : 0);
+}
+
 }  // namespace berth::device

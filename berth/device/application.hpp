@@ -10,10 +10,12 @@
 
 #include <functional>
 #include <map>
+#include <memory>
 
 #include "berth/co/emcy.hpp"
 #include "berth/co/heartbeat.hpp"
 #include "berth/co/pdo.hpp"
+#include "berth/co/sync.hpp"
 #include "berth/co/time_stamp.hpp"
 #include "berth/od/values.hpp"
 
@@ -50,6 +52,47 @@ class WriteWatch final : public od::Hook {
   void written(od::Values& values, ObjectRef ref) noexcept override;
   Calls::const_iterator call_from(Calls::const_iterator at, ObjectRef ref) const noexcept;
   Calls calls_;
+};
+
+/// The application's ear in a device: what its services tell is handed on to the callbacks that were set. Without any
+/// it is a few pointers.
+class Application final : public co::Pdos::Observer,
+                          public co::Sync::Observer,
+                          public co::TimeStamp::Observer,
+                          public co::EmcyConsumer::Observer,
+                          public co::HeartbeatConsumer::Observer {
+ public:
+  explicit Application(od::Values& values) noexcept : values_(&values) {}
+
+  /// From the first call on they take their memory.
+  [[nodiscard]] Callbacks& on();
+  /// As `Device::on_write`.
+  void on_write(ObjectRef ref, std::function<void()> call);
+  /// Calls one of the callbacks, if it is set: `tell(&Callbacks::state, to)`.
+  template <class Member, class... Arguments>
+  void tell(Member member, Arguments&&... arguments) noexcept {
+    if (callbacks_ != nullptr && ((*callbacks_).*member)) ((*callbacks_).*member)(arguments...);
+  }
+  /// The device ends: nothing is called any more but what was given to `on_write`.
+  void silence() noexcept { callbacks_.reset(); }
+
+  /// Bytes beyond itself.
+  [[nodiscard]] std::size_t memory() const noexcept;
+
+ private:
+  void received(unsigned rpdo, rt::Time at) noexcept override;
+  void received_mpdo(ObjectRef object, rt::Time at) noexcept override;
+  void synchronised(std::uint8_t counter, rt::Time) noexcept override { tell(&Callbacks::sync, counter); }
+  void sync_missing(bool missing, rt::Time) noexcept override { tell(&Callbacks::sync_missing, missing); }
+  void time_of_day(const co::TimeOfDay& time, rt::Time) noexcept override { tell(&Callbacks::time, time); }
+  void emergency(NodeId node, const co::Emcy& message, rt::Time) noexcept override {
+    tell(&Callbacks::emergency, node, message);
+  }
+  void heartbeat(const co::HeartbeatEvent& event, rt::Time) noexcept override { tell(&Callbacks::heartbeat, event); }
+
+  od::Values* values_;
+  std::unique_ptr<Callbacks> callbacks_;
+  std::unique_ptr<WriteWatch> writes_;
 };
 
 /// One object of a device, typed. Cheap to copy; must not outlive the device. A handle to an object that is not there,

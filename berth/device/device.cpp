@@ -5,15 +5,14 @@
 #include <utility>
 
 #include "berth/base/bytes.hpp"
-#include "berth/co/cob_id.hpp"
 #include "berth/od/cia302.hpp"
 
 namespace berth::device {
 namespace {
 
 constexpr std::size_t record_size = 4;  // node-ID, bit rate index, two bytes for later
-constexpr std::array<std::uint16_t, 12> hooked_objects{0x1003, 0x1005, 0x100C, 0x100D, 0x1010, 0x1011,
-                                                       0x1012, 0x1014, 0x1015, 0x1016, 0x1017, 0x1021};
+constexpr std::array<std::uint16_t, 3> hooked_objects{0x1010, 0x1011, 0x1021};
+constexpr unsigned warning_limit = 96;
 
 // What is longer than this needs an `od::Stream`.
 constexpr std::size_t longest_buffer = 65536;
@@ -41,8 +40,7 @@ bool has_any(const od::Description& description, std::uint16_t first, std::uint1
 Device::Device(can::Dispatcher& dispatcher, std::shared_ptr<const od::Description> description, NvMemory* memory,
                Options options, TimedPort* host, const Timing& timing, const ProgramOptions& programs)
     : dispatcher_(&dispatcher),
-      host_(host),
-      timing_(timing),
+      host_(host, timing),
       options_(std::move(options)),
       values_(std::move(description)),
       lss_answers_(dispatcher),
@@ -51,25 +49,19 @@ Device::Device(can::Dispatcher& dispatcher, std::shared_ptr<const od::Descriptio
                 .rand_resume = options_.rand_resume,
                 .and_protocol = options_.and_protocol}),
       nmt_(dispatcher, *this),
-      producer_(dispatcher),
-      guarding_(dispatcher, *this),
-      emcy_(dispatcher),
       sdo_(dispatcher, values_, sdo_buffer(values_.description())),
+      application_(values_),
+      errors_(dispatcher, values_, nmt_, host_, static_cast<Errors::Owner&>(*this)),
+      error_control_(dispatcher, values_, errors_, host_, options_.never_seen, application_),
+      bus_off_(dispatcher, host_, errors_, options_.bus_off_recovery),
+      own_identifiers_(dispatcher, values_, nmt_, errors_, static_cast<OwnIdentifiers::Owner&>(*this),
+                       options_.detect_collision),
       bit_rates_(bit_rates(options_.bit_rate)) {
   if (memory != nullptr) record_.emplace(*memory, 0, record_size);
   const auto& d = values_.description();
-  if (const auto* object = d.find(0x1016)) {
-    const unsigned highest = d.subs(*object).empty() ? 1U : d.subs(*object).back().sub;
-    consumer_ = std::make_unique<co::HeartbeatConsumer>(dispatcher,
-                                                        static_cast<co::HeartbeatConsumer::Observer&>(*this), highest);
-    consumer_->set_never_seen_time(timing_.in_world(options_.never_seen));
-    consumer_size_ = sizeof(co::HeartbeatConsumer) + (highest + 1) * 28U;
-  }
-  if (d.find(0x1003) != nullptr) errors_ = std::make_unique<co::ErrorField>();
   for (const std::uint16_t index : hooked_objects) {
     if (d.find(index) != nullptr) values_.attach(*this, index);
   }
-  if (has_any(d, 0x1201, 0x127F)) values_.attach(*this, 0x1201, 0x127F);
   if (options_.node_id_object) values_.attach(*this, options_.node_id_object->index);
   const bool other = options_.node_id_signature && options_.node_id_object &&
                      options_.node_id_signature->object.index != options_.node_id_object->index;
@@ -81,7 +73,6 @@ Device::Device(can::Dispatcher& dispatcher, std::shared_ptr<const od::Descriptio
     const TypeCode type{options_.address.vendor, options_.address.product};
     programming_ = std::make_unique<Programming>(*this, programs, type);
   }
-  if (host_ != nullptr) dispatcher_->on_status(this);
   load_settings();
   lss_.emplace(dispatcher_->executor(), static_cast<lss::SlaveOwner&>(*this),
                lss::SlaveOptions{.address = options_.address}, memory_);
@@ -97,21 +88,19 @@ void Device::make_services(NvMemory* memory) {
   if (has_any(d, 0x1400, 0x1BFF)) {
     const co::Pdos::Options options{.send_at_start = options_.send_tpdos_at_start,
                                     .detect_collision = options_.detect_collision};
-    services_.pdos = std::make_unique<co::Pdos>(*dispatcher_, values_, static_cast<co::ServiceOwner&>(*this), options);
-    services_.pdos->observe(this);
+    services_.pdos = std::make_unique<co::Pdos>(*dispatcher_, values_, errors_, options);
+    services_.pdos->observe(&application_);
   }
   if (d.find(0x1005) != nullptr) {
-    services_.sync =
-        std::make_unique<co::Sync>(*dispatcher_, values_, static_cast<co::ServiceOwner&>(*this), services_.pdos.get());
-    services_.sync->observe(this);
+    services_.sync = std::make_unique<co::Sync>(*dispatcher_, values_, errors_, services_.pdos.get());
+    services_.sync->observe(&application_);
   }
   if (d.find(0x1012) != nullptr) {
     services_.time = std::make_unique<co::TimeStamp>(*dispatcher_, values_);
-    services_.time->observe(this);
+    services_.time->observe(&application_);
   }
   if (d.find(0x1028) != nullptr) {
-    services_.emcy_list =
-        std::make_unique<co::EmcyList>(*dispatcher_, values_, static_cast<co::EmcyConsumer::Observer&>(*this));
+    services_.emcy_list = std::make_unique<co::EmcyList>(*dispatcher_, values_, application_);
   }
   if (memory != nullptr && d.find(0x1010) != nullptr) {
     parameters_ = std::make_unique<ParameterStore>(
@@ -127,10 +116,9 @@ void Device::make_services(NvMemory* memory) {
 
 Device::~Device() {
   observer_ = nullptr;
-  callbacks_.reset();
+  application_.silence();
   stop_services();                   // says nothing on the bus
   if (storing()) record_->forget();  // whatever the memory writes for: it would call what is gone
-  if (host_ != nullptr) dispatcher_->on_status(nullptr);
 }
 
 // --- Power and NMT ---------------------------------------------------------------------------------------------------
@@ -153,6 +141,7 @@ void Device::power_on() noexcept {
   if (negotiation_) negotiation_->power_on(options_.address);
   if (claiming_) claiming_->power_on(options_.address);
   if (programming_) programming_->programs.power_on();
+  bus_off_.power_on();
   begin_ = Begin::power_on;
   nmt_.power_on();
   tell();
@@ -163,13 +152,13 @@ void Device::power_off() noexcept {
   keeps_node_id_ = false;
   begin_ = Begin::nothing;
   cancel();
-  recovery_.cancel();
-  recovery_.bus_off = false;
+  bus_off_.power_off();
   stop_services();
   lss_answers_.drop();
   if (habits_) habits_->reset();
   nmt_.power_off();
   dispatcher_->remove(*this);
+  own_identifiers_.stop();
   if (negotiation_) negotiation_->power_off();
   if (claiming_) claiming_->power_off();
   if (record_) record_->forget();  // stops the memory, whatever it writes for
@@ -178,26 +167,23 @@ void Device::power_off() noexcept {
   load_settings();
   lss_->power_on(memory_);
   methods_.power_on(lss_->address());
-  if (host_ != nullptr) {
-    host_->clear();
-    host_->deaf(TimedPort::Deaf::storing, false);
-    host_->deaf(TimedPort::Deaf::booting, false);
-  }
+  host_.clear();
   tell();
 }
 
 void Device::reset(co::NmtReset what, rt::Time) noexcept {
   stop_services();
   if (begin_ == Begin::power_on) {
-    begin(Begin::power_on, timing_.boot);
+    begin(Begin::power_on, host_.timing().boot);
   } else {
-    begin(what == co::NmtReset::node ? Begin::reset_node : Begin::reset_communication, timing_.reset);
+    begin(what == co::NmtReset::node ? Begin::reset_node : Begin::reset_communication, host_.timing().reset);
   }
 }
 
 void Device::begin(Begin what, rt::Duration own_time) noexcept {
   begin_ = what;
   dispatcher_->remove(*this);
+  own_identifiers_.stop();
   if (negotiation_) negotiation_->resetting();
   if (claiming_) claiming_->resetting();
   lss_answers_.drop();
@@ -206,10 +192,10 @@ void Device::begin(Begin what, rt::Duration own_time) noexcept {
   // part with their values of after the reset: given up.
   if (parameters_ && parameters_->busy()) {
     parameters_->abandon();
-    if (host_ != nullptr) host_->deaf(TimedPort::Deaf::storing, false);
+    host_.storing(false);
   }
-  if (host_ != nullptr) host_->deaf(TimedPort::Deaf::booting, true);
-  dispatcher_->executor().after(timing_.in_world(own_time), *this);
+  host_.booting(true);
+  dispatcher_->executor().after(host_.in_world(own_time), *this);
   tell();
 }
 
@@ -219,7 +205,7 @@ void Device::run() noexcept {
 
 void Device::finish_reset() noexcept {
   const auto what = std::exchange(begin_, Begin::nothing);
-  const bool keep = timing_.power_cycle_after_store && what != Begin::power_on;
+  const bool keep = host_.timing().power_cycle_after_store && what != Begin::power_on;
   if (what == Begin::reset_communication) {
     if (!keep) lss_->reset_communication();
   } else {
@@ -228,10 +214,10 @@ void Device::finish_reset() noexcept {
   }
   use_bit_rate();
   reset_values(what == Begin::reset_communication ? od::Area::communication : od::Area::all);
-  if (host_ != nullptr) host_->deaf(TimedPort::Deaf::booting, false);
+  host_.booting(false);
   if (programming_ && what == Begin::reset_node) programming_->programs.restarted();
   if (programming_) nmt_.hold(!programming_->programs.runs());
-  if (what != Begin::reset_communication) call(&Callbacks::start);
+  if (what != Begin::reset_communication) application_.tell(&Callbacks::start);
   nmt_.initialised(lss_->active().node_id);
   if (nmt_.state() == NmtState::initialising) listen();
   if (negotiation_) negotiation_->ready(lss_->active().node_id);
@@ -270,7 +256,7 @@ void Device::reset_values(od::Area area) noexcept {
   for (unsigned i = 0; i < 4; ++i) values_.set(ObjectRef{0x1018, static_cast<std::uint8_t>(i + 1)}, a.part(i));
   if (options_.node_id_object) values_.set(*options_.node_id_object, lss_->active().node_id.value());
   if (!options_.name.empty()) values_.set_text({0x1008, 0}, options_.name);
-  call(&Callbacks::parameters);
+  application_.tell(&Callbacks::parameters);
 }
 
 void Device::state_changed(NmtState from, NmtState to, rt::Time) noexcept {
@@ -280,11 +266,10 @@ void Device::state_changed(NmtState from, NmtState to, rt::Time) noexcept {
     start_services();
     self_start();
   } else {
-    producer_.set_state(to);
-    guarding_.set_state(to);
+    error_control_.set_state(to);
     set_services(co::services_in(from), co::services_in(to));
   }
-  call(&Callbacks::state, to);
+  application_.tell(&Callbacks::state, to);
   tell();
 }
 
@@ -297,32 +282,24 @@ void Device::self_start() noexcept {
 }
 
 void Device::start_services() noexcept {
-  const auto id = nmt_.node_id();
   listen();
-  apply_object(0x1014);
-  apply_object(0x1015);
-  apply_object(0x1017);
-  apply_object(0x100C);
-  apply_consumer_entries();
-  producer_.start(id, nmt_.state());
-  guarding_.start(id, nmt_.state());
-  guarding_.set_heartbeat_active(producer_.period() > rt::Duration::zero());
+  own_identifiers_.listen();
+  errors_.start();
+  error_control_.start(nmt_.node_id(), nmt_.state());
   set_services({}, nmt_.services());
 }
 
 void Device::set_services(const co::Services& was, const co::Services& now) noexcept {
-  emcy_.enable(now.emcy);
+  errors_.enable(now.emcy);
   if (now.sdo && !was.sdo) sdo_.start(nmt_.node_id());
   if (!now.sdo) sdo_.stop();
   services_.change(was, now, nmt_.node_id());
 }
 
 void Device::stop_services() noexcept {
-  producer_.stop();
-  guarding_.stop();
-  if (consumer_) consumer_->clear();
+  error_control_.stop();
   set_services(nmt_.services(), {});
-  emcy_.reset();
+  errors_.reset();
 }
 
 // --- LSS and RAND ----------------------------------------------------------------------------------------------------
@@ -339,9 +316,6 @@ void Device::received(const can::Frame& frame, rt::Time) noexcept {
   } else if (methods_.hears(frame.key())) {
     answer = methods_.handle(frame, options_.lss.on && lss_->state() == lss::State::configuration);
     note_other_schemes(answer.has_value());
-  } else if (!frame.remote && is_mine(frame.key())) {
-    raise(co::emcy_code::id_collision, co::error_register::communication);
-    if (negotiation_) return negotiation_->doubled();
   }
   if (answer && !lss_->silent()) dispatcher_->send(*answer);
 }
@@ -370,12 +344,12 @@ std::optional<lss::StoreResult> Device::store(const lss::Settings& settings) noe
                                                   static_cast<std::uint8_t>(settings.bit_rate), 0, 0};
   if (!record_ || !record_->save(raw, *this)) return lss::StoreResult{lss::error::storage, 0};
   being_stored_ = settings;
-  if (host_ != nullptr && timing_.deaf_while_storing) host_->deaf(TimedPort::Deaf::storing, true);
+  host_.storing(true);
   return std::nullopt;
 }
 
 void Device::written(bool ok) noexcept {
-  if (host_ != nullptr) host_->deaf(TimedPort::Deaf::storing, false);
+  host_.storing(false);
   if (keeps_node_id_) node_id_kept(ok);
   if (ok) {
     memory_ = being_stored_;
@@ -388,18 +362,18 @@ void Device::written(bool ok) noexcept {
 
 void Device::wants_reset_communication() noexcept {
   if (habits_ && habits_->boots_by_nmt() && lss_->initialising()) return;
-  if (!timing_.power_cycle_after_store) nmt_.apply(co::NmtCommand::reset_communication);
+  if (!host_.timing().power_cycle_after_store) nmt_.apply(co::NmtCommand::reset_communication);
 }
 
 void Device::switch_bit_rate(lss::BitRateIndex index) noexcept {
   if (const auto rate = lss::bit_rate(index); rate && *rate != 0) dispatcher_->port().restart(*rate);
-  producer_.stop();
+  error_control_.hush();
   set_services(nmt_.services(), {});
 }
 
 void Device::silence_over() noexcept {
   if (nmt_.state() == NmtState::initialising) return;
-  producer_.start(nmt_.node_id(), nmt_.state());
+  error_control_.speak(nmt_.node_id(), nmt_.state());
   set_services({}, nmt_.services());
 }
 
@@ -409,14 +383,33 @@ void Device::use_bit_rate() noexcept {
   if (bit_rates_ != 0 && now != 0 && rate != 0 && rate != now) dispatcher_->port().restart(rate);
 }
 
+void Device::listen() noexcept {
+  dispatcher_->remove(*this);
+  if (options_.lss.on) dispatcher_->add(can::only(lss::master_cob_id), *this);
+  methods_.listen(*dispatcher_, *this);
+  const bool told_to_boot = habits_ && habits_->boots_by_nmt() && nmt_.state() == NmtState::initialising;
+  if (told_to_boot) dispatcher_->add(can::only(co::nmt_command_id), *this);
+}
+
+LedInputs Device::led_inputs() const noexcept {
+  const auto status = dispatcher_->port().status();
+  return {.state = nmt_.state(),
+          .lss = options_.lss.on && powered_ && !booting() && lss_->state() == lss::State::configuration,
+          .program_download = programming_ && programming_->programs.downloading(),
+          .bus_off = status.bus_off,
+          .warning_limit = status.tec >= warning_limit || status.rec >= warning_limit,
+          .error_control_event = errors_.active(co::emcy_code::life_guard_or_heartbeat),
+          .sync_missing = services_.sync && services_.sync->missing(),
+          .event_timer_missed = errors_.active(co::emcy_code::rpdo_timeout)};
+}
+
 std::size_t Device::memory() const noexcept {
   return sizeof(Device) - sizeof(od::Values) + values_.memory() + sdo_.memory() + options_.name.capacity() +
-         options_.presets.capacity() * sizeof(Preset) + consumer_size_ + (errors_ ? sizeof(co::ErrorField) : 0) +
-         services_.memory() + (parameters_ ? sizeof(ParameterStore) : 0) +
+         options_.presets.capacity() * sizeof(Preset) + errors_.memory() + error_control_.memory() +
+         application_.memory() + services_.memory() + (parameters_ ? sizeof(ParameterStore) : 0) +
          (configuration_ ? sizeof(ConfigurationWatch) : 0) + (negotiation_ ? sizeof(Negotiation) : 0) +
          (claiming_ ? sizeof(Claiming) : 0) + (programming_ ? sizeof(Programming) : 0) +
-         (habits_ ? sizeof(LssHabits) : 0) + (callbacks_ ? sizeof(Callbacks) : 0) +
-         (writes_ ? sizeof(WriteWatch) + writes_->memory() : 0);
+         (habits_ ? sizeof(LssHabits) : 0);
 }
 
 }  // namespace berth::device

@@ -32,24 +32,26 @@
 
 #include "berth/base/ids.hpp"
 #include "berth/can/dispatcher.hpp"
-#include "berth/co/emcy.hpp"
 #include "berth/co/emcy_list.hpp"
-#include "berth/co/guarding.hpp"
-#include "berth/co/heartbeat.hpp"
 #include "berth/co/nmt_slave.hpp"
 #include "berth/co/pdo.hpp"
 #include "berth/co/sdo_servers.hpp"
 #include "berth/co/sync.hpp"
 #include "berth/co/time_stamp.hpp"
 #include "berth/device/application.hpp"
+#include "berth/device/bus_off.hpp"
 #include "berth/device/claiming.hpp"
 #include "berth/device/dictionary.hpp"
+#include "berth/device/error_control.hpp"
+#include "berth/device/errors.hpp"
+#include "berth/device/host.hpp"
 #include "berth/device/leds.hpp"
 #include "berth/device/lss_habits.hpp"
 #include "berth/device/negotiation.hpp"
 #include "berth/device/node_id_methods.hpp"
 #include "berth/device/nv_memory.hpp"
 #include "berth/device/object_services.hpp"
+#include "berth/device/own_identifiers.hpp"
 #include "berth/device/parameter_store.hpp"
 #include "berth/device/programs.hpp"
 #include "berth/device/timed_port.hpp"
@@ -109,16 +111,10 @@ struct Options {
 };
 
 class Device final : private co::NmtSlave::Owner,
-                     private co::GuardingSlave::Observer,
-                     private co::HeartbeatConsumer::Observer,
                      private lss::SlaveOwner,
                      private NvMemory::Done,
-                     private can::StatusHandler,
-                     private co::ServiceOwner,
-                     private co::Pdos::Observer,
-                     private co::Sync::Observer,
-                     private co::TimeStamp::Observer,
-                     private co::EmcyConsumer::Observer,
+                     private Errors::Owner,
+                     private OwnIdentifiers::Owner,
                      private Negotiation::Owner,
                      private Claiming::Owner,
                      private ParameterStore::Owner,
@@ -174,27 +170,17 @@ class Device final : private co::NmtSlave::Owner,
   }
   /// Calls `call` after the network wrote `ref`, by SDO or by a received PDO. To refuse a write or to supply a value,
   /// attach an `od::Hook` to `values()`.
-  void on_write(ObjectRef ref, std::function<void()> call);
+  void on_write(ObjectRef ref, std::function<void()> call) { application_.on_write(ref, std::move(call)); }
   /// The callbacks; from the first call on they take their memory.
-  [[nodiscard]] Callbacks& on();
-  /// Raise and clear errors here: EMCY, 1001h and 1003h follow. False: the error is active already, or was not.
-  bool raise(std::uint16_t code, std::uint8_t register_bits, const std::array<std::uint8_t, 5>& info = {}) noexcept {
-    return raise(code, register_bits, info, 0);
-  }
-  bool clear(std::uint16_t code) noexcept { return clear(code, {}, 0); }
-  /// The same where one code has several sources, each an error of its own.
-  bool raise(std::uint16_t code, std::uint8_t register_bits, const std::array<std::uint8_t, 5>& info,
-             std::uint8_t source) noexcept;
-  bool clear(std::uint16_t code, const std::array<std::uint8_t, 5>& info, std::uint8_t source) noexcept;
-  /// The messages themselves: what a gateway adds to them. Errors are raised above.
-  [[nodiscard]] co::EmcyProducer& emcy() noexcept { return emcy_; }
-  /// Error behaviour: an error of the class 1029h:`error_class` has happened; changes the NMT state as that says (0
-  /// when there is no such sub-index: pre-operational if operational). 1 = communication, used by the device itself.
-  void error_behaviour(std::uint8_t error_class) noexcept;
+  [[nodiscard]] Callbacks& on() { return application_.on(); }
+  /// Errors of the application and of the device: raised and cleared here, EMCY, 1001h and 1003h follow.
+  [[nodiscard]] Errors& errors() noexcept { return errors_; }
   /// An event of TPDO 1..512 (types 00h, FEh, FFh); false when it is not active or knows no events.
   bool tpdo_event(unsigned number) noexcept { return services_.pdos && services_.pdos->event(number); }
   /// The object's value was changed by the local side: an event of the TPDOs that map it.
-  bool value_changed(ObjectRef ref) noexcept { return services_.pdos && services_.pdos->changed(ref); }
+  void value_changed(ObjectRef ref) noexcept override {
+    if (services_.pdos) services_.pdos->changed(ref);
+  }
   /// What 1021h uploads; must outlive the device. Empty: as described (no data).
   void set_stored_eds(std::span<const std::uint8_t> eds) noexcept { eds_ = eds; }
   /// Sends a TIME message; `closed`: no producer (1012h bit 30), or not in a state with TIME.
@@ -236,7 +222,7 @@ class Device final : private co::NmtSlave::Owner,
     return (record_ && record_->busy()) || (parameters_ && parameters_->busy());
   }
   [[nodiscard]] const Options& options() const noexcept { return options_; }
-  [[nodiscard]] const Timing& timing() const noexcept { return timing_; }
+  [[nodiscard]] const Timing& timing() const noexcept { return host_.timing(); }
   /// @}
   void observe(Observer* observer) noexcept { observer_ = observer; }
 
@@ -245,15 +231,6 @@ class Device final : private co::NmtSlave::Owner,
 
  private:
   enum class Begin : std::uint8_t { nothing, power_on, reset_node, reset_communication };
-  class Recovery final : public rt::Job {  // from bus-off
-   public:
-    explicit Recovery(Device& device) noexcept : device_(&device) {}
-    void run() noexcept override { device_->recover(); }
-    bool bus_off = false;
-
-   private:
-    Device* device_;
-  };
   // NMT
   void reset(co::NmtReset what, rt::Time at) noexcept override;
   void state_changed(NmtState from, NmtState to, rt::Time at) noexcept override;
@@ -268,18 +245,7 @@ class Device final : private co::NmtSlave::Owner,
   void set_services(const co::Services& was, const co::Services& now) noexcept;
   void self_start() noexcept;
   void listen() noexcept;
-  // Errors
-  void life_guarding(bool lost, rt::Time at) noexcept override;
-  void heartbeat(const co::HeartbeatEvent& event, rt::Time at) noexcept override;
-  void forget_heartbeat_errors() noexcept;
-  void raise_error(std::uint16_t code, std::uint8_t register_bits,
-                   const std::array<std::uint8_t, 5>& info) noexcept override {
-    raise(code, register_bits, info);
-  }
-  void clear_error(std::uint16_t code) noexcept override { clear(code); }
-  [[nodiscard]] rt::Duration in_world(rt::Duration own) const noexcept override { return timing_.in_world(own); }
-  void recover() noexcept;
-  void changed(const can::Status& status, rt::Time at) noexcept override;
+  [[nodiscard]] rt::Duration in_world(rt::Duration own) const noexcept override { return host_.in_world(own); }
   // LSS and RAND
   std::optional<lss::StoreResult> store(const lss::Settings& settings) noexcept override;
   void wants_reset_communication() noexcept override;
@@ -299,20 +265,8 @@ class Device final : private co::NmtSlave::Owner,
   void negotiation_kept(NodeId id) noexcept override;
   void claimed(NodeId id) noexcept override { negotiated(id); }
   void claim_lost(NodeId id) noexcept override;
-  // Identifiers that only this node may send with (SX.7); those of TPDOs are `co::Pdos`'s
-  template <class Visit>
-  void for_each_own_id(const Visit& visit) const noexcept;
-  [[nodiscard]] bool is_mine(std::uint32_t key) const noexcept;
-  // What the services tell, handed on to the application
-  void received(unsigned rpdo, rt::Time at) noexcept override;
-  void received_mpdo(ObjectRef object, rt::Time at) noexcept override;
-  void synchronised(std::uint8_t counter, rt::Time at) noexcept override;
-  void sync_missing(bool missing, rt::Time at) noexcept override;
-  void time_of_day(const co::TimeOfDay& time, rt::Time at) noexcept override;
-  void emergency(NodeId node, const co::Emcy& message, rt::Time at) noexcept override;
-  template <class Member, class... Arguments>
-  void call(Member member, Arguments&&... arguments) noexcept {
-    if (callbacks_ != nullptr && ((*callbacks_).*member)) ((*callbacks_).*member)(arguments...);
+  void doubled() noexcept override {
+    if (negotiation_) negotiation_->doubled();
   }
   // The node-ID as an object
   od::AbortCode writing_node_id(ObjectRef ref, std::span<const std::uint8_t> value) noexcept;
@@ -322,12 +276,9 @@ class Device final : private co::NmtSlave::Owner,
   od::AbortCode reading(const od::Values& values, ObjectRef ref,
                         std::span<const std::uint8_t>& value) noexcept override;
   od::AbortCode writing(const od::Values& values, ObjectRef ref, std::span<const std::uint8_t> value) noexcept override;
-  void written(od::Values& values, ObjectRef ref) noexcept override;
+  void written(od::Values&, ObjectRef) noexcept override {}
   od::AbortCode writing_storage(ObjectRef ref, std::span<const std::uint8_t> value) noexcept;
   void parameters_written(bool ok) noexcept override;
-  void apply_object(std::uint16_t index) noexcept;
-  void apply_consumer_entries() noexcept;
-  [[nodiscard]] rt::Duration milliseconds(std::uint16_t index) const noexcept;
   void tell() noexcept {
     if (observer_ != nullptr) observer_->device_changed(*this);
   }
@@ -363,8 +314,7 @@ class Device final : private co::NmtSlave::Owner,
   };
 
   can::Dispatcher* dispatcher_;
-  TimedPort* host_;
-  Timing timing_;
+  Host host_;
   Options options_;
   od::Values values_;
   std::optional<NvRecord> record_;
@@ -373,20 +323,18 @@ class Device final : private co::NmtSlave::Owner,
   std::unique_ptr<LssHabits> habits_;  // only with LssOptions::habit
   NodeIdMethods methods_;
   co::NmtSlave nmt_;
-  co::HeartbeatProducer producer_;
-  std::unique_ptr<co::HeartbeatConsumer> consumer_;  // only with object 1016h
-  co::GuardingSlave guarding_;
-  co::EmcyProducer emcy_;
-  std::unique_ptr<co::ErrorField> errors_;  // only with object 1003h
   co::SdoServers sdo_;
+  Application application_;
+  Errors errors_;
+  ErrorControl error_control_;
+  BusOffRecovery bus_off_;
+  OwnIdentifiers own_identifiers_;
   ObjectServices services_;
   std::unique_ptr<ParameterStore> parameters_;         // only with object 1010h and a memory that has room
   std::unique_ptr<ConfigurationWatch> configuration_;  // only with object 1020h
   std::unique_ptr<Programming> programming_;           // only with a memory for programs
   std::unique_ptr<Negotiation> negotiation_;           // only with Options::negotiation
   std::unique_ptr<Claiming> claiming_;                 // only with Options::claim
-  std::unique_ptr<Callbacks> callbacks_;
-  std::unique_ptr<WriteWatch> writes_;
   std::span<const std::uint8_t> eds_;
   bool keeps_node_id_ = false;  // `storing_` is the node-ID's object or its signature's
   ObjectRef storing_{};         // the sub-object of 1010h or 1011h whose write is to be confirmed
@@ -395,8 +343,6 @@ class Device final : private co::NmtSlave::Owner,
   lss::Settings being_stored_{};
   lss::BitRateMask bit_rates_ = 0;
   std::array<std::uint8_t, 4> scratch_{};  // what `reading` shows
-  Recovery recovery_{*this};
-  std::size_t consumer_size_ = 0;
   Begin begin_ = Begin::nothing;
   bool powered_ = false;
 };

@@ -30,7 +30,8 @@ void Device::negotiated(NodeId id) noexcept {
 }
 
 void Device::negotiation_lost(NodeId id, nodeid::IdLoss why) noexcept {
-  raise(co::emcy_code::id_collision, co::error_register::communication, {id.value(), static_cast<std::uint8_t>(why)});
+  errors_.raise(co::emcy_code::id_collision, co::error_register::communication,
+                {id.value(), static_cast<std::uint8_t>(why)});
   lss_->set_pending(NodeId());
   lss_->reset_communication();
   nmt_.apply(co::NmtCommand::reset_communication);
@@ -38,6 +39,6 @@ void Device::negotiation_lost(NodeId id, nodeid::IdLoss why) noexcept {
 
 void Device::claim_lost(NodeId id) noexcept { negotiation_lost(id, nodeid::IdLoss::none); }
 
-void Device::negotiation_kept(NodeId) noexcept { clear(co::emcy_code::id_collision); }
+void Device::negotiation_kept(NodeId) noexcept { errors_.clear(co::emcy_code::id_collision); }
 
 }  // namespace berth::device

@@ -21,12 +21,12 @@ od::AbortCode Device::writing_storage(ObjectRef ref, std::span<const std::uint8_
   const bool begun = saves ? parameters_->save(values_, ref.sub) : parameters_->restore(values_, ref.sub);
   if (!begun) return od::AbortCode::hardware;
   storing_ = ref;
-  if (host_ != nullptr && timing_.deaf_while_storing) host_->deaf(TimedPort::Deaf::storing, true);
+  host_.storing(true);
   return od::AbortCode::pending;
 }
 
 void Device::parameters_written(bool ok) noexcept {
-  if (host_ != nullptr) host_->deaf(TimedPort::Deaf::storing, false);
+  host_.storing(false);
   // Without an answer when the client gave up or a state without SDO came in between.
   sdo_.complete(storing_, ok ? od::AbortCode::none : od::AbortCode::hardware);
 }

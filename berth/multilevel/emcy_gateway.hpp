@@ -1,7 +1,7 @@
 /// The EMCY gateway of paper 3 (Figure 6; docs/multilevel.md §EMCY), and its heartbeat gateway (Figure 4): emergencies
 /// of the nodes beneath, and the loss of their heartbeats, become emergencies of the gateway's upstream side.
 ///
-///     multilevel::EmcyGateway gateway(upper.emcy(), {.layout = EmcyLayout::source_and_exit});
+///     multilevel::EmcyGateway gateway(upper.errors().emcy(), {.layout = EmcyLayout::source_and_exit});
 ///     gateway.hear_all(dispatcher_beneath);
 ///
 /// What is heard waits until it may go out: 1014h, 1015h and the NMT state of the upstream side hold for it as for the

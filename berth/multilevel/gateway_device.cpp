@@ -58,7 +58,7 @@ GatewayDevice::Bus::Bus(GatewayDevice& owner, can::Port& port, unsigned number, 
   sub_bus_.on_settled([&owner] { owner.come_up(); });
   sub_bus_.on_heartbeat_lost([&owner, number] {
     if (owner.upper_.values().get<std::uint8_t>({0x1029, heartbeat_error_class(number)})) {
-      owner.upper_.error_behaviour(heartbeat_error_class(number));
+      owner.upper_.errors().behave(heartbeat_error_class(number));
     }
   });
 }
@@ -78,7 +78,7 @@ GatewayDevice::GatewayDevice(rt::Executor& executor, can::Port& above, const Gat
       dispatcher_(executor, port_),
       upper_(dispatcher_, options.description ? options.description : plain_gateway(options.ports), options.memory,
              options.upper, options.host),
-      emcy_(upper_.emcy(), options.emcy),
+      emcy_(upper_.errors().emcy(), options.emcy),
       look_(*this, executor) {
   upper_.observe(this);
 }

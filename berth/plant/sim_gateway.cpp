@@ -33,7 +33,7 @@ SimGateway::Port::Port(SimGateway& owner, SimDevice& of, multilevel::SdoGatewayO
   const auto error_class = multilevel::heartbeat_error_class(options.port);
   bus.on_heartbeat_lost([&owner, error_class] {
     auto& upper = owner.above_->device();
-    if (upper.values().get<std::uint8_t>({0x1029, error_class})) upper.error_behaviour(error_class);
+    if (upper.values().get<std::uint8_t>({0x1029, error_class})) upper.errors().behave(error_class);
   });
   if (!of.manager_) return;
   bus.on_settled([&owner] { owner.look_.post(); });
@@ -48,7 +48,10 @@ bool SimGateway::Port::boots_first() const noexcept { return device->manager_ !=
 
 SimGateway::SimGateway(rt::Executor& executor, SimDevice& above, std::vector<SimDevice*> beneath,
                        const PlantGateway& plan, unsigned levels_beneath)
-    : executor_(&executor), above_(&above), emcy_(above.device().emcy(), emcy_options(plan)), look_(*this, executor) {
+    : executor_(&executor),
+      above_(&above),
+      emcy_(above.device().errors().emcy(), emcy_options(plan)),
+      look_(*this, executor) {
   for (SimDevice* const device : beneath) {
     multilevel::SdoGatewayOptions options;
     options.port = static_cast<unsigned>(ports_.size() + 1);

@@ -104,14 +104,15 @@ int emcy(lua_State* state) {
     if (byte < 0 || byte > 0xFF) luaL_error(state, "a byte is 0 to 0xFF");
     info[static_cast<std::size_t>(i)] = static_cast<std::uint8_t>(byte);
   }
-  const bool raised = of(state).device().raise(static_cast<std::uint16_t>(code), static_cast<std::uint8_t>(bits), info);
+  const bool raised =
+      of(state).device().errors().raise(static_cast<std::uint16_t>(code), static_cast<std::uint8_t>(bits), info);
   lua_pushboolean(state, raised ? 1 : 0);
   return 1;
 }
 int clear_emcy(lua_State* state) {
   const auto code = luaL_checkinteger(state, 1);
   const bool known = code >= 0x1000 && code <= 0xFFFF;
-  lua_pushboolean(state, known && of(state).device().clear(static_cast<std::uint16_t>(code)) ? 1 : 0);
+  lua_pushboolean(state, known && of(state).device().errors().clear(static_cast<std::uint16_t>(code)) ? 1 : 0);
   return 1;
 }
 

@@ -68,8 +68,8 @@ void Machine::run() noexcept {
   const auto failure = *std::exchange(failure_, std::nullopt);
   forget();
   const auto line = static_cast<std::uint16_t>(std::min(failure.line, 0xFFFF));
-  device_.raise(emcy_failed, co::error_register::generic,
-                {static_cast<std::uint8_t>(line), static_cast<std::uint8_t>(line >> 8U)});
+  device_.errors().raise(emcy_failed, co::error_register::generic,
+                         {static_cast<std::uint8_t>(line), static_cast<std::uint8_t>(line >> 8U)});
   listener_.script_told({Told::Kind::failed, script_.file, failure.line, failure.text});
 }
 

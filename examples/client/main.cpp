@@ -78,7 +78,7 @@ int main(int count, char** words) {
     inputs.set(value);
     world.run_for(10ms);
   }
-  module.raise(0x3120, co::error_register::voltage);
+  module.errors().raise(0x3120, co::error_register::voltage);
   world.run_for(10ms);
   std::printf("outputs %02X\n", module.variable<std::uint8_t>({0x6200, 1}).get());
   return 0;

@@ -19,9 +19,9 @@ class Thermometer {
   void measured(std::int16_t temperature) {
     temperature_.set(temperature);  // sends the PDO when it is another value
     if (temperature > limit_.get()) {
-      device_.raise(0x4210, berth::co::error_register::temperature);  // once, until cleared
+      device_.errors().raise(0x4210, berth::co::error_register::temperature);  // once, until cleared
     } else {
-      device_.clear(0x4210);
+      device_.errors().clear(0x4210);
     }
   }
   [[nodiscard]] unsigned fan() const { return fan_.get(); }

@@ -73,7 +73,7 @@ int main() {
   scope.spawn(read_valve(routes.access(*multilevel::parse_path("3/5"))));
   world.run_for(100ms);
   for (const char* frame : {"000#0103", "203#7B01"}) dispatcher.send(*can::parse_frame(frame)), world.run_for(20ms);
-  valve.raise(0x2310, co::error_register::current);
+  valve.errors().raise(0x2310, co::error_register::current);
   world.run_for(20ms);
   std::printf("the lever's position took %ld us\n", gateway.signals().figures(0).longest / 1us);
 }

@@ -93,7 +93,7 @@ TEST(ClientLifetime, HC5_2_ANodeDestroyedWhileAllIsPending) {
           EXPECT_EQ(pending.ends[i].code, Errc::cancelled) << step << " " << i;
         }
       }
-      rig.device->device.raise(0x1000, 0);
+      rig.device->device.errors().raise(0x1000, 0);
       rig.run(3s);
       EXPECT_EQ(pending.called, called) << "none calls back afterwards";
       for (const auto& ends : pending.ends) EXPECT_EQ(ends.count, 1);
@@ -184,7 +184,7 @@ TEST(ClientLifetime, ANodeDestroyedInItsOwnCallbacks) {
       rig.node.reset();
     });
     if (rig.node) rig.node->read<std::uint32_t>("UNSIGNED32", [&](const auto&) { called += rig.node ? 0 : 100; });
-    rig.device->device.raise(0x1000, 0);
+    rig.device->device.errors().raise(0x1000, 0);
     rig.run(2s);
     EXPECT_EQ(called, 1);
     EXPECT_EQ(rig.node, nullptr);
@@ -211,8 +211,8 @@ TEST(ClientLifetime, TheNetworkDestroyedInACallback) {
     rig.node.reset();
     rig.network.reset();
   });
-  rig.device->device.raise(0x1000, 0);
-  rig.device->device.raise(0x2000, 0);
+  rig.device->device.errors().raise(0x1000, 0);
+  rig.device->device.errors().raise(0x2000, 0);
   rig.run(1s);
   EXPECT_EQ(called, 1);
 }
@@ -245,7 +245,7 @@ TEST(ClientLifetime, HC5_3_HU_25_AnAccessFromACallback) {
         });
       });
     });
-    rig.device->device.raise(0x1234, 0);
+    rig.device->device.errors().raise(0x1234, 0);
     rig.run(100ms);
     EXPECT_EQ(deepest, 1);
     std::sort(values.begin(), values.end());
@@ -320,7 +320,7 @@ TEST(ClientLifetime, HU_27_TwoNetworksOfTheSameNodeIds) {
       ASSERT_TRUE(written.has_value());
       nodes[i]->read<std::uint32_t>("UNSIGNED32", [&, i](const auto& back) { done += back == 100 + i ? 1U : 0U; });
     });
-    devices[i]->device.raise(static_cast<std::uint16_t>(0x1000 + i), 0);
+    devices[i]->device.errors().raise(static_cast<std::uint16_t>(0x1000 + i), 0);
   }
   world.run_for(1s);
   EXPECT_EQ(done, nodes.size());

@@ -289,9 +289,9 @@ TEST(ClientNode, Emergencies) {
   Rig rig;
   std::vector<std::string> told;
   rig.node->on_emcy([&](const Emergency& e) { told.emplace_back(e.text()); });
-  rig.device->device.raise(0x2310, co::error_register::current, {1, 2, 3, 4, 5});
+  rig.device->device.errors().raise(0x2310, co::error_register::current, {1, 2, 3, 4, 5});
   rig.run(5ms);
-  rig.device->device.clear(0x2310);
+  rig.device->device.errors().clear(0x2310);
   const auto first = rig.get(rig.node->next_emcy(rt::never));
   ASSERT_TRUE(first.has_value());
   EXPECT_EQ(first->node, NodeId(5));

@@ -394,7 +394,7 @@ TEST(Device, EmergencyObjectsKeepTheirRules) {
   rig.run(milliseconds(1));
   rig.ask("609#4003100100000000");
   EXPECT_EQ(rig.record.text.back(), "589#8003100124000008");
-  node.device.raise(0xFF01, co::error_register::manufacturer);
+  node.device.errors().raise(0xFF01, co::error_register::manufacturer);
   rig.run(milliseconds(1));
   EXPECT_EQ(rig.record.text.back(), "089#01FF810000000000");
   rig.ask("609#4003100000000000");
@@ -414,7 +414,7 @@ TEST(Device, EmergencyObjectsKeepTheirRules) {
   EXPECT_EQ(rig.record.text.back(), "589#8014100030000906");
   rig.ask("609#231410008A000000");
   EXPECT_EQ(rig.record.text.back(), "589#6014100000000000");
-  node.device.raise(0xFF02, co::error_register::manufacturer);
+  node.device.errors().raise(0xFF02, co::error_register::manufacturer);
   rig.run(milliseconds(1));
   EXPECT_EQ(rig.record.text.back(), "08A#02FF810000000000");
 }
@@ -435,7 +435,7 @@ TEST(Device, SX_7_TwoDevicesWithOneNodeIdAreReported) {
   EXPECT_EQ(rig.record.count("089#5081110000000000"), 0U);
   rig.run(milliseconds(150));
   EXPECT_GE(rig.record.count("089#5081110000000000"), 1U);
-  EXPECT_TRUE(b.device.emcy().active(co::emcy_code::id_collision));
+  EXPECT_TRUE(b.device.errors().active(co::emcy_code::id_collision));
 }
 
 // CiA 305: activate bit timing: D, switch, D of silence, then the new rate.

@@ -55,7 +55,8 @@ static_assert(noexcept(std::declval<can::Listener&>().changed(std::declval<const
                                                               std::declval<rt::Time>())));
 static_assert(noexcept(std::declval<rt::Job&>().run()));
 static_assert(noexcept(std::declval<od::Values&>().write(ObjectRef{}, {})));
-static_assert(noexcept(std::declval<Device&>().raise(0, 0)) && noexcept(std::declval<Device&>().clear(0)));
+static_assert(
+    noexcept(std::declval<Device&>().errors().raise(0, 0)) && noexcept(std::declval<Device&>().errors().clear(0)));
 static_assert(noexcept(std::declval<Device&>().apply(co::NmtCommand::start)));
 static_assert(noexcept(std::declval<Device&>().tpdo_event(1)));
 static_assert(noexcept(std::declval<Variable<float>&>().set(1)));
@@ -275,10 +276,10 @@ TEST(Device, EveryServiceTakesNothingFromTheHeapAndThrowsNothing) {
       bare.arrive(frame);
       executor.advance(executor.now() + milliseconds(7));
       measured.set(++value);
-      device.raise(0xFF01, 0x80);
+      device.errors().raise(0xFF01, 0x80);
       device.tpdo_event(1);
       executor.advance(executor.now() + milliseconds(3));
-      device.clear(0xFF01);
+      device.errors().clear(0xFF01);
     }
     executor.advance(executor.now() + milliseconds(300));
   };

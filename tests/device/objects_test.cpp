@@ -212,13 +212,14 @@ TEST(Objects, A6_2_OD_1003_PreDefinedErrorField) {
   EXPECT_EQ(s.rig.read(0x1003, 0), Rig::value(0x1003, 0, 1, 0));
   EXPECT_EQ(s.rig.read(0x1003, 1), Rig::refused(0x1003, 1, AbortCode::no_data));
   for (unsigned i = 1; i <= 6; ++i) {
-    EXPECT_TRUE(device.raise(static_cast<std::uint16_t>(0xFF00 + i), 0x80, {static_cast<std::uint8_t>(i), 0xA0}));
+    EXPECT_TRUE(
+        device.errors().raise(static_cast<std::uint16_t>(0xFF00 + i), 0x80, {static_cast<std::uint8_t>(i), 0xA0}));
   }
   EXPECT_EQ(s.rig.read(0x1003, 0), Rig::value(0x1003, 0, 1, 4)) << "as many as the dictionary has places";
   for (std::uint8_t i = 1; i <= 4; ++i) {
     EXPECT_EQ(s.rig.read(0x1003, i), Rig::value(0x1003, i, 4, 0xA000FF00U + (7U - i) + ((7U - i) << 16U)));
   }
-  EXPECT_TRUE(device.clear(0xFF01));
+  EXPECT_TRUE(device.errors().clear(0xFF01));
   EXPECT_EQ(s.rig.read(0x1003, 0), Rig::value(0x1003, 0, 1, 4))
       << "what is gone is no error: not kept, and kept what was";
   EXPECT_EQ(s.rig.write(0x1003, 0, 1, 2), Rig::refused(0x1003, 0, AbortCode::invalid_value));
@@ -233,21 +234,21 @@ TEST(Objects, A6_3_OD_1001_ErrorRegister) {
   Site s;
   auto& device = s.node.device;
   const auto shown = [&] { return s.rig.read(0x1001, 0); };
-  device.raise(0x4200, co::error_register::temperature);
+  device.errors().raise(0x4200, co::error_register::temperature);
   EXPECT_EQ(shown(), Rig::value(0x1001, 0, 1, 0x09));
-  device.raise(0x2310, co::error_register::current);
+  device.errors().raise(0x2310, co::error_register::current);
   EXPECT_EQ(shown(), Rig::value(0x1001, 0, 1, 0x0B));
-  device.clear(0x4200);
+  device.errors().clear(0x4200);
   EXPECT_EQ(shown(), Rig::value(0x1001, 0, 1, 0x03));
   EXPECT_EQ(s.rig.record.count("089#1023030000000000"), 1U) << "what remains, with the register as it is";
-  device.clear(0x2310);
+  device.errors().clear(0x2310);
   EXPECT_EQ(shown(), Rig::value(0x1001, 0, 1, 0));
   EXPECT_EQ(s.rig.record.count("089#0000000000000000"), 1U);
-  EXPECT_FALSE(device.clear(0x2310));
+  EXPECT_FALSE(device.errors().clear(0x2310));
   s.rig.ask("000#0109");
-  device.error_behaviour(0);
+  device.errors().behave(0);
   EXPECT_EQ(device.state(), NmtState::operational) << "1029h:00 is a count, no class";
-  device.error_behaviour(9);
+  device.errors().behave(9);
   EXPECT_EQ(device.state(), NmtState::pre_operational) << "a class that is not described: as the default 0";
 }
 
@@ -256,7 +257,7 @@ TEST(Objects, OD_1014_OD_1015_EmergencyIdentifierAndInhibitTime) {
   Site s;
   EXPECT_EQ(s.rig.write(0x1014, 0, 4, 0x8A), Rig::refused(0x1014, 0, AbortCode::invalid_value));
   EXPECT_EQ(s.rig.write(0x1014, 0, 4, 0x80000089), Rig::done(0x1014, 0));
-  s.node.device.raise(0xFF01, 0x80);
+  s.node.device.errors().raise(0xFF01, 0x80);
   s.rig.run(milliseconds(5));
   EXPECT_EQ(s.rig.record.count("089#01FF810000000000"), 0U) << "not valid: it waits";
   for (const std::uint32_t restricted : {0x000U, 0x07FU, 0x101U, 0x180U, 0x581U, 0x601U, 0x6E0U, 0x701U, 0x7FFU}) {
@@ -270,7 +271,7 @@ TEST(Objects, OD_1014_OD_1015_EmergencyIdentifierAndInhibitTime) {
   EXPECT_EQ(s.rig.write(0x1014, 0, 4, 0x0FE), Rig::done(0x1014, 0));
   EXPECT_EQ(s.rig.record.count("0FE#01FF810000000000"), 1U);
   s.rig.record.clear();
-  for (unsigned i = 2; i <= 4; ++i) s.node.device.raise(static_cast<std::uint16_t>(0xFF00 + i), 0x80);
+  for (unsigned i = 2; i <= 4; ++i) s.node.device.errors().raise(static_cast<std::uint16_t>(0xFF00 + i), 0x80);
   s.rig.run(milliseconds(50));
   ASSERT_EQ(s.rig.record.times.size(), 3U);
   for (unsigned i = 1; i < 3; ++i) EXPECT_GE(s.rig.record.times[i] - s.rig.record.times[i - 1], microseconds(9700));

@@ -70,7 +70,7 @@ TEST(Services, A3_3_EachRunsInItsStates) {
     s.rig.ask("209#" + Rig::hex8(to_rpdo & 255) + Rig::hex8(to_rpdo >> 8));
     s.rig.ask("080#");
     s.rig.ask("100#04030201983A");
-    device.raise(0xFF01, 0x80);
+    device.errors().raise(0xFF01, 0x80);
     s.rig.run(milliseconds(2));
   };
   const auto seen = [&](std::string_view start) {
@@ -84,7 +84,7 @@ TEST(Services, A3_3_EachRunsInItsStates) {
   EXPECT_EQ(syncs, 1);
   EXPECT_EQ(times, 1);
   EXPECT_EQ(seen("089#"), 1);
-  device.clear(0xFF01);
+  device.errors().clear(0xFF01);
 
   s.rig.ask("000#0109");
   everything(0x2222);  // operational
@@ -93,7 +93,7 @@ TEST(Services, A3_3_EachRunsInItsStates) {
   EXPECT_EQ(rpdo(), 0x2222);
   EXPECT_EQ(syncs, 2);
   EXPECT_EQ(times, 2);
-  device.clear(0xFF01);
+  device.errors().clear(0xFF01);
 
   s.rig.ask("000#0209");
   everything(0x3333);  // stopped
@@ -152,7 +152,7 @@ TEST(Services, ErrorsOfServicesAreTheDevices) {
   s.rig.ask("209#0100");
   EXPECT_EQ(s.rig.read(0x1001, 0), Rig::value(0x1001, 0, 1, 0));
   s.rig.ask("080#01");
-  EXPECT_TRUE(s.node.device.emcy().active(co::emcy_code::sync_length));
+  EXPECT_TRUE(s.node.device.errors().active(co::emcy_code::sync_length));
 }
 
 // OD.1200, A7.8: additional SDO servers of a device serve beside the default one, and "save" is answered where it was
@@ -182,7 +182,7 @@ TEST(Services, OD_1200_AdditionalSdoServer) {
   rig.run(milliseconds(40));
   EXPECT_EQ(rig.record.text.back(), "3A1#6010100100000000");
   rig.ask("3A1#6000200000000000");
-  EXPECT_TRUE(node.device.emcy().active(co::emcy_code::id_collision)) << "SX.7: its answers are its own too";
+  EXPECT_TRUE(node.device.errors().active(co::emcy_code::id_collision)) << "SX.7: its answers are its own too";
   node.off();
   node.on();
   rig.run(milliseconds(5));
@@ -250,7 +250,7 @@ TEST(Services, DestroyedInTheMiddleOfAnything) {
     if (when == "rpdo fault") {
       rig.ask("000#0109");
       rig.ask("209#01");
-      EXPECT_TRUE(device->emcy().active(co::emcy_code::pdo_length));
+      EXPECT_TRUE(device->errors().active(co::emcy_code::pdo_length));
     }
     if (when == "upload") rig.ask("609#4008100000000000");
     if (when == "bus-off") {
@@ -305,9 +305,9 @@ TEST(Services, SX_7_ItsOwnIdentifiersFromAnotherNode) {
   for (const auto& frame : own) {
     Site s;
     s.rig.ask("000#0109");
-    EXPECT_FALSE(s.node.device.emcy().active(co::emcy_code::id_collision));
+    EXPECT_FALSE(s.node.device.errors().active(co::emcy_code::id_collision));
     s.rig.ask(frame);
-    EXPECT_TRUE(s.node.device.emcy().active(co::emcy_code::id_collision)) << frame;
+    EXPECT_TRUE(s.node.device.errors().active(co::emcy_code::id_collision)) << frame;
     EXPECT_EQ(s.rig.record.count("089#5081110000000000"), 1U) << frame;
   }
   for (const auto* frame : {"08A#0000000000000000", "609#4000100000000000", "709#R1", "189#R2", "080#",
@@ -315,24 +315,24 @@ TEST(Services, SX_7_ItsOwnIdentifiersFromAnotherNode) {
     Site s;
     s.rig.ask("000#0109");
     s.rig.ask(frame);
-    EXPECT_FALSE(s.node.device.emcy().active(co::emcy_code::id_collision)) << frame;
+    EXPECT_FALSE(s.node.device.errors().active(co::emcy_code::id_collision)) << frame;
   }
   Site moved;  // the identifier in use counts, not the predefined one
   EXPECT_EQ(moved.rig.write(0x1014, 0, 4, 0x80000089), Rig::done(0x1014, 0));
   EXPECT_EQ(moved.rig.write(0x1014, 0, 4, 0x0FE), Rig::done(0x1014, 0));
   moved.rig.ask("089#0000000000000000");
-  EXPECT_FALSE(moved.node.device.emcy().active(co::emcy_code::id_collision));
+  EXPECT_FALSE(moved.node.device.errors().active(co::emcy_code::id_collision));
   moved.rig.ask("0FE#0000000000000000");
-  EXPECT_TRUE(moved.node.device.emcy().active(co::emcy_code::id_collision));
+  EXPECT_TRUE(moved.node.device.errors().active(co::emcy_code::id_collision));
   Site producer;
   EXPECT_EQ(producer.rig.write(0x1005, 0, 4, 0x40000080), Rig::done(0x1005, 0));
   producer.rig.ask("080#");
-  EXPECT_TRUE(producer.node.device.emcy().active(co::emcy_code::id_collision)) << "two SYNC producers";
+  EXPECT_TRUE(producer.node.device.errors().active(co::emcy_code::id_collision)) << "two SYNC producers";
   Site clock;
   EXPECT_EQ(clock.rig.write(0x1012, 0, 4, 0x00000100), Rig::done(0x1012, 0));
   EXPECT_EQ(clock.rig.write(0x1012, 0, 4, 0x40000100), Rig::done(0x1012, 0));
   clock.rig.ask("100#000000000000");
-  EXPECT_TRUE(clock.node.device.emcy().active(co::emcy_code::id_collision)) << "two TIME producers";
+  EXPECT_TRUE(clock.node.device.errors().active(co::emcy_code::id_collision)) << "two TIME producers";
   EXPECT_EQ(clock.node.device.send_time({.milliseconds = 1, .days = 2}), can::Queued::yes);
   clock.rig.run(milliseconds(1));
   EXPECT_EQ(clock.rig.record.text.back(), "100#010000000200");
@@ -341,7 +341,7 @@ TEST(Services, SX_7_ItsOwnIdentifiersFromAnotherNode) {
   Site quiet(deaf);
   quiet.rig.ask("000#0109");
   for (const auto& frame : own) quiet.rig.ask(frame);
-  EXPECT_FALSE(quiet.node.device.emcy().active(co::emcy_code::id_collision));
+  EXPECT_FALSE(quiet.node.device.errors().active(co::emcy_code::id_collision));
 }
 
 // A4.8, OD.1029: 0 = pre-operational, only if operational; 1 = nothing; 2 = stopped, also from pre-operational. For a
@@ -380,7 +380,7 @@ TEST(Services, A4_8_OD_1029_EveryValueInEveryState) {
           s.rig.ask("709#R1", milliseconds(50));
           ASSERT_TRUE(s.node.controller->status().bus_off);
         }
-        if (cause == "own class") device.error_behaviour(3);
+        if (cause == "own class") device.errors().behave(3);
         EXPECT_EQ(device.state(), after(from, value)) << cause << ", 1029h = " << value;
       }
     }
@@ -477,11 +477,11 @@ TEST(Services, HC5_4_HU_27_TwoNetworksInOneProcess) {
   EXPECT_EQ(a.device.state(), NmtState::operational);
   EXPECT_EQ(b.device.state(), NmtState::operational);
   EXPECT_EQ(c.device.state(), NmtState::pre_operational);
-  c.device.raise(0xFF01, 0x80);
+  c.device.errors().raise(0xFF01, 0x80);
   right.run(milliseconds(2));
   EXPECT_EQ(right.record.count("089#01FF810000000000"), 1U);
   EXPECT_EQ(left.record.count("089#01FF810000000000"), 0U);
-  EXPECT_FALSE(a.device.emcy().active(0xFF01));
+  EXPECT_FALSE(a.device.errors().active(0xFF01));
   EXPECT_EQ(right.write(0x1017, 0, 2, 77), Rig::done(0x1017, 0));
   EXPECT_EQ(a.device.values().get_or<std::uint16_t>({0x1017, 0}, 9), 0) << "one description, values of their own";
 }
@@ -505,7 +505,7 @@ std::vector<std::string> day(const std::function<void(const std::function<void()
       rig->run(milliseconds(3));
       if (i == 2) rig->write(0x1017, 0, 2, 7);
       if (i == 5) rig->ask("000#0100");
-      if (i == 8) a->device.raise(0xFF01, 0x80);
+      if (i == 8) a->device.errors().raise(0xFF01, 0x80);
       if (i == 10) found.push_back(rig->read(0x1018, 4));
       if (i == 12) rig->ask("000#8109");
       if (i == 14) b->off();

@@ -173,7 +173,7 @@ TEST_F(Running, ReplacementsBeneathGateways) {
 // An emergency two levels down is told once, with its words.
 TEST_F(Running, AnEmergencyFromTheReel) {
   const auto since = now();
-  machine.world().find("reel motor")->device().raise(0x4210, co::error_register::temperature);
+  machine.world().find("reel motor")->device().errors().raise(0x4210, co::error_register::temperature);
   machine.run_for(1s);
   const auto lines = machine.told("reel motor", since);
   ASSERT_EQ(lines.size(), 1U) << machine.log();

@@ -47,7 +47,7 @@ struct Levels : ::testing::Test {
       gateways.push_back(std::make_unique<Gateway>(world, *lines[i], 3 + i, *lines[i + 1], 1));
       EmcyGatewayOptions options{.layout = layout};
       options.speaks_layout.set(4 + i);  // the gateway one deeper
-      emcy.push_back(std::make_unique<EmcyGateway>(gateways[i]->upper.emcy(), options));
+      emcy.push_back(std::make_unique<EmcyGateway>(gateways[i]->upper.errors().emcy(), options));
       emcy.back()->hear_all(gateways[i]->down.dispatcher);
     }
     leaf.emplace(world, *lines[3], 50);
@@ -94,7 +94,7 @@ TEST(EmcyLayouts, HowManyNodes) {
 
 // S3.13, S3.15, S3.16, S3.17: Figure 5 on the lowest bus, and Figures 6 and 8 on each bus above it.
 TEST_F(Levels, TheNodeIdsOnTheWay) {
-  leaf->device.raise(0x2310, co::error_register::current);
+  leaf->device.errors().raise(0x2310, co::error_register::current);
   run();
   EXPECT_EQ(emergencies(*lines[3]), Log{"0B2#1023030000000000"});
   EXPECT_EQ(emergencies(*lines[2]), Log{"085#1023033200000000"});
@@ -107,19 +107,19 @@ TEST_F(Levels, TheNodeIdsOnTheWay) {
 
 // S3.14: the error exits; what the plain device tells as "no error" is told by name above, as it was its only one.
 TEST_F(Levels, TheExitingCode) {
-  leaf->device.raise(0x2310, co::error_register::current);
+  leaf->device.errors().raise(0x2310, co::error_register::current);
   run();
-  leaf->device.clear(0x2310);
+  leaf->device.errors().clear(0x2310);
   run();
   EXPECT_EQ(emergencies(*lines[3]).back(), "0B2#0000000000000000");
   EXPECT_EQ(emergencies(*lines[0]).back(), "083#0000000405321023");
   EXPECT_EQ(log->entries().back().reading.exiting, 0x2310);
   EXPECT_TRUE(log->pending(nodes_of({3, 4, 5, 50})).empty());
   // Of several that go at once, none is named.
-  leaf->device.raise(0x2310, co::error_register::current);
-  leaf->device.raise(0x3210, co::error_register::voltage);
+  leaf->device.errors().raise(0x2310, co::error_register::current);
+  leaf->device.errors().raise(0x3210, co::error_register::voltage);
   run();
-  leaf->device.emcy().reset();
+  leaf->device.errors().emcy().reset();
   leaf->send("0B2#0000000000000000");
   run();
   EXPECT_EQ(emergencies(*lines[0]).back(), "083#0000000405320000");
@@ -128,18 +128,18 @@ TEST_F(Levels, TheExitingCode) {
 // S3.14: a device made for such a machine tells itself which of several errors is gone (Figure 8).
 TEST_F(Levels, OneOfSeveralExits) {
   Leaf aware(world, *lines[1], 60);
-  aware.device.emcy().tell_exits(true);
+  aware.device.errors().emcy().tell_exits(true);
   EmcyGatewayOptions options{.layout = layout};
   options.speaks_layout.set(4).set(60);
   emcy[0].reset();
-  emcy[0] = std::make_unique<EmcyGateway>(gateways[0]->upper.emcy(), options);
+  emcy[0] = std::make_unique<EmcyGateway>(gateways[0]->upper.errors().emcy(), options);
   emcy[0]->hear_all(gateways[0]->down.dispatcher);
   run();
   lines[0]->clear();
-  aware.device.raise(0x2310, co::error_register::current);
-  aware.device.raise(0x3210, co::error_register::voltage);
-  aware.device.clear(0x2310);
-  aware.device.clear(0x3210);
+  aware.device.errors().raise(0x2310, co::error_register::current);
+  aware.device.errors().raise(0x3210, co::error_register::voltage);
+  aware.device.errors().clear(0x2310);
+  aware.device.errors().clear(0x3210);
   run();
   EXPECT_EQ(emergencies(*lines[0]),
             (Log{"083#1023033C00000000", "083#1032073C00000000", "083#1032053C00001023", "083#0000003C00001032"}));
@@ -148,9 +148,9 @@ TEST_F(Levels, OneOfSeveralExits) {
 
 // S3.16: Figure 7 has five sub-nets and no exiting code.
 TEST_F(Figure7, FiveSubNets) {
-  leaf->device.raise(0x2310, co::error_register::current);
+  leaf->device.errors().raise(0x2310, co::error_register::current);
   run();
-  leaf->device.clear(0x2310);
+  leaf->device.errors().clear(0x2310);
   run();
   EXPECT_EQ(emergencies(*lines[0]), (Log{"083#1023030405320000", "083#0000000405320000"}));
   EXPECT_TRUE(log->pending(nodes_of({3, 4, 5, 50})).empty());
@@ -161,12 +161,12 @@ TEST_F(Figure7, FiveSubNets) {
 TEST_F(Figure9, OneSubNetAndWhatIsDeeper) {
   std::vector<EmcyTrouble> troubles;
   for (auto& each : emcy) each->on_trouble([&](const EmcyTrouble& trouble) { troubles.push_back(trouble); });
-  leaf->device.raise(0x2310, co::error_register::current);
+  leaf->device.errors().raise(0x2310, co::error_register::current);
   run();
   EXPECT_EQ(emergencies(*lines[2]), Log{"085#1023033200000000"});
   EXPECT_EQ(emergencies(*lines[1]), (Log{"084#04FF810500000000", "084#1023030500000000"}));
   EXPECT_EQ(emergencies(*lines[0]).back(), "083#1023030400000000");
-  leaf->device.clear(0x2310);
+  leaf->device.errors().clear(0x2310);
   run();
   ASSERT_EQ(troubles.size(), 2U);
   EXPECT_EQ(troubles[0].kind, EmcyTrouble::Kind::too_deep);
@@ -177,7 +177,7 @@ TEST_F(Figure9, OneSubNetAndWhatIsDeeper) {
   EmcyGatewayOptions options{.layout = layout};
   options.speaks_layout.set(60);
   emcy[0].reset();
-  emcy[0] = std::make_unique<EmcyGateway>(gateways[0]->upper.emcy(), options);
+  emcy[0] = std::make_unique<EmcyGateway>(gateways[0]->upper.errors().emcy(), options);
   emcy[0]->hear_all(gateways[0]->down.dispatcher);
   aware.send("0BC#1023030007091032");
   run();
@@ -192,13 +192,13 @@ TEST_F(Figure9, OneSubNetAndWhatIsDeeper) {
 // S3.18: a device that uses bytes 3 to 7 itself: they are left out, or the message goes as CiA 302-7 routes it; a log
 // on the gateway has them all. S3.38: F000h, network-ID, node-ID, code, and the router's own error register.
 TEST_F(Levels, ManufacturerData) {
-  leaf->device.raise(0x2310, co::error_register::current, {0xDE, 0xAD, 0xBE, 0xEF, 0x55});
+  leaf->device.errors().raise(0x2310, co::error_register::current, {0xDE, 0xAD, 0xBE, 0xEF, 0x55});
   run();
   EXPECT_EQ(emergencies(*lines[2]).back(), "085#1023033200000000");
   EmcyGatewayOptions options{.layout = layout, .network = 0x0102};
   options.routed.set(50);
   emcy[2].reset();
-  emcy[2] = std::make_unique<EmcyGateway>(gateways[2]->upper.emcy(), options);
+  emcy[2] = std::make_unique<EmcyGateway>(gateways[2]->upper.errors().emcy(), options);
   std::vector<co::Emcy> whole;
   emcy[2]->on_heard([&](NodeId, const co::Emcy& message) { whole.push_back(message); });
   emcy[2]->hear_all(gateways[2]->down.dispatcher);
@@ -215,7 +215,7 @@ TEST_F(Levels, ManufacturerData) {
 
 // S3.19: what the gateway tells of itself has no sub-net.
 TEST_F(Levels, ItsOwn) {
-  gateways[1]->upper.raise(0x1000, 0);
+  gateways[1]->upper.errors().raise(0x1000, 0);
   run();
   EXPECT_EQ(emergencies(*lines[1]), Log{"084#0010010000000000"});
   EXPECT_EQ(emergencies(*lines[0]), Log{"083#0010010400000000"});
@@ -235,7 +235,7 @@ TEST_F(Levels, AnotherCobId) {
 TEST_F(Levels, AStormBeneath) {
   constexpr rt::Duration inhibit = 1ms;
   gateways[0]->upper.values().set<std::uint16_t>({0x1015, 0}, 10);
-  gateways[0]->upper.emcy().set_inhibit(inhibit);
+  gateways[0]->upper.errors().emcy().set_inhibit(inhibit);
   Station storm(world, *lines[1]);
   for (unsigned round = 1; round <= 3; ++round) {
     for (unsigned node = 6; node <= 127; ++node) {
@@ -266,7 +266,7 @@ TEST_F(Levels, AStormBeneath) {
 TEST_F(Levels, ANodeThatBabbles) {
   std::vector<EmcyTrouble> troubles;
   emcy[0]->on_trouble([&](const EmcyTrouble& trouble) { troubles.push_back(trouble); });
-  gateways[0]->upper.emcy().set_inhibit(100ms);
+  gateways[0]->upper.errors().emcy().set_inhibit(100ms);
   Station storm(world, *lines[1]);
   storm.send("086#0110010000000000");
   for (unsigned i = 0; i < 100; ++i) {
@@ -294,7 +294,7 @@ TEST_F(Levels, ANodeThatBabbles) {
 TEST_F(Levels, AStoppedGateway) {
   master->send("000#0203");
   run();
-  leaf->device.raise(0x2310, co::error_register::current);
+  leaf->device.errors().raise(0x2310, co::error_register::current);
   run(1s);
   EXPECT_TRUE(emergencies(*lines[0]).empty());
   master->send("000#8003");
@@ -304,9 +304,9 @@ TEST_F(Levels, AStoppedGateway) {
 
 // A gateway restarts: what it knew of the nodes beneath it has passed on, or waits still.
 TEST_F(Levels, ARestartKeepsWhatWaits) {
-  gateways[0]->upper.emcy().set_inhibit(200ms);
-  leaf->device.raise(0x2310, co::error_register::current);
-  leaf->device.raise(0x3210, co::error_register::voltage);
+  gateways[0]->upper.errors().emcy().set_inhibit(200ms);
+  leaf->device.errors().raise(0x2310, co::error_register::current);
+  leaf->device.errors().raise(0x3210, co::error_register::voltage);
   run();
   master->send("000#8203");
   run(1s);
@@ -348,15 +348,15 @@ TEST_F(Levels, WordsByPathAndProfile) {
   log->set_profile(nodes_of({3, 4}), 401);
   leaf->send("0B2#1032050000000000");
   run();
-  gateways[1]->upper.raise(0x3210, co::error_register::voltage);
+  gateways[1]->upper.errors().raise(0x3210, co::error_register::voltage);
   run();
   ASSERT_EQ(log->entries().size(), 2U);
   EXPECT_EQ(text(log->entries()[0], decode::emcy_words),
             std::string("3/4/5/50: 3210h ") + decode::emcy_words(0x3210, 402));
   EXPECT_EQ(text(log->entries()[1], decode::emcy_words), "3/4: 3210h internal voltage too high");
   EXPECT_STRNE(decode::emcy_words(0x3210, 402), decode::emcy_words(0x3210, 401));
-  gateways[1]->upper.emcy().tell_exits(true);
-  gateways[1]->upper.clear(0x3210);
+  gateways[1]->upper.errors().emcy().tell_exits(true);
+  gateways[1]->upper.errors().clear(0x3210);
   run();
   EXPECT_EQ(text(log->entries()[2], decode::emcy_words), "3/4: error 3210h gone: internal voltage too high");
 }
@@ -389,7 +389,7 @@ TEST_F(Levels, TheLogHasABound) {
   unsigned told = 0;
   log->on_event([&](const LoggedEmcy&) { ++told; });
   for (unsigned i = 0; i < 5; ++i) {
-    leaf->device.raise(static_cast<std::uint16_t>(0x1001 + i), 0);
+    leaf->device.errors().raise(static_cast<std::uint16_t>(0x1001 + i), 0);
     run();
   }
   EXPECT_EQ(log->entries().size(), 3U);

@@ -132,8 +132,8 @@ TEST_F(Machine, EqualSubsystems) {
   ASSERT_TRUE(await(world, at("4/5").write_u32(0x2002, 0, right)));
   EXPECT_EQ(*await(world, at("3/5").read_u32(0x2002, 0)), left);
   EXPECT_EQ(*await(world, at("4/5").read_u32(0x2002, 0)), right);
-  subs[0]->leaves[0]->device.raise(0x2310, co::error_register::current);
-  subs[1]->leaves[0]->device.raise(0x2310, co::error_register::current);
+  subs[0]->leaves[0]->device.errors().raise(0x2310, co::error_register::current);
+  subs[1]->leaves[0]->device.errors().raise(0x2310, co::error_register::current);
   world.run_for(50ms);
   ASSERT_EQ(log.count(), 2U);
   EXPECT_EQ(path_text(log.entries()[0].reading.path), "3/5");

@@ -63,7 +63,7 @@ struct Boot : ::testing::Test {
                   device::Options{.address = {1, 1, 1, 3},
                                   .node_id = NodeId(3),
                                   .presets = {{{0x5F00, 1}, mandatory ? 1U : 0U}, {{0x1017, 0}, 100}}});
-    emcy.emplace(upper->emcy(), EmcyGatewayOptions{});
+    emcy.emplace(upper->errors().emcy(), EmcyGatewayOptions{});
     emcy->hear_all(lower->dispatcher);
     bus.emplace(world.executor(), *emcy, [this](co::NmtCommand command) { upper->apply(command); });
     bus->on_settled([this] {
@@ -204,7 +204,7 @@ TEST_F(Boot, FailsWhileItRuns) {
 // S3.12: the loss of a heartbeat beneath changes the state above by 1029h:F1h, behind its EMCY; 1 = not at all.
 TEST_F(Boot, AHeartbeatBeneathAndTheStateAbove) {
   build(false, true);
-  bus->on_heartbeat_lost([this] { upper->error_behaviour(heartbeat_error_class(1)); });
+  bus->on_heartbeat_lost([this] { upper->errors().behave(heartbeat_error_class(1)); });
   world.run_for(3s);
   struct Row {
     std::uint8_t value;

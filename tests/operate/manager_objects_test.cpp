@@ -128,7 +128,7 @@ TEST(ManagerObjects, WhatHappensIsCounted) {
   Stranger stranger(rig);
   const auto boots = stranger.read<std::uint16_t>(0x5F08, 2);
   const std::array<std::uint8_t, 5> info{1, 2, 3, 4, 5};
-  ASSERT_TRUE(rig.device("right").device().raise(0x2310, 0x03, info));
+  ASSERT_TRUE(rig.device("right").device().errors().raise(0x2310, 0x03, info));
   rig.run_for(100ms);
   EXPECT_EQ(stranger.read<std::uint32_t>(0x5F05, 2), 0x03'2310U);
   EXPECT_EQ(stranger.read<std::uint16_t>(0x5F06, 2), 1);
@@ -138,7 +138,7 @@ TEST(ManagerObjects, WhatHappensIsCounted) {
   const std::chrono::duration<double, std::milli> now = rig.now().time_since_epoch();
   EXPECT_NEAR(static_cast<double>(*newest >> 32U), now.count(), 400);
   EXPECT_EQ(stranger.read<std::uint64_t>(0x5F09, 2), 0U);
-  ASSERT_TRUE(rig.device("left").device().raise(0x4210, 0x09, info));
+  ASSERT_TRUE(rig.device("left").device().errors().raise(0x4210, 0x09, info));
   rig.run_for(100ms);
   EXPECT_EQ(*stranger.read<std::uint64_t>(0x5F09, 1) & 0xFFFF'FFFF, 0x0942'1001U) << "newest first";
   EXPECT_EQ(*stranger.read<std::uint64_t>(0x5F09, 2) & 0xFFFF'FFFF, 0x0323'1002U);

@@ -38,7 +38,7 @@ TEST(Told, AnEmergencyExplainsWhyADeviceDoesNotBecomeOperational) {
   auto& device = rig.device("a").device();
   device.on().state = [&](NmtState state) {
     if (state != NmtState::operational) return;
-    device.raise(0x5000, 0x01);
+    device.errors().raise(0x5000, 0x01);
     device.apply(co::NmtCommand::enter_pre_operational);
   };
   rig.begin();

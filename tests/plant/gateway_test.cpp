@@ -108,7 +108,7 @@ TEST_F(Plant, TwoLevelsDown) {
 
 // An emergency of the gripper, with its way in the sub-net bytes: the gateway beneath is known to speak the layout.
 TEST_F(Plant, AnEmergencyFromBelow) {
-  world->find("gripper")->device().raise(0x2310, co::error_register::current);
+  world->find("gripper")->device().errors().raise(0x2310, co::error_register::current);
   world->sim().run_for(100ms);
   EXPECT_EQ(record->text.back(), "083#1023030409000000");
 }

@@ -194,7 +194,7 @@ TEST(Gateway309, SupervisionAndEmergencies) {
 < [2] OK
 < 1 5 ERROR 202
 )");
-  ASSERT_TRUE(rig.bench->raise(0x2310, 0x02, {1, 2, 3, 4, 255}));
+  ASSERT_TRUE(rig.bench->errors().raise(0x2310, 0x02, {1, 2, 3, 4, 255}));
   rig.play("> [3] 1 5 r 0x1001 0 x8\n< 1 5 EMCY 0x2310 0x03 1 2 3 4 255\n< [3] 0x03\n");
   rig.unplug_bench();
   ASSERT_TRUE(rig.run_until([&] { return !rig.said.empty(); }, 5s));

@@ -98,9 +98,9 @@ class Partner {
       device_.send_time({get<std::uint32_t>(0x2020), get<std::uint16_t>(0x2021)});
     });
     device_.on_write({0x2030, 0}, [this] {
-      device_.raise(get<std::uint16_t>(0x2030), co::error_register::voltage, {1, 2, 3, 4, 5});
+      device_.errors().raise(get<std::uint16_t>(0x2030), co::error_register::voltage, {1, 2, 3, 4, 5});
     });
-    device_.on_write({0x2031, 0}, [this] { device_.clear(get<std::uint16_t>(0x2031)); });
+    device_.on_write({0x2031, 0}, [this] { device_.errors().clear(get<std::uint16_t>(0x2031)); });
     device_.power_on();
   }
 

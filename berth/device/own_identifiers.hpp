@@ -1,0 +1,44 @@
+/// The identifiers that only this node may send with, and whether another node does (SX.7):
+/// those of its SDO answers, its error control and its EMCYs, and of SYNC and TIME when it produces them. Another's
+/// frame with one of them is 8150h "CAN-ID collision". Those of TPDOs are `co::Pdos`'s.
+#pragma once
+
+#include "berth/co/nmt_slave.hpp"
+#include "berth/device/errors.hpp"
+#include "berth/od/values.hpp"
+
+namespace berth::device {
+
+class OwnIdentifiers final : private can::Handler, private od::Hook {
+ public:
+  class Owner {
+   public:
+    /// Another node sent with an identifier of this one; the error is raised.
+    virtual void doubled() noexcept = 0;
+
+   protected:
+    ~Owner() = default;
+  };
+  /// `on`: it listens at all. All must outlive it.
+  OwnIdentifiers(can::Dispatcher& dispatcher, od::Values& values, const co::NmtSlave& nmt, Errors& errors, Owner& owner,
+                 bool on);
+
+  /// A node-ID is in use: hears the identifiers as the objects are now, and from then on follows them.
+  void listen() noexcept;
+  void stop() noexcept { dispatcher_->remove(*this); }
+
+ private:
+  template <class Visit>
+  void for_each(const Visit& visit) const noexcept;
+  void received(const can::Frame& frame, rt::Time at) noexcept override;
+  void written(od::Values&, ObjectRef) noexcept override { listen(); }
+
+  can::Dispatcher* dispatcher_;
+  od::Values* values_;
+  const co::NmtSlave* nmt_;
+  Errors* errors_;
+  Owner* owner_;
+  bool on_;
+};
+
+}  // namespace berth::device
