@@ -369,6 +369,29 @@ bool SdoLine::may_be_owed(const can::Frame& frame) const noexcept {
   return !names_object || (silent_ & bit_of(sdo::multiplexer(frame))) != 0;
 }
 
+// Another client's request on this channel, which has one answer of its own; a block upload has as many as a sub-block
+// has segments. What a block download sends looks like any request: these expire.
+void SdoLine::asked_by_another(const can::Frame& frame, rt::Time at) noexcept {
+  constexpr std::uint32_t most = 128;
+  const auto ccs = static_cast<sdo::Ccs>(sdo::specifier(frame.data[0]));
+  if (!sdo::well_formed(frame) || ccs == sdo::Ccs::abort) return;
+  const bool block = ccs == sdo::Ccs::block_upload;
+  if (at > anothers_.until || block != anothers_.block) anothers_ = {};
+  anothers_.block = block;
+  anothers_.answers = block ? most : std::min(anothers_.answers + 1, most);
+  anothers_.objects |= bit_of(sdo::multiplexer(frame));
+  anothers_.until = at + settings_->late_window;
+}
+
+bool SdoLine::is_anothers(const can::Frame& frame, rt::Time at) noexcept {
+  if (anothers_.answers == 0 || at > anothers_.until) return false;
+  const auto scs = static_cast<Scs>(sdo::specifier(frame.data[0]));
+  const bool names_object = !anothers_.block && (scs == Scs::upload || scs == Scs::download);
+  if (names_object && (anothers_.objects & bit_of(sdo::multiplexer(frame))) == 0) return false;
+  --anothers_.answers;
+  return true;
+}
+
 inline void SdoLine::received(NodeId node, const can::Frame& frame, rt::Time at) noexcept {
   if (!sdo::well_formed(frame)) return;
   SdoTransfer* const first = first_;
@@ -387,6 +410,8 @@ void SdoLine::received_other(NodeId node, const can::Frame& frame, rt::Time at) 
   } else if (owed) {
     --owed_;
     ++late_;
+  } else if (is_anothers(frame, at)) {
+    return;
   } else if (static_cast<Scs>(sdo::specifier(frame.data[0])) != Scs::abort ||
              sdo::abort_code(frame) != AbortCode::timeout) {  // a server may give up by itself
     ++surplus_;
@@ -403,6 +428,7 @@ SdoClient::SdoClient(can::Dispatcher& dispatcher, const SdoOptions& options)
     lines_[id].request_ = CobId(all_sdo_requests.first - 1 + id);
   }
   dispatcher.add(all_sdo_responses, *this);
+  dispatcher.add(all_sdo_requests, requests_);
 }
 
 SdoClient::~SdoClient() {
@@ -412,6 +438,10 @@ SdoClient::~SdoClient() {
 void SdoClient::received(const can::Frame& frame, rt::Time at) noexcept {
   const NodeId node(static_cast<std::uint8_t>(frame.id & 0x7FU));
   line(node).received(node, frame, at);
+}
+
+void SdoClient::Requests::received(const can::Frame& frame, rt::Time at) noexcept {
+  client_->line(NodeId(static_cast<std::uint8_t>(frame.id & 0x7FU))).asked_by_another(frame, at);
 }
 
 SdoChannelClient::SdoChannelClient(can::Dispatcher& dispatcher, SdoChannel channel, NodeId server,

@@ -243,7 +243,8 @@ class SdoStreamUpload final : public SdoTransfer {
 /// Told of answers without a request.
 class SdoObserver {
  public:
-  /// A second answer to one request: two devices share `node`'s node-ID, or another client uses its channel.
+  /// A second answer to one request: two devices share `node`'s node-ID, or another client uses its channel, whose
+  /// request was not heard.
   virtual void surplus(NodeId node, const can::Frame& frame, rt::Time at) noexcept = 0;
 
  protected:
@@ -278,6 +279,8 @@ class SdoLine : private rt::Job {
   void remove_of_several(SdoTransfer& transfer) noexcept;
   void cancel() noexcept;
   [[nodiscard]] bool may_be_owed(const can::Frame& frame) const noexcept;
+  void asked_by_another(const can::Frame& frame, rt::Time at) noexcept;
+  [[nodiscard]] bool is_anothers(const can::Frame& frame, rt::Time at) noexcept;
   void run() noexcept override {
     if (first_ != nullptr) first_->run();
   }
@@ -296,6 +299,14 @@ class SdoLine : private rt::Job {
   std::uint32_t owed_ = 0;  // answers that requests on the wire have not had
   rt::Time owed_until_{};
   std::uint64_t silent_ = 0;  // of those requests' objects a bit each: an answer for another object is none of theirs
+  /// What another client of this channel asked.
+  struct Anothers {
+    std::uint32_t answers = 0;  // that are still to come
+    rt::Time until{};           // they do
+    std::uint64_t objects = 0;  // that were asked for, a bit each
+    bool block = false;         // a block upload, whose segments look like anything
+  };
+  Anothers anothers_;
 };
 
 inline void SdoTransfer::wait_until(rt::Time when) noexcept {
@@ -370,7 +381,8 @@ class SdoClient final : private can::Handler {
   /// How long an answer may come late after its request timed out and still not count as surplus. Default 5 s.
   void set_late_window(rt::Duration window) noexcept { settings_.late_window = window; }
 
-  /// Answers of this node that no request had asked for (see `SdoObserver::surplus`).
+  /// Answers of this node that no request had asked for (see `SdoObserver::surplus`). A request of another client of
+  /// the bus that was heard here has its one answer; a second one to it counts.
   [[nodiscard]] std::uint32_t surplus(NodeId node) const noexcept { return line(node).surplus_; }
   /// Answers to requests that were given up before.
   [[nodiscard]] std::uint32_t late(NodeId node) const noexcept { return line(node).late_; }
@@ -378,6 +390,15 @@ class SdoClient final : private can::Handler {
   [[nodiscard]] bool busy(NodeId node) const noexcept { return line(node).first_ != nullptr; }
 
  private:
+  /// Hears what other clients of the bus ask.
+  class Requests final : public can::Handler {
+   public:
+    explicit Requests(SdoClient& client) noexcept : client_(&client) {}
+
+   private:
+    void received(const can::Frame& frame, rt::Time at) noexcept override;
+    SdoClient* client_;
+  };
   void received(const can::Frame& frame, rt::Time at) noexcept override;
   // A transfer to an unconfigured node-ID fails before it uses its line.
   [[nodiscard]] SdoLine& line(NodeId id) noexcept { return lines_[id.value() & 0x7FU]; }
@@ -385,6 +406,7 @@ class SdoClient final : private can::Handler {
 
   SdoClientSettings settings_;
   std::array<SdoLine, 128> lines_;
+  Requests requests_{*this};
 };
 
 /// The client of one channel: an additional SDO client (1280h..12FFh), or any pair of COB-IDs. `server`: the node that

@@ -68,7 +68,7 @@ class BusBoot {
       : network_(network),
         session_(session),
         executor_(network.services().executor),
-        bus_(network.services().dispatcher),
+        bus_(network.services().dispatcher, network.services().sdo),
         boot_(executor_, bus_) {
     const design::Bus& line = network.bus();
     bus_.nmt().set_inhibit(line.startup.nmt_inhibit);
@@ -113,10 +113,14 @@ class BusBoot {
       row["phase"] = name(slave.phase);
       if (letter_of(slave) != '\0') row["boot"] = std::string(1, letter_of(slave));
       if (slave.state) row["state"] = berth::name(*slave.state);
+      if (answered_twice(i)) row["answered_twice"] = true;
       row["text"] = text;
       rows.push_back(std::move(row));
-      lines.push_back(fmt::format("{}  {:>3}  {}: {}", network_.bus().name, slots_[i]->spec.id.value(),
-                                  slots_[i]->spec.name.name, text));
+      lines.push_back(fmt::format("{}  {:>3}  {}: {}{}", network_.bus().name, slots_[i]->spec.id.value(),
+                                  slots_[i]->spec.name.name, text,
+                                  answered_twice(i) ? "; an SDO request to it was answered twice: two devices hold "
+                                                      "this node-ID, `berth bind` tells them apart"
+                                                    : ""));
     }
   }
   [[nodiscard]] const std::vector<std::string>& events() const noexcept { return events_; }
@@ -125,6 +129,7 @@ class BusBoot {
   void add(const design::Slot& slot) {
     sources_.push_back(std::make_unique<SlotSource>(network_, slot, session_.configures(slot)));
     slots_.push_back(&slot);
+    surplus_.push_back(network_.services().sdo.surplus(slot.spec.id));
     manager::NetworkSlave slave{slot.spec.id, {}, &bus_.target(slot.spec.id), sources_.back().get()};
     slave.rules.assigned = slave.rules.boots = true;
     slave.rules.mandatory = slot.spec.mandatory;
@@ -143,6 +148,9 @@ class BusBoot {
       events_.push_back(fmt::format("{}: {}", network_.bus().name, manager::text(event)));
   }
 
+  [[nodiscard]] bool answered_twice(std::size_t i) const noexcept {
+    return network_.services().sdo.surplus(slots_[i]->spec.id) != surplus_[i];
+  }
   // Before the startup has begun there is none.
   [[nodiscard]] manager::SlaveStatus status(const design::Slot& slot) const {
     const manager::SlaveStatus* const found = boot_.find(slot.spec.id);
@@ -187,6 +195,7 @@ class BusBoot {
   manager::NetworkPlan plan_;
   std::vector<std::unique_ptr<SlotSource>> sources_;
   std::vector<const design::Slot*> slots_;
+  std::vector<std::uint32_t> surplus_;  // second answers of each before
   std::vector<std::string> events_;
 };
 

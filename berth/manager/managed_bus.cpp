@@ -61,7 +61,7 @@ class ManagedBus::Next final : public rt::Operation<Next>, private rt::Job {
 
 class ManagedBus::Target final : public BootTarget {
  public:
-  Target(ManagedBus& bus, NodeId node) noexcept : bus_(&bus), access_(bus.sdo_, node), node_(node) {}
+  Target(ManagedBus& bus, NodeId node) noexcept : bus_(&bus), access_(*bus.sdo_, node), node_(node) {}
   co::SdoAccess& objects() noexcept override { return access_; }
   rt::Task<Result<rt::Time>> command(co::NmtCommand command) override { return bus_->command(command, node_); }
   rt::Task<bool> boots(rt::Time since, rt::Time deadline) override;
@@ -103,8 +103,14 @@ rt::Task<std::optional<NmtState>> ManagedBus::Target::guard() {
 }
 
 ManagedBus::ManagedBus(can::Dispatcher& dispatcher)
+    : ManagedBus(dispatcher, std::make_unique<co::SdoClient>(dispatcher), nullptr) {}
+
+ManagedBus::ManagedBus(can::Dispatcher& dispatcher, co::SdoClient& sdo) : ManagedBus(dispatcher, nullptr, &sdo) {}
+
+ManagedBus::ManagedBus(can::Dispatcher& dispatcher, std::unique_ptr<co::SdoClient> own, co::SdoClient* shared)
     : dispatcher_(&dispatcher),
-      sdo_(dispatcher),
+      own_sdo_(std::move(own)),
+      sdo_(own_sdo_ ? own_sdo_.get() : shared),
       nmt_(dispatcher),
       heartbeats_(dispatcher, *this),
       guarding_(dispatcher, *this) {

@@ -2,7 +2,7 @@
 /// commands with the inhibit time between them, heartbeat consumer, node guarding, and the boot-up messages and states
 /// of all nodes.
 ///
-///     ManagedBus bus(dispatcher);
+///     ManagedBus bus(dispatcher);                        // or (dispatcher, sdo), where the node has an SDO client
 ///     bus.nmt().set_inhibit(10ms);                       // 102Ah
 ///     bus.on_apply([&](co::NmtCommand command) { own_device.apply(command); });
 ///     NetworkBoot network(executor, bus);
@@ -33,13 +33,16 @@ class ManagedBus final : public BootBus,
  public:
   /// The dispatcher must stay.
   explicit ManagedBus(can::Dispatcher& dispatcher);
+  /// `sdo` is what the rest of this node asks by, on this dispatcher; it must stay. Two clients of one node would take
+  /// the answers of each other for a second device's.
+  ManagedBus(can::Dispatcher& dispatcher, co::SdoClient& sdo);
   ~ManagedBus() override;
 
   /// Who is told what error control hears; may be null. Must stay, or be taken out.
   void lead_to(ErrorControl* listener) noexcept { listener_ = listener; }
   /// The master's own device; without one nothing is applied.
   void on_apply(std::function<void(co::NmtCommand)> apply) { apply_ = std::move(apply); }
-  [[nodiscard]] co::SdoClient& sdo() noexcept { return sdo_; }
+  [[nodiscard]] co::SdoClient& sdo() noexcept { return *sdo_; }
   [[nodiscard]] co::NmtMaster& nmt() noexcept { return nmt_; }
 
   /// The slave with this node-ID (configured); it stays as long as this object.
@@ -51,6 +54,7 @@ class ManagedBus final : public BootBus,
   }
 
  private:
+  ManagedBus(can::Dispatcher& dispatcher, std::unique_ptr<co::SdoClient> own, co::SdoClient* shared);
   class Target;
   struct Heard {
     NmtState state = NmtState::initialising;  // that is a boot-up message
@@ -69,7 +73,8 @@ class ManagedBus final : public BootBus,
   can::Dispatcher* dispatcher_;
   ErrorControl* listener_ = nullptr;
   std::function<void(co::NmtCommand)> apply_;
-  co::SdoClient sdo_;
+  std::unique_ptr<co::SdoClient> own_sdo_;
+  co::SdoClient* sdo_;
   co::NmtMaster nmt_;
   co::HeartbeatConsumer heartbeats_;
   co::GuardingMaster guarding_;

@@ -1,4 +1,5 @@
 // `berth boot`: the devices of the slots through CiA 302-2's startup, once; and `berth nmt --request` (1F82h).
+#include <fmt/format.h>
 #include <gtest/gtest.h>
 
 #include <nlohmann/json.hpp>
@@ -94,7 +95,9 @@ TEST_F(Boot, OnATerminalEachStepIsTold) {
   Background boot(words, OnTerminal{});
   EXPECT_TRUE(boot.says("node 1: ready"));
   EXPECT_TRUE(boot.says("node 20: started"));
-  EXPECT_EQ(boot.end().status, 0);
+  const Outcome end = boot.end();
+  EXPECT_EQ(end.status, 0);
+  EXPECT_FALSE(contains(end.out + end.err, "twice")) << "each device is alone: " << end.out << end.err;
   EXPECT_FALSE(contains(berth(words).out, "node 1: ready")) << "a program gets the table alone";
 }
 
@@ -109,6 +112,30 @@ TEST_F(Boot, ADryRunPrintsTheFrames) {
 TEST_F(Boot, WrongWordsAreUsage) {
   EXPECT_EQ(run({"boot", "--bus", "nowhere"}, example("by-eds.toml")).status, 2);
   EXPECT_EQ(run({"boot", "drive"}, example("by-eds.toml")).status, 2);
+}
+
+// Two devices of one node-ID, which both answer, the one later than the other (two equal answers at one instant are one
+// frame): each request has two answers.
+TEST_F(Boot, TwoDevicesUnderOneNodeIdAreTold) {
+  const auto device = [](const char* name, int serial) {
+    return fmt::format(
+        "[[device]]\nbus = \"field\"\nname = \"{}\"\nserial = {}\nnode_id = 1\nresponse = \"{} ms\"\neds = \"{}\"\n",
+        name, serial, serial, example("eds/sensor.eds"));
+  };
+  const std::string one = folder.write("one.plant.toml", "[bus.field]\n" + device("a", 1));
+  const std::string two = folder.write("two.plant.toml", "[bus.field]\n" + device("a", 1) + device("b", 2));
+  const std::string machine = folder.write("two.toml",
+                                           "[machine]\nname = \"two\"\n[bus.field]\nport = \"sim\"\nbitrate = "
+                                           "250_000\nmaster_id = 127\n[[slot]]\nbus = \"field\"\n"
+                                           "id = 1\nname = \"s\"\neds = \"" +
+                                               example("eds/sensor.eds") + "\"\n");
+  const Outcome alone = berth({"boot", "--machine", machine, "--sim", one});
+  EXPECT_EQ(alone.status, 0) << alone.out << alone.err;
+  EXPECT_FALSE(contains(alone.out + alone.err, "twice")) << alone.out << alone.err;
+  const Outcome doubled = berth({"boot", "--machine", machine, "--sim", two});
+  EXPECT_TRUE(contains(doubled.out, "answered twice: two devices hold this node-ID")) << doubled.out << doubled.err;
+  const Outcome json = berth({"boot", "--machine", machine, "--sim", two, "--json"});
+  EXPECT_EQ(Json::parse(json.out).at("slots").at(0).value("answered_twice", false), true) << json.out;
 }
 
 // As `berth up` does: it is guarded, and the answer tells that it is operational.

@@ -584,6 +584,93 @@ TEST_F(Client, ASingleHonestNodeNeverCausesSurplus) {
   EXPECT_EQ(client.late(node), 0U);
 }
 
+// Another client of the bus on the default channel: its requests are heard, so their answers are known to be its.
+struct BesideAnother : Client {
+  Peer another{wire, co::all_sdo_responses, [](Peer&, const can::Frame&) {}};
+  void asks(const char* request) {
+    another.send(request);
+    run(2ms);
+  }
+  // What the node holds, by a client of its own.
+  void read_serial() {
+    auto op = client.read<std::uint32_t>(node, 0x1018, 4);
+    EXPECT_EQ(*await(*this, op), 0x0AU);
+    run(2ms);
+  }
+};
+
+TEST_F(BesideAnother, AnAnswerToItIsNoSecondAnswer) {
+  reply("605#4018100400000000", {"585#431810040A000000"});
+  reply("605#4000100000000000", {"585#4300100092010200"});
+  reply("605#2B171000E8030000", {"585#6017100000000000"});
+  for (int i = 0; i < 3; ++i) {
+    asks("605#4000100000000000");
+    asks("605#2B171000E8030000");
+    asks("605#4018100400000000");
+    read_serial();
+  }
+  // Its question for the same object is on the wire between ours and the answer.
+  auto op = client.read<std::uint32_t>(node, 0x1018, 4);
+  Flag flag;
+  op.begin(executor, flag);
+  another.send("605#4018100400000000");
+  run(5ms);
+  EXPECT_TRUE(flag.set);
+  EXPECT_EQ(client.surplus(node), 0U);
+  EXPECT_TRUE(surplus.log.empty());
+}
+
+TEST_F(BesideAnother, TwoDevicesAnswerItTwice) {
+  reply("605#4018100400000000", {"585#431810040A000000"});
+  Peer clone(wire, co::all_sdo_requests, [](Peer& self, const can::Frame& f) {
+    if (f.data[0] == 0x40) self.send("585#431810040B000000");
+  });
+  asks("605#4018100400000000");
+  EXPECT_EQ(client.surplus(node), 1U);
+}
+
+// One that asks for another object all the time hides no double.
+TEST_F(BesideAnother, ASecondAnswerAboutAnotherObjectIsTold) {
+  reply("605#4018100400000000", {"585#431810040A000000"});
+  asks("605#4000100000000000");  // is never answered
+  read_serial();
+  server.send("585#431810040B000000");
+  run(1ms);
+  EXPECT_EQ(surplus.log, (Log{"5 585#431810040B000000"}));
+}
+
+TEST_F(BesideAnother, WhatItWasOwedExpires) {
+  reply("605#4018100400000000", {"585#431810040A000000"});
+  client.set_late_window(100ms);
+  asks("605#4000100000000000");
+  run(200ms);
+  server.send("585#4300100092010200");
+  run(1ms);
+  EXPECT_EQ(client.surplus(node), 1U);
+}
+
+// Seven segments, of which the last ones have the first byte of an upload's answer, and its end.
+TEST_F(BesideAnother, ItsBlockUploadIsItsOwn) {
+  reply("605#4018100400000000", {"585#431810040A000000"});
+  asks("605#A40810007F000000");
+  server.send("585#C608100031000000");
+  asks("605#A300000000000000");
+  for (const char* segment :
+       {"585#0141414141414141", "585#4041414141414141", "585#6241414141414141", "585#FF41414141414141"})
+    server.send(segment);
+  run(5ms);
+  asks("605#A27F7F0000000000");
+  server.send("585#C100000000000000");
+  asks("605#A100000000000000");
+  EXPECT_EQ(client.surplus(node), 0U);
+  // What is left of it excuses nothing any more when it asks for something else.
+  reply("605#4000100000000000", {"585#4300100092010200"});
+  asks("605#4000100000000000");
+  server.send("585#4300100092010200");
+  run(1ms);
+  EXPECT_EQ(client.surplus(node), 1U);
+}
+
 // A server's lies about lengths cost no memory and no endless transfer.
 TEST_F(Client, HostileLengths) {
   auto options = client.options();
