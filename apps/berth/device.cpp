@@ -27,8 +27,9 @@ using Json = nlohmann::ordered_json;
 using Done = tl::expected<void, Failure>;
 
 struct DeviceOptions {
-  std::vector<std::string> ports;  ///< "PORT" or "BUS=PORT"
-  std::vector<std::string> names;  ///< devices; empty: all that are plugged in
+  std::vector<std::string> ports;   ///< "PORT" or "BUS=PORT"
+  std::vector<std::string> names;   ///< devices; empty: all that are plugged in
+  std::vector<std::string> others;  ///< but these
   std::optional<std::chrono::nanoseconds> duration;
   std::uint32_t bit_rate = 0;
 };
@@ -65,33 +66,76 @@ tl::expected<Ports, Failure> read_ports(const plant::PlantFile& plant, const Opt
   return ports;
 }
 
-/// Which devices: those named, else all that are plugged in and on a bus with a port.
-tl::expected<std::set<std::string>, Failure> choose(const plant::PlantFile& plant, const Ports& ports,
-                                                    const std::vector<std::string>& names) {
-  std::set<std::string> chosen;
-  for (const auto& name : names) {
-    const auto* const found = plant.device(name);
-    if (found == nullptr) {
+/// Which devices of the plant are run here. A gateway is its device above; those beneath come with it, or not at all.
+class Choice {
+ public:
+  Choice(const plant::PlantFile& plant, const Ports& ports) : plant_(plant), ports_(ports) {}
+
+  tl::expected<std::set<std::string>, Failure> of(const DeviceOptions& wanted) {
+    const auto& named = wanted.names.empty() ? wanted.others : wanted.names;
+    for (const auto& name : named) {
+      if (auto good = check(name); !good) return tl::unexpected(good.error());
+    }
+    for (const auto& name : wanted.names) {
+      if (auto good = take(name); !good) return tl::unexpected(good.error());
+    }
+    if (!wanted.names.empty()) return chosen_;
+    for (const auto& one : plant_.devices) {
+      const bool out = std::ranges::find(wanted.others, one.name) != wanted.others.end();
+      if (!one.plugged || out || !ports_.contains(one.bus) || above(one.name) != nullptr) continue;
+      if (auto good = take(one.name); !good) return tl::unexpected(good.error());
+    }
+    if (chosen_.empty()) return tl::unexpected(failure(Exit::usage, "no device of the plant is plugged in there"));
+    return chosen_;
+  }
+
+ private:
+  /// The gateway that this device is a port beneath of; null: of none.
+  const plant::PlantGateway* above(const std::string& name) const {
+    const auto has = [&](const auto& gateway) { return std::ranges::count(gateway.beneath, name) > 0; };
+    const auto it = std::ranges::find_if(plant_.gateways, has);
+    return it == plant_.gateways.end() ? nullptr : &*it;
+  }
+  Done check(const std::string& name) const {
+    if (plant_.device(name) == nullptr) {
       std::vector<std::string_view> known;
-      for (const auto& one : plant.devices) known.push_back(one.name);
+      for (const auto& one : plant_.devices) known.push_back(one.name);
       const auto meant = text::closest(name, known);
       return tl::unexpected(failure(Exit::usage, fmt::format("the plant has no device \"{}\"{}", name,
                                                              meant.empty() ? "" : fmt::format("; {}?", meant))));
     }
-    if (!ports.contains(found->bus)) {
-      return tl::unexpected(failure(
-          Exit::usage,
-          fmt::format("{} is on the bus \"{}\", which has no port: add --port {}=PORT", name, found->bus, found->bus)));
+    if (const auto* const gateway = above(name)) {
+      return tl::unexpected(
+          failure(Exit::usage, fmt::format("{} is a port of the gateway \"{}\": name that one", name, gateway->above)));
     }
-    chosen.insert(name);
+    return {};
   }
-  if (!names.empty()) return chosen;
-  for (const auto& one : plant.devices) {
-    if (one.plugged && ports.contains(one.bus)) chosen.insert(one.name);
+  Done take(const std::string& name) {
+    if (auto good = has_port(name); !good) return good;
+    chosen_.insert(name);
+    const auto gateway = std::ranges::find(plant_.gateways, name, &plant::PlantGateway::above);
+    if (gateway == plant_.gateways.end()) return {};
+    for (const auto& port : gateway->beneath) {
+      if (auto good = has_port(port); !good) {
+        good.error().message += fmt::format(
+            "; it is a port of the gateway \"{}\", which runs whole or, with --except \"{}\", not", name, name);
+        return good;
+      }
+      chosen_.insert(port);
+    }
+    return {};
   }
-  if (chosen.empty()) return tl::unexpected(failure(Exit::usage, "no device of the plant is plugged in there"));
-  return chosen;
-}
+  Done has_port(const std::string& name) const {
+    const auto& bus = plant_.device(name)->bus;
+    if (ports_.contains(bus)) return {};
+    return tl::unexpected(failure(
+        Exit::usage, fmt::format("{} is on the bus \"{}\", which has no port: add --port {}=PORT", name, bus, bus)));
+  }
+
+  const plant::PlantFile& plant_;
+  const Ports& ports_;
+  std::set<std::string> chosen_;
+};
 
 /// Ports of one bus, one for each device. A serial line or a connection is one for all of them.
 class BusPorts {
@@ -124,7 +168,7 @@ class Voice final : public plant::PortDevices::Observer {
 
   void device_changed(const plant::PortDevice& device) noexcept override {
     const auto& d = device.device();
-    const Seen seen{d.powered(), d.booting(), d.node_id(), d.state()};
+    const Seen seen{device.powered(), device.powered() && !d.powered(), d.booting(), d.node_id(), d.state()};
     auto& before = seen_[device.name()];
     if (seen == before || !quiet_.empty()) return;
     before = seen;
@@ -202,11 +246,14 @@ class Voice final : public plant::PortDevices::Observer {
  private:
   struct Seen {
     bool powered = false;
+    bool waiting = false;  // a gateway, for the buses beneath
     bool booting = false;
     NodeId id;
     NmtState state = NmtState::initialising;
     friend bool operator==(const Seen&, const Seen&) = default;
-    [[nodiscard]] std::string word() const { return !powered ? "off" : booting ? "boots" : name(state); }
+    [[nodiscard]] std::string word() const {
+      return !powered ? "off" : waiting ? "waits" : booting ? "boots" : name(state);
+    }
   };
   [[nodiscard]] double now() const {
     return std::chrono::duration<double>(executor_->now().time_since_epoch()).count();
@@ -274,7 +321,12 @@ Done fill(Household& house, const plant::PlantFile& plant, const Ports& ports, c
     if (!port) return tl::unexpected(port.error());
     const auto* const bus = plant.bus(plan.bus);
     const auto own = (*port)->status().bit_rate;
-    house.devices.add(plan, std::move(*port), own != 0 || bus == nullptr ? own : bus->bitrate, random, findings);
+    house.devices.add(plan, std::move(*port), own != 0 || bus == nullptr ? own : bus->bitrate, random, findings,
+                      plant.gateway_ports(plan.name));
+  }
+  if (has_errors(findings)) return tl::unexpected(failure(findings));
+  for (const auto& gateway : plant.gateways) {
+    if (chosen.contains(gateway.above) && !house.devices.add_gateway(gateway, plant, findings)) break;
   }
   if (has_errors(findings)) return tl::unexpected(failure(findings));
   warn(findings, as_json);
@@ -286,7 +338,7 @@ int run_device(const Options& options, const DeviceOptions& wanted) {
   if (!plant) return tell(plant.error(), options.json);
   const auto ports = read_ports(*plant, options, wanted);
   if (!ports) return tell(ports.error(), options.json);
-  const auto chosen = choose(*plant, *ports, wanted.names);
+  const auto chosen = Choice(*plant, *ports).of(wanted);
   if (!chosen) return tell(chosen.error(), options.json);
 
   Household house(options.json);
@@ -324,9 +376,11 @@ void add_device(Verb& berth, Options& options) {
       .required()
       .one_each()
       .shown("[BUS=]PORT");
-  device.word("--device", wanted->names, "these alone (default: all that are plugged in at the start)")
-      .one_each()
-      .shown("NAME");
+  const auto names =
+      device.word("--device", wanted->names, "these alone (default: all that are plugged in at the start)")
+          .one_each()
+          .shown("NAME");
+  device.word("--except", wanted->others, "all that are plugged in but these").one_each().excludes(names).shown("NAME");
   device.word("--bus", options.bus, "bus of --port, where the plant has several").shown("NAME");
   device.word("--bitrate", wanted->bit_rate, "bit/s to set the interface to (default: as it stands)").shown("BIT/S");
   plant_words(device, options);
@@ -336,7 +390,8 @@ void add_device(Verb& berth, Options& options) {
   device.footer(
       "Events of the plant file and what it says of the wire have no effect on a real\nport.\n"
       "Examples:\n  berth device plant.toml --port socketcan:vcan0\n"
-      "  berth device plant.toml --port can0 --device left --sim-state left.state");
+      "  berth device plant.toml --port can0 --device left --sim-state left.state\n"
+      "  berth device plant.toml --port up=can0 --port down=can1 --device gateway");
 }
 
 }  // namespace berth::cli

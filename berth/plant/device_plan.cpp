@@ -357,6 +357,22 @@ bool check_programs(const PlantDevice& plan, const od::Description& description,
   return has && (plan.storing.programs.loaded.empty() || loaded_program(plan, findings).has_value());
 }
 
+PlantMastery master_of(const PlantDevice& plan, can::Dispatcher& dispatcher, device::Device& device) {
+  PlantMastery made;
+  if (!plan.does.master) return made;
+  manager::NetworkTiming timing;
+  timing.resumes = !plan.does.master->flying;
+  const auto apply = [&device](co::NmtCommand command) { device.apply(command); };
+  made.manager = std::make_unique<manager::DictionaryManager>(dispatcher, device.values(), apply, timing);
+  if (!plan.does.master->flying) {
+    made.assigner = std::make_unique<manager::NodeIdAssigner>(dispatcher, made.manager->bus().sdo(), device.values());
+    made.manager->assign_by(made.assigner.get());
+  }
+  auto* const manager = made.manager.get();
+  device.on().state = [manager, &device](NmtState state) { manager->own_state(state, device.node_id()); };
+  return made;
+}
+
 const Described* Descriptions::of(const PlantDevice& device, Findings& findings, unsigned gateway_ports) {
   const auto& file = device.eds_path.empty() ? device.eds : device.eds_path;
   const auto path = !file.empty()        ? file

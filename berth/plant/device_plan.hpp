@@ -12,7 +12,9 @@
 
 #include "berth/base/finding.hpp"
 #include "berth/base/result.hpp"
+#include "berth/can/dispatcher.hpp"
 #include "berth/device/device.hpp"
+#include "berth/manager/dictionary_manager.hpp"
 #include "berth/plant/plant_file.hpp"
 
 namespace berth::plant {
@@ -30,6 +32,14 @@ namespace berth::plant {
 [[nodiscard]] device::ProgramOptions programs_of(const PlantDevice& plan, device::SimFlash* flash);
 /// The image that it has from the beginning; what is wrong with it is a finding.
 [[nodiscard]] bool check_programs(const PlantDevice& plan, const od::Description& description, Findings& findings);
+
+/// What makes a device the NMT master of its bus (key `master`).
+struct PlantMastery {
+  std::unique_ptr<manager::DictionaryManager> manager{};  ///< null: it is no master
+  std::unique_ptr<manager::NodeIdAssigner> assigner{};    ///< only of one that is no flying master
+};
+/// `device` is the plan's, and observes nothing of its NMT state by `on()` yet. All must stay.
+[[nodiscard]] PlantMastery master_of(const PlantDevice& plan, can::Dispatcher& dispatcher, device::Device& device);
 
 struct Described {
   std::shared_ptr<const od::Description> description;

@@ -10,7 +10,8 @@ PortDevice::PortDevice(PortDevices& all, rt::Executor& executor, const PlantDevi
     : all_(&all),
       plan_(plan),
       timing_(timing_of(plan)),
-      flash_(executor, device::Device::memory_size(*described.description), timing_.in_world(plan.storing.time)),
+      flash_(executor, device::Device::memory_size(*described.description, parameter_group_of(plan)),
+             timing_.in_world(plan.storing.time)),
       program_flash_(program_flash_of(plan, executor)),
       port_(std::move(port)),
       host_(executor, *port_, timing_, random),
@@ -21,6 +22,7 @@ PortDevice::PortDevice(PortDevices& all, rt::Executor& executor, const PlantDevi
           &host_, timing_, programs_of(plan, program_flash_.get())) {
   flash_.watch(this);
   device_.observe(this);
+  master_ = master_of(plan_, dispatcher_, device_);
 }
 
 PortDevice::~PortDevice() {
@@ -29,13 +31,14 @@ PortDevice::~PortDevice() {
 }
 
 void PortDevice::power(bool on) noexcept {
-  if (on == device_.powered()) return;
-  if (on) {
-    device_.power_on();
-  } else {
+  if (std::exchange(powered_, on) == on) return;
+  if (!on) {
+    if (master_.manager) master_.manager->power_off();
     device_.power_off();
-    all_->tell(*this);
+    return all_->tell(*this);
   }
+  if (begin_wait()) return all_->tell(*this);  // a gateway boots when the buses beneath it have
+  device_.power_on();
 }
 
 void PortDevice::device_changed(const device::Device&) noexcept { all_->tell(*this); }
@@ -45,11 +48,30 @@ void PortDevice::write_ended() noexcept { all_->save(); }
 // --- PortDevices -----------------------------------------------------------------------------------------------------
 
 PortDevice* PortDevices::add(const PlantDevice& plan, std::unique_ptr<can::Port> port, std::uint32_t rate,
-                             Random random, Findings& findings) {
-  const auto* const described = descriptions_.of(plan, findings);
+                             Random random, Findings& findings, unsigned gateway_ports) {
+  const auto* const described = descriptions_.of(plan, findings, gateway_ports);
   if (described == nullptr || !check_programs(plan, *described->description, findings)) return nullptr;
   devices_.push_back(std::make_unique<PortDevice>(*this, *executor_, plan, *described, std::move(port), rate, random));
   return devices_.back().get();
+}
+
+PortDevice* PortDevices::find(std::string_view name) noexcept {
+  const auto it = std::ranges::find(devices_, name, [](const auto& d) { return std::string_view(d->name()); });
+  return it == devices_.end() ? nullptr : it->get();
+}
+
+bool PortDevices::add_gateway(const PlantGateway& plan, const PlantFile& plant, Findings& findings) {
+  PortDevice* const above = find(plan.above);
+  if (above == nullptr) return false;
+  std::vector<GatewaySide*> beneath;
+  for (const auto& name : plan.beneath) {
+    PortDevice* const port = find(name);
+    if (port == nullptr) return false;
+    beneath.push_back(port);
+  }
+  if (!check_gateway(plan, above->device(), findings)) return false;
+  gateways_.push_back(std::make_unique<SimGateway>(*executor_, *above, std::move(beneath), plan, plant));
+  return true;
 }
 
 std::string PortDevices::state() const {
@@ -94,6 +116,7 @@ Result<void> PortDevices::keep_state(const std::string& path) {
 }
 
 void PortDevices::tell(const PortDevice& device) noexcept {
+  for (auto& gateway : gateways_) gateway->changed(device.device_);
   if (observer_ != nullptr) observer_->device_changed(device);
 }
 

@@ -24,25 +24,27 @@
 #include "berth/device/device.hpp"
 #include "berth/plant/device_plan.hpp"
 #include "berth/plant/plant_file.hpp"
+#include "berth/plant/sim_gateway.hpp"
 
 namespace berth::plant {
 
 class PortDevices;
 
-class PortDevice final : private device::Device::Observer, private device::SimFlash::Watcher {
+class PortDevice final : public GatewaySide, private device::Device::Observer, private device::SimFlash::Watcher {
  public:
   /// `rate`: bit/s that its blank memory counts as, where the plan says none; 0 = it knows no bit rates.
   PortDevice(PortDevices& all, rt::Executor& executor, const PlantDevice& plan, const Described& described,
              std::unique_ptr<can::Port> port, std::uint32_t rate, Random random);
-  ~PortDevice();
+  ~PortDevice() override;
   PortDevice(const PortDevice&) = delete;
   PortDevice& operator=(const PortDevice&) = delete;
 
   void power(bool on) noexcept;
+  [[nodiscard]] bool powered() const noexcept override { return powered_; }
   [[nodiscard]] const std::string& name() const noexcept { return plan_.name; }
-  [[nodiscard]] const PlantDevice& plan() const noexcept { return plan_; }
+  [[nodiscard]] const PlantDevice& plan() const noexcept override { return plan_; }
   [[nodiscard]] const device::Device& device() const noexcept { return device_; }
-  [[nodiscard]] device::Device& device() noexcept { return device_; }
+  [[nodiscard]] device::Device& device() noexcept override { return device_; }
   [[nodiscard]] can::Status port_status() const noexcept { return port_->status(); }
   /// Frames that it lost because its firmware was slow or deaf, as the plan wants; the port's own losses are in
   /// `port_status`.
@@ -50,6 +52,9 @@ class PortDevice final : private device::Device::Observer, private device::SimFl
 
  private:
   friend class PortDevices;
+  [[nodiscard]] can::Dispatcher& dispatcher() noexcept override { return dispatcher_; }
+  [[nodiscard]] manager::DictionaryManager* manager() noexcept override { return master_.manager.get(); }
+  void follow(const GatewaySide& above) noexcept override { power(above.powered()); }
   void device_changed(const device::Device& device) noexcept override;
   void write_began() noexcept override {}
   void write_ended() noexcept override;
@@ -64,6 +69,8 @@ class PortDevice final : private device::Device::Observer, private device::SimFl
   device::TimedPort host_;
   can::Dispatcher dispatcher_;
   mutable device::Device device_;
+  PlantMastery master_;
+  bool powered_ = false;
 };
 
 /// The devices of one process, and the file that keeps what they remember.
@@ -84,8 +91,12 @@ class PortDevices {
       : executor_(&executor), observer_(observer) {}
 
   /// Without power. Null: its description cannot be read. `rate` as of `PortDevice`.
+  /// `gateway_ports`: it is a gateway with so many buses beneath (`PlantFile::gateway_ports`).
   PortDevice* add(const PlantDevice& plan, std::unique_ptr<can::Port> port, std::uint32_t rate, Random random,
-                  Findings& findings);
+                  Findings& findings, unsigned gateway_ports = 0);
+  /// Devices that are here are this gateway of the plant: its device above, whose power those beneath share. False: one
+  /// is not here, or (an error) its description has no objects of a gateway. Before `power`.
+  [[nodiscard]] bool add_gateway(const PlantGateway& plan, const PlantFile& plant, Findings& findings);
   [[nodiscard]] std::span<const std::unique_ptr<PortDevice>> all() const noexcept { return devices_; }
 
   /// What outlives the process, as text with one line a device, in the form of `World::state`. Lines of devices that
@@ -98,6 +109,7 @@ class PortDevices {
 
  private:
   friend class PortDevice;
+  [[nodiscard]] PortDevice* find(std::string_view name) noexcept;
   void tell(const PortDevice& device) noexcept;
   void save() noexcept;
 
@@ -105,6 +117,7 @@ class PortDevices {
   Observer* observer_;
   Descriptions descriptions_;
   std::vector<std::unique_ptr<PortDevice>> devices_;
+  std::vector<std::unique_ptr<SimGateway>> gateways_;  // of these
   std::vector<Kept> others_;
   std::string state_path_;
 };

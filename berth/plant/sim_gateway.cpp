@@ -3,9 +3,40 @@
 #include <algorithm>
 
 #include "berth/device/dictionary.hpp"
-#include "berth/plant/world.hpp"
+#include "berth/multilevel/objects.hpp"
 
 namespace berth::plant {
+
+namespace {
+
+// Gateways one beneath the other, under this one; `left`: no more than there are, so that a ring of them ends.
+unsigned levels_beneath(const PlantFile& plant, const PlantGateway& gateway, std::size_t left) {
+  unsigned deepest = 0;
+  for (const auto& name : gateway.beneath) {
+    const auto* const port = plant.device(name);
+    for (const auto& other : plant.gateways) {
+      const auto* const above = plant.device(other.above);
+      if (port == nullptr || above == nullptr || above->bus != port->bus || left == 0) continue;
+      deepest = std::max(deepest, 1 + levels_beneath(plant, other, left - 1));
+    }
+  }
+  return deepest;
+}
+
+// A gateway beneath speaks the layout.
+PlantGateway with_gateways_beneath(const PlantGateway& plan, const PlantFile& plant) {
+  PlantGateway whole = plan;
+  for (const auto& other : plant.gateways) {
+    const auto* const node = plant.device(other.above);
+    const auto under = [&](const std::string& port) { return plant.device(port)->bus == node->bus; };
+    if (std::ranges::any_of(plan.beneath, under) && node->node_id.configured()) {
+      whole.speaks_layout.push_back(node->node_id.value());
+    }
+  }
+  return whole;
+}
+
+}  // namespace
 
 std::shared_ptr<const od::Description> gateway_description(unsigned ports) {
   od::DescriptionBuilder builder;
@@ -15,6 +46,17 @@ std::shared_ptr<const od::Description> gateway_description(unsigned ports) {
   return builder.build();
 }
 
+bool check_gateway(const PlantGateway& plan, const device::Device& above, Findings& findings) {
+  const auto objects = multilevel::SdoGatewayObjects::of(static_cast<unsigned>(plan.beneath.size()));
+  if (above.values().description().find(objects.data) != nullptr) return true;
+  Finding finding;
+  finding.key = plan.above;
+  finding.message = "its description has no objects of a gateway (5F30h.., 5F00h)";
+  finding.fix = "leave out eds, or add them";
+  findings.push_back(std::move(finding));
+  return false;
+}
+
 multilevel::EmcyGatewayOptions SimGateway::emcy_options(const PlantGateway& plan) {
   multilevel::EmcyGatewayOptions options;
   options.layout = static_cast<multilevel::EmcyLayout>(plan.layout);
@@ -22,50 +64,52 @@ multilevel::EmcyGatewayOptions SimGateway::emcy_options(const PlantGateway& plan
   return options;
 }
 
-SimGateway::Port::Port(SimGateway& owner, SimDevice& of, multilevel::SdoGatewayOptions options)
-    : device(&of),
+SimGateway::Port::Port(SimGateway& owner, GatewaySide& of, multilevel::SdoGatewayOptions options)
+    : side(&of),
       number(options.port),
-      client(of.manager_ ? nullptr : std::make_unique<co::SdoClient>(of.dispatcher_)),
-      sdo(owner.above_->device().values(), of.manager_ ? of.manager_->bus().sdo() : *client, *owner.executor_, options),
+      client(of.manager() != nullptr ? nullptr : std::make_unique<co::SdoClient>(of.dispatcher())),
+      sdo(owner.above_->device().values(), client ? *client : of.manager()->bus().sdo(), *owner.executor_, options),
       bus(*owner.executor_, owner.emcy_, [&owner](co::NmtCommand command) { owner.above_->device().apply(command); }) {
-  owner.emcy_.hear_all(of.dispatcher_);
+  owner.emcy_.hear_all(of.dispatcher());
   of.device().on().heartbeat = [this](const co::HeartbeatEvent& event) { bus.heartbeat(event); };
   const auto error_class = multilevel::heartbeat_error_class(options.port);
   bus.on_heartbeat_lost([&owner, error_class] {
     auto& upper = owner.above_->device();
     if (upper.values().get<std::uint8_t>({0x1029, error_class})) upper.errors().behave(error_class);
   });
-  if (!of.manager_) return;
+  if (!boots_first()) return;
   bus.on_settled([&owner] { owner.look_.post(); });
-  of.manager_->network().observe([this](const manager::NetworkEvent& event) {
+  of.manager()->network().observe([this](const manager::NetworkEvent& event) {
     using Kind = manager::NetworkEvent::Kind;
     if (event.kind == Kind::operational) bus.booted();
     if (event.kind == Kind::halted) bus.failed(event.node);
   });
 }
 
-bool SimGateway::Port::boots_first() const noexcept { return device->manager_ != nullptr; }
+bool SimGateway::Port::boots_first() const noexcept { return side->manager() != nullptr; }
 
-SimGateway::SimGateway(rt::Executor& executor, SimDevice& above, std::vector<SimDevice*> beneath,
-                       const PlantGateway& plan, unsigned levels_beneath)
+SimGateway::SimGateway(rt::Executor& executor, GatewaySide& above, std::vector<GatewaySide*> beneath,
+                       const PlantGateway& plan, const PlantFile& plant)
     : executor_(&executor),
       above_(&above),
-      emcy_(above.device().errors().emcy(), emcy_options(plan)),
+      emcy_(above.device().errors().emcy(), emcy_options(with_gateways_beneath(plan, plant))),
       look_(*this, executor) {
-  for (SimDevice* const device : beneath) {
+  for (GatewaySide* const side : beneath) {
     multilevel::SdoGatewayOptions options;
     options.port = static_cast<unsigned>(ports_.size() + 1);
-    options.levels_beneath = levels_beneath;
+    options.levels_beneath = levels_beneath(plant, plan, plant.gateways.size());
     options.literal = plan.literal;
-    ports_.push_back(std::make_unique<Port>(*this, *device, options));
+    ports_.push_back(std::make_unique<Port>(*this, *side, options));
   }
-  above.boots_last_ = std::ranges::any_of(ports_, [](const auto& port) { return port->boots_first(); });
+  above.set_boots_last(std::ranges::any_of(ports_, [](const auto& port) { return port->boots_first(); }));
 }
 
-void SimGateway::changed(const SimDevice& device) noexcept {
-  const bool mine = std::ranges::any_of(ports_, [&](const auto& port) { return port->device == &device; });
-  if (&device != above_ && !mine) return;
-  was_reset_ |= &device == above_ && device.device().state() == NmtState::initialising;
+void SimGateway::changed(const device::Device& device) noexcept {
+  const bool is_above = &device == &above_->device();
+  const bool mine =
+      is_above || std::ranges::any_of(ports_, [&](const auto& port) { return &port->side->device() == &device; });
+  if (!mine) return;
+  was_reset_ |= is_above && device.state() == NmtState::initialising;
   look_.post();
 }
 
@@ -77,18 +121,17 @@ bool SimGateway::settled() const noexcept {
 void SimGateway::look() noexcept {
   const bool reset = std::exchange(was_reset_, false);
   for (auto& port : ports_) {
-    auto& device = *port->device;
-    if (above_->powered() && !device.powered()) port->bus.begin();
-    if (above_->plugged() != device.plugged()) above_->plugged() ? device.plug() : device.unplug();
-    if (above_->powered() != device.powered()) device.power(above_->powered());
+    auto& side = *port->side;
+    if (above_->powered() && !side.powered()) port->bus.begin();
+    side.follow(*above_);
     if (reset) port->sdo.reset();
-    port->sdo.set_own(device.device().node_id(), device.device().values());
+    port->sdo.set_own(side.device().node_id(), side.device().values());
     port->bus.set_mandatory(multilevel::is_mandatory(above_->device().values(), port->number));
     if (reset) port->bus.own_state(NmtState::initialising);
   }
   if (reset) state_ = NmtState::initialising;
   look_above();
-  if (settled() && above_->powered() && std::exchange(above_->waits_, false)) above_->device_.power_on();
+  if (settled() && above_->powered() && above_->end_wait()) above_->device().power_on();
 }
 
 void SimGateway::look_above() noexcept {

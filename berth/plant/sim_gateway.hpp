@@ -1,35 +1,72 @@
 /// A device of several ports in a plant (`[[gateway]]`): paper 3's gateway between its device on the bus above and
-/// those on the buses beneath (docs/multilevel.md). Inside of room `plant`.
+/// those on the buses beneath (docs/multilevel.md), wherever these sit: on simulated buses or on ports. Inside of room
+/// `plant`.
 #pragma once
 
 #include <memory>
+#include <utility>
 #include <vector>
 
+#include "berth/base/finding.hpp"
+#include "berth/can/dispatcher.hpp"
+#include "berth/device/device.hpp"
+#include "berth/manager/dictionary_manager.hpp"
 #include "berth/multilevel/gateway_device.hpp"
 #include "berth/plant/plant_file.hpp"
 #include "berth/rt/later.hpp"
 
 namespace berth::plant {
 
-class SimDevice;
-
 /// The built-in dictionary of a gateway with so many buses beneath.
 [[nodiscard]] std::shared_ptr<const od::Description> gateway_description(unsigned ports);
 
+/// The built-in dictionary of such a device is the gateway's, or its description has the objects; else the finding
+/// names it.
+[[nodiscard]] bool check_gateway(const PlantGateway& plan, const device::Device& above, Findings& findings);
+
+/// A device of the plant, as its gateway has it.
+class GatewaySide {
+ public:
+  virtual ~GatewaySide() = default;
+  [[nodiscard]] virtual const PlantDevice& plan() const noexcept = 0;
+  [[nodiscard]] virtual device::Device& device() noexcept = 0;
+  [[nodiscard]] virtual can::Dispatcher& dispatcher() noexcept = 0;
+  /// Null: it is no NMT master.
+  [[nodiscard]] virtual manager::DictionaryManager* manager() noexcept = 0;
+  /// Has power; it may still wait for the buses beneath.
+  [[nodiscard]] virtual bool powered() const noexcept = 0;
+  /// A device beneath: is on its bus and has power as `above` is and has.
+  virtual void follow(const GatewaySide& above) noexcept = 0;
+
+  /// @name Of the device above: with power on it waits until the buses beneath have booted
+  /// @{
+  [[nodiscard]] bool boots_last() const noexcept { return boots_last_; }
+  void set_boots_last(bool last) noexcept { boots_last_ = last; }
+  /// True: it has power on and is to wait.
+  bool begin_wait() noexcept { return waits_ = boots_last_; }
+  /// True: it waited, and is to boot.
+  bool end_wait() noexcept { return std::exchange(waits_, false); }
+  /// @}
+
+ private:
+  bool boots_last_ = false;
+  bool waits_ = false;
+};
+
 class SimGateway {
  public:
-  /// All stay. `levels_beneath`: gateways one beneath the other, under this one.
-  SimGateway(rt::Executor& executor, SimDevice& above, std::vector<SimDevice*> beneath, const PlantGateway& plan,
-             unsigned levels_beneath);
+  /// All stay. Which of its nodes beneath are gateways themselves, and how deep it goes, the plant says.
+  SimGateway(rt::Executor& executor, GatewaySide& above, std::vector<GatewaySide*> beneath, const PlantGateway& plan,
+             const PlantFile& plant);
   /// Something of this device changed: one of the gateway's own is looked at soon.
-  void changed(const SimDevice& device) noexcept;
+  void changed(const device::Device& device) noexcept;
   [[nodiscard]] multilevel::EmcyGateway& emcy() noexcept { return emcy_; }
 
  private:
   struct Port {
-    Port(SimGateway& owner, SimDevice& device, multilevel::SdoGatewayOptions options);
+    Port(SimGateway& owner, GatewaySide& side, multilevel::SdoGatewayOptions options);
     [[nodiscard]] bool boots_first() const noexcept;
-    SimDevice* device;
+    GatewaySide* side;
     unsigned number;
     std::unique_ptr<co::SdoClient> client;  // where the device is no NMT master, which has one
     multilevel::SdoGateway sdo;
@@ -41,7 +78,7 @@ class SimGateway {
   [[nodiscard]] static multilevel::EmcyGatewayOptions emcy_options(const PlantGateway& plan);
 
   rt::Executor* executor_;
-  SimDevice* above_;
+  GatewaySide* above_;
   multilevel::EmcyGateway emcy_;
   std::vector<std::unique_ptr<Port>> ports_;
   NmtState state_ = NmtState::initialising;  // above

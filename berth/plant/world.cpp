@@ -82,16 +82,7 @@ SimDevice::SimDevice(World& world, sim::Bus& bus, const PlantDevice& plan, const
   flash_.watch(this);
   device_.observe(this);
   if (script) scripted_ = std::make_unique<Scripted>(*this, *std::move(script), random.fork());
-  if (!plan_.does.master) return;
-  manager::NetworkTiming timing;
-  timing.resumes = !plan_.does.master->flying;
-  const auto apply = [this](co::NmtCommand command) { device_.apply(command); };
-  manager_ = std::make_unique<manager::DictionaryManager>(dispatcher_, device_.values(), apply, timing);
-  if (!plan_.does.master->flying) {
-    assigner_ = std::make_unique<manager::NodeIdAssigner>(dispatcher_, manager_->bus().sdo(), device_.values());
-    manager_->assign_by(assigner_.get());
-  }
-  device_.on().state = [this](NmtState state) { manager_->own_state(state, device_.node_id()); };
+  master_ = master_of(plan_, dispatcher_, device_);
 }
 
 SimDevice::~SimDevice() {
@@ -115,15 +106,14 @@ void SimDevice::switch_on() noexcept {
     flash_.erase(device::Device::parameters_at);  // what LSS stored; its parameters stay
   }
   controller_->power(true);
-  waits_ = boots_last_;
-  if (waits_) return world_->tell(*this);  // a gateway boots when the buses beneath it have
+  if (begin_wait()) return world_->tell(*this);  // a gateway boots when the buses beneath it have
   device_.power_on();
 }
 
 void SimDevice::switch_off() noexcept {
   if (!powered_) return;
   powered_ = false;
-  if (manager_) manager_->power_off();
+  if (master_.manager) master_.manager->power_off();
   device_.power_off();
   controller_->power(false);
   if (scripted_) scripted_->stop();
@@ -154,15 +144,20 @@ void SimDevice::power(bool on) noexcept {
   }
 }
 
+void SimDevice::follow(const GatewaySide& above) noexcept {
+  const bool on_bus = static_cast<const SimDevice&>(above).plugged();
+  if (on_bus != plugged_) on_bus ? plug() : unplug();
+  if (above.powered() != powered_) power(above.powered());
+}
+
 void SimDevice::reset() noexcept {
   if (!powered_) return;
-  if (manager_) manager_->power_off();
+  if (master_.manager) master_.manager->power_off();
   // A microcontroller that starts anew sets its CAN controller up anew: what was queued is gone.
   device_.power_off();
   if (scripted_) scripted_->stop();
   controller_->restart(controller_->bit_rate());
-  waits_ = boots_last_;
-  if (waits_) return world_->tell(*this);
+  if (begin_wait()) return world_->tell(*this);
   device_.power_on();
 }
 
@@ -199,9 +194,9 @@ Truth SimDevice::truth() const {
   t.state = device_.state();
   t.memory_writes = flash_.writes_begun();
   t.memory_written = flash_.writes_ended();
-  if (manager_ && plan_.does.master->flying) {
-    t.leads = manager_->flying().is_master();
-    t.active_master = manager_->flying().active().value_or(manager::MasterRank{}).node;
+  if (master_.manager && plan_.does.master->flying) {
+    t.leads = master_.manager->flying().is_master();
+    t.active_master = master_.manager->flying().active().value_or(manager::MasterRank{}).node;
   }
   if (powered_) t.leds = device::leds(device_.led_inputs());
   return t;
@@ -251,39 +246,13 @@ std::unique_ptr<World> World::make(const PlantFile& plant, std::span<const BusRa
   return world;
 }
 
-// Gateways one beneath the other, under this one; `left`: no more than there are, so that a ring of them ends.
-unsigned levels_beneath(const PlantFile& plant, const PlantGateway& gateway, std::size_t left) {
-  unsigned deepest = 0;
-  for (const auto& name : gateway.beneath) {
-    const auto* const port = plant.device(name);
-    for (const auto& other : plant.gateways) {
-      const auto* const above = plant.device(other.above);
-      if (port == nullptr || above == nullptr || above->bus != port->bus || left == 0) continue;
-      deepest = std::max(deepest, 1 + levels_beneath(plant, other, left - 1));
-    }
-  }
-  return deepest;
-}
-
 bool World::make_gateways(const PlantFile& plant, Findings& findings) {
   for (const auto& plan : plant.gateways) {
     SimDevice& above = *find(plan.above);
-    const auto objects = multilevel::SdoGatewayObjects::of(static_cast<unsigned>(plan.beneath.size()));
-    if (above.device().values().description().find(objects.data) == nullptr) {
-      refuse(findings, plan.above, "its description has no objects of a gateway (5F30h.., 5F00h)",
-             "leave out eds, or add them");
-      return false;
-    }
-    std::vector<SimDevice*> beneath;
+    if (!check_gateway(plan, above.device(), findings)) return false;
+    std::vector<GatewaySide*> beneath;
     for (const auto& name : plan.beneath) beneath.push_back(find(name));
-    PlantGateway whole = plan;
-    for (const auto& other : plant.gateways) {  // a gateway beneath speaks the layout
-      const auto* const node = plant.device(other.above);
-      const bool under = std::ranges::any_of(beneath, [&](SimDevice* port) { return port->plan().bus == node->bus; });
-      if (under && node->node_id.configured()) whole.speaks_layout.push_back(node->node_id.value());
-    }
-    gateways_.push_back(std::make_unique<SimGateway>(executor(), above, std::move(beneath), whole,
-                                                     levels_beneath(plant, plan, plant.gateways.size())));
+    gateways_.push_back(std::make_unique<SimGateway>(executor(), above, std::move(beneath), plan, plant));
   }
   return true;
 }
@@ -444,7 +413,7 @@ std::vector<std::pair<const SimDevice*, const SimDevice*>> World::duplicates() c
 }
 
 void World::tell(const SimDevice& device) noexcept {
-  for (auto& gateway : gateways_) gateway->changed(device);
+  for (auto& gateway : gateways_) gateway->changed(device.device_);
   for (auto* observer : observers_) observer->plant_changed(device);
 }
 

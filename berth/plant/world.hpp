@@ -56,12 +56,12 @@ struct Truth {
 };
 
 /// One device of the plant: controller, host, dictionary and services, memory.
-class SimDevice final : private device::Device::Observer, private device::SimFlash::Watcher {
+class SimDevice final : public GatewaySide, private device::Device::Observer, private device::SimFlash::Watcher {
  public:
   SimDevice(World& world, sim::Bus& bus, const PlantDevice& plan, const LssAddress& address,
             std::shared_ptr<const od::Description> description, Random random,
             std::optional<script::Script> script = {});
-  ~SimDevice();
+  ~SimDevice() override;
 
   /// Onto the bus, with power; nothing happens when it is plugged already.
   void plug() noexcept;
@@ -83,24 +83,26 @@ class SimDevice final : private device::Device::Observer, private device::SimFla
   [[nodiscard]] NextPowerOn& next_power_on() noexcept { return next_; }
 
   [[nodiscard]] const std::string& name() const noexcept { return plan_.name; }
-  [[nodiscard]] const PlantDevice& plan() const noexcept { return plan_; }
+  [[nodiscard]] const PlantDevice& plan() const noexcept override { return plan_; }
   [[nodiscard]] sim::Bus& bus() noexcept { return *bus_; }
   [[nodiscard]] sim::Controller& controller() noexcept { return *controller_; }
   [[nodiscard]] device::TimedPort& host() noexcept { return port_; }
-  [[nodiscard]] device::Device& device() noexcept { return device_; }
+  [[nodiscard]] device::Device& device() noexcept override { return device_; }
   [[nodiscard]] const device::Device& device() const noexcept { return device_; }
   [[nodiscard]] device::SimFlash& memory() noexcept { return flash_; }
   /// Of its programs; null: it is not programmed.
   friend device::SimFlash* program_memory(SimDevice& device) noexcept { return device.program_flash_.get(); }
   [[nodiscard]] bool plugged() const noexcept { return plugged_; }
-  [[nodiscard]] bool powered() const noexcept { return powered_; }
+  [[nodiscard]] bool powered() const noexcept override { return powered_; }
   [[nodiscard]] Truth truth() const;
   /// Bytes that this device takes, without the shared description.
   [[nodiscard]] std::size_t memory_use() const noexcept;
 
  private:
   friend class World;
-  friend class SimGateway;
+  [[nodiscard]] can::Dispatcher& dispatcher() noexcept override { return dispatcher_; }
+  [[nodiscard]] manager::DictionaryManager* manager() noexcept override { return master_.manager.get(); }
+  void follow(const GatewaySide& above) noexcept override;
   void switch_on() noexcept;
   void switch_off() noexcept;
   void device_changed(const device::Device& device) noexcept override;
@@ -119,14 +121,11 @@ class SimDevice final : private device::Device::Observer, private device::SimFla
   can::Dispatcher dispatcher_;
   mutable device::Device device_;
   class Scripted;
-  std::unique_ptr<Scripted> scripted_;                   // only with a script
-  std::unique_ptr<manager::DictionaryManager> manager_;  // only an NMT master
-  std::unique_ptr<manager::NodeIdAssigner> assigner_;    // only one that is no flying master
+  std::unique_ptr<Scripted> scripted_;  // only with a script
+  PlantMastery master_;
   NextPowerOn next_;
   unsigned deafness_ = 0;  // number of the last `deaf`, so that an older one's end does not end it
   unsigned slowness_ = 0;
-  bool boots_last_ = false;  // a gateway, whose buses beneath boot first
-  bool waits_ = false;       // for them
   bool plugged_ = false;
   bool powered_ = false;
 };
