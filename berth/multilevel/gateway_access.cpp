@@ -11,6 +11,7 @@ constexpr std::uint8_t segmented_download = 0x20;
 constexpr std::uint8_t block_download = 0xC4;  // with CRC
 constexpr auto no_node = static_cast<std::uint32_t>(od::AbortCode::device_state);
 constexpr unsigned most_again = 3;  // each time another gateway on the way may be found that was reset
+constexpr auto no_answer = static_cast<std::uint32_t>(od::AbortCode::timeout);
 constexpr auto no_data = static_cast<std::uint32_t>(od::AbortCode::no_data);
 
 }  // namespace
@@ -22,7 +23,7 @@ Error GatewayAccess::about(const Error& error, ObjectRef object) const noexcept 
   told.node = node_.value();
   told.index = object.index;
   told.sub = object.sub;
-  if (error.code == Errc::aborted && error.detail == static_cast<std::uint32_t>(od::AbortCode::timeout)) {
+  if (error.code == Errc::aborted && error.detail == no_answer) {
     told.code = Errc::timeout;
     told.detail = 0;
     told.text = "no answer beneath the gateway";
@@ -34,11 +35,15 @@ Error GatewayAccess::about(const Error& error, ObjectRef object) const noexcept 
 
 // A gateway on the way has lost what this client wrote, by a reset: this one or one beneath it, whose abort code comes
 // through this one. So none is taken to know its node-ID any more, and only the access to the node itself is tried
-// again, from its beginning.
-bool GatewayAccess::try_again(const Error& error, ObjectRef object) noexcept {
-  const bool lost = error.code == Errc::aborted && (error.detail == no_node || error.detail == no_data);
+// again, from its beginning. So it is after a time-out.
+bool GatewayAccess::try_again(const Error& error, ObjectRef object, Attempts& made) noexcept {
+  const bool aborted = error.code == Errc::aborted;
+  const bool lost = aborted && (error.detail == no_node || error.detail == no_data);
   if (lost) line_->selected = NodeId();
-  return lost && !SdoGatewayObjects::contain(object);
+  if (SdoGatewayObjects::contain(object)) return false;
+  if (lost) return made.lost++ < most_again;
+  const bool timed_out = error.code == Errc::timeout || (aborted && error.detail == no_answer);
+  return timed_out && made.timeouts++ < retries_;
 }
 
 rt::Task<Result<void>> GatewayAccess::select() {
@@ -76,10 +81,10 @@ rt::Task<Result<co::SdoValue>> GatewayAccess::read_up_to(std::uint16_t index, st
   const ObjectRef object{index, sub};
   co_await line_->turn.take();
   const rt::Held held(line_->turn);
-  for (unsigned attempt = 0;; ++attempt) {
+  for (Attempts made;;) {
     auto value = co_await fetch(object, most);
     if (value) co_return value;
-    if (!try_again(value.error(), object) || attempt == most_again) co_return fail(about(value.error(), object));
+    if (!try_again(value.error(), object, made)) co_return fail(about(value.error(), object));
   }
 }
 
@@ -110,11 +115,11 @@ rt::Task<Result<void>> GatewayAccess::write(std::uint16_t index, std::uint8_t su
   co_await line_->turn.take();
   const rt::Held held(line_->turn);
   const bool is_short = data.size() >= 1 && data.size() <= 4;
-  for (unsigned attempt = 0;; ++attempt) {
+  for (Attempts made;;) {
     auto task = is_short ? write_short(object, data) : write_long(object, data);
     const auto done = co_await task;
     if (done) co_return Result<void>();
-    if (!try_again(done.error(), object) || attempt == most_again) co_return fail(about(done.error(), object));
+    if (!try_again(done.error(), object, made)) co_return fail(about(done.error(), object));
   }
 }
 
@@ -128,6 +133,7 @@ co::SdoAccess& Routes::reach(const Path& path, std::size_t depth) {
   if (path.gateways.empty()) {
     co::SdoOptions options = options_;
     options.timeout *= static_cast<int>(1 + depth);
+    if (depth > 0) options.retries = 0;
     place = std::make_unique<co::NodeAccess>(*client_, path.node, options);
     return *place;
   }
@@ -137,6 +143,7 @@ co::SdoAccess& Routes::reach(const Path& path, std::size_t depth) {
   const Path above{{path.gateways.begin(), path.gateways.end() - 1}, last.gateway};
   co::SdoAccess& gateway = reach(above, depth);
   auto made = std::make_unique<GatewayAccess>(*line, gateway, path.node, last.port);
+  made->set_retries(options_.retries);
   return *(accesses_[Key{depth, path}] = std::move(made));
 }
 

@@ -36,6 +36,10 @@ class GatewayAccess final : public co::SdoAccess {
   [[nodiscard]] NodeId node() const noexcept { return node_; }
   /// Values of so many bytes and more are carried by block transfer on the bus beneath, longer ones than 4 segmented.
   void set_block_from(std::size_t bytes) noexcept { block_from_ = bytes; }
+  /// New attempts of a whole access after a time-out, the gateway's as well (0504 0000): 0 unless told. What is asked
+  /// of `gateway` has none of its own: a gateway that took a command once has its data no more, and refuses a repeated
+  /// one.
+  void set_retries(unsigned count) noexcept { retries_ = count; }
 
   rt::Task<Result<co::SdoValue>> read(std::uint16_t index, std::uint8_t sub) override;
   rt::Task<Result<co::SdoValue>> read_up_to(std::uint16_t index, std::uint8_t sub, std::size_t most) override;
@@ -48,19 +52,25 @@ class GatewayAccess final : public co::SdoAccess {
   rt::Task<Result<void>> write_short(ObjectRef object, std::span<const std::uint8_t> data);
   rt::Task<Result<void>> write_long(ObjectRef object, std::span<const std::uint8_t> data);
   [[nodiscard]] Error about(const Error& error, ObjectRef object) const noexcept;
-  [[nodiscard]] bool try_again(const Error& error, ObjectRef object) noexcept;
+  struct Attempts {
+    unsigned lost = 0;      // a gateway had forgotten what this client wrote
+    unsigned timeouts = 0;  // this client's or a gateway's
+  };
+  [[nodiscard]] bool try_again(const Error& error, ObjectRef object, Attempts& made) noexcept;
 
   GatewayLine* line_;
   co::SdoAccess* gateway_;
   SdoGatewayObjects objects_;
   NodeId node_;
   std::size_t block_from_ = 64;
+  unsigned retries_ = 0;
 };
 
 /// All nodes that one client reaches, by their paths.
 class Routes {
  public:
-  /// `client` must stay. The time-out of an access is `options.timeout` once more for each gateway between (S3.27).
+  /// `client` must stay. The time-out of an access is `options.timeout` once more for each gateway between (S3.27);
+  /// `options.retries` counts for whole accesses.
   explicit Routes(co::SdoClient& client) noexcept : Routes(client, client.options()) {}
   Routes(co::SdoClient& client, const co::SdoOptions& options) noexcept : client_(&client), options_(options) {}
 

@@ -142,7 +142,7 @@ TEST_F(Running, AGatewayWithoutPower) {
   for (const char* const gateway : {"left gateway", "reel gateway"}) {
     const std::string motor = gateway == std::string("left gateway") ? "left front motor" : "reel motor";
     ASSERT_TRUE(machine.world().perform(event(plant::Action::power_off, gateway)));
-    machine.run_for(30s);  // two levels down it is told behind 10 s
+    machine.run_for(10s);
     EXPECT_NE(machine.state(gateway), SlotState::operational);
     EXPECT_EQ(machine.state(motor), SlotState::absent) << machine.log();
     ASSERT_TRUE(machine.world().perform(event(plant::Action::power_on, gateway)));

@@ -488,6 +488,49 @@ TEST(SdoGatewayDepth, ASilentNodeCostsOneTimeOut) {
   }
 }
 
+// A client that tries again does so with the whole access: a command alone that is repeated finds its data gone, and a
+// silent gateway is a time-out to it, whether it reads or writes.
+TEST(SdoGatewayDepth, ASilentNodeIsATimeOutToAClientThatTriesAgain) {
+  for (const bool node : {false, true}) {
+    Chain chain(2);
+    Routes routes(*chain.client, {.retries = 2});
+    auto& access = routes.access(chain.path);
+    EXPECT_EQ(*await(chain.world, access.read_u32(0x1000, 0)), 0x0002'0192U);
+    (node ? chain.leaf->device : chain.gateways[1]->upper).power_off();
+    for (const bool writes : {false, true}) {
+      const auto before = chain.world.now();
+      const auto error = writes ? await(chain.world, access.write_u32(0x2002, 0, 1)).error()
+                                : await(chain.world, access.read_u32(0x1000, 0)).error();
+      EXPECT_EQ(error.code, Errc::timeout) << describe(error);
+      EXPECT_EQ(error.node, 50);
+      EXPECT_LT(chain.world.now() - before, 3 * 3200ms);  // three attempts, none longer than the client's 3 s
+    }
+    for (auto& each : chain.gateways) EXPECT_EQ(each->gateway.busy(), 0U);
+  }
+}
+
+// It gets through although frames are lost, on each bus.
+TEST(SdoGatewayDepth, WhatIsLostIsTriedAgain) {
+  for (const std::size_t bus : {0U, 1U, 2U}) {
+    Chain chain(2);
+    Routes routes(*chain.client, {.retries = 2});
+    auto& access = routes.access(chain.path);
+    EXPECT_EQ(*await(chain.world, access.read_u32(0x1000, 0)), 0x0002'0192U);
+    auto& device = bus == 2 ? chain.leaf->device : chain.gateways[bus]->upper;
+    for (std::uint32_t value : {1U, 2U}) {
+      device.power_off();
+      chain.world.after(500ms, [&] { device.power_on(); });
+      if (value == 1) {
+        ASSERT_TRUE(await(chain.world, access.write_u32(0x2002, 0, value))) << bus;
+        EXPECT_EQ(chain.leaf->device.values().get<std::uint32_t>({0x2002, 0}), value);
+      } else {
+        const auto read = await(chain.world, access.read_u32(0x1000, 0));
+        ASSERT_TRUE(read) << bus << describe(read.error());
+      }
+    }
+  }
+}
+
 // What the node refuses, the client gets with the node's code and the node's object, however deep it is.
 TEST(SdoGatewayDepth, AbortCodesOfEveryLevel) {
   for (unsigned depth = 1; depth <= 6; ++depth) {
