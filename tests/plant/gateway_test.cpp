@@ -216,7 +216,7 @@ TEST(GatewayProcesses, TwoLevelsDownAndTheirPower) {
   EXPECT_EQ(ask("603#23325F0040315F00"), "583#60325F0000000000");
   EXPECT_EQ(ask("603#40315F0000000000"), "583#43315F0003000000");
   // An emergency goes up through both, with its way: the gateway beneath is known to speak the layout.
-  gripper.devices.all().front()->device().raise(0x2310, co::error_register::current);
+  gripper.devices.all().front()->device().errors().raise(0x2310, co::error_register::current);
   world.run_for(100ms);
   EXPECT_EQ(backbone.text.back(), "083#1023030409000000");
   // What is beneath has power while the device above has.
