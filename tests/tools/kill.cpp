@@ -72,6 +72,37 @@ void add_frame_points(std::vector<Point>& points, Scenario scenario, PointKind k
   }
 }
 
+// A device's memory: of its node-ID and its parameters, or of its programs.
+struct Memory {
+  const char* device;
+  bool program = false;
+};
+
+Death torn_at(const Memory& memory, std::uint64_t byte) {
+  Death death;
+  death.torn = byte;
+  death.torn_device = memory.device;
+  death.torn_program = memory.program;
+  death.victim = byte % 2 == 0 ? Victim::device : Victim::both;
+  return death;
+}
+
+// How many bytes an undisturbed run writes there: the power cut at each of them happens, and at none behind them.
+std::uint64_t bytes_written(Scenario scenario, const Memory& memory) {
+  const auto happens = [&](std::uint64_t byte) {
+    KillWorld probe(scenario);
+    return probe.live(torn_at(memory, byte)).struck;
+  };
+  std::uint64_t beyond = 1;
+  while (happens(beyond - 1)) beyond *= 2;
+  std::uint64_t bytes = beyond / 2;  // the cut at `bytes` - 1 happens, that at `beyond` - 1 does not
+  while (beyond - bytes > 1) {
+    const std::uint64_t middle = bytes + (beyond - bytes) / 2;
+    (happens(middle - 1) ? bytes : beyond) = middle;
+  }
+  return bytes;
+}
+
 // Every point of an undisturbed run, in a fixed order: their places in it are what --point means.
 std::vector<Point> points_of(Scenario scenario) {
   KillWorld world(scenario);
@@ -99,24 +130,13 @@ std::vector<Point> points_of(Scenario scenario) {
     death.disk = k;
     points.push_back({PointKind::disk, death});
   }
-  struct Memory {
-    const char* device;
-    bool program = false;
-  };
   for (const Memory memory : {Memory{"d1"}, Memory{"d2"}, Memory{"d3"}, Memory{"x"}, Memory{"d1", true}}) {
-    const std::string device = memory.device;
-    if (!KillWorld::has(scenario, device) || (departs && device == "d3")) continue;
+    const bool departing = departs && std::strcmp(memory.device, "d3") == 0;
+    if (!KillWorld::has(scenario, memory.device) || departing) continue;
     if (memory.program && scenario != Scenario::programmed) continue;
-    for (std::uint64_t byte = 0;; ++byte) {
-      Death death;
-      death.torn = byte;
-      death.torn_device = device;
-      death.torn_program = memory.program;
-      death.victim = byte % 2 == 0 ? Victim::device : Victim::both;
-      KillWorld probe(scenario);
-      if (!probe.live(death).struck) break;
-      points.push_back({PointKind::memory_torn, death});
-    }
+    const std::uint64_t bytes = bytes_written(scenario, memory);
+    for (std::uint64_t byte = 0; byte < bytes; ++byte)
+      points.push_back({PointKind::memory_torn, torn_at(memory, byte)});
   }
   for (std::uint64_t n = 0; n < points.size(); ++n) points[n].death = vary(points[n].death, n);
   return points;
