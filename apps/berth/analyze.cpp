@@ -2,8 +2,10 @@
 #include <fmt/format.h>
 
 #include <algorithm>
+#include <deque>
 #include <nlohmann/json.hpp>
 
+#include "berth/analysis/plot.hpp"
 #include "berth/can/frame.hpp"
 #include "berth/command/bus_messages.hpp"
 #include "berth/command/link_network.hpp"
@@ -22,6 +24,7 @@ struct AnalyzeOptions {
   analysis::Errors errors;
   bool usual = false;
   std::vector<std::string> nodes;  ///< empty: all
+  std::string plot;                ///< file; empty: none
 };
 
 double ms(rt::Duration time) { return std::chrono::duration<double, std::milli>(time).count(); }
@@ -141,6 +144,22 @@ class Shown {
   std::vector<Sender> senders_;
 };
 
+/// What is drawn when all buses are analysed.
+class Picture {
+ public:
+  void add(const design::Bus& bus, const analysis::Line& line, const analysis::Result& result) {
+    const auto& [own_line, own_result] = kept_.emplace_back(line, result);
+    buses_.push_back(
+        {fmt::format("{}: {} bit/s, {:.1f} % of the bus at most", bus.name, bus.bitrate, 100 * result.load), &own_line,
+         &own_result});
+  }
+  [[nodiscard]] std::string svg() const { return analysis::plot(buses_); }
+
+ private:
+  std::deque<std::pair<analysis::Line, analysis::Result>> kept_;  // stay where they are
+  std::vector<analysis::PlottedBus> buses_;
+};
+
 int analyze(const Options& options, const AnalyzeOptions& how) {
   const auto machine = machine_of(options);
   if (!machine) return tell(machine.error(), options.json);
@@ -157,6 +176,7 @@ int analyze(const Options& options, const AnalyzeOptions& how) {
   if (!machine->links.empty() && !has_errors(links.findings)) assumed.links = &links;
   bool good = true;
   Json buses = Json::array();
+  Picture picture;
   for (const auto* const each : machine->all_buses()) {
     const design::Bus& bus = *each;
     if (!shown->has(bus)) continue;
@@ -168,12 +188,16 @@ int analyze(const Options& options, const AnalyzeOptions& how) {
     auto result = analysis::analyze(found.line);
     shown->cut(bus, found.line, result);
     good = good && result.good();
+    if (!how.plot.empty()) picture.add(bus, found.line, result);
     if (options.json) {
       buses.push_back(json_of(bus, found.line, result, found.notes));
       continue;
     }
     print_table(bus, found.line, result);
     for (const auto& note : found.notes) print_error(to_string(note));
+  }
+  if (!how.plot.empty()) {
+    if (const auto bad = write_file(how.plot, picture.svg())) return tell(*bad, options.json);
   }
   if (options.json) print_line(Json{{"good", good}, {"buses", buses}}.dump());
   return good ? Exit::done : Exit::no;
@@ -205,8 +229,10 @@ void add_analyze(Verb& berth, Options& options) {
       .separated_by(',')
       .one_each();
   verb.flag("--usual", how->usual, "frames as long as the usual formula says, not as they can really be");
+  verb.word("--plot", how->plot, "draw the bounds and the deadlines into this file").shown("FILE.svg");
   verb.footer(
-      "Examples:\n  berth analyze machine.toml\n  berth analyze machine.toml --errors \"100 ms\" --fifo all --json\n"
+      "Examples:\n  berth analyze machine.toml --plot bounds.svg\n  berth analyze machine.toml --errors \"100 ms\" "
+      "--fifo all --json\n"
       "  berth analyze machine.toml --node 3/5");
 }
 

@@ -206,21 +206,25 @@ rt::Task<void> Starter::send_start(Seat& seat) {
   if (seat.guarded) co_await ask_by_guarding(seat);
 }
 
-// Another master has started it, and this slot table does not know: no second start.
+// Another master has started it, or it was out of reach and ran on, and the slot does not know: no second start.
 rt::Task<bool> Starter::runs_already(Seat& seat) {
-  if (!s_.bus.flying) co_return false;
   const NodeId id = seat.id();
+  // A bus with one master is asked only where the last word of the device was that it runs.
+  const bool alone = !s_.bus.flying;
+  if (alone && (seat.guarded || s_.boots.state(id) != NmtState::operational)) co_return false;
   if (seat.guarded) {
     const auto guarded = co_await co::guard_once(s_.dispatcher, id, s_.bus.timing.guard_timeout, s_.bus.timing.tries);
     co_return guarded && guarded->state == NmtState::operational;
   }
   // One that was out of reach answers questions before its next heartbeat tells its state.
+  const rt::Time asked = s_.executor.now();
+  const auto told = [&] { return beats(id) && (!alone || *s_.boots.heard(id) > asked); };
   const rt::Duration period = s_.bus.timing.heartbeat_period;
-  const rt::Time deadline = s_.executor.now() + period + period / 4;
-  while (!beats(id) && s_.executor.now() < deadline) {
+  const rt::Time deadline = asked + period + period / 4;
+  while (!told() && s_.executor.now() < deadline) {
     co_await rt::sleep_for(period / 16 + std::chrono::milliseconds(1));
   }
-  co_return beats(id) && s_.boots.state(id) == NmtState::operational;
+  co_return told() && s_.boots.state(id) == NmtState::operational;
 }
 
 bool Starter::beats(NodeId id) const noexcept {

@@ -49,6 +49,19 @@ TEST(Analyze, ErrorsFifosAndTheUsualFormulaMakeItLater) {
   EXPECT_GT(worst({"--usual"}), plain);
 }
 
+TEST(Analyze, APlotHasARowForEachMessage) {
+  const Folder folder;
+  const std::string file = folder.file("bounds.svg");
+  const Outcome run = berth({"analyze", example("by-eds.toml"), "--json", "--plot", file});
+  EXPECT_EQ(run.status, 0) << run.err;
+  const std::string svg = contents(file);
+  std::size_t bars = 0;
+  for (auto at = svg.find("<rect x="); at != std::string::npos; at = svg.find("<rect x=", at + 1)) ++bars;
+  EXPECT_EQ(bars, json::parse(run.out).at("buses").at(0).at("messages").size());
+  EXPECT_NE(svg.find("181h sensor 1, TPDO 1"), std::string::npos) << svg;
+  EXPECT_EQ(berth({"analyze", example("by-eds.toml"), "--plot", folder.file("no/such/folder.svg")}).status, 3);
+}
+
 TEST(Analyze, WrongUse) {
   EXPECT_EQ(berth({"analyze", example("by-eds.toml"), "--bus", "no"}).status, 2);
   EXPECT_EQ(berth({"analyze", example("by-eds.toml"), "--fifo", "no"}).status, 2);

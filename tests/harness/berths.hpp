@@ -16,7 +16,9 @@ namespace berth::harness {
 // One bus, its devices, and Berths with a slot table of their own each.
 class Berths : private can::Tap, private plant::World::Observer {
  public:
-  Berths(const design::Machine& machine, const plant::PlantFile& file, const std::vector<std::uint8_t>& priorities) {
+  // Not `flying`: one Berth, which is the only master of its bus.
+  Berths(const design::Machine& machine, const plant::PlantFile& file, const std::vector<std::uint8_t>& priorities,
+         bool flying = true) {
     Findings findings;
     const std::vector<plant::BusRate> rates{{"backbone", machine.buses[0].bitrate}};
     world_ = plant::World::make(file, rates, findings);
@@ -26,7 +28,7 @@ class Berths : private can::Tap, private plant::World::Observer {
       auto& one = *berths_.emplace_back(std::make_unique<One>());
       one.machine = machine;
       one.machine.buses[0].master = NodeId(static_cast<std::uint8_t>(127 - i));
-      one.machine.buses[0].flying = design::FlyingBus{priorities[i], {}};
+      if (flying) one.machine.buses[0].flying = design::FlyingBus{priorities[i], {}};
     }
     world_->start();
   }
@@ -40,6 +42,9 @@ class Berths : private can::Tap, private plant::World::Observer {
   using Between = std::function<can::Port*(std::size_t, can::Port&)>;
   void put_between(Between between) { between_ = std::move(between); }
 
+  // What the machine's links want of the slots' devices, from the next `begin` on.
+  void settle(operate::SlotSettings settings) { settings_ = std::move(settings); }
+
   void begin(std::size_t i) {
     One& one = *berths_[i];
     one.port = world_->attach_master("backbone");
@@ -48,7 +53,7 @@ class Berths : private can::Tap, private plant::World::Observer {
     can::Port& port = between_ ? *between_(i, *one.port) : *one.port;
     one.network = std::make_unique<operate::Network>(world_->executor(), port, one.machine.buses[0],
                                                      one.machine.specs("backbone"), one.store, observer);
-    if (!one.network->open()) std::abort();
+    if (!one.network->open(settings_)) std::abort();
     one.network->start();
   }
   // It dies where it stands.
@@ -64,11 +69,18 @@ class Berths : private can::Tap, private plant::World::Observer {
     world_->bus("backbone")->split(side);
     for (const auto* controller : side) side_.insert(controller->number());
   }
+  // This device on one side, the rest on the other.
+  void cut_off(plant::SimDevice& device) {
+    std::vector<sim::Controller*> side{&device.controller()};
+    world_->bus("backbone")->split(side);
+    side_ = {device.controller().number()};
+  }
   void join() {
     world_->bus("backbone")->join();
     side_.clear();
   }
   [[nodiscard]] bool leads(std::size_t i) const {
+    if (!berths_[i]->machine.buses[0].flying) return runs(i);
     const auto master = berths_[i]->network ? berths_[i]->network->services().master : std::nullopt;
     return master && master->here;
   }
@@ -77,6 +89,7 @@ class Berths : private can::Tap, private plant::World::Observer {
   [[nodiscard]] bool operational(std::size_t i) const {
     return berths_[i]->network->operational() && berths_[i]->network->idle();
   }
+  [[nodiscard]] std::size_t count() const noexcept { return berths_.size(); }
   bool run_until(const std::function<bool()>& done, rt::Duration limit = 120s) {
     return world_->sim().run_until(done, limit);
   }
@@ -133,12 +146,18 @@ class Berths : private can::Tap, private plant::World::Observer {
       const auto id = device->device().node_id();
       const bool hears = side_.contains(sender) == side_.contains(device->controller().number());
       const bool meant = hears && id.configured() && (frame.data[1] == 0 || frame.data[1] == id.value());
-      if (!meant || !since || *since >= at) continue;
+      if (!meant || !since || *since >= at || !alone(*device)) continue;
       ++second_starts;
       started_again_ +=
           fmt::format("{:.3f} s: {} (node-ID {}), operational since {:.3f} s, is started by controller {}\n",
                       seconds(at), device->name(), id.value(), seconds(*since), sender);
     }
+  }
+  // What is said to another device under its node-ID, which its slot was given to while it was away, is another story.
+  [[nodiscard]] bool alone(const plant::SimDevice& device) const {
+    return std::ranges::none_of(world_->devices(), [&](const auto& other) {
+      return other.get() != &device && other->powered() && other->device().node_id() == device.device().node_id();
+    });
   }
   void plant_changed(const plant::SimDevice& device) noexcept override {
     auto& since = runs_since_[&device];
@@ -150,6 +169,7 @@ class Berths : private can::Tap, private plant::World::Observer {
 
   std::unique_ptr<plant::World> world_;
   Between between_;
+  operate::SlotSettings settings_;
   std::vector<std::unique_ptr<One>> berths_;
   std::map<int, std::map<std::uint32_t, unsigned>> sent_;
   std::string started_again_;  // for people

@@ -208,3 +208,38 @@ TEST(Supervision, ALossEndsASearchByRandForAWhile) {
   EXPECT_LT(searched.found(), searched.devices + 1) << "the search was over before";
   ASSERT_TRUE(rig.until_operational(600s)) << rig.log();
 }
+
+// A cable came off for a second, and `replacement = "auto"` had freed the slot: the device ran on, and is bound there
+// again and not started a second time.
+TEST(Supervision, ADeviceThatRanOnOutOfReachIsNotStartedAgain) {
+  struct Starts final : can::Tap {
+    void frame(const can::Frame& f, rt::Time, int) noexcept override { count += f.key() == 0 && f.data[0] == 1; }
+    unsigned count = 0;
+  };
+  auto machine = one_bus(125'000);
+  add_slot(machine, 3, type_b);
+  machine.slots.back().spec.replacement = places::Replacement::automatic;
+  auto plant = one_bus_plant(1);
+  add_device(plant, "d", type_b, 7);
+  Rig rig(machine, plant);
+  rig.begin();
+  ASSERT_TRUE(rig.until_operational(20s)) << rig.log();
+  Starts starts;
+  auto& bus = *rig.world().bus("backbone");
+  bus.add_tap(starts);
+  std::vector<sim::Controller*> side{&rig.device("d").controller()};
+  bus.split(side);
+  ASSERT_TRUE(rig.run_until([&] { return rig.state(3) == SlotState::empty; }, 20s)) << rig.log();
+  bus.join();
+  EXPECT_TRUE(rig.until_operational(30s)) << rig.log();
+  EXPECT_EQ(starts.count, 0U) << rig.log();
+  // One that restarted meanwhile is.
+  bus.split(side);
+  ASSERT_TRUE(rig.run_until([&] { return rig.state(3) == SlotState::empty; }, 20s)) << rig.log();
+  rig.device("d").reset();
+  bus.join();
+  EXPECT_TRUE(rig.until_operational(30s)) << rig.log();
+  EXPECT_EQ(rig.device("d").truth().state, NmtState::operational);
+  EXPECT_EQ(starts.count, 1U) << rig.log();
+  bus.remove_tap(starts);
+}

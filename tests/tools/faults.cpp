@@ -1,7 +1,8 @@
 // ./run faults [--from SEED] [--count N]: seeded random plants with random faults. Prints how often each fault hit each
 // phase, and for a failure the plant file that replays it. Then the same for each method of discovery by itself, and
 // for the negotiation: as many worlds of each as a tenth of N; `--method NAME`: N worlds of this one only ("all",
-// "none").
+// "none"). Then worlds of programs, configurations, links and take-over, as many as a tenth of N; `--intelligence`: N
+// worlds of these only.
 #include <sys/wait.h>
 #include <unistd.h>
 #include <algorithm>
@@ -16,6 +17,7 @@
 #include <fstream>
 #include <sstream>
 
+#include "tests/harness/intelligence_world.hpp"
 #include "tests/harness/method_world.hpp"
 #include "tests/harness/run_world.hpp"
 
@@ -33,6 +35,7 @@ struct Options {
   bool main_job = true;
   std::uint64_t method_count = 200;           // worlds of each row
   int first_row = 0, last_row = method_rows;  // excluded
+  std::uint64_t intelligence_count = 220;     // worlds of programs, configurations, links and take-over
   bool complete = true;                       // fail when a cell of the matrix has too few hits
 };
 
@@ -203,6 +206,61 @@ MethodTally work_methods(const Options& o, unsigned worker) {
   return tally;
 }
 
+struct IntelligenceTally {
+  std::array<std::array<unsigned, stages>, stage_kinds> hits{};
+  std::uint64_t runs = 0, failures = 0, differ = 0;
+};
+
+// Faults are left out as long as it fails, however it fails.
+IntelligencePlan shrink(IntelligencePlan plan) {
+  for (std::size_t i = plan.faults.size(); i-- > 0;) {
+    IntelligencePlan smaller = plan;
+    smaller.faults.erase(smaller.faults.begin() + static_cast<std::ptrdiff_t>(i));
+    if (!run_intelligence_world(smaller).failure.empty()) plan = smaller;
+  }
+  return plan;
+}
+
+void report_failure(const IntelligencePlan& plan, const std::string& failure, const Options& o) {
+  const auto seed = static_cast<unsigned long long>(plan.seed);
+  std::printf("intelligence, seed %llu: %s\n", seed, failure.c_str());
+  if (o.brief) return;
+  const IntelligencePlan small = shrink(plan);
+  const auto again = run_intelligence_world(small, o.show);
+  std::printf(
+      "  shrunk: %s; %zu slots, %zu Berths\n  replay: ./run faults --intelligence --from %llu --count 1 --show\n",
+      again.failure.c_str(), small.slots(), small.priorities.size(), seed);
+  for (const auto& f : small.faults) std::printf("    %s in %s, %u skipped\n", name(f.kind), name(f.stage), f.skip);
+  if (o.show) std::printf("%s\n", again.log.c_str());
+}
+
+IntelligenceTally work_intelligence(const Options& o, unsigned worker) {
+  IntelligenceTally tally;
+  for (std::uint64_t seed = o.from + worker; seed < o.from + o.intelligence_count; seed += o.workers) {
+    const IntelligencePlan plan = IntelligencePlanner(seed).make();
+    const auto outcome = run_intelligence_world(plan);
+    ++tally.runs;
+    sum(tally.hits, outcome.hits);
+    if (run_intelligence_world(plan).hash != outcome.hash) {
+      ++tally.differ;
+      std::printf("intelligence, seed %llu: two runs differ\n", static_cast<unsigned long long>(seed));
+    }
+    if (!outcome.failure.empty()) {
+      ++tally.failures;
+      report_failure(plan, outcome.failure, o);
+    }
+    std::fflush(stdout);
+  }
+  return tally;
+}
+
+void add(IntelligenceTally& total, const IntelligenceTally& part) {
+  total.runs += part.runs;
+  total.failures += part.failures;
+  total.differ += part.differ;
+  sum(total.hits, part.hits);
+}
+
 void add(Tally& total, const Tally& part) {
   total.runs += part.runs;
   total.failures += part.failures;
@@ -365,11 +423,31 @@ bool main_job(const Options& o) {
   return t.failures == 0 && t.differ == 0 && enough && t.runs > 0;
 }
 
+bool intelligence(const Options& o) {
+  const auto began = std::chrono::steady_clock::now();
+  const IntelligenceTally t = side_by_side(o, work_intelligence);
+  std::printf("\n%-16s", "fault \\ stage");
+  for (int s = 0; s < stages; ++s) std::printf("%15s", name(static_cast<Stage>(s)));
+  std::printf("\n");
+  for (int f = 0; f < stage_kinds; ++f) {
+    std::printf("%-16s", name(static_cast<StageKind>(f)));
+    for (int s = 0; s < stages; ++s) std::printf("%15u", t.hits[f][s]);
+    std::printf("\n");
+  }
+  std::printf(
+      "%llu worlds of programs, configurations, links and take-over, each run twice, from seed %llu; %llu differed; "
+      "%llu failed\n",
+      static_cast<unsigned long long>(t.runs), static_cast<unsigned long long>(o.from),
+      static_cast<unsigned long long>(t.differ), static_cast<unsigned long long>(t.failures));
+  print_speed(t.runs, began, o.workers);
+  return t.failures == 0 && t.differ == 0 && t.runs > 0;
+}
+
 }  // namespace
 
 int main(int argc, char** argv) {
   Options o;
-  bool counted = false;
+  bool counted = false, only_methods = false, only_intelligence = false;
   for (int i = 1; i < argc; ++i) {
     const auto value = [&] { return i + 1 < argc ? std::strtoull(argv[++i], nullptr, 0) : 0ULL; };
     if (std::strcmp(argv[i], "--from") == 0) {
@@ -383,12 +461,17 @@ int main(int argc, char** argv) {
       o.show = true;
     } else if (std::strcmp(argv[i], "--brief") == 0) {
       o.brief = true;
+    } else if (std::strcmp(argv[i], "--intelligence") == 0) {
+      only_intelligence = true;
     } else if (std::strcmp(argv[i], "--method") == 0 && i + 1 < argc && choose_method(o, argv[i + 1])) {
       ++i;
+      only_methods = true;
     } else {
-      std::fprintf(stderr,
-                   "usage: faults [--from SEED] [--count N] [--method NAME|all|none] [--workers N] [--show] [--brief]\n"
-                   "methods:");
+      std::fprintf(
+          stderr,
+          "usage: faults [--from SEED] [--count N] [--method NAME|all|none | --intelligence] [--workers N] [--show] "
+          "[--brief]\n"
+          "methods:");
       for (int row = 0; row < method_rows; ++row) std::fprintf(stderr, " %s", row_name(row).c_str());
       std::fprintf(stderr, "\n");
       return 2;
@@ -397,7 +480,9 @@ int main(int argc, char** argv) {
   if (o.workers == 0) o.workers = 1;
   o.complete = o.count >= 2200;
   if (counted) o.method_count = o.main_job ? (o.count + 9) / 10 : o.count;
+  if (counted) o.intelligence_count = only_intelligence ? o.count : o.method_count;
   bool good = true;
+  if (only_intelligence) return intelligence(o) ? 0 : 1;
   if (o.main_job) good = main_job(o);
   if (o.first_row < o.last_row) {
     const auto began = std::chrono::steady_clock::now();
@@ -405,5 +490,6 @@ int main(int argc, char** argv) {
     good = print_methods(t, o) && good;
     print_speed(t.runs, began, o.workers);
   }
+  if (!only_methods) good = intelligence(o) && good;
   return good ? 0 : 1;
 }
