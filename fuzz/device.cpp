@@ -137,7 +137,7 @@ extern "C" int LLVMFuzzerTestOneInput(const std::uint8_t* data, std::size_t size
   const bool full = (kind & 128U) != 0;
   static const auto whole = everything();
   const auto& description = full ? whole : device::minimal_description();
-  device::SimFlash flash(world.executor(), device::Device::memory_size(*description), milliseconds(kind & 32U ? 4 : 0));
+  device::SimFlash flash(world.executor(), device::memory_size(*description), milliseconds(kind & 32U ? 4 : 0));
   device::TimedPort port(world.executor(), *controller, timing, Random(kind));
   can::Dispatcher dispatcher(world.executor(), port);
   device::Options options{.address = {1, 2, 3, 4}, .node_id = NodeId(kind & 64U ? 0xFF : 9), .bit_rate = 500'000};
@@ -165,7 +165,7 @@ extern "C" int LLVMFuzzerTestOneInput(const std::uint8_t* data, std::size_t size
         } else if (full && (what & 7U) == 2) {
           const auto doing = in.byte();
           device.variable<std::uint32_t>({0x2000, 0}).set(doing);
-          device.tpdo_event(doing & 3U);
+          device.services().event(doing & 3U);
           if ((doing & 4U) != 0) device.errors().raise(static_cast<std::uint16_t>(0xFF00U + doing), 0x80);
           if ((doing & 8U) != 0) device.errors().clear(static_cast<std::uint16_t>(0xFF00U + doing - 8U));
           device.errors().behave(doing >> 6U);

@@ -34,7 +34,7 @@ std::string reason(const plant::SimDevice& device) {
   if (!truth.powered) return "no power";
   if (truth.active.configured()) return {};
   if (truth.booting) return "boots";
-  const auto* negotiator = device.device().negotiator();
+  const auto* negotiator = device.device().schemes().negotiator();
   if (negotiator == nullptr) return "waits for a master to give it one";
   if (negotiator->state() == nodeid::Negotiating::exhausted) return nodeid::name(negotiator->state());
   return fmt::format("negotiates: {}", nodeid::name(negotiator->state()));
@@ -61,7 +61,7 @@ class NodeIds final : public plant::World::Observer {
     if (truth.powered) powered_.insert(truth.name);
     if (truth.active == before && !pulled) return;
     before = truth.active;
-    const auto* negotiator = device.device().negotiator();
+    const auto* negotiator = device.device().schemes().negotiator();
     std::string why;
     if (pulled) {
       why = truth.plugged ? "no power" : "unplugged";

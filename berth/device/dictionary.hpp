@@ -30,7 +30,7 @@ struct DeviceObjects {
 };
 /// 1000h, 1001h, 1003h, 1008h, (1009h, 100Ah), 100Ch, 100Dh, 1014h..1018h, 1029h, 1200h.
 void add_device(od::DescriptionBuilder& builder, const DeviceObjects& objects = {});
-/// 1010h and 1011h with sub-indices 1..4, 1020h. Say so before the `Device` gets its memory: `Device::memory_size`.
+/// 1010h and 1011h with sub-indices 1..4, 1020h. Say so before the `Device` gets its memory: `memory_size`.
 void add_storage(od::DescriptionBuilder& builder);
 /// 1005h, 1006h, 1007h, 1019h: a consumer of SYNC 080h that 1005h bit 30 makes a producer.
 void add_sync(od::DescriptionBuilder& builder);

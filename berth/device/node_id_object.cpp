@@ -1,48 +1,52 @@
-// A node-ID that is an object: how devices without LSS are often told theirs (paper 4, S4.2). Written, kept in
-// non-volatile memory (with a signature in another object where the maker wants one) and in use after a reset.
-#include <algorithm>
+#include "berth/device/node_id_object.hpp"
 
-#include "berth/base/bytes.hpp"
-#include "berth/device/device.hpp"
+#include <algorithm>
 
 namespace berth::device {
 
-od::AbortCode Device::writing_node_id(ObjectRef ref, std::span<const std::uint8_t> value) noexcept {
-  const auto& signature = options_.node_id_signature;
-  const bool is_id = options_.node_id_object == ref;
+NodeIdObject::NodeIdObject(od::Values& values, co::SdoServers& sdo, const Options& options, LssSlave& lss,
+                           const StoredObjects& stored)
+    : values_(&values), sdo_(&sdo), options_(&options), lss_(&lss), stored_(&stored) {
+  const auto id = options.node_id_object->index;
+  values.attach(*this, id);
+  if (options.node_id_signature && options.node_id_signature->object.index != id) {
+    values.attach(*this, options.node_id_signature->object.index);
+  }
+}
+
+void NodeIdObject::show() noexcept { values_->set(*options_->node_id_object, lss_->active().node_id.value()); }
+
+od::AbortCode NodeIdObject::writing(const od::Values&, ObjectRef ref, std::span<const std::uint8_t> value) noexcept {
+  const auto& signature = options_->node_id_signature;
+  const bool is_id = options_->node_id_object == ref;
   const bool signs = signature && signature->object == ref;
   if ((!is_id && !signs) || value.empty()) return od::AbortCode::none;
-  if (storing()) return od::AbortCode::device_state;
-  if (signs) {
-    std::uint64_t given = 0;
-    for (std::size_t i = 0; i < std::min<std::size_t>(value.size(), 8); ++i) {
-      given |= std::uint64_t{value[i]} << (8 * i);
-    }
-    if (given != signature->value) return od::AbortCode::not_stored;
-    const auto id = NodeId::make(values_.get_or<std::uint8_t>(*options_.node_id_object, NodeId::unconfigured_value));
-    return id && id->configured() ? keep_node_id(ref, *id) : od::AbortCode::not_stored;
-  }
+  if (stored_->storing()) return od::AbortCode::device_state;
+  if (signs) return sign(ref, value);
   const auto id = NodeId::make(value[0]);
   const bool rest = std::ranges::any_of(value.subspan(1), [](auto byte) { return byte != 0; });
   if (!id || !id->configured() || rest) return od::AbortCode::invalid_value;
-  return signature ? od::AbortCode::none : keep_node_id(ref, *id);
+  return signature ? od::AbortCode::none : keep(ref, *id);
+}
+
+od::AbortCode NodeIdObject::sign(ObjectRef ref, std::span<const std::uint8_t> value) noexcept {
+  std::uint64_t given = 0;
+  for (std::size_t i = 0; i < std::min<std::size_t>(value.size(), 8); ++i) given |= std::uint64_t{value[i]} << (8 * i);
+  if (given != options_->node_id_signature->value) return od::AbortCode::not_stored;
+  const auto id = NodeId::make(values_->get_or<std::uint8_t>(*options_->node_id_object, NodeId::unconfigured_value));
+  return id && id->configured() ? keep(ref, *id) : od::AbortCode::not_stored;
 }
 
 // Answered when it is in memory: what uses the node-ID from the next reset on has it for good.
-od::AbortCode Device::keep_node_id(ObjectRef ref, NodeId id) noexcept {
-  lss::Settings settings = lss_->pending();
-  settings.node_id = id;
-  if (store(settings)) return od::AbortCode::hardware;  // answered at once: it was refused
-  lss_->set_pending(id);
-  storing_ = ref;
-  keeps_node_id_ = true;
+od::AbortCode NodeIdObject::keep(ObjectRef ref, NodeId id) noexcept {
+  if (!lss_->keep(id, static_cast<NvMemory::Done&>(*this))) return od::AbortCode::hardware;
+  awaited_ = ref;
   return od::AbortCode::pending;
 }
 
-void Device::node_id_kept(bool ok) noexcept {
-  keeps_node_id_ = false;
-  if (ok) values_.set(*options_.node_id_object, lss_->pending().node_id.value());
-  sdo_.complete(storing_, ok ? od::AbortCode::none : od::AbortCode::hardware);
+void NodeIdObject::written(bool ok) noexcept {
+  if (ok) values_->set(*options_->node_id_object, lss_->pending().node_id.value());
+  sdo_->complete(awaited_, ok ? od::AbortCode::none : od::AbortCode::hardware);
 }
 
 }  // namespace berth::device

@@ -1,5 +1,6 @@
-/// The services of CiA 301 that a device has only when its dictionary has their objects. Made by
-/// `Device::make_services`.
+/// The services of CiA 301 that go by the dictionary: the SDO servers, and PDO, SYNC, TIME and the emergency consumer
+/// when it has their objects. They run in the NMT states that have them (`co::Services`), tell the application what
+/// they hear, and report their errors to the device's.
 #pragma once
 
 #include <cstddef>
@@ -8,21 +9,46 @@
 #include "berth/co/emcy_list.hpp"
 #include "berth/co/nmt.hpp"
 #include "berth/co/pdo.hpp"
+#include "berth/co/sdo_servers.hpp"
 #include "berth/co/sync.hpp"
 #include "berth/co/time_stamp.hpp"
+#include "berth/device/application.hpp"
+#include "berth/device/errors.hpp"
 
 namespace berth::device {
 
-/// Each is null without its objects.
-struct ObjectServices {
-  std::unique_ptr<co::Pdos> pdos;           ///< 1400h to 1BFFh
-  std::unique_ptr<co::Sync> sync;           ///< 1005h
-  std::unique_ptr<co::TimeStamp> time;      ///< 1012h
-  std::unique_ptr<co::EmcyList> emcy_list;  ///< 1028h
+class ObjectServices final : public Errors::Owner {
+ public:
+  /// `pdos`: what `co::Pdos` is made with. All must outlive it.
+  ObjectServices(can::Dispatcher& dispatcher, od::Values& values, Application& application, co::ServiceOwner& owner,
+                 const co::Pdos::Options& pdos);
 
-  /// The device enters an NMT state that has the services `now`, from one that had `was`.
+  /// The device, which has the node-ID `id`, enters an NMT state that has the services `now`, from one that had `was`.
   void change(const co::Services& was, const co::Services& now, NodeId id) noexcept;
+
+  /// An event of TPDO 1..512 (types 00h, FEh, FFh); false when it is not active or knows no events.
+  bool event(unsigned tpdo) noexcept { return pdos_ && pdos_->event(tpdo); }
+  /// The object's value was changed by the local side: an event of the TPDOs that map it. False: none does.
+  bool changed(ObjectRef object) noexcept { return pdos_ && pdos_->changed(object); }
+  /// Sends a TIME message; `closed`: no producer (1012h bit 30), or not in a state with TIME.
+  can::Queued send_time(const co::TimeOfDay& time) noexcept { return time_ ? time_->send(time) : can::Queued::closed; }
+  [[nodiscard]] co::SdoServers& sdo() noexcept { return sdo_; }
+  /// Null when the dictionary has none (1400h to 1BFFh).
+  [[nodiscard]] co::Pdos* pdos() noexcept { return pdos_.get(); }
+  /// As a consumer of SYNC: none came for 1.5 times 1006h.
+  [[nodiscard]] bool sync_missing() const noexcept { return sync_ && sync_->missing(); }
+
+  /// Bytes beyond itself.
   [[nodiscard]] std::size_t memory() const noexcept;
+
+ private:
+  void value_changed(ObjectRef object) noexcept override { changed(object); }
+
+  co::SdoServers sdo_;
+  std::unique_ptr<co::Pdos> pdos_;           // 1400h to 1BFFh
+  std::unique_ptr<co::Sync> sync_;           // 1005h
+  std::unique_ptr<co::TimeStamp> time_;      // 1012h
+  std::unique_ptr<co::EmcyList> emcy_list_;  // 1028h
 };
 
 }  // namespace berth::device

@@ -157,7 +157,7 @@ SignalSide GatewayDevice::signal_side(std::uint8_t number) {
   device::Device* const device = &side(number);
   SignalSide made;
   made.values = &device->values();
-  made.changed = [device](ObjectRef object) { device->value_changed(object); };
+  made.changed = [device](ObjectRef object) { device->services().changed(object); };
   made.port = number == 0 ? &port_ : &buses_[number - 1U]->port_;
   made.silence = [device](ObjectRef object, bool on) { silence(device->values(), object, on); };
   return made;

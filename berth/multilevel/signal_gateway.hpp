@@ -1,8 +1,9 @@
 /// The engine of a signal gateway (paper 3 Figure 14; docs/multilevel.md §Signals): values of received PDOs become
 /// values of other objects on other buses, and those are sent as the TPDOs there say.
 ///
-///     std::vector<SignalSide> sides{{&upper.values(), [&](ObjectRef ref) { upper.value_changed(ref); }},
-///                                   {&lower.values(), [&](ObjectRef ref) { lower.value_changed(ref); }, &lower_port}};
+///     std::vector<SignalSide> sides{{&upper.values(), [&](ObjectRef ref) { upper.services().changed(ref); }},
+///                                   {&lower.values(), [&](ObjectRef ref) { lower.services().changed(ref); },
+///                                   &lower_port}};
 ///     SignalGateway gateway(executor, sides, table);
 ///     for (std::size_t i = 0; i < table.size(); ++i)
 ///       device_of(table[i].from).on_write(table[i].source, [&, i] { gateway.received(i); });

@@ -10,7 +10,7 @@ PortDevice::PortDevice(PortDevices& all, rt::Executor& executor, const PlantDevi
     : all_(&all),
       plan_(plan),
       timing_(timing_of(plan)),
-      flash_(executor, device::Device::memory_size(*described.description, parameter_group_of(plan)),
+      flash_(executor, device::memory_size(*described.description, parameter_group_of(plan)),
              timing_.in_world(plan.storing.time)),
       program_flash_(program_flash_of(plan, executor)),
       port_(std::move(port)),

@@ -39,7 +39,7 @@ void refuse(Findings& findings, std::string key, std::string message, std::strin
 /// The memory as the next power-on will find it.
 std::vector<std::uint8_t> kept_image(const device::SimFlash& flash, const SimDevice::NextPowerOn& next) {
   std::vector<std::uint8_t> image(flash.image().begin(), flash.image().end());
-  const auto record = std::min(image.size(), device::Device::parameters_at);
+  const auto record = std::min(image.size(), device::parameters_at);
   if (next.node_id) std::fill_n(image.begin(), record, std::uint8_t{0xFF});
   return image;
 }
@@ -70,7 +70,7 @@ SimDevice::SimDevice(World& world, sim::Bus& bus, const PlantDevice& plan, const
       bus_(&bus),
       plan_(plan),
       timing_(timing_of(plan)),
-      flash_(bus.executor(), device::Device::memory_size(*description, parameter_group_of(plan)),
+      flash_(bus.executor(), device::memory_size(*description, parameter_group_of(plan)),
              timing_.in_world(plan.storing.time)),
       program_flash_(program_flash_of(plan, bus.executor())),
       controller_(bus.attach(controller_of(plan, bus))),
@@ -99,11 +99,11 @@ void SimDevice::switch_on() noexcept {
     device_.set_address(address);
   }
   if (next_.node_id) {
-    const auto rate = lss::bit_rate(device_.persistent().bit_rate).value_or(0);
+    const auto rate = lss::bit_rate(device_.lss().persistent().bit_rate).value_or(0);
     // A rate outside CiA's table is no stored value: it stays what the plan says.
     const bool stored = rate != 0 && lss::bit_rate_index(device_.options().bit_rate).has_value();
     device_.set_blank(*std::exchange(next_.node_id, std::nullopt), stored ? rate : device_.options().bit_rate);
-    flash_.erase(device::Device::parameters_at);  // what LSS stored; its parameters stay
+    flash_.erase(device::parameters_at);  // what LSS stored; its parameters stay
   }
   controller_->power(true);
   if (begin_wait()) return world_->tell(*this);  // a gateway boots when the buses beneath it have
@@ -183,13 +183,13 @@ Truth SimDevice::truth() const {
   Truth t;
   t.name = plan_.name;
   t.bus = bus_->name();
-  t.address = device_.address();
+  t.address = device_.lss().address();
   t.plugged = plugged_;
   t.powered = powered_;
   t.booting = device_.booting();
   t.active = device_.node_id();
-  t.pending = device_.pending().node_id;
-  t.persistent = device_.persistent().node_id;
+  t.pending = device_.lss().pending().node_id;
+  t.persistent = device_.lss().persistent().node_id;
   t.bit_rate = controller_->bit_rate();
   t.state = device_.state();
   t.memory_writes = flash_.writes_begun();

@@ -59,7 +59,8 @@ void DeviceImage::take() noexcept {
   for (const auto& line : inputs_) {
     const auto value = image.subspan(line.offset, line.size);
     if (std::equal(value.begin(), value.end(), line.from)) continue;
-    if (device_->values().set_bytes(line.object, value) == od::AbortCode::none) device_->value_changed(line.object);
+    if (device_->values().set_bytes(line.object, value) == od::AbortCode::none)
+      device_->services().changed(line.object);
   }
 }
 

@@ -58,7 +58,7 @@ void Objects::write(lua_State* state, ObjectRef ref) {
   const auto stored = device_.values().bytes(ref);
   const std::vector<std::uint8_t> before(stored.begin(), stored.end());
   store(state, ref, sub(ref));
-  if (!std::ranges::equal(before, device_.values().bytes(ref))) device_.value_changed(ref);
+  if (!std::ranges::equal(before, device_.values().bytes(ref))) device_.services().changed(ref);
 }
 
 void Objects::store(lua_State* state, ObjectRef ref, const od::SubObject& object) {

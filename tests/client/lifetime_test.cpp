@@ -199,7 +199,7 @@ TEST(ClientLifetime, ANodeDestroyedInItsOwnCallbacks) {
   run([](Rig& rig, auto end) {
     const auto pdo = rig.node->subscribe_as_described(1);
     (*pdo)->on_pdo([end](const auto&) { end(); });
-    rig.device->device.tpdo_event(1);
+    rig.device->device.services().event(1);
   });
 }
 

@@ -45,16 +45,16 @@ TEST(Device, HU_4_HU_5_LssGivesAnUnconfiguredDeviceItsNodeIdAndItBoots) {
   rig.give_id(address_of(5), 3);
   EXPECT_EQ(rig.record.text.back(), "7E4#1100000000000000");
   EXPECT_EQ(rig.record.count("703#00"), 0U);
-  EXPECT_EQ(node.device.pending().node_id, NodeId(3));
+  EXPECT_EQ(node.device.lss().pending().node_id, NodeId(3));
   EXPECT_FALSE(node.device.node_id().configured());
-  EXPECT_FALSE(node.device.persistent().node_id.configured());
+  EXPECT_FALSE(node.device.lss().persistent().node_id.configured());
   rig.ask("7E5#0400000000000000");
   EXPECT_EQ(rig.record.text.back(), "703#00");
   EXPECT_EQ(node.device.state(), NmtState::pre_operational);
   EXPECT_EQ(node.device.node_id(), NodeId(3));
   rig.ask("603#4018100400000000");
   EXPECT_EQ(rig.record.text.back(), "583#4318100405000000");
-  EXPECT_FALSE(node.device.persistent().node_id.configured()) << "not stored";
+  EXPECT_FALSE(node.device.lss().persistent().node_id.configured()) << "not stored";
   node.off();
   node.on();
   rig.run(milliseconds(5));
@@ -69,11 +69,11 @@ TEST(Device, StoredNodeIdOutlivesPowerAndIsReadWhole) {
   rig.give_id(address_of(5), 3);
   rig.send("7E5#1700000000000000");
   rig.run(milliseconds(6));
-  EXPECT_TRUE(node.device.storing());
+  EXPECT_TRUE(node.device.stored().storing());
   EXPECT_EQ(rig.record.count("7E4#1700000000000000"), 0U) << "answered when it is done";
   rig.run(milliseconds(4));
   EXPECT_EQ(rig.record.count("7E4#1700000000000000"), 1U);
-  EXPECT_EQ(node.device.persistent().node_id, NodeId(3));
+  EXPECT_EQ(node.device.lss().persistent().node_id, NodeId(3));
   EXPECT_FALSE(node.device.node_id().configured()) << "stored is not active";
   node.off();
   rig.run(milliseconds(5));
@@ -190,7 +190,7 @@ TEST(Device, FixedNodeIdRefusesConfiguration) {
   rig.ask("7E5#1700000000000000");
   rig.ask("000#8109");
   EXPECT_EQ(rig.record.text.back(), "709#00");
-  EXPECT_EQ(node.device.persistent().node_id, NodeId(9));
+  EXPECT_EQ(node.device.lss().persistent().node_id, NodeId(9));
 }
 
 TEST(Device, WithoutLssOrRandNothingIsAnswered) {
@@ -464,7 +464,7 @@ TEST(Device, BitTimingIsActivatedAfterTwiceTheDelay) {
   node.off();
   node.on();
   rig.run(milliseconds(5));
-  EXPECT_EQ(node.device.persistent().bit_rate, lss::BitRateIndex::kbit_250);
+  EXPECT_EQ(node.device.lss().persistent().bit_rate, lss::BitRateIndex::kbit_250);
   rig.ask("609#4000100000000000", milliseconds(10));
   EXPECT_EQ(rig.record.count("589#4300100000000000"), 1U) << "starts at the stored rate";
 }
@@ -525,7 +525,7 @@ TEST(Device, MastersOwnDevice) {
 TEST(Device, ObserverHearsOfEveryChange) {
   struct Watch final : Device::Observer {
     void device_changed(const Device& d) noexcept override {
-      seen.push_back({d.powered(), d.node_id().value(), d.pending().node_id.value(), d.state()});
+      seen.push_back({d.powered(), d.node_id().value(), d.lss().pending().node_id.value(), d.state()});
     }
     struct Seen {
       bool on;

@@ -58,7 +58,7 @@ static_assert(noexcept(std::declval<od::Values&>().write(ObjectRef{}, {})));
 static_assert(
     noexcept(std::declval<Device&>().errors().raise(0, 0)) && noexcept(std::declval<Device&>().errors().clear(0)));
 static_assert(noexcept(std::declval<Device&>().apply(co::NmtCommand::start)));
-static_assert(noexcept(std::declval<Device&>().tpdo_event(1)));
+static_assert(noexcept(std::declval<Device&>().services().event(1)));
 static_assert(noexcept(std::declval<Variable<float>&>().set(1)));
 static_assert(noexcept(std::declval<NvMemory::Done&>().written(true)));
 
@@ -169,7 +169,7 @@ TEST(Device, FramesAndResetsTakeNothingFromTheHeap) {
   for (int i = 0; i < 20; ++i) play();
   EXPECT_EQ(allocations, before);
   EXPECT_EQ(device.node_id(), NodeId(9));
-  EXPECT_EQ(device.persistent().node_id, NodeId(9));
+  EXPECT_EQ(device.lss().persistent().node_id, NodeId(9));
   EXPECT_GT(bare.sent - sent, 500U);
   EXPECT_GT(flash.writes_ended(), 40U);
 }
@@ -230,7 +230,7 @@ TEST(Device, EveryServiceTakesNothingFromTheHeapAndThrowsNothing) {
   ASSERT_GE(exceptions, 1U) << "the counter works";
   rt::Executor executor;
   BarePort bare(executor);
-  SimFlash flash(executor, Device::memory_size(*everything()), milliseconds(2));
+  SimFlash flash(executor, memory_size(*everything()), milliseconds(2));
   const Timing at_once{};
   TimedPort port(executor, bare, at_once, Random(1));
   can::Dispatcher dispatcher(executor, port);
@@ -277,7 +277,7 @@ TEST(Device, EveryServiceTakesNothingFromTheHeapAndThrowsNothing) {
       executor.advance(executor.now() + milliseconds(7));
       measured.set(++value);
       device.errors().raise(0xFF01, 0x80);
-      device.tpdo_event(1);
+      device.services().event(1);
       executor.advance(executor.now() + milliseconds(3));
       device.errors().clear(0xFF01);
     }

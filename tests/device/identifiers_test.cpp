@@ -223,7 +223,7 @@ TEST(Identifiers, SX_2_NegotiationGoesByTheLowestByteFirst) {
     ASSERT_TRUE(id.configured());
     const auto at = t.rig.record.first("7" + Rig::hex8(id.value()) + "#00");
     ASSERT_TRUE(at);
-    booted.emplace_back(*at, n->device.address());
+    booted.emplace_back(*at, n->device.lss().address());
   }
   std::ranges::sort(booted);
   EXPECT_EQ(booted[0].second, low_byte);

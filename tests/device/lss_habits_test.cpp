@@ -58,7 +58,7 @@ struct OneDevice : Rig {
     for (unsigned i = 0; i < values.size(); ++i) answers += answers_to(with(0x46 + i, values.at(i)));
     return answers;
   }
-  [[nodiscard]] bool configures() const { return node.device.lss_state() == lss::State::configuration; }
+  [[nodiscard]] bool configures() const { return node.device.lss().state() == lss::State::configuration; }
 
   Node node;
 };

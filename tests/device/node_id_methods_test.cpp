@@ -47,7 +47,7 @@ TEST(NodeIdMethods, S1_44_And) {
   EXPECT_EQ(l.ask("7C2#8000000000000000"), "7A0#0000000000000000");
   EXPECT_EQ(l.ask("7C2#8001000000000000"), "7A7#0000000000000000");
   EXPECT_EQ(l.ask("7C2#800C07080D0E0F10"), "7B0#0000000000000000");
-  EXPECT_EQ(l.node->device.and_identification(), nodeid::Identification::identified);
+  EXPECT_EQ(l.node->device.schemes().and_identification(), nodeid::Identification::identified);
   EXPECT_EQ(l.ask("7C2#8301000000000000"), "7C1#090A0B0C0D0E0F10");
   EXPECT_EQ(l.ask("1F940000#80000000"), "") << "RAND is off";
   EXPECT_EQ(l.ask("7C2#8000000000000000"), "");
@@ -86,8 +86,8 @@ TEST(NodeIdMethods, SlowDevicesWithOneReceiveBufferAreFoundByTheWalk) {
     EXPECT_EQ(report->end, nodeid::DiscoveryReport::End::complete);
     ASSERT_EQ(report->found.size(), 6U) << resume;
     for (const auto& n : nodes) {
-      EXPECT_EQ(std::ranges::count(report->found, n->device.address(), &nodeid::Walked::address), 1);
-      EXPECT_EQ(n->device.identification(), nodeid::Identification::identified);
+      EXPECT_EQ(std::ranges::count(report->found, n->device.lss().address(), &nodeid::Walked::address), 1);
+      EXPECT_EQ(n->device.schemes().identification(), nodeid::Identification::identified);
     }
   }
 }
@@ -101,8 +101,8 @@ TEST(Claiming, S2_4_OneDeviceClaimsAndBoots) {
   // NAME: bit 63, product 0708h: 08h << 40, 07h << 49; revision Ch: << 35; vendor 304h << 21; serial 0E0F10h.
   const std::uint64_t name =
       0x8000'0000'0000'0000 | 0x08ULL << 40 | 0x07ULL << 49 | 0x0CULL << 35 | 0x304ULL << 21 | 0x0E'0F10ULL;
-  ASSERT_NE(l.node->device.claimer(), nullptr);
-  EXPECT_EQ(l.node->device.claimer()->name(), name);
+  ASSERT_NE(l.node->device.schemes().claimer(), nullptr);
+  EXPECT_EQ(l.node->device.schemes().claimer()->name(), name);
   const auto id = static_cast<unsigned>(1 + name % 127);
   l.rig.run(wait);
   EXPECT_EQ(l.node->device.node_id().value(), id);
@@ -166,7 +166,7 @@ TEST(Claiming, S2_4_TwoClaimsAtOneMomentCollide) {
   p.rig.run(seconds(1));
   EXPECT_NE(p.nodes[0]->device.node_id(), p.nodes[1]->device.node_id()) << "after the storm the lower NAME keeps it";
   for (const auto& n : p.nodes) EXPECT_TRUE(n->device.node_id().configured());
-  EXPECT_EQ(p.nodes[0]->device.node_id().value(), p.nodes[0]->device.claimer()->name() % 127 + 1);
+  EXPECT_EQ(p.nodes[0]->device.node_id().value(), p.nodes[0]->device.schemes().claimer()->name() % 127 + 1);
 }
 
 // S2.4, S2.19: the same two devices by paper 2's negotiation: no error at all.

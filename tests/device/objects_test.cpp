@@ -181,7 +181,7 @@ TEST(Objects, OD_1021_OD_1022_StoredEds) {
   EXPECT_EQ(s.rig.read(0x1021, 0), Rig::refused(0x1021, 0, AbortCode::no_data));
   std::string eds = "[FileInfo]\r\nFileName=a.eds\r\n";
   while (eds.size() < 5000) eds += ";" + std::to_string(eds.size()) + "\n";
-  s.node.device.set_stored_eds({reinterpret_cast<const std::uint8_t*>(eds.data()), eds.size()});
+  s.node.device.stored().set_eds({reinterpret_cast<const std::uint8_t*>(eds.data()), eds.size()});
   EXPECT_EQ(s.upload(0x1021, 0), eds);
   EXPECT_EQ(s.upload(0x1022, 0), std::string(1, '\0')) << "0: ASCII, not compressed";
 }

@@ -57,7 +57,7 @@ struct Node {
        rt::Duration store_time = milliseconds(0),
        std::shared_ptr<const od::Description> description = minimal_description())
       : timing(how),
-        flash(world.executor(), Device::memory_size(*description), store_time),
+        flash(world.executor(), memory_size(*description), store_time),
         controller(bus.attach({.queue_depth = 16, .rx_depth = 16})),
         port(world.executor(), *controller, timing, Random(options.address.serial + 1)),
         dispatcher(world.executor(), port),

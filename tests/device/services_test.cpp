@@ -136,10 +136,10 @@ TEST(Services, ApplicationAndPdos) {
   measured.store(0x0103);
   s.rig.run(milliseconds(1));
   EXPECT_EQ(s.rig.record.text.size(), 1U);
-  EXPECT_TRUE(device.tpdo_event(1));
+  EXPECT_TRUE(device.services().event(1));
   s.rig.run(milliseconds(1));
   EXPECT_EQ(s.rig.record.text.back(), "189#0301");
-  EXPECT_FALSE(device.tpdo_event(3)) << "there is none";
+  EXPECT_FALSE(device.services().event(3)) << "there is none";
 }
 
 // The errors that a PDO, a SYNC and a lost frame are reported by appear in 1001h and 1003h as the device's own do.
@@ -234,7 +234,7 @@ TEST(Services, DestroyedInTheMiddleOfAnything) {
     b.variable(0x2001, {.type = DataType::unsigned16, .access = Access::rww, .mappable = true});
     add_rpdo(b, 1, {.map = {{{0x2001, 0}, 16}}, .event_timer_ms = 20});
     const auto d = b.build();
-    SimFlash flash(rig.world.executor(), Device::memory_size(*d), milliseconds(20));
+    SimFlash flash(rig.world.executor(), memory_size(*d), milliseconds(20));
     auto options = node9();
     options.bus_off_recovery = milliseconds(10);
     auto device = std::make_unique<Device>(dispatcher, d, &flash, options, &port, timing);
@@ -245,7 +245,7 @@ TEST(Services, DestroyedInTheMiddleOfAnything) {
     if (when == "lss store") {
       rig.give_id(address_of(5), 9);
       rig.ask("7E5#1700000000000000");
-      EXPECT_TRUE(device->storing());
+      EXPECT_TRUE(device->stored().storing());
     }
     if (when == "rpdo fault") {
       rig.ask("000#0109");
@@ -333,7 +333,7 @@ TEST(Services, SX_7_ItsOwnIdentifiersFromAnotherNode) {
   EXPECT_EQ(clock.rig.write(0x1012, 0, 4, 0x40000100), Rig::done(0x1012, 0));
   clock.rig.ask("100#000000000000");
   EXPECT_TRUE(clock.node.device.errors().active(co::emcy_code::id_collision)) << "two TIME producers";
-  EXPECT_EQ(clock.node.device.send_time({.milliseconds = 1, .days = 2}), can::Queued::yes);
+  EXPECT_EQ(clock.node.device.services().send_time({.milliseconds = 1, .days = 2}), can::Queued::yes);
   clock.rig.run(milliseconds(1));
   EXPECT_EQ(clock.rig.record.text.back(), "100#010000000200");
   auto deaf = node9();

@@ -216,10 +216,10 @@ TEST(Storage, TheAnswerComesWhenItIsStored) {
   Site s({}, milliseconds(40));
   s.set(700, 21, 61);
   EXPECT_EQ(s.rig.write(0x1010, 1, 4, save, milliseconds(39)), "");
-  EXPECT_TRUE(s.node.device.storing());
+  EXPECT_TRUE(s.node.device.stored().storing());
   s.rig.run(milliseconds(41 * 3));
   EXPECT_EQ(s.rig.record.text.back(), Rig::done(0x1010, 1));
-  EXPECT_FALSE(s.node.device.storing());
+  EXPECT_FALSE(s.node.device.stored().storing());
   s.node.flash.broken(true);
   EXPECT_EQ(s.rig.write(0x1010, 1, 4, save, milliseconds(200)), Rig::refused(0x1010, 1, AbortCode::hardware));
   EXPECT_EQ(s.rig.write(0x1011, 1, 4, load, milliseconds(200)), Rig::refused(0x1011, 1, AbortCode::hardware));
@@ -291,7 +291,7 @@ TEST(Storage, ResetInTheMiddleOfASave) {
       s.rig.send("609#2310100173617665");
       s.rig.run(milliseconds(at));
       s.rig.ask(reset, milliseconds(100));
-      EXPECT_FALSE(s.node.device.storing());
+      EXPECT_FALSE(s.node.device.stored().storing());
       s.power_cycle();
       const bool is_new = s.get(0x1017) == 800;
       new_seen += is_new ? 1 : 0;

@@ -27,7 +27,7 @@ std::vector<std::string> words_of(std::uint32_t save, std::uint32_t restore, boo
   const auto description = described(save, restore);
   const auto port = rig.bus.attach();
   can::Dispatcher dispatcher(rig.world.executor(), *port);
-  SimFlash flash(rig.world.executor(), Device::memory_size(*description), milliseconds(0));
+  SimFlash flash(rig.world.executor(), memory_size(*description), milliseconds(0));
   const Device device(dispatcher, description, memory ? &flash : nullptr, {.address = address_of(5)});
   return storage_words(device);
 }

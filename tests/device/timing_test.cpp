@@ -83,14 +83,14 @@ TEST(Timing, BootAndResetTakeTheirTime) {
   rig.run(milliseconds(299));
   rig.ask("7E5#0401000000000000", milliseconds(0));  // on the bus while it boots: not heard
   rig.run(milliseconds(5));
-  EXPECT_EQ(node.device.lss_state(), lss::State::waiting);
+  EXPECT_EQ(node.device.lss().state(), lss::State::waiting);
   EXPECT_EQ(rig.record.text.back(), "709#00");
   EXPECT_FALSE(node.device.booting());
   rig.record.clear();
   rig.ask("000#8209", milliseconds(20));
   EXPECT_FALSE(node.device.node_id().configured());
   rig.ask("7E5#0401000000000000", milliseconds(30));
-  EXPECT_EQ(node.device.lss_state(), lss::State::waiting) << "deaf during a reset";
+  EXPECT_EQ(node.device.lss().state(), lss::State::waiting) << "deaf during a reset";
   const auto gap = between(rig.record, "000#8209", "709#00");
   EXPECT_GE(gap, milliseconds(40));
   EXPECT_LT(gap, milliseconds(41));
@@ -107,7 +107,7 @@ TEST(Timing, SingleSlotLosesTheSecondOfTwoFramesBackToBack) {
     rig.send("7E5#0401000000000000");
     rig.send("7E5#5E00000000000000");
     rig.run(milliseconds(10));
-    EXPECT_EQ(node.device.lss_state(), lss::State::configuration);
+    EXPECT_EQ(node.device.lss().state(), lss::State::configuration);
     EXPECT_EQ(rig.record.count("7E4#5E09000000000000"), depth == 1 ? 0U : 1U);
     EXPECT_EQ(node.port.lost(), depth == 1 ? 1U : 0U);
     rig.ask("7E5#5E00000000000000");
@@ -166,7 +166,7 @@ TEST(Timing, PowerCycleNeeded) {
     rig.ask("000#8200");
     rig.ask("000#8100");
     EXPECT_EQ(node.device.node_id(), NodeId(old));
-    EXPECT_EQ(node.device.persistent().node_id, NodeId(3));
+    EXPECT_EQ(node.device.lss().persistent().node_id, NodeId(3));
     EXPECT_EQ(rig.record.count("703#00"), 0U);
     node.off();
     node.on();

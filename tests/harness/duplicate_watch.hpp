@@ -260,7 +260,7 @@ class DuplicateWatch final : public plant::World::Observer {
     // A memory written anew under the device's own node-ID is Berth's work too, LSS or configuration.
     // One that a reset or a loss of power cuts off leaves what was there.
     const bool written =
-        t.persistent != life.persistent || (t.memory_written != life.writes && !device.device().storing());
+        t.persistent != life.persistent || (t.memory_written != life.writes && !device.device().stored().storing());
     // One that comes with the node-ID of a slot while the slot's device saves its configuration (1010h) hears that,
     // too, and saves what it came with: no 11h told that node-ID to any device since it is on, and nothing was given to
     // it.

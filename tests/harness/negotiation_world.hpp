@@ -161,7 +161,7 @@ inline std::string negotiation_fault(const plant::World& world) {
   for (const auto& device : world.devices()) {
     const auto truth = device->truth();
     if (!truth.powered) continue;
-    const auto* negotiator = device->device().negotiator();
+    const auto* negotiator = device->device().schemes().negotiator();
     const bool full = negotiator != nullptr && negotiator->state() == nodeid::Negotiating::exhausted;
     if (!truth.active.configured()) {
       if (!full) {

@@ -158,7 +158,7 @@ struct MastersRig : can::Tap, device::Device::Observer {
     }
   }
   void device_changed(const device::Device& device) noexcept override {
-    const auto id = device.address().serial;
+    const auto id = device.lss().address().serial;
     auto& since = runs_since.at(id);
     if (device.state() != NmtState::operational || !device.powered()) {
       if (since) ++left_operational.at(id);

@@ -44,7 +44,7 @@ struct Station {
           std::vector<device::Preset> presets = {})
       : controller(bus.attach({.queue_depth = 16, .rx_depth = 16})),
         dispatcher(world.executor(), *controller),
-        flash(world.executor(), device::Device::memory_size(*description), 1ms),
+        flash(world.executor(), device::memory_size(*description), 1ms),
         device(dispatcher, std::move(description), &flash,
                {.address = {0x11, 0x22, 0x0002'0005, id},
                 .source = device::NodeIdSource::fixed,

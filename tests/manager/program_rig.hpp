@@ -56,7 +56,7 @@ struct Programmed final : device::SimFlash::Watcher, rt::Job {
       : controller(bus.attach({.queue_depth = 16, .rx_depth = 64})),
         dispatcher(world.executor(), *controller),
         description(programmed_description(spec.layout.count)),
-        memory(world.executor(), device::Device::memory_size(*description), 1ms),
+        memory(world.executor(), device::memory_size(*description), 1ms),
         flash(world.executor(), device::ProgramMemory::footprint(spec.layout), 0ns),
         device(dispatcher, description, &memory,
                {.address = {programmed_product.vendor, programmed_product.product, 1, id},

@@ -75,14 +75,14 @@ struct Signals : ::testing::Test {
                   device::Options{.address = {1, 1, 2, 3}, .node_id = NodeId(1), .send_tpdos_at_start = false});
     std::vector<SignalSide> sides(2);
     sides[0].values = &upper->values();
-    sides[0].changed = [this](ObjectRef ref) { upper->value_changed(ref); };
+    sides[0].changed = [this](ObjectRef ref) { upper->services().changed(ref); };
     sides[1].values = &lower->values();
-    sides[1].changed = [this](ObjectRef ref) { lower->value_changed(ref); };
+    sides[1].changed = [this](ObjectRef ref) { lower->services().changed(ref); };
     sides[1].port = &*port;
     sides[1].silence = [this](ObjectRef, bool on) {
       const auto id = lower->values().get_or<std::uint32_t>({0x1800, 1}, 0U);
       lower->values().set<std::uint32_t>({0x1800, 1}, on ? id | 0x8000'0000U : id & 0x7FFF'FFFFU);
-      lower->pdos()->refresh();
+      lower->services().pdos()->refresh();
     };
     gateway.emplace(world.executor(), sides, std::move(table));
     for (std::size_t i = 0; i < gateway->table().size(); ++i) {

@@ -79,7 +79,8 @@ class BitRate : public ::testing::Test {
   }
   [[nodiscard]] std::vector<std::uint32_t> stored() const {
     std::vector<std::uint32_t> all;
-    for (const auto& d : world_->devices()) all.push_back(lss::bit_rate(d->device().persistent().bit_rate).value_or(0));
+    for (const auto& d : world_->devices())
+      all.push_back(lss::bit_rate(d->device().lss().persistent().bit_rate).value_or(0));
     return all;
   }
   static std::string words(const BitRateReport& r) {
@@ -125,7 +126,7 @@ TEST_F(BitRate, WithoutConfirmationNothingIsChanged) {
   EXPECT_EQ(report.nodes.size(), 3U);
   EXPECT_EQ(rates(), (Rates{125'000, 125'000, 125'000}));
   EXPECT_EQ(port_->bit_rate(), 125'000U);
-  EXPECT_EQ(world_->find("a")->device().pending().bit_rate, lss::BitRateIndex::kbit_125);
+  EXPECT_EQ(world_->find("a")->device().lss().pending().bit_rate, lss::BitRateIndex::kbit_125);
 }
 
 TEST_F(BitRate, ADeviceWithoutLssIsNamedAndNothingIsChanged) {
@@ -215,7 +216,7 @@ TEST_F(BitRate, ADeviceThatDoesNotKnowTheRateIsNamed) {
   EXPECT_NE(report.nodes[1].problem.find("does not support"), std::string::npos) << words(report);
   EXPECT_TRUE(report.nodes[0].problem.empty()) << words(report);
   EXPECT_EQ(rates(), (Rates{125'000, 125'000, 125'000}));
-  EXPECT_EQ(world_->find("a")->device().pending().bit_rate, lss::BitRateIndex::kbit_125);
+  EXPECT_EQ(world_->find("a")->device().lss().pending().bit_rate, lss::BitRateIndex::kbit_125);
 }
 
 // Gone for good: named, and the others are back.

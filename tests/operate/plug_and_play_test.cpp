@@ -101,7 +101,7 @@ TEST_P(WhoeverComes, S4_20_IsFoundBoundAndStartedWithoutDisturbingTheOthers) {
   const auto step = [&](const std::function<bool()>& done) {
     return [&, done] {
       for (const char* name : {"d1", "d2", "d4", "d5"})
-        configuration = configuration || rig.device(name).device().lss_state() == lss::State::configuration;
+        configuration = configuration || rig.device(name).device().lss().state() == lss::State::configuration;
       return done();
     };
   };

@@ -93,9 +93,9 @@ class Partner {
       set<std::uint8_t>(0x2060, static_cast<std::uint8_t>(event.state));
       set<std::uint8_t>(0x2061, static_cast<std::uint8_t>(event.kind));
     };
-    device_.on_write({0x2000, 0}, [this] { device_.value_changed({0x2000, 0}); });
+    device_.on_write({0x2000, 0}, [this] { device_.services().changed({0x2000, 0}); });
     device_.on_write({0x2022, 0}, [this] {
-      device_.send_time({get<std::uint32_t>(0x2020), get<std::uint16_t>(0x2021)});
+      device_.services().send_time({get<std::uint32_t>(0x2020), get<std::uint16_t>(0x2021)});
     });
     device_.on_write({0x2030, 0}, [this] {
       device_.errors().raise(get<std::uint16_t>(0x2030), co::error_register::voltage, {1, 2, 3, 4, 5});

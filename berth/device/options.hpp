@@ -1,0 +1,63 @@
+/// What a device is made with.
+#pragma once
+
+#include <optional>
+#include <string>
+#include <vector>
+
+#include "berth/device/lss_habits.hpp"
+#include "berth/device/negotiation.hpp"
+#include "berth/device/node_id_methods.hpp"
+#include "berth/device/parameter_store.hpp"
+
+namespace berth::device {
+
+/// Where the node-ID comes from at power-on (S4.2).
+enum class NodeIdSource : std::uint8_t {
+  nonvolatile,  ///< from memory, `Options::node_id` while memory is blank; LSS changes it
+  fixed,        ///< firmware, switches or plug: LSS configure node-ID is answered "out of range"
+};
+
+/// An object whose write is believed only with this value: "save", a password.
+struct Signature {
+  ObjectRef object;
+  std::uint64_t value = 0;  ///< little-endian on the wire
+};
+
+/// How a device behaves as an LSS slave.
+struct LssOptions {
+  bool on = true;                                            ///< it is one
+  bool fastscan = true;                                      ///< answers LSS Fastscan (51h)
+  lss::Feedback feedback = lss::Feedback::none;              ///< with `fastscan`
+  std::uint16_t feedback_base = lss::default_feedback_base;  ///< `Feedback::base`: first of the sixteen identifiers
+  LssHabit habit = LssHabit::none;                           ///< as a known stack's slave does
+  std::uint64_t habit_seed = 0;                              ///< of what such a slave does at random
+  bool changes_at_waiting = false;  ///< a configured device takes a new node-ID already at `04 00`
+};
+
+struct Options {
+  LssAddress address{};  ///< identity, 1018h:01..04
+  NodeIdSource source = NodeIdSource::nonvolatile;
+  NodeId node_id{};            ///< fixed, or what blank memory counts as
+  std::uint32_t bit_rate = 0;  ///< what blank memory counts as, bit/s; 0 or not in CiA's table: the port's own is kept
+  LssOptions lss{};
+  RandMode rand = RandMode::on;
+  bool rand_resume = false;   ///< RAND's extension: answers for any prefix of its address (docs/rand.md)
+  bool and_protocol = false;  ///< answers AND
+  bool claim = false;         ///< claims a node-ID as SAE J1939-81 does when it has none
+  NegotiationMode negotiation = NegotiationMode::off;
+  nodeid::NegotiatorOptions negotiator{};  ///< with `negotiation`; its address and `literal` are the device's
+  bool detect_collision = true;            ///< reports another node that sends with its identifiers (EMCY 8150h; SX.7)
+  rt::Duration never_seen{0};        ///< a node in 1016h with no heartbeat for so long is told (`Callbacks`); 0 = no
+  rt::Duration bus_off_recovery{0};  ///< restarts its controller so long after bus-off; 0 = never
+  /// The node-ID is this object too (1 byte or more; the dictionary must have it): a write is stored at once, or with
+  /// the signature's, and in use after the next reset.
+  std::optional<ObjectRef> node_id_object{};
+  std::optional<Signature> node_id_signature{};
+  std::string name{};  ///< 1008h; empty: as described
+  std::vector<Preset> presets{};
+  GroupOf parameter_group = default_parameter_group;  ///< what 1010h stores, by sub-index
+  bool send_tpdos_at_start = true;                    ///< types FEh and FFh: once when operational is entered
+};
+
+}  // namespace berth::device

@@ -1,0 +1,52 @@
+/// The parts of a device, each of which owns its state: made with references to those above it in this list (services
+/// and errors know each other), and tried alone in `tests/device`. In which order they go on and off says `Lifecycle`.
+#pragma once
+
+#include <memory>
+
+#include "berth/device/application.hpp"
+#include "berth/device/bus_off.hpp"
+#include "berth/device/error_control.hpp"
+#include "berth/device/errors.hpp"
+#include "berth/device/host.hpp"
+#include "berth/device/lss_slave.hpp"
+#include "berth/device/node_id_object.hpp"
+#include "berth/device/node_id_schemes.hpp"
+#include "berth/device/object_services.hpp"
+#include "berth/device/own_identifiers.hpp"
+#include "berth/device/programming.hpp"
+#include "berth/device/stored_objects.hpp"
+
+namespace berth::device {
+
+/// What a device is put on. All must outlive it.
+struct Surroundings {
+  can::Dispatcher* dispatcher;
+  NvMemory* memory;  ///< null: nothing is stored
+  TimedPort* port;   ///< beneath the dispatcher, when it is this device's own; else null
+  Timing timing;
+  ProgramOptions programs;
+};
+
+struct Parts {
+  Parts(const Surroundings& on, const Options& options, od::Values& values, co::NmtSlave& nmt,
+        LssSlave::Owner& lss_owner, NodeIdSchemes::Owner& schemes_owner);
+
+  Host host;
+  Application application;
+  Errors errors;
+  ErrorControl error_control;
+  BusOffRecovery bus_off;
+  ObjectServices services;
+  LssSlave lss;
+  NodeIdSchemes schemes;
+  OwnIdentifiers own_identifiers;
+  StoredObjects stored;
+  std::unique_ptr<NodeIdObject> node_id_object;  ///< only with Options::node_id_object
+  std::unique_ptr<Programming> programming;      ///< only with a memory for programs
+
+  /// Bytes beyond itself.
+  [[nodiscard]] std::size_t memory() const noexcept;
+};
+
+}  // namespace berth::device
