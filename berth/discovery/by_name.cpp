@@ -32,7 +32,15 @@ rt::Task<Result<ByName>> assign_by_name(lss::Master& lss, LssAddress device, lss
   if (!alone) co_return fail(alone.error());
   result.not_alone = *alone == lss::Selection::not_alone;
   if (*alone != lss::Selection::alone) co_return result;
-  const NodeId id = options.assigner == nullptr ? NodeId() : options.assigner->assign(device);
+  bool wants = options.assigner != nullptr;
+  if (wants && options.inquire) {
+    const lss::ServiceOptions service{.retries = 2, .full_window = false};
+    const auto told = co_await lss.inquire_node_id(service);
+    const NodeId active = told ? NodeId::make(told->byte()).value_or(NodeId()) : NodeId();
+    if (active.configured() && options.assigner->keeps(device, active)) result.kept = active;
+    wants = told && !result.kept.configured();
+  }
+  const NodeId id = wants ? options.assigner->assign(device) : NodeId();
   if (!id.configured()) {
     const auto waiting = co_await lss.switch_global(lss::State::waiting);
     if (!waiting) co_return fail(waiting.error());
@@ -60,6 +68,7 @@ rt::Task<Result<void>> assign_all(lss::Master& lss, const Known& known, Report& 
       if (done->not_alone) again.push_back(address);
       const auto device = std::ranges::find(report.found, address, &Found::address);
       device->assigned = done->id;
+      device->active = done->kept;
       if (options.observer != nullptr) options.observer->found(*device);
     }
     todo.swap(again);

@@ -9,10 +9,12 @@ namespace berth::discovery {
 /// What came of it.
 struct ByName {
   NodeId id{};             ///< it took this; unconfigured: none for it, or it refused, or is gone
+  NodeId kept{};           ///< it had this, and keeps it
   bool not_alone = false;  ///< another device is in configuration too: none was changed, and it may be tried again
 };
-/// Selects the device and proves that it is alone (`lss::select_alone`), asks the assigner, configures what it says,
-/// stores when asked to, switches to waiting. `parts`: what tells it from others. Error: `bus`.
+/// Selects the device and proves that it is alone (`lss::select_alone`), asks its node-ID when that is wanted and the
+/// assigner, configures what it says, stores when asked to, switches to waiting. `parts`: what tells it from others.
+/// Error: `bus`.
 [[nodiscard]] rt::Task<Result<ByName>> assign_by_name(lss::Master& lss, LssAddress device, lss::PartMask parts,
                                                       const Options& options);
 /// `assign_by_name` for each device of the report that has none, when there is an assigner; one that was not alone is

@@ -98,6 +98,8 @@ class Assigner : public lss::Vacancy {
   /// Unconfigured: leave it without one; it goes back to waiting. A method on Fastscan then ends with
   /// `Report::End::held`.
   virtual NodeId assign(const LssAddress& device) noexcept = 0;
+  /// With `Options::inquire`: the device has this node-ID already. True: it keeps it, and is not asked for by `assign`.
+  virtual bool keeps(const LssAddress&, NodeId) noexcept { return false; }
 
  protected:
   ~Assigner() = default;
@@ -112,6 +114,9 @@ struct Options {
   rt::Duration inhibit{0};   ///< least time between two requests
   Assigner* assigner = nullptr;
   bool store = false;  ///< with an assigner: LSS store too
+  /// With an assigner: devices that were found without LSS (RAND, AND) tell their node-ID first (5Eh); those found by
+  /// LSS always do. `Assigner::keeps` decides.
+  bool inquire = false;
   /// RAND's planner: every address is proven by DIRS and DIS, so that no device that is slower than `window` spoils
   /// one. Published Fastscan: the address found has to select a device that says its serial number itself, before it is
   /// told and gets a node-ID. The procedures as published do not ask, and a device that lost a request may then stand

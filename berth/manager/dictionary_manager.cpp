@@ -123,6 +123,13 @@ DictionaryManager::DictionaryManager(can::Dispatcher& dispatcher, od::Values& va
   if (gives_channels) sdo_requests_ = std::make_unique<SdoRequests>(dispatcher, bus_.sdo(), values);
 }
 
+void DictionaryManager::assign_by(NodeIdAssigner* assigner) noexcept {
+  assigning_.cancel();
+  if (assigner_ != nullptr) assigner_->user_ = nullptr;
+  assigner_ = assigner;
+  if (assigner_ != nullptr) assigner_->user_ = this;
+}
+
 void DictionaryManager::own_state(NmtState state, NodeId own) noexcept {
   const NmtState before = std::exchange(state_, state);
   if (state == NmtState::initialising) {
@@ -182,6 +189,18 @@ rt::Task<void> DictionaryManager::assign_and_lead() {
     if (there.count() == network_.plan().slaves.size()) continue;
     const auto again = co_await assigner_->run(own_, there);
     static_cast<void>(again);
+    reset_unheard(assigner_->answered());
+  }
+}
+
+// Neither their boot-up message nor a heartbeat came here, as of one that was reset while the bus was cut: they are
+// there, and wait to be booted.
+void DictionaryManager::reset_unheard(std::bitset<128> answered) {
+  for (const auto& slave : network_.plan().slaves) {
+    const auto* const status = network_.find(slave.node);
+    if (status == nullptr || !answered[slave.node.value()]) continue;
+    const bool silent = status->phase == SlavePhase::failed && status->result.status == BootStatus::b;
+    if (silent || status->phase == SlavePhase::awaited) network_.command(co::NmtCommand::reset_node, slave.node);
   }
 }
 

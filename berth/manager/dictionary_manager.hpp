@@ -23,6 +23,7 @@
 #pragma once
 
 #include <array>
+#include <bitset>
 #include <functional>
 #include <memory>
 #include <optional>
@@ -59,6 +60,7 @@ class DictionaryManager final : private od::Hook, private FlyingMaster::Owner {
   /// All must stay. `apply`: does to the device what an NMT command says.
   DictionaryManager(can::Dispatcher& dispatcher, od::Values& values, std::function<void(co::NmtCommand)> apply,
                     const NetworkTiming& timing = {});
+  ~DictionaryManager() { assign_by(nullptr); }
 
   /// The NMT state that the device has entered, and its node-ID. Initialising ends the network's boot-up, what follows
   /// begins it.
@@ -67,8 +69,8 @@ class DictionaryManager final : private od::Hook, private FlyingMaster::Owner {
   void power_off() noexcept;
 
   /// Devices without a node-ID get theirs before the network is booted, and while a slave is missing. Null: none is
-  /// given. Must stay; not of a flying master.
-  void assign_by(NodeIdAssigner* assigner) noexcept { assigner_ = assigner; }
+  /// given, and what was under way ends. Not of a flying master.
+  void assign_by(NodeIdAssigner* assigner) noexcept;
 
   [[nodiscard]] NetworkBoot& network() noexcept { return network_; }
   [[nodiscard]] ManagedBus& bus() noexcept { return bus_; }
@@ -90,6 +92,7 @@ class DictionaryManager final : private od::Hook, private FlyingMaster::Owner {
   Result<void> begin(NodeId own);
   Result<void> lead(NodeId own, bool taken_over);
   rt::Task<void> assign_and_lead();
+  void reset_unheard(std::bitset<128> answered);
   void role_changed() noexcept override;
   void reset_all() noexcept override;
   void overheard(const co::NmtRequest& request) noexcept override { network_.error_control().overheard(request); }

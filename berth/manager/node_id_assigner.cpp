@@ -2,6 +2,8 @@
 
 #include <algorithm>
 
+#include "berth/co/cob_id.hpp"
+#include "berth/manager/dictionary_manager.hpp"
 #include "berth/manager/dictionary_source.hpp"
 #include "berth/rt/scope.hpp"
 
@@ -20,15 +22,32 @@ bool fits(const SlaveRules& rules, const LssAddress& device) noexcept {
 }  // namespace
 
 NodeIdAssigner::NodeIdAssigner(can::Dispatcher& dispatcher, co::SdoClient& sdo, const od::Values& values)
-    : executor_(&dispatcher.executor()),
+    : dispatcher_(&dispatcher),
+      executor_(&dispatcher.executor()),
       sdo_(&sdo),
       values_(&values),
       lss_(dispatcher),
       rand_(dispatcher),
-      methods_(discovery::Services{dispatcher, lss_}, {.configured = false}) {}
+      methods_(discovery::Services{dispatcher, lss_}, {.configured = false}) {
+  dispatcher.add(co::all_error_control, *this);
+}
+
+NodeIdAssigner::~NodeIdAssigner() {
+  if (user_ != nullptr) user_->assign_by(nullptr);
+  dispatcher_->remove(*this);
+}
+
+std::bitset<128> NodeIdAssigner::answered() const noexcept {
+  std::bitset<128> all;
+  for (const auto& each : list_) all[each.node.value()] = each.device.has_value();
+  return all;
+}
+
+void NodeIdAssigner::received(const can::Frame& frame, rt::Time) noexcept { heard_.set(frame.id & 0x7FU); }
 
 rt::Task<Result<void>> NodeIdAssigner::run(NodeId own, std::bitset<128> there) {
   list_.clear();
+  heard_.reset();
   for (std::uint8_t number = 1; number <= 127; ++number) {
     const NodeId node(number);
     SlaveRules rules = slave_rules_of(*values_, node);
@@ -76,12 +95,22 @@ rt::Task<Result<void>> NodeIdAssigner::search() {
   options.assigner = this;
   options.store = true;
   options.confirm = true;
+  options.inquire = true;
   // A device that was given its node-ID when this master was reset waits for this to use it, and answers no search.
   const auto released = co_await lss_.switch_global(lss::State::waiting);
   if (!released) co_return fail(released.error());
   const auto anybody = co_await methods_.anybody(options);
   if (!anybody) co_return fail(anybody.error());
   if (!*anybody) co_return Result<void>{};
+  put_off_ = false;
+  looks_first_ = true;
+  auto done = co_await search_once(known, options);
+  looks_first_ = false;
+  if (done && put_off_) done = co_await search_once(known, options);
+  co_return done;
+}
+
+rt::Task<Result<void>> NodeIdAssigner::search_once(const discovery::Known& known, const discovery::Options& options) {
   const auto found = co_await methods_.find(known, options);
   if (!found) co_return fail(found.error());
   const auto quiet = co_await lss_.switch_global(lss::State::waiting);
@@ -89,20 +118,36 @@ rt::Task<Result<void>> NodeIdAssigner::search() {
   // RAND has found them, and they would not answer when the list has a place for them.
   for (const auto& device : found->found) {
     const bool met = std::ranges::find(met_, device.address) != met_.end();
-    if (!met && !device.assigned.configured()) met_.push_back(device.address);
-    if (device.assigned.configured() || device.by != discovery::Method::planner_rand) continue;
+    const bool has_one = device.assigned.configured() || device.active.configured();
+    if (!met && !has_one) met_.push_back(device.address);
+    if (has_one || device.by != discovery::Method::planner_rand) continue;
     const auto told = co_await rand_.switch_selective(device.address, nodeid::Identification::unknown);
     if (!told) co_return fail(told.error());
   }
   co_return Result<void>{};
 }
 
+// What the list has for it is its own, unless another device has answered under it.
+bool NodeIdAssigner::keeps(const LssAddress& device, NodeId active) noexcept {
+  const auto it = std::ranges::find(list_, active, &Wanted::node);
+  const bool its_own = it != list_.end() && fits(it->rules, device) && it->device.value_or(device) == device;
+  if (its_own) it->there = true;
+  if (its_own) std::erase(met_, device);
+  return its_own;
+}
+
 NodeId NodeIdAssigner::assign(const LssAddress& device) noexcept {
   std::vector<Wanted*> free;
   for (auto& each : list_) {
-    if (!each.there && fits(each.rules, device)) free.push_back(&each);
+    if (!each.there && !heard_[each.node.value()] && fits(each.rules, device)) free.push_back(&each);
   }
   if (free.empty()) return {};
+  // On Fastscan nothing else is found before this one has a node-ID, and the lowest address comes first anyway.
+  const bool can_wait = methods_.method() == discovery::Method::planner_rand;
+  if (looks_first_ && can_wait && free.size() > 1) {
+    put_off_ = true;
+    return {};
+  }
   std::erase(met_, device);
   const auto before = static_cast<std::size_t>(std::ranges::count_if(
       met_, [&](const LssAddress& other) { return other.type() == device.type() && other < device; }));

@@ -2,8 +2,9 @@
 /// has nothing but its dictionary (`DictionaryManager`) work with devices that are new from the factory, and put a
 /// replacement to work. Which device belongs to which node-ID the list says: vendor-ID and product code (1F85h, 1F86h)
 /// have to be given and to agree, revision number and serial number (1F87h, 1F88h) where they are not 0. Of several
-/// devices of one type the lowest serial number gets the lowest free node-ID, as far as they are known when the first
-/// of them is met; a device that no entry fits is left alone.
+/// devices of one type the lowest serial number gets the lowest free node-ID: they are searched for once more when all
+/// are known. A device that no entry fits is left alone, and so is one that has a node-ID of the list that it fits; no
+/// node-ID is given under which a device was heard meanwhile.
 ///
 ///     NodeIdAssigner assigner(dispatcher, manager.bus().sdo(), device.values());
 ///     manager.assign_by(&assigner);
@@ -24,10 +25,14 @@
 
 namespace berth::manager {
 
-class NodeIdAssigner final : private discovery::Assigner {
+class DictionaryManager;
+
+class NodeIdAssigner final : private discovery::Assigner, private can::Handler {
  public:
   /// All must stay. Nothing else on this device is an LSS master.
   NodeIdAssigner(can::Dispatcher& dispatcher, co::SdoClient& sdo, const od::Values& values);
+  /// Ends what a `DictionaryManager` does with it.
+  ~NodeIdAssigner();
 
   /// Looks which slaves are there, and searches for devices while one is missing. `own`: the master's node-ID.
   /// `there`: slaves that need not be asked. Errors: those of `discovery::Discovery::find`.
@@ -36,6 +41,8 @@ class NodeIdAssigner final : private discovery::Assigner {
   /// Between two runs while a slave is missing.
   rt::Duration period = std::chrono::seconds(1);
   rt::Duration sdo_timeout = std::chrono::milliseconds(100);  ///< for the question whether a slave is there
+  /// Slaves that answered in the last run.
+  [[nodiscard]] std::bitset<128> answered() const noexcept;
   /// Node-IDs that were given so far.
   [[nodiscard]] unsigned given() const noexcept { return given_; }
 
@@ -46,10 +53,16 @@ class NodeIdAssigner final : private discovery::Assigner {
     bool there = false;
     std::optional<LssAddress> device{};  // that answers under the node-ID
   };
+  friend class DictionaryManager;
   rt::Task<void> ask(Wanted& wanted);
   rt::Task<Result<void>> search();
+  rt::Task<Result<void>> search_once(const discovery::Known& known, const discovery::Options& options);
   NodeId assign(const LssAddress& device) noexcept override;
+  bool keeps(const LssAddress& device, NodeId active) noexcept override;
+  bool still_vacant(NodeId id) const noexcept override { return !heard_[id.value()]; }
+  void received(const can::Frame& frame, rt::Time at) noexcept override;
 
+  can::Dispatcher* dispatcher_;
   rt::Executor* executor_;
   co::SdoClient* sdo_;
   const od::Values* values_;
@@ -58,6 +71,10 @@ class NodeIdAssigner final : private discovery::Assigner {
   discovery::Auto methods_;
   std::vector<Wanted> list_;
   std::vector<LssAddress> met_;  // found, and nothing given to them
+  std::bitset<128> heard_;       // error control messages since the list was looked at
+  bool looks_first_ = false;     // which devices there are, before one of several of a type gets a node-ID
+  bool put_off_ = false;         // one did not for that reason
+  DictionaryManager* user_ = nullptr;
   unsigned given_ = 0;
 };
 

@@ -26,7 +26,9 @@ struct TreePlan {
 
 class TreePlanner {
  public:
-  explicit TreePlanner(std::uint64_t seed) : random_(seed) { plan_.seed = plan_.plant.seed = seed; }
+  TreePlanner(std::uint64_t seed, bool equal_gateways) : random_(seed), equal_gateways_(equal_gateways) {
+    plan_.seed = plan_.plant.seed = seed;
+  }
 
   TreePlan run() {
     plan_.machine.name = "tree";
@@ -70,8 +72,13 @@ class TreePlanner {
     const std::string name = "bus" + std::to_string(number + 1);
     const std::string gateway = name + " gateway", port = name + " port";
     const bool mandatory = random_.below(2) == 0;
-    const NodeId id = add_slot(levels_[at], gateway_type, gateway, mandatory);
-    add_device(levels_[at], gateway_type, gateway);
+    // Beneath a gateway each is the only one of its type, as what can be exchanged is: which of two is which, their
+    // master could only guess while one of them is away.
+    const auto product =
+        levels_[at].depth == 0 || equal_gateways_ ? gateway_type.product : gateway_type.product + 0x1000 * (1 + number);
+    const TypeCode type{gateway_type.vendor, static_cast<std::uint32_t>(product)};
+    const NodeId id = add_slot(levels_[at], type, gateway, mandatory);
+    add_device(levels_[at], type, gateway);
     // What it tells of nodes beneath it, the gateway above must know to hand on as it is.
     for (auto& above_it : plan_.plant.gateways) {
       if (above_it.beneath.front() == levels_[at].bus + " port") above_it.speaks_layout.push_back(id.value());
@@ -130,10 +137,14 @@ class TreePlanner {
   }
 
   Random random_;
+  bool equal_gateways_ = false;
   TreePlan plan_;
   std::vector<Level> levels_;
 };
 
-inline TreePlan tree_plan(std::uint64_t seed) { return TreePlanner(seed).run(); }
+// `equal_gateways`: those on one bus beneath are of one type, and told apart by their serial numbers.
+inline TreePlan tree_plan(std::uint64_t seed, bool equal_gateways = false) {
+  return TreePlanner(seed, equal_gateways).run();
+}
 
 }  // namespace berth::harness

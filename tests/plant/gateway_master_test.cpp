@@ -56,7 +56,9 @@ beneath = ["boom port"]
 )";
 
 struct Boom : ::testing::Test {
-  Boom() {
+  Boom() { build(); }
+  void build() {
+    clear();
     const auto result = read_plant(two_levels, "x.plant.toml");
     for (const auto& finding : result.findings) ADD_FAILURE() << finding.message;
     Findings findings;
@@ -70,13 +72,15 @@ struct Boom : ::testing::Test {
     scope = std::make_unique<rt::Scope>(world->executor());
     world->start();
   }
-  ~Boom() override {
+  ~Boom() override { clear(); }
+  void clear() {
     scope.reset();
     routes.reset();
     client.reset();
     dispatcher.reset();
     record.reset();
     port.reset();
+    world.reset();
   }
   struct Row {
     ObjectRef object;
@@ -141,6 +145,57 @@ TEST_F(Boom, GivesNodeIdsByItsNetworkList) {
   EXPECT_EQ(truth("valve 1").persistent, NodeId(4));
   EXPECT_EQ(truth("valve 2").persistent, NodeId(5));
   EXPECT_EQ(truth("sensor").persistent, NodeId(6));
+}
+
+// Devices that boot with their node-IDs while the master searches for them answer the search, too: they keep what they
+// have, and none is given the other's.
+TEST_F(Boom, DevicesThatBootDuringASearchKeepTheirNodeIds) {
+  world->sim().run_for(500ms);
+  commission();
+  ASSERT_TRUE(world->sim().run_until([&] { return all_run(); }, 20s));
+  for (auto later = 0ms; later < 1300ms; later += 25ms) {
+    for (const char* const name : {"valve 1", "valve 2"}) world->find(name)->power(false);
+    world->sim().run_for(2s + later);
+    world->find("valve 2")->power(true);
+    world->sim().run_for(200ms);
+    world->find("valve 1")->power(true);
+    ASSERT_TRUE(world->sim().run_until([&] { return all_run(); }, 20s)) << later.count();
+    world->sim().run_for(2s);
+    EXPECT_EQ(truth("valve 1").persistent, NodeId(4)) << later.count();
+    EXPECT_EQ(truth("valve 2").persistent, NodeId(5)) << later.count();
+  }
+}
+
+// Beside one that boots with its node-ID a new one is looked for: it does not get that one's.
+TEST_F(Boom, ANewDeviceDoesNotGetWhatBootsMeanwhile) {
+  world->sim().run_for(500ms);
+  commission();
+  ASSERT_TRUE(world->sim().run_until([&] { return all_run(); }, 20s));
+  auto& first = *world->find("valve 1");
+  auto& second = *world->find("valve 2");
+  for (auto later = 0ms; later < 1300ms; later += 25ms) {
+    first.power(false);
+    second.power(false);
+    world->sim().run_for(2s + later);
+    first.next_power_on() = {.serial = 1000 + static_cast<std::uint32_t>(later.count()), .node_id = NodeId()};
+    first.power(true);
+    world->sim().run_for(200ms);
+    second.power(true);
+    ASSERT_TRUE(world->sim().run_until([&] { return all_run(); }, 20s)) << later.count();
+    EXPECT_NE(truth("valve 1").persistent, truth("valve 2").persistent) << later.count();
+    EXPECT_TRUE(world->duplicates().empty()) << later.count();
+  }
+}
+
+// The master is gone in the middle of a search.
+TEST_F(Boom, AWorldEndsDuringASearch) {
+  for (auto later = 0ms; later < 1300ms; later += 50ms) {
+    build();
+    world->sim().run_for(500ms);
+    world->find("sensor")->unplug();
+    commission();
+    world->sim().run_for(later);
+  }
 }
 
 // A power cycle: the device above boots when the bus beneath is operational, not before (S3.3).

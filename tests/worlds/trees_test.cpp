@@ -18,6 +18,21 @@ TEST(TreesRandomWorlds, HealAndTellOnce) {
   }
 }
 
+// Worlds that failed once (docs/faults.md §What these found): they run at every ./run test.
+TEST(TreesRandomWorlds, KnownWorlds) {
+  for (const std::uint64_t seed : {20U, 33U}) {
+    SCOPED_TRACE("seed " + std::to_string(seed));
+    TreeWorld world(
+        tree_plan(seed, true));  // of two equal gateways the search met the one with the higher serial first
+    EXPECT_EQ(world.go(8), "") << world.log();
+  }
+  for (const std::uint64_t seed : {77U}) {
+    SCOPED_TRACE("seed " + std::to_string(seed));
+    TreeWorld world(tree_plan(seed));
+    EXPECT_EQ(world.go(8), "") << world.log();
+  }
+}
+
 // Berth dies at any frame while it brings a machine of many buses up: the next one finishes it.
 TEST(TreesRandomWorlds, BerthDiesWhileItBringsThemUp) {
   const auto range = worlds::seeds(3);
