@@ -63,9 +63,21 @@ class SdoValue {
       std::memcpy(small_.data() + size_, bytes.data(), bytes.size());
     } else {
       if (size_ <= small_size) large_.assign(small_.begin(), small_.begin() + static_cast<std::ptrdiff_t>(size_));
+      large_.resize(size_);
       large_.insert(large_.end(), bytes.begin(), bytes.end());
     }
     size_ += bytes.size();
+  }
+  /// The same with the seven bytes of a segment, in few instructions.
+  void append_segment(const std::uint8_t* from) {
+    constexpr std::size_t segment = 7, ahead = 64 * segment;
+    if (size_ <= small_size || size_ + segment > large_.size()) [[unlikely]] {
+      append({from, segment});
+      if (size_ > small_size) large_.resize(std::min(large_.capacity(), size_ + ahead));
+      return;
+    }
+    std::memcpy(large_.data() + size_, from, segment);
+    size_ += segment;
   }
   /// Makes room for `bytes` in all, so that appending does not copy.
   void reserve(std::size_t bytes) {
@@ -114,7 +126,7 @@ class SdoValue {
  private:
   std::size_t size_ = 0;
   std::array<std::uint8_t, small_size> small_{};
-  std::vector<std::uint8_t> large_;  // all bytes, once there are more than `small_size`
+  std::vector<std::uint8_t> large_;  // all bytes, once there are more than `small_size`; perhaps some behind them
 };
 
 namespace sdo {

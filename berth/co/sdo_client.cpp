@@ -34,14 +34,15 @@ bool wants_block(const SdoOptions& options, const SdoClientData& data) noexcept 
 }
 
 // Of a transfer that is no block transfer.
-inline void put_initiate(can::Frame& request, ObjectRef ref, const SdoClientData& data) noexcept {
+inline void put_initiate(can::Frame& request, ObjectRef ref, SdoClientData& data) noexcept {
   if (!data.is_download()) return sdo::put(request, 0x40, ref);
   const auto size = data.size();
   if (data.streamed() || *size < 1 || *size > 4) {
     return sdo::put(request, size ? 0x21 : 0x20, ref, static_cast<std::uint32_t>(size.value_or(0)));
   }
   sdo::put(request, static_cast<std::uint8_t>(0x23U | ((4U - *size) << 2U)), ref);
-  for (std::size_t i = 0; i < *size; ++i) request.data[4 + i] = data.bytes()[i];
+  const auto bytes = *data.window(*size);
+  for (std::size_t i = 0; i < *size; ++i) request.data[4 + i] = bytes[i];
 }
 
 }  // namespace
@@ -183,8 +184,7 @@ void SdoTransfer::timed_out() noexcept {
 
 bool SdoTransfer::lingers() noexcept {
   const rt::Duration lasted = line_->executor().now() - began_;
-  if (lasted <= most_lingering || data_.streamed()) [[likely]]
-    return false;
+  if (lasted <= most_lingering || data_.streamed()) return false;
   const auto patience = std::max<rt::Duration>(8 * options_.timeout, most_lingering);
   const std::size_t unacknowledged = state_ == State::block ? extra_->block.collected() : 0U;
   const rt::Duration allowed = std::chrono::milliseconds((data_.done() + unacknowledged) * 1000 / slowest_pace);
@@ -194,11 +194,17 @@ bool SdoTransfer::lingers() noexcept {
   return true;
 }
 
-bool SdoTransfer::answer(const can::Frame& frame) noexcept {
+inline bool SdoTransfer::answer(const can::Frame& frame) noexcept {
   const bool aborts = static_cast<Scs>(sdo::specifier(frame.data[0])) == Scs::abort;
-  if (extra_ && extra_->waiter.waits()) return aborts && take_abort(frame);
-  if (state_ == State::block) return extra_->block.answer(frame);
+  if (extra_) {
+    if (extra_->waiter.waits()) return aborts && take_abort(frame);
+    if (state_ == State::block) return extra_->block.answer(frame);
+  }
   if (!request_.on_wire) return false;
+  if (state_ == State::segments && segments_.quick_answered(frame, data_)) [[likely]] {
+    next_segment();
+    return true;
+  }
   if (aborts) return take_abort(frame);
   if (state_ == State::initiate) return initiate_answer(frame);
   if (state_ != State::segments) return false;
@@ -284,7 +290,10 @@ void SdoTransfer::take_initiate(const can::Frame& frame) noexcept {
 }
 
 void SdoTransfer::next_segment() noexcept {
-  if (lingers()) return;
+  // What `lingers` asks first, without a call.
+  if (line_->executor().now() > began_ + most_lingering && lingers()) return;
+  if (segments_.quick_request(request_.frame, data_)) [[likely]]
+    return send();
   const auto step = segments_.request(request_.frame, data_);
   if (step.what == SdoSegments::Step::What::request) return send();
   follow(step);

@@ -167,7 +167,8 @@ void SdoTransfer::Block::begin_sub_block(unsigned size) {
 bool SdoTransfer::Block::segment(const can::Frame& frame) noexcept {
   auto& answers = transfer_->request_.answers;
   heard_ = transfer_->line_->executor().now();
-  if (transfer_->lingers()) return true;
+  // What `lingers` asks first, without a call.
+  if (heard_ > transfer_->began_ + most_lingering && transfer_->lingers()) return true;
   switch (receiver_.take(frame)) {
     case sdo::BlockReceiver::Heard::more:
       if (answers > 0) --answers;

@@ -46,14 +46,17 @@ class SdoClientData {
   // Download
   /// Of all bytes; empty when the source does not know.
   [[nodiscard]] std::optional<std::size_t> size() const noexcept;
-  /// The bytes of an expedited download.
-  [[nodiscard]] std::span<const std::uint8_t> bytes() const noexcept { return bytes_; }
   /// What follows: more than `count` bytes, or all that are left. `pending`: the source has to be waited for.
   [[nodiscard]] od::Answer<std::span<const std::uint8_t>> window(std::size_t count) noexcept {
     if (stream_ == nullptr) return bytes_.subspan(offset_);
     return stream_window(count);
   }
   void consume(std::size_t count) noexcept;
+  /// The next seven bytes when they are at hand and more follow: then they are consumed. Else null, and `window` says.
+  [[nodiscard]] const std::uint8_t* quick_window() noexcept {
+    if (stream_ != nullptr || bytes_.size() - offset_ <= sdo::segment_bytes) return nullptr;
+    return bytes_.data() + std::exchange(offset_, offset_ + sdo::segment_bytes);
+  }
 
   // Upload. A refusal is for the server; `pending`: taken, and the sink has to be waited for.
   /// Longer than four bytes, or of unknown size.
@@ -65,6 +68,14 @@ class SdoClientData {
   /// All of it: `count` of the four bytes at `from`.
   [[nodiscard]] AbortCode expedited(const std::uint8_t* from, std::size_t count, bool sized) noexcept;
   [[nodiscard]] AbortCode put(std::span<const std::uint8_t> bytes) noexcept;
+  /// Seven bytes, when nothing speaks against them: then they are taken. False: go by `too_many` and `put`.
+  [[nodiscard]] bool quick_put(const std::uint8_t* from) noexcept {
+    const std::size_t end = offset_ + sdo::segment_bytes;
+    if (stream_ != nullptr || end > longest_ || too_many(sdo::segment_bytes)) return false;
+    value_.append_segment(from);
+    offset_ = end;
+    return true;
+  }
   /// So many bytes more would be more than the server said; all that came are fewer.
   [[nodiscard]] bool too_many(std::size_t more) const noexcept { return sized_ && offset_ + more > indicated_; }
   [[nodiscard]] bool too_few() const noexcept { return sized_ && offset_ < indicated_; }

@@ -5,17 +5,13 @@ namespace berth::co {
 using What = SdoSegments::Step::What;
 
 SdoSegments::Step SdoSegments::request(can::Frame& request, SdoClientData& data) noexcept {
-  const unsigned toggle = toggle_ ? sdo::toggle_bit : 0U;
-  if (!data.is_download()) {
-    sdo::put(request, static_cast<std::uint8_t>(0x60U | toggle), {});
-    return {};
-  }
+  if (quick_request(request, data)) return {};
   const auto rest = data.window(sdo::segment_bytes);
   if (!rest && rest.error() == AbortCode::pending) return {What::wait};
   if (!rest) return {What::refuse, rest.error(), "the source gave no more bytes"};
   last_ = rest->size() <= sdo::segment_bytes;
   const auto count = last_ ? rest->size() : sdo::segment_bytes;
-  const auto command = static_cast<std::uint8_t>(toggle | ((sdo::segment_bytes - count) << 1U) | (last_ ? 1U : 0U));
+  const auto command = static_cast<std::uint8_t>(toggle() | ((sdo::segment_bytes - count) << 1U) | (last_ ? 1U : 0U));
   if (!last_) {
     sdo::put_segment(request, command, rest->data());
   } else {

@@ -26,12 +26,39 @@ class SdoSegments {
   [[nodiscard]] Step request(can::Frame& request, SdoClientData& data) noexcept;
   /// The answer to it.
   [[nodiscard]] Step answered(const can::Frame& answer, SdoClientData& data) noexcept;
+  /// Nearly every request and answer of a long value carry seven bytes and are not the last: they are made, and taken,
+  /// in few instructions. False: nothing happened, go by `request` and `answered`.
+  [[nodiscard]] bool quick_request(can::Frame& request, SdoClientData& data) noexcept;
+  [[nodiscard]] bool quick_answered(const can::Frame& answer, SdoClientData& data) noexcept;
 
  private:
   [[nodiscard]] Step take(const can::Frame& answer, SdoClientData& data) const noexcept;
+  [[nodiscard]] std::uint8_t toggle() const noexcept { return toggle_ ? sdo::toggle_bit : std::uint8_t{0}; }
 
   bool toggle_ = false;
   bool last_ = false;  // download: the segment on its way is
 };
+
+inline bool SdoSegments::quick_request(can::Frame& request, SdoClientData& data) noexcept {
+  if (!data.is_download()) {
+    sdo::put(request, static_cast<std::uint8_t>(0x60U | toggle()), {});
+    return true;
+  }
+  const std::uint8_t* const bytes = data.quick_window();
+  if (bytes == nullptr) return false;
+  sdo::put_segment(request, toggle(), bytes);
+  return true;
+}
+
+inline bool SdoSegments::quick_answered(const can::Frame& answer, SdoClientData& data) noexcept {
+  const std::uint8_t command = answer.data[0];
+  if (data.is_download()) {
+    if ((command & 0xF0U) != (0x20U | toggle()) || last_) return false;
+  } else if (command != toggle() || !data.quick_put(answer.data.data() + 1)) {
+    return false;
+  }
+  toggle_ = !toggle_;
+  return true;
+}
 
 }  // namespace berth::co

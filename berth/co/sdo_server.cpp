@@ -188,10 +188,13 @@ bool SdoServer::begin_download(const can::Frame& request, can::Frame& answer) no
 bool SdoServer::segment(const can::Frame& request, can::Frame& answer, bool download) noexcept {
   const State under_way = download ? State::download : State::upload;
   if (state_ != under_way) return refuse_unknown(request, answer);
+  const bool quick =
+      download ? segments_.quick_download(request, answer, data_) : segments_.quick_upload(request, answer, data_);
+  if (quick) [[likely]]
+    return true;
   const auto code = download ? segments_.download(request, answer, data_) : segments_.upload(request, answer, data_);
   const bool last = ((download ? request : answer).data[0] & 0x01U) != 0;
-  if (code == AbortCode::none && !last) [[likely]]
-    return true;
+  if (code == AbortCode::none && !last) return true;
   if (download) return settle(request, answer, code, last ? State::idle : State::download);
   return settle(request, answer, code, code == AbortCode::none ? State::idle : State::upload, Deferred::Way::ask_again);
 }

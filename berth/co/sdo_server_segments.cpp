@@ -11,13 +11,6 @@ bool SdoServerSegments::toggled(const can::Frame& request) noexcept {
 AbortCode SdoServerSegments::download(const can::Frame& request, can::Frame& answer, SdoServerData& data) noexcept {
   if (!toggled(request)) return AbortCode::toggle_bit;
   const auto byte = request.data[0];
-  if ((byte & 0x0FU) == 0) {
-    if (std::uint8_t* const place = data.quick_place()) {
-      std::memcpy(place, request.data.data() + 1, sdo::segment_bytes);
-      sdo::put(answer, 0x20U | byte, {});
-      return AbortCode::none;
-    }
-  }
   sdo::put(answer, static_cast<std::uint8_t>(0x20U | (byte & sdo::toggle_bit)), {});
   const auto place = data.place(sdo::segment_bytes);
   if (!place) return place.error();
@@ -29,10 +22,6 @@ AbortCode SdoServerSegments::download(const can::Frame& request, can::Frame& ans
 
 AbortCode SdoServerSegments::upload(const can::Frame& request, can::Frame& answer, SdoServerData& data) noexcept {
   if (!toggled(request)) return AbortCode::toggle_bit;
-  if (const std::uint8_t* const bytes = data.quick_read()) {
-    sdo::put_segment(answer, request.data[0] & sdo::toggle_bit, bytes);
-    return AbortCode::none;
-  }
   const auto window = data.window(sdo::segment_bytes);
   if (!window) {
     if (window.error() == AbortCode::pending) toggle_ = !toggle_;

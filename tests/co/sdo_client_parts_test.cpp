@@ -55,6 +55,56 @@ TEST(SdoSegments, AnEmptyObjectIsOneSegment) {
   EXPECT_EQ(segments.answered(segment_answer(0x20), data).what, What::done);
 }
 
+// The quick way does what the other does, and leaves alone what it cannot do.
+TEST(SdoSegments, TheQuickWayIsTheOtherInFewerSteps) {
+  for (std::size_t size = 0; size < 40; ++size) {
+    const auto bytes = counted(size);
+    SdoClientData slow_data(100), quick_data(100);
+    slow_data.download(bytes);
+    quick_data.download(bytes);
+    SdoSegments slow, quick;
+    can::Frame a, b;
+    bool more = true;
+    for (std::uint8_t toggle = 0; more; toggle ^= sdo::toggle_bit) {
+      const bool whole = size - slow_data.done() > sdo::segment_bytes;
+      ASSERT_EQ(slow.request(a, slow_data).what, What::request);
+      ASSERT_EQ(quick.quick_request(b, quick_data), whole) << size;
+      ASSERT_TRUE(whole || quick.request(b, quick_data).what == What::request);
+      ASSERT_EQ(load_le<std::uint64_t>(a.data.data()), load_le<std::uint64_t>(b.data.data())) << size;
+      const auto other = segment_answer(static_cast<std::uint8_t>(0x20U | (toggle ^ sdo::toggle_bit)));
+      ASSERT_FALSE(quick.quick_answered(other, quick_data)) << "the toggle bit";
+      const auto answer = segment_answer(static_cast<std::uint8_t>(0x20U | toggle));
+      more = slow.answered(answer, slow_data).what == What::request;
+      ASSERT_EQ(quick.quick_answered(answer, quick_data), more);
+      ASSERT_EQ(slow_data.done(), quick_data.done());
+    }
+  }
+}
+
+TEST(SdoSegments, TheQuickWayTakesNoMoreThanIsAllowedOrIndicated) {
+  const auto whole = [](std::uint8_t toggle) { return segment_answer(toggle, {1, 2, 3, 4, 5, 6, 7}); };
+  SdoClientData allowed(13);
+  ASSERT_EQ(allowed.open(false, 0), AbortCode::none);
+  SdoSegments a;
+  EXPECT_TRUE(a.quick_answered(whole(0x00), allowed));
+  EXPECT_FALSE(a.quick_answered(whole(0x00), allowed)) << "the toggle bit";
+  EXPECT_FALSE(a.quick_answered(whole(0x10), allowed)) << "14 of 13 bytes";
+  EXPECT_EQ(a.answered(whole(0x10), allowed).code, AbortCode::out_of_memory);
+  SdoClientData indicated(100);
+  ASSERT_EQ(indicated.open(true, 13), AbortCode::none);
+  SdoSegments b;
+  EXPECT_TRUE(b.quick_answered(whole(0x00), indicated));
+  EXPECT_FALSE(b.quick_answered(whole(0x10), indicated));
+  EXPECT_EQ(b.answered(whole(0x10), indicated).code, AbortCode::length_too_high);
+  for (const unsigned command : {0x01U, 0x02U, 0x20U, 0x60U, 0x80U}) {
+    SdoClientData data(100);
+    ASSERT_EQ(data.open(false, 0), AbortCode::none);
+    EXPECT_FALSE(SdoSegments().quick_answered(segment_answer(static_cast<std::uint8_t>(command), counted(7)), data))
+        << command;
+    EXPECT_EQ(data.done(), 0U);
+  }
+}
+
 TEST(SdoSegments, AnUploadIsKeptToTheLengthThatWasIndicated) {
   for (const std::size_t indicated : {8U, 9U, 10U}) {
     SdoClientData data(100);
@@ -155,6 +205,32 @@ TEST(SdoClientData, ASinkThatIsNotReadyHasTakenTheBytes) {
   EXPECT_EQ(data.put({}), AbortCode::none) << "never empty";
   EXPECT_EQ(sink.taken, 7U);
   EXPECT_EQ(data.done(), 7U);
+}
+
+// ---- values
+
+TEST(SdoValue, SegmentsAreAppendedAsOtherBytesAre) {
+  for (const bool reserved : {false, true}) {
+    for (std::size_t first = 0; first < 30; ++first) {
+      const auto bytes = counted(first + 7 * 200 + 5);
+      const std::span<const std::uint8_t> all(bytes);
+      SdoValue value;
+      if (reserved) value.reserve(bytes.size());
+      value.append(all.first(first));
+      for (std::size_t at = first; at < first + 7 * 200; at += 7) {
+        value.append_segment(bytes.data() + at);
+        ASSERT_EQ(value.size(), at + 7);
+      }
+      const SdoValue copy = value;
+      value.append(all.last(5));
+      ASSERT_TRUE(std::ranges::equal(value.bytes(), all)) << first;
+      ASSERT_TRUE(std::ranges::equal(copy.bytes(), all.first(bytes.size() - 5)));
+      ASSERT_FALSE(copy == value);
+      std::ranges::fill(std::span(value.extend(14), 14), std::uint8_t{9});
+      value.drop_back(14);
+      ASSERT_EQ(value, SdoValue(all));
+    }
+  }
 }
 
 }  // namespace
