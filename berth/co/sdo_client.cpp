@@ -378,26 +378,25 @@ bool SdoLine::may_be_owed(const can::Frame& frame) const noexcept {
   return !names_object || (silent_ & bit_of(sdo::multiplexer(frame))) != 0;
 }
 
-// Another client's request on this channel, which has one answer of its own; a block upload has as many as a sub-block
-// has segments. What a block download sends looks like any request: these expire.
-void SdoLine::asked_by_another(const can::Frame& frame, rt::Time at) noexcept {
+// One answer to each request; to a block upload as many as a sub-block has segments.
+void SdoAnothers::asked(const can::Frame& request, rt::Time at, rt::Duration patience) noexcept {
   constexpr std::uint32_t most = 128;
-  const auto ccs = static_cast<sdo::Ccs>(sdo::specifier(frame.data[0]));
-  if (!sdo::well_formed(frame) || ccs == sdo::Ccs::abort) return;
+  const auto ccs = static_cast<sdo::Ccs>(sdo::specifier(request.data[0]));
+  if (!sdo::well_formed(request) || ccs == sdo::Ccs::abort) return;
   const bool block = ccs == sdo::Ccs::block_upload;
-  if (at > anothers_.until || block != anothers_.block) anothers_ = {};
-  anothers_.block = block;
-  anothers_.answers = block ? most : std::min(anothers_.answers + 1, most);
-  anothers_.objects |= bit_of(sdo::multiplexer(frame));
-  anothers_.until = at + settings_->late_window;
+  if (at > until_ || block != block_) *this = {};
+  block_ = block;
+  answers_ = block ? most : std::min(answers_ + 1, most);
+  objects_ |= bit_of(sdo::multiplexer(request));
+  until_ = at + patience;
 }
 
-bool SdoLine::is_anothers(const can::Frame& frame, rt::Time at) noexcept {
-  if (anothers_.answers == 0 || at > anothers_.until) return false;
-  const auto scs = static_cast<Scs>(sdo::specifier(frame.data[0]));
-  const bool names_object = !anothers_.block && (scs == Scs::upload || scs == Scs::download);
-  if (names_object && (anothers_.objects & bit_of(sdo::multiplexer(frame))) == 0) return false;
-  --anothers_.answers;
+bool SdoAnothers::take(const can::Frame& answer, rt::Time at) noexcept {
+  if (answers_ == 0 || at > until_) return false;
+  const auto scs = static_cast<Scs>(sdo::specifier(answer.data[0]));
+  const bool names_object = !block_ && (scs == Scs::upload || scs == Scs::download);
+  if (names_object && (objects_ & bit_of(sdo::multiplexer(answer))) == 0) return false;
+  --answers_;
   return true;
 }
 
@@ -419,7 +418,7 @@ void SdoLine::received_other(NodeId node, const can::Frame& frame, rt::Time at) 
   } else if (owed) {
     --owed_;
     ++late_;
-  } else if (is_anothers(frame, at)) {
+  } else if (settings_->anothers != nullptr && settings_->anothers[node.value() & 0x7FU].take(frame, at)) {
     return;
   } else if (static_cast<Scs>(sdo::specifier(frame.data[0])) != Scs::abort ||
              sdo::abort_code(frame) != AbortCode::timeout) {  // a server may give up by itself
@@ -437,7 +436,12 @@ SdoClient::SdoClient(can::Dispatcher& dispatcher, const SdoOptions& options)
     lines_[id].request_ = CobId(all_sdo_requests.first - 1 + id);
   }
   dispatcher.add(all_sdo_responses, *this);
-  dispatcher.add(all_sdo_requests, requests_);
+}
+
+void SdoClient::heed_other_clients() {
+  if (settings_.anothers != nullptr) return;
+  settings_.anothers = anothers_.data();
+  settings_.dispatcher->add(all_sdo_requests, requests_);
 }
 
 SdoClient::~SdoClient() {
@@ -450,7 +454,7 @@ void SdoClient::received(const can::Frame& frame, rt::Time at) noexcept {
 }
 
 void SdoClient::Requests::received(const can::Frame& frame, rt::Time at) noexcept {
-  client_->line(NodeId(static_cast<std::uint8_t>(frame.id & 0x7FU))).asked_by_another(frame, at);
+  client_->anothers_[frame.id & 0x7FU].asked(frame, at, client_->settings_.late_window);
 }
 
 SdoChannelClient::SdoChannelClient(can::Dispatcher& dispatcher, SdoChannel channel, NodeId server,

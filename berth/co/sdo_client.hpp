@@ -243,12 +243,27 @@ class SdoStreamUpload final : public SdoTransfer {
 /// Told of answers without a request.
 class SdoObserver {
  public:
-  /// A second answer to one request: two devices share `node`'s node-ID, or another client uses its channel, whose
-  /// request was not heard.
+  /// A second answer to one request: two devices share `node`'s node-ID, or another client uses its channel (whose
+  /// request was not heard, with `SdoClient::heed_other_clients`).
   virtual void surplus(NodeId node, const can::Frame& frame, rt::Time at) noexcept = 0;
 
  protected:
   ~SdoObserver() = default;
+};
+
+/// What another client of a node's default channel asked.
+class SdoAnothers {
+ public:
+  /// A request of its was heard. What a block download sends looks like any: the answers are waited for so long.
+  void asked(const can::Frame& request, rt::Time at, rt::Duration patience) noexcept;
+  /// True, once for each answer: it is the other client's.
+  [[nodiscard]] bool take(const can::Frame& answer, rt::Time at) noexcept;
+
+ private:
+  std::uint32_t answers_ = 0;  // that are still to come
+  bool block_ = false;         // a block upload, whose segments look like anything
+  rt::Time until_{};           // they do
+  std::uint64_t objects_ = 0;  // that were asked for, a bit each
 };
 
 /// What the channels of one client have in common.
@@ -257,6 +272,7 @@ struct SdoClientSettings {
   SdoOptions options{};
   SdoObserver* observer = nullptr;
   rt::Duration late_window = std::chrono::seconds(5);
+  SdoAnothers* anothers = nullptr;  ///< by node-ID; null: other clients are not heeded
 };
 
 /// One channel as its client sees it: the transfers in it, one behind the other. A part of the clients below.
@@ -279,8 +295,6 @@ class SdoLine : private rt::Job {
   void remove_of_several(SdoTransfer& transfer) noexcept;
   void cancel() noexcept;
   [[nodiscard]] bool may_be_owed(const can::Frame& frame) const noexcept;
-  void asked_by_another(const can::Frame& frame, rt::Time at) noexcept;
-  [[nodiscard]] bool is_anothers(const can::Frame& frame, rt::Time at) noexcept;
   void run() noexcept override {
     if (first_ != nullptr) first_->run();
   }
@@ -299,14 +313,6 @@ class SdoLine : private rt::Job {
   std::uint32_t owed_ = 0;  // answers that requests on the wire have not had
   rt::Time owed_until_{};
   std::uint64_t silent_ = 0;  // of those requests' objects a bit each: an answer for another object is none of theirs
-  /// What another client of this channel asked.
-  struct Anothers {
-    std::uint32_t answers = 0;  // that are still to come
-    rt::Time until{};           // they do
-    std::uint64_t objects = 0;  // that were asked for, a bit each
-    bool block = false;         // a block upload, whose segments look like anything
-  };
-  Anothers anothers_;
 };
 
 inline void SdoTransfer::wait_until(rt::Time when) noexcept {
@@ -381,8 +387,11 @@ class SdoClient final : private can::Handler {
   /// How long an answer may come late after its request timed out and still not count as surplus. Default 5 s.
   void set_late_window(rt::Duration window) noexcept { settings_.late_window = window; }
 
-  /// Answers of this node that no request had asked for (see `SdoObserver::surplus`). A request of another client of
-  /// the bus that was heard here has its one answer; a second one to it counts.
+  /// From now on this client hears what others on this bus ask by the default channels (another process's, a panel's):
+  /// each request has its one answer, which is not surplus; a second one to it is. Costs an entry of the dispatcher.
+  void heed_other_clients();
+
+  /// Answers of this node that no request had asked for (see `SdoObserver::surplus`).
   [[nodiscard]] std::uint32_t surplus(NodeId node) const noexcept { return line(node).surplus_; }
   /// Answers to requests that were given up before.
   [[nodiscard]] std::uint32_t late(NodeId node) const noexcept { return line(node).late_; }
@@ -406,6 +415,7 @@ class SdoClient final : private can::Handler {
 
   SdoClientSettings settings_;
   std::array<SdoLine, 128> lines_;
+  std::array<SdoAnothers, 128> anothers_;
   Requests requests_{*this};
 };
 

@@ -37,6 +37,7 @@ Duplicates::Duplicates(BusServices& services, SlotTable& slots, Agenda& agenda, 
                        Asking& asking) noexcept
     : s_(services), slots_(slots), agenda_(agenda), found_(found), asking_(asking) {
   s_.sdo.set_observer(this);
+  s_.sdo.heed_other_clients();
 }
 
 // An answer to the upload of a part that the first answer had ended.

@@ -586,6 +586,7 @@ TEST_F(Client, ASingleHonestNodeNeverCausesSurplus) {
 
 // Another client of the bus on the default channel: its requests are heard, so their answers are known to be its.
 struct BesideAnother : Client {
+  BesideAnother() { client.heed_other_clients(); }
   Peer another{wire, co::all_sdo_responses, [](Peer&, const can::Frame&) {}};
   void asks(const char* request) {
     another.send(request);
