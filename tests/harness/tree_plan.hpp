@@ -39,6 +39,16 @@ class TreePlanner {
     for (auto& level : levels_) add_devices(level);
     return std::move(plan_);
   }
+  // One mandatory bus beneath one gateway, a few devices on each.
+  TreePlan run_two_levels() {
+    plan_.machine.name = "levels";
+    plan_.machine.file = "levels";
+    add_bus("backbone", 0);
+    grow(0);
+    plan_.machine.beneath.back().gateway->mandatory = plan_.machine.slots.front().spec.mandatory = true;
+    for (auto& level : levels_) add_devices(level);
+    return std::move(plan_);
+  }
 
  private:
   static constexpr unsigned deepest = 3;  // gateways on the way: the four levels of Figure 8
@@ -146,5 +156,7 @@ class TreePlanner {
 inline TreePlan tree_plan(std::uint64_t seed, bool equal_gateways = false) {
   return TreePlanner(seed, equal_gateways).run();
 }
+
+inline TreePlan two_levels(std::uint64_t seed) { return TreePlanner(seed, false).run_two_levels(); }
 
 }  // namespace berth::harness

@@ -49,8 +49,9 @@ class TreeWorld final : private plant::World::Observer, private can::Tap {
   }
 
   // Berth begins, as a new process would: nothing but the store and the bus. It dies at point `k` of its port.
-  void begin(std::optional<std::uint64_t> k = {}) {
-    axe_.life(k);
+  // `instead`: what happens there in its place.
+  void begin(std::optional<std::uint64_t> k = {}, std::function<Axe::Instead()> instead = {}) {
+    axe_.life(k, std::move(instead));
     port_ = std::make_unique<MortalPort>(axe_, *controller_);
     session_ = std::make_unique<operate::Session>(world_->executor(), plan_.machine, store_);
     session_->on_event([this](const operate::Event& event) { take(event); });
@@ -62,13 +63,14 @@ class TreeWorld final : private plant::World::Observer, private can::Tap {
   [[nodiscard]] bool runs() const noexcept { return session_ != nullptr; }
   // Points of Berth's port in this life.
   [[nodiscard]] std::size_t points() const noexcept { return axe_.trace().size(); }
+  [[nodiscard]] const std::vector<PointKind>& trace() const noexcept { return axe_.trace(); }
   [[nodiscard]] bool died() const noexcept { return axe_.fallen(); }
 
-  // From blank through `steps` troubles; what is wrong at the end.
-  [[nodiscard]] std::string go(int steps) {
+  // From blank through so many troubles; what is wrong at the end.
+  [[nodiscard]] std::string go(int troubles) {
     if (!failure_.empty()) return failure_;
     begin();
-    for (int step = 0; step < steps; ++step) {
+    for (int step = 0; step < troubles; ++step) {
       run_for(std::chrono::milliseconds(random_.below(random_.below(2) == 0 ? 1000 : 15'000)));
       trouble();
     }
@@ -87,6 +89,27 @@ class TreeWorld final : private plant::World::Observer, private can::Tap {
     if (!died()) return failure_ + "the point was not reached\n";
     end();
     begin();
+    settle();
+    return failure_;
+  }
+
+  // A device loses its power at point `k` of Berth's port while Berth brings the machine up, and gets it back.
+  [[nodiscard]] std::string cut_power_at(std::uint64_t k, const std::string& name) {
+    if (!failure_.empty()) return failure_;
+    bool struck = false;
+    auto* const device = world_->find(name);
+    begin(k, [&] {
+      struck = true;
+      world_->sim().after({}, [this, device] {
+        note("power off " + device->name());
+        device->power(false);
+      });
+      world_->sim().after(std::chrono::milliseconds(1500), [device] { device->power(true); });
+      return Axe::Instead::lives;
+    });
+    static_cast<void>(run_until([&] { return struck; }, limit));
+    run_for(std::chrono::seconds(3));
+    if (!struck) return failure_ + "the point was not reached\n";
     settle();
     return failure_;
   }

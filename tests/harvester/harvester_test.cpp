@@ -56,6 +56,11 @@ struct Running : ::testing::Test {
     const auto lines = machine.told(slot, since);
     return std::ranges::count_if(lines, [](const auto& line) { return line.starts_with("absent"); });
   }
+  std::string words(const std::string& slot, rt::Time since) {
+    std::string text;
+    for (const auto& line : machine.told(slot, since)) text += line + "\n";
+    return text;
+  }
   rt::Time now() { return machine.world().executor().now(); }
   command::Reply ask(const std::string& verb, std::map<std::string, std::string> arguments) {
     command::Request request;
@@ -134,6 +139,60 @@ TEST_F(Running, ABusThatIsCutIsToldOnceAndHeals) {
     EXPECT_TRUE(machine.operational() && machine.all_run()) << bus;
     for (const auto& spec : machine.machine().specs(bus))
       EXPECT_EQ(absences(spec.name.name, since), 1) << spec.name.name;
+  }
+}
+
+// The wires of a bus beneath touch: no frame gets through, its master goes bus-off. Told once of each slot, nothing
+// else is touched, and everything runs again when they are apart.
+TEST_F(Running, AShortedBusIsToldOnceAndHeals) {
+  for (const char* const bus : {"left", "reel"}) {
+    const auto since = now();
+    auto& faults = machine.world().bus(bus)->faults();
+    // Dominant from the first bit behind start-of-frame on, for all.
+    const unsigned wires_touch = faults.add(
+        {.kind = sim::Fault::Kind::dominant, .trigger = {.times = 0}, .where = sim::from_start(1), .bits = 12});
+    machine.run_for(12s);
+    for (const auto& slot : machine.machine().slots) {
+      const bool shorted = slot.spec.name.bus == bus;
+      const auto& name = slot.spec.name.name;
+      EXPECT_EQ(machine.state(name) == SlotState::operational, !shorted) << name << "\n" << machine.log();
+      EXPECT_EQ(absences(name, since), shorted ? 1 : 0) << name << "\n" << words(name, since);
+    }
+    faults.cancel(wires_touch);
+    ASSERT_TRUE(up(60s)) << bus << "\n" << machine.log();
+    machine.run_for(5s);
+    EXPECT_TRUE(machine.operational() && machine.all_run()) << bus;
+  }
+}
+
+// A gateway whose port beneath is at another bit rate destroys that bus and no other: it is not started, its slots say
+// why, once, and all others run.
+TEST(HarvesterMachine, AGatewayAtAnotherBitRate) {
+  Harvester machine([](design::Machine&, plant::PlantFile& plant) {
+    for (auto& device : plant.devices) {
+      if (device.name == "left port") device.bitrate = 125'000;
+    }
+  });
+  ASSERT_TRUE(machine.begin()) << machine.problem();
+  const auto beside = [&] {
+    return std::ranges::all_of(machine.machine().slots, [&](const auto& slot) {
+      const bool left = slot.spec.name.bus == "left" || slot.spec.name.name == "left gateway";
+      return left || machine.state(slot.spec.name.name) == SlotState::operational;
+    });
+  };
+  for (int second = 0; second < 120 && !beside(); ++second) machine.run_for(1s);
+  ASSERT_TRUE(beside()) << machine.log();
+  machine.run_for(20s);
+  EXPECT_TRUE(beside()) << machine.log();
+  EXPECT_FALSE(machine.operational());
+  EXPECT_NE(machine.state("left gateway"), SlotState::operational);
+  for (const auto& spec : machine.machine().specs("left")) {
+    const auto slots = machine.session().slots();
+    const auto slot = std::ranges::find(slots, spec.name.name, &operate::SlotReport::name);
+    ASSERT_NE(slot, slots.end());
+    EXPECT_NE(slot->state, SlotState::operational) << spec.name.name;
+    EXPECT_FALSE(slot->reason.empty()) << spec.name.name << ": " << machine.log();
+    EXPECT_LE(machine.told(spec.name.name, {}).size(), 1U) << machine.log();
   }
 }
 

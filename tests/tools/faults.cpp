@@ -1,8 +1,8 @@
 // ./run faults [--from SEED] [--count N]: seeded random plants with random faults. Prints how often each fault hit each
 // phase, and for a failure the plant file that replays it. Then the same for each method of discovery by itself, and
 // for the negotiation: as many worlds of each as a tenth of N; `--method NAME`: N worlds of this one only ("all",
-// "none"). Then worlds of programs, configurations, links and take-over, as many as a tenth of N; `--intelligence`: N
-// worlds of these only.
+// "none"). Then worlds of programs, configurations, links and take-over, as many as a tenth of N (`--intelligence`: N of
+// these only), and trees of buses beneath gateways, a two-hundredth (`--trees`: N of these only).
 #include <sys/wait.h>
 #include <unistd.h>
 #include <algorithm>
@@ -20,6 +20,7 @@
 #include "tests/harness/intelligence_world.hpp"
 #include "tests/harness/method_world.hpp"
 #include "tests/harness/run_world.hpp"
+#include "tests/harness/tree_world.hpp"
 
 using namespace berth;
 using namespace berth::harness;
@@ -36,6 +37,7 @@ struct Options {
   std::uint64_t method_count = 200;           // worlds of each row
   int first_row = 0, last_row = method_rows;  // excluded
   std::uint64_t intelligence_count = 220;     // worlds of programs, configurations, links and take-over
+  std::uint64_t trees = 12;                   // worlds of many buses
   bool complete = true;                       // fail when a cell of the matrix has too few hits
 };
 
@@ -281,6 +283,16 @@ void add(MethodTally& total, const MethodTally& part) {
   }
 }
 
+struct TreeTally {
+  std::uint64_t runs = 0, differ = 0, failures = 0;
+};
+
+void add(TreeTally& total, const TreeTally& part) {
+  total.runs += part.runs;
+  total.differ += part.differ;
+  total.failures += part.failures;
+}
+
 // Each worker is a process; its tally comes back through a pipe as plain bytes of the same program.
 template <class T>
 T side_by_side(const Options& o, T (*work)(const Options&, unsigned)) {
@@ -410,6 +422,38 @@ void print_speed(std::uint64_t worlds, std::chrono::steady_clock::time_point beg
               workers, workers == 1 ? "" : "s", took.count());
 }
 
+// ---- trees of buses (docs/multilevel.md)
+
+constexpr int troubles_of_a_tree = 8;
+
+TreeTally work_trees(const Options& o, unsigned worker) {
+  TreeTally tally;
+  for (std::uint64_t seed = o.from + worker; seed < o.from + o.trees; seed += o.workers) {
+    TreeWorld first(tree_plan(seed)), second(tree_plan(seed));
+    const std::string wrong = first.go(troubles_of_a_tree);
+    static_cast<void>(second.go(troubles_of_a_tree));
+    ++tally.runs;
+    const bool differs = first.log() != second.log();
+    tally.differ += differs ? 1U : 0U;
+    tally.failures += wrong.empty() ? 0U : 1U;
+    if (differs) std::printf("tree %llu: two runs differ\n", static_cast<unsigned long long>(seed));
+    if (!wrong.empty()) std::printf("tree %llu: %s", static_cast<unsigned long long>(seed), wrong.c_str());
+    if (o.show) std::printf("%s", first.log().c_str());
+    std::fflush(stdout);
+  }
+  return tally;
+}
+
+bool trees(const Options& o) {
+  const auto began = std::chrono::steady_clock::now();
+  const TreeTally t = side_by_side(o, work_trees);
+  std::printf("%llu trees of buses, each run twice, from seed %llu; %llu differed; %llu failed\n",
+              static_cast<unsigned long long>(t.runs), static_cast<unsigned long long>(o.from),
+              static_cast<unsigned long long>(t.differ), static_cast<unsigned long long>(t.failures));
+  print_speed(t.runs, began, o.workers);
+  return t.differ == 0 && t.failures == 0 && t.runs > 0;
+}
+
 bool main_job(const Options& o) {
   const auto began = std::chrono::steady_clock::now();
   const Tally t = side_by_side(o, work);
@@ -447,7 +491,7 @@ bool intelligence(const Options& o) {
 
 int main(int argc, char** argv) {
   Options o;
-  bool counted = false, only_methods = false, only_intelligence = false;
+  bool counted = false, only_methods = false, only_intelligence = false, only_trees = false;
   for (int i = 1; i < argc; ++i) {
     const auto value = [&] { return i + 1 < argc ? std::strtoull(argv[++i], nullptr, 0) : 0ULL; };
     if (std::strcmp(argv[i], "--from") == 0) {
@@ -459,6 +503,8 @@ int main(int argc, char** argv) {
       o.workers = static_cast<unsigned>(value());
     } else if (std::strcmp(argv[i], "--show") == 0) {
       o.show = true;
+    } else if (std::strcmp(argv[i], "--trees") == 0) {
+      only_trees = true;
     } else if (std::strcmp(argv[i], "--brief") == 0) {
       o.brief = true;
     } else if (std::strcmp(argv[i], "--intelligence") == 0) {
@@ -467,11 +513,10 @@ int main(int argc, char** argv) {
       ++i;
       only_methods = true;
     } else {
-      std::fprintf(
-          stderr,
-          "usage: faults [--from SEED] [--count N] [--method NAME|all|none | --intelligence] [--workers N] [--show] "
-          "[--brief]\n"
-          "methods:");
+      std::fprintf(stderr,
+                   "usage: faults [--from SEED] [--count N] [--method NAME|all|none | --intelligence | --trees] "
+                   "[--workers N] [--show] [--brief]\n"
+                   "methods:");
       for (int row = 0; row < method_rows; ++row) std::fprintf(stderr, " %s", row_name(row).c_str());
       std::fprintf(stderr, "\n");
       return 2;
@@ -481,9 +526,17 @@ int main(int argc, char** argv) {
   o.complete = o.count >= 2200;
   if (counted) o.method_count = o.main_job ? (o.count + 9) / 10 : o.count;
   if (counted) o.intelligence_count = only_intelligence ? o.count : o.method_count;
+  if (only_trees) {
+    if (counted) o.trees = o.count;
+    return trees(o) ? 0 : 1;
+  }
+  // Of what one method is asked for alone, the trees are no part.
+  const bool with_trees = o.main_job && o.first_row == 0 && o.last_row == method_rows;
+  if (counted) o.trees = (o.count + 199) / 200;
   bool good = true;
   if (only_intelligence) return intelligence(o) ? 0 : 1;
   if (o.main_job) good = main_job(o);
+  if (with_trees) good = trees(o) && good;
   if (o.first_row < o.last_row) {
     const auto began = std::chrono::steady_clock::now();
     const MethodTally t = side_by_side(o, work_methods);

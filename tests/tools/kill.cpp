@@ -13,6 +13,7 @@
 
 #include "tests/harness/kill_run.hpp"
 #include "tests/harness/take_over_run.hpp"
+#include "tests/harness/tree_world.hpp"
 
 using namespace berth;
 using namespace berth::harness;
@@ -280,6 +281,49 @@ Tally work_take_over(const Options& o, const std::vector<PointKind>& points, uns
   return tally;
 }
 
+// ---- a bus beneath a gateway ----------------------------------------------------------------------------------------
+
+const char* const levels_name = "levels";
+const char* const levels_gateway = "bus1 gateway";
+constexpr std::uint64_t levels_seed = 1;
+
+// At each point of Berth's port: Berth dies there (even), the gateway loses its power there (odd).
+std::vector<PointKind> levels_points() {
+  TreeWorld whole(two_levels(levels_seed));
+  whole.begin();
+  if (!whole.settle()) {
+    std::printf("%s: the undisturbed run fails: %s\n%s\n", levels_name, whole.failure().c_str(), whole.log().c_str());
+    std::exit(1);
+  }
+  std::vector<PointKind> points;
+  for (const auto kind : whole.trace()) points.insert(points.end(), {kind, PointKind::device_off});
+  return points;
+}
+
+Tally work_levels(const Options& o, const std::vector<PointKind>& points, unsigned worker, unsigned workers) {
+  Tally tally;
+  // Odd: both kinds come in turn.
+  const std::uint64_t stride = o.pairs == 0 || o.point ? 1 : points.size() / o.pairs | 1U;
+  for (std::uint64_t k = o.point.value_or(0); k < points.size(); k += stride) {
+    if (k / stride % workers != worker) continue;
+    TreeWorld world(two_levels(levels_seed));
+    const bool power = points[k] == PointKind::device_off;
+    const std::string wrong = power ? world.cut_power_at(k / 2, levels_gateway) : world.kill_at(k / 2);
+    const auto kind = static_cast<std::size_t>(points[k]);
+    ++tally.tried[kind];
+    tally.recovered[kind] += wrong.empty() ? 1U : 0U;
+    if (!wrong.empty()) {
+      std::printf("FAILED: scenario %s, point %llu (%s): %s\n  replay: ./run kill --scenario %s --point %llu --show\n",
+                  levels_name, static_cast<unsigned long long>(k), name(points[k]), wrong.c_str(), levels_name,
+                  static_cast<unsigned long long>(k));
+      if (o.show) std::printf("%s\n", world.log().c_str());
+      std::fflush(stdout);
+    }
+    if (o.point) break;
+  }
+  return tally;
+}
+
 // ---- all of it ------------------------------------------------------------------------------------------------------
 
 template <class Work>
@@ -335,6 +379,7 @@ bool print_table(const Tally& t) {
 
 std::optional<int> scenario_named(const char* text) {
   if (std::strcmp(take_over_name, text) == 0) return scenarios;
+  if (std::strcmp(levels_name, text) == 0) return scenarios + 1;
   for (int s = 0; s < scenarios; ++s) {
     if (std::strcmp(name(static_cast<Scenario>(s)), text) == 0) return s;
   }
@@ -388,6 +433,11 @@ int main(int argc, char** argv) {
     const auto points = take_over_points();
     std::printf("%s: %zu points\n", take_over_name, points.size());
     total.add(side_by_side(o, [&](unsigned w, unsigned n) { return work_take_over(o, points, w, n); }));
+  }
+  if (!o.scenario || *o.scenario == scenarios + 1) {
+    const auto points = levels_points();
+    std::printf("%s: %zu points\n", levels_name, points.size());
+    total.add(side_by_side(o, [&](unsigned w, unsigned n) { return work_levels(o, points, w, n); }));
   }
   return print_table(total) ? 0 : 1;
 }
