@@ -32,6 +32,11 @@ const Bus* Machine::bus_beneath(const Bus& above, unsigned gateway, unsigned por
   return nullptr;
 }
 
+std::string Machine::gateway_node_name(const Bus& beneath) const {
+  const auto* const above = beneath.gateway ? slot(beneath.gateway->bus, beneath.gateway->slot) : nullptr;
+  return (above == nullptr ? "gateway" : above->spec.name.name) + " on " + beneath.name;
+}
+
 const Slot* Machine::slot(std::string_view slot_name) const noexcept {
   const auto it = std::ranges::find_if(slots, [&](const Slot& s) { return s.spec.name.name == slot_name; });
   return it == slots.end() ? nullptr : &*it;

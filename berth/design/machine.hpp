@@ -73,6 +73,10 @@ struct Gateway {
   NodeId slot;            ///< node-ID of the gateway's slot there
   std::uint8_t port = 1;  ///< which of the gateway's buses beneath, 1 to 8
   bool mandatory = true;  ///< without the gateway this bus does not start
+  std::string eds;        ///< description of its own node on this bus, as written; may be empty
+  std::string eds_path;   ///< the same, relative to the machine file's folder
+  NodeId node;            ///< its own node on a bus with a port: a slot there; may be unconfigured
+  Duration delay = std::chrono::milliseconds(1);  ///< of a signal in it, at most, without the buses
   friend bool operator==(const Gateway&, const Gateway&) = default;
 };
 
@@ -169,6 +173,8 @@ struct Machine {
   [[nodiscard]] const Bus* bus(std::string_view name) const noexcept;
   /// The bus beneath port `port` of the gateway with this node-ID on `above`; null: none.
   [[nodiscard]] const Bus* bus_beneath(const Bus& above, unsigned gateway, unsigned port) const noexcept;
+  /// What the gateway's own node on a bus beneath it without a port is called: "left gateway on left".
+  [[nodiscard]] std::string gateway_node_name(const Bus& beneath) const;
   [[nodiscard]] const Slot* slot(std::string_view name) const noexcept;
   [[nodiscard]] const Slot* slot(std::string_view bus, NodeId id) const noexcept;
   /// That a person may mean by "left" or "line/left", in either case; names that differ in nothing else are told apart

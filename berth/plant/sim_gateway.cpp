@@ -4,6 +4,7 @@
 
 #include "berth/device/dictionary.hpp"
 #include "berth/multilevel/objects.hpp"
+#include "berth/multilevel/routing_objects.hpp"
 
 namespace berth::plant {
 
@@ -38,12 +39,19 @@ PlantGateway with_gateways_beneath(const PlantGateway& plan, const PlantFile& pl
 
 }  // namespace
 
-std::shared_ptr<const od::Description> gateway_description(unsigned ports) {
+std::shared_ptr<const od::Description> gateway_description(unsigned ports, unsigned signals) {
   od::DescriptionBuilder builder;
   device::add_device(builder, {.name = "Berth simulated gateway"});
   device::add_storage(builder);
   multilevel::add_gateway_objects(builder, ports);
+  if (signals != 0) multilevel::add_routing_objects(builder, static_cast<std::uint8_t>(signals));
+  add_signals(builder, signals);
   return builder.build();
+}
+
+void add_signals(od::DescriptionBuilder& builder, unsigned signals) {
+  constexpr unsigned pdos = 8;
+  if (signals != 0) multilevel::add_signal_places(builder, static_cast<std::uint8_t>(signals), pdos);
 }
 
 bool check_gateway(const PlantGateway& plan, const device::Device& above, Findings& findings) {
@@ -101,6 +109,12 @@ SimGateway::SimGateway(rt::Executor& executor, GatewaySide& above, std::vector<G
     options.literal = plan.literal;
     ports_.push_back(std::make_unique<Port>(*this, *side, options));
   }
+  if (above.device().values().description().find({multilevel::RoutingObjects::routes, 1}) != nullptr) {
+    std::vector<multilevel::DeviceSignals::Side> sides{{&above.device(), above.meter()}};
+    for (GatewaySide* const side : beneath) sides.push_back({&side->device(), side->meter()});
+    signals_.emplace(executor, std::move(sides), emcy_);
+    signals_->follow_objects();
+  }
   above.set_boots_last(std::ranges::any_of(ports_, [](const auto& port) { return port->boots_first(); }));
 }
 
@@ -131,6 +145,7 @@ void SimGateway::look() noexcept {
   }
   if (reset) state_ = NmtState::initialising;
   look_above();
+  if (signals_) signals_->look();
   if (settled() && above_->powered() && above_->end_wait()) above_->device().power_on();
 }
 

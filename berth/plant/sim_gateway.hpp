@@ -4,6 +4,7 @@
 #pragma once
 
 #include <memory>
+#include <optional>
 #include <utility>
 #include <vector>
 
@@ -17,8 +18,10 @@
 
 namespace berth::plant {
 
-/// The built-in dictionary of a gateway with so many buses beneath.
-[[nodiscard]] std::shared_ptr<const od::Description> gateway_description(unsigned ports);
+/// The built-in dictionary of a gateway with so many buses beneath; `signals`: `PlantGateway::signals`.
+[[nodiscard]] std::shared_ptr<const od::Description> gateway_description(unsigned ports, unsigned signals = 0);
+/// The places of signals and the PDOs for them, of any of a gateway's devices; 0: none.
+void add_signals(od::DescriptionBuilder& builder, unsigned signals);
 
 /// The built-in dictionary of such a device is the gateway's, or its description has the objects; else the finding
 /// names it.
@@ -33,6 +36,8 @@ class GatewaySide {
   [[nodiscard]] virtual can::Dispatcher& dispatcher() noexcept = 0;
   /// Null: it is no NMT master.
   [[nodiscard]] virtual manager::DictionaryManager* manager() noexcept = 0;
+  /// Where its frames go; null: not metered, so that no delay of a signal is known.
+  [[nodiscard]] virtual multilevel::MeteredPort* meter() noexcept = 0;
   /// Has power; it may still wait for the buses beneath.
   [[nodiscard]] virtual bool powered() const noexcept = 0;
   /// A device beneath: is on its bus and has power as `above` is and has.
@@ -61,6 +66,8 @@ class SimGateway {
   /// Something of this device changed: one of the gateway's own is looked at soon.
   void changed(const device::Device& device) noexcept;
   [[nodiscard]] multilevel::EmcyGateway& emcy() noexcept { return emcy_; }
+  /// Null: it has no routing objects.
+  [[nodiscard]] multilevel::DeviceSignals* signals() noexcept { return signals_ ? &*signals_ : nullptr; }
 
  private:
   struct Port {
@@ -83,6 +90,7 @@ class SimGateway {
   std::vector<std::unique_ptr<Port>> ports_;
   NmtState state_ = NmtState::initialising;  // above
   bool was_reset_ = false;
+  std::optional<multilevel::DeviceSignals> signals_;  // only with routing objects
   rt::Later<SimGateway, &SimGateway::look> look_;
 };
 

@@ -60,7 +60,7 @@ class SimDevice final : public GatewaySide, private device::Device::Observer, pr
  public:
   SimDevice(World& world, sim::Bus& bus, const PlantDevice& plan, const LssAddress& address,
             std::shared_ptr<const od::Description> description, Random random,
-            std::optional<script::Script> script = {});
+            std::optional<script::Script> script = {}, bool metered = false);
   ~SimDevice() override;
 
   /// Onto the bus, with power; nothing happens when it is plugged already.
@@ -101,6 +101,7 @@ class SimDevice final : public GatewaySide, private device::Device::Observer, pr
  private:
   friend class World;
   [[nodiscard]] can::Dispatcher& dispatcher() noexcept override { return dispatcher_; }
+  [[nodiscard]] multilevel::MeteredPort* meter() noexcept override { return meter_ ? &*meter_ : nullptr; }
   [[nodiscard]] manager::DictionaryManager* manager() noexcept override { return master_.manager.get(); }
   void follow(const GatewaySide& above) noexcept override;
   void switch_on() noexcept;
@@ -118,6 +119,7 @@ class SimDevice final : public GatewaySide, private device::Device::Observer, pr
   std::unique_ptr<device::SimFlash> program_flash_;  // only with programs
   std::unique_ptr<sim::Controller> controller_;
   device::TimedPort port_;
+  std::optional<multilevel::MeteredPort> meter_;  // only of a gateway
   can::Dispatcher dispatcher_;
   mutable device::Device device_;
   class Scripted;
