@@ -102,7 +102,7 @@ class Collector {
     if (bus_.own_port || !bus_.gateway || bus_.gateway->eds_path.empty() || !assumed_.pdos) return;
     const auto reading = eds::read_any_file(bus_.gateway->eds_path);
     if (!reading.usable()) return;
-    own_slot_.spec.name.name = machine_.gateway_node_name(bus_);
+    own_slot_.spec.name.name = design::gateway_node_name(bus_);
     own_slot_.spec.id = bus_.master;
     own_slot_.description = reading.file.description;
     own_.emplace(opened(own_slot_));

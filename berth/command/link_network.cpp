@@ -129,7 +129,7 @@ class Builder {
     } else if (!bus.gateway->eds_path.empty()) {
       gateway.beneath = network.nodes.size();
       network.buses[gateway.bus].master = {};  // this node's own identifiers
-      network.nodes.push_back({.name = machine_.gateway_node_name(bus), .bus = gateway.bus, .id = bus.master});
+      network.nodes.push_back({.name = design::gateway_node_name(bus), .bus = gateway.bus, .id = bus.master});
       network.nodes.back().file = read(bus.gateway->eds_path);
     }
     network.gateways.push_back(gateway);

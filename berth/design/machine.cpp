@@ -15,6 +15,8 @@ std::vector<const Bus*> Machine::all_buses() const {
   return all;
 }
 
+std::string gateway_node_name(const Bus& beneath) { return "gateway on " + beneath.name; }
+
 const Bus* Machine::bus(std::string_view bus_name) const noexcept {
   const auto it = std::ranges::find(buses, bus_name, &Bus::name);
   if (it != buses.end()) return &*it;
@@ -30,11 +32,6 @@ const Bus* Machine::bus_beneath(const Bus& above, unsigned gateway, unsigned por
     }
   }
   return nullptr;
-}
-
-std::string Machine::gateway_node_name(const Bus& beneath) const {
-  const auto* const above = beneath.gateway ? slot(beneath.gateway->bus, beneath.gateway->slot) : nullptr;
-  return (above == nullptr ? "gateway" : above->spec.name.name) + " on " + beneath.name;
 }
 
 const Slot* Machine::slot(std::string_view slot_name) const noexcept {

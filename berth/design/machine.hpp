@@ -123,6 +123,9 @@ struct Bus {
   text::Place place;  ///< of its table
 };
 
+/// What a gateway's own node on a bus beneath it without a port is called: "gateway on left".
+[[nodiscard]] std::string gateway_node_name(const Bus& beneath);
+
 struct Slot {
   places::SlotSpec spec;  ///< what binding needs; `spec.name.machine` is the machine's name
   std::string device;     ///< the library's name for its type, as written; empty when the slot says it itself
@@ -173,8 +176,6 @@ struct Machine {
   [[nodiscard]] const Bus* bus(std::string_view name) const noexcept;
   /// The bus beneath port `port` of the gateway with this node-ID on `above`; null: none.
   [[nodiscard]] const Bus* bus_beneath(const Bus& above, unsigned gateway, unsigned port) const noexcept;
-  /// What the gateway's own node on a bus beneath it without a port is called: "left gateway on left".
-  [[nodiscard]] std::string gateway_node_name(const Bus& beneath) const;
   [[nodiscard]] const Slot* slot(std::string_view name) const noexcept;
   [[nodiscard]] const Slot* slot(std::string_view bus, NodeId id) const noexcept;
   /// That a person may mean by "left" or "line/left", in either case; names that differ in nothing else are told apart

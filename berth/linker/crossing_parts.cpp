@@ -15,7 +15,7 @@ namespace {
 using multilevel::RouteEntry;
 using multilevel::RoutingObjects;
 
-double ms(rt::Duration time) { return std::chrono::duration<double, std::milli>(time).count(); }
+double in_ms(rt::Duration time) { return std::chrono::duration<double, std::milli>(time).count(); }
 
 std::optional<std::size_t> gateway_above(const Network& network, std::size_t bus) {
   const auto found = std::ranges::find(network.gateways, bus, &Gateway::bus);
@@ -454,8 +454,9 @@ std::optional<CannotCross> cannot_cross(const Network& network, const Link& link
   const auto delay = delay_of(network, *hops);
   if (!link.deadline || *link.deadline > delay) return std::nullopt;
   return CannotCross{
-      fmt::format("its deadline is {:g} ms, and the {} on its way may take {:g} ms without any bus", ms(*link.deadline),
-                  hops->size() == 1 ? "gateway" : fmt::format("{} gateways", hops->size()), ms(delay)),
+      fmt::format("its deadline is {:g} ms, and the {} on its way may take {:g} ms without any bus",
+                  in_ms(*link.deadline), hops->size() == 1 ? "gateway" : fmt::format("{} gateways", hops->size()),
+                  in_ms(delay)),
       "a longer deadline, or gateway = { delay = … } where a gateway is faster than that"};
 }
 

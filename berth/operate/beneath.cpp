@@ -113,8 +113,7 @@ const design::Bus* bus_at(const design::Machine& machine, const Way& way) noexce
 }
 
 Beneath::Beneath(rt::Executor& executor, const design::Bus& bus, Way way, std::vector<places::SlotSpec> slots,
-                 const SlotSettings& settings, const std::string& own_name, multilevel::Routes& routes,
-                 NetworkObserver observer)
+                 const SlotSettings& settings, multilevel::Routes& routes, NetworkObserver observer)
     : executor_(executor),
       bus_(bus),
       way_(std::move(way)),
@@ -123,7 +122,6 @@ Beneath::Beneath(rt::Executor& executor, const design::Bus& bus, Way way, std::v
       events_(executor, bus.name, std::move(observer)),
       wakes_(executor),
       scope_(executor) {
-  if (const auto own = settings.find(own_name); own != settings.end()) own_ = own->second;
   std::ranges::sort(slots, {}, &places::SlotSpec::id);
   for (auto& spec : slots) {
     Place place;
@@ -180,7 +178,7 @@ manager::Wanted Beneath::list(std::span<const NodeId> first) {
     if (taken) slots.push_back(place.spec);
   }
   Findings findings;
-  auto made = network_list(bus_, slots, first, settings_, findings, own_.get());
+  auto made = network_list(bus_, slots, first, settings_, findings);
   for (const auto& finding : findings) {
     if (finding.severity == Finding::Severity::error) events_.tell_once(EventKind::error, to_string(finding));
   }

@@ -37,10 +37,9 @@ struct Way {
 class Beneath {
  public:
   /// `bus` and `routes` must stay; `routes`: of the bus at which `way` begins. `settings`: what the slots' devices
-  /// shall have besides `config =`; `own_name`: what the gateway's own node is called there.
+  /// shall have besides `config =`.
   Beneath(rt::Executor& executor, const design::Bus& bus, Way way, std::vector<places::SlotSpec> slots,
-          const SlotSettings& settings, const std::string& own_name, multilevel::Routes& routes,
-          NetworkObserver observer);
+          const SlotSettings& settings, multilevel::Routes& routes, NetworkObserver observer);
 
   /// A bus beneath this one, without a port too. Must stay.
   void add(Beneath& deeper) { deeper_.push_back(&deeper); }
@@ -106,7 +105,6 @@ class Beneath {
   const design::Bus& bus_;
   Way way_;
   SlotSettings settings_;
-  std::shared_ptr<const manager::Configuration> own_;  // of the gateway's own node; null: nothing
   multilevel::Routes& routes_;
   Events events_;
   std::vector<Place> places_;  // ascending by node-ID

@@ -144,15 +144,15 @@ class List {
 }  // namespace
 
 manager::Wanted network_list(const design::Bus& bus, std::span<const places::SlotSpec> slots,
-                             std::span<const NodeId> held_back, const SlotSettings& settings, Findings& findings,
-                             const manager::Configuration* own) {
+                             std::span<const NodeId> held_back, const SlotSettings& settings, Findings& findings) {
   List list(bus);
   list.bus();
   for (const auto& slot : slots) {
     const bool waits = std::ranges::find(held_back, slot.id) != held_back.end();
     list.slot(slot, waits, settings, findings);
   }
-  if (own != nullptr) list.own(*own);
+  const auto own = settings.find(design::gateway_node_name(bus));
+  if (own != settings.end()) list.own(*own->second);
   return list.done();
 }
 

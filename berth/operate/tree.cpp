@@ -28,7 +28,7 @@ Result<void> Tree::open(const std::function<void(const Event&)>& events, const S
     NetworkObserver observer;
     observer.event = events;
     buses_.push_back(std::make_unique<Beneath>(*executor_, line, way, machine_->specs(line.name), settings,
-                                               machine_->gateway_node_name(line), routes(*top), std::move(observer)));
+                                               routes(*top), std::move(observer)));
     Root& root = *roots_[top];
     if (!root.log) {
       constexpr auto layout = multilevel::EmcyLayout::source_and_exit;

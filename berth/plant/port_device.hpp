@@ -52,9 +52,9 @@ class PortDevice final : public GatewaySide, private device::Device::Observer, p
 
  private:
   friend class PortDevices;
-  [[nodiscard]] can::Dispatcher& dispatcher() noexcept override { return dispatcher_; }
-  [[nodiscard]] multilevel::MeteredPort* meter() noexcept override { return meter_ ? &*meter_ : nullptr; }
-  [[nodiscard]] manager::DictionaryManager* manager() noexcept override { return master_.manager.get(); }
+  [[nodiscard]] Inside inside() noexcept override {
+    return {&dispatcher_, master_.manager.get(), meter_ ? &*meter_ : nullptr};
+  }
   void follow(const GatewaySide& above) noexcept override { power(above.powered()); }
   void device_changed(const device::Device& device) noexcept override;
   void write_began() noexcept override {}

@@ -33,11 +33,12 @@ class GatewaySide {
   virtual ~GatewaySide() = default;
   [[nodiscard]] virtual const PlantDevice& plan() const noexcept = 0;
   [[nodiscard]] virtual device::Device& device() noexcept = 0;
-  [[nodiscard]] virtual can::Dispatcher& dispatcher() noexcept = 0;
-  /// Null: it is no NMT master.
-  [[nodiscard]] virtual manager::DictionaryManager* manager() noexcept = 0;
-  /// Where its frames go; null: not metered, so that no delay of a signal is known.
-  [[nodiscard]] virtual multilevel::MeteredPort* meter() noexcept = 0;
+  struct Inside {
+    can::Dispatcher* dispatcher = nullptr;
+    manager::DictionaryManager* manager = nullptr;  ///< null: it is no NMT master
+    multilevel::MeteredPort* meter = nullptr;       ///< where its frames go; null: no delay of a signal is known
+  };
+  [[nodiscard]] virtual Inside inside() noexcept = 0;
   /// Has power; it may still wait for the buses beneath.
   [[nodiscard]] virtual bool powered() const noexcept = 0;
   /// A device beneath: is on its bus and has power as `above` is and has.

@@ -100,9 +100,9 @@ class SimDevice final : public GatewaySide, private device::Device::Observer, pr
 
  private:
   friend class World;
-  [[nodiscard]] can::Dispatcher& dispatcher() noexcept override { return dispatcher_; }
-  [[nodiscard]] multilevel::MeteredPort* meter() noexcept override { return meter_ ? &*meter_ : nullptr; }
-  [[nodiscard]] manager::DictionaryManager* manager() noexcept override { return master_.manager.get(); }
+  [[nodiscard]] Inside inside() noexcept override {
+    return {&dispatcher_, master_.manager.get(), meter_ ? &*meter_ : nullptr};
+  }
   void follow(const GatewaySide& above) noexcept override;
   void switch_on() noexcept;
   void switch_off() noexcept;
