@@ -111,11 +111,11 @@ TEST_F(SignalMachine, ValuesArriveThroughOneGatewayAndThroughTwoWithinTheBound) 
         << i << "\n"
         << log();
     EXPECT_LE(world->executor().now() - at, bound);
-    EXPECT_EQ(value<std::int16_t>("left motor", {0x6042, 0}), torque);
+    EXPECT_EQ(value<std::int16_t>("front motor", {0x6042, 0}), torque);
     world->sim().run_for(7ms * i);
   }
   measure<std::uint16_t>("engine", {0x2001, 0}, std::uint16_t{1800});
-  ASSERT_TRUE(run_until([&] { return value<std::uint16_t>("left motor", {0x6040, 0}) == 1800; }, 50ms)) << log();
+  ASSERT_TRUE(run_until([&] { return value<std::uint16_t>("rear motor", {0x6040, 0}) == 1800; }, 50ms)) << log();
 }
 
 // A sensor that is silent ends what the gateways send of it, so that each consumer's RPDO deadline tells it (8250h),
@@ -132,11 +132,11 @@ TEST_F(SignalMachine, ASilentProducerIsToldByItsConsumers) {
     return false;
   };
   EXPECT_FALSE(has("engine", 0x8250)) << "a producer that runs is no error";
-  EXPECT_FALSE(has("left motor", 0x8250));
+  EXPECT_FALSE(has("front motor", 0x8250));
   world->find("torque sensor")->power(false);
-  EXPECT_TRUE(run_until([&] { return has("engine", 0x8250) && has("left motor", 0x8250); }, 20s));
+  EXPECT_TRUE(run_until([&] { return has("engine", 0x8250) && has("front motor", 0x8250); }, 20s));
   measure<std::uint16_t>("engine", {0x2001, 0}, std::uint16_t{900});
-  EXPECT_TRUE(run_until([&] { return value<std::uint16_t>("left motor", {0x6040, 0}) == 900; }, 1s)) << log();
+  EXPECT_TRUE(run_until([&] { return value<std::uint16_t>("rear motor", {0x6040, 0}) == 900; }, 1s)) << log();
 }
 
 // The descriptions of the example are those of the plant's gateways. BERTH_WRITE_EDS=1 writes them.
