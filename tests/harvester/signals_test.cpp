@@ -10,7 +10,7 @@
 #include <string>
 
 #include "../pch.hpp"
-#include "berth/analysis/response.hpp"
+#include "berth/co/emcy.hpp"
 #include "berth/command/link_network.hpp"
 #include "berth/design/machine.hpp"
 #include "berth/eds/write.hpp"
@@ -123,18 +123,15 @@ TEST_F(SignalMachine, ValuesArriveThroughOneGatewayAndThroughTwoWithinTheBound) 
 TEST_F(SignalMachine, ASilentProducerIsToldByItsConsumers) {
   measure<std::int16_t>("torque sensor", {0x7100, 0}, std::int16_t{7});
   world->sim().run_for(1s);
-  const auto has = [&](const std::string& name, std::uint16_t code) {
-    const auto& values = device(name).values();
-    const auto count = values.get_or<std::uint8_t>({0x1003, 0}, std::uint8_t{0});
-    for (std::uint8_t sub = 1; sub <= count; ++sub) {
-      if ((values.get_or<std::uint32_t>({0x1003, sub}, 0U) & 0xFFFF) == code) return true;
-    }
-    return false;
+  const auto misses = [&](const std::string& name) {
+    return (value<std::uint8_t>(name, {0x1001, 0}) & co::error_register::communication) != 0;
   };
-  EXPECT_FALSE(has("engine", 0x8250)) << "a producer that runs is no error";
-  EXPECT_FALSE(has("front motor", 0x8250));
+  EXPECT_FALSE(misses("engine")) << "a producer that runs is no error";
+  EXPECT_FALSE(misses("front motor"));
   world->find("torque sensor")->power(false);
-  EXPECT_TRUE(run_until([&] { return has("engine", 0x8250) && has("front motor", 0x8250); }, 20s));
+  EXPECT_TRUE(run_until([&] { return misses("engine") && misses("front motor"); }, 5s)) << log();
+  EXPECT_FALSE(misses("rear motor")) << "what comes from the engine goes on";
+  EXPECT_NE(log().find("front motor: EMCY 3/2: 8250h"), std::string::npos) << log();
   measure<std::uint16_t>("engine", {0x2001, 0}, std::uint16_t{900});
   EXPECT_TRUE(run_until([&] { return value<std::uint16_t>("rear motor", {0x6040, 0}) == 900; }, 1s)) << log();
 }

@@ -31,7 +31,7 @@ std::shared_ptr<const eds::File> gateway_node(std::uint8_t rows, std::uint8_t pl
   file.device.granularity = 8;
   file.device.rpdos = file.device.tpdos = 4;
   file.info.file_name = "gateway.eds";
-  return std::make_shared<const eds::File>(eds::read("gateway.eds", eds::write(file).text).file);
+  return std::make_shared<const eds::File>(eds::read(eds::write(file).text, "gateway.eds").file);
 }
 
 /// A backbone with `left` beneath it and `reel` beneath that.
@@ -326,5 +326,5 @@ TEST_F(LinkCrossing, AFullGateway) {
   network.nodes[1].file = gateway_node(1);
   add_link(network, "sensor/6401h:01", {"engine/6411h:01"});
   add_link(network, "valve/6401h:01", {"engine/6411h:02"});
-  EXPECT_NE(only().find("left gateway has no row (5F11h) left for another signal"), std::string::npos);
+  EXPECT_NE(only().find("left gateway has no row left for another signal (5F11h)"), std::string::npos);
 }
